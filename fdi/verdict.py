@@ -1,0 +1,38 @@
+"""Class codes of a verdict: what a detector says is wrong. They are floats because a tick is one float64 vector."""
+
+NONE = 0.0
+OFC_LIQUID = 1.0  # oscillation added to the servo's signal
+OFC_SOLID = 2.0  # oscillation in place of the servo's signal
+JAM_LIQUID = 3.0  # bias of a position sensor that closes a loop
+JAM_SOLID = 4.0  # the surface does not move
+RUNAWAY = 5.0  # the surface moves uncommanded, to its stop
+SENSOR = 6.0  # a sensor, named by `culprit`
+EFFECTIVENESS = 7.0  # the actuator obeys, but too little
+THRUST = 8.0  # an engine
+AMBIGUOUS = 9.0  # something is wrong; the detector cannot tell what
+
+NAMES = (
+    "none",
+    "ofc_liquid",
+    "ofc_solid",
+    "jam_liquid",
+    "jam_solid",
+    "runaway",
+    "sensor",
+    "effectiveness",
+    "thrust",
+    "ambiguous",
+)
+
+
+def name(code):
+    """Return the name of class `code`; a value that is no code raises ValueError."""
+    k = int(code)
+    if k != code or not 0 <= k < len(NAMES):
+        raise ValueError(f"{code!r} is no verdict code")
+    return NAMES[k]
+
+
+def code(name):
+    """Return the float code of class `name`; an unknown name raises ValueError."""
+    return float(NAMES.index(name))
