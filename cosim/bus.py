@@ -1,0 +1,79 @@
+"""The bus: one float64 vector that holds everything of one tick, and typed views of it for the blocks.
+
+Every block's inputs and states are sections of the vector. A section has lanes (one per actuator, sensor, fault, ...). Wiring is a list
+of (destination, source) names, compiled to index arrays; the log writes any selection of positions. So nothing of a tick can escape the
+log, and a detector can only read what is wired to it.
+"""
+
+import numpy as np
+
+from actuators.block import kernel
+
+
+@kernel
+def route(v, to, source):
+    """Copy v[source] to v[to], in order."""
+    for i in range(to.size):
+        v[to[i]] = v[source[i]]
+
+
+@kernel
+def route_add(v, clear, to, source):
+    """Zero v[clear], then add v[source] to v[to]: several faults may act on one place."""
+    for i in range(clear.size):
+        v[clear[i]] = 0.0
+    for i in range(to.size):
+        v[to[i]] += v[source[i]]
+
+
+class Bus:
+    """Lay sections out in one vector; give views, positions and wires by name.
+
+    `sections` is a list of (name, dtype, lanes): dtype of a block (every element f8), lanes a tuple of lane names.
+    """
+
+    def __init__(self, sections):
+        self.kinds, self.lanes, self._start = {}, {}, {}
+        n = 0
+        for name, kind, lanes in sections:
+            if name in self.kinds:
+                raise ValueError(f"section {name!r} is declared twice")
+            self.kinds[name], self.lanes[name], self._start[name] = kind, tuple(lanes), n
+            n += kind.itemsize // 8 * len(lanes)
+        self.v = np.zeros(n)
+
+    def __getitem__(self, name):
+        """Return the typed view of a section, shape (lanes,)."""
+        kind, start = self.kinds[name], self._start[name]
+        return self.v[start : start + kind.itemsize // 8 * len(self.lanes[name])].view(kind)
+
+    def index(self, path):
+        """Return the position of `section.lane.field`; an element of an array field is `field[3]`. KeyError names what is missing."""
+        section, lane, field = path.split(".", 2)
+        positions = dict(self.columns(section, lane))
+        if field not in positions:
+            raise KeyError(f"{path}: no such field; there is {', '.join(positions)}")
+        return positions[field]
+
+    def columns(self, section, lane, fields=None):
+        """Return [(name, position)] of a lane's elements in memory order, of `fields` only when given."""
+        kind = self.kinds[section]
+        base = self._start[section] + self.lanes[section].index(lane) * (kind.itemsize // 8)
+        out = []
+        for name in kind.names:
+            if fields is not None and name not in fields:
+                continue
+            sub, offset = kind.fields[name][:2]
+            count = sub.itemsize // 8
+            first = base + offset // 8
+            if sub.shape == ():
+                out.append((name, first))
+            else:
+                out += [(f"{name}[{i}]", first + i) for i in range(count)]
+        return out
+
+    def wires(self, pairs):
+        """Compile [(destination path, source path)] to the two index arrays that `route` takes."""
+        to = np.array([self.index(d) for d, _ in pairs], np.int64)
+        source = np.array([self.index(s) for _, s in pairs], np.int64)
+        return to, source
