@@ -1,0 +1,26 @@
+"""Decision thresholds of the detectors: numbers that were trained or published, kept as data in `fdi/thresholds/`.
+
+One file per detector, `<detector>.json`, holds one object per set ("published", "flight") of PARAMS fields in SI, and
+under "training" how the flight set was found (seeds, margin, maxima).
+"""
+
+import functools
+import json
+import math
+from importlib import resources
+
+
+@functools.cache
+def _read(detector):
+    return json.loads(resources.files("fdi").joinpath("thresholds", f"{detector}.json").read_text(encoding="utf-8"))
+
+
+def thresholds(detector, which="flight"):
+    """Return {PARAMS field: value, SI} of set `which` of `detector`; an unknown set or bad value raises ValueError."""
+    sets = {k: v for k, v in _read(detector).items() if k != "training"}
+    if which not in sets:
+        raise ValueError(f"{detector}: threshold set {which!r} is not one of {sorted(sets)}")
+    for name, value in sets[which].items():
+        if not (isinstance(value, int | float) and math.isfinite(value)):
+            raise ValueError(f"{detector}: threshold {name} = {value!r} is no finite number")
+    return {name: float(value) for name, value in sets[which].items()}
