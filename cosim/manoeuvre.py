@@ -1,0 +1,97 @@
+"""Manoeuvres: what the pilot or the flight-test computer demands, as a table of steps with limited slopes.
+
+Every kind is a table of times and demanded values that hold until the next time; the demand moves towards them at a limited rate, as
+a hand on a stick does. The tables are built from the scenario's few numbers, the same way at every flight point.
+"""
+
+import math
+
+import numpy as np
+
+from actuators.block import dtype, kernel, record
+
+N = 16  # longest table
+CHANNELS = ("nz_dem", "phi_dem", "psi_dem", "de_add")
+
+PARAMS = dtype([
+    ("time", "f8", (N,)),    # start of each step [s], inf where unused
+    ("nz_dem", "f8", (N,)),  # demanded load-factor increment over level flight [g]
+    ("phi_dem", "f8", (N,)), # demanded bank angle [rad]
+    ("psi_dem", "f8", (N,)), # demanded change of heading, with the heading hold [rad]
+    ("de_add", "f8", (N,)),  # surface motion added to the elevator command [rad]
+    ("rate", "f8", (4,)),    # slope limits of the four [g/s, rad/s, rad/s, rad/s]
+    ("hold", "f8"),          # 1: the heading hold steers, not the bank demand
+])
+INPUTS = dtype([("t", "f8")])  # time of the tick [s]
+STATE = dtype([
+    ("nz_dem", "f8"),   # [g]
+    ("phi_dem", "f8"),  # [rad]
+    ("psi_dem", "f8"),  # [rad]
+    ("de_add", "f8"),   # [rad]
+    ("hold", "f8"),     # 1 while the heading hold steers
+])
+OUTPUTS = ("nz_dem", "phi_dem", "psi_dem", "de_add", "hold")
+
+
+def params(steps, *, hold=False, nz_rate=4.0, phi_rate=math.radians(6.0), psi_rate=math.radians(10.0), de_rate=math.inf):
+    """Build the table from `steps`, a list of (time [s], {channel: value}); a channel keeps its value where a step does not name it.
+
+    The slopes: 4 g/s is a full stick in about 0.4 s, 6 deg/s is a transport's roll rate at moderate command. Raises ValueError when there
+    are more than 15 steps.
+    """
+    if len(steps) >= N:
+        raise ValueError(f"a manoeuvre has at most {N - 1} steps, this one has {len(steps)}")
+    p = record(PARAMS, hold=float(hold), rate=(nz_rate, phi_rate, psi_rate, de_rate))
+    p["time"][0, :] = np.inf
+    p["time"][0, 0] = -np.inf
+    now = dict.fromkeys(CHANNELS, 0.0)
+    for i, (time, values) in enumerate(steps, start=1):
+        now.update(values)
+        p["time"][0, i] = time
+        for name in CHANNELS:
+            p[name][0, i] = now[name]
+    return p
+
+
+def init(p):
+    """Return the demands before the first step: all zero."""
+    return np.zeros(p.shape, STATE)
+
+
+@kernel
+def _towards(x, target, most):
+    return min(max(target, x - most), x + most)
+
+
+@kernel
+def step(x, u, p, dt):
+    """Move each demand towards the table's value at time u.t, no faster than its slope limit."""
+    i = 0
+    while i + 1 < N and u.t > p.time[i + 1] - 0.5 * dt:
+        i += 1
+    x.nz_dem = _towards(x.nz_dem, p.nz_dem[i], p.rate[0] * dt)
+    x.phi_dem = _towards(x.phi_dem, p.phi_dem[i], p.rate[1] * dt)
+    x.psi_dem = _towards(x.psi_dem, p.psi_dem[i], p.rate[2] * dt)
+    x.de_add = _towards(x.de_add, p.de_add[i], p.rate[3] * dt)
+    x.hold = p.hold
+
+
+@kernel
+def rollout(x, u, p, dt, log):
+    """Advance every lane through every tick."""
+    for i in range(u.shape[0]):
+        for k in range(u.shape[1]):
+            step(x[i], u[i, k], p[i], dt)
+            log[i, k] = x[i]
+
+
+def three_two_one_one(start, unit, channel, amplitude):
+    """Return the steps of a 3-2-1-1: alternating pulses of 3, 2, 1 and 1 units of time."""
+    t = start + unit * np.cumsum([0, 3, 2, 1, 1])
+    signs = (1.0, -1.0, 1.0, -1.0, 0.0)
+    return [(float(ti), {channel: s * amplitude}) for ti, s in zip(t, signs)]
+
+
+def doublet(start, half, channel, amplitude):
+    """Return the steps of a doublet: one pulse up, one down, each `half` seconds."""
+    return [(start, {channel: amplitude}), (start + half, {channel: -amplitude}), (start + 2 * half, {channel: 0.0})]
