@@ -1,4 +1,4 @@
-"""Sensor faults of an electromechanical actuator from one Kalman filter on the motor-velocity sensor, as published. [Jay]
+"""Sensor faults of an electromechanical actuator: one Kalman filter on the motor velocity, as published. [Jay]
 
 | symbol | field | meaning |
 |---|---|---|
@@ -11,8 +11,8 @@
 The process noise is zero, so that after half a second the gain has vanished and this is the open-loop model: sharp on a
 bench without load, unable to fly against a hinge moment. `ema_kalman_flight` is the form that flies.
 
-The test is hierarchical: R1 and R2 count only while the innovation says that the velocity sensor is healthy (section 3).
-A position fault latches `reconf`: the loop should close on `pos_hat` from then on (section 4.5).
+The test is hierarchical: R1 and R2 count only while the innovation says that the velocity sensor is healthy
+(section 3). A position fault latches `reconf`: the loop should close on `pos_hat` from then on (section 4.5).
 """
 
 import math
@@ -76,9 +76,9 @@ OUTPUTS = ("r", "alarm", "verdict", "culprit", "valid", "reconf", "pos_hat", "po
 def params(kind="nozzle", *, dt=jay.PERIOD, R=0.0025, engage=None, **overrides):
     """Return PARAMS of the exactly discretised model `kind` with the paper's covariances and thresholds.
 
-    R = 0.0025 V^2, P0 = diag(0.0003 x 4, 0.01, 0.01), 3 / 0.5 mm / 0.5 A: [Jay] sections 3.3, 4 and 4.1. `engage` defaults
-    to 0 for the nozzle, as printed, and to 1 for the elevator, whose trim position is not zero. `overrides` are symbols
-    of `actuators.jay.values`.
+    R = 0.0025 V^2, P0 = diag(0.0003 x 4, 0.01, 0.01), 3 / 0.5 mm / 0.5 A: [Jay] sections 3.3, 4 and 4.1. `engage`
+    defaults to 0 for the nozzle, as printed, and to 1 for the elevator, whose trim position is not zero. `overrides`
+    are symbols of `actuators.jay.values`.
     """
     model = jay.continuous(kind, **overrides)
     Phi, G = jay.discretise(model.A, model.B, dt)
