@@ -1,0 +1,167 @@
+"""When the estimator exists: conditions (i)-(iv) of [Sun13, theorem 1], each with how far it is from failing.
+
+Rank decisions are taken on matrices with unit rows of C and unit columns of E and F, so that they do not depend on
+units.
+"""
+
+import numpy as np
+from scipy.linalg import null_space, subspace_angles
+
+RANK = 1e-9  # singular values below this count as zero
+
+
+class DesignError(ValueError):
+    """A condition for the estimator to exist fails; the message says which and by how much."""
+
+
+def decouple(C, E, F):
+    """Return H = E (CE)^+ (12) and T = I - HC (6); raise DesignError that says which of conditions (i)-(iii) fails.
+
+    E (n, q) has full column rank, C (m, n), F (n, l). Singular values are those of matrices with unit rows of C and
+    unit columns of F.
+    """
+    n, m, q, l = C.shape[1], C.shape[0], E.shape[1], F.shape[1]
+    s_CE, s_CF = singular(unit_rows(C) @ E), singular(unit_rows(C) @ unit_columns(F))
+    if q > m or rank_of(s_CE, RANK) < q:
+        short = f"{q} unknown inputs, {m} outputs; " if q > m else ""
+        raise DesignError(f"condition (i) fails: rank(CE) = {rank_of(s_CE, RANK)} < rank(E) = {q} ({short}singular "
+                          f"values {_list(s_CE)}); lower the rank of E or measure more")
+    s_F = singular(unit_columns(F))
+    if rank_of(s_F) < l:
+        raise DesignError(f"condition (ii) fails: F has rank {rank_of(s_F)} < {l} (singular values {_list(s_F)}); "
+                          "parallel faults cannot be told apart: estimate their sum")
+    if l > m or rank_of(s_CF, RANK) < l:
+        raise DesignError(f"condition (ii) fails: rank(CF) = {rank_of(s_CF, RANK)} < rank(F) = {l} (singular values "
+                          f"{_list(s_CF)}, {m} outputs); a fault must move the rate of an output at once (first-order "
+                          "actuator model)")
+    s_EF = singular(np.hstack([E, unit_columns(F)]))
+    if rank_of(s_EF) < q + l:
+        raise DesignError(f"condition (iii) fails: rank([E F]) = {rank_of(s_EF)} < q + l = {q + l} (singular values "
+                          f"{_list(s_EF)}); part of F lies in the range of E")
+    CE = C @ E
+    H = E @ np.linalg.pinv(CE, rcond=1e-13) if q else np.zeros((n, m))
+    T = np.eye(n) - H @ C
+    s_TF = singular(unit_rows(C) @ T @ unit_columns(F))
+    if rank_of(s_TF, RANK) < l:
+        raise DesignError(f"condition (iii) fails seen through C: rank(C T F) = {rank_of(s_TF, RANK)} < {l} (singular "
+                          f"values {_list(s_TF)}), so (16) has no solution; lower the rank of E or measure more")
+    return H, T
+
+
+def separate(E, F, C, *, min_ratio=0.5, method="remove"):
+    """Return an orthonormal E* whose decoupling leaves |TF|/|F| >= min_ratio.
+
+    E (n, q) of any rank, its columns weighted by their length; F (n, l), C (m, n). Method "rank" drops the smallest
+    singular values, the largest stay [Sun13] (35)-(36); "remove" takes out the part of E along F first. Rank 0 always
+    suffices.
+    """
+    if method not in ("remove", "rank"):
+        raise ValueError(f"method {method!r}; there is 'remove' and 'rank'")
+    if method == "remove":
+        E = E - F @ np.linalg.lstsq(F, E, rcond=None)[0]
+    U, s, _ = np.linalg.svd(E, full_matrices=False)
+    for k in range(rank_of(s), 0, -1):
+        try:
+            _, T = decouple(C, U[:, :k], F)
+        except DesignError:
+            continue
+        if np.min(np.linalg.norm(T @ F, axis=0) / np.linalg.norm(F, axis=0)) >= min_ratio:
+            return U[:, :k]
+    return np.zeros((E.shape[0], 0))
+
+
+def fixed_modes(A1, C, TF):
+    """Return the invariant zeros of (A1, TF, C): eigenvalues that stay in N under (16) for every K1.
+
+    They are the unobservable eigenvalues of (C, A2), A2 = (I - TF (C TF)^+ C) A1, among them those of (C, A1) itself.
+    """
+    A2 = A1 - TF @ np.linalg.pinv(C @ TF) @ C @ A1
+    Z = null_space(C, rcond=RANK)
+    # largest A2-invariant subspace inside null(C): V <- V intersected with A2^-1 V
+    for _ in range(A1.shape[0]):
+        if Z.shape[1] == 0:
+            return np.zeros(0, complex)
+        outside = A2 @ Z - Z @ (Z.T @ A2 @ Z)
+        _, s, Vt = np.linalg.svd(outside)
+        keep = Vt[rank_of(s, RANK * max(1.0, np.linalg.norm(A2))):].T
+        if keep.shape[1] == Z.shape[1]:
+            break
+        Z = Z @ keep
+    return np.linalg.eigvals(Z.T @ A2 @ Z)
+
+
+def undetectability(A1, C):
+    """Return the distance to undetectability: the least singular value of [(s I - A1)/|A1|; C], rows of C unit, Re s >= 0.
+
+    A nearest pair has its hidden mode on the imaginary axis, unless one is hidden already: then condition (iv) fails
+    and DesignError names the mode.
+    """
+    n, size = A1.shape[0], max(np.linalg.norm(A1, 2), 1e-12)
+    unit = unit_rows(C)
+
+    def least(s):
+        return np.linalg.svd(np.vstack([(s * np.eye(n) - A1) / size, unit]), compute_uv=False)[-1]
+
+    for value in np.linalg.eigvals(A1):
+        if value.real >= -1e-9 * size and least(value) < 1e-8:
+            state = int(np.argmax(abs(np.linalg.svd(np.vstack([value * np.eye(n) - A1, unit]))[2][-1])))
+            raise DesignError(f"condition (iv) fails: the mode {value:.4g} 1/s of A1 = (I - HC) A is not stable and "
+                              "does "
+                              f"not show in C (smallest singular value {least(value):.1e}, mostly state {state}); "
+                              "measure "
+                              "it or lower the rank of E")
+    grid = np.concatenate([[0.0], size * np.logspace(-6, 0.5, 200)])
+    return float(min(least(1j * w) for w in grid))
+
+
+def balance(A, C, F):
+    """Return state scales s, x = s * x_balanced: Osborne's balance of [A F; C 0] with unit rows of C, columns of F."""
+    n = A.shape[0]
+    s, rate = np.ones(n), max(np.max(abs(np.linalg.eigvals(A))), 1e-6)
+    for _ in range(30):
+        As, Fs, Cs = A / rate / s[:, None] * s, unit_columns(F / s[:, None]), unit_rows(C * s)
+        np.fill_diagonal(As, 0.0)
+        row = np.sqrt((As**2).sum(1) + (Fs**2).sum(1))
+        column = np.sqrt((As**2).sum(0) + (Cs**2).sum(0))
+        ok = (row > 1e-12) & (column > 1e-12)
+        step = np.where(ok, 2.0 ** np.round(0.5 * np.log2(np.where(ok, row / np.where(ok, column, 1.0), 1.0))), 1.0)
+        if (step == 1.0).all():
+            break
+        s = s * np.sqrt(step)  # half a step: all states move at once, the full one would overshoot
+    return s
+
+
+def basis(E):
+    """Return an orthonormal basis of range(E)."""
+    U, s, _ = np.linalg.svd(unit_columns(E), full_matrices=False)
+    return U[:, :rank_of(s)]
+
+
+def angle_deg(E, F):
+    """Return the smallest principal angle between the ranges of E and F [deg]; 90 when E has no column."""
+    return 90.0 if E.shape[1] == 0 else float(np.degrees(np.min(subspace_angles(E, F))))
+
+
+def unit_columns(X):
+    """Return X with its columns scaled to length one; zero columns stay."""
+    size = np.linalg.norm(X, axis=0)
+    return X / np.where(size > 0.0, size, 1.0)
+
+
+def unit_rows(X):
+    """Return X with its rows scaled to length one; zero rows stay."""
+    return unit_columns(X.T).T
+
+
+def singular(X):
+    """Return the singular values of X, none for an empty matrix."""
+    return np.linalg.svd(X, compute_uv=False) if X.size else np.zeros(0)
+
+
+def rank_of(s, tolerance=None):
+    """Return how many singular values exceed `tolerance`, or RANK times the largest."""
+    return int(np.sum(s > (RANK * (s[0] if len(s) else 0.0) if tolerance is None else tolerance)))
+
+
+def _list(s):
+    return ", ".join(f"{x:.2e}" for x in s)

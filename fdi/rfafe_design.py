@@ -1,0 +1,326 @@
+"""Robust fast adaptive fault estimator: existence conditions and LMI design on any linear model [Sun13, section II].
+
+    plant      x' = A x + B u + E d + F f,  y = C x + D u                                                  (1), (41)
+    observer   z' = N z + T B u + K y + T F f_hat,  x_hat = z + H y,  r = y - C x_hat                     (2), (11)
+    fault law  f_hat' = Gamma M (r' + alpha r)                                                            (17), (28)
+
+    n states, r inputs u, m outputs y (D u is subtracted first), q unknown inputs d, l faults f
+    H, T, N, K = K1 + K2, M, P, G  as printed; Y = P K1; gamma of (29) is driven to zero by construction
+    centre, radius  disk (30), its -q and r;  decay  strip (31), its zeta;  1/s
+
+(15), (30), (31) are linear in (P, Y); (16) is made exact by choosing P in the subspace {P = P', (TF)' P null(C) = 0},
+which is stronger than minimising gamma in (29). G = g theta (TF)'P(TF), so theta cancels in (15) and in the bound
+delta: it has no effect. All is solved in balanced states and in units of the disk's centre, and scaled back so that P
+>= I in the caller's units.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import null_space
+
+from fdi import lmi
+from fdi.rfafe_conditions import (
+    DesignError,
+    angle_deg,
+    balance,
+    basis,
+    decouple,
+    fixed_modes,
+    rank_of,
+    separate,
+    singular,
+    undetectability,
+)
+from fdi.rfafe_discrete import Discrete, discretise
+
+G_SHARE = 0.05  # g above: gives up 2.5 % of (15)'s lower right block for a finite bound delta
+BANDWIDTH = 40.0  # wb of f_hat [rad/s]: middle of the useful 27-60, where 2 Hz passes and gyro noise stays small
+
+
+@dataclass(frozen=True)
+class Region:
+    """Disk of `radius` about -`centre` (30), left of -`decay` (31), all in 1/s."""
+
+    centre: float
+    radius: float
+    decay: float
+
+    def holds(self, eigenvalues, slack=1e-6):
+        """Say for each eigenvalue whether it lies inside, to `slack` of the centre."""
+        s = slack * self.centre
+        e = np.asarray(eigenvalues)
+        return (abs(e + self.centre) < self.radius + s) & (e.real < -self.decay + s)
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a design was checked for; `violation` is lambda_max over the norm, negative when the inequality holds."""
+
+    rank_E: int
+    angle_deg: float  # smallest principal angle between range(E) and range(F); 90 without E
+    TF_ratio: float  # smallest |T F_i| / |F_i| over the faults
+    singular_CE: tuple[float, ...]  # of C E, with unit columns spanning E
+    undetectability: float  # distance of (C, A1) to a pair with a mode in Re >= 0, relative to |A1|, balanced
+    fixed_modes: tuple[complex, ...]  # invariant zeros of (A1, TF, C), which no gain moves
+    lmi15: float
+    lmi30: float
+    lmi31: float
+    gamma: float  # |(TF)'P - MC| / |(TF)'P|: (16), and (29)
+    decoupling: float  # |(I - HC) E| / |E|
+    eigenvalues_N: tuple[complex, ...]
+    eigenvalues_loop: tuple[complex, ...]  # of (e_x, e_f) with the fault law closed
+    bandwidth: tuple[float, ...]  # eigenvalues of Gamma (TF)'P(TF) [rad/s]
+    tracking: tuple[tuple[float, complex], ...]  # (frequency [Hz], f_hat/f) of the continuous loop, first fault
+    delta: float  # bound delta of (23) per squared fault rate
+    condition_P: float
+
+
+@dataclass(frozen=True)
+class Design:
+    """An estimator: the paper's matrices in the caller's units, its discrete form and what was checked."""
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    E: np.ndarray  # (n, q) as used, full column rank
+    F: np.ndarray
+    N: np.ndarray
+    T: np.ndarray
+    K: np.ndarray
+    K1: np.ndarray
+    K2: np.ndarray
+    H: np.ndarray
+    M: np.ndarray
+    P: np.ndarray
+    Y: np.ndarray
+    G: np.ndarray
+    Gamma: np.ndarray
+    alpha: float
+    theta: float
+    dt: float
+    region: Region
+    discrete: Discrete
+    report: Report
+
+
+def design(A, B, C, D, E, F, *, dt, region=None, alpha=None, theta=1.0, Gamma=None, bandwidth=BANDWIDTH,
+           parallel="error", min_ratio=0.5):
+    """Design the estimator for a linear model and return a `Design`.
+
+    A (n, n), B (n, r), C (m, n), D (m, r) or None, E (n, q) or None, F (n, l), any units; dt in s.
+
+    region     Region, (centre, radius, decay) or a mapping with these names or the paper's q, r, zeta; None: centre at
+               half the bandwidth, widened to hold the modes that no gain moves
+    alpha      [1/s]; None: centre (1 + centre / 2 wb), which makes |f_hat/f| flat when N = -centre I
+    Gamma      learning rate, a number or (l, l); None: bandwidth ((TF)'P(TF))^-1, `bandwidth` in rad/s
+    parallel   when |TF|/|F| < min_ratio: "error", "remove" (E's part along F) or "rank" (E's smallest singular values)
+
+    Raises DesignError (conditions (i)-(iv), the ratio, sizes), lmi.Infeasible (which inequality), ImportError (no
+    solver).
+    """
+    A, B, C, D, E, F = _shapes(A, B, C, D, E, F)
+    if parallel != "error":
+        E = separate(E, F, C, min_ratio=min_ratio, method=parallel)
+    E = basis(E)
+    H, T = decouple(C, E, F)
+    ratio = float(np.min(np.linalg.norm(T @ F, axis=0) / np.linalg.norm(F, axis=0)))
+    angle = angle_deg(E, F)
+    if ratio < min_ratio:
+        raise DesignError(
+            f"|TF|/|F| is {ratio:.3f}, below {min_ratio}: E lies {angle:.1f} deg from F, so decoupling it removes the "
+            "fault "
+            "and multiplies the noise; lower the rank of E or remove its part along F (parallel='rank' or 'remove')")
+    A1 = T @ A
+    scale = balance(A, C, F)
+    A1s, Cs = A1 / scale[:, None] * scale, C * scale
+    TFs = T @ F / scale[:, None]
+    distance = undetectability(A1s, Cs)
+    zeros = fixed_modes(A1s, Cs, TFs)
+    region = _region(region, bandwidth if Gamma is None else BANDWIDTH, zeros)
+    if alpha is None:
+        alpha = region.centre * (1.0 + region.centre / (2.0 * bandwidth))
+    if not (alpha > 0.0 and theta > 0.0):
+        raise ValueError(f"alpha and theta are positive, not {alpha} and {theta}")
+
+    P, Y = _solve(A1s, Cs, TFs, region, alpha)
+    P, Y = P / np.outer(scale, scale), Y / scale[:, None]
+    floor = np.linalg.eigvalsh(P)[0]
+    P, Y = P * (1.0 + 1e-9) / floor, Y * (1.0 + 1e-9) / floor  # homogeneous: P >= I fixes the scale
+    K1 = np.linalg.solve(P * np.outer(scale, scale), Y * scale[:, None]) * scale[:, None]
+    N = A1 - K1 @ C
+    TF = T @ F
+    M = _exact_M(TF, P, C)
+    X = TF.T @ P @ TF
+    Gamma = bandwidth * np.linalg.inv(X) if Gamma is None else _learning_rate(Gamma, F.shape[1])
+    K2 = N @ H
+    made = {"A": A, "B": B, "C": C, "D": D, "E": E, "F": F, "N": N, "T": T, "K": K1 + K2, "K1": K1, "K2": K2, "H": H,
+            "M": M, "P": P, "Y": Y, "G": G_SHARE * theta * X, "Gamma": Gamma, "alpha": float(alpha),
+            "theta": float(theta), "dt": float(dt), "region": region}
+    report = _check(made, scale, ratio=ratio, angle=angle, distance=distance, zeros=zeros)
+    discrete = discretise(N=N, T=T, K=made["K"], H=H, C=C, B=B, D=D, TF=TF, gain=Gamma @ M, alpha=alpha, dt=dt)
+    return Design(**made, discrete=discrete, report=report)
+
+
+def _shapes(A, B, C, D, E, F):
+    A, B, C = (np.atleast_2d(np.asarray(x, float)) for x in (A, B, C))
+    n, m = A.shape[0], C.shape[0]
+    B = B.reshape(n, -1) if B.size else np.zeros((n, 0))
+    D = np.zeros((m, B.shape[1])) if D is None else np.asarray(D, float).reshape(m, -1)
+    E = np.zeros((n, 0)) if E is None else np.asarray(E, float).reshape(n, -1)
+    F = np.asarray(F, float).reshape(n, -1)
+    if A.shape != (n, n) or C.shape != (m, n) or D.shape != (m, B.shape[1]):
+        raise DesignError(f"sizes do not agree: A {A.shape}, B {B.shape}, C {C.shape}, D {D.shape}")
+    if F.shape[1] == 0 or not all(np.isfinite(x).all() for x in (A, B, C, D, E, F)):
+        raise DesignError("F has no column, or a matrix holds a value that is not finite")
+    return A, B, C, D, E, F
+
+
+def _solve(A1, C, TF, region, alpha):
+    """Return balanced P, Y; raise lmi.Infeasible that names the inequality without which a solution exists."""
+    strict = (1e-3, 1e-5, 1e-7)
+    for margin in strict:
+        try:
+            return _attempt(A1, C, TF, region, alpha, margin, ("15", "30", "31"))
+        except lmi.Infeasible as error:
+            last = error
+    blame = []
+    for name in ("15", "30", "31"):
+        try:
+            _attempt(A1, C, TF, region, alpha, strict[-1], tuple(k for k in ("15", "30", "31") if k != name))
+            blame.append(f"({name})")
+        except lmi.Infeasible:
+            continue
+    hint = f"raise alpha = {alpha:g} (disk to -{region.centre + region.radius:g})" if "(15)" in blame else f"{region}"
+    without = f"without {' or '.join(blame)} they do" if blame else "leaving out (15), (30) or (31) alone does not help"
+    raise lmi.Infeasible(f"no P, Y satisfy (15), (16), (30), (31) together; {without}; {hint} [{last}]")
+
+
+def _attempt(A1, C, TF, region, alpha, margin, which):
+    """Solve the inequalities `which` for P, Y, time in units of 1/centre, e_f scaled by sqrt(alpha centre)."""
+    cp = lmi.cvxpy()
+    n, unit = A1.shape[0], region.centre
+    A1 = A1 / unit
+    TF = TF / np.linalg.norm(TF, axis=0)
+    U, s, Vt = np.linalg.svd(C, full_matrices=False)
+    rank = rank_of(s)
+    span = _symmetric_basis(TF, Vt[:rank], n)
+    p, Yr = cp.Variable(span.shape[1]), cp.Variable((n, rank))
+    t = cp.Variable()
+    P = cp.reshape(span @ p, (n, n), order="F")
+    PN = P @ A1 - Yr @ Vt[:rank]
+    X = TF.T @ P @ TF
+    cross = -math.sqrt(unit / alpha) * PN.T @ TF
+    inequality = {
+        "15": cp.bmat([[PN + PN.T, cross], [cross.T, -(2.0 - G_SHARE) * X]]),
+        "30": cp.bmat([[-(region.radius / unit) * P, P + PN.T], [P + PN, -(region.radius / unit) * P]]),
+        "31": PN + PN.T + 2.0 * region.decay / unit * P,
+    }
+    constraints = [lmi.negative(inequality[k], margin) for k in which]
+    constraints += [lmi.negative(np.eye(n) - P, 0.0), lmi.negative(P - t * np.eye(n), 0.0)]
+    # well-conditioned P, and N near the disk's centre: modest gains, and an f_hat/f that alpha can make flat
+    lmi.solve(cp.Problem(cp.Minimize(t + cp.norm(PN + P, "fro")), constraints))
+    P = (span @ p.value).reshape(n, n, order="F")
+    return (P + P.T) / 2, unit * Yr.value @ np.diag(1.0 / s[:rank]) @ U[:, :rank].T
+
+
+def _symmetric_basis(TF, Cr, n):
+    """Return columns vec(P_i) that span {P = P' : (TF)' P null(C) = 0}."""
+    units = []
+    for i in range(n):
+        for j in range(i, n):
+            S = np.zeros((n, n))
+            S[i, j] = S[j, i] = 1.0 if i == j else math.sqrt(0.5)
+            units.append(S)
+    stack = np.array([S.ravel() for S in units]).T
+    hidden = null_space(Cr)
+    if hidden.shape[1] == 0:
+        return stack
+    rows = np.array([(TF.T @ S @ hidden).ravel() for S in units]).T
+    return stack @ null_space(rows, rcond=1e-12)
+
+
+def _exact_M(TF, P, C):
+    """Return M with MC = (TF)'P (16), least squares in outputs scaled to unit rows."""
+    size = np.linalg.norm(C, axis=1)
+    size[size == 0.0] = 1.0
+    return TF.T @ P @ np.linalg.pinv(C / size[:, None]) / size
+
+
+def _check(d, scale, *, ratio, angle, distance, zeros):
+    """Return the Report of everything substituted back, balanced; raise lmi.Infeasible when an inequality fails."""
+    P, N, TF = d["P"] * np.outer(scale, scale), d["N"] / scale[:, None] * scale, d["T"] @ d["F"] / scale[:, None]
+    region, alpha, theta = d["region"], d["alpha"], d["theta"]
+    size = np.linalg.norm(P, 2)
+    P, G = P / size, d["G"] / size
+    PN, X = P @ N, TF.T @ P @ TF
+    s = 1.0 / np.sqrt(np.diag(X) / alpha)  # congruence: unit diagonal below, as |P N| = 1 above
+    top = 1.0 / math.sqrt(np.linalg.norm(PN, 2))
+    lmi15 = np.block([[(PN + PN.T) * top * top, -PN.T @ TF / alpha * top * s],
+                      [(-PN.T @ TF / alpha * top * s).T, (-2.0 / alpha * X + G / (alpha * theta)) * np.outer(s, s)]])
+    lmi30 = np.block([[-region.radius * P, region.centre * P + PN.T], [region.centre * P + PN, -region.radius * P]])
+    lmi31 = PN + PN.T + 2.0 * region.decay * P
+    violations = {"15": lmi.violation(lmi15), "30": lmi.violation(lmi30), "31": lmi.violation(lmi31)}
+    for name, value in violations.items():
+        if value > 1e-6:
+            raise lmi.Infeasible(f"({name}) is violated by {value:.1e} of its size when the solution is substituted "
+                                 "back: the "
+                                 "model is too ill-conditioned for this region")
+    goal = (d["T"] @ d["F"]).T @ d["P"]
+    residual = np.linalg.norm((goal - d["M"] @ d["C"]) * scale) / np.linalg.norm(goal * scale)
+    gain = d["Gamma"] @ d["M"] @ d["C"]
+    full = d["T"] @ d["F"]
+    loop = np.block([[d["N"] - full @ gain, -alpha * full], [gain, np.zeros((full.shape[1],) * 2)]])
+    E = d["E"]
+    return Report(
+        rank_E=E.shape[1], angle_deg=angle, TF_ratio=ratio, singular_CE=tuple(float(x) for x in singular(d["C"] @ E)),
+        undetectability=distance, fixed_modes=tuple(complex(x) for x in zeros),
+        lmi15=violations["15"], lmi30=violations["30"], lmi31=violations["31"], gamma=float(residual),
+        decoupling=float(np.linalg.norm(d["T"] @ E) / max(np.linalg.norm(E), 1e-300)),
+        eigenvalues_N=tuple(complex(x) for x in np.linalg.eigvals(d["N"])),
+        eigenvalues_loop=tuple(complex(x) for x in np.linalg.eigvals(loop)),
+        bandwidth=tuple(float(x) for x in np.sort(np.linalg.eigvals(d["Gamma"] @ (full.T @ d["P"] @ full)).real)),
+        tracking=tuple((hz, tracking(d["N"], full, gain, alpha, hz)) for hz in (0.5, 1.0, 2.0)),
+        delta=float(np.max(np.linalg.eigvals(np.linalg.inv(d["Gamma"] @ d["G"] @ d["Gamma"])).real) * theta / alpha),
+        condition_P=float(np.linalg.cond(P)))
+
+
+def tracking(N, TF, gain_C, alpha, hz):
+    """Return f_hat/f of the first fault at `hz`, f_hat = L (f - f_hat), L = (1 + alpha/s) Gamma M C (sI - N)^-1 TF."""
+    s = 2j * math.pi * hz
+    L = (1.0 + alpha / s) * gain_C @ np.linalg.solve(s * np.eye(len(N)) - N, TF)
+    return complex(np.linalg.solve(np.eye(len(L)) + L, L)[0, 0])
+
+
+def _region(region, bandwidth, zeros):
+    """Return the Region asked for, after checking that it can hold `zeros`; None gives one that does."""
+    if region is None:
+        centre = bandwidth / 2.0
+        stable = [z for z in zeros if z.real < -1e-6 * centre]
+        slow = float(min([centre / 4.0, *(-0.5 * z.real for z in stable)]))
+        while not all(abs(z + centre) < centre - slow / 2.0 for z in stable):
+            centre *= 1.5
+        region = Region(centre, centre - slow / 2.0, slow)
+    elif not isinstance(region, Region):
+        names = {"q": "centre", "center": "centre", "r": "radius", "zeta": "decay"}
+        region = {names.get(k, k): float(v) for k, v in region.items()} if hasattr(region, "items") else region
+        region = Region(**region) if isinstance(region, dict) else Region(*(float(x) for x in region))
+    if region.radius <= 0.0 or region.decay < 0.0 or region.decay >= region.centre + region.radius:
+        raise ValueError(f"{region} is empty: radius > 0, 0 <= decay < centre + radius")
+    outside = [z for z in zeros if not region.holds([z], slack=-1e-9)[0]]
+    if outside:
+        listed = ", ".join(f"{z:.4g}" for z in outside)
+        raise DesignError(f"fixed modes {listed} 1/s (invariant zeros from fault and unknown input to the outputs) "
+                          "lie outside "
+                          f"{region}: no gain moves them; measure more, lower the rank of E or widen the region")
+    return region
+
+
+def _learning_rate(Gamma, l):
+    G = np.asarray(Gamma, float)
+    G = float(G) * np.eye(l) if G.ndim == 0 else np.atleast_2d(G)
+    if G.shape != (l, l) or not np.allclose(G, G.T) or np.linalg.eigvalsh(G)[0] <= 0.0:
+        raise ValueError(f"Gamma is a positive number or a symmetric positive definite ({l}, {l}) matrix")
+    return G
