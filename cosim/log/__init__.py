@@ -1,0 +1,8 @@
+"""The log of a run: one self-contained MCAP file, written while the run goes on and read back bit for bit."""
+
+from .format import Limits, LogError, Topic, TopicInfo
+from .foxglove import Pose
+from .reader import Log, open_log
+from .writer import LogWriter
+
+__all__ = ["Limits", "Log", "LogError", "LogWriter", "Pose", "Topic", "TopicInfo", "open_log"]

@@ -1,0 +1,164 @@
+"""What a log is made of: topics, their protobuf schemas, and the limits of a strict reader.
+
+Every sampled topic is a protobuf message whose fields are all `double` and always written, so a message has a constant
+size: tag, 8 bytes, tag, 8 bytes... Any protobuf decoder reads it; numpy packs and unpacks a whole chunk at once.
+"""
+
+import json
+import re
+from dataclasses import dataclass, field
+
+import numpy as np
+from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorSet
+
+from cosim.errors import LogError
+
+FORMAT = "1"  # of the rules in this package; a reader refuses any other
+LIBRARY = f"cosim-log {FORMAT}"
+MAX_FIELDS = 2047  # the largest field number whose tag still takes two bytes
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
+_TOPIC = re.compile(r"(/[A-Za-z0-9_]+)+\Z")
+
+
+def log_error(problem, path, offset=None, remedy=""):
+    """Return the LogError whose place is a file and, where it is known, the byte in it."""
+    place = f"{path}" if offset is None else f"{path}, byte {offset}"
+    return LogError(problem, place=place, remedy=remedy)
+
+
+@dataclass(frozen=True)
+class Topic:
+    """Name the values of the tick vector that one log channel holds, sampled at ticks that are multiples of `every`.
+
+    `index` (len(fields),) gives each field's position in the vector; `units` stand beside the fields, "-" for none.
+    Raises ValueError for names that protobuf cannot carry, repeated fields, or lengths that do not agree.
+    """
+
+    name: str
+    fields: tuple
+    units: tuple
+    index: np.ndarray
+    every: int = 1
+    group: str = ""
+    description: str = ""
+
+    def __post_init__(self):
+        object.__setattr__(self, "fields", tuple(self.fields))
+        object.__setattr__(self, "units", tuple(self.units))
+        object.__setattr__(self, "index", np.asarray(self.index, dtype=np.intp).copy())
+        check_topic(self.name, self.fields, self.units, self.every)
+        if self.index.shape != (len(self.fields),):
+            raise ValueError(f"topic {self.name}: {len(self.fields)} fields, but positions of shape {self.index.shape}")
+
+
+@dataclass(frozen=True)
+class TopicInfo:
+    """Describe one sampled topic of a log: its fields, their units, ticks per row, number of rows."""
+
+    name: str
+    fields: tuple
+    units: tuple
+    every: int
+    rows: int = 0
+    group: str = ""
+    description: str = ""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Bound what a strict reader accepts, so that a hostile file costs no more memory or time than an honest one."""
+
+    record_bytes: int = 256 << 20  # any top-level record, so also an attachment
+    chunk_bytes: int = 64 << 20  # one chunk decompressed; a chunk of 100 ticks of 800 fields takes about 1 MiB
+    total_bytes: int = 16 << 30  # all chunks decompressed; ten minutes of 800 fields take about 1 GiB
+    text_bytes: int = 4 << 20  # a schema, channel or metadata record
+    channels: int = 4096
+    records: int = 20_000_000  # top-level records
+
+
+@dataclass
+class Damage:
+    """Say which bytes of a log are lost, and why."""
+
+    offset: int
+    length: int
+    reason: str
+
+
+@dataclass
+class ChunkRef:
+    """Point to one chunk: ticks k0 <= k < k0 + n, where its bytes are, and its message index (channel id -> count)."""
+
+    offset: int  # of the chunk record [byte]
+    length: int  # of the chunk record with its 9-byte head [byte]
+    data_offset: int
+    data_size: int
+    compression: str
+    size: int  # decompressed [byte]
+    crc: int
+    start_ns: int
+    end_ns: int
+    index_offsets: dict = field(default_factory=dict)  # channel id -> offset of its MessageIndex record
+    index_counts: dict = field(default_factory=dict)  # channel id -> messages
+    index_length: int = 0
+
+
+def check_topic(name, fields, units, every):
+    """Raise ValueError when a topic's name, fields, units or rate cannot be logged."""
+    if not _TOPIC.match(name):
+        raise ValueError(f"topic {name!r}: use /words/of/letters_digits_underscores")
+    bad = [f for f in fields if not _NAME.match(f)]
+    if bad or len(set(fields)) != len(fields):
+        raise ValueError(f"topic {name}: field names must be distinct identifiers, not {bad or fields}")
+    if len(units) != len(fields) or not 0 < len(fields) <= MAX_FIELDS:
+        raise ValueError(f"topic {name}: 1 to {MAX_FIELDS} fields, one unit each; got {len(fields)} and {len(units)}")
+    if int(every) != every or every < 1:
+        raise ValueError(f"topic {name}: every must be a whole number of ticks >= 1, not {every}")
+
+
+def schema_name(topic):
+    """Return the protobuf message name of a sampled topic: `/a/b` is `cosim.a_b`."""
+    return "cosim." + topic.strip("/").replace("/", "_")
+
+
+def schema_data(topic, fields):
+    """Return the FileDescriptorSet of a message with one `double` per field, numbered from 1 in order."""
+    files = FileDescriptorSet()
+    file = files.file.add(name=f"cosim{topic}.proto", package="cosim", syntax="proto3")
+    message = file.message_type.add(name=schema_name(topic).removeprefix("cosim."))
+    for number, name in enumerate(fields, 1):
+        message.field.add(
+            name=name,
+            json_name=name,  # the default, camel case, would make q_1 and q1 collide
+            number=number,
+            type=FieldDescriptorProto.TYPE_DOUBLE,
+            label=FieldDescriptorProto.LABEL_OPTIONAL,
+        )
+    return files.SerializeToString(deterministic=True)
+
+
+def channel_metadata(topic):
+    """Return the text that describes a sampled topic in its channel record."""
+    return {
+        "every": str(topic.every),
+        "units": json.dumps(list(topic.units)),
+        "group": topic.group,
+        "description": topic.description,
+    }
+
+
+def parse_topic(channel, schema):
+    """Return the TopicInfo of a channel record and its schema; raises ValueError when they are not ours."""
+    files = FileDescriptorSet.FromString(schema.data)
+    if len(files.file) != 1 or len(files.file[0].message_type) != 1:
+        raise ValueError("the schema does not describe exactly one message")
+    fields = tuple(f.name for f in files.file[0].message_type[0].field)
+    units = tuple(json.loads(channel.metadata["units"]))
+    every = int(channel.metadata["every"])
+    check_topic(channel.topic, fields, units, every)
+    if schema.data != schema_data(channel.topic, fields) or schema.name != schema_name(channel.topic):
+        raise ValueError("the schema is not the one of its field names")
+    info = TopicInfo(channel.topic, fields, units, every, 0, channel.metadata["group"], channel.metadata["description"])
+    if channel_metadata(info) != channel.metadata:
+        raise ValueError("the channel's description is not in canonical form")
+    return info

@@ -1,0 +1,210 @@
+"""Speak the well-known Foxglove messages for what people look at: texts, fault windows, and where the aircraft is.
+
+The schemas are those of Foxglove's own package (same names, numbers and types), built here from descriptors, so that
+the core does not need that package. These messages are for viewers: replay reads none of them.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from math import cos, pi, sin
+
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, timestamp_pb2
+
+_F = descriptor_pb2.FieldDescriptorProto
+_TIME = ".google.protobuf.Timestamp"
+EARTH_RADIUS = 6_371_008.8  # mean radius R1 of WGS 84 [m]; only to place the aircraft in a viewer
+
+# message -> (field, number, type); a type with a capital is another message, "name*" is repeated
+_MESSAGES = {
+    "Vector3": (("x", 1, "double"), ("y", 2, "double"), ("z", 3, "double")),
+    "Quaternion": (("x", 1, "double"), ("y", 2, "double"), ("z", 3, "double"), ("w", 4, "double")),
+    "Color": (("r", 1, "double"), ("g", 2, "double"), ("b", 3, "double"), ("a", 4, "double")),
+    "KeyValuePair": (("key", 1, "string"), ("value", 2, "string")),
+    "Log": (
+        ("timestamp", 1, _TIME),
+        ("level", 2, "enum Level UNKNOWN DEBUG INFO WARNING ERROR FATAL"),
+        ("message", 3, "string"),
+        ("name", 4, "string"),
+        ("file", 5, "string"),
+        ("line", 6, "fixed32"),
+    ),
+    "Event": (("start_time", 1, _TIME), ("end_time", 2, _TIME), ("metadata", 3, "KeyValuePair*")),
+    "FrameTransform": (
+        ("timestamp", 1, _TIME),
+        ("parent_frame_id", 2, "string"),
+        ("child_frame_id", 3, "string"),
+        ("translation", 4, "Vector3"),
+        ("rotation", 5, "Quaternion"),
+    ),
+    "FrameTransforms": (("transforms", 1, "FrameTransform*"),),
+    "LocationFix": (
+        ("timestamp", 6, _TIME),
+        ("frame_id", 7, "string"),
+        ("latitude", 1, "double"),
+        ("longitude", 2, "double"),
+        ("altitude", 3, "double"),
+        ("position_covariance", 4, "double*"),
+        ("position_covariance_type", 5, "enum PositionCovarianceType UNKNOWN APPROXIMATED DIAGONAL_KNOWN KNOWN"),
+        ("heading", 10, "double"),
+        ("velocity", 11, "Vector3"),
+        ("color", 8, "Color"),
+        ("metadata", 9, "KeyValuePair*"),
+    ),
+}
+LEVELS = {"debug": 1, "info": 2, "warning": 3, "error": 4, "fatal": 5}
+
+
+def _file(name):
+    """Return the FileDescriptorProto of one message, and the names of the messages that it holds."""
+    file = descriptor_pb2.FileDescriptorProto(name=f"foxglove/{name}.proto", package="foxglove", syntax="proto3")
+    message, needs = file.message_type.add(name=name), []
+    for field, number, kind in _MESSAGES[name]:
+        label = _F.LABEL_REPEATED if kind.endswith("*") else _F.LABEL_OPTIONAL
+        made = message.field.add(name=field, number=number, label=label)
+        kind = kind.rstrip("*")
+        if kind.startswith("enum "):
+            _, enum, *values = kind.split()
+            made.type, made.type_name = _F.TYPE_ENUM, f".foxglove.{name}.{enum}"
+            declared = message.enum_type.add(name=enum)
+            for value, word in enumerate(values):
+                declared.value.add(name=word, number=value)
+        elif kind == _TIME:
+            made.type, made.type_name = _F.TYPE_MESSAGE, kind
+            needs.append(_TIME)
+        elif kind in _MESSAGES:
+            made.type, made.type_name = _F.TYPE_MESSAGE, f".foxglove.{kind}"
+            needs.append(kind)
+        else:
+            made.type = getattr(_F, f"TYPE_{kind.upper()}")
+    needs = sorted(set(needs))
+    file.dependency.extend("google/protobuf/timestamp.proto" if n == _TIME else f"foxglove/{n}.proto" for n in needs)
+    return file, needs
+
+
+@cache
+def _files(name):
+    """Return the FileDescriptorProtos that message `name` needs, dependencies first."""
+    if name == _TIME:
+        time = descriptor_pb2.FileDescriptorProto()
+        timestamp_pb2.DESCRIPTOR.CopyToProto(time)
+        return (time,)
+    file, needs = _file(name)
+    found = {}
+    for need in needs:
+        found.update((f.name, f) for f in _files(need))
+    return (*found.values(), file)
+
+
+def schema(name):
+    """Return the FileDescriptorSet (bytes) of the well-known message `foxglove.<name>`."""
+    return descriptor_pb2.FileDescriptorSet(file=_files(name)).SerializeToString(deterministic=True)
+
+
+@cache
+def message(name):
+    """Return the protobuf class of `foxglove.<name>`, in a pool of its own."""
+    pool = descriptor_pool.DescriptorPool()
+    for file in _files(name):
+        pool.Add(file)
+    return message_factory.GetMessageClass(pool.FindMessageTypeByName(f"foxglove.{name}"))
+
+
+# channels that every log has, so that viewers and scripts find them even when empty
+TOPICS = {
+    "/log": ("foxglove.Log", lambda: schema("Log")),
+    "/events": ("foxglove.Event", lambda: schema("Event")),
+    "/tf": ("foxglove.FrameTransforms", lambda: schema("FrameTransforms")),
+    "/fix": ("foxglove.LocationFix", lambda: schema("LocationFix")),
+}
+
+
+def _time(ns):
+    return {"seconds": ns // 1_000_000_000, "nanos": ns % 1_000_000_000}
+
+
+def log(ns, text, level):
+    """Return the bytes of a foxglove.Log of simulated time `ns`; raises ValueError for an unknown level."""
+    if level not in LEVELS:
+        raise ValueError(f"level {level!r}: one of {', '.join(LEVELS)}")
+    return message("Log")(timestamp=_time(ns), level=LEVELS[level], message=text, name="cosim").SerializeToString()
+
+
+def text(data):
+    """Return the text of a foxglove.Log."""
+    return message("Log").FromString(data).message
+
+
+def event(start_ns, end_ns, texts):
+    """Return the bytes of a foxglove.Event from start_ns to end_ns (None: open) with `texts` {str: value}."""
+    made = message("Event")(start_time=_time(start_ns))
+    if end_ns is not None:
+        made.end_time.seconds, made.end_time.nanos = divmod(end_ns, 1_000_000_000)
+    for key, value in texts.items():
+        made.metadata.add(key=key, value=str(value))
+    return made.SerializeToString()
+
+
+@dataclass
+class Pose:
+    """Give viewers the aircraft's place: /tf and /fix, every `every` ticks.
+
+    The positions in the tick vector: lat, lon [rad], h [m], phi, theta, psi [rad]. Frames follow Foxglove: `map` is
+    east, north, up from where the log begins (flat, EARTH_RADIUS); `aircraft` is forward, left, up.
+    """
+
+    lat: int
+    lon: int
+    h: int
+    phi: int
+    theta: int
+    psi: int
+    every: int = 20
+    _origin: tuple = None
+
+    def messages(self, rows, k0, dt_ns):
+        """Return [(tick, topic, bytes)] of the rows (n, n_values) from tick k0."""
+        out = []
+        if self._origin is None and len(rows):
+            self._origin = (float(rows[0, self.lat]), float(rows[0, self.lon]))
+        for i in range(-k0 % self.every, len(rows), self.every):
+            lat, lon, h, phi, theta, psi = (
+                float(rows[i, at]) for at in (self.lat, self.lon, self.h, self.phi, self.theta, self.psi)
+            )
+            ns = (k0 + i) * dt_ns
+            lat0, lon0 = self._origin
+            place = {
+                "x": EARTH_RADIUS * (lon - lon0) * cos(lat0),
+                "y": EARTH_RADIUS * (lat - lat0),
+                "z": h,
+            }
+            frame = {
+                "timestamp": _time(ns),
+                "parent_frame_id": "map",
+                "child_frame_id": "aircraft",
+                "translation": place,
+                "rotation": _quaternion(phi, -theta, pi / 2 - psi),
+            }
+            out.append((k0 + i, "/tf", message("FrameTransforms")(transforms=[frame]).SerializeToString()))
+            fix = message("LocationFix")(
+                timestamp=_time(ns),
+                frame_id="aircraft",
+                latitude=lat * 180 / pi,
+                longitude=lon * 180 / pi,
+                altitude=h,
+                heading=psi,
+            )
+            out.append((k0 + i, "/fix", fix.SerializeToString()))
+        return out
+
+
+def _quaternion(roll, pitch, yaw):
+    """Return the quaternion of rotations [rad] by yaw (z), pitch (y), roll (x), in that order about moving axes."""
+    if not all(abs(a) < 1e6 for a in (roll, pitch, yaw)):  # a diverged state has no attitude
+        return {"w": 1.0}
+    cr, sr, cp, sp, cy, sy = (f(a / 2) for a in (roll, pitch, yaw) for f in (cos, sin))
+    return {
+        "x": sr * cp * cy - cr * sp * sy,
+        "y": cr * sp * cy + sr * cp * sy,
+        "z": cr * cp * sy - sr * sp * cy,
+        "w": cr * cp * cy + sr * sp * sy,
+    }

@@ -1,0 +1,135 @@
+"""Build the records around the content: a chunk with its message indexes, and the end of a log."""
+
+import struct
+import zlib
+
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    AttachmentIndex,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    MessageIndex,
+    MetadataIndex,
+    Statistics,
+    SummaryOffset,
+)
+
+from .format import ChunkRef
+
+MAGIC = b"\x89MCAP0\r\n"
+
+
+def closing(offset, crc, schemas, channels, chunks, attachments, metadata):
+    """Return the bytes that follow a data section of `offset` bytes and CRC-32 `crc`.
+
+    `chunks` are ChunkRefs; `attachments` and `metadata` are lists of (offset, length, record). A reader builds the same
+    bytes from what it found in the data section and compares.
+    """
+    builder = RecordBuilder()
+    DataEnd(crc).write(builder)
+    end = builder.end()
+    start = offset + len(end)
+    groups = (
+        (Opcode.SCHEMA, schemas),
+        (Opcode.CHANNEL, channels),
+        (Opcode.STATISTICS, [_statistics(schemas, channels, chunks, attachments, metadata)]),
+        (Opcode.CHUNK_INDEX, map(_chunk_index, chunks)),
+        (Opcode.ATTACHMENT_INDEX, [_attachment_index(*a) for a in attachments]),
+        (Opcode.METADATA_INDEX, [MetadataIndex(at, length, record.name) for at, length, record in metadata]),
+    )
+    offsets = []
+    for opcode, records in groups:
+        before = builder.count
+        for record in records:
+            record.write(builder)
+        if builder.count > before:
+            offsets.append(SummaryOffset(opcode, start + before, builder.count - before))
+    offset_start = start + builder.count
+    for record in offsets:
+        record.write(builder)
+    summary = builder.end()
+    check = zlib.crc32(summary + struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offset_start))
+    Footer(start, offset_start, check).write(builder)
+    return end + summary + builder.end() + MAGIC
+
+
+def pack_chunk(layout, raw, k0, n, tail, compress, compression, offset):
+    """Return (bytes, ChunkRef) of a chunk and its message indexes; `tail` is {channel id: [(time, offset), ...]}."""
+    data = compress(raw)
+    builder = RecordBuilder()
+    start, end = k0 * layout.dt_ns, (k0 + n - 1) * layout.dt_ns
+    crc = zlib.crc32(raw)
+    head = _chunk_head(start, end, len(raw), crc, compression, len(data))
+    plan = layout.plan(k0, n)
+    index = plan.index(k0).tobytes()
+    length = len(head) + len(data)
+    offsets = {channel: offset + length + at for channel, at in plan.index_offsets.items()}
+    for channel, entries in tail.items():
+        offsets[channel] = offset + length + len(index) + builder.count
+        MessageIndex(channel_id=channel, records=entries).write(builder)
+    index += builder.end()
+    counts = {**layout.counts(k0, n)[0], **{channel: len(entries) for channel, entries in tail.items()}}
+    place = offset, length, offset + len(head), len(data)
+    ref = ChunkRef(*place, compression, len(raw), crc, start, end, offsets, counts, len(index))
+    return head + data + index, ref
+
+
+def _chunk_head(start, end, size, crc, compression, data_size):
+    """Return a chunk record up to its data (the library's own would copy the data three times)."""
+    name = compression.encode()
+    builder = RecordBuilder()
+    builder.write1(6)
+    builder.write8(40 + len(name) + data_size)
+    for value in (start, end, size):
+        builder.write8(value)
+    builder.write4(crc)
+    builder.write4(len(name))
+    builder.write(name)
+    builder.write8(data_size)
+    return builder.end()
+
+
+def _statistics(schemas, channels, chunks, attachments, metadata):
+    counts = {c.id: 0 for c in channels}
+    for chunk in chunks:
+        for channel, count in chunk.index_counts.items():
+            counts[channel] += count
+    return Statistics(
+        attachment_count=len(attachments),
+        channel_count=len(channels),
+        channel_message_counts={c: n for c, n in counts.items() if n},
+        chunk_count=len(chunks),
+        message_count=sum(counts.values()),
+        message_end_time=max((c.end_ns for c in chunks), default=0),
+        message_start_time=min((c.start_ns for c in chunks), default=0),
+        metadata_count=len(metadata),
+        schema_count=len(schemas),
+    )
+
+
+def _chunk_index(chunk):
+    return ChunkIndex(
+        chunk_length=chunk.length,
+        chunk_start_offset=chunk.offset,
+        compression=chunk.compression,
+        compressed_size=chunk.data_size,
+        message_end_time=chunk.end_ns,
+        message_index_length=chunk.index_length,
+        message_index_offsets=chunk.index_offsets,
+        message_start_time=chunk.start_ns,
+        uncompressed_size=chunk.size,
+    )
+
+
+def _attachment_index(offset, length, record):
+    return AttachmentIndex(
+        offset=offset,
+        length=length,
+        log_time=record.log_time,
+        create_time=record.create_time,
+        data_size=len(record.data),
+        name=record.name,
+        media_type=record.media_type,
+    )
