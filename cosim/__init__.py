@@ -1,0 +1,41 @@
+"""A transport aircraft in JSBSim, its elevator actuators and their fault detectors in lockstep, in one replayable log.
+
+    scenario = cosim.load_scenario("liquid-ofc", ["faults.0.frequency_hz=3"])
+    result = cosim.simulate(scenario, log="flight.mcap")
+    frame = cosim.open_log("flight.mcap").frame("/truth")
+
+The names below are imported when they are first used, so that `import cosim` costs nothing.
+"""
+
+import importlib
+import sys
+import types
+
+_PUBLIC = {  # name -> module that defines it
+    "load_scenario": "cosim.scenario",
+    "Scenario": "cosim.scenario",
+    "simulate": "cosim.simulate",
+    "open_log": "cosim.log",
+    "linearize": "cosim.linearize",
+    "CosimError": "cosim.errors",
+}
+__all__ = [*_PUBLIC]
+
+
+def __getattr__(name):
+    if name not in _PUBLIC:
+        raise AttributeError(f"module 'cosim' has no attribute {name!r}")
+    value = getattr(importlib.import_module(_PUBLIC[name]), name)
+    globals()[name] = value
+    return value
+
+
+class _Package(types.ModuleType):
+    def __setattr__(self, name, value):
+        # the import system binds a submodule to its package; a public function of the same name must stay callable
+        if name in _PUBLIC and isinstance(value, types.ModuleType):
+            return
+        super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

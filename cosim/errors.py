@@ -1,0 +1,55 @@
+"""Errors a user can cause and mend: each says where, what, what is allowed, and what to do.
+
+Library functions raise them, only the command line prints them (exit status 2) and nobody sees a traceback.
+"""
+
+import difflib
+
+
+class CosimError(Exception):
+    """Carry one message: `place` (file, key), `problem`, `allowed` (range, choices), `remedy`; each may be empty."""
+
+    def __init__(self, problem, *, place="", allowed="", remedy=""):
+        super().__init__(problem, place, allowed, remedy)
+        self.problem, self.place, self.allowed, self.remedy = problem, place, allowed, remedy
+
+    def __str__(self):
+        text = f"{self.place}: {self.problem}" if self.place else self.problem
+        if self.allowed:
+            text += f"; allowed: {self.allowed}"
+        if self.remedy:
+            text += f". {self.remedy}"
+        return " ".join(text.split())  # one line, whatever a library's message holds
+
+    def __reduce__(self):  # keyword-only arguments would be lost on the way back from a worker process
+        return _rebuild, (type(self), self.problem, self.place, self.allowed, self.remedy)
+
+
+def _rebuild(kind, problem, place, allowed, remedy):
+    return kind(problem, place=place, allowed=allowed, remedy=remedy)
+
+
+class ScenarioError(CosimError):
+    """A scenario, or an override of one of its keys, that cannot be flown."""
+
+
+class TrimError(CosimError):
+    """A flight point at which the aircraft has no steady flight."""
+
+
+class DesignError(CosimError):
+    """A stored design or threshold that is missing or does not belong to the aircraft in the tree."""
+
+
+class LogError(CosimError):
+    """A log that cannot be read, or is not one."""
+
+
+class OutputError(CosimError):
+    """A place that cannot be written to."""
+
+
+def did_you_mean(word, choices):
+    """Return "Did you mean ...?" with the nearest of `choices`, or an empty string."""
+    near = difflib.get_close_matches(str(word), list(choices), n=1, cutoff=0.6)
+    return f"Did you mean {near[0]!r}?" if near else ""

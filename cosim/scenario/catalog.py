@@ -1,0 +1,259 @@
+"""What a scenario can name: parts, sensors with their units, detectors, and every kind of fault with its parameters.
+
+These tables are the only place where that is written: validation, `cosim list`, messages and conversion read them.
+"""
+
+import math
+from dataclasses import dataclass
+
+DEG, KT, FT = math.pi / 180.0, 1852.0 / 3600.0, 0.3048
+
+SEGMENTS = ("left_outer", "left_inner", "right_inner", "right_outer")
+GROUPS = {"left": SEGMENTS[:2], "right": SEGMENTS[2:], "all": SEGMENTS}
+TECHNOLOGIES = ("hydraulic", "ema", "simple")
+FEEDBACKS = ("measured", "iotsekf", "rtsekf", "rtsekf_flight")
+SURFACES = ("aileron.left", "aileron.right", "rudder", "stabiliser")
+ENGINES = ("1", "2", "3", "4")
+TRAVEL = 40.0 * DEG  # -23 to +17 deg of elevator; amplitude_travel is a fraction of it [Sun13]
+
+DETECTORS = {  # id -> (level, one line)
+    "rfafe": ("aircraft", "robust fast adaptive fault estimator with elevator position sensors [Sun13]"),
+    "rfafe_airframe": ("aircraft", "the same on airframe outputs only"),
+    "lpv_smo": ("aircraft", "LPV sliding-mode observer: elevator, load-factor and angle-of-attack faults [Alwi14]"),
+    "control_redundancy": ("aircraft", "static residuals from the force equation, signature table [Mar10]"),
+    "iotsekf": ("local", "iterated optimal two-stage EKF: input fault of a hydraulic actuator [Lu17]"),
+    "rtsekf": ("local", "robust three-step EKF as published: output fault of a hydraulic actuator [Lu17]"),
+    "rtsekf_flight": ("local", "the same fit for flight: rod against surface position"),
+    "ema_kalman": ("local", "one Kalman filter on motor speed as published, structured residuals [Jay]"),
+    "ema_kalman_flight": ("local", "the same with hinge load and process noise"),
+    "position_monitor": ("local", "command against position, threshold and confirmation time (baseline)"),
+    "ofc_monitor": ("local", "in-service oscillation counting on a rod residual (baseline) [Goupil 2010]"),
+}
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit that ends a key: SI = value * factor; `si` may be a share of a nominal value ("of supply", ...)."""
+
+    suffix: str
+    factor: float
+    si: str
+    limit: float  # largest magnitude that is accepted, in this unit
+
+
+_deg = Unit("deg", DEG, "rad", 45.0)
+_deg_s = Unit("deg_s", DEG, "rad/s", 90.0)
+_deg_s2 = Unit("deg_s2", DEG, "rad/s2", 90.0)
+_kt = Unit("kt", KT, "m/s", 200.0)
+_g = Unit("g", 1.0, "g", 5.0)
+_height = (Unit("m", 1.0, "m", 5000.0), Unit("ft", FT, "m", 15000.0))
+_climb = (Unit("m_s", 1.0, "m/s", 100.0), Unit("ft_s", FT, "m/s", 300.0))
+_mm = Unit("mm", 1e-3, "m", 150.0)
+
+SENSORS = {  # aircraft sensor -> units of its faults and settings; the first one is its own
+    **dict.fromkeys(("alpha", "beta", "phi", "theta", "psi"), (_deg,)),
+    **dict.fromkeys(("p", "q", "r"), (_deg_s,)),
+    **dict.fromkeys(("pdot", "qdot", "rdot"), (_deg_s2,)),
+    **dict.fromkeys(("cas", "tas"), (_kt,)),
+    "mach": (Unit("mach", 1.0, "-", 0.5),),
+    **dict.fromkeys(("h_baro", "h_inertial"), _height),
+    "hdot": _climb,
+    **dict.fromkeys(("n_x", "n_y", "n_z"), (_g,)),
+    **dict.fromkeys(("n1_1", "n1_2", "n1_3", "n1_4"), (Unit("pct", 1.0, "%", 100.0),)),
+    "mass": (Unit("t", 1000.0, "kg", 100.0),),
+    "cg": (Unit("pct", 0.01, "-", 20.0),),
+}
+PART_SENSORS = {  # sensors of an actuator
+    "rod": (_mm, Unit("deg", DEG, "rad", 40.0)),
+    "surface": (_deg,),
+    "pressure": (Unit("pct", 0.01, "of supply", 100.0), Unit("mpa", 1e6, "Pa", 30.0)),
+    "velocity": (Unit("rad_s", 1.0, "rad/s", 1000.0), Unit("pct", 0.01, "of no-load speed", 100.0)),
+    "position": (_mm, Unit("deg", DEG, "rad", 40.0)),
+    "current": (Unit("a", 1.0, "A", 500.0), Unit("pct", 0.01, "of stall current", 100.0)),
+}
+SENSORS_OF = {
+    "hydraulic": ("rod", "surface", "pressure"),
+    "ema": ("velocity", "position", "current", "surface"),
+    "simple": (),
+}
+LOOP_SENSOR = {"hydraulic": "rod", "ema": "position"}  # the one that closes the position loop
+
+
+@dataclass(frozen=True)
+class Key:
+    """A numeric key: `low` to `high`, `open_low` excludes `low`, `nonzero` excludes 0; SI = value * factor."""
+
+    name: str
+    low: float
+    high: float
+    factor: float = 1.0
+    si: str = "-"
+    open_low: bool = False
+    nonzero: bool = False
+    default: float | None = None
+
+    def accepts(self, x):
+        """Tell whether the number x is allowed."""
+        above = x > self.low if self.open_low else x >= self.low
+        return above and x <= self.high and not (self.nonzero and x == 0.0)
+
+    @property
+    def range(self):
+        """Return the allowed range as words."""
+        text = f"{'above ' if self.open_low else ''}{self.low:g} to {self.high:g}"
+        return text + (", not 0" if self.nonzero else "")
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of fault: exactly one key of `one_of`, all of `keys`, switched at once (no ramp) when `switched`.
+
+    `exclusive` names what it takes over on its part: two overlapping faults that take over the same thing are refused.
+    """
+
+    summary: str
+    one_of: tuple[Key, ...] = ()
+    keys: tuple[Key, ...] = ()
+    at: tuple[str, ...] = ()
+    technologies: tuple[str, ...] = TECHNOLOGIES
+    switched: bool = False
+    exclusive: str = ""
+
+
+_loss = (Key("loss_pct", 0.0, 100.0, 0.01, "fraction", open_low=True),)
+_sine = (
+    Key("frequency_hz", 0.01, 25.0, 2 * math.pi, "rad/s"),
+    Key("phase_deg", -360.0, 360.0, DEG, "rad", default=0.0),
+)
+
+
+def _amplitudes(open_low):
+    return (
+        Key("amplitude", 0.0, 1.0, 1.0, "u", open_low),
+        Key("amplitude_mm", 0.0, 120.0, 1e-3, "m", open_low),
+        Key("amplitude_deg", 0.0, 20.0, DEG, "rad", open_low),
+        Key("amplitude_travel", 0.0, 0.5, TRAVEL, "rad", open_low),
+    )
+
+
+AMPLITUDES_AT = {  # the keys that have a meaning where the oscillation enters
+    "valve": ("amplitude", "amplitude_mm"),
+    "command": ("amplitude_mm", "amplitude_deg", "amplitude_travel"),
+    "sensor": ("amplitude_mm", "amplitude_deg", "amplitude_travel"),
+}
+
+_hyd, _ema, _real = ("hydraulic",), ("ema",), ("hydraulic", "ema")
+_runaway = (Key("rate_deg_s", -90.0, 90.0, DEG, "rad/s", nonzero=True),)
+ELEVATOR_KINDS = {
+    "ofc_liquid": Kind("oscillation added to the signal", _amplitudes(True), _sine, ("valve", "command", "sensor")),
+    "ofc_solid": Kind(
+        "oscillation in place of the signal", _amplitudes(False), _sine, ("valve", "command"), exclusive="at"
+    ),
+    "bias": Kind(
+        "constant added to the position command",
+        (
+            Key("bias_mm", -120.0, 120.0, 1e-3, "m", nonzero=True),
+            Key("bias_deg", -20.0, 20.0, DEG, "rad", nonzero=True),
+        ),
+        at=("command",),
+    ),
+    "jam_liquid": Kind(
+        "bias on the position sensor that closes the loop (the same as bias on it)",
+        (
+            Key("bias_mm", -150.0, 150.0, 1e-3, "m", nonzero=True),
+            Key("bias_deg", -40.0, 40.0, DEG, "rad", nonzero=True),
+        ),
+        technologies=_real,
+    ),
+    "jam_solid": Kind("the surface stops where it is", switched=True, exclusive="motion"),
+    "runaway": Kind(
+        "the surface drives off, to its stop or to limit_deg", _runaway, at=("valve", "command"), exclusive="at"
+    ),
+    "loss_of_effectiveness": Kind(
+        "the surface gives only a part of what is commanded", _loss, exclusive="effectiveness"
+    ),
+    "free_float": Kind(
+        "the actuator lets go, the surface trails", technologies=_real, switched=True, exclusive="motion"
+    ),
+    "supply_pressure_drop": Kind("supply pressure falls by a share", _loss, technologies=_hyd, exclusive="supply"),
+    "internal_leakage": Kind(
+        "flow past the piston at supply pressure, share of rated flow",
+        (Key("leakage_pct", 0.0, 100.0, 0.01, "fraction", open_low=True),),
+        technologies=_hyd,
+        exclusive="leakage",
+    ),
+    "air_in_oil": Kind("bulk modulus falls by a share", _loss, technologies=_hyd, exclusive="bulk"),
+    "friction": Kind(
+        "added Coulomb friction, share of the stall force",
+        (Key("friction_pct", 0.0, 100.0, 0.01, "fraction", open_low=True),),
+        technologies=_real,
+        exclusive="friction",
+    ),
+    "backlash": Kind(
+        "play between actuator and surface, full width",
+        (
+            Key("backlash_mm", 0.0, 20.0, 1e-3, "m", open_low=True),
+            Key("backlash_deg", 0.0, 4.0, DEG, "rad", open_low=True),
+        ),
+        technologies=_real,
+        exclusive="backlash",
+    ),
+    "winding_resistance": Kind(
+        "winding resistance rises by a share",
+        (Key("increase_pct", 0.0, 1000.0, 0.01, "fraction", open_low=True),),
+        technologies=_ema,
+        exclusive="winding",
+    ),
+    "magnet_loss": Kind("torque and back-EMF constant fall by a share", _loss, technologies=_ema, exclusive="magnet"),
+    "jam": Kind("the screw seizes, the motor stalls", technologies=_ema, switched=True, exclusive="motion"),
+}
+SURFACE_KINDS = {
+    "jam": Kind("the surface stops where it is", switched=True, exclusive="motion"),
+    "runaway": Kind("the surface drives off, to its stop or to limit_deg", _runaway, exclusive="motion"),
+}
+ENGINE_KINDS = {"thrust_loss": Kind("thrust falls by a share", _loss, exclusive="thrust")}
+OPTIONAL_KEYS = {"runaway": (Key("limit_deg", -30.0, 30.0, DEG, "rad"),)}  # default: the stop on the side of the rate
+
+SENSOR_SUMMARIES = {
+    "bias": "constant error",
+    "drift": "error that grows with time",
+    "scale": "reading times a factor",
+    "freeze": "the last value repeats",
+    "noise": "additional white noise per sample",
+    "oscillation": "sine added to the reading",
+    "dropout": "no valid sample",
+}
+SENSOR_PATHS = ("all", "observers")  # of an aircraft sensor; the first is the default
+PART_PATHS = ("loop", "monitor")  # of an actuator's sensor
+
+
+def sensor_kinds(units):
+    """Return {kind: Kind} for a sensor whose values may be given in `units`."""
+
+    def keys(stem, tail="", signed=True):
+        return tuple(
+            Key(
+                f"{stem}_{u.suffix}{tail}",
+                -u.limit if signed else 0.0,
+                u.limit,
+                u.factor,
+                u.si + ("/s" if tail else ""),
+                open_low=not signed,
+                nonzero=signed,
+            )
+            for u in units
+        )
+
+    text = SENSOR_SUMMARIES
+    return {
+        "bias": Kind(text["bias"], keys("bias")),
+        "drift": Kind(text["drift"], keys("drift", "_s")),
+        "scale": Kind(text["scale"], (Key("scale", -10.0, 10.0),)),
+        "freeze": Kind(text["freeze"], switched=True, exclusive="sample"),
+        "noise": Kind(text["noise"], keys("sigma", signed=False)),
+        "oscillation": Kind(text["oscillation"], keys("amplitude", signed=False), _sine),
+        "dropout": Kind(text["dropout"], switched=True, exclusive="sample"),
+    }
+
+
+ALL_KINDS = tuple(dict.fromkeys([*ELEVATOR_KINDS, *SENSOR_SUMMARIES, *ENGINE_KINDS]))

@@ -1,0 +1,65 @@
+"""Faults that cannot be together, or not on the actuator that flies: refused, never ignored."""
+
+from cosim.scenario import catalog as c
+from cosim.scenario.problem import problem
+
+
+def check(faults, technology):
+    """Raise for the first fault that its actuator cannot have, or that overlaps another in what it takes over."""
+    taken: list = []
+    for i, fault in enumerate(faults):
+        _possible(i, fault, technology)
+        what = fault.spec.exclusive
+        if not what:
+            continue
+        what = fault.at if what == "at" else what
+        for name in fault.parsed.names:
+            for other, claim, index in taken:
+                if claim == (fault.parsed.place, name, fault.parsed.sensor, what) and _overlap(fault, other):
+                    raise problem(
+                        f"{fault.kind} and faults.{index} ({other.kind}) take over {fault.target} at the same time",
+                        key=f"faults.{i}.start_s",
+                        remedy=f"Set faults.{index}.end_s before this start, or remove one",
+                    )
+            taken.append((fault, (fault.parsed.place, name, fault.parsed.sensor, what), i))
+
+
+def _overlap(a, b):
+    def end(f):
+        return float("inf") if f.end_s is None else f.end_s
+
+    return a.start_s < end(b) and b.start_s < end(a)
+
+
+def _possible(i, fault, technology):
+    if fault.parsed.place not in ("elevator", "part_sensor"):
+        return
+    for name in fault.parsed.names:
+        own, where = technology[name], f"elevator.{name} is {_article(technology[name])} actuator"
+        remedy = f'Choose another target, or set elevator.{name} = "{{}}"'
+        if fault.parsed.sensor and fault.parsed.sensor not in c.SENSORS_OF[own]:
+            fits = [t for t in c.TECHNOLOGIES if fault.parsed.sensor in c.SENSORS_OF[t]]
+            raise problem(
+                f"{where} and has no sensor {fault.parsed.sensor!r}",
+                key=f"faults.{i}.target",
+                allowed=", ".join(c.SENSORS_OF[own]) or "none",
+                remedy=remedy.format(fits[0]),
+            )
+        if own not in fault.spec.technologies:
+            fits = fault.spec.technologies
+            raise problem(
+                f"{where}, {fault.kind} is a fault of {' or '.join(_article(t) for t in fits)} one",
+                key=f"faults.{i}.kind",
+                remedy=remedy.format(fits[0]),
+            )
+        if own == "simple" and fault.at in ("valve", "sensor"):
+            raise problem(
+                f"{where}, which has no {fault.at}",
+                key=f"faults.{i}.at",
+                allowed="command",
+                remedy=remedy.format("hydraulic"),
+            )
+
+
+def _article(technology):
+    return {"hydraulic": "a hydraulic", "ema": "an EMA", "simple": "a simple"}[technology]

@@ -1,0 +1,141 @@
+"""Read a scenario: a built-in name or a path, overrides on top; every mistake is a ScenarioError with file and key."""
+
+import tomllib
+from importlib import resources
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from cosim.errors import ScenarioError, did_you_mean
+from cosim.scenario.fault import Fault
+from cosim.scenario.manoeuvre import KINDS
+from cosim.scenario.model import Scenario
+from cosim.scenario.override import apply
+
+LARGEST = 1_000_000  # bytes; a scenario is a page of text, a log of gigabytes is not read to find that out
+DEFAULT = "liquid-ofc"
+
+
+def builtin_names():
+    """Return the names of the built-in scenarios, sorted."""
+    return sorted(
+        p.name[:-5] for p in resources.files("cosim").joinpath("scenarios").iterdir() if p.name.endswith(".toml")
+    )
+
+
+def load_scenario(name_or_path=DEFAULT, overrides=()):
+    """Return the Scenario of a built-in name or a TOML file, `overrides` ("faults.0.frequency_hz=3", ...) on top.
+
+    A name without a dot or a slash that is built in wins over a file. Raises ScenarioError.
+    """
+    place, text = _read(name_or_path)
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ScenarioError(f"not valid TOML: {error}", place=place) from None
+    return parse(apply(table, overrides), place=place)
+
+
+def parse(table, *, place="scenario"):
+    """Return the Scenario of nested dicts; raises ScenarioError that names `place`, key, value and what is allowed."""
+    try:
+        return Scenario.model_validate(table)
+    except ValidationError as error:
+        raise _explain(error, table, place) from None
+
+
+def _read(name_or_path):
+    name = str(name_or_path)
+    builtin = resources.files("cosim").joinpath("scenarios", f"{name}.toml")
+    if "/" not in name and "." not in name and builtin.is_file():
+        return name, builtin.read_text(encoding="utf-8")
+    path = Path(name)
+    try:
+        with path.open("rb") as file:
+            raw = file.read(LARGEST + 1)
+        if len(raw) > LARGEST:
+            raise ScenarioError("too large for a scenario", place=name, allowed="up to 1 MB")
+        return name, raw.decode("utf-8-sig")
+    except FileNotFoundError:
+        near = did_you_mean(name, builtin_names()) or "`cosim list` shows the built-in scenarios"
+        raise ScenarioError("no built-in scenario and no file of this name", place=name, remedy=near) from None
+    except IsADirectoryError:
+        raise ScenarioError("is a folder, not a scenario file", place=name) from None
+    except UnicodeDecodeError as error:
+        raise ScenarioError(f"is not UTF-8 text (byte {error.start})", place=name, remedy="Save it as UTF-8") from None
+    except (OSError, ValueError) as error:
+        raise ScenarioError(f"cannot be read: {getattr(error, 'strerror', None) or error}", place=name) from None
+
+
+def _explain(error, table, place):
+    """Return a ScenarioError for the first mistake; an unknown key comes first, it likely causes the others."""
+    found = sorted(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
+    first, more = found[0], len(found) - 1
+    ctx = first.get("ctx", {})
+    loc = [str(part) for part in first["loc"] if part not in KINDS]
+    model, field = _walk(loc, table)
+    problem, allowed, remedy = first["msg"], "", ""
+    if first["type"] == "cosim":
+        loc += [ctx["key"]] if ctx["key"] else []
+        allowed, remedy = ctx["allowed"], ctx["remedy"]
+    elif first["type"] == "extra_forbidden":
+        known = list(model.model_fields) if model else []
+        problem, allowed, remedy = "unknown key", ", ".join(known), did_you_mean(loc[-1], known)
+    elif first["type"] == "missing":
+        problem, allowed = "is missing", _range(field)
+    elif first["type"] in ("union_tag_invalid", "union_tag_not_found"):
+        loc.append("kind")
+        problem, allowed = "is no manoeuvre" if "tag" in ctx else "is missing", ", ".join(KINDS)
+        remedy = did_you_mean(ctx.get("tag", ""), KINDS)
+    elif first["type"] == "literal_error":
+        problem, allowed = "is not one of the choices", ctx["expected"].replace("'", "").replace(" or ", ", ")
+    else:
+        problem, allowed = problem.removeprefix("Input ").removeprefix("should"), _range(field)
+        problem = "is out of range" if "than" in first["type"] else f"must{problem}"
+    value = "" if first["type"] == "missing" else _value(table, loc)
+    where = ".".join(loc)
+    place = f"{place}: {where}{value}" if where else place
+    if more:
+        remedy = f"{remedy} ({more} more mistake{'s' * (more > 1)} in this file)".strip()
+    return ScenarioError(problem, place=place, allowed=allowed, remedy=remedy)
+
+
+def _value(table, loc):
+    for part in ".".join(loc).split("."):
+        try:
+            table = table[int(part)] if isinstance(table, list) else table[part]
+        except (KeyError, IndexError, ValueError, TypeError):
+            return ""
+    return "" if isinstance(table, dict | list) else f" = {str(table)[:60]}"
+
+
+def _walk(loc, table):
+    """Return (model that holds the last key, its FieldInfo), each may be None, by following `loc` from the root."""
+    model, field = Scenario, None
+    for i, part in enumerate(loc):
+        if model is None:
+            return None, None
+        field = model.model_fields.get(part)
+        if i == len(loc) - 1:
+            return model, field
+        if part == "manoeuvre":
+            model = KINDS.get(table[part].get("kind")) if isinstance(table[part], dict) else None
+        elif part == "faults":
+            return Fault, Fault.model_fields.get(loc[-1])
+        else:
+            model = field.annotation if field and hasattr(field.annotation, "model_fields") else None
+    return model, field
+
+
+def _range(field):
+    """Return the bounds of a numeric field as words, or an empty string."""
+    if field is None:
+        return ""
+    parts = [*field.metadata]
+    for option in getattr(field.annotation, "__args__", ()):
+        parts += [m for meta in getattr(option, "__metadata__", ()) for m in getattr(meta, "metadata", [meta])]
+    bounds = {k: getattr(m, k) for m in parts for k in ("ge", "gt", "le", "lt") if getattr(m, k, None) is not None}
+    if not {"le", "lt"} & bounds.keys():
+        return ""
+    low = f"above {bounds['gt']:g}" if "gt" in bounds else f"{bounds.get('ge', 0):g}"
+    return f"{low} to {bounds.get('le', bounds.get('lt')):g}"

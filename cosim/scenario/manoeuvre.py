@@ -1,0 +1,112 @@
+"""Manoeuvres a scenario can fly, each with its own few numbers."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from cosim.scenario.problem import problem
+
+Start = Annotated[float, Field(ge=0.0, le=36000.0)]
+Length = Annotated[float, Field(gt=0.0, le=3600.0)]
+Stick = Annotated[float, Field(ge=0.1, le=1.0)]
+LoadFactor = Annotated[float, Field(ge=-1.5, le=1.5)]
+
+
+class _Manoeuvre(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class Cruise(_Manoeuvre):
+    """Hold the trimmed flight, hands off."""
+
+    kind: Literal["cruise"] = "cruise"
+
+
+class AoaProtection(_Manoeuvre):
+    """Pull the stick (a share of full travel) and hold it: the angle-of-attack protection takes over."""
+
+    kind: Literal["aoa_protection"]
+    start_s: Start = 5.0
+    duration_s: Length = 20.0
+    stick: Stick = 1.0
+
+
+class NoseUp(_Manoeuvre):
+    """Pull abruptly for a short time."""
+
+    kind: Literal["nose_up"]
+    start_s: Start = 5.0
+    duration_s: Length = 2.0
+    amplitude_g: Annotated[float, Field(ge=0.05, le=1.5)] = 0.5
+
+
+class PitchProtection(_Manoeuvre):
+    """Pull gently for long, until the pitch-attitude protection takes over."""
+
+    kind: Literal["pitch_protection"]
+    start_s: Start = 5.0
+    duration_s: Length = 20.0
+    amplitude_g: Annotated[float, Field(ge=0.05, le=1.0)] = 0.3
+
+
+class CoordinatedTurn(_Manoeuvre):
+    """Bank, hold, and roll out."""
+
+    kind: Literal["coordinated_turn"]
+    start_s: Start = 5.0
+    duration_s: Length = 60.0
+    bank_deg: Annotated[float, Field(ge=-60.0, le=60.0)] = 30.0
+
+
+class YawAngle(_Manoeuvre):
+    """Change the heading by an angle and hold it (heading-hold mode)."""
+
+    kind: Literal["yaw_angle"]
+    start_s: Start = 5.0
+    heading_deg: Annotated[float, Field(ge=-180.0, le=180.0)] = 10.0
+
+
+class NzDoublet(_Manoeuvre):
+    """Demand load factor up and down, each for a width."""
+
+    kind: Literal["nz_doublet"]
+    start_s: Start = 5.0
+    width_s: Length = 3.0
+    amplitude_g: LoadFactor = 0.15
+
+
+class ThreeTwoOneOne(_Manoeuvre):
+    """Alternate pulses of 3, 2, 1 and 1 units, as a load-factor demand or added to the elevator command."""
+
+    kind: Literal["three_two_one_one"]
+    start_s: Start = 5.0
+    unit_s: Length = 1.0
+    amplitude_g: LoadFactor | None = None
+    amplitude_deg: Annotated[float, Field(ge=-15.0, le=15.0)] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_amplitude(cls, raw: Any) -> Any:
+        if isinstance(raw, dict) and raw.get("amplitude_g") is not None and raw.get("amplitude_deg") is not None:
+            raise problem(
+                "amplitude_g and amplitude_deg exclude each other", key="amplitude_deg", remedy="Keep one of them"
+            )
+        if isinstance(raw, dict) and raw.get("amplitude_g") is None and raw.get("amplitude_deg") is None:
+            return {**raw, "amplitude_g": 0.15}  # stays inside the load factor that Alwi14's point C has left
+        return raw
+
+
+KINDS = {
+    "cruise": Cruise,
+    "aoa_protection": AoaProtection,
+    "nose_up": NoseUp,
+    "pitch_protection": PitchProtection,
+    "coordinated_turn": CoordinatedTurn,
+    "yaw_angle": YawAngle,
+    "nz_doublet": NzDoublet,
+    "three_two_one_one": ThreeTwoOneOne,
+}
+Manoeuvre = Annotated[
+    Cruise | AoaProtection | NoseUp | PitchProtection | CoordinatedTurn | YawAngle | NzDoublet | ThreeTwoOneOne,
+    Field(discriminator="kind"),
+]

@@ -1,0 +1,236 @@
+"""The scenario: a frozen tree of tables. Feet, knots, tonnes and degrees end here; properties without a unit are SI."""
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from cosim.errors import did_you_mean
+from cosim.scenario import catalog as c
+from cosim.scenario import conflict, toml
+from cosim.scenario.fault import Fault
+from cosim.scenario.manoeuvre import Cruise, Manoeuvre
+from cosim.scenario.problem import choice, problem
+
+Technology = Literal["hydraulic", "ema", "simple"]
+Feedback = Literal["measured", "iotsekf", "rtsekf", "rtsekf_flight"]
+Multiplier = Annotated[float, Field(ge=0.2, le=5.0)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class Flight(_Table):
+    """The point at which the aircraft is trimmed, and the air it flies through."""
+
+    mass_t: Annotated[float, Field(ge=180.0, le=410.0)]
+    cg_pct: Annotated[float, Field(ge=20.0, le=40.0)]
+    altitude_ft: Annotated[float, Field(ge=0.0, le=45000.0)]
+    cas_kt: Annotated[float, Field(ge=100.0, le=400.0)] | None = None
+    mach: Annotated[float, Field(ge=0.15, le=0.95)] | None = None
+    tas_kt: Annotated[float, Field(ge=100.0, le=560.0)] | None = None
+    turbulence: Literal["none", "light", "moderate", "severe"] = "none"
+
+    @model_validator(mode="after")
+    def _one_speed(self):
+        given = [k for k in ("cas_kt", "mach", "tas_kt") if getattr(self, k) is not None]
+        if len(given) != 1:
+            said = f"{' and '.join(given)} are both given" if given else "no speed is given"
+            raise problem(said, key=given[1] if given else "cas_kt", allowed="exactly one of cas_kt, mach, tas_kt")
+        return self
+
+    @property
+    def mass(self):
+        """Return the mass [kg]."""
+        return self.mass_t * 1000.0
+
+    @property
+    def cg(self):
+        """Return the centre of gravity as a fraction of the mean aerodynamic chord."""
+        return self.cg_pct / 100.0
+
+    @property
+    def altitude(self):
+        """Return the altitude [m]."""
+        return self.altitude_ft * c.FT
+
+    @property
+    def speed(self):
+        """Return (kind, value): ("cas" or "tas", m/s) or ("mach", -)."""
+        if self.mach is not None:
+            return "mach", self.mach
+        kind, knots = ("cas", self.cas_kt) if self.cas_kt is not None else ("tas", self.tas_kt)
+        return kind, knots * c.KT
+
+
+class Feedbacks(_Table):
+    """What each segment's servo loop closes on."""
+
+    left_outer: Feedback = "measured"
+    left_inner: Feedback = "measured"
+    right_inner: Feedback = "measured"
+    right_outer: Feedback = "measured"
+
+
+class Elevator(_Table):
+    """The four elevator segments: actuator technology, servo feedback, hinge moment."""
+
+    left_outer: Technology = "hydraulic"
+    left_inner: Technology = "hydraulic"
+    right_inner: Technology = "ema"
+    right_outer: Technology = "ema"
+    feedback: Feedbacks = Feedbacks()
+    reconfigure: bool = False  # on a sensor verdict the loop closes on the healthy estimate
+    hinge_delta_per_rad: Annotated[float, Field(ge=-1.0, le=0.0)] = -0.17  # C_h_delta of a segment (DESIGN section 3)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_word_for_all(cls, raw: Any) -> Any:
+        if isinstance(raw, dict) and isinstance(raw.get("feedback"), str):
+            if raw["feedback"] not in c.FEEDBACKS:
+                raise choice(raw["feedback"], c.FEEDBACKS, "feedback", key="feedback")
+            return {**raw, "feedback": dict.fromkeys(c.SEGMENTS, raw["feedback"])}
+        return raw
+
+    @property
+    def technology(self):
+        """Return {segment: technology} in the order of the segments."""
+        return {name: getattr(self, name) for name in c.SEGMENTS}
+
+
+@dataclass(frozen=True)
+class SensorSetting:
+    """A sensor's own deviations from its set, SI; None means as in the set. `scale` is the error (0 is exact)."""
+
+    sigma: float | None = None
+    bias: float | None = None
+    scale: float | None = None
+    delay: float | None = None
+    quantum: float | None = None
+
+
+class Sensors(_Table):
+    """The sensor set, and a table per sensor that deviates from it."""
+
+    model_config = ConfigDict(frozen=True, extra="allow", strict=True, allow_inf_nan=False)
+    __pydantic_extra__: dict[str, dict[str, float]]
+
+    set: Literal["transport"] = "transport"
+    noise_scale: Annotated[float, Field(ge=0.0, le=100.0)] = 1.0
+
+    @model_validator(mode="after")
+    def _known(self):
+        units = {**c.SENSORS, **c.PART_SENSORS}
+        for name, table in (self.model_extra or {}).items():
+            if name not in units:
+                raise choice(name, units, "sensor", key=name)
+            keys = _sensor_keys(units[name])
+            for key, value in table.items():
+                if key not in keys:
+                    raise problem(
+                        "unknown key", key=f"{name}.{key}", allowed=", ".join(keys), remedy=did_you_mean(key, keys)
+                    )
+                if not keys[key].accepts(value):
+                    raise problem("is out of range", key=f"{name}.{key}", allowed=keys[key].range)
+        return self
+
+    def setting(self, name):
+        """Return the SensorSetting of sensor `name`; a value given as a share ("of supply", ...) stays that share."""
+        table = (self.model_extra or {}).get(name, {})
+        keys = _sensor_keys({**c.SENSORS, **c.PART_SENSORS}[name])
+        values = {k.split("_")[0]: v * keys[k].factor for k, v in table.items()}
+        if "scale" in values:
+            values["scale"] -= 1.0
+        return SensorSetting(**values)
+
+
+def _sensor_keys(units):
+    keys = [c.Key("scale", 0.5, 2.0), c.Key("delay_s", 0.0, 0.15, 1.0, "s")]
+    for u in units:
+        keys += [
+            c.Key(f"sigma_{u.suffix}", 0.0, u.limit, u.factor, u.si),
+            c.Key(f"bias_{u.suffix}", -u.limit, u.limit, u.factor, u.si),
+            c.Key(f"quantum_{u.suffix}", 0.0, u.limit, u.factor, u.si),
+        ]
+    return {k.name: k for k in keys}
+
+
+class Tolerances(_Table):
+    """Multipliers of what flies against its nominal value: aerodynamic coefficients, actuator parameters."""
+
+    aero: dict[str, Multiplier] = {}
+    hydraulic: dict[str, Multiplier] = {}
+    ema: dict[str, Multiplier] = {}
+
+
+class Detectors(_Table):
+    """The detectors that run, and a table of parameters for each."""
+
+    model_config = ConfigDict(frozen=True, extra="allow", strict=True, allow_inf_nan=False)
+    __pydantic_extra__: dict[str, dict[str, float | str | bool]]
+
+    enabled: Annotated[tuple[str, ...], Field(strict=False)] = tuple(c.DETECTORS)
+
+    @model_validator(mode="after")
+    def _known(self):
+        for i, name in enumerate(self.enabled):
+            if name not in c.DETECTORS:
+                raise choice(name, c.DETECTORS, "detector", key=f"enabled.{i}")
+            if name in self.enabled[:i]:
+                raise problem(f"{name!r} is listed twice", key=f"enabled.{i}", remedy="Remove one")
+        for name in self.model_extra or {}:
+            if name not in c.DETECTORS:
+                raise choice(name, ("enabled", *c.DETECTORS), "detector", key=name)
+        return self
+
+    def table(self, name):
+        """Return {parameter: value} of detector `name` as written."""
+        return dict((self.model_extra or {}).get(name, {}))
+
+
+class Scenario(_Table):
+    """A flight: where, with what, doing what, and what goes wrong."""
+
+    title: str = ""
+    duration_s: Annotated[float, Field(gt=0.0, le=36000.0)] = 30.0
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = 1
+    rate_hz: Annotated[int, Field(ge=50, le=2000)] = 200
+    flight: Flight
+    manoeuvre: Manoeuvre = Cruise()
+    elevator: Elevator = Elevator()
+    sensors: Sensors = Sensors()
+    tolerances: Tolerances = Tolerances()
+    faults: Annotated[tuple[Fault, ...], Field(strict=False)] = ()
+    detectors: Detectors = Detectors()
+
+    @model_validator(mode="after")
+    def _together(self):
+        conflict.check(self.faults, self.elevator.technology)
+        return self
+
+    @property
+    def dt(self):
+        """Return the tick [s]."""
+        return 1.0 / self.rate_hz
+
+    @property
+    def ticks(self):
+        """Return the number of ticks."""
+        return round(self.duration_s * self.rate_hz)
+
+    def injections(self):
+        """Return the faults as a flat tuple of Injection: one per fault and member of its target, SI."""
+        return tuple(j for i, f in enumerate(self.faults) for j in f.injections(i, self.elevator.technology))
+
+    def warnings(self):
+        """Return lines about what is legal and probably not meant."""
+        late = [(i, f) for i, f in enumerate(self.faults) if f.start_s >= self.duration_s]
+        return [
+            f"faults.{i} ({f.kind}) starts at {f.start_s:g} s, after the flight's end at {self.duration_s:g} s"
+            for i, f in late
+        ]
+
+    def expanded_toml(self):
+        """Return the whole scenario with every default as TOML; loading it gives an equal scenario."""
+        return toml.dumps(self.model_dump(mode="python", exclude_none=True))

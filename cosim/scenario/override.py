@@ -1,0 +1,93 @@
+"""`--set key=value`: the keys of the file, lists by index, applied in order on a copy of the file's tables.
+
+The index after the last one appends. What excludes another key replaces it: a speed, an amplitude, a bias in another
+unit. A new `kind` of manoeuvre or fault drops the numbers that belonged to the old one.
+"""
+
+import copy
+import tomllib
+
+from cosim.errors import ScenarioError
+from cosim.scenario import catalog as c
+from cosim.scenario.manoeuvre import KINDS
+
+LISTS = ("faults",)
+SPEEDS = ("cas_kt", "mach", "tas_kt")
+KEPT = ("target", "kind", "start_s", "end_s", "ramp_s", "path")
+
+
+def apply(table, overrides):
+    """Return a copy of `table` with every "key=value" applied; raises ScenarioError that names the override."""
+    out = copy.deepcopy(table)
+    for text in overrides:
+        key, equals, value = text.partition("=")
+        key = key.strip()
+        if not equals or not key or not all(key.split(".")):
+            raise ScenarioError(
+                "is not of the form key=value", place=f"--set {text}", remedy="Example: --set faults.0.frequency_hz=3"
+            )
+        _assign(out, key.split("."), _parse(value.strip()), f"--set {text}")
+    return out
+
+
+def _parse(value):
+    """Return a TOML value; what is none is a string, so that words need no quotes."""
+    try:
+        parsed = tomllib.loads(f"x = {value}")
+    except tomllib.TOMLDecodeError:
+        return value
+    return parsed["x"] if len(parsed) == 1 else value
+
+
+def _assign(table, path, value, place):
+    node = table
+    for i, part in enumerate(path[:-1]):
+        here = ".".join(path[: i + 1])
+        if isinstance(node, list):
+            node = _item(node, part, here, place)
+        else:
+            new: list | dict = [] if part in LISTS and node is table else {}
+            node = node.setdefault(part, new)
+        if isinstance(node, str) and here == "elevator.feedback":  # one word for all becomes a table of four
+            node = table["elevator"]["feedback"] = dict.fromkeys(c.SEGMENTS, node)
+        if not isinstance(node, dict | list):
+            raise ScenarioError(f"{here} is a value, it has no key {path[i + 1]!r}", place=place)
+    key = path[-1]
+    if isinstance(node, list):
+        _item(node, key, ".".join(path), place, value)
+        return
+    _make_room(node, path, key, value)
+    node[key] = value
+
+
+def _item(items, index, here, place, value=None):
+    """Return items[index], appended as a table when it is the next one; sets it when `value` is given."""
+    if not index.isdigit() or int(index) > len(items):
+        raise ScenarioError(
+            f"{here} is not in the list", place=place, allowed=f"index 0 to {len(items)} ({len(items)} appends)"
+        )
+    if int(index) == len(items):
+        items.append({})
+    if value is not None:
+        items[int(index)] = value
+    return items[int(index)]
+
+
+def _make_room(node, path, key, value):
+    """Drop from `node` what `key` replaces."""
+    gone: set = set()
+    if path[:-1] == ["flight"] and key in SPEEDS:
+        gone = set(SPEEDS)
+    elif path[:-1] == ["manoeuvre"] and key == "kind" and value != node.get("kind"):
+        fields = KINDS[value].model_fields if value in KINDS else {}
+        gone = {k for k in node if k not in fields or k not in ("start_s", "duration_s")}
+    elif path[:-1] == ["manoeuvre"] and key.startswith("amplitude_"):
+        gone = {k for k in node if k.startswith("amplitude_")}
+    elif len(path) == 3 and path[0] == "faults":
+        stem = key.split("_")[0]
+        if key == "kind" and value != node.get("kind"):
+            gone = set(node) - set(KEPT)
+        elif stem in ("amplitude", "bias", "drift", "sigma", "backlash"):
+            gone = {k for k in node if k.split("_")[0] == stem}
+    for k in gone - {key}:
+        node.pop(k, None)

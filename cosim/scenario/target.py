@@ -1,0 +1,63 @@
+"""The words that name a part: `elevator.left_inner`, `elevator.right.position`, `rudder`, `engine.2`, `sensor.alpha`."""
+
+from dataclasses import dataclass
+
+from cosim.errors import did_you_mean
+from cosim.scenario import catalog as c
+from cosim.scenario.problem import choice, problem
+
+
+@dataclass(frozen=True)
+class Target:
+    """What a fault acts on: `place` elevator, part_sensor, surface, engine or sensor; `names` of a group's members."""
+
+    place: str
+    names: tuple[str, ...]
+    sensor: str = ""
+
+    @property
+    def kinds(self):
+        """Return {kind: Kind} that this place can have."""
+        if self.place == "part_sensor":
+            kinds = c.sensor_kinds(c.PART_SENSORS[self.sensor])
+            if self.sensor in c.LOOP_SENSOR.values():
+                kinds["jam_liquid"] = c.ELEVATOR_KINDS["jam_liquid"]
+            return kinds
+        if self.place == "sensor":
+            return c.sensor_kinds(c.SENSORS[self.sensor])
+        return {"elevator": c.ELEVATOR_KINDS, "surface": c.SURFACE_KINDS, "engine": c.ENGINE_KINDS}[self.place]
+
+
+def parse_target(text):
+    """Return the Target that `text` names; an unknown part raises the error that lists what there is."""
+    head, _, rest = text.partition(".")
+    if head == "elevator":
+        part, _, sensor = rest.partition(".")
+        if part not in c.SEGMENTS and part not in c.GROUPS:
+            raise choice(
+                text, [f"elevator.{n}" for n in (*c.SEGMENTS, *c.GROUPS)], "part of this aircraft", key="target"
+            )
+        if sensor and sensor not in c.PART_SENSORS:
+            raise choice(text, [f"elevator.{part}.{s}" for s in c.PART_SENSORS], "sensor of an actuator", key="target")
+        return Target("part_sensor" if sensor else "elevator", c.GROUPS.get(part, (part,)), sensor)
+    if text in c.SURFACES:
+        return Target("surface", (text,))
+    if head == "engine":
+        if rest not in (*c.ENGINES, "all"):
+            raise choice(text, [f"engine.{n}" for n in (*c.ENGINES, "all")], "engine of this aircraft", key="target")
+        return Target("engine", c.ENGINES if rest == "all" else (rest,))
+    if head == "sensor":
+        if rest not in c.SENSORS:
+            raise choice(text, [f"sensor.{n}" for n in c.SENSORS], "sensor of this aircraft", key="target")
+        return Target("sensor", (rest,), rest)
+    near = did_you_mean(
+        text, [*c.SURFACES, *(f"elevator.{n}" for n in (*c.SEGMENTS, *c.GROUPS)), *(f"sensor.{n}" for n in c.SENSORS)]
+    )
+    raise problem(
+        f"{text!r} is no part of this aircraft",
+        key="target",
+        remedy=near or "`cosim list` shows every target",
+        allowed="elevator.<segment or group>[.<sensor>], "
+        + ", ".join(c.SURFACES)
+        + ", engine.1 to engine.4, engine.all, sensor.<name>",
+    )

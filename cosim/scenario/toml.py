@@ -1,0 +1,45 @@
+"""Write TOML (the standard library only reads it): scalars and lists of them, tables and lists of them."""
+
+import re
+
+
+def dumps(table, path=()):
+    """Return `table` (nested dicts, lists, str, bool, int, float) as TOML text in its order; None is left out."""
+    lines, below = [], []
+    for key, value in table.items():
+        name = (*path, key)
+        if isinstance(value, dict):
+            below.append(_heading(name, value))
+        elif isinstance(value, list | tuple) and value and isinstance(value[0], dict):
+            below += [f"\n[[{_dotted(name)}]]\n{dumps(item, name)}" for item in value]
+        elif value is not None:
+            lines.append(f"{_key(key)} = {_value(value)}\n")
+    return "".join(lines + below)
+
+
+def _heading(name, value):
+    body = dumps(value, name)
+    return f"\n[{_dotted(name)}]\n{body}" if body == "" or not body.startswith("\n") else body
+
+
+def _dotted(name):
+    return ".".join(map(_key, name))
+
+
+def _key(key):
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _text(key)
+
+
+def _text(text):
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + re.sub(r"[\x00-\x1f\x7f]", lambda m: f"\\u{ord(m[0]):04x}", escaped) + '"'
+
+
+def _value(value):
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, str):
+        return _text(value)
+    return "[" + ", ".join(map(_value, value)) + "]"
