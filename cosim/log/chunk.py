@@ -88,22 +88,28 @@ class Plan:
         self.size = size
         self._base, self._index = np.concatenate(base), np.concatenate(index)
         self._starts, self._ticks, self._slots = np.concatenate(starts), np.concatenate(ticks), np.concatenate(slots)
-        self._fixed = None
+        self._content, self._fixed = self._base, None
 
-    def template(self, k0):
-        """Return the content (uint8) of the ticks from k0 with every value zero."""
-        content = self._base.copy()
-        times = (self._ticks + k0) * self.dt_ns
-        _anywhere(content, "<u4")[self._starts + 11] = self._ticks + k0  # sequence = tick
+    def template(self, k0, tail=b""):
+        """Return the content (uint8) of the ticks from k0 followed by `tail`; values are those of the call before.
+
+        The array is the plan's own and lasts until the next call: fresh memory would cost more than filling it.
+        """
+        if self._content.size < self.size + len(tail):
+            self._content = np.concatenate([self._content[: self.size], np.zeros(2 * len(tail), "u1")])
+        content = self._content[: self.size + len(tail)]
+        content[self.size :] = np.frombuffer(tail, "u1")
+        ticks = self._ticks + k0
+        _anywhere(content, "<u4")[self._starts + 11] = ticks  # sequence = tick
+        times = ticks * self.dt_ns
         for offset in (15, 23):  # log time = publish time = simulated time [ns]
             _anywhere(content, "<u8")[self._starts + offset] = times
         return content
 
     def index(self, k0):
-        """Return the MessageIndex records (uint8) of the ticks from k0."""
-        index = self._index.copy()
-        _anywhere(index, "<u8")[self._slots] = (self._ticks + k0) * self.dt_ns
-        return index
+        """Return the MessageIndex records (bytes) of the ticks from k0."""
+        _anywhere(self._index, "<u8")[self._slots] = (self._ticks + k0) * self.dt_ns
+        return self._index.tobytes()
 
     def values(self, content, number):
         """Yield (slice of fields, (row, field) view of float64) of topic `number` in `content`."""
@@ -119,8 +125,10 @@ class Plan:
             for number in self.blocks:
                 for _, view in self.values(self._fixed, number):
                     view[:] = 0.0
-        wrong = (content[: self.size] & self._fixed) != self.template(k0)
-        return int(wrong.argmax()) if wrong.any() else None
+            self._masked = np.empty(self.size, "u1")
+        np.bitwise_and(content[: self.size], self._fixed, out=self._masked)
+        expected = self.template(k0)[: self.size]
+        return None if np.array_equal(self._masked, expected) else int((self._masked != expected).argmax())
 
 
 def _anywhere(content, kind):

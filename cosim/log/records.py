@@ -55,16 +55,16 @@ def closing(offset, crc, schemas, channels, chunks, attachments, metadata):
     return end + summary + builder.end() + MAGIC
 
 
-def pack_chunk(layout, raw, k0, n, tail, compress, compression, offset):
-    """Return (bytes, ChunkRef) of a chunk and its message indexes; `tail` is {channel id: [(time, offset), ...]}."""
-    data = compress(raw)
+def pack_chunk(layout, content, data, compression, k0, n, tail, offset):
+    """Return (list of bytes, ChunkRef) of the chunk record at `offset` and its message indexes.
+
+    `data` is the compressed `content` of the ticks k0 <= k < k0 + n; `tail` is {channel id: [(time, offset), ...]}.
+    """
     builder = RecordBuilder()
-    start, end = k0 * layout.dt_ns, (k0 + n - 1) * layout.dt_ns
-    crc = zlib.crc32(raw)
-    head = _chunk_head(start, end, len(raw), crc, compression, len(data))
-    plan = layout.plan(k0, n)
-    index = plan.index(k0).tobytes()
-    length = len(head) + len(data)
+    start, end, size, crc = k0 * layout.dt_ns, (k0 + n - 1) * layout.dt_ns, len(content), zlib.crc32(content)
+    head = _chunk_head(start, end, size, crc, compression, len(data))
+    plan, length = layout.plan(k0, n), len(head) + len(data)
+    index = plan.index(k0)
     offsets = {channel: offset + length + at for channel, at in plan.index_offsets.items()}
     for channel, entries in tail.items():
         offsets[channel] = offset + length + len(index) + builder.count
@@ -72,8 +72,8 @@ def pack_chunk(layout, raw, k0, n, tail, compress, compression, offset):
     index += builder.end()
     counts = {**layout.counts(k0, n)[0], **{channel: len(entries) for channel, entries in tail.items()}}
     place = offset, length, offset + len(head), len(data)
-    ref = ChunkRef(*place, compression, len(raw), crc, start, end, offsets, counts, len(index))
-    return head + data + index, ref
+    ref = ChunkRef(*place, compression, size, crc, start, end, offsets, counts, len(index))
+    return [head, data, index], ref
 
 
 def _chunk_head(start, end, size, crc, compression, data_size):

@@ -15,6 +15,9 @@ from .chunk import Layout
 from .format import LIBRARY, LogError, channel_metadata, log_error, schema_data, schema_name
 from .records import MAGIC, closing, pack_chunk
 
+# of zstd, measured on 100 ticks of 300 noisy values: level 1 takes 7.6 us a tick and leaves 76 %, -5 2.2 us and 82 %
+# (lz4 3.6 us and 87 %)
+LEVEL = -5
 RESERVED = ("log", "result", "early_events", "recovered")
 
 
@@ -23,6 +26,7 @@ class LogWriter:
 
     `topics` are the sampled channels (at least one of them at every tick), `n_values` the length of the tick vector,
     `dt_ns` the tick [ns], `metadata` {name: {str: str}} and `attachments` {name: (media type, bytes)} go in first.
+    `level` is that of zstd, 0 for none.
     Leaving the context without `close(result=...)`, as Ctrl-C does, gives a readable log that counts as incomplete.
     Raises ValueError for topics that do not fit together, LogError when the file cannot be written.
     """
@@ -37,7 +41,7 @@ class LogWriter:
         metadata=None,
         attachments=None,
         rows_per_chunk=100,
-        level=1,
+        level=LEVEL,
         pose=None,
     ):
         self.path, self.dt_ns = os.fspath(path), int(dt_ns)
@@ -128,7 +132,8 @@ class LogWriter:
             return
         k0, n = self._k0, self._n
         plan = self._layout.plan(k0, n)
-        content, hashes = plan.template(k0), []
+        tail, entries, later = self._tail(plan, k0, n)
+        content, hashes = plan.template(k0, tail), []
         for number, index in enumerate(self._index):
             hashes.append(self._hashes[number].copy())
             if number in plan.blocks:
@@ -136,21 +141,16 @@ class LogWriter:
                 hashes[-1].update(rows)
                 for fields, view in plan.values(content, number):
                     view[:] = rows[:, fields]
-        tail, later = self._tail(k0, n)
-        builder, entries = RecordBuilder(), {}
-        for k, channel, data in tail:
-            entries.setdefault(channel, []).append((k * self.dt_ns, plan.size + builder.count))
-            Message(
-                channel_id=channel, log_time=k * self.dt_ns, data=data, publish_time=k * self.dt_ns, sequence=k
-            ).write(builder)
-        raw = content.tobytes() + builder.end()
-        blob, ref = pack_chunk(self._layout, raw, k0, n, entries, self._compress, self._compression, self._offset)
-        crc = zlib.crc32(blob, self._crc)
-        self._write(blob)
+        data = self._compress(content)
+        blobs, ref = pack_chunk(self._layout, content, data, self._compression, k0, n, entries, self._offset)
+        crc = self._crc
+        for blob in blobs:
+            crc = zlib.crc32(blob, crc)
+            self._write(blob)
         self._chunks.append(ref)
         # Ctrl-C strikes only at calls and jumps back, so these plain assignments happen all or not at all
         self._offset, self._crc, self._hashes, self._pending, self._k0, self._n = (
-            ref.offset + len(blob),
+            ref.offset + ref.length + ref.index_length,
             crc,
             hashes,
             later,
@@ -158,14 +158,22 @@ class LogWriter:
             0,
         )
 
-    def _tail(self, k0, n):
-        """Return the irregular messages of this chunk, their ticks kept inside it, and those of later ticks."""
+    def _tail(self, plan, k0, n):
+        """Return the irregular messages of this chunk as (bytes, index entries), and those of later ticks.
+
+        Their log times are kept inside the chunk, so that chunks never overlap; the messages hold their own times.
+        """
         last = k0 + n - 1
         tail = [(max(k, k0), c, data) for k, c, data in self._pending if k <= last]
         if self._pose is not None:
             poses = self._pose.messages(self._buffer[:n], k0, self.dt_ns)
             tail += [(k, self._ids[name], data) for k, name, data in poses]
-        return sorted(tail, key=lambda m: m[0]), [m for m in self._pending if m[0] > last]
+        builder, entries = RecordBuilder(), {}
+        for k, channel, data in sorted(tail, key=lambda m: m[0]):
+            ns = k * self.dt_ns
+            entries.setdefault(channel, []).append((ns, plan.size + builder.count))
+            Message(channel_id=channel, log_time=ns, data=data, publish_time=ns, sequence=k).write(builder)
+        return builder.end(), entries, [m for m in self._pending if m[0] > last]
 
     def close(self, result=None):
         """Write what is buffered, the result with a hash per topic, and the summary; without a result: incomplete.
@@ -200,6 +208,8 @@ class LogWriter:
             self.close()
 
     def _write_metadata(self, name, texts):
+        if not all(isinstance(text, str) for pair in texts.items() for text in pair):
+            raise ValueError(f"metadata {name!r}: keys and values must be str")
         at, record = self._offset, Metadata(name=name, metadata=dict(texts))
         blob = _encode(record)
         self._put(blob)
