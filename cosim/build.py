@@ -1,0 +1,253 @@
+"""Build a flight from its scenario: trim the aircraft, lay out the bus, put every block into equilibrium, wire them."""
+
+import io
+import json
+import math
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from actuators.block import dtype
+from cosim import detectors, faults, inject, law, manoeuvre, parts, sensors, wiring
+from cosim.bus import Bus
+from cosim.linearize import linearize_plant
+from cosim.log import LogWriter, Topic
+from cosim.pilot import steps
+from cosim.plant import SURFACES, TRUTH, Flight, Plant
+from cosim.result import Watch
+from cosim.tick import Block, Loop
+
+CLOCK = dtype([("t", "f8")])
+SURFACE = dtype([(name, "f8") for name in SURFACES])
+NOISE_BLOCK = 1000  # ticks of noise drawn at once
+SNAPSHOT_S = 1.0    # hidden detector states are logged that often
+
+
+@dataclass
+class Setup:
+    """A flight ready to fly, and what its log and its result need."""
+
+    scenario: object
+    loop: Loop
+    trim: object
+    lanes: list                 # fault lanes
+    members: list               # (id, level, target, culprits, section, lane) of every detector lane
+    history_index: np.ndarray
+    step_us: dict = field(default_factory=dict)
+
+    @property
+    def ticks(self):
+        return self.scenario.ticks
+
+    @property
+    def judged_faults(self):
+        """Return the faults as `result.judge` wants them."""
+        out = []
+        for i, f in enumerate(self.scenario.faults):
+            mine = [j for j in self.scenario.injections() if j.fault == i]
+            names = tuple(f"elevator.{j.name}" + (f".{j.sensor}" if j.place == "part_sensor" else "") if j.place in ("elevator", "part_sensor")
+                          else f.target for j in mine)
+            out.append({"targets": names, "start_s": f.start_s, "end_s": mine[0].end, "period_s": f.period_s or math.nan})
+        return out
+
+    def watches(self):
+        """Return the Watch of every detector lane, in the order of the history's columns."""
+        out = []
+        for i, (name, level, target, culprits, _, _) in enumerate(self.members):
+            out.append(Watch(name, level, target, culprits, 3 * i, 3 * i + 1, 3 * i + 2, None, self.step_us.get(name, math.nan)))
+        return out
+
+    def time_detectors(self, repeats=200):
+        """Measure each detector's cost per step and lane, on copies: a flight's own numbers stay untouched."""
+        for d in self.loop.detectors:
+            x, u = d.x.copy(), d.u.copy()
+            log = np.zeros((len(x), 1), d.module.STATE)
+            best = math.inf
+            for _ in range(3):
+                begin = time.perf_counter()
+                for _ in range(repeats):
+                    d.module.rollout(x, u, d.p, self.loop.dt * d.every, log)
+                best = min(best, time.perf_counter() - begin)
+            self.step_us[d.name] = best / repeats / len(x) * 1e6
+
+    def achieved(self, history):
+        return {}
+
+    def topics(self):
+        """Return the log's topics: everything of a tick, under names that a reader understands."""
+        bus, out = self.loop.bus, []
+
+        def add(name, columns, group, every=1):
+            if columns:
+                out.append(Topic(name=name, fields=tuple(_field(c) for c, _ in columns), units=("",) * len(columns),
+                                 index=np.array([i for _, i in columns]), every=every, group=group, description=""))
+
+        add("/truth/aircraft", bus.columns("truth", "aircraft"), "truth")
+        add("/surfaces/aircraft", bus.columns("surfaces", "aircraft"), "truth")
+        for copy, field_y, field_valid in (("law", "y", "valid"), ("observers", "y_obs", "valid_obs")):
+            add(f"/sensors/{copy}/aircraft", [(n + tail, bus.index(f"sensors.{n}.{f}")) for tail, f in (("", field_y), ("_valid", field_valid))
+                                              for n in sensors.TRANSPORT], "sensors")
+            for seg in wiring.SEGMENTS:
+                names = wiring.PART_SENSORS[self.scenario.elevator.technology[seg]]
+                add(f"/sensors/{copy}/{seg}", [(n + tail, bus.index(f"sensors.{seg}_{n}.{f}")) for tail, f in
+                                               (("", field_y), ("_valid", field_valid)) for n in names], "sensors")
+        add("/noise", [(lane, bus.index(f"sensors_in.{lane}.noise")) for lane in bus.lanes["sensors"]], "sensors")
+        add("/pilot", bus.columns("pilot", "pilot"), "law")
+        add("/law", bus.columns("law", "law", law.OUTPUTS), "law")
+        for b in (*self.loop.servos, *self.loop.actuators):
+            for lane in bus.lanes[b.name]:
+                add(f"/actuators/{lane}/{b.name}", bus.columns(b.name, lane, b.module.OUTPUTS), "actuators")
+                add(f"/actuators/{lane}/{b.name}_in", bus.columns(b.name + "_in", lane), "actuators")
+        for lane in self.lanes:
+            add(f"/faults/f{lane.name}", bus.columns("faults", lane.name, faults.OUTPUTS), "faults")
+        for d in self.loop.detectors:
+            for lane in bus.lanes[d.name]:
+                add(f"/detectors/{d.name}/{lane}", bus.columns(d.name, lane, d.module.OUTPUTS), "detectors", d.every)
+                hidden = [n for n in d.module.STATE.names if n not in d.module.OUTPUTS]
+                every = max(1, round(SNAPSHOT_S / self.loop.dt / d.every)) * d.every
+                add(f"/state/{d.name}/{lane}", bus.columns(d.name, lane, hidden), "snapshot", every)
+        return out
+
+    def open_log(self, path):
+        """Open the log at `path` and write what does not change: scenario, parameters, wiring."""
+        import cosim
+
+        loop = self.loop
+        blocks = [loop.sensors, loop.pilot, loop.law, *loop.detectors, *loop.servos, *loop.actuators]
+        attachments = {"scenario.toml": ("application/toml", self.scenario.expanded_toml().encode()),
+                       "detectors.json": ("application/json", json.dumps(detectors.manifest(self), indent=1, sort_keys=True).encode())}
+        for b in blocks:
+            attachments[f"{b.name}.params.npy"] = ("application/x-npy", _npy(b.p))
+            attachments[f"{b.name}.initial.npy"] = ("application/x-npy", _npy(b.x))
+        metadata = {"run": {"title": self.scenario.title, "software": f"cosim {cosim.__version__}", "rate_hz": str(self.scenario.rate_hz),
+                            "seed": str(self.scenario.seed), "ticks": str(self.ticks)},
+                    "trim": {k: repr(float(v)) for k, v in self.trim.items()},
+                    "libraries": {"jsbsim": _version("jsbsim"), "numpy": np.__version__, "numba": _version("numba")}}
+        return LogWriter(path, self.topics(), n_values=len(loop.v), dt_ns=round(loop.dt * 1e9), metadata=metadata, attachments=attachments)
+
+    def log_result(self, result):
+        """Return the result's texts for the log: nothing in them depends on the machine's clock."""
+        kept = [{k: v for k, v in d.items() if k != "step_us"} for d in result.to_dict()["detectors"]]
+        return {"status": result.status, "reason": result.reason, "sim_time_s": repr(result.sim_time_s), "detectors": json.dumps(kept, sort_keys=True)}
+
+
+def _npy(array):
+    out = io.BytesIO()
+    np.save(out, array, allow_pickle=False)
+    return out.getvalue()
+
+
+def _version(name):
+    from importlib.metadata import version
+
+    return version(name)
+
+
+def _field(name):
+    """Return a column's name as a log field: x_hat[2] is x_hat_2."""
+    return name.replace("[", "_").replace("]", "")
+
+
+def _sensor_lanes(scenario, rng, dt):
+    """Return (lane names, PARAMS) of all sensors; constant errors of the actuators' sensors are drawn once, from `rng`."""
+    scale, root = scenario.sensors.noise_scale, math.sqrt(0.005 / dt)  # sigma is per 5 ms sample
+    names, rows = [], []
+
+    def add(lane, base, sigma, delay, bias=0.0):
+        s = scenario.sensors.setting(base)
+        sigma = scale * root * sigma if s.sigma is None else s.sigma
+        p = np.zeros(1, sensors.PARAMS)
+        p["sigma"], p["bias"], p["scale"] = sigma, bias if s.bias is None else s.bias, s.scale or 0.0
+        p["delay"] = round((delay if s.delay is None else s.delay) / dt)
+        p["quantum"] = s.quantum or 0.0
+        names.append(lane)
+        rows.append(p)
+
+    for name, (_, sigma, delay, _) in sensors.TRANSPORT.items():
+        add(name, name, sigma, delay)
+    for seg, tech in scenario.elevator.technology.items():
+        for name in wiring.PART_SENSORS[tech]:
+            sigma, spread = sensors.PARTS[name]
+            add(f"{seg}_{name}", name, sigma, 0.005, bias=scale * spread * rng.uniform(-1.0, 1.0))
+    return tuple(names), np.concatenate(rows)
+
+
+class Draw:
+    """Draw standard normal noise in blocks of ticks, so that a tick costs one copy."""
+
+    def __init__(self, rng, lanes):
+        self._rng, self._block, self._k = rng, np.zeros((NOISE_BLOCK, lanes)), NOISE_BLOCK
+
+    def __call__(self, noise):
+        if self._k == NOISE_BLOCK:
+            self._rng.standard_normal(out=self._block)
+            self._k = 0
+        noise[:] = self._block[self._k]
+        self._k += 1
+
+
+def build(scenario):
+    """Return the Setup of `scenario`. Raises TrimError when the flight point cannot be flown."""
+    dt, flown = scenario.dt, scenario.flight
+    speed_kind, speed = flown.speed
+    plant = Plant(Flight(mass=flown.mass, cg=flown.cg, altitude=flown.altitude, speed_kind=speed_kind, speed=speed,
+                         coefficients=dict(scenario.tolerances.aero), turbulence=flown.turbulence, seed=scenario.seed), dt=dt)
+    trim = plant.trim()
+    truth = np.zeros(1, TRUTH)
+    plant.read(truth[0])
+    t = truth[0]
+    rng_parts, rng_noise = (np.random.Generator(np.random.PCG64(s)) for s in np.random.SeedSequence(scenario.seed).spawn(2))
+    sensor_lanes, sensor_p = _sensor_lanes(scenario, rng_parts, dt)
+    loads = {seg: (t[f"de_{s}"], t[f"hm0_{s}"], t[f"hmd_{s}"]) for seg, s in wiring.SHORT.items()}
+    others = {name: t[wiring.SURFACE_OF[name]] for name in wiring.OTHERS}
+    built = parts.blocks(scenario, loads, others, dt)
+    pilot_p = manoeuvre.params(**steps(scenario.manoeuvre))
+    law_p = law.design(trim, t, linearize_plant(scenario))
+    fault_lanes = inject.lanes(scenario, parts.nominal(dt))
+    chosen = detectors.chosen(scenario)
+
+    sections = [("clock", CLOCK, ("clock",)), ("truth", TRUTH, ("aircraft",)), ("surfaces", SURFACE, ("aircraft",)),
+                ("sensors_in", sensors.INPUTS, sensor_lanes), ("sensors", sensors.STATE, sensor_lanes),
+                ("pilot_in", manoeuvre.INPUTS, ("pilot",)), ("pilot", manoeuvre.STATE, ("pilot",)),
+                ("law_in", law.INPUTS, ("law",)), ("law", law.STATE, ("law",))]
+    if fault_lanes:
+        names = tuple(lane.name for lane in fault_lanes)
+        sections += [("faults_in", faults.INPUTS, names), ("faults", faults.STATE, names)]
+    for name, module, _, _, lanes in built:
+        sections += [(name + "_in", module.INPUTS, lanes), (name, module.STATE, lanes)]
+    for d in chosen:
+        sections += [(d.id + "_in", d.module.INPUTS, d.lanes), (d.id, d.module.STATE, d.lanes)]
+    bus = Bus(sections)
+    bus["truth"][:] = truth
+
+    def block(name, module, p, x0, every=1):
+        return Block(bus, name, module, p, x0, dt, every)
+
+    parts_blocks = [block(n, m, p, x) for n, m, p, x, _ in built]
+    tech = scenario.elevator.technology
+    loop = Loop(
+        bus=bus, plant=plant, dt=dt, draw=Draw(rng_noise, len(sensor_lanes)), wires={}, fault_wires=(),
+        faults=block("faults", faults, np.concatenate([lane.p for lane in fault_lanes]), 0) if fault_lanes else None,
+        sensors=block("sensors", sensors, sensor_p, sensors.init(sensor_p)),
+        pilot=block("pilot", manoeuvre, pilot_p, manoeuvre.init(pilot_p)),
+        law=block("law", law, law_p, law.init(law_p)),
+        detectors=[block(d.id, d.module, d.params(scenario, dt), d.module.init(d.params(scenario, dt)), d.every) for d in chosen],
+        servos=[b for b in parts_blocks if b.name in wiring.SERVO.values()],
+        actuators=[b for b in parts_blocks if b.name not in wiring.SERVO.values()],
+    )
+    loop.wires = {stage: bus.wires(pairs) for stage, pairs in {
+        "sensors": wiring.sensor_wires(tech), "law": wiring.law_wires(), "demand": wiring.demand_wires(),
+        "servos": wiring.servo_wires(tech) + detectors.feedback_wires(scenario), "actuators": wiring.actuator_wires(tech),
+        "surfaces": wiring.surface_wires(tech), "detectors": [w for d in chosen for w in d.wires(tech)],
+        "faults": [(f"faults_in.{lane.name}.t", "clock.clock.t") for lane in fault_lanes]
+        + [(f"faults_in.{lane.name}.ref", lane.reference) for lane in fault_lanes if lane.reference],
+    }.items()}
+    places = [(to, f"faults.{lane.name}.{source}") for lane in fault_lanes for to, source in lane.places]
+    to, source = bus.wires(places)
+    loop.fault_wires = (np.unique(to), to, source)
+    # what the actuators were last told: in equilibrium, the servo's holding command
+    bus.v[loop.wires["actuators"][0]] = bus.v[loop.wires["actuators"][1]]
+    members = [(d.id, d.level, d.target(lane), d.module.CULPRITS, d.id, lane) for d in chosen for lane in d.lanes]
+    index = np.array([bus.index(f"{s}.{lane}.{f}") for *_, s, lane in members for f in ("alarm", "verdict", "culprit")], np.int64)
+    return Setup(scenario=scenario, loop=loop, trim=trim.to_dict(), lanes=fault_lanes, members=members, history_index=index)

@@ -1,0 +1,34 @@
+"""From a scenario's manoeuvre to the table of demands that flies it."""
+
+import math
+
+from cosim.manoeuvre import doublet, three_two_one_one
+from cosim.scenario import manoeuvre as m
+
+FULL_STICK_G = 1.5  # full back-stick demands 2.5 g, the limit of the law
+
+
+def _pulse(start, length, channel, value):
+    return [(start, {channel: value}), (start + length, {channel: 0.0})]
+
+
+def steps(manoeuvre):
+    """Return the arguments of `manoeuvre.params` (table of steps, hold flag) for a scenario's manoeuvre."""
+    k = manoeuvre
+    if isinstance(k, m.Cruise):
+        table = []
+    elif isinstance(k, m.AoaProtection):
+        table = _pulse(k.start_s, k.duration_s, "nz_dem", FULL_STICK_G * k.stick)
+    elif isinstance(k, m.NoseUp | m.PitchProtection):
+        table = _pulse(k.start_s, k.duration_s, "nz_dem", k.amplitude_g)
+    elif isinstance(k, m.CoordinatedTurn):
+        table = _pulse(k.start_s, k.duration_s, "phi_dem", math.radians(k.bank_deg))
+    elif isinstance(k, m.YawAngle):
+        return {"steps": [(k.start_s, {"psi_dem": math.radians(k.heading_deg)})], "hold": True}
+    elif isinstance(k, m.NzDoublet):
+        table = doublet(k.start_s, k.width_s, "nz_dem", k.amplitude_g)
+    elif k.amplitude_deg is not None:
+        table = three_two_one_one(k.start_s, k.unit_s, "de_add", math.radians(k.amplitude_deg))
+    else:
+        table = three_two_one_one(k.start_s, k.unit_s, "nz_dem", k.amplitude_g)
+    return {"steps": table}

@@ -1,0 +1,118 @@
+"""What a run comes to: who alarmed, when, after how many periods, what it isolated, how well it estimated."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fdi.verdict import NAMES
+
+
+@dataclass(frozen=True)
+class Watch:
+    """One detector lane as the result sees it: names, and the positions of its verdict fields in the history."""
+
+    id: str
+    level: str           # "local" or "aircraft"
+    target: str          # "elevator.left_inner" or "aircraft"
+    culprits: tuple      # names of the parts it can blame, first is ""
+    alarm: int           # columns of the history
+    verdict: int
+    culprit: int
+    f_hat: int | None = None
+    step_us: float = math.nan
+
+
+@dataclass
+class Result:
+    """The outcome of a run; `to_dict` has the keys of `cosim run --json`."""
+
+    log: str | None
+    status: str          # "completed", "departed", "diverged" or "interrupted"
+    reason: str
+    sim_time_s: float
+    wall_time_s: float
+    faults: list = field(default_factory=list)
+    detectors: list = field(default_factory=list)
+    extra: dict = field(default_factory=dict)
+
+    def to_dict(self):
+        """Return plain data for JSON; numbers that do not exist are None."""
+        out = {
+            "log": self.log, "status": self.status, "reason": self.reason, "sim_time_s": self.sim_time_s,
+            "wall_time_s": self.wall_time_s,
+            "realtime_factor": self.sim_time_s / self.wall_time_s if self.wall_time_s > 0 else None,
+            "faults": self.faults, "detectors": self.detectors, **self.extra,
+        }
+        return plain(out)
+
+
+def plain(value):
+    """Return `value` as JSON can hold it: NumPy scalars as Python's, NaN and infinities as None."""
+    if isinstance(value, dict):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value
+
+
+def onsets(alarm):
+    """Return the ticks at which `alarm` (0/1 over ticks) rises."""
+    high = np.asarray(alarm) > 0.5
+    return np.flatnonzero(high & ~np.concatenate(([False], high[:-1])))
+
+
+def concerns(watch, fault_targets):
+    """Return whether a fault on `fault_targets` is this lane's to find: its own actuator, or anything for an aircraft-level one."""
+    return watch.level == "aircraft" or any(t == watch.target or t.startswith(watch.target + ".") for t in fault_targets)
+
+
+def judge(watch, history, dt, faults):
+    """Return one detector's entry of the result.
+
+    `history` is (ticks, columns); `faults` a list of dicts with `targets` (tuple), `start_s`, `end_s` and `period_s` (nan without one).
+    The fault that counts is the earliest one that concerns the lane. Alarm onsets outside every fault that concerns it are false.
+    """
+    alarm, verdict, culprit = (history[:, c] for c in (watch.alarm, watch.verdict, watch.culprit))
+    mine = sorted((f for f in faults if concerns(watch, f["targets"])), key=lambda f: f["start_s"])
+    rises = onsets(alarm)
+    active = np.zeros(len(alarm), bool)
+    for f in mine:  # an alarm up to 2 s after a fault has healed is still its
+        active[round(f["start_s"] / dt) : min(len(alarm), math.ceil((f["end_s"] + 2.0) / dt) if math.isfinite(f["end_s"]) else len(alarm))] = True
+    entry = {
+        "id": watch.id, "level": watch.level, "target": watch.target, "concerned": bool(mine), "alarm": bool(len(rises)),
+        "detected_at_s": None, "detection_delay_s": None, "detection_delay_periods": None, "isolated": None,
+        "false_alarms": int(np.count_nonzero(~active[rises])), "estimate_rmse": None, "estimate_bias": None, "step_us": watch.step_us,
+    }
+    if mine:
+        first = mine[0]
+        since = round(first["start_s"] / dt)
+        seen = np.flatnonzero((alarm > 0.5) & active & (np.arange(len(alarm)) >= since))
+        if len(seen):
+            k = int(seen[0])
+            entry["detected_at_s"] = k * dt
+            entry["detection_delay_s"] = k * dt - first["start_s"]
+            entry["detection_delay_periods"] = entry["detection_delay_s"] / first["period_s"]
+            entry["isolated"] = named(watch, verdict[seen], culprit[seen])
+    elif len(rises):
+        k = np.flatnonzero(alarm > 0.5)
+        entry["detected_at_s"] = int(k[0]) * dt
+        entry["isolated"] = named(watch, verdict[k], culprit[k])
+    return entry
+
+
+def named(watch, verdict, culprit):
+    """Return {class, target}: the last verdict that was held while the alarm stood."""
+    given = np.flatnonzero(verdict > 0.5)
+    if not len(given):
+        return None
+    i = given[-1]
+    part = watch.culprits[int(culprit[i])] if 0 <= int(culprit[i]) < len(watch.culprits) else ""
+    target = watch.target if not part else (part if watch.level == "aircraft" else f"{watch.target}.{part}")
+    return {"class": NAMES[int(verdict[i])], "target": target}
