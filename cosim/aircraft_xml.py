@@ -1,0 +1,210 @@
+"""Write the aircraft's fitted JSBSim files from tables and constants."""
+
+import math
+
+import numpy as np
+
+MULTIPLIERS = (
+    "CL_0", "CL_alpha", "CL_q", "CL_de", "CL_ds", "CD_0", "CD_alpha", "CD_beta", "Cm_0", "Cm_alpha", "Cm_q", "Cm_alphadot", "Cm_de", "Cm_ds",
+    "CY_beta", "CY_dr", "Cl_beta", "Cl_p", "Cl_r", "Cl_da", "Cl_dr", "Cl_de", "Cn_beta", "Cn_p", "Cn_r", "Cn_da", "Cn_dr",
+    "Ch_0", "Ch_alpha", "Ch_delta",
+)  # fmt: skip
+
+CBAR_FT, SPAN_FT = 27.31, 195.68
+TAIL_ARM_FT = 102.0  # CG (25 %) to the tail's aerodynamic centre: CM_STAB / CL_STAB * cbar, 105 ft; JSBSim's own B747 says 106.6 ft
+DOWNWASH = 0.40  # d epsilon / d alpha at the tail: assumed (typical of transports)
+SEGMENT_AREA_FT2, SEGMENT_CHORD_FT = 8.0 / 0.3048**2, 1.4 / 0.3048  # DESIGN section 3
+HINGE = {"Ch_0": 0.0, "Ch_alpha": -0.05, "Ch_delta": -0.17}  # per rad; balanced elevator: assumed
+SEGMENT_SPAN_FT = {"lo": -26.6, "li": -12.1, "ri": 12.1, "ro": 26.6}  # spanwise middle of each segment, tail span 72.75 ft: assumed halves
+RHO_SL_P = 2116.22  # psf
+
+
+def table(lookups, rows, columns, values, indent=8):
+    """Return a JSBSim table element; one-dimensional when columns is None."""
+    pad = " " * indent
+    lines = [f"{pad}<table>"]
+    for role, name in zip(("row", "column"), lookups):
+        lines.append(f'{pad}  <independentVar lookup="{role}"> {name} </independentVar>')
+    lines.append(f"{pad}  <tableData>")
+    if columns is not None:
+        lines.append(pad + " " * 14 + "".join(f"{c:12.5f}" for c in columns))
+        lines += [f"{pad}    {r:10.6f}" + "".join(f"{v:12.6f}" for v in row) for r, row in zip(rows, values)]
+    else:
+        lines += [f"{pad}    {r:10.6f}{v:14.6f}" for r, v in zip(rows, values)]
+    return "\n".join([*lines, f"{pad}  </tableData>", f"{pad}</table>"])
+
+
+def function(name, body, comment=None):
+    """Return a named function element around `body`."""
+    note = f"\n      <description> {comment} </description>" if comment else ""
+    return f'    <function name="{name}">{note}\n{body}\n    </function>'
+
+
+def product(*parts, indent=6):
+    """Return a product of properties (str), numbers and ready elements."""
+    return _operation("product", parts, indent)
+
+
+def total(*parts, indent=6):
+    """Return a sum of properties (str), numbers and ready elements."""
+    return _operation("sum", parts, indent)
+
+
+def _operation(kind, parts, indent):
+    pad = " " * indent
+    lines = []
+    for part in parts:
+        if isinstance(part, str) and "<" in part:
+            lines.append(part)
+        elif isinstance(part, str):
+            lines.append(f"{pad}  <p> {part} </p>")
+        else:
+            lines.append(f"{pad}  <v> {part:.8g} </v>")
+    return "\n".join([f"{pad}<{kind}>", *lines, f"{pad}</{kind}>"])
+
+
+def engine_xml():
+    """Return the turbofan: 300 kN static, take-off rating of Bartel and Young (2008), bypass ratio 5, over Mach and static pressure."""
+    mach = np.arange(0.0, 1.01, 0.1)
+    ratio = np.array([0.05, 0.10, 0.15, 0.20, 0.25, 0.30, 0.40, 0.50, 0.60, 0.70, 0.80, 0.90, 1.0, 1.1])
+    x, M, bypass = ratio[None, :], mach[:, None], 5.0
+    A = -0.4327 * x**2 + 1.3855 * x + 0.0472
+    Z = 0.9106 * x**3 - 1.7736 * x**2 + 1.8697 * x
+    X = 0.1377 * x**3 - 0.4374 * x**2 + 1.3003 * x
+    G0 = 0.0606 * bypass + 0.6337
+    mil = A - 0.377 * (1 + bypass) / math.sqrt((1 + 0.82 * bypass) * G0) * Z * x * M + (0.23 + 0.19 * math.sqrt(bypass)) * X * x * M**2
+    idle = 0.05 * x * np.maximum(1.0 - 1.5 * M, 0.0)
+    lookups = ("velocities/mach", "atmosphere/P-psf")
+    return f"""<?xml version="1.0"?>
+<!-- Written by cosim/aircraft_fit.py. Sources: aircraft/README.md -->
+<turbine_engine name="turbofan">
+  <milthrust unit="LBS"> {300000.0 / 4.4482216:.1f} </milthrust>
+  <bypassratio> 5.0 </bypassratio>
+  <tsfc> 0.60 </tsfc>
+  <bleed> 0.0 </bleed>
+  <idlen1> 25.0 </idlen1>
+  <idlen2> 60.0 </idlen2>
+  <maxn1> 100.0 </maxn1>
+  <maxn2> 100.0 </maxn2>
+  <augmented> 0 </augmented>
+  <injected> 0 </injected>
+  <function name="IdleThrust">
+{table(lookups, mach, ratio * RHO_SL_P, idle, 4)}
+  </function>
+  <function name="MilThrust">
+{table(lookups, mach, ratio * RHO_SL_P, mil, 4)}
+  </function>
+</turbine_engine>
+"""
+
+
+def aerodynamics_xml(alpha, mach, q_ref, tables, lateral):
+    """Return the aerodynamics from the fitted (alpha, Mach) tables, their flexibility constants and the lateral derivatives."""
+    zero = int(np.argmin(abs(alpha)))
+    parts = [_common()]
+    axis = {}
+    for name, column in (("CL", "LIFT"), ("CD", "DRAG"), ("Cm", "PITCH")):
+        grid, (t0, t1) = tables[name]
+        grid = np.round(grid, 6)
+        base, rest = grid[zero], grid - grid[zero][None, :]
+        parts.append(function(f"aero/{name}_0", product(f"aero/mult/{name}_0", total(
+            table(("velocities/mach",), mach, None, base), product(t0, _flex(q_ref), indent=8)))))
+        parts.append(function(f"aero/{name}_alpha", product(f"aero/mult/{name}_alpha", total(
+            table(("aero/alpha-rad", "velocities/mach"), alpha, mach, rest), product(t1, _flex(q_ref), "aero/alpha-rad", indent=8)))))
+        axis[column] = name
+    return "\n".join([_HEAD, *parts, *_rates_and_controls(), *_hinges(), *_axes(lateral), "</aerodynamics>\n"])
+
+
+def _flex(q_ref):
+    return f"        <difference> <p> aero/qbar-psf </p> <v> {q_ref:.6g} </v> </difference>"
+
+
+_HEAD = """<?xml version="1.0"?>
+<!-- Written by cosim/aircraft_fit.py. Sources, assumptions and the fit: aircraft/README.md -->
+<aerodynamics>
+
+    <alphalimits unit="DEG"> <min> -6.0 </min> <max> 16.0 </max> </alphalimits>
+"""
+
+
+def _common():
+    mean = "      <product> <v> 0.25 </v> <sum> " + " ".join(f"<p> fcs/elevator-{s}-pos-rad </p>" for s in SEGMENT_SPAN_FT) + " </sum> </product>"
+    elevator = function("aero/elevator-mean-rad", mean)
+    qS = function("aero/qS-lbs", product("aero/qbar-psf", "metrics/Sw-sqft"))
+    chord = function("aero/chord-time-sec", f"      <quotient> <v> {CBAR_FT / 2} </v> <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max> </quotient>", "c / 2V")
+    span = function("aero/span-time-sec", f"      <quotient> <v> {SPAN_FT / 2} </v> <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max> </quotient>", "b / 2V")
+    return "\n".join([elevator, qS, chord, span])
+
+
+def _rates_and_controls():
+    flexible = (("aero/qbar-psf",), [0.0, 100.0, 200.0, 300.0, 450.0, 650.0, 900.0], [1.0, 0.914, 0.829, 0.743, 0.625, 0.48, 0.40])
+    out = [function("aero/elevator-flex", table(flexible[0], flexible[1], None, flexible[2], 6), "elevator effectiveness over dynamic pressure")]
+    M = [0.2, 0.3, 0.4, 0.5, 0.65, 0.8, 0.9, 0.95]
+    cl_de = [0.367, 0.38, 0.40, 0.416, 0.423, 0.428, 0.37, 0.33]
+    cm_de = [-1.45, -1.50, -1.60, -1.68, -1.72, -1.71, -1.49, -1.35]
+    out.append(function("aero/CL_de", product("aero/mult/CL_de", "aero/elevator-flex", table(("velocities/mach",), M, None, cl_de))))
+    out.append(function("aero/Cm_de", product("aero/mult/Cm_de", "aero/elevator-flex", table(("velocities/mach",), M, None, cm_de))))
+    M = [0.45, 0.5, 0.65, 0.7, 0.8, 0.9]
+    out.append(function("aero/Cm_q", product("aero/mult/Cm_q", table(("velocities/mach",), M, None, [-20.0, -20.7, -20.2, -22.0, -23.5, -25.2]))))
+    out.append(function("aero/CL_q", product("aero/mult/CL_q", table(("velocities/mach",), M, None, [4.6, 5.1, 5.0, 5.5, 5.9, 6.9]))))
+    out.append(function("aero/Cm_alphadot", product("aero/mult/Cm_alphadot", table(("velocities/mach",), M, None, [-3.0, -3.2, -3.9, -4.9, -6.2, -8.7]))))
+    out.append(function("aero/CL", total(
+        "aero/CL_0", "aero/CL_alpha", product("aero/CL_q", "aero/chord-time-sec", "velocities/q-aero-rad_sec"),
+        product("aero/CL_de", "aero/elevator-mean-rad"), product("aero/mult/CL_ds", 0.70, "fcs/stabilizer-pos-rad"))))
+    # alphadot from the forces of this frame (no lag): q + (g cos(theta) cos(phi) - q̄S CL / m) / V
+    out.append(function("aero/alphadot-from-forces", """      <sum>
+        <p> velocities/q-aero-rad_sec </p>
+        <quotient>
+          <difference>
+            <product> <v> 32.174 </v> <cos> <p> attitude/theta-rad </p> </cos> <cos> <p> attitude/phi-rad </p> </cos> </product>
+            <quotient> <product> <p> aero/qS-lbs </p> <p> aero/CL </p> </product> <p> inertia/mass-slugs </p> </quotient>
+          </difference>
+          <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max>
+        </quotient>
+      </sum>"""))
+    return out
+
+
+def _hinges():
+    """Return HM0 (per segment) and HM_delta (common), lbf ft: q̄ S_e c_e (Ch_0 + Ch_alpha alpha_t) and q̄ S_e c_e Ch_delta."""
+    size = SEGMENT_AREA_FT2 * SEGMENT_CHORD_FT
+    out = [
+        function("aero/hinge-delta-lbsft_rad", product("aero/mult/Ch_delta", HINGE["Ch_delta"] * size, "aero/qbar-psf"), "hinge moment per elevator angle, trailing edge down +"),
+        function("aero/tail-alpha-rad", total(
+            product(1.0 - DOWNWASH, "aero/alpha-rad"), "fcs/stabilizer-pos-rad",
+            f"        <quotient> <product> <v> {TAIL_ARM_FT} </v> <p> velocities/q-aero-rad_sec </p> </product> <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max> </quotient>"),
+            "local angle of attack of the tail: downwash, stabiliser, pitch rate"),
+    ]
+    for segment, span in SEGMENT_SPAN_FT.items():
+        roll = f"        <quotient> <product> <v> {span} </v> <p> velocities/p-aero-rad_sec </p> </product> <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max> </quotient>"
+        out.append(function(f"aero/hinge-0-{segment}-lbsft", product(
+            size, "aero/qbar-psf", total(product("aero/mult/Ch_0", HINGE["Ch_0"], indent=8), product(
+                "aero/mult/Ch_alpha", HINGE["Ch_alpha"], total("aero/tail-alpha-rad", roll, indent=10), indent=8)))))
+    return out
+
+
+def _axes(lateral):
+    axes = {
+        "LIFT": [function("aero/force/lift", product("aero/qS-lbs", "aero/CL"))],
+        "DRAG": [function("aero/force/drag", product("aero/qS-lbs", total("aero/CD_0", "aero/CD_alpha", product("aero/mult/CD_beta", 0.2, "aero/beta-rad", "aero/beta-rad"))))],
+        "SIDE": [function("aero/force/side", product("aero/qS-lbs", total(
+            product("aero/mult/CY_beta", lateral["CY_beta"], "aero/beta-rad"), product("aero/mult/CY_dr", lateral["CY_dr"], "fcs/rudder-applied-rad"))))],
+        "PITCH": [function("aero/moment/pitch", product("aero/qS-lbs", "metrics/cbarw-ft", total(
+            "aero/Cm_0", "aero/Cm_alpha", product("aero/Cm_de", "aero/elevator-mean-rad"), product("aero/mult/Cm_ds", -2.70, "fcs/stabilizer-pos-rad"),
+            product("aero/chord-time-sec", total(product("aero/Cm_q", "velocities/q-aero-rad_sec"), product("aero/Cm_alphadot", "aero/alphadot-from-forces"))))))],
+    }
+    aileron = "        <product> <v> 0.5 </v> <sum> <p> fcs/aileron-left-pos-rad </p> <p> fcs/aileron-right-pos-rad </p> </sum> </product>"
+    # a left segment down lifts the left tail: rolls right. Each segment carries a quarter of CL_de.
+    diff = "        <sum> " + " ".join(
+        f"<product> <v> {-y / 4 / SPAN_FT:.6g} </v> <p> fcs/elevator-{s}-pos-rad </p> </product>" for s, y in SEGMENT_SPAN_FT.items()) + " </sum>"
+
+    def moment(k, extra=()):
+        return total(
+            product(f"aero/mult/{k}_beta", lateral[f"{k}_beta"], "aero/beta-rad"),
+            product("aero/span-time-sec", total(
+                product(f"aero/mult/{k}_p", lateral[f"{k}_p"], "velocities/p-aero-rad_sec"), product(f"aero/mult/{k}_r", lateral[f"{k}_r"], "velocities/r-aero-rad_sec"))),
+            product(f"aero/mult/{k}_da", lateral[f"{k}_da"], aileron), product(f"aero/mult/{k}_dr", lateral[f"{k}_dr"], "fcs/rudder-applied-rad"), *extra)
+
+    axes["ROLL"] = [function("aero/moment/roll", product("aero/qS-lbs", "metrics/bw-ft", moment("Cl", [product("aero/mult/Cl_de", "aero/CL_de", diff)])))]
+    axes["YAW"] = [function("aero/moment/yaw", product("aero/qS-lbs", "metrics/bw-ft", moment("Cn")))]
+    return [f'\n    <axis name="{name}">\n' + "\n".join(functions) + "\n    </axis>" for name, functions in axes.items()]

@@ -1,0 +1,108 @@
+"""Trim: steady level flight by JSBSim's own search, then Newton to rounding.
+
+Unknowns alpha, stabiliser, throttle (all engines alike); residuals u', w' [m/s2] and q' [rad/s2] with theta = alpha, no bank, and the pitch
+rate -V/R that keeps the attitude constant over the curved earth. Elevators stand where they are told, at zero unless said otherwise.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cosim.errors import TrimError
+
+EARTH_MERIDIAN = 6335439.3  # radius of curvature of the meridian at the equator, WGS84 [m]
+STEP = (1e-5, 1e-5, 1e-4)
+
+
+@dataclass(frozen=True)
+class Trim:
+    """A trimmed flight point; SI, rad."""
+
+    alpha: float
+    stabilizer: float
+    throttle: float
+    elevator: float
+    theta: float
+    tas: float
+    altitude: float
+    q: float              # -V/R
+    residual: float       # largest of |u'|, |v'|, |w'| [m/s2], |p'|, |q'|, |r'| [rad/s2]
+    nz: float             # load factor in this flight, not exactly 1: rotating earth, weight at standard gravity
+    surfaces: np.ndarray  # in the order of plant.SURFACES
+
+    @property
+    def thrust_fraction(self):
+        """Return the throttle, the fraction of the spool range."""
+        return self.throttle
+
+
+def surfaces_at(stabilizer, throttle, elevator):
+    """Return the input vector of a trim."""
+    out = np.zeros(16)
+    out[:4], out[7], out[8:12] = elevator, stabilizer, throttle
+    return out
+
+
+def _residual(plant, x, elevator, full=False):
+    alpha, stabilizer, throttle = x
+    h, tas = plant.flight.altitude, plant.tas
+    plant.place(tas=tas, alpha=alpha, theta=alpha, altitude=h, q=-tas / (EARTH_MERIDIAN + h), surfaces=surfaces_at(stabilizer, throttle, elevator))
+    t = plant.truth()[0]
+    return t if full else np.array([t.udot, t.wdot, t.qdot])
+
+
+def level(plant, elevator=0.0):
+    """Return the Trim of level flight at `plant.flight` and leave the plant in it; raise TrimError with the reason."""
+    x = np.array(plant.guess() or (math.radians(5.0), 0.0, 0.6))
+    for _ in range(25):
+        f = _residual(plant, x, elevator)
+        if np.abs(f).max() < 1e-12:
+            break
+        J = np.column_stack([(_residual(plant, x + d, elevator) - _residual(plant, x - d, elevator)) / (2 * d.sum()) for d in np.diag(STEP)])
+        try:
+            step = np.linalg.solve(J, -f)
+        except np.linalg.LinAlgError:
+            break
+        step *= min(1.0, 0.05 / max(abs(step[0]), abs(step[1]), abs(step[2]) / 5, 1e-12))
+        new = x + step
+        new[2] = min(max(new[2], 0.0), 1.0)
+        if np.abs(new - x).max() < 1e-15:
+            break
+        x = new
+    t = _residual(plant, x, elevator, full=True)
+    residual = max(abs(v) for v in (t.udot, t.vdot, t.wdot, t.pdot, t.qdot, t.rdot))
+    _check(plant, x, residual)
+    return Trim(*map(float, x), elevator, float(x[0]), plant.tas, plant.flight.altitude, float(t.q), float(residual), float(t.nz), surfaces_at(x[1], x[2], elevator))
+
+
+def _check(plant, x, residual):
+    from cosim.plant import LIMITS
+
+    alpha, stabilizer, throttle = x
+    place = f"flight point {plant.flight.mass / 1e3:.0f} t, CG {plant.flight.cg * 100:.0f} %, {plant.flight.altitude / 0.3048:.0f} ft, {plant.tas:.1f} m/s TAS"
+    low, high = LIMITS["stabilizer"]
+    if residual < 1e-8 and low <= stabilizer <= high and 0.0 <= throttle <= 1.0:
+        return
+    needs, has = lift_margin(plant)
+    if needs > has:
+        raise TrimError(f"stall: level flight needs a lift coefficient of {needs:.2f}, the wing gives {has:.2f}", place=place, remedy="Fly faster, lower or lighter")
+    if throttle >= 0.999:
+        raise TrimError("thrust: the engines cannot hold this speed and altitude", place=place, remedy="Fly lower, lighter or at another speed")
+    if throttle <= 0.001:
+        raise TrimError("thrust: even idle thrust is too much for level flight", place=place, remedy="Fly faster or higher")
+    if not low <= stabilizer <= high:
+        raise TrimError(f"stabiliser: {math.degrees(stabilizer):.1f} deg needed", place=place, allowed=f"{math.degrees(low):.0f} to {math.degrees(high):.0f} deg")
+    raise TrimError(f"no steady level flight found, residual {residual:.1e}", place=place)
+
+
+def lift_margin(plant):
+    """Return (lift coefficient of level flight, largest one at this Mach and dynamic pressure), elevators and stabiliser at zero."""
+    best, needs = 0.0, 0.0
+    for alpha in np.radians(np.arange(2.0, 25.0, 0.5)):
+        t = _residual(plant, (alpha, 0.0, 0.0), 0.0, full=True)
+        force = t.nz * math.cos(alpha) + t.nx * math.sin(alpha)
+        area = 5500.0 * 0.3048**2
+        best = max(best, force * t.mass * 9.80665 / (t.qbar * area))
+        needs = t.mass * 9.80665 / (t.qbar * area)
+    return needs, best
