@@ -2,13 +2,15 @@
 
 A chain of three loops around a triple integrator, each clipped where the actuator has its limit:
 
-    v = k1 (target - r),    |v| <= v_max
+    v = k1 (target - r),    |v| <= v_max and |v| <= sqrt(2 0.7 a_max |target - r|), from which a_max can stop
     a = k2 (v - r'),        |a| <= a_max
     j = k3 (a - r''),       |j| <= j_max,    r''' = j held over the tick
 
 Inside the limits it is a third-order low-pass filter ([Lu17] III.B.1) with a real pole at `omega` and a pair at `omega`,
 damping `zeta`, placed exactly in discrete time: the low-frequency delay is (1 + 2 zeta) / omega.
 """
+
+import math
 
 import numpy as np
 from scipy.signal import place_poles
@@ -49,7 +51,8 @@ def _within(v, limit):
 @kernel
 def demand(x, target, speed, p):
     """Write r''' for this tick towards `target`; `speed` in 0..1 scales v_max. Reads r, r', r'' at the tick's start."""
-    v = _within(p.k1 * (target - x.r), p.v_max * speed)
+    e = target - x.r
+    v = _within(p.k1 * e, min(p.v_max * speed, math.sqrt(1.4 * p.a_max * abs(e))))
     a = _within(p.k2 * (v - x.rd), p.a_max)
     x.rddd = _within(p.k3 * (a - x.rdd), p.j_max)
 
