@@ -23,9 +23,12 @@ __all__ = [*_PUBLIC]
 
 
 def __getattr__(name):
-    if name not in _PUBLIC:
+    if name == "__version__":
+        value = importlib.import_module("importlib.metadata").version("cosim-fdi")
+    elif name in _PUBLIC:
+        value = getattr(importlib.import_module(_PUBLIC[name]), name)
+    else:
         raise AttributeError(f"module 'cosim' has no attribute {name!r}")
-    value = getattr(importlib.import_module(_PUBLIC[name]), name)
     globals()[name] = value
     return value
 

@@ -1,4 +1,4 @@
-"""The words that name a part: `elevator.left_inner`, `elevator.right.position`, `rudder`, `engine.2`, `sensor.alpha`."""
+"""Words that name a part: `elevator.left_inner`, `elevator.right.position`, `rudder`, `engine.2`, `sensor.alpha`."""
 
 from dataclasses import dataclass
 

@@ -1,0 +1,158 @@
+"""The command line: parses, prints, exits. The work is in functions that a notebook can call.
+
+Exit status: 0 good (an alarm or a departed flight is a result), 1 a difference or a failed criterion, 2 bad input,
+130 interrupted.
+With --json one JSON object goes to standard output and nothing else; what goes wrong is one line on standard error.
+"""
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from typer.core import TyperGroup
+
+from cosim import cli_tables as tables
+from cosim.cli_output import reserve
+from cosim.errors import CosimError
+
+out, err = Console(), Console(stderr=True)
+
+
+class _Group(TyperGroup):
+    """Every error of a user becomes one line on standard error and exit status 2; Ctrl-C becomes 130."""
+
+    def invoke(self, ctx):
+        try:
+            return super().invoke(ctx)
+        except CosimError as error:
+            text = str(error)
+        except BrokenPipeError:
+            raise  # the reader of a pipe went away: click ends quietly
+        except OSError as error:
+            text = f"{error.filename}: {error.strerror}" if error.filename else str(error.strerror or error)
+        except KeyboardInterrupt:
+            err.print("[yellow]interrupted[/]")
+            ctx.exit(130)
+        err.print(f"[bold red]error:[/] {tables.escape(text)}", soft_wrap=True, highlight=False)
+        ctx.exit(2)
+
+
+app = typer.Typer(
+    cls=_Group,
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+ScenarioArg = Annotated[
+    str, typer.Argument(metavar="[SCENARIO]", help="Built-in name (see [b]cosim list[/]) or TOML file.")
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", "-s", metavar="KEY=VALUE", help="Change a key: [b]--set faults.0.frequency_hz=3[/]. Repeatable."
+    ),
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+DEFAULT = "liquid-ofc"
+
+
+def _version(wanted: bool):
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"cosim {version('cosim-fdi')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+):
+    """Fly a transport aircraft with physical elevator actuators, break something, and see which fault detector notices.
+
+    Start with [b]cosim run[/]; [b]cosim list[/] shows what there is to fly.
+    """
+
+
+@app.command()
+def run(
+    scenario: ScenarioArg = DEFAULT,
+    set_: SetOption = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="LOG", help="Log file. Default: logs/<scenario>.mcap..", show_default=False
+        ),
+    ] = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 when the flight departs.")] = False,
+    json_: JsonOption = False,
+):
+    """Fly a scenario, log everything, and show who alarmed, when, and what it isolated."""
+    from cosim.scenario import load_scenario
+
+    flown = load_scenario(scenario, set_ or ())
+    path = output or Path("logs") / f"{Path(scenario).stem}.mcap"
+    reserve(path, taken=scenario)
+    for line in flown.warnings():
+        err.print(f"[yellow]note:[/] {tables.escape(line)}", soft_wrap=True, highlight=False)
+    from cosim.simulate import simulate
+
+    with tables.progress(err, f"flying {Path(scenario).stem}") as progress:
+        result = simulate(flown, log=path, progress=progress)
+    found = result.to_dict()
+    if json_:
+        print(json.dumps(found, allow_nan=False))
+    else:
+        out.print(tables.run(found, flown))
+    if found["status"] == "interrupted":
+        raise typer.Exit(130)
+    if strict and found["status"] != "completed":
+        raise typer.Exit(1)
+
+
+@app.command(name="list")
+def list_(json_: JsonOption = False):
+    """Show scenarios, manoeuvres, kinds of fault and their targets, and detectors."""
+    from cosim.scenario.inventory import inventory
+
+    found = inventory()
+    if json_:
+        print(json.dumps(found))
+    else:
+        out.print(tables.inventory(found))
+
+
+@app.command()
+def info(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="A log written by [b]cosim run[/].", show_default=False)],
+    scenario: Annotated[
+        bool, typer.Option("--scenario", help="Print the log's scenario as TOML, ready to fly again.")
+    ] = False,
+    json_: JsonOption = False,
+):
+    """Say what a log holds and whether it is complete."""
+    from cosim.log_info import log_info
+
+    found = log_info(log)
+    if json_:
+        print(json.dumps(found, allow_nan=False))
+    elif scenario:
+        print(found["scenario"], end="")
+    else:
+        out.print(tables.info(found))
+
+
+def main():
+    """Run the command line."""
+    app(prog_name="cosim")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,34 @@
+"""Find out before a flight, not after it, that its log cannot be written."""
+
+from pathlib import Path
+
+from cosim.errors import OutputError
+
+
+def reserve(path, *, taken=None):
+    """Make the folder of `path` and open the file for writing once, leaving an existing one as it is.
+
+    `taken` is an input that must not be overwritten. Raises OutputError with the reason.
+    """
+    path = Path(path)
+    if taken is not None and Path(taken).exists() and path.exists() and path.samefile(taken):
+        raise OutputError(
+            "is the scenario itself, it would be overwritten", place=str(path), remedy="Choose another -o"
+        )
+    if path.is_dir():
+        raise OutputError(
+            "is a folder, not a file", place=str(path), remedy=f"Choose a file: -o {path / 'flight.mcap'}"
+        )
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        existed = path.exists()
+        with path.open("ab"):
+            pass
+        if not existed:
+            path.unlink()
+    except (FileExistsError, NotADirectoryError):
+        raise OutputError("its folder is a file", place=str(path), remedy="Choose another place with -o") from None
+    except OSError as error:
+        raise OutputError(
+            f"cannot be written: {error.strerror}", place=str(path), remedy="Choose another place with -o"
+        ) from None

@@ -1,0 +1,180 @@
+"""What the command line shows: tables built from the same plain data that `--json` prints. Nothing here prints."""
+
+from contextlib import contextmanager
+
+from rich import box
+from rich.console import Group
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+STATUS = {"completed": "green", "departed": "yellow", "diverged": "red", "interrupted": "yellow"}
+NOTHING = Text("-", style="dim")
+
+
+def table(title, *columns, **options):
+    """Return an empty table in the house style; a column named with a trailing > is right-aligned."""
+    heading = Text(f"\n{title}", style="bold") if title else None
+    made = Table(title=heading, title_justify="left", title_style="", box=box.SIMPLE_HEAD, pad_edge=False, **options)
+    for i, name in enumerate(columns):
+        made.add_column(name.removesuffix(">"), justify="right" if name.endswith(">") else "left", no_wrap=i == 0)
+    return made
+
+
+@contextmanager
+def progress(console, text):
+    """Show a bar on a terminal; give a callback (done, total) that moves it."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:.0f}/{task.total:.0f} s"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(text, total=1.0)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def number(value, digits=2):
+    """Return a number as text, or a dash when there is none."""
+    return NOTHING if value is None else f"{value:.{digits}f}"
+
+
+def run(found, scenario):
+    """Return the outcome of a run: what went wrong, who alarmed, how fast it flew."""
+    head = Text.assemble((scenario.title or "flight", "bold"), "\n", _point(scenario))
+    parts = [head, _faults(scenario), _detectors(found["detectors"])]
+    return Group(*(p for p in parts if p is not None), _footer(found))
+
+
+def _point(scenario):
+    f, m = scenario.flight, scenario.manoeuvre
+    speed = next(
+        f"{getattr(f, k):g} {unit}"
+        for k, unit in (("cas_kt", "kt CAS"), ("mach", "Mach"), ("tas_kt", "kt TAS"))
+        if getattr(f, k)
+    )
+    air = "still air" if f.turbulence == "none" else f"{f.turbulence} turbulence"
+    return f"{f.mass_t:g} t, CG {f.cg_pct:g} %, {f.altitude_ft:,.0f} ft, {speed}, {air}, {m.kind.replace('_', ' ')}"
+
+
+def _faults(scenario):
+    if not scenario.faults:
+        return Text("no fault", style="dim")
+    lines = []
+    for f in scenario.faults:
+        own = ", ".join(f"{k} {v:g}" for k, v in (f.model_extra or {}).items() if not (k == "phase_deg" and v == 0.0))
+        until = "" if f.end_s is None else f" to {f.end_s:g} s"
+        where = "".join(f" {w} {v}" for w, v in (("at", f.at), ("path", f.path)) if v)
+        lines.append(
+            Text.assemble(
+                ("fault  ", "red"),
+                f"{f.kind} on {f.target}{where}, from {f.start_s:g} s{until}",
+                f"  ({own})" if own else "",
+            )
+        )
+    return Group(*lines)
+
+
+def _detectors(rows):
+    shown = [r for r in rows if r["alarm"] or r.get("concerned", True)]
+    quiet = len(rows) - len(shown)
+    if not shown and rows:
+        shown, quiet = rows, 0
+    if not shown:
+        return Text("no detector ran", style="dim")
+    t = table(
+        "",
+        "detector",
+        "level",
+        "watches",
+        "alarm at s>",
+        "delay s>",
+        "periods>",
+        "isolated",
+        "false alarms>",
+        "µs/step>",
+    )
+    for r in shown:
+        late = None if r["detection_delay_s"] is None else r["detection_delay_periods"]
+        found = r["isolated"]
+        false = Text(str(r["false_alarms"]), style="red" if r["false_alarms"] else "dim")
+        times = (number(r["detected_at_s"]), number(r["detection_delay_s"]), number(late, 1))
+        isolated = f"{found['class']} {found['target']}" if found else NOTHING
+        style = "" if r["alarm"] else "dim"
+        t.add_row(r["id"], r["level"], r["target"], *times, isolated, false, number(r["step_us"]), style=style)
+    rest = Text(f"{quiet} lane{'s' * (quiet != 1)} of healthy parts stayed quiet", style="dim")
+    return Group(t, rest) if quiet else t
+
+
+def _footer(found):
+    style = STATUS.get(found["status"], "red")
+    speed = found.get("realtime_factor")
+    line = Text.assemble(
+        (found["status"], style), f" after {found['sim_time_s']:.2f} s", f", {speed:.0f} x real time" if speed else ""
+    )
+    if found.get("reason"):
+        line.append(f": {found['reason']}")
+    if found.get("log"):
+        line.append(f"\nlog    {found['log']}")
+    return line
+
+
+def inventory(found):
+    """Return the tables of `cosim list`."""
+    s = table("Scenarios: cosim run NAME", "name", "what happens")
+    for r in found["scenarios"]:
+        s.add_row(r["name"], escape(r["title"]), style="bold" if r["name"] == found["default"] else "")
+    m = table("Manoeuvres: --set manoeuvre.kind=KIND", "kind", "what it does", "keys")
+    for r in found["manoeuvres"]:
+        m.add_row(r["kind"], r["summary"], ", ".join(r["keys"]))
+    faults = [
+        _faults_on(t, [r for r in found["faults"] if r["target"] == t])
+        for t in dict.fromkeys(r["target"] for r in found["faults"])
+    ]
+    names = found["targets"]
+    where = Group(
+        Text(f"<segment>  {', '.join(names['segments'])}; groups {', '.join(names['groups'])}"),
+        *(Text(f"<sensor>   of {t}: {', '.join(s)}") for t, s in names["actuator_sensors"].items() if s),
+        Text(f"<name>     {', '.join(names['sensors'])}"),
+    )
+    d = table("Detectors: --set 'detectors.enabled=[...]'", "id", "level", "what it is")
+    for r in found["detectors"]:
+        d.add_row(r["id"], r["level"], escape(r["summary"]))
+    return Group(s, m, *faults, where, d)
+
+
+def _faults_on(target, rows):
+    f = table(f"Faults on {target}", "kind", "what it does", "keys")
+    f.columns[0].min_width, f.columns[1].ratio, f.columns[2].ratio, f.expand = 21, 1, 1, True
+    for r in rows:
+        keys = " | ".join(r["one_of"]) + "".join(f", {k}" for k in r["keys"])
+        at = f"at = {' | '.join(r['at'])}" if r["at"] else ""
+        only = f" ({' and '.join(r['only'])} only)" if r["only"] else ""
+        f.add_row(r["kind"], r["summary"] + only, "; ".join(x for x in (keys, at) if x))
+    return f
+
+
+def info(found):
+    """Return the tables of `cosim info`."""
+    state = (
+        Text("complete", style="green")
+        if found["complete"]
+        else Text("incomplete: the run did not end by itself", style="yellow")
+    )
+    head = table(found["log"], "", "", show_header=False)
+    for name in ("title", "status", "duration_s", "rate_hz", "ticks", "size_mb"):
+        if found.get(name) not in (None, ""):
+            head.add_row(name, escape(str(found[name])))
+    head.add_row("log", state)
+    for name, value in found["versions"].items():
+        head.add_row(name, escape(value))
+    t = table("Topics", "topic", "rows>", "fields>", "every>", "first fields")
+    for r in found["topics"]:
+        more = ", ..." if len(r["fields"]) > 6 else ""
+        t.add_row(
+            r["name"], str(r["rows"]), str(len(r["fields"])), str(r["every"]), escape(", ".join(r["fields"][:6]) + more)
+        )
+    return Group(head, t, Text(f"attachments: {', '.join(found['attachments']) or 'none'}"))

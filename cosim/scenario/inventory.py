@@ -1,0 +1,53 @@
+"""Everything a scenario can name, as plain data for `cosim list` and for programs."""
+
+from cosim.scenario import catalog as c
+from cosim.scenario.load import DEFAULT, builtin_names, load_scenario
+from cosim.scenario.manoeuvre import KINDS
+
+PLACES = (  # heading, targets, kinds
+    ("elevator", "elevator.<segment>", c.ELEVATOR_KINDS),
+    ("actuator sensor", "elevator.<segment>.<sensor>", c.sensor_kinds(c.PART_SENSORS["rod"])),
+    ("other surface", ", ".join(c.SURFACES), c.SURFACE_KINDS),
+    ("engine", "engine.1 to engine.4, engine.all", c.ENGINE_KINDS),
+    ("aircraft sensor", "sensor.<name>", c.sensor_kinds(c.SENSORS["alpha"])),
+)
+
+
+def inventory():
+    """Return {default, scenarios, manoeuvres, faults, targets, detectors} as plain data."""
+    return {
+        "default": DEFAULT,
+        "scenarios": [{"name": n, "title": load_scenario(n).title} for n in builtin_names()],
+        "manoeuvres": [
+            {"kind": k, "summary": _line(m), "keys": [f for f in m.model_fields if f != "kind"]}
+            for k, m in KINDS.items()
+        ],
+        "faults": [
+            _fault(place, target, name, kind) for place, target, kinds in PLACES for name, kind in kinds.items()
+        ],
+        "targets": {
+            "segments": list(c.SEGMENTS),
+            "groups": list(c.GROUPS),
+            "surfaces": list(c.SURFACES),
+            "engines": [*c.ENGINES, "all"],
+            "actuator_sensors": {t: list(s) for t, s in c.SENSORS_OF.items()},
+            "sensors": list(c.SENSORS),
+        },
+        "detectors": [{"id": d, "level": level, "summary": text} for d, (level, text) in c.DETECTORS.items()],
+    }
+
+
+def _line(model):
+    return model.__doc__.strip().splitlines()[0].rstrip(".")
+
+
+def _fault(place, target, name, kind):
+    keys = [k.name for k in kind.keys]
+    one_of = [k.name for k in kind.one_of]
+    if place.endswith("sensor"):  # the unit follows the sensor
+        one_of = list(
+            dict.fromkeys(k if k == "scale" else k.split("_")[0] + "_<unit>" + "_s" * (name == "drift") for k in one_of)
+        )
+    only = list(kind.technologies) if kind.technologies != c.TECHNOLOGIES else []
+    about = {"place": place, "target": target, "kind": name, "summary": kind.summary}
+    return {**about, "one_of": one_of, "keys": keys, "at": list(kind.at), "only": only}

@@ -1,0 +1,209 @@
+"""The command line: exit status, one clear line for every mistake, JSON and nothing else on standard output."""
+
+import errno
+import json
+import os
+import subprocess
+import sys
+import types
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from cosim import cli
+from cosim.errors import LogError, TrimError
+from cosim.result import Result
+
+ROW = {
+    "id": "iotsekf",
+    "level": "local",
+    "target": "elevator.left_inner",
+    "concerned": True,
+    "alarm": True,
+    "detected_at_s": 12.4,
+    "detection_delay_s": 0.4,
+    "detection_delay_periods": 0.4,
+    "isolated": {"class": "ofc_liquid", "target": "elevator.left_inner"},
+    "false_alarms": 0,
+    "estimate_rmse": None,
+    "estimate_bias": None,
+    "step_us": 1.5,
+}
+NOTHING = dict.fromkeys(("detected_at_s", "isolated", "detection_delay_s", "detection_delay_periods"))
+QUIET = {**ROW, **NOTHING, "target": "elevator.right_inner", "concerned": False, "alarm": False}
+
+
+def outcome(status="completed", reason=""):
+    fault = {"kind": "ofc_liquid", "target": "elevator.left_inner", "start_s": 12.0}
+    return Result("x.mcap", status, reason, 30.0, 0.1, [fault], [ROW, QUIET])
+
+
+@pytest.fixture
+def flown(monkeypatch, tmp_path):
+    """Replace the flight by a function that records its call; the command line around it is real."""
+    calls = []
+
+    def fake(scenario, *, log=None, progress=None, live=None):
+        calls.append((scenario, log))
+        progress(1.0, scenario.duration_s)
+        made = fake.outcome
+        if isinstance(made, BaseException):
+            raise made
+        return made
+
+    fake.outcome, fake.calls = outcome(), calls
+    monkeypatch.setitem(sys.modules, "cosim.simulate", types.SimpleNamespace(simulate=fake))
+    monkeypatch.chdir(tmp_path)
+    return fake
+
+
+def cosim(*args):
+    return CliRunner().invoke(cli.app, [str(a) for a in args])
+
+
+def refused(result, *says):
+    """Assert one line on standard error that says it all, nothing on standard output, and the exit status."""
+    assert result.exit_code == 2, result.output
+    assert result.stdout == ""
+    lines = [line for line in result.stderr.splitlines() if not line.startswith("note:")]
+    assert len(lines) == 1, result.stderr
+    for part in says:
+        assert str(part) in lines[0]
+
+
+def test_run_shows_who_alarmed_and_where_the_log_is(flown):
+    result = cosim("run")
+    assert result.exit_code == 0, result.output
+    for part in ("ofc_liquid on elevator.left_inner", "iotsekf", "12.40", "0.40", "1 lane of healthy parts", "x.mcap"):
+        assert part in result.stdout
+    (call,) = flown.calls
+    assert call[1] == Path("logs/liquid-ofc.mcap") and Path("logs").is_dir()
+
+
+def test_run_passes_overrides_and_output(flown, tmp_path):
+    assert (
+        cosim("run", "cruise", "--set", "seed=7", "-s", "duration_s=2", "-o", tmp_path / "a" / "b.mcap").exit_code == 0
+    )
+    (scenario, log), = flown.calls  # fmt: skip
+    assert (scenario.seed, scenario.duration_s, log) == (7, 2.0, tmp_path / "a" / "b.mcap")
+
+
+def test_json_is_one_object_and_nothing_else(flown):
+    result = cosim("run", "--json", "--set", "duration_s=5")
+    found = json.loads(result.stdout)
+    assert {"log", "status", "sim_time_s", "wall_time_s", "realtime_factor", "faults", "detectors"} <= found.keys()
+    assert "after the flight's end" in result.stderr
+
+
+STRICT = {"completed": 0, "departed": 1, "diverged": 1, "interrupted": 130}
+
+
+@pytest.mark.parametrize(
+    ("status", "strict", "code"), [("departed", False, 0), *((s, True, x) for s, x in STRICT.items())]
+)
+def test_exit_status(flown, status, strict, code):
+    flown.outcome = outcome(status, reason="alpha is beyond the table")
+    result = cosim("run", *["--strict"] * strict)
+    assert result.exit_code == code
+    assert status in result.stdout
+
+
+def test_interrupt_before_the_flight_is_130(flown):
+    flown.outcome = KeyboardInterrupt()
+    assert cosim("run").exit_code == 130
+
+
+def test_bad_scenarios_are_one_line_and_status_2(flown, tmp_path):
+    refused(cosim("run", "nope"), "nope", "cosim list")
+    refused(cosim("run", tmp_path / "no.toml"), tmp_path / "no.toml", "no file")
+    refused(cosim("run", tmp_path), tmp_path, "folder")
+    for content, says in ((b"", "flight"), (b"\xff\xfe", "UTF-8"), (b"[flight\n", "line 1")):
+        path = tmp_path / "bad.toml"
+        path.write_bytes(content)
+        refused(cosim("run", path, "--json"), path, says)
+    refused(cosim("run", "--set", "flight.mas_t=3"), "flight.mas_t", "Did you mean 'mass_t'?")
+    refused(cosim("run", "--set", "flight.mass_t=3"), "flight.mass_t = 3", "180 to 410")
+    refused(cosim("run", "--set", "faults.0.target=elevator.middle"), "faults.0.target", "elevator.left_inner")
+    assert flown.calls == []
+
+
+def test_message_is_printed_as_it_is_not_as_markup(flown, tmp_path):
+    refused(cosim("run", tmp_path / "[red]x[/].toml"), "[red]x[/].toml")
+
+
+def test_infeasible_trim_is_one_line(flown):
+    flown.outcome = TrimError("no steady flight at 300 t, 45,000 ft", remedy="Fly lower or faster")
+    refused(cosim("run"), "no steady flight", "Fly lower or faster")
+
+
+def test_unwritable_place_is_found_before_the_flight(flown, tmp_path):
+    (tmp_path / "file").write_text("")
+    refused(cosim("run", "-o", tmp_path / "file" / "x.mcap"), "folder is a file")
+    refused(cosim("run", "-o", tmp_path), "is a folder")
+    refused(cosim("run", "-o", "/proc/x.mcap"), "/proc/x.mcap", "cannot be written")
+    scenario = tmp_path / "own.toml"
+    scenario.write_text("[flight]\nmass_t = 200\ncg_pct = 30\naltitude_ft = 20000\ncas_kt = 290\n")
+    refused(cosim("run", scenario, "-o", scenario), "is the scenario itself")
+    assert flown.calls == [] and "mass_t" in scenario.read_text()
+
+
+def test_folder_without_write_permission(flown, tmp_path):
+    if os.geteuid() == 0:
+        pytest.skip("root may write anywhere")
+    folder = tmp_path / "locked"
+    folder.mkdir(mode=0o500)
+    refused(cosim("run", "-o", folder / "x.mcap"), "cannot be written", "ermission")
+
+
+def test_existing_log_survives_a_run_that_never_starts(flown, tmp_path):
+    log = tmp_path / "x.mcap"
+    log.write_bytes(b"precious")
+    flown.outcome = TrimError("no steady flight")
+    cosim("run", "-o", log)
+    assert log.read_bytes() == b"precious"
+
+
+@pytest.mark.parametrize("error", [
+    OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "x.mcap"), LogError("No space left on device", place="x.mcap"),
+])  # fmt: skip
+def test_full_disk_is_one_line(flown, error):
+    flown.outcome = error
+    refused(cosim("run"), "x.mcap", "No space left on device")
+
+
+def test_a_bug_is_not_disguised_as_bad_input(flown):
+    flown.outcome = RuntimeError("a bug")
+    result = cosim("run")
+    assert result.exit_code == 1 and isinstance(result.exception, RuntimeError)
+
+
+def test_list_names_everything():
+    result = cosim("list")
+    assert result.exit_code == 0
+    for part in ("liquid-ofc", "nz_doublet", "jam_solid", "winding_resistance", "sensor.<name>", "control_redundancy"):
+        assert part in result.stdout
+    found = json.loads(cosim("list", "--json").stdout)
+    assert {"scenarios", "manoeuvres", "faults", "targets", "detectors"} <= found.keys()
+
+
+def test_info_of_what_is_no_log(tmp_path):
+    refused(cosim("info", tmp_path / "no.mcap"), "no.mcap")
+    refused(cosim("info", tmp_path), tmp_path)
+    (tmp_path / "x.mcap").write_bytes(b"")
+    refused(cosim("info", tmp_path / "x.mcap"), "x.mcap")
+
+
+def python(code):
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True).stdout
+
+
+def test_import_and_help_stay_light():
+    heavy = "{'numba', 'pandas', 'jsbsim', 'scipy', 'plotly', 'mcap', 'pyarrow', 'cvxpy', 'numpy'}"
+    assert python(f"import sys, cosim; print({heavy} & set(sys.modules))") == "set()\n"
+    assert python(f"import sys, cosim.cli; print({heavy} & set(sys.modules))") == "set()\n"
+    assert python(f"import sys, cosim; cosim.load_scenario(); print({heavy} & set(sys.modules))") == "set()\n"
+
+
+def test_a_submodule_does_not_hide_the_function_of_the_same_name():
+    assert python("import cosim, cosim.simulate; print(cosim.simulate.__class__.__name__)") == "function\n"
