@@ -1,8 +1,23 @@
 """The log of a run: one self-contained MCAP file, written while the run goes on and read back bit for bit."""
 
+from .fingerprint import fingerprint
 from .format import Limits, LogError, Topic, TopicInfo
 from .foxglove import Pose
-from .reader import Log, open_log
+from .reader import Log, is_log, open_log
+from .recover import info, recover
 from .writer import LogWriter
 
-__all__ = ["Limits", "Log", "LogError", "LogWriter", "Pose", "Topic", "TopicInfo", "open_log"]
+__all__ = [
+    "Limits",
+    "Log",
+    "LogError",
+    "LogWriter",
+    "Pose",
+    "Topic",
+    "TopicInfo",
+    "fingerprint",
+    "info",
+    "is_log",
+    "open_log",
+    "recover",
+]

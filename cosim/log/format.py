@@ -101,6 +101,7 @@ class ChunkRef:
     index_offsets: dict = field(default_factory=dict)  # channel id -> offset of its MessageIndex record
     index_counts: dict = field(default_factory=dict)  # channel id -> messages
     index_length: int = 0
+    checked: bool = False  # that its message indexes count its content
 
 
 def check_topic(name, fields, units, every):

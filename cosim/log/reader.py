@@ -2,13 +2,17 @@
 
 import os
 import zlib
+from collections import Counter
 
 import numpy as np
 import pandas as pd
 import zstandard
+from google.protobuf.message import DecodeError
 
+from . import foxglove
+from .chunk import HEAD
 from .format import Limits, TopicInfo, log_error
-from .scan import scan, ticks
+from .scan import scan
 
 
 def open_log(path, *, limits=None):
@@ -23,7 +27,8 @@ class Log:
     """Give the content of one log; memory is one chunk and what was asked for.
 
     `topics` {name: TopicInfo}, `metadata` {name: {str: str}}, `attachments` {name: bytes}, `media_types` {name: str},
-    `dt_ns` [ns], `n_ticks`, `complete` (the run ended by itself and wrote its result), `result` {str: str} or None.
+    `dt_ns` [ns], `n_ticks`, `spans` [(first tick, ticks)] of the chunks, `complete` (the run ended by itself and wrote
+    its result), `result` {str: str} or None.
     """
 
     def __init__(self, found):
@@ -34,12 +39,12 @@ class Log:
         self.media_types = {r.name: r.media_type for _, _, r in found.attachments}
         self.result = self.metadata.get("result")
         self.complete = found.closed and self.result is not None
-        self._spans = [ticks(c, self.dt_ns) for c in found.chunks]
-        self.n_ticks = sum(n for _, n in self._spans)
+        self.spans = [found.ticks(c) for c in found.chunks]
+        self.n_ticks = sum(n for _, n in self.spans)
         self.topics = {name: self._info(t) for name, t in found.topics.items()}
 
     def _info(self, t):
-        rows = sum(len(range(-k0 % t.every, n, t.every)) for k0, n in self._spans)
+        rows = sum(len(range(-k0 % t.every, n, t.every)) for k0, n in self.spans)
         return TopicInfo(t.name, t.fields, t.units, t.every, rows, t.group, t.description)
 
     def array(self, topic):
@@ -52,7 +57,7 @@ class Log:
         numbers = {self._number(name): name for name in names}
         out = {name: np.empty((self.topics[name].rows, len(self.topics[name].fields))) for name in names}
         done = dict.fromkeys(names, 0)
-        for plan, content in self._contents():
+        for plan, content, _ in self._contents():
             for number, name in numbers.items():
                 if number not in plan.blocks:
                     continue
@@ -71,7 +76,7 @@ class Log:
     def ticks(self, topic):
         """Return the tick of each row of a topic (rows,) as int64."""
         every = self.topics[self._name(topic)].every
-        parts = [np.arange(k0 + -k0 % every, k0 + n, every, dtype=np.int64) for k0, n in self._spans]
+        parts = [np.arange(k0 + -k0 % every, k0 + n, every, dtype=np.int64) for k0, n in self.spans]
         return np.concatenate(parts) if parts else np.empty(0, np.int64)
 
     def _name(self, topic):
@@ -103,8 +108,19 @@ class Log:
         frames = self.frames(dict.fromkeys(topic for topic, _ in pairs))
         return pd.concat([frames[topic][field].rename(name) for name, (topic, field) in zip(names, pairs)], axis=1)
 
+    def messages(self, topic):
+        """Return the well-known messages of /log, /events, /tf or /fix as a list of (tick, protobuf message)."""
+        if topic not in foxglove.TOPICS:
+            raise KeyError(f"{topic!r} is none of {', '.join(foxglove.TOPICS)}")
+        kind = foxglove.message(foxglove.TOPICS[topic][0].removeprefix("foxglove."))
+        wanted = self._scan.ids.get(topic)
+        try:
+            return [(k, kind.FromString(data)) for *_, tail in self._contents() for c, k, data in tail if c == wanted]
+        except DecodeError as error:
+            raise log_error(f"a message on {topic} is no {kind.DESCRIPTOR.full_name}", self.path) from error
+
     def _contents(self):
-        """Yield (plan, content as uint8) of each chunk, checked."""
+        """Yield (plan, content as uint8, tail) of each chunk, checked."""
         try:
             with open(self.path, "rb") as file:
                 for chunk in self._scan.chunks:
@@ -114,17 +130,40 @@ class Log:
 
 
 def load_chunk(found, file, chunk):
-    """Return (plan, content) of a chunk; raises LogError when a single byte is not as it must be."""
+    """Return (plan, content, tail) of a chunk; raises LogError when a single byte is not as it must be.
+
+    The tail is the list of irregular messages (channel id, tick, payload).
+    """
     file.seek(chunk.data_offset)
     content = _decompress(found, file.read(chunk.data_size), chunk)
     if len(content) != chunk.size or zlib.crc32(content) != chunk.crc:
-        found.fail("the chunk is damaged (CRC)", chunk.offset)
-    k0, n = ticks(chunk, found.dt_ns)
+        raise log_error("the chunk is damaged (CRC)", found.path, chunk.offset)
+    k0, n = found.ticks(chunk)
     plan, content = found.layout.plan(k0, n), np.frombuffer(content, "u1")
     wrong = plan.differs(content, k0)
     if wrong is not None:
-        found.fail(f"the chunk's content is not one message per sample (its byte {wrong})", chunk.offset)
-    return plan, content
+        raise log_error(f"the chunk is not one message per sample (byte {wrong} of it)", found.path, chunk.offset)
+    return plan, content, _tail(found, content[plan.size :].tobytes(), chunk)
+
+
+def _tail(found, data, chunk):
+    """Return the messages after the samples of a chunk; raises LogError unless they are whole and indexed."""
+    irregular = {found.ids[name] for name in found.ids if name not in found.topics}
+    tail, at = [], 0
+    while at < len(data):
+        head = np.frombuffer(data, HEAD, 1, at)[0] if len(data) - at >= HEAD.itemsize else None
+        end = at + 9 + int(head["length"]) if head is not None else 0
+        if not at + HEAD.itemsize <= end <= len(data) or head["op"] != 5 or int(head["channel"]) not in irregular:
+            raise log_error(f"byte {at} after the chunk's samples begins no message", found.path, chunk.offset)
+        ns = int(head["log"])
+        if not chunk.start_ns <= ns == head["publish"] <= chunk.end_ns or ns != int(head["sequence"]) * found.dt_ns:
+            raise log_error("a message has a time outside its chunk", found.path, chunk.offset)
+        tail.append((int(head["channel"]), int(head["sequence"]), data[at + HEAD.itemsize : end]))
+        at = end
+    counts = Counter(channel for channel, _, _ in tail)
+    if not found.tolerant and counts != {c: n for c, n in chunk.index_counts.items() if c in irregular}:
+        raise log_error("the message indexes do not count what the chunk holds", found.path, chunk.offset)
+    return tail
 
 
 def _decompress(found, data, chunk):
@@ -133,7 +172,7 @@ def _decompress(found, data, chunk):
         return data
     try:
         if zstandard.get_frame_parameters(data).content_size != chunk.size:
-            found.fail("the compressed frame is not as long as its chunk says", chunk.offset)
+            raise log_error("the compressed frame is not as long as its chunk says", found.path, chunk.offset)
         return zstandard.ZstdDecompressor(max_window_size=1 << 27).decompress(data, allow_extra_data=False)
     except (zstandard.ZstdError, MemoryError) as error:
         raise log_error(f"the chunk cannot be decompressed: {error}", found.path, chunk.offset) from error

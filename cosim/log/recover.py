@@ -1,0 +1,128 @@
+"""Make a readable log of what a killed run, a full disk or a damaged disk has left, and say what a log holds."""
+
+import hashlib
+import os
+
+from .contents import Contents
+from .format import Damage, Limits, LogError, log_error
+from .reader import Log, load_chunk, open_log
+from .records import pack_chunk
+from .scan import scan
+from .sink import Sink
+
+
+def recover(path, out, *, limits=None):
+    """Write every whole chunk of the log at `path` to a new log at `out` and return a report.
+
+    The report: `out`, `chunks`, `ticks`, `duration_s`, `complete` (nothing of the run was lost), `parameters_intact`
+    (all before the first tick is as written), and `lost`, a list of {offset, bytes, reason}. The new log holds it as
+    metadata `recovered`. Raises LogError when nothing can be read, or `out` is the log itself or cannot be written.
+    """
+    if os.path.exists(out) and os.path.exists(path) and os.path.samefile(path, out):
+        raise log_error("a log cannot be recovered onto itself", os.fspath(out), remedy="Give another place (-o).")
+    found = scan(path, limits or Limits(), tolerant=True)
+    with open(found.path, "rb") as file:
+        good = [chunk for chunk in found.chunks if _is_whole(found, file, chunk)]
+        complete = found.whole and len(good) == len(found.chunks)
+        metadata = {r.name: r.metadata for _, _, r in found.metadata if r.name not in ("preamble", "recovered")}
+        result = metadata.pop("result", None) if complete else None
+        metadata = {name: texts for name, texts in metadata.items() if complete or name != "result"}
+        ticks = sum(found.ticks(chunk)[1] for chunk in good)
+        lost = [{"offset": d.offset, "bytes": d.length, "reason": d.reason} for d in found.damage]
+        texts = {"ticks": str(ticks), "parameters_intact": str(found.trusted).lower()}
+        texts |= {f"lost {i}": f"{d.length} bytes at {d.offset}: {d.reason}" for i, d in enumerate(found.damage)}
+        _rewrite(found, file, good, out, {**metadata, "recovered": texts}, result)
+    end = (good[-1].end_ns + found.dt_ns) / 1e9 if good else 0.0
+    return {
+        "out": os.fspath(out),
+        "chunks": len(good),
+        "ticks": ticks,
+        "duration_s": end,
+        "complete": result is not None,
+        "parameters_intact": found.trusted,
+        "lost": lost,
+    }
+
+
+def _is_whole(found: Contents, file, chunk):
+    try:
+        load_chunk(found, file, chunk)
+    except LogError as error:
+        found.damage.append(Damage(chunk.offset, chunk.length, error.problem))
+        return False
+    return True
+
+
+def _rewrite(found, file, chunks, out, metadata, result):
+    declared = [(c.topic, s.name, s.data, c.metadata) for s, c in zip(found.schemas, found.channels)]
+    attachments = {r.name: (r.media_type, r.data) for _, _, r in found.attachments}
+    sink = Sink(out)
+    try:
+        sink.preamble(declared, metadata, attachments)
+        for chunk in chunks:
+            plan, content, tail = load_chunk(found, file, chunk)
+            entries, at = {}, plan.size
+            for channel, k, data in tail:
+                entries.setdefault(channel, []).append((k * found.dt_ns, at))
+                at += 31 + len(data)  # a message record: 9 bytes of record head, 22 of message head
+            file.seek(chunk.data_offset)
+            data = file.read(chunk.data_size)
+            packed = pack_chunk(
+                found.layout, content, data, chunk.compression, *found.ticks(chunk), entries, sink.offset
+            )
+            sink.chunk(*packed)
+        if result is not None:
+            sink.metadata("result", result)
+        sink.finish()
+    finally:
+        sink.drop()
+
+
+def info(path, *, check=False, limits=None):
+    """Return a dict that describes a log, be it whole or not; raises LogError when there is nothing to describe.
+
+    `readable` (the strict reader takes it), `problem` (why not), `complete` (the run ended by itself), `ticks`, `dt_s`,
+    `duration_s`, `bytes`, `chunks`, `gaps` (ticks missing between chunks), `result`, `metadata`, `attachments` {name:
+    bytes} and `topics` {name: {rows, fields, every, units, sha256}}; with `check`, all content is read and its hashes
+    are compared with the result's: `hashes_agree` (None when there is no result).
+    """
+    try:
+        log, problem = open_log(path, limits=limits), None
+    except LogError as error:
+        log, problem = Log(scan(path, limits or Limits(), tolerant=True)), str(error)
+    result = log.result or {}
+    sums = {name: hashlib.sha256(values).hexdigest() for name, values in _arrays(log)} if check and not problem else {}
+    stated = {name: result.get(f"sha256 {name}") for name in log.topics}
+    spans = log.spans
+    return {
+        "path": log.path,
+        "bytes": os.path.getsize(log.path),
+        "readable": problem is None,
+        "problem": problem,
+        "complete": log.complete,
+        "recovered": "recovered" in log.metadata,
+        "ticks": log.n_ticks,
+        "dt_s": log.dt_ns / 1e9,
+        "duration_s": sum(spans[-1]) * log.dt_ns / 1e9 if spans else 0.0,
+        "gaps": (sum(spans[-1]) - log.n_ticks) if spans else 0,
+        "chunks": len(spans),
+        "result": {k: v for k, v in result.items() if not k.startswith("sha256 ")},
+        "metadata": {k: v for k, v in log.metadata.items() if k not in ("result", "preamble")},
+        "attachments": {name: len(data) for name, data in log.attachments.items()},
+        "hashes_agree": sums == stated if sums and log.result else None,
+        "topics": {
+            t.name: {
+                "rows": t.rows,
+                "every": t.every,
+                "fields": list(t.fields),
+                "units": list(t.units),
+                "sha256": sums.get(t.name) or stated[t.name],
+            }
+            for t in log.topics.values()
+        },
+    }
+
+
+def _arrays(log):
+    """Yield (topic, values) of every topic, one at a time: memory over speed."""
+    return ((name, log.array(name)) for name in log.topics)

@@ -1,0 +1,132 @@
+"""Write the records of a log to a file, and keep count of what its end must say; for the writer and for recover."""
+
+import errno
+import hashlib
+import os
+import zlib
+
+from mcap.data_stream import RecordBuilder
+from mcap.records import Attachment, Channel, Header, Metadata, Schema
+
+from .format import LIBRARY, log_error
+from .records import MAGIC, closing
+
+_ELSEWHERE = "Choose another place (-o)."
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+class Sink:
+    """Hold one file being written; `ids` maps topics to channel ids. Methods raise LogError when writing fails."""
+
+    def __init__(self, path):
+        self.path = os.fspath(path)
+        self.offset = self.crc = 0
+        self.schemas, self.channels, self.ids = [], [], {}
+        self.chunks, self._metadata, self._attachments = [], [], []
+        self._digest = hashlib.sha256()
+        try:
+            self._file = open(self.path, "wb", buffering=0)
+        except OSError as error:
+            raise log_error(f"cannot create the log: {error.strerror}", self.path, remedy=_ELSEWHERE) from error
+
+    def preamble(self, declared, metadata, attachments):
+        """Write all that precedes the first chunk, and a hash of it.
+
+        `declared` are (topic, message name, descriptors, channel metadata), `metadata` {name: {str: str}},
+        `attachments` {name: (media type, bytes)}. With the hash a log that
+        lost its end can prove that its parameters are whole.
+        """
+        records = [Header(profile="", library=LIBRARY)]
+        for number, (topic, message, data, texts) in enumerate(declared, 1):
+            records.append(Schema(id=number, name=message, encoding="protobuf", data=data))
+            records.append(
+                Channel(id=number, topic=topic, message_encoding="protobuf", schema_id=number, metadata=texts)
+            )
+            self.ids[topic] = number
+        self.schemas, self.channels = records[1::2], records[2::2]
+        self._preamble(MAGIC + b"".join(map(encode, records)))
+        for name, texts in metadata.items():
+            self.metadata(name, texts)
+        for name, (media_type, data) in attachments.items():
+            record = Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=bytes(data))
+            at, blob = self.offset, encode(record)
+            self._preamble(blob)
+            self._attachments.append((at, len(blob), record))
+        self.metadata("preamble", {"sha256": self._digest.hexdigest()})
+
+    def _preamble(self, blob):
+        self._digest.update(blob)
+        self.put(blob)
+
+    def metadata(self, name, texts):
+        """Write a metadata record; raises ValueError unless all of it is text."""
+        if not all(isinstance(text, str) for pair in texts.items() for text in pair):
+            raise ValueError(f"metadata {name!r}: keys and values must be str")
+        at, record = self.offset, Metadata(name=name, metadata=dict(texts))
+        blob = encode(record)
+        self._preamble(blob)
+        self._metadata.append((at, len(blob), record))
+
+    def chunk(self, blobs, ref):
+        """Write a chunk and its message indexes as they come from records.pack_chunk."""
+        self.put(*blobs)
+        self.chunks.append(ref)
+
+    def mark(self):
+        """Return the place reached, for back_to."""
+        return self.offset, self.crc, len(self.chunks), len(self._metadata)
+
+    def back_to(self, mark):
+        """Forget all that was written after a mark, be it half a chunk."""
+        self.offset, self.crc, chunks, metadata = mark
+        del self.chunks[chunks:], self._metadata[metadata:]
+        try:
+            self._file.seek(self.offset)
+            self._file.truncate()
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def finish(self):
+        """Write the end of the log and close the file."""
+        found = self.chunks, self._attachments, self._metadata
+        self._write(closing(self.offset, self.crc, self.schemas, self.channels, *found))
+        self.drop()
+
+    def put(self, *blobs):
+        """Write bytes of the data section and count them."""
+        crc = self.crc
+        for blob in blobs:
+            self._write(blob)
+            crc = zlib.crc32(blob, crc)
+        self.offset, self.crc = self.offset + sum(map(len, blobs)), crc
+
+    def _write(self, blob):
+        view = memoryview(blob)
+        try:
+            while view:  # a raw file may take less than it is given
+                view = view[self._file.write(view) :]
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def _failed(self, error):
+        self.drop()
+        kept = f"up to {self.chunks[-1].end_ns / 1e9} s" if self.chunks else "before the first tick"
+        free = "Free some space or choose" if error.errno in _FULL else "Choose"
+        remedy = f"{free} another place (-o). What was written {kept} is whole: `cosim recover` makes it readable."
+        return log_error(f"cannot write the log: {error.strerror}", self.path, self.offset, remedy)
+
+    @property
+    def open(self):
+        """Tell whether the file is still being written."""
+        return not self._file.closed
+
+    def drop(self):
+        """Close the file as it is."""
+        self._file.close()
+
+
+def encode(record):
+    """Return the bytes of a record of the library."""
+    builder = RecordBuilder()
+    record.write(builder)
+    return builder.end()
