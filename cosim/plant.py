@@ -13,6 +13,7 @@ forces, as JSBSim's own are one frame old.
 """
 
 import math
+import struct
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -229,6 +230,9 @@ class Plant:
         self._set = [self.port.setter(name) for name in _WRITE]
         self._scale = np.array([factor for _, factor in _READ], float)
         self._record = self._flat = None
+        self._buffer = bytearray(8 * len(_READ))
+        self._raw = np.frombuffer(self._buffer)
+        self._pack = struct.Struct(f"{len(_READ)}d").pack_into  # three times faster than an array from a list
         self._advance = fdm.run
         for name, value in loading(flight.mass, flight.cg).items():
             self.port.setter(name)(value)
@@ -310,7 +314,8 @@ class Plant:
         """Write the truth at t_k into `record`, a record or a (1,) array of TRUTH; nx, ny, nz are this frame's forces over weight."""
         if record is not self._record:
             self._record, self._flat = record, np.asarray(record).reshape(1).view("f8")
-        _to_si(np.array([get() for get in self._get]), self._scale, self._flat)
+        self._pack(self._buffer, 0, *[get() for get in self._get])
+        _to_si(self._raw, self._scale, self._flat)
 
     def write(self, surfaces):
         """Set the inputs that act at t_k+1: a vector in the order of SURFACES, rad and fractions."""
