@@ -3,6 +3,8 @@
 The solver is an optional extra, imported when a design runs, so that a flight needs none.
 """
 
+import warnings
+
 import numpy as np
 
 
@@ -36,7 +38,9 @@ def solve(problem, *, tolerance=1e-9):
     cp = cvxpy()
     options = {"tol_gap_abs": tolerance, "tol_gap_rel": tolerance, "tol_feas": tolerance}
     try:
-        problem.solve(solver=cp.CLARABEL, **options)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Solution may be inaccurate")  # the caller checks the solution itself
+            problem.solve(solver=cp.CLARABEL, **options)
     except cp.SolverError as error:
         raise Infeasible(f"Clarabel gave up: {error}") from error
     if problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):

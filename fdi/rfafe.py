@@ -1,3 +1,103 @@
-"""Robust fast adaptive fault estimator [Sun13]: design, model helpers and the block."""
+"""Robust fast adaptive fault estimator as published: y holds the elevator positions, one fault estimate per side.
 
-from fdi.rfafe_design import Design, DesignError, Region, design, separate  # noqa: F401
+    x = [V, alpha, q, theta, delta_left, delta_right],  y = x,  u = [command left, command right]      [Sun13] (37)-(41)
+    f = what is added to a side's command;  a solid OFC s(t) is f = s - command
+
+V in m/s, angles in deg, q in deg/s inside, as the paper has them; conversion stands in `step`. A side is the
+effectiveness-weighted mean of its two segments. The design puts its whole gain on the positions (M = [0 0 0 0 m 0]
+for each side): no airframe output contributes, so this estimator is a position monitor with a model of the actuator.
+`fdi.rfafe_airframe` is the form that has to find the fault in the aircraft's motion.
+"""
+
+import math
+
+import numpy as np
+
+from actuators.block import dtype, kernel, record
+from fdi import rfafe_core
+from fdi.decision import held, usable
+from fdi.rfafe_conditions import DesignError, separate
+from fdi.rfafe_core import advance
+from fdi.rfafe_design import Design, Region, design
+from fdi.rfafe_model import estimate_E, first_order, fit_first_order, global_model, reduce_E
+from fdi.rfafe_store import from_plain, read
+from fdi.tuning import thresholds
+
+__all__ = ["CULPRITS", "INPUTS", "OUTPUTS", "PARAMS", "STATE", "Design", "DesignError", "Region", "design",
+           "estimate_E", "first_order", "fit_first_order", "global_model", "init", "params", "reduce_E", "rollout",
+           "separate", "step"]
+
+CULPRITS = ("", "elevator_left", "elevator_right")
+DEG = math.pi / 180.0
+
+PARAMS = dtype([
+    *rfafe_core.PARAMS,
+    ("weight", "f8", (4,)),  # share of left_outer, left_inner in the left side, right_inner, right_outer in the right
+])
+INPUTS = dtype([
+    ("tas", "f8"), ("tas_valid", "f8"),          # true airspeed [m/s]
+    ("alpha", "f8"), ("alpha_valid", "f8"),      # angle of attack [rad]
+    ("q", "f8"), ("q_valid", "f8"),              # pitch rate [rad/s]
+    ("theta", "f8"), ("theta_valid", "f8"),      # pitch angle [rad]
+    ("surface", "f8", (4,)),                     # segments left_outer, left_inner, right_inner, right_outer [rad]
+    ("surface_valid", "f8", (4,)),
+    ("command", "f8", (2,)),                     # left, right, trailing edge down + [rad]
+])
+STATE = dtype([
+    *rfafe_core.STATE,
+    ("f_hat", "f8"),        # the larger of the two sides [rad]
+    ("f_hat_left", "f8"),   # [rad of command]
+    ("f_hat_right", "f8"),
+])
+OUTPUTS = ("f_hat", "f_hat_left", "f_hat_right", "r", "alarm", "verdict", "culprit", "valid")
+
+
+def params(which="flight", *, stored=None, trim=None, u_delay=1.0, weight=None):
+    """Return PARAMS from the stored design and threshold set `which`.
+
+    `stored` replaces the file `fdi/designs/rfafe.json` (same keys); `trim` replaces its trim: mapping with tas [m/s],
+    alpha, theta, elevator [rad]. `u_delay` in ticks matches the sensors' 5 ms. Raises FileNotFoundError without a
+    stored design.
+    """
+    stored = read("rfafe") if stored is None else stored
+    t = stored["trim"] if trim is None else trim
+    de = t["elevator"] / DEG
+    p = record(PARAMS, weight=stored["weight"] if weight is None else weight, **thresholds("rfafe", which))
+    y = [t["tas"], t["alpha"] / DEG, 0.0, t["theta"] / DEG, de, de]
+    return rfafe_core.fill(p, from_plain(stored["design"]), y_trim=y, u_trim=[de, de], unit=DEG, u_delay=u_delay)
+
+
+def init(p):
+    """Return STATE of p's shape, not yet started."""
+    return np.zeros(p.shape, STATE)
+
+
+@kernel
+def step(x, u, p, dt):
+    """Convert to the paper's units, advance the estimator, name the sides."""
+    good = min(usable(u.tas, u.tas_valid), usable(u.alpha, u.alpha_valid))
+    good = min(good, min(usable(u.q, u.q_valid), usable(u.theta, u.theta_valid)))
+    for i in range(4):
+        good = min(good, usable(u.surface[i], u.surface_valid[i]))
+    if good > 0.5:
+        x.y[0] = u.tas - p.y_trim[0]
+        x.y[1] = u.alpha / DEG - p.y_trim[1]
+        x.y[2] = u.q / DEG - p.y_trim[2]
+        x.y[3] = u.theta / DEG - p.y_trim[3]
+        x.y[4] = (p.weight[0] * u.surface[0] + p.weight[1] * u.surface[1]) / DEG - p.y_trim[4]
+        x.y[5] = (p.weight[2] * u.surface[2] + p.weight[3] * u.surface[3]) / DEG - p.y_trim[5]
+    for j in range(2):
+        x.u[j] = held(u.command[j] / DEG - p.u_trim[j], 1.0, x.u[j])
+    advance(x, p, good, dt)
+    x.f_hat_left = x.f[0]
+    x.f_hat_right = x.f[1]
+    x.f_hat = x.f[0] if math.fabs(x.f[0]) >= math.fabs(x.f[1]) else x.f[1]
+
+
+@kernel
+def rollout(x, u, p, dt, log):
+    """Step every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
+    for i in range(u.shape[0]):
+        for k in range(u.shape[1]):
+            step(x[i], u[i, k], p[i], dt)
+            log[i, k] = x[i]

@@ -75,43 +75,45 @@ def fixed_modes(A1, C, TF):
 
     They are the unobservable eigenvalues of (C, A2), A2 = (I - TF (C TF)^+ C) A1, among them those of (C, A1) itself.
     """
-    A2 = A1 - TF @ np.linalg.pinv(C @ TF) @ C @ A1
+    return unobservable_modes(A1 - TF @ np.linalg.pinv(C @ TF) @ C @ A1, C)
+
+
+def unobservable_modes(A, C):
+    """Return the eigenvalues of A on the largest A-invariant subspace in null(C): V <- V intersected with A^-1 V."""
     Z = null_space(C, rcond=RANK)
-    # largest A2-invariant subspace inside null(C): V <- V intersected with A2^-1 V
-    for _ in range(A1.shape[0]):
+    for _ in range(A.shape[0]):
         if Z.shape[1] == 0:
             return np.zeros(0, complex)
-        outside = A2 @ Z - Z @ (Z.T @ A2 @ Z)
+        outside = A @ Z - Z @ (Z.T @ A @ Z)
         _, s, Vt = np.linalg.svd(outside)
-        keep = Vt[rank_of(s, RANK * max(1.0, np.linalg.norm(A2))):].T
+        keep = Vt[rank_of(s, RANK * max(1.0, np.linalg.norm(A))):].T
         if keep.shape[1] == Z.shape[1]:
             break
         Z = Z @ keep
-    return np.linalg.eigvals(Z.T @ A2 @ Z)
+    return np.linalg.eigvals(Z.T @ A @ Z)
 
 
 def undetectability(A1, C):
-    """Return the distance to undetectability: the least singular value of [(s I - A1)/|A1|; C], rows of C unit, Re s >= 0.
+    """Return (distance, state): least singular value of [(s I - A1)/|A1|; C] over Re s >= 0, and where it points.
 
-    A nearest pair has its hidden mode on the imaginary axis, unless one is hidden already: then condition (iv) fails
-    and DesignError names the mode.
+    Rows of C are unit. A nearest undetectable pair has its hidden mode on the imaginary axis, unless one is hidden
+    already: then condition (iv) fails and DesignError names the mode. `state` is the index of its largest part.
     """
     n, size = A1.shape[0], max(np.linalg.norm(A1, 2), 1e-12)
     unit = unit_rows(C)
 
     def least(s):
-        return np.linalg.svd(np.vstack([(s * np.eye(n) - A1) / size, unit]), compute_uv=False)[-1]
+        _, values, Vt = np.linalg.svd(np.vstack([(s * np.eye(n) - A1) / size, unit]))
+        return float(values[-1]), int(np.argmax(abs(Vt[-1])))
 
-    for value in np.linalg.eigvals(A1):
-        if value.real >= -1e-9 * size and least(value) < 1e-8:
-            state = int(np.argmax(abs(np.linalg.svd(np.vstack([value * np.eye(n) - A1, unit]))[2][-1])))
+    for value in unobservable_modes(A1, unit):
+        if value.real >= -1e-9 * size:
+            gap, state = least(value)
             raise DesignError(f"condition (iv) fails: the mode {value:.4g} 1/s of A1 = (I - HC) A is not stable and "
-                              "does "
-                              f"not show in C (smallest singular value {least(value):.1e}, mostly state {state}); "
-                              "measure "
-                              "it or lower the rank of E")
+                              f"does not show in C (smallest singular value {gap:.1e}, mostly state {state}); "
+                              "measure it or lower the rank of E")
     grid = np.concatenate([[0.0], size * np.logspace(-6, 0.5, 200)])
-    return float(min(least(1j * w) for w in grid))
+    return min(least(1j * w) for w in grid)
 
 
 def balance(A, C, F):

@@ -131,13 +131,12 @@ def design(A, B, C, D, E, F, *, dt, region=None, alpha=None, theta=1.0, Gamma=No
     if ratio < min_ratio:
         raise DesignError(
             f"|TF|/|F| is {ratio:.3f}, below {min_ratio}: E lies {angle:.1f} deg from F, so decoupling it removes the "
-            "fault "
-            "and multiplies the noise; lower the rank of E or remove its part along F (parallel='rank' or 'remove')")
+            "fault and multiplies the noise; lower the rank of E or remove its part along F (see `parallel`)")
     A1 = T @ A
     scale = balance(A, C, F)
     A1s, Cs = A1 / scale[:, None] * scale, C * scale
     TFs = T @ F / scale[:, None]
-    distance = undetectability(A1s, Cs)
+    distance, state = undetectability(A1s, Cs)
     zeros = fixed_modes(A1s, Cs, TFs)
     region = _region(region, bandwidth if Gamma is None else BANDWIDTH, zeros)
     if alpha is None:
@@ -145,7 +144,11 @@ def design(A, B, C, D, E, F, *, dt, region=None, alpha=None, theta=1.0, Gamma=No
     if not (alpha > 0.0 and theta > 0.0):
         raise ValueError(f"alpha and theta are positive, not {alpha} and {theta}")
 
-    P, Y = _solve(A1s, Cs, TFs, region, alpha)
+    try:
+        P, Y = _solve(A1s, Cs, TFs, region, alpha)
+    except lmi.Infeasible as error:
+        near = f"(C, A1) is {distance:.1e} of |A1| from an undetectable pair (mostly state {state})"
+        raise lmi.Infeasible(f"{error}; {near}") from error
     P, Y = P / np.outer(scale, scale), Y / scale[:, None]
     floor = np.linalg.eigvalsh(P)[0]
     P, Y = P * (1.0 + 1e-9) / floor, Y * (1.0 + 1e-9) / floor  # homogeneous: P >= I fixes the scale

@@ -1,0 +1,67 @@
+"""Keep an estimator as plain numbers in `fdi/designs/`, so that a flight needs no solver."""
+
+import json
+from dataclasses import asdict, fields
+from importlib import resources
+
+import numpy as np
+
+from fdi.rfafe_design import Design, Region, Report
+from fdi.rfafe_discrete import Discrete
+
+_COMPLEX = ("fixed_modes", "eigenvalues_N", "eigenvalues_loop")
+
+
+def to_plain(design):
+    """Return a Design as nested dicts and lists that JSON can hold; complex numbers become [re, im]."""
+
+    def plain(value):
+        if isinstance(value, np.ndarray):
+            return value.tolist()
+        if isinstance(value, dict):
+            return {k: plain(v) for k, v in value.items()}
+        if isinstance(value, tuple | list):
+            return [plain(v) for v in value]
+        return [value.real, value.imag] if isinstance(value, complex) else value
+
+    return plain(asdict(design))
+
+
+def from_plain(plain):
+    """Return the Design of `to_plain`; ValueError when a field is missing or unknown."""
+    sizes = {"n": len(plain["A"]), "m": len(plain["C"]), "r": _width(plain["B"]), "q": _width(plain["E"])}
+    shapes = {"E": ("n", "q"), "B": ("n", "r"), "D": ("m", "r")}
+
+    def matrix(name, value):
+        out = np.array(value, float)
+        return out.reshape([sizes[s] for s in shapes[name]]) if name in shapes else out
+
+    report = dict(plain["report"])
+    for name in _COMPLEX:
+        report[name] = tuple(complex(*pair) for pair in report[name])
+    report["tracking"] = tuple((hz, complex(*pair)) for hz, pair in report["tracking"])
+    report["singular_CE"], report["bandwidth"] = tuple(report["singular_CE"]), tuple(report["bandwidth"])
+    made = {"region": _make(Region, plain["region"]), "report": _make(Report, report)}
+    made["discrete"] = _make(Discrete, {k: v if k == "dt" else matrix(k, v) for k, v in plain["discrete"].items()})
+    numbers = {k: v if isinstance(v, float | int) else matrix(k, v) for k, v in plain.items() if k not in made}
+    return _make(Design, {**numbers, **made})
+
+
+def read(name):
+    """Return the stored file `name`.json as a dict: "design", "trim" (SI), and what it was made from."""
+    file = resources.files("fdi").joinpath("designs", f"{name}.json")
+    if not file.is_file():
+        raise FileNotFoundError(f"there is no stored design {name!r}; make it with `cosim design`")
+    return json.loads(file.read_text(encoding="utf-8"))
+
+
+def _make(kind, values):
+    names = {f.name for f in fields(kind)}
+    if names != set(values):
+        raise ValueError(f"a stored {kind.__name__} lacks {sorted(names - set(values))} or has unknown "
+                         f"{sorted(set(values) - names)}; make it again with `cosim design`")
+    return kind(**values)
+
+
+def _width(rows):
+    return len(rows[0]) if rows else 0
