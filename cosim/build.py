@@ -11,7 +11,6 @@ import numpy as np
 from actuators.block import dtype
 from cosim import detectors, faults, inject, law, manoeuvre, parts, sensors, wiring
 from cosim.bus import Bus
-from cosim.linearize import linearize_plant
 from cosim.log import LogWriter, Topic
 from cosim.pilot import steps
 from cosim.plant import SURFACES, TRUTH, Flight, Plant
@@ -122,7 +121,7 @@ class Setup:
             attachments[f"{b.name}.initial.npy"] = ("application/x-npy", _npy(b.x))
         metadata = {"run": {"title": self.scenario.title, "software": f"cosim {cosim.__version__}", "rate_hz": str(self.scenario.rate_hz),
                             "seed": str(self.scenario.seed), "ticks": str(self.ticks)},
-                    "trim": {k: repr(float(v)) for k, v in self.trim.items()},
+                    "trim": {k: repr(v) for k, v in vars(self.trim).items() if isinstance(v, float)},
                     "libraries": {"jsbsim": _version("jsbsim"), "numpy": np.__version__, "numba": _version("numba")}}
         return LogWriter(path, self.topics(), n_values=len(loop.v), dt_ns=round(loop.dt * 1e9), metadata=metadata, attachments=attachments)
 
@@ -154,13 +153,13 @@ def _sensor_lanes(scenario, rng, dt):
     scale, root = scenario.sensors.noise_scale, math.sqrt(0.005 / dt)  # sigma is per 5 ms sample
     names, rows = [], []
 
-    def add(lane, base, sigma, delay, bias=0.0):
+    def add(lane, base, sigma, delay, bias=0.0, gain=1.0):
         s = scenario.sensors.setting(base)
         sigma = scale * root * sigma if s.sigma is None else s.sigma
         p = np.zeros(1, sensors.PARAMS)
         p["sigma"], p["bias"], p["scale"] = sigma, bias if s.bias is None else s.bias, s.scale or 0.0
         p["delay"] = round((delay if s.delay is None else s.delay) / dt)
-        p["quantum"] = s.quantum or 0.0
+        p["quantum"], p["gain"] = s.quantum or 0.0, gain
         names.append(lane)
         rows.append(p)
 
@@ -169,7 +168,8 @@ def _sensor_lanes(scenario, rng, dt):
     for seg, tech in scenario.elevator.technology.items():
         for name in wiring.PART_SENSORS[tech]:
             sigma, spread = sensors.PARTS[name]
-            add(f"{seg}_{name}", name, sigma, 0.005, bias=scale * spread * rng.uniform(-1.0, 1.0))
+            add(f"{seg}_{name}", name, sigma, 0.005, bias=scale * spread * rng.uniform(-1.0, 1.0),
+                gain=parts.LEAD if name == "position" else 1.0)
     return tuple(names), np.concatenate(rows)
 
 
@@ -191,8 +191,9 @@ def build(scenario):
     """Return the Setup of `scenario`. Raises TrimError when the flight point cannot be flown."""
     dt, flown = scenario.dt, scenario.flight
     speed_kind, speed = flown.speed
-    plant = Plant(Flight(mass=flown.mass, cg=flown.cg, altitude=flown.altitude, speed_kind=speed_kind, speed=speed,
-                         coefficients=dict(scenario.tolerances.aero), turbulence=flown.turbulence, seed=scenario.seed), dt=dt)
+    point = Flight(mass=flown.mass, cg=flown.cg, altitude=flown.altitude, speed_kind=speed_kind, speed=speed,
+                   multipliers=dict(scenario.tolerances.aero), turbulence=flown.turbulence, seed=scenario.seed)
+    plant = Plant(point, dt=dt)
     trim = plant.trim()
     truth = np.zeros(1, TRUTH)
     plant.read(truth[0])
@@ -203,7 +204,7 @@ def build(scenario):
     others = {name: t[wiring.SURFACE_OF[name]] for name in wiring.OTHERS}
     built = parts.blocks(scenario, loads, others, dt)
     pilot_p = manoeuvre.params(**steps(scenario.manoeuvre))
-    law_p = law.design(trim, t, linearize_plant(scenario))
+    law_p = law.design(Plant(point, dt=dt), trim, t)
     fault_lanes = inject.lanes(scenario, parts.nominal(dt))
     chosen = detectors.chosen(scenario)
 
@@ -250,4 +251,4 @@ def build(scenario):
     bus.v[loop.wires["actuators"][0]] = bus.v[loop.wires["actuators"][1]]
     members = [(d.id, d.level, d.target(lane), d.module.CULPRITS, d.id, lane) for d in chosen for lane in d.lanes]
     index = np.array([bus.index(f"{s}.{lane}.{f}") for *_, s, lane in members for f in ("alarm", "verdict", "culprit")], np.int64)
-    return Setup(scenario=scenario, loop=loop, trim=trim.to_dict(), lanes=fault_lanes, members=members, history_index=index)
+    return Setup(scenario=scenario, loop=loop, trim=trim, lanes=fault_lanes, members=members, history_index=index)

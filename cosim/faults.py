@@ -2,13 +2,13 @@
 
 A lane is active from `start` to `end`; its envelope g rises linearly over `ramp` and drops to zero at `end` (healed). Its signal is
 
-    shape 0 constant   g * amplitude
-    shape 1 sine       g * amplitude * sin(omega (t - start) + phase)          oscillatory failure case (OFC)
-    shape 2 drift      g * amplitude * (t - start)                             amplitude in unit/s
-    shape 3 runaway    g * (latched reference + amplitude (t - start)), within [lower, upper]
+    form 0 constant   g * amplitude
+    form 1 sine       g * amplitude * sin(omega (t - start) + phase)          oscillatory failure case (OFC)
+    form 2 drift      g * amplitude * (t - start)                             amplitude in unit/s
+    form 3 runaway    g * (latched reference + amplitude (t - start)), within [lower, upper]
 
-The table `PLACES` says which input field of which part a kind of fault moves; a substitution (solid OFC, runaway) moves two of them, its
-share g of the healthy signal and its own signal.
+A substitution (solid OFC, runaway) moves two inputs, its
+share g of the healthy signal and its own signal. Which input of which part a kind of fault moves is in cosim/inject.py.
 """
 
 import math
@@ -20,7 +20,7 @@ from actuators.block import dtype, kernel
 CONSTANT, SINE, DRIFT, RUNAWAY = 0.0, 1.0, 2.0, 3.0
 
 PARAMS = dtype([
-    ("shape", "f8"),      # one of the four above
+    ("form", "f8"),      # one of the four above
     ("start", "f8"),      # [s]
     ("end", "f8"),        # [s], inf when never healed
     ("ramp", "f8"),       # [s]
@@ -40,6 +40,7 @@ STATE = dtype([
     ("active", "f8"),     # 1 between start and end
     ("g", "f8"),          # envelope, 0..1
     ("f_inj", "f8"),      # injected signal [unit of the place]
+    ("f_neg", "f8"),      # its negative, for places that count the other way
     ("latch", "f8"),      # reference at onset [unit of the place]
 ])
 
@@ -58,22 +59,23 @@ def step(x, u, p, dt):
     # half a tick of slack: start and end fall on the tick nearest to them, whatever the rounding of k * dt
     active = since > -0.5 * dt and u.t < p.end - 0.5 * dt
     if not active:
-        x.active, x.g, x.f_inj = 0.0, 0.0, 0.0
+        x.active, x.g, x.f_inj, x.f_neg = 0.0, 0.0, 0.0, 0.0
         return
     if x.active == 0.0:
         x.latch = u.ref
     x.active = 1.0
     since = max(since, 0.0)
     x.g = 1.0 if p.ramp <= 0.0 else min(1.0, since / p.ramp)
-    if p.shape == SINE:
+    if p.form == SINE:
         s = p.amplitude * math.sin(p.omega * since + p.phase)
-    elif p.shape == DRIFT:
+    elif p.form == DRIFT:
         s = p.amplitude * since
-    elif p.shape == RUNAWAY:
+    elif p.form == RUNAWAY:
         s = min(max(x.latch + p.amplitude * since, p.lower), p.upper)
     else:
         s = p.amplitude
     x.f_inj = x.g * s
+    x.f_neg = -x.f_inj
 
 
 @kernel

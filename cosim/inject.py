@@ -9,9 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from actuators import linkage
 from cosim import faults as f
-from cosim.scenario.catalog import SEGMENTS
 from cosim.wiring import SERVO
 
 SENSOR_SHAPES = {  # kind -> (shape, field behind the prefix f_ or g_, source)
@@ -25,10 +23,14 @@ SENSOR_SHAPES = {  # kind -> (shape, field behind the prefix f_ or g_, source)
     "ofc_liquid": (f.SINE, "add", "f_inj"),
     "dropout": (f.CONSTANT, "drop", "g"),
 }
-SWITCHED = {"jam_solid": "jam", "jam": "jam", "free_float": "free_float"}  # kind -> input field, full when active
+SWITCHED = {  # kind -> input field that is full while active
+    "hydraulic": {"jam_solid": "jam", "free_float": "free_float"},
+    "ema": {"jam_solid": "jam", "jam": "jam_screw", "free_float": "free_float"},
+    "simple": {"jam_solid": "jam", "jam": "jam", "free_float": "free_float"},
+}
 SHARES = {  # kind -> input field of the actuator that takes the magnitude
     "loss_of_effectiveness": "loss", "supply_pressure_drop": "supply_drop", "internal_leakage": "leak_add", "air_in_oil": "air",
-    "friction": "friction", "backlash": "backlash", "winding_resistance": "resistance", "magnet_loss": "magnet_loss",
+    "winding_resistance": "r_add", "magnet_loss": "magnet_loss", "backlash": "backlash_add",
 }
 
 
@@ -51,19 +53,22 @@ def lanes(scenario, nominal):
 
 @dataclass(frozen=True)
 class Nominal:
-    """Nominal values that relative units refer to: supply [Pa], no-load motor speed [rad/s], stall current [A], arms [m], and
-    `valve_gain(technology, solid, omega)`, rod amplitude [m] per unit of valve amplitude at `omega` [rad/s], with no load."""
+    """Nominal values that relative units of a fault refer to."""
 
-    supply: float
-    motor_speed: float
-    stall_current: float
-    arm: dict
-    valve_gain: object
+    supply: float         # [Pa]
+    motor_speed: float    # no load [rad/s]
+    stall_current: float  # [A]
+    stall_torque: float   # at the motor [N m]
+    arm: dict             # technology -> lever arm [m]
+    unit: dict            # technology -> what 1 of u is at the valve [1] or drive [A]
+    speed: float          # rod speed per valve opening, no load [m/s]
+    brake: float          # full brake of a hydraulic actuator over its stall force [-]
+    gain: object          # (technology, solid, omega) -> position amplitude [m] per unit at the valve [1] or drive [A]
 
 
 def _params(j, shape, amplitude, lower=-math.inf, upper=math.inf):
     p = np.zeros(1, f.PARAMS)
-    p["shape"], p["start"], p["end"], p["ramp"], p["amplitude"] = shape, j.start, j.end, j.ramp, amplitude
+    p["form"], p["start"], p["end"], p["ramp"], p["amplitude"] = shape, j.start, j.end, j.ramp, amplitude
     p["omega"], p["phase"] = (j.omega if math.isfinite(j.omega) else 0.0), j.phase
     p["lower"], p["upper"] = lower, upper
     return p
@@ -76,13 +81,35 @@ def _lane(j, technology, nominal):
         lane = j.name if j.place == "sensor" else f"{j.name}_{j.sensor}"
         prefix = "g" if j.path in ("observers", "monitor") else "f"
         amplitude = 1.0 if math.isnan(j.magnitude) else j.magnitude * _sensor_factor(j, technology, nominal)
-        return Lane(name, j.fault, _params(j, shape, amplitude), ((f"sensors_in.{lane}.{prefix}_{field}", source),))
+        places = [(f"sensors_in.{lane}.{prefix}_{field}", source)]
+        if j.sensor == "current" and j.path == "loop" and j.place == "part_sensor":
+            return _current_loop(j, name, lane, amplitude, places)
+        return Lane(name, j.fault, _params(j, shape, amplitude), tuple(places))
     if j.place == "engine":
         return Lane(name, j.fault, _params(j, f.CONSTANT, j.magnitude), ((f"surfaces.aircraft.thrust_loss_{j.name}", "f_inj"),))
     if j.place == "surface":
         part = j.name.replace(".", "_")
-        return _moving(j, name, "simple", part, f"simple.{part}.delta")
+        return _moving(j, name, "simple", part, f"simple.{part}.delta", nominal)
     return _moving(j, name, technology[j.name], j.name, f"{technology[j.name]}.{j.name}.delta", nominal)
+
+
+def _current_loop(j, name, lane, amplitude, places):
+    """Return the lane of a current-sensor fault that also enters the drive's own current loop.
+
+    There the sensor reads (1 - s_i) i + f_i. Added noise and a dropout stay on the measured copy: the drive filters the first and holds
+    through the second within its 0.3 ms.
+    """
+    shape = SENSOR_SHAPES[j.kind][0]
+    drive = f"ema_in.{j.name}"
+    if j.kind == "freeze":  # the drive reads the current of the onset
+        p = _params(j, f.RUNAWAY, 0.0)
+        return Lane(name, j.fault, p, (*places, (f"{drive}.s_i", "g"), (f"{drive}.f_i", "f_inj")), f"ema.{j.name}.i")
+    if j.kind == "scale":
+        # s_i counts what is not seen; the lane's signal is the factor minus one, so the loop's copy takes it with the other sign
+        return Lane(name, j.fault, _params(j, shape, amplitude), (*places, (f"{drive}.s_i", "f_neg")))
+    if j.kind in ("bias", "drift", "oscillation"):
+        places = [*places, (f"{drive}.f_i", "f_inj")]
+    return Lane(name, j.fault, _params(j, shape, amplitude), tuple(places))
 
 
 def _sensor_factor(j, technology, nominal):
@@ -100,29 +127,42 @@ def _sensor_factor(j, technology, nominal):
     return 1.0
 
 
-def _moving(j, name, tech, part, delta, nominal=None):
+def _moving(j, name, tech, part, delta, nominal):
     """Return the lane of a fault of an actuator `part` of technology `tech` whose surface angle is at bus name `delta`."""
     own = f"{tech}_in.{part}"
-    if j.kind in SWITCHED:
-        return Lane(name, j.fault, _params(j, f.CONSTANT, 1.0), ((f"{own}.{SWITCHED[j.kind]}", "g"),))
+    if j.kind in SWITCHED[tech]:
+        return Lane(name, j.fault, _params(j, f.CONSTANT, 1.0), ((f"{own}.{SWITCHED[tech][j.kind]}", "g"),))
+    if j.kind == "friction":  # a share of the stall force, on the rod; of the stall torque, at the motor
+        field, factor = ("jam", 1.0 / nominal.brake) if tech == "hydraulic" else ("friction_add", nominal.stall_torque)
+        return Lane(name, j.fault, _params(j, f.CONSTANT, j.magnitude * factor), ((f"{own}.{field}", "f_inj"),))
     if j.kind in SHARES:
-        factor = nominal.arm[tech] if j.kind == "backlash" and j.unit == "m" else 1.0
-        return Lane(name, j.fault, _params(j, f.CONSTANT, j.magnitude / factor), ((f"{own}.{SHARES[j.kind]}", "f_inj"),))
+        to_radians = j.kind == "backlash" and tech == "hydraulic" and j.unit == "m"
+        to_metres = j.kind == "backlash" and tech == "ema" and j.unit == "rad"
+        factor = 1.0 / nominal.arm[tech] if to_radians else nominal.arm[tech] if to_metres else 1.0
+        return Lane(name, j.fault, _params(j, f.CONSTANT, j.magnitude * factor), ((f"{own}.{SHARES[j.kind]}", "f_inj"),))
     command = f"{SERVO.get(tech, tech)}_in.{part}"
     if j.kind == "runaway":
-        lower, upper = linkage.TRAVEL if part in SEGMENTS else (-math.inf, math.inf)
-        if math.isfinite(j.limit):
-            lower, upper = (lower, j.limit) if j.magnitude > 0 else (j.limit, upper)
-        if j.at == "valve" and tech != "simple" and not math.isfinite(j.limit):
-            u = j.magnitude * nominal.arm[tech] / nominal.valve_gain(tech, None, 0.0)
-            return Lane(name, j.fault, _params(j, f.CONSTANT, u), ((f"{own}.s_u", "g"), (f"{own}.f_u", "f_inj")))
-        p = _params(j, f.RUNAWAY, j.magnitude, lower, upper)
-        return Lane(name, j.fault, p, ((f"{command}.s_cmd", "g"), (f"{command}.f_cmd", "f_inj")), delta)
+        return _runaway(j, name, tech, part, own, command, delta, nominal)
     solid = j.kind == "ofc_solid"
-    if j.at == "valve" and tech != "simple":
-        amplitude = j.magnitude if j.unit == "u" else j.magnitude / nominal.valve_gain(tech, solid, j.omega)
-        places = [(f"{own}.f_u", "f_inj")] + ([(f"{own}.s_u", "g")] if solid else [])
+    share = ["s_cmd", "s_u"][j.at == "valve" and tech != "simple"]
+    if share == "s_u":
+        to, amplitude = own, j.magnitude * nominal.unit[tech] if j.unit == "u" else j.magnitude / nominal.gain(tech, solid, j.omega)
     else:
-        amplitude = j.magnitude / nominal.arm[tech] if j.unit == "m" else j.magnitude
-        places = [(f"{command}.f_cmd", "f_inj")] + ([(f"{command}.s_cmd", "g")] if solid else [])
+        to, amplitude = command, j.magnitude / nominal.arm[tech] if j.unit == "m" else j.magnitude
+    places = [(f"{to}.{share.replace('s_', 'f_')}", "f_inj"), *([(f"{to}.{share}", "g")] if solid else [])]
     return Lane(name, j.fault, _params(j, f.SINE, amplitude), tuple(places))
+
+
+def _runaway(j, name, tech, part, own, command, delta, nominal):
+    """Return the lane of a runaway at `magnitude` rad/s: the valve held open; without a valve, or to a limit, the demanded position runs."""
+    if math.isfinite(j.limit):  # the command runs from where the surface is to the limit
+        bounds = (-math.inf, j.limit) if j.magnitude > 0 else (j.limit, math.inf)
+        p = _params(j, f.RUNAWAY, j.magnitude, *bounds)
+        return Lane(name, j.fault, p, ((f"{command}.s_cmd", "g"), (f"{command}.f_cmd", "f_inj")), delta)
+    if j.at == "valve" and tech == "hydraulic":
+        u = j.magnitude * nominal.arm[tech] / nominal.speed
+        return Lane(name, j.fault, _params(j, f.CONSTANT, u), ((f"{own}.s_u", "g"), (f"{own}.f_u", "f_inj")))
+    if tech == "hydraulic":
+        p = _params(j, f.RUNAWAY, j.magnitude)
+        return Lane(name, j.fault, p, ((f"{command}.s_cmd", "g"), (f"{command}.f_cmd", "f_inj")), delta)
+    return Lane(name, j.fault, _params(j, f.CONSTANT, j.magnitude), ((f"{command}.s_rate", "g"), (f"{command}.f_rate", "f_inj")))

@@ -153,3 +153,29 @@ def params(*, trim, pitch, nz_alpha, V, lateral=(1.2, 1.2, 1.0), limits=(-0.4014
         de_0=trim["elevator"], psi_0=trim["psi"], nz_max=2.5, nz_min=-1.0, de_min=limits[0], de_max=limits[1],
         da_max=math.radians(20.0), dr_max=math.radians(20.0),
     )
+
+
+def short_period(plant, trim):
+    """Return (A (2, 2), B (2,), nz_alpha [g/rad]) of (alpha [rad], q [rad/s]) and all elevators [rad], by central differences about `trim`.
+
+    `plant` is one of its own: it is moved about. alpha' = (w' cos alpha - u' sin alpha) / V.
+    """
+
+    def at(d_alpha=0.0, d_q=0.0, d_e=0.0):
+        surfaces = trim.surfaces.copy()
+        surfaces[:4] += d_e
+        plant.place(tas=trim.tas, alpha=trim.alpha + d_alpha, theta=trim.theta, altitude=trim.altitude, q=trim.q + d_q, surfaces=surfaces)
+        t = plant.truth()[0]
+        return np.array([(t.wdot * math.cos(t.alpha) - t.udot * math.sin(t.alpha)) / t.tas, t.qdot, t.nz])
+
+    h = 1e-4
+    alpha, q, e = ((at(**{k: h}) - at(**{k: -h})) / (2 * h) for k in ("d_alpha", "d_q", "d_e"))
+    return np.array([[alpha[0], q[0]], [alpha[1], q[1]]]), np.array([e[0], e[1]]), float(alpha[2])
+
+
+def design(plant, trim, truth):
+    """Return PARAMS for the flight point `trim` (a Trim) with the truth there; `plant` is moved about."""
+    A, B, nz_alpha = short_period(plant, trim)
+    at = {"nz": trim.nz, "cas": truth.cas, "theta": trim.theta, "stabilizer": trim.stabilizer, "elevator": trim.elevator,
+          "psi": truth.psi, "throttle": trim.throttle}
+    return params(trim=at, pitch=(A, B), nz_alpha=nz_alpha, V=trim.tas)

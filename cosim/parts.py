@@ -5,92 +5,118 @@ import math
 
 import numpy as np
 
-from actuators import hydraulic, servo, simple
+from actuators import ema, ema_servo, hydraulic, jay, servo, simple
+from cosim.errors import ScenarioError, did_you_mean
 from cosim.inject import Nominal
 from cosim.wiring import SEGMENTS
 
-
-def stack(records):
-    """Return one array of lanes from records of shape (1,)."""
-    return np.concatenate(list(records)) if records else None
+LEAD = jay.values("elevator")["lead"]  # screw travel per radian of motor [m/rad]
+DRIVE_LIMIT = jay.LIMITS["elevator"][0]  # demand that 1 of u stands for [A]
 
 
-def hydraulic_blocks(names, scenario, loads, dt):
-    """Return [(section, module, p, x0)] of servo and actuator for the hydraulic lanes `names`.
+def _scaled(nominal, multipliers, where):
+    """Return {name: nominal times multiplier}; raises ScenarioError for a name that is no parameter."""
+    for name in multipliers:
+        if name not in nominal:
+            raise ScenarioError("no such parameter", place=f"tolerances.{where}.{name}", allowed=", ".join(nominal),
+                                remedy=did_you_mean(name, nominal))
+    return {k: nominal[k] * v for k, v in multipliers.items()}
 
-    `loads` maps lane -> (delta, hm0, hmd) at trim. What flies is multiplied by scenario.tolerances.hydraulic; the servo's model stays
-    nominal, as a real servo's does.
+
+def hydraulic_blocks(n, scenario, trim, dt):
+    """Return [(section, module, p, x0)] of servo and actuator for `n` hydraulic lanes at `trim` = (delta, hm0, hmd), each (n,).
+
+    What flies is multiplied by scenario.tolerances.hydraulic; the servo's model stays nominal, as a real servo's does.
     """
-    off = {k: hydraulic.NOMINAL[k] * v for k, v in scenario.tolerances.hydraulic.items()}
-    p_act = stack([hydraulic.params(**off) for _ in names])
-    p_servo = stack([servo.params(dt=dt) for _ in names])
-    delta, hm0, hmd = (np.array([loads[n][i] for n in names]) for i in range(3))
-    x_act = hydraulic.init_at(p_act, delta, hm0, hmd)
-    x_servo = servo.init_at(p_servo, delta, x_act["F_d"])
-    return [("servo", servo, p_servo, x_servo), ("hydraulic", hydraulic, p_act, x_act)]
+    p = np.repeat(hydraulic.params(**_scaled(hydraulic.NOMINAL, scenario.tolerances.hydraulic, "hydraulic")), n)
+    ps = np.repeat(servo.params(dt=dt), n)
+    x = hydraulic.init_at(p, *trim)
+    return [("servo", servo, ps, servo.init_at(ps, trim[0], x["F_d"])), ("hydraulic", hydraulic, p, x)]
+
+
+def ema_blocks(n, scenario, trim, dt):
+    """Return [(section, module, p, x0)] of servo and actuator for `n` electromechanical lanes; see `hydraulic_blocks`."""
+    p = np.repeat(ema.params(**_scaled(jay.values("elevator"), scenario.tolerances.ema, "ema")), n)
+    ps = np.repeat(ema_servo.params(dt=dt), n)
+    x = ema.init_at(p, *trim)
+    return [("ema_servo", ema_servo, ps, ema_servo.init_at(ps, LEAD * x["motor"], x["i"])), ("ema", ema, p, x)]
+
+
+def blocks(scenario, loads, others, dt):
+    """Return [(section, module, p, x0, lanes)] of all actuators, a servo before its actuator.
+
+    `loads` maps segment -> (delta, hm0, hmd) at trim, `others` the remaining surfaces -> their angle [rad].
+    """
+    technology, out = scenario.elevator.technology, []
+    for name, make in {"hydraulic": hydraulic_blocks, "ema": ema_blocks}.items():
+        lanes = tuple(s for s in SEGMENTS if technology[s] == name)
+        if lanes:
+            trim = np.array([loads[s] for s in lanes]).T
+            out += [(*b, lanes) for b in make(len(lanes), scenario, trim, dt)]
+    plain = tuple(s for s in SEGMENTS if technology[s] == "simple")
+    kinds = ["elevator"] * len(plain) + [name.split("_")[0] for name in others]
+    p = np.concatenate([simple.params(**simple.KINDS[k]) for k in kinds])
+    x = simple.init_at(p, np.array([loads[s][0] for s in plain] + list(others.values())))
+    return [*out, ("simple", simple, p, x, plain + tuple(others))]
+
+
+# -- what a fault amplitude in millimetres means at the valve or the drive -------------------------------------------------------------
+
+_PAIRS = {  # technology -> servo, actuator, its frictionless parameters, servo inputs fed from the state
+    "hydraulic": (servo, hydraulic, {"F_c": 0.0, "F_s": 0.0}, {"q_meas": ("q_rod", 1.0), "x3_meas": ("x3", 1.0)}, ("q_valid", "x3_valid")),
+    "ema": (ema_servo, ema, {"T_c": 0.0, "T_s": 0.0}, {"pos_meas": ("motor", LEAD), "vel_meas": ("motor_d", 1.0)}, ("pos_valid", "vel_valid")),
+}
 
 
 @functools.cache
-def _hydraulic_liquid_gain(omega, dt):
-    """Return rod amplitude per valve amplitude with the servo closed, no load and no friction, by flying 6 s of it."""
-    p, ps = hydraulic.params(F_c=0.0, F_s=0.0), servo.params(dt=dt)
-    x, xs = hydraulic.init(p), servo.init(ps)
-    u, us = np.zeros((1, 1), hydraulic.INPUTS), np.zeros((1, 1), servo.INPUTS)
-    log, logs = np.zeros((1, 1), hydraulic.STATE), np.zeros((1, 1), servo.STATE)
-    amplitude = 0.002  # of u: small against the valve's 0.236
-    periods = max(6, math.ceil(2.0 * omega / (2 * math.pi)))
-    n = round((periods * 2 * math.pi / omega + 2.0) / dt)
-    t, q = np.arange(n) * dt, np.zeros(n)
-    us["q_valid"] = us["x3_valid"] = 1.0
-    before = (0.0, 0.0)
+def liquid_gain(technology, omega, dt):
+    """Return position amplitude [m] per unit added at the valve [1] or drive [A], servo closed, no load, no friction: by flying it."""
+    outer, inner, smooth, measured, flags = _PAIRS[technology]
+    p, ps = inner.params(**smooth), outer.params(dt=dt)
+    x, xs = inner.init(p), outer.init(ps)
+    u, us = np.zeros((1, 1), inner.INPUTS), np.zeros((1, 1), outer.INPUTS)
+    log, logs = np.zeros((1, 1), inner.STATE), np.zeros((1, 1), outer.STATE)
+    amplitude = 0.01 * (0.2 if technology == "hydraulic" else DRIVE_LIMIT)  # far inside the limits
+    settle = 2.0
+    n = round((max(6, math.ceil(omega / math.pi)) * 2 * math.pi / omega + settle) / dt)
+    t, position = np.arange(n) * dt, np.zeros(n)
+    for name in flags:
+        us[name] = 1.0
+    first = next(iter(measured))
     for k in range(n):
-        us["q_meas"], us["x3_meas"] = before
-        before = (x["q_rod"][0], x["x3"][0])
-        servo.rollout(xs, us, ps, dt, logs)
+        now = {name: factor * x[state][0] for name, (state, factor) in measured.items()}
+        position[k] = now[first]
+        outer.rollout(xs, us, ps, dt, logs)  # on the measurements of a tick before
         u["u"], u["f_u"] = xs["u"][0], amplitude * math.sin(omega * t[k])
-        hydraulic.rollout(x, u, p, dt, log)
-        q[k] = x["q_rod"][0]
-    late = t > 2.0
+        inner.rollout(x, u, p, dt, log)
+        for name, value in now.items():
+            us[name] = value
+    late = t > settle
     basis = np.column_stack([np.cos(omega * t), np.sin(omega * t), np.ones(n)])[late]
-    c, s, _ = np.linalg.lstsq(basis, q[late], rcond=None)[0]
+    c, s, _ = np.linalg.lstsq(basis, position[late], rcond=None)[0]
     return math.hypot(c, s) / amplitude
 
 
-def _hydraulic_solid_gain(omega):
-    """Return |q / u| of the actuator alone, linearised at rest. [Lu17] (4)"""
-    if omega == 0.0:  # steady rod speed per valve opening [m/s]
-        return float(hydraulic.NOMINAL["phi_n"] / hydraulic.NOMINAL["A_p"])
-    A, B, C, _ = hydraulic.linearised(hydraulic.params())
-    q = C @ np.linalg.solve(1j * omega * np.eye(3) - A, B)
-    return abs(complex(q[0, 0])) * hydraulic.NOMINAL["arm"]
-
-
-def valve_gain(technology, solid, omega, dt):
-    """Return the rod amplitude [m] (at omega 0: speed [m/s]) that a unit at the valve gives, nominal and unloaded."""
-    if technology != "hydraulic":
-        raise ValueError(f"no valve gain for {technology}")
-    return _hydraulic_liquid_gain(omega, dt) if solid is False else _hydraulic_solid_gain(omega)
+def solid_gain(technology, omega):
+    """Return position amplitude [m] per unit that replaces the valve command [1] or drive demand [A], linearised, no load, no friction."""
+    if technology == "hydraulic":
+        A, B, C, _ = hydraulic.linearised(hydraulic.params())
+        return abs(complex((C @ np.linalg.solve(1j * omega * np.eye(3) - A, B))[0, 0])) * hydraulic.NOMINAL["arm"]
+    A, B, _, _ = ema.linearised(ema.params())
+    return abs(complex(np.linalg.solve(1j * omega * np.eye(6) - A, B)[2, 0])) * LEAD
 
 
 def nominal(dt):
     """Return the values that relative units of a fault refer to."""
+    v = jay.values("elevator")
     return Nominal(
-        supply=hydraulic.NOMINAL["P_s"], motor_speed=math.nan, stall_current=math.nan,
-        arm={"hydraulic": hydraulic.NOMINAL["arm"], "simple": hydraulic.NOMINAL["arm"]},
-        valve_gain=lambda technology, solid, omega: valve_gain(technology, solid, omega, dt),
+        supply=hydraulic.NOMINAL["P_s"],
+        motor_speed=math.radians(45.0) * v["arm"] / v["lead"],  # no-load rate of the surface, DESIGN section 3
+        stall_current=DRIVE_LIMIT,
+        stall_torque=v["K_T"] * DRIVE_LIMIT,
+        arm={"hydraulic": hydraulic.NOMINAL["arm"], "ema": v["arm"], "simple": hydraulic.NOMINAL["arm"]},
+        unit={"hydraulic": 1.0, "ema": DRIVE_LIMIT},
+        speed=hydraulic.NOMINAL["phi_n"] / hydraulic.NOMINAL["A_p"],
+        brake=hydraulic.NOMINAL["F_brake"] / (hydraulic.NOMINAL["A_p"] * hydraulic.NOMINAL["P_s"]),
+        gain=lambda technology, solid, omega: solid_gain(technology, omega) if solid else liquid_gain(technology, omega, dt),
     )
-
-
-def blocks(scenario, loads, others, dt):
-    """Return [(section, module, p, x0, lane names)] of all actuators: servos first. `others` maps the other surfaces to their trim."""
-    technology = scenario.elevator.technology
-    out = []
-    for name, make in {"hydraulic": hydraulic_blocks}.items():
-        lanes = tuple(s for s in SEGMENTS if technology[s] == name)
-        if lanes:
-            out += [(*b, lanes) for b in make(lanes, scenario, loads, dt)]
-    lanes = tuple(s for s in SEGMENTS if technology[s] == "simple") + tuple(others)
-    trim = np.array([loads[s][0] if s in loads else others[s] for s in lanes])
-    p = stack([simple.params(s if s in others else "elevator") for s in lanes])
-    out.append(("simple", simple, p, simple.init_at(p, trim), lanes))
-    return out

@@ -16,6 +16,7 @@ from actuators.block import dtype, kernel
 DELAY_MAX = 32  # longest delay in ticks: 10 ms of air data at 0.3 ms steps
 
 PARAMS = dtype([
+    ("gain", "f8"),     # what the sensor reads per unit of the truth it is wired to (screw lead), 1 otherwise
     ("sigma", "f8"),    # standard deviation of white noise per sample [unit]
     ("bias", "f8"),     # [unit]
     ("scale", "f8"),    # scale-factor error [-]
@@ -73,10 +74,10 @@ def step(x, u, p, dt):
     """Advance one sensor by one tick."""
     if x.fresh == 0.0:
         for i in range(DELAY_MAX):
-            x.line[i] = u.truth
+            x.line[i] = p.gain * u.truth
         x.fresh = 1.0
     head = int(x.head)
-    x.line[head] = u.truth
+    x.line[head] = p.gain * u.truth
     s = x.line[(head + DELAY_MAX - int(p.delay)) % DELAY_MAX]
     x.head = (head + 1) % DELAY_MAX
 

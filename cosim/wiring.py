@@ -16,13 +16,13 @@ COMMAND_OF = {"aileron_left": "da_cmd", "aileron_right": "da_cmd", "rudder": "dr
 # Sensors of a segment: name -> state field of its actuator, and the input fields (value, flag) of its servo where it has them
 PART_SENSORS = {
     "hydraulic": {"rod": "q_rod", "surface": "delta", "pressure": "x3"},
-    "ema": {"velocity": "omega", "position": "pos", "current": "current", "surface": "delta"},
+    "ema": {"velocity": "motor_d", "position": "motor", "current": "i", "surface": "delta"},
     "simple": {"surface": "delta"},
 }
 SERVO = {"hydraulic": "servo", "ema": "ema_servo"}
 SERVO_INPUTS = {
     "hydraulic": {"rod": ("q_meas", "q_valid"), "pressure": ("x3_meas", "x3_valid")},
-    "ema": {"velocity": ("velocity", "velocity_valid"), "position": ("position", "position_valid"), "current": ("current", "current_valid")},
+    "ema": {"velocity": ("vel_meas", "vel_valid"), "position": ("pos_meas", "pos_valid")},
 }
 
 
@@ -64,14 +64,9 @@ def actuator_wires(technology):
     """Return the wires from servos, law and hinge moments to the actuators."""
     pairs = []
     for seg, tech in technology.items():
-        if tech == "simple":
-            pairs.append((f"simple_in.{seg}.command", "law.law.de_cmd"))
-            continue
-        pairs += [
-            (f"{tech}_in.{seg}.u", f"{SERVO[tech]}.{seg}.u"),
-            (f"{tech}_in.{seg}.hm0", f"truth.aircraft.hm0_{SHORT[seg]}"),
-            (f"{tech}_in.{seg}.hmd", f"truth.aircraft.hmd_{SHORT[seg]}"),
-        ]
+        to = f"{tech}_in.{seg}"
+        pairs.append((f"{to}.command", "law.law.de_cmd") if tech == "simple" else (f"{to}.u", f"{SERVO[tech]}.{seg}.u"))
+        pairs += [(f"{to}.hm0", f"truth.aircraft.hm0_{SHORT[seg]}"), (f"{to}.hmd", f"truth.aircraft.hmd_{SHORT[seg]}")]
     return pairs + [(f"simple_in.{name}.command", f"law.law.{COMMAND_OF[name]}") for name in OTHERS]
 
 
