@@ -149,6 +149,35 @@ def info(
         out.print(tables.info(found))
 
 
+@app.command()
+def linearize(
+    scenario: ScenarioArg = DEFAULT,
+    set_: SetOption = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Write A, B, C, D to .npz or .mat.", show_default=False),
+    ] = None,
+    json_: JsonOption = False,
+):
+    """Trim at a scenario's flight point and show the modes of the bare airframe; write A, B, C, D."""
+    from cosim.scenario import load_scenario
+
+    flown = load_scenario(scenario, set_ or ())
+    if output:
+        reserve(output, taken=scenario, endings=(".npz", ".mat"))
+    from cosim.linearize import linearize as work
+    from cosim.point import plant_flight
+
+    model = work(plant_flight(flown))
+    if output:
+        model.save(output)
+    found = {**model.to_dict(), **({"file": str(output)} if output else {})}
+    if json_:
+        print(json.dumps(found, allow_nan=False))
+    else:
+        out.print(tables.linear(found, flown))
+
+
 def main():
     """Run the command line."""
     app(prog_name="cosim")

@@ -1,5 +1,6 @@
 """What the command line shows: tables built from the same plain data that `--json` prints. Nothing here prints."""
 
+import math
 from contextlib import contextmanager
 
 from rich import box
@@ -120,6 +121,31 @@ def _footer(found):
     if found.get("log"):
         line.append(f"\nlog    {found['log']}")
     return line
+
+
+def linear(found, scenario):
+    """Return trim and modes of `cosim linearize`."""
+    trim = found["trim"]
+    t = table("Trim", "", ">", "", show_header=False)
+    for name, unit in (("alpha_deg", "deg"), ("stabilizer_deg", "deg"), ("throttle", ""), ("residual", "m/s², rad/s²")):
+        t.add_row(name.removesuffix("_deg"), f"{trim[name]:.3g}" if name == "residual" else f"{trim[name]:.4f}", unit)
+    m = table(
+        "Modes of the bare airframe",
+        "mode",
+        "frequency rad/s>",
+        "damping>",
+        "period or time constant s>",
+        "eigenvalue 1/s>",
+    )
+    for r in found["modes"]:
+        real, imag = r["eigenvalue"]
+        swings = abs(imag) > 1e-9
+        time = 2 * math.pi / abs(imag) if swings else 1 / abs(real)
+        value = f"{real:.4f}" + (f" ± {abs(imag):.4f}i" if swings else "")
+        m.add_row(r["name"].replace("_", " "), f"{r['wn_rad_s']:.4f}", f"{r['zeta']:.3f}", f"{time:.2f}", value)
+    size = f"{len(found['states'])} states, {len(found['inputs'])} inputs, {len(found['outputs'])} outputs"
+    where = f"\nA, B, C, D in {found['file']}" if "file" in found else "; write A, B, C, D with -o model.npz or .mat"
+    return Group(Text(_point(scenario)), t, m, Text(size + where))
 
 
 def inventory(found):

@@ -20,7 +20,10 @@ def log_info(path):
         "rate_hz": 1e9 / log.dt_ns,
         "ticks": log.n_ticks,
         "size_mb": round(os.path.getsize(path) / 1e6, 2),
-        "versions": dict(log.metadata.get("environment", {})),
+        "versions": {
+            **{k: v for k, v in log.metadata.get("run", {}).items() if k == "software"},
+            **log.metadata.get("libraries", {}),
+        },
         "result": dict(log.result or {}),
         "topics": [
             {"name": t.name, "rows": t.rows, "every": t.every, "fields": list(t.fields)} for t in log.topics.values()

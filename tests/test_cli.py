@@ -123,7 +123,7 @@ def test_bad_scenarios_are_one_line_and_status_2(flown, tmp_path):
         path.write_bytes(content)
         refused(cosim("run", path, "--json"), path, says)
     refused(cosim("run", "--set", "flight.mas_t=3"), "flight.mas_t", "Did you mean 'mass_t'?")
-    refused(cosim("run", "--set", "flight.mass_t=3"), "flight.mass_t = 3", "180 to 410")
+    refused(cosim("run", "--set", "flight.mass_t=3"), "flight.mass_t = 3", "180 to 405")
     refused(cosim("run", "--set", "faults.0.target=elevator.middle"), "faults.0.target", "elevator.left_inner")
     assert flown.calls == []
 
@@ -192,6 +192,27 @@ def test_info_of_what_is_no_log(tmp_path):
     refused(cosim("info", tmp_path), tmp_path)
     (tmp_path / "x.mcap").write_bytes(b"")
     refused(cosim("info", tmp_path / "x.mcap"), "x.mcap")
+
+
+def test_linearize_shows_the_modes_and_writes_the_model(tmp_path):
+    path = tmp_path / "model.npz"
+    found = json.loads(cosim("linearize", "--json", "-o", path).stdout)
+    assert {"trim", "states", "inputs", "outputs", "A", "B", "C", "D", "modes"} <= found.keys()
+    assert [m["name"] for m in found["modes"]] == ["short_period", "phugoid", "dutch_roll", "roll", "spiral"]
+    assert {"alpha_deg", "stabilizer_deg", "throttle", "residual"} <= found[
+        "trim"
+    ].keys() and path.stat().st_size > 1000
+    assert "short period" in cosim("linearize").stdout
+    refused(cosim("linearize", "-o", tmp_path / "model.csv"), "model.csv", ".npz, .mat")
+
+
+@pytest.mark.parametrize("point", [
+    ["flight.cas_kt=110"],  # below the stall
+    ["flight.altitude_ft=45000", "flight.mass_t=400"],
+    ["flight.cas_kt=400", "flight.altitude_ft=40000"],  # beyond Mach 1
+])  # fmt: skip
+def test_infeasible_point_is_one_line_that_says_why(point):
+    refused(cosim("linearize", *[x for p in point for x in ("--set", p)]), "flight point", " t,")
 
 
 def python(code):

@@ -120,7 +120,7 @@ def test_sensor_settings_in_si():
     ("overrides", "says"),
     [
         (["flight.mas_t=3"], ["flight.mas_t = 3", "unknown key", "mass_t"]),
-        (["flight.mass_t=3"], ["flight.mass_t = 3", "180 to 410"]),
+        (["flight.mass_t=3"], ["flight.mass_t = 3", "180 to 405"]),
         (["flight.mass_t=nan"], ["flight.mass_t", "finite"]),
         (["flight.cg_pct=heavy"], ["flight.cg_pct = heavy", "number", "20 to 40"]),
         (["flight.mach=0.99"], ["flight.mach = 0.99", "0.15 to 0.95"]),
@@ -137,7 +137,10 @@ def test_sensor_settings_in_si():
         (["elevator.feedback=iotsek"], ["elevator.feedback = iotsek", "Did you mean 'iotsekf'?"]),
         (["sensors.alfa.sigma_deg=1"], ["sensors.alfa", "Did you mean 'alpha'?"]),
         (["sensors.alpha.sigma_rad=1"], ["sensors.alpha.sigma_rad", "sigma_deg"]),
-        (["tolerances.aero.cm_alpha=9"], ["tolerances.aero.cm_alpha = 9", "out of range"]),
+        (["tolerances.aero.Cm_alpha=9"], ["tolerances.aero.Cm_alpha = 9", "out of range"]),
+        (["tolerances.aero.Cm_alfa=1.1"], ["tolerances.aero.Cm_alfa", "Did you mean 'Cm_alpha'?"]),
+        (["tolerances.hydraulic.nope=1.1"], ["tolerances.hydraulic.nope", "P_s"]),
+        (["tolerances.ema.nope=1.1"], ["tolerances.ema.nope", "R"]),
         (['detectors.enabled=["iotsek"]'], ["detectors.enabled.0", "Did you mean 'iotsekf'?"]),
         (['detectors.enabled=["rfafe", "rfafe"]'], ["detectors.enabled.1", "twice"]),
         (["detectors.rfafee.x=2"], ["detectors.rfafee", "Did you mean 'rfafe'?"]),
@@ -350,14 +353,14 @@ def test_any_scenario_expands_to_an_equal_one(data):
         "title": draw(st.text(st.characters(codec="utf-8"), max_size=20)),
         "seed": draw(st.integers(0, 2**31 - 1)),
         "duration_s": draw(st.floats(0.01, 36000)),
-        "flight": {**POINT, "mass_t": draw(st.floats(180, 410)), "altitude_ft": draw(st.floats(0, 45000))},
+        "flight": {**POINT, "mass_t": draw(st.floats(180, 405)), "altitude_ft": draw(st.floats(0, 45000))},
         "faults": [draw(faults(i)) for i in range(draw(st.integers(0, 4)))],
         "elevator": {"feedback": draw(st.sampled_from(c.FEEDBACKS))},
         "detectors": {
             "enabled": draw(st.lists(st.sampled_from(list(c.DETECTORS)), unique=True)),
             "iotsekf": {"q_fault": 0.5},
         },
-        "tolerances": {"aero": {"cm_alpha": draw(st.floats(0.2, 5.0))}},
+        "tolerances": {"aero": {"Cm_alpha": draw(st.floats(0.2, 5.0))}},
     }
     s = parse(table)
     again = parse(tomllib.loads(s.expanded_toml()))

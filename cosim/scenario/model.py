@@ -11,10 +11,11 @@ from cosim.scenario import conflict, toml
 from cosim.scenario.fault import Fault
 from cosim.scenario.manoeuvre import Cruise, Manoeuvre
 from cosim.scenario.problem import choice, problem
+from cosim.scenario.tolerance import toleranced
 
 Technology = Literal["hydraulic", "ema", "simple"]
 Feedback = Literal["measured", "iotsekf", "rtsekf", "rtsekf_flight"]
-Multiplier = Annotated[float, Field(ge=0.2, le=5.0)]
+MULTIPLIER = c.Key("multiplier", 0.2, 5.0)
 
 
 class _Table(BaseModel):
@@ -24,7 +25,7 @@ class _Table(BaseModel):
 class Flight(_Table):
     """The point at which the aircraft is trimmed, and the air it flies through."""
 
-    mass_t: Annotated[float, Field(ge=180.0, le=410.0)]
+    mass_t: Annotated[float, Field(ge=180.0, le=405.0)]
     cg_pct: Annotated[float, Field(ge=20.0, le=40.0)]
     altitude_ft: Annotated[float, Field(ge=0.0, le=45000.0)]
     cas_kt: Annotated[float, Field(ge=100.0, le=400.0)] | None = None
@@ -74,7 +75,7 @@ class Feedbacks(_Table):
 
 
 class Elevator(_Table):
-    """The four elevator segments: actuator technology, servo feedback, hinge moment."""
+    """The four elevator segments: actuator technology and servo feedback."""
 
     left_outer: Technology = "hydraulic"
     left_inner: Technology = "hydraulic"
@@ -82,7 +83,6 @@ class Elevator(_Table):
     right_outer: Technology = "ema"
     feedback: Feedbacks = Feedbacks()
     reconfigure: bool = False  # on a sensor verdict the loop closes on the healthy estimate
-    hinge_delta_per_rad: Annotated[float, Field(ge=-1.0, le=0.0)] = -0.17  # C_h_delta of a segment (DESIGN section 3)
 
     @model_validator(mode="before")
     @classmethod
@@ -159,9 +159,20 @@ def _sensor_keys(units):
 class Tolerances(_Table):
     """Multipliers of what flies against its nominal value: aerodynamic coefficients, actuator parameters."""
 
-    aero: dict[str, Multiplier] = {}
-    hydraulic: dict[str, Multiplier] = {}
-    ema: dict[str, Multiplier] = {}
+    aero: dict[str, float] = {}
+    hydraulic: dict[str, float] = {}
+    ema: dict[str, float] = {}
+
+    @model_validator(mode="after")
+    def _known(self):
+        for group in ("aero", "hydraulic", "ema"):
+            for name, value in getattr(self, group).items():
+                known = toleranced(group)
+                if name not in known:
+                    raise choice(name, known, "parameter that has a tolerance", key=f"{group}.{name}")
+                if not MULTIPLIER.accepts(value):
+                    raise problem("is out of range", key=f"{group}.{name}", allowed=MULTIPLIER.range)
+        return self
 
 
 class Detectors(_Table):
