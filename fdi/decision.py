@@ -1,8 +1,68 @@
-"""Shared decision stage: small kernels that turn residuals into alarms, on plain numbers and small arrays."""
+"""Shared decision stage: small kernels that turn residuals into alarms, and the verdict logic of the hydraulic filters.
+
+The kernels with records read the fields that this module lists in `*_PARAMS` and `*_STATE`; a detector appends those
+lists to its own PARAMS and STATE.
+
+Who answers for what (papers/README): a sensor is rod against surface; a jam is load beyond the hinge-moment model
+with the surface still; a runaway is an input fault that moves the surface; an oscillation is what keeps its phase
+over two periods. Rod against surface is tested first, because a step of the rod sensor also rings the input-fault
+estimate.
+"""
 
 import math
 
 from actuators.block import kernel
+from fdi import bank
+from fdi.verdict import AMBIGUOUS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY, SENSOR
+
+PAIR_PARAMS = [
+    ("pair_tau", "f8"),  # lag of the disagreement [s]
+    ("pair_clip", "f8"),  # one sample counts for no more than this, so that a spike does not alarm [m]
+    ("pair_settle", "f8"),  # time to learn the rigging before the test begins [s]
+    ("pair_learn", "f8"),  # lag of the rigging afterwards [s]
+    ("pair_wash", "f8"),  # memory of each sensor's distance from the model [s]
+    ("pair_threshold", "f8"),  # disagreement [m]
+    ("pair_confirm", "f8"),  # [s]
+    ("pair_release", "f8"),  # [s]
+    ("pair_ratio", "f8"),  # the culprit is this many times further from the model than the other
+]
+PAIR_STATE = [
+    ("pair_time", "f8"),  # usable time so far [s]
+    ("rigging", "f8"),  # learned rod - arm surface [m]
+    ("pair_d", "f8"),  # filtered disagreement [m]
+    ("model_q", "f8"),  # integral of the model's rod velocity [m]
+    ("base_rod", "f8"),  # slow rod - model [m]
+    ("base_surface", "f8"),  # slow surface - model [m]
+    ("e_rod", "f8"),  # filtered distance of the rod sensor from the model [m]
+    ("e_surface", "f8"),  # of the surface sensor [m]
+    ("pair_timer", "f8"),  # [s]
+    ("sensor", "f8"),  # 1 while the two are declared to disagree
+    ("blame", "f8"),  # 0 unknown, 1 rod, 2 surface
+    ("quiet", "f8"),  # time for which the input-fault estimate is still disturbed by it [s]
+]
+OFC_PARAMS = [
+    *bank.PARAMS,
+    ("bank_threshold", "f8", (bank.K,)),  # amplitude in quiet flight [unit of the residual]
+    ("bank_share", "f8"),  # ... plus this share of the drive's amplitude
+    ("bank_prior", "f8"),  # ... plus this share while its gain has not been learned
+    ("gain_floor", "f8"),  # the drive must exceed this to teach its gain [unit of the drive]
+    ("gain_energy", "f8"),  # squared drive amplitude at which prior and lesson weigh alike
+    ("gain_memory", "f8"),  # [s]
+    ("gain_limit", "f8"),  # largest gain error that is believed
+    ("coherence", "f8"),  # least agreement of the two periods
+    ("t_release", "f8"),  # an alarm outlives its cause by this [s]
+]
+OFC_STATE = [
+    *bank.STATE,
+    ("gain", "f8"),  # learned share of the drive in the residual
+    ("gain_num", "f8"),
+    ("gain_den", "f8"),
+    ("r_ofc", "f8"),  # largest fit over its threshold
+    ("ofc_timer", "f8"),  # time for which an oscillation is still held to be there [s]
+    ("ofc_hz", "f8"),  # its frequency [Hz]
+    ("ofc_amplitude", "f8"),  # its amplitude [unit of the residual]
+    ("ofc_solid", "f8"),  # 1 when it stands in place of the drive
+]
 
 
 @kernel
@@ -40,3 +100,181 @@ def confirm(timer, alarm, beyond, dt, t_confirm, t_release):
     elif timer < 0.5 * dt:
         alarm = 0.0
     return timer, alarm
+
+
+@kernel
+def cusum(s, residual, drift, most):
+    """Return max(0, s + residual - drift), at most `most` so that it heals: the one-sided sum of Page (1954)."""
+    return min(max(s + residual - drift, 0.0), most)
+
+
+@kernel
+def clipped(v, most):
+    """Return v within -most .. most."""
+    return min(max(v, -most), most)
+
+
+@kernel
+def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, p, dt):
+    """Compare two position sensors on one rod, and each with the model's own motion; positions in m of rod.
+
+    `model_v` is a rod velocity that neither of them has touched lately [m/s]. Sets `sensor` and `blame`.
+    """
+    x.model_q += model_v * dt
+    a = 1.0 - math.exp(-dt / p.pair_tau)
+    suspicious = math.fabs(x.pair_d) > 0.5 * p.pair_threshold
+    x.quiet = max(x.quiet - dt, 0.0)
+    if rod_good > 0.5 and surface_good > 0.5:
+        d = y_rod - y_surface - x.rigging
+        if x.pair_time < p.pair_settle:
+            x.pair_time += dt
+            x.rigging += d * dt / x.pair_time
+            if x.pair_time <= 1.5 * dt:
+                x.base_rod = y_rod - x.model_q
+                x.base_surface = y_surface - x.model_q
+        else:
+            x.pair_d += a * clipped(d - x.pair_d, p.pair_clip)
+            if not suspicious:
+                x.rigging += clipped(x.pair_d, p.pair_clip) * dt / p.pair_learn
+    w = dt / p.pair_wash
+    if rod_good > 0.5 and x.pair_time > 0.0:
+        e = y_rod - x.model_q - x.base_rod
+        x.e_rod += a * clipped(e - x.e_rod, p.pair_clip)
+        if not suspicious:
+            x.base_rod += w * x.e_rod
+    if surface_good > 0.5 and x.pair_time > 0.0:
+        e = y_surface - x.model_q - x.base_surface
+        x.e_surface += a * clipped(e - x.e_surface, p.pair_clip)
+        if not suspicious:
+            x.base_surface += w * x.e_surface
+    before = x.sensor
+    beyond = math.fabs(x.pair_d) >= p.pair_threshold
+    x.pair_timer, x.sensor = confirm(x.pair_timer, x.sensor, beyond, dt, p.pair_confirm, p.pair_release)
+    if x.sensor > 0.5 and before < 0.5:
+        far, near = math.fabs(x.e_rod), math.fabs(x.e_surface)
+        x.blame = 1.0 if far > p.pair_ratio * near else (2.0 if near > p.pair_ratio * far else 0.0)
+    elif x.sensor < 0.5:
+        x.blame = 0.0
+    if suspicious:
+        x.quiet = 2.0 / bank.F_LOW  # the bank remembers two periods
+    if x.sensor < 0.5 and before > 0.5:  # healed: learn anew where both stand
+        x.base_rod += x.e_rod
+        x.base_surface += x.e_surface
+        x.e_rod = 0.0
+        x.e_surface = 0.0
+
+
+@kernel
+def share(x, p):
+    """Return the part of the drive's amplitude that the residual may show in health."""
+    return p.bank_share + p.bank_prior * p.gain_energy / (p.gain_energy + x.gain_den)
+
+
+@kernel
+def learn_gain(x, p, k, dt):
+    """Learn how much of the drive is in the residual: tolerances act on the flow as one gain.
+
+    gain = sum Re(F U*) / (sum |U|^2 + energy), over fits with a strong drive, forgotten over `gain_memory`.
+    """
+    U2 = bank.mixed(x, k, 0.0, 1.0)
+    if U2 < p.gain_floor * p.gain_floor:
+        return
+    FU = x.bank_cos[0, k] * x.bank_cos[1, k] + x.bank_sin[0, k] * x.bank_sin[1, k]
+    x.gain_num += FU
+    x.gain_den += U2
+    keep = math.exp(-p.bank_stride[k] * p.bank_block[int(p.bank_level[k])] * dt / p.gain_memory)
+    x.gain_num *= keep
+    x.gain_den *= keep
+    x.gain = clipped(x.gain_num / (x.gain_den + p.gain_energy), p.gain_limit)
+
+
+@kernel
+def ofc_test(x, p, renewed, blocked, teach, dt):
+    """Test every renewed fit of the bank; hold an oscillation for the time in which it must show again.
+
+    An oscillation is an amplitude beyond bank_threshold + share |drive| that keeps its phase over both periods.
+    """
+    x.ofc_timer = max(x.ofc_timer - dt, 0.0)
+    if renewed < 0.5:
+        return
+    x.r_ofc = 0.0
+    found = False
+    for k in range(bank.K):
+        F2 = bank.mixed(x, k, 1.0, -x.gain)
+        most = p.bank_threshold[k] + share(x, p) * math.sqrt(bank.mixed(x, k, 0.0, 1.0))
+        r = math.sqrt(F2) / most
+        x.r_ofc = max(x.r_ofc, r)
+        if x.bank_new[k] < 0.5:
+            continue
+        if teach and r < 0.7:
+            learn_gain(x, p, k, dt)
+        if r >= 1.0 and not blocked and bank.coherence(x, p, k, 1.0, -x.gain) >= p.coherence:
+            found = True
+    if found:
+        x.ofc_timer = p.t_release
+    if x.ofc_timer > 0.0:
+        name_oscillation(x, p)
+
+
+@kernel
+def spread(x, p, b):
+    """Return (k, e): where residual + b drive peaks, and the power outside its lobe over the peak's."""
+    peak, best = 0, 0.0
+    for k in range(bank.K):
+        r = bank.mixed(x, k, 1.0, b) / (p.bank_threshold[k] * p.bank_threshold[k])
+        if r > best:
+            peak, best = k, r
+    rest = 0.0
+    for k in range(bank.K):
+        if abs(k - peak) > 3:  # the lobe of two periods is half the frequency wide
+            noise = p.bank_threshold[k] * p.bank_threshold[k] / 9.0
+            rest += max(bank.mixed(x, k, 1.0, b) - noise, 0.0)
+    top = bank.mixed(x, peak, 1.0, b)
+    return peak, (rest / top if top > 0.0 else 1.0)
+
+
+@kernel
+def name_oscillation(x, p):
+    """Choose between a signal added to the drive and one in its place: the purer of residual and residual + drive."""
+    k0, e0 = spread(x, p, -x.gain)
+    k1, e1 = spread(x, p, 1.0)
+    solid = e1 < e0
+    k = k1 if solid else k0
+    b = 1.0 if solid else -x.gain
+    x.ofc_solid = 1.0 if solid else 0.0
+    x.ofc_amplitude = math.sqrt(bank.mixed(x, k, 1.0, b))
+    x.ofc_hz = peak_frequency(x, p, k, b)
+
+
+@kernel
+def peak_frequency(x, p, k, b):
+    """Return the frequency of the peak near k, by a parabola through the squared amplitudes over log frequency [Hz]."""
+    while k + 1 < bank.K and bank.mixed(x, k + 1, 1.0, b) > bank.mixed(x, k, 1.0, b):
+        k += 1
+    if k == 0 or k == bank.K - 1:
+        return p.bank_hz[k]
+    a, m, c = bank.mixed(x, k - 1, 1.0, b), bank.mixed(x, k, 1.0, b), bank.mixed(x, k + 1, 1.0, b)
+    bend = a - 2.0 * m + c
+    shift = clipped(0.5 * (a - c) / bend, 0.5) if bend < 0.0 else 0.0
+    return p.bank_hz[k] * math.exp(shift * math.log(p.bank_hz[k + 1] / p.bank_hz[k]))
+
+
+@kernel
+def name_fault(x, sensor, jam, run, moves):
+    """Write `alarm`, `verdict` and `culprit` of a hydraulic lane from its four tests, the surest first."""
+    ofc = x.ofc_timer > 0.0
+    x.alarm = 1.0 if sensor or jam or run or ofc else 0.0
+    last = x.verdict
+    x.culprit = x.blame if sensor else 0.0
+    if sensor:
+        x.verdict = SENSOR if x.blame > 0.5 else AMBIGUOUS
+    elif ofc and not jam:
+        x.verdict = OFC_SOLID if x.ofc_solid > 0.5 else OFC_LIQUID
+    elif x.alarm < 0.5:
+        x.verdict = NONE
+    elif last == RUNAWAY:  # at its stop a runaway looks like a jam
+        x.verdict = RUNAWAY
+    elif jam:
+        x.verdict = JAM_SOLID
+    elif last != JAM_SOLID:
+        x.verdict = RUNAWAY if moves else JAM_SOLID

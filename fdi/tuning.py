@@ -16,11 +16,12 @@ def _read(detector):
 
 
 def thresholds(detector, which="flight"):
-    """Return {PARAMS field: value, SI} of set `which` of `detector`; an unknown set or bad value raises ValueError."""
+    """Return {PARAMS field: number or row, SI} of set `which`; an unknown set or a bad value raises ValueError."""
     sets = {k: v for k, v in _read(detector).items() if k != "training"}
     if which not in sets:
         raise ValueError(f"{detector}: threshold set {which!r} is not one of {sorted(sets)}")
     for name, value in sets[which].items():
-        if not (isinstance(value, int | float) and math.isfinite(value)):
+        parts = value if isinstance(value, list) else [value]
+        if not all(isinstance(v, int | float) and math.isfinite(v) for v in parts):
             raise ValueError(f"{detector}: threshold {name} = {value!r} is no finite number")
-    return {name: float(value) for name, value in sets[which].items()}
+    return dict(sets[which])

@@ -1,0 +1,164 @@
+"""Frequency bank: least squares of two periods on (cos, sin, 1, t, t^2), a row of frequencies, bounded cost per tick.
+
+Two signals run through it together: a residual, and a drive that scales its threshold. Each is averaged down to three
+rates by triangles (two block lengths wide, the second zero of their response lies on every alias), and a frequency is
+fitted on the slowest rate that gives it five samples a period: 40 stored samples then hold any two periods. The
+constant, slope and curvature take the manoeuvre out. Every frequency is fitted about eight times a period, in turn,
+from weights made once by `design`; nothing is accumulated for longer than two periods, so that rounding does not grow
+and a bad sample leaves.
+"""
+
+import numpy as np
+
+from actuators.block import kernel
+
+K = 14  # frequencies
+N = 40  # stored samples for each rate
+LEVELS = 3
+F_LOW, F_HIGH = 0.5, 10.6  # [Hz]; actuators filter what lies above 10 Hz (notes/diagnosis)
+BLOCKS_S = (0.01, 0.04, 0.10)  # block lengths [s]
+FITS = 8  # per period
+
+PARAMS = [
+    ("bank_hz", "f8", (K,)),  # frequencies [Hz]
+    ("bank_level", "f8", (K,)),  # rate that each is fitted on
+    ("bank_n", "f8", (K,)),  # samples of its two periods, even
+    ("bank_stride", "f8", (K,)),  # fit at each so many samples
+    ("bank_wc", "f8", (K, N // 2)),  # weights of the sum of samples at equal distance from the middle
+    ("bank_ws", "f8", (K, N // 2)),  # of their difference
+    ("bank_hc", "f8", (K, N // 2)),  # weights of one period on its own, oldest first
+    ("bank_hs", "f8", (K, N // 2)),
+    ("bank_block", "f8", (LEVELS,)),  # block lengths [ticks]
+]
+STATE = [
+    ("bank_ring", "f8", (2, LEVELS, N)),  # averaged samples, a ring for each signal and rate
+    ("bank_rise", "f8", (2, LEVELS)),  # rising half of the triangle that is being summed
+    ("bank_fall", "f8", (2, LEVELS)),  # falling half of the one before
+    ("bank_hold", "f8", (2, LEVELS)),  # rising half of the one before
+    ("bank_tick", "f8", (LEVELS,)),  # ticks into the block
+    ("bank_head", "f8", (LEVELS,)),  # next place in the ring
+    ("bank_seen", "f8", (LEVELS,)),  # samples since the start
+    ("bank_cos", "f8", (2, K)),  # amplitude of the fit, in phase and in quadrature at the middle of the window
+    ("bank_sin", "f8", (2, K)),
+    ("bank_new", "f8", (K,)),  # 1 where this tick renewed the fit
+]
+
+
+def frequencies():
+    """Return the K frequencies [Hz], in equal ratios of 1.27: a fault between two is read 4 % low at most."""
+    return np.geomspace(F_LOW, F_HIGH, K)
+
+
+def design(dt):
+    """Return the bank's PARAMS fields for ticks of `dt` seconds."""
+    block = np.maximum(np.rint(np.array(BLOCKS_S) / dt), 1.0)
+    hz = frequencies()
+    out = {"bank_hz": hz, "bank_block": block}
+    level, count, stride = np.zeros(K), np.zeros(K), np.zeros(K)
+    wc, ws, hc, hs = np.zeros((4, K, N // 2))
+    for k, f in enumerate(hz):
+        fits = [j for j in range(LEVELS) if 1.0 / (block[j] * dt) >= 5.0 * f]
+        j = max(fits, default=0)
+        h = block[j] * dt
+        n = min(2 * round(1.0 / (f * h)), N)
+        t = (np.arange(n) - (n - 1) / 2) * h
+        angle = 2 * np.pi * f * t
+        basis = np.stack([np.cos(angle), np.sin(angle), np.ones(n), t * f, (t * f) ** 2], axis=1)
+        w = np.linalg.pinv(basis)[:2] / np.sinc(f * h) ** 2  # the triangle's own loss is made good
+        wc[k, : n // 2] = w[0, : n // 2]
+        ws[k, : n // 2] = w[1, : n // 2]
+        t = (np.arange(n // 2) - (n // 2 - 1) / 2) * h
+        basis = np.stack([np.cos(2 * np.pi * f * t), np.sin(2 * np.pi * f * t), np.ones(n // 2), t * f], axis=1)
+        hc[k, : n // 2], hs[k, : n // 2] = np.linalg.pinv(basis)[:2] / np.sinc(f * h) ** 2
+        level[k], count[k], stride[k] = j, n, max(n // (2 * FITS), 1)
+    weights = {"bank_wc": wc, "bank_ws": ws, "bank_hc": hc, "bank_hs": hs}
+    return {**out, **weights, "bank_level": level, "bank_n": count, "bank_stride": stride}
+
+
+@kernel
+def push(x, p, residual, drive):
+    """Take one tick of both signals; return the number of fits renewed. Neither may be NaN."""
+    renewed = 0.0
+    for k in range(K):
+        x.bank_new[k] = 0.0
+    for j in range(LEVELS):
+        D = p.bank_block[j]
+        x.bank_tick[j] += 1.0
+        a = x.bank_tick[j] / (D * D)
+        b = (D - x.bank_tick[j]) / (D * D)
+        x.bank_rise[0, j] += a * residual
+        x.bank_fall[0, j] += b * residual
+        x.bank_rise[1, j] += a * drive
+        x.bank_fall[1, j] += b * drive
+        if x.bank_tick[j] < D:
+            continue
+        head = int(x.bank_head[j])
+        for s in range(2):
+            x.bank_ring[s, j, head] = x.bank_hold[s, j] + x.bank_fall[s, j]
+            x.bank_hold[s, j] = x.bank_rise[s, j]
+            x.bank_rise[s, j] = 0.0
+            x.bank_fall[s, j] = 0.0
+        x.bank_tick[j] = 0.0
+        x.bank_head[j] = 0.0 if head == N - 1 else head + 1.0
+        x.bank_seen[j] += 1.0
+        seen = int(x.bank_seen[j])
+        for k in range(K):
+            if p.bank_level[k] == j and seen > p.bank_n[k] and seen % int(p.bank_stride[k]) == 0:
+                fit(x, p, k, j, head)
+                x.bank_new[k] = 1.0
+                renewed += 1.0
+    return renewed
+
+
+@kernel
+def fit(x, p, k, j, head):
+    """Fit frequency k on the samples of rate j that end at ring place `head`."""
+    n = int(p.bank_n[k])
+    new, old = head, head - n + 1
+    if old < 0:
+        old += N
+    c0, s0, c1, s1 = 0.0, 0.0, 0.0, 0.0
+    for i in range(n // 2):
+        wc, ws = p.bank_wc[k, i], p.bank_ws[k, i]
+        a, b = x.bank_ring[0, j, old], x.bank_ring[0, j, new]
+        c0 += wc * (a + b)
+        s0 += ws * (a - b)
+        a, b = x.bank_ring[1, j, old], x.bank_ring[1, j, new]
+        c1 += wc * (a + b)
+        s1 += ws * (a - b)
+        old = 0 if old == N - 1 else old + 1
+        new = N - 1 if new == 0 else new - 1
+    x.bank_cos[0, k], x.bank_sin[0, k], x.bank_cos[1, k], x.bank_sin[1, k] = c0, s0, c1, s1
+
+
+@kernel
+def coherence(x, p, k, a, b):
+    """Return how well the two periods of frequency k agree: Re(A_1 A_2*) / max(|A_1|^2, |A_2|^2), 1 for a sinusoid.
+
+    The signal is a residual + b drive. A step or a single swing lives in one of the two periods and gives about 0.
+    """
+    n = int(p.bank_n[k])
+    j = int(p.bank_level[k])
+    i = int(x.bank_head[j]) - n
+    if i < 0:
+        i += N
+    c1, s1, c2, s2 = 0.0, 0.0, 0.0, 0.0
+    for m in range(n):
+        y = a * x.bank_ring[0, j, i] + b * x.bank_ring[1, j, i]
+        if m < n // 2:
+            c1 += p.bank_hc[k, m] * y
+            s1 += p.bank_hs[k, m] * y
+        else:
+            c2 += p.bank_hc[k, m - n // 2] * y
+            s2 += p.bank_hs[k, m - n // 2] * y
+        i = 0 if i == N - 1 else i + 1
+    most = max(c1 * c1 + s1 * s1, c2 * c2 + s2 * s2)
+    return (c1 * c2 + s1 * s2) / most if most > 0.0 else 0.0
+
+
+@kernel
+def mixed(x, k, a, b):
+    """Return the squared amplitude of a residual + b drive at frequency k."""
+    c = a * x.bank_cos[0, k] + b * x.bank_cos[1, k]
+    s = a * x.bank_sin[0, k] + b * x.bank_sin[1, k]
+    return c * c + s * s

@@ -1,0 +1,174 @@
+"""IOTSEKF: the input fault of one hydraulic actuator, by the two-stage filter of [Lu17], and what it is.
+
+The filter (`two_stage`) gives the state and the input fault f^i in the unit of the valve command; four tests read them:
+
+| test | statistic | verdict |
+|---|---|---|
+| pair | rod - arm surface - rigging; each against the model's own motion | SENSOR rod, surface, or AMBIGUOUS |
+| oscillation | two-period least squares of f_hat - gain u over a bank of frequencies | OFC_LIQUID, OFC_SOLID |
+| jam | load beyond the hinge-moment model while the rod is still (load form 2) | JAM_SOLID |
+| input fault | lagged f_hat - gain u | RUNAWAY, or JAM_SOLID where f_hat + u moves nothing |
+
+Load forms: 0 ignored, as published; 1 a hinge-moment model; 2 the pressure is measured and the load is a random walk
+(default). INPUTS take the observers' copies of the sensors and the valve command held over the last tick.
+"""
+
+import math
+
+import numpy as np
+
+from actuators import linkage, lu17
+from actuators.block import dtype, kernel, record
+from actuators.lu17 import opening, stiffness
+from fdi import bank, decision, two_stage
+from fdi.decision import confirm, usable
+from fdi.tuning import thresholds
+
+CULPRITS = ("", "rod", "surface")
+
+PARAMS = dtype(
+    [
+        *two_stage.PARAMS,
+        *decision.PAIR_PARAMS,
+        *decision.OFC_PARAMS,
+        ("run_tau", "f8"),  # lag of the estimates that the runaway and jam tests use [s]
+        ("run_threshold", "f8"),  # input fault [1]
+        ("run_share", "f8"),  # ... plus this share of the valve command
+        ("run_confirm", "f8"),  # [s]
+        ("jam_threshold", "f8"),  # load beyond the model, over the stall force [1]
+        ("jam_share", "f8"),  # ... plus this share of the model's load
+        ("jam_still", "f8"),  # rod velocity below which the surface is still [m/s]
+        ("jam_confirm", "f8"),  # [s]
+    ]
+)
+INPUTS = dtype(
+    [
+        ("u", "f8"),  # valve command held over the last tick, as the servo sent it [1]
+        ("y_rod", "f8"),  # [m]
+        ("y_rod_valid", "f8"),
+        ("y_surface", "f8"),  # [rad]
+        ("y_surface_valid", "f8"),
+        ("y_dp", "f8"),  # pressure difference over supply [1]
+        ("y_dp_valid", "f8"),
+        ("hm0_model", "f8"),  # hinge moment at zero deflection, by the model [N m]
+        ("hmd_model", "f8"),  # its slope [N m/rad]
+    ]
+)
+STATE = dtype(
+    [
+        *two_stage.STATE,
+        *decision.PAIR_STATE,
+        *decision.OFC_STATE,
+        ("f_slow", "f8"),  # lagged input fault, gain error removed [1]
+        ("u_slow", "f8"),  # lagged valve command [1]
+        ("excess", "f8"),  # lagged load beyond the model [1]
+        ("run_timer", "f8"),  # [s]
+        ("run", "f8"),  # 1 while an input fault is declared
+        ("jam_timer", "f8"),  # [s]
+        ("jam", "f8"),  # 1 while a jam is declared
+        ("r_run", "f8"),  # input fault over its threshold
+        ("r_jam", "f8"),  # load excess over its threshold
+        ("r", "f8"),  # largest of all tests over their thresholds
+        ("alarm", "f8"),  # 1 while a fault is declared
+        ("verdict", "f8"),  # class code
+        ("culprit", "f8"),  # index into CULPRITS
+        ("valid", "f8"),  # 1 while the estimate can be trusted
+    ]
+)
+OUTPUTS = (
+    *("r", "alarm", "verdict", "culprit", "valid", "f_hat", "f_sigma", "q_now", "v_now", "x3_now", "nis_rod", "nis_dp"),
+    *("r_ofc", "r_run", "r_jam", "pair_d", "rigging", "gain", "ofc_hz", "ofc_amplitude"),
+)
+NOISE = {
+    # process noise densities: what friction, tolerances and an unmodelled load do to q', dP and F
+    "q": (1e-12, 2e-6, 2e-5, 0.05),
+    "q_f": 1e-3,
+    "r_rod": 1e-8,  # 0.1 mm, sensor set `transport`
+    "r_dp": 2.5e-5,  # 0.5 % of supply
+    "P0": (1e-8, 1e-6, 1e-4, 1e-2),
+    "P0_f": 1e-4,
+    "r_spare": 2e-8,  # 0.02 deg on 0.30 m, rigging removed
+}
+
+
+def params(which=None, *, load=2, dt=0.005, delay_s=0.005, arm=linkage.ARM, **values):
+    """Return PARAMS for load form `load`, ticks of `dt` seconds and measurements `delay_s` old.
+
+    `which` names the threshold set, by default that of the load form; `values` replace any field.
+    """
+    v = {**lu17.NOMINAL, **NOISE, **bank.design(dt), **thresholds("iotsekf", which or f"flight_load{load}")}
+    if load != 2:
+        v["q"] = (*v["q"][:3], 0.0)
+    fixed = {
+        "arm": arm,
+        "load": float(load),
+        "centre": 1.0,
+        "delay": float(round(delay_s / dt)),
+        "epsilon": 1e-9,
+        "gate": 8.0,
+        "spikes": 4.0,
+        "t_invalid": 0.2,
+    }
+    return record(PARAMS, **{**fixed, **v, **values})
+
+
+def init(p):
+    """Return STATE of p's shape, not started: the filter begins at the first usable rod sample."""
+    return np.zeros(p.shape, STATE)
+
+
+@kernel
+def model_velocity(x, p):
+    """Return the rod velocity that valve and pressure alone imply, compressibility left out [m/s]. [Lu17] (4)"""
+    v = x.u_old[int(p.delay)]
+    x3 = x.x_hat[2]
+    return (1.0 + x.gain) * p.phi_n / p.A_p * opening(v, x3) * v - p.L * x3
+
+
+@kernel
+def decide(x, u, p, dt):
+    """Run the tests on the estimate: sensors first, then oscillation, jam and input fault."""
+    rod, surface = usable(u.y_rod, u.y_rod_valid), usable(u.y_surface, u.y_surface_valid)
+    bulk = x.x_hat[2] / stiffness(x.x_hat[0], p)  # rod motion that only compresses oil
+    decision.pair_test(x, u.y_rod + bulk, rod, p.arm * u.y_surface + bulk, surface, model_velocity(x, p), p, dt)
+    disturbed = x.quiet > 0.0 or x.valid < 0.5
+    v = x.u_old[int(p.delay)]
+    renewed = bank.push(x, p, x.f_hat, v)
+    decision.ofc_test(x, p, renewed, disturbed, not disturbed and x.alarm < 0.5, dt)
+    a = 1.0 - math.exp(-dt / p.run_tau)
+    x.f_slow += a * (x.f_hat - x.gain * v - x.f_slow)
+    x.u_slow += a * (v - x.u_slow)
+    x.r_run = math.fabs(x.f_slow) / (p.run_threshold + p.run_share * math.fabs(x.u_slow))
+    x.run_timer, x.run = confirm(x.run_timer, x.run, x.r_run >= 1.0 and not disturbed, dt, p.run_confirm, p.t_release)
+    x.r_jam = 0.0
+    if p.load == 2.0:
+        model = (u.hm0_model + u.hmd_model * x.x_hat[0] / p.arm) / (p.arm * p.A_p * p.P_s)
+        x.excess += a * (x.x_hat[3] - model - x.excess)
+        x.r_jam = math.fabs(x.excess) / (p.jam_threshold + p.jam_share * math.fabs(model))
+    still = math.fabs(x.x_hat[1]) < p.jam_still
+    jammed = x.r_jam >= 1.0 and still and not disturbed
+    x.jam_timer, x.jam = confirm(x.jam_timer, x.jam, jammed, dt, p.jam_confirm, p.t_release)
+    moves = math.fabs(x.f_slow + x.u_slow) > 0.5 * p.run_threshold
+    decision.name_fault(x, x.sensor > 0.5, x.jam > 0.5, x.run > 0.5, moves)
+    pair = math.fabs(x.pair_d) / p.pair_threshold
+    x.r = max(max(pair, x.r_ofc), max(x.r_run, x.r_jam if still else 0.0))
+
+
+@kernel
+def step(x, u, p, dt):
+    """Estimate state and input fault, then test."""
+    two_stage.estimate(x, u, p, dt)
+    if x.started < 0.5:
+        x.valid = 0.0
+        return
+    x.valid = 1.0 if x.age <= p.t_invalid else 0.0
+    decide(x, u, p, dt)
+
+
+@kernel
+def rollout(x, u, p, dt, log):
+    """Step every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
+    for i in range(u.shape[0]):
+        for k in range(u.shape[1]):
+            step(x[i], u[i, k], p[i], dt)
+            log[i, k] = x[i]
