@@ -90,7 +90,10 @@ INPUTS = dtype(
         ("friction_add", "f8"),  # fault: Coulomb torque at the motor [N m]
         ("backlash_add", "f8"),  # fault: gap [m]
         ("f_i", "f8"),  # fault: bias of the loop's current sensor [A]
-        ("s_i", "f8"),  # fault: share of current that it does not see [1]; -0.25 is a scale of 1.25, 1 with f_i a freeze
+        (
+            "s_i",
+            "f8",
+        ),  # fault: share of current that it does not see [1]; -0.25 is a scale of 1.25, 1 with f_i a freeze
     ]
 )
 STATE = dtype(
@@ -292,7 +295,9 @@ def _move(x1, x2, x3, x4, i, m1, m3, d1, d3, hm0, hmd, h, x, p):
     f1 = (E2 * E2 - 1.0) / z
     f2 = (f1 - 1.0) / z
     f3 = (f2 - 0.5) / z
-    i_end = E2 * E2 * i - z * ((f1 - 3.0 * f2 + 4.0 * f3) * ga + (f2 - 2.0 * f3) * 2.0 * (gb + gc) + (4.0 * f3 - f2) * gd)
+    i_end = E2 * E2 * i - z * (
+        (f1 - 3.0 * f2 + 4.0 * f3) * ga + (f2 - 2.0 * f3) * 2.0 * (gb + gc) + (4.0 * f3 - f2) * gd
+    )
     s = h / 6.0
     y_end = y + s * (ay + 2.0 * (by + cy) + ey)
     return (
@@ -355,9 +360,7 @@ def _substep(x, off, hm0, hmd, h, p):
         d1 = _slides_surface(x, hm0, hmd, p)
         m3 = 0.0 if d3 == 0.0 and (rubs or x.motor >= p.x3_hi or x.motor <= p.x3_lo) else 1.0
         m1 = 0.0 if d1 == 0.0 and braked else 1.0
-        x1, x2, x3, x4, i, x6 = _move(
-            x.delta, x.delta_d, x.motor, x.motor_d, x.i, m1, m3, d1, d3, hm0, hmd, left, x, p
-        )
+        x1, x2, x3, x4, i, x6 = _move(x.delta, x.delta_d, x.motor, x.motor_d, x.i, m1, m3, d1, d3, hm0, hmd, left, x, p)
         p1, p3 = _until(x.delta_d, x2, d1, braked), _until(x.motor_d, x4, d3, rubs)
         part = min(p1, p3)
         if 0.0 < part < 1.0:

@@ -169,7 +169,9 @@ def _refer(x, u, p, dt):
 
 @kernel
 def step(x, u, p, dt):
-    """Compute the demand for the tick that starts now, and advance reference and integrator."""
+    """Bring the reference to now and compute the demand for the tick that starts."""
+    reference.advance(x, dt)
+    x.r = _clip(x.r, 1.2 * p.r_lo, 1.2 * p.r_hi)
     _sense(x, u, p, dt)
     _refer(x, u, p, dt)
     e = x.r - x.theta
@@ -178,8 +180,6 @@ def step(x, u, p, dt):
     x.u = p.g_i * x.i_d + p.g_w * x.omega * p.ratio
     if not ((wanted > p.I_max and e > 0.0) or (wanted < -p.I_max and e < 0.0)):
         x.z += p.k_i * dt * (e - _clip(e, -p.dead, p.dead))
-    reference.advance(x, dt)
-    x.r = _clip(x.r, 1.2 * p.r_lo, 1.2 * p.r_hi)
 
 
 @kernel

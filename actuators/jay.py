@@ -95,9 +95,9 @@ def _elevator():
     """Return the set for one elevator segment: stall 15.75 kN m, 45 deg/s at no load.
 
     A set of 37.8 kN m, 105 A, 285 V (arm 0.15 m, 0.25 mm/rad, l^2 K_s 2.4 MN m/rad, J_M 0.006, K_T 0.6, R 0.10 Ohm,
-    L 0.5 mH, K_i K_c 4 V/A) scaled to 1.5 times the 10.5 kN m that stall the hydraulic actuator: torques, inertia,
-    stiffness and currents by the ratio, resistance and inductance by its inverse, speeds, volts and time constants
-    unchanged. u is the demanded current [A]: K_g K_i = K_i K_c. The lead of the paper's torque loop is left out
+    L 0.5 mH, K_i K_c 4 V/A) scaled to 1.5 times the 10.5 kN m that stall the hydraulic actuator: torque, motor inertia
+    and current by the ratio, resistance and inductance by its inverse; speeds, volts, time constants and the stiffness,
+    which is the structure's, unchanged. u is the demanded current [A]: K_g K_i = K_i K_c. The lead of the paper's torque loop is left out
     (a = b), the servo's velocity feedback does its work. Damping rates B/J are the nozzle's.
     """
     ratio = 15.75e3 / 37.8e3
@@ -105,7 +105,7 @@ def _elevator():
     return {
         "arm": arm,
         "lead": 0.25e-3,
-        "K_s": 2.4e6 * ratio / arm**2,
+        "K_s": 2.4e6 / arm**2,
         "J_N": J_N,
         "B_N": 4.61611 * J_N,
         "J_M": J_M,

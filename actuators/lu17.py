@@ -19,7 +19,8 @@ The flying truth (`hydraulic`) adds what the filters do not know; filters use th
 | E | E | bulk modulus of the oil [N/m^2] | 1e9 |
 | L | L | normalised leakage [m/s] | 0.023 |
 
-`p` in every kernel is any record that has the fields of `FIELDS`: a filter appends them to its own PARAMS.
+`p` in every kernel is any record that has the fields of `FIELDS`: a filter appends them to its own PARAMS (not first:
+Numba warns of a record that begins like another one).
 """
 
 import math

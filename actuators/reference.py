@@ -2,7 +2,7 @@
 
 A chain of three loops around a triple integrator, each clipped where the actuator has its limit:
 
-    v = k1 (target - r),    |v| <= v_max and |v| <= sqrt(2 0.7 a_max |target - r|), from which a_max can stop
+    v = k1 (target - r),    |v| <= v_max and |v| <= sqrt(2 0.4 a_max |target - r|), from which a_max can stop
     a = k2 (v - r'),        |a| <= a_max
     j = k3 (a - r''),       |j| <= j_max,    r''' = j held over the tick
 
@@ -52,7 +52,7 @@ def _within(v, limit):
 def demand(x, target, speed, p):
     """Write r''' for this tick towards `target`; `speed` in 0..1 scales v_max. Reads r, r', r'' at the tick's start."""
     e = target - x.r
-    v = _within(p.k1 * e, min(p.v_max * speed, math.sqrt(1.4 * p.a_max * abs(e))))
+    v = _within(p.k1 * e, min(p.v_max * speed, math.sqrt(0.8 * p.a_max * abs(e))))
     a = _within(p.k2 * (v - x.rd), p.a_max)
     x.rddd = _within(p.k3 * (a - x.rdd), p.j_max)
 

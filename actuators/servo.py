@@ -31,8 +31,8 @@ from actuators.block import dtype, kernel, record
 
 PARAMS = dtype(
     [
-        *lu17.FIELDS,
         *reference.PARAM_FIELDS,  # unit: m of rod
+        *lu17.FIELDS,  # the servo's model of the actuator
         ("arm", "f8"),  # linkage arm [m]
         ("r_lo", "f8"),  # lowest rod command [m]
         ("r_hi", "f8"),  # highest rod command [m]
@@ -241,19 +241,25 @@ def _feedback(x, u, p, dt):
 
 
 @kernel
-def _invert(x, p):
-    """Return the valve command that gives the demanded q'''. [Lu17] (13), r = 3"""
+def _invert(x, p, dt):
+    """Return the valve command that gives the demanded q'''. [Lu17] (13), r = 3
+
+    u is held over the tick: L_f^3 h is taken where the reference will have carried velocity and pressure at its middle.
+    """
     a = (p.A_p * p.P_s * x.x3 - p.B * x.qd + x.load) / p.M
     nu = x.rddd + p.k_a * (x.rdd - a) + p.k_v * (x.rd - x.qd) + p.k_q * (x.r - x.q)
     drive = p.A_p * p.P_s / p.M * lu17.stiffness(x.q, p)
-    lie = drive * (-p.L * x.x3 - x.qd) - p.B / p.M * a
+    qd = x.qd + 0.5 * dt * x.rdd
+    x3 = x.x3 + 0.5 * dt * x.rddd * p.M / (p.A_p * p.P_s)
+    lie = drive * (-p.L * x3 - qd) - p.B / p.M * a
     w = (nu - lie) / (drive * p.phi_n / p.A_p)
     return _clip(w / max(lu17.opening(w, x.x3), ROOT_LEAST), -p.u_max, p.u_max)
 
 
 @kernel
 def step(x, u, p, dt):
-    """Compute the valve command for the tick that starts now, and advance reference and observer."""
+    """Bring reference and observer to now and compute the valve command for the tick that starts."""
+    reference.advance(x, dt)
     command = (1.0 - u.s_cmd) * u.command + u.f_cmd
     if abs(command) < 1e9:
         x.delta_c = _clip(command, p.r_lo / p.arm, p.r_hi / p.arm)
@@ -266,8 +272,7 @@ def step(x, u, p, dt):
     _feedback(x, u, p, dt)
     target = p.arm * x.delta_c
     reference.demand(x, target, max(lu17.opening(target - x.r, x.x3), ROOT_LEAST), p)
-    x.u = _invert(x, p)
-    reference.advance(x, dt)
+    x.u = _invert(x, p, dt)
 
 
 @kernel
