@@ -43,7 +43,7 @@ class Contents:
     topics: dict = field(default_factory=dict)
     ids: dict = field(default_factory=dict)
     dt_ns: int = 0
-    layout: Layout = None
+    layout: Layout | None = None
     damage: list = field(default_factory=list)
     trusted: bool = False
     whole: bool = False
@@ -174,7 +174,7 @@ class Contents:
 
     def finish(self):
         """Check that the message indexes of the last chunk count what its ticks must hold; raises LogError."""
-        if not self.chunks or self.chunks[-1].checked:
+        if self.layout is None or not self.chunks or self.chunks[-1].checked:
             return
         chunk = self.chunks[-1]
         chunk.checked = True

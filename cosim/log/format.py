@@ -117,6 +117,12 @@ def check_topic(name, fields, units, every):
         raise ValueError(f"topic {name}: every must be a whole number of ticks >= 1, not {every}")
 
 
+def check_texts(name, texts):
+    """Raise ValueError unless metadata are {str: str}."""
+    if not all(isinstance(text, str) for pair in texts.items() for text in pair):
+        raise ValueError(f"metadata {name!r}: keys and values must be str")
+
+
 def schema_name(topic):
     """Return the protobuf message name of a sampled topic: `/a/b` is `cosim.a_b`."""
     return "cosim." + topic.strip("/").replace("/", "_")

@@ -89,7 +89,7 @@ def _files(name):
         timestamp_pb2.DESCRIPTOR.CopyToProto(time)
         return (time,)
     file, needs = _file(name)
-    found = {}
+    found: dict = {}
     for need in needs:
         found.update((f.name, f) for f in _files(need))
     return (*found.values(), file)
@@ -159,19 +159,20 @@ class Pose:
     theta: int
     psi: int
     every: int = 20
-    _origin: tuple = None
+    _origin: tuple | None = None
 
     def messages(self, rows, k0, dt_ns):
         """Return [(tick, topic, bytes)] of the rows (n, n_values) from tick k0."""
         out = []
-        if self._origin is None and len(rows):
-            self._origin = (float(rows[0, self.lat]), float(rows[0, self.lon]))
+        if self._origin is None:
+            self._origin = float(rows[0, self.lat]), float(rows[0, self.lon])
+        origin = self._origin
         for i in range(-k0 % self.every, len(rows), self.every):
             lat, lon, h, phi, theta, psi = (
                 float(rows[i, at]) for at in (self.lat, self.lon, self.h, self.phi, self.theta, self.psi)
             )
             ns = (k0 + i) * dt_ns
-            lat0, lon0 = self._origin
+            lat0, lon0 = origin
             place = {
                 "x": EARTH_RADIUS * (lon - lon0) * cos(lat0),
                 "y": EARTH_RADIUS * (lat - lat0),

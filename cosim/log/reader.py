@@ -1,6 +1,7 @@
 """Read a log back, bit for bit, into numpy and pandas."""
 
 import os
+import struct
 import zlib
 from collections import Counter
 
@@ -10,9 +11,10 @@ import zstandard
 from google.protobuf.message import DecodeError
 
 from . import foxglove
-from .chunk import HEAD
 from .format import Limits, TopicInfo, log_error
 from .scan import scan
+
+_HEAD = struct.Struct("<BQHIQQ")  # a message record up to its payload, as chunk.HEAD
 
 
 def open_log(path, *, limits=None):
@@ -151,14 +153,14 @@ def _tail(found, data, chunk):
     irregular = {found.ids[name] for name in found.ids if name not in found.topics}
     tail, at = [], 0
     while at < len(data):
-        head = np.frombuffer(data, HEAD, 1, at)[0] if len(data) - at >= HEAD.itemsize else None
-        end = at + 9 + int(head["length"]) if head is not None else 0
-        if not at + HEAD.itemsize <= end <= len(data) or head["op"] != 5 or int(head["channel"]) not in irregular:
+        whole = len(data) - at >= _HEAD.size
+        op, length, channel, k, ns, publish = _HEAD.unpack_from(data, at) if whole else (0,) * 6
+        end = at + 9 + length
+        if not at + _HEAD.size <= end <= len(data) or op != 5 or channel not in irregular:
             raise log_error(f"byte {at} after the chunk's samples begins no message", found.path, chunk.offset)
-        ns = int(head["log"])
-        if not chunk.start_ns <= ns == head["publish"] <= chunk.end_ns or ns != int(head["sequence"]) * found.dt_ns:
+        if not chunk.start_ns <= ns == publish <= chunk.end_ns or ns != k * found.dt_ns:
             raise log_error("a message has a time outside its chunk", found.path, chunk.offset)
-        tail.append((int(head["channel"]), int(head["sequence"]), data[at + HEAD.itemsize : end]))
+        tail.append((channel, k, data[at + _HEAD.size : end]))
         at = end
     counts = Counter(channel for channel, _, _ in tail)
     if not found.tolerant and counts != {c: n for c, n in chunk.index_counts.items() if c in irregular}:

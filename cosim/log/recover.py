@@ -61,15 +61,14 @@ def _rewrite(found, file, chunks, out, metadata, result):
         sink.preamble(declared, metadata, attachments)
         for chunk in chunks:
             plan, content, tail = load_chunk(found, file, chunk)
-            entries, at = {}, plan.size
+            entries: dict = {}
+            at, (k0, n) = plan.size, found.ticks(chunk)
             for channel, k, data in tail:
                 entries.setdefault(channel, []).append((k * found.dt_ns, at))
                 at += 31 + len(data)  # a message record: 9 bytes of record head, 22 of message head
             file.seek(chunk.data_offset)
             data = file.read(chunk.data_size)
-            packed = pack_chunk(
-                found.layout, content, data, chunk.compression, *found.ticks(chunk), entries, sink.offset
-            )
+            packed = pack_chunk(found.layout, content, data, chunk.compression, k0, n, entries, sink.offset)
             sink.chunk(*packed)
         if result is not None:
             sink.metadata("result", result)

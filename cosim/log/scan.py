@@ -152,7 +152,7 @@ def _tolerant(out, file):
 def _chunk_starts(out, file, stop):
     """Return where the summary, whose checksum agrees, says that chunks begin."""
     file.seek(stop + _DATA_END)
-    starts = []
+    starts: list = []
     while True:
         head = file.read(9)
         if len(head) < 9:

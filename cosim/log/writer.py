@@ -9,7 +9,7 @@ from mcap.records import Message
 
 from . import foxglove
 from .chunk import Layout
-from .format import LogError, channel_metadata, schema_data, schema_name
+from .format import LogError, channel_metadata, check_texts, schema_data, schema_name
 from .records import pack_chunk
 from .sink import Sink
 
@@ -120,7 +120,8 @@ class LogWriter:
         if self._pose is not None:
             poses = self._pose.messages(self._buffer[:n], k0, self.dt_ns)
             tail += [(k, self._sink.ids[name], data) for k, name, data in poses]
-        builder, entries = RecordBuilder(), {}
+        entries: dict = {}
+        builder = RecordBuilder()
         for k, channel, data in sorted(tail, key=lambda m: m[0]):
             ns = k * self.dt_ns
             entries.setdefault(channel, []).append((ns, plan.size + builder.count))
@@ -134,6 +135,7 @@ class LogWriter:
         """
         if not self._sink.open:
             return
+        check_texts("result", result or {})
         try:
             self._settle()
             self.flush()
@@ -178,6 +180,8 @@ def _check(topics, n_values, dt_ns, metadata, rows_per_chunk):
             raise ValueError(f"topic {topic.name}: a position lies outside the tick vector of {n_values} values")
     if set(metadata) & set(RESERVED):
         raise ValueError(f"metadata names {RESERVED} are taken")
+    for name, texts in metadata.items():
+        check_texts(name, texts)
     if dt_ns <= 0 or rows_per_chunk < 1:
         raise ValueError("dt_ns and rows_per_chunk must be positive")
 
