@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from actuators.block import dtype
-from cosim import detectors, faults, inject, law, manoeuvre, parts, sensors, wiring
+from cosim import detectors, faults, hinge_model, inject, law, manoeuvre, parts, sensors, wiring
 from cosim.bus import Bus
 from cosim.log import LogWriter, Topic
 from cosim.pilot import steps
@@ -20,6 +20,7 @@ from cosim.tick import Block, Loop
 CLOCK = dtype([("t", "f8")])
 SURFACE = dtype([(name, "f8") for name in SURFACES])
 NOISE_BLOCK = 1000  # ticks of noise drawn at once
+HINGE_MODEL_ERROR = {"hydraulic": 0.2, "ema": 0.3, "simple": 0.0}  # bound of the error of the detectors' hinge-moment model
 SNAPSHOT_S = 1.0    # hidden detector states are logged that often
 
 
@@ -94,10 +95,12 @@ class Setup:
         add("/noise", [(lane, bus.index(f"sensors_in.{lane}.noise")) for lane in bus.lanes["sensors"]], "sensors")
         add("/pilot", bus.columns("pilot", "pilot"), "law")
         add("/law", bus.columns("law", "law", law.OUTPUTS), "law")
+        for seg in wiring.SEGMENTS:
+            add(f"/hinge_model/{seg}", bus.columns("hinge_model", seg, hinge_model.OUTPUTS), "detectors")
         for b in (*self.loop.servos, *self.loop.actuators):
             for lane in bus.lanes[b.name]:
-                add(f"/actuators/{lane}/{b.name}", bus.columns(b.name, lane, b.module.OUTPUTS), "actuators")
-                add(f"/actuators/{lane}/{b.name}_in", bus.columns(b.name + "_in", lane), "actuators")
+                held = [("u_held", bus.index(f"{b.name}_in.{lane}.u"))] if "u" in b.module.INPUTS.names else []
+                add(f"/actuators/{lane}/{b.name}", bus.columns(b.name, lane, b.module.OUTPUTS) + held, "actuators")
         for lane in self.lanes:
             add(f"/faults/f{lane.name}", bus.columns("faults", lane.name, faults.OUTPUTS), "faults")
         for d in self.loop.detectors:
@@ -113,7 +116,7 @@ class Setup:
         import cosim
 
         loop = self.loop
-        blocks = [loop.sensors, loop.pilot, loop.law, *loop.detectors, *loop.servos, *loop.actuators]
+        blocks = [loop.sensors, loop.pilot, loop.law, loop.hinge, *loop.detectors, *loop.servos, *loop.actuators]
         attachments = {"scenario.toml": ("application/toml", self.scenario.expanded_toml().encode()),
                        "detectors.json": ("application/json", json.dumps(detectors.manifest(self), indent=1, sort_keys=True).encode())}
         for b in blocks:
@@ -204,14 +207,18 @@ def build(scenario):
     others = {name: t[wiring.SURFACE_OF[name]] for name in wiring.OTHERS}
     built = parts.blocks(scenario, loads, others, dt)
     pilot_p = manoeuvre.params(**steps(scenario.manoeuvre))
-    law_p = law.design(Plant(point, dt=dt), trim, t)
+    sketch = Plant(point, dt=dt)  # moved about to take derivatives
+    law_p = law.design(sketch, trim, t)
+    factors = [1.0 + HINGE_MODEL_ERROR[tech] * rng_parts.uniform(-1.0, 1.0) for tech in scenario.elevator.technology.values()]
+    hinge_p = hinge_model.design(sketch, trim, t, wiring.SHORT.values(), factors)
     fault_lanes = inject.lanes(scenario, parts.nominal(dt))
     chosen = detectors.chosen(scenario)
 
     sections = [("clock", CLOCK, ("clock",)), ("truth", TRUTH, ("aircraft",)), ("surfaces", SURFACE, ("aircraft",)),
                 ("sensors_in", sensors.INPUTS, sensor_lanes), ("sensors", sensors.STATE, sensor_lanes),
                 ("pilot_in", manoeuvre.INPUTS, ("pilot",)), ("pilot", manoeuvre.STATE, ("pilot",)),
-                ("law_in", law.INPUTS, ("law",)), ("law", law.STATE, ("law",))]
+                ("law_in", law.INPUTS, ("law",)), ("law", law.STATE, ("law",)),
+                ("hinge_model_in", hinge_model.INPUTS, wiring.SEGMENTS), ("hinge_model", hinge_model.STATE, wiring.SEGMENTS)]
     if fault_lanes:
         names = tuple(lane.name for lane in fault_lanes)
         sections += [("faults_in", faults.INPUTS, names), ("faults", faults.STATE, names)]
@@ -233,12 +240,14 @@ def build(scenario):
         sensors=block("sensors", sensors, sensor_p, sensors.init(sensor_p)),
         pilot=block("pilot", manoeuvre, pilot_p, manoeuvre.init(pilot_p)),
         law=block("law", law, law_p, law.init(law_p)),
+        hinge=block("hinge_model", hinge_model, hinge_p, hinge_model.init(hinge_p)),
         detectors=[block(d.id, d.module, d.params(scenario, dt), d.module.init(d.params(scenario, dt)), d.every) for d in chosen],
         servos=[b for b in parts_blocks if b.name in wiring.SERVO.values()],
         actuators=[b for b in parts_blocks if b.name not in wiring.SERVO.values()],
     )
     loop.wires = {stage: bus.wires(pairs) for stage, pairs in {
         "sensors": wiring.sensor_wires(tech), "law": wiring.law_wires(), "demand": wiring.demand_wires(),
+        "hinge": wiring.hinge_wires(tech),
         "servos": wiring.servo_wires(tech) + detectors.feedback_wires(scenario), "actuators": wiring.actuator_wires(tech),
         "surfaces": wiring.surface_wires(tech), "detectors": [w for d in chosen for w in d.wires(tech)],
         "faults": [(f"faults_in.{lane.name}.t", "clock.clock.t") for lane in fault_lanes]

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim import wiring
+from cosim.errors import ScenarioError, did_you_mean
 from cosim.scenario.catalog import DETECTORS
 
 
@@ -36,7 +37,28 @@ def _position_monitor(lane, technology):
     return {"command": "law.law.de_cmd", **_obs(lane, "surface", "surface")}
 
 
+def _hinge(lane):
+    return {"hm0_model": f"hinge_model.{lane}.hm0", "hmd_model": f"hinge_model.{lane}.hmd"}
+
+
+def _hydraulic(lane, technology):
+    # the valve command that acted from the last tick to this one
+    return {"u": f"hydraulic_in.{lane}.u", **_obs(lane, "rod", "y_rod"), **_obs(lane, "surface", "y_surface"),
+            **_obs(lane, "pressure", "y_dp"), **_hinge(lane)}
+
+
+def _ema(lane, technology):
+    out = {"u": f"ema_in.{lane}.u"}
+    for name in ("velocity", "position", "current"):
+        out |= _obs(lane, name, f"y_{name}", f"{name}_valid")
+    return out
+
+
 TABLE = {
+    "iotsekf": Spec("fdi.iotsekf", ("hydraulic",), _hydraulic, lambda m, s, lane, dt: m.params(dt=dt)),
+    "ema_kalman": Spec("fdi.ema_kalman", ("ema",), _ema, lambda m, s, lane, dt: m.params("elevator", dt=dt)),
+    "ema_kalman_flight": Spec("fdi.ema_kalman_flight", ("ema",), lambda lane, t: {**_ema(lane, t), **_hinge(lane)},
+                              lambda m, s, lane, dt: m.params(dt=dt)),
     "position_monitor": Spec("fdi.position_monitor", ("hydraulic", "ema"), _position_monitor, lambda m, s, lane, dt: m.params()),
 }
 
@@ -70,11 +92,9 @@ class Detector:
 
 
 def _override(detector, p, name, value):
-    from cosim.errors import ScenarioError, did_you_mean
-
     plain = [n for n in p.dtype.names if p.dtype[n].shape == ()]
     if name not in plain:
-        raise ScenarioError(f"detectors.{detector}.{name}: no such parameter", allowed=", ".join(plain), remedy=did_you_mean(name, plain))
+        raise ScenarioError("no such parameter", place=f"detectors.{detector}.{name}", allowed=", ".join(plain), remedy=did_you_mean(name, plain))
     p[name] = float(value)
 
 
@@ -97,9 +117,25 @@ def chosen(scenario):
     return out
 
 
+# What a servo takes from a local filter: servo input -> filter output
+_ESTIMATE = {"q_fb": "q_now", "qd_fb": "v_now", "x3_fb": "x3_now", "q_use": "valid", "qd_use": "valid", "x3_use": "valid"}
+
+
 def feedback_wires(scenario):
-    """Return the wires by which a servo closes on a local filter's estimate instead of its own observer's."""
-    return []
+    """Return the wires by which servos close on a local filter's estimate: where the scenario says so, and on reconfiguration."""
+    technology, pairs = scenario.elevator.technology, []
+    running = {d.id for d in chosen(scenario)}
+    for lane, tech in technology.items():
+        source = getattr(scenario.elevator.feedback, lane)
+        if tech == "hydraulic" and source != "measured":
+            if source not in running:
+                raise ScenarioError(f"the servo of {lane} closes on {source}, which is not enabled", place="elevator.feedback",
+                                    remedy=f"Add {source!r} to detectors.enabled, or set the feedback to 'measured'")
+            pairs += [(f"servo_in.{lane}.{to}", f"{source}.{lane}.{field}") for to, field in _ESTIMATE.items()]
+        if tech == "ema" and scenario.elevator.reconfigure and "ema_kalman_flight" in running:
+            pairs += [(f"ema_servo_in.{lane}.pos_fb", f"ema_kalman_flight.{lane}.pos_hat"),
+                      (f"ema_servo_in.{lane}.pos_use", f"ema_kalman_flight.{lane}.reconf")]
+    return pairs
 
 
 def manifest(setup):

@@ -40,6 +40,7 @@ class Loop:
     sensors: Block
     pilot: Block
     law: Block
+    hinge: Block
     detectors: list = field(default_factory=list)
     servos: list = field(default_factory=list)
     actuators: list = field(default_factory=list)
@@ -71,6 +72,8 @@ def tick(s, k, log):
     route(v, *s.wires["demand"])
     s.law.advance()  # 3. control law on measurements
 
+    route(v, *s.wires["hinge"])
+    s.hinge.advance()
     route(v, *s.wires["detectors"])
     for d in s.detectors:  # 4. detectors on measurements and commands at t_k, and on what the servos sent until now
         if k % d.every == 0:

@@ -47,6 +47,12 @@ def demand_wires():
     return [(f"law_in.law.{name}", f"pilot.pilot.{name}") for name in ("nz_dem", "phi_dem", "psi_dem", "de_add", "hold")]
 
 
+def hinge_wires(technology):
+    """Return the wires of measured air data to the detectors' model of the hinge moment."""
+    return [(f"hinge_model_in.{seg}.{name}{tail}", f"sensors.{name}.{source}")
+            for seg in technology for name in ("alpha", "q", "cas") for tail, source in (("", "y_obs"), ("_valid", "valid_obs"))]
+
+
 def servo_wires(technology):
     """Return the wires of commands and measurements to the servo loops."""
     pairs = []
