@@ -6,6 +6,7 @@ With --json one JSON object goes to standard output and nothing else; what goes 
 """
 
 import json
+import os
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -18,7 +19,8 @@ from cosim import cli_tables as tables
 from cosim.cli_output import reserve
 from cosim.errors import CosimError
 
-out, err = Console(), Console(stderr=True)
+WIDE = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 110  # a pipe has no width: do not fold its tables
+out, err = Console(width=WIDE), Console(stderr=True)
 
 
 class _Group(TyperGroup):
@@ -176,6 +178,23 @@ def linearize(
         print(json.dumps(found, allow_nan=False))
     else:
         out.print(tables.linear(found, flown))
+
+
+@app.command()
+def bench(
+    rounds: Annotated[int, typer.Option("--rounds", min=3, help="Rounds of interleaved timing.")] = 15,
+    memory: Annotated[bool, typer.Option("--memory/--no-memory", help="Fly ten minutes for the peak memory.")] = True,
+    json_: JsonOption = False,
+):
+    """Measure what a tick costs, how fast a run starts and how much memory it takes."""
+    from cosim.bench import bench as work
+
+    with tables.progress(err, "measuring", unit="") as progress:
+        found = work(rounds=rounds, memory=memory, progress=progress)
+    if json_:
+        print(json.dumps(found, allow_nan=False))
+    else:
+        out.print(tables.bench(found))
 
 
 def main():

@@ -18,19 +18,22 @@ def table(title, *columns, **options):
     heading = Text(f"\n{title}", style="bold") if title else None
     made = Table(title=heading, title_justify="left", title_style="", box=box.SIMPLE_HEAD, pad_edge=False, **options)
     for i, name in enumerate(columns):
-        made.add_column(name.removesuffix(">"), justify="right" if name.endswith(">") else "left", no_wrap=i == 0)
+        number = name.endswith(">")
+        made.add_column(
+            name.removesuffix(">"), justify="right" if number else "left", no_wrap=number or i == 0, overflow="fold"
+        )
     return made
 
 
 @contextmanager
-def progress(console, text):
+def progress(console, text, unit="s"):
     """Show a bar on a terminal; give a callback (done, total) that moves it."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
-        TextColumn("{task.completed:.0f}/{task.total:.0f} s"),
+        TextColumn(f"{{task.completed:.0f}}/{{task.total:.0f}} {unit}"),
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
@@ -86,28 +89,28 @@ def _detectors(rows):
         shown, quiet = rows, 0
     if not shown:
         return Text("no detector ran", style="dim")
-    t = table(
-        "",
-        "detector",
-        "level",
-        "watches",
-        "alarm at s>",
-        "delay s>",
-        "periods>",
-        "isolated",
-        "false alarms>",
-        "µs/step>",
-    )
+    t = table("", "detector", "watches", "alarm s>", "delay s>", "periods>", "isolated", "false>", "µs/step>")
     for r in shown:
         late = None if r["detection_delay_s"] is None else r["detection_delay_periods"]
-        found = r["isolated"]
         false = Text(str(r["false_alarms"]), style="red" if r["false_alarms"] else "dim")
         times = (number(r["detected_at_s"]), number(r["detection_delay_s"]), number(late, 1))
-        isolated = f"{found['class']} {found['target']}" if found else NOTHING
         style = "" if r["alarm"] else "dim"
-        t.add_row(r["id"], r["level"], r["target"], *times, isolated, false, number(r["step_us"]), style=style)
+        t.add_row(r["id"], _short(r["target"]), *times, _isolated(r), false, number(r["step_us"]), style=style)
     rest = Text(f"{quiet} lane{'s' * (quiet != 1)} of healthy parts stayed quiet", style="dim")
     return Group(t, rest) if quiet else t
+
+
+def _short(target):
+    return target.removeprefix("elevator.").replace("_", " ")
+
+
+def _isolated(row):
+    """Return the verdict; its target only where that says more than the lane that gave it."""
+    found = row["isolated"]
+    if not found:
+        return NOTHING
+    more = found["target"].removeprefix(row["target"]).strip(".")
+    return f"{found['class']} {_short(more)}".strip()
 
 
 def _footer(found):
@@ -146,6 +149,25 @@ def linear(found, scenario):
     size = f"{len(found['states'])} states, {len(found['inputs'])} inputs, {len(found['outputs'])} outputs"
     where = f"\nA, B, C, D in {found['file']}" if "file" in found else "; write A, B, C, D with -o model.npz or .mat"
     return Group(Text(_point(scenario)), t, m, Text(size + where))
+
+
+def bench(found):
+    """Return the tables of `cosim bench`."""
+    t = table("Cost per tick", "case", "µs/tick>", "ratio>", "spread>", "to")
+    for r in found["cases"]:
+        spread = NOTHING if r["spread"] is None else f"{100 * r['spread']:.0f} %"
+        t.add_row(r["name"], number(r["us_per_tick"]), number(r["ratio"]), spread, r["against"] or "")
+    d = table("Detectors, per step and lane", "detector", "lanes>", "live µs>", "batch µs>")
+    for r in found["detectors"]:
+        d.add_row(r["id"], str(r["lanes"]), number(r["live_us"]), number(r["batch_us"]))
+    rate, start = found["realtime_factor"], found["startup"]
+    all_, minutes = f"{rate['with_detectors']:.0f} x", found["memory_flight_s"] / 60
+    lines = [
+        f"real time      {rate['lockstep']:.0f} x, with every detector {all_}, on one of {found['cores']} cores",
+        f"warm start     {start['run_s']:.2f} s for a run of 1 s; help {start['help_s']:.2f} s",
+        f"peak memory    {number(found['peak_mb'], 0)} MB in a flight of {minutes:.0f} minutes",
+    ]
+    return Group(t, d, Text("\n".join(lines)))
 
 
 def inventory(found):

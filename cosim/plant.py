@@ -338,4 +338,23 @@ class Plant:
         return list(self._logger.errors)
 
 
-__all__ = ["LIMITS", "POINTS", "SURFACES", "TRUTH", "Flight", "Plant", "Port", "TrimError", "loading"]
+_REFERENCE_LOGGER = _Quiet()  # kept here: JSBSim does not own it
+
+
+def reference_run(dt=0.005):
+    """Return the step function of the B747 that the jsbsim wheel ships, flying at 20,000 ft: yardstick of `cosim bench`."""
+    jsbsim.set_logger(_REFERENCE_LOGGER)
+    fdm = jsbsim.FGFDMExec(None)
+    fdm.set_dt(dt)
+    if not fdm.load_model("B747"):
+        raise RuntimeError("the jsbsim wheel has no B747")
+    fdm.disable_output()
+    port = Port(fdm)
+    start = {"ic/h-sl-ft": 20000.0, "ic/vc-kts": 290.0, "ic/gamma-deg": 0.0, "propulsion/set-running": -1}
+    for name, value in start.items():
+        port.setter(name)(value)
+    fdm.run_ic()
+    return fdm.run
+
+
+__all__ = ["LIMITS", "POINTS", "SURFACES", "TRUTH", "Flight", "Plant", "Port", "TrimError", "loading", "reference_run"]

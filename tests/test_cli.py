@@ -3,8 +3,10 @@
 import errno
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 import types
 from pathlib import Path
 
@@ -213,6 +215,50 @@ def test_linearize_shows_the_modes_and_writes_the_model(tmp_path):
 ])  # fmt: skip
 def test_infeasible_point_is_one_line_that_says_why(point):
     refused(cosim("linearize", *[x for p in point for x in ("--set", p)]), "flight point", " t,")
+
+
+def process(*args, **options):
+    return subprocess.Popen([sys.executable, "-m", "cosim.cli", *args], stdout=-1, stderr=-1, text=True, **options)
+
+
+def test_same_scenario_and_seed_give_the_same_bytes(tmp_path):
+    for name in ("a", "b"):
+        result = cosim(
+            "run", "--json", "-s", "duration_s=2", "-s", "faults.0.start_s=1", "-o", tmp_path / f"{name}.mcap"
+        )
+        assert result.exit_code == 0, result.output
+        assert json.loads(result.stdout)["status"] == "completed"
+    assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
+    found = json.loads(cosim("info", "--json", tmp_path / "a.mcap").stdout)
+    assert (
+        found["complete"]
+        and found["status"] == "completed"
+        and found["ticks"] == 400
+        and found["title"].startswith("Liquid OFC")
+    )
+    (tmp_path / "again.toml").write_text(cosim("info", "--scenario", tmp_path / "a.mcap").stdout)
+    assert cosim("run", tmp_path / "again.toml", "-o", tmp_path / "c.mcap").exit_code == 0
+    assert (tmp_path / "c.mcap").read_bytes() == (tmp_path / "a.mcap").read_bytes()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_really_full_disk_is_one_line():
+    refused(cosim("run", "-s", "duration_s=2", "-o", "/dev/full"), "/dev/full", "No space left")
+
+
+def test_interrupted_flight_leaves_a_readable_log(tmp_path):
+    log = tmp_path / "x.mcap"
+    with process("run", "cruise", "-s", "duration_s=3000", "-o", str(log)) as flight:
+        deadline = time.monotonic() + 120
+        while not (log.exists() and log.stat().st_size > 200_000) and time.monotonic() < deadline:
+            assert flight.poll() is None, flight.stderr.read()
+            time.sleep(0.05)
+        flight.send_signal(signal.SIGINT)
+        out, err = flight.communicate(timeout=60)
+    assert flight.returncode == 130, err
+    assert "Traceback" not in err and "interrupted" in out + err
+    found = json.loads(cosim("info", "--json", log).stdout)
+    assert found["ticks"] > 100 and found["status"] in ("", "interrupted")
 
 
 def python(code):
