@@ -8,9 +8,10 @@ Symbols as in `jay`. With the twist s = N x3 - l x1, less the backlash, and the 
     x6' = -b x6 + u
 
 The electrical pole is at 8200 rad/s. tau x5' is exact: the current is integrated by an exponential Runge-Kutta step
-(Cox and Matthews, J. Comput. Phys. 176, 2002) with x4 + K_T tau / J_M x5 in place of x4, whose derivative no longer holds
-the fast current; x6 is exact for the held u; the rest is the classical fourth order at the same stages. Parameters may
-change at every tick, and against the matrix exponential the unlimited model is right to the figures in its test.
+(Cox and Matthews, J. Comput. Phys. 176, 2002) with x4 + K_T tau / J_M x5 in place of x4, whose derivative no longer
+holds the fast current; x6 is exact for the held u; the rest is the classical fourth order at the same stages.
+Parameters may change at every tick, and against the matrix exponential the unlimited model is right to the figures in
+its test.
 
 The amplifier is in one of four modes, chosen at each sub-step by the quasi-steady current g:
 
@@ -239,7 +240,7 @@ def _choose(x, off, p):
 
 @kernel
 def _steady(x4, x6, x, p):
-    """Return the quasi-steady current of the mode [A]; the compensator's motion inside the sub-step counts in the loop."""
+    """Return the quasi-steady current of the mode [A]; in the current loop x6 moves inside the sub-step."""
     V = x.g
     if x.mode == 0.0:
         V -= p.K_gi * (p.b - p.a) * (x6 - x.comp)

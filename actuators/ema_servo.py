@@ -6,15 +6,15 @@
     i_d = J alpha_d / (K_T l / N),   |i_d| <= I_max
     u   = ((K_i K_c + R) i_d + K_B w) / (K_g K_i)
 
-The last line undoes the droop of [Jay]'s proportional current loop. The three error poles are at `pole`, placed for the
-sampled rigid actuator; position and velocity are one tick old (`delay`) and are carried over it by the acceleration that
-was commanded. The integrator stops while the current limit is reached on its side, and inside an error of `dead`
-(0.006 deg), without which it would hunt across the friction. Reading: y, w; the current sensor closes only the current loop
-inside `ema`. While the position is invalid it is integrated from the velocity, while the velocity is invalid the
-reference's stands for it.
+The last line undoes the droop of [Jay]'s proportional current loop. The three error poles are at `pole`, placed for
+the sampled rigid actuator; position and velocity are one tick old (`delay`) and are carried over it by the
+acceleration that was commanded. The integrator stops while the current limit is reached on its side, and inside an
+error of `dead` (0.006 deg), without which it would hunt across the friction. Reading: y, w; the current sensor closes
+only the current loop inside `ema`. While the position is invalid it is integrated from the velocity, while the
+velocity is invalid the reference's stands for it.
 
-INPUTS f_cmd, s_cmd: command-level faults as in `servo`. s_rate, f_rate: the position demand runs away at
-(1 - s_rate) r' + f_rate [rad/s] until the stop. `pos_fb` replaces the measured position where pos_use is 1 (reconfiguration).
+INPUTS f_cmd, s_cmd: command-level faults as in `servo`. s_rate, f_rate: the position demand runs away at (1 - s_rate)
+r' + f_rate [rad/s] until the stop. `pos_fb` replaces the measured position where pos_use is 1 (reconfiguration).
 """
 
 import math

@@ -2,13 +2,15 @@
 
     M q'' = A_p P_s x3 - B q' + F_d + F_f,    F_d = (hm0 + hmd delta) / r,    pressure as in `lu17`
 
-- Friction is Coulomb with a Stribeck rise, F_f = -sign(q') (F_c + (F_s - F_c) / (1 + (q'/v_s)^2)); at rest it balances
-  any net force up to F_s, so that a stuck rod does not creep. A crossing of zero velocity is located inside its sub-step.
+- Friction is Coulomb with a Stribeck rise, F_f = -sign(q') (F_c + (F_s - F_c) / (1 + (q'/v_s)^2)); at rest it
+  balances any net force up to F_s, so that a stuck rod does not creep. A crossing of zero velocity is located inside
+  its sub-step.
 - Where the load exceeds the supply the flow stops (1 - sign(u) x3 is clamped at zero, a check valve); oil never runs
   back into the supply. No other relief valve is modelled: x3 beyond 1 leaks across the piston.
 - Stops are inelastic. The valve spool stops at u_max, 45 deg/s of unloaded surface.
 - The hinge moment is taken at the sub-step's own angle.
-- Backlash: inside the gap the surface has no inertia and drifts at hm / c_gap; the rod feels the load only in contact.
+- Backlash: inside the gap the surface has no inertia and drifts at hm / c_gap; the rod feels the load only in
+  contact.
 
 A fault is an input whose zero means healthy:
 
@@ -22,7 +24,8 @@ A fault is an input whose zero means healthy:
 | leak_add | added normalised leakage [m/s] |
 | air | fraction of bulk modulus lost |
 
-x3 is always over the *nominal* P_s, as the sensor reads it: under a supply drop the actuator stalls at x3 = 1 - supply_drop.
+x3 is always over the *nominal* P_s, as the sensor reads it: under a supply drop the actuator stalls at x3 = 1 -
+supply_drop.
 """
 
 import math
@@ -223,13 +226,13 @@ def _hold(q, z, h, x):
 
 @kernel
 def _direction(q, v, z, gap, hm0, hmd, brake, x, p):
-    """Return the direction in which the rod slides, or 0 where friction or a stop holds it."""
+    """Return (held, d): whether friction or a stop holds the rod, else the direction in which it slides."""
     if v != 0.0:
-        return lu17.sign(v)
+        return False, lu17.sign(v)
     net = x.A_p * x.P_s * z + _external(q, 0.0, 0.0, gap, hm0, hmd, brake, x, p)
-    if abs(net) <= p.F_s + brake or (net > 0.0 and q >= p.q_hi) or (net < 0.0 and q <= p.q_lo):
-        return 0.0
-    return lu17.sign(net)
+    rest = p.F_s + brake
+    held = (rest > 0.0 and abs(net) <= rest) or (net > 0.0 and q >= p.q_hi) or (net < 0.0 and q <= p.q_lo)
+    return held, lu17.sign(net)
 
 
 @kernel
@@ -237,8 +240,8 @@ def _substep(q, v, z, gap, hm0, hmd, brake, h, x, p):
     """Return (q, v, z) after `h` seconds; a reversal of the rod is located and friction decided anew there."""
     left = h
     for _ in range(2):
-        d = _direction(q, v, z, gap, hm0, hmd, brake, x, p)
-        if d == 0.0:
+        held, d = _direction(q, v, z, gap, hm0, hmd, brake, x, p)
+        if held:
             return q, 0.0, _hold(q, z, left, x)
         q1, v1, z1 = _slide(q, v, z, d, gap, hm0, hmd, brake, left, x, p)
         if v1 * d >= 0.0:

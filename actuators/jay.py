@@ -97,8 +97,8 @@ def _elevator():
     A set of 37.8 kN m, 105 A, 285 V (arm 0.15 m, 0.25 mm/rad, l^2 K_s 2.4 MN m/rad, J_M 0.006, K_T 0.6, R 0.10 Ohm,
     L 0.5 mH, K_i K_c 4 V/A) scaled to 1.5 times the 10.5 kN m that stall the hydraulic actuator: torque, motor inertia
     and current by the ratio, resistance and inductance by its inverse; speeds, volts, time constants and the stiffness,
-    which is the structure's, unchanged. u is the demanded current [A]: K_g K_i = K_i K_c. The lead of the paper's torque loop is left out
-    (a = b), the servo's velocity feedback does its work. Damping rates B/J are the nozzle's.
+    which is the structure's, unchanged. u is the demanded current [A]: K_g K_i = K_i K_c. The lead of the paper's
+    torque loop is left out (a = b), the servo's velocity feedback does its work. Damping rates B/J are the nozzle's.
     """
     ratio = 15.75e3 / 37.8e3
     arm, J_N, J_M = 0.15, 50.0, 0.006 * ratio

@@ -1,8 +1,8 @@
 """The closed servo loops as linear sampled models, differentiated from the code that flies.
 
-One tick of sensors (`delay` ticks old), servo and actuator is a map z+ = f(z, command), delta = g(z); its Jacobian at load
-equilibrium is taken by central differences, with friction, backlash and the integrator's dead zone set to zero and the
-stops out of reach: what remains is smooth there.
+One tick of sensors (`delay` ticks old), servo and actuator is a map z+ = f(z, command), delta = g(z); its Jacobian at
+load equilibrium is taken by central differences, with friction, backlash and the integrator's dead zone set to zero
+and the stops out of reach: what remains is smooth there.
 """
 
 from typing import NamedTuple
@@ -141,5 +141,5 @@ def response(model, frequency):
     """Return the complex response of a Sampled model at `frequency` [rad/s], shape of `frequency`."""
     w = np.atleast_1d(frequency)
     n = len(model.A)
-    h = [(model.C @ np.linalg.solve(np.exp(1j * v * model.dt) * np.eye(n) - model.A, model.B) + model.D)[0, 0] for v in w]
-    return np.array(h).reshape(np.shape(frequency))
+    z = np.exp(1j * w * model.dt)[:, None, None] * np.eye(n)
+    return (model.C @ np.linalg.solve(z - model.A, model.B) + model.D)[:, 0, 0].reshape(np.shape(frequency))

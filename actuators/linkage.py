@@ -1,7 +1,7 @@
 """The linkage between rod and surface: an arm of constant effective length, as on a quadrant.
 
-q = r delta and F = HM / r, so that 0.30 m makes 5.24 mm of rod per degree everywhere. A plain lever would be 2.6 % short
-at 23 degrees; the detectors' models would have to know its geometry, and nothing published fixes it.
+q = r delta and F = HM / r, so that 0.30 m makes 5.24 mm of rod per degree everywhere. A plain lever would be 2.6 %
+short at 23 degrees; the detectors' models would have to know its geometry, and nothing published fixes it.
 """
 
 import math

@@ -6,8 +6,8 @@ A chain of three loops around a triple integrator, each clipped where the actuat
     a = k2 (v - r'),        |a| <= a_max
     j = k3 (a - r''),       |j| <= j_max,    r''' = j held over the tick
 
-Inside the limits it is a third-order low-pass filter ([Lu17] III.B.1) with a real pole at `omega` and a pair at `omega`,
-damping `zeta`, placed exactly in discrete time: the low-frequency delay is (1 + 2 zeta) / omega.
+Inside the limits it is a third-order low-pass filter ([Lu17] III.B.1) with a real pole at `omega` and a pair at
+`omega`, damping `zeta`, placed exactly in discrete time: the low-frequency delay is (1 + 2 zeta) / omega.
 """
 
 import math

@@ -7,15 +7,15 @@ The valve first appears in q''', so that ([Lu17] (13) with r = 3; with the print
     w    = (nu - L_f^3 h) / (stiffness(q) phi_n P_s / M),    L_f^3 h = A_p P_s / M stiffness(q) (-L x3 - q') - B / M a
     u    = w / sqrt(1 - sign(w) x3),   |u| <= u_max
 
-The sign is that of the demanded flow w; the root is kept above ROOT_LEAST, where the actuator is near its stall. The error
-poles are three at 25 rad/s, placed for the sampled actuator at q = 0 (u held over the tick). There is no integrator: the
-load comes from the observer, the leakage is in the model. 1 mm of rod error asks for 0.005 of u.
+The sign is that of the demanded flow w; the root is kept above ROOT_LEAST, where the actuator is near its stall. The
+error poles are three at 25 rad/s, placed for the sampled actuator at q = 0 (u held over the tick). There is no
+integrator: the load comes from the observer, the leakage is in the model. 1 mm of rod error asks for 0.005 of u.
 
-Feedback. The servo's own observer runs always: state (q, q', x3, F), nonlinear prediction by (4), F a random walk that
-takes up hinge load, friction, stops and sensor bias alike; steady Kalman gains for rod and differential pressure, or for
-the rod alone while the pressure is invalid. Measurements are `delay` ticks old (0 or 1): the observer corrects the past
-and predicts to now. An estimate from outside replaces it, quantity by quantity, where its flag is 1 (and the number is
-finite); it is `fb_delay` ticks old and is predicted likewise.
+Feedback. The servo's own observer runs always: state (q, q', x3, F), nonlinear prediction by (4), F a random walk
+that takes up hinge load, friction, stops and sensor bias alike; steady Kalman gains for rod and differential
+pressure, or for the rod alone while the pressure is invalid. Measurements are `delay` ticks old (0 or 1): the
+observer corrects the past and predicts to now. An estimate from outside replaces it, quantity by quantity, where its
+flag is 1 (and the number is finite); it is `fb_delay` ticks old and is predicted likewise.
 
 INPUTS f_cmd, s_cmd: command-level faults, delta_c = (1 - s_cmd) command + f_cmd.
 """
@@ -118,7 +118,7 @@ def error_gains(model, *, pole, dt):
 
 
 def observer_gains(model, *, dt):
-    """Return (K, K_rod), shapes (4, 2) and (4,): steady Kalman gains of (q, q', x3, F) linearised at rest and centre."""
+    """Return (K, K_rod), shapes (4, 2), (4,): steady Kalman gains of (q, q', x3, F), linear at rest and centre."""
     A3, _ = _linear(model)
     A = np.zeros((4, 4))
     A[:3, :3] = A3

@@ -4,9 +4,10 @@
 
 held over the tick and integrated exactly. For ailerons, rudder, stabiliser, and elevators called `simple`.
 
-A fault is an input whose zero means healthy: f_cmd, s_cmd (the command becomes (1 - s_cmd) command + f_cmd), f_rate, s_rate
-(the demanded rate becomes (1 - s_rate) v + f_rate: s_rate = 1 is a runaway at f_rate to the stop), loss (fraction of the
-deflection lost), jam (above 0.5 it stops where it is), free_float (above 0.5 it trails to hm0 + hmd delta = 0).
+A fault is an input whose zero means healthy: f_cmd, s_cmd (the command becomes (1 - s_cmd) command + f_cmd), f_rate,
+s_rate (the demanded rate becomes (1 - s_rate) v + f_rate: s_rate = 1 is a runaway at f_rate to the stop), loss
+(fraction of the deflection lost), jam (above 0.5 it stops where it is), free_float (above 0.5 it trails to hm0 + hmd
+delta = 0).
 """
 
 import math
@@ -53,7 +54,7 @@ OUTPUTS = ("delta", "delta_d", "delta_c", "status")
 
 
 def params(*, omega=30.0, zeta=0.9, rate=linkage.RATE, lo=linkage.TRAVEL[0], hi=linkage.TRAVEL[1], **values):
-    """Return PARAMS of shape (1,): natural frequency [rad/s], damping, rate [rad/s], stops [rad]; defaults: an elevator."""
+    """Return PARAMS of shape (1,) from natural frequency [rad/s], damping, rate [rad/s], stops [rad] (elevator)."""
     fields = {
         "k1": omega / (2 * zeta),
         "k2": 2 * zeta * omega,
