@@ -1,4 +1,4 @@
-"""Design of the flight form of the EMA's Kalman filter: its six-state model with hinge stiffness, and its steady gain."""
+"""Design of the flight form of the EMA's Kalman filter: six states with hinge stiffness, and the steady gain."""
 
 import math
 

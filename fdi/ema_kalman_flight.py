@@ -36,7 +36,7 @@ from fdi.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, SENSOR
 __all__ = ["CULPRITS", "INPUTS", "OUTPUTS", "PARAMS", "STATE", "init", "params", "rollout", "step"]
 
 N = 10  # samples of the innovation mean; [Jay] section 4.1
-LAG = 20  # ticks over which R1 may jump: 0.1 s at 200 Hz
+LAG, MEAN = 20, 5  # R1's jump: mean of the last 5 ticks against that of the 5 ticks 0.1 s ago
 
 PARAMS = dtype([
     ("Phi", "f8", (6, 6)),    # transition over one tick without hinge stiffness, SI
@@ -49,6 +49,12 @@ PARAMS = dtype([
     ("ratio", "f8"),          # surface per motor angle, spring at rest [-]
     ("spring", "f8"),         # l^2 K_s [N m/rad]
     ("impulse", "f8"),        # velocity change per ampere and tick [rad/s/A]
+    ("K_gi", "f8"),           # drive: volts per ampere demanded [V/A]
+    ("R_loop", "f8"),         # K_i K_c + R [Ohm]
+    ("R", "f8"),              # winding [Ohm]
+    ("K_B", "f8"),            # [V s/rad]
+    ("I_max", "f8"),          # limits of the amplifier [A], [V]
+    ("V_max", "f8"),
     ("delay", "f8"),          # ticks by which the sensors lag, 0 or 1
     ("sigma_pos", "f8"),      # position sensor noise [m]
     ("sigma_rig", "f8"),      # its rigging bias, which nothing here can see [m]
@@ -59,6 +65,7 @@ PARAMS = dtype([
     ("sigma_tie", "f8"),      # position noise that the anchor assumes: large, so that it ties slowly [m]
     ("th_vel", "f8"),         # innovation mean: fixed part [rad/s]
     ("rho_vel", "f8"),        # and share of the motor's impulse [-]
+    ("rho_rate", "f8"),       # and of the motor rate: back electromotive force, friction, load per tick [-]
     ("th_cur", "f8"),         # R2: fixed part [A]
     ("rho_cur", "f8"),        # and per motor rate [A s/rad]
     ("th_jump", "f8"),        # jump of R1 [m]
@@ -66,14 +73,16 @@ PARAMS = dtype([
     ("th_R1", "f8"),          # ramp of R1 [m]
     ("th_load", "f8"),        # load that no hinge explains [N m]
     ("gate", "f8"),           # innovation beyond which a sample is no sample [rad/s]
-    ("warm", "f8"),           # share of the velocity threshold above which a jump is ambiguous [-]
+    ("share_hi", "f8"),       # a jump of which the innovations explain more is the velocity's [-]
+    ("share_lo", "f8"),       # less: the position's; between: ambiguous
+    ("th_need", "f8"),        # a velocity error that would have grown more slowly might have passed unseen [rad/s]
     ("sigma_max", "f8"),      # pos_sigma above which the estimate is not valid [m]
     ("t_vel", "f8"),          # confirmation times [s]
     ("t_cur", "f8"),
     ("t_jump", "f8"),
     ("t_ramp", "f8"),
     ("t_load", "f8"),
-    ("t_hold", "f8"),         # the velocity test is remembered for [s]
+    ("t_hold", "f8"),         # the innovations are remembered for [s]
     ("t_bad", "f8"),          # velocity samples missing or rejected for longer: start again, or a fault [s]
     ("t_start", "f8"),        # after engage: the load estimate settles, no test counts [s]
     ("t_heal", "f8"),         # agreement that ends an alarm [s]
@@ -116,8 +125,14 @@ STATE = dtype([
     ("age_vel", "f8"),        # since the last velocity sample that was used [s]
     ("age_gate", "f8"),       # for how long samples have been rejected as impossible [s]
     ("age_hot", "f8"),        # since the velocity test was last beyond its threshold [s]
-    ("age_warm", "f8"),       # and beyond `warm` of it [s]
+    ("hi", "f8"),             # what the filter took from the velocity sensor within N ticks: fading peaks [rad/s]
+    ("lo", "f8"),
+    ("need_hi", "f8"),        # velocity error that R1's motion would need, its change within N ticks: fading peaks
+    ("need_lo", "f8"),
+    ("need", "f8"),           # that of the jump's sign [rad/s]
+    ("share", "f8"),          # part of it that was taken [-]
     ("u_last", "f8"),         # [A]
+    ("at_limit", "f8"),       # 1: the amplifier is at its voltage limit
     ("hm0", "f8"),            # last finite values [N m], [N m/rad]
     ("hmd", "f8"),
     ("drift", "f8"),          # y_position - N x3 [m]
@@ -144,6 +159,7 @@ STATE = dtype([
     ("window", "f8", (N,)),   # innovations [rad/s]
     ("effort", "f8", (N,)),   # size of the motor's impulse per tick [rad/s]
     ("drifts", "f8", (LAG,)), # past values of `drift` [m]
+    ("jumps", "f8", (N,)),    # and of `jump` [m]
     ("work", "f8", (6,)),     # scratch
 ])
 OUTPUTS = (
@@ -154,20 +170,20 @@ OUTPUTS = (
 DEG = math.pi / 180.0
 
 
-def params(*, dt=0.005, delay=0, sigma_velocity=0.5, sigma_position=0.02 * DEG * 0.15, **overrides):
+def params(*, dt=0.005, delay=1, sigma_velocity=1.0, sigma_position=1e-4, sigma_load=200.0, tau_load=2.0, q_vel=1.0, **overrides):
     v = jay.values("elevator", **overrides)
-    tau, sigma_load, q_vel, hmd = 2.0, 1500.0, 0.3, -2.0e4
-    Phi, Phi_h, G, G_h = model(v, dt, tau)
-    K, S_root = gain(Phi + hmd * Phi_h, sigma_load, tau, q_vel, sigma_velocity, dt)
+    Phi, Phi_h, G, G_h = model(v, dt, tau_load)
+    K, S_root = gain(Phi - 2.0e4 * Phi_h, sigma_load, tau_load, q_vel, sigma_velocity, dt)
     arm, no_load = v["arm"], jay.LIMITS["elevator"][1] / v["K_B"]
     return record(
         PARAMS, Phi=Phi, Phi_h=Phi_h, G=G, G_h=G_h, K=K, S_root=S_root, lead=v["lead"], ratio=v["lead"] / arm,
         spring=arm * arm * v["K_s"], impulse=v["K_T"] / (v["J_M"] + v["J_N"] * (v["lead"] / arm) ** 2) * dt,
-        delay=float(delay), sigma_pos=sigma_position, sigma_rig=0.08 * DEG * arm, sigma_vel=sigma_velocity,
+        K_gi=v["K_gi"], R_loop=v["K_ic"] + v["R"], R=v["R"], K_B=v["K_B"], I_max=jay.LIMITS["elevator"][0],
+        V_max=jay.LIMITS["elevator"][1], delay=float(delay), sigma_pos=sigma_position, sigma_rig=0.08 * DEG * arm, sigma_vel=sigma_velocity,
         sigma_b=2e-4 * no_load, walk_b=1e-4 * no_load * math.sqrt(dt / 100.0), b_max=1e-3 * no_load,
-        sigma_tie=1.0 * DEG * arm, th_vel=1.5, rho_vel=0.05, th_cur=2.5, rho_cur=0.0, th_jump=0.4 * DEG * arm,
-        th_both=0.15 * DEG * arm, th_R1=0.4 * DEG * arm, th_load=0.6 * 15.75e3, gate=0.3 * no_load, warm=0.7,
-        sigma_max=0.5 * DEG * arm, t_vel=0.01, t_cur=0.05, t_jump=0.04, t_ramp=0.3, t_load=0.3, t_hold=0.25, t_bad=0.05,
+        sigma_tie=1.0 * DEG * arm, th_vel=6.0, rho_vel=0.12, rho_rate=0.005, share_hi=0.65, share_lo=0.45, th_need=20.0, th_cur=1.2, rho_cur=0.012, th_jump=0.3 * DEG * arm,
+        th_both=0.15 * DEG * arm, th_R1=0.4 * DEG * arm, th_load=0.6 * 15.75e3, gate=0.3 * no_load,
+        sigma_max=0.5 * DEG * arm, t_vel=0.06, t_cur=0.04, t_jump=0.03, t_ramp=0.3, t_load=0.3, t_hold=0.25, t_bad=0.05,
         t_start=0.5, t_heal=5.0, heal_travel=2.0 * DEG * arm,
     )  # fmt: skip
 
@@ -188,11 +204,25 @@ def _engage(x, u, p):
     x.P_cc = p.sigma_pos * p.sigma_pos
     x.P_bb = (p.lead * p.sigma_b) * (p.lead * p.sigma_b)
     x.started = 1.0
-    x.age_hot = x.age_warm = p.t_hold
+    x.age_hot = p.t_hold
+
+
+@kernel
+def _limited(demand, omega, p):
+    """Return (demand, at V_max): the demand that without limits gives the limited current, quasi-steady as in `ema`."""
+    back = p.K_B * omega
+    i = (p.K_gi * demand - back) / p.R_loop
+    g = min(max(i, -p.I_max), p.I_max)
+    volts = p.R * g + back
+    if math.fabs(volts) > p.V_max:
+        g = (math.copysign(p.V_max, volts) - back) / p.R
+        return (g * p.R_loop + back) / p.K_gi, 1.0
+    return demand if g == i else (g * p.R_loop + back) / p.K_gi, 0.0
 
 
 @kernel
 def _predict(x, demand, p):
+    demand, x.at_limit = _limited(demand, x.x_hat[3], p)
     for i in range(6):
         s = p.G[i] * demand + p.G_h[i] * x.hm0
         for j in range(6):
@@ -220,7 +250,8 @@ def _velocity(x, u, p, dt):
         gamma = 0.0
     x.eta = gamma / p.S_root
     head = int(x.head)
-    x.window[head] = gamma
+    # at the voltage limit 5 % of K_B is worth more than the stall current: such a tick says nothing
+    x.window[head] = 0.0 if x.at_limit > 0.5 else gamma
     x.effort[head] = p.impulse * math.fabs(x.x_hat[4])
     x.head = float((head + 1) % N)
     mean = 0.0
@@ -229,7 +260,33 @@ def _velocity(x, u, p, dt):
         mean += x.window[i] / N
         effort += x.effort[i] / N
     x.eta_bar = mean / p.S_root
-    x.r_velocity = math.fabs(mean) / (p.th_vel + p.rho_vel * effort)
+    x.r_velocity = math.fabs(mean) / (p.th_vel + p.rho_vel * effort + p.rho_rate * math.fabs(x.x_hat[3]))
+    fade = 1.0 - dt / p.t_hold
+    taken = N * mean * p.K[3]
+    x.hi = max(x.hi * fade, taken)
+    x.lo = min(x.lo * fade, taken)
+
+
+@kernel
+def _jump(x, p, dt):
+    """Form the jump of R1 and the share of it that a velocity error of the size taken in would have made."""
+    tail = int(x.tail)
+    x.drifts[tail] = x.drift
+    x.tail = float((tail + 1) % LAG)
+    x.jump = 0.0
+    for i in range(MEAN):
+        x.jump += (x.drifts[(tail + LAG - i) % LAG] - x.drifts[(tail + 1 + i) % LAG]) / MEAN
+    x.r_jump = math.fabs(x.jump) / p.th_jump
+    head = int(x.head)  # of the innovations' window, already moved on
+    change = (x.jumps[head] - x.jump) / (p.lead * (LAG - MEAN) * dt)
+    x.jumps[head] = x.jump
+    fade = 1.0 - dt / p.t_hold
+    x.need_hi = max(x.need_hi * fade, change)
+    x.need_lo = min(x.need_lo * fade, change)
+    # a velocity that reads high moves pos_hat up and R1 down
+    x.need = x.need_hi if x.jump < 0.0 else -x.need_lo
+    taken = x.hi if x.jump < 0.0 else -x.lo
+    x.share = min(taken / max(x.need, 1e-3), 9.9)
 
 
 @kernel
@@ -260,11 +317,7 @@ def _position(x, u, p, dt, back):
             for i in range(LAG):
                 x.drifts[i] = x.drift
         x.R1 = x.drift - x.c
-    tail = int(x.tail)
-    x.jump = x.drift - x.drifts[tail]
-    x.drifts[tail] = x.drift
-    x.tail = float((tail + 1) % LAG)
-    x.r_jump = math.fabs(x.jump) / p.th_jump
+    _jump(x, p, dt)
     if seen and x.culprit == VELOCITY:
         x.c += dt * x.R1  # follow the position, a second late: what is left in R1 says whether the velocity has healed
     elif seen and x.age_vel == 0.0 and x.alarm < 0.5:
@@ -279,28 +332,30 @@ def _decide(x, p, dt):
     """Confirm the tests and read the table; a sensor once named stays named until it heals."""
     counts = x.age >= p.t_start
     ramp = math.fabs(x.R1) / p.th_R1
-    both = math.fabs(x.jump) >= p.th_both and (x.age_hot < p.t_hold or x.age_gate > p.t_bad)
+    hot = x.age_hot < p.t_hold and x.share >= p.share_hi
+    both = math.fabs(x.jump) >= p.th_both and (hot or x.age_gate > p.t_bad)
     x.age_hot = 0.0 if x.r_velocity >= 1.0 else x.age_hot + dt
-    x.age_warm = 0.0 if x.r_velocity >= p.warm else x.age_warm + dt
+    clear = counts and x.age_hot > p.t_hold and math.fabs(x.jump) < p.th_both  # a velocity fault reaches R2 through the back electromotive force
     x.timer_vel, x.hot_vel = confirm(x.timer_vel, x.hot_vel, counts and both, dt, p.t_vel, 0.0)
     x.timer_jump, x.hot_jump = confirm(x.timer_jump, x.hot_jump, counts and x.r_jump >= 1.0, dt, p.t_jump, 0.0)
-    x.timer_cur, x.hot_cur = confirm(x.timer_cur, x.hot_cur, counts and x.r_current >= 1.0, dt, p.t_cur, 0.0)
+    x.timer_cur, x.hot_cur = confirm(x.timer_cur, x.hot_cur, clear and x.r_current >= 1.0, dt, p.t_cur, 0.0)
     x.timer_ramp, x.hot_ramp = confirm(x.timer_ramp, x.hot_ramp, counts and ramp >= 1.0, dt, p.t_ramp, 0.0)
     heavy = counts and math.fabs(x.x_hat[5]) >= p.th_load
     x.timer_load, x.hot_load = confirm(x.timer_load, x.hot_load, heavy, dt, p.t_load, 0.0)
     x.r = max(max(x.r_velocity, x.r_current), max(x.r_jump, ramp))
     if x.culprit == VELOCITY or x.culprit == POSITION:
         return
-    if x.hot_vel > 0.5:
+    sharp = x.hot_jump > 0.5 and x.need >= p.th_need
+    if x.hot_vel > 0.5 or (sharp and x.share >= p.share_hi):
         x.culprit, x.verdict, x.alarm = VELOCITY, SENSOR, 1.0
-    elif x.hot_jump > 0.5 and x.age_warm > p.t_hold:
+    elif sharp and x.share <= p.share_lo:
         x.culprit, x.verdict, x.alarm, x.reconf = POSITION, SENSOR, 1.0, 1.0
     elif x.alarm < 0.5:
         if x.hot_cur > 0.5:
             x.culprit, x.verdict, x.alarm = CURRENT, SENSOR, 1.0
         elif x.hot_load > 0.5:
             x.verdict, x.alarm = JAM_SOLID if math.fabs(x.x_hat[3]) < p.gate * 0.1 else EFFECTIVENESS, 1.0
-        elif x.hot_ramp > 0.5 or x.hot_jump > 0.5:
+        elif x.hot_ramp > 0.5:
             x.verdict, x.alarm = AMBIGUOUS, 1.0
 
 
@@ -331,7 +386,7 @@ def _size(x, p, dt):
         x.f_hat = x.R2
         x.f_sigma = p.th_cur / 3.0  # the model's error, not the noise, limits it
     elif x.culprit == VELOCITY:
-        x.f_hat = -x.jump / (p.lead * LAG * dt)
+        x.f_hat = -x.jump / (p.lead * (LAG - MEAN) * dt)
 
 
 @kernel
