@@ -8,6 +8,8 @@ from weights made once by `design`; nothing is accumulated for longer than two p
 and a bad sample leaves.
 """
 
+import math
+
 import numpy as np
 
 from actuators.block import kernel
@@ -28,6 +30,8 @@ PARAMS = [
     ("bank_ws", "f8", (K, N // 2)),  # of their difference
     ("bank_hc", "f8", (K, N // 2)),  # weights of one period on its own, oldest first
     ("bank_hs", "f8", (K, N // 2)),
+    ("bank_loss", "f8", (K,)),  # amplitude of a stored sinusoid over its true amplitude
+    ("bank_angle", "f8", (K,)),  # phase from sample to sample [rad]
     ("bank_block", "f8", (LEVELS,)),  # block lengths [ticks]
 ]
 STATE = [
@@ -72,6 +76,8 @@ def design(dt):
         hc[k, : n // 2], hs[k, : n // 2] = np.linalg.pinv(basis)[:2] / np.sinc(f * h) ** 2
         level[k], count[k], stride[k] = j, n, max(n // (2 * FITS), 1)
     weights = {"bank_wc": wc, "bank_ws": ws, "bank_hc": hc, "bank_hs": hs}
+    step = block[level.astype(int)] * dt
+    weights |= {"bank_loss": np.sinc(hz * step) ** 2, "bank_angle": 2 * np.pi * hz * step}
     return {**out, **weights, "bank_level": level, "bank_n": count, "bank_stride": stride}
 
 
@@ -132,19 +138,32 @@ def fit(x, p, k, j, head):
 
 
 @kernel
-def coherence(x, p, k, a, b):
-    """Return how well the two periods of frequency k agree: Re(A_1 A_2*) / max(|A_1|^2, |A_2|^2), 1 for a sinusoid.
+def character(x, p, k, a, b, with_mean):
+    """Return (agreement, purity) of a residual + b drive at frequency k, over its two periods.
 
-    The signal is a residual + b drive. A step or a single swing lives in one of the two periods and gives about 0.
+    Agreement is Re(A_1 A_2*) / max(|A_1|^2, |A_2|^2) of each period's own fit: 1 for a sinusoid, about 0 for a step or a
+    single swing, which live in one period. Purity is the share of the window's power, with or without its mean, that goes
+    when the fitted oscillation is taken away; it is negative where fit and slow terms only cancel each other.
     """
     n = int(p.bank_n[k])
     j = int(p.bank_level[k])
     i = int(x.bank_head[j]) - n
     if i < 0:
         i += N
-    c1, s1, c2, s2 = 0.0, 0.0, 0.0, 0.0
+    loss = p.bank_loss[k]
+    fc = loss * (a * x.bank_cos[0, k] + b * x.bank_cos[1, k])
+    fs = loss * (a * x.bank_sin[0, k] + b * x.bank_sin[1, k])
+    turn_c, turn_s = math.cos(p.bank_angle[k]), math.sin(p.bank_angle[k])
+    first = -0.5 * (n - 1) * p.bank_angle[k]
+    c, s = math.cos(first), math.sin(first)
+    c1, s1, c2, s2, total, power, left, over = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for m in range(n):
         y = a * x.bank_ring[0, j, i] + b * x.bank_ring[1, j, i]
+        rest = y - fc * c - fs * s
+        total += y
+        power += y * y
+        over += rest
+        left += rest * rest
         if m < n // 2:
             c1 += p.bank_hc[k, m] * y
             s1 += p.bank_hs[k, m] * y
@@ -152,8 +171,14 @@ def coherence(x, p, k, a, b):
             c2 += p.bank_hc[k, m - n // 2] * y
             s2 += p.bank_hs[k, m - n // 2] * y
         i = 0 if i == N - 1 else i + 1
+        c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
     most = max(c1 * c1 + s1 * s1, c2 * c2 + s2 * s2)
-    return (c1 * c2 + s1 * s2) / most if most > 0.0 else 0.0
+    agreement = (c1 * c2 + s1 * s2) / most if most > 0.0 else 0.0
+    if not with_mean:
+        power -= total * total / n
+        left -= over * over / n
+    purity = 1.0 - left / power if power > 0.0 else 0.0
+    return agreement, purity
 
 
 @kernel

@@ -24,6 +24,7 @@ PAIR_PARAMS = [
     ("pair_threshold", "f8"),  # disagreement [m]
     ("pair_confirm", "f8"),  # [s]
     ("pair_release", "f8"),  # [s]
+    ("pair_judge", "f8"),  # the model is trusted for this long after the alarm [s]
     ("pair_ratio", "f8"),  # the culprit is this many times further from the model than the other
 ]
 PAIR_STATE = [
@@ -31,11 +32,13 @@ PAIR_STATE = [
     ("rigging", "f8"),  # learned rod - arm surface [m]
     ("pair_d", "f8"),  # filtered disagreement [m]
     ("model_q", "f8"),  # integral of the model's rod velocity [m]
+    ("model_bias", "f8"),  # learned error of the model's rod velocity [m/s]
     ("base_rod", "f8"),  # slow rod - model [m]
     ("base_surface", "f8"),  # slow surface - model [m]
     ("e_rod", "f8"),  # filtered distance of the rod sensor from the model [m]
     ("e_surface", "f8"),  # of the surface sensor [m]
     ("pair_timer", "f8"),  # [s]
+    ("pair_age", "f8"),  # time since the alarm [s]
     ("sensor", "f8"),  # 1 while the two are declared to disagree
     ("blame", "f8"),  # 0 unknown, 1 rod, 2 surface
     ("quiet", "f8"),  # time for which the input-fault estimate is still disturbed by it [s]
@@ -50,6 +53,9 @@ OFC_PARAMS = [
     ("gain_memory", "f8"),  # [s]
     ("gain_limit", "f8"),  # largest gain error that is believed
     ("coherence", "f8"),  # least agreement of the two periods
+    ("purity", "f8"),  # least share of the window's power that the oscillation must explain
+    ("hits", "f8"),  # fits in a row that must agree
+    ("keep_mean", "f8"),  # 1 where the residual has no offset of its own, so that its mean speaks
     ("t_release", "f8"),  # an alarm outlives its cause by this [s]
 ]
 OFC_STATE = [
@@ -57,6 +63,9 @@ OFC_STATE = [
     ("gain", "f8"),  # learned share of the drive in the residual
     ("gain_num", "f8"),
     ("gain_den", "f8"),
+    ("hit", "f8", (bank.K,)),  # fits in a row that agreed
+    ("pure", "f8", (2, bank.K)),  # share of power explained, of the residual and of residual + drive
+    ("since", "f8"),  # time since the first sign of a fault [s]
     ("r_ofc", "f8"),  # largest fit over its threshold
     ("ofc_timer", "f8"),  # time for which an oscillation is still held to be there [s]
     ("ofc_hz", "f8"),  # its frequency [Hz]
@@ -120,9 +129,9 @@ def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, p, dt):
 
     `model_v` is a rod velocity that neither of them has touched lately [m/s]. Sets `sensor` and `blame`.
     """
-    x.model_q += model_v * dt
+    x.model_q += (model_v + x.model_bias) * dt
     a = 1.0 - math.exp(-dt / p.pair_tau)
-    suspicious = math.fabs(x.pair_d) > 0.5 * p.pair_threshold
+    suspicious = math.fabs(x.pair_d) > 0.7 * p.pair_threshold
     x.quiet = max(x.quiet - dt, 0.0)
     if rod_good > 0.5 and surface_good > 0.5:
         d = y_rod - y_surface - x.rigging
@@ -147,16 +156,20 @@ def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, p, dt):
         x.e_surface += a * clipped(e - x.e_surface, p.pair_clip)
         if not suspicious:
             x.base_surface += w * x.e_surface
+            x.model_bias += 0.5 * (x.e_rod + x.e_surface) * w / (3.0 * p.pair_wash)  # slow enough to be well damped
     before = x.sensor
     beyond = math.fabs(x.pair_d) >= p.pair_threshold
     x.pair_timer, x.sensor = confirm(x.pair_timer, x.sensor, beyond, dt, p.pair_confirm, p.pair_release)
-    if x.sensor > 0.5 and before < 0.5:
+    x.pair_age = x.pair_age + dt if x.sensor > 0.5 else 0.0
+    if x.sensor > 0.5 and x.blame < 0.5 and x.pair_age <= p.pair_judge:
         far, near = math.fabs(x.e_rod), math.fabs(x.e_surface)
         x.blame = 1.0 if far > p.pair_ratio * near else (2.0 if near > p.pair_ratio * far else 0.0)
     elif x.sensor < 0.5:
         x.blame = 0.0
-    if suspicious:
+    if x.sensor > 0.5:
         x.quiet = 2.0 / bank.F_LOW  # the bank remembers two periods
+    elif suspicious:
+        x.quiet = max(x.quiet, 3.0 * p.pair_confirm)
     if x.sensor < 0.5 and before > 0.5:  # healed: learn anew where both stand
         x.base_rod += x.e_rod
         x.base_surface += x.e_surface
@@ -189,61 +202,69 @@ def learn_gain(x, p, k, dt):
 
 
 @kernel
-def ofc_test(x, p, renewed, blocked, teach, dt):
+def ofc_test(x, p, renewed, blocked, teach, other, dt):
     """Test every renewed fit of the bank; hold an oscillation for the time in which it must show again.
 
-    An oscillation is an amplitude beyond bank_threshold + share |drive| that keeps its phase over both periods.
+    An oscillation is an amplitude beyond bank_threshold + share |drive| that keeps its phase over both periods and explains
+    its window, `hits` fits in a row. `other` is true while another test sees a fault: then the sum is searched as well,
+    because a signal in place of the drive may be small where the drive is not.
     """
     x.ofc_timer = max(x.ofc_timer - dt, 0.0)
+    suspected = other or x.ofc_timer > 0.0
+    x.since = x.since + dt if suspected or x.r_ofc >= 1.0 else 0.0
     if renewed < 0.5:
         return
     x.r_ofc = 0.0
     found = False
     for k in range(bank.K):
-        F2 = bank.mixed(x, k, 1.0, -x.gain)
-        most = p.bank_threshold[k] + share(x, p) * math.sqrt(bank.mixed(x, k, 0.0, 1.0))
-        r = math.sqrt(F2) / most
+        a = math.sqrt(bank.mixed(x, k, 1.0, -x.gain))
+        r = a / (p.bank_threshold[k] + share(x, p) * math.sqrt(bank.mixed(x, k, 0.0, 1.0)))
         x.r_ofc = max(x.r_ofc, r)
         if x.bank_new[k] < 0.5:
             continue
         if teach and r < 0.7:
             learn_gain(x, p, k, dt)
-        if r >= 1.0 and not blocked and bank.coherence(x, p, k, 1.0, -x.gain) >= p.coherence:
-            found = True
+        x.pure[0, k] = 0.0
+        x.pure[1, k] = 0.0
+        if blocked or (r < 1.0 and not suspected):
+            x.hit[k] = 0.0
+            continue
+        good = judge(x, p, k, 0, -x.gain) and r >= 1.0
+        if suspected:
+            good = (judge(x, p, k, 1, 1.0) and math.sqrt(bank.mixed(x, k, 1.0, 1.0)) > p.bank_threshold[k]) or good
+        x.hit[k] = x.hit[k] + 1.0 if good else 0.0
+        found = found or x.hit[k] >= p.hits
     if found:
         x.ofc_timer = p.t_release
-    if x.ofc_timer > 0.0:
         name_oscillation(x, p)
 
 
 @kernel
-def spread(x, p, b):
-    """Return (k, e): where residual + b drive peaks, and the power outside its lobe over the peak's."""
-    peak, best = 0, 0.0
-    for k in range(bank.K):
-        r = bank.mixed(x, k, 1.0, b) / (p.bank_threshold[k] * p.bank_threshold[k])
-        if r > best:
-            peak, best = k, r
-    rest = 0.0
-    for k in range(bank.K):
-        if abs(k - peak) > 3:  # the lobe of two periods is half the frequency wide
-            noise = p.bank_threshold[k] * p.bank_threshold[k] / 9.0
-            rest += max(bank.mixed(x, k, 1.0, b) - noise, 0.0)
-    top = bank.mixed(x, peak, 1.0, b)
-    return peak, (rest / top if top > 0.0 else 1.0)
+def judge(x, p, k, which, b):
+    """Write `pure` of residual + b drive at frequency k; return whether its two periods agree and it explains its window."""
+    agree, pure = bank.character(x, p, k, 1.0, b, p.keep_mean > 0.5)
+    x.pure[which, k] = pure
+    return agree >= p.coherence and pure >= p.purity
 
 
 @kernel
 def name_oscillation(x, p):
-    """Choose between a signal added to the drive and one in its place: the purer of residual and residual + drive."""
-    k0, e0 = spread(x, p, -x.gain)
-    k1, e1 = spread(x, p, 1.0)
-    solid = e1 < e0
-    k = k1 if solid else k0
-    b = 1.0 if solid else -x.gain
-    x.ofc_solid = 1.0 if solid else 0.0
-    x.ofc_amplitude = math.sqrt(bank.mixed(x, k, 1.0, b))
-    x.ofc_hz = peak_frequency(x, p, k, b)
+    """Choose signal and frequency: of the residual (added) and residual + drive (in its place), the purest window.
+
+    Only windows that lie after the first sign of the fault count: before it the sum is the drive.
+    """
+    best, kind, peak = 0.0, 0, -1
+    for which in range(2):
+        for k in range(bank.K):
+            pure = x.pure[which, k]
+            if 1.4 / p.bank_hz[k] <= x.since and pure > best + (0.02 if which == 1 and kind == 0 else 0.0):
+                best, kind, peak = pure, which, k
+    if peak < 0 or best < p.purity:
+        return
+    b = 1.0 if kind == 1 else -x.gain
+    x.ofc_solid = float(kind)
+    x.ofc_amplitude = math.sqrt(bank.mixed(x, peak, 1.0, b))
+    x.ofc_hz = peak_frequency(x, p, peak, b)
 
 
 @kernel

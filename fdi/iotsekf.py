@@ -61,6 +61,7 @@ STATE = dtype(
         *decision.OFC_STATE,
         ("f_slow", "f8"),  # lagged input fault, gain error removed [1]
         ("u_slow", "f8"),  # lagged valve command [1]
+        ("v_slow", "f8"),  # lagged rod velocity [m/s]
         ("excess", "f8"),  # lagged load beyond the model [1]
         ("run_timer", "f8"),  # [s]
         ("run", "f8"),  # 1 while an input fault is declared
@@ -108,6 +109,7 @@ def params(which=None, *, load=2, dt=0.005, delay_s=0.005, arm=linkage.ARM, **va
         "gate": 8.0,
         "spikes": 4.0,
         "t_invalid": 0.2,
+        "keep_mean": 1.0 if load == 2 else 0.0,
     }
     return record(PARAMS, **{**fixed, **v, **values})
 
@@ -134,7 +136,8 @@ def decide(x, u, p, dt):
     disturbed = x.quiet > 0.0 or x.valid < 0.5
     v = x.u_old[int(p.delay)]
     renewed = bank.push(x, p, x.f_hat, v)
-    decision.ofc_test(x, p, renewed, disturbed, not disturbed and x.alarm < 0.5, dt)
+    other = x.run > 0.5 or x.jam > 0.5
+    decision.ofc_test(x, p, renewed, disturbed, not disturbed and x.alarm < 0.5, other, dt)
     a = 1.0 - math.exp(-dt / p.run_tau)
     x.f_slow += a * (x.f_hat - x.gain * v - x.f_slow)
     x.u_slow += a * (v - x.u_slow)
@@ -145,7 +148,8 @@ def decide(x, u, p, dt):
         model = (u.hm0_model + u.hmd_model * x.x_hat[0] / p.arm) / (p.arm * p.A_p * p.P_s)
         x.excess += a * (x.x_hat[3] - model - x.excess)
         x.r_jam = math.fabs(x.excess) / (p.jam_threshold + p.jam_share * math.fabs(model))
-    still = math.fabs(x.x_hat[1]) < p.jam_still
+    x.v_slow += a * (x.x_hat[1] - x.v_slow)
+    still = math.fabs(x.v_slow) < p.jam_still
     jammed = x.r_jam >= 1.0 and still and not disturbed
     x.jam_timer, x.jam = confirm(x.jam_timer, x.jam, jammed, dt, p.jam_confirm, p.t_release)
     moves = math.fabs(x.f_slow + x.u_slow) > 0.5 * p.run_threshold
