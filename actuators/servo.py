@@ -9,7 +9,7 @@ The valve first appears in q''', so that ([Lu17] (13) with r = 3; with the print
 
 The sign is that of the demanded flow w; the root is kept above ROOT_LEAST, where the actuator is near its stall. The
 error poles are three at 25 rad/s, placed for the sampled actuator at q = 0 (u held over the tick). There is no
-integrator: the load comes from the observer, the leakage is in the model. 1 mm of rod error asks for 0.005 of u.
+integrator: the load comes from the observer, the leakage is in the model. 1 mm of rod error asks for 0.004 of u.
 
 Feedback. The servo's own observer runs always: state (q, q', x3, F), nonlinear prediction by (4), F a random walk
 that takes up hinge load, friction, stops and sensor bias alike; steady Kalman gains for rod and differential
