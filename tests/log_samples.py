@@ -1,9 +1,16 @@
 """Small logs with awkward values, for the tests of the log."""
 
+import struct
+import time
+import tracemalloc
+import zlib
+from contextlib import contextmanager
+
 import numpy as np
 
 from cosim.log import LogWriter, Pose, Topic
 
+MIB = 1 << 20
 N_VALUES = 40
 TOPICS = (
     Topic("/truth", [f"x_{i}" for i in range(20)], ["m"] * 20, np.arange(20)),  # more fields than one-byte tags
@@ -57,3 +64,29 @@ def expected(v, topic, ticks=None):
 def same_bits(a, b):
     """Tell whether two float64 arrays agree in shape and in every bit."""
     return a.shape == b.shape and bool((np.ascontiguousarray(a).view("i8") == np.ascontiguousarray(b).view("i8")).all())
+
+
+def reseal(data):
+    """Return `data` with both checksums made to agree, as an attacker would, where it still has an end."""
+    out = bytearray(data)
+    if len(out) < 60:
+        return data
+    (start,) = struct.unpack_from("<Q", out, len(out) - 28)
+    if not 21 <= start <= len(out) - 37:
+        return data
+    struct.pack_into("<I", out, start - 4, zlib.crc32(out[: start - 13]))
+    struct.pack_into("<I", out, len(out) - 12, zlib.crc32(out[start : len(out) - 12]))
+    return bytes(out)
+
+
+@contextmanager
+def bounded(seconds, memory):
+    """Check that what is done takes no more time and memory [byte] than that."""
+    tracemalloc.start()
+    begun = time.monotonic()
+    try:
+        yield
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert time.monotonic() - begun < seconds and peak < memory, (time.monotonic() - begun, peak / MIB)

@@ -146,6 +146,8 @@ class Contents:
         self.total += size
         if size > self.limits.chunk_bytes or self.total > self.limits.total_bytes:
             raise ValueError(f"{size} bytes of content, {self.total} so far, are beyond the reader's limits")
+        if size > self.limits.expansion * max(data_size, 1):
+            raise ValueError(f"{data_size} bytes cannot hold {size} of samples")
         if start % self.dt_ns or end % self.dt_ns or not start <= end < 2**63:
             raise ValueError(f"times {start} to {end} ns are no ticks")
         if self.chunks and start <= self.chunks[-1].end_ns:

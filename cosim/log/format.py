@@ -74,6 +74,7 @@ class Limits:
     text_bytes: int = 4 << 20  # a schema, channel or metadata record
     channels: int = 4096
     records: int = 20_000_000  # top-level records
+    expansion: int = 10_000  # content over compressed size: of a message of at most 20,501 bytes 3 or more vary
 
 
 @dataclass
@@ -111,6 +112,8 @@ def check_topic(name, fields, units, every):
     bad = [f for f in fields if not _NAME.match(f)]
     if bad or len(set(fields)) != len(fields):
         raise ValueError(f"topic {name}: field names must be distinct identifiers, not {bad or fields}")
+    if not all(isinstance(unit, str) for unit in units):
+        raise ValueError(f"topic {name}: units must be texts")
     if len(units) != len(fields) or not 0 < len(fields) <= MAX_FIELDS:
         raise ValueError(f"topic {name}: 1 to {MAX_FIELDS} fields, one unit each; got {len(fields)} and {len(units)}")
     if int(every) != every or every < 1:

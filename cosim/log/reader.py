@@ -6,7 +6,6 @@ import zlib
 from collections import Counter
 
 import numpy as np
-import pandas as pd
 import zstandard
 from google.protobuf.message import DecodeError
 
@@ -57,7 +56,10 @@ class Log:
         """Return {topic: (rows, fields)} of several topics (default: all), each chunk read once."""
         names = list(self.topics) if topics is None else list(topics)
         numbers = {self._number(name): name for name in names}
-        out = {name: np.empty((self.topics[name].rows, len(self.topics[name].fields))) for name in names}
+        try:
+            out = {name: np.empty((self.topics[name].rows, len(self.topics[name].fields))) for name in names}
+        except MemoryError as error:
+            raise log_error("the topics do not fit into memory", self.path, remedy="Ask for fewer.") from error
         done = dict.fromkeys(names, 0)
         for plan, content, _ in self._contents():
             for number, name in numbers.items():
@@ -90,6 +92,8 @@ class Log:
         return self.ticks(topic) * self.dt_ns
 
     def _frame(self, topic, values):
+        import pandas as pd  # half a second, which a run that only writes need not wait for
+
         index = pd.Index(self.times_ns(topic) / 1e9, name="t_s")
         return pd.DataFrame(values, index=index, columns=list(self.topics[topic].fields), copy=False)
 
@@ -103,6 +107,8 @@ class Log:
 
     def fields(self, names):
         """Return single fields, named "/topic.field", as one DataFrame; slower topics are NaN at the ticks between."""
+        import pandas as pd
+
         pairs = [name.rpartition(".")[::2] for name in names]
         for topic, field in pairs:
             if field not in self.topics[self._name(topic)].fields:

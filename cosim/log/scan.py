@@ -9,6 +9,7 @@ import os
 import struct
 import zlib
 
+from google.protobuf.message import DecodeError
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import ChunkIndex
@@ -21,7 +22,18 @@ _FOOTER = 9 + 20 + len(MAGIC)  # the last bytes of a log: footer record and magi
 _DATA_END = 9 + 4
 _RECOVER = "`cosim recover` makes a readable log of what is whole."
 # what a record's parser may raise on bytes that are not what they should be
-BAD = (McapError, struct.error, ValueError, KeyError, TypeError, OverflowError, MemoryError)
+BAD = (
+    McapError,
+    DecodeError,
+    struct.error,
+    ValueError,
+    KeyError,
+    TypeError,
+    OverflowError,
+    MemoryError,
+    RecursionError,
+)
+_VITAL = (Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL)  # without each of them no chunk can be read
 
 
 def scan(path, limits, tolerant=False):
@@ -117,7 +129,7 @@ def _walk(out, file, at, stop):
             out.take(at, opcode, body, digest)
         except BAD as error:
             problem = f"damaged or foreign record {opcode}: {str(error) or type(error).__name__}"
-            if not out.tolerant:
+            if not out.tolerant or opcode in _VITAL:
                 raise log_error(problem, out.path, at) from error
             out.damage.append(Damage(at, 9 + length, problem))
         if digest is not None:
