@@ -59,7 +59,9 @@ def _cases(scenario, folder, rounds, progress):
 
     flown = Plant(plant_flight(scenario), scenario.dt)
     flown.trim()
-    none = load_scenario("liquid-ofc", ["detectors.enabled=[]", f"duration_s={scenario.duration_s}"])
+    none = load_scenario(
+        "liquid-ofc", ["detectors.enabled=[]", "elevator.feedback=measured", f"duration_s={scenario.duration_s}"]
+    )
     yard, bare = reference_run(scenario.dt), flown.run
     step, close = _lockstep(none, folder / "none.mcap")
     step_all, close_all = _lockstep(scenario, folder / "all.mcap")

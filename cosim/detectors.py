@@ -107,7 +107,7 @@ def module(name):
 def chosen(scenario):
     """Return the Detectors of a scenario, in the order of the table; a local one without an actuator of its technology has no lane."""
     technology, out = scenario.elevator.technology, []
-    for name in scenario.detectors.enabled:
+    for name in scenario.running:
         if name not in TABLE:
             continue
         spec, level = TABLE[name], DETECTORS[name][0]

@@ -68,30 +68,44 @@ class Flight(_Table):
 class Feedbacks(_Table):
     """What each segment's servo loop closes on."""
 
-    left_outer: Feedback = "measured"
-    left_inner: Feedback = "measured"
-    right_inner: Feedback = "measured"
-    right_outer: Feedback = "measured"
+    left_outer: Feedback
+    left_inner: Feedback
+    right_inner: Feedback
+    right_outer: Feedback
 
 
 class Elevator(_Table):
     """The four elevator segments: actuator technology and servo feedback."""
 
-    left_outer: Technology = "hydraulic"
-    left_inner: Technology = "hydraulic"
-    right_inner: Technology = "ema"
-    right_outer: Technology = "ema"
-    feedback: Feedbacks = Feedbacks()
+    left_outer: Technology = c.DEFAULT_TECHNOLOGY["left_outer"]
+    left_inner: Technology = c.DEFAULT_TECHNOLOGY["left_inner"]
+    right_inner: Technology = c.DEFAULT_TECHNOLOGY["right_inner"]
+    right_outer: Technology = c.DEFAULT_TECHNOLOGY["right_outer"]
+    feedback: Feedbacks  # a word for every hydraulic segment, or a table; iotsekf where nothing is said
     reconfigure: bool = False  # on a sensor verdict the loop closes on the healthy estimate
 
     @model_validator(mode="before")
     @classmethod
-    def _one_word_for_all(cls, raw: Any) -> Any:
-        if isinstance(raw, dict) and isinstance(raw.get("feedback"), str):
-            if raw["feedback"] not in c.FEEDBACKS:
-                raise choice(raw["feedback"], c.FEEDBACKS, "feedback", key="feedback")
-            return {**raw, "feedback": dict.fromkeys(c.SEGMENTS, raw["feedback"])}
-        return raw
+    def _fill_feedback(cls, raw: Any) -> Any:
+        if not isinstance(raw, dict):
+            return raw
+        given = raw.get("feedback", {})
+        word = given if isinstance(given, str) else "iotsekf"
+        if word not in c.FEEDBACKS:
+            raise choice(word, c.FEEDBACKS, "feedback", key="feedback")
+        if not isinstance(given, str | dict):
+            return raw
+        technology = {name: raw.get(name, default) for name, default in c.DEFAULT_TECHNOLOGY.items()}
+        filled = {name: word if tech == "hydraulic" else "measured" for name, tech in technology.items()}
+        return {**raw, "feedback": filled | given if isinstance(given, dict) else filled}
+
+    @model_validator(mode="after")
+    def _filters_are_hydraulic(self):
+        for name, tech in self.technology.items():
+            if tech != "hydraulic" and getattr(self.feedback, name) != "measured":
+                said = f"{getattr(self.feedback, name)} is a filter of hydraulic actuators, {name} is {tech}"
+                raise problem(said, key=f"feedback.{name}", allowed="measured")
+        return self
 
     @property
     def technology(self):
@@ -179,7 +193,7 @@ class Detectors(_Table):
     """The detectors that run, and a table of parameters for each."""
 
     model_config = ConfigDict(frozen=True, extra="allow", strict=True, allow_inf_nan=False)
-    __pydantic_extra__: dict[str, dict[str, float | str | bool]]
+    __pydantic_extra__: dict[str, dict[str, float | bool]]
 
     enabled: Annotated[tuple[str, ...], Field(strict=False)] = tuple(c.DETECTORS)
 
@@ -209,7 +223,7 @@ class Scenario(_Table):
     rate_hz: Annotated[int, Field(ge=50, le=2000)] = 200
     flight: Flight
     manoeuvre: Manoeuvre = Cruise()
-    elevator: Elevator = Elevator()
+    elevator: Elevator = Elevator.model_validate({})
     sensors: Sensors = Sensors()
     tolerances: Tolerances = Tolerances()
     faults: Annotated[tuple[Fault, ...], Field(strict=False)] = ()
@@ -219,6 +233,14 @@ class Scenario(_Table):
     def _together(self):
         conflict.check(self.faults, self.elevator.technology)
         return self
+
+    @property
+    def running(self):
+        """Return the detectors that run: those enabled, and the filters that servos close on."""
+        closed = [name for name in dict.fromkeys(vars(self.elevator.feedback).values()) if name != "measured"]
+        if self.elevator.reconfigure and "ema" in self.elevator.technology.values():
+            closed.append("ema_kalman_flight")
+        return tuple(dict.fromkeys([*self.detectors.enabled, *closed]))
 
     @property
     def dt(self):

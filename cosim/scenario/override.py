@@ -48,8 +48,9 @@ def _assign(table, path, value, place):
         else:
             new: list | dict = [] if part in LISTS and node is table else {}
             node = node.setdefault(part, new)
-        if isinstance(node, str) and here == "elevator.feedback":  # one word for all becomes a table of four
-            node = table["elevator"]["feedback"] = dict.fromkeys(c.SEGMENTS, node)
+        if isinstance(node, str) and here == "elevator.feedback":  # one word for all hydraulic ones becomes a table
+            flown = {**c.DEFAULT_TECHNOLOGY, **table["elevator"]}
+            node = table["elevator"]["feedback"] = {s: node for s in c.SEGMENTS if flown[s] == "hydraulic"}
         if not isinstance(node, dict | list):
             raise ScenarioError(f"{here} is a value, it has no key {path[i + 1]!r}", place=place)
     key = path[-1]
@@ -89,5 +90,7 @@ def _make_room(node, path, key, value):
             gone = set(node) - set(KEPT)
         elif stem in ("amplitude", "bias", "drift", "sigma", "backlash"):
             gone = {k for k in node if k.split("_")[0] == stem}
+    elif path[0] == "elevator" and key in c.SEGMENTS and isinstance(node.get("feedback"), dict):
+        node["feedback"].pop(key, None)  # the default of the new technology
     for k in gone - {key}:
         node.pop(k, None)
