@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple
 
 W_LB, IYY, S_FT2, CBAR_FT, SPAN_FT, G = 636636.0, 33.1e6, 5500.0, 27.31, 195.68, 32.174
-THRUST_ARM_FT, THRUST_TILT = 10.0, math.radians(2.5)
+THRUST_ARM_FT, THRUST_TILT, BYPASS = 10.0, math.radians(2.5), 5.0
 
 
 class Condition(NamedTuple):
@@ -45,29 +45,60 @@ DIMENSIONAL = {
     10: (-0.0200, -0.0424, -0.0000623, 0.0159, -0.401, -0.00190, 0.00614, -6.71, -0.000160, -0.401),
 }
 
-# Trim drag coefficient: 5, 7 figure IX-6 as scaled by Caughey; 8, 9, 10 figure IX-6; 3, 4, 6 the polar of 5 and 7 at the same lift.
-TRIM_DRAG = {3: 0.0216, 4: 0.0158, 5: 0.0393, 6: 0.0222, 7: 0.0174, 8: 0.0747, 9: 0.0430, 10: 0.0427}
+# Trim drag coefficient: figure IX-6 (5 to 10); 3, 4 from Xu* = -q̄S 2 C_D / (m V) at constant thrust and no compressibility drag.
+TRIM_DRAG = {3: 0.0225, 4: 0.0162, 5: 0.0400, 6: 0.0225, 7: 0.0177, 8: 0.0747, 9: 0.0430, 10: 0.0427}
 
-# Stabiliser at trim [deg, trailing edge down +], figure IX-5 (SL and 40K still first estimates)
-STABILIZER_DEG = {3: 0.5, 4: 1.0, 5: -0.53, 6: 0.74, 7: 1.63, 8: 0.0, 9: 0.5, 10: 1.0}
+# Stabiliser at trim [deg, trailing edge down +], figure IX-5 (where its curves cross the reading is uncertain by 0.5 deg)
+STABILIZER = {3: 1.03, 4: 1.94, 5: -0.53, 6: 0.74, 7: 1.60, 8: 0.08, 9: 1.0, 10: 0.9}
+STABILIZER_UNSURE = (7, 8, 9, 10)
 
-LATERAL = {
-    "CY_beta": -0.90, "Cl_beta": -0.16, "Cn_beta": 0.16, "Cl_p": -0.34, "Cn_p": -0.026, "Cl_r": 0.13, "Cn_r": -0.28,
-    "Cl_da": 0.013, "Cn_da": 0.0018, "CY_dr": 0.12, "Cl_dr": 0.008, "Cn_dr": -0.10,
+# Figures IX-9 and on, stability axes, per rad; condition 9 recomputed from the primed body-axis derivatives of table IX-8.
+CONTROLS = {
+    "CL_de": {3: 0.263, 4: 0.188, 5: 0.360, 6: 0.333, 7: 0.273, 8: 0.406, 9: 0.364, 10: 0.306},
+    "Cm_de": {3: -1.024, 4: -0.723, 5: -1.403, 6: -1.277, 7: -1.041, 8: -1.575, 9: -1.444, 10: -1.183},
+    "Cl_da": {3: 0.0130, 4: 0.0120, 5: 0.0129, 6: 0.0123, 7: 0.0119, 8: 0.0137, 9: 0.0137, 10: 0.0140},
+    "CY_dr": {3: 0.120, 4: 0.080, 5: 0.130, 6: 0.120, 7: 0.100, 8: 0.130, 9: 0.1147, 10: 0.075},
+    "Cn_dr": {3: -0.0959, 4: -0.0715, 5: -0.1074, 6: -0.1000, 7: -0.0976, 8: -0.120, 9: -0.1257, 10: -0.100},
 }
+LATERAL = {
+    "CY_beta": {3: -0.867, 4: -0.880, 5: -0.900, 6: -0.880, 7: -0.882, 8: -0.892, 9: -0.877, 10: -0.863},
+    "Cl_beta": {3: -0.1768, 4: -0.1524, 5: -0.1920, 6: -0.1714, 7: -0.1640, 8: -0.2100, 9: -0.2797, 10: -0.0983},
+    "Cn_beta": {3: 0.1420, 4: 0.1640, 5: 0.1465, 6: 0.1640, 7: 0.1931, 8: 0.1680, 9: 0.1946, 10: 0.2047},
+    "Cl_p": {3: -0.3174, 4: -0.3285, 5: -0.3242, 6: -0.3255, 7: -0.3270, 8: -0.3174, 9: -0.3295, 10: -0.3054},
+    "Cn_p": {3: -0.0334, 4: 0.0036, 5: -0.0695, 6: -0.0276, 7: 0.0030, 8: -0.0598, 9: -0.0407, 10: 0.0212},
+    "Cl_r": {3: 0.1167, 4: 0.0540, 5: 0.2136, 6: 0.1359, 7: 0.1001, 8: 0.2857, 9: 0.3040, 10: 0.1965},
+    "Cn_r": {3: -0.2545, 4: -0.2413, 5: -0.2765, 6: -0.2744, 7: -0.2621, 8: -0.2700, 9: -0.2737, 10: -0.2760},
+}
+CONSTANT = {"Cl_dr": 0.0070, "Cn_da": 0.0002}  # stability axes, condition 9 of table IX-8
 
 
-def stabilizer_trim(key):
-    """Return the stabiliser at trim [rad], trailing edge down +."""
-    return math.radians(STABILIZER_DEG[key])
+def thrust_ratio(mach, pressure_ratio):
+    """Return the thrust over its static sea-level value: take-off rating of Bartel and Young (2008), two-shaft turbofan, bypass ratio 5.
+
+    T/T0 = A - 0.377 (1 + b) / sqrt((1 + 0.82 b) G0) Z x M + (0.23 + 0.19 sqrt(b)) X x M^2, x = p/p0, A, Z, X polynomials of x, G0 = 0.0606 b + 0.6337.
+    """
+    x, b = pressure_ratio, BYPASS
+    A = -0.4327 * x**2 + 1.3855 * x + 0.0472
+    Z = 0.9106 * x**3 - 1.7736 * x**2 + 1.8697 * x
+    X = 0.1377 * x**3 - 0.4374 * x**2 + 1.3003 * x
+    slope = 0.377 * (1 + b) / math.sqrt((1 + 0.82 * b) * (0.0606 * b + 0.6337))
+    return A - slope * Z * x * mach + (0.23 + 0.19 * math.sqrt(b)) * X * x * mach**2
+
+
+def thrust_speed_slope(key):
+    """Return V dT/dV / T of our engine at fixed throttle and altitude."""
+    c = FLIGHT_CONDITIONS[key]
+    x = c.qbar_psf / (0.7 * c.mach**2 * 2116.22)
+    d = 1e-4
+    return (thrust_ratio(c.mach * (1 + d), x) - thrust_ratio(c.mach * (1 - d), x)) / (2 * d) / thrust_ratio(c.mach, x)
 
 
 def derivatives(key):
     """Turn a row of table IX-4 into coefficients in stability axes.
 
     d/dV = cos a d/du + sin a d/dw, d/dalpha = V (-sin a d/du + cos a d/dw); then rotate forces by alpha. Returns CL, CD, Cm (aerodynamic, balancing
-    the thrust moment), their slopes over alpha [1/rad], over speed at constant altitude (M_C*_M = V dC/dV, thrust taken as constant with
-    speed), and the rate derivatives per (q c / 2V) and (alphadot c / 2V).
+    the thrust moment), their slopes over alpha [1/rad] and over speed at constant altitude (M_C*_M = V dC/dV; the starred derivatives hold all
+    of the aircraft, so what our engine's thrust contributes is taken off), and the rate derivatives per (q c / 2V) and (alphadot c / 2V).
     """
     c = FLIGHT_CONDITIONS[key]
     Xu, Zu, Mu, Xw, Zw, Mw, _, Zq, Mwd, Mq = DIMENSIONAL[key]
@@ -81,14 +112,15 @@ def derivatives(key):
     Xa, Za, Ma = V * (ca * Xw - sa * Xu), V * (ca * Zw - sa * Zu), V * (ca * Mw - sa * Mu)
     CX, CZ = -CD * ca + CL * sa, -CL * ca - CD * sa
     rate = 2.0 * V / CBAR_FT
+    thrust_V = thrust * thrust_speed_slope(key) / qS
     return {
         "CL": CL, "CD": CD, "Cm": Cm,
         "CL_alpha": (-Za * ca + Xa * sa) * m / qS + CZ * sa + CX * ca,
         "CD_alpha": (-Xa * ca - Za * sa) * m / qS + CX * sa - CZ * ca,
         "Cm_alpha": Ma * IYY / (qS * CBAR_FT),
-        "M_CL_M": (-ZV * ca + XV * sa) * m * V / qS - 2 * CL,
-        "M_CD_M": (-XV * ca - ZV * sa) * m * V / qS - 2 * CD,
-        "M_Cm_M": MV * IYY * V / (qS * CBAR_FT) - 2 * Cm,
+        "M_CL_M": (-ZV * ca + XV * sa) * m * V / qS - 2 * CL - thrust_V * math.sin(a + THRUST_TILT),
+        "M_CD_M": (-XV * ca - ZV * sa) * m * V / qS - 2 * CD + thrust_V * math.cos(a + THRUST_TILT),
+        "M_Cm_M": MV * IYY * V / (qS * CBAR_FT) - 2 * Cm - thrust_V * THRUST_ARM_FT / CBAR_FT,
         "CL_q": -Zq * m / qS * rate,
         "Cm_q": Mq * IYY / (qS * CBAR_FT) * rate,
         "Cm_alphadot": Mwd * V * IYY / (qS * CBAR_FT) * rate,

@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 
+from cosim.aircraft_data import CONSTANT, thrust_ratio
+
 MULTIPLIERS = (
     "CL_0", "CL_alpha", "CL_q", "CL_de", "CL_ds", "CD_0", "CD_alpha", "CD_beta", "Cm_0", "Cm_alpha", "Cm_q", "Cm_alphadot", "Cm_de", "Cm_ds",
     "CY_beta", "CY_dr", "Cl_beta", "Cl_p", "Cl_r", "Cl_da", "Cl_dr", "Cl_de", "Cn_beta", "Cn_p", "Cn_r", "Cn_da", "Cn_dr",
@@ -67,12 +69,8 @@ def engine_xml():
     """Return the turbofan: 300 kN static, take-off rating of Bartel and Young (2008), bypass ratio 5, over Mach and static pressure."""
     mach = np.arange(0.0, 1.01, 0.1)
     ratio = np.array([0.05, 0.10, 0.15, 0.20, 0.25, 0.30, 0.40, 0.50, 0.60, 0.70, 0.80, 0.90, 1.0, 1.1])
-    x, M, bypass = ratio[None, :], mach[:, None], 5.0
-    A = -0.4327 * x**2 + 1.3855 * x + 0.0472
-    Z = 0.9106 * x**3 - 1.7736 * x**2 + 1.8697 * x
-    X = 0.1377 * x**3 - 0.4374 * x**2 + 1.3003 * x
-    G0 = 0.0606 * bypass + 0.6337
-    mil = A - 0.377 * (1 + bypass) / math.sqrt((1 + 0.82 * bypass) * G0) * Z * x * M + (0.23 + 0.19 * math.sqrt(bypass)) * X * x * M**2
+    x, M = ratio[None, :], mach[:, None]
+    mil = thrust_ratio(M, x)
     idle = 0.05 * x * np.maximum(1.0 - 1.5 * M, 0.0)
     lookups = ("velocities/mach", "atmosphere/P-psf")
     return f"""<?xml version="1.0"?>
@@ -98,21 +96,21 @@ def engine_xml():
 """
 
 
-def aerodynamics_xml(alpha, mach, q_ref, tables, lateral):
-    """Return the aerodynamics from the fitted (alpha, Mach) tables, their flexibility constants and the lateral derivatives."""
+def aerodynamics_xml(alpha, mach, q_ref, tables, mach_coarse, derivatives):
+    """Return the aerodynamics from the (alpha, Mach) tables with their flexibility constants and the tables of derivatives."""
     zero = int(np.argmin(abs(alpha)))
     parts = [_common()]
-    axis = {}
-    for name, column in (("CL", "LIFT"), ("CD", "DRAG"), ("Cm", "PITCH")):
-        grid, (t0, t1) = tables[name]
+    for name, (grid, (t0, t1)) in tables.items():
         grid = np.round(grid, 6)
         base, rest = grid[zero], grid - grid[zero][None, :]
         parts.append(function(f"aero/{name}_0", product(f"aero/mult/{name}_0", total(
             table(("velocities/mach",), mach, None, base), product(t0, _flex(q_ref), indent=8)))))
         parts.append(function(f"aero/{name}_alpha", product(f"aero/mult/{name}_alpha", total(
             table(("aero/alpha-rad", "velocities/mach"), alpha, mach, rest), product(t1, _flex(q_ref), "aero/alpha-rad", indent=8)))))
-        axis[column] = name
-    return "\n".join([_HEAD, *parts, *_rates_and_controls(), *_hinges(), *_axes(lateral), "</aerodynamics>\n"])
+    for name, (second, grid, values) in derivatives.items():
+        column = {"alpha": "aero/alpha-rad", "qbar": "aero/qbar-psf"}[second]
+        parts.append(function(f"aero/{name}", product(f"aero/mult/{name}", table(("velocities/mach", column), mach_coarse, grid, values))))
+    return "\n".join([_HEAD, *parts, *_sums(), *_hinges(), *_axes(), "</aerodynamics>\n"])
 
 
 def _flex(q_ref):
@@ -133,21 +131,15 @@ def _common():
     qS = function("aero/qS-lbs", product("aero/qbar-psf", "metrics/Sw-sqft"))
     chord = function("aero/chord-time-sec", f"      <quotient> <v> {CBAR_FT / 2} </v> <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max> </quotient>", "c / 2V")
     span = function("aero/span-time-sec", f"      <quotient> <v> {SPAN_FT / 2} </v> <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max> </quotient>", "b / 2V")
-    return "\n".join([elevator, qS, chord, span])
+    cosine, sine = "<cos> <p> aero/alpha-rad </p> </cos>", "<sin> <p> aero/alpha-rad </p> </sin>"
+    p, r = "<p> velocities/p-aero-rad_sec </p>", "<p> velocities/r-aero-rad_sec </p>"
+    roll = function("aero/p-stability-rad_sec", f"      <sum> <product> {p} {cosine} </product> <product> {r} {sine} </product> </sum>")
+    yaw = function("aero/r-stability-rad_sec", f"      <difference> <product> {r} {cosine} </product> <product> {p} {sine} </product> </difference>")
+    return "\n".join([elevator, qS, chord, span, roll, yaw])
 
 
-def _rates_and_controls():
-    flexible = (("aero/qbar-psf",), [0.0, 100.0, 200.0, 300.0, 450.0, 650.0, 900.0], [1.0, 0.914, 0.829, 0.743, 0.625, 0.48, 0.40])
-    out = [function("aero/elevator-flex", table(flexible[0], flexible[1], None, flexible[2], 6), "elevator effectiveness over dynamic pressure")]
-    M = [0.2, 0.3, 0.4, 0.5, 0.65, 0.8, 0.9, 0.95]
-    cl_de = [0.367, 0.38, 0.40, 0.416, 0.423, 0.428, 0.37, 0.33]
-    cm_de = [-1.45, -1.50, -1.60, -1.68, -1.72, -1.71, -1.49, -1.35]
-    out.append(function("aero/CL_de", product("aero/mult/CL_de", "aero/elevator-flex", table(("velocities/mach",), M, None, cl_de))))
-    out.append(function("aero/Cm_de", product("aero/mult/Cm_de", "aero/elevator-flex", table(("velocities/mach",), M, None, cm_de))))
-    M = [0.45, 0.5, 0.65, 0.7, 0.8, 0.9]
-    out.append(function("aero/Cm_q", product("aero/mult/Cm_q", table(("velocities/mach",), M, None, [-20.0, -20.7, -20.2, -22.0, -23.5, -25.2]))))
-    out.append(function("aero/CL_q", product("aero/mult/CL_q", table(("velocities/mach",), M, None, [4.6, 5.1, 5.0, 5.5, 5.9, 6.9]))))
-    out.append(function("aero/Cm_alphadot", product("aero/mult/Cm_alphadot", table(("velocities/mach",), M, None, [-3.0, -3.2, -3.9, -4.9, -6.2, -8.7]))))
+def _sums():
+    out = []
     out.append(function("aero/CL", total(
         "aero/CL_0", "aero/CL_alpha", product("aero/CL_q", "aero/chord-time-sec", "velocities/q-aero-rad_sec"),
         product("aero/CL_de", "aero/elevator-mean-rad"), product("aero/mult/CL_ds", 0.70, "fcs/stabilizer-pos-rad"))))
@@ -183,28 +175,27 @@ def _hinges():
     return out
 
 
-def _axes(lateral):
-    axes = {
-        "LIFT": [function("aero/force/lift", product("aero/qS-lbs", "aero/CL"))],
-        "DRAG": [function("aero/force/drag", product("aero/qS-lbs", total("aero/CD_0", "aero/CD_alpha", product("aero/mult/CD_beta", 0.2, "aero/beta-rad", "aero/beta-rad"))))],
-        "SIDE": [function("aero/force/side", product("aero/qS-lbs", total(
-            product("aero/mult/CY_beta", lateral["CY_beta"], "aero/beta-rad"), product("aero/mult/CY_dr", lateral["CY_dr"], "fcs/rudder-applied-rad"))))],
-        "PITCH": [function("aero/moment/pitch", product("aero/qS-lbs", "metrics/cbarw-ft", total(
-            "aero/Cm_0", "aero/Cm_alpha", product("aero/Cm_de", "aero/elevator-mean-rad"), product("aero/mult/Cm_ds", -2.70, "fcs/stabilizer-pos-rad"),
-            product("aero/chord-time-sec", total(product("aero/Cm_q", "velocities/q-aero-rad_sec"), product("aero/Cm_alphadot", "aero/alphadot-from-forces"))))))],
-    }
+def _axes():
+    qS = "aero/qS-lbs"
+    sideforce = total(product("aero/CY_beta", "aero/beta-rad"), product("aero/CY_dr", "fcs/rudder-applied-rad"))
+    drag = total("aero/CD_0", "aero/CD_alpha", product("aero/mult/CD_beta", 0.2, "aero/beta-rad", "aero/beta-rad"))
+    pitch = total(
+        "aero/Cm_0", "aero/Cm_alpha", product("aero/Cm_de", "aero/elevator-mean-rad"), product("aero/mult/Cm_ds", -2.70, "fcs/stabilizer-pos-rad"),
+        product("aero/chord-time-sec", total(product("aero/Cm_q", "velocities/q-aero-rad_sec"), product("aero/Cm_alphadot", "aero/alphadot-from-forces"))))
     aileron = "        <product> <v> 0.5 </v> <sum> <p> fcs/aileron-left-pos-rad </p> <p> fcs/aileron-right-pos-rad </p> </sum> </product>"
-    # a left segment down lifts the left tail: rolls right. Each segment carries a quarter of CL_de.
-    diff = "        <sum> " + " ".join(
+    # a left segment down lifts the left tail: rolls right; each segment carries a quarter of CL_de
+    tail = "        <sum> " + " ".join(
         f"<product> <v> {-y / 4 / SPAN_FT:.6g} </v> <p> fcs/elevator-{s}-pos-rad </p> </product>" for s, y in SEGMENT_SPAN_FT.items()) + " </sum>"
-
-    def moment(k, extra=()):
-        return total(
-            product(f"aero/mult/{k}_beta", lateral[f"{k}_beta"], "aero/beta-rad"),
-            product("aero/span-time-sec", total(
-                product(f"aero/mult/{k}_p", lateral[f"{k}_p"], "velocities/p-aero-rad_sec"), product(f"aero/mult/{k}_r", lateral[f"{k}_r"], "velocities/r-aero-rad_sec"))),
-            product(f"aero/mult/{k}_da", lateral[f"{k}_da"], aileron), product(f"aero/mult/{k}_dr", lateral[f"{k}_dr"], "fcs/rudder-applied-rad"), *extra)
-
-    axes["ROLL"] = [function("aero/moment/roll", product("aero/qS-lbs", "metrics/bw-ft", moment("Cl", [product("aero/mult/Cl_de", "aero/CL_de", diff)])))]
-    axes["YAW"] = [function("aero/moment/yaw", product("aero/qS-lbs", "metrics/bw-ft", moment("Cn")))]
-    return [f'\n    <axis name="{name}">\n' + "\n".join(functions) + "\n    </axis>" for name, functions in axes.items()]
+    p, r = "aero/p-stability-rad_sec", "aero/r-stability-rad_sec"
+    roll = total(
+        product("aero/Cl_beta", "aero/beta-rad"), product("aero/span-time-sec", total(product("aero/Cl_p", p), product("aero/Cl_r", r))),
+        product("aero/Cl_da", aileron), product("aero/mult/Cl_dr", CONSTANT["Cl_dr"], "fcs/rudder-applied-rad"), product("aero/mult/Cl_de", "aero/CL_de", tail))
+    yaw = total(
+        product("aero/Cn_beta", "aero/beta-rad"), product("aero/span-time-sec", total(product("aero/Cn_p", p), product("aero/Cn_r", r))),
+        product("aero/mult/Cn_da", CONSTANT["Cn_da"], aileron), product("aero/Cn_dr", "fcs/rudder-applied-rad"))
+    axes = (
+        ("LIFT", "", "force/lift", product(qS, "aero/CL")), ("DRAG", "", "force/drag", product(qS, drag)), ("SIDE", "", "force/side", product(qS, sideforce)),
+        ("ROLL", ' frame="STABILITY"', "moment/roll", product(qS, "metrics/bw-ft", roll)), ("PITCH", ' frame="STABILITY"', "moment/pitch", product(qS, "metrics/cbarw-ft", pitch)),
+        ("YAW", ' frame="STABILITY"', "moment/yaw", product(qS, "metrics/bw-ft", yaw)),
+    )
+    return [f'\n    <axis name="{name}"{frame}>\n{function("aero/" + label, body)}\n    </axis>' for name, frame, label, body in axes]
