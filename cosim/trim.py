@@ -12,6 +12,7 @@ import numpy as np
 from cosim.errors import TrimError
 
 EARTH_MERIDIAN = 6335439.3  # radius of curvature of the meridian at the equator, WGS84 [m]
+MACH_RANGE = (0.2, 0.95)  # rows of the aerodynamic tables; the low end is below any stall
 STEP = (1e-5, 1e-5, 1e-4)
 
 
@@ -82,6 +83,10 @@ def _check(plant, x, residual):
     alpha, stabilizer, throttle = x
     place = f"flight point {plant.flight.mass / 1e3:.0f} t, CG {plant.flight.cg * 100:.0f} %, {plant.flight.altitude / 0.3048:.0f} ft, {plant.tas:.1f} m/s TAS"
     low, high = LIMITS["stabilizer"]
+    mach = plant.truth()[0].mach
+    if mach > MACH_RANGE[1]:
+        allowed = f"{MACH_RANGE[0]:g} to {MACH_RANGE[1]:g}"
+        raise TrimError(f"Mach {mach:.2f} is beyond the aerodynamic data", place=place, allowed=allowed, remedy="Fly slower or lower")
     if residual < 1e-8 and low <= stabilizer <= high and 0.0 <= throttle <= 1.0:
         return
     needs, has = lift_margin(plant)
