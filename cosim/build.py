@@ -11,6 +11,7 @@ import numpy as np
 from actuators.block import dtype
 from cosim import detectors, faults, hinge_model, inject, law, manoeuvre, parts, sensors, wiring
 from cosim.bus import Bus
+from cosim.linearize import linearize
 from cosim.log import LogWriter, Topic
 from cosim.pilot import steps
 from cosim.plant import SURFACES, TRUTH, Flight, Plant
@@ -208,7 +209,7 @@ def build(scenario):
     built = parts.blocks(scenario, loads, others, dt)
     pilot_p = manoeuvre.params(**steps(scenario.manoeuvre))
     sketch = Plant(point, dt=dt)  # moved about to take derivatives
-    law_p = law.design(sketch, trim, t)
+    law_p = law.design(linearize(point), law.alpha_limit(sketch, trim))
     factors = [1.0 + HINGE_MODEL_ERROR[tech] * rng_parts.uniform(-1.0, 1.0) for tech in scenario.elevator.technology.values()]
     hinge_p = hinge_model.design(sketch, trim, t, wiring.SHORT.values(), factors)
     fault_lanes = inject.lanes(scenario, parts.nominal(dt))

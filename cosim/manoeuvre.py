@@ -20,7 +20,9 @@ PARAMS = dtype([
     ("psi_dem", "f8", (N,)), # demanded change of heading, with the heading hold [rad]
     ("de_add", "f8", (N,)),  # surface motion added to the elevator command [rad]
     ("rate", "f8", (4,)),    # slope limits of the four [g/s, rad/s, rad/s, rad/s]
-    ("hold", "f8"),          # 1: the heading hold steers, not the bank demand
+    ("hold_psi", "f8"),      # 1: the heading hold steers, not the bank demand
+    ("hold_h", "f8"),        # 1: the altitude hold steers while the stick is free
+    ("hold_v", "f8"),        # 1: the speed hold moves the throttles
 ])
 INPUTS = dtype([("t", "f8")])  # time of the tick [s]
 STATE = dtype([
@@ -28,20 +30,20 @@ STATE = dtype([
     ("phi_dem", "f8"),  # [rad]
     ("psi_dem", "f8"),  # [rad]
     ("de_add", "f8"),   # [rad]
-    ("hold", "f8"),     # 1 while the heading hold steers
+    ("hold_psi", "f8"), ("hold_h", "f8"), ("hold_v", "f8"),  # holds engaged
 ])
-OUTPUTS = ("nz_dem", "phi_dem", "psi_dem", "de_add", "hold")
+OUTPUTS = ("nz_dem", "phi_dem", "psi_dem", "de_add", "hold_psi", "hold_h", "hold_v")
 
 
-def params(steps, *, hold=False, nz_rate=4.0, phi_rate=math.radians(6.0), psi_rate=math.radians(10.0), de_rate=math.inf):
+def params(steps, *, hold_psi=False, hold_h=False, hold_v=False, nz_rate=4.0, phi_rate=math.radians(3.0), psi_rate=math.radians(10.0), de_rate=math.inf):
     """Build the table from `steps`, a list of (time [s], {channel: value}); a channel keeps its value where a step does not name it.
 
-    The slopes: 4 g/s is a full stick in about 0.4 s, 6 deg/s is a transport's roll rate at moderate command. Raises ValueError when there
+    The slopes: 4 g/s is a full stick in about 0.4 s, 3 deg/s is a transport's gentle roll. Raises ValueError when there
     are more than 15 steps.
     """
     if len(steps) >= N:
         raise ValueError(f"a manoeuvre has at most {N - 1} steps, this one has {len(steps)}")
-    p = record(PARAMS, hold=float(hold), rate=(nz_rate, phi_rate, psi_rate, de_rate))
+    p = record(PARAMS, hold_psi=float(hold_psi), hold_h=float(hold_h), hold_v=float(hold_v), rate=(nz_rate, phi_rate, psi_rate, de_rate))
     p["time"][0, :] = np.inf
     p["time"][0, 0] = -np.inf
     now = dict.fromkeys(CHANNELS, 0.0)
@@ -73,7 +75,7 @@ def step(x, u, p, dt):
     x.phi_dem = _towards(x.phi_dem, p.phi_dem[i], p.rate[1] * dt)
     x.psi_dem = _towards(x.psi_dem, p.psi_dem[i], p.rate[2] * dt)
     x.de_add = _towards(x.de_add, p.de_add[i], p.rate[3] * dt)
-    x.hold = p.hold
+    x.hold_psi, x.hold_h, x.hold_v = p.hold_psi, p.hold_h, p.hold_v
 
 
 @kernel

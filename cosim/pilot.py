@@ -13,7 +13,7 @@ def _pulse(start, length, channel, value):
 
 
 def steps(manoeuvre):
-    """Return the arguments of `manoeuvre.params` (table of steps, hold flag) for a scenario's manoeuvre."""
+    """Return the arguments of `manoeuvre.params` (table of steps, holds that are engaged) for a scenario's manoeuvre."""
     k = manoeuvre
     if isinstance(k, m.Cruise):
         table = []
@@ -22,9 +22,9 @@ def steps(manoeuvre):
     elif isinstance(k, m.NoseUp | m.PitchProtection):
         table = _pulse(k.start_s, k.duration_s, "nz_dem", k.amplitude_g)
     elif isinstance(k, m.CoordinatedTurn):
-        table = _pulse(k.start_s, k.duration_s, "phi_dem", math.radians(k.bank_deg))
+        return {"steps": _pulse(k.start_s, k.duration_s, "phi_dem", math.radians(k.bank_deg)), "hold_h": True, "hold_v": True}
     elif isinstance(k, m.YawAngle):
-        return {"steps": [(k.start_s, {"psi_dem": math.radians(k.heading_deg)})], "hold": True}
+        return {"steps": [(k.start_s, {"psi_dem": math.radians(k.heading_deg)})], "hold_psi": True, "hold_h": True, "hold_v": True}
     elif isinstance(k, m.NzDoublet):
         table = doublet(k.start_s, k.width_s, "nz_dem", k.amplitude_g)
     elif k.amplitude_deg is not None:

@@ -7,6 +7,7 @@ it to index arrays, the log stores the detectors' part of it, and replay and for
 from cosim.law import SENSORS as LAW_SENSORS
 from cosim.sensors import TRANSPORT
 
+DEMANDS = ("nz_dem", "phi_dem", "psi_dem", "de_add", "hold_psi", "hold_h", "hold_v")
 SEGMENTS = ("left_outer", "left_inner", "right_inner", "right_outer")
 SHORT = dict(zip(SEGMENTS, ("lo", "li", "ri", "ro")))
 OTHERS = ("aileron_left", "aileron_right", "rudder", "stabiliser")  # surfaces with a simple actuator
@@ -44,7 +45,7 @@ def law_wires():
 
 def demand_wires():
     """Return the wires from the manoeuvre to the law."""
-    return [(f"law_in.law.{name}", f"pilot.pilot.{name}") for name in ("nz_dem", "phi_dem", "psi_dem", "de_add", "hold")]
+    return [(f"law_in.law.{name}", f"pilot.pilot.{name}") for name in DEMANDS]
 
 
 def hinge_wires(technology):
