@@ -1,0 +1,92 @@
+"""Read other people's recordings (CSV, Parquet, MCAP) as tables over time, for diagnosis by our detectors."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from cosim.errors import LogError
+from cosim.log.foreign import read_mcap
+from cosim.log.format import LIBRARY, log_error
+from cosim.log.reader import open_log
+
+TIME_NAMES = ("t_s", "t", "time", "time_s", "timestamp", "t_ns", "time_ns", "timestamp_ns")  # looked for in this order
+_SCALES = {"_ns": 1e-9, "_us": 1e-6, "_ms": 1e-3, "_s": 1.0}
+
+
+def read_channels(path, *, time=None):
+    """Return {channel: DataFrame} of a recording; columns are float64, the index is `t_s` [s], ascending.
+
+    A CSV or Parquet file is one channel, named by the file's stem; `time` names its time column (default: the first
+    of TIME_NAMES, else Parquet's own index). Its name ends in _ns, _us or _ms where it is not in seconds; dates count
+    from the first. An MCAP file has a channel per topic, times from its first message. Columns that hold no numbers
+    are left out. Raises LogError when the file cannot be read or has no usable time.
+    """
+    path = Path(os.fspath(path))
+    kind = path.suffix.lower()
+    if kind == ".mcap":
+        return _mcap(path)
+    if kind not in (".csv", ".parquet"):
+        raise LogError(f"unknown kind of file {kind!r}", place=str(path), allowed=".csv, .parquet or .mcap")
+    return {path.stem: _table(path, kind, time)}
+
+
+def _mcap(path):
+    import pandas as pd
+
+    if _is_ours(path):
+        return open_log(path).frames()
+    read = read_mcap(path)
+    first = min(times[0] for times, _ in read.values())
+    out = {}
+    for topic, (times, rows) in read.items():
+        index = pd.Index((np.array(times, dtype=np.int64) - first) / 1e9, name="t_s")
+        out[topic] = pd.DataFrame.from_records(rows).astype(np.float64).set_axis(index)
+    return out
+
+
+def _is_ours(path):
+    try:
+        with path.open("rb") as file:
+            return LIBRARY.encode() in file.read(64)
+    except OSError as error:
+        raise log_error(f"cannot read the file: {error.strerror}", path) from error
+
+
+def _table(path, kind, time):
+    import pandas as pd
+
+    try:
+        frame = pd.read_csv(path) if kind == ".csv" else pd.read_parquet(path)
+    except OSError as error:
+        raise log_error(f"cannot read the file: {error.strerror or error}", path) from error
+    except ValueError as error:  # pandas' and pyarrow's parser errors are ValueErrors
+        raise log_error(f"cannot be read as {kind[1:]}: {error}", path) from error
+    name = time or next((n for n in TIME_NAMES if n in frame.columns), None)
+    if name is None and frame.index.name is not None:
+        name, frame = frame.index.name, frame.reset_index()
+    if name is None or name not in frame.columns:
+        columns = ", ".join(map(str, frame.columns[:20]))
+        raise LogError(
+            f"no time column {name or ''}".rstrip(), place=str(path), allowed=f"one of its columns: {columns}"
+        )
+    t = _seconds(frame[name], name, path)
+    frame = frame.drop(columns=name).select_dtypes(["number", "bool"]).astype(np.float64)
+    frame.index = pd.Index(t, name="t_s")
+    return frame.sort_index(kind="stable")
+
+
+def _seconds(column, name, path):
+    """Return a time column in seconds as float64."""
+    import pandas as pd
+
+    if isinstance(column.dtype, pd.DatetimeTZDtype) or column.dtype.kind == "M":
+        return (column - column.iloc[0]).dt.total_seconds().to_numpy()
+    if column.dtype.kind == "m":
+        return column.dt.total_seconds().to_numpy()
+    t = pd.to_numeric(column, errors="coerce").to_numpy(np.float64)
+    if not len(t) or not np.isfinite(t).all():
+        raise log_error(
+            f"column {name!r} holds values that are no times", path, remedy="Every row needs a finite number."
+        )
+    return t * next((scale for end, scale in _SCALES.items() if name.endswith(end)), 1.0)
