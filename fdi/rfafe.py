@@ -14,13 +14,13 @@ import math
 import numpy as np
 
 from actuators.block import dtype, kernel, record
-from fdi import rfafe_core
+from fdi import bank, rfafe_core
 from fdi.decision import held, usable
 from fdi.rfafe_conditions import DesignError, separate
 from fdi.rfafe_core import advance
 from fdi.rfafe_design import Design, Region, design
 from fdi.rfafe_model import estimate_E, first_order, fit_first_order, global_model, reduce_E
-from fdi.rfafe_store import from_plain, read
+from fdi.rfafe_store import choose, from_plain
 from fdi.tuning import thresholds
 
 __all__ = ["CULPRITS", "INPUTS", "OUTPUTS", "PARAMS", "STATE", "Design", "DesignError", "Region", "design",
@@ -29,6 +29,7 @@ __all__ = ["CULPRITS", "INPUTS", "OUTPUTS", "PARAMS", "STATE", "Design", "Design
 
 CULPRITS = ("", "elevator_left", "elevator_right")
 DEG = math.pi / 180.0
+DT = 0.005  # base tick [s]
 
 PARAMS = dtype([
     *rfafe_core.PARAMS,
@@ -52,19 +53,20 @@ STATE = dtype([
 OUTPUTS = ("f_hat", "f_hat_left", "f_hat_right", "r", "alarm", "verdict", "culprit", "valid")
 
 
-def params(which="flight", *, stored=None, trim=None, u_delay=1.0, weight=None):
-    """Return PARAMS from the stored design and threshold set `which`.
+def params(which="flight", *, stored=None, technology="hydraulic", trim=None, dt=DT, weight=(0.5, 0.5, 0.5, 0.5)):
+    """Return PARAMS from the stored design for `technology` of the elevators and the threshold set `which`.
 
-    `stored` replaces the file `fdi/designs/rfafe.json` (same keys); `trim` replaces its trim: mapping with tas [m/s],
-    alpha, theta, elevator [rad]. `u_delay` in ticks matches the sensors' 5 ms. Raises FileNotFoundError without a
-    stored design.
+    `stored` replaces `fdi/designs/rfafe.json` (same keys). `trim` is a mapping with tas [m/s], alpha, theta, elevator
+    [rad]; None: learned from the first 0.2 s. `weight` is the share of each segment in its side's effect. Raises
+    FileNotFoundError without a stored design, ValueError for another tick than its own or a technology that it lacks.
     """
-    stored = read("rfafe") if stored is None else stored
-    t = stored["trim"] if trim is None else trim
-    de = t["elevator"] / DEG
-    p = record(PARAMS, weight=stored["weight"] if weight is None else weight, **thresholds("rfafe", which))
-    y = [t["tas"], t["alpha"] / DEG, 0.0, t["theta"] / DEG, de, de]
-    return rfafe_core.fill(p, from_plain(stored["design"]), y_trim=y, u_trim=[de, de], unit=DEG, u_delay=u_delay)
+    chosen = choose("rfafe" if stored is None else stored, technology, dt)
+    p = record(PARAMS, weight=weight, **bank.design(dt), **thresholds("rfafe", which))
+    t = None
+    if trim is not None:
+        t = [trim["tas"], trim["alpha"] / DEG, 0.0, trim["theta"] / DEG, *[trim["elevator"] / DEG] * 2]
+    return rfafe_core.fill(p, from_plain(chosen["design"]), unit=DEG, u_delay=chosen["u_delay_s"] / dt,
+                           **rfafe_core.trims(t, (1, 1, 0, 1, 1, 1), 4))
 
 
 def init(p):
@@ -87,7 +89,7 @@ def step(x, u, p, dt):
         x.y[4] = (p.weight[0] * u.surface[0] + p.weight[1] * u.surface[1]) / DEG - p.y_trim[4]
         x.y[5] = (p.weight[2] * u.surface[2] + p.weight[3] * u.surface[3]) / DEG - p.y_trim[5]
     for j in range(2):
-        x.u[j] = held(u.command[j] / DEG - p.u_trim[j], 1.0, x.u[j])
+        x.u_in[j] = held(u.command[j] / DEG - p.u_trim[j], 1.0, x.u_in[j])
     advance(x, p, good, dt)
     x.f_hat_left = x.f[0]
     x.f_hat_right = x.f[1]

@@ -12,14 +12,15 @@ import math
 import numpy as np
 
 from actuators.block import dtype, kernel, record
-from fdi import rfafe_core
+from fdi import bank, rfafe_core
 from fdi.decision import held, usable
 from fdi.rfafe_core import advance
-from fdi.rfafe_store import from_plain, read
+from fdi.rfafe_store import choose, from_plain
 from fdi.tuning import thresholds
 
 CULPRITS = ("", "elevator")
 DEG = math.pi / 180.0
+DT = 0.005  # base tick [s]
 
 PARAMS = dtype(rfafe_core.PARAMS)
 INPUTS = dtype([
@@ -36,14 +37,13 @@ STATE = dtype([
 OUTPUTS = ("f_hat", "r", "alarm", "verdict", "culprit", "valid")
 
 
-def params(which="flight", *, stored=None, trim=None, u_delay=1.0):
+def params(which="flight", *, stored=None, technology="hydraulic", trim=None, dt=DT):
     """Return PARAMS from the stored design and threshold set `which`; arguments as in `fdi.rfafe.params`."""
-    stored = read("rfafe_airframe") if stored is None else stored
-    t = stored["trim"] if trim is None else trim
-    p = record(PARAMS, **thresholds("rfafe_airframe", which))
-    y = [t["tas"], t["alpha"] / DEG, 0.0, t["theta"] / DEG]
-    design = from_plain(stored["design"])
-    return rfafe_core.fill(p, design, y_trim=y, u_trim=[t["elevator"] / DEG], unit=DEG, u_delay=u_delay)
+    chosen = choose("rfafe_airframe" if stored is None else stored, technology, dt)
+    p = record(PARAMS, **bank.design(dt), **thresholds("rfafe_airframe", which))
+    t = None if trim is None else [trim["tas"], trim["alpha"] / DEG, 0.0, trim["theta"] / DEG, trim["elevator"] / DEG]
+    return rfafe_core.fill(p, from_plain(chosen["design"]), unit=DEG, u_delay=chosen["u_delay_s"] / dt,
+                           **rfafe_core.trims(t, (1, 1, 0, 1), 4))
 
 
 def init(p):
@@ -61,7 +61,7 @@ def step(x, u, p, dt):
         x.y[1] = u.alpha / DEG - p.y_trim[1]
         x.y[2] = u.q / DEG - p.y_trim[2]
         x.y[3] = u.theta / DEG - p.y_trim[3]
-    x.u[0] = held(u.command / DEG - p.u_trim[0], 1.0, x.u[0])
+    x.u_in[0] = held(u.command / DEG - p.u_trim[0], 1.0, x.u_in[0])
     advance(x, p, good, dt)
     x.f_hat = x.f[0]
 

@@ -116,16 +116,26 @@ def undetectability(A1, C):
     return min(least(1j * w) for w in grid)
 
 
-def balance(A, C, F):
-    """Return state scales s, x = s * x_balanced: Osborne's balance of [A F; C 0] with unit rows of C, columns of F."""
+def balance(A, C, F, sigma=None):
+    """Return state scales s, x = s * x_balanced: Osborne's balance of [A F; C 0] with unit rows of C, columns of F.
+
+    With `sigma` (m,), the outputs' noise, a state that shows in an output is scaled to that noise: P near the
+    identity then weighs the outputs in M by what they are worth. Only the others are balanced.
+    """
     n = A.shape[0]
     s, rate = np.ones(n), max(np.max(abs(np.linalg.eigvals(A))), 1e-6)
+    seen = np.zeros(n, bool)
+    if sigma is not None:
+        weight = np.linalg.norm(C / np.asarray(sigma, float)[:, None], axis=0)
+        seen = weight > 0.0
+        s[seen] = 1.0 / weight[seen]
+        s[~seen] = np.exp(np.mean(np.log(s[seen])))
     for _ in range(30):
         As, Fs, Cs = A / rate / s[:, None] * s, unit_columns(F / s[:, None]), unit_rows(C * s)
         np.fill_diagonal(As, 0.0)
         row = np.sqrt((As**2).sum(1) + (Fs**2).sum(1))
         column = np.sqrt((As**2).sum(0) + (Cs**2).sum(0))
-        ok = (row > 1e-12) & (column > 1e-12)
+        ok = (row > 1e-12) & (column > 1e-12) & ~seen
         step = np.where(ok, 2.0 ** np.round(0.5 * np.log2(np.where(ok, row / np.where(ok, column, 1.0), 1.0))), 1.0)
         if (step == 1.0).all():
             break

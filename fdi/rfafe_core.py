@@ -1,24 +1,21 @@
-"""What `rfafe` and `rfafe_airframe` share: the discretised estimator, dropouts, and the decision on its estimate.
+"""What `rfafe` and `rfafe_airframe` share: the discretised estimator with its trim and its dropouts.
 
     s+ = Phi s + Gu u + Gy0 y + Gy1 y+,  f_hat = S s + Sy y+ + Su u,  s = [z, v]  (rfafe_discrete)  [Sun13] (2), (28)
 
 y and u are deviations from trim in the units of the design; `PARAMS` holds the matrices at their largest size with the
-sizes in use. A missing sample stops the estimator: f_hat is held and flagged. It restarts from the next complete sample
-with its estimate kept in the integral, and is trusted again after `t_settle`.
-
-Decision: f_hat, smoothed and freed of its slow part, must swing beyond +threshold and -threshold in turn, `n_half`
-times with at most `t_half` in between (an oscillation), or its slow part must stay beyond `th_static` for `t_static`.
+sizes in use. The trim is what `PARAMS` says plus what is learned from the first `n_trim` samples, for the outputs that
+`learn` marks: a flight point, rigging and tolerances need no table then, but the start must be steady. A missing
+sample stops the estimator: f_hat is held and flagged. It restarts from the next complete sample with its estimate
+kept in the integral, and is trusted again after `t_settle`.
 """
-
-import math
 
 import numpy as np
 
 from actuators.block import kernel
-from fdi.decision import confirm
-from fdi.verdict import AMBIGUOUS, NONE
+from fdi import rfafe_decision
 
 NS, NY, NU, NF = 12, 8, 4, 2  # largest sizes: estimator state, outputs, inputs, faults
+N_TRIM = 40.0  # samples to learn the trim: 0.2 s leaves a sixth of the sensors' noise
 NL = 24  # longest delay of the input [ticks]: 0.12 s at 200 Hz, an actuator's lag beyond first order and the sensors'
 
 PARAMS = [
@@ -31,40 +28,32 @@ PARAMS = [
     ("alpha", "f8"),             # v = f_hat / alpha restarts the integral [1/s]
     ("y_trim", "f8", (NY,)),     # [design units]
     ("u_trim", "f8", (NU,)),
+    ("n_trim", "f8"),            # samples from which the rest of the trim is learned [ticks]
+    ("learn", "f8", (NY,)),      # 1 where an output's trim is learned
     ("u_delay", "f8"),           # ticks by which u is delayed to match actuator and sensors, 0..NL-1
     ("unit", "f8"),              # SI per unit of f_hat
     ("t_settle", "f8"),          # after a start the estimate is not trusted [s]
-    ("tau_smooth", "f8"),        # two equal lags on f_hat [s]
-    ("tau_slow", "f8"),          # lag of its slow part [s]
-    ("threshold", "f8"),         # swing [SI unit of f_hat]
-    ("n_half", "f8"),            # half periods to an alarm
-    ("t_half", "f8"),            # longest half period [s]
-    ("t_release", "f8"),         # without a swing for so long the alarm ends [s]
-    ("th_static", "f8"),         # slow part [SI unit of f_hat]
-    ("t_static", "f8"),          # [s]
+    *rfafe_decision.PARAMS,
 ]
 
 STATE = [
     ("s", "f8", (NS,)), ("w", "f8", (NS,)),       # estimator state and scratch
     ("y", "f8", (NY,)), ("y_old", "f8", (NY,)),   # deviations of this sample and the last [design units]
-    ("u", "f8", (NU,)), ("line", "f8", (NL, NU)),  # input now, and those of the last ticks
+    ("u", "f8", (NU,)), ("u_si", "f8", (NU,)), ("line", "f8", (NL, NU)),  # input now, and those of the last ticks
+    ("u_in", "f8", (NU,)),        # last finite input less `u_trim`
+    ("y0", "f8", (NY,)), ("u0", "f8", (NU,)), ("seen", "f8"),  # learned trim, samples so far
     ("res", "f8", (NY,)),         # residual y - C x_hat [design units]
     ("f", "f8", (NF,)),           # estimate [SI]
     ("started", "f8"),            # 1 while the estimator runs
     ("fresh", "f8"),              # 0 before the first input
     ("age", "f8"),                # since the start [s]
-    ("lag1", "f8", (NF,)), ("lag2", "f8", (NF,)), ("slow", "f8", (NF,)),  # smoothed f_hat, its slow part [SI]
-    ("side", "f8", (NF,)),        # sign of the last swing
-    ("count", "f8", (NF,)),       # swings in turn
-    ("since", "f8", (NF,)),       # since the last swing [s]
-    ("timer", "f8"),              # confirmation of the static test [s]
-    ("static", "f8"),             # its alarm
+    *rfafe_decision.state(NF),
     ("r", "f8"), ("alarm", "f8"), ("verdict", "f8"), ("culprit", "f8"), ("valid", "f8"),
 ]
 
 
-def fill(p, design, *, y_trim, u_trim, unit, u_delay=0.0):
-    """Write a `Design` (or a stored one) into a PARAMS record; trims in design units, `unit` SI per unit of f_hat."""
+def fill(p, design, *, unit, u_delay=0.0, y_trim=(), u_trim=(), learn=(), n_trim=0.0):
+    """Write a Design into a PARAMS record; trims in design units, `unit` SI per unit of f_hat, delays in ticks."""
     d = design.discrete
     sizes = {"ns": d.Phi.shape[0], "ny": d.Gy0.shape[1], "nu": d.Gu.shape[1], "nf": d.S.shape[0]}
     for name, limit in zip(sizes, (NS, NY, NU, NF)):
@@ -76,16 +65,38 @@ def fill(p, design, *, y_trim, u_trim, unit, u_delay=0.0):
     for name, value in {**matrices, "Z0": start, "Z0u": -start @ d.D}.items():
         p[name][0, : value.shape[0], : value.shape[1]] = value
     p["y_trim"][0, : len(y_trim)], p["u_trim"][0, : len(u_trim)] = y_trim, u_trim
+    p["learn"][0, : len(learn)], p["n_trim"] = learn, n_trim
     if not 0 <= u_delay <= NL - 1:
         raise ValueError(f"u_delay = {u_delay} ticks; the block holds 0 to {NL - 1}")
     p["alpha"], p["unit"], p["u_delay"] = design.alpha, unit, round(u_delay)
     return p
 
 
+def trims(trim, learn, outputs):
+    """Return the arguments of `fill` for a known `trim` (outputs, then the elevator) or, when None, one to be
+    learned."""
+    if trim is None:
+        return {"learn": learn, "n_trim": N_TRIM}
+    return {"y_trim": trim[: len(learn)], "u_trim": [trim[outputs]] * NU}
+
+
 @kernel
 def advance(x, p, good, dt):
-    """Advance by one tick; x.y holds this sample, x.u this tick's input, less trim; `good` is 0 without a sample."""
+    """Advance by one tick; x.y holds this sample, x.u_in the input, less the trim of p; `good` is 0 without a
+    sample."""
     ns, ny, nu, nf = int(p.ns), int(p.ny), int(p.nu), int(p.nf)
+    if x.seen < p.n_trim:
+        if good > 0.5:
+            x.seen += 1.0
+            for i in range(ny):
+                x.y0[i] += p.learn[i] * (x.y[i] - x.y0[i]) / x.seen
+            for j in range(nu):
+                x.u0[j] += (x.u_in[j] - x.u0[j]) / x.seen
+        return
+    for i in range(ny):
+        x.y[i] -= x.y0[i]
+    for j in range(nu):
+        x.u[j] = x.u_in[j] - x.u0[j]
     if x.fresh == 0.0:
         for j in range(nu):
             for k in range(NL):
@@ -111,7 +122,12 @@ def advance(x, p, good, dt):
             x.line[k, j] = x.line[k - 1, j]
         x.line[0, j] = x.u[j]
     x.valid = 1.0 if x.started > 0.5 and x.age >= p.t_settle else 0.0
-    decide(x, p, nf, dt)
+    if x.valid > 0.5:
+        for j in range(nu):
+            x.u_si[j] = p.unit * x.u[j]
+        rfafe_decision.decide(x, p, x.f, x.u_si, nf, nu, dt)
+    else:
+        rfafe_decision.forget(x, x.f, nf)
 
 
 @kernel
@@ -152,45 +168,3 @@ def _propagate(x, p, ns, ny, nu, late):
         x.w[i] = a
     for i in range(ns):
         x.s[i] = x.w[i]
-
-
-@kernel
-def decide(x, p, nf, dt):
-    """Count swings of f_hat, watch its slow part; set r, alarm, verdict and culprit (1 + index, or 0)."""
-    if x.valid < 0.5:
-        for i in range(nf):  # nothing is concluded from a settling estimate, and it leaves no trace
-            x.lag1[i] = x.lag2[i] = x.slow[i] = x.f[i]
-            x.count[i] = x.side[i] = 0.0
-        x.r = 0.0
-        return
-    a = 1.0 - math.exp(-dt / p.tau_smooth)
-    b = 1.0 - math.exp(-dt / p.tau_slow)
-    before, x.r, alarm, static, who = x.alarm, 0.0, 0.0, 0.0, 0
-    for i in range(nf):
-        x.lag2[i] += a * (x.lag1[i] - x.lag2[i])
-        x.lag1[i] += a * (x.f[i] - x.lag1[i])
-        x.slow[i] += b * (x.lag2[i] - x.slow[i])
-        swing = (x.lag2[i] - x.slow[i]) / p.threshold
-        x.since[i] += dt
-        side = 1.0 if swing >= 1.0 else (-1.0 if swing <= -1.0 else 0.0)
-        if side != 0.0 and side != x.side[i]:
-            x.count[i] = x.count[i] + 1.0 if x.since[i] <= p.t_half else 1.0
-            x.side[i] = side
-            x.since[i] = 0.0
-        if x.since[i] > p.t_release:
-            x.count[i] = x.side[i] = 0.0
-        if x.count[i] >= p.n_half:
-            alarm, who = 1.0, i
-        still = x.slow[i] / p.th_static
-        static = max(static, math.fabs(still))
-        if max(math.fabs(swing), math.fabs(still)) > math.fabs(x.r):
-            x.r = swing if math.fabs(swing) > math.fabs(still) else still
-            if alarm == 0.0:
-                who = i
-    x.timer, x.static = confirm(x.timer, x.static, static >= 1.0, dt, p.t_static, p.t_release)
-    x.alarm = max(alarm, x.static)
-    if x.alarm < 0.5:
-        x.verdict, x.culprit = NONE, 0.0
-    elif before < 0.5:
-        # a solid OFC lacks the command that a liquid one has, a jam the oscillation: here all of it is one f_hat
-        x.verdict, x.culprit = AMBIGUOUS, 1.0 + who

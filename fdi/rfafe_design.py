@@ -107,7 +107,7 @@ class Design:
 
 
 def design(A, B, C, D, E, F, *, dt, region=None, alpha=None, theta=1.0, Gamma=None, bandwidth=BANDWIDTH,
-           parallel="error", min_ratio=0.5):
+           sigma=None, parallel="error", min_ratio=0.5):
     """Design the estimator for a linear model and return a `Design`.
 
     A (n, n), B (n, r), C (m, n), D (m, r) or None, E (n, q) or None, F (n, l), any units; dt in s.
@@ -116,6 +116,7 @@ def design(A, B, C, D, E, F, *, dt, region=None, alpha=None, theta=1.0, Gamma=No
                half the bandwidth, widened to hold the modes that no gain moves
     alpha      [1/s]; None: centre (1 + centre / 2 wb), which makes |f_hat/f| flat when N = -centre I
     Gamma      learning rate, a number or (l, l); None: bandwidth ((TF)'P(TF))^-1, `bandwidth` in rad/s
+    sigma      standard deviation of each output's noise (m,): M then weighs the outputs by it; None: by size only
     parallel   when |TF|/|F| < min_ratio: "error", "remove" (E's part along F) or "rank" (E's smallest singular values)
 
     Raises DesignError (conditions (i)-(iv), the ratio, sizes), lmi.Infeasible (which inequality), ImportError (no
@@ -133,7 +134,7 @@ def design(A, B, C, D, E, F, *, dt, region=None, alpha=None, theta=1.0, Gamma=No
             f"|TF|/|F| is {ratio:.3f}, below {min_ratio}: E lies {angle:.1f} deg from F, so decoupling it removes the "
             "fault and multiplies the noise; lower the rank of E or remove its part along F (see `parallel`)")
     A1 = T @ A
-    scale = balance(A, C, F)
+    scale = balance(A, C, F, sigma)
     A1s, Cs = A1 / scale[:, None] * scale, C * scale
     TFs = T @ F / scale[:, None]
     distance, state = undetectability(A1s, Cs)

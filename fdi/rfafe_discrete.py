@@ -12,7 +12,7 @@ Holding y over the sample instead would add wb Ts/2 to the amplitude of f_hat.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import expm
+from scipy.linalg import expm, solve_discrete_lyapunov
 
 
 @dataclass(frozen=True)
@@ -64,3 +64,13 @@ def discretise(*, N, T, K, H, C, B, D, TF, gain, alpha, dt):
         dt=float(dt), Phi=Phi, Gu=Gu, Gy0=Gy0, Gy1=Gy1,
         R=np.hstack([-C, np.zeros((m, l))]), Ry=Ry, Ru=-Ry @ D,
         S=np.hstack([-gain @ C, alpha * np.eye(l)]), Sy=through, Su=-through @ D, H=H, D=D)
+
+
+def noise(discrete, sigma):
+    """Return the standard deviation (l,) of f_hat from white noise `sigma` (m,) on the samples of y, after settling."""
+    d, R = discrete, np.diag(np.asarray(sigma, float) ** 2)
+    # w = s - Gy1 y is independent of the sample y:  w+ = Phi w + (Phi Gy1 + Gy0) y
+    G = d.Phi @ d.Gy1 + d.Gy0
+    W = solve_discrete_lyapunov(d.Phi, G @ R @ G.T)
+    through = d.S @ d.Gy1 + d.Sy
+    return np.sqrt(np.diag(d.S @ W @ d.S.T + through @ R @ through.T))

@@ -33,7 +33,7 @@ def fit_first_order(response, *, band_hz=FIT_HZ, points=60, delay=True):
     """Return (a [rad/s], gain, tau [s]) of gain a / (s + a) exp(-tau s), nearest to an actuator over `band_hz`.
 
     `response` is (frequencies [Hz], complex values) or (A, B, C, D) of a linear actuator with one input and one output.
-    Least squares on the complex difference, frequencies evenly spaced, so that 2 Hz counts as much as 0.2 Hz. A lag alone
+    Least squares on the complex difference, frequencies evenly spaced: 2 Hz counts as much as 0.2 Hz. A lag alone
     cannot hold both the amplitude and the phase of a higher-order actuator: amplitude errors scale f_hat, phase errors
     turn every command into a fault. tau takes the rest of the phase and goes to the observer's command (`u_delay`), as
     (ii) allows no second-order model; `delay=False` fits tau = 0, as published.

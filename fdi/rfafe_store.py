@@ -48,11 +48,23 @@ def from_plain(plain):
 
 
 def read(name):
-    """Return the stored file `name`.json as a dict: "design", "trim" (SI), and what it was made from."""
+    """Return the stored file `name`.json as a dict: "designs" by technology, and what they were made from."""
     file = resources.files("fdi").joinpath("designs", f"{name}.json")
     if not file.is_file():
         raise FileNotFoundError(f"there is no stored design {name!r}; make it with `cosim design`")
     return json.loads(file.read_text(encoding="utf-8"))
+
+
+def choose(stored, technology, dt):
+    """Return the entry for `technology` of a stored file (name or its content); ValueError for another tick or none."""
+    stored = read(stored) if isinstance(stored, str) else stored
+    if technology not in stored["designs"]:
+        raise ValueError(f"no design for {technology!r} elevators; there is {', '.join(sorted(stored['designs']))}")
+    chosen = stored["designs"][technology]
+    if abs(chosen["design"]["dt"] - dt) > 1e-9:
+        raise ValueError(f"the stored design is for ticks of {chosen['design']['dt']} s, not {dt} s: design it for "
+                         "this one (fdi.rfafe.design, with the extra `design`)")
+    return chosen
 
 
 def _make(kind, values):

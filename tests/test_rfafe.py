@@ -10,6 +10,7 @@ from scipy.linalg import expm
 
 from fdi import lmi, rfafe, rfafe_airframe
 from fdi.rfafe_conditions import undetectability
+from fdi.rfafe_discrete import noise
 from fdi.rfafe_store import from_plain, to_plain
 
 pytest.importorskip("cvxpy")
@@ -271,8 +272,8 @@ def test_amplitude_is_right_and_does_not_depend_on_the_step(hz, form):
     assert found[0.005] == pytest.approx(abs(dict(d.report.tracking)[hz]), rel=0.005)
 
 
-def stored(design, trim, **more):
-    return {"design": json.loads(json.dumps(to_plain(design))), "trim": trim, **more}
+def stored(design):
+    return {"designs": {"hydraulic": {"design": json.loads(json.dumps(to_plain(design))), "u_delay_s": 0.0}}}
 
 
 TRIM = {"tas": 200.0, "alpha": 0.05, "theta": 0.05, "elevator": 0.01}
@@ -316,7 +317,7 @@ def test_stored_design_comes_back_exactly(published):
 
 @pytest.mark.parametrize("side", [0, 1])
 def test_block_estimates_and_alarms_on_the_right_side(published, side):
-    p = rfafe.params(stored=stored(published, TRIM, weight=[0.5] * 4), trim=None, u_delay=0.0)
+    p = rfafe.params(stored=stored(published), trim=TRIM)
     log = fly(rfafe, p, flight(published, 1.0, 0.64, 2400, side))
     t = np.arange(2400) * 0.005
     late = t > 4.0
@@ -330,7 +331,7 @@ def test_block_estimates_and_alarms_on_the_right_side(published, side):
 
 
 def test_healthy_flight_is_quiet_and_a_dropout_leaves_no_trace(published):
-    p = rfafe.params(stored=stored(published, TRIM, weight=[0.5] * 4), u_delay=0.0)
+    p = rfafe.params(stored=stored(published), trim=TRIM)
     u = flight(published, 1.0, 0.0, 2000)
     u["q"][0, 800:820], u["q_valid"][0, 800:820] = np.nan, 0.0
     log = fly(rfafe, p, u)
@@ -340,8 +341,34 @@ def test_healthy_flight_is_quiet_and_a_dropout_leaves_no_trace(published):
         assert np.isfinite(log[name]).all(), name
 
 
+def test_trim_is_learned_when_it_is_not_given(published):
+    p = rfafe.params(stored=stored(published))
+    u = flight(published, 1.0, 0.0, 1000)
+    u["surface"][..., :2] += 0.08 * DEG  # rigging
+    log = fly(rfafe, p, u)
+    assert log["valid"][-1] == 1.0 and abs(log["f_hat"]).max() < 1e-9
+
+
+def test_another_tick_or_technology_than_designed_for_is_refused(published):
+    with pytest.raises(ValueError, match=r"ticks of 0\.005 s, not 0\.01 s"):
+        rfafe.params(stored=stored(published), dt=0.01)
+    with pytest.raises(ValueError, match="no design for 'ema'"):
+        rfafe.params(stored=stored(published), technology="ema")
+
+
+def test_noise_of_the_estimate_is_the_predicted_one():
+    A, B = heffley_jewell("6")
+    sigma, rng = np.array([0.05, 0.03, 0.02, 0.02]), np.random.default_rng(2)
+    d = rfafe.design(A, B, np.eye(4), None, None, B, dt=0.005, sigma=sigma)
+    f = estimate(d, rng.normal(size=(40000, 4)) * sigma, 0.005)
+    assert np.std(f[2000:, 0]) == pytest.approx(noise(d.discrete, sigma)[0], rel=0.03)
+    with_actuator = (*global_of(A, B, sides=1)[:2], np.eye(5)[:4], None, None, np.vstack([B, [[0.0]]]))
+    plain, weighed = (rfafe.design(*with_actuator, dt=0.005, sigma=s) for s in (None, sigma))
+    assert noise(weighed.discrete, sigma)[0] < 0.7 * noise(plain.discrete, sigma)[0]  # `sigma` is worth having
+
+
 def test_dropout_in_an_oscillation_is_bridged(published):
-    p = rfafe.params(stored=stored(published, TRIM, weight=[0.5] * 4), u_delay=0.0)
+    p = rfafe.params(stored=stored(published), trim=TRIM)
     u = flight(published, 1.0, 0.64, 3000)
     u["alpha_valid"][0, 1500:1504] = 0.0
     log = fly(rfafe, p, u)
@@ -356,7 +383,7 @@ def test_airframe_block_sees_the_same_oscillation():
     Ag, Bg, Cg, _ = global_of(A, B, sides=1)
     F = np.vstack([B, [[0.0]]])
     d = rfafe.design(Ag, Bg, Cg[:4], None, None, F, dt=0.005)
-    p = rfafe_airframe.params(stored=stored(d, TRIM), u_delay=0.0)
+    p = rfafe_airframe.params(stored=stored(d), trim=TRIM)
     y = sampled(Ag, Bg, F, Cg[:4], (1.5, 2 * math.pi), 0.005, 2400)
     u = np.zeros((1, 2400), rfafe_airframe.INPUTS)
     u["tas"], u["alpha"], u["q"] = TRIM["tas"] + y[:, 0], TRIM["alpha"] + y[:, 1] * DEG, y[:, 2] * DEG

@@ -1,0 +1,127 @@
+"""From the estimate f_hat to an alarm: an oscillation by the frequency bank, anything else by its slow part.
+
+Of several estimates the one with the most energy lately is suspect, and only it goes through the bank: f_hat beside the
+command (fdi/bank.py). An oscillation is an amplitude beyond threshold + share |command| that keeps its phase over both
+periods and explains its window. The slow part must stay beyond its own threshold + share |command| for a confirmation
+time.
+
+Class. A liquid OFC is f = s(t), a solid one f = s(t) - u: of f_hat and f_hat + u the one that its sine explains better
+tells which, but only if the command moved otherwise than the fault. Where it did not, and for all that is slow, the
+verdict is AMBIGUOUS.
+"""
+
+import math
+
+from actuators.block import kernel
+from fdi import bank
+from fdi.decision import confirm
+from fdi.verdict import AMBIGUOUS, NONE, OFC_LIQUID, OFC_SOLID
+
+PARAMS = [
+    *bank.PARAMS,
+    ("bank_threshold", "f8", (bank.K,)),  # amplitude of f_hat in health [SI unit of f_hat]
+    ("bank_share", "f8"),  # ... plus this share of the command's amplitude
+    ("coherence", "f8"),  # least agreement of the two periods
+    ("purity", "f8"),  # least share of the window's power that the oscillation explains
+    ("margin", "f8"),  # difference of purity that names the class
+    ("t_release", "f8"),  # an alarm outlives its cause by this [s]
+    ("tau_energy", "f8"),  # memory of the energy that makes an estimate suspect [s]
+    ("tau_slow", "f8"),  # lag of the slow part [s]
+    ("th_static", "f8"),  # slow part [SI unit of f_hat]
+    ("static_share", "f8"),  # ... plus this share of the command's deviation
+    ("t_static", "f8"),  # [s]
+]
+
+
+def state(faults):
+    """Return the STATE fields for `faults` estimates."""
+    return [
+        *bank.STATE,
+        ("slow", "f8", (faults,)),  # slow part of f_hat [SI unit of f_hat]
+        ("energy", "f8", (faults,)),  # mean square of the rest
+        ("suspect", "f8"),  # index of the estimate in the bank
+        ("r_ofc", "f8"),  # largest fit over its threshold
+        ("ofc_timer", "f8"),  # time for which an oscillation is still held to be there [s]
+        ("ofc_class", "f8"),  # its class
+        ("ofc_margin", "f8"),  # clearest difference of purity so far
+        ("timer", "f8"),  # confirmation of the slow test [s]
+        ("static", "f8"),  # its alarm
+    ]
+
+
+@kernel
+def forget(x, f, nf):
+    """Start anew from the present estimate: nothing is concluded from one that settles, and it leaves no trace."""
+    for i in range(nf):
+        x.slow[i] = f[i]
+        x.energy[i] = 0.0
+    for j in range(bank.LEVELS):
+        x.bank_seen[j] = 0.0
+    x.r = 0.0
+    x.r_ofc = 0.0
+
+
+@kernel
+def decide(x, p, f, u, nf, nu, dt):
+    """Judge the estimates f (nf,) beside the commands u (nu,), in SI less trim; set r, alarm, verdict, culprit."""
+    a, b = 1.0 - math.exp(-dt / p.tau_slow), 1.0 - math.exp(-dt / p.tau_energy)
+    still = 0.0
+    worst = 0
+    for i in range(nf):
+        x.slow[i] += a * (f[i] - x.slow[i])
+        e = f[i] - x.slow[i]
+        x.energy[i] += b * (e * e - x.energy[i])
+        r = x.slow[i] / (p.th_static + p.static_share * math.fabs(u[min(i, nu - 1)]))
+        if math.fabs(r) > math.fabs(still):
+            still = r
+            worst = i
+    suspect = int(x.suspect)
+    for i in range(nf):
+        if x.energy[i] > 4.0 * x.energy[suspect]:  # twice the amplitude: noise alone does not change it
+            suspect = i
+    if suspect != int(x.suspect):
+        x.suspect = suspect
+        for j in range(bank.LEVELS):
+            x.bank_seen[j] = 0.0
+    renewed = bank.push(x, p, f[suspect], u[min(suspect, nu - 1)])
+    x.ofc_timer = max(x.ofc_timer - dt, 0.0)
+    if renewed > 0.5:
+        oscillation(x, p)
+    x.timer, x.static = confirm(x.timer, x.static, math.fabs(still) >= 1.0, dt, p.t_static, p.t_release)
+    ofc = x.ofc_timer > 0.0
+    x.r = max(x.r_ofc, math.fabs(still))
+    x.alarm = 1.0 if ofc or x.static > 0.5 else 0.0
+    if x.alarm < 0.5:
+        x.verdict, x.culprit = NONE, 0.0
+    else:
+        x.verdict = x.ofc_class if ofc else AMBIGUOUS
+        x.culprit = 1.0 + (suspect if ofc else worst)
+
+
+@kernel
+def oscillation(x, p):
+    """Test the renewed fits; hold an oscillation for `t_release` and name its class."""
+    x.r_ofc = 0.0
+    found, best = -1, 0.0
+    for k in range(bank.K):
+        if x.bank_seen[int(p.bank_level[k])] <= p.bank_n[k]:
+            continue  # its window is not full since the start
+        most = p.bank_threshold[k] + p.bank_share * math.sqrt(bank.mixed(x, k, 0.0, 1.0))
+        r = math.sqrt(bank.mixed(x, k, 1.0, 0.0)) / most
+        x.r_ofc = max(x.r_ofc, r)
+        if r < 1.0 or x.bank_new[k] < 0.5:
+            continue
+        agreement, purity = bank.character(x, p, k, 1.0, 0.0, False)
+        if agreement >= p.coherence and purity >= p.purity and r > best:
+            found, best = k, r
+    if found < 0:
+        return
+    if x.ofc_timer == 0.0:
+        x.ofc_class = AMBIGUOUS
+        x.ofc_margin = p.margin
+    x.ofc_timer = p.t_release
+    _, liquid = bank.character(x, p, found, 1.0, 0.0, False)
+    _, solid = bank.character(x, p, found, 1.0, 1.0, False)
+    if math.fabs(solid - liquid) > x.ofc_margin:  # the clearest window since the alarm decides
+        x.ofc_margin = math.fabs(solid - liquid)
+        x.ofc_class = OFC_SOLID if solid > liquid else OFC_LIQUID
