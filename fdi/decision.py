@@ -46,6 +46,7 @@ PAIR_STATE = [
 OFC_PARAMS = [
     *bank.PARAMS,
     ("bank_threshold", "f8", (bank.K,)),  # amplitude in quiet flight [unit of the residual]
+    ("sum_threshold", "f8", (bank.K,)),  # amplitude of residual + drive in quiet flight
     ("bank_share", "f8"),  # ... plus this share of the drive's amplitude
     ("bank_prior", "f8"),  # ... plus this share while its gain has not been learned
     ("gain_floor", "f8"),  # the drive must exceed this to teach its gain [unit of the drive]
@@ -66,6 +67,7 @@ OFC_STATE = [
     ("hit", "f8", (bank.K,)),  # fits in a row that agreed
     ("pure", "f8", (2, bank.K)),  # share of power explained, of the residual and of residual + drive
     ("since", "f8"),  # time since the first sign of a fault [s]
+    ("unseen", "f8"),  # time since the last [s]
     ("r_ofc", "f8"),  # largest fit over its threshold
     ("ofc_timer", "f8"),  # time for which an oscillation is still held to be there [s]
     ("ofc_hz", "f8"),  # its frequency [Hz]
@@ -211,7 +213,8 @@ def ofc_test(x, p, renewed, blocked, teach, other, dt):
     """
     x.ofc_timer = max(x.ofc_timer - dt, 0.0)
     suspected = other or x.ofc_timer > 0.0
-    x.since = x.since + dt if suspected or x.r_ofc >= 1.0 else 0.0
+    x.unseen = 0.0 if suspected or x.r_ofc >= 1.0 else x.unseen + dt
+    x.since = x.since + dt if x.unseen < 2.0 * p.t_release else 0.0
     if renewed < 0.5:
         return
     x.r_ofc = 0.0
@@ -230,8 +233,9 @@ def ofc_test(x, p, renewed, blocked, teach, other, dt):
             x.hit[k] = 0.0
             continue
         good = judge(x, p, k, 0, -x.gain) and r >= 1.0
-        if suspected:
-            good = (judge(x, p, k, 1, 1.0) and math.sqrt(bank.mixed(x, k, 1.0, 1.0)) > p.bank_threshold[k]) or good
+        if suspected and 1.4 / p.bank_hz[k] <= x.since:  # the window's greater part lies after the first sign
+            b = math.sqrt(bank.mixed(x, k, 1.0, 1.0))
+            good = (b > p.sum_threshold[k] and judge(x, p, k, 1, 1.0)) or good
         x.hit[k] = x.hit[k] + 1.0 if good else 0.0
         found = found or x.hit[k] >= p.hits
     if found:
@@ -251,15 +255,17 @@ def judge(x, p, k, which, b):
 def name_oscillation(x, p):
     """Choose signal and frequency: of the residual (added) and residual + drive (in its place), the purest window.
 
-    Only windows that lie after the first sign of the fault count: before it the sum is the drive.
+    A window counts in full from twice its quiet amplitude on, which keeps noise in a short one from winning. Only windows that lie mostly after the first sign of the fault count: before it the sum is the drive.
     """
     best, kind, peak = 0.0, 0, -1
     for which in range(2):
         for k in range(bank.K):
-            pure = x.pure[which, k]
+            quiet = p.sum_threshold[k] if which == 1 else p.bank_threshold[k]
+            amplitude = math.sqrt(bank.mixed(x, k, 1.0, 1.0 if which == 1 else -x.gain))
+            pure = x.pure[which, k] * min(0.5 * amplitude / quiet, 1.0)
             if 1.4 / p.bank_hz[k] <= x.since and pure > best + (0.02 if which == 1 and kind == 0 else 0.0):
                 best, kind, peak = pure, which, k
-    if peak < 0 or best < p.purity:
+    if peak < 0:
         return
     b = 1.0 if kind == 1 else -x.gain
     x.ofc_solid = float(kind)

@@ -31,6 +31,9 @@ PARAMS = dtype(
         *two_stage.PARAMS,
         *decision.PAIR_PARAMS,
         *decision.OFC_PARAMS,
+        ("lag_omega", "f8"),  # f_hat follows f as a second-order lag: corner [rad/s]
+        ("lag_zeta", "f8"),  # damping
+        ("lag_ticks", "f8"),  # dead time beyond the first tick [ticks]
         ("run_tau", "f8"),  # lag of the estimates that the runaway and jam tests use [s]
         ("run_threshold", "f8"),  # input fault [1]
         ("run_share", "f8"),  # ... plus this share of the valve command
@@ -59,9 +62,13 @@ STATE = dtype(
         *two_stage.STATE,
         *decision.PAIR_STATE,
         *decision.OFC_STATE,
+        ("drive", "f8"),  # valve command behind the filter's own lag, so that f_hat + drive is what the valve did [1]
+        ("drive_d", "f8"),  # its derivative [1/s]
         ("f_slow", "f8"),  # lagged input fault, gain error removed [1]
         ("u_slow", "f8"),  # lagged valve command [1]
-        ("v_slow", "f8"),  # lagged rod velocity [m/s]
+        ("q_fast", "f8"),  # rod, lagged once [m]
+        ("q_slow", "f8"),  # rod, lagged more [m]
+        ("v_slow", "f8"),  # velocity from their difference: the filter's own is wrong while a jam loads up [m/s]
         ("excess", "f8"),  # lagged load beyond the model [1]
         ("run_timer", "f8"),  # [s]
         ("run", "f8"),  # 1 while an input fault is declared
@@ -91,19 +98,24 @@ NOISE = {
     "r_spare": 2e-8,  # 0.02 deg on 0.30 m, rigging removed
 }
 
+# fitted to the step response of f_hat on the linear model with these noises, 5 ms: residual 1 % rms with the pressure, 3 % without
+LAG = {2: {"lag_omega": 50.1, "lag_zeta": 0.64, "lag_ticks": 0.0}}
+LAG[0] = LAG[1] = {"lag_omega": 56.0, "lag_zeta": 0.56, "lag_ticks": 5.0}
+
 
 def params(which=None, *, load=2, dt=0.005, delay_s=0.005, arm=linkage.ARM, **values):
     """Return PARAMS for load form `load`, ticks of `dt` seconds and measurements `delay_s` old.
 
     `which` names the threshold set, by default that of the load form; `values` replace any field.
     """
-    v = {**lu17.NOMINAL, **NOISE, **bank.design(dt), **thresholds("iotsekf", which or f"flight_load{load}")}
+    v = {**lu17.NOMINAL, **NOISE, **LAG[load], **bank.design(dt), **thresholds("iotsekf", which or f"flight_load{load}")}
     if load != 2:
         v["q"] = (*v["q"][:3], 0.0)
     fixed = {
         "arm": arm,
         "load": float(load),
         "centre": 1.0,
+        "total_sign": 1.0,
         "delay": float(round(delay_s / dt)),
         "epsilon": 1e-9,
         "gate": 8.0,
@@ -134,13 +146,14 @@ def decide(x, u, p, dt):
     bulk = x.x_hat[2] / stiffness(x.x_hat[0], p)  # rod motion that only compresses oil
     decision.pair_test(x, u.y_rod + bulk, rod, p.arm * u.y_surface + bulk, surface, model_velocity(x, p), p, dt)
     disturbed = x.quiet > 0.0 or x.valid < 0.5
-    v = x.u_old[int(p.delay)]
-    renewed = bank.push(x, p, x.f_hat, v)
+    x.drive_d += dt * p.lag_omega * (p.lag_omega * (x.u_old[int(p.lag_ticks)] - x.drive) - 2.0 * p.lag_zeta * x.drive_d)
+    x.drive += dt * x.drive_d
+    renewed = bank.push(x, p, x.f_hat, x.drive)
     other = x.run > 0.5 or x.jam > 0.5
     decision.ofc_test(x, p, renewed, disturbed, not disturbed and x.alarm < 0.5, other, dt)
     a = 1.0 - math.exp(-dt / p.run_tau)
-    x.f_slow += a * (x.f_hat - x.gain * v - x.f_slow)
-    x.u_slow += a * (v - x.u_slow)
+    x.f_slow += a * (x.f_hat - x.gain * x.drive - x.f_slow)
+    x.u_slow += a * (x.drive - x.u_slow)
     x.r_run = math.fabs(x.f_slow) / (p.run_threshold + p.run_share * math.fabs(x.u_slow))
     x.run_timer, x.run = confirm(x.run_timer, x.run, x.r_run >= 1.0 and not disturbed, dt, p.run_confirm, p.t_release)
     x.r_jam = 0.0
@@ -148,7 +161,9 @@ def decide(x, u, p, dt):
         model = (u.hm0_model + u.hmd_model * x.x_hat[0] / p.arm) / (p.arm * p.A_p * p.P_s)
         x.excess += a * (x.x_hat[3] - model - x.excess)
         x.r_jam = math.fabs(x.excess) / (p.jam_threshold + p.jam_share * math.fabs(model))
-    x.v_slow += a * (x.x_hat[1] - x.v_slow)
+    x.q_fast += a * (x.x_hat[0] - x.q_fast)
+    x.q_slow += dt / (2.0 * p.run_tau) * (x.q_fast - x.q_slow)
+    x.v_slow = (x.q_fast - x.q_slow) / (2.0 * p.run_tau)
     still = math.fabs(x.v_slow) < p.jam_still
     jammed = x.r_jam >= 1.0 and still and not disturbed
     x.jam_timer, x.jam = confirm(x.jam_timer, x.jam, jammed, dt, p.jam_confirm, p.t_release)

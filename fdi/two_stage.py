@@ -28,7 +28,7 @@ from actuators.lu17 import jacobian, rk4
 from fdi.linalg import congruence, integral_column, joseph
 
 ITERATIONS = 4  # bound of (21)-(24)
-HISTORY = 4  # ticks of valve command kept for the delay
+HISTORY = 8  # ticks of valve command kept for the delay
 
 PARAMS = [
     ("arm", "f8"),  # rod arm [m]
