@@ -150,7 +150,8 @@ def _moving(j, name, tech, part, delta, nominal):
     else:
         to, amplitude = command, j.magnitude / nominal.arm[tech] if j.unit == "m" else j.magnitude
     places = [(f"{to}.{share.replace('s_', 'f_')}", "f_inj"), *([(f"{to}.{share}", "g")] if solid else [])]
-    return Lane(name, j.fault, _params(j, f.SINE, amplitude), tuple(places))
+    shape = f.CONSTANT if j.kind == "bias" else f.SINE
+    return Lane(name, j.fault, _params(j, shape, amplitude), tuple(places))
 
 
 def _runaway(j, name, tech, part, own, command, delta, nominal):
