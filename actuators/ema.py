@@ -1,17 +1,6 @@
 """The electromechanical actuator that flies: the model of [Jay] with limits, friction, stops and faults.
 
-Symbols as in `jay`. With the twist s = N x3 - l x1, less the backlash, and the spring force F = K_s s:
-
-    x2' = (l F - B_N x2 + hm0 + hmd x1 - T_jam) / J_N
-    x4' = (-N F - B_M x4 + K_T x5 - T_f) / J_M
-    x5' = (g - x5) / tau,      g = (V - K_B x4) / R_g,   tau = L / R_g
-    x6' = -b x6 + u
-
-The electrical pole is at 8200 rad/s. tau x5' is exact: the current is integrated by an exponential Runge-Kutta step
-(Cox and Matthews, J. Comput. Phys. 176, 2002) with x4 + K_T tau / J_M x5 in place of x4, whose derivative no longer
-holds the fast current; x6 is exact for the held u; the rest is the classical fourth order at the same stages.
-Parameters may change at every tick, and against the matrix exponential the unlimited model is right to the figures in
-its test.
+Symbols as in `jay`. The equations, and how one sub-step is taken, stand in `ema_motion`.
 
 The amplifier is in one of four modes, chosen at each sub-step by the quasi-steady current g:
 
@@ -44,6 +33,8 @@ import numpy as np
 
 from actuators import jay, linkage
 from actuators.block import dtype, kernel, record
+from actuators.ema_motion import move, spring, steady
+from actuators.limits import clip, finite, share, sign
 
 PARAMS = dtype(
     [
@@ -130,12 +121,13 @@ UNLIMITED = 1e9  # current, voltage and stops of the nozzle: the paper gives non
 def params(kind="elevator", **values):
     """Return PARAMS of shape (1,) of the set "elevator" or "nozzle"; `values` replace fields, unknown ones raise.
 
-    The nozzle set is the paper's linear model: no friction, limits or stops.
+    The nozzle set is the paper's linear model: no friction, limits or stops; 40 sub-steps, so that even the least entry
+    of Phi is right to its printed digits.
     """
     v = jay.values(kind)
     amperes, volts = jay.LIMITS[kind]
     ratio = v["arm"] / v["lead"]
-    fields = {**v, "substeps": 5.0, "x3_lo": -UNLIMITED, "x3_hi": UNLIMITED}
+    fields = {**v, "substeps": 5.0 if kind == "elevator" else 40.0, "x3_lo": -UNLIMITED, "x3_hi": UNLIMITED}
     fields["I_max"], fields["V_max"] = min(amperes, UNLIMITED), min(volts, UNLIMITED)
     if kind == "elevator":
         stall = v["K_T"] * amperes
@@ -189,33 +181,18 @@ def linearised(p, *, hmd=0.0):
 
 
 @kernel
-def _finite(v, x):
-    """Return v, or zero and status 1 where it is not a number of sane size."""
-    if abs(v) < 1e12:
-        return v
-    x.status = 1.0
-    return 0.0
-
-
-@kernel
-def _clip(v, lo, hi):
-    """Return v within lo..hi."""
-    return min(max(v, lo), hi)
-
-
-@kernel
 def _faulty(x, u, p):
     """Write the demand and the parameters that the faults leave."""
-    left = 1.0 - _clip(_finite(u.loss, x), 0.0, 1.0)
-    x.u_eff = _finite((1.0 - u.s_u) * u.u + u.f_u, x) * left
+    left = 1.0 - share(finite(u.loss, x))
+    x.u_eff = finite((1.0 - u.s_u) * u.u + u.f_u, x) * left
     x.I_now = p.I_max * left
-    x.R_now = p.R * (1.0 + max(_finite(u.r_add, x), -0.9))
-    x.K_now = 1.0 - _clip(_finite(u.magnet_loss, x), 0.0, 1.0)
-    x.K_i = p.K_ic * max(1.0 - _finite(u.s_i, x), 0.0)
-    x.V_i = -p.K_ic * _finite(u.f_i, x)
-    x.T_add = max(_finite(u.friction_add, x), 0.0) + _clip(_finite(u.jam_screw, x), 0.0, 1.0) * p.T_brake
-    x.M_add = _clip(_finite(u.jam, x), 0.0, 1.0) * p.M_brake
-    x.gap = 0.5 * (p.backlash + max(_finite(u.backlash_add, x), 0.0))
+    x.R_now = p.R * (1.0 + max(finite(u.r_add, x), -0.9))
+    x.K_now = 1.0 - share(finite(u.magnet_loss, x))
+    x.K_i = p.K_ic * max(1.0 - finite(u.s_i, x), 0.0)
+    x.V_i = -p.K_ic * finite(u.f_i, x)
+    x.T_add = max(finite(u.friction_add, x), 0.0) + share(finite(u.jam_screw, x)) * p.T_brake
+    x.M_add = share(finite(u.jam, x)) * p.M_brake
+    x.gap = 0.5 * (p.backlash + max(finite(u.backlash_add, x), 0.0))
 
 
 @kernel
@@ -230,115 +207,32 @@ def _choose(x, off, p):
         return
     g = (drive - back) / x.R_g
     if abs(g) > x.I_now:
-        g = _clip(g, -x.I_now, x.I_now)
+        g = clip(g, -x.I_now, x.I_now)
         x.mode, x.g, x.b_g = 1.0, g * x.R_g, 0.0
     x.volts = x.R_now * g + back
     if abs(x.volts) > p.V_max:
-        x.volts = _clip(x.volts, -p.V_max, p.V_max)
+        x.volts = clip(x.volts, -p.V_max, p.V_max)
         x.mode, x.g, x.R_g, x.b_g = 2.0, x.volts, x.R_now, 1.0
-
-
-@kernel
-def _steady(x4, x6, x, p):
-    """Return the quasi-steady current of the mode [A]; in the current loop x6 moves inside the sub-step."""
-    V = x.g
-    if x.mode == 0.0:
-        V -= p.K_gi * (p.b - p.a) * (x6 - x.comp)
-    return (V - x.b_g * x.K_now * p.K_B * x4) / x.R_g
-
-
-@kernel
-def _spring(x1, x3, x, p):
-    """Return the force of the screw on the surface [N], none inside the backlash."""
-    s = p.lead * x3 - p.arm * x1
-    if s > x.gap:
-        return p.K_s * (s - x.gap)
-    if s < -x.gap:
-        return p.K_s * (s + x.gap)
-    return 0.0
-
-
-@kernel
-def _rates(x1, x2, x3, x4, g, d1, d3, hm0, hmd, x, p):
-    """Return (x2', y'), y = x4 + K_T tau / J_M x5: accelerations of surface and motor, sliding in directions d1, d3."""
-    F = _spring(x1, x3, x, p)
-    dx2 = (p.arm * F - p.B_N * x2 + hm0 + hmd * x1 - d1 * x.M_add) / p.J_N
-    return dx2, (-p.lead * F - p.B_M * x4 + x.K_now * p.K_T * g - d3 * (p.T_c + x.T_add)) / p.J_M
-
-
-@kernel
-def _move(x1, x2, x3, x4, i, m1, m3, d1, d3, hm0, hmd, h, x, p):
-    """Return (x1, x2, x3, x4, i, x6) after `h`; m1, m3 are 0 where surface or motor is held."""
-    tau = p.L / x.R_g
-    kappa = x.K_now * p.K_T * tau / p.J_M
-    w, E2 = 0.5 * h, math.exp(-0.5 * h / tau)
-    e6 = math.exp(-p.b * w)
-    x6h = e6 * x.comp + (1.0 - e6) * x.u_eff / p.b
-    x6e = e6 * x6h + (1.0 - e6) * x.u_eff / p.b
-    y = x4 + kappa * i
-
-    ga = _steady(x4, x.comp, x, p)
-    a2, ay = _rates(x1, x2, x3, x4, ga, d1, d3, hm0, hmd, x, p)
-    ia = E2 * i + (1.0 - E2) * ga
-    v2, v4 = x2 + w * m1 * a2, m3 * (y + w * ay - kappa * ia)
-    gb = _steady(v4, x6h, x, p)
-    b2, by = _rates(x1 + w * x2, v2, x3 + w * x4, v4, gb, d1, d3, hm0, hmd, x, p)
-    ib = E2 * i + (1.0 - E2) * gb
-    w2, w4 = x2 + w * m1 * b2, m3 * (y + w * by - kappa * ib)
-    gc = _steady(w4, x6h, x, p)
-    c2, cy = _rates(x1 + w * v2, w2, x3 + w * v4, w4, gc, d1, d3, hm0, hmd, x, p)
-    ic = E2 * ia + (1.0 - E2) * (2.0 * gc - ga)
-    z2, z4 = x2 + h * m1 * c2, m3 * (y + h * cy - kappa * ic)
-    gd = _steady(z4, x6e, x, p)
-    e2, ey = _rates(x1 + h * w2, z2, x3 + h * w4, z4, gd, d1, d3, hm0, hmd, x, p)
-
-    z = -h / tau
-    f1 = (E2 * E2 - 1.0) / z
-    f2 = (f1 - 1.0) / z
-    f3 = (f2 - 0.5) / z
-    i_end = E2 * E2 * i - z * (
-        (f1 - 3.0 * f2 + 4.0 * f3) * ga + (f2 - 2.0 * f3) * 2.0 * (gb + gc) + (4.0 * f3 - f2) * gd
-    )
-    s = h / 6.0
-    y_end = y + s * (ay + 2.0 * (by + cy) + ey)
-    return (
-        x1 + s * m1 * (x2 + 2.0 * (v2 + w2) + z2),
-        m1 * (x2 + s * (a2 + 2.0 * (b2 + c2) + e2)),
-        x3 + s * m3 * (x4 + 2.0 * (v4 + w4) + z4),
-        m3 * (y_end - kappa * i_end),
-        i_end,
-        x6e,
-    )
-
-
-@kernel
-def _sign(v):
-    """Return -1, 0 or 1."""
-    if v > 0.0:
-        return 1.0
-    if v < 0.0:
-        return -1.0
-    return 0.0
 
 
 @kernel
 def _slides_motor(x, p):
     """Return the direction in which the motor turns, or 0 where friction or an end stop holds it."""
     if x.motor_d != 0.0:
-        return _sign(x.motor_d)
-    net = x.K_now * p.K_T * _steady(0.0, x.comp, x, p) - p.lead * _spring(x.delta, x.motor, x, p)
+        return sign(x.motor_d)
+    net = x.K_now * p.K_T * steady(0.0, x.comp, x.R_g, x, p) - p.lead * spring(x.delta, x.motor, x, p)
     if abs(net) <= p.T_s + x.T_add or (net > 0.0 and x.motor >= p.x3_hi) or (net < 0.0 and x.motor <= p.x3_lo):
         return 0.0
-    return _sign(net)
+    return sign(net)
 
 
 @kernel
 def _slides_surface(x, hm0, hmd, p):
     """Return the direction of a braked surface, 0 where the brake holds it; without a brake friction has no part."""
     if x.delta_d != 0.0:
-        return _sign(x.delta_d)
-    net = p.arm * _spring(x.delta, x.motor, x, p) + hm0 + hmd * x.delta
-    return 0.0 if abs(net) <= x.M_add else _sign(net)
+        return sign(x.delta_d)
+    net = p.arm * spring(x.delta, x.motor, x, p) + hm0 + hmd * x.delta
+    return 0.0 if abs(net) <= x.M_add else sign(net)
 
 
 @kernel
@@ -361,11 +255,11 @@ def _substep(x, off, hm0, hmd, h, p):
         d1 = _slides_surface(x, hm0, hmd, p)
         m3 = 0.0 if d3 == 0.0 and (rubs or x.motor >= p.x3_hi or x.motor <= p.x3_lo) else 1.0
         m1 = 0.0 if d1 == 0.0 and braked else 1.0
-        x1, x2, x3, x4, i, x6 = _move(x.delta, x.delta_d, x.motor, x.motor_d, x.i, m1, m3, d1, d3, hm0, hmd, left, x, p)
+        x1, x2, x3, x4, i, x6 = move(x.delta, x.delta_d, x.motor, x.motor_d, x.i, m1, m3, d1, d3, hm0, hmd, left, x, p)
         p1, p3 = _until(x.delta_d, x2, d1, braked), _until(x.motor_d, x4, d3, rubs)
         part = min(p1, p3)
         if 0.0 < part < 1.0:
-            x1, x2, x3, x4, i, x6 = _move(
+            x1, x2, x3, x4, i, x6 = move(
                 x.delta, x.delta_d, x.motor, x.motor_d, x.i, m1, m3, d1, d3, hm0, hmd, part * left, x, p
             )
         if p1 <= part and p1 < 1.0:
@@ -386,7 +280,7 @@ def _substep(x, off, hm0, hmd, h, p):
 def step(x, u, p, dt):
     """Advance the actuator by one tick of `dt` seconds with demand, load pair and faults held."""
     x.status = 0.0
-    hm0, hmd, off = _finite(u.hm0, x), _finite(u.hmd, x), _finite(u.free_float, x)
+    hm0, hmd, off = finite(u.hm0, x), finite(u.hmd, x), finite(u.free_float, x)
     _faulty(x, u, p)
     n = int(p.substeps)
     for _ in range(n):

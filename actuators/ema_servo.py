@@ -24,6 +24,7 @@ from scipy.signal import place_poles
 
 from actuators import jay, linkage, reference
 from actuators.block import dtype, kernel, record
+from actuators.limits import clip
 
 PARAMS = dtype(
     [
@@ -132,12 +133,6 @@ def init_at(p, position, i):
 
 
 @kernel
-def _clip(v, lo, hi):
-    """Return v within lo..hi."""
-    return min(max(v, lo), hi)
-
-
-@kernel
 def _sense(x, u, p, dt):
     """Write angle and rate of now from measurements that are `delay` ticks old, or from what remains valid."""
     rate = u.vel_meas / p.ratio
@@ -160,10 +155,10 @@ def _refer(x, u, p, dt):
     """Write the reference of this tick's start towards the command, or let it run away."""
     command = (1.0 - u.s_cmd) * u.command + u.f_cmd
     if abs(command) < 1e6:
-        x.delta_c = _clip(command, p.r_lo, p.r_hi)
+        x.delta_c = clip(command, p.r_lo, p.r_hi)
     reference.demand(x, x.delta_c, 1.0, p)
     if u.s_rate != 0.0 or u.f_rate != 0.0:
-        x.rd = _clip((1.0 - u.s_rate) * x.rd + u.f_rate, -p.v_max, p.v_max)
+        x.rd = clip((1.0 - u.s_rate) * x.rd + u.f_rate, -p.v_max, p.v_max)
         x.rdd, x.rddd = 0.0, 0.0
 
 
@@ -171,15 +166,15 @@ def _refer(x, u, p, dt):
 def step(x, u, p, dt):
     """Bring the reference to now and compute the demand for the tick that starts."""
     reference.advance(x, dt)
-    x.r = _clip(x.r, 1.2 * p.r_lo, 1.2 * p.r_hi)
+    x.r = clip(x.r, 1.2 * p.r_lo, 1.2 * p.r_hi)
     _sense(x, u, p, dt)
     _refer(x, u, p, dt)
     e = x.r - x.theta
     wanted = p.amps * (x.rdd + p.k_v * (x.rd - x.omega) + p.k_p * e + x.z)
-    x.i_d = _clip(wanted, -p.I_max, p.I_max)
+    x.i_d = clip(wanted, -p.I_max, p.I_max)
     x.u = p.g_i * x.i_d + p.g_w * x.omega * p.ratio
     if not ((wanted > p.I_max and e > 0.0) or (wanted < -p.I_max and e < 0.0)):
-        x.z += p.k_i * dt * (e - _clip(e, -p.dead, p.dead))
+        x.z += p.k_i * dt * (e - clip(e, -p.dead, p.dead))
 
 
 @kernel

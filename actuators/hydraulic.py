@@ -34,6 +34,7 @@ import numpy as np
 
 from actuators import linkage, lu17
 from actuators.block import dtype, kernel, record
+from actuators.limits import clip, finite, share, sign
 
 PARAMS = dtype(
     [
@@ -147,42 +148,21 @@ def linearised(p, *, q=0.0, x3=0.0, hmd=0.0):
 
 
 @kernel
-def _finite(v, x):
-    """Return v, or zero and status 1 where it is not a number of sane size."""
-    if abs(v) < 1e12:
-        return v
-    x.status = 1.0
-    return 0.0
-
-
-@kernel
-def _share(v):
-    """Return v within 0..1."""
-    return min(max(v, 0.0), 1.0)
-
-
-@kernel
-def _clip(v, lo, hi):
-    """Return v within lo..hi."""
-    return min(max(v, lo), hi)
-
-
-@kernel
 def _faulty(x, u, p):
     """Write the parameters that the faults leave, and return (supply, brake): share of supply [1], brake force [N].
 
     With supply sigma P_s, (4) holds for z = x3 / sigma, P_s' = sigma P_s, phi_n' = sqrt(sigma) phi_n, L' = sigma L.
     """
-    sigma = max(1.0 - _share(_finite(u.supply_drop, x)), FLOOR)
-    bypass = _share(_finite(u.free_float, x))
+    sigma = max(1.0 - share(finite(u.supply_drop, x)), FLOOR)
+    bypass = share(finite(u.free_float, x))
     x.A_p, x.B, x.M, x.V_m = p.A_p, p.B, p.M, p.V_m
     x.P_s = sigma * p.P_s
     x.phi_n = math.sqrt(sigma) * p.phi_n
-    x.E = p.E * max(1.0 - _share(_finite(u.air, x)), FLOOR)
-    x.L = sigma * (p.L + max(_finite(u.leak_add, x), 0.0) + bypass * p.L_bypass)
-    spool = _finite((1.0 - u.s_u) * u.u + u.f_u, x)
-    x.u_eff = _clip(spool, -p.u_max, p.u_max) * (1.0 - _share(_finite(u.loss, x))) * (1.0 - bypass)
-    return sigma, _share(_finite(u.jam, x)) * p.F_brake
+    x.E = p.E * max(1.0 - share(finite(u.air, x)), FLOOR)
+    x.L = sigma * (p.L + max(finite(u.leak_add, x), 0.0) + bypass * p.L_bypass)
+    spool = finite((1.0 - u.s_u) * u.u + u.f_u, x)
+    x.u_eff = clip(spool, -p.u_max, p.u_max) * (1.0 - share(finite(u.loss, x))) * (1.0 - bypass)
+    return sigma, share(finite(u.jam, x)) * p.F_brake
 
 
 @kernel
@@ -228,11 +208,11 @@ def _hold(q, z, h, x):
 def _direction(q, v, z, gap, hm0, hmd, brake, x, p):
     """Return (held, d): whether friction or a stop holds the rod, else the direction in which it slides."""
     if v != 0.0:
-        return False, lu17.sign(v)
+        return False, sign(v)
     net = x.A_p * x.P_s * z + _external(q, 0.0, 0.0, gap, hm0, hmd, brake, x, p)
     rest = p.F_s + brake
     held = (rest > 0.0 and abs(net) <= rest) or (net > 0.0 and q >= p.q_hi) or (net < 0.0 and q <= p.q_lo)
-    return held, lu17.sign(net)
+    return held, sign(net)
 
 
 @kernel
@@ -267,7 +247,7 @@ def _substep(q, v, z, gap, hm0, hmd, brake, h, x, p):
 def step(x, u, p, dt):
     """Advance the actuator by one tick of `dt` seconds with command, load pair and faults held."""
     x.status = 0.0
-    hm0, hmd = _finite(u.hm0, x), _finite(u.hmd, x)
+    hm0, hmd = finite(u.hm0, x), finite(u.hmd, x)
     sigma, brake = _faulty(x, u, p)
     q, v, z = x.q_rod, x.qd_rod, x.x3 / sigma
     n = int(p.substeps)
@@ -277,7 +257,7 @@ def step(x, u, p, dt):
         hm = hm0 + hmd * x.delta
         drift = x.delta + h * hm / p.c_gap
         lo, hi = q / p.arm - 0.5 * p.backlash, q / p.arm + 0.5 * p.backlash
-        x.delta = _clip(drift, lo, hi)
+        x.delta = clip(drift, lo, hi)
         x.contact = 1.0 if (hm >= 0.0 and drift >= hi) or (hm <= 0.0 and drift <= lo) or hi == lo else 0.0
     if not (abs(q) < 1e3 and abs(v) < 1e6 and abs(z) < 1e6):
         x.status = 2.0

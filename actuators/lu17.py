@@ -26,6 +26,7 @@ Numba warns of a record that begins like another one).
 import math
 
 from actuators.block import dtype, kernel, record
+from actuators.limits import sign
 
 FIELDS = [
     ("A_p", "f8"),  # piston area [m^2]
@@ -58,16 +59,6 @@ VOLUME_FLOOR = 0.1
 def params(**values):
     """Return PARAMS of shape (1,): the nominal values of [Lu17] or `values`; unknown names raise ValueError."""
     return record(PARAMS, **{**NOMINAL, **values})
-
-
-@kernel
-def sign(v):
-    """Return -1, 0 or 1, as sign(0) = 0 in (4): at a closed valve neither chamber is the supplied one."""
-    if v > 0.0:
-        return 1.0
-    if v < 0.0:
-        return -1.0
-    return 0.0
 
 
 @kernel

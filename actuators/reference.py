@@ -16,6 +16,7 @@ import numpy as np
 from scipy.signal import place_poles
 
 from actuators.block import kernel
+from actuators.limits import flush, within
 
 PARAM_FIELDS = [
     ("k1", "f8"),  # position to velocity [1/s]
@@ -43,29 +44,17 @@ def gains(*, omega, zeta, dt):
 
 
 @kernel
-def _within(v, limit):
-    """Return v within -limit..limit."""
-    return min(max(v, -limit), limit)
-
-
-@kernel
 def demand(x, target, speed, p):
     """Write r''' for this tick towards `target`; `speed` in 0..1 scales v_max. Reads r, r', r'' at the tick's start."""
     e = target - x.r
-    v = _within(p.k1 * e, min(p.v_max * speed, math.sqrt(0.8 * p.a_max * abs(e))))
-    a = _within(p.k2 * (v - x.rd), p.a_max)
-    x.rddd = _within(p.k3 * (a - x.rdd), p.j_max)
-
-
-@kernel
-def _flush(v):
-    """Return v, or zero where it has decayed beyond meaning: denormal numbers are a hundred times slower."""
-    return v if abs(v) > 1e-30 else 0.0
+    v = within(p.k1 * e, min(p.v_max * speed, math.sqrt(0.8 * p.a_max * abs(e))))
+    a = within(p.k2 * (v - x.rd), p.a_max)
+    x.rddd = within(p.k3 * (a - x.rdd), p.j_max)
 
 
 @kernel
 def advance(x, dt):
     """Integrate r, r', r'' over the tick, exactly for the held r'''."""
     x.r += dt * (x.rd + dt * (x.rdd / 2.0 + dt * x.rddd / 6.0))
-    x.rd = _flush(x.rd + dt * (x.rdd + dt * x.rddd / 2.0))
-    x.rdd = _flush(x.rdd + dt * x.rddd)
+    x.rd = flush(x.rd + dt * (x.rdd + dt * x.rddd / 2.0))
+    x.rdd = flush(x.rdd + dt * x.rddd)

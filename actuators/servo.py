@@ -23,11 +23,11 @@ INPUTS f_cmd, s_cmd: command-level faults, delta_c = (1 - s_cmd) command + f_cmd
 import math
 
 import numpy as np
-from scipy.linalg import expm, solve_discrete_are
-from scipy.signal import place_poles
 
 from actuators import hydraulic, linkage, lu17, reference
 from actuators.block import dtype, kernel, record
+from actuators.limits import clip
+from actuators.servo_gains import error_gains, observer_gains
 
 PARAMS = dtype(
     [
@@ -85,56 +85,6 @@ OUTPUTS = ("u", "delta_c", "r", "rd", "rdd", "q", "qd", "x3", "load")
 
 ROOT_LEAST = 0.2
 POLE = 25.0  # [rad/s]
-# sensor set `transport` (1 sigma per sample), and how fast the unknown may move
-SIGMA_ROD, SIGMA_PRESSURE = 1e-4, 0.005  # [m], [1]
-WALK_LOAD, WALK_PRESSURE, WALK_VELOCITY = 5e3, 0.1, 0.01  # per root second [N], [1], [m/s]
-
-
-def _linear(model):
-    """Return (A, B) of q, q', x3 at rest and centre, shapes (3, 3), (3, 1)."""
-    a22, a23, a31, a32, a33, b3, _ = lu17.jacobian(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, model)
-    return np.array([[0, 1, 0], [0, a22, a23], [a31, a32, a33]]), np.array([[0.0], [0.0], [b3]])
-
-
-def _hold(A, B, dt):
-    """Return (Phi, Gamma) for a held input."""
-    n = len(A)
-    e = expm(np.block([[A, B], [np.zeros((B.shape[1], n + B.shape[1]))]]) * dt)
-    return e[:n, :n], e[:n, n:]
-
-
-def error_gains(model, *, pole, dt):
-    """Return {k_q, k_v, k_a} for which the sampled linear loop has its poles at -pole, 0.97 pole and 1.03 pole.
-
-    (13) in linear form is u = -K (q, q', x3): K follows from pole placement, the gains from comparing coefficients.
-    """
-    A, B = _linear(model)
-    Phi, Gamma = _hold(A, B, dt)
-    K = place_poles(Phi, Gamma, np.exp(-pole * dt * np.array([0.97, 1.0, 1.03]))).gain_matrix[0]
-    a23, beta, k = A[1, 2], model.B / model.M, -A[2, 1]
-    D = a23 * k * model.phi_n / model.A_p  # u to q''' [m/s^3]
-    k_a = beta + (K[2] * D / (a23 * k) + model.L) * k
-    return {"k_q": D * K[0], "k_v": D * K[1] + a23 * k + (k_a - beta) * beta, "k_a": k_a}
-
-
-def observer_gains(model, *, dt):
-    """Return (K, K_rod), shapes (4, 2), (4,): steady Kalman gains of (q, q', x3, F), linear at rest and centre."""
-    A3, _ = _linear(model)
-    A = np.zeros((4, 4))
-    A[:3, :3] = A3
-    A[1, 3] = 1.0 / model.M
-    Phi = expm(A * dt)
-    Q = np.diag(np.array([1e-6, WALK_VELOCITY, WALK_PRESSURE, WALK_LOAD]) ** 2 * dt)
-    out = []
-    scale = np.diag([1e-3, 1e-2, 1e-1, 1e3])  # the Riccati solver wants entries of one size
-    inverse = np.linalg.inv(scale)
-    for rows in ((0, 2), (0,)):
-        H = np.eye(4)[list(rows)]
-        R = np.diag(np.array([SIGMA_ROD, 1.0, SIGMA_PRESSURE])[list(rows)] ** 2)
-        P = solve_discrete_are((inverse @ Phi @ scale).T, (H @ scale).T, inverse @ Q @ inverse, R)
-        P = scale @ P @ scale
-        out.append(P @ H.T @ np.linalg.inv(H @ P @ H.T + R))
-    return out[0], out[1][:, 0]
 
 
 def params(*, dt=0.005, pole=POLE, omega=45.0, zeta=0.8, delay=1.0, fb_delay=1.0, **values):
@@ -183,12 +133,6 @@ def init_at(p, delta, load):
 
 
 @kernel
-def _clip(v, lo, hi):
-    """Return v within lo..hi."""
-    return min(max(v, lo), hi)
-
-
-@kernel
 def _good(v, flag):
     """Return whether a flagged number can be used: its flag is up and it is finite and of sane size."""
     return flag > 0.5 and abs(v) < 1e9
@@ -210,10 +154,10 @@ def _correct(x, u, p):
             x.qd_hat += p.K_rod[1] * e_q
             x.x3_hat += p.K_rod[2] * e_q
             x.load_hat += p.K_rod[3] * e_q
-    x.q_hat = _clip(x.q_hat, 2.0 * p.r_lo, 2.0 * p.r_hi)
-    x.qd_hat = _clip(x.qd_hat, -1.0, 1.0)  # the speed of the unloaded rod at u = 1
-    x.x3_hat = _clip(x.x3_hat, -3.0, 3.0)
-    x.load_hat = _clip(x.load_hat, -p.F_max, p.F_max)
+    x.q_hat = clip(x.q_hat, 2.0 * p.r_lo, 2.0 * p.r_hi)
+    x.qd_hat = clip(x.qd_hat, -1.0, 1.0)  # the speed of the unloaded rod at u = 1
+    x.x3_hat = clip(x.x3_hat, -3.0, 3.0)
+    x.load_hat = clip(x.load_hat, -p.F_max, p.F_max)
 
 
 @kernel
@@ -253,7 +197,7 @@ def _invert(x, p, dt):
     x3 = x.x3 + 0.5 * dt * x.rddd * p.M / (p.A_p * p.P_s)
     lie = drive * (-p.L * x3 - qd) - p.B / p.M * a
     w = (nu - lie) / (drive * p.phi_n / p.A_p)
-    return _clip(w / max(lu17.opening(w, x.x3), ROOT_LEAST), -p.u_max, p.u_max)
+    return clip(w / max(lu17.opening(w, x.x3), ROOT_LEAST), -p.u_max, p.u_max)
 
 
 @kernel
@@ -262,7 +206,7 @@ def step(x, u, p, dt):
     reference.advance(x, dt)
     command = (1.0 - u.s_cmd) * u.command + u.f_cmd
     if abs(command) < 1e9:
-        x.delta_c = _clip(command, p.r_lo / p.arm, p.r_hi / p.arm)
+        x.delta_c = clip(command, p.r_lo / p.arm, p.r_hi / p.arm)
     if p.delay > 0.5:
         _correct(x, u, p)
         _predict(x, p, dt)

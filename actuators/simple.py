@@ -16,6 +16,7 @@ import numpy as np
 
 from actuators import linkage
 from actuators.block import dtype, kernel, record
+from actuators.limits import clip, flush
 
 PARAMS = dtype(
     [
@@ -90,37 +91,30 @@ def init_at(p, delta):
 
 
 @kernel
-def _clip(v, lo, hi):
-    """Return v within lo..hi."""
-    return min(max(v, lo), hi)
-
-
-@kernel
 def step(x, u, p, dt):
     """Advance the actuator by one tick."""
     x.status = 1.0
     command = (1.0 - u.loss) * ((1.0 - u.s_cmd) * u.command + u.f_cmd)
     if abs(command) < 1e6:
-        x.delta_c = _clip(command, p.lo, p.hi)
+        x.delta_c = clip(command, p.lo, p.hi)
         x.status = 0.0
     if u.jam > 0.5:
         x.delta_d = 0.0
         return
-    v = (1.0 - u.s_rate) * _clip(p.k1 * (x.delta_c - x.delta), -p.v_max, p.v_max) + u.f_rate
+    v = (1.0 - u.s_rate) * clip(p.k1 * (x.delta_c - x.delta), -p.v_max, p.v_max) + u.f_rate
     if u.free_float > 0.5:
         goal = -u.hm0 / u.hmd if u.hmd < 0.0 else x.delta
-        v = (_clip(goal, p.lo, p.hi) - x.delta) / p.tau_float
+        v = (clip(goal, p.lo, p.hi) - x.delta) / p.tau_float
     if not abs(v) < 1e6:
         v, x.status = 0.0, 1.0
-    a = _clip((v - x.delta_d) * (1.0 - math.exp(-p.k2 * dt)) / dt, -p.a_max, p.a_max)
+    a = clip((v - x.delta_d) * (1.0 - math.exp(-p.k2 * dt)) / dt, -p.a_max, p.a_max)
     x.delta += dt * (x.delta_d + 0.5 * dt * a)
     x.delta_d += dt * a
     if x.delta > p.hi:
         x.delta, x.delta_d = p.hi, min(x.delta_d, 0.0)
     elif x.delta < p.lo:
         x.delta, x.delta_d = p.lo, max(x.delta_d, 0.0)
-    if abs(x.delta_d) < 1e-30:
-        x.delta_d = 0.0
+    x.delta_d = flush(x.delta_d)
 
 
 @kernel
