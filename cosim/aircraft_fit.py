@@ -1,16 +1,20 @@
 """Fit the aircraft's tables to the published 747 data and write the JSBSim files that hold them.
 
-    python -m cosim.aircraft_fit            writes aircraft/transport/aerodynamics.xml and Engines/turbofan.xml
+    python -m cosim.aircraft_fit            writes aerodynamics.xml, Engines/turbofan.xml and Systems/multipliers.xml
     python -m cosim.aircraft_fit --check    exit status 1 when the files on disk are not what this script makes
     python -m cosim.aircraft_fit --show     what the tables give at the flight conditions, beside what was asked
 
 Longitudinal, for CL, CD and Cm alike:
 
-    C(alpha, M, q̄) = mean(alpha, M) + sum_j b_j(M) (a_j0 + a_j1 alpha [+ a_j2 alpha^2]) + local(alpha, M) + (q̄ - 200 psf)(t0 + t1 alpha)
+    C(alpha, M, q̄) = mean(alpha, M) + sum_j b_j(M) (a_j0 + a_j1 alpha [+ a_j2 alpha^2]) + local(alpha, M) + (q̄ - 200
+    psf)(t0 + t1 alpha)
 
-with smooth bumps b_j over Mach, a grid of small local bumps and two flexibility constants. Ridge regression asks for the trim value, the slope
-over alpha and the slope over speed at conditions 3 to 10 of [CR-2144]; the local bumps, held down by the ridge, take up what functions
-of Mach alone cannot. The lift line is then bent over into the stall. Rates, controls and lateral coefficients: `surface`.
+with smooth bumps b_j over Mach, a grid of small local bumps and two flexibility constants. Ridge regression asks for
+the trim value, the slope
+over alpha and the slope over speed at conditions 3 to 10 of [CR-2144]; the local bumps, held down by the ridge, take
+up what functions
+of Mach alone cannot. The lift line is then bent over into the stall. Rates, controls and lateral coefficients:
+`surface`.
 Details, sources and what is assumed: aircraft/README.md.
 """
 
@@ -21,10 +25,12 @@ from pathlib import Path
 import numpy as np
 
 from cosim.aircraft_data import CONTROLS, FLIGHT_CONDITIONS, LATERAL, STABILIZER, STABILIZER_UNSURE, derivatives
-from cosim.aircraft_xml import aerodynamics_xml, engine_xml
+from cosim.aircraft_xml import aerodynamics_xml, engine_xml, multipliers_xml
 
 FOLDER = Path(__file__).resolve().parent.parent / "aircraft" / "transport"
-ALPHA = np.radians(np.concatenate([np.arange(-10.0, -4.0, 2.0), np.arange(-4.0, 12.0, 0.5), np.arange(12.0, 30.1, 1.5)]))
+ALPHA = np.radians(
+    np.concatenate([np.arange(-10.0, -4.0, 2.0), np.arange(-4.0, 12.0, 0.5), np.arange(12.0, 30.1, 1.5)])
+)
 MACH = np.concatenate([np.arange(0.2, 0.4, 0.05), np.arange(0.4, 0.9501, 0.0125)])
 ALPHA_COARSE = np.radians(np.arange(-6.0, 18.1, 2.0))
 MACH_COARSE = np.array([0.2, 0.3, 0.4, 0.5, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95])
@@ -43,11 +49,15 @@ def cl_max(mach):
 
 
 def stalled(lift, mach):
-    """Bend lift over smoothly from 0.80 to 1 of cl_max, flat top, then 10 % down: C_L(x) = j + r tanh(x), x = (C_L - j) / r."""
+    """Bend lift over smoothly from 0.80 to 1 of cl_max, flat top, then 10 % down: C_L(x) = j + r tanh(x), x = (C_L -
+    j) / r.
+    """
     top = cl_max(mach)
     join = 0.80 * top
     x = np.maximum(lift - join, 0.0) / (top - join)
-    return np.where(lift > join, join + (top - join) * (np.tanh(x) - 0.4 * np.tanh(0.5 * np.maximum(x - 2.0, 0.0))), lift)
+    return np.where(
+        lift > join, join + (top - join) * (np.tanh(x) - 0.4 * np.tanh(0.5 * np.maximum(x - 2.0, 0.0))), lift
+    )
 
 
 def buffet_lift(mach):
@@ -63,7 +73,12 @@ def mean_drag(alpha, mach):
     """A parabolic polar (Oswald 0.93), separation beyond `buffet_lift`, and a stall."""
     lift = np.minimum(0.2 + 4.75 * alpha, 1.6)
     beyond = np.maximum(lift - buffet_lift(mach), 0.0)
-    return 0.0165 + lift**2 / (math.pi * ASPECT * 0.93) + 0.10 * beyond**2 + 0.8 * np.maximum(alpha - math.radians(16.0), 0.0)
+    return (
+        0.0165
+        + lift**2 / (math.pi * ASPECT * 0.93)
+        + 0.10 * beyond**2
+        + 0.8 * np.maximum(alpha - math.radians(16.0), 0.0)
+    )
 
 
 def mean_moment(alpha, mach):
@@ -82,8 +97,10 @@ def _basis(alpha, mach, qbar, powers):
 def fit(mean, targets, tolerance, ridge, powers=1, relative=False, loose=()):
     """Return (function of alpha and Mach, (t0 [1/psf], t1 [1/(psf rad)])).
 
-    targets: {condition: (value, slope over alpha [1/rad], speed slope V dC/dV at constant altitude)}, the last M dC/dM + 2 q̄ dC/dq̄.
-    tolerance: one standard deviation of those three (the last times the value when `relative`, the first times 5 at `loose`
+    targets: {condition: (value, slope over alpha [1/rad], speed slope V dC/dV at constant altitude)}, the last M dC/dM
+    + 2 q̄ dC/dq̄.
+    tolerance: one standard deviation of those three (the last times the value when `relative`, the first times 5 at
+    `loose`
     conditions); ridge: that of (smooth, local, flexibility) coefficients.
     """
     rows, rhs = [], []
@@ -101,11 +118,15 @@ def fit(mean, targets, tolerance, ridge, powers=1, relative=False, loose=()):
         rhs.append((value - float(mean(a, M))) / value_tolerance)
         rows.append((at(a + d, M, q) - at(a - d, M, q)) / (2 * d) / tolerance[1])
         rhs.append((by_alpha - float(mean(a + d, M) - mean(a - d, M)) / (2 * d)) / tolerance[1])
-        rows.append((at(a, M * (1 + d), q * (1 + d) ** 2) - at(a, M * (1 - d), q * (1 - d) ** 2)) / (2 * d) / speed_tolerance)
+        rows.append(
+            (at(a, M * (1 + d), q * (1 + d) ** 2) - at(a, M * (1 - d), q * (1 - d) ** 2)) / (2 * d) / speed_tolerance
+        )
         rhs.append((by_speed - float(mean(a, M * (1 + d)) - mean(a, M * (1 - d))) / (2 * d)) / speed_tolerance)
     smooth = (powers + 1) * _CENTRES.size
     sigma = np.concatenate([np.full(smooth, ridge[0]), np.full(len(_LOCAL), ridge[1]), np.full(2, ridge[2])])
-    x = np.linalg.lstsq(np.vstack([rows, np.diag(1 / sigma)]), np.concatenate([rhs, np.zeros(sigma.size)]), rcond=None)[0]
+    x = np.linalg.lstsq(np.vstack([rows, np.diag(1 / sigma)]), np.concatenate([rhs, np.zeros(sigma.size)]), rcond=None)[
+        0
+    ]
 
     def function(alpha, mach):
         alpha, mach = np.broadcast_arrays(alpha, mach)
@@ -130,14 +151,12 @@ def surface(values, second, spread=(0.30, None), noise=0.004):
     X = np.array([coordinate(k) for k in keys])
     y = np.array([values[k] for k in keys])
     scale = np.abs(y).max()
-    H = np.column_stack([np.ones(len(X)), X])
 
     def kernel(P, Q):
         return 0.15**2 * np.exp(-0.5 * ((P[:, None, :] - Q[None, :, :]) ** 2).sum(axis=2)) + (P @ Q.T) * 0.15**2 + 1.0
 
     mean = np.average(y)
     weights = np.linalg.solve(kernel(X, X) + noise**2 * np.eye(len(X)), (y - mean) / scale)
-    del H
 
     def function(mach, other):
         mach, other = np.broadcast_arrays(mach, other)
@@ -182,7 +201,8 @@ def tables():
 
 
 def derivative_tables():
-    """Return {name: (second variable, second grid, table (Mach, second))} of rates, controls and lateral coefficients."""
+    """Return {name: (second variable, second grid, table (Mach, second))} of rates, controls and lateral coefficients.
+    """
     rates = {k: {c: derivatives(c)[k] for c in FLIGHT_CONDITIONS} for k in ("CL_q", "Cm_q", "Cm_alphadot")}
     out = {}
     for name, values in {**rates, **CONTROLS, **LATERAL}.items():
@@ -197,6 +217,7 @@ def build():
     return {
         FOLDER / "aerodynamics.xml": aerodynamics_xml(ALPHA, MACH, Q_REF, tables(), MACH_COARSE, derivative_tables()),
         FOLDER / "Engines" / "turbofan.xml": engine_xml(),
+        FOLDER / "Systems" / "multipliers.xml": multipliers_xml(),
     }
 
 
@@ -212,9 +233,16 @@ def show():
             v = float(f(a, M)) + (q - Q_REF) * (t0 + t1 * a)
             va = float(f(a + d, M) - f(a - d, M)) / (2 * d) + (q - Q_REF) * t1
             vs = float(f(a, M * (1 + d)) - f(a, M * (1 - d))) / (2 * d) + 2 * q * (t0 + t1 * a)
-            lines.append(f"  FC{key:<2} value {v:8.4f} ({value:8.4f})  slope {va:7.3f} ({by_alpha:7.3f})  speed {vs:8.4f} ({by_speed:8.4f})")
+            lines.append(
+                f"  FC{key:<2} value {v:8.4f} ({value:8.4f})  slope {va:7.3f} ({by_alpha:7.3f})"
+                f"  speed {vs:8.4f} ({by_speed:8.4f})"
+            )
     for name, (second, _, _) in derivative_tables().items():
-        values = {**{k: {c: derivatives(c)[k] for c in FLIGHT_CONDITIONS} for k in ("CL_q", "Cm_q", "Cm_alphadot")}, **CONTROLS, **LATERAL}[name]
+        values = {
+            **{k: {c: derivatives(c)[k] for c in FLIGHT_CONDITIONS} for k in ("CL_q", "Cm_q", "Cm_alphadot")},
+            **CONTROLS,
+            **LATERAL,
+        }[name]
         f = surface(values, second)
         got = []
         for key, value in values.items():

@@ -1,23 +1,28 @@
 """Write the aircraft's fitted JSBSim files from tables and constants."""
 
-import math
-
 import numpy as np
 
 from cosim.aircraft_data import CONSTANT, thrust_ratio
 
 MULTIPLIERS = (
-    "CL_0", "CL_alpha", "CL_q", "CL_de", "CL_ds", "CD_0", "CD_alpha", "CD_beta", "Cm_0", "Cm_alpha", "Cm_q", "Cm_alphadot", "Cm_de", "Cm_ds",
-    "CY_beta", "CY_dr", "Cl_beta", "Cl_p", "Cl_r", "Cl_da", "Cl_dr", "Cl_de", "Cn_beta", "Cn_p", "Cn_r", "Cn_da", "Cn_dr",
+    "CL_0", "CL_alpha", "CL_q", "CL_de", "CL_ds", "CD_0", "CD_alpha", "CD_beta",
+    "Cm_0", "Cm_alpha", "Cm_q", "Cm_alphadot", "Cm_de", "Cm_ds",
+    "CY_beta", "CY_dr", "Cl_beta", "Cl_p", "Cl_r", "Cl_da", "Cl_dr", "Cl_de",
+    "Cn_beta", "Cn_p", "Cn_r", "Cn_da", "Cn_dr",
     "Ch_0", "Ch_alpha", "Ch_delta",
 )  # fmt: skip
 
 CBAR_FT, SPAN_FT = 27.31, 195.68
-TAIL_ARM_FT = 102.0  # CG (25 %) to the tail's aerodynamic centre: CM_STAB / CL_STAB * cbar, 105 ft; JSBSim's own B747 says 106.6 ft
+TAIL_ARM_FT = 105.3  # [Roskam] C_m_ih / C_L_ih = -2.70 / 0.70 chords behind the CG at 25 %
 DOWNWASH = 0.40  # d epsilon / d alpha at the tail: assumed (typical of transports)
 SEGMENT_AREA_FT2, SEGMENT_CHORD_FT = 8.0 / 0.3048**2, 1.4 / 0.3048  # DESIGN section 3
 HINGE = {"Ch_0": 0.0, "Ch_alpha": -0.05, "Ch_delta": -0.17}  # per rad; balanced elevator: assumed
-SEGMENT_SPAN_FT = {"lo": -26.6, "li": -12.1, "ri": 12.1, "ro": 26.6}  # spanwise middle of each segment, tail span 72.75 ft: assumed halves
+SEGMENT_SPAN_FT = {
+    "lo": -26.6,
+    "li": -12.1,
+    "ri": 12.1,
+    "ro": 26.6,
+}  # spanwise middle of each segment, tail span 72.75 ft: assumed halves
 RHO_SL_P = 2116.22  # psf
 
 
@@ -65,8 +70,17 @@ def _operation(kind, parts, indent):
     return "\n".join([f"{pad}<{kind}>", *lines, f"{pad}</{kind}>"])
 
 
+def multipliers_xml():
+    """Return the declarations of one multiplier per coefficient."""
+    lines = "\n".join(f'  <property value="1"> aero/mult/{name} </property>' for name in MULTIPLIERS)
+    note = "<!-- Written by cosim/aircraft_fit.py. One multiplier per coefficient, for uncertainty: 1 is the fitted value. -->"
+    return f'<?xml version="1.0"?>\n{note}\n<system name="multipliers">\n\n{lines}\n\n</system>\n'
+
+
 def engine_xml():
-    """Return the turbofan: 300 kN static, take-off rating of Bartel and Young (2008), bypass ratio 5, over Mach and static pressure."""
+    """Return the turbofan: 300 kN static, take-off rating of Bartel and Young (2008), bypass ratio 5, over Mach and
+    static pressure.
+    """
     mach = np.arange(0.0, 1.01, 0.1)
     ratio = np.array([0.05, 0.10, 0.15, 0.20, 0.25, 0.30, 0.40, 0.50, 0.60, 0.70, 0.80, 0.90, 1.0, 1.1])
     x, M = ratio[None, :], mach[:, None]
@@ -97,19 +111,43 @@ def engine_xml():
 
 
 def aerodynamics_xml(alpha, mach, q_ref, tables, mach_coarse, derivatives):
-    """Return the aerodynamics from the (alpha, Mach) tables with their flexibility constants and the tables of derivatives."""
+    """Return the aerodynamics from the (alpha, Mach) tables with their flexibility constants and the tables of
+    derivatives.
+    """
     zero = int(np.argmin(abs(alpha)))
     parts = [_common()]
     for name, (grid, (t0, t1)) in tables.items():
         grid = np.round(grid, 6)
         base, rest = grid[zero], grid - grid[zero][None, :]
-        parts.append(function(f"aero/{name}_0", product(f"aero/mult/{name}_0", total(
-            table(("velocities/mach",), mach, None, base), product(t0, _flex(q_ref), indent=8)))))
-        parts.append(function(f"aero/{name}_alpha", product(f"aero/mult/{name}_alpha", total(
-            table(("aero/alpha-rad", "velocities/mach"), alpha, mach, rest), product(t1, _flex(q_ref), "aero/alpha-rad", indent=8)))))
+        parts.append(
+            function(
+                f"aero/{name}_0",
+                product(
+                    f"aero/mult/{name}_0",
+                    total(table(("velocities/mach",), mach, None, base), product(t0, _flex(q_ref), indent=8)),
+                ),
+            )
+        )
+        parts.append(
+            function(
+                f"aero/{name}_alpha",
+                product(
+                    f"aero/mult/{name}_alpha",
+                    total(
+                        table(("aero/alpha-rad", "velocities/mach"), alpha, mach, rest),
+                        product(t1, _flex(q_ref), "aero/alpha-rad", indent=8),
+                    ),
+                ),
+            )
+        )
     for name, (second, grid, values) in derivatives.items():
         column = {"alpha": "aero/alpha-rad", "qbar": "aero/qbar-psf"}[second]
-        parts.append(function(f"aero/{name}", product(f"aero/mult/{name}", table(("velocities/mach", column), mach_coarse, grid, values))))
+        parts.append(
+            function(
+                f"aero/{name}",
+                product(f"aero/mult/{name}", table(("velocities/mach", column), mach_coarse, grid, values)),
+            )
+        )
     return "\n".join([_HEAD, *parts, *_sums(), *_hinges(), *_axes(), "</aerodynamics>\n"])
 
 
@@ -126,52 +164,118 @@ _HEAD = """<?xml version="1.0"?>
 
 
 def _common():
-    mean = "      <product> <v> 0.25 </v> <sum> " + " ".join(f"<p> fcs/elevator-{s}-pos-rad </p>" for s in SEGMENT_SPAN_FT) + " </sum> </product>"
+    mean = (
+        "      <product> <v> 0.25 </v> <sum> "
+        + " ".join(f"<p> fcs/elevator-{s}-pos-rad </p>" for s in SEGMENT_SPAN_FT)
+        + " </sum> </product>"
+    )
     elevator = function("aero/elevator-mean-rad", mean)
     qS = function("aero/qS-lbs", product("aero/qbar-psf", "metrics/Sw-sqft"))
-    chord = function("aero/chord-time-sec", f"      <quotient> <v> {CBAR_FT / 2} </v> <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max> </quotient>", "c / 2V")
-    span = function("aero/span-time-sec", f"      <quotient> <v> {SPAN_FT / 2} </v> <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max> </quotient>", "b / 2V")
+    chord = function(
+        "aero/chord-time-sec",
+        f"      <quotient> <v> {CBAR_FT / 2} </v> <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max> </quotient>",
+        "c / 2V",
+    )
+    span = function(
+        "aero/span-time-sec",
+        f"      <quotient> <v> {SPAN_FT / 2} </v> <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max> </quotient>",
+        "b / 2V",
+    )
     cosine, sine = "<cos> <p> aero/alpha-rad </p> </cos>", "<sin> <p> aero/alpha-rad </p> </sin>"
     p, r = "<p> velocities/p-aero-rad_sec </p>", "<p> velocities/r-aero-rad_sec </p>"
-    roll = function("aero/p-stability-rad_sec", f"      <sum> <product> {p} {cosine} </product> <product> {r} {sine} </product> </sum>")
-    yaw = function("aero/r-stability-rad_sec", f"      <difference> <product> {r} {cosine} </product> <product> {p} {sine} </product> </difference>")
+    roll = function(
+        "aero/p-stability-rad_sec",
+        f"      <sum> <product> {p} {cosine} </product> <product> {r} {sine} </product> </sum>",
+    )
+    yaw = function(
+        "aero/r-stability-rad_sec",
+        f"      <difference> <product> {r} {cosine} </product> <product> {p} {sine} </product> </difference>",
+    )
     return "\n".join([elevator, qS, chord, span, roll, yaw])
 
 
 def _sums():
     out = []
-    out.append(function("aero/CL", total(
-        "aero/CL_0", "aero/CL_alpha", product("aero/CL_q", "aero/chord-time-sec", "velocities/q-aero-rad_sec"),
-        product("aero/CL_de", "aero/elevator-mean-rad"), product("aero/mult/CL_ds", 0.70, "fcs/stabilizer-pos-rad"))))
+    out.append(
+        function(
+            "aero/CL",
+            total(
+                "aero/CL_0",
+                "aero/CL_alpha",
+                product("aero/CL_q", "aero/chord-time-sec", "velocities/q-aero-rad_sec"),
+                product("aero/CL_de", "aero/elevator-mean-rad"),
+                product("aero/mult/CL_ds", 0.70, "fcs/stabilizer-pos-rad"),
+            ),
+        )
+    )
     # alphadot from the forces of this frame (no lag): q + (g cos(theta) cos(phi) - q̄S CL / m) / V
-    out.append(function("aero/alphadot-from-forces", """      <sum>
+    out.append(
+        function(
+            "aero/alphadot-from-forces",
+            """      <sum>
         <p> velocities/q-aero-rad_sec </p>
         <quotient>
           <difference>
-            <product> <v> 32.174 </v> <cos> <p> attitude/theta-rad </p> </cos> <cos> <p> attitude/phi-rad </p> </cos> </product>
-            <quotient> <product> <p> aero/qS-lbs </p> <p> aero/CL </p> </product> <p> inertia/mass-slugs </p> </quotient>
+            <product> <v> 32.174 </v> <cos> <p> attitude/theta-rad </p> </cos> <cos> <p> attitude/phi-rad </p> </cos>
+            </product>
+            <quotient> <product> <p> aero/qS-lbs </p> <p> aero/CL </p> </product> <p> inertia/mass-slugs </p>
+            </quotient>
           </difference>
           <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max>
         </quotient>
-      </sum>"""))
+      </sum>""",
+        )
+    )
     return out
 
 
+def _over_speed(arm, rate):
+    """Return the local angle that a body rate makes at an arm [ft]: arm rate / V."""
+    turn = f"<product> <v> {arm} </v> <p> velocities/{rate}-aero-rad_sec </p> </product>"
+    return f"        <quotient> {turn} <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max> </quotient>"
+
+
 def _hinges():
-    """Return HM0 (per segment) and HM_delta (common), lbf ft: q̄ S_e c_e (Ch_0 + Ch_alpha alpha_t) and q̄ S_e c_e Ch_delta."""
+    """Return HM0 (per segment) and HM_delta (common), lbf ft: q̄ S_e c_e (Ch_0 + Ch_alpha alpha_t) and q̄ S_e c_e
+    Ch_delta.
+    """
     size = SEGMENT_AREA_FT2 * SEGMENT_CHORD_FT
     out = [
-        function("aero/hinge-delta-lbsft_rad", product("aero/mult/Ch_delta", HINGE["Ch_delta"] * size, "aero/qbar-psf"), "hinge moment per elevator angle, trailing edge down +"),
-        function("aero/tail-alpha-rad", total(
-            product(1.0 - DOWNWASH, "aero/alpha-rad"), "fcs/stabilizer-pos-rad",
-            f"        <quotient> <product> <v> {TAIL_ARM_FT} </v> <p> velocities/q-aero-rad_sec </p> </product> <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max> </quotient>"),
-            "local angle of attack of the tail: downwash, stabiliser, pitch rate"),
+        function(
+            "aero/hinge-delta-lbsft_rad",
+            product("aero/mult/Ch_delta", HINGE["Ch_delta"] * size, "aero/qbar-psf"),
+            "hinge moment per elevator angle, trailing edge down +",
+        ),
+        function(
+            "aero/tail-alpha-rad",
+            total(
+                product(1.0 - DOWNWASH, "aero/alpha-rad"),
+                "fcs/stabilizer-pos-rad",
+                _over_speed(TAIL_ARM_FT, "q"),
+            ),
+            "local angle of attack of the tail: downwash, stabiliser, pitch rate",
+        ),
     ]
     for segment, span in SEGMENT_SPAN_FT.items():
-        roll = f"        <quotient> <product> <v> {span} </v> <p> velocities/p-aero-rad_sec </p> </product> <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max> </quotient>"
-        out.append(function(f"aero/hinge-0-{segment}-lbsft", product(
-            size, "aero/qbar-psf", total(product("aero/mult/Ch_0", HINGE["Ch_0"], indent=8), product(
-                "aero/mult/Ch_alpha", HINGE["Ch_alpha"], total("aero/tail-alpha-rad", roll, indent=10), indent=8)))))
+        roll = _over_speed(span, "p")
+        out.append(
+            function(
+                f"aero/hinge-0-{segment}-lbsft",
+                product(
+                    size,
+                    "aero/qbar-psf",
+                    total(
+                        product("aero/mult/Ch_0", HINGE["Ch_0"], indent=8),
+                        product(
+                            "aero/mult/Ch_alpha",
+                            HINGE["Ch_alpha"],
+                            total("aero/tail-alpha-rad", roll, indent=10),
+                            indent=8,
+                        ),
+                    ),
+                ),
+            )
+        )
     return out
 
 
@@ -180,22 +284,52 @@ def _axes():
     sideforce = total(product("aero/CY_beta", "aero/beta-rad"), product("aero/CY_dr", "fcs/rudder-applied-rad"))
     drag = total("aero/CD_0", "aero/CD_alpha", product("aero/mult/CD_beta", 0.2, "aero/beta-rad", "aero/beta-rad"))
     pitch = total(
-        "aero/Cm_0", "aero/Cm_alpha", product("aero/Cm_de", "aero/elevator-mean-rad"), product("aero/mult/Cm_ds", -2.70, "fcs/stabilizer-pos-rad"),
-        product("aero/chord-time-sec", total(product("aero/Cm_q", "velocities/q-aero-rad_sec"), product("aero/Cm_alphadot", "aero/alphadot-from-forces"))))
-    aileron = "        <product> <v> 0.5 </v> <sum> <p> fcs/aileron-left-pos-rad </p> <p> fcs/aileron-right-pos-rad </p> </sum> </product>"
+        "aero/Cm_0",
+        "aero/Cm_alpha",
+        product("aero/Cm_de", "aero/elevator-mean-rad"),
+        product("aero/mult/Cm_ds", -2.70, "fcs/stabilizer-pos-rad"),
+        product(
+            "aero/chord-time-sec",
+            total(
+                product("aero/Cm_q", "velocities/q-aero-rad_sec"),
+                product("aero/Cm_alphadot", "aero/alphadot-from-forces"),
+            ),
+        ),
+    )
+    aileron = total("fcs/aileron-left-pos-rad", "fcs/aileron-right-pos-rad", indent=8)
+    aileron = product(0.5, aileron, indent=6)
     # a left segment down lifts the left tail: rolls right; each segment carries a quarter of CL_de
-    tail = "        <sum> " + " ".join(
-        f"<product> <v> {-y / 4 / SPAN_FT:.6g} </v> <p> fcs/elevator-{s}-pos-rad </p> </product>" for s, y in SEGMENT_SPAN_FT.items()) + " </sum>"
+    tail = (
+        "        <sum> "
+        + " ".join(
+            f"<product> <v> {-y / 4 / SPAN_FT:.6g} </v> <p> fcs/elevator-{s}-pos-rad </p> </product>"
+            for s, y in SEGMENT_SPAN_FT.items()
+        )
+        + " </sum>"
+    )
     p, r = "aero/p-stability-rad_sec", "aero/r-stability-rad_sec"
     roll = total(
-        product("aero/Cl_beta", "aero/beta-rad"), product("aero/span-time-sec", total(product("aero/Cl_p", p), product("aero/Cl_r", r))),
-        product("aero/Cl_da", aileron), product("aero/mult/Cl_dr", CONSTANT["Cl_dr"], "fcs/rudder-applied-rad"), product("aero/mult/Cl_de", "aero/CL_de", tail))
+        product("aero/Cl_beta", "aero/beta-rad"),
+        product("aero/span-time-sec", total(product("aero/Cl_p", p), product("aero/Cl_r", r))),
+        product("aero/Cl_da", aileron),
+        product("aero/mult/Cl_dr", CONSTANT["Cl_dr"], "fcs/rudder-applied-rad"),
+        product("aero/mult/Cl_de", "aero/CL_de", tail),
+    )
     yaw = total(
-        product("aero/Cn_beta", "aero/beta-rad"), product("aero/span-time-sec", total(product("aero/Cn_p", p), product("aero/Cn_r", r))),
-        product("aero/mult/Cn_da", CONSTANT["Cn_da"], aileron), product("aero/Cn_dr", "fcs/rudder-applied-rad"))
+        product("aero/Cn_beta", "aero/beta-rad"),
+        product("aero/span-time-sec", total(product("aero/Cn_p", p), product("aero/Cn_r", r))),
+        product("aero/mult/Cn_da", CONSTANT["Cn_da"], aileron),
+        product("aero/Cn_dr", "fcs/rudder-applied-rad"),
+    )
     axes = (
-        ("LIFT", "", "force/lift", product(qS, "aero/CL")), ("DRAG", "", "force/drag", product(qS, drag)), ("SIDE", "", "force/side", product(qS, sideforce)),
-        ("ROLL", ' frame="STABILITY"', "moment/roll", product(qS, "metrics/bw-ft", roll)), ("PITCH", ' frame="STABILITY"', "moment/pitch", product(qS, "metrics/cbarw-ft", pitch)),
+        ("LIFT", "", "force/lift", product(qS, "aero/CL")),
+        ("DRAG", "", "force/drag", product(qS, drag)),
+        ("SIDE", "", "force/side", product(qS, sideforce)),
+        ("ROLL", ' frame="STABILITY"', "moment/roll", product(qS, "metrics/bw-ft", roll)),
+        ("PITCH", ' frame="STABILITY"', "moment/pitch", product(qS, "metrics/cbarw-ft", pitch)),
         ("YAW", ' frame="STABILITY"', "moment/yaw", product(qS, "metrics/bw-ft", yaw)),
     )
-    return [f'\n    <axis name="{name}"{frame}>\n{function("aero/" + label, body)}\n    </axis>' for name, frame, label, body in axes]
+    return [
+        f'\n    <axis name="{name}"{frame}>\n{function("aero/" + label, body)}\n    </axis>'
+        for name, frame, label, body in axes
+    ]

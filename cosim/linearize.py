@@ -2,8 +2,10 @@
 
     x' = A dx + B du,   dy = C dx + D du        deviations from the trim, SI and radians
 
-Engines are at the thrust of their throttle (no spool lag), actuators and control law are not part of it. `modes` are those of the classical
-four-state blocks, (tas, alpha, q, theta) and (beta, p, r, phi), as the references give them: altitude and heading are held, so the
+Engines are at the thrust of their throttle (no spool lag), actuators and control law are not part of it. `modes` are
+those of the classical
+four-state blocks, (tas, alpha, q, theta) and (beta, p, r, phi), as the references give them: altitude and heading are
+held, so the
 density gradient, which raises the phugoid's frequency by g/H over 2 g^2/V^2, is left out there; it is in A.
 """
 
@@ -14,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.plant import Plant
+from cosim.plant import SURFACES, Plant
 from cosim.trim import EARTH_MERIDIAN, Trim
 
 STATES = {
@@ -22,7 +24,8 @@ STATES = {
     "beta": "rad", "p": "rad/s", "r": "rad/s", "phi": "rad", "psi": "rad",
 }  # fmt: skip
 INPUTS = {
-    "de_lo": "rad", "de_li": "rad", "de_ri": "rad", "de_ro": "rad", "stab": "rad", "da_l": "rad", "da_r": "rad", "dr": "rad",
+    "de_lo": "rad", "de_li": "rad", "de_ri": "rad", "de_ro": "rad", "stab": "rad",
+    "da_l": "rad", "da_r": "rad", "dr": "rad",
     "throttle_1": "1", "throttle_2": "1", "throttle_3": "1", "throttle_4": "1",
 }  # fmt: skip
 OUTPUTS = {
@@ -30,9 +33,20 @@ OUTPUTS = {
     "ny": "1", "beta": "rad", "p": "rad/s", "r": "rad/s", "phi": "rad", "psi": "rad", "cas": "m/s", "gamma": "rad",
     "pdot": "rad/s2", "qdot": "rad/s2", "rdot": "rad/s2",
 }  # fmt: skip
-STEPS = {"tas": 0.5, "alpha": 2e-3, "q": 2e-3, "theta": 2e-3, "h": 5.0, "beta": 2e-3, "p": 2e-3, "r": 2e-3, "phi": 2e-3, "psi": 2e-3}
+STEPS = {
+    "tas": 0.5,
+    "alpha": 2e-3,
+    "q": 2e-3,
+    "theta": 2e-3,
+    "h": 5.0,
+    "beta": 2e-3,
+    "p": 2e-3,
+    "r": 2e-3,
+    "phi": 2e-3,
+    "psi": 2e-3,
+}
 INPUT_STEP = 2e-3
-_COLUMN = {name: i for i, name in enumerate(("de_lo", "de_li", "de_ri", "de_ro", "da_l", "da_r", "dr", "stab", "throttle_1", "throttle_2", "throttle_3", "throttle_4"))}
+_COLUMN = {name: SURFACES.index(name) for name in INPUTS}
 LONGITUDINAL, LATERAL = ("tas", "alpha", "q", "theta"), ("beta", "p", "r", "phi")
 
 
@@ -46,7 +60,12 @@ class Mode:
     eigenvalue: complex
 
     def to_dict(self):
-        return {"name": self.name, "wn_rad_s": self.wn, "zeta": self.zeta, "eigenvalue": [self.eigenvalue.real, self.eigenvalue.imag]}
+        return {
+            "name": self.name,
+            "wn_rad_s": self.wn,
+            "zeta": self.zeta,
+            "eigenvalue": [self.eigenvalue.real, self.eigenvalue.imag],
+        }
 
 
 @dataclass(frozen=True)
@@ -78,9 +97,9 @@ class LinearModel:
         t = self.trim
         return {
             "trim": {
-                "alpha_deg": math.degrees(t.alpha), "stabilizer_deg": math.degrees(t.stabilizer), "throttle": t.throttle,
-                "elevator_deg": math.degrees(t.elevator), "theta_deg": math.degrees(t.theta), "tas_m_s": t.tas, "altitude_m": t.altitude,
-                "nz": t.nz, "residual": t.residual,
+                "alpha_deg": math.degrees(t.alpha), "stabilizer_deg": math.degrees(t.stabilizer),
+                "throttle": t.throttle, "elevator_deg": math.degrees(t.elevator), "theta_deg": math.degrees(t.theta),
+                "tas_m_s": t.tas, "altitude_m": t.altitude, "nz": t.nz, "residual": t.residual,
             },
             "states": list(self.states), "inputs": list(self.inputs), "outputs": list(self.outputs),
             "units": {**self.states, **self.inputs, **self.outputs},
@@ -124,17 +143,32 @@ def linearize(flight, elevator=0.0):
 def _evaluate(plant, x, u):
     """Return (x', y) at one state and input."""
     tas, alpha, q, theta, h, beta, p, r, phi, psi = x
-    surfaces = np.zeros(16)
+    surfaces = np.zeros(len(SURFACES))
     for name, value in zip(INPUTS, u):
         surfaces[_COLUMN[name]] = value
-    plant.place(tas=tas, alpha=alpha, theta=theta, altitude=h, beta=beta, phi=phi, psi=psi, p=p, q=q, r=r, surfaces=surfaces)
+    plant.place(
+        tas=tas, alpha=alpha, theta=theta, altitude=h, beta=beta, phi=phi, psi=psi, p=p, q=q, r=r, surfaces=surfaces
+    )
     t = plant.truth()[0]
     tas_dot = (t.u * t.udot + t.v * t.vdot + t.w * t.wdot) / tas
     alpha_dot = (t.u * t.wdot - t.w * t.udot) / (t.u**2 + t.w**2)
     beta_dot = (tas * t.vdot - t.v * tas_dot) / (tas**2 * math.cos(beta))
     turn = q * math.sin(phi) + r * math.cos(phi)
-    theta_dot = q * math.cos(phi) - r * math.sin(phi) + tas / (EARTH_MERIDIAN + h)  # the horizon turns under the aircraft
-    x_dot = [tas_dot, alpha_dot, t.qdot, theta_dot, t.hdot, beta_dot, t.pdot, t.rdot, p + math.tan(theta) * turn, turn / math.cos(theta)]
+    theta_dot = (
+        q * math.cos(phi) - r * math.sin(phi) + tas / (EARTH_MERIDIAN + h)
+    )  # the horizon turns under the aircraft
+    x_dot = [
+        tas_dot,
+        alpha_dot,
+        t.qdot,
+        theta_dot,
+        t.hdot,
+        beta_dot,
+        t.pdot,
+        t.rdot,
+        p + math.tan(theta) * turn,
+        turn / math.cos(theta),
+    ]
     return np.array(x_dot), np.array([t[name] for name in OUTPUTS])
 
 
@@ -149,7 +183,9 @@ def _slopes(f, z0, steps):
 
 
 def modes(A):
-    """Return short_period, phugoid, dutch_roll, roll and spiral of A in the order of STATES, from the four-state blocks."""
+    """Return short_period, phugoid, dutch_roll, roll and spiral of A in the order of STATES, from the four-state
+    blocks.
+    """
     names = list(STATES)
 
     def roots(block):

@@ -1,7 +1,9 @@
 """Trim: steady level flight by JSBSim's own search, then Newton to rounding.
 
-Unknowns alpha, stabiliser, throttle (all engines alike); residuals u', w' [m/s2] and q' [rad/s2] with theta = alpha, no bank, and the pitch
-rate -V/R that keeps the attitude constant over the curved earth. Elevators stand where they are told, at zero unless said otherwise.
+Unknowns alpha, stabiliser, throttle (all engines alike); residuals u', w' [m/s2] and q' [rad/s2] with theta = alpha,
+no bank, and the pitch
+rate -V/R that keeps the attitude constant over the curved earth. Elevators stand where they are told, at zero unless
+said otherwise.
 """
 
 import math
@@ -27,9 +29,9 @@ class Trim:
     theta: float
     tas: float
     altitude: float
-    q: float              # -V/R
-    residual: float       # largest of |u'|, |v'|, |w'| [m/s2], |p'|, |q'|, |r'| [rad/s2]
-    nz: float             # load factor in this flight, not exactly 1: rotating earth, weight at standard gravity
+    q: float  # -V/R
+    residual: float  # largest of |u'|, |v'|, |w'| [m/s2], |p'|, |q'|, |r'| [rad/s2]
+    nz: float  # load factor in this flight, not exactly 1: rotating earth, weight at standard gravity
     surfaces: np.ndarray  # in the order of plant.SURFACES
 
     @property
@@ -48,7 +50,14 @@ def surfaces_at(stabilizer, throttle, elevator):
 def _residual(plant, x, elevator, full=False):
     alpha, stabilizer, throttle = x
     h, tas = plant.flight.altitude, plant.tas
-    plant.place(tas=tas, alpha=alpha, theta=alpha, altitude=h, q=-tas / (EARTH_MERIDIAN + h), surfaces=surfaces_at(stabilizer, throttle, elevator))
+    plant.place(
+        tas=tas,
+        alpha=alpha,
+        theta=alpha,
+        altitude=h,
+        q=-tas / (EARTH_MERIDIAN + h),
+        surfaces=surfaces_at(stabilizer, throttle, elevator),
+    )
     t = plant.truth()[0]
     return t if full else np.array([t.udot, t.wdot, t.qdot])
 
@@ -60,7 +69,12 @@ def level(plant, elevator=0.0):
         f = _residual(plant, x, elevator)
         if np.abs(f).max() < 1e-12:
             break
-        J = np.column_stack([(_residual(plant, x + d, elevator) - _residual(plant, x - d, elevator)) / (2 * d.sum()) for d in np.diag(STEP)])
+        J = np.column_stack(
+            [
+                (_residual(plant, x + d, elevator) - _residual(plant, x - d, elevator)) / (2 * d.sum())
+                for d in np.diag(STEP)
+            ]
+        )
         try:
             step = np.linalg.solve(J, -f)
         except np.linalg.LinAlgError:
@@ -74,35 +88,67 @@ def level(plant, elevator=0.0):
     t = _residual(plant, x, elevator, full=True)
     residual = max(abs(v) for v in (t.udot, t.vdot, t.wdot, t.pdot, t.qdot, t.rdot))
     _check(plant, x, residual)
-    return Trim(*map(float, x), elevator, float(x[0]), plant.tas, plant.flight.altitude, float(t.q), float(residual), float(t.nz), surfaces_at(x[1], x[2], elevator))
+    return Trim(
+        *map(float, x),
+        elevator,
+        float(x[0]),
+        plant.tas,
+        plant.flight.altitude,
+        float(t.q),
+        float(residual),
+        float(t.nz),
+        surfaces_at(x[1], x[2], elevator),
+    )
 
 
 def _check(plant, x, residual):
     from cosim.plant import LIMITS
 
-    alpha, stabilizer, throttle = x
-    place = f"flight point {plant.flight.mass / 1e3:.0f} t, CG {plant.flight.cg * 100:.0f} %, {plant.flight.altitude / 0.3048:.0f} ft, {plant.tas:.1f} m/s TAS"
+    _, stabilizer, throttle = x
+    f = plant.flight
+    place = f"{f.mass / 1e3:.0f} t, CG {f.cg * 100:.0f} %, {f.altitude / 0.3048:.0f} ft, {plant.tas:.1f} m/s TAS"
     low, high = LIMITS["stabilizer"]
     mach = plant.truth()[0].mach
     if mach > MACH_RANGE[1]:
         allowed = f"{MACH_RANGE[0]:g} to {MACH_RANGE[1]:g}"
-        raise TrimError(f"Mach {mach:.2f} is beyond the aerodynamic data", place=place, allowed=allowed, remedy="Fly slower or lower")
+        raise TrimError(
+            f"Mach {mach:.2f} is beyond the aerodynamic data",
+            place=place,
+            allowed=allowed,
+            remedy="Fly slower or lower",
+        )
     if residual < 1e-8 and low <= stabilizer <= high and 0.0 <= throttle <= 1.0:
         return
     needs, has = lift_margin(plant)
     if needs > has:
-        raise TrimError(f"stall: level flight needs a lift coefficient of {needs:.2f}, the wing gives {has:.2f}", place=place, remedy="Fly faster, lower or lighter")
+        raise TrimError(
+            f"stall: level flight needs a lift coefficient of {needs:.2f}, the wing gives {has:.2f}",
+            place=place,
+            remedy="Fly faster, lower or lighter",
+        )
     if throttle >= 0.999:
-        raise TrimError("thrust: the engines cannot hold this speed and altitude", place=place, remedy="Fly lower, lighter or at another speed")
+        raise TrimError(
+            "thrust: the engines cannot hold this speed and altitude",
+            place=place,
+            remedy="Fly lower, lighter or at another speed",
+        )
     if throttle <= 0.001:
-        raise TrimError("thrust: even idle thrust is too much for level flight", place=place, remedy="Fly faster or higher")
+        raise TrimError(
+            "thrust: even idle thrust is too much for level flight", place=place, remedy="Fly faster or higher"
+        )
     if not low <= stabilizer <= high:
-        raise TrimError(f"stabiliser: {math.degrees(stabilizer):.1f} deg needed", place=place, allowed=f"{math.degrees(low):.0f} to {math.degrees(high):.0f} deg")
+        raise TrimError(
+            f"stabiliser: {math.degrees(stabilizer):.1f} deg needed",
+            place=place,
+            allowed=f"{math.degrees(low):.0f} to {math.degrees(high):.0f} deg",
+        )
     raise TrimError(f"no steady level flight found, residual {residual:.1e}", place=place)
 
 
 def lift_margin(plant):
-    """Return (lift coefficient of level flight, largest one at this Mach and dynamic pressure), elevators and stabiliser at zero."""
+    """Return (lift coefficient of level flight, largest one at this Mach and dynamic pressure), elevators and
+    stabiliser at zero.
+    """
     best, needs = 0.0, 0.0
     for alpha in np.radians(np.arange(2.0, 25.0, 0.5)):
         t = _residual(plant, (alpha, 0.0, 0.0), 0.0, full=True)

@@ -1,0 +1,96 @@
+"""What crosses the border to JSBSim: truth and inputs, their properties and the factors to SI."""
+
+import math
+
+from actuators.block import dtype, kernel
+
+FT, LB, SLUG, KT = 0.3048, 4.4482216152605, 14.593902937206364, 1852.0 / 3600.0
+LBSFT, PSF, G0 = LB * FT, LB / FT**2, 9.80665
+CHORD_IN, QUARTER_IN = 27.31 * 12.0, 1000.0  # mean chord and station of its quarter point in transport.xml
+SEGMENTS = ("lo", "li", "ri", "ro")
+
+_ENGINE = "propulsion/engine[{}]/"
+SIGNALS = (  # (field, property, factor); nx, ny, nz and cg get their last step in `to_si`
+    ("alpha", "aero/alpha-rad", 1),  # against the air [rad]
+    ("beta", "aero/beta-rad", 1),
+    ("p", "velocities/p-rad_sec", 1),  # body rates [rad/s]
+    ("q", "velocities/q-rad_sec", 1),
+    ("r", "velocities/r-rad_sec", 1),
+    ("phi", "attitude/phi-rad", 1),  # [rad]
+    ("theta", "attitude/theta-rad", 1),
+    ("psi", "attitude/psi-rad", 1),
+    ("tas", "velocities/vt-fps", FT),  # [m/s]
+    ("cas", "velocities/vc-fps", FT),
+    ("mach", "velocities/mach", 1),
+    ("h", "position/h-sl-ft", FT),  # above mean sea level [m]
+    ("hdot", "velocities/h-dot-fps", FT),  # [m/s]
+    ("gamma", "flight-path/gamma-rad", 1),  # [rad]
+    ("nx", "forces/fbx-total-lbs", 1),  # forces over weight, forward + [-]
+    ("ny", "forces/fby-total-lbs", 1),  # right +
+    ("nz", "forces/fbz-total-lbs", -1),  # up +, close to 1 in level flight
+    ("pdot", "accelerations/pdot-rad_sec2", 1),  # [rad/s2]
+    ("qdot", "accelerations/qdot-rad_sec2", 1),
+    ("rdot", "accelerations/rdot-rad_sec2", 1),
+    ("udot", "accelerations/udot-ft_sec2", FT),  # body axes [m/s2]
+    ("vdot", "accelerations/vdot-ft_sec2", FT),
+    ("wdot", "accelerations/wdot-ft_sec2", FT),
+    ("qbar", "aero/qbar-psf", PSF),  # [Pa]
+    ("rho", "atmosphere/rho-slugs_ft3", SLUG / FT**3),  # [kg/m3]
+    ("mass", "inertia/mass-slugs", SLUG),  # [kg]
+    ("cg", "inertia/cg-x-in", 1),  # fraction of the mean chord
+    ("lat", "position/lat-geod-rad", 1),  # [rad]
+    ("lon", "position/long-gc-rad", 1),
+    *(
+        (f"hm0_{s}", f"aero/hinge-0-{s}-lbsft", LBSFT) for s in SEGMENTS
+    ),  # hinge moment at zero angle, + drives down [N m]
+    *(
+        (f"hmd_{s}", "aero/hinge-delta-lbsft_rad", LBSFT) for s in SEGMENTS
+    ),  # its slope over the segment's angle [N m/rad]
+    *((f"n1_{i + 1}", _ENGINE.format(i) + "n1", 1) for i in range(4)),  # fan speed [%]
+    *((f"thrust_{i + 1}", _ENGINE.format(i) + "thrust-lbs", LB) for i in range(4)),  # [N]
+    *((f"de_{s}", f"fcs/elevator-{s}-pos-rad", 1) for s in SEGMENTS),  # elevator, trailing edge down + [rad]
+    ("da_l", "fcs/aileron-left-pos-rad", 1),  # each aileron + rolls right [rad]
+    ("da_r", "fcs/aileron-right-pos-rad", 1),
+    ("dr", "fcs/rudder-applied-rad", 1),  # + yaws left [rad]
+    ("stab", "fcs/stabilizer-pos-rad", 1),  # trailing edge down + [rad]
+    ("u", "velocities/u-fps", FT),  # body velocity over the ground [m/s]
+    ("v", "velocities/v-fps", FT),
+    ("w", "velocities/w-fps", FT),
+    ("wind_n", "atmosphere/total-wind-north-fps", FT),  # wind with turbulence [m/s]
+    ("wind_e", "atmosphere/total-wind-east-fps", FT),
+    ("wind_d", "atmosphere/total-wind-down-fps", FT),
+)
+TRUTH = dtype([(name, "f8") for name, _, _ in SIGNALS])
+READ = tuple((name, factor) for _, name, factor in SIGNALS)
+
+CONTROLS = {  # input of the plant -> property; angles as in TRUTH [rad], throttle and thrust loss as fractions
+    **{f"de_{s}": f"ext/elevator-{s}-rad" for s in SEGMENTS},
+    "da_l": "ext/aileron-left-rad",
+    "da_r": "ext/aileron-right-rad",
+    "dr": "ext/rudder-rad",
+    "stab": "ext/stabilizer-rad",
+    **{f"throttle_{i + 1}": f"fcs/throttle-cmd-norm[{i}]" for i in range(4)},
+    **{f"thrust_loss_{i + 1}": _ENGINE.format(i) + "bleed-factor" for i in range(4)},
+}
+SURFACES = tuple(CONTROLS)
+WRITE = tuple(CONTROLS.values())
+
+LIMITS = {
+    "elevator": (math.radians(-23.0), math.radians(17.0)),
+    "stabilizer": (math.radians(-13.0), math.radians(4.0)),
+    "aileron": (math.radians(-20.0), math.radians(20.0)),
+    "rudder": (math.radians(-25.0), math.radians(25.0)),
+}  # [rad]
+
+_NX, _MASS, _CG = (TRUTH.names.index(name) for name in ("nx", "mass", "cg"))
+
+
+@kernel
+def to_si(raw, scale, out):
+    """Scale raw properties to TRUTH: n = F / (m g0) of this frame's forces, cg from a station."""
+    for i in range(raw.size):
+        out[i] = raw[i] * scale[i]
+    weight = out[_MASS] * 9.80665
+    for i in range(_NX, _NX + 3):
+        out[i] = out[i] * 4.4482216152605 / weight
+    out[_CG] = 0.25 + (out[_CG] - 1000.0) / (27.31 * 12.0)
