@@ -158,7 +158,9 @@ def _refer(x, u, p, dt):
         x.delta_c = clip(command, p.r_lo, p.r_hi)
     reference.demand(x, x.delta_c, 1.0, p)
     if u.s_rate != 0.0 or u.f_rate != 0.0:
-        x.rd = clip((1.0 - u.s_rate) * x.rd + u.f_rate, -p.v_max, p.v_max)
+        rate = (1.0 - u.s_rate) * x.rd + u.f_rate
+        if abs(rate) < 1e6:
+            x.rd = clip(rate, -p.v_max, p.v_max)
         x.rdd, x.rddd = 0.0, 0.0
 
 
