@@ -36,6 +36,7 @@ PARAMS = dtype([
     ("K_v", "f8"),           # velocity sensor [V s/rad]
     ("lead", "f8"),          # ball screw N [m/rad]
     ("ratio", "f8"),         # N / l, surface per motor angle with the spring at rest [-]
+    ("delay", "f8"),         # ticks by which the sensors lag, 0 or 1
     ("engage", "f8"),        # 1: start at the measured position, 0: at zero as printed
     ("th_eta", "f8"),        # threshold of |eta_bar| [-]
     ("th_R1", "f8"),         # [m]
@@ -64,6 +65,7 @@ STATE = dtype([
     ("R1", "f8"),            # (9) [m]
     ("R2", "f8"),            # (9) [A]
     ("x_hat", "f8", (6,)),   # x1..x6 of actuators.jay [rad, rad/s, rad, rad/s, A, -]
+    ("u_last", "f8"),        # demand of the tick before
     ("started", "f8"),       # 1 after the first tick
     ("head", "f8"),          # write position in the window
     ("window", "f8", (N,)),  # last N values of eta
@@ -73,12 +75,12 @@ STATE = dtype([
 OUTPUTS = ("r", "alarm", "verdict", "culprit", "valid", "reconf", "pos_hat", "pos_sigma", "eta", "eta_bar", "R1", "R2")
 
 
-def params(kind="nozzle", *, dt=jay.PERIOD, R=0.0025, engage=None, **overrides):
+def params(kind="nozzle", *, dt=jay.PERIOD, R=0.0025, engage=None, delay=None, **overrides):
     """Return PARAMS of the exactly discretised model `kind` with the paper's covariances and thresholds.
 
     R = 0.0025 V^2, P0 = diag(0.0003 x 4, 0.01, 0.01), 3 / 0.5 mm / 0.5 A: [Jay] sections 3.3, 4 and 4.1. `engage`
-    defaults to 0 for the nozzle, as printed, and to 1 for the elevator, whose trim position is not zero. `overrides`
-    are symbols of `actuators.jay.values`.
+    (start at the measured position) and `delay` (of the sensors, in ticks) default to 0 for the nozzle, as printed, and
+    to 1 for the elevator, whose trim position is not zero. `overrides` are symbols of `actuators.jay.values`.
     """
     model = jay.continuous(kind, **overrides)
     Phi, G = jay.discretise(model.A, model.B, dt)
@@ -91,6 +93,7 @@ def params(kind="nozzle", *, dt=jay.PERIOD, R=0.0025, engage=None, **overrides):
         K_v=jay.K_V,
         lead=model.values["lead"],
         ratio=model.values["lead"] / model.values["arm"],
+        delay=float(kind != "nozzle") if delay is None else float(delay),
         engage=float(kind != "nozzle") if engage is None else float(engage),
         th_eta=3.0,
         th_R1=0.5e-3,
@@ -187,7 +190,9 @@ def step(x, u, p, dt):
             x.x_hat[0] = p.ratio * x.x_hat[2]  # no load: the spring is at rest
         x.started = 1.0
     else:
-        predict(x, u.u if math.isfinite(u.u) else 0.0, p)
+        demand = x.u_last if p.delay > 0.5 or not math.isfinite(u.u) else u.u
+        predict(x, demand, p)
+    x.u_last = u.u if math.isfinite(u.u) else x.u_last
     if ok:
         eta = correct(x, u.y_velocity, p)
         head = int(x.head)

@@ -15,8 +15,12 @@ Three relations, and the table that they make; each sensor fault breaks its own 
       x         x                velocity sensor
       -         x                position sensor: `reconf`, close the loop on pos_hat
       -         -          x     current sensor
+      x         -          x     EFFECTIVENESS: the current that differs is real, the drive does not obey
       -         ramp             AMBIGUOUS: a small velocity bias or a drifting position; the loop stays where it is
-      x         -                no sensor: the load estimate decides (JAM_SOLID at rest, EFFECTIVENESS in motion)
+      x         -                no sensor; a load that no hinge explains is JAM_SOLID at rest, EFFECTIVENESS in motion
+
+"x" is a matter of proportion: a jump of R1 is the velocity sensor's when the innovations took in at least `share_hi` of
+the velocity error that R1's motion needs, the position's when they took less than `share_lo`.
 
 While all is well, pos_hat is tied to the position sensor by a slow second Kalman filter on (offset c, rate b): it
 learns the velocity sensor's small bias. From the first suspicion on it runs free, and its covariance is pos_sigma.
@@ -28,10 +32,11 @@ import numpy as np
 
 from actuators import jay
 from actuators.block import dtype, kernel, record
-from fdi.decision import confirm, usable
+from fdi.decision import usable
 from fdi.ema_design import gain, model
-from fdi.ema_kalman import CULPRITS, CURRENT, POSITION, VELOCITY
-from fdi.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, SENSOR
+from fdi.ema_kalman import CULPRITS, VELOCITY
+from fdi.ema_vote import decide, heal, size
+from fdi.tuning import thresholds
 
 __all__ = ["CULPRITS", "INPUTS", "OUTPUTS", "PARAMS", "STATE", "init", "params", "rollout", "step"]
 
@@ -72,9 +77,11 @@ PARAMS = dtype([
     ("th_both", "f8"),        # smaller jump that confirms a velocity fault [m]
     ("th_R1", "f8"),          # ramp of R1 [m]
     ("th_load", "f8"),        # load that no hinge explains [N m]
-    ("gate", "f8"),           # innovation beyond which a sample is no sample [rad/s]
+    ("load_max", "f8"),       # limit of the load estimate [N m]
+    ("gate", "f8"),           # innovation, and step from sample to sample, beyond which it is a spike [rad/s]
     ("share_hi", "f8"),       # a jump of which the innovations explain more is the velocity's [-]
     ("share_lo", "f8"),       # less: the position's; between: ambiguous
+    ("share_real", "f8"),     # an R2 of which the innovations explain more is real: the drive's fault, not the sensor's
     ("th_need", "f8"),        # a velocity error that would have grown more slowly might have passed unseen [rad/s]
     ("sigma_max", "f8"),      # pos_sigma above which the estimate is not valid [m]
     ("t_vel", "f8"),          # confirmation times [s]
@@ -123,7 +130,7 @@ STATE = dtype([
     ("started", "f8"),        # 1 once engaged
     ("age", "f8"),            # since engage [s]
     ("age_vel", "f8"),        # since the last velocity sample that was used [s]
-    ("age_gate", "f8"),       # for how long samples have been rejected as impossible [s]
+    ("raw_last", "f8"),       # last velocity sample, spike or not [rad/s]
     ("age_hot", "f8"),        # since the velocity test was last beyond its threshold [s]
     ("hi", "f8"),             # what the filter took from the velocity sensor within N ticks: fading peaks [rad/s]
     ("lo", "f8"),
@@ -131,11 +138,15 @@ STATE = dtype([
     ("need_lo", "f8"),
     ("need", "f8"),           # that of the jump's sign [rad/s]
     ("share", "f8"),          # part of it that was taken [-]
+    ("felt", "f8"),           # part of the acceleration that R2 would mean, were the current real, that was taken [-]
     ("u_last", "f8"),         # [A]
     ("at_limit", "f8"),       # 1: the amplifier is at its voltage limit
     ("hm0", "f8"),            # last finite values [N m], [N m/rad]
     ("hmd", "f8"),
-    ("drift", "f8"),          # y_position - N x3 [m]
+    ("reckon", "f8"),         # position at engage and the velocity sensor's integral since [m]
+    ("w_last", "f8"),         # last velocity that went into it [rad/s]
+    ("w_slow", "f8"),         # its mean over t_hold [rad/s]
+    ("drift", "f8"),          # y_position - reckon [m]
     ("c", "f8"),              # anchor: its line at this tick [m]
     ("b", "f8"),              # and slope [m/s]
     ("P_cc", "f8"),           # covariance of both [m^2], [m^2/s], [m^2/s^2]
@@ -170,22 +181,52 @@ OUTPUTS = (
 DEG = math.pi / 180.0
 
 
-def params(*, dt=0.005, delay=1, sigma_velocity=1.0, sigma_position=1e-4, sigma_load=200.0, tau_load=2.0, q_vel=1.0, **overrides):
-    v = jay.values("elevator", **overrides)
+def params(which="flight", *, dt=jay.PERIOD, delay=1, sigma_velocity=1.0, sigma_position=1e-4, **symbols):
+    """Return PARAMS with threshold set `which` of fdi/thresholds/ema_kalman_flight.json.
+
+    Sensors: noise per sample, 1 sigma [rad/s], [m] ([Jay] section 4 read so), `delay` ticks old. `symbols` replace
+    those of `actuators.jay.values("elevator")`. The windows are ticks, made for 5 ms. Model errors behind the gain: a load of
+    630 N m wandering with 20 s (the Gauss-Markov load must follow 30 % of the hinge moment within a pulse and leak less
+    than 0.1 deg in a minute) and 1 rad/s per tick of friction and torque. Raises ValueError for unknown names.
+    """
+    v = jay.values("elevator", **symbols)
+    tau_load = 20.0
     Phi, Phi_h, G, G_h = model(v, dt, tau_load)
-    K, S_root = gain(Phi - 2.0e4 * Phi_h, sigma_load, tau_load, q_vel, sigma_velocity, dt)
-    arm, no_load = v["arm"], jay.LIMITS["elevator"][1] / v["K_B"]
+    K, S_root = gain(Phi - 2.0e4 * Phi_h, 630.0, tau_load, 1.0, sigma_velocity, dt)
+    arm, lead = v["arm"], v["lead"]
+    amperes, volts = jay.LIMITS["elevator"]
+    no_load = volts / v["K_B"]
     return record(
-        PARAMS, Phi=Phi, Phi_h=Phi_h, G=G, G_h=G_h, K=K, S_root=S_root, lead=v["lead"], ratio=v["lead"] / arm,
-        spring=arm * arm * v["K_s"], impulse=v["K_T"] / (v["J_M"] + v["J_N"] * (v["lead"] / arm) ** 2) * dt,
-        K_gi=v["K_gi"], R_loop=v["K_ic"] + v["R"], R=v["R"], K_B=v["K_B"], I_max=jay.LIMITS["elevator"][0],
-        V_max=jay.LIMITS["elevator"][1], delay=float(delay), sigma_pos=sigma_position, sigma_rig=0.08 * DEG * arm, sigma_vel=sigma_velocity,
-        sigma_b=2e-4 * no_load, walk_b=1e-4 * no_load * math.sqrt(dt / 100.0), b_max=1e-3 * no_load,
-        sigma_tie=1.0 * DEG * arm, th_vel=6.0, rho_vel=0.12, rho_rate=0.005, share_hi=0.65, share_lo=0.45, th_need=20.0, th_cur=1.2, rho_cur=0.012, th_jump=0.3 * DEG * arm,
-        th_both=0.15 * DEG * arm, th_R1=0.4 * DEG * arm, th_load=0.6 * 15.75e3, gate=0.3 * no_load,
-        sigma_max=0.5 * DEG * arm, t_vel=0.06, t_cur=0.04, t_jump=0.03, t_ramp=0.3, t_load=0.3, t_hold=0.25, t_bad=0.05,
-        t_start=0.5, t_heal=5.0, heal_travel=2.0 * DEG * arm,
-    )  # fmt: skip
+        PARAMS,
+        Phi=Phi,
+        Phi_h=Phi_h,
+        G=G,
+        G_h=G_h,
+        K=K,
+        S_root=S_root,
+        lead=lead,
+        ratio=lead / arm,
+        spring=arm * arm * v["K_s"],
+        impulse=v["K_T"] / (v["J_M"] + v["J_N"] * (lead / arm) ** 2) * dt,
+        K_gi=v["K_gi"],
+        R_loop=v["K_ic"] + v["R"],
+        R=v["R"],
+        K_B=v["K_B"],
+        I_max=amperes,
+        V_max=volts,
+        delay=float(delay),
+        sigma_pos=sigma_position,
+        sigma_rig=0.08 * DEG * arm,  # sensor set `transport`: rigging
+        sigma_vel=sigma_velocity,
+        sigma_b=2e-4 * no_load,  # twice the bias of 1e-4 of no-load that a velocity sensor is assumed to have
+        walk_b=1e-4 * no_load * math.sqrt(dt / 100.0),  # which may change by itself in 100 s
+        b_max=1e-3 * no_load,
+        sigma_tie=1.0 * DEG * arm,  # ties pos_hat within some 20 s: slower than a fault, faster than a bias of 1e-3
+        gate=0.3 * no_load,  # twice what the stall current does in a tick
+        load_max=2.0 * amperes * v["K_T"] * arm / lead,
+        th_load=0.6 * amperes * v["K_T"] * arm / lead,  # 60 % of the stall moment
+        **thresholds("ema_kalman_flight", which),
+    )
 
 
 def init(p):
@@ -200,7 +241,8 @@ def _engage(x, u, p):
     x.x_hat[3] = u.y_velocity if usable(u.y_velocity, u.velocity_valid) > 0.5 else 0.0
     x.x_hat[1] = p.ratio * x.x_hat[3]
     x.x_hat[4] = u.y_current if usable(u.y_current, u.current_valid) > 0.5 else 0.0
-    x.pos_hat = u.y_position
+    x.pos_hat = x.reckon = u.y_position
+    x.w_last = x.raw_last = x.x_hat[3]
     x.P_cc = p.sigma_pos * p.sigma_pos
     x.P_bb = (p.lead * p.sigma_b) * (p.lead * p.sigma_b)
     x.started = 1.0
@@ -239,15 +281,21 @@ def _velocity(x, u, p, dt):
     seen = usable(u.y_velocity, u.velocity_valid) > 0.5
     if seen:
         gamma = u.y_velocity - x.x_hat[3]
-    possible = math.fabs(gamma) < p.gate
-    x.age_gate = x.age_gate + dt if seen and not possible else 0.0
-    if seen and (possible or x.age_gate > p.t_bad):
+        # a spike is far from the model and from the sample before it
+        seen = math.fabs(gamma) < p.gate or math.fabs(u.y_velocity - x.raw_last) < p.gate
+        x.raw_last = u.y_velocity
+    if seen:
         x.age_vel = 0.0
         for i in range(6):
             x.x_hat[i] += p.K[i] * gamma
+        x.x_hat[5] = min(max(x.x_hat[5], -p.load_max), p.load_max)
     else:
         x.age_vel += dt
         gamma = 0.0
+    w = u.y_velocity if x.age_vel == 0.0 else x.x_hat[3]
+    x.reckon += 0.5 * p.lead * dt * (w + x.w_last)
+    x.w_last = w
+    x.w_slow += dt / p.t_hold * (w - x.w_slow)
     x.eta = gamma / p.S_root
     head = int(x.head)
     # at the voltage limit 5 % of K_B is worth more than the stall current: such a tick says nothing
@@ -265,6 +313,16 @@ def _velocity(x, u, p, dt):
     taken = N * mean * p.K[3]
     x.hi = max(x.hi * fade, taken)
     x.lo = min(x.lo * fade, taken)
+
+
+@kernel
+def _current(x, p):
+    """Form the test of R2, and whether the motor has felt it."""
+    # a velocity error reaches x5 through the back electromotive force; 0.7: the part of it that `hi` still remembers
+    back = 0.7 * p.K_B / p.R_loop * max(x.hi, -x.lo)
+    x.r_current = math.fabs(x.R2) / (p.th_cur + p.rho_cur * math.fabs(x.x_hat[3]) + back)
+    gained = x.hi if x.R2 > 0.0 else -x.lo
+    x.felt = min(gained / max(math.fabs(x.R2) * p.impulse * N, 1e-3), 9.9)
 
 
 @kernel
@@ -311,7 +369,7 @@ def _position(x, u, p, dt, back):
     x.P_bb += wander * wander
     seen = usable(u.y_position, u.position_valid) > 0.5
     if seen:
-        x.drift = u.y_position - p.lead * x.x_hat[2]
+        x.drift = u.y_position - x.reckon
         if back or x.age == dt:
             x.c = x.drift
             for i in range(LAG):
@@ -323,70 +381,8 @@ def _position(x, u, p, dt, back):
     elif seen and x.age_vel == 0.0 and x.alarm < 0.5:
         if max(x.r_velocity, x.r_jump) < 1.0 and math.fabs(x.R1) < p.th_R1:
             _tie(x, p)
-    x.pos_hat = p.lead * x.x_hat[2] + x.c
+    x.pos_hat = x.reckon + x.c
     x.pos_sigma = math.sqrt(p.sigma_rig * p.sigma_rig + x.P_cc)
-
-
-@kernel
-def _decide(x, p, dt):
-    """Confirm the tests and read the table; a sensor once named stays named until it heals."""
-    counts = x.age >= p.t_start
-    ramp = math.fabs(x.R1) / p.th_R1
-    hot = x.age_hot < p.t_hold and x.share >= p.share_hi
-    both = math.fabs(x.jump) >= p.th_both and (hot or x.age_gate > p.t_bad)
-    x.age_hot = 0.0 if x.r_velocity >= 1.0 else x.age_hot + dt
-    clear = counts and x.age_hot > p.t_hold and math.fabs(x.jump) < p.th_both  # a velocity fault reaches R2 through the back electromotive force
-    x.timer_vel, x.hot_vel = confirm(x.timer_vel, x.hot_vel, counts and both, dt, p.t_vel, 0.0)
-    x.timer_jump, x.hot_jump = confirm(x.timer_jump, x.hot_jump, counts and x.r_jump >= 1.0, dt, p.t_jump, 0.0)
-    x.timer_cur, x.hot_cur = confirm(x.timer_cur, x.hot_cur, clear and x.r_current >= 1.0, dt, p.t_cur, 0.0)
-    x.timer_ramp, x.hot_ramp = confirm(x.timer_ramp, x.hot_ramp, counts and ramp >= 1.0, dt, p.t_ramp, 0.0)
-    heavy = counts and math.fabs(x.x_hat[5]) >= p.th_load
-    x.timer_load, x.hot_load = confirm(x.timer_load, x.hot_load, heavy, dt, p.t_load, 0.0)
-    x.r = max(max(x.r_velocity, x.r_current), max(x.r_jump, ramp))
-    if x.culprit == VELOCITY or x.culprit == POSITION:
-        return
-    sharp = x.hot_jump > 0.5 and x.need >= p.th_need
-    if x.hot_vel > 0.5 or (sharp and x.share >= p.share_hi):
-        x.culprit, x.verdict, x.alarm = VELOCITY, SENSOR, 1.0
-    elif sharp and x.share <= p.share_lo:
-        x.culprit, x.verdict, x.alarm, x.reconf = POSITION, SENSOR, 1.0, 1.0
-    elif x.alarm < 0.5:
-        if x.hot_cur > 0.5:
-            x.culprit, x.verdict, x.alarm = CURRENT, SENSOR, 1.0
-        elif x.hot_load > 0.5:
-            x.verdict, x.alarm = JAM_SOLID if math.fabs(x.x_hat[3]) < p.gate * 0.1 else EFFECTIVENESS, 1.0
-        elif x.hot_ramp > 0.5:
-            x.verdict, x.alarm = AMBIGUOUS, 1.0
-
-
-@kernel
-def _heal(x, p, dt):
-    """End an alarm after agreement over both time and travel: a frozen sensor agrees as long as nothing moves."""
-    apart = max(x.r_velocity, x.r_current) >= 1.0 or math.fabs(x.R1) >= 0.5 * p.th_R1 or x.hot_load > 0.5
-    if x.alarm < 0.5 or apart:
-        x.agree = 0.0
-        x.low = x.high = x.pos_hat
-        return
-    x.agree += dt
-    x.low = min(x.low, x.pos_hat)
-    x.high = max(x.high, x.pos_hat)
-    if x.agree >= p.t_heal and x.high - x.low >= p.heal_travel:
-        x.alarm = x.reconf = x.culprit = x.agree = 0.0
-        x.verdict = NONE
-
-
-@kernel
-def _size(x, p, dt):
-    """State the declared fault's size in its sensor's unit."""
-    x.f_hat = x.f_sigma = 0.0
-    if x.culprit == POSITION:
-        x.f_hat = x.R1
-        x.f_sigma = math.sqrt(x.P_cc + p.sigma_pos * p.sigma_pos)
-    elif x.culprit == CURRENT:
-        x.f_hat = x.R2
-        x.f_sigma = p.th_cur / 3.0  # the model's error, not the noise, limits it
-    elif x.culprit == VELOCITY:
-        x.f_hat = -x.jump / (p.lead * (LAG - MEAN) * dt)
 
 
 @kernel
@@ -409,11 +405,11 @@ def step(x, u, p, dt):
     _velocity(x, u, p, dt)
     if usable(u.y_current, u.current_valid) > 0.5:
         x.R2 = u.y_current - x.x_hat[4]
-    x.r_current = math.fabs(x.R2) / (p.th_cur + p.rho_cur * math.fabs(x.x_hat[3]))
+    _current(x, p)
     _position(x, u, p, dt, gap and x.age_vel == 0.0 and x.alarm < 0.5)
-    _decide(x, p, dt)
-    _heal(x, p, dt)
-    _size(x, p, dt)
+    decide(x, p, dt)
+    heal(x, p, dt)
+    size(x, p, (LAG - MEAN) * dt)
     x.load_hat = x.x_hat[5]
     fresh = x.age_vel < 0.2 and x.culprit != VELOCITY
     x.valid = 1.0 if fresh and x.pos_sigma < p.sigma_max else 0.0

@@ -81,8 +81,10 @@ def three_two_one_one(t, *, start, amplitude=4 * DEG, unit=0.5):
     return amplitude * np.select([phase < 0, phase < 3, phase < 5, phase < 6, phase < 7], [0, 1, -1, 1, -1], 0)
 
 
-def script(seconds, *, command=0.0, hm0=1500.0, hmd=-26e3, factor=(1.0, 1.0), rng=None, gust=300.0, sigma=SIGMA, bias=0.0):
-    """Return TICK records of a healthy flight: load with gusts [N m, 1 sigma], the filter's load wrong by two factors."""
+def script(
+    seconds, *, command=0.0, hm0=1500.0, hmd=-26e3, factor=(1.0, 1.0), rng=None, gust=300.0, sigma=SIGMA, bias=0.0
+):
+    """Return TICK records of a healthy flight: a load with gusts [N m, 1 sigma], its model wrong by two factors."""
     n = round(seconds / DT)
     tick = np.zeros(n, TICK)
     rng = np.random.default_rng(0) if rng is None else rng
@@ -103,7 +105,7 @@ def script(seconds, *, command=0.0, hm0=1500.0, hmd=-26e3, factor=(1.0, 1.0), rn
 
 
 def run(tick, *, tolerance=None, reconfigure=True, p=None, friction=1.0):
-    """Return (STATE log, surface table) of a script; `tolerance` multiplies the actuator's symbols, not the filter's."""
+    """Return (STATE log, surface table) of a script; `tolerance` multiplies the actuator's symbols."""
     px = ema.params()
     for name, value in (tolerance or {}).items():
         px[name] *= value

@@ -22,14 +22,14 @@ class Row:
         if self.verdict not in VERDICTS:
             raise ValueError(f"verdict {self.verdict!r} is not one of {', '.join(VERDICTS)}")
         if self.verdict == "differs_explained" and not (self.reason and self.evidence):
-            raise ValueError(f"{self.paper}, {self.item}: an explained difference needs a reason and a command that shows it")
+            raise ValueError(f"{self.paper}, {self.item}: an explained difference needs a reason and a command for it")
 
 
 def judged(paper, item, says, got, low, high, *, reason="", evidence=""):
-    """Return the Row of a number that should lie in low .. high (inclusive); reason and evidence count only outside.
+    """Return the Row of a number that should lie in low .. high; reason and evidence count only outside.
 
-    Outside the band it is `differs_explained` when a reason with evidence was committed, else `differs`; a number that is
-    not finite differs always.
+    Outside the band it is `differs_explained` when a reason with evidence was committed, else `differs`; a number that
+    is not finite differs always.
     """
     got = float(got)
     inside = low <= got <= high
