@@ -106,7 +106,8 @@ def run(
         err.print(f"[yellow]note:[/] {tables.escape(line)}", soft_wrap=True, highlight=False)
     from cosim.simulate import simulate
 
-    with tables.progress(err, f"flying {Path(scenario).stem}") as progress:
+    waiting = "preparing (the first run on a machine compiles for about half a minute)"
+    with tables.progress(err, f"flying {Path(scenario).stem}", waiting=waiting) as progress:
         result = simulate(flown, log=path, progress=progress)
     found = result.to_dict()
     if json_:

@@ -26,19 +26,19 @@ def table(title, *columns, **options):
 
 
 @contextmanager
-def progress(console, text, unit="s"):
-    """Show a bar on a terminal; give a callback (done, total) that moves it."""
+def progress(console, text, unit="s", waiting=""):
+    """Show a bar on a terminal, `waiting` until its callback (done, total) is first called with something done."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn(f"{{task.completed:.0f}}/{{task.total:.0f}} {unit}"),
-        TimeRemainingColumn(),
-    )
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[state]}"), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(text, total=1.0)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+        task = bar.add_task(waiting or text, total=None, state="")
+
+        def move(done, total):
+            if done > 0:
+                bar.update(task, description=text, completed=done, total=total, state=f"{done:.0f}/{total:.0f} {unit}")
+
+        yield move
 
 
 def number(value, digits=2):
