@@ -1,0 +1,144 @@
+"""Residual families of control-induced redundancy from a sparsity pattern alone. Source: [Mar10], slides 7 to 10.
+
+The force equations are written f = G u, rows f_i known from measurements, u the control inputs; only *which* g_ij
+exist matters here. A row solved for one of its inputs gives a residual (slide 8). A row may first replace one of its
+inputs j by the estimate (f_k - sum_{h != j} g_kh u_hc) / g_kj from another row k (slide 9), which makes it blind to
+faults of j. The rule that gives the talk's table, and nothing twice: row k serves when all its inputs also appear in
+the base row, each row and each input once, no serving row may contain another replaced input, and the same rows
+without the same inputs count once.
+
+| symbol | here |
+|---|---|
+| r_ij (slide 8) | `Residual(base=i, pivots=(), solved=j)` |
+| r~_1i^1 ... r~_1i^5 (slides 9, 10) | base row 1 with `pivots` = ((row, input), ...) |
+| signature (slide 10) | `Family.signature`, one 0/1 per input |
+"""
+
+import dataclasses
+import itertools
+
+import numpy as np
+
+TALK = np.array([[1, 1, 1, 1], [1, 0, 1, 0], [0, 1, 0, 0]], bool)  # slide 7: rows x, y, z; inputs below
+TALK_INPUTS = ("delta_l", "delta_m", "delta_n", "eta")
+
+
+@dataclasses.dataclass(frozen=True)
+class Family:
+    """Hold residuals that differ only by the input they are solved for: base row, replacements, sensitive inputs."""
+
+    base: int
+    pivots: tuple  # ((row, replaced input), ...)
+    signature: tuple  # 1 where a fault of that input shows
+    solved: tuple  # inputs that the base row can be solved for
+
+    @property
+    def name(self):
+        """Return r1, or r1~m3 for row 1 with input m replaced from row 3 (numbered from 1)."""
+        tail = "".join(f"~{j + 1}by{k + 1}" for k, j in self.pivots)
+        return f"r{self.base + 1}{tail}"
+
+
+def families(structure, *, most=2):
+    """Return the families of a bool matrix (rows, inputs), with at most `most` replacements each.
+
+    Families that no input moves (everything replaced) are left out: they test the model, not an actuator.
+    """
+    structure = np.asarray(structure, bool)
+    found, seen = [], set()
+    for count in range(most + 1):
+        for base in range(len(structure)):
+            for pivots in itertools.combinations(_servants(structure, base), count):
+                family = _family(structure, base, pivots)
+                if family is None:
+                    continue
+                same = (frozenset([base, *(k for k, _ in pivots)]), frozenset(j for _, j in pivots))
+                if same in seen:
+                    continue
+                seen.add(same)
+                found.append(family)
+    return found
+
+
+def signatures(structure):
+    """Return {signature: number of residuals} of `families(structure)`, in order of appearance."""
+    out = {}
+    for family in families(structure):
+        out[family.signature] = out.get(family.signature, 0) + len(family.solved)
+    return out
+
+
+def undefined(structure, reference=TALK, inputs=TALK_INPUTS, rows=("x", "y", "z")):
+    """Return [(residual of `reference`, reason)] that `structure`, with fewer entries, does not define.
+
+    A residual needs the entry it is solved for; each of its replacements needs the entry it divides by.
+    """
+    structure = np.asarray(structure, bool)
+    out = []
+    for family in families(reference):
+        broken = [
+            f"g_{rows[k]},{inputs[j]} is zero: {inputs[j]} cannot be had from row {rows[k]}"
+            for k, j in family.pivots
+            if not structure[k, j]
+        ]
+        for i in family.solved:
+            reasons = list(broken)
+            if not structure[family.base, i]:
+                reasons.append(
+                    f"g_{rows[family.base]},{inputs[i]} is zero: row {rows[family.base]} does not hold {inputs[i]}"
+                )
+            if reasons:
+                out.append((f"{family.name} for {inputs[i]}", "; ".join(reasons)))
+    return out
+
+
+def combination(G, family):
+    """Return the weights c (rows,) and sensitivities s (inputs,) of a family: r = c (f - G u_c) = s (u - u_c).
+
+    G (rows, inputs). The entries of the pivots are divided by: take the families of G's own structure.
+    """
+    c = np.zeros(len(G))
+    c[family.base] = 1.0
+    for k, j in family.pivots:
+        c[k] -= G[family.base, j] / G[k, j]
+    return c, c @ G
+
+
+def residuals(f, G, u_c, structure=None):
+    """Evaluate every residual r = u_hat_i - u_c_i of slides 8 to 10: f (rows,), G (rows, inputs), u_c (inputs,).
+
+    Returns [(Family, input solved for, value)], value in that input's unit. `structure` defaults to G != 0.
+    """
+    G = np.asarray(G, float)
+    out = []
+    for family in families(G != 0 if structure is None else structure):
+        c, _ = combination(G, family)
+        r = c @ (np.asarray(f, float) - G @ np.asarray(u_c, float))
+        out.extend((family, i, r / G[family.base, i]) for i in family.solved)
+    return out
+
+
+def _servants(structure, base):
+    """Return [(row, input)] that may replace an input of `base`."""
+    return [
+        (k, j)
+        for k in range(len(structure))
+        if k != base and structure[k].any() and not (structure[k] & ~structure[base]).any()
+        for j in np.flatnonzero(structure[k] & structure[base])
+    ]
+
+
+def _family(structure, base, pivots):
+    rows, gone = [k for k, _ in pivots], [j for _, j in pivots]
+    if len(set(rows)) < len(rows) or len(set(gone)) < len(gone) or not structure[base].any():
+        return None
+    if any(structure[k, j] for (k, own) in pivots for j in gone if j != own):
+        return None
+    left = structure[base].copy()
+    for k in rows:
+        left |= structure[k]
+    left[gone] = False
+    if not left.any():
+        return None
+    solved = tuple(int(i) for i in np.flatnonzero(structure[base]))
+    return Family(int(base), tuple((int(k), int(j)) for k, j in pivots), tuple(int(b) for b in left), solved)
