@@ -1,0 +1,18 @@
+"""What the two Sun13 estimators read on the bus, and which stored design their elevators ask for."""
+
+SEGMENTS = ("left_outer", "left_inner", "right_inner", "right_outer")
+_AIR = {f"{n}{tail}": f"sensors.{n}.{field}" for n in ("tas", "alpha", "q", "theta")
+        for tail, field in (("", "y_obs"), ("_valid", "valid_obs"))}
+_POSITIONS = {f"surface{tail}[{i}]": f"sensors.{n}_surface.{field}" for i, n in enumerate(SEGMENTS)
+              for tail, field in (("", "y_obs"), ("_valid", "valid_obs"))}
+WIRES = {
+    "rfafe": {**_AIR, **_POSITIONS, "command[0]": "law.law.de_cmd", "command[1]": "law.law.de_cmd"},
+    "rfafe_airframe": {**_AIR, "command": "law.law.de_cmd"},
+}
+
+
+def technology(elevator):
+    """Return the key of the stored design for `elevator`, a mapping of segment to technology: one kind for all, or
+    "mixed"."""
+    kinds = set(elevator.values())
+    return kinds.pop() if len(kinds) == 1 else "mixed"
