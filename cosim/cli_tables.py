@@ -16,12 +16,18 @@ NOTHING = Text("-", style="dim")
 def table(title, *columns, **options):
     """Return an empty table in the house style; a column named with a trailing > is right-aligned."""
     heading = Text(f"\n{title}", style="bold") if title else None
-    made = Table(title=heading, title_justify="left", title_style="", box=box.SIMPLE_HEAD, pad_edge=False, **options)
+    made = Table(
+        title=heading,
+        title_justify="left",
+        title_style="",
+        box=box.SIMPLE_HEAD,
+        pad_edge=False,
+        padding=(0, 1, 0, 0),
+        **options,
+    )
     for i, name in enumerate(columns):
-        number = name.endswith(">")
-        made.add_column(
-            name.removesuffix(">"), justify="right" if number else "left", no_wrap=number or i == 0, overflow="fold"
-        )
+        right = name.endswith(">")
+        made.add_column(name.removesuffix(">"), justify="right" if right else "left", no_wrap=right or i == 0)
     return made
 
 
@@ -89,13 +95,14 @@ def _detectors(rows):
         shown, quiet = rows, 0
     if not shown:
         return Text("no detector ran", style="dim")
-    t = table("", "detector", "watches", "alarm s>", "delay s>", "periods>", "isolated", "false>", "µs/step>")
+    t = table("", "detector", "watches", "at s>", "delay s>", "periods>", "isolated", "false>", "µs>")
     for r in shown:
         late = None if r["detection_delay_s"] is None else r["detection_delay_periods"]
         false = Text(str(r["false_alarms"]), style="red" if r["false_alarms"] else "dim")
         times = (number(r["detected_at_s"]), number(r["detection_delay_s"]), number(late, 1))
         style = "" if r["alarm"] else "dim"
         t.add_row(r["id"], _short(r["target"]), *times, _isolated(r), false, number(r["step_us"]), style=style)
+    t.caption, t.caption_justify = "false: false alarms; µs: time per step and lane", "left"
     rest = Text(f"{quiet} lane{'s' * (quiet != 1)} of healthy parts stayed quiet", style="dim")
     return Group(t, rest) if quiet else t
 
