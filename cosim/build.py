@@ -41,17 +41,6 @@ class Setup:
     def ticks(self):
         return self.scenario.ticks
 
-    @property
-    def judged_faults(self):
-        """Return the faults as `result.judge` wants them."""
-        out = []
-        for i, f in enumerate(self.scenario.faults):
-            mine = [j for j in self.scenario.injections() if j.fault == i]
-            names = tuple(f"elevator.{j.name}" + (f".{j.sensor}" if j.place == "part_sensor" else "") if j.place in ("elevator", "part_sensor")
-                          else f.target for j in mine)
-            out.append({"targets": names, "start_s": f.start_s, "end_s": mine[0].end, "period_s": f.period_s or math.nan})
-        return out
-
     def watches(self):
         """Return the Watch of every detector lane, in the order of the history's columns."""
         out = []
@@ -116,10 +105,10 @@ class Setup:
         """Open the log at `path` and write what does not change: scenario, parameters, wiring."""
         import cosim
 
-        loop = self.loop
+        loop, topics = self.loop, self.topics()
         blocks = [loop.sensors, loop.pilot, loop.law, loop.hinge, *loop.detectors, *loop.servos, *loop.actuators]
         attachments = {"scenario.toml": ("application/toml", self.scenario.expanded_toml().encode()),
-                       "detectors.json": ("application/json", json.dumps(detectors.manifest(self), indent=1, sort_keys=True).encode())}
+                       "detectors.json": ("application/json", json.dumps(detectors.manifest(self, topics), indent=1, sort_keys=True).encode())}
         for b in blocks:
             attachments[f"{b.name}.params.npy"] = ("application/x-npy", _npy(b.p))
             attachments[f"{b.name}.initial.npy"] = ("application/x-npy", _npy(b.x))
@@ -127,7 +116,7 @@ class Setup:
                             "seed": str(self.scenario.seed), "ticks": str(self.ticks)},
                     "trim": {k: repr(v) for k, v in vars(self.trim).items() if isinstance(v, float)},
                     "libraries": {"jsbsim": _version("jsbsim"), "numpy": np.__version__, "numba": _version("numba")}}
-        return LogWriter(path, self.topics(), n_values=len(loop.v), dt_ns=round(loop.dt * 1e9), metadata=metadata, attachments=attachments)
+        return LogWriter(path, topics, n_values=len(loop.v), dt_ns=round(loop.dt * 1e9), metadata=metadata, attachments=attachments)
 
     def log_result(self, result):
         """Return the result's texts for the log: nothing in them depends on the machine's clock."""

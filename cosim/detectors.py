@@ -138,8 +138,22 @@ def feedback_wires(scenario):
     return pairs
 
 
-def manifest(setup):
-    """Return, for the log, each detector's module, lanes, rate and wires."""
-    technology = setup.scenario.elevator.technology
-    return [{"id": d.id, "level": d.level, "module": d.spec.module, "lanes": list(d.lanes), "every": d.every,
-             "wires": [list(w) for w in d.wires(technology)]} for d in chosen(setup.scenario)]
+def manifest(setup, topics):
+    """Return, for the log, each detector's module, lanes, rate and, per lane, where in the log each of its inputs stands.
+
+    An input is [field, topic, field of the topic]; one that is not wired is zero. KeyError when a source is not logged at every tick.
+    """
+    bus, technology = setup.loop.bus, setup.scenario.elevator.technology
+    place = {}
+    for t in topics:
+        if t.every == 1:
+            for field, i in zip(t.fields, t.index):
+                place.setdefault(int(i), (t.name, field))
+    out = []
+    for d in chosen(setup.scenario):
+        inputs = {lane: [] for lane in d.lanes}
+        for to, source in d.wires(technology):
+            _, lane, field = to.split(".", 2)
+            inputs[lane].append([field, *place[bus.index(source)]])
+        out.append({"id": d.id, "level": d.level, "module": d.spec.module, "lanes": list(d.lanes), "every": d.every, "inputs": inputs})
+    return out

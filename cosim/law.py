@@ -148,7 +148,7 @@ def _demand(x, u, p, level):
 @kernel
 def _pitch(x, u, p, dt):
     y, age = x.held, x.age
-    s = _clip((p.cas_0 / max(y[CAS], 20.0)) * (p.cas_0 / max(y[CAS], 20.0)), 0.4, 2.5) if age[CAS] < HOLD_S + FADE_S else 1.0
+    s = _clip((p.cas_0 / max(y[CAS], 20.0)) * (p.cas_0 / max(y[CAS], 20.0)), 0.4, 4.0) if age[CAS] < HOLD_S + FADE_S else 1.0
     bank = _clip(y[PHI], -1.05, 1.05)
     tas = max(y[TAS], 50.0)
     level = p.nz_0 / math.cos(bank)
@@ -225,7 +225,7 @@ def rollout(x, u, p, dt, log):
 
 LAG_S = 0.07  # what stands for actuator, sensor delay and hold in the design: a first-order lag [s]; `cosim.margins` has the real ones
 # one standard step of each by Bryson's rule: g s of held error, deg/s of pitch rate, deg of elevator
-WEIGHTS = (0.35, 1.6, 2.5)
+WEIGHTS = (0.22, 1.4, 2.5)
 
 
 def pitch_gains(A, B, nz_alpha, nz_de):
@@ -274,8 +274,8 @@ def design(model, alpha_max):
     T_V = model.block(("tas",), ("throttle_1", "throttle_2", "throttle_3", "throttle_4"))[1].sum()  # [m/s2]
     p_max = min(math.radians(5.0), 0.8 * math.radians(20.0) * L_da / -L_p)
     return record(
-        PARAMS, k_nz=k_nz, k_i=k_i, k_q=k_q, k_direct=-per_g, k_alpha=0.8 * C[0, 0], k_rate=0.5 * C[0, 0], alpha_max=alpha_max,
-        k_theta=0.6, theta_max=math.radians(20.0), theta_min=math.radians(-12.0), n_max=2.5, n_min=-1.0,
+        PARAMS, k_nz=k_nz, k_i=k_i, k_q=k_q, k_direct=-per_g, k_alpha=1.0 * C[0, 0], k_rate=0.6 * C[0, 0], alpha_max=alpha_max,
+        k_theta=0.6, theta_max=math.radians(25.0), theta_min=math.radians(-12.0), n_max=2.5, n_min=-1.0,
         k_path=0.35, w_h=0.22, zeta_h=0.9, n_hold=0.25, k_trim=0.05, trim_rate=math.radians(0.25), trim_dead=math.radians(0.15),
         stab_min=math.radians(-12.5), stab_max=math.radians(3.5), w_phi=0.5, p_max=p_max, k_p=max(roll + L_p, 0.0) / L_da, k_pff=-L_p / L_da,
         k_r=max(1.2 * dutch.wn + N_r, 0.0) / -N_dr, tau_r=8.0, k_psi=0.9, phi_hold=math.radians(25.0),

@@ -35,10 +35,10 @@ STATE = dtype([
 OUTPUTS = ("nz_dem", "phi_dem", "psi_dem", "de_add", "hold_psi", "hold_h", "hold_v")
 
 
-def params(steps, *, hold_psi=False, hold_h=False, hold_v=False, nz_rate=4.0, phi_rate=math.radians(3.0), psi_rate=math.radians(10.0), de_rate=math.inf):
+def params(steps, *, hold_psi=False, hold_h=False, hold_v=False, nz_rate=2.0, phi_rate=math.radians(3.0), psi_rate=math.radians(10.0), de_rate=math.inf):
     """Build the table from `steps`, a list of (time [s], {channel: value}); a channel keeps its value where a step does not name it.
 
-    The slopes: 4 g/s is a full stick in about 0.4 s, 3 deg/s is a transport's gentle roll. Raises ValueError when there
+    The slopes: 2 g/s is full stick in 0.75 s, 3 deg/s is a transport's gentle roll. Raises ValueError when there
     are more than 15 steps.
     """
     if len(steps) >= N:

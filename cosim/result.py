@@ -62,6 +62,18 @@ def plain(value):
     return value
 
 
+def judged(scenario):
+    """Return the faults of a scenario as `judge` wants them, their targets by part."""
+    out = []
+    injections = scenario.injections()
+    for i, f in enumerate(scenario.faults):
+        mine = [j for j in injections if j.fault == i]
+        names = tuple(f"elevator.{j.name}" + (f".{j.sensor}" if j.place == "part_sensor" else "") if j.place in ("elevator", "part_sensor")
+                      else f.target for j in mine)
+        out.append({"targets": names, "start_s": f.start_s, "end_s": mine[0].end, "period_s": f.period_s or math.nan})
+    return out
+
+
 def onsets(alarm):
     """Return the ticks at which `alarm` (0/1 over ticks) rises."""
     high = np.asarray(alarm) > 0.5

@@ -7,7 +7,7 @@ from contextlib import nullcontext
 import numpy as np
 
 from cosim.build import build
-from cosim.result import Result, judge
+from cosim.result import Result, judge, judged
 from cosim.tick import tick
 
 CHECK_EVERY = 10  # ticks between looks at the flight's health: 50 ms
@@ -66,7 +66,7 @@ def simulate(scenario, *, log=None, progress=None, live=None):
             faults=[{"kind": f.kind, "target": f.target, "start_s": f.start_s} for f in scenario.faults],
         )
         setup.time_detectors()
-        result.detectors = [judge(w, history[: k + 1], loop.dt, setup.judged_faults) for w in setup.watches()]
+        result.detectors = [judge(w, history[: k + 1], loop.dt, judged(scenario)) for w in setup.watches()]
         result.extra = {"achieved": setup.achieved(history[: k + 1]), "startup_s": flown - started}
         if writer:
             writer.close(result=setup.log_result(result))
