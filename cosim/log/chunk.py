@@ -7,6 +7,7 @@ number of ticks; the reader compares that part byte for byte.
 """
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,6 +32,21 @@ def _tags(count):
     if count > short:
         runs.append((slice(short, count), HEAD.itemsize + 9 * short + 2, 10))
     return bytes(body), runs
+
+
+_STAMP_FIELDS = np.dtype([("sequence", "<u4"), ("log", "<u8"), ("publish", "<u8")])
+_STAMP = np.dtype("V20")  # the same 20 bytes of a message head, to be copied as one
+
+
+class Block(NamedTuple):
+    """Say where the messages of a topic lie: rate, rows, start, bytes per message, runs of _tags, index entries."""
+
+    every: int
+    rows: int
+    start: int
+    stride: int
+    runs: list
+    entries: int
 
 
 class Layout:
@@ -65,58 +81,72 @@ class Plan:
 
     def __init__(self, layout, n, first):
         self.dt_ns, self.blocks, self.index_offsets = layout.dt_ns, {}, {}
-        base, index, starts, ticks, slots = [], [], [], [], []
+        content, index, self._rates = [], [], {}
         size = index_size = 0
         for number, (channel, every, template, runs) in enumerate(layout.topics):
-            rel = np.arange(first[every], n, every)
-            if not len(rel):
+            rel = self._rates.setdefault(every, np.arange(first[every], n, every))
+            rows = len(rel)
+            if not rows:
                 continue
-            self.blocks[number] = (slice(first[every], n, every), len(rel), size, len(template), runs)
+            self.blocks[number] = Block(every, rows, size, len(template), runs, index_size + INDEX_HEAD.itemsize)
             self.index_offsets[channel] = index_size
-            start = size + len(template) * np.arange(len(rel))
             head = np.zeros(1, INDEX_HEAD)
-            head["op"], head["length"], head["channel"], head["bytes"] = 7, 6 + 16 * len(rel), channel, 16 * len(rel)
-            entries = np.zeros((len(rel), 2), "<u8")
-            entries[:, 1] = start
-            base.append(np.tile(template, len(rel)))
+            head["op"], head["length"], head["channel"], head["bytes"] = 7, 6 + 16 * rows, channel, 16 * rows
+            entries = np.zeros((rows, 2), "<u8")
+            entries[:, 1] = size + len(template) * np.arange(rows)
+            content.append(np.tile(template, rows))
             index.append(np.frombuffer(head.tobytes() + entries.tobytes(), "u1"))
-            starts.append(start)
-            ticks.append(rel)
-            slots.append(index_size + INDEX_HEAD.itemsize + 16 * np.arange(len(rel)))
-            size += base[-1].size
+            size += content[-1].size
             index_size += index[-1].size
         self.size = size
-        self._base, self._index = np.concatenate(base), np.concatenate(index)
-        self._starts, self._ticks, self._slots = np.concatenate(starts), np.concatenate(ticks), np.concatenate(slots)
-        self._content, self._fixed = self._base, None
+        self._index, self._fixed = np.concatenate(index), None
+        self._index_times = [
+            (b.every, np.ndarray((b.rows,), "<u8", self._index, b.entries, (16,))) for b in self.blocks.values()
+        ]
+        self._bind(np.concatenate(content))
+
+    def _bind(self, content):
+        """Take an array for the content, and make the views of it that every chunk fills."""
+        stamps = [
+            (b.every, np.ndarray((b.rows,), _STAMP, content, b.start + 11, (b.stride,))) for b in self.blocks.values()
+        ]
+        slots = {number: list(self.values(content, number)) for number in self.blocks}
+        self._content, self._stamps, self.slots = content, stamps, slots  # all or, after Ctrl-C, none
 
     def template(self, k0, tail=b""):
-        """Return the content (uint8) of the ticks from k0 followed by `tail`; values are those of the call before.
+        """Return the content (uint8) of the ticks from k0 followed by `tail`; `slots` are views of its values.
 
-        The array is the plan's own and lasts until the next call: fresh memory would cost more than filling it.
+        The array is the plan's own and lasts until the next call: fresh memory would cost more than filling it. The
+        values are those of the call before.
         """
         if self._content.size < self.size + len(tail):
-            self._content = np.concatenate([self._content[: self.size], np.zeros(2 * len(tail), "u1")])
+            self._bind(np.concatenate([self._content[: self.size], np.zeros(2 * len(tail), "u1")]))
+        stamps = {every: self._stamp(rel + k0) for every, rel in self._rates.items()}
+        for every, view in self._stamps:
+            view[:] = stamps[every]
         content = self._content[: self.size + len(tail)]
         content[self.size :] = np.frombuffer(tail, "u1")
-        ticks = self._ticks + k0
-        _anywhere(content, "<u4")[self._starts + 11] = ticks  # sequence = tick
-        times = ticks * self.dt_ns
-        for offset in (15, 23):  # log time = publish time = simulated time [ns]
-            _anywhere(content, "<u8")[self._starts + offset] = times
         return content
+
+    def _stamp(self, ticks):
+        """Return sequence = tick, log time = publish time = simulated time [ns] as they stand in a message."""
+        out = np.empty(len(ticks), _STAMP_FIELDS)
+        out["sequence"], out["log"], out["publish"] = ticks, ticks * self.dt_ns, ticks * self.dt_ns
+        return out.view(_STAMP)
 
     def index(self, k0):
         """Return the MessageIndex records (bytes) of the ticks from k0."""
-        _anywhere(self._index, "<u8")[self._slots] = (self._ticks + k0) * self.dt_ns
+        times = {every: (rel + k0) * self.dt_ns for every, rel in self._rates.items()}
+        for every, view in self._index_times:
+            view[:] = times[every]
         return self._index.tobytes()
 
     def values(self, content, number):
         """Yield (slice of fields, (row, field) view of float64) of topic `number` in `content`."""
-        _, rows, start, stride, runs = self.blocks[number]
-        for fields, offset, step in runs:
-            shape = (rows, fields.stop - fields.start)
-            yield fields, np.ndarray(shape, "<f8", content, start + offset, (stride, step))
+        block = self.blocks[number]
+        for fields, offset, step in block.runs:
+            shape = (block.rows, fields.stop - fields.start)
+            yield fields, np.ndarray(shape, "<f8", content, block.start + offset, (block.stride, step))
 
     def differs(self, content, k0):
         """Return the offset of the first byte of `content` that is no value and not as it must be, or None."""
@@ -129,8 +159,3 @@ class Plan:
         np.bitwise_and(content[: self.size], self._fixed, out=self._masked)
         expected = self.template(k0)[: self.size]
         return None if np.array_equal(self._masked, expected) else int((self._masked != expected).argmax())
-
-
-def _anywhere(content, kind):
-    """Return a view of `content` whose element i is the unaligned `kind` that starts at byte i."""
-    return np.ndarray((content.size - np.dtype(kind).itemsize + 1,), kind, content, 0, (1,))

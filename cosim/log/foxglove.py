@@ -161,18 +161,21 @@ class Pose:
     every: int = 20
     _origin: tuple | None = None
 
+    @property
+    def index(self):
+        """Return the positions in the order in which `messages` takes the values."""
+        return self.lat, self.lon, self.h, self.phi, self.theta, self.psi
+
     def messages(self, rows, k0, dt_ns):
-        """Return [(tick, topic, bytes)] of the rows (n, n_values) from tick k0."""
+        """Return [(tick, topic, bytes)] of rows (n, 6) in the order of `index`, the first of tick k0."""
         out = []
-        if self._origin is None:
-            self._origin = float(rows[0, self.lat]), float(rows[0, self.lon])
-        origin = self._origin
-        for i in range(-k0 % self.every, len(rows), self.every):
-            lat, lon, h, phi, theta, psi = (
-                float(rows[i, at]) for at in (self.lat, self.lon, self.h, self.phi, self.theta, self.psi)
-            )
-            ns = (k0 + i) * dt_ns
-            lat0, lon0 = origin
+        for i, row in enumerate(rows.tolist()):
+            lat, lon, h, phi, theta, psi = row
+            if self._origin is None:
+                self._origin = lat, lon
+            lat0, lon0 = self._origin
+            k = k0 + i * self.every
+            ns = k * dt_ns
             place = {
                 "x": EARTH_RADIUS * (lon - lon0) * cos(lat0),
                 "y": EARTH_RADIUS * (lat - lat0),
@@ -185,7 +188,7 @@ class Pose:
                 "translation": place,
                 "rotation": _quaternion(phi, -theta, pi / 2 - psi),
             }
-            out.append((k0 + i, "/tf", message("FrameTransforms")(transforms=[frame]).SerializeToString()))
+            out.append((k, "/tf", message("FrameTransforms")(transforms=[frame]).SerializeToString()))
             fix = message("LocationFix")(
                 timestamp=_time(ns),
                 frame_id="aircraft",
@@ -194,7 +197,7 @@ class Pose:
                 altitude=h,
                 heading=psi,
             )
-            out.append((k0 + i, "/fix", fix.SerializeToString()))
+            out.append((k, "/fix", fix.SerializeToString()))
         return out
 
 

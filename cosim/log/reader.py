@@ -40,6 +40,7 @@ class Log:
         self.media_types = {r.name: r.media_type for _, _, r in found.attachments}
         self.result = self.metadata.get("result")
         self.complete = found.closed and self.result is not None
+        self.chunks = found.chunks
         self.spans = [found.ticks(c) for c in found.chunks]
         self.n_ticks = sum(n for _, n in self.spans)
         self.topics = {name: self._info(t) for name, t in found.topics.items()}
@@ -65,7 +66,7 @@ class Log:
             for number, name in numbers.items():
                 if number not in plan.blocks:
                     continue
-                rows = plan.blocks[number][1]
+                rows = plan.blocks[number].rows
                 part = out[name][done[name] : done[name] + rows]
                 for fields, view in plan.values(content, number):
                     part[:, fields] = view

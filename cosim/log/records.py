@@ -1,5 +1,6 @@
 """Build the records around the content: a chunk with its message indexes, and the end of a log."""
 
+import hashlib
 import struct
 import zlib
 
@@ -53,6 +54,14 @@ def closing(offset, crc, schemas, channels, chunks, attachments, metadata):
     check = zlib.crc32(summary + struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offset_start))
     Footer(start, offset_start, check).write(builder)
     return end + summary + builder.end() + MAGIC
+
+
+def content_hash(chunks):
+    """Return the SHA-256 of the chunks' first tick times, sizes and CRCs: it changes with any sample."""
+    digest = hashlib.sha256()
+    for chunk in chunks:
+        digest.update(struct.pack("<QQQI", chunk.start_ns, chunk.end_ns, chunk.size, chunk.crc))
+    return digest.hexdigest()
 
 
 def pack_chunk(layout, content, data, compression, k0, n, tail, offset):

@@ -6,7 +6,7 @@ import os
 from .contents import Contents
 from .format import Damage, Limits, LogError, log_error
 from .reader import Log, load_chunk, open_log
-from .records import pack_chunk
+from .records import content_hash, pack_chunk
 from .scan import scan
 from .sink import Sink
 
@@ -82,16 +82,19 @@ def info(path, *, check=False, limits=None):
 
     `readable` (the strict reader takes it), `problem` (why not), `complete` (the run ended by itself), `ticks`, `dt_s`,
     `duration_s`, `bytes`, `chunks`, `gaps` (ticks missing between chunks), `result`, `metadata`, `attachments` {name:
-    bytes} and `topics` {name: {rows, fields, every, units, sha256}}; with `check`, all content is read and its hashes
-    are compared with the result's: `hashes_agree` (None when there is no result).
+    bytes}, `content` (the hash of all samples, part of the result too) and `topics` {name: {rows, fields, every, units,
+    sha256}}; the last, of a topic's float64 values row after row, is None unless `check` has all content read.
     """
     try:
         log, problem = open_log(path, limits=limits), None
     except LogError as error:
         log, problem = Log(scan(path, limits or Limits(), tolerant=True)), str(error)
-    result = log.result or {}
-    sums = {name: hashlib.sha256(values).hexdigest() for name, values in _arrays(log)} if check and not problem else {}
-    stated = {name: result.get(f"sha256 {name}") for name in log.topics}
+    sums = {}
+    if check and problem is None:
+        try:
+            sums = {name: hashlib.sha256(log.array(name)).hexdigest() for name in log.topics}
+        except LogError as error:
+            problem = str(error)
     spans = log.spans
     return {
         "path": log.path,
@@ -105,23 +108,18 @@ def info(path, *, check=False, limits=None):
         "duration_s": sum(spans[-1]) * log.dt_ns / 1e9 if spans else 0.0,
         "gaps": (sum(spans[-1]) - log.n_ticks) if spans else 0,
         "chunks": len(spans),
-        "result": {k: v for k, v in result.items() if not k.startswith("sha256 ")},
+        "content": content_hash(log.chunks),
+        "result": log.result or {},
         "metadata": {k: v for k, v in log.metadata.items() if k not in ("result", "preamble")},
         "attachments": {name: len(data) for name, data in log.attachments.items()},
-        "hashes_agree": sums == stated if sums and log.result else None,
         "topics": {
             t.name: {
                 "rows": t.rows,
                 "every": t.every,
                 "fields": list(t.fields),
                 "units": list(t.units),
-                "sha256": sums.get(t.name) or stated[t.name],
+                "sha256": sums.get(t.name),
             }
             for t in log.topics.values()
         },
     }
-
-
-def _arrays(log):
-    """Yield (topic, values) of every topic, one at a time: memory over speed."""
-    return ((name, log.array(name)) for name in log.topics)

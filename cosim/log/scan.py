@@ -16,7 +16,7 @@ from mcap.records import ChunkIndex
 
 from .contents import Contents, decode
 from .format import Damage, LogError, log_error
-from .records import MAGIC, closing
+from .records import MAGIC, closing, content_hash
 
 _FOOTER = 9 + 20 + len(MAGIC)  # the last bytes of a log: footer record and magic
 _DATA_END = 9 + 4
@@ -58,6 +58,9 @@ def _strict(out, file):
         raise log_error("the data are damaged (CRC)", out.path, None, _RECOVER)
     _walk(out, file, len(MAGIC), stop)
     out.finish()
+    result = next((r.metadata for _, _, r in out.metadata if r.name == "result"), None)
+    if result is not None and result.get("content") != content_hash(out.chunks):
+        raise log_error("the samples are not those of the result", out.path, out.metadata[-1][0])
     expected = closing(stop, crc, out.schemas, out.channels, out.chunks, out.attachments, out.metadata)
     file.seek(stop)
     if out.size - stop != len(expected) or file.read(len(expected)) != expected:
