@@ -246,8 +246,8 @@ def ofc_test(x, p, renewed, blocked, teach, other, dt):
 @kernel
 def judge(x, p, k, which, b):
     """Write `pure` of residual + b drive at frequency k; return whether its two periods agree and it explains its window."""
-    agree, pure = bank.character(x, p, k, 1.0, b, p.keep_mean > 0.5)
-    x.pure[which, k] = pure
+    agree, pure, whole = bank.character(x, p, k, 1.0, b)
+    x.pure[which, k] = whole if p.keep_mean > 0.5 else pure
     return agree >= p.coherence and pure >= p.purity
 
 
@@ -287,15 +287,18 @@ def peak_frequency(x, p, k, b):
 
 
 @kernel
-def name_fault(x, sensor, jam, run, moves):
-    """Write `alarm`, `verdict` and `culprit` of a hydraulic lane from its four tests, the surest first."""
+def name_fault(x, sensor, jam, run, moves, alternates):
+    """Write `alarm`, `verdict` and `culprit` of a hydraulic lane from its four tests, the surest first.
+
+    `moves`: what the valve does moves the rod; `alternates`: it has done so both ways since the first sign.
+    """
     ofc = x.ofc_timer > 0.0
     x.alarm = 1.0 if sensor or jam or run or ofc else 0.0
     last = x.verdict
     x.culprit = x.blame if sensor else 0.0
     if sensor:
         x.verdict = SENSOR if x.blame > 0.5 else AMBIGUOUS
-    elif ofc and not jam:
+    elif ofc and not jam and (alternates or last != RUNAWAY):
         x.verdict = OFC_SOLID if x.ofc_solid > 0.5 else OFC_LIQUID
     elif x.alarm < 0.5:
         x.verdict = NONE

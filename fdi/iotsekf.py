@@ -70,6 +70,8 @@ STATE = dtype(
         ("q_slow", "f8"),  # rod, lagged more [m]
         ("v_slow", "f8"),  # velocity from their difference: the filter's own is wrong while a jam loads up [m/s]
         ("excess", "f8"),  # lagged load beyond the model [1]
+        ("w_high", "f8"),  # largest lagged f_hat + drive since the first sign of a fault [1]
+        ("w_low", "f8"),  # smallest [1]
         ("run_timer", "f8"),  # [s]
         ("run", "f8"),  # 1 while an input fault is declared
         ("jam_timer", "f8"),  # [s]
@@ -118,7 +120,8 @@ def params(which=None, *, load=2, dt=0.005, delay_s=0.005, arm=linkage.ARM, **va
         "total_sign": 1.0,
         "delay": float(round(delay_s / dt)),
         "epsilon": 1e-9,
-        "gate": 8.0,
+        "gate_rod": 12.0,
+        "gate_dp": 40.0,
         "spikes": 4.0,
         "t_invalid": 0.2,
         "keep_mean": 1.0 if load == 2 else 0.0,
@@ -167,8 +170,13 @@ def decide(x, u, p, dt):
     still = math.fabs(x.v_slow) < p.jam_still
     jammed = x.r_jam >= 1.0 and still and not disturbed
     x.jam_timer, x.jam = confirm(x.jam_timer, x.jam, jammed, dt, p.jam_confirm, p.t_release)
-    moves = math.fabs(x.f_slow + x.u_slow) > 0.5 * p.run_threshold
-    decision.name_fault(x, x.sensor > 0.5, x.jam > 0.5, x.run > 0.5, moves)
+    w = x.f_slow + x.u_slow
+    late = x.since > 3.0 * p.run_tau  # the lag has forgotten the time before
+    x.w_high = max(x.w_high, w) if late else 0.0
+    x.w_low = min(x.w_low, w) if late else 0.0
+    alternates = min(x.w_high, -x.w_low) > 0.25 * max(x.w_high, -x.w_low)
+    moves = math.fabs(w) > 0.5 * p.run_threshold
+    decision.name_fault(x, x.sensor > 0.5, x.jam > 0.5, x.run > 0.5, moves, alternates)
     pair = math.fabs(x.pair_d) / p.pair_threshold
     x.r = max(max(pair, x.r_ofc), max(x.r_run, x.r_jam if still else 0.0))
 

@@ -45,7 +45,8 @@ PARAMS = [
     ("r_dp", "f8"),  # of a pressure sample [1]
     ("P0", "f8", (4,)),  # initial variances
     ("P0_f", "f8"),
-    ("gate", "f8"),  # innovation beyond so many sigma is a spike
+    ("gate_rod", "f8"),  # a rod innovation beyond so many sigma is a spike
+    ("gate_dp", "f8"),  # a pressure innovation; wide, because a valve step that is not obeyed makes 20
     ("spikes", "f8"),  # ... unless so many samples in a row agree that it is not [ticks]
     ("t_invalid", "f8"),  # without rod for longer the estimate is not valid [s]
     ("r_spare", "f8"),  # variance of the surface sensor in place of the rod, rigging included [m^2]
@@ -181,7 +182,7 @@ def time_update(x, u, v, p, dt):
 
 
 @kernel
-def measure(x, j, y, r, p):
+def measure(x, j, y, r, gate, p):
     """Update with the scalar `y`, a measurement of x[j] of variance `r`; return (innovation, its variance, used)."""
     P = x.P_bar
     S = x.V[j]  # (34)
@@ -189,7 +190,7 @@ def measure(x, j, y, r, p):
     s_bar = P[j, j] + r
     s = s_bar + S * x.P_f * S
     gamma = y - x.x_bar[j] - S * f
-    if gamma * gamma > p.gate * p.gate * s:
+    if gamma * gamma > gate * gate * s:
         return gamma, s, 0.0
     K = x.K
     for i in range(4):
@@ -223,14 +224,14 @@ def measurement_update(x, u, p, dt):
     x.age = 0.0 if rod or spare else x.age + dt
     if rod or spare:
         y = u.y_rod if rod else p.arm * u.y_surface + x.rigging
-        gamma, s, used = measure(x, 0, y, p.r_rod if rod else p.r_spare, p)
+        gamma, s, used = measure(x, 0, y, p.r_rod if rod else p.r_spare, p.gate_rod, p)
         x.gamma_rod, x.nis_rod = gamma, gamma * gamma / s
         x.skip_rod = 0.0 if used > 0.5 else x.skip_rod + 1.0
         if x.skip_rod > p.spikes:  # several agree: it is the estimate that is wrong, in position before anything else
             x.P_bar[0, 0] += gamma * gamma
             x.skip_rod = 0.0
     if p.load == 2.0 and u.y_dp_valid > 0.5 and math.isfinite(u.y_dp):
-        gamma, s, used = measure(x, 2, u.y_dp, p.r_dp, p)
+        gamma, s, used = measure(x, 2, u.y_dp, p.r_dp, p.gate_dp, p)
         x.gamma_dp, x.nis_dp = gamma, gamma * gamma / s
         x.skip_dp = 0.0 if used > 0.5 else x.skip_dp + 1.0
         if x.skip_dp > p.spikes:  # follow it: the load takes the difference
