@@ -9,14 +9,14 @@ MULTIPLIERS = (
     "Cm_0", "Cm_alpha", "Cm_q", "Cm_alphadot", "Cm_de", "Cm_ds",
     "CY_beta", "CY_dr", "Cl_beta", "Cl_p", "Cl_r", "Cl_da", "Cl_dr", "Cl_de",
     "Cn_beta", "Cn_p", "Cn_r", "Cn_da", "Cn_dr",
-    "Ch_0", "Ch_alpha", "Ch_delta",
+    "Ch_alpha", "Ch_delta",
 )  # fmt: skip
 
 CBAR_FT, SPAN_FT = 27.31, 195.68
 TAIL_ARM_FT = 105.3  # [Roskam] C_m_ih / C_L_ih = -2.70 / 0.70 chords behind the CG at 25 %
 DOWNWASH = 0.40  # d epsilon / d alpha at the tail: assumed (typical of transports)
 SEGMENT_AREA_FT2, SEGMENT_CHORD_FT = 8.0 / 0.3048**2, 1.4 / 0.3048  # DESIGN section 3
-HINGE = {"Ch_0": 0.0, "Ch_alpha": -0.05, "Ch_delta": -0.17}  # per rad; balanced elevator: assumed
+HINGE = {"Ch_alpha": -0.05, "Ch_delta": -0.17}  # per rad; balanced elevator without camber: assumed (README)
 SEGMENT_SPAN_FT = {
     "lo": -26.6,
     "li": -12.1,
@@ -73,7 +73,7 @@ def _operation(kind, parts, indent):
 def multipliers_xml():
     """Return the declarations of one multiplier per coefficient."""
     lines = "\n".join(f'  <property value="1"> aero/mult/{name} </property>' for name in MULTIPLIERS)
-    note = "<!-- Written by cosim/aircraft_fit.py. One multiplier per coefficient, for uncertainty: 1 is the fitted value. -->"
+    note = "<!-- Written by cosim/aircraft_fit.py. One multiplier per coefficient: 1 is the fitted value. -->"
     return f'<?xml version="1.0"?>\n{note}\n<system name="multipliers">\n\n{lines}\n\n</system>\n'
 
 
@@ -236,7 +236,7 @@ def _over_speed(arm, rate):
 
 
 def _hinges():
-    """Return HM0 (per segment) and HM_delta (common), lbf ft: q̄ S_e c_e (Ch_0 + Ch_alpha alpha_t) and q̄ S_e c_e
+    """Return HM0 (per segment) and HM_delta (common), lbf ft: q̄ S_e c_e Ch_alpha alpha_t and q̄ S_e c_e
     Ch_delta.
     """
     size = SEGMENT_AREA_FT2 * SEGMENT_CHORD_FT
@@ -264,15 +264,9 @@ def _hinges():
                 product(
                     size,
                     "aero/qbar-psf",
-                    total(
-                        product("aero/mult/Ch_0", HINGE["Ch_0"], indent=8),
-                        product(
-                            "aero/mult/Ch_alpha",
-                            HINGE["Ch_alpha"],
-                            total("aero/tail-alpha-rad", roll, indent=10),
-                            indent=8,
-                        ),
-                    ),
+                    "aero/mult/Ch_alpha",
+                    HINGE["Ch_alpha"],
+                    total("aero/tail-alpha-rad", roll, indent=8),
                 ),
             )
         )
