@@ -23,8 +23,8 @@ PROPERTY = {
     "alphadot": ("aero/alphadot-from-forces", "aero/alphadot-rad_sec"), "p": ("velocities/p-aero-rad_sec",),
     "q": ("velocities/q-aero-rad_sec",), "r": ("velocities/r-aero-rad_sec",), "beta": ("aero/beta-rad",),
     "de_lo": ("fcs/elevator-lo-pos-rad",), "de_li": ("fcs/elevator-li-pos-rad",), "de_ri": ("fcs/elevator-ri-pos-rad",),
-    "de_ro": ("fcs/elevator-ro-pos-rad",), "da_l": ("fcs/aileron-left-pos-rad",), "da_r": ("fcs/aileron-right-pos-rad",),
-    "dr": ("fcs/rudder-applied-rad",), "stab": ("fcs/stabilizer-pos-rad",),
+    "de_ro": ("fcs/elevator-ro-pos-rad",), "da_l": ("fcs/aileron-left-pos-rad",),
+    "da_r": ("fcs/aileron-right-pos-rad",), "dr": ("fcs/rudder-applied-rad",), "stab": ("fcs/stabilizer-pos-rad",),
 }  # fmt: skip
 STABILITY = {"p": ("aero/p-stability-rad_sec",), "r": ("aero/r-stability-rad_sec",)}  # where an aircraft defines them
 SPEED = 500.0  # any speed [ft/s]: only makes rates of the dimensionless ones
@@ -33,7 +33,7 @@ TOLERANCE = 1e-9  # of splitting and of linearity, relative to the largest coeff
 
 @functools.cache
 def force_model(folder=FOLDER):
-    """Return the `ForceModel` of an aircraft folder; ValueError when its functions are of another form (see the module)."""
+    """Return the `ForceModel` of an aircraft folder; ValueError when its functions have another form."""
     folder = Path(folder)
     aero = AeroFunctions(folder)
     alpha = _breaks(aero, "aero/alpha-rad", [-0.2, 0.4])

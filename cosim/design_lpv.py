@@ -7,11 +7,15 @@ gives zero error and nonsense between.
 """
 
 import dataclasses
+import json
 import math
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import brentq
 
+from cosim.aero_functions import numbers_digest
+from cosim.airframe import FOLDER
 from cosim.errors import TrimError
 from cosim.linearize import linearize
 from cosim.plant import KT, Flight
@@ -23,6 +27,8 @@ STATES = {"alpha": "deg", "h": "m", "theta": "deg", "tas": "m/s", "q": "deg/s"} 
 OUTPUTS = {"h": "m", "theta": "deg", "tas": "m/s", "q": "deg/s", "nz": "g", "alpha": "deg"}  # (37)
 SEGMENTS = ("de_lo", "de_li", "de_ri", "de_ro")
 THROTTLE_MAX = 0.90  # DESIGN.md section 3
+GRID = 4  # values per parameter of the first grid; the second lies between them
+STORED = Path(lpv_smo_design.__file__).parent / "designs" / "lpv_smo.json"
 CEILING = 11000.0  # top of the troposphere [m]
 # size of each signal in manoeuvres of +-0.15 g, from the flights of [Alwi14] figure 1: they weigh what is insignificant
 SIZE_X = np.array([2.0, 100.0, 3.0, 5.0, 2.0])
@@ -123,7 +129,7 @@ def fit(samples):
 
 
 def judge(model, samples):
-    """Compare the model with a second grid: error per entry over its largest value, modes, neglected entries; a dict."""
+    """Compare the model with a second grid: error per entry over its largest value, modes, what is neglected."""
     out = {k: lpv_model.judge(getattr(model, k), samples.rho, getattr(samples, k)) for k in "ABCD"}
     truth = [lpv_model.modes(A)[0] for A in samples.A]
     fitted = [lpv_model.modes(lpv_model.at(model.A, r))[0] for r in samples.rho]
@@ -146,3 +152,39 @@ def design(model):
     M = np.zeros((5, 2))
     M[0, 0] = M[3, 1] = 1.0
     return lpv_smo_design.design(model.A, model.B, model.C, model.D, box=model.box, M=M)
+
+
+def make(*, progress=None):
+    """Sample, fit, judge and design; return (model, design, facts) with `facts` ready for `lpv_smo_design.save`."""
+    first, second = sample(grid(GRID), progress), sample(grid(GRID, offset=0.5), progress)
+    model, fixed = fit(first)
+    made = design(model)
+    return model, made, {
+        "aircraft_sha256": numbers_digest(FOLDER),
+        "grid": {"points": len(first.rho), "refused": len(first.refused), "second": len(second.rho)},
+        "fit": {k: np.asarray(v).tolist() for k, v in judge(model, second).items()},
+        "fixed": {k: v.tolist() for k, v in fixed.items()},
+        "vertices_refused": unflyable_vertices(),
+        "certificate": lpv_smo_design.verify(made),
+    }  # fmt: skip
+
+
+def store(path=STORED, *, progress=None):
+    """Make the design of the aircraft in the tree and write it to `path`; return the facts."""
+    model, made, facts = make(progress=progress)
+    lpv_smo_design.save(model, made, path, **facts)
+    return facts
+
+
+def check(path=STORED):
+    """Return "" when the stored design belongs to the aircraft in the tree and verifies, else what is wrong."""
+    if not Path(path).is_file():
+        return "no stored LPV design; make it with: cosim design"
+    held = json.loads(Path(path).read_text(encoding="utf-8"))
+    if held["aircraft_sha256"] != numbers_digest(FOLDER):
+        return "the LPV design was made for other numbers in the aircraft's XML; mend: cosim design"
+    try:
+        report = lpv_smo_design.verify(lpv_smo_design.load(path)[1])
+    except ValueError as error:
+        return str(error)
+    return "" if report["ok"] else f"the stored LPV design does not verify: {report}"

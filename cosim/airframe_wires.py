@@ -1,0 +1,34 @@
+"""What the aircraft-level detectors of [Alwi14] and [Mar10] read: input field -> name on the bus, and their delays."""
+
+import math
+
+_COMMANDS = {f"de_{s}": "law.law.de_cmd" for s in ("lo", "li", "ri", "ro")} | {"stab": "law.law.stab_cmd"}
+_LPV = {"h": "h_inertial", "theta": "theta", "V": "tas", "q": "q", "n_z": "n_z", "alpha": "alpha", "mass": "mass",
+        "cg": "cg", "cas": "cas", "mach": "mach"}  # fmt: skip
+_REDUNDANCY = (
+    "n_x", "n_y", "n_z", "alpha", "beta", "theta", "phi", "p", "q", "r", "cas", "tas", "mach", "mass", "cg",
+    "n1_1", "n1_2", "n1_3", "n1_4", "pdot", "qdot", "rdot",
+)  # fmt: skip
+
+
+def _sensors(names):
+    out = {}
+    for field, sensor in names.items():
+        out |= {field: f"sensors.{sensor}.y_obs", f"{field}_valid": f"sensors.{sensor}.valid_obs"}
+    return out
+
+
+def lpv_smo():
+    """Return {input of fdi.lpv_smo: bus name}; the elevators by command, as a measured surface would hide its fault."""
+    return _COMMANDS | _sensors(_LPV)
+
+
+def control_redundancy():
+    """Return {input of fdi.control_redundancy: bus name}."""
+    lateral = {"da_l": "law.law.da_cmd", "da_r": "law.law.da_cmd", "dr": "law.law.dr_cmd"}
+    return _COMMANDS | lateral | _sensors({name: name for name in _REDUNDANCY})
+
+
+def ticks(delay, dt):
+    """Return how many ticks a sensor of `delay` seconds lags."""
+    return float(math.ceil(delay / dt - 1e-9))
