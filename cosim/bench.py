@@ -6,7 +6,6 @@ interquartile range over the median.
 """
 
 import json
-import math
 import os
 import subprocess
 import sys
@@ -185,10 +184,11 @@ def _seconds(args):
 def _peak_mb(folder):
     """Return the peak resident memory [MB] of a process that flies and logs ten minutes with every detector."""
     if not hasattr(os, "wait4"):
-        return math.nan
+        return None
     log = str(Path(folder) / "long.mcap")
     args = _command("run", "cruise", "--json", "--set", f"duration_s={MEMORY_FLIGHT_S}", "-o", log)
     with subprocess.Popen(args, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
         outcome = process.stdout.read()
         _, status, usage = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)

@@ -5,13 +5,14 @@ These tables are the only place where that is written: validation, `cosim list`,
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 DEG, KT, FT = math.pi / 180.0, 1852.0 / 3600.0, 0.3048
 
 SEGMENTS = ("left_outer", "left_inner", "right_inner", "right_outer")
 GROUPS = {"left": SEGMENTS[:2], "right": SEGMENTS[2:], "all": SEGMENTS}
 TECHNOLOGIES = ("hydraulic", "ema", "simple")
-DEFAULT_TECHNOLOGY = dict(zip(SEGMENTS, ("hydraulic", "hydraulic", "ema", "ema")))
+DEFAULT_TECHNOLOGY: dict[str, Any] = dict(zip(SEGMENTS, ("hydraulic", "hydraulic", "ema", "ema")))
 FEEDBACKS = ("measured", "iotsekf", "rtsekf", "rtsekf_flight")
 SURFACES = ("aileron.left", "aileron.right", "rudder", "stabiliser")
 ENGINES = ("1", "2", "3", "4")

@@ -170,7 +170,7 @@ def _place(target, kind, raw):
             raise problem(f"{raw['kind']} cannot enter at {out['at']!r}{why}", key="at", allowed=", ".join(kind.at))
     elif raw.get("at") is not None:
         raise problem(f"{raw['kind']} has no place of entry", key="at", remedy="Remove at")
-    paths = {"sensor": c.SENSOR_PATHS, "part_sensor": c.PART_PATHS}.get(target.place, ())
+    paths: tuple[str, ...] = {"sensor": c.SENSOR_PATHS, "part_sensor": c.PART_PATHS}.get(target.place, ())
     if paths:
         out["path"] = raw.get("path") or paths[0]
         if raw["kind"] == "jam_liquid":

@@ -4,7 +4,7 @@ import tomllib
 from importlib import resources
 from pathlib import Path
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.scenario.fault import Fault
@@ -111,7 +111,8 @@ def _value(table, loc):
 
 def _walk(loc, table):
     """Return (model that holds the last key, its FieldInfo), each may be None, by following `loc` from the root."""
-    model, field = Scenario, None
+    model: type[BaseModel] | None = Scenario
+    field = None
     for i, part in enumerate(loc):
         if model is None:
             return None, None
@@ -123,7 +124,8 @@ def _walk(loc, table):
         elif part == "faults":
             return Fault, Fault.model_fields.get(loc[-1])
         else:
-            model = field.annotation if field and hasattr(field.annotation, "model_fields") else None
+            inner = field.annotation if field else None
+            model = inner if isinstance(inner, type) and issubclass(inner, BaseModel) else None
     return model, field
 
 

@@ -96,7 +96,7 @@ class ThreeTwoOneOne(_Manoeuvre):
         return raw
 
 
-KINDS = {
+KINDS: dict[str, type[BaseModel]] = {
     "cruise": Cruise,
     "aoa_protection": AoaProtection,
     "nose_up": NoseUp,

@@ -61,8 +61,10 @@ class Flight(_Table):
         """Return (kind, value): ("cas" or "tas", m/s) or ("mach", -)."""
         if self.mach is not None:
             return "mach", self.mach
-        kind, knots = ("cas", self.cas_kt) if self.cas_kt is not None else ("tas", self.tas_kt)
-        return kind, knots * c.KT
+        if self.cas_kt is not None:
+            return "cas", self.cas_kt * c.KT
+        assert self.tas_kt is not None  # exactly one is given
+        return "tas", self.tas_kt * c.KT
 
 
 class Feedbacks(_Table):
@@ -224,10 +226,10 @@ class Scenario(_Table):
     flight: Flight
     manoeuvre: Manoeuvre = Cruise()
     elevator: Elevator = Elevator.model_validate({})
-    sensors: Sensors = Sensors()
+    sensors: Sensors = Sensors.model_validate({})
     tolerances: Tolerances = Tolerances()
     faults: Annotated[tuple[Fault, ...], Field(strict=False)] = ()
-    detectors: Detectors = Detectors()
+    detectors: Detectors = Detectors.model_validate({})
 
     @model_validator(mode="after")
     def _together(self):
