@@ -1,7 +1,9 @@
 """Scenarios: what is accepted, what is refused and how, and that an expanded one is the same one."""
 
 import math
+import re
 import tomllib
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -60,6 +62,12 @@ def test_every_kind_of_fault_and_manoeuvre_is_flown_by_a_builtin():
     assert {f.kind for s in flown for f in s.faults} == set(c.ALL_KINDS)
     listed = {(f["place"], f["kind"]) for f in inventory()["faults"]}
     assert len(listed) == len(inventory()["faults"])
+
+
+def test_the_scenario_of_the_readme_loads():
+    text = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"```toml\n(.*?)```", text, re.S)
+    assert parse(tomllib.loads(example)).warnings() == []
 
 
 def test_issue_names_of_builtins_exist():
