@@ -111,7 +111,7 @@ def oscillation(x, p):
         x.r_ofc = max(x.r_ofc, r)
         if r < 1.0 or x.bank_new[k] < 0.5:
             continue
-        agreement, purity = bank.character(x, p, k, 1.0, 0.0, False)
+        agreement, purity, _ = bank.character(x, p, k, 1.0, 0.0)
         if agreement >= p.coherence and purity >= p.purity and r > best:
             found, best = k, r
     if found < 0:
@@ -120,8 +120,8 @@ def oscillation(x, p):
         x.ofc_class = AMBIGUOUS
         x.ofc_margin = p.margin
     x.ofc_timer = p.t_release
-    _, liquid = bank.character(x, p, found, 1.0, 0.0, False)
-    _, solid = bank.character(x, p, found, 1.0, 1.0, False)
+    _, liquid, _ = bank.character(x, p, found, 1.0, 0.0)
+    _, solid, _ = bank.character(x, p, found, 1.0, 1.0)
     if math.fabs(solid - liquid) > x.ofc_margin:  # the clearest window since the alarm decides
         x.ofc_margin = math.fabs(solid - liquid)
         x.ofc_class = OFC_SOLID if solid > liquid else OFC_LIQUID
