@@ -27,33 +27,45 @@ REMEDY = "Run `cosim design` (it needs the extra `design`)"
 
 @dataclass(frozen=True)
 class Maker:
-    """Where a design comes from: `module`.`function`(progress) returns what the file holds but for its "source"."""
+    """Where a design comes from: `module`.`function`(progress) returns what the file holds but for its "source".
+
+    A module that is its `own` keeper writes and checks its file itself, by store(path, progress=) and check(path).
+    """
 
     module: str
     function: str
     what: str
+    own: bool = False
 
 
 DESIGNS = {
     "rfafe": Maker("cosim.design_rfafe", "published", "Sun13 estimator with elevator positions"),
     "rfafe_airframe": Maker("cosim.design_rfafe", "airframe", "Sun13 estimator on airframe outputs"),
     "physics_bound": Maker("cosim.design_rfafe", "physics_bound", "motion per degree of elevator oscillation"),
+    "lpv_smo": Maker("cosim.design_lpv", "store", "Alwi14 LPV model and observer", own=True),
 }
 
 
 def build(name, *, folder=FOLDER, progress=None):
-    """Make design `name` anew and write it; return its path. `progress(text)` hears each step. KeyError: no such
-    design."""
+    """Make design `name` anew, write it and return its path; `progress(text)` hears each step. KeyError: unknown name."""
     maker = DESIGNS[name]
-    made = getattr(importlib.import_module(maker.module), maker.function)(progress or (lambda text: None))
+    tell = progress or (lambda text: None)
+    module = importlib.import_module(maker.module)
     path = Path(folder) / f"{name}.json"
+    if maker.own:
+        tell(f"{name}: {maker.what}")
+        module.store(path, progress=lambda: tell(f"{name}: next flight point"))
+        return path
+    made = getattr(module, maker.function)(tell)
     path.write_text(json.dumps({"source": source(), **made}, indent=1, sort_keys=True) + "\n", encoding="utf-8")
     return path
 
 
 def check(name, *, folder=FOLDER):
     """Return "" when the stored design `name` belongs to the aircraft in the tree, else what is wrong."""
-    path = Path(folder) / f"{name}.json"
+    maker, path = DESIGNS[name], Path(folder) / f"{name}.json"
+    if maker.own:
+        return importlib.import_module(maker.module).check(path)
     if not path.is_file():
         return f"there is no {path.name}"
     try:
