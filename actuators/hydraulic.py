@@ -66,6 +66,7 @@ INPUTS = dtype(
         ("supply_drop", "f8"),  # fault: supply pressure lost [0..1]
         ("leak_add", "f8"),  # fault: added normalised leakage [m/s]
         ("air", "f8"),  # fault: bulk modulus lost [0..1]
+        ("backlash_add", "f8"),  # fault: added gap between rod and surface, whole width [rad]
     ]
 )
 STATE = dtype(
@@ -249,6 +250,7 @@ def step(x, u, p, dt):
     x.status = 0.0
     hm0, hmd = finite(u.hm0, x), finite(u.hmd, x)
     sigma, brake = _faulty(x, u, p)
+    gap = p.backlash + max(finite(u.backlash_add, x), 0.0)
     q, v, z = x.q_rod, x.qd_rod, x.x3 / sigma
     n = int(p.substeps)
     h = dt / n
@@ -256,7 +258,7 @@ def step(x, u, p, dt):
         q, v, z = _substep(q, v, z, x.delta - q / p.arm, hm0, hmd, brake, h, x, p)
         hm = hm0 + hmd * x.delta
         drift = x.delta + h * hm / p.c_gap
-        lo, hi = q / p.arm - 0.5 * p.backlash, q / p.arm + 0.5 * p.backlash
+        lo, hi = q / p.arm - 0.5 * gap, q / p.arm + 0.5 * gap
         x.delta = clip(drift, lo, hi)
         x.contact = 1.0 if (hm >= 0.0 and drift >= hi) or (hm <= 0.0 and drift <= lo) or hi == lo else 0.0
     if not (abs(q) < 1e3 and abs(v) < 1e6 and abs(z) < 1e6):

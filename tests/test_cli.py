@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 from cosim import cli
 from cosim.errors import LogError, TrimError
 from cosim.result import Result
+from cosim.scenario import builtin_names, load_scenario
 
 ROW = {
     "id": "iotsekf",
@@ -219,6 +220,15 @@ def test_linearize_shows_the_modes_and_writes_the_model(tmp_path):
 def test_infeasible_point_is_one_line_that_says_why(point, why):
     sets = [x for k, v in point.items() for x in ("--set", f"{k}={v}")]
     refused(cosim("linearize", *sets), " t, CG 30 %", " ft", why)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", builtin_names())
+def test_builtin_flies_past_its_last_fault(name, tmp_path):
+    late = max((f.start_s for f in load_scenario(name).faults), default=1.0)
+    result = cosim("run", name, "--json", "-s", f"duration_s={late + 2}", "-o", tmp_path / "x.mcap")
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["status"] == "completed"
 
 
 def process(*args, **options):
