@@ -47,7 +47,7 @@ DESIGNS = {
 
 
 def build(name, *, folder=FOLDER, progress=None):
-    """Make design `name` anew, write it and return its path; `progress(text)` hears each step. KeyError: unknown name."""
+    """Make design `name` anew, write it, return its path; `progress(text)` hears each step. KeyError: unknown name."""
     maker = DESIGNS[name]
     tell = progress or (lambda text: None)
     module = importlib.import_module(maker.module)
