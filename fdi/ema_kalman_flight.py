@@ -34,14 +34,12 @@ from actuators import jay
 from actuators.block import dtype, kernel, record
 from fdi.decision import usable
 from fdi.ema_design import gain, model
-from fdi.ema_kalman import CULPRITS, VELOCITY
+from fdi.ema_kalman import CULPRITS, VELOCITY, N
+from fdi.ema_reckon import LAG, MEAN, reckon_position
 from fdi.ema_vote import decide, heal, size
 from fdi.tuning import thresholds
 
 __all__ = ["CULPRITS", "INPUTS", "OUTPUTS", "PARAMS", "STATE", "init", "params", "rollout", "step"]
-
-N = 10  # samples of the innovation mean; [Jay] section 4.1
-LAG, MEAN = 20, 5  # R1's jump: mean of the last 5 ticks against that of the 5 ticks 0.1 s ago
 
 PARAMS = dtype([
     ("Phi", "f8", (6, 6)),    # transition over one tick without hinge stiffness, SI
@@ -185,9 +183,9 @@ def params(which="flight", *, dt=jay.PERIOD, delay=1, sigma_velocity=1.0, sigma_
     """Return PARAMS with threshold set `which` of fdi/thresholds/ema_kalman_flight.json.
 
     Sensors: noise per sample, 1 sigma [rad/s], [m] ([Jay] section 4 read so), `delay` ticks old. `symbols` replace
-    those of `actuators.jay.values("elevator")`. The windows are ticks, made for 5 ms. Model errors behind the gain: a load of
-    630 N m wandering with 20 s (the Gauss-Markov load must follow 30 % of the hinge moment within a pulse and leak less
-    than 0.1 deg in a minute) and 1 rad/s per tick of friction and torque. Raises ValueError for unknown names.
+    those of `actuators.jay.values("elevator")`. The windows are ticks, made for 5 ms. Model errors behind the gain: a
+    load of 630 N m wandering with 20 s (it must follow 30 % of the hinge moment within a pulse and hardly leak) and
+    1 rad/s per tick of friction and torque error. Raises ValueError for unknown names.
     """
     v = jay.values("elevator", **symbols)
     tau_load = 20.0
@@ -326,66 +324,6 @@ def _current(x, p):
 
 
 @kernel
-def _jump(x, p, dt):
-    """Form the jump of R1 and the share of it that a velocity error of the size taken in would have made."""
-    tail = int(x.tail)
-    x.drifts[tail] = x.drift
-    x.tail = float((tail + 1) % LAG)
-    x.jump = 0.0
-    for i in range(MEAN):
-        x.jump += (x.drifts[(tail + LAG - i) % LAG] - x.drifts[(tail + 1 + i) % LAG]) / MEAN
-    x.r_jump = math.fabs(x.jump) / p.th_jump
-    head = int(x.head)  # of the innovations' window, already moved on
-    change = (x.jumps[head] - x.jump) / (p.lead * (LAG - MEAN) * dt)
-    x.jumps[head] = x.jump
-    fade = 1.0 - dt / p.t_hold
-    x.need_hi = max(x.need_hi * fade, change)
-    x.need_lo = min(x.need_lo * fade, change)
-    # a velocity that reads high moves pos_hat up and R1 down
-    x.need = x.need_hi if x.jump < 0.0 else -x.need_lo
-    taken = x.hi if x.jump < 0.0 else -x.lo
-    x.share = min(taken / max(x.need, 1e-3), 9.9)
-
-
-@kernel
-def _tie(x, p):
-    """Correct (c, b) by R1: a scalar Kalman update of two states."""
-    S = x.P_cc + p.sigma_tie * p.sigma_tie
-    k_c, k_b = x.P_cc / S, x.P_cb / S
-    x.c += k_c * x.R1
-    x.b = min(max(x.b + k_b * x.R1, -p.b_max * p.lead), p.b_max * p.lead)
-    x.P_bb -= k_b * x.P_cb
-    x.P_cb -= k_b * x.P_cc
-    x.P_cc -= k_c * x.P_cc
-
-
-@kernel
-def _position(x, u, p, dt, back):
-    """Form R1 and its jump; tie the anchor while nothing is suspected; `back`: velocity returns after a gap."""
-    walk, wander = p.lead * p.sigma_vel * dt, p.lead * p.walk_b
-    x.c += x.b * dt
-    x.P_cc += 2.0 * dt * x.P_cb + dt * dt * x.P_bb + walk * walk
-    x.P_cb += dt * x.P_bb
-    x.P_bb += wander * wander
-    seen = usable(u.y_position, u.position_valid) > 0.5
-    if seen:
-        x.drift = u.y_position - x.reckon
-        if back or x.age == dt:
-            x.c = x.drift
-            for i in range(LAG):
-                x.drifts[i] = x.drift
-        x.R1 = x.drift - x.c
-    _jump(x, p, dt)
-    if seen and x.culprit == VELOCITY:
-        x.c += dt * x.R1  # follow the position, a second late: what is left in R1 says whether the velocity has healed
-    elif seen and x.age_vel == 0.0 and x.alarm < 0.5:
-        if max(x.r_velocity, x.r_jump) < 1.0 and math.fabs(x.R1) < p.th_R1:
-            _tie(x, p)
-    x.pos_hat = x.reckon + x.c
-    x.pos_sigma = math.sqrt(p.sigma_rig * p.sigma_rig + x.P_cc)
-
-
-@kernel
 def step(x, u, p, dt):
     """Predict to this sample, correct, test, name, and say how well the position is known."""
     if math.isfinite(u.hm0_model) and math.isfinite(u.hmd_model):
@@ -406,7 +344,7 @@ def step(x, u, p, dt):
     if usable(u.y_current, u.current_valid) > 0.5:
         x.R2 = u.y_current - x.x_hat[4]
     _current(x, p)
-    _position(x, u, p, dt, gap and x.age_vel == 0.0 and x.alarm < 0.5)
+    reckon_position(x, u, p, dt, gap and x.age_vel == 0.0 and x.alarm < 0.5)
     decide(x, p, dt)
     heal(x, p, dt)
     size(x, p, (LAG - MEAN) * dt)
