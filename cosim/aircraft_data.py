@@ -46,17 +46,14 @@ DIMENSIONAL = {
     10: (-0.0200, -0.0424, -0.0000623, 0.0159, -0.401, -0.00190, 0.00614, -6.71, -0.000160, -0.401),
 }
 
-# Trim drag coefficient: figure IX-6 (5 to 10); 3, 4 from Xu* = -q̄S 2 C_D / (m V) at constant thrust and no
-# compressibility drag.
+# Trim drag coefficient: figure IX-6 (5 to 10); 3, 4 from Xu* = -q̄S 2 C_D / (m V), no compressibility drag.
 TRIM_DRAG = {3: 0.0225, 4: 0.0162, 5: 0.0400, 6: 0.0225, 7: 0.0177, 8: 0.0747, 9: 0.0430, 10: 0.0427}
 
-# Stabiliser at trim [deg, trailing edge down +], figure IX-5 (where its curves cross the reading is uncertain by 0.5
-# deg)
+# Stabiliser at trim [deg, trailing edge down +], figure IX-5; where its curves cross the reading is unsure.
 STABILIZER = {3: 1.03, 4: 1.94, 5: -0.53, 6: 0.74, 7: 1.60, 8: 0.08, 9: 1.0, 10: 0.9}
 STABILIZER_UNSURE = (7, 8, 9, 10)
 
-# Figures IX-9 and on, stability axes, per rad; condition 9 recomputed from the primed body-axis derivatives of table
-# IX-8.
+# Figures IX-9 and on, stability axes, per rad; condition 9 from the primed body-axis derivatives of table IX-8.
 CONTROLS = {
     "CL_de": {3: 0.263, 4: 0.188, 5: 0.360, 6: 0.333, 7: 0.273, 8: 0.406, 9: 0.364, 10: 0.306},
     "Cm_de": {3: -1.024, 4: -0.723, 5: -1.403, 6: -1.277, 7: -1.041, 8: -1.575, 9: -1.444, 10: -1.183},
@@ -77,8 +74,7 @@ CONSTANT = {"Cl_dr": 0.0070, "Cn_da": 0.0002}  # stability axes, condition 9 of 
 
 
 def thrust_ratio(mach, pressure_ratio):
-    """Return the thrust over its static sea-level value: take-off rating of Bartel and Young (2008), two-shaft
-    turbofan, bypass ratio 5.
+    """Return thrust over static sea-level thrust: take-off rating of Bartel and Young (2008), bypass ratio 5.
 
     T/T0 = A - 0.377 (1 + b) / sqrt((1 + 0.82 b) G0) Z x M + (0.23 + 0.19 sqrt(b)) X x M^2, x = p/p0, A, Z, X
     polynomials of x, G0 = 0.0606 b + 0.6337.
@@ -103,11 +99,9 @@ def derivatives(key):
     """Turn a row of table IX-4 into coefficients in stability axes.
 
     d/dV = cos a d/du + sin a d/dw, d/dalpha = V (-sin a d/du + cos a d/dw); then rotate forces by alpha. Returns CL,
-    CD, Cm (aerodynamic, balancing
-    the thrust moment), their slopes over alpha [1/rad] and over speed at constant altitude (M_C*_M = V dC/dV; the
-    starred derivatives hold all
-    of the aircraft, so what our engine's thrust contributes is taken off), and the rate derivatives per (q c / 2V) and
-    (alphadot c / 2V).
+    CD, Cm (aerodynamic, balancing the thrust moment), their slopes over alpha [1/rad] and over speed at constant
+    altitude (M_C*_M = V dC/dV; the starred derivatives hold all of the aircraft, so what our engine's thrust
+    contributes is taken off), and the rate derivatives per (q c / 2V) and (alphadot c / 2V).
     """
     c = FLIGHT_CONDITIONS[key]
     Xu, Zu, Mu, Xw, Zw, Mw, _, Zq, Mwd, Mq = DIMENSIONAL[key]

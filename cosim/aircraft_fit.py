@@ -6,16 +6,13 @@
 
 Longitudinal, for CL, CD and Cm alike:
 
-    C(alpha, M, q̄) = mean(alpha, M) + sum_j b_j(M) (a_j0 + a_j1 alpha [+ a_j2 alpha^2]) + local(alpha, M) + (q̄ - 200
-    psf)(t0 + t1 alpha)
+    C(alpha, M, q̄) = mean(alpha, M) + sum_j b_j(M) (a_j0 + a_j1 alpha [+ a_j2 alpha^2]) + local(alpha, M)
+                     + (q̄ - 200 psf)(t0 + t1 alpha)
 
 with smooth bumps b_j over Mach, a grid of small local bumps and two flexibility constants. Ridge regression asks for
-the trim value, the slope
-over alpha and the slope over speed at conditions 3 to 10 of [CR-2144]; the local bumps, held down by the ridge, take
-up what functions
-of Mach alone cannot. The lift line is then bent over into the stall. Rates, controls and lateral coefficients:
-`surface`.
-Details, sources and what is assumed: aircraft/README.md.
+the trim value, the slope over alpha and the slope over speed at conditions 3 to 10 of [CR-2144]; the local bumps, held
+down by the ridge, take up what functions of Mach alone cannot. The lift line is then bent over into the stall. Rates,
+controls and lateral coefficients: `surface`. Details, sources and what is assumed: aircraft/README.md.
 """
 
 import math
@@ -100,8 +97,7 @@ def fit(mean, targets, tolerance, ridge, powers=1, relative=False, loose=()):
     targets: {condition: (value, slope over alpha [1/rad], speed slope V dC/dV at constant altitude)}, the last M dC/dM
     + 2 q̄ dC/dq̄.
     tolerance: one standard deviation of those three (the last times the value when `relative`, the first times 5 at
-    `loose`
-    conditions); ridge: that of (smooth, local, flexibility) coefficients.
+    `loose` conditions); ridge: that of (smooth, local, flexibility) coefficients.
     """
     rows, rhs = [], []
     d = 1e-4
@@ -124,9 +120,8 @@ def fit(mean, targets, tolerance, ridge, powers=1, relative=False, loose=()):
         rhs.append((by_speed - float(mean(a, M * (1 + d)) - mean(a, M * (1 - d))) / (2 * d)) / speed_tolerance)
     smooth = (powers + 1) * _CENTRES.size
     sigma = np.concatenate([np.full(smooth, ridge[0]), np.full(len(_LOCAL), ridge[1]), np.full(2, ridge[2])])
-    x = np.linalg.lstsq(np.vstack([rows, np.diag(1 / sigma)]), np.concatenate([rhs, np.zeros(sigma.size)]), rcond=None)[
-        0
-    ]
+    A, b = np.vstack([rows, np.diag(1 / sigma)]), np.concatenate([rhs, np.zeros(sigma.size)])
+    x = np.linalg.lstsq(A, b, rcond=None)[0]
 
     def function(alpha, mach):
         alpha, mach = np.broadcast_arrays(alpha, mach)
@@ -136,7 +131,7 @@ def fit(mean, targets, tolerance, ridge, powers=1, relative=False, loose=()):
     return function, (x[-2] / 100.0, x[-1] / 10.0)
 
 
-def surface(values, second, spread=(0.30, None), noise=0.004):
+def surface(values, second, spread=0.30, noise=0.004):
     """Return f(M, y), y = alpha [rad] or q̄ [psf], through {condition: value}: a plane plus Gaussian-process residual.
 
     Lengths: `spread` in Mach, 8 deg in alpha, 350 psf in q̄; noise relative to the largest value.
@@ -146,7 +141,7 @@ def surface(values, second, spread=(0.30, None), noise=0.004):
 
     def coordinate(key):
         c = FLIGHT_CONDITIONS[key]
-        return c.mach / spread[0], (math.radians(c.alpha_deg) if second == "alpha" else c.qbar_psf) / length
+        return c.mach / spread, (math.radians(c.alpha_deg) if second == "alpha" else c.qbar_psf) / length
 
     X = np.array([coordinate(k) for k in keys])
     y = np.array([values[k] for k in keys])
@@ -160,7 +155,7 @@ def surface(values, second, spread=(0.30, None), noise=0.004):
 
     def function(mach, other):
         mach, other = np.broadcast_arrays(mach, other)
-        P = np.column_stack([mach.ravel() / spread[0], other.ravel() / length])
+        P = np.column_stack([mach.ravel() / spread, other.ravel() / length])
         return (mean + scale * kernel(P, X) @ weights).reshape(mach.shape)
 
     return function

@@ -216,9 +216,12 @@ def _sums():
         <p> velocities/q-aero-rad_sec </p>
         <quotient>
           <difference>
-            <product> <v> 32.174 </v> <cos> <p> attitude/theta-rad </p> </cos> <cos> <p> attitude/phi-rad </p> </cos>
+            <product>
+              <v> 32.174 </v> <cos> <p> attitude/theta-rad </p> </cos> <cos> <p> attitude/phi-rad </p> </cos>
             </product>
-            <quotient> <product> <p> aero/qS-lbs </p> <p> aero/CL </p> </product> <p> inertia/mass-slugs </p>
+            <quotient>
+              <product> <p> aero/qS-lbs </p> <p> aero/CL </p> </product>
+              <p> inertia/mass-slugs </p>
             </quotient>
           </difference>
           <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max>

@@ -6,19 +6,12 @@ from dataclasses import dataclass, field
 from cosim.plant_io import CHORD_IN, FT, G0, KT, LB, QUARTER_IN
 
 EMPTY_KG, FUEL_KG = 160000.0, 10000.0
-GYRATION2 = {
-    "xx": 85.4507,
-    "yy": 155.4077,
-    "zz": 233.3463,
-    "xz": 4.55451,
-}  # inertia over mass [m2], CR-2144 at 636,636 lb
-MASS_RANGE, CG_RANGE = (
-    (180e3, 405e3),
-    (0.20, 0.40),
-)  # [kg], fraction: below 180 t the point masses would move too far out
+# inertia over mass [m2], CR-2144 at 636,636 lb
+GYRATION2 = {"xx": 85.4507, "yy": 155.4077, "zz": 233.3463, "xz": 4.55451}
+# [kg], fraction; below 180 t the point masses would move too far out
+MASS_RANGE, CG_RANGE = (180e3, 405e3), (0.20, 0.40)
 
-# JSBSim's own scale: index of the probability of exceedance and wind at 20 ft [ft/s] (FGWinds: 3 light, 4 moderate, 6
-# severe)
+# JSBSim's own scale (FGWinds): index of the probability of exceedance, wind at 20 ft [ft/s]
 TURBULENCE = {"none": (0, 0.0), "light": (3, 25.0), "moderate": (4, 50.0), "severe": (6, 75.0)}
 
 
@@ -60,14 +53,12 @@ POINTS = {
 
 
 def loading(mass, cg):
-    """Return {property: value} of point masses and tank that give `mass` [kg], `cg` [fraction] and constant radii of
-    gyration.
+    """Return {property: value} of point masses and tank for `mass` [kg], `cg` [fraction], constant radii of gyration.
 
     Six equal masses stand in pairs around the centroid of the load: (+-X, 0, +-Zx), (0, +-Y, 0), (0, 0, +-Z). With w
-    each and inertia J of the
-    load about its centroid, 2 w X^2 = (Jyy + Jzz - Jxx) / 2 and so on, 2 w X Zx = Jxz; J is m k^2 less that of the
-    empty aircraft less the
-    distance between the two centroids. Raises ValueError outside MASS_RANGE and CG_RANGE.
+    each and inertia J of the load about its centroid, 2 w X^2 = (Jyy + Jzz - Jxx) / 2 and so on, 2 w X Zx = Jxz; J is m
+    k^2 less that of the empty aircraft less the distance between the two centroids. Raises ValueError outside
+    MASS_RANGE and CG_RANGE.
     """
     if not MASS_RANGE[0] <= mass <= MASS_RANGE[1]:
         raise ValueError(f"mass {mass / 1e3:.1f} t; allowed {MASS_RANGE[0] / 1e3:.0f} to {MASS_RANGE[1] / 1e3:.0f} t")

@@ -3,10 +3,9 @@
     x' = A dx + B du,   dy = C dx + D du        deviations from the trim, SI and radians
 
 Engines are at the thrust of their throttle (no spool lag), actuators and control law are not part of it. `modes` are
-those of the classical
-four-state blocks, (tas, alpha, q, theta) and (beta, p, r, phi), as the references give them: altitude and heading are
-held, so the
-density gradient, which raises the phugoid's frequency by g/H over 2 g^2/V^2, is left out there; it is in A.
+those of the classical four-state blocks, (tas, alpha, q, theta) and (beta, p, r, phi), as the references give them:
+altitude and heading are held, so the density gradient, which raises the phugoid's frequency by g/H over 2 g^2/V^2, is
+left out there; it is in A.
 """
 
 import json
@@ -116,7 +115,8 @@ class LinearModel:
         units = {f"{k}_units": np.array(list(getattr(self, k).values())) for k in names}
         if path.suffix == ".npz":
             rest = {k: v for k, v in self.to_dict().items() if k in ("trim", "modes")}
-            np.savez(path, **data, **names, **units, summary=np.array(json.dumps(rest)))
+            arrays: dict = {**data, **names, **units, "summary": np.array(json.dumps(rest))}
+            np.savez(path, **arrays)
         elif path.suffix == ".mat":
             from scipy.io import savemat
 

@@ -7,12 +7,9 @@
     plant.run()                       from t_k to t_k+1
 
 Why it looks as it does (all measured): `set_dt` before `load_model`, or filters keep the step of load time; a fresh
-FGFDMExec per
-run, as a second load crashes; every property bound once through `Port`, as JSBSim creates what is misspelt; AB2
-integrators, five
-times more accurate than the default; pitch rate -V/R at the start, or the curved earth drifts; load factors from this
-frame's
-forces, as JSBSim's own are one frame old.
+FGFDMExec per run, as a second load crashes; every property bound once through `Port`, as JSBSim creates what is
+misspelt; AB2 integrators, five times more accurate than the default; pitch rate -V/R at the start, or the curved earth
+drifts; load factors from this frame's forces, as JSBSim's own are one frame old.
 """
 
 import math
@@ -131,9 +128,7 @@ class Plant:
         self.tas = self.port.getter("velocities/vt-fps")() * FT
 
     def guess(self):
-        """Return (alpha, stabiliser, throttle) of JSBSim's own trim, surfaces not external, or None where it finds
-        none.
-        """
+        """Return (alpha, stabiliser, throttle) of JSBSim's own trim, surfaces not external; None where it has none."""
         self.port.setter("ext/engaged")(0)
         try:
             self._fdm.do_trim(0)
@@ -145,9 +140,7 @@ class Plant:
         return get("aero/alpha-rad")(), get("fcs/stabilizer-pos-rad")(), get("fcs/throttle-cmd-norm")()
 
     def place(self, *, tas, alpha, theta, altitude, beta=0.0, phi=0.0, psi=0.0, p=0.0, q=0.0, r=0.0, surfaces):
-        """Put the aircraft into one state with external surfaces at rest there, time 0; engines at the thrust of their
-        throttle. SI, rad.
-        """
+        """Put the aircraft into one state at time 0, surfaces external, engines at their throttle's thrust; SI, rad."""
         self.port.setter("ext/engaged")(1)
         self.write(surfaces)
         u = tas * math.cos(alpha) * math.cos(beta)
@@ -161,9 +154,7 @@ class Plant:
                 self.port.setter(f"propulsion/engine[{i}]/{name}")(idle + (100.0 - idle) * surfaces[8 + i])
 
     def trim(self, elevator=0.0):
-        """Trim level flight with the four elevators at `elevator` [rad] and stand ready at time 0. Return a Trim;
-        raise TrimError.
-        """
+        """Trim level flight, elevators at `elevator` [rad], and stand ready at time 0: a Trim, or TrimError."""
         from cosim.trim import level
 
         trim = level(self, elevator)
@@ -186,9 +177,7 @@ class Plant:
             raise RuntimeError("JSBSim lost its step")
 
     def read(self, record):
-        """Write the truth at t_k into `record`, a record or a (1,) array of TRUTH; nx, ny, nz are this frame's forces
-        over weight.
-        """
+        """Write the truth at t_k into `record`, a record or a (1,) array of TRUTH."""
         if record is not self._record:
             self._record, self._flat = record, np.asarray(record).reshape(1).view("f8")
         self._pack(self._buffer, 0, *[get() for get in self._get])

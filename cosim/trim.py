@@ -1,9 +1,8 @@
 """Trim: steady level flight by JSBSim's own search, then Newton to rounding.
 
 Unknowns alpha, stabiliser, throttle (all engines alike); residuals u', w' [m/s2] and q' [rad/s2] with theta = alpha,
-no bank, and the pitch
-rate -V/R that keeps the attitude constant over the curved earth. Elevators stand where they are told, at zero unless
-said otherwise.
+no bank, and the pitch rate -V/R that keeps the attitude constant over the curved earth. Elevators stand where they are
+told, at zero unless said otherwise.
 """
 
 import math
@@ -33,11 +32,6 @@ class Trim:
     residual: float  # largest of |u'|, |v'|, |w'| [m/s2], |p'|, |q'|, |r'| [rad/s2]
     nz: float  # load factor in this flight, not exactly 1: rotating earth, weight at standard gravity
     surfaces: np.ndarray  # in the order of plant.SURFACES
-
-    @property
-    def thrust_fraction(self):
-        """Return the throttle, the fraction of the spool range."""
-        return self.throttle
 
 
 def surfaces_at(stabilizer, throttle, elevator):
@@ -69,12 +63,9 @@ def level(plant, elevator=0.0):
         f = _residual(plant, x, elevator)
         if np.abs(f).max() < 1e-12:
             break
-        J = np.column_stack(
-            [
-                (_residual(plant, x + d, elevator) - _residual(plant, x - d, elevator)) / (2 * d.sum())
-                for d in np.diag(STEP)
-            ]
-        )
+        J = np.empty((3, 3))
+        for i, d in enumerate(np.diag(STEP)):
+            J[:, i] = (_residual(plant, x + d, elevator) - _residual(plant, x - d, elevator)) / (2 * STEP[i])
         try:
             step = np.linalg.solve(J, -f)
         except np.linalg.LinAlgError:
@@ -88,17 +79,12 @@ def level(plant, elevator=0.0):
     t = _residual(plant, x, elevator, full=True)
     residual = max(abs(v) for v in (t.udot, t.vdot, t.wdot, t.pdot, t.qdot, t.rdot))
     _check(plant, x, residual)
+    alpha, stabilizer, throttle = (float(v) for v in x)
     return Trim(
-        *map(float, x),
-        elevator,
-        float(x[0]),
-        plant.tas,
-        plant.flight.altitude,
-        float(t.q),
-        float(residual),
-        float(t.nz),
-        surfaces_at(x[1], x[2], elevator),
-    )
+        alpha=alpha, stabilizer=stabilizer, throttle=throttle, elevator=elevator, theta=alpha, tas=plant.tas,
+        altitude=plant.flight.altitude, q=float(t.q), residual=float(residual), nz=float(t.nz),
+        surfaces=surfaces_at(stabilizer, throttle, elevator),
+    )  # fmt: skip
 
 
 def _check(plant, x, residual):
@@ -112,7 +98,7 @@ def _check(plant, x, residual):
     if mach > MACH_RANGE[1]:
         allowed = f"{MACH_RANGE[0]:g} to {MACH_RANGE[1]:g}"
         raise TrimError(
-            f"Mach {mach:.2f} is beyond the aerodynamic data",
+            f"speed: Mach {mach:.2f} is beyond the aerodynamic data",
             place=place,
             allowed=allowed,
             remedy="Fly slower or lower",
@@ -146,9 +132,7 @@ def _check(plant, x, residual):
 
 
 def lift_margin(plant):
-    """Return (lift coefficient of level flight, largest one at this Mach and dynamic pressure), elevators and
-    stabiliser at zero.
-    """
+    """Return the lift coefficients that level flight needs and that the aircraft has; elevator, stabiliser at 0."""
     best, needs = 0.0, 0.0
     for alpha in np.radians(np.arange(2.0, 25.0, 0.5)):
         t = _residual(plant, (alpha, 0.0, 0.0), 0.0, full=True)
