@@ -105,3 +105,13 @@ def kernel(function):
         return numba.njit(cache=True, error_model="numpy")(function)
     finally:
         config.CACHE_DIR = before
+
+
+def bound(function, *args):
+    """Return a call without arguments of kernel `function` on `args`, compiled for their types.
+
+    Numba looks the types up at every call, 0.4 us for a block's records; bound once, a live tick pays for its work only.
+    """
+    if config.DISABLE_JIT:
+        return functools.partial(function, *args)
+    return functools.partial(function.compile(tuple(numba.typeof(a) for a in args)), *args)

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from actuators.block import dtype
+from actuators.block import bound, dtype
 from cosim import detectors, faults, hinge_model, inject, law, manoeuvre, parts, sensors, wiring
-from cosim.bus import Bus
+from cosim.bus import Bus, route, route_add
 from cosim.linearize import linearize
 from cosim.log import LogWriter, Topic
 from cosim.pilot import steps
@@ -64,6 +64,11 @@ class Setup:
     def achieved(self, history):
         return {}
 
+    def sensor_copies(self):
+        """Return {topic prefix: (value, flag)}: the observers' copy is logged beside the law's only where a fault can part them."""
+        own = any(j.path in ("observers", "monitor") for j in self.scenario.injections())
+        return {"/sensors": ("y", "valid"), **({"/observers": ("y_obs", "valid_obs")} if own else {})}
+
     def topics(self):
         """Return the log's topics: everything of a tick, under names that a reader understands."""
         bus, out = self.loop.bus, []
@@ -75,13 +80,13 @@ class Setup:
 
         add("/truth/aircraft", bus.columns("truth", "aircraft"), "truth")
         add("/surfaces/aircraft", bus.columns("surfaces", "aircraft"), "truth")
-        for copy, field_y, field_valid in (("law", "y", "valid"), ("observers", "y_obs", "valid_obs")):
-            add(f"/sensors/{copy}/aircraft", [(n + tail, bus.index(f"sensors.{n}.{f}")) for tail, f in (("", field_y), ("_valid", field_valid))
-                                              for n in sensors.TRANSPORT], "sensors")
+        for prefix, (y, valid) in self.sensor_copies().items():
+            add(f"{prefix}/aircraft", [(n + tail, bus.index(f"sensors.{n}.{f}")) for tail, f in (("", y), ("_valid", valid))
+                                       for n in sensors.TRANSPORT], "sensors")
             for seg in wiring.SEGMENTS:
                 names = wiring.PART_SENSORS[self.scenario.elevator.technology[seg]]
-                add(f"/sensors/{copy}/{seg}", [(n + tail, bus.index(f"sensors.{seg}_{n}.{f}")) for tail, f in
-                                               (("", field_y), ("_valid", field_valid)) for n in names], "sensors")
+                add(f"{prefix}/{seg}", [(n + tail, bus.index(f"sensors.{seg}_{n}.{f}")) for tail, f in (("", y), ("_valid", valid))
+                                        for n in names], "sensors")
         add("/noise", [(lane, bus.index(f"sensors_in.{lane}.noise")) for lane in bus.lanes["sensors"]], "sensors")
         add("/pilot", bus.columns("pilot", "pilot"), "law")
         add("/law", bus.columns("law", "law", law.OUTPUTS), "law")
@@ -209,9 +214,8 @@ def build(scenario):
                 ("pilot_in", manoeuvre.INPUTS, ("pilot",)), ("pilot", manoeuvre.STATE, ("pilot",)),
                 ("law_in", law.INPUTS, ("law",)), ("law", law.STATE, ("law",)),
                 ("hinge_model_in", hinge_model.INPUTS, wiring.SEGMENTS), ("hinge_model", hinge_model.STATE, wiring.SEGMENTS)]
-    if fault_lanes:
-        names = tuple(lane.name for lane in fault_lanes)
-        sections += [("faults_in", faults.INPUTS, names), ("faults", faults.STATE, names)]
+    names = tuple(lane.name for lane in fault_lanes)
+    sections += [("faults_in", faults.INPUTS, names), ("faults", faults.STATE, names)]
     for name, module, _, _, lanes in built:
         sections += [(name + "_in", module.INPUTS, lanes), (name, module.STATE, lanes)]
     for d in chosen:
@@ -225,8 +229,8 @@ def build(scenario):
     parts_blocks = [block(n, m, p, x) for n, m, p, x, _ in built]
     tech = scenario.elevator.technology
     loop = Loop(
-        bus=bus, plant=plant, dt=dt, draw=Draw(rng_noise, len(sensor_lanes)), wires={}, fault_wires=(),
-        faults=block("faults", faults, np.concatenate([lane.p for lane in fault_lanes]), 0) if fault_lanes else None,
+        bus=bus, plant=plant, dt=dt, draw=Draw(rng_noise, len(sensor_lanes)), route={},
+        faults=block("faults", faults, np.concatenate([np.zeros(0, faults.PARAMS), *(lane.p for lane in fault_lanes)]), 0),
         sensors=block("sensors", sensors, sensor_p, sensors.init(sensor_p)),
         pilot=block("pilot", manoeuvre, pilot_p, manoeuvre.init(pilot_p)),
         law=block("law", law, law_p, law.init(law_p)),
@@ -235,7 +239,7 @@ def build(scenario):
         servos=[b for b in parts_blocks if b.name in wiring.SERVO.values()],
         actuators=[b for b in parts_blocks if b.name not in wiring.SERVO.values()],
     )
-    loop.wires = {stage: bus.wires(pairs) for stage, pairs in {
+    wires = {stage: bus.wires(pairs) for stage, pairs in {
         "sensors": wiring.sensor_wires(tech), "law": wiring.law_wires(), "demand": wiring.demand_wires(),
         "hinge": wiring.hinge_wires(tech),
         "servos": wiring.servo_wires(tech) + detectors.feedback_wires(scenario), "actuators": wiring.actuator_wires(tech),
@@ -245,9 +249,10 @@ def build(scenario):
     }.items()}
     places = [(to, f"faults.{lane.name}.{source}") for lane in fault_lanes for to, source in lane.places]
     to, source = bus.wires(places)
-    loop.fault_wires = (np.unique(to), to, source)
+    loop.route = {stage: bound(route, bus.v, *w) for stage, w in wires.items()}
+    loop.route["injection"] = bound(route_add, bus.v, np.unique(to), to, source)
     # what the actuators were last told: in equilibrium, the servo's holding command
-    bus.v[loop.wires["actuators"][0]] = bus.v[loop.wires["actuators"][1]]
+    loop.route["actuators"]()
     members = [(d.id, d.level, d.target(lane), d.module.CULPRITS, d.id, lane) for d in chosen for lane in d.lanes]
     index = np.array([bus.index(f"{s}.{lane}.{f}") for *_, s, lane in members for f in ("alarm", "verdict", "culprit")], np.int64)
     return Setup(scenario=scenario, loop=loop, trim=trim, lanes=fault_lanes, members=members, history_index=index)

@@ -154,6 +154,8 @@ def manifest(setup, topics):
         inputs = {lane: [] for lane in d.lanes}
         for to, source in d.wires(technology):
             _, lane, field = to.split(".", 2)
+            if bus.index(source) not in place:  # both copies of a sensor are the same bits, and one is logged
+                source = source.removesuffix("_obs")
             inputs[lane].append([field, *place[bus.index(source)]])
         out.append({"id": d.id, "level": d.level, "module": d.spec.module, "lanes": list(d.lanes), "every": d.every, "inputs": inputs})
     return out

@@ -8,22 +8,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cosim.bus import route, route_add
+from actuators.block import bound
 
 
 class Block:
-    """A block in the loop: its module's `rollout` bound to its lanes in the bus, to be advanced by one tick a call."""
+    """A block in the loop: its module's `rollout` bound to its lanes in the bus; `advance()` steps every lane by one tick, in place."""
 
     def __init__(self, bus, name, module, p, x0, dt, every=1):
         self.name, self.module, self.p, self.every = name, module, p, every
         self.x, self.u = bus[name], bus[name + "_in"].reshape(-1, 1)
         self.x[:] = x0
-        self._log = np.zeros((len(self.x), 1), module.STATE)
-        self._dt = dt * every
-
-    def advance(self):
-        """Advance every lane by one step, in place."""
-        self.module.rollout(self.x, self.u, self.p, self._dt, self._log)
+        self.advance = bound(module.rollout, self.x, self.u, p, dt * every, np.zeros((len(self.x), 1), module.STATE))
 
 
 @dataclass
@@ -34,9 +29,8 @@ class Loop:
     plant: object
     dt: float
     draw: object          # draws the next tick's noise into a vector
-    wires: dict           # stage -> (to, source)
-    fault_wires: tuple    # (clear, to, source)
-    faults: Block | None
+    route: dict           # stage -> call that copies its wires
+    faults: Block
     sensors: Block
     pilot: Block
     law: Block
@@ -54,40 +48,38 @@ class Loop:
 
 def tick(s, k, log):
     """Advance the loop `s` from t_k to t_k+1 and append the row of t_k to `log`."""
-    v = s.v
     s.clock["t"] = k * s.dt
     s.plant.read(s.truth)  # 1. the aircraft's truth at t_k
 
-    if s.faults is not None:  # what is injected at t_k, and where
-        route(v, *s.wires["faults"])
-        s.faults.advance()
-        route_add(v, *s.fault_wires)
+    s.route["faults"]()
+    s.faults.advance()
+    s.route["injection"]()  # what is injected at t_k, and where
 
     s.draw(s.noise)
-    route(v, *s.wires["sensors"])
+    s.route["sensors"]()
     s.sensors.advance()  # 2. measurements
 
-    route(v, *s.wires["law"])
+    s.route["law"]()
     s.pilot.advance()
-    route(v, *s.wires["demand"])
+    s.route["demand"]()
     s.law.advance()  # 3. control law on measurements
 
-    route(v, *s.wires["hinge"])
+    s.route["hinge"]()
     s.hinge.advance()
-    route(v, *s.wires["detectors"])
+    s.route["detectors"]()
     for d in s.detectors:  # 4. detectors on measurements and commands at t_k, and on what the servos sent until now
         if k % d.every == 0:
             d.advance()
 
-    route(v, *s.wires["servos"])
+    s.route["servos"]()
     for servo in s.servos:
         servo.advance()  # 5. servo loops on t_k data, perhaps on a detector's estimate; held over the tick
 
-    log(v)
+    log(s.v)
 
-    route(v, *s.wires["actuators"])
+    s.route["actuators"]()
     for actuator in s.actuators:
         actuator.advance()  # to t_k+1, sub-stepped against the hinge moment
-    route(v, *s.wires["surfaces"])
+    s.route["surfaces"]()
     s.plant.write(s.surface_vector)
     s.plant.run()  # 6. the aircraft to t_k+1

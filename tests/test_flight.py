@@ -72,7 +72,7 @@ def test_measurements_are_delayed_truth_without_noise(tmp_path):
                                             "manoeuvre.width_s": 0.5})
     simulate(s, log=tmp_path / "f.mcap")
     log = cosim.open_log(tmp_path / "f.mcap")
-    truth, y = log.frame("/truth/aircraft"), log.frame("/sensors/law/aircraft")
+    truth, y = log.frame("/truth/aircraft"), log.frame("/sensors/aircraft")
     for name, (field, _, delay, _) in sensors.TRANSPORT.items():
         d = round(delay / 0.005)
         np.testing.assert_array_equal(y[name].to_numpy()[d:], truth[field].to_numpy()[:-d], err_msg=name)
