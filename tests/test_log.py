@@ -66,6 +66,19 @@ def test_frames_have_a_time_index_that_is_the_tick_times_dt(path):
         log.array("/nothing")
 
 
+@pytest.mark.parametrize(
+    ("start", "stop"), [(0, 230), (60, 61), (49, 151), (64, 128), (229, 500), (100, 100), (500, 600)]
+)
+def test_a_span_of_ticks_is_read_alone(path, start, stop):
+    v = write(path, 230)
+    log = open_log(path)
+    ticks = np.arange(start, min(stop, 230))
+    for topic in TOPICS:
+        assert same_bits(log.array(topic.name, start, stop), expected(v, topic, ticks))
+        assert (log.ticks(topic.name, start, stop) == ticks[ticks % topic.every == 0]).all()
+    assert len(log.array("/truth", start)) == max(0, 230 - start)
+
+
 def test_the_same_run_gives_the_same_bytes(tmp_path):
     write(tmp_path / "a", pose=True)
     write(tmp_path / "b", pose=True)

@@ -46,11 +46,11 @@ def _mutate(data, rng):
     return bytes(out)
 
 
-def test_1500_mutated_logs_are_refused_or_unchanged(whole, tmp_path):
+def test_1200_mutated_logs_are_refused_or_unchanged(whole, tmp_path):
     data, rng = whole.read_bytes(), np.random.default_rng(2026)
     arrays, others = _content(whole)
     refused = 0
-    for _ in range(1500):
+    for _ in range(1200):
         changed = _mutate(data, rng)
         (tmp_path / "bad").write_bytes(changed)
         try:
@@ -61,14 +61,14 @@ def test_1500_mutated_logs_are_refused_or_unchanged(whole, tmp_path):
             continue
         assert all(same_bits(got[name], arrays[name]) for name in arrays) and rest == others
         assert changed == data, "a changed file was taken, although every byte of a log is checked"
-    assert refused > 1300
+    assert refused > 1050
 
 
-def test_1500_mutated_logs_with_forged_checksums_neither_crash_nor_change_a_sample(whole, tmp_path):
+def test_700_mutated_logs_with_forged_checksums_neither_crash_nor_change_a_sample(whole, tmp_path):
     data, rng = whole.read_bytes(), np.random.default_rng(6)
     arrays, _ = _content(whole)
     with bounded(seconds=120, memory=20 * MIB):
-        for _ in range(1500):
+        for _ in range(700):
             (tmp_path / "bad").write_bytes(reseal(_mutate(data, rng)))
             try:
                 got, _ = _content(tmp_path / "bad")

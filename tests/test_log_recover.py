@@ -24,7 +24,7 @@ def whole(tmp_path_factory):
 
 def _ends(path):
     """Return where each chunk record of a log ends, without its message indexes."""
-    return [c.offset + c.length for c in open_log(path)._scan.chunks]
+    return [c.offset + c.length for c in open_log(path).chunks]
 
 
 def _check(path, v, ticks):
@@ -37,7 +37,7 @@ def _check(path, v, ticks):
 
 def test_a_cut_anywhere_keeps_every_whole_chunk(whole, tmp_path):
     data, v, ends = whole.read_bytes(), vectors(230), _ends(whole)
-    first = open_log(whole)._scan.chunks[0].offset
+    first = open_log(whole).chunks[0].offset
     rng = np.random.default_rng(0)
     cuts = sorted({0, 7, 8, *rng.integers(0, len(data), 60).tolist(), *ends, *(e - 1 for e in ends), len(data) - 1})
     for cut in cuts:
@@ -62,7 +62,7 @@ def test_a_cut_anywhere_keeps_every_whole_chunk(whole, tmp_path):
 
 
 def test_a_bad_chunk_in_the_middle_costs_only_itself(whole, tmp_path):
-    v, chunks = vectors(230), open_log(whole)._scan.chunks
+    v, chunks = vectors(230), open_log(whole).chunks
     for number, place in ((0, 60), (2, 3000), (4, 200)):
         data = bytearray(whole.read_bytes())
         data[chunks[number].offset + place] ^= 0x10
@@ -75,8 +75,20 @@ def test_a_bad_chunk_in_the_middle_costs_only_itself(whole, tmp_path):
         assert info(tmp_path / "out")["gaps"] == (0 if number in (0, 4) else ROWS) + (ROWS if number == 0 else 0)
 
 
+def test_a_tolerant_reader_gives_what_is_whole_and_lists_what_is_not(whole, tmp_path):
+    v, data = vectors(230), bytearray(whole.read_bytes())
+    chunk = open_log(whole).chunks[1]
+    data[chunk.offset + 300] ^= 1
+    (tmp_path / "bad").write_bytes(data[:-100])
+    log = open_log(tmp_path / "bad", tolerant=True)
+    ticks = np.array([k for k in range(230) if k // ROWS != 1])
+    assert (log.ticks("/truth") == ticks).all() and not log.complete
+    assert same_bits(log.array("/truth"), expected(v, TOPICS[0], ticks))
+    assert {d.offset for d in log.damage} >= {chunk.offset}
+
+
 def test_a_damaged_length_is_passed_by_with_the_help_of_the_summary(whole, tmp_path):
-    v, chunks = vectors(230), open_log(whole)._scan.chunks
+    v, chunks = vectors(230), open_log(whole).chunks
     data = bytearray(whole.read_bytes())
     data[chunks[1].offset + 3] ^= 0xFF
     (tmp_path / "bad").write_bytes(data)

@@ -3,6 +3,7 @@
 from .fingerprint import fingerprint
 from .format import Limits, LogError, Topic, TopicInfo
 from .foxglove import Pose
+from .layouts import viewer_layouts
 from .reader import Log, is_log, open_log
 from .recover import info, recover
 from .writer import LogWriter
@@ -20,4 +21,5 @@ __all__ = [
     "is_log",
     "open_log",
     "recover",
+    "viewer_layouts",
 ]

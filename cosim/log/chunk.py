@@ -81,7 +81,8 @@ class Plan:
 
     def __init__(self, layout, n, first):
         self.dt_ns, self.blocks, self.index_offsets = layout.dt_ns, {}, {}
-        content, index, self._rates = [], [], {}
+        self._rates: dict = {}
+        content, index = [], []
         size = index_size = 0
         for number, (channel, every, template, runs) in enumerate(layout.topics):
             rel = self._rates.setdefault(every, np.arange(first[every], n, every))

@@ -10,18 +10,23 @@ import zstandard
 from google.protobuf.message import DecodeError
 
 from . import foxglove
-from .format import Limits, TopicInfo, log_error
+from .format import Damage, Limits, LogError, TopicInfo, log_error
 from .scan import scan
 
 _HEAD = struct.Struct("<BQHIQQ")  # a message record up to its payload, as chunk.HEAD
 
 
-def open_log(path, *, limits=None):
+def open_log(path, *, limits=None, tolerant=False):
     """Open a log strictly: checksums, structure and limits are checked before anything is returned.
 
+    With `tolerant`, a log that was cut or damaged gives what is whole: the ticks of damaged chunks are missing, and
+    `damage` lists what is lost.
     Raises LogError with the place for a file that is missing, cut, damaged, hostile, or not written by this package.
     """
-    return Log(scan(path, limits or Limits()))
+    found = scan(path, limits or Limits(), tolerant)
+    if tolerant:
+        drop_damaged_chunks(found)
+    return Log(found)
 
 
 class Log:
@@ -40,7 +45,7 @@ class Log:
         self.media_types = {r.name: r.media_type for _, _, r in found.attachments}
         self.result = self.metadata.get("result")
         self.complete = found.closed and self.result is not None
-        self.chunks = found.chunks
+        self.chunks, self.damage = found.chunks, found.damage
         self.spans = [found.ticks(c) for c in found.chunks]
         self.n_ticks = sum(n for _, n in self.spans)
         self.topics = {name: self._info(t) for name, t in found.topics.items()}
@@ -49,44 +54,55 @@ class Log:
         rows = sum(len(range(-k0 % t.every, n, t.every)) for k0, n in self.spans)
         return TopicInfo(t.name, t.fields, t.units, t.every, rows, t.group, t.description)
 
-    def array(self, topic):
-        """Return the values of a topic (rows, fields) as float64, bit for bit as they were logged."""
-        return self.arrays([topic])[topic]
+    def array(self, topic, start=0, stop=None):
+        """Return the values of a topic (rows, fields) as float64, bit for bit as they were logged.
 
-    def arrays(self, topics=None):
-        """Return {topic: (rows, fields)} of several topics (default: all), each chunk read once."""
+        `start` and `stop` bound the ticks, start <= k < stop; chunks outside them are not read.
+        """
+        return self.arrays([topic], start, stop)[topic]
+
+    def arrays(self, topics=None, start=0, stop=None):
+        """Return {topic: (rows, fields)} of several topics (default: all), each chunk read once; see `array`."""
         names = list(self.topics) if topics is None else list(topics)
         numbers = {self._number(name): name for name in names}
+        bounds = [self._bounds(span, start, stop) for span in self.spans]
         try:
-            out = {name: np.empty((self.topics[name].rows, len(self.topics[name].fields))) for name in names}
+            out = {name: np.empty((self._rows(name, bounds), len(self.topics[name].fields))) for name in names}
         except MemoryError as error:
             raise log_error("the topics do not fit into memory", self.path, remedy="Ask for fewer.") from error
         done = dict.fromkeys(names, 0)
-        for plan, content, _ in self._contents():
+        read = [i for i, (a, b) in enumerate(bounds) if a < b]
+        for i, (plan, content, _) in zip(read, self._contents(read)):
             for number, name in numbers.items():
                 if number not in plan.blocks:
                     continue
-                rows = plan.blocks[number].rows
-                part = out[name][done[name] : done[name] + rows]
+                rows = _part(self.spans[i], bounds[i], self.topics[name].every)
+                part = out[name][done[name] : done[name] + rows.stop - rows.start]
                 for fields, view in plan.values(content, number):
-                    part[:, fields] = view
-                done[name] += rows
+                    part[:, fields] = view[rows]
+                done[name] += len(part)
         return out
+
+    def _bounds(self, span, start, stop):
+        k0, n = span
+        return max(k0, start), k0 + n if stop is None else min(k0 + n, stop)
+
+    def _rows(self, topic, bounds):
+        every = self.topics[topic].every
+        return sum(len(range(a + -a % every, b, every)) for a, b in bounds)
 
     def _number(self, topic):
         if topic not in self.topics:
             raise KeyError(f"{self.path} has no topic {topic!r}; it has {', '.join(self.topics)}")
         return list(self.topics).index(topic)
 
-    def ticks(self, topic):
-        """Return the tick of each row of a topic (rows,) as int64."""
-        every = self.topics[self._name(topic)].every
-        parts = [np.arange(k0 + -k0 % every, k0 + n, every, dtype=np.int64) for k0, n in self.spans]
-        return np.concatenate(parts) if parts else np.empty(0, np.int64)
-
-    def _name(self, topic):
+    def ticks(self, topic, start=0, stop=None):
+        """Return the tick of each row of a topic (rows,) as int64; see `array` for the bounds."""
         self._number(topic)
-        return topic
+        every = self.topics[topic].every
+        bounds = [self._bounds(span, start, stop) for span in self.spans]
+        parts = [np.arange(a + -a % every, b, every, dtype=np.int64) for a, b in bounds]
+        return np.concatenate(parts) if parts else np.empty(0, np.int64)
 
     def times_ns(self, topic):
         """Return the simulated time of each row of a topic (rows,) as int64 [ns]."""
@@ -112,7 +128,8 @@ class Log:
 
         pairs = [name.rpartition(".")[::2] for name in names]
         for topic, field in pairs:
-            if field not in self.topics[self._name(topic)].fields:
+            self._number(topic)
+            if field not in self.topics[topic].fields:
                 raise KeyError(f"topic {topic} has no field {field!r}; it has {', '.join(self.topics[topic].fields)}")
         frames = self.frames(dict.fromkeys(topic for topic, _ in pairs))
         return pd.concat([frames[topic][field].rename(name) for name, (topic, field) in zip(names, pairs)], axis=1)
@@ -128,14 +145,36 @@ class Log:
         except DecodeError as error:
             raise log_error(f"a message on {topic} is no {kind.DESCRIPTOR.full_name}", self.path) from error
 
-    def _contents(self):
-        """Yield (plan, content as uint8, tail) of each chunk, checked."""
+    def _contents(self, numbers=None):
+        """Yield (plan, content as uint8, tail) of each chunk, or of those numbered, checked."""
+        chunks = self.chunks if numbers is None else [self.chunks[i] for i in numbers]
         try:
             with open(self.path, "rb") as file:
-                for chunk in self._scan.chunks:
+                for chunk in chunks:
                     yield load_chunk(self._scan, file, chunk)
         except OSError as error:
             raise log_error(f"cannot read the log: {error.strerror}", self.path) from error
+
+
+def _part(span, bounds, every):
+    """Return the slice of a chunk's rows of one rate that lie within the bounds."""
+    first, (a, b) = span[0] + -span[0] % every, bounds
+    low = len(range(first, a, every))
+    return slice(low, max(low, len(range(first, b, every))))
+
+
+def drop_damaged_chunks(found):
+    """Leave only the whole chunks in the Contents of a log, and add the others to its damage."""
+    whole = []
+    with open(found.path, "rb") as file:
+        for chunk in found.chunks:
+            try:
+                load_chunk(found, file, chunk)
+                whole.append(chunk)
+            except LogError as error:
+                found.damage.append(Damage(chunk.offset, chunk.length, error.problem))
+    found.whole = found.whole and len(whole) == len(found.chunks)
+    found.chunks = whole
 
 
 def load_chunk(found, file, chunk):

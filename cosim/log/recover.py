@@ -3,9 +3,9 @@
 import hashlib
 import os
 
-from .contents import Contents
-from .format import Damage, Limits, LogError, log_error
-from .reader import Log, load_chunk, open_log
+from .chunk import HEAD
+from .format import Limits, LogError, log_error
+from .reader import drop_damaged_chunks, load_chunk, open_log
 from .records import content_hash, pack_chunk
 from .scan import scan
 from .sink import Sink
@@ -21,21 +21,19 @@ def recover(path, out, *, limits=None):
     if os.path.exists(out) and os.path.exists(path) and os.path.samefile(path, out):
         raise log_error("a log cannot be recovered onto itself", os.fspath(out), remedy="Give another place (-o).")
     found = scan(path, limits or Limits(), tolerant=True)
-    with open(found.path, "rb") as file:
-        good = [chunk for chunk in found.chunks if _is_whole(found, file, chunk)]
-        complete = found.whole and len(good) == len(found.chunks)
-        metadata = {r.name: r.metadata for _, _, r in found.metadata if r.name not in ("preamble", "recovered")}
-        result = metadata.pop("result", None) if complete else None
-        metadata = {name: texts for name, texts in metadata.items() if complete or name != "result"}
-        ticks = sum(found.ticks(chunk)[1] for chunk in good)
-        lost = [{"offset": d.offset, "bytes": d.length, "reason": d.reason} for d in found.damage]
-        texts = {"ticks": str(ticks), "parameters_intact": str(found.trusted).lower()}
-        texts |= {f"lost {i}": f"{d.length} bytes at {d.offset}: {d.reason}" for i, d in enumerate(found.damage)}
-        _rewrite(found, file, good, out, {**metadata, "recovered": texts}, result)
-    end = (good[-1].end_ns + found.dt_ns) / 1e9 if good else 0.0
+    drop_damaged_chunks(found)
+    metadata = {r.name: r.metadata for _, _, r in found.metadata if r.name not in ("preamble", "recovered")}
+    result = metadata.pop("result", None)
+    result = result if found.whole else None
+    ticks = sum(found.ticks(chunk)[1] for chunk in found.chunks)
+    lost = [{"offset": d.offset, "bytes": d.length, "reason": d.reason} for d in found.damage]
+    texts = {"ticks": str(ticks), "parameters_intact": str(found.trusted).lower()}
+    texts |= {f"lost {i}": f"{d.length} bytes at {d.offset}: {d.reason}" for i, d in enumerate(found.damage)}
+    _rewrite(found, out, {**metadata, "recovered": texts}, result)
+    end = (found.chunks[-1].end_ns + found.dt_ns) / 1e9 if found.chunks else 0.0
     return {
         "out": os.fspath(out),
-        "chunks": len(good),
+        "chunks": len(found.chunks),
         "ticks": ticks,
         "duration_s": end,
         "complete": result is not None,
@@ -44,37 +42,33 @@ def recover(path, out, *, limits=None):
     }
 
 
-def _is_whole(found: Contents, file, chunk):
-    try:
-        load_chunk(found, file, chunk)
-    except LogError as error:
-        found.damage.append(Damage(chunk.offset, chunk.length, error.problem))
-        return False
-    return True
-
-
-def _rewrite(found, file, chunks, out, metadata, result):
+def _rewrite(found, out, metadata, result):
+    """Write a log of what was found; compressed chunks are copied, their indexes made anew."""
     declared = [(c.topic, s.name, s.data, c.metadata) for s, c in zip(found.schemas, found.channels)]
     attachments = {r.name: (r.media_type, r.data) for _, _, r in found.attachments}
     sink = Sink(out)
     try:
-        sink.preamble(declared, metadata, attachments)
-        for chunk in chunks:
-            plan, content, tail = load_chunk(found, file, chunk)
-            entries: dict = {}
-            at, (k0, n) = plan.size, found.ticks(chunk)
-            for channel, k, data in tail:
-                entries.setdefault(channel, []).append((k * found.dt_ns, at))
-                at += 31 + len(data)  # a message record: 9 bytes of record head, 22 of message head
-            file.seek(chunk.data_offset)
-            data = file.read(chunk.data_size)
-            packed = pack_chunk(found.layout, content, data, chunk.compression, k0, n, entries, sink.offset)
-            sink.chunk(*packed)
+        with open(found.path, "rb") as file:
+            sink.preamble(declared, metadata, attachments)
+            for chunk in found.chunks:
+                sink.chunk(*_repack(found, file, chunk, sink.offset))
         if result is not None:
             sink.metadata("result", result)
         sink.finish()
     finally:
         sink.drop()
+
+
+def _repack(found, file, chunk, offset):
+    plan, content, tail = load_chunk(found, file, chunk)
+    entries: dict = {}
+    at, (k0, n) = plan.size, found.ticks(chunk)
+    for channel, k, data in tail:
+        entries.setdefault(channel, []).append((k * found.dt_ns, at))
+        at += HEAD.itemsize + len(data)
+    file.seek(chunk.data_offset)
+    data = file.read(chunk.data_size)
+    return pack_chunk(found.layout, content, data, chunk.compression, k0, n, entries, offset)
 
 
 def info(path, *, check=False, limits=None):
@@ -88,7 +82,7 @@ def info(path, *, check=False, limits=None):
     try:
         log, problem = open_log(path, limits=limits), None
     except LogError as error:
-        log, problem = Log(scan(path, limits or Limits(), tolerant=True)), str(error)
+        log, problem = open_log(path, limits=limits, tolerant=True), str(error)
     sums = {}
     if check and problem is None:
         try:

@@ -1,0 +1,109 @@
+"""Arrange a log's signals for the viewers: a Foxglove layout (JSON) and a PlotJuggler layout (XML), from its topics.
+
+Put them into the log as attachments, or write them beside it; both viewers import a layout by hand.
+"""
+
+import json
+from itertools import cycle
+from xml.etree import ElementTree
+
+# page -> plots (title, group of topics or "" for any, names of fields or their beginnings before "*")
+PAGES = (
+    (
+        "Flight",
+        (
+            ("Angle of attack, pitch [rad]", "truth", ("alpha", "theta")),
+            ("Rates [rad/s]", "truth", ("p", "q", "r")),
+            ("Load factor [-]", "truth", ("nz",)),
+            ("Altitude [m]", "truth", ("h",)),
+            ("Speed [m/s]", "truth", ("tas", "cas")),
+        ),
+    ),
+    (
+        "Elevators",
+        (
+            ("Surfaces [rad]", "truth", ("de_*",)),
+            ("Rods [m]", "actuators", ("q_rod", "q", "x_rod", "rod*")),
+            ("Commands", "actuators", ("u*", "cmd*", "ref*")),
+        ),
+    ),
+    (
+        "Detectors",
+        (
+            ("Test statistic, alarm at 1 [-]", "detectors", ("r",)),
+            ("Alarm [-]", "detectors", ("alarm",)),
+            ("Verdict [code]", "detectors", ("verdict",)),
+            ("Estimated fault", "detectors", ("f_hat*",)),
+            ("Injected fault", "", ("active", "signal", "injected*")),
+        ),
+    ),
+)
+_COLOURS = ("#1f77b4", "#d62728", "#1ac938", "#ff7f0e", "#f14cc1", "#9467bd", "#17becf", "#bcbd22")
+
+
+def viewer_layouts(topics, pages=PAGES):
+    """Return {"layout.foxglove.json": (media type, bytes), "layout.plotjuggler.xml": ...} for Topics or TopicInfos.
+
+    `pages` say what stands together; a plot, or a page, for which the topics have no field is left out.
+    """
+    found = []
+    for page, plots in pages:
+        drawn = [(title, _signals(topics, group, names)) for title, group, names in plots]
+        drawn = [(title, signals) for title, signals in drawn if signals]
+        if drawn:
+            found.append((page, drawn))
+    return {
+        "layout.foxglove.json": ("application/json", json.dumps(_foxglove(found), indent=1).encode()),
+        "layout.plotjuggler.xml": ("application/xml", _plotjuggler(found)),
+    }
+
+
+def _signals(topics, group, names):
+    """Return [(topic, field)] of every field that one of the names fits."""
+    exact, begin = {n for n in names if "*" not in n}, tuple(n.rstrip("*") for n in names if n.endswith("*"))
+    return [
+        (topic.name, field)
+        for topic in topics
+        if not group or topic.group == group
+        for field in topic.fields
+        if field in exact or (begin and field.startswith(begin))
+    ]
+
+
+def _foxglove(pages):
+    tabs = []
+    for page, plots in pages:
+        items = [{"proportion": 1, "content": _plot(title, signals)} for title, signals in plots]
+        tabs.append({"title": page, "content": {"type": "split", "direction": "column", "items": items}})
+    place = [{"proportion": 2, "content": _panel("ThreeDee")}, {"proportion": 1, "content": _panel("Log")}]
+    tabs.append({"title": "Place", "content": {"type": "split", "direction": "row", "items": place}})
+    return {"version": 1, "content": {"type": "tabs", "selectedTabIndex": 0, "tabs": tabs}}
+
+
+def _panel(kind, config=None, **more):
+    return {"type": "panel", "panelType": kind, "config": config or {}, **more, "version": 1}
+
+
+def _plot(title, signals):
+    paths = [{"value": f"{topic}.{field}", "timestampMethod": "publishTime"} for topic, field in signals]
+    return _panel("Plot", {"paths": paths}, title=title)
+
+
+def _plotjuggler(pages):
+    root = ElementTree.Element("root")
+    tabs = ElementTree.SubElement(root, "tabbed_widget", {"name": "Main Window", "parent": "main_window"})
+    for page, plots in pages:
+        tab = ElementTree.SubElement(tabs, "Tab", containers="1", tab_name=page)
+        count, sizes = str(len(plots)), ";".join([f"{1 / len(plots):.6f}"] * len(plots))
+        container = ElementTree.SubElement(tab, "Container")
+        splitter = ElementTree.SubElement(container, "DockSplitter", orientation="-", sizes=sizes, count=count)
+        for title, signals in plots:
+            area = ElementTree.SubElement(splitter, "DockArea", name=title)
+            plot = ElementTree.SubElement(
+                area, "plot", mode="TimeSeries", style="Lines", flip_x="false", flip_y="false"
+            )
+            ElementTree.SubElement(plot, "limitY")
+            for (topic, field), colour in zip(signals, cycle(_COLOURS)):
+                ElementTree.SubElement(plot, "curve", name=f"{topic}/{field}", color=colour)
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)

@@ -1,0 +1,58 @@
+"""The viewers' layouts name signals that the log has, in the form that each viewer reads."""
+
+import json
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from cosim.log import Topic
+from cosim.log.layouts import viewer_layouts
+
+TOPICS = [
+    Topic("/truth/aircraft", ("alpha", "q", "nz", "h", "de_li"), ("",) * 5, np.arange(5), group="truth"),
+    Topic("/detectors/iotsekf/left_inner", ("r", "alarm", "f_hat_u"), ("",) * 3, np.arange(3), group="detectors"),
+    Topic("/detectors/monitor/left_inner", ("r", "alarm"), ("",) * 2, np.arange(2), group="detectors"),
+]
+
+
+def test_every_path_of_the_foxglove_layout_is_a_signal_of_the_log():
+    layout = json.loads(viewer_layouts(TOPICS)["layout.foxglove.json"][1])
+    assert [tab["title"] for tab in layout["content"]["tabs"]] == ["Flight", "Elevators", "Detectors", "Place"]
+    plots = {
+        item["content"]["title"]: [p["value"] for p in item["content"]["config"]["paths"]]
+        for tab in layout["content"]["tabs"]
+        for item in tab["content"]["items"]
+        if item["content"]["panelType"] == "Plot"
+    }
+    assert plots["Alarm [-]"] == ["/detectors/iotsekf/left_inner.alarm", "/detectors/monitor/left_inner.alarm"]
+    known = {f"{t.name}.{f}" for t in TOPICS for f in t.fields}
+    assert all(paths and set(paths) <= known for paths in plots.values())
+    assert "Verdict [code]" not in plots
+
+
+def test_the_plotjuggler_layout_has_the_same_pages():
+    root = ElementTree.fromstring(viewer_layouts(TOPICS)["layout.plotjuggler.xml"][1])
+    assert [tab.get("tab_name") for tab in root.iter("Tab")] == ["Flight", "Elevators", "Detectors"]
+    assert "/detectors/iotsekf/left_inner/f_hat_u" in [c.get("name") for c in root.iter("curve")]
+    for splitter in root.iter("DockSplitter"):
+        assert len(splitter) == int(splitter.get("count")) == len(splitter.get("sizes").split(";"))
+
+
+def test_the_foxglove_layout_is_built_as_the_sdk_builds_one():
+    sdk = pytest.importorskip("foxglove.layouts", reason="foxglove-sdk is an extra (live)")
+    ours = json.loads(
+        viewer_layouts(TOPICS, (("A", (("Alarm", "detectors", ("alarm",)),)),))["layout.foxglove.json"][1]
+    )
+    series = [sdk.PlotSeries(value=f"{t.name}.alarm", timestamp_method="publishTime") for t in TOPICS[1:]]
+    plot = sdk.PlotPanel(title="Alarm", config=sdk.PlotConfig(paths=series))
+    split = sdk.SplitContainer(direction="column", items=[sdk.SplitItem(content=plot)])
+    place = sdk.SplitContainer(
+        items=[sdk.SplitItem(proportion=2, content=sdk.ThreeDeePanel()), sdk.SplitItem(content=sdk.LogPanel())]
+    )
+    tabs = [sdk.TabItem(title="A", content=split), sdk.TabItem(title="Place", content=place)]
+    assert ours == json.loads(sdk.Layout(content=sdk.TabContainer(tabs=tabs)).to_json())
+
+
+def test_no_topic_gives_layouts_without_a_plot():
+    assert b"curve" not in viewer_layouts([])["layout.plotjuggler.xml"][1]
