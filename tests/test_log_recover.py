@@ -124,38 +124,52 @@ def test_a_log_is_not_recovered_onto_itself_nor_from_nothing(whole, tmp_path):
             recover(tmp_path / "bad", tmp_path / "out")
 
 
+# one interpreter starts once and forks a writer for every line it is sent; a writer tells in a file which rows it has passed
 WRITER = """
-import sys
+import os, sys
 sys.path.insert(0, {tests!r})
 from log_samples import *
 v = vectors(1000)
-with LogWriter({path!r}, TOPICS, n_values=N_VALUES, rows_per_chunk=50) as log:
-    print("ready", flush=True)
-    for k in range(10**9):
-        log.append(v[k % 1000])
-        if k % 50 == 0 and k:
-            print(k, flush=True)
+for _ in sys.stdin:
+    pid = os.fork()
+    if pid:
+        print(pid, flush=True)
+        os.waitpid(pid, 0)
+        print("dead", flush=True)
+        continue
+    told = os.open({path!r} + ".told", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    with LogWriter({path!r}, TOPICS, n_values=N_VALUES, rows_per_chunk=50) as log:
+        for k in range(10**9):
+            log.append(v[k % 1000])
+            if k % 50 == 0 and k:
+                os.write(told, b"%d\\n" % k)
 """
 
 
-@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs SIGKILL")
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork and SIGKILL")
 def test_kill_9_at_twenty_random_moments_loses_only_the_open_chunk(tmp_path, request):
     v, rng = vectors(1000), np.random.default_rng(7)
-    path = tmp_path / "killed.mcap"
+    path, told = tmp_path / "killed.mcap", tmp_path / "killed.mcap.told"
     code = WRITER.format(tests=str(request.path.parent), path=str(path))
-    for _ in range(20):
-        run = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
-        assert run.stdout.readline() == "ready\n"
-        time.sleep(float(rng.uniform(0.0, 0.05)))
-        run.send_signal(signal.SIGKILL)
-        told = [int(line) for line in run.stdout.read().split("\n")[:-1]]
-        run.wait()
-        begun = time.monotonic()
-        report = recover(path, tmp_path / "out.mcap")
-        assert time.monotonic() - begun < 60
-        ticks = np.arange(report["ticks"])
-        # a chunk is written when the row after it comes, before the writer reports that row
-        assert len(ticks) % ROWS == 0 and len(ticks) >= (told[-1] if told else 0)
-        assert not report["complete"]
-        _check(tmp_path / "out.mcap", v[ticks % 1000], ticks)
-        os.unlink(path)
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    with subprocess.Popen([sys.executable, "-c", code], **pipes) as parent:
+        for _ in range(20):
+            parent.stdin.write("go\n")
+            parent.stdin.flush()
+            pid = int(parent.stdout.readline())
+            while not told.exists() or not told.stat().st_size:  # the first chunk is written
+                time.sleep(0.001)
+            time.sleep(float(rng.uniform(0.0, 0.05)))
+            os.kill(pid, signal.SIGKILL)
+            assert parent.stdout.readline() == "dead\n"
+            passed = int(told.read_text().split("\n")[-2])
+            begun = time.monotonic()
+            report = recover(path, tmp_path / "out.mcap")
+            assert time.monotonic() - begun < 60 and not report["complete"]
+            ticks = np.arange(report["ticks"])
+            # a chunk is written when the row after it comes, before the writer tells of that row
+            assert len(ticks) % ROWS == 0 and len(ticks) >= passed
+            _check(tmp_path / "out.mcap", v[ticks % 1000], ticks)
+            told.unlink()
+            path.unlink()
+        parent.stdin.close()
