@@ -16,7 +16,7 @@ from cosim.aero_functions import AeroFunctions, _lookup, _table
 from fdi.force_model import VARIABLES, ForceModel
 
 FOLDER = Path(__file__).resolve().parent.parent / "aircraft" / "transport"
-FT, LB, IN = 0.3048, 4.4482216152605, 0.0254
+FT, LB, IN, SLUG, G0 = 0.3048, 4.4482216152605, 0.0254, 14.593902937206364, 9.80665
 PSF = LB / FT**2
 AXES = {"lift": "LIFT", "drag": "DRAG", "side": "SIDE", "roll": "ROLL", "pitch": "PITCH", "yaw": "YAW"}
 PROPERTY = {
@@ -28,6 +28,7 @@ PROPERTY = {
 }  # fmt: skip
 STABILITY = {"p": ("aero/p-stability-rad_sec",), "r": ("aero/r-stability-rad_sec",)}  # where an aircraft defines them
 SPEED = 500.0  # any speed [ft/s]: only makes rates of the dimensionless ones
+MULTIPLIER = "aero/mult/"
 TOLERANCE = 1e-9  # of splitting and of linearity, relative to the largest coefficient of the axis
 
 
@@ -49,7 +50,7 @@ def force_model(folder=FOLDER):
         quantities=tuple((axis, variable) for axis, variable, _, _ in found),
         t_a=np.array([t for _, _, t, _ in found if t is not None]), t_m=np.array([t for *_, t in found]),
         stability_rates=STABILITY["p"][0] in aero.functions, stability_moments=_frame(aero),
-        **_mass(aero.root, aero.defaults["metrics/cbarw-ft"] * FT), **_propulsion(aero.root, folder),
+        **_mass(aero.root), **_propulsion(aero.root, folder),
     )  # fmt: skip
 
 
@@ -75,15 +76,15 @@ def _quantities(aero, axis, alpha, mach, qbar):
     base |= {"velocities/vt-fps": SPEED, **{name: 0.0 for names in properties.values() for name in names}}
     shape = (len(alpha), len(mach), len(qbar))
 
-    def coefficient(**moved):
-        given = dict(base)
+    def coefficient(without=None, **moved):
+        given = dict(base) if without is None else {**base, without: 0.0}
         for variable, value in moved.items():
             given |= {name: value for name in properties[variable]}
         force = aero.evaluate(AXES[axis], given) / (base["aero/qbar-psf"] * aero.defaults["metrics/Sw-sqft"] * size)
         return np.broadcast_to(force, shape)
 
     zero = coefficient()
-    tables = {"one": zero}
+    tables = {}
     for variable in PROPERTY:
         unit = 1.0
         if variable in ("alphadot", "p", "q", "r"):  # rate that makes the dimensionless rate one
@@ -95,9 +96,14 @@ def _quantities(aero, axis, alpha, mach, qbar):
             tables["beta2"] = curve
         elif np.abs(curve).max() > TOLERANCE * np.abs(zero).max() + 1e-12:
             raise ValueError(f"{axis} is not linear in {variable}")
-    largest = max(np.abs(t).max() for t in tables.values())
-    kept = [v for v in VARIABLES if np.abs(tables[v]).max() > TOLERANCE * max(largest, 1e-12)]
-    return [_split(axis, v, tables[v], qbar) for v in kept]
+    # what needs no input, one quantity per coefficient that the file can scale: their errors are independent
+    scales = [name for name in aero.defaults if name.startswith(MULTIPLIER)]
+    base_parts = [zero - coefficient(without=name) for name in scales]
+    base_parts.append(zero - sum(base_parts))
+    all_tables = [("one", t) for t in base_parts] + [(v, tables[v]) for v in VARIABLES if v in tables]
+    largest = max(np.abs(t).max() for _, t in all_tables)
+    kept = [(v, t) for v, t in all_tables if np.abs(t).max() > TOLERANCE * max(largest, 1e-12)]
+    return [_split(axis, v, t, qbar) for v, t in kept]
 
 
 def _split(axis, variable, table, qbar):
@@ -112,11 +118,13 @@ def _split(axis, variable, table, qbar):
     return axis, variable, None if flat else t_a, t_m
 
 
-def _mass(root, chord):
+def _mass(root):
+    """Return the radii of gyration squared [m2], from the empty aircraft: the loading keeps them."""
     balance = root.find("mass_balance")
-    empty = float(balance.find("emptywt").text)
-    radii = tuple(float(balance.find(k).text) / empty for k in ("ixx", "iyy", "izz", "ixz"))
-    return {"gyration2": radii, "cg_ref": 0.25}
+    unit = {"KG*M2": 1.0, "SLUG*FT2": SLUG * FT**2}
+    mass = float(balance.find("emptywt").text) * {"KG": 1.0, "LBS": LB / G0}[balance.find("emptywt").get("unit")]
+    terms = [balance.find(k) for k in ("ixx", "iyy", "izz", "ixz")]
+    return {"gyration2": tuple(float(t.text) * unit[t.get("unit")] / mass for t in terms), "cg_ref": 0.25}
 
 
 def _propulsion(root, folder):

@@ -48,7 +48,7 @@ from fdi.tuning import thresholds
 from fdi.verdict import AMBIGUOUS, JAM_SOLID, NONE, THRUST
 
 CULPRITS = ("", "elevator", "aileron", "rudder", "engine", "engine_1", "engine_2", "engine_3", "engine_4")
-INPUTS_OF_ROWS = ("elevator", "aileron", "rudder", "thrust")
+LAG = (0.06, 0.06, 0.09, 0.0)  # [s]: servos near 30 rad/s, the rudder's 20 rad/s, damping 0.9; the stabiliser creeps
 
 PARAMS = params_dtype(
     [
@@ -63,7 +63,7 @@ PARAMS = params_dtype(
         ("limit", "f8", (NH,)),  # largest believable fault: rad, fraction of thrust
         ("rel", "f8"),  # uncertainty of each coefficient
         ("rel_thrust", "f8"),  # uncertainty of the thrust map
-        ("delay", "f8"),  # of the commands, as the measurements [ticks]
+        ("late", "f8", (NC,)),  # how late each command acts in the measurements: theirs and its actuator's delay [ticks]
         ("t_mean", "f8"),  # sliding mean [s], 0 for raw samples
         ("t_learn", "f8"),  # offset learned over the first seconds [s], 0 for none
         ("t_confirm", "f8"),  # [s]
@@ -141,15 +141,22 @@ OUTPUTS = (
 )  # fmt: skip
 
 
-def params(which="flight", *, model, rows="force", delay=2, t_mean=0.5, t_learn=20.0):
+def params(which="flight", *, model, dt=0.005, rows="force", delay=2, lag=None, t_mean=0.5, t_learn=20.0):
     """Return PARAMS for a `ForceModel`; `rows` is "force" or "force+moment", `t_mean`, `t_learn` 0 switch the aids off.
 
-    Families come from the structure of the model's rows. Raises ValueError for other rows, a mean beyond 0.5 s.
+    Commands are delayed by `delay` ticks as the measurements are [Mar10] slide 11, and by `lag` [s], what a healthy
+    actuator takes on average (2 zeta / omega of a second-order one), in the order elevator, aileron, rudder, stabiliser.
+    Families come from the structure of the model's rows. Raises ValueError for other rows, a mean beyond 0.5 s, a
+    delay beyond the buffer.
     """
     if rows not in ("force", "force+moment"):
         raise ValueError(f"rows = {rows!r}: give 'force' or 'force+moment'")
     if not 0 <= t_mean <= 0.5:
         raise ValueError(f"t_mean = {t_mean}: the sliding mean is at most 0.5 s")
+    elevator, aileron, rudder, stabiliser = LAG if lag is None else lag
+    late = delay + np.round(np.array([*[elevator] * 4, aileron, aileron, rudder, stabiliser]) / dt)
+    if late.max() >= DELAY or late.min() < 0:
+        raise ValueError(f"a command delay of {late.max():.0f} ticks; at most {DELAY - 1} fit")
     n = 3 if rows == "force" else 6
     found = redundancy_structure.families(model.structure()[:n], most=2 if n == 3 else 1)
     if len(found) > NF:
@@ -161,7 +168,7 @@ def params(which="flight", *, model, rows="force", delay=2, t_mean=0.5, t_learn=
     return record(
         PARAMS, **force_model.fields(model), n_rows=n, n_hypotheses=4 if n == 3 else 8, n_families=len(found),
         base_row=_pad([f.base for f in found]), n_pivots=_pad([len(f.pivots) for f in found]),
-        pivot_row=pivots[:, :, 0], pivot_input=pivots[:, :, 1], delay=delay, t_mean=t_mean, t_learn=t_learn,
+        pivot_row=pivots[:, :, 0], pivot_input=pivots[:, :, 1], late=late, t_mean=t_mean, t_learn=t_learn,
         threshold=[own.pop(f"t_{row}") for row in ("x", "y", "z", "l", "m", "n")],
         limit=[0.8, 0.8, 0.8, 1.2, 1.2, 1.2, 1.2, 1.2], **own,
     )  # fmt: skip

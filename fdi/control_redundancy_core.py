@@ -6,15 +6,15 @@ from actuators.block import kernel
 from fdi.decision import usable
 from fdi.force_model import G0, air_data, contributions, thrust_pair
 
-NR, NF, NH = 6, 24, 8  # most rows, families, fault hypotheses (elevator aileron rudder engines engine_1 ... engine_4)
-NC, DELAY = 8, 16  # commands (4 elevators, 2 ailerons, rudder, stabiliser); longest delay [ticks]
+NR, NF, NH = 6, 16, 8  # most rows, families, fault hypotheses (elevator aileron rudder engines engine_1 ... engine_4)
+NC, DELAY = 8, 48  # commands (4 elevators, 2 ailerons, rudder, stabiliser); longest delay [ticks]
 BLOCKS = 10  # pieces of the sliding mean
 NX = 3 * NR  # averaged: row errors, activities, three commanded effectors and spare
 
 
 @kernel
 def delayed_commands(x, u, p):
-    """Push this tick's commands and fill x.cmd with those of `delay` ticks ago; one that is not finite is held."""
+    """Push this tick's commands; fill x.cmd with those of `late` ticks ago. One that is not finite is held."""
     head = int(x.head)
     for j in range(NC):
         value = u.de_lo
@@ -38,7 +38,7 @@ def delayed_commands(x, u, p):
             for i in range(DELAY):
                 x.line[i, j] = value
         x.line[head, j] = value
-        x.cmd[j] = x.line[(head + DELAY - int(p.delay)) % DELAY, j]
+        x.cmd[j] = x.line[(head + DELAY - int(p.late[j])) % DELAY, j]
     x.head = (head + 1) % DELAY
 
 

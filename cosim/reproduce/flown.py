@@ -10,10 +10,15 @@ from cosim.tick import tick
 class Flown:
     """Hold chosen signals of one flight: `flown[name]` is the (ticks,) array of a bus name; `dt`, `status`."""
 
-    def __init__(self, scenario, names):
-        """Fly `scenario` and keep `names`; a flight that departs is cut there and says so in `status`."""
+    def __init__(self, scenario, names, rudder=()):
+        """Fly `scenario` and keep `names`; a flight that departs is cut there and says so in `status`.
+
+        `rudder` = [(time s, rad), ...], linear between, is added to the law's rudder command: a pilot's pedals.
+        """
         setup = build(scenario)
         loop = setup.loop
+        if rudder:
+            loop.law = _Pedals(loop, rudder)
         names = list(dict.fromkeys(names))
         index = np.array([loop.bus.index(n) for n in names])
         rows = np.empty((setup.ticks, len(names)))
@@ -44,6 +49,22 @@ class Flown:
         log = np.zeros(u.shape, module.STATE)
         module.rollout(module.init(p), u, p, self.dt, log)
         return log[0]
+
+
+class _Pedals:
+    """Advance the law, then add the pedals' share to its rudder command; the law itself does not feed that back."""
+
+    def __init__(self, loop, steps):
+        self._law, self._clock, self._x = loop.law, loop.bus["clock"], loop.law.x
+        self._time, self._angle = np.array(steps, float).T
+
+    def __getattr__(self, name):
+        return getattr(self._law, name)
+
+    def advance(self):
+        """Advance by one step, in place."""
+        self._law.advance()
+        self._x["dr_cmd"] += np.interp(self._clock["t"][0], self._time, self._angle)
 
 
 def _nowhere(v):
