@@ -124,7 +124,7 @@ def test_a_log_is_not_recovered_onto_itself_nor_from_nothing(whole, tmp_path):
             recover(tmp_path / "bad", tmp_path / "out")
 
 
-# one interpreter starts once and forks a writer for every line it is sent; a writer tells in a file which rows it has passed
+# one interpreter forks a writer for every line it is sent; a writer tells in a file which rows it has passed
 WRITER = """
 import os, sys
 sys.path.insert(0, {tests!r})
