@@ -20,9 +20,9 @@ r' + f_rate [rad/s] until the stop. `pos_fb` replaces the measured position wher
 import math
 
 import numpy as np
-from scipy.signal import place_poles
 
 from actuators import jay, linkage, reference
+from actuators.ackermann import place
 from actuators.block import dtype, kernel, record
 from actuators.limits import clip
 
@@ -79,7 +79,7 @@ def error_gains(*, pole, dt):
     """Return {k_p, k_v, k_i} placing the poles of theta'' = -k_p theta - k_v theta' - k_i int theta, held over `dt`."""
     Phi = np.array([[1, dt, 0], [0, 1, 0], [dt, 0, 1]])
     Gamma = np.array([[dt**2 / 2], [dt], [0]])
-    K = place_poles(Phi, Gamma, np.exp(-pole * dt * np.array([0.97, 1.0, 1.03]))).gain_matrix[0]
+    K = place(Phi, Gamma, np.exp(-pole * dt * np.array([0.97, 1.0, 1.03])))
     return {"k_p": K[0], "k_v": K[1], "k_i": K[2]}
 
 

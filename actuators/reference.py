@@ -13,8 +13,8 @@ Inside the limits it is a third-order low-pass filter ([Lu17] III.B.1) with a re
 import math
 
 import numpy as np
-from scipy.signal import place_poles
 
+from actuators.ackermann import place
 from actuators.block import kernel
 from actuators.limits import flush, within
 
@@ -39,7 +39,7 @@ def gains(*, omega, zeta, dt):
     Phi = np.array([[1, dt, dt**2 / 2], [0, 1, dt], [0, 0, 1]])
     Gamma = np.array([[dt**3 / 6], [dt**2 / 2], [dt]])
     pair = omega * complex(-zeta, np.sqrt(1 - zeta**2))
-    K = place_poles(Phi, Gamma, np.exp(np.array([-omega, pair, np.conj(pair)]) * dt)).gain_matrix[0]
+    K = place(Phi, Gamma, np.exp(np.array([-omega, pair, np.conj(pair)]) * dt))
     return {"k1": K[0] / K[1], "k2": K[1] / K[2], "k3": K[2]}
 
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 from scipy.linalg import expm, solve_discrete_are
-from scipy.signal import place_poles
 
 from actuators import jay, lu17
+from actuators.ackermann import place
 
 # sensor set `transport` (1 sigma per sample), and how fast the unknown may move
 SIGMA_ROD, SIGMA_PRESSURE = 1e-4, 0.005  # [m], [1]
@@ -24,7 +24,7 @@ def error_gains(model, *, pole, dt):
     """
     A, B = _linear(model)
     Phi, Gamma = jay.discretise(A, B, dt)
-    K = place_poles(Phi, Gamma, np.exp(-pole * dt * np.array([0.97, 1.0, 1.03]))).gain_matrix[0]
+    K = place(Phi, Gamma, np.exp(-pole * dt * np.array([0.97, 1.0, 1.03])))
     a23, beta, k = A[1, 2], model.B / model.M, -A[2, 1]
     D = a23 * k * model.phi_n / model.A_p  # u to q''' [m/s^3]
     k_a = beta + (K[2] * D / (a23 * k) + model.L) * k
