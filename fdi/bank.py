@@ -141,9 +141,10 @@ def fit(x, p, k, j, head):
 def character(x, p, k, a, b):
     """Return (agreement, purity, purity with mean) of a residual + b drive at frequency k, over its two periods.
 
-    Agreement is Re(A_1 A_2*) / max(|A_1|^2, |A_2|^2) of each period's own fit: 1 for a sinusoid, about 0 for a step or a
-    single swing, which live in one period. Purity is the share of the window's variance (or power: with its mean) that
-    goes when the fitted oscillation is taken away; it is negative where fit and slow terms only cancel each other.
+    Agreement is Re(A_1 A_2*) / max(|A_1|^2, |A_2|^2) of each period's own fit: 1 for a sinusoid, about 0 for a
+    step or a single swing, which live in one period. Purity is the share of the window's variance (or power: with
+    its mean) that goes when the fitted oscillation is taken away; it is negative where fit and slow terms only
+    cancel each other.
     """
     n = int(p.bank_n[k])
     j = int(p.bank_level[k])

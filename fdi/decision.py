@@ -15,6 +15,9 @@ from actuators.block import kernel
 from fdi import bank
 from fdi.verdict import AMBIGUOUS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY, SENSOR
 
+GAIN_LIMIT = 0.15  # +-5 % on flow and on piston area, and some more
+GAIN_MOTION = 0.002  # rod motion from which the gain is learned in earnest: 20 sigma of the sensor [m]
+
 PAIR_PARAMS = [
     ("pair_tau", "f8"),  # lag of the disagreement [s]
     ("pair_clip", "f8"),  # one sample counts for no more than this, so that a spike does not alarm [m]
@@ -24,6 +27,7 @@ PAIR_PARAMS = [
     ("pair_threshold", "f8"),  # disagreement [m]
     ("pair_confirm", "f8"),  # [s]
     ("pair_release", "f8"),  # [s]
+    ("pair_teach", "f8"),  # rate at which the model's gain is learned in motion [1/s]
     ("pair_judge", "f8"),  # the model is trusted for this long after the alarm [s]
     ("pair_ratio", "f8"),  # the culprit is this many times further from the model than the other
 ]
@@ -32,7 +36,9 @@ PAIR_STATE = [
     ("rigging", "f8"),  # learned rod - arm surface [m]
     ("pair_d", "f8"),  # filtered disagreement [m]
     ("model_q", "f8"),  # integral of the model's rod velocity [m]
+    ("model_slow", "f8"),  # the same, lagged [m]
     ("model_bias", "f8"),  # learned error of the model's rod velocity [m/s]
+    ("model_gain", "f8"),  # learned error of its gain [1]
     ("base_rod", "f8"),  # slow rod - model [m]
     ("base_surface", "f8"),  # slow surface - model [m]
     ("e_rod", "f8"),  # filtered distance of the rod sensor from the model [m]
@@ -131,7 +137,8 @@ def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, p, dt):
 
     `model_v` is a rod velocity that neither of them has touched lately [m/s]. Sets `sensor` and `blame`.
     """
-    x.model_q += (model_v + x.model_bias) * dt
+    x.model_q += ((1.0 + x.model_gain) * model_v + x.model_bias) * dt
+    x.model_slow += dt / p.pair_wash * (x.model_q - x.model_slow)
     a = 1.0 - math.exp(-dt / p.pair_tau)
     suspicious = math.fabs(x.pair_d) > 0.7 * p.pair_threshold
     x.quiet = max(x.quiet - dt, 0.0)
@@ -158,7 +165,11 @@ def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, p, dt):
         x.e_surface += a * clipped(e - x.e_surface, p.pair_clip)
         if not suspicious:
             x.base_surface += w * x.e_surface
-            x.model_bias += 0.5 * (x.e_rod + x.e_surface) * w / (3.0 * p.pair_wash)  # slow enough to be well damped
+            e = 0.5 * (x.e_rod + x.e_surface)
+            x.model_bias += e * w / (3.0 * p.pair_wash)  # slow enough to be well damped
+            moved = x.model_q - x.model_slow
+            lesson = p.pair_teach * dt * e * moved / (moved * moved + GAIN_MOTION * GAIN_MOTION)
+            x.model_gain = clipped(x.model_gain + lesson, GAIN_LIMIT)
     before = x.sensor
     beyond = math.fabs(x.pair_d) >= p.pair_threshold
     x.pair_timer, x.sensor = confirm(x.pair_timer, x.sensor, beyond, dt, p.pair_confirm, p.pair_release)
@@ -207,9 +218,9 @@ def learn_gain(x, p, k, dt):
 def ofc_test(x, p, renewed, blocked, teach, other, dt):
     """Test every renewed fit of the bank; hold an oscillation for the time in which it must show again.
 
-    An oscillation is an amplitude beyond bank_threshold + share |drive| that keeps its phase over both periods and explains
-    its window, `hits` fits in a row. `other` is true while another test sees a fault: then the sum is searched as well,
-    because a signal in place of the drive may be small where the drive is not.
+    An oscillation is an amplitude beyond bank_threshold + share |drive| that keeps its phase over both periods
+    and explains its window, `hits` fits in a row. `other` is true while another test sees a fault: then the sum
+    is searched as well, because a signal in place of the drive may be small where the drive is not.
     """
     x.ofc_timer = max(x.ofc_timer - dt, 0.0)
     suspected = other or x.ofc_timer > 0.0
@@ -245,7 +256,7 @@ def ofc_test(x, p, renewed, blocked, teach, other, dt):
 
 @kernel
 def judge(x, p, k, which, b):
-    """Write `pure` of residual + b drive at frequency k; return whether its two periods agree and it explains its window."""
+    """Write `pure` of residual + b drive at frequency k; return whether its periods agree and it fills its window."""
     agree, pure, whole = bank.character(x, p, k, 1.0, b)
     x.pure[which, k] = whole if p.keep_mean > 0.5 else pure
     return agree >= p.coherence and pure >= p.purity
@@ -255,7 +266,8 @@ def judge(x, p, k, which, b):
 def name_oscillation(x, p):
     """Choose signal and frequency: of the residual (added) and residual + drive (in its place), the purest window.
 
-    A window counts in full from twice its quiet amplitude on, which keeps noise in a short one from winning. Only windows that lie mostly after the first sign of the fault count: before it the sum is the drive.
+    A window counts in full from twice its quiet amplitude on, which keeps noise in a short one from winning. Only
+    windows that lie mostly after the first sign of the fault count: before it the sum is the drive.
     """
     best, kind, peak = 0.0, 0, -1
     for which in range(2):

@@ -100,7 +100,8 @@ NOISE = {
     "r_spare": 2e-8,  # 0.02 deg on 0.30 m, rigging removed
 }
 
-# fitted to the step response of f_hat on the linear model with these noises, 5 ms: residual 1 % rms with the pressure, 3 % without
+# fitted to the step response of f_hat on the linear model with these noises at 5 ms: off by 1 % rms with the pressure,
+# by 3 % without
 LAG = {2: {"lag_omega": 50.1, "lag_zeta": 0.64, "lag_ticks": 0.0}}
 LAG[0] = LAG[1] = {"lag_omega": 56.0, "lag_zeta": 0.56, "lag_ticks": 5.0}
 
@@ -110,7 +111,8 @@ def params(which=None, *, load=2, dt=0.005, delay_s=0.005, arm=linkage.ARM, **va
 
     `which` names the threshold set, by default that of the load form; `values` replace any field.
     """
-    v = {**lu17.NOMINAL, **NOISE, **LAG[load], **bank.design(dt), **thresholds("iotsekf", which or f"flight_load{load}")}
+    chosen = thresholds("iotsekf", which or f"flight_load{load}")
+    v = {**lu17.NOMINAL, **NOISE, **LAG[load], **bank.design(dt), **chosen}
     if load != 2:
         v["q"] = (*v["q"][:3], 0.0)
     fixed = {

@@ -82,7 +82,7 @@ STATE = [
 
 @kernel
 def force(x, u, p):
-    """Return the external force on the rod of the chosen load form [N], at the middle of the coming tick."""
+    """Return the external force on the rod of the chosen load form [N]."""
     if p.load == 2.0:
         return p.A_p * p.P_s * x.x_hat[3]
     if p.load == 1.0:
@@ -125,26 +125,35 @@ def combine(x):
 
 
 @kernel
+def transition(Phi, G, a, side, v, f, stiffness, load_state, p, dt):
+    """Write Phi (4, 4) and Gamma (4,) of (q, q', x3, F) over one tick about `a`. [Lu17] (19)-(20)
+
+    Both from one exponential. `stiffness` is the load's own slope [N m/rad]; `load_state`: F acts on the rod.
+    Columns of Psi = int exp(A s) ds give Phi = I + Psi A and Gamma = Psi G.
+    """
+    a22, a23, a31, a32, a33, b3, e2 = jacobian(a[0], a[1], a[2], side, v, f, p)
+    a21 = e2 * stiffness / (p.arm * p.arm)
+    k1, k2, k3 = integral_column(a21, a22, a23, a31, a32, a33, 1.0, 0.0, 0.0, dt)
+    l1, l2, l3 = integral_column(a21, a22, a23, a31, a32, a33, 0.0, 1.0, 0.0, dt)
+    m1, m2, m3 = integral_column(a21, a22, a23, a31, a32, a33, 0.0, 0.0, 1.0, dt)
+    Phi[0, 0], Phi[1, 0], Phi[2, 0] = 1.0 + a21 * l1 + a31 * m1, a21 * l2 + a31 * m2, a21 * l3 + a31 * m3
+    Phi[0, 1], Phi[1, 1] = k1 + a22 * l1 + a32 * m1, 1.0 + k2 + a22 * l2 + a32 * m2
+    Phi[2, 1] = k3 + a22 * l3 + a32 * m3
+    Phi[0, 2], Phi[1, 2], Phi[2, 2] = a23 * l1 + a33 * m1, a23 * l2 + a33 * m2, 1.0 + a23 * l3 + a33 * m3
+    e4 = e2 * p.A_p * p.P_s if load_state else 0.0
+    Phi[0, 3], Phi[1, 3], Phi[2, 3], Phi[3, 3] = e4 * l1, e4 * l2, e4 * l3, 1.0
+    G[0], G[1], G[2] = b3 * m1, b3 * m2, b3 * m3
+
+
+@kernel
 def time_update(x, u, v, p, dt):
     """Predict over one tick under valve command `v`. [Lu17] (14), (17)-(20), (26), (28), (31)-(33), (35)"""
     f = x.f_hat
     a = x.x_hat
     side = v + f if p.total_sign > 0.5 else v
     F = force(x, u, p)
-    a22, a23, a31, a32, a33, b3, e2 = jacobian(a[0], a[1], a[2], side, v, f, p)
-    a21 = e2 * u.hmd_model / (p.arm * p.arm) if p.load == 1.0 else 0.0
-    # columns of Psi = int exp(A s) ds, then Phi = I + Psi A, Gamma = Psi G: (19) and (20) from one exponential
-    k1, k2, k3 = integral_column(a21, a22, a23, a31, a32, a33, 1.0, 0.0, 0.0, dt)
-    l1, l2, l3 = integral_column(a21, a22, a23, a31, a32, a33, 0.0, 1.0, 0.0, dt)
-    m1, m2, m3 = integral_column(a21, a22, a23, a31, a32, a33, 0.0, 0.0, 1.0, dt)
     Phi = x.Phi
-    Phi[0, 0], Phi[1, 0], Phi[2, 0] = 1.0 + a21 * l1 + a31 * m1, a21 * l2 + a31 * m2, a21 * l3 + a31 * m3
-    Phi[0, 1], Phi[1, 1] = k1 + a22 * l1 + a32 * m1, 1.0 + k2 + a22 * l2 + a32 * m2
-    Phi[2, 1] = k3 + a22 * l3 + a32 * m3
-    Phi[0, 2], Phi[1, 2], Phi[2, 2] = a23 * l1 + a33 * m1, a23 * l2 + a33 * m2, 1.0 + a23 * l3 + a33 * m3
-    e4 = e2 * p.A_p * p.P_s if p.load == 2.0 else 0.0
-    Phi[0, 3], Phi[1, 3], Phi[2, 3], Phi[3, 3] = e4 * l1, e4 * l2, e4 * l3, 1.0
-    x.G[0], x.G[1], x.G[2] = b3 * m1, b3 * m2, b3 * m3
+    transition(Phi, x.G, a, side, v, f, u.hmd_model if p.load == 1.0 else 0.0, p.load == 2.0, p, dt)
     P_f = x.P_f + p.q_f * dt  # (28)
     for i in range(4):
         s = x.G[i]
