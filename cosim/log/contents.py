@@ -22,6 +22,10 @@ _KINDS = {
 }
 
 
+LARGE = (Opcode.CHUNK, Opcode.MESSAGE_INDEX)  # records of which only the head is taken here
+HEAD_BYTES = 64  # that a chunk's head takes at most, with its compression's name and the length of its data
+
+
 @dataclass
 class Contents:
     """Gather the records of one log; `metadata` and `attachments` are lists of (offset, length, record).
@@ -52,15 +56,15 @@ class Contents:
     records: int = 0
     total: int = 0  # content of the chunks so far [byte]
 
-    def take(self, at, opcode, body, digest):
-        """Take the record at byte `at`; `digest` hashes all before it. Raises ValueError or its like when wrong."""
+    def take(self, at, opcode, length, body, digest):
+        """Take the record at byte `at`, of `length`; `digest` hashes all before it. Raises ValueError or its like."""
         if opcode == Opcode.MESSAGE_INDEX:
-            self._message_index(at, body)
+            self._message_index(at, length, body)
             return
         if not self.tolerant:  # whose caller compares the content itself
             self.finish()
         if opcode == Opcode.CHUNK:
-            self._chunk(at, body)
+            self._chunk(at, length, body)
             return
         kind = _KINDS.get(opcode)
         if kind is None:
@@ -130,7 +134,7 @@ class Contents:
         self.dt_ns = dt_ns
         self.layout = Layout([(self.ids[t.name], len(t.fields), t.every) for t in self.topics.values()], dt_ns)
 
-    def _chunk(self, at, body):
+    def _chunk(self, at, length, body):
         """Take the head of a chunk; its content is decompressed and compared when it is asked for."""
         if self.layout is None or not (self.trusted or self.tolerant):
             raise ValueError("a chunk before the hash of the channels and metadata")
@@ -141,8 +145,8 @@ class Contents:
             raise ValueError(f"unknown compression {compression!r}")
         head = 40 + name_length
         (data_size,) = struct.unpack_from("<Q", body, 32 + name_length)
-        if data_size != len(body) - head:
-            raise ValueError(f"{data_size} bytes of data in a record that holds {len(body) - head}")
+        if data_size != length - head:
+            raise ValueError(f"{data_size} bytes of data in a record that holds {length - head}")
         self.total += size
         if size > self.limits.chunk_bytes or self.total > self.limits.total_bytes:
             raise ValueError(f"{size} bytes of content, {self.total} so far, are beyond the reader's limits")
@@ -152,23 +156,23 @@ class Contents:
             raise ValueError(f"times {start} to {end} ns are no ticks")
         if self.chunks and start <= self.chunks[-1].end_ns:
             raise ValueError("it begins before the chunk before it ends")
-        chunk = ChunkRef(at, 9 + len(body), at + 9 + head, data_size, compression, size, crc, start, end)
+        chunk = ChunkRef(at, 9 + length, at + 9 + head, data_size, compression, size, crc, start, end)
         least = self.layout.counts(*self.ticks(chunk))[1]
         if size < least or (not compression and size != data_size):
             raise ValueError(f"{size} bytes of content cannot hold its ticks, which take {least}, or are not there")
         self.chunks.append(chunk)
 
-    def _message_index(self, at, body):
+    def _message_index(self, at, length, body):
         chunk = self.chunks[-1] if self.chunks else None
         if chunk is None or at != chunk.offset + chunk.length + chunk.index_length:
             raise ValueError("it follows no chunk")
         channel, size = struct.unpack_from("<HI", body)
-        if size != len(body) - 6 or size % 16 or not size:
+        if size != length - 6 or size % 16 or not size:
             raise ValueError("its length is wrong")
         if channel in chunk.index_counts or not 0 < channel <= len(self.channels):
             raise ValueError(f"channel {channel} is unknown or indexed twice")
         chunk.index_offsets[channel], chunk.index_counts[channel] = at, size // 16
-        chunk.index_length += 9 + len(body)
+        chunk.index_length += 9 + length
 
     def ticks(self, chunk):
         """Return (first tick, number of ticks) of a chunk."""

@@ -14,7 +14,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import ChunkIndex
 
-from .contents import Contents, decode
+from .contents import HEAD_BYTES, LARGE, Contents, decode
 from .format import Damage, LogError, log_error
 from .records import MAGIC, closing, content_hash
 
@@ -122,20 +122,24 @@ def _walk(out, file, at, stop):
             raise log_error(f"record {out.records}, of {length} bytes, is beyond the reader's limits", out.path, at)
         if length > stop - at - 9:
             raise log_error(f"a record of {length} bytes does not fit before byte {stop}", out.path, at)
-        body = file.read(length)
-        if len(body) < length:
+        needed = min(length, HEAD_BYTES) if opcode in LARGE else length
+        body = file.read(needed)
+        if len(body) < needed:
             raise log_error("the file ends inside a record", out.path, at)
         if opcode == Opcode.DATA_END and out.tolerant:
             out.whole = length == 4 and struct.unpack("<I", body)[0] == _crc(file, 0, at)
             return
         try:
-            out.take(at, opcode, body, digest)
+            out.take(at, opcode, length, body, digest)
         except BAD as error:
             problem = f"damaged or foreign record {opcode}: {str(error) or type(error).__name__}"
             if not out.tolerant or opcode in _VITAL:
                 raise log_error(problem, out.path, at) from error
             out.damage.append(Damage(at, 9 + length, problem))
-        if digest is not None:
+        if opcode in LARGE:
+            digest = None
+            file.seek(at + 9 + length)
+        elif digest is not None:
             digest.update(head + body)
         at += 9 + length
     out.place = at
