@@ -2,6 +2,13 @@
 
 import math
 
+from actuators import simple
+from cosim.airframe import force_model
+from cosim.sensors import TRANSPORT
+
+SERVO = 0.07  # mean delay of the healthy elevator servos, hydraulic 75 and electromechanical 68 ms, measured [s]
+OMEGA, ZETA = 30.0, 0.9  # of actuators.simple
+
 _COMMANDS = {f"de_{s}": "law.law.de_cmd" for s in ("lo", "li", "ri", "ro")} | {"stab": "law.law.stab_cmd"}
 _LPV = {"h": "h_inertial", "theta": "theta", "V": "tas", "q": "q", "n_z": "n_z", "alpha": "alpha", "mass": "mass",
         "cg": "cg", "cas": "cas", "mach": "mach"}  # fmt: skip
@@ -32,3 +39,14 @@ def control_redundancy():
 def ticks(delay, dt):
     """Return how many ticks a sensor of `delay` seconds lags."""
     return float(math.ceil(delay / dt - 1e-9))
+
+
+def lpv_smo_params(module, scenario, lane, dt):
+    """Return PARAMS of fdi.lpv_smo for the loop: commands as late as q is, through a lag as slow as the servos."""
+    return module.params(delay=ticks(TRANSPORT["q"][2], dt), omega_a=1.0 / SERVO)
+
+
+def control_redundancy_params(module, scenario, lane, dt):
+    """Return PARAMS of fdi.control_redundancy for the loop, on the force model of the aircraft that flies."""
+    lag = (SERVO, *(2.0 * ZETA / simple.KINDS[n].get("omega", OMEGA) for n in ("aileron", "rudder")), 0.0)
+    return module.params(model=force_model(), dt=dt, delay=1.0 + ticks(TRANSPORT["n_z"][2], dt), lag=lag)
