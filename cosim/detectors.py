@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim import wiring
+from cosim import airframe_wires, rfafe_wires, wiring
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.scenario.catalog import DETECTORS
 
@@ -42,9 +42,7 @@ def _hinge(lane):
 
 
 def _hydraulic(lane, technology):
-    # the valve command that acted from the last tick to this one
-    return {"u": f"hydraulic_in.{lane}.u", **_obs(lane, "rod", "y_rod"), **_obs(lane, "surface", "y_surface"),
-            **_obs(lane, "pressure", "y_dp"), **_hinge(lane)}
+    return {**_rod(lane, _ROD, _SURFACE, _PRESSURE), **_hinge(lane)}
 
 
 def _ema(lane, technology):
@@ -54,12 +52,37 @@ def _ema(lane, technology):
     return out
 
 
+def _rod(lane, *sensors):
+    out = {"u": f"hydraulic_in.{lane}.u"}  # the valve command that acted from the last tick to this one
+    for sensor, field in sensors:
+        out |= _obs(lane, sensor, field)
+    return out
+
+
+def _plain(m, s, lane, dt):
+    return m.params(dt=dt)
+
+
+def _rfafe(m, s, lane, dt):
+    return m.params(technology=rfafe_wires.technology(s.elevator.technology), dt=dt)
+
+
+_ROD, _PRESSURE, _SURFACE = ("rod", "y_rod"), ("pressure", "y_dp"), ("surface", "y_surface")
+HYDRAULIC, EMA = ("hydraulic",), ("ema",)
 TABLE = {
-    "iotsekf": Spec("fdi.iotsekf", ("hydraulic",), _hydraulic, lambda m, s, lane, dt: m.params(dt=dt)),
-    "ema_kalman": Spec("fdi.ema_kalman", ("ema",), _ema, lambda m, s, lane, dt: m.params("elevator", dt=dt)),
-    "ema_kalman_flight": Spec("fdi.ema_kalman_flight", ("ema",), lambda lane, t: {**_ema(lane, t), **_hinge(lane)},
-                              lambda m, s, lane, dt: m.params(dt=dt)),
-    "position_monitor": Spec("fdi.position_monitor", ("hydraulic", "ema"), _position_monitor, lambda m, s, lane, dt: m.params()),
+    "rfafe": Spec("fdi.rfafe", (), lambda lane, t: rfafe_wires.WIRES["rfafe"], _rfafe),
+    "rfafe_airframe": Spec("fdi.rfafe_airframe", (), lambda lane, t: rfafe_wires.WIRES["rfafe_airframe"], _rfafe),
+    "lpv_smo": Spec("fdi.lpv_smo", (), lambda lane, t: airframe_wires.lpv_smo(), airframe_wires.lpv_smo_params),
+    "control_redundancy": Spec("fdi.control_redundancy", (), lambda lane, t: airframe_wires.control_redundancy(),
+                               airframe_wires.control_redundancy_params),
+    "iotsekf": Spec("fdi.iotsekf", HYDRAULIC, _hydraulic, _plain),
+    "rtsekf": Spec("fdi.rtsekf", HYDRAULIC, lambda lane, t: {**_rod(lane, _ROD), **_hinge(lane)}, _plain),
+    "rtsekf_flight": Spec("fdi.rtsekf_flight", HYDRAULIC, lambda lane, t: _rod(lane, _ROD, _SURFACE, _PRESSURE), _plain),
+    "ema_kalman": Spec("fdi.ema_kalman", EMA, _ema, lambda m, s, lane, dt: m.params("elevator", dt=dt)),
+    "ema_kalman_flight": Spec("fdi.ema_kalman_flight", EMA, lambda lane, t: {**_ema(lane, t), **_hinge(lane)}, _plain),
+    "position_monitor": Spec("fdi.position_monitor", (*HYDRAULIC, *EMA), _position_monitor, lambda m, s, lane, dt: m.params()),
+    "ofc_monitor": Spec("fdi.ofc_monitor", HYDRAULIC, lambda lane, t: {"command": "law.law.de_cmd", **_obs(lane, *_ROD), **_obs(lane, *_PRESSURE)},
+                        _plain),
 }
 
 

@@ -135,7 +135,9 @@ def lanes(log, chosen=None, overrides=None):
             ticks = log.ticks(topic)
             u = np.zeros((1, len(ticks)), module.INPUTS)
             for name, source, column in d["inputs"][lane]:
-                u[name][0] = sources[source][ticks, log.topics[source].fields.index(column)]
+                field, _, element = name.partition("[")
+                to = u[field][0][:, int(element[:-1])] if element else u[field][0]
+                to[:] = sources[source][ticks, log.topics[source].fields.index(column)]
             states = (log.ticks(hidden), log.array(hidden)) if hidden in log.topics else (np.empty(0, np.int64), np.empty((0, 0)))
             yield Lane(d["id"], lane, d["level"], module, d["every"], p[i : i + 1], x[i : i + 1], u, ticks, log.array(topic), states)
 
