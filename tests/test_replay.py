@@ -1,0 +1,107 @@
+"""Replay: every detector of a log again, bit for bit, from the start and from the middle; a changed bit is found."""
+
+
+import numpy as np
+import pytest
+
+import cosim
+from cosim.errors import LogError
+from cosim.log import open_log
+from cosim.replay import ReplayError, compare, lanes, replay, run, start_at
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    """Return the log of a short flight with every detector and a fault."""
+    path = tmp_path_factory.mktemp("replay") / "flight.mcap"
+    scenario = cosim.load_scenario("liquid-ofc", ["duration_s=6", "faults.0.start_s=3", "manoeuvre.kind=nz_doublet", "manoeuvre.start_s=1"])
+    cosim.simulate(scenario, log=path)
+    return path
+
+
+def test_every_detector_replays_bit_for_bit(flight):
+    r = replay(flight)
+    assert r.exact, r.differences
+    assert {d["id"] for d in r.detectors} == set(cosim.load_scenario("liquid-ofc").running)
+    assert r.values > 1e5
+
+
+@pytest.mark.parametrize("start", [0.4, 2.0, 3.3, 5.9])
+def test_restart_from_the_middle_is_exact(flight, start):
+    r = replay(flight, start_s=start)
+    assert r.exact, r.differences
+    assert 0 < r.rows < replay(flight).rows or start < 1.0
+
+
+def test_batch_of_all_lanes_equals_live(flight):
+    log = open_log(flight)
+    by_id = {}
+    for lane in lanes(log):
+        by_id.setdefault(lane.id, []).append(lane)
+    for members in by_id.values():
+        module, n = members[0].module, len(members)
+        x, p = np.concatenate([m.x for m in members]), np.concatenate([m.p for m in members])
+        u = np.concatenate([m.u for m in members])
+        states = np.zeros((n, u.shape[1]), module.STATE)
+        module.rollout(x, u, p, 0.005 * members[0].every, states)
+        for i, m in enumerate(members):
+            alone, _ = run(m, 0.005)
+            names = [c for name in module.STATE.names if name in module.OUTPUTS for c in [name]]
+            flat = np.concatenate([states[name][i].reshape(u.shape[1], -1) for name in names], axis=1)
+            assert (flat.view(np.int64) == alone.view(np.int64)).all()
+            assert (alone.view(np.int64) == m.logged.view(np.int64)).all()
+
+
+def test_one_ulp_in_one_input_is_found_and_located(flight):
+    log = open_log(flight)
+    lane = next(m for m in lanes(log, ["iotsekf"]) if m.lane == "left_inner")
+    lane.u["y_rod"][0, 700] = np.nextafter(lane.u["y_rod"][0, 700], np.inf)
+    again, _ = run(lane, 0.005)
+    found = compare("x", log.topics["/detectors/iotsekf/left_inner"].fields, lane.ticks, lane.logged, again)
+    assert found
+    assert min(d.first_tick for d in found) == 700
+
+
+def test_changed_parameters_are_another_flight_and_are_written_beside_the_old(flight, tmp_path):
+    r = replay(flight, overrides={"position_monitor": {"threshold": 0.01}}, output=tmp_path / "w.mcap")
+    assert not r.exact
+    assert r.changed
+    old, new = (next(d for d in r.detectors if d["id"] == "position_monitor" and d["target"] == "elevator.left_inner")[k] for k in ("logged", "replayed"))
+    assert new["detected_at_s"] <= old["detected_at_s"]
+    both = open_log(tmp_path / "w.mcap")
+    np.testing.assert_array_equal(both.array("/detectors/iotsekf/left_inner"), both.array("/replay/detectors/iotsekf/left_inner"))
+    assert (both.array("/detectors/position_monitor/left_inner") != both.array("/replay/detectors/position_monitor/left_inner")).any()
+    assert replay(tmp_path / "w.mcap").exact
+
+
+def test_unknown_detectors_and_parameters_are_refused(flight):
+    with pytest.raises(ReplayError, match="iotsekf"):
+        replay(flight, detectors=["iotsekff"])
+    with pytest.raises(ReplayError, match="threshold"):
+        replay(flight, overrides={"position_monitor": {"thresold": 1.0}})
+
+
+def test_nothing_to_compare_is_not_exact(tmp_path):
+    path = tmp_path / "bare.mcap"
+    cosim.simulate(cosim.load_scenario("cruise", ["duration_s=1", "detectors.enabled=[]", "elevator.feedback=measured"]), log=path)
+    with pytest.raises(ReplayError, match="nothing to compare"):
+        replay(path)
+
+
+def test_a_flipped_bit_in_the_file_is_an_error_not_a_difference(flight, tmp_path):
+    data = bytearray(flight.read_bytes())
+    data[len(data) // 2] ^= 1
+    (tmp_path / "bad.mcap").write_bytes(data)
+    with pytest.raises(LogError):
+        replay(tmp_path / "bad.mcap")
+
+
+def test_a_cut_log_replays_exactly_after_recovery(flight, tmp_path):
+    from cosim.log import recover
+
+    data = flight.read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(data[: len(data) * 2 // 3])
+    recover(tmp_path / "cut.mcap", tmp_path / "whole.mcap")
+    r = replay(tmp_path / "whole.mcap")
+    assert r.exact
+    assert 0 < r.rows < replay(flight).rows
