@@ -11,11 +11,11 @@ import numpy as np
 from actuators.block import bound, dtype
 from cosim import detectors, faults, hinge_model, inject, law, manoeuvre, parts, sensors, wiring
 from cosim.bus import Bus, route, route_add
+from cosim.history import History
 from cosim.linearize import linearize
 from cosim.log import LogWriter, Topic
 from cosim.pilot import steps
 from cosim.plant import SURFACES, TRUTH, Flight, Plant
-from cosim.result import Watch
 from cosim.tick import Block, Loop
 
 CLOCK = dtype([("t", "f8")])
@@ -34,7 +34,7 @@ class Setup:
     trim: object
     lanes: list                 # fault lanes
     members: list               # (id, level, target, culprits, section, lane) of every detector lane
-    history_index: np.ndarray
+    history: History            # what a run keeps of every tick
     step_us: dict = field(default_factory=dict)
 
     @property
@@ -42,11 +42,8 @@ class Setup:
         return self.scenario.ticks
 
     def watches(self):
-        """Return the Watch of every detector lane, in the order of the history's columns."""
-        out = []
-        for i, (name, level, target, culprits, _, _) in enumerate(self.members):
-            out.append(Watch(name, level, target, culprits, 3 * i, 3 * i + 1, 3 * i + 2, None, self.step_us.get(name, math.nan)))
-        return out
+        """Return the Watch of every detector lane."""
+        return self.history.watches(self.step_us)
 
     def time_detectors(self, repeats=200):
         """Measure each detector's cost per step and lane, on copies: a flight's own numbers stay untouched."""
@@ -60,9 +57,6 @@ class Setup:
                     d.module.rollout(x, u, d.p, self.loop.dt * d.every, log)
                 best = min(best, time.perf_counter() - begin)
             self.step_us[d.name] = best / repeats / len(x) * 1e6
-
-    def achieved(self, history):
-        return {}
 
     def sensor_copies(self):
         """Return {topic prefix: (value, flag)}: the observers' copy is logged beside the law's only where a fault can part them."""
@@ -254,5 +248,5 @@ def build(scenario):
     # what the actuators were last told: in equilibrium, the servo's holding command
     loop.route["actuators"]()
     members = [(d.id, d.level, d.target(lane), d.module.CULPRITS, d.id, lane) for d in chosen for lane in d.lanes]
-    index = np.array([bus.index(f"{s}.{lane}.{f}") for *_, s, lane in members for f in ("alarm", "verdict", "culprit")], np.int64)
-    return Setup(scenario=scenario, loop=loop, trim=trim, lanes=fault_lanes, members=members, history_index=index)
+    history = History(scenario, bus, members)
+    return Setup(scenario=scenario, loop=loop, trim=trim, lanes=fault_lanes, members=members, history=history)

@@ -13,13 +13,14 @@ class Watch:
     """One detector lane as the result sees it: names, and the positions of its verdict fields in the history."""
 
     id: str
-    level: str           # "local" or "aircraft"
-    target: str          # "elevator.left_inner" or "aircraft"
-    culprits: tuple      # names of the parts it can blame, first is ""
-    alarm: int           # columns of the history
+    level: str  # "local" or "aircraft"
+    target: str  # "elevator.left_inner" or "aircraft"
+    culprits: tuple  # names of the parts it can blame, first is ""
+    alarm: int  # columns of the history
     verdict: int
     culprit: int
-    f_hat: int | None = None
+    r: int | None = None
+    estimate: object | None = None  # cosim.estimate.Estimate of a fault that the lane estimates
     step_us: float = math.nan
 
 
@@ -28,7 +29,7 @@ class Result:
     """The outcome of a run; `to_dict` has the keys of `cosim run --json`."""
 
     log: str | None
-    status: str          # "completed", "departed", "diverged" or "interrupted"
+    status: str  # "completed", "departed", "diverged" or "interrupted"
     reason: str
     sim_time_s: float
     wall_time_s: float
@@ -39,10 +40,15 @@ class Result:
     def to_dict(self):
         """Return plain data for JSON; numbers that do not exist are None."""
         out = {
-            "log": self.log, "status": self.status, "reason": self.reason, "sim_time_s": self.sim_time_s,
+            "log": self.log,
+            "status": self.status,
+            "reason": self.reason,
+            "sim_time_s": self.sim_time_s,
             "wall_time_s": self.wall_time_s,
             "realtime_factor": self.sim_time_s / self.wall_time_s if self.wall_time_s > 0 else None,
-            "faults": self.faults, "detectors": self.detectors, **self.extra,
+            "faults": self.faults,
+            "detectors": self.detectors,
+            **self.extra,
         }
         return plain(out)
 
@@ -68,10 +74,15 @@ def judged(scenario):
     injections = scenario.injections()
     for i, f in enumerate(scenario.faults):
         mine = [j for j in injections if j.fault == i]
-        names = tuple(f"elevator.{j.name}" + (f".{j.sensor}" if j.place == "part_sensor" else "") if j.place in ("elevator", "part_sensor")
-                      else f.target for j in mine)
+        names = tuple(_target(j, f.target) for j in mine)
         out.append({"targets": names, "start_s": f.start_s, "end_s": mine[0].end, "period_s": f.period_s or math.nan})
     return out
+
+
+def _target(j, written):
+    if j.place not in ("elevator", "part_sensor"):
+        return written
+    return f"elevator.{j.name}" + (f".{j.sensor}" if j.place == "part_sensor" else "")
 
 
 def onsets(alarm):
@@ -81,33 +92,52 @@ def onsets(alarm):
 
 
 def concerns(watch, fault_targets):
-    """Return whether a fault on `fault_targets` is this lane's to find: its own actuator, or anything for an aircraft-level one."""
-    return watch.level == "aircraft" or any(t == watch.target or t.startswith(watch.target + ".") for t in fault_targets)
+    """Return whether a fault on `fault_targets` is this lane's: on its own actuator; any, for aircraft level."""
+    mine = (t == watch.target or t.startswith(watch.target + ".") for t in fault_targets)
+    return watch.level == "aircraft" or any(mine)
 
 
 def judge(watch, history, dt, faults):
     """Return one detector's entry of the result.
 
-    `history` is (ticks, columns); `faults` a list of dicts with `targets` (tuple), `start_s`, `end_s` and `period_s` (nan without one).
-    The fault that counts is the earliest one that concerns the lane. Alarm onsets outside every fault that concerns it are false.
+    `history` is (ticks, columns); `faults` a list of dicts with `targets` (tuple), `start_s`, `end_s` and `period_s`
+    (nan without one). The fault that counts is the earliest one that concerns the lane; its detection is the first
+    alarm that rises after its onset. Alarm onsets outside every fault that concerns the lane are false.
     """
     alarm, verdict, culprit = (history[:, c] for c in (watch.alarm, watch.verdict, watch.culprit))
     mine = sorted((f for f in faults if concerns(watch, f["targets"])), key=lambda f: f["start_s"])
     rises = onsets(alarm)
     active = np.zeros(len(alarm), bool)
     for f in mine:  # an alarm up to 2 s after a fault has healed is still its
-        active[round(f["start_s"] / dt) : min(len(alarm), math.ceil((f["end_s"] + 2.0) / dt) if math.isfinite(f["end_s"]) else len(alarm))] = True
+        end = math.ceil((f["end_s"] + 2.0) / dt) if math.isfinite(f["end_s"]) else len(alarm)
+        active[round(f["start_s"] / dt) : end] = True
     entry = {
-        "id": watch.id, "level": watch.level, "target": watch.target, "concerned": bool(mine), "alarm": bool(len(rises)),
-        "detected_at_s": None, "detection_delay_s": None, "detection_delay_periods": None, "isolated": None,
-        "false_alarms": int(np.count_nonzero(~active[rises])), "estimate_rmse": None, "estimate_bias": None, "step_us": watch.step_us,
+        "id": watch.id,
+        "level": watch.level,
+        "target": watch.target,
+        "concerned": bool(mine),
+        "alarm": bool(len(rises)),
+        "detected_at_s": None,
+        "detection_delay_s": None,
+        "detection_delay_periods": None,
+        "isolated": None,
+        "false_alarms": int(np.count_nonzero(~active[rises])),
+        "estimate_rmse": None,
+        "estimate_bias": None,
+        "step_us": watch.step_us,
+        "estimate_max": None,
+        "estimate_unit": None,
+        **largest(watch, history, dt, faults),
     }
+    if watch.estimate:
+        entry |= errors(watch.estimate.error(history, dt), watch.estimate.unit)
     if mine:
         first = mine[0]
         since = round(first["start_s"] / dt)
-        seen = np.flatnonzero((alarm > 0.5) & active & (np.arange(len(alarm)) >= since))
-        if len(seen):
-            k = int(seen[0])
+        new = rises[active[rises] & (rises >= since)]  # an alarm that stood before the fault is not its detection
+        if len(new):
+            k = int(new[0])
+            seen = k + np.flatnonzero((alarm[k:] > 0.5) & active[k:])
             entry["detected_at_s"] = k * dt
             entry["detection_delay_s"] = k * dt - first["start_s"]
             entry["detection_delay_periods"] = entry["detection_delay_s"] / first["period_s"]
@@ -117,6 +147,31 @@ def judge(watch, history, dt, faults):
         entry["detected_at_s"] = int(k[0]) * dt
         entry["isolated"] = named(watch, verdict[k], culprit[k])
     return entry
+
+
+def largest(watch, history, dt, faults):
+    """Return the largest |r| before the first fault of the flight (all of it without one) and from its onset on.
+
+    Each is None where there is none.
+    """
+    if watch.r is None:
+        return {"r_max_before": None, "r_max_after": None}
+    r = np.abs(history[:, watch.r])
+    onset = min((round(f["start_s"] / dt) for f in faults), default=len(r))
+    parts = {"r_max_before": r[:onset], "r_max_after": r[onset:]}
+    return {name: float(np.nanmax(part)) if np.isfinite(part).any() else None for name, part in parts.items()}
+
+
+def errors(error, unit):
+    """Return RMSE, bias (mean) and largest magnitude of an estimation error [unit], None without a sample."""
+    if not len(error):
+        return {}
+    return {
+        "estimate_rmse": float(np.sqrt(np.mean(error**2))),
+        "estimate_bias": float(np.mean(error)),
+        "estimate_max": float(np.max(np.abs(error))),
+        "estimate_unit": unit,
+    }
 
 
 def named(watch, verdict, culprit):

@@ -6,6 +6,7 @@ from contextlib import nullcontext
 
 import numpy as np
 
+from cosim.achieved import moved
 from cosim.build import build
 from cosim.result import Result, judge, judged
 from cosim.tick import tick
@@ -13,11 +14,16 @@ from cosim.tick import tick
 CHECK_EVERY = 10  # ticks between looks at the flight's health: 50 ms
 PROGRESS_EVERY = 200
 
-# Beyond these the aerodynamic tables mean nothing and the flight is called departed; each is far outside what the law's protections allow.
+# Beyond these the aerodynamic tables mean nothing and the flight is called departed; each is far outside what the law's
+# protections allow.
 LIMITS = {
-    "alpha": (math.radians(-20.0), math.radians(35.0)), "beta": (math.radians(-30.0), math.radians(30.0)),
-    "phi": (math.radians(-110.0), math.radians(110.0)), "theta": (math.radians(-60.0), math.radians(60.0)),
-    "nz": (-3.0, 5.0), "mach": (0.1, 0.99), "h": (0.0, 16_000.0),
+    "alpha": (math.radians(-20.0), math.radians(35.0)),
+    "beta": (math.radians(-30.0), math.radians(30.0)),
+    "phi": (math.radians(-110.0), math.radians(110.0)),
+    "theta": (math.radians(-60.0), math.radians(60.0)),
+    "nz": (-3.0, 5.0),
+    "mach": (0.1, 0.99),
+    "h": (0.0, 16_000.0),
 }
 
 
@@ -32,45 +38,63 @@ def health(truth):
     return "", ""
 
 
-def simulate(scenario, *, log=None, progress=None, live=None):
+def simulate(scenario, *, log=None, progress=None, live=None, achieved=False, timed=True):
     """Fly `scenario` and return a Result.
 
-    `log` is the path of the MCAP file to write, or None for none. `progress(t, duration)` is called now and then. Ctrl-C ends the flight
-    with status "interrupted" and a readable log. Raises TrimError when the flight point cannot be flown, LogError when the log cannot be
-    written. The wall clock is read for the result only; nothing of it enters the log.
+    `log` is the path of the MCAP file to write, or None. `progress(t, duration)` is called now and then. Ctrl-C ends
+    the flight with status "interrupted" and a readable log. With `achieved` the same flight is flown again without its
+    faults, and the result says how far the faults moved the elevators (cosim/achieved.py); without `timed` the
+    detectors' cost per step is not measured. Raises TrimError when the flight point cannot be flown, LogError when the
+    log cannot be written. The wall clock is read for the result only; nothing of it enters the log.
     """
     started = time.perf_counter()
     setup = build(scenario)
-    loop, n = setup.loop, setup.ticks
-    history = np.full((n, len(setup.history_index)), np.nan)
-    status, reason, k = "completed", "", 0
     with setup.open_log(log) if log else nullcontext() as writer:
-        append = writer.append if writer else _nowhere
         flown = time.perf_counter()
-        try:
-            for k in range(n):
-                tick(loop, k, append)
-                history[k] = loop.v[setup.history_index]
-                if k % CHECK_EVERY == 0:
-                    bad, why = health(loop.truth)
-                    if bad:
-                        status, reason = bad, f"at {k * loop.dt:.2f} s {why}"
-                        break
-                    if progress and k % PROGRESS_EVERY == 0:
-                        progress(k * loop.dt, n * loop.dt)
-        except KeyboardInterrupt:
-            status, reason = "interrupted", f"at {k * loop.dt:.2f} s by the user"
+        history, status, reason = fly(setup, writer.append if writer else _nowhere, progress)
         wall = time.perf_counter() - flown
         result = Result(
-            log=str(log) if log else None, status=status, reason=reason, sim_time_s=(k + 1) * loop.dt, wall_time_s=wall,
+            log=str(log) if log else None,
+            status=status,
+            reason=reason,
+            sim_time_s=len(history) * setup.loop.dt,
+            wall_time_s=wall,
             faults=[{"kind": f.kind, "target": f.target, "start_s": f.start_s} for f in scenario.faults],
         )
-        setup.time_detectors()
-        result.detectors = [judge(w, history[: k + 1], loop.dt, judged(scenario)) for w in setup.watches()]
-        result.extra = {"achieved": setup.achieved(history[: k + 1]), "startup_s": flown - started}
+        if timed:
+            setup.time_detectors()
+        result.detectors = [judge(w, history, setup.loop.dt, judged(scenario)) for w in setup.watches()]
+        result.extra = {
+            "achieved": moved(scenario, setup.history, history) if achieved and status != "interrupted" else None,
+            "startup_s": flown - started,
+        }
         if writer:
             writer.close(result=setup.log_result(result))
     return result
+
+
+def fly(setup, append=None, progress=None):
+    """Run every tick of a built flight; return (history of the ticks flown, status, reason).
+
+    `append(v)` takes the bus of each tick.
+    """
+    loop, n, index = setup.loop, setup.ticks, setup.history.index
+    history = np.empty((n, len(index)), np.float32)  # pages are taken as the flight goes on
+    append = append or _nowhere
+    k = 0
+    try:
+        for k in range(n):
+            tick(loop, k, append)
+            history[k] = loop.v[index]
+            if k % CHECK_EVERY == 0:
+                bad, why = health(loop.truth)
+                if bad:
+                    return history[: k + 1], bad, f"at {k * loop.dt:.2f} s {why}"
+                if progress and k % PROGRESS_EVERY == 0:
+                    progress(k * loop.dt, n * loop.dt)
+    except KeyboardInterrupt:
+        return history[: k + 1], "interrupted", f"at {k * loop.dt:.2f} s by the user"
+    return history, "completed", ""
 
 
 def _nowhere(v):

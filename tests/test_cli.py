@@ -47,7 +47,7 @@ def flown(monkeypatch, tmp_path):
     """Replace the flight by a function that records its call; the command line around it is real."""
     calls = []
 
-    def fake(scenario, *, log=None, progress=None, live=None):
+    def fake(scenario, *, log=None, progress=None, **options):
         calls.append((scenario, log))
         progress(1.0, scenario.duration_s)
         made = fake.outcome
