@@ -40,6 +40,7 @@ SENSOR_DELAY = TRANSPORT["q"][2]  # of gyro and positions; air data comes one ti
 BANDWIDTH = {"rfafe": 40.0, "rfafe_airframe": 27.0}
 TECHNOLOGIES = {"hydraulic": ("hydraulic",) * 4, "ema": ("ema",) * 4, "simple": ("simple",) * 4,
                 "mixed": ("hydraulic", "ema", "ema", "hydraulic")}
+RATE_DEG_S = 40.0  # of the servos' reference: 40 of the no-load 45 deg/s (actuators/servo.py)
 BOUND_HZ = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 
 
@@ -159,7 +160,8 @@ def _one(name, technology, Bu, E, C, fault, sigma, progress):
     made = rfafe.design(g[0], g[1], C, None, E, fault(g), dt=DT, bandwidth=BANDWIDTH[name], sigma=sigma)
     return {
         "design": to_plain(made), "u_delay_s": round((tau + SENSOR_DELAY) / DT) * DT,
-        "actuator": {"a_rad_s": a, "gain": gain, "tau_s": tau, "amplitude_error_2hz": high},
+        "actuator": {"a_rad_s": a, "gain": gain, "tau_s": tau, "amplitude_error_2hz": high,
+                     "rate_deg_s": RATE_DEG_S},
         "noise_deg": noise(made.discrete, sigma).tolist(),
     }
 

@@ -43,6 +43,7 @@ def params(which="flight", *, stored=None, technology="hydraulic", trim=None, dt
     p = record(PARAMS, **bank.design(dt), **thresholds("rfafe_airframe", which))
     t = None if trim is None else [trim["tas"], trim["alpha"] / DEG, 0.0, trim["theta"] / DEG, trim["elevator"] / DEG]
     return rfafe_core.fill(p, from_plain(chosen["design"]), unit=DEG, u_delay=chosen["u_delay_s"] / dt,
+                           **rfafe_core.actuator(chosen),
                            **rfafe_core.trims(t, (1, 1, 0, 1), 4))
 
 

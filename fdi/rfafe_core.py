@@ -9,6 +9,8 @@ sample stops the estimator: f_hat is held and flagged. It restarts from the next
 kept in the integral, and is trusted again after `t_settle`.
 """
 
+import math
+
 import numpy as np
 
 from actuators.block import kernel
@@ -31,6 +33,8 @@ PARAMS = [
     ("n_trim", "f8"),            # samples from which the rest of the trim is learned [ticks]
     ("learn", "f8", (NY,)),      # 1 where an output's trim is learned
     ("u_delay", "f8"),           # ticks by which u is delayed to match actuator and sensors, 0..NL-1
+    ("act_a", "f8"),             # lag of the actuator's model [1/s]
+    ("act_rate", "f8"),          # its rate limit [design units/s], 0 for none
     ("unit", "f8"),              # SI per unit of f_hat
     ("t_settle", "f8"),          # after a start the estimate is not trusted [s]
     *rfafe_decision.PARAMS,
@@ -40,6 +44,7 @@ STATE = [
     ("s", "f8", (NS,)), ("w", "f8", (NS,)),       # estimator state and scratch
     ("y", "f8", (NY,)), ("y_old", "f8", (NY,)),   # deviations of this sample and the last [design units]
     ("u", "f8", (NU,)), ("u_si", "f8", (NU,)), ("line", "f8", (NL, NU)),  # input now, and those of the last ticks
+    ("act", "f8", (NU,)),         # actuator's model with its rate limit, deviation [design units]
     ("u_in", "f8", (NU,)),        # last finite input less `u_trim`
     ("y0", "f8", (NY,)), ("u0", "f8", (NU,)), ("seen", "f8"),  # learned trim, samples so far
     ("res", "f8", (NY,)),         # residual y - C x_hat [design units]
@@ -52,7 +57,7 @@ STATE = [
 ]
 
 
-def fill(p, design, *, unit, u_delay=0.0, y_trim=(), u_trim=(), learn=(), n_trim=0.0):
+def fill(p, design, *, unit, u_delay=0.0, act_a=0.0, act_rate=0.0, y_trim=(), u_trim=(), learn=(), n_trim=0.0):
     """Write a Design into a PARAMS record; trims in design units, `unit` SI per unit of f_hat, delays in ticks."""
     d = design.discrete
     sizes = {"ns": d.Phi.shape[0], "ny": d.Gy0.shape[1], "nu": d.Gu.shape[1], "nf": d.S.shape[0]}
@@ -66,6 +71,7 @@ def fill(p, design, *, unit, u_delay=0.0, y_trim=(), u_trim=(), learn=(), n_trim
         p[name][0, : value.shape[0], : value.shape[1]] = value
     p["y_trim"][0, : len(y_trim)], p["u_trim"][0, : len(u_trim)] = y_trim, u_trim
     p["learn"][0, : len(learn)], p["n_trim"] = learn, n_trim
+    p["act_a"], p["act_rate"] = act_a, act_rate
     if not 0 <= u_delay <= NL - 1:
         raise ValueError(f"u_delay = {u_delay} ticks; the block holds 0 to {NL - 1}")
     p["alpha"], p["unit"], p["u_delay"] = design.alpha, unit, round(u_delay)
@@ -78,6 +84,12 @@ def trims(trim, learn, outputs):
     if trim is None:
         return {"learn": learn, "n_trim": N_TRIM}
     return {"y_trim": trim[: len(learn)], "u_trim": [trim[outputs]] * NU}
+
+
+def actuator(chosen):
+    """Return the arguments of `fill` for the actuator of a stored entry, none when it says nothing of a rate limit."""
+    a = chosen.get("actuator", {})
+    return {"act_a": a["a_rad_s"], "act_rate": a["rate_deg_s"]} if "rate_deg_s" in a else {}
 
 
 @kernel
@@ -96,7 +108,8 @@ def advance(x, p, good, dt):
     for i in range(ny):
         x.y[i] -= x.y0[i]
     for j in range(nu):
-        x.u[j] = x.u_in[j] - x.u0[j]
+        x.u[j] = limited(x.u_in[j] - x.u0[j], x.act[j], p)
+        x.act[j] += (1.0 - math.exp(-p.act_a * dt)) * (x.u[j] - x.act[j])
     if x.fresh == 0.0:
         for j in range(nu):
             for k in range(NL):
@@ -128,6 +141,15 @@ def advance(x, p, good, dt):
         rfafe_decision.decide(x, p, x.f, x.u_si, nf, nu, dt)
     else:
         rfafe_decision.forget(x, x.f, nf)
+
+
+@kernel
+def limited(u, act, p):
+    """Return what of command `u` a lag act' = a (u - act) can follow at the actuator's rate limit: act -+ rate / a."""
+    if p.act_rate <= 0.0:
+        return u
+    most = p.act_rate / p.act_a
+    return min(max(u, act - most), act + most)
 
 
 @kernel

@@ -20,7 +20,7 @@ from fdi.verdict import AMBIGUOUS, NONE, OFC_LIQUID, OFC_SOLID
 PARAMS = [
     *bank.PARAMS,
     ("bank_threshold", "f8", (bank.K,)),  # amplitude of f_hat in health [SI unit of f_hat]
-    ("bank_share", "f8"),  # ... plus this share of the command's amplitude
+    ("bank_share", "f8", (bank.K,)),  # ... plus this share of the command's amplitude
     ("coherence", "f8"),  # least agreement of the two periods
     ("purity", "f8"),  # least share of the window's power that the oscillation explains
     ("margin", "f8"),  # difference of purity that names the class
@@ -106,7 +106,7 @@ def oscillation(x, p):
     for k in range(bank.K):
         if x.bank_seen[int(p.bank_level[k])] <= p.bank_n[k]:
             continue  # its window is not full since the start
-        most = p.bank_threshold[k] + p.bank_share * math.sqrt(bank.mixed(x, k, 0.0, 1.0))
+        most = p.bank_threshold[k] + p.bank_share[k] * math.sqrt(bank.mixed(x, k, 0.0, 1.0))
         r = math.sqrt(bank.mixed(x, k, 1.0, 0.0)) / most
         x.r_ofc = max(x.r_ofc, r)
         if r < 1.0 or x.bank_new[k] < 0.5:
