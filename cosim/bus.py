@@ -1,8 +1,8 @@
 """The bus: one float64 vector that holds everything of one tick, and typed views of it for the blocks.
 
-Every block's inputs and states are sections of the vector. A section has lanes (one per actuator, sensor, fault, ...). Wiring is a list
-of (destination, source) names, compiled to index arrays; the log writes any selection of positions. So nothing of a tick can escape the
-log, and a detector can only read what is wired to it.
+Every block's inputs and states are sections of the vector. A section has lanes (one per actuator, sensor, fault, ...).
+Wiring is a list of (destination, source) names, compiled to index arrays; the log writes any selection of positions. So
+nothing of a tick can escape the log, and a detector can only read what is wired to it.
 """
 
 import numpy as np
@@ -48,7 +48,9 @@ class Bus:
         return self.v[start : start + kind.itemsize // 8 * len(self.lanes[name])].view(kind)
 
     def index(self, path):
-        """Return the position of `section.lane.field`; an element of an array field is `field[3]`. KeyError names what is missing."""
+        """Return the position of `section.lane.field`; an element of an array field is `field[3]`. KeyError names what
+        is missing.
+        """
         section, lane, field = path.split(".", 2)
         positions = dict(self.columns(section, lane))
         if field not in positions:

@@ -1,7 +1,7 @@
 """The detectors that fly: which lanes each has, what it reads, with which parameters.
 
-`TABLE` is the one list of all detectors. A detector's inputs are copies of logged signals, named by its wires; the manifest with those
-names goes into the log, so that replay needs nothing but the file.
+`TABLE` is the one list of all detectors. A detector's inputs are copies of logged signals, named by its wires; the
+manifest with those names goes into the log, so that replay needs nothing but the file.
 """
 
 import functools
@@ -17,7 +17,8 @@ from cosim.scenario.catalog import DETECTORS
 
 @dataclass(frozen=True)
 class Spec:
-    """How a detector is built: module, technologies of its lanes (none for an aircraft-level one), wires and parameters.
+    """How a detector is built: module, technologies of its lanes (none for an aircraft-level one), wires and
+    parameters.
 
     `wires(lane, technology)` returns {input field: bus name}; `params(scenario, lane, dt)` one record.
     """
@@ -73,16 +74,28 @@ TABLE = {
     "rfafe": Spec("fdi.rfafe", (), lambda lane, t: rfafe_wires.WIRES["rfafe"], _rfafe),
     "rfafe_airframe": Spec("fdi.rfafe_airframe", (), lambda lane, t: rfafe_wires.WIRES["rfafe_airframe"], _rfafe),
     "lpv_smo": Spec("fdi.lpv_smo", (), lambda lane, t: airframe_wires.lpv_smo(), airframe_wires.lpv_smo_params),
-    "control_redundancy": Spec("fdi.control_redundancy", (), lambda lane, t: airframe_wires.control_redundancy(),
-                               airframe_wires.control_redundancy_params),
+    "control_redundancy": Spec(
+        "fdi.control_redundancy",
+        (),
+        lambda lane, t: airframe_wires.control_redundancy(),
+        airframe_wires.control_redundancy_params,
+    ),
     "iotsekf": Spec("fdi.iotsekf", HYDRAULIC, _hydraulic, _plain),
     "rtsekf": Spec("fdi.rtsekf", HYDRAULIC, lambda lane, t: {**_rod(lane, _ROD), **_hinge(lane)}, _plain),
-    "rtsekf_flight": Spec("fdi.rtsekf_flight", HYDRAULIC, lambda lane, t: _rod(lane, _ROD, _SURFACE, _PRESSURE), _plain),
+    "rtsekf_flight": Spec(
+        "fdi.rtsekf_flight", HYDRAULIC, lambda lane, t: _rod(lane, _ROD, _SURFACE, _PRESSURE), _plain
+    ),
     "ema_kalman": Spec("fdi.ema_kalman", EMA, _ema, lambda m, s, lane, dt: m.params("elevator", dt=dt)),
     "ema_kalman_flight": Spec("fdi.ema_kalman_flight", EMA, lambda lane, t: {**_ema(lane, t), **_hinge(lane)}, _plain),
-    "position_monitor": Spec("fdi.position_monitor", (*HYDRAULIC, *EMA), _position_monitor, lambda m, s, lane, dt: m.params()),
-    "ofc_monitor": Spec("fdi.ofc_monitor", HYDRAULIC, lambda lane, t: {"command": "law.law.de_cmd", **_obs(lane, *_ROD), **_obs(lane, *_PRESSURE)},
-                        _plain),
+    "position_monitor": Spec(
+        "fdi.position_monitor", (*HYDRAULIC, *EMA), _position_monitor, lambda m, s, lane, dt: m.params()
+    ),
+    "ofc_monitor": Spec(
+        "fdi.ofc_monitor",
+        HYDRAULIC,
+        lambda lane, t: {"command": "law.law.de_cmd", **_obs(lane, *_ROD), **_obs(lane, *_PRESSURE)},
+        _plain,
+    ),
 }
 
 
@@ -98,7 +111,9 @@ class Detector:
     every: int = 1
 
     def params(self, scenario, dt):
-        """Return the PARAMS of all lanes; the scenario's own values replace fields. Raises ScenarioError for one that is none."""
+        """Return the PARAMS of all lanes; the scenario's own values replace fields. Raises ScenarioError for one that
+        is none.
+        """
         p = np.concatenate([self.spec.params(self.module, scenario, lane, dt) for lane in self.lanes])
         for name, value in scenario.detectors.table(self.id).items():
             _override(self.id, p, name, value)
@@ -106,8 +121,11 @@ class Detector:
 
     def wires(self, technology):
         """Return [(input, source)] of all lanes."""
-        return [(f"{self.id}_in.{lane}.{field}", source)
-                for lane in self.lanes for field, source in self.spec.wires(lane, technology.get(lane)).items()]
+        return [
+            (f"{self.id}_in.{lane}.{field}", source)
+            for lane in self.lanes
+            for field, source in self.spec.wires(lane, technology.get(lane)).items()
+        ]
 
     def target(self, lane):
         """Return the name of what a lane watches."""
@@ -117,7 +135,12 @@ class Detector:
 def _override(detector, p, name, value):
     plain = [n for n in p.dtype.names if p.dtype[n].shape == ()]
     if name not in plain:
-        raise ScenarioError("no such parameter", place=f"detectors.{detector}.{name}", allowed=", ".join(plain), remedy=did_you_mean(name, plain))
+        raise ScenarioError(
+            "no such parameter",
+            place=f"detectors.{detector}.{name}",
+            allowed=", ".join(plain),
+            remedy=did_you_mean(name, plain),
+        )
     p[name] = float(value)
 
 
@@ -128,43 +151,65 @@ def module(name):
 
 
 def chosen(scenario):
-    """Return the Detectors of a scenario, in the order of the table; a local one without an actuator of its technology has no lane."""
+    """Return the Detectors of a scenario, in the order of the table; a local one without an actuator of its technology
+    has no lane.
+    """
     technology, out = scenario.elevator.technology, []
     for name in scenario.running:
         if name not in TABLE:
             continue
         spec, level = TABLE[name], DETECTORS[name][0]
-        lanes = tuple(s for s in wiring.SEGMENTS if technology[s] in spec.technologies) if level == "local" else ("aircraft",)
+        lanes = (
+            tuple(s for s in wiring.SEGMENTS if technology[s] in spec.technologies)
+            if level == "local"
+            else ("aircraft",)
+        )
         if lanes:
             out.append(Detector(name, level, module(name), lanes, spec, spec.every))
     return out
 
 
 # What a servo takes from a local filter: servo input -> filter output
-_ESTIMATE = {"q_fb": "q_now", "qd_fb": "v_now", "x3_fb": "x3_now", "q_use": "valid", "qd_use": "valid", "x3_use": "valid"}
+_ESTIMATE = {
+    "q_fb": "q_now",
+    "qd_fb": "v_now",
+    "x3_fb": "x3_now",
+    "q_use": "valid",
+    "qd_use": "valid",
+    "x3_use": "valid",
+}
 
 
 def feedback_wires(scenario):
-    """Return the wires by which servos close on a local filter's estimate: where the scenario says so, and on reconfiguration."""
+    """Return the wires by which servos close on a local filter's estimate: where the scenario says so, and on
+    reconfiguration.
+    """
     technology, pairs = scenario.elevator.technology, []
     running = {d.id for d in chosen(scenario)}
     for lane, tech in technology.items():
         source = getattr(scenario.elevator.feedback, lane)
         if tech == "hydraulic" and source != "measured":
             if source not in running:
-                raise ScenarioError(f"the servo of {lane} closes on {source}, which is not enabled", place="elevator.feedback",
-                                    remedy=f"Add {source!r} to detectors.enabled, or set the feedback to 'measured'")
+                raise ScenarioError(
+                    f"the servo of {lane} closes on {source}, which is not enabled",
+                    place="elevator.feedback",
+                    remedy=f"Add {source!r} to detectors.enabled, or set the feedback to 'measured'",
+                )
             pairs += [(f"servo_in.{lane}.{to}", f"{source}.{lane}.{field}") for to, field in _ESTIMATE.items()]
         if tech == "ema" and scenario.elevator.reconfigure and "ema_kalman_flight" in running:
-            pairs += [(f"ema_servo_in.{lane}.pos_fb", f"ema_kalman_flight.{lane}.pos_hat"),
-                      (f"ema_servo_in.{lane}.pos_use", f"ema_kalman_flight.{lane}.reconf")]
+            pairs += [
+                (f"ema_servo_in.{lane}.pos_fb", f"ema_kalman_flight.{lane}.pos_hat"),
+                (f"ema_servo_in.{lane}.pos_use", f"ema_kalman_flight.{lane}.reconf"),
+            ]
     return pairs
 
 
 def manifest(setup, topics):
-    """Return, for the log, each detector's module, lanes, rate and, per lane, where in the log each of its inputs stands.
+    """Return, for the log, each detector's module, lanes, rate and, per lane, where in the log each of its inputs
+    stands.
 
-    An input is [field, topic, field of the topic]; one that is not wired is zero. KeyError when a source is not logged at every tick.
+    An input is [field, topic, field of the topic]; one that is not wired is zero. KeyError when a source is not logged
+    at every tick.
     """
     bus, technology = setup.loop.bus, setup.scenario.elevator.technology
     place = {}
@@ -180,5 +225,14 @@ def manifest(setup, topics):
             if bus.index(source) not in place:  # both copies of a sensor are the same bits, and one is logged
                 source = source.removesuffix("_obs")
             inputs[lane].append([field, *place[bus.index(source)]])
-        out.append({"id": d.id, "level": d.level, "module": d.spec.module, "lanes": list(d.lanes), "every": d.every, "inputs": inputs})
+        out.append(
+            {
+                "id": d.id,
+                "level": d.level,
+                "module": d.spec.module,
+                "lanes": list(d.lanes),
+                "every": d.every,
+                "inputs": inputs,
+            }
+        )
     return out

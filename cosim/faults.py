@@ -1,6 +1,7 @@
 """Fault signals, one lane per place a fault acts on: when, how strongly, in which shape.
 
-A lane is active from `start` to `end`; its envelope g rises linearly over `ramp` and drops to zero at `end` (healed). Its signal is
+A lane is active from `start` to `end`; its envelope g rises linearly over `ramp` and drops to zero at `end` (healed).
+Its signal is
 
     form 0 constant   g * amplitude
     form 1 sine       g * amplitude * sin(omega (t - start) + phase)          oscillatory failure case (OFC)
@@ -19,30 +20,36 @@ from actuators.block import dtype, kernel
 
 CONSTANT, SINE, DRIFT, RUNAWAY = 0.0, 1.0, 2.0, 3.0
 
-PARAMS = dtype([
-    ("form", "f8"),      # one of the four above
-    ("start", "f8"),      # [s]
-    ("end", "f8"),        # [s], inf when never healed
-    ("ramp", "f8"),       # [s]
-    ("amplitude", "f8"),  # [unit of the place; per second for drift and runaway]
-    ("omega", "f8"),      # [rad/s]
-    ("phase", "f8"),      # [rad]
-    ("lower", "f8"),      # limits of a runaway [unit of the place]
-    ("upper", "f8"),
-])
+PARAMS = dtype(
+    [
+        ("form", "f8"),  # one of the four above
+        ("start", "f8"),  # [s]
+        ("end", "f8"),  # [s], inf when never healed
+        ("ramp", "f8"),  # [s]
+        ("amplitude", "f8"),  # [unit of the place; per second for drift and runaway]
+        ("omega", "f8"),  # [rad/s]
+        ("phase", "f8"),  # [rad]
+        ("lower", "f8"),  # limits of a runaway [unit of the place]
+        ("upper", "f8"),
+    ]
+)
 
-INPUTS = dtype([
-    ("t", "f8"),          # time of the tick [s]
-    ("ref", "f8"),        # signal latched at the onset of a runaway [unit of the place]
-])
+INPUTS = dtype(
+    [
+        ("t", "f8"),  # time of the tick [s]
+        ("ref", "f8"),  # signal latched at the onset of a runaway [unit of the place]
+    ]
+)
 
-STATE = dtype([
-    ("active", "f8"),     # 1 between start and end
-    ("g", "f8"),          # envelope, 0..1
-    ("f_inj", "f8"),      # injected signal [unit of the place]
-    ("f_neg", "f8"),      # its negative, for places that count the other way
-    ("latch", "f8"),      # reference at onset [unit of the place]
-])
+STATE = dtype(
+    [
+        ("active", "f8"),  # 1 between start and end
+        ("g", "f8"),  # envelope, 0..1
+        ("f_inj", "f8"),  # injected signal [unit of the place]
+        ("f_neg", "f8"),  # its negative, for places that count the other way
+        ("latch", "f8"),  # reference at onset [unit of the place]
+    ]
+)
 
 OUTPUTS = ("active", "g", "f_inj")
 

@@ -1,8 +1,10 @@
-"""What the actuator-local detectors know of the hinge load: a model of the moment on measured air data, wrong by a factor.
+"""What the actuator-local detectors know of the hinge load: a model of the moment on measured air data, wrong by a
+factor.
 
     hm0 = k (V/V_0)^2 (m_0 + m_alpha (alpha - alpha_0) + m_q q),    hmd = k (V/V_0)^2 m_d
 
-about the trim point, with measured angle of attack, pitch rate and airspeed; `k` is the model's error. The truth is JSBSim's.
+about the trim point, with measured angle of attack, pitch rate and airspeed; `k` is the model's error. The truth is
+JSBSim's.
 """
 
 import math
@@ -11,25 +13,36 @@ import numpy as np
 
 from actuators.block import dtype, kernel
 
-PARAMS = dtype([
-    ("k", "f8"),        # model over truth [-]
-    ("m_0", "f8"),      # hinge moment at zero angle, at trim [N m]
-    ("m_alpha", "f8"),  # its slope over angle of attack [N m/rad]
-    ("m_q", "f8"),      # over pitch rate [N m s/rad]
-    ("m_d", "f8"),      # over the segment's own angle [N m/rad]
-    ("alpha_0", "f8"),  # [rad]
-    ("cas_0", "f8"),    # [m/s]
-])
-INPUTS = dtype([
-    ("alpha", "f8"), ("alpha_valid", "f8"),  # [rad]
-    ("q", "f8"), ("q_valid", "f8"),          # [rad/s]
-    ("cas", "f8"), ("cas_valid", "f8"),      # [m/s]
-])
-STATE = dtype([
-    ("hm0", "f8"),  # [N m]
-    ("hmd", "f8"),  # [N m/rad]
-    ("alpha", "f8"), ("q", "f8"), ("cas", "f8"),  # last valid measurements
-])
+PARAMS = dtype(
+    [
+        ("k", "f8"),  # model over truth [-]
+        ("m_0", "f8"),  # hinge moment at zero angle, at trim [N m]
+        ("m_alpha", "f8"),  # its slope over angle of attack [N m/rad]
+        ("m_q", "f8"),  # over pitch rate [N m s/rad]
+        ("m_d", "f8"),  # over the segment's own angle [N m/rad]
+        ("alpha_0", "f8"),  # [rad]
+        ("cas_0", "f8"),  # [m/s]
+    ]
+)
+INPUTS = dtype(
+    [
+        ("alpha", "f8"),
+        ("alpha_valid", "f8"),  # [rad]
+        ("q", "f8"),
+        ("q_valid", "f8"),  # [rad/s]
+        ("cas", "f8"),
+        ("cas_valid", "f8"),  # [m/s]
+    ]
+)
+STATE = dtype(
+    [
+        ("hm0", "f8"),  # [N m]
+        ("hmd", "f8"),  # [N m/rad]
+        ("alpha", "f8"),
+        ("q", "f8"),
+        ("cas", "f8"),  # last valid measurements
+    ]
+)
 OUTPUTS = ("hm0", "hmd")
 
 
@@ -65,16 +78,33 @@ def rollout(x, u, p, dt, log):
 
 
 def design(plant, trim, truth, names, factors):
-    """Return PARAMS of the lanes `names` (suffixes of TRUTH's hinge fields) by central differences about `trim`; `plant` is moved about."""
+    """Return PARAMS of the lanes `names` (suffixes of TRUTH's hinge fields) by central differences about `trim`;
+    `plant` is moved about.
+    """
     h = 1e-3
 
     def at(d_alpha=0.0, d_q=0.0):
-        plant.place(tas=trim.tas, alpha=trim.alpha + d_alpha, theta=trim.theta, altitude=trim.altitude, q=trim.q + d_q, surfaces=trim.surfaces)
+        plant.place(
+            tas=trim.tas,
+            alpha=trim.alpha + d_alpha,
+            theta=trim.theta,
+            altitude=trim.altitude,
+            q=trim.q + d_q,
+            surfaces=trim.surfaces,
+        )
         return plant.truth()[0]
 
     up, down, fast, slow = at(h), at(-h), at(0.0, h), at(0.0, -h)
     p = np.zeros(len(names), PARAMS)
     for i, (name, k) in enumerate(zip(names, factors)):
         f = f"hm0_{name}"
-        p[i] = (k, truth[f], (up[f] - down[f]) / (2 * h), (fast[f] - slow[f]) / (2 * h), truth[f"hmd_{name}"], truth.alpha, truth.cas)
+        p[i] = (
+            k,
+            truth[f],
+            (up[f] - down[f]) / (2 * h),
+            (fast[f] - slow[f]) / (2 * h),
+            truth[f"hmd_{name}"],
+            truth.alpha,
+            truth.cas,
+        )
     return p

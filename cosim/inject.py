@@ -1,7 +1,7 @@
 """Turn a scenario's faults into fault lanes of the loop: signal parameters, and where in the bus each one acts.
 
-A place is (bus name, "f_inj" or "g", factor): the lane's signal or its envelope, times a factor, is added there. A substitution
-(solid OFC, runaway) acts on two fields, its share of the healthy signal and its own signal.
+A place is (bus name, "f_inj" or "g", factor): the lane's signal or its envelope, times a factor, is added there. A
+substitution (solid OFC, runaway) acts on two fields, its share of the healthy signal and its own signal.
 """
 
 import math
@@ -29,8 +29,13 @@ SWITCHED = {  # kind -> input field that is full while active
     "simple": {"jam_solid": "jam", "jam": "jam", "free_float": "free_float"},
 }
 SHARES = {  # kind -> input field of the actuator that takes the magnitude
-    "loss_of_effectiveness": "loss", "supply_pressure_drop": "supply_drop", "internal_leakage": "leak_add", "air_in_oil": "air",
-    "winding_resistance": "r_add", "magnet_loss": "magnet_loss", "backlash": "backlash_add",
+    "loss_of_effectiveness": "loss",
+    "supply_pressure_drop": "supply_drop",
+    "internal_leakage": "leak_add",
+    "air_in_oil": "air",
+    "winding_resistance": "r_add",
+    "magnet_loss": "magnet_loss",
+    "backlash": "backlash_add",
 }
 
 
@@ -40,9 +45,9 @@ class Lane:
 
     name: str
     fault: int
-    p: np.ndarray          # faults.PARAMS, (1,)
-    places: tuple          # ((bus name, "f_inj" | "g"), ...)
-    reference: str = ""    # bus name latched at onset, for a runaway
+    p: np.ndarray  # faults.PARAMS, (1,)
+    places: tuple  # ((bus name, "f_inj" | "g"), ...)
+    reference: str = ""  # bus name latched at onset, for a runaway
 
 
 def lanes(scenario, nominal):
@@ -55,15 +60,15 @@ def lanes(scenario, nominal):
 class Nominal:
     """Nominal values that relative units of a fault refer to."""
 
-    supply: float         # [Pa]
-    motor_speed: float    # no load [rad/s]
+    supply: float  # [Pa]
+    motor_speed: float  # no load [rad/s]
     stall_current: float  # [A]
-    stall_torque: float   # at the motor [N m]
-    arm: dict             # technology -> lever arm [m]
-    unit: dict            # technology -> what 1 of u is at the valve [1] or drive [A]
-    speed: float          # rod speed per valve opening, no load [m/s]
-    brake: float          # full brake of a hydraulic actuator over its stall force [-]
-    gain: object          # (technology, solid, omega) -> position amplitude [m] per unit at the valve [1] or drive [A]
+    stall_torque: float  # at the motor [N m]
+    arm: dict  # technology -> lever arm [m]
+    unit: dict  # technology -> what 1 of u is at the valve [1] or drive [A]
+    speed: float  # rod speed per valve opening, no load [m/s]
+    brake: float  # full brake of a hydraulic actuator over its stall force [-]
+    gain: object  # (technology, solid, omega) -> position amplitude [m] per unit at the valve [1] or drive [A]
 
 
 def _params(j, shape, amplitude, lower=-math.inf, upper=math.inf):
@@ -86,7 +91,9 @@ def _lane(j, technology, nominal):
             return _current_loop(j, name, lane, amplitude, places)
         return Lane(name, j.fault, _params(j, shape, amplitude), tuple(places))
     if j.place == "engine":
-        return Lane(name, j.fault, _params(j, f.CONSTANT, j.magnitude), ((f"surfaces.aircraft.thrust_loss_{j.name}", "f_inj"),))
+        return Lane(
+            name, j.fault, _params(j, f.CONSTANT, j.magnitude), ((f"surfaces.aircraft.thrust_loss_{j.name}", "f_inj"),)
+        )
     if j.place == "surface":
         part = j.name.replace(".", "_")
         return _moving(j, name, "simple", part, f"simple.{part}.delta", nominal)
@@ -96,8 +103,8 @@ def _lane(j, technology, nominal):
 def _current_loop(j, name, lane, amplitude, places):
     """Return the lane of a current-sensor fault that also enters the drive's own current loop.
 
-    There the sensor reads (1 - s_i) i + f_i. Added noise and a dropout stay on the measured copy: the drive filters the first and holds
-    through the second within its 0.3 ms.
+    There the sensor reads (1 - s_i) i + f_i. Added noise and a dropout stay on the measured copy: the drive filters the
+    first and holds through the second within its 0.3 ms.
     """
     shape = SENSOR_SHAPES[j.kind][0]
     drive = f"ema_in.{j.name}"
@@ -105,7 +112,8 @@ def _current_loop(j, name, lane, amplitude, places):
         p = _params(j, f.RUNAWAY, 0.0)
         return Lane(name, j.fault, p, (*places, (f"{drive}.s_i", "g"), (f"{drive}.f_i", "f_inj")), f"ema.{j.name}.i")
     if j.kind == "scale":
-        # s_i counts what is not seen; the lane's signal is the factor minus one, so the loop's copy takes it with the other sign
+        # s_i counts what is not seen; the lane's signal is the factor minus one, so the loop's copy takes it with the
+        # other sign
         return Lane(name, j.fault, _params(j, shape, amplitude), (*places, (f"{drive}.s_i", "f_neg")))
     if j.kind in ("bias", "drift", "oscillation"):
         places = [*places, (f"{drive}.f_i", "f_inj")]
@@ -128,7 +136,7 @@ def _sensor_factor(j, technology, nominal):
 
 
 def _moving(j, name, tech, part, delta, nominal):
-    """Return the lane of a fault of an actuator `part` of technology `tech` whose surface angle is at bus name `delta`."""
+    """Return the lane of a fault of actuator `part` of technology `tech`, whose surface angle is at bus name `delta`."""
     own = f"{tech}_in.{part}"
     if j.kind in SWITCHED[tech]:
         return Lane(name, j.fault, _params(j, f.CONSTANT, 1.0), ((f"{own}.{SWITCHED[tech][j.kind]}", "g"),))
@@ -139,14 +147,19 @@ def _moving(j, name, tech, part, delta, nominal):
         to_radians = j.kind == "backlash" and tech == "hydraulic" and j.unit == "m"
         to_metres = j.kind == "backlash" and tech == "ema" and j.unit == "rad"
         factor = 1.0 / nominal.arm[tech] if to_radians else nominal.arm[tech] if to_metres else 1.0
-        return Lane(name, j.fault, _params(j, f.CONSTANT, j.magnitude * factor), ((f"{own}.{SHARES[j.kind]}", "f_inj"),))
+        return Lane(
+            name, j.fault, _params(j, f.CONSTANT, j.magnitude * factor), ((f"{own}.{SHARES[j.kind]}", "f_inj"),)
+        )
     command = f"{SERVO.get(tech, tech)}_in.{part}"
     if j.kind == "runaway":
         return _runaway(j, name, tech, part, own, command, delta, nominal)
     solid = j.kind == "ofc_solid"
     share = ["s_cmd", "s_u"][j.at == "valve" and tech != "simple"]
     if share == "s_u":
-        to, amplitude = own, j.magnitude * nominal.unit[tech] if j.unit == "u" else j.magnitude / nominal.gain(tech, solid, j.omega)
+        to, amplitude = (
+            own,
+            j.magnitude * nominal.unit[tech] if j.unit == "u" else j.magnitude / nominal.gain(tech, solid, j.omega),
+        )
     else:
         to, amplitude = command, j.magnitude / nominal.arm[tech] if j.unit == "m" else j.magnitude
     places = [(f"{to}.{share.replace('s_', 'f_')}", "f_inj"), *([(f"{to}.{share}", "g")] if solid else [])]
@@ -155,7 +168,9 @@ def _moving(j, name, tech, part, delta, nominal):
 
 
 def _runaway(j, name, tech, part, own, command, delta, nominal):
-    """Return the lane of a runaway at `magnitude` rad/s: the valve held open; without a valve, or to a limit, the demanded position runs."""
+    """Return the lane of a runaway at `magnitude` rad/s: the valve held open; without a valve, or to a limit, the
+    demanded position runs.
+    """
     if math.isfinite(j.limit):  # the command runs from where the surface is to the limit
         bounds = (-math.inf, j.limit) if j.magnitude > 0 else (j.limit, math.inf)
         p = _params(j, f.RUNAWAY, j.magnitude, *bounds)
@@ -166,4 +181,6 @@ def _runaway(j, name, tech, part, own, command, delta, nominal):
     if tech == "hydraulic":
         p = _params(j, f.RUNAWAY, j.magnitude)
         return Lane(name, j.fault, p, ((f"{command}.s_cmd", "g"), (f"{command}.f_cmd", "f_inj")), delta)
-    return Lane(name, j.fault, _params(j, f.CONSTANT, j.magnitude), ((f"{command}.s_rate", "g"), (f"{command}.f_rate", "f_inj")))
+    return Lane(
+        name, j.fault, _params(j, f.CONSTANT, j.magnitude), ((f"{command}.s_rate", "g"), (f"{command}.f_rate", "f_inj"))
+    )

@@ -18,13 +18,18 @@ def _scaled(nominal, multipliers, where):
     """Return {name: nominal times multiplier}; raises ScenarioError for a name that is no parameter."""
     for name in multipliers:
         if name not in nominal:
-            raise ScenarioError("no such parameter", place=f"tolerances.{where}.{name}", allowed=", ".join(nominal),
-                                remedy=did_you_mean(name, nominal))
+            raise ScenarioError(
+                "no such parameter",
+                place=f"tolerances.{where}.{name}",
+                allowed=", ".join(nominal),
+                remedy=did_you_mean(name, nominal),
+            )
     return {k: nominal[k] * v for k, v in multipliers.items()}
 
 
 def hydraulic_blocks(n, scenario, trim, dt):
-    """Return [(section, module, p, x0)] of servo and actuator for `n` hydraulic lanes at `trim` = (delta, hm0, hmd), each (n,).
+    """Return [(section, module, p, x0)] of servo and actuator for `n` hydraulic lanes at `trim` = (delta, hm0, hmd),
+    each (n,).
 
     What flies is multiplied by scenario.tolerances.hydraulic; the servo's model stays nominal, as a real servo's does.
     """
@@ -35,7 +40,7 @@ def hydraulic_blocks(n, scenario, trim, dt):
 
 
 def ema_blocks(n, scenario, trim, dt):
-    """Return [(section, module, p, x0)] of servo and actuator for `n` electromechanical lanes; see `hydraulic_blocks`."""
+    """Return [(section, module, p, x0)] for `n` electromechanical lanes; see `hydraulic_blocks`."""
     p = np.repeat(ema.params(**_scaled(jay.values("elevator"), scenario.tolerances.ema, "ema")), n)
     ps = np.repeat(ema_servo.params(dt=dt), n)
     x = ema.init_at(p, *trim)
@@ -60,17 +65,32 @@ def blocks(scenario, loads, others, dt):
     return [*out, ("simple", simple, p, x, plain + tuple(others))]
 
 
-# -- what a fault amplitude in millimetres means at the valve or the drive -------------------------------------------------------------
+# -- what a fault amplitude in millimetres means at the valve or the drive
+# -------------------------------------------------------------
 
 _PAIRS = {  # technology -> servo, actuator, its frictionless parameters, servo inputs fed from the state
-    "hydraulic": (servo, hydraulic, {"F_c": 0.0, "F_s": 0.0}, {"q_meas": ("q_rod", 1.0), "x3_meas": ("x3", 1.0)}, ("q_valid", "x3_valid")),
-    "ema": (ema_servo, ema, {"T_c": 0.0, "T_s": 0.0}, {"pos_meas": ("motor", LEAD), "vel_meas": ("motor_d", 1.0)}, ("pos_valid", "vel_valid")),
+    "hydraulic": (
+        servo,
+        hydraulic,
+        {"F_c": 0.0, "F_s": 0.0},
+        {"q_meas": ("q_rod", 1.0), "x3_meas": ("x3", 1.0)},
+        ("q_valid", "x3_valid"),
+    ),
+    "ema": (
+        ema_servo,
+        ema,
+        {"T_c": 0.0, "T_s": 0.0},
+        {"pos_meas": ("motor", LEAD), "vel_meas": ("motor_d", 1.0)},
+        ("pos_valid", "vel_valid"),
+    ),
 }
 
 
 @functools.cache
 def liquid_gain(technology, omega, dt):
-    """Return position amplitude [m] per unit added at the valve [1] or drive [A], servo closed, no load, no friction: by flying it."""
+    """Return position amplitude [m] per unit added at the valve [1] or drive [A], servo closed, no load, no friction:
+    by flying it.
+    """
     outer, inner, smooth, measured, flags = _PAIRS[technology]
     p, ps = inner.params(**smooth), outer.params(dt=dt)
     x, xs = inner.init(p), outer.init(ps)
@@ -98,7 +118,9 @@ def liquid_gain(technology, omega, dt):
 
 
 def solid_gain(technology, omega):
-    """Return position amplitude [m] per unit that replaces the valve command [1] or drive demand [A], linearised, no load, no friction."""
+    """Return position amplitude [m] per unit that replaces the valve command [1] or drive demand [A], linearised, no
+    load, no friction.
+    """
     if technology == "hydraulic":
         A, B, C, _ = hydraulic.linearised(hydraulic.params())
         return abs(complex((C @ np.linalg.solve(1j * omega * np.eye(3) - A, B))[0, 0])) * hydraulic.NOMINAL["arm"]
@@ -118,5 +140,7 @@ def nominal(dt):
         unit={"hydraulic": 1.0, "ema": DRIVE_LIMIT},
         speed=hydraulic.NOMINAL["phi_n"] / hydraulic.NOMINAL["A_p"],
         brake=hydraulic.NOMINAL["F_brake"] / (hydraulic.NOMINAL["A_p"] * hydraulic.NOMINAL["P_s"]),
-        gain=lambda technology, solid, omega: solid_gain(technology, omega) if solid else liquid_gain(technology, omega, dt),
+        gain=lambda technology, solid, omega: (
+            solid_gain(technology, omega) if solid else liquid_gain(technology, omega, dt)
+        ),
     )

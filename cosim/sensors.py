@@ -2,9 +2,10 @@
 
     y(t_k) = quantise( (1 + scale + f_scale) s(t_k - delay) + bias + f_add + (sigma + f_noise) n_k )
 
-Two copies leave each sensor. `y` is what the control law and the servo loops use; `y_obs` is what the detectors see. A fault on the path
-"all" (or "loop") enters both, one on "observers" (or "monitor") only the second [Alwi14, section V: sensor faults "only corrupt the
-measurements which drive the observer"]. A dropped sample is NaN with its flag at 0; a frozen one repeats the value of its first tick.
+Two copies leave each sensor. `y` is what the control law and the servo loops use; `y_obs` is what the detectors see. A
+fault on the path "all" (or "loop") enters both, one on "observers" (or "monitor") only the second [Alwi14, section V:
+sensor faults "only corrupt the measurements which drive the observer"]. A dropped sample is NaN with its flag at 0; a
+frozen one repeats the value of its first tick.
 """
 
 import math
@@ -13,45 +14,51 @@ import numpy as np
 
 from actuators.block import dtype, kernel
 
-DELAY_MAX = 32  # longest delay in ticks: 10 ms of air data at 0.3 ms steps
+DELAY_MAX = 32  # longest delay in ticks: 0.15 s at 5 ms
 
-PARAMS = dtype([
-    ("gain", "f8"),     # what the sensor reads per unit of the truth it is wired to (screw lead), 1 otherwise
-    ("sigma", "f8"),    # standard deviation of white noise per sample [unit]
-    ("bias", "f8"),     # [unit]
-    ("scale", "f8"),    # scale-factor error [-]
-    ("delay", "f8"),    # [ticks]
-    ("quantum", "f8"),  # quantisation step [unit], 0 for none
-])
+PARAMS = dtype(
+    [
+        ("gain", "f8"),  # what the sensor reads per unit of the truth it is wired to (screw lead), 1 otherwise
+        ("sigma", "f8"),  # standard deviation of white noise per sample [unit]
+        ("bias", "f8"),  # [unit]
+        ("scale", "f8"),  # scale-factor error [-]
+        ("delay", "f8"),  # [ticks]
+        ("quantum", "f8"),  # quantisation step [unit], 0 for none
+    ]
+)
 
-INPUTS = dtype([
-    ("truth", "f8"),     # the physical signal at t_k [unit]
-    ("noise", "f8"),     # standard normal draw, made outside and logged [-]
-    ("f_add", "f8"),     # both copies: additive fault [unit]
-    ("f_scale", "f8"),   # scale fault [-]
-    ("f_freeze", "f8"),  # > 0: frozen
-    ("f_noise", "f8"),   # additional standard deviation [unit]
-    ("f_drop", "f8"),    # > 0: no valid sample
-    ("g_add", "f8"),     # the observers' copy only, the same five
-    ("g_scale", "f8"),
-    ("g_freeze", "f8"),
-    ("g_noise", "f8"),
-    ("g_drop", "f8"),
-])
+INPUTS = dtype(
+    [
+        ("truth", "f8"),  # the physical signal at t_k [unit]
+        ("noise", "f8"),  # standard normal draw, made outside and logged [-]
+        ("f_add", "f8"),  # both copies: additive fault [unit]
+        ("f_scale", "f8"),  # scale fault [-]
+        ("f_freeze", "f8"),  # > 0: frozen
+        ("f_noise", "f8"),  # additional standard deviation [unit]
+        ("f_drop", "f8"),  # > 0: no valid sample
+        ("g_add", "f8"),  # the observers' copy only, the same five
+        ("g_scale", "f8"),
+        ("g_freeze", "f8"),
+        ("g_noise", "f8"),
+        ("g_drop", "f8"),
+    ]
+)
 
-STATE = dtype([
-    ("y", "f8"),          # copy for law and servo [unit]
-    ("valid", "f8"),      # 1 or 0
-    ("y_obs", "f8"),      # the observers' copy [unit]
-    ("valid_obs", "f8"),  # 1 or 0
-    ("last", "f8"),       # value repeated while frozen [unit]
-    ("last_obs", "f8"),
-    ("frozen", "f8"),     # 1 while `last` is latched
-    ("frozen_obs", "f8"),
-    ("fresh", "f8"),      # 0 until the delay line is filled
-    ("head", "f8"),       # write position in the delay line
-    ("line", "f8", (DELAY_MAX,)),
-])
+STATE = dtype(
+    [
+        ("y", "f8"),  # copy for law and servo [unit]
+        ("valid", "f8"),  # 1 or 0
+        ("y_obs", "f8"),  # the observers' copy [unit]
+        ("valid_obs", "f8"),  # 1 or 0
+        ("last", "f8"),  # value repeated while frozen [unit]
+        ("last_obs", "f8"),
+        ("frozen", "f8"),  # 1 while `last` is latched
+        ("frozen_obs", "f8"),
+        ("fresh", "f8"),  # 0 until the delay line is filled
+        ("head", "f8"),  # write position in the delay line
+        ("line", "f8", (DELAY_MAX,)),
+    ]
+)
 
 OUTPUTS = ("y", "valid", "y_obs", "valid_obs")
 
@@ -118,17 +125,17 @@ _AIR, _REST = 0.010, 0.005  # delays [s]
 # Sensor set `transport` (DESIGN section 2): name -> (truth field, sigma in SI per 5 ms sample, delay [s], unit)
 TRANSPORT = {
     "alpha": ("alpha", 0.03 * DEG, _AIR, "rad"),
-    "beta": ("beta", 0.03 * DEG, _AIR, "rad"),          # a vane like that of alpha
+    "beta": ("beta", 0.03 * DEG, _AIR, "rad"),  # a vane like that of alpha
     "cas": ("cas", 0.1 * KT, _AIR, "m/s"),
-    "tas": ("tas", 0.1 * KT, _AIR, "m/s"),              # computed by the air-data unit, noise as CAS
-    "mach": ("mach", 0.0002, _AIR, "-"),                # 0.1 kt of CAS at M 0.6
+    "tas": ("tas", 0.1 * KT, _AIR, "m/s"),  # computed by the air-data unit, noise as CAS
+    "mach": ("mach", 0.0002, _AIR, "-"),  # 0.1 kt of CAS at M 0.6
     "h_baro": ("h", 0.7, _AIR, "m"),
     "h_inertial": ("h", 0.02, _REST, "m"),
-    "hdot": ("hdot", 0.05, _REST, "m/s"),               # inertial vertical speed
-    "p": ("p", 0.02 * DEG, _REST, "rad/s"),             # the three gyros are alike
+    "hdot": ("hdot", 0.05, _REST, "m/s"),  # inertial vertical speed
+    "p": ("p", 0.02 * DEG, _REST, "rad/s"),  # the three gyros are alike
     "q": ("q", 0.02 * DEG, _REST, "rad/s"),
     "r": ("r", 0.02 * DEG, _REST, "rad/s"),
-    "phi": ("phi", 0.02 * DEG, _REST, "rad"),           # the three attitudes are alike
+    "phi": ("phi", 0.02 * DEG, _REST, "rad"),  # the three attitudes are alike
     "theta": ("theta", 0.02 * DEG, _REST, "rad"),
     "psi": ("psi", 0.02 * DEG, _REST, "rad"),
     "n_x": ("nx", 0.007, _REST, "g"),
@@ -137,11 +144,11 @@ TRANSPORT = {
     "pdot": ("pdot", 0.1 * DEG, _REST, "rad/s2"),
     "qdot": ("qdot", 0.1 * DEG, _REST, "rad/s2"),
     "rdot": ("rdot", 0.1 * DEG, _REST, "rad/s2"),
-    "n1_1": ("n1_1", 0.1, _REST, "%"),                  # fan speed, 0.1 % of a tachometer
+    "n1_1": ("n1_1", 0.1, _REST, "%"),  # fan speed, 0.1 % of a tachometer
     "n1_2": ("n1_2", 0.1, _REST, "%"),
     "n1_3": ("n1_3", 0.1, _REST, "%"),
     "n1_4": ("n1_4", 0.1, _REST, "%"),
-    "mass": ("mass", 0.0, _REST, "kg"),                 # from the fuel system: constant error only
+    "mass": ("mass", 0.0, _REST, "kg"),  # from the fuel system: constant error only
     "cg": ("cg", 0.0, _REST, "-"),
 }
 
@@ -149,8 +156,8 @@ TRANSPORT = {
 PARTS = {
     "rod": (1e-4, 0.0),
     "surface": (0.02 * DEG, 0.08 * DEG),  # rigging
-    "pressure": (0.005, 0.01),            # of supply
-    "velocity": (1.0, 0.0),               # [Jay] section 4: 1 rad/s
-    "position": (1e-4, 0.0),              # [Jay] section 4: 0.1 mm
-    "current": (0.1, 0.0),                # [Jay] section 4: 0.1 A
+    "pressure": (0.005, 0.01),  # of supply
+    "velocity": (1.0, 0.0),  # [Jay] section 4: 1 rad/s
+    "position": (1e-4, 0.0),  # [Jay] section 4: 0.1 mm
+    "current": (0.1, 0.0),  # [Jay] section 4: 0.1 A
 }

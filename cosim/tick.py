@@ -1,7 +1,8 @@
 """One tick of the lockstep: read this first.
 
-Everything of a tick is in one vector (cosim/bus.py). Each block below reads its own inputs there and leaves its state there; between
-blocks, `route` copies what is wired (cosim/wiring.py). JSBSim is at t_k when the tick begins and at t_k+1 when it ends.
+Everything of a tick is in one vector (cosim/bus.py). Each block below reads its own inputs there and leaves its state
+there; between blocks, `route` copies what is wired (cosim/wiring.py). JSBSim is at t_k when the tick begins and at
+t_k+1 when it ends.
 """
 
 from dataclasses import dataclass, field
@@ -9,10 +10,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from actuators.block import bound
+from cosim.bus import Bus
+from cosim.plant import Plant
 
 
 class Block:
-    """A block in the loop: its module's `rollout` bound to its lanes in the bus; `advance()` steps every lane by one tick, in place."""
+    """A block in the loop: its module's `rollout` bound to its lanes in the bus; `advance()` steps every lane by one
+    tick, in place.
+    """
 
     def __init__(self, bus, name, module, p, x0, dt, every=1):
         self.name, self.module, self.p, self.every = name, module, p, every
@@ -25,11 +30,11 @@ class Block:
 class Loop:
     """What one tick needs: the bus, the plant, the blocks in their order, the wires between them."""
 
-    bus: object
-    plant: object
+    bus: Bus
+    plant: Plant
     dt: float
-    draw: object          # draws the next tick's noise into a vector
-    route: dict           # stage -> call that copies its wires
+    draw: object  # draws the next tick's noise into a vector
+    route: dict  # stage -> call that copies its wires
     faults: Block
     sensors: Block
     pilot: Block

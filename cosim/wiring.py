@@ -1,7 +1,8 @@
 """Who reads what: the wires of one tick, as names, and the places where a fault enters.
 
-A name is `section.lane.field` of the bus; a section `x_in` holds the inputs of block `x`. Everything here is data: the loop compiles
-it to index arrays, the log stores the detectors' part of it, and replay and foreign data are wired by the same names.
+A name is `section.lane.field` of the bus; a section `x_in` holds the inputs of block `x`. Everything here is data: the
+loop compiles it to index arrays, the log stores the detectors' part of it, and replay and foreign data are wired by the
+same names.
 """
 
 from cosim.law import SENSORS as LAW_SENSORS
@@ -14,7 +15,8 @@ OTHERS = ("aileron_left", "aileron_right", "rudder", "stabiliser")  # surfaces w
 SURFACE_OF = {"aileron_left": "da_l", "aileron_right": "da_r", "rudder": "dr", "stabiliser": "stab"}
 COMMAND_OF = {"aileron_left": "da_cmd", "aileron_right": "da_cmd", "rudder": "dr_cmd", "stabiliser": "stab_cmd"}
 
-# Sensors of a segment: name -> state field of its actuator, and the input fields (value, flag) of its servo where it has them
+# Sensors of a segment: name -> state field of its actuator, and the input fields (value, flag) of its servo where it
+# has them
 PART_SENSORS = {
     "hydraulic": {"rod": "q_rod", "surface": "delta", "pressure": "x3"},
     "ema": {"velocity": "motor_d", "position": "motor", "current": "i", "surface": "delta"},
@@ -50,8 +52,12 @@ def demand_wires():
 
 def hinge_wires(technology):
     """Return the wires of measured air data to the detectors' model of the hinge moment."""
-    return [(f"hinge_model_in.{seg}.{name}{tail}", f"sensors.{name}.{source}")
-            for seg in technology for name in ("alpha", "q", "cas") for tail, source in (("", "y_obs"), ("_valid", "valid_obs"))]
+    return [
+        (f"hinge_model_in.{seg}.{name}{tail}", f"sensors.{name}.{source}")
+        for seg in technology
+        for name in ("alpha", "q", "cas")
+        for tail, source in (("", "y_obs"), ("_valid", "valid_obs"))
+    ]
 
 
 def servo_wires(technology):

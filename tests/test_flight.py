@@ -12,14 +12,25 @@ from cosim.simulate import simulate
 from cosim.tick import tick
 
 SIX = {  # mass [t], CG [%], altitude [ft], CAS [kt]: Sun13 table I, Alwi14 table 4
-    "sun13": (200, 30, 20000, 290), "A": (260, 28, 12500, 210), "B": (260, 36, 12500, 270), "C": (375, 28, 27500, 210),
-    "D": (405, 36, 27500, 270), "E": (320, 28, 20000, 240),
+    "sun13": (200, 30, 20000, 290),
+    "A": (260, 28, 12500, 210),
+    "B": (260, 36, 12500, 270),
+    "C": (375, 28, 27500, 210),
+    "D": (405, 36, 27500, 270),
+    "E": (320, 28, 20000, 240),
 }
 
 
 def scenario(name="cruise", point="sun13", **more):
     mass, cg, altitude, cas = SIX[point]
-    values = {"flight.mass_t": mass, "flight.cg_pct": cg, "flight.altitude_ft": altitude, "flight.cas_kt": cas, "flight.turbulence": '"none"', **more}
+    values = {
+        "flight.mass_t": mass,
+        "flight.cg_pct": cg,
+        "flight.altitude_ft": altitude,
+        "flight.cas_kt": cas,
+        "flight.turbulence": '"none"',
+        **more,
+    }
     return cosim.load_scenario(name, [f"{k}={v}" for k, v in values.items()])
 
 
@@ -47,7 +58,11 @@ def test_same_scenario_and_seed_give_the_same_bytes(tmp_path):
 
 
 def test_log_holds_fault_truth_and_every_signal_at_every_tick(tmp_path):
-    s = scenario("liquid-ofc", duration_s=4, **{"faults.0.start_s": 1, "faults.0.end_s": 3, "faults.0.ramp_s": 0.5, "faults.0.frequency_hz": 2})
+    s = scenario(
+        "liquid-ofc",
+        duration_s=4,
+        **{"faults.0.start_s": 1, "faults.0.end_s": 3, "faults.0.ramp_s": 0.5, "faults.0.frequency_hz": 2},
+    )
     simulate(s, log=tmp_path / "f.mcap")
     log = cosim.open_log(tmp_path / "f.mcap")
     assert log.complete
@@ -59,17 +74,29 @@ def test_log_holds_fault_truth_and_every_signal_at_every_tick(tmp_path):
     envelope = np.where(active, np.clip((t - 1) / 0.5, 0, 1), 0)
     np.testing.assert_allclose(f["g"], envelope, atol=1e-12)
     amplitude = np.abs(f["f_inj"]).max()
-    np.testing.assert_allclose(f["f_inj"], envelope * amplitude * np.sin(2 * math.pi * 2 * (t - 1)), atol=amplitude * 2e-3)
+    np.testing.assert_allclose(
+        f["f_inj"], envelope * amplitude * np.sin(2 * math.pi * 2 * (t - 1)), atol=amplitude * 2e-3
+    )
     truth = log.frame("/truth/aircraft")
     rod = log.frame("/actuators/left_inner/hydraulic")["q_rod"].to_numpy()
-    np.testing.assert_allclose(truth["de_li"].to_numpy()[1:], rod[1:] / 0.30, atol=1e-15)  # what was written is what flies
+    np.testing.assert_allclose(
+        truth["de_li"].to_numpy()[1:], rod[1:] / 0.30, atol=1e-15
+    )  # what was written is what flies
     for name in log.topics:
         assert np.isfinite(log.frame(name).to_numpy()).all() or name.startswith("/sensors"), name
 
 
 def test_measurements_are_delayed_truth_without_noise(tmp_path):
-    s = scenario("cruise", duration_s=2, **{"sensors.noise_scale": 0.0, "manoeuvre.kind": '"nz_doublet"', "manoeuvre.start_s": 0.2,
-                                            "manoeuvre.width_s": 0.5})
+    s = scenario(
+        "cruise",
+        duration_s=2,
+        **{
+            "sensors.noise_scale": 0.0,
+            "manoeuvre.kind": '"nz_doublet"',
+            "manoeuvre.start_s": 0.2,
+            "manoeuvre.width_s": 0.5,
+        },
+    )
     simulate(s, log=tmp_path / "f.mcap")
     log = cosim.open_log(tmp_path / "f.mcap")
     truth, y = log.frame("/truth/aircraft"), log.frame("/sensors/aircraft")
@@ -79,7 +106,11 @@ def test_measurements_are_delayed_truth_without_noise(tmp_path):
 
 
 def test_departure_ends_the_flight_with_a_readable_log(tmp_path):
-    s = scenario("runaway", duration_s=60, **{"faults.0.target": '"elevator.all"', "faults.0.at": '"command"', "faults.0.start_s": 1})
+    s = scenario(
+        "runaway",
+        duration_s=60,
+        **{"faults.0.target": '"elevator.all"', "faults.0.at": '"command"', "faults.0.start_s": 1},
+    )
     r = simulate(s, log=tmp_path / "f.mcap")
     assert r.status == "departed"
     assert "outside" in r.reason
@@ -109,8 +140,11 @@ def test_a_number_that_is_none_ends_the_flight_as_diverged(tmp_path, monkeypatch
 def test_healed_fault_leaves_no_trace_in_the_actuator():
     rods = []
     for enabled in ("with", "without"):
-        s = scenario("liquid-ofc" if enabled == "with" else "cruise", duration_s=8, **{"sensors.noise_scale": 0, **(
-            {"faults.0.start_s": 1, "faults.0.end_s": 2} if enabled == "with" else {})})
+        s = scenario(
+            "liquid-ofc" if enabled == "with" else "cruise",
+            duration_s=8,
+            **{"sensors.noise_scale": 0, **({"faults.0.start_s": 1, "faults.0.end_s": 2} if enabled == "with" else {})},
+        )
         loop, rod = build(s).loop, []
         for k in range(s.ticks):
             tick(loop, k, lambda v: None)
