@@ -11,7 +11,7 @@ OMEGA, ZETA = 30.0, 0.9  # of actuators.simple
 
 _COMMANDS = {f"de_{s}": "law.law.de_cmd" for s in ("lo", "li", "ri", "ro")} | {"stab": "law.law.stab_cmd"}
 _LPV = {"h": "h_inertial", "theta": "theta", "V": "tas", "q": "q", "n_z": "n_z", "alpha": "alpha", "mass": "mass",
-        "cg": "cg", "cas": "cas", "mach": "mach"}  # fmt: skip
+        "cg": "cg", "cas": "cas", "mach": "mach", "phi": "phi", "p": "p", "r": "r"}  # fmt: skip
 _REDUNDANCY = (
     "n_x", "n_y", "n_z", "alpha", "beta", "theta", "phi", "p", "q", "r", "cas", "tas", "mach", "mass", "cg",
     "n1_1", "n1_2", "n1_3", "n1_4", "pdot", "qdot", "rdot",
@@ -43,7 +43,9 @@ def ticks(delay, dt):
 
 def lpv_smo_params(module, scenario, lane, dt):
     """Return PARAMS of fdi.lpv_smo for the loop: commands as late as q is, through a lag as slow as the servos."""
-    return module.params(delay=ticks(TRANSPORT["q"][2], dt), omega_a=1.0 / SERVO)
+    xx, yy, zz, xz = force_model().gyration2
+    inertia = ((zz - xx) / yy, xz / yy)
+    return module.params(delay=ticks(TRANSPORT["q"][2], dt), omega_a=1.0 / SERVO, inertia=inertia)
 
 
 def control_redundancy_params(module, scenario, lane, dt):

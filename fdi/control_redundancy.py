@@ -63,6 +63,7 @@ PARAMS = params_dtype(
         ("limit", "f8", (NH,)),  # largest believable fault: rad, fraction of thrust
         ("rel", "f8"),  # uncertainty of each coefficient
         ("rel_thrust", "f8"),  # uncertainty of the thrust map
+        ("rel_spool", "f8"),  # the same per change of normalised N1 against its mean: while spools turn up or down
         ("late", "f8", (NC,)),  # how late each command acts in the measurements: theirs and its actuator's delay [ticks]
         ("t_mean", "f8"),  # sliding mean [s], 0 for raw samples
         ("t_learn", "f8"),  # offset learned over the first seconds [s], 0 for none
@@ -125,6 +126,7 @@ STATE = dtype(
         ("n_block", "f8", (BLOCKS,)),
         ("block", "f8"),
         ("avg", "f8", (NX,)),
+        ("spool", "f8"),  # mean normalised N1
         ("gone", "f8"),  # time without data [s]
         ("last", "f8"),  # hypothesis that is being confirmed, 0 for none
         ("timer", "f8"),

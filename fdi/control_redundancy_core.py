@@ -9,7 +9,7 @@ from fdi.force_model import G0, air_data, contributions, thrust_pair
 NR, NF, NH = 6, 16, 8  # most rows, families, fault hypotheses (elevator aileron rudder engines engine_1 ... engine_4)
 NC, DELAY = 8, 48  # commands (4 elevators, 2 ailerons, rudder, stabiliser); longest delay [ticks]
 BLOCKS = 10  # pieces of the sliding mean
-NX = 3 * NR  # averaged: row errors, activities, three commanded effectors and spare
+NX = 3 * NR  # averaged: row errors, activities, three commanded effectors, spool speed, spare
 
 
 @kernel
@@ -125,6 +125,7 @@ def row_errors(x, u, p):
     tx, ty, tz = p.thrust_axis[0], p.thrust_axis[1], p.thrust_axis[2]
     for i in range(6):
         x.G[i, 3] = 0.0
+    x.spool = 0.0
     for m in range(4):
         n1 = u.n1_1
         if m == 1:
@@ -135,6 +136,7 @@ def row_errors(x, u, p):
             n1 = u.n1_4
         n = min(max((n1 - p.n1_idle) / (p.n1_max - p.n1_idle), 0.0), 1.0)
         T = idle + (mil - idle) * n * n
+        x.spool += 0.25 * n
         rx, ry, rz = p.engine[m, 0] + dx, p.engine[m, 1], p.engine[m, 2]
         x.G[0, 4 + m], x.G[1, 4 + m], x.G[2, 4 + m] = T * tx, T * ty, T * tz
         x.G[3, 4 + m] = T * (ry * tz - rz * ty)
@@ -142,9 +144,11 @@ def row_errors(x, u, p):
         x.G[5, 4 + m] = T * (rx * ty - ry * tx)
         for i in range(6):
             x.G[i, 3] += x.G[i, 4 + m]
+    # a spool that turns up or down: thrust follows the core, which N1 trails
+    moving = math.fabs(x.spool - x.avg[2 * NR + 3]) if x.avg[2 * NR + 3] > 0.0 else 0.0
     for i in range(6):
         x.rows[i] += x.G[i, 3]
-        x.act[i] += p.rel_thrust / max(p.rel, 1e-9) * math.fabs(x.G[i, 3])
+        x.act[i] += (p.rel_thrust + p.rel_spool * moving) / max(p.rel, 1e-9) * math.fabs(x.G[i, 3])
     for i in range(3):
         x.rows[i] /= weight
         x.act[i] /= weight
@@ -216,6 +220,7 @@ def sliding_mean(x, p, dt):
     x.total[i_now, 2 * NR] += 0.25 * (x.cmd[0] + x.cmd[1] + x.cmd[2] + x.cmd[3])
     x.total[i_now, 2 * NR + 1] += 0.5 * (x.cmd[4] + x.cmd[5])
     x.total[i_now, 2 * NR + 2] += x.cmd[6]
+    x.total[i_now, 2 * NR + 3] += x.spool
     for b in range(keep):
         i = (i_now + BLOCKS - b) % BLOCKS
         count += x.n_block[i]

@@ -38,7 +38,7 @@ import numpy as np
 from actuators.block import dtype, kernel, record
 from fdi.decision import confirm, usable
 from fdi.lpv_model import powers
-from fdi.lpv_smo_core import DEG, DELAY, M, N, P, R, T, inputs, observe, outputs, reconstruct
+from fdi.lpv_smo_core import DEG, DELAY, M, N, P, R, T, bank, inputs, observe, outputs, reconstruct
 from fdi.lpv_smo_design import Design, canonical, design, load, save, verify  # noqa: F401 (the public design functions)
 from fdi.tuning import thresholds
 from fdi.verdict import AMBIGUOUS, NONE, OFC_LIQUID, SENSOR
@@ -68,9 +68,25 @@ PARAMS = dtype(
         ("omega_a", "f8"),  # healthy elevator as a lag of its command [rad/s], 0 for none
         ("delay", "f8"),  # of the commands, as long as that of q [ticks]
         ("sigma_q", "f8"),  # noise of q per sample, for f_sigma [rad/s]
-        ("t_elevator", "f8"),  # thresholds [rad], [g], [rad]
+        ("bank", "f8"),  # 1: bank and lateral rates are taken into account
+        ("inertia", "f8", (2,)),  # (Izz - Ixx) / Iyy, Ixz / Iyy
+        ("to_x", "f8", (N, 5)),  # state of the paper to canonical state
+        ("t_elevator", "f8"),  # thresholds of what no gust can do [rad], [g], [rad]
         ("t_n_z", "f8"),
         ("t_alpha", "f8"),
+        ("w_elevator", "f8"),  # thresholds of the slow means, gusts included [rad], [g], [rad]
+        ("w_n_z", "f8"),
+        ("w_alpha", "f8"),
+        ("s_elevator", "f8"),  # growth of all with |alpha - alpha_eq|: the affine model's error [-], [g/rad], [-]
+        ("s_n_z", "f8"),
+        ("s_alpha", "f8"),
+        ("g_elevator", "f8"),  # and with the rms of gusts, as f_hat_alpha shows them [-], [g/rad], [-]
+        ("g_n_z", "f8"),
+        ("g_alpha", "f8"),
+        ("away_max", "f8"),  # beyond this |alpha - alpha_eq| the affine model is not believed [rad]
+        ("gust_0", "f8"),  # rms of gusts assumed at the start [rad]
+        ("tau_gust", "f8"),  # memory of that rms [s]
+        ("tau_slow", "f8"),  # of the slow means [s]
         ("t_confirm", "f8"),  # [s]
         ("t_release", "f8"),  # [s]
         ("t_settle", "f8"),  # no decision for so long after a (re)start [s]
@@ -95,6 +111,12 @@ INPUTS = dtype(
         ("n_z_valid", "f8"),
         ("alpha", "f8"),  # [rad]
         ("alpha_valid", "f8"),
+        ("phi", "f8"),  # [rad]
+        ("phi_valid", "f8"),
+        ("p", "f8"),  # [rad/s]
+        ("p_valid", "f8"),
+        ("r", "f8"),  # [rad/s]
+        ("r_valid", "f8"),
         ("mass", "f8"),  # [kg]
         ("mass_valid", "f8"),
         ("cg", "f8"),  # fraction of the mean chord
@@ -118,6 +140,8 @@ STATE = dtype(
         ("f_hat_alpha", "f8"),  # [rad]
         ("f_sigma", "f8"),  # one sigma of f_hat_elevator from the noise of q [rad]
         ("alpha_hat", "f8"),  # estimate of the unmeasured state [rad]
+        ("free_elevator", "f8"),  # f_hat_elevator less what a gust of f_hat_alpha would do [rad]
+        ("free_n_z", "f8"),  # f_hat_n_z likewise [g]
         ("e_norm", "f8"),  # |e_y|, paper's units
         ("nu_norm", "f8"),  # |nu| / K
         ("e", "f8", (P,)),  # e_y
@@ -129,6 +153,12 @@ STATE = dtype(
         ("w", "f8"),  # x_hat_1 + L x_hat_2
         ("g", "f8"),  # its forcing at the last tick
         ("f", "f8", (3,)),  # lagged W nu / E: deg, g, deg
+        ("d", "f8", (N,)),  # what bank adds to x'
+        ("k_e", "f8"),  # elevator and n_z estimates per angle of gust [-], [g/rad]
+        ("k_n", "f8"),
+        ("slow", "f8", (3,)),  # slow means of f_hat_elevator, f_hat_n_z, f_hat_alpha
+        ("away", "f8"),  # alpha_hat - alpha_eq through a lag of tau_f [rad]
+        ("gust", "f8"),  # rms of gusts [rad]
         ("rho", "f8", (R,)),  # t, %, kt, -
         ("line", "f8", (DELAY, M)),  # commands of the last ticks [deg]
         ("head", "f8"),
@@ -151,12 +181,12 @@ STATE = dtype(
 )
 OUTPUTS = (
     "r", "alarm", "verdict", "culprit", "valid", "f_hat_elevator", "f_hat_n_z", "f_hat_n_z_raw", "f_hat_alpha",
-    "f_sigma", "alpha_hat", "e_norm", "nu_norm",
+    "f_sigma", "alpha_hat", "free_elevator", "free_n_z", "e_norm", "nu_norm",
 )  # fmt: skip
 
 
 def params(which="flight", *, model=None, made=None, K=30.0, delta=1e-4, tau_f=0.2, tau_v=0.2, tau_rho=0.5,
-           omega_a=0.0, delay=0, sigma_q=0.02 * DEG, t_settle=2.0):  # fmt: skip
+           omega_a=0.0, delay=0, bank=True, inertia=(0.0, 0.0), sigma_q=0.02 * DEG, t_settle=2.0):  # fmt: skip
     """Return PARAMS of an `LpvModel` and its `Design`, by default the stored ones of this aircraft.
 
     States, inputs and outputs must be those of [Alwi14] (33), (37): alpha, Z, theta, V, q; elevator, stabiliser;
@@ -177,6 +207,7 @@ def params(which="flight", *, model=None, made=None, K=30.0, delta=1e-4, tau_f=0
         "mix": made.y_from, "L": made.L[0], "W": made.W, "a22": made.A22s, "a_f": made.A_f,
         "low": np.r_[model.box[:, 0], np.zeros(R - nr)], "high": np.r_[model.box[:, 1], np.ones(R - nr)],
         "eq": np.hstack([eq, np.zeros((N + M, T - len(own)))]),
+        "to_x": made.x_from[:, :5], "inertia": inertia, "bank": float(bank),
         "powers": np.pad(own, ((0, T - len(own)), (0, R - nr))),
     }  # fmt: skip
     return record(
@@ -195,30 +226,63 @@ def init(p):
 
 
 @kernel
+def _scores(x, p):
+    """Return how far each fault is beyond its threshold: elevator, n_z, alpha.
+
+    Gusts move the three estimates along one line, so faults are judged by what is left across it, (a, b): an elevator
+    fault leaves (f, 0), n_z (0, f), alpha (-k_e f, -k_n f). What no single fault explains counts for elevator and n_z.
+    """
+    away = math.fabs(x.away)
+    more_a, more_b = p.s_elevator * away + p.g_elevator * x.gust, p.s_n_z * away + p.g_n_z * x.gust
+    more_c = p.s_alpha * away + p.g_alpha * x.gust
+    t_a, t_b = p.t_elevator + more_a, p.t_n_z + more_b
+    a, b = x.free_elevator, x.free_n_z
+    u, v = x.k_e / t_a, x.k_n / t_b
+    f = -(a / t_a * u + b / t_b * v) / max(u * u + v * v, 1e-12)
+    left_a, left_b = math.fabs(a + x.k_e * f) / t_a, math.fabs(b + x.k_n * f) / t_b
+    size_a, size_b = math.fabs(a) / t_a, math.fabs(b) / t_b
+    elevator = min(size_a, math.fabs(x.f_hat_elevator) / t_a)
+    n_z = min(size_b, math.fabs(x.f_hat_n_z) / t_b)
+    alpha = min(math.fabs(f), math.fabs(x.f_hat_alpha)) / (p.t_alpha + more_c)
+    if max(left_a, left_b) >= 1.0 or max(size_a, size_b) < 1.0:
+        alpha = 0.0
+    elif elevator < 1.0 or size_b >= 1.0:  # alpha alone explains both
+        elevator, n_z = min(elevator, 0.99), min(n_z, 0.99)
+    if size_b < 1.0 and elevator >= 1.0 and alpha >= 1.0:  # either would do: the elevator moves one estimate only
+        alpha = 0.99
+    return (
+        max(elevator, math.fabs(x.slow[0]) / (p.w_elevator + more_a)),
+        max(n_z, math.fabs(x.slow[1]) / (p.w_n_z + more_b)),
+        max(alpha, math.fabs(x.slow[2]) / (p.w_alpha + more_c)),
+    )
+
+
+@kernel
 def _decide(x, p, dt):
-    """Confirm each estimate against its threshold; name the largest that is declared."""
-    x.r, x.alarm, x.culprit, x.verdict = 0.0, 0.0, 0.0, NONE
-    largest = 0.0
+    """Confirm each fault against its threshold; name the largest that is declared."""
+    c = 1.0 - math.exp(-dt / p.tau_slow)
+    x.slow[0] += c * (x.f_hat_elevator - x.slow[0])
+    x.slow[1] += c * (x.f_hat_n_z - x.slow[1])
+    x.slow[2] += c * (x.f_hat_alpha - x.slow[2])
+    # the rms grows by clipped steps, so that a fault's own step does not pass for weather
+    swing = min(math.fabs(x.f_hat_alpha - x.slow[2]), 3.0 * x.gust + 0.2 * DEG)
+    x.gust = math.sqrt(x.gust * x.gust + (1.0 - math.exp(-dt / p.tau_gust)) * (swing * swing - x.gust * x.gust))
+    scores = _scores(x, p)
+    x.alarm, x.culprit, x.verdict, largest = 0.0, 0.0, NONE, 0.0
+    x.r = max(scores[0], max(scores[1], scores[2]))
     x.since += dt
     for i in range(3):
-        f, t = x.f_hat_elevator, p.t_elevator
-        if i == 1:
-            f, t = x.f_hat_n_z, p.t_n_z
-        elif i == 2:
-            f, t = x.f_hat_alpha, p.t_alpha
-        ratio = math.fabs(f) / t
-        beyond = ratio >= 1.0 and x.age > p.t_settle
-        if i == 0 and beyond and f * x.sign <= 0.0:
+        beyond = scores[i] >= 1.0
+        if i == 0 and beyond and x.free_elevator * x.sign <= 0.0:
             x.half = x.half + 1.0 if x.since < 1.0 else 1.0
-            x.sign, x.since = math.copysign(1.0, f), 0.0
+            x.sign, x.since = math.copysign(1.0, x.free_elevator), 0.0
         # an oscillation is beyond its threshold for less than the confirmation time at once: it counts half periods
         beyond = beyond or (i == 0 and x.half >= 3.0 and x.since < 1.0)
         x.timer[i], x.on[i] = confirm(x.timer[i], x.on[i], beyond, dt, p.t_confirm, p.t_release)
-        x.r = max(x.r, ratio)
         if x.on[i] > 0.5:
             x.alarm = 1.0
-            if ratio > largest:
-                largest, x.culprit = ratio, i + 1.0
+            if scores[i] > largest:
+                largest, x.culprit = scores[i], i + 1.0
     if x.culprit > 1.5:
         x.verdict = SENSOR
     elif x.culprit > 0.5:
@@ -237,12 +301,19 @@ def step(x, u, p, dt):
         return
     inside = inputs(x, u, p, dt)
     outputs(x, u, p, dt)
+    bank(x, u, p)
     observe(x, p, dt)
+    if x.age == 0.0:
+        x.gust, x.away = max(x.gust, p.gust_0), 0.0
     x.age += dt
+    x.away += (1.0 - math.exp(-dt / p.tau_f)) * (x.alpha_hat - x.eq[0] * DEG - x.away)
     reconstruct(x, u, p, dt)
-    _decide(x, p, dt)
     both = usable(u.n_z, u.n_z_valid) * usable(u.alpha, u.alpha_valid)
-    x.valid = inside * both if x.age > p.t_settle else 0.0
+    x.valid = inside * both if x.age > p.t_settle and math.fabs(x.away) <= p.away_max else 0.0
+    if x.valid > 0.5:
+        _decide(x, p, dt)
+    else:
+        x.r, x.alarm, x.verdict, x.culprit = 0.0, 0.0, NONE, 0.0
 
 
 @kernel

@@ -10,6 +10,7 @@ N, P, M, R, T = 7, 6, 2, 4, 35  # states, outputs, inputs, scheduling parameters
 DELAY = 8  # longest delay of the commands [ticks]
 DEG = math.pi / 180
 KT = 1852 / 3600  # [m/s]
+G0 = 9.80665  # [m/s2]
 
 
 @kernel
@@ -91,6 +92,33 @@ def outputs(x, u, p, dt):
 
 
 @kernel
+def bank(x, u, p):
+    """Fill x.d with what bank and lateral rates add to the wings-level equations, in canonical coordinates.
+
+    alpha' += g/V cos(theta) cos(alpha) (cos phi - 1),   theta' += q (cos phi - 1) - r sin phi
+    Z' += V sin(alpha) cos(theta) (1 - cos phi),  V' -= g of the same,   q' += ((Izz - Ixx) p r - Ixz (p^2 - r^2)) / Iyy
+
+    An extension: [Alwi14] treats the longitudinal motion alone. Signals that are out count as zero.
+    """
+    for i in range(N):
+        x.d[i] = 0.0
+    if p.bank < 0.5:
+        return
+    phi = u.phi if usable(u.phi, u.phi_valid) > 0.5 else 0.0
+    roll = u.p if usable(u.p, u.p_valid) > 0.5 else 0.0
+    yaw = u.r if usable(u.r, u.r_valid) > 0.5 else 0.0
+    lost, alpha, speed = 1.0 - math.cos(phi), x.alpha_hat, max(x.v_s, 10.0)
+    tilt = math.sin(alpha) * math.cos(u.theta) * lost
+    d0 = -G0 / speed * math.cos(u.theta) * math.cos(alpha) * lost / DEG
+    d1 = speed * tilt
+    d2 = -(u.q * lost + yaw * math.sin(phi)) / DEG
+    d3 = -G0 * tilt
+    d4 = (p.inertia[0] * roll * yaw - p.inertia[1] * (roll * roll - yaw * yaw)) / DEG
+    for i in range(N):
+        x.d[i] = p.to_x[i, 0] * d0 + p.to_x[i, 1] * d1 + p.to_x[i, 2] * d2 + p.to_x[i, 3] * d3 + p.to_x[i, 4] * d4
+
+
+@kernel
 def observe(x, p, dt):
     """Advance w and e_y by one tick from x.b (old s) to x.s, and set nu (12)-(15), (20)."""
     affine(p.A, x.rho, x.A)
@@ -104,14 +132,15 @@ def observe(x, p, dt):
         w_eq += p.L[i] * x.eq[i + 1]
         b_e += p.L[i] * x.B[i + 1, 0]
         b_s += p.L[i] * x.B[i + 1, 1]
-    g = b_s * d_s - a * w_eq
+    g = b_s * d_s - a * w_eq + x.d[0]
     for i in range(P):
         row = x.A[0, i + 1] - a * p.L[i]
         for j in range(P):
             row += p.L[j] * x.A[j + 1, i + 1]
-        g += row * (x.s[i] - x.eq[i + 1])
+        g += row * (x.s[i] - x.eq[i + 1]) + p.L[i] * x.d[i + 1]
     if x.age == 0.0:  # start on the measured angle of attack: the first error dies at the sliding motion's pole
         x.w = x.y2[1]
+        x.alpha_hat = x.y2[1] * DEG
         for i in range(P):
             x.w += p.L[i] * x.s[i]
             x.e[i] = 0.0
@@ -124,7 +153,7 @@ def observe(x, p, dt):
         x_1 -= p.L[i] * x.s[i]
     x.alpha_hat = x_1 * DEG
     for i in range(P):
-        phi = x.A[i + 1, 0] * (x_1 - x.eq[0]) + x.B[i + 1, 1] * d_s
+        phi = x.A[i + 1, 0] * (x_1 - x.eq[0]) + x.B[i + 1, 1] * d_s + x.d[i + 1]
         for j in range(P):
             phi += x.A[i + 1, j + 1] * (x.s[j] - x.eq[j + 1])
         if x.age == 0.0:
@@ -165,5 +194,11 @@ def reconstruct(x, u, p, dt):
     x.f_hat_n_z_raw = x.f[1]
     x.f_hat_n_z = x.f[1] - D51 * x.f[0]
     x.f_hat_alpha = x.f[2] * DEG
+    # a gust of angle a moves alpha's vane, n_z and the pitching moment together: (a, k_n a, k_e a)
+    k_e = x.A[4, 0] / E
+    k_n = x.A[5, 0] / p.a_f[0] - D51 * k_e
+    x.k_e, x.k_n = k_e, k_n / DEG
+    x.free_elevator = (x.f[0] - k_e * x.f[2]) * DEG
+    x.free_n_z = x.f_hat_n_z - k_n * x.f[2]
     # white noise of q through a difference and the lag: variance (c / h)^2 (1 + c / (2 - c)) sigma^2
     x.f_sigma = p.sigma_q * c / dt * math.sqrt(1.0 + c / (2.0 - c)) / math.fabs(E)
