@@ -107,10 +107,11 @@ def _time(call, n):
 def _lockstep(scenario, path):
     """Return (a function that flies one logged tick, a function that ends the log)."""
     from cosim.build import build
+    from cosim.record import open_writer
     from cosim.tick import tick
 
     setup = build(scenario)
-    writer = setup.open_log(path)
+    writer = open_writer(setup, path)
     writer.__enter__()
     count = iter(range(10**9))
     return lambda: tick(setup.loop, next(count), writer.append), lambda: writer.__exit__(None, None, None)

@@ -1,7 +1,5 @@
 """Build a flight from its scenario: trim the aircraft, lay out the bus, put every block into equilibrium, wire them."""
 
-import io
-import json
 import math
 import time
 from dataclasses import dataclass, field
@@ -9,32 +7,37 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from actuators.block import bound, dtype
-from cosim import detectors, faults, hinge_model, inject, law, manoeuvre, parts, sensors, wiring
+from cosim import detectors, faults, hinge_model, inject, law, law_design, manoeuvre, parts, sensors, wiring
 from cosim.bus import Bus, route, route_add
+from cosim.errors import ScenarioError
 from cosim.history import History
 from cosim.linearize import linearize
-from cosim.log import LogWriter, Topic
 from cosim.pilot import steps
 from cosim.plant import SURFACES, TRUTH, Flight, Plant
+from cosim.scenario import Scenario
 from cosim.tick import Block, Loop
+from cosim.trim import Trim
 
 CLOCK = dtype([("t", "f8")])
 SURFACE = dtype([(name, "f8") for name in SURFACES])
 NOISE_BLOCK = 1000  # ticks of noise drawn at once
-HINGE_MODEL_ERROR = {"hydraulic": 0.2, "ema": 0.3, "simple": 0.0}  # bound of the error of the detectors' hinge-moment model
-SNAPSHOT_S = 1.0    # hidden detector states are logged that often
+HINGE_MODEL_ERROR = {
+    "hydraulic": 0.2,
+    "ema": 0.3,
+    "simple": 0.0,
+}  # bound of the error of the detectors' hinge-moment model
 
 
 @dataclass
 class Setup:
     """A flight ready to fly, and what its log and its result need."""
 
-    scenario: object
+    scenario: Scenario
     loop: Loop
-    trim: object
-    lanes: list                 # fault lanes
-    members: list               # (id, level, target, culprits, section, lane) of every detector lane
-    history: History            # what a run keeps of every tick
+    trim: Trim
+    lanes: list  # fault lanes
+    members: list  # (id, level, target, culprits, section, lane) of every detector lane
+    history: History  # what a run keeps of every tick
     step_us: dict = field(default_factory=dict)
 
     @property
@@ -58,90 +61,9 @@ class Setup:
                 best = min(best, time.perf_counter() - begin)
             self.step_us[d.name] = best / repeats / len(x) * 1e6
 
-    def sensor_copies(self):
-        """Return {topic prefix: (value, flag)}: the observers' copy is logged beside the law's only where a fault can part them."""
-        own = any(j.path in ("observers", "monitor") for j in self.scenario.injections())
-        return {"/sensors": ("y", "valid"), **({"/observers": ("y_obs", "valid_obs")} if own else {})}
-
-    def topics(self):
-        """Return the log's topics: everything of a tick, under names that a reader understands."""
-        bus, out = self.loop.bus, []
-
-        def add(name, columns, group, every=1):
-            if columns:
-                out.append(Topic(name=name, fields=tuple(_field(c) for c, _ in columns), units=("",) * len(columns),
-                                 index=np.array([i for _, i in columns]), every=every, group=group, description=""))
-
-        add("/truth/aircraft", bus.columns("truth", "aircraft"), "truth")
-        add("/surfaces/aircraft", bus.columns("surfaces", "aircraft"), "truth")
-        for prefix, (y, valid) in self.sensor_copies().items():
-            add(f"{prefix}/aircraft", [(n + tail, bus.index(f"sensors.{n}.{f}")) for tail, f in (("", y), ("_valid", valid))
-                                       for n in sensors.TRANSPORT], "sensors")
-            for seg in wiring.SEGMENTS:
-                names = wiring.PART_SENSORS[self.scenario.elevator.technology[seg]]
-                add(f"{prefix}/{seg}", [(n + tail, bus.index(f"sensors.{seg}_{n}.{f}")) for tail, f in (("", y), ("_valid", valid))
-                                        for n in names], "sensors")
-        add("/noise", [(lane, bus.index(f"sensors_in.{lane}.noise")) for lane in bus.lanes["sensors"]], "sensors")
-        add("/pilot", bus.columns("pilot", "pilot"), "law")
-        add("/law", bus.columns("law", "law", law.OUTPUTS), "law")
-        for seg in wiring.SEGMENTS:
-            add(f"/hinge_model/{seg}", bus.columns("hinge_model", seg, hinge_model.OUTPUTS), "detectors")
-        for b in (*self.loop.servos, *self.loop.actuators):
-            for lane in bus.lanes[b.name]:
-                held = [("u_held", bus.index(f"{b.name}_in.{lane}.u"))] if "u" in b.module.INPUTS.names else []
-                add(f"/actuators/{lane}/{b.name}", bus.columns(b.name, lane, b.module.OUTPUTS) + held, "actuators")
-        for lane in self.lanes:
-            add(f"/faults/f{lane.name}", bus.columns("faults", lane.name, faults.OUTPUTS), "faults")
-        for d in self.loop.detectors:
-            for lane in bus.lanes[d.name]:
-                add(f"/detectors/{d.name}/{lane}", bus.columns(d.name, lane, d.module.OUTPUTS), "detectors", d.every)
-                hidden = [n for n in d.module.STATE.names if n not in d.module.OUTPUTS]
-                every = max(1, round(SNAPSHOT_S / self.loop.dt / d.every)) * d.every
-                add(f"/state/{d.name}/{lane}", bus.columns(d.name, lane, hidden), "snapshot", every)
-        return out
-
-    def open_log(self, path):
-        """Open the log at `path` and write what does not change: scenario, parameters, wiring."""
-        import cosim
-
-        loop, topics = self.loop, self.topics()
-        blocks = [loop.sensors, loop.pilot, loop.law, loop.hinge, *loop.detectors, *loop.servos, *loop.actuators]
-        attachments = {"scenario.toml": ("application/toml", self.scenario.expanded_toml().encode()),
-                       "detectors.json": ("application/json", json.dumps(detectors.manifest(self, topics), indent=1, sort_keys=True).encode())}
-        for b in blocks:
-            attachments[f"{b.name}.params.npy"] = ("application/x-npy", _npy(b.p))
-            attachments[f"{b.name}.initial.npy"] = ("application/x-npy", _npy(b.x))
-        metadata = {"run": {"title": self.scenario.title, "software": f"cosim {cosim.__version__}", "rate_hz": str(self.scenario.rate_hz),
-                            "seed": str(self.scenario.seed), "ticks": str(self.ticks)},
-                    "trim": {k: repr(v) for k, v in vars(self.trim).items() if isinstance(v, float)},
-                    "libraries": {"jsbsim": _version("jsbsim"), "numpy": np.__version__, "numba": _version("numba")}}
-        return LogWriter(path, topics, n_values=len(loop.v), dt_ns=round(loop.dt * 1e9), metadata=metadata, attachments=attachments)
-
-    def log_result(self, result):
-        """Return the result's texts for the log: nothing in them depends on the machine's clock."""
-        kept = [{k: v for k, v in d.items() if k != "step_us"} for d in result.to_dict()["detectors"]]
-        return {"status": result.status, "reason": result.reason, "sim_time_s": repr(result.sim_time_s), "detectors": json.dumps(kept, sort_keys=True)}
-
-
-def _npy(array):
-    out = io.BytesIO()
-    np.save(out, array, allow_pickle=False)
-    return out.getvalue()
-
-
-def _version(name):
-    from importlib.metadata import version
-
-    return version(name)
-
-
-def _field(name):
-    """Return a column's name as a log field: x_hat[2] is x_hat_2."""
-    return name.replace("[", "_").replace("]", "")
-
 
 def _sensor_lanes(scenario, rng, dt):
-    """Return (lane names, PARAMS) of all sensors; constant errors of the actuators' sensors are drawn once, from `rng`."""
+    """Return (lane names, PARAMS) of all sensors; constant errors of actuator sensors are drawn once, from `rng`."""
     scale, root = scenario.sensors.noise_scale, math.sqrt(0.005 / dt)  # sigma is per 5 ms sample
     names, rows = [], []
 
@@ -150,7 +72,15 @@ def _sensor_lanes(scenario, rng, dt):
         sigma = scale * root * sigma if s.sigma is None else s.sigma
         p = np.zeros(1, sensors.PARAMS)
         p["sigma"], p["bias"], p["scale"] = sigma, bias if s.bias is None else s.bias, s.scale or 0.0
-        p["delay"] = round((delay if s.delay is None else s.delay) / dt)
+        late = delay if s.delay is None else s.delay
+        p["delay"] = round(late / dt)
+        if p["delay"][0] >= sensors.DELAY_MAX:
+            raise ScenarioError(
+                f"a delay of {late:g} s is {p['delay'][0]:.0f} ticks",
+                place=f"sensors.{base}.delay_s",
+                allowed=f"below {sensors.DELAY_MAX * dt:g} s at {1 / dt:g} Hz",
+                remedy="Lower delay_s or rate_hz",
+            )
         p["quantum"], p["gain"] = s.quantum or 0.0, gain
         names.append(lane)
         rows.append(p)
@@ -160,8 +90,14 @@ def _sensor_lanes(scenario, rng, dt):
     for seg, tech in scenario.elevator.technology.items():
         for name in wiring.PART_SENSORS[tech]:
             sigma, spread = sensors.PARTS[name]
-            add(f"{seg}_{name}", name, sigma, 0.005, bias=scale * spread * rng.uniform(-1.0, 1.0),
-                gain=parts.LEAD if name == "position" else 1.0)
+            add(
+                f"{seg}_{name}",
+                name,
+                sigma,
+                0.005,
+                bias=scale * spread * rng.uniform(-1.0, 1.0),
+                gain=parts.LEAD if name == "position" else 1.0,
+            )
     return tuple(names), np.concatenate(rows)
 
 
@@ -183,31 +119,51 @@ def build(scenario):
     """Return the Setup of `scenario`. Raises TrimError when the flight point cannot be flown."""
     dt, flown = scenario.dt, scenario.flight
     speed_kind, speed = flown.speed
-    point = Flight(mass=flown.mass, cg=flown.cg, altitude=flown.altitude, speed_kind=speed_kind, speed=speed,
-                   multipliers=dict(scenario.tolerances.aero), turbulence=flown.turbulence, seed=scenario.seed)
+    point = Flight(
+        mass=flown.mass,
+        cg=flown.cg,
+        altitude=flown.altitude,
+        speed_kind=speed_kind,
+        speed=speed,
+        multipliers=dict(scenario.tolerances.aero),
+        turbulence=flown.turbulence,
+        seed=scenario.seed,
+    )
     plant = Plant(point, dt=dt)
     trim = plant.trim()
     truth = np.zeros(1, TRUTH)
     plant.read(truth[0])
     t = truth[0]
-    rng_parts, rng_noise = (np.random.Generator(np.random.PCG64(s)) for s in np.random.SeedSequence(scenario.seed).spawn(2))
+    rng_parts, rng_noise = (
+        np.random.Generator(np.random.PCG64(s)) for s in np.random.SeedSequence(scenario.seed).spawn(2)
+    )
     sensor_lanes, sensor_p = _sensor_lanes(scenario, rng_parts, dt)
     loads = {seg: (t[f"de_{s}"], t[f"hm0_{s}"], t[f"hmd_{s}"]) for seg, s in wiring.SHORT.items()}
     others = {name: t[wiring.SURFACE_OF[name]] for name in wiring.OTHERS}
     built = parts.blocks(scenario, loads, others, dt)
     pilot_p = manoeuvre.params(**steps(scenario.manoeuvre))
     sketch = Plant(point, dt=dt)  # moved about to take derivatives
-    law_p = law.design(linearize(point), law.alpha_limit(sketch, trim))
-    factors = [1.0 + HINGE_MODEL_ERROR[tech] * rng_parts.uniform(-1.0, 1.0) for tech in scenario.elevator.technology.values()]
+    law_p = law_design.design(linearize(point), law_design.alpha_limit(sketch, trim))
+    factors = [
+        1.0 + HINGE_MODEL_ERROR[tech] * rng_parts.uniform(-1.0, 1.0) for tech in scenario.elevator.technology.values()
+    ]
     hinge_p = hinge_model.design(sketch, trim, t, wiring.SHORT.values(), factors)
     fault_lanes = inject.lanes(scenario, parts.nominal(dt))
     chosen = detectors.chosen(scenario)
 
-    sections = [("clock", CLOCK, ("clock",)), ("truth", TRUTH, ("aircraft",)), ("surfaces", SURFACE, ("aircraft",)),
-                ("sensors_in", sensors.INPUTS, sensor_lanes), ("sensors", sensors.STATE, sensor_lanes),
-                ("pilot_in", manoeuvre.INPUTS, ("pilot",)), ("pilot", manoeuvre.STATE, ("pilot",)),
-                ("law_in", law.INPUTS, ("law",)), ("law", law.STATE, ("law",)),
-                ("hinge_model_in", hinge_model.INPUTS, wiring.SEGMENTS), ("hinge_model", hinge_model.STATE, wiring.SEGMENTS)]
+    sections = [
+        ("clock", CLOCK, ("clock",)),
+        ("truth", TRUTH, ("aircraft",)),
+        ("surfaces", SURFACE, ("aircraft",)),
+        ("sensors_in", sensors.INPUTS, sensor_lanes),
+        ("sensors", sensors.STATE, sensor_lanes),
+        ("pilot_in", manoeuvre.INPUTS, ("pilot",)),
+        ("pilot", manoeuvre.STATE, ("pilot",)),
+        ("law_in", law.INPUTS, ("law",)),
+        ("law", law.STATE, ("law",)),
+        ("hinge_model_in", hinge_model.INPUTS, wiring.SEGMENTS),
+        ("hinge_model", hinge_model.STATE, wiring.SEGMENTS),
+    ]
     names = tuple(lane.name for lane in fault_lanes)
     sections += [("faults_in", faults.INPUTS, names), ("faults", faults.STATE, names)]
     for name, module, _, _, lanes in built:
@@ -223,24 +179,40 @@ def build(scenario):
     parts_blocks = [block(n, m, p, x) for n, m, p, x, _ in built]
     tech = scenario.elevator.technology
     loop = Loop(
-        bus=bus, plant=plant, dt=dt, draw=Draw(rng_noise, len(sensor_lanes)), route={},
-        faults=block("faults", faults, np.concatenate([np.zeros(0, faults.PARAMS), *(lane.p for lane in fault_lanes)]), 0),
+        bus=bus,
+        plant=plant,
+        dt=dt,
+        draw=Draw(rng_noise, len(sensor_lanes)),
+        route={},
+        faults=block(
+            "faults", faults, np.concatenate([np.zeros(0, faults.PARAMS), *(lane.p for lane in fault_lanes)]), 0
+        ),
         sensors=block("sensors", sensors, sensor_p, sensors.init(sensor_p)),
         pilot=block("pilot", manoeuvre, pilot_p, manoeuvre.init(pilot_p)),
         law=block("law", law, law_p, law.init(law_p)),
         hinge=block("hinge_model", hinge_model, hinge_p, hinge_model.init(hinge_p)),
-        detectors=[block(d.id, d.module, d.params(scenario, dt), d.module.init(d.params(scenario, dt)), d.every) for d in chosen],
+        detectors=[
+            block(d.id, d.module, d.params(scenario, dt), d.module.init(d.params(scenario, dt)), d.every)
+            for d in chosen
+        ],
         servos=[b for b in parts_blocks if b.name in wiring.SERVO.values()],
         actuators=[b for b in parts_blocks if b.name not in wiring.SERVO.values()],
     )
-    wires = {stage: bus.wires(pairs) for stage, pairs in {
-        "sensors": wiring.sensor_wires(tech), "law": wiring.law_wires(), "demand": wiring.demand_wires(),
-        "hinge": wiring.hinge_wires(tech),
-        "servos": wiring.servo_wires(tech) + detectors.feedback_wires(scenario), "actuators": wiring.actuator_wires(tech),
-        "surfaces": wiring.surface_wires(tech), "detectors": [w for d in chosen for w in d.wires(tech)],
-        "faults": [(f"faults_in.{lane.name}.t", "clock.clock.t") for lane in fault_lanes]
-        + [(f"faults_in.{lane.name}.ref", lane.reference) for lane in fault_lanes if lane.reference],
-    }.items()}
+    wires = {
+        stage: bus.wires(pairs)
+        for stage, pairs in {
+            "sensors": wiring.sensor_wires(tech),
+            "law": wiring.law_wires(),
+            "demand": wiring.demand_wires(),
+            "hinge": wiring.hinge_wires(tech),
+            "servos": wiring.servo_wires(tech) + detectors.feedback_wires(scenario),
+            "actuators": wiring.actuator_wires(tech),
+            "surfaces": wiring.surface_wires(tech),
+            "detectors": [w for d in chosen for w in d.wires(tech)],
+            "faults": [(f"faults_in.{lane.name}.t", "clock.clock.t") for lane in fault_lanes]
+            + [(f"faults_in.{lane.name}.ref", lane.reference) for lane in fault_lanes if lane.reference],
+        }.items()
+    }
     places = [(to, f"faults.{lane.name}.{source}") for lane in fault_lanes for to, source in lane.places]
     to, source = bus.wires(places)
     loop.route = {stage: bound(route, bus.v, *w) for stage, w in wires.items()}

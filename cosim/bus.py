@@ -33,7 +33,9 @@ class Bus:
     """
 
     def __init__(self, sections):
-        self.kinds, self.lanes, self._start = {}, {}, {}
+        self.kinds: dict[str, np.dtype] = {}
+        self.lanes: dict[str, tuple] = {}
+        self._start: dict[str, int] = {}
         n = 0
         for name, kind, lanes in sections:
             if name in self.kinds:

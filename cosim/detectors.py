@@ -6,6 +6,7 @@ manifest with those names goes into the log, so that replay needs nothing but th
 
 import functools
 import importlib
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,8 +26,8 @@ class Spec:
 
     module: str
     technologies: tuple
-    wires: object
-    params: object
+    wires: Callable
+    params: Callable
     every: int = 1
 
 
@@ -212,14 +213,14 @@ def manifest(setup, topics):
     at every tick.
     """
     bus, technology = setup.loop.bus, setup.scenario.elevator.technology
-    place = {}
+    place: dict[int, tuple] = {}
     for t in topics:
         if t.every == 1:
             for field, i in zip(t.fields, t.index):
                 place.setdefault(int(i), (t.name, field))
     out = []
     for d in chosen(setup.scenario):
-        inputs = {lane: [] for lane in d.lanes}
+        inputs: dict[str, list] = {lane: [] for lane in d.lanes}
         for to, source in d.wires(technology):
             _, lane, field = to.split(".", 2)
             if bus.index(source) not in place:  # both copies of a sensor are the same bits, and one is logged

@@ -136,7 +136,7 @@ def _sensor_factor(j, technology, nominal):
 
 
 def _moving(j, name, tech, part, delta, nominal):
-    """Return the lane of a fault of actuator `part` of technology `tech`, whose surface angle is at bus name `delta`."""
+    """Return the lane of a fault of actuator `part` of technology `tech`; its surface angle is at bus name `delta`."""
     own = f"{tech}_in.{part}"
     if j.kind in SWITCHED[tech]:
         return Lane(name, j.fault, _params(j, f.CONSTANT, 1.0), ((f"{own}.{SWITCHED[tech][j.kind]}", "g"),))

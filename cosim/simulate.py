@@ -8,6 +8,7 @@ import numpy as np
 
 from cosim.achieved import moved
 from cosim.build import build
+from cosim.record import open_writer, result_texts
 from cosim.result import Result, judge, judged
 from cosim.tick import tick
 
@@ -49,7 +50,7 @@ def simulate(scenario, *, log=None, progress=None, live=None, achieved=False, ti
     """
     started = time.perf_counter()
     setup = build(scenario)
-    with setup.open_log(log) if log else nullcontext() as writer:
+    with open_writer(setup, log) if log else nullcontext() as writer:
         flown = time.perf_counter()
         history, status, reason = fly(setup, writer.append if writer else _nowhere, progress)
         wall = time.perf_counter() - flown
@@ -69,7 +70,7 @@ def simulate(scenario, *, log=None, progress=None, live=None, achieved=False, ti
             "startup_s": flown - started,
         }
         if writer:
-            writer.close(result=setup.log_result(result))
+            writer.close(result=result_texts(result))
     return result
 
 
