@@ -1,0 +1,117 @@
+"""One run of a campaign, in a worker process: a scenario in, rows out; whatever goes wrong is a row too."""
+
+import concurrent.futures as cf
+import functools
+import hashlib
+import queue
+import threading
+
+from cosim.errors import TrimError
+
+ACHIEVED = ("rod_mm", "surface_deg", "travel_pct", "amplitude_mm", "amplitude_deg")
+_lock = threading.Lock()
+_timed = False  # whether this process has measured its detectors' cost per step
+
+
+def run_id(scenario):
+    """Return the id of a run: 16 hex digits of the SHA-256 of the expanded scenario."""
+    return hashlib.sha256(scenario.expanded_toml().encode()).hexdigest()[:16]
+
+
+def fly(run, scenario, achieved):
+    """Fly `scenario` as run `run`; return (rows, timing): dicts with the columns of `campaign_store.ROWS` and `TIMING`.
+
+    An error of the flight is one row without a detector: status "infeasible" for a point without a steady flight,
+    "error" for anything else. With `achieved` the twin flight is flown where a fault acts on an elevator.
+    """
+    if threading.current_thread() is threading.main_thread():
+        return _fly(run, scenario, achieved)
+    with _lock:  # two threads would otherwise each make one
+        thread = _thread()
+    return thread.submit(run, scenario, achieved).result()
+
+
+def _fly(run, scenario, achieved):
+    global _timed
+    try:
+        from cosim.simulate import simulate
+
+        result = simulate(scenario, achieved=achieved, timed=not _timed)
+    except TrimError as error:
+        return [failed(run, "infeasible", str(error))], []
+    except Exception as error:  # a crashed run is a row with its error, not the end of the campaign
+        return [failed(run, "error", f"{type(error).__name__}: {error}")], []
+    if result.status == "interrupted":
+        raise KeyboardInterrupt
+    rows, timing = _rows(run, result), _timing(run, result, _timed)
+    _timed = True
+    return rows, timing
+
+
+class _Thread:
+    """Fly in one thread that never ends, one run after the other.
+
+    When a thread ends that has flown, JSBSim 1.3 frees its thread-local logger without holding the interpreter's lock
+    and the process aborts: a Dask worker's threads come and go.
+    """
+
+    def __init__(self):
+        self._jobs = queue.SimpleQueue()
+        threading.Thread(target=self._work, name="flights", daemon=True).start()
+
+    def submit(self, *job):
+        """Return the Future of a run."""
+        future = cf.Future()
+        self._jobs.put((future, job))
+        return future
+
+    def _work(self):
+        while True:
+            future, job = self._jobs.get()
+            try:
+                future.set_result(_fly(*job))
+            except BaseException as error:
+                future.set_exception(error)
+
+
+@functools.cache
+def _thread():
+    return _Thread()
+
+
+def failed(run, status, error):
+    """Return the row of a run that has no result."""
+    return {"run": run, "lane": 0, "status": status, "error": " ".join(error.split())}
+
+
+def _rows(run, result):
+    found = result.to_dict()
+    about = {"run": run, "status": found["status"], "error": found["reason"], "sim_time_s": found["sim_time_s"]}
+    for name in ACHIEVED:
+        given = [seg[name] for seg in (found["achieved"] or {}).values() if seg[name] is not None]
+        about[name] = max(given) if given else None
+    if not found["detectors"]:
+        return [{**about, "lane": 0}]
+    return [{**about, "lane": i, **_lane(d)} for i, d in enumerate(found["detectors"])]
+
+
+def _lane(d):
+    kept = {k: d[k] for k in ("id", "level", "target", "concerned", "alarm", "detected_at_s", "false_alarms")}
+    kept |= {k: d[k] for k in ("r_max_before", "r_max_after", "estimate_rmse", "estimate_bias", "estimate_max")}
+    isolated = d["isolated"] or {}
+    return {
+        **kept,
+        "delay_s": d["detection_delay_s"],
+        "delay_periods": d["detection_delay_periods"],
+        "isolated_class": isolated.get("class"),
+        "isolated_target": isolated.get("target"),
+        "estimate_unit": d["estimate_unit"],
+    }
+
+
+def _timing(run, result, timed):
+    whole = {"run": run, "wall_time_s": result.wall_time_s, "startup_s": result.extra["startup_s"]}
+    if timed:
+        return [whole]
+    steps = {d["id"]: d["step_us"] for d in result.detectors}
+    return [whole, *({"run": run, "id": name, "step_us": us} for name, us in steps.items())]

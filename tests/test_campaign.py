@@ -1,0 +1,224 @@
+"""Campaigns: a row per run and lane, nothing lost or flown twice, whoever flies them, whatever is killed."""
+
+import concurrent.futures as cf
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cosim import campaign_pool
+from cosim.campaign import flatten, run_many
+from cosim.campaign_keep import choose
+from cosim.campaign_store import CampaignError, Store, load
+from cosim.campaign_worker import failed, run_id
+from cosim.scenario import load_scenario
+
+FEW = '["iotsekf", "position_monitor"]'
+
+
+def flights(n, *more):
+    """Return n short flights with an oscillation, each with its own seed."""
+    keys = ("duration_s=3", "faults.0.start_s=1", "faults.0.frequency_hz=3", f"detectors.enabled={FEW}", *more)
+    return [load_scenario("liquid-ofc", [*keys, f"seed={1_000_000 + i}"]) for i in range(n)]
+
+
+def infeasible():
+    return load_scenario("cruise", ["flight.mass_t=400", "flight.altitude_ft=44000", "duration_s=2"])
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    """Five flights and a point without a trim, flown in this process into a folder."""
+    out = tmp_path_factory.mktemp("campaign")
+    return run_many([*flights(5), infeasible()], workers=0, out=out), out
+
+
+def test_a_run_has_one_row_per_detector_lane_and_what_a_reader_needs(flown):
+    result, _ = flown
+    assert (result.done, result.failed, result.resumed) == (6, 1, 0)
+    rows = result.frame[result.frame["status"] == "completed"]
+    assert list(rows.groupby("run").size()) == [6] * 5  # 2 hydraulic lanes, 4 of the position monitor
+    mine = rows[(rows["id"] == "iotsekf") & (rows["target"] == "elevator.left_inner")]
+    assert mine["concerned"].all() and mine["alarm"].all() and (mine["delay_periods"] < 3).all()
+    assert (mine["isolated_class"] == "ofc_liquid").all()
+    assert (mine["r_max_before"] < 1).all() and (mine["r_max_after"] > 1).all()
+    assert mine["amplitude_mm"].between(7, 10).all()  # 8 mm by the linear loop
+    assert list(mine["seed"]) == [1_000_000 + i for i in range(5)]
+    pd.testing.assert_frame_equal(pd.read_parquet(result.parquet), result.frame, check_dtype=False)
+
+
+def test_a_point_without_a_trim_is_a_row_with_its_reason(flown):
+    row = flown[0].frame.iloc[-1]
+    assert row["status"] == "infeasible" and "44000 ft" in row["error"] and pd.isna(row["id"])
+
+
+def test_an_error_inside_a_flight_is_a_row_with_its_text():
+    broken = load_scenario("cruise", ["duration_s=1"])
+    object.__setattr__(broken.flight, "turbulence", "hurricane")
+    frame = run_many([broken, *flights(1)], workers=0).frame
+    assert list(frame.drop_duplicates("run")["status"]) == ["error", "completed"]
+    assert "hurricane" in frame["error"][0]
+
+
+def test_a_process_pool_gives_the_same_rows(flown, tmp_path):
+    result = run_many([*flights(5), infeasible()], workers=2, out=tmp_path)
+    pd.testing.assert_frame_equal(result.frame, flown[0].frame)
+
+
+def test_any_executor_gives_the_same_rows(flown):
+    with cf.ThreadPoolExecutor(3) as executor:
+        result = run_many([*flights(5), infeasible()], executor=executor)
+    pd.testing.assert_frame_equal(result.frame, flown[0].frame)
+
+
+def test_resume_flies_only_what_is_missing_and_grows(flown, tmp_path):
+    first = run_many(flights(2), workers=0, out=tmp_path)
+    again = run_many([*flights(5), infeasible()], workers=0, out=tmp_path)
+    assert (first.resumed, again.resumed, again.done) == (0, 2, 6)
+    pd.testing.assert_frame_equal(again.frame, flown[0].frame)
+
+
+def test_a_folder_with_rows_is_not_flown_over(flown):
+    with pytest.raises(CampaignError, match="--resume"):
+        run_many(flights(5), workers=0, out=flown[1], resume=False)
+
+
+def test_rows_of_other_code_do_not_mix(tmp_path):
+    run_many(flights(1), workers=0, out=tmp_path)
+    about = tmp_path / "campaign.json"
+    about.write_text(about.read_text().replace('"digest": "', '"digest": "x'))
+    with pytest.raises(CampaignError, match="other code"):
+        run_many(flights(2), workers=0, out=tmp_path)
+
+
+SCRIPT = """
+import sys
+sys.path.insert(0, {tests!r})
+from cosim.campaign import run_many
+from test_campaign import flights
+if __name__ == "__main__":
+    run_many(flights(24), workers=2, out={out!r}, progress=lambda done, total: print(done, flush=True))
+"""
+
+
+def test_kill_9_and_resume_equals_an_uninterrupted_campaign(tmp_path, monkeypatch):
+    killed, whole = tmp_path / "killed", tmp_path / "whole"
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT.format(tests=os.path.dirname(__file__), out=str(killed)))
+    process = subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE, text=True, start_new_session=True)
+    for line in process.stdout:  # some files of rows are there, some runs are in flight
+        if int(line) >= 18:
+            break
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    parts = list((killed / "parts").glob("rows-*.parquet"))
+    safe = len(pd.concat(map(pd.read_parquet, parts))["run"].unique())
+    assert 0 < safe < 24 and not (killed / "runs.parquet").exists()
+    resumed = run_many(flights(24), workers=0, out=killed)
+    assert resumed.resumed == safe
+    pd.testing.assert_frame_equal(resumed.frame, run_many(flights(24), workers=0, out=whole).frame)
+    assert (killed / "runs.parquet").read_bytes() == (whole / "runs.parquet").read_bytes()
+
+
+def test_a_worker_that_dies_loses_no_run(monkeypatch):
+    """The first process that flies run 2 dies; the run is flown again elsewhere."""
+    monkeypatch.setattr(campaign_pool, "fly", die_once)
+    jobs = [(f"run{i}", None) for i in range(8)]
+    marker = f"/tmp/cosim-test-{os.getpid()}-{time.monotonic_ns()}"
+    monkeypatch.setenv("COSIM_TEST_MARKER", marker)
+    try:
+        found = sorted(run for run, *_ in campaign_pool.outcomes(jobs, workers=2))
+    finally:
+        os.path.exists(marker) and os.unlink(marker)
+    assert found == [run for run, _ in jobs]
+
+
+def test_a_run_that_kills_every_worker_is_a_row_and_the_others_fly(monkeypatch):
+    monkeypatch.setattr(campaign_pool, "fly", die_always)
+    found = {run: rows for run, rows, _ in campaign_pool.outcomes([(f"run{i}", None) for i in range(6)], workers=2)}
+    assert len(found) == 6
+    assert [run for run, rows in found.items() if rows[0]["status"] == "crashed"] == ["run2"]
+
+
+def die_once(run, scenario, achieved):
+    marker = os.environ["COSIM_TEST_MARKER"]
+    if run == "run2" and not os.path.exists(marker):
+        open(marker, "w").close()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return [failed(run, "completed", "")], []
+
+
+def die_always(run, scenario, achieved):
+    if run == "run2":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return [failed(run, "completed", "")], []
+
+
+def test_ids_name_the_scenario_and_nothing_else():
+    a, b = flights(2)
+    assert run_id(a) == run_id(flights(1)[0]) != run_id(b)
+
+
+def test_flatten_names_keys_as_the_scenario_file_does():
+    assert flatten({"a": {"b": 1}, "faults": [{"kind": "x"}], "e": ["p", "q"], "none": []}) == {
+        "a.b": 1,
+        "faults.0.kind": "x",
+        "e": "p,q",
+    }
+
+
+def test_logs_of_the_worst_runs_are_kept_by_rule(tmp_path):
+    import cosim
+
+    quiet = flights(1, "detectors.position_monitor.threshold=0.5")  # rad: the monitor misses the fault
+    result = run_many([*flights(2), *quiet], workers=0, out=tmp_path, keep={"missed": 1, "departed": 3})
+    kept = result.frame.drop_duplicates("run")["kept"]
+    assert list(kept) == ["", "", "missed"]
+    logs = list((tmp_path / "logs").iterdir())
+    assert [p.stem for p in logs] == [result.frame["run"].iloc[-1]]
+    assert cosim.open_log(logs[0]).n_ticks == 600
+
+
+def test_rules_choose_the_worst_first_per_detector():
+    frame = pd.DataFrame(
+        {
+            "run": ["a", "b", "c", "d"],
+            "id": ["x", "x", "x", "y"],
+            "status": ["completed", "departed", "completed", "completed"],
+            "concerned": [True, True, True, False],
+            "delay_s": [1.0, 3.0, np.nan, np.nan],
+            "delay_periods": [1.0, 3.0, np.nan, np.nan],
+            "false_alarms": [0, 2, 1, 1],
+            "r_max_before": [0.1, 0.2, 0.3, 0.4],
+            "estimate_rmse": [np.nan] * 4,
+            "amplitude_mm": [1.0, 1.0, 1.0, np.nan],
+            "rod_mm": [1.0, 1.0, 1.0, np.nan],
+        }
+    )
+    assert choose(frame, {"late": 1}) == {"b": ["late"]}
+    assert choose(frame, {"missed": 2}) == {"c": ["missed"]}
+    assert choose(frame, {"false_alarm": 1, "departed": 1}) == {"b": ["false_alarm", "departed"], "d": ["false_alarm"]}
+    assert choose(frame, {"residual": 1}) == {"c": ["residual"], "d": ["residual"]}
+
+
+def test_load_says_what_a_folder_is_not(tmp_path, flown):
+    with pytest.raises(CampaignError, match="no finished campaign"):
+        load(tmp_path)
+    rows, timing = load(flown[1])
+    assert len(rows) == 31 and {"wall_time_s", "step_us"} <= set(timing.columns)
+
+
+def test_rows_survive_being_there_twice(tmp_path):
+    scenarios = pd.DataFrame({"run": ["a", "b"], "order": [0, 1], "toml": ["", ""]})
+    store = Store(tmp_path, scenarios)
+    store.add([failed("b", "error", "x")], [])
+    store.add([failed("a", "error", "x"), failed("b", "error", "x")], [])
+    assert list(store.rows()["run"]) == ["a", "b"]
+    store.consolidate(store.rows())
+    assert len(list((tmp_path / "parts").glob("rows-*"))) == 1
+    assert Store(tmp_path, scenarios).finished == {"a", "b"}
