@@ -1,0 +1,94 @@
+"""What is expected of which detector for which fault, and what came of it.
+
+The table is fdi/expected.toml: `designed`, `may`, and otherwise blind by structure. A case is the fault as a detector
+meets it: technology, kind and place of entry.
+"""
+
+import fnmatch
+import functools
+import tomllib
+from dataclasses import dataclass
+from importlib.resources import files
+
+DESIGNED, MAY, BLIND = "designed", "may", "blind"
+WORDS = {DESIGNED: "designed for", MAY: "may see", BLIND: "blind by structure"}
+ENTERS = ("ofc_liquid", "ofc_solid", "runaway", "bias")  # kinds whose place of entry decides who can see them
+PARTS = {"rod": "rod sensor", "surface": "surface sensor", "pressure": "pressure sensor", "velocity": "velocity sensor",
+         "position": "position sensor", "current": "current sensor"}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Expected:
+    """How a detector stands to a case: `word` (designed, may, blind) and the verdict `classes` that would be right."""
+
+    word: str
+    classes: tuple = ()
+
+
+@functools.cache
+def expectations():
+    """Return the committed table {detector: {designed, may: {case pattern: [classes]}, blind: why}}."""
+    return tomllib.loads((files("fdi") / "expected.toml").read_text())
+
+
+def expected(detector, case):
+    """Return the Expected of `detector` for `case`; a detector that the table does not know is blind to everything."""
+    own = expectations().get(detector, {})
+    for word in (DESIGNED, MAY):
+        for pattern, classes in own.get(word, {}).items():
+            if fnmatch.fnmatchcase(case, pattern):
+                return Expected(word, tuple(classes))
+    return Expected(BLIND)
+
+
+def case_of(kind, target, technology, at="", limit=False):
+    """Return the case of a fault: `target` as a scenario writes it, `technology` {segment: name}.
+
+    `at` is the place of entry, `limit` whether a runaway goes to a limit (the command then runs, not the valve). A
+    target of several segments is named after its first one.
+    """
+    place, *rest = target.split(".")
+    if place != "elevator":
+        return {"sensor": f"sensor.{rest[0]}" if rest else "sensor"}.get(place, place)
+    segment = next((s for s in technology if s == rest[0] or s.startswith(rest[0] + "_") or rest[0] == "all"), rest[0])
+    tech = technology.get(segment, "simple")
+    if len(rest) > 1:
+        return f"{tech}.{rest[1]}"
+    if kind == "runaway" and (limit or tech == "ema"):  # inject: without a valve, or to a limit, the demand runs
+        at = "command"
+    tail = f"@{at}" if kind in ENTERS and at in ("command", "sensor") else ""
+    return f"{tech}.{kind}{tail}"
+
+
+def cases(scenario):
+    """Return the case of each fault of a scenario, in its order."""
+    technology = scenario.elevator.technology
+    return [case_of(f.kind, f.target, technology, f.at or "", "limit_deg" in (f.model_extra or {})) for f in scenario.faults]
+
+
+def label(case):
+    """Return a case in words: "hydraulic: OFC liquid", "sensor alpha"."""
+    group, _, rest = case.partition(".")
+    if not rest:
+        return group
+    if group == "sensor":
+        return f"aircraft sensor {rest}"
+    kind, _, at = rest.partition("@")
+    words = PARTS.get(kind, kind.replace("ofc_", "OFC ").replace("_", " "))
+    return f"{group}: {words}" + (f", in the {at}" if at else "")
+
+
+def outcome(detector, case, detected, named):
+    """Return what came of it: "named", "seen" (but called ambiguous or nothing), "misnamed", "missed", "quiet", "bonus".
+
+    `named` is the verdict class or None. For a case that the detector is blind to, "quiet" is right and "bonus" is an
+    alarm all the same; "missed" counts only where it was designed for the case.
+    """
+    want = expected(detector, case)
+    if not detected:
+        return "missed" if want.word == DESIGNED else "quiet"
+    if want.word == BLIND:
+        return "bonus"
+    if named in (None, "none", "ambiguous"):
+        return "seen"
+    return "named" if named in want.classes else "misnamed"

@@ -1,0 +1,144 @@
+"""Figures as plain data for plotly.js: colours by name of a CSS variable, so that one figure serves dark and light.
+
+A Figure is what page.js draws. Samples go in as base64 single precision; long curves are reduced to the smallest and
+largest value of each interval, so that no peak is lost.
+"""
+
+import base64
+from dataclasses import dataclass, field
+
+import numpy as np
+
+COLOURS = ("--blue", "--red", "--green", "--purple", "--orange", "--sky", "--gold", "--muted")
+DASHES = ("solid", "dash", "dot", "dashdot")
+POINTS = 2000  # of a curve; two per interval
+
+
+@dataclass
+class Figure:
+    """One drawing: `data` and `layout` of plotly.js, and what page.js does with it.
+
+    `time`: its horizontal axes are time and follow cursor and zoom. `detector`: it is hidden with that detector.
+    `rows`: [{name, detector}] of a time line, `track`: [{x, y}] per panel, the place at evenly spaced times.
+    """
+
+    id: str
+    caption: str = ""
+    height: int = 260
+    data: list = field(default_factory=list)
+    layout: dict = field(default_factory=dict)
+    time: bool = True
+    detector: str | None = None
+    rows: list | None = None
+    track: list | None = None
+
+    def plain(self):
+        """Return what the page's script reads."""
+        out = {"id": self.id, "data": self.data, "layout": self.layout, "time": self.time}
+        return out | {k: getattr(self, k) for k in ("detector", "rows", "track") if getattr(self, k) is not None}
+
+
+def packed(values):
+    """Return an array as plotly.js takes it: little-endian float32 in base64."""
+    return {"dtype": "f4", "bdata": base64.b64encode(np.asarray(values, "<f4").tobytes()).decode()}
+
+
+def envelope(y, points=POINTS):
+    """Return (values, samples per value): `y` itself, or min and max of each of points/2 intervals in order of time.
+
+    An interval that holds only NaN gives NaN; the last interval may be shorter.
+    """
+    y = np.asarray(y, float)
+    step = -(-2 * len(y) // points)  # samples per interval, rounded up
+    if len(y) <= points or step < 3:
+        return y, 1.0
+    short = -len(y) % step
+    rows = np.concatenate([y, np.full(short, y[-1])]).reshape(-1, step)
+    gone = np.isnan(rows).all(axis=1)
+    filled = np.where(gone[:, None], 0.0, rows)
+    low, high = np.nanargmin(filled, axis=1), np.nanargmax(filled, axis=1)
+    first, last = np.minimum(low, high), np.maximum(low, high)
+    out = np.stack([np.take_along_axis(filled, i[:, None], 1)[:, 0] for i in (first, last)], axis=1)
+    out[gone] = np.nan
+    return out.ravel(), step / 2.0
+
+
+def curve(t0, dt, y, *, name="", colour="--ink", dash="solid", width=1.4, panel=1, meta=None, legend=True, **more):
+    """Return a line trace of the samples y at t0 + k dt in panel number `panel`."""
+    values, every = envelope(y)
+    line = {"color": colour, "width": width, "dash": dash}
+    trace = {"type": "scatter", "mode": "lines", "name": name, "x0": float(t0), "dx": float(dt * every), "y": packed(values),
+             "line": line, **place(panel), "hovertemplate": "%{y:.4g}", "showlegend": legend and bool(name), **more}  # fmt: skip
+    if not legend or name:
+        trace["legendgroup"] = name
+    return trace | ({"meta": meta} if meta else {})
+
+
+def place(panel):
+    """Return the axes of panel number `panel` (1, 2, ...)."""
+    tail = "" if panel == 1 else str(panel)
+    return {"xaxis": "x" + tail, "yaxis": "y" + tail}
+
+
+def axis(key, panel):
+    """Return the layout's name of an axis: xaxis, xaxis2, ..."""
+    return key if panel == 1 else f"{key}{panel}"
+
+
+def base(height, legend=True):
+    """Return the layout that all figures share."""
+    return {
+        "height": height, "autosize": True, "margin": {"l": 58, "r": 14, "t": 34 if legend else 26, "b": 34},
+        "paper_bgcolor": "rgba(0,0,0,0)", "plot_bgcolor": "rgba(0,0,0,0)", "hovermode": "x unified", "dragmode": "zoom",
+        "font": {"family": "system-ui, -apple-system, Segoe UI, Roboto, Noto Sans, Liberation Sans, sans-serif", "size": 12,
+                 "color": "--ink"},
+        "hoverlabel": {"bgcolor": "--card", "bordercolor": "--line", "font": {"color": "--ink", "size": 11}},
+        "legend": {"orientation": "h", "x": 1, "xanchor": "right", "y": 1.0, "yanchor": "bottom", "font": {"size": 11},
+                   "bgcolor": "rgba(0,0,0,0)", "itemclick": False, "itemdoubleclick": False},
+        "showlegend": legend, "shapes": [], "annotations": [],
+    }  # fmt: skip
+
+
+def style_axis(title="", **more):
+    """Return one axis in the house style."""
+    return {"title": {"text": title, "font": {"size": 11, "color": "--muted"}, "standoff": 4}, "gridcolor": "--grid", "zeroline": False,
+            "linecolor": "--line", "tickcolor": "--line", "ticks": "outside", "ticklen": 3, "tickfont": {"size": 10.5, "color": "--muted"},
+            "automargin": False, **more}  # fmt: skip
+
+
+def grid(layout, titles, y_titles, columns, span=None, row_px=None, time=True):
+    """Lay out panels row by row with a title each; `span` is the (first, last) time. Changes `layout`."""
+    n, rows = len(titles), -(-len(titles) // columns)
+    gap_x, height = 0.075 if columns > 1 else 0.0, layout["height"]
+    inner = height - layout["margin"]["t"] - layout["margin"]["b"]
+    gap_y = 52 / inner if rows > 1 else 0.0
+    w, h = (1 - gap_x * (columns - 1)) / columns, (1 - gap_y * (rows - 1)) / rows
+    for i in range(n):
+        r, c = divmod(i, columns)
+        x0, y1 = c * (w + gap_x), 1 - r * (h + gap_y)
+        below = i + columns >= n
+        xa = style_axis("time, s" if below and time else "", domain=[x0, x0 + w], anchor=place(i + 1)["yaxis"])
+        if span is not None:
+            xa["range"] = list(span)
+        layout[axis("xaxis", i + 1)] = xa
+        layout[axis("yaxis", i + 1)] = style_axis(y_titles[i], domain=[max(0.0, y1 - h), y1], anchor=place(i + 1)["xaxis"])
+        if titles[i]:
+            layout["annotations"].append({
+                "text": f"<b>{titles[i]}</b>", "xref": "paper", "yref": "paper", "x": x0, "y": y1, "xanchor": "left",
+                "yanchor": "bottom", "showarrow": False, "font": {"size": 12, "color": "--ink"}, "yshift": 3})  # fmt: skip
+
+
+def bands(layout, intervals, panels):
+    """Shade [(from, to)] in panels 1..`panels`. Changes `layout`."""
+    for panel in range(1, panels + 1):
+        at = place(panel)
+        for a, b in intervals:
+            layout["shapes"].append({"type": "rect", "xref": at["xaxis"], "yref": at["yaxis"] + " domain", "x0": a, "x1": b, "y0": 0,
+                                     "y1": 1, "fillcolor": "--fault/0.10", "line": {"width": 0}, "layer": "below"})  # fmt: skip
+
+
+def level(layout, panel, y, colour="--fault", dash="dash", width=1.2):
+    """Draw a horizontal line at `y` through a panel. Changes `layout`."""
+    at = place(panel)
+    layout["shapes"].append({"type": "line", "xref": at["xaxis"] + " domain", "yref": at["yaxis"], "x0": 0, "x1": 1, "y0": y, "y1": y,
+                             "line": {"color": colour, "width": width, "dash": dash}})  # fmt: skip

@@ -1,0 +1,115 @@
+"""The plain-language summary of a flight: what was flown, what was broken, who noticed, when, what they said, who stayed blind."""
+
+from cosim import coverage
+from cosim.report.flown import words
+from cosim.report.page import text
+
+LEVELS = {"aircraft": "aircraft level", "local": "local"}
+
+
+def article(items, last="and"):
+    """Return "a, b and c"."""
+    items = list(items)
+    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {last} {items[-1]}" if items else ""
+
+
+def point(s):
+    """Return the flight point and the manoeuvre in words."""
+    f = s.flight
+    speed = f"{f.cas_kt:g} kt CAS" if f.cas_kt else f"{f.tas_kt:g} kt TAS" if f.tas_kt else f"Mach {f.mach:g}"
+    air = "still air" if f.turbulence == "none" else f"{f.turbulence} turbulence"
+    return f"{f.mass_t:g} t, CG {f.cg_pct:g} %, {f.altitude_ft:,.0f} ft, {speed}, {air}, {words(s.manoeuvre.kind)}"
+
+
+def fault(f):
+    """Return one fault in words."""
+    own = ", ".join(f"{k} {v:g}" for k, v in (f.model_extra or {}).items() if not (k == "phase_deg" and v == 0.0))
+    until = "" if f.end_s is None else f" to {f.end_s:g} s"
+    where = f" at the {f.at}" if f.at else f" ({f.path})" if f.path else ""
+    return f"<b>{text(words(f.kind))}</b> on {text(words(f.target))}{where} from {f.start_s:g} s{until}" + (f" ({text(own)})" if own else "")
+
+
+def delay(entry):
+    """Return when a lane noticed, in words."""
+    said = f"after {entry['detection_delay_s']:.2f} s"
+    periods = entry["detection_delay_periods"]
+    return said + (f" ({periods:.1f} periods)" if periods is not None and periods == periods else "")
+
+
+def verdict(entry):
+    """Return the verdict of a lane in words."""
+    found = entry["isolated"]
+    if not found:
+        return "no verdict"
+    more = found["target"].removeprefix(entry["target"]).strip(".")
+    return f"{found['class']}{' ' + words(more) if more else ''}"
+
+
+def first_case(flown, lane):
+    """Return the case of the earliest fault that concerns a lane, or None."""
+    from cosim.result import concerns
+
+    mine = [(f["start_s"], case) for f, case in zip(flown.faults, flown.cases) if concerns(lane, f["targets"])]
+    return min(mine)[1] if mine else None
+
+
+def came_of_it(flown, lane):
+    """Return the outcome of a lane (coverage.outcome), or None when no fault concerns it."""
+    case = first_case(flown, lane)
+    if case is None:
+        return None
+    found, seen = lane.entry["isolated"], lane.entry["detection_delay_s"] is not None
+    if not seen and not lane.able:
+        return "idle"
+    return coverage.outcome(lane.id, case, seen, found and found["class"])
+
+
+MARKS = {"named": "good", "misnamed": "bad", "missed": "bad"}
+JUDGED = {"idle": "cannot judge", "named": "right", "seen": "seen, not named", "misnamed": "another name", "bonus": "not expected", "missed": "missed", "quiet": "quiet"}
+
+
+def summary(flown):
+    """Return the summary as HTML."""
+    s, status = flown.scenario, (flown.log.result or {}).get("status", "incomplete: the log ends early")
+    rows = [("Flown", f"{flown.end - flown.t0 + flown.dt:.1f} s: {text(point(s))}; {text(status)}")]
+    faults = [fault(f) for f in s.faults]
+    rows.append(("Broken", _list(faults) if faults else "nothing: every alarm below is a false one"))
+    met = [(lane, came_of_it(flown, lane)) for lane in flown.lanes]
+    noticed = sorted(((lane, how) for lane, how in met if how and lane.entry["detection_delay_s"] is not None),
+                     key=lambda pair: pair[0].entry["detection_delay_s"])  # fmt: skip
+    if faults:
+        rows.append(("Noticed", _list(_noticed(*pair) for pair in noticed) or "by nobody"))
+        rows.append(("Quiet", _quiet(flown, met) or "nobody: every detector that the fault concerns noticed it"))
+    rows.append(("False", _false(flown)))
+    return "".join(f'<div class="row"><b class="lead">{name}</b><div>{value}</div></div>' for name, value in rows)
+
+
+def _list(items):
+    items = list(items)
+    return f"<ul>{''.join(f'<li>{i}</li>' for i in items)}</ul>" if len(items) > 1 else "".join(items)
+
+
+def _noticed(lane, how):
+    said = f'said <b>{text(verdict(lane.entry))}</b>, <span class="{MARKS.get(how, "")}">{JUDGED[how]}</span>'
+    return f"<b>{text(lane.name)}</b> ({LEVELS[lane.level]}) {delay(lane.entry)}; {said}"
+
+
+def _quiet(flown, met):
+    groups = {}
+    for lane, how in met:
+        if how in ("missed", "quiet"):
+            word = coverage.expected(lane.id, first_case(flown, lane)).word
+            groups.setdefault(word, []).append(lane.name)
+        if how == "idle":
+            groups.setdefault("idle", []).append(lane.name)
+    order = (coverage.DESIGNED, "idle", coverage.MAY, coverage.BLIND)
+    heads = {coverage.DESIGNED: '<span class="bad">missed, though designed for it</span>', coverage.MAY: "could have seen it, did not",
+             coverage.BLIND: "blind by structure", "idle": "could not judge (not settled, or outside what it is made for, by its own validity flag)"}  # fmt: skip
+    return _list(f"{heads[w]}: {text(', '.join(groups[w]))}" for w in order if w in groups)
+
+
+def _false(flown):
+    loud = [(lane, lane.entry["false_alarms"]) for lane in flown.lanes if lane.entry["false_alarms"]]
+    if not loud:
+        return f"no false alarm of {len(flown.lanes)} detector lanes"
+    return _list(f'<span class="bad">{text(lane.name)}</span>: {n} false alarm{"s" * (n > 1)}' for lane, n in loud)
