@@ -63,9 +63,18 @@ def envelope(y, points=POINTS):
     return out.ravel(), step / 2.0
 
 
-def curve(t0, dt, y, *, name="", colour="--ink", dash="solid", width=1.4, panel=1, meta=None, legend=True, **more):
-    """Return a line trace of the samples y at t0 + k dt in panel number `panel`."""
-    values, every = envelope(y)
+def peaks(y, points=600):
+    """Return (largest value of each interval, samples per interval): the upper envelope, NaN where an interval has none."""
+    y = np.asarray(y, float)
+    step = max(1, -(-len(y) // points))
+    rows = np.concatenate([y, np.full(-len(y) % step, np.nan)]).reshape(-1, step)
+    out = np.max(np.where(np.isnan(rows), -np.inf, rows), axis=1)
+    return np.where(np.isinf(out), np.nan, out), step
+
+
+def curve(t0, dt, y, *, name="", colour="--ink", dash="solid", width=1.4, panel=1, meta=None, legend=True, reduce=envelope, **more):
+    """Return a line trace of the samples y at t0 + k dt in panel number `panel`, reduced by `envelope` or `peaks`."""
+    values, every = reduce(y)
     line = {"color": colour, "width": width, "dash": dash}
     trace = {"type": "scatter", "mode": "lines", "name": name, "x0": float(t0), "dx": float(dt * every), "y": packed(values),
              "line": line, **place(panel), "hovertemplate": "%{y:.4g}", "showlegend": legend and bool(name), **more}  # fmt: skip
@@ -88,7 +97,7 @@ def axis(key, panel):
 def base(height, legend=True):
     """Return the layout that all figures share."""
     return {
-        "height": height, "autosize": True, "margin": {"l": 58, "r": 14, "t": 34 if legend else 26, "b": 34},
+        "height": height, "autosize": True, "margin": {"l": 62, "r": 14, "t": 34 if legend else 26, "b": 34},
         "paper_bgcolor": "rgba(0,0,0,0)", "plot_bgcolor": "rgba(0,0,0,0)", "hovermode": "x unified", "dragmode": "zoom",
         "font": {"family": "system-ui, -apple-system, Segoe UI, Roboto, Noto Sans, Liberation Sans, sans-serif", "size": 12,
                  "color": "--ink"},
@@ -103,13 +112,13 @@ def style_axis(title="", **more):
     """Return one axis in the house style."""
     return {"title": {"text": title, "font": {"size": 11, "color": "--muted"}, "standoff": 4}, "gridcolor": "--grid", "zeroline": False,
             "linecolor": "--line", "tickcolor": "--line", "ticks": "outside", "ticklen": 3, "tickfont": {"size": 10.5, "color": "--muted"},
-            "automargin": False, **more}  # fmt: skip
+            "automargin": False, "exponentformat": "power", "separatethousands": True, "minexponent": 6, **more}  # fmt: skip
 
 
 def grid(layout, titles, y_titles, columns, span=None, row_px=None, time=True):
     """Lay out panels row by row with a title each; `span` is the (first, last) time. Changes `layout`."""
     n, rows = len(titles), -(-len(titles) // columns)
-    gap_x, height = 0.075 if columns > 1 else 0.0, layout["height"]
+    gap_x, height = 0.085 if columns > 1 else 0.0, layout["height"]
     inner = height - layout["margin"]["t"] - layout["margin"]["b"]
     gap_y = 52 / inner if rows > 1 else 0.0
     w, h = (1 - gap_x * (columns - 1)) / columns, (1 - gap_y * (rows - 1)) / rows
@@ -135,6 +144,21 @@ def bands(layout, intervals, panels):
         for a, b in intervals:
             layout["shapes"].append({"type": "rect", "xref": at["xaxis"], "yref": at["yaxis"] + " domain", "x0": a, "x1": b, "y0": 0,
                                      "y1": 1, "fillcolor": "--fault/0.10", "line": {"width": 0}, "layer": "below"})  # fmt: skip
+
+
+def least(layout, panel, curves, half):
+    """Give panel `panel` a vertical range around `curves` of at least +-`half`, so that noise does not fill it. Changes `layout`."""
+    found = [y[np.isfinite(y)] for y in curves]
+    found = np.concatenate([y for y in found if len(y)] or [np.zeros(1)])
+    middle, spread = (float(found.max()) + float(found.min())) / 2, float(found.max() - found.min()) / 2
+    layout[axis("yaxis", panel)]["range"] = [middle - max(1.12 * spread, half), middle + max(1.12 * spread, half)]
+
+
+def note(layout, panel, text):
+    """Write a remark into the middle of a panel. Changes `layout`."""
+    at = place(panel)
+    layout["annotations"].append({"text": text, "xref": at["xaxis"] + " domain", "yref": at["yaxis"] + " domain", "x": 0.5, "y": 0.5, "showarrow": False,
+                                  "font": {"size": 12, "color": "--muted"}, "bgcolor": "--page", "borderpad": 3})  # fmt: skip
 
 
 def level(layout, panel, y, colour="--fault", dash="dash", width=1.2):

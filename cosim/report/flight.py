@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from cosim import wiring
-from cosim.report.figure import COLOURS, DASHES, Figure, axis, bands, base, curve, envelope, grid, level, packed, place, style_axis
+from cosim.report.figure import COLOURS, DASHES, Figure, axis, bands, base, curve, envelope, grid, least, level, note, packed, peaks, place, style_axis
 from cosim.report.flown import spans, words
 from fdi.verdict import NAMES
 
@@ -27,17 +27,19 @@ def motion(flown):
     """Return altitude, airspeed, load factor, angle of attack, attitude and rates."""
     get = lambda name, factor=1.0: factor * flown.values("/truth/aircraft", name)  # noqa: E731
     panels = [
-        ("Altitude", "ft", [("", get("h", FT))]), ("Airspeed, calibrated", "kt", [("", get("cas", KT))]),
-        ("Load factor", "g", [("flown", get("nz")), ("demanded", flown.values("/pilot", "nz_dem"))]),
-        ("Angle of attack", "deg", [("true", get("alpha", DEG)), ("measured", DEG * flown.values("/sensors/aircraft", "alpha"))]),
-        ("Attitude", "deg", [("pitch", get("theta", DEG)), ("bank", get("phi", DEG))]),
-        ("Rates", "deg/s", [("pitch", get("q", DEG)), ("roll", get("p", DEG)), ("yaw", get("r", DEG))]),
+        ("Altitude", "ft", 100.0, [("", get("h", FT))]), ("Airspeed, calibrated", "kt", 2.0, [("", get("cas", KT))]),
+        ("Load factor", "g", 0.1, [("demanded", 1.0 + flown.values("/pilot", "nz_dem")), ("flown", get("nz"))]),
+        ("Angle of attack", "deg", 0.5, [("measured", DEG * flown.values("/sensors/aircraft", "alpha")), ("true", get("alpha", DEG))]),
+        ("Attitude", "deg", 1.0, [("pitch", get("theta", DEG)), ("bank", get("phi", DEG))]),
+        ("Rates", "deg/s", 0.5, [("yaw", get("r", DEG)), ("roll", get("p", DEG)), ("pitch", get("q", DEG))]),
     ]  # fmt: skip
     figure = Figure("motion", "Shaded: a fault is active. Drag to zoom in time, double-click to see all; every figure follows.", 560)
     _panels(flown, figure, [p[0] for p in panels], [p[1] for p in panels], 2, legend=False)
-    for i, (_, _, curves) in enumerate(panels, 1):
-        for j, (name, y) in enumerate(curves):
-            figure.data.append(curve(flown.t0, flown.dt, y, name=name, colour=COLOURS[j], dash=DASHES[j], panel=i, legend=False))
+    for i, (_, _, half, curves) in enumerate(panels, 1):
+        for j, (name, y) in enumerate(reversed(curves)):
+            figure.data.insert(0, curve(flown.t0, flown.dt, y, name=name, colour=COLOURS[(0, 4, 2)[j]], dash=DASHES[(0, 0, 2)[j]],
+                                        width=(1.6, 1.1, 1.4)[j], panel=i, legend=False))  # fmt: skip
+        least(figure.layout, i, [y for _, y in curves], half)
         _inline_legend(figure, i)
     return figure
 
@@ -72,32 +74,36 @@ def track(flown):
             part = np.where(mask, y, np.nan)[pick]
             figure.data.append({"type": "scatter", "mode": "lines", "x": packed(x[pick]), "y": packed(part), "line": {"color": colour, "width": width},
                                 "showlegend": False, "hoverinfo": "x+y", **place(i)})  # fmt: skip
-    for i, (x, y, least) in enumerate(((east, north, 0.5), (along, height, 60.0)), 1):
-        middle, half = (np.nanmax(y) + np.nanmin(y)) / 2, max((np.nanmax(y) - np.nanmin(y)) / 2 * 1.15, least)
-        figure.layout["yaxis" if i == 1 else "yaxis2"]["range"] = [middle - half, middle + half]
+    figure.layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
+    least(figure.layout, 2, [height], 200.0)
     figure.track = [{"x": np.round(x[pick], 4).tolist(), "y": np.round(y[pick], 4).tolist()} for x, y in ((east, north), (along, height))]
     return figure
 
 
 def surfaces(flown):
     """Return commands against measured and true surfaces: the four elevator segments, and the others."""
-    command = DEG * flown.values("/law", "de_cmd")
+    command = flown.values("/law", "de_cmd")
     titles = [f"{words(seg)}, {tech}" for seg, tech in flown.scenario.elevator.technology.items()]
-    figure = Figure("elevators", "Elevator segments, trailing edge down positive. The measured surface is what the monitors read.", 470)
+    figure = Figure("elevators", "Elevator segments, trailing edge down positive. The measured surface is what the monitors read; command and "
+                    "measurement are drawn thin, below the truth.", 470)  # fmt: skip
     _panels(flown, figure, titles, ["deg"] * 4, 2)
     for i, (seg, short) in enumerate(wiring.SHORT.items(), 1):
-        curves = (("measured", flown.values(f"/sensors/{seg}", "surface"), "--orange", "solid", 1.0),
-                  ("true", flown.values("/truth/aircraft", f"de_{short}"), "--blue", "solid", 1.5),
-                  ("command", command / DEG, "--ink", "dot", 1.4))  # fmt: skip
-        for name, y, colour, dash, width in curves:
-            figure.data.append(curve(flown.t0, flown.dt, DEG * y, name=name, colour=colour, dash=dash, width=width, panel=i, showlegend=i == 1))
-    others = Figure("others", "", 250)
+        _surface(flown, figure, i, (("measured", flown.values(f"/sensors/{seg}", "surface")), ("command", command),
+                                    ("true", flown.values("/truth/aircraft", f"de_{short}"))), i == 2)  # fmt: skip
+    others = Figure("others", "Thin: command; blue: true surface.", 230)
     pairs = [(words(n), wiring.COMMAND_OF[n], wiring.SURFACE_OF[n]) for n in wiring.OTHERS]
-    _panels(flown, others, [p[0] for p in pairs], ["deg"] * 4, 4)
+    _panels(flown, others, [p[0] for p in pairs], ["deg"] * 4, 4, legend=False)
     for i, (_, demanded, short) in enumerate(pairs, 1):
-        for name, y, colour, dash in (("true", flown.values("/truth/aircraft", short), "--blue", "solid"), ("command", flown.values("/law", demanded), "--ink", "dot")):
-            others.data.append(curve(flown.t0, flown.dt, DEG * y, name=name, colour=colour, dash=dash, panel=i, showlegend=i == 1))
+        _surface(flown, others, i, (("command", flown.values("/law", demanded)), ("true", flown.values("/truth/aircraft", short))), False)
     return figure, others
+
+
+def _surface(flown, figure, panel, curves, legend):
+    look = {"measured": ("--orange", 0.9), "command": ("--muted", 0.9), "true": ("--blue", 1.8)}
+    for name, y in curves:
+        colour, width = look[name]
+        figure.data.append(curve(flown.t0, flown.dt, DEG * y, name=name, colour=colour, width=width, panel=panel, showlegend=legend))
+    least(figure.layout, panel, [DEG * y for _, y in curves], 0.5)
 
 
 def injected(flown):
@@ -196,13 +202,13 @@ def _real(flown, lane, step):
 def detector(flown, lanes):
     """Return the figure of one detector: statistic of every lane over its threshold; estimate with band and truth."""
     estimates = [n for n in lanes[0].fields if n.startswith("f_hat")]
-    figure = Figure(f"d-{lanes[0].id}", "", 264, detector=lanes[0].id)
+    figure = Figure(f"d-{lanes[0].id}", "", 258, detector=lanes[0].id)
     main = next((lane.truth[0] for lane in lanes if lane.truth), estimates[0] if estimates else None)
     unit, factor = _unit(lanes, main)
-    titles = ["Statistic |r|, threshold at 1"] + ([f"Estimate {main}"] if main else [])
-    _panels(flown, figure, titles, ["|r|", unit][: len(titles)], len(titles))
-    figure.layout["margin"] |= {"t": 50}
-    figure.layout["legend"]["y"] = 1.1
+    titles = ["Statistic |r|"] + ([f"Estimate {main}"] if main else [])
+    _panels(flown, figure, titles, ["|r|, threshold 1", unit][: len(titles)], len(titles))
+    figure.layout["margin"] |= {"t": 44}
+    figure.layout["legend"]["y"] = 1.06
     _statistic(figure, flown, lanes)
     if main:
         _estimate(figure, flown, lanes, main, factor)
@@ -212,47 +218,47 @@ def detector(flown, lanes):
 def _unit(lanes, main):
     """Return (unit to show, factor) of an estimate: that of the truth, else none."""
     known = next((lane.truth[2] for lane in lanes if lane.truth), None)
-    return SHOWN.get(known, (known or "SI unit of the estimate", 1.0)) if main else ("", 1.0)
+    return SHOWN.get(known, (known or "SI unit", 1.0)) if main else ("", 1.0)
 
 
 def _statistic(figure, flown, lanes):
     level(figure.layout, 1, 1.0)
-    top = max([2.0, *(float(np.nanmax(np.abs(x.fields["r"]))) for x in lanes if np.isfinite(x.fields["r"]).any())])
-    figure.layout["yaxis"] |= {"type": "log", "range": [math.log10(FLOOR * 8), math.log10(top * 1.5)], "dtick": 1, "tickformat": "~g"}
-    for i, lane in enumerate(lanes):
-        r = np.maximum(np.abs(lane.fields["r"]), FLOOR)
-        figure.data.append(curve(flown.t0, flown.dt * lane.every, r, name=words(lane.lane), colour=COLOURS[i % 8], width=1.2, panel=1,
-                                 dash=DASHES[i % 4] if i else "solid"))  # fmt: skip
+    sizes = [np.abs(lane.fields["r"]) for lane in lanes]
+    top = max([2.0, *(float(np.nanmax(r)) for r in sizes if np.isfinite(r).any())])
+    figure.layout["yaxis"] |= {"type": "log", "range": [math.log10(FLOOR * 8), math.log10(top * 1.6)], "dtick": 1}
+    for i, (lane, r) in enumerate(zip(lanes, sizes)):
+        figure.data.append(curve(flown.t0, flown.dt * lane.every, np.maximum(r, FLOOR), name=words(lane.lane), colour=COLOURS[i % 8],
+                                 width=2.0 if lane.entry["concerned"] else 1.1, panel=1, reduce=peaks))  # fmt: skip
+    if not any((r > 0.0).any() for r in sizes):
+        note(figure.layout, 1, "never judged in this flight: its validity flag stayed down")
 
 
 def _estimate(figure, flown, lanes, main, factor):
-    """Draw the estimate of the lanes that estimate a fault of this flight, of all when none does."""
+    """Draw the estimate of the lanes that estimate a fault of this flight, of all when none does; pale where not valid."""
     mine = [lane for lane in lanes if lane.truth] or lanes
+    sigma_name = f"f_sigma{main.removeprefix('f_hat')}"
+    first = next(n for n in lanes[0].fields if n.startswith("f_hat"))
     for i, lane in enumerate(lanes):
         if lane not in mine:
             continue
-        step, f = flown.dt * lane.every, lane.fields[main] * factor
-        sigma = lane.fields.get(f"f_sigma{main.removeprefix('f_hat')}")
-        if sigma is None and main in ("f_hat", next(n for n in lane.fields if n.startswith("f_hat"))):
-            sigma = lane.fields.get("f_sigma")
-        if sigma is not None:
-            _band(figure, flown.t0, step, f, 2.0 * factor * sigma, COLOURS[i % 8])
-        figure.data.append(curve(flown.t0, step, f, name=f"estimate {words(lane.lane)}", colour=COLOURS[i % 8], panel=2, showlegend=False))
-    for lane in mine:
-        if lane.truth:
-            figure.data.append(curve(flown.t0, flown.dt, lane.truth[1] * factor, name="injected truth", colour="--ink", dash="dot", width=1.6, panel=2))
-            break
-    _view(figure, lanes, mine, main, factor)
-
-
-def _view(figure, lanes, mine, main, factor):
-    """Choose a vertical range by the valid part of the estimates, with all of the truth."""
-    seen = [lane.fields[main][lane.fields["valid"] > 0.5] for lane in mine] + [lane.truth[1] for lane in mine if lane.truth]
-    seen = np.concatenate([np.asarray(x, float)[np.isfinite(x)] for x in seen] or [np.zeros(1)])
-    if len(seen):
-        low, high = factor * float(seen.min()), factor * float(seen.max())
-        half = max(0.6 * (high - low), 1e-9)
-        figure.layout["yaxis2"]["range"] = [(low + high) / 2 - half, (low + high) / 2 + half]
+        step, f, ok = flown.dt * lane.every, lane.fields[main] * factor, lane.fields["valid"] > 0.5
+        sigma = lane.fields.get(sigma_name, lane.fields.get("f_sigma") if main in ("f_hat", first) else None)
+        if sigma is not None and ok.any():
+            _band(figure, flown.t0, step, np.where(ok, f, np.nan), 2.0 * factor * sigma, COLOURS[i % 8])
+        for part, colour, width in ((~ok, "--line", 1.0), (ok, COLOURS[i % 8], 1.4)):
+            if part.any():
+                figure.data.append(curve(flown.t0, step, np.where(part, f, np.nan), name=f"estimate {words(lane.lane)}", colour=colour, width=width,
+                                         panel=2, showlegend=False))  # fmt: skip
+    truth = next((lane.truth[1] * factor for lane in mine if lane.truth), None)
+    if truth is not None:
+        figure.data.append(curve(flown.t0, flown.dt, truth, name="injected truth", colour="--ink", dash="dot", width=1.6, panel=2))
+    seen = [lane.fields[main] * factor for lane in mine if lane.able] or [lane.fields[main] * factor for lane in mine]
+    least(figure.layout, 2, seen + ([truth] if truth is not None else []), 1e-6)
+    if not any(np.any(y != 0.0) for y in seen):
+        figure.layout["yaxis2"]["range"] = [-1.0, 1.0]
+        note(figure.layout, 2, "zero throughout: it declared no fault")
+    elif not any((lane.fields["valid"] > 0.5).any() for lane in mine):
+        note(figure.layout, 2, "not valid in this flight, by its own flag")
 
 
 def _band(figure, t0, step, f, half, colour):

@@ -24,9 +24,9 @@ def render(flown):
     body = [
         "<h2>Who noticed, and when</h2>", drawing(line), metrics(flown),
         "<h2>The fault, as injected</h2>" + drawing(injected) if injected else "",
-        "<h2>Detectors</h2><p class=muted>Left: the test statistic of each lane on a logarithmic scale; the dashed line is its threshold, an alarm "
+        "<h2>Detectors</h2><p class=muted>Left: the largest test statistic of each lane within intervals of a 600th of the flight, on a logarithmic scale; thick: the lane of the faulty part. The dashed line is the threshold, an alarm "
         "needs it to be crossed for the detector's confirmation time. Right: the fault estimate with its two-sigma band where the detector gives one, "
-        "and the injected truth where both have the same unit.</p>",
+        "and the injected truth where both have the same unit; pale: not valid by its own flag.</p>",
         *(drawing(own[i], f"{i}: {DETECTORS[i][1] if i in DETECTORS else ''}") for i in ids),
         "<h2>Elevators: command, true and measured surface</h2>", drawing(elevators), "<h2>Other surfaces</h2>", drawing(others),
         "<h2>The flight</h2>", drawing(motion), drawing(track), provenance(flown),

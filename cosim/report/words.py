@@ -1,9 +1,12 @@
 """The plain-language summary of a flight: what was flown, what was broken, who noticed, when, what they said, who stayed blind."""
 
-from cosim import coverage
+import math
+
+from cosim import coverage, wiring
 from cosim.report.flown import words
 from cosim.report.page import text
 
+DEG = 180.0 / math.pi
 LEVELS = {"aircraft": "aircraft level", "local": "local"}
 
 
@@ -72,7 +75,7 @@ def summary(flown):
     """Return the summary as HTML."""
     s, status = flown.scenario, (flown.log.result or {}).get("status", "incomplete: the log ends early")
     rows = [("Flown", f"{flown.end - flown.t0 + flown.dt:.1f} s: {text(point(s))}; {text(status)}")]
-    faults = [fault(f) for f in s.faults]
+    faults = [fault(f) + _swing(flown, f) for f in s.faults]
     rows.append(("Broken", _list(faults) if faults else "nothing: every alarm below is a false one"))
     met = [(lane, came_of_it(flown, lane)) for lane in flown.lanes]
     noticed = sorted(((lane, how) for lane, how in met if how and lane.entry["detection_delay_s"] is not None),
@@ -82,6 +85,19 @@ def summary(flown):
         rows.append(("Quiet", _quiet(flown, met) or "nobody: every detector that the fault concerns noticed it"))
     rows.append(("False", _false(flown)))
     return "".join(f'<div class="row"><b class="lead">{name}</b><div>{value}</div></div>' for name, value in rows)
+
+
+def _swing(flown, f):
+    """Return how far the true surface of a faulted elevator segment moved, before the fault and with it."""
+    if f.parsed.place not in ("elevator", "part_sensor") or f.start_s >= flown.end:
+        return ""
+    k = max(1, round((f.start_s - flown.t0) / flown.dt))
+    out = []
+    for seg in f.parsed.names:
+        delta = flown.values("/truth/aircraft", f"de_{wiring.SHORT[seg]}") * DEG
+        before, after = delta[:k], delta[k:]
+        out.append(f"{words(seg)} moved {after.min():.2f} to {after.max():.2f} deg (before: {before.min():.2f} to {before.max():.2f})")
+    return f'; <span class="muted">{text("; ".join(out))}</span>'
 
 
 def _list(items):
