@@ -15,8 +15,9 @@ import typer
 from rich.console import Console
 from typer.core import TyperGroup
 
+from cosim import cli_study
 from cosim import cli_tables as tables
-from cosim.cli_output import reserve
+from cosim.cli_output import JsonOption, reserve
 from cosim.errors import CosimError
 
 WIDE = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 110  # a pipe has no width: do not fold its tables
@@ -59,7 +60,6 @@ SetOption = Annotated[
         "--set", "-s", metavar="KEY=VALUE", help="Change a key: [b]--set faults.0.frequency_hz=3[/]. Repeatable."
     ),
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 DEFAULT = "liquid-ofc"
 
 
@@ -196,6 +196,90 @@ def bench(
         print(json.dumps(found, allow_nan=False))
     else:
         out.print(tables.bench(found))
+
+
+LogArg = Annotated[Path, typer.Argument(metavar="LOG", help="A log of [b]cosim run[/].", show_default=False)]
+
+
+@app.command()
+def replay(
+    log: LogArg,
+    detectors: Annotated[
+        str | None, typer.Option("--detectors", metavar="A,B", help="Only these detectors.", show_default=False)
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", "-s", metavar="DETECTOR.PARAMETER=VALUE", help="What if: change a parameter. Repeatable."
+        ),
+    ] = None,
+    start: Annotated[
+        float, typer.Option("--from", metavar="T", min=0.0, help="Start in the middle, at T seconds.")
+    ] = 0.0,
+    map_: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="MAP.toml", help="LOG is foreign (CSV, Parquet, MCAP); diagnose it by this map."),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="LOG", help="Write old and new outputs to a log.", show_default=False),
+    ] = None,
+    json_: JsonOption = False,
+):
+    """Run the detectors of a log again and compare bit for bit. Exit status 0: exact, 1: different."""
+    from cosim import cli_replay
+
+    chosen = [name.strip() for name in detectors.split(",") if name.strip()] if detectors is not None else None
+    if output:
+        reserve(output, taken=log)
+    if map_:
+        from cosim.replay_map import diagnose
+
+        told = diagnose(log, map_, detectors=chosen, changes=set_ or (), start_s=start, output=output).to_dict()
+        if json_:
+            print(json.dumps(told, allow_nan=False))
+        else:
+            out.print(cli_replay.diagnosis(told))
+        return
+    from cosim.replay import overrides
+    from cosim.replay import replay as work
+
+    with tables.progress(err, "replaying") as progress:
+        found = work(
+            log, detectors=chosen, overrides=overrides(set_ or ()), start_s=start, output=output, progress=progress
+        )
+    if json_:
+        print(json.dumps(found.to_dict(), allow_nan=False))
+    else:
+        out.print(cli_replay.replay(found.to_dict()))
+    raise typer.Exit(0 if found.exact else 1)
+
+
+@app.command()
+def recover(
+    log: LogArg,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="LOG", help="Default: LOG with .recovered before its ending.", show_default=False
+        ),
+    ] = None,
+    json_: JsonOption = False,
+):
+    """Make a readable log of what a kill, a full disk or a damaged disk has left of one, and say what is lost."""
+    from cosim import cli_replay
+    from cosim.log import recover as work
+
+    path = output or log.with_suffix(f".recovered{log.suffix}")
+    reserve(path, taken=log)
+    found = work(log, path)
+    if json_:
+        print(json.dumps(found, allow_nan=False))
+    else:
+        out.print(cli_replay.recover(found))
+
+
+cli_study.add(app, out, err)
 
 
 def main():

@@ -1,6 +1,9 @@
-"""Find out before a flight, not after it, that its log cannot be written."""
+"""What commands share: the --json option, and finding out before a flight that its log cannot be written."""
 
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from cosim.errors import OutputError
 
@@ -34,3 +37,5 @@ def reserve(path, *, taken=None, endings=()):
         raise OutputError(
             f"cannot be written: {error.strerror}", place=str(path), remedy="Choose another place with -o"
         ) from None
+
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]

@@ -233,3 +233,25 @@ def info(found):
             r["name"], str(r["rows"]), str(len(r["fields"])), str(r["every"]), escape(", ".join(r["fields"][:6]) + more)
         )
     return Group(head, t, Text(f"attachments: {', '.join(found['attachments']) or 'none'}"))
+
+
+def reproduced(found):
+    """Return the rows of the papers' experiments, the counts of the verdicts first."""
+    colours = {"agrees": "green", "differs_explained": "yellow", "differs": "red"}
+    total = "   ".join(f"[{colours[v]}]{n} {v.replace('_', ', ')}[/]" for v, n in found["counts"].items())
+    t = table("Paper says, we get", "paper", "item", "paper says", "we get>", "band", "verdict")
+    for r in found["rows"]:
+        verdict = f"[{colours[r['verdict']]}]{r['verdict'].replace('_', ', ')}[/]"
+        t.add_row(r["paper"], escape(r["item"]), escape(r["says"]), f"{r['got']:.4g}", r["tolerance"], verdict)
+    why = [
+        f"{escape(r['item'])}: {escape(r['reason'])} ({escape(r['evidence'])})" for r in found["rows"] if r["reason"]
+    ]
+    return Group(total, t, *why)
+
+
+def designs(found):
+    """Return a table of {design: (what it is, problem or "")}."""
+    t = table("Stored designs", "design", "what", "state")
+    for name, (what, problem) in found.items():
+        t.add_row(name, what, f"[red]{escape(problem)}[/]" if problem else "[green]belongs to this aircraft[/]")
+    return t

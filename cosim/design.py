@@ -18,7 +18,7 @@ import numpy as np
 import aircraft
 import fdi
 from actuators import ema, ema_servo, hydraulic, servo, simple
-from cosim.errors import DesignError
+from cosim.errors import DesignError, did_you_mean
 
 FOLDER = Path(fdi.__file__).resolve().parent / "designs"
 AIRCRAFT = Path(next(iter(aircraft.__path__))).resolve()
@@ -44,6 +44,12 @@ DESIGNS = {
     "physics_bound": Maker("cosim.design_rfafe", "physics_bound", "motion per degree of elevator oscillation"),
     "lpv_smo": Maker("cosim.design_lpv", "store", "Alwi14 LPV model and observer", own=True),
 }
+
+
+def known(name):
+    """Raise DesignError unless `name` is a design."""
+    if name not in DESIGNS:
+        raise DesignError(f"{name!r} is no design", allowed=", ".join(DESIGNS), remedy=did_you_mean(name, DESIGNS))
 
 
 def build(name, *, folder=FOLDER, progress=None):
@@ -90,7 +96,8 @@ def source():
         for number in _numbers(ET.parse(path).getroot()):
             digest.update(number.encode())
     for module in (hydraulic, servo, ema, ema_servo):
-        digest.update(np.ascontiguousarray(module.params()).tobytes())
+        for value in np.ascontiguousarray(module.params()).view(np.float64).ravel():
+            digest.update(f"{value:.6e};".encode())  # gains come from linear algebra: last digits are the processor's
     digest.update(json.dumps(simple.KINDS, sort_keys=True).encode())
     return digest.hexdigest()
 
