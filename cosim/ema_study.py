@@ -12,6 +12,7 @@ import numpy as np
 from cosim.ema_bench import ARM, DEG, DT, NO_LOAD, SIGMA, STALL, Flight, fly_bench, script, three_two_one_one
 from fdi import verdict
 from fdi.ema_kalman import CULPRITS
+from fdi.ema_kalman_flight import params
 
 SECONDS, START = 14.0, 4.0
 
@@ -114,3 +115,47 @@ def smallest(fault, sizes, seeds, share=0.95):
             break
         found = size
     return found
+
+
+def margins(seeds):
+    """Return {test: largest value over its threshold} of fault-free draws, without their first second."""
+    worst = np.zeros(4)
+    for seed in seeds:
+        tick, kwargs, _ = draw(seed)
+        log = fly_bench(tick, **kwargs).log[round(1.0 / DT) :]
+        ramp = np.abs(log["R1"]).max() / params()["th_R1"][0]
+        worst = np.maximum(worst, [log["r_velocity"].max(), log["r_current"].max(), log["r_jump"].max(), ramp])
+    return dict(zip(("velocity", "current", "jump", "ramp"), worst.tolist()))
+
+
+def reconfigured(field, size, *, bias, seed, seconds=85.0, onset=20.0):
+    """Return (Flight, times [s]): a position fault in motion at `onset`, a velocity bias [of no-load], motion later."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(round(seconds / DT)) * DT
+    command = three_two_one_one(t, start=onset - 0.3) + three_two_one_one(t, start=2 * onset, amplitude=2 * DEG)
+    tick = script(
+        seconds,
+        command=command,
+        hm0=rng.uniform(-2500.0, 2500.0),
+        hmd=-rng.uniform(10e3, 30e3),
+        factor=rng.choice([0.7, 1.3], 2),
+        rng=rng,
+        bias=bias * NO_LOAD,
+    )
+    tick[field][t >= onset] = size
+    tolerance = {name: 1.0 + 0.05 * rng.choice([-1.0, 1.0]) for name in SYMBOLS}
+    return fly_bench(tick, tolerance=tolerance), t
+
+
+def time_to_half_a_degree(bias, seeds, *, onset=20.0, seconds=200.0):
+    """Return, per seed, the time [s] from reconfiguration until pos_hat is 0.5 deg off; inf when it never is.
+
+    The bias [of no-load] is there from engage: what counts is how much of it the tie has learned before the fault.
+    """
+    out = []
+    for seed in seeds:
+        flown, t = reconfigured("f_p", 5 * DEG * ARM, bias=bias, seed=seed, seconds=seconds, onset=onset)
+        begin = int(np.argmax(flown.log["reconf"] > 0))
+        far = np.abs(flown.estimate_error[begin:]) > 0.5 * DEG
+        out.append(t[int(np.argmax(far))] if far.any() else np.inf)
+    return out

@@ -12,7 +12,7 @@ def model(values, dt, tau_load):
     """Return (Phi, Phi_h, G, G_h) of the six states with the load's leak 1/tau_load [1/s].
 
     Phi_h = d Phi / d HM_delta at zero stiffness: over 5 ms and at -40 kN m/rad the second order is below 1e-4 of each
-    row, 0.002 rad/s per tick at 4 deg. Raises ValueError when the set has a compensator, which the flying drive has not.
+    row, 0.002 rad/s per tick at 4 deg. Raises ValueError for a set with a compensator, which the flying drive has not.
     """
     if values["a"] != values["b"]:
         raise ValueError("the flight filter has no compensator state: a = b")

@@ -319,7 +319,7 @@ def _current(x, p):
     # a velocity error reaches x5 through the back electromotive force; 0.7: the part of it that `hi` still remembers
     back = 0.7 * p.K_B / p.R_loop * max(x.hi, -x.lo)
     x.r_current = math.fabs(x.R2) / (p.th_cur + p.rho_cur * math.fabs(x.x_hat[3]) + back)
-    gained = x.hi if x.R2 > 0.0 else -x.lo
+    gained = math.copysign(N * x.eta_bar * p.S_root * p.K[3], x.R2 * x.eta_bar)  # + where it is of the sign of R2
     x.felt = min(gained / max(math.fabs(x.R2) * p.impulse * N, 1e-3), 9.9)
 
 

@@ -3,7 +3,9 @@
 The bench and its draws are `cosim.ema_bench` and `cosim.ema_study`; thresholds were chosen on seeds below 1000.
 """
 
+import json
 import math
+from importlib import resources
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from scipy.linalg import solve_discrete_lyapunov
 
 from actuators import jay
 from cosim.ema_bench import ARM, DEG, DT, NO_LOAD, STALL, fly_bench, script, three_two_one_one
-from cosim.ema_study import FAULTS, SECONDS, START, confusion, draw, outcome, outcomes
+from cosim.ema_study import FAULTS, SECONDS, START, confusion, draw, margins, outcome, outcomes, reconfigured, smallest
 from fdi import ema_design
 from fdi import ema_kalman_flight as flight
 from fdi.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID
@@ -50,8 +52,10 @@ def test_gain_is_the_fixed_point_of_the_covariance():
     Q = np.diag([0, 0, 0, 1.0, 0, 630.0**2 * -math.expm1(-2 * DT / 20.0)])
     closed = Phi @ (np.eye(6) - np.outer(K, np.eye(6)[3]))
     assert np.abs(np.linalg.eigvals(closed)).max() < 1.0
-    P = solve_discrete_lyapunov(closed, Phi @ np.outer(K, K) @ Phi.T + Q)
-    np.testing.assert_allclose(P[:, 3] / (P[3, 3] + 1.0), K, rtol=1e-3)
+    P = solve_discrete_lyapunov(closed, Phi @ np.outer(K, K) @ Phi.T + Q, method="bilinear")
+    # the position is seen through the hinge stiffness alone, its pole is at 0.999997: there the solvers differ more
+    np.testing.assert_allclose(P[:, 3] / (P[3, 3] + 1.0), K, rtol=1e-2)
+    np.testing.assert_allclose(P[3:, 3] / (P[3, 3] + 1.0), K[3:], rtol=1e-4)
     assert math.sqrt(P[3, 3] + 1.0) == pytest.approx(S_root, rel=1e-4)
 
 
@@ -76,6 +80,21 @@ def test_confusion_matrix_of_100_draws():
         for fault, (_, _, right) in FAULTS.items():
             least = 100 if right == "none" else 85 if fault == "position x1.25" else 95
             assert table[fault].get(right, 0) >= least, (noise, fault, table[fault])
+
+
+def test_fault_free_tests_stay_below_their_thresholds_as_stored():
+    """On other draws than those of the stored maxima, and not far above them."""
+    stored = json.loads(resources.files("fdi").joinpath("thresholds", "ema_kalman_flight.json").read_text())
+    for name, value in margins(QUICK).items():
+        assert value < 1.0
+        assert value == pytest.approx(stored["training"]["largest_over_threshold"][name], rel=0.25), name
+
+
+def test_smallest_fault_that_is_found():
+    """On 20 draws: 0.4 deg of position and 6 % of the stall current are found, a fifth of that is not."""
+    seeds = range(2000, 2020)
+    assert smallest("position + 1 deg", np.array([0.08, 0.4]) * DEG * ARM, seeds) == pytest.approx(0.4 * DEG * ARM)
+    assert smallest("current + 10 % of stall", np.array([0.01, 0.06]) * STALL, seeds) == pytest.approx(0.06 * STALL)
 
 
 @pytest.mark.parametrize("share", [0.002, 0.005, 0.01, 0.03, 0.05, 0.07, 0.1])
@@ -140,24 +159,12 @@ def test_current_fault_inside_the_loop_never_reconfigures():
 # --- reconfiguration
 
 
-def reconfigured(fault, size, bias, seed):
-    """Return (flight, times) of 85 s with motion at onset (20 s) and again at 40 s."""
-    rng = np.random.default_rng(seed)
-    t = np.arange(round(85.0 / DT)) * DT
-    command = three_two_one_one(t, start=19.7) + three_two_one_one(t, start=40.0, amplitude=2 * DEG)
-    tick = script(85.0, command=command, hm0=rng.uniform(-2500, 2500), hmd=-rng.uniform(10e3, 30e3),
-                  factor=rng.choice([0.7, 1.3], 2), rng=rng, bias=bias * NO_LOAD)  # fmt: skip
-    tick[fault][t >= 20.0] = size
-    tolerance = {name: 1 + 0.05 * rng.choice([-1, 1]) for name in ("K_T", "K_B", "R", "J_M", "B_M")}
-    return fly_bench(tick, tolerance=tolerance), t
-
-
 @pytest.mark.parametrize("fault, size", [("f_p", 5 * DEG * ARM), ("f_p", 15 * DEG * ARM), ("z_p", 1.0)])
 def test_surface_stays_below_half_a_degree_for_60_s_after_reconfiguration(fault, size):
     """With a velocity bias of 1e-4 of no-load; at 1e-3 too, because the anchor has learned it before the fault."""
     for bias in (1e-4, -1e-4, 1e-3):
         for seed in range(2000, 2005):
-            flown, t = reconfigured(fault, size, bias, seed)
+            flown, t = reconfigured(fault, size, bias=bias, seed=seed)
             begin = t[np.argmax(flown.log["reconf"] > 0)]
             assert 20.0 < begin < 21.5  # frozen on a plateau shows at the pulse's end, 21.2 s
             late = (t > begin + 2.0) & (t < begin + 62.0)
@@ -171,7 +178,7 @@ def test_pos_sigma_covers_the_error_and_validity_is_withdrawn():
     """Its error over its sigma after 60 s stays below 3 in ten runs; with no position sensor for long, valid falls."""
     ratio = []
     for seed in range(2000, 2010):
-        flown, _ = reconfigured("f_p", 5 * DEG * ARM, 0.0, seed)
+        flown, _ = reconfigured("f_p", 5 * DEG * ARM, bias=0.0, seed=seed)
         ratio.append(flown.estimate_error[-1] * ARM / flown.log["pos_sigma"][-1])
     assert np.abs(ratio).max() < 3.0
     tick = script(400.0)
