@@ -138,7 +138,10 @@ def published(progress):
 
 
 def airframe(progress):
-    """Return the designs of the airframe form, y = [V, alpha, q, theta], E freed of its part along F, by technology."""
+    """Return the designs of the airframe form, y = [V, alpha, q, theta], E freed of its part along F, by technology.
+
+    "comparison" holds what the study sets beside it: no E at all, and E as estimated, at rank 1 and 2.
+    """
     _, B, _ = linear()
     total = B.sum(1, keepdims=True)
     air, _ = sigmas()
@@ -147,17 +150,22 @@ def airframe(progress):
     E = np.vstack([E, np.zeros((1, E.shape[1]))])
     C, F = np.eye(5)[:4], np.vstack([total, [[0.0]]])
     designs = {t: _one("rfafe_airframe", t, total, E, C, lambda g: F, air, progress) for t in TECHNOLOGIES}
-    return {"designs": designs, **_made_from()}
+    raw = np.vstack([rfafe.reduce_E(unknown_inputs(), 2), np.zeros((1, 2))])
+    others = {"none": None, "raw_1": raw[:, :1], "raw_2": raw}
+    comparison = {name: _one("rfafe_airframe", "hydraulic", total, e, C, lambda g: F, air, progress, min_ratio=0.0)
+                  for name, e in others.items()}
+    return {"designs": designs, "comparison": comparison, **_made_from()}
 
 
-def _one(name, technology, Bu, E, C, fault, sigma, progress):
+def _one(name, technology, Bu, E, C, fault, sigma, progress, **options):
     """Return the stored entry of one technology: design, input delay and what its figures are."""
     A, _, _ = linear()
     progress(f"{name}: actuator and LMIs, {technology}")
     a, gain, tau, high = actuator(technology)
     sides = Bu.shape[1]
     g = rfafe.global_model(A, Bu, np.eye(4), np.zeros((4, sides)), *rfafe.first_order(a, gain, sides))
-    made = rfafe.design(g[0], g[1], C, None, E, fault(g), dt=DT, bandwidth=BANDWIDTH[name], sigma=sigma)
+    made = rfafe.design(g[0], g[1], C, None, E, fault(g), dt=DT, bandwidth=BANDWIDTH[name], sigma=sigma,
+                        **options)
     return {
         "design": to_plain(made), "u_delay_s": round((tau + SENSOR_DELAY) / DT) * DT,
         "actuator": {"a_rad_s": a, "gain": gain, "tau_s": tau, "amplitude_error_2hz": high,

@@ -23,6 +23,7 @@ PARAMS = [
     ("bank_share", "f8", (bank.K,)),  # ... plus this share of the command's amplitude
     ("coherence", "f8"),  # least agreement of the two periods
     ("purity", "f8"),  # least share of the window's power that the oscillation explains
+    ("hits", "f8"),  # fits in a row that must pass
     ("margin", "f8"),  # difference of purity that names the class
     ("t_release", "f8"),  # an alarm outlives its cause by this [s]
     ("tau_energy", "f8"),  # memory of the energy that makes an estimate suspect [s]
@@ -40,6 +41,7 @@ def state(faults):
         ("slow", "f8", (faults,)),  # slow part of f_hat [SI unit of f_hat]
         ("energy", "f8", (faults,)),  # mean square of the rest
         ("suspect", "f8"),  # index of the estimate in the bank
+        ("hit", "f8", (bank.K,)),  # fits in a row that passed
         ("r_ofc", "f8"),  # largest fit over its threshold
         ("ofc_timer", "f8"),  # time for which an oscillation is still held to be there [s]
         ("ofc_class", "f8"),  # its class
@@ -55,10 +57,18 @@ def forget(x, f, nf):
     for i in range(nf):
         x.slow[i] = f[i]
         x.energy[i] = 0.0
-    for j in range(bank.LEVELS):
-        x.bank_seen[j] = 0.0
+    clear(x)
     x.r = 0.0
     x.r_ofc = 0.0
+
+
+@kernel
+def clear(x):
+    """Empty the bank."""
+    for j in range(bank.LEVELS):
+        x.bank_seen[j] = 0.0
+    for k in range(bank.K):
+        x.hit[k] = 0.0
 
 
 @kernel
@@ -81,8 +91,7 @@ def decide(x, p, f, u, nf, nu, dt):
             suspect = i
     if suspect != int(x.suspect):
         x.suspect = suspect
-        for j in range(bank.LEVELS):
-            x.bank_seen[j] = 0.0
+        clear(x)
     renewed = bank.push(x, p, f[suspect], u[min(suspect, nu - 1)])
     x.ofc_timer = max(x.ofc_timer - dt, 0.0)
     if renewed > 0.5:
@@ -109,10 +118,14 @@ def oscillation(x, p):
         most = p.bank_threshold[k] + p.bank_share[k] * math.sqrt(bank.mixed(x, k, 0.0, 1.0))
         r = math.sqrt(bank.mixed(x, k, 1.0, 0.0)) / most
         x.r_ofc = max(x.r_ofc, r)
-        if r < 1.0 or x.bank_new[k] < 0.5:
+        if x.bank_new[k] < 0.5:
             continue
-        agreement, purity, _ = bank.character(x, p, k, 1.0, 0.0)
-        if agreement >= p.coherence and purity >= p.purity and r > best:
+        good = False
+        if r >= 1.0:
+            agreement, purity, _ = bank.character(x, p, k, 1.0, 0.0)
+            good = agreement >= p.coherence and purity >= p.purity
+        x.hit[k] = x.hit[k] + 1.0 if good else 0.0
+        if x.hit[k] >= p.hits and r > best:
             found, best = k, r
     if found < 0:
         return
