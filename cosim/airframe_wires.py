@@ -48,7 +48,12 @@ def lpv_smo_params(module, scenario, lane, dt):
     return module.params(delay=ticks(TRANSPORT["q"][2], dt), omega_a=1.0 / SERVO, inertia=inertia)
 
 
+def actuator_delays():
+    """Return the mean delays [s] of healthy actuators: elevator, aileron, rudder, stabiliser (which creeps)."""
+    return (SERVO, *(2.0 * ZETA / simple.KINDS[n].get("omega", OMEGA) for n in ("aileron", "rudder")), 0.0)
+
+
 def control_redundancy_params(module, scenario, lane, dt):
     """Return PARAMS of fdi.control_redundancy for the loop, on the force model of the aircraft that flies."""
-    lag = (SERVO, *(2.0 * ZETA / simple.KINDS[n].get("omega", OMEGA) for n in ("aileron", "rudder")), 0.0)
-    return module.params(model=force_model(), dt=dt, delay=1.0 + ticks(TRANSPORT["n_z"][2], dt), lag=lag)
+    delay = 1.0 + ticks(TRANSPORT["n_z"][2], dt)
+    return module.params(model=force_model(), dt=dt, delay=delay, lag=actuator_delays())

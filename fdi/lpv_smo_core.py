@@ -33,7 +33,7 @@ def _schedule(x, u, p, dt):
         elif fresh:
             x.rho[i] = 0.5 * (p.low[i] + p.high[i])
             inside = 0.0
-        margin = 0.1 * (p.high[i] - p.low[i])  # beyond a tenth of the box the affine model is no longer believed
+        margin = 0.2 * (p.high[i] - p.low[i])  # beyond a fifth of the box the affine model is no longer believed
         if x.rho[i] < p.low[i] - margin or x.rho[i] > p.high[i] + margin:
             inside = 0.0
             x.rho[i] = min(max(x.rho[i], p.low[i] - margin), p.high[i] + margin)

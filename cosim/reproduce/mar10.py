@@ -1,0 +1,177 @@
+"""[Mar10] row by row: signature table, the three scenarios, the robustness figure, and what this aircraft allows."""
+
+import math
+
+import numpy as np
+
+from cosim import airframe_wires
+from cosim.airframe import force_model
+from cosim.reproduce import mar10_flights as flights
+from cosim.reproduce.row import judged
+from fdi import control_redundancy, redundancy_structure
+
+DRAWS = 30  # flown per scenario here; more: cosim.reproduce.mar10_flights.campaign(100)
+DEG = math.pi / 180
+# slide 10, families in its order: (delta_l, delta_m, delta_n, eta) -> residuals
+TABLE = {
+    (1, 1, 1, 1): 4, (1, 0, 1, 0): 2, (0, 1, 0, 0): 1, (1, 0, 1, 1): 4,
+    (0, 1, 1, 1): 4, (1, 1, 0, 1): 4, (0, 0, 1, 1): 4, (1, 0, 0, 1): 4,
+}  # fmt: skip
+# A vehicle with the talk's pattern, to exercise all 27: accelerations [m/s2] per rad and per unit of throttle, of a
+# 500 kg missile-like body at 40 kPa with 0.1 m2; own numbers, only their pattern is the talk's.
+VEHICLE = np.array([[-1.5, -2.5, -2.0, 18.0], [3.0, 0.0, 28.0, 0.0], [0.0, -32.0, 0.0, 0.0]])
+# why an option beside the first may miss the 95 % that only the first is held to
+WHY = (
+    "",
+    "without the offset the thresholds carry the whole of +-5 % of every contribution",
+    "0.007 g of noise per sample against 0.016 g from 25 % of the thrust: no crossing lasts the confirmation time",
+    "elevator segments lock at slightly different angles: the roll row sees a moment that no single effector explains",
+)
+
+
+def rows():
+    """Return the rows of [Mar10]."""
+    return [*_structure(), *_vehicle(), *_aircraft(), *_scenarios(), *_robustness(), *_smallest()]
+
+
+def _structure():
+    got = redundancy_structure.signatures(redundancy_structure.TALK)
+    yield judged("mar10", "slide 10, residuals", '"27 residuals max"', sum(got.values()), 27, 27)
+    yield judged("mar10", "slide 10, signatures", '"8 different signatures"', len(got), 8, 8)
+    for signature, count in TABLE.items():
+        name = "".join(map(str, signature))
+        yield judged(
+            "mar10", f"slide 10, residuals with signature {name}", f"{count}", got.get(signature, 0), count, count
+        )
+
+
+def _vehicle():
+    """Inject a fault of each input into the vehicle with the talk's pattern: each residual moves as its signature says."""
+    u = np.array([0.02, -0.03, 0.01, 0.6])
+    f = VEHICLE @ u
+    quiet = max(abs(r) for _, _, r in redundancy_structure.residuals(f, VEHICLE, u))
+    yield judged(
+        "mar10", "slide 8, largest of 27 residuals without a fault, documented vehicle", "zero", quiet, 0, 1e-12
+    )
+    wrong, error = 0, 0.0
+    for j in range(4):
+        fault = np.zeros(4)
+        fault[j] = 0.05
+        for family, i, r in redundancy_structure.residuals(f + VEHICLE @ fault, VEHICLE, u):
+            wrong += (abs(r) > 1e-9) != bool(family.signature[j])
+            if i == j and not family.pivots:
+                error = max(error, abs(r - 0.05))
+    yield judged(
+        "mar10", "slide 10, entries of 27 x 4 that contradict the table, documented vehicle", "none", wrong, 0, 0
+    )
+    yield judged(
+        "mar10",
+        "slide 8, error of the fault identified from the direct r_ij",
+        "r_ij holds delta_ia - delta_ic",
+        error,
+        0,
+        1e-12,
+    )
+
+
+def _aircraft():
+    own = force_model().structure()[:3][:, [1, 0, 2, 3]]  # in the talk's order of inputs
+    missing = redundancy_structure.undefined(own)
+    reason = "no aileron force, no rudder or aileron drag in the aircraft's XML: " + missing[0][1]
+    yield judged(
+        "mar10", "slide 10, this aircraft: residuals of the 27 that are defined", "27", 27 - len(missing), 27, 27,
+        reason=reason, evidence="cosim reproduce mar10 --json",
+    )  # fmt: skip
+    yield judged(
+        "mar10", "slide 10, this aircraft: signatures", "8", len(redundancy_structure.signatures(own)), 8, 8,
+        reason=reason, evidence="cosim reproduce mar10 --json",
+    )  # fmt: skip
+
+
+def _scenarios():
+    # raw: as published, no mean and no offset
+    options = ({}, {"t_learn": 0.0}, {"t_mean": 0.0, "t_learn": 0.0}, {"rows": "force+moment"})
+    labels = ("mean and learned offset", "mean, no offset", "raw samples, no offset", "force and moment rows")
+    out = flights.campaign(DRAWS, options=options)
+    for number, truth in flights.TRUTH.items():
+        names = ", then ".join(n for n, _ in truth)
+        for i, label in enumerate(labels):
+            right = 100.0 * sum(o.right for o in out[i, number]) / DRAWS
+            explain = {
+                "reason": WHY[i],
+                "evidence": "cosim reproduce mar10 --json",
+            }
+            yield judged(
+                "mar10", f"scenario {number} ({names}), {label}: draws with the right effectors in order [%]",
+                'slides 13 to 15: detected and isolated; slide 17: "acceptable robustness" at +-5 %', right, 95, 100,
+                **({} if i == 0 else explain),
+            )  # fmt: skip
+        extra = sum(o.extra > 0 for o in out[0, number])
+        yield judged(
+            "mar10", f"scenario {number}: draws with a further declaration", "none is shown", extra, 0, 0.05 * DRAWS
+        )
+    yield from _identified()
+
+
+def _identified():
+    """Compare the identified thrust loss and locked elevator with the injected ones, nominal aircraft."""
+    flown = flights.fly(1)
+    log = flown.run(control_redundancy, airframe_wires.control_redundancy(), flights.detector())
+    late = flown.t > 30.0
+    got = -100.0 * log["f_hat_thrust"][late].mean()
+    yield judged("mar10", "scenario 1, identified thrust loss [%]", "slide 11: 25 %", got, 23, 27)
+
+
+def _robustness():
+    """Slide 16: what a 5 % error on g_12 leaves of an elevator deflection in the thrust residual that should not see it."""
+    g = np.array(VEHICLE)
+    family = next(f for f in redundancy_structure.families(g != 0) if f.signature == (1, 0, 0, 1))
+    wrong = g.copy()
+    wrong[0, 1] *= 1.05
+    u = np.array([0.0, 0.05, 0.0, 0.55])
+    c, _ = redundancy_structure.combination(g, family)
+    r = c @ (wrong @ u - g @ u) / g[0, 3]
+    predicted = 0.05 * g[0, 1] * u[1] / g[0, 3]
+    yield judged(
+        "mar10",
+        "slide 16, change of r~_14^5 at 5 % error of g_12 over epsilon delta_m / g_14",
+        "1",
+        r / predicted,
+        1,
+        1,
+    )
+    yield judged(
+        "mar10",
+        "slide 16, that change as a fraction of throttle",
+        "about 0.55 plotted, small beside it",
+        abs(r),
+        0,
+        0.02,
+    )
+
+
+def _smallest():
+    """Say what the thresholds let through at the Sun13 point in level flight: the smallest lock offset or loss seen."""
+    for rows in ("force", "force+moment"):
+        flown = flights.Flown(
+            flights.scenario(1, extra=("manoeuvre.start_s=40",)), airframe_wires.control_redundancy().values()
+        )
+        p = flights.detector(rows=rows)
+        log = flown.run(control_redundancy, airframe_wires.control_redundancy(), p)
+        k = round(23.0 / flown.dt)
+        n = int(p["n_families"][0])
+        S, tau = log["S"][k, :n], log["tau"][k, :n]
+        with np.errstate(divide="ignore"):
+            least = (tau[:, None] / np.abs(S[:, :4])).min(0)
+        for name, value, unit in zip(("elevator (all)", "aileron", "rudder", "thrust"), least, (DEG, DEG, DEG, 0.01)):
+            if not np.isfinite(value):
+                continue
+            word = "[%]" if name == "thrust" else "[deg]"
+            yield judged(
+                "mar10",
+                f"smallest {name} fault beyond its threshold, level flight, {rows} {word}",
+                "not given",
+                value / unit,
+                0,
+                25,
+            )
