@@ -251,7 +251,7 @@ def replay(
     if json_:
         print(json.dumps(found.to_dict(), allow_nan=False))
     else:
-        out.print(cli_replay.replay(found.to_dict()))
+        out.print(cli_replay.replay(found.to_dict(), detection=chosen is not None or bool(set_)))
     raise typer.Exit(0 if found.exact else 1)
 
 
@@ -280,6 +280,48 @@ def recover(
 
 
 cli_study.add(app, out, err)
+
+
+@app.command()
+def campaign(
+    campaign: Annotated[str, typer.Argument(metavar="CAMPAIGN", help="Built-in name or TOML file.", show_default=False)],
+    workers: Annotated[int | None, typer.Option("--workers", min=1, help="Processes. Default: one per core.")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Fly on a Dask cluster: tcp://host:8786.")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on where a campaign in this folder ended.")] = False,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="DIR", help="Folder. Default: logs/<campaign>.", show_default=False),
+    ] = None,
+    again: Annotated[
+        str | None, typer.Option("--rerun", metavar="ID", help="Fly one run again, with a log, and compare its row.")
+    ] = None,
+    json_: JsonOption = False,
+):
+    """Fly many scenarios: grids and draws over any number, one row per run and detector, resumable."""
+    from cosim.campaign_run import rerun, run_campaign
+
+    if again:
+        flown, result, repeats = rerun(campaign, again, out=output)
+        found = {**result.to_dict(), "run": again, "repeats": repeats}
+        if json_:
+            print(json.dumps(found, allow_nan=False))
+        else:
+            out.print(tables.run(found, flown))
+            if repeats is not None:
+                out.print("its row repeats exactly" if repeats else "[bold red]its row does not repeat[/]")
+        raise typer.Exit(1 if repeats is False else 0)
+    with tables.progress(err, f"flying {Path(campaign).stem}", "runs", "preparing the workers") as progress:
+        done = run_campaign(
+            campaign, workers=workers, scheduler=scheduler, out=output, resume=resume, progress=progress
+        )
+    if json_:
+        print(json.dumps(done.to_dict()))
+    else:
+        from cosim.cli_campaign import campaign as shown
+
+        out.print(shown(done))
 
 
 def main():

@@ -1,20 +1,21 @@
 """Replay: every detector of a log again, bit for bit, from the start and from the middle; a changed bit is found."""
 
-
 import numpy as np
 import pytest
 
 import cosim
 from cosim.errors import LogError
 from cosim.log import open_log
-from cosim.replay import ReplayError, compare, lanes, replay, run, start_at
+from cosim.replay import ReplayError, compare, lanes, replay, run
 
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory):
     """Return the log of a short flight with every detector and a fault."""
     path = tmp_path_factory.mktemp("replay") / "flight.mcap"
-    scenario = cosim.load_scenario("liquid-ofc", ["duration_s=6", "faults.0.start_s=3", "manoeuvre.kind=nz_doublet", "manoeuvre.start_s=1"])
+    scenario = cosim.load_scenario(
+        "liquid-ofc", ["duration_s=6", "faults.0.start_s=3", "manoeuvre.kind=nz_doublet", "manoeuvre.start_s=1"]
+    )
     cosim.simulate(scenario, log=path)
     return path
 
@@ -45,8 +46,8 @@ def test_batch_of_all_lanes_equals_live(flight):
         states = np.zeros((n, u.shape[1]), module.STATE)
         module.rollout(x, u, p, 0.005 * members[0].every, states)
         for i, m in enumerate(members):
-            alone, _ = run(m, 0.005)
-            names = [c for name in module.STATE.names if name in module.OUTPUTS for c in [name]]
+            alone, _, _ = run(m, 0.005)
+            names = [name for name in module.STATE.names if name in module.OUTPUTS]
             flat = np.concatenate([states[name][i].reshape(u.shape[1], -1) for name in names], axis=1)
             assert (flat.view(np.int64) == alone.view(np.int64)).all()
             assert (alone.view(np.int64) == m.logged.view(np.int64)).all()
@@ -56,7 +57,7 @@ def test_one_ulp_in_one_input_is_found_and_located(flight):
     log = open_log(flight)
     lane = next(m for m in lanes(log, ["iotsekf"]) if m.lane == "left_inner")
     lane.u["y_rod"][0, 700] = np.nextafter(lane.u["y_rod"][0, 700], np.inf)
-    again, _ = run(lane, 0.005)
+    again, _, _ = run(lane, 0.005)
     found = compare("x", log.topics["/detectors/iotsekf/left_inner"].fields, lane.ticks, lane.logged, again)
     assert found
     assert min(d.first_tick for d in found) == 700
@@ -66,11 +67,19 @@ def test_changed_parameters_are_another_flight_and_are_written_beside_the_old(fl
     r = replay(flight, overrides={"position_monitor": {"threshold": 0.01}}, output=tmp_path / "w.mcap")
     assert not r.exact
     assert r.changed
-    old, new = (next(d for d in r.detectors if d["id"] == "position_monitor" and d["target"] == "elevator.left_inner")[k] for k in ("logged", "replayed"))
+    old, new = (
+        next(d for d in r.detectors if d["id"] == "position_monitor" and d["target"] == "elevator.left_inner")[k]
+        for k in ("logged", "replayed")
+    )
     assert new["detected_at_s"] <= old["detected_at_s"]
     both = open_log(tmp_path / "w.mcap")
-    np.testing.assert_array_equal(both.array("/detectors/iotsekf/left_inner"), both.array("/replay/detectors/iotsekf/left_inner"))
-    assert (both.array("/detectors/position_monitor/left_inner") != both.array("/replay/detectors/position_monitor/left_inner")).any()
+    np.testing.assert_array_equal(
+        both.array("/detectors/iotsekf/left_inner"), both.array("/replay/detectors/iotsekf/left_inner")
+    )
+    assert (
+        both.array("/detectors/position_monitor/left_inner")
+        != both.array("/replay/detectors/position_monitor/left_inner")
+    ).any()
     assert replay(tmp_path / "w.mcap").exact
 
 
@@ -83,7 +92,9 @@ def test_unknown_detectors_and_parameters_are_refused(flight):
 
 def test_nothing_to_compare_is_not_exact(tmp_path):
     path = tmp_path / "bare.mcap"
-    cosim.simulate(cosim.load_scenario("cruise", ["duration_s=1", "detectors.enabled=[]", "elevator.feedback=measured"]), log=path)
+    cosim.simulate(
+        cosim.load_scenario("cruise", ["duration_s=1", "detectors.enabled=[]", "elevator.feedback=measured"]), log=path
+    )
     with pytest.raises(ReplayError, match="nothing to compare"):
         replay(path)
 
