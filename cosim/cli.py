@@ -284,7 +284,7 @@ cli_study.add(app, out, err)
 
 @app.command()
 def campaign(
-    campaign: Annotated[str, typer.Argument(metavar="CAMPAIGN", help="Built-in name or TOML file.", show_default=False)],
+    campaign: Annotated[str, typer.Argument(metavar="CAMPAIGN", help="Built-in name or file.", show_default=False)],
     workers: Annotated[int | None, typer.Option("--workers", min=1, help="Processes. Default: one per core.")] = None,
     scheduler: Annotated[
         str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Fly on a Dask cluster: tcp://host:8786.")
@@ -292,7 +292,7 @@ def campaign(
     resume: Annotated[bool, typer.Option("--resume", help="Go on where a campaign in this folder ended.")] = False,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="DIR", help="Folder. Default: logs/<campaign>.", show_default=False),
+        typer.Option("--output", "-o", metavar="DIR", help="Default: logs/<campaign>.", show_default=False),
     ] = None,
     again: Annotated[
         str | None, typer.Option("--rerun", metavar="ID", help="Fly one run again, with a log, and compare its row.")
@@ -303,14 +303,15 @@ def campaign(
     from cosim.campaign_run import rerun, run_campaign
 
     if again:
-        flown, result, repeats = rerun(campaign, again, out=output)
-        found = {**result.to_dict(), "run": again, "repeats": repeats}
+        flown, result, repeats, same_code = rerun(campaign, again, out=output)
+        found = {**result.to_dict(), "run": again, "repeats": repeats, "same_code": same_code}
         if json_:
             print(json.dumps(found, allow_nan=False))
         else:
             out.print(tables.run(found, flown))
             if repeats is not None:
-                out.print("its row repeats exactly" if repeats else "[bold red]its row does not repeat[/]")
+                other = "" if same_code else ": the campaign was flown with other code, designs or libraries"
+                out.print("its row repeats exactly" if repeats else f"[bold red]its row does not repeat[/]{other}")
         raise typer.Exit(1 if repeats is False else 0)
     with tables.progress(err, f"flying {Path(campaign).stem}", "runs", "preparing the workers") as progress:
         done = run_campaign(
