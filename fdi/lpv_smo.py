@@ -151,7 +151,6 @@ STATE = dtype(
         ("y2", "f8", (2,)),  # n_z [g], alpha [deg] at the last tick
         ("z", "f8", (2,)),  # z_f
         ("w", "f8"),  # x_hat_1 + L x_hat_2
-        ("g", "f8"),  # its forcing at the last tick
         ("f", "f8", (3,)),  # lagged W nu / E: deg, g, deg
         ("d", "f8", (N,)),  # what bank adds to x'
         ("k_e", "f8"),  # elevator and n_z estimates per angle of gust [-], [g/rad]

@@ -132,12 +132,14 @@ def observe(x, p, dt):
         w_eq += p.L[i] * x.eq[i + 1]
         b_e += p.L[i] * x.B[i + 1, 0]
         b_s += p.L[i] * x.B[i + 1, 1]
-    g = b_s * d_s - a * w_eq + x.d[0]
+    # both ends of the tick with this tick's matrices: w is L Z large, and a change of a times it is no forcing
+    g_0 = g_1 = b_s * d_s - a * w_eq + x.d[0]
     for i in range(P):
         row = x.A[0, i + 1] - a * p.L[i]
         for j in range(P):
             row += p.L[j] * x.A[j + 1, i + 1]
-        g += row * (x.s[i] - x.eq[i + 1]) + p.L[i] * x.d[i + 1]
+        g_0 += row * (x.b[i] - x.eq[i + 1]) + p.L[i] * x.d[i + 1]
+        g_1 += row * (x.s[i] - x.eq[i + 1]) + p.L[i] * x.d[i + 1]
     if x.age == 0.0:  # start on the measured angle of attack: the first error dies at the sliding motion's pole
         x.w = x.y2[1]
         x.alpha_hat = x.y2[1] * DEG
@@ -146,8 +148,7 @@ def observe(x, p, dt):
             x.e[i] = 0.0
     else:
         keep, c0, c1 = held_first_order(a, dt)
-        x.w = keep * x.w + c0 * (x.g + b_e * d_0) + c1 * (g + b_e * d_1)
-    x.g = g
+        x.w = keep * x.w + c0 * (g_0 + b_e * d_0) + c1 * (g_1 + b_e * d_1)
     x_1 = x.w
     for i in range(P):
         x_1 -= p.L[i] * x.s[i]

@@ -256,3 +256,18 @@ def test_outside_its_box_the_observer_says_so():
     log = np.zeros(u.shape, lpv_smo.STATE)
     lpv_smo.rollout(lpv_smo.init(p), u, p, 0.005, log)
     assert log["valid"].max() == 0 and log["alarm"].max() == 0
+
+
+def test_a_moving_flight_point_does_not_move_the_estimate_of_alpha():
+    """w is L Z large: forcing computed with two ticks' matrices would move alpha by a degree (found in flight)."""
+    m, rho = transport.model(), np.array(transport.POINTS["E"], float)
+    u = transport.fly(m, rho, lpv_smo, faults=(0.0, 0.0, 0.0), seconds=8.0)
+    t = np.arange(u.shape[1]) * 0.005
+    for name in ("de_lo", "de_li", "de_ri", "de_ro", "stab", "h", "theta", "V", "q", "n_z", "alpha"):
+        u[name][0] = u[name][0, 0]  # steady, while the air data drift
+    u["cas"] -= 2.0 * transport.KT * t
+    u["mach"] -= 0.004 * t
+    p = lpv_smo.params(model=m, made=made(), tau_rho=0.0)
+    log = np.zeros(u.shape, lpv_smo.STATE)
+    lpv_smo.rollout(lpv_smo.init(p), u, p, 0.005, log)
+    assert np.abs(log["alpha_hat"][0] - u["alpha"][0]).max() < 0.1 * DEG
