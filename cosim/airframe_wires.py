@@ -7,6 +7,7 @@ from cosim.airframe import force_model
 from cosim.sensors import TRANSPORT
 
 SERVO = 0.07  # mean delay of the healthy elevator servos, hydraulic 75 and electromechanical 68 ms, measured [s]
+LEARN = 8.0  # the papers' faults come at 10 s [s]
 OMEGA, ZETA = 30.0, 0.9  # of actuators.simple
 
 _COMMANDS = {f"de_{s}": "law.law.de_cmd" for s in ("lo", "li", "ri", "ro")} | {"stab": "law.law.stab_cmd"}
@@ -45,7 +46,7 @@ def lpv_smo_params(module, scenario, lane, dt):
     """Return PARAMS of fdi.lpv_smo for the loop: commands as late as q is, through a lag as slow as the servos."""
     xx, yy, zz, xz = force_model().gyration2
     inertia = ((zz - xx) / yy, xz / yy)
-    return module.params(delay=ticks(TRANSPORT["q"][2], dt), omega_a=1.0 / SERVO, inertia=inertia)
+    return module.params(delay=ticks(TRANSPORT["q"][2], dt), omega_a=1.0 / SERVO, inertia=inertia, t_learn=LEARN)
 
 
 def actuator_delays():

@@ -89,6 +89,7 @@ PARAMS = dtype(
         ("tau_slow", "f8"),  # of the slow means [s]
         ("t_confirm", "f8"),  # [s]
         ("t_release", "f8"),  # [s]
+        ("t_learn", "f8"),  # an offset of elevator and n_z is learned up to this time [s], 0 for none
         ("t_settle", "f8"),  # no decision for so long after a (re)start [s]
     ]
 )
@@ -156,6 +157,10 @@ STATE = dtype(
         ("k_e", "f8"),  # elevator and n_z estimates per angle of gust [-], [g/rad]
         ("k_n", "f8"),
         ("slow", "f8", (3,)),  # slow means of f_hat_elevator, f_hat_n_z, f_hat_alpha
+        ("learned", "f8"),  # 1 when the offset holds
+        ("n_learn", "f8"),
+        ("sums", "f8", (2,)),  # running means of the offset: deg, g
+        ("offset", "f8", (2,)),
         ("away", "f8"),  # alpha_hat - alpha_eq through a lag of tau_f [rad]
         ("gust", "f8"),  # rms of gusts [rad]
         ("rho", "f8", (R,)),  # t, %, kt, -
@@ -185,7 +190,8 @@ OUTPUTS = (
 
 
 def params(which="flight", *, model=None, made=None, K=30.0, delta=1e-4, tau_f=0.2, tau_v=0.2, tau_rho=0.5,
-           omega_a=0.0, delay=0, bank=True, inertia=(0.0, 0.0), sigma_q=0.02 * DEG, t_settle=2.0):  # fmt: skip
+           omega_a=0.0, delay=0, bank=True, inertia=(0.0, 0.0), sigma_q=0.02 * DEG,
+           t_settle=2.0, t_learn=0.0):  # fmt: skip
     """Return PARAMS of an `LpvModel` and its `Design`, by default the stored ones of this aircraft.
 
     States, inputs and outputs must be those of [Alwi14] (33), (37): alpha, Z, theta, V, q; elevator, stabiliser;
@@ -211,7 +217,7 @@ def params(which="flight", *, model=None, made=None, K=30.0, delta=1e-4, tau_f=0
     }  # fmt: skip
     return record(
         PARAMS, K=K, delta=delta, tau_f=tau_f, tau_v=tau_v, tau_rho=tau_rho, omega_a=omega_a, delay=delay,
-        sigma_q=sigma_q, t_settle=t_settle, **fields, **thresholds("lpv_smo", which),
+        sigma_q=sigma_q, t_settle=t_settle, t_learn=t_learn, **fields, **thresholds("lpv_smo", which),
     )  # fmt: skip
 
 
@@ -308,7 +314,8 @@ def step(x, u, p, dt):
     x.away += (1.0 - math.exp(-dt / p.tau_f)) * (x.alpha_hat - x.eq[0] * DEG - x.away)
     reconstruct(x, u, p, dt)
     both = usable(u.n_z, u.n_z_valid) * usable(u.alpha, u.alpha_valid)
-    x.valid = inside * both if x.age > p.t_settle and math.fabs(x.away) <= p.away_max else 0.0
+    ready = x.age > p.t_settle and (x.learned > 0.5 or p.t_learn <= 0.0) and math.fabs(x.away) <= p.away_max
+    x.valid = inside * both if ready else 0.0
     if x.valid > 0.5:
         _decide(x, p, dt)
     else:

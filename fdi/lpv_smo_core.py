@@ -177,6 +177,22 @@ def observe(x, p, dt):
 
 
 @kernel
+def learn(x, p, elevator, n_z):
+    """Average what no gust can do [deg, g] from t_settle to t_learn: the moment and lift that the model has wrong.
+
+    An extension, off in the paper: 5 % on each coefficient of the trim is worth 0.9 deg of elevator. alpha needs none.
+    """
+    if x.learned > 0.5 or p.t_learn <= 0.0 or x.age <= p.t_settle:
+        return
+    x.n_learn += 1.0
+    x.sums[0] += (elevator - x.sums[0]) / x.n_learn
+    x.sums[1] += (n_z - x.sums[1]) / x.n_learn
+    if x.age >= p.t_learn:
+        x.learned = 1.0
+        x.offset[0], x.offset[1] = x.sums[0], x.sums[1]
+
+
+@kernel
 def reconstruct(x, u, p, dt):
     """Turn nu into fault estimates (22), (25), through the lag; a sensor that is out keeps its estimate."""
     E = affine_scalar(p.E, x.rho)
@@ -191,15 +207,17 @@ def reconstruct(x, u, p, dt):
         out = (i == 1 and usable(u.n_z, u.n_z_valid) < 0.5) or (i == 2 and usable(u.alpha, u.alpha_valid) < 0.5)
         if not out:
             x.f[i] += c * (raw - x.f[i])
-    x.f_hat_elevator = x.f[0] * DEG
-    x.f_hat_n_z_raw = x.f[1]
-    x.f_hat_n_z = x.f[1] - D51 * x.f[0]
-    x.f_hat_alpha = x.f[2] * DEG
     # a gust of angle a moves alpha's vane, n_z and the pitching moment together: (a, k_n a, k_e a)
-    k_e = x.A[4, 0] / E
-    k_n = x.A[5, 0] / p.a_f[0] - D51 * k_e
-    x.k_e, x.k_n = k_e, k_n / DEG
-    x.free_elevator = (x.f[0] - k_e * x.f[2]) * DEG
+    x.k_e = x.A[4, 0] / E
+    k_n = x.A[5, 0] / p.a_f[0] - D51 * x.k_e
+    x.k_n = k_n / DEG
+    learn(x, p, x.f[0] - x.k_e * x.f[2], x.f[1] - D51 * x.f[0] - k_n * x.f[2])
+    f_e = x.f[0] - x.offset[0]
+    x.f_hat_elevator = f_e * DEG
+    x.f_hat_n_z_raw = x.f[1] - x.offset[1] - D51 * x.offset[0]
+    x.f_hat_n_z = x.f[1] - D51 * x.f[0] - x.offset[1]
+    x.f_hat_alpha = x.f[2] * DEG
+    x.free_elevator = (f_e - x.k_e * x.f[2]) * DEG
     x.free_n_z = x.f_hat_n_z - k_n * x.f[2]
     # white noise of q through a difference and the lag: variance (c / h)^2 (1 + c / (2 - c)) sigma^2
     x.f_sigma = p.sigma_q * c / dt * math.sqrt(1.0 + c / (2.0 - c)) / math.fabs(E)
