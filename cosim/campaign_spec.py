@@ -15,6 +15,10 @@
     [draw]                          # distributions: cosim/campaign_draw.py
     "flight.mass_t" = { low = 200, high = 300 }
     "tolerances.aero.*" = { mean = 1.0, sigma = 0.02 }    # every coefficient on its own
+    [[part]]                        # if any: the campaign is its parts, each with all of the above and its own on top
+    name = "jams"                   # column label.part
+    set = { "faults.0.kind" = "jam_solid" }
+    grid = { ... }                  # also draw, runs
     [keep]                          # logs of the worst runs per rule and detector: cosim/campaign_keep.py
     missed = 1
 
@@ -23,6 +27,7 @@ Keys are those of a scenario, as with --set. A table's `name` becomes the column
 
 import itertools
 import json
+import math
 import tomllib
 from dataclasses import dataclass, field
 from importlib import resources
@@ -40,8 +45,35 @@ from cosim.scenario.tolerance import toleranced
 MOST = 1_000_000  # runs; more is a slip of a grid
 TYPES = {
     "title": str, "base": str, "runs": int, "sampling": str, "seed": int, "first_seed": int,
-    "set": dict, "grid": dict, "draw": dict, "keep": dict,
+    "set": dict, "grid": dict, "draw": dict, "keep": dict, "part": list,
 }  # fmt: skip
+OF_A_PART = ("name", "runs", "set", "grid", "draw")
+
+
+@dataclass(frozen=True)
+class Part:
+    """A grid with draws over one base."""
+
+    base: dict  # tables of the scenario, `set` applied
+    name: str = ""
+    runs: int = 1
+    grid: dict = field(default_factory=dict)
+    draw: dict = field(default_factory=dict)
+
+    def values(self, sampling, seed):
+        """Yield (keys, labels) of every run."""
+        points = list(itertools.product(*self.grid.values()))
+        cube = unit_cube(len(points) * self.runs, len(self.draw), sampling=sampling, seed=seed)
+        for i, u in enumerate(cube):
+            values, label = {}, {"part": self.name} if self.name else {}
+            chosen = dict(zip(self.grid, points[i // self.runs]))
+            chosen |= {key: one(q) for (key, one), q in zip(self.draw.items(), u)}
+            for key, value in chosen.items():
+                _put(values, label, key, value)
+            yield values, label
+
+    def __len__(self):
+        return math.prod(map(len, self.grid.values())) * self.runs
 
 
 @dataclass(frozen=True)
@@ -49,32 +81,27 @@ class Campaign:
     """A campaign as written, checked but for the scenarios that it makes."""
 
     name: str
-    base: dict  # tables of the base scenario, `set` applied
+    parts: tuple
     title: str = ""
-    runs: int = 1
     sampling: str = "latin_hypercube"
     seed: int = 1
     first_seed: int = EVALUATION_SEED
-    grid: dict = field(default_factory=dict)
-    draw: dict = field(default_factory=dict)
     keep: dict = field(default_factory=dict)
+
+    def __len__(self):
+        return sum(map(len, self.parts))
 
     def scenarios(self):
         """Return (scenarios, labels): every run, in order. Raises ScenarioError for one that cannot be."""
-        points = list(itertools.product(*self.grid.values()))
-        n = len(points) * self.runs
-        if not 0 < n <= MOST:
-            raise CampaignError(f"has {n} runs", place=self.name, allowed=f"1 to {MOST}")
-        cube = unit_cube(n, len(self.draw), sampling=self.sampling, seed=self.seed)
+        if len(self) > MOST:
+            raise CampaignError(f"has {len(self)} runs", place=self.name, allowed=f"1 to {MOST}")
         made, labels = [], []
-        for i in range(n):
-            values, label = {"seed": self.first_seed + i}, {}
-            chosen = dict(zip(self.grid, points[i // self.runs]))
-            chosen |= {key: one(u) for (key, one), u in zip(self.draw.items(), cube[i])}
-            for key, value in chosen.items():
-                _put(values, label, key, value)
-            made.append(_scenario(self.base, values, f"{self.name}, run {i}"))
-            labels.append(label)
+        for i, part in enumerate(self.parts):
+            for values, label in part.values(self.sampling, self.seed + i):
+                n = len(made)
+                values = {"seed": self.first_seed + n} | values
+                made.append(_scenario(part.base, values, f"{self.name}, run {n}"))
+                labels.append(label)
         return made, labels
 
 
@@ -111,23 +138,24 @@ def load_campaign(name_or_path):
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise CampaignError(f"not valid TOML: {error}", place=name) from None
-    for key, value in table.items():
-        if key not in TYPES:
-            raise CampaignError(
-                f"unknown key {key!r}", place=name, allowed=", ".join(TYPES), remedy=did_you_mean(key, TYPES)
-            )
-        if not isinstance(value, TYPES[key]) or isinstance(value, bool):
-            raise CampaignError(f"{key} is no {_word(TYPES[key])}", place=name)
+    _keys(table, TYPES, name)
     return _checked(name, folder, table)
 
 
-def _word(kind):
-    return {str: "text", int: "whole number", dict: "table"}[kind]
+def _keys(table, known, place):
+    if not isinstance(table, dict):
+        raise CampaignError("is no table", place=place)
+    for key, value in table.items():
+        if key not in known:
+            near = did_you_mean(key, known)
+            raise CampaignError(f"unknown key {key!r}", place=place, allowed=", ".join(known), remedy=near)
+        kind = TYPES.get(key, str)
+        if not isinstance(value, kind) or isinstance(value, bool):
+            word = {str: "text", int: "whole number", dict: "table", list: "list of tables"}[kind]
+            raise CampaignError(f"{key} is no {word}", place=place)
 
 
 def _checked(name, folder, table):
-    if not 1 <= table.get("runs", 1) <= MOST:
-        raise CampaignError(f"runs = {table['runs']}", place=name, allowed=f"1 to {MOST}")
     if table.get("sampling", "random") not in ("random", "latin_hypercube"):
         raise CampaignError(f"sampling = {table['sampling']!r}", place=name, allowed="random, latin_hypercube")
     for key in ("seed", "first_seed"):
@@ -139,30 +167,42 @@ def _checked(name, folder, table):
             raise CampaignError("is no rule", place=f"{name}: keep.{rule}", allowed=", ".join(RULES), remedy=near)
         if isinstance(count, bool) or not isinstance(count, int) or not 0 < count <= 100:
             raise CampaignError(f"{count!r} is no number of logs", place=f"{name}: keep.{rule}", allowed="1 to 100")
-    for key, values in table.get("grid", {}).items():
-        if not isinstance(values, list) or not values:
-            raise CampaignError("is no list of values", place=f"{name}: grid.{key}")
-    draws = {}
-    for key, value in table.get("draw", {}).items():
-        for each in _every(key):
-            draws[each] = draw(value, f"{name}: draw.{key}")
-    for key in draws:
-        if key in table.get("grid", {}):
-            raise CampaignError("is drawn and in the grid", place=f"{name}: {key}")
     base = _base(table.get("base", "cruise"), folder)
-    constant = [f"{k}={json.dumps(v)}" for k, v in table.get("set", {}).items()]
-    kept = {k: v for k, v in table.items() if k not in ("base", "set", "draw")}
-    return Campaign(name=name, base=apply(base, constant), draw=draws, **kept)
+    parts = []
+    for i, own in enumerate(table.get("part", [{}])):
+        place = f"{name}: part {own['name']!r}" if isinstance(own, dict) and "name" in own else f"{name}: part {i}"
+        parts.append(_part(base, table, own, place if "part" in table else name))
+    kept = {k: v for k, v in table.items() if k in ("title", "sampling", "seed", "first_seed", "keep")}
+    return Campaign(name=name, parts=tuple(parts), **kept)
 
 
-def _every(key):
+def _part(base, table, own, place):
+    """Return a Part: what the campaign says for all, and its `own` on top; the common grid changes slowest."""
+    _keys(own, OF_A_PART, place)
+    runs = own.get("runs", table.get("runs", 1))
+    if not 1 <= runs <= MOST:
+        raise CampaignError(f"runs = {runs}", place=place, allowed=f"1 to {MOST}")
+    constant, grid, draws = ({**table.get(k, {}), **own.get(k, {})} for k in ("set", "grid", "draw"))
+    for key, values in grid.items():
+        if not isinstance(values, list) or not values:
+            raise CampaignError("is no list of values", place=f"{place}: grid.{key}")
+    drawn = {}
+    for key, value in draws.items():
+        drawn |= dict.fromkeys(_every(key, place), draw(value, f"{place}: draw.{key}"))
+    for key in grid.keys() & drawn.keys():
+        raise CampaignError("is drawn and in the grid", place=f"{place}: {key}")
+    tables = apply(base, [f"{k}={json.dumps(v)}" for k, v in constant.items()])
+    return Part(tables, own.get("name", ""), runs, grid, drawn)
+
+
+def _every(key, place):
     """Return the keys that a trailing .* stands for: tolerances.aero.*, .hydraulic.*, .ema.*"""
     group, star = key.removesuffix(".*").removeprefix("tolerances."), key.endswith(".*")
     if not star:
         return [key]
     if group not in ("aero", "hydraulic", "ema") or not key.startswith("tolerances."):
         allowed = "tolerances.aero.*, tolerances.hydraulic.*, tolerances.ema.*"
-        raise CampaignError("* stands for nothing here", place=f"draw.{key}", allowed=allowed)
+        raise CampaignError("* stands for nothing here", place=f"{place}: draw.{key}", allowed=allowed)
     return [f"tolerances.{group}.{name}" for name in toleranced(group)]
 
 
