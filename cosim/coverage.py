@@ -41,6 +41,16 @@ def expected(detector, case):
     return Expected(BLIND)
 
 
+def group(detector, level):
+    """Return what a detector draws on, in words; its level where the table does not say."""
+    return expectations().get(detector, {}).get("group", f"{level} level")
+
+
+def remark(detector):
+    """Return what has to be said whenever results of a detector are shown, or an empty text."""
+    return expectations().get(detector, {}).get("remark", "")
+
+
 def case_of(kind, target, technology, at="", limit=False):
     """Return the case of a fault: `target` as a scenario writes it, `technology` {segment: name}.
 

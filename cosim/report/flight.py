@@ -6,7 +6,7 @@ import numpy as np
 
 from cosim import wiring
 from cosim.report.figure import COLOURS, DASHES, Figure, axis, bands, base, curve, envelope, grid, least, level, note, packed, peaks, place, style_axis
-from cosim.report.flown import spans, words
+from cosim.flown import spans, words
 from fdi.verdict import NAMES
 
 DEG, FT, KT = 180.0 / math.pi, 1.0 / 0.3048, 3600.0 / 1852.0
@@ -225,7 +225,7 @@ def _statistic(figure, flown, lanes):
     level(figure.layout, 1, 1.0)
     sizes = [np.abs(lane.fields["r"]) for lane in lanes]
     top = max([2.0, *(float(np.nanmax(r)) for r in sizes if np.isfinite(r).any())])
-    figure.layout["yaxis"] |= {"type": "log", "range": [math.log10(FLOOR * 8), math.log10(top * 1.6)], "dtick": 1}
+    figure.layout["yaxis"] |= {"type": "log", "range": [math.log10(FLOOR * 8), math.log10(top * 1.6)], "tickvals": [0.01, 0.1, 1, 10, 100, 1000], "ticktext": ["0.01", "0.1", "1", "10", "100", "1000"]}
     for i, (lane, r) in enumerate(zip(lanes, sizes)):
         figure.data.append(curve(flown.t0, flown.dt * lane.every, np.maximum(r, FLOOR), name=words(lane.lane), colour=COLOURS[i % 8],
                                  width=2.0 if lane.entry["concerned"] else 1.1, panel=1, reduce=peaks))  # fmt: skip

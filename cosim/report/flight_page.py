@@ -2,7 +2,7 @@
 
 from cosim import coverage
 from cosim.report import flight
-from cosim.report.flown import Flown, finite, words
+from cosim.flown import Flown, finite, words
 from cosim.report.page import drawing, page, table, text, write
 from cosim.report.words import JUDGED, MARKS, came_of_it, first_case, point, summary, verdict
 from cosim.scenario.catalog import DETECTORS

@@ -3,7 +3,7 @@
 import math
 
 from cosim import coverage, wiring
-from cosim.report.flown import words
+from cosim.flown import words
 from cosim.report.page import text
 
 DEG = 180.0 / math.pi

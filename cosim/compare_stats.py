@@ -1,0 +1,152 @@
+"""What a comparison says: pure functions of its rows (cosim/compare_rows.py). Intervals are exact, at 95 %."""
+
+import math
+
+import numpy as np
+import pandas as pd
+from scipy.stats import binomtest, chi2
+
+from cosim.coverage import BLIND, DESIGNED, MAY, expectations, group
+
+LEVEL = 0.95
+ALPHA = 0.05  # run-level false-alarm probability at which detectors are set side by side
+CREDIBLE = 0.5  # a detector that cries in more than half of the fault-free flights tells nothing by alarming
+
+
+def proportion(k, n):
+    """Return (k / n, low, high), the bounds of Clopper and Pearson; (nan, 0, 1) for n = 0."""
+    if n == 0:
+        return math.nan, 0.0, 1.0
+    ci = binomtest(int(k), int(n)).proportion_ci(LEVEL, method="exact")
+    return k / n, float(ci.low), float(ci.high)
+
+
+def rate(k, hours):
+    """Return (k / hours, low, high) of a Poisson count, exact (Garwood 1936); (nan, 0, inf) without exposure."""
+    if hours <= 0.0:
+        return math.nan, 0.0, math.inf
+    tail = (1.0 - LEVEL) / 2.0
+    low = chi2.ppf(tail, 2 * k) / 2.0 if k else 0.0
+    return k / hours, float(low / hours), float(chi2.ppf(1.0 - tail, 2 * k + 2) / 2.0 / hours)
+
+
+def quantile_censored(delays, n, q):
+    """Return the q-quantile of `n` delays of which only `delays` are finite, the others infinite; None beyond those."""
+    delays = np.sort(np.asarray(delays, float))
+    k = math.ceil(q * n) - 1
+    return float(delays[k]) if 0 <= k < len(delays) else None
+
+
+def detectors(rows, timing=None):
+    """Return a list of dicts, one per detector: what it saw of what it was designed for, how soon, at what price."""
+    cost = {} if timing is None else timing[timing["id"].notna()].groupby("id")["step_us"].median().to_dict()
+    out = []
+    for name, own in rows.groupby("id", sort=False):
+        free = own[own["case"].isna()]
+        designed = own[(own["word"] == DESIGNED) & own["concerned"] & ~own["idle"]]
+        seen = designed[designed["detected"]]
+        alarmed = int((free["false_alarms"] > 0).sum())
+        per_hour = rate(int(own["false_alarms"].sum()), float(own["hours"].sum()))
+        delays = seen["delay_s"].to_numpy()
+        p, low, high = proportion(len(seen), len(designed))
+        pf, f_low, f_high = proportion(alarmed, len(free))
+        out.append({
+            "id": name, "level": own["level"].iloc[0], "designed": len(designed), "detected": len(seen), "missed": len(designed) - len(seen),
+            "detection_probability": p, "detection_low": low, "detection_high": high, "named": int((designed["outcome"] == "named").sum()),
+            "misnamed": int((own["outcome"] == "misnamed").sum()), "idle": int(own["idle"].sum()),
+            "seen_of_may": int((own["detected"] & (own["word"] == MAY) & own["concerned"]).sum()), "may": int(((own["word"] == MAY) & own["concerned"]).sum()),
+            "unexpected": int((own["outcome"] == "bonus").sum()), "delay_s": quantile_censored(delays, len(designed), 0.5),
+            "delay_s_median_detected": float(np.median(delays)) if len(delays) else None, "delay_s_p95": quantile_censored(delays, len(designed), 0.95),
+            "delay_s_max": float(delays.max()) if len(delays) else None, "false_alarms": int(own["false_alarms"].sum()),
+            "false_alarms_per_hour": per_hour[0], "false_alarms_per_hour_low": per_hour[1], "false_alarms_per_hour_high": per_hour[2],
+            "fault_free_runs": len(free), "fault_free_alarmed": alarmed, "false_alarm_probability": pf, "false_alarm_low": f_low,
+            "false_alarm_high": f_high, "credible": not (len(free) and pf > CREDIBLE), "step_us": cost.get(name)})  # fmt: skip
+    return out
+
+
+def equal_thresholds(rows, alpha=ALPHA):
+    """Return {detector: (multiplier c of its threshold, crossings k, fault-free flights n)} at one run-level probability.
+
+    c is the smallest at which at most floor(alpha n) of the n fault-free flights reach |r| >= c; None where the detector
+    never judged in them.
+    """
+    out = {}
+    for name, own in rows[rows["case"].isna()].groupby("id", sort=False):
+        peak = np.sort(own["r_fault_free"].dropna().to_numpy())[::-1]
+        k = math.floor(alpha * len(peak))
+        usable = len(peak) and peak[0] > 0.0
+        out[name] = (float(np.nextafter(peak[k], np.inf)) if usable else None, k, len(peak))
+    return out
+
+
+def sweep(rows, points=61):
+    """Return {detector: (c, share of designed-for faults with |r| >= c, share of fault-free flights with |r| >= c)}."""
+    c = np.geomspace(0.03, 100.0, points)
+    out = {}
+    for name, own in rows.groupby("id", sort=False):
+        hit = own[(own["word"] == DESIGNED) & own["concerned"] & ~own["idle"]]["r_fault"].dropna().to_numpy()
+        free = own[own["case"].isna()]["r_fault_free"].dropna().to_numpy()
+        out[name] = (c, *((np.mean(x[None, :] >= c[:, None], axis=1) if len(x) else np.full(points, np.nan)) for x in (hit, free)))
+    return out
+
+
+def coverage_matrix(rows):
+    """Return {case: {detector: {word, runs, detected, outcomes, idle}}} of the faulty flights, cases in order of appearance."""
+    out = {}
+    for (case, name), own in rows[rows["case"].notna()].groupby(["case", "id"], sort=False):
+        cell = {"word": own["word"].iloc[0], "runs": len(own), "detected": int(own["detected"].sum()), "lane": bool(own["concerned"].any()),
+                "outcomes": own["outcome"].value_counts().to_dict(), "delay_s": float(own["delay_s"].min()) if own["detected"].any() else None}  # fmt: skip
+        out.setdefault(case, {})[name] = cell
+    return out
+
+
+def confusion(rows, detector):
+    """Return a frame: rows are kinds of fault that a lane of `detector` met, and "no fault"; columns what it said."""
+    own = rows[(rows["id"] == detector) & (rows["concerned"] | rows["case"].isna())]
+    truth = own["case"].fillna("no fault")
+    said = own["class"].where(own["detected"], "none").fillna("none")
+    said = said.where(own["case"].notna() | (own["false_alarms"] == 0), "false alarm")
+    return pd.crosstab(truth, said)
+
+
+def groups(rows):
+    """Return {group: [detectors]}: what detectors draw on, in the order of fdi/expected.toml."""
+    out, level = {}, dict(zip(rows["id"], rows["level"]))
+    for name in [n for n in expectations() if n in level] + [n for n in level if n not in expectations()]:
+        out.setdefault(group(name, level[name]), []).append(name)
+    return out
+
+
+def by_group(rows, stats):
+    """Return one row per faulty flight and group: whether a credible detector of it saw the fault, which first, how soon.
+
+    An alarm of a detector that is blind to the case by structure was caused by something else and does not count.
+    Columns run, case, frequency_hz, amplitude_mm, target, group, able (some detector could see it), seen, named, delay_s, first.
+    """
+    credible = {d["id"] for d in stats if d["credible"]}
+    member = {name: g for g, names in groups(rows).items() for name in names}
+    fault = rows[rows["case"].notna()]
+    out = []
+    order = list(groups(rows))
+    for (run, g), own in sorted(fault.groupby(["run", fault["id"].map(member)], sort=False), key=lambda item: order.index(item[0][1])):
+        able = own[own["id"].isin(credible) & own["concerned"] & (own["word"] != BLIND) & ~own["idle"]]
+        seen = able[able["detected"]].sort_values("delay_s")
+        first = seen.iloc[0] if len(seen) else None
+        about = {k: own[k].iloc[0] for k in ("case", "frequency_hz", "amplitude_mm", "target")}
+        out.append({"run": run, **about, "group": g, "able": bool(len(able)), "seen": bool(len(seen)), "named": bool((seen["outcome"] == "named").any()),
+                    "delay_s": math.nan if first is None else first["delay_s"], "first": None if first is None else first["id"]})  # fmt: skip
+    return pd.DataFrame(out)
+
+
+def smallest(grouped, name):
+    """Return {frequency: smallest achieved amplitude [mm] from which on group `name` saw every larger one, or None}."""
+    own = grouped[(grouped["group"] == name) & grouped["frequency_hz"].notna() & grouped["amplitude_mm"].notna()]
+    out = {}
+    for hz, part in own.groupby("frequency_hz"):
+        best = None
+        for _, r in part.sort_values("amplitude_mm", ascending=False).iterrows():
+            if not r["seen"]:
+                break
+            best = float(r["amplitude_mm"])
+        out[float(hz)] = best
+    return out

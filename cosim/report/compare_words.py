@@ -1,0 +1,136 @@
+"""The plain-language summary of a comparison: which level sees what, how soon, how surely, and where it goes blind."""
+
+import numpy as np
+
+from cosim import compare_stats as stats
+from cosim import coverage
+from cosim.report.page import text
+from cosim.report.words import article
+
+
+def summary(rows, each, grouped, equal):
+    """Return the summary as HTML."""
+    parts = []
+    if len(grouped):
+        parts.append(("Sees", _sees(grouped, stats.groups(rows))))
+        ofc = _oscillations(grouped)
+        if ofc:
+            parts.append(("Oscillations", ofc))
+        parts.append(("Blind", _blind(grouped)))
+        parts.append(("Names", _names(rows)))
+    parts.append(("False alarms", _false(rows, each)))
+    parts.append(("Read with care", _care(rows, each)))
+    return "".join(f'<div class="row"><b class="lead">{name}</b><div>{value}</div></div>' for name, value in parts if value)
+
+
+def _list(items):
+    return f"<ul>{''.join(f'<li>{i}</li>' for i in items)}</ul>" if items else ""
+
+
+def _sees(grouped, members):
+    out = []
+    for g, own in grouped.groupby("group", sort=False):
+        able = own[own["able"]]
+        if not len(able):
+            out.append(f"<b>{text(g)}</b>: nothing in these flights that it could see")
+            continue
+        seen = able[able["seen"]]
+        soon = f", median {np.median(seen['delay_s']):.2f} s after the onset" if len(seen) else ""
+        only = _only(grouped, g)
+        alone = f"; alone in {only}" if only else ""
+        who = f' <span class="muted">({text(", ".join(members[g]))})</span>'
+        out.append(f"<b>{text(g)}</b>{who}: {len(seen)} of the {len(able)} faulty flights that it can see by structure{soon}{alone}")
+    return _list(out)
+
+
+def _only(grouped, g):
+    """Return in how many flights group `g` was the only one to see the fault."""
+    seen = grouped[grouped["seen"]]
+    counts = seen.groupby("run")["group"].agg(["count", "first"])
+    return int(((counts["count"] == 1) & (counts["first"] == g)).sum())
+
+
+def _oscillations(grouped):
+    out = []
+    for g in dict.fromkeys(grouped["group"]):
+        found = stats.smallest(grouped, g)
+        if not found:
+            continue
+        told = ", ".join(f"{mm:.2g} mm at {hz:g} Hz" for hz, mm in sorted(found.items()) if mm is not None)
+        never = [f"{hz:g}" for hz, mm in sorted(found.items()) if mm is None]
+        missed = f"{'; ' if told else ''}not even the largest flown at {article(never)} Hz" if never else ""
+        out.append(f"<b>{text(g)}</b>: {told}{missed}")
+    return "smallest achieved rod amplitude from which on every larger one flown was seen" + _list(out) if out else ""
+
+
+def _blind(grouped):
+    out, groups = [], list(dict.fromkeys(grouped["group"]))
+    for g in groups:
+        own = grouped[grouped["group"] == g]
+        blind = [c for c, part in own.groupby("case", sort=False) if not part["able"].any()]
+        missed = [c for c, part in own.groupby("case", sort=False) if part["able"].any() and not part["seen"].any()]
+        said = []
+        if blind:
+            said.append(f"by structure to {_short(blind)}")
+        if missed:
+            said.append(f"could have seen, but did not: {_short(missed)}")
+        if said:
+            out.append(f"<b>{text(g)}</b>: {'; '.join(said)}")
+    nobody = [c for c, part in grouped.groupby("case", sort=False) if not part["seen"].any()]
+    if nobody:
+        out.append(f'<span class="bad">seen by nobody</span>: {_short(nobody)}')
+    return _list(out)
+
+
+def _short(cases, most=5):
+    names = [coverage.label(c).replace("hydraulic: ", "hydraulic ").replace("ema: ", "EMA ") for c in cases]
+    return text(article(names[:most]) if len(names) <= most else f"{', '.join(names[:most])} and {len(names) - most} more")
+
+
+def _names(rows):
+    own = rows[rows["detected"] & (rows["outcome"].isin(("named", "seen", "misnamed")))]
+    if own.empty:
+        return ""
+    counts = own["outcome"].value_counts()
+    crossed = own[(own["outcome"] == "misnamed") & ((own["class"] == "sensor") != own["case"].map(_is_sensor))]
+    severe = crossed[(crossed["class"] == "sensor") | crossed["case"].map(_is_sensor)]
+    told = f"{counts.get('named', 0)} of {len(own)} detections named the fault right, {counts.get('seen', 0)} called it ambiguous, {counts.get('misnamed', 0)} gave another name"
+    if len(severe):
+        who = ", ".join(f"{n} {k}" for n, k in severe["id"].value_counts().items())
+        told += f'; <span class="bad">in {len(severe)} a sensor fault was called an actuator\'s, or the reverse</span> ({text(who)})'
+    return told
+
+
+def _is_sensor(case):
+    kind = case.split(".", 1)[-1]
+    return case.startswith("sensor") or kind in coverage.PARTS or kind == "jam_liquid"
+
+
+def _false(rows, each):
+    free = rows[rows["case"].isna()]["run"].nunique()
+    loud = [d for d in each if d["fault_free_alarmed"]]
+    if not free:
+        return "no fault-free flight was flown: nothing can be said"
+    quiet = len(each) - len(loud)
+    _, _, high = stats.proportion(0, free)
+    told = f"{quiet} of {len(each)} detectors were quiet in all {free} fault-free flights (below {high:.0%} per flight, 95 %)"
+    return told + "".join(f'; <span class="bad">{text(d["id"])}</span> cried in {d["fault_free_alarmed"]}' for d in loud)
+
+
+def _care(rows, each):
+    out = []
+    runs = rows["run"].nunique()
+    if runs < 300:
+        out.append(f"{runs} flights are a look, not a proof: most kinds of fault flew once, at one size. <code>cosim campaign</code> flies thousands.")
+    echo = rows[rows["outcome"] == "echo"]["id"].value_counts()
+    if len(echo):
+        told = ", ".join(f"{n} {k}" for n, k in echo.items())
+        out.append(f"Alarms that the same manoeuvre raises without a fault are no detections: {text(told)}.")
+    idle = [d["id"] for d in each if d["idle"]]
+    if idle:
+        out.append(f"{text(article(idle))} never judged in some flights (outside what they are made for, or not settled): left out of their counts.")
+    dull = [d["id"] for d in each if not d["credible"]]
+    if dull:
+        out.append(f"{text(article(dull))}: alarms all the time and therefore tells nothing; left out of the levels.")
+    out += [f"{text(d['id'])}: {text(coverage.remark(d['id']))}." for d in each if coverage.remark(d["id"]) and d["id"] not in dull]
+    return _list(out)
