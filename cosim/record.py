@@ -6,9 +6,11 @@ import json
 import numpy as np
 
 from cosim import detectors, faults, hinge_model, law, sensors, wiring
-from cosim.log import LogWriter, Topic
+from cosim.log import LogWriter, Pose, Topic, viewer_layouts
+from cosim.units import unit
 
 SNAPSHOT_S = 1.0  # hidden detector states are logged that often
+LARGE = 1 << 18  # [byte] larger parameters are compressed: tables of a force model
 
 
 def _sensor_copies(scenario):
@@ -25,17 +27,10 @@ def topics(setup):
 
     def add(name, columns, group, every=1):
         if columns:
-            out.append(
-                Topic(
-                    name=name,
-                    fields=tuple(_field(c) for c, _ in columns),
-                    units=("",) * len(columns),
-                    index=np.array([i for _, i in columns]),
-                    every=every,
-                    group=group,
-                    description="",
-                )
-            )
+            fields = tuple(_field(c) for c, _ in columns)
+            index = np.array([i for _, i in columns])
+            units = ("-" if name == "/noise" else unit(group, f) for f in fields)
+            out.append(Topic(name=name, fields=fields, units=units, index=index, every=every, group=group))
 
     add("/truth/aircraft", bus.columns("truth", "aircraft"), "truth")
     add("/surfaces/aircraft", bus.columns("surfaces", "aircraft"), "truth")
@@ -94,8 +89,8 @@ def open_writer(setup, path):
         ),
     }
     for b in blocks:
-        attachments[f"{b.name}.params.npy"] = ("application/x-npy", _npy(b.p))
-        attachments[f"{b.name}.initial.npy"] = ("application/x-npy", _npy(b.x))
+        attachments |= _array(f"{b.name}.params", b.p) | _array(f"{b.name}.initial", b.x)
+    attachments |= viewer_layouts(channels)
     metadata = {
         "run": {
             "title": setup.scenario.title,
@@ -107,9 +102,20 @@ def open_writer(setup, path):
         "trim": {k: repr(v) for k, v in vars(setup.trim).items() if isinstance(v, float)},
         "libraries": {"jsbsim": _version("jsbsim"), "numpy": np.__version__, "numba": _version("numba")},
     }
-    return LogWriter(
-        path, channels, n_values=len(loop.v), dt_ns=round(loop.dt * 1e9), metadata=metadata, attachments=attachments
+    pose = Pose(*(loop.bus.index(f"truth.aircraft.{n}") for n in ("lat", "lon", "h", "phi", "theta", "psi")))
+    writer = LogWriter(
+        path,
+        channels,
+        n_values=len(loop.v),
+        dt_ns=round(loop.dt * 1e9),
+        metadata=metadata,
+        attachments=attachments,
+        pose=pose,
     )
+    for f in setup.scenario.faults:
+        start, end = (None if t is None else round(t * setup.scenario.rate_hz) for t in (f.start_s, f.end_s))
+        writer.window(start, start, end, kind=f.kind, target=f.target)
+    return writer
 
 
 def result_texts(result):
@@ -123,10 +129,14 @@ def result_texts(result):
     }
 
 
-def _npy(array):
+def _array(name, array):
+    """Return {attachment: (media type, bytes)} of an array: .npy, or .npz with it as `array` when it is large."""
     out = io.BytesIO()
+    if array.nbytes > LARGE:
+        np.savez_compressed(out, array=array)
+        return {f"{name}.npz": ("application/zip", out.getvalue())}
     np.save(out, array, allow_pickle=False)
-    return out.getvalue()
+    return {f"{name}.npy": ("application/x-npy", out.getvalue())}
 
 
 def _version(name):

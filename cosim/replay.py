@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cosim.log import open_log
-from cosim.replay_lanes import ReplayError, describe, fill, lanes, pieces, run, topics
+from cosim.replay_lanes import describe, fill, lanes, pieces, run, topics
+from cosim.replay_params import ReplayError
 from cosim.replay_write import Overlay
 from cosim.result import Watch, judge, judged, plain
 

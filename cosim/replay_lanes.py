@@ -6,7 +6,6 @@ starts at its first whole state.
 """
 
 import importlib
-import io
 import json
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -14,13 +13,10 @@ from itertools import pairwise
 import numpy as np
 
 from actuators.block import bound
-from cosim.errors import CosimError, LogError, did_you_mean
+from cosim.errors import LogError, did_you_mean
+from cosim.replay_params import ReplayError, attached, older, override
 
 BLOCK_BYTES = 1 << 18  # of full states at once: they stay in the processor's cache
-
-
-class ReplayError(CosimError):
-    """A replay that cannot be made, or would compare nothing."""
 
 
 @dataclass
@@ -97,8 +93,8 @@ def describe(log, chosen=None, overrides=None):
     out = []
     for d in (d for d in found if not chosen or d["id"] in chosen):
         module = importlib.import_module(d["module"])
-        p = attached(log, f"{d['id']}.params.npy", module.PARAMS)
-        x = attached(log, f"{d['id']}.initial.npy", module.STATE)
+        p = attached(log, f"{d['id']}.params", module.PARAMS)
+        x = attached(log, f"{d['id']}.initial", module.STATE)
         override(d["id"], p, (overrides or {}).get(d["id"], {}))
         for i, lane in enumerate(d["lanes"]):
             row = slice(i, i + 1)
@@ -114,11 +110,11 @@ def _check(log, wired):
     if topic not in log.topics:
         raise LogError(f"the log lacks {topic}, which its detectors.json names", place=str(log.path))
     if len(outputs) != len(log.topics[topic].fields):
-        raise _older(log, topic)
+        raise older(log, topic)
     for name, source, column in wired.inputs:
         there = source in log.topics and column in log.topics[source].fields
         if not there or name.partition("[")[0] not in wired.module.INPUTS.names:
-            raise _older(log, f"{source}.{column}, which {wired.id} reads as {name},")
+            raise older(log, f"{source}.{column}, which {wired.id} reads as {name},")
 
 
 def lanes(log, chosen=None, overrides=None):
@@ -149,56 +145,6 @@ def _fill(log, w, read, start, stop):
     held = w.hidden in log.topics
     states = (log.ticks(w.hidden, start, stop), read[w.hidden]) if held else (np.empty(0, np.int64), np.empty((0, 0)))
     return Lane(w.id, w.lane, w.module, w.every, w.p, w.x, w.at, u, ticks, read[w.topic], states)
-
-
-def _older(log, what):
-    software = log.metadata.get("run", {}).get("software", "another version")
-    remedy = f"The log was written by {software}; replay it with the version that wrote it, or fly it again"
-    return LogError(f"{what} is of another layout than this version's", place=str(log.path), remedy=remedy)
-
-
-def attached(log, name, kind):
-    """Return the structured array in attachment `name`, of dtype `kind`. Raises LogError for another layout or none."""
-    if name not in log.attachments:
-        raise LogError(
-            f"the log lacks {name}",
-            place=str(log.path),
-            remedy="`cosim run` did not write it; see `cosim replay --map`",
-        )
-    try:
-        found = np.load(io.BytesIO(log.attachments[name]), allow_pickle=False)
-    except (ValueError, EOFError, OSError, SyntaxError) as error:
-        raise LogError(f"{name} is damaged: {error}", place=str(log.path)) from error
-    if found.dtype.names != kind.names or any(found.dtype[n].shape != kind[n].shape for n in kind.names):
-        changed = ", ".join(sorted(set(kind.names) ^ set(found.dtype.names or ())))
-        raise _older(log, f"{name} ({changed or 'its arrays'})")
-    out = np.zeros(found.shape, kind)
-    for n in kind.names:
-        out[n] = found[n]
-    return out
-
-
-def override(detector, p, values):
-    """Set parameters {name: value} of `detector` in its PARAMS `p`; `name[i]` is an element. Raises ReplayError."""
-    for name, value in values.items():
-        base, _, index = name.partition("[")
-        if base not in p.dtype.names:
-            raise ReplayError(
-                "no such parameter",
-                place=f"{detector}.{name}",
-                allowed=", ".join(p.dtype.names),
-                remedy=did_you_mean(base, p.dtype.names),
-            )
-        shape = p.dtype[base].shape
-        try:
-            at = tuple(int(i) for i in index.rstrip("]").split(",")) if index else ()
-            p[base][(slice(None), *at)] = value
-        except (ValueError, IndexError) as error:
-            raise ReplayError(
-                f"{value!r} cannot be set",
-                place=f"{detector}.{name}",
-                allowed=f"a number, elements of shape {shape}" if shape else "a number",
-            ) from error
 
 
 def columns(kind, names):

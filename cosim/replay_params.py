@@ -1,0 +1,75 @@
+"""Read a detector's parameters and initial states from a log, and change them."""
+
+import io
+import zipfile
+import zlib
+
+import numpy as np
+
+from cosim.errors import CosimError, LogError, did_you_mean
+
+ARRAY_BYTES = 1 << 27  # a compressed array that claims more is refused
+
+
+class ReplayError(CosimError):
+    """A replay that cannot be made, or would compare nothing."""
+
+
+def older(log, what):
+    """Return the LogError for `what` in a log that another version wrote."""
+    software = log.metadata.get("run", {}).get("software", "another version")
+    remedy = f"The log was written by {software}; replay it with the version that wrote it, or fly it again"
+    return LogError(f"{what} is of another layout than this version's", place=str(log.path), remedy=remedy)
+
+
+def attached(log, name, kind):
+    """Return the structured array in attachment `name`, of dtype `kind`. Raises LogError for another layout or none."""
+    try:
+        found = _load(log.attachments, name)
+    except KeyError as error:
+        remedy = "`cosim run` did not write it; see `cosim replay --map`"
+        raise LogError(f"the log lacks {name}", place=str(log.path), remedy=remedy) from error
+    except (ValueError, EOFError, OSError, SyntaxError, zipfile.BadZipFile, zlib.error) as error:
+        raise LogError(f"{name} is damaged: {error}", place=str(log.path)) from error
+    if found.dtype.names != kind.names or any(found.dtype[n].shape != kind[n].shape for n in kind.names):
+        changed = ", ".join(sorted(set(kind.names) ^ set(found.dtype.names or ())))
+        raise older(log, f"{name} ({changed or 'its arrays'})")
+    out = np.zeros(found.shape, kind)
+    for n in kind.names:
+        out[n] = found[n]
+    return out
+
+
+def _load(attachments, name):
+    """Return the array of attachment <name>.npy, or of <name>.npz with an entry `array`."""
+    if name + ".npy" in attachments:
+        return np.load(io.BytesIO(attachments[name + ".npy"]), allow_pickle=False)
+    data = io.BytesIO(attachments[name + ".npz"])
+    with zipfile.ZipFile(data) as packed:
+        if packed.getinfo("array.npy").file_size > ARRAY_BYTES:
+            raise ValueError(f"it is larger than {ARRAY_BYTES} bytes")
+        with packed.open("array.npy") as file:
+            return np.load(io.BytesIO(file.read(ARRAY_BYTES)), allow_pickle=False)
+
+
+def override(detector, p, values):
+    """Set parameters {name: value} of `detector` in its PARAMS `p`; `name[i]` is an element. Raises ReplayError."""
+    for name, value in values.items():
+        base, _, index = name.partition("[")
+        if base not in p.dtype.names:
+            raise ReplayError(
+                "no such parameter",
+                place=f"{detector}.{name}",
+                allowed=", ".join(p.dtype.names),
+                remedy=did_you_mean(base, p.dtype.names),
+            )
+        shape = p.dtype[base].shape
+        try:
+            at = tuple(int(i) for i in index.rstrip("]").split(",")) if index else ()
+            p[base][(slice(None), *at)] = value
+        except (ValueError, IndexError) as error:
+            raise ReplayError(
+                f"{value!r} cannot be set",
+                place=f"{detector}.{name}",
+                allowed=f"a number, elements of shape {shape}" if shape else "a number",
+            ) from error
