@@ -271,3 +271,24 @@ def test_a_moving_flight_point_does_not_move_the_estimate_of_alpha():
     log = np.zeros(u.shape, lpv_smo.STATE)
     lpv_smo.rollout(lpv_smo.init(p), u, p, 0.005, log)
     assert np.abs(log["alpha_hat"][0] - u["alpha"][0]).max() < 0.1 * DEG
+
+
+def test_the_stored_design_belongs_to_the_aircraft_and_reproduces_the_papers_lpv_results():
+    from cosim import design_lpv
+    from cosim.reproduce import alwi14
+
+    assert design_lpv.check() == ""
+    rows = [*alwi14._fit(), *alwi14._gains(), *alwi14._lpv_plant()]
+    assert not [r for r in rows if r.verdict == "differs"]
+
+
+def test_a_design_for_another_aircraft_is_called_stale(tmp_path):
+    import json
+
+    from cosim import design_lpv
+
+    held = json.loads(design_lpv.STORED.read_text())
+    held["aircraft_sha256"] = "0" * 64
+    path = tmp_path / "old.json"
+    path.write_text(json.dumps(held))
+    assert "cosim design" in design_lpv.check(path)
