@@ -12,14 +12,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.design_rfafe import DT
-from cosim.lu17_flights import POINTS, draw, estimate, record
+from cosim.lu17_flights import POINTS, draw, estimate, flights, record
 from cosim.train_lu17 import EVALUATION
-from fdi import iotsekf, ofc_monitor, rtsekf_flight, verdict
+from fdi import iotsekf, ofc_monitor, position_monitor, rtsekf_flight, verdict
 
 T_FAULT, LANE, TARGET = 12.0, 1, "elevator.left_inner"
 FREQUENCIES = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 CYCLE = ("nz_doublet", "pitch_protection", "coordinated_turn", "aoa_protection", "three_two_one_one")
-MODULES = {"iotsekf": iotsekf, "rtsekf_flight": rtsekf_flight, "ofc_monitor": ofc_monitor}
+MODULES = {
+    "iotsekf": iotsekf,
+    "rtsekf_flight": rtsekf_flight,
+    "ofc_monitor": ofc_monitor,
+    "position_monitor": position_monitor,
+}
+AMPLITUDES = (0.1, 0.15, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 2.0, 3.0, 5.0)  # [mm]
 
 
 @dataclass(frozen=True)
@@ -161,3 +167,38 @@ def default_detectors():
     out = {name: (module, module.params()) for name, module in MODULES.items()}
     return out | {f"iotsekf load {k}": (iotsekf, iotsekf.params(load=k)) for k in (1, 0)}
 
+
+
+def quiet(detectors, *, draws=3, first_seed=EVALUATION, progress=None):
+    """Fly 108 fault-free flights per draw; return {detector: (flights, alarms, five largest maxima of r)}."""
+    most = {name: [] for name in detectors}
+    alarms = dict.fromkeys(detectors, 0)
+    settled = round(2.0 / DT)
+    for count, flight in enumerate(flights(first_seed, draws), start=1):
+        recorded = record(**flight)
+        for name, (module, p) in detectors.items():
+            log = estimate(module, recorded, p, ("r", "alarm"))
+            alarms[name] += bool((log["alarm"] > 0.5).any())
+            label = f"{flight['manoeuvre']['kind']}, {flight['flight']['turbulence']}, seed {flight['seed']}"
+            most[name].append((float(np.abs(log["r"][:, settled:]).max()), label))
+        if progress:
+            progress(f"{count} flights")
+    return {name: (len(most[name]), alarms[name], sorted(most[name], reverse=True)[:5]) for name in detectors}
+
+
+def smallest(hz, detectors, *, solid, seeds=20, share=0.95):
+    """Return {detector: least of AMPLITUDES [mm] that is found in time in `share` of the seeds}, inf where none is."""
+    out = dict.fromkeys(detectors, math.inf)
+    for mm in AMPLITUDES[::-1]:
+        case = oscillation(hz, solid=solid, mm=mm)
+        found = outcomes(case, detectors, seeds=seeds, first_seed=EVALUATION + 8000)
+        missed = 0
+        for name, runs in found.items():
+            in_time = sum(o.delay <= 3.0 / hz + DT / 2 and not o.early for o in runs)
+            if in_time >= share * seeds:
+                out[name] = min(out[name], mm)
+            else:
+                missed += 1
+        if missed == len(found):
+            break
+    return out

@@ -299,10 +299,10 @@ def peak_frequency(x, p, k, b):
 
 
 @kernel
-def name_fault(x, sensor, jam, run, moves, alternates):
+def name_fault(x, sensor, jam, run, moves, swings):
     """Write `alarm`, `verdict` and `culprit` of a hydraulic lane from its four tests, the surest first.
 
-    `moves`: what the valve does moves the rod; `alternates`: it has done so both ways since the first sign.
+    `moves`: what the valve does moves the rod; `swings`: it has not been constant since the first sign.
     """
     ofc = x.ofc_timer > 0.0
     x.alarm = 1.0 if sensor or jam or run or ofc else 0.0
@@ -310,7 +310,7 @@ def name_fault(x, sensor, jam, run, moves, alternates):
     x.culprit = x.blame if sensor else 0.0
     if sensor:
         x.verdict = SENSOR if x.blame > 0.5 else AMBIGUOUS
-    elif ofc and not jam and (alternates or last != RUNAWAY):
+    elif ofc and not jam and (swings or last != RUNAWAY):
         x.verdict = OFC_SOLID if x.ofc_solid > 0.5 else OFC_LIQUID
     elif x.alarm < 0.5:
         x.verdict = NONE

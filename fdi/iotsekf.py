@@ -99,6 +99,8 @@ NOISE = {
     "P0_f": 1e-4,
     "r_spare": 2e-8,  # 0.02 deg on 0.30 m, rigging removed
 }
+SWING = 0.7  # a runaway's valve swings by 0.4 of its largest opening, noise included; an oscillation goes through zero
+UNSEEN = 1e3  # no valve opens so far
 
 # fitted to the step response of f_hat on the linear model with these noises at 5 ms: off by 1 % rms with the pressure,
 # by 3 % without
@@ -174,11 +176,11 @@ def decide(x, u, p, dt):
     x.jam_timer, x.jam = confirm(x.jam_timer, x.jam, jammed, dt, p.jam_confirm, p.t_release)
     w = x.f_slow + x.u_slow
     late = x.since > 3.0 * p.run_tau  # the lag has forgotten the time before
-    x.w_high = max(x.w_high, w) if late else 0.0
-    x.w_low = min(x.w_low, w) if late else 0.0
-    alternates = min(x.w_high, -x.w_low) > 0.25 * max(x.w_high, -x.w_low)
+    x.w_high = max(x.w_high, w) if late else -UNSEEN
+    x.w_low = min(x.w_low, w) if late else UNSEEN
+    swings = late and x.w_high - x.w_low > SWING * max(math.fabs(x.w_high), math.fabs(x.w_low))
     moves = math.fabs(w) > 0.5 * p.run_threshold
-    decision.name_fault(x, x.sensor > 0.5, x.jam > 0.5, x.run > 0.5, moves, alternates)
+    decision.name_fault(x, x.sensor > 0.5, x.jam > 0.5, x.run > 0.5, moves, swings)
     pair = math.fabs(x.pair_d) / p.pair_threshold
     x.r = max(max(pair, x.r_ofc), max(x.r_run, x.r_jam if still else 0.0))
 

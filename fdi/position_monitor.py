@@ -62,7 +62,7 @@ STATE = dtype(
 OUTPUTS = ("r", "model", "rate", "alarm", "verdict", "culprit", "valid")
 
 
-RATE_LIMIT = math.radians(45.0)  # no-load surface rate of the hydraulic segment (DESIGN.md 3) [rad/s]
+RATE_LIMIT = math.radians(40.0)  # of the servos' reference, both technologies (actuators/servo.py) [rad/s]
 TRAVEL = (math.radians(-23.0), math.radians(17.0))  # of the elevator (DESIGN.md 3) [rad]
 
 
