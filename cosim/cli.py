@@ -94,6 +94,7 @@ def run(
         ),
     ] = None,
     strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 when the flight departs.")] = False,
+    report: Annotated[bool, typer.Option("--report", help="Write an HTML report beside the log.")] = False,
     json_: JsonOption = False,
 ):
     """Fly a scenario, log everything, and show who alarmed, when, and what it isolated."""
@@ -110,10 +111,16 @@ def run(
     with tables.progress(err, f"flying {Path(scenario).stem}", waiting=waiting) as progress:
         result = simulate(flown, log=path, progress=progress, achieved=True)
     found = result.to_dict()
+    if report:
+        from cosim.report import flight_report
+
+        found["report"] = str(flight_report(path, path.with_suffix(".html")))
     if json_:
         print(json.dumps(found, allow_nan=False))
     else:
         out.print(tables.run(found, flown))
+        if report:
+            out.print(f"report {tables.escape(found['report'])}", soft_wrap=True, highlight=False)
     if found["status"] == "interrupted":
         raise typer.Exit(130)
     if strict and found["status"] != "completed":
@@ -323,6 +330,59 @@ def campaign(
         from cosim.cli_campaign import campaign as shown
 
         out.print(shown(done))
+
+
+@app.command()
+def report(
+    log: Annotated[
+        Path,
+        typer.Argument(metavar="LOG|DIR", help="A log; or a campaign's folder, or a folder of logs.", show_default=False),
+    ],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="HTML", help="Default: beside the log.", show_default=False)
+    ] = None,
+    json_: JsonOption = False,
+):
+    """Write one self-contained HTML page that shows a flight, or compares the flights of a folder; opens offline."""
+    path = output or (log / "compare.html" if log.is_dir() else log.with_suffix(".html"))
+    reserve(path, taken=log, endings=(".html", ".htm"))
+    if log.is_dir():
+        from cosim.compare import compare as work
+        from cosim.report import comparison_report
+
+        with tables.progress(err, "reading", unit="logs") as progress:
+            made = comparison_report(work([log], progress=progress), path)
+    else:
+        from cosim.report import flight_report
+
+        made = flight_report(log, path)
+    if json_:
+        print(json.dumps({"report": str(made)}))
+    else:
+        out.print(f"report {tables.escape(str(made))}", soft_wrap=True, highlight=False)
+
+
+@app.command()
+def compare(
+    sources: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[LOGS…|DIR]", help="Logs, or a campaign's folder. Default: a small built-in matrix.", show_default=False),
+    ] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of report and table.")] = Path("logs/compare"),
+    workers: Annotated[int | None, typer.Option("--workers", min=1, help="Processes. Default: one per core.", show_default=False)] = None,
+    json_: JsonOption = False,
+):
+    """Compare aircraft-level and local detectors on the same flights: who sees what, how soon, how surely, at what cost."""
+    from cosim.cli_compare import compare as table
+    from cosim.compare import compare as work
+
+    reserve(output / "compare.html")
+    with tables.progress(err, "flying" if not sources else "reading", unit="flights", waiting="preparing") as progress:
+        found = work(sources or (), out=output, workers=workers, progress=progress).to_dict()
+    if json_:
+        print(json.dumps(found, allow_nan=False))
+    else:
+        out.print(table(found))
 
 
 def main():
