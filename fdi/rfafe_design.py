@@ -113,7 +113,7 @@ def design(A, B, C, D, E, F, *, dt, region=None, alpha=None, theta=1.0, Gamma=No
     A (n, n), B (n, r), C (m, n), D (m, r) or None, E (n, q) or None, F (n, l), any units; dt in s.
 
     region     Region, (centre, radius, decay) or a mapping with these names or the paper's q, r, zeta; None: centre at
-               half the bandwidth, widened to hold the modes that no gain moves
+               half the bandwidth, or where it suits alpha, widened to hold the modes that no gain moves
     alpha      [1/s]; None: centre (1 + centre / 2 wb), which makes |f_hat/f| flat when N = -centre I
     Gamma      learning rate, a number or (l, l); None: bandwidth ((TF)'P(TF))^-1, `bandwidth` in rad/s
     sigma      standard deviation of each output's noise (m,): M then weighs the outputs by it; None: by size only
@@ -134,19 +134,18 @@ def design(A, B, C, D, E, F, *, dt, region=None, alpha=None, theta=1.0, Gamma=No
             f"|TF|/|F| is {ratio:.3f}, below {min_ratio}: E lies {angle:.1f} deg from F, so decoupling it removes the "
             "fault and multiplies the noise; lower the rank of E or remove its part along F (see `parallel`)")
     A1 = T @ A
-    scale = balance(A, C, F, sigma)
-    A1s, Cs = A1 / scale[:, None] * scale, C * scale
-    TFs = T @ F / scale[:, None]
-    distance, state = undetectability(A1s, Cs)
-    zeros = fixed_modes(A1s, Cs, TFs)
-    region = _region(region, bandwidth if Gamma is None else BANDWIDTH, zeros)
+    scale = balance(A1, C, T @ F, sigma)
+    model = _scaled(A1, C, T @ F, scale)
+    distance, state = undetectability(*model[:2])
+    zeros = fixed_modes(*model)
+    region = _region(region, bandwidth, alpha, zeros)
     if alpha is None:
         alpha = region.centre * (1.0 + region.centre / (2.0 * bandwidth))
     if not (alpha > 0.0 and theta > 0.0):
         raise ValueError(f"alpha and theta are positive, not {alpha} and {theta}")
 
     try:
-        P, Y = _solve(A1s, Cs, TFs, region, alpha)
+        P, Y, scale = _solve(A1, C, T @ F, (scale, balance(A, C, F, sigma), np.ones(len(A))), region, alpha)
     except lmi.Infeasible as error:
         near = f"(C, A1) is {distance:.1e} of |A1| from an undetectable pair (mostly state {state})"
         raise lmi.Infeasible(f"{error}; {near}") from error
@@ -182,22 +181,34 @@ def _shapes(A, B, C, D, E, F):
     return A, B, C, D, E, F
 
 
-def _solve(A1, C, TF, region, alpha):
-    """Return balanced P, Y; raise lmi.Infeasible that names the inequality without which a solution exists."""
-    strict = (1e-3, 1e-5, 1e-7)
-    for margin in strict:
-        try:
-            return _attempt(A1, C, TF, region, alpha, margin, ("15", "30", "31"))
-        except lmi.Infeasible as error:
-            last = error
+def _scaled(A1, C, TF, scale):
+    """Return A1, C, TF in states divided by `scale`."""
+    return A1 / scale[:, None] * scale, C * scale, TF / scale[:, None]
+
+
+def _solve(A1, C, TF, scales, region, alpha):
+    """Return P, Y and the scale they are in, the first of `scales` and of the margins that works.
+
+    Raises lmi.Infeasible that names the inequality without which a solution exists.
+    """
+    last = None
+    for margin in (1e-3, 1e-5, 1e-7):
+        for scale in scales:
+            try:
+                return *_attempt(*_scaled(A1, C, TF, scale), region, alpha, margin, ("15", "30", "31")), scale
+            except lmi.Infeasible as error:
+                last = last or error
     blame = []
     for name in ("15", "30", "31"):
+        rest = tuple(k for k in ("15", "30", "31") if k != name)
         try:
-            _attempt(A1, C, TF, region, alpha, strict[-1], tuple(k for k in ("15", "30", "31") if k != name))
+            _attempt(*_scaled(A1, C, TF, scales[0]), region, alpha, 1e-7, rest)
             blame.append(f"({name})")
         except lmi.Infeasible:
             continue
-    hint = f"raise alpha = {alpha:g} (disk to -{region.centre + region.radius:g})" if "(15)" in blame else f"{region}"
+    hint = f"{region}"
+    if "(15)" in blame:  # N = -centre I satisfies (15) for alpha > centre / 4 (1 - g/2): the least to be said unsolved
+        hint = f"alpha = {alpha:g}, try {region.centre / 3:.3g} and above, or a slower {region}"
     without = f"without {' or '.join(blame)} they do" if blame else "leaving out (15), (30) or (31) alone does not help"
     raise lmi.Infeasible(f"no P, Y satisfy (15), (16), (30), (31) together; {without}; {hint} [{last}]")
 
@@ -298,10 +309,11 @@ def tracking(N, TF, gain_C, alpha, hz):
     return complex(np.linalg.solve(np.eye(len(L)) + L, L)[0, 0])
 
 
-def _region(region, bandwidth, zeros):
-    """Return the Region asked for, after checking that it can hold `zeros`; None gives one that does."""
+def _region(region, bandwidth, alpha, zeros):
+    """Return the Region asked for, after checking that it can hold `zeros`; None: one that does and suits alpha."""
     if region is None:
-        centre = bandwidth / 2.0
+        # the centre for which this alpha makes |f_hat/f| flat
+        centre = bandwidth / 2.0 if alpha is None else bandwidth * (math.sqrt(1.0 + 2.0 * alpha / bandwidth) - 1.0)
         stable = [z for z in zeros if z.real < -1e-6 * centre]
         slow = float(min([centre / 4.0, *(-0.5 * z.real for z in stable)]))
         while not all(abs(z + centre) < centre - slow / 2.0 for z in stable):
