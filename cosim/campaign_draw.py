@@ -84,5 +84,5 @@ def unit_cube(n, d, *, sampling, seed):
     """Return (n, d) points in [0, 1): independent, or a Latin hypercube (every column hits each n-th part once)."""
     rng = np.random.default_rng(seed)
     if sampling == "latin_hypercube":
-        return qmc.LatinHypercube(d, rng=rng).random(n)
+        return qmc.LatinHypercube(d, seed=rng).random(n)
     return rng.random((n, d))

@@ -65,12 +65,12 @@ def _local(todo, workers, achieved):
             todo.remove(job)
             yield from _alone(job, achieved)
         flying = {}
-        with _pool(workers) as pool:
+        with pool(workers) as here:
             try:
                 while todo or flying:
                     while todo and len(flying) < AHEAD * workers:
                         job = todo.popleft()
-                        flying[pool.submit(fly, *job, achieved)] = job
+                        flying[here.submit(fly, *job, achieved)] = job
                     for future in cf.wait(flying, return_when=cf.FIRST_COMPLETED).done:
                         result = future.result()
                         run, _ = flying.pop(future)
@@ -82,29 +82,29 @@ def _local(todo, workers, achieved):
 
 
 def _alone(job, achieved):
-    with _pool(1) as pool:
+    with pool(1) as here:
         try:
-            yield job[0], *pool.submit(fly, *job, achieved).result()
+            yield job[0], *here.submit(fly, *job, achieved).result()
         except BrokenProcessPool as error:
             yield job[0], [failed(job[0], "crashed", f"its process died: {error}")], []
 
 
 @contextlib.contextmanager
-def _pool(workers):
+def pool(workers):
     """Open a pool of fresh processes with one thread each; an error or Ctrl-C in this process ends them."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
-    pool = cf.ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_start)
+    made = cf.ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_start)
     try:
-        yield pool
+        yield made
     except BaseException:
-        processes = list((pool._processes or {}).values())
-        pool.shutdown(wait=False, cancel_futures=True)
+        processes = list((made._processes or {}).values())
+        made.shutdown(wait=False, cancel_futures=True)
         for process in processes:
             process.terminate()
         raise
     finally:
-        pool.shutdown(cancel_futures=True)
+        made.shutdown(cancel_futures=True)
         for name, value in before.items():
             os.environ.pop(name, None) if value is None else os.environ.update({name: value})
 

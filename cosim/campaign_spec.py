@@ -61,16 +61,13 @@ class Part:
     draw: dict = field(default_factory=dict)
 
     def values(self, sampling, seed):
-        """Yield (keys, labels) of every run."""
+        """Yield ({key or label: value of the grid or draw}, labels) of every run."""
         points = list(itertools.product(*self.grid.values()))
         cube = unit_cube(len(points) * self.runs, len(self.draw), sampling=sampling, seed=seed)
         for i, u in enumerate(cube):
-            values, label = {}, {"part": self.name} if self.name else {}
             chosen = dict(zip(self.grid, points[i // self.runs]))
             chosen |= {key: one(q) for (key, one), q in zip(self.draw.items(), u)}
-            for key, value in chosen.items():
-                _put(values, label, key, value)
-            yield values, label
+            yield chosen, {"part": self.name} if self.name else {}
 
     def __len__(self):
         return math.prod(map(len, self.grid.values())) * self.runs
@@ -97,29 +94,25 @@ class Campaign:
             raise CampaignError(f"has {len(self)} runs", place=self.name, allowed=f"1 to {MOST}")
         made, labels = [], []
         for i, part in enumerate(self.parts):
-            for values, label in part.values(self.sampling, self.seed + i):
+            for chosen, label in part.values(self.sampling, self.seed + i):
                 n = len(made)
-                values = {"seed": self.first_seed + n} | values
-                made.append(_scenario(part.base, values, f"{self.name}, run {n}"))
-                labels.append(label)
+                chosen = {"seed": self.first_seed + n} | chosen
+                scenario, names = scenario_of(part.base, chosen, f"{self.name}, run {n}")
+                made.append(scenario)
+                labels.append(label | names)
         return made, labels
 
 
-def _put(values, label, key, value):
-    """Put what a grid point or draw says into the scenario's keys; a table holds several, and perhaps a name."""
-    if not isinstance(value, dict):
-        values[key] = value
-        return
-    for inner, v in value.items():
-        if inner == "name":
-            label[key] = v
-        else:
-            values[inner] = v
-
-
-def _scenario(base, values, place):
+def scenario_of(base, chosen, place):
+    """Return (Scenario, {label: name}) of `base` with `chosen` keys; a table sets several, and perhaps has a name."""
+    values, names = {}, {}
+    for key, value in chosen.items():
+        several = dict(value) if isinstance(value, dict) else {key: value}
+        if isinstance(value, dict) and "name" in several:
+            names[key] = several.pop("name")
+        values |= several
     try:
-        return parse(apply(base, [f"{k}={json.dumps(v)}" for k, v in values.items()]), place=place)
+        return parse(apply(base, [f"{k}={json.dumps(v)}" for k, v in values.items()]), place=place), names
     except CosimError as error:
         error.place = error.place if error.place.startswith(place) else f"{place}: {error.place}".replace("--set ", "")
         raise

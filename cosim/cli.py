@@ -304,10 +304,27 @@ def campaign(
     again: Annotated[
         str | None, typer.Option("--rerun", metavar="ID", help="Fly one run again, with a log, and compare its row.")
     ] = None,
+    worst: Annotated[
+        str | None,
+        typer.Option("--worst", metavar="DETECTOR", help="Provoke a false alarm in its fault-free space (300 flights)."),
+    ] = None,
     json_: JsonOption = False,
 ):
     """Fly many scenarios: grids and draws over any number, one row per run and detector, resumable."""
-    from cosim.campaign_run import rerun, run_campaign
+    from cosim.campaign_run import folder, rerun, run_campaign
+
+    if worst:
+        from cosim.campaign_search import search
+
+        path = (output or folder(campaign)) / f"worst-{worst}.toml"
+        with tables.progress(err, f"provoking {worst}", "flights", "preparing the workers") as progress:
+            found = search(campaign, worst, workers=workers, out=path, progress=progress).to_dict()
+        if json_:
+            print(json.dumps(found))
+        else:
+            gain = f"|r| {found['r']:.2f} of the threshold, {found['first_r']:.2f} in the first generation"
+            out.print(f"{gain}; {found['false_alarms']} false alarms in {found['flights']} flights\n{path}")
+        return
 
     if again:
         flown, result, repeats, same_code = rerun(campaign, again, out=output)
