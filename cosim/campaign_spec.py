@@ -180,7 +180,7 @@ def _part(base, table, own, place):
         if not isinstance(values, list) or not values:
             raise CampaignError("is no list of values", place=f"{place}: grid.{key}")
     drawn = {}
-    for key, value in draws.items():
+    for key, value in sorted(draws.items(), key=lambda item: not item[0].endswith("*")):  # a key itself wins over *
         drawn |= dict.fromkeys(_every(key, place), draw(value, f"{place}: draw.{key}"))
     for key in grid.keys() & drawn.keys():
         raise CampaignError("is drawn and in the grid", place=f"{place}: {key}")

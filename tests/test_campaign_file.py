@@ -64,9 +64,12 @@ def test_draws_repeat_with_their_seed_and_cover_every_interval(written):
 
 
 def test_every_tolerance_is_drawn_on_its_own(written):
-    text = SMALL + "[draw]\n'tolerances.hydraulic.*' = {mean = 1.0, sigma = 0.02, low = 0.95, high = 1.05}\n"
+    text = SMALL + "[draw]\n'tolerances.hydraulic.arm' = {low = 0.5, high = 0.6}\n"
+    text += "'tolerances.hydraulic.*' = {mean = 1.0, sigma = 0.02, low = 0.95, high = 1.05}\n"
     (scenario,), _ = load_campaign(written(text)).scenarios()
-    values = list(scenario.tolerances.hydraulic.values())
+    values = dict(scenario.tolerances.hydraulic)
+    assert 0.5 <= values.pop("arm") <= 0.6  # what is named itself wins over the star
+    values = list(values.values())
     assert len(values) > 5 and len(set(values)) == len(values) and all(0.95 <= v <= 1.05 for v in values)
 
 
