@@ -1,7 +1,8 @@
 """Manoeuvres: what the pilot or the flight-test computer demands, as a table of steps with limited slopes.
 
-Every kind is a table of times and demanded values that hold until the next time; the demand moves towards them at a limited rate, as
-a hand on a stick does. The tables are built from the scenario's few numbers, the same way at every flight point.
+Every kind is a table of times and demanded values that hold until the next time; the demand moves towards them at a
+limited rate, as a hand on a stick does.
+The tables are built from the scenario's few numbers, the same way at every flight point.
 """
 
 import math
@@ -35,15 +36,20 @@ STATE = dtype([
 OUTPUTS = ("nz_dem", "phi_dem", "psi_dem", "de_add", "hold_psi", "hold_h", "hold_v")
 
 
-def params(steps, *, hold_psi=False, hold_h=False, hold_v=False, nz_rate=2.0, phi_rate=math.radians(3.0), psi_rate=math.radians(10.0), de_rate=math.inf):
-    """Build the table from `steps`, a list of (time [s], {channel: value}); a channel keeps its value where a step does not name it.
+NZ_RATE = 2.0  # [g/s] full stick in one second
+PHI_RATE = math.radians(3.0)  # [rad/s] a transport's gentle roll
+PSI_RATE = math.radians(10.0)  # [rad/s] a hand on the heading knob
 
-    The slopes: 2 g/s is full stick in 0.75 s, 3 deg/s is a transport's gentle roll. Raises ValueError when there
-    are more than 15 steps.
+
+def params(steps, *, hold_psi=False, hold_h=False, hold_v=False, nz_rate=NZ_RATE):
+    """Build the table from `steps`, a list of (time [s], {channel: value}).
+
+    A channel keeps its value where a step does not name it. Raises ValueError when there are more than 15 steps.
     """
     if len(steps) >= N:
         raise ValueError(f"a manoeuvre has at most {N - 1} steps, this one has {len(steps)}")
-    p = record(PARAMS, hold_psi=float(hold_psi), hold_h=float(hold_h), hold_v=float(hold_v), rate=(nz_rate, phi_rate, psi_rate, de_rate))
+    holds = {"hold_psi": float(hold_psi), "hold_h": float(hold_h), "hold_v": float(hold_v)}
+    p = record(PARAMS, **holds, rate=(nz_rate, PHI_RATE, PSI_RATE, math.inf))
     p["time"][0, :] = np.inf
     p["time"][0, 0] = -np.inf
     now = dict.fromkeys(CHANNELS, 0.0)

@@ -1,7 +1,8 @@
 """Stability margins of the pitch loop, sampled as it flies: the law broken at the elevator command.
 
-The return ratio is L(w) = -(law) x (sensors: delay) x (aircraft, held surfaces, exact discretisation) x (mean of the four actuators' sampled
-loops). Every part is the one that flies, linearised; the law's share is its normal mode with the stick free, gains of `law.design`.
+The return ratio is L = -(law) x (sensors: delay) x (aircraft, held surfaces, exact discretisation) x (mean of the four
+actuators' sampled loops). Every part is the one that flies, linearised; the law's share is its normal mode with the
+stick free, at the speed of the model, which may be another than that of the gains.
 """
 
 import math
@@ -19,8 +20,8 @@ DELAY_S = 0.005  # of rates, attitudes and accelerations in sensor set `transpor
 def return_ratio(model, p, technologies, hinge, frequency, dt=0.005):
     """Return L, complex, at `frequency` [rad/s] (n,).
 
-    `model` is a LinearModel, `p` the law's PARAMS (1,), `technologies` one of "hydraulic", "ema" per segment, `hinge` (hm0 [N m], hmd
-    [N m/rad]).
+    `model` is a LinearModel, `p` the law's PARAMS (1,), `technologies` one of "hydraulic", "ema" per segment, `hinge`
+    (hm0 [N m], hmd [N m/rad]).
     """
     A, B, C, D = model.block(STATES, ELEVATORS, ("nz", "q", "hdot"))
     n = len(A)
@@ -28,20 +29,25 @@ def return_ratio(model, p, technologies, hinge, frequency, dt=0.005):
     Phi, Gamma = E[:n, :n], E[:n, n:]
     z = np.exp(1j * frequency * dt)
     loops = {"hydraulic": hydraulic_loop, "ema": ema_loop}
-    act = sum(response(loops[t](hm0=hinge[0], hmd=hinge[1], dt=dt), frequency) for t in technologies) / len(technologies)
+    one = {t: response(loops[t](hm0=hinge[0], hmd=hinge[1], dt=dt), frequency) for t in set(technologies)}
+    act = sum(one[t] for t in technologies) / len(technologies)
     y = np.array([(C @ np.linalg.solve(zi * np.eye(n) - Phi, Gamma) + D.sum(1, keepdims=True))[:, 0] for zi in z])
     late = z ** -round(DELAY_S / dt)
     g = p[0]
     n_c = -g.k_path * y[:, 2] / 9.80665  # the flight-path hold asks for a load factor
     e = n_c - y[:, 0]
-    law = -g.k_nz * e - g.k_i * e * dt / (z - 1.0) + g.k_q * (y[:, 1] - 9.80665 * n_c / g.tas_0)
-    return -law * late * act
+    cas = model.y0[list(model.outputs).index("cas")]
+    s = (g.cas_0 / cas) ** 2
+    law = g.k_nz * (y[:, 0] - g.b_n * n_c) - g.k_i * e * dt / (z - 1.0)
+    law = law + g.k_q * (y[:, 1] - 9.80665 * n_c / model.trim.tas)
+    return -s * law * late * act
 
 
 def margins(L, frequency):
     """Return (gain margin [dB], phase margin [deg], crossover [rad/s]) of return ratio L at rising `frequency`.
 
-    The gain margin is the smallest over both directions at every crossing of -180 deg, the phase margin at every crossing of 0 dB.
+    The gain margin is the smallest over both directions at every crossing of -180 deg, the phase margin at every
+    crossing of 0 dB.
     """
     phase, size = np.unwrap(np.angle(L)), np.log(np.abs(L))
     gain, best_phase, crossover = math.inf, math.inf, math.nan

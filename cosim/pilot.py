@@ -5,7 +5,7 @@ import math
 from cosim.manoeuvre import doublet, three_two_one_one
 from cosim.scenario import manoeuvre as m
 
-FULL_STICK_G = 1.5  # full back-stick demands 2.5 g, the limit of the law
+FULL_STICK_G = 2.0  # the stop of the stick is beyond every limit of the law: 2.5 g in a climb, too
 
 
 def _pulse(start, length, channel, value):
@@ -13,7 +13,7 @@ def _pulse(start, length, channel, value):
 
 
 def steps(manoeuvre):
-    """Return the arguments of `manoeuvre.params` (table of steps, holds that are engaged) for a scenario's manoeuvre."""
+    """Return the arguments of `manoeuvre.params` (table of steps, holds engaged) for a scenario's manoeuvre."""
     k = manoeuvre
     if isinstance(k, m.Cruise):
         table = []
@@ -22,9 +22,11 @@ def steps(manoeuvre):
     elif isinstance(k, m.NoseUp | m.PitchProtection):
         table = _pulse(k.start_s, k.duration_s, "nz_dem", k.amplitude_g)
     elif isinstance(k, m.CoordinatedTurn):
-        return {"steps": _pulse(k.start_s, k.duration_s, "phi_dem", math.radians(k.bank_deg)), "hold_h": True, "hold_v": True}
+        table = _pulse(k.start_s, k.duration_s, "phi_dem", math.radians(k.bank_deg))
+        return {"steps": table, "hold_h": True, "hold_v": True}
     elif isinstance(k, m.YawAngle):
-        return {"steps": [(k.start_s, {"psi_dem": math.radians(k.heading_deg)})], "hold_psi": True, "hold_h": True, "hold_v": True}
+        table = [(k.start_s, {"psi_dem": math.radians(k.heading_deg)})]
+        return {"steps": table, "hold_psi": True, "hold_h": True, "hold_v": True}
     elif isinstance(k, m.NzDoublet):
         table = doublet(k.start_s, k.width_s, "nz_dem", k.amplitude_g)
     elif k.amplitude_deg is not None:
