@@ -9,11 +9,12 @@
 
 A row is measured acceleration minus the full nonlinear force at the commands of `delay` ticks ago; thrust comes from
 N1 by a static map. Nothing is integrated or differentiated. Two aids, both switchable: a sliding mean of at most 0.5 s
-(`t_mean`; slide 17 names it as future work) and an offset learned in the first 20 s (`t_learn`), no decision before.
+(`t_mean`, moved by tenths; slide 17 names it as future work) and an offset learned in the first 20 s (`t_learn`), no
+decision before.
 
 A residual fires beyond tau = threshold + rel times the activity of its rows (how far their contributions have moved
-since they were learned): coefficients wrong by `rel` each cannot exceed that. An effector explains the residuals when one
-value of its fault leaves every |r - S f| below tau; so a residual that the fault is too small to move does not vote
+since they were learned): coefficients wrong by `rel` each cannot exceed that. An effector explains the residuals when
+one value of its fault leaves every |r - S f| below tau; so a residual that the fault is too small to move does not vote
 ("don't care"), and one that moves without reason votes against. Declared when it is the only explanation for
 `t_confirm`; afterwards only families blind to it are used for the next one. More than one explanation is AMBIGUOUS.
 
@@ -34,6 +35,7 @@ from fdi.control_redundancy_core import (
     NH,
     NR,
     NX,
+    accumulate,
     complete,
     delayed_commands,
     evaluate_families,
@@ -64,7 +66,11 @@ PARAMS = params_dtype(
         ("rel", "f8"),  # uncertainty of each coefficient
         ("rel_thrust", "f8"),  # uncertainty of the thrust map
         ("rel_spool", "f8"),  # the same per change of normalised N1 against its mean: while spools turn up or down
-        ("late", "f8", (NC,)),  # how late each command acts in the measurements: theirs and its actuator's delay [ticks]
+        (
+            "late",
+            "f8",
+            (NC,),
+        ),  # how late each command acts in the measurements: theirs and its actuator's delay [ticks]
         ("t_mean", "f8"),  # sliding mean [s], 0 for raw samples
         ("t_learn", "f8"),  # offset learned over the first seconds [s], 0 for none
         ("t_confirm", "f8"),  # [s]
@@ -84,7 +90,16 @@ _MEASURED = (
     "n1_1", "n1_2", "n1_3", "n1_4",  # [%]
     "pdot", "qdot", "rdot",  # only for rows = "force+moment" [rad/s2]
 )  # fmt: skip
-_COMMANDS = ("de_lo", "de_li", "de_ri", "de_ro", "da_l", "da_r", "dr", "stab")  # of the surfaces, signs of DESIGN.md [rad]
+_COMMANDS = (
+    "de_lo",
+    "de_li",
+    "de_ri",
+    "de_ro",
+    "da_l",
+    "da_r",
+    "dr",
+    "stab",
+)  # of the surfaces, signs of DESIGN.md [rad]
 INPUTS = dtype([(n, "f8") for n in _COMMANDS] + [(n + tail, "f8") for n in _MEASURED for tail in ("", "_valid")])
 STATE = dtype(
     [
@@ -147,7 +162,7 @@ def params(which="flight", *, model, dt=0.005, rows="force", delay=2, lag=None, 
     """Return PARAMS for a `ForceModel`; `rows` is "force" or "force+moment", `t_mean`, `t_learn` 0 switch the aids off.
 
     Commands are delayed by `delay` ticks as the measurements are [Mar10] slide 11, and by `lag` [s], what a healthy
-    actuator takes on average (2 zeta / omega of a second-order one), in the order elevator, aileron, rudder, stabiliser.
+    actuator takes on average (2 zeta / omega of a second-order one): elevator, aileron, rudder, stabiliser.
     Families come from the structure of the model's rows. Raises ValueError for other rows, a mean beyond 0.5 s, a
     delay beyond the buffer.
     """
@@ -299,15 +314,11 @@ def step(x, u, p, dt):
         learn(x, p, dt)
         x.valid = 0.0
         return
-    sliding_mean(x, p, dt)
-    full = 1.0
-    if p.t_mean > 0.0:
-        for i in range(BLOCKS):
-            full *= 1.0 if x.n_block[i] > 0.5 else 0.0
-    x.valid = full
-    if full > 0.5:
-        evaluate_families(x, p)
-        _decide(x, p, dt)
+    if accumulate(x, p, dt) > 0.5:
+        x.valid = sliding_mean(x, p)
+        if x.valid > 0.5:
+            evaluate_families(x, p)
+            _decide(x, p, max(p.t_mean / BLOCKS, dt))
 
 
 @kernel

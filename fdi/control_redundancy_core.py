@@ -196,38 +196,45 @@ def learn(x, p, dt):
 
 
 @kernel
-def sliding_mean(x, p, dt):
-    """Fill x.avg with the mean of row errors, activities and commanded effectors over the last `t_mean` seconds.
+def accumulate(x, p, dt):
+    """Add this tick to the block being filled; return 1.0 when that block is full and BLOCKS of them make the window.
 
-    Held as BLOCKS sums of t_mean / BLOCKS each, the oldest dropped whole: the window breathes by a tenth.
+    The window moves by whole blocks of t_mean / BLOCKS, 50 ms for half a second: decisions come that often.
     """
     per = max(p.t_mean / BLOCKS / dt, 1.0)
-    i_now = int(x.block)
-    if x.n_block[i_now] >= per - 1e-6:
-        i_now = (i_now + 1) % BLOCKS
-        x.block = i_now
-        x.n_block[i_now] = 0.0
+    b = int(x.block)
+    if x.n_block[b] >= per - 1e-6:
+        b = (b + 1) % BLOCKS
+        x.block = b
+        x.n_block[b] = 0.0
         for j in range(NX):
-            x.total[i_now, j] = 0.0
-    x.n_block[i_now] += 1.0
-    keep = BLOCKS if p.t_mean > 0.0 else 1
-    count = 0.0
+            x.total[b, j] = 0.0
+    x.n_block[b] += 1.0
+    for j in range(NR):
+        x.total[b, j] += x.e[j] - x.offset[j]
+        x.total[b, NR + j] += x.act[j]
+    x.total[b, 2 * NR] += 0.25 * (x.cmd[0] + x.cmd[1] + x.cmd[2] + x.cmd[3])
+    x.total[b, 2 * NR + 1] += 0.5 * (x.cmd[4] + x.cmd[5])
+    x.total[b, 2 * NR + 2] += x.cmd[6]
+    x.total[b, 2 * NR + 3] += x.spool
+    return 1.0 if x.n_block[b] >= per - 1e-6 else 0.0
+
+
+@kernel
+def sliding_mean(x, p):
+    """Fill x.avg with the mean of the last BLOCKS blocks, or of one without a mean; return 1.0 when all are full."""
+    now, keep = int(x.block), BLOCKS if p.t_mean > 0.0 else 1
+    full = 1.0
     for j in range(NX):
         x.avg[j] = 0.0
-    for j in range(NR):
-        x.total[i_now, j] += x.e[j] - x.offset[j]
-        x.total[i_now, NR + j] += x.act[j]
-    x.total[i_now, 2 * NR] += 0.25 * (x.cmd[0] + x.cmd[1] + x.cmd[2] + x.cmd[3])
-    x.total[i_now, 2 * NR + 1] += 0.5 * (x.cmd[4] + x.cmd[5])
-    x.total[i_now, 2 * NR + 2] += x.cmd[6]
-    x.total[i_now, 2 * NR + 3] += x.spool
-    for b in range(keep):
-        i = (i_now + BLOCKS - b) % BLOCKS
-        count += x.n_block[i]
+    for k in range(keep):
+        b = (now + BLOCKS - k) % BLOCKS
+        if x.n_block[b] < 0.5:
+            full = 0.0
+            continue
         for j in range(NX):
-            x.avg[j] += x.total[i, j]
-    for j in range(NX):
-        x.avg[j] /= max(count, 1.0)
+            x.avg[j] += x.total[b, j] / x.n_block[b] / keep
+    return full
 
 
 @kernel

@@ -84,6 +84,7 @@ PARAMS = dtype(
         ("g_n_z", "f8"),
         ("g_alpha", "f8"),
         ("away_max", "f8"),  # beyond this |alpha - alpha_eq| the affine model is not believed [rad]
+        ("t_recover", "f8"),  # nor for so long after it was [s]
         ("gust_0", "f8"),  # rms of gusts assumed at the start [rad]
         ("tau_gust", "f8"),  # memory of that rms [s]
         ("tau_slow", "f8"),  # of the slow means [s]
@@ -162,6 +163,7 @@ STATE = dtype(
         ("sums", "f8", (2,)),  # running means of the offset: deg, g
         ("offset", "f8", (2,)),
         ("away", "f8"),  # alpha_hat - alpha_eq through a lag of tau_f [rad]
+        ("calm", "f8"),  # time since it was beyond away_max [s]
         ("gust", "f8"),  # rms of gusts [rad]
         ("rho", "f8", (R,)),  # t, %, kt, -
         ("line", "f8", (DELAY, M)),  # commands of the last ticks [deg]
@@ -309,13 +311,14 @@ def step(x, u, p, dt):
     bank(x, u, p)
     observe(x, p, dt)
     if x.age == 0.0:
-        x.gust, x.away = max(x.gust, p.gust_0), 0.0
+        x.gust, x.away, x.calm = max(x.gust, p.gust_0), 0.0, 0.0
     x.age += dt
     x.away += (1.0 - math.exp(-dt / p.tau_f)) * (x.alpha_hat - x.eq[0] * DEG - x.away)
     reconstruct(x, u, p, dt)
     both = usable(u.n_z, u.n_z_valid) * usable(u.alpha, u.alpha_valid)
-    ready = x.age > p.t_settle and (x.learned > 0.5 or p.t_learn <= 0.0) and math.fabs(x.away) <= p.away_max
-    x.valid = inside * both if ready else 0.0
+    x.calm = x.calm + dt if math.fabs(x.away) <= p.away_max else 0.0
+    ready = x.age > p.t_settle and (x.learned > 0.5 or p.t_learn <= 0.0)
+    x.valid = inside * both if ready and x.calm >= min(x.age, p.t_recover) - 0.5 * dt else 0.0
     if x.valid > 0.5:
         _decide(x, p, dt)
     else:
