@@ -24,7 +24,6 @@ PARAMS = [
     ("ns", "f8"), ("ny", "f8"), ("nu", "f8"), ("nf", "f8"),  # sizes in use
     ("Phi", "f8", (NS, NS)), ("Gu", "f8", (NS, NU)), ("Gy0", "f8", (NS, NY)), ("Gy1", "f8", (NS, NY)),
     ("S", "f8", (NF, NS)), ("Sy", "f8", (NF, NY)), ("Su", "f8", (NF, NU)),
-    ("R", "f8", (NY, NS)), ("Ry", "f8", (NY, NY)), ("Ru", "f8", (NY, NU)),
     ("Z0", "f8", (NS, NY)),      # state from a sample: z = C^+ y - H y
     ("Z0u", "f8", (NS, NU)),     # and from the input that goes with it
     ("alpha", "f8"),             # v = f_hat / alpha restarts the integral [1/s]
@@ -47,7 +46,6 @@ STATE = [
     ("act", "f8", (NU,)),         # actuator's model with its rate limit, deviation [design units]
     ("u_in", "f8", (NU,)),        # last finite input less `u_trim`
     ("y0", "f8", (NY,)), ("u0", "f8", (NU,)), ("seen", "f8"),  # learned trim, samples so far
-    ("res", "f8", (NY,)),         # residual y - C x_hat [design units]
     ("f", "f8", (NF,)),           # estimate [SI]
     ("started", "f8"),            # 1 while the estimator runs
     ("fresh", "f8"),              # 0 before the first input
@@ -66,7 +64,7 @@ def fill(p, design, *, unit, u_delay=0.0, act_a=0.0, act_rate=0.0, y_trim=(), u_
             raise ValueError(f"{name} = {sizes[name]} is more than the block's {limit}")
         p[name] = sizes[name]
     start = np.linalg.pinv(design.C) - design.H
-    matrices = {name: getattr(d, name) for name in ("Phi", "Gu", "Gy0", "Gy1", "S", "Sy", "Su", "R", "Ry", "Ru")}
+    matrices = {name: getattr(d, name) for name in ("Phi", "Gu", "Gy0", "Gy1", "S", "Sy", "Su")}
     for name, value in {**matrices, "Z0": start, "Z0u": -start @ d.D}.items():
         p[name][0, : value.shape[0], : value.shape[1]] = value
     p["y_trim"][0, : len(y_trim)], p["u_trim"][0, : len(u_trim)] = y_trim, u_trim
@@ -126,8 +124,6 @@ def advance(x, p, good, dt):
     if good > 0.5:
         for i in range(nf):
             x.f[i] = p.unit * _row(p.S[i], p.Sy[i], p.Su[i], x, ns, ny, nu, late)
-        for i in range(ny):
-            x.res[i] = _row(p.R[i], p.Ry[i], p.Ru[i], x, ns, ny, nu, late)
         for j in range(ny):
             x.y_old[j] = x.y[j]
     for j in range(nu):
