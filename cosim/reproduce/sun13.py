@@ -16,6 +16,7 @@ import numpy as np
 from cosim.design_rfafe import DEG, DT, MANOEUVRES, sine
 from cosim.reproduce.row import judged
 from cosim.rfafe_flights import MODULES, estimate, record
+from cosim.sensors import PARTS, TRANSPORT
 from cosim.train_rfafe import POINTS
 from fdi import rfafe_airframe
 from fdi.rfafe_store import read
@@ -71,18 +72,32 @@ def _designs():
                  "not said; for C = I it is a position monitor", (M[:, :4].max(1) / M[:, 4:].max(1)).max(), 0.0, 1e-3)
 
 
+def _quiet_law():
+    """Return a fault-free flight whose sensors are noisy for the estimators only: the law flies on clean ones."""
+    r, rng = record(duration=40.0, sensors={"noise_scale": 0.0}), np.random.default_rng(7)
+    for u in r.inputs.values():
+        for name in ("tas", "alpha", "q", "theta"):
+            u[name][0] += rng.normal(size=len(r.t)) * TRANSPORT[name][1]
+    r.inputs["rfafe"]["surface"][0] += rng.normal(size=(len(r.t), 4)) * PARTS["surface"][0]
+    return r
+
+
 def _fault_free():
-    r = record(duration=40.0)
+    noisy, quiet = record(duration=40.0), _quiet_law()
     for name in MODULES:
-        log = estimate(r, name)
-        f = log["f_hat_left" if name == "rfafe" else "f_hat"] / DEG
-        late = r.t > 3.0
+        field = "f_hat_left" if name == "rfafe" else "f_hat"
+        f, clean = (estimate(r, name)[field] / DEG for r in (noisy, quiet))
+        late = noisy.t > 3.0
         predicted = read(name)["designs"]["hydraulic"]["noise_deg"][0]
         yield judged("sun13", f"figure 5, {name}, fault-free, still air: deviation over that from sensor noise",
-                     "section IV: the estimates are at noise level", np.std(f[late]) / predicted, 0.0, 1.2)
-        worst = max(abs(sine(r.t[k : k + n], f[k : k + n], 2 * math.pi * hz))
+                     "section IV: the estimates are at noise level", np.std(f[late]) / predicted, 0.0, 1.2,
+                     reason="the law turns sensor noise into command noise, which a first-order model does not follow "
+                     "as the actuator does; the next row has a law on clean sensors", evidence="cosim reproduce sun13")
+        yield judged("sun13", f"figure 5, {name}, the same with sensor noise in the estimator only",
+                     "section IV: the estimates are at noise level", np.std(clean[late]) / predicted, 0.8, 1.2)
+        worst = max(abs(sine(noisy.t[k : k + n], f[k : k + n], 2 * math.pi * hz))
                     for hz in HZ for n in (round(3.0 / hz / DT),) for k in range(600, len(f) - n, n))
-        yield judged("sun13", f"figure 5, {name}, the same: largest 3-period amplitude over the 0.016 fault",
+        yield judged("sun13", f"figure 5, {name}: largest 3-period amplitude over the 0.016 fault",
                      "section IV: the estimates are at noise level", worst / (LIQUID * TRAVEL), 0.0, 0.2)
 
 
