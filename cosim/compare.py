@@ -1,8 +1,8 @@
-"""Compare aircraft-level with local diagnosis on the same flights: which level sees what, how soon, how surely, at what cost.
+"""Compare aircraft-level with local diagnosis on the same flights: who sees what, how soon, how surely.
 
-    found = compare()                        # the built-in matrix
-    found = compare(["a.mcap", "b.mcap"])    # logs
-    found = compare(["logs/my-campaign"])    # a campaign's folder
+found = compare()                        # the built-in matrix
+found = compare(["a.mcap", "b.mcap"])    # logs
+found = compare(["logs/my-campaign"])    # a campaign's folder
 """
 
 from dataclasses import dataclass, field
@@ -35,12 +35,16 @@ class Comparison:
 
     def to_dict(self):
         """Return the JSON of `cosim compare`."""
-        about = {"report": str(self.report) if self.report else None, "table": str(self.table) if self.table else None, "runs": self.runs}
+        about = {
+            "report": str(self.report) if self.report else None,
+            "table": str(self.table) if self.table else None,
+            "runs": self.runs,
+        }
         return plain({**about, "failed": self.failed, "source": self.source, "detectors": self.detectors})
 
 
 def compare(sources=(), *, out=None, workers=None, progress=None):
-    """Return the Comparison of logs, of one campaign's folder or folder of logs, or of the built-in matrix, which is flown.
+    """Return the Comparison of logs, of one campaign's folder or folder of logs, or of the built-in matrix.
 
     With `out` the rows go to `out`/compare.parquet and .csv, the report to `out`/compare.html. `progress(done, total)`
     counts flights. Raises CompareError, CampaignError, LogError, OutputError.
@@ -88,6 +92,8 @@ def write(found, out):
         found.rows.to_parquet(out / "compare.parquet", index=False)
         found.rows.to_csv(out / "compare.csv", index=False)
     except OSError as error:
-        raise OutputError(f"cannot be written: {error.strerror}", place=str(out), remedy="Choose another place with -o") from None
+        raise OutputError(
+            f"cannot be written: {error.strerror}", place=str(out), remedy="Choose another place with -o"
+        ) from None
     found.table = out / "compare.parquet"
     found.report = comparison_report(found, out / "compare.html")

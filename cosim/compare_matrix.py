@@ -15,9 +15,24 @@ FREQUENCIES_HZ = (0.5, 1.0, 2.0, 5.0)
 AMPLITUDES_MM = (0.6, 2.0, 6.0)  # 0.6 mm: the smallest that the industrial benchmark names (notes of the project)
 MANOEUVRES = (
     {"manoeuvre.kind": "cruise"},
-    {"manoeuvre.kind": "nz_doublet", "manoeuvre.start_s": 24.0, "manoeuvre.width_s": 3.0, "manoeuvre.amplitude_g": 0.15},
-    {"manoeuvre.kind": "three_two_one_one", "manoeuvre.start_s": 24.0, "manoeuvre.unit_s": 1.5, "manoeuvre.amplitude_g": 0.15},
-    {"manoeuvre.kind": "coordinated_turn", "manoeuvre.start_s": 22.0, "manoeuvre.duration_s": 10.0, "manoeuvre.bank_deg": 20.0},
+    {
+        "manoeuvre.kind": "nz_doublet",
+        "manoeuvre.start_s": 24.0,
+        "manoeuvre.width_s": 3.0,
+        "manoeuvre.amplitude_g": 0.15,
+    },
+    {
+        "manoeuvre.kind": "three_two_one_one",
+        "manoeuvre.start_s": 24.0,
+        "manoeuvre.unit_s": 1.5,
+        "manoeuvre.amplitude_g": 0.15,
+    },
+    {
+        "manoeuvre.kind": "coordinated_turn",
+        "manoeuvre.start_s": 22.0,
+        "manoeuvre.duration_s": 10.0,
+        "manoeuvre.bank_deg": 20.0,
+    },
 )
 AIR = ("none", "light")
 
@@ -41,7 +56,7 @@ def fault_free(repeats=2):
 
 
 def oscillations():
-    """Return liquid oscillations at the valve: frequency x amplitude on one segment, and the larger ones on the left side."""
+    """Return liquid oscillations at the valve: frequency x amplitude on one segment, larger ones on a side."""
     base = load_scenario("liquid-ofc", _overrides(POINT | {"duration_s": OFC_END_S, "faults.0.start_s": OFC_START_S}))
     out = []
     for target, amplitudes in (("elevator.left_inner", AMPLITUDES_MM), ("elevator.left", AMPLITUDES_MM[1:])):

@@ -1,18 +1,18 @@
 """Rows of a comparison: one per run and detector, from a campaign's rows per lane, or from logs.
 
-    run, title, case, kind, target     the flight and its fault, case as in cosim/coverage.py; null when fault-free
-    frequency_hz, amplitude_mm, rod_mm, surface_deg     of an oscillation; achieved, against the twin flight
-    hours                              flown
-    id, level, lanes                   detector; how many actuators it watches
-    word                               designed, may, blind: how it stands to the case
-    concerned                          it has a lane on the faulty part (aircraft level: always, when there is a fault)
-    idle                               its statistic never left zero: it never judged
-    detected, delay_s, delay_periods, class    of the first lane that noticed
-    outcome                            named, seen, misnamed, missed, quiet, bonus (cosim/coverage.py), idle, or echo: it
-                                       alarms in this manoeuvre without a fault as well; null when fault-free
-    false_alarms                       over all lanes
-    r_fault_free                       largest |r| of a fault-free flight; r_fault: from the onset on, concerned lanes
-    estimate_rmse, estimate_unit
+run, title, case, kind, target     the flight and its fault, case as in cosim/coverage.py; null when fault-free
+frequency_hz, amplitude_mm, rod_mm, surface_deg     of an oscillation; achieved, against the twin flight
+hours                              flown
+id, level, lanes                   detector; how many actuators it watches
+word                               designed, may, blind: how it stands to the case
+concerned                          it has a lane on the faulty part (aircraft level: always, when there is a fault)
+idle                               its statistic never left zero: it never judged
+detected, delay_s, delay_periods, class    of the first lane that noticed
+outcome                            named, seen, misnamed, missed, quiet, bonus (cosim/coverage.py), idle, or echo: it
+                                   alarms in this manoeuvre without a fault as well; null when fault-free
+false_alarms                       over all lanes
+r_fault_free                       largest |r| of a fault-free flight; r_fault: from the onset on, concerned lanes
+estimate_rmse, estimate_unit
 """
 
 import json
@@ -27,13 +27,15 @@ from cosim.scenario.catalog import DEFAULT_TECHNOLOGY
 
 
 def tidy(frame, tomls):
-    """Return one row per run and detector of `frame` (columns of cosim/campaign.py), `tomls` {run: scenario as TOML}."""
+    """Return one row per run and detector of `frame` (columns of cosim/campaign.py), `tomls` {run: scenario}."""
     flown = frame[frame["id"].notna()]
     about = {run: _about(tomls[run]) for run in flown["run"].unique()}
     out = []
     for (run, detector), lanes in flown.groupby(["run", "id"], sort=False):
         out.append(_row(run, detector, lanes, about[run]))
-    return echoes(pd.DataFrame(out).astype({"concerned": bool, "detected": bool, "idle": bool})) if out else pd.DataFrame()
+    return (
+        echoes(pd.DataFrame(out).astype({"concerned": bool, "detected": bool, "idle": bool})) if out else pd.DataFrame()
+    )
 
 
 def echoes(rows):
@@ -44,7 +46,7 @@ def echoes(rows):
     free = rows[rows["case"].isna()]
     alarmed = (free["false_alarms"] > 0).groupby([free["id"], free["manoeuvre_key"]]).mean()
     loud = set(alarmed[alarmed > 0.5].index)
-    echo = rows["detected"] & [pair in loud for pair in zip(rows["id"], rows["manoeuvre_key"])]
+    echo = rows["detected"] & np.array([pair in loud for pair in zip(rows["id"], rows["manoeuvre_key"])])
     rows.loc[echo, "outcome"] = "echo"
     rows.loc[echo, ["delay_s", "delay_periods"]] = np.nan
     rows["detected"] &= ~echo
@@ -59,10 +61,19 @@ def _about(text):
     technology = {k: s.get("elevator", {}).get(k, v) for k, v in DEFAULT_TECHNOLOGY.items()}
     case = f and coverage.case_of(f["kind"], f["target"], technology, f.get("at", ""), "limit_deg" in f)
     air, manoeuvre = s["flight"].get("turbulence", "none"), s.get("manoeuvre", {}).get("kind", "cruise")
-    return {"title": s.get("title", ""), "faults": len(faults), "case": case, "kind": f and f["kind"], "target": f and f["target"],
-            "frequency_hz": f["frequency_hz"] if f and f["kind"].startswith("ofc") else np.nan, "turbulence": air, "manoeuvre": manoeuvre,
-            "manoeuvre_key": json.dumps(s.get("manoeuvre", {}), sort_keys=True),
-            "seed": s.get("seed", 1), "mass_t": s["flight"]["mass_t"]}  # fmt: skip
+    return {
+        "title": s.get("title", ""),
+        "faults": len(faults),
+        "case": case,
+        "kind": f and f["kind"],
+        "target": f and f["target"],
+        "frequency_hz": f["frequency_hz"] if f and f["kind"].startswith("ofc") else np.nan,
+        "turbulence": air,
+        "manoeuvre": manoeuvre,
+        "manoeuvre_key": json.dumps(s.get("manoeuvre", {}), sort_keys=True),
+        "seed": s.get("seed", 1),
+        "mass_t": s["flight"]["mass_t"],
+    }
 
 
 def _row(run, detector, lanes, about):
@@ -75,21 +86,34 @@ def _row(run, detector, lanes, about):
     idle = bool((judging[["r_max_before", "r_max_after"]].fillna(0.0) == 0.0).all().all()) and best is None
     how = None
     if fault:
-        how = coverage.outcome(detector, about["case"], best is not None, None if best is None else best["isolated_class"])
+        how = coverage.outcome(
+            detector, about["case"], best is not None, None if best is None else best["isolated_class"]
+        )
         how = "idle" if idle and how in ("missed", "quiet") else how
     given = lanes["estimate_rmse"].notna()
     return {
-        "run": run, **about, "hours": float(first["sim_time_s"]) / 3600.0, "status": first["status"],
-        **{k: _number(first, k) for k in ACHIEVED}, "id": detector, "level": first["level"], "lanes": len(lanes),
-        "word": coverage.expected(detector, about["case"]).word if fault else None, "concerned": bool(len(mine)), "idle": idle,
-        "detected": best is not None, "delay_s": np.nan if best is None else float(best["delay_s"]),
+        "run": run,
+        **about,
+        "hours": float(first["sim_time_s"]) / 3600.0,
+        "status": first["status"],
+        **{k: _number(first, k) for k in ACHIEVED},
+        "id": detector,
+        "level": first["level"],
+        "lanes": len(lanes),
+        "word": coverage.expected(detector, about["case"]).word if fault else None,
+        "concerned": bool(len(mine)),
+        "idle": idle,
+        "detected": best is not None,
+        "delay_s": np.nan if best is None else float(best["delay_s"]),
         "delay_periods": np.nan if best is None or best["delay_periods"] is None else float(best["delay_periods"]),
-        "class": None if best is None else best["isolated_class"], "outcome": how, "false_alarms": int(lanes["false_alarms"].sum()),
+        "class": None if best is None else best["isolated_class"],
+        "outcome": how,
+        "false_alarms": int(lanes["false_alarms"].sum()),
         "r_fault_free": np.nan if fault else float(lanes["r_max_before"].max()),
         "r_fault": float(mine["r_max_after"].max()) if fault and len(mine) else np.nan,
         "estimate_rmse": float(lanes["estimate_rmse"].max()) if given.any() else np.nan,
         "estimate_unit": lanes["estimate_unit"][given].iloc[0] if given.any() else None,
-    }  # fmt: skip
+    }
 
 
 def _number(row, name):
@@ -114,7 +138,12 @@ def of_logs(paths, progress=None):
             run += "'"
         tomls[run] = flown.toml
         moved = achieved(flown.scenario) if faulted(flown.scenario) else {}
-        about = {"run": run, "status": (flown.log.result or {}).get("status", "cut"), "error": "", "sim_time_s": flown.end - flown.t0 + flown.dt}
+        about = {
+            "run": run,
+            "status": (flown.log.result or {}).get("status", "cut"),
+            "error": "",
+            "sim_time_s": flown.end - flown.t0 + flown.dt,
+        }
         for name in ACHIEVED:
             given = [seg[name] for seg in moved.values() if seg[name] is not None]
             about[name] = max(given) if given else None
@@ -127,11 +156,27 @@ def of_logs(paths, progress=None):
 def _lane(entry):
     """Return a result's entry under the names of a campaign's columns."""
     found = entry["isolated"] or {}
-    same = ("id", "level", "target", "concerned", "alarm", "detected_at_s", "false_alarms", "r_max_before", "r_max_after", "estimate_rmse",
-            "estimate_bias", "estimate_max", "estimate_unit")  # fmt: skip
+    same = (
+        "id",
+        "level",
+        "target",
+        "concerned",
+        "alarm",
+        "detected_at_s",
+        "false_alarms",
+        "r_max_before",
+        "r_max_after",
+        "estimate_rmse",
+        "estimate_bias",
+        "estimate_max",
+        "estimate_unit",
+    )
     return {k: entry[k] for k in same} | {
-        "delay_s": entry["detection_delay_s"], "delay_periods": entry["detection_delay_periods"], "isolated_class": found.get("class"),
-        "isolated_target": found.get("target")}  # fmt: skip
+        "delay_s": entry["detection_delay_s"],
+        "delay_periods": entry["detection_delay_periods"],
+        "isolated_class": found.get("class"),
+        "isolated_target": found.get("target"),
+    }
 
 
 def of_campaign(folder):

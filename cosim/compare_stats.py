@@ -50,24 +50,46 @@ def detectors(rows, timing=None):
         delays = seen["delay_s"].to_numpy()
         p, low, high = proportion(len(seen), len(designed))
         pf, f_low, f_high = proportion(alarmed, len(free))
-        out.append({
-            "id": name, "level": own["level"].iloc[0], "designed": len(designed), "detected": len(seen), "missed": len(designed) - len(seen),
-            "detection_probability": p, "detection_low": low, "detection_high": high, "named": int((designed["outcome"] == "named").sum()),
-            "misnamed": int((own["outcome"] == "misnamed").sum()), "idle": int(own["idle"].sum()),
-            "seen_of_may": int((own["detected"] & (own["word"] == MAY) & own["concerned"]).sum()), "may": int(((own["word"] == MAY) & own["concerned"]).sum()),
-            "unexpected": int((own["outcome"] == "bonus").sum()), "delay_s": quantile_censored(delays, len(designed), 0.5),
-            "delay_s_median_detected": float(np.median(delays)) if len(delays) else None, "delay_s_p95": quantile_censored(delays, len(designed), 0.95),
-            "delay_s_max": float(delays.max()) if len(delays) else None, "false_alarms": int(own["false_alarms"].sum()),
-            "false_alarms_per_hour": per_hour[0], "false_alarms_per_hour_low": per_hour[1], "false_alarms_per_hour_high": per_hour[2],
-            "fault_free_runs": len(free), "fault_free_alarmed": alarmed, "false_alarm_probability": pf, "false_alarm_low": f_low,
-            "false_alarm_high": f_high, "credible": not (len(free) and pf > CREDIBLE), "step_us": cost.get(name)})  # fmt: skip
+        out.append(
+            {
+                "id": name,
+                "level": own["level"].iloc[0],
+                "designed": len(designed),
+                "detected": len(seen),
+                "missed": len(designed) - len(seen),
+                "detection_probability": p,
+                "detection_low": low,
+                "detection_high": high,
+                "named": int((designed["outcome"] == "named").sum()),
+                "misnamed": int((own["outcome"] == "misnamed").sum()),
+                "idle": int(own["idle"].sum()),
+                "seen_of_may": int((own["detected"] & (own["word"] == MAY) & own["concerned"]).sum()),
+                "may": int(((own["word"] == MAY) & own["concerned"]).sum()),
+                "unexpected": int((own["outcome"] == "bonus").sum()),
+                "delay_s": quantile_censored(delays, len(designed), 0.5),
+                "delay_s_median_detected": float(np.median(delays)) if len(delays) else None,
+                "delay_s_p95": quantile_censored(delays, len(designed), 0.95),
+                "delay_s_max": float(delays.max()) if len(delays) else None,
+                "false_alarms": int(own["false_alarms"].sum()),
+                "false_alarms_per_hour": per_hour[0],
+                "false_alarms_per_hour_low": per_hour[1],
+                "false_alarms_per_hour_high": per_hour[2],
+                "fault_free_runs": len(free),
+                "fault_free_alarmed": alarmed,
+                "false_alarm_probability": pf,
+                "false_alarm_low": f_low,
+                "false_alarm_high": f_high,
+                "credible": not (len(free) and pf > CREDIBLE),
+                "step_us": cost.get(name),
+            }
+        )
     return out
 
 
 def equal_thresholds(rows, alpha=ALPHA):
-    """Return {detector: (multiplier c of its threshold, crossings k, fault-free flights n)} at one run-level probability.
+    """Return {detector: (multiplier c of its threshold, crossings k, fault-free flights n)} at one probability.
 
-    c is the smallest at which at most floor(alpha n) of the n fault-free flights reach |r| >= c; None where the detector
+    c is the smallest at which at most floor(alpha n) of the n fault-free flights reach |r| >= c; None where it
     never judged in them.
     """
     out = {}
@@ -86,16 +108,25 @@ def sweep(rows, points=61):
     for name, own in rows.groupby("id", sort=False):
         hit = own[(own["word"] == DESIGNED) & own["concerned"] & ~own["idle"]]["r_fault"].dropna().to_numpy()
         free = own[own["case"].isna()]["r_fault_free"].dropna().to_numpy()
-        out[name] = (c, *((np.mean(x[None, :] >= c[:, None], axis=1) if len(x) else np.full(points, np.nan)) for x in (hit, free)))
+        out[name] = (
+            c,
+            *((np.mean(x[None, :] >= c[:, None], axis=1) if len(x) else np.full(points, np.nan)) for x in (hit, free)),
+        )
     return out
 
 
 def coverage_matrix(rows):
-    """Return {case: {detector: {word, runs, detected, outcomes, idle}}} of the faulty flights, cases in order of appearance."""
+    """Return {case: {detector: {word, runs, detected, outcomes, idle}}} of the faulty flights."""
     out = {}
     for (case, name), own in rows[rows["case"].notna()].groupby(["case", "id"], sort=False):
-        cell = {"word": own["word"].iloc[0], "runs": len(own), "detected": int(own["detected"].sum()), "lane": bool(own["concerned"].any()),
-                "outcomes": own["outcome"].value_counts().to_dict(), "delay_s": float(own["delay_s"].min()) if own["detected"].any() else None}  # fmt: skip
+        cell = {
+            "word": own["word"].iloc[0],
+            "runs": len(own),
+            "detected": int(own["detected"].sum()),
+            "lane": bool(own["concerned"].any()),
+            "outcomes": own["outcome"].value_counts().to_dict(),
+            "delay_s": float(own["delay_s"].min()) if own["detected"].any() else None,
+        }
         out.setdefault(case, {})[name] = cell
     return out
 
@@ -118,23 +149,36 @@ def groups(rows):
 
 
 def by_group(rows, stats):
-    """Return one row per faulty flight and group: whether a credible detector of it saw the fault, which first, how soon.
+    """Return one row per faulty flight and group: whether a credible detector saw the fault.
 
     An alarm of a detector that is blind to the case by structure was caused by something else and does not count.
-    Columns run, case, frequency_hz, amplitude_mm, target, group, able (some detector could see it), seen, named, delay_s, first.
+    Columns run, case, frequency_hz, amplitude_mm, target, group, able (some detector could see it), seen, named,
+    delay_s, first (who noticed first).
     """
     credible = {d["id"] for d in stats if d["credible"]}
     member = {name: g for g, names in groups(rows).items() for name in names}
     fault = rows[rows["case"].notna()]
     out = []
     order = list(groups(rows))
-    for (run, g), own in sorted(fault.groupby(["run", fault["id"].map(member)], sort=False), key=lambda item: order.index(item[0][1])):
+    for (run, g), own in sorted(
+        fault.groupby(["run", fault["id"].map(member)], sort=False), key=lambda item: order.index(item[0][1])
+    ):
         able = own[own["id"].isin(credible) & own["concerned"] & (own["word"] != BLIND) & ~own["idle"]]
         seen = able[able["detected"]].sort_values("delay_s")
         first = seen.iloc[0] if len(seen) else None
         about = {k: own[k].iloc[0] for k in ("case", "frequency_hz", "amplitude_mm", "target")}
-        out.append({"run": run, **about, "group": g, "able": bool(len(able)), "seen": bool(len(seen)), "named": bool((seen["outcome"] == "named").any()),
-                    "delay_s": math.nan if first is None else first["delay_s"], "first": None if first is None else first["id"]})  # fmt: skip
+        out.append(
+            {
+                "run": run,
+                **about,
+                "group": g,
+                "able": bool(len(able)),
+                "seen": bool(len(seen)),
+                "named": bool((seen["outcome"] == "named").any()),
+                "delay_s": math.nan if first is None else first["delay_s"],
+                "first": None if first is None else first["id"],
+            }
+        )
     return pd.DataFrame(out)
 
 

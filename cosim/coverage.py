@@ -13,8 +13,14 @@ from importlib.resources import files
 DESIGNED, MAY, BLIND = "designed", "may", "blind"
 WORDS = {DESIGNED: "designed for", MAY: "may see", BLIND: "blind by structure"}
 ENTERS = ("ofc_liquid", "ofc_solid", "runaway", "bias")  # kinds whose place of entry decides who can see them
-PARTS = {"rod": "rod sensor", "surface": "surface sensor", "pressure": "pressure sensor", "velocity": "velocity sensor",
-         "position": "position sensor", "current": "current sensor"}  # fmt: skip
+PARTS = {
+    "rod": "rod sensor",
+    "surface": "surface sensor",
+    "pressure": "pressure sensor",
+    "velocity": "velocity sensor",
+    "position": "position sensor",
+    "current": "current sensor",
+}
 
 
 @dataclass(frozen=True)
@@ -73,7 +79,9 @@ def case_of(kind, target, technology, at="", limit=False):
 def cases(scenario):
     """Return the case of each fault of a scenario, in its order."""
     technology = scenario.elevator.technology
-    return [case_of(f.kind, f.target, technology, f.at or "", "limit_deg" in (f.model_extra or {})) for f in scenario.faults]
+    return [
+        case_of(f.kind, f.target, technology, f.at or "", "limit_deg" in (f.model_extra or {})) for f in scenario.faults
+    ]
 
 
 def label(case):
@@ -89,7 +97,7 @@ def label(case):
 
 
 def outcome(detector, case, detected, named):
-    """Return what came of it: "named", "seen" (but called ambiguous or nothing), "misnamed", "missed", "quiet", "bonus".
+    """Return what came of it: "named", "seen" (called ambiguous), "misnamed", "missed", "quiet" or "bonus".
 
     `named` is the verdict class or None. For a case that the detector is blind to, "quiet" is right and "bonus" is an
     alarm all the same; "missed" counts only where it was designed for the case.

@@ -1,4 +1,4 @@
-"""A flight as its log tells it: scenario, signals, detector lanes with their judgement, and the fault each one estimates."""
+"""A flight as its log tells it: scenario, signals, detector lanes with their judgement, and what they estimate."""
 
 import importlib
 import math
@@ -16,7 +16,17 @@ from cosim.log import open_log
 from cosim.result import Watch, judge, judged
 from cosim.scenario import parse
 
-NEEDED = ("/truth/", "/surfaces/", "/sensors/", "/observers/", "/law", "/pilot", "/actuators/", "/faults/", "/detectors/")
+NEEDED = (
+    "/truth/",
+    "/surfaces/",
+    "/sensors/",
+    "/observers/",
+    "/law",
+    "/pilot",
+    "/actuators/",
+    "/faults/",
+    "/detectors/",
+)
 
 
 @dataclass
@@ -49,10 +59,14 @@ class Flown:
     """The content of one log, read once. `values(topic, field)` is a column, NaN where there is none."""
 
     def __init__(self, path):
-        """Read the log at `path`, also one that was cut. Raises LogError for one that was not written by `cosim run`."""
+        """Read the log at `path`, also one that was cut. Raises LogError for one that holds no scenario."""
         self.log = open_log(path, tolerant=True)
         if "scenario.toml" not in self.log.attachments or "detectors.json" not in self.log.attachments:
-            raise LogError("was not written by `cosim run`: it holds no scenario", place=str(path), remedy="`cosim info` shows what it holds")
+            raise LogError(
+                "was not written by `cosim run`: it holds no scenario",
+                place=str(path),
+                remedy="`cosim info` shows what it holds",
+            )
         self.toml = self.log.attachments["scenario.toml"].decode()
         self.scenario = parse(tomllib.loads(self.toml))
         names = [n for n in self.log.topics if n.startswith(NEEDED)]
@@ -113,7 +127,9 @@ class Flown:
         culprits = importlib.import_module(TABLE[d["id"]].module).CULPRITS if d["id"] in TABLE else ("",)
         fields = list(self.log.topics[topic].fields)
         at = {n: fields.index(n) for n in ("alarm", "verdict", "culprit", "r")}
-        made = Lane(d["id"], d["level"], lane, target, culprits, d["every"], dict(zip(fields, self._arrays[topic].T)), {})
+        made = Lane(
+            d["id"], d["level"], lane, target, culprits, d["every"], dict(zip(fields, self._arrays[topic].T)), {}
+        )
         made.truth = self._truth(d["id"], lane)
         onset = round((min((f["start_s"] for f in self.faults), default=self.t0) - self.t0) / self.dt / d["every"])
         made.able = bool((made.fields["valid"][onset:] > 0.5).any())
@@ -124,7 +140,7 @@ class Flown:
         return made
 
     def _truth(self, detector, lane):
-        """Return (field of the estimate, truth (ticks,), unit, start, end) of the fault that the lane estimates, or None."""
+        """Return (field, truth (ticks,), unit, start, end) of the fault that the lane estimates, or None."""
         names = []
 
         def column(name):
@@ -154,7 +170,12 @@ class Flown:
         An input that nobody logs is what the faults add to it; a sensor's truth is what it is wired to.
         """
         section, lane, field = name.split(".", 2)
-        for topic in (f"/{section}/{lane}", f"/{section}", f"/actuators/{lane}/{section}", f"/detectors/{section}/{lane}"):
+        for topic in (
+            f"/{section}/{lane}",
+            f"/{section}",
+            f"/actuators/{lane}/{section}",
+            f"/detectors/{section}/{lane}",
+        ):
             if self.has(topic, field):
                 return self.values(topic, field)
         part = section.removesuffix("_in")
@@ -183,7 +204,13 @@ class Flown:
             signal = self._fault(f.name, "f_inj")
             switched = all(source == "g" for _, source in f.places)
             label = f"{words(kind)}, {words(f.name.split('_', 1)[1])}"
-            out.append((label, "active" if switched else unit_of(place, kind), self._fault(f.name, "g") if switched else signal))
+            out.append(
+                (
+                    label,
+                    "active" if switched else unit_of(place, kind),
+                    self._fault(f.name, "g") if switched else signal,
+                )
+            )
         return out
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Reports: one self-contained HTML file for a flight, or for a comparison of many. The only user of the plotting library."""
+"""Reports: one self-contained HTML file for a flight, or for many. Only here is the plotting library used."""
 
 from cosim.report.compare_page import comparison_report
 from cosim.report.flight_page import flight_report

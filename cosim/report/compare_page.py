@@ -1,20 +1,15 @@
 """The page of a comparison: summary, levels, coverage, maps, delays, false alarms, confusion, sweeps, cost, flights."""
 
-import math
-
 from cosim import compare_stats as stats
-from cosim import coverage
-from cosim.flown import finite
+from cosim.report import compare_tables as tables
 from cosim.report import compared
 from cosim.report.compare_words import summary
-from cosim.report.page import drawing, page, table, text, write
-
-SYMBOL = {"named": "●", "seen": "◐", "misnamed": "≠", "missed": "✕", "quiet": "·", "bonus": "!", "idle": "–", "echo": "~"}
-CLASS = {"named": "c-seen", "seen": "c-seen", "misnamed": "c-part", "missed": "c-missed", "quiet": "c-quiet", "bonus": "c-bonus", "idle": "c-quiet", "echo": "c-bonus"}
+from cosim.report.maps import maps
+from cosim.report.page import drawing, page, text, write
 
 
 def comparison_report(found, output):
-    """Write the report of a cosim.compare.Comparison to the HTML file `output`; returns its Path. Raises OutputError."""
+    """Write the report of a cosim.compare.Comparison to the file `output`; returns its Path. Raises OutputError."""
     return write(output, render(found))
 
 
@@ -22,28 +17,67 @@ def render(found):
     """Return the page as HTML text."""
     rows, each = found.rows, found.detectors
     grouped, equal = stats.by_group(rows, each), stats.equal_thresholds(rows)
-    made = {"maps": compared.maps(rows), "equal": compared.maps(rows, equal) if equal else None, "delays": compared.delays(rows),
-            "false": compared.false_alarms(each), "sweeps": compared.sweeps(rows), "roc": compared.roc(rows) if equal else None, "cost": compared.cost(each)}  # fmt: skip
+    made = {
+        "maps": maps(rows),
+        "equal": maps(rows, equal) if equal else None,
+        "delays": compared.delays(rows),
+        "false": compared.false_alarms(each),
+        "sweeps": compared.sweeps(rows),
+        "roc": compared.roc(rows) if equal else None,
+        "cost": compared.cost(each),
+    }
     free = rows[rows["case"].isna()]["run"].nunique()
     sections = [
-        ("Which level sees what", levels(grouped), ""), ("The detectors", detectors(each), ""), ("Coverage: fault kind by detector", matrix(rows), ""),
-        ("Oscillations over achieved amplitude and frequency, thresholds as shipped", made["maps"], _as_shipped(each, free)),
-        ("The same at one false-alarm probability", made["equal"], _equal(equal)), ("How soon", made["delays"], ""),
-        ("False alarms", made["false"], ""), ("What they called it", confusions(rows), ""), ("Threshold sweeps", made["sweeps"], ""),
-        ("Faults against false alarms", made["roc"], ""), ("Cost", made["cost"], ""), ("The flights", flights(rows), ""),
-    ]  # fmt: skip
-    body = [f"<h2>{title}</h2>{f'<p class=muted>{told}</p>' if told else ''}{drawing(it) if hasattr(it, 'plain') else it}" for title, it, told in sections if it]
+        ("Which level sees what", tables.levels(grouped), ""),
+        ("The detectors", tables.detectors(each), ""),
+        ("Coverage: fault kind by detector", tables.matrix(rows), ""),
+        (
+            "Oscillations over achieved amplitude and frequency, thresholds as shipped",
+            made["maps"],
+            _as_shipped(each, free),
+        ),
+        ("The same at one false-alarm probability", made["equal"], _equal(equal)),
+        ("How soon", made["delays"], ""),
+        ("False alarms", made["false"], ""),
+        ("What they called it", tables.confusions(rows), ""),
+        ("Threshold sweeps", made["sweeps"], ""),
+        ("Faults against false alarms", made["roc"], ""),
+        ("Cost", made["cost"], ""),
+        ("The flights", tables.flights(rows), ""),
+    ]
+    body = [
+        f"<h2>{title}</h2>{f'<p class=muted>{told}</p>' if told else ''}{drawing(it) if hasattr(it, 'plain') else it}"
+        for title, it, told in sections
+        if it
+    ]
     chips = [(d["id"], d["level"], d["detected"] > 0) for d in each]
-    subtitle = f"{found.runs} flights, {found.source}; {free} of them fault-free" + (f"; {found.failed} could not be flown" if found.failed else "")
-    return page(title="Aircraft-level against local diagnosis, on the same flights", subtitle=subtitle, summary=summary(rows, each, grouped, equal),
-                body="".join(body), figures=[f for f in made.values() if f], chips=chips)  # fmt: skip
+    subtitle = f"{found.runs} flights, {found.source}; {free} of them fault-free" + (
+        f"; {found.failed} could not be flown" if found.failed else ""
+    )
+    return page(
+        title="Aircraft-level against local diagnosis, on the same flights",
+        subtitle=subtitle,
+        summary=summary(rows, each, grouped, equal),
+        body="".join(body),
+        figures=[f for f in made.values() if f],
+        chips=chips,
+    )
 
 
 def _as_shipped(each, free):
     n = sum(d["fault_free_alarmed"] == 0 for d in each)
     bound = stats.proportion(0, free)[2]
-    told = f"{n} of {len(each)} detectors raised no alarm in the {free} fault-free flights, which bounds their false-alarm probability per flight below {bound:.0%} (95 %)." if free else ""
-    return f"Each mark is one flight, the same in every panel (diamonds: both segments of a side, drawn a little to the right); the amplitude is the one achieved at the rod, against the same flight without the fault. {told}"
+    told = (
+        f"{n} of {len(each)} detectors raised no alarm in the {free} fault-free flights, which bounds their "
+        f"false-alarm probability per flight below {bound:.0%} (95 %)."
+        if free
+        else ""
+    )
+    return (
+        f"Each mark is one flight, the same in every panel (diamonds: both segments of a side, drawn a "
+        f"little to the right); the amplitude is the one achieved at the rod, against the same flight "
+        f"without the fault. {told}"
+    )
 
 
 def _equal(equal):
@@ -51,150 +85,9 @@ def _equal(equal):
         return ""
     k, n = next(iter(equal.values()))[1:]
     each = ", ".join(f"{name} × {c[0]:.2g}" for name, c in equal.items() if c[0] is not None)
-    return (f"Every threshold is scaled so that at most {k} of the {n} fault-free flights cross it (run-level false-alarm probability {stats.ALPHA:.0%} or less in this sample; "
-            f"before confirmation): {text(each)}. An oscillation counts as seen when |r| reaches the scaled threshold after its onset.")  # fmt: skip
-
-
-def levels(grouped):
-    """Return the table case x group: flights in which the group saw the fault, and how soon."""
-    if grouped.empty:
-        return "<p>No flight with a fault.</p>"
-    names = list(dict.fromkeys(grouped["group"]))
-    out = []
-    for case, own in sorted(grouped.groupby("case", sort=False), key=lambda pair: _order(pair[0])):
-        cells = []
-        for g in names:
-            part = own[own["group"] == g]
-            seen, able = int(part["seen"].sum()), bool(part["able"].any())
-            soon = part["delay_s"].min()
-            told = f"{seen}/{len(part)}" + (f", {soon:.2f} s" if seen else "")
-            look = "c-none" if not able else "c-seen" if seen == len(part) else "c-part" if seen else "c-missed"
-            first = ", ".join(sorted(set(part["first"].dropna())))
-            cells.append(f'<td class="{look}" title="{text(first)}">{"blind" if not able else told}</td>')
-        out.append(f'<tr><th class="row">{text(coverage.label(case))}</th>{"".join(cells)}</tr>')
-    head = "".join(f"<th>{text(g)}</th>" for g in names)
-    note = ("Flights in which a detector of the group saw the fault, and the shortest delay. Blind: no detector of the group can see it by structure, or none judged. "
-            "Alarms of detectors that cry in more than half of the fault-free flights do not count.")  # fmt: skip
-    return f'<div class="scroll"><table class="matrix"><caption>{note}</caption><thead><tr><th></th>{head}</tr></thead><tbody>{"".join(out)}</tbody></table></div>'
-
-
-def _order(case):
-    heads = ("hydraulic", "ema", "simple", "aileron", "rudder", "stabiliser", "engine", "sensor")
-    head = case.split(".")[0]
-    return heads.index(head) if head in heads else len(heads), case
-
-
-def detectors(each):
-    """Return the table of all detectors."""
-    columns = ("detector", "draws on", "seen / designed for>", "95 % bounds>", "named right>", "misnamed>", "median delay>", "95th percentile>",
-               "fault-free flights with an alarm>", "alarms per hour>", "µs>")  # fmt: skip
-    out = []
-    for d in each:
-        bounds = f'{d["detection_low"]:.0%} to {d["detection_high"]:.0%}' if d["designed"] else "–"
-        bad = "bad" if d["fault_free_alarmed"] else ""
-        free = f'<span class="{bad}">{d["fault_free_alarmed"]} / {d["fault_free_runs"]}</span>, ≤ {d["false_alarm_high"]:.0%}' if d["fault_free_runs"] else "–"
-        cells = (f'<b>{text(d["id"])}</b>', text(coverage.group(d["id"], d["level"])), f'{d["detected"]} / {d["designed"]}', bounds, d["named"], d["misnamed"],
-                 _seconds(d["delay_s"], d), _seconds(d["delay_s_p95"], d), free, _number(d["false_alarms_per_hour"]), _number(d["step_us"]))  # fmt: skip
-        out.append((cells, f' data-detector="{text(d["id"])}"'))
-    remarks = "".join(f'<li><b>{text(d["id"])}</b>: {text(coverage.remark(d["id"]))}</li>' for d in each if coverage.remark(d["id"]))
-    note = ("Over the faults that it was designed for, on parts that it watches, in flights in which it judged. A missed fault counts as an endless delay: “never” "
-            "stands where so many were missed that the quantile is not reached. ≤: exact upper bound of the two-sided 95 % interval.")  # fmt: skip
-    return table(columns, out, caption=note, classes="wide") + (f"<ul class=muted>{remarks}</ul>" if remarks else "")
-
-
-def _seconds(x, d):
-    return f"{x:.2f} s" if finite(x) else "never" if d["designed"] else "–"
-
-
-def _number(x):
-    return f"{x:.3g}" if finite(x) else "–"
-
-
-def matrix(rows):
-    """Return the coverage matrix: what was expected, what happened."""
-    found, names = stats.coverage_matrix(rows), list(dict.fromkeys(rows["id"]))
-    names = [n for group in stats.groups(rows).values() for n in group]
-    if not found:
-        return ""
-    out, last = [], None
-    for case in sorted(found, key=_order):
-        head = coverage.label(case).split(":")[0] if "." in case else "other effectors"
-        head = "aircraft sensors" if case.startswith("sensor") else head
-        if head != last:
-            out.append(f'<tr class="group"><th colspan="{len(names) + 1}">{text(head)}</th></tr>')
-            last = head
-        out.append(f'<tr><th class="row">{text(coverage.label(case).split(": ")[-1])}</th>{"".join(_cell(n, found[case].get(n)) for n in names)}</tr>')
-    head = "".join(f'<th class="col" data-detector="{text(n)}">{text(n)}</th>' for n in names)
-    key = (("c-seen", "●", "seen and named right"), ("c-seen", "◐", "seen, called ambiguous"), ("c-part", "≠", "seen under another name"), ("c-missed", "✕", "designed for it, and missed"),
-           ("c-quiet", "·", "may see it, stayed quiet"), ("c-none", "", "blind by structure, and quiet"), ("c-bonus", "!", "alarm though blind: not of the fault itself"),
-           ("c-bonus", "~", "alarm that the manoeuvre raises without a fault as well"), ("c-quiet", "–", "never judged"))  # fmt: skip
-    legend = "".join(f'<span><span class="box {c}">{s}</span>{t}</span>' for c, s, t in key)
-    note = "k/n: flights seen of flights flown; where outcomes differ, the number of each. Bordered: designed for. The expectation stands in fdi/expected.toml and was written from the equations, not from these flights."
-    return (f'<div class="key">{legend}</div><div class="scroll"><table class="matrix coverage"><caption>{note}</caption><thead><tr><th></th>{head}</tr></thead>'
-            f"<tbody>{''.join(out)}</tbody></table></div>")  # fmt: skip
-
-
-def _cell(name, cell):
-    own = f' data-detector="{text(name)}"'
-    if cell is None:
-        return f"<td{own}></td>"
-    found = sorted(cell["outcomes"].items(), key=lambda pair: -pair[1])
-    good, kinds = {"named", "seen"}, {o for o, _ in found}
-    if cell["word"] == coverage.BLIND and kinds <= {"quiet", "idle"}:
-        look, told = "c-none", ""
-    elif len(found) == 1:
-        outcome = found[0][0]
-        look, told = CLASS[outcome], f"{SYMBOL[outcome]} {cell['detected']}/{cell['runs']}" if outcome not in ("quiet", "idle") else SYMBOL[outcome]
-    else:
-        look = "c-seen" if kinds <= good else "c-part" if kinds & {"named", "seen", "misnamed"} else CLASS[found[0][0]]
-        told = " ".join(f"{SYMBOL[o]}{n}" for o, n in found)
-    border = ' style="outline:2px solid var(--muted);outline-offset:-2px"' if cell["word"] == coverage.DESIGNED and cell["lane"] else ""
-    more = f'{coverage.WORDS[cell["word"]]}; ' + ", ".join(f"{n} {o}" for o, n in found)
-    return f'<td class="{look}"{border}{own} title="{text(name)}: {text(more)}">{told}</td>'
-
-
-def confusions(rows):
-    """Return one confusion matrix per detector."""
-    out = []
-    for name in dict.fromkeys(rows["id"]):
-        counts = stats.confusion(rows, name)
-        if counts.empty:
-            continue
-        telling = [c for c in counts.index if c == "no fault" or coverage.expected(name, c).word == coverage.DESIGNED or counts.loc[c].drop("none", errors="ignore").sum()]
-        rest, counts = len(counts) - len(telling), counts.loc[telling]
-        counts = counts.loc[:, counts.sum() > 0]
-        last = [c for c in ("ambiguous", "none", "false alarm") if c in counts.columns]
-        columns = [c for c in counts.columns if c not in last] + last
-        body = ""
-        for case in sorted(counts.index, key=lambda c: _order(c) if c != "no fault" else (99, "")):
-            right = coverage.expected(name, case).classes
-            cells = "".join(f'<td class="{_shade(int(counts.loc[case, c]), c, case, right, name)}">{int(counts.loc[case, c]) or ""}</td>' for c in columns)
-            label = coverage.label(case) if case != "no fault" else case
-            body += f'<tr><th class="row">{text(label)}</th>{cells}</tr>'
-        head = "".join(f"<th>{text(c.replace('_', ' '))}</th>" for c in columns)
-        out.append(f'<div data-detector="{text(name)}"><h3>{text(name)}</h3><table class="matrix"><thead><tr><th>fault</th>{head}</tr></thead><tbody>{body}</tbody></table>{f"<p class=muted>{rest} further kinds of fault: never an alarm.</p>" if rest else ""}</div>')
-    return f'<p class=muted>Rows: what was broken on a part that the detector watches; columns: what it said last while its alarm stood.</p><div class="tiles">{"".join(out)}</div>'
-
-
-def _shade(count, said, case, right, name):
-    if not count:
-        return "c-none"
-    if said == "none":
-        return "c-missed" if coverage.expected(name, case).word == coverage.DESIGNED else "c-quiet"
-    if said == "false alarm":
-        return "c-missed"
-    return "c-seen" if said in right else "c-quiet" if said == "ambiguous" else "c-part"
-
-
-def flights(rows):
-    """Return the list of flights."""
-    out = []
-    for run, own in rows.groupby("run", sort=False):
-        r = own.iloc[0]
-        seen = own[own["detected"]].sort_values("delay_s")
-        told = ", ".join(f"{d} {s:.2f} s" for d, s in zip(seen["id"], seen["delay_s"])) or "–"
-        achieved = f'{r["amplitude_mm"]:.2f} mm' if finite(r["amplitude_mm"]) else f'{r["rod_mm"]:.1f} mm peak' if finite(r["rod_mm"]) else "–"
-        out.append(((f"<code>{text(run)}</code>", text(coverage.label(r["case"]) if isinstance(r["case"], str) else "no fault"), text(r["target"] if isinstance(r["target"], str) else "–"),
-                     f'{r["frequency_hz"]:g} Hz' if finite(r["frequency_hz"]) else "–", achieved, text(f'{r["manoeuvre"].replace("_", " ")}, {r["turbulence"]}'), text(told)), ""))  # fmt: skip
-    columns = ("run", "case", "target", "frequency>", "achieved>", "manoeuvre, air", "noticed by, after")
-    return f"<details><summary>{len(out)} flights, and who noticed</summary>{table(columns, out)}</details>"
+    return (
+        f"Every threshold is scaled so that at most {k} of the {n} fault-free flights cross it (run-level "
+        f"false-alarm probability {stats.ALPHA:.0%} or less in this sample; "
+        f"before confirmation): {text(each)}. An oscillation counts as seen when |r| reaches the scaled "
+        f"threshold after its onset."
+    )

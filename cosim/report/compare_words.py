@@ -20,7 +20,9 @@ def summary(rows, each, grouped, equal):
         parts.append(("Names", _names(rows)))
     parts.append(("False alarms", _false(rows, each)))
     parts.append(("Read with care", _care(rows, each)))
-    return "".join(f'<div class="row"><b class="lead">{name}</b><div>{value}</div></div>' for name, value in parts if value)
+    return "".join(
+        f'<div class="row"><b class="lead">{name}</b><div>{value}</div></div>' for name, value in parts if value
+    )
 
 
 def _list(items):
@@ -39,7 +41,10 @@ def _sees(grouped, members):
         only = _only(grouped, g)
         alone = f"; alone in {only}" if only else ""
         who = f' <span class="muted">({text(", ".join(members[g]))})</span>'
-        out.append(f"<b>{text(g)}</b>{who}: {len(seen)} of the {len(able)} faulty flights that it can see by structure{soon}{alone}")
+        out.append(
+            f"<b>{text(g)}</b>{who}: {len(seen)} of the {len(able)} faulty flights that it can see by "
+            f"structure{soon}{alone}"
+        )
     return _list(out)
 
 
@@ -84,7 +89,9 @@ def _blind(grouped):
 
 def _short(cases, most=5):
     names = [coverage.label(c).replace("hydraulic: ", "hydraulic ").replace("ema: ", "EMA ") for c in cases]
-    return text(article(names[:most]) if len(names) <= most else f"{', '.join(names[:most])} and {len(names) - most} more")
+    return text(
+        article(names[:most]) if len(names) <= most else f"{', '.join(names[:most])} and {len(names) - most} more"
+    )
 
 
 def _names(rows):
@@ -94,10 +101,16 @@ def _names(rows):
     counts = own["outcome"].value_counts()
     crossed = own[(own["outcome"] == "misnamed") & ((own["class"] == "sensor") != own["case"].map(_is_sensor))]
     severe = crossed[(crossed["class"] == "sensor") | crossed["case"].map(_is_sensor)]
-    told = f"{counts.get('named', 0)} of {len(own)} detections named the fault right, {counts.get('seen', 0)} called it ambiguous, {counts.get('misnamed', 0)} gave another name"
+    told = (
+        f"{counts.get('named', 0)} of {len(own)} detections named the fault right, {counts.get('seen', 0)} "
+        f"called it ambiguous, {counts.get('misnamed', 0)} gave another name"
+    )
     if len(severe):
         who = ", ".join(f"{n} {k}" for n, k in severe["id"].value_counts().items())
-        told += f'; <span class="bad">in {len(severe)} a sensor fault was called an actuator\'s, or the reverse</span> ({text(who)})'
+        told += (
+            f'; <span class="bad">in {len(severe)} a sensor fault was called an actuator\'s, or the '
+            f"reverse</span> ({text(who)})"
+        )
     return told
 
 
@@ -113,24 +126,39 @@ def _false(rows, each):
         return "no fault-free flight was flown: nothing can be said"
     quiet = len(each) - len(loud)
     _, _, high = stats.proportion(0, free)
-    told = f"{quiet} of {len(each)} detectors were quiet in all {free} fault-free flights (below {high:.0%} per flight, 95 %)"
-    return told + "".join(f'; <span class="bad">{text(d["id"])}</span> cried in {d["fault_free_alarmed"]}' for d in loud)
+    told = (
+        f"{quiet} of {len(each)} detectors were quiet in all {free} fault-free flights (below {high:.0%} "
+        f"per flight, 95 %)"
+    )
+    return told + "".join(
+        f'; <span class="bad">{text(d["id"])}</span> cried in {d["fault_free_alarmed"]}' for d in loud
+    )
 
 
 def _care(rows, each):
     out = []
     runs = rows["run"].nunique()
     if runs < 300:
-        out.append(f"{runs} flights are a look, not a proof: most kinds of fault flew once, at one size. <code>cosim campaign</code> flies thousands.")
+        out.append(
+            f"{runs} flights are a look, not a proof: most kinds of fault flew once, at one size. <code>cosim "
+            f"campaign</code> flies thousands."
+        )
     echo = rows[rows["outcome"] == "echo"]["id"].value_counts()
     if len(echo):
         told = ", ".join(f"{n} {k}" for n, k in echo.items())
         out.append(f"Alarms that the same manoeuvre raises without a fault are no detections: {text(told)}.")
     idle = [d["id"] for d in each if d["idle"]]
     if idle:
-        out.append(f"{text(article(idle))} never judged in some flights (outside what they are made for, or not settled): left out of their counts.")
+        out.append(
+            f"{text(article(idle))} never judged in some flights (outside what they are made for, or not "
+            f"settled): left out of their counts."
+        )
     dull = [d["id"] for d in each if not d["credible"]]
     if dull:
         out.append(f"{text(article(dull))}: alarms all the time and therefore tells nothing; left out of the levels.")
-    out += [f"{text(d['id'])}: {text(coverage.remark(d['id']))}." for d in each if coverage.remark(d["id"]) and d["id"] not in dull]
+    out += [
+        f"{text(d['id'])}: {text(coverage.remark(d['id']))}."
+        for d in each
+        if coverage.remark(d["id"]) and d["id"] not in dull
+    ]
     return _list(out)

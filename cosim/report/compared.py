@@ -7,108 +7,48 @@ import numpy as np
 from cosim import compare_stats as stats
 from cosim.coverage import DESIGNED
 from cosim.flown import finite
-from cosim.report.figure import COLOURS, DASHES, Figure, axis, base, grid, note, packed, place, style_axis
-
-MANY = 150  # oscillations per detector from which on a map shows shares of cells instead of single flights
-CELLS = 6
-
-
-def maps(rows, thresholds=None):
-    """Return the maps of seen oscillations over achieved amplitude and frequency, one panel per detector.
-
-    As shipped, or with `thresholds` {detector: (multiplier, ...)} for the same false-alarm probability.
-    """
-    ofc = rows[rows["frequency_hz"].notna() & rows["amplitude_mm"].notna() & rows["concerned"]]
-    names = [n for n in rows["id"].unique() if (ofc["id"] == n).any()]
-    if not names:
-        return None
-    equal = thresholds is not None
-    columns = min(4, len(names))
-    figure = Figure("maps-equal" if equal else "maps", "", 74 + 210 * -(-len(names) // columns), time=False)
-    figure.layout = base(figure.height, legend=not equal) | {"hovermode": "closest"}
-    grid(figure.layout, names, ["mm" if i % columns == 0 else "" for i in range(len(names))], columns, time=False)
-    low, high = ofc["amplitude_mm"].min() / 1.5, ofc["amplitude_mm"].max() * 1.5
-    for i, name in enumerate(names, 1):
-        own = ofc[ofc["id"] == name]
-        seen = own["detected"] if not equal else _crossed(own, thresholds.get(name))
-        figure.layout[axis("xaxis", i)] |= {"type": "log", **_ticks(sorted(own["frequency_hz"].unique()))}
-        figure.layout[axis("yaxis", i)] |= {"type": "log", "range": [math.log10(low), math.log10(high)], **_decades(low, high)}
-        if i + columns > len(names):
-            figure.layout[axis("xaxis", i)]["title"]["text"] = "Hz"
-        if own["idle"].all():
-            note(figure.layout, i, "never judged")
-        (_cells if len(own) >= MANY else _points)(figure, i, own, seen.astype(bool))
-    figure.layout["legend"]["y"] = 1.04
-    return figure
-
-
-def _crossed(own, threshold):
-    if threshold is None or threshold[0] is None:
-        return own["detected"] & False
-    return own["r_fault"] >= threshold[0]
-
-
-def _ticks(values):
-    shown = values if len(values) <= 8 else [0.5, 1.0, 2.0, 5.0, 10.0]
-    pad = 1.25
-    return {"tickvals": shown, "ticktext": [f"{v:g}" for v in shown], "range": [math.log10(values[0] / pad), math.log10(values[-1] * pad)]}
-
-
-def _decades(low, high):
-    shown = [v * 10.0**e for e in range(-3, 4) for v in (1, 2, 5) if low <= v * 10.0**e <= high]
-    shown = shown if len(shown) <= 6 else [v for v in shown if abs(math.log10(v) % 1.0) < 1e-6]
-    return {"tickvals": shown, "ticktext": [f"{v:g}" for v in shown]}
-
-
-def _points(figure, panel, own, seen):
-    """Draw every flight: filled where it was seen, a cross where not; faults of several segments beside those of one."""
-    side = own["target"].str.endswith(("left", "right", "all"))
-    for mask, symbol, colour, name in ((seen, "circle", "--blue", "seen"), (~seen, "x-thin-open", "--fault", "not seen")):
-        part, wide = own[mask], side[mask]
-        if not len(part) and panel > 1:
-            continue
-        marks = ["diamond" if w and symbol == "circle" else symbol for w in wide]
-        figure.data.append({
-            "type": "scatter", "mode": "markers", "x": (part["frequency_hz"] * np.where(wide, 1.13, 1.0)).tolist(), "y": part["amplitude_mm"].tolist(), "name": name,
-            "legendgroup": name, "showlegend": panel == 1, "marker": {"symbol": marks or symbol, "size": 9, "color": colour, "line": {"width": 2, "color": colour}},
-            "customdata": [[f'{r["frequency_hz"]:g} Hz, {r["target"]}', "not seen" if not r["detected"] else f'{r["delay_s"]:.2f} s, {r["class"]}'] for _, r in part.iterrows()],
-            "hovertemplate": "%{y:.2f} mm achieved<br>%{customdata[0]}<br>%{customdata[1]}<extra></extra>", **place(panel)})  # fmt: skip
-
-
-def _cells(figure, panel, own, seen):
-    """Draw the share of flights seen per cell of frequency and amplitude, with their number."""
-    f, a = np.log10(own["frequency_hz"].to_numpy()), np.log10(own["amplitude_mm"].to_numpy())
-    fe, ae = (np.linspace(v.min(), v.max() + 1e-9, CELLS + 1) for v in (f, a))
-    n, *_ = np.histogram2d(a, f, bins=(ae, fe))
-    k, *_ = np.histogram2d(a[seen], f[seen], bins=(ae, fe))
-    share = np.where(n > 0, k / np.maximum(n, 1), np.nan)
-    text = [[f"{int(k[i, j])}/{int(n[i, j])}" if n[i, j] else "" for j in range(CELLS)] for i in range(CELLS)]
-    centre = lambda e: (10.0 ** ((e[1:] + e[:-1]) / 2)).tolist()  # noqa: E731
-    figure.data.append({
-        "type": "heatmap", "x": centre(fe), "y": centre(ae), "z": [[None if math.isnan(v) else float(v) for v in row] for row in share], "text": text,
-        "texttemplate": "%{text}", "textfont": {"size": 9}, "zmin": 0, "zmax": 1, "colorscale": "Cividis", "showscale": False,
-        "hovertemplate": "%{x:.2g} Hz, %{y:.2g} mm: seen in %{text} flights<extra></extra>", **place(panel)})  # fmt: skip
+from cosim.report.figure import COLOURS, DASHES, Figure, axis, base, grid, packed, place, style_axis
 
 
 def _beside(figure):
     """Put the legend to the right of the panels."""
-    figure.layout["legend"] |= {"orientation": "v", "x": 1.02, "xanchor": "left", "y": 1.0, "yanchor": "top", "tracegroupgap": 0}
+    figure.layout["legend"] |= {
+        "orientation": "v",
+        "x": 1.02,
+        "xanchor": "left",
+        "y": 1.0,
+        "yanchor": "top",
+        "tracegroupgap": 0,
+    }
     figure.layout["margin"]["r"] = 175
 
 
 def _log(low, high):
     """Return a logarithmic axis with a label per decade."""
     shown = [10.0**e for e in range(-3, 5) if low <= 10.0**e <= high]
-    return {"type": "log", "range": [math.log10(low), math.log10(high)], "tickvals": shown, "ticktext": [f"{v:g}" for v in shown]}
+    return {
+        "type": "log",
+        "range": [math.log10(low), math.log10(high)],
+        "tickvals": shown,
+        "ticktext": [f"{v:g}" for v in shown],
+    }
 
 
 def delays(rows):
-    """Return the share of designed-for faults that each detector had noticed so long after the onset, in seconds and periods."""
+    """Return the share of designed-for faults that each detector had noticed so long after the onset."""
     own = rows[(rows["word"] == DESIGNED) & rows["concerned"] & ~rows["idle"]]
-    figure = Figure("delays", "A curve ends at the share that was seen at all: missed faults stay in the count.", 330, time=False)
+    figure = Figure(
+        "delays", "A curve ends at the share that was seen at all: missed faults stay in the count.", 330, time=False
+    )
     figure.layout = base(figure.height) | {"hovermode": "closest"}
     _beside(figure)
-    grid(figure.layout, ["All faults it was designed for", "Oscillations, in periods of the fault"], ["share noticed", ""], 2, time=False)
+    grid(
+        figure.layout,
+        ["All faults it was designed for", "Oscillations, in periods of the fault"],
+        ["share noticed", ""],
+        2,
+        time=False,
+    )
     for i, unit in ((1, "seconds after the onset"), (2, "periods after the onset")):
         figure.layout[axis("yaxis", i)] |= {"range": [0.0, 1.03], "tickformat": ".0%"}
         figure.layout[axis("xaxis", i)] |= _log(0.01, 100.0)
@@ -121,47 +61,115 @@ def delays(rows):
                 d = np.sort(part[column].dropna().to_numpy())
                 x = np.concatenate([[0.01], np.maximum(d, 0.01), [100.0]])
                 y = np.concatenate([[0.0], np.arange(1, len(d) + 1), [len(d)]]) / len(part)
-                figure.data.append({"type": "scatter", "mode": "lines", "x": packed(x), "y": packed(y), "name": name, "legendgroup": name,
-                                    "line": {"shape": "hv", "width": 2, "color": COLOURS[j % 8], "dash": DASHES[j // 8 if j >= 8 else 0]}, "meta": {"detector": name},
-                                    "showlegend": i == 1, "hovertemplate": f"{name}: %{{y:.0%}} by %{{x:.2g}}<extra></extra>", **place(i)})  # fmt: skip
+                figure.data.append(
+                    {
+                        "type": "scatter",
+                        "mode": "lines",
+                        "x": packed(x),
+                        "y": packed(y),
+                        "name": name,
+                        "legendgroup": name,
+                        "line": {
+                            "shape": "hv",
+                            "width": 2,
+                            "color": COLOURS[j % 8],
+                            "dash": DASHES[j // 8 if j >= 8 else 0],
+                        },
+                        "meta": {"detector": name},
+                        "showlegend": i == 1,
+                        "hovertemplate": f"{name}: %{{y:.0%}} by %{{x:.2g}}<extra></extra>",
+                        **place(i),
+                    }
+                )
     return figure
 
 
 def false_alarms(found):
     """Return false alarms per fault-free flight and per hour of all flights, with exact bounds."""
     names = [d["id"] for d in found]
-    figure = Figure("false-alarms", "Bars: exact 95 % bounds (Clopper and Pearson; Poisson for the rate). Left: share of fault-free flights with an alarm. Right: "
-                    "false alarms per hour of all flights, healthy parts of faulty flights included.", 70 + 22 * len(names), time=False)  # fmt: skip
+    figure = Figure(
+        "false-alarms",
+        "Bars: exact 95 % bounds (Clopper and Pearson; Poisson for the rate). Left: share of fault-free "
+        "flights with an alarm. Right: "
+        "false alarms per hour of all flights, healthy parts of faulty flights included.",
+        70 + 22 * len(names),
+        time=False,
+    )
     figure.layout = base(figure.height, legend=False) | {"hovermode": "closest"}
     figure.layout["margin"]["l"] = 150
     grid(figure.layout, ["Fault-free flights with an alarm", "False alarms per flight hour"], ["", ""], 2, time=False)
     for i in (1, 2):
-        figure.layout[axis("yaxis", i)] |= {"type": "category", "categoryarray": names[::-1], "showticklabels": i == 1, "tickfont": {"size": 11, "color": "--ink"}}
+        figure.layout[axis("yaxis", i)] |= {
+            "type": "category",
+            "categoryarray": names[::-1],
+            "showticklabels": i == 1,
+            "tickfont": {"size": 11, "color": "--ink"},
+        }
     figure.layout["xaxis"] |= {"range": [-0.02, 1.02], "tickformat": ".0%"}
     rates = [d["false_alarms_per_hour_high"] for d in found if finite(d["false_alarms_per_hour_high"])]
     floor = min([0.5, *(d["false_alarms_per_hour"] / 2 for d in found if d["false_alarms"])])
     figure.layout["xaxis2"] |= _log(floor, max([10.0, *rates]) * 1.3)
     for d in found:
-        for i, keys, told in ((1, ("false_alarm_probability", "false_alarm_low", "false_alarm_high"), f'{d["fault_free_alarmed"]} of {d["fault_free_runs"]}'),
-                              (2, ("false_alarms_per_hour", "false_alarms_per_hour_low", "false_alarms_per_hour_high"), f'{d["false_alarms"]} alarms')):  # fmt: skip
+        for i, keys, told in (
+            (
+                1,
+                ("false_alarm_probability", "false_alarm_low", "false_alarm_high"),
+                f"{d['fault_free_alarmed']} of {d['fault_free_runs']}",
+            ),
+            (
+                2,
+                ("false_alarms_per_hour", "false_alarms_per_hour_low", "false_alarms_per_hour_high"),
+                f"{d['false_alarms']} alarms",
+            ),
+        ):
             p, low, high = (d[k] for k in keys)
             if math.isnan(p) or math.isinf(high):
                 continue
-            at, none = (p, False) if i == 1 or p else (floor, True)  # a logarithm has no zero: an open triangle at the edge
-            figure.data.append({"type": "scatter", "mode": "markers", "x": [at], "y": [d["id"]], "showlegend": False, "cliponaxis": False,
-                                "marker": {"size": 8, "color": "--fault" if p else "--blue", "symbol": "triangle-left-open" if none else "circle"},
-                                "error_x": {"type": "data", "symmetric": False, "array": [high - at], "arrayminus": [max(0.0, at - max(low, floor if i == 2 else 0.0))], "color": "--muted", "thickness": 1.4, "width": 4},
-                                "hovertemplate": f'{d["id"]}: {told}, {p:.3g} ({low:.3g} to {high:.3g})<extra></extra>', **place(i)})  # fmt: skip
+            at, none = (
+                (p, False) if i == 1 or p else (floor, True)
+            )  # a logarithm has no zero: an open triangle at the edge
+            figure.data.append(
+                {
+                    "type": "scatter",
+                    "mode": "markers",
+                    "x": [at],
+                    "y": [d["id"]],
+                    "showlegend": False,
+                    "cliponaxis": False,
+                    "marker": {
+                        "size": 8,
+                        "color": "--fault" if p else "--blue",
+                        "symbol": "triangle-left-open" if none else "circle",
+                    },
+                    "error_x": {
+                        "type": "data",
+                        "symmetric": False,
+                        "array": [high - at],
+                        "arrayminus": [max(0.0, at - max(low, floor if i == 2 else 0.0))],
+                        "color": "--muted",
+                        "thickness": 1.4,
+                        "width": 4,
+                    },
+                    "hovertemplate": f"{d['id']}: {told}, {p:.3g} ({low:.3g} to {high:.3g})<extra></extra>",
+                    **place(i),
+                }
+            )
     return figure
 
 
 def sweeps(rows):
-    """Return, per detector, the share of faults and of fault-free flights whose largest |r| reaches a multiple of the threshold."""
+    """Return, per detector, the shares of faulty and fault-free flights whose largest |r| reaches each threshold."""
     found = stats.sweep(rows)
     names, columns = list(found), min(4, len(found))
-    figure = Figure("sweeps", "Blue: share of the faults it was designed for whose largest |r| reaches this multiple of the shipped threshold; dotted: the same of "
-                    "fault-free flights. The further apart, the better it separates; the vertical line is the threshold as shipped. Before confirmation.",
-                    74 + 180 * -(-len(names) // columns), time=False)  # fmt: skip
+    figure = Figure(
+        "sweeps",
+        "Blue: share of the faults it was designed for whose largest |r| reaches this multiple of the shipped "
+        "threshold; dotted: the same of "
+        "fault-free flights. The further apart, the better it separates; the vertical line is the threshold as "
+        "shipped. Before confirmation.",
+        74 + 180 * -(-len(names) // columns),
+        time=False,
+    )
     figure.layout = base(figure.height, legend=False) | {"hovermode": "x unified"}
     grid(figure.layout, names, ["share" if i % columns == 0 else "" for i in range(len(names))], columns, time=False)
     for i, name in enumerate(names, 1):
@@ -170,31 +178,83 @@ def sweeps(rows):
         figure.layout[axis("yaxis", i)] |= {"range": [-0.04, 1.04], "tickformat": ".0%", "tickvals": [0, 0.5, 1]}
         if i + columns > len(names):
             figure.layout[axis("xaxis", i)]["title"]["text"] = "threshold × "
-        figure.layout["shapes"].append({"type": "line", "xref": place(i)["xaxis"], "yref": place(i)["yaxis"] + " domain", "x0": 1, "x1": 1, "y0": 0, "y1": 1,
-                                        "line": {"color": "--muted", "width": 1}})  # fmt: skip
+        figure.layout["shapes"].append(
+            {
+                "type": "line",
+                "xref": place(i)["xaxis"],
+                "yref": place(i)["yaxis"] + " domain",
+                "x0": 1,
+                "x1": 1,
+                "y0": 0,
+                "y1": 1,
+                "line": {"color": "--muted", "width": 1},
+            }
+        )
         for y, colour, dash, told in ((hit, "--blue", "solid", "faults"), (free, "--fault", "dot", "fault-free")):
             if not np.isnan(y).all():
-                figure.data.append({"type": "scatter", "mode": "lines", "x": packed(c), "y": packed(y), "name": told, "showlegend": False,
-                                    "line": {"color": colour, "dash": dash, "width": 2, "shape": "hv"}, "hovertemplate": "%{y:.0%}", **place(i)})  # fmt: skip
+                figure.data.append(
+                    {
+                        "type": "scatter",
+                        "mode": "lines",
+                        "x": packed(c),
+                        "y": packed(y),
+                        "name": told,
+                        "showlegend": False,
+                        "line": {"color": colour, "dash": dash, "width": 2, "shape": "hv"},
+                        "hovertemplate": "%{y:.0%}",
+                        **place(i),
+                    }
+                )
     return figure
 
 
 def roc(rows):
     """Return the operating curves of all detectors: faults seen against false alarms, by run-level maxima."""
-    figure = Figure("roc", "By the largest |r| of each flight, over all thresholds; dots: as shipped. With n fault-free flights nothing left of 1/n can be told apart.", 360, time=False)
+    figure = Figure(
+        "roc",
+        "By the largest |r| of each flight, over all thresholds; dots: as shipped. With n fault-free flights "
+        "nothing left of 1/n can be told apart.",
+        360,
+        time=False,
+    )
     figure.layout = base(figure.height) | {"hovermode": "closest"}
     _beside(figure)
     figure.layout["xaxis"] = style_axis("share of fault-free flights that cross", range=[-0.02, 1.02], tickformat=".0%")
-    figure.layout["yaxis"] = style_axis("share of designed-for faults that cross", range=[-0.02, 1.02], tickformat=".0%")
+    figure.layout["yaxis"] = style_axis(
+        "share of designed-for faults that cross", range=[-0.02, 1.02], tickformat=".0%"
+    )
     for j, (name, (c, hit, free)) in enumerate(stats.sweep(rows, 400).items()):
         if np.isnan(hit).all() or np.isnan(free).all():
             continue
         k = int(np.searchsorted(c, 1.0))
         line = {"width": 2, "color": COLOURS[j % 8], "dash": DASHES[j // 8]}
-        figure.data.append({"type": "scatter", "mode": "lines", "x": packed(free), "y": packed(hit), "name": name, "legendgroup": name, "line": line, "meta": {"detector": name},
-                            "hovertemplate": f"{name}<br>%{{y:.0%}} of faults at %{{x:.0%}}<extra></extra>", **place(1)})  # fmt: skip
-        figure.data.append({"type": "scatter", "mode": "markers", "x": [float(free[k])], "y": [float(hit[k])], "showlegend": False, "meta": {"detector": name},
-                            "marker": {"size": 9, "color": COLOURS[j % 8]}, "hovertemplate": f"{name} as shipped<extra></extra>", **place(1)})  # fmt: skip
+        figure.data.append(
+            {
+                "type": "scatter",
+                "mode": "lines",
+                "x": packed(free),
+                "y": packed(hit),
+                "name": name,
+                "legendgroup": name,
+                "line": line,
+                "meta": {"detector": name},
+                "hovertemplate": f"{name}<br>%{{y:.0%}} of faults at %{{x:.0%}}<extra></extra>",
+                **place(1),
+            }
+        )
+        figure.data.append(
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "x": [float(free[k])],
+                "y": [float(hit[k])],
+                "showlegend": False,
+                "meta": {"detector": name},
+                "marker": {"size": 9, "color": COLOURS[j % 8]},
+                "hovertemplate": f"{name} as shipped<extra></extra>",
+                **place(1),
+            }
+        )
     return figure
 
 
@@ -203,12 +263,33 @@ def cost(found):
     timed = [d for d in found if d["step_us"] is not None and not math.isnan(d["step_us"])]
     if not timed:
         return None
-    figure = Figure("cost", "Per step and lane, one core, live calls: 200 steps per second are flown.", 60 + 22 * len(timed), time=False)
+    figure = Figure(
+        "cost",
+        "Per step and lane, one core, live calls: 200 steps per second are flown.",
+        60 + 22 * len(timed),
+        time=False,
+    )
     figure.layout = base(figure.height, legend=False) | {"hovermode": "closest"}
     figure.layout["margin"] |= {"l": 150, "t": 8}
     figure.layout["xaxis"] = style_axis("µs", rangemode="tozero")
-    figure.layout["yaxis"] = style_axis("", type="category", categoryarray=[d["id"] for d in timed][::-1]) | {"tickfont": {"size": 11, "color": "--ink"}}
+    figure.layout["yaxis"] = style_axis("", type="category", categoryarray=[d["id"] for d in timed][::-1]) | {
+        "tickfont": {"size": 11, "color": "--ink"}
+    }
     for d in timed:
-        figure.data.append({"type": "bar", "orientation": "h", "x": [d["step_us"]], "y": [d["id"]], "marker": {"color": "--blue"}, "showlegend": False, "text": [f'{d["step_us"]:.2f}'],
-                            "textposition": "outside", "cliponaxis": False, "meta": {"detector": d["id"]}, "hovertemplate": "%{x:.2f} µs<extra></extra>", **place(1)})  # fmt: skip
+        figure.data.append(
+            {
+                "type": "bar",
+                "orientation": "h",
+                "x": [d["step_us"]],
+                "y": [d["id"]],
+                "marker": {"color": "--blue"},
+                "showlegend": False,
+                "text": [f"{d['step_us']:.2f}"],
+                "textposition": "outside",
+                "cliponaxis": False,
+                "meta": {"detector": d["id"]},
+                "hovertemplate": "%{x:.2f} µs<extra></extra>",
+                **place(1),
+            }
+        )
     return figure

@@ -64,7 +64,7 @@ def envelope(y, points=POINTS):
 
 
 def peaks(y, points=600):
-    """Return (largest value of each interval, samples per interval): the upper envelope, NaN where an interval has none."""
+    """Return (largest value of each interval, samples per interval); NaN where an interval has none."""
     y = np.asarray(y, float)
     step = max(1, -(-len(y) // points))
     rows = np.concatenate([y, np.full(-len(y) % step, np.nan)]).reshape(-1, step)
@@ -72,12 +72,37 @@ def peaks(y, points=600):
     return np.where(np.isinf(out), np.nan, out), step
 
 
-def curve(t0, dt, y, *, name="", colour="--ink", dash="solid", width=1.4, panel=1, meta=None, legend=True, reduce=envelope, **more):
+def curve(
+    t0,
+    dt,
+    y,
+    *,
+    name="",
+    colour="--ink",
+    dash="solid",
+    width=1.4,
+    panel=1,
+    meta=None,
+    legend=True,
+    reduce=envelope,
+    **more,
+):
     """Return a line trace of the samples y at t0 + k dt in panel number `panel`, reduced by `envelope` or `peaks`."""
     values, every = reduce(y)
     line = {"color": colour, "width": width, "dash": dash}
-    trace = {"type": "scatter", "mode": "lines", "name": name, "x0": float(t0), "dx": float(dt * every), "y": packed(values),
-             "line": line, **place(panel), "hovertemplate": "%{y:.4g}", "showlegend": legend and bool(name), **more}  # fmt: skip
+    trace = {
+        "type": "scatter",
+        "mode": "lines",
+        "name": name,
+        "x0": float(t0),
+        "dx": float(dt * every),
+        "y": packed(values),
+        "line": line,
+        **place(panel),
+        "hovertemplate": "%{y:.4g}",
+        "showlegend": legend and bool(name),
+        **more,
+    }
     if not legend or name:
         trace["legendgroup"] = name
     return trace | ({"meta": meta} if meta else {})
@@ -97,22 +122,53 @@ def axis(key, panel):
 def base(height, legend=True):
     """Return the layout that all figures share."""
     return {
-        "height": height, "autosize": True, "margin": {"l": 62, "r": 14, "t": 34 if legend else 26, "b": 34},
-        "paper_bgcolor": "rgba(0,0,0,0)", "plot_bgcolor": "rgba(0,0,0,0)", "hovermode": "x unified", "dragmode": "zoom",
-        "font": {"family": "system-ui, -apple-system, Segoe UI, Roboto, Noto Sans, Liberation Sans, sans-serif", "size": 12,
-                 "color": "--ink"},
+        "height": height,
+        "autosize": True,
+        "margin": {"l": 62, "r": 14, "t": 34 if legend else 26, "b": 34},
+        "paper_bgcolor": "rgba(0,0,0,0)",
+        "plot_bgcolor": "rgba(0,0,0,0)",
+        "hovermode": "x unified",
+        "dragmode": "zoom",
+        "font": {
+            "family": "system-ui, -apple-system, Segoe UI, Roboto, Noto Sans, Liberation Sans, sans-serif",
+            "size": 12,
+            "color": "--ink",
+        },
         "hoverlabel": {"bgcolor": "--card", "bordercolor": "--line", "font": {"color": "--ink", "size": 11}},
-        "legend": {"orientation": "h", "x": 1, "xanchor": "right", "y": 1.0, "yanchor": "bottom", "font": {"size": 11},
-                   "bgcolor": "rgba(0,0,0,0)", "itemclick": False, "itemdoubleclick": False},
-        "showlegend": legend, "shapes": [], "annotations": [],
-    }  # fmt: skip
+        "legend": {
+            "orientation": "h",
+            "x": 1,
+            "xanchor": "right",
+            "y": 1.0,
+            "yanchor": "bottom",
+            "font": {"size": 11},
+            "bgcolor": "rgba(0,0,0,0)",
+            "itemclick": False,
+            "itemdoubleclick": False,
+        },
+        "showlegend": legend,
+        "shapes": [],
+        "annotations": [],
+    }
 
 
 def style_axis(title="", **more):
     """Return one axis in the house style."""
-    return {"title": {"text": title, "font": {"size": 11, "color": "--muted"}, "standoff": 4}, "gridcolor": "--grid", "zeroline": False,
-            "linecolor": "--line", "tickcolor": "--line", "ticks": "outside", "ticklen": 3, "tickfont": {"size": 10.5, "color": "--muted"},
-            "automargin": False, "exponentformat": "power", "separatethousands": True, "minexponent": 6, **more}  # fmt: skip
+    return {
+        "title": {"text": title, "font": {"size": 11, "color": "--muted"}, "standoff": 4},
+        "gridcolor": "--grid",
+        "zeroline": False,
+        "linecolor": "--line",
+        "tickcolor": "--line",
+        "ticks": "outside",
+        "ticklen": 3,
+        "tickfont": {"size": 10.5, "color": "--muted"},
+        "automargin": False,
+        "exponentformat": "power",
+        "separatethousands": True,
+        "minexponent": 6,
+        **more,
+    }
 
 
 def grid(layout, titles, y_titles, columns, span=None, row_px=None, time=True):
@@ -130,11 +186,24 @@ def grid(layout, titles, y_titles, columns, span=None, row_px=None, time=True):
         if span is not None:
             xa["range"] = list(span)
         layout[axis("xaxis", i + 1)] = xa
-        layout[axis("yaxis", i + 1)] = style_axis(y_titles[i], domain=[max(0.0, y1 - h), y1], anchor=place(i + 1)["xaxis"])
+        layout[axis("yaxis", i + 1)] = style_axis(
+            y_titles[i], domain=[max(0.0, y1 - h), y1], anchor=place(i + 1)["xaxis"]
+        )
         if titles[i]:
-            layout["annotations"].append({
-                "text": f"<b>{titles[i]}</b>", "xref": "paper", "yref": "paper", "x": x0, "y": y1, "xanchor": "left",
-                "yanchor": "bottom", "showarrow": False, "font": {"size": 12, "color": "--ink"}, "yshift": 3})  # fmt: skip
+            layout["annotations"].append(
+                {
+                    "text": f"<b>{titles[i]}</b>",
+                    "xref": "paper",
+                    "yref": "paper",
+                    "x": x0,
+                    "y": y1,
+                    "xanchor": "left",
+                    "yanchor": "bottom",
+                    "showarrow": False,
+                    "font": {"size": 12, "color": "--ink"},
+                    "yshift": 3,
+                }
+            )
 
 
 def bands(layout, intervals, panels):
@@ -142,12 +211,24 @@ def bands(layout, intervals, panels):
     for panel in range(1, panels + 1):
         at = place(panel)
         for a, b in intervals:
-            layout["shapes"].append({"type": "rect", "xref": at["xaxis"], "yref": at["yaxis"] + " domain", "x0": a, "x1": b, "y0": 0,
-                                     "y1": 1, "fillcolor": "--fault/0.10", "line": {"width": 0}, "layer": "below"})  # fmt: skip
+            layout["shapes"].append(
+                {
+                    "type": "rect",
+                    "xref": at["xaxis"],
+                    "yref": at["yaxis"] + " domain",
+                    "x0": a,
+                    "x1": b,
+                    "y0": 0,
+                    "y1": 1,
+                    "fillcolor": "--fault/0.10",
+                    "line": {"width": 0},
+                    "layer": "below",
+                }
+            )
 
 
 def least(layout, panel, curves, half):
-    """Give panel `panel` a vertical range around `curves` of at least +-`half`, so that noise does not fill it. Changes `layout`."""
+    """Give a panel a vertical range around `curves` of at least +-`half`: noise must not fill it. Changes `layout`."""
     found = [y[np.isfinite(y)] for y in curves]
     found = np.concatenate([y for y in found if len(y)] or [np.zeros(1)])
     middle, spread = (float(found.max()) + float(found.min())) / 2, float(found.max() - found.min()) / 2
@@ -157,12 +238,33 @@ def least(layout, panel, curves, half):
 def note(layout, panel, text):
     """Write a remark into the middle of a panel. Changes `layout`."""
     at = place(panel)
-    layout["annotations"].append({"text": text, "xref": at["xaxis"] + " domain", "yref": at["yaxis"] + " domain", "x": 0.5, "y": 0.5, "showarrow": False,
-                                  "font": {"size": 12, "color": "--muted"}, "bgcolor": "--page", "borderpad": 3})  # fmt: skip
+    layout["annotations"].append(
+        {
+            "text": text,
+            "xref": at["xaxis"] + " domain",
+            "yref": at["yaxis"] + " domain",
+            "x": 0.5,
+            "y": 0.5,
+            "showarrow": False,
+            "font": {"size": 12, "color": "--muted"},
+            "bgcolor": "--page",
+            "borderpad": 3,
+        }
+    )
 
 
 def level(layout, panel, y, colour="--fault", dash="dash", width=1.2):
     """Draw a horizontal line at `y` through a panel. Changes `layout`."""
     at = place(panel)
-    layout["shapes"].append({"type": "line", "xref": at["xaxis"] + " domain", "yref": at["yaxis"], "x0": 0, "x1": 1, "y0": y, "y1": y,
-                             "line": {"color": colour, "width": width, "dash": dash}})  # fmt: skip
+    layout["shapes"].append(
+        {
+            "type": "line",
+            "xref": at["xaxis"] + " domain",
+            "yref": at["yaxis"],
+            "x0": 0,
+            "x1": 1,
+            "y0": y,
+            "y1": y,
+            "line": {"color": colour, "width": width, "dash": dash},
+        }
+    )

@@ -1,4 +1,4 @@
-"""One self-contained HTML page: style, figures, plotly.js and a small script in one file that opens from disk, offline."""
+"""One self-contained HTML page: style, figures, plotly.js and a script in one file that opens offline."""
 
 import html
 import json
@@ -21,7 +21,10 @@ def drawing(figure, heading=None):
     title = f"<h3>{text(heading)}</h3>" if heading else ""
     caption = f"<figcaption>{figure.caption}</figcaption>" if figure.caption else ""
     owner = f' data-detector="{text(figure.detector)}"' if figure.detector else ""
-    return f'<figure{owner}>{title}<div class="plot" id="{figure.id}" style="height:{figure.height}px"></div>{caption}</figure>'
+    return (
+        f'<figure{owner}>{title}<div class="plot" id="{figure.id}" '
+        f'style="height:{figure.height}px"></div>{caption}</figure>'
+    )
 
 
 def table(columns, rows, *, caption="", classes=""):
@@ -29,10 +32,15 @@ def table(columns, rows, *, caption="", classes=""):
     head = "".join(f'<th class="n">{text(c[:-1])}</th>' if c.endswith(">") else f"<th>{text(c)}</th>" for c in columns)
     body = []
     for cells, attributes in rows:
-        made = "".join(f'<td class="n">{x}</td>' if c.endswith(">") else f"<td>{x}</td>" for c, x in zip(columns, cells))
+        made = "".join(
+            f'<td class="n">{x}</td>' if c.endswith(">") else f"<td>{x}</td>" for c, x in zip(columns, cells)
+        )
         body.append(f"<tr{attributes}>{made}</tr>")
     below = f"<caption>{caption}</caption>" if caption else ""
-    return f'<div class="scroll"><table class="{classes}">{below}<thead><tr>{head}</tr></thead><tbody>{"".join(body)}</tbody></table></div>'
+    return (
+        f'<div class="scroll"><table '
+        f'class="{classes}">{below}<thead><tr>{head}</tr></thead><tbody>{"".join(body)}</tbody></table></div>'
+    )
 
 
 def _bar(chips, span):
@@ -44,11 +52,16 @@ def _bar(chips, span):
     cursor = ""
     if span:
         cursor = (
-            f'<div class="cursor-row"><output id="t">t = 0.000 s</output><input id="time" type="range" min="{span[0]}" max="{span[1]}" '
-            'step="0.005" aria-label="time cursor"><span id="now"></span><button id="reset" title="show the whole flight">'
+            f'<div class="cursor-row"><output id="t">t = 0.000 s</output><input id="time" type="range" '
+            f'min="{span[0]}" max="{span[1]}" '
+            'step="0.005" aria-label="time cursor"><span id="now"></span><button id="reset" title="show the '
+            'whole flight">'
             "whole flight</button></div>"
         )
-    return f'<nav class="bar"><div>{made}<span class="grow"></span><button id="theme" title="dark or light">dark</button>{cursor}</div></nav>'
+    return (
+        f'<nav class="bar"><div>{made}<span class="grow"></span><button id="theme" title="dark or '
+        f'light">dark</button>{cursor}</div></nav>'
+    )
 
 
 def page(*, title, subtitle, summary, body, figures, chips, span=None, start=0.0, faults=(), alarms=()):
@@ -59,17 +72,27 @@ def page(*, title, subtitle, summary, body, figures, chips, span=None, start=0.0
     [{from, to, text, detector}] for the line that says what is on at the cursor.
     """
     own = files(__package__)
-    content = {"figures": [f.plain() for f in figures], "span": span, "start": start, "faults": list(faults), "alarms": list(alarms)}
+    content = {
+        "figures": [f.plain() for f in figures],
+        "span": span,
+        "start": start,
+        "faults": list(faults),
+        "alarms": list(alarms),
+    }
     packed = json.dumps(plain(content), allow_nan=False, separators=(",", ":")).replace("</", "<\\/")
-    return "\n".join([
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">',
-        '<meta name="viewport" content="width=device-width, initial-scale=1">',
-        f'<link rel="icon" href="data:,"><title>{text(title)}</title><style>{(own / "page.css").read_text()}</style></head><body>',
-        f'<header class="top"><h1>{text(title)}</h1><p class="sub">{text(subtitle)}</p></header>{_bar(chips, span)}',
-        f'<main><section class="summary" id="summary">{summary}</section>{body}</main>',
-        f'<script type="application/json" id="figures">{packed}</script>',
-        f"<script>{get_plotlyjs()}</script><script>{(own / 'page.js').read_text()}</script></body></html>\n",
-    ])  # fmt: skip
+    return "\n".join(
+        [
+            '<!doctype html><html lang="en"><head><meta charset="utf-8">',
+            '<meta name="viewport" content="width=device-width, initial-scale=1">',
+            f'<link rel="icon" '
+            f'href="data:,"><title>{text(title)}</title><style>{(own / "page.css").read_text()}</style></head><body>',
+            f'<header class="top"><h1>{text(title)}</h1><p '
+            f'class="sub">{text(subtitle)}</p></header>{_bar(chips, span)}',
+            f'<main><section class="summary" id="summary">{summary}</section>{body}</main>',
+            f'<script type="application/json" id="figures">{packed}</script>',
+            f"<script>{get_plotlyjs()}</script><script>{(own / 'page.js').read_text()}</script></body></html>\n",
+        ]
+    )
 
 
 def write(path, content):
@@ -79,5 +102,7 @@ def write(path, content):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(content, encoding="utf-8")
     except OSError as error:
-        raise OutputError(f"cannot be written: {error.strerror}", place=str(path), remedy="Choose another place with -o") from None
+        raise OutputError(
+            f"cannot be written: {error.strerror}", place=str(path), remedy="Choose another place with -o"
+        ) from None
     return path

@@ -1,4 +1,4 @@
-"""The plain-language summary of a flight: what was flown, what was broken, who noticed, when, what they said, who stayed blind."""
+"""The plain-language summary of a flight: what was broken, who noticed, when, what they said, who stayed blind."""
 
 import math
 
@@ -29,7 +29,9 @@ def fault(f):
     own = ", ".join(f"{k} {v:g}" for k, v in (f.model_extra or {}).items() if not (k == "phase_deg" and v == 0.0))
     until = "" if f.end_s is None else f" to {f.end_s:g} s"
     where = f" at the {f.at}" if f.at else f" ({f.path})" if f.path else ""
-    return f"<b>{text(words(f.kind))}</b> on {text(words(f.target))}{where} from {f.start_s:g} s{until}" + (f" ({text(own)})" if own else "")
+    return f"<b>{text(words(f.kind))}</b> on {text(words(f.target))}{where} from {f.start_s:g} s{until}" + (
+        f" ({text(own)})" if own else ""
+    )
 
 
 def delay(entry):
@@ -68,7 +70,15 @@ def came_of_it(flown, lane):
 
 
 MARKS = {"named": "good", "misnamed": "bad", "missed": "bad"}
-JUDGED = {"idle": "cannot judge", "named": "right", "seen": "seen, not named", "misnamed": "another name", "bonus": "not expected", "missed": "missed", "quiet": "quiet"}
+JUDGED = {
+    "idle": "cannot judge",
+    "named": "right",
+    "seen": "seen, not named",
+    "misnamed": "another name",
+    "bonus": "not expected",
+    "missed": "missed",
+    "quiet": "quiet",
+}
 
 
 def summary(flown):
@@ -78,8 +88,10 @@ def summary(flown):
     faults = [fault(f) + _swing(flown, f) for f in s.faults]
     rows.append(("Broken", _list(faults) if faults else "nothing: every alarm below is a false one"))
     met = [(lane, came_of_it(flown, lane)) for lane in flown.lanes]
-    noticed = sorted(((lane, how) for lane, how in met if how and lane.entry["detection_delay_s"] is not None),
-                     key=lambda pair: pair[0].entry["detection_delay_s"])  # fmt: skip
+    noticed = sorted(
+        ((lane, how) for lane, how in met if how and lane.entry["detection_delay_s"] is not None),
+        key=lambda pair: pair[0].entry["detection_delay_s"],
+    )
     if faults:
         rows.append(("Noticed", _list(_noticed(*pair) for pair in noticed) or "by nobody"))
         rows.append(("Quiet", _quiet(flown, met) or "nobody: every detector that the fault concerns noticed it"))
@@ -96,7 +108,10 @@ def _swing(flown, f):
     for seg in f.parsed.names:
         delta = flown.values("/truth/aircraft", f"de_{wiring.SHORT[seg]}") * DEG
         before, after = delta[:k], delta[k:]
-        out.append(f"{words(seg)} moved {after.min():.2f} to {after.max():.2f} deg (before: {before.min():.2f} to {before.max():.2f})")
+        out.append(
+            f"{words(seg)} moved {after.min():.2f} to {after.max():.2f} deg (before: {before.min():.2f} to "
+            f"{before.max():.2f})"
+        )
     return f'; <span class="muted">{text("; ".join(out))}</span>'
 
 
@@ -119,8 +134,12 @@ def _quiet(flown, met):
         if how == "idle":
             groups.setdefault("idle", []).append(lane.name)
     order = (coverage.DESIGNED, "idle", coverage.MAY, coverage.BLIND)
-    heads = {coverage.DESIGNED: '<span class="bad">missed, though designed for it</span>', coverage.MAY: "could have seen it, did not",
-             coverage.BLIND: "blind by structure", "idle": "could not judge (not settled, or outside what it is made for, by its own validity flag)"}  # fmt: skip
+    heads = {
+        coverage.DESIGNED: '<span class="bad">missed, though designed for it</span>',
+        coverage.MAY: "could have seen it, did not",
+        coverage.BLIND: "blind by structure",
+        "idle": "could not judge (not settled, or outside what it is made for, by its own validity flag)",
+    }
     return _list(f"{heads[w]}: {text(', '.join(groups[w]))}" for w in order if w in groups)
 
 

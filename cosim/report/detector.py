@@ -1,0 +1,129 @@
+"""Statistic and estimate of one detector."""
+
+import math
+
+import numpy as np
+
+from cosim.flown import words
+from cosim.report.figure import COLOURS, Figure, curve, envelope, least, level, note, packed, peaks, place
+from cosim.report.flight import DEG, panels
+
+FLOOR = 1e-3  # |r| below this is drawn here: a logarithm has no zero
+SHOWN = {  # unit of an estimate -> shown as, factor
+    "u": ("u, share of the valve", 1.0),
+    "rad": ("deg", DEG),
+    "m": ("mm", 1e3),
+    "g": ("g", 1.0),
+    "rad/s": ("rad/s", 1.0),
+    "A": ("A", 1.0),
+    "fraction": ("%", 100.0),
+}
+
+
+def detector(flown, lanes):
+    """Return the figure of one detector: statistic of every lane over its threshold; estimate with band and truth."""
+    estimates = [n for n in lanes[0].fields if n.startswith("f_hat")]
+    figure = Figure(f"d-{lanes[0].id}", "", 258, detector=lanes[0].id)
+    main = next((lane.truth[0] for lane in lanes if lane.truth), estimates[0] if estimates else None)
+    unit, factor = _unit(lanes, main)
+    titles = ["Statistic |r|"] + ([f"Estimate {main}"] if main else [])
+    panels(flown, figure, titles, ["|r|, threshold 1", unit][: len(titles)], len(titles))
+    figure.layout["margin"] |= {"t": 44}
+    figure.layout["legend"]["y"] = 1.06
+    _statistic(figure, flown, lanes)
+    if main:
+        _estimate(figure, flown, lanes, main, factor)
+    return figure
+
+
+def _unit(lanes, main):
+    """Return (unit to show, factor) of an estimate: that of the truth, else none."""
+    known = next((lane.truth[2] for lane in lanes if lane.truth), None)
+    return SHOWN.get(known, (known or "SI unit", 1.0)) if main else ("", 1.0)
+
+
+def _statistic(figure, flown, lanes):
+    level(figure.layout, 1, 1.0)
+    sizes = [np.abs(lane.fields["r"]) for lane in lanes]
+    top = max([2.0, *(float(np.nanmax(r)) for r in sizes if np.isfinite(r).any())])
+    figure.layout["yaxis"] |= {
+        "type": "log",
+        "range": [math.log10(FLOOR * 8), math.log10(top * 1.6)],
+        "tickvals": [0.01, 0.1, 1, 10, 100, 1000],
+        "ticktext": ["0.01", "0.1", "1", "10", "100", "1000"],
+    }
+    for i, (lane, r) in enumerate(zip(lanes, sizes)):
+        figure.data.append(
+            curve(
+                flown.t0,
+                flown.dt * lane.every,
+                np.maximum(r, FLOOR),
+                name=words(lane.lane),
+                colour=COLOURS[i % 8],
+                width=2.0 if lane.entry["concerned"] else 1.1,
+                panel=1,
+                reduce=peaks,
+            )
+        )
+    if not any((r > 0.0).any() for r in sizes):
+        note(figure.layout, 1, "never judged in this flight: its validity flag stayed down")
+
+
+def _estimate(figure, flown, lanes, main, factor):
+    """Draw the estimate of the lanes that estimate a fault of this flight, of all when none does."""
+    mine = [lane for lane in lanes if lane.truth] or lanes
+    sigma_name = f"f_sigma{main.removeprefix('f_hat')}"
+    first = next(n for n in lanes[0].fields if n.startswith("f_hat"))
+    for i, lane in enumerate(lanes):
+        if lane not in mine:
+            continue
+        step, f, ok = flown.dt * lane.every, lane.fields[main] * factor, lane.fields["valid"] > 0.5
+        sigma = lane.fields.get(sigma_name, lane.fields.get("f_sigma") if main in ("f_hat", first) else None)
+        if sigma is not None and ok.any():
+            _band(figure, flown.t0, step, np.where(ok, f, np.nan), 2.0 * factor * sigma, COLOURS[i % 8])
+        for part, colour, width in ((~ok, "--line", 1.0), (ok, COLOURS[i % 8], 1.4)):
+            if part.any():
+                figure.data.append(
+                    curve(
+                        flown.t0,
+                        step,
+                        np.where(part, f, np.nan),
+                        name=f"estimate {words(lane.lane)}",
+                        colour=colour,
+                        width=width,
+                        panel=2,
+                        showlegend=False,
+                    )
+                )
+    truth = next((lane.truth[1] * factor for lane in mine if lane.truth), None)
+    if truth is not None:
+        figure.data.append(
+            curve(flown.t0, flown.dt, truth, name="injected truth", colour="--ink", dash="dot", width=1.6, panel=2)
+        )
+    seen = [lane.fields[main] * factor for lane in mine if lane.able] or [lane.fields[main] * factor for lane in mine]
+    least(figure.layout, 2, seen + ([truth] if truth is not None else []), 1e-6)
+    if not any(np.any(y != 0.0) for y in seen):
+        figure.layout["yaxis2"]["range"] = [-1.0, 1.0]
+        note(figure.layout, 2, "zero throughout: it declared no fault")
+    elif not any((lane.fields["valid"] > 0.5).any() for lane in mine):
+        note(figure.layout, 2, "not valid in this flight, by its own flag")
+
+
+def _band(figure, t0, step, f, half, colour):
+    """Shade f +- half: the band must not be narrower than its samples, so its edges are the envelopes' extremes."""
+    for y, fill in ((f - half, None), (f + half, "tonexty")):
+        values, every = envelope(y)
+        figure.data.append(
+            {
+                "type": "scatter",
+                "mode": "lines",
+                "x0": t0,
+                "dx": step * every,
+                "y": packed(values),
+                "line": {"width": 0, "color": colour},
+                "showlegend": False,
+                "hoverinfo": "skip",
+                **({"fill": fill, "fillcolor": f"{colour}/0.22"} if fill else {}),
+                **place(2),
+            }
+        )

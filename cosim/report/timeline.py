@@ -1,0 +1,118 @@
+"""All alarms of a flight on one time line, with the faults."""
+
+import math
+
+import numpy as np
+
+from cosim.flown import spans, words
+from cosim.report.figure import Figure, bands, base, place, style_axis
+from fdi.verdict import NAMES
+
+
+def timeline(flown):
+    """Return all alarms on one time line: a row per lane, thick where it alarms, pale where it cannot judge."""
+    figure = Figure(
+        "timeline",
+        "Thick bars: alarms, with the verdict; hollow bars: false alarms. Thin lines: the detector watches and "
+        "is quiet; gaps: "
+        "its estimate is not valid. Dark bars at the top: the faults. Click a detector in the bar above to hide it.",
+    )
+    figure.layout = base(300, legend=False) | {"margin": {"l": 190, "r": 14, "t": 8, "b": 40}, "hovermode": "closest"}
+    figure.layout["xaxis"] = style_axis("time, s", range=[flown.t0, flown.end])
+    figure.layout["yaxis"] = style_axis("", type="category", ticklabelstandoff=4) | {
+        "gridcolor": "rgba(0,0,0,0)",
+        "tickfont": {"size": 11.5, "color": "--ink"},
+    }
+    bands(figure.layout, flown.intervals, 1)
+    figure.rows, alarms, faults = [], [], []
+    for f, told in zip(flown.scenario.faults, flown.faults):
+        row, end = f"fault: {words(f.kind)}", min(told["end_s"], flown.end)
+        if row not in [r["name"] for r in figure.rows]:
+            figure.rows.append({"name": row, "detector": ""})
+        _bar(figure, row, f.start_s, end, "--ink", 9, f"{words(f.kind)} on {words(f.target)}")
+        faults.append({"from": f.start_s, "to": end, "text": f"{words(f.kind)} on {words(f.target)}"})
+    for lane in flown.lanes:
+        figure.rows.append({"name": lane.name, "detector": lane.id})
+        alarms += _row(figure, flown, lane)
+    figure.height = 22 * len(figure.rows) + 70
+    figure.layout["height"] = figure.height
+    return figure, alarms, faults
+
+
+def _bar(figure, row, a, b, colour, width, told, meta=None):
+    trace = {
+        "type": "scatter",
+        "mode": "lines",
+        "x": [a, b],
+        "y": [row, row],
+        "line": {"color": colour, "width": width},
+        "name": told,
+        "showlegend": False,
+        "hovertemplate": f"{told}<br>%{{x:.3f}} s<extra></extra>",
+        **place(1),
+    }
+    figure.data.append(trace | ({"meta": meta} if meta else {}))
+
+
+def _row(figure, flown, lane):
+    """Draw one lane; return its alarms for the cursor's line."""
+    step, meta, out = flown.dt * lane.every, {"detector": lane.id}, []
+    on, verdict, culprit = (lane.fields[n] for n in ("alarm", "verdict", "culprit"))
+    for a, b in spans(lane.fields["valid"] > 0.5, flown.t0, step):
+        _bar(figure, lane.name, a, b, "--line", 1.5, f"{lane.name}: watching", meta)
+    real, labels = _real(flown, lane, step), []
+    found = spans(on > 0.5, flown.t0, step)
+    for a, b in found:
+        k = slice(round((a - flown.t0) / step), round((b - flown.t0) / step))
+        given = np.flatnonzero(verdict[k] > 0.5)
+        said = NAMES[int(verdict[k][given[-1]])] if len(given) else "alarm"
+        blamed = int(culprit[k][given[-1]]) if len(given) else 0
+        part = lane.culprits[blamed] if 0 <= blamed < len(lane.culprits) else ""
+        said = f"{words(said)} {words(part)}".strip()
+        true = real[k.start] if k.start < len(real) else False
+        out.append(
+            {"from": a, "to": b, "text": f"{lane.name} ({said}{'' if true else ', false'})", "detector": lane.id}
+        )
+        told = f"{lane.name}: {said}, {a:.3f} to {b:.3f} s{'' if true else ', false alarm'}"
+        _bar(figure, lane.name, a, b, "--fault" if true else "--gold", 11, told, meta)
+        if not true:  # hollow: also without colour it is another thing
+            _bar(figure, lane.name, a, b, "--page", 5, told, meta)
+        labels.append((a, b, said))
+    _labels(figure, flown, lane, labels)
+    return out
+
+
+def _labels(figure, flown, lane, alarms):
+    """Write the verdict beside its bar, where there is room; at the left edge on the bar itself."""
+    last, room = None, (flown.end - flown.t0) / 8
+    for a, _, said in alarms:
+        if last is not None and a - last < room:
+            continue
+        inside = a - flown.t0 < room
+        figure.layout["annotations"].append(
+            {
+                "text": said,
+                "x": a,
+                "y": lane.name,
+                "xanchor": "left" if inside else "right",
+                "xshift": 12 if inside else -3,
+                "showarrow": False,
+                "font": {"size": 11, "color": "--ink"},
+                "bgcolor": "--page" if inside else "rgba(0,0,0,0)",
+                "borderpad": 1,
+                "detector": lane.id,
+            }
+        )
+        last = a
+
+
+def _real(flown, lane, step):
+    """Return the rows (bool) at which an alarm of the lane would be a true one: as `cosim.result.judge` counts."""
+    from cosim.result import concerns
+
+    out = np.zeros(len(lane.fields["alarm"]), bool)
+    for f in flown.faults:
+        if concerns(lane, f["targets"]):
+            end = len(out) if math.isinf(f["end_s"]) else math.ceil((f["end_s"] + 2.0 - flown.t0) / step)
+            out[max(0, round((f["start_s"] - flown.t0) / step)) : max(0, end)] = True
+    return out
