@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from fdi import lmi, rfafe, rfafe_airframe
+from fdi import lmi, rfafe, rfafe_airframe, verdict
 from fdi.rfafe_conditions import undetectability
 from fdi.rfafe_discrete import noise
 from fdi.rfafe_store import from_plain, to_plain
@@ -331,6 +331,40 @@ def test_block_estimates_and_alarms_on_the_right_side(published, side):
     assert rfafe.CULPRITS[int(log["culprit"][-1])] == ("elevator_left", "elevator_right")[side]
     first = t[np.argmax(log["alarm"] > 0.5)]
     assert first < 1.0 + 3.0  # settling, then three periods
+
+
+def held_inputs(d, command, fault):
+    """Return y (n, m) of the linear aircraft, commands (n, r) and left faults (n,) held over each tick."""
+    n, r = d.B.shape
+    big = np.zeros((n + r, n + r))
+    big[:n, :n], big[:n, n:] = d.A * d.dt, d.B * d.dt
+    big = expm(big)
+    x, y = np.zeros(n), np.zeros((len(command), len(d.C)))
+    for k in range(len(command)):
+        y[k] = d.C @ x
+        x = big[:n, :n] @ x + big[:n, n:] @ (command[k] + np.array([fault[k], 0.0]))
+    return y
+
+
+@pytest.mark.parametrize("kind", ["ofc_liquid", "ofc_solid", "ambiguous"])
+def test_class_of_an_oscillation_needs_a_command_that_moves(published, kind):
+    """f = s is liquid, f = s - u solid; while the command stands still the two are one signal."""
+    t = np.arange(4000) * 0.005
+    s = 0.64 * np.sin(2 * np.pi * (t - 4.0)) * (t >= 4.0)
+    u = 0.5 * np.sin(2 * np.pi * 0.23 * t) + 0.3 * np.sin(2 * np.pi * 0.61 * t)
+    u *= kind != "ambiguous"
+    f = s - u * (t >= 4.0) if kind == "ofc_solid" else s
+    y = held_inputs(published, np.stack([u, u], 1), f)
+    inputs = flight(published, 1.0, 0.0, 4000)
+    inputs["tas"] += y[:, 0]
+    for i, name in enumerate(("alpha", "q", "theta"), start=1):
+        inputs[name] += y[:, i] * DEG
+    inputs["surface"][0] += np.repeat(y[:, 4:], 2, axis=1) * DEG
+    inputs["command"][0] += np.stack([u, u], 1) * DEG
+    log = fly(rfafe, rfafe.params(stored=stored(published), trim=TRIM), inputs)
+    assert log["alarm"][t < 4.0].max() == 0.0
+    assert verdict.name(log["verdict"][-1]) == kind
+    assert rfafe.CULPRITS[int(log["culprit"][-1])] == "elevator_left"
 
 
 def test_healthy_flight_is_quiet_and_a_dropout_leaves_no_trace(published):
