@@ -239,16 +239,19 @@ def replay(
     chosen = [name.strip() for name in detectors.split(",") if name.strip()] if detectors is not None else None
     if output:
         reserve(output, taken=log)
+    from cosim.replay_params import overrides
+
     if map_:
         from cosim.replay_map import diagnose
 
-        told = diagnose(log, map_, detectors=chosen, changes=set_ or (), start_s=start, output=output).to_dict()
+        told = diagnose(
+            log, map_, detectors=chosen, overrides=overrides(set_ or ()), start_s=start, output=output
+        ).to_dict()
         if json_:
             print(json.dumps(told, allow_nan=False))
         else:
             out.print(cli_replay.diagnosis(told))
         return
-    from cosim.replay import overrides
     from cosim.replay import replay as work
 
     with tables.progress(err, "replaying") as progress:

@@ -74,6 +74,28 @@ def _isolated(entry):
     return entry["isolated"]["class"] if entry["isolated"] else NOTHING
 
 
+def diagnosis(found):
+    """Return what the detectors say about foreign data, and what the others lack."""
+    t = table("Verdicts", "detector", "watches", "first alarm s>", "alarms>", "isolated", "largest |r|>", "valid %>")
+    for r in found["detectors"]:
+        where = r["target"].removeprefix("elevator.").replace("_", " ")
+        figures = number(r["r_max"]), number(r["valid_pct"], 0)
+        alarm = number(r["first_alarm_s"]), str(r["alarms"]), _isolated(r)
+        t.add_row(r["id"], where, *alarm, *figures, style="" if r["alarm"] else "dim")
+    end = found["start_s"] + found["duration_s"]
+    head = Text(f"{found['start_s']:g} to {end:g} s of {found['recording']} at {found['rate_hz']} Hz")
+    parts = [head, t]
+    if found["not_run"]:
+        lack = table("Not run", "detector", "watches", "signals that the map lacks")
+        for r in found["not_run"]:
+            where = r["target"].removeprefix("elevator.").replace("_", " ")
+            lack.add_row(r["id"], where, escape(", ".join(r["missing"])))
+        parts.append(lack)
+    if found["output"]:
+        parts.append(Text(f"log    {found['output']}: inputs stand under /input, outputs under /replay"))
+    return Group(*parts)
+
+
 def recover(found):
     """Return what came back of a damaged log, and what is lost."""
     head = Text.assemble(

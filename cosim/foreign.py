@@ -57,7 +57,7 @@ def _table(path, kind, time):
     import pandas as pd
 
     try:
-        frame = pd.read_csv(path) if kind == ".csv" else pd.read_parquet(path)
+        frame = pd.read_csv(path, **_exactly()) if kind == ".csv" else pd.read_parquet(path)
     except OSError as error:
         raise log_error(f"cannot read the file: {error.strerror or error}", path) from error
     except ValueError as error:  # pandas' and pyarrow's parser errors are ValueErrors
@@ -74,6 +74,13 @@ def _table(path, kind, time):
     frame = frame.drop(columns=name).select_dtypes(["number", "bool"]).astype(np.float64)
     frame.index = pd.Index(t, name="t_s")
     return frame.sort_index(kind="stable")
+
+
+def _exactly():
+    """Return the options with which read_csv gives back written doubles bit for bit, the default since pandas 3."""
+    import pandas as pd
+
+    return {} if int(pd.__version__.split(".")[0]) >= 3 else {"float_precision": "round_trip"}
 
 
 def _seconds(column, name, path):

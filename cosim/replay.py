@@ -84,22 +84,6 @@ def compare(name, fields, ticks, logged, again):
     return out
 
 
-def overrides(texts):
-    """Return {detector: {parameter: value}} of texts `detector.parameter=value`. Raises ReplayError."""
-    out: dict = {}
-    for text in texts:
-        key, equals, value = text.partition("=")
-        detector, dot, name = key.strip().partition(".")
-        try:
-            number = float(value)
-        except ValueError:
-            number = math.nan
-        if not (equals and dot and name) or math.isnan(number):
-            raise ReplayError(f"{text!r} sets nothing", place="--set", allowed="detector.parameter=number")
-        out.setdefault(detector, {})[name] = number
-    return out
-
-
 def replay(path, *, detectors=None, overrides=None, start_s=0.0, output=None, progress=None):
     """Replay the log at `path` and return a Replay.
 

@@ -1,6 +1,7 @@
 """Read a detector's parameters and initial states from a log, and change them."""
 
 import io
+import math
 import zipfile
 import zlib
 
@@ -50,6 +51,22 @@ def _load(attachments, name):
             raise ValueError(f"it is larger than {ARRAY_BYTES} bytes")
         with packed.open("array.npy") as file:
             return np.load(io.BytesIO(file.read(ARRAY_BYTES)), allow_pickle=False)
+
+
+def overrides(texts):
+    """Return {detector: {parameter: value}} of texts `detector.parameter=value`. Raises ReplayError."""
+    out: dict = {}
+    for text in texts:
+        key, equals, value = text.partition("=")
+        detector, dot, name = key.strip().partition(".")
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        if not (equals and dot and name) or math.isnan(number):
+            raise ReplayError(f"{text!r} sets nothing", place="--set", allowed="detector.parameter=number")
+        out.setdefault(detector, {})[name] = number
+    return out
 
 
 def override(detector, p, values):
