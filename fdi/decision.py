@@ -70,6 +70,7 @@ OFC_STATE = [
     ("gain", "f8"),  # learned share of the drive in the residual
     ("gain_num", "f8"),
     ("gain_den", "f8"),
+    ("ratio", "f8", (bank.K,)),  # each fit over its threshold
     ("hit", "f8", (bank.K,)),  # fits in a row that agreed
     ("pure", "f8", (2, bank.K)),  # share of power explained, of the residual and of residual + drive
     ("since", "f8"),  # time since the first sign of a fault [s]
@@ -230,12 +231,15 @@ def ofc_test(x, p, renewed, blocked, teach, other, dt):
         return
     x.r_ofc = 0.0
     found = False
+    part = share(x, p)
     for k in range(bank.K):
-        a = math.sqrt(bank.mixed(x, k, 1.0, -x.gain))
-        r = a / (p.bank_threshold[k] + share(x, p) * math.sqrt(bank.mixed(x, k, 0.0, 1.0)))
-        x.r_ofc = max(x.r_ofc, r)
         if x.bank_new[k] < 0.5:
+            x.r_ofc = max(x.r_ofc, x.ratio[k])
             continue
+        a = math.sqrt(bank.mixed(x, k, 1.0, -x.gain))
+        r = a / (p.bank_threshold[k] + part * math.sqrt(bank.mixed(x, k, 0.0, 1.0)))
+        x.ratio[k] = r
+        x.r_ofc = max(x.r_ofc, r)
         if teach and r < 0.7:
             learn_gain(x, p, k, dt)
         x.pure[0, k] = 0.0
