@@ -124,6 +124,8 @@ STATE = dtype(
         ("act", "f8", (NR,)),
         ("offset", "f8", (NR,)),
         ("G", "f8", (NR, NH)),
+        ("full", "f8", (NR,)),  # mean sum of all contributions while learning
+        ("suspect", "f8"),  # 1: the offset is beyond what coefficients can do: a sensor or a fault from the start
         ("rows", "f8", (NR,)),
         ("column", "f8", (NR,)),
         ("c", "f8", (NR,)),
@@ -245,6 +247,9 @@ def _estimate(x, p, h):
 def _decide(x, p, dt):
     """Declare the single explanation that lasts, release what has been quiet, name the class."""
     x.r = _in_use(x, p)
+    if x.suspect > 0.5:
+        x.alarm, x.verdict = 1.0, AMBIGUOUS
+        return
     count, best = _explain(x, p) if x.r >= 1.0 else (0, 0)
     if count != 1 or best != x.last:
         x.timer = 0.0

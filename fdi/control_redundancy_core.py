@@ -106,8 +106,7 @@ def row_errors(x, u, p):
         x.part[k] *= force
         axis = int(p.axis[k])
         x.c[axis] += x.part[k]
-        if x.learned > 0.5:
-            x.act[axis] += math.fabs(x.part[k] - x.part_0[k])
+        x.act[axis] += math.fabs(x.part[k] - x.part_0[k]) if x.learned > 0.5 else math.fabs(x.part[k])
     _turn(x, p, ca, sa, sb, cb, x.c, x.rows, dx)
     al, ad, ay = x.act[0], x.act[1], x.act[2]
     x.act[0], x.act[1], x.act[2] = ad * math.fabs(ca) + al * math.fabs(sa), ay, al * math.fabs(ca) + ad * math.fabs(sa)
@@ -182,17 +181,24 @@ def _angular(x, u, p):
 
 @kernel
 def learn(x, p, dt):
-    """Average row errors and contributions over the first `t_learn`; subtract the offset ever after."""
+    """Average row errors and contributions over the first `t_learn`; subtract the offset ever after.
+
+    An offset larger than coefficients wrong by `rel` can make is no model error: it says so in x.suspect.
+    """
     if x.learned > 0.5 or p.t_learn <= 0.0:
         x.learned = 1.0
         return
     x.n_learn += 1.0
     for i in range(NR):
         x.offset[i] += (x.e[i] - x.offset[i]) / x.n_learn
+        x.full[i] += (x.act[i] - x.full[i]) / x.n_learn
     for k in range(int(p.n_k)):
         x.part_0[k] += (x.part[k] - x.part_0[k]) / x.n_learn
     if x.n_learn * dt >= p.t_learn - 0.5 * dt:
         x.learned = 1.0
+        for i in range(int(p.n_rows)):
+            if math.fabs(x.offset[i]) > p.threshold[i] + p.rel * x.full[i]:
+                x.suspect = 1.0
 
 
 @kernel

@@ -272,7 +272,7 @@ def _decide(x, p, dt):
     x.slow[1] += c * (x.f_hat_n_z - x.slow[1])
     x.slow[2] += c * (x.f_hat_alpha - x.slow[2])
     # the rms grows by clipped steps, so that a fault's own step does not pass for weather
-    swing = min(math.fabs(x.f_hat_alpha - x.slow[2]), 3.0 * x.gust + 0.2 * DEG)
+    swing = min(math.fabs(x.f_hat_alpha - x.slow[2]), 2.5 * x.gust + 0.15 * DEG)
     x.gust = math.sqrt(x.gust * x.gust + (1.0 - math.exp(-dt / p.tau_gust)) * (swing * swing - x.gust * x.gust))
     scores = _scores(x, p)
     x.alarm, x.culprit, x.verdict, largest = 0.0, 0.0, NONE, 0.0
