@@ -4,7 +4,9 @@
     f = deviation of the mean elevator from what the command asks for; left and right are parallel columns, so the
     side is not to be had
 
-The command goes through the actuator's model, never the measured surface. V in m/s, angles in deg, q in deg/s inside.
+A solid OFC of one side is half of s - u in the mean, so that neither f_hat nor f_hat + u is a sine: the class is not
+to be had either, and the margin of the decision is set so that it is never named. The command goes through the
+actuator's model, never the measured surface. V in m/s, angles in deg, q in deg/s inside.
 """
 
 import math

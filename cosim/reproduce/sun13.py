@@ -92,7 +92,7 @@ def _fault_free():
         yield judged("sun13", f"figure 5, {name}, fault-free, still air: deviation over that from sensor noise",
                      "section IV: the estimates are at noise level", np.std(f[late]) / predicted, 0.0, 1.2,
                      reason="servo and law turn sensor noise into motion of surface and command, which a first-order "
-                     "model does not follow; in the next row they fly on clean sensors", evidence="cosim reproduce sun13")
+                     "model does not follow; below they fly on clean sensors", evidence="cosim reproduce sun13")
         yield judged("sun13", f"figure 5, {name}, the same with sensor noise in the estimator only",
                      "section IV: the estimates are at noise level", np.std(clean[late]) / predicted, 0.8, 1.2)
         worst = max(abs(sine(noisy.t[k : k + n], f[k : k + n], 2 * math.pi * hz))
