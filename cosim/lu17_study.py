@@ -153,7 +153,7 @@ def summary(case, found):
         "delay_95_s": float(np.sort(delay)[math.ceil(0.95 * n) - 1]),
         "right": sum(o.last in case.right and o.culprit == case.culprit for o in found),
         "named": {c: sum(o.last == c for o in found) for c in dict.fromkeys(o.last for o in found)},
-        "deviation_max_deg": float(np.nanmax([math.degrees(o.deviation) for o in found], initial=0.0)),
+        "deviation_max_deg": max((math.degrees(o.deviation) for o in found if math.isfinite(o.deviation)), default=0.0),
     }
     if case.hz > 0:
         row["frequency_right"] = sum(
