@@ -1,0 +1,66 @@
+"""Stored Sun13 designs: they belong to the aircraft in the tree, still hold, and are wired whole."""
+
+import json
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+
+from cosim import design, rfafe_wires
+from cosim.bus import Bus
+from cosim.errors import DesignError
+from fdi import rfafe, rfafe_airframe
+from fdi.rfafe_store import from_plain, read
+
+FORMS = {"rfafe": rfafe, "rfafe_airframe": rfafe_airframe}
+
+
+@pytest.mark.parametrize("name", ["rfafe", "rfafe_airframe", "physics_bound"])
+def test_stored_design_belongs_to_the_aircraft_in_the_tree(name):
+    assert design.check(name) == ""
+
+
+def test_a_stale_or_missing_design_is_refused_with_the_command_that_mends_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(design, "FOLDER", tmp_path)
+    assert "there is no rfafe.json" in design.check("rfafe", folder=tmp_path)
+    (tmp_path / "rfafe.json").write_text(json.dumps({"source": "other"}))
+    assert "another aircraft" in design.check("rfafe", folder=tmp_path)
+    monkeypatch.setattr(design, "source", lambda: "new")
+    with pytest.raises(DesignError, match="cosim design"):
+        design.require("rfafe")
+
+
+def test_the_digest_sees_numbers_and_nothing_else():
+    def numbers(text):
+        return list(design._numbers(ET.fromstring(text)))
+
+    plain = numbers('<a x="1.0"><b> 2 <c/> 3 </b></a>')
+    assert numbers('<a  x="1"><!-- 7 --><b>\n 2.00 <c/>\t3\n</b></a>') == plain
+    assert numbers('<a x="1.0"><b> 2 <c/> 3.1 </b></a>') != plain
+    assert numbers('<a x="1.0"><c> 2 <c/> 3 </c></a>') != plain
+
+
+@pytest.mark.parametrize("name", sorted(FORMS))
+def test_stored_matrices_hold_when_substituted_back(name):
+    for technology, entry in read(name)["designs"].items():
+        d = from_plain(entry["design"])
+        PN, TF = d.P @ d.N, d.T @ d.F
+        i31 = PN + PN.T + 2 * d.region.decay * d.P
+        assert np.linalg.eigvalsh(i31)[-1] <= 1e-6 * np.linalg.norm(i31, 2), technology
+        assert np.linalg.norm(TF.T @ d.P - d.M @ d.C) <= 1e-6 * np.linalg.norm(TF.T @ d.P)
+        assert np.linalg.norm((np.eye(len(d.A)) - d.H @ d.C) @ d.E) <= 1e-10
+        assert d.region.holds(np.linalg.eigvals(d.N)).all()
+        assert d.report.TF_ratio >= 0.5
+        FORMS[name].params(technology=technology)
+
+
+@pytest.mark.parametrize("name", sorted(FORMS))
+def test_every_input_is_wired(name):
+    bus = Bus([("x", FORMS[name].INPUTS, ("aircraft",))])
+    assert {c for c, _ in bus.columns("x", "aircraft")} == set(rfafe_wires.WIRES[name])
+
+
+def test_mixed_elevators_have_a_design():
+    kinds = ["hydraulic", "ema", "simple"]
+    assert all(rfafe_wires.technology(dict.fromkeys(rfafe_wires.SEGMENTS, k)) == k for k in kinds)
+    assert rfafe_wires.technology(dict(zip(rfafe_wires.SEGMENTS, ["ema", "hydraulic", "ema", "ema"]))) == "mixed"
