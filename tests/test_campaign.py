@@ -175,8 +175,9 @@ def test_flatten_names_keys_as_the_scenario_file_does():
 def test_logs_of_the_worst_runs_are_kept_by_rule(tmp_path):
     import cosim
 
-    quiet = flights(1, "detectors.position_monitor.threshold=0.5")  # rad: the monitor misses the fault
-    result = run_many([*flights(2), *quiet], workers=0, out=tmp_path, keep={"missed": 1, "departed": 3})
+    alone = 'detectors.enabled=["iotsekf"]'
+    unseen = flights(1, alone, "faults.0.amplitude_mm=0.005")  # a twentieth of the rod sensor's noise
+    result = run_many([*flights(2, alone), *unseen], workers=0, out=tmp_path, keep={"missed": 1, "departed": 3})
     kept = result.frame.drop_duplicates("run")["kept"]
     assert list(kept) == ["", "", "missed"]
     logs = list((tmp_path / "logs").iterdir())
