@@ -70,7 +70,7 @@ def canonical(A, B, C, D, *, faulty=2, actuator=(0,), F=None, A_f=None):
     faults. Returns a dict of A, B, E, D2, x_from, y_from, F, F_o, A_f, neglected. Raises ValueError with the condition
     of section 2 that fails: C_1 constant and of full row rank, D_1 zero, rank(C_1 F_p) = n_h, enough outputs.
     """
-    A, B, C, D = (np.asarray(S, float) for S in (A, B, C, D))
+    A, B, C, D = (_stack(S) for S in (A, B, C, D))
     nr, n, m, p, q = len(A) - 1, A.shape[1], B.shape[2], C.shape[1], faulty
     h, free = len(actuator), p - q
     A_f = np.ones(q) if A_f is None else np.asarray(A_f, float)
@@ -109,7 +109,7 @@ def canonical(A, B, C, D, *, faulty=2, actuator=(0,), F=None, A_f=None):
     }  # fmt: skip
 
 
-def design(A, B, C, D, *, box, faulty=2, actuator=(0,), F=None, M=None, A_f=None, A22s=None, a_f=0.01,
+def design(A, B, C, D, *, box=(), faulty=2, actuator=(0,), F=None, M=None, A_f=None, A22s=None, a_f=0.01,
            delta_1=None, delta_2=None, poles=(5.0, 200.0)):  # fmt: skip
     """Design the observer by the bounded real lemma at all vertices of `box` (nr, 2); returns `Design`.
 
@@ -118,7 +118,9 @@ def design(A, B, C, D, *, box, faulty=2, actuator=(0,), F=None, M=None, A_f=None
     section 5. `poles`: bounds [rad/s] on the sliding motion. Raises ValueError naming the structural condition that
     fails, an E_p(rho) that changes sign in the box, or an infeasible LMI.
     """
-    box = np.asarray(box, float)
+    box = np.asarray(box, float).reshape(-1, 2)
+    if len(_stack(A)) != 1 + len(box):
+        raise ValueError(f"{len(_stack(A)) - 1} scheduled terms of A, but a box of {len(box)} parameters")
     form = canonical(A, B, C, D, faulty=faulty, actuator=actuator, F=F, A_f=A_f)
     n, p, q = form["A"].shape[1], form["y_from"].shape[0], faulty
     n_x, h = n - q, len(actuator)
@@ -275,6 +277,12 @@ def _lemma(lib, part, P1, P2, Y, W, a_f, gamma, storage):
         [out_1, out_d, out_xi, out_phi, -gamma / storage * np.eye(nf)],
     ]
     return lib.vstack([lib.hstack(row) for row in rows])
+
+
+def _stack(S):
+    """Return an affine stack (1+nr, rows, cols); one matrix alone is a model without scheduling."""
+    S = np.asarray(S, float)
+    return S[None] if S.ndim == 2 else S
 
 
 def _dominant(H, C1):

@@ -292,3 +292,12 @@ def test_a_design_for_another_aircraft_is_called_stale(tmp_path):
     path = tmp_path / "old.json"
     path.write_text(json.dumps(held))
     assert "cosim design" in design_lpv.check(path)
+
+
+def test_a_model_without_scheduling_is_designed_too():
+    A, B, C, D = transport.linearise(np.array(transport.POINTS["E"], float))[:4]
+    C[[0, 1, 2, 3, 5]] = np.eye(5)[[1, 2, 3, 4, 0]]
+    D[[0, 1, 2, 3, 5]] = 0
+    assert lpv_smo.verify(lpv_smo.design(A, B, C, D))["ok"]
+    with pytest.raises(ValueError, match="box of 1"):
+        lpv_smo.design(A, B, C, D, box=[[0, 1]])
