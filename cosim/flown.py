@@ -42,7 +42,7 @@ class Lane:
     fields: dict
     entry: dict
     truth: tuple | None = None  # (field, truth (ticks,), unit, start, end) of the fault that it estimates
-    able: bool = True  # its validity flag was up at some time after the first onset
+    able: bool = True  # its validity flag was up when the first fault began
 
     @property
     def name(self):
@@ -131,13 +131,18 @@ class Flown:
             d["id"], d["level"], lane, target, culprits, d["every"], dict(zip(fields, self._arrays[topic].T)), {}
         )
         made.truth = self._truth(d["id"], lane)
-        onset = round((min((f["start_s"] for f in self.faults), default=self.t0) - self.t0) / self.dt / d["every"])
-        made.able = bool((made.fields["valid"][onset:] > 0.5).any())
+        made.able = self._valid_at_onset(made)
         watch = Watch(d["id"], d["level"], target, culprits, **at)
         made.entry = judge(watch, self._arrays[topic], self.dt * d["every"], self.faults)
         if made.truth:
             made.entry |= self._errors(made)
         return made
+
+    def _valid_at_onset(self, lane):
+        """Tell whether the lane called itself valid within the second before the first fault (of the flight, without)."""
+        step = self.dt * lane.every
+        onset = round((min((f["start_s"] for f in self.faults), default=self.end) - self.t0) / step)
+        return bool((lane.fields["valid"][max(0, onset - round(1.0 / step)) : max(onset, round(1.0 / step))] > 0.5).any())
 
     def _truth(self, detector, lane):
         """Return (field, truth (ticks,), unit, start, end) of the fault that the lane estimates, or None."""

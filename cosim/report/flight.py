@@ -153,6 +153,8 @@ def surfaces(flown):
         470,
     )
     panels(flown, figure, titles, ["deg"] * 4, 2)
+    figure.layout["margin"] |= {"t": 50}
+    figure.layout["legend"]["y"] = 1.05
     for i, (seg, short) in enumerate(wiring.SHORT.items(), 1):
         _surface(
             flown,

@@ -106,7 +106,7 @@ def metrics(flown):
         "before and after it; 1 is the threshold, "
         "before confirmation. RMSE and bias: of the estimate against what was injected, after settling. What a "
         "detector is designed for stands in "
-        "fdi/expected.toml; “cannot judge” means that its own validity flag was down from the onset on."
+        "fdi/expected.toml; “cannot judge” means that its own validity flag was down when the fault began."
     )
     return table(columns, rows, caption=note, classes="wide")
 

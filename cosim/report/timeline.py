@@ -15,7 +15,7 @@ def timeline(flown):
         "timeline",
         "Thick bars: alarms, with the verdict; hollow bars: false alarms. Thin lines: the detector watches and "
         "is quiet; gaps: "
-        "its estimate is not valid. Dark bars at the top: the faults. Click a detector in the bar above to hide it.",
+        "its estimate is not valid. The topmost bars: the faults. Click a detector in the bar above to hide it.",
     )
     figure.layout = base(300, legend=False) | {"margin": {"l": 190, "r": 14, "t": 8, "b": 40}, "hovermode": "closest"}
     figure.layout["xaxis"] = style_axis("time, s", range=[flown.t0, flown.end])
