@@ -224,6 +224,9 @@ def info(found):
         if found.get(name) not in (None, ""):
             head.add_row(name, escape(str(found[name])))
     head.add_row("log", state)
+    for name in ("gaps", "problem"):
+        if found.get(name):
+            head.add_row(name, escape(f"{found[name]} ticks are missing" if name == "gaps" else found[name]))
     for name, value in found["versions"].items():
         head.add_row(name, escape(value))
     t = table("Topics", "topic", "rows>", "fields>", "every>", "first fields")

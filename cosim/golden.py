@@ -40,14 +40,11 @@ def _only(segment, technology):
 _SHORT = ("duration_s=5", "faults.0.start_s=2")
 
 FLIGHTS = {
-    "hydraulic-ofc": Golden(
-        "liquid-ofc", (*_only("left_inner", "hydraulic"), *_SHORT), HYDRAULIC, ("iotsekf", "ofc_monitor")
-    ),
+    "hydraulic-ofc": Golden("liquid-ofc", (*_only("left_inner", "hydraulic"), *_SHORT), HYDRAULIC, ("iotsekf",)),
     "ema-position-bias": Golden(
         "ema-position-bias", (*_only("right_inner", "ema"), *_SHORT), EMA, ("ema_kalman_flight",)
     ),
-    "aircraft-ofc": Golden("liquid-ofc", _SHORT, AIRCRAFT, ("rfafe",)),
-    "thrust-loss": Golden("engine-thrust-loss", _SHORT, ("control_redundancy",), ("control_redundancy",)),
+    "aircraft-bias": Golden("alwi14-simultaneous", _SHORT, AIRCRAFT, ("rfafe", "lpv_smo")),
 }
 
 

@@ -82,6 +82,8 @@ def describe(log, chosen=None, overrides=None):
     """Return the Wired lanes of the detectors in `chosen` (all). `overrides` is {detector: {parameter: value}}."""
     found = manifest(log)
     known = [d["id"] for d in found]
+    if chosen is not None and not chosen:
+        raise ReplayError("no detector is named", place="--detectors", allowed=", ".join(known))
     for name in [*(chosen or ()), *(overrides or {})]:
         if name not in known:
             raise ReplayError(

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from replay_flight import fly
 
 import cosim
 from cosim.errors import LogError
@@ -12,12 +13,7 @@ from cosim.replay import ReplayError, compare, lanes, replay, run
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory):
     """Return the log of a short flight with every detector and a fault."""
-    path = tmp_path_factory.mktemp("replay") / "flight.mcap"
-    scenario = cosim.load_scenario(
-        "liquid-ofc", ["duration_s=6", "faults.0.start_s=3", "manoeuvre.kind=nz_doublet", "manoeuvre.start_s=1"]
-    )
-    cosim.simulate(scenario, log=path)
-    return path
+    return fly(tmp_path_factory.mktemp("replay") / "flight.mcap")
 
 
 def test_every_detector_replays_bit_for_bit(flight):
