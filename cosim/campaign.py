@@ -93,10 +93,8 @@ def run_many(
     store = Store(out, table(runs, named), resume=resume)
     resumed = len(store.finished)
     todo = [(run, scenario) for run, scenario in runs.items() if run not in store.finished]
-    try:
-        _fly(todo, store, progress, len(runs), workers=workers, executor=executor, achieved=achieved)
-    finally:
-        frame = store.rows()
+    _fly(todo, store, progress, len(runs), workers=workers, executor=executor, achieved=achieved)
+    frame = store.rows()
     frame["kept"] = _kept(frame, keep, runs, store.out)
     parquet = store.consolidate(frame)
     by_run = frame.drop_duplicates("run")

@@ -1,4 +1,13 @@
-"""Fly a campaign file: its scenarios, where the workers are, a single run again."""
+"""Fly a campaign file: its scenarios, where the workers are, a single run again.
+
+A Dask cluster on one laptop is two commands (pip install 'cosim-fdi[cluster]'), then --scheduler tcp://127.0.0.1:8786:
+
+    dask scheduler --host 127.0.0.1
+    dask worker tcp://127.0.0.1:8786 --nworkers auto --nthreads 1
+
+On several machines every worker needs the same version of this package and of its libraries: rows are only comparable
+when the code is. Rows go through the machine that flies the campaign; nothing is written by a worker.
+"""
 
 import json
 import math

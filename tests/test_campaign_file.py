@@ -2,7 +2,10 @@
 
 import json
 import os
+import signal
+import subprocess
 import sys
+import time
 
 import numpy as np
 import pandas as pd
@@ -191,6 +194,21 @@ def test_command_flies_resumes_and_repeats_a_run(written, tmp_path):
     assert json.loads(once.stdout)["repeats"] is True and (out / "logs" / f"{run}.mcap").is_file()
     unknown = cosim("campaign", path, "-o", out, "--rerun", "abc")
     assert unknown.exit_code == 2 and "no run of this campaign" in unknown.stderr
+
+
+def test_interrupted_campaign_keeps_its_rows_and_can_go_on(written, tmp_path):
+    path, out = written("runs = 400\n" + SMALL), tmp_path / "out"
+    words = [sys.executable, "-m", "cosim.cli", "campaign", str(path), "-o", str(out), "--workers", "1"]
+    process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 120
+    while not list(out.glob("parts/rows-*")) and time.monotonic() < deadline:
+        assert process.poll() is None, process.stderr.read()
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130 and "Traceback" not in err and "interrupted" in err, err
+    parts = [pd.read_parquet(p) for p in out.glob("parts/rows-*")]
+    assert 0 < pd.concat(parts)["run"].nunique() < 400
 
 
 def test_a_row_that_does_not_repeat_is_said(written, tmp_path):
