@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pandas as pd
-from scipy.stats import binomtest, chi2
 
+from cosim import metrics
 from cosim.coverage import BLIND, DESIGNED, MAY, expectations, group
 
 LEVEL = 0.95
@@ -15,26 +15,12 @@ CREDIBLE = 0.5  # a detector that cries in more than half of the fault-free flig
 
 def proportion(k, n):
     """Return (k / n, low, high), the bounds of Clopper and Pearson; (nan, 0, 1) for n = 0."""
-    if n == 0:
-        return math.nan, 0.0, 1.0
-    ci = binomtest(int(k), int(n)).proportion_ci(LEVEL, method="exact")
-    return k / n, float(ci.low), float(ci.high)
+    return tuple(metrics.clopper_pearson(int(k), int(n), LEVEL)) if n else (math.nan, 0.0, 1.0)
 
 
-def rate(k, hours):
-    """Return (k / hours, low, high) of a Poisson count, exact (Garwood 1936); (nan, 0, inf) without exposure."""
-    if hours <= 0.0:
-        return math.nan, 0.0, math.inf
-    tail = (1.0 - LEVEL) / 2.0
-    low = chi2.ppf(tail, 2 * k) / 2.0 if k else 0.0
-    return k / hours, float(low / hours), float(chi2.ppf(1.0 - tail, 2 * k + 2) / 2.0 / hours)
-
-
-def quantile_censored(delays, n, q):
-    """Return the q-quantile of `n` delays of which only `delays` are finite, the others infinite; None beyond those."""
-    delays = np.sort(np.asarray(delays, float))
-    k = math.ceil(q * n) - 1
-    return float(delays[k]) if 0 <= k < len(delays) else None
+def delays(rows):
+    """Return the Delays of rows (missed ones are NaN), or None without any."""
+    return metrics.delays(rows["delay_s"].to_numpy(), confidence=LEVEL) if len(rows) else None
 
 
 def detectors(rows, timing=None):
@@ -46,8 +32,8 @@ def detectors(rows, timing=None):
         designed = own[(own["word"] == DESIGNED) & own["concerned"] & ~own["idle"]]
         seen = designed[designed["detected"]]
         alarmed = int((free["false_alarms"] > 0).sum())
-        per_hour = rate(int(own["false_alarms"].sum()), float(own["hours"].sum()))
-        delays = seen["delay_s"].to_numpy()
+        per_hour = metrics.rate(int(own["false_alarms"].sum()), float(own["hours"].sum()), LEVEL)
+        late = delays(designed)
         p, low, high = proportion(len(seen), len(designed))
         pf, f_low, f_high = proportion(alarmed, len(free))
         out.append(
@@ -66,10 +52,11 @@ def detectors(rows, timing=None):
                 "seen_of_may": int((own["detected"] & (own["word"] == MAY) & own["concerned"]).sum()),
                 "may": int(((own["word"] == MAY) & own["concerned"]).sum()),
                 "unexpected": int((own["outcome"] == "bonus").sum()),
-                "delay_s": quantile_censored(delays, len(designed), 0.5),
-                "delay_s_median_detected": float(np.median(delays)) if len(delays) else None,
-                "delay_s_p95": quantile_censored(delays, len(designed), 0.95),
-                "delay_s_max": float(delays.max()) if len(delays) else None,
+                "delay_s": late and late.median,  # a missed fault counts as an endless delay
+                "delay_s_low": late and late.median_low,
+                "delay_s_high": late and late.median_high,
+                "delay_s_p95": late and late.p95,
+                "delay_s_max": late and late.largest,
                 "false_alarms": int(own["false_alarms"].sum()),
                 "false_alarms_per_hour": per_hour[0],
                 "false_alarms_per_hour_low": per_hour[1],
@@ -87,37 +74,38 @@ def detectors(rows, timing=None):
 
 
 def equal_thresholds(rows, alpha=ALPHA):
-    """Return {detector: (multiplier c of its threshold, crossings k, fault-free flights n)} at one probability.
+    """Return {detector: (multiplier c of its threshold, crossings k, flights n, upper bound)} at one probability.
 
     c is the smallest at which at most floor(alpha n) of the n fault-free flights reach |r| >= c; None where it
     never judged in them.
     """
     out = {}
     for name, own in rows[rows["case"].isna()].groupby("id", sort=False):
-        peak = np.sort(own["r_fault_free"].dropna().to_numpy())[::-1]
-        k = math.floor(alpha * len(peak))
-        usable = len(peak) and peak[0] > 0.0
-        out[name] = (float(np.nextafter(peak[k], np.inf)) if usable else None, k, len(peak))
+        peak = own["r_fault_free"].dropna().to_numpy()
+        allowed = math.floor(alpha * len(peak) + 1e-9)
+        judged = len(peak) and peak.max() > 0.0
+        at, bound = metrics.threshold(peak, alpha, LEVEL) if judged else (None, 1.0)
+        out[name] = (at, allowed, len(peak), bound)
     return out
 
 
-def sweep(rows, points=61):
-    """Return {detector: (c, share of designed-for faults with |r| >= c, share of fault-free flights with |r| >= c)}."""
-    c = np.geomspace(0.03, 100.0, points)
+def maxima(rows):
+    """Return {detector: (largest |r| of fault-free flights, of designed-for faults from the onset on)}, run by run."""
     out = {}
     for name, own in rows.groupby("id", sort=False):
         hit = own[(own["word"] == DESIGNED) & own["concerned"] & ~own["idle"]]["r_fault"].dropna().to_numpy()
-        free = own[own["case"].isna()]["r_fault_free"].dropna().to_numpy()
-        out[name] = (
-            c,
-            *((np.mean(x[None, :] >= c[:, None], axis=1) if len(x) else np.full(points, np.nan)) for x in (hit, free)),
-        )
+        out[name] = own[own["case"].isna()]["r_fault_free"].dropna().to_numpy(), hit
     return out
+
+
+def share(maximum, c):
+    """Return the share of `maximum` (runs,) at or beyond each of c (n,); NaN without a run."""
+    return np.mean(maximum[None, :] >= c[:, None], axis=1) if len(maximum) else np.full(len(c), np.nan)
 
 
 def coverage_matrix(rows):
     """Return {case: {detector: {word, runs, detected, outcomes, idle}}} of the faulty flights."""
-    out = {}
+    out: dict = {}
     for (case, name), own in rows[rows["case"].notna()].groupby(["case", "id"], sort=False):
         cell = {
             "word": own["word"].iloc[0],

@@ -101,7 +101,7 @@ class Flown:
     def intervals(self):
         """Return [(from, to)] during which any fault is active, merged, within the flight."""
         spans = sorted((f["start_s"], min(f["end_s"], self.end)) for f in self.faults if f["start_s"] < self.end)
-        out = []
+        out: list = []
         for a, b in spans:
             if out and a <= out[-1][1]:
                 out[-1] = (out[-1][0], max(b, out[-1][1]))
@@ -139,10 +139,11 @@ class Flown:
         return made
 
     def _valid_at_onset(self, lane):
-        """Tell whether the lane called itself valid within the second before the first fault (of the flight, without)."""
+        """Tell whether the lane called itself valid within the second before the first fault (else, before the end)."""
         step = self.dt * lane.every
         onset = round((min((f["start_s"] for f in self.faults), default=self.end) - self.t0) / step)
-        return bool((lane.fields["valid"][max(0, onset - round(1.0 / step)) : max(onset, round(1.0 / step))] > 0.5).any())
+        second = round(1.0 / step)
+        return bool((lane.fields["valid"][max(0, onset - second) : max(onset, second)] > 0.5).any())
 
     def _truth(self, detector, lane):
         """Return (field, truth (ticks,), unit, start, end) of the fault that the lane estimates, or None."""

@@ -28,8 +28,10 @@ AFTER = """<script>(async () => {
 const wait = (ms) => new Promise((go) => setTimeout(go, ms));
 const until = async (test) => { for (let i = 0; i < 400 && !test(); i++) await wait(25); };
 const $ = (s) => [...document.querySelectorAll(s)];
-const drawn = () => $(".plot").map((p) => ({id: p.id, svg: p.querySelectorAll(".main-svg").length, width: p.clientWidth,
-  traces: (p._fullData || []).length, marks: p.querySelectorAll(".scatterlayer path, .barlayer path, .heatmaplayer image").length}));
+const MARKS = ".scatterlayer path, .barlayer path, .heatmaplayer image";
+const count = (p, s) => p.querySelectorAll(s).length;
+const drawn = () => $(".plot").map((p) => ({id: p.id, svg: count(p, ".main-svg"), width: p.clientWidth,
+  traces: (p._fullData || []).length, marks: count(p, MARKS)}));
 try {
   await until(() => document.body.dataset.drawn);
   await wait(100);
@@ -39,9 +41,11 @@ try {
   delete document.body.dataset.drawn;
   document.getElementById("theme").click();
   await until(() => document.body.dataset.drawn);
-  found.theme = [theme, document.documentElement.dataset.theme, before, getComputedStyle(document.body).backgroundColor];
+  const after = getComputedStyle(document.body).backgroundColor;
+  found.theme = [theme, document.documentElement.dataset.theme, before, after];
   const chip = $("button.chip")[0], id = chip.dataset.toggle;
-  const rows = () => { const t = document.getElementById("timeline"); return t ? t.layout.yaxis.categoryarray.length : 0; };
+  const line = document.getElementById("timeline");
+  const rows = () => (line ? line.layout.yaxis.categoryarray.length : 0);
   const own = () => $(`[data-detector="${id}"]`).filter((e) => e.offsetParent !== null).length;
   found.toggle = {id, before: own(), rows_before: rows()};
   chip.click();

@@ -83,11 +83,11 @@ def _as_shipped(each, free):
 def _equal(equal):
     if not equal:
         return ""
-    k, n = next(iter(equal.values()))[1:]
+    _, k, n, bound = next(iter(equal.values()))
     each = ", ".join(f"{name} × {c[0]:.2g}" for name, c in equal.items() if c[0] is not None)
     return (
         f"Every threshold is scaled so that at most {k} of the {n} fault-free flights cross it (run-level "
-        f"false-alarm probability {stats.ALPHA:.0%} or less in this sample; "
+        f"false-alarm probability {stats.ALPHA:.0%} or less in this sample, below {bound:.0%} at 95 %; "
         f"before confirmation): {text(each)}. An oscillation counts as seen when |r| reaches the scaled "
         f"threshold after its onset."
     )

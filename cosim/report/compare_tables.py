@@ -52,7 +52,8 @@ def levels(grouped):
     )
     return (
         f'<div class="scroll"><table '
-        f'class="matrix"><caption>{note}</caption><thead><tr><th></th>{head}</tr></thead><tbody>{"".join(out)}</tbody></table></div>'
+        f'class="matrix"><caption>{note}</caption><thead><tr><th></th>{head}</tr></thead>'
+        f"<tbody>{''.join(out)}</tbody></table></div>"
     )
 
 

@@ -99,8 +99,11 @@ def _names(rows):
     if own.empty:
         return ""
     counts = own["outcome"].value_counts()
-    crossed = own[(own["outcome"] == "misnamed") & ((own["class"] == "sensor") != own["case"].map(_is_sensor))]
-    severe = crossed[(crossed["class"] == "sensor") | crossed["case"].map(_is_sensor)]
+    crossed = own[
+        (own["outcome"] == "misnamed") & ((own["class"] == "sensor") != own["case"].map(_is_sensor).astype(bool))
+    ]
+    sensor = crossed["case"].map(_is_sensor).astype(bool)
+    severe = crossed[(crossed["class"] == "sensor") | sensor]
     told = (
         f"{counts.get('named', 0)} of {len(own)} detections named the fault right, {counts.get('seen', 0)} "
         f"called it ambiguous, {counts.get('misnamed', 0)} gave another name"

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from cosim import compare_stats as stats
+from cosim import metrics
 from cosim.coverage import DESIGNED
 from cosim.flown import finite
 from cosim.report.figure import COLOURS, DASHES, Figure, axis, base, grid, packed, place, style_axis
@@ -159,7 +160,7 @@ def false_alarms(found):
 
 def sweeps(rows):
     """Return, per detector, the shares of faulty and fault-free flights whose largest |r| reaches each threshold."""
-    found = stats.sweep(rows)
+    found, c = stats.maxima(rows), np.geomspace(0.03, 100.0, 61)
     names, columns = list(found), min(4, len(found))
     figure = Figure(
         "sweeps",
@@ -173,7 +174,7 @@ def sweeps(rows):
     figure.layout = base(figure.height, legend=False) | {"hovermode": "x unified"}
     grid(figure.layout, names, ["share" if i % columns == 0 else "" for i in range(len(names))], columns, time=False)
     for i, name in enumerate(names, 1):
-        c, hit, free = found[name]
+        free, hit = (stats.share(x, c) for x in found[name])
         figure.layout[axis("xaxis", i)] |= _log(c[0], c[-1])
         figure.layout[axis("yaxis", i)] |= {"range": [-0.04, 1.04], "tickformat": ".0%", "tickvals": [0, 0.5, 1]}
         if i + columns > len(names):
@@ -223,17 +224,18 @@ def roc(rows):
     figure.layout["yaxis"] = style_axis(
         "share of designed-for faults that cross", range=[-0.02, 1.02], tickformat=".0%"
     )
-    for j, (name, (c, hit, free)) in enumerate(stats.sweep(rows, 400).items()):
-        if np.isnan(hit).all() or np.isnan(free).all():
+    for j, (name, (healthy, faulty)) in enumerate(stats.maxima(rows).items()):
+        if not len(healthy) or not len(faulty):
             continue
-        k = int(np.searchsorted(c, 1.0))
+        curve = metrics.roc(healthy, faulty)
+        shipped = [float(stats.share(x, np.ones(1))[0]) for x in (healthy, faulty)]
         line = {"width": 2, "color": COLOURS[j % 8], "dash": DASHES[j // 8]}
         figure.data.append(
             {
                 "type": "scatter",
                 "mode": "lines",
-                "x": packed(free),
-                "y": packed(hit),
+                "x": packed(curve.false_alarm),
+                "y": packed(curve.detection),
                 "name": name,
                 "legendgroup": name,
                 "line": line,
@@ -246,8 +248,8 @@ def roc(rows):
             {
                 "type": "scatter",
                 "mode": "markers",
-                "x": [float(free[k])],
-                "y": [float(hit[k])],
+                "x": [shipped[0]],
+                "y": [shipped[1]],
                 "showlegend": False,
                 "meta": {"detector": name},
                 "marker": {"size": 9, "color": COLOURS[j % 8]},

@@ -38,7 +38,7 @@ def detector(flown, lanes):
 
 def _unit(lanes, main):
     """Return (unit to show, factor) of an estimate: that of the truth, else none."""
-    known = next((lane.truth[2] for lane in lanes if lane.truth), None)
+    known = next((lane.truth[2] for lane in lanes if lane.truth), "")
     return SHOWN.get(known, (known or "SI unit", 1.0)) if main else ("", 1.0)
 
 

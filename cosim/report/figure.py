@@ -229,8 +229,8 @@ def bands(layout, intervals, panels):
 
 def least(layout, panel, curves, half):
     """Give a panel a vertical range around `curves` of at least +-`half`: noise must not fill it. Changes `layout`."""
-    found = [y[np.isfinite(y)] for y in curves]
-    found = np.concatenate([y for y in found if len(y)] or [np.zeros(1)])
+    finite = [y[np.isfinite(y)] for y in curves]
+    found = np.concatenate([y for y in finite if len(y)] or [np.zeros(1)])
     middle, spread = (float(found.max()) + float(found.min())) / 2, float(found.max() - found.min()) / 2
     layout[axis("yaxis", panel)]["range"] = [middle - max(1.12 * spread, half), middle + max(1.12 * spread, half)]
 

@@ -126,7 +126,7 @@ def _noticed(lane, how):
 
 
 def _quiet(flown, met):
-    groups = {}
+    groups: dict = {}
     for lane, how in met:
         if how in ("missed", "quiet"):
             word = coverage.expected(lane.id, first_case(flown, lane)).word
