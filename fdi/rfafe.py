@@ -20,7 +20,7 @@ from fdi.rfafe_conditions import DesignError, separate
 from fdi.rfafe_core import advance
 from fdi.rfafe_design import Design, Region, design
 from fdi.rfafe_model import estimate_E, first_order, fit_first_order, global_model, reduce_E
-from fdi.rfafe_store import choose, from_plain
+from fdi.rfafe_store import choose
 from fdi.tuning import thresholds
 
 __all__ = ["CULPRITS", "INPUTS", "OUTPUTS", "PARAMS", "STATE", "Design", "DesignError", "Region", "design",
@@ -58,14 +58,14 @@ def params(which="flight", *, stored=None, technology="hydraulic", trim=None, dt
 
     `stored` replaces `fdi/designs/rfafe.json` (same keys). `trim` is a mapping with tas [m/s], alpha, theta, elevator
     [rad]; None: learned from the first 0.2 s. `weight` is the share of each segment in its side's effect. Raises
-    FileNotFoundError without a stored design, ValueError for another tick than its own or a technology that it lacks.
+    FileNotFoundError without a stored design, ValueError for a technology that it lacks.
     """
-    chosen = choose("rfafe" if stored is None else stored, technology, dt)
+    made, chosen = choose("rfafe" if stored is None else stored, technology, dt)
     p = record(PARAMS, weight=weight, **bank.design(dt), **thresholds("rfafe", which))
     t = None
     if trim is not None:
         t = [trim["tas"], trim["alpha"] / DEG, 0.0, trim["theta"] / DEG, *[trim["elevator"] / DEG] * 2]
-    return rfafe_core.fill(p, from_plain(chosen["design"]), unit=DEG, u_delay=chosen["u_delay_s"] / dt,
+    return rfafe_core.fill(p, made, unit=DEG, u_delay=chosen["u_delay_s"] / dt,
                            **rfafe_core.actuator(chosen),
                            **rfafe_core.trims(t, (1, 1, 0, 1, 1, 1), 4))
 

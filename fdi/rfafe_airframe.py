@@ -17,7 +17,7 @@ from actuators.block import dtype, kernel, record
 from fdi import bank, rfafe_core
 from fdi.decision import held, usable
 from fdi.rfafe_core import advance
-from fdi.rfafe_store import choose, from_plain
+from fdi.rfafe_store import choose
 from fdi.tuning import thresholds
 
 CULPRITS = ("", "elevator")
@@ -41,10 +41,10 @@ OUTPUTS = ("f_hat", "r", "alarm", "verdict", "culprit", "valid")
 
 def params(which="flight", *, stored=None, technology="hydraulic", trim=None, dt=DT):
     """Return PARAMS from the stored design and threshold set `which`; arguments as in `fdi.rfafe.params`."""
-    chosen = choose("rfafe_airframe" if stored is None else stored, technology, dt)
+    design, chosen = choose("rfafe_airframe" if stored is None else stored, technology, dt)
     p = record(PARAMS, **bank.design(dt), **thresholds("rfafe_airframe", which))
     t = None if trim is None else [trim["tas"], trim["alpha"] / DEG, 0.0, trim["theta"] / DEG, trim["elevator"] / DEG]
-    return rfafe_core.fill(p, from_plain(chosen["design"]), unit=DEG, u_delay=chosen["u_delay_s"] / dt,
+    return rfafe_core.fill(p, design, unit=DEG, u_delay=chosen["u_delay_s"] / dt,
                            **rfafe_core.actuator(chosen),
                            **rfafe_core.trims(t, (1, 1, 0, 1), 4))
 

@@ -16,9 +16,9 @@ import numpy as np
 from actuators.block import kernel
 from fdi import rfafe_decision
 
-NS, NY, NU, NF = 12, 8, 4, 2  # largest sizes: estimator state, outputs, inputs, faults
+NS, NY, NU, NF = 12, 8, 2, 2  # largest sizes: estimator state, outputs, inputs, faults
 N_TRIM = 40.0  # samples to learn the trim: 0.2 s leaves a sixth of the sensors' noise
-NL = 24  # longest delay of the input [ticks]: 0.12 s at 200 Hz, an actuator's lag beyond first order and the sensors'
+NL = 72  # longest delay of the input [ticks]: the actuator's lag beyond first order and the sensors', at 2 kHz
 
 PARAMS = [
     ("ns", "f8"), ("ny", "f8"), ("nu", "f8"), ("nf", "f8"),  # sizes in use
@@ -42,7 +42,7 @@ PARAMS = [
 STATE = [
     ("s", "f8", (NS,)), ("w", "f8", (NS,)),       # estimator state and scratch
     ("y", "f8", (NY,)), ("y_old", "f8", (NY,)),   # deviations of this sample and the last [design units]
-    ("u", "f8", (NU,)), ("u_si", "f8", (NU,)), ("line", "f8", (NL, NU)),  # input now, and those of the last ticks
+    ("u", "f8", (NU,)), ("u_si", "f8", (NU,)), ("line", "f8", (NL, NU)), ("head", "f8"),  # input now, ring of the last
     ("act", "f8", (NU,)),         # actuator's model with its rate limit, deviation [design units]
     ("u_in", "f8", (NU,)),        # last finite input less `u_trim`
     ("y0", "f8", (NY,)), ("u0", "f8", (NU,)), ("seen", "f8"),  # learned trim, samples so far
@@ -113,7 +113,9 @@ def advance(x, p, good, dt):
             for k in range(NL):
                 x.line[k, j] = x.u[j]
         x.fresh = 1.0
-    late = int(p.u_delay)  # line[k] is the input of k + 1 ticks ago: line[0] has been held since the last sample
+    late = int(x.head) - 1 - int(p.u_delay)  # at head - 1 stands the input that was held since the last sample
+    if late < 0:
+        late += NL
     if good < 0.5:
         x.started = 0.0
     elif x.started < 0.5:
@@ -127,9 +129,8 @@ def advance(x, p, good, dt):
         for j in range(ny):
             x.y_old[j] = x.y[j]
     for j in range(nu):
-        for k in range(NL - 1, 0, -1):
-            x.line[k, j] = x.line[k - 1, j]
-        x.line[0, j] = x.u[j]
+        x.line[int(x.head), j] = x.u[j]
+    x.head = 0.0 if x.head >= NL - 1 else x.head + 1.0
     x.valid = 1.0 if x.started > 0.5 and x.age >= p.t_settle else 0.0
     if x.valid > 0.5:
         for j in range(nu):

@@ -1,13 +1,13 @@
 """Keep an estimator as plain numbers in `fdi/designs/`, so that a flight needs no solver."""
 
 import json
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from importlib import resources
 
 import numpy as np
 
 from fdi.rfafe_design import Design, Region, Report
-from fdi.rfafe_discrete import Discrete
+from fdi.rfafe_discrete import Discrete, discretise
 
 _COMPLEX = ("fixed_modes", "eigenvalues_N", "eigenvalues_loop")
 
@@ -56,15 +56,24 @@ def read(name):
 
 
 def choose(stored, technology, dt):
-    """Return the entry for `technology` of a stored file (name or its content); ValueError for another tick or none."""
+    """Return (Design, entry) for `technology` of a stored file (name or content), its discrete form made for `dt` [s].
+
+    Raises ValueError for a technology that the file lacks.
+    """
     stored = read(stored) if isinstance(stored, str) else stored
     if technology not in stored["designs"]:
         raise ValueError(f"no design for {technology!r} elevators; there is {', '.join(sorted(stored['designs']))}")
-    chosen = stored["designs"][technology]
-    if abs(chosen["design"]["dt"] - dt) > 1e-9:
-        raise ValueError(f"the stored design is for ticks of {chosen['design']['dt']} s, not {dt} s: design it for "
-                         "this one (fdi.rfafe.design, with the extra `design`)")
-    return chosen
+    entry = stored["designs"][technology]
+    design = from_plain(entry["design"])
+    return design if design.dt == dt else at_tick(design, dt), entry
+
+
+def at_tick(design, dt):
+    """Return `design` with its discrete form for ticks of `dt` seconds: no solver is needed for that."""
+    d = design
+    discrete = discretise(N=d.N, T=d.T, K=d.K, H=d.H, C=d.C, B=d.B, D=d.D, TF=d.T @ d.F, gain=d.Gamma @ d.M,
+                          alpha=d.alpha, dt=dt)
+    return replace(design, dt=dt, discrete=discrete)
 
 
 def _make(kind, values):

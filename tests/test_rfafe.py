@@ -346,6 +346,22 @@ def held_inputs(d, command, fault):
     return y
 
 
+def test_a_delayed_actuator_is_no_fault_when_the_command_is_delayed_alike(published):
+    t = np.arange(1600) * 0.005
+    u = 2.0 * np.sin(2 * np.pi * 0.5 * t)
+    late = 5
+    y = held_inputs(published, np.stack([np.concatenate([np.zeros(late), u[:-late]])] * 2, 1), np.zeros(1600))
+    inputs = flight(published, 1.0, 0.0, 1600)
+    for i, name in enumerate(("tas", "alpha", "q", "theta")):
+        inputs[name] += y[:, i] * (DEG if i else 1.0)
+    inputs["surface"][0] += np.repeat(y[:, 4:], 2, axis=1) * DEG
+    inputs["command"][0] += np.stack([u, u], 1) * DEG
+    kept = stored(published)
+    right, wrong = ({"designs": {"hydraulic": kept["designs"]["hydraulic"] | {"u_delay_s": d}}} for d in (0.025, 0.0))
+    assert abs(fly(rfafe, rfafe.params(stored=right, trim=TRIM), inputs)["f_hat"]).max() < 1e-9
+    assert abs(fly(rfafe, rfafe.params(stored=wrong, trim=TRIM), inputs)["f_hat"]).max() > 0.1 * DEG
+
+
 @pytest.mark.parametrize("kind", ["ofc_liquid", "ofc_solid", "ambiguous"])
 def test_class_of_an_oscillation_needs_a_command_that_moves(published, kind):
     """f = s is liquid, f = s - u solid; while the command stands still the two are one signal."""
@@ -386,9 +402,12 @@ def test_trim_is_learned_when_it_is_not_given(published):
     assert log["valid"][-1] == 1.0 and abs(log["f_hat"]).max() < 1e-9
 
 
-def test_another_tick_or_technology_than_designed_for_is_refused(published):
-    with pytest.raises(ValueError, match=r"ticks of 0\.005 s, not 0\.01 s"):
-        rfafe.params(stored=stored(published), dt=0.01)
+def test_another_tick_is_discretised_anew_and_another_technology_refused(published):
+    kept = stored(published)
+    fast = rfafe.params(stored=kept, dt=0.0025)
+    A, B, C, D = global_of(*heffley_jewell("6"))
+    again = rfafe.design(A, B, C, D, E_SPEED, B, dt=0.0025)
+    assert fast["Phi"][0, :8, :8] == pytest.approx(again.discrete.Phi, abs=1e-9)
     with pytest.raises(ValueError, match="no design for 'ema'"):
         rfafe.params(stored=stored(published), technology="ema")
 
