@@ -33,7 +33,7 @@ def achieved(scenario):
 
 def faulted(scenario):
     """Return {segment: its injections} of the segments that a fault acts on, directly or by a sensor of the loop."""
-    out = {}
+    out: dict[str, list] = {}
     for j in scenario.injections():
         if j.place in ("elevator", "part_sensor") and j.path != "monitor":
             out.setdefault(j.name, []).append(j)

@@ -168,9 +168,9 @@ def table(runs, labels=None):
 def flatten(node, path=""):
     """Return {"flight.mass_t": 200.0, "faults.0.kind": ...} of nested dicts and lists; a list of words is one text."""
     if isinstance(node, dict):
-        items = node.items()
+        items = list(node.items())
     elif isinstance(node, list | tuple) and node and isinstance(node[0], dict):
-        items = ((str(i), v) for i, v in enumerate(node))
+        items = [(str(i), v) for i, v in enumerate(node)]
     elif isinstance(node, list | tuple):
         return {path: ",".join(map(str, node))} if node else {}
     else:

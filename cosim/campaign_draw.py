@@ -28,8 +28,8 @@ class Draw:
     high: float = math.inf
     scale: str = "linear"
     integer: bool = False
-    mean: float | None = None
-    sigma: float | None = None
+    mean: float = math.nan  # NaN: not normal
+    sigma: float = math.nan
     choice: tuple[Any, ...] = ()
 
     def __call__(self, u):
@@ -38,7 +38,7 @@ class Draw:
             return self.choice[int(u * len(self.choice))]
         if self.integer:
             return int(self.low) + int(u * (int(self.high) - int(self.low) + 1))
-        if self.mean is not None:
+        if not math.isnan(self.mean):
             a, b = (float(ndtr((x - self.mean) / self.sigma)) for x in (self.low, self.high))
             return float(self.mean + self.sigma * ndtri(a + u * (b - a)))
         if self.scale == "log":

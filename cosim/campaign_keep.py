@@ -17,7 +17,7 @@ RULES = ("false_alarm", "missed", "late", "residual", "estimate", "departed")
 
 def choose(frame, keep):
     """Return {run: [rules]} of the runs to keep; `keep` maps a rule to how many runs per detector."""
-    out = {}
+    out: dict[str, list[str]] = {}
     for rule, count in keep.items():
         worst = _worst(frame, rule)
         groups = [worst] if rule == "departed" else [g for _, g in worst.groupby("id", sort=True)]

@@ -36,7 +36,8 @@ def outcomes(jobs, *, workers=None, executor=None, achieved=True):
 
 
 def _elsewhere(executor, jobs, window, achieved):
-    todo, flying = deque(jobs), {}
+    todo = deque(jobs)
+    flying: dict[cf.Future, str] = {}
     try:
         while todo or flying:
             while todo and len(flying) < window:
@@ -58,13 +59,13 @@ def _elsewhere(executor, jobs, window, achieved):
 
 def _local(todo, workers, achieved):
     """Fly in processes; when one dies, all that was in flight is tried again, the second time each run alone."""
-    hits = {}
+    hits: dict[str, int] = {}
     while todo:
         suspects = [job for job in todo if hits.get(job[0], 0) > 1]
         for job in suspects:
             todo.remove(job)
             yield from _alone(job, achieved)
-        flying = {}
+        flying: dict[cf.Future, tuple] = {}
         with pool(workers) as here:
             try:
                 while todo or flying:

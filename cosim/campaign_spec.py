@@ -92,7 +92,8 @@ class Campaign:
         """Return (scenarios, labels): every run, in order. Raises ScenarioError for one that cannot be."""
         if len(self) > MOST:
             raise CampaignError(f"has {len(self)} runs", place=self.name, allowed=f"1 to {MOST}")
-        made, labels = [], []
+        made: list = []
+        labels = []
         for i, part in enumerate(self.parts):
             for chosen, label in part.values(self.sampling, self.seed + i):
                 n = len(made)
@@ -105,7 +106,8 @@ class Campaign:
 
 def scenario_of(base, chosen, place):
     """Return (Scenario, {label: name}) of `base` with `chosen` keys; a table sets several, and perhaps has a name."""
-    values, names = {}, {}
+    values: dict = {}
+    names = {}
     for key, value in chosen.items():
         several = dict(value) if isinstance(value, dict) else {key: value}
         if isinstance(value, dict) and "name" in several:
@@ -179,7 +181,7 @@ def _part(base, table, own, place):
     for key, values in grid.items():
         if not isinstance(values, list) or not values:
             raise CampaignError("is no list of values", place=f"{place}: grid.{key}")
-    drawn = {}
+    drawn: dict = {}
     for key, value in sorted(draws.items(), key=lambda item: not item[0].endswith("*")):  # a key itself wins over *
         drawn |= dict.fromkeys(_every(key, place), draw(value, f"{place}: draw.{key}"))
     for key in grid.keys() & drawn.keys():

@@ -97,39 +97,41 @@ class Store:
         Raises CampaignError when the folder holds rows and `resume` is false, or rows of other code; OutputError when
         it cannot be written.
         """
-        self.out, self.scenarios = Path(out) if out else None, scenarios
-        self._rows, self._timing = [], []
-        self.finished = set()
+        self.out: Path | None = Path(out) if out else None
+        self.scenarios = scenarios
+        self._rows: list[dict] = []
+        self._timing: list[dict] = []
+        self.finished: set[str] = set()
         if self.out:
-            self._open(resume)
+            self._open(self.out, resume)
 
-    def _open(self, resume):
+    def _open(self, out, resume):
         here = fingerprint()
-        about = self.out / "campaign.json"
+        about = out / "campaign.json"
         try:
-            (self.out / "parts").mkdir(parents=True, exist_ok=True)
+            (out / "parts").mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise OutputError(
-                f"cannot be written: {error.strerror}", place=str(self.out), remedy="Choose another place with -o"
+                f"cannot be written: {error.strerror}", place=str(out), remedy="Choose another place with -o"
             ) from None
-        found = self._read("rows")
+        found = _read(out, "rows")
         if found is not None and not resume:
             raise CampaignError(
                 f"holds {found['run'].nunique()} runs already",
-                place=str(self.out),
+                place=str(out),
                 remedy="Add --resume, or choose another place with -o",
             )
         if found is not None and about.is_file() and json.loads(about.read_text(encoding="utf-8")) != here:
             raise CampaignError(
                 "its rows were flown with other code, designs or libraries",
-                place=str(self.out),
+                place=str(out),
                 remedy="Choose another place with -o",
             )
         if found is not None:
             wanted = set(self.scenarios["run"])
             self.finished = set(found["run"]) & wanted
         _replace(about, lambda p: p.write_text(json.dumps(here, indent=1), encoding="utf-8"))
-        write(self.out / "scenarios.parquet", pa.Table.from_pandas(self.scenarios, preserve_index=False))
+        write(out / "scenarios.parquet", pa.Table.from_pandas(self.scenarios, preserve_index=False))
 
     def add(self, rows, timing):
         """Take the rows and timings of some finished runs; they are safe when this returns."""
@@ -143,7 +145,7 @@ class Store:
 
     def rows(self):
         """Return every row as a frame, in the order of the scenarios, with the scenario's columns."""
-        found = self._read("rows") if self.out else pa.Table.from_pylist(self._rows, ROWS).to_pandas()
+        found = _read(self.out, "rows") if self.out else pa.Table.from_pylist(self._rows, ROWS).to_pandas()
         if found is None:
             found = ROWS.empty_table().to_pandas()
         found = found.drop_duplicates(["run", "lane"])
@@ -153,7 +155,7 @@ class Store:
 
     def timing(self):
         """Return what the clock measured: run, id (null for the whole run), wall_time_s, startup_s, step_us."""
-        found = self._read("timing") if self.out else pa.Table.from_pylist(self._timing, TIMING).to_pandas()
+        found = _read(self.out, "timing") if self.out else pa.Table.from_pylist(self._timing, TIMING).to_pandas()
         return (TIMING.empty_table().to_pandas() if found is None else found).drop_duplicates(["run", "id"])
 
     def consolidate(self, frame):
@@ -173,11 +175,11 @@ class Store:
                         p.unlink()
         return self.out / "runs.parquet"
 
-    def _read(self, kind):
-        parts = sorted((self.out / "parts").glob(f"{kind}-*.parquet"))
-        if not parts:
-            return None
-        return pa.concat_tables([pq.read_table(p) for p in parts]).to_pandas()
+
+def _read(out, kind):
+    """Return all parts of a kind as one frame, None without a part."""
+    parts = sorted((out / "parts").glob(f"{kind}-*.parquet"))
+    return pa.concat_tables([pq.read_table(p) for p in parts]).to_pandas() if parts else None
 
 
 def _table(frame):

@@ -56,12 +56,12 @@ class _Thread:
     """
 
     def __init__(self):
-        self._jobs = queue.SimpleQueue()
+        self._jobs: queue.SimpleQueue = queue.SimpleQueue()
         threading.Thread(target=self._work, name="flights", daemon=True).start()
 
     def submit(self, *job):
         """Return the Future of a run."""
-        future = cf.Future()
+        future: cf.Future = cf.Future()
         self._jobs.put((future, job))
         return future
 

@@ -13,6 +13,7 @@ filtered, so the injected signal is not what the aircraft feels. A filter's esti
 there: signals at the valve are taken one tick back.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,7 +41,7 @@ class Estimate:
 
     column: int
     columns: tuple
-    truth: object  # (history columns as (n, ticks) float64, dt) -> (ticks,)
+    truth: Callable  # (history columns as (n, ticks) float64, dt) -> (ticks,)
     unit: str
     start: float  # [s], after settling
     end: float  # [s]

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cosim import wiring
+from cosim.bus import Bus
 from cosim.estimate import plan
 from cosim.parts import LEAD
 from cosim.result import Watch
@@ -21,7 +22,7 @@ ROD = {"hydraulic": ("hydraulic.{}.q_rod", 1.0), "ema": ("ema.{}.motor", LEAD)} 
 class Columns:
     """Names of the bus and their columns in the history; the same name stands once."""
 
-    bus: object
+    bus: Bus
     column: dict = field(default_factory=dict)
 
     def __call__(self, name):
@@ -51,6 +52,6 @@ class History:
     def watches(self, step_us):
         """Return the Watch of every detector lane; `step_us` maps detector -> microseconds per step and lane."""
         return [
-            Watch(name, level, target, culprits, *own, estimate, step_us.get(name, float("nan")))
-            for name, level, target, culprits, own, estimate in self.lanes
+            Watch(name, level, target, culprits, alarm, verdict, culprit, r, estimate, step_us.get(name, float("nan")))
+            for name, level, target, culprits, (alarm, verdict, culprit, r), estimate in self.lanes
         ]

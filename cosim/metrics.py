@@ -239,7 +239,7 @@ def estimate(rmse, bias, largest, confidence=0.95, draws=2000, seed=1):
         (float(np.mean(bias)), np.mean(bias[index], axis=1)),
     ):
         shares.append(Share(float(value), *(float(x) for x in np.percentile(sample, ends))))
-    return Error(n, *shares, float(np.max(np.abs(largest))))
+    return Error(n, shares[0], shares[1], float(np.max(np.abs(largest))))
 
 
 def nis_bounds(samples, dimension, confidence=0.95):
