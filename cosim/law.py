@@ -6,7 +6,7 @@ path), with n the load-factor increment over unaccelerated flight at this attitu
     e       = min(n_c - n_m, e_alpha)                                                   [g]
     delta_e = s [ k_nz (n_m - b_n (n_m + e)) + k_q (q - q_turn - g (n_m + e) / V) ] + xi,   xi' = -s k_i e
     s       = (V_0 / V)^2,   delta_e trailing edge down +
-    e_alpha = k_alpha (alpha_max - alpha) - k_rate alpha',    alpha' = q - g (n_z - cos(theta) cos(phi)) / V
+    e_alpha = [k_alpha (alpha_max - alpha) - k_rate alpha'] / sqrt(s),    alpha' = q - g (n_z - cos(theta) cos(phi)) / V
 
 n_m + e is the increment asked for by whoever leads: n_c, or the angle-of-attack protection where it asks for less,
 through the same integrator. n_c is the pilot's demand or, with the stick free, what holds the flight path (vertical
@@ -15,9 +15,9 @@ n_c <= V/g k_theta (theta_max - theta - lead q_path), likewise below. `alpha_lim
 that binds: alpha_max, or the angle that belongs at this speed to the largest n_c which the other two allow. Automatic
 trim moves the stabiliser slowly until the elevator is free.
 
-Lateral: a reference bank approaches the demand, its rate feeds forward, bank error and its integral feed back; rudder
-damps yaw rate about that of the turn and removes sideslip (an engine out), unless the ailerons are at their stops: then
-sideslip is asked for that rolls in their place.
+Lateral: a reference bank approaches the demand, as far as ailerons and wing can hold it; its rate feeds forward, bank
+error and its integral feed back; rudder damps yaw rate about that of the turn and removes sideslip (an engine out),
+unless the ailerons are at their stops: then sideslip is asked for that rolls in their place.
 
 A signal whose flag falls is held for 0.2 s; then its feedback fades out in 0.5 s, and in again when it returns:
 without n_z the pilot and the holds move the elevator through k_direct; q is replaced by the slope of theta; without
@@ -96,6 +96,7 @@ STATE = dtype([
     ("phi_hat", "f8"),       # bank, measured or carried on [rad]
     ("xi_phi", "f8"),        # aileron from the integral of the bank error [rad]
     ("xi_dr", "f8"),         # rudder trim [rad]
+    ("cas_lag", "f8"),       # speed, low-passed, for the throttles [m/s]
     ("xi_v", "f8"),          # integral of the speed error [m]
     ("held", "f8", (N,)),    # last valid measurement
     ("age", "f8", (N,)),     # seconds since it was valid; runs back when it returns
@@ -103,12 +104,14 @@ STATE = dtype([
 ])
 OUTPUTS = ("de_cmd", "da_cmd", "dr_cmd", "stab_cmd", "throttle_cmd", "n_c", "e", "protection", "alpha_lim", "xi",
            "phi_ref", "hdot_ref", "h_ref")
+TAU_CAS = 2.0  # of the speed that moves the throttles: neither noise nor gusts are theirs to follow [s]
 
 
 def init(p):
     """Return the law at rest at the trim point."""
     x = np.zeros(p.shape, STATE)
     start = {"de_cmd": "de_0", "de_slow": "de_0", "stab_cmd": "stab_0", "throttle_cmd": "throttle_0", "h_ref": "h_0"}
+    start["cas_lag"] = "cas_0"
     for name, value in (start | {"theta_lag": "theta_0", "alpha_lim": "alpha_max"}).items():
         x[name] = p[value]
     held = {ALPHA: "alpha_0", THETA: "theta_0", PSI: "psi_0", NZ: "nz_0", CAS: "cas_0", TAS: "tas_0", H: "h_0"}
@@ -123,8 +126,9 @@ def step(x, u, p, dt):
     receive(x, u, dt)
     pitch(x, u, p, dt)
     lateral(x, u, p, dt)
+    x.cas_lag = x.cas_lag + dt / TAU_CAS * (x.held[CAS] - x.cas_lag)
     if u.hold_v > 0.0 and x.age[CAS] < HOLD_S:
-        e = p.cas_0 - x.held[CAS]
+        e = p.cas_0 - x.cas_lag
         throttle = p.throttle_0 + p.k_v * e + p.k_vi * x.xi_v
         x.throttle_cmd = clip(throttle, 0.0, 1.0)
         if x.throttle_cmd == throttle or (throttle - x.throttle_cmd) * e < 0.0:

@@ -125,4 +125,4 @@ def _lateral(model):
 
 def _speed(model):
     T_V = model.block(("tas",), THROTTLES)[1].sum()  # [m/s2] per throttle
-    return {"k_v": 0.15 / T_V, "k_vi": 0.15 * 0.05 / T_V}
+    return {"k_v": 0.2 / T_V, "k_vi": 0.2 * 0.07 / T_V}

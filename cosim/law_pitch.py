@@ -75,7 +75,7 @@ def pitch(x, u, p, dt):
     _limit(x, p, _path(x, u, p, n_m), n_m, level, q_path, max(speed2, 0.1), dt)
 
     e = x.n_c * seen - n_m
-    e_alpha = p.k_alpha * (p.alpha_max - y[ALPHA]) - p.k_rate * (q_path - turn * n_m)
+    e_alpha = (p.k_alpha * (p.alpha_max - y[ALPHA]) - p.k_rate * (q_path - turn * n_m)) / math.sqrt(s)
     if e_alpha < e and age[ALPHA] < HOLD_S + FADE_S:
         e = e + trust(age[ALPHA]) * (e_alpha - e)
         x.protection = 1.0

@@ -1,0 +1,89 @@
+"""Short flights for tests: fly a scenario without a log and keep the named signals of every tick."""
+
+import math
+
+import numpy as np
+
+import cosim
+from cosim.build import build
+from cosim.simulate import CHECK_EVERY, health
+from cosim.tick import tick
+
+SIX = {  # mass [t], CG [%], altitude [ft], CAS [kt]: Sun13 table I, Alwi14 table 4
+    "sun13": (200, 30, 20000, 290),
+    "A": (260, 28, 12500, 210),
+    "B": (260, 36, 12500, 270),
+    "C": (375, 28, 27500, 210),
+    "D": (405, 36, 27500, 270),
+    "E": (320, 28, 20000, 240),
+}
+CORNERS = {  # of mass and CG, and of altitude and speed
+    "light fore": (200, 25, 20000, 250),
+    "light aft": (200, 36, 20000, 250),
+    "heavy fore": (405, 25, 20000, 290),
+    "heavy aft": (405, 36, 20000, 290),
+    "low slow": (200, 30, 2000, 160),
+    "low fast": (260, 30, 5000, 340),
+    "high slow": (200, 30, 36000, 200),
+    "high fast": (260, 30, 36000, 270),
+    "heavy low fast": (405, 30, 5000, 340),
+}
+POINTS = SIX | CORNERS
+KINDS = ("cruise", "aoa_protection", "nose_up", "pitch_protection", "coordinated_turn", "yaw_angle", "nz_doublet",
+         "three_two_one_one")  # fmt: skip
+LAW = ("de_cmd", "da_cmd", "dr_cmd", "stab_cmd", "throttle_cmd", "protection", "alpha_lim", "n_c")
+TRUTH = ("alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "cas", "h", "hdot", "nz", "de_li", "da_l", "dr", "stab")
+KT, FT = 1852.0 / 3600.0, 0.3048
+
+
+def scenario(point="sun13", kind="cruise", **more):
+    """Return a scenario at `point` without detectors; `more` are keys with "__" for the dot."""
+    mass, cg, altitude, cas = POINTS[point]
+    values = {
+        "flight.mass_t": mass, "flight.cg_pct": cg, "flight.altitude_ft": altitude, "flight.cas_kt": cas,
+        "flight.turbulence": "none", "manoeuvre.kind": kind, "detectors.enabled": [], "duration_s": 40.0,
+    }  # fmt: skip
+    values |= {key.replace("__", "."): value for key, value in more.items()}
+    return cosim.load_scenario("cruise", [f"{k}={v}" for k, v in values.items()])
+
+
+class Flown:
+    """A flown scenario: each named signal is an attribute, `t` [s], `status`, `setup`."""
+
+    def __init__(self, names, rows, dt, status, setup):
+        self.status, self.setup = status, setup
+        self.t = np.arange(len(rows)) * dt
+        for name, column in zip(names, rows.T):
+            setattr(self, name, column)
+
+
+def fly(s, *more, change=None):
+    """Fly `s` and return a Flown with TRUTH and LAW, and the last two parts of `more`, joined by "_".
+
+    `change(setup)` may alter parameters before the first tick.
+    """
+    setup = build(s)
+    if change:
+        change(setup)
+    bus = setup.loop.bus
+    full = [f"truth.aircraft.{n}" for n in TRUTH] + [f"law.law.{n}" for n in LAW] + list(more)
+    names = [*TRUTH, *LAW, *("_".join(n.split(".")[1:]) for n in more)]
+    index = np.array([bus.index(n) for n in full])
+    rows, status = np.empty((s.ticks, len(index))), "completed"
+    for k in range(s.ticks):
+        tick(setup.loop, k, lambda v: None)
+        rows[k] = setup.loop.v[index]
+        if k % CHECK_EVERY == 0 and (bad := health(setup.loop.truth)[0]):
+            rows, status = rows[: k + 1], bad
+            break
+    return Flown(names, rows, setup.loop.dt, status, setup)
+
+
+def deg(x):
+    """Return degrees."""
+    return np.degrees(x)
+
+
+def wrapped(psi):
+    """Return an angle within half a turn [rad]."""
+    return (psi + math.pi) % (2 * math.pi) - math.pi

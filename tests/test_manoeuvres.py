@@ -1,0 +1,162 @@
+"""Manoeuvres: what each is for happens, at every point, and nothing departs without a fault.
+
+`pytest -m slow -s tests/test_manoeuvres.py -k table` prints the table of all of them.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from flown import CORNERS, FT, KINDS, KT, POINTS, SIX, deg, fly, scenario, wrapped
+
+
+def pulled(point, **more):
+    """Fly full back-stick from 5 to 25 s; return the flight and alpha above `alpha_lim` and alpha_max [rad]."""
+    f = fly(scenario(point, "aoa_protection", duration_s=26.0, **more))
+    most = f.setup.loop.law.p["alpha_max"][0]
+    return f, f.alpha - f.alpha_lim, f.alpha - most
+
+
+@pytest.mark.parametrize("point", SIX)
+def test_full_back_stick_holds_the_limit_that_binds(point):
+    """Alpha within 1 deg of `alpha_lim` from 5 s after the pull on, never 2 deg above it or above alpha_max."""
+    f, off, above = pulled(point)
+    late = (f.t > 10.0) & (f.t < 25.0)
+    assert f.status == "completed"
+    assert deg(np.abs(off[late]).max()) < 1.0
+    assert deg(off[f.t > 5.0].max()) < 2.0 and deg(above.max()) < 2.0
+    assert f.nz.max() < 2.7  # 2.5 g is demanded, 8 % beyond it in the first second
+    assert deg(f.theta.max()) < 31.5
+
+
+def test_alpha_limit_itself_binds_where_its_load_factor_is_small():
+    """At point C (1.33 g at the limit) alpha stands at alpha_max from 5 s on to the end of the pull."""
+    f, _, above = pulled("C")
+    late = (f.t > 10.0) & (f.t < 25.0)
+    assert deg(np.abs(above[late]).max()) < 1.0
+    assert set(f.protection[late]) == {1.0}
+
+
+@pytest.mark.parametrize(("point", "cas"), [("sun13", 150), ("A", 170), ("B", 175), ("E", 190), ("D", 235)])
+def test_alpha_limit_itself_binds_in_a_pull_from_a_lower_speed(point, cas):
+    """The same aircraft at 1.2 to 1.4 times its stall speed: alpha_max is reached and kept as at point C."""
+    f, _, above = pulled(point, flight__cas_kt=cas)
+    late = (f.t > 10.0) & (f.t < 25.0)
+    assert f.status == "completed"
+    assert deg(np.abs(above[late]).max()) < 1.0 and deg(above.max()) < 2.0
+
+
+def banked(point, seed, turbulence="light"):
+    return fly(scenario(point, "coordinated_turn", duration_s=75.0, flight__turbulence=turbulence, seed=seed))
+
+
+def stays(f, feet):
+    turning = (f.t > 15.0) & (f.t < 65.0)
+    assert f.status == "completed"
+    assert np.abs(f.h - f.h[0]).max() < feet * FT
+    assert np.abs(f.cas - f.cas[0])[turning].mean() < 5.0 * KT
+    assert abs(deg(f.phi[turning].mean()) - 30.0) < 1.0
+
+
+@pytest.mark.parametrize(("point", "seed"), [("sun13", 1), ("A", 2), ("C", 3)])
+def test_turn_at_30_degrees_in_light_turbulence_keeps_its_altitude(point, seed):
+    stays(banked(point, seed), 50.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("point", SIX)
+def test_ten_turns_at_30_degrees_in_light_turbulence_keep_their_altitude(point):
+    for seed in range(10):
+        f = banked(point, seed)
+        stays(f, 50.0)
+        print(f"{point} seed {seed}: {(f.h.min() - f.h[0]) / FT:+.0f} to {(f.h.max() - f.h[0]) / FT:+.0f} ft")
+
+
+@pytest.mark.parametrize("point", ["sun13", "A", "C"])
+def test_bank_is_reached_without_overshoot_and_without_sideslip(point):
+    f = fly(scenario(point, "coordinated_turn", sensors__noise_scale=0.0))
+    assert 29.0 < deg(f.phi.max()) < 30.6
+    assert deg(np.abs(f.beta).max()) < 0.3
+    assert np.abs(f.h - f.h[0]).max() < 25 * FT
+
+
+@pytest.mark.parametrize(("point", "heading"), [("B", 10.0), ("C", -10.0), ("sun13", -170.0)])
+def test_heading_is_captured_across_north_without_overshoot(point, heading):
+    f = fly(scenario(point, "yaw_angle", manoeuvre__heading_deg=heading, duration_s=50.0 + 0.9 * abs(heading)))
+    psi = deg(np.unwrap(f.psi))
+    psi = (psi - psi[0]) * np.sign(heading)
+    assert abs(psi[-1] - abs(heading)) < 0.3
+    assert psi.max() < abs(heading) + 0.3 and psi.min() > -0.3
+    assert deg(np.abs(f.phi).max()) < 26.5
+    assert np.abs(f.h - f.h[0]).max() < 25 * FT and np.abs(f.cas - f.cas[0]).max() < 4 * KT
+
+
+def test_bank_that_ailerons_or_wing_cannot_hold_is_not_flown():
+    slow = fly(scenario("low slow", "coordinated_turn", duration_s=60.0))  # 160 kt clean: 20 deg of aileron hold 18 deg
+    steep = fly(scenario("C", "coordinated_turn", duration_s=60.0, manoeuvre__bank_deg=60.0))  # 1.33 g at the limit
+    for f, most in ((slow, 16.0), (steep, 39.0)):
+        assert f.status == "completed"
+        assert deg(f.phi.max()) < most
+        assert np.abs(f.h - f.h[0]).max() < 50 * FT
+
+
+def test_pitch_protection_stops_the_nose_at_30_degrees():
+    f = fly(scenario("sun13", "pitch_protection", duration_s=35.0, manoeuvre__duration_s=25.0))
+    assert 2.0 in f.protection
+    assert 28.0 < deg(f.theta.max()) < 31.0
+
+
+def test_speed_and_altitude_holds_keep_a_long_turn():
+    f = fly(scenario("D", "coordinated_turn", duration_s=120.0, manoeuvre__duration_s=100.0))
+    turning = (f.t > 50.0) & (f.t < 100.0)
+    assert np.abs(f.cas - f.cas[0])[turning].max() < 1.0 * KT
+    assert np.abs(f.h - f.h[0])[turning].max() < 5 * FT
+    assert np.ptp(f.throttle_cmd[turning]) < 0.03
+
+
+def test_engine_out_is_trimmed_by_the_rudder():
+    for point, swing in (("sun13", 3.0), ("C", 10.0)):  # at C the ailerons reach their stop
+        f = fly(scenario(point, duration_s=60.0, faults__0__target="engine.4", faults__0__kind="thrust_loss",
+                         faults__0__loss_pct=100.0, faults__0__start_s=5.0))  # fmt: skip
+        late = f.t > 55.0
+        assert f.status == "completed"
+        assert deg(np.abs(f.phi).max()) < swing and deg(np.abs(f.phi[late]).max()) < 1.0
+        assert deg(np.abs(f.beta).max()) < 1.5 and deg(np.abs(f.beta[late]).max()) < 0.2
+        assert f.dr[late].min() > math.radians(0.5)  # left rudder against the dead right engine
+        assert abs(deg(wrapped(f.psi[-1]))) < 10.0
+
+
+HEAD = "point, manoeuvre, air: n_z [g], alpha (limit), theta, phi [deg], altitude [ft], CAS [kt], status"
+
+
+def row(point, kind, air, f):
+    most = deg(f.setup.loop.law.p["alpha_max"][0])
+
+    def span(x, unit=1.0, digits=1):
+        return f"{x.min() / unit:.{digits}f}..{x.max() / unit:.{digits}f}"
+
+    angles = f"{span(deg(f.alpha)):11s} ({most:.1f}) {span(deg(f.theta)):13s}{span(deg(f.phi)):12s}"
+    path = f"{span(f.h - f.h[0], FT, 0):13s}{span(f.cas, KT, 0)}"
+    return f"{point:15s}{kind:18s}{air:9s} {span(f.nz, digits=2):13s}{angles}{path} {f.status}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("air", ["none", "moderate"])
+@pytest.mark.parametrize("point", POINTS)
+def test_table_of_all_manoeuvres_none_departs(point, air):
+    rows = [HEAD]
+    for kind in KINDS:
+        f = fly(scenario(point, kind, duration_s=60.0, flight__turbulence=air, seed=3))
+        rows.append(row(point, kind, air, f))
+        if air == "none":
+            assert (f.alpha <= f.setup.loop.law.p["alpha_max"][0] + math.radians(2.0)).all(), rows[-1]
+            assert f.nz.max() < 2.75, rows[-1]
+        assert f.status == "completed", rows[-1]
+    print("\n" + "\n".join(rows))
+
+
+@pytest.mark.parametrize("point", ["light aft", "heavy fore", "low fast", "high fast"])
+def test_corner_flies_a_hard_pull_in_moderate_turbulence(point):
+    assert point in CORNERS
+    f = fly(scenario(point, "aoa_protection", duration_s=35.0, flight__turbulence="moderate", seed=4))
+    assert f.status == "completed"
