@@ -61,7 +61,7 @@ def _source(path):
 
 
 @functools.cache
-def _closure(path):
+def closure(path):
     """Return the set of our source files that `path` imports, directly or not, itself included."""
     seen, todo = set(), [path]
     while todo:
@@ -80,7 +80,7 @@ def _closure(path):
 def _cache_dir(path):
     """Name a cache folder by the sources a kernel is compiled from: Numba itself misses a change in a callee's file."""
     digest = hashlib.sha256(numba.__version__.encode())
-    for source in sorted(_closure(path)):
+    for source in sorted(closure(path)):
         digest.update(_source(source))
     base = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     for root in (Path(base), Path(tempfile.gettempdir())):

@@ -20,6 +20,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from actuators.block import closure
 from cosim.errors import CosimError, OutputError
 
 ROWS = pa.schema(
@@ -62,8 +63,7 @@ TIMING = pa.schema(
         ("step_us", pa.float64()),
     ]
 )
-FLYING = ("actuators", "fdi", "aircraft", "cosim")  # what decides about a row
-APART = ("campaign", "cli", "compare", "metrics", "report", "bench", "reproduce")  # ... except these modules of cosim
+FLYING = ("actuators", "fdi", "aircraft")  # with what cosim.simulate imports: what decides about a row
 
 
 class CampaignError(CosimError):
@@ -76,14 +76,10 @@ def fingerprint():
     from importlib.metadata import version
 
     root, digest = Path(__file__).resolve().parents[1], hashlib.sha256()
-    for package in FLYING:
-        for path in sorted((root / package).rglob("*")):
-            inside = path.relative_to(root).as_posix()
-            if path.suffix not in (".py", ".json", ".npz", ".xml") or inside.startswith(
-                tuple(f"cosim/{a}" for a in APART)
-            ):
-                continue
-            digest.update(inside.encode() + path.read_bytes())
+    files = {p for name in FLYING for p in (root / name).rglob("*") if p.suffix in (".py", ".json", ".npz", ".xml")}
+    files |= closure(root / "cosim" / "simulate.py") | set((root / "cosim" / "scenario").glob("*.py"))
+    for path in sorted(files):
+        digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
     versions = {name: version(name) for name in ("jsbsim", "numpy", "scipy", "numba")}
     return {"digest": digest.hexdigest()[:16], "versions": versions}
 

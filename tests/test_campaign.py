@@ -223,3 +223,17 @@ def test_rows_survive_being_there_twice(tmp_path):
     store.consolidate(store.rows())
     assert len(list((tmp_path / "parts").glob("rows-*"))) == 1
     assert Store(tmp_path, scenarios).finished == {"a", "b"}
+
+
+@pytest.mark.slow
+def test_two_workers_are_at_least_1_8_times_as_fast_as_one():
+    """Measure on a quiet machine with two cores; the pools' start is paid before the clock runs."""
+    scenarios = [load_scenario("cruise", ["duration_s=60", f"seed={1_000_000 + i}"]) for i in range(40)]
+    took = {}
+    for workers in (1, 2):
+        with campaign_pool.pool(workers) as executor:
+            run_many([load_scenario("cruise", ["duration_s=1", f"seed={i}"]) for i in range(8)], executor=executor)
+            begin = time.perf_counter()
+            run_many(scenarios, executor=executor, workers=workers)
+            took[workers] = time.perf_counter() - begin
+    assert took[1] / took[2] >= 1.8, took
