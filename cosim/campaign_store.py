@@ -142,12 +142,7 @@ class Store:
     def rows(self):
         """Return every row as a frame, in the order of the scenarios, with the scenario's columns."""
         found = _read(self.out, "rows") if self.out else pa.Table.from_pylist(self._rows, ROWS).to_pandas()
-        if found is None:
-            found = ROWS.empty_table().to_pandas()
-        found = found.drop_duplicates(["run", "lane"])
-        about = self.scenarios.drop(columns="toml")
-        merged = about.merge(found, on="run", how="inner").sort_values(["order", "lane"], kind="stable")
-        return merged.reset_index(drop=True)
+        return _joined(self.scenarios, ROWS.empty_table().to_pandas() if found is None else found)
 
     def timing(self):
         """Return what the clock measured: run, id (null for the whole run), wall_time_s, startup_s, step_us."""
@@ -170,6 +165,12 @@ class Store:
                     if p != merged:
                         p.unlink()
         return self.out / "runs.parquet"
+
+
+def _joined(scenarios, found):
+    about = scenarios.drop(columns="toml")
+    merged = about.merge(found.drop_duplicates(["run", "lane"]), on="run", how="inner")
+    return merged.sort_values(["order", "lane"], kind="stable").reset_index(drop=True)
 
 
 def _read(out, kind):
@@ -202,10 +203,15 @@ def _replace(path, make):
 
 
 def load(folder):
-    """Return (rows, timing) of a campaign folder as frames; raises CampaignError when it is none."""
+    """Return (rows, timing) of a campaign folder as frames: of one that was killed, what was finished by then.
+
+    Raises CampaignError when the folder holds no finished run.
+    """
     folder = Path(folder)
-    if not (folder / "runs.parquet").is_file():
-        near = "Finish it with --resume" if (folder / "scenarios.parquet").is_file() else "`cosim campaign` makes one"
-        raise CampaignError("is no finished campaign", place=str(folder), remedy=near)
-    timing = folder / "timing.parquet"
-    return pd.read_parquet(folder / "runs.parquet"), pd.read_parquet(timing) if timing.is_file() else None
+    if (folder / "runs.parquet").is_file():
+        timing = folder / "timing.parquet"
+        return pd.read_parquet(folder / "runs.parquet"), pd.read_parquet(timing) if timing.is_file() else None
+    found = _read(folder, "rows")
+    if found is None:
+        raise CampaignError("holds no run of a campaign", place=str(folder), remedy="`cosim campaign` makes one")
+    return _joined(pd.read_parquet(folder / "scenarios.parquet"), found).assign(kept=""), _read(folder, "timing")

@@ -2,6 +2,7 @@
 
 import concurrent.futures as cf
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -207,11 +208,14 @@ def test_rules_choose_the_worst_first_per_detector():
     assert choose(frame, {"residual": 1}) == {"c": ["residual"], "d": ["residual"]}
 
 
-def test_load_says_what_a_folder_is_not(tmp_path, flown):
-    with pytest.raises(CampaignError, match="no finished campaign"):
+def test_load_reads_a_campaign_finished_or_not(tmp_path, flown):
+    with pytest.raises(CampaignError, match="holds no run"):
         load(tmp_path)
     rows, timing = load(flown[1])
     assert len(rows) == 31 and {"wall_time_s", "step_us"} <= set(timing.columns)
+    shutil.copytree(flown[1], tmp_path / "killed")
+    (tmp_path / "killed" / "runs.parquet").unlink()
+    pd.testing.assert_frame_equal(load(tmp_path / "killed")[0], rows, check_dtype=False)
 
 
 def test_rows_survive_being_there_twice(tmp_path):
