@@ -15,18 +15,21 @@ from pathlib import Path
 
 import numpy as np
 
+from cosim.bench_log import log_costs
 from cosim.scenario import load_scenario
 
 ROUNDS = 15
 TICKS = 1000  # of a round: 5 s of flight
 SAMPLE_TICKS = 2000  # of inputs recorded for the detectors
 MEMORY_FLIGHT_S = 600
+LONG = "long.mcap"  # the flight of that length
 
 
 def bench(*, rounds=ROUNDS, memory=True, progress=None):
     """Return {cases: [{name, us_per_tick, against, ratio, spread}], realtime_factor, detectors, startup_s, peak_mb}.
 
-    `memory=False` leaves the ten-minute flight out (peak_mb None). `progress(done, total)` is called between the parts.
+    `recorded` are the costs of the ten-minute log (cosim.bench_log). `memory=False` leaves that flight out (both
+    None). `progress(done, total)` is called between the parts.
     """
     done = progress or (lambda done, total: None)
     total = rounds + 3
@@ -38,6 +41,7 @@ def bench(*, rounds=ROUNDS, memory=True, progress=None):
         startup = _startup(folder)
         done(rounds + 2, total)
         peak = _peak_mb(folder) if memory else None
+        recorded = log_costs(Path(folder) / LONG) if memory else None
         done(total, total)
     return {
         "cases": cases,
@@ -46,6 +50,7 @@ def bench(*, rounds=ROUNDS, memory=True, progress=None):
         "startup_s": startup["run_s"],
         "startup": startup,
         "peak_mb": peak,
+        "recorded": recorded,
         "memory_flight_s": MEMORY_FLIGHT_S,
         "cores": os.cpu_count(),
     }
@@ -186,7 +191,7 @@ def _peak_mb(folder):
     """Return the peak resident memory [MB] of a process that flies and logs ten minutes with every detector."""
     if not hasattr(os, "wait4"):
         return None
-    log = str(Path(folder) / "long.mcap")
+    log = str(Path(folder) / LONG)
     args = _command("run", "cruise", "--json", "--set", f"duration_s={MEMORY_FLIGHT_S}", "-o", log)
     with subprocess.Popen(args, stdout=subprocess.PIPE) as process:
         assert process.stdout is not None

@@ -164,9 +164,12 @@ def bench(found):
     for r in found["cases"]:
         spread = NOTHING if r["spread"] is None else f"{100 * r['spread']:.0f} %"
         t.add_row(r["name"], number(r["us_per_tick"]), number(r["ratio"]), spread, r["against"] or "")
-    d = table("Detectors, per step and lane", "detector", "lanes>", "live µs>", "batch µs>")
+    recorded = found.get("recorded")
+    again = recorded["replay_us"] if recorded else {}
+    d = table("Detectors, per step and lane", "detector", "lanes>", "live µs>", "batch µs>", "replay µs>")
     for r in found["detectors"]:
-        d.add_row(r["id"], str(r["lanes"]), number(r["live_us"]), number(r["batch_us"]))
+        costs = (r["live_us"], r["batch_us"], again.get(r["id"]))
+        d.add_row(r["id"], str(r["lanes"]), *map(number, costs))
     rate, start = found["realtime_factor"], found["startup"]
     all_, minutes = f"{rate['with_detectors']:.0f} x", found["memory_flight_s"] / 60
     lines = [
@@ -174,6 +177,14 @@ def bench(found):
         f"warm start     {start['run_s']:.2f} s for a run of 1 s; help {start['help_s']:.2f} s",
         f"peak memory    {number(found['peak_mb'], 0)} MB in a flight of {minutes:.0f} minutes",
     ]
+    if recorded:
+        r = recorded
+        lines += [
+            f"reading        {r['open_s'] + r['frames_s']:.2f} s for {r['minutes']:.0f} minutes of every signal "
+            f"({r['values_mb']:.0f} MB of numbers) into pandas, one topic {r['topic_s']:.2f} s",
+            f"replay         {r['detectors_realtime']:.0f} x real time for every detector, "
+            f"{r['replay_realtime']:.0f} x with reading and comparing",
+        ]
     return Group(t, d, Text("\n".join(lines)))
 
 

@@ -2,8 +2,8 @@
 
 The library spends 4 us per message in Python; here numpy places all messages of a chunk at once. Inside a chunk the
 messages of one topic follow one another (topic after topic, then the tail of irregular messages), so each topic is a
-strided view: (message, field) -> the eight bytes of a double. All else is known beforehand, from the first tick and the
-number of ticks; the reader compares that part byte for byte.
+strided view: (message, field) -> the eight bytes of a double. All else is known beforehand, from the first tick and
+the number of ticks; the reader compares that part byte for byte.
 """
 
 from functools import lru_cache
@@ -62,15 +62,41 @@ class Layout:
             self.topics.append((channel, every, np.frombuffer(head.tobytes() + body, "u1"), runs))
         self._rates = sorted({every for _, _, every in topics})
         self._plan = lru_cache(maxsize=16)(self._make)
+        self._counts, self._heads = lru_cache(maxsize=64)(self._count), lru_cache(maxsize=64)(self._head)
+
+    def _phases(self, k0):
+        return tuple(-k0 % every for every in self._rates)
 
     def counts(self, k0, n):
         """Return ({channel id: rows}, content size in bytes) of the ticks k0 <= k < k0 + n, tail not included."""
-        rows = {c: len(range(-k0 % every, n, every)) for c, every, _, _ in self.topics}
+        return self._counts(n, self._phases(k0))
+
+    def _count(self, n, phases):
+        first = dict(zip(self._rates, phases))
+        rows = {c: len(range(first[every], n, every)) for c, every, _, _ in self.topics}
         return {c: m for c, m in rows.items() if m}, sum(rows[c] * len(t) for c, _, t, _ in self.topics)
+
+    def index_heads(self, k0, n):
+        """Return (size, positions, bytes, {channel id: offset}) of the heads of the message indexes of n ticks from
+        k0.
+
+        The message indexes of the samples take `size` bytes; their heads stand at `positions` and must be `bytes`.
+        """
+        return self._heads(n, self._phases(k0))
+
+    def _head(self, n, phases):
+        counts, _ = self._count(n, phases)
+        heads = np.zeros(len(counts), INDEX_HEAD)
+        rows = np.array(list(counts.values()), np.int64)
+        heads["op"], heads["channel"], heads["bytes"], heads["length"] = 7, list(counts), 16 * rows, 16 * rows + 6
+        ends = np.cumsum(INDEX_HEAD.itemsize + 16 * rows)
+        starts = ends - INDEX_HEAD.itemsize - 16 * rows
+        places = starts[:, None] + np.arange(INDEX_HEAD.itemsize)
+        return int(ends[-1]), places.ravel(), heads.view("u1"), dict(zip(counts, starts.tolist()))
 
     def plan(self, k0, n):
         """Return the Plan of n ticks from k0; the same object serves every chunk of that length and phase."""
-        return self._plan(n, tuple(-k0 % every for every in self._rates))
+        return self._plan(n, self._phases(k0))
 
     def _make(self, n, phases):
         return Plan(self, n, dict(zip(self._rates, phases)))
@@ -100,7 +126,7 @@ class Plan:
             size += content[-1].size
             index_size += index[-1].size
         self.size = size
-        self._index, self._fixed = np.concatenate(index), None
+        self._index, self._fixed, self._read = np.concatenate(index), None, None
         self._index_times = [
             (b.every, np.ndarray((b.rows,), "<u8", self._index, b.entries, (16,))) for b in self.blocks.values()
         ]
@@ -149,14 +175,36 @@ class Plan:
             shape = (block.rows, fields.stop - fields.start)
             yield fields, np.ndarray(shape, "<f8", content, block.start + offset, (block.stride, step))
 
-    def differs(self, content, k0):
-        """Return the offset of the first byte of `content` that is no value and not as it must be, or None."""
+    def views(self, content, numbers):
+        """Return {topic number: [(slice of fields, (row, field) view of float64)]} of a copy of those topics.
+
+        The copy is the plan's own and lasts until the next call: making the views anew would cost more than copying.
+        """
+        if self._read is None:
+            self._read = np.empty(self.size, "u1")
+            self._read_slots = {number: list(self.values(self._read, number)) for number in self.blocks}
+        for part in map(self._slice, numbers) if 3 * len(numbers) < len(self.blocks) else [slice(0, self.size)]:
+            self._read[part] = content[part]
+        return self._read_slots
+
+    def differs(self, content, k0, numbers=None):
+        """Return the offset of the first byte of `content` that is no value and not as it must be, or None.
+
+        With `numbers` only those topics are looked at.
+        """
         if self._fixed is None:
             self._fixed = np.full(self.size, 0xFF, "u1")
             for number in self.blocks:
                 for _, view in self.values(self._fixed, number):
                     view[:] = 0.0
             self._masked = np.empty(self.size, "u1")
-        np.bitwise_and(content[: self.size], self._fixed, out=self._masked)
         expected = self.template(k0)[: self.size]
-        return None if np.array_equal(self._masked, expected) else int((self._masked != expected).argmax())
+        for part in [slice(0, self.size)] if numbers is None else map(self._slice, numbers):
+            masked = np.bitwise_and(content[part], self._fixed[part], out=self._masked[part])
+            if not np.array_equal(masked, expected[part]):
+                return part.start + int((masked != expected[part]).argmax())
+        return None
+
+    def _slice(self, number):
+        block = self.blocks.get(number)
+        return slice(block.start, block.start + block.rows * block.stride) if block else slice(0, 0)

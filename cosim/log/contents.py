@@ -4,6 +4,7 @@ import io
 import struct
 from dataclasses import dataclass, field
 
+import numpy as np
 from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
@@ -173,6 +174,22 @@ class Contents:
             raise ValueError(f"channel {channel} is unknown or indexed twice")
         chunk.index_offsets[channel], chunk.index_counts[channel] = at, size // 16
         chunk.index_length += 9 + length
+
+    def indexes(self, file, stop):
+        """Take all message indexes of the last chunk's samples at once; return their size, 0 where it cannot be."""
+        chunk = self.chunks[-1]
+        at = chunk.offset + chunk.length
+        size, places, heads, offsets = self.layout.index_heads(*self.ticks(chunk))
+        if at + size > stop or self.records + len(offsets) > self.limits.records:
+            return 0
+        file.seek(at)
+        block = np.frombuffer(file.read(size), "u1")
+        if len(block) < size or not np.array_equal(block[places], heads):
+            return 0
+        chunk.index_offsets = {channel: at + offset for channel, offset in offsets.items()}
+        chunk.index_counts = dict(self.layout.counts(*self.ticks(chunk))[0])
+        chunk.index_length, self.records = size, self.records + len(offsets)
+        return size
 
     def ticks(self, chunk):
         """Return (first tick, number of ticks) of a chunk."""

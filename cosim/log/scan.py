@@ -136,12 +136,14 @@ def _walk(out, file, at, stop):
             if not out.tolerant or opcode in _VITAL:
                 raise log_error(problem, out.path, at) from error
             out.damage.append(Damage(at, 9 + length, problem))
+        at += 9 + length
         if opcode in LARGE:
             digest = None
-            file.seek(at + 9 + length)
+            if opcode == Opcode.CHUNK and not out.tolerant:
+                at += out.indexes(file, stop)
+            file.seek(at)
         elif digest is not None:
             digest.update(head + body)
-        at += 9 + length
     out.place = at
 
 
