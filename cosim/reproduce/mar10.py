@@ -46,7 +46,7 @@ def _structure():
 
 
 def _vehicle():
-    """Inject a fault of each input into the vehicle with the talk's pattern: each residual moves as its signature says."""
+    """Inject a fault of each input into the vehicle: each residual moves as its signature says."""
     u = np.array([0.02, -0.03, 0.01, 0.6])
     f = VEHICLE @ u
     quiet = max(abs(r) for _, _, r in redundancy_structure.residuals(f, VEHICLE, u))
@@ -79,13 +79,25 @@ def _aircraft():
     missing = redundancy_structure.undefined(own)
     reason = "no aileron force, no rudder or aileron drag in the aircraft's XML: " + missing[0][1]
     yield judged(
-        "mar10", "slide 10, this aircraft: residuals of the 27 that are defined", "27", 27 - len(missing), 27, 27,
-        reason=reason, evidence="cosim reproduce mar10 --json",
-    )  # fmt: skip
+        "mar10",
+        "slide 10, this aircraft: residuals of the 27 that are defined",
+        "27",
+        27 - len(missing),
+        27,
+        27,
+        reason=reason,
+        evidence="cosim reproduce mar10 --json",
+    )
     yield judged(
-        "mar10", "slide 10, this aircraft: signatures", "8", len(redundancy_structure.signatures(own)), 8, 8,
-        reason=reason, evidence="cosim reproduce mar10 --json",
-    )  # fmt: skip
+        "mar10",
+        "slide 10, this aircraft: signatures",
+        "8",
+        len(redundancy_structure.signatures(own)),
+        8,
+        8,
+        reason=reason,
+        evidence="cosim reproduce mar10 --json",
+    )
 
 
 def _scenarios():
@@ -102,10 +114,14 @@ def _scenarios():
                 "evidence": "cosim reproduce mar10 --json",
             }
             yield judged(
-                "mar10", f"scenario {number} ({names}), {label}: draws with the right effectors in order [%]",
-                'slides 13 to 15: detected and isolated; slide 17: "acceptable robustness" at +-5 %', right, 95, 100,
+                "mar10",
+                f"scenario {number} ({names}), {label}: draws with the right effectors in order [%]",
+                'slides 13 to 15: detected and isolated; slide 17: "acceptable robustness" at +-5 %',
+                right,
+                95,
+                100,
                 **({} if i == 0 else explain),
-            )  # fmt: skip
+            )
         extra = sum(o.extra > 0 for o in out[0, number])
         yield judged(
             "mar10", f"scenario {number}: draws with a further declaration", "none is shown", extra, 0, 0.05 * DRAWS
@@ -123,7 +139,7 @@ def _identified():
 
 
 def _robustness():
-    """Slide 16: what a 5 % error on g_12 leaves of an elevator deflection in the thrust residual that should not see it."""
+    """Slide 16: what a 5 % error on g_12 leaves of an elevator deflection in a thrust residual that is blind to it."""
     g = np.array(VEHICLE)
     family = next(f for f in redundancy_structure.families(g != 0) if f.signature == (1, 0, 0, 1))
     wrong = g.copy()
