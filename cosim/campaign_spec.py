@@ -106,15 +106,15 @@ class Campaign:
 
 def scenario_of(base, chosen, place):
     """Return (Scenario, {label: name}) of `base` with `chosen` keys; a table sets several, and perhaps has a name."""
-    values: dict = {}
+    pairs: list = []  # in order: a later kind drops the numbers of an earlier one
     names = {}
     for key, value in chosen.items():
         several = dict(value) if isinstance(value, dict) else {key: value}
         if isinstance(value, dict) and "name" in several:
             names[key] = several.pop("name")
-        values |= several
+        pairs += several.items()
     try:
-        return parse(apply(base, [f"{k}={json.dumps(v)}" for k, v in values.items()]), place=place), names
+        return parse(apply(base, [f"{k}={json.dumps(v)}" for k, v in pairs]), place=place), names
     except CosimError as error:
         error.place = error.place if error.place.startswith(place) else f"{place}: {error.place}".replace("--set ", "")
         raise
