@@ -142,9 +142,9 @@ def linear(found, scenario):
     m = table(
         "Modes of the bare airframe",
         "mode",
-        "frequency rad/s>",
+        "wn, rad/s>",
         "damping>",
-        "period or time constant s>",
+        "period or tau, s>",
         "eigenvalue 1/s>",
     )
     for r in found["modes"]:
