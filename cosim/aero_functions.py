@@ -19,7 +19,7 @@ import numpy as np
 AXES = ("LIFT", "DRAG", "SIDE", "ROLL", "PITCH", "YAW")
 METRICS = {"wingarea": "metrics/Sw-sqft", "wingspan": "metrics/bw-ft", "chord": "metrics/cbarw-ft"}
 _ONE = {"sin": np.sin, "cos": np.cos, "tan": np.tan, "abs": np.abs, "exp": np.exp, "sqrt": np.sqrt, "ln": np.log}
-_MANY = {"product": operator.mul, "sum": operator.add, "min": np.minimum, "max": np.maximum}
+_MANY: dict = {"product": operator.mul, "sum": operator.add, "min": np.minimum, "max": np.maximum}
 _TWO = {"quotient": operator.truediv, "pow": operator.pow}
 
 
@@ -30,11 +30,12 @@ class AeroFunctions:
         """Parse <folder>/<name>.xml and the aerodynamics and systems files that it names."""
         folder = Path(folder)
         self.root = ElementTree.parse(folder / f"{folder.name}.xml").getroot()
-        self.defaults = {METRICS[k]: float(self.root.find(f"metrics/{k}").text) for k in METRICS}
+        self.defaults = {METRICS[k]: number(self.root, f"metrics/{k}") for k in METRICS}
         for system in self.root.iter("system"):
             tree = ElementTree.parse(folder / "Systems" / f"{system.get('file')}.xml").getroot()
-            self.defaults |= {p.text.strip(): float(p.get("value")) for p in tree.iter("property") if p.get("value")}
-        aero = self.root.find("aerodynamics")
+            given = [(p.text or "", p.get("value")) for p in tree.iter("property")]
+            self.defaults |= {name.strip(): float(value) for name, value in given if value}
+        aero = find(self.root, "aerodynamics")
         if aero.get("file"):
             aero = ElementTree.parse(folder / f"{aero.get('file')}.xml").getroot()
         self.functions = {f.get("name"): f for f in aero.iter("function")}
@@ -81,6 +82,19 @@ class AeroFunctions:
         if e.tag in _ONE and len(parts) == 1:
             return _ONE[e.tag](parts[0])
         raise ValueError(f"<{e.tag}> with {len(parts)} operands is not known here")
+
+
+def find(element, path):
+    """Return the child at `path`; ValueError when there is none."""
+    child = element.find(path)
+    if child is None:
+        raise ValueError(f"<{element.tag}> has no {path}")
+    return child
+
+
+def number(element, path):
+    """Return the number that the child at `path` holds."""
+    return float(find(element, path).text or "nan")
 
 
 def numbers_digest(folder):
@@ -134,7 +148,7 @@ def _place(axis, x):
 
 def _breakpoints(aero):
     """Return {property: sorted breakpoints of all tables over it}."""
-    out = {}
+    out: dict = {}
     for table in aero.iter("table"):
         names, axes, _ = _table(table)
         for name, axis in zip(names, axes):

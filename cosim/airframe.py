@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from cosim.aero_functions import AeroFunctions, _lookup, _table
+from cosim.aero_functions import AeroFunctions, _lookup, _table, find, number
 from fdi.force_model import VARIABLES, ForceModel
 
 FOLDER = Path(__file__).resolve().parent.parent / "aircraft" / "transport"
@@ -120,11 +120,12 @@ def _split(axis, variable, table, qbar):
 
 def _mass(root):
     """Return the radii of gyration squared [m2], from the empty aircraft: the loading keeps them."""
-    balance = root.find("mass_balance")
+    balance = find(root, "mass_balance")
     unit = {"KG*M2": 1.0, "SLUG*FT2": SLUG * FT**2}
-    mass = float(balance.find("emptywt").text) * {"KG": 1.0, "LBS": LB / G0}[balance.find("emptywt").get("unit")]
-    terms = [balance.find(k) for k in ("ixx", "iyy", "izz", "ixz")]
-    return {"gyration2": tuple(float(t.text) * unit[t.get("unit")] / mass for t in terms), "cg_ref": 0.25}
+    empty = {"KG": 1.0, "LBS": LB / G0}[find(balance, "emptywt").get("unit", "LBS")] * number(balance, "emptywt")
+    terms = ("ixx", "iyy", "izz", "ixz")
+    radii = (number(balance, k) * unit[find(balance, k).get("unit", "SLUG*FT2")] / empty for k in terms)
+    return {"gyration2": tuple(radii), "cg_ref": 0.25}
 
 
 def _propulsion(root, folder):
@@ -132,21 +133,21 @@ def _propulsion(root, folder):
     engines = root.findall("propulsion/engine")
     name = engines[0].get("file")
     tree = ElementTree.parse(folder / "Engines" / f"{name}.xml").getroot()
-    most = float(tree.find("milthrust").text) * LB
-    tables = {f.get("name"): _table(f.find("table")) for f in tree.iter("function")}
+    most = number(tree, "milthrust") * LB
+    tables = {f.get("name"): _table(find(f, "table")) for f in tree.iter("function")}
     mach, pressure = tables["MilThrust"][1]
     grid = np.meshgrid(mach, pressure, indexing="ij")
     mil, idle = (most * _lookup(tables[k][1], tables[k][2], grid) for k in ("MilThrust", "IdleThrust"))
-    reference = {axis.tag: float(axis.text) for axis in root.find("metrics/location[@name='AERORP']")}
+    reference = {axis.tag: float(axis.text or "nan") for axis in find(root, "metrics/location[@name='AERORP']")}
     positions = []
     for engine in engines:
-        location = engine.find("thruster/location")
-        unit = {"FT": FT, "IN": IN, "M": 1.0}[location.get("unit")]
-        x, y, z = (unit * float(location.find(k).text) for k in "xyz")
+        location = find(engine, "thruster/location")
+        unit = {"FT": FT, "IN": IN, "M": 1.0}[location.get("unit", "IN")]
+        x, y, z = (unit * number(location, k) for k in "xyz")
         positions.append([reference["x"] * IN - x, y - reference["y"] * IN, reference["z"] * IN - z])
-    pitch = math.radians(float(engines[0].find("thruster/orient/pitch").text))
+    pitch = math.radians(number(engines[0], "thruster/orient/pitch"))
     return {
         "thrust_mach": mach, "thrust_p": pressure * PSF, "idle": idle, "mil": mil, "engine": np.array(positions),
-        "n1_idle": float(tree.find("idlen1").text), "n1_max": float(tree.find("maxn1").text),
+        "n1_idle": number(tree, "idlen1"), "n1_max": number(tree, "maxn1"),
         "thrust_axis": (math.cos(pitch), 0.0, -math.sin(pitch)),
     }  # fmt: skip

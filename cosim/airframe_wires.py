@@ -20,7 +20,7 @@ _REDUNDANCY = (
 
 
 def _sensors(names):
-    out = {}
+    out: dict = {}
     for field, sensor in names.items():
         out |= {field: f"sensors.{sensor}.y_obs", f"{field}_valid": f"sensors.{sensor}.valid_obs"}
     return out

@@ -76,7 +76,8 @@ def sample(points, progress=None):
             refused.append((tuple(map(float, rho)), str(error)))
         if progress is not None:
             progress()
-    return Samples(*(np.array(column) for column in zip(*kept)), refused)
+    rho, A, B, C, D, trims = (np.array(column) for column in zip(*kept))
+    return Samples(rho, A, B, C, D, trims, refused)
 
 
 def _one(rho):

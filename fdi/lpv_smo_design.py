@@ -161,14 +161,14 @@ def verify(made):
     """
     n1 = made.L.shape[0]
     F_2 = np.vstack([np.zeros((made.W.shape[1] - len(made.F_o), len(made.F_o))), made.F_o])
-    worst, rates = -np.inf, []
+    worst, found = -np.inf, []
     for r in vertices(made.box):
         a = at(made.A, r)
         parts = _motion(a, made.M, made.y_from, made.a_f, made.delta_1, made.delta_2, n1)
         lmi = _lemma(np, parts, made.P1, made.P2, made.P1 @ made.L, made.W, made.a_f, made.gamma, made.storage)
         worst = max(worst, np.linalg.eigvalsh(lmi).max() / np.linalg.norm(lmi, 2))
-        rates.append(np.linalg.eigvals(a[:n1, :n1] + made.L @ a[n1:, :n1]).real)
-    rates = np.array(rates)
+        found.append(np.linalg.eigvals(a[:n1, :n1] + made.L @ a[n1:, :n1]).real)
+    rates = np.array(found)
     p_min = min(np.linalg.eigvalsh(P).min() for P in (made.P1, made.P2) if P.size)
     out = {
         "lmi": float(worst), "p_min": float(p_min), "pole_slowest": float(rates.max()),

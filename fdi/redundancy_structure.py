@@ -62,7 +62,7 @@ def families(structure, *, most=2):
 
 def signatures(structure):
     """Return {signature: number of residuals} of `families(structure)`, in order of appearance."""
-    out = {}
+    out: dict = {}
     for family in families(structure):
         out[family.signature] = out.get(family.signature, 0) + len(family.solved)
     return out
@@ -110,7 +110,7 @@ def residuals(f, G, u_c, structure=None):
     Returns [(Family, input solved for, value)], value in that input's unit. `structure` defaults to G != 0.
     """
     G = np.asarray(G, float)
-    out = []
+    out: list = []
     for family in families(G != 0 if structure is None else structure):
         c, _ = combination(G, family)
         r = c @ (np.asarray(f, float) - G @ np.asarray(u_c, float))

@@ -102,7 +102,7 @@ def _aircraft():
 
 def _scenarios():
     # raw: as published, no mean and no offset
-    options = ({}, {"t_learn": 0.0}, {"t_mean": 0.0, "t_learn": 0.0}, {"rows": "force+moment"})
+    options: tuple = ({}, {"t_learn": 0.0}, {"t_mean": 0.0, "t_learn": 0.0}, {"rows": "force+moment"})
     labels = ("mean and learned offset", "mean, no offset", "raw samples, no offset", "force and moment rows")
     out = flights.campaign(DRAWS, options=options)
     for number, truth in flights.TRUTH.items():

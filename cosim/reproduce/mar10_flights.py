@@ -98,7 +98,7 @@ def campaign(draws, *, options=({},), progress=None):
     """Fly each scenario `draws` times, judge with each set of detector `options`: {(set, number): [Outcome]}."""
     wires = airframe_wires.control_redundancy()
     sets = [detector(**kw) for kw in options]
-    out = {(i, n): [] for i in range(len(sets)) for n in NAMES}
+    out: dict = {(i, n): [] for i in range(len(sets)) for n in NAMES}
     for number in NAMES:
         for draw in range(draws):
             flown = fly(number, draw)
