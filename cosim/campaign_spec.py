@@ -97,7 +97,8 @@ class Campaign:
         for i, part in enumerate(self.parts):
             for chosen, label in part.values(self.sampling, self.seed + i):
                 n = len(made)
-                chosen = {"seed": self.first_seed + n} | chosen
+                if "seed" not in chosen:  # one that is drawn comes after the grid's, and wins
+                    chosen = {"seed": self.first_seed + n} | chosen
                 scenario, names = scenario_of(part.base, chosen, f"{self.name}, run {n}")
                 made.append(scenario)
                 labels.append(label | names)

@@ -90,6 +90,13 @@ def test_parts_share_what_stands_above_them(written):
     assert len({s.seed for s in scenarios}) == 6
 
 
+def test_what_is_drawn_wins_over_a_table_of_the_grid(written):
+    text = SMALL + "[grid]\npoint = [{'flight.mass_t' = 260, seed = 7, 'manoeuvre.kind' = 'nz_doublet'}]\n"
+    text += "then = [{'manoeuvre.kind' = 'cruise'}]\n[draw]\nseed = {low = 50, high = 60, integer = true}\n"
+    (scenario,), _ = load_campaign(written(text)).scenarios()
+    assert 50 <= scenario.seed <= 60 and scenario.manoeuvre.kind == "cruise" and scenario.flight.mass_t == 260
+
+
 def test_base_may_be_a_file_beside_the_campaign(written):
     written(
         "duration_s = 5.0\n[flight]\nmass_t = 222.0\ncg_pct = 30.0\naltitude_ft = 1e4\ncas_kt = 250.0\n", "own.toml"
