@@ -40,7 +40,8 @@ def log_costs(path):
 
 def _steps(log):
     """Return {id: [microseconds per tick of each lane]} on one span of the flight."""
-    wired, out = describe(log), {}
+    wired = describe(log)
+    out: dict = {}
     for w, lane in zip(wired, fill(log, wired, 0, SPAN)):
         (piece,) = pieces(lane)
         cost = _best(lambda piece=piece: run(piece, log.dt_ns * 1e-9))

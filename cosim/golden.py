@@ -73,7 +73,7 @@ def thin(path, out):
     """Copy of a log only what a replay of its detectors reads."""
     log = open_log(path)
     wired = describe(log)
-    fields = {}
+    fields: dict = {}
     for w in wired:
         for _, source, column in w.inputs:
             fields.setdefault(source, {})[column] = None
@@ -85,7 +85,15 @@ def thin(path, out):
             info, places = log.topics[name], [log.topics[name].fields.index(f) for f in names]
             units = [info.units[i] for i in places]
             topics.append(
-                Topic(name, names, units, np.arange(at, at + len(names)), info.every, info.group, info.description)
+                Topic(
+                    name,
+                    tuple(names),
+                    tuple(units),
+                    np.arange(at, at + len(names)),
+                    info.every,
+                    info.group,
+                    info.description,
+                )
             )
             values = np.zeros((log.n_ticks, len(names)))
             values[:: info.every] = log.array(name)[:, places]

@@ -30,7 +30,7 @@ def si_unit(source):
 
 def check(m, place):
     """Raise ReplayError for a signal of the map that no detector could read, or a unit that does not fit it."""
-    known = {}
+    known: dict = {}
     for spec in table.TABLE.values():
         for lane in SEGMENTS if spec.technologies else ("aircraft",):
             for technology in spec.technologies or ("",):
@@ -89,7 +89,7 @@ def sampled(signal, source, channel, t_0, dt, n, place):
     linear = (signal.resample or ("linear" if source.startswith(("sensors.", "hinge_model.")) else "hold")) == "linear"
     values, valid = resample(t, y, t_0, dt, n, linear=linear, max_gap=signal.max_gap_s)
     if flags is not None:
-        on, there = resample(*flags, t_0, dt, n, linear=False)
+        on, there = resample(flags[0], flags[1], t_0, dt, n, linear=False)
         valid = valid * ((on > 0.5) & (there > 0.0))
         values = np.where(valid > 0.0, values, np.nan)
     return values, valid

@@ -29,7 +29,7 @@ def topics(setup):
         if columns:
             fields = tuple(_field(c) for c, _ in columns)
             index = np.array([i for _, i in columns])
-            units = ("-" if name == "/noise" else unit(group, f) for f in fields)
+            units = tuple("-" if name == "/noise" else unit(group, f) for f in fields)
             out.append(Topic(name=name, fields=fields, units=units, index=index, every=every, group=group))
 
     add("/truth/aircraft", bus.columns("truth", "aircraft"), "truth")
@@ -102,7 +102,7 @@ def open_writer(setup, path):
         "trim": {k: repr(v) for k, v in vars(setup.trim).items() if isinstance(v, float)},
         "libraries": {"jsbsim": _version("jsbsim"), "numpy": np.__version__, "numba": _version("numba")},
     }
-    pose = Pose(*(loop.bus.index(f"truth.aircraft.{n}") for n in ("lat", "lon", "h", "phi", "theta", "psi")))
+    pose = Pose(**{n: loop.bus.index(f"truth.aircraft.{n}") for n in ("lat", "lon", "h", "phi", "theta", "psi")})
     writer = LogWriter(
         path,
         channels,

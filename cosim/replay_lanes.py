@@ -152,7 +152,7 @@ def _fill(log, w, read, start, stop):
 
 def columns(kind, names):
     """Return the positions of fields `names` in a record of `kind` seen as float64, in memory order."""
-    out = []
+    out: list = []
     for name in kind.names:
         if name in names:
             sub, offset = kind.fields[name][:2]

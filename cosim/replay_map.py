@@ -173,12 +173,12 @@ def _run(d, lane, u, p, dt):
 
 def _names(kind, names):
     """Return the log's field names of the elements of fields `names` of a record, in memory order."""
-    out = []
+    out: list = []
     for name in kind.names:
         if name in names:
             count = kind[name].itemsize // 8
             out += [name] if kind[name].shape == () else [f"{name}_{i}" for i in range(count)]
-    return out
+    return tuple(out)
 
 
 def _verdict(d, lane, again, dt, t_0):
@@ -212,7 +212,7 @@ def _write(path, done, out, text, dt):
         ):
             full = np.zeros((u.shape[1], len(fields)))
             full[::every] = values
-            units = [unit("detectors", n) for n in fields]
+            units = tuple(unit("detectors", n) for n in fields)
             topics.append(Topic(name, fields, units, np.arange(at, at + len(fields)), every, "detectors"))
             parts.append(full)
             at += len(fields)

@@ -15,8 +15,8 @@ class Overlay:
     def __init__(self, log, wired, path):
         if len(log.spans) == 0 or log.spans[0][0] or sum(log.spans[-1]) != log.n_ticks:
             raise LogError("ticks are missing, and an overlay needs every one", place=str(log.path))
-        self._log, self._names, self._n = log, list(log.topics), 0
-        self._topics = [self._topic(i.name, i, i.group) for i in log.topics.values()]
+        self._log, self._names, self._n = log, [n for n in log.topics if not n.startswith("/replay/")], 0
+        self._topics = [self._topic(n, log.topics[n], log.topics[n].group) for n in self._names]
         self._topics += [self._topic("/replay" + w.topic, log.topics[w.topic], "replay") for w in wired]
         self._writer = self._open(path)
 
@@ -50,7 +50,7 @@ class Overlay:
     def _pose(self):
         for t in self._topics:
             if t.group == "truth" and set(POSE) <= set(t.fields):
-                return Pose(*(int(t.index[t.fields.index(n)]) for n in POSE))
+                return Pose(**{n: int(t.index[t.fields.index(n)]) for n in POSE})
         return None
 
     def append(self, read, new, start, stop):

@@ -177,6 +177,7 @@ class Contents:
 
     def indexes(self, file, stop):
         """Take all message indexes of the last chunk's samples at once; return their size, 0 where it cannot be."""
+        assert self.layout is not None  # or the chunk had been refused
         chunk = self.chunks[-1]
         at = chunk.offset + chunk.length
         size, places, heads, offsets = self.layout.index_heads(*self.ticks(chunk))

@@ -4,7 +4,7 @@ The schemas are those of Foxglove's own package (same names, numbers and types),
 the core does not need that package. These messages are for viewers: replay reads none of them.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from math import cos, pi, sin
 
@@ -58,9 +58,9 @@ def _file(name):
     """Return the FileDescriptorProto of one message, and the names of the messages that it holds."""
     file = descriptor_pb2.FileDescriptorProto(name=f"foxglove/{name}.proto", package="foxglove", syntax="proto3")
     message, needs = file.message_type.add(name=name), []
-    for field, number, kind in _MESSAGES[name]:
+    for word, number, kind in _MESSAGES[name]:
         label = _F.LABEL_REPEATED if kind.endswith("*") else _F.LABEL_OPTIONAL
-        made = message.field.add(name=field, number=number, label=label)
+        made = message.field.add(name=word, number=number, label=label)
         kind = kind.rstrip("*")
         if kind.startswith("enum "):
             _, enum, *values = kind.split()
@@ -159,7 +159,7 @@ class Pose:
     theta: int
     psi: int
     every: int = 20
-    _origin: tuple | None = None
+    _origin: tuple | None = field(default=None, init=False)
 
     @property
     def index(self):
