@@ -28,11 +28,11 @@ from cosim.scenario.catalog import DEFAULT_TECHNOLOGY
 
 def tidy(frame, tomls):
     """Return one row per run and detector of `frame` (columns of cosim/campaign.py), `tomls` {run: scenario}."""
-    flown = frame[frame["id"].notna()]
-    about = {run: _about(tomls[run]) for run in flown["run"].unique()}
-    out = []
-    for (run, detector), lanes in flown.groupby(["run", "id"], sort=False):
-        out.append(_row(run, detector, lanes, about[run]))
+    lanes: dict = {}
+    for lane in frame[frame["id"].notna()].to_dict("records"):
+        lanes.setdefault((lane["run"], lane["id"]), []).append(lane)
+    about = {run: _about(tomls[run]) for run in dict.fromkeys(run for run, _ in lanes)}
+    out = [_row(run, detector, found, about[run]) for (run, detector), found in lanes.items()]
     return (
         echoes(pd.DataFrame(out).astype({"concerned": bool, "detected": bool, "idle": bool})) if out else pd.DataFrame()
     )
@@ -77,20 +77,16 @@ def _about(text):
 
 
 def _row(run, detector, lanes, about):
-    concerned = lanes["concerned"].astype(bool)
-    mine, first = lanes[concerned], lanes.iloc[0]
-    seen = mine[mine["delay_s"].notna()]
-    best = seen.loc[seen["delay_s"].idxmin()] if len(seen) else None
-    fault = about["case"] is not None
-    judging = mine if fault and len(mine) else lanes
-    idle = bool((judging[["r_max_before", "r_max_after"]].fillna(0.0) == 0.0).all().all()) and best is None
-    how = None
-    if fault:
-        how = coverage.outcome(
-            detector, about["case"], best is not None, None if best is None else best["isolated_class"]
-        )
-        how = "idle" if idle and how in ("missed", "quiet") else how
-    given = lanes["estimate_rmse"].notna()
+    """Return the row of one detector in one run; `lanes` are its rows per lane as dicts."""
+    fault, first = about["case"] is not None, lanes[0]
+    mine = [lane for lane in lanes if lane["concerned"]]
+    seen = sorted((lane for lane in mine if _given(lane["delay_s"])), key=lambda lane: lane["delay_s"])
+    best = seen[0] if seen else {}
+    judging = mine if fault and mine else lanes
+    idle = not seen and not any(_number(lane, key) > 0.0 for lane in judging for key in ("r_max_before", "r_max_after"))
+    named = best.get("isolated_class") if _given(best.get("isolated_class")) else None
+    how = coverage.outcome(detector, about["case"], bool(seen), named) if fault else None
+    estimates = [lane for lane in lanes if _given(lane["estimate_rmse"])]
     return {
         "run": run,
         **about,
@@ -101,24 +97,34 @@ def _row(run, detector, lanes, about):
         "level": first["level"],
         "lanes": len(lanes),
         "word": coverage.expected(detector, about["case"]).word if fault else None,
-        "concerned": bool(len(mine)),
+        "concerned": bool(mine),
         "idle": idle,
-        "detected": best is not None,
-        "delay_s": np.nan if best is None else float(best["delay_s"]),
-        "delay_periods": np.nan if best is None or best["delay_periods"] is None else float(best["delay_periods"]),
-        "class": None if best is None else best["isolated_class"],
-        "outcome": how,
-        "false_alarms": int(lanes["false_alarms"].sum()),
-        "r_fault_free": np.nan if fault else float(lanes["r_max_before"].max()),
-        "r_fault": float(mine["r_max_after"].max()) if fault and len(mine) else np.nan,
-        "estimate_rmse": float(lanes["estimate_rmse"].max()) if given.any() else np.nan,
-        "estimate_unit": lanes["estimate_unit"][given].iloc[0] if given.any() else None,
+        "detected": bool(seen),
+        "delay_s": _number(best, "delay_s"),
+        "delay_periods": _number(best, "delay_periods"),
+        "class": named,
+        "outcome": "idle" if idle and how in ("missed", "quiet") else how,
+        "false_alarms": sum(int(lane["false_alarms"]) for lane in lanes),
+        "r_fault_free": np.nan if fault else _largest(lanes, "r_max_before"),
+        "r_fault": _largest(mine, "r_max_after") if fault else np.nan,
+        "estimate_rmse": _largest(estimates, "estimate_rmse"),
+        "estimate_unit": estimates[0]["estimate_unit"] if estimates else None,
     }
+
+
+def _given(value):
+    """Tell whether a cell holds something: neither None nor NaN."""
+    return value is not None and value == value
 
 
 def _number(row, name):
     value = row.get(name)
-    return np.nan if value is None else float(value)
+    return float(value) if _given(value) else np.nan
+
+
+def _largest(lanes, name):
+    found = [float(lane[name]) for lane in lanes if _given(lane[name])]
+    return max(found) if found else np.nan
 
 
 def of_logs(paths, progress=None):

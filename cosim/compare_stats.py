@@ -10,6 +10,19 @@ from cosim.coverage import BLIND, DESIGNED, MAY, expectations, group
 
 LEVEL = 0.95
 ALPHA = 0.05  # run-level false-alarm probability at which detectors are set side by side
+GROUPED = (
+    "run",
+    "case",
+    "frequency_hz",
+    "amplitude_mm",
+    "target",
+    "group",
+    "able",
+    "seen",
+    "named",
+    "delay_s",
+    "first",
+)
 CREDIBLE = 0.5  # a detector that cries in more than half of the fault-free flights tells nothing by alarming
 
 
@@ -130,7 +143,8 @@ def confusion(rows, detector):
 
 def groups(rows):
     """Return {group: [detectors]}: what detectors draw on, in the order of fdi/expected.toml."""
-    out, level = {}, dict(zip(rows["id"], rows["level"]))
+    level = dict(zip(rows["id"], rows["level"]))
+    out: dict = {}
     for name in [n for n in expectations() if n in level] + [n for n in level if n not in expectations()]:
         out.setdefault(group(name, level[name]), []).append(name)
     return out
@@ -145,29 +159,28 @@ def by_group(rows, stats):
     """
     credible = {d["id"] for d in stats if d["credible"]}
     member = {name: g for g, names in groups(rows).items() for name in names}
-    fault = rows[rows["case"].notna()]
-    out = []
-    order = list(groups(rows))
-    for (run, g), own in sorted(
-        fault.groupby(["run", fault["id"].map(member)], sort=False), key=lambda item: order.index(item[0][1])
-    ):
-        able = own[own["id"].isin(credible) & own["concerned"] & (own["word"] != BLIND) & ~own["idle"]]
-        seen = able[able["detected"]].sort_values("delay_s")
-        first = seen.iloc[0] if len(seen) else None
-        about = {k: own[k].iloc[0] for k in ("case", "frequency_hz", "amplitude_mm", "target")}
-        out.append(
-            {
-                "run": run,
-                **about,
-                "group": g,
-                "able": bool(len(able)),
-                "seen": bool(len(seen)),
-                "named": bool((seen["outcome"] == "named").any()),
-                "delay_s": math.nan if first is None else first["delay_s"],
-                "first": None if first is None else first["id"],
-            }
-        )
-    return pd.DataFrame(out)
+    found: dict = {g: {} for g in groups(rows)}
+    for row in rows[rows["case"].notna()].to_dict("records"):
+        found[member[row["id"]]].setdefault(row["run"], []).append(row)
+    return pd.DataFrame(
+        [_of_group(g, own, credible) for g, runs in found.items() for own in runs.values()], columns=GROUPED
+    )
+
+
+def _of_group(name, own, credible):
+    """Return the row of one group in one flight; `own` are the rows of its detectors as dicts."""
+    able = [r for r in own if r["id"] in credible and r["concerned"] and r["word"] != BLIND and not r["idle"]]
+    seen = sorted((r for r in able if r["detected"]), key=lambda r: r["delay_s"])
+    first = seen[0] if seen else {}
+    return {
+        **{k: own[0][k] for k in ("run", "case", "frequency_hz", "amplitude_mm", "target")},
+        "group": name,
+        "able": bool(able),
+        "seen": bool(seen),
+        "named": any(r["outcome"] == "named" for r in seen),
+        "delay_s": first.get("delay_s", math.nan),
+        "first": first.get("id"),
+    }
 
 
 def smallest(grouped, name):

@@ -246,31 +246,25 @@ def _shade(count, said, case, right, name):
 
 def flights(rows):
     """Return the list of flights."""
-    out = []
-    for run, own in rows.groupby("run", sort=False):
-        r = own.iloc[0]
-        seen = own[own["detected"]].sort_values("delay_s")
-        told = ", ".join(f"{d} {s:.2f} s" for d, s in zip(seen["id"], seen["delay_s"])) or "–"
-        achieved = (
-            f"{r['amplitude_mm']:.2f} mm"
-            if finite(r["amplitude_mm"])
-            else f"{r['rod_mm']:.1f} mm peak"
-            if finite(r["rod_mm"])
-            else "–"
-        )
-        out.append(
-            (
-                (
-                    f"<code>{text(run)}</code>",
-                    text(coverage.label(r["case"]) if isinstance(r["case"], str) else "no fault"),
-                    text(r["target"] if isinstance(r["target"], str) else "–"),
-                    f"{r['frequency_hz']:g} Hz" if finite(r["frequency_hz"]) else "–",
-                    achieved,
-                    text(f"{r['manoeuvre'].replace('_', ' ')}, {r['turbulence']}"),
-                    text(told),
-                ),
-                "",
-            )
-        )
+    runs: dict = {}
+    for r in rows.to_dict("records"):
+        runs.setdefault(r["run"], []).append(r)
     columns = ("run", "case", "target", "frequency>", "achieved>", "manoeuvre, air", "noticed by, after")
+    out = [(_flight(own), "") for own in runs.values()]
     return f"<details><summary>{len(out)} flights, and who noticed</summary>{table(columns, out)}</details>"
+
+
+def _flight(own):
+    """Return the cells of one flight; `own` are the rows of its detectors as dicts."""
+    r, fault = own[0], isinstance(own[0]["case"], str)
+    seen = sorted((x for x in own if x["detected"]), key=lambda x: x["delay_s"])
+    peak = f"{r['rod_mm']:.1f} mm peak" if finite(r["rod_mm"]) else "–"
+    return (
+        f"<code>{text(r['run'])}</code>",
+        text(coverage.label(r["case"]) if fault else "no fault"),
+        text(r["target"] if fault else "–"),
+        f"{r['frequency_hz']:g} Hz" if finite(r["frequency_hz"]) else "–",
+        f"{r['amplitude_mm']:.2f} mm" if finite(r["amplitude_mm"]) else peak,
+        text(f"{r['manoeuvre'].replace('_', ' ')}, {r['turbulence']}"),
+        text(", ".join(f"{x['id']} {x['delay_s']:.2f} s" for x in seen) or "–"),
+    )
