@@ -5,6 +5,7 @@ The filter (`two_stage`) gives the state and the input fault f^i in the unit of 
 | test | statistic | verdict |
 |---|---|---|
 | pair | rod - arm surface - rigging; each against the model's own motion | SENSOR rod, surface, or AMBIGUOUS |
+| pressure step | the pressure jumps from one sample to the next and stays there (load form 2) | SENSOR pressure |
 | oscillation | two-period least squares of f_hat - gain u over a bank of frequencies | OFC_LIQUID, OFC_SOLID |
 | jam | load beyond the hinge-moment model while the rod is still (load form 2) | JAM_SOLID |
 | input fault | lagged f_hat - gain u | RUNAWAY, or JAM_SOLID where f_hat + u moves nothing |
@@ -23,8 +24,9 @@ from actuators.lu17 import opening, stiffness
 from fdi import bank, decision, two_stage
 from fdi.decision import confirm, usable
 from fdi.tuning import thresholds
+from fdi.verdict import SENSOR
 
-CULPRITS = ("", "rod", "surface")
+CULPRITS = ("", "rod", "surface", "pressure")
 
 PARAMS = dtype(
     [
@@ -125,7 +127,6 @@ def params(which=None, *, load=2, dt=0.005, delay_s=0.005, arm=linkage.ARM, **va
         "delay": float(round(delay_s / dt)),
         "epsilon": 1e-9,
         "gate_rod": 12.0,
-        "gate_dp": 40.0,
         "spikes": 4.0,
         "t_invalid": 0.2,
         "keep_mean": 1.0 if load == 2 else 0.0,
@@ -181,6 +182,8 @@ def decide(x, u, p, dt):
     swings = late and x.w_high - x.w_low > SWING * max(math.fabs(x.w_high), math.fabs(x.w_low))
     moves = math.fabs(w) > 0.5 * p.run_threshold
     decision.name_fault(x, x.sensor > 0.5, x.jam > 0.5, x.run > 0.5, moves, swings)
+    if math.fabs(x.dp_offset) > 0.5 * two_stage.STEP_LEAST and x.alarm < 0.5:
+        x.alarm, x.verdict, x.culprit = 1.0, SENSOR, 3.0
     pair = math.fabs(x.pair_d) / p.pair_threshold
     x.r = max(max(pair, x.r_ofc), max(x.r_run, x.r_jam if still else 0.0))
 

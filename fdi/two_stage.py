@@ -28,6 +28,9 @@ from actuators.lu17 import jacobian, rk4
 from fdi.linalg import congruence, integral_column, joseph
 
 ITERATIONS = 4  # bound of (21)-(24)
+GATE_NONE = 1e9
+# A jump of the pressure: five sigma and 4 % of supply from one sample to the next (the healthy bias is up to 1 %)
+STEP_SIGMA, STEP_LEAST, STEP_WAIT = 5.0, 0.04, 5
 HISTORY = 8  # ticks of valve command kept for the delay
 
 PARAMS = [
@@ -46,7 +49,6 @@ PARAMS = [
     ("P0", "f8", (4,)),  # initial variances
     ("P0_f", "f8"),
     ("gate_rod", "f8"),  # a rod innovation beyond so many sigma is a spike
-    ("gate_dp", "f8"),  # a pressure innovation; wide, because a valve step that is not obeyed makes 20
     ("spikes", "f8"),  # ... unless so many samples in a row agree that it is not [ticks]
     ("t_invalid", "f8"),  # without rod for longer the estimate is not valid [s]
     ("r_spare", "f8"),  # variance of the surface sensor in place of the rod, rigging included [m^2]
@@ -74,8 +76,11 @@ STATE = [
     ("gamma_dp", "f8"),  # of the pressure [1]
     ("nis_rod", "f8"),  # squared, over its variance
     ("nis_dp", "f8"),
+    ("dp_offset", "f8"),  # bias that the pressure sensor was found to have [1]
+    ("step_count", "f8"),  # samples since a jump of the pressure
+    ("step_dp", "f8"),  # the jump [1]
+    ("step_moves", "f8"),  # 1 when it did not stay
     ("skip_rod", "f8"),  # samples refused in a row
-    ("skip_dp", "f8"),
     ("age", "f8"),  # since the last rod sample used [s]
 ]
 
@@ -112,7 +117,7 @@ def start(x, q, dp, u, p):
     x.P_f = p.P0_f
     x.age = 0.0
     x.skip_rod = 0.0
-    x.skip_dp = 0.0
+    x.step_count = 0.0
     combine(x)
     x.started = 1.0
 
@@ -226,6 +231,33 @@ def measure(x, j, y, r, gate, p):
 
 
 @kernel
+def pressure(x, y, p):
+    """Return (pressure to use, whether to use it): a jump is held back for STEP_WAIT samples to see what it is.
+
+    A bad sensor jumps from one sample to the next and stays there: that is taken as its offset. A single sample
+    is a spike. A valve that is not obeyed makes a ramp, 0.9 of the missing opening with each sample: that is
+    used.
+    """
+    e = y - x.x_bar[2] - x.V[2] * x.f_hat
+    s = x.P_bar[2, 2] + x.V[2] * x.P_f * x.V[2] + p.r_dp
+    if x.step_count < 0.5:
+        if math.fabs(e) < STEP_LEAST or e * e < STEP_SIGMA * STEP_SIGMA * s:
+            return y, True
+        x.step_count, x.step_dp, x.step_moves = 1.0, e, 0.0
+        return y, False
+    x.step_count += 1.0
+    if math.fabs(e - x.step_dp) > 0.3 * math.fabs(x.step_dp):
+        x.step_moves = 1.0
+    if x.step_count < STEP_WAIT:
+        return y, False
+    x.step_count = 0.0
+    if x.step_moves < 0.5:
+        x.dp_offset += 0.5 * (e + x.step_dp)
+        return y - 0.5 * (e + x.step_dp), True
+    return y, True
+
+
+@kernel
 def measurement_update(x, u, p, dt):
     """Take the rod (or, without it, the surface) and the pressure; refuse spikes, but not for long."""
     rod = u.y_rod_valid > 0.5 and math.isfinite(u.y_rod) and x.blame != 1.0
@@ -240,13 +272,10 @@ def measurement_update(x, u, p, dt):
             x.P_bar[0, 0] += gamma * gamma
             x.skip_rod = 0.0
     if p.load == 2.0 and u.y_dp_valid > 0.5 and math.isfinite(u.y_dp):
-        gamma, s, used = measure(x, 2, u.y_dp, p.r_dp, p.gate_dp, p)
-        x.gamma_dp, x.nis_dp = gamma, gamma * gamma / s
-        x.skip_dp = 0.0 if used > 0.5 else x.skip_dp + 1.0
-        if x.skip_dp > p.spikes:  # follow it: the load takes the difference
-            x.P_bar[2, 2] += gamma * gamma
-            x.P_bar[3, 3] += gamma * gamma
-            x.skip_dp = 0.0
+        y, use = pressure(x, u.y_dp - x.dp_offset, p)
+        if use:
+            gamma, s, _ = measure(x, 2, y, p.r_dp, GATE_NONE, p)
+            x.gamma_dp, x.nis_dp = gamma, gamma * gamma / s
     combine(x)
 
 
@@ -259,7 +288,7 @@ def estimate(x, u, p, dt):
         x.u_old[0] = min(max(u.u, -1.0), 1.0)
     if x.started < 0.5:
         if u.y_rod_valid > 0.5 and math.isfinite(u.y_rod):
-            dp = u.y_dp if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp) else 0.0
+            dp = u.y_dp - x.dp_offset if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp) else 0.0
             start(x, u.y_rod, dp, u, p)
         else:
             x.age += dt

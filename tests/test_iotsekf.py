@@ -9,7 +9,7 @@ from scipy.stats import chi2
 from actuators import lu17
 from fdi import iotsekf, two_stage, verdict
 
-WIDE = {"gate_rod": 1e9, "gate_dp": 1e9, "delay_s": 0.0}
+WIDE = {"gate_rod": 1e9, "delay_s": 0.0}
 
 
 def continuous(z, u, f, p):
