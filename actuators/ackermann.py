@@ -7,9 +7,10 @@ import numpy as np
 
 
 def place(A, B, poles):
-    """Return K (n,) for which A - B K has `poles`: K = (0 ... 0 1) C^-1 phi(A), C the controllability matrix, phi the wanted polynomial.
+    """Return K (n,) for which A - B K has `poles`.
 
-    A (n, n), B (n, 1). Raises numpy.linalg.LinAlgError where (A, B) is not controllable.
+    K = (0 ... 0 1) C^-1 phi(A) with the controllability matrix C and the wanted polynomial phi; A (n, n), B (n, 1).
+    Raises numpy.linalg.LinAlgError where (A, B) is not controllable.
     """
     n = len(A)
     columns, phi = [B[:, 0]], np.zeros((n, n))

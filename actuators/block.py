@@ -2,7 +2,7 @@
 
 A block is a module with
 
-    PARAMS, INPUTS, STATE   structured dtypes made by `dtype`, every element f8 (arrays allowed), unit beside each field
+    PARAMS, INPUTS, STATE   structured dtypes made by `dtype`, every element f8 (arrays too), unit beside each field
     OUTPUTS                 names of the STATE fields that are logged at every tick; the others are hidden state
     params(...) -> PARAMS   one record, ordinary NumPy/SciPy; design happens here
     init(p) -> STATE        records of the same shape as `p`, the state before the first tick
@@ -10,8 +10,8 @@ A block is a module with
     rollout(x, u, p, dt, log)
                             kernel: every lane through every tick; x, p: (lane,), u, log: (lane, tick), log in STATE
 
-`rollout` is the only entry point: live it is called with one tick, in replay with all of them, in a batch with many lanes,
-so that one compiled function serves all three and they agree bit for bit.
+`rollout` is the only entry point: live it is called with one tick, in replay with all of them, in a batch with many
+lanes, so that one compiled function serves all three and they agree bit for bit.
 
 A kernel is a deterministic function of its arguments: no global state, no I/O, no random numbers, no exceptions.
 """
@@ -22,13 +22,17 @@ import os
 import re
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numba
 import numpy as np
-from numba.core import config
+from numba.core import config as _config
 
+config: Any = _config  # its options are made at run time
 _ROOT = Path(__file__).resolve().parent.parent
-_IMPORT = re.compile(r"^\s*(?:from\s+(actuators|fdi|cosim)([\w.]*)\s+import\s+(.+)|import\s+(actuators|fdi|cosim)([\w.]*))", re.M)
+_IMPORT = re.compile(
+    r"^\s*(?:from\s+(actuators|fdi|cosim)([\w.]*)\s+import\s+(.+)|import\s+(actuators|fdi|cosim)([\w.]*))", re.M
+)
 
 
 def dtype(fields):
@@ -38,8 +42,8 @@ def dtype(fields):
     vector holds a whole tick, and the log and the replay rely on that.
     """
     made = np.dtype((np.record, fields))
-    for name in made.names:
-        base = made.fields[name][0].base
+    for name in made.names or ():
+        base = made[name].base
         if base != np.float64:
             raise ValueError(f"field {name!r} is {base}; every field of a block is f8")
         if hasattr(np.record, name):
@@ -110,7 +114,8 @@ def kernel(function):
 def bound(function, *args):
     """Return a call without arguments of kernel `function` on `args`, compiled for their types.
 
-    Numba looks the types up at every call, 0.4 us for a block's records; bound once, a live tick pays for its work only.
+    Numba looks the types up at every call, 0.4 us for a block's records; bound once, a live tick pays only for its
+    work.
     """
     if config.DISABLE_JIT:
         return functools.partial(function, *args)

@@ -26,6 +26,10 @@ def route_add(v, clear, to, source):
         v[to[i]] += v[source[i]]
 
 
+def _fields(kind):
+    return kind.fields or {}
+
+
 class Bus:
     """Lay sections out in one vector; give views, positions and wires by name.
 
@@ -64,10 +68,10 @@ class Bus:
         kind = self.kinds[section]
         base = self._start[section] + self.lanes[section].index(lane) * (kind.itemsize // 8)
         out = []
-        for name in kind.names:
+        for name in kind.names or ():
             if fields is not None and name not in fields:
                 continue
-            sub, offset = kind.fields[name][:2]
+            sub, offset = _fields(kind)[name][:2]
             count = sub.itemsize // 8
             first = base + offset // 8
             if sub.shape == ():

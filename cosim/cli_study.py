@@ -60,7 +60,7 @@ def add(app, out, err):
         ] = False,
         json_: JsonOption = False,
     ):
-        """Make the detectors' stored designs anew from the aircraft that flies, or check them (exit status 1: stale)."""
+        """Make the detectors' stored designs anew from the aircraft that flies, or check them (exit 1: stale)."""
         from cosim import design as work
 
         chosen = names or list(work.DESIGNS)

@@ -143,9 +143,9 @@ def judge(watch, history, dt, faults):
             entry["detection_delay_periods"] = entry["detection_delay_s"] / first["period_s"]
             entry["isolated"] = named(watch, verdict[seen], culprit[seen])
     elif len(rises):
-        k = np.flatnonzero(alarm > 0.5)
-        entry["detected_at_s"] = int(k[0]) * dt
-        entry["isolated"] = named(watch, verdict[k], culprit[k])
+        all_ticks = np.flatnonzero(alarm > 0.5)
+        entry["detected_at_s"] = int(all_ticks[0]) * dt
+        entry["isolated"] = named(watch, verdict[all_ticks], culprit[all_ticks])
     return entry
 
 
