@@ -9,6 +9,8 @@ from cosim import metrics
 from cosim.coverage import BLIND, DESIGNED, MAY, expectations, group
 
 LEVEL = 0.95
+SEEN = 0.95  # share of the larger oscillations that a level has to see
+FREQUENCIES = 8
 ALPHA = 0.05  # run-level false-alarm probability at which detectors are set side by side
 GROUPED = (
     "run",
@@ -184,14 +186,19 @@ def _of_group(name, own, credible):
 
 
 def smallest(grouped, name):
-    """Return {frequency: smallest achieved amplitude [mm] from which on group `name` saw every larger one, or None}."""
+    """Return {frequency [Hz]: smallest achieved amplitude [mm] from which on group `name` saw the others, or None}.
+
+    All of them in a band with fewer than 20 flights, else SEEN of them. More than FREQUENCIES different frequencies are
+    taken together in octaves around 0.5, 1, 2, ... Hz.
+    """
     own = grouped[(grouped["group"] == name) & grouped["frequency_hz"].notna() & grouped["amplitude_mm"].notna()]
+    hz = own["frequency_hz"].astype(float)
+    if hz.nunique() > FREQUENCIES:
+        hz = 2.0 ** np.round(np.log2(hz))
     out = {}
-    for hz, part in own.groupby("frequency_hz"):
-        best = None
-        for _, r in part.sort_values("amplitude_mm", ascending=False).iterrows():
-            if not r["seen"]:
-                break
-            best = float(r["amplitude_mm"])
-        out[float(hz)] = best
+    for band, part in own.groupby(hz):
+        part = part.sort_values("amplitude_mm", ascending=False)
+        seen = part["seen"].to_numpy(bool)
+        good = seen & (np.cumsum(seen) / np.arange(1, len(seen) + 1) >= SEEN)
+        out[float(band)] = float(part["amplitude_mm"].to_numpy()[good][-1]) if good.any() else None
     return out

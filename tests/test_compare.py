@@ -364,3 +364,15 @@ def test_browser_draws_every_figure_of_a_comparison(logs, tmp_path):
     assert all(p["svg"] and p["traces"] and p["marks"] for p in found["plots"])
     assert found["theme"][2] != found["theme"][3]
     assert found["toggle"]["off"] == 0 < found["toggle"]["before"] == found["toggle"]["on"]
+
+
+def test_many_frequencies_are_taken_together_in_octaves_and_few_misses_forgiven():
+    hz, mm = np.geomspace(0.4, 5.5, 40), np.linspace(1.0, 9.0, 40)
+    rows = [
+        {"group": "g", "frequency_hz": f, "amplitude_mm": a, "seen": a > 3.0 and (i, j) != (0, 30)}
+        for i, f in enumerate(hz)
+        for j, a in enumerate(mm)
+    ]
+    found = stats.smallest(pd.DataFrame(rows), "g")
+    assert list(found) == [0.5, 1.0, 2.0, 4.0]
+    assert all(a == pytest.approx(mm[mm > 3.0][0]) for a in found.values())

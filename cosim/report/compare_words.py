@@ -65,7 +65,12 @@ def _oscillations(grouped):
         never = [f"{hz:g}" for hz, mm in sorted(found.items()) if mm is None]
         missed = f"{'; ' if told else ''}not even the largest flown at {article(never)} Hz" if never else ""
         out.append(f"<b>{text(g)}</b>: {told}{missed}")
-    return "smallest achieved rod amplitude from which on every larger one flown was seen" + _list(out) if out else ""
+    return (
+        "smallest achieved rod amplitude from which on the larger ones were seen (all of fewer than 20, else 95 %)"
+        + _list(out)
+        if out
+        else ""
+    )
 
 
 def _blind(grouped):
