@@ -17,6 +17,7 @@ from actuators.block import kernel
 from fdi import rfafe_decision
 
 NS, NY, NU, NF = 12, 8, 2, 2  # largest sizes: estimator state, outputs, inputs, faults
+TAU_AHEAD = 2.0  # memory of a command beyond the rate limit: two periods of 1 Hz [s]
 N_TRIM = 40.0  # samples to learn the trim: 0.2 s leaves a sixth of the sensors' noise
 NL = 72  # longest delay of the input [ticks]: the actuator's lag beyond first order and the sensors', at 2 kHz
 
@@ -34,6 +35,7 @@ PARAMS = [
     ("u_delay", "f8"),           # ticks by which u is delayed to match actuator and sensors, 0..NL-1
     ("act_a", "f8"),             # lag of the actuator's model [1/s]
     ("act_rate", "f8"),          # its rate limit [design units/s], 0 for none
+    ("ahead_max", "f8"),         # mean command beyond what the rate limit follows, above which nothing is trusted [deg]
     ("unit", "f8"),              # SI per unit of f_hat
     ("t_settle", "f8"),          # after a start the estimate is not trusted [s]
     *rfafe_decision.PARAMS,
@@ -44,6 +46,7 @@ STATE = [
     ("y", "f8", (NY,)), ("y_old", "f8", (NY,)),   # deviations of this sample and the last [design units]
     ("u", "f8", (NU,)), ("u_si", "f8", (NU,)), ("line", "f8", (NL, NU)), ("head", "f8"),  # input now, ring of the last
     ("act", "f8", (NU,)),         # actuator's model with its rate limit, deviation [design units]
+    ("ahead", "f8"),              # mean command beyond what the rate limit follows [design units]
     ("u_in", "f8", (NU,)),        # last finite input less `u_trim`
     ("y0", "f8", (NY,)), ("u0", "f8", (NU,)), ("seen", "f8"),  # learned trim, samples so far
     ("f", "f8", (NF,)),           # estimate [SI]
@@ -105,9 +108,12 @@ def advance(x, p, good, dt):
         return
     for i in range(ny):
         x.y[i] -= x.y0[i]
+    beyond = 0.0
     for j in range(nu):
         x.u[j] = limited(x.u_in[j] - x.u0[j], x.act[j], p)
+        beyond = max(beyond, math.fabs(x.u_in[j] - x.u0[j] - x.u[j]))
         x.act[j] += (1.0 - math.exp(-p.act_a * dt)) * (x.u[j] - x.act[j])
+    x.ahead += (1.0 - math.exp(-dt / TAU_AHEAD)) * (beyond - x.ahead)
     if x.fresh == 0.0:
         for j in range(nu):
             for k in range(NL):
@@ -131,13 +137,14 @@ def advance(x, p, good, dt):
     for j in range(nu):
         x.line[int(x.head), j] = x.u[j]
     x.head = 0.0 if x.head >= NL - 1 else x.head + 1.0
-    x.valid = 1.0 if x.started > 0.5 and x.age >= p.t_settle else 0.0
+    # a command that keeps running ahead of the rate limit makes the linear actuator's model worthless
+    x.valid = 1.0 if x.started > 0.5 and x.age >= p.t_settle and x.ahead <= p.ahead_max else 0.0
     if x.valid > 0.5:
         for j in range(nu):
             x.u_si[j] = p.unit * x.u[j]
         rfafe_decision.decide(x, p, x.f, x.u_si, nf, nu, dt)
     else:
-        rfafe_decision.forget(x, x.f, nf)
+        rfafe_decision.forget(x, p, x.f, nf, dt)
 
 
 @kernel

@@ -52,10 +52,10 @@ def state(faults):
 
 
 @kernel
-def forget(x, f, nf):
-    """Start anew from the present estimate: nothing is concluded from one that settles, and it leaves no trace."""
+def forget(x, p, f, nf, dt):
+    """Empty the bank while the estimate is not trusted; its slow part goes on, so that one bad sample is no step."""
     for i in range(nf):
-        x.slow[i] = f[i]
+        x.slow[i] += (1.0 - math.exp(-dt / p.tau_slow)) * (f[i] - x.slow[i])
         x.energy[i] = 0.0
     clear(x)
     x.r = 0.0
