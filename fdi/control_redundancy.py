@@ -65,7 +65,7 @@ PARAMS = params_dtype(
         ("limit", "f8", (NH,)),  # largest believable fault: rad, fraction of thrust
         ("rel", "f8"),  # uncertainty of each coefficient
         ("rel_thrust", "f8"),  # uncertainty of the thrust map
-        ("rel_spool", "f8"),  # the same per change of normalised N1 against its mean: while spools turn up or down
+        ("rel_spool", "f8"),  # core speed ahead of N1, per change of normalised N1 against its mean
         (
             "late",
             "f8",

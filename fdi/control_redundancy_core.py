@@ -124,7 +124,7 @@ def row_errors(x, u, p):
     tx, ty, tz = p.thrust_axis[0], p.thrust_axis[1], p.thrust_axis[2]
     for i in range(6):
         x.G[i, 3] = 0.0
-    x.spool = 0.0
+    x.spool, total = 0.0, 0.0
     for m in range(4):
         n1 = u.n1_1
         if m == 1:
@@ -136,6 +136,7 @@ def row_errors(x, u, p):
         n = min(max((n1 - p.n1_idle) / (p.n1_max - p.n1_idle), 0.0), 1.0)
         T = idle + (mil - idle) * n * n
         x.spool += 0.25 * n
+        total += T
         rx, ry, rz = p.engine[m, 0] + dx, p.engine[m, 1], p.engine[m, 2]
         x.G[0, 4 + m], x.G[1, 4 + m], x.G[2, 4 + m] = T * tx, T * ty, T * tz
         x.G[3, 4 + m] = T * (ry * tz - rz * ty)
@@ -143,11 +144,12 @@ def row_errors(x, u, p):
         x.G[5, 4 + m] = T * (rx * ty - ry * tx)
         for i in range(6):
             x.G[i, 3] += x.G[i, 4 + m]
-    # a spool that turns up or down: thrust follows the core, which N1 trails
-    moving = math.fabs(x.spool - x.avg[2 * NR + 3]) if x.avg[2 * NR + 3] > 0.0 else 0.0
+    # while spools turn up or down thrust follows the core, which leads N1: by `rel_spool` times N1's own change
+    lead = p.rel_spool * math.fabs(x.spool - x.avg[2 * NR + 3]) if x.avg[2 * NR + 3] > 0.0 else 0.0
+    doubt = p.rel_thrust + 4.0 * (mil - idle) * lead * (2.0 * x.spool + lead) / max(total, 1.0)
     for i in range(6):
         x.rows[i] += x.G[i, 3]
-        x.act[i] += (p.rel_thrust + p.rel_spool * moving) / max(p.rel, 1e-9) * math.fabs(x.G[i, 3])
+        x.act[i] += doubt / max(p.rel, 1e-9) * math.fabs(x.G[i, 3])
     for i in range(3):
         x.rows[i] /= weight
         x.act[i] /= weight
