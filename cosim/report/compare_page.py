@@ -4,7 +4,7 @@ from cosim import compare_stats as stats
 from cosim.report import compare_tables as tables
 from cosim.report import compared
 from cosim.report.compare_words import summary
-from cosim.report.maps import maps
+from cosim.report.maps import MANY, maps
 from cosim.report.page import drawing, page, text, write
 
 
@@ -34,7 +34,7 @@ def render(found):
         (
             "Oscillations over achieved amplitude and frequency, thresholds as shipped",
             made["maps"],
-            _as_shipped(each, free),
+            _as_shipped(rows, each, free),
         ),
         ("The same at one false-alarm probability", made["equal"], _equal(equal)),
         ("How soon", made["delays"], ""),
@@ -64,7 +64,7 @@ def render(found):
     )
 
 
-def _as_shipped(each, free):
+def _as_shipped(rows, each, free):
     n = sum(d["fault_free_alarmed"] == 0 for d in each)
     bound = stats.proportion(0, free)[2]
     told = (
@@ -73,11 +73,14 @@ def _as_shipped(each, free):
         if free
         else ""
     )
-    return (
-        f"Each mark is one flight, the same in every panel (diamonds: both segments of a side, drawn a "
-        f"little to the right); the amplitude is the one achieved at the rod, against the same flight "
-        f"without the fault. {told}"
+    many = rows[rows["frequency_hz"].notna() & rows["concerned"]].groupby("id").size().max() >= MANY
+    shown = (
+        "Each cell holds flights seen / flights flown, bright where all were seen, the same flights in every panel"
+        if many
+        else "Each mark is one flight, the same in every panel (diamonds: both segments of a side, drawn a little to the "
+        "right)"
     )
+    return f"{shown}; the amplitude is the one achieved at the rod, against the same flight without the fault. {told}"
 
 
 def _equal(equal):
