@@ -65,7 +65,7 @@ def collect(first_seed, points=POINTS, progress=None):
 
 
 def survey(recorded, name, p):
-    """Return (2, frequency) the largest amplitude of f_hat less the command's share, and the largest slow part less its.
+    """Return (2, frequency) the largest amplitude of f_hat less the command's share, and the largest slow part.
 
     Row 0: of windows that pass for an oscillation; row 1: of all. SI.
     """
@@ -102,7 +102,8 @@ def train(name, collected):
     threshold = np.maximum(np.maximum(MARGIN * most[0], RESERVE * most[1]), LEAST)
     made = {"bank_threshold": threshold.tolist(), "th_static": MARGIN * static}
     how = {"flights": len(collected), "first_seed": TRAINING, "flight_s": FLIGHT_S, "margin": MARGIN,
-           "largest": most[0].tolist(), "largest_any_shape": most[1].tolist(), "largest_static": static, "frequency_hz": bank.frequencies().tolist()}
+           "largest": most[0].tolist(), "largest_any_shape": most[1].tolist(), "largest_static": static,
+           "frequency_hz": bank.frequencies().tolist()}
     return made, how
 
 
