@@ -77,7 +77,7 @@ def _as_shipped(rows, each, free):
     shown = (
         "Each cell holds flights seen / flights flown, bright where all were seen, the same flights in every panel"
         if many
-        else "Each mark is one flight, the same in every panel (diamonds: both segments of a side, drawn a little to the "
+        else "Each mark is one flight, the same in every panel (diamonds: both segments of a side, drawn to the "
         "right)"
     )
     return f"{shown}; the amplitude is the one achieved at the rod, against the same flight without the fault. {told}"
