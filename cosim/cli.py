@@ -356,7 +356,7 @@ def campaign(
 def report(
     log: Annotated[
         Path,
-        typer.Argument(metavar="LOG|DIR", help="A log; or a campaign's folder, or a folder of logs.", show_default=False),
+        typer.Argument(metavar="LOG|DIR", help="A log; a campaign's folder, or one of logs.", show_default=False),
     ],
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="HTML", help="Default: beside the log.", show_default=False)
@@ -386,13 +386,21 @@ def report(
 def compare(
     sources: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="[LOGS…|DIR]", help="Logs, or a campaign's folder. Default: a small built-in matrix.", show_default=False),
+        typer.Argument(
+            metavar="[LOGS…|DIR]",
+            help="Logs, or a campaign's folder. Default: a small built-in matrix.",
+            show_default=False,
+        ),
     ] = None,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of report and table.")] = Path("logs/compare"),
-    workers: Annotated[int | None, typer.Option("--workers", min=1, help="Processes. Default: one per core.", show_default=False)] = None,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of report and table.")
+    ] = Path("logs/compare"),
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, help="Processes. Default: one per core.", show_default=False)
+    ] = None,
     json_: JsonOption = False,
 ):
-    """Compare aircraft-level and local detectors on the same flights: who sees what, how soon, how surely, at what cost."""
+    """Compare aircraft-level and local detectors on the same flights: who sees what, how soon, at what cost."""
     from cosim.cli_compare import compare as table
     from cosim.compare import compare as work
 
