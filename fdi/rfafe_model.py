@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from fdi.rfafe_discrete import first_order_hold
 
@@ -38,6 +37,8 @@ def fit_first_order(response, *, band_hz=FIT_HZ, points=60, delay=True):
     turn every command into a fault. tau takes the rest of the phase and goes to the observer's command (`u_delay`), as
     (ii) allows no second-order model; `delay=False` fits tau = 0, as published.
     """
+    from scipy.optimize import least_squares  # a quarter of a second that a flight need not wait for
+
     f = np.linspace(*band_hz, points)
     if len(response) == 4:
         A, B, C, D = (np.atleast_2d(np.asarray(x, float)) for x in response)
