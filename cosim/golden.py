@@ -44,7 +44,7 @@ FLIGHTS = {
     "ema-position-bias": Golden(
         "ema-position-bias", (*_only("right_inner", "ema"), *_SHORT), EMA, ("ema_kalman_flight",)
     ),
-    "aircraft-bias": Golden("alwi14-simultaneous", _SHORT, AIRCRAFT, ("rfafe", "lpv_smo")),
+    "aircraft-bias": Golden("alwi14-simultaneous", _SHORT, AIRCRAFT, ("rfafe",)),
 }
 
 

@@ -5,6 +5,7 @@ import pytest
 from replay_flight import fly
 
 import cosim
+from cosim.bench_log import log_costs
 from cosim.errors import LogError
 from cosim.log import open_log
 from cosim.replay import ReplayError, lanes, replay, run
@@ -120,3 +121,11 @@ def test_a_cut_log_replays_exactly_after_recovery(flight, tmp_path):
     r = replay(tmp_path / "whole.mcap")
     assert r.exact
     assert 0 < r.rows < replay(flight).rows
+
+
+def test_the_costs_of_a_recorded_flight_are_told_for_every_detector(flight):
+    told = log_costs(flight)
+    assert set(told["replay_us"]) == set(cosim.load_scenario("liquid-ofc").running)
+    assert all(cost > 0.0 for cost in told["replay_us"].values())
+    assert told["frames_s"] > 0.0 and told["topic_s"] > 0.0 and told["minutes"] == pytest.approx(0.1)
+    assert told["detectors_realtime"] > told["replay_realtime"] > 0.0
