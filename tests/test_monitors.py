@@ -53,7 +53,7 @@ def test_it_cannot_see_what_stays_below_its_threshold():
     assert not run(position_monitor, [small])["alarm"].any()
 
 
-@pytest.mark.parametrize(("hz", "u"), [(1.0, 0.02), (3.0, 0.06), (7.0, 0.15)])
+@pytest.mark.parametrize(("hz", "u"), [(1.0, 0.04), (3.0, 0.12), (7.0, 0.2)])
 def test_the_ofc_monitor_counts_a_large_oscillation_and_gives_its_frequency(hz, u):
     wave = write(f_u=lambda t: u * np.sin(2 * np.pi * hz * t))
     log = run(ofc_monitor, [fly(np.zeros(round((12 + 5 / hz) / DT)), seed=s, faults=wave) for s in range(3)])
