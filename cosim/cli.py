@@ -309,7 +309,7 @@ def campaign(
     ] = None,
     worst: Annotated[
         str | None,
-        typer.Option("--worst", metavar="DETECTOR", help="Provoke a false alarm in its fault-free space (300 flights)."),
+        typer.Option("--worst", metavar="DETECTOR", help="Provoke a false alarm, fault-free (300 flights)."),
     ] = None,
     json_: JsonOption = False,
 ):

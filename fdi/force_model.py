@@ -74,7 +74,8 @@ class ForceModel:
 
 
 PARAMS = [
-    ("area", "f8"), ("span", "f8"), ("chord", "f8"), ("cg_ref", "f8"), ("stability_rates", "f8"), ("stability_moments", "f8"),
+    ("area", "f8"), ("span", "f8"), ("chord", "f8"), ("cg_ref", "f8"), ("stability_rates", "f8"),
+    ("stability_moments", "f8"),
     ("gyration2", "f8", (4,)),
     ("n_a", "f8"), ("n_m", "f8"), ("n_q", "f8"), ("n_ka", "f8"), ("n_k", "f8"),  # used sizes
     ("alpha_grid", "f8", (NA,)), ("mach_grid", "f8", (NM,)), ("qbar_grid", "f8", (NQ,)),
@@ -87,7 +88,7 @@ PARAMS = [
 
 
 def fields(model):
-    """Return {PARAMS field: value} of a `ForceModel`; ValueError when it has more breakpoints or quantities than fit."""
+    """Return {PARAMS field: value} of a `ForceModel`; ValueError when its breakpoints or quantities do not fit."""
     sizes = {
         "alpha": (model.alpha, NA), "Mach": (model.mach, NM), "qbar": (model.qbar, NQ), "quantities": (model.t_m, NK),
         "quantities with alpha": (model.t_a, NK_A), "thrust Mach": (model.thrust_mach, NT_M),

@@ -133,7 +133,7 @@ def test_three_two_one_one_has_its_lengths_signs_and_slopes():
     log = np.zeros((1, 1400), manoeuvre.STATE)
     manoeuvre.rollout(manoeuvre.init(p), u, p, 0.005, log)
     wanted = np.select(
-        [t < 1.0 - 1e-9, t < 2.5 - 1e-9, t < 3.5 - 1e-9, t < 4.0 - 1e-9, t < 4.5 - 1e-9], [0.0, 0.3, -0.3, 0.3, -0.3], 0.0
+        [t < end - 1e-9 for end in (1.0, 2.5, 3.5, 4.0, 4.5)], [0.0, 0.3, -0.3, 0.3, -0.3], 0.0
     )
     np.testing.assert_allclose(log[0]["nz_dem"], wanted, atol=1e-12)
     slow = manoeuvre.params(manoeuvre.doublet(0.5, 2.0, "nz_dem", 1.0), nz_rate=2.0)
