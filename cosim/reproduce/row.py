@@ -1,5 +1,6 @@
 """One row of `cosim reproduce`: what a paper says, what we get, and whether they agree."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 VERDICTS = ("agrees", "differs_explained", "differs")
@@ -23,6 +24,33 @@ class Row:
             raise ValueError(f"verdict {self.verdict!r} is not one of {', '.join(VERDICTS)}")
         if self.verdict == "differs_explained" and not (self.reason and self.evidence):
             raise ValueError(f"{self.paper}, {self.item}: an explained difference needs a reason and a command for it")
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A statement with its band, before its number is known; `measure()` works that out."""
+
+    paper: str
+    item: str
+    says: str
+    measure: Callable[[], float]
+    low: float
+    high: float
+    reason: str = ""
+    evidence: str = ""
+
+    def judge(self):
+        """Return the Row."""
+        return judged(
+            self.paper,
+            self.item,
+            self.says,
+            self.measure(),
+            self.low,
+            self.high,
+            reason=self.reason,
+            evidence=self.evidence,
+        )
 
 
 def judged(paper, item, says, got, low, high, *, reason="", evidence=""):
