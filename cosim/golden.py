@@ -111,7 +111,7 @@ def thin(path, out):
         metadata=metadata,
         attachments=attachments,
         rows_per_chunk=500,
-        level=19,
+        compression="zstd",
     ) as w:
         for row in np.concatenate(columns, axis=1):
             w.append(row)

@@ -4,6 +4,7 @@ import io
 import struct
 import zlib
 
+import lz4.frame
 import numpy as np
 import pytest
 import zstandard
@@ -101,12 +102,34 @@ def test_bombs_are_refused(tmp_path):
 
 
 def test_wrong_compression_is_refused(tmp_path):
-    for name in ("lz4", "xz", "zstd\0", "z" * 100):
+    for name in ("LZ4", "xz", "zstd\0", "z" * 100):
         _refused(Forge(tmp_path / "a").seal(compression=name), "unknown compression")
     _refused(Forge(tmp_path / "a").seal(data=b"not zstd at all"), "cannot be decompressed")
     _refused(Forge(tmp_path / "a").seal(data=b""), "cannot be decompressed")
     two = zstandard.compress(bytes(Forge(tmp_path / "b").content)) + zstandard.compress(b"more")
     _refused(Forge(tmp_path / "a").seal(data=two), "cannot be decompressed")
+
+
+def test_lz4_bombs_and_broken_frames_are_refused(tmp_path):
+    def refused(data, word, **more):
+        _refused(Forge(tmp_path / "a").seal(data=data, compression="lz4", **more), word)
+
+    content = bytes(Forge(tmp_path / "b").content)
+    good = lz4.frame.compress(content)
+    Forge(tmp_path / "a").seal(data=good, compression="lz4")
+    assert open_log(tmp_path / "a").array("/a").shape == (100, 2)
+    bomb = lz4.frame.compress(bytes(256 * MIB), store_size=False)
+    stated = lz4.frame.compress(bytes(256 * MIB))
+    refused(bomb, "not as long as its chunk says")
+    refused(stated, "not as long as its chunk says")
+    refused(stated, "limits", size=256 * MIB)
+    refused(good[:15] + bomb[7:], "cannot be decompressed")  # a frame that states the chunk's size and holds 256 MiB
+    refused(good + good, "cannot be decompressed")
+    refused(good + b"more", "cannot be decompressed")
+    refused(b"not lz4 at all", "cannot be decompressed")
+    refused(b"", "cannot be decompressed")
+    for cut in (4, 14, 20, len(good) // 2, len(good) - 1):
+        refused(good[:cut], "")
 
 
 def test_wrong_lengths_are_refused(tmp_path):
@@ -221,7 +244,7 @@ def test_a_summary_that_tells_another_story_is_refused(whole, tmp_path):
 
 def test_reading_takes_one_chunk_and_what_was_asked_for(tmp_path):
     topics = [Topic(f"/t{i}", [f"x{j}" for j in range(20)], ["-"] * 20, np.arange(20) + 20 * i) for i in range(10)]
-    with LogWriter(tmp_path / "a", topics, n_values=200) as log:
+    with LogWriter(tmp_path / "a", topics, n_values=200, rows_per_chunk=100) as log:
         for row in np.random.default_rng(0).standard_normal((5000, 200)):
             log.append(row)
     with bounded(seconds=10, memory=5000 * 20 * 8 + 3 * MIB):  # the log holds 8 MB of values

@@ -112,8 +112,7 @@ def test_the_aircraft_stands_where_its_coordinates_say(log):
     ],
 )
 def test_the_viewers_attitude_has_the_right_signs(phi, theta, psi, axis, want):
-    q = foxglove._quaternion(phi, -theta, np.pi / 2 - psi)
-    x, y, z, w = q["x"], q["y"], q["z"], q["w"]
+    x, y, z, w = foxglove._quaternion(phi, -theta, np.pi / 2 - psi)
     rotation = np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],

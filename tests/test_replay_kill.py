@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from cosim.log import open_log, recover
+from cosim.log.writer import ROWS
 from cosim.replay import replay
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork and SIGKILL")
 ENABLED = 'detectors.enabled=["iotsekf","ema_kalman_flight","position_monitor","rfafe"]'
-CHUNK = 100  # ticks
+CHUNK = ROWS  # ticks
 
 # one interpreter loads everything once, and forks a flight for every line that it is sent
 FLIGHTS = """

@@ -11,6 +11,7 @@ from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
 from . import foxglove
 from .chunk import Layout
+from .compression import COMPRESSIONS
 from .format import LIBRARY, ChunkRef, Damage, Limits, log_error, parse_topic
 from .records import MAGIC
 
@@ -142,7 +143,7 @@ class Contents:
         self._nothing_after_the_result()
         start, end, size, crc, name_length = struct.unpack_from("<QQQII", body)
         compression = body[32 : 32 + min(name_length, 16)].decode()
-        if len(compression) != name_length or compression not in ("", "zstd"):
+        if len(compression) != name_length or compression not in COMPRESSIONS:
             raise ValueError(f"unknown compression {compression!r}")
         head = 40 + name_length
         (data_size,) = struct.unpack_from("<Q", body, 32 + name_length)

@@ -5,7 +5,7 @@ the core does not need that package. These messages are for viewers: replay read
 """
 
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from math import cos, pi, sin
 
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, timestamp_pb2
@@ -169,46 +169,39 @@ class Pose:
     def messages(self, rows, k0, dt_ns):
         """Return [(tick, topic, bytes)] of rows (n, 6) in the order of `index`, the first of tick k0."""
         out = []
-        for i, row in enumerate(rows.tolist()):
-            lat, lon, h, phi, theta, psi = row
+        transforms, fix = self._messages
+        frame = transforms.transforms[0]
+        for i, (lat, lon, h, phi, theta, psi) in enumerate(rows.tolist()):
             if self._origin is None:
                 self._origin = lat, lon
             lat0, lon0 = self._origin
             k = k0 + i * self.every
-            ns = k * dt_ns
-            place = {
-                "x": EARTH_RADIUS * (lon - lon0) * cos(lat0),
-                "y": EARTH_RADIUS * (lat - lat0),
-                "z": h,
-            }
-            frame = {
-                "timestamp": _time(ns),
-                "parent_frame_id": "map",
-                "child_frame_id": "aircraft",
-                "translation": place,
-                "rotation": _quaternion(phi, -theta, pi / 2 - psi),
-            }
-            out.append((k, "/tf", message("FrameTransforms")(transforms=[frame]).SerializeToString()))
-            fix = message("LocationFix")(
-                timestamp=_time(ns),
-                frame_id="aircraft",
-                latitude=lat * 180 / pi,
-                longitude=lon * 180 / pi,
-                altitude=h,
-                heading=psi,
-            )
-            out.append((k, "/fix", fix.SerializeToString()))
+            for at in (frame.timestamp, fix.timestamp):
+                at.seconds, at.nanos = divmod(k * dt_ns, 1_000_000_000)
+            place, turn = frame.translation, frame.rotation
+            place.x, place.y, place.z = EARTH_RADIUS * (lon - lon0) * cos(lat0), EARTH_RADIUS * (lat - lat0), h
+            turn.x, turn.y, turn.z, turn.w = _quaternion(phi, -theta, pi / 2 - psi)
+            fix.latitude, fix.longitude, fix.altitude, fix.heading = lat * 180 / pi, lon * 180 / pi, h, psi
+            out += [(k, "/tf", transforms.SerializeToString()), (k, "/fix", fix.SerializeToString())]
         return out
+
+    @cached_property
+    def _messages(self):
+        """Return the two messages that are filled again and again: making them costs more than filling them."""
+        frame = {"parent_frame_id": "map", "child_frame_id": "aircraft"}
+        return message("FrameTransforms")(transforms=[frame]), message("LocationFix")(frame_id="aircraft")
 
 
 def _quaternion(roll, pitch, yaw):
-    """Return the quaternion of rotations [rad] by yaw (z), pitch (y), roll (x), in that order about moving axes."""
+    """Return the quaternion x, y, z, w of rotations [rad] by yaw (z), pitch (y), roll (x), in that order about moving
+    axes.
+    """
     if not all(abs(a) < 1e6 for a in (roll, pitch, yaw)):  # a diverged state has no attitude
-        return {"w": 1.0}
+        return 0.0, 0.0, 0.0, 1.0
     cr, sr, cp, sp, cy, sy = (f(a / 2) for a in (roll, pitch, yaw) for f in (cos, sin))
-    return {
-        "x": sr * cp * cy - cr * sp * sy,
-        "y": cr * sp * cy + sr * cp * sy,
-        "z": cr * cp * sy - sr * sp * cy,
-        "w": cr * cp * cy + sr * sp * sy,
-    }
+    return (
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        cr * cp * cy + sr * sp * sy,
+    )

@@ -2,14 +2,14 @@
 
 import os
 import struct
-import zlib
 from collections import Counter
 
 import numpy as np
-import zstandard
 from google.protobuf.message import DecodeError
+from isal.isal_zlib import crc32
 
 from . import foxglove
+from .compression import FrameError, decompress
 from .format import Damage, Limits, LogError, TopicInfo, log_error
 from .scan import scan
 
@@ -202,7 +202,7 @@ def load_chunk(found, file, chunk, topics=None):
     """
     file.seek(chunk.data_offset)
     content = _decompress(found, file.read(chunk.data_size), chunk)
-    if len(content) != chunk.size or zlib.crc32(content) != chunk.crc:
+    if len(content) != chunk.size or crc32(content) != chunk.crc:
         raise log_error("the chunk is damaged (CRC)", found.path, chunk.offset)
     k0, n = found.ticks(chunk)
     plan, content = found.layout.plan(k0, n), np.frombuffer(content, "u1")
@@ -234,14 +234,10 @@ def _tail(found, data, chunk):
 
 def _decompress(found, data, chunk):
     """Return the content; a frame that does not state the chunk's own size is refused before memory is taken."""
-    if not chunk.compression:
-        return data
     try:
-        if zstandard.get_frame_parameters(data).content_size != chunk.size:
-            raise log_error("the compressed frame is not as long as its chunk says", found.path, chunk.offset)
-        return zstandard.ZstdDecompressor(max_window_size=1 << 27).decompress(data, allow_extra_data=False)
-    except (zstandard.ZstdError, MemoryError) as error:
-        raise log_error(f"the chunk cannot be decompressed: {error}", found.path, chunk.offset) from error
+        return decompress(data, chunk.size, chunk.compression)
+    except FrameError as error:
+        raise log_error(str(error), found.path, chunk.offset) from error
 
 
 def is_log(path):

@@ -2,8 +2,8 @@
 
 import hashlib
 import struct
-import zlib
 
+from isal.isal_zlib import crc32
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
@@ -51,7 +51,7 @@ def closing(offset, crc, schemas, channels, chunks, attachments, metadata):
     for record in offsets:
         record.write(builder)
     summary = builder.end()
-    check = zlib.crc32(summary + struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offset_start))
+    check = crc32(summary + struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offset_start))
     Footer(start, offset_start, check).write(builder)
     return end + summary + builder.end() + MAGIC
 
@@ -70,7 +70,7 @@ def pack_chunk(layout, content, data, compression, k0, n, tail, offset):
     `data` is the compressed `content` of the ticks k0 <= k < k0 + n; `tail` is {channel id: [(time, offset), ...]}.
     """
     builder = RecordBuilder()
-    start, end, size, crc = k0 * layout.dt_ns, (k0 + n - 1) * layout.dt_ns, len(content), zlib.crc32(content)
+    start, end, size, crc = k0 * layout.dt_ns, (k0 + n - 1) * layout.dt_ns, len(content), crc32(content)
     head = _chunk_head(start, end, size, crc, compression, len(data))
     plan, length = layout.plan(k0, n), len(head) + len(data)
     index = plan.index(k0)

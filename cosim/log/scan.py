@@ -7,9 +7,9 @@ one that follows from its data; so nothing is taken unchecked. Tolerant: keep wh
 import hashlib
 import os
 import struct
-import zlib
 
 from google.protobuf.message import DecodeError
+from isal.isal_zlib import crc32
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import ChunkIndex
@@ -103,7 +103,7 @@ def _crc(file, start, stop):
         block = file.read(min(1 << 20, stop - start))
         if not block:
             break
-        crc, start = zlib.crc32(block, crc), start + len(block)
+        crc, start = crc32(block, crc), start + len(block)
     return crc
 
 

@@ -3,8 +3,8 @@
 import errno
 import hashlib
 import os
-import zlib
 
+from isal.isal_zlib import crc32
 from mcap.data_stream import RecordBuilder
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
@@ -95,7 +95,7 @@ class Sink:
         crc = self.crc
         for blob in blobs:
             self._write(blob)
-            crc = zlib.crc32(blob, crc)
+            crc = crc32(blob, crc)
         self.offset, self.crc = self.offset + sum(map(len, blobs)), crc
 
     def _write(self, blob):

@@ -1,21 +1,20 @@
-"""Write a log while a run goes on: a vector per tick, a compressed chunk per hundred ticks, whole after any end."""
+"""Write a log while a run goes on: a vector per tick, a compressed chunk per second, whole after any end."""
 
+import struct
 from dataclasses import dataclass
 
 import numpy as np
-import zstandard
-from mcap.data_stream import RecordBuilder
-from mcap.records import Message
 
 from . import foxglove
-from .chunk import Layout
+from .chunk import HEAD, Layout
+from .compression import compressor
 from .format import LogError, channel_metadata, check_texts, schema_data, schema_name
 from .records import content_hash, pack_chunk
 from .sink import Sink
 
-# of zstd. Measured on chunks of a flight with 522 fields in 52 topics [us/tick, bytes/tick]: level 1 10.2, 2481;
-# -1 7.8, 2594; -3 6.1, 2689; -5 6.1, 2810; -7 5.3, 3032; without compression 6234 bytes
-LEVEL = -3
+MESSAGE_BYTES = HEAD.itemsize - 9  # of a message record before its data, without opcode and length
+message_head = struct.Struct("<BQHIQQ").pack  # as chunk.HEAD
+ROWS = 200  # of a chunk: one second at 200 Hz, lost when the process is killed; the cost per chunk is that of 30 ticks
 _POSE = -1  # stands for a topic number
 RESERVED = ("log", "preamble", "result", "late_events", "recovered")  # names of metadata
 
@@ -25,8 +24,8 @@ class LogWriter:
 
     `topics` are the sampled channels (at least one of them at every tick), `n_values` the length of the tick vector,
     `dt_ns` the tick [ns], `metadata` {name: {str: str}} and `attachments` {name: (media type, bytes)} go in first;
-    `level` is that of zstd, 0 for none; `pose` adds /tf and /fix for viewers. Leaving the context without
-    `close(result=...)`, as Ctrl-C does, gives a readable log that counts as incomplete.
+    `compression` is a name of cosim/log/compression.py; `pose` adds /tf and /fix for viewers. Leaving the context
+    without `close(result=...)`, as Ctrl-C does, gives a readable log that counts as incomplete.
     Raises ValueError for topics that do not fit together, LogError when the file cannot be written.
     """
 
@@ -39,8 +38,8 @@ class LogWriter:
         dt_ns=5_000_000,
         metadata=None,
         attachments=None,
-        rows_per_chunk=100,
-        level=LEVEL,
+        rows_per_chunk=ROWS,
+        compression="lz4",
         pose=None,
     ):
         self.dt_ns, self._topics, self._pose = int(dt_ns), list(topics), pose
@@ -52,8 +51,7 @@ class LogWriter:
         self._slow = [rate for every, rate in self._rates.items() if every > 1]
         self._k0 = self._n = self._next_slow = 0  # tick of the first buffered row, rows, next tick of a slower rate
         self._pending = []  # (tick, channel id, payload) of irregular messages
-        self._compress = zstandard.ZstdCompressor(level=level).compress if level else bytes
-        self._compression = "zstd" if level else ""
+        self._compress, self._compression = compressor(compression), compression
         declared = [
             (t.name, schema_name(t.name), schema_data(t.name, t.fields), channel_metadata(t)) for t in self._topics
         ]
@@ -132,12 +130,12 @@ class LogWriter:
             poses = self._pose.messages(rows, first * every, self.dt_ns)
             tail += [(k, self._sink.ids[name], data) for k, name, data in poses]
         entries: dict = {}
-        builder = RecordBuilder()
+        out = bytearray()
         for k, channel, data in sorted(tail, key=lambda m: m[0]):
             ns = k * self.dt_ns
-            entries.setdefault(channel, []).append((ns, plan.size + builder.count))
-            Message(channel_id=channel, log_time=ns, data=data, publish_time=ns, sequence=k).write(builder)
-        return builder.end(), entries
+            entries.setdefault(channel, []).append((ns, plan.size + len(out)))
+            out += message_head(5, MESSAGE_BYTES + len(data), channel, k, ns, ns) + data
+        return bytes(out), entries
 
     def close(self, result=None):
         """Write what is buffered, the result with a hash of all samples, and the summary; no result: incomplete."""

@@ -1,0 +1,55 @@
+"""Compress the content of a chunk, and decompress it within the memory that the chunk's head states."""
+
+from typing import Any
+
+import lz4.frame
+import zstandard
+
+# Measured on chunks of a flight with 314 fields in 27 topics, of 3781 bytes/tick [us/tick, bytes/tick; us/tick back]:
+# lz4 at acceleration 10 1.2, 2342; 0.4. lz4 3.4, 2172. zstd level -3 3.0, 1982; 0.8. zstd level 1 6.0, 1838. The rows
+# of a flight are mostly noise in the last bits of doubles: the slower ones search for what is not there.
+_ACCELERATION = 10
+_ZSTD_LEVEL = 19  # for archives: a hundred times slower
+COMPRESSIONS = ("", "lz4", "zstd")  # as MCAP names them
+
+
+class FrameError(ValueError):
+    """Say that compressed data are not one whole frame of the size that they should have."""
+
+
+def compressor(name):
+    """Return bytes-like -> bytes for a name of COMPRESSIONS; raises ValueError for another."""
+    if name == "lz4":
+        options: dict[str, Any] = {"compression_level": -_ACCELERATION, "block_size": lz4.frame.BLOCKSIZE_MAX4MB}
+        return lambda content: lz4.frame.compress(content, store_size=True, **options)
+    if name == "zstd":
+        return zstandard.ZstdCompressor(level=_ZSTD_LEVEL).compress
+    if name == "":
+        return bytes
+    raise ValueError(f"compression {name!r}; there is {', '.join(map(repr, COMPRESSIONS))}")
+
+
+def decompress(data, size, name):
+    """Return the content of one frame, which must state and have `size` bytes; no more memory than that is taken.
+
+    Raises FrameError.
+    """
+    try:
+        if name == "zstd":
+            _same(zstandard.get_frame_parameters(data).content_size, size)
+            return zstandard.ZstdDecompressor(max_window_size=1 << 27).decompress(data, allow_extra_data=False)
+        if name == "lz4":
+            _same(lz4.frame.get_frame_info(data)["content_size"], size)
+            frame = lz4.frame.LZ4FrameDecompressor()
+            content = frame.decompress(data, max_length=size + 1)
+            if not frame.eof or frame.unused_data:
+                raise FrameError("the chunk cannot be decompressed: it is not one whole frame")
+            return content
+    except (zstandard.ZstdError, RuntimeError, MemoryError) as error:
+        raise FrameError(f"the chunk cannot be decompressed: {error}") from error
+    return data
+
+
+def _same(stated, size):
+    if stated != size:
+        raise FrameError("the compressed frame is not as long as its chunk says")
