@@ -18,7 +18,7 @@ def add(app, out, err):
     @app.command()
     def reproduce(
         paper: Annotated[
-            str, typer.Argument(metavar="[PAPER]", help="sun13, jay, mar10, alwi14 or all.")
+            str, typer.Argument(metavar="[PAPER]", help="lu17, jay, sun13, mar10, alwi14 or all.")
         ] = "all",
         output: Annotated[
             Path | None,

@@ -9,7 +9,7 @@ import importlib
 from cosim.errors import CosimError, did_you_mean
 from cosim.reproduce.row import VERDICTS, Row, counts
 
-PAPERS = ("sun13", "jay", "mar10", "alwi14")  # [Lu17] flies in cosim.lu17_study; its rows are not written yet
+PAPERS = ("lu17", "jay", "sun13", "mar10", "alwi14")
 
 
 def reproduce(paper="all", *, progress=None):

@@ -10,12 +10,11 @@ case.
 import math
 
 from cosim.reproduce import lu17_bench as bench
-from cosim.reproduce.lu17_stats import case, relative_degree
-from cosim.reproduce.row import Planned
+from cosim.reproduce import lu17_beyond as beyond
+from cosim.reproduce import lu17_reasons as why
+from cosim.reproduce.lu17_stats import T_ONE, T_ONE_WORST, T_STATES, T_STATES_WORST, case, get, ratio, row
 
-T_ONE, T_STATES, T_ONE_WORST, T_STATES_WORST = 3.39, 3.72, 5.42, 5.67  # two-sided 99.9 % of t, 99 degrees of freedom
 FLOWN = ("no load", "load left out")
-EVIDENCE = "cosim reproduce lu17"
 SAYS = {  # scenario -> (of the state, of the fault)
     "fault-free": (
         'IV.C: "all the states are estimated in an unbiased sense"',
@@ -44,19 +43,6 @@ SAYS = {  # scenario -> (of the state, of the fault)
 }
 
 
-def _row(item, says, measure, low, high, reason=""):
-    return Planned("lu17", item, says, measure, low, high, reason, EVIDENCE if reason else "")
-
-
-def _get(key, scenario, load="no load", phase="after", scale=1.0, **options):
-    """Return a function that looks up one number of a case."""
-    return lambda: scale * case(scenario, load, **options)[key, phase]
-
-
-def _ratio(above, below, scenario, load="no load", phases=("after", "after")):
-    return lambda: case(scenario, load)[above, phases[0]] / case(scenario, load)[below, phases[1]]
-
-
 def _unbiased():
     """Yield the statistical test of every scenario, load, phase, of state and fault."""
     for scenario, says in SAYS.items():
@@ -66,49 +52,53 @@ def _unbiased():
             for phase in phases:
                 when = "" if phase == "whole" else f", {phase} the fault"
                 where = f"{scenario}, {load}{when}"
-                yield _row(
+                yield row(
                     f"figure {figure}(b)-(d), {where}: mean state error over its standard error",
                     says[0],
-                    _get("state", scenario, load, phase),
+                    get("state", scenario, load, phase),
                     0,
                     T_STATES,
+                    why.biased(scenario, load),
                 )
-                yield _row(
+                yield row(
                     f"figure {figure}(e)-(f), {where}: mean fault error over its standard error",
                     says[1],
-                    _get("fault", scenario, load, phase),
+                    get("fault", scenario, load, phase),
                     0,
                     T_ONE,
+                    why.biased(scenario, load),
                 )
         if scenario != "fault-free":
             for name, letters, band, said in (
                 ("state", "(b)-(d)", T_STATES_WORST, says[0]),
                 ("fault", "(e)-(f)", T_ONE_WORST, says[1]),
             ):
-                yield _row(
+                yield row(
                     f"figure {figure}{letters}, {scenario}, no load, after the fault: the same at the worst instant, "
                     f"{name}",
                     said,
-                    _get(f"{name} instant", scenario),
+                    get(f"{name} instant", scenario),
                     0,
                     band,
+                    why.biased(scenario, "no load"),
                 )
 
 
 def _follows():
     """Yield the claims on the rod before a fault: within 5 % of the 20 mm of command from the reference."""
     for load in FLOWN:
-        yield _row(
+        yield row(
             f"figure 2(a), fault-free, {load}: rod farthest from reference [mm]",
             'IV.C: "can follow the command very well"',
-            _get("leaves", "fault-free", load, "whole"),
+            get("leaves", "fault-free", load, "whole"),
             0,
             1,
+            why.leaves("fault-free", load),
         )
-        yield _row(
+        yield row(
             f"figure 2(e), fault-free, {load}: rms of f_hat over the largest valve command",
             'IV.C: "close to zero"',
-            _ratio("f_hat rms", "u", "fault-free", load, ("whole", "whole")),
+            ratio("f_hat rms", "u", "fault-free", load, ("whole", "whole")),
             0,
             0.1,
         )
@@ -119,141 +109,121 @@ def _follows():
             ("solid jamming", 'V.D: stuck after the fault, at null because the command is "close to zero"'),
             ("runaway", 'V.E: "deviates from the commanded position" after the fault'),
         ):
-            yield _row(
+            yield row(
                 f"figure {bench.SCENARIOS[scenario][0]}(a), {scenario}, {load}, before the fault: rod farthest from "
                 "reference [mm]",
                 says,
-                _get("leaves", scenario, load, "before"),
+                get("leaves", scenario, load, "before"),
                 0,
                 1,
+                why.leaves(scenario, load),
             )
 
 
 def _oscillatory():
     for load in FLOWN:
-        yield _row(
+        yield row(
             f"figure 3(a), liquid OFC, {load}: rms of rod - reference after the fault over before",
             'IV.D: "can follow the command well until the liquid fault"',
-            _ratio("leaves rms", "leaves rms", "liquid OFC", load, ("after", "before")),
+            ratio("leaves rms", "leaves rms", "liquid OFC", load, ("after", "before")),
             2,
             math.inf,
         )
-        yield _row(
+        yield row(
             f"figure 3(f), liquid OFC, {load}: rms of the fault's error after the fault over before",
             'IV.D: "the estimation error increases slightly"',
-            _ratio("fault error rms", "fault error rms", "liquid OFC", load, ("after", "before")),
+            ratio("fault error rms", "fault error rms", "liquid OFC", load, ("after", "before")),
             1,
             2,
         )
-        yield _row(
+        yield row(
             f"figure 4(a), solid OFC, {load}: rod farthest from where the fault found it [mm]",
             'IV.E: "only oscillates near the position when the fault is injected"; the command is 20 mm',
-            _get("wanders", "solid OFC", load),
+            get("wanders", "solid OFC", load),
             0,
             10,
+            why.LEAK if load != "no load" else "",
         )
-        yield _row(
+        yield row(
             f"figure 4(a), solid OFC, {load}: rod farthest from reference [mm]",
             'IV.E: "no longer able to follow the command"; the command is 20 mm',
-            _get("leaves", "solid OFC", load),
+            get("leaves", "solid OFC", load),
             10,
             math.inf,
         )
-        yield _row(
+        yield row(
             f"figure 4(f), solid OFC, {load}: rms of the fault's error over that of the fault",
             'IV.E: "the estimation error is small"',
-            _ratio("fault error rms", "fault rms", "solid OFC", load),
+            ratio("fault error rms", "fault rms", "solid OFC", load),
             0,
             0.1,
+            why.SOLID_SIZE,
         )
 
 
 def _jammed():
     deviates = 'V.C: "deviates from the command after the liquid jamming fault"; the fault is 5 mm'
     for load in FLOWN:
-        yield _row(
+        yield row(
             f"figure 5(a), liquid jamming, {load}, the estimate fed back: mean rod - reference, size [mm]",
             deviates,
             lambda load=load: abs(case("liquid jamming", load)["rod leaves", "after"]),
             2.5,
             7.5,
+            why.drift(load) or why.FEEDBACK,
         )
-        yield _row(
+        yield row(
             f"figure 5(a), liquid jamming, {load}, the measurement fed back: mean rod - reference, size [mm]",
             deviates,
             lambda load=load: abs(case("liquid jamming", load, measured=True)["rod leaves", "after"]),
             2.5,
             7.5,
         )
-        yield _row(
+        yield row(
             f"figure 5(a), liquid jamming, {load}, the estimate fed back: mean sensor - reference [mm]",
             deviates,
-            _get("sensor leaves", "liquid jamming", load),
+            get("sensor leaves", "liquid jamming", load),
             2.5,
             7.5,
+            why.drift(load),
         )
-        yield _row(
+        yield row(
             f"figure 5(e), liquid jamming, {load}: mean f_hat over the 5 mm of bias",
             'V.C: "estimated in an unbiased sense"',
-            _get("f_hat", "liquid jamming", load, scale=1 / bench.BIAS),
+            get("f_hat", "liquid jamming", load, scale=1 / bench.BIAS),
             0.95,
             1.05,
+            why.drift(load),
         )
-        yield _row(
+        yield row(
             f"figure 6(a), solid jamming, {load}: surface farthest from null after the fault, as rod [mm]",
             'V.D: "remains at the null-position"',
-            _get("null", "solid jamming", load),
+            get("null", "solid jamming", load),
             0,
             1,
+            why.drift(load),
         )
-        yield _row(
+        yield row(
             f"figure 7(a), runaway, {load}: surface at the end, as rod [mm]; the stop is at 89.0",
             'V.E: "is stuck at the limit"',
-            _get("end", "runaway", load),
+            get("end", "runaway", load),
             88,
             90,
         )
         for scenario, figure in (("solid jamming", 6), ("runaway", 7)):
-            yield _row(
+            yield row(
                 f"figure {figure}(f), {scenario}, {load}: rms of the fault's error over that of the fault",
                 'V.D: "matches closely"; V.E: "satisfactory"',
-                _ratio("fault error rms", "fault rms", scenario, load),
+                ratio("fault error rms", "fault rms", scenario, load),
                 0,
                 0.1,
+                why.drift(load),
             )
-
-
-def _beyond():
-    """Yield what the paper does not show: faults as they are, the filter's variants, the printed relative degree."""
-    yield _row("section III.A, relative degree of (9)-(11)", '"in this paper, r = 2"', relative_degree, 2, 2)
-    for scenario, of in (("held rod", "solid jamming"), ("held valve", "runaway")):
-        yield _row(
-            f"figure {bench.SCENARIOS[scenario][0]}(b), {of} as it is ({scenario}), no load: largest error of q_hat "
-            "after the fault [mm]",
-            SAYS[of][0],
-            _get("q error", scenario),
-            0,
-            1,
-        )
-    for name, options in (
-        ("(17) integrated at x_hat", {"centre": 1.0}),
-        ("(17) at x_hat, sign(u + f)", {"centre": 1.0, "total_sign": 1.0}),
-    ):
-        for scenario in ("liquid OFC", "solid OFC"):
-            for what, band, k in (("state", T_STATES, 0), ("fault", T_ONE, 1)):
-                yield _row(
-                    f"figure {bench.SCENARIOS[scenario][0]}, {scenario}, no load, but {name}: mean {what} error over "
-                    "its standard error",
-                    SAYS[scenario][k],
-                    _get(what, scenario, **options),
-                    0,
-                    band,
-                )
 
 
 def plan():
     """Return what is asked of [Lu17], as Planned rows in the order of the paper and then what lies beyond it."""
-    return [*_unbiased(), *_follows(), *_oscillatory(), *_jammed(), *_beyond()]
+    return [*_unbiased(), *_follows(), *_oscillatory(), *_jammed(), *beyond.plan()]
 
 
 def rows():

@@ -183,11 +183,11 @@ def _noise(seeds):
     return np.stack([np.random.default_rng([17, s]).standard_normal((n, 4)) for s in range(seeds)])
 
 
-def fly(scenario, load="no load", *, seeds=SEEDS, measured=False, quiet=False, **filter_values):
+def fly(scenario, load="no load", *, seeds=SEEDS, measured=False, quiet=False, hmd=HMD, **filter_values):
     """Return OUT records (seeds, ticks) of a scenario under a load of LOADS.
 
-    `measured`: the servo closes on the rod sensor instead of the estimate; `quiet`: no noise at all; `filter_values`
-    replace parameters of the filter.
+    `measured`: the servo closes on the rod sensor instead of the estimate; `quiet`: no noise at all; `hmd`: slope of
+    the load [N m/rad]; `filter_values` replace parameters of the filter.
     """
     tick = schedule(scenario)
     known = load == "load known"
@@ -195,7 +195,7 @@ def fly(scenario, load="no load", *, seeds=SEEDS, measured=False, quiet=False, *
     s = np.zeros(1, SETUP)
     s["watch"], s["measured"], s["known"] = watch == "rtsekf", measured, known
     if load != "no load":
-        s["hm0"], s["hmd"] = HM0, HMD
+        s["hm0"], s["hmd"] = HM0, hmd
     s["walk"] = 0.0 if quiet else np.sqrt(np.array(iotsekf.NOISE["q"][:3]) * DT)
     own = dict(filter_values)
     form = {"load": int(known), "dt": DT, "delay_s": 0.0}
