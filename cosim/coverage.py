@@ -12,7 +12,8 @@ from importlib.resources import files
 
 DESIGNED, MAY, BLIND = "designed", "may", "blind"
 WORDS = {DESIGNED: "designed for", MAY: "may see", BLIND: "blind by structure"}
-ENTERS = ("ofc_liquid", "ofc_solid", "runaway", "bias")  # kinds whose place of entry decides who can see them
+# kinds whose place of entry decides who can see them
+ENTERS = ("ofc_liquid", "ofc_solid", "runaway", "bias", "loss_of_effectiveness")
 PARTS = {
     "rod": "rod sensor",
     "surface": "surface sensor",

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim import faults as f
+from cosim.errors import ScenarioError
 from cosim.wiring import SERVO
 
 SENSOR_SHAPES = {  # kind -> (shape, field behind the prefix f_ or g_, source)
@@ -143,6 +144,9 @@ def _moving(j, name, tech, part, delta, nominal):
     if j.kind == "friction":  # a share of the stall force, on the rod; of the stall torque, at the motor
         field, factor = ("jam", 1.0 / nominal.brake) if tech == "hydraulic" else ("friction_add", nominal.stall_torque)
         return Lane(name, j.fault, _params(j, f.CONSTANT, j.magnitude * factor), ((f"{own}.{field}", "f_inj"),))
+    if j.kind == "loss_of_effectiveness" and j.at == "command" and tech != "simple":  # there `loss` is of the command
+        place = (f"{SERVO[tech]}_in.{part}.s_cmd", "f_inj")
+        return Lane(name, j.fault, _params(j, f.CONSTANT, j.magnitude), (place,))
     if j.kind in SHARES:
         to_radians = j.kind == "backlash" and tech == "hydraulic" and j.unit == "m"
         to_metres = j.kind == "backlash" and tech == "ema" and j.unit == "rad"
@@ -156,15 +160,33 @@ def _moving(j, name, tech, part, delta, nominal):
     solid = j.kind == "ofc_solid"
     share = ["s_cmd", "s_u"][j.at == "valve" and tech != "simple"]
     if share == "s_u":
-        to, amplitude = (
-            own,
-            j.magnitude * nominal.unit[tech] if j.unit == "u" else j.magnitude / nominal.gain(tech, solid, j.omega),
-        )
+        to, amplitude = own, _inner_amplitude(j, tech, solid, nominal)
     else:
         to, amplitude = command, j.magnitude / nominal.arm[tech] if j.unit == "m" else j.magnitude
     places = [(f"{to}.{share.replace('s_', 'f_')}", "f_inj"), *([(f"{to}.{share}", "g")] if solid else [])]
     shape = f.CONSTANT if j.kind == "bias" else f.SINE
     return Lane(name, j.fault, _params(j, shape, amplitude), tuple(places))
+
+
+def _inner_amplitude(j, tech, solid, nominal):
+    """Return the amplitude of an oscillation at the valve [1] or drive [A].
+
+    Raises ScenarioError where a drive would need more than its current limit: a servo that the same limit binds loses
+    against it, and the surface swings five times as far as was asked for, or the drive cannot move it that far.
+    """
+    unit = nominal.unit[tech]
+    if j.unit == "u":
+        return j.magnitude * unit
+    gain = nominal.gain(tech, solid, j.omega)
+    if tech == "ema" and j.magnitude > gain * unit:
+        raise ScenarioError(
+            f"{j.magnitude * 1e3:g} mm at {j.omega / (2 * math.pi):g} Hz take {j.magnitude / gain:.0f} A at the drive "
+            f"of {j.name}, whose limit is {unit:g} A",
+            place=f"faults.{j.fault}.amplitude_mm",
+            allowed=f"up to {gain * unit * 1e3:.2g} mm at this frequency",
+            remedy="For more, set at = 'command'",
+        )
+    return j.magnitude / gain
 
 
 def _runaway(j, name, tech, part, own, command, delta, nominal):

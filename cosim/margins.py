@@ -2,7 +2,7 @@
 
 The return ratio is L = -(law) x (sensors: delay) x (aircraft, held surfaces, exact discretisation) x (mean of the four
 actuators' sampled loops). Every part is the one that flies, linearised; the law's share is its normal mode with the
-stick free, at the speed of the model, which may be another than that of the gains.
+stick free, or its angle-of-attack protection, at the speed of the model, which may be another than that of the gains.
 """
 
 import math
@@ -14,16 +14,17 @@ from actuators.linear import ema_loop, hydraulic_loop, response
 
 ELEVATORS = ("de_lo", "de_li", "de_ri", "de_ro")
 STATES = ("tas", "alpha", "q", "theta", "h")
-DELAY_S = 0.005  # of rates, attitudes and accelerations in sensor set `transport`
+DELAY_S, DELAY_AIR_S = 0.005, 0.010  # of inertial and of air data in sensor set `transport`
+G0 = 9.80665
 
 
-def return_ratio(model, p, technologies, hinge, frequency, dt=0.005):
+def return_ratio(model, p, technologies, hinge, frequency, dt=0.005, protected=False):
     """Return L, complex, at `frequency` [rad/s] (n,).
 
     `model` is a LinearModel, `p` the law's PARAMS (1,), `technologies` one of "hydraulic", "ema" per segment, `hinge`
-    (hm0 [N m], hmd [N m/rad]).
+    (hm0 [N m], hmd [N m/rad]). `protected`: the angle-of-attack protection leads.
     """
-    A, B, C, D = model.block(STATES, ELEVATORS, ("nz", "q", "hdot"))
+    A, B, C, D = model.block(STATES, ELEVATORS, ("nz", "q", "hdot", "alpha"))
     n = len(A)
     E = expm(np.block([[A, B.sum(1, keepdims=True)], [np.zeros((1, n + 1))]]) * dt)
     Phi, Gamma = E[:n, :n], E[:n, n:]
@@ -32,15 +33,17 @@ def return_ratio(model, p, technologies, hinge, frequency, dt=0.005):
     one = {t: response(loops[t](hm0=hinge[0], hmd=hinge[1], dt=dt), frequency) for t in set(technologies)}
     act = sum(one[t] for t in technologies) / len(technologies)
     y = np.array([(C @ np.linalg.solve(zi * np.eye(n) - Phi, Gamma) + D.sum(1, keepdims=True))[:, 0] for zi in z])
-    late = z ** -round(DELAY_S / dt)
-    g = p[0]
-    n_c = -g.k_path * y[:, 2] / 9.80665  # the flight-path hold asks for a load factor
-    e = n_c - y[:, 0]
+    n_z, q, hdot = (y[:, :3] * (z ** -round(DELAY_S / dt))[:, None]).T
+    alpha = y[:, 3] * z ** -round(DELAY_AIR_S / dt)
+    g, turn = p[0], G0 / model.trim.tas
     cas = model.y0[list(model.outputs).index("cas")]
     s = (g.cas_0 / cas) ** 2
-    law = g.k_nz * (y[:, 0] - g.b_n * n_c) - g.k_i * e * dt / (z - 1.0)
-    law = law + g.k_q * (y[:, 1] - 9.80665 * n_c / model.trim.tas)
-    return -s * law * late * act
+    e = -g.k_path * hdot / G0 - n_z  # the flight-path hold asks for a load factor
+    if protected:
+        e = -(g.k_alpha * alpha + g.k_rate * (q - turn * n_z)) / math.sqrt(s)
+    lead = n_z + e
+    law = g.k_nz * (n_z - g.b_n * lead) + g.k_q * (q - turn * lead) - g.k_i * e * dt / (z - 1.0)
+    return -s * law * act
 
 
 def margins(L, frequency):

@@ -68,11 +68,12 @@ def blocks(scenario, loads, others, dt):
 # -- what a fault amplitude in millimetres means at the valve or the drive
 # -------------------------------------------------------------
 
-_PAIRS = {  # technology -> servo, actuator, its frictionless parameters, servo inputs fed from the state
+_PAIRS = {  # technology -> servo, actuator, what makes actuator and servo linear, servo inputs from the state, flags
     "hydraulic": (
         servo,
         hydraulic,
         {"F_c": 0.0, "F_s": 0.0},
+        {},
         {"q_meas": ("q_rod", 1.0), "x3_meas": ("x3", 1.0)},
         ("q_valid", "x3_valid"),
     ),
@@ -80,6 +81,7 @@ _PAIRS = {  # technology -> servo, actuator, its frictionless parameters, servo 
         ema_servo,
         ema,
         {"T_c": 0.0, "T_s": 0.0},
+        {"dead": 0.0},  # the integrator's dead band is wider than the small motion that this is flown with
         {"pos_meas": ("motor", LEAD), "vel_meas": ("motor_d", 1.0)},
         ("pos_valid", "vel_valid"),
     ),
@@ -91,8 +93,8 @@ def liquid_gain(technology, omega, dt):
     """Return position amplitude [m] per unit added at the valve [1] or drive [A], servo closed, no load, no friction:
     by flying it.
     """
-    outer, inner, smooth, measured, flags = _PAIRS[technology]
-    p, ps = inner.params(**smooth), outer.params(dt=dt)
+    outer, inner, smooth, live, measured, flags = _PAIRS[technology]
+    p, ps = inner.params(**smooth), outer.params(dt=dt, **live)
     x, xs = inner.init(p), outer.init(ps)
     u, us = np.zeros((1, 1), inner.INPUTS), np.zeros((1, 1), outer.INPUTS)
     log, logs = np.zeros((1, 1), inner.STATE), np.zeros((1, 1), outer.STATE)

@@ -47,6 +47,12 @@ def scenario(point="sun13", kind="cruise", **more):
     return cosim.load_scenario("cruise", [f"{k}={v}" for k, v in values.items()])
 
 
+def fault(i, target, kind, start, end, **numbers):
+    """Return the keys of fault `i` for `scenario`; `end` None for good."""
+    keys = {"target": target, "kind": kind, "start_s": start, **({} if end is None else {"end_s": end}), **numbers}
+    return {f"faults__{i}__{k}": v for k, v in keys.items()}
+
+
 class Flown:
     """A flown scenario: each named signal is an attribute, `t` [s], `status`, `setup`."""
 

@@ -17,6 +17,14 @@ MIXES = {
     "ema": ["ema"] * 4,
     "mixed": ["hydraulic", "hydraulic", "ema", "ema"],
 }
+SLOW = {  # 1.2 to 1.4 times the stall speed: full back-stick ends at alpha_max
+    "sun13 at 150 kt": Flight.at(200, 30, 20000, cas_kt=150),
+    "A at 170 kt": Flight.at(260, 28, 12500, cas_kt=170),
+    "B at 175 kt": Flight.at(260, 36, 12500, cas_kt=175),
+    "C at 210 kt": POINTS["C"],
+    "D at 235 kt": Flight.at(405, 36, 27500, cas_kt=235),
+    "E at 190 kt": Flight.at(320, 28, 20000, cas_kt=190),
+}
 GAINS = ("k_nz", "k_i", "k_q")  # the return ratio is proportional to the three together
 FLIGHTS = POINTS | {  # the last three: none of the papers' points, no corner of their table
     "250 t, 15,000 ft, 310 kt": Flight.at(250, 33, 15000, cas_kt=310),
@@ -28,11 +36,12 @@ FLIGHTS = POINTS | {  # the last three: none of the papers' points, no corner of
 @functools.cache
 def designed(name):
     """Return (model, PARAMS, hinge load of a segment at trim)."""
-    plant = Plant(FLIGHTS[name])
+    flight = (FLIGHTS | SLOW)[name]
+    plant = Plant(flight)
     trim = plant.trim()
     truth = plant.truth()[0]
-    model = linearize(FLIGHTS[name])
-    p = law_design.design(model, law_design.alpha_limit(Plant(FLIGHTS[name]), trim))
+    model = linearize(flight)
+    p = law_design.design(model, law_design.alpha_limit(Plant(flight), trim))
     return model, p, (float(truth.hm0_li), float(truth.hmd_li))
 
 
@@ -52,6 +61,18 @@ def test_pitch_loop_has_6_db_and_45_degrees(name, mix):
 def test_pitch_loop_keeps_6_db_and_45_degrees_with_the_gains_of_another_speed_and_mass(flown, designed_at):
     gain, phase, _ = margins.margins(return_ratio(flown, gains_of=designed_at), FREQUENCY)
     assert gain > 6.0 and phase > 45.0
+
+
+@pytest.mark.parametrize("name", SLOW)
+def test_alpha_protection_has_6_db_and_45_degrees_at_the_speeds_where_it_binds(name):
+    """Above 0.5 rad/s; below, alpha held constant leaves the path a phugoid that the pilot's stick has to end."""
+    fast = np.geomspace(0.5, 300.0, 2000)
+    model, p, hinge = designed(name)
+    for mix in MIXES.values():
+        L = margins.return_ratio(model, p, mix, hinge, fast, protected=True)
+        gain, phase, crossover = margins.margins(L, fast)
+        assert gain > 6.0 and phase > 45.0
+        assert 1.5 < crossover < 5.0
 
 
 def swing(point, *, gain=1.0, delay=0.0):

@@ -46,6 +46,28 @@ def test_alpha_limit_itself_binds_in_a_pull_from_a_lower_speed(point, cas):
     assert deg(np.abs(above[late]).max()) < 1.0 and deg(above.max()) < 2.0
 
 
+def pulled_in_gusts(point, cas, air, seed):
+    """Return elevator angle and command while the protection is at work [deg], and the rate in cruise [deg/s, rms]."""
+    flights = [fly(scenario(point, kind, duration_s=26.0, flight__cas_kt=cas, flight__turbulence=air, seed=seed))
+               for kind in ("aoa_protection", "cruise")]  # fmt: skip
+    late = (flights[0].t > 8.0) & (flights[0].t < 25.0)
+    assert flights[0].status == "completed" and 1.0 in flights[0].protection[late]
+    rates = [float(np.sqrt(np.mean(np.square(np.diff(deg(f.de_li[late])) / 0.005)))) for f in flights]
+    return deg(flights[0].de_cmd[late]), rates
+
+
+@pytest.mark.parametrize("air", ["light", "moderate"])
+@pytest.mark.parametrize(("point", "cas"), [("sun13", 150), ("A", 170), ("B", 175), ("C", 210), ("D", 235), ("E", 190)])
+def test_alpha_protection_in_turbulence_does_not_drive_the_elevator_from_stop_to_stop(point, cas, air):
+    """The command stays within half the travel, the surface works at most 2.5 times as fast as in cruise there."""
+    for seed in (3, 4):
+        command, (pulled_rate, cruise_rate) = pulled_in_gusts(point, cas, air, seed)
+        print(f"{point} {cas} kt {air} {seed}: {command.min():.1f} to {command.max():.1f} deg, "
+              f"{pulled_rate:.1f} deg/s, cruise {cruise_rate:.1f} deg/s")  # fmt: skip
+        assert -11.5 < command.min() and command.max() < 8.5
+        assert pulled_rate < 2.5 * cruise_rate
+
+
 def banked(point, seed, turbulence="light"):
     return fly(scenario(point, "coordinated_turn", duration_s=75.0, flight__turbulence=turbulence, seed=seed))
 

@@ -172,7 +172,10 @@ ELEVATOR_KINDS = {
         "the surface drives off, to its stop or to limit_deg", _runaway, at=("valve", "command"), exclusive="at"
     ),
     "loss_of_effectiveness": Kind(
-        "the surface gives only a part of what is commanded", _loss, exclusive="effectiveness"
+        "the surface gives only a part of what is commanded; at the valve or drive the servo makes up for it as it can",
+        _loss,
+        at=("command", "valve"),
+        exclusive="at",
     ),
     "free_float": Kind(
         "the actuator lets go, the surface trails", technologies=_real, switched=True, exclusive="motion"

@@ -12,7 +12,8 @@ def check(faults, technology):
         what = fault.spec.exclusive
         if not what:
             continue
-        what = fault.at if what == "at" else what
+        if what == "at":  # a runaway to a limit moves the command, whatever it starts from (cosim/inject.py)
+            what = "command" if "limit_deg" in (fault.model_extra or {}) else fault.at
         for name in fault.parsed.names:
             for other, claim, index in taken:
                 if claim == (fault.parsed.place, name, fault.parsed.sensor, what) and _overlap(fault, other):
