@@ -119,4 +119,18 @@ def bound(function, *args):
     """
     if config.DISABLE_JIT:
         return functools.partial(function, *args)
-    return functools.partial(function.compile(tuple(numba.typeof(a) for a in args)), *args)
+    return functools.partial(function.compile(tuple(map(_type, args))), *args)
+
+
+_RECORDS: dict[np.dtype, Any] = {}
+
+
+def _type(value):
+    """Return Numba's type of an argument; that of a block's records, 1 ms each, is kept for the next flight."""
+    if not isinstance(value, np.ndarray) or value.dtype.names is None:
+        return numba.typeof(value)
+    if value.dtype not in _RECORDS:
+        _RECORDS[value.dtype] = numba.typeof(value).dtype
+    flags = value.flags
+    layout = "C" if flags.c_contiguous else "F" if flags.f_contiguous else "A"
+    return numba.types.Array(_RECORDS[value.dtype], value.ndim, layout, not flags.writeable, aligned=flags.aligned)

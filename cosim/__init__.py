@@ -8,8 +8,13 @@ The names below are imported when they are first used, so that `import cosim` co
 """
 
 import importlib
+import os
 import sys
 import types
+
+# Matrices here are small: BLAS threads cost each call of a design 6 ms of waiting for one another, half a second per
+# flight, and give other last digits on other machines. Read when NumPy is imported; what the user has set stands.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 _PUBLIC = {  # name -> module that defines it
     "load_scenario": "cosim.scenario",

@@ -42,6 +42,7 @@ class AeroFunctions:
         self.axes = {axis.get("name"): list(axis.iter("function")) for axis in aero.iter("axis")}
         self.frames = {axis.get("name"): axis.get("frame") for axis in aero.iter("axis")}
         self.breakpoints = _breakpoints(aero)
+        self._tables: dict = {}  # element -> [properties, breakpoints, values, arguments and result of the last time]
 
     def evaluate(self, axis, given):
         """Return the sum of an axis' functions, lb or lb ft, at the properties `given`."""
@@ -58,6 +59,17 @@ class AeroFunctions:
             cache[name] = self.defaults.get(name, 0.0) if found is None else self._function(found, cache)
         return cache[name]
 
+    def _look_up(self, table, cache):
+        """Return a table's value; at the very arguments of the time before, as most are, it is not looked up again."""
+        if table not in self._tables:
+            self._tables[table] = [*_table(table), None, None]
+        names, axes, values, before, value = self._tables[table]
+        at = [self._property(n, cache) for n in names]
+        if before is None or any(a is not b for a, b in zip(at, before)):
+            value = _lookup(axes, values, at)
+            self._tables[table][3:] = at, value
+        return value
+
     def _function(self, element, cache):
         parts = [e for e in element if e.tag != "description"]
         if len(parts) != 1:
@@ -70,8 +82,7 @@ class AeroFunctions:
         if e.tag in ("p", "property"):
             return self._property(e.text.strip(), cache)
         if e.tag == "table":
-            names, axes, values = _table(e)
-            return _lookup(axes, values, [self._property(n, cache) for n in names])
+            return self._look_up(e, cache)
         parts = [self._expression(c, cache) for c in e if c.tag != "description"]
         if e.tag in _MANY:
             return functools.reduce(_MANY[e.tag], parts)

@@ -192,8 +192,8 @@ def build(scenario):
         law=block("law", law, law_p, law.init(law_p)),
         hinge=block("hinge_model", hinge_model, hinge_p, hinge_model.init(hinge_p)),
         detectors=[
-            block(d.id, d.module, d.params(scenario, dt), d.module.init(d.params(scenario, dt)), d.every)
-            for d in chosen
+            block(d.id, d.module, p, d.module.init(p), d.every)
+            for d, p in ((d, d.params(scenario, dt)) for d in chosen)
         ],
         servos=[b for b in parts_blocks if b.name in wiring.SERVO.values()],
         actuators=[b for b in parts_blocks if b.name not in wiring.SERVO.values()],

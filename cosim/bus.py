@@ -40,6 +40,7 @@ class Bus:
         self.kinds: dict[str, np.dtype] = {}
         self.lanes: dict[str, tuple] = {}
         self._start: dict[str, int] = {}
+        self._positions: dict[tuple[str, str], dict[str, int]] = {}  # as `index` found them
         n = 0
         for name, kind, lanes in sections:
             if name in self.kinds:
@@ -58,7 +59,9 @@ class Bus:
         is missing.
         """
         section, lane, field = path.split(".", 2)
-        positions = dict(self.columns(section, lane))
+        positions = self._positions.get((section, lane))
+        if positions is None:
+            positions = self._positions[section, lane] = dict(self.columns(section, lane))
         if field not in positions:
             raise KeyError(f"{path}: no such field; there is {', '.join(positions)}")
         return positions[field]
