@@ -27,7 +27,8 @@ STATES = {"alpha": "deg", "h": "m", "theta": "deg", "tas": "m/s", "q": "deg/s"} 
 OUTPUTS = {"h": "m", "theta": "deg", "tas": "m/s", "q": "deg/s", "nz": "g", "alpha": "deg"}  # (37)
 SEGMENTS = ("de_lo", "de_li", "de_ri", "de_ro")
 THROTTLE_MAX = 0.90  # DESIGN.md section 3
-GRID = 4  # values per parameter of the first grid; the second lies between them
+GRID = 7  # values per parameter of the grid that is fitted
+SECOND = 4  # and of the grid between whose points the second grid lies, 3^4 points inside the box
 STORED = Path(lpv_smo_design.__file__).parent / "designs" / "lpv_smo.json"
 CEILING = 11000.0  # top of the troposphere [m]
 # size of each signal in manoeuvres of +-0.15 g, from the flights of [Alwi14] figure 1: they weigh what is insignificant
@@ -113,10 +114,12 @@ def grid(n, *, offset=0.0):
 
 def fit(samples):
     """Fit the `LpvModel` to `samples`; outputs that are states are exact, so C_1 is constant and D_1 zero."""
-    A, fixed_A = lpv_model.fit(samples.rho, samples.A, box=BOX, scale=SIZE_X)
-    B, fixed_B = lpv_model.fit(samples.rho, samples.B, box=BOX, scale=SIZE_U)
-    C, fixed_C = lpv_model.fit(samples.rho, samples.C, box=BOX, scale=SIZE_X)
-    D, fixed_D = lpv_model.fit(samples.rho, samples.D, box=BOX, scale=SIZE_U)
+    size = {"A": SIZE_X, "B": SIZE_U, "C": SIZE_X, "D": SIZE_U}
+    weight = volume(samples.rho)
+    fitted = {
+        k: lpv_model.fit(samples.rho, getattr(samples, k), box=BOX, scale=size[k], weight=weight) for k in "ABCD"
+    }
+    A, B, C, D = (fitted[k][0] for k in "ABCD")
     C[:, [0, 1, 2, 3, 5]] = 0.0
     C[0, [0, 1, 2, 3, 5], [1, 2, 3, 4, 0]] = 1.0
     D[:, [0, 1, 2, 3, 5]] = 0.0
@@ -126,7 +129,17 @@ def fit(samples):
         A=A, B=B, C=C, D=D, box=BOX, trim=trim,
         states=names[0], inputs=("elevator_deg", "stab_deg"), outputs=names[1], rho=NAMES,
     )  # fmt: skip
-    return model, {"A": fixed_A, "B": fixed_B, "C": fixed_C, "D": fixed_D}
+    return model, {k: fixed for k, (_, fixed) in fitted.items()}
+
+
+def volume(rho):
+    """Return the share of the box that each point of a regular grid stands for: half as much on a face as inside.
+
+    The sum of squares (31) is then that of the trapezoidal rule, the integral over the flyable part of the box; equal
+    weights count faces, edges and corners twice, four and more times. Points are on a face when within 1 % of it (the
+    achieved CAS differs from the asked one in the fourth digit).
+    """
+    return np.where(np.abs(lpv_model.normalise(rho, BOX)) > 0.99, 0.5, 1.0).prod(axis=1)
 
 
 def judge(model, samples):
@@ -157,7 +170,7 @@ def design(model):
 
 def make(*, progress=None):
     """Sample, fit, judge and design; return (model, design, facts) with `facts` ready for `lpv_smo_design.save`."""
-    first, second = sample(grid(GRID), progress), sample(grid(GRID, offset=0.5), progress)
+    first, second = sample(grid(GRID), progress), sample(grid(SECOND, offset=0.5), progress)
     model, fixed = fit(first)
     made = design(model)
     return model, made, {

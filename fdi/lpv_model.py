@@ -68,26 +68,29 @@ def trim_at(model, rho):
     return values[:n], values[n : n + m], values[n + m :]
 
 
-def fit(rho, S, *, box, tolerance=0.02, scale=None):
+def fit(rho, S, *, box, tolerance=0.02, scale=None, weight=None):
     """Fit S(rho) = S_0 + sum rho_i S_i to samples by least squares, insignificant entries fixed [Alwi14] (29)-(32).
 
     rho (k, nr), S (k, rows, cols); returns (stack (1+nr, rows, cols), fixed (rows, cols) of bool). An entry is
     *invariant* when its range over the grid is at most `tolerance` of its largest value, and *insignificant* when
     its largest value times its column's `scale` is at most `tolerance` of the largest such product in its row;
     `scale` (cols,) says how large that column's signal gets (default: 1 each). Those keep their mean in S_0.
-    Raises ValueError when the grid cannot determine nr + 1 coefficients.
+    `weight` (k,): how much each sample's squared error counts (default: 1 each). Raises ValueError when the grid cannot
+    determine nr + 1 coefficients.
     """
     rho, S = np.asarray(rho, float), np.asarray(S, float)
     X = _regressor(rho, box)
     if np.linalg.matrix_rank(X) < X.shape[1]:
         raise ValueError(f"{len(rho)} grid points leave the {X.shape[1]} coefficients of an affine model undetermined")
     k, rows, cols = S.shape
-    theta = np.linalg.lstsq(X, S.reshape(k, -1), rcond=None)[0].reshape(-1, rows, cols)
+    weight = np.ones(k) if weight is None else np.asarray(weight, float)
+    root = np.sqrt(weight)[:, None]
+    theta = np.linalg.lstsq(root * X, root * S.reshape(k, -1), rcond=None)[0].reshape(-1, rows, cols)
     size = np.abs(S).max(0)
     reach = size * (np.ones(cols) if scale is None else np.asarray(scale, float))
     fixed = (np.ptp(S, axis=0) <= tolerance * size) | (reach <= tolerance * reach.max(1, keepdims=True))
     theta[:, fixed] = 0
-    theta[0, fixed] = S.mean(0)[fixed]
+    theta[0, fixed] = np.average(S, axis=0, weights=weight)[fixed]
     return _raw(theta, box), fixed
 
 
