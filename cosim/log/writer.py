@@ -106,10 +106,9 @@ class LogWriter:
         plan = self._layout.plan(k0, n)
         tail, entries = self._tail(plan, k0, n)
         content = plan.template(k0, tail)
-        for number, block in plan.blocks.items():
-            values = self._rates[block.every].values(number, block.rows)
-            for fields, view in plan.slots[number]:
-                view[:] = values[:, fields]
+        for every, rate in self._rates.items():
+            if rows := len(range(-k0 % every, n, every)):
+                plan.fill(every, rate.buffer[:rows])
         data = self._compress(content)
         chunk = pack_chunk(self._layout, content, data, self._compression, k0, n, entries, self._sink.offset)
         self._sink.chunk(*chunk)
