@@ -8,6 +8,7 @@ from cosim.sensors import TRANSPORT
 
 SERVO = 0.07  # mean delay of the healthy elevator servos, hydraulic 75 and electromechanical 68 ms, measured [s]
 LEARN = 8.0  # the papers' faults come at 10 s [s]
+ROWS = ("force", "force+moment")  # of [Mar10]'s residuals, chosen by detectors.control_redundancy.rows
 OMEGA, ZETA = 30.0, 0.9  # of actuators.simple
 
 _COMMANDS = {f"de_{s}": "law.law.de_cmd" for s in ("lo", "li", "ri", "ro")} | {"stab": "law.law.stab_cmd"}
@@ -54,7 +55,7 @@ def actuator_delays():
     return (SERVO, *(2.0 * ZETA / simple.KINDS[n].get("omega", OMEGA) for n in ("aileron", "rudder")), 0.0)
 
 
-def control_redundancy_params(module, scenario, lane, dt):
+def control_redundancy_params(module, scenario, lane, dt, **options):
     """Return PARAMS of fdi.control_redundancy for the loop, on the force model of the aircraft that flies."""
     delay = 1.0 + ticks(TRANSPORT["n_z"][2], dt)
-    return module.params(model=force_model(), dt=dt, delay=delay, lag=actuator_delays())
+    return module.params(model=force_model(), dt=dt, delay=delay, lag=actuator_delays(), **options)

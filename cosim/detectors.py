@@ -21,7 +21,8 @@ class Spec:
     """How a detector is built: module, technologies of its lanes (none for an aircraft-level one), wires and
     parameters.
 
-    `wires(lane, technology)` returns {input field: bus name}; `params(scenario, lane, dt)` one record.
+    `wires(lane, technology)` returns {input field: bus name}; `params(module, scenario, lane, dt, **options)` one
+    record. `options` are what the scenario may choose by a word: (name, allowed words), the first being the default.
     """
 
     module: str
@@ -29,6 +30,7 @@ class Spec:
     wires: Callable
     params: Callable
     every: int = 1
+    options: tuple = ()
 
 
 def _obs(lane, sensor, field, flag=None):
@@ -80,6 +82,7 @@ TABLE = {
         (),
         lambda lane, t: airframe_wires.control_redundancy(),
         airframe_wires.control_redundancy_params,
+        options=(("rows", airframe_wires.ROWS),),
     ),
     "iotsekf": Spec("fdi.iotsekf", HYDRAULIC, _hydraulic, _plain),
     "rtsekf": Spec("fdi.rtsekf", HYDRAULIC, lambda lane, t: {**_rod(lane, _ROD), **_hinge(lane)}, _plain),
@@ -115,9 +118,12 @@ class Detector:
         """Return the PARAMS of all lanes; the scenario's own values replace fields. Raises ScenarioError for one that
         is none.
         """
-        p = np.concatenate([self.spec.params(self.module, scenario, lane, dt) for lane in self.lanes])
-        for name, value in scenario.detectors.table(self.id).items():
-            _override(self.id, p, name, value)
+        table = scenario.detectors.table(self.id)
+        words = {name: _word(self.id, name, table.pop(name), allowed)
+                 for name, allowed in self.spec.options if name in table}
+        p = np.concatenate([self.spec.params(self.module, scenario, lane, dt, **words) for lane in self.lanes])
+        for name, value in table.items():
+            _override(self.id, p, name, value, [name for name, _ in self.spec.options])
         return p
 
     def wires(self, technology):
@@ -133,15 +139,28 @@ class Detector:
         return f"elevator.{lane}" if self.level == "local" else "aircraft"
 
 
-def _override(detector, p, name, value):
-    plain = [n for n in p.dtype.names if p.dtype[n].shape == ()]
-    if name not in plain:
+def _word(detector, name, value, allowed):
+    """Return `value` when it is one of the words `allowed`; else raise ScenarioError."""
+    if value not in allowed:
         raise ScenarioError(
-            "no such parameter",
+            f"{value!r} is no choice",
             place=f"detectors.{detector}.{name}",
-            allowed=", ".join(plain),
-            remedy=did_you_mean(name, plain),
+            allowed=", ".join(allowed),
+            remedy=did_you_mean(str(value), allowed),
         )
+    return value
+
+
+def _override(detector, p, name, value, options=()):
+    """Set field `name` of every lane; raise ScenarioError for one that is none, or for a word."""
+    plain = [n for n in p.dtype.names if p.dtype[n].shape == ()]
+    place = f"detectors.{detector}.{name}"
+    if name not in plain:
+        known = [*options, *plain]
+        remedy = did_you_mean(name, known)
+        raise ScenarioError("no such parameter", place=place, allowed=", ".join(known), remedy=remedy)
+    if isinstance(value, str):
+        raise ScenarioError(f"{value!r} is no number", place=place, allowed="a number")
     p[name] = float(value)
 
 

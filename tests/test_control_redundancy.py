@@ -234,3 +234,20 @@ def test_a_model_that_does_not_fit_is_refused():
     big = dataclasses.replace(force_model(), mach=np.linspace(0, 1, 200))
     with pytest.raises(ValueError, match="200 Mach"):
         fm.fields(big)
+
+
+def test_the_scenario_chooses_the_rows_by_a_word():
+    from cosim.build import build
+    from cosim.errors import ScenarioError
+    from cosim.scenario.load import load_scenario
+
+    def rows(*changes):
+        only = ("detectors.enabled=['control_redundancy']", "duration_s=1", "faults=[]")
+        return build(load_scenario("cruise", [*only, *changes])).loop.detectors[0].p["n_rows"][0]
+
+    assert rows() == 3.0
+    assert rows("detectors.control_redundancy.rows=force+moment") == 6.0
+    with pytest.raises(ScenarioError, match="is no choice"):
+        rows("detectors.control_redundancy.rows=moment")
+    with pytest.raises(ScenarioError, match="is no number"):
+        rows("detectors.control_redundancy.rel=five")

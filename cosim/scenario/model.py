@@ -195,7 +195,7 @@ class Detectors(_Table):
     """The detectors that run, and a table of parameters for each."""
 
     model_config = ConfigDict(frozen=True, extra="allow", strict=True, allow_inf_nan=False)
-    __pydantic_extra__: dict[str, dict[str, float | bool]]
+    __pydantic_extra__: dict[str, dict[str, float | bool | str]]
 
     enabled: Annotated[tuple[str, ...], Field(strict=False)] = tuple(c.DETECTORS)
 
