@@ -2,5 +2,6 @@
 
 from cosim.report.compare_page import comparison_report
 from cosim.report.flight_page import flight_report
+from cosim.report.reproduce_page import reproduction_report
 
-__all__ = ["comparison_report", "flight_report"]
+__all__ = ["comparison_report", "flight_report", "reproduction_report"]

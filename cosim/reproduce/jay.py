@@ -225,6 +225,11 @@ def _beyond():
     )
 
 
-def rows():
+def plan():
     """Return the Rows of [Jay], figures 3 to 13 in order and then what lies beyond them; a few seconds of work."""
     return [*_healthy(), *_sensor_faults(), *_robustness(), *_reconfiguration(), *_beyond()]
+
+
+def rows():
+    """Return the Rows of [Jay]."""
+    return [p.judge() for p in plan()]

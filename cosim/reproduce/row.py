@@ -18,6 +18,7 @@ class Row:
     verdict: str    # one of VERDICTS
     reason: str     # why it differs, empty when it agrees
     evidence: str   # command that prints a figure which supports the reason
+    note: str = ""  # what came with the number, "phase -8 deg"
 
     def __post_init__(self):
         if self.verdict not in VERDICTS:
@@ -25,15 +26,19 @@ class Row:
         if self.verdict == "differs_explained" and not (self.reason and self.evidence):
             raise ValueError(f"{self.paper}, {self.item}: an explained difference needs a reason and a command for it")
 
+    def judge(self):
+        """Return this row: its number was known when it was planned."""
+        return self
+
 
 @dataclass(frozen=True)
 class Planned:
-    """A statement with its band, before its number is known; `measure()` works that out."""
+    """A statement with its band, before its number is known; `measure()` returns that, or (number, note)."""
 
     paper: str
     item: str
     says: str
-    measure: Callable[[], float]
+    measure: Callable[[], float | tuple[float, str]]
     low: float
     high: float
     reason: str = ""
@@ -41,19 +46,13 @@ class Planned:
 
     def judge(self):
         """Return the Row."""
-        return judged(
-            self.paper,
-            self.item,
-            self.says,
-            self.measure(),
-            self.low,
-            self.high,
-            reason=self.reason,
-            evidence=self.evidence,
-        )
+        found = self.measure()
+        got, note = found if isinstance(found, tuple) else (found, "")
+        why = {"reason": self.reason, "evidence": self.evidence}
+        return judged(self.paper, self.item, self.says, got, self.low, self.high, note=note, **why)
 
 
-def judged(paper, item, says, got, low, high, *, reason="", evidence=""):
+def judged(paper, item, says, got, low, high, *, reason="", evidence="", note=""):
     """Return the Row of a number that should lie in low .. high; reason and evidence count only outside.
 
     Outside the band it is `differs_explained` when a reason with evidence was committed, else `differs`; a number that
@@ -65,7 +64,7 @@ def judged(paper, item, says, got, low, high, *, reason="", evidence=""):
     verdict = "agrees" if inside else "differs_explained" if explained else "differs"
     shown = not inside
     band = f"{low:g} .. {high:g}"
-    return Row(paper, item, says, got, band, verdict, reason if shown else "", evidence if shown else "")
+    return Row(paper, item, says, got, band, verdict, reason if shown else "", evidence if shown else "", note)
 
 
 def counts(rows):
