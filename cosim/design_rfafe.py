@@ -44,16 +44,21 @@ RATE_DEG_S = 40.0  # of the servos' reference: 40 of the no-load 45 deg/s (actua
 BOUND_HZ = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 
 
-def fly(names, *, duration=FLIGHT_S, manoeuvre="cruise", faults=(), technology=("hydraulic",) * 4, **more):
+def fly(
+    names, *, duration=FLIGHT_S, manoeuvre="cruise", faults=(), technology=("hydraulic",) * 4, prepare=None, **more
+):
     """Return the bus values `names` (ticks, names) of a flight at POINT without detectors, up to a departure.
 
-    `more` are further tables of the scenario; "flight" entries are added to POINT.
+    `more` are further tables of the scenario; "flight" entries are added to POINT. `prepare(loop)` may change the loop
+    before its first tick.
     """
     manoeuvre = manoeuvre if isinstance(manoeuvre, dict) else {"kind": manoeuvre}
     flight = {**POINT, **more.pop("flight", {})}
     setup = build(parse({"title": "design flight", "duration_s": duration, "flight": flight, "manoeuvre": manoeuvre,
                          "elevator": dict(zip(NAMES, technology)), "detectors": {"enabled": []},
                          "faults": list(faults), **more}))
+    if prepare is not None:
+        prepare(setup.loop)
     index = np.array([setup.loop.bus.index(n) for n in names])
     out = np.zeros((setup.ticks, len(index)))
     for k in range(setup.ticks):

@@ -89,3 +89,22 @@ def test_fitting_the_five_points_alone_gives_no_error_and_nonsense():
     corners = np.array([lpv_model.at(stack, v)[4, 0] for v in lpv_model.vertices(transport.BOX)])
     full = np.array([lpv_model.at(transport.model().B, v)[4, 0] for v in lpv_model.vertices(transport.BOX)])
     assert np.abs(corners - full).max() > 0.25 * np.abs(full).max()
+
+
+def test_a_sample_that_counts_twice_is_a_sample_that_is_there_twice():
+    rng = np.random.default_rng(3)
+    rho, S = rng.uniform(0, 1, (12, 1)), rng.normal(size=(12, 1, 2))
+    twice = np.r_[np.arange(12), 3, 7]
+    weight = np.ones(12)
+    weight[[3, 7]] = 2.0
+    weighted, _ = lpv_model.fit(rho, S, box=[[0, 1]], tolerance=0.0, weight=weight)
+    repeated, _ = lpv_model.fit(rho[twice], S[twice], box=[[0, 1]], tolerance=0.0)
+    np.testing.assert_allclose(weighted, repeated, atol=1e-12)
+
+
+def test_the_weights_of_a_grid_are_those_of_the_trapezoidal_rule():
+    from cosim import design_lpv
+
+    w = design_lpv.volume(design_lpv.grid(3))
+    assert len(w) == 81 and w.sum() == pytest.approx(2.0**4)  # two cells per parameter
+    assert w.min() == 1 / 16 and w.max() == 1.0
