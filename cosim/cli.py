@@ -15,7 +15,7 @@ import typer
 from rich.console import Console
 from typer.core import TyperGroup
 
-from cosim import cli_many, cli_study
+from cosim import cli_envelope, cli_many, cli_study
 from cosim import cli_tables as tables
 from cosim.cli_output import JsonOption, reserve
 from cosim.errors import CosimError
@@ -289,7 +289,7 @@ def recover(
         out.print(cli_replay.recover(found))
 
 
-for part in (cli_study, cli_many):
+for part in (cli_envelope, cli_study, cli_many):
     part.add(app, out, err)
 
 

@@ -194,21 +194,3 @@ def test_flies_alone_in_plain_jsbsim():
     for _ in range(120):
         fdm.run()
     assert fdm["velocities/q-rad_sec"] < -0.005
-
-
-def test_trim_map_says_what_is_in_hand_or_why_not():
-    from cosim.envelope import reach, trim_map
-
-    table = trim_map((320.0,), (30.0,), (20000.0, 38000.0), (150, 170, 210, 270, 330, 350))
-    table = table.set_index(["altitude_ft", "cas_kt"])
-    assert table.loc[(20000.0, 150.0), "reason"] == "stall"
-    assert table.loc[(38000.0, 170.0), "reason"] == "thrust"
-    assert table.loc[(38000.0, 350.0), "reason"] == "speed"
-    assert table.loc[(20000.0, 270.0), "reason"] == ""
-    # the actuator stalls short of full travel from about 330 kt on, upward first
-    assert table.loc[(20000.0, 270.0), "elevator_up_deg"] == -23.0
-    assert -22.0 < table.loc[(20000.0, 330.0), "elevator_up_deg"] < -18.0
-    assert table.loc[(20000.0, 350.0), "elevator_down_deg"] < 17.0
-    up, down = reach(1000.0, -30000.0, 10500.0)  # M = HM0 + HM_delta delta is +10.5 kN m going up, -10.5 going down
-    assert 1000.0 - 30000.0 * math.radians(up) == pytest.approx(10500.0)
-    assert 1000.0 - 30000.0 * math.radians(down) > -10500.0 and down == pytest.approx(17.0)

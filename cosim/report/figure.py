@@ -171,10 +171,12 @@ def style_axis(title="", **more):
     }
 
 
-def grid(layout, titles, y_titles, columns, span=None, row_px=None, time=True):
-    """Lay out panels row by row with a title each; `span` is the (first, last) time. Changes `layout`."""
+def grid(layout, titles, y_titles, columns, span=None, row_px=None, time=True, gap=0.085):
+    """Lay out panels row by row with a title each; `span` is the (first, last) time, `gap` the share of the width
+    between two columns. Changes `layout`.
+    """
     n, rows = len(titles), -(-len(titles) // columns)
-    gap_x, height = 0.085 if columns > 1 else 0.0, layout["height"]
+    gap_x, height = gap if columns > 1 else 0.0, layout["height"]
     inner = height - layout["margin"]["t"] - layout["margin"]["b"]
     gap_y = 52 / inner if rows > 1 else 0.0
     w, h = (1 - gap_x * (columns - 1)) / columns, (1 - gap_y * (rows - 1)) / rows

@@ -1,0 +1,139 @@
+"""The page of the envelope: where the aircraft trims, at which values, why not elsewhere, where its actuators stall."""
+
+from cosim.envelope import REASONS
+from cosim.report.envelope_maps import QUANTITIES, REASON, scale
+from cosim.report.figure import Figure, axis, base, grid, place
+from cosim.report.page import drawing, page, table, text, write
+
+COLUMNS_PX = 175  # of a row of panels
+NAMES = {"hydraulic": "hydraulic", "ema": "electromechanical"}
+
+
+def envelope_report(trims, found, output):
+    """Write the page of a trim map and its `envelope.summary` to the file `output`; returns its Path.
+
+    Raises OutputError.
+    """
+    return write(output, render(trims, found))
+
+
+def render(trims, found):
+    """Return the page as HTML text."""
+    good = trims[trims["reason"] == ""]
+    shown = [q for q in QUANTITIES if len(good) and good[q.column].nunique() > 1]  # no map of one value
+    figures = [_figure(trims, q) for q in shown]
+    body = [_key(found["reasons"])]
+    for q, figure in zip(shown, figures):
+        body.append(f"<h2>{q.heading}</h2><p class=muted>{_told(q, trims)}</p>{drawing(figure)}")
+    body.append(f"<h2>Limits by mass</h2>{_masses(found)}")
+    return page(
+        title="Envelope of the transport",
+        subtitle=f"{found['points']} points over mass, CG, altitude and speed; {found['trimmed']} trim in level flight",
+        summary=_summary(found),
+        body="".join(body),
+        figures=figures,
+        chips=(),
+    )
+
+
+def _told(q, trims):
+    good = trims.loc[trims["reason"] == "", q.column] * q.factor
+    span = f"{good.min():.{q.digits}f} to {good.max():.{q.digits}f} {q.unit} in these points."
+    return text(f"{q.told} {span}".strip())
+
+
+def _key(reasons):
+    boxes = "".join(
+        f'<span><span class="box" style="background:{REASON[name][0]};color:#1c2128">{REASON[name][1]}</span>'
+        f"{text(REASONS.get(name, name))}</span>"
+        for name in reasons
+    )
+    return f'<p class="key">{boxes}</p>'
+
+
+def _summary(found):
+    why = [f"{n} for {REASON[name][2]}" for name, n in found["reasons"].items()]
+    enough = "" if "stabiliser" in found["reasons"] else " The stabiliser has travel enough for all of them."
+    out = [f"<p>{found['trimmed']} of {found['points']} points have steady level flight; the others have none, "
+           f"{text(', '.join(why))}.{enough}</p>"]  # fmt: skip
+    for technology, ways in found["stalls"].items():
+        said = []
+        for way, full in (("up", 23), ("down", 17)):
+            at = ways[way]
+            worst = f"{abs(at['reach_deg']):.1f} of {full} deg at worst"
+            said.append(f"{way} never short of its travel" if at["from_kt"] is None
+                        else f"{way} from {at['from_kt']:.0f} kt CAS on ({worst})")  # fmt: skip
+        name = NAMES[technology]
+        out.append(f"<p>A segment with {'an' if name[0] in 'aeiou' else 'a'} <b>{name}</b> actuator stalls short of "
+                   f"full deflection {text(', '.join(said))}.</p>")  # fmt: skip
+    out.append("<p class=muted>All four segments carry the same hinge moment in level flight. The hinge-moment "
+               "coefficients are assumed (aircraft/README.md); friction is left out.</p>")  # fmt: skip
+    return "".join(out)
+
+
+def _masses(found):
+    def span(values, digits):
+        return f"{values[0]:.{digits}f} to {values[1]:.{digits}f}"
+
+    rows = [
+        (
+            (f"{m['mass_t']:.0f} t", str(m["trimmed"]), span(m["cas_kt"], 0), span(m["mach"], 2),
+             f"{m['highest_ft']:,.0f}", span(m["alpha_deg"], 1), span(m["stabilizer_deg"], 1),
+             span([100 * v for v in m["throttle"]], 0)),
+            "",
+        )
+        for m in found["masses"]
+    ]  # fmt: skip
+    columns = ("mass", "points>", "kt CAS>", "Mach>", "highest ft>", "alpha deg>", "stabiliser deg>", "throttle %>")
+    return table(columns, rows)
+
+
+def _figure(trims, q):
+    """Return the panels of one quantity: mass from left to right, CG from top to bottom."""
+    masses, cgs = sorted(trims["mass_t"].unique()), sorted(trims["cg_pct"].unique())
+    n = len(masses)
+    figure = Figure(q.column, "", 80 + COLUMNS_PX * len(cgs), time=False)
+    figure.layout = base(figure.height, legend=False) | {"hovermode": "closest"}
+    figure.layout["margin"] |= {"r": 78, "l": 52}
+    titles = [f"{m:.0f} t, CG {c:.0f} %" for c in cgs for m in masses]
+    grid(figure.layout, titles, ["1000 ft" if i % n == 0 else "" for i in range(len(titles))], n, time=False, gap=0.022)
+    for i, (cg, mass) in enumerate(((c, m) for c in cgs for m in masses), 1):
+        if i > len(titles) - n:
+            figure.layout[axis("xaxis", i)]["title"]["text"] = "kt CAS"
+        if (i - 1) % n:
+            figure.layout[axis("yaxis", i)]["showticklabels"] = False
+        part = trims[(trims["mass_t"] == mass) & (trims["cg_pct"] == cg)]
+        figure.data += [_values(part, q, i), _reasons(part, i)]
+    return figure
+
+
+def _grid(part, column):
+    """Return (speeds, altitudes in 1000 ft, rows of `column`): one row per altitude."""
+    cells = part.pivot(index="altitude_ft", columns="cas_kt", values=column)
+    return cells.columns.tolist(), (cells.index / 1000.0).tolist(), cells.to_numpy(object)
+
+
+def _values(part, q, panel):
+    x, y, z = _grid(part.assign(value=part[q.column] * q.factor), "value")
+    bar = {"title": {"text": q.unit, "font": {"size": 11}}, "thickness": 12, "tickfont": {"size": 10.5}, "len": 0.9}
+    return {
+        "type": "heatmap", "x": x, "y": y, "z": [[None if v != v else round(float(v), 3) for v in row] for row in z],
+        "zmin": q.low, "zmax": q.high, "colorscale": scale(), "showscale": panel == 1, "colorbar": bar,
+        "hoverongaps": False, "xgap": 1, "ygap": 1, **place(panel),
+        "hovertemplate": f"%{{x:.0f}} kt, %{{y:.0f}}000 ft: %{{z:.{q.digits}f}} {q.unit}<extra></extra>",
+    }  # fmt: skip
+
+
+def _reasons(part, panel):
+    """Draw what has no trim: one colour and one letter per reason."""
+    names = list(REASON)
+    x, y, reason = _grid(part, "reason")
+    _, _, why = _grid(part, "why")
+    step = [[k / len(names), c] for i, n in enumerate(names) for k, c in ((i, REASON[n][0]), (i + 1, REASON[n][0]))]
+    return {
+        "type": "heatmap", "x": x, "y": y, "z": [[names.index(r) if r else None for r in row] for row in reason],
+        "text": [[REASON[r][1] if r else "" for r in row] for row in reason], "texttemplate": "%{text}",
+        "textfont": {"size": 9, "color": "#1c2128"}, "customdata": why.tolist(), "hoverongaps": False,
+        "zmin": -0.5, "zmax": len(names) - 0.5, "colorscale": step, "showscale": False, "xgap": 1, "ygap": 1,
+        "hovertemplate": "%{x:.0f} kt, %{y:.0f}000 ft<br>%{customdata}<extra></extra>", **place(panel),
+    }  # fmt: skip
