@@ -22,20 +22,43 @@ def add(app, out, err):
         ] = "all",
         output: Annotated[
             Path | None,
-            typer.Option("--output", "-o", metavar="FILE", help="Write the rows to .csv or .json.", show_default=False),
+            typer.Option(
+                "--output",
+                "-o",
+                metavar="FILE",
+                help="Page (.html; default: logs/reproduce-<paper>.html), or the rows alone (.csv, .json).",
+                show_default=False,
+            ),
+        ] = None,
+        readme: Annotated[
+            Path | None,
+            typer.Option("--readme", metavar="FILE", help="Write the table between its markers.", show_default=False),
+        ] = None,
+        workers: Annotated[
+            int | None, typer.Option("--workers", min=1, help="Processes. Default: one per core.", show_default=False)
         ] = None,
         json_: JsonOption = False,
     ):
         """Repeat the papers' own experiments: paper says, we get, verdict. Exit status 1 when a row differs."""
-        from cosim.reproduce import counts
+        from cosim.reproduce import chosen, counts
         from cosim.reproduce import reproduce as work
 
-        if output:
-            reserve(output, endings=(".csv", ".json"))
-        with tables.progress(err, f"reproducing {paper}", unit="") as progress:
-            rows = work(paper, progress=progress)
-        found = {"counts": counts(rows), "rows": [asdict(r) for r in rows]}
-        if output:
+        chosen(paper)
+        page = output if output and output.suffix == ".html" else Path("logs") / f"reproduce-{paper}.html"
+        for path, endings in ((output, (".html", ".csv", ".json")), (page, ())):
+            if path:
+                reserve(path, endings=endings)
+        with tables.progress(err, f"reproducing {paper}", unit="papers", waiting="preparing") as progress:
+            rows, drawings = work(paper, progress=progress, workers=workers)
+        from cosim.report import reproduction_report
+
+        found = {"counts": counts(rows), "report": str(reproduction_report(rows, drawings, page))}
+        found["rows"] = [asdict(r) for r in rows]
+        if readme:
+            from cosim.reproduce.readme import write
+
+            write(readme, rows)
+        if output and output != page:
             with open(output, "w", newline="", encoding="utf-8") as file:
                 if output.suffix == ".json":
                     json.dump(found, file, indent=1)
@@ -47,6 +70,7 @@ def add(app, out, err):
             print(json.dumps(found, allow_nan=False))
         else:
             out.print(tables.reproduced(found))
+            out.print(f"report {tables.escape(found['report'])}", soft_wrap=True, highlight=False)
         if found["counts"]["differs"]:
             raise typer.Exit(1)
 

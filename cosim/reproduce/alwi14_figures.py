@@ -66,7 +66,7 @@ def _drawing(faults, beside, title, caption):
     panels = [Panel(f"(a) {word}", unit, each(output(field, scale))) for field, word, unit, scale in SHOWN]
     panels.append(Panel("(b) elevator command", "deg", each(lambda f, _: f["law.law.de_cmd"] / DEG)))
     panels.append(Panel("(b) stabiliser command", "deg", each(lambda f, _: f["law.law.stab_cmd"] / DEG)))
-    panels.append(Panel("(c) |e_y|", "1", each(lambda _, log: log["e_norm"])))
+    panels.append(Panel("(c) |e_y|", "", each(lambda _, log: log["e_norm"])))
     for (field, word, unit, scale), fault in zip(ESTIMATES, faults):
         true = (fault,) if fault else ()
         panels.append(

@@ -89,7 +89,7 @@ def drawings():
             [
                 Panel(
                     "innovation mean",
-                    "1",
+                    "",
                     (_eta(sigma, "noise as 1 sigma", "quiet"), _eta(healthy, "noise as peak")),
                     (0.5, -0.5),
                     1.2,
@@ -100,7 +100,7 @@ def drawings():
     for figure, (sensor, _, _) in FIGURES.items():
         run = bench(seed=0, figure=figure)
         if sensor == "velocity":
-            panels = [Panel("innovation mean", "1", (_eta(run),), (3.0, -3.0), 4.0)]
+            panels = [Panel("innovation mean", "", (_eta(run),), (3.0, -3.0), 4.0)]
         else:
             panels = [_R1(run), _R2(run)]
         out.append(_drawing(figure, SAY[figure], f"{WHY[figure]} Dashed: threshold.", panels, FAULT))
@@ -110,7 +110,7 @@ def drawings():
             12,
             "Winding resistance 5 % up, without noise",
             "1.03, 0.18 mm and 0.14 A at most, where the paper prints 1, 0.2 and 0.1: no alarm. Dashed: thresholds.",
-            [Panel("innovation mean", "1", (_eta(warm),), (3.0, -3.0), 4.0), _R1(warm), _R2(warm)],
+            [Panel("innovation mean", "", (_eta(warm),), (3.0, -3.0), 4.0), _R1(warm), _R2(warm)],
         )
     )
     without, with_it = bench(figure=8, noise=0.0), bench(figure=8, noise=0.0, reconfigure=True)

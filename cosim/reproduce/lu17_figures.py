@@ -18,9 +18,7 @@ SEEN = {
     "on: q in (b) is that virtual rod, and f its distance from the stuck surface.",
     "runaway": "From 12 s the surface runs to its stop at 20 deg/s, 89 mm of rod; modelled as the jamming.",
 }
-LOADED = (
-    " Under a hinge load that the filter leaves out, the mean error of f_hat after the fault is {error:.3g} {unit}."
-)
+LOADED = " Under a hinge load that the filter leaves out, f_hat is off by {error:.3g} {unit} on average."
 
 
 def drawings():
@@ -33,7 +31,7 @@ def _drawing(scenario):
     out = bench.fly(scenario)
     first = out[0]
     jam = watch == "rtsekf"
-    unit, scale = ("mm", 1e3) if jam else ("1", 1.0)
+    unit, scale = ("mm", 1e3) if jam else ("of u", 1.0)
     command = 1e3 * bench.schedule(scenario)["command"]
     error = scale * (out["f_hat"] - out["f"])
     start = np.arange(out.shape[1]) >= round(0.5 / bench.DT)
@@ -52,7 +50,7 @@ def _drawing(scenario):
     def pair(name, factor, of="", band=0.0, word=""):
         return Panel(
             f"({of}) {word}",
-            {"q": "mm", "qd": "mm/s", "x3": "1"}[name],
+            {"q": "mm", "qd": "mm/s", "x3": ""}[name],
             (
                 Curve("true", factor * first[name], "true"),
                 Curve("estimate", factor * first[f"{name}_hat"], "ours", "dash"),
@@ -87,7 +85,8 @@ def _drawing(scenario):
     swing = 1e3 * np.abs(out["q"] - out["r"])[:, round(20.5 / bench.DT) :].max()
     text = SEEN[scenario].format(swing=swing, delay=c["delay", "after"])
     loaded = case(scenario, "load left out")
-    text += LOADED.format(error=scale * loaded["fault error", "after"], unit="mm" if jam else "of u")
+    phase = "whole" if scenario == "fault-free" else "after"
+    text += LOADED.format(error=scale * loaded["fault error", phase], unit=unit)
     return Drawing(
         "lu17",
         f"figure {figure}",

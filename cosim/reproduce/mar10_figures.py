@@ -71,7 +71,7 @@ def _scenario(number):
     panels = [
         Panel(
             names[j],
-            "1",
+            "",
             (Curve("residual over threshold", np.where(t, ratio[:, j], np.nan)[::every], "ours", dt=flown.dt * every),),
             (1.0, -1.0),
             1.5,
@@ -83,7 +83,7 @@ def _scenario(number):
         for h, name in enumerate(control_redundancy.CULPRITS[1:5])
         if log["declared"][:, h].any()
     )
-    panels.append(Panel("declared", "effector", declared, limits=(-0.3, 4.5)))
+    panels.append(Panel("declared", "", declared, limits=(-0.3, 4.5)))
     when = "; ".join(f"{name} at {at:g} s" for name, at in flights.TRUTH[number])
     return Drawing(
         "mar10",
@@ -131,7 +131,7 @@ def _robustness():
         "Robustness: throttle from r~_14^5 with g_12 5 % off, 25 % of the thrust lost at 5 s",
         "The documented vehicle; the elevator steps between +-0.05 rad. The residual is blind to the elevator, so that "
         "only 5 % of its drag comes through: small beside the fault.",
-        (Panel("throttle", "1", tuple(curves)),),
+        (Panel("throttle", "", tuple(curves)),),
         1,
         onset=5.0,
         span=(0.0, 10.0),

@@ -1,0 +1,59 @@
+"""The table of results in README.md: what `cosim reproduce all --readme README.md` writes between two markers."""
+
+from pathlib import Path
+
+from cosim.errors import OutputError
+from cosim.reproduce.row import counts
+
+BEGIN, END = "<!-- reproduce: begin -->", "<!-- reproduce: end -->"
+WORDS = {"agrees": "agrees", "differs_explained": "explained", "differs": "**differs**"}
+
+
+def markdown(rows):
+    """Return the counts per paper, then every row folded, as Markdown."""
+    papers = list(dict.fromkeys(r.paper for r in rows))
+    lines = ["| paper | rows | agree | differ, explained | differ |", "|---|---|---|---|---|"]
+    for name in (*papers, "all"):
+        own = [r for r in rows if name in (r.paper, "all")]
+        n = counts(own)
+        lines.append(f"| {name} | {len(own)} | {n['agrees']} | {n['differs_explained']} | {n['differs']} |")
+    for name in papers:
+        lines += ["", f"<details><summary>{name}, row by row</summary>", ""]
+        lines += ["| what | we get | band | verdict |", "|---|---|---|---|"]
+        lines += [
+            f"| {_cell(r.item)} | {r.got:.3g} | {r.tolerance} | {WORDS[r.verdict]} |" for r in rows if r.paper == name
+        ]
+        lines += ["", "</details>"]
+    return "\n".join(lines)
+
+
+def identifiers(text):
+    """Return {paper: [row]} of the table between the markers in `text`; and {paper: (rows, three counts)} as second."""
+    found: dict = {}
+    totals = {}
+    name = None
+    for line in text.split(BEGIN)[1].split(END)[0].splitlines():
+        if line.startswith("<details><summary>"):
+            name = line.removeprefix("<details><summary>").split(",")[0]
+            found[name] = []
+        elif line.startswith("| ") and not line.startswith(("| what", "| paper")):
+            cells = [c.strip().replace("\0", "|") for c in line.replace("\\|", "\0").strip("|").split("|")]
+            if name is None:
+                totals[cells[0]] = tuple(int(c) for c in cells[1:])
+            else:
+                found[name].append(cells[0])
+    return found, totals
+
+
+def write(path, rows):
+    """Replace what stands between the markers of the file at `path`. Raises OutputError where there are none."""
+    path = Path(path)
+    text = path.read_text(encoding="utf-8") if path.is_file() else ""
+    if text.count(BEGIN) != 1 or text.count(END) != 1:
+        raise OutputError("has not the two markers", place=str(path), allowed=f"{BEGIN} and {END}, once each")
+    head, tail = text.split(BEGIN)[0], text.split(END)[1]
+    path.write_text(f"{head}{BEGIN}\n{markdown(rows)}\n{END}{tail}", encoding="utf-8")
+
+
+def _cell(text):
+    return text.replace("|", "\\|")
