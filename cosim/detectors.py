@@ -216,6 +216,10 @@ def feedback_wires(scenario):
                     remedy=f"Add {source!r} to detectors.enabled, or set the feedback to 'measured'",
                 )
             pairs += [(f"servo_in.{lane}.{to}", f"{source}.{lane}.{field}") for to, field in _ESTIMATE.items()]
+        if tech == "hydraulic" and source == "measured" and scenario.elevator.reconfigure:
+            # `blame` is 0 while neither position sensor, or none for sure, is wrong
+            pairs += [(f"servo_in.{lane}.{to}", f"rtsekf_flight.{lane}.{'blame' if field == 'valid' else field}")
+                      for to, field in _ESTIMATE.items()]
         if tech == "ema" and scenario.elevator.reconfigure and "ema_kalman_flight" in running:
             pairs += [
                 (f"ema_servo_in.{lane}.pos_fb", f"ema_kalman_flight.{lane}.pos_hat"),

@@ -257,6 +257,8 @@ def test_feedback_is_for_hydraulic_segments_and_brings_its_filter_along():
     )
     assert list(vars(s.elevator.feedback).values()) == ["rtsekf_flight", "rtsekf_flight", "measured", "measured"]
     assert s.running == ("rtsekf_flight", "ema_kalman_flight")
+    switched = ["elevator.feedback=measured", "detectors.enabled=[]", "elevator.reconfigure=true"]
+    assert load_scenario("cruise", switched).running == ("ema_kalman_flight", "rtsekf_flight")
     word_then_one = ["elevator.feedback=measured", "elevator.feedback.left_inner=iotsekf"]
     assert load_scenario("cruise", word_then_one).elevator.feedback.left_outer == "measured"
     assert load_scenario("cruise", ["elevator.left_inner=ema"]).elevator.feedback.left_inner == "measured"

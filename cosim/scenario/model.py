@@ -242,6 +242,9 @@ class Scenario(_Table):
         closed = [name for name in dict.fromkeys(vars(self.elevator.feedback).values()) if name != "measured"]
         if self.elevator.reconfigure and "ema" in self.elevator.technology.values():
             closed.append("ema_kalman_flight")
+        hydraulic = [n for n, t in self.elevator.technology.items() if t == "hydraulic"]
+        if self.elevator.reconfigure and any(getattr(self.elevator.feedback, n) == "measured" for n in hydraulic):
+            closed.append("rtsekf_flight")
         return tuple(dict.fromkeys([*self.detectors.enabled, *closed]))
 
     @property
