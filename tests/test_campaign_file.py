@@ -18,6 +18,7 @@ from cosim.campaign import EVALUATION_SEED, run_many
 from cosim.campaign_draw import draw, unit_cube
 from cosim.campaign_run import cluster, rerun
 from cosim.campaign_spec import builtin_campaigns, load_campaign
+from cosim.design_rfafe import MANOEUVRES
 from cosim.errors import CosimError
 
 SMALL = """
@@ -168,10 +169,12 @@ def test_built_in_campaigns_can_be_flown_and_keep_off_training_seeds(name):
 
 def test_sizes_of_the_built_in_campaigns():
     flights = {name: load_campaign(name).scenarios()[0] for name in ("fault-free", "aircraft-vs-local")}
-    assert len(flights["fault-free"]) == 300 and len(flights["aircraft-vs-local"]) >= 2000
+    assert len(flights["fault-free"]) >= 300 and len(flights["aircraft-vs-local"]) >= 2000
     quiet = flights["fault-free"]
     assert all(not s.faults and s.duration_s == 60 for s in quiet)
-    assert len({s.manoeuvre.kind for s in quiet}) == 6 and len({s.seed for s in quiet}) == 300
+    assert len({s.seed for s in quiet}) == len(quiet)
+    flown = {s.manoeuvre.kind for s in quiet}
+    assert flown >= set(MANOEUVRES) | {"nz_doublet", "three_two_one_one"}  # [Sun13] IV and what moves the elevator most
     assert {s.flight.turbulence for s in quiet} == {"none", "light", "moderate"}
 
 
