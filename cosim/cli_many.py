@@ -121,6 +121,10 @@ def add(app, out, err):
         workers: Annotated[
             int | None, typer.Option("--workers", min=1, help="Processes. Default: one per core.", show_default=False)
         ] = None,
+        readme: Annotated[
+            Path | None,
+            typer.Option("--readme", metavar="FILE", help="Write table and picture into it, too.", show_default=False),
+        ] = None,
         json_: JsonOption = False,
     ):
         """Compare aircraft-level and local detectors on the same flights: who sees what, how soon, at what cost."""
@@ -131,7 +135,12 @@ def add(app, out, err):
         with tables.progress(
             err, "flying" if not sources else "reading", unit="flights", waiting="preparing"
         ) as progress:
-            found = work(sources or (), out=output, workers=workers, progress=progress).to_dict()
+            made = work(sources or (), out=output, workers=workers, progress=progress)
+        if readme:
+            from cosim.compare_readme import write
+
+            write(made, readme)
+        found = made.to_dict()
         if json_:
             print(json.dumps(found, allow_nan=False))
         else:

@@ -1,0 +1,61 @@
+"""The results of a campaign as a table and a picture for README.md."""
+
+from pathlib import Path
+
+from cosim import compare_stats as stats
+from cosim import coverage, readme
+from cosim.errors import OutputError
+
+PICTURE = "logs/pictures/detectability.svg"
+
+
+def write(found, path):
+    """Write table and picture of a Comparison into the README at `path`, between its markers. Raises OutputError."""
+    from cosim.report.compare_picture import render
+
+    picture = Path(path).parent / PICTURE
+    equal = stats.equal_thresholds(found.rows)
+    try:
+        picture.parent.mkdir(parents=True, exist_ok=True)
+        picture.write_text(render(found.rows, equal), encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"cannot be written: {error.strerror}", place=str(picture)) from None
+    readme.replace(path, "compare", markdown(found))
+
+
+def markdown(found):
+    """Return the counts of every detector, and from which amplitude on each level sees an oscillation, as Markdown."""
+    rows = found.rows
+    lines = [
+        f"{found.runs} flights, {int(rows[rows['case'].isna()]['run'].nunique())} of them without a fault.",
+        "",
+        f"![Share of oscillations seen over achieved amplitude and frequency, a panel per detector]({PICTURE})",
+        "",
+        "| detector | draws on | seen of designed for | named | median delay, s | fault-free flights with an alarm "
+        "| µs per step |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for d in found.detectors:
+        seen = f"{d['detected']}/{d['designed']}" if d["designed"] else "–"
+        free = f"{d['fault_free_alarmed']}/{d['fault_free_runs']}"
+        lines.append(
+            f"| `{d['id']}` | {coverage.group(d['id'], d['level'])} | {seen} | {d['named']} | {_number(d['delay_s'])} "
+            f"| {free} | {_number(d['step_us'])} |"
+        )
+    grouped = stats.by_group(rows, found.detectors)
+    smallest = {name: stats.smallest(grouped, name) for name in stats.groups(rows)}
+    hz = sorted({f for found in smallest.values() for f in found})
+    lines += [
+        "",
+        f"Smallest achieved oscillation, in mm of rod, from which on {stats.SEEN:.0%} of the flights are seen:",
+        "",
+        f"| draws on | {' | '.join(f'{f:g} Hz' for f in hz)} |",
+        f"|---|{'---|' * len(hz)}",
+    ]
+    for name, by_hz in smallest.items():
+        lines.append(f"| {name} | {' | '.join(_number(by_hz.get(f)) for f in hz)} |")
+    return "\n".join(lines)
+
+
+def _number(value):
+    return "–" if value is None or value != value or value == float("inf") else f"{value:.2g}"

@@ -1,0 +1,31 @@
+"""Put a generated part of README.md in its place: between two marker comments."""
+
+from pathlib import Path
+
+from cosim.errors import OutputError
+
+
+def markers(name):
+    """Return the two marker comments of part `name`."""
+    return f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
+
+
+def part(text, name):
+    """Return what stands between the markers of `name` in `text`; None where they are not there once each."""
+    begin, end = markers(name)
+    if text.count(begin) != 1 or text.count(end) != 1:
+        return None
+    return text.split(begin)[1].split(end)[0].strip("\n")
+
+
+def replace(path, name, made):
+    """Replace what stands between the markers of `name` in the file at `path`. Raises OutputError."""
+    path = Path(path)
+    begin, end = markers(name)
+    try:
+        text = path.read_text(encoding="utf-8")
+        if part(text, name) is None:
+            raise OutputError("has not the two markers", place=str(path), allowed=f"{begin} and {end}, once each")
+        path.write_text(f"{text.split(begin)[0]}{begin}\n{made}\n{end}{text.split(end)[1]}", encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"cannot be changed: {error.strerror}", place=str(path)) from None
