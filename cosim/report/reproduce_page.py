@@ -14,6 +14,7 @@ TITLES = {
 }
 ROLES = {"ours": "--blue", "true": "--ink", "quiet": "--muted", "second": "--orange", "third": "--green"}
 WORDS = {"agrees": "agrees", "differs_explained": "differs, explained", "differs": "differs"}
+BANDS = "Each band stands in the code beside the sentence, table or figure it is from."
 MARKS = {"agrees": "good", "differs_explained": "", "differs": "bad"}
 
 
@@ -78,8 +79,9 @@ def _summary(rows, papers):
 def _rows(rows, paper):
     made = []
     for r in rows:
-        got = f"{r.got:.4g}" + (f'<br><span class="muted">{text(r.note)}</span>' if r.note else "")
-        why = f"{text(r.reason)} <code>{text(r.evidence)}</code>" if r.reason else ""
+        got = f"{r.got:.4g}"
+        why = f"{text(r.reason)}: <code>{text(r.evidence)}</code>" if r.reason else ""
+        why += f'{"<br>" if why and r.note else ""}<span class="muted">{text(r.note)}</span>'
         cells = (
             text(r.item),
             text(r.says),
@@ -92,7 +94,7 @@ def _rows(rows, paper):
     columns = ("what", "paper says", "we get>", "band>", "verdict", "why")
     return (
         f'<h3 id="{paper}-rows">All rows of {paper_key(paper)}</h3>'
-        f"{table(columns, made, caption='Bands were committed before the run.')}"
+        f"{table(columns, made, caption=BANDS)}"
     )
 
 

@@ -60,8 +60,8 @@ def drawings():
                     "position",
                     "mm",
                     (
-                        Curve("true", 1e3 * healthy["position"], "true", dt=DT),
-                        Curve("estimate", 1e3 * healthy["position_hat"], "ours", "dash", dt=DT),
+                        Curve("estimate", 1e3 * healthy["position_hat"], "ours", dt=DT),
+                        Curve("true", 1e3 * healthy["position"], "true", "dot", dt=DT),
                     ),
                 )
             ],
@@ -75,8 +75,8 @@ def drawings():
                     "current",
                     "A",
                     (
-                        Curve("true", healthy["current"], "true", dt=DT),
-                        Curve("estimate", healthy["current_hat"], "ours", "dash", dt=DT),
+                        Curve("estimate", healthy["current_hat"], "ours", dt=DT),
+                        Curve("true", healthy["current"], "true", "dot", dt=DT),
                     ),
                 )
             ],

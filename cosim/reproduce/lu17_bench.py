@@ -93,7 +93,7 @@ def _advance(q, qd, x3, v, held, s, p, dt):
     """Return (q, q', x3) of the truth after one tick under the valve opening `v`."""
     h = dt / SUBSTEPS
     for _ in range(SUBSTEPS):
-        F = (s.hm0 + s.hmd * q / p.arm) / p.arm
+        F = (s.hm0 + s.hmd * (q + 0.5 * h * qd) / p.arm) / p.arm  # of the middle of the sub-step
         at = q
         q, qd, x3 = lu17.rk4(q, qd, x3, v, v, 0.0, F, p, h)
         if held > 0.5:

@@ -52,8 +52,8 @@ def _drawing(scenario):
             f"({of}) {word}",
             {"q": "mm", "qd": "mm/s", "x3": ""}[name],
             (
-                Curve("true", factor * first[name], "true"),
-                Curve("estimate", factor * first[f"{name}_hat"], "ours", "dash"),
+                Curve("estimate", factor * first[f"{name}_hat"], "ours"),
+                Curve("true", factor * first[name], "true", "dot"),
             ),
             least=band,
         )
@@ -67,8 +67,8 @@ def _drawing(scenario):
             "(e) fault",
             unit,
             (
-                Curve("true", scale * first["f"], "true"),
-                Curve("estimate", scale * first["f_hat"], "ours", "dash"),
+                Curve("estimate", scale * first["f_hat"], "ours"),
+                Curve("true", scale * first["f"], "true", "dot"),
             ),
             least=1.0 if jam else 0.02,
         ),

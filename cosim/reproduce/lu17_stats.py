@@ -70,7 +70,7 @@ def _summary(out):
         pairs = (*STATES, *FAULT)
         error = {true: (out[estimate] - out[true])[:, on] for true, estimate in pairs}
         found["over scatter", phase] = max(abs(e.mean()) / max(e.std(), 1e-300) for e in error.values())
-        found["x3 error", phase] = float(error["x3"].mean())
+        found["x3 error", phase], found["q' error", phase] = float(error["x3"].mean()), float(error["qd"].mean())
     for name, pairs in (("state", STATES), ("fault", FAULT)):
         found[f"{name} instant", "after"] = worst_instant(out, pairs, "after")
     k = round(bench.ONSET / bench.DT)

@@ -49,9 +49,10 @@ def _own_table():
     return Drawing(
         "mar10",
         "slide 10",
-        f"This aircraft: {sum(found.values())} residuals, {len(found)} signatures",
+        f"This aircraft: {27 - len(missing)} of the talk's residuals, {len(found)} signatures",
         f"{len(missing)} of the talk's 27 residuals are undefined here: the coefficients that JSBSim flies have "
-        "no aileron force and no rudder or aileron drag: forces alone do not see the aileron.",
+        "no aileron force and no rudder or aileron drag: forces alone do not see the aileron. "
+        "The families are those of its own structure, in which row 3 holds thrust too.",
         table=_signatures(own, redundancy_structure.TALK_INPUTS),
     )
 
@@ -94,6 +95,7 @@ def _scenario(number):
         "(1 elevator, 2 aileron, 3 rudder, 4 engine).",
         tuple(panels),
         3,
+        onset=flights.TRUTH[number][0][1],
         span=(20.0, float(flown.t[-1])),
         row_px=150,
     )
@@ -119,20 +121,23 @@ def _robustness():
     c, _ = redundancy_structure.combination(g, family)
     u = np.stack([0 * t, 0.05 * np.sign(np.sin(2 * np.pi * t / 5.0)), 0 * t, 0.55 - 0.1375 * (t >= 5.0)])
     command = np.stack([0 * t, u[1], 0 * t, 0.55 + 0 * t])
+    off = []
     curves = [Curve("commanded", command[3], "quiet", "dot", dt=0.01), Curve("true", u[3], "true", dt=0.01)]
     for share, role, dash in ((0.0, "ours", "solid"), (0.05, "second", "dash")):
         wrong = g.copy()
         wrong[0, 1] *= 1.0 + share
         r = c @ (wrong @ u - g @ command) / g[0, 3]
-        curves.append(Curve(f"estimate, g_12 {100 * share:g} % off", command[3] + r, role, dash, dt=0.01))
+        name = f"estimate, g_12 {100 * share:g} % off"
+        curves.append(Curve(name, command[3] + r, role, dash, dt=0.01))
+        off.append(Curve(name, 1e3 * (command[3] + r - u[3]), role, dash, dt=0.01))
     return Drawing(
         "mar10",
         "slide 16",
         "Robustness: throttle from r~_14^5 with g_12 5 % off, 25 % of the thrust lost at 5 s",
         "The documented vehicle; the elevator steps between +-0.05 rad. The residual is blind to the elevator, so that "
         "only 5 % of its drag comes through: small beside the fault.",
-        (Panel("throttle", "", tuple(curves)),),
-        1,
+        (Panel("throttle", "", tuple(curves)), Panel("error of the estimate", "1/1000", tuple(off), least=0.5)),
+        2,
         onset=5.0,
         span=(0.0, 10.0),
         row_px=220,

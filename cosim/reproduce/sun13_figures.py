@@ -83,12 +83,12 @@ def drawings():
                     Panel(
                         "published form",
                         "deg",
-                        (Curve("injected", f, "true"), Curve("estimate", _f(r, "rfafe"), "ours", "dash")),
+                        (Curve("estimate", _f(r, "rfafe"), "ours"), Curve("injected", f, "true", "dot")),
                     ),
                     Panel(
                         "airframe outputs only",
                         "deg",
-                        (Curve("achieved", mean, "true"), Curve("estimate", _f(r, "rfafe_airframe"), "ours", "dash")),
+                        (Curve("estimate", _f(r, "rfafe_airframe"), "ours"), Curve("achieved", mean, "true", "dot")),
                     ),
                 ),
                 2,
