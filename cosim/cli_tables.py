@@ -9,6 +9,8 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from cosim.coverage import remark
+
 STATUS = {"completed": "green", "departed": "yellow", "diverged": "red", "interrupted": "yellow"}
 NOTHING = Text("-", style="dim")
 
@@ -103,8 +105,11 @@ def _detectors(rows):
         style = "" if r["alarm"] else "dim"
         t.add_row(r["id"], _short(r["target"]), *times, _isolated(r), false, number(r["step_us"]), style=style)
     t.caption, t.caption_justify = "false: false alarms; µs: time per step and lane", "left"
-    rest = Text(f"{quiet} lane{'s' * (quiet != 1)} of healthy parts stayed quiet", style="dim")
-    return Group(t, rest) if quiet else t
+    below = [Text(f"{quiet} lane{'s' * (quiet != 1)} of healthy parts stayed quiet", style="dim")] if quiet else []
+    for name in dict.fromkeys(r["id"] for r in shown if r["false_alarms"]):
+        if said := remark(name):
+            below.append(Text(f"{name}: {said}", style="dim"))
+    return Group(t, *below)
 
 
 def _short(target):
@@ -193,6 +198,9 @@ def inventory(found):
     s = table("Scenarios: cosim run NAME", "name", "what happens")
     for r in found["scenarios"]:
         s.add_row(r["name"], escape(r["title"]), style="bold" if r["name"] == found["default"] else "")
+    many = table("Campaigns: cosim campaign NAME", "name", "what is flown")
+    for r in found["campaigns"]:
+        many.add_row(r["name"], escape(r["title"]))
     m = table("Manoeuvres: --set manoeuvre.kind=KIND", "kind", "what it does", "keys")
     for r in found["manoeuvres"]:
         m.add_row(r["kind"], r["summary"], ", ".join(r["keys"]))
@@ -209,7 +217,7 @@ def inventory(found):
     d = table("Detectors: --set 'detectors.enabled=[...]'", "id", "level", "what it is")
     for r in found["detectors"]:
         d.add_row(r["id"], r["level"], escape(r["summary"]))
-    return Group(s, m, *faults, where, d)
+    return Group(s, many, m, *faults, where, d)
 
 
 def _faults_on(target, rows):

@@ -126,6 +126,7 @@ def result_texts(result):
         "reason": result.reason,
         "sim_time_s": repr(result.sim_time_s),
         "detectors": json.dumps(kept, sort_keys=True),
+        "achieved": json.dumps(result.extra.get("achieved"), sort_keys=True),
     }
 
 

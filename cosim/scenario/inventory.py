@@ -1,5 +1,6 @@
 """Everything a scenario can name, as plain data for `cosim list` and for programs."""
 
+from cosim.campaign_spec import builtin_campaigns, load_campaign
 from cosim.scenario import catalog as c
 from cosim.scenario.load import DEFAULT, builtin_names, load_scenario
 from cosim.scenario.manoeuvre import KINDS
@@ -14,10 +15,11 @@ PLACES = (  # heading, targets, kinds
 
 
 def inventory():
-    """Return {default, scenarios, manoeuvres, faults, targets, detectors} as plain data."""
+    """Return {default, scenarios, campaigns, manoeuvres, faults, targets, detectors} as plain data."""
     return {
         "default": DEFAULT,
         "scenarios": [{"name": n, "title": load_scenario(n).title} for n in builtin_names()],
+        "campaigns": [{"name": n, "title": load_campaign(n).title} for n in builtin_campaigns()],
         "manoeuvres": [
             {"kind": k, "summary": _line(m), "keys": [f for f in m.model_fields if f != "kind"]}
             for k, m in KINDS.items()
