@@ -217,5 +217,5 @@ def _flown():
             -100,
             100,
             reason="the law flies the biased load factor to its demand: why the paper keeps the faults from it",
-            evidence="cosim run alwi14-simultaneous-law",
+            evidence="cosim run alwi14-simultaneous-law --report",
         )
