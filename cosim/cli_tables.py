@@ -264,7 +264,8 @@ def reproduced(found):
     t = table("Paper says, we get", "paper", "item", "paper says", "we get>", "band", "verdict")
     for r in found["rows"]:
         verdict = f"[{colours[r['verdict']]}]{r['verdict'].replace('_', ', ')}[/]"
-        t.add_row(r["paper"], escape(r["item"]), escape(r["says"]), f"{r['got']:.4g}", r["tolerance"], verdict)
+        item = f"{r['item']} ({r['note']})" if r["note"] else r["item"]
+        t.add_row(r["paper"], escape(item), escape(r["says"]), f"{r['got']:.4g}", r["tolerance"], verdict)
     why = [
         f"{escape(r['item'])}: {escape(r['reason'])} ({escape(r['evidence'])})" for r in found["rows"] if r["reason"]
     ]

@@ -10,7 +10,7 @@ from cosim.reproduce.row import judged
 from fdi import lpv_smo, lpv_smo_design
 
 DESIGN = "cosim design --check"
-PRINTED = {
+PRINTED: dict = {
     "a_f": 0.01,
     "A22": (-10.1, -10.2, -10.3, -10.4, -10.5, -10.6),
     "delta_1": (100, 100, 0, 0),
@@ -100,7 +100,7 @@ def _gains():
     )
     yield judged("alwi14", "section 3, least eigenvalue of P", "positive", report["p_min"], 1, math.inf)
     p, printed = lpv_smo.params()[0], PRINTED
-    ours = {
+    ours: dict = {
         "a_f": made.a_f,
         "A22": tuple(made.A22s),
         "delta_1": tuple(made.delta_1),

@@ -196,7 +196,7 @@ def fly(scenario, load="no load", *, seeds=SEEDS, measured=False, quiet=False, h
     s["watch"], s["measured"], s["known"] = watch == "rtsekf", measured, known
     if load != "no load":
         s["hm0"], s["hmd"] = HM0, hmd
-    s["walk"] = 0.0 if quiet else np.sqrt(np.array(iotsekf.NOISE["q"][:3]) * DT)
+    s["walk"] = 0.0 if quiet else np.sqrt(np.array(iotsekf.NOISE["q"])[:3] * DT)
     own = dict(filter_values)
     form = {"load": int(known), "dt": DT, "delay_s": 0.0}
     as_published = {"centre": 0.0, "total_sign": 0.0, "gate_rod": two_stage.GATE_NONE}

@@ -67,8 +67,7 @@ def _summary(out):
         found["f_hat", phase] = float(out["f_hat"][:, on].mean())
         found["rod leaves", phase] = 1e3 * float((out["q"] - out["r"])[:, on].mean())  # [mm]
         found["sensor leaves", phase] = 1e3 * float((out["surface"] + out["f"] - out["r"])[:, on].mean())
-        pairs = (*STATES, *FAULT)
-        error = {true: (out[estimate] - out[true])[:, on] for true, estimate in pairs}
+        error = {true: (out[estimate] - out[true])[:, on] for true, estimate in (*STATES, *FAULT)}
         found["over scatter", phase] = max(abs(e.mean()) / max(e.std(), 1e-300) for e in error.values())
         found["x3 error", phase], found["q' error", phase] = float(error["x3"].mean()), float(error["qd"].mean())
     for name, pairs in (("state", STATES), ("fault", FAULT)):
@@ -140,7 +139,7 @@ def linear_delay():
     a22, a23, a31, a32, a33, b3, _ = lu17.jacobian(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, p)
     A = np.array([[0, 1, 0, 0], [0, a22, a23, 0], [a31, a32, a33, b3], [0, 0, 0, 0]])
     Phi = expm(A * bench.DT)
-    Q = np.diag([*iotsekf.NOISE["q"][:3], iotsekf.NOISE["q_f"]]) * bench.DT
+    Q = np.diag([*np.array(iotsekf.NOISE["q"])[:3], iotsekf.NOISE["q_f"]]) * bench.DT
     H = np.array([[1.0, 0, 0, 0]])
     scale = np.diag([1e-4, 1e-2, 1e-2, 1e-2])  # the Riccati solver wants entries of one size
     back = np.linalg.inv(scale)

@@ -38,7 +38,7 @@ class Planned:
     paper: str
     item: str
     says: str
-    measure: Callable[[], float | tuple[float, str]]
+    measure: Callable
     low: float
     high: float
     reason: str = ""
