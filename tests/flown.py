@@ -6,31 +6,10 @@ import numpy as np
 
 import cosim
 from cosim.build import build
+from cosim.manoeuvre_study import POINTS
 from cosim.simulate import CHECK_EVERY, health
 from cosim.tick import tick
 
-SIX = {  # mass [t], CG [%], altitude [ft], CAS [kt]: Sun13 table I, Alwi14 table 4
-    "sun13": (200, 30, 20000, 290),
-    "A": (260, 28, 12500, 210),
-    "B": (260, 36, 12500, 270),
-    "C": (375, 28, 27500, 210),
-    "D": (405, 36, 27500, 270),
-    "E": (320, 28, 20000, 240),
-}
-CORNERS = {  # of mass and CG, and of altitude and speed
-    "light fore": (200, 25, 20000, 250),
-    "light aft": (200, 36, 20000, 250),
-    "heavy fore": (405, 25, 20000, 290),
-    "heavy aft": (405, 36, 20000, 290),
-    "low slow": (200, 30, 2000, 160),
-    "low fast": (260, 30, 5000, 340),
-    "high slow": (200, 30, 36000, 200),
-    "high fast": (260, 30, 36000, 270),
-    "heavy low fast": (405, 30, 5000, 340),
-}
-POINTS = SIX | CORNERS
-KINDS = ("cruise", "aoa_protection", "nose_up", "pitch_protection", "coordinated_turn", "yaw_angle", "nz_doublet",
-         "three_two_one_one")  # fmt: skip
 LAW = ("de_cmd", "da_cmd", "dr_cmd", "stab_cmd", "throttle_cmd", "protection", "alpha_lim", "n_c")
 TRUTH = ("alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "cas", "h", "hdot", "nz", "de_li", "da_l", "dr", "stab")
 KT, FT = 1852.0 / 3600.0, 0.3048

@@ -1,13 +1,16 @@
 """Manoeuvres: what each is for happens, at every point, and nothing departs without a fault.
 
-`pytest -m slow -s tests/test_manoeuvres.py -k table` prints the table of all of them.
+`python -m cosim.manoeuvre_study` prints the tables of all of them.
 """
 
 import math
 
 import numpy as np
 import pytest
-from flown import CORNERS, FT, KINDS, KT, POINTS, SIX, deg, fly, scenario, wrapped
+from flown import FT, KT, deg, fly, scenario, wrapped
+
+from cosim import manoeuvre_study
+from cosim.manoeuvre_study import CORNERS, KINDS, POINTS, SIX, SLOW_KT
 
 
 def pulled(point, **more):
@@ -46,26 +49,15 @@ def test_alpha_limit_itself_binds_in_a_pull_from_a_lower_speed(point, cas):
     assert deg(np.abs(above[late]).max()) < 1.0 and deg(above.max()) < 2.0
 
 
-def pulled_in_gusts(point, cas, air, seed):
-    """Return elevator angle and command while the protection is at work [deg], and the rate in cruise [deg/s, rms]."""
-    flights = [fly(scenario(point, kind, duration_s=26.0, flight__cas_kt=cas, flight__turbulence=air, seed=seed))
-               for kind in ("aoa_protection", "cruise")]  # fmt: skip
-    late = (flights[0].t > 8.0) & (flights[0].t < 25.0)
-    assert flights[0].status == "completed" and 1.0 in flights[0].protection[late]
-    rates = [float(np.sqrt(np.mean(np.square(np.diff(deg(f.de_li[late])) / 0.005)))) for f in flights]
-    return deg(flights[0].de_cmd[late]), rates
-
-
 @pytest.mark.parametrize("air", ["light", "moderate"])
-@pytest.mark.parametrize(("point", "cas"), [("sun13", 150), ("A", 170), ("B", 175), ("C", 210), ("D", 235), ("E", 190)])
-def test_alpha_protection_in_turbulence_does_not_drive_the_elevator_from_stop_to_stop(point, cas, air):
+@pytest.mark.parametrize("point", SLOW_KT)
+def test_alpha_protection_in_turbulence_does_not_drive_the_elevator_from_stop_to_stop(point, air):
     """The command stays within half the travel, the surface works at most 2.5 times as fast as in cruise there."""
     for seed in (3, 4):
-        command, (pulled_rate, cruise_rate) = pulled_in_gusts(point, cas, air, seed)
-        print(f"{point} {cas} kt {air} {seed}: {command.min():.1f} to {command.max():.1f} deg, "
-              f"{pulled_rate:.1f} deg/s, cruise {cruise_rate:.1f} deg/s")  # fmt: skip
-        assert -11.5 < command.min() and command.max() < 8.5
-        assert pulled_rate < 2.5 * cruise_rate
+        done = manoeuvre_study.pull(point, air, seed)
+        assert done["status"] == "completed" and done["protected"] > 0.4, done
+        assert -11.5 < done["command"][0] and done["command"][1] < 8.5, done
+        assert done["rate"] < 2.5 * done["cruise"], done
 
 
 def banked(point, seed, turbulence="light"):
@@ -148,33 +140,35 @@ def test_engine_out_is_trimmed_by_the_rudder():
         assert abs(deg(wrapped(f.psi[-1]))) < 10.0
 
 
-HEAD = "point, manoeuvre, air: n_z [g], alpha (limit), theta, phi [deg], altitude [ft], CAS [kt], status"
-
-
-def row(point, kind, air, f):
-    most = deg(f.setup.loop.law.p["alpha_max"][0])
-
-    def span(x, unit=1.0, digits=1):
-        return f"{x.min() / unit:.{digits}f}..{x.max() / unit:.{digits}f}"
-
-    angles = f"{span(deg(f.alpha)):11s} ({most:.1f}) {span(deg(f.theta)):13s}{span(deg(f.phi)):12s}"
-    path = f"{span(f.h - f.h[0], FT, 0):13s}{span(f.cas, KT, 0)}"
-    return f"{point:15s}{kind:18s}{air:9s} {span(f.nz, digits=2):13s}{angles}{path} {f.status}"
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("air", ["none", "moderate"])
 @pytest.mark.parametrize("point", POINTS)
-def test_table_of_all_manoeuvres_none_departs(point, air):
-    rows = [HEAD]
+def test_no_manoeuvre_departs_and_still_air_keeps_the_limits(point, air):
     for kind in KINDS:
-        f = fly(scenario(point, kind, duration_s=60.0, flight__turbulence=air, seed=3))
-        rows.append(row(point, kind, air, f))
+        done = manoeuvre_study.manoeuvre(point, kind, air, 3)
+        assert done["status"] == "completed", (kind, done)
         if air == "none":
-            assert (f.alpha <= f.setup.loop.law.p["alpha_max"][0] + math.radians(2.0)).all(), rows[-1]
-            assert f.nz.max() < 2.75, rows[-1]
-        assert f.status == "completed", rows[-1]
-    print("\n" + "\n".join(rows))
+            assert done["alpha"][1] < done["alpha_max"] + 2.0 and done["nz"][1] < 2.75, (kind, done)
+
+
+class Few:
+    seeds = 1
+
+
+def test_tables_of_the_study_show_every_flight(monkeypatch):
+    monkeypatch.setattr(manoeuvre_study, "TABLE", [("E", "cruise", "none"), ("C", "nose_up", "moderate")])
+    monkeypatch.setattr(manoeuvre_study, "PULLS", [("C", "light")])
+    shown = {}
+    for name, _, jobs, tables in manoeuvre_study.PARTS[:2]:
+        shown[name] = tables(Few, [function(**arguments) for function, arguments in jobs(Few)])
+    (_, columns, rows), (_, _, totals) = shown["table"]
+    assert [(r[0], r[1], r[-1]) for r in rows] == [("E", "cruise", "completed"), ("C", "nose_up", "completed")]
+    assert all(len(r) == len(columns) for r in rows)
+    assert [(t[0], t[1], t[2]) for t in totals] == [("none", 1, 1), ("moderate", 1, 1)]
+    assert totals[0][3] < 1.02 < totals[1][3] < 1.6  # load factor of cruise, of a pull of 0.3 g in gusts
+    (_, columns, rows) = shown["protection"][0]
+    assert len(rows) == 1 and len(rows[0]) == len(columns)
+    assert rows[0][4] == "0.0" and rows[0][8] == "100"  # never at a stop, the protection leads all the time
 
 
 @pytest.mark.parametrize("point", ["light aft", "heavy fore", "low fast", "high fast"])
