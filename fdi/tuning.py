@@ -15,6 +15,11 @@ def _read(detector):
     return json.loads(resources.files("fdi").joinpath("thresholds", f"{detector}.json").read_text(encoding="utf-8"))
 
 
+def forget():
+    """Read the files anew when they are asked for next: they were written."""
+    _read.cache_clear()
+
+
 def thresholds(detector, which="flight"):
     """Return {PARAMS field: number or row, SI} of set `which`; an unknown set or a bad value raises ValueError."""
     sets = {k: v for k, v in _read(detector).items() if k != "training"}
