@@ -6,7 +6,7 @@ from cosim import compare_stats as stats
 from cosim import coverage, readme
 from cosim.errors import OutputError
 
-PICTURE = "logs/pictures/detectability.svg"
+PICTURE = "cosim/campaigns/aircraft-vs-local.svg"
 
 
 def write(found, path):

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 from cosim import cli, reproduce
 from cosim.errors import CosimError, OutputError
 from cosim.report.reproduce_page import render
+from cosim.readme import markers
 from cosim.reproduce import jay_figures, readme
 from cosim.reproduce.row import Row, judged
 
@@ -53,8 +54,8 @@ def test_readme_table_has_the_rows_of_the_code(plan):
 
 def test_readme_is_written_between_its_markers_only(tmp_path):
     rows = [judged("jay", "a | b", "s", 1.0, 0.0, 2.0), judged("jay", "c", "s", 3.0, 0.0, 2.0)]
-    path = tmp_path / "README.md"
-    path.write_text(f"before\n{readme.BEGIN}\nold\n{readme.END}\nafter\n")
+    path, (begin, end) = tmp_path / "README.md", markers(readme.NAME)
+    path.write_text(f"before\n{begin}\nold\n{end}\nafter\n")
     readme.write(path, rows)
     text = path.read_text()
     assert text.startswith("before\n") and text.endswith("\nafter\n") and "old" not in text

@@ -1,11 +1,9 @@
 """The table of results in README.md: what `cosim reproduce all --readme README.md` writes between two markers."""
 
-from pathlib import Path
-
-from cosim.errors import OutputError
+from cosim import readme
 from cosim.reproduce.row import counts
 
-BEGIN, END = "<!-- reproduce: begin -->", "<!-- reproduce: end -->"
+NAME = "reproduce"  # of the markers
 WORDS = {"agrees": "agrees", "differs_explained": "explained", "differs": "**differs**"}
 
 
@@ -32,7 +30,7 @@ def identifiers(text):
     found: dict = {}
     totals = {}
     name = None
-    for line in text.split(BEGIN)[1].split(END)[0].splitlines():
+    for line in (readme.part(text, NAME) or "").splitlines():
         if line.startswith("<details><summary>"):
             name = line.removeprefix("<details><summary>").split(",")[0]
             found[name] = []
@@ -46,13 +44,8 @@ def identifiers(text):
 
 
 def write(path, rows):
-    """Replace what stands between the markers of the file at `path`. Raises OutputError where there are none."""
-    path = Path(path)
-    text = path.read_text(encoding="utf-8") if path.is_file() else ""
-    if text.count(BEGIN) != 1 or text.count(END) != 1:
-        raise OutputError("has not the two markers", place=str(path), allowed=f"{BEGIN} and {END}, once each")
-    head, tail = text.split(BEGIN)[0], text.split(END)[1]
-    path.write_text(f"{head}{BEGIN}\n{markdown(rows)}\n{END}{tail}", encoding="utf-8")
+    """Write the table of rows into the README at `path`, between its markers. Raises OutputError."""
+    readme.replace(path, NAME, markdown(rows))
 
 
 def _cell(text):
