@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 
 from cosim import cli, reproduce
 from cosim.errors import CosimError, OutputError
-from cosim.report.reproduce_page import render
 from cosim.readme import markers
+from cosim.report.reproduce_page import render
 from cosim.reproduce import jay_figures, readme
 from cosim.reproduce.row import Row, judged
 
