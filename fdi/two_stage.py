@@ -25,7 +25,7 @@ import math
 from actuators import lu17
 from actuators.block import kernel
 from actuators.lu17 import jacobian, rk4
-from fdi.linalg import congruence, integral_column, joseph
+from fdi.linalg import congruence, integral, joseph
 
 ITERATIONS = 4  # bound of (21)-(24)
 GATE_NONE = 1e9
@@ -138,9 +138,7 @@ def transition(Phi, G, a, side, v, f, stiffness, load_state, p, dt):
     """
     a22, a23, a31, a32, a33, b3, e2 = jacobian(a[0], a[1], a[2], side, v, f, p)
     a21 = e2 * stiffness / (p.arm * p.arm)
-    k1, k2, k3 = integral_column(a21, a22, a23, a31, a32, a33, 1.0, 0.0, 0.0, dt)
-    l1, l2, l3 = integral_column(a21, a22, a23, a31, a32, a33, 0.0, 1.0, 0.0, dt)
-    m1, m2, m3 = integral_column(a21, a22, a23, a31, a32, a33, 0.0, 0.0, 1.0, dt)
+    k1, k2, k3, l1, l2, l3, m1, m2, m3 = integral(a21, a22, a23, a31, a32, a33, dt)
     Phi[0, 0], Phi[1, 0], Phi[2, 0] = 1.0 + a21 * l1 + a31 * m1, a21 * l2 + a31 * m2, a21 * l3 + a31 * m3
     Phi[0, 1], Phi[1, 1] = k1 + a22 * l1 + a32 * m1, 1.0 + k2 + a22 * l2 + a32 * m2
     Phi[2, 1] = k3 + a22 * l3 + a32 * m3
