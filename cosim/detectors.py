@@ -67,6 +67,10 @@ def _plain(m, s, lane, dt):
     return m.params(dt=dt)
 
 
+def _position_monitor_params(m, s, lane, dt):
+    return m.params("flight_ema" if s.elevator.technology[lane] == "ema" else "flight")
+
+
 def _rfafe(m, s, lane, dt):
     return m.params(technology=rfafe_wires.technology(s.elevator.technology), dt=dt)
 
@@ -92,7 +96,7 @@ TABLE = {
     "ema_kalman": Spec("fdi.ema_kalman", EMA, _ema, lambda m, s, lane, dt: m.params("elevator", dt=dt)),
     "ema_kalman_flight": Spec("fdi.ema_kalman_flight", EMA, lambda lane, t: {**_ema(lane, t), **_hinge(lane)}, _plain),
     "position_monitor": Spec(
-        "fdi.position_monitor", (*HYDRAULIC, *EMA), _position_monitor, lambda m, s, lane, dt: m.params()
+        "fdi.position_monitor", (*HYDRAULIC, *EMA), _position_monitor, _position_monitor_params
     ),
     "ofc_monitor": Spec(
         "fdi.ofc_monitor",

@@ -3,8 +3,12 @@
 Every draw has its own load (constant part, stiffness and gusts), a hinge-moment model that is 30 % wrong in both
 parts, +-5 % on the actuator's symbols, 0.5 to 1.5 times the friction, a velocity bias up to 1e-4 of no-load and an
 onset between 1 s before and 3 s after the manoeuvre starts. Thresholds were chosen on seeds below 1000; take others.
+What is asked, and the tables, are in `ema_parts`:
+
+    python -m cosim.ema_study --help
 """
 
+import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -147,15 +151,7 @@ def reconfigured(field, size, *, bias, seed, seconds=85.0, onset=20.0):
     return fly_bench(tick, tolerance=tolerance), t
 
 
-def time_to_half_a_degree(bias, seeds, *, onset=20.0, seconds=200.0):
-    """Return, per seed, the time [s] from reconfiguration until pos_hat is 0.5 deg off; inf when it never is.
+if __name__ == "__main__":
+    from cosim.ema_parts import main
 
-    The bias [of no-load] is there from engage: what counts is how much of it the tie has learned before the fault.
-    """
-    out = []
-    for seed in seeds:
-        flown, t = reconfigured("f_p", 5 * DEG * ARM, bias=bias, seed=seed, seconds=seconds, onset=onset)
-        begin = int(np.argmax(flown.log["reconf"] > 0))
-        far = np.abs(flown.estimate_error[begin:]) > 0.5 * DEG
-        out.append(t[int(np.argmax(far))] if far.any() else np.inf)
-    return out
+    sys.exit(main())

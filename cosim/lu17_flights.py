@@ -11,6 +11,7 @@ from fdi import iotsekf
 MODULES = ("iotsekf", "rtsekf_flight", "ofc_monitor", "position_monitor")
 SIGNALS = {
     **{name: f"iotsekf_in.{{lane}}.{name}" for name in iotsekf.INPUTS.names},
+    "f_u": "hydraulic_in.{lane}.f_u",  # injected at the valve [1]
     "rod": "hydraulic.{lane}.q_rod",  # true [m]
     "delta": "hydraulic.{lane}.delta",  # true [rad]
 }
@@ -49,9 +50,19 @@ def record(**flight):
     return out | {"command": np.repeat(v[None, :, -1], 4, axis=0)}
 
 
+def record_ema(**flight):
+    """Fly four electromechanical segments and return what `position_monitor` reads on them, (4 lanes, ticks)."""
+    fields = {"y_surface": "sensors.{lane}_surface.y_obs", "y_surface_valid": "sensors.{lane}_surface.valid_obs"}
+    names = [path.format(lane=lane) for lane in SEGMENTS for path in fields.values()]
+    aero = flight.pop("tolerances")["aero"]
+    v = fly([*names, COMMAND], technology=("ema",) * 4, **flight, tolerances={"aero": aero})
+    out = {name: np.stack([v[:, 2 * i + j] for i in range(4)]) for j, name in enumerate(fields)}
+    return out | {"command": np.repeat(v[None, :, -1], 4, axis=0)}
+
+
 def inputs(module, recorded):
     """Return INPUTS of `module`, shape (lanes, ticks)."""
-    u = np.zeros(recorded["u"].shape, module.INPUTS)
+    u = np.zeros(next(iter(recorded.values())).shape, module.INPUTS)
     for name in module.INPUTS.names:
         u[name] = recorded[name.replace("surface", "y_surface", 1) if name.startswith("surface") else name]
     return u

@@ -1,19 +1,23 @@
 """What the hydraulic detectors see of which fault, how soon and under which name: Lu17 flights with faults.
 
 The left inner segment is at fault from T_FAULT on, in a manoeuvre and light turbulence (a jam: still air), with
-every coefficient of aircraft and actuator up to 5 % off and seeds that training never used. `outcomes` flies a
-case over seeds; `table` prints what came of all. Amplitudes are injected at the valve, converted with the nominal
-loop, and the amplitude achieved is measured against the same flight without the fault.
+every coefficient of aircraft and actuator up to 5 % off and seeds that training never used. Amplitudes are injected at
+the valve, converted with the nominal loop, and the amplitude achieved is measured against the same flight without the
+fault. What is asked, and the tables, are in `lu17_parts`:
+
+    python -m cosim.lu17_study --help
 """
 
+import functools
 import math
-from dataclasses import dataclass
+import sys
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from actuators.linkage import ARM
 from cosim.design_rfafe import DT
-from cosim.lu17_flights import POINTS, draw, estimate, flights, record
-from cosim.train_lu17 import EVALUATION
+from cosim.lu17_flights import POINTS, draw, estimate, record
 from fdi import iotsekf, ofc_monitor, position_monitor, rtsekf_flight, verdict
 
 T_FAULT, LANE, TARGET = 12.0, 1, "elevator.left_inner"
@@ -25,7 +29,8 @@ MODULES = {
     "ofc_monitor": ofc_monitor,
     "position_monitor": position_monitor,
 }
-AMPLITUDES = (0.1, 0.15, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 2.0, 3.0, 5.0)  # [mm]
+AMPLITUDES = (0.1, 0.15, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 2.0, 3.0, 5.0, 8.0)  # [mm]
+HANDS_OFF = {"kind": "cruise"}
 
 
 @dataclass(frozen=True)
@@ -33,53 +38,78 @@ class Case:
     """A fault on the left inner segment: scenario table, how long to look on, the class and culprit that are right."""
 
     name: str
-    fault: dict
+    group: str  # the class that it belongs to
+    fault: dict | None
     seconds: float
     right: tuple
     culprit: str = ""
     hz: float = math.nan
     limit_s: float = math.nan  # an alarm is in time within this
-    manoeuvre: dict | None = None  # fixed, with still air; else drawn, with light turbulence
+    deviation_deg: float = math.nan  # and the surface has then moved by no more than this
+    manoeuvre: dict | None = None  # fixed; else drawn
+    air: str = "light"
 
 
-def oscillation(hz, *, solid, mm=0.6):
+def oscillation(hz, *, solid, mm=0.6, air="light", manoeuvre=None):
     """Return the Case of an oscillatory failure that moves the rod by `mm`."""
     kind = "ofc_solid" if solid else "ofc_liquid"
     fault = {"target": TARGET, "kind": kind, "at": "valve", "start_s": T_FAULT, "amplitude_mm": mm, "frequency_hz": hz}
     right = ("ofc_liquid", "ofc_solid")
-    return Case(f"{kind} {hz:g} Hz {mm:g} mm", fault, max(5.0 / hz, 1.0), right, hz=hz, limit_s=3 / hz)
+    where = "" if air == "light" else ", still air" + (", hands off" if manoeuvre else "")
+    return Case(f"{kind} {hz:g} Hz {mm:g} mm{where}", kind, fault, max(5.0 / hz, 1.0), right, hz=hz, limit_s=3 / hz,
+                manoeuvre=manoeuvre, air=air)
 
 
-def cases():
-    """Return the Cases of issue and notes: oscillations, runaways, jams, rod-sensor faults."""
-    out = [oscillation(hz, solid=solid) for solid in (False, True) for hz in FREQUENCIES]
-    for rate in (5.0, 20.0, 40.0):
+def oscillations(mm=0.6):
+    """Return the Cases of the issue: liquid in turbulence, solid in turbulence and in still air."""
+    solid = ({"air": "light"}, {"air": "none"}, {"air": "none", "manoeuvre": HANDS_OFF})
+    liquid = [oscillation(hz, solid=False, mm=mm) for hz in FREQUENCIES]
+    return liquid + [oscillation(hz, solid=True, mm=mm, **air) for air in solid for hz in FREQUENCIES]
+
+
+def _sensor(part, kind, right=("sensor",), *, limit_s=math.nan, seconds=2.0, **size):
+    fault = {"target": f"{TARGET}.{part}", "kind": kind, "start_s": T_FAULT, **size}
+    unit = {k: k.partition("_")[2].replace("_s", "/s") for k in size}
+    name = " ".join([part, kind, *(f"{v:g} {unit[k]}".rstrip() for k, v in size.items())])
+    return Case(name, part, fault, seconds, right, part, limit_s=limit_s)
+
+
+def others():
+    """Return the Cases that are no oscillation: runaways, jams, sensors of rod, surface and pressure, no fault."""
+    out = []
+    for rate, most in ((5.0, 2.0), (20.0, 4.0), (40.0, 7.0)):
         fault = {"target": TARGET, "kind": "runaway", "start_s": T_FAULT, "rate_deg_s": rate}
-        out.append(Case(f"runaway {rate:g} deg/s", fault, 2.0, ("runaway",), limit_s=0.2))
+        name = f"runaway {rate:g} deg/s"
+        out.append(Case(name, "runaway", fault, 2.0, ("runaway",), limit_s=0.2, deviation_deg=most))
     for step in (0.5, 1.0, 3.0):
         fault = {"target": TARGET, "kind": "jam_solid", "start_s": T_FAULT - 1.0}
         pulse = {"kind": "three_two_one_one", "start_s": T_FAULT, "unit_s": 1.0, "amplitude_deg": step}
-        out.append(Case(f"jam_solid, step {step:g} deg", fault, 2.0, ("jam_solid",), limit_s=0.5, manoeuvre=pulse))
-    for bias in (0.6, 1.0, 3.0):
-        fault = {"target": f"{TARGET}.rod", "kind": "bias", "start_s": T_FAULT, "bias_mm": bias}
-        out.append(Case(f"rod bias {bias:g} mm", fault, 2.0, ("sensor", "jam_liquid"), "rod", limit_s=0.3))
-    fault = {"target": f"{TARGET}.surface", "kind": "bias", "start_s": T_FAULT, "bias_deg": 0.2}
-    out.append(Case("surface bias 0.2 deg", fault, 2.0, ("sensor",), "surface", limit_s=0.3))
-    fault = {"target": f"{TARGET}.rod", "kind": "drift", "start_s": T_FAULT, "drift_mm_s": 1.0}
-    out.append(Case("rod drift 1 mm/s", fault, 3.0, ("sensor", "ambiguous"), "rod"))
-    fault = {"target": f"{TARGET}.rod", "kind": "freeze", "start_s": T_FAULT}
-    out.append(Case("rod frozen", fault, 5.0, ("sensor",), "rod"))
-    return out
+        name = f"jam_solid, step {step:g} deg"
+        out.append(Case(name, "jam_solid", fault, 2.0, ("jam_solid",), limit_s=0.5, manoeuvre=pulse, air="none"))
+    for mm in (0.6, 1.0, 3.0):
+        out.append(_sensor("rod", "bias", ("sensor", "jam_liquid"), limit_s=0.3, bias_mm=mm))
+    for mm in (0.6, 1.0, 3.0):
+        out.append(_sensor("surface", "bias", limit_s=0.3, bias_deg=round(math.degrees(mm * 1e-3 / ARM), 4)))
+    out += [_sensor("rod", "drift", ("sensor", "ambiguous"), seconds=4.0, drift_mm_s=v) for v in (0.3, 1.0, 3.0)]
+    out += [_sensor("rod", "freeze", seconds=5.0), _sensor("surface", "freeze", seconds=5.0)]
+    out += [_sensor("pressure", "bias", bias_pct=5.0), _sensor("pressure", "bias", bias_pct=20.0),
+            _sensor("pressure", "drift", seconds=5.0, drift_pct_s=5.0),
+            *(_sensor("pressure", "scale", seconds=5.0, scale=v) for v in (1.5, 0.5)),
+            _sensor("pressure", "freeze", seconds=5.0)]
+    return [*out, Case("no fault", "none", None, 5.0, ("none",))]
 
 
-def arguments(case, seed):
+def cases():
+    """Return all Cases at the issue's sizes."""
+    return [*oscillations(), *others()]
+
+
+def arguments(case, seed, noise=1.0):
     """Return the arguments of `record` for one seed of a case."""
-    if case.manoeuvre:
-        manoeuvre, turbulence = case.manoeuvre, "none"
-    else:
-        manoeuvre, turbulence = {"kind": CYCLE[seed % len(CYCLE)], "start_s": T_FAULT - 3.0}, "light"
-    return draw(seed, point=POINTS[seed % len(POINTS)], manoeuvre=manoeuvre, turbulence=turbulence,
-                duration=T_FAULT + case.seconds, faults=[case.fault])
+    drawn = {"kind": CYCLE[seed % len(CYCLE)], "start_s": T_FAULT - 3.0}
+    more = {"sensors": {"noise_scale": noise}} if noise != 1.0 else {}
+    return draw(seed, point=POINTS[seed % len(POINTS)], manoeuvre=case.manoeuvre or drawn, turbulence=case.air,
+                duration=T_FAULT + case.seconds, faults=[case.fault] if case.fault else [], **more)
 
 
 @dataclass(frozen=True)
@@ -118,25 +148,32 @@ def judge(case, recorded, module, p):
     )
 
 
-def outcomes(case, detectors, *, seeds=60, first_seed=EVALUATION + 5000):
-    """Fly `seeds` flights of a case; return {detector: [Outcome]}; `detectors`: {name: (module, PARAMS)}."""
-    out = {name: [] for name in detectors}
-    for seed in range(first_seed, first_seed + seeds):
-        recorded = record(**arguments(case, seed))
-        for name, (module, p) in detectors.items():
-            out[name].append(judge(case, recorded, module, p))
-    return out
+@functools.cache
+def detectors():
+    """Return {name: (module, PARAMS)} as they fly, and the two other load forms of iotsekf."""
+    out = {name: (module, module.params()) for name, module in MODULES.items()}
+    return out | {f"iotsekf load {k}": (iotsekf, iotsekf.params(load=k)) for k in (1, 0)}
+
+
+def fly_case(case, seed, noise=1.0):
+    """Return {detector: Outcome as a dict} of one seed of a case, given as a dict."""
+    made = Case(**case)
+    recorded = record(**arguments(made, seed, noise))
+    return {name: asdict(judge(made, recorded, module, p)) for name, (module, p) in detectors().items()}
 
 
 def achieved(case, seed):
-    """Return the rod amplitude [m] that an oscillation achieves: least squares against the flight without the fault."""
-    flight = arguments(case, seed)
-    q = record(**flight)["rod"][LANE] - record(**{**flight, "faults": []})["rod"][LANE]
-    first = round((T_FAULT + 2 / case.hz) / DT)
+    """Return [u injected, rod amplitude [m] that an oscillation achieves]: least squares against the same flight
+    without the fault."""
+    made = Case(**case)
+    flight = arguments(made, seed)
+    faulty = record(**flight)
+    q = faulty["rod"][LANE] - record(**{**flight, "faults": []})["rod"][LANE]
+    first = round((T_FAULT + 2 / made.hz) / DT)
     t = np.arange(first, len(q)) * DT
-    w = 2 * math.pi * case.hz
+    w = 2 * math.pi * made.hz
     fit = np.linalg.lstsq(np.stack([np.cos(w * t), np.sin(w * t), t**0, t, t * t], axis=1), q[first:], rcond=None)[0]
-    return math.hypot(fit[0], fit[1])
+    return [float(np.abs(faulty["f_u"][LANE]).max()), math.hypot(fit[0], fit[1])]
 
 
 def summary(case, found):
@@ -155,6 +192,8 @@ def summary(case, found):
         "named": {c: sum(o.last == c for o in found) for c in dict.fromkeys(o.last for o in found)},
         "deviation_max_deg": max((math.degrees(o.deviation) for o in found if math.isfinite(o.deviation)), default=0.0),
     }
+    if case.deviation_deg > 0:
+        row["deviated"] = sum(math.degrees(o.deviation) > case.deviation_deg for o in found)
     if case.hz > 0:
         row["frequency_right"] = sum(
             o.last in case.right and abs(o.hz / case.hz - 1.0) <= 0.25 for o in found
@@ -162,43 +201,7 @@ def summary(case, found):
     return row
 
 
-def default_detectors():
-    """Return {name: (module, PARAMS)} as they fly, and the two other load forms of iotsekf."""
-    out = {name: (module, module.params()) for name, module in MODULES.items()}
-    return out | {f"iotsekf load {k}": (iotsekf, iotsekf.params(load=k)) for k in (1, 0)}
+if __name__ == "__main__":
+    from cosim.lu17_parts import main
 
-
-
-def quiet(detectors, *, draws=3, first_seed=EVALUATION, progress=None):
-    """Fly 108 fault-free flights per draw; return {detector: (flights, alarms, five largest maxima of r)}."""
-    most = {name: [] for name in detectors}
-    alarms = dict.fromkeys(detectors, 0)
-    settled = round(2.0 / DT)
-    for count, flight in enumerate(flights(first_seed, draws), start=1):
-        recorded = record(**flight)
-        for name, (module, p) in detectors.items():
-            log = estimate(module, recorded, p, ("r", "alarm"))
-            alarms[name] += bool((log["alarm"] > 0.5).any())
-            label = f"{flight['manoeuvre']['kind']}, {flight['flight']['turbulence']}, seed {flight['seed']}"
-            most[name].append((float(np.abs(log["r"][:, settled:]).max()), label))
-        if progress:
-            progress(f"{count} flights")
-    return {name: (len(most[name]), alarms[name], sorted(most[name], reverse=True)[:5]) for name in detectors}
-
-
-def smallest(hz, detectors, *, solid, seeds=20, share=0.95):
-    """Return {detector: least of AMPLITUDES [mm] that is found in time in `share` of the seeds}, inf where none is."""
-    out = dict.fromkeys(detectors, math.inf)
-    for mm in AMPLITUDES[::-1]:
-        case = oscillation(hz, solid=solid, mm=mm)
-        found = outcomes(case, detectors, seeds=seeds, first_seed=EVALUATION + 8000)
-        missed = 0
-        for name, runs in found.items():
-            in_time = sum(o.delay <= 3.0 / hz + DT / 2 and not o.early for o in runs)
-            if in_time >= share * seeds:
-                out[name] = min(out[name], mm)
-            else:
-                missed += 1
-        if missed == len(found):
-            break
-    return out
+    sys.exit(main())

@@ -67,7 +67,10 @@ TRAVEL = (math.radians(-23.0), math.radians(17.0))  # of the elevator (DESIGN.md
 
 
 def params(which="flight", *, rate_limit=RATE_LIMIT, limits=TRAVEL):
-    """Return PARAMS with threshold set `which`, the no-load rate [rad/s] and the travel limits [rad]."""
+    """Return PARAMS with threshold set `which`, the no-load rate [rad/s] and the travel limits [rad].
+
+    "flight" is for hydraulic segments, "flight_ema" for electromechanical ones, which lag more in hard commands.
+    """
     own = thresholds("position_monitor", which)
     return record(PARAMS, rate_limit=rate_limit, limit_low=limits[0], limit_high=limits[1], **own)
 

@@ -1,16 +1,14 @@
 """Flights of the Lu17 study: one seed of some cases, and what the stored thresholds say about how they were found."""
 
 import json
+from dataclasses import asdict
 
 import numpy as np
 import pytest
 
-from cosim import lu17_study, train_lu17
-from fdi import iotsekf, rtsekf_flight
+from cosim import lu17_loop, lu17_parts, lu17_study, train_lu17
 
 CASES = {c.name: c for c in lu17_study.cases()}
-LOCAL = {"iotsekf": (iotsekf, iotsekf.params()), "rtsekf_flight": (rtsekf_flight, rtsekf_flight.params())}
-
 
 @pytest.mark.parametrize(
     "name",
@@ -24,10 +22,10 @@ LOCAL = {"iotsekf": (iotsekf, iotsekf.params()), "rtsekf_flight": (rtsekf_flight
 )
 def test_in_flight_each_fault_has_its_name_in_time(name):
     case = CASES[name]
-    found = lu17_study.outcomes(case, LOCAL, seeds=1, first_seed=1)
-    row = lu17_study.summary(case, found["iotsekf"])
+    found = lu17_study.fly_case(asdict(case), 1)
+    row, sensor = ([lu17_study.Outcome(**found[d])] for d in ("iotsekf", "rtsekf_flight"))
+    row, sensor = lu17_study.summary(case, row), lu17_study.summary(case, sensor)
     assert (row["early"], row["in_time"], row["right"]) == (0, 1, 1), row
-    sensor = lu17_study.summary(case, found["rtsekf_flight"])
     assert sensor["detected"] == (1 if name.startswith("rod") else 0), sensor
 
 
@@ -35,7 +33,7 @@ def test_a_healthy_flight_is_quiet_and_every_segment_is_watched():
     flight = train_lu17.draw(5, point=train_lu17.POINTS[1], manoeuvre="pitch_protection", turbulence="light")
     recorded = lu17_study.record(**{**flight, "duration": 20.0})
     assert recorded["u"].shape == (4, 4000)
-    for name, (module, p) in lu17_study.default_detectors().items():
+    for name, (module, p) in lu17_study.detectors().items():
         assert not (lu17_study.estimate(module, recorded, p, ("alarm",))["alarm"] > 0.5).any(), name
 
 
@@ -45,17 +43,34 @@ def test_stored_thresholds_are_the_margin_times_what_training_saw(detector):
     how = data.pop("training")
     assert how["margin"] == train_lu17.MARGIN
     assert how["first_seed"] == train_lu17.TRAINING
-    assert how["flights"] >= 60
+    assert how["flights"] == len(train_lu17.training())
     for name, largest in how["largest"].items():
-        stored = data[name if name in data else "flight"]
+        stored = data[train_lu17.stored_as(name)]
         for key, value in largest.items():
             least = how["margin"] * np.array(value)
             assert np.all(np.array(stored[key]) >= 0.999 * least), (name, key)
 
 
 def test_training_and_evaluation_share_no_seed():
-    first = train_lu17.TRAINING
-    train = {f["seed"] for f in [*train_lu17.flights(first), *train_lu17.harsh(first + 500)]}
-    judged = {f["seed"] for f in train_lu17.flights(train_lu17.EVALUATION, draws=3)}
-    assert len(train) == 132 and len(judged) == 324
-    assert not train & judged
+    train = {f["seed"] for f in train_lu17.training()}
+    first = train_lu17.EVALUATION
+    assert len(train) == len(train_lu17.training()) >= 300
+    assert not train & set(range(first, first + 1000))
+    assert not train & set(range(lu17_parts.FIRST, lu17_parts.SEARCH + 1000))
+
+
+@pytest.mark.parametrize(("feedback", "late"), [("measured", 0.95), ("rtsekf_flight", 0.0)])
+def test_feedback_flights_tell_a_loop_that_believes_the_rod_sensor(feedback, late):
+    found = lu17_loop.feedback_flight(feedback, False, 3)
+    assert found["late_deg"] == pytest.approx(late, abs=0.15)
+    assert found["rtsekf_flight"] and found["nz_free_g"] < 0.02
+
+
+def test_long_flights_show_what_drifts(monkeypatch):
+    monkeypatch.setattr(lu17_loop, "LONG_S", 60.0)
+    rows = lu17_loop.long_flight(3)["rows"]
+    worst = {name: values[-1] for name, values in rows.items()}
+    assert worst["rtsekf, load ignored, as published: |f_hat| [mm]"] > 20.0
+    assert worst["rtsekf_flight: |rod estimate - rod| [mm]"] < 1.0
+    assert worst["ema_kalman: |R1| [mm], threshold 0.5"] > 50.0
+    assert worst["ema_kalman_flight: largest test over its threshold"] < 1.0
