@@ -1,4 +1,6 @@
-"""What `cosim campaign` shows: a line per detector, from the same rows that the Parquet file holds."""
+"""What `cosim campaign` shows: a line per detector, from the same rows that the Parquet file holds; without faults, how
+near each detector came to an alarm.
+"""
 
 from rich.console import Group
 from rich.text import Text
@@ -30,4 +32,25 @@ def campaign(result):
     status = frame.drop_duplicates("run")["status"].value_counts()
     line = ", ".join(f"{n} {name}" for name, n in status.items())
     text = f"{result.done} runs: {line}" + (f"; {result.resumed} were there already" if result.resumed else "")
-    return Group(t, Text(text), Text(f"rows   {result.parquet}"))
+    more = [] if lanes["concerned"].any() or lanes.empty else [nearest(lanes)]
+    return Group(t, *more, Text(text), Text(f"rows   {result.parquet}"))
+
+
+MOST = 5
+
+
+def nearest(lanes):
+    """Return the table of the MOST largest |r| over its threshold of each detector, one per flight, and where it was.
+
+    A statistic beyond its threshold is an alarm only after its confirmation.
+    """
+    t = table(f"the {MOST} flights in which each came nearest to an alarm: largest |r|, 1 is the threshold", "detector",
+              *(f"{i + 1}>" for i in range(MOST)), "the first: seed, manoeuvre, turbulence")
+    t.caption, t.caption_justify = "beyond 1 without an alarm: not for the confirmation time", "left"
+    for (_, name), rows in lanes.groupby(["level", "id"], sort=True):
+        by_run = rows.sort_values("r_max_before", ascending=False).drop_duplicates("run").head(MOST)
+        first = by_run.iloc[0]
+        where = [str(first[k]) for k in ("seed", "manoeuvre.kind", "flight.turbulence", "target") if k in by_run]
+        most = [number(None if v != v else v) for v in by_run["r_max_before"]]
+        t.add_row(name, *most, *[number(None)] * (MOST - len(most)), " ".join(where))
+    return t
