@@ -24,12 +24,12 @@ SYMBOLS = ("K_T", "K_B", "R", "J_M", "J_N", "B_M")
 ONSET, NZ_S, LOOK_S = 12.0, 30.0, 60.0  # [s]
 SETTLE_S = 2.0
 PULSES = {"kind": "three_two_one_one", "start_s": 10.0, "unit_s": 1.5, "amplitude_deg": 4.0}
-POSITION = {
+POSITION: dict[str, dict] = {
     "position + 5 deg": {"kind": "bias", "bias_deg": 5.0},
     "position + 15 deg": {"kind": "bias", "bias_deg": 15.0},
     "position frozen": {"kind": "freeze"},
 }
-CURRENT = {
+CURRENT: dict[str, dict] = {
     "current + 10 % of stall": {"kind": "bias", "bias_pct": 10.0},
     "current - 10 % of stall": {"kind": "bias", "bias_pct": -10.0},
     "current x1.25": {"kind": "scale", "scale": 1.25},

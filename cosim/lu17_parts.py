@@ -84,7 +84,8 @@ def _others(options, values):
 def _confusion(options, values):
     """Return the verdict of iotsekf at the end of the look, by class; an OFC at four periods."""
     cases = [*s.oscillations(), *s.others()]
-    counts, columns = {}, {}
+    counts: dict[str, dict[str, int]] = {}
+    columns: dict[str, None] = {}
     for case, found in _found(cases, values):
         own = counts.setdefault(case.group, {})
         for o in found["iotsekf"]:
