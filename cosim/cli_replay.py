@@ -83,8 +83,8 @@ def diagnosis(found):
         alarm = number(r["first_alarm_s"]), str(r["alarms"]), _isolated(r)
         t.add_row(r["id"], where, *alarm, *figures, style="" if r["alarm"] else "dim")
     end = found["start_s"] + found["duration_s"]
-    head = Text(f"{found['start_s']:g} to {end:g} s of {found['recording']} at {found['rate_hz']} Hz")
-    parts = [head, t]
+    head = Text(f"{found['start_s']:.12g} to {end:.12g} s of {found['recording']} at {found['rate_hz']} Hz")
+    parts = [head, t, *(Text(c, style="yellow") for c in found["caveats"])]
     if found["not_run"]:
         lack = table("Not run", "detector", "watches", "signals that the map lacks")
         for r in found["not_run"]:

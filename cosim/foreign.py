@@ -20,7 +20,7 @@ def read_channels(path, *, time=None):
     A CSV or Parquet file is one channel, named by the file's stem; `time` names its time column (default: the first
     of TIME_NAMES, else Parquet's own index). Its name ends in _ns, _us or _ms where it is not in seconds; dates count
     from the first. An MCAP file has a channel per topic, times from its first message. Columns that hold no numbers
-    are left out. Raises LogError when the file cannot be read or has no usable time.
+    are left out and named in `attrs["texts"]`. Raises LogError when the file cannot be read or has no usable time.
     """
     path = Path(os.fspath(path))
     kind = path.suffix.lower()
@@ -71,7 +71,9 @@ def _table(path, kind, time):
             f"no time column {name or ''}".rstrip(), place=str(path), allowed=f"one of its columns: {columns}"
         )
     t = _seconds(frame[name], name, path)
-    frame = frame.drop(columns=name).select_dtypes(["number", "bool"]).astype(np.float64)
+    numbers = frame.drop(columns=name).select_dtypes(["number", "bool"]).astype(np.float64)
+    numbers.attrs["texts"] = [str(c) for c in frame.columns if c != name and c not in numbers.columns]
+    frame = numbers
     frame.index = pd.Index(t, name="t_s")
     return frame.sort_index(kind="stable")
 

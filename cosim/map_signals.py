@@ -53,15 +53,22 @@ def check(m, place):
 def channels_of(m, tables, path, place):
     """Return {signal: (times, samples, flags or None)} of the recording."""
     names = {f"{t}.{c}": (t, c) for t, frame in tables.items() for c in frame.columns}
+    short = {c: (t, c) for t, frame in tables.items() for c in frame.columns}
     if len(tables) == 1:
-        names |= {c: (t, c) for t, frame in tables.items() for c in frame.columns}
+        names |= short
 
     def column(key, name):
+        if name not in names and any(name in frame.attrs.get("texts", ()) for frame in tables.values()):
+            raise ReplayError(
+                f"channel {name!r} holds something that is no number",
+                place=f"{place}: signals.{key}",
+                remedy="An empty cell or NaN is a lost sample",
+            )
         if name not in names:
             raise ReplayError(
                 f"the recording has no channel {name!r}",
                 place=f"{place}: signals.{key}",
-                allowed=", ".join(list(names)[:20]),
+                allowed=", ".join([n for n in names if len(tables) > 1 or n in short][:20]),
                 remedy=did_you_mean(name, names),
             )
         t, c = names[name]
@@ -75,6 +82,21 @@ def channels_of(m, tables, path, place):
         if signal.sparse:
             t, y = t[np.isfinite(y)], y[np.isfinite(y)]
         out[key] = (t, y, column(key, signal.valid) if signal.valid else None)
+    return out
+
+
+def slow(sources, channels, dt):
+    """Return a sentence per command of a valve or motor that is sampled at less than the tick's rate."""
+    out = []
+    for name, source in sources.items():
+        t = channels[name][0] if name in channels and source.partition(".")[0].endswith("_in") else ()
+        step = float(np.median(np.diff(t))) if len(t) > 2 else 0.0
+        if step > dt * 1.01:
+            out.append(
+                f"{name} comes at {1 / step:.4g} Hz and the tick is {1 / dt:g} Hz: the detectors read it late by up to "
+                f"{1e3 * step:.3g} ms, and a filter on it may alarm for that alone; it wants the rate at which it was "
+                "sent"
+            )
     return out
 
 

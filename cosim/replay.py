@@ -14,7 +14,7 @@ import numpy as np
 
 from cosim.log import open_log
 from cosim.replay_lanes import describe, fill, lanes, pieces, run, topics
-from cosim.replay_params import ReplayError
+from cosim.replay_params import ReplayError, check_start
 from cosim.replay_write import Overlay
 from cosim.result import Watch, judge, judged, plain
 
@@ -91,6 +91,9 @@ def replay(path, *, detectors=None, overrides=None, start_s=0.0, output=None, pr
     at the last whole state before that time; `output` writes a log with the old topics and, under /replay, the new
     ones. Raises LogError, ReplayError.
     """
+    check_start(start_s)
+    if str(path).lower().endswith((".csv", ".parquet")):
+        raise ReplayError("is a table, no log", place=str(path), remedy="--map says which columns detectors read")
     log = open_log(path)
     wired = describe(log, detectors, overrides)
     members = [_Member(log, w) for w in wired]

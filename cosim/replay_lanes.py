@@ -15,7 +15,7 @@ import numpy as np
 
 from actuators.block import bound
 from cosim.errors import LogError, did_you_mean
-from cosim.replay_params import ReplayError, attached, older, override
+from cosim.replay_params import ReplayError, attached, chosen_overrides, older, override
 
 BLOCK_BYTES = 1 << 18  # of full states at once: they stay in the processor's cache
 
@@ -93,6 +93,7 @@ def describe(log, chosen=None, overrides=None):
                 allowed=", ".join(known) or "none",
                 remedy=did_you_mean(name, known),
             )
+    chosen_overrides(chosen, overrides)
     out = []
     for d in (d for d in found if not chosen or d["id"] in chosen):
         module = importlib.import_module(d["module"])

@@ -15,13 +15,14 @@ from cosim import detectors as table
 from cosim.foreign import read_channels
 from cosim.log import LogWriter, Topic, viewer_layouts
 from cosim.map_file import load_map
-from cosim.map_signals import channels_of, check, sampled, si_unit, signal_of
+from cosim.map_signals import channels_of, check, sampled, si_unit, signal_of, slow
 from cosim.replay_lanes import Lane, flat, run
-from cosim.replay_params import ReplayError, override
+from cosim.replay_params import ReplayError, check_start, chosen_overrides, override
 from cosim.resample import ticks
 from cosim.result import Watch, judge, plain
 from cosim.units import unit
 
+MOST_TICKS = 4_000_000  # five and a half hours at 200 Hz: all inputs of a recording are in memory
 VERDICT = ("alarm", "verdict", "culprit", "r")
 
 
@@ -37,6 +38,7 @@ class Diagnosis:
     signals: list = field(default_factory=list)
     detectors: list = field(default_factory=list)
     not_run: list = field(default_factory=list)
+    caveats: list = field(default_factory=list)  # sentences
     output: str | None = None
 
     def to_dict(self):
@@ -51,6 +53,8 @@ def diagnose(path, map_path, *, detectors=None, overrides=None, start_s=0.0, out
     is a time of the recording, `output` the log to write: inputs under /input, outputs under /replay. Raises
     ReplayError, LogError, ScenarioError.
     """
+    check_start(start_s)
+    chosen_overrides(detectors, overrides)
     m, text = load_map(map_path)
     scenario = _scenario(m, detectors, map_path)
     dt = 1.0 / m.rate_hz
@@ -65,6 +69,13 @@ def diagnose(path, map_path, *, detectors=None, overrides=None, start_s=0.0, out
     if not spans:
         raise ReplayError("no signal has a channel with samples", place=str(map_path))
     t_0, n = ticks(spans, dt, start_s or None)
+    if n > MOST_TICKS:
+        raise ReplayError(
+            f"the channels last {n * dt:.3g} s",
+            place=str(path),
+            allowed=f"{MOST_TICKS * dt:.3g} s at {m.rate_hz} Hz",
+            remedy="Is time in seconds? A column in other units ends in _ms, _us or _ns",
+        )
     if n < 2:
         raise ReplayError("the channels have no time in common", place=str(path), allowed=_spans(m, channels))
     values = {
@@ -82,6 +93,7 @@ def diagnose(path, map_path, *, detectors=None, overrides=None, start_s=0.0, out
         }
         for name, (_, valid) in values.items()
     ]
+    out.caveats = slow(sources, channels, dt)
     done = []
     for d in found:
         missing = {
@@ -126,7 +138,9 @@ def _scenario(m, chosen, place):
 
 def _spans(m, channels):
     return ", ".join(
-        f"{m.signals[name].channel} {t[0]:g} to {t[-1]:g} s" for name, (t, *_) in list(channels.items())[:6] if len(t)
+        f"{m.signals[name].channel} {t[0]:.12g} to {t[-1]:.12g} s"
+        for name, (t, *_) in list(channels.items())[:6]
+        if len(t)
     )
 
 

@@ -28,7 +28,8 @@ def attached(log, name, kind):
     try:
         found = _load(log.attachments, name)
     except KeyError as error:
-        remedy = "`cosim run` did not write it; see `cosim replay --map`"
+        cut = "recovered" in log.metadata and "The original was cut or damaged there: fly the scenario again"
+        remedy = cut or "`cosim run` did not write it; see `cosim replay --map`"
         raise LogError(f"the log lacks {name}", place=str(log.path), remedy=remedy) from error
     except (ValueError, EOFError, OSError, SyntaxError, zipfile.BadZipFile, zlib.error) as error:
         raise LogError(f"{name} is damaged: {error}", place=str(log.path)) from error
@@ -53,6 +54,24 @@ def _load(attachments, name):
             return np.load(io.BytesIO(file.read(ARRAY_BYTES)), allow_pickle=False)
 
 
+def check_start(start_s):
+    """Raise ReplayError for a start that is no time."""
+    if not math.isfinite(start_s):
+        raise ReplayError(f"{start_s} is no time", place="--from", allowed="seconds")
+
+
+def chosen_overrides(chosen, changes):
+    """Raise ReplayError for parameters {detector: ...} of a detector that is not among the `chosen` (None: all)."""
+    for name in changes or () if chosen else ():
+        if name not in chosen:
+            raise ReplayError(
+                f"{name} is not among the detectors that run, its parameters would change nothing",
+                place="--set",
+                allowed=", ".join(chosen),
+                remedy=did_you_mean(name, chosen),
+            )
+
+
 def overrides(texts):
     """Return {detector: {parameter: value}} of texts `detector.parameter=value`. Raises ReplayError."""
     out: dict = {}
@@ -72,8 +91,8 @@ def overrides(texts):
 def override(detector, p, values):
     """Set parameters {name: value} of `detector` in its PARAMS `p`; `name[i]` is an element. Raises ReplayError."""
     for name, value in values.items():
-        base, _, index = name.partition("[")
-        if base not in p.dtype.names:
+        base, bracket, index = name.partition("[")
+        if base not in p.dtype.names or bool(bracket) != index.endswith("]"):
             raise ReplayError(
                 "no such parameter",
                 place=f"{detector}.{name}",

@@ -53,6 +53,9 @@ def test_a_what_if_exits_with_1_tells_both_outcomes_and_writes_both(flight, tmp_
         (("--set", "threshold=1"), "detector.parameter=number"),
         (("--set", "position_monitor.threshold=much"), "detector.parameter=number"),
         (("--from", "100"), "the log ends before that time"),
+        (("--from", "inf"), "inf is no time"),
+        (("--set", "position_monitor.threshold=1", "--detectors", "ofc_monitor"), "would change nothing"),
+        (("--set", "position_monitor.threshold[0=1"), "no such parameter"),
         (("--map", "none.toml"), "none.toml"),
     ],
 )
@@ -83,8 +86,16 @@ def test_a_cut_log_is_recovered_and_what_is_lost_is_told(flight, tmp_path):
     assert done.exit_code == 0 and "whole chunks" in done.stdout and "at byte" in done.stdout
     assert call("replay", tmp_path / "cut.recovered.mcap").exit_code == 0
     told = json.loads(call("recover", cut, "-o", tmp_path / "b.mcap", "--json").stdout)
-    assert told["ticks"] == 100 * told["chunks"] > 0 and told["parameters_intact"] and told["lost"]
+    size = open_log(flight).spans[0][1]
+    assert told["ticks"] == size * told["chunks"] > 0 and told["parameters_intact"] and told["lost"]
     assert call("recover", cut, "-o", cut).exit_code == 2
+
+
+def test_a_log_cut_before_its_first_chunk_says_why_it_cannot_be_replayed(flight, tmp_path):
+    (tmp_path / "cut.mcap").write_bytes(flight.read_bytes()[: open_log(flight).chunks[0].offset // 2])
+    assert call("recover", tmp_path / "cut.mcap", "-o", tmp_path / "out.mcap").exit_code == 0
+    done = call("replay", tmp_path / "out.mcap")
+    assert done.exit_code == 2 and "cut or damaged" in done.stderr
 
 
 def test_a_bad_chunk_in_the_middle_costs_its_own_ticks_and_a_restart(flight, tmp_path):
@@ -95,7 +106,8 @@ def test_a_bad_chunk_in_the_middle_costs_its_own_ticks_and_a_restart(flight, tmp
     assert call("recover", tmp_path / "bad.mcap", "-o", tmp_path / "out.mcap").exit_code == 0
     told = json.loads(call("replay", tmp_path / "out.mcap", "--json").stdout)
     lanes = len(told["detectors"])
-    assert told["exact"] and told["rows"] + told["skipped"] == 1100 * lanes
+    left = open_log(flight).n_ticks - open_log(flight).spans[4][1]
+    assert told["exact"] and told["rows"] + told["skipped"] == left * lanes
     assert 0 < told["skipped"] <= 201 * lanes  # up to and with the next whole state
 
 

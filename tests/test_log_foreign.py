@@ -117,19 +117,37 @@ def test_our_own_log_read_as_a_foreign_one_gives_the_same_bits(tmp_path):
 
 
 def test_a_foreign_bomb_is_refused(tmp_path):
+    import lz4.frame
     import zstandard
     from mcap.data_stream import RecordBuilder
     from mcap.records import Chunk, DataEnd, Footer, Header
 
-    for size, content in ((100, 64 << 20), (2**60, 1000)):
+    pack = {"zstd": zstandard.compress, "lz4": lz4.frame.compress}
+    for size, content, name in ((100, 64 << 20, "zstd"), (2**60, 1000, "zstd"), (100, 64 << 20, "lz4")):
         builder = RecordBuilder()
         Header("", "x").write(builder)
-        Chunk("zstd", zstandard.compress(bytes(content)), 0, 0, 0, size).write(builder)
+        Chunk(name, pack[name](bytes(content)), 0, 0, 0, size).write(builder)
         DataEnd(0).write(builder)
         Footer(0, 0, 0).write(builder)
         (tmp_path / "a.mcap").write_bytes(b"\x89MCAP0\r\n" + builder.end() + b"\x89MCAP0\r\n")
         with pytest.raises(LogError, match=r"limits|not as long"):
             read_channels(tmp_path / "a.mcap")
+
+
+def test_no_more_of_a_foreign_lz4_bomb_is_made_than_its_chunk_says():
+    import tracemalloc
+
+    import lz4.frame
+
+    from cosim.log import foreign
+
+    bomb = lz4.frame.compress(bytes(256 << 20))
+    tracemalloc.start()
+    with pytest.raises(ValueError, match="not as long"):
+        foreign._unlz4(bomb, 100)
+    assert tracemalloc.get_traced_memory()[1] < 32 << 20
+    tracemalloc.stop()
+    assert foreign._unlz4(lz4.frame.compress(b"abc"), 3) == b"abc"
 
 
 def test_mutated_foreign_files_are_refused_or_read_without_a_crash(tmp_path):

@@ -185,6 +185,26 @@ def test_parameters_and_the_start_can_be_changed(signals, tmp_path):
     assert told.start_s == pytest.approx(1.0) and row["alarm"] and 1.0 <= row["first_alarm_s"] < 2.0
 
 
+def test_a_recording_that_does_not_fit_is_refused_and_a_late_command_is_told(signals, tmp_path):
+    frame = bench_frame(signals, 200)
+    frame.assign(clock_ms=1e9 * frame.clock_ms).to_csv(tmp_path / "long.csv", index=False)
+    with pytest.raises(ReplayError, match="Is time in seconds"):
+        diagnose(tmp_path / "long.csv", EXAMPLE)
+    with pytest.raises(ReplayError, match="inf is no time"):
+        diagnose(tmp_path / "long.csv", EXAMPLE, start_s=float("inf"))
+    with pytest.raises(ReplayError, match="--map"):
+        replay(tmp_path / "long.csv")
+    frame.assign(VALVE_PCT="n/a?").to_csv(tmp_path / "text.csv", index=False)
+    with pytest.raises(ReplayError, match="'VALVE_PCT' holds something that is no number"):
+        diagnose(tmp_path / "text.csv", EXAMPLE)
+    with pytest.raises(ReplayError, match="would change nothing"):
+        diagnose(tmp_path / "text.csv", EXAMPLE, detectors=["iotsekf"], overrides={"rfafe": {"x": 1.0}})
+    for rate, told in ((200, 0), (100, 1)):
+        bench_frame(signals, rate).to_csv(tmp_path / "bench.csv", index=False)
+        caveats = diagnose(tmp_path / "bench.csv", EXAMPLE, detectors=["iotsekf"]).caveats
+        assert len(caveats) == told and all("left_inner.u comes at 100 Hz" in c for c in caveats)
+
+
 @pytest.mark.parametrize(
     ("line", "words"),
     [

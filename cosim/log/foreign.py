@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator
 from typing import Any
 
+import lz4.frame
 import zstandard
 from google.protobuf import descriptor_pb2, descriptor_pool, json_format, message_factory
 from mcap.exceptions import UnsupportedCompressionError
@@ -101,6 +102,9 @@ def _records(file, limits) -> Iterator[Any]:
                 raise ValueError("a compressed frame is not as long as its chunk says")
             record.data = _unzip(record.data, record.uncompressed_size)
             record.compression = ""
+        elif record.compression == "lz4":
+            record.data = _unlz4(record.data, record.uncompressed_size)
+            record.compression = ""
         yield from breakup_chunk(record, validate_crc=True)
 
 
@@ -110,6 +114,15 @@ def _unzip(data, size):
         content = reader.read(size) if size else b""
         if len(content) != size or reader.read(1):
             raise ValueError("a compressed frame is not as long as its chunk says")
+    return content
+
+
+def _unlz4(data, size):
+    """Return the content of an lz4 frame, as `_unzip` does."""
+    frame = lz4.frame.LZ4FrameDecompressor()
+    content = frame.decompress(data, max_length=size + 1)
+    if len(content) != size or not frame.eof:
+        raise ValueError("a compressed frame is not as long as its chunk says")
     return content
 
 
