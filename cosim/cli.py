@@ -18,7 +18,7 @@ from typer.core import TyperGroup
 from cosim import cli_envelope, cli_many, cli_study
 from cosim import cli_tables as tables
 from cosim.cli_output import JsonOption, reserve
-from cosim.errors import CosimError
+from cosim.errors import CosimError, OutputError
 
 WIDE = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 110  # a pipe has no width: do not fold its tables
 out, err = Console(width=WIDE), Console(stderr=True)
@@ -180,7 +180,14 @@ def linearize(
 
     model = work(plant_flight(flown))
     if output:
-        model.save(output)
+        try:
+            model.save(output)
+        except OSError as error:
+            raise OutputError(
+                f"cannot write the model: {error.strerror}",
+                place=str(output),
+                remedy="Free some space or choose another place with -o",
+            ) from None
     found = {**model.to_dict(), **({"file": str(output)} if output else {})}
     if json_:
         print(json.dumps(found, allow_nan=False))

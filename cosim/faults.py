@@ -6,7 +6,8 @@ Its signal is
     form 0 constant   g * amplitude
     form 1 sine       g * amplitude * sin(omega (t - start) + phase)          oscillatory failure case (OFC)
     form 2 drift      g * amplitude * (t - start)                             amplitude in unit/s
-    form 3 runaway    g * (latched reference + amplitude (t - start)), within [lower, upper]
+    form 3 runaway    g * (latched reference + amplitude (t - start)), within [lower, upper]; from a reference outside
+                      of them it stays there: a runaway never goes back to its limit
 
 A substitution (solid OFC, runaway) moves two inputs, its
 share g of the healthy signal and its own signal. Which input of which part a kind of fault moves is in cosim/inject.py.
@@ -78,7 +79,7 @@ def step(x, u, p, dt):
     elif p.form == DRIFT:
         s = p.amplitude * since
     elif p.form == RUNAWAY:
-        s = min(max(x.latch + p.amplitude * since, p.lower), p.upper)
+        s = min(max(x.latch + p.amplitude * since, min(p.lower, x.latch)), max(p.upper, x.latch))
     else:
         s = p.amplitude
     x.f_inj = x.g * s

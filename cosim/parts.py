@@ -8,6 +8,7 @@ import numpy as np
 from actuators import ema, ema_servo, hydraulic, jay, servo, simple
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.inject import Nominal
+from cosim.plant_io import LIMITS
 from cosim.wiring import SEGMENTS
 
 LEAD = jay.values("elevator")["lead"]  # screw travel per radian of motor [m/rad]
@@ -47,6 +48,11 @@ def ema_blocks(n, scenario, trim, dt):
     return [("ema_servo", ema_servo, ps, ema_servo.init_at(ps, LEAD * x["motor"], x["i"])), ("ema", ema, p, x)]
 
 
+def _travel(kind):
+    """Return the travel that trim and law count on, as bounds of the actuator: it holds whatever trims."""
+    return dict(zip(("lo", "hi"), LIMITS["stabilizer" if kind == "stabiliser" else kind]))
+
+
 def blocks(scenario, loads, others, dt):
     """Return [(section, module, p, x0, lanes)] of all actuators, a servo before its actuator.
 
@@ -60,7 +66,7 @@ def blocks(scenario, loads, others, dt):
             out += [(*b, lanes) for b in make(len(lanes), scenario, trim, dt)]
     plain = tuple(s for s in SEGMENTS if technology[s] == "simple")
     kinds = ["elevator"] * len(plain) + [name.split("_")[0] for name in others]
-    p = np.concatenate([simple.params(**simple.KINDS[k]) for k in kinds])
+    p = np.concatenate([simple.params(**{**simple.KINDS[k], **_travel(k)}) for k in kinds])
     x = simple.init_at(p, np.array([loads[s][0] for s in plain] + list(others.values())))
     return [*out, ("simple", simple, p, x, plain + tuple(others))]
 

@@ -260,6 +260,14 @@ def test_really_full_disk_is_one_line():
     refused(cosim("run", "-s", "duration_s=2", "-o", "/dev/full"), "/dev/full", "No space left")
 
 
+def test_model_on_a_full_disk_is_one_line(monkeypatch, tmp_path):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("numpy.savez", full)
+    refused(cosim("linearize", "-o", tmp_path / "m.npz"), "m.npz: cannot write the model: No space", "choose another")
+
+
 def test_interrupted_flight_leaves_a_readable_log(tmp_path):
     log = tmp_path / "x.mcap"
     with process("run", "cruise", "-s", "duration_s=3000", "-o", str(log)) as flight:

@@ -126,6 +126,16 @@ def test_a_runaway_starts_where_the_surface_is_and_ends_at_its_limit():
     np.testing.assert_allclose(y[after], np.minimum(0.03 + 0.1 * (t[after] - 1.0), 0.15), atol=1e-12)
 
 
+@pytest.mark.parametrize(("rate", "lower", "upper"), [(0.1, -math.inf, -0.2), (-0.1, 0.2, math.inf)])
+def test_a_runaway_past_its_limit_stays_and_does_not_turn_back(rate, lower, upper):
+    p = record(faults.PARAMS, form=faults.RUNAWAY, start=0.0, end=math.inf, amplitude=rate, lower=lower, upper=upper)
+    u = np.zeros((1, 200), faults.INPUTS)
+    u["t"][0], u["ref"] = np.arange(200) * 0.005, 0.03
+    log = np.zeros((1, 200), faults.STATE)
+    faults.rollout(faults.init(p), u, p, 0.005, log)
+    np.testing.assert_array_equal(log["f_inj"], 0.03)
+
+
 def test_three_two_one_one_has_its_lengths_signs_and_slopes():
     p = manoeuvre.params(manoeuvre.three_two_one_one(1.0, 0.5, "nz_dem", 0.3), nz_rate=math.inf)
     u = np.zeros((1, 1400), manoeuvre.INPUTS)

@@ -57,6 +57,42 @@ def test_builtin_loads_has_a_title_and_expands_to_itself(name):
     assert parse(tomllib.loads(text)).expanded_toml() == text
 
 
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("duration_s=0.001", ("duration_s = 0.001", "less than a tick at 200 Hz", "0.005 to 36000")),
+        ("flight=3", ("flight = 3: must be a table",)),
+        ("faults=3", ("faults = 3: must be a list",)),
+        ("detectors.enabled=iotsekf", ("detectors.enabled = iotsekf: must be a list",)),
+        ("faults.0.target=3", ("faults.0.target = 3: must be text",)),
+    ],
+)
+def test_message_speaks_of_the_file_not_of_python(override, words):
+    text = refused(override)
+    assert all(w in text for w in words)
+
+
+def test_one_tick_is_a_flight():
+    assert load_scenario("cruise", ["duration_s=0.005"]).ticks == 1
+
+
+def test_a_limit_on_the_other_side_is_noted():
+    away = fault("elevator.left_outer", "runaway", rate_deg_s=10.0, limit_deg=-8.0)
+    (line,) = flight(away).warnings()
+    assert "drives away from limit_deg = -8" in line
+    assert flight({**away, "limit_deg": 8.0}).warnings() == []
+
+
+def test_no_name_is_no_folder():
+    with pytest.raises(ScenarioError, match="no scenario is named"):
+        load_scenario("")
+
+
+def test_a_scale_that_changes_nothing_is_refused():
+    with pytest.raises(ScenarioError, match=r"faults.0.scale = 1.0: is out of range; allowed: -10 to 10, not 1"):
+        flight(fault("sensor.alpha", "scale", scale=1.0))
+
+
 def test_every_kind_of_fault_and_manoeuvre_is_flown_by_a_builtin():
     flown = [load_scenario(n) for n in builtin_names()]
     assert {f.kind for s in flown for f in s.faults} == set(c.ALL_KINDS)
@@ -201,7 +237,7 @@ def test_mistake_is_named_with_place_and_remedy(overrides, says):
         ([JAM, fault("elevator.left_inner", "free_float")], "faults.1.start_s", "take over"),
         ([fault("sensor.q", "freeze"), fault("sensor.q", "dropout")], "faults.1.start_s", "take over"),
         ([THRUST, {**THRUST, "target": "engine.2"}], "faults.1", "take over"),
-        (["ofc"], "faults.0", "dictionary"),
+        (["ofc"], "faults.0", "a table"),
         ([{"kind": "bias"}], "faults.0.target", "missing"),
     ],
 )  # fmt: skip

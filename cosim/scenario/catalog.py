@@ -83,7 +83,7 @@ LOOP_SENSOR = {"hydraulic": "rod", "ema": "position"}  # the one that closes the
 
 @dataclass(frozen=True)
 class Key:
-    """A numeric key: `low` to `high`, `open_low` excludes `low`, `nonzero` excludes 0; SI = value * factor."""
+    """A number from `low` to `high`, SI = value * factor; `open_low` excludes `low`, `healthy` is refused: no fault."""
 
     name: str
     low: float
@@ -91,19 +91,19 @@ class Key:
     factor: float = 1.0
     si: str = "-"
     open_low: bool = False
-    nonzero: bool = False
+    healthy: float | None = None
     default: float | None = None
 
     def accepts(self, x):
         """Tell whether the number x is allowed."""
         above = x > self.low if self.open_low else x >= self.low
-        return above and x <= self.high and not (self.nonzero and x == 0.0)
+        return above and x <= self.high and x != self.healthy
 
     @property
     def range(self):
         """Return the allowed range as words."""
         text = f"{'above ' if self.open_low else ''}{self.low:g} to {self.high:g}"
-        return text + (", not 0" if self.nonzero else "")
+        return text + ("" if self.healthy is None else f", not {self.healthy:g}")
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ AMPLITUDES_AT = {  # the keys that have a meaning where the oscillation enters
 }
 
 _hyd, _ema, _real = ("hydraulic",), ("ema",), ("hydraulic", "ema")
-_runaway = (Key("rate_deg_s", -90.0, 90.0, DEG, "rad/s", nonzero=True),)
+_runaway = (Key("rate_deg_s", -90.0, 90.0, DEG, "rad/s", healthy=0.0),)
 ELEVATOR_KINDS = {
     "ofc_liquid": Kind("oscillation added to the signal", _amplitudes(True), _sine, ("valve", "command", "sensor")),
     "ofc_solid": Kind(
@@ -154,16 +154,16 @@ ELEVATOR_KINDS = {
     "bias": Kind(
         "constant added to the position command",
         (
-            Key("bias_mm", -120.0, 120.0, 1e-3, "m", nonzero=True),
-            Key("bias_deg", -20.0, 20.0, DEG, "rad", nonzero=True),
+            Key("bias_mm", -120.0, 120.0, 1e-3, "m", healthy=0.0),
+            Key("bias_deg", -20.0, 20.0, DEG, "rad", healthy=0.0),
         ),
         at=("command",),
     ),
     "jam_liquid": Kind(
         "bias on the position sensor that closes the loop (the same as bias on it)",
         (
-            Key("bias_mm", -150.0, 150.0, 1e-3, "m", nonzero=True),
-            Key("bias_deg", -40.0, 40.0, DEG, "rad", nonzero=True),
+            Key("bias_mm", -150.0, 150.0, 1e-3, "m", healthy=0.0),
+            Key("bias_deg", -40.0, 40.0, DEG, "rad", healthy=0.0),
         ),
         technologies=_real,
     ),
@@ -244,7 +244,7 @@ def sensor_kinds(units):
                 u.factor,
                 u.si + ("/s" if tail else ""),
                 open_low=not signed,
-                nonzero=signed,
+                healthy=0.0 if signed else None,
             )
             for u in units
         )
@@ -253,7 +253,7 @@ def sensor_kinds(units):
     return {
         "bias": Kind(text["bias"], keys("bias")),
         "drift": Kind(text["drift"], keys("drift", "_s")),
-        "scale": Kind(text["scale"], (Key("scale", -10.0, 10.0),)),
+        "scale": Kind(text["scale"], (Key("scale", -10.0, 10.0, healthy=1.0),)),
         "freeze": Kind(text["freeze"], switched=True, exclusive="sample"),
         "noise": Kind(text["noise"], keys("sigma", signed=False)),
         "oscillation": Kind(text["oscillation"], keys("amplitude", signed=False), _sine),

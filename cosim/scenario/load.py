@@ -14,6 +14,12 @@ from cosim.scenario.override import apply
 
 LARGEST = 1_000_000  # bytes; a scenario is a page of text, a log of gigabytes is not read to find that out
 DEFAULT = "liquid-ofc"
+WORDS = {  # what pydantic calls by the names of Python
+    **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), "must be a table"),
+    **dict.fromkeys(("tuple_type", "list_type"), "must be a list"),
+    "string_type": "must be text",
+    "bool_type": "must be true or false",
+}
 
 
 def builtin_names():
@@ -46,6 +52,8 @@ def parse(table, *, place="scenario"):
 
 def _read(name_or_path):
     name = str(name_or_path)
+    if not name:
+        raise ScenarioError("no scenario is named", remedy="`cosim list` shows the built-in scenarios")
     builtin = resources.files("cosim").joinpath("scenarios", f"{name}.toml")
     if "/" not in name and "." not in name and builtin.is_file():
         return name, builtin.read_text(encoding="utf-8")
@@ -91,7 +99,7 @@ def _explain(error, table, place):
         problem, allowed = "is not one of the choices", ctx["expected"].replace("'", "").replace(" or ", ", ")
     else:
         problem, allowed = problem.removeprefix("Input ").removeprefix("should"), _range(field)
-        problem = "is out of range" if "than" in first["type"] else f"must{problem}"
+        problem = "is out of range" if "than" in first["type"] else WORDS.get(first["type"], f"must{problem}")
     value = "" if first["type"] == "missing" else _value(table, loc)
     where = ".".join(loc)
     place = f"{place}: {where}{value}" if where else place

@@ -233,6 +233,9 @@ class Scenario(_Table):
 
     @model_validator(mode="after")
     def _together(self):
+        if not self.ticks:
+            said = f"is less than a tick at {self.rate_hz} Hz"
+            raise problem(said, key="duration_s", allowed=f"{self.dt:g} to 36000")
         conflict.check(self.faults, self.elevator.technology)
         return self
 
@@ -264,10 +267,15 @@ class Scenario(_Table):
     def warnings(self):
         """Return lines about what is legal and probably not meant."""
         late = [(i, f) for i, f in enumerate(self.faults) if f.start_s >= self.duration_s]
-        return [
+        lines = [
             f"faults.{i} ({f.kind}) starts at {f.start_s:g} s, after the flight's end at {self.duration_s:g} s"
             for i, f in late
         ]
+        for i, f in enumerate(self.faults):
+            rate, limit = ((f.model_extra or {}).get(k, 0.0) for k in ("rate_deg_s", "limit_deg"))
+            if rate * limit < 0.0 and f.target != "stabiliser":  # the others trim at zero
+                lines.append(f"faults.{i} (runaway) drives away from limit_deg = {limit:g}: a surface past it stays there")
+        return lines
 
     def expanded_toml(self):
         """Return the whole scenario with every default as TOML; loading it gives an equal scenario."""
