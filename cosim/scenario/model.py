@@ -274,7 +274,8 @@ class Scenario(_Table):
         for i, f in enumerate(self.faults):
             rate, limit = ((f.model_extra or {}).get(k, 0.0) for k in ("rate_deg_s", "limit_deg"))
             if rate * limit < 0.0 and f.target != "stabiliser":  # the others trim at zero
-                lines.append(f"faults.{i} (runaway) drives away from limit_deg = {limit:g}: a surface past it stays there")
+                said = f"drives away from limit_deg = {limit:g}: a surface that is past it stays there"
+                lines.append(f"faults.{i} (runaway) {said}")
         return lines
 
     def expanded_toml(self):
