@@ -9,6 +9,14 @@ import numpy as np
 
 from cosim.errors import CosimError, LogError, did_you_mean
 
+# parameters that index or size a detector's arrays: compiled code trusts them, another value reads other memory
+DELAYS = {"delay", "lag_ticks", "u_delay", "late"}
+INDICES = DELAYS | {
+    *("bank_level", "bank_n", "bank_stride", "half_periods"),  # of the bank and of the oscillation monitor
+    *("n_families", "n_hypotheses", "n_k", "n_rows", "n_q", "axis", "variable", "effector"),  # of the force model
+    *("base_row", "n_pivots", "pivot_row", "pivot_input"),
+    *("ns", "ny", "nu", "nf"),  # of the airframe estimators
+}
 ARRAY_BYTES = 1 << 27  # a compressed array that claims more is refused
 
 
@@ -100,6 +108,13 @@ def override(detector, p, values):
                 remedy=did_you_mean(base, p.dtype.names),
             )
         shape = p.dtype[base].shape
+        low, high = 0.0 if base in DELAYS else p[base].min(), p[base].max()
+        if base in INDICES and not (low <= value <= high and value == round(value)):
+            raise ReplayError(
+                f"{value:g} does not fit the detector's arrays",
+                place=f"{detector}.{name}",
+                allowed=f"a whole number from {low:g} to {high:g}",
+            )
         try:
             at = tuple(int(i) for i in index.rstrip("]").split(",")) if index else ()
             p[base][(slice(None), *at)] = value

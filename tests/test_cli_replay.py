@@ -56,6 +56,9 @@ def test_a_what_if_exits_with_1_tells_both_outcomes_and_writes_both(flight, tmp_
         (("--from", "inf"), "inf is no time"),
         (("--set", "position_monitor.threshold=1", "--detectors", "ofc_monitor"), "would change nothing"),
         (("--set", "position_monitor.threshold[0=1"), "no such parameter"),
+        (("--set", "iotsekf.delay=1e7"), "does not fit the detector's arrays"),
+        (("--set", "iotsekf.bank_stride=0"), "does not fit the detector's arrays"),
+        (("--set", "iotsekf.lag_ticks=inf"), "does not fit the detector's arrays"),
         (("--map", "none.toml"), "none.toml"),
     ],
 )
