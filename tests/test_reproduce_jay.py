@@ -76,3 +76,9 @@ def test_judging_can_fail():
         Row("p", "i", "s", 0.0, "", "perhaps", "", "")
     with pytest.raises(ValueError, match="needs a reason"):
         Row("p", "i", "s", 0.0, "", "differs_explained", "because", "")
+
+
+def test_the_numbers_that_reasons_name_are_printed_beside_them(rows):
+    assert row(rows, "closes the loop").note == "velocity sensor named first in 10 of 10"
+    assert "1.00011" in row(rows, "as printed in the filter").note
+    assert all("chosen for these" in row(rows, item).note for item in ("innovation mean, without", "R2 [A], without"))

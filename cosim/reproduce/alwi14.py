@@ -124,16 +124,17 @@ def _errors(flown, log, faults, start, end):
 
 @functools.cache
 def _quiet(noise):
-    """Return (largest fault-free estimates of the three [deg, g, deg], least share of ticks that slide)."""
-    worst, saturated = np.zeros(3), 1.0
+    """Return (largest fault-free estimates of the three [deg, g, deg], least share of ticks that slide, by point)."""
+    worst, saturated, each = np.zeros(3), 1.0, []
     for point in POINTS:
         flown, log = _nonlinear(point, (0.0, 0.0, 0.0), noise=noise)
         late = flown.t > (3.0 if noise == 0 else flown.t[-1] - 5)
         got = [np.abs(log[k][late]).max() if noise == 0 else abs(log[k][late].mean()) for k in
                ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha")]  # fmt: skip
         worst = np.maximum(worst, np.array(got) / UNITS)
+        each.append(np.array(got) / UNITS)
         saturated = min(saturated, float((log["nu_norm"] < 0.95).mean()))
-    return worst, saturated
+    return worst, saturated, [", ".join(f"{p} {v[i]:.2g}" for p, v in zip(POINTS, each)) for i in range(3)]
 
 
 def _fault_free():
@@ -143,7 +144,7 @@ def _fault_free():
                 "alwi14",
                 f"figure 1c, nonlinear aircraft, fault-free {name}, {word} [deg, g]",
                 '"close to zero"',
-                lambda n=noise, i=i: _quiet(n)[0][i],
+                lambda n=noise, i=i: (_quiet(n)[0][i], _quiet(n)[2][i]),
                 0,
                 most,
                 reason=STALL,

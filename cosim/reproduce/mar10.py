@@ -2,6 +2,7 @@
 
 import functools
 import math
+from collections import Counter
 
 import numpy as np
 
@@ -126,7 +127,7 @@ def _scenarios():
                 "mar10",
                 f"scenario {number} ({names}), {label}: draws with the right effectors in order [%]",
                 'slides 13 to 15: detected and isolated; slide 17: "acceptable robustness" at +-5 %',
-                lambda i=i, n=number: 100.0 * sum(o.right for o in _campaign()[i, n]) / DRAWS,
+                lambda i=i, n=number: _right(i, n),
                 95,
                 100,
                 **({} if i == 0 else explain),
@@ -140,6 +141,14 @@ def _scenarios():
             0.05 * DRAWS,
         )
     yield planned("mar10", "scenario 1, identified thrust loss [%]", "slide 11: 25 %", _identified, 23, 27)
+
+
+def _right(option, number):
+    """Return (share of draws that are right [%], what the others declared)."""
+    runs = _campaign()[option, number]
+    others = Counter(", ".join(name for _, name in o.order) or "nothing" for o in runs if not o.right)
+    note = "; ".join(f"{names} in {n}" for names, n in others.most_common(3))
+    return 100.0 * sum(o.right for o in runs) / DRAWS, f"else declared: {note}" if note else ""
 
 
 def _identified():
@@ -162,7 +171,7 @@ def _robustness():
     yield judged(
         "mar10",
         "slide 16, change of r~_14^5 at 5 % error of g_12 over epsilon delta_m / g_14",
-        "1",
+        "printed: g_12 epsilon delta_m / (g_23 g_14), which the line above it does not give; derived from slide 9: 1",
         r / predicted,
         0.999,
         1.001,
