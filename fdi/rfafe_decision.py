@@ -2,8 +2,8 @@
 
 Of several estimates the one with the most energy lately is suspect, and only it goes through the bank: f_hat beside the
 command (fdi/bank.py). An oscillation is an amplitude beyond threshold + share |command| that keeps its phase over both
-periods and explains its window. The slow part must stay beyond its own threshold + share |command| for a confirmation
-time.
+periods and explains its window, of f_hat or of f_hat + u, for several fits in a row. The slow part must stay beyond its
+own threshold + share |command| for a confirmation time.
 
 Class. A liquid OFC is f = s(t), a solid one f = s(t) - u: of f_hat and f_hat + u the one that its sine explains better
 tells which, but only if the command moved otherwise than the fault. Where it did not, and for all that is slow, the
@@ -108,6 +108,13 @@ def decide(x, p, f, u, nf, nu, dt):
 
 
 @kernel
+def shaped(x, p, k, b):
+    """Return whether f_hat + b u has the shape of an oscillation at frequency k; b = 1 where u is cut off (solid)."""
+    agreement, purity, _ = bank.character(x, p, k, 1.0, b)
+    return agreement >= p.coherence and purity >= p.purity
+
+
+@kernel
 def oscillation(x, p):
     """Test the renewed fits; hold an oscillation for `t_release` and name its class."""
     x.r_ofc = 0.0
@@ -122,8 +129,7 @@ def oscillation(x, p):
             continue
         good = False
         if r >= 1.0:
-            agreement, purity, _ = bank.character(x, p, k, 1.0, 0.0)
-            good = agreement >= p.coherence and purity >= p.purity
+            good = shaped(x, p, k, 0.0) or shaped(x, p, k, 1.0)
         x.hit[k] = x.hit[k] + 1.0 if good else 0.0
         if x.hit[k] >= p.hits and r > best:
             found, best = k, r
