@@ -58,7 +58,7 @@ def judged(number, declared):
     order = sorted(first, key=first.__getitem__)[: len(truth)]
     right = order == [n for n, _ in truth] and all(first[n] >= at for n, at in truth)
     extra = len(named) - sum(n in first for n, _ in truth)
-    early = sum(time < dict(truth).get(name, np.inf) for time, name in named)
+    early = sum(time < dict(truth).get(name, -np.inf) for time, name in named)
     said, ends = {}, [at for _, at in truth[1:]] + [np.inf]
     for (name, at), end in zip(truth, ends):
         window = [d[1] for d in declared if at <= d[0] < end]
