@@ -11,7 +11,9 @@ from cosim.lu17_loop import FEEDBACKS, feedback_flight, long_flight
 from cosim.study import Part
 from cosim.train_lu17 import EVALUATION
 
-FIRST = EVALUATION + 5000  # seeds of these flights
+# Seeds of these flights; on 17000 to 17059, flown with a decision that did not yet search for a signal in place of the
+# drive where nothing else told of a fault, the decision was amended
+FIRST = EVALUATION + 6000
 SEARCH = EVALUATION + 8000  # of the search for the smallest amplitude
 FORMS = ("iotsekf", "iotsekf load 1", "iotsekf load 0", "ofc_monitor")
 SEARCH_SEEDS = 20

@@ -105,8 +105,9 @@ def cases():
 
 
 def arguments(case, seed, noise=1.0):
-    """Return the arguments of `record` for one seed of a case."""
-    drawn = {"kind": CYCLE[seed % len(CYCLE)], "start_s": T_FAULT - 3.0}
+    """Return the arguments of `record` for one seed of a case; a manoeuvre starts 2 to 4 s before the fault."""
+    start = T_FAULT - float(np.random.default_rng([seed, 1]).uniform(2.0, 4.0))
+    drawn = {"kind": CYCLE[seed % len(CYCLE)], "start_s": start}
     more = {"sensors": {"noise_scale": noise}} if noise != 1.0 else {}
     return draw(seed, point=POINTS[seed % len(POINTS)], manoeuvre=case.manoeuvre or drawn, turbulence=case.air,
                 duration=T_FAULT + case.seconds, faults=[case.fault] if case.fault else [], **more)
@@ -134,11 +135,12 @@ def judge(case, recorded, module, p):
     others = np.delete(alarm, LANE, axis=0)
     hit = np.flatnonzero(alarm[LANE, k:])
     at = k + hit[0] if len(hit) else None
+    before = round(case.fault["start_s"] / DT) if case.fault else k
     end = min(k + round(4.0 / case.hz / DT), alarm.shape[1] - 1) if case.hz > 0 else alarm.shape[1] - 1
     last = log[LANE, end]
     moved = abs(recorded["delta"][LANE, at] - recorded["delta"][LANE, k]) if at is not None else math.nan
     return Outcome(
-        early=bool(alarm[LANE, :k].any() or others.any()),
+        early=bool(alarm[LANE, :before].any() or others.any()),
         delay=(at - k) * DT if at is not None else math.inf,
         first=verdict.name(log["verdict"][LANE, at]) if at is not None else "none",
         last=verdict.name(last["verdict"]),

@@ -15,6 +15,7 @@ from actuators.block import kernel
 from fdi import bank
 from fdi.verdict import AMBIGUOUS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY, SENSOR
 
+MISSING = 0.3  # where residual + drive is less than this share of the drive, -10 dB, the drive does nothing
 GAIN_LIMIT = 0.15  # +-5 % on flow and on piston area, and some more
 GAIN_MOTION = 0.002  # rod motion from which the gain is learned in earnest: 20 sigma of the sensor [m]
 
@@ -220,8 +221,9 @@ def ofc_test(x, p, renewed, blocked, teach, other, dt):
     """Test every renewed fit of the bank; hold an oscillation for the time in which it must show again.
 
     An oscillation is an amplitude beyond bank_threshold + share |drive| that keeps its phase over both periods
-    and explains its window, `hits` fits in a row. `other` is true while another test sees a fault: then the sum
-    is searched as well, because a signal in place of the drive may be small where the drive is not.
+    and explains its window, `hits` fits in a row. From the first sign on, of which `other` tells that another test sees
+    a fault, the sum is searched as well: a signal in place of the drive may be small where the drive is not, and in the
+    residual the missing drive, a ramp in still air, hides it.
     """
     x.ofc_timer = max(x.ofc_timer - dt, 0.0)
     suspected = other or x.ofc_timer > 0.0
@@ -248,7 +250,7 @@ def ofc_test(x, p, renewed, blocked, teach, other, dt):
             x.hit[k] = 0.0
             continue
         good = judge(x, p, k, 0, -x.gain) and r >= 1.0
-        if suspected and 1.4 / p.bank_hz[k] <= x.since:  # the window's greater part lies after the first sign
+        if 1.4 / p.bank_hz[k] <= x.since:  # the window's greater part lies after the first sign
             b = math.sqrt(bank.mixed(x, k, 1.0, 1.0))
             good = (b > p.sum_threshold[k] and judge(x, p, k, 1, 1.0)) or good
         x.hit[k] = x.hit[k] + 1.0 if good else 0.0
@@ -279,6 +281,8 @@ def name_oscillation(x, p):
             quiet = p.sum_threshold[k] if which == 1 else p.bank_threshold[k]
             amplitude = math.sqrt(bank.mixed(x, k, 1.0, 1.0 if which == 1 else -x.gain))
             pure = x.pure[which, k] * min(0.5 * amplitude / quiet, 1.0)
+            if which == 0 and bank.mixed(x, k, 1.0, 1.0) < MISSING * MISSING * bank.mixed(x, k, 0.0, 1.0):
+                continue  # here the residual is the drive that is not obeyed
             if 1.4 / p.bank_hz[k] <= x.since and pure > best + (0.02 if which == 1 and kind == 0 else 0.0):
                 best, kind, peak = pure, which, k
     if peak < 0:
@@ -303,10 +307,11 @@ def peak_frequency(x, p, k, b):
 
 
 @kernel
-def name_fault(x, sensor, jam, run, moves, swings):
+def name_fault(x, sensor, jam, run, far, moves, swings):
     """Write `alarm`, `verdict` and `culprit` of a hydraulic lane from its four tests, the surest first.
 
-    `moves`: what the valve does moves the rod; `swings`: it has not been constant since the first sign.
+    `far`: the input fault is so large that an oscillation would swing; `moves`: what the valve does moves the rod;
+    `swings`: it has not been constant since the first sign.
     """
     ofc = x.ofc_timer > 0.0
     x.alarm = 1.0 if sensor or jam or run or ofc else 0.0
@@ -314,7 +319,7 @@ def name_fault(x, sensor, jam, run, moves, swings):
     x.culprit = x.blame if sensor else 0.0
     if sensor:
         x.verdict = SENSOR if x.blame > 0.5 else AMBIGUOUS
-    elif ofc and not jam and (swings or last != RUNAWAY):
+    elif ofc and not jam and (swings or not (far or last == RUNAWAY)):
         x.verdict = OFC_SOLID if x.ofc_solid > 0.5 else OFC_LIQUID
     elif x.alarm < 0.5:
         x.verdict = NONE

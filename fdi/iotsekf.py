@@ -102,6 +102,9 @@ NOISE = {
     "r_spare": 2e-8,  # 0.02 deg on 0.30 m, rigging removed
 }
 SWING = 0.7  # a runaway's valve swings by 0.4 of its largest opening, noise included; an oscillation goes through zero
+# An oscillation of a = 3 (0.012 + 0.1 |u|) swings about u, 2 a > SWING (|u| + a), for |u| up to 0.15; what is as large
+# and does not swing is a runaway
+FAR = 3.0
 UNSEEN = 1e3  # no valve opens so far
 
 # fitted to the step response of f_hat on the linear model with these noises at 5 ms: off by 1 % rms with the pressure,
@@ -181,7 +184,8 @@ def decide(x, u, p, dt):
     x.w_low = min(x.w_low, w) if late else UNSEEN
     swings = late and x.w_high - x.w_low > SWING * max(math.fabs(x.w_high), math.fabs(x.w_low))
     moves = math.fabs(w) > 0.5 * p.run_threshold
-    decision.name_fault(x, x.sensor > 0.5, x.jam > 0.5, x.run > 0.5, moves, swings)
+    far = x.run > 0.5 and x.r_run >= FAR
+    decision.name_fault(x, x.sensor > 0.5, x.jam > 0.5, x.run > 0.5, far, moves, swings)
     if math.fabs(x.dp_offset) > 0.5 * two_stage.STEP_LEAST and x.alarm < 0.5:
         x.alarm, x.verdict, x.culprit = 1.0, SENSOR, 3.0
     pair = math.fabs(x.pair_d) / p.pair_threshold
