@@ -51,8 +51,8 @@ def _oscillations(cases, values, options):
                      *(_of(o["in_time"], n) for o in others)])
     title = (f"iotsekf: alarm within 3 periods, verdict OFC and frequency within 25 % by 4 periods; "
              f"noise x{options.noise:g}; beside it what others alarm at within 3 periods")
-    return [(title, ("case", "in time>", "median [periods]>", "95 % [periods]>", "OFC>", "and frequency>", "early>",
-                     *(f"{name}>" for name in FORMS[1:])), rows)]
+    return [(title, ("case", "in time>", "median [T]>", "95 % [T]>", "OFC>", "and Hz>", "early>",
+                     *(f"{name.removeprefix('iotsekf ')}>" for name in FORMS[1:])), rows)]
 
 
 def _injected(cases, values):
@@ -154,9 +154,9 @@ def _feedback(options, values):
                      worst["nz_g"], _of(sum(v["iotsekf"] for v in flown), n),
                      _of(sum(v["rtsekf_flight"] for v in flown), n)])
     return [(f"5 mm (0.95 deg) on the left inner rod sensor, {n} flights each with doublet and light turbulence: the "
-             "largest, against the same flight without the fault; n_z without fault against `measured`",
-             ("feedback", "off command without fault [deg]>", "n_z without fault [g]>", "peak [deg]>",
-              "after 2 s [deg]>", "n_z [g]>", "iotsekf says sensor>", "rtsekf_flight says sensor>"), rows)]
+             "largest, against the same flight without the fault; healthy n_z against `measured`",
+             ("feedback", "healthy: off reference [deg]>", "n_z [g]>", "jam: peak [deg]>", "after 2 s [deg]>",
+              "n_z [g]>", "iotsekf says sensor>", "rtsekf_flight>"), rows)]
 
 
 def _long(options, values):

@@ -132,7 +132,7 @@ def main(module, about, parts, *, seeds, folder, argv=None):
     from cosim.cli_tables import escape, progress, table
 
     options = parser(module, about, parts, seeds=seeds, folder=folder).parse_args(argv)
-    out, err = Console(width=None if sys.stdout.isatty() else 160), Console(stderr=True)
+    out, err = Console(width=None if sys.stdout.isatty() else 190), Console(stderr=True)
     unknown = [name for name in options.parts if name not in options.known]
     if unknown or options.seeds < 1 or options.workers < 0 or not 0.0 <= options.noise <= 100.0:
         said = f"no part {unknown[0]!r}" if unknown else "--seeds from 1, --workers from 0, --noise 0 to 100"
