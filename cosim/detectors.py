@@ -13,6 +13,7 @@ import numpy as np
 
 from cosim import airframe_wires, rfafe_wires, wiring
 from cosim.errors import ScenarioError, did_you_mean
+from cosim.indices import wrong_parameter
 from cosim.scenario.catalog import DETECTORS
 
 
@@ -128,6 +129,13 @@ class Detector:
         p = np.concatenate([self.spec.params(self.module, scenario, lane, dt, **words) for lane in self.lanes])
         for name, value in table.items():
             _override(self.id, p, name, value, [name for name, _ in self.spec.options])
+        if wrong := table and wrong_parameter(self.module, self.id, p, dt):
+            name, value, low, high = wrong
+            raise ScenarioError(
+                f"{value:g} does not fit the detector's arrays",
+                place=f"detectors.{self.id}.{name}",
+                allowed=f"a whole number from {low:g} to {high:g}",
+            )
         return p
 
     def wires(self, technology):

@@ -14,8 +14,10 @@ from itertools import pairwise
 import numpy as np
 
 from actuators.block import bound
+from cosim.detectors import TABLE
 from cosim.errors import LogError, did_you_mean
-from cosim.replay_params import ReplayError, attached, chosen_overrides, older, override
+from cosim.indices import wrong_state
+from cosim.replay_params import ReplayError, attached, chosen_overrides, older, override, trusted
 
 BLOCK_BYTES = 1 << 18  # of full states at once: they stay in the processor's cache
 
@@ -44,9 +46,13 @@ def manifest(log):
             "the log describes no detectors", place=str(log.path), remedy="For data of another source use --map"
         )
     try:
-        return json.loads(log.attachments["detectors.json"])
-    except ValueError as error:
+        found = json.loads(log.attachments["detectors.json"])
+        strange = [d["id"] for d in found if d["id"] not in TABLE or d["module"] != TABLE[d["id"]].module]
+    except (ValueError, TypeError, KeyError) as error:
         raise LogError(f"detectors.json is damaged: {error}", place=str(log.path)) from error
+    if strange:
+        raise older(log, f"detector {strange[0]!r}")
+    return found
 
 
 @dataclass
@@ -99,7 +105,8 @@ def describe(log, chosen=None, overrides=None):
         module = importlib.import_module(d["module"])
         p = attached(log, f"{d['id']}.params", module.PARAMS)
         x = attached(log, f"{d['id']}.initial", module.STATE)
-        override(d["id"], p, (overrides or {}).get(d["id"], {}))
+        trusted(log, d["id"], module, p, x, log.dt_ns * 1e-9)
+        override(d["id"], module, p, (overrides or {}).get(d["id"], {}), log.dt_ns * 1e-9)
         for i, lane in enumerate(d["lanes"]):
             row = slice(i, i + 1)
             wired = Wired(d["id"], lane, d["level"], module, d["every"], p[row], x[row], d["inputs"][lane])
@@ -198,6 +205,13 @@ def _piece(lane, a, b, tick):
     x, (outputs, hidden) = np.zeros(1, lane.module.STATE), split(lane.module)
     flat(x)[0, outputs] = lane.logged[row]
     flat(x)[0, hidden] = lane.states[1][np.searchsorted(lane.states[0], k)]
+    if wrong := wrong_state(lane.module, x):
+        raise LogError(
+            f"{wrong[0]} = {wrong[1]:g} would reach beyond the detector's arrays",
+            place=f"/state/{lane.id}/{lane.lane}, tick {k}",
+            allowed=f"{wrong[2]:g} to {wrong[3]:g}",
+            remedy="`cosim run` did not write this",
+        )
     rows = slice(row + 1, b)
     return replace(
         lane, x=x, at=int(k) + lane.every, u=lane.u[:, rows], ticks=lane.ticks[rows], logged=lane.logged[rows]

@@ -106,7 +106,7 @@ def diagnose(path, map_path, *, detectors=None, overrides=None, start_s=0.0, out
         ready = replace(d, lanes=tuple(lane for lane in d.lanes if not missing[lane]))
         if ready.lanes:
             p = ready.params(scenario, dt)
-            override(d.id, p, (overrides or {}).get(d.id, {}))
+            override(d.id, d.module, p, (overrides or {}).get(d.id, {}), dt)
             for i, lane in enumerate(ready.lanes):
                 u = _inputs(ready, wires[d.id, lane], values, n)
                 done.append((ready, lane, u, _run(ready, lane, u, p[i : i + 1], dt)))

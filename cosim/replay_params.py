@@ -8,15 +8,8 @@ import zlib
 import numpy as np
 
 from cosim.errors import CosimError, LogError, did_you_mean
+from cosim.indices import parameter_range, wrong_parameter, wrong_state
 
-# parameters that index or size a detector's arrays: compiled code trusts them, another value reads other memory
-DELAYS = {"delay", "lag_ticks", "u_delay", "late"}
-INDICES = DELAYS | {
-    *("bank_level", "bank_n", "bank_stride", "half_periods"),  # of the bank and of the oscillation monitor
-    *("n_families", "n_hypotheses", "n_k", "n_rows", "n_q", "axis", "variable", "effector"),  # of the force model
-    *("base_row", "n_pivots", "pivot_row", "pivot_input"),
-    *("ns", "ny", "nu", "nf"),  # of the airframe estimators
-}
 ARRAY_BYTES = 1 << 27  # a compressed array that claims more is refused
 
 
@@ -48,6 +41,19 @@ def attached(log, name, kind):
     for n in kind.names:
         out[n] = found[n]
     return out
+
+
+def trusted(log, detector, module, p, x, dt):
+    """Raise LogError when a number in the parameters or states of a log would index beyond the detector's arrays."""
+    for what, wrong in (("parameter", wrong_parameter(module, detector, p, dt)), ("state", wrong_state(module, x))):
+        if wrong:
+            name, value, low, high = wrong
+            raise LogError(
+                f"{what} {detector}.{name} = {value:g} would reach beyond the detector's arrays",
+                place=str(log.path),
+                allowed=f"{low:g} to {high:g}",
+                remedy="`cosim run` did not write this",
+            )
 
 
 def _load(attachments, name):
@@ -96,7 +102,7 @@ def overrides(texts):
     return out
 
 
-def override(detector, p, values):
+def override(detector, module, p, values, dt):
     """Set parameters {name: value} of `detector` in its PARAMS `p`; `name[i]` is an element. Raises ReplayError."""
     for name, value in values.items():
         base, bracket, index = name.partition("[")
@@ -108,12 +114,12 @@ def override(detector, p, values):
                 remedy=did_you_mean(base, p.dtype.names),
             )
         shape = p.dtype[base].shape
-        low, high = 0.0 if base in DELAYS else p[base].min(), p[base].max()
-        if base in INDICES and not (low <= value <= high and value == round(value)):
+        span = parameter_range(base, module, detector, dt)
+        if span is not None and not (span[0] <= value <= span[1] and value == round(value)):
             raise ReplayError(
                 f"{value:g} does not fit the detector's arrays",
                 place=f"{detector}.{name}",
-                allowed=f"a whole number from {low:g} to {high:g}",
+                allowed=f"a whole number from {span[0]:g} to {span[1]:g}",
             )
         try:
             at = tuple(int(i) for i in index.rstrip("]").split(",")) if index else ()
