@@ -172,6 +172,7 @@ def build(scenario):
         sections += [(d.id + "_in", d.module.INPUTS, d.lanes), (d.id, d.module.STATE, d.lanes)]
     bus = Bus(sections)
     bus["truth"][:] = truth
+    bus["surfaces"].view("f8")[:] = trim.surfaces  # until the first tick sends its own
 
     def block(name, module, p, x0, every=1):
         return Block(bus, name, module, p, x0, dt, every)

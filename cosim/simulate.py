@@ -24,7 +24,7 @@ LIMITS = {
     "theta": (math.radians(-60.0), math.radians(60.0)),
     "nz": (-3.0, 5.0),
     "mach": (0.1, 0.99),
-    "h": (0.0, 16_000.0),
+    "h": (-100.0, 16_000.0),  # a flight along sea level is one
 }
 
 
