@@ -1,5 +1,6 @@
 """The campaign file: what a grid and draws make of a scenario, what is refused and how, and the command around it."""
 
+import io
 import json
 import os
 import signal
@@ -10,6 +11,7 @@ import time
 import numpy as np
 import pandas as pd
 import pytest
+from rich.console import Console
 from scipy import stats
 from typer.testing import CliRunner
 
@@ -18,6 +20,7 @@ from cosim.campaign import EVALUATION_SEED, run_many
 from cosim.campaign_draw import draw, unit_cube
 from cosim.campaign_run import cluster, rerun
 from cosim.campaign_spec import builtin_campaigns, load_campaign
+from cosim.cli_campaign import nearest
 from cosim.design_rfafe import MANOEUVRES
 from cosim.errors import CosimError
 
@@ -204,6 +207,18 @@ def test_command_flies_resumes_and_repeats_a_run(written, tmp_path):
     assert json.loads(once.stdout)["repeats"] is True and (out / "logs" / f"{run}.mcap").is_file()
     unknown = cosim("campaign", path, "-o", out, "--rerun", "abc")
     assert unknown.exit_code == 2 and "no run of this campaign" in unknown.stderr
+
+
+def test_without_faults_the_flights_nearest_to_an_alarm_are_told(written, tmp_path):
+    path = written('base = "cruise"\nruns = 2\n[set]\nduration_s = 3\n"detectors.enabled" = ["iotsekf"]\n')
+    told = cosim("campaign", path, "-o", tmp_path / "out", "--workers", 1)
+    assert told.exit_code == 0 and "nearest" in told.stdout, told.output
+    rows = pd.read_parquet(tmp_path / "out" / "runs.parquet")
+    shown = io.StringIO()
+    Console(file=shown, width=150).print(nearest(rows[rows["id"].notna()]))
+    most = rows.groupby("run")["r_max_before"].max().sort_values(ascending=False)
+    assert " ".join(shown.getvalue().split()).count(" ".join(f"{r:.2f}" for r in most)) == 1
+    assert str(rows.set_index("run").loc[most.index[0], "seed"].iloc[0]) in shown.getvalue()
 
 
 def test_interrupted_campaign_keeps_its_rows_and_can_go_on(written, tmp_path):

@@ -227,6 +227,17 @@ def test_an_oscillation_of_0_6_mm_is_found_and_named(hz, u, solid):
     assert (np.abs(end["ofc_hz"] / hz - 1) <= 0.25).all()
 
 
+@pytest.mark.parametrize(("hz", "u"), [(0.5, 0.0019), (1.0, 0.0037)])
+def test_a_slow_oscillation_in_place_of_the_drive_shows_in_still_air(hz, u):
+    """Nothing moves the command: the servo's missing drive grows, and hides it in the residual alone."""
+    flights = [fly(np.zeros(round((12 + 4.5 / hz) / DT)), seed=s, faults=oscillate(hz, u, 1.0)) for s in range(4)]
+    log = run(iotsekf, flights)
+    assert (after(log) <= 3.0 / hz).all()
+    end = log[:, round((T_FAULT + 4 / hz) / DT)]
+    assert (end["verdict"] == verdict.OFC_SOLID).all()
+    assert (np.abs(end["ofc_hz"] / hz - 1) <= 0.25).all()
+
+
 @pytest.mark.parametrize(("rate", "deviation"), [(5.0, 2.0), (20.0, 4.0), (40.0, 7.0)])
 def test_a_runaway_is_found_before_it_has_gone_far(rate, deviation):
     def write(k, x, w):

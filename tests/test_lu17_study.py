@@ -15,6 +15,7 @@ CASES = {c.name: c for c in lu17_study.cases()}
     [
         "ofc_liquid 1 Hz 0.6 mm",
         "ofc_solid 5 Hz 0.6 mm",
+        "ofc_solid 0.5 Hz 0.6 mm, still air, hands off",
         "runaway 20 deg/s",
         "jam_solid, step 1 deg",
         "rod bias 1 mm",
@@ -22,7 +23,7 @@ CASES = {c.name: c for c in lu17_study.cases()}
 )
 def test_in_flight_each_fault_has_its_name_in_time(name):
     case = CASES[name]
-    found = lu17_study.fly_case(asdict(case), 1)
+    found = lu17_study.fly_case(asdict(case), 17001)
     row, sensor = ([lu17_study.Outcome(**found[d])] for d in ("iotsekf", "rtsekf_flight"))
     row, sensor = lu17_study.summary(case, row), lu17_study.summary(case, sensor)
     assert (row["early"], row["in_time"], row["right"]) == (0, 1, 1), row
