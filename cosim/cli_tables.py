@@ -259,8 +259,9 @@ def info(found):
 
 def reproduced(found):
     """Return the rows of the papers' experiments, the counts of the verdicts first."""
-    colours = {"agrees": "green", "differs_explained": "yellow", "differs": "red"}
-    total = "   ".join(f"[{colours[v]}]{n} {v.replace('_', ', ')}[/]" for v, n in found["counts"].items())
+    colours = {"agrees": "green", "differs_explained": "yellow", "differs": "red", "ours": "dim"}
+    words = {v: v.replace("_", ", ") for v in colours} | {"ours": "ours (the paper gives no number)"}
+    total = "   ".join(f"[{colours[v]}]{n} {words[v]}[/]" for v, n in found["counts"].items())
     t = table("Paper says, we get", "paper", "item", "paper says", "we get>", "band", "verdict")
     for r in found["rows"]:
         verdict = f"[{colours[r['verdict']]}]{r['verdict'].replace('_', ', ')}[/]"

@@ -56,6 +56,7 @@ def test_bands_are_those_of_students_t():
     for band, tests in (
         (lu17_stats.T_ONE, 1),
         (lu17_stats.T_STATES, 3),
+        (lu17_stats.T_FOUR, 4),
         (lu17_stats.T_ONE_WORST, 2400),
         (lu17_stats.T_STATES_WORST, 3 * 2400),
     ):

@@ -13,9 +13,12 @@ TITLES = {
     "alwi14": "Alwi14: sliding-mode observer over the flight envelope",
 }
 ROLES = {"ours": "--blue", "true": "--ink", "quiet": "--muted", "second": "--orange", "third": "--green"}
-WORDS = {"agrees": "agrees", "differs_explained": "differs, explained", "differs": "differs"}
-BANDS = "Each band stands in the code beside the sentence, table or figure it is from."
-MARKS = {"agrees": "good", "differs_explained": "", "differs": "bad"}
+WORDS = {"agrees": "agrees", "differs_explained": "differs, explained", "differs": "differs", "ours": "ours"}
+BANDS = (
+    "Each band stands in the code beside the sentence, table or figure it is from. Ours: a number that the paper does "
+    "not give; its band, where there is one, is derived."
+)
+MARKS = {"agrees": "good", "differs_explained": "", "differs": "bad", "ours": "muted"}
 
 
 def reproduction_report(rows, drawings, output):
@@ -43,13 +46,21 @@ def render(rows, drawings):
                 body.append(drawing(figure, heading))
         body.append(_rows([r for r in rows if r.paper == paper], paper))
     return page(
-        title="Five papers, reproduced",
-        subtitle="Each paper's own experiments: what it says, what we get. Figures, numbers and captions are ours.",
+        title=f"{_papers(papers)}, reproduced",
+        subtitle="The papers' own experiments: what it says, what we get. Figures, numbers and captions are ours.",
         summary=_summary(rows, papers),
         body="".join(body),
         figures=figures,
         chips=[],
     )
+
+
+def _papers(papers):
+    """Return "Lu17 and Jay", the keys as a title has them; the five of them as "Five papers"."""
+    keys = [paper_key(p) for p in papers]
+    if len(keys) == len(TITLES):
+        return "Five papers"
+    return " and ".join([", ".join(keys[:-1]), keys[-1]]) if len(keys) > 1 else keys[0]
 
 
 def paper_key(paper):
@@ -62,7 +73,7 @@ def _count(rows):
 
 
 def _summary(rows, papers):
-    total = dict(zip(WORDS.values(), _count(rows)))
+    total = dict(zip((*list(WORDS.values())[:3], "ours, the paper gives no number"), _count(rows)))
     words = ", ".join(f"<b>{n}</b> {w}" for w, n in total.items())
     lines = [f'<div class="row"><b class="lead">Rows</b><div>{len(rows)}: {words}</div></div>']
     for paper in papers:
@@ -70,7 +81,7 @@ def _summary(rows, papers):
         n = _count(own)
         lines.append(
             f'<div class="row"><b class="lead"><a href="#{paper}">{paper_key(paper)}</a></b><div>{len(own)} rows: '
-            f"{n[0]} agree, {n[1]} differ for a stated reason, {n[2]} differ; "
+            f"{n[0]} agree, {n[1]} differ for a stated reason, {n[2]} differ; {n[3]} are ours, without a claim; "
             f'<a href="#{paper}-rows">all of them</a></div></div>'
         )
     return "".join(lines)

@@ -1,38 +1,35 @@
 """[Alwi14] row by row: model and gains (`alwi14_model`), figures 1 and 2 on LPV plant and nonlinear aircraft."""
 
 import functools
-import math
 
 import numpy as np
 
 from cosim import airframe_wires
-from cosim.reproduce import alwi14_model
-from cosim.reproduce.flown import Flown
+from cosim.reproduce import alwi14_model, alwi14_quiet
+from cosim.reproduce.alwi14_flights import (
+    DEG,
+    EVIDENCE,
+    LITERAL,
+    NAMES,
+    ONSET,
+    POINTS,
+    SENSIBLE,
+    UNITS,
+    fly_point,
+    nonlinear,
+)
 from cosim.reproduce.lpv_plant import fly
 from cosim.reproduce.row import Planned as planned
-from cosim.scenario.load import load_scenario
-from cosim.scenario.tolerance import toleranced
+from cosim.reproduce.row import ours
 from fdi import lpv_smo, lpv_smo_design
 
-DEG = math.pi / 180
-POINTS = {  # Table 4: t, %, kt, Mach, ft
-    "A": (260, 28, 210, 0.40, 12500), "B": (260, 36, 270, 0.51, 12500), "C": (375, 28, 210, 0.54, 27500),
-    "D": (405, 36, 270, 0.68, 27500), "E": (320, 28, 240, 0.53, 20000),
-}  # fmt: skip
-SENSIBLE, LITERAL = (3.0, 0.5, 5.0), (3.0, 5.0, 0.5)  # elevator [deg], n_z [g], alpha [deg]: two readings of section 6
-NAMES = ("elevator", "n_z", "alpha")
-UNITS = (DEG, 1.0, DEG)
-ONSET = 10.0  # [s]
 DRAWS = 4  # sets of coefficients +-5 % per point
-EVIDENCE = "cosim reproduce alwi14 --json"
-STALL = (
-    "point C pulls from 10.7 to 12.5 deg, where pitch stiffness and lift leave the affine fit; A, B, D, E stay inside"
-)
 
 
 def plan():
     """Return what is asked of [Alwi14]."""
-    return [*alwi14_model.plan(), *_lpv_plant(), *_fault_free(), *_figure_2(), *_uncertain(), *_flown()]
+    first = [*alwi14_model.plan(), *_lpv_plant(), *alwi14_quiet.plan()]
+    return [*first, *_figure_2(), *_uncertain(), *_flown()]
 
 
 def rows():
@@ -86,35 +83,6 @@ def _lpv_plant():
     )
 
 
-@functools.cache
-def _flight(point, faults, path, draw, noise):
-    """Fly a Table 4 point with a doublet of 0.15 g at 12 s; returns `Flown`."""
-    mass, cg, cas, _, altitude = POINTS[point]
-    changes = [
-        f"flight.mass_t={mass}", f"flight.cg_pct={cg}", f"flight.altitude_ft={altitude}", f"flight.cas_kt={cas}",
-        "detectors.enabled=[]", f"sensors.noise_scale={noise}",
-    ]  # fmt: skip
-    if any(faults):
-        keys = ("faults.0.bias_deg", "faults.1.bias_g", "faults.2.bias_deg")
-        changes += [f"{key}={value}" for key, value in zip(keys, faults)]
-        changes += [f"faults.{i}.path={path}" for i in (1, 2)]
-    else:
-        changes.append("faults=[]")
-    if draw is not None:
-        rng = np.random.default_rng([ord(point), draw])
-        changes += [f"tolerances.aero.{n}={1 + 0.05 * rng.choice((-1, 1))}" for n in toleranced("aero")]
-    names = [*airframe_wires.lpv_smo().values(), "truth.aircraft.h"]
-    return Flown(load_scenario("alwi14-simultaneous", changes), names)
-
-
-def _nonlinear(point, faults, path="observers", draw=None, noise=1.0, t_learn=0.0):
-    """Return (flight, detector log), the detector without learned offset unless `t_learn` says so."""
-    flown = _flight(point, faults, path, draw, noise)
-    p = airframe_wires.lpv_smo_params(lpv_smo, None, "aircraft", flown.dt)
-    p["t_learn"] = t_learn
-    return flown, flown.run(lpv_smo, airframe_wires.lpv_smo(), p)
-
-
 def _errors(flown, log, faults, start, end):
     """Return the errors of the means over start .. end [s] after the onset, per cent of each fault."""
     span = (flown.t >= ONSET + start) & (flown.t < ONSET + end)
@@ -123,50 +91,12 @@ def _errors(flown, log, faults, start, end):
 
 
 @functools.cache
-def _quiet(noise):
-    """Return (largest fault-free estimates of the three [deg, g, deg], least share of ticks that slide, by point)."""
-    worst, saturated, each = np.zeros(3), 1.0, []
-    for point in POINTS:
-        flown, log = _nonlinear(point, (0.0, 0.0, 0.0), noise=noise)
-        late = flown.t > (3.0 if noise == 0 else flown.t[-1] - 5)
-        got = [np.abs(log[k][late]).max() if noise == 0 else abs(log[k][late].mean()) for k in
-               ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha")]  # fmt: skip
-        worst = np.maximum(worst, np.array(got) / UNITS)
-        each.append(np.array(got) / UNITS)
-        saturated = min(saturated, float((log["nu_norm"] < 0.95).mean()))
-    return worst, saturated, [", ".join(f"{p} {v[i]:.2g}" for p, v in zip(POINTS, each)) for i in range(3)]
-
-
-def _fault_free():
-    for noise, word in ((0.0, "no noise"), (1.0, "sensor set transport, mean of the last 5 s")):
-        for i, (name, most) in enumerate(zip(NAMES, (0.25, 0.03, 0.05))):
-            yield planned(
-                "alwi14",
-                f"figure 1c, nonlinear aircraft, fault-free {name}, {word} [deg, g]",
-                '"close to zero"',
-                lambda n=noise, i=i: (_quiet(n)[0][i], _quiet(n)[2][i]),
-                0,
-                most,
-                reason=STALL,
-                evidence=EVIDENCE,
-            )
-        yield planned(
-            "alwi14",
-            f"nonlinear aircraft, {word}: least share of ticks with |nu| below 0.95 K",
-            "sliding",
-            lambda n=noise: _quiet(n)[1],
-            0.95,
-            1,
-        )
-
-
-@functools.cache
 def _worst(faults, start, end, draws=0, t_learn=0.0):
     """Return the worst errors [%] of the three over the points, and over `draws` sets of coefficients at each."""
     worst = np.zeros(3)
     for point in POINTS:
         for draw in range(draws) if draws else (None,):
-            flown, log = _nonlinear(point, faults, draw=draw, t_learn=t_learn)
+            flown, log = nonlinear(point, faults, draw=draw, t_learn=t_learn)
             worst = np.maximum(worst, _errors(flown, log, faults, start, end))
     return worst
 
@@ -189,21 +119,16 @@ def _figure_2():
 def _uncertain():
     for t_learn, word in ((airframe_wires.LEARN, "offset learned up to 8 s"), (0.0, "as published, no offset")):
         for i, name in enumerate(NAMES):
-            yield planned(
+            yield ours(
                 "alwi14",
                 f"coefficients +-5 %, {word}: worst error of {name}, last 5 s, {DRAWS} draws at each point [%]",
-                "not in the paper",
                 lambda t=t_learn, i=i: _worst(SENSIBLE, 15, 20, DRAWS, t)[i],
-                0,
-                8,
-                evidence=EVIDENCE,
-                reason="5 % on each coefficient of the trim is worth up to 0.9 deg of elevator and 0.07 g",
             )
 
 
 def _climb(point):
     """Return the change of altitude [m] when the law flies on the faulty sensors."""
-    h = _flight(point, SENSIBLE, "all", None, 1.0)["truth.aircraft.h"]
+    h = fly_point(point, SENSIBLE, "all", None, 1.0)["truth.aircraft.h"]
     return h[-1] - h[0]
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cosim import airframe_wires
-from cosim.reproduce import alwi14
+from cosim.reproduce import alwi14_flights as alwi14
 from cosim.reproduce.drawing import Curve, Drawing, Panel
 
 DEG = alwi14.DEG
@@ -31,8 +31,8 @@ def drawings():
             "figure 1",
             "Fault-free doublet of 0.15 g at points A to E",
             "Measured outputs that drive the observer, the elevator command, |e_y| and the three reconstructions on "
-            "the nonlinear aircraft with the noise of sensor set transport. Point C pulls into the bend of lift and "
-            "pitch stiffness, which the affine model does not follow: its estimates leave zero.",
+            "the nonlinear aircraft with the noise of sensor set transport. The affine model misses the pitch "
+            "stiffness of a point, so that the elevator's estimate follows the angle of attack: most at B and C.",
         ),
         _drawing(
             alwi14.SENSIBLE,
@@ -45,7 +45,7 @@ def drawings():
 
 
 def _drawing(faults, beside, title, caption):
-    flown = {point: alwi14._nonlinear(point, faults) for point in alwi14.POINTS}
+    flown = {point: alwi14.nonlinear(point, faults) for point in alwi14.POINTS}
     roles = ("ours", "third", "second", "true", "quiet")
 
     def each(values):

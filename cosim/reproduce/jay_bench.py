@@ -119,8 +119,10 @@ def bench(
     return out
 
 
-def under_load(moment=1000.0, seconds=10.0):
+def under_load(moment=1000.0, seconds=10.0, open_from=None):
     """Return the largest innovation mean and R1 [mm] of the published filter on an elevator whose hinge moment steps.
+
+    `open_from` [s]: from then on the filter's covariance, and with it its gain, is zero.
 
     The servo holds zero, the load [N m] comes after 1 s; sensors without noise or delay, so that nothing but the load
     that the model does not know moves the residuals.
@@ -134,6 +136,8 @@ def under_load(moment=1000.0, seconds=10.0):
     for k in range(round(seconds / DT)):
         position = px["lead"] * x["motor"]
         uf["u"], uf["y_velocity"], uf["y_position"], uf["y_current"] = s["u"], x["motor_d"], position, x["i"]
+        if open_from is not None and k * DT >= open_from:
+            f["P"] = 0.0
         ema_kalman.rollout(f, uf, pf, DT, lf)
         us["pos_meas"], us["vel_meas"] = position, x["motor_d"]
         ema_servo.rollout(s, us, ps, DT, ls)

@@ -26,6 +26,7 @@ TRUTH = {
     2: (("elevator", 24.0), ("engine", 36.0)),
     3: (("engine", 20.5), ("elevator", 24.0), ("rudder", 36.0)),
 }
+LOSS = {1: 0.25, 2: 0.25, 3: 0.5}  # share of the thrust
 DOUBLET = ("duration_s=50", "manoeuvre.start_s=22", "manoeuvre.width_s=4", "manoeuvre.amplitude_g=0.3")
 
 
@@ -77,6 +78,11 @@ class Outcome:
     right: bool
     extra: int
     early: int
+    reach: float = math.nan  # what the loss of thrust does to the residual that sees it best, over its threshold
+    before: float = math.nan  # that residual before the loss over its threshold, positive where it hides the loss
+    noise: float = math.nan  # standard deviation of one sample of row X over what the loss does to it
+    held: float = math.nan  # longest time that the engine alone explained the residuals over t_confirm, 1: declared
+    shared: float = math.nan  # of the time beyond the thresholds after the loss: engine and single engines explain it
 
 
 def judge(number, flown, log):
@@ -94,6 +100,31 @@ def judge(number, flown, log):
     return Outcome(tuple(first), right, len(found) - len(truth), early)
 
 
+def margins(number, flown, log, p):
+    """Return {field of `Outcome`: value} of what stands between the loss of thrust and its declaration."""
+    start, share = dict(TRUTH[number])["engine"], LOSS[number]
+    k, engine = round((start - 0.5) / flown.dt), control_redundancy.CULPRITS.index("engine")
+    on = np.flatnonzero(log["used"][k] > 0.5)
+    S, tau = log["S"][k, on, engine - 1], log["tau"][k, on]
+    f = np.abs(S / tau).argmax()
+    quiet = slice(k - round(3.0 / flown.dt), k)
+    before = np.median(log["res"][quiet, on[f]]) * np.sign(S[f]) / tau[f]  # the loss is a negative fault
+    noise = np.diff(log["e"][quiet, 0]).std() / math.sqrt(2.0)
+    late = log[round(start / flown.dt) :]
+    declared = np.flatnonzero(late["declared"][:, engine - 1] > 0.5)
+    late = late[: declared[0] if len(declared) else None]
+    held = np.where(late["last"] == engine, late["timer"], 0.0).max(initial=0.0) / p["t_confirm"][0]
+    bits = late["candidates"][late["r"] >= 1.0].astype(int)
+    both = (bits >> engine - 1 & 1 > 0) & (bits >> engine > 0)
+    return {
+        "reach": share * abs(S[f]) / tau[f],
+        "before": before,
+        "noise": noise / (share * abs(log["S"][k, 0, engine - 1])),
+        "held": 1.0 if len(declared) else held,
+        "shared": both.mean() if len(bits) else 0.0,
+    }
+
+
 def campaign(draws, *, options=({},), progress=None):
     """Fly each scenario `draws` times, judge with each set of detector `options`: {(set, number): [Outcome]}."""
     wires = airframe_wires.control_redundancy()
@@ -103,7 +134,9 @@ def campaign(draws, *, options=({},), progress=None):
         for draw in range(draws):
             flown = fly(number, draw)
             for i, p in enumerate(sets):
-                out[i, number].append(judge(number, flown, flown.run(control_redundancy, wires, p)))
+                log = flown.run(control_redundancy, wires, p)
+                found = judge(number, flown, log)
+                out[i, number].append(dataclasses.replace(found, **margins(number, flown, log, p)))
             if progress is not None:
                 progress()
     return out

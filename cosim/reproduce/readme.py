@@ -1,20 +1,20 @@
 """The table of results in README.md: what `cosim reproduce all --readme README.md` writes between two markers."""
 
 from cosim import readme
-from cosim.reproduce.row import counts
+from cosim.reproduce.row import VERDICTS, counts
 
 NAME = "reproduce"  # of the markers
-WORDS = {"agrees": "agrees", "differs_explained": "explained", "differs": "**differs**"}
+WORDS = {"agrees": "agrees", "differs_explained": "explained", "differs": "**differs**", "ours": "ours"}
 
 
 def markdown(rows):
     """Return the counts per paper, then every row folded, as Markdown."""
     papers = list(dict.fromkeys(r.paper for r in rows))
-    lines = ["| paper | rows | agree | differ, explained | differ |", "|---|---|---|---|---|"]
+    lines = ["| paper | rows | agree | differ, explained | differ | ours, no claim |", "|---|---|---|---|---|---|"]
     for name in (*papers, "all"):
         own = [r for r in rows if name in (r.paper, "all")]
         n = counts(own)
-        lines.append(f"| {name} | {len(own)} | {n['agrees']} | {n['differs_explained']} | {n['differs']} |")
+        lines.append(f"| {name} | {len(own)} | {' | '.join(str(n[v]) for v in VERDICTS)} |")
     for name in papers:
         lines += ["", f"<details><summary>{name}, row by row</summary>", ""]
         lines += ["| what | we get | band | verdict |", "|---|---|---|---|"]
@@ -26,7 +26,7 @@ def markdown(rows):
 
 
 def identifiers(text):
-    """Return {paper: [row]} of the table between the markers in `text`; and {paper: (rows, three counts)} as second."""
+    """Return {paper: [row]} of the table between the markers in `text`; and {paper: (rows, four counts)} as second."""
     found: dict = {}
     totals = {}
     name = None

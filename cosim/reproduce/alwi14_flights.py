@@ -1,0 +1,52 @@
+"""Flights of [Alwi14] section 6: points of table 4, a doublet, faults in two readings of the text."""
+
+import functools
+import math
+
+import numpy as np
+
+from cosim import airframe_wires
+from cosim.reproduce.flown import Flown
+from cosim.scenario.load import load_scenario
+from cosim.scenario.tolerance import toleranced
+from fdi import lpv_smo
+
+DEG = math.pi / 180
+POINTS = {  # Table 4: t, %, kt, Mach, ft
+    "A": (260, 28, 210, 0.40, 12500), "B": (260, 36, 270, 0.51, 12500), "C": (375, 28, 210, 0.54, 27500),
+    "D": (405, 36, 270, 0.68, 27500), "E": (320, 28, 240, 0.53, 20000),
+}  # fmt: skip
+SENSIBLE, LITERAL = (3.0, 0.5, 5.0), (3.0, 5.0, 0.5)  # elevator [deg], n_z [g], alpha [deg]: two readings of section 6
+NAMES = ("elevator", "n_z", "alpha")
+UNITS = (DEG, 1.0, DEG)
+ONSET = 10.0  # [s]
+EVIDENCE = "cosim reproduce alwi14"
+
+
+@functools.cache
+def fly_point(point, faults, path, draw, noise):
+    """Fly a Table 4 point with a doublet of 0.15 g at 12 s; returns `Flown`."""
+    mass, cg, cas, _, altitude = POINTS[point]
+    changes = [
+        f"flight.mass_t={mass}", f"flight.cg_pct={cg}", f"flight.altitude_ft={altitude}", f"flight.cas_kt={cas}",
+        "detectors.enabled=[]", f"sensors.noise_scale={noise}",
+    ]  # fmt: skip
+    if any(faults):
+        keys = ("faults.0.bias_deg", "faults.1.bias_g", "faults.2.bias_deg")
+        changes += [f"{key}={value}" for key, value in zip(keys, faults)]
+        changes += [f"faults.{i}.path={path}" for i in (1, 2)]
+    else:
+        changes.append("faults=[]")
+    if draw is not None:
+        rng = np.random.default_rng([ord(point), draw])
+        changes += [f"tolerances.aero.{n}={1 + 0.05 * rng.choice((-1, 1))}" for n in toleranced("aero")]
+    names = [*airframe_wires.lpv_smo().values(), "truth.aircraft.h", "law.law.stab_cmd"]
+    return Flown(load_scenario("alwi14-simultaneous", changes), names)
+
+
+def nonlinear(point, faults, path="observers", draw=None, noise=1.0, t_learn=0.0):
+    """Return (flight, detector log), the detector without learned offset unless `t_learn` says so."""
+    flown = fly_point(point, faults, path, draw, noise)
+    p = airframe_wires.lpv_smo_params(lpv_smo, None, "aircraft", flown.dt)
+    p["t_learn"] = t_learn
+    return flown, flown.run(lpv_smo, airframe_wires.lpv_smo(), p)
