@@ -11,9 +11,9 @@ from cosim.lu17_loop import FEEDBACKS, feedback_flight, long_flight
 from cosim.study import Part
 from cosim.train_lu17 import EVALUATION
 
-# Seeds of these flights; on 17000 to 17059, flown with a decision that did not yet search for a signal in place of the
-# drive where nothing else told of a fault, the decision was amended
-FIRST = EVALUATION + 6000
+# Seeds of these flights. On 17000 to 17059 and 18000 to 18059 the decision was amended: a signal in place of the drive
+# is searched for where nothing else tells of a fault, and windows that show a missing drive name no oscillation
+FIRST = EVALUATION + 7000
 SEARCH = EVALUATION + 8000  # of the search for the smallest amplitude
 FORMS = ("iotsekf", "iotsekf load 1", "iotsekf load 0", "ofc_monitor")
 SEARCH_SEEDS = 20

@@ -15,7 +15,9 @@ from actuators.block import kernel
 from fdi import bank
 from fdi.verdict import AMBIGUOUS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY, SENSOR
 
-MISSING = 0.3  # where residual + drive is less than this share of the drive, -10 dB, the drive does nothing
+# Where residual + drive is less than this share of the drive, -10 dB, the drive does nothing; or the servo works
+# against an oscillation near the hydraulic resonance, which is purer than any drive (so pure between two frequencies)
+MISSING, SINUSOID = 0.3, 0.75
 GAIN_LIMIT = 0.15  # +-5 % on flow and on piston area, and some more
 GAIN_MOTION = 0.002  # rod motion from which the gain is learned in earnest: 20 sigma of the sensor [m]
 
@@ -281,7 +283,8 @@ def name_oscillation(x, p):
             quiet = p.sum_threshold[k] if which == 1 else p.bank_threshold[k]
             amplitude = math.sqrt(bank.mixed(x, k, 1.0, 1.0 if which == 1 else -x.gain))
             pure = x.pure[which, k] * min(0.5 * amplitude / quiet, 1.0)
-            if which == 0 and bank.mixed(x, k, 1.0, 1.0) < MISSING * MISSING * bank.mixed(x, k, 0.0, 1.0):
+            missing = bank.mixed(x, k, 1.0, 1.0) < MISSING * MISSING * bank.mixed(x, k, 0.0, 1.0)
+            if which == 0 and missing and x.pure[0, k] < SINUSOID:
                 continue  # here the residual is the drive that is not obeyed
             if 1.4 / p.bank_hz[k] <= x.since and pure > best + (0.02 if which == 1 and kind == 0 else 0.0):
                 best, kind, peak = pure, which, k
