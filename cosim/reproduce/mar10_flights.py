@@ -103,14 +103,16 @@ def judge(number, flown, log):
 def margins(number, flown, log, p):
     """Return {field of `Outcome`: value} of what stands between the loss of thrust and its declaration."""
     start, share = dict(TRUTH[number])["engine"], LOSS[number]
-    k, engine = round((start - 0.5) / flown.dt), control_redundancy.CULPRITS.index("engine")
+    onset, engine = round(start / flown.dt), control_redundancy.CULPRITS.index("engine")
+    k = max(onset - 1, int(np.flatnonzero(log["used"].max(axis=1) > 0.5)[0]))  # the third loss comes while averages fill
     on = np.flatnonzero(log["used"][k] > 0.5)
     S, tau = log["S"][k, on, engine - 1], log["tau"][k, on]
     f = np.abs(S / tau).argmax()
-    quiet = slice(k - round(3.0 / flown.dt), k)
-    before = np.median(log["res"][quiet, on[f]]) * np.sign(S[f]) / tau[f]  # the loss is a negative fault
+    quiet = slice(onset - round(3.0 / flown.dt), onset)
+    known = log["valid"][quiet] > 0.5
+    hides = log["res"][quiet, on[f]][known] * np.sign(S[f]) / tau[f]  # the loss is a negative fault
     noise = np.diff(log["e"][quiet, 0]).std() / math.sqrt(2.0)
-    late = log[round(start / flown.dt) :]
+    late = log[onset:]
     declared = np.flatnonzero(late["declared"][:, engine - 1] > 0.5)
     late = late[: declared[0] if len(declared) else None]
     held = np.where(late["last"] == engine, late["timer"], 0.0).max(initial=0.0) / p["t_confirm"][0]
@@ -118,7 +120,7 @@ def margins(number, flown, log, p):
     both = (bits >> engine - 1 & 1 > 0) & (bits >> engine > 0)
     return {
         "reach": share * abs(S[f]) / tau[f],
-        "before": before,
+        "before": float(np.median(hides)) if len(hides) else math.nan,
         "noise": noise / (share * abs(log["S"][k, 0, engine - 1])),
         "held": 1.0 if len(declared) else held,
         "shared": both.mean() if len(bits) else 0.0,

@@ -39,17 +39,20 @@ def _unmoved(number):
 
 
 def _selected(number, k):
-    """Return (families that fire after fault k, which moves them while the earlier ones do not; their names)."""
+    """Return (families that fire for fault k, which moves them while the earlier ones do not; their names).
+
+    Counted until a later fault moves them too.
+    """
     flown, log, families = run(number)
-    (name, at), before = flights.TRUTH[number][k], flights.TRUTH[number][:k]
-    after = flown.t >= at
-    found = [
-        f.name
-        for j, f in enumerate(families)
-        if f.signature[INPUTS.index(name)]
-        and not any(f.signature[INPUTS.index(n)] for n, _ in before)
-        and (log["fired"][after, j] > 0.5).any()
-    ]
+    truth = flights.TRUTH[number]
+    found = []
+    for j, family in enumerate(families):
+        moved = [at for name, at in truth if family.signature[INPUTS.index(name)]]
+        if not moved or moved[0] != truth[k][1]:
+            continue
+        on = (flown.t >= moved[0]) & (flown.t < (moved[1] if len(moved) > 1 else np.inf))
+        if (log["fired"][on, j] > 0.5).any():
+            found.append(family.name)
     return len(found), ", ".join(found)
 
 
