@@ -3,7 +3,7 @@
 import math
 
 from cosim.report.figure import Figure, axis, bands, base, curve, envelope, grid, least, level
-from cosim.report.page import drawing, page, table, text, write
+from cosim.report.page import page, table, text, write
 
 TITLES = {
     "lu17": "Lu17: hydraulic actuator, two-stage and three-step filters",
@@ -14,6 +14,7 @@ TITLES = {
 }
 ROLES = {"ours": "--blue", "true": "--ink", "quiet": "--muted", "second": "--orange", "third": "--green"}
 WORDS = {"agrees": "agrees", "differs_explained": "differs, explained", "differs": "differs", "ours": "ours"}
+NARROW = {1: 320, 2: 560, 3: 780}  # least width of a figure [px] by its columns of panels
 BANDS = (
     "Each band stands in the code beside the sentence, table or figure it is from. Ours: a number that the paper does "
     "not give; its band, where there is one, is derived."
@@ -43,11 +44,11 @@ def render(rows, drawings):
             else:
                 figure = _figure(d, f"f{number}", caption)
                 figures.append(figure)
-                body.append(drawing(figure, heading))
+                body.append(_place(figure, heading, min(d.columns, len(d.panels))))
         body.append(_rows([r for r in rows if r.paper == paper], paper))
     return page(
         title=f"{_papers(papers)}, reproduced",
-        subtitle="The papers' own experiments: what it says, what we get. Figures, numbers and captions are ours.",
+        subtitle="The papers' own experiments: what they say, what we get. Figures, numbers and captions are ours.",
         summary=_summary(rows, papers),
         body="".join(body),
         figures=figures,
@@ -114,6 +115,15 @@ def _table(t, caption):
         return f'<b class="good">{text(value[1:])}</b>' if value.startswith("+") else text(value)
 
     return table(t.columns, [(tuple(cell(v) for v in row), "") for row in t.rows], caption=caption)
+
+
+def _place(figure, heading, columns):
+    """Return the place of a figure; on a narrow screen it scrolls sideways by itself, not the page."""
+    return (
+        f'<figure><h3>{text(heading)}</h3><div class="scroll"><div style="min-width:{NARROW[columns]}px">'
+        f'<div class="plot" id="{figure.id}" style="height:{figure.height}px"></div></div></div>'
+        f"<figcaption>{figure.caption}</figcaption></figure>"
+    )
 
 
 def _figure(d, name, caption):

@@ -169,10 +169,10 @@ def _right(option, number):
         reach, before, held, shared = (
             float(np.median([getattr(o, k) for o in missed])) for k in ("reach", "before", "held", "shared")
         )
+        against = "" if math.isnan(before) else f"residual against it before {before:.2f}, "
         words += (
-            f"; else declared: {note}; medians of those: loss over threshold {reach:.2f}, "
-            f"{'' if math.isnan(before) else f'residual against it before {before:.2f}, '}engine alone for {held:.2f} of the confirmation time, shared with single engines for "
-            f"{100 * shared:.0f} % of the time"
+            f"; else declared: {note}; medians of those: loss over threshold {reach:.2f}, {against}engine alone for "
+            f"{held:.2f} of the confirmation time, shared with single engines for {100 * shared:.0f} % of the time"
         )
     return 100.0 * share, words
 

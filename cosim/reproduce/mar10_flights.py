@@ -104,7 +104,8 @@ def margins(number, flown, log, p):
     """Return {field of `Outcome`: value} of what stands between the loss of thrust and its declaration."""
     start, share = dict(TRUTH[number])["engine"], LOSS[number]
     onset, engine = round(start / flown.dt), control_redundancy.CULPRITS.index("engine")
-    k = max(onset - 1, int(np.flatnonzero(log["used"].max(axis=1) > 0.5)[0]))  # the third loss comes while averages fill
+    first = np.flatnonzero(log["used"].max(axis=1) > 0.5)[0]  # the loss of scenario 3 comes while averages fill
+    k = max(onset - 1, int(first))
     on = np.flatnonzero(log["used"][k] > 0.5)
     S, tau = log["S"][k, on, engine - 1], log["tau"][k, on]
     f = np.abs(S / tau).argmax()
