@@ -32,8 +32,8 @@ WHY = (
     "confirmation (note)",
     "the noise of one sample is nearly half of what the loss does (row 'noise of one sample'): the engine never "
     "explains the residuals for as long as confirms it (row 'longest')",
-    "these rows ask for single engines too, and where the loss barely crosses a threshold one engine explains it as "
-    "well as all of them: more than one explanation declares nothing (note, 'shared')",
+    "these rows ask for single engines too, and in the draws that fail one engine explains the loss as well as all of "
+    "them: more than one explanation declares nothing (note, 'shared')",
 )
 
 
