@@ -40,12 +40,20 @@ def decouple(C, E, F):
                           f"{_list(s_EF)}); part of F lies in the range of E")
     CE = C @ E
     H = E @ np.linalg.pinv(CE, rcond=1e-13) if q else np.zeros((n, m))
-    T = np.eye(n) - H @ C
+    T = without_rounding(np.eye(n) - H @ C, np.eye(n) + np.abs(H) @ np.abs(C))
     s_TF = singular(unit_rows(C) @ T @ unit_columns(F))
     if rank_of(s_TF, RANK) < l:
         raise DesignError(f"condition (iii) fails seen through C: rank(C T F) = {rank_of(s_TF, RANK)} < {l} (singular "
                           f"values {_list(s_TF)}), so (16) has no solution; lower the rank of E or measure more")
     return H, T
+
+
+def without_rounding(X, size):
+    """Return X with zeros where it is below 1e-13 of `size`, the sum of the magnitudes that an entry was made from.
+
+    A decoupled state has a row of zeros; rounding there, in badly scaled units, else passes for a coupling.
+    """
+    return np.where(np.abs(X) <= 1e-13 * size, 0.0, X)
 
 
 def separate(E, F, C, *, min_ratio=0.5, method="remove"):

@@ -32,6 +32,7 @@ from fdi.rfafe_conditions import (
     separate,
     singular,
     undetectability,
+    without_rounding,
 )
 from fdi.rfafe_discrete import Discrete, discretise
 
@@ -133,7 +134,7 @@ def design(A, B, C, D, E, F, *, dt, region=None, alpha=None, theta=1.0, Gamma=No
         raise DesignError(
             f"|TF|/|F| is {ratio:.3f}, below {min_ratio}: E lies {angle:.1f} deg from F, so decoupling it removes the "
             "fault and multiplies the noise; lower the rank of E or remove its part along F (see `parallel`)")
-    A1 = T @ A
+    A1 = without_rounding(T @ A, np.abs(T) @ np.abs(A))
     scale = balance(A1, C, T @ F, sigma)
     model = _scaled(A1, C, T @ F, scale)
     distance, state = undetectability(*model[:2])
@@ -149,9 +150,12 @@ def design(A, B, C, D, E, F, *, dt, region=None, alpha=None, theta=1.0, Gamma=No
     except lmi.Infeasible as error:
         near = f"(C, A1) is {distance:.1e} of |A1| from an undetectable pair (mostly state {state})"
         raise lmi.Infeasible(f"{error}; {near}") from error
+    least = np.linalg.eigvalsh(P)[0] / np.max(scale) ** 2  # bound of the least eigenvalue in the caller's units
     P, Y = P / np.outer(scale, scale), Y / scale[:, None]
-    floor = np.linalg.eigvalsh(P)[0]
-    P, Y = P * (1.0 + 1e-9) / floor, Y * (1.0 + 1e-9) / floor  # homogeneous: P >= I fixes the scale
+    found = np.linalg.eigvalsh(P)[[0, -1]]
+    known = found[0] - 8.0 * np.finfo(float).eps * len(P) * found[1]  # the same less what rounding hides
+    least = known if known > 0.0 else least
+    P, Y = P * (1.0 + 1e-9) / least, Y * (1.0 + 1e-9) / least  # homogeneous: P >= I fixes the scale
     K1 = np.linalg.solve(P * np.outer(scale, scale), Y * scale[:, None]) * scale[:, None]
     N = A1 - K1 @ C
     TF = T @ F
