@@ -42,7 +42,7 @@ def solve(problem, *, tolerance=1e-9):
             warnings.filterwarnings("ignore", "Solution may be inaccurate")  # the caller checks the solution itself
             problem.solve(solver=cp.CLARABEL, **options)
     except cp.SolverError as error:
-        raise Infeasible(f"Clarabel gave up: {error}") from error
+        raise Infeasible("Clarabel finds no solution within its accuracy") from error
     if problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
         raise Infeasible(f"Clarabel reports the inequalities as {problem.status}")
     return problem.value

@@ -30,6 +30,7 @@ import numpy as np
 
 from fdi import lmi as lmi_tools
 from fdi.lpv_model import LpvModel, at, vertices
+from fdi.lpv_smo_inputs import least_seen, movable, options, stacks, vector
 
 SMALL_Y, SMALL_W = 1e-2, 1e-4  # weights of |P1 L| and |W| against gamma
 
@@ -70,10 +71,10 @@ def canonical(A, B, C, D, *, faulty=2, actuator=(0,), F=None, A_f=None):
     faults. Returns a dict of A, B, E, D2, x_from, y_from, F, F_o, A_f, neglected. Raises ValueError with the condition
     of section 2 that fails: C_1 constant and of full row rank, D_1 zero, rank(C_1 F_p) = n_h, enough outputs.
     """
-    A, B, C, D = (_stack(S) for S in (A, B, C, D))
+    A, B, C, D = stacks(A, B, C, D)
     nr, n, m, p, q = len(A) - 1, A.shape[1], B.shape[2], C.shape[1], faulty
     h, free = len(actuator), p - q
-    A_f = np.ones(q) if A_f is None else np.asarray(A_f, float)
+    A_f = vector("A_f", np.ones(q) if A_f is None else A_f, q, sign=1)
     if np.abs(C[1:, :free]).max(initial=0) > 0:
         raise ValueError("C_1, the rows of the fault-free outputs, varies with rho; [Alwi14] (6) needs it constant")
     if np.abs(D[:, :free]).max(initial=0) > 0:
@@ -84,7 +85,10 @@ def canonical(A, B, C, D, *, faulty=2, actuator=(0,), F=None, A_f=None):
     if not h + q < p < n + q:
         raise ValueError(f"n_h + n_q = {h + q} < n_p = {p} < n_n + n_q = {n + q} does not hold ([Alwi14] after (2))")
     H = B[:, :, list(actuator)]
-    F = _dominant(H, C1) if F is None else np.asarray(F, float).reshape(n, h)
+    F = _dominant(H, C1) if F is None else np.asarray(F, float)
+    if F.size != n * h:
+        raise ValueError(f"F holds {F.size} numbers, not {n} states times {h} actuator faults")
+    F = F.reshape(n, h)
     if np.linalg.matrix_rank(C1 @ F) < h:
         raise ValueError(f"rank(C_1 F_p) = {np.linalg.matrix_rank(C1 @ F)} < n_h = {h}: the actuator fault is not seen")
     E = np.einsum("hn,rnk->rhk", np.linalg.pinv(F), H)
@@ -116,11 +120,12 @@ def design(A, B, C, D, *, box=(), faulty=2, actuator=(0,), F=None, M=None, A_f=N
     `M` (n, k): directions of model error (default: the states whose rows of B the actuator's F_p leaves out), weights
     `delta_1` (k,) default 100 each and `delta_2` (p,) default 0.01 on unfiltered, 0 on filtered outputs [Alwi14]
     section 5. `poles`: bounds [rad/s] on the sliding motion. Raises ValueError naming the structural condition that
-    fails, an E_p(rho) that changes sign in the box, or an infeasible LMI.
+    fails, an E_p(rho) that changes sign in the box, a pole that no gain moves, or an infeasible LMI.
     """
-    box = np.asarray(box, float).reshape(-1, 2)
-    if len(_stack(A)) != 1 + len(box):
-        raise ValueError(f"{len(_stack(A)) - 1} scheduled terms of A, but a box of {len(box)} parameters")
+    A, B, C, D = stacks(A, B, C, D)
+    box, poles = options(box, poles, a_f, A.shape[1], B.shape[2], actuator)
+    if len(A) != 1 + len(box):
+        raise ValueError(f"{len(A) - 1} scheduled terms of A, but a box of {len(box)} parameters")
     form = canonical(A, B, C, D, faulty=faulty, actuator=actuator, F=F, A_f=A_f)
     n, p, q = form["A"].shape[1], form["y_from"].shape[0], faulty
     n_x, h = n - q, len(actuator)
@@ -132,18 +137,28 @@ def design(A, B, C, D, *, box=(), faulty=2, actuator=(0,), F=None, M=None, A_f=N
     if M is None:
         M = np.eye(n_x)[:, neglected.any(1)] if neglected.any() else np.eye(n_x)[:, :1]
     M = np.asarray(M, float)
+    if M.ndim != 2 or len(M) != n_x:
+        raise ValueError(f"M is {M.shape}, not ({n_x} states, directions of model error)")
     M_c = form["x_from"] @ np.block([[M, np.zeros((n_x, q))], [np.zeros((q, M.shape[1])), np.diag(form["A_f"])]])
-    delta_1 = np.full(M.shape[1], 100.0) if delta_1 is None else np.asarray(delta_1, float)
-    delta_2 = np.r_[np.full(p - q, 0.01), np.zeros(q)] if delta_2 is None else np.asarray(delta_2, float)
-    A22s = -(10 + 0.1 * np.arange(1, p + 1)) if A22s is None else np.asarray(A22s, float)
+    k = M.shape[1]
+    delta_1 = np.full(k, 100.0) if delta_1 is None else delta_1
+    delta_1 = vector("delta_1", np.r_[delta_1, np.zeros(q)] if np.size(delta_1) == k else delta_1, k + q)
+    delta_2 = vector("delta_2", np.r_[np.full(p - q, 0.01), np.zeros(q)] if delta_2 is None else delta_2, p)
+    if not (delta_1 > 0.0).any() or not (delta_2 > 0.0).any():
+        raise ValueError("delta_1 and delta_2 need at least one positive weight each")
+    A22s = vector("A22s", -(10 + 0.1 * np.arange(1, p + 1)) if A22s is None else A22s, p, sign=-1)
+    movable(form["A"], box, n - p, p - h - q, poles)
     plants = [at(form["A"], r) for r in corners]
-    d1 = np.r_[delta_1, np.zeros(q)] if len(delta_1) == M.shape[1] else delta_1
-    L, W, P1, P2, gamma, storage = _solve(
-        plants, M_c, form["F_o"], form["y_from"], a_f, d1, delta_2, poles, n - p, h + q
-    )
+    try:
+        L, W, P1, P2, gamma, storage = _solve(
+            plants, M_c, form["F_o"], form["y_from"], a_f, delta_1, delta_2, poles, n - p, h + q
+        )
+    except lmi_tools.Infeasible as error:
+        hint = least_seen(form["A"], box, n - p, p - h - q, poles)
+        raise ValueError(f"no L and W meet the LMIs with poles in {poles} rad/s{hint} [{error}]") from error
     made = Design(
         A=form["A"], B=form["B"], E=form["E"], D2=form["D2"], x_from=form["x_from"], y_from=form["y_from"],
-        F_o=form["F_o"], box=box, A_f=form["A_f"], L=L, W=W, A22s=A22s, P1=P1, P2=P2, M=M_c, a_f=a_f, delta_1=d1,
+        F_o=form["F_o"], box=box, A_f=form["A_f"], L=L, W=W, A22s=A22s, P1=P1, P2=P2, M=M_c, a_f=a_f, delta_1=delta_1,
         delta_2=delta_2, gamma=gamma, storage=storage, poles=tuple(poles), actuator=tuple(actuator),
         neglected=neglected,
     )  # fmt: skip
@@ -240,10 +255,7 @@ def _solve(plants, M, F_o, y_from, a_f, delta_1, delta_2, poles, n1, nf):
         rules += [both << -2 * poles[0] * 1.001 * P1, both >> -2 * poles[1] * 0.999 * P1]
     # the small norms pick one of the many L and W that reach the same gamma: only some of their entries are determined
     problem = cp.Problem(cp.Minimize(gamma + SMALL_Y * cp.norm(Y1) + SMALL_W * cp.norm(W1, "fro")), rules)
-    try:
-        lmi_tools.solve(problem, tolerance=1e-8)
-    except lmi_tools.Infeasible as error:
-        raise ValueError(f"no L and W meet the LMIs with poles in {poles} rad/s: {error}") from error
+    lmi_tools.solve(problem, tolerance=1e-8)
     L = np.linalg.solve(P1.value, np.hstack([Y1.value, np.zeros((n1, nf))]))
     W = np.hstack([W1.value, np.linalg.inv(F_o)])
     # the inequality is homogeneous in (P, storage): scaling both gives P >= I without letting that rule bind
@@ -277,12 +289,6 @@ def _lemma(lib, part, P1, P2, Y, W, a_f, gamma, storage):
         [out_1, out_d, out_xi, out_phi, -gamma / storage * np.eye(nf)],
     ]
     return lib.vstack([lib.hstack(row) for row in rows])
-
-
-def _stack(S):
-    """Return an affine stack (1+nr, rows, cols); one matrix alone is a model without scheduling."""
-    S = np.asarray(S, float)
-    return S[None] if S.ndim == 2 else S
 
 
 def _dominant(H, C1):

@@ -124,6 +124,8 @@ def design(A, B, C, D, E, F, *, dt, region=None, alpha=None, theta=1.0, Gamma=No
     solver).
     """
     A, B, C, D, E, F = _shapes(A, B, C, D, E, F)
+    if sigma is not None and (np.shape(sigma) != (len(C),) or not np.all(np.asarray(sigma, float) > 0.0)):
+        raise DesignError(f"sigma is one positive number per output ({len(C)}), not {sigma!r}")
     if parallel != "error":
         E = separate(E, F, C, min_ratio=min_ratio, method=parallel)
     E = basis(E)
@@ -172,17 +174,34 @@ def design(A, B, C, D, E, F, *, dt, region=None, alpha=None, theta=1.0, Gamma=No
 
 
 def _shapes(A, B, C, D, E, F):
-    A, B, C = (np.atleast_2d(np.asarray(x, float)) for x in (A, B, C))
+    """Return the matrices as float arrays of agreeing sizes; DesignError names the one that does not agree."""
+    A, C = _matrix("A", A), _matrix("C", C)
     n, m = A.shape[0], C.shape[0]
-    B = B.reshape(n, -1) if B.size else np.zeros((n, 0))
-    D = np.zeros((m, B.shape[1])) if D is None else np.asarray(D, float).reshape(m, -1)
-    E = np.zeros((n, 0)) if E is None else np.asarray(E, float).reshape(n, -1)
-    F = np.asarray(F, float).reshape(n, -1)
+    B, E, F = (_columns(name, X, n) for name, X in (("B", B), ("E", E), ("F", F)))
+    D = np.zeros((m, B.shape[1])) if D is None else _columns("D", D, m)
     if A.shape != (n, n) or C.shape != (m, n) or D.shape != (m, B.shape[1]):
         raise DesignError(f"sizes do not agree: A {A.shape}, B {B.shape}, C {C.shape}, D {D.shape}")
     if F.shape[1] == 0 or not all(np.isfinite(x).all() for x in (A, B, C, D, E, F)):
         raise DesignError("F has no column, or a matrix holds a value that is not finite")
     return A, B, C, D, E, F
+
+
+def _matrix(name, X):
+    if np.iscomplexobj(X):
+        raise DesignError(f"{name} is complex")
+    X = np.atleast_2d(np.asarray(X, float))
+    if X.ndim > 2:
+        raise DesignError(f"{name} has {X.ndim} dimensions; one linear model is designed for at a time")
+    return X
+
+
+def _columns(name, X, rows):
+    """Return X (rows, columns); None and an empty one have no column, a vector is one column."""
+    X = np.zeros((rows, 0)) if X is None or np.size(X) == 0 else np.asarray(X)
+    X = _matrix(name, X[:, None] if X.ndim == 1 else X)
+    if len(X) != rows:
+        raise DesignError(f"{name} has {len(X)} rows, not {rows}")
+    return X
 
 
 def _scaled(A1, C, TF, scale):
@@ -325,8 +344,11 @@ def _region(region, bandwidth, alpha, zeros):
         region = Region(centre, centre - slow / 2.0, slow)
     elif not isinstance(region, Region):
         names = {"q": "centre", "center": "centre", "r": "radius", "zeta": "decay"}
-        region = {names.get(k, k): float(v) for k, v in region.items()} if hasattr(region, "items") else region
-        region = Region(**region) if isinstance(region, dict) else Region(*(float(x) for x in region))
+        region = {names.get(k, k): v for k, v in region.items()} if hasattr(region, "items") else region
+        given = region if isinstance(region, dict) else dict(zip(("centre", "radius", "decay"), region))
+        if set(given) != {"centre", "radius", "decay"} or len(region) != 3:
+            raise ValueError(f"a region is (centre, radius, decay) [1/s] or a mapping with these names, not {region!r}")
+        region = Region(**{k: float(v) for k, v in given.items()})
     if region.radius <= 0.0 or region.decay < 0.0 or region.decay >= region.centre + region.radius:
         raise ValueError(f"{region} is empty: radius > 0, 0 <= decay < centre + radius")
     outside = [z for z in zeros if not region.holds([z], slack=-1e-9)[0]]

@@ -154,7 +154,17 @@ def test_the_implicit_step_solves_its_own_equation():
         (lambda m: m | {"D": _put(m["D"], (0, 3, 0), 1.0)}, "feedthrough"),
         (lambda m: m | {"B": _put(m["B"], (slice(None), 4, 0), [-0.54, 0, 0, 0, 1.0])}, "singular inside the box"),
         (lambda m: m | {"F": np.array([1.0, 0, 0, 0, 0])}, "not seen"),
-        (lambda m: m | {"C": m["C"][:, 1:], "D": m["D"][:, 1:]}, "no L and W"),  # altitude not measured: its pole stays
+        (lambda m: m | {"C": m["C"][:, 1:], "D": m["D"][:, 1:]}, "no L and W.*unmeasured mode"),  # altitude: too slow
+        (lambda m: m | {"C": m["C"][:, [1, 3, 4]], "D": m["D"][:, [1, 3, 4]], "faulty": 1}, "no gain moves"),
+        (lambda m: m | {"A": m["A"][:3]}, "affine terms"),
+        (lambda m: m | {"B": m["B"] * np.nan}, "B holds a value that is not finite"),
+        (lambda m: m | {"C": m["C"][:, :, :4]}, r"C is \(6, 4\), not \(6, 5\)"),
+        (lambda m: m | {"actuator": (7,)}, "columns of B, of which there are 2"),
+        (lambda m: m | {"poles": (50.0, 20.0)}, "a slow and a faster bound"),
+        (lambda m: m | {"A_f": [1.0]}, "A_f takes 2 finite numbers"),
+        (lambda m: m | {"A22s": np.full(6, 3.0)}, "A22s are all negative"),
+        (lambda m: m | {"delta_1": [1.0]}, "delta_1 takes 4 finite numbers"),
+        (lambda m: m | {"F": np.ones(4)}, "F holds 4 numbers"),
     ],
 )
 def test_what_cannot_be_designed_says_why(change, message):
@@ -168,6 +178,34 @@ def _put(stack, where, value):
     out = stack.copy()
     out[where] = value
     return out
+
+
+def test_a_box_that_is_upside_down_is_refused():
+    m = transport.model()
+    with pytest.raises(ValueError, match="lowest, highest"):
+        lpv_smo.design(m.A, m.B, m.C, m.D, box=m.box[:, ::-1], M=M)
+
+
+def test_what_is_constant_may_be_one_matrix_and_no_feedthrough_none():
+    m = transport.model()
+    B, C = lpv_model.at(m.B, m.box.mean(1)), m.C[0]
+    one = lpv_smo.design(m.A, B, C, None, box=m.box, M=M)
+    zero = [np.zeros((5, *x.shape)) for x in (B, C)]
+    for stack, x in zip(zero, (B, C)):
+        stack[0] = x
+    same = lpv_smo.design(m.A, *zero, np.zeros((5, 6, 2)), box=m.box, M=M)
+    np.testing.assert_allclose(one.L, same.L)
+
+
+def test_a_fifth_parameter_and_other_units_are_designed():
+    m = transport.model()
+    A = np.concatenate([m.A, 0.02 * m.A[:1]])
+    rest = [np.concatenate([S, 0 * S[:1]]) for S in (m.B, m.C, m.D)]
+    made_5 = lpv_smo.design(A, *rest, box=np.vstack([m.box, [-1.0, 1.0]]), M=M)
+    assert lpv_smo.verify(made_5)["ok"] and len(lpv_model.vertices(made_5.box)) == 32
+    x, y = np.array([DEG, 3.28, DEG, 3.28, DEG]), np.array([3.28, DEG, 3.28, DEG, 1.0, DEG])  # ft and rad
+    A, B, C, D = x[:, None] * m.A / x, x[:, None] * m.B / DEG, y[:, None] * m.C / x, y[:, None] * m.D / DEG
+    assert lpv_smo.verify(lpv_smo.design(A, B, C, D, box=m.box))["ok"]
 
 
 def test_another_transport_with_two_parameters_and_mixed_coordinates():

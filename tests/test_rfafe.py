@@ -192,6 +192,52 @@ def test_each_condition_says_that_it_fails_and_by_how_much():
             rfafe.design(A, B, c, None, E, f, dt=0.005)
 
 
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"A": np.zeros((5, 6))}, "sizes do not agree|rows"),
+        ({"B": np.zeros((4, 2))}, "B has 4 rows, not 6"),
+        ({"E": np.zeros((3, 1))}, "E has 3 rows"),
+        ({"F": None}, "F has no column"),
+        ({"C": np.eye(6) * 1j}, "C is complex"),
+        ({"sigma": [1.0, 2.0]}, "sigma is one positive number per output"),
+        ({"sigma": [0.0, 1, 1, 1, 1, 1]}, "sigma is one positive"),
+        ({"region": (1.0, 2.0)}, "a region is"),
+        ({"region": {"centre": 20.0, "radius": 10.0, "speed": 1.0}}, "a region is"),
+        ({"Gamma": np.array([[1.0, 2.0], [0.0, 1.0]])}, "symmetric positive definite"),
+        ({"dt": -1.0}, "dt is positive"),
+    ],
+)
+def test_what_is_no_model_is_refused_by_name(change, message):
+    A, B, C, D = global_of(*heffley_jewell("6"))
+    given = {"A": A, "B": B, "C": C, "D": D, "E": None, "F": B, "dt": 0.005} | change
+    with pytest.raises(ValueError, match=message):
+        rfafe.design(**given)
+
+
+def test_a_decoupled_state_in_odd_units_and_outputs_that_are_there_twice():
+    """Rounding in the row of the decoupled state once passed for a coupling; twice the outputs are no new ones."""
+    S = np.diag([1e3, 1e-3, 1e2, 1.0])
+    A, B = heffley_jewell("3")
+    A, B, C, _ = global_of(S @ A @ np.linalg.inv(S), S @ B, a=5.0)
+    twice = np.vstack([C, 2 * C[:4]])
+    for E in (np.eye(6)[:, :1], np.eye(6)[:, :2]):
+        check(rfafe.design(A, B, twice, None, E, B, dt=0.005))
+
+
+# Stevens and Lewis, F-16 at 502 ft/s, CG aft: V ft/s, alpha rad, theta rad, q rad/s reordered; elevator deg
+FIGHTER = (np.array([[-0.0193, 8.82, -0.575, -32.17], [-2.54e-4, -1.019, 0.905, 0.0], [2.95e-12, 0.822, -1.077, 0.0],
+                     [0.0, 0.0, 1.0, 0.0]]), np.array([[0.17], [-2.15e-3], [-0.1756], [0.0]]))  # fmt: skip
+
+
+@pytest.mark.parametrize("rank", [0, 1, 2])
+@pytest.mark.parametrize("plant", [NAVION, FIGHTER])
+def test_light_and_unstable_aircraft_with_unknown_inputs(plant, rank):
+    A, B, C, D = global_of(*plant)
+    E = np.eye(6)[:, :rank] if rank else None
+    check(rfafe.design(A, B, C, D + 0.1, E, B, dt=0.005))
+
+
 def test_almost_undetectable_is_reported():
     """At 2.5 deg of trim attitude theta shows in q only through M_wdot g sin(theta_0): (iv) holds by a hair."""
     A, B, C, _ = global_of(*heffley_jewell("6"))
