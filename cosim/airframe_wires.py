@@ -7,6 +7,7 @@ from cosim.airframe import force_model
 from cosim.sensors import TRANSPORT
 
 SERVO = 0.07  # mean delay of the healthy elevator servos, hydraulic 75 and electromechanical 68 ms, measured [s]
+RATE = math.radians(40.0)  # of the elevator servos' reference
 LEARN = 8.0  # the papers' faults come at 10 s [s]
 ROWS = ("force", "force+moment")  # of [Mar10]'s residuals, chosen by detectors.control_redundancy.rows
 OMEGA, ZETA = 30.0, 0.9  # of actuators.simple
@@ -55,7 +56,13 @@ def actuator_delays():
     return (SERVO, *(2.0 * ZETA / simple.KINDS[n].get("omega", OMEGA) for n in ("aileron", "rudder")), 0.0)
 
 
+def actuator_rates():
+    """Return how fast [rad/s] healthy actuators follow their commands: elevator, aileron, rudder, stabiliser."""
+    return (RATE, *(simple.KINDS[n]["rate"] for n in ("aileron", "rudder", "stabiliser")))
+
+
 def control_redundancy_params(module, scenario, lane, dt, **options):
     """Return PARAMS of fdi.control_redundancy for the loop, on the force model of the aircraft that flies."""
     delay = 1.0 + ticks(TRANSPORT["n_z"][2], dt)
-    return module.params(model=force_model(), dt=dt, delay=delay, lag=actuator_delays(), **options)
+    late, rate = actuator_delays(), actuator_rates()
+    return module.params(model=force_model(), dt=dt, delay=delay, lag=late, rate=rate, **options)

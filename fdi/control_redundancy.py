@@ -71,6 +71,7 @@ PARAMS = params_dtype(
             "f8",
             (NC,),
         ),  # how late each command acts in the measurements: theirs and its actuator's delay [ticks]
+        ("rate", "f8", (NC,)),  # how fast a healthy actuator follows its command, 0 for at once [rad/s]
         ("t_mean", "f8"),  # sliding mean [s], 0 for raw samples
         ("t_learn", "f8"),  # offset learned over the first seconds [s], 0 for none
         ("t_confirm", "f8"),  # [s]
@@ -160,11 +161,15 @@ OUTPUTS = (
 )  # fmt: skip
 
 
-def params(which="flight", *, model, dt=0.005, rows="force", delay=2, lag=None, t_mean=0.5, t_learn=20.0):
+def params(
+    which="flight", *, model, dt=0.005, rows="force", delay=2, lag=None, rate=(0.0, 0.0, 0.0, 0.0), t_mean=0.5,
+    t_learn=20.0,
+):  # fmt: skip
     """Return PARAMS for a `ForceModel`; `rows` is "force" or "force+moment", `t_mean`, `t_learn` 0 switch the aids off.
 
     Commands are delayed by `delay` ticks as the measurements are [Mar10] slide 11, and by `lag` [s], what a healthy
-    actuator takes on average (2 zeta / omega of a second-order one): elevator, aileron, rudder, stabiliser.
+    actuator takes on average (2 zeta / omega of a second-order one): elevator, aileron, rudder, stabiliser. They move
+    at `rate` [rad/s] at most, in the same order, 0 for no limit.
     Families come from the structure of the model's rows. Raises ValueError for other rows, a mean beyond 0.5 s, a
     delay beyond the buffer.
     """
@@ -173,7 +178,7 @@ def params(which="flight", *, model, dt=0.005, rows="force", delay=2, lag=None, 
     if not 0 <= t_mean <= 0.5:
         raise ValueError(f"t_mean = {t_mean}: the sliding mean is at most 0.5 s")
     elevator, aileron, rudder, stabiliser = LAG if lag is None else lag
-    late = delay + np.round(np.array([*[elevator] * 4, aileron, aileron, rudder, stabiliser]) / dt)
+    late = delay + np.round(_each(elevator, aileron, rudder, stabiliser) / dt)
     if late.max() >= DELAY or late.min() < 0:
         raise ValueError(f"a command delay of {late.max():.0f} ticks; at most {DELAY - 1} fit")
     n = 3 if rows == "force" else 6
@@ -187,10 +192,15 @@ def params(which="flight", *, model, dt=0.005, rows="force", delay=2, lag=None, 
     return record(
         PARAMS, **force_model.fields(model), n_rows=n, n_hypotheses=4 if n == 3 else 8, n_families=len(found),
         base_row=_pad([f.base for f in found]), n_pivots=_pad([len(f.pivots) for f in found]),
-        pivot_row=pivots[:, :, 0], pivot_input=pivots[:, :, 1], late=late, t_mean=t_mean, t_learn=t_learn,
+        pivot_row=pivots[:, :, 0], pivot_input=pivots[:, :, 1], late=late, rate=_each(*rate), t_mean=t_mean,
+        t_learn=t_learn,
         threshold=[own.pop(f"t_{row}") for row in ("x", "y", "z", "l", "m", "n")],
         limit=[0.8, 0.8, 0.8, 1.2, 1.2, 1.2, 1.2, 1.2], **own,
     )  # fmt: skip
+
+
+def _each(elevator, aileron, rudder, stabiliser):
+    return np.array([*[elevator] * 4, aileron, aileron, rudder, stabiliser])
 
 
 def _pad(values):
@@ -302,7 +312,7 @@ def _name(x, p):
 @kernel
 def step(x, u, p, dt):
     """Compare measured with computed forces at one tick, average, evaluate the residuals, decide."""
-    delayed_commands(x, u, p)
+    delayed_commands(x, u, p, dt)
     x.started = 1.0
     if complete(u, p) < 0.5:
         x.gone += dt

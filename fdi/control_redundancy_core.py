@@ -13,8 +13,11 @@ NX = 3 * NR  # averaged: row errors, activities, three commanded effectors, spoo
 
 
 @kernel
-def delayed_commands(x, u, p):
-    """Push this tick's commands; fill x.cmd with those of `late` ticks ago. One that is not finite is held."""
+def delayed_commands(x, u, p, dt):
+    """Push this tick's commands; let x.cmd follow those of `late` ticks ago, no faster than a healthy actuator moves.
+
+    One that is not finite is held. A law that fights gusts near the stall asks more of the rudder than it can follow.
+    """
     head = int(x.head)
     for j in range(NC):
         value = u.de_lo
@@ -38,7 +41,10 @@ def delayed_commands(x, u, p):
             for i in range(DELAY):
                 x.line[i, j] = value
         x.line[head, j] = value
-        x.cmd[j] = x.line[(head + DELAY - int(p.late[j])) % DELAY, j]
+        move = x.line[(head + DELAY - int(p.late[j])) % DELAY, j] - x.cmd[j]
+        if p.rate[j] > 0.0 and x.started > 0.5:
+            move = min(max(move, -p.rate[j] * dt), p.rate[j] * dt)
+        x.cmd[j] += move
     x.head = (head + 1) % DELAY
 
 

@@ -67,7 +67,8 @@ def fly(number, draw=None):
 
 def detector(**kw):
     """Return PARAMS with commands two steps late, as the measurements are, and the actuators' own delay."""
-    return control_redundancy.params(model=force_model(), delay=2, lag=airframe_wires.actuator_delays(), **kw)
+    late, rate = airframe_wires.actuator_delays(), airframe_wires.actuator_rates()
+    return control_redundancy.params(model=force_model(), delay=2, lag=late, rate=rate, **kw)
 
 
 @dataclasses.dataclass(frozen=True)
