@@ -5,6 +5,7 @@ from pathlib import Path
 from cosim import compare_stats as stats
 from cosim import coverage, readme
 from cosim.errors import OutputError
+from cosim.scenario.catalog import GROUPS, SEGMENTS
 
 PICTURE = "cosim/campaigns/aircraft-vs-local.svg"
 
@@ -17,7 +18,7 @@ def write(found, path):
     equal = stats.equal_thresholds(found.rows)
     try:
         picture.parent.mkdir(parents=True, exist_ok=True)
-        picture.write_text(render(found.rows, equal), encoding="utf-8")
+        picture.write_text(render(_one_segment(found.rows), equal), encoding="utf-8")
     except OSError as error:
         raise OutputError(f"cannot be written: {error.strerror}", place=str(picture)) from None
     readme.replace(path, "compare", markdown(found))
@@ -42,19 +43,34 @@ def markdown(found):
             f"| `{d['id']}` | {coverage.group(d['id'], d['level'])} | {seen} | {d['named']} | {_number(d['delay_s'])} "
             f"| {free} | {_number(d['step_us'])} |"
         )
-    grouped = stats.by_group(rows, found.detectors)
+    for words, own in (("of one segment", _one_segment(rows)), ("of several segments", _several(rows))):
+        lines += _smallest(words, own, found.detectors)
+    return "\n".join(lines)
+
+
+def _one_segment(rows):
+    return rows[rows["target"].fillna("").str.removeprefix("elevator.").isin(SEGMENTS)]
+
+
+def _several(rows):
+    return rows[rows["target"].fillna("").isin([f"elevator.{g}" for g in GROUPS])]
+
+
+def _smallest(words, rows, detectors):
+    """Return the lines of the table of what each level sees of oscillations of these rows; none without them."""
+    grouped = stats.by_group(rows, detectors)
     smallest = {name: stats.smallest(grouped, name) for name in stats.groups(rows)}
     hz = sorted({f for found in smallest.values() for f in found})
-    lines += [
+    if not hz:
+        return []
+    return [
         "",
-        f"Smallest achieved oscillation, in mm of rod, from which on {stats.SEEN:.0%} of the flights are seen:",
+        f"Smallest achieved oscillation {words}, in mm of rod, from which on {stats.SEEN:.0%} of the flights are seen:",
         "",
         f"| draws on | {' | '.join(f'{f:g} Hz' for f in hz)} |",
         f"|---|{'---|' * len(hz)}",
+        *(f"| {name} | {' | '.join(_number(by_hz.get(f)) for f in hz)} |" for name, by_hz in smallest.items()),
     ]
-    for name, by_hz in smallest.items():
-        lines.append(f"| {name} | {' | '.join(_number(by_hz.get(f)) for f in hz)} |")
-    return "\n".join(lines)
 
 
 def _number(value):

@@ -10,6 +10,7 @@ from cosim.report.page import text
 COLUMNS = 4
 WIDE, HIGH, GAP_X, GAP_Y, LEFT, TOP = 196, 150, 14, 46, 46, 58  # panel, between panels, to the first one [px]
 MUTED = "#59636e"
+LEAST = -3  # octaves of a mm: what achieves less, a signal in place of a drive that hardly moves, is in that row
 
 
 def render(rows, thresholds):
@@ -21,7 +22,7 @@ def render(rows, thresholds):
     ofc = rows[rows["frequency_hz"].notna() & (rows["amplitude_mm"] > 0.0) & rows["concerned"]]
     names = [n for n in rows["id"].unique() if (ofc["id"] == n).any()]
     hz = sorted(ofc["frequency_hz"].unique())
-    bins = np.round(np.log2(ofc["amplitude_mm"])).astype(int)
+    bins = np.round(np.log2(ofc["amplitude_mm"])).astype(int).clip(lower=LEAST)
     low, high = int(bins.min()), int(bins.max())
     lines = -(-len(names) // COLUMNS)
     width = LEFT + COLUMNS * WIDE + (COLUMNS - 1) * GAP_X + 10
@@ -75,7 +76,8 @@ def _panel(f, a, seen, hz, ends, x0, y0):
 def _amplitudes(low, high, x0, y0):
     h = HIGH / (high - low + 1)
     out = [
-        f'<text x="{x0 - 5}" y="{y0 + (high - k + 0.5) * h + 4:.1f}" text-anchor="end" fill="{MUTED}">{2.0**k:g}</text>'
+        f'<text x="{x0 - 5}" y="{y0 + (high - k + 0.5) * h + 4:.1f}" text-anchor="end" fill="{MUTED}">'
+        f"{'≤ ' * (k == LEAST)}{2.0**k:.2g}</text>"
         for k in range(low, high + 1)
     ]
     out.append(
