@@ -132,5 +132,5 @@ def _type(value):
     if value.dtype not in _RECORDS:
         _RECORDS[value.dtype] = numba.typeof(value).dtype
     flags = value.flags
-    layout = "C" if flags.c_contiguous else "F" if flags.f_contiguous else "A"
+    layout: Any = "C" if flags.c_contiguous else "F" if flags.f_contiguous else "A"
     return numba.types.Array(_RECORDS[value.dtype], value.ndim, layout, not flags.writeable, aligned=flags.aligned)

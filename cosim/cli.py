@@ -232,7 +232,7 @@ def replay(
     ] = 0.0,
     map_: Annotated[
         Path | None,
-        typer.Option("--map", metavar="MAP.toml", help="LOG is foreign (CSV, Parquet, MCAP): diagnose it by this map (README)."),
+        typer.Option("--map", metavar="MAP.toml", help="Diagnose a foreign CSV, Parquet or MCAP by this map (README)."),
     ] = None,
     output: Annotated[
         Path | None,

@@ -48,7 +48,7 @@ def flown(seed, fault=None, *, reconfigure=True, bias=1e-4, noise=1.0, duration=
     off = {name: float(1 + TOLERANCE * rng.uniform(-1, 1)) for name in SYMBOLS}
     rigging = 0.08 * float(rng.uniform(-1, 1))  # [deg]
     sensors = {"velocity": {"bias_rad_s": float(rng.choice([-1.0, 1.0])) * bias * NO_LOAD},
-               "position": {"bias_deg": rigging}, "noise_scale": noise}
+               "position": {"bias_mm": rigging * DEG * ARM * 1e3}, "noise_scale": noise}
     elevator = {**dict(zip(SEGMENTS, ("hydraulic", "ema", "ema", "hydraulic"))), "reconfigure": reconfigure}
     v = fly(SIGNALS, **arguments, faults=[fault] if fault else [], elevator=elevator, sensors=sensors,
             tolerances={"aero": aero, "ema": off}, detectors={"enabled": ["ema_kalman_flight"]})
@@ -70,7 +70,7 @@ def position_fault(name, seed, noise=1.0):
     switched = faulty["reconf"] > 0.5
     k = int(np.argmax(switched)) if switched.any() else len(switched)
     late = slice(k + round(SETTLE_S / DT), k + round((SETTLE_S + LOOK_S) / DT))
-    error = faulty["pos_hat"][1:] - LEAD * faulty["motor"][:-1]
+    error = faulty["pos_hat"][2:] - LEAD * faulty["motor"][:-2]  # a row holds the motor of the tick's end
     n = min(len(without["nz"]), look.stop)
     return {
         "dnz": float(np.abs(faulty["nz"] - healthy["nz"])[look].max()),

@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from cosim.errors import CosimError, ScenarioError
+from cosim.map_file import load_map
 from cosim.scenario import builtin_names, load_scenario, parse
 from cosim.scenario import catalog as c
 from cosim.scenario.inventory import inventory
@@ -100,10 +101,13 @@ def test_every_kind_of_fault_and_manoeuvre_is_flown_by_a_builtin():
     assert len(listed) == len(inventory()["faults"])
 
 
-def test_the_scenario_of_the_readme_loads():
+def test_the_scenario_and_the_map_of_the_readme_load(tmp_path):
     text = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
-    (example,) = re.findall(r"```toml\n(.*?)```", text, re.S)
+    example, recording = re.findall(r"```toml\n(.*?)```", text, re.S)
     assert parse(tomllib.loads(example)).warnings() == []
+    path = tmp_path / "map.toml"
+    path.write_text(recording, encoding="utf-8")
+    assert {"de_cmd", "alpha", "left_inner.rod"} <= set(load_map(path)[0].signals)
 
 
 def test_issue_names_of_builtins_exist():

@@ -40,7 +40,8 @@ def _flown(function, todo, workers):
         for job in todo:
             yield job, function(*job)
         return
-    todo, flying = list(reversed(todo)), {}
+    todo = list(reversed(todo))
+    flying: dict = {}
     with pool(workers) as here:
         while todo or flying:
             while todo and len(flying) < AHEAD * workers:

@@ -5,6 +5,7 @@ the smallest largest error on the second grid itself. What exceeds a bound there
 """
 
 import json
+from typing import Any
 
 import numpy as np
 from scipy.optimize import linprog
@@ -50,7 +51,8 @@ def run(**_):
     """Return the tables of the stored fit; samples the second grid (seconds)."""
     held = json.loads(design_lpv.STORED.read_text(encoding="utf-8"))
     fit = held["fit"]
-    model = lpv_model.LpvModel(**{k: np.array(v) for k, v in held["model"].items()})
+    arrays: Any = {k: np.array(v) for k, v in held["model"].items()}
+    model = lpv_model.LpvModel(**arrays)
     samples = design_lpv.sample(design_lpv.grid(design_lpv.SECOND, offset=0.5))
     rows = entries(model, held["fixed"], samples)
     first = Table(

@@ -66,7 +66,8 @@ def bound(point, hz):
     """Return the physics bound [deg] of one segment's oscillation at `hz`, from the aircraft's own linear model."""
     p = POINTS[point]
     model = linearize(Flight.at(p["mass_t"], p["cg_pct"], p["altitude_ft"], cas_kt=p["cas_kt"]))
-    q = physics_bound.motion_per_degree(*model.block(STATES, SEGMENT, ("q",)), [hz])[:, 0, 0]
+    A, B, C, D = model.block(STATES, SEGMENT, ("q",))
+    q = physics_bound.motion_per_degree(A, B, C, D, [hz])[:, 0, 0]
     sigma = math.degrees(TRANSPORT["q"][1])
     return float(physics_bound.detectable_amplitude(q, sigma, frequencies_hz=[hz], sample_s=DT)[0])
 

@@ -15,7 +15,7 @@ from fdi.verdict import AMBIGUOUS
 
 DRAWS = 100
 WANTED = 95.0  # [% of the draws], with the learned offset
-OPTIONS = {
+OPTIONS: dict[str, dict] = {
     "force, learned offset": {},
     "force, no offset": {"t_learn": 0.0},
     "force+moment, learned offset": {"rows": "force+moment"},

@@ -3,6 +3,7 @@
 import functools
 import math
 from collections import Counter
+from typing import Any
 
 import numpy as np
 
@@ -129,7 +130,7 @@ def _scenarios():
     for number, truth in flights.TRUTH.items():
         names = ", then ".join(n for n, _ in truth)
         for i, label in enumerate(LABELS):
-            explain = {"reason": WHY[i], "evidence": "cosim reproduce mar10"}
+            explain: Any = {"reason": WHY[i], "evidence": "cosim reproduce mar10"}
             yield planned(
                 "mar10",
                 f"scenario {number} ({names}), {label}: draws with the right effectors in order [%]",
