@@ -62,13 +62,16 @@ class Setup:
             self.step_us[d.name] = best / repeats / len(x) * 1e6
 
 
-def _sensor_lanes(scenario, rng, dt):
-    """Return (lane names, PARAMS) of all sensors; constant errors of actuator sensors are drawn once, from `rng`."""
+def _sensor_lanes(scenario, nominal, rng, dt):
+    """Return (lane names, PARAMS) of all sensors; constant errors of actuator sensors are drawn once, from `rng`.
+
+    `nominal` has what relative units refer to (see `inject.Nominal`).
+    """
     scale, root = scenario.sensors.noise_scale, math.sqrt(0.005 / dt)  # sigma is per 5 ms sample
     names, rows = [], []
 
-    def add(lane, base, sigma, delay, bias=0.0, gain=1.0):
-        s = scenario.sensors.setting(base)
+    def add(lane, base, sigma, delay, bias=0.0, gain=1.0, tech=None):
+        s = scenario.sensors.setting(base, lambda unit: inject.sensor_unit(unit, base, tech, nominal))
         sigma = scale * root * sigma if s.sigma is None else s.sigma
         p = np.zeros(1, sensors.PARAMS)
         p["sigma"], p["bias"], p["scale"] = sigma, bias if s.bias is None else s.bias, s.scale or 0.0
@@ -97,6 +100,7 @@ def _sensor_lanes(scenario, rng, dt):
                 0.005,
                 bias=scale * spread * rng.uniform(-1.0, 1.0),
                 gain=parts.LEAD if name == "position" else 1.0,
+                tech=tech,
             )
     return tuple(names), np.concatenate(rows)
 
@@ -137,7 +141,8 @@ def build(scenario):
     rng_parts, rng_noise = (
         np.random.Generator(np.random.PCG64(s)) for s in np.random.SeedSequence(scenario.seed).spawn(2)
     )
-    sensor_lanes, sensor_p = _sensor_lanes(scenario, rng_parts, dt)
+    nominal = parts.nominal(dt)
+    sensor_lanes, sensor_p = _sensor_lanes(scenario, nominal, rng_parts, dt)
     loads = {seg: (t[f"de_{s}"], t[f"hm0_{s}"], t[f"hmd_{s}"]) for seg, s in wiring.SHORT.items()}
     others = {name: t[wiring.SURFACE_OF[name]] for name in wiring.OTHERS}
     built = parts.blocks(scenario, loads, others, dt)
@@ -148,7 +153,7 @@ def build(scenario):
         1.0 + HINGE_MODEL_ERROR[tech] * rng_parts.uniform(-1.0, 1.0) for tech in scenario.elevator.technology.values()
     ]
     hinge_p = hinge_model.design(sketch, trim, t, wiring.SHORT.values(), factors)
-    fault_lanes = inject.lanes(scenario, parts.nominal(dt))
+    fault_lanes = inject.lanes(scenario, nominal)
     chosen = detectors.chosen(scenario)
 
     sections = [

@@ -86,7 +86,8 @@ def _lane(j, technology, nominal):
         shape, field, source = SENSOR_SHAPES[j.kind]
         lane = j.name if j.place == "sensor" else f"{j.name}_{j.sensor}"
         prefix = "g" if j.path in ("observers", "monitor") else "f"
-        amplitude = 1.0 if math.isnan(j.magnitude) else j.magnitude * _sensor_factor(j, technology, nominal)
+        unit = sensor_unit(j.unit, j.sensor, technology.get(j.name), nominal)
+        amplitude = 1.0 if math.isnan(j.magnitude) else j.magnitude * unit
         places = [(f"sensors_in.{lane}.{prefix}_{field}", source)]
         if j.sensor == "current" and j.path == "loop" and j.place == "part_sensor":
             return _current_loop(j, name, lane, amplitude, places)
@@ -121,18 +122,18 @@ def _current_loop(j, name, lane, amplitude, places):
     return Lane(name, j.fault, _params(j, shape, amplitude), tuple(places))
 
 
-def _sensor_factor(j, technology, nominal):
-    """Return SI per unit of the injection for a sensor of an actuator; 1 for everything else."""
-    if j.unit == "of supply":
-        return 1.0
-    if j.unit == "Pa":
-        return 1.0 / nominal.supply
-    if j.unit == "of no-load speed":
+def sensor_unit(unit, sensor, tech, nominal):
+    """Return what one SI `unit`, or share of a nominal value, is in what `sensor` of an actuator of technology `tech`
+    reads; 1 for every other sensor.
+    """
+    if unit == "Pa":
+        return 1.0 / nominal.supply  # its own unit is the share of supply
+    if unit == "of no-load speed":
         return nominal.motor_speed
-    if j.unit == "of stall current":
+    if unit == "of stall current":
         return nominal.stall_current
-    if j.sensor in ("rod", "position") and j.unit.startswith("rad"):  # surface angle to rod travel
-        return nominal.arm[technology[j.name]]
+    if sensor in ("rod", "position") and unit.startswith("rad"):  # surface angle to rod travel
+        return nominal.arm[tech]
     return 1.0
 
 

@@ -102,3 +102,19 @@ def test_a_stabiliser_stands_wherever_the_trim_puts_it():
     assert setup.trim.stabilizer > math.radians(3.0)
     assert block.x["delta"][-1] == setup.trim.stabilizer
     assert (block.p["lo"][-1], block.p["hi"][-1]) == (low, high)
+
+
+@pytest.mark.parametrize(("sensor", "key", "value"), [
+    ("elevator.left_inner.rod", "bias_deg", 0.08), ("elevator.left_inner.rod", "bias_mm", 0.4),
+    ("elevator.right_inner.position", "bias_deg", 1.0), ("elevator.left_inner.pressure", "bias_mpa", 1.5),
+    ("elevator.right_inner.velocity", "bias_pct", 2.0), ("elevator.right_inner.current", "bias_pct", 2.0),
+    ("sensor.alpha", "bias_deg", 1.0),
+])  # fmt: skip
+def test_a_sensors_own_error_is_that_of_the_same_fault(sensor, key, value):
+    """Both may be given in the same units; what is injected was once the angle, read as metres."""
+    name = sensor.split(".")[-1]
+    faulty = build(scenario(**fault(0, sensor, "bias", 1.0, None, **{key: value})))
+    own = build(scenario(**{f"sensors__{name}__{key}": value}))
+    lane = faulty.lanes[0].places[0][0].split(".")[1]
+    bias = own.loop.sensors.p["bias"][own.loop.bus.lanes["sensors"].index(lane)]
+    assert bias == pytest.approx(faulty.lanes[0].p["amplitude"][0], rel=1e-12) and bias != 0.0

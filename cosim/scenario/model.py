@@ -117,7 +117,9 @@ class Elevator(_Table):
 
 @dataclass(frozen=True)
 class SensorSetting:
-    """A sensor's own deviations from its set, SI; None means as in the set. `scale` is the error (0 is exact)."""
+    """A sensor's own deviations from its set, in its own unit; None means as in the set. `scale` is the error (0 is
+    exact).
+    """
 
     sigma: float | None = None
     bias: float | None = None
@@ -151,11 +153,13 @@ class Sensors(_Table):
                     raise problem("is out of range", key=f"{name}.{key}", allowed=keys[key].range)
         return self
 
-    def setting(self, name):
-        """Return the SensorSetting of sensor `name`; a value given as a share ("of supply", ...) stays that share."""
+    def setting(self, name, own=lambda unit: 1.0):
+        """Return the SensorSetting of sensor `name`; `own(unit)` is what one SI `unit`, or share of a nominal value
+        ("of supply", ...), is in the sensor's own unit.
+        """
         table = (self.model_extra or {}).get(name, {})
         keys = _sensor_keys({**c.SENSORS, **c.PART_SENSORS}[name])
-        values = {k.split("_")[0]: v * keys[k].factor for k, v in table.items()}
+        values = {k.split("_")[0]: v * keys[k].factor * own(keys[k].si) for k, v in table.items()}
         if "scale" in values:
             values["scale"] -= 1.0
         return SensorSetting(**values)
