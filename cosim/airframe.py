@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from cosim.aero_functions import AeroFunctions, _lookup, _table, find, number
+from cosim.aero.functions import AeroFunctions, _lookup, _table, find, number
 from fdi.force_model import VARIABLES, ForceModel
 
 FOLDER = Path(__file__).resolve().parent.parent / "aircraft" / "transport"

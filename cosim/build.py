@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from actuators.block import bound, dtype
-from cosim import detectors, faults, hinge_model, inject, law, law_design, manoeuvre, parts, sensors, wiring
+from cosim import detectors, faults, hinge_model, inject, law, manoeuvre, parts, sensors, wiring
 from cosim.bus import Bus, route, route_add
 from cosim.errors import ScenarioError
 from cosim.history import History
+from cosim.law import design as law_design
 from cosim.linearize import linearize
 from cosim.pilot import steps
 from cosim.plant import SURFACES, TRUTH, Flight, Plant

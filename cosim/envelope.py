@@ -12,7 +12,7 @@ import math
 import pandas as pd
 
 from actuators import hydraulic, jay
-from cosim.campaign_pool import cores, pool
+from cosim.campaign.pool import cores, pool
 from cosim.errors import TrimError
 from cosim.plant import LIMITS, Flight, Plant
 from cosim.wiring import SHORT

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.log import LogWriter, Topic, fingerprint, open_log
-from cosim.replay_lanes import describe
+from cosim.replay.lanes import describe
 
 FOLDER = Path(__file__).resolve().parent.parent / "logs" / "golden"
 HYDRAULIC = ("iotsekf", "rtsekf", "rtsekf_flight", "position_monitor", "ofc_monitor")

@@ -6,8 +6,8 @@ import numpy as np
 
 import cosim
 from cosim.build import build
-from cosim.manoeuvre_study import POINTS
 from cosim.simulate import CHECK_EVERY, health
+from cosim.study.manoeuvres import POINTS
 from cosim.tick import tick
 
 LAW = ("de_cmd", "da_cmd", "dr_cmd", "stab_cmd", "throttle_cmd", "protection", "alpha_lim", "n_c")

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.aircraft_data import DIMENSIONAL, FLIGHT_CONDITIONS
-from cosim.aircraft_xml import MULTIPLIERS
+from cosim.aero.data import DIMENSIONAL, FLIGHT_CONDITIONS
+from cosim.aero.xml import MULTIPLIERS
 from cosim.flight import GYRATION2
 from cosim.linearize import linearize
 from cosim.plant import POINTS, Flight, Plant
@@ -170,7 +170,7 @@ def test_every_multiplier_acts(name):
 
 
 def test_files_on_disk_are_what_the_fit_makes():
-    command = [sys.executable, "-m", "cosim.aircraft_fit", "--check"]
+    command = [sys.executable, "-m", "cosim.aero.fit", "--check"]
     run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert run.returncode == 0, run.stdout + run.stderr
 

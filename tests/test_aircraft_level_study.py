@@ -1,4 +1,4 @@
-"""The quick parts of the study of the aircraft level; the whole is `python -m cosim.aircraft_level_study PART`."""
+"""The quick parts of the study of the aircraft level; the whole is `python -m cosim.study.aircraft_level PART`."""
 
 import json
 import math
@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cosim import train_rfafe
-from cosim.aircraft_level_study import PARTS, corners, jobs, lpv, ofc, redundancy, run, smallest, uncertain
-from cosim.aircraft_level_study.table import Table
 from cosim.campaign import run_many
+from cosim.study import train_rfafe
+from cosim.study.aircraft_level import PARTS, corners, jobs, lpv, ofc, redundancy, run, smallest, uncertain
+from cosim.study.aircraft_level.table import Table
 from fdi import bank
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from lu17_bench import DT, doublets, fly, inputs, roll
 
-from cosim.ema_bench import DEG, fly_bench, script, three_two_one_one
+from cosim.study.ema_bench import DEG, fly_bench, script, three_two_one_one
 from fdi import ema_kalman, ema_kalman_flight, iotsekf, ofc_monitor, position_monitor, rtsekf, rtsekf_flight
 
 BAD = ("nan", "dropped", "spikes", "frozen", "infinite")

@@ -12,11 +12,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cosim import campaign_pool
 from cosim.campaign import flatten, run_many
-from cosim.campaign_keep import choose
-from cosim.campaign_store import CampaignError, Store, load
-from cosim.campaign_worker import failed, run_id
+from cosim.campaign import pool as campaign_pool
+from cosim.campaign.keep import choose
+from cosim.campaign.store import CampaignError, Store, load
+from cosim.campaign.worker import failed, run_id
 from cosim.scenario import load_scenario
 
 FEW = '["iotsekf", "position_monitor"]'

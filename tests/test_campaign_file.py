@@ -17,11 +17,11 @@ from typer.testing import CliRunner
 
 from cosim import cli
 from cosim.campaign import EVALUATION_SEED, run_many
-from cosim.campaign_draw import draw, unit_cube
-from cosim.campaign_run import cluster, rerun
-from cosim.campaign_spec import builtin_campaigns, load_campaign
-from cosim.cli_campaign import nearest
-from cosim.design_rfafe import MANOEUVRES
+from cosim.campaign.draw import draw, unit_cube
+from cosim.campaign.run import cluster, rerun
+from cosim.campaign.spec import builtin_campaigns, load_campaign
+from cosim.cli.campaign import nearest
+from cosim.design.rfafe import MANOEUVRES
 from cosim.errors import CosimError
 
 SMALL = """
@@ -252,7 +252,7 @@ def test_a_row_that_does_not_repeat_is_said(written, tmp_path):
 def dask():
     """Two worker processes on loopback."""
     distributed = pytest.importorskip("distributed")
-    from cosim.campaign_pool import THREADS
+    from cosim.campaign.pool import THREADS
 
     os.environ.update(dict.fromkeys(THREADS, "1"))
     with distributed.LocalCluster(
@@ -287,7 +287,7 @@ def test_a_dask_worker_that_is_killed_loses_no_run(written, dask):
 
 def test_no_scheduler_is_one_line(monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("cosim.campaign_run.CONNECT_S", 0.2)
+    monkeypatch.setattr("cosim.campaign.run.CONNECT_S", 0.2)
     with pytest.raises(CosimError, match="dask scheduler"), cluster("tcp://127.0.0.1:9"):
         pass
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from cosim.campaign_pool import pool
-from cosim.campaign_search import POPULATION, SEARCH_SEED, search
-from cosim.campaign_worker import fly, run_id
+from cosim.campaign.pool import pool
+from cosim.campaign.search import POPULATION, SEARCH_SEED, search
+from cosim.campaign.worker import fly, run_id
 from cosim.errors import CosimError
 from cosim.scenario import load_scenario
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from cosim import campaign_speed
+from cosim.campaign import speed as campaign_speed
 from cosim.scenario import load_scenario
 
 FEW = [load_scenario("cruise", ["duration_s=1", "detectors.enabled=[]", f"seed={1_000_000 + i}"]) for i in range(3)]

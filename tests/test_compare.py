@@ -9,12 +9,12 @@ import pandas as pd
 import pytest
 from report_browser import CHROMIUM, use
 
-from cosim import compare_rows, coverage
-from cosim import compare_stats as stats
+from cosim import coverage
 from cosim.campaign import EVALUATION_SEED, run_many
 from cosim.cli import app
-from cosim.compare import CompareError, compare
-from cosim.compare_matrix import POINT, matrix
+from cosim.compare import CompareError, compare, stats
+from cosim.compare import rows as compare_rows
+from cosim.compare.matrix import POINT, matrix
 from cosim.report.compare_page import render
 from cosim.scenario import catalog as c
 from cosim.scenario import load_scenario

@@ -5,9 +5,9 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 from test_compare import hand_made
 
-from cosim import compare_readme, readme
-from cosim import compare_stats as stats
-from cosim.compare import Comparison
+from cosim import readme
+from cosim.compare import Comparison, stats
+from cosim.compare import readme as compare_readme
 from cosim.errors import OutputError
 from cosim.report.compare_picture import render
 

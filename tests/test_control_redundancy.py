@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cosim import airframe_wires
-from cosim.aero_functions import AeroFunctions, numbers_digest
+from cosim.aero.functions import AeroFunctions, numbers_digest
 from cosim.airframe import FOLDER, force_model
 from cosim.plant import POINTS, Plant
 from cosim.reproduce import mar10, mar10_flights

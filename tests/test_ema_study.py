@@ -4,7 +4,8 @@ import argparse
 
 import pytest
 
-from cosim import ema_flights, ema_parts, study
+from cosim import study
+from cosim.study import ema_flights, ema_parts
 
 PARTS = {p.name: p for p in ema_parts.parts()}
 

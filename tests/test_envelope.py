@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 import pytest
 from rich.console import Console
 
-from cosim.cli_envelope import shown
+from cosim.cli.envelope import shown
 from cosim.envelope import REASONS, STALL_MOMENT, reach, summary, trim_map
 from cosim.report import envelope_picture, envelope_report
 from cosim.report.envelope_maps import REASON

@@ -12,7 +12,7 @@ from cosim.detectors import TABLE, module
 from cosim.errors import LogError, ScenarioError
 from cosim.log import LogWriter, Topic, open_log
 from cosim.replay import replay
-from cosim.replay_lanes import manifest
+from cosim.replay.lanes import manifest
 from cosim.scenario import load_scenario
 from cosim.scenario.load import DEFAULT
 

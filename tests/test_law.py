@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from flown import FT, deg, fly, scenario
 
-from cosim import law, law_design, margins
+from cosim import law
+from cosim.law import design as law_design
+from cosim.law import margins
 from cosim.linearize import linearize
 from cosim.plant import POINTS, Flight, Plant
 

@@ -10,8 +10,8 @@ from log_samples import TOPICS, expected, same_bits, write
 from mcap.writer import CompressionType, Writer
 
 from cosim.errors import LogError
-from cosim.foreign import read_channels
 from cosim.log import foxglove
+from cosim.replay.foreign import read_channels
 
 
 @pytest.fixture

@@ -103,7 +103,7 @@ def test_a_sample_that_counts_twice_is_a_sample_that_is_there_twice():
 
 
 def test_the_weights_of_a_grid_are_those_of_the_trapezoidal_rule():
-    from cosim import design_lpv
+    from cosim.design import lpv as design_lpv
 
     w = design_lpv.volume(design_lpv.grid(3))
     assert len(w) == 81 and w.sum() == pytest.approx(2.0**4)  # two cells per parameter

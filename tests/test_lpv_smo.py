@@ -315,12 +315,12 @@ def test_the_stored_design_belongs_to_the_aircraft_and_holds_the_fit_to_its_boun
     """On 3^4 points between those of the fit: entries, modes. A41, A44 and dM/dV no affine function reaches."""
     import json
 
-    from cosim import design_lpv
+    from cosim.design import lpv as design_lpv
 
     assert design_lpv.check() == ""
     held = json.loads(design_lpv.STORED.read_text())
     fit, fixed = held["fit"], held["fixed"]
-    reported = {("A", 3, 0), ("A", 3, 3), ("A", 4, 3)}  # speed over alpha and speed; dM/dV: cosim.aircraft_level_study
+    reported = {("A", 3, 0), ("A", 3, 3), ("A", 4, 3)}  # speed over alpha and speed; dM/dV: cosim.study.aircraft_level
     for name in "ABCD":
         for place, error in np.ndenumerate(np.array(fit[name])):
             if not np.array(fixed[name])[place] and (name, *place) not in reported and np.isfinite(error):
@@ -351,7 +351,7 @@ def test_the_stored_design_finds_simultaneous_faults_on_its_own_plant(point):
 def test_a_design_for_another_aircraft_is_called_stale(tmp_path):
     import json
 
-    from cosim import design_lpv
+    from cosim.design import lpv as design_lpv
 
     held = json.loads(design_lpv.STORED.read_text())
     held["aircraft_sha256"] = "0" * 64

@@ -6,7 +6,8 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from cosim import lu17_loop, lu17_parts, lu17_study, train_lu17
+from cosim.study import lu17 as lu17_study
+from cosim.study import lu17_loop, lu17_parts, train_lu17
 
 CASES = {c.name: c for c in lu17_study.cases()}
 

@@ -1,6 +1,6 @@
 """Manoeuvres: what each is for happens, at every point, and nothing departs without a fault.
 
-`python -m cosim.manoeuvre_study` prints the tables of all of them.
+`python -m cosim.study.manoeuvres` prints the tables of all of them.
 """
 
 import math
@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from flown import FT, KT, deg, fly, scenario, wrapped
 
-from cosim import manoeuvre_study
-from cosim.manoeuvre_study import CORNERS, KINDS, POINTS, SIX, SLOW_KT
+from cosim.study import manoeuvres as manoeuvre_study
+from cosim.study.manoeuvres import CORNERS, KINDS, POINTS, SIX, SLOW_KT
 
 
 def pulled(point, **more):

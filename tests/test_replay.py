@@ -5,11 +5,11 @@ import pytest
 from replay_flight import fly
 
 import cosim
-from cosim.bench_log import log_costs
+from cosim.bench.log import log_costs
 from cosim.errors import LogError
 from cosim.log import open_log
 from cosim.replay import ReplayError, lanes, replay, run
-from cosim.replay_write import Overlay
+from cosim.replay.write import Overlay
 
 
 @pytest.fixture(scope="module")

@@ -12,12 +12,12 @@ from mcap.writer import Writer
 import cosim
 from cosim import detectors
 from cosim.log import open_log
-from cosim.map_signals import signal_of
 from cosim.replay import replay
-from cosim.replay_lanes import manifest
-from cosim.replay_map import diagnose
-from cosim.replay_params import ReplayError
-from cosim.resample import resample, ticks
+from cosim.replay.lanes import manifest
+from cosim.replay.map import diagnose
+from cosim.replay.map_signals import signal_of
+from cosim.replay.params import ReplayError
+from cosim.replay.resample import resample, ticks
 
 EXAMPLE = Path(__file__).parent / "data" / "foreign_map.toml"
 POINT = "[flight]\nmass_t = 200.0\ncg_pct = 30.0\naltitude_ft = 20000.0\ncas_kt = 290.0\n"

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
+from cosim.design.rfafe_flights import estimate
 from cosim.reproduce import sun13
-from cosim.rfafe_flights import estimate
 
 
 def test_designs_agree():

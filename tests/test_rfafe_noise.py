@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from cosim import rfafe_noise
-from cosim.design_rfafe import DEG
-from cosim.rfafe_flights import estimate, record
+from cosim.design import rfafe_noise
+from cosim.design.rfafe import DEG
+from cosim.design.rfafe_flights import estimate, record
 from fdi.rfafe_store import read
 
 LEFT = tuple(f"left_{place}_{part}" for place in ("outer", "inner") for part in ("surface", "rod", "pressure"))

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from cosim.errors import CosimError, ScenarioError
-from cosim.map_file import load_map
+from cosim.replay.map_file import load_map
 from cosim.scenario import builtin_names, load_scenario, parse
 from cosim.scenario import catalog as c
 from cosim.scenario.inventory import inventory

@@ -78,7 +78,7 @@ class Contents:
             raise ValueError("a log has one header, and it comes first")
         if kind is Header:
             if record.library != LIBRARY or record.profile:
-                raise ValueError(f"written by {record.library!r}, not {LIBRARY!r}; cosim.foreign reads such files")
+                raise ValueError(f"written by {record.library!r}, not {LIBRARY!r}; cosim.replay.foreign reads it")
         elif kind is Schema:
             if record.id != len(self.schemas) + 1 or len(self.schemas) != len(self.channels):
                 raise ValueError(f"schema {record.id} is out of order or defined again")

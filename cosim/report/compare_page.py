@@ -1,6 +1,6 @@
 """The page of a comparison: summary, levels, coverage, maps, delays, false alarms, confusion, sweeps, cost, flights."""
 
-from cosim import compare_stats as stats
+from cosim.compare import stats
 from cosim.report import compare_tables as tables
 from cosim.report import compared
 from cosim.report.compare_words import summary

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cosim import coverage
-from cosim.compare_stats import ALPHA
+from cosim.compare.stats import ALPHA
 from cosim.report.envelope_maps import STOPS, colour
 from cosim.report.page import text
 
@@ -16,7 +16,7 @@ LEAST = -3  # octaves of a mm: what achieves less, a signal in place of a drive 
 def render(rows, thresholds):
     """Return the SVG text: share of oscillations seen over achieved amplitude and frequency, a panel per detector.
 
-    `rows` as of cosim/compare_rows.py; `thresholds` of compare_stats.equal_thresholds set all detectors to the same
+    `rows` as of cosim/compare/rows.py; `thresholds` of compare_stats.equal_thresholds set all detectors to the same
     run-level false-alarm probability; one that never judged there sees nothing.
     """
     ofc = rows[rows["frequency_hz"].notna() & (rows["amplitude_mm"] > 0.0) & rows["concerned"]]

@@ -1,7 +1,7 @@
 """Tables of a comparison: levels, detectors, coverage, confusion, flights."""
 
-from cosim import compare_stats as stats
 from cosim import coverage
+from cosim.compare import stats
 from cosim.flown import finite
 from cosim.report.page import table, text
 

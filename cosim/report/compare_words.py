@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from cosim import compare_stats as stats
 from cosim import coverage
+from cosim.compare import stats
 from cosim.report.page import text
 from cosim.report.words import article
 

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from cosim import compare_stats as stats
 from cosim import metrics
+from cosim.compare import stats
 from cosim.coverage import DESIGNED
 from cosim.flown import finite
 from cosim.report.figure import COLOURS, DASHES, Figure, axis, base, grid, packed, place, style_axis

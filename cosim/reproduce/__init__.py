@@ -64,7 +64,7 @@ def one(name):
 
 
 def _cores():
-    from cosim.campaign_pool import cores
+    from cosim.campaign.pool import cores
 
     return cores()
 

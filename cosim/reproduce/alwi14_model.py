@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from cosim import design_lpv
+from cosim.design import lpv as design_lpv
 from cosim.reproduce.row import judged, ours
 from fdi import lpv_smo, lpv_smo_design
 

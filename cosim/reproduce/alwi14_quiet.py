@@ -7,7 +7,8 @@ import math
 import numpy as np
 from scipy.signal import lfilter
 
-from cosim import airframe_wires, design_lpv
+from cosim import airframe_wires
+from cosim.design import lpv as design_lpv
 from cosim.linearize import linearize
 from cosim.plant import Flight
 from cosim.reproduce.alwi14_flights import DEG, EVIDENCE, NAMES, POINTS, SENSIBLE, UNITS, fly_point, nonlinear

@@ -13,14 +13,14 @@ import math
 
 import numpy as np
 
-from cosim.design_rfafe import DEG, DT, MANOEUVRES, POINT, RANK_E, SEGMENTS, sine
+from cosim.design.rfafe import DEG, DT, MANOEUVRES, POINT, RANK_E, SEGMENTS, sine
+from cosim.design.rfafe_flights import MODULES, estimate, record
 from cosim.linearize import linearize
 from cosim.plant import Flight
 from cosim.reproduce.row import Planned as planned
 from cosim.reproduce.row import judged, ours
-from cosim.rfafe_flights import MODULES, estimate, record
 from cosim.sensors import PARTS, TRANSPORT
-from cosim.train_rfafe import POINTS
+from cosim.study.train_rfafe import POINTS
 from fdi import rfafe_airframe
 from fdi.rfafe_store import read
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from cosim.design_rfafe import DEG
+from cosim.design.rfafe import DEG
+from cosim.design.rfafe_flights import estimate, record
 from cosim.reproduce import sun13
 from cosim.reproduce.drawing import Curve, Drawing, Panel
-from cosim.rfafe_flights import estimate, record
 
 KINDS = (("ofc_liquid", "liquid", "figure 3", "figure 6", 0.016), ("ofc_solid", "solid", "figure 4", "figure 7", 0.033))
 

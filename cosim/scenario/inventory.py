@@ -1,6 +1,6 @@
 """Everything a scenario can name, as plain data for `cosim list` and for programs."""
 
-from cosim.campaign_spec import builtin_campaigns, load_campaign
+from cosim.campaign.spec import builtin_campaigns, load_campaign
 from cosim.scenario import catalog as c
 from cosim.scenario.load import DEFAULT, builtin_names, load_scenario
 from cosim.scenario.manoeuvre import KINDS

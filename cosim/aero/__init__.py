@@ -1,0 +1,1 @@
+"""The aircraft's aerodynamics: published data, the fit to them, and the JSBSim files that hold it."""

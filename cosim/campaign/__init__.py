@@ -1,0 +1,190 @@
+"""Many flights: process-parallel or on a cluster, one row per run and detector lane, resumable after a kill.
+
+    result = run_many(scenarios, workers=2, out="logs/mine")      # result.frame, result.parquet, result.failed
+
+Columns of runs.parquet (and `result.frame`), one row per run x detector lane; a run without a result has one row:
+
+    run, order, lane        id (hash of the expanded scenario), position in the campaign, of the lane in the run
+    <keys of the scenario>  of CORE, of faults, and every one that varies: flight.mass_t, faults.0.frequency_hz, ...
+    label.<name>            names of grid points, where the campaign gives any
+    status, error           completed, departed, diverged | infeasible (no trim), error (with its text), crashed
+                            (its process died); error also says why a flight departed
+    sim_time_s              flown time
+    id, level, target       detector, "local" or "aircraft", what it watches ("elevator.left_inner", "aircraft")
+    concerned               a fault is this lane's to find: on its own actuator; any fault for an aircraft-level one
+    alarm, detected_at_s    any alarm in the run; first alarm that rises after the onset (healthy lane: first alarm)
+    delay_s, delay_periods  from the onset; null when missed or not concerned
+    isolated_class/_target  last verdict while the alarm stood
+    false_alarms            alarms that rise outside every fault that concerns the lane (and 2 s after its end)
+    r_max_before            largest |r| before the first fault of the flight; over all of it when fault-free
+    r_max_after             largest |r| from that onset on, null when fault-free; |r| >= 1 is beyond the threshold
+    estimate_rmse, _bias, _max, _unit    error of the estimate after settling (cosim/estimate.py), or null
+    rod_mm, surface_deg, travel_pct      achieved peak against the twin flight, largest of the faulted segments
+    amplitude_mm, amplitude_deg          achieved amplitude of an oscillation, by least squares (cosim/achieved.py)
+    kept                    rules by which the run's log was kept (logs/<run>.mcap), comma-separated, or empty
+
+timing.parquet holds what a clock measured, and never repeats: run, id, wall_time_s, startup_s, step_us.
+
+**Seeds.** Thresholds are trained on seeds below EVALUATION_SEED, everything that is reported flies on seeds from there
+on: a campaign's seeds start there unless it says otherwise.
+"""
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from cosim.campaign.pool import outcomes
+from cosim.campaign.store import CampaignError, Store
+from cosim.campaign.worker import run_id
+
+EVALUATION_SEED = 1_000_000
+CORE = (
+    "seed",
+    "duration_s",
+    "flight.mass_t",
+    "flight.cg_pct",
+    "flight.altitude_ft",
+    "flight.turbulence",
+    "manoeuvre.kind",
+)
+FLUSH_S, FLUSH_RUNS = 2.0, 16  # finished runs are safe on disk after at most that
+
+
+@dataclass(frozen=True)
+class CampaignResult:
+    """What a campaign came to: all rows, timings, the Parquet file (None without a folder), and counts of runs."""
+
+    frame: pd.DataFrame
+    timing: pd.DataFrame
+    parquet: Path | None
+    done: int  # runs with a row
+    failed: int  # of these, without a flight: infeasible, error or crashed
+    resumed: int  # of these, found in the folder
+
+    def to_dict(self):
+        """Return the JSON of `cosim campaign`."""
+        counts = {"done": self.done, "failed": self.failed, "resumed": self.resumed}
+        return {"parquet": str(self.parquet) if self.parquet else None, **counts}
+
+
+def run_many(
+    scenarios,
+    *,
+    workers=None,
+    out=None,
+    resume=True,
+    keep=None,
+    executor=None,
+    progress=None,
+    achieved=True,
+    labels=None,
+):
+    """Fly `scenarios` (Scenario objects; equal ones once) and return a CampaignResult.
+
+    `workers` processes, by default one per core, 0 for this process; or any concurrent.futures `executor`. `out` is the
+    folder of rows; with `resume` what it holds is not flown again. `keep` maps rules of `campaign_keep` to how many
+    logs each may keep per detector. `progress(done, total)` counts runs. `achieved` flies a twin for every run with an
+    elevator fault. `labels` is a list of dicts beside the scenarios, for columns label.<name>. Raises CampaignError,
+    OutputError; an error of a flight is a row.
+    """
+    runs, named = _runs(scenarios, labels)
+    store = Store(out, table(runs, named), resume=resume)
+    resumed = len(store.finished)
+    todo = [(run, scenario) for run, scenario in runs.items() if run not in store.finished]
+    _fly(todo, store, progress, len(runs), workers=workers, executor=executor, achieved=achieved)
+    frame = store.rows()
+    frame["kept"] = _kept(frame, keep, runs, store.out)
+    parquet = store.consolidate(frame)
+    by_run = frame.drop_duplicates("run")
+    failed = int(by_run["status"].isin(("infeasible", "error", "crashed")).sum())
+    return CampaignResult(frame, store.timing(), parquet, len(by_run), failed, resumed)
+
+
+def _runs(scenarios, labels):
+    """Return ({run: Scenario}, labels in the same order); equal scenarios once."""
+    runs, named = {}, []
+    scenarios = list(scenarios)
+    for scenario, label in zip(scenarios, labels or [{}] * len(scenarios), strict=True):
+        run = run_id(scenario)
+        if run not in runs:
+            runs[run] = scenario
+            named.append(label)
+    if not runs:
+        raise CampaignError("has no run", place="campaign")
+    return runs, named
+
+
+def _fly(todo, store, progress, total, **how):
+    """Fly `todo`; rows reach the store every FLUSH_RUNS runs or FLUSH_S seconds, and whatever happens at the end."""
+    rows, timing, waiting, since, done = [], [], 0, time.monotonic(), total - len(todo)
+    try:
+        for _, new, measured in outcomes(todo, **how):
+            rows += new
+            timing += measured
+            waiting, done = waiting + 1, done + 1
+            if waiting >= FLUSH_RUNS or time.monotonic() - since > FLUSH_S:
+                store.add(rows, timing)
+                rows, timing, waiting, since = [], [], 0, time.monotonic()
+            if progress:
+                progress(done, total)
+    finally:
+        store.add(rows, timing)
+
+
+def _kept(frame, keep, runs, out):
+    """Choose runs by the rules `keep`, fly them again with a log in `out`/logs; return the column `kept`."""
+    if not keep or out is None:
+        return ""
+    from cosim.campaign.keep import choose
+    from cosim.simulate import simulate
+
+    chosen = choose(frame, keep)
+    (out / "logs").mkdir(exist_ok=True)
+    for run in chosen:
+        path = out / "logs" / f"{run}.mcap"
+        if not path.exists():
+            part = path.with_suffix(".part")
+            simulate(runs[run], log=part, timed=False)
+            part.replace(path)
+    return frame["run"].map(lambda run: ",".join(chosen.get(run, ())))
+
+
+def table(runs, labels=None):
+    """Return the frame run, order, toml, label.*, and the keys of CORE and those that vary, of {run: Scenario}."""
+    flat = [flatten(s.model_dump(mode="python", exclude_none=True, exclude={"title"})) for s in runs.values()]
+    keys = dict.fromkeys(k for row in flat for k in row)
+    varying = [k for k in keys if k in CORE or len({row.get(k) for row in flat}) > 1 or k.startswith("faults.")]
+    out = pd.DataFrame(
+        {"run": list(runs), "order": range(len(runs)), "toml": [s.expanded_toml() for s in runs.values()]}
+    )
+    for name in dict.fromkeys(k for row in labels or () for k in row):
+        out[f"label.{name}"] = _typed([row.get(name) for row in labels or ()])
+    columns = {k: [row.get(k) for row in flat] for k in varying}
+    return pd.concat([out, pd.DataFrame({k: _typed(v) for k, v in columns.items()})], axis=1)
+
+
+def flatten(node, path=""):
+    """Return {"flight.mass_t": 200.0, "faults.0.kind": ...} of nested dicts and lists; a list of words is one text."""
+    if isinstance(node, dict):
+        items = list(node.items())
+    elif isinstance(node, list | tuple) and node and isinstance(node[0], dict):
+        items = [(str(i), v) for i, v in enumerate(node)]
+    elif isinstance(node, list | tuple):
+        return {path: ",".join(map(str, node))} if node else {}
+    else:
+        return {path: node}
+    return {k: v for key, value in items for k, v in flatten(value, f"{path}.{key}" if path else key).items()}
+
+
+def _typed(values):
+    """Return a column of one type: numbers (null is NaN), or text."""
+    given = [v for v in values if v is not None]
+    if all(isinstance(v, bool) for v in given):
+        return pd.array(values, dtype="boolean")
+    if all(isinstance(v, int) for v in given) and len(given) == len(values):
+        return pd.array(values, dtype="int64")
+    if all(isinstance(v, int | float) for v in given):
+        return pd.array([float("nan") if v is None else float(v) for v in values], dtype="float64")
+    return pd.array([None if v is None else str(v) for v in values], dtype="str")

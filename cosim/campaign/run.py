@@ -1,0 +1,110 @@
+"""Fly a campaign file: its scenarios, where the workers are, a single run again.
+
+A Dask cluster on one laptop is two commands (pip install 'cosim-fdi[cluster]'), then --scheduler tcp://127.0.0.1:8786:
+
+    dask scheduler --host 127.0.0.1
+    dask worker tcp://127.0.0.1:8786 --nworkers auto --nthreads 1
+
+On several machines every worker needs the same version of this package and of its libraries: rows are only comparable
+when the code is. Rows go through the machine that flies the campaign; nothing is written by a worker.
+"""
+
+import json
+import math
+from contextlib import contextmanager
+from pathlib import Path
+
+from cosim.campaign import run_many
+from cosim.campaign.spec import load_campaign
+from cosim.campaign.store import CampaignError, fingerprint, load
+from cosim.campaign.worker import fly, run_id
+from cosim.errors import did_you_mean
+
+CONNECT_S = 20.0  # to a scheduler, and until it has a worker
+
+
+def run_campaign(campaign, *, workers=None, scheduler=None, out=None, resume=False, progress=None):
+    """Fly the campaign of a built-in name or file and return a CampaignResult; `out` defaults to logs/<name>.
+
+    `scheduler` is the address of a Dask scheduler ("tcp://127.0.0.1:8786"). Raises CampaignError, ScenarioError.
+    """
+    made = load_campaign(campaign)
+    scenarios, labels = made.scenarios()
+    options = {
+        "out": out or folder(campaign),
+        "resume": resume,
+        "keep": made.keep,
+        "progress": progress,
+        "labels": labels,
+    }
+    if scheduler is None:
+        return run_many(scenarios, workers=workers, **options)
+    with cluster(scheduler) as (executor, threads):
+        return run_many(scenarios, executor=executor, workers=workers or threads, **options)
+
+
+def folder(campaign):
+    """Return the default folder of a campaign: logs/<name>."""
+    return Path("logs") / Path(str(campaign)).stem
+
+
+@contextmanager
+def cluster(address):
+    """Open (executor, number of threads) of the Dask scheduler at `address`; CampaignError when it does not answer."""
+    try:
+        from distributed import Client
+    except ImportError:
+        remedy = "Install the extra: pip install 'cosim-fdi[cluster]'"
+        raise CampaignError("Dask is not installed", place="--scheduler", remedy=remedy) from None
+    try:
+        client = Client(address, timeout=CONNECT_S, set_as_default=False)
+    except (OSError, TimeoutError, ValueError) as error:
+        remedy = "Start one: `dask scheduler` and `dask worker tcp://127.0.0.1:8786 --nworkers auto --nthreads 1`"
+        said = f"no scheduler answers there: {error}" if str(error) else "no scheduler answers there"
+        raise CampaignError(said, place=f"--scheduler {address}", remedy=remedy) from None
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=CONNECT_S)
+        except TimeoutError:
+            remedy = f"Start some: `dask worker {address} --nworkers auto --nthreads 1`"
+            raise CampaignError("the scheduler has no worker", place=f"--scheduler {address}", remedy=remedy) from None
+        yield client.get_executor(pure=False), sum(client.nthreads().values())
+
+
+def rerun(campaign, run, *, out=None):
+    """Fly run `run` of a campaign again with a log; return (scenario, Result, repeats, same_code).
+
+    `repeats` tells whether every detector's row in the campaign's folder is the same again, `same_code` whether the
+    folder was flown with this code, these designs and libraries; both are None when the folder has no row of it. Raises
+    CampaignError when no run has this id.
+    """
+    from cosim.simulate import simulate
+
+    scenarios, _ = load_campaign(campaign).scenarios()
+    runs = {run_id(s): s for s in scenarios}
+    if run not in runs:
+        near = did_you_mean(run, runs)
+        raise CampaignError("no run of this campaign has this id", place=f"--rerun {run}", remedy=near)
+    home = Path(out or folder(campaign))
+    log = home / "logs" / f"{run}.mcap"
+    log.parent.mkdir(parents=True, exist_ok=True)
+    result = simulate(runs[run], log=log)
+    return runs[run], result, *_repeats(home, run, runs[run])
+
+
+def _repeats(home, run, scenario):
+    if not (home / "runs.parquet").is_file():
+        return None, None
+    stored = load(home)[0]
+    stored = stored[stored["run"] == run].sort_values("lane").to_dict("records")
+    if not stored:
+        return None, None
+    rows, _ = fly(run, scenario, bool(stored[0]["rod_mm"] == stored[0]["rod_mm"]))
+    same = len(rows) == len(stored) and all(_same(a[k], b[k]) for a, b in zip(rows, stored) for k in a)
+    return same, json.loads((home / "campaign.json").read_text(encoding="utf-8")) == fingerprint()
+
+
+def _same(a, b):
+    """Tell whether a fresh and a stored value are equal; nothing, NaN and null are the same."""
+    missing = [x is None or (isinstance(x, float) and math.isnan(x)) for x in (a, b)]
+    return all(missing) or (not any(missing) and bool(a == b))

@@ -1,0 +1,229 @@
+"""The campaign file: a base scenario, a grid, draws; every mistake is a CampaignError or ScenarioError with its place.
+
+    title = "..."
+    base = "liquid-ofc"             # built-in scenario or file (beside the campaign file)
+    runs = 10                       # draws per point of the grid, default 1
+    sampling = "latin_hypercube"    # or "random"
+    seed = 1                        # of the draws; the flights' own seeds are first_seed, first_seed + 1, ...
+    first_seed = 1000000            # unless grid or draw set `seed`; from 1000000 on seeds are for evaluation
+
+    [set]                           # on top of the base, for every run
+    duration_s = 30.0
+    [grid]                          # factorial: every value with every other, the last key changes fastest
+    "faults.0.frequency_hz" = [0.5, 1, 2]
+    point = [{ name = "A", "flight.mass_t" = 260.0, "flight.cg_pct" = 28.0 }, ...]    # several keys at once; any word
+    [draw]                          # distributions: cosim/campaign/draw.py
+    "flight.mass_t" = { low = 200, high = 300 }
+    "tolerances.aero.*" = { mean = 1.0, sigma = 0.02 }    # every coefficient on its own
+    [[part]]                        # if any: the campaign is its parts, each with all of the above and its own on top
+    name = "jams"                   # column label.part
+    set = { "faults.0.kind" = "jam_solid" }
+    grid = { ... }                  # also draw, runs
+    [keep]                          # logs of the worst runs per rule and detector: cosim/campaign/keep.py
+    missed = 1
+
+Keys are those of a scenario, as with --set. A table's `name` becomes the column label.<key>.
+"""
+
+import itertools
+import json
+import math
+import tomllib
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+
+from cosim.campaign import EVALUATION_SEED
+from cosim.campaign.draw import draw, unit_cube
+from cosim.campaign.keep import RULES
+from cosim.campaign.store import CampaignError
+from cosim.errors import CosimError, did_you_mean
+from cosim.scenario import load_scenario, parse
+from cosim.scenario.override import apply
+from cosim.scenario.tolerance import toleranced
+
+MOST = 1_000_000  # runs; more is a slip of a grid
+TYPES = {
+    "title": str, "base": str, "runs": int, "sampling": str, "seed": int, "first_seed": int,
+    "set": dict, "grid": dict, "draw": dict, "keep": dict, "part": list,
+}  # fmt: skip
+OF_A_PART = ("name", "runs", "set", "grid", "draw")
+
+
+@dataclass(frozen=True)
+class Part:
+    """A grid with draws over one base."""
+
+    base: dict  # tables of the scenario, `set` applied
+    name: str = ""
+    runs: int = 1
+    grid: dict = field(default_factory=dict)
+    draw: dict = field(default_factory=dict)
+
+    def values(self, sampling, seed):
+        """Yield ({key or label: value of the grid or draw}, labels) of every run."""
+        points = list(itertools.product(*self.grid.values()))
+        cube = unit_cube(len(points) * self.runs, len(self.draw), sampling=sampling, seed=seed)
+        for i, u in enumerate(cube):
+            chosen = dict(zip(self.grid, points[i // self.runs]))
+            chosen |= {key: one(q) for (key, one), q in zip(self.draw.items(), u)}
+            yield chosen, {"part": self.name} if self.name else {}
+
+    def __len__(self):
+        return math.prod(map(len, self.grid.values())) * self.runs
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A campaign as written, checked but for the scenarios that it makes."""
+
+    name: str
+    parts: tuple
+    title: str = ""
+    sampling: str = "latin_hypercube"
+    seed: int = 1
+    first_seed: int = EVALUATION_SEED
+    keep: dict = field(default_factory=dict)
+
+    def __len__(self):
+        return sum(map(len, self.parts))
+
+    def scenarios(self):
+        """Return (scenarios, labels): every run, in order. Raises ScenarioError for one that cannot be."""
+        if len(self) > MOST:
+            raise CampaignError(f"has {len(self)} runs", place=self.name, allowed=f"1 to {MOST}")
+        made: list = []
+        labels = []
+        for i, part in enumerate(self.parts):
+            for chosen, label in part.values(self.sampling, self.seed + i):
+                n = len(made)
+                if "seed" not in chosen:  # one that is drawn comes after the grid's, and wins
+                    chosen = {"seed": self.first_seed + n} | chosen
+                scenario, names = scenario_of(part.base, chosen, f"{self.name}, run {n}")
+                made.append(scenario)
+                labels.append(label | names)
+        return made, labels
+
+
+def scenario_of(base, chosen, place):
+    """Return (Scenario, {label: name}) of `base` with `chosen` keys; a table sets several, and perhaps has a name."""
+    pairs: list = []  # in order: a later kind drops the numbers of an earlier one
+    names = {}
+    for key, value in chosen.items():
+        several = dict(value) if isinstance(value, dict) else {key: value}
+        if isinstance(value, dict) and "name" in several:
+            names[key] = several.pop("name")
+        pairs += several.items()
+    try:
+        return parse(apply(base, [f"{k}={json.dumps(v)}" for k, v in pairs]), place=place), names
+    except CosimError as error:
+        error.place = error.place if error.place.startswith(place) else f"{place}: {error.place}".replace("--set ", "")
+        raise
+
+
+def builtin_campaigns():
+    """Return the names of the built-in campaigns, sorted."""
+    folder = resources.files("cosim").joinpath("campaigns")
+    return sorted(p.name[:-5] for p in folder.iterdir() if p.name.endswith(".toml"))
+
+
+def load_campaign(name_or_path):
+    """Return the Campaign of a built-in name or a TOML file. Raises CampaignError, ScenarioError."""
+    name, folder, text = _read(str(name_or_path))
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise CampaignError(f"not valid TOML: {error}", place=name) from None
+    _keys(table, TYPES, name)
+    return _checked(name, folder, table)
+
+
+def _keys(table, known, place):
+    if not isinstance(table, dict):
+        raise CampaignError("is no table", place=place)
+    for key, value in table.items():
+        if key not in known:
+            near = did_you_mean(key, known)
+            raise CampaignError(f"unknown key {key!r}", place=place, allowed=", ".join(known), remedy=near)
+        kind = TYPES.get(key, str)
+        if not isinstance(value, kind) or isinstance(value, bool):
+            word = {str: "text", int: "whole number", dict: "table", list: "list of tables"}[kind]
+            raise CampaignError(f"{key} is no {word}", place=place)
+
+
+def _checked(name, folder, table):
+    if table.get("sampling", "random") not in ("random", "latin_hypercube"):
+        raise CampaignError(f"sampling = {table['sampling']!r}", place=name, allowed="random, latin_hypercube")
+    for key in ("seed", "first_seed"):
+        if not 0 <= table.get(key, 0) < 2**31 - MOST:
+            raise CampaignError(f"{key} = {table[key]}", place=name, allowed=f"0 to {2**31 - MOST - 1}")
+    for rule, count in table.get("keep", {}).items():
+        if rule not in RULES:
+            near = did_you_mean(rule, RULES)
+            raise CampaignError("is no rule", place=f"{name}: keep.{rule}", allowed=", ".join(RULES), remedy=near)
+        if isinstance(count, bool) or not isinstance(count, int) or not 0 < count <= 100:
+            raise CampaignError(f"{count!r} is no number of logs", place=f"{name}: keep.{rule}", allowed="1 to 100")
+    base = _base(table.get("base", "cruise"), folder)
+    parts = []
+    for i, own in enumerate(table.get("part", [{}])):
+        place = f"{name}: part {own['name']!r}" if isinstance(own, dict) and "name" in own else f"{name}: part {i}"
+        parts.append(_part(base, table, own, place if "part" in table else name))
+    kept = {k: v for k, v in table.items() if k in ("title", "sampling", "seed", "first_seed", "keep")}
+    return Campaign(name=name, parts=tuple(parts), **kept)
+
+
+def _part(base, table, own, place):
+    """Return a Part: what the campaign says for all, and its `own` on top; the common grid changes slowest."""
+    _keys(own, OF_A_PART, place)
+    runs = own.get("runs", table.get("runs", 1))
+    if not 1 <= runs <= MOST:
+        raise CampaignError(f"runs = {runs}", place=place, allowed=f"1 to {MOST}")
+    constant, grid, draws = ({**table.get(k, {}), **own.get(k, {})} for k in ("set", "grid", "draw"))
+    for key, values in grid.items():
+        if not isinstance(values, list) or not values:
+            raise CampaignError("is no list of values", place=f"{place}: grid.{key}")
+    drawn: dict = {}
+    for key, value in sorted(draws.items(), key=lambda item: not item[0].endswith("*")):  # a key itself wins over *
+        drawn |= dict.fromkeys(_every(key, place), draw(value, f"{place}: draw.{key}"))
+    for key in grid.keys() & drawn.keys():
+        raise CampaignError("is drawn and in the grid", place=f"{place}: {key}")
+    tables = apply(base, [f"{k}={json.dumps(v)}" for k, v in constant.items()])
+    return Part(tables, own.get("name", ""), runs, grid, drawn)
+
+
+def _every(key, place):
+    """Return the keys that a trailing .* stands for: tolerances.aero.*, .hydraulic.*, .ema.*"""
+    group, star = key.removesuffix(".*").removeprefix("tolerances."), key.endswith(".*")
+    if not star:
+        return [key]
+    if group not in ("aero", "hydraulic", "ema") or not key.startswith("tolerances."):
+        allowed = "tolerances.aero.*, tolerances.hydraulic.*, tolerances.ema.*"
+        raise CampaignError("* stands for nothing here", place=f"{place}: draw.{key}", allowed=allowed)
+    return [f"tolerances.{group}.{name}" for name in toleranced(group)]
+
+
+def _base(base, folder):
+    """Return the tables of the base scenario as written, so that defaults that follow from other keys still follow."""
+    beside = folder / base if folder else Path(base)
+    found = beside if beside.is_file() else Path(base)
+    load_scenario(str(found))  # says what is wrong with the base itself
+    if found.is_file():
+        return tomllib.loads(found.read_text(encoding="utf-8-sig"))
+    return tomllib.loads(resources.files("cosim").joinpath("scenarios", f"{base}.toml").read_text(encoding="utf-8"))
+
+
+def _read(name):
+    """Return (name, folder of the file or None, text)."""
+    builtin = resources.files("cosim").joinpath("campaigns", f"{name}.toml")
+    if "/" not in name and "." not in name and builtin.is_file():
+        return name, None, builtin.read_text(encoding="utf-8")
+    path = Path(name)
+    try:
+        return name, path.parent, path.read_bytes().decode("utf-8-sig")
+    except FileNotFoundError:
+        near = did_you_mean(name, builtin_campaigns()) or f"Built in: {', '.join(builtin_campaigns())}"
+        raise CampaignError("no built-in campaign and no file of this name", place=name, remedy=near) from None
+    except IsADirectoryError:
+        raise CampaignError("is a folder, not a campaign file", place=name) from None
+    except UnicodeDecodeError as error:
+        raise CampaignError(f"is not UTF-8 text (byte {error.start})", place=name) from None

@@ -1,0 +1,217 @@
+"""The folder of a campaign: rows as they come, one consolidated Parquet file, safe against `kill -9` at any moment.
+
+    scenarios.parquet   run, order, toml and every key that varies: written first
+    campaign.json       versions and the digest of everything that flies: rows of two of them never mix
+    parts/              rows and timing of a few finished runs per file, each appears by an atomic rename
+    runs.parquet        one row per run and detector lane, sorted, with the scenario's columns: the result
+    timing.parquet      what a clock measured; never the same twice, so it stands apart
+    logs/<run>.mcap     logs that were kept
+
+Rows come in any order and may be there twice when a campaign was killed between two files; `rows()` drops the second.
+"""
+
+import functools
+import hashlib
+import json
+import os
+from pathlib import Path
+
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from actuators.block import closure
+from cosim.errors import CosimError, OutputError
+
+ROWS = pa.schema(
+    [
+        ("run", pa.string()),
+        ("lane", pa.int32()),
+        ("status", pa.string()),
+        ("error", pa.string()),
+        ("sim_time_s", pa.float64()),
+        ("id", pa.string()),
+        ("level", pa.string()),
+        ("target", pa.string()),
+        ("concerned", pa.bool_()),
+        ("alarm", pa.bool_()),
+        ("detected_at_s", pa.float64()),
+        ("delay_s", pa.float64()),
+        ("delay_periods", pa.float64()),
+        ("isolated_class", pa.string()),
+        ("isolated_target", pa.string()),
+        ("false_alarms", pa.int32()),
+        ("r_max_before", pa.float64()),
+        ("r_max_after", pa.float64()),
+        ("estimate_rmse", pa.float64()),
+        ("estimate_bias", pa.float64()),
+        ("estimate_max", pa.float64()),
+        ("estimate_unit", pa.string()),
+        ("rod_mm", pa.float64()),
+        ("surface_deg", pa.float64()),
+        ("travel_pct", pa.float64()),
+        ("amplitude_mm", pa.float64()),
+        ("amplitude_deg", pa.float64()),
+    ]
+)
+TIMING = pa.schema(
+    [
+        ("run", pa.string()),
+        ("id", pa.string()),
+        ("wall_time_s", pa.float64()),
+        ("startup_s", pa.float64()),
+        ("step_us", pa.float64()),
+    ]
+)
+FLYING = ("actuators", "fdi", "aircraft")  # with what cosim.simulate imports: what decides about a row
+
+
+class CampaignError(CosimError):
+    """A campaign that cannot be read, started or resumed."""
+
+
+@functools.cache
+def fingerprint():
+    """Return {digest, versions} of everything that decides about a row: sources, designs, aircraft, libraries."""
+    from importlib.metadata import version
+
+    root, digest = Path(__file__).resolve().parents[2], hashlib.sha256()
+    files = {p for name in FLYING for p in (root / name).rglob("*") if p.suffix in (".py", ".json", ".npz", ".xml")}
+    files |= closure(root / "cosim" / "simulate.py") | set((root / "cosim" / "scenario").glob("*.py"))
+    for path in sorted(files):
+        digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
+    versions = {name: version(name) for name in ("jsbsim", "numpy", "scipy", "numba")}
+    return {"digest": digest.hexdigest()[:16], "versions": versions}
+
+
+class Store:
+    """Rows of a campaign in memory, and in a folder when there is one."""
+
+    def __init__(self, out, scenarios, *, resume=True):
+        """Open folder `out` (None for memory only) for `scenarios`, a frame with run, order, toml, ...
+
+        Raises CampaignError when the folder holds rows and `resume` is false, or rows of other code; OutputError when
+        it cannot be written.
+        """
+        self.out: Path | None = Path(out) if out else None
+        self.scenarios = scenarios
+        self._rows: list[dict] = []
+        self._timing: list[dict] = []
+        self.finished: set[str] = set()
+        if self.out:
+            self._open(self.out, resume)
+
+    def _open(self, out, resume):
+        here = fingerprint()
+        about = out / "campaign.json"
+        try:
+            (out / "parts").mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(
+                f"cannot be written: {error.strerror}", place=str(out), remedy="Choose another place with -o"
+            ) from None
+        found = _read(out, "rows")
+        if found is not None and not resume:
+            raise CampaignError(
+                f"holds {found['run'].nunique()} runs already",
+                place=str(out),
+                remedy="Add --resume, or choose another place with -o",
+            )
+        if found is not None and about.is_file() and json.loads(about.read_text(encoding="utf-8")) != here:
+            raise CampaignError(
+                "its rows were flown with other code, designs or libraries",
+                place=str(out),
+                remedy="Choose another place with -o",
+            )
+        if found is not None:
+            wanted = set(self.scenarios["run"])
+            self.finished = set(found["run"]) & wanted
+        _replace(about, lambda p: p.write_text(json.dumps(here, indent=1), encoding="utf-8"))
+        write(out / "scenarios.parquet", pa.Table.from_pandas(self.scenarios, preserve_index=False))
+
+    def add(self, rows, timing):
+        """Take the rows and timings of some finished runs; they are safe when this returns."""
+        if self.out and rows:
+            name = hashlib.sha256("".join(sorted({r["run"] for r in rows})).encode()).hexdigest()[:16]
+            write(self.out / "parts" / f"timing-{name}.parquet", pa.Table.from_pylist(timing, TIMING))
+            write(self.out / "parts" / f"rows-{name}.parquet", pa.Table.from_pylist(rows, ROWS))
+        else:
+            self._rows += rows
+            self._timing += timing
+
+    def rows(self):
+        """Return every row as a frame, in the order of the scenarios, with the scenario's columns."""
+        found = _read(self.out, "rows") if self.out else pa.Table.from_pylist(self._rows, ROWS).to_pandas()
+        return _joined(self.scenarios, ROWS.empty_table().to_pandas() if found is None else found)
+
+    def timing(self):
+        """Return what the clock measured: run, id (null for the whole run), wall_time_s, startup_s, step_us."""
+        found = _read(self.out, "timing") if self.out else pa.Table.from_pylist(self._timing, TIMING).to_pandas()
+        return (TIMING.empty_table().to_pandas() if found is None else found).drop_duplicates(["run", "id"])
+
+    def consolidate(self, frame):
+        """Write `frame` to runs.parquet and the timings to timing.parquet; merge the parts into one file each."""
+        if not self.out:
+            return None
+        write(self.out / "runs.parquet", _table(frame))
+        write(self.out / "timing.parquet", pa.Table.from_pandas(self.timing(), TIMING, preserve_index=False))
+        for kind in ("timing", "rows"):
+            parts = sorted((self.out / "parts").glob(f"{kind}-*.parquet"))
+            if len(parts) > 1:
+                name = hashlib.sha256("".join(p.name for p in parts).encode()).hexdigest()[:16]
+                merged = self.out / "parts" / f"{kind}-{name}.parquet"
+                write(merged, pa.concat_tables([pq.read_table(p) for p in parts]))
+                for p in parts:
+                    if p != merged:
+                        p.unlink()
+        return self.out / "runs.parquet"
+
+
+def _joined(scenarios, found):
+    about = scenarios.drop(columns="toml")
+    merged = about.merge(found.drop_duplicates(["run", "lane"]), on="run", how="inner")
+    return merged.sort_values(["order", "lane"], kind="stable").reset_index(drop=True)
+
+
+def _read(out, kind):
+    """Return all parts of a kind as one frame, None without a part."""
+    parts = sorted((out / "parts").glob(f"{kind}-*.parquet"))
+    return pa.concat_tables([pq.read_table(p) for p in parts]).to_pandas() if parts else None
+
+
+def _table(frame):
+    """Return the frame as a table with the types of ROWS: a column without a value keeps its type."""
+    table = pa.Table.from_pandas(frame, preserve_index=False)
+    for field in ROWS:
+        i = table.schema.get_field_index(field.name)
+        if i >= 0:
+            table = table.set_column(i, field, table.column(i).cast(field.type))
+    return table
+
+
+def write(path, table):
+    """Write a Parquet file that is there completely or not at all."""
+    _replace(path, lambda p: pq.write_table(table, p, compression="zstd"))
+
+
+def _replace(path, make):
+    part = path.with_name(f".{path.name}.{os.getpid()}")
+    make(part)
+    with part.open("rb") as file:
+        os.fsync(file.fileno())
+    part.replace(path)
+
+
+def load(folder):
+    """Return (rows, timing) of a campaign folder as frames: of one that was killed, what was finished by then.
+
+    Raises CampaignError when the folder holds no finished run.
+    """
+    folder = Path(folder)
+    if (folder / "runs.parquet").is_file():
+        timing = folder / "timing.parquet"
+        return pd.read_parquet(folder / "runs.parquet"), pd.read_parquet(timing) if timing.is_file() else None
+    found = _read(folder, "rows")
+    if found is None:
+        raise CampaignError("holds no run of a campaign", place=str(folder), remedy="`cosim campaign` makes one")
+    return _joined(pd.read_parquet(folder / "scenarios.parquet"), found).assign(kept=""), _read(folder, "timing")

@@ -1,0 +1,5 @@
+"""Run the command line: python -m cosim.cli."""
+
+from cosim.cli import main
+
+main()

@@ -1,0 +1,311 @@
+"""The command line: parses, prints, exits. The work is in functions that a notebook can call.
+
+Exit status: 0 good (an alarm or a departed flight is a result), 1 a difference or a failed criterion, 2 bad input,
+130 interrupted.
+With --json one JSON object goes to standard output and nothing else; what goes wrong is one line on standard error.
+"""
+
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from typer.core import TyperGroup
+
+from cosim.cli import envelope as cli_envelope
+from cosim.cli import many as cli_many
+from cosim.cli import study as cli_study
+from cosim.cli import tables
+from cosim.cli.output import JsonOption, reserve
+from cosim.errors import CosimError, OutputError
+
+WIDE = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 110  # a pipe has no width: do not fold its tables
+out, err = Console(width=WIDE), Console(stderr=True)
+
+
+class _Group(TyperGroup):
+    """Every error of a user becomes one line on standard error and exit status 2; Ctrl-C becomes 130."""
+
+    def invoke(self, ctx):
+        try:
+            return super().invoke(ctx)
+        except CosimError as error:
+            text = str(error)
+        except BrokenPipeError:
+            raise  # the reader of a pipe went away: click ends quietly
+        except OSError as error:
+            text = f"{error.filename}: {error.strerror}" if error.filename else str(error.strerror or error)
+        except KeyboardInterrupt:
+            err.print("[yellow]interrupted[/]")
+            ctx.exit(130)
+        err.print(f"[bold red]error:[/] {tables.escape(text)}", soft_wrap=True, highlight=False)
+        ctx.exit(2)
+
+
+app = typer.Typer(
+    cls=_Group,
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+ScenarioArg = Annotated[
+    str, typer.Argument(metavar="[SCENARIO]", help="Built-in name (see [b]cosim list[/]) or TOML file.")
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", "-s", metavar="KEY=VALUE", help="Change a key: [b]--set faults.0.frequency_hz=3[/]. Repeatable."
+    ),
+]
+DEFAULT = "liquid-ofc"
+
+
+def _version(wanted: bool):
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"cosim {version('cosim-fdi')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+):
+    """Fly a transport aircraft with physical elevator actuators, break something, and see which fault detector notices.
+
+    Start with [b]cosim run[/]; [b]cosim list[/] shows what there is to fly.
+    """
+
+
+@app.command()
+def run(
+    scenario: ScenarioArg = DEFAULT,
+    set_: SetOption = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="LOG", help="Log file. Default: logs/<scenario>.mcap..", show_default=False
+        ),
+    ] = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 when the flight departs.")] = False,
+    report: Annotated[bool, typer.Option("--report", help="Write an HTML report beside the log.")] = False,
+    json_: JsonOption = False,
+):
+    """Fly a scenario, log everything, and show who alarmed, when, and what it isolated."""
+    from cosim.scenario import load_scenario
+
+    flown = load_scenario(scenario, set_ or ())
+    path = output or Path("logs") / f"{Path(scenario).stem}.mcap"
+    reserve(path, taken=scenario)
+    for line in flown.warnings():
+        err.print(f"[yellow]note:[/] {tables.escape(line)}", soft_wrap=True, highlight=False)
+    from cosim.simulate import simulate
+
+    waiting = "preparing (the first run on a machine compiles for about half a minute)"
+    with tables.progress(err, f"flying {Path(scenario).stem}", waiting=waiting) as progress:
+        result = simulate(flown, log=path, progress=progress, achieved=True)
+    found = result.to_dict()
+    if report:
+        from cosim.report import flight_report
+
+        found["report"] = str(flight_report(path, path.with_suffix(".html")))
+    if json_:
+        print(json.dumps(found, allow_nan=False))
+    else:
+        out.print(tables.run(found, flown))
+        if report:
+            out.print(f"report {tables.escape(found['report'])}", soft_wrap=True, highlight=False)
+    if found["status"] == "interrupted":
+        raise typer.Exit(130)
+    if strict and found["status"] != "completed":
+        raise typer.Exit(1)
+
+
+@app.command(name="list")
+def list_(json_: JsonOption = False):
+    """Show scenarios, manoeuvres, kinds of fault and their targets, and detectors."""
+    from cosim.scenario.inventory import inventory
+
+    found = inventory()
+    if json_:
+        print(json.dumps(found))
+    else:
+        out.print(tables.inventory(found))
+
+
+@app.command()
+def info(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="A log written by [b]cosim run[/].", show_default=False)],
+    scenario: Annotated[
+        bool, typer.Option("--scenario", help="Print the log's scenario as TOML, ready to fly again.")
+    ] = False,
+    json_: JsonOption = False,
+):
+    """Say what a log holds and whether it is complete."""
+    from cosim.log_info import log_info
+
+    found = log_info(log)
+    if json_:
+        print(json.dumps(found, allow_nan=False))
+    elif scenario:
+        print(found["scenario"], end="")
+    else:
+        out.print(tables.info(found))
+
+
+@app.command()
+def linearize(
+    scenario: ScenarioArg = DEFAULT,
+    set_: SetOption = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Write A, B, C, D to .npz or .mat.", show_default=False),
+    ] = None,
+    json_: JsonOption = False,
+):
+    """Trim at a scenario's flight point and show the modes of the bare airframe; write A, B, C, D."""
+    from cosim.scenario import load_scenario
+
+    flown = load_scenario(scenario, set_ or ())
+    if output:
+        reserve(output, taken=scenario, endings=(".npz", ".mat"))
+    from cosim.linearize import linearize as work
+    from cosim.point import plant_flight
+
+    model = work(plant_flight(flown))
+    if output:
+        try:
+            model.save(output)
+        except OSError as error:
+            raise OutputError(
+                f"cannot write the model: {error.strerror}",
+                place=str(output),
+                remedy="Free some space or choose another place with -o",
+            ) from None
+    found = {**model.to_dict(), **({"file": str(output)} if output else {})}
+    if json_:
+        print(json.dumps(found, allow_nan=False))
+    else:
+        out.print(tables.linear(found, flown))
+
+
+@app.command()
+def bench(
+    rounds: Annotated[int, typer.Option("--rounds", min=3, help="Rounds of interleaved timing.")] = 15,
+    memory: Annotated[bool, typer.Option("--memory/--no-memory", help="Fly ten minutes for the peak memory.")] = True,
+    json_: JsonOption = False,
+):
+    """Measure what a tick costs, how fast a run starts and how much memory it takes."""
+    from cosim.bench import bench as work
+
+    with tables.progress(err, "measuring", unit="") as progress:
+        found = work(rounds=rounds, memory=memory, progress=progress)
+    if json_:
+        print(json.dumps(found, allow_nan=False))
+    else:
+        out.print(tables.bench(found))
+
+
+LogArg = Annotated[Path, typer.Argument(metavar="LOG", help="A log of [b]cosim run[/].", show_default=False)]
+
+
+@app.command()
+def replay(
+    log: LogArg,
+    detectors: Annotated[
+        str | None, typer.Option("--detectors", metavar="A,B", help="Only these detectors.", show_default=False)
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", "-s", metavar="DETECTOR.PARAMETER=VALUE", help="What if: change a parameter. Repeatable."
+        ),
+    ] = None,
+    start: Annotated[
+        float, typer.Option("--from", metavar="T", min=0.0, help="Start in the middle, at T seconds.")
+    ] = 0.0,
+    map_: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="MAP.toml", help="Diagnose a foreign CSV, Parquet or MCAP by this map (README)."),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="LOG", help="Write old and new outputs to a log.", show_default=False),
+    ] = None,
+    json_: JsonOption = False,
+):
+    """Run the detectors of a log again and compare bit for bit. Exit status 0: exact, 1: different."""
+    from cosim.cli import replay as cli_replay
+
+    chosen = [name.strip() for name in detectors.split(",") if name.strip()] if detectors is not None else None
+    if output:
+        reserve(output, taken=log)
+    from cosim.replay.params import overrides
+
+    if map_:
+        from cosim.replay.map import diagnose
+
+        told = diagnose(
+            log, map_, detectors=chosen, overrides=overrides(set_ or ()), start_s=start, output=output
+        ).to_dict()
+        if json_:
+            print(json.dumps(told, allow_nan=False))
+        else:
+            out.print(cli_replay.diagnosis(told))
+        return
+    from cosim.replay import replay as work
+
+    with tables.progress(err, "replaying") as progress:
+        found = work(
+            log, detectors=chosen, overrides=overrides(set_ or ()), start_s=start, output=output, progress=progress
+        )
+    if json_:
+        print(json.dumps(found.to_dict(), allow_nan=False))
+    else:
+        out.print(cli_replay.replay(found.to_dict(), detection=chosen is not None or bool(set_)))
+    raise typer.Exit(0 if found.exact else 1)
+
+
+@app.command()
+def recover(
+    log: LogArg,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="LOG", help="Default: LOG with .recovered before its ending.", show_default=False
+        ),
+    ] = None,
+    json_: JsonOption = False,
+):
+    """Make a readable log of what a kill, a full disk or a damaged disk has left of one, and say what is lost."""
+    from cosim.cli import replay as cli_replay
+    from cosim.log import recover as work
+
+    path = output or log.with_suffix(f".recovered{log.suffix}")
+    reserve(path, taken=log)
+    found = work(log, path)
+    if json_:
+        print(json.dumps(found, allow_nan=False))
+    else:
+        out.print(cli_replay.recover(found))
+
+
+for part in (cli_envelope, cli_study, cli_many):
+    part.add(app, out, err)
+
+
+def main():
+    """Run the command line."""
+    app(prog_name="cosim")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

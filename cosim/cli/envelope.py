@@ -1,0 +1,72 @@
+"""The command that maps the envelope."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Group
+from rich.text import Text
+
+from cosim.cli import tables
+from cosim.cli.output import JsonOption, reserve
+
+
+def add(app, out, err):
+    """Add `envelope` to the command line `app`; `out` and `err` are its consoles."""
+
+    @app.command()
+    def envelope(
+        output: Annotated[
+            Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of page, picture and table.")
+        ] = Path("logs/envelope"),
+        workers: Annotated[
+            int | None, typer.Option("--workers", min=1, help="Processes. Default: one per core.", show_default=False)
+        ] = None,
+        json_: JsonOption = False,
+    ):
+        """Map where the aircraft trims, over mass, CG, altitude and speed, why not elsewhere, where actuators stall."""
+        from cosim.envelope import summary, trim_map
+
+        paths = {key: output / f"envelope.{ending}" for key, ending in
+                 (("report", "html"), ("picture", "svg"), ("table", "csv"))}  # fmt: skip
+        for path in paths.values():
+            reserve(path)
+        with tables.progress(err, "trimming", unit="points", waiting="preparing the workers") as progress:
+            trims = trim_map(workers=workers, progress=progress)
+        from cosim.report import envelope_picture, envelope_report
+
+        found = summary(trims)
+        envelope_report(trims, found, paths["report"])
+        envelope_picture(trims, paths["picture"])
+        trims.to_csv(paths["table"], index=False, float_format="%.6g")
+        found |= {key: str(path) for key, path in paths.items()}
+        if json_:
+            print(json.dumps(found, allow_nan=False))
+        else:
+            out.print(shown(found))
+
+
+def shown(found):
+    """Return the table of an envelope from its plain data."""
+    columns = ("points", "kt CAS", "Mach", "up to ft", "alpha deg", "stabiliser deg", "throttle %")
+    t = tables.table("", "mass", *(f"{name}>" for name in columns))
+    for m in found["masses"]:
+        t.add_row(
+            f"{m['mass_t']:.0f} t", str(m["trimmed"]), _span(m["cas_kt"], 0), _span(m["mach"], 2),
+            f"{m['highest_ft']:.0f}", _span(m["alpha_deg"], 1), _span(m["stabilizer_deg"], 1),
+            _span([100.0 * v for v in m["throttle"]], 0),
+        )  # fmt: skip
+    why = ", ".join(f"{n} {name}" for name, n in found["reasons"].items())
+    lines = [f"{found['trimmed']} of {found['points']} points trim; the others: {why}"]
+    for technology, ways in found["stalls"].items():
+        said = [f"{way} everywhere" if at["from_kt"] is None else
+                f"{way} below {at['from_kt']:.0f} kt CAS (beyond: {abs(at['reach_deg']):.1f} deg at worst)"
+                for way, at in ways.items()]  # fmt: skip
+        lines.append(f"{technology}: full elevator {', '.join(said)}")
+    lines += [f"{key:<8}{found[key]}" for key in ("report", "picture", "table")]
+    return Group(t, *(Text(line) for line in lines))
+
+
+def _span(values, digits):
+    return f"{values[0]:.{digits}f} to {values[1]:.{digits}f}"

@@ -1,0 +1,102 @@
+"""Commands about the detectors' grounds: the papers' experiments and the stored designs."""
+
+import csv
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cosim.cli import tables
+from cosim.cli.output import JsonOption, reserve
+
+
+def add(app, out, err):
+    """Add `reproduce` and `design` to the command line `app`; `out` and `err` are its consoles."""
+
+    @app.command()
+    def reproduce(
+        paper: Annotated[
+            str, typer.Argument(metavar="[PAPER]", help="lu17, jay, sun13, mar10, alwi14 or all.")
+        ] = "all",
+        output: Annotated[
+            Path | None,
+            typer.Option(
+                "--output",
+                "-o",
+                metavar="FILE",
+                help="Page (.html; default: logs/reproduce-<paper>.html), or the rows alone (.csv, .json).",
+                show_default=False,
+            ),
+        ] = None,
+        readme: Annotated[
+            Path | None,
+            typer.Option("--readme", metavar="FILE", help="Write the table between its markers.", show_default=False),
+        ] = None,
+        workers: Annotated[
+            int | None, typer.Option("--workers", min=1, help="Processes. Default: one per core.", show_default=False)
+        ] = None,
+        json_: JsonOption = False,
+    ):
+        """Repeat the papers' own experiments: paper says, we get, verdict. Exit status 1 when a row differs."""
+        from cosim.reproduce import chosen, counts
+        from cosim.reproduce import reproduce as work
+
+        chosen(paper)
+        page = output if output and output.suffix == ".html" else Path("logs") / f"reproduce-{paper}.html"
+        for path, endings in ((output, (".html", ".csv", ".json")), (page, ())):
+            if path:
+                reserve(path, endings=endings)
+        with tables.progress(err, f"reproducing {paper}", unit="papers", waiting="preparing") as progress:
+            rows, drawings = work(paper, progress=progress, workers=workers)
+        from cosim.report import reproduction_report
+
+        found = {"counts": counts(rows), "report": str(reproduction_report(rows, drawings, page))}
+        found["rows"] = [asdict(r) for r in rows]
+        if readme:
+            from cosim.reproduce.readme import write
+
+            write(readme, rows)
+        if output and output != page:
+            with open(output, "w", newline="", encoding="utf-8") as file:
+                if output.suffix == ".json":
+                    json.dump(found, file, indent=1)
+                else:
+                    writer = csv.DictWriter(file, list(found["rows"][0]))
+                    writer.writeheader()
+                    writer.writerows(found["rows"])
+        if json_:
+            print(json.dumps(found, allow_nan=False))
+        else:
+            out.print(tables.reproduced(found))
+            out.print(f"report {tables.escape(found['report'])}", soft_wrap=True, highlight=False)
+        if found["counts"]["differs"]:
+            raise typer.Exit(1)
+
+    @app.command()
+    def design(
+        names: Annotated[
+            list[str] | None, typer.Argument(metavar="[DESIGN]…", help="Designs to make; default: all.")
+        ] = None,
+        check: Annotated[
+            bool, typer.Option("--check", help="Only say whether the stored designs belong to this aircraft.")
+        ] = False,
+        json_: JsonOption = False,
+    ):
+        """Make the detectors' stored designs anew from the aircraft that flies, or check them (exit 1: stale)."""
+        from cosim import design as work
+
+        chosen = names or list(work.DESIGNS)
+        for name in chosen:
+            work.known(name)
+        if not check:
+            for name in chosen:
+                work.build(name, progress=lambda text: err.print(text, soft_wrap=True, highlight=False))
+        found = {name: work.check(name) for name in chosen}
+        if json_:
+            print(json.dumps({"designs": found, "ok": not any(found.values())}))
+        else:
+            out.print(tables.designs({name: (work.DESIGNS[name].what, problem) for name, problem in found.items()}))
+        if any(found.values()):
+            raise typer.Exit(1)

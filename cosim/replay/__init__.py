@@ -1,0 +1,196 @@
+"""Run the detectors of a log again, from nothing but the file, and compare bit for bit.
+
+What each detector consumed is in the log (cosim/replay/lanes.py). Replay feeds it through the same `rollout` and
+compares every logged value as integers, so that NaN equals itself and -0 differs from 0. With changed parameters it
+tells, and writes, what would have been.
+"""
+
+import math
+import tomllib
+from contextlib import nullcontext
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cosim.log import open_log
+from cosim.replay.lanes import describe, fill, lanes, pieces, run, topics
+from cosim.replay.params import ReplayError, check_start
+from cosim.replay.write import Overlay
+from cosim.result import Watch, judge, judged, plain
+
+__all__ = ["Difference", "Replay", "ReplayError", "compare", "lanes", "pieces", "replay", "run"]
+SPAN = 4000  # ticks read and replayed at once: bounds the memory
+VERDICT = ("alarm", "verdict", "culprit", "r")
+
+
+@dataclass
+class Difference:
+    """One field that is not as logged."""
+
+    field: str
+    count: int
+    first_tick: int
+    max_abs: float
+
+
+@dataclass
+class Replay:
+    """What a replay found: `exact` only where something was compared and nothing differs."""
+
+    log: str
+    rows: int = 0  # ticks replayed, over all lanes
+    values: int = 0  # values compared
+    skipped: int = 0  # rows that follow a gap of the log, up to the next whole state
+    dt: float = 0.0
+    differences: list = field(default_factory=list)
+    changed: dict = field(default_factory=dict)  # {detector: {parameter: value}}: then differences are expected
+    detectors: list = field(default_factory=list)  # detection metrics, logged and replayed
+    output: str | None = None
+
+    @property
+    def exact(self):
+        return self.values > 0 and not self.differences
+
+    def to_dict(self):
+        """Return what `cosim replay --json` prints."""
+        return plain(
+            {
+                "log": self.log,
+                "exact": self.exact,
+                "rows": self.rows,
+                "values": self.values,
+                "skipped": self.skipped,
+                "dt_s": self.dt,
+                "changed": self.changed,
+                "differences": [vars(d) for d in self.differences],
+                "detectors": self.detectors,
+                "output": self.output,
+            }
+        )
+
+
+def compare(name, fields, ticks, logged, again):
+    """Return the Differences of two (rows, fields) arrays, bit for bit."""
+    wrong = np.ascontiguousarray(logged).view(np.int64) != np.ascontiguousarray(again).view(np.int64)
+    if not wrong.any():
+        return []
+    out = []
+    for j in np.flatnonzero(wrong.any(axis=0)):
+        rows = np.flatnonzero(wrong[:, j])
+        with np.errstate(invalid="ignore", over="ignore"):
+            gap = np.abs(logged[rows, j] - again[rows, j])
+        largest = math.nan if np.isnan(gap).all() else float(np.nanmax(gap))
+        out.append(Difference(f"{name}.{fields[j]}", len(rows), int(ticks[rows[0]]), largest))
+    return out
+
+
+def replay(path, *, detectors=None, overrides=None, start_s=0.0, output=None, progress=None):
+    """Replay the log at `path` and return a Replay.
+
+    `detectors` chooses some; `overrides` {detector: {parameter: value}} asks what would have been; `start_s` begins
+    at the last whole state before that time; `output` writes a log with the old topics and, under /replay, the new
+    ones. Raises LogError, ReplayError.
+    """
+    check_start(start_s)
+    if str(path).lower().endswith((".csv", ".parquet")):
+        raise ReplayError("is a table, no log", place=str(path), remedy="--map says which columns detectors read")
+    log = open_log(path)
+    wired = describe(log, detectors, overrides)
+    members = [_Member(log, w) for w in wired]
+    tick = max(0, round(start_s * 1e9 / log.dt_ns))
+    with Overlay(log, wired, output) if output else nullcontext() as overlay:
+        for a, b in _spans(log, wired, tick):
+            read = log.arrays(None if overlay else topics(log, wired), a, b)
+            new = [m.replay(lane, tick) for m, lane in zip(members, fill(log, wired, a, b, read))]
+            if overlay:
+                overlay.append(read, new, a, b)
+            if progress:
+                progress(min(b, log.n_ticks) * log.dt_ns / 1e9, log.n_ticks * log.dt_ns / 1e9)
+    result = Replay(str(path), dt=log.dt_ns * 1e-9, changed=overrides or {}, output=str(output) if output else None)
+    result.rows = sum(m.rows for m in members)
+    result.values = sum(m.values for m in members)
+    result.skipped = sum(m.skipped for m in members)
+    if not result.values:
+        raise _nothing(log, path, tick)
+    result.differences = sorted((d for m in members for d in m.differences.values()), key=lambda d: d.first_tick)
+    faults = _faults(log)
+    result.detectors = [m.judge(faults) for m in members]
+    return result
+
+
+def _nothing(log, path, tick):
+    if tick and log.spans and tick >= sum(log.spans[-1]):
+        return ReplayError(
+            "there is nothing to compare: the log ends before that time",
+            place=str(path),
+            allowed=f"--from below {sum(log.spans[-1]) * log.dt_ns / 1e9:g} s",
+        )
+    return ReplayError(
+        "there is nothing to compare: the log holds no detector outputs",
+        place=str(path),
+        remedy="Fly the scenario with detectors.enabled set",
+    )
+
+
+def _spans(log, wired, tick):
+    """Yield (start, stop) of the ticks that are replayed together, from the last whole states up to `tick` on."""
+    if not log.spans or not wired:
+        return
+    held = [log.ticks(w.hidden, 0, tick + 1)[-1:] for w in wired if w.hidden in log.topics]
+    begin = min((int(k[0]) if len(k) else 0 for k in held), default=0)
+    for a in range(begin, sum(log.spans[-1]), SPAN):
+        yield a, a + SPAN
+
+
+class _Member:
+    """Replay one lane span after span: carry its state, count, compare, and keep what a verdict needs."""
+
+    def __init__(self, log, w):
+        self.w, self.dt, self.differences = w, log.dt_ns * 1e-9, {}
+        self.fields = log.topics[w.topic].fields
+        self.hidden = log.topics[w.hidden].fields if w.hidden in log.topics else ()
+        self.columns = [self.fields.index(n) for n in VERDICT]
+        self.rows = self.values = self.skipped = 0
+        self.history = np.zeros((2, -(-sum(log.spans[-1]) // w.every) if log.spans else 0, len(VERDICT)), np.float32)
+
+    def replay(self, lane, tick):
+        """Return the new outputs (rows, n) of a lane's span; NaN where it could not or should not be replayed."""
+        out, w = np.full(lane.logged.shape, np.nan), self.w
+        places = lane.ticks // w.every
+        self.history[:, places] = lane.logged[:, self.columns]
+        done = 0  # rows from `tick` on
+        for piece in pieces(lane, tick):
+            again, (at, states), w.x = run(piece, self.dt)
+            w.at = int(piece.ticks[-1]) + w.every
+            first = int(np.searchsorted(lane.ticks, piece.ticks[0]))
+            rows = slice(first, first + len(again))
+            out[rows] = again
+            self.history[1, places[rows]] = again[:, self.columns]
+            self.rows += len(again)
+            done += int(np.count_nonzero(piece.ticks >= tick))
+            self._compare(w.topic, self.fields, piece.ticks, piece.logged, again)
+            held = lane.states[1][np.isin(lane.states[0], at)]
+            self._compare(w.hidden, self.hidden, at, held, states)
+        self.skipped += int(np.count_nonzero(lane.ticks >= tick)) - done
+        return out
+
+    def _compare(self, name, fields, ticks, logged, again):
+        self.values += again.size
+        for d in compare(name, fields, ticks, logged, again):
+            old = self.differences.setdefault(d.field, Difference(d.field, 0, d.first_tick, d.max_abs))
+            old.count += d.count
+            old.max_abs = float(np.fmax(old.max_abs, d.max_abs))
+
+    def judge(self, faults):
+        """Return the lane's detection metrics, as logged and as replayed."""
+        w = self.w
+        watch = Watch(w.id, w.level, w.target, w.module.CULPRITS, *range(len(VERDICT)))
+        old, new = (judge(watch, h, self.dt * w.every, faults) for h in self.history)
+        return {"id": w.id, "level": w.level, "target": w.target, "logged": old, "replayed": new}
+
+
+def _faults(log):
+    """Return the faults of the flight as `judge` wants them."""
+    from cosim.scenario import parse
+
+    return judged(parse(tomllib.loads(log.attachments["scenario.toml"].decode())))

@@ -1,0 +1,240 @@
+"""Diagnose foreign data: map its channels to the detectors' inputs, run every detector whose inputs are complete,
+name what is missing.
+
+A detector's inputs are wired to names of our bus (cosim/detectors.py); a map file (cosim/replay/map_file.py) says which
+channel stands for each.
+"""
+
+import json
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from cosim import detectors as table
+from cosim.log import LogWriter, Topic, viewer_layouts
+from cosim.replay.foreign import read_channels
+from cosim.replay.lanes import Lane, flat, run
+from cosim.replay.map_file import load_map
+from cosim.replay.map_signals import channels_of, check, sampled, si_unit, signal_of, slow
+from cosim.replay.params import ReplayError, check_start, chosen_overrides, override
+from cosim.replay.resample import ticks
+from cosim.result import Watch, judge, plain
+from cosim.units import unit
+
+MOST_TICKS = 4_000_000  # five and a half hours at 200 Hz: all inputs of a recording are in memory
+VERDICT = ("alarm", "verdict", "culprit", "r")
+
+
+@dataclass
+class Diagnosis:
+    """What the detectors say about a recording; `not_run` names the missing signals of the others."""
+
+    recording: str
+    map: str
+    rate_hz: int
+    start_s: float  # of the first tick, in the recording's time
+    duration_s: float
+    signals: list = field(default_factory=list)
+    detectors: list = field(default_factory=list)
+    not_run: list = field(default_factory=list)
+    caveats: list = field(default_factory=list)  # sentences
+    output: str | None = None
+
+    def to_dict(self):
+        """Return what `cosim replay --map --json` prints."""
+        return plain(vars(self))
+
+
+def diagnose(path, map_path, *, detectors=None, overrides=None, start_s=0.0, output=None):
+    """Run the detectors on the recording at `path` (CSV, Parquet, MCAP) by the map at `map_path`; return a Diagnosis.
+
+    `detectors` chooses some (default: all), `overrides` {detector: {parameter: value}} changes parameters, `start_s`
+    is a time of the recording, `output` the log to write: inputs under /input, outputs under /replay. Raises
+    ReplayError, LogError, ScenarioError.
+    """
+    check_start(start_s)
+    chosen_overrides(detectors, overrides)
+    m, text = load_map(map_path)
+    scenario = _scenario(m, detectors, map_path)
+    dt = 1.0 / m.rate_hz
+    found = [d for d in table.chosen(scenario) if not detectors or d.id in detectors]
+    wires = {
+        (d.id, lane): d.spec.wires(lane, scenario.elevator.technology.get(lane)) for d in found for lane in d.lanes
+    }
+    sources = {signal_of(s)[0]: s for w in wires.values() for s in w.values() if not signal_of(s)[1]}
+    check(m, map_path)
+    channels = channels_of(m, read_channels(path, time=m.time), path, map_path)
+    spans = [(t[0], t[-1]) for t, *_ in channels.values() if len(t)]
+    if not spans:
+        raise ReplayError("no signal has a channel with samples", place=str(map_path))
+    t_0, n = ticks(spans, dt, start_s or None)
+    if n > MOST_TICKS:
+        raise ReplayError(
+            f"the channels last {n * dt:.3g} s",
+            place=str(path),
+            allowed=f"{MOST_TICKS * dt:.3g} s at {m.rate_hz} Hz",
+            remedy="Is time in seconds? A column in other units ends in _ms, _us or _ns",
+        )
+    if n < 2:
+        raise ReplayError("the channels have no time in common", place=str(path), allowed=_spans(m, channels))
+    values = {
+        name: sampled(m.signals[name], source, channels.get(name), t_0, dt, n, map_path)
+        for name, source in sources.items()
+        if name in m.signals
+    }
+    out = Diagnosis(str(path), str(map_path), m.rate_hz, float(t_0), n * dt, output=str(output) if output else None)
+    out.signals = [
+        {
+            "name": name,
+            "channel": m.signals[name].channel,
+            "unit": m.signals[name].unit or si_unit(sources[name]),
+            "valid_pct": 100.0 * float(valid.mean()),
+        }
+        for name, (_, valid) in values.items()
+    ]
+    out.caveats = slow(sources, channels, dt)
+    done = []
+    for d in found:
+        missing = {
+            lane: [n for n in dict.fromkeys(signal_of(s)[0] for s in wires[d.id, lane].values()) if n not in values]
+            for lane in d.lanes
+        }
+        out.not_run += [
+            {"id": d.id, "target": d.target(lane), "missing": lack} for lane, lack in missing.items() if lack
+        ]
+        ready = replace(d, lanes=tuple(lane for lane in d.lanes if not missing[lane]))
+        if ready.lanes:
+            p = ready.params(scenario, dt)
+            override(d.id, d.module, p, (overrides or {}).get(d.id, {}), dt)
+            for i, lane in enumerate(ready.lanes):
+                u = _inputs(ready, wires[d.id, lane], values, n)
+                done.append((ready, lane, u, _run(ready, lane, u, p[i : i + 1], dt)))
+    if not done:
+        lacking = "; ".join(f"{r['id']} of {r['target']}: {', '.join(r['missing'])}" for r in out.not_run[:4])
+        raise ReplayError("no detector has all its inputs", place=str(map_path), remedy=f"Missing: {lacking}")
+    out.detectors = [_verdict(d, lane, again, dt, t_0) for d, lane, _, again in done]
+    if output:
+        _write(output, done, out, text, dt)
+    return out
+
+
+def _scenario(m, chosen, place):
+    """Return the Scenario of which the detectors take lanes and parameters; its tables are those of the map."""
+    from cosim.scenario import parse
+
+    given = {"enabled": list(chosen)} if chosen else {}
+    return parse(
+        {
+            "duration_s": 1.0,
+            "rate_hz": m.rate_hz,
+            "flight": m.flight,
+            "elevator": m.elevator,
+            "detectors": {**m.detectors, **given},
+        },
+        place=str(place),
+    )
+
+
+def _spans(m, channels):
+    return ", ".join(
+        f"{m.signals[name].channel} {t[0]:.12g} to {t[-1]:.12g} s"
+        for name, (t, *_) in list(channels.items())[:6]
+        if len(t)
+    )
+
+
+def _inputs(d, wires, values, n):
+    """Return INPUTS (1, n) of one lane; what has no flag of its own holds its last valid value."""
+    u = np.zeros((1, n), d.module.INPUTS)
+    flagged = {signal_of(s)[0] for s in wires.values() if signal_of(s)[1]}
+    for name, source in wires.items():
+        field_, _, element = name.partition("[")
+        signal, flag = signal_of(source)
+        to = u[field_][0][:, int(element[:-1])] if element else u[field_][0]
+        value, valid = values[signal]
+        to[:] = valid if flag else value if signal in flagged else _held(value, valid)
+    return u
+
+
+def _held(value, valid):
+    """Return a command without gaps: the last valid value, before the first one that first one."""
+    good = np.flatnonzero(valid > 0.0)
+    if not len(good):
+        return np.zeros_like(value)
+    last = np.searchsorted(good, np.arange(len(value)), side="right") - 1
+    return value[good[np.maximum(last, 0)]]
+
+
+def _run(d, lane, u, p, dt):
+    """Return the outputs (n, fields) of one lane."""
+    module, none = d.module, (np.empty(0, np.int64), np.empty((0, 0)))
+    stretch = Lane(
+        d.id,
+        lane,
+        module,
+        d.every,
+        p,
+        module.init(p),
+        0,
+        u[:, :: d.every],
+        np.arange(u.shape[1])[:: d.every],
+        np.empty((0, 0)),
+        none,
+    )
+    return run(stretch, dt)[0]
+
+
+def _names(kind, names):
+    """Return the log's field names of the elements of fields `names` of a record, in memory order."""
+    out: list = []
+    for name in kind.names:
+        if name in names:
+            count = kind[name].itemsize // 8
+            out += [name] if kind[name].shape == () else [f"{name}_{i}" for i in range(count)]
+    return tuple(out)
+
+
+def _verdict(d, lane, again, dt, t_0):
+    """Return one row of the verdict table; times are the recording's."""
+    names = _names(d.module.STATE, d.module.OUTPUTS)
+    history = again[:, [names.index(n) for n in VERDICT]]
+    watch = Watch(d.id, d.level, d.target(lane), d.module.CULPRITS, *range(len(VERDICT)))
+    found = judge(watch, history, dt * d.every, [])
+    at = found["detected_at_s"]
+    return {
+        "id": d.id,
+        "level": d.level,
+        "target": d.target(lane),
+        "alarm": found["alarm"],
+        "alarms": found["false_alarms"],
+        "first_alarm_s": None if at is None else at + t_0,
+        "isolated": found["isolated"],
+        "r_max": found["r_max_before"],
+        "valid_pct": 100.0 * float(again[:, names.index("valid")].mean()),
+    }
+
+
+def _write(path, done, out, text, dt):
+    """Write inputs and outputs of every lane that ran to a log."""
+    topics, parts, at = [], [], 0
+    for d, lane, u, again in done:
+        module = d.module
+        for name, fields, values, every in (
+            (f"/input/{d.id}/{lane}", _names(module.INPUTS, module.INPUTS.names), flat(np.ascontiguousarray(u))[0], 1),
+            (f"/replay/detectors/{d.id}/{lane}", _names(module.STATE, module.OUTPUTS), again, d.every),
+        ):
+            full = np.zeros((u.shape[1], len(fields)))
+            full[::every] = values
+            units = tuple(unit("detectors", n) for n in fields)
+            topics.append(Topic(name, fields, units, np.arange(at, at + len(fields)), every, "detectors"))
+            parts.append(full)
+            at += len(fields)
+    attachments = {"map.toml": ("application/toml", text.encode()), **viewer_layouts(topics)}
+    metadata = {"run": {"title": f"diagnosis of {Path(out.recording).name}", "start_s": repr(out.start_s)}}
+    with LogWriter(
+        path, topics, n_values=at, dt_ns=round(dt * 1e9), metadata=metadata, attachments=attachments, rows_per_chunk=500
+    ) as log:
+        for row in np.concatenate(parts, axis=1):
+            log.append(row)
+        log.close(result={"status": "diagnosed", "detectors": json.dumps(plain(out.detectors), sort_keys=True)})

@@ -1,0 +1,127 @@
+"""The map of `cosim replay --map`: which channels of a foreign recording are which of our signals, in which unit.
+
+    rate_hz = 200                      # tick of the detectors
+    time = "clock_ms"                  # time column of a table (default: found by its name)
+
+    [flight]                           # as in a scenario: the point at which the detectors are set
+    [elevator]                         # technology of each segment, as in a scenario
+    [detectors.iotsekf]                # parameters that differ, as in a scenario
+
+    [signals]
+    alpha = { channel = "AOA", unit = "deg" }
+    "left_inner.rod" = { channel = "LIB_ROD", unit = "mm", sign = -1 }
+    "left_inner.hm0" = { constant = -350.0 }
+
+Signals are named as sensors (`alpha`, `n_z`, ...), sensors of a part (`left_inner.rod`), commands of the law
+(`de_cmd`), the command sent to an actuator (`left_inner.u`), and the modelled hinge moment (`left_inner.hm0`,
+`left_inner.hmd`). In SI,
+
+    value = sign scale (unit -> SI) channel + offset
+
+Interpolation halves white noise and a held command is late by half an interval: detectors of slow signals bear that,
+a filter on a servo-valve command does not, and wants it at the rate at which it was sent.
+
+A channel is a column of the table, or `/topic.field` of an MCAP file. `resample = "linear"` (default of sensors)
+interpolates between samples, "hold" (default of commands) repeats the last one; both give a sample that lies on a
+tick as it is. A value is valid where its samples are finite and no more than `max_gap_s` apart (default: three of the
+channel's own intervals), and where the channel named by `valid` is above 0.5. An empty cell is a lost sample, unless
+`sparse = true` says that the table holds several rates.
+"""
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from cosim.replay.params import ReplayError
+
+_ANGLE, _FT, _KT, _G = 0.017453292519943295, 0.3048, 1852.0 / 3600.0, 9.80665
+UNITS = {  # unit -> {SI unit of the signal: factor}
+    "deg": {"rad": _ANGLE},
+    "deg/s": {"rad/s": _ANGLE},
+    "deg/s2": {"rad/s2": _ANGLE},
+    "rpm": {"rad/s": 3.141592653589793 / 30.0},
+    "ft": {"m": _FT},
+    "mm": {"m": 1e-3},
+    "in": {"m": 0.0254},
+    "ft/s": {"m/s": _FT},
+    "ft/min": {"m/s": _FT / 60.0},
+    "kt": {"m/s": _KT},
+    "km/h": {"m/s": 1.0 / 3.6},
+    "m/s2": {"g": 1.0 / _G},
+    "ft/s2": {"g": _FT / _G},
+    "t": {"kg": 1e3},
+    "lb": {"kg": 0.45359237},
+    "%": {"-": 0.01},
+    "mA": {"A": 1e-3},
+    "lbf ft": {"N m": 1.3558179483314004, "N m/rad": 1.3558179483314004},
+}
+
+
+class Signal(BaseModel):
+    """One signal of the map: a channel and how its numbers become SI, or a constant in SI."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    channel: str | None = None
+    constant: float | None = None
+    unit: str | None = None  # default: the signal's SI unit
+    scale: float = 1.0
+    sign: Literal[1, -1] = 1
+    offset: float = 0.0  # [SI]
+    resample: Literal["linear", "hold"] | None = None
+    max_gap_s: Annotated[float, Field(gt=0.0)] | None = None
+    valid: str | None = None
+    sparse: bool = False  # empty cells are no samples, as in a table of several rates; otherwise they are lost ones
+
+    @model_validator(mode="after")
+    def _one(self):
+        if (self.channel is None) == (self.constant is None):
+            raise ValueError("needs either a channel or a constant")
+        return self
+
+    def factor(self, si):
+        """Return what a number of the channel is multiplied with for the SI unit `si`. Raises KeyError."""
+        factor = 1.0 if self.unit in (None, si) else UNITS[self.unit][si]
+        return self.sign * self.scale * factor
+
+
+class Map(BaseModel):
+    """A map file; `flight`, `elevator` and `detectors` are a scenario's tables and checked as such."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    title: str = ""
+    rate_hz: Annotated[int, Field(ge=50, le=2000)] = 200
+    time: str | None = None
+    flight: dict = Field(default_factory=dict)
+    elevator: dict = Field(default_factory=dict)
+    detectors: dict = Field(default_factory=dict)
+    signals: dict[str, Signal]
+
+
+def units_for(si):
+    """Return the units that a signal of SI unit `si` can have."""
+    return [si, *(name for name, factors in UNITS.items() if si in factors)]
+
+
+def load_map(path):
+    """Return (Map, its text) of a TOML file. Raises ReplayError with file and key."""
+    place = str(path)
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+        return Map.model_validate(tomllib.loads(text)), text
+    except OSError as error:
+        raise ReplayError(f"cannot be read: {error.strerror}", place=place) from None
+    except UnicodeDecodeError:
+        raise ReplayError("is not UTF-8 text", place=place) from None
+    except tomllib.TOMLDecodeError as error:
+        raise ReplayError(f"not valid TOML: {error}", place=place) from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        known = ", ".join(Map.model_fields if len(first["loc"]) == 1 else Signal.model_fields)
+        allowed = known if first["type"] == "extra_forbidden" else ""
+        problem = "unknown key" if allowed else first["msg"]
+        raise ReplayError(problem, place=f"{place}: {where}", allowed=allowed) from None

@@ -1,0 +1,117 @@
+"""From channels of a recording to the signals that detectors read: names, units, samples on the ticks."""
+
+import numpy as np
+
+from cosim import detectors as table
+from cosim.errors import did_you_mean
+from cosim.replay.map_file import units_for
+from cosim.replay.params import ReplayError
+from cosim.replay.resample import resample
+from cosim.units import unit
+from cosim.wiring import SEGMENTS
+
+
+def signal_of(source):
+    """Return (name in a map, whether it is a flag) of a name on the bus that a detector reads."""
+    section, lane, name = source.split(".")
+    if section == "sensors":
+        seg = next((s for s in SEGMENTS if lane.startswith(s + "_")), None)
+        return (f"{seg}.{lane.removeprefix(seg + '_')}" if seg else lane), name.startswith("valid")
+    return (name if section == "law" else f"{lane}.{name}"), False
+
+
+def si_unit(source):
+    """Return the SI unit of a name on the bus."""
+    section, _, name = source.split(".")
+    if section == "sensors":
+        return unit("sensors", signal_of(source)[0].rpartition(".")[2])
+    return unit({"law": "law", "hinge_model": "detectors"}.get(section, "actuators"), name)
+
+
+def check(m, place):
+    """Raise ReplayError for a signal of the map that no detector could read, or a unit that does not fit it."""
+    known: dict = {}
+    for spec in table.TABLE.values():
+        for lane in SEGMENTS if spec.technologies else ("aircraft",):
+            for technology in spec.technologies or ("",):
+                known |= {signal_of(s)[0]: s for s in spec.wires(lane, technology).values() if not signal_of(s)[1]}
+    for name, signal in m.signals.items():
+        if name not in known:
+            raise ReplayError(
+                "no detector reads such a signal",
+                place=f"{place}: signals.{name}",
+                allowed=", ".join(sorted(known)),
+                remedy=did_you_mean(name, known),
+            )
+        allowed = units_for(si_unit(known[name]))
+        if signal.unit is not None and signal.unit not in allowed:
+            raise ReplayError(
+                f"{signal.unit!r} is no unit of it", place=f"{place}: signals.{name}.unit", allowed=", ".join(allowed)
+            )
+
+
+def channels_of(m, tables, path, place):
+    """Return {signal: (times, samples, flags or None)} of the recording."""
+    names = {f"{t}.{c}": (t, c) for t, frame in tables.items() for c in frame.columns}
+    short = {c: (t, c) for t, frame in tables.items() for c in frame.columns}
+    if len(tables) == 1:
+        names |= short
+
+    def column(key, name):
+        if name not in names and any(name in frame.attrs.get("texts", ()) for frame in tables.values()):
+            raise ReplayError(
+                f"channel {name!r} holds something that is no number",
+                place=f"{place}: signals.{key}",
+                remedy="An empty cell or NaN is a lost sample",
+            )
+        if name not in names:
+            raise ReplayError(
+                f"the recording has no channel {name!r}",
+                place=f"{place}: signals.{key}",
+                allowed=", ".join([n for n in names if len(tables) > 1 or n in short][:20]),
+                remedy=did_you_mean(name, names),
+            )
+        t, c = names[name]
+        return tables[t].index.to_numpy(), tables[t][c].to_numpy(np.float64)
+
+    out = {}
+    for key, signal in m.signals.items():
+        if signal.channel is None:
+            continue
+        t, y = column(key, signal.channel)
+        if signal.sparse:
+            t, y = t[np.isfinite(y)], y[np.isfinite(y)]
+        out[key] = (t, y, column(key, signal.valid) if signal.valid else None)
+    return out
+
+
+def slow(sources, channels, dt):
+    """Return a sentence per command of a valve or motor that is sampled at less than the tick's rate."""
+    out = []
+    for name, source in sources.items():
+        t = channels[name][0] if name in channels and source.partition(".")[0].endswith("_in") else ()
+        step = float(np.median(np.diff(t))) if len(t) > 2 else 0.0
+        if step > dt * 1.01:
+            out.append(
+                f"{name} comes at {1 / step:.4g} Hz and the tick is {1 / dt:g} Hz: the detectors read it late by up to "
+                f"{1e3 * step:.3g} ms, and a filter on it may alarm for that alone; it wants the rate at which it was "
+                "sent"
+            )
+    return out
+
+
+def sampled(signal, source, channel, t_0, dt, n, place):
+    """Return (values, valid) (n,) of one signal in SI."""
+    if channel is None:
+        return np.full(n, signal.constant), np.ones(n)
+    t, y, flags = channel
+    factor = signal.factor(si_unit(source))
+    y = y if factor == 1.0 else factor * y
+    y = y if signal.offset == 0.0 else y + signal.offset
+    linear = (signal.resample or ("linear" if source.startswith(("sensors.", "hinge_model.")) else "hold")) == "linear"
+    values, valid = resample(t, y, t_0, dt, n, linear=linear, max_gap=signal.max_gap_s)
+    if flags is not None:
+        on, there = resample(flags[0], flags[1], t_0, dt, n, linear=False)
+        valid = valid * ((on > 0.5) & (there > 0.0))
+        values = np.where(valid > 0.0, values, np.nan)
+    return values, valid
