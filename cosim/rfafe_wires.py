@@ -1,5 +1,7 @@
 """What the two Sun13 estimators read on the bus, and which stored design their elevators ask for."""
 
+KINDS = ("hydraulic", "ema", "simple")  # of a side, else "mixed"
+
 SEGMENTS = ("left_outer", "left_inner", "right_inner", "right_outer")
 _AIR = {f"{n}{tail}": f"sensors.{n}.{field}" for n in ("tas", "alpha", "q", "theta")
         for tail, field in (("", "y_obs"), ("_valid", "valid_obs"))}
@@ -12,7 +14,12 @@ WIRES = {
 
 
 def technology(elevator):
-    """Return the key of the stored design for `elevator`, a mapping of segment to technology: one kind for all, or
-    "mixed"."""
-    kinds = set(elevator.values())
-    return kinds.pop() if len(kinds) == 1 else "mixed"
+    """Return the key of the stored design for `elevator`, a mapping of segment to technology: one word when both sides
+    are alike, a kind or "mixed", else "left/right"."""
+    left, right = (side([elevator[s] for s in part]) for part in (SEGMENTS[:2], SEGMENTS[2:]))
+    return left if left == right else f"{left}/{right}"
+
+
+def side(kinds):
+    """Return the kind of a side with segments of these kinds."""
+    return kinds[0] if len(set(kinds)) == 1 else "mixed"

@@ -65,7 +65,7 @@ def params(which="flight", *, stored=None, technology="hydraulic", trim=None, dt
     t = None
     if trim is not None:
         t = [trim["tas"], trim["alpha"] / DEG, 0.0, trim["theta"] / DEG, *[trim["elevator"] / DEG] * 2]
-    return rfafe_core.fill(p, made, unit=DEG, u_delay=chosen["u_delay_s"] / dt,
+    return rfafe_core.fill(p, made, unit=DEG, u_delay=np.asarray(chosen["u_delay_s"]) / dt,
                            **rfafe_core.actuator(chosen),
                            **rfafe_core.trims(t, (1, 1, 0, 1, 1, 1), 4))
 

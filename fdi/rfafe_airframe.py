@@ -44,7 +44,7 @@ def params(which="flight", *, stored=None, technology="hydraulic", trim=None, dt
     design, chosen = choose("rfafe_airframe" if stored is None else stored, technology, dt)
     p = record(PARAMS, **bank.design(dt), **thresholds("rfafe_airframe", which))
     t = None if trim is None else [trim["tas"], trim["alpha"] / DEG, 0.0, trim["theta"] / DEG, trim["elevator"] / DEG]
-    return rfafe_core.fill(p, design, unit=DEG, u_delay=chosen["u_delay_s"] / dt,
+    return rfafe_core.fill(p, design, unit=DEG, u_delay=np.asarray(chosen["u_delay_s"]) / dt,
                            **rfafe_core.actuator(chosen),
                            **rfafe_core.trims(t, (1, 1, 0, 1), 4))
 

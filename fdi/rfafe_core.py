@@ -32,8 +32,8 @@ PARAMS = [
     ("u_trim", "f8", (NU,)),
     ("n_trim", "f8"),            # samples from which the rest of the trim is learned [ticks]
     ("learn", "f8", (NY,)),      # 1 where an output's trim is learned
-    ("u_delay", "f8"),           # ticks by which u is delayed to match actuator and sensors, 0..NL-1
-    ("act_a", "f8"),             # lag of the actuator's model [1/s]
+    ("u_delay", "f8", (NU,)),    # ticks by which u is delayed to match actuator and sensors, 0..NL-1
+    ("act_a", "f8", (NU,)),      # lag of each actuator's model [1/s]
     ("act_rate", "f8"),          # its rate limit [design units/s], 0 for none
     ("ahead_max", "f8"),         # mean command beyond what the rate limit follows, above which nothing is trusted [deg]
     ("unit", "f8"),              # SI per unit of f_hat
@@ -44,7 +44,8 @@ PARAMS = [
 STATE = [
     ("s", "f8", (NS,)), ("w", "f8", (NS,)),       # estimator state and scratch
     ("y", "f8", (NY,)), ("y_old", "f8", (NY,)),   # deviations of this sample and the last [design units]
-    ("u", "f8", (NU,)), ("u_si", "f8", (NU,)), ("line", "f8", (NL, NU)), ("head", "f8"),  # input now, ring of the last
+    ("u", "f8", (NU,)), ("u_si", "f8", (NU,)), ("u_late", "f8", (NU,)),  # input now, delayed
+    ("line", "f8", (NL, NU)), ("head", "f8"),     # ring of the last
     ("act", "f8", (NU,)),         # actuator's model with its rate limit, deviation [design units]
     ("ahead", "f8"),              # mean command beyond what the rate limit follows [design units]
     ("u_in", "f8", (NU,)),        # last finite input less `u_trim`
@@ -59,7 +60,10 @@ STATE = [
 
 
 def fill(p, design, *, unit, u_delay=0.0, act_a=0.0, act_rate=0.0, y_trim=(), u_trim=(), learn=(), n_trim=0.0):
-    """Write a Design into a PARAMS record; trims in design units, `unit` SI per unit of f_hat, delays in ticks."""
+    """Write a Design into a PARAMS record; trims in design units, `unit` SI per unit of f_hat, delays in ticks.
+
+    `u_delay` and `act_a` are one number for all inputs, or one each.
+    """
     d = design.discrete
     sizes = {"ns": d.Phi.shape[0], "ny": d.Gy0.shape[1], "nu": d.Gu.shape[1], "nf": d.S.shape[0]}
     for name, limit in zip(sizes, (NS, NY, NU, NF)):
@@ -73,9 +77,10 @@ def fill(p, design, *, unit, u_delay=0.0, act_a=0.0, act_rate=0.0, y_trim=(), u_
     p["y_trim"][0, : len(y_trim)], p["u_trim"][0, : len(u_trim)] = y_trim, u_trim
     p["learn"][0, : len(learn)], p["n_trim"] = learn, n_trim
     p["act_a"], p["act_rate"] = act_a, act_rate
-    if not 0 <= u_delay <= NL - 1:
+    late = np.round(np.broadcast_to(u_delay, NU))
+    if late.min() < 0 or late.max() > NL - 1:
         raise ValueError(f"u_delay = {u_delay} ticks; the block holds 0 to {NL - 1}")
-    p["alpha"], p["unit"], p["u_delay"] = design.alpha, unit, round(u_delay)
+    p["alpha"], p["unit"], p["u_delay"] = design.alpha, unit, late
     return p
 
 
@@ -90,7 +95,9 @@ def trims(trim, learn, outputs):
 def actuator(chosen):
     """Return the arguments of `fill` for the actuator of a stored entry, none when it says nothing of a rate limit."""
     a = chosen.get("actuator", {})
-    return {"act_a": a["a_rad_s"], "act_rate": a["rate_deg_s"]} if "rate_deg_s" in a else {}
+    if "rate_deg_s" not in a:
+        return {}
+    return {"act_a": np.broadcast_to(a["a_rad_s"], NU), "act_rate": a["rate_deg_s"]}
 
 
 @kernel
@@ -110,28 +117,28 @@ def advance(x, p, good, dt):
         x.y[i] -= x.y0[i]
     beyond = 0.0
     for j in range(nu):
-        x.u[j] = limited(x.u_in[j] - x.u0[j], x.act[j], p)
+        x.u[j] = limited(x.u_in[j] - x.u0[j], x.act[j], p, j)
         beyond = max(beyond, math.fabs(x.u_in[j] - x.u0[j] - x.u[j]))
-        x.act[j] += (1.0 - math.exp(-p.act_a * dt)) * (x.u[j] - x.act[j])
+        x.act[j] += (1.0 - math.exp(-p.act_a[j] * dt)) * (x.u[j] - x.act[j])
     x.ahead += (1.0 - math.exp(-dt / TAU_AHEAD)) * (beyond - x.ahead)
     if x.fresh == 0.0:
         for j in range(nu):
             for k in range(NL):
                 x.line[k, j] = x.u[j]
         x.fresh = 1.0
-    late = int(x.head) - 1 - int(p.u_delay)  # at head - 1 stands the input that was held since the last sample
-    if late < 0:
-        late += NL
+    for j in range(nu):
+        late = int(x.head) - 1 - int(p.u_delay[j])  # at head - 1 stands the input that was held since the last sample
+        x.u_late[j] = x.line[late + NL if late < 0 else late, j]
     if good < 0.5:
         x.started = 0.0
     elif x.started < 0.5:
-        _start(x, p, ns, ny, nu, nf, late)
+        _start(x, p, ns, ny, nu, nf)
     else:
-        _propagate(x, p, ns, ny, nu, late)
+        _propagate(x, p, ns, ny, nu)
         x.age += dt
     if good > 0.5:
         for i in range(nf):
-            x.f[i] = p.unit * _row(p.S[i], p.Sy[i], p.Su[i], x, ns, ny, nu, late)
+            x.f[i] = p.unit * _row(p.S[i], p.Sy[i], p.Su[i], x, ns, ny, nu)
         for j in range(ny):
             x.y_old[j] = x.y[j]
     for j in range(nu):
@@ -148,16 +155,16 @@ def advance(x, p, good, dt):
 
 
 @kernel
-def limited(u, act, p):
-    """Return what of command `u` a lag act' = a (u - act) can follow at the actuator's rate limit: act -+ rate / a."""
+def limited(u, act, p, j):
+    """Return what of command `u` of actuator j a lag act' = a (u - act) follows at the rate limit: act -+ rate / a."""
     if p.act_rate <= 0.0:
         return u
-    most = p.act_rate / p.act_a
+    most = p.act_rate / p.act_a[j]
     return min(max(u, act - most), act + most)
 
 
 @kernel
-def _row(a, b, c, x, ns, ny, nu, late):
+def _row(a, b, c, x, ns, ny, nu):
     """Return a s + b y + c u."""
     out = 0.0
     for j in range(ns):
@@ -165,17 +172,17 @@ def _row(a, b, c, x, ns, ny, nu, late):
     for j in range(ny):
         out += b[j] * x.y[j]
     for j in range(nu):
-        out += c[j] * x.line[late, j]
+        out += c[j] * x.u_late[j]
     return out
 
 
 @kernel
-def _start(x, p, ns, ny, nu, nf, late):
+def _start(x, p, ns, ny, nu, nf):
     """Set the state so that x_hat fits this sample and f_hat is what it was."""
     for i in range(ns):
         x.s[i] = 0.0
     for i in range(ns):
-        x.w[i] = _row(x.s, p.Z0[i], p.Z0u[i], x, ns, ny, nu, late)
+        x.w[i] = _row(x.s, p.Z0[i], p.Z0u[i], x, ns, ny, nu)
     for i in range(ns):
         x.s[i] = x.w[i]
     for i in range(nf):
@@ -185,10 +192,10 @@ def _start(x, p, ns, ny, nu, nf, late):
 
 
 @kernel
-def _propagate(x, p, ns, ny, nu, late):
+def _propagate(x, p, ns, ny, nu):
     """Advance [z, v] from the last sample to this one."""
     for i in range(ns):
-        a = _row(p.Phi[i], p.Gy1[i], p.Gu[i], x, ns, ny, nu, late)
+        a = _row(p.Phi[i], p.Gy1[i], p.Gu[i], x, ns, ny, nu)
         for j in range(ny):
             a += p.Gy0[i, j] * x.y_old[j]
         x.w[i] = a

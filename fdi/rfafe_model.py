@@ -23,9 +23,12 @@ def global_model(Ab, Bu, Cb, Du, Aa, Ba, Ca, Da):
 
 
 def first_order(a, gain=1.0, sides=1):
-    """Return A_a, B_a, C_a, D_a of `sides` equal lags gain a / (s + a); their state is the surface. [Sun13] (37)"""
-    one = np.eye(sides)
-    return -a * one, gain * a * one, one, np.zeros((sides, sides))
+    """Return A_a, B_a, C_a, D_a of `sides` lags gain a / (s + a); their state is the surface. [Sun13] (37)
+
+    `a` and `gain` are numbers, or one for each side.
+    """
+    a, gain = np.broadcast_to(a, sides), np.broadcast_to(gain, sides)
+    return -np.diag(a), np.diag(gain * a), np.eye(sides), np.zeros((sides, sides))
 
 
 def fit_first_order(response, *, band_hz=FIT_HZ, points=60, delay=True):

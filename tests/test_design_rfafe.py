@@ -10,7 +10,7 @@ from cosim import design, rfafe_wires
 from cosim.bus import Bus
 from cosim.errors import DesignError
 from fdi import rfafe, rfafe_airframe
-from fdi.rfafe_store import from_plain, read
+from fdi.rfafe_store import choose, from_plain, read
 
 FORMS = {"rfafe": rfafe, "rfafe_airframe": rfafe_airframe}
 
@@ -63,4 +63,20 @@ def test_every_input_is_wired(name):
 def test_mixed_elevators_have_a_design():
     kinds = ["hydraulic", "ema", "simple"]
     assert all(rfafe_wires.technology(dict.fromkeys(rfafe_wires.SEGMENTS, k)) == k for k in kinds)
-    assert rfafe_wires.technology(dict(zip(rfafe_wires.SEGMENTS, ["ema", "hydraulic", "ema", "ema"]))) == "mixed"
+    for names, key, held in (
+        (["hydraulic", "hydraulic", "ema", "ema"], "hydraulic/ema", "hydraulic/ema"),  # the default
+        (["hydraulic", "ema", "ema", "hydraulic"], "mixed", "mixed"),
+        (["ema", "hydraulic", "ema", "ema"], "mixed/ema", "mixed"),  # no design of its own
+    ):
+        assert rfafe_wires.technology(dict(zip(rfafe_wires.SEGMENTS, names))) == key
+        entry = read("rfafe")["designs"][held]
+        assert choose("rfafe", key, 0.005)[1] == entry
+        assert choose("rfafe_airframe", key, 0.005)[1] == read("rfafe_airframe")["designs"]["mixed"]
+
+
+def test_sides_that_differ_have_an_actuator_each():
+    p = FORMS["rfafe"].params(technology="hydraulic/ema")
+    alone = [FORMS["rfafe"].params(technology=kind) for kind in ("hydraulic", "ema")]
+    for i, one in enumerate(alone):
+        assert p["act_a"][0, i] == one["act_a"][0, 0] and p["u_delay"][0, i] == one["u_delay"][0, 0]
+    assert p["u_delay"][0, 0] != p["u_delay"][0, 1]

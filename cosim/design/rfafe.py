@@ -40,6 +40,7 @@ SENSOR_DELAY = TRANSPORT["q"][2]  # of gyro and positions; air data comes one ti
 BANDWIDTH = {"rfafe": 40.0, "rfafe_airframe": 27.0}
 TECHNOLOGIES = {"hydraulic": ("hydraulic",) * 4, "ema": ("ema",) * 4, "simple": ("simple",) * 4,
                 "mixed": ("hydraulic", "ema", "ema", "hydraulic")}
+PAIRS = ("hydraulic/ema", "ema/hydraulic")  # sides that differ; the first is how the aircraft flies by default
 RATE_DEG_S = 40.0  # of the servos' reference: 40 of the no-load 45 deg/s (actuators/servo.py)
 BOUND_HZ = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 
@@ -138,7 +139,8 @@ def published(progress):
     progress("six fault-free flights")
     E = np.vstack([rfafe.reduce_E(unknown_inputs(), RANK_E), np.zeros((2, RANK_E))])
     sigma = [*air, position, position]
-    designs = {t: _one("rfafe", t, sides, E, np.eye(6), lambda g: g[1], sigma, progress) for t in TECHNOLOGIES}
+    designs = {t: _one("rfafe", t, sides, E, np.eye(6), lambda g: g[1], sigma, progress)
+               for t in (*TECHNOLOGIES, *PAIRS)}
     return {"designs": designs, **_made_from()}
 
 
@@ -163,16 +165,20 @@ def airframe(progress):
 
 
 def _one(name, technology, Bu, E, C, fault, sigma, progress, **options):
-    """Return the stored entry of one technology: design, input delay and what its figures are."""
+    """Return the stored entry of one technology, or "left/right": design, input delays and what its figures are."""
     A, _, _ = linear()
     progress(f"{name}: actuator and LMIs, {technology}")
-    a, gain, tau, high = actuator(technology)
     sides = Bu.shape[1]
+    kinds = technology.split("/") * (sides // len(technology.split("/")))
+    a, gain, tau, high = (list(column) for column in zip(*(actuator(kind) for kind in kinds)))
+    late = [round((t + SENSOR_DELAY) / DT) * DT for t in tau]
+    if len(set(kinds)) == 1:
+        a, gain, tau, high, late = a[0], gain[0], tau[0], high[0], late[0]
     g = rfafe.global_model(A, Bu, np.eye(4), np.zeros((4, sides)), *rfafe.first_order(a, gain, sides))
     made = rfafe.design(g[0], g[1], C, None, E, fault(g), dt=DT, bandwidth=BANDWIDTH[name], sigma=sigma,
                         **options)
     return {
-        "design": to_plain(made), "u_delay_s": round((tau + SENSOR_DELAY) / DT) * DT,
+        "design": to_plain(made), "u_delay_s": late,
         "actuator": {"a_rad_s": a, "gain": gain, "tau_s": tau, "amplitude_error_2hz": high,
                      "rate_deg_s": RATE_DEG_S},
         "noise_deg": noise(made.discrete, sigma).tolist(),

@@ -2,9 +2,10 @@
 
 `python -m cosim.study.aircraft_level thresholds` trains and stores them, then judges them on the second set. Every
 flight is one of six points (that of Sun13, A to E of Alwi14), six manoeuvres and three levels of turbulence, 60 s
-long, each aerodynamic coefficient up to 5 % off. A threshold is MARGIN times the largest amplitude of f_hat, less the
-command's share, that any flight holds for nearly as many fits in a row as make an alarm, each of the shape that passes
-for an oscillation. Set "flight" is for all points, "design_point" for that of Sun13 alone.
+long, each aerodynamic coefficient up to 5 % off; in turn all elevators are hydraulic, or the right ones
+electromechanical. A threshold is MARGIN times the largest amplitude of f_hat, less the command's share, that any
+flight holds for nearly as many fits in a row as make an alarm, each of the shape that passes for an oscillation. Set
+"flight" is for all points, "design_point" for that of Sun13 alone.
 """
 
 import functools
@@ -17,8 +18,9 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 import fdi
 from actuators.block import kernel
-from cosim.design.rfafe import MANOEUVRES, POINT
+from cosim.design.rfafe import MANOEUVRES, NAMES, POINT
 from cosim.design.rfafe_flights import MODULES, estimate, record
+from cosim.rfafe_wires import technology
 from cosim.scenario.tolerance import toleranced
 from cosim.study.aircraft_level.jobs import many
 from fdi import bank, tuning
@@ -33,6 +35,7 @@ POINTS = (  # [Sun13] table I, [Alwi14] table 4
     {"mass_t": 320.0, "cg_pct": 28.0, "altitude_ft": 20000.0, "cas_kt": 240.0},
 )
 TURBULENCE = ("none", "light", "moderate")
+ELEVATORS = (("hydraulic",) * 4, ("hydraulic", "hydraulic", "ema", "ema"))  # in turn; the second is the default
 FLIGHT_S = 60.0
 TOLERANCE = 0.05
 MARGIN = 1.25  # 1.2 times the maximum of 40 flights left 1 alarm in 300 (papers/README)
@@ -48,8 +51,10 @@ def flights(first_seed):
     """Yield the arguments of `record` for every flight of a set; point C has 1.23 g left: steps of 0.15 g at most
     there."""
     seed = first_seed
-    for point in POINTS * (REPEATS if first_seed == TRAINING else 2):
+    repeats = REPEATS if first_seed == TRAINING else 2
+    for count, point in enumerate(POINTS * repeats):
         weak = point["mass_t"] == 375.0
+        elevators = ELEVATORS[count // len(POINTS) % len(ELEVATORS)]
         for kind in MANOEUVRES:
             for turbulence in TURBULENCE:
                 rng = np.random.default_rng(seed)
@@ -58,16 +63,16 @@ def flights(first_seed):
                 if weak and kind in ("nose_up", "pitch_protection"):
                     manoeuvre["amplitude_g"] = 0.15
                 yield {"duration": FLIGHT_S, "manoeuvre": manoeuvre, "seed": seed, "tolerances": {"aero": aero},
-                       "flight": {**point, "turbulence": turbulence}}
+                       "flight": {**point, "turbulence": turbulence}, "technology": elevators}
                 seed += 1
 
 
 def look(first_seed, index):
     """Fly flight `index` of a set and return {estimator: [*survey, alarms]} as JSON can hold it."""
-    r = record(**list(flights(first_seed))[index])
-    out = {}
+    flight = list(flights(first_seed))[index]
+    r, out = record(**flight), {}
     for name, module in MODULES.items():
-        p = module.params()
+        p = module.params(technology=technology(dict(zip(NAMES, flight["technology"]))))
         runs, whatever, slow = survey(r, name, p)
         alarm = estimate(r, name, p)["alarm"]
         out[name] = [runs.tolist(), whatever.tolist(), slow, int(np.sum(np.diff(np.r_[0.0, alarm]) > 0.5))]
