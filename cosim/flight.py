@@ -41,15 +41,17 @@ class Flight:
         )
 
 
-# The six points of the papers: [Sun13] section 5, [Alwi14] table 4 (CAS and altitude; its Mach agrees within 415 ft)
-POINTS = {
-    "sun13": Flight.at(200, 30, 20000, cas_kt=290),
-    "A": Flight.at(260, 28, 12500, cas_kt=210),
-    "B": Flight.at(260, 36, 12500, cas_kt=270),
-    "C": Flight.at(375, 28, 27500, cas_kt=210),
-    "D": Flight.at(405, 36, 27500, cas_kt=270),
-    "E": Flight.at(320, 28, 20000, cas_kt=240),
+# The six points of the papers, by a scenario's keys: [Sun13] section 5, [Alwi14] table 4 (CAS and altitude; its Mach
+# agrees within 415 ft)
+SIX = {
+    "sun13": {"mass_t": 200.0, "cg_pct": 30.0, "altitude_ft": 20000.0, "cas_kt": 290.0},
+    "A": {"mass_t": 260.0, "cg_pct": 28.0, "altitude_ft": 12500.0, "cas_kt": 210.0},
+    "B": {"mass_t": 260.0, "cg_pct": 36.0, "altitude_ft": 12500.0, "cas_kt": 270.0},
+    "C": {"mass_t": 375.0, "cg_pct": 28.0, "altitude_ft": 27500.0, "cas_kt": 210.0},
+    "D": {"mass_t": 405.0, "cg_pct": 36.0, "altitude_ft": 27500.0, "cas_kt": 270.0},
+    "E": {"mass_t": 320.0, "cg_pct": 28.0, "altitude_ft": 20000.0, "cas_kt": 240.0},
 }
+POINTS = {name: Flight.at(**point) for name, point in SIX.items()}
 
 
 def loading(mass, cg):

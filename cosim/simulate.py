@@ -74,13 +74,24 @@ def simulate(scenario, *, log=None, progress=None, live=None, achieved=False, ti
     return result
 
 
-def fly(setup, append=None, progress=None):
+def record(setup, names):
+    """Fly a built flight without a log; return (values (ticks, names) of the named bus signals, status, reason)."""
+    index = np.array([setup.loop.bus.index(n) for n in names])
+    rows, status, reason = fly(setup, keep=(index, np.float64))
+    if status == "interrupted":
+        raise KeyboardInterrupt
+    return rows, status, reason
+
+
+def fly(setup, append=None, progress=None, keep=None):
     """Run every tick of a built flight; return (history of the ticks flown, status, reason).
 
-    `append(v)` takes the bus of each tick.
+    `append(v)` takes the bus of each tick; `keep` says what of it becomes history, (positions, dtype), by default what
+    the judgement needs.
     """
-    loop, n, index = setup.loop, setup.ticks, setup.history.index
-    history = np.empty((n, len(index)), np.float32)  # pages are taken as the flight goes on
+    loop, n = setup.loop, setup.ticks
+    index, kind = keep or (setup.history.index, np.float32)
+    history = np.empty((n, len(index)), kind)  # pages are taken as the flight goes on
     append = append or _nowhere
     k = 0
     try:

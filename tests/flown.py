@@ -6,9 +6,8 @@ import numpy as np
 
 import cosim
 from cosim.build import build
-from cosim.simulate import CHECK_EVERY, health
+from cosim.simulate import record
 from cosim.study.manoeuvres import POINTS
-from cosim.tick import tick
 
 LAW = ("de_cmd", "da_cmd", "dr_cmd", "stab_cmd", "throttle_cmd", "protection", "alpha_lim", "n_c")
 TRUTH = ("alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "cas", "h", "hdot", "nz", "de_li", "da_l", "dr", "stab")
@@ -17,9 +16,8 @@ KT, FT = 1852.0 / 3600.0, 0.3048
 
 def scenario(point="sun13", kind="cruise", **more):
     """Return a scenario at `point` without detectors; `more` are keys with "__" for the dot."""
-    mass, cg, altitude, cas = POINTS[point]
     values = {
-        "flight.mass_t": mass, "flight.cg_pct": cg, "flight.altitude_ft": altitude, "flight.cas_kt": cas,
+        **{f"flight.{k}": v for k, v in POINTS[point].items()},
         "flight.turbulence": "none", "manoeuvre.kind": kind, "detectors.enabled": [], "duration_s": 40.0,
     }  # fmt: skip
     values |= {key.replace("__", "."): value for key, value in more.items()}
@@ -50,17 +48,9 @@ def fly(s, *more, change=None):
     setup = build(s)
     if change:
         change(setup)
-    bus = setup.loop.bus
     full = [f"truth.aircraft.{n}" for n in TRUTH] + [f"law.law.{n}" for n in LAW] + list(more)
     names = [*TRUTH, *LAW, *("_".join(n.split(".")[1:]) for n in more)]
-    index = np.array([bus.index(n) for n in full])
-    rows, status = np.empty((s.ticks, len(index))), "completed"
-    for k in range(s.ticks):
-        tick(setup.loop, k, lambda v: None)
-        rows[k] = setup.loop.v[index]
-        if k % CHECK_EVERY == 0 and (bad := health(setup.loop.truth)[0]):
-            rows, status = rows[: k + 1], bad
-            break
+    rows, status, _ = record(setup, full)
     return Flown(names, rows, setup.loop.dt, status, setup)
 
 

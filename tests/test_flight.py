@@ -8,29 +8,14 @@ import pytest
 import cosim
 from cosim import sensors
 from cosim.build import build
+from cosim.flight import SIX
 from cosim.simulate import simulate
 from cosim.tick import tick
 
-SIX = {  # mass [t], CG [%], altitude [ft], CAS [kt]: Sun13 table I, Alwi14 table 4
-    "sun13": (200, 30, 20000, 290),
-    "A": (260, 28, 12500, 210),
-    "B": (260, 36, 12500, 270),
-    "C": (375, 28, 27500, 210),
-    "D": (405, 36, 27500, 270),
-    "E": (320, 28, 20000, 240),
-}
-
 
 def scenario(name="cruise", point="sun13", **more):
-    mass, cg, altitude, cas = SIX[point]
-    values = {
-        "flight.mass_t": mass,
-        "flight.cg_pct": cg,
-        "flight.altitude_ft": altitude,
-        "flight.cas_kt": cas,
-        "flight.turbulence": '"none"',
-        **more,
-    }
+    flight = {f"flight.{k}": v for k, v in SIX[point].items()}
+    values = {**flight, "flight.turbulence": '"none"', **more}
     return cosim.load_scenario(name, [f"{k}={v}" for k, v in values.items()])
 
 

@@ -5,10 +5,11 @@ when the slowest of them has learned its offsets (20 s, fdi/control_redundancy.p
 """
 
 from cosim.campaign import EVALUATION_SEED
+from cosim.flight import SIX
 from cosim.scenario import load_scenario
 from cosim.scenario.inventory import builtin_names
 
-POINT = {"flight.mass_t": 320.0, "flight.cg_pct": 28.0, "flight.altitude_ft": 20000.0, "flight.cas_kt": 240.0}
+POINT = {f"flight.{k}": v for k, v in SIX["E"].items()}
 SHIFT_S = 12.0  # of faults and manoeuvres of the built-in scenarios, most of which break at 10 or 12 s
 OFC_START_S, OFC_END_S = 22.0, 36.0
 FREQUENCIES_HZ = (0.5, 1.0, 2.0, 5.0)

@@ -10,12 +10,11 @@ import math
 import numpy as np
 
 from cosim.build import build
+from cosim.flight import SIX, Flight
 from cosim.linearize import linearize
-from cosim.plant import Flight
 from cosim.scenario import parse
 from cosim.sensors import PARTS, TRANSPORT
-from cosim.simulate import health
-from cosim.tick import tick
+from cosim.simulate import record
 from fdi import physics_bound as bound
 from fdi import rfafe
 from fdi.rfafe_discrete import noise
@@ -23,7 +22,7 @@ from fdi.rfafe_store import to_plain
 
 DEG = math.pi / 180.0
 DT = 0.005
-POINT = {"mass_t": 200.0, "cg_pct": 30.0, "altitude_ft": 20000.0, "cas_kt": 290.0}  # [Sun13] table I
+POINT = SIX["sun13"]
 STATES = ("tas", "alpha", "q", "theta")
 SEGMENTS = ("de_lo", "de_li", "de_ri", "de_ro")
 NAMES = ("left_outer", "left_inner", "right_inner", "right_outer")
@@ -60,24 +59,13 @@ def fly(
                          "faults": list(faults), **more}))
     if prepare is not None:
         prepare(setup.loop)
-    index = np.array([setup.loop.bus.index(n) for n in names])
-    out = np.zeros((setup.ticks, len(index)))
-    for k in range(setup.ticks):
-        tick(setup.loop, k, _nowhere)
-        out[k] = setup.loop.v[index]
-        if k % 20 == 0 and health(setup.loop.truth)[0]:
-            return out[:k]
-    return out
-
-
-def _nowhere(v):
-    pass
+    return record(setup, names)[0]
 
 
 @functools.cache
 def linear():
     """Return (A, B (4, 4 segments), x0) of V, alpha, q, theta at POINT in the paper's units."""
-    model = linearize(Flight.at(POINT["mass_t"], POINT["cg_pct"], POINT["altitude_ft"], cas_kt=POINT["cas_kt"]))
+    model = linearize(Flight.at(**POINT))
     A, B, _, _ = model.block(STATES, SEGMENTS)
     x0 = np.array([model.x0[list(model.states).index(s)] for s in STATES])
     return UNIT[:, None] * A / UNIT, UNIT[:, None] * B * DEG, UNIT * x0
@@ -194,7 +182,7 @@ def _made_from():
 def physics_bound(progress):
     """Return pitch rate [deg/s] and load factor [g] per degree of OFC over frequency at POINT: segments, sides, all."""
     progress("physics bound")
-    model = linearize(Flight.at(POINT["mass_t"], POINT["cg_pct"], POINT["altitude_ft"], cas_kt=POINT["cas_kt"]))
+    model = linearize(Flight.at(**POINT))
     A, B, C, D = model.block(STATES, SEGMENTS, ("q", "nz"))
     groups = {**{n: [i] for i, n in enumerate(NAMES)}, "left": [0, 1], "right": [2, 3], "all": [0, 1, 2, 3]}
     out = {}

@@ -41,7 +41,7 @@ def rows():
 def _plant_run(point, faults):
     model, made = lpv_smo_design.load()
     p = lpv_smo.params(model=model, made=made, bank=False)
-    u = fly(model, np.array(POINTS[point][:4], float), lpv_smo, faults=faults)
+    u = fly(model, np.array(POINTS[point], float), lpv_smo, faults=faults)
     log = np.zeros(u.shape, lpv_smo.STATE)
     lpv_smo.rollout(lpv_smo.init(p), u, p, 0.005, log)
     return log[0]

@@ -6,16 +6,15 @@ import math
 import numpy as np
 
 from cosim import airframe_wires
+from cosim.flight import SIX
 from cosim.reproduce.flown import Flown
 from cosim.scenario.load import load_scenario
 from cosim.scenario.tolerance import toleranced
 from fdi import lpv_smo
 
 DEG = math.pi / 180
-POINTS = {  # Table 4: t, %, kt, Mach, ft
-    "A": (260, 28, 210, 0.40, 12500), "B": (260, 36, 270, 0.51, 12500), "C": (375, 28, 210, 0.54, 27500),
-    "D": (405, 36, 270, 0.68, 27500), "E": (320, 28, 240, 0.53, 20000),
-}  # fmt: skip
+MACH = {"A": 0.40, "B": 0.51, "C": 0.54, "D": 0.68, "E": 0.53}  # Table 4
+POINTS = {p: (*(SIX[p][k] for k in ("mass_t", "cg_pct", "cas_kt")), m) for p, m in MACH.items()}  # t, %, kt, Mach
 SENSIBLE, LITERAL = (3.0, 0.5, 5.0), (3.0, 5.0, 0.5)  # elevator [deg], n_z [g], alpha [deg]: two readings of section 6
 NAMES = ("elevator", "n_z", "alpha")
 UNITS = (DEG, 1.0, DEG)
@@ -26,11 +25,8 @@ EVIDENCE = "cosim reproduce alwi14"
 @functools.cache
 def fly_point(point, faults, path, draw, noise):
     """Fly a Table 4 point with a doublet of 0.15 g at 12 s; returns `Flown`."""
-    mass, cg, cas, _, altitude = POINTS[point]
-    changes = [
-        f"flight.mass_t={mass}", f"flight.cg_pct={cg}", f"flight.altitude_ft={altitude}", f"flight.cas_kt={cas}",
-        "detectors.enabled=[]", f"sensors.noise_scale={noise}",
-    ]  # fmt: skip
+    changes = [f"flight.{k}={v}" for k, v in SIX[point].items()]
+    changes += ["detectors.enabled=[]", f"sensors.noise_scale={noise}"]
     if any(faults):
         keys = ("faults.0.bias_deg", "faults.1.bias_g", "faults.2.bias_deg")
         changes += [f"{key}={value}" for key, value in zip(keys, faults)]

@@ -9,8 +9,8 @@ from scipy.signal import lfilter
 
 from cosim import airframe_wires
 from cosim.design import lpv as design_lpv
+from cosim.flight import SIX, Flight
 from cosim.linearize import linearize
-from cosim.plant import Flight
 from cosim.reproduce.alwi14_flights import DEG, EVIDENCE, NAMES, POINTS, SENSIBLE, UNITS, fly_point, nonlinear
 from cosim.reproduce.row import Planned as planned
 from cosim.reproduce.row import ours
@@ -147,8 +147,7 @@ def _figure_1():
 def _own_model(point):
     """Return the linear model of a point in the form of the stored affine one, and the stored design upon it."""
     model, made = lpv_smo_design.load()
-    mass, cg, cas, _, altitude = POINTS[point]
-    A, B, C, D, trim = design_lpv.in_paper_units(linearize(Flight.at(mass, cg, altitude, cas_kt=cas)))
+    A, B, C, D, trim = design_lpv.in_paper_units(linearize(Flight.at(**SIX[point])))
     C[:4], D[:4] = np.round(C[:4], 9), 0.0  # these outputs are states
     A, B, C, D = (np.concatenate([S[None], np.zeros((4, *S.shape))]) for S in (A, B, C, D))
     trims = np.zeros_like(model.trim)
@@ -174,7 +173,7 @@ def _own_worst(point):
 def _stiffness(point):
     """Return how far A51 of the affine model is from that of the point's own, over the latter."""
     own = _own_model(point)[0].A[0, 4, 0]
-    return abs(lpv_model.at(lpv_smo_design.load()[0].A, POINTS[point][:4])[4, 0] / own - 1.0)
+    return abs(lpv_model.at(lpv_smo_design.load()[0].A, POINTS[point])[4, 0] / own - 1.0)
 
 
 def _own_models():

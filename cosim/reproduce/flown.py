@@ -3,8 +3,7 @@
 import numpy as np
 
 from cosim.build import build
-from cosim.simulate import health
-from cosim.tick import tick
+from cosim.simulate import record
 
 
 class Flown:
@@ -16,22 +15,13 @@ class Flown:
         `rudder` = [(time s, rad), ...], linear between, is added to the law's rudder command: a pilot's pedals.
         """
         setup = build(scenario)
-        loop = setup.loop
+        self.dt = setup.loop.dt
         if rudder:
-            loop.law = _Pedals(loop, rudder)
+            setup.loop.law = _Pedals(setup.loop, rudder)
         names = list(dict.fromkeys(names))
-        index = np.array([loop.bus.index(n) for n in names])
-        rows = np.empty((setup.ticks, len(names)))
-        self.dt, self.status = loop.dt, ""
-        k = -1
-        for k in range(setup.ticks):
-            tick(loop, k, _nowhere)
-            rows[k] = loop.v[index]
-            if k % 20 == 0 and health(loop.truth)[0]:
-                self.status = health(loop.truth)[1]
-                break
-        self._columns = dict(zip(names, rows[: k + 1].T))
-        self.t = np.arange(k + 1) * loop.dt
+        rows, self.status, _ = record(setup, names)
+        self._columns = dict(zip(names, rows.T))
+        self.t = np.arange(len(rows)) * self.dt
 
     def __getitem__(self, name):
         return self._columns[name]
@@ -65,7 +55,3 @@ class _Pedals:
         """Advance by one step, in place."""
         self._law.advance()
         self._x["dr_cmd"] += np.interp(self._clock["t"][0], self._time, self._angle)
-
-
-def _nowhere(v):
-    """Drop a row."""

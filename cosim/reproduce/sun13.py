@@ -205,7 +205,7 @@ def _moment(point):
     """Return the elevators' pitch acceleration at POINTS[point] over that at the design point."""
     found = []
     for p in (POINTS[point], POINT):
-        model = linearize(Flight.at(p["mass_t"], p["cg_pct"], p["altitude_ft"], cas_kt=p["cas_kt"]))
+        model = linearize(Flight.at(**p))
         found.append(model.block(("q",), SEGMENTS)[1].sum())
     return found[0] / found[1]
 

@@ -12,28 +12,21 @@ import sys
 import numpy as np
 
 from cosim.build import build
+from cosim.flight import SIX
 from cosim.scenario import load_scenario
-from cosim.simulate import CHECK_EVERY, health
-from cosim.tick import tick
+from cosim.simulate import record
 
-SIX = {  # mass [t], CG [%], altitude [ft], CAS [kt]: [Sun13] table I, [Alwi14] table 4
-    "sun13": (200, 30, 20000, 290),
-    "A": (260, 28, 12500, 210),
-    "B": (260, 36, 12500, 270),
-    "C": (375, 28, 27500, 210),
-    "D": (405, 36, 27500, 270),
-    "E": (320, 28, 20000, 240),
-}
+KEYS = ("mass_t", "cg_pct", "altitude_ft", "cas_kt")
 CORNERS = {  # of mass and CG, and of altitude and speed
-    "light fore": (200, 25, 20000, 250),
-    "light aft": (200, 36, 20000, 250),
-    "heavy fore": (405, 25, 20000, 290),
-    "heavy aft": (405, 36, 20000, 290),
-    "low slow": (200, 30, 2000, 160),
-    "low fast": (260, 30, 5000, 340),
-    "high slow": (200, 30, 36000, 200),
-    "high fast": (260, 30, 36000, 270),
-    "heavy low fast": (405, 30, 5000, 340),
+    "light fore": dict(zip(KEYS, (200, 25, 20000, 250))),
+    "light aft": dict(zip(KEYS, (200, 36, 20000, 250))),
+    "heavy fore": dict(zip(KEYS, (405, 25, 20000, 290))),
+    "heavy aft": dict(zip(KEYS, (405, 36, 20000, 290))),
+    "low slow": dict(zip(KEYS, (200, 30, 2000, 160))),
+    "low fast": dict(zip(KEYS, (260, 30, 5000, 340))),
+    "high slow": dict(zip(KEYS, (200, 30, 36000, 200))),
+    "high fast": dict(zip(KEYS, (260, 30, 36000, 270))),
+    "heavy low fast": dict(zip(KEYS, (405, 30, 5000, 340))),
 }
 POINTS = SIX | CORNERS
 SLOW_KT = {"sun13": 150, "A": 170, "B": 175, "C": 210, "D": 235, "E": 190}  # where full back-stick ends at alpha_max
@@ -46,26 +39,14 @@ FIRST_SEED = 3
 
 def fly(point, kind, *, seconds, air, seed, **more):
     """Fly one manoeuvre; return (status, reason, {signal: (ticks,)}, parameters of the law); SI, rad."""
-    mass, cg, altitude, cas = POINTS[point]
     keys = {
-        "flight.mass_t": mass, "flight.cg_pct": cg, "flight.altitude_ft": altitude, "flight.cas_kt": cas,
-        "flight.turbulence": air, "manoeuvre.kind": kind, "duration_s": seconds, "seed": seed,
-        "detectors.enabled": "[]", **more,
+        **{f"flight.{k}": v for k, v in POINTS[point].items()}, "flight.turbulence": air, "manoeuvre.kind": kind,
+        "duration_s": seconds, "seed": seed, "detectors.enabled": "[]", **more,
     }  # fmt: skip
     setup = build(load_scenario("cruise", [f"{k}={v}" for k, v in keys.items()]))
-    loop = setup.loop
     names = [*(f"truth.aircraft.{n}" for n in TRUTH), "law.law.de_cmd", "law.law.protection"]
-    index = np.array([loop.bus.index(n) for n in names])
-    rows, status, reason = np.empty((setup.ticks, len(index))), "completed", ""
-    for k in range(setup.ticks):
-        tick(loop, k, lambda v: None)
-        rows[k] = loop.v[index]
-        if k % CHECK_EVERY == 0:
-            bad, reason = health(loop.truth)
-            if bad:
-                rows, status = rows[: k + 1], bad
-                break
-    return status, reason, dict(zip((*TRUTH, "de_cmd", "protection"), rows.T)), loop.law.p[0]
+    rows, status, reason = record(setup, names)
+    return status, reason, dict(zip((*TRUTH, "de_cmd", "protection"), rows.T)), setup.loop.law.p[0]
 
 
 def _span(x, unit=1.0):

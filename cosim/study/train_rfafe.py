@@ -20,20 +20,14 @@ import fdi
 from actuators.block import kernel
 from cosim.design.rfafe import MANOEUVRES, NAMES, POINT
 from cosim.design.rfafe_flights import MODULES, estimate, record
+from cosim.flight import SIX
 from cosim.rfafe_wires import technology
 from cosim.scenario.tolerance import toleranced
 from cosim.study.aircraft_level.jobs import many
 from fdi import bank, tuning
 from fdi.rfafe_decision import shaped
 
-POINTS = (  # [Sun13] table I, [Alwi14] table 4
-    POINT,
-    {"mass_t": 260.0, "cg_pct": 28.0, "altitude_ft": 12500.0, "cas_kt": 210.0},
-    {"mass_t": 260.0, "cg_pct": 36.0, "altitude_ft": 12500.0, "cas_kt": 270.0},
-    {"mass_t": 375.0, "cg_pct": 28.0, "altitude_ft": 27500.0, "cas_kt": 210.0},
-    {"mass_t": 405.0, "cg_pct": 36.0, "altitude_ft": 27500.0, "cas_kt": 270.0},
-    {"mass_t": 320.0, "cg_pct": 28.0, "altitude_ft": 20000.0, "cas_kt": 240.0},
-)
+POINTS = tuple(SIX.values())
 TURBULENCE = ("none", "light", "moderate")
 ELEVATORS = (("hydraulic",) * 4, ("hydraulic", "hydraulic", "ema", "ema"))  # in turn; the second is the default
 FLIGHT_S = 60.0

@@ -10,14 +10,13 @@ import math
 import numpy as np
 
 from cosim.design.rfafe import sine
+from cosim.flight import SIX
 from cosim.reproduce.flown import Flown
 from cosim.scenario.load import load_scenario
 from cosim.study.aircraft_level.jobs import many
 from cosim.study.aircraft_level.ofc import DETECTORS
 from cosim.study.aircraft_level.table import Table
-from cosim.study.aircraft_level.uncertain import POINTS as ALWI14
 
-POINTS = {"sun13": (200, 30, 290, 20000), **ALWI14}  # t, %, kt, ft
 ONSET, END, HZ = 24.0, 36.0, 1.0
 SEEDS, FIRST_SEED = 2, 1_000_700
 TURBULENCE = ("none", "light")
@@ -63,9 +62,8 @@ def measure(point, case, turbulence, seed):
     side (rfafe: of its command; the others: of the mean elevator, half the difference of the sides); that of a step is
     the mean of the last 4 s. r and the share of ticks on which the detector believes itself are those after the onset.
     """
-    mass, cg, cas, altitude = POINTS[point]
-    changes = [f"flight.mass_t={mass}", f"flight.cg_pct={cg}", f"flight.altitude_ft={altitude}",
-               f"flight.cas_kt={cas}", f"flight.turbulence={turbulence}", f"seed={seed}", f"duration_s={END}",
+    changes = [*(f"flight.{k}={v}" for k, v in SIX[point].items()), f"flight.turbulence={turbulence}",
+               f"seed={seed}", f"duration_s={END}",
                "detectors.enabled=" + str(list(DETECTORS)), *CASES[case]]  # fmt: skip
     fields = {name: {"alarm", "r", "valid"} for name in DETECTORS}
     for (c, name), (field, _) in ESTIMATES.items():
@@ -100,7 +98,7 @@ def _one(flown, name, case, late, surfaces):
 
 def run(*, seeds=SEEDS, out=None, workers=2, progress=None):
     """Return a table per fault: detectors over points."""
-    jobs = [(p, c, turbulence, FIRST_SEED + s) for c in CASES for p in POINTS for turbulence in TURBULENCE
+    jobs = [(p, c, turbulence, FIRST_SEED + s) for c in CASES for p in SIX for turbulence in TURBULENCE
             for s in range(seeds)]  # fmt: skip
     file = None if out is None else out / "corners.jsonl"
     got = many(measure, jobs, out=file, workers=workers, progress=progress)
@@ -109,22 +107,22 @@ def run(*, seeds=SEEDS, out=None, workers=2, progress=None):
         rows = []
         for name in detectors:
             for turbulence in TURBULENCE:
-                cells = {p: [got[p, case, turbulence, FIRST_SEED + s][name] for s in range(seeds)] for p in POINTS}
+                cells = {p: [got[p, case, turbulence, FIRST_SEED + s][name] for s in range(seeds)] for p in SIX}
                 rows += _rows(name, turbulence, case, cells, seeds)
         title = f"{case}; {seeds} seeds per point and turbulence" if case != NONE else f"fault-free, {seeds} seeds"
-        tables.append(Table(title, ("detector", "turbulence", "figure", *POINTS), rows))
+        tables.append(Table(title, ("detector", "turbulence", "figure", *SIX), rows))
     return tables
 
 
 def _rows(name, turbulence, case, cells, seeds):
     """Return the rows of one detector: alarms, delay, estimate, largest r, share of time that it believes itself."""
-    out = [("flights with an alarm", [sum(c[0] is not None for c in cells[p]) for p in POINTS])]
+    out = [("flights with an alarm", [sum(c[0] is not None for c in cells[p]) for p in SIX])]
     if case != NONE:
-        out.append(("mean delay [s]", [_mean([c[0] for c in cells[p]]) for p in POINTS]))
-    if any(c[1] is not None for p in POINTS for c in cells[p]):
-        out.append(("estimate over fault", [_mean([c[1] for c in cells[p]]) for p in POINTS]))
-    out.append(("largest r", [max(c[2] for c in cells[p]) for p in POINTS]))
-    out.append(("believes itself [% of time]", [100.0 * _mean([c[3] for c in cells[p]]) for p in POINTS]))
+        out.append(("mean delay [s]", [_mean([c[0] for c in cells[p]]) for p in SIX]))
+    if any(c[1] is not None for p in SIX for c in cells[p]):
+        out.append(("estimate over fault", [_mean([c[1] for c in cells[p]]) for p in SIX]))
+    out.append(("largest r", [max(c[2] for c in cells[p]) for p in SIX]))
+    out.append(("believes itself [% of time]", [100.0 * _mean([c[3] for c in cells[p]]) for p in SIX]))
     return [(name, turbulence, label, *values) for label, values in out]
 
 

@@ -13,18 +13,15 @@ import math
 import numpy as np
 
 from cosim.campaign import EVALUATION_SEED, run_many
+from cosim.flight import SIX, Flight
 from cosim.linearize import linearize
-from cosim.plant import Flight
 from cosim.scenario import parse
 from cosim.sensors import TRANSPORT
 from cosim.study.aircraft_level.table import Table
 from fdi import physics_bound
 
 DETECTORS = ("rfafe", "rfafe_airframe", "lpv_smo", "control_redundancy")
-POINTS = {
-    "sun13": {"mass_t": 200.0, "cg_pct": 30.0, "altitude_ft": 20000.0, "cas_kt": 290.0},
-    "E": {"mass_t": 320.0, "cg_pct": 28.0, "altitude_ft": 20000.0, "cas_kt": 240.0},
-}
+POINTS = {name: SIX[name] for name in ("sun13", "E")}
 TURBULENCE = ("none", "light")
 HZ = (0.5, 1.0, 2.0, 5.0)
 ALL_HZ = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
@@ -64,8 +61,7 @@ def _table(flight, turbulence, hz, amplitude, seed):
 @functools.cache
 def bound(point, hz):
     """Return the physics bound [deg] of one segment's oscillation at `hz`, from the aircraft's own linear model."""
-    p = POINTS[point]
-    model = linearize(Flight.at(p["mass_t"], p["cg_pct"], p["altitude_ft"], cas_kt=p["cas_kt"]))
+    model = linearize(Flight.at(**POINTS[point]))
     A, B, C, D = model.block(STATES, SEGMENT, ("q",))
     q = physics_bound.motion_per_degree(A, B, C, D, [hz])[:, 0, 0]
     sigma = math.degrees(TRANSPORT["q"][1])

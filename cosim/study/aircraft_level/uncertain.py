@@ -13,6 +13,7 @@ either coefficient, and nothing else, comes out as an error of f as large as the
 import numpy as np
 
 from cosim import airframe_wires
+from cosim.flight import SIX
 from cosim.reproduce.flown import Flown
 from cosim.scenario.load import load_scenario
 from cosim.scenario.tolerance import toleranced
@@ -20,10 +21,7 @@ from cosim.study.aircraft_level.jobs import many
 from cosim.study.aircraft_level.table import Table
 from fdi import lpv_smo
 
-POINTS = {  # [Alwi14] table 4: t, %, kt, ft
-    "A": (260, 28, 210, 12500), "B": (260, 36, 270, 12500), "C": (375, 28, 210, 27500), "D": (405, 36, 270, 27500),
-    "E": (320, 28, 240, 20000),
-}  # fmt: skip
+POINTS = {name: SIX[name] for name in "ABCDE"}
 ONSET, END = 10.0, 30.0  # [s]
 WRONG, DRAWS, BOUND = 0.05, 20, 8.0  # of each coefficient; per point; [%]
 FAULT = {"f_hat_elevator": np.radians(3.0), "f_hat_n_z": 0.5, "f_hat_alpha": np.radians(5.0)}
@@ -35,9 +33,7 @@ def errors(point, coefficient="", draw=-1):
 
     `coefficient` is 5 % too large, or with `draw` >= 0 every one is 5 % off, up or down at random.
     """
-    mass, cg, cas, altitude = POINTS[point]
-    changes = [f"flight.mass_t={mass}", f"flight.cg_pct={cg}", f"flight.altitude_ft={altitude}",
-               f"flight.cas_kt={cas}", "detectors.enabled=[]"]  # fmt: skip
+    changes = [*(f"flight.{k}={v}" for k, v in POINTS[point].items()), "detectors.enabled=[]"]
     if coefficient:
         changes.append(f"tolerances.aero.{coefficient}={1 + WRONG}")
     if draw >= 0:
