@@ -14,7 +14,8 @@ from cosim.history import History
 from cosim.law import design as law_design
 from cosim.linearize import linearize
 from cosim.pilot import steps
-from cosim.plant import SURFACES, TRUTH, Flight, Plant
+from cosim.plant import SURFACES, TRUTH, Plant
+from cosim.point import plant_flight
 from cosim.scenario import Scenario
 from cosim.tick import Block, Loop
 from cosim.trim import Trim
@@ -122,18 +123,7 @@ class Draw:
 
 def build(scenario):
     """Return the Setup of `scenario`. Raises TrimError when the flight point cannot be flown."""
-    dt, flown = scenario.dt, scenario.flight
-    speed_kind, speed = flown.speed
-    point = Flight(
-        mass=flown.mass,
-        cg=flown.cg,
-        altitude=flown.altitude,
-        speed_kind=speed_kind,
-        speed=speed,
-        multipliers=dict(scenario.tolerances.aero),
-        turbulence=flown.turbulence,
-        seed=scenario.seed,
-    )
+    dt, point = scenario.dt, plant_flight(scenario)
     plant = Plant(point, dt=dt)
     trim = plant.trim()
     truth = np.zeros(1, TRUTH)

@@ -17,7 +17,7 @@ from actuators.block import dtype, kernel, record
 from fdi import bank, rfafe_core
 from fdi.decision import held, usable
 from fdi.rfafe_conditions import DesignError, separate
-from fdi.rfafe_core import advance
+from fdi.rfafe_core import advance, airframe_usable, fill_stored, read_airframe
 from fdi.rfafe_design import Design, Region, design
 from fdi.rfafe_model import estimate_E, first_order, fit_first_order, global_model, reduce_E
 from fdi.rfafe_store import choose
@@ -36,10 +36,7 @@ PARAMS = dtype([
     ("weight", "f8", (4,)),  # share of left_outer, left_inner in the left side, right_inner, right_outer in the right
 ])
 INPUTS = dtype([
-    ("tas", "f8"), ("tas_valid", "f8"),          # true airspeed [m/s]
-    ("alpha", "f8"), ("alpha_valid", "f8"),      # angle of attack [rad]
-    ("q", "f8"), ("q_valid", "f8"),              # pitch rate [rad/s]
-    ("theta", "f8"), ("theta_valid", "f8"),      # pitch angle [rad]
+    *rfafe_core.AIRFRAME_INPUTS,
     ("surface", "f8", (4,)),                     # segments left_outer, left_inner, right_inner, right_outer [rad]
     ("surface_valid", "f8", (4,)),
     ("command", "f8", (2,)),                     # left, right, trailing edge down + [rad]
@@ -65,9 +62,7 @@ def params(which="flight", *, stored=None, technology="hydraulic", trim=None, dt
     t = None
     if trim is not None:
         t = [trim["tas"], trim["alpha"] / DEG, 0.0, trim["theta"] / DEG, *[trim["elevator"] / DEG] * 2]
-    return rfafe_core.fill(p, made, unit=DEG, u_delay=np.asarray(chosen["u_delay_s"]) / dt,
-                           **rfafe_core.actuator(chosen),
-                           **rfafe_core.trims(t, (1, 1, 0, 1, 1, 1), 4))
+    return fill_stored(p, made, chosen, dt, t, (1, 1, 0, 1, 1, 1))
 
 
 def init(p):
@@ -78,15 +73,11 @@ def init(p):
 @kernel
 def step(x, u, p, dt):
     """Convert to the paper's units, advance the estimator, name the sides."""
-    good = min(usable(u.tas, u.tas_valid), usable(u.alpha, u.alpha_valid))
-    good = min(good, min(usable(u.q, u.q_valid), usable(u.theta, u.theta_valid)))
+    good = airframe_usable(u)
     for i in range(4):
         good = min(good, usable(u.surface[i], u.surface_valid[i]))
     if good > 0.5:
-        x.y[0] = u.tas - p.y_trim[0]
-        x.y[1] = u.alpha / DEG - p.y_trim[1]
-        x.y[2] = u.q / DEG - p.y_trim[2]
-        x.y[3] = u.theta / DEG - p.y_trim[3]
+        read_airframe(x, u, p)
         x.y[4] = (p.weight[0] * u.surface[0] + p.weight[1] * u.surface[1]) / DEG - p.y_trim[4]
         x.y[5] = (p.weight[2] * u.surface[2] + p.weight[3] * u.surface[3]) / DEG - p.y_trim[5]
     for j in range(2):

@@ -15,8 +15,8 @@ import numpy as np
 
 from actuators.block import dtype, kernel, record
 from fdi import bank, rfafe_core
-from fdi.decision import held, usable
-from fdi.rfafe_core import advance
+from fdi.decision import held
+from fdi.rfafe_core import advance, airframe_usable, fill_stored, read_airframe
 from fdi.rfafe_store import choose
 from fdi.tuning import thresholds
 
@@ -26,11 +26,8 @@ DT = 0.005  # base tick [s]
 
 PARAMS = dtype(rfafe_core.PARAMS)
 INPUTS = dtype([
-    ("tas", "f8"), ("tas_valid", "f8"),      # true airspeed [m/s]
-    ("alpha", "f8"), ("alpha_valid", "f8"),  # angle of attack [rad]
-    ("q", "f8"), ("q_valid", "f8"),          # pitch rate [rad/s]
-    ("theta", "f8"), ("theta_valid", "f8"),  # pitch angle [rad]
-    ("command", "f8"),                       # elevator, trailing edge down + [rad]
+    *rfafe_core.AIRFRAME_INPUTS,
+    ("command", "f8"),  # elevator, trailing edge down + [rad]
 ])
 STATE = dtype([
     *rfafe_core.STATE,
@@ -44,9 +41,7 @@ def params(which="flight", *, stored=None, technology="hydraulic", trim=None, dt
     design, chosen = choose("rfafe_airframe" if stored is None else stored, technology, dt)
     p = record(PARAMS, **bank.design(dt), **thresholds("rfafe_airframe", which))
     t = None if trim is None else [trim["tas"], trim["alpha"] / DEG, 0.0, trim["theta"] / DEG, trim["elevator"] / DEG]
-    return rfafe_core.fill(p, design, unit=DEG, u_delay=np.asarray(chosen["u_delay_s"]) / dt,
-                           **rfafe_core.actuator(chosen),
-                           **rfafe_core.trims(t, (1, 1, 0, 1), 4))
+    return fill_stored(p, design, chosen, dt, t, (1, 1, 0, 1))
 
 
 def init(p):
@@ -57,13 +52,9 @@ def init(p):
 @kernel
 def step(x, u, p, dt):
     """Convert to the paper's units and advance the estimator."""
-    good = min(usable(u.tas, u.tas_valid), usable(u.alpha, u.alpha_valid))
-    good = min(good, min(usable(u.q, u.q_valid), usable(u.theta, u.theta_valid)))
+    good = airframe_usable(u)
     if good > 0.5:
-        x.y[0] = u.tas - p.y_trim[0]
-        x.y[1] = u.alpha / DEG - p.y_trim[1]
-        x.y[2] = u.q / DEG - p.y_trim[2]
-        x.y[3] = u.theta / DEG - p.y_trim[3]
+        read_airframe(x, u, p)
     x.u_in[0] = held(u.command / DEG - p.u_trim[0], 1.0, x.u_in[0])
     advance(x, p, good, dt)
     x.f_hat = x.f[0]

@@ -15,12 +15,21 @@ import numpy as np
 
 from actuators.block import kernel
 from fdi import rfafe_decision
+from fdi.decision import usable
 
+DEG = math.pi / 180.0
+AIRFRAME = 4  # outputs of the airframe, before those of elevators
 NS, NY, NU, NF = 12, 8, 2, 2  # largest sizes: estimator state, outputs, inputs, faults
 TAU_AHEAD = 2.0  # memory of a command beyond the rate limit: two periods of 1 Hz [s]
 N_TRIM = 40.0  # samples to learn the trim: 0.2 s leaves a sixth of the sensors' noise
 NL = 72  # longest delay of the input [ticks]: the actuator's lag beyond first order and the sensors', at 2 kHz
 
+AIRFRAME_INPUTS = [
+    ("tas", "f8"), ("tas_valid", "f8"),      # true airspeed [m/s]
+    ("alpha", "f8"), ("alpha_valid", "f8"),  # angle of attack [rad]
+    ("q", "f8"), ("q_valid", "f8"),          # pitch rate [rad/s]
+    ("theta", "f8"), ("theta_valid", "f8"),  # pitch angle [rad]
+]
 PARAMS = [
     ("ns", "f8"), ("ny", "f8"), ("nu", "f8"), ("nf", "f8"),  # sizes in use
     ("Phi", "f8", (NS, NS)), ("Gu", "f8", (NS, NU)), ("Gy0", "f8", (NS, NY)), ("Gy1", "f8", (NS, NY)),
@@ -84,20 +93,33 @@ def fill(p, design, *, unit, u_delay=0.0, act_a=0.0, act_rate=0.0, y_trim=(), u_
     return p
 
 
-def trims(trim, learn, outputs):
-    """Return the arguments of `fill` for a known `trim` (outputs, then the elevator) or, when None, one to be
-    learned."""
-    if trim is None:
-        return {"learn": learn, "n_trim": N_TRIM}
-    return {"y_trim": trim[: len(learn)], "u_trim": [trim[outputs]] * NU}
+def fill_stored(p, design, chosen, dt, trim, learn):
+    """Write a stored entry into a PARAMS record for tick `dt` [s]: design, input delays, actuator.
+
+    `trim` holds the outputs, then the elevator [design units]; None: those marked in `learn` are learned.
+    """
+    act, learned = chosen.get("actuator", {}), {"learn": learn, "n_trim": N_TRIM}
+    if trim is not None:
+        learned = {"y_trim": trim[: len(learn)], "u_trim": [trim[AIRFRAME]] * NU}
+    if "rate_deg_s" in act:
+        learned |= {"act_a": np.broadcast_to(act["a_rad_s"], NU), "act_rate": act["rate_deg_s"]}
+    return fill(p, design, unit=DEG, u_delay=np.asarray(chosen["u_delay_s"]) / dt, **learned)
 
 
-def actuator(chosen):
-    """Return the arguments of `fill` for the actuator of a stored entry, none when it says nothing of a rate limit."""
-    a = chosen.get("actuator", {})
-    if "rate_deg_s" not in a:
-        return {}
-    return {"act_a": np.broadcast_to(a["a_rad_s"], NU), "act_rate": a["rate_deg_s"]}
+@kernel
+def airframe_usable(u):
+    """Return 1 when every airframe output has a finite, valid sample."""
+    good = min(usable(u.tas, u.tas_valid), usable(u.alpha, u.alpha_valid))
+    return min(good, min(usable(u.q, u.q_valid), usable(u.theta, u.theta_valid)))
+
+
+@kernel
+def read_airframe(x, u, p):
+    """Take the airframe outputs as deviations from the trim, in the paper's units."""
+    x.y[0] = u.tas - p.y_trim[0]
+    x.y[1] = u.alpha / DEG - p.y_trim[1]
+    x.y[2] = u.q / DEG - p.y_trim[2]
+    x.y[3] = u.theta / DEG - p.y_trim[3]
 
 
 @kernel

@@ -9,7 +9,7 @@ from rich.console import Group
 from rich.text import Text
 
 from cosim.cli import tables
-from cosim.cli.output import JsonOption, reserve
+from cosim.cli.output import JsonOption, WorkersOption, reserve
 
 
 def add(app, out, err):
@@ -20,9 +20,7 @@ def add(app, out, err):
         output: Annotated[
             Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of page, picture and table.")
         ] = Path("logs/envelope"),
-        workers: Annotated[
-            int | None, typer.Option("--workers", min=1, help="Processes. Default: one per core.", show_default=False)
-        ] = None,
+        workers: WorkersOption = None,
         json_: JsonOption = False,
     ):
         """Map where the aircraft trims, over mass, CG, altitude and speed, why not elsewhere, where actuators stall."""

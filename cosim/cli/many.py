@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from cosim.cli import tables
-from cosim.cli.output import JsonOption, reserve
+from cosim.cli.output import JsonOption, WorkersOption, reserve
 
 
 def add(app, out, err):
@@ -16,9 +16,7 @@ def add(app, out, err):
     @app.command()
     def campaign(
         campaign: Annotated[str, typer.Argument(metavar="CAMPAIGN", help="Built-in name or file.", show_default=False)],
-        workers: Annotated[
-            int | None, typer.Option("--workers", min=1, help="Processes. Default: one per core.")
-        ] = None,
+        workers: WorkersOption = None,
         scheduler: Annotated[
             str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Fly on a Dask cluster: tcp://host:8786.")
         ] = None,
@@ -118,9 +116,7 @@ def add(app, out, err):
         output: Annotated[
             Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of report and table.")
         ] = Path("logs/compare"),
-        workers: Annotated[
-            int | None, typer.Option("--workers", min=1, help="Processes. Default: one per core.", show_default=False)
-        ] = None,
+        workers: WorkersOption = None,
         readme: Annotated[
             Path | None,
             typer.Option("--readme", metavar="FILE", help="Write table and picture into it, too.", show_default=False),

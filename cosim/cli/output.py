@@ -1,4 +1,4 @@
-"""What commands share: the --json option, and finding out before a flight that its log cannot be written."""
+"""What commands share: --json, --workers, and finding out before a flight that its log cannot be written."""
 
 from pathlib import Path
 from typing import Annotated
@@ -39,3 +39,6 @@ def reserve(path, *, taken=None, endings=()):
         ) from None
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+WorkersOption = Annotated[
+    int | None, typer.Option("--workers", min=1, help="Processes. Default: one per core.", show_default=False)
+]

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from cosim.cli import tables
-from cosim.cli.output import JsonOption, reserve
+from cosim.cli.output import JsonOption, WorkersOption, reserve
 
 
 def add(app, out, err):
@@ -34,9 +34,7 @@ def add(app, out, err):
             Path | None,
             typer.Option("--readme", metavar="FILE", help="Write the table between its markers.", show_default=False),
         ] = None,
-        workers: Annotated[
-            int | None, typer.Option("--workers", min=1, help="Processes. Default: one per core.", show_default=False)
-        ] = None,
+        workers: WorkersOption = None,
         json_: JsonOption = False,
     ):
         """Repeat the papers' own experiments: paper says, we get, verdict. Exit status 1 when a row differs."""

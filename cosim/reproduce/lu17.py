@@ -52,22 +52,18 @@ def _unbiased():
             for phase in phases:
                 when = "" if phase == "whole" else f", {phase} the fault"
                 where = f"{scenario}, {load}{when}"
-                yield row(
-                    f"figure {figure}(b)-(d), {where}: mean state error over its standard error",
-                    says[0],
-                    get("state", scenario, load, phase),
-                    0,
-                    T_STATES,
-                    why.biased(scenario, load),
-                )
-                yield row(
-                    f"figure {figure}(e)-(f), {where}: mean fault error over its standard error",
-                    says[1],
-                    get("fault", scenario, load, phase),
-                    0,
-                    T_ONE,
-                    why.biased(scenario, load),
-                )
+                for name, letters, band, said in (
+                    ("state", "(b)-(d)", T_STATES, says[0]),
+                    ("fault", "(e)-(f)", T_ONE, says[1]),
+                ):
+                    yield row(
+                        f"figure {figure}{letters}, {where}: mean {name} error over its standard error",
+                        said,
+                        get(name, scenario, load, phase),
+                        0,
+                        band,
+                        why.biased(scenario, load),
+                    )
         if scenario != "fault-free":
             for name, letters, band, said in (
                 ("state", "(b)-(d)", T_STATES_WORST, says[0]),
