@@ -4,6 +4,7 @@ import dataclasses
 import json
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
@@ -102,12 +103,14 @@ def test_page_holds_every_row_and_figure_and_nothing_from_elsewhere():
 
 def test_command_writes_page_and_rows_and_fails_on_a_difference(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    run = CliRunner().invoke(cli.app, ["reproduce", "jay", "--json", "-o", "rows.json"])
+    run = CliRunner().invoke(cli.app, ["reproduce", "jay", "--json", "-o", "folder"])
     assert run.exit_code == 0, run.output
     found = json.loads(run.stdout)
     assert found["counts"] == {"agrees": 32, "differs_explained": 5, "differs": 0, "ours": 2}
     assert Path(found["report"]).read_text(encoding="utf-8").startswith("<!doctype html>")
-    assert len(json.loads(Path("rows.json").read_text())["rows"]) == 39
+    assert sorted(p.name for p in Path("folder").iterdir()) == ["reproduce-jay.csv", "reproduce-jay.html"]
+    table = pd.read_csv(found["table"])
+    assert list(table.item) == [row["item"] for row in found["rows"]] and len(table) == 39
     one, bad = reproduce.one, judged("jay", "x", "s", 9.0, 0.0, 1.0)
     monkeypatch.setattr(reproduce, "one", lambda name: ([*one(name)[0], bad], []))
     assert CliRunner().invoke(cli.app, ["reproduce", "jay", "--json"]).exit_code == 1

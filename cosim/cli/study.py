@@ -21,15 +21,8 @@ def add(app, out, err):
             str, typer.Argument(metavar="[PAPER]", help="lu17, jay, sun13, mar10, alwi14 or all.")
         ] = "all",
         output: Annotated[
-            Path | None,
-            typer.Option(
-                "--output",
-                "-o",
-                metavar="FILE",
-                help="Page (.html; default: logs/reproduce-<paper>.html), or the rows alone (.csv, .json).",
-                show_default=False,
-            ),
-        ] = None,
+            Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of page and rows.")
+        ] = Path("logs"),
         readme: Annotated[
             Path | None,
             typer.Option("--readme", metavar="FILE", help="Write the table between its markers.", show_default=False),
@@ -42,28 +35,23 @@ def add(app, out, err):
         from cosim.reproduce import reproduce as work
 
         chosen(paper)
-        page = output if output and output.suffix == ".html" else Path("logs") / f"reproduce-{paper}.html"
-        for path, endings in ((output, (".html", ".csv", ".json")), (page, ())):
-            if path:
-                reserve(path, endings=endings)
+        page, table = (output / f"reproduce-{paper}.{ending}" for ending in ("html", "csv"))
+        for path in (page, table):
+            reserve(path)
         with tables.progress(err, f"reproducing {paper}", unit="papers", waiting="preparing") as progress:
             rows, drawings = work(paper, progress=progress, workers=workers)
         from cosim.report import reproduction_report
 
-        found = {"counts": counts(rows), "report": str(reproduction_report(rows, drawings, page))}
+        found = {"counts": counts(rows), "report": str(reproduction_report(rows, drawings, page)), "table": str(table)}
         found["rows"] = [asdict(r) for r in rows]
+        with open(table, "w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, list(found["rows"][0]))
+            writer.writeheader()
+            writer.writerows(found["rows"])
         if readme:
             from cosim.reproduce.readme import write
 
             write(readme, rows)
-        if output and output != page:
-            with open(output, "w", newline="", encoding="utf-8") as file:
-                if output.suffix == ".json":
-                    json.dump(found, file, indent=1)
-                else:
-                    writer = csv.DictWriter(file, list(found["rows"][0]))
-                    writer.writeheader()
-                    writer.writerows(found["rows"])
         if json_:
             print(json.dumps(found, allow_nan=False))
         else:
