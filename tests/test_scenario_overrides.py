@@ -1,0 +1,119 @@
+"""Overrides of a scenario, and that an expanded one is the same one."""
+
+import tomllib
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scenario_tables import POINT
+
+from cosim.errors import ScenarioError
+from cosim.scenario import catalog as c
+from cosim.scenario import load_scenario, parse
+
+
+def test_override_replaces_what_it_excludes():
+    s = load_scenario(
+        "liquid-ofc", ["flight.mach=0.6", "faults.0.amplitude=0.01", "elevator.feedback.left_inner=rtsekf"]
+    )
+    assert (s.flight.mach, s.flight.cas_kt) == (0.6, None)
+    assert s.faults[0].model_extra["amplitude"] == 0.01 and "amplitude_mm" not in s.faults[0].model_extra
+    assert (s.elevator.feedback.left_inner, s.elevator.feedback.left_outer) == ("rtsekf", "iotsekf")
+    s = load_scenario(
+        "solid-ofc", ["manoeuvre.kind=coordinated_turn", "manoeuvre.bank_deg=20", "faults.0.kind=jam_solid"]
+    )
+    assert (s.manoeuvre.bank_deg, s.manoeuvre.start_s) == (20, 14) and s.faults[0].model_extra == {}
+
+
+def test_override_appends_a_fault_at_the_next_index():
+    keys = ["target=sensor.alpha", "kind=bias", "start_s=3", "bias_deg=1"]
+    s = load_scenario("liquid-ofc", [f"faults.1.{k}" for k in keys])
+    assert [f.kind for f in s.faults] == ["ofc_liquid", "bias"]
+    assert load_scenario("cruise", [f"faults.0.{k}" for k in keys]).faults[0].target == "sensor.alpha"
+
+
+def test_overrides_leave_the_source_alone_and_apply_in_order():
+    assert load_scenario("cruise", ["seed=2", "seed=3"]).seed == 3
+    assert load_scenario("cruise").seed == 1
+
+
+def test_feedback_is_for_hydraulic_segments_and_brings_its_filter_along():
+    s = load_scenario(
+        "cruise", ["elevator.feedback=rtsekf_flight", "detectors.enabled=[]", "elevator.reconfigure=true"]
+    )
+    assert list(vars(s.elevator.feedback).values()) == ["rtsekf_flight", "rtsekf_flight", "measured", "measured"]
+    assert s.running == ("rtsekf_flight", "ema_kalman_flight")
+    switched = ["elevator.feedback=measured", "detectors.enabled=[]", "elevator.reconfigure=true"]
+    assert load_scenario("cruise", switched).running == ("ema_kalman_flight", "rtsekf_flight")
+    word_then_one = ["elevator.feedback=measured", "elevator.feedback.left_inner=iotsekf"]
+    assert load_scenario("cruise", word_then_one).elevator.feedback.left_outer == "measured"
+    assert load_scenario("cruise", ["elevator.left_inner=ema"]).elevator.feedback.left_inner == "measured"
+    assert load_scenario("cruise", ["elevator.right_inner=hydraulic"]).elevator.feedback.right_inner == "iotsekf"
+    with pytest.raises(ScenarioError, match=r"elevator\.feedback\.right_inner.*right_inner is ema"):
+        load_scenario("cruise", ["elevator.feedback.right_inner=iotsekf"])
+
+
+def test_override_of_technology_takes_its_default_feedback(tmp_path):
+    path = tmp_path / "expanded.toml"
+    path.write_text(load_scenario("cruise").expanded_toml())
+    assert load_scenario(path, ["elevator.left_inner=simple"]).elevator.feedback.left_inner == "measured"
+
+
+def _magnitude(key):
+    low = max(key.low, -1e6) if not key.open_low else key.low + 1e-3
+    numbers = st.floats(low, key.high, allow_nan=False)
+    return numbers.filter(key.accepts)
+
+
+@st.composite
+def faults(draw, index):
+    """Any fault that the catalog knows, on a part of its own so that no two conflict."""
+    place, target, kinds = draw(
+        st.sampled_from(
+            [
+                ("sensor", f"sensor.{list(c.SENSORS)[index]}", c.sensor_kinds(c.SENSORS[list(c.SENSORS)[index]])),
+                ("surface", c.SURFACES[index], c.SURFACE_KINDS),
+                ("engine", f"engine.{index + 1}", c.ENGINE_KINDS),
+                ("elevator", f"elevator.{c.SEGMENTS[index]}", c.ELEVATOR_KINDS),
+            ]
+        )
+    )
+    technology = "hydraulic" if index < 2 else "ema"
+    name = draw(st.sampled_from([k for k, v in kinds.items() if technology in v.technologies or place != "elevator"]))
+    kind = kinds[name]
+    out = {"target": target, "kind": name, "start_s": draw(st.floats(0, 100))}
+    one_of = kind.one_of
+    if kind.at:
+        out["at"] = draw(st.sampled_from(kind.at))
+        one_of = [k for k in one_of if not name.startswith("ofc") or k.name in c.AMPLITUDES_AT[out["at"]]]
+    if one_of:
+        key = draw(st.sampled_from(list(one_of)))
+        out[key.name] = draw(_magnitude(key))
+    for key in kind.keys:
+        out[key.name] = draw(_magnitude(key))
+    if draw(st.booleans()):
+        out["end_s"] = out["start_s"] + draw(st.floats(1.0, 100))
+    return out
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(st.data())
+def test_any_scenario_expands_to_an_equal_one(data):
+    draw = data.draw
+    table = {
+        "title": draw(st.text(st.characters(codec="utf-8"), max_size=20)),
+        "seed": draw(st.integers(0, 2**31 - 1)),
+        "duration_s": draw(st.floats(0.01, 36000)),
+        "flight": {**POINT, "mass_t": draw(st.floats(180, 405)), "altitude_ft": draw(st.floats(0, 45000))},
+        "faults": [draw(faults(i)) for i in range(draw(st.integers(0, 4)))],
+        "elevator": {"feedback": draw(st.sampled_from(c.FEEDBACKS))},
+        "detectors": {
+            "enabled": draw(st.lists(st.sampled_from(list(c.DETECTORS)), unique=True)),
+            "iotsekf": {"q_fault": 0.5},
+        },
+        "tolerances": {"aero": {"Cm_alpha": draw(st.floats(0.2, 5.0))}},
+    }
+    s = parse(table)
+    again = parse(tomllib.loads(s.expanded_toml()))
+    assert again == s and again.expanded_toml() == s.expanded_toml()
+    assert len(again.injections()) >= len(s.faults)

@@ -1,0 +1,208 @@
+"""Scenarios that are refused, each with its place and remedy, and those that are only warned of."""
+
+import pickle
+
+import pytest
+from scenario_tables import OFC, POINT, fault, flight
+
+from cosim.errors import CosimError, ScenarioError
+from cosim.scenario import load_scenario, parse
+
+JAM = fault("elevator.left", "jam_solid")
+THRUST = fault("engine.all", "thrust_loss", loss_pct=60.0)
+
+
+def refused(*overrides, name="liquid-ofc"):
+    """Check that a built-in scenario with these overrides is refused in one line, and return the line."""
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(name, overrides)
+    text = str(caught.value)
+    assert "\n" not in text
+    return text
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("duration_s=0.001", ("duration_s = 0.001", "less than a tick at 200 Hz", "0.005 to 36000")),
+        ("flight=3", ("flight = 3: must be a table",)),
+        ("faults=3", ("faults = 3: must be a list",)),
+        ("detectors.enabled=iotsekf", ("detectors.enabled = iotsekf: must be a list",)),
+        ("faults.0.target=3", ("faults.0.target = 3: must be text",)),
+    ],
+)
+def test_message_speaks_of_the_file_not_of_python(override, words):
+    text = refused(override)
+    assert all(w in text for w in words)
+
+
+def test_a_limit_on_the_other_side_is_noted():
+    away = fault("elevator.left_outer", "runaway", rate_deg_s=10.0, limit_deg=-8.0)
+    (line,) = flight(away).warnings()
+    assert "drives away from limit_deg = -8" in line
+    assert flight({**away, "limit_deg": 8.0}).warnings() == []
+
+
+def test_no_name_is_no_folder():
+    with pytest.raises(ScenarioError, match="no scenario is named"):
+        load_scenario("")
+
+
+def test_a_scale_that_changes_nothing_is_refused():
+    with pytest.raises(ScenarioError, match=r"faults.0.scale = 1.0: is out of range; allowed: -10 to 10, not 1"):
+        flight(fault("sensor.alpha", "scale", scale=1.0))
+
+
+@pytest.mark.parametrize(
+    ("overrides", "says"),
+    [
+        (["flight.mas_t=3"], ["flight.mas_t = 3", "unknown key", "mass_t"]),
+        (["flight.mass_t=3"], ["flight.mass_t = 3", "180 to 405"]),
+        (["flight.mass_t=nan"], ["flight.mass_t", "finite"]),
+        (["flight.cg_pct=heavy"], ["flight.cg_pct = heavy", "number", "20 to 40"]),
+        (["flight.mach=0.99"], ["flight.mach = 0.99", "0.15 to 0.95"]),
+        (["flight.turbulence=lite"], ["flight.turbulence = lite", "light"]),
+        (["duration_s=0"], ["duration_s = 0", "above 0"]),
+        (["duration_s=true"], ["duration_s", "a valid number"]),
+        (["seed=-1"], ["seed = -1", "out of range", "0 to"]),
+        (["seed=1.5"], ["seed = 1.5", "integer"]),
+        (["durations=3"], ["durations", "Did you mean 'duration_s'?"]),
+        (["manoeuvre.kind=cruis"], ["manoeuvre.kind = cruis", "Did you mean 'cruise'?"]),
+        (["manoeuvre.kind=nz_doublet", "manoeuvre.amplitude_g=9"], ["manoeuvre.amplitude_g = 9", "-1.5 to 1.5"]),
+        (["manoeuvre.kind=nz_doublet", "manoeuvre.bank_deg=9"], ["manoeuvre.bank_deg", "unknown key", "width_s"]),
+        (["elevator.left_inner=emma"], ["elevator.left_inner = emma", "hydraulic, ema, simple"]),
+        (["elevator.feedback=iotsek"], ["elevator.feedback = iotsek", "Did you mean 'iotsekf'?"]),
+        (["sensors.alfa.sigma_deg=1"], ["sensors.alfa", "Did you mean 'alpha'?"]),
+        (["sensors.alpha.sigma_rad=1"], ["sensors.alpha.sigma_rad", "sigma_deg"]),
+        (["tolerances.aero.Cm_alpha=9"], ["tolerances.aero.Cm_alpha = 9", "out of range"]),
+        (["tolerances.aero.Cm_alfa=1.1"], ["tolerances.aero.Cm_alfa", "Did you mean 'Cm_alpha'?"]),
+        (["tolerances.hydraulic.nope=1.1"], ["tolerances.hydraulic.nope", "P_s"]),
+        (["tolerances.ema.nope=1.1"], ["tolerances.ema.nope", "K_T, K_B, R, L"]),
+        (['detectors.enabled=["iotsek"]'], ["detectors.enabled.0", "Did you mean 'iotsekf'?"]),
+        (['detectors.enabled=["rfafe", "rfafe"]'], ["detectors.enabled.1", "twice"]),
+        (["detectors.rfafee.x=2"], ["detectors.rfafee", "Did you mean 'rfafe'?"]),
+        (["faults.0.frequency_hz=300"], ["faults.0.frequency_hz = 300", "0.01 to 25"]),
+        (["faults.0.freqency_hz=3"], ["faults.0.freqency_hz", "Did you mean 'frequency_hz'?"]),
+        (["faults.0.amplitude_deg=2"], ["faults.0.amplitude_deg", "at 'valve'", "amplitude_mm"]),
+        (["faults.0.at=sensor", "faults.0.kind=ofc_solid"], ["faults.0.amplitude", "needs one of amplitude"]),
+        (["faults.0.target=elevator.left_iner"], ["faults.0.target", "Did you mean 'elevator.left_inner'?"]),
+        (["faults.0.target=elevator.left_inner.rodd"], ["faults.0.target", "Did you mean 'elevator.left_inner.rod'?"]),
+        (["faults.0.target=engine.5"], ["faults.0.target", "engine.4"]),
+        (["faults.0.target=sensor.alhpa"], ["faults.0.target", "Did you mean 'sensor.alpha'?"]),
+        (["faults.0.target=rudr"], ["faults.0.target", "Did you mean 'rudder'?"]),
+        (["faults.0.kind=ofc_gas"], ["faults.0.kind", "is no kind of fault"]),
+        (["faults.0.kind=dropout"], ["faults.0.kind", "no fault of an elevator"]),
+        (["faults.0.kind=air_in_oil"], ["faults.0.loss_pct", "needs loss_pct", "above 0 to 100"]),
+        (["faults.0.kind=magnet_loss", "faults.0.loss_pct=5"], ["faults.0.kind", "hydraulic actuator", "EMA"]),
+        (["faults.0.end_s=5"], ["faults.0.end_s = 5", "above start_s = 12"]),
+        (["faults.0.end_s=13", "faults.0.ramp_s=3"], ["faults.0.ramp_s", "longer"]),
+        (["faults.0.start_s=-1"], ["faults.0.start_s = -1", "0 to 36000"]),
+        (["faults.0.path=observers"], ["faults.0.path", "no path"]),
+        (["faults.2.kind=bias"], ["faults.2", "index 0 to 1"]),
+        (["faults.x.kind=bias"], ["faults.x", "index 0 to 1"]),
+        (["flight.mass_t.x=1"], ["--set flight.mass_t.x=1", "is a value"]),
+        (["flight"], ["--set flight", "key=value"]),
+        (["faults=3"], ["faults = 3", "a list"]),
+    ],
+)
+def test_mistake_is_named_with_place_and_remedy(overrides, says):
+    text = refused(*overrides)
+    for part in says:
+        assert part in text
+
+
+@pytest.mark.parametrize(
+    ("faults", "key", "says"),
+    [
+        ([{**OFC, "kind": "ofc_solid", "at": "sensor"}], "faults.0.at", "cannot replace"),
+        ([fault("elevator.all", "supply_pressure_drop", loss_pct=50.0)], "faults.0.kind", "right_inner is an EMA"),
+        ([fault("elevator.right_inner.rod", "bias", bias_mm=1.0)], "faults.0.target", "no sensor 'rod'"),
+        ([fault("elevator.left_inner.current", "bias", bias_a=1.0)], "faults.0.target", "no sensor 'current'"),
+        ([fault("elevator.left_inner.rod", "bias", bias_mm=1.0, path="observers")], "faults.0.path", "loop, monitor"),
+        ([fault("sensor.alpha", "bias", bias_deg=1.0, path="loop")], "faults.0.path", "all, observers"),
+        ([fault("sensor.alpha", "bias", bias_kt=1.0)], "faults.0.bias_kt", "bias_deg"),
+        ([fault("sensor.alpha", "bias", bias_deg=0.0)], "faults.0.bias_deg", "not 0"),
+        ([fault("sensor.alpha", "bias", bias_deg="1")], "faults.0.bias_deg", "no number"),
+        ([fault("sensor.alpha", "freeze", ramp_s=1.0)], "faults.0.ramp_s", "at once"),
+        ([fault("rudder", "jam_solid")], "faults.0.kind", "other than the elevator"),
+        ([fault("engine.1", "runaway", rate_deg_s=1.0)], "faults.0.kind", "thrust_loss"),
+        ([{**OFC, "amplitude": 0.1}], "faults.0.amplitude_mm", "twice"),
+        ([JAM, fault("elevator.left_inner", "free_float")], "faults.1.start_s", "take over"),
+        ([fault("sensor.q", "freeze"), fault("sensor.q", "dropout")], "faults.1.start_s", "take over"),
+        ([THRUST, {**THRUST, "target": "engine.2"}], "faults.1", "take over"),
+        (["ofc"], "faults.0", "a table"),
+        ([{"kind": "bias"}], "faults.0.target", "missing"),
+    ],
+)  # fmt: skip
+def test_impossible_combination_is_refused(faults, key, says):
+    with pytest.raises(ScenarioError) as caught:
+        flight(*faults)
+    assert key in str(caught.value) and says in str(caught.value)
+
+
+def test_faults_on_a_simple_actuator_enter_at_the_command_only():
+    simple = {"left_inner": "simple"}
+    with pytest.raises(ScenarioError, match="has no valve"):
+        flight(OFC, elevator=simple)
+    flight({**OFC, "at": "command"}, elevator=simple)
+    with pytest.raises(ScenarioError, match="free_float"):
+        flight(fault("elevator.left_inner", "free_float"), elevator=simple)
+
+
+def test_faults_may_follow_each_other_and_act_together():
+    first = fault("elevator.left_inner", "jam_solid", end_s=12.0)
+    flight(first, {**first, "start_s": 12.0, "end_s": 14.0})
+    flight(OFC, {**OFC, "frequency_hz": 2.0}, fault("sensor.alpha", "bias", bias_deg=1.0))
+
+
+def test_speed_is_needed_once():
+    point = {k: v for k, v in POINT.items() if k != "cas_kt"}
+    with pytest.raises(ScenarioError, match="exactly one of cas_kt, mach, tas_kt"):
+        parse({"flight": point})
+    with pytest.raises(ScenarioError, match="both given"):
+        parse({"flight": {**POINT, "mach": 0.5}})
+
+
+def test_fault_after_the_end_is_legal_and_pointed_out():
+    (line,) = load_scenario("liquid-ofc", ["duration_s=5"]).warnings()
+    assert "12 s" in line and "5 s" in line
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"", "flight"),
+        (b"[flight\n", "line 1"),
+        (b"title = \"a\"\nseed = = 3\n", "line 2"),
+        (b"\xff\xfe\x00", "UTF-8"),
+        (b"seed = 1\nseed = 2\n", "line 2"),
+    ],
+)  # fmt: skip
+def test_bad_file_is_named(tmp_path, content, says):
+    path = tmp_path / "bad.toml"
+    path.write_bytes(content)
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(path)
+    place, message = str(caught.value).split(": ", 1)
+    assert place == str(path) and says in message  # the folder's name holds the case's
+
+
+def test_bad_path_is_named(tmp_path):
+    for path, says in (
+        (tmp_path, "folder"),
+        (tmp_path / "no.toml", "no file"),
+        ("liquid-ofcc", "Did you mean 'liquid-ofc'?"),
+    ):
+        with pytest.raises(ScenarioError, match=says):
+            load_scenario(path)
+    big = tmp_path / "big.toml"
+    big.write_bytes(b"#" * 2_000_000)
+    with pytest.raises(ScenarioError, match="too large"):
+        load_scenario(big)
+    with pytest.raises(ScenarioError, match="cannot be read"):
+        load_scenario("nul\0byte.toml")
+
+
+def test_error_survives_pickling():
+    error = pickle.loads(pickle.dumps(ScenarioError("wrong", place="a.toml", allowed="1 to 2", remedy="Mend it")))
+    assert isinstance(error, CosimError) and str(error) == "a.toml: wrong; allowed: 1 to 2. Mend it"
