@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from actuator_loops import DT, alone, fly_ema
+from actuator_loops import COMMAND, DT, LOAD, alone, between, fly_ema
 
 from actuators import ema, jay
 
@@ -141,20 +141,6 @@ def test_stops_at_the_travel():
         assert np.degrees(log["delta"][-1]) == pytest.approx(stop, abs=0.01)
 
 
-COMMAND = np.array([math.radians(2.0) * (1 if (k // 100) % 2 else -1) for k in range(2000)])
-LOAD = {"hm0": -500.0, "hmd": -15e3}
-
-
-def _between(**values):
-    """Return a fault writer: `values` of the actuator's inputs from 3 s to 6 s."""
-
-    def write(k, u, w):
-        for name, v in values.items():
-            u[name] = v if 600 <= k < 1200 else 0.0
-
-    return write
-
-
 @pytest.fixture(scope="module")
 def healthy():
     return fly_ema(COMMAND, **LOAD)[0]
@@ -178,7 +164,7 @@ def healthy():
     ids=lambda f: "+".join(f) if isinstance(f, dict) else "",
 )
 def test_every_fault_shows_and_heals(fault, least, healthy):
-    log = fly_ema(COMMAND, **LOAD, faults=_between(**fault))[0]
+    log = fly_ema(COMMAND, **LOAD, faults=between(**fault))[0]
     difference = np.degrees(np.abs(log["delta"] - healthy["delta"]))
     assert difference[:600].max() == 0.0
     assert difference[600:1200].max() > least
@@ -188,7 +174,7 @@ def test_every_fault_shows_and_heals(fault, least, healthy):
 
 def test_resistance_rise_shows_in_the_current_and_heals(healthy):
     """R is 2.4 per cent of the current loop's resistance: twice the winding takes 2.4 per cent of the current."""
-    log = fly_ema(COMMAND, **LOAD, faults=_between(r_add=1.0))[0]
+    log = fly_ema(COMMAND, **LOAD, faults=between(r_add=1.0))[0]
     difference = np.abs(log["i"] - healthy["i"])
     assert difference[:600].max() == 0.0
     assert 0.02 < difference[600:1200].max() < 5.0
@@ -197,11 +183,11 @@ def test_resistance_rise_shows_in_the_current_and_heals(healthy):
 
 
 def test_jam_stops_the_surface_where_it_is():
-    log = fly_ema(COMMAND, **LOAD, faults=_between(jam=1.0))[0]
+    log = fly_ema(COMMAND, **LOAD, faults=between(jam=1.0))[0]
     held = np.degrees(log["delta"][620:1199])
     assert np.ptp(held) == 0.0
     assert abs(held[0] - np.degrees(log["delta"][600])) < 0.1
-    screw = fly_ema(COMMAND, **LOAD, faults=_between(jam_screw=1.0))[0]
+    screw = fly_ema(COMMAND, **LOAD, faults=between(jam_screw=1.0))[0]
     assert np.ptp(screw["motor"][620:1199]) == 0.0
 
 

@@ -4,28 +4,23 @@ import math
 
 import numpy as np
 import pytest
-from actuator_loops import DT, fly_ema
+from actuator_loops import DT, between, fly_ema, liquid, predicted, solid, step, there_and_back
 
 from actuators import ema, ema_servo, jay, linear
 
 SMOOTH = {"T_c": 0.0, "T_s": 0.0}
 
 
-def _step(degrees, seconds=4.0, at=1.0):
-    t = np.arange(round(seconds / DT)) * DT
-    return math.radians(degrees) * (t >= at)
-
-
 def test_motor_follows_the_reference():
     """Smooth, no load, no noise: 0.1 degree in a 3 degree step."""
-    log, s = fly_ema(_step(3.0), noise=0.0, actuator=ema.params(**SMOOTH))
+    log, s = fly_ema(step(3.0), noise=0.0, actuator=ema.params(**SMOOTH))
     assert np.degrees(np.abs(log["motor"] / 600 - s["r"])).max() < 0.1
     assert np.degrees(np.abs(log["delta"][500:] - math.radians(3.0))).max() < 0.01
 
 
 def test_surface_error_is_the_springs():
     """The position sensor sits at the screw: against the load the surface lags by hm / l^2 K_s, 0.08 degree here."""
-    log, _ = fly_ema(_step(3.0, 6.0), hm0=-2500.0, hmd=-15e3)
+    log, _ = fly_ema(step(3.0, 6.0), hm0=-2500.0, hmd=-15e3)
     hm = -2500.0 - 15e3 * math.radians(3.0)
     assert np.degrees((log["motor"] / 600)[-200:].mean()) == pytest.approx(3.0, abs=0.02)
     assert np.degrees(log["delta"][-200:].mean()) == pytest.approx(3.0 + math.degrees(hm / 2.4e6), abs=0.02)
@@ -51,14 +46,12 @@ def test_noise_reaches_the_surface_as_little():
 
 def test_does_not_hunt_across_the_friction():
     """Without noise everything comes to rest, loaded or not, and stays."""
-    log, _ = fly_ema(_step(3.0, 8.0), noise=0.0, hm0=-1000.0, hmd=-15e3)
+    log, _ = fly_ema(step(3.0, 8.0), noise=0.0, hm0=-1000.0, hmd=-15e3)
     assert np.degrees(np.ptp(log["delta"][-400:])) < 1e-6
 
 
 def test_full_travel_and_back_without_windup():
-    t = np.arange(2000) * DT
-    command = np.where((t > 1) & (t < 5), math.radians(-30), np.where(t >= 5, math.radians(30), 0.0))
-    log, _ = fly_ema(command, hmd=-15e3)
+    log, _ = fly_ema(there_and_back(), hmd=-15e3)
     assert np.degrees((log["motor"] / 600).min()) == pytest.approx(-22.9, abs=0.1)
     assert np.degrees((log["motor"] / 600)[-1]) == pytest.approx(16.9, abs=0.1)
     left = np.flatnonzero(np.degrees(log["delta"][1000:]) > -22.2)[0] * DT
@@ -66,10 +59,7 @@ def test_full_travel_and_back_without_windup():
 
 
 def test_recovers_from_a_long_jam():
-    def jam(k, u, w):
-        u["jam"] = 1.0 if 200 <= k < 600 else 0.0
-
-    log, s = fly_ema(_step(5.0, 6.0, at=1.2), faults=jam)
+    log, s = fly_ema(step(5.0, 6.0, at=1.2), faults=between(1.0, 3.0, jam=1.0))
     assert np.abs(s["i_d"]).max() <= 43.75 * (1 + 1e-9)
     assert np.degrees(np.abs(log["delta"][300:600])).max() < 0.1
     assert np.degrees(log["delta"][600:]).max() < 7.0
@@ -87,14 +77,8 @@ def test_runaway_at_its_rate_to_the_stop():
 
 
 def test_command_faults_add_and_replace():
-    def liquid(k, u, w):
-        w["f_cmd"] = math.radians(1.0)
-
-    def solid(k, u, w):
-        w["s_cmd"], w["f_cmd"] = 1.0, math.radians(-2.0)
-
     for fault, end in ((liquid, 4.0), (solid, -2.0)):
-        log, _ = fly_ema(_step(3.0), faults=fault)
+        log, _ = fly_ema(step(3.0), faults=fault)
         assert np.degrees(log["delta"][-1]) == pytest.approx(end, abs=0.05)
 
 
@@ -105,7 +89,7 @@ def test_given_position_replaces_the_sensor():
         w["pos_fb"], w["pos_use"] = float(w["pos_meas"][0, 0]), 1.0
         w["pos_meas"] += 0.15 * math.radians(5.0)
 
-    log, _ = fly_ema(_step(3.0), faults=wrong)
+    log, _ = fly_ema(step(3.0), faults=wrong)
     assert np.degrees(log["delta"][-1]) == pytest.approx(3.0, abs=0.05)
 
 
@@ -118,7 +102,7 @@ def test_lost_samples_are_bridged():
             if rng.random() < 0.2 or 600 <= k < 620:
                 w[meas], w[flag] = np.nan, 0.0
 
-    command = _step(3.0) + math.radians(0.5) * np.sin(3 * np.arange(800) * DT)
+    command = step(3.0) + math.radians(0.5) * np.sin(3 * np.arange(800) * DT)
     log, s = fly_ema(command, hm0=-1000.0, hmd=-15e3, faults=lose)
     good, _ = fly_ema(command, hm0=-1000.0, hmd=-15e3)
     assert np.all(np.isfinite(s["u"]))
@@ -128,16 +112,12 @@ def test_lost_samples_are_bridged():
 def test_linear_model_predicts_the_flown_response():
     load = {"hm0": -1000.0, "hmd": -15e3}
     m = linear.ema_loop(**load)
-    command = _step(0.2, 2.0)
+    command = step(0.2, 2.0)
     # at rest the screw is ahead of the surface by the wound spring, and the servo commands the screw
     p = ema.params(**SMOOTH)
     ahead = ema.init_at(p, 0.0, -1000.0, -15e3)["motor"][0] / 600
     log, _ = fly_ema(command + ahead, noise=0.0, actuator=p, control=ema_servo.params(dead=0.0), **load)
-    z, out = np.zeros(len(m.A)), np.zeros(len(command))
-    for k, c in enumerate(command):
-        out[k] = (m.C @ z + m.D[:, 0] * c)[0]
-        z = m.A @ z + m.B[:, 0] * c
-    assert np.abs(out - log["delta"]).max() < 0.01 * math.radians(0.2)
+    assert np.abs(predicted(m, command) - log["delta"]).max() < 0.01 * math.radians(0.2)
 
 
 @pytest.mark.parametrize("hmd", [0.0, -15e3, -26e3, 5e3])

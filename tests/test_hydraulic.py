@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from actuator_loops import DT, alone, fly_hydraulic
+from actuator_loops import COMMAND, DT, LOAD, alone, between, fly_hydraulic
 
 from actuators import hydraulic, linkage, lu17
 
@@ -97,25 +97,6 @@ def test_runaway_and_solid_ofc_replace_liquid_adds():
     assert log["u_eff"][-1] == pytest.approx(0.07)
 
 
-def _square(k):
-    """Return a 2 degree square wave of 1 Hz at tick k [rad]."""
-    return math.radians(2.0) * (1 if (k // 100) % 2 else -1)
-
-
-COMMAND = np.array([_square(k) for k in range(2000)])
-LOAD = {"hm0": -500.0, "hmd": -15e3}
-
-
-def _between(**values):
-    """Return a fault writer: `values` of the actuator's inputs from 3 s to 6 s."""
-
-    def write(k, u, w):
-        for name, v in values.items():
-            u[name] = v if 600 <= k < 1200 else 0.0
-
-    return write
-
-
 @pytest.fixture(scope="module")
 def healthy():
     return fly_hydraulic(COMMAND, **LOAD)[0]
@@ -136,7 +117,7 @@ def healthy():
     ids=lambda f: "+".join(f),
 )
 def test_every_fault_shows_and_heals(fault, healthy):
-    log = fly_hydraulic(COMMAND, **LOAD, faults=_between(**fault))[0]
+    log = fly_hydraulic(COMMAND, **LOAD, faults=between(**fault))[0]
     difference = np.degrees(np.abs(log["delta"] - healthy["delta"]))
     assert difference[:600].max() == 0.0
     assert difference[600:1200].max() > 0.1
@@ -145,7 +126,7 @@ def test_every_fault_shows_and_heals(fault, healthy):
 
 
 def test_jam_stops_the_surface_where_it_is():
-    log = fly_hydraulic(COMMAND, **LOAD, faults=_between(jam=1.0))[0]
+    log = fly_hydraulic(COMMAND, **LOAD, faults=between(jam=1.0))[0]
     held = np.degrees(log["delta"][620:1199])
     assert np.ptp(held) == 0.0
     assert abs(held[0] - np.degrees(log["delta"][600])) < 0.1

@@ -4,16 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from actuator_loops import DT, fly_hydraulic
+from actuator_loops import DT, between, fly_hydraulic, liquid, predicted, solid, step, there_and_back
 
 from actuators import hydraulic, jay, linear, reference, servo
 
 SMOOTH = {"F_c": 0.0, "F_s": 0.0}
-
-
-def _step(degrees, seconds=4.0, at=1.0):
-    t = np.arange(round(seconds / DT)) * DT
-    return math.radians(degrees) * (t >= at)
 
 
 def _run_reference(target, p, ticks=1000):
@@ -56,12 +51,12 @@ def test_reference_derivatives_are_those_of_its_position():
 
 def test_rod_follows_the_reference():
     """Smooth actuator, no load, no noise: a tenth of a millimetre in a 3 degree step."""
-    log, s = fly_hydraulic(_step(3.0), noise=0.0, actuator=hydraulic.params(**SMOOTH))
+    log, s = fly_hydraulic(step(3.0), noise=0.0, actuator=hydraulic.params(**SMOOTH))
     assert np.abs(log["q_rod"] - s["r"]).max() < 1e-4
 
 
 def test_rod_follows_with_friction_noise_and_load():
-    log, s = fly_hydraulic(_step(3.0), hm0=-1000.0, hmd=-15e3)
+    log, s = fly_hydraulic(step(3.0), hm0=-1000.0, hmd=-15e3)
     assert np.abs(log["q_rod"] - s["r"]).max() < 1.5e-3  # the moving load is not known, only followed
     assert np.degrees(np.abs(log["delta"] - math.radians(3.0))[600:]).max() < 0.01
 
@@ -87,14 +82,12 @@ def test_flies_with_tolerances(seed):
     rng = np.random.default_rng(seed)
     names = ("B", "M", "P_s", "phi_n", "V_m", "E", "L")
     wrong = {n: hydraulic.NOMINAL[n] * (1 + 0.05 * rng.choice([-1, 1])) for n in names}
-    log, _ = fly_hydraulic(_step(3.0), hm0=-1000.0, hmd=-15e3, actuator=hydraulic.params(**wrong), seed=seed)
+    log, _ = fly_hydraulic(step(3.0), hm0=-1000.0, hmd=-15e3, actuator=hydraulic.params(**wrong), seed=seed)
     assert np.degrees(np.abs(log["delta"] - math.radians(3.0))[700:]).max() < 0.05
 
 
 def test_full_travel_and_back_without_windup():
-    t = np.arange(2000) * DT
-    command = np.where((t > 1) & (t < 5), math.radians(-30), np.where(t >= 5, math.radians(30), 0.0))
-    log, _ = fly_hydraulic(command, hmd=-15e3)
+    log, _ = fly_hydraulic(there_and_back(), hmd=-15e3)
     assert np.degrees(log["delta"].min()) == pytest.approx(-22.9, abs=0.05)  # 0.1 degrees inside the stop
     assert np.degrees(log["delta"][-1]) == pytest.approx(16.9, abs=0.05)
     left = np.flatnonzero(np.degrees(log["delta"][1000:]) > -22.5)[0] * DT
@@ -103,11 +96,7 @@ def test_full_travel_and_back_without_windup():
 
 def test_recovers_from_a_long_jam_at_once():
     """Two seconds jammed against a standing command: no windup is left, overshoot stays below 10 per cent."""
-
-    def jam(k, u, w):
-        u["jam"] = 1.0 if 200 <= k < 600 else 0.0
-
-    log, _ = fly_hydraulic(_step(5.0, 5.0, at=1.2), faults=jam)
+    log, _ = fly_hydraulic(step(5.0, 5.0, at=1.2), faults=between(1.0, 3.0, jam=1.0))
     assert np.degrees(np.abs(log["delta"][300:600])).max() < 0.01
     assert np.degrees(log["delta"][600:]).max() < 5.5
     assert np.degrees(np.abs(log["delta"][800:] - math.radians(5.0))).max() < 0.05
@@ -124,7 +113,7 @@ def test_lost_samples_are_bridged():
             if gone:
                 w[meas], w[flag] = np.nan, 0.0
 
-    command = _step(3.0) + math.radians(0.5) * np.sin(3 * np.arange(800) * DT)
+    command = step(3.0) + math.radians(0.5) * np.sin(3 * np.arange(800) * DT)
     log, s = fly_hydraulic(command, hm0=-1000.0, hmd=-15e3, faults=lose)
     good, _ = fly_hydraulic(command, hm0=-1000.0, hmd=-15e3)
     assert np.all(np.isfinite(s["u"]))
@@ -138,7 +127,7 @@ def test_a_nan_without_its_flag_does_no_harm():
         if k % 11 == 0:
             w["command"] = np.nan
 
-    log, s = fly_hydraulic(_step(3.0), faults=spoil)
+    log, s = fly_hydraulic(step(3.0), faults=spoil)
     assert np.all(np.isfinite(s["u"])) and np.degrees(abs(log["delta"][-1] - math.radians(3.0))) < 0.05
 
 
@@ -155,14 +144,8 @@ def test_given_estimate_replaces_the_observer():
 
 
 def test_command_faults_add_and_replace():
-    def liquid(k, u, w):
-        w["f_cmd"] = math.radians(1.0)
-
-    def solid(k, u, w):
-        w["s_cmd"], w["f_cmd"] = 1.0, math.radians(-2.0)
-
     for fault, end in ((liquid, 4.0), (solid, -2.0)):
-        log, _ = fly_hydraulic(_step(3.0), faults=fault)
+        log, _ = fly_hydraulic(step(3.0), faults=fault)
         assert np.degrees(log["delta"][-1]) == pytest.approx(end, abs=0.05)
 
 
@@ -185,14 +168,9 @@ def test_linear_model_predicts_the_flown_response():
     """A small step through the sampled linear model and through the smooth nonlinear loop: 1 per cent of the step."""
     load = {"hm0": -1000.0, "hmd": -15e3}
     m = linear.hydraulic_loop(**load)
-    command = _step(0.2, 2.0)
+    command = step(0.2, 2.0)
     log, _ = fly_hydraulic(command, noise=0.0, actuator=hydraulic.params(**SMOOTH), **load)
-    z = np.zeros(len(m.A))
-    out = np.zeros(len(command))
-    for k, c in enumerate(command):
-        out[k] = (m.C @ z + m.D[:, 0] * c)[0]
-        z = m.A @ z + m.B[:, 0] * c
-    assert np.abs(out - log["delta"]).max() < 0.01 * math.radians(0.2)
+    assert np.abs(predicted(m, command) - log["delta"]).max() < 0.01 * math.radians(0.2)
 
 
 @pytest.mark.parametrize("hmd", [0.0, -15e3, -26e3, 5e3])
