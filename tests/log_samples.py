@@ -55,6 +55,12 @@ def write(path, ticks=230, seed=0, result=True, pose=False, **options):
     return v
 
 
+def flight_log(folder, ticks):
+    """Write a log of `ticks` vectors with poses into a folder and return its path."""
+    write(folder / "flight.mcap", ticks, pose=True)
+    return folder / "flight.mcap"
+
+
 def expected(v, topic, ticks=None):
     """Return what a topic must hold of the vectors, at the given ticks (default: all)."""
     ticks = np.arange(len(v)) if ticks is None else ticks

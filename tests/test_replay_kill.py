@@ -8,6 +8,7 @@ import time
 
 import numpy as np
 import pytest
+from killed import grown, killer
 
 from cosim.log import open_log, recover
 from cosim.log.writer import ROWS
@@ -16,30 +17,11 @@ from cosim.replay import replay
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork and SIGKILL")
 ENABLED = 'detectors.enabled=["iotsekf","ema_kalman_flight","position_monitor","rfafe"]'
 CHUNK = ROWS  # ticks
-
-# one interpreter loads everything once, and forks a flight for every line that it is sent
-FLIGHTS = """
-import os, sys
+LOAD = f"""
 import cosim
-scenario = cosim.load_scenario("liquid-ofc", ["duration_s=300", {enabled!r}])
-cosim.simulate(cosim.load_scenario("liquid-ofc", ["duration_s=0.1", {enabled!r}]), timed=False)
-for _ in sys.stdin:
-    pid = os.fork()
-    if not pid:
-        cosim.simulate(scenario, log={path!r}, timed=False)
-        os._exit(0)
-    print(pid, flush=True)
-    os.waitpid(pid, 0)
-    print("dead", flush=True)
+scenario = cosim.load_scenario("liquid-ofc", ["duration_s=300", {ENABLED!r}])
+cosim.simulate(cosim.load_scenario("liquid-ofc", ["duration_s=0.1", {ENABLED!r}]), timed=False)
 """
-
-
-def grown(path, size=1):
-    """Wait until a file holds `size` bytes."""
-    end = time.monotonic() + 60
-    while not path.exists() or path.stat().st_size < size:
-        assert time.monotonic() < end, "the run writes nothing"
-        time.sleep(0.002)
 
 
 def check(path, out):
@@ -58,39 +40,24 @@ def check(path, out):
 
 def test_twenty_killed_flights_come_back_and_replay_exactly(tmp_path):
     path, rng, lengths = tmp_path / "killed.mcap", np.random.default_rng(3), []
-    code = FLIGHTS.format(path=str(path), enabled=ENABLED)
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
-    with subprocess.Popen([sys.executable, "-c", code], **pipes) as parent:
+
+    def wait():
+        grown(path)
+        time.sleep(float(rng.uniform(0.0, 0.3)))
+
+    with killer(LOAD, f"cosim.simulate(scenario, log={str(path)!r}, timed=False)") as kill:
         for _ in range(20):
-            parent.stdin.write("go\n")
-            parent.stdin.flush()
-            pid = int(parent.stdout.readline())
-            grown(path)
-            time.sleep(float(rng.uniform(0.0, 0.3)))
-            os.kill(pid, signal.SIGKILL)
-            assert parent.stdout.readline() == "dead\n"
+            kill(wait)
             lengths.append(check(path, tmp_path / "out.mcap"))
             path.unlink()
-        parent.stdin.close()
     assert sum(n > 0 for n in lengths) >= 10, lengths
 
 
 def test_a_killed_cosim_run_comes_back_and_replays_exactly(tmp_path):
     path = tmp_path / "killed.mcap"
-    args = [
-        sys.executable,
-        "-m",
-        "cosim.cli",
-        "run",
-        "liquid-ofc",
-        "--set",
-        "duration_s=300",
-        "--set",
-        ENABLED,
-        "-o",
-        str(path),
-    ]
-    with subprocess.Popen(args, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as run:
+    options = ["liquid-ofc", "--set", "duration_s=300", "--set", ENABLED, "-o", str(path)]
+    command = [sys.executable, "-m", "cosim.cli", "run", *options]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as run:
         grown(path, 1_000_000)
         run.kill()
     assert run.returncode == -signal.SIGKILL
