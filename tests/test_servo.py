@@ -63,10 +63,16 @@ def test_rod_follows_with_friction_noise_and_load():
 
 @pytest.mark.parametrize("delta", [-15.0, 0.0, 10.0])
 def test_no_steady_error_against_the_hinge_load(delta):
-    """Hinge load near the stall (9 of 10.5 kN m): the leakage and the load estimate hold it."""
-    command = np.full(800, math.radians(delta))
+    """Hinge load near the stall (9 of 10.5 kN m), there from the start or put on at 1 s: its estimate holds it."""
+
+    def load(k, u, w):
+        u["hm0"] = -9000.0 * min(max(k - 200, 0) / 100, 1.0)
+
+    command = np.full(1200, math.radians(delta))
     log, _ = fly_hydraulic(command, hm0=-9000.0, start=math.radians(delta))
     assert np.degrees(np.abs(log["delta"] - command)).max() < 0.02
+    log, _ = fly_hydraulic(command, start=math.radians(delta), faults=load)
+    assert np.degrees(np.abs(log["delta"] - command)[-300:]).max() < 0.02
 
 
 def test_noise_reaches_the_valve_as_little():
@@ -103,7 +109,10 @@ def test_recovers_from_a_long_jam_at_once():
 
 
 def test_lost_samples_are_bridged():
-    """One sample in five lost at random, then all of the pressure, then 0.1 s of everything: NaN never spreads."""
+    """One sample in five lost at random, then all of the pressure, then 0.1 s of everything: NaN never spreads.
+
+    In the 0.1 s the command moves by 0.14 degrees: a servo that only waited would be that far off.
+    """
     rng = np.random.default_rng(0)
 
     def lose(k, u, w):
@@ -117,7 +126,7 @@ def test_lost_samples_are_bridged():
     log, s = fly_hydraulic(command, hm0=-1000.0, hmd=-15e3, faults=lose)
     good, _ = fly_hydraulic(command, hm0=-1000.0, hmd=-15e3)
     assert np.all(np.isfinite(s["u"]))
-    assert np.degrees(np.abs(log["delta"] - good["delta"])).max() < 0.5
+    assert np.degrees(np.abs(log["delta"] - good["delta"])).max() < 0.1
 
 
 def test_a_nan_without_its_flag_does_no_harm():
