@@ -166,13 +166,13 @@ def _word(detector, name, value, allowed):
 def _override(detector, p, name, value, options=()):
     """Set field `name` of every lane; raise ScenarioError for one that is none, or for a word."""
     plain = [n for n in p.dtype.names if p.dtype[n].shape == ()]
-    place = f"detectors.{detector}.{name}"
+    place = f"detectors.{detector}.{name} = {value}"
     if name not in plain:
         known = [*options, *plain]
         remedy = did_you_mean(name, known)
         raise ScenarioError("no such parameter", place=place, allowed=", ".join(known), remedy=remedy)
     if isinstance(value, str):
-        raise ScenarioError(f"{value!r} is no number", place=place, allowed="a number")
+        raise ScenarioError("is no number", place=place, allowed="a number")
     p[name] = float(value)
 
 

@@ -68,6 +68,7 @@ class Nominal:
     arm: dict  # technology -> lever arm [m]
     unit: dict  # technology -> what 1 of u is at the valve [1] or drive [A]
     speed: float  # rod speed per valve opening, no load [m/s]
+    rate: dict  # aileron, rudder, stabiliser -> fastest its actuator moves [rad/s]
     brake: float  # full brake of a hydraulic actuator over its stall force [-]
     gain: object  # (technology, solid, omega) -> position amplitude [m] per unit at the valve [1] or drive [A]
 
@@ -98,6 +99,12 @@ def _lane(j, technology, nominal):
         )
     if j.place == "surface":
         part = j.name.replace(".", "_")
+        if j.kind == "runaway" and abs(j.magnitude) > (most := nominal.rate[j.name.split(".")[0]]):
+            raise ScenarioError(
+                f"its actuator moves at {math.degrees(most):g} deg/s at most",
+                place=f"faults.{j.fault}.rate_deg_s = {math.degrees(j.magnitude):g}",
+                allowed=f"-{math.degrees(most):g} to {math.degrees(most):g}",
+            )
         return _moving(j, name, "simple", part, f"simple.{part}.delta", nominal)
     return _moving(j, name, technology[j.name], j.name, f"{technology[j.name]}.{j.name}.delta", nominal)
 

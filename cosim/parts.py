@@ -147,6 +147,7 @@ def nominal(dt):
         arm={"hydraulic": hydraulic.NOMINAL["arm"], "ema": v["arm"], "simple": hydraulic.NOMINAL["arm"]},
         unit={"hydraulic": 1.0, "ema": DRIVE_LIMIT},
         speed=hydraulic.NOMINAL["phi_n"] / hydraulic.NOMINAL["A_p"],
+        rate={k: simple.KINDS[k]["rate"] for k in ("aileron", "rudder", "stabiliser")},
         brake=hydraulic.NOMINAL["F_brake"] / (hydraulic.NOMINAL["A_p"] * hydraulic.NOMINAL["P_s"]),
         gain=lambda technology, solid, omega: (
             solid_gain(technology, omega) if solid else liquid_gain(technology, omega, dt)

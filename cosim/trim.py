@@ -14,6 +14,7 @@ from cosim.errors import TrimError
 
 EARTH_MERIDIAN = 6335439.3  # radius of curvature of the meridian at the equator, WGS84 [m]
 MACH_RANGE = (0.2, 0.95)  # rows of the aerodynamic tables; the low end is below any stall
+SURELY_FLIES = math.radians(10.0)  # below any stall: only beyond is it asked whether alpha is that of largest lift
 STEP = (1e-5, 1e-5, 1e-4)
 
 
@@ -78,7 +79,7 @@ def level(plant, elevator=0.0):
         x = new
     t = _residual(plant, x, elevator, full=True)
     residual = max(abs(v) for v in (t.udot, t.vdot, t.wdot, t.pdot, t.qdot, t.rdot))
-    _check(plant, x, residual)
+    _check(plant, x, elevator, residual)
     alpha, stabilizer, throttle = (float(v) for v in x)
     return Trim(
         alpha=alpha, stabilizer=stabilizer, throttle=throttle, elevator=elevator, theta=alpha, tas=plant.tas,
@@ -87,26 +88,29 @@ def level(plant, elevator=0.0):
     )  # fmt: skip
 
 
-def _check(plant, x, residual):
+def _check(plant, x, elevator, residual):
     from cosim.plant import LIMITS
 
-    _, stabilizer, throttle = x
+    alpha, stabilizer, throttle = x
     f = plant.flight
     place = f"{f.mass / 1e3:.0f} t, CG {f.cg * 100:.0f} %, {f.altitude / 0.3048:.0f} ft, {plant.tas:.1f} m/s TAS"
     low, high = LIMITS["stabilizer"]
     mach = plant.truth()[0].mach
-    if mach > MACH_RANGE[1] + 1e-6:  # JSBSim's own rounding of the speed
-        allowed = f"{MACH_RANGE[0]:g} to {MACH_RANGE[1]:g}"
+    if not MACH_RANGE[0] - 1e-6 <= mach <= MACH_RANGE[1] + 1e-6:  # JSBSim's own rounding of the speed
         raise TrimError(
             f"speed: Mach {mach:.2f} is beyond the aerodynamic data",
             place=place,
-            allowed=allowed,
-            remedy="Fly slower or lower",
+            allowed=f"{MACH_RANGE[0]:g} to {MACH_RANGE[1]:g}",
+            remedy="Fly slower or lower" if mach > MACH_RANGE[1] else "Fly faster or higher",
         )
-    if residual < 1e-8 and low <= stabilizer <= high and 0.0 <= throttle <= 1.0:
+    solved = residual < 1e-8 and low <= stabilizer <= high and 0.0 <= throttle <= 1.0
+    if solved and alpha < SURELY_FLIES:
         return
-    needs, has = lift_margin(plant)
-    if needs > has:
+    needs, has, most = lift_margin(plant)
+    if solved and alpha <= most:
+        _residual(plant, x, elevator)  # back from where the lift was looked for
+        return
+    if needs > has or alpha > most:  # a fall at a huge angle of attack is an equilibrium too
         raise TrimError(
             f"stall: level flight needs a lift coefficient of {needs:.2f}, the wing gives {has:.2f}",
             place=place,
@@ -132,12 +136,14 @@ def _check(plant, x, residual):
 
 
 def lift_margin(plant):
-    """Return the lift coefficients that level flight needs and that the aircraft has; elevator, stabiliser at 0."""
-    best, needs = 0.0, 0.0
+    """Return the lift coefficients that level flight needs and that the aircraft has, and the angle of attack [rad] of
+    the latter; elevator and stabiliser at 0.
+    """
+    best, needs, most = 0.0, 0.0, 0.0
     for alpha in np.radians(np.arange(2.0, 25.0, 0.5)):
         t = _residual(plant, (alpha, 0.0, 0.0), 0.0, full=True)
         force = t.nz * math.cos(alpha) + t.nx * math.sin(alpha)
         area = 5500.0 * 0.3048**2
-        best = max(best, force * t.mass * 9.80665 / (t.qbar * area))
         needs = t.mass * 9.80665 / (t.qbar * area)
-    return needs, best
+        best, most = max((best, most), (force * needs, float(alpha)))
+    return needs, best, most

@@ -15,11 +15,11 @@ from rich.console import Console
 from scipy import stats
 from typer.testing import CliRunner
 
-from cosim import cli
 from cosim.campaign import EVALUATION_SEED, run_many
 from cosim.campaign.draw import draw, unit_cube
 from cosim.campaign.run import cluster, rerun
 from cosim.campaign.spec import builtin_campaigns, load_campaign
+from cosim.cli import commands as cli
 from cosim.cli.campaign import nearest
 from cosim.design.rfafe import MANOEUVRES
 from cosim.errors import CosimError

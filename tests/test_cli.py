@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from cosim import cli
+from cosim.cli import commands as cli
 from cosim.errors import LogError, TrimError
 from cosim.result import Result
 from cosim.scenario import builtin_names, load_scenario

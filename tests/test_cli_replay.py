@@ -8,7 +8,7 @@ import pytest
 from replay_flight import fly
 from typer.testing import CliRunner
 
-from cosim import cli
+from cosim.cli import commands as cli
 from cosim.log import open_log
 
 EXAMPLE = Path(__file__).parent / "data" / "foreign_map.toml"

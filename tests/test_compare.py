@@ -11,7 +11,7 @@ from report_browser import CHROMIUM, use
 
 from cosim import coverage
 from cosim.campaign import EVALUATION_SEED, run_many
-from cosim.cli import app
+from cosim.cli.commands import app
 from cosim.compare import CompareError, compare, stats
 from cosim.compare import rows as compare_rows
 from cosim.compare.matrix import POINT, matrix

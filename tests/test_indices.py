@@ -7,7 +7,8 @@ import sys
 import numpy as np
 import pytest
 
-from cosim import cli, detectors, indices
+from cosim import detectors, indices
+from cosim.cli import commands as cli
 from cosim.detectors import TABLE, module
 from cosim.errors import LogError, ScenarioError
 from cosim.log import LogWriter, Topic, open_log

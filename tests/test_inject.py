@@ -118,3 +118,9 @@ def test_a_sensors_own_error_is_that_of_the_same_fault(sensor, key, value):
     lane = faulty.lanes[0].places[0][0].split(".")[1]
     bias = own.loop.sensors.p["bias"][own.loop.bus.lanes["sensors"].index(lane)]
     assert bias == pytest.approx(faulty.lanes[0].p["amplitude"][0], rel=1e-12) and bias != 0.0
+
+
+def test_a_surface_runs_away_no_faster_than_its_actuator_moves():
+    with pytest.raises(ScenarioError, match=r"rate_deg_s = 5: .*0.5 deg/s at most; allowed: -0.5 to 0.5"):
+        build(scenario(**fault(0, "stabiliser", "runaway", 1.0, None, rate_deg_s=5.0)))
+    build(scenario(**fault(0, "stabiliser", "runaway", 1.0, None, rate_deg_s=-0.5)))

@@ -190,6 +190,8 @@ def test_unknown_property_is_refused():
         (Flight.at(405, 28, 27500, cas_kt=150), "stall"),
         (Flight.at(405, 28, 42000, mach=0.85), "thrust|stall"),
         (Flight.at(390, 30, 35000, mach=0.60), "thrust"),
+        (Flight.at(200, 30, 2000, mach=0.15), "Mach 0.15 is beyond the aerodynamic data.*Fly faster"),
+        (Flight.at(405, 30, 0, mach=0.2), "stall"),
     ],
 )
 def test_infeasible_points_say_why(flight, reason):

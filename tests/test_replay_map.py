@@ -15,6 +15,7 @@ from cosim.log import open_log
 from cosim.replay import replay
 from cosim.replay.lanes import manifest
 from cosim.replay.map import diagnose
+from cosim.replay.map_file import load_map
 from cosim.replay.map_signals import signal_of
 from cosim.replay.params import ReplayError
 from cosim.replay.resample import resample, ticks
@@ -212,6 +213,8 @@ def test_a_recording_that_does_not_fit_is_refused_and_a_late_command_is_told(sig
         ('alpha = { channel = "AOA" }', ("no channel 'AOA'", "AOA_DEG")),
         ('alpha = { channel = "AOA_DEG", unit = "kt" }', ("signals.alpha.unit", "rad, deg")),
         ('alpha = { channel = "AOA_DEG", units = "deg" }', ("unknown key", "signals.alpha.units")),
+        ('alpha = { channel = "AOA_DEG", scale = "x" }', ("signals.alpha.scale = x", "must be a valid number")),
+        ("alpha = 3", ("signals.alpha = 3", "must be a table")),
         ('alpha = { unit = "deg" }', ("channel or a constant",)),
         ("alpha = { constant = 0.1 }", ("no signal has a channel",)),
     ],
@@ -222,6 +225,12 @@ def test_mistakes_in_a_map_are_named(signals, tmp_path, line, words):
     with pytest.raises(ReplayError) as error:
         diagnose(tmp_path / "bench.csv", tmp_path / "map.toml")
     assert all(w in str(error.value) for w in words) and "map.toml" in str(error.value)
+
+
+def test_a_map_without_signals_says_so(tmp_path):
+    (tmp_path / "map.toml").write_text('time = "clock_ms"\n')
+    with pytest.raises(ReplayError, match=r"map.toml: signals: is missing$"):
+        load_map(tmp_path / "map.toml")
 
 
 def test_samples_on_a_tick_are_kept_and_others_interpolated_or_held():

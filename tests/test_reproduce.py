@@ -8,7 +8,8 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from cosim import cli, reproduce
+from cosim import reproduce
+from cosim.cli import commands as cli
 from cosim.errors import CosimError, OutputError
 from cosim.readme import markers
 from cosim.report.reproduce_page import render

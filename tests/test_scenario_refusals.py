@@ -60,7 +60,7 @@ def test_a_scale_that_changes_nothing_is_refused():
         (["flight.mass_t=3"], ["flight.mass_t = 3", "180 to 405"]),
         (["flight.mass_t=nan"], ["flight.mass_t", "finite"]),
         (["flight.cg_pct=heavy"], ["flight.cg_pct = heavy", "number", "20 to 40"]),
-        (["flight.mach=0.99"], ["flight.mach = 0.99", "0.15 to 0.95"]),
+        (["flight.mach=0.99"], ["flight.mach = 0.99", "0.2 to 0.95"]),
         (["flight.turbulence=lite"], ["flight.turbulence = lite", "light"]),
         (["duration_s=0"], ["duration_s = 0", "above 0"]),
         (["duration_s=true"], ["duration_s", "a valid number"]),

@@ -1,5 +1,12 @@
 """The command line: `cosim` and its commands."""
 
-from cosim.cli.commands import app, main
+import sys
 
-__all__ = ["app", "main"]
+
+def main():
+    """Run the command line; Ctrl-C ends it with 130, while its modules load as well."""
+    try:
+        from cosim.cli.commands import main as run
+    except KeyboardInterrupt:
+        sys.exit(130)
+    run()

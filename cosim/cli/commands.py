@@ -247,7 +247,7 @@ def replay(
 
     chosen = [name.strip() for name in detectors.split(",") if name.strip()] if detectors is not None else None
     if output:
-        reserve(output, taken=log)
+        reserve(output, taken=log, what="the log")
     from cosim.replay.params import overrides
 
     if map_:
@@ -290,7 +290,7 @@ def recover(
     from cosim.log import recover as work
 
     path = output or log.with_suffix(f".recovered{log.suffix}")
-    reserve(path, taken=log)
+    reserve(path, taken=log, what="the log")
     found = work(log, path)
     if json_:
         print(json.dumps(found, allow_nan=False))

@@ -87,7 +87,7 @@ def add(app, out, err):
     ):
         """Write one self-contained HTML page that shows a flight, or compares those of a folder; opens offline."""
         path = output or (log / "compare.html" if log.is_dir() else log.with_suffix(".html"))
-        reserve(path, taken=log, endings=(".html", ".htm"))
+        reserve(path, taken=log, endings=(".html", ".htm"), what="the log")
         if log.is_dir():
             from cosim.compare import compare as work
             from cosim.report import comparison_report

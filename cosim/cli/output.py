@@ -8,17 +8,18 @@ import typer
 from cosim.errors import OutputError
 
 
-def reserve(path, *, taken=None, endings=()):
+def reserve(path, *, taken=None, endings=(), what="the scenario"):
     """Make the folder of `path` and open the file for writing once, leaving an existing one as it is.
 
-    `taken` is an input that must not be overwritten, `endings` the suffixes that are possible. Raises OutputError.
+    `taken` is an input that must not be overwritten, called `what`; `endings` the suffixes that are possible. Raises
+    OutputError.
     """
     path = Path(path)
     if endings and path.suffix not in endings:
         raise OutputError("its ending says no known format", place=str(path), allowed=", ".join(endings))
     if taken is not None and Path(taken).exists() and path.exists() and path.samefile(taken):
         raise OutputError(
-            "is the scenario itself, it would be overwritten", place=str(path), remedy="Choose another -o"
+            f"is {what} itself, it would be overwritten", place=str(path), remedy="Choose another -o"
         )
     if path.is_dir():
         raise OutputError(

@@ -35,6 +35,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from cosim.replay.params import ReplayError
+from cosim.scenario.load import explained
 
 _ANGLE, _FT, _KT, _G = 0.017453292519943295, 0.3048, 1852.0 / 3600.0, 9.80665
 UNITS = {  # unit -> {SI unit of the signal: factor}
@@ -111,7 +112,8 @@ def load_map(path):
     place = str(path)
     try:
         text = Path(path).read_text(encoding="utf-8-sig")
-        return Map.model_validate(tomllib.loads(text)), text
+        table = tomllib.loads(text)
+        return Map.model_validate(table), text
     except OSError as error:
         raise ReplayError(f"cannot be read: {error.strerror}", place=place) from None
     except UnicodeDecodeError:
@@ -119,9 +121,4 @@ def load_map(path):
     except tomllib.TOMLDecodeError as error:
         raise ReplayError(f"not valid TOML: {error}", place=place) from None
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        known = ", ".join(Map.model_fields if len(first["loc"]) == 1 else Signal.model_fields)
-        allowed = known if first["type"] == "extra_forbidden" else ""
-        problem = "unknown key" if allowed else first["msg"]
-        raise ReplayError(problem, place=f"{place}: {where}", allowed=allowed) from None
+        raise explained(error, table, place, Map, ReplayError) from None

@@ -145,7 +145,7 @@ AMPLITUDES_AT = {  # the keys that have a meaning where the oscillation enters
 }
 
 _hyd, _ema, _real = ("hydraulic",), ("ema",), ("hydraulic", "ema")
-_runaway = (Key("rate_deg_s", -90.0, 90.0, DEG, "rad/s", healthy=0.0),)
+_runaway = (Key("rate_deg_s", -45.0, 45.0, DEG, "rad/s", healthy=0.0),)  # the fastest actuators, without load
 ELEVATOR_KINDS = {
     "ofc_liquid": Kind("oscillation added to the signal", _amplitudes(True), _sine, ("valve", "command", "sensor")),
     "ofc_solid": Kind(

@@ -3,6 +3,7 @@
 import tomllib
 from importlib import resources
 from pathlib import Path
+from typing import get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
@@ -47,7 +48,7 @@ def parse(table, *, place="scenario"):
     try:
         return Scenario.model_validate(table)
     except ValidationError as error:
-        raise _explain(error, table, place) from None
+        raise explained(error, table, place) from None
 
 
 def _read(name_or_path):
@@ -75,13 +76,15 @@ def _read(name_or_path):
         raise ScenarioError(f"cannot be read: {getattr(error, 'strerror', None) or error}", place=name) from None
 
 
-def _explain(error, table, place):
-    """Return a ScenarioError for the first mistake; an unknown key comes first, it likely causes the others."""
+def explained(error, table, place, root=Scenario, kind=ScenarioError):
+    """Return pydantic's `error` about `table`, a file of model `root`, as an error of `kind` for the first mistake; an
+    unknown key comes first, it likely causes the others.
+    """
     found = sorted(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
     first, more = found[0], len(found) - 1
     ctx = first.get("ctx", {})
     loc = [str(part) for part in first["loc"] if part not in KINDS]
-    model, field = _walk(loc, table)
+    model, field = _walk(root, loc, table)
     problem, allowed, remedy = first["msg"], "", ""
     if first["type"] == "cosim":
         loc += [ctx["key"]] if ctx["key"] else []
@@ -105,7 +108,7 @@ def _explain(error, table, place):
     place = f"{place}: {where}{value}" if where else place
     if more:
         remedy = f"{remedy} ({more} more mistake{'s' * (more > 1)} in this file)".strip()
-    return ScenarioError(problem, place=place, allowed=allowed, remedy=remedy)
+    return kind(problem, place=place, allowed=allowed, remedy=remedy)
 
 
 def _value(table, loc):
@@ -117,9 +120,9 @@ def _value(table, loc):
     return "" if isinstance(table, dict | list) else f" = {str(table)[:60]}"
 
 
-def _walk(loc, table):
-    """Return (model that holds the last key, its FieldInfo), each may be None, by following `loc` from the root."""
-    model: type[BaseModel] | None = Scenario
+def _walk(root, loc, table):
+    """Return (model that holds the last key, its FieldInfo), each may be None, by following `loc` from `root`."""
+    model: type[BaseModel] | None = root
     field = None
     for i, part in enumerate(loc):
         if model is None:
@@ -131,8 +134,12 @@ def _walk(loc, table):
             model = KINDS.get(table[part].get("kind")) if isinstance(table[part], dict) else None
         elif part == "faults":
             return Fault, Fault.model_fields.get(loc[-1])
+        elif field is None and i and loc[i - 1] in root.model_fields:
+            continue  # a name of the user's in a table of models
         else:
             inner = field.annotation if field else None
+            if get_origin(inner) is dict:
+                inner = get_args(inner)[1]
             model = inner if isinstance(inner, type) and issubclass(inner, BaseModel) else None
     return model, field
 

@@ -29,7 +29,7 @@ class Flight(_Table):
     cg_pct: Annotated[float, Field(ge=20.0, le=40.0)]
     altitude_ft: Annotated[float, Field(ge=0.0, le=45000.0)]
     cas_kt: Annotated[float, Field(ge=100.0, le=400.0)] | None = None
-    mach: Annotated[float, Field(ge=0.15, le=0.95)] | None = None
+    mach: Annotated[float, Field(ge=0.2, le=0.95)] | None = None
     tas_kt: Annotated[float, Field(ge=100.0, le=560.0)] | None = None
     turbulence: Literal["none", "light", "moderate", "severe"] = "none"
 
