@@ -111,7 +111,7 @@ def test_recovers_from_a_long_jam_at_once():
 def test_lost_samples_are_bridged():
     """One sample in five lost at random, then all of the pressure, then 0.1 s of everything: NaN never spreads.
 
-    In the 0.1 s the command moves by 0.14 degrees: a servo that only waited would be that far off.
+    A servo that stood still for that 0.1 s would be off by 0.08 degrees, that of a held command.
     """
     rng = np.random.default_rng(0)
 
@@ -126,7 +126,7 @@ def test_lost_samples_are_bridged():
     log, s = fly_hydraulic(command, hm0=-1000.0, hmd=-15e3, faults=lose)
     good, _ = fly_hydraulic(command, hm0=-1000.0, hmd=-15e3)
     assert np.all(np.isfinite(s["u"]))
-    assert np.degrees(np.abs(log["delta"] - good["delta"])).max() < 0.1
+    assert np.degrees(np.abs(log["delta"] - good["delta"])).max() < 0.05
 
 
 def test_a_nan_without_its_flag_does_no_harm():
