@@ -13,8 +13,13 @@ are kept, so that runs that differ in their fault only share one.
 
 import functools
 import math
+import tomllib
 
 import numpy as np
+
+from cosim.build import build
+from cosim.fly import fly
+from cosim.scenario import parse
 
 TRAVEL = math.radians(40.0)  # of an elevator segment, -23 to +17 deg
 SETTLE_PERIODS = 2.0
@@ -26,9 +31,9 @@ def achieved(scenario):
     {segment: {rod_mm, surface_deg, travel_pct, amplitude_mm, amplitude_deg}}: the first three are peaks. Costs a flight
     and the twin. Raises TrimError.
     """
-    from cosim.simulate import simulate
-
-    return simulate(scenario, achieved=True, timed=False).extra["achieved"]
+    setup = build(scenario)
+    rows, *_ = fly(setup)
+    return moved(scenario, setup.history, rows)
 
 
 def faulted(scenario):
@@ -57,12 +62,6 @@ def moved(scenario, history, rows):
 @functools.lru_cache(maxsize=16)
 def positions(scenario_toml):
     """Return (ticks, 8) float32 of a flight: per segment rod [m], NaN where it has none, and surface [rad]."""
-    import tomllib
-
-    from cosim.build import build
-    from cosim.scenario import parse
-    from cosim.simulate import fly
-
     setup = build(parse(tomllib.loads(scenario_toml)))
     rows, *_ = fly(setup)
     return _positions(setup.history, rows)

@@ -10,12 +10,12 @@ from actuators.block import bound, dtype
 from cosim import detectors, faults, hinge_model, inject, law, manoeuvre, parts, sensors, wiring
 from cosim.bus import Bus, route, route_add
 from cosim.errors import ScenarioError
+from cosim.flight import Flight
 from cosim.history import History
 from cosim.law import design as law_design
 from cosim.linearize import linearize
 from cosim.pilot import steps
 from cosim.plant import SURFACES, TRUTH, Plant
-from cosim.point import plant_flight
 from cosim.scenario import Scenario
 from cosim.tick import Block, Loop
 from cosim.trim import Trim
@@ -123,7 +123,7 @@ class Draw:
 
 def build(scenario):
     """Return the Setup of `scenario`. Raises TrimError when the flight point cannot be flown."""
-    dt, point = scenario.dt, plant_flight(scenario)
+    dt, point = scenario.dt, Flight.of(scenario)
     plant = Plant(point, dt=dt)
     trim = plant.trim()
     truth = np.zeros(1, TRUTH)

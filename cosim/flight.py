@@ -40,6 +40,15 @@ class Flight:
             mass_t * 1e3, cg_pct / 100.0, altitude_ft * FT, kind, value if kind == "mach" else value * KT, **rest
         )
 
+    @classmethod
+    def of(cls, scenario):
+        """Return the flight point of `scenario`, with its coefficients' multipliers, turbulence and seed."""
+        f = scenario.flight
+        kind, speed = f.speed
+        return cls(
+            f.mass, f.cg, f.altitude, kind, speed, dict(scenario.tolerances.aero), f.turbulence, scenario.seed
+        )
+
 
 # The six points of the papers, by a scenario's keys: [Sun13] section 5, [Alwi14] table 4 (CAS and altitude; its Mach
 # agrees within 415 ft)

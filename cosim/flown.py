@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from cosim import coverage, estimate, inject, parts, wiring
-from cosim.detectors import TABLE
+from cosim.detector_table import TABLE
 from cosim.errors import LogError
 from cosim.log import open_log
 from cosim.result import Watch, judge, judged

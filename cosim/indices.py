@@ -9,6 +9,8 @@ import importlib
 
 import numpy as np
 
+from cosim.detector_table import TABLE
+
 LINES = ("u_old", "past", "line")  # state arrays that hold the past, newest first or as a ring
 DELAYS = {"delay", "lag_ticks", "u_delay", "late"}  # parameters: how far to look back in them
 STRUCTURE = {  # parameters: sizes and positions of the design; no more than what the design itself has
@@ -76,12 +78,11 @@ def _first(values, low, high):
 @functools.cache
 def _ends(detector, dt):
     """Return {structure parameter: (least, largest)} over the designs of every choice a scenario has."""
-    from cosim import detectors
     from cosim.scenario import load_scenario
     from cosim.scenario.load import DEFAULT
 
     scenario = load_scenario(DEFAULT)
-    spec = detectors.TABLE[detector]
+    spec = TABLE[detector]
     module = importlib.import_module(spec.module)
     lane = next((n for n, t in scenario.elevator.technology.items() if t in spec.technologies), "aircraft")
     words = [{}] + [{name: word} for name, allowed in spec.options for word in allowed]

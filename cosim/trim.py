@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.errors import TrimError
+from cosim.plant_io import LIMITS
 
 EARTH_MERIDIAN = 6335439.3  # radius of curvature of the meridian at the equator, WGS84 [m]
 MACH_RANGE = (0.2, 0.95)  # rows of the aerodynamic tables; the low end is below any stall
@@ -89,8 +90,6 @@ def level(plant, elevator=0.0):
 
 
 def _check(plant, x, elevator, residual):
-    from cosim.plant import LIMITS
-
     alpha, stabilizer, throttle = x
     f = plant.flight
     place = f"{f.mass / 1e3:.0f} t, CG {f.cg * 100:.0f} %, {f.altitude / 0.3048:.0f} ft, {plant.tas:.1f} m/s TAS"

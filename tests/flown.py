@@ -6,7 +6,7 @@ import numpy as np
 
 import cosim
 from cosim.build import build
-from cosim.simulate import record
+from cosim.fly import record
 from cosim.study.manoeuvres import POINTS
 
 LAW = ("de_cmd", "da_cmd", "dr_cmd", "stab_cmd", "throttle_cmd", "protection", "alpha_lim", "n_c")

@@ -9,7 +9,7 @@ import pytest
 
 from cosim import detectors, indices
 from cosim.cli import commands as cli
-from cosim.detectors import TABLE, module
+from cosim.detector_table import TABLE, module
 from cosim.errors import LogError, ScenarioError
 from cosim.log import LogWriter, Topic, open_log
 from cosim.replay import replay

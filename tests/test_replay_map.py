@@ -10,7 +10,7 @@ from log_samples import same_bits
 from mcap.writer import Writer
 
 import cosim
-from cosim import detectors
+from cosim import detector_table
 from cosim.log import open_log
 from cosim.replay import replay
 from cosim.replay.lanes import manifest
@@ -39,7 +39,7 @@ def signals(flight):
     """Return {signal: (samples, SI)} of all that the detectors of the flight read, by the names of a map."""
     out = {}
     for d in manifest(flight):
-        spec = detectors.TABLE[d["id"]]
+        spec = detector_table.TABLE[d["id"]]
         for lane, inputs in d["inputs"].items():
             technology = {"left": "hydraulic", "right": "ema"}.get(lane.split("_")[0])
             wires = spec.wires(lane, technology)

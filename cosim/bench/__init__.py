@@ -60,10 +60,10 @@ def bench(*, rounds=ROUNDS, memory=True, progress=None):
 
 def _cases(scenario, folder, rounds, progress):
     """Time every case in turn, round after round; return their rows and the factors over real time."""
+    from cosim.flight import Flight
     from cosim.plant import Plant, reference_run
-    from cosim.point import plant_flight
 
-    flown = Plant(plant_flight(scenario), scenario.dt)
+    flown = Plant(Flight.of(scenario), scenario.dt)
     flown.trim()
     none = load_scenario(
         "liquid-ofc", ["detectors.enabled=[]", "elevator.feedback=measured", f"duration_s={scenario.duration_s}"]

@@ -177,10 +177,10 @@ def linearize(
     flown = load_scenario(scenario, set_ or ())
     if output:
         reserve(output, taken=scenario, endings=(".npz", ".mat"))
+    from cosim.flight import Flight
     from cosim.linearize import linearize as work
-    from cosim.point import plant_flight
 
-    model = work(plant_flight(flown))
+    model = work(Flight.of(flown))
     if output:
         try:
             model.save(output)

@@ -11,10 +11,10 @@ import numpy as np
 
 from cosim.build import build
 from cosim.flight import SIX, Flight
+from cosim.fly import record
 from cosim.linearize import linearize
 from cosim.scenario import parse
 from cosim.sensors import PARTS, TRANSPORT
-from cosim.simulate import record
 from fdi import physics_bound as bound
 from fdi import rfafe
 from fdi.rfafe_discrete import noise

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from actuators.block import bound
-from cosim.detectors import TABLE
+from cosim.detector_table import TABLE
 from cosim.errors import LogError, did_you_mean
 from cosim.indices import wrong_state
 from cosim.replay.params import ReplayError, attached, chosen_overrides, older, override, trusted

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cosim.build import build
-from cosim.simulate import record
+from cosim.fly import record
 
 
 class Flown:

@@ -13,8 +13,8 @@ import numpy as np
 
 from cosim.build import build
 from cosim.flight import SIX
+from cosim.fly import record
 from cosim.scenario import load_scenario
-from cosim.simulate import record
 
 KEYS = ("mass_t", "cg_pct", "altitude_ft", "cas_kt")
 CORNERS = {  # of mass and CG, and of altitude and speed
