@@ -102,7 +102,6 @@ def open_writer(setup, path):
         "trim": {k: repr(v) for k, v in vars(setup.trim).items() if isinstance(v, float)},
         "libraries": {"jsbsim": _version("jsbsim"), "numpy": np.__version__, "numba": _version("numba")},
     }
-    pose = Pose(**{n: loop.bus.index(f"truth.aircraft.{n}") for n in ("lat", "lon", "h", "phi", "theta", "psi")})
     writer = LogWriter(
         path,
         channels,
@@ -110,12 +109,25 @@ def open_writer(setup, path):
         dt_ns=round(loop.dt * 1e9),
         metadata=metadata,
         attachments=attachments,
-        pose=pose,
+        pose=pose(loop.bus),
     )
     for f in setup.scenario.faults:
         start, end = (None if t is None else round(t * setup.scenario.rate_hz) for t in (f.start_s, f.end_s))
         writer.window(start, start, end, kind=f.kind, target=f.target)
     return writer
+
+
+def open_live(setup, port):
+    """Return the server that shows the topics of a flight's log while it is flown."""
+    from cosim.log.live import Live
+
+    loop = setup.loop
+    return Live(topics(setup), dt_ns=round(loop.dt * 1e9), pose=pose(loop.bus), port=port, name=setup.scenario.title)
+
+
+def pose(bus):
+    """Return where in the bus the aircraft's place stands."""
+    return Pose(**{n: bus.index(f"truth.aircraft.{n}") for n in ("lat", "lon", "h", "phi", "theta", "psi")})
 
 
 def result_texts(result):

@@ -6,7 +6,7 @@ from contextlib import nullcontext
 from cosim.achieved import moved
 from cosim.build import build
 from cosim.fly import fly
-from cosim.record import open_writer, result_texts
+from cosim.record import open_live, open_writer, result_texts
 from cosim.result import Result, judge, judged
 
 
@@ -14,16 +14,20 @@ def simulate(scenario, *, log=None, progress=None, live=None, achieved=False, ti
     """Fly `scenario` and return a Result.
 
     `log` is the path of the MCAP file to write, or None. `progress(t, duration)` is called now and then. Ctrl-C ends
-    the flight with status "interrupted" and a readable log. With `achieved` the same flight is flown again without its
-    faults, and the result says how far the faults moved the elevators (cosim/achieved.py); without `timed` the
-    detectors' cost per step is not measured. Raises TrimError when the flight point cannot be flown, LogError when the
-    log cannot be written. The wall clock is read for the result only; nothing of it enters the log.
+    the flight with status "interrupted" and a readable log. `live` is the port on which Foxglove can watch the flight,
+    which then goes at the speed of the clock; None: as fast as it can. With `achieved` the same flight is flown again
+    without its faults, and the result says how far the faults moved the elevators (cosim/achieved.py); without `timed`
+    the detectors' cost per step is not measured. Raises TrimError when the flight point cannot be flown, LogError when
+    the log cannot be written. The wall clock is read for the result only; nothing of it enters the log.
     """
     started = time.perf_counter()
     setup = build(scenario)
-    with open_writer(setup, log) if log else nullcontext() as writer:
+    with (
+        open_writer(setup, log) if log else nullcontext() as writer,
+        nullcontext() if live is None else open_live(setup, live) as server,
+    ):
         flown = time.perf_counter()
-        history, status, reason = fly(setup, writer.append if writer else None, progress)
+        history, status, reason = fly(setup, _each(writer, server), progress)
         wall = time.perf_counter() - flown
         result = Result(
             log=str(log) if log else None,
@@ -43,3 +47,16 @@ def simulate(scenario, *, log=None, progress=None, live=None, achieved=False, ti
         if writer:
             writer.close(result=result_texts(result))
     return result
+
+
+def _each(*sinks):
+    """Return what takes the bus of each tick: the `append` of those sinks that there are."""
+    appends = [sink.append for sink in sinks if sink is not None]
+    if len(appends) < 2:
+        return appends[0] if appends else None
+
+    def append(v):
+        for one in appends:
+            one(v)
+
+    return append

@@ -63,6 +63,7 @@ SetOption = Annotated[
     ),
 ]
 DEFAULT = "liquid-ofc"
+LIVE_PORT = 8765  # that Foxglove asks for by default
 
 
 def _version(wanted: bool):
@@ -97,6 +98,7 @@ def run(
     ] = None,
     strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 when the flight departs.")] = False,
     report: Annotated[bool, typer.Option("--report", help="Write an HTML report beside the log.")] = False,
+    live: Annotated[bool, typer.Option("--live", help="Fly by the clock, for Foxglove to watch (README).")] = False,
     json_: JsonOption = False,
 ):
     """Fly a scenario, log everything, and show who alarmed, when, and what it isolated."""
@@ -110,8 +112,10 @@ def run(
     from cosim.simulate import simulate
 
     waiting = "preparing (the first run on a machine compiles for about half a minute)"
+    if live:
+        err.print(f"in Foxglove: Open connection, ws://127.0.0.1:{LIVE_PORT}", highlight=False)
     with tables.progress(err, f"flying {Path(scenario).stem}", waiting=waiting) as progress:
-        result = simulate(flown, log=path, progress=progress, achieved=True)
+        result = simulate(flown, log=path, progress=progress, achieved=True, live=LIVE_PORT if live else None)
     found = result.to_dict()
     if report:
         from cosim.report import flight_report

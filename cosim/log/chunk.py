@@ -22,7 +22,7 @@ INDEX_HEAD = np.dtype([("op", "u1"), ("length", "<u8"), ("channel", "<u2"), ("by
 _SHORT = 15  # fields 1..15 have one-byte tags, later ones two bytes
 
 
-def _tags(count):
+def empty_message(count):
     """Return the bytes of a message of `count` zero doubles, and the (fields, offset, stride) of equal tag size."""
     short = min(count, _SHORT)
     body = bytearray()
@@ -70,7 +70,7 @@ class Layout:
         self.dt_ns = dt_ns
         self.topics = []
         for channel, count, every in topics:
-            body, runs = _tags(count)
+            body, runs = empty_message(count)
             head = np.zeros(1, HEAD)
             head["op"], head["length"], head["channel"] = 5, HEAD.itemsize - 9 + len(body), channel
             self.topics.append((channel, every, np.frombuffer(head.tobytes() + body, "u1"), runs))
