@@ -25,12 +25,11 @@ import math
 from actuators import lu17
 from actuators.block import kernel
 from actuators.lu17 import jacobian, rk4
+from fdi import pressure_test
 from fdi.linalg import congruence, integral, joseph
 
 ITERATIONS = 4  # bound of (21)-(24)
 GATE_NONE = 1e9
-# A jump of the pressure: five sigma and 4 % of supply from one sample to the next (the healthy bias is up to 1 %)
-STEP_SIGMA, STEP_LEAST, STEP_WAIT = 5.0, 0.04, 5
 HISTORY = 8  # ticks of valve command kept for the delay
 
 PARAMS = [
@@ -76,13 +75,17 @@ STATE = [
     ("gamma_dp", "f8"),  # of the pressure [1]
     ("nis_rod", "f8"),  # squared, over its variance
     ("nis_dp", "f8"),
-    ("dp_offset", "f8"),  # bias that the pressure sensor was found to have [1]
-    ("step_count", "f8"),  # samples since a jump of the pressure
-    ("step_dp", "f8"),  # the jump [1]
-    ("step_moves", "f8"),  # 1 when it did not stay
     ("skip_rod", "f8"),  # samples refused in a row
     ("age", "f8"),  # since the last rod sample used [s]
+    ("age_dp", "f8"),  # since the last pressure sample used [s]
+    *pressure_test.STATE,
 ]
+
+
+@kernel
+def load_model(x, u, p):
+    """Return the load that the hinge-moment model foresees at the estimated position, over the stall force [1]."""
+    return (u.hm0_model + u.hmd_model * x.x_hat[0] / p.arm) / (p.arm * p.A_p * p.P_s)
 
 
 @kernel
@@ -118,6 +121,7 @@ def start(x, q, dp, u, p):
     x.age = 0.0
     x.skip_rod = 0.0
     x.step_count = 0.0
+    x.dp_nis = pressure_test.NIS_FIRST
     combine(x)
     x.started = 1.0
 
@@ -229,33 +233,6 @@ def measure(x, j, y, r, gate, p):
 
 
 @kernel
-def pressure(x, y, p):
-    """Return (pressure to use, whether to use it): a jump is held back for STEP_WAIT samples to see what it is.
-
-    A bad sensor jumps from one sample to the next and stays there: that is taken as its offset. A single sample
-    is a spike. A valve that is not obeyed makes a ramp, 0.9 of the missing opening with each sample: that is
-    used.
-    """
-    e = y - x.x_bar[2] - x.V[2] * x.f_hat
-    s = x.P_bar[2, 2] + x.V[2] * x.P_f * x.V[2] + p.r_dp
-    if x.step_count < 0.5:
-        if math.fabs(e) < STEP_LEAST or e * e < STEP_SIGMA * STEP_SIGMA * s:
-            return y, True
-        x.step_count, x.step_dp, x.step_moves = 1.0, e, 0.0
-        return y, False
-    x.step_count += 1.0
-    if math.fabs(e - x.step_dp) > 0.3 * math.fabs(x.step_dp):
-        x.step_moves = 1.0
-    if x.step_count < STEP_WAIT:
-        return y, False
-    x.step_count = 0.0
-    if x.step_moves < 0.5:
-        x.dp_offset += 0.5 * (e + x.step_dp)
-        return y - 0.5 * (e + x.step_dp), True
-    return y, True
-
-
-@kernel
 def measurement_update(x, u, p, dt):
     """Take the rod (or, without it, the surface) and the pressure; refuse spikes, but not for long."""
     rod = u.y_rod_valid > 0.5 and math.isfinite(u.y_rod) and x.blame != 1.0
@@ -269,11 +246,17 @@ def measurement_update(x, u, p, dt):
         if x.skip_rod > p.spikes:  # several agree: it is the estimate that is wrong, in position before anything else
             x.P_bar[0, 0] += gamma * gamma
             x.skip_rod = 0.0
-    if p.load == 2.0 and u.y_dp_valid > 0.5 and math.isfinite(u.y_dp):
-        y, use = pressure(x, u.y_dp - x.dp_offset, p)
-        if use:
-            gamma, s, _ = measure(x, 2, y, p.r_dp, GATE_NONE, p)
-            x.gamma_dp, x.nis_dp = gamma, gamma * gamma / s
+    if p.load == 2.0:
+        x.age_dp += dt
+        use = False
+        if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp):
+            y, use = pressure_test.judge(x, u.y_dp, p)
+            if use:
+                gamma, s, _ = measure(x, 2, y, p.r_dp, GATE_NONE, p)
+                x.gamma_dp, x.nis_dp = gamma, gamma * gamma / s
+                x.age_dp = 0.0
+        if x.age_dp > p.t_invalid:
+            measure(x, 3, load_model(x, u, p), pressure_test.R_MODEL, GATE_NONE, p)
     combine(x)
 
 

@@ -145,9 +145,12 @@ def test_rod_alone_cannot_tell_a_load_from_an_input_fault():
 
 @pytest.fixture(scope="module")
 def matched():
-    """Return (log, truth) of 50 seeds of the filter's own model with its own noise, 4 s each, u = 0.03 sin."""
+    """Return (log, truth) of 50 seeds of the filter's own model with its own noise, 4 s each, u = 0.03 sin.
+
+    The load walks away from every hinge-moment model: the pressure is not to be judged by it.
+    """
     seeds, ticks = 50, 800
-    p = iotsekf.params(total_sign=0.0, centre=1.0, **WIDE)
+    p = iotsekf.params(total_sign=0.0, centre=1.0, jam_threshold=1e9, **WIDE)
     r, rng = p[0], np.random.default_rng(7)
     w = np.zeros((seeds, ticks), iotsekf.INPUTS)
     truth = np.zeros((seeds, ticks, 5))
@@ -308,4 +311,5 @@ def test_bad_measurements_do_not_stick(bad):
         assert not log["valid"][:, a + 45 : b].any()  # 0.2 s and a margin
     assert log["valid"][:, b + 5 :].all()
     assert np.abs(log["q_now"] - clean["q_now"])[:, b + 100 :].max() < 2e-4
-    assert np.abs(log["f_hat"] - clean["f_hat"])[:, b + 200 :].max() < 3e-3
+    taken_back = b + (300 if bad == "frozen" else 200)  # a pressure that was frozen waits for t_release, 1 s
+    assert np.abs(log["f_hat"] - clean["f_hat"])[:, taken_back:].max() < 3e-3

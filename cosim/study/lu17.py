@@ -96,6 +96,8 @@ def others():
             _sensor("pressure", "drift", seconds=5.0, drift_pct_s=5.0),
             *(_sensor("pressure", "scale", seconds=5.0, scale=v) for v in (1.5, 0.5)),
             _sensor("pressure", "freeze", seconds=5.0)]
+    lost = {"target": f"{TARGET}.pressure", "kind": "dropout", "start_s": T_FAULT}
+    out.append(Case("pressure dropout", "pressure lost", lost, 6.0, ("none",)))  # its flag says so: nothing to find
     return [*out, Case("no fault", "none", None, 5.0, ("none",))]
 
 
@@ -123,11 +125,12 @@ class Outcome:
     last: str
     culprit: str
     hz: float  # named frequency at four periods, or at the end [Hz]
-    deviation: float  # of the surface at the alarm [rad]
+    deviation: float  # how far the surface has gone from onset to alarm [rad]
+    off: float = math.nan  # how far it is then from where it would be without the fault [rad]
 
 
-def judge(case, recorded, module, p):
-    """Run a detector over a recorded flight and return its Outcome."""
+def judge(case, recorded, module, p, twin=None):
+    """Run a detector over a recorded flight and return its Outcome; `twin`: the same flight without the fault."""
     k = round(T_FAULT / DT)
     fields = ("alarm", "verdict", "culprit", *(("ofc_hz",) if "ofc_hz" in module.STATE.names else ()))
     log = estimate(module, recorded, p, fields)
@@ -139,6 +142,7 @@ def judge(case, recorded, module, p):
     end = min(k + round(4.0 / case.hz / DT), alarm.shape[1] - 1) if case.hz > 0 else alarm.shape[1] - 1
     last = log[LANE, end]
     moved = abs(recorded["delta"][LANE, at] - recorded["delta"][LANE, k]) if at is not None else math.nan
+    away = abs(recorded["delta"][LANE, at] - twin["delta"][LANE, at]) if at is not None and twin else math.nan
     return Outcome(
         early=bool(alarm[LANE, :before].any() or others.any()),
         delay=(at - k) * DT if at is not None else math.inf,
@@ -147,6 +151,7 @@ def judge(case, recorded, module, p):
         culprit=module.CULPRITS[int(last["culprit"])],
         hz=float(last["ofc_hz"]) if "ofc_hz" in fields else math.nan,
         deviation=float(moved),
+        off=float(away),
     )
 
 
@@ -160,8 +165,10 @@ def detectors():
 def fly_case(case, seed, noise=1.0):
     """Return {detector: Outcome as a dict} of one seed of a case, given as a dict."""
     made = Case(**case)
-    recorded = record(**arguments(made, seed, noise))
-    return {name: asdict(judge(made, recorded, module, p)) for name, (module, p) in detectors().items()}
+    flight = arguments(made, seed, noise)
+    recorded = record(**flight)
+    twin = record(**{**flight, "faults": []}) if made.deviation_deg > 0 else None
+    return {name: asdict(judge(made, recorded, module, p, twin)) for name, (module, p) in detectors().items()}
 
 
 def achieved(case, seed):
@@ -193,6 +200,7 @@ def summary(case, found):
         "right": sum(o.last in case.right and o.culprit == case.culprit for o in found),
         "named": {c: sum(o.last == c for o in found) for c in dict.fromkeys(o.last for o in found)},
         "deviation_max_deg": max((math.degrees(o.deviation) for o in found if math.isfinite(o.deviation)), default=0.0),
+        "off_max_deg": max((math.degrees(o.off) for o in found if math.isfinite(o.off)), default=math.nan),
     }
     if case.deviation_deg > 0:
         row["deviated"] = sum(math.degrees(o.deviation) > case.deviation_deg for o in found)
