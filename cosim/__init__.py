@@ -2,7 +2,7 @@
 
     scenario = cosim.load_scenario("liquid-ofc", ["faults.0.frequency_hz=3"])
     result = cosim.simulate(scenario, log="flight.mcap")
-    frame = cosim.open_log("flight.mcap").frame("/truth")
+    frame = cosim.open_log("flight.mcap").frame("/truth/aircraft")
 
 The names below are imported when they are first used, so that `import cosim` costs nothing.
 """

@@ -343,9 +343,9 @@ def test_command_prints_one_json_object(logs, tmp_path, capsys):
 def test_folder_without_flights_gets_a_clear_error(tmp_path, logs):
     from cosim.errors import CosimError
 
-    with pytest.raises(CosimError):
+    with pytest.raises(CosimError, match="holds no run of a campaign"):
         compare([tmp_path])
-    with pytest.raises(CompareError):
+    with pytest.raises(CompareError, match="folder"):
         compare([tmp_path, logs[0]])
 
 

@@ -146,10 +146,9 @@ def test_spikes_and_dropouts_do_not_alarm():
 def test_verdict_names_and_codes():
     assert [verdict.name(verdict.code(n)) for n in verdict.NAMES] == list(verdict.NAMES)
     assert verdict.name(verdict.AMBIGUOUS) == "ambiguous"
-    with pytest.raises(ValueError):
-        verdict.name(3.5)
-    with pytest.raises(ValueError):
-        verdict.name(10.0)
+    for code in (3.5, 10.0, -1.0):
+        with pytest.raises(ValueError, match=f"{code:g}"):
+            verdict.name(code)
 
 
 def test_an_unknown_threshold_set_is_refused():

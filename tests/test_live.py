@@ -33,7 +33,8 @@ def test_a_viewer_gets_the_samples_of_the_log(tmp_path):
     sink.close()
     log, seen = open_log(tmp_path / "flight.mcap"), {}
     with open(tmp_path / "seen.mcap", "rb") as file:
-        for _, channel, message, sample in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        for _, channel, message, sample in reader.iter_decoded_messages():
             seen.setdefault(channel.topic, []).append((message.log_time, sample))
     sampled = {name for name, t in log.topics.items() if t.every == 1}
     assert set(seen) == sampled | {"/tf", "/fix"}

@@ -228,19 +228,19 @@ def test_topics_that_cannot_be_logged_are_refused_before_a_file_is_made(path):
         ("/a", (), (), 1),
         ("/a", ("x",), ("m",), 0),
     ):
-        with pytest.raises(ValueError):
+        with pytest.raises(ValueError, match=f"topic {name!r}:|topic {name}:"):
             Topic(name, fields, units, np.arange(len(fields)), every)
     for topics in ([good, good], [Topic("/log", ("x",), ("m",), [0])], [Topic("/s", ("x",), ("m",), [0], every=2)]):
-        with pytest.raises(ValueError):
+        with pytest.raises(ValueError, match=r"distinct names|at every tick"):
             LogWriter(path, topics, n_values=N_VALUES)
-    with pytest.raises(ValueError):
+    with pytest.raises(ValueError, match="outside the tick vector of 10 values"):
         LogWriter(path, [good], n_values=10)
-    with pytest.raises(ValueError):
+    with pytest.raises(ValueError, match="are taken"):
         LogWriter(path, [good], n_values=N_VALUES, metadata={"result": {}})
-    with pytest.raises(ValueError):
+    with pytest.raises(ValueError, match="keys and values must be str"):
         LogWriter(path, [good], n_values=N_VALUES, metadata={"run": {"seed": 0}})
     assert not path.exists()
-    with pytest.raises(ValueError), LogWriter(path, [good], n_values=N_VALUES) as log:
+    with pytest.raises(ValueError, match="must be str"), LogWriter(path, [good], n_values=N_VALUES) as log:
         log.append(np.zeros(N_VALUES))
         log.close({"seed": 0})
     assert open_log(path).n_ticks == 1 and not open_log(path).complete

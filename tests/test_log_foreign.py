@@ -59,8 +59,8 @@ def test_what_cannot_be_read_is_named(tmp_path, table):
     table.drop(columns="time").to_csv(tmp_path / "timeless.csv", index=False)
     (tmp_path / "gap.csv").write_text("t,x\n0,1\n,2\n")
     for name, word in {
-        "empty.csv": "csv",
-        "bad.parquet": "parquet",
+        "empty.csv": "as csv",
+        "bad.parquet": "as parquet",
         "bad.mcap": "MCAP",
         "a.xlsx": "unknown kind",
         "timeless.csv": "no time column",

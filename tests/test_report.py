@@ -145,10 +145,10 @@ def test_log_that_was_cut_is_shown_as_far_as_it_goes(flight, tmp_path):
 def test_what_is_no_flight_and_what_cannot_be_written_get_a_clear_error(flight, tmp_path):
     other = tmp_path / "other.mcap"
     other.write_bytes(b"nothing")
-    with pytest.raises(LogError):
+    with pytest.raises(LogError, match="not an MCAP file"):
         flight_report(other, tmp_path / "x.html")
     (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError):
+    with pytest.raises(OutputError, match=r"folder is a file|cannot be written"):
         flight_report(flight[0], tmp_path / "file" / "x.html")
 
 

@@ -117,6 +117,8 @@ def _value(table, loc):
             table = table[int(part)] if isinstance(table, list) else table[part]
         except (KeyError, IndexError, ValueError, TypeError):
             return ""
+    if isinstance(table, bool):
+        table = str(table).lower()  # as TOML spells it
     return "" if isinstance(table, dict | list) else f" = {str(table)[:60]}"
 
 
