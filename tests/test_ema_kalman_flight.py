@@ -1,6 +1,6 @@
 """`ema_kalman_flight`: which sensor, how soon, and what happens when the loop closes on the estimate.
 
-The bench and its draws are `cosim.study.ema_bench` and `cosim.study.ema`; thresholds were chosen on seeds below 1000.
+The bench and its draws are `cosim.study.ema_bench` and `cosim.study.ema_draws`; thresholds were chosen on seeds below 1000.
 """
 
 import json
@@ -12,8 +12,19 @@ import pytest
 from scipy.linalg import solve_discrete_lyapunov
 
 from actuators import jay
-from cosim.study.ema import FAULTS, SECONDS, START, confusion, draw, margins, outcome, outcomes, reconfigured, smallest
 from cosim.study.ema_bench import ARM, DEG, DT, NO_LOAD, STALL, fly_bench, script, three_two_one_one
+from cosim.study.ema_draws import (
+    FAULTS,
+    SECONDS,
+    START,
+    confusion,
+    draw,
+    margins,
+    outcome,
+    outcomes,
+    reconfigured,
+    smallest,
+)
 from fdi import ema_design
 from fdi import ema_kalman_flight as flight
 from fdi.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID

@@ -5,9 +5,9 @@ import argparse
 import pytest
 
 from cosim import study
-from cosim.study import ema_flights, ema_parts
+from cosim.study import ema, ema_flights
 
-PARTS = {p.name: p for p in ema_parts.parts()}
+PARTS = {p.name: p for p in ema.parts()}
 
 
 def test_a_position_fault_in_flight_is_named_and_the_loop_closed_on_the_estimate():
