@@ -1,6 +1,7 @@
 """`ema_kalman_flight`: which sensor, how soon, and what happens when the loop closes on the estimate.
 
-The bench and its draws are `cosim.study.ema_bench` and `cosim.study.ema_draws`; thresholds were chosen on seeds below 1000.
+The bench and its draws are `cosim.study.ema_bench` and `cosim.study.ema_draws`; thresholds were chosen on seeds below
+1000.
 """
 
 import json
