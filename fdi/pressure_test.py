@@ -25,7 +25,9 @@ from fdi.decision import usable
 # A jump of the pressure: against the prediction, over the noise of the reading and of the prediction, of supply (the
 # healthy bias is up to 1 %); samples until it is judged, each within STEP_STAYS of the first. A mean over the five
 # instead finds 5 % three times in four and not two, and takes one runaway in twelve for a sensor: not worth it
-STEP_SIGMA, STEP_LEAST, STEP_WAIT, STEP_STAYS = 5.0, 0.04, 5, 0.3
+# The crest of an oscillation is as flat, but begins before: by more than STEP_BEFORE of it in the sample before. A
+# pulse of the valve of one tick that is not obeyed is as sudden and stays: up to STEP_VALVE of it is the valve's
+STEP_SIGMA, STEP_LEAST, STEP_WAIT, STEP_STAYS, STEP_BEFORE, STEP_VALVE = 5.0, 0.04, 5, 0.3, 0.5, 1.5
 # The noise is that of the last MEMORY samples where it is more than the filter's; one of them counts for NIS_MOST at
 # most. At the start, before it is known, it may be twice the filter's
 MEMORY, NIS_MOST, NIS_FIRST = 200.0, 25.0, 4.0
@@ -46,7 +48,8 @@ STATE = [
     ("step_count", "f8"),  # samples since a jump of the pressure
     ("dp_nis", "f8"),  # squared innovation over its variance, lagged: noise beside what the filter assumes [1]
     ("step_dp", "f8"),  # the jump [1]
-    ("step_moves", "f8"),  # 1 when it did not stay
+    ("step_moves", "f8"),  # 1 when it did not stay, or something else explains it
+    ("dp_before", "f8"),  # innovation of the sample before [1]
     ("dp_last", "f8"),  # last reading [1]
     ("dp_same", "f8"),  # times that it has repeated itself
     ("dp_changes", "f8"),  # share of readings that differ from the one before, lagged [1]
@@ -98,8 +101,12 @@ def judge(x, y, p):
         nis = e * e / s
         if math.fabs(e) < STEP_LEAST or nis < STEP_SIGMA * STEP_SIGMA * max(x.dp_nis, 1.0):
             x.dp_nis += (min(nis, NIS_MOST) - x.dp_nis) / MEMORY
+            x.dp_before = e
             return y, True
-        x.step_count, x.step_dp, x.step_moves = 1.0, e, 0.0
+        x.step_count, x.step_dp = 1.0, e
+        missing = -x.G[2] * x.u_old[int(p.delay)]  # what is lacking if the valve did not do what it was told
+        valve = 0.0 < e * missing < STEP_VALVE * missing * missing
+        x.step_moves = 1.0 if valve or e * x.dp_before > STEP_BEFORE * e * e else 0.0
         return y, False
     x.step_count += 1.0
     if math.fabs(e - x.step_dp) > STEP_STAYS * math.fabs(x.step_dp):

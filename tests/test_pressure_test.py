@@ -113,3 +113,19 @@ def share(log, at):
 
 def test_the_probability_that_a_healthy_sensor_looks_frozen():
     assert (1.0 - pressure_test.CHANGES) ** pressure_test.FROZEN <= 1e-12
+
+
+def test_a_pulse_of_the_valve_that_is_not_obeyed_is_no_jump_of_the_pressure():
+    """It lasts one tick, and what it should have pressed in stays missing: as sudden and as steady as a jump."""
+    rng, ticks = np.random.default_rng(5), 1600
+    u = np.zeros((8, ticks), iotsekf.INPUTS)
+    for name in ("y_rod_valid", "y_surface_valid", "y_dp_valid"):
+        u[name] = 1.0
+    u["y_rod"] = 1e-4 * rng.standard_normal(u.shape)
+    u["y_dp"] = 0.005 * rng.standard_normal(u.shape)
+    jumped = u.copy()
+    u["u"][:, 1200] = np.linspace(0.07, 0.1, 8) * np.tile([1, -1], 4)
+    jumped["y_dp"][:, 1201:] += 0.2
+    p = np.repeat(iotsekf.params(), 8)
+    assert not roll(iotsekf, p, u)["dp_offset"].any()
+    assert roll(iotsekf, p, jumped)["dp_offset"][:, -1] == pytest.approx(0.2, abs=0.03)
