@@ -18,6 +18,9 @@ from fdi.verdict import AMBIGUOUS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, RUNAW
 # Where residual + drive is less than this share of the drive, -10 dB, the drive does nothing; or the servo works
 # against an oscillation near the hydraulic resonance, which is purer than any drive (so pure between two frequencies)
 MISSING, SINUSOID = 0.3, 0.75
+# Near the resonance an oscillation takes two periods to grow, and its first is half of its second: where the window is
+# as pure as that, its periods need agree by this share only
+GROWING = 0.5
 GAIN_LIMIT = 0.15  # +-5 % on flow and on piston area, and some more
 GAIN_MOTION = 0.002  # rod motion from which the gain is learned in earnest: 20 sigma of the sensor [m]
 
@@ -267,7 +270,8 @@ def judge(x, p, k, which, b):
     """Write `pure` of residual + b drive at frequency k; return whether its periods agree and it fills its window."""
     agree, pure, whole = bank.character(x, p, k, 1.0, b)
     x.pure[which, k] = whole if p.keep_mean > 0.5 else pure
-    return agree >= p.coherence and pure >= p.purity
+    least = GROWING * p.coherence if pure >= SINUSOID else p.coherence
+    return agree >= least and pure >= p.purity
 
 
 @kernel

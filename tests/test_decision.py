@@ -154,3 +154,28 @@ def test_verdict_names_and_codes():
 def test_an_unknown_threshold_set_is_refused():
     with pytest.raises(ValueError, match="nowhere"):
         tuning.thresholds("iotsekf", "nowhere")
+
+
+
+def judged(signal):
+    """Return the first time at which the highest frequency's window is called an oscillation [s], inf for never."""
+    first = [("own", "f8")]  # Numba warns of a record that begins like another one
+    p, x = np.zeros(1, dtype(first + decision.OFC_PARAMS)), np.zeros(1, dtype(first + decision.OFC_STATE))
+    for name, value in {**bank.design(DT), "coherence": 0.5, "purity": 0.3}.items():
+        p[name][0] = value
+    k = bank.K - 1
+    for i, value in enumerate(signal):
+        bank.push(x[0], p[0], value, 0.0)
+        if x["bank_new"][0, k] and bank.mixed(x[0], k, 1.0, 0.0) > 0.05**2 and decision.judge(x[0], p[0], k, 0, 0.0):
+            return i * DT
+    return np.inf
+
+
+def test_an_oscillation_that_grows_is_one_and_a_step_is_none():
+    """Near the resonance the first of two periods is half of the second; a step and a ramp live in one."""
+    t = np.arange(400) * DT
+    hz = bank.frequencies()[-1]
+    growing = np.sin(2 * np.pi * hz * t) * np.where(t > 1.0, np.exp((t - 1.0) * hz * np.log(3.0)), 0.0)
+    assert judged(growing[: 200 + round(5.0 / hz / DT)]) <= 1.0 + 3.0 / hz
+    assert judged(np.where(t > 1.0, 1.0, 0.0)) == np.inf
+    assert judged(np.clip((t - 1.0) * hz, 0.0, 1.0)) == np.inf
