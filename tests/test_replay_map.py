@@ -52,7 +52,8 @@ def signals(flight):
 
 def exact_map(path, names, prefix=""):
     """Write a map whose channels are SI, at the same rate, under other names."""
-    lines = [f'"{n}" = {{ channel = "{prefix}{renamed(n)}" }}' for n in names]
+    held = {n: ", held = true" for n in names if n.endswith(".u")}
+    lines = [f'"{n}" = {{ channel = "{prefix}{renamed(n)}"{held.get(n, "")} }}' for n in names]
     path.write_text(POINT + "[signals]\n" + "\n".join(lines))
     return path
 
@@ -110,7 +111,7 @@ def bench_frame(signals, rate):
         {
             "clock_ms": t,
             "ELEV_CMD_DEG": -deg * s["de_cmd"],
-            "VALVE_PCT": 100 * s["left_inner.u"],
+            "VALVE_PCT": 100 * np.append(s["left_inner.u"][1:], np.nan),  # as sent: it acts until the next row
             "ROD_MM": 1e3 * s["left_inner.rod"],
             "SURF_DEG": -deg * s["left_inner.surface"],
             "DP_PCT": 100 * s["left_inner.pressure"],
@@ -124,8 +125,12 @@ def bench_frame(signals, rate):
 
 
 def test_other_units_and_signs_agree_to_rounding(flight, signals, tmp_path):
-    bench_frame(signals, 200).to_csv(tmp_path / "bench.csv", index=False)
-    told = diagnose(tmp_path / "bench.csv", EXAMPLE, output=tmp_path / "out.mcap")
+    frame = bench_frame(signals, 200)
+    frame["VALVE_PCT"] = 100 * signals["left_inner.u"]
+    frame.to_csv(tmp_path / "bench.csv", index=False)
+    text = EXAMPLE.read_text().replace('"VALVE_PCT", unit = "%"', '"VALVE_PCT", unit = "%", held = true')
+    (tmp_path / "map.toml").write_text(text)
+    told = diagnose(tmp_path / "bench.csv", tmp_path / "map.toml", output=tmp_path / "out.mcap")
     new = open_log(tmp_path / "out.mcap")
     for name in ("iotsekf", "rtsekf", "rtsekf_flight", "position_monitor", "ofc_monitor"):
         again = new.frame(f"/replay/detectors/{name}/left_inner")
@@ -139,6 +144,26 @@ def test_other_units_and_signs_agree_to_rounding(flight, signals, tmp_path):
         "position_monitor",
         "ofc_monitor",
     }
+
+
+def test_a_command_counts_from_when_it_is_sent(flight, signals, tmp_path):
+    """What a servo sends at a tick acts until the next; a filter that reads it a tick early takes that for a fault."""
+    names = ("rod", "surface", "pressure", "hm0", "hmd")
+    sent = flight.frame("/actuators/left_inner/servo")["u"].to_numpy()
+    read = {n: signals[f"left_inner.{n}"] for n in names}
+    frame = pd.DataFrame({"time": np.arange(flight.n_ticks) / 200.0, "u": sent, **read})
+    frame.to_csv(tmp_path / "own.csv", index=False)
+    lines = [f'"left_inner.{n}" = {{ channel = "{n}" }}' for n in ("u", *names)]
+    (tmp_path / "map.toml").write_text(POINT + "[signals]\n" + "\n".join(lines))
+    told = diagnose(tmp_path / "own.csv", tmp_path / "map.toml", detectors=["iotsekf"], output=tmp_path / "out.mcap")
+    alarm = flight.frame("/detectors/iotsekf/left_inner")["alarm"].to_numpy()
+    assert told.detectors[0]["first_alarm_s"] == pytest.approx(np.argmax(alarm > 0.5) / 200.0, abs=1e-9)
+    again = open_log(tmp_path / "out.mcap").frame("/replay/detectors/iotsekf/left_inner")["alarm"].to_numpy()
+    np.testing.assert_array_equal(again, alarm)
+    lines[0] = lines[0].replace(" }", ", held = true }")
+    (tmp_path / "map.toml").write_text(POINT + "[signals]\n" + "\n".join(lines))
+    early = diagnose(tmp_path / "own.csv", tmp_path / "map.toml", detectors=["iotsekf"])
+    assert early.detectors[0]["first_alarm_s"] < 2.0  # before the fault
 
 
 def test_half_the_rate_is_interpolated_and_slow_detectors_agree(flight, signals, tmp_path):

@@ -16,7 +16,7 @@ from cosim.log import LogWriter, Topic, viewer_layouts
 from cosim.replay.foreign import read_channels
 from cosim.replay.lanes import Lane, flat, run
 from cosim.replay.map_file import load_map
-from cosim.replay.map_signals import channels_of, check, sampled, si_unit, signal_of, slow
+from cosim.replay.map_signals import acting, channels_of, check, sampled, si_unit, signal_of, slow
 from cosim.replay.params import ReplayError, check_start, chosen_overrides, override
 from cosim.replay.resample import ticks
 from cosim.result import Watch, judge, plain
@@ -64,7 +64,7 @@ def diagnose(path, map_path, *, detectors=None, overrides=None, start_s=0.0, out
     }
     sources = {signal_of(s)[0]: s for w in wires.values() for s in w.values() if not signal_of(s)[1]}
     check(m, map_path)
-    channels = channels_of(m, read_channels(path, time=m.time), path, map_path)
+    channels = acting(m, sources, channels_of(m, read_channels(path, time=m.time), path, map_path), dt)
     spans = [(t[0], t[-1]) for t, *_ in channels.values() if len(t)]
     if not spans:
         raise ReplayError("no signal has a channel with samples", place=str(map_path))

@@ -21,6 +21,10 @@ Signals are named as sensors (`alpha`, `n_z`, ...), sensors of a part (`left_inn
 Interpolation halves white noise and a held command is late by half an interval: detectors of slow signals bear that,
 a filter on a servo-valve command does not, and wants it at the rate at which it was sent.
 
+A sample of a command to an actuator is what is sent at its time and held until the next one; a filter at a tick wants
+what has acted until then, the sample before. `held = true` says that the samples are that already, as `u_held` of our
+own logs is; mixed up, a filter is a tick off and alarms for it.
+
 A channel is a column of the table, or `/topic.field` of an MCAP file. `resample = "linear"` (default of sensors)
 interpolates between samples, "hold" (default of commands) repeats the last one; both give a sample that lies on a
 tick as it is. A value is valid where its samples are finite and no more than `max_gap_s` apart (default: three of the
@@ -74,6 +78,7 @@ class Signal(BaseModel):
     resample: Literal["linear", "hold"] | None = None
     max_gap_s: Annotated[float, Field(gt=0.0)] | None = None
     valid: str | None = None
+    held: bool = False  # of a command to an actuator: what acted until the sample's time; else what is sent at it
     sparse: bool = False  # empty cells are no samples, as in a table of several rates; otherwise they are lost ones
 
     @model_validator(mode="after")

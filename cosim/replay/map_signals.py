@@ -85,6 +85,29 @@ def channels_of(m, tables, path, place):
     return out
 
 
+def acting(m, sources, channels, dt):
+    """Return `channels` with each command to an actuator as what has acted until a time: sent a tick before, the first
+    one from the start; but where the map says that it is held.
+
+    Raises ReplayError for `held` at another signal.
+    """
+    sent = {name for name, source in sources.items() if source.partition(".")[0].endswith("_in")}
+    for name, signal in m.signals.items():
+        if signal.held and name not in sent:
+            raise ReplayError(
+                "only a command to an actuator is held", place=f"signals.{name}.held", allowed=", ".join(sorted(sent))
+            )
+    return {
+        name: (*_later(t, y, dt), flags and _later(*flags, dt)) if name in sent and not m.signals[name].held else kept
+        for name, kept in channels.items()
+        for t, y, flags in [kept]
+    }
+
+
+def _later(t, y, dt):
+    return np.concatenate([t[:1], t + dt]), np.concatenate([y[:1], y])
+
+
 def slow(sources, channels, dt):
     """Return a sentence per command of a valve or motor that is sampled at less than the tick's rate."""
     out = []
