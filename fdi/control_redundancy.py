@@ -50,6 +50,7 @@ from fdi.tuning import thresholds
 from fdi.verdict import AMBIGUOUS, JAM_SOLID, NONE, THRUST
 
 CULPRITS = ("", "elevator", "aileron", "rudder", "engine", "engine_1", "engine_2", "engine_3", "engine_4")
+STRIDE = 0.005  # [s] from one command kept to the next, at least
 LAG = (0.06, 0.06, 0.09, 0.0)  # [s]: servos near 30 rad/s, the rudder's 20 rad/s, damping 0.9; the stabiliser creeps
 
 PARAMS = params_dtype(
@@ -66,11 +67,8 @@ PARAMS = params_dtype(
         ("rel", "f8"),  # uncertainty of each coefficient
         ("rel_thrust", "f8"),  # uncertainty of the thrust map
         ("rel_spool", "f8"),  # core speed ahead of N1, per change of normalised N1 against its mean
-        (
-            "late",
-            "f8",
-            (NC,),
-        ),  # how late each command acts in the measurements: theirs and its actuator's delay [ticks]
+        ("stride", "f8"),  # commands are kept of every so many ticks: of each 5 ms, however short the tick [ticks]
+        ("late", "f8", (NC,)),  # how late they act in the measurements: theirs and the actuator's delay [strides]
         ("rate", "f8", (NC,)),  # how fast a healthy actuator follows its command, 0 for at once [rad/s]
         ("t_mean", "f8"),  # sliding mean [s], 0 for raw samples
         ("t_learn", "f8"),  # offset learned over the first seconds [s], 0 for none
@@ -137,6 +135,7 @@ STATE = dtype(
         ("cmd", "f8", (NC,)),
         ("line", "f8", (DELAY, NC)),
         ("head", "f8"),
+        ("phase", "f8"),  # ticks until the next command is kept
         ("started", "f8"),
         ("learned", "f8"),
         ("n_learn", "f8"),
@@ -169,7 +168,7 @@ def params(
 
     Commands are delayed by `delay` ticks as the measurements are [Mar10] slide 11, and by `lag` [s], what a healthy
     actuator takes on average (2 zeta / omega of a second-order one): elevator, aileron, rudder, stabiliser. They move
-    at `rate` [rad/s] at most, in the same order, 0 for no limit.
+    at `rate` [rad/s] at most, in the same order, 0 for no limit. Of shorter ticks than 5 ms every `stride`-th is kept.
     Families come from the structure of the model's rows. Raises ValueError for other rows, a mean beyond 0.5 s, a
     delay beyond the buffer.
     """
@@ -178,9 +177,11 @@ def params(
     if not 0 <= t_mean <= 0.5:
         raise ValueError(f"t_mean = {t_mean}: the sliding mean is at most 0.5 s")
     elevator, aileron, rudder, stabiliser = LAG if lag is None else lag
+    stride = max(1.0, math.floor(STRIDE / dt + 1e-9))
     late = delay + np.round(_each(elevator, aileron, rudder, stabiliser) / dt)
+    late = np.round((late - (stride - 1.0) / 2.0) / stride)  # the newest that is kept is half a stride old on average
     if late.max() >= DELAY or late.min() < 0:
-        raise ValueError(f"a command delay of {late.max():.0f} ticks; at most {DELAY - 1} fit")
+        raise ValueError(f"a command delay of {late.max() * stride:.0f} ticks; at most {(DELAY - 1) * stride:.0f} fit")
     n = 3 if rows == "force" else 6
     found = redundancy_structure.families(model.structure()[:n], most=2 if n == 3 else 1)
     if len(found) > NF:
@@ -192,8 +193,8 @@ def params(
     return record(
         PARAMS, **force_model.fields(model), n_rows=n, n_hypotheses=4 if n == 3 else 8, n_families=len(found),
         base_row=_pad([f.base for f in found]), n_pivots=_pad([len(f.pivots) for f in found]),
-        pivot_row=pivots[:, :, 0], pivot_input=pivots[:, :, 1], late=late, rate=_each(*rate), t_mean=t_mean,
-        t_learn=t_learn,
+        pivot_row=pivots[:, :, 0], pivot_input=pivots[:, :, 1], late=late, stride=stride, rate=_each(*rate),
+        t_mean=t_mean, t_learn=t_learn,
         threshold=[own.pop(f"t_{row}") for row in ("x", "y", "z", "l", "m", "n")],
         limit=[0.8, 0.8, 0.8, 1.2, 1.2, 1.2, 1.2, 1.2], **own,
     )  # fmt: skip

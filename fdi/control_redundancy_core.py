@@ -7,18 +7,19 @@ from fdi.decision import usable
 from fdi.force_model import G0, air_data, contributions, thrust_pair
 
 NR, NF, NH = 6, 16, 8  # most rows, families, fault hypotheses (elevator aileron rudder engines engine_1 ... engine_4)
-NC, DELAY = 8, 48  # commands (4 elevators, 2 ailerons, rudder, stabiliser); longest delay [ticks]
+NC, DELAY = 8, 48  # commands (4 elevators, 2 ailerons, rudder, stabiliser); those kept of each, `stride` ticks apart
 BLOCKS = 10  # pieces of the sliding mean
 NX = 3 * NR  # averaged: row errors, activities, three commanded effectors, spool speed, spare
 
 
 @kernel
 def delayed_commands(x, u, p, dt):
-    """Push this tick's commands; let x.cmd follow those of `late` ticks ago, no faster than a healthy actuator moves.
+    """Keep every `stride`-th tick's commands; x.cmd follows those of `late` strides ago as fast as a healthy actuator.
 
     One that is not finite is held. A law that fights gusts near the stall asks more of the rudder than it can follow.
     """
-    head = int(x.head)
+    new = x.phase < 0.5
+    head = int(x.head) if new else (int(x.head) + DELAY - 1) % DELAY  # where the newest stands
     for j in range(NC):
         value = u.de_lo
         if j == 1:
@@ -40,12 +41,14 @@ def delayed_commands(x, u, p, dt):
         if x.started < 0.5:
             for i in range(DELAY):
                 x.line[i, j] = value
-        x.line[head, j] = value
+        if new:
+            x.line[head, j] = value
         move = x.line[(head + DELAY - int(p.late[j])) % DELAY, j] - x.cmd[j]
         if p.rate[j] > 0.0 and x.started > 0.5:
             move = min(max(move, -p.rate[j] * dt), p.rate[j] * dt)
         x.cmd[j] += move
     x.head = (head + 1) % DELAY
+    x.phase = (p.stride if new else x.phase) - 1.0
 
 
 @kernel

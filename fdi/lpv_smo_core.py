@@ -7,7 +7,7 @@ from fdi.decision import usable
 from fdi.lpv_kernels import affine, affine_scalar, held_first_order, trim_map, unit_vector_step
 
 N, P, M, R, T = 7, 6, 2, 4, 35  # states, outputs, inputs, scheduling parameters, terms of a cubic trim map
-DELAY = 8  # longest delay of the commands [ticks]
+DELAY = 12  # of the commands: beyond 5 ms at 2 kHz [ticks]
 DEG = math.pi / 180
 KT = 1852 / 3600  # [m/s]
 G0 = 9.80665  # [m/s2]

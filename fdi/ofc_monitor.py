@@ -25,6 +25,7 @@ CULPRITS = ("",)
 BANDS = ((0.4, 1.3), (1.3, 4.0), (4.0, 12.0))  # [Hz]; 0.5 to 10 Hz is considered (notes/diagnosis)
 B = len(BANDS)
 COUNT = 6  # crossings kept
+HISTORY = 10  # reference positions kept: 5 ms at 2 kHz
 LONG_AGO = 1e3  # [s]
 ROOT_LEAST = servo.ROOT_LEAST
 
@@ -34,7 +35,7 @@ PARAMS = dtype(
         *reference.PARAM_FIELDS,  # unit: m of rod
         ("r_lo", "f8"),  # lowest rod command [m]
         ("r_hi", "f8"),  # highest rod command [m]
-        ("delay", "f8"),  # age of the rod measurement [ticks], 0 to 3
+        ("delay", "f8"),  # age of the rod measurement [ticks], 0 to HISTORY
         ("high_a1", "f8", (B,)),  # state-variable filters: high-pass at the band's lower edge
         ("high_g", "f8", (B,)),
         ("low_a1", "f8", (B,)),  # low-pass at its upper edge
@@ -64,7 +65,7 @@ STATE = dtype(
         ("q_est", "f8"),  # rod estimate: `actuators.reference` by other names, r being the statistic [m]
         ("qd_est", "f8"),  # [m/s]
         ("qdd_est", "f8"),  # [m/s^2]
-        ("past", "f8", (4,)),  # reference positions, newest first [m]
+        ("past", "f8", (HISTORY + 1,)),  # reference positions, newest first [m]
         ("high", "f8", (B, 2)),  # filter states
         ("low", "f8", (B, 2)),
         ("e_band", "f8", (B,)),  # residual by band [m]
@@ -146,7 +147,7 @@ def count(x, p, b, dt):
 @kernel
 def predict(x, p, dt):
     """Advance the rod estimate to the next tick, with the limits of `actuators.reference`."""
-    for i in range(3, 0, -1):
+    for i in range(HISTORY, 0, -1):
         x.past[i] = x.past[i - 1]
     away = x.target - x.q_est
     most = p.v_max * max(opening(away, x.x3), ROOT_LEAST)
@@ -171,7 +172,7 @@ def step(x, u, p, dt):
             return
         x.started = 1.0
         x.q_est = x.target
-        for i in range(4):
+        for i in range(HISTORY + 1):
             x.past[i] = x.target
         for b in range(B):
             x.high[b, 1] = x.y - x.target  # the high-pass starts in equilibrium

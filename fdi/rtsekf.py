@@ -30,7 +30,7 @@ from fdi.two_stage import transition
 from fdi.verdict import JAM_LIQUID, JAM_SOLID, NONE, RUNAWAY
 
 CULPRITS = ("", "rod")
-HISTORY = 4
+HISTORY = 10  # ticks of valve command kept for the delay: 5 ms at 2 kHz
 
 PARAMS = dtype(
     [

@@ -28,7 +28,7 @@ from fdi.two_stage import transition
 from fdi.verdict import AMBIGUOUS, NONE, SENSOR
 
 CULPRITS = ("", "rod", "surface")
-HISTORY = 4
+HISTORY = 10  # ticks of valve command kept for the delay: 5 ms at 2 kHz
 
 PARAMS = dtype(
     [

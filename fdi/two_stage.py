@@ -30,7 +30,7 @@ from fdi.linalg import congruence, integral, joseph
 
 ITERATIONS = 4  # bound of (21)-(24)
 GATE_NONE = 1e9
-HISTORY = 8  # ticks of valve command kept for the delay
+HISTORY = 10  # ticks of valve command kept for the delay: 5 ms at 2 kHz
 
 PARAMS = [
     ("arm", "f8"),  # rod arm [m]

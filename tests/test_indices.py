@@ -43,7 +43,7 @@ def test_no_index_takes_a_value_beyond_its_range(name):
 
 
 @pytest.mark.parametrize(
-    "key", ["iotsekf.delay=9", "iotsekf.lag_ticks=-1", "ofc_monitor.half_periods=0", "rfafe.ns=1e9"]
+    "key", ["iotsekf.delay=11", "iotsekf.lag_ticks=-1", "ofc_monitor.half_periods=0", "rfafe.ns=1e9"]
 )
 def test_scenario_with_an_index_beyond_its_array_is_refused(key):
     scenario = load_scenario(DEFAULT, [f"detectors.{key}"])

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cosim.log import open_log
-from cosim.replay.lanes import describe, fill, lanes, pieces, run, topics
+from cosim.replay.lanes import describe, fill, lanes, pieces, run, tick_of, topics
 from cosim.replay.params import ReplayError, check_start
 from cosim.replay.write import Overlay
 from cosim.result import Watch, judge, judged, plain
@@ -106,7 +106,7 @@ def replay(path, *, detectors=None, overrides=None, start_s=0.0, output=None, pr
                 overlay.append(read, new, a, b)
             if progress:
                 progress(min(b, log.n_ticks) * log.dt_ns / 1e9, log.n_ticks * log.dt_ns / 1e9)
-    result = Replay(str(path), dt=log.dt_ns * 1e-9, changed=overrides or {}, output=str(output) if output else None)
+    result = Replay(str(path), dt=tick_of(log), changed=overrides or {}, output=str(output) if output else None)
     result.rows = sum(m.rows for m in members)
     result.values = sum(m.values for m in members)
     result.skipped = sum(m.skipped for m in members)
@@ -146,7 +146,7 @@ class _Member:
     """Replay one lane span after span: carry its state, count, compare, and keep what a verdict needs."""
 
     def __init__(self, log, w):
-        self.w, self.dt, self.differences = w, log.dt_ns * 1e-9, {}
+        self.w, self.dt, self.differences = w, tick_of(log), {}
         self.fields = log.topics[w.topic].fields
         self.hidden = log.topics[w.hidden].fields if w.hidden in log.topics else ()
         self.columns = [self.fields.index(n) for n in VERDICT]

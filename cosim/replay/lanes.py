@@ -85,6 +85,13 @@ class Wired:
         return f"elevator.{self.lane}" if self.level == "local" else "aircraft"
 
 
+def tick_of(log):
+    """Return the tick of a log's flight [s]: 1 / rate, which whole nanoseconds are only near to at 333 Hz."""
+    rate = log.metadata.get("run", {}).get("rate_hz", "")
+    whole = log.dt_ns * 1e-9
+    return 1.0 / int(rate) if rate.isdecimal() and int(rate) and round(1e9 / int(rate)) == log.dt_ns else whole
+
+
 def describe(log, chosen=None, overrides=None):
     """Return the Wired lanes of the detectors in `chosen` (all). `overrides` is {detector: {parameter: value}}."""
     found = manifest(log)
@@ -105,8 +112,8 @@ def describe(log, chosen=None, overrides=None):
         module = importlib.import_module(d["module"])
         p = attached(log, f"{d['id']}.params", module.PARAMS)
         x = attached(log, f"{d['id']}.initial", module.STATE)
-        trusted(log, d["id"], module, p, x, log.dt_ns * 1e-9)
-        override(d["id"], module, p, (overrides or {}).get(d["id"], {}), log.dt_ns * 1e-9)
+        trusted(log, d["id"], module, p, x, tick_of(log))
+        override(d["id"], module, p, (overrides or {}).get(d["id"], {}), tick_of(log))
         for i, lane in enumerate(d["lanes"]):
             row = slice(i, i + 1)
             wired = Wired(d["id"], lane, d["level"], module, d["every"], p[row], x[row], d["inputs"][lane])
