@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from cosim.errors import OutputError
+from cosim.lock import OTHER, TAKEN, locked
 
 
 def reserve(path, *, taken=None, endings=(), what="the scenario"):
@@ -18,9 +19,7 @@ def reserve(path, *, taken=None, endings=(), what="the scenario"):
     if endings and path.suffix not in endings:
         raise OutputError("its ending says no known format", place=str(path), allowed=", ".join(endings))
     if taken is not None and Path(taken).exists() and path.exists() and path.samefile(taken):
-        raise OutputError(
-            f"is {what} itself, it would be overwritten", place=str(path), remedy="Choose another -o"
-        )
+        raise OutputError(f"is {what} itself, it would be overwritten", place=str(path), remedy="Choose another -o")
     if path.is_dir():
         raise OutputError(
             "is a folder, not a file", place=str(path), remedy=f"Choose a file: -o {path / 'flight.mcap'}"
@@ -28,16 +27,19 @@ def reserve(path, *, taken=None, endings=(), what="the scenario"):
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         existed = path.exists()
-        with path.open("ab"):
-            pass
-        if not existed:
-            path.unlink()
+        with path.open("ab") as file:
+            free = locked(file)
+            if free and not existed:
+                path.unlink()  # while it is locked: a run that has opened it meanwhile looks whether it is still there
     except (FileExistsError, NotADirectoryError):
         raise OutputError("its folder is a file", place=str(path), remedy="Choose another place with -o") from None
     except OSError as error:
         raise OutputError(
             f"cannot be written: {error.strerror}", place=str(path), remedy="Choose another place with -o"
         ) from None
+    if not free:
+        raise OutputError(TAKEN, place=str(path), remedy=OTHER)
+
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 WorkersOption = Annotated[

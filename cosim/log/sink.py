@@ -8,6 +8,8 @@ from isal.isal_zlib import crc32
 from mcap.data_stream import RecordBuilder
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
+from cosim.lock import OTHER, TAKEN, open_alone
+
 from .format import LIBRARY, log_error
 from .records import MAGIC, closing
 
@@ -25,9 +27,12 @@ class Sink:
         self.chunks, self._metadata, self._attachments = [], [], []
         self._digest = hashlib.sha256()
         try:
-            self._file = open(self.path, "wb", buffering=0)
+            file = open_alone(self.path)
         except OSError as error:
             raise log_error(f"cannot create the log: {error.strerror}", self.path, remedy=_ELSEWHERE) from error
+        if file is None:
+            raise log_error(TAKEN, self.path, remedy=OTHER)
+        self._file = file
 
     def preamble(self, declared, metadata, attachments):
         """Write all that precedes the first chunk, and a hash of it.
