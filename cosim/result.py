@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cosim import coverage
 from fdi.verdict import NAMES
 
 
@@ -69,13 +70,14 @@ def plain(value):
 
 
 def judged(scenario):
-    """Return the faults of a scenario as `judge` wants them, their targets by part."""
+    """Return the faults of a scenario as `judge` wants them, their targets by part, cases as in cosim/coverage.py."""
     out = []
-    injections = scenario.injections()
+    injections, cases = scenario.injections(), coverage.cases(scenario)
     for i, f in enumerate(scenario.faults):
         mine = [j for j in injections if j.fault == i]
         names = tuple(_target(j, f.target) for j in mine)
-        out.append({"targets": names, "start_s": f.start_s, "end_s": mine[0].end, "period_s": f.period_s or math.nan})
+        about = {"fault": i, "case": cases[i], "targets": names, "period_s": f.period_s or math.nan}
+        out.append({**about, "start_s": f.start_s, "end_s": mine[0].end})
     return out
 
 
@@ -100,9 +102,11 @@ def concerns(watch, fault_targets):
 def judge(watch, history, dt, faults):
     """Return one detector's entry of the result.
 
-    `history` is (ticks, columns); `faults` a list of dicts with `targets` (tuple), `start_s`, `end_s` and `period_s`
-    (nan without one). The fault that counts is the earliest one that concerns the lane; its detection is the first
-    alarm that rises after its onset. Alarm onsets outside every fault that concerns the lane are false.
+    `history` is (ticks, columns); `faults` a list of dicts with `fault` (its number), `case`, `targets` (tuple),
+    `start_s`, `end_s` and `period_s` (nan without one). `by_fault` has an entry for each fault that concerns the lane
+    and to which its detector is not blind (to all that concern it: for each): detected is what alarms first between
+    its onset and the next one's, named what was said until then. The lane's own figures are those of the fault that
+    it noticed first, else of the earliest. Alarm onsets outside every fault that concerns the lane are false.
     """
     alarm, verdict, culprit = (history[:, c] for c in (watch.alarm, watch.verdict, watch.culprit))
     mine = sorted((f for f in faults if concerns(watch, f["targets"])), key=lambda f: f["start_s"])
@@ -117,10 +121,12 @@ def judge(watch, history, dt, faults):
         "target": watch.target,
         "concerned": bool(mine),
         "alarm": bool(len(rises)),
+        "fault": None,
         "detected_at_s": None,
         "detection_delay_s": None,
         "detection_delay_periods": None,
         "isolated": None,
+        "by_fault": [],
         "false_alarms": int(np.count_nonzero(~active[rises])),
         "estimate_rmse": None,
         "estimate_bias": None,
@@ -132,21 +138,36 @@ def judge(watch, history, dt, faults):
     if watch.estimate:
         entry |= errors(watch.estimate.error(history, dt), watch.estimate.unit)
     if mine:
-        first = mine[0]
-        since = round(first["start_s"] / dt)
-        new = rises[active[rises] & (rises >= since)]  # an alarm that stood before the fault is not its detection
-        if len(new):
-            k = int(new[0])
-            seen = k + np.flatnonzero((alarm[k:] > 0.5) & active[k:])
-            entry["detected_at_s"] = k * dt
-            entry["detection_delay_s"] = k * dt - first["start_s"]
-            entry["detection_delay_periods"] = entry["detection_delay_s"] / first["period_s"]
-            entry["isolated"] = named(watch, verdict[seen], culprit[seen])
+        sighted = [f for f in mine if coverage.expected(watch.id, f.get("case", "")).word != coverage.BLIND] or mine
+        entry["by_fault"] = [_detection(watch, f, sighted, dt, rises, alarm, verdict, culprit) for f in sighted]
+        noticed = [d for d in entry["by_fault"] if d["detected_at_s"] is not None]
+        entry |= min(noticed, key=lambda d: d["detected_at_s"], default=entry["by_fault"][0])
     elif len(rises):
         all_ticks = np.flatnonzero(alarm > 0.5)
         entry["detected_at_s"] = int(all_ticks[0]) * dt
         entry["isolated"] = named(watch, verdict[all_ticks], culprit[all_ticks])
     return entry
+
+
+def _detection(watch, fault, faults, dt, rises, alarm, verdict, culprit):
+    """Return when and as what a lane noticed `fault`, one of `faults`: None where it did not."""
+    starts = [f["start_s"] for f in faults if f["start_s"] > fault["start_s"]]
+    first, last = round(fault["start_s"] / dt), min(fault["end_s"] + 2.0, min(starts, default=math.inf)) / dt
+    end = math.ceil(last) if math.isfinite(last) else len(alarm)
+    new = rises[(rises >= first) & (rises < end)]  # an alarm that stood before the fault is not its detection
+    out = dict.fromkeys(("detected_at_s", "detection_delay_s", "detection_delay_periods", "isolated"))
+    if len(new):
+        k = int(new[0])
+        healed = math.ceil(fault["end_s"] / dt) if math.isfinite(fault["end_s"]) else end
+        seen = k + np.flatnonzero(alarm[k : max(k + 1, min(end, healed))] > 0.5)  # what it says of a decay counts not
+        delay = k * dt - fault["start_s"]
+        out = {
+            "detected_at_s": k * dt,
+            "detection_delay_s": delay,
+            "detection_delay_periods": delay / fault["period_s"],
+            "isolated": named(watch, verdict[seen], culprit[seen]),
+        }
+    return {"fault": fault.get("fault"), **out}
 
 
 def largest(watch, history, dt, faults):

@@ -54,6 +54,36 @@ def test_a_fault_elsewhere_makes_a_local_alarm_false():
     assert not entry["concerned"] and entry["false_alarms"] == 1 and entry["detection_delay_s"] is None
 
 
+def several(*starts, **cases):
+    """Return faults 0, 1, ... on the lane's actuator at `starts` [s]; `cases` {"of1": case} for a detector's table."""
+    return [{**FAULT, "fault": i, "start_s": t, "case": cases.get(f"of{i}", "")} for i, t in enumerate(starts)]
+
+
+def test_each_of_several_faults_has_its_own_delay_and_verdict():
+    history = lane([(12, 20), (35, 50)])
+    history[12:20, 1], history[35:, 1] = 4.0, 6.0  # jam_solid, then sensor
+    entry = judge(LANE, history, DT, several(1.0, 3.0))
+    assert [(d["fault"], d["detection_delay_s"], d["isolated"]["class"]) for d in entry["by_fault"]] == [
+        (0, pytest.approx(0.2), "jam_solid"), (1, pytest.approx(0.5), "sensor")]  # fmt: skip
+    assert (entry["fault"], entry["isolated"]["class"], entry["false_alarms"]) == (0, "jam_solid", 0)
+
+
+def test_an_alarm_counts_for_the_latest_fault_that_the_lane_could_notice():
+    late = judge(LANE, lane([(33, 50)]), DT, several(1.0, 3.0))
+    assert late["fault"] == 1 and late["detection_delay_s"] == pytest.approx(0.3)
+    assert late["by_fault"][0]["detected_at_s"] is None
+    watch = Watch("ofc_monitor", "local", "elevator.left_inner", ("", "rod"), 0, 1, 2, 3)
+    cases = {"of0": "hydraulic.ofc_liquid", "of1": "hydraulic.surface"}  # it reads no surface sensor
+    blind = judge(watch, lane([(33, 50)]), DT, several(1.0, 3.0, **cases))
+    assert [d["fault"] for d in blind["by_fault"]] == [0] and blind["detection_delay_s"] == pytest.approx(2.3)
+
+
+def test_what_is_said_after_a_fault_has_healed_is_not_its_name():
+    history = lane([(25, 45)])
+    history[40:, 1] = 4.0
+    assert judge(LANE, history, DT, [{**FAULT, "end_s": 3.8}])["isolated"]["class"] == "ofc_liquid"
+
+
 def test_largest_residual_is_split_at_the_first_fault_of_the_flight():
     r = np.r_[np.full(20, -0.5), np.full(30, 3.0)]
     entry = judge(LANE, lane([], r=r), DT, [{**FAULT, "targets": ("engine.1",)}])

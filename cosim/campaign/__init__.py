@@ -14,6 +14,7 @@ Columns of runs.parquet (and `result.frame`), one row per run x detector lane; a
     concerned               a fault is this lane's to find: on its own actuator; any fault for an aircraft-level one
     alarm, detected_at_s    any alarm in the run; first alarm that rises after the onset (healthy lane: first alarm)
     delay_s, delay_periods  from the onset; null when missed or not concerned
+    fault                   number of the fault that the figures are about: that noticed first, else the earliest
     isolated_class/_target  last verdict while the alarm stood
     false_alarms            alarms that rise outside every fault that concerns the lane (and 2 s after its end)
     r_max_before            largest |r| before the first fault of the flight; over all of it when fault-free

@@ -38,6 +38,7 @@ ROWS = pa.schema(
         ("detected_at_s", pa.float64()),
         ("delay_s", pa.float64()),
         ("delay_periods", pa.float64()),
+        ("fault", pa.int32()),
         ("isolated_class", pa.string()),
         ("isolated_target", pa.string()),
         ("false_alarms", pa.int32()),

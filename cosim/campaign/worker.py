@@ -103,6 +103,7 @@ def _lane(d):
         **kept,
         "delay_s": d["detection_delay_s"],
         "delay_periods": d["detection_delay_periods"],
+        "fault": d["fault"],
         "isolated_class": isolated.get("class"),
         "isolated_target": isolated.get("target"),
         "estimate_unit": d["estimate_unit"],

@@ -97,13 +97,16 @@ def _detectors(rows):
         shown, quiet = rows, 0
     if not shown:
         return Text("no detector ran", style="dim")
-    t = table("", "detector", "watches", "at s>", "delay s>", "periods>", "isolated", "false>", "µs>")
-    for r in shown:
+    several = any(len(r.get("by_fault", ())) > 1 for r in shown)  # a row for each that a lane could notice
+    own = ["fault>"] if several else []
+    t = table("", "detector", "watches", *own, "at s>", "delay s>", "periods>", "isolated", "false>", "µs>")
+    for r in (r | part for r in shown for part in r.get("by_fault") or [{}]):
         late = None if r["detection_delay_s"] is None else r["detection_delay_periods"]
         false = Text(str(r["false_alarms"]), style="red" if r["false_alarms"] else "dim")
         times = (number(r["detected_at_s"]), number(r["detection_delay_s"]), number(late, 1))
         style = "" if r["alarm"] else "dim"
-        t.add_row(r["id"], _short(r["target"]), *times, _isolated(r), false, number(r["step_us"]), style=style)
+        which = [NOTHING if r["fault"] is None else str(r["fault"])] if several else []
+        t.add_row(r["id"], _short(r["target"]), *which, *times, _isolated(r), false, number(r["step_us"]), style=style)
     t.caption, t.caption_justify = "false: false alarms; µs: time per step and lane", "left"
     below = [Text(f"{quiet} lane{'s' * (quiet != 1)} of healthy parts stayed quiet", style="dim")] if quiet else []
     for name in dict.fromkeys(r["id"] for r in shown if r["false_alarms"]):

@@ -1,6 +1,7 @@
 """Rows of a comparison: one per run and detector, from a campaign's rows per lane, or from logs.
 
 run, title, case, kind, target     the flight and its fault, case as in cosim/coverage.py; null when fault-free
+                                   of several faults the one that the detector noticed first, else the earliest
 frequency_hz, amplitude_mm, rod_mm, surface_deg     of an oscillation; achieved, against the twin flight
 hours                              flown
 id, level, lanes                   detector; how many actuators it watches
@@ -56,18 +57,14 @@ def echoes(rows):
 def _about(text):
     """Return what a row needs of the scenario."""
     s = tomllib.loads(text)
-    faults = sorted(s.get("faults", []), key=lambda f: f["start_s"])
-    f = faults[0] if faults else None
+    faults = s.get("faults", [])
     technology = {k: s.get("elevator", {}).get(k, v) for k, v in DEFAULT_TECHNOLOGY.items()}
-    case = f and coverage.case_of(f["kind"], f["target"], technology, f.get("at", ""), "limit_deg" in f)
     air, manoeuvre = s["flight"].get("turbulence", "none"), s.get("manoeuvre", {}).get("kind", "cruise")
     return {
         "title": s.get("title", ""),
         "faults": len(faults),
-        "case": case,
-        "kind": f and f["kind"],
-        "target": f and f["target"],
-        "frequency_hz": f["frequency_hz"] if f and f["kind"].startswith("ofc") else np.nan,
+        "each": [_fault(f, technology) for f in faults],
+        "earliest": min(range(len(faults)), key=lambda i: faults[i]["start_s"], default=None),
         "turbulence": air,
         "manoeuvre": manoeuvre,
         "manoeuvre_key": json.dumps(s.get("manoeuvre", {}), sort_keys=True),
@@ -76,12 +73,28 @@ def _about(text):
     }
 
 
+def _fault(f, technology):
+    """Return what a row says of fault `f`, a table of a scenario, or of none."""
+    if f is None:
+        return {"case": None, "kind": None, "target": None, "frequency_hz": np.nan}
+    return {
+        "case": coverage.case_of(f["kind"], f["target"], technology, f.get("at", ""), "limit_deg" in f),
+        "kind": f["kind"],
+        "target": f["target"],
+        "frequency_hz": f["frequency_hz"] if f["kind"].startswith("ofc") else np.nan,
+    }
+
+
 def _row(run, detector, lanes, about):
     """Return the row of one detector in one run; `lanes` are its rows per lane as dicts."""
-    fault, first = about["case"] is not None, lanes[0]
-    mine = [lane for lane in lanes if lane["concerned"]]
-    seen = sorted((lane for lane in mine if _given(lane["delay_s"])), key=lambda lane: lane["delay_s"])
+    first, mine = lanes[0], [lane for lane in lanes if lane["concerned"]]
+    seen = sorted((lane for lane in mine if _given(lane["delay_s"])), key=lambda lane: lane["detected_at_s"])
     best = seen[0] if seen else {}
+    each, earliest = about["each"], about["earliest"]
+    met = next((lane["fault"] for lane in (best, *mine) if _given(lane.get("fault"))), earliest)
+    about = {k: v for k, v in about.items() if k not in ("each", "earliest")}
+    about |= _fault(None, {}) if met is None else each[int(met)]
+    fault = met is not None
     judging = mine if fault and mine else lanes
     idle = not seen and not any(_number(lane, key) > 0.0 for lane in judging for key in ("r_max_before", "r_max_after"))
     named = best.get("isolated_class") if _given(best.get("isolated_class")) else None
@@ -180,6 +193,7 @@ def _lane(entry):
     return {k: entry[k] for k in same} | {
         "delay_s": entry["detection_delay_s"],
         "delay_periods": entry["detection_delay_periods"],
+        "fault": entry["fault"],
         "isolated_class": found.get("class"),
         "isolated_target": found.get("target"),
     }

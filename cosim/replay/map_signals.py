@@ -97,11 +97,12 @@ def acting(m, sources, channels, dt):
             raise ReplayError(
                 "only a command to an actuator is held", place=f"signals.{name}.held", allowed=", ".join(sorted(sent))
             )
-    return {
-        name: (*_later(t, y, dt), flags and _later(*flags, dt)) if name in sent and not m.signals[name].held else kept
-        for name, kept in channels.items()
-        for t, y, flags in [kept]
-    }
+    out = dict(channels)
+    for name in sent & channels.keys():
+        if not m.signals[name].held:
+            t, y, flags = channels[name]
+            out[name] = *_later(t, y, dt), flags and _later(flags[0], flags[1], dt)
+    return out
 
 
 def _later(t, y, dt):

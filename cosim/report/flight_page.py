@@ -6,7 +6,7 @@ from cosim.report import flight
 from cosim.report.detector import SHOWN, detector
 from cosim.report.page import drawing, page, table, text, write
 from cosim.report.timeline import timeline
-from cosim.report.words import JUDGED, MARKS, came_of_it, first_case, point, summary, verdict
+from cosim.report.words import JUDGED, MARKS, came_of_it, case_of, entries, point, summary, verdict
 from cosim.scenario.catalog import DETECTORS
 
 
@@ -64,10 +64,12 @@ def render(flown):
 
 
 def metrics(flown):
-    """Return the table of all lanes."""
+    """Return the table of all lanes, with several faults a row for each that a lane could notice."""
+    several = len(flown.faults) > 1
     columns = (
         "detector",
         "watches",
+        *(["fault"] if several else []),
         "to this fault",
         "delay, s>",
         "periods>",
@@ -80,8 +82,8 @@ def metrics(flown):
         "bias>",
     )
     rows = []
-    for lane in flown.lanes:
-        e, case, how = lane.entry, first_case(flown, lane), came_of_it(flown, lane)
+    for lane, e in [(own, e) for own in flown.lanes for e in entries(own)]:
+        case, how = case_of(flown, e), came_of_it(flown, lane, e)
         word = coverage.WORDS[coverage.expected(lane.id, case).word] if case else "–"
         wrong = f'<span class="bad">{e["false_alarms"]}</span>' if e["false_alarms"] else "0"
         said = text(verdict(e)) if e["isolated"] else "–"
@@ -89,6 +91,7 @@ def metrics(flown):
         cells = (
             f"<b>{text(lane.id)}</b>",
             text("aircraft" if lane.level == "aircraft" else words(lane.lane)),
+            *([f"{e['fault']}" if case else "–"] if several else []),
             word,
             number(e["detection_delay_s"]),
             number(e["detection_delay_periods"], 2),
@@ -102,8 +105,8 @@ def metrics(flown):
         quiet = "" if e["alarm"] else ' class="quiet"'
         rows.append((cells, f'{quiet} data-detector="{text(lane.id)}"'))
     note = (
-        "Delays count from the onset of the earliest fault that concerns the lane. |r|: largest statistic "
-        "before and after it; 1 is the threshold, "
+        "Delays count from the onset of the fault; an alarm counts for the latest one that the lane could notice. |r|: "
+        "largest statistic before and after the first fault; 1 is the threshold, "
         "before confirmation. RMSE and bias: of the estimate against what was injected, after settling. What a "
         "detector is designed for stands in "
         "fdi/expected.toml; “cannot judge” means that its own validity flag was down when the fault began."

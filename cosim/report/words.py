@@ -50,20 +50,22 @@ def verdict(entry):
     return f"{found['class']}{' ' + words(more) if more else ''}"
 
 
-def first_case(flown, lane):
-    """Return the case of the earliest fault that concerns a lane, or None."""
-    from cosim.result import concerns
-
-    mine = [(f["start_s"], case) for f, case in zip(flown.faults, flown.cases) if concerns(lane, f["targets"])]
-    return min(mine)[1] if mine else None
+def entries(lane):
+    """Return the entries of a lane, one for each fault that it could notice, or its own."""
+    return [{**lane.entry, **part} for part in lane.entry["by_fault"]] or [lane.entry]
 
 
-def came_of_it(flown, lane):
-    """Return the outcome of a lane (coverage.outcome), or None when no fault concerns it."""
-    case = first_case(flown, lane)
+def case_of(flown, entry):
+    """Return the case of the fault of an entry, or None."""
+    return None if entry["fault"] is None else flown.cases[entry["fault"]]
+
+
+def came_of_it(flown, lane, entry):
+    """Return the outcome of an entry of a lane (coverage.outcome), or None when no fault concerns it."""
+    case = case_of(flown, entry)
     if case is None:
         return None
-    found, seen = lane.entry["isolated"], lane.entry["detection_delay_s"] is not None
+    found, seen = entry["isolated"], entry["detection_delay_s"] is not None
     if not seen and not lane.able:
         return "idle"
     return coverage.outcome(lane.id, case, seen, found and found["class"])
@@ -87,13 +89,11 @@ def summary(flown):
     rows = [("Flown", f"{flown.end - flown.t0 + flown.dt:.1f} s: {text(point(s))}; {text(status)}")]
     faults = [fault(f) + _swing(flown, f) for f in s.faults]
     rows.append(("Broken", _list(faults) if faults else "nothing: every alarm below is a false one"))
-    met = [(lane, came_of_it(flown, lane)) for lane in flown.lanes]
-    noticed = sorted(
-        ((lane, how) for lane, how in met if how and lane.entry["detection_delay_s"] is not None),
-        key=lambda pair: pair[0].entry["detection_delay_s"],
-    )
+    met = [(lane, e, came_of_it(flown, lane, e)) for lane in flown.lanes for e in entries(lane)]
+    noticed = sorted((one for one in met if one[2] and one[1]["detection_delay_s"] is not None),
+                     key=lambda one: one[1]["detected_at_s"])  # fmt: skip
     if faults:
-        rows.append(("Noticed", _list(_noticed(*pair) for pair in noticed) or "by nobody"))
+        rows.append(("Noticed", _list(_noticed(flown, *one) for one in noticed) or "by nobody"))
         rows.append(("Quiet", _quiet(flown, met) or "nobody: every detector that the fault concerns noticed it"))
     rows.append(("False", _false(flown)))
     return "".join(f'<div class="row"><b class="lead">{name}</b><div>{value}</div></div>' for name, value in rows)
@@ -120,19 +120,27 @@ def _list(items):
     return f"<ul>{''.join(f'<li>{i}</li>' for i in items)}</ul>" if len(items) > 1 else "".join(items)
 
 
-def _noticed(lane, how):
-    said = f'said <b>{text(verdict(lane.entry))}</b>, <span class="{MARKS.get(how, "")}">{JUDGED[how]}</span>'
-    return f"<b>{text(lane.name)}</b> ({LEVELS[lane.level]}) {delay(lane.entry)}; {said}"
+def _noticed(flown, lane, entry, how):
+    said = f'said <b>{text(verdict(entry))}</b>, <span class="{MARKS.get(how, "")}">{JUDGED[how]}</span>'
+    return f"<b>{text(lane.name)}</b> ({LEVELS[lane.level]}) {delay(entry)}{_of(flown, entry)}; {said}"
+
+
+def _of(flown, entry):
+    """Return which fault an entry is about, where there are several."""
+    if len(flown.faults) < 2:
+        return ""
+    f = flown.scenario.faults[entry["fault"]]
+    return f" of {words(f.kind)} on {words(f.target)}"
 
 
 def _quiet(flown, met):
     groups: dict = {}
-    for lane, how in met:
+    for lane, entry, how in met:
         if how in ("missed", "quiet"):
-            word = coverage.expected(lane.id, first_case(flown, lane)).word
-            groups.setdefault(word, []).append(lane.name)
+            word = coverage.expected(lane.id, case_of(flown, entry)).word
+            groups.setdefault(word, []).append(lane.name + _of(flown, entry))
         if how == "idle":
-            groups.setdefault("idle", []).append(lane.name)
+            groups.setdefault("idle", []).append(lane.name + _of(flown, entry))
     order = (coverage.DESIGNED, "idle", coverage.MAY, coverage.BLIND)
     heads = {
         coverage.DESIGNED: '<span class="bad">missed, though designed for it</span>',
