@@ -20,7 +20,8 @@ from cosim.campaign.draw import draw, unit_cube
 from cosim.campaign.run import cluster, rerun
 from cosim.campaign.spec import builtin_campaigns, load_campaign
 from cosim.cli import commands as cli
-from cosim.cli.campaign import nearest
+from cosim.cli.campaign import _median, nearest
+from cosim.compare.stats import delays
 from cosim.design.rfafe import MANOEUVRES
 from cosim.errors import CosimError
 
@@ -194,7 +195,7 @@ def test_command_flies_resumes_and_repeats_a_run(written, tmp_path):
     first = cosim("campaign", path, "-o", out, "--workers", 1, "--json")
     assert first.exit_code == 0, first.output
     found = json.loads(first.stdout)
-    assert found == {"parquet": str(out / "runs.parquet"), "done": 2, "failed": 0, "resumed": 0}
+    assert found == {"parquet": str(out / "runs.parquet"), "done": 2, "failed": 0, "resumed": 0, "errors": []}
     again = cosim("campaign", path, "-o", out)
     assert again.exit_code == 2 and "--resume" in again.stderr
     resumed = cosim("campaign", path, "-o", out, "--resume", "--json")
@@ -207,6 +208,43 @@ def test_command_flies_resumes_and_repeats_a_run(written, tmp_path):
     assert json.loads(once.stdout)["repeats"] is True and (out / "logs" / f"{run}.mcap").is_file()
     unknown = cosim("campaign", path, "-o", out, "--rerun", "abc")
     assert unknown.exit_code == 2 and "no run of this campaign" in unknown.stderr
+
+
+BEYOND = """base = "cruise"
+[set]
+duration_s = 0.5
+"detectors.enabled" = ["iotsekf"]
+[grid]
+point = [FLIGHTS]
+"""
+DRIVE = """{ "faults.0.target" = "elevator.right_inner", "faults.0.kind" = "ofc_liquid", "faults.0.at" = "valve",
+"faults.0.start_s" = 0.1, "faults.0.frequency_hz" = 10, "faults.0.amplitude_mm" = 100 }"""
+NO_TRIM = '{ "flight.mass_t" = 405, "flight.cas_kt" = 101 }'
+
+
+@pytest.mark.parametrize(
+    ("flights", "status", "told"),
+    [
+        (DRIVE.replace("\n", " "), 1, ("1 runs: 1 error", "1 x error: ScenarioError", "take")),
+        (NO_TRIM, 1, ("1 runs: 1 infeasible", "1 x infeasible: ")),
+        (NO_TRIM + ", { seed = 5 }", 0, ("2 runs: ", "1 x infeasible: ", "iotsekf")),
+        (DRIVE.replace("\n", " ") + ", { seed = 5 }", 1, ("2 runs: ", "1 x error: ", "iotsekf")),
+    ],
+)
+def test_runs_that_fail_are_told_and_decide_the_exit_status(flights, status, told, written, tmp_path):
+    path = written(BEYOND.replace("FLIGHTS", flights))
+    found = cosim("campaign", path, "-o", tmp_path / "out", "--workers", 1)
+    assert found.exit_code == status, found.output
+    for words in told:
+        assert words in found.stdout
+    again = cosim("campaign", path, "-o", tmp_path / "out", "--resume", "--json")
+    assert again.exit_code == status and sum(e["runs"] for e in json.loads(again.stdout)["errors"]) == 1
+
+
+def test_the_median_delay_counts_a_missed_fault_as_endless():
+    late = pd.Series([0.1, np.nan, 0.3])
+    assert _median(late) == 0.3 == delays(pd.DataFrame({"delay_s": late})).median  # as cosim compare has it
+    assert _median(pd.Series([0.1, np.nan, np.nan])) is None and _median(pd.Series([], dtype=float)) is None
 
 
 def test_without_faults_the_flights_nearest_to_an_alarm_are_told(written, tmp_path):

@@ -67,6 +67,9 @@ TIMING = pa.schema(
 FLYING = ("actuators", "fdi", "aircraft")  # with what cosim.simulate imports: what decides about a row
 
 
+AGAIN = ("error", "crashed")  # statuses of runs that are flown again on resuming: a full disk or a kill may have passed
+
+
 class CampaignError(CosimError):
     """A campaign that cannot be read, started or resumed."""
 
@@ -126,7 +129,7 @@ class Store:
             )
         if found is not None:
             wanted = set(self.scenarios["run"])
-            self.finished = set(found["run"]) & wanted
+            self.finished = set(found.loc[~found["status"].isin(AGAIN), "run"]) & wanted
         _replace(about, lambda p: p.write_text(json.dumps(here, indent=1), encoding="utf-8"))
         write(out / "scenarios.parquet", pa.Table.from_pandas(self.scenarios, preserve_index=False))
 
@@ -169,6 +172,8 @@ class Store:
 
 
 def _joined(scenarios, found):
+    lost = found["status"].isin(AGAIN)
+    found = found[~lost | ~found["run"].isin(found.loc[~lost, "run"])]  # a run that was flown again
     about = scenarios.drop(columns="toml")
     merged = about.merge(found.drop_duplicates(["run", "lane"]), on="run", how="inner")
     return merged.sort_values(["order", "lane"], kind="stable").reset_index(drop=True)

@@ -2,11 +2,16 @@
 near each detector came to an alarm.
 """
 
+import math
+
 from rich.console import Group
 from rich.text import Text
 
 from cosim.cli.tables import number, table
-from cosim.metrics import clopper_pearson
+from cosim.metrics import clopper_pearson, delays
+
+FAILED = ("infeasible", "error", "crashed")
+TEXTS = 5  # different errors that are printed
 
 
 def campaign(result):
@@ -21,19 +26,51 @@ def campaign(result):
         false = rows.groupby("run")["false_alarms"].max() > 0
         bound = clopper_pearson(int(false.sum()), len(false)).high
         found = mine["delay_s"].dropna()
-        median = [
-            None if column.dropna().empty else column.median() for column in (mine["delay_s"], mine["delay_periods"])
-        ]
+        median = [_median(mine[key]) for key in ("delay_s", "delay_periods")]
         t.add_row(
             name, level, str(len(mine)), str(len(found)), number(median[0]), number(median[1]),
             f"{int(false.sum())}/{len(false)}", f"{100 * bound:.1f} %",
         )  # fmt: skip
-    t.caption, t.caption_justify = "false flights: with a false alarm; bound: Clopper-Pearson, per flight", "left"
+    t.caption_justify = "left"
+    t.caption = (
+        "faults: that concern the detector, per actuator it watches, also those it is not made for (`cosim compare` "
+        "counts those it is, once per flight); median delay: a missed fault counts as endless, - where it is one; "
+        "false flights: with a false alarm; bound: Clopper-Pearson, per flight"
+    )
     status = frame.drop_duplicates("run")["status"].value_counts()
     line = ", ".join(f"{n} {name}" for name, n in status.items())
     text = f"{result.done} runs: {line}" + (f"; {result.resumed} were there already" if result.resumed else "")
     more = [] if lanes["concerned"].any() or lanes.empty else [nearest(lanes)]
-    return Group(t, *more, Text(text), Text(f"rows   {result.parquet}"))
+    shown = [] if lanes.empty else [t]
+    return Group(*shown, *more, Text(text), *_told(errors(frame)), Text(f"rows   {result.parquet}"))
+
+
+def _median(late):
+    """Return the median of delays of which a missed one (NaN) is endless; None when that is the median, or no fault."""
+    found = delays(late.to_numpy()).median if len(late) else math.inf
+    return found if math.isfinite(found) else None
+
+
+def errors(frame):
+    """Return [{status, error, runs}] of the runs without a flight, the most frequent first."""
+    runs = frame.drop_duplicates("run")
+    counts = runs[runs["status"].isin(FAILED)].groupby(["status", "error"], sort=True).size()
+    counts = counts.sort_values(ascending=False, kind="stable")
+    return [{"status": status, "error": text, "runs": int(n)} for (status, text), n in counts.items()]
+
+
+def _told(found):
+    lines = [Text(f"{r['runs']} x {r['status']}: {r['error']}", style="red") for r in found[:TEXTS]]
+    if more := sum(r["runs"] for r in found[TEXTS:]):
+        lines.append(Text(f"{more} more with {len(found) - TEXTS} other texts: column error of the rows", style="red"))
+    return lines
+
+
+def exit_status(frame):
+    """Return 1 when a run ended in an error, or none flew; a point without a steady flight among others is a result."""
+    found = errors(frame)
+    none_flew = sum(r["runs"] for r in found) == frame["run"].nunique()
+    return int(none_flew or any(r["status"] != "infeasible" for r in found))
 
 
 MOST = 5

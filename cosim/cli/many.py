@@ -20,7 +20,7 @@ def add(app, out, err):
         scheduler: Annotated[
             str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Fly on a Dask cluster: tcp://host:8786.")
         ] = None,
-        resume: Annotated[bool, typer.Option("--resume", help="Go on where a campaign in this folder ended.")] = False,
+        resume: Annotated[bool, typer.Option("--resume", help="Go on in this folder; failed runs fly again.")] = False,
         output: Annotated[
             Path | None,
             typer.Option("--output", "-o", metavar="DIR", help="Default: logs/<campaign>.", show_default=False),
@@ -35,7 +35,10 @@ def add(app, out, err):
         ] = None,
         json_: JsonOption = False,
     ):
-        """Fly many scenarios: grids and draws over any number, one row per run and detector, resumable."""
+        """Fly many scenarios: grids and draws over any number, one row per run and detector, resumable.
+
+        Exit status 1: a run ended in an error, or none could be flown.
+        """
         from cosim.campaign.run import folder, rerun, run_campaign
 
         if worst:
@@ -66,12 +69,13 @@ def add(app, out, err):
             done = run_campaign(
                 campaign, workers=workers, scheduler=scheduler, out=output, resume=resume, progress=progress
             )
-        if json_:
-            print(json.dumps(done.to_dict()))
-        else:
-            from cosim.cli.campaign import campaign as shown
+        from cosim.cli import campaign as cli_campaign
 
-            out.print(shown(done))
+        if json_:
+            print(json.dumps({**done.to_dict(), "errors": cli_campaign.errors(done.frame)}))
+        else:
+            out.print(cli_campaign.campaign(done))
+        raise typer.Exit(cli_campaign.exit_status(done.frame))
 
     @app.command()
     def report(
