@@ -9,6 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from cosim.cli import faults
 from cosim.coverage import remark
 
 STATUS = {"completed": "green", "departed": "yellow", "diverged": "red", "interrupted": "yellow"}
@@ -57,7 +58,7 @@ def number(value, digits=2):
 def run(found, scenario):
     """Return the outcome of a run: what went wrong, who alarmed, how fast it flew."""
     head = Text.assemble((scenario.title or "flight", "bold"), "\n", _point(scenario))
-    parts = [head, _faults(scenario), _detectors(found["detectors"])]
+    parts = [head, *faults.lines(scenario, found.get("achieved")), _detectors(found["detectors"])]
     return Group(*(p for p in parts if p is not None), _footer(found))
 
 
@@ -70,24 +71,6 @@ def _point(scenario):
     )
     air = "still air" if f.turbulence == "none" else f"{f.turbulence} turbulence"
     return f"{f.mass_t:g} t, CG {f.cg_pct:g} %, {f.altitude_ft:,.0f} ft, {speed}, {air}, {m.kind.replace('_', ' ')}"
-
-
-def _faults(scenario):
-    if not scenario.faults:
-        return Text("no fault", style="dim")
-    lines = []
-    for f in scenario.faults:
-        own = ", ".join(f"{k} {v:g}" for k, v in (f.model_extra or {}).items() if not (k == "phase_deg" and v == 0.0))
-        until = "" if f.end_s is None else f" to {f.end_s:g} s"
-        where = "".join(f" {w} {v}" for w, v in (("at", f.at), ("path", f.path)) if v)
-        lines.append(
-            Text.assemble(
-                ("fault  ", "red"),
-                f"{f.kind} on {f.target}{where}, from {f.start_s:g} s{until}",
-                f"  ({own})" if own else "",
-            )
-        )
-    return Group(*lines)
 
 
 def _detectors(rows):

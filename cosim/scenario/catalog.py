@@ -16,7 +16,13 @@ DEFAULT_TECHNOLOGY: dict[str, Any] = dict(zip(SEGMENTS, ("hydraulic", "hydraulic
 FEEDBACKS = ("measured", "iotsekf", "rtsekf", "rtsekf_flight")
 SURFACES = ("aileron.left", "aileron.right", "rudder", "stabiliser")
 ENGINES = ("1", "2", "3", "4")
-TRAVEL = 40.0 * DEG  # -23 to +17 deg of elevator; amplitude_travel is a fraction of it [Sun13]
+TRAVELS = {
+    "elevator": (-23.0, 17.0),
+    "aileron": (-20.0, 20.0),
+    "rudder": (-25.0, 25.0),
+    "stabiliser": (-13.0, 4.0),
+}  # deg
+TRAVEL = 40.0 * DEG  # of the elevator; amplitude_travel is a fraction of it [Sun13]
 
 DETECTORS = {  # id -> (level, one line)
     "rfafe": ("aircraft", "robust fast adaptive fault estimator with elevator position sensors [Sun13]"),
@@ -169,7 +175,10 @@ ELEVATOR_KINDS = {
     ),
     "jam_solid": Kind("the surface stops where it is", switched=True, exclusive="motion"),
     "runaway": Kind(
-        "the surface drives off, to its stop or to limit_deg", _runaway, at=("valve", "command"), exclusive="at"
+        "the surface drives off, to its stop or to limit_deg; to a limit, and without a valve, the command runs",
+        _runaway,
+        at=("valve", "command"),
+        exclusive="at",
     ),
     "loss_of_effectiveness": Kind(
         "the surface gives only a part of what is commanded; at the valve or drive the servo makes up for it as it can",
@@ -217,7 +226,14 @@ SURFACE_KINDS = {
     "runaway": Kind("the surface drives off, to its stop or to limit_deg", _runaway, exclusive="motion"),
 }
 ENGINE_KINDS = {"thrust_loss": Kind("thrust falls by a share", _loss, exclusive="thrust")}
-OPTIONAL_KEYS = {"runaway": (Key("limit_deg", -30.0, 30.0, DEG, "rad"),)}  # default: the stop on the side of the rate
+
+
+def optional_keys(kind, target):
+    """Return the keys that `kind` may have on `target`; a runaway's limit is by default the stop it drives to."""
+    if kind != "runaway":
+        return ()
+    return (Key("limit_deg", *TRAVELS[target.split(".")[0]], DEG, "rad"),)
+
 
 SENSOR_SUMMARIES = {
     "bias": "constant error",

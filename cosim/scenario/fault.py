@@ -64,7 +64,7 @@ class Fault(BaseModel):
         target = parse_target(raw["target"])
         kind = _kind(target, raw)
         full = {**raw, **_place(target, kind, raw)}
-        for key in c.OPTIONAL_KEYS.get(raw["kind"], ()):
+        for key in c.optional_keys(raw["kind"], raw["target"]):
             if key.name in full:
                 _number(full[key.name], key)
         _magnitudes(raw["kind"], kind, full)
@@ -102,6 +102,14 @@ class Fault(BaseModel):
         hz = (self.model_extra or {}).get("frequency_hz")
         return 1.0 / hz if hz else None
 
+    def entry(self, technology):
+        """Return where it enters, as words: `at`, but the command where a runaway has a limit or no valve."""
+        if self.kind != "runaway" or self.at != "valve":
+            return self.at or ""
+        limited = "limit_deg" in (self.model_extra or {})
+        ways = ("command" if limited or technology[n] != "hydraulic" else "valve" for n in self.parsed.names)
+        return " or ".join(dict.fromkeys(ways))
+
     def injections(self, index, technology):
         """Return the list of Injection, one per member; `technology` maps segment to its actuator."""
         spec, numbers = self.spec, self.model_extra or {}
@@ -111,7 +119,7 @@ class Fault(BaseModel):
             magnitude -= 1.0
         si = {
             k.name: numbers[k.name] * k.factor
-            for k in (*spec.keys, *c.OPTIONAL_KEYS.get(self.kind, ()))
+            for k in (*spec.keys, *c.optional_keys(self.kind, self.target))
             if k.name in numbers
         }
         target, out = self.parsed, []
@@ -198,7 +206,7 @@ def _magnitudes(name, kind, full):
     one_of = kind.one_of
     if name.startswith("ofc_"):
         one_of = tuple(k for k in one_of if k.name in c.AMPLITUDES_AT[full["at"]])
-    optional = c.OPTIONAL_KEYS.get(name, ())
+    optional = c.optional_keys(name, full["target"])
     known = [k.name for k in (*one_of, *kind.keys, *optional)]
     for key in full:
         if key not in (*COMMON, "at", "path", *known):
