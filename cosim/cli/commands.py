@@ -26,12 +26,26 @@ WIDE = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 110  # a pipe
 out, err = Console(width=WIDE), Console(stderr=True)
 
 
+_Usage: type = typer.BadParameter.__mro__[2]  # of all that typer refuses by itself; it exports no name for it
+
+
 class _Group(TyperGroup):
     """Every error of a user becomes one line on standard error and exit status 2; Ctrl-C becomes 130."""
+
+    def make_context(self, *args, **extra):
+        try:
+            return super().make_context(*args, **extra)
+        except _Usage as error:
+            if type(error).__name__ == "NoArgsIsHelpError":
+                raise
+            _say(_usage(error))
+            raise typer.Exit(2) from None
 
     def invoke(self, ctx):
         try:
             return super().invoke(ctx)
+        except _Usage as error:
+            text = _usage(error)
         except CosimError as error:
             text = str(error)
         except BrokenPipeError:
@@ -41,8 +55,21 @@ class _Group(TyperGroup):
         except KeyboardInterrupt:
             err.print("[yellow]interrupted[/]")
             ctx.exit(130)
-        err.print(f"[bold red]error:[/] {tables.escape(text)}", soft_wrap=True, highlight=False)
+        _say(text)
         ctx.exit(2)
+
+
+def _usage(error):
+    """Return one line of what typer refuses: an option that is none, a value out of its range, an argument missing."""
+    ctx = getattr(error, "ctx", None)
+    path = ctx.command_path if ctx else "cosim"
+    said = " ".join(error.format_message().split()).rstrip(".")
+    stop = "" if said.endswith("?") else "."
+    return f"{path}: {said.replace('Input should be', 'must be')}{stop} `{path} -h` says what there is"
+
+
+def _say(text):
+    err.print(f"[bold red]error:[/] {tables.escape(text)}", soft_wrap=True, highlight=False)
 
 
 app = typer.Typer(

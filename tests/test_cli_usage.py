@@ -1,0 +1,29 @@
+"""What typer refuses by itself is one line on standard error and exit status 2, as every other bad input."""
+
+import pytest
+from typer.testing import CliRunner
+
+from cosim.cli import commands as cli
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("replay x.mcap --from -1", "cosim replay: Invalid value for '--from'"),
+        ("campaign x --workers 0", "cosim campaign: Invalid value for '--workers'"),
+        ("bench --foo", "cosim bench: No such option: --foo"),
+        ("--foo", "cosim: No such option: --foo"),
+        ("rum", "cosim: No such command 'rum'. Did you mean 'run'? `cosim -h`"),
+        ("info", "cosim info: Missing argument 'LOG'"),
+        ("run -o", "Option '-o' requires an argument"),
+    ],
+)
+def test_a_mistake_in_the_call_is_one_line(words, told):
+    found = CliRunner().invoke(cli.app, words.split())
+    assert found.exit_code == 2 and found.stdout == ""
+    assert found.stderr.startswith("error: ") and found.stderr.count("\n") == 1 and told in found.stderr
+
+
+def test_no_command_shows_the_help():
+    found = CliRunner().invoke(cli.app, [])
+    assert "Usage: cosim" in found.output and "error" not in found.output
