@@ -6,7 +6,7 @@ import time
 try:
     import fcntl
 except ImportError:  # where there are no such locks, nobody is kept out
-    fcntl = None
+    fcntl = None  # type: ignore[assignment]
 
 TAKEN = "is being written by another run"
 OTHER = "Choose another -o, or wait for it"

@@ -19,11 +19,11 @@ from cosim.cli import commands as cli
     ],
 )
 def test_a_mistake_in_the_call_is_one_line(words, told):
-    found = CliRunner().invoke(cli.app, words.split())
+    found = CliRunner().invoke(cli.app, words.split(), prog_name="cosim")
     assert found.exit_code == 2 and found.stdout == ""
     assert found.stderr.startswith("error: ") and found.stderr.count("\n") == 1 and told in found.stderr
 
 
 def test_no_command_shows_the_help():
-    found = CliRunner().invoke(cli.app, [])
+    found = CliRunner().invoke(cli.app, [], prog_name="cosim")
     assert "Usage: cosim" in found.output and "error" not in found.output

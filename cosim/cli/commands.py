@@ -9,7 +9,7 @@ import json
 import os
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, cast
 
 import typer
 from rich.console import Console
@@ -26,7 +26,7 @@ WIDE = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 110  # a pipe
 out, err = Console(width=WIDE), Console(stderr=True)
 
 
-_Usage: type = typer.BadParameter.__mro__[2]  # of all that typer refuses by itself; it exports no name for it
+_Usage = cast(type[Exception], typer.BadParameter.__mro__[2])  # of all that typer refuses; it exports no name for it
 
 
 class _Group(TyperGroup):
