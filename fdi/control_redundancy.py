@@ -18,6 +18,9 @@ one value of its fault leaves every |r - S f| below tau; so a residual that the 
 ("don't care"), and one that moves without reason votes against. Declared when it is the only explanation for
 `t_confirm`; afterwards only families blind to it are used for the next one. More than one explanation is AMBIGUOUS.
 
+It knows effectors only. A sensor whose error is the force of one is named as that effector: an accelerometer along x as
+thrust, a stabiliser that runs away (the law moves the elevators against it) as elevators that stand.
+
 `rows = "force+moment"` adds three rows with measured angular acceleration (a documented sensor), and single engines.
 """
 
@@ -44,7 +47,7 @@ from fdi.control_redundancy_core import (
     row_errors,
     sliding_mean,
 )
-from fdi.decision import confirm
+from fdi.decision import T_HOLD, confirm
 from fdi.force_model import params_dtype
 from fdi.tuning import thresholds
 from fdi.verdict import AMBIGUOUS, JAM_SOLID, NONE, THRUST
@@ -311,6 +314,16 @@ def _name(x, p):
 
 
 @kernel
+def _withdraw(x, p):
+    """Take back what was declared: nothing has been measured for long."""
+    for h in range(int(p.n_hypotheses)):
+        x.declared[h] = 0.0
+    x.on, x.timer, x.timer_any, x.last = 0.0, 0.0, 0.0, 0.0
+    x.r, x.alarm, x.verdict, x.culprit, x.f_hat = 0.0, 0.0, NONE, 0.0, 0.0
+    x.f_hat_elevator, x.f_hat_aileron, x.f_hat_rudder, x.f_hat_thrust = 0.0, 0.0, 0.0, 0.0
+
+
+@kernel
 def step(x, u, p, dt):
     """Compare measured with computed forces at one tick, average, evaluate the residuals, decide."""
     delayed_commands(x, u, p, dt)
@@ -323,6 +336,8 @@ def step(x, u, p, dt):
                 x.n_block[i] = 0.0
                 for j in range(NX):
                     x.total[i, j] = 0.0
+        if x.gone > T_HOLD:
+            _withdraw(x, p)
         return
     x.gone = 0.0
     row_errors(x, u, p)

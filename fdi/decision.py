@@ -15,6 +15,8 @@ from actuators.block import kernel
 from fdi import bank
 from fdi.verdict import AMBIGUOUS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY, SENSOR
 
+T_HOLD = 5.0  # [s] an alarm outlives its estimate by: settling, 1 s, and two periods at 0.5 Hz, the slowest of a bank
+
 # Where residual + drive is less than this share of the drive, -10 dB, the drive does nothing; or the servo works
 # against an oscillation near the hydraulic resonance, which is purer than any drive (so pure between two frequencies)
 MISSING, SINUSOID = 0.3, 0.75

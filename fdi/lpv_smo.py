@@ -44,6 +44,7 @@ from fdi.tuning import thresholds
 from fdi.verdict import AMBIGUOUS, NONE, OFC_LIQUID, SENSOR
 
 CULPRITS = ("", "elevator", "n_z", "alpha")
+CLEARLY = 1.25  # by so much another fault must be larger than the one that is named
 
 PARAMS = dtype(
     [
@@ -266,7 +267,7 @@ def _scores(x, p):
 
 @kernel
 def _decide(x, p, dt):
-    """Confirm each fault against its threshold; name the largest that is declared."""
+    """Confirm each fault against its threshold; name the largest that is declared, another only when clearly larger."""
     c = 1.0 - math.exp(-dt / p.tau_slow)
     x.slow[0] += c * (x.f_hat_elevator - x.slow[0])
     x.slow[1] += c * (x.f_hat_n_z - x.slow[1])
@@ -275,7 +276,8 @@ def _decide(x, p, dt):
     swing = min(math.fabs(x.f_hat_alpha - x.slow[2]), 2.5 * x.gust + 0.15 * DEG)
     x.gust = math.sqrt(x.gust * x.gust + (1.0 - math.exp(-dt / p.tau_gust)) * (swing * swing - x.gust * x.gust))
     scores = _scores(x, p)
-    x.alarm, x.culprit, x.verdict, largest = 0.0, 0.0, NONE, 0.0
+    named, largest = int(x.culprit) - 1, 0.0
+    x.alarm, x.culprit, x.verdict = 0.0, 0.0, NONE
     x.r = max(scores[0], max(scores[1], scores[2]))
     x.since += dt
     for i in range(3):
@@ -288,8 +290,9 @@ def _decide(x, p, dt):
         x.timer[i], x.on[i] = confirm(x.timer[i], x.on[i], beyond, dt, p.t_confirm, p.t_release)
         if x.on[i] > 0.5:
             x.alarm = 1.0
-            if scores[i] > largest:
-                largest, x.culprit = scores[i], i + 1.0
+            score = scores[i] * (CLEARLY if i == named else 1.0)
+            if score > largest:
+                largest, x.culprit = score, i + 1.0
     if x.culprit > 1.5:
         x.verdict = SENSOR
     elif x.culprit > 0.5:

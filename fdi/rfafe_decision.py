@@ -5,6 +5,9 @@ command (fdi/bank.py). An oscillation is an amplitude beyond threshold + share |
 periods and explains its window, of f_hat or of f_hat + u, for several fits in a row. The slow part must stay beyond its
 own threshold + share |command| for a confirmation time.
 
+While the estimate is not trusted an alarm stands, for T_HOLD at most: so long a restart takes. After the restart an
+oscillation has the same time to be found again.
+
 Class. A liquid OFC is f = s(t), a solid one f = s(t) - u: of f_hat and f_hat + u the one that its sine explains better
 tells which, but only if the command moved otherwise than the fault. Where it did not, and for all that is slow, the
 verdict is AMBIGUOUS.
@@ -14,8 +17,10 @@ import math
 
 from actuators.block import kernel
 from fdi import bank
-from fdi.decision import confirm
+from fdi.decision import T_HOLD, confirm
 from fdi.verdict import AMBIGUOUS, NONE, OFC_LIQUID, OFC_SOLID
+
+BELOW = 0.99  # r of a fit beyond its threshold that is no oscillation
 
 PARAMS = [
     *bank.PARAMS,
@@ -42,12 +47,14 @@ def state(faults):
         ("energy", "f8", (faults,)),  # mean square of the rest
         ("suspect", "f8"),  # index of the estimate in the bank
         ("hit", "f8", (bank.K,)),  # fits in a row that passed
-        ("r_ofc", "f8"),  # largest fit over its threshold
+        ("r_ofc", "f8"),  # largest fit over its threshold; below 1 without the shape of an oscillation
         ("ofc_timer", "f8"),  # time for which an oscillation is still held to be there [s]
         ("ofc_class", "f8"),  # its class
         ("ofc_margin", "f8"),  # clearest difference of purity so far
         ("timer", "f8"),  # confirmation of the slow test [s]
         ("static", "f8"),  # its alarm
+        ("blamed", "f8"),  # index of the estimate that was last beyond it
+        ("lost", "f8"),  # time since the estimate was last trusted [s]
     ]
 
 
@@ -60,6 +67,10 @@ def forget(x, p, f, nf, dt):
     clear(x)
     x.r = 0.0
     x.r_ofc = 0.0
+    x.lost += dt
+    if x.lost > T_HOLD:
+        x.ofc_timer, x.timer, x.static = 0.0, 0.0, 0.0
+        x.alarm, x.verdict, x.culprit = 0.0, NONE, 0.0
 
 
 @kernel
@@ -75,6 +86,9 @@ def clear(x):
 def decide(x, p, f, u, nf, nu, dt):
     """Judge the estimates f (nf,) beside the commands u (nu,), in SI less trim; set r, alarm, verdict, culprit."""
     a, b = 1.0 - math.exp(-dt / p.tau_slow), 1.0 - math.exp(-dt / p.tau_energy)
+    if x.lost > 0.0 and x.ofc_timer > 0.0:
+        x.ofc_timer = max(x.ofc_timer, T_HOLD)
+    x.lost = 0.0
     still = 0.0
     worst = 0
     for i in range(nf):
@@ -96,6 +110,8 @@ def decide(x, p, f, u, nf, nu, dt):
     x.ofc_timer = max(x.ofc_timer - dt, 0.0)
     if renewed > 0.5:
         oscillation(x, p)
+    if math.fabs(still) >= 1.0:  # what passes zero while its alarm is held is not the other one's fault
+        x.blamed = worst
     x.timer, x.static = confirm(x.timer, x.static, math.fabs(still) >= 1.0, dt, p.t_static, p.t_release)
     ofc = x.ofc_timer > 0.0
     x.r = max(x.r_ofc, math.fabs(still))
@@ -104,7 +120,7 @@ def decide(x, p, f, u, nf, nu, dt):
         x.verdict, x.culprit = NONE, 0.0
     else:
         x.verdict = x.ofc_class if ofc else AMBIGUOUS
-        x.culprit = 1.0 + (suspect if ofc else worst)
+        x.culprit = 1.0 + (suspect if ofc else x.blamed)
 
 
 @kernel
@@ -124,12 +140,10 @@ def oscillation(x, p):
             continue  # its window is not full since the start
         most = p.bank_threshold[k] + p.bank_share[k] * math.sqrt(bank.mixed(x, k, 0.0, 1.0))
         r = math.sqrt(bank.mixed(x, k, 1.0, 0.0)) / most
-        x.r_ofc = max(x.r_ofc, r)
+        good = r >= 1.0 and (shaped(x, p, k, 0.0) or shaped(x, p, k, 1.0))
+        x.r_ofc = max(x.r_ofc, r if good else min(r, BELOW))
         if x.bank_new[k] < 0.5:
             continue
-        good = False
-        if r >= 1.0:
-            good = shaped(x, p, k, 0.0) or shaped(x, p, k, 1.0)
         x.hit[k] = x.hit[k] + 1.0 if good else 0.0
         if x.hit[k] >= p.hits and r > best:
             found, best = k, r

@@ -124,6 +124,10 @@ def design(A, B, C, D, E, F, *, dt, region=None, alpha=None, theta=1.0, Gamma=No
     solver).
     """
     A, B, C, D, E, F = _shapes(A, B, C, D, E, F)
+    for name, value in {"dt": dt, "bandwidth": bandwidth, "theta": theta, "alpha": alpha}.items():
+        good = isinstance(value, int | float | np.number) and 0.0 < value < math.inf
+        if not good and not (name == "alpha" and value is None):
+            raise DesignError(f"{name} is a positive number, not {value!r}")
     if sigma is not None and (np.shape(sigma) != (len(C),) or not np.all(np.asarray(sigma, float) > 0.0)):
         raise DesignError(f"sigma is one positive number per output ({len(C)}), not {sigma!r}")
     if parallel != "error":
@@ -144,8 +148,6 @@ def design(A, B, C, D, E, F, *, dt, region=None, alpha=None, theta=1.0, Gamma=No
     region = _region(region, bandwidth, alpha, zeros)
     if alpha is None:
         alpha = region.centre * (1.0 + region.centre / (2.0 * bandwidth))
-    if not (alpha > 0.0 and theta > 0.0):
-        raise ValueError(f"alpha and theta are positive, not {alpha} and {theta}")
 
     try:
         P, Y, scale = _solve(A1, C, T @ F, (scale, balance(A, C, F, sigma), np.ones(len(A))), region, alpha)

@@ -206,6 +206,17 @@ def test_a_dropout_leaves_no_nan():
     assert control_redundancy.CULPRITS[int(log["culprit"][0, -1])] == "engine"
 
 
+def test_what_was_declared_is_taken_back_when_nothing_is_measured_for_long():
+    flown = flight(1)
+    u = flown.inputs(control_redundancy, airframe_wires.control_redundancy())
+    u["beta_valid"][0, 6000:] = 0.0  # at 30 s; the engines lose thrust at 24 s
+    p = mar10_flights.detector()
+    log = np.zeros(u.shape, control_redundancy.STATE)
+    control_redundancy.rollout(control_redundancy.init(p), u, p, flown.dt, log)
+    assert log["alarm"][0, 5999:6900].min() == 1.0 and log["alarm"][0, 7010:].max() == 0.0
+    assert log["verdict"][0, -1] == 0.0 and log["valid"][0, -1] == 0.0
+
+
 def test_live_and_batch_agree_bit_for_bit():
     flown = flight(3)
     u = flown.inputs(control_redundancy, airframe_wires.control_redundancy())[:, 4000:4600]

@@ -200,6 +200,35 @@ def test_dropout_in_an_oscillation_is_bridged(published):
     late = t > 9.0
     assert amplitude(t[late], log["f_hat_left"][late], 2 * math.pi) == pytest.approx(0.64 * DEG, rel=0.05)
     assert abs(log["f_hat_left"]).max() < 1.05 * 0.64 * DEG
+    on = int(np.argmax(log["alarm"] > 0.5))
+    assert on < 1500 and log["alarm"][on:].min() == 1.0  # it has the time to be found again
+
+
+def test_an_alarm_without_an_estimate_is_withdrawn_after_five_seconds(published):
+    u = flight(published, 1.0, 0.64, 4000)
+    u["theta_valid"][0, 1500:] = 0.0
+    log = fly(rfafe, rfafe.params(stored=stored(published), trim=TRIM), u)
+    assert log["alarm"][1499] == 1.0 and log["valid"][1501] == 0.0
+    assert log["alarm"][1500 + 999] == 1.0 and log["alarm"][1500 + 1001] == 0.0
+    assert log["verdict"][-1] == verdict.NONE and log["culprit"][-1] == 0.0
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_slow_oscillation_is_not_the_other_sides_while_it_passes_zero(published, side):
+    log = fly(rfafe, rfafe.params(stored=stored(published), trim=TRIM), flight(published, 0.2, 2.0, 6000, side))
+    on = log["alarm"] > 0.5
+    assert on.any() and set(log["culprit"][on]) == {1.0 + side}
+
+
+def test_r_counts_what_has_the_shape_of_an_oscillation(published):
+    """Bursts of 2 s in every 7: each fills a fit beyond its threshold, none is an oscillation that lasts."""
+    n, p = 8000, rfafe.params(stored=stored(published), trim=TRIM)
+    u = flight(published, 1.0, 0.64, n)
+    quiet = flight(published, 1.0, 0.0, n)
+    between = (np.arange(n) * 0.005) % 7.0 > 0.3
+    u["surface"][0, between], u["command"][0, between] = quiet["surface"][0, between], quiet["command"][0, between]
+    log = fly(rfafe, p, u)
+    assert log["alarm"].max() == 0.0 and log["r"].max() < 1.0
 
 
 def test_airframe_block_sees_the_same_oscillation():

@@ -168,7 +168,11 @@ def test_each_condition_says_that_it_fails_and_by_how_much():
         ({"region": (1.0, 2.0)}, "a region is"),
         ({"region": {"centre": 20.0, "radius": 10.0, "speed": 1.0}}, "a region is"),
         ({"Gamma": np.array([[1.0, 2.0], [0.0, 1.0]])}, "symmetric positive definite"),
-        ({"dt": -1.0}, "dt is positive"),
+        ({"dt": -1.0}, "dt is a positive number, not -1"),
+        ({"alpha": 0.0}, "alpha is a positive number"),  # with a fixed mode these went round for ever
+        ({"bandwidth": -5.0}, "bandwidth is a positive number"),
+        ({"bandwidth": np.nan}, "bandwidth is a positive number"),
+        ({"theta": "1"}, "theta is a positive number"),
     ],
 )
 def test_what_is_no_model_is_refused_by_name(change, message):

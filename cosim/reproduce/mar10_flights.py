@@ -13,6 +13,7 @@ import numpy as np
 
 from cosim import airframe_wires
 from cosim.airframe import force_model
+from cosim.campaign import EVALUATION_SEED
 from cosim.reproduce.flown import Flown
 from cosim.scenario.load import load_scenario
 from cosim.scenario.tolerance import toleranced
@@ -56,7 +57,7 @@ def scenario(number, draw=None, extra=()):
             changes.append(f"sensors.{axis}.bias_g={0.002 * rng.choice((-1, 1))}")
         changes += [f"sensors.{axis}.scale={1 + 0.005 * rng.choice((-1, 1))}" for axis in "pqr"]
         changes += [f"sensors.{axis}.delay_s=0.01" for axis in ("n_x", "n_y", "n_z", "p", "q", "r")]
-        changes.append(f"seed={draw}")
+        changes.append(f"seed={EVALUATION_SEED + draw}")
     return load_scenario(NAMES[number], changes)
 
 
