@@ -58,11 +58,11 @@ def read(name):
 def choose(stored, technology, dt):
     """Return (Design, entry) for `technology` of a stored file (name or content), its discrete form made for `dt` [s].
 
-    `technology` is that of both sides, or "left/right"; a pair that the file lacks is taken as "mixed". Raises
-    ValueError for a technology that the file lacks.
+    `technology` is that of both sides, or "left/right"; a file without any pair is of a form that knows no sides and
+    takes sides that differ as "mixed". Raises ValueError for a technology that the file lacks.
     """
     stored = read(stored) if isinstance(stored, str) else stored
-    if "/" in technology and technology not in stored["designs"]:
+    if "/" in technology and not any("/" in held for held in stored["designs"]):
         technology = "mixed"
     if technology not in stored["designs"]:
         raise ValueError(f"no design for {technology!r} elevators; there is {', '.join(sorted(stored['designs']))}")

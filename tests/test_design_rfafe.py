@@ -1,5 +1,6 @@
 """Stored Sun13 designs: they belong to the aircraft in the tree, still hold, and are wired whole."""
 
+import itertools
 import json
 import xml.etree.ElementTree as ET
 
@@ -60,18 +61,15 @@ def test_every_input_is_wired(name):
     assert {c for c, _ in bus.columns("x", "aircraft")} == set(rfafe_wires.WIRES[name])
 
 
-def test_mixed_elevators_have_a_design():
-    kinds = ["hydraulic", "ema", "simple"]
-    assert all(rfafe_wires.technology(dict.fromkeys(rfafe_wires.SEGMENTS, k)) == k for k in kinds)
-    for names, key, held in (
-        (["hydraulic", "hydraulic", "ema", "ema"], "hydraulic/ema", "hydraulic/ema"),  # the default
-        (["hydraulic", "ema", "ema", "hydraulic"], "mixed", "mixed"),
-        (["ema", "hydraulic", "ema", "ema"], "mixed/ema", "mixed"),  # no design of its own
-    ):
-        assert rfafe_wires.technology(dict(zip(rfafe_wires.SEGMENTS, names))) == key
-        entry = read("rfafe")["designs"][held]
-        assert choose("rfafe", key, 0.005)[1] == entry
-        assert choose("rfafe_airframe", key, 0.005)[1] == read("rfafe_airframe")["designs"]["mixed"]
+@pytest.mark.parametrize("kinds", itertools.product(["hydraulic", "ema", "simple"], repeat=4))
+def test_every_elevator_has_a_design_of_its_own(kinds):
+    """81 of them: each side is one of four kinds (mixed where its segments differ), each pair has its entry."""
+    key = rfafe_wires.technology(dict(zip(rfafe_wires.SEGMENTS, kinds)))
+    left, right = (kinds[i] if kinds[i] == kinds[i + 1] else "mixed" for i in (0, 2))
+    assert key == (left if left == right else f"{left}/{right}")
+    assert choose("rfafe", key, 0.005)[1] == read("rfafe")["designs"][key]
+    total = key if "/" not in key else "mixed"  # the airframe form knows no sides
+    assert choose("rfafe_airframe", key, 0.005)[1] == read("rfafe_airframe")["designs"][total]
 
 
 def test_sides_that_differ_have_an_actuator_each():

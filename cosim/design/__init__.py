@@ -22,6 +22,7 @@ from cosim.errors import DesignError, did_you_mean
 
 FOLDER = Path(fdi.__file__).resolve().parent / "designs"
 AIRCRAFT = Path(next(iter(aircraft.__path__))).resolve()
+NUMBERS = re.compile(r"\[[^\[\]{}\"]*\]")  # a list of numbers, which goes on one line
 REMEDY = "Run `cosim design` (it needs the extra `design`)"
 
 
@@ -63,7 +64,8 @@ def build(name, *, folder=FOLDER, progress=None):
         module.store(path, progress=lambda: tell(f"{name}: next flight point"))
         return path
     made = getattr(module, maker.function)(tell)
-    path.write_text(json.dumps({"source": source(), **made}, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    text = json.dumps({"source": source(), **made}, indent=1, sort_keys=True)
+    path.write_text(NUMBERS.sub(lambda m: " ".join(m[0].split()), text) + "\n", encoding="utf-8")
     return path
 
 

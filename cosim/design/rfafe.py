@@ -39,7 +39,7 @@ SENSOR_DELAY = TRANSPORT["q"][2]  # of gyro and positions; air data comes one ti
 BANDWIDTH = {"rfafe": 40.0, "rfafe_airframe": 27.0}
 TECHNOLOGIES = {"hydraulic": ("hydraulic",) * 4, "ema": ("ema",) * 4, "simple": ("simple",) * 4,
                 "mixed": ("hydraulic", "ema", "ema", "hydraulic")}
-PAIRS = ("hydraulic/ema", "ema/hydraulic")  # sides that differ; the first is how the aircraft flies by default
+PAIRS = tuple(f"{a}/{b}" for a in TECHNOLOGIES for b in TECHNOLOGIES if a != b)  # sides that differ
 RATE_DEG_S = 40.0  # of the servos' reference: 40 of the no-load 45 deg/s (actuators/servo.py)
 BOUND_HZ = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 
