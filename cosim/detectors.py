@@ -12,6 +12,7 @@ from cosim import wiring
 from cosim.detector_table import TABLE, Spec, module
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.indices import wrong_parameter
+from cosim.parameters import assign
 from cosim.scenario.catalog import DETECTORS
 
 
@@ -35,7 +36,7 @@ class Detector:
                  for name, allowed in self.spec.options if name in table}
         p = np.concatenate([self.spec.params(self.module, scenario, lane, dt, **words) for lane in self.lanes])
         for name, value in table.items():
-            _override(self.id, p, name, value, [name for name, _ in self.spec.options])
+            self._override(p, name, value, dt)
         if wrong := table and wrong_parameter(self.module, self.id, p, dt):
             name, value, low, high = wrong
             raise ScenarioError(
@@ -44,6 +45,14 @@ class Detector:
                 allowed=f"a whole number from {low:g} to {high:g}",
             )
         return p
+
+    def _override(self, p, name, value, dt):
+        """Set a parameter of every lane; raise ScenarioError for one that is none, or for a word."""
+        place = f"detectors.{self.id}.{name} = {value}"
+        if isinstance(value, str):
+            raise ScenarioError("is no number", place=place, allowed="a number")
+        words = [word for word, _ in self.spec.options]
+        assign(self.id, self.module, p, name, float(value), dt, error=ScenarioError, place=place, also=words)
 
     def wires(self, technology):
         """Return [(input, source)] of all lanes."""
@@ -68,19 +77,6 @@ def _word(detector, name, value, allowed):
             remedy=did_you_mean(str(value), allowed),
         )
     return value
-
-
-def _override(detector, p, name, value, options=()):
-    """Set field `name` of every lane; raise ScenarioError for one that is none, or for a word."""
-    plain = [n for n in p.dtype.names if p.dtype[n].shape == ()]
-    place = f"detectors.{detector}.{name} = {value}"
-    if name not in plain:
-        known = [*options, *plain]
-        remedy = did_you_mean(name, known)
-        raise ScenarioError("no such parameter", place=place, allowed=", ".join(known), remedy=remedy)
-    if isinstance(value, str):
-        raise ScenarioError("is no number", place=place, allowed="a number")
-    p[name] = float(value)
 
 
 def chosen(scenario):

@@ -19,7 +19,7 @@ from cosim.cli import envelope as cli_envelope
 from cosim.cli import many as cli_many
 from cosim.cli import study as cli_study
 from cosim.cli import tables
-from cosim.cli.output import JsonOption, reserve
+from cosim.cli.output import JsonOption, named, reserve
 from cosim.errors import CosimError, OutputError
 
 WIDE = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 110  # a pipe has no width: do not fold its tables
@@ -141,7 +141,7 @@ def run(
     waiting = "preparing (the first run on a machine compiles for about half a minute)"
     if live:
         err.print(f"in Foxglove: Open connection, ws://127.0.0.1:{LIVE_PORT}", highlight=False)
-    with tables.progress(err, f"flying {Path(scenario).stem}", waiting=waiting) as progress:
+    with named(scenario), tables.progress(err, f"flying {Path(scenario).stem}", waiting=waiting) as progress:
         result = simulate(flown, log=path, progress=progress, achieved=True, live=LIVE_PORT if live else None)
     found = result.to_dict()
     if report:
@@ -211,7 +211,8 @@ def linearize(
     from cosim.flight import Flight
     from cosim.linearize import linearize as work
 
-    model = work(Flight.of(flown))
+    with named(scenario):
+        model = work(Flight.of(flown))
     if output:
         try:
             model.save(output)

@@ -1,11 +1,12 @@
 """What commands share: --json, --workers, and finding out before a flight that its log cannot be written."""
 
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from cosim.errors import OutputError
+from cosim.errors import OutputError, ScenarioError
 from cosim.lock import OTHER, TAKEN, locked
 
 
@@ -39,6 +40,17 @@ def reserve(path, *, taken=None, endings=(), what="the scenario"):
         ) from None
     if not free:
         raise OutputError(TAKEN, place=str(path), remedy=OTHER)
+
+
+@contextmanager
+def named(scenario):
+    """Put the scenario's name or file before the place of what is found wrong only when it is built."""
+    try:
+        yield
+    except ScenarioError as error:
+        if error.place != scenario and not error.place.startswith(f"{scenario}: "):
+            error.place = f"{scenario}: {error.place}" if error.place else scenario
+        raise
 
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]

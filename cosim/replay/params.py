@@ -8,7 +8,8 @@ import zlib
 import numpy as np
 
 from cosim.errors import CosimError, LogError, did_you_mean
-from cosim.indices import parameter_range, wrong_parameter, wrong_state
+from cosim.indices import wrong_parameter, wrong_state
+from cosim.parameters import assign
 
 ARRAY_BYTES = 1 << 27  # a compressed array that claims more is refused
 
@@ -105,28 +106,4 @@ def overrides(texts):
 def override(detector, module, p, values, dt):
     """Set parameters {name: value} of `detector` in its PARAMS `p`; `name[i]` is an element. Raises ReplayError."""
     for name, value in values.items():
-        base, bracket, index = name.partition("[")
-        if base not in p.dtype.names or bool(bracket) != index.endswith("]"):
-            raise ReplayError(
-                "no such parameter",
-                place=f"{detector}.{name}",
-                allowed=", ".join(p.dtype.names),
-                remedy=did_you_mean(base, p.dtype.names),
-            )
-        shape = p.dtype[base].shape
-        span = parameter_range(base, module, detector, dt)
-        if span is not None and not (span[0] <= value <= span[1] and value == round(value)):
-            raise ReplayError(
-                f"{value:g} does not fit the detector's arrays",
-                place=f"{detector}.{name}",
-                allowed=f"a whole number from {span[0]:g} to {span[1]:g}",
-            )
-        try:
-            at = tuple(int(i) for i in index.rstrip("]").split(",")) if index else ()
-            p[base][(slice(None), *at)] = value
-        except (ValueError, IndexError) as error:
-            raise ReplayError(
-                f"{value!r} cannot be set",
-                place=f"{detector}.{name}",
-                allowed=f"a number, elements of shape {shape}" if shape else "a number",
-            ) from error
+        assign(detector, module, p, name, value, dt, error=ReplayError, place=f"{detector}.{name} = {value:g}")

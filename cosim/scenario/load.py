@@ -156,5 +156,10 @@ def _range(field):
     bounds = {k: getattr(m, k) for m in parts for k in ("ge", "gt", "le", "lt") if getattr(m, k, None) is not None}
     if not {"le", "lt"} & bounds.keys():
         return ""
-    low = f"above {bounds['gt']:g}" if "gt" in bounds else f"{bounds.get('ge', 0):g}"
-    return f"{low} to {bounds.get('le', bounds.get('lt')):g}"
+    low = f"above {_plain(bounds['gt'])}" if "gt" in bounds else _plain(bounds.get("ge", 0))
+    return f"{low} to {_plain(bounds.get('le', bounds.get('lt')))}"
+
+
+def _plain(bound):
+    """Return a bound as text: a whole one with all its digits."""
+    return str(int(bound)) if bound == int(bound) else f"{bound:g}"

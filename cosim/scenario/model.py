@@ -1,9 +1,10 @@
 """The scenario: a frozen tree of tables. Feet, knots, tonnes and degrees end here; properties without a unit are SI."""
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from cosim.errors import did_you_mean
 from cosim.scenario import catalog as c
@@ -195,11 +196,23 @@ class Tolerances(_Table):
         return self
 
 
+def _parameter(value):
+    """Return a detector's parameter: a finite number, true or false, or a word."""
+    if isinstance(value, bool | str):
+        return value
+    if not isinstance(value, int | float) or not math.isfinite(value):
+        raise problem("is no finite number", allowed="a finite number")
+    return float(value)
+
+
+Parameter = Annotated[Any, BeforeValidator(_parameter)]
+
+
 class Detectors(_Table):
     """The detectors that run, and a table of parameters for each."""
 
     model_config = ConfigDict(frozen=True, extra="allow", strict=True, allow_inf_nan=False)
-    __pydantic_extra__: dict[str, dict[str, float | bool | str]]
+    __pydantic_extra__: dict[str, dict[str, Parameter]]
 
     enabled: Annotated[tuple[str, ...], Field(strict=False)] = tuple(c.DETECTORS)
 
