@@ -61,7 +61,7 @@ def test_every_input_is_wired(name):
     assert {c for c, _ in bus.columns("x", "aircraft")} == set(rfafe_wires.WIRES[name])
 
 
-@pytest.mark.parametrize("kinds", itertools.product(["hydraulic", "ema", "simple"], repeat=4))
+@pytest.mark.parametrize("kinds", list(itertools.product(["hydraulic", "ema", "simple"], repeat=4)))
 def test_every_elevator_has_a_design_of_its_own(kinds):
     """81 of them: each side is one of four kinds (mixed where its segments differ), each pair has its entry."""
     key = rfafe_wires.technology(dict(zip(rfafe_wires.SEGMENTS, kinds)))

@@ -83,7 +83,7 @@ def _detectors(rows):
     several = any(len(r.get("by_fault", ())) > 1 for r in shown)  # a row for each that a lane could notice
     own = ["fault>"] if several else []
     t = table("", "detector", "watches", *own, "at s>", "delay s>", "periods>", "isolated", "false>", "µs>")
-    for r in (r | part for r in shown for part in r.get("by_fault") or [{}]):
+    for r in [lane | part for lane in shown for part in lane.get("by_fault") or [{}]]:
         late = None if r["detection_delay_s"] is None else r["detection_delay_periods"]
         false = Text(str(r["false_alarms"]), style="red" if r["false_alarms"] else "dim")
         times = (number(r["detected_at_s"]), number(r["detection_delay_s"]), number(late, 1))
