@@ -1,5 +1,6 @@
 """Fly one scenario: build the loop, fly it, judge the detectors."""
 
+import os
 import time
 from contextlib import nullcontext
 
@@ -8,10 +9,11 @@ from cosim.build import build
 from cosim.fly import fly
 from cosim.record import open_live, open_writer, result_texts
 from cosim.result import Result, judge, judged
+from cosim.scenario import Scenario, load_scenario
 
 
 def simulate(scenario, *, log=None, progress=None, live=None, achieved=False, timed=True):
-    """Fly `scenario` and return a Result.
+    """Fly `scenario`, a Scenario or what load_scenario takes, and return a Result.
 
     `log` is the path of the MCAP file to write, or None. `progress(t, duration)` is called now and then. Ctrl-C ends
     the flight with status "interrupted" and a readable log. `live` is the port on which Foxglove can watch the flight,
@@ -21,6 +23,10 @@ def simulate(scenario, *, log=None, progress=None, live=None, achieved=False, ti
     the log cannot be written. The wall clock is read for the result only; nothing of it enters the log.
     """
     started = time.perf_counter()
+    if not isinstance(scenario, Scenario):
+        if not isinstance(scenario, str | os.PathLike):
+            raise TypeError(f"{scenario!r} is no scenario: give what cosim.load_scenario returns, a name or a file")
+        scenario = load_scenario(scenario)
     setup = build(scenario)
     with (
         open_writer(setup, log) if log else nullcontext() as writer,

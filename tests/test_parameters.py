@@ -1,4 +1,4 @@
-"""A detector's parameters have one set of names, before a flight and on a replay; a mistake is named by key and value."""
+"""A detector's parameters have one set of names, in flight and on a replay; a mistake is named by key and value."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,6 @@
 """Read a log back, bit for bit, into numpy and pandas."""
 
+import difflib
 import os
 import struct
 from collections import Counter
@@ -97,7 +98,7 @@ class Log:
 
     def _number(self, topic):
         if topic not in self.topics:
-            raise KeyError(f"{self.path} has no topic {topic!r}; it has {', '.join(self.topics)}")
+            raise _Unknown(f"{self.path} has no topic {topic!r}{_near(topic, self.topics)}; log.topics has all")
         return list(self.topics).index(topic)
 
     def ticks(self, topic, start=0, stop=None):
@@ -118,10 +119,16 @@ class Log:
         every = self.topics[topic].every
         if every not in self._index:
             self._index[every] = pd.Index(self.times_ns(topic) / 1e9, name="t_s")
-        return pd.DataFrame(values, index=self._index[every], columns=list(self.topics[topic].fields), copy=False)
+        info = self.topics[topic]
+        made = pd.DataFrame(values, index=self._index[every], columns=list(info.fields), copy=False)
+        made.attrs["units"] = dict(zip(info.fields, info.units))
+        return made
 
     def frame(self, topic):
-        """Return a topic as a DataFrame: a column per field, index `t_s` in float seconds (tick x dt, rounded once)."""
+        """Return a topic as a DataFrame: a column per field, index `t_s` in float seconds (tick x dt, rounded once).
+
+        `attrs["units"]` is {column: unit}, "-" for a number without one. Raises KeyError for a topic that is not there.
+        """
         return self._frame(topic, self.array(topic))
 
     def frames(self, topics=None):
@@ -129,16 +136,27 @@ class Log:
         return {name: self._frame(name, values) for name, values in self.arrays(topics).items()}
 
     def fields(self, names):
-        """Return single fields, named "/topic.field", as one DataFrame; slower topics are NaN at the ticks between."""
+        """Return single fields, named "/topic.field", as one DataFrame; slower topics are NaN at the ticks between.
+
+        `attrs["units"]` is {column: unit}. Raises KeyError for a field that is not there.
+        """
         import pandas as pd
 
+        names = [names] if isinstance(names, str) else list(names)
         pairs = [name.rpartition(".")[::2] for name in names]
-        for topic, field in pairs:
+        for name, (topic, field) in zip(names, pairs):
+            if name in self.topics or not topic:
+                example = f"{name}.{self.topics[name].fields[0]}" if name in self.topics else "/truth/aircraft.alpha"
+                whole = f"; log.frame({name!r}) gives the whole topic" if name in self.topics else ""
+                raise _Unknown(f"{name!r} names no field, which is '/topic.field', such as {example!r}{whole}")
             self._number(topic)
             if field not in self.topics[topic].fields:
-                raise KeyError(f"topic {topic} has no field {field!r}; it has {', '.join(self.topics[topic].fields)}")
+                near = _near(field, self.topics[topic].fields, "fields")
+                raise _Unknown(f"topic {topic} has no field {field!r}{near}; log.topics[{topic!r}].fields has all")
         frames = self.frames(dict.fromkeys(topic for topic, _ in pairs))
-        return pd.concat([frames[topic][field].rename(name) for name, (topic, field) in zip(names, pairs)], axis=1)
+        made = pd.concat([frames[topic][field].rename(name) for name, (topic, field) in zip(names, pairs)], axis=1)
+        made.attrs["units"] = {n: frames[topic].attrs["units"][field] for n, (topic, field) in zip(names, pairs)}
+        return made
 
     def messages(self, topic):
         """Return the well-known messages of /log, /events, /tf or /fix as a list of (tick, protobuf message)."""
@@ -160,6 +178,19 @@ class Log:
                     yield load_chunk(self._scan, file, chunk, topics)
         except OSError as error:
             raise log_error(f"cannot read the log: {error.strerror}", self.path) from error
+
+
+class _Unknown(KeyError):
+    """Say what is not there in plain words, which a KeyError would quote."""
+
+    def __str__(self):
+        return self.args[0]
+
+
+def _near(word, choices, what="topics"):
+    """Return how many `choices` there are and which of them are like `word`."""
+    found = difflib.get_close_matches(str(word), list(choices), n=5, cutoff=0.5)
+    return f" among its {len(choices)} {what}" + (f"; near: {', '.join(found)}" if found else "")
 
 
 def _merged(spans):

@@ -31,11 +31,17 @@ def builtin_names():
 
 
 def load_scenario(name_or_path=DEFAULT, overrides=()):
-    """Return the Scenario of a built-in name or a TOML file, `overrides` ("faults.0.frequency_hz=3", ...) on top.
+    """Return the Scenario of a built-in name or a TOML file, `overrides` ("faults.0.frequency_hz=3", or a list) on top.
 
     A name without a dot or a slash that is built in wins over a file. Raises ScenarioError.
     """
     place, text = _read(name_or_path)
+    overrides = [overrides] if isinstance(overrides, str) else overrides
+    for given in overrides:
+        if not isinstance(given, str):
+            raise ScenarioError(
+                f"{given!r} is no text", place="overrides", allowed="texts like 'faults.0.frequency_hz=3'"
+            )
     try:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
