@@ -6,7 +6,7 @@
 
     n states, r inputs u, m outputs y (D u is subtracted first), q unknown inputs d, l faults f
     H, T, N, K = K1 + K2, M, P, G  as printed; Y = P K1; gamma of (29) is driven to zero by construction
-    centre, radius  disk (30), its -q and r;  decay  strip (31), its zeta;  1/s
+    centre, radius  disk (30) about (-q, 0), its q > 0 and r;  decay  strip (31), its zeta;  1/s
 
 (15), (30), (31) are linear in (P, Y); (16) is made exact by choosing P in the subspace {P = P', (TF)' P null(C) = 0},
 which is stronger than minimising gamma in (29). G = g theta (TF)'P(TF), so theta cancels in (15) and in the bound
@@ -42,7 +42,7 @@ BANDWIDTH = 40.0  # wb of f_hat [rad/s]: middle of the useful 27-60, where 2 Hz 
 
 @dataclass(frozen=True)
 class Region:
-    """Disk of `radius` about -`centre` (30), left of -`decay` (31), all in 1/s."""
+    """Disk of `radius` about -`centre` (30), left of -`decay` (31), in 1/s: the paper's r, q > 0 and zeta."""
 
     centre: float
     radius: float
@@ -113,8 +113,9 @@ def design(A, B, C, D, E, F, *, dt, region=None, alpha=None, theta=1.0, Gamma=No
 
     A (n, n), B (n, r), C (m, n), D (m, r) or None, E (n, q) or None, F (n, l), any units; dt in s.
 
-    region     Region, (centre, radius, decay) or a mapping with these names or the paper's q, r, zeta; None: centre at
-               half the bandwidth, or where it suits alpha, widened to hold the modes that no gain moves
+    region     Region, (centre, radius, decay) or a mapping with these names or the paper's q, r, zeta: a disk about
+               -centre = -q; None: centre half the bandwidth, or what suits alpha, widened to hold the modes that no
+               gain moves
     alpha      [1/s]; None: centre (1 + centre / 2 wb), which makes |f_hat/f| flat when N = -centre I
     Gamma      learning rate, a number or (l, l); None: bandwidth ((TF)'P(TF))^-1, `bandwidth` in rad/s
     sigma      standard deviation of each output's noise (m,): M then weighs the outputs by it; None: by size only
@@ -183,8 +184,11 @@ def _shapes(A, B, C, D, E, F):
     D = np.zeros((m, B.shape[1])) if D is None else _columns("D", D, m)
     if A.shape != (n, n) or C.shape != (m, n) or D.shape != (m, B.shape[1]):
         raise DesignError(f"sizes do not agree: A {A.shape}, B {B.shape}, C {C.shape}, D {D.shape}")
-    if F.shape[1] == 0 or not all(np.isfinite(x).all() for x in (A, B, C, D, E, F)):
-        raise DesignError("F has no column, or a matrix holds a value that is not finite")
+    for name, X in (("A", A), ("B", B), ("C", C), ("D", D), ("E", E), ("F", F)):
+        if not np.isfinite(X).all():
+            raise DesignError(f"{name} holds {'NaN' if np.isnan(X).any() else 'an infinite value'}")
+    if F.shape[1] == 0:
+        raise DesignError("F has no column")
     return A, B, C, D, E, F
 
 
@@ -351,7 +355,9 @@ def _region(region, bandwidth, alpha, zeros):
         if set(given) != {"centre", "radius", "decay"} or len(region) != 3:
             raise ValueError(f"a region is (centre, radius, decay) [1/s] or a mapping with these names, not {region!r}")
         region = Region(**{k: float(v) for k, v in given.items()})
-    if region.radius <= 0.0 or region.decay < 0.0 or region.decay >= region.centre + region.radius:
+    if not region.centre > 0.0:
+        raise ValueError(f"{region} lies about -centre, in the left half plane: give centre (the paper's q) > 0")
+    if not (region.radius > 0.0 and 0.0 <= region.decay < region.centre + region.radius):
         raise ValueError(f"{region} is empty: radius > 0, 0 <= decay < centre + radius")
     outside = [z for z in zeros if not region.holds([z], slack=-1e-9)[0]]
     if outside:

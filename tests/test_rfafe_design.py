@@ -155,13 +155,28 @@ def test_each_condition_says_that_it_fails_and_by_how_much():
             rfafe.design(A, B, c, None, E, f, dt=0.005)
 
 
+def test_the_paper_s_names_of_a_region_are_a_disk_about_minus_q():
+    """[Sun13] (30): radius r about (-q, 0), (31): left of -zeta; q = centre."""
+    A, B, C, D = global_of(*heffley_jewell("6"))
+    paper, ours = (
+        rfafe.design(A, B, C, D, None, B, dt=0.005, region=region, bandwidth=40.0)
+        for region in ({"q": 20.0, "r": 15.0, "zeta": 8.0}, (20.0, 15.0, 8.0))
+    )
+    assert paper.region == ours.region and np.array_equal(paper.K, ours.K)
+    poles = np.linalg.eigvals(paper.N)
+    assert (abs(poles + 20.0) < 15.0).all() and (poles.real < -8.0).all()
+
+
 @pytest.mark.parametrize(
     "change, message",
     [
         ({"A": np.zeros((5, 6))}, "B has 6 rows, not 5"),
         ({"B": np.zeros((4, 2))}, "B has 4 rows, not 6"),
         ({"E": np.zeros((3, 1))}, "E has 3 rows"),
-        ({"F": None}, "F has no column"),
+        ({"F": None}, "^F has no column$"),
+        ({"A": np.full((6, 6), np.nan)}, "^A holds NaN$"),
+        ({"D": np.full((6, 2), np.inf)}, "^D holds an infinite value$"),
+        ({"region": {"q": -20.0, "r": 10.0, "zeta": 1.0}}, "lies about -centre"),
         ({"C": np.eye(6) * 1j}, "C is complex"),
         ({"sigma": [1.0, 2.0]}, "sigma is one positive number per output"),
         ({"sigma": [0.0, 1, 1, 1, 1, 1]}, "sigma is one positive"),
