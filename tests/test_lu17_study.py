@@ -6,10 +6,9 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from cosim.study import lu17 as lu17_study
-from cosim.study import lu17_loop, lu17_parts, train_lu17
+from cosim.study import lu17, lu17_cases, lu17_loop, train_lu17
 
-CASES = {c.name: c for c in lu17_study.cases()}
+CASES = {c.name: c for c in lu17_cases.cases()}
 
 @pytest.mark.parametrize(
     "name",
@@ -26,9 +25,9 @@ CASES = {c.name: c for c in lu17_study.cases()}
 )
 def test_in_flight_each_fault_has_its_name_in_time(name):
     case = CASES[name]
-    found = lu17_study.fly_case(asdict(case), 17001)
-    row, sensor = ([lu17_study.Outcome(**found[d])] for d in ("iotsekf", "rtsekf_flight"))
-    row, sensor = lu17_study.summary(case, row), lu17_study.summary(case, sensor)
+    found = lu17_cases.fly_case(asdict(case), 17001)
+    row, sensor = ([lu17_cases.Outcome(**found[d])] for d in ("iotsekf", "rtsekf_flight"))
+    row, sensor = lu17_cases.summary(case, row), lu17_cases.summary(case, sensor)
     in_time = row["detected"] if row["in_time"] is None else row["in_time"]
     assert (row["early"], in_time, row["right"]) == (0, 1, 1), row
     assert sensor["detected"] == (1 if name.startswith("rod") else 0), sensor
@@ -36,10 +35,10 @@ def test_in_flight_each_fault_has_its_name_in_time(name):
 
 def test_a_healthy_flight_is_quiet_and_every_segment_is_watched():
     flight = train_lu17.draw(5, point=train_lu17.POINTS[1], manoeuvre="pitch_protection", turbulence="light")
-    recorded = lu17_study.record(**{**flight, "duration": 20.0})
+    recorded = lu17_cases.record(**{**flight, "duration": 20.0})
     assert recorded["u"].shape == (4, 4000)
-    for name, (module, p) in lu17_study.detectors().items():
-        assert not (lu17_study.estimate(module, recorded, p, ("alarm",))["alarm"] > 0.5).any(), name
+    for name, (module, p) in lu17_cases.detectors().items():
+        assert not (lu17_cases.estimate(module, recorded, p, ("alarm",))["alarm"] > 0.5).any(), name
 
 
 @pytest.mark.parametrize("detector", ["iotsekf", "ofc_monitor", "position_monitor"])
@@ -61,7 +60,7 @@ def test_training_and_evaluation_share_no_seed():
     first = train_lu17.EVALUATION
     assert len(train) == len(train_lu17.training()) >= 300
     assert not train & set(range(first, first + 1000))
-    assert not train & set(range(lu17_parts.FIRST, lu17_parts.SEARCH + 1000))
+    assert not train & set(range(lu17.FIRST, lu17.SEARCH + 1000))
 
 
 @pytest.mark.parametrize(("feedback", "late"), [("measured", 0.95), ("rtsekf_flight", 0.0)])

@@ -174,4 +174,6 @@ def main(argv=None):
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    from cosim.study.manoeuvres import main as run  # by its own name: its jobs are found by other processes
+
+    sys.exit(run())
