@@ -5,6 +5,9 @@ command (fdi/bank.py). An oscillation is an amplitude beyond threshold + share |
 periods and explains its window, of f_hat or of f_hat + u, for several fits in a row. The slow part must stay beyond its
 own threshold + share |command| for a confirmation time.
 
+The bank goes from 0.5 to 10.6 Hz: a slower oscillation is found only by what its slow part exceeds. When both sides
+oscillate, the one with more energy is named, and with it alone.
+
 While the estimate is not trusted an alarm stands, for T_HOLD at most: so long a restart takes. After the restart an
 oscillation has the same time to be found again.
 
