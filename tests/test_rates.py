@@ -54,3 +54,11 @@ def test_control_redundancy_follows_a_command_as_late_at_every_rate(rate):
     assert moved.keys() == wanted.keys()
     for j, lag in wanted.items():
         assert moved[j] == pytest.approx(lag + dt + max(0.005, dt), abs=max(dt, 0.005) / 2 + dt)
+
+
+def test_another_rate_than_that_of_the_training_is_noted():
+    assert load_scenario("cruise").warnings() == []
+    (line,) = load_scenario("cruise", ["rate_hz=1000"]).warnings()
+    assert line.startswith("rate_hz = 1000: detectors are made for 200; ema_kalman_flight")
+    no_ema = [f"elevator.{s}=hydraulic" for s in SEGMENTS]
+    assert load_scenario("cruise", ["rate_hz=1000", *no_ema]).warnings() == []

@@ -11,10 +11,14 @@ import pytest
 from scenario_tables import fault, flight
 
 import cosim
+from cosim.campaign.spec import load_campaign
+from cosim.campaign.store import ROWS
 from cosim.replay.map_file import load_map
 from cosim.scenario import builtin_names, load_scenario, parse
 from cosim.scenario import catalog as c
+from cosim.scenario.fault import Fault
 from cosim.scenario.inventory import inventory
+from cosim.scenario.model import Elevator, Sensors
 
 
 def test_default_scenario_is_the_one_of_the_design():
@@ -47,10 +51,25 @@ def test_every_kind_of_fault_is_flown_by_a_builtin_and_listed_once():
     assert len(listed) == len(inventory()["faults"])
 
 
-def test_the_scenario_and_the_map_of_the_readme_load(tmp_path):
+def test_the_listed_keys_are_those_of_a_scenario():
+    keys = inventory()["keys"]
+    assert set(keys["[elevator]"]) - {"<segment>"} == set(Elevator.model_fields) - set(c.SEGMENTS)
+    assert set(keys["[[faults]], every kind"]) - {"limit_deg"} == set(Fault.model_fields) - {"target", "kind"}
+    assert len(keys["amplitude of ofc_liquid, ofc_solid"]) == len(c.AMPLITUDES_AT)
+    for key in keys["[sensors], a table per sensor"]:
+        name = key.replace("<unit>", inventory()["units"]["alpha"][0])
+        where = f"sensors.{name}" if name in Sensors.model_fields else f"sensors.alpha.{name}"
+        load_scenario("cruise", [f"{where}={1 if name in ('scale', 'noise_scale') else 0.01}"])
+
+
+def test_the_scenario_the_campaign_and_the_map_of_the_readme_load(tmp_path):
     text = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
-    example, recording = re.findall(r"```toml\n(.*?)```", text, re.S)
+    example, many, recording = re.findall(r"```toml\n(.*?)```", text, re.S)
     assert parse(tomllib.loads(example)).warnings() == []
+    (tmp_path / "many.toml").write_text(many, encoding="utf-8")
+    assert len(load_campaign(tmp_path / "many.toml").scenarios()[0]) == 60
+    columns = set(re.findall(r"`(\w+)`", text.partition("`runs.parquet` has")[2].partition("##")[0]))
+    assert {n for n in ROWS.names if not n.startswith("estimate_")} <= columns
     path = tmp_path / "map.toml"
     path.write_text(recording, encoding="utf-8")
     assert {"de_cmd", "alpha", "left_inner.rod"} <= set(load_map(path)[0].signals)

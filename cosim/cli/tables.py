@@ -190,7 +190,7 @@ def inventory(found):
     m = table("Manoeuvres: --set manoeuvre.kind=KIND", "kind", "what it does", "keys")
     for r in found["manoeuvres"]:
         m.add_row(r["kind"], r["summary"], ", ".join(r["keys"]))
-    faults = [
+    broken = [
         _faults_on(t, [r for r in found["faults"] if r["target"] == t])
         for t in dict.fromkeys(r["target"] for r in found["faults"])
     ]
@@ -199,11 +199,29 @@ def inventory(found):
         Text(f"<segment>  {', '.join(names['segments'])}; groups {', '.join(names['groups'])}"),
         *(Text(f"<sensor>   of {t}: {', '.join(s)}") for t, s in names["actuator_sensors"].items() if s),
         Text(f"<name>     {', '.join(names['sensors'])}"),
+        Text(f"<unit>     {_units(found['units'])}"),
     )
+    keys = [_keys(name, about) for name, about in found["keys"].items()]
     d = table("Detectors: --set 'detectors.enabled=[...]'", "id", "level", "what it is")
     for r in found["detectors"]:
         d.add_row(r["id"], r["level"], escape(r["summary"]))
-    return Group(s, many, m, *faults, where, d)
+    return Group(s, many, m, *broken, where, *keys, d)
+
+
+def _units(units):
+    """Return which sensors have which units, those of one kind together."""
+    by: dict = {}
+    for name, own in units.items():
+        by.setdefault(" | ".join(own), []).append(name)
+    return "; ".join(f"{own}: {', '.join(names)}" for own, names in by.items())
+
+
+def _keys(name, about):
+    t = table(name, "key", "what it means")
+    t.columns[0].min_width = 21
+    for key, text in about.items():
+        t.add_row(escape(key), escape(text))
+    return t
 
 
 def _faults_on(target, rows):

@@ -277,4 +277,32 @@ def sensor_kinds(units):
     }
 
 
+KEYS = {  # table of a scenario -> {key: what it means}; a kind's own numbers stand in its Kind
+    "[[faults]], every kind": {
+        "start_s": "onset",
+        "end_s": "healed; left out: until the end",
+        "ramp_s": "grows from nothing over so long; not for what is switched at once",
+        "at": "where it enters; default: the first that the kind names",
+        "path": f"of an aircraft sensor {' | '.join(SENSOR_PATHS)}: observers leaves the law's copy healthy; "
+        f"of an actuator's sensor {' | '.join(PART_PATHS)}: monitor leaves the servo's copy healthy",
+        "limit_deg": "of a runaway, within the surface's travel; default: the stop",
+    },
+    "amplitude of ofc_liquid, ofc_solid": {
+        f"at = {at}": " | ".join(keys) + (" (amplitude: share of full valve or drive)" if "amplitude" in keys else "")
+        for at, keys in AMPLITUDES_AT.items()
+    },
+    "[elevator]": {
+        "<segment>": " | ".join(TECHNOLOGIES),
+        "feedback": f"{' | '.join(FEEDBACKS)}: what hydraulic servos close on, or a table by segment",
+        "reconfigure": "true: on a sensor verdict a servo that closes on its measurement takes the healthy estimate",
+    },
+    "[sensors], a table per sensor": {
+        "sigma_<unit>": "noise per sample, one sigma",
+        "bias_<unit>": "constant error",
+        "quantum_<unit>": "resolution",
+        "scale": "reading times a factor",
+        "delay_s": "age of a reading",
+        "noise_scale": "of the whole set: a factor on every sigma and spread that no table gives",
+    },
+}
 ALL_KINDS = tuple(dict.fromkeys([*ELEVATOR_KINDS, *SENSOR_SUMMARIES, *ENGINE_KINDS]))

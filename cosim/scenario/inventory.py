@@ -15,7 +15,7 @@ PLACES = (  # heading, targets, kinds
 
 
 def inventory():
-    """Return {default, scenarios, campaigns, manoeuvres, faults, targets, detectors} as plain data."""
+    """Return {default, scenarios, campaigns, manoeuvres, faults, keys, targets, units, detectors} as plain data."""
     return {
         "default": DEFAULT,
         "scenarios": [{"name": n, "title": load_scenario(n).title} for n in builtin_names()],
@@ -27,6 +27,8 @@ def inventory():
         "faults": [
             _fault(place, target, name, kind) for place, target, kinds in PLACES for name, kind in kinds.items()
         ],
+        "keys": c.KEYS,
+        "units": {name: [u.suffix for u in units] for name, units in {**c.SENSORS, **c.PART_SENSORS}.items()},
         "targets": {
             "segments": list(c.SEGMENTS),
             "groups": list(c.GROUPS),

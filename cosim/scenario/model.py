@@ -16,6 +16,7 @@ from cosim.scenario.tolerance import toleranced
 
 Technology = Literal["hydraulic", "ema", "simple"]
 Feedback = Literal["measured", "iotsekf", "rtsekf", "rtsekf_flight"]
+TRAINED_HZ = 200  # at which thresholds are trained
 MULTIPLIER = c.Key("multiplier", 0.2, 5.0)
 
 
@@ -288,6 +289,10 @@ class Scenario(_Table):
             f"faults.{i} ({f.kind}) starts at {f.start_s:g} s, after the flight's end at {self.duration_s:g} s"
             for i, f in late
         ]
+        if self.rate_hz != TRAINED_HZ and "ema" in self.elevator.technology.values():
+            if "ema_kalman_flight" in self.running:
+                said = "ema_kalman_flight, whose windows are ticks, alarms without a fault at other rates"
+                lines.append(f"rate_hz = {self.rate_hz}: detectors are made for {TRAINED_HZ}; {said}")
         for i, f in enumerate(self.faults):
             rate, limit = ((f.model_extra or {}).get(k, 0.0) for k in ("rate_deg_s", "limit_deg"))
             if rate * limit < 0.0 and f.target != "stabiliser":  # the others trim at zero
