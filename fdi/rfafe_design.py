@@ -106,6 +106,22 @@ class Design:
     discrete: Discrete
     report: Report
 
+    def estimate(self, y, u=None):
+        """Run the estimator over samples y (ticks, m) and return f_hat (ticks, l), in the model's units.
+
+        u (ticks, r) is held from each sample to the next, None: zero; y and u are deviations from the trim. It starts
+        with a state that fits the first sample and no fault. The blocks `fdi.rfafe` do the same for aircraft of Sun13's
+        states, compiled, with lost samples.
+        """
+        d, y = self.discrete, np.asarray(y, float)
+        u = np.zeros((len(y), d.Gu.shape[1])) if u is None else np.asarray(u, float)
+        s, out = np.zeros(len(d.Phi)), np.zeros((len(y), len(d.S)))
+        s[: len(self.A)] = (np.linalg.pinv(self.C) - self.H) @ (y[0] - self.D @ u[0])
+        for k in range(1, len(y)):
+            s = d.Phi @ s + d.Gu @ u[k - 1] + d.Gy0 @ y[k - 1] + d.Gy1 @ y[k]
+            out[k] = d.S @ s + d.Sy @ y[k] + d.Su @ u[k - 1]
+        return out
+
 
 def design(A, B, C, D, E, F, *, dt, region=None, alpha=None, theta=1.0, Gamma=None, bandwidth=BANDWIDTH,
            sigma=None, parallel="error", min_ratio=0.5):

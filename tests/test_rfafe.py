@@ -21,16 +21,6 @@ def stored(design):
 TRIM = {"tas": 200.0, "alpha": 0.05, "theta": 0.05, "elevator": 0.01}
 
 
-def estimate(design, y, dt):
-    """Run the stored matrices as the block does, in plain Python."""
-    d = design.discrete
-    s, out = np.zeros(len(d.Phi)), np.zeros((len(y), len(d.S)))
-    for k in range(1, len(y)):
-        s = d.Phi @ s + d.Gy0 @ y[k - 1] + d.Gy1 @ y[k]
-        out[k] = d.S @ s + d.Sy @ y[k]
-    return out
-
-
 @pytest.fixture(scope="module")
 def published():
     A, B, C, D = global_of(*heffley_jewell("6"))
@@ -94,7 +84,7 @@ def test_amplitude_is_right_and_does_not_depend_on_the_step(hz, form):
         y = sampled(A, F, C, (1.0, w), dt, round(10.0 / dt))
         t = np.arange(len(y)) * dt
         late = t > 4.0
-        found[dt] = amplitude(t[late], estimate(d, y, dt)[late, 0], w)
+        found[dt] = amplitude(t[late], d.estimate(y)[late, 0], w)
     assert 0.95 < found[0.005] < 1.05
     assert found[0.005] == pytest.approx(found[0.0025], rel=0.005)
     assert found[0.005] == pytest.approx(abs(dict(d.report.tracking)[hz]), rel=0.005)
@@ -184,7 +174,7 @@ def test_noise_of_the_estimate_is_the_predicted_one():
     A, B = heffley_jewell("6")
     sigma, rng = np.array([0.05, 0.03, 0.02, 0.02]), np.random.default_rng(2)
     d = rfafe.design(A, B, np.eye(4), None, None, B, dt=0.005, sigma=sigma)
-    f = estimate(d, rng.normal(size=(40000, 4)) * sigma, 0.005)
+    f = d.estimate(rng.normal(size=(40000, 4)) * sigma)
     assert np.std(f[2000:, 0]) == pytest.approx(noise(d.discrete, sigma)[0], rel=0.03)
     with_actuator = (*global_of(A, B, sides=1)[:2], np.eye(5)[:4], None, None, np.vstack([B, [[0.0]]]))
     plain, weighed = (rfafe.design(*with_actuator, dt=0.005, sigma=s) for s in (None, sigma))

@@ -2,6 +2,7 @@
 
 import re
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from rfafe_aircraft import DEG, E_SPEED, FIGHTER, NAVION, TABLE, global_of, heff
 
 from fdi import lmi, rfafe
 from fdi.rfafe_conditions import undetectability
+from fdi.rfafe_discrete import first_order_hold
 
 pytest.importorskip("cvxpy")
 
@@ -246,3 +248,24 @@ def test_a_disk_too_fast_for_alpha_names_inequality_15():
     A, B, C, D = global_of(*heffley_jewell("6"))
     with pytest.raises(lmi.Infeasible, match=r"without \(15\)"):
         rfafe.design(A, B, C, D, None, B[:, :1], dt=0.005, region=(40.0, 5.0, 30.0), alpha=2.0)
+
+
+def test_the_example_of_the_readme_finds_its_fault(capsys):
+    text = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    (code,) = (c for c in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if "rfafe" in c)
+    exec(code, {})
+    assert float(capsys.readouterr().out) == pytest.approx(0.01, rel=0.02)
+
+
+def test_a_known_input_is_no_fault():
+    A, B, C, _ = global_of(*heffley_jewell("6"))
+    D = np.zeros((6, 2))
+    D[4:] = 0.1 * np.eye(2)  # and its feedthrough
+    d = rfafe.design(A, B, C, D, None, B, dt=0.005)
+    Phi, Gu, _, _ = first_order_hold(A, np.zeros((6, 1)), B, 0.005)
+    rng, x, y = np.random.default_rng(3), np.zeros(6), np.zeros((2000, 6))
+    u = np.repeat(rng.normal(size=(100, 2)), 20, axis=0)
+    for k in range(2000):
+        y[k] = C @ x + D @ u[max(k - 1, 0)]  # read before the input changes
+        x = Phi @ x + Gu @ u[k]
+    assert np.abs(d.estimate(y, u)).max() < 0.02 * np.abs(d.estimate(y)).max()
