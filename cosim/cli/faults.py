@@ -26,7 +26,8 @@ def lines(scenario, achieved):
         text = f"{f.kind} on {f.target}{where}, from {f.start_s:g} s{until}"
         moved = {n: (achieved or {})[n] for n in _segments(f) if n in (achieved or {})}
         reached, note = _achieved(scenario, i, moved) if moved else ("", "")
-        out.append(Text.assemble(("fault  ", "red"), text, f"  ({own})" if own else "", reached))
+        name = f"fault {i}  " if len(scenario.faults) > 1 else "fault  "  # as in --set faults.1.kind
+        out.append(Text.assemble((name, "red"), text, f"  ({own})" if own else "", reached))
         if note:
             out.append(Text(f"note   {note}", style="yellow"))
     return out
