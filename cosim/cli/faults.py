@@ -24,7 +24,8 @@ def lines(scenario, achieved):
         at = f.entry(scenario.elevator.technology)
         where = "".join(f" {w} {v}" for w, v in (("at", at), ("path", f.path)) if v)
         text = f"{f.kind} on {f.target}{where}, from {f.start_s:g} s{until}"
-        moved = {n: (achieved or {})[n] for n in _segments(f) if n in (achieved or {})}
+        began = f.start_s < scenario.duration_s
+        moved = {n: (achieved or {})[n] for n in _segments(f) if began and n in (achieved or {})}
         reached, note = _achieved(scenario, i, moved) if moved else ("", "")
         name = f"fault {i}  " if len(scenario.faults) > 1 else "fault  "  # as in --set faults.1.kind
         out.append(Text.assemble((name, "red"), text, f"  ({own})" if own else "", reached))
