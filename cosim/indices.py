@@ -15,6 +15,7 @@ LINES = ("u_old", "past", "line")  # state arrays that hold the past, newest fir
 DELAYS = {"delay", "lag_ticks", "u_delay", "late"}  # parameters: how far to look back in them
 STRUCTURE = {  # parameters: sizes and positions of the design; no more than what the design itself has
     *("bank_level", "bank_n", "bank_stride", "half_periods"),  # of the bank and of the oscillation monitor
+    *("n_sub", "n_window", "n_lag", "n_mean"),  # of the windows of ema_kalman_flight
     *("n_families", "n_hypotheses", "n_k", "n_ka", "n_rows", "n_q", "n_a", "n_m", "n_tm", "n_tp"),  # of the force model
     *("axis", "variable", "effector", "base_row", "n_pivots", "pivot_row", "pivot_input"),
     *("ns", "ny", "nu", "nf", "n_trim"),  # of the airframe estimators
@@ -27,7 +28,7 @@ RINGS = (  # states: where in a ring, which array that is, along which axis
     ("bank_head", "bank_ring", 2),
     ("block", "n_block", 0),
 )
-AT_LEAST_ONE = {"bank_stride", "bank_n", "half_periods"}
+AT_LEAST_ONE = {"bank_stride", "bank_n", "half_periods", "n_sub", "n_window", "n_lag", "n_mean"}
 
 
 def parameter_range(name, module, detector, dt):

@@ -6,6 +6,9 @@ import numpy as np
 from scipy.linalg import expm_frechet, solve_discrete_are
 
 from actuators import jay
+from fdi.ema_kalman import N
+from fdi.ema_reckon import slots
+from fdi.tuning import thresholds
 
 
 def model(values, dt, tau_load):
@@ -38,3 +41,32 @@ def gain(Phi, sigma_load, tau_load, q_vel, sigma_vel, dt):
     P = solve_discrete_are(Phi.T, H.T, Q, [[sigma_vel * sigma_vel]])
     S = P[3, 3] + sigma_vel * sigma_vel
     return P[:, 3] / S, math.sqrt(S)
+
+
+def designed(values, dt, sigma_velocity):
+    """Return {K, S_root, Phi, Phi_h, G, G_h} for ticks of `dt`; the noise densities are those of 5 ms at every rate.
+
+    Per 5 ms: velocity noise `sigma_velocity` [rad/s], model error 1 rad/s. The load: 630 N m, 20 s.
+    """
+    tau_load, samples = 20.0, dt / jay.PERIOD
+    Phi, Phi_h, G, G_h = model(values, dt, tau_load)
+    stiff = Phi - 2.0e4 * Phi_h
+    K, S_root = gain(stiff, 630.0, tau_load, math.sqrt(samples), sigma_velocity / math.sqrt(samples), dt)
+    return {"K": K, "S_root": S_root, "Phi": Phi, "Phi_h": Phi_h, "G": G, "G_h": G_h}
+
+
+def limits(which, values, K_vel, dt, sigma_velocity):
+    """Return the thresholds of set `which`, made for 5 ms, for ticks of `dt` and their velocity gain `K_vel`.
+
+    Those of the mean innovation change so that the velocity taken in by the whole window, gain times the sum of its
+    innovations, is the same at every rate.
+    """
+    out = thresholds("ema_kalman_flight", which)
+    if dt == jay.PERIOD:
+        return out
+    n_sub, n_window, _, n_mean = slots(dt)
+    share = designed(values, jay.PERIOD, sigma_velocity)["K"][3] * N / (K_vel * n_window * n_sub)
+    out |= {name: out[name] * share for name in ("th_vel", "rho_rate")}
+    out["rho_vel"] *= share * jay.PERIOD / dt  # of the impulse, which is per tick
+    out["t_jump"] = max(out["t_jump"], (n_mean * n_sub + 1.0) * dt)  # a single sample stays in an end's mean
+    return out

@@ -7,8 +7,8 @@ prediction, its stiffness stands inside A, and what that model misses is a bound
 
 Three relations, and the table that they make; each sensor fault breaks its own set:
 
-    velocity-torque   mean of the last N innovations, against a share of the motor's impulse: loads do not jump so
-    position-velocity jump of R1 = y_position - pos_hat over LAG ticks: kinematics alone, no load enters
+    velocity-torque   mean innovation of the last 50 ms, against a share of the motor's impulse: loads do not jump so
+    position-velocity jump of R1 = y_position - pos_hat over 0.1 s: kinematics alone, no load enters
     current-demand    R2 = y_current - x5: the current loop is stiff, no load enters
 
     torque  kinematics  current  verdict
@@ -24,6 +24,10 @@ the velocity error that R1's motion needs, the position's when they took less th
 
 While all is well, pos_hat is tied to the position sensor by a slow second Kalman filter on (offset c, rate b): it
 learns the velocity sensor's small bias. From the first suspicion on it runs free, and its covariance is pos_sigma.
+
+Windows are seconds. They are kept in slots, means over `n_sub` ticks and at least 5 ms long, and a test changes when a
+slot ends; at 200 Hz a slot is a tick. At any rate the demand is as late as the sensors, and the continuous filter, its
+noise densities and what a threshold means are those of 200 Hz.
 """
 
 import math
@@ -33,13 +37,14 @@ import numpy as np
 from actuators import jay
 from actuators.block import dtype, kernel, record
 from fdi.decision import usable
-from fdi.ema_design import gain, model
+from fdi.ema_design import designed, limits
 from fdi.ema_kalman import CULPRITS, VELOCITY, N
-from fdi.ema_reckon import LAG, MEAN, reckon_position
+from fdi.ema_reckon import LAG, reckon_position, slots
 from fdi.ema_vote import decide, heal, size
-from fdi.tuning import thresholds
 
 __all__ = ["CULPRITS", "INPUTS", "OUTPUTS", "PARAMS", "STATE", "init", "params", "rollout", "step"]
+
+HISTORY = 10  # ticks of demand kept for the delay: 5 ms at 2 kHz
 
 PARAMS = dtype([
     ("Phi", "f8", (6, 6)),    # transition over one tick without hinge stiffness, SI
@@ -58,7 +63,11 @@ PARAMS = dtype([
     ("K_B", "f8"),            # [V s/rad]
     ("I_max", "f8"),          # limits of the amplifier [A], [V]
     ("V_max", "f8"),
-    ("delay", "f8"),          # ticks by which the sensors lag, 0 or 1
+    ("delay", "f8"),          # ticks by which the sensors lag, 0 to HISTORY
+    ("n_sub", "f8"),          # ticks of a slot
+    ("n_window", "f8"),       # slots: innovations, at most N
+    ("n_lag", "f8"),          # R1's jump, at most LAG
+    ("n_mean", "f8"),         # its two ends
     ("sigma_pos", "f8"),      # position sensor noise [m]
     ("sigma_rig", "f8"),      # its rigging bias, which nothing here can see [m]
     ("sigma_vel", "f8"),      # velocity sensor noise [rad/s]
@@ -117,9 +126,9 @@ STATE = dtype([
     ("f_sigma", "f8"),        # its standard deviation, same unit
     ("eta", "f8"),            # normalised innovation (6)
     ("eta_bar", "f8"),        # mean of the last N (7)
-    ("R1", "f8"),             # (9) [m]
-    ("R2", "f8"),             # (9) [A]
-    ("jump", "f8"),           # change of R1 over LAG ticks [m]
+    ("R1", "f8"),             # (9), mean of the last slot [m]
+    ("R2", "f8"),             # (9), mean of the last slot [A]
+    ("jump", "f8"),           # change of R1 over n_lag slots [m]
     ("load_hat", "f8"),       # hinge moment that the model misses [N m]
     ("r_velocity", "f8"),     # the tests over their thresholds
     ("r_current", "f8"),
@@ -130,14 +139,14 @@ STATE = dtype([
     ("age_vel", "f8"),        # since the last velocity sample that was used [s]
     ("raw_last", "f8"),       # last velocity sample, spike or not [rad/s]
     ("age_hot", "f8"),        # since the velocity test was last beyond its threshold [s]
-    ("hi", "f8"),             # what the filter took from the velocity sensor within N ticks: fading peaks [rad/s]
+    ("hi", "f8"),             # what the filter took from the velocity sensor within the window: fading peaks [rad/s]
     ("lo", "f8"),
-    ("need_hi", "f8"),        # velocity error that R1's motion would need, its change within N ticks: fading peaks
+    ("need_hi", "f8"),        # velocity error that R1's motion would need, its change within the window: fading peaks
     ("need_lo", "f8"),
     ("need", "f8"),           # that of the jump's sign [rad/s]
     ("share", "f8"),          # part of it that was taken [-]
     ("felt", "f8"),           # part of the acceleration that R2 would mean, were the current real, that was taken [-]
-    ("u_last", "f8"),         # [A]
+    ("u_old", "f8", (HISTORY + 1,)),  # demands held over the last ticks, newest first [A]
     ("at_limit", "f8"),       # 1: the amplifier is at its voltage limit
     ("hm0", "f8"),            # last finite values [N m], [N m/rad]
     ("hmd", "f8"),
@@ -163,11 +172,18 @@ STATE = dtype([
     ("agree", "f8"),          # time without any test beyond its threshold [s]
     ("low", "f8"),            # and the span of pos_hat in that time [m]
     ("high", "f8"),
+    ("count", "f8"),          # ticks of the slot that is open, 0 where one has just ended
+    ("sum_gamma", "f8"),      # its sums: innovations [rad/s]
+    ("sum_effort", "f8"),     # size of the motor's impulse per tick [rad/s]
+    ("sum_drift", "f8"),      # `drift` [m]
+    ("sum_R2", "f8"),         # current less x5 [A]
+    ("n_position", "f8"),     # usable samples of position and current in it
+    ("n_current", "f8"),
     ("head", "f8"),           # write positions
     ("tail", "f8"),
-    ("window", "f8", (N,)),   # innovations [rad/s]
-    ("effort", "f8", (N,)),   # size of the motor's impulse per tick [rad/s]
-    ("drifts", "f8", (LAG,)), # past values of `drift` [m]
+    ("window", "f8", (N,)),   # slots: innovation [rad/s]
+    ("effort", "f8", (N,)),   # impulse [rad/s]
+    ("drifts", "f8", (LAG,)), # `drift` [m]
     ("jumps", "f8", (N,)),    # and of `jump` [m]
     ("work", "f8", (6,)),     # scratch
 ])
@@ -179,29 +195,24 @@ OUTPUTS = (
 DEG = math.pi / 180.0
 
 
-def params(which="flight", *, dt=jay.PERIOD, delay=1, sigma_velocity=1.0, sigma_position=1e-4, **symbols):
+def params(which="flight", *, dt=jay.PERIOD, delay_s=0.005, sigma_velocity=1.0, sigma_position=1e-4, **symbols):
     """Return PARAMS with threshold set `which` of fdi/thresholds/ema_kalman_flight.json.
 
-    Sensors: noise per sample, 1 sigma [rad/s], [m] ([Jay] section 4 read so), `delay` ticks old. `symbols` replace
-    those of `actuators.jay.values("elevator")`. The windows are ticks, made for 5 ms. Model errors behind the gain: a
-    load of 630 N m wandering with 20 s (it must follow 30 % of the hinge moment within a pulse and hardly leak) and
-    1 rad/s per tick of friction and torque error. Raises ValueError for unknown names.
+    Sensors: noise per 5 ms sample, 1 sigma [rad/s], [m] ([Jay] section 4 read so), `delay_s` old. `symbols` replace
+    those of `actuators.jay.values("elevator")`. Model errors behind the gain: a load of 630 N m wandering with 20 s (it
+    must follow 30 % of the hinge moment within a pulse and hardly leak) and 1 rad/s per 5 ms, white, of friction and
+    torque error. Raises ValueError for unknown names.
     """
     v = jay.values("elevator", **symbols)
-    tau_load = 20.0
-    Phi, Phi_h, G, G_h = model(v, dt, tau_load)
-    K, S_root = gain(Phi - 2.0e4 * Phi_h, 630.0, tau_load, 1.0, sigma_velocity, dt)
+    made = designed(v, dt, sigma_velocity)
+    noise = math.sqrt(jay.PERIOD / dt)
+    n_sub, n_window, n_lag, n_mean = slots(dt)
     arm, lead = v["arm"], v["lead"]
     amperes, volts = jay.LIMITS["elevator"]
     no_load = volts / v["K_B"]
     return record(
         PARAMS,
-        Phi=Phi,
-        Phi_h=Phi_h,
-        G=G,
-        G_h=G_h,
-        K=K,
-        S_root=S_root,
+        **made,
         lead=lead,
         ratio=lead / arm,
         spring=arm * arm * v["K_s"],
@@ -212,18 +223,23 @@ def params(which="flight", *, dt=jay.PERIOD, delay=1, sigma_velocity=1.0, sigma_
         K_B=v["K_B"],
         I_max=amperes,
         V_max=volts,
-        delay=float(delay),
-        sigma_pos=sigma_position,
+        delay=float(round(delay_s / dt)),
+        n_sub=n_sub,
+        n_window=n_window,
+        n_lag=n_lag,
+        n_mean=n_mean,
+        sigma_pos=noise * sigma_position,
         sigma_rig=0.08 * DEG * arm,  # sensor set `transport`: rigging
-        sigma_vel=sigma_velocity,
+        sigma_vel=noise * sigma_velocity,
         sigma_b=2e-4 * no_load,  # twice the bias of 1e-4 of no-load that a velocity sensor is assumed to have
         walk_b=1e-4 * no_load * math.sqrt(dt / 100.0),  # which may change by itself in 100 s
         b_max=1e-3 * no_load,
-        sigma_tie=1.0 * DEG * arm,  # ties pos_hat within some 20 s: slower than a fault, faster than a bias of 1e-3
-        gate=0.3 * no_load,  # twice what the stall current does in a tick
+        # ties pos_hat within some 20 s: slower than a fault, faster than a bias of 1e-3; of a slot's mean
+        sigma_tie=noise / math.sqrt(n_sub) * 1.0 * DEG * arm,
+        gate=0.3 * no_load,  # twice what the stall current does in 5 ms
         load_max=2.0 * amperes * v["K_T"] * arm / lead,
         th_load=0.6 * amperes * v["K_T"] * arm / lead,  # 60 % of the stall moment
-        **thresholds("ema_kalman_flight", which),
+        **limits(which, v, made["K"][3], dt, sigma_velocity),
     )
 
 
@@ -273,6 +289,27 @@ def _predict(x, demand, p):
 
 
 @kernel
+def _window(x, p, h):
+    """End a slot of `h` seconds, and form the test of the velocity."""
+    head = int(x.head)
+    x.window[head] = x.sum_gamma / p.n_sub
+    x.effort[head] = x.sum_effort / p.n_sub
+    x.sum_gamma = x.sum_effort = 0.0
+    x.head = float((head + 1) % int(p.n_window))
+    mean = 0.0
+    effort = 0.0
+    for i in range(int(p.n_window)):
+        mean += x.window[i] / p.n_window
+        effort += x.effort[i] / p.n_window
+    x.eta_bar = mean / p.S_root
+    x.r_velocity = math.fabs(mean) / (p.th_vel + p.rho_vel * effort + p.rho_rate * math.fabs(x.x_hat[3]))
+    fade = 1.0 - h / p.t_hold
+    taken = p.n_window * p.n_sub * mean * p.K[3]
+    x.hi = max(x.hi * fade, taken)
+    x.lo = min(x.lo * fade, taken)
+
+
+@kernel
 def _velocity(x, u, p, dt):
     """Correct by the velocity sample, unless it is missing or impossible, and form its test."""
     gamma = 0.0
@@ -295,22 +332,11 @@ def _velocity(x, u, p, dt):
     x.w_last = w
     x.w_slow += dt / p.t_hold * (w - x.w_slow)
     x.eta = gamma / p.S_root
-    head = int(x.head)
     # at the voltage limit 5 % of K_B is worth more than the stall current: such a tick says nothing
-    x.window[head] = 0.0 if x.at_limit > 0.5 else gamma
-    x.effort[head] = p.impulse * math.fabs(x.x_hat[4])
-    x.head = float((head + 1) % N)
-    mean = 0.0
-    effort = 0.0
-    for i in range(N):
-        mean += x.window[i] / N
-        effort += x.effort[i] / N
-    x.eta_bar = mean / p.S_root
-    x.r_velocity = math.fabs(mean) / (p.th_vel + p.rho_vel * effort + p.rho_rate * math.fabs(x.x_hat[3]))
-    fade = 1.0 - dt / p.t_hold
-    taken = N * mean * p.K[3]
-    x.hi = max(x.hi * fade, taken)
-    x.lo = min(x.lo * fade, taken)
+    x.sum_gamma += 0.0 if x.at_limit > 0.5 else gamma
+    x.sum_effort += p.impulse * math.fabs(x.x_hat[4])
+    if x.count == 0.0:
+        _window(x, p, p.n_sub * dt)
 
 
 @kernel
@@ -319,8 +345,9 @@ def _current(x, p):
     # a velocity error reaches x5 through the back electromotive force; 0.7: the part of it that `hi` still remembers
     back = 0.7 * p.K_B / p.R_loop * max(x.hi, -x.lo)
     x.r_current = math.fabs(x.R2) / (p.th_cur + p.rho_cur * math.fabs(x.x_hat[3]) + back)
-    gained = math.copysign(N * x.eta_bar * p.S_root * p.K[3], x.R2 * x.eta_bar)  # + where it is of the sign of R2
-    x.felt = min(gained / max(math.fabs(x.R2) * p.impulse * N, 1e-3), 9.9)
+    ticks = p.n_window * p.n_sub
+    gained = math.copysign(ticks * x.eta_bar * p.S_root * p.K[3], x.R2 * x.eta_bar)  # + where it is of the sign of R2
+    x.felt = min(gained / max(math.fabs(x.R2) * p.impulse * ticks, 1e-3), 9.9)
 
 
 @kernel
@@ -328,26 +355,32 @@ def step(x, u, p, dt):
     """Predict to this sample, correct, test, name, and say how well the position is known."""
     if math.isfinite(u.hm0_model) and math.isfinite(u.hmd_model):
         x.hm0, x.hmd = u.hm0_model, u.hmd_model
-    demand = x.u_last
+    for i in range(HISTORY, 0, -1):
+        x.u_old[i] = x.u_old[i - 1]
     if math.isfinite(u.u):
-        x.u_last = u.u
-        if p.delay < 0.5:
-            demand = u.u
+        x.u_old[0] = u.u
     if x.started < 0.5:
         if usable(u.y_position, u.position_valid) > 0.5:
             _engage(x, u, p)
         return
     x.age += dt
     gap = x.age_vel > p.t_bad
-    _predict(x, demand, p)
+    x.count += 1.0
+    if x.count >= p.n_sub:
+        x.count = 0.0
+    _predict(x, x.u_old[int(p.delay)], p)
     _velocity(x, u, p, dt)
     if usable(u.y_current, u.current_valid) > 0.5:
-        x.R2 = u.y_current - x.x_hat[4]
+        x.sum_R2 += u.y_current - x.x_hat[4]
+        x.n_current += 1.0
+    if x.count == 0.0 and x.n_current > 0.0:
+        x.R2 = x.sum_R2 / x.n_current
+        x.sum_R2 = x.n_current = 0.0
     _current(x, p)
     reckon_position(x, u, p, dt, gap and x.age_vel == 0.0 and x.alarm < 0.5)
     decide(x, p, dt)
     heal(x, p, dt)
-    size(x, p, (LAG - MEAN) * dt)
+    size(x, p, (p.n_lag - p.n_mean) * p.n_sub * dt)
     x.load_hat = x.x_hat[5]
     fresh = x.age_vel < 0.2 and x.culprit != VELOCITY
     x.valid = 1.0 if fresh and x.pos_sigma < p.sigma_max else 0.0

@@ -5,6 +5,7 @@ import math
 from actuators.block import kernel
 from fdi.decision import confirm
 from fdi.ema_kalman import CURRENT, POSITION, VELOCITY
+from fdi.ema_reckon import MEAN
 from fdi.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, SENSOR
 
 
@@ -64,10 +65,11 @@ def size(x, p, span):
     x.f_hat = x.f_sigma = 0.0
     if x.culprit == POSITION:
         x.f_hat = x.R1
-        x.f_sigma = math.sqrt(x.P_cc + p.sigma_pos * p.sigma_pos)
+        x.f_sigma = math.sqrt(x.P_cc + p.sigma_pos * p.sigma_pos / p.n_sub)  # R1 is a mean
     elif x.culprit == CURRENT:
         x.f_hat = x.R2
         x.f_sigma = p.th_cur / 3.0  # the model's error, not the noise, limits it
     elif x.culprit == VELOCITY:
         x.f_hat = -x.jump / (p.lead * span)
-        x.f_sigma = 0.63 * p.sigma_pos / (p.lead * span)  # sqrt(2 / 5): both ends are means of five
+        ends = 0.63 * math.sqrt(MEAN / (p.n_mean * p.n_sub))  # sqrt(2 / 5): both ends are means of five samples of 5 ms
+        x.f_sigma = ends * p.sigma_pos / (p.lead * span)
