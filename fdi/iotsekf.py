@@ -111,6 +111,7 @@ FAR = 3.0
 # An input fault beyond its threshold counts in proportion up to this: with 1.5, the half periods of an oscillation of
 # 0.6 mm at 10 Hz, 35 ms beyond it, would do for a runaway
 RUN_WEIGHT = 1.25
+PERIOD = 0.005  # of the samples whose variance stands in NOISE [s]
 UNSEEN = 1e3  # no valve opens so far
 
 # fitted to the step response of f_hat on the linear model with these noises at 5 ms: off by 1 % rms with the pressure,
@@ -122,10 +123,13 @@ LAG[0] = LAG[1] = {"lag_omega": 56.0, "lag_zeta": 0.56, "lag_ticks": 5.0}
 def params(which=None, *, load=2, dt=0.005, delay_s=0.005, arm=linkage.ARM, **values):
     """Return PARAMS for load form `load`, ticks of `dt` seconds and measurements `delay_s` old.
 
-    `which` names the threshold set, by default that of the load form; `values` replace any field.
+    The sensors' noise density is that of samples of 5 ms at every rate. `which` names the threshold set, by default
+    that of the load form; `values` replace any field.
     """
     chosen = thresholds("iotsekf", which or f"flight_load{load}")
     v = {**lu17.NOMINAL, **NOISE, **LAG[load], **bank.design(dt), **chosen}
+    for name in ("r_rod", "r_dp", "r_spare"):
+        v[name] *= PERIOD / dt
     if load != 2:
         v["q"] = (*v["q"][:3], 0.0)
     fixed = {

@@ -100,7 +100,7 @@ def params(which="flight", *, load=1, dt=0.005, delay_s=0.005, arm=linkage.ARM, 
         "load": float(load),
         "delay": float(round(delay_s / dt)),
         "q": (1e-12, 2e-6, 2e-5),  # as `iotsekf`; nothing depends on them here
-        "r_rod": 1e-8,  # 0.1 mm, sensor set `transport`
+        "r_rod": 1e-8 * (0.005 / dt),  # 0.1 mm per 5 ms, sensor set `transport`
         "P0": (1e-8, 1e-6, 1e-4),
         "t_invalid": 0.2,
     }

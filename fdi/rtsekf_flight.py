@@ -91,14 +91,15 @@ OUTPUTS = (
 
 def params(which="flight", *, dt=0.005, delay_s=0.005, arm=linkage.ARM, **values):
     """Return PARAMS for ticks of `dt` seconds and measurements `delay_s` old; `values` replace any field."""
+    share = 0.005 / dt  # the sensors' noise density is that of samples of 5 ms at every rate
     fields = {
         **lu17.NOMINAL,
         "arm": arm,
         "delay": float(round(delay_s / dt)),
         "q": (1e-12, 2e-5, 2e-3, 0.5),  # wider than `iotsekf`: here no fault state takes up what the valve does wrong
-        "r_rod": 1e-8,  # 0.1 mm, sensor set `transport`
-        "r_surface": 1.1e-8,  # 0.02 deg on 0.30 m
-        "r_dp": 2.5e-5,  # 0.5 % of supply
+        "r_rod": 1e-8 * share,  # 0.1 mm, sensor set `transport`
+        "r_surface": 1.1e-8 * share,  # 0.02 deg on 0.30 m
+        "r_dp": 2.5e-5 * share,  # 0.5 % of supply
         "P0": (1e-8, 1e-6, 1e-4, 1e-2),
         "gate": 12.0,
         "t_invalid": 0.2,
