@@ -7,8 +7,8 @@
     u   = ((K_i K_c + R) i_d + K_B w) / (K_g K_i)
 
 The last line undoes the droop of [Jay]'s proportional current loop. The three error poles are at `pole`, placed for
-the sampled rigid actuator; position and velocity are one tick old (`delay`) and are carried over it by the
-acceleration that was commanded. The integrator stops while the current limit is reached on its side, and inside an
+the sampled rigid actuator; position and velocity are `delay` ticks old and are carried over them by the acceleration
+that was commanded last. The integrator stops while the current limit is reached on its side, and inside an
 error of `dead` (0.006 deg), without which it would hunt across the friction. Reading: y, w; the current sensor closes
 only the current loop inside `ema`. While the position is invalid it is integrated from the velocity, while the
 velocity is invalid the reference's stands for it.
@@ -41,7 +41,7 @@ PARAMS = dtype(
         ("I_max", "f8"),  # current limit [A]
         ("g_i", "f8"),  # demand per current, (K_ic + R) / K_gi [unit of u/A]
         ("g_w", "f8"),  # demand per motor rate, K_B / K_gi [unit of u s/rad]
-        ("delay", "f8"),  # age of the measurements [ticks], 0 or 1
+        ("delay", "f8"),  # age of the measurements [ticks]
     ]
 )
 INPUTS = dtype(

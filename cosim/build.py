@@ -99,7 +99,7 @@ def _sensor_lanes(scenario, nominal, rng, dt):
                 f"{seg}_{name}",
                 name,
                 sigma,
-                0.005,
+                parts.SENSOR_DELAY,
                 bias=scale * spread * rng.uniform(-1.0, 1.0),
                 gain=parts.LEAD if name == "position" else 1.0,
                 tech=tech,

@@ -12,6 +12,7 @@ from cosim.plant_io import LIMITS
 from cosim.wiring import SEGMENTS
 
 LEAD = jay.values("elevator")["lead"]  # screw travel per radian of motor [m/rad]
+SENSOR_DELAY = 0.005  # of an actuator's sensors [s]
 DRIVE_LIMIT = jay.LIMITS["elevator"][0]  # demand that 1 of u stands for [A]
 
 
@@ -28,14 +29,20 @@ def _scaled(nominal, multipliers, where):
     return {k: nominal[k] * v for k, v in multipliers.items()}
 
 
+def sensor_age(dt):
+    """Return the whole ticks by which an actuator's sensors lag: 0 below 100 Hz and at it, 1 at 200 Hz."""
+    return float(round(SENSOR_DELAY / dt))
+
+
 def hydraulic_blocks(n, scenario, trim, dt):
     """Return [(section, module, p, x0)] of servo and actuator for `n` hydraulic lanes at `trim` = (delta, hm0, hmd),
     each (n,).
 
     What flies is multiplied by scenario.tolerances.hydraulic; the servo's model stays nominal, as a real servo's does.
+    It predicts over one tick at most: above 200 Hz its measurements are older than it thinks, at 2 kHz by 4.5 ms.
     """
     p = np.repeat(hydraulic.params(**_scaled(hydraulic.NOMINAL, scenario.tolerances.hydraulic, "hydraulic")), n)
-    ps = np.repeat(servo.params(dt=dt), n)
+    ps = np.repeat(servo.params(dt=dt, delay=min(sensor_age(dt), 1.0)), n)
     x = hydraulic.init_at(p, *trim)
     return [("servo", servo, ps, servo.init_at(ps, trim[0], x["F_d"])), ("hydraulic", hydraulic, p, x)]
 
@@ -43,7 +50,7 @@ def hydraulic_blocks(n, scenario, trim, dt):
 def ema_blocks(n, scenario, trim, dt):
     """Return [(section, module, p, x0)] for `n` electromechanical lanes; see `hydraulic_blocks`."""
     p = np.repeat(ema.params(**_scaled(jay.values("elevator"), scenario.tolerances.ema, "ema")), n)
-    ps = np.repeat(ema_servo.params(dt=dt), n)
+    ps = np.repeat(ema_servo.params(dt=dt, delay=sensor_age(dt)), n)
     x = ema.init_at(p, *trim)
     return [("ema_servo", ema_servo, ps, ema_servo.init_at(ps, LEAD * x["motor"], x["i"])), ("ema", ema, p, x)]
 
@@ -100,7 +107,9 @@ def liquid_gain(technology, omega, dt):
     by flying it.
     """
     outer, inner, smooth, live, measured, flags = _PAIRS[technology]
-    p, ps = inner.params(**smooth), outer.params(dt=dt, **live)
+    age = int(sensor_age(dt))
+    believed = min(age, 1) if technology == "hydraulic" else age
+    p, ps = inner.params(**smooth), outer.params(dt=dt, delay=float(believed), **live)
     x, xs = inner.init(p), outer.init(ps)
     u, us = np.zeros((1, 1), inner.INPUTS), np.zeros((1, 1), outer.INPUTS)
     log, logs = np.zeros((1, 1), inner.STATE), np.zeros((1, 1), outer.STATE)
@@ -110,15 +119,16 @@ def liquid_gain(technology, omega, dt):
     t, position = np.arange(n) * dt, np.zeros(n)
     for name in flags:
         us[name] = 1.0
-    first = next(iter(measured))
+    first, past = next(iter(measured)), []
     for k in range(n):
         now = {name: factor * x[state][0] for name, (state, factor) in measured.items()}
         position[k] = now[first]
-        outer.rollout(xs, us, ps, dt, logs)  # on the measurements of a tick before
+        past.append(now)
+        for name, value in past[max(k - age, 0)].items():
+            us[name] = value
+        outer.rollout(xs, us, ps, dt, logs)
         u["u"], u["f_u"] = xs["u"][0], amplitude * math.sin(omega * t[k])
         inner.rollout(x, u, p, dt, log)
-        for name, value in now.items():
-            us[name] = value
     late = t > settle
     basis = np.column_stack([np.cos(omega * t), np.sin(omega * t), np.ones(n)])[late]
     c, s, _ = np.linalg.lstsq(basis, position[late], rcond=None)[0]
