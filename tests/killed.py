@@ -50,3 +50,8 @@ def grown(path, size=1):
     while not path.exists() or path.stat().st_size < size:
         assert time.monotonic() < end, "the run writes nothing"
         time.sleep(0.002)
+
+
+def heeds_ctrl_c():
+    """Undo in a child, as its `preexec_fn`, what a shell does to its background jobs: they ignore SIGINT."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)

@@ -11,6 +11,7 @@ import time
 import numpy as np
 import pandas as pd
 import pytest
+from killed import heeds_ctrl_c
 from rich.console import Console
 from scipy import stats
 from typer.testing import CliRunner
@@ -262,7 +263,9 @@ def test_without_faults_the_flights_nearest_to_an_alarm_are_told(written, tmp_pa
 def test_interrupted_campaign_keeps_its_rows_and_can_go_on(written, tmp_path):
     path, out = written("runs = 400\n" + SMALL), tmp_path / "out"
     words = [sys.executable, "-m", "cosim.cli", "campaign", str(path), "-o", str(out), "--workers", "1"]
-    process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=heeds_ctrl_c
+    )
     deadline = time.monotonic() + 120
     while not list(out.glob("parts/rows-*")) and time.monotonic() < deadline:
         assert process.poll() is None, process.stderr.read()

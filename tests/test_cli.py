@@ -11,6 +11,7 @@ import types
 from pathlib import Path
 
 import pytest
+from killed import heeds_ctrl_c
 from typer.testing import CliRunner
 
 from cosim.cli import commands as cli
@@ -270,7 +271,7 @@ def test_model_on_a_full_disk_is_one_line(monkeypatch, tmp_path):
 
 def test_interrupted_flight_leaves_a_readable_log(tmp_path):
     log = tmp_path / "x.mcap"
-    with process("run", "cruise", "-s", "duration_s=3000", "-o", str(log)) as flight:
+    with process("run", "cruise", "-s", "duration_s=3000", "-o", str(log), preexec_fn=heeds_ctrl_c) as flight:
         deadline = time.monotonic() + 120
         # parameters alone are 2 MB
         while not (log.exists() and log.stat().st_size > 4_000_000) and time.monotonic() < deadline:

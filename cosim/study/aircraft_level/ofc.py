@@ -106,7 +106,8 @@ def run(*, out=None, workers=2, progress=None, hz=HZ, seeds=SEEDS, flights=None)
         "- : not even at the largest that was flown",
         f"bound: pitch rate alone, 3 sigma over {PERIODS:g} periods, known aircraft, still air",
     )
-    title = f"smallest oscillation of the left inner elevator seen [deg achieved], {found.done} flights, {found.failed} of them failed"
+    title = (f"smallest oscillation of the left inner elevator seen [deg achieved], {found.done} flights, "
+             f"{found.failed} of them failed")  # fmt: skip
     cells = frame.assign(seen=seen(frame)).pivot_table(
         index=["label.point", "flight.turbulence", "faults.0.frequency_hz", "label.nominal_deg"], columns="id",
         values="seen", aggfunc="mean", sort=True)  # fmt: skip
