@@ -204,17 +204,23 @@ def _seconds(args):
     return _once(lambda: subprocess.run(args, check=True, capture_output=True))
 
 
+# of a process that this one starts, its peak would be at least what this one holds when it forks
+_PEAK = """
+import resource, subprocess, sys
+outcome = subprocess.run(sys.argv[1:], stdout=subprocess.PIPE, check=True).stdout
+sys.stdout.buffer.write(outcome)
+print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
+"""
+
+
 def _peak_mb(folder):
     """Return the peak resident memory [MB] of a process that flies and logs ten minutes with every detector."""
-    if not hasattr(os, "wait4"):
+    if sys.platform == "win32":
         return None
     log = str(Path(folder) / LONG)
     args = _command("run", "cruise", "--json", "--set", f"duration_s={MEMORY_FLIGHT_S}", "-o", log)
-    with subprocess.Popen(args, stdout=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        outcome = process.stdout.read()
-        _, status, usage = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode or json.loads(outcome)["status"] != "completed":
-        raise RuntimeError(f"the ten-minute flight ended with status {process.returncode}")
-    return usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024) / 1e6
+    told = subprocess.run([sys.executable, "-c", _PEAK, *args], stdout=subprocess.PIPE, check=True, text=True).stdout
+    outcome, peak = told.splitlines()
+    if json.loads(outcome)["status"] != "completed":
+        raise RuntimeError("the ten-minute flight did not complete")
+    return int(peak) * (1 if sys.platform == "darwin" else 1024) / 1e6
