@@ -13,7 +13,7 @@ from . import foxglove
 from .chunk import HEAD, empty_message
 from .format import channel_metadata, schema_data, schema_name
 
-RATE = 50.0  # of the samples that are shown [Hz]
+RATE = 50.0  # of the samples that are shown [Hz]: about what a screen draws
 HOST = "127.0.0.1"
 
 

@@ -98,7 +98,7 @@ def _labels(figure, flown, lane, alarms):
                 "xshift": 12 if inside else -3,
                 "showarrow": False,
                 "font": {"size": 11, "color": "--ink"},
-                "bgcolor": "--page" if inside else "rgba(0,0,0,0)",
+                "bgcolor": "--page",  # the line of watching runs behind it
                 "borderpad": 1,
                 "detector": lane.id,
             }
