@@ -16,10 +16,12 @@ lanes, so that one compiled function serves all three and they agree bit for bit
 A kernel is a deterministic function of its arguments: no global state, no I/O, no random numbers, no exceptions.
 """
 
+import ast
+import contextlib
 import functools
 import hashlib
 import os
-import re
+import stat
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -30,9 +32,7 @@ from numba.core import config as _config
 
 config: Any = _config  # its options are made at run time
 _ROOT = Path(__file__).resolve().parent.parent
-_IMPORT = re.compile(
-    r"^\s*(?:from\s+(actuators|fdi|cosim)([\w.]*)\s+import\s+(.+)|import\s+(actuators|fdi|cosim)([\w.]*))", re.M
-)
+PACKAGES = ("actuators", "fdi", "cosim")
 
 
 def dtype(fields):
@@ -65,19 +65,75 @@ def _source(path):
 
 
 @functools.cache
+def _imports(path):
+    """Return the names that the source at `path` imports, wherever it does so; packages of ours that hold them too."""
+    package = path.relative_to(_ROOT).parts[:-1] if path.is_relative_to(_ROOT) else ()
+    out = set()
+    for node in ast.walk(ast.parse(_source(path))):
+        if isinstance(node, ast.Import):
+            out |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            above = package[: len(package) - node.level + 1] if node.level else ()
+            base = ".".join((*above, *([node.module] if node.module else ())))
+            out |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
+    return frozenset(out)
+
+
+def _files(name):
+    """Return the files of ours that importing `name` runs: its module or package, and the packages around it."""
+    parts = name.split(".")
+    if parts[0] not in PACKAGES:
+        return
+    for i in range(1, len(parts) + 1):
+        stem = _ROOT.joinpath(*parts[:i])
+        yield from (stem.with_suffix(".py"), stem / "__init__.py")
+
+
+@functools.cache
 def closure(path):
     """Return the set of our source files that `path` imports, directly or not, itself included."""
     seen, todo = set(), [path]
     while todo:
         here = todo.pop()
-        if here in seen or not here.is_file():
-            continue
-        seen.add(here)
-        for pkg, rest, names, pkg2, rest2 in _IMPORT.findall(_source(here).decode()):
-            stem = _ROOT.joinpath(*((pkg or pkg2) + (rest or rest2)).split("."))
-            todo.append(stem.with_suffix(".py"))
-            todo.extend(stem / f"{n}.py" for n in re.findall(r"\w+", names))
+        if here not in seen and here.is_file():
+            seen.add(here)
+            todo += [file for name in _imports(here) for file in _files(name)]
     return seen
+
+
+def private(folder):
+    """Return whether `folder` is a directory of this user's that nobody else may write to, made when it is missing.
+
+    Compiled code is loaded by unpickling what lies there: whoever can write to it, or replace it, runs code as us.
+    """
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        about = folder.lstat()
+    except (OSError, RuntimeError):
+        return False
+    if not stat.S_ISDIR(about.st_mode):
+        return False
+    if not hasattr(os, "getuid"):  # Windows: a user's own profile is closed to others by default
+        return True
+    return about.st_uid == os.getuid() and not about.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
+def _cache_roots():
+    """Yield where compiled kernels may lie, best first: where the user says, the user's cache, a folder of the user's
+    own among the temporary files."""
+    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
+        if os.environ.get(name):
+            yield Path(os.environ[name]) / "cosim-kernels"
+    with contextlib.suppress(RuntimeError):  # a user without a home
+        yield Path.home() / ".cache" / "cosim-kernels"
+    if hasattr(os, "getuid"):
+        yield Path(tempfile.gettempdir()) / f"cosim-kernels-{os.getuid()}"
+
+
+@functools.cache
+def cache_root():
+    """Return the folder for compiled kernels, None where no folder is this user's alone."""
+    return next((root for root in _cache_roots() if private(root) and os.access(root, os.W_OK)), None)
 
 
 @functools.cache
@@ -86,16 +142,16 @@ def _cache_dir(path):
     digest = hashlib.sha256(numba.__version__.encode())
     for source in sorted(closure(path)):
         digest.update(_source(source))
-    base = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    for root in (Path(base), Path(tempfile.gettempdir())):
-        folder = root / "cosim-kernels" / digest.hexdigest()[:16]
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError:
-            continue
-        if os.access(folder, os.W_OK):
-            return str(folder)
-    return None
+    root = cache_root()
+    folder = root and root / digest.hexdigest()[:16]
+    return str(folder) if folder and private(folder) and _all_private(folder) else None
+
+
+def _all_private(folder):
+    """Tell whether every file in `folder` is this user's: a folder that was once open may hold another's."""
+    if not hasattr(os, "getuid"):
+        return True
+    return all(file.lstat().st_uid == os.getuid() for file in folder.rglob("*"))
 
 
 def kernel(function):

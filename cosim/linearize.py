@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cosim.files import replace
 from cosim.plant import SURFACES, Plant
 from cosim.trim import EARTH_MERIDIAN, Trim
 
@@ -116,13 +117,14 @@ class LinearModel:
         if path.suffix == ".npz":
             rest = {k: v for k, v in self.to_dict().items() if k in ("trim", "modes")}
             arrays: dict = {**data, **names, **units, "summary": np.array(json.dumps(rest))}
-            np.savez(path, **arrays)
+            replace(path, lambda part: np.savez(part, **arrays))
         elif path.suffix == ".mat":
             from scipy.io import savemat
 
             cells = {k: v.astype(object) for k, v in {**names, **units}.items()}
             modes = {m.name: {"wn_rad_s": m.wn, "zeta": m.zeta, "eigenvalue": m.eigenvalue} for m in self.modes}
-            savemat(path, {**data, **cells, "modes": modes, "trim": self.to_dict()["trim"]})
+            whole = {**data, **cells, "modes": modes, "trim": self.to_dict()["trim"]}
+            replace(path, lambda part: savemat(part, whole))
         else:
             raise ValueError(f"{path.name}: give a name that ends in .npz or .mat")
 

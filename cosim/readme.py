@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from cosim.errors import OutputError
+from cosim.files import replace_text
 
 
 def markers(name):
@@ -26,6 +27,8 @@ def replace(path, name, made):
         text = path.read_text(encoding="utf-8")
         if part(text, name) is None:
             raise OutputError("has not the two markers", place=str(path), allowed=f"{begin} and {end}, once each")
-        path.write_text(f"{text.split(begin)[0]}{begin}\n{made}\n{end}{text.split(end)[1]}", encoding="utf-8")
     except OSError as error:
-        raise OutputError(f"cannot be changed: {error.strerror}", place=str(path)) from None
+        raise OutputError(f"cannot be read: {error.strerror}", place=str(path)) from None
+    except UnicodeDecodeError as error:
+        raise OutputError(f"is not UTF-8 at byte {error.start}", place=str(path), remedy="Save it as UTF-8") from None
+    replace_text(path, f"{text.split(begin)[0]}{begin}\n{made}\n{end}{text.split(end)[1]}")

@@ -13,7 +13,6 @@ Rows come in any order and may be there twice when a campaign was killed between
 import functools
 import hashlib
 import json
-import os
 from pathlib import Path
 
 import pandas as pd
@@ -22,6 +21,7 @@ import pyarrow.parquet as pq
 
 from actuators.block import closure
 from cosim.errors import CosimError, OutputError
+from cosim.files import replace, replace_text
 
 ROWS = pa.schema(
     [
@@ -64,7 +64,8 @@ TIMING = pa.schema(
         ("step_us", pa.float64()),
     ]
 )
-FLYING = ("actuators", "fdi", "aircraft")  # with what cosim.simulate imports: what decides about a row
+FLYING = ("actuators", "fdi", "aircraft")  # with what a worker imports of cosim: what decides about a row
+DECIDING = (".py", ".json", ".npz", ".toml", ".xml")
 
 
 AGAIN = ("error", "crashed")  # statuses of runs that are flown again on resuming: a full disk or a kill may have passed
@@ -80,8 +81,8 @@ def fingerprint():
     from importlib.metadata import version
 
     root, digest = Path(__file__).resolve().parents[2], hashlib.sha256()
-    files = {p for name in FLYING for p in (root / name).rglob("*") if p.suffix in (".py", ".json", ".npz", ".xml")}
-    files |= closure(root / "cosim" / "simulate.py") | set((root / "cosim" / "scenario").glob("*.py"))
+    files = {p for name in FLYING for p in (root / name).rglob("*") if p.suffix in DECIDING}
+    files |= closure(root / "cosim" / "campaign" / "worker.py") | closure(root / "cosim" / "campaign" / "store.py")
     for path in sorted(files):
         digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
     versions = {name: version(name) for name in ("jsbsim", "numpy", "scipy", "numba")}
@@ -130,7 +131,7 @@ class Store:
         if found is not None:
             wanted = set(self.scenarios["run"])
             self.finished = set(found.loc[~found["status"].isin(AGAIN), "run"]) & wanted
-        _replace(about, lambda p: p.write_text(json.dumps(here, indent=1), encoding="utf-8"))
+        replace_text(about, json.dumps(here, indent=1))
         write(out / "scenarios.parquet", pa.Table.from_pandas(self.scenarios, preserve_index=False))
 
     def add(self, rows, timing):
@@ -197,15 +198,7 @@ def _table(frame):
 
 def write(path, table):
     """Write a Parquet file that is there completely or not at all."""
-    _replace(path, lambda p: pq.write_table(table, p, compression="zstd"))
-
-
-def _replace(path, make):
-    part = path.with_name(f".{path.name}.{os.getpid()}")
-    make(part)
-    with part.open("rb") as file:
-        os.fsync(file.fileno())
-    part.replace(path)
+    replace(path, lambda p: pq.write_table(table, p, compression="zstd"))
 
 
 def load(folder):

@@ -10,6 +10,7 @@ from rich.text import Text
 
 from cosim.cli import tables
 from cosim.cli.output import JsonOption, WorkersOption, reserve
+from cosim.files import replace
 
 
 def add(app, out, err):
@@ -37,7 +38,7 @@ def add(app, out, err):
         found = summary(trims)
         envelope_report(trims, found, paths["report"])
         envelope_picture(trims, paths["picture"])
-        trims.to_csv(paths["table"], index=False, float_format="%.6g")
+        replace(paths["table"], lambda part: trims.to_csv(part, index=False, float_format="%.6g"))
         found |= {key: str(path) for key, path in paths.items()}
         if json_:
             print(json.dumps(found, allow_nan=False))

@@ -1,6 +1,5 @@
 """Commands about the detectors' grounds: the papers' experiments and the stored designs."""
 
-import csv
 import json
 from dataclasses import asdict
 from pathlib import Path
@@ -10,6 +9,7 @@ import typer
 
 from cosim.cli import tables
 from cosim.cli.output import JsonOption, WorkersOption, reserve
+from cosim.files import replace
 
 
 def add(app, out, err):
@@ -31,6 +31,8 @@ def add(app, out, err):
         json_: JsonOption = False,
     ):
         """Repeat the papers' own experiments: paper says, we get, verdict. Exit status 1 when a row differs."""
+        from pandas import DataFrame
+
         from cosim.reproduce import chosen, counts
         from cosim.reproduce import reproduce as work
 
@@ -44,10 +46,8 @@ def add(app, out, err):
 
         found = {"counts": counts(rows), "report": str(reproduction_report(rows, drawings, page)), "table": str(table)}
         found["rows"] = [asdict(r) for r in rows]
-        with open(table, "w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, list(found["rows"][0]))
-            writer.writeheader()
-            writer.writerows(found["rows"])
+        frame = DataFrame(found["rows"])
+        replace(table, lambda part: frame.to_csv(part, index=False))
         if readme:
             from cosim.reproduce.readme import write
 

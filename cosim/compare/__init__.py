@@ -13,6 +13,7 @@ import pandas as pd
 from cosim.compare import rows as compare_rows
 from cosim.compare import stats as compare_stats
 from cosim.errors import CosimError
+from cosim.files import replace
 from cosim.result import plain
 
 
@@ -85,16 +86,9 @@ def read(sources, *, workers=None, progress=None):
 
 def write(found, out):
     """Write table and report of a Comparison into folder `out`. Raises OutputError."""
-    from cosim.errors import OutputError
     from cosim.report import comparison_report
 
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        found.rows.to_parquet(out / "compare.parquet", index=False)
-        found.rows.to_csv(out / "compare.csv", index=False)
-    except OSError as error:
-        raise OutputError(
-            f"cannot be written: {error.strerror}", place=str(out), remedy="Choose another place with -o"
-        ) from None
+    replace(out / "compare.parquet", lambda part: found.rows.to_parquet(part, index=False))
+    replace(out / "compare.csv", lambda part: found.rows.to_csv(part, index=False))
     found.table = out / "compare.parquet"
     found.report = comparison_report(found, out / "compare.html")

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from cosim import coverage, readme
 from cosim.compare import stats
-from cosim.errors import OutputError
+from cosim.files import replace_text
 from cosim.scenario.catalog import GROUPS, SEGMENTS
 
 PICTURE = "cosim/campaigns/aircraft-vs-local.svg"
@@ -16,11 +16,7 @@ def write(found, path):
 
     picture = Path(path).parent / PICTURE
     equal = stats.equal_thresholds(found.rows)
-    try:
-        picture.parent.mkdir(parents=True, exist_ok=True)
-        picture.write_text(render(_one_segment(found.rows), equal), encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"cannot be written: {error.strerror}", place=str(picture)) from None
+    replace_text(picture, render(_one_segment(found.rows), equal))
     readme.replace(path, "compare", markdown(found))
 
 

@@ -19,6 +19,7 @@ import aircraft
 import fdi
 from actuators import ema, ema_servo, hydraulic, servo, simple
 from cosim.errors import DesignError, did_you_mean
+from cosim.files import replace_text
 
 FOLDER = Path(fdi.__file__).resolve().parent / "designs"
 AIRCRAFT = Path(next(iter(aircraft.__path__))).resolve()
@@ -65,7 +66,7 @@ def build(name, *, folder=FOLDER, progress=None):
         return path
     made = getattr(module, maker.function)(tell)
     text = json.dumps({"source": source(), **made}, indent=1, sort_keys=True)
-    path.write_text(NUMBERS.sub(lambda m: " ".join(m[0].split()), text) + "\n", encoding="utf-8")
+    replace_text(path, NUMBERS.sub(lambda m: " ".join(m[0].split()), text) + "\n")
     return path
 
 

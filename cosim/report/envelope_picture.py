@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from cosim.errors import OutputError
+from cosim.files import replace_text
 from cosim.report.envelope_maps import BY_COLUMN, REASON, STOPS, colour
 from cosim.report.page import text
 
@@ -19,13 +19,8 @@ ROWS = (  # column, panels: how (mass, CG) of each follow from the table's value
 
 def envelope_picture(trims, output):
     """Write the picture of a trim map to `output`; returns its Path. Raises OutputError."""
-    path = Path(output)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(render(trims), encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"cannot be written: {error.strerror}", place=str(path)) from None
-    return path
+    replace_text(output, render(trims))
+    return Path(output)
 
 
 def render(trims):

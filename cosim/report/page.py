@@ -7,7 +7,7 @@ from pathlib import Path
 
 from plotly.offline import get_plotlyjs
 
-from cosim.errors import OutputError
+from cosim.files import replace_text
 from cosim.result import plain
 
 
@@ -71,7 +71,6 @@ def page(*, title, subtitle, summary, body, figures, chips, span=None, start=0.0
     `span` the (first, last) time for pages with a time cursor, which starts at `start`; `faults` and `alarms` are
     [{from, to, text, detector}] for the line that says what is on at the cursor.
     """
-    own = files(__package__)
     content = {
         "figures": [f.plain() for f in figures],
         "span": span,
@@ -85,24 +84,21 @@ def page(*, title, subtitle, summary, body, figures, chips, span=None, start=0.0
             '<!doctype html><html lang="en"><head><meta charset="utf-8">',
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
             f'<link rel="icon" '
-            f'href="data:,"><title>{text(title)}</title><style>{(own / "page.css").read_text()}</style></head><body>',
+            f'href="data:,"><title>{text(title)}</title><style>{_own("page.css")}</style></head><body>',
             f'<header class="top"><h1>{text(title)}</h1><p '
             f'class="sub">{text(subtitle)}</p></header>{_bar(chips, span)}',
             f'<main><section class="summary" id="summary">{summary}</section>{body}</main>',
             f'<script type="application/json" id="figures">{packed}</script>',
-            f"<script>{get_plotlyjs()}</script><script>{(own / 'page.js').read_text()}</script></body></html>\n",
+            f"<script>{get_plotlyjs()}</script><script>{_own('page.js')}</script></body></html>\n",
         ]
     )
 
 
+def _own(name):
+    return files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
 def write(path, content):
     """Write the page; returns its Path. Raises OutputError when that cannot be done."""
-    path = Path(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(content, encoding="utf-8")
-    except OSError as error:
-        raise OutputError(
-            f"cannot be written: {error.strerror}", place=str(path), remedy="Choose another place with -o"
-        ) from None
-    return path
+    replace_text(path, content)
+    return Path(path)

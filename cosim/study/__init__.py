@@ -19,6 +19,7 @@ from pathlib import Path
 
 from cosim.campaign.pool import pool
 from cosim.campaign.store import fingerprint
+from cosim.files import replace_text
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class Results:
                     continue
                 self.values[key] = value
         kept = [json.dumps({"code": digest}), *(json.dumps([k, v]) for k, v in self.values.items())]
-        self.path.write_text("".join(f"{line}\n" for line in kept), encoding="utf-8")
+        replace_text(self.path, "".join(f"{line}\n" for line in kept))
 
     def add(self, key, value):
         """Keep the value of a job."""

@@ -19,6 +19,7 @@ import numpy as np
 
 import fdi
 from cosim.design.rfafe import DT
+from cosim.files import replace_text
 from cosim.study import work
 from cosim.study.lu17_flights import POINTS, TURBULENCE, draw, estimate, flights, record, record_ema
 from fdi import bank, iotsekf, ofc_monitor, position_monitor
@@ -152,7 +153,7 @@ def store(most, count, first_seed=TRAINING):
         largest = {n: {k: np.round(v, 7).tolist() for k, v in most[n].items()} for n in names}
         chosen = {k: v for k, v in data["training"].items() if k == "chosen"}  # what no training finds, and on what
         data["training"] = {**how, "largest": largest, **chosen}
-        path.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+        replace_text(path, json.dumps(data, indent=1) + "\n")
 
 
 def quiet_floor(load, seed=1):

@@ -20,6 +20,7 @@ import fdi
 from actuators.block import kernel
 from cosim.design.rfafe import MANOEUVRES, NAMES, POINT
 from cosim.design.rfafe_flights import MODULES, estimate, record
+from cosim.files import replace_text
 from cosim.flight import SIX
 from cosim.rfafe_wires import technology
 from cosim.scenario.tolerance import toleranced
@@ -187,6 +188,6 @@ def store(name, which, made, how):
     held = json.loads(path.read_text(encoding="utf-8"))
     held[which] = held["flight"] | made
     held["training"] = {k: v for k, v in held.get("training", {}).items() if k in held} | {which: how}
-    path.write_text(json.dumps(held, indent=1) + "\n", encoding="utf-8")
+    replace_text(path, json.dumps(held, indent=1) + "\n")
     tuning.forget()
     return path

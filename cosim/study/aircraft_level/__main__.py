@@ -5,6 +5,7 @@ import json
 import sys
 from pathlib import Path
 
+from cosim.files import replace_text
 from cosim.study.aircraft_level import PARTS, run
 
 
@@ -37,7 +38,7 @@ def main():
     plain = [t.plain() for t in tables]
     if given.output:
         path = given.output / f"{given.part}.json"
-        path.write_text(json.dumps(plain, indent=1) + "\n", encoding="utf-8")
+        replace_text(path, json.dumps(plain, indent=1) + "\n")
     if given.json:
         print(json.dumps(plain))
     else:

@@ -1,0 +1,139 @@
+"""What decides about rows and kernels is digested; files are replaced whole; caches are the user's alone."""
+
+import json
+import os
+import pickle
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cosim.errors import OutputError
+from cosim.files import replace_text
+
+ROOT = Path(__file__).resolve().parent.parent
+DIGESTS = """
+import json, sys
+from pathlib import Path
+import actuators.block as block, cosim.campaign.store as store
+from cosim import law
+
+def digests():
+    for cached in (store.fingerprint, block.closure, block._imports, block._source, block._cache_dir):
+        cached.cache_clear()
+    return store.fingerprint()["digest"], block._cache_dir(Path(law.__file__).resolve())
+
+out = {"": digests()}
+for name in sys.argv[1:]:
+    path = Path(name)
+    before = path.read_bytes()
+    path.write_bytes(before + b"\\n")
+    out[name] = digests()
+    path.write_bytes(before)
+print(json.dumps(out))
+"""
+DECIDING = [
+    "cosim/law/__init__.py",
+    "cosim/law/pitch.py",
+    "cosim/law/design.py",
+    "cosim/tick.py",
+    "cosim/sensors.py",
+    "cosim/result.py",
+    "cosim/campaign/worker.py",
+    "cosim/scenario/catalog.py",
+    "fdi/expected.toml",
+    "fdi/decision.py",
+    "fdi/thresholds/iotsekf.json",
+    "actuators/servo.py",
+    "aircraft/transport/aerodynamics.xml",
+]
+PAGE = "cosim/report/page.py"
+IN_THE_LAW = {"cosim/law/__init__.py", "cosim/law/pitch.py"}  # what its kernels are compiled from
+
+
+def test_every_file_that_can_change_a_row_or_a_kernel_changes_its_digest(tmp_path):
+    for name in ("actuators", "fdi", "cosim", "aircraft"):
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    env = os.environ | {"PYTHONPATH": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path / "home")}
+    env.pop("NUMBA_CACHE_DIR", None)
+    command = [sys.executable, "-c", DIGESTS, *DECIDING, PAGE]
+    told = subprocess.run(command, env=env, cwd=tmp_path, capture_output=True, text=True, check=True)
+    found = json.loads(told.stdout)
+    row, kernels = found.pop("")
+    assert found.pop(PAGE) == [row, kernels]  # decides about no row
+    assert {name for name, (digest, _) in found.items() if digest == row} == set()
+    assert {name for name, (_, folder) in found.items() if folder != kernels} == IN_THE_LAW
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="owners are a matter of POSIX")
+def test_a_cache_that_others_can_write_to_is_not_used(tmp_path, monkeypatch):
+    from actuators import block
+
+    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path / "home" / "gone"))
+    monkeypatch.setattr(block.tempfile, "gettempdir", lambda: str(tmp_path))
+    (tmp_path / "home").write_text("")  # a home that cannot be written
+    block.cache_root.cache_clear()
+    own = tmp_path / f"cosim-kernels-{os.getuid()}"
+    assert block.cache_root() == own and own.stat().st_mode & 0o777 == 0o700
+    own.chmod(0o777)
+    block.cache_root.cache_clear()
+    assert block.cache_root() is None
+    own.rmdir()
+    (tmp_path / "elsewhere").mkdir()
+    own.symlink_to(tmp_path / "elsewhere")
+    block.cache_root.cache_clear()
+    assert block.cache_root() is None
+    block.cache_root.cache_clear()
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid") or os.getuid() != 0, reason="only root can plant another's file")
+def test_a_planted_file_of_another_user_is_never_unpickled(tmp_path):
+    from actuators import block
+
+    assert block.private(tmp_path / "cache")
+    planted = tmp_path / "cache" / "x.nbi"
+    planted.write_bytes(pickle.dumps(os.getcwd))
+    assert block._all_private(tmp_path / "cache")
+    os.chown(planted, 12345, 12345)
+    assert not block._all_private(tmp_path / "cache")
+
+
+def test_a_file_that_cannot_be_written_whole_stays_as_it_was(tmp_path):
+    path = tmp_path / "README.md"
+    path.write_text("mine\n" * 10_000)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1024, before[1]))
+    try:
+        with pytest.raises(OutputError, match=r"README\.md: cannot be written"):
+            replace_text(path, "theirs\n" * 10_000)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, ignored)
+    assert path.read_text() == "mine\n" * 10_000
+    assert [p.name for p in tmp_path.iterdir()] == ["README.md"]
+
+
+def test_a_replaced_file_keeps_its_mode_and_a_link_its_target(tmp_path):
+    path, link = tmp_path / "a.txt", tmp_path / "link.txt"
+    path.write_text("a")
+    path.chmod(0o640)
+    link.symlink_to(path)
+    replace_text(link, "b")
+    assert path.read_text() == "b" and path.stat().st_mode & 0o777 == 0o640 and link.is_symlink()
+
+
+def test_a_readme_that_is_not_utf_8_is_told_so_and_stays(tmp_path):
+    from cosim.readme import replace
+
+    path = tmp_path / "README.md"
+    path.write_bytes(b"\xff<!-- compare: begin -->\n<!-- compare: end -->")
+    with pytest.raises(OutputError, match="not UTF-8 at byte 0"):
+        replace(path, "compare", "new")
+    assert path.read_bytes().startswith(b"\xff")
