@@ -9,7 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from actuators import ema, ema_servo, hydraulic, servo
+from actuators.ema import actuator as ema
+from actuators.ema import servo as ema_servo
+from actuators.hydraulic import actuator as hydraulic
+from actuators.hydraulic import servo
 
 
 class Sampled(NamedTuple):

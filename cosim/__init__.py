@@ -9,8 +9,6 @@ The names below are imported when they are first used, so that `import cosim` co
 
 import importlib
 import os
-import sys
-import types
 
 # Matrices here are small: BLAS threads cost each call of a design 6 ms of waiting for one another, half a second per
 # flight, and give other last digits on other machines. Read when NumPy is imported; what the user has set stands.
@@ -19,9 +17,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 _PUBLIC = {  # name -> module that defines it
     "load_scenario": "cosim.scenario",
     "Scenario": "cosim.scenario",
-    "simulate": "cosim.simulate",
+    "simulate": "cosim.flight.simulate",
     "open_log": "cosim.log",
-    "linearize": "cosim.linearize",
+    "linearize": "cosim.flight.plant.linearize",
     "CosimError": "cosim.errors",
 }
 __all__ = [*_PUBLIC]
@@ -36,14 +34,3 @@ def __getattr__(name):
         raise AttributeError(f"module 'cosim' has no attribute {name!r}")
     globals()[name] = value
     return value
-
-
-class _Package(types.ModuleType):
-    def __setattr__(self, name, value):
-        # the import system binds a submodule to its package; a public function of the same name must stay callable
-        if name in _PUBLIC and isinstance(value, types.ModuleType):
-            return
-        super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package

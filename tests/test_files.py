@@ -20,7 +20,7 @@ DIGESTS = """
 import json, sys
 from pathlib import Path
 import actuators.block as block, cosim.campaign.store as store
-from cosim import law
+from cosim.flight.blocks import law
 
 def digests():
     for cached in (store.fingerprint, block.closure, block._imports, block._source, block._cache_dir):
@@ -37,22 +37,23 @@ for name in sys.argv[1:]:
 print(json.dumps(out))
 """
 DECIDING = [
-    "cosim/law/__init__.py",
-    "cosim/law/pitch.py",
-    "cosim/law/design.py",
-    "cosim/tick.py",
-    "cosim/sensors.py",
-    "cosim/result.py",
+    "cosim/flight/blocks/law/__init__.py",
+    "cosim/flight/blocks/law/pitch.py",
+    "cosim/flight/blocks/law/design.py",
+    "cosim/flight/tick.py",
+    "cosim/flight/blocks/sensors.py",
+    "cosim/judge/result.py",
     "cosim/campaign/worker.py",
     "cosim/scenario/catalog.py",
     "fdi/expected.toml",
-    "fdi/decision.py",
+    "fdi/common/decision.py",
     "fdi/thresholds/iotsekf.json",
-    "actuators/servo.py",
+    "actuators/hydraulic/servo.py",
     "aircraft/transport/aerodynamics.xml",
 ]
 PAGE = "cosim/report/page.py"
-IN_THE_LAW = {"cosim/law/__init__.py", "cosim/law/pitch.py"}  # what its kernels are compiled from
+# what its kernels are compiled from
+IN_THE_LAW = {"cosim/flight/blocks/law/__init__.py", "cosim/flight/blocks/law/pitch.py"}
 
 
 def test_every_file_that_can_change_a_row_or_a_kernel_changes_its_digest(tmp_path):
@@ -130,7 +131,7 @@ def test_a_replaced_file_keeps_its_mode_and_a_link_its_target(tmp_path):
 
 
 def test_a_readme_that_is_not_utf_8_is_told_so_and_stays(tmp_path):
-    from cosim.readme import replace
+    from cosim.report.markdown import replace
 
     path = tmp_path / "README.md"
     path.write_bytes(b"\xff<!-- compare: begin -->\n<!-- compare: end -->")

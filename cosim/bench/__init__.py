@@ -60,8 +60,8 @@ def bench(*, rounds=ROUNDS, memory=True, progress=None):
 
 def _cases(scenario, folder, rounds, progress):
     """Time every case in turn, round after round; return their rows and the factors over real time."""
-    from cosim.flight import Flight
-    from cosim.plant import Plant, reference_run
+    from cosim.flight.plant.plant import Plant, reference_run
+    from cosim.flight.plant.point import Flight
 
     flown = Plant(Flight.of(scenario), scenario.dt)
     flown.trim()
@@ -113,9 +113,9 @@ def _time(call, n):
 
 def _lockstep(scenario, path):
     """Return (a function that flies one logged tick, a function that ends the log)."""
-    from cosim.build import build
-    from cosim.record import open_writer
-    from cosim.tick import tick
+    from cosim.flight.build import build
+    from cosim.flight.recorder import open_writer
+    from cosim.flight.tick import tick
 
     setup = build(scenario)
     writer = open_writer(setup, path)
@@ -126,9 +126,9 @@ def _lockstep(scenario, path):
 
 def _detectors(scenario):
     """Return [{id, level, lanes, live_us, batch_us}]: cost per step and lane on inputs recorded in flight."""
-    from cosim.build import build
+    from cosim.flight.build import build
+    from cosim.flight.tick import tick
     from cosim.scenario.catalog import DETECTORS
-    from cosim.tick import tick
 
     setup = build(
         load_scenario("liquid-ofc", ["faults.0.start_s=2", f"duration_s={SAMPLE_TICKS / scenario.rate_hz:g}"])

@@ -19,9 +19,9 @@ Columns of runs.parquet (and `result.frame`), one row per run x detector lane; a
     false_alarms            alarms that rise outside every fault that concerns the lane (and 2 s after its end)
     r_max_before            largest |r| before the first fault of the flight; over all of it when fault-free
     r_max_after             largest |r| from that onset on, null when fault-free; |r| >= 1 is beyond the threshold
-    estimate_rmse, _bias, _max, _unit    error of the estimate after settling (cosim/estimate.py), or null
+    estimate_rmse, _bias, _max, _unit    error of the estimate after settling (cosim/judge/estimation.py), or null
     rod_mm, surface_deg, travel_pct      achieved peak against the twin flight, largest of the faulted segments
-    amplitude_mm, amplitude_deg          achieved amplitude of an oscillation, by least squares (cosim/achieved.py)
+    amplitude_mm, amplitude_deg          achieved amplitude of an oscillation, by least squares (cosim/flight/twin.py)
     kept                    rules by which the run's log was kept (logs/<run>.mcap), comma-separated, or empty
 
 timing.parquet holds what a clock measured, and never repeats: run, id, wall_time_s, startup_s, step_us.
@@ -139,7 +139,7 @@ def _kept(frame, keep, runs, out):
     if not keep or out is None:
         return ""
     from cosim.campaign.keep import choose
-    from cosim.simulate import simulate
+    from cosim.flight.simulate import simulate
 
     chosen = choose(frame, keep)
     (out / "logs").mkdir(exist_ok=True)

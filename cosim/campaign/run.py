@@ -78,7 +78,7 @@ def rerun(campaign, run, *, out=None):
     folder was flown with this code, these designs and libraries; both are None when the folder has no row of it. Raises
     CampaignError when no run has this id.
     """
-    from cosim.simulate import simulate
+    from cosim.flight.simulate import simulate
 
     scenarios, _ = load_campaign(campaign).scenarios()
     runs = {run_id(s): s for s in scenarios}

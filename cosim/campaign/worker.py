@@ -34,7 +34,7 @@ def fly(run, scenario, achieved):
 def _fly(run, scenario, achieved):
     global _timed
     try:
-        from cosim.simulate import simulate
+        from cosim.flight.simulate import simulate
 
         result = simulate(scenario, achieved=achieved, timed=not _timed)
     except TrimError as error:

@@ -8,7 +8,7 @@ from rich.console import Group
 from rich.text import Text
 
 from cosim.cli.tables import number, table
-from cosim.metrics import clopper_pearson, delays
+from cosim.compare.metrics import clopper_pearson, delays
 
 FAILED = ("infeasible", "error", "crashed")
 TEXTS = 5  # different errors that are printed

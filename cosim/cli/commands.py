@@ -15,12 +15,12 @@ import typer
 from rich.console import Console
 from typer.core import TyperGroup
 
+from cosim.cli import campaigns as cli_many
 from cosim.cli import envelope as cli_envelope
-from cosim.cli import many as cli_many
 from cosim.cli import study as cli_study
 from cosim.cli import tables
 from cosim.cli.output import JsonOption, named, reserve
-from cosim.errors import CosimError, OutputError
+from cosim.errors import CosimError
 
 WIDE = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 110  # a pipe has no width: do not fold its tables
 out, err = Console(width=WIDE), Console(stderr=True)
@@ -136,7 +136,7 @@ def run(
     reserve(path, taken=scenario)
     for line in flown.warnings():
         err.print(f"[yellow]note:[/] {tables.escape(line)}", soft_wrap=True, highlight=False)
-    from cosim.simulate import simulate
+    from cosim.flight.simulate import simulate
 
     waiting = "preparing (the first run on a machine compiles for about half a minute)"
     if live:
@@ -163,7 +163,7 @@ def run(
 @app.command(name="list")
 def list_(json_: JsonOption = False):
     """Show scenarios, manoeuvres, kinds of fault and their targets, and detectors."""
-    from cosim.scenario.inventory import inventory
+    from cosim.campaign.inventory import inventory
 
     found = inventory()
     if json_:
@@ -181,7 +181,7 @@ def info(
     json_: JsonOption = False,
 ):
     """Say what a log holds and whether it is complete."""
-    from cosim.log_info import log_info
+    from cosim.log.info import log_info
 
     found = log_info(log)
     if json_:
@@ -208,20 +208,13 @@ def linearize(
     flown = load_scenario(scenario, set_ or ())
     if output:
         reserve(output, taken=scenario, endings=(".npz", ".mat"))
-    from cosim.flight import Flight
-    from cosim.linearize import linearize as work
+    from cosim.flight.plant.linearize import linearize as work
+    from cosim.flight.plant.point import Flight
 
     with named(scenario):
         model = work(Flight.of(flown))
     if output:
-        try:
-            model.save(output)
-        except OSError as error:
-            raise OutputError(
-                f"cannot write the model: {error.strerror}",
-                place=str(output),
-                remedy="Free some space or choose another place with -o",
-            ) from None
+        model.save(output)
     found = {**model.to_dict(), **({"file": str(output)} if output else {})}
     if json_:
         print(json.dumps(found, allow_nan=False))

@@ -3,8 +3,8 @@
 from rich.console import Group
 from rich.text import Text
 
-from cosim import coverage
 from cosim.cli.tables import NOTHING, number, table
+from cosim.judge import coverage
 
 
 def compare(found):

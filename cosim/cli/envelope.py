@@ -25,7 +25,7 @@ def add(app, out, err):
         json_: JsonOption = False,
     ):
         """Map where the aircraft trims, over mass, CG, altitude and speed, why not elsewhere, where actuators stall."""
-        from cosim.envelope import summary, trim_map
+        from cosim.campaign.envelope import summary, trim_map
 
         paths = {key: output / f"envelope.{ending}" for key, ending in
                  (("report", "html"), ("picture", "svg"), ("table", "csv"))}  # fmt: skip

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from cosim.errors import OutputError, ScenarioError
-from cosim.lock import OTHER, TAKEN, locked
+from cosim.files import OTHER, TAKEN, locked
 
 
 def reserve(path, *, taken=None, endings=(), what="the scenario"):

@@ -33,8 +33,8 @@ def add(app, out, err):
         """Repeat the papers' own experiments: paper says, we get, verdict. Exit status 1 when a row differs."""
         from pandas import DataFrame
 
-        from cosim.reproduce import chosen, counts
-        from cosim.reproduce import reproduce as work
+        from cosim.papers import chosen, counts
+        from cosim.papers import reproduce as work
 
         chosen(paper)
         page, table = (output / f"reproduce-{paper}.{ending}" for ending in ("html", "csv"))
@@ -49,7 +49,7 @@ def add(app, out, err):
         frame = DataFrame(found["rows"])
         replace(table, lambda part: frame.to_csv(part, index=False))
         if readme:
-            from cosim.reproduce.readme import write
+            from cosim.report.papers_markdown import write
 
             write(readme, rows)
         if json_:
@@ -71,7 +71,7 @@ def add(app, out, err):
         json_: JsonOption = False,
     ):
         """Make the detectors' stored designs anew from the aircraft that flies, or check them (exit 1: stale)."""
-        from cosim import design as work
+        from cosim.training import designs as work
 
         chosen = names or list(work.DESIGNS)
         for name in chosen:

@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from cosim.cli import faults
-from cosim.coverage import remark
+from cosim.judge.coverage import remark
 
 STATUS = {"completed": "green", "departed": "yellow", "diverged": "red", "interrupted": "yellow"}
 NOTHING = Text("-", style="dim")

@@ -14,7 +14,7 @@ from cosim.compare import rows as compare_rows
 from cosim.compare import stats as compare_stats
 from cosim.errors import CosimError
 from cosim.files import replace
-from cosim.result import plain
+from cosim.judge.result import plain
 
 
 class CompareError(CosimError):

@@ -1,13 +1,14 @@
 """The built-in matrix of `cosim compare`: fault-free flights, a grid of oscillations, and every built-in fault.
 
 All fly at point E of [Alwi14], where every detector is within what it is made for, and every fault starts after 22 s,
-when the slowest of them has learned its offsets (20 s, fdi/control_redundancy.py). Seeds are those of an evaluation.
+when the slowest of them has learned its offsets (20 s, fdi/control_redundancy/control_redundancy.py). Seeds are those
+of an evaluation.
 """
 
 from cosim.campaign import EVALUATION_SEED
-from cosim.flight import SIX
+from cosim.campaign.inventory import builtin_names
+from cosim.flight.plant.point import SIX
 from cosim.scenario import load_scenario
-from cosim.scenario.inventory import builtin_names
 
 POINT = {f"flight.{k}": v for k, v in SIX["E"].items()}
 SHIFT_S = 12.0  # of faults and manoeuvres of the built-in scenarios, most of which break at 10 or 12 s

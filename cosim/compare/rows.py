@@ -1,6 +1,6 @@
 """Rows of a comparison: one per run and detector, from a campaign's rows per lane, or from logs.
 
-run, title, case, kind, target     the flight and its fault, case as in cosim/coverage.py; null when fault-free
+run, title, case, kind, target     the flight and its fault, case as in cosim/judge/coverage.py; null when fault-free
                                    of several faults the one that the detector noticed first, else the earliest
 frequency_hz, amplitude_mm, rod_mm, surface_deg     of an oscillation; achieved, against the twin flight
 hours                              flown
@@ -9,7 +9,7 @@ word                               designed, may, blind: how it stands to the ca
 concerned                          it has a lane on the faulty part (aircraft level: always, when there is a fault)
 idle                               its statistic never left zero: it never judged
 detected, delay_s, delay_periods, class    of the first lane that noticed
-outcome                            named, seen, misnamed, missed, quiet, bonus (cosim/coverage.py), idle, or
+outcome                            named, seen, misnamed, missed, quiet, bonus (cosim/judge/coverage.py), idle, or
                                    echo: it alarms in this manoeuvre without a fault as well; null when fault-free
 false_alarms                       over all lanes
 r_fault_free                       largest |r| of a fault-free flight; r_fault: from the onset on, concerned lanes
@@ -22,8 +22,8 @@ import tomllib
 import numpy as np
 import pandas as pd
 
-from cosim import coverage
 from cosim.campaign.worker import ACHIEVED, run_id
+from cosim.judge import coverage
 from cosim.scenario.catalog import DEFAULT_TECHNOLOGY
 
 
@@ -146,8 +146,8 @@ def of_logs(paths, progress=None):
     The judgement is made again from what the detectors put out; achieved amplitudes need the flight and its twin flown
     again, where a fault acts on an elevator. Raises LogError.
     """
-    from cosim.achieved import achieved, faulted
-    from cosim.flown import Flown
+    from cosim.flight.twin import achieved, faulted
+    from cosim.replay.recording import Flown
 
     rows, tomls = [], {}
     for i, path in enumerate(paths):

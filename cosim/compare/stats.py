@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pandas as pd
 
-from cosim import metrics
-from cosim.coverage import BLIND, DESIGNED, MAY, expectations, group
+from cosim.compare import metrics
+from cosim.judge.coverage import BLIND, DESIGNED, MAY, expectations, group
 
 LEVEL = 0.95
 SEEN = 0.95  # share of the larger oscillations that a level has to see

@@ -8,7 +8,7 @@ from isal.isal_zlib import crc32
 from mcap.data_stream import RecordBuilder
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
-from cosim.lock import OTHER, TAKEN, open_alone
+from cosim.files import OTHER, TAKEN, open_alone
 
 from .format import LIBRARY, log_error
 from .records import MAGIC, closing

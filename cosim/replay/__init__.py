@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cosim.judge.result import Watch, judge, judged, plain
 from cosim.log import open_log
 from cosim.replay.lanes import describe, fill, lanes, pieces, run, tick_of, topics
 from cosim.replay.params import ReplayError, check_start
 from cosim.replay.write import Overlay
-from cosim.result import Watch, judge, judged, plain
 
 __all__ = ["Difference", "Replay", "ReplayError", "compare", "lanes", "pieces", "replay", "run"]
 SPAN = 4000  # ticks read and replayed at once: bounds the memory

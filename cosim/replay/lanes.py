@@ -6,7 +6,6 @@ starts at its first whole state.
 """
 
 import functools
-import importlib
 import json
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -14,9 +13,10 @@ from itertools import pairwise
 import numpy as np
 
 from actuators.block import bound
-from cosim.detector_table import TABLE
 from cosim.errors import LogError, did_you_mean
-from cosim.indices import wrong_state
+from cosim.flight.detector_table import TABLE
+from cosim.flight.detector_table import module as module_of
+from cosim.flight.parameter_bounds import wrong_state
 from cosim.replay.params import ReplayError, attached, chosen_overrides, older, override, trusted
 
 BLOCK_BYTES = 1 << 18  # of full states at once: they stay in the processor's cache
@@ -47,7 +47,7 @@ def manifest(log):
         )
     try:
         found = json.loads(log.attachments["detectors.json"])
-        strange = [d["id"] for d in found if d["id"] not in TABLE or d["module"] != TABLE[d["id"]].module]
+        strange = [d["id"] for d in found if d["id"] not in TABLE]
     except (ValueError, TypeError, KeyError) as error:
         raise LogError(f"detectors.json is damaged: {error}", place=str(log.path)) from error
     if strange:
@@ -109,7 +109,7 @@ def describe(log, chosen=None, overrides=None):
     chosen_overrides(chosen, overrides)
     out = []
     for d in (d for d in found if not chosen or d["id"] in chosen):
-        module = importlib.import_module(d["module"])
+        module = module_of(d["id"])
         p = attached(log, f"{d['id']}.params", module.PARAMS)
         x = attached(log, f"{d['id']}.initial", module.STATE)
         trusted(log, d["id"], module, p, x, tick_of(log))

@@ -1,8 +1,8 @@
 """Diagnose foreign data: map its channels to the detectors' inputs, run every detector whose inputs are complete,
 name what is missing.
 
-A detector's inputs are wired to names of our bus (cosim/detectors.py); a map file (cosim/replay/map_file.py) says which
-channel stands for each.
+A detector's inputs are wired to names of our bus (cosim/flight/detectors.py); a map file (cosim/replay/map_file.py)
+says which channel stands for each.
 """
 
 import json
@@ -11,7 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim import detectors as table
+from cosim.flight import detectors as table
+from cosim.flight.units import unit
+from cosim.judge.result import Watch, judge, plain
 from cosim.log import LogWriter, Topic, viewer_layouts
 from cosim.replay.foreign import read_channels
 from cosim.replay.lanes import Lane, flat, run
@@ -19,8 +21,6 @@ from cosim.replay.map_file import load_map
 from cosim.replay.map_signals import acting, channels_of, check, sampled, si_unit, signal_of, slow
 from cosim.replay.params import ReplayError, check_start, chosen_overrides, override
 from cosim.replay.resample import ticks
-from cosim.result import Watch, judge, plain
-from cosim.units import unit
 
 MOST_TICKS = 4_000_000  # five and a half hours at 200 Hz: all inputs of a recording are in memory
 VERDICT = ("alarm", "verdict", "culprit", "r")

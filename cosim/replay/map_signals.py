@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from cosim import detectors as table
 from cosim.errors import did_you_mean
+from cosim.flight import detectors as table
+from cosim.flight.units import unit
 from cosim.replay.map_file import units_for
 from cosim.replay.params import ReplayError
 from cosim.replay.resample import resample
-from cosim.units import unit
-from cosim.wiring import SEGMENTS
+from cosim.scenario.catalog import SEGMENTS
 
 
 def signal_of(source):

@@ -8,8 +8,8 @@ import zlib
 import numpy as np
 
 from cosim.errors import CosimError, LogError, did_you_mean
-from cosim.indices import wrong_parameter, wrong_state
-from cosim.parameters import assign
+from cosim.flight.parameter_bounds import wrong_parameter, wrong_state
+from cosim.flight.parameters import assign
 
 ARRAY_BYTES = 1 << 27  # a compressed array that claims more is refused
 

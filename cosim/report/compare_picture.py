@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from cosim import coverage
 from cosim.compare.stats import ALPHA
+from cosim.judge import coverage
 from cosim.report.envelope_maps import STOPS, colour
 from cosim.report.page import text
 

@@ -1,8 +1,8 @@
 """Tables of a comparison: levels, detectors, coverage, confusion, flights."""
 
-from cosim import coverage
 from cosim.compare import stats
-from cosim.flown import finite
+from cosim.judge import coverage
+from cosim.replay.recording import finite
 from cosim.report.page import table, text
 
 SYMBOL = {

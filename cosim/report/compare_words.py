@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from cosim import coverage
 from cosim.compare import stats
+from cosim.judge import coverage
 from cosim.report.page import text
 from cosim.report.words import article
 

@@ -4,10 +4,9 @@ import math
 
 import numpy as np
 
-from cosim import metrics
-from cosim.compare import stats
-from cosim.coverage import DESIGNED
-from cosim.flown import finite
+from cosim.compare import metrics, stats
+from cosim.judge.coverage import DESIGNED
+from cosim.replay.recording import finite
 from cosim.report.figure import COLOURS, DASHES, Figure, axis, base, grid, packed, place, style_axis
 
 

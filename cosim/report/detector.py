@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from cosim.flown import words
+from cosim.replay.recording import words
 from cosim.report.figure import COLOURS, Figure, curve, envelope, least, level, note, packed, peaks, place
 from cosim.report.flight import DEG, panels
 

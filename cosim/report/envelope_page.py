@@ -1,6 +1,6 @@
 """The page of the envelope: where the aircraft trims, at which values, why not elsewhere, where its actuators stall."""
 
-from cosim.envelope import REASONS
+from cosim.campaign.envelope import REASONS
 from cosim.report.envelope_maps import QUANTITIES, REASON, scale
 from cosim.report.figure import Figure, axis, base, grid, place
 from cosim.report.page import drawing, page, table, text, write

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from cosim import wiring
-from cosim.flown import words
+from cosim.flight import wiring
+from cosim.replay.recording import words
 from cosim.report.figure import (
     COLOURS,
     DASHES,
@@ -19,6 +19,7 @@ from cosim.report.figure import (
     packed,
     place,
 )
+from cosim.scenario.catalog import SHORT
 
 DEG, FT, KT = 180.0 / math.pi, 1.0 / 0.3048, 3600.0 / 1852.0
 EARTH = 6_371_000.0  # mean radius [m]: the track is drawn on a local plane
@@ -155,7 +156,7 @@ def surfaces(flown):
     panels(flown, figure, titles, ["deg"] * 4, 2)
     figure.layout["margin"] |= {"t": 50}
     figure.layout["legend"]["y"] = 1.05
-    for i, (seg, short) in enumerate(wiring.SHORT.items(), 1):
+    for i, (seg, short) in enumerate(SHORT.items(), 1):
         _surface(
             flown,
             figure,

@@ -1,7 +1,7 @@
 """The page of one flight: summary, time line, table, figures, provenance."""
 
-from cosim import coverage
-from cosim.flown import Flown, finite, words
+from cosim.judge import coverage
+from cosim.replay.recording import Flown, finite, words
 from cosim.report import flight
 from cosim.report.detector import SHOWN, detector
 from cosim.report.page import drawing, page, table, text, write

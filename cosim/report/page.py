@@ -8,7 +8,7 @@ from pathlib import Path
 from plotly.offline import get_plotlyjs
 
 from cosim.files import replace_text
-from cosim.result import plain
+from cosim.judge.result import plain
 
 
 def text(value):

@@ -28,7 +28,7 @@ def reproduction_report(rows, drawings, output):
 
 
 def render(rows, drawings):
-    """Return the page as HTML text, from the Rows and Drawings of `cosim.reproduce`."""
+    """Return the page as HTML text, from the Rows and Drawings of `cosim.papers`."""
     papers = list(dict.fromkeys(r.paper for r in rows))
     body, figures, number = [], [], 0
     for paper in papers:

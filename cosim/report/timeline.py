@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from cosim.flown import spans, words
+from cosim.replay.recording import spans, words
 from cosim.report.figure import Figure, bands, base, place, style_axis
-from fdi.verdict import NAMES
+from fdi.common.verdict import NAMES
 
 
 def timeline(flown):
@@ -107,8 +107,9 @@ def _labels(figure, flown, lane, alarms):
 
 
 def _real(flown, lane, step):
-    """Return the rows (bool) at which an alarm of the lane would be a true one: as `cosim.result.judge` counts."""
-    from cosim.result import concerns
+    """Return the rows (bool) at which an alarm of the lane would be a true one: as `cosim.judge.result.judge` counts.
+    """
+    from cosim.judge.result import concerns
 
     out = np.zeros(len(lane.fields["alarm"]), bool)
     for f in flown.faults:

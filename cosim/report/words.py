@@ -2,9 +2,10 @@
 
 import math
 
-from cosim import coverage, wiring
-from cosim.flown import words
+from cosim.judge import coverage
+from cosim.replay.recording import words
 from cosim.report.page import text
+from cosim.scenario.catalog import SHORT
 
 DEG = 180.0 / math.pi
 LEVELS = {"aircraft": "aircraft level", "local": "local"}
@@ -106,7 +107,7 @@ def _swing(flown, f):
     k = max(1, round((f.start_s - flown.t0) / flown.dt))
     out = []
     for seg in f.parsed.names:
-        delta = flown.values("/truth/aircraft", f"de_{wiring.SHORT[seg]}") * DEG
+        delta = flown.values("/truth/aircraft", f"de_{SHORT[seg]}") * DEG
         before, after = delta[:k], delta[k:]
         out.append(
             f"{words(seg)} moved {after.min():.2f} to {after.max():.2f} deg (before: {before.min():.2f} to "

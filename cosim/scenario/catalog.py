@@ -10,6 +10,7 @@ from typing import Any
 DEG, KT, FT = math.pi / 180.0, 1852.0 / 3600.0, 0.3048
 
 SEGMENTS = ("left_outer", "left_inner", "right_inner", "right_outer")
+SHORT = dict(zip(SEGMENTS, ("lo", "li", "ri", "ro")))  # as the truth's and the plant's fields call them
 GROUPS = {"left": SEGMENTS[:2], "right": SEGMENTS[2:], "all": SEGMENTS}
 TECHNOLOGIES = ("hydraulic", "ema", "simple")
 DEFAULT_TECHNOLOGY: dict[str, Any] = dict(zip(SEGMENTS, ("hydraulic", "hydraulic", "ema", "ema")))

@@ -12,7 +12,7 @@ def check(faults, technology):
         what = fault.spec.exclusive
         if not what:
             continue
-        if what == "at":  # a runaway to a limit moves the command, whatever it starts from (cosim/inject.py)
+        if what == "at":  # a runaway to a limit moves the command, whatever it starts from (cosim/flight/inject.py)
             what = "command" if "limit_deg" in (fault.model_extra or {}) else fault.at
         for name in fault.parsed.names:
             for other, claim, index in taken:

@@ -14,9 +14,9 @@ def toleranced(group):
     if group == "aero":
         return tuple(dict.fromkeys(re.findall(r"aero/mult/(\w+)", MULTIPLIERS.read_text(encoding="utf-8"))))
     if group == "hydraulic":
-        from actuators.hydraulic import NOMINAL
+        from actuators.hydraulic.actuator import NOMINAL
 
         return tuple(name for name in NOMINAL if name not in NUMERICAL)
-    from actuators.jay import values
+    from actuators.ema.jay import values
 
     return tuple(values("elevator"))

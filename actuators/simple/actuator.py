@@ -1,0 +1,126 @@
+"""A plain actuator: second order, limited in rate, acceleration and position; no load, no electronics.
+
+    v = k1 (command - delta),   |v| <= v_max;      delta'' = k2 (v - delta'),   |delta''| <= a_max
+
+held over the tick and integrated exactly. For ailerons, rudder, stabiliser, and elevators called `simple`.
+
+A fault is an input whose zero means healthy: f_cmd, s_cmd (the command becomes (1 - s_cmd) command + f_cmd), f_rate,
+s_rate (the demanded rate becomes (1 - s_rate) v + f_rate: s_rate = 1 is a runaway at f_rate to the stop), loss
+(fraction of the deflection lost), jam (above 0.5 it stops where it is), free_float (above 0.5 it trails to hm0 + hmd
+delta = 0).
+"""
+
+import math
+
+import numpy as np
+
+from actuators.block import dtype, kernel, record
+from actuators.common import linkage
+from actuators.common.limits import clip, flush
+
+PARAMS = dtype(
+    [
+        ("k1", "f8"),  # position error to rate [1/s]
+        ("k2", "f8"),  # rate error to acceleration [1/s]
+        ("v_max", "f8"),  # rate limit [rad/s]
+        ("a_max", "f8"),  # acceleration limit [rad/s^2]
+        ("lo", "f8"),  # stop [rad]
+        ("hi", "f8"),  # stop [rad]
+        ("tau_float", "f8"),  # time constant of the free surface [s]
+    ]
+)
+INPUTS = dtype(
+    [
+        ("command", "f8"),  # commanded angle [rad]
+        ("hm0", "f8"),  # hinge moment at zero, used by free_float [N m]
+        ("hmd", "f8"),  # its slope [N m/rad]
+        ("f_cmd", "f8"),  # fault: added to the command [rad]
+        ("s_cmd", "f8"),  # fault: share of the command replaced [0..1]
+        ("f_rate", "f8"),  # fault: added to the demanded rate [rad/s]
+        ("s_rate", "f8"),  # fault: share of the demanded rate replaced [0..1]
+        ("loss", "f8"),  # fault: deflection lost [0..1]
+        ("jam", "f8"),  # fault: above 0.5 stuck
+        ("free_float", "f8"),  # fault: above 0.5 trailing
+    ]
+)
+STATE = dtype(
+    [
+        ("delta", "f8"),  # surface angle [rad]
+        ("delta_d", "f8"),  # its rate [rad/s]
+        ("delta_c", "f8"),  # command after faults and limits [rad]
+        ("status", "f8"),  # 0 good, 1 the command was not finite (the last good one is held)
+    ]
+)
+OUTPUTS = ("delta", "delta_d", "delta_c", "status")
+
+
+def params(*, omega=30.0, zeta=0.9, rate=linkage.RATE, lo=linkage.TRAVEL[0], hi=linkage.TRAVEL[1], **values):
+    """Return PARAMS of shape (1,) from natural frequency [rad/s], damping, rate [rad/s], stops [rad] (elevator)."""
+    fields = {
+        "k1": omega / (2 * zeta),
+        "k2": 2 * zeta * omega,
+        "v_max": rate,
+        "a_max": 2 * omega * rate,  # a full reversal of rate takes one time constant
+        "lo": lo,
+        "hi": hi,
+        "tau_float": 0.2,  # assumed: a damped surface in a 747's airflow
+    }
+    return record(PARAMS, **{**fields, **values})
+
+
+# stops and rates are the aircraft's: assumed 747-like, a stabiliser by screw jack
+KINDS = {
+    "elevator": {},
+    "aileron": {"lo": math.radians(-20), "hi": math.radians(20), "rate": math.radians(45)},
+    "rudder": {"lo": math.radians(-25), "hi": math.radians(25), "rate": math.radians(30), "omega": 20.0},
+    "stabiliser": {"lo": math.radians(-12), "hi": math.radians(3), "rate": math.radians(0.5), "omega": 5.0},
+}
+
+
+def init(p):
+    """Return the state at rest at zero."""
+    return init_at(p, 0.0)
+
+
+def init_at(p, delta):
+    """Return the state at rest at `delta` [rad], which broadcasts over p."""
+    x = np.zeros(p.shape, STATE)
+    x["delta"] = delta
+    x["delta_c"] = x["delta"]
+    return x
+
+
+@kernel
+def step(x, u, p, dt):
+    """Advance the actuator by one tick."""
+    x.status = 1.0
+    command = (1.0 - u.loss) * ((1.0 - u.s_cmd) * u.command + u.f_cmd)
+    if abs(command) < 1e6:
+        x.delta_c = clip(command, p.lo, p.hi)
+        x.status = 0.0
+    if u.jam > 0.5:
+        x.delta_d = 0.0
+        return
+    v = (1.0 - u.s_rate) * clip(p.k1 * (x.delta_c - x.delta), -p.v_max, p.v_max) + u.f_rate
+    if u.free_float > 0.5:
+        goal = -u.hm0 / u.hmd if u.hmd < 0.0 else x.delta
+        v = (clip(goal, p.lo, p.hi) - x.delta) / p.tau_float
+    if not abs(v) < 1e6:
+        v, x.status = 0.0, 1.0
+    a = clip((v - x.delta_d) * (1.0 - math.exp(-p.k2 * dt)) / dt, -p.a_max, p.a_max)
+    x.delta += dt * (x.delta_d + 0.5 * dt * a)
+    x.delta_d += dt * a
+    if x.delta > p.hi:
+        x.delta, x.delta_d = p.hi, min(x.delta_d, 0.0)
+    elif x.delta < p.lo:
+        x.delta, x.delta_d = p.lo, max(x.delta_d, 0.0)
+    x.delta_d = flush(x.delta_d)
+
+
+@kernel
+def rollout(x, u, p, dt, log):
+    """Advance every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
+    for i in range(u.shape[0]):
+        for k in range(u.shape[1]):
+            step(x[i], u[i, k], p[i], dt)
+            log[i, k] = x[i]

@@ -1,0 +1,147 @@
+"""Commands about many flights and their pages: `campaign`, `report`, `compare`."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cosim.cli import tables
+from cosim.cli.output import JsonOption, WorkersOption, reserve
+
+
+def add(app, out, err):
+    """Add the commands to the command line `app`; `out` and `err` are its consoles."""
+
+    @app.command()
+    def campaign(
+        campaign: Annotated[str, typer.Argument(metavar="CAMPAIGN", help="Built-in name or file.", show_default=False)],
+        workers: WorkersOption = None,
+        scheduler: Annotated[
+            str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Fly on a Dask cluster: tcp://host:8786.")
+        ] = None,
+        resume: Annotated[bool, typer.Option("--resume", help="Go on in this folder; failed runs fly again.")] = False,
+        output: Annotated[
+            Path | None,
+            typer.Option("--output", "-o", metavar="DIR", help="Default: logs/<campaign>.", show_default=False),
+        ] = None,
+        again: Annotated[
+            str | None,
+            typer.Option("--rerun", metavar="ID", help="Fly one run again, with a log, and compare its row."),
+        ] = None,
+        worst: Annotated[
+            str | None,
+            typer.Option("--worst", metavar="DETECTOR", help="Provoke a false alarm, fault-free (300 flights)."),
+        ] = None,
+        json_: JsonOption = False,
+    ):
+        """Fly many scenarios: grids and draws over any number, one row per run and detector, resumable.
+
+        Exit status 1: a run ended in an error, or none could be flown.
+        """
+        from cosim.campaign.run import folder, rerun, run_campaign
+
+        if worst:
+            from cosim.campaign.search import search
+
+            path = (output or folder(campaign)) / f"worst-{worst}.toml"
+            with tables.progress(err, f"provoking {worst}", "flights", "preparing the workers") as progress:
+                found = search(campaign, worst, workers=workers, out=path, progress=progress).to_dict()
+            if json_:
+                print(json.dumps(found))
+            else:
+                gain = f"|r| {found['r']:.2f} of the threshold, {found['first_r']:.2f} in the first generation"
+                out.print(f"{gain}; {found['false_alarms']} false alarms in {found['flights']} flights\n{path}")
+            return
+
+        if again:
+            flown, result, repeats, same_code = rerun(campaign, again, out=output)
+            found = {**result.to_dict(), "run": again, "repeats": repeats, "same_code": same_code}
+            if json_:
+                print(json.dumps(found, allow_nan=False))
+            else:
+                out.print(tables.run(found, flown))
+                if repeats is not None:
+                    other = "" if same_code else ": the campaign was flown with other code, designs or libraries"
+                    out.print("its row repeats exactly" if repeats else f"[bold red]its row does not repeat[/]{other}")
+            raise typer.Exit(1 if repeats is False else 0)
+        with tables.progress(err, f"flying {Path(campaign).stem}", "runs", "preparing the workers") as progress:
+            done = run_campaign(
+                campaign, workers=workers, scheduler=scheduler, out=output, resume=resume, progress=progress
+            )
+        from cosim.cli import campaign as cli_campaign
+
+        if json_:
+            print(json.dumps({**done.to_dict(), "errors": cli_campaign.errors(done.frame)}))
+        else:
+            out.print(cli_campaign.campaign(done))
+        raise typer.Exit(cli_campaign.exit_status(done.frame))
+
+    @app.command()
+    def report(
+        log: Annotated[
+            Path,
+            typer.Argument(metavar="LOG|DIR", help="A log; a campaign's folder, or one of logs.", show_default=False),
+        ],
+        output: Annotated[
+            Path | None,
+            typer.Option("--output", "-o", metavar="HTML", help="Default: beside the log.", show_default=False),
+        ] = None,
+        json_: JsonOption = False,
+    ):
+        """Write one self-contained HTML page that shows a flight, or compares those of a folder; opens offline."""
+        path = output or (log / "compare.html" if log.is_dir() else log.with_suffix(".html"))
+        reserve(path, taken=log, endings=(".html", ".htm"), what="the log")
+        if log.is_dir():
+            from cosim.compare import compare as work
+            from cosim.report import comparison_report
+
+            with tables.progress(err, "reading", unit="logs") as progress:
+                made = comparison_report(work([log], progress=progress), path)
+        else:
+            from cosim.report import flight_report
+
+            made = flight_report(log, path)
+        if json_:
+            print(json.dumps({"report": str(made)}))
+        else:
+            out.print(f"report {tables.escape(str(made))}", soft_wrap=True, highlight=False)
+
+    @app.command()
+    def compare(
+        sources: Annotated[
+            list[Path] | None,
+            typer.Argument(
+                metavar="[LOGS…|DIR]",
+                help="Logs, or a campaign's folder. Default: a small built-in matrix.",
+                show_default=False,
+            ),
+        ] = None,
+        output: Annotated[
+            Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of report and table.")
+        ] = Path("logs/compare"),
+        workers: WorkersOption = None,
+        readme: Annotated[
+            Path | None,
+            typer.Option("--readme", metavar="FILE", help="Write table and picture into it, too.", show_default=False),
+        ] = None,
+        json_: JsonOption = False,
+    ):
+        """Compare aircraft-level and local detectors on the same flights: who sees what, how soon, at what cost."""
+        from cosim.cli.compare import compare as table
+        from cosim.compare import compare as work
+
+        reserve(output / "compare.html")
+        with tables.progress(
+            err, "flying" if not sources else "reading", unit="flights", waiting="preparing"
+        ) as progress:
+            made = work(sources or (), out=output, workers=workers, progress=progress)
+        if readme:
+            from cosim.report.compare_markdown import write
+
+            write(made, readme)
+        found = made.to_dict()
+        if json_:
+            print(json.dumps(found, allow_nan=False))
+        else:
+            out.print(table(found))

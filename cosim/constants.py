@@ -1,0 +1,1 @@
+"""Physical constants and unit factors, named by direction."""

@@ -1,0 +1,96 @@
+"""Fault signals, one lane per place a fault acts on: when, how strongly, in which shape.
+
+A lane is active from `start` to `end`; its envelope g rises linearly over `ramp` and drops to zero at `end` (healed).
+Its signal is
+
+    form 0 constant   g * amplitude
+    form 1 sine       g * amplitude * sin(omega (t - start) + phase)          oscillatory failure case (OFC)
+    form 2 drift      g * amplitude * (t - start)                             amplitude in unit/s
+    form 3 runaway    g * (latched reference + amplitude (t - start)), within [lower, upper]; from a reference outside
+                      of them it stays there: a runaway never goes back to its limit
+
+A substitution (solid OFC, runaway) moves two inputs, its
+share g of the healthy signal and its own signal. Which input of which part a kind of fault moves is in
+cosim/flight/inject.py.
+"""
+
+import math
+
+import numpy as np
+
+from actuators.block import dtype, kernel
+
+CONSTANT, SINE, DRIFT, RUNAWAY = 0.0, 1.0, 2.0, 3.0
+
+PARAMS = dtype(
+    [
+        ("form", "f8"),  # one of the four above
+        ("start", "f8"),  # [s]
+        ("end", "f8"),  # [s], inf when never healed
+        ("ramp", "f8"),  # [s]
+        ("amplitude", "f8"),  # [unit of the place; per second for drift and runaway]
+        ("omega", "f8"),  # [rad/s]
+        ("phase", "f8"),  # [rad]
+        ("lower", "f8"),  # limits of a runaway [unit of the place]
+        ("upper", "f8"),
+    ]
+)
+
+INPUTS = dtype(
+    [
+        ("t", "f8"),  # time of the tick [s]
+        ("ref", "f8"),  # signal latched at the onset of a runaway [unit of the place]
+    ]
+)
+
+STATE = dtype(
+    [
+        ("active", "f8"),  # 1 between start and end
+        ("g", "f8"),  # envelope, 0..1
+        ("f_inj", "f8"),  # injected signal [unit of the place]
+        ("f_neg", "f8"),  # its negative, for places that count the other way
+        ("latch", "f8"),  # reference at onset [unit of the place]
+    ]
+)
+
+OUTPUTS = ("active", "g", "f_inj")
+
+
+def init(p):
+    """Return inactive faults."""
+    return np.zeros(p.shape, STATE)
+
+
+@kernel
+def step(x, u, p, dt):
+    """Advance one fault lane to the time of this tick."""
+    since = u.t - p.start
+    # half a tick of slack: start and end fall on the tick nearest to them, whatever the rounding of k * dt
+    active = since > -0.5 * dt and u.t < p.end - 0.5 * dt
+    if not active:
+        x.active, x.g, x.f_inj, x.f_neg = 0.0, 0.0, 0.0, 0.0
+        return
+    if x.active == 0.0:
+        x.latch = u.ref
+    x.active = 1.0
+    since = max(since, 0.0)
+    x.g = 1.0 if p.ramp <= 0.0 else min(1.0, since / p.ramp)
+    if p.form == SINE:
+        s = p.amplitude * math.sin(p.omega * since + p.phase)
+    elif p.form == DRIFT:
+        s = p.amplitude * since
+    elif p.form == RUNAWAY:
+        s = min(max(x.latch + p.amplitude * since, min(p.lower, x.latch)), max(p.upper, x.latch))
+    else:
+        s = p.amplitude
+    x.f_inj = x.g * s
+    x.f_neg = -x.f_inj
+
+
+@kernel
+def rollout(x, u, p, dt, log):
+    """Advance every lane through every tick."""
+    for i in range(u.shape[0]):
+        for k in range(u.shape[1]):
+            step(x[i], u[i, k], p[i], dt)
+            log[i, k] = x[i]

@@ -1,0 +1,36 @@
+"""From a scenario's manoeuvre to the table of demands that flies it."""
+
+import math
+
+from cosim.flight.blocks.manoeuvre import doublet, three_two_one_one
+from cosim.scenario import manoeuvre as m
+
+FULL_STICK_G = 2.0  # the stop of the stick is beyond every limit of the law: 2.5 g in a climb, too
+
+
+def _pulse(start, length, channel, value):
+    return [(start, {channel: value}), (start + length, {channel: 0.0})]
+
+
+def steps(manoeuvre):
+    """Return the arguments of `manoeuvre.params` (table of steps, holds engaged) for a scenario's manoeuvre."""
+    k = manoeuvre
+    if isinstance(k, m.Cruise):
+        table = []
+    elif isinstance(k, m.AoaProtection):
+        table = _pulse(k.start_s, k.duration_s, "nz_dem", FULL_STICK_G * k.stick)
+    elif isinstance(k, m.NoseUp | m.PitchProtection):
+        table = _pulse(k.start_s, k.duration_s, "nz_dem", k.amplitude_g)
+    elif isinstance(k, m.CoordinatedTurn):
+        table = _pulse(k.start_s, k.duration_s, "phi_dem", math.radians(k.bank_deg))
+        return {"steps": table, "hold_h": True, "hold_v": True}
+    elif isinstance(k, m.YawAngle):
+        table = [(k.start_s, {"psi_dem": math.radians(k.heading_deg)})]
+        return {"steps": table, "hold_psi": True, "hold_h": True, "hold_v": True}
+    elif isinstance(k, m.NzDoublet):
+        table = doublet(k.start_s, k.width_s, "nz_dem", k.amplitude_g)
+    elif k.amplitude_deg is not None:
+        table = three_two_one_one(k.start_s, k.unit_s, "de_add", math.radians(k.amplitude_deg))
+    else:
+        table = three_two_one_one(k.start_s, k.unit_s, "nz_dem", k.amplitude_g)
+    return {"steps": table}

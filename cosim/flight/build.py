@@ -1,0 +1,224 @@
+"""Build a flight from its scenario: trim the aircraft, lay out the bus, put every block into equilibrium, wire them."""
+
+import math
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from actuators.block import bound, dtype
+from cosim.errors import ScenarioError
+from cosim.flight import actuation as parts
+from cosim.flight import detectors, inject, wiring
+from cosim.flight.blocks import faults, hinge_model, law, manoeuvre, sensors
+from cosim.flight.blocks.law import design as law_design
+from cosim.flight.blocks.pilot import steps
+from cosim.flight.bus import Bus, route, route_add
+from cosim.flight.plant.linearize import linearize
+from cosim.flight.plant.plant import SURFACES, TRUTH, Plant
+from cosim.flight.plant.point import Flight
+from cosim.flight.plant.trim import Trim
+from cosim.flight.tick import Block, Loop
+from cosim.flight.trace import History
+from cosim.scenario import Scenario
+from cosim.scenario.catalog import SEGMENTS, SHORT
+
+CLOCK = dtype([("t", "f8")])
+SURFACE = dtype([(name, "f8") for name in SURFACES])
+NOISE_BLOCK = 1000  # ticks of noise drawn at once
+HINGE_MODEL_ERROR = {
+    "hydraulic": 0.2,
+    "ema": 0.3,
+    "simple": 0.0,
+}  # bound of the error of the detectors' hinge-moment model
+
+
+@dataclass
+class Setup:
+    """A flight ready to fly, and what its log and its result need."""
+
+    scenario: Scenario
+    loop: Loop
+    trim: Trim
+    lanes: list  # fault lanes
+    members: list  # (id, level, target, culprits, section, lane) of every detector lane
+    history: History  # what a run keeps of every tick
+    step_us: dict = field(default_factory=dict)
+
+    @property
+    def ticks(self):
+        return self.scenario.ticks
+
+    def watches(self):
+        """Return the Watch of every detector lane."""
+        return self.history.watches(self.step_us)
+
+    def time_detectors(self, repeats=200):
+        """Measure each detector's cost per step and lane, on copies: a flight's own numbers stay untouched."""
+        for d in self.loop.detectors:
+            x, u = d.x.copy(), d.u.copy()
+            log = np.zeros((len(x), 1), d.module.STATE)
+            best = math.inf
+            for _ in range(3):
+                begin = time.perf_counter()
+                for _ in range(repeats):
+                    d.module.rollout(x, u, d.p, self.loop.dt * d.every, log)
+                best = min(best, time.perf_counter() - begin)
+            self.step_us[d.name] = best / repeats / len(x) * 1e6
+
+
+def _sensor_lanes(scenario, nominal, rng, dt):
+    """Return (lane names, PARAMS) of all sensors; constant errors of actuator sensors are drawn once, from `rng`.
+
+    `nominal` has what relative units refer to (see `inject.Nominal`).
+    """
+    scale, root = scenario.sensors.noise_scale, math.sqrt(0.005 / dt)  # sigma is per 5 ms sample
+    names, rows = [], []
+
+    def add(lane, base, sigma, delay, bias=0.0, gain=1.0, tech=None):
+        s = scenario.sensors.setting(base, lambda unit: inject.sensor_unit(unit, base, tech, nominal))
+        sigma = scale * root * sigma if s.sigma is None else s.sigma
+        p = np.zeros(1, sensors.PARAMS)
+        p["sigma"], p["bias"], p["scale"] = sigma, bias if s.bias is None else s.bias, s.scale or 0.0
+        late = delay if s.delay is None else s.delay
+        p["delay"] = round(late / dt)
+        if p["delay"][0] >= sensors.DELAY_MAX:
+            raise ScenarioError(
+                f"a delay of {late:g} s is {p['delay'][0]:.0f} ticks",
+                place=f"sensors.{base}.delay_s",
+                allowed=f"below {sensors.DELAY_MAX * dt:g} s at {1 / dt:g} Hz",
+                remedy="Lower delay_s or rate_hz",
+            )
+        p["quantum"], p["gain"] = s.quantum or 0.0, gain
+        names.append(lane)
+        rows.append(p)
+
+    for name, (_, sigma, delay, _) in sensors.TRANSPORT.items():
+        add(name, name, sigma, delay)
+    for seg, tech in scenario.elevator.technology.items():
+        for name in wiring.PART_SENSORS[tech]:
+            sigma, spread = sensors.PARTS[name]
+            add(
+                f"{seg}_{name}",
+                name,
+                sigma,
+                parts.SENSOR_DELAY,
+                bias=scale * spread * rng.uniform(-1.0, 1.0),
+                gain=parts.LEAD if name == "position" else 1.0,
+                tech=tech,
+            )
+    return tuple(names), np.concatenate(rows)
+
+
+class Draw:
+    """Draw standard normal noise in blocks of ticks, so that a tick costs one copy."""
+
+    def __init__(self, rng, lanes):
+        self._rng, self._block, self._k = rng, np.zeros((NOISE_BLOCK, lanes)), NOISE_BLOCK
+
+    def __call__(self, noise):
+        if self._k == NOISE_BLOCK:
+            self._rng.standard_normal(out=self._block)
+            self._k = 0
+        noise[:] = self._block[self._k]
+        self._k += 1
+
+
+def build(scenario):
+    """Return the Setup of `scenario`. Raises TrimError when the flight point cannot be flown."""
+    dt, point = scenario.dt, Flight.of(scenario)
+    plant = Plant(point, dt=dt)
+    trim = plant.trim()
+    truth = np.zeros(1, TRUTH)
+    plant.read(truth[0])
+    t = truth[0]
+    rng_parts, rng_noise = (
+        np.random.Generator(np.random.PCG64(s)) for s in np.random.SeedSequence(scenario.seed).spawn(2)
+    )
+    nominal = parts.nominal(dt)
+    sensor_lanes, sensor_p = _sensor_lanes(scenario, nominal, rng_parts, dt)
+    loads = {seg: (t[f"de_{s}"], t[f"hm0_{s}"], t[f"hmd_{s}"]) for seg, s in SHORT.items()}
+    others = {name: t[wiring.SURFACE_OF[name]] for name in wiring.OTHERS}
+    built = parts.blocks(scenario, loads, others, dt)
+    pilot_p = manoeuvre.params(**steps(scenario.manoeuvre))
+    sketch = Plant(point, dt=dt)  # moved about to take derivatives
+    law_p = law_design.design(linearize(point), law_design.alpha_limit(sketch, trim))
+    factors = [
+        1.0 + HINGE_MODEL_ERROR[tech] * rng_parts.uniform(-1.0, 1.0) for tech in scenario.elevator.technology.values()
+    ]
+    hinge_p = hinge_model.design(sketch, trim, t, SHORT.values(), factors)
+    fault_lanes = inject.lanes(scenario, nominal)
+    chosen = detectors.chosen(scenario)
+
+    sections = [
+        ("clock", CLOCK, ("clock",)),
+        ("truth", TRUTH, ("aircraft",)),
+        ("surfaces", SURFACE, ("aircraft",)),
+        ("sensors_in", sensors.INPUTS, sensor_lanes),
+        ("sensors", sensors.STATE, sensor_lanes),
+        ("pilot_in", manoeuvre.INPUTS, ("pilot",)),
+        ("pilot", manoeuvre.STATE, ("pilot",)),
+        ("law_in", law.INPUTS, ("law",)),
+        ("law", law.STATE, ("law",)),
+        ("hinge_model_in", hinge_model.INPUTS, SEGMENTS),
+        ("hinge_model", hinge_model.STATE, SEGMENTS),
+    ]
+    names = tuple(lane.name for lane in fault_lanes)
+    sections += [("faults_in", faults.INPUTS, names), ("faults", faults.STATE, names)]
+    for name, module, _, _, lanes in built:
+        sections += [(name + "_in", module.INPUTS, lanes), (name, module.STATE, lanes)]
+    for d in chosen:
+        sections += [(d.id + "_in", d.module.INPUTS, d.lanes), (d.id, d.module.STATE, d.lanes)]
+    bus = Bus(sections)
+    bus["truth"][:] = truth
+    bus["surfaces"].view("f8")[:] = trim.surfaces  # until the first tick sends its own
+
+    def block(name, module, p, x0, every=1):
+        return Block(bus, name, module, p, x0, dt, every)
+
+    parts_blocks = [block(n, m, p, x) for n, m, p, x, _ in built]
+    tech = scenario.elevator.technology
+    loop = Loop(
+        bus=bus,
+        plant=plant,
+        dt=dt,
+        draw=Draw(rng_noise, len(sensor_lanes)),
+        route={},
+        faults=block(
+            "faults", faults, np.concatenate([np.zeros(0, faults.PARAMS), *(lane.p for lane in fault_lanes)]), 0
+        ),
+        sensors=block("sensors", sensors, sensor_p, sensors.init(sensor_p)),
+        pilot=block("pilot", manoeuvre, pilot_p, manoeuvre.init(pilot_p)),
+        law=block("law", law, law_p, law.init(law_p)),
+        hinge=block("hinge_model", hinge_model, hinge_p, hinge_model.init(hinge_p)),
+        detectors=[
+            block(d.id, d.module, p, d.module.init(p), d.every)
+            for d, p in ((d, d.params(scenario, dt)) for d in chosen)
+        ],
+        servos=[b for b in parts_blocks if b.name in wiring.SERVO.values()],
+        actuators=[b for b in parts_blocks if b.name not in wiring.SERVO.values()],
+    )
+    wires = {
+        stage: bus.wires(pairs)
+        for stage, pairs in {
+            "sensors": wiring.sensor_wires(tech),
+            "law": wiring.law_wires(),
+            "demand": wiring.demand_wires(),
+            "hinge": wiring.hinge_wires(tech),
+            "servos": wiring.servo_wires(tech) + detectors.feedback_wires(scenario),
+            "actuators": wiring.actuator_wires(tech),
+            "surfaces": wiring.surface_wires(tech),
+            "detectors": [w for d in chosen for w in d.wires(tech)],
+            "faults": [(f"faults_in.{lane.name}.t", "clock.clock.t") for lane in fault_lanes]
+            + [(f"faults_in.{lane.name}.ref", lane.reference) for lane in fault_lanes if lane.reference],
+        }.items()
+    }
+    places = [(to, f"faults.{lane.name}.{source}") for lane in fault_lanes for to, source in lane.places]
+    to, source = bus.wires(places)
+    loop.route = {stage: bound(route, bus.v, *w) for stage, w in wires.items()}
+    loop.route["injection"] = bound(route_add, bus.v, np.unique(to), to, source)
+    # what the actuators were last told: in equilibrium, the servo's holding command
+    loop.route["actuators"]()
+    members = [(d.id, d.level, d.target(lane), d.module.CULPRITS, d.id, lane) for d in chosen for lane in d.lanes]
+    history = History(scenario, bus, members)
+    return Setup(scenario=scenario, loop=loop, trim=trim, lanes=fault_lanes, members=members, history=history)

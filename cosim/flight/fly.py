@@ -1,0 +1,72 @@
+"""Fly a built flight: run every tick, watch for departure, keep what is asked for."""
+
+import math
+
+import numpy as np
+
+from cosim.flight.tick import tick
+
+CHECK_EVERY = 10  # ticks between looks at the flight's health: 50 ms
+PROGRESS_EVERY = 200
+
+# Beyond these the aerodynamic tables mean nothing and the flight is called departed; each is far outside what the law's
+# protections allow.
+LIMITS = {
+    "alpha": (math.radians(-20.0), math.radians(35.0)),
+    "beta": (math.radians(-30.0), math.radians(30.0)),
+    "phi": (math.radians(-110.0), math.radians(110.0)),
+    "theta": (math.radians(-60.0), math.radians(60.0)),
+    "nz": (-3.0, 5.0),
+    "mach": (0.1, 0.99),
+    "h": (-100.0, 16_000.0),  # a flight along sea level is one
+}
+
+
+def health(truth):
+    """Return (status, reason): "diverged" for a number that is none, "departed" outside LIMITS, else ("", "")."""
+    for name in truth.dtype.names:
+        if not math.isfinite(truth[name]):
+            return "diverged", f"{name} is {truth[name]}"
+    for name, (low, high) in LIMITS.items():
+        if not low <= truth[name] <= high:
+            return "departed", f"{name} = {truth[name]:.4g} is outside {low:.4g} to {high:.4g} (SI)"
+    return "", ""
+
+
+def record(setup, names):
+    """Fly a built flight without a log; return (values (ticks, names) of the named bus signals, status, reason)."""
+    index = np.array([setup.loop.bus.index(n) for n in names])
+    rows, status, reason = fly(setup, keep=(index, np.float64))
+    if status == "interrupted":
+        raise KeyboardInterrupt
+    return rows, status, reason
+
+
+def fly(setup, append=None, progress=None, keep=None):
+    """Run every tick of a built flight; return (history of the ticks flown, status, reason).
+
+    `append(v)` takes the bus of each tick; `keep` says what of it becomes history, (positions, dtype), by default what
+    the judgement needs.
+    """
+    loop, n = setup.loop, setup.ticks
+    index, kind = keep or (setup.history.index, np.float32)
+    history = np.empty((n, len(index)), kind)  # pages are taken as the flight goes on
+    append = append or _nowhere
+    k = 0
+    try:
+        for k in range(n):
+            tick(loop, k, append)
+            history[k] = loop.v[index]
+            if k % CHECK_EVERY == 0:
+                bad, why = health(loop.truth)
+                if bad:
+                    return history[: k + 1], bad, f"at {k * loop.dt:.2f} s {why}"
+                if progress and k % PROGRESS_EVERY == 0:
+                    progress(k * loop.dt, n * loop.dt)
+    except KeyboardInterrupt:
+        return history[: k + 1], "interrupted", f"at {k * loop.dt:.2f} s by the user"
+    return history, "completed", ""
+
+
+def _nowhere(v):
+    pass

@@ -1,0 +1,332 @@
+"""Write the aircraft's fitted JSBSim files from tables and constants."""
+
+import numpy as np
+
+from cosim.flight.plant.aero.data import CONSTANT, thrust_ratio
+
+MULTIPLIERS = (
+    "CL_0", "CL_alpha", "CL_q", "CL_de", "CL_ds", "CD_0", "CD_alpha", "CD_beta",
+    "Cm_0", "Cm_alpha", "Cm_q", "Cm_alphadot", "Cm_de", "Cm_ds",
+    "CY_beta", "CY_dr", "Cl_beta", "Cl_p", "Cl_r", "Cl_da", "Cl_dr", "Cl_de",
+    "Cn_beta", "Cn_p", "Cn_r", "Cn_da", "Cn_dr",
+    "Ch_alpha", "Ch_delta",
+)  # fmt: skip
+
+CBAR_FT, SPAN_FT = 27.31, 195.68
+TAIL_ARM_FT = 105.3  # [Roskam] C_m_ih / C_L_ih = -2.70 / 0.70 chords behind the CG at 25 %
+DOWNWASH = 0.40  # d epsilon / d alpha at the tail: assumed (typical of transports)
+SEGMENT_AREA_FT2, SEGMENT_CHORD_FT = 8.0 / 0.3048**2, 1.4 / 0.3048  # DESIGN section 3
+HINGE = {"Ch_alpha": -0.05, "Ch_delta": -0.17}  # per rad; balanced elevator without camber: assumed (README)
+SEGMENT_SPAN_FT = {
+    "lo": -26.6,
+    "li": -12.1,
+    "ri": 12.1,
+    "ro": 26.6,
+}  # spanwise middle of each segment, tail span 72.75 ft: assumed halves
+RHO_SL_P = 2116.22  # psf
+
+
+def table(lookups, rows, columns, values, indent=8):
+    """Return a JSBSim table element; one-dimensional when columns is None."""
+    pad = " " * indent
+    lines = [f"{pad}<table>"]
+    for role, name in zip(("row", "column"), lookups):
+        lines.append(f'{pad}  <independentVar lookup="{role}"> {name} </independentVar>')
+    lines.append(f"{pad}  <tableData>")
+    if columns is not None:
+        lines.append(pad + " " * 14 + "".join(f"{c:12.5f}" for c in columns))
+        lines += [f"{pad}    {r:10.6f}" + "".join(f"{v:12.6f}" for v in row) for r, row in zip(rows, values)]
+    else:
+        lines += [f"{pad}    {r:10.6f}{v:14.6f}" for r, v in zip(rows, values)]
+    return "\n".join([*lines, f"{pad}  </tableData>", f"{pad}</table>"])
+
+
+def function(name, body, comment=None):
+    """Return a named function element around `body`."""
+    note = f"\n      <description> {comment} </description>" if comment else ""
+    return f'    <function name="{name}">{note}\n{body}\n    </function>'
+
+
+def product(*parts, indent=6):
+    """Return a product of properties (str), numbers and ready elements."""
+    return _operation("product", parts, indent)
+
+
+def total(*parts, indent=6):
+    """Return a sum of properties (str), numbers and ready elements."""
+    return _operation("sum", parts, indent)
+
+
+def _operation(kind, parts, indent):
+    pad = " " * indent
+    lines = []
+    for part in parts:
+        if isinstance(part, str) and "<" in part:
+            lines.append(part)
+        elif isinstance(part, str):
+            lines.append(f"{pad}  <p> {part} </p>")
+        else:
+            lines.append(f"{pad}  <v> {part:.8g} </v>")
+    return "\n".join([f"{pad}<{kind}>", *lines, f"{pad}</{kind}>"])
+
+
+def multipliers_xml():
+    """Return the declarations of one multiplier per coefficient."""
+    lines = "\n".join(f'  <property value="1"> aero/mult/{name} </property>' for name in MULTIPLIERS)
+    note = "<!-- Written by cosim/flight/plant/aero/fit.py. One multiplier per coefficient: 1 is the fitted value. -->"
+    return f'<?xml version="1.0"?>\n{note}\n<system name="multipliers">\n\n{lines}\n\n</system>\n'
+
+
+def engine_xml():
+    """Return the turbofan: 300 kN static, take-off rating of Bartel and Young (2008), bypass ratio 5, over Mach and
+    static pressure.
+    """
+    mach = np.arange(0.0, 1.01, 0.1)
+    ratio = np.array([0.05, 0.10, 0.15, 0.20, 0.25, 0.30, 0.40, 0.50, 0.60, 0.70, 0.80, 0.90, 1.0, 1.1])
+    x, M = ratio[None, :], mach[:, None]
+    mil = thrust_ratio(M, x)
+    idle = 0.05 * x * np.maximum(1.0 - 1.5 * M, 0.0)
+    lookups = ("velocities/mach", "atmosphere/P-psf")
+    return f"""<?xml version="1.0"?>
+<!-- Written by cosim/flight/plant/aero/fit.py. Sources: aircraft/README.md -->
+<turbine_engine name="turbofan">
+  <milthrust unit="LBS"> {300000.0 / 4.4482216:.1f} </milthrust>
+  <bypassratio> 5.0 </bypassratio>
+  <tsfc> 0.60 </tsfc>
+  <bleed> 0.0 </bleed>
+  <idlen1> 25.0 </idlen1>
+  <idlen2> 60.0 </idlen2>
+  <maxn1> 100.0 </maxn1>
+  <maxn2> 100.0 </maxn2>
+  <augmented> 0 </augmented>
+  <injected> 0 </injected>
+  <function name="IdleThrust">
+{table(lookups, mach, ratio * RHO_SL_P, idle, 4)}
+  </function>
+  <function name="MilThrust">
+{table(lookups, mach, ratio * RHO_SL_P, mil, 4)}
+  </function>
+</turbine_engine>
+"""
+
+
+def aerodynamics_xml(alpha, mach, q_ref, tables, mach_coarse, derivatives):
+    """Return the aerodynamics from the (alpha, Mach) tables with their flexibility constants and the tables of
+    derivatives.
+    """
+    zero = int(np.argmin(abs(alpha)))
+    parts = [_common()]
+    for name, (grid, (t0, t1)) in tables.items():
+        grid = np.round(grid, 6)
+        base, rest = grid[zero], grid - grid[zero][None, :]
+        parts.append(
+            function(
+                f"aero/{name}_0",
+                product(
+                    f"aero/mult/{name}_0",
+                    total(table(("velocities/mach",), mach, None, base), product(t0, _flex(q_ref), indent=8)),
+                ),
+            )
+        )
+        parts.append(
+            function(
+                f"aero/{name}_alpha",
+                product(
+                    f"aero/mult/{name}_alpha",
+                    total(
+                        table(("aero/alpha-rad", "velocities/mach"), alpha, mach, rest),
+                        product(t1, _flex(q_ref), "aero/alpha-rad", indent=8),
+                    ),
+                ),
+            )
+        )
+    for name, (second, grid, values) in derivatives.items():
+        column = {"alpha": "aero/alpha-rad", "qbar": "aero/qbar-psf"}[second]
+        parts.append(
+            function(
+                f"aero/{name}",
+                product(f"aero/mult/{name}", table(("velocities/mach", column), mach_coarse, grid, values)),
+            )
+        )
+    return "\n".join([_HEAD, *parts, *_sums(), *_hinges(), *_axes(), "</aerodynamics>\n"])
+
+
+def _flex(q_ref):
+    return f"        <difference> <p> aero/qbar-psf </p> <v> {q_ref:.6g} </v> </difference>"
+
+
+_HEAD = """<?xml version="1.0"?>
+<!-- Written by cosim/flight/plant/aero/fit.py. Sources, assumptions and the fit: aircraft/README.md -->
+<aerodynamics>
+
+    <alphalimits unit="DEG"> <min> -6.0 </min> <max> 16.0 </max> </alphalimits>
+"""
+
+
+def _common():
+    mean = (
+        "      <product> <v> 0.25 </v> <sum> "
+        + " ".join(f"<p> fcs/elevator-{s}-pos-rad </p>" for s in SEGMENT_SPAN_FT)
+        + " </sum> </product>"
+    )
+    elevator = function("aero/elevator-mean-rad", mean)
+    qS = function("aero/qS-lbs", product("aero/qbar-psf", "metrics/Sw-sqft"))
+    chord = function(
+        "aero/chord-time-sec",
+        f"      <quotient> <v> {CBAR_FT / 2} </v> <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max> </quotient>",
+        "c / 2V",
+    )
+    span = function(
+        "aero/span-time-sec",
+        f"      <quotient> <v> {SPAN_FT / 2} </v> <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max> </quotient>",
+        "b / 2V",
+    )
+    cosine, sine = "<cos> <p> aero/alpha-rad </p> </cos>", "<sin> <p> aero/alpha-rad </p> </sin>"
+    p, r = "<p> velocities/p-aero-rad_sec </p>", "<p> velocities/r-aero-rad_sec </p>"
+    roll = function(
+        "aero/p-stability-rad_sec",
+        f"      <sum> <product> {p} {cosine} </product> <product> {r} {sine} </product> </sum>",
+    )
+    yaw = function(
+        "aero/r-stability-rad_sec",
+        f"      <difference> <product> {r} {cosine} </product> <product> {p} {sine} </product> </difference>",
+    )
+    return "\n".join([elevator, qS, chord, span, roll, yaw])
+
+
+def _sums():
+    out = []
+    out.append(
+        function(
+            "aero/CL",
+            total(
+                "aero/CL_0",
+                "aero/CL_alpha",
+                product("aero/CL_q", "aero/chord-time-sec", "velocities/q-aero-rad_sec"),
+                product("aero/CL_de", "aero/elevator-mean-rad"),
+                product("aero/mult/CL_ds", 0.70, "fcs/stabilizer-pos-rad"),
+            ),
+        )
+    )
+    # alphadot from the forces of this frame (no lag): q + (g cos(theta) cos(phi) - q̄S CL / m) / V
+    out.append(
+        function(
+            "aero/alphadot-from-forces",
+            """      <sum>
+        <p> velocities/q-aero-rad_sec </p>
+        <quotient>
+          <difference>
+            <product>
+              <v> 32.174 </v> <cos> <p> attitude/theta-rad </p> </cos> <cos> <p> attitude/phi-rad </p> </cos>
+            </product>
+            <quotient>
+              <product> <p> aero/qS-lbs </p> <p> aero/CL </p> </product>
+              <p> inertia/mass-slugs </p>
+            </quotient>
+          </difference>
+          <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max>
+        </quotient>
+      </sum>""",
+        )
+    )
+    return out
+
+
+def _over_speed(arm, rate):
+    """Return the local angle that a body rate makes at an arm [ft]: arm rate / V."""
+    turn = f"<product> <v> {arm} </v> <p> velocities/{rate}-aero-rad_sec </p> </product>"
+    return f"        <quotient> {turn} <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max> </quotient>"
+
+
+def _hinges():
+    """Return HM0 (per segment) and HM_delta (common), lbf ft: q̄ S_e c_e Ch_alpha alpha_t and q̄ S_e c_e
+    Ch_delta.
+    """
+    size = SEGMENT_AREA_FT2 * SEGMENT_CHORD_FT
+    out = [
+        function(
+            "aero/hinge-delta-lbsft_rad",
+            product("aero/mult/Ch_delta", HINGE["Ch_delta"] * size, "aero/qbar-psf"),
+            "hinge moment per elevator angle, trailing edge down +",
+        ),
+        function(
+            "aero/tail-alpha-rad",
+            total(
+                product(1.0 - DOWNWASH, "aero/alpha-rad"),
+                "fcs/stabilizer-pos-rad",
+                _over_speed(TAIL_ARM_FT, "q"),
+            ),
+            "local angle of attack of the tail: downwash, stabiliser, pitch rate",
+        ),
+    ]
+    for segment, span in SEGMENT_SPAN_FT.items():
+        roll = _over_speed(span, "p")
+        out.append(
+            function(
+                f"aero/hinge-0-{segment}-lbsft",
+                product(
+                    size,
+                    "aero/qbar-psf",
+                    "aero/mult/Ch_alpha",
+                    HINGE["Ch_alpha"],
+                    total("aero/tail-alpha-rad", roll, indent=8),
+                ),
+            )
+        )
+    return out
+
+
+def _axes():
+    qS = "aero/qS-lbs"
+    sideforce = total(product("aero/CY_beta", "aero/beta-rad"), product("aero/CY_dr", "fcs/rudder-applied-rad"))
+    drag = total("aero/CD_0", "aero/CD_alpha", product("aero/mult/CD_beta", 0.2, "aero/beta-rad", "aero/beta-rad"))
+    pitch = total(
+        "aero/Cm_0",
+        "aero/Cm_alpha",
+        product("aero/Cm_de", "aero/elevator-mean-rad"),
+        product("aero/mult/Cm_ds", -2.70, "fcs/stabilizer-pos-rad"),
+        product(
+            "aero/chord-time-sec",
+            total(
+                product("aero/Cm_q", "velocities/q-aero-rad_sec"),
+                product("aero/Cm_alphadot", "aero/alphadot-from-forces"),
+            ),
+        ),
+    )
+    aileron = total("fcs/aileron-left-pos-rad", "fcs/aileron-right-pos-rad", indent=8)
+    aileron = product(0.5, aileron, indent=6)
+    # a left segment down lifts the left tail: rolls right; each segment carries a quarter of CL_de
+    tail = (
+        "        <sum> "
+        + " ".join(
+            f"<product> <v> {-y / 4 / SPAN_FT:.6g} </v> <p> fcs/elevator-{s}-pos-rad </p> </product>"
+            for s, y in SEGMENT_SPAN_FT.items()
+        )
+        + " </sum>"
+    )
+    p, r = "aero/p-stability-rad_sec", "aero/r-stability-rad_sec"
+    roll = total(
+        product("aero/Cl_beta", "aero/beta-rad"),
+        product("aero/span-time-sec", total(product("aero/Cl_p", p), product("aero/Cl_r", r))),
+        product("aero/Cl_da", aileron),
+        product("aero/mult/Cl_dr", CONSTANT["Cl_dr"], "fcs/rudder-applied-rad"),
+        product("aero/mult/Cl_de", "aero/CL_de", tail),
+    )
+    yaw = total(
+        product("aero/Cn_beta", "aero/beta-rad"),
+        product("aero/span-time-sec", total(product("aero/Cn_p", p), product("aero/Cn_r", r))),
+        product("aero/mult/Cn_da", CONSTANT["Cn_da"], aileron),
+        product("aero/Cn_dr", "fcs/rudder-applied-rad"),
+    )
+    axes = (
+        ("LIFT", "", "force/lift", product(qS, "aero/CL")),
+        ("DRAG", "", "force/drag", product(qS, drag)),
+        ("SIDE", "", "force/side", product(qS, sideforce)),
+        ("ROLL", ' frame="STABILITY"', "moment/roll", product(qS, "metrics/bw-ft", roll)),
+        ("PITCH", ' frame="STABILITY"', "moment/pitch", product(qS, "metrics/cbarw-ft", pitch)),
+        ("YAW", ' frame="STABILITY"', "moment/yaw", product(qS, "metrics/bw-ft", yaw)),
+    )
+    return [
+        f'\n    <axis name="{name}"{frame}>\n{function("aero/" + label, body)}\n    </axis>'
+        for name, frame, label, body in axes
+    ]

@@ -1,0 +1,223 @@
+"""Linear model of the bare airframe at a flight point: A, B, C, D by central differences about the trim, and the modes.
+
+    x' = A dx + B du,   dy = C dx + D du        deviations from the trim, SI and radians
+
+Engines are at the thrust of their throttle (no spool lag), actuators and control law are not part of it. `modes` are
+those of the classical four-state blocks, (tas, alpha, q, theta) and (beta, p, r, phi), as the references give them:
+altitude and heading are held, so the density gradient, which raises the phugoid's frequency by g/H over 2 g^2/V^2, is
+left out there; it is in A.
+"""
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cosim.files import replace
+from cosim.flight.plant.plant import SURFACES, Plant
+from cosim.flight.plant.trim import EARTH_MERIDIAN, Trim
+
+STATES = {
+    "tas": "m/s", "alpha": "rad", "q": "rad/s", "theta": "rad", "h": "m",
+    "beta": "rad", "p": "rad/s", "r": "rad/s", "phi": "rad", "psi": "rad",
+}  # fmt: skip
+INPUTS = {
+    "de_lo": "rad", "de_li": "rad", "de_ri": "rad", "de_ro": "rad", "stab": "rad",
+    "da_l": "rad", "da_r": "rad", "dr": "rad",
+    "throttle_1": "1", "throttle_2": "1", "throttle_3": "1", "throttle_4": "1",
+}  # fmt: skip
+OUTPUTS = {
+    "nx": "1", "nz": "1", "hdot": "m/s", "q": "rad/s", "tas": "m/s", "alpha": "rad", "theta": "rad", "h": "m",
+    "ny": "1", "beta": "rad", "p": "rad/s", "r": "rad/s", "phi": "rad", "psi": "rad", "cas": "m/s", "gamma": "rad",
+    "pdot": "rad/s2", "qdot": "rad/s2", "rdot": "rad/s2",
+}  # fmt: skip
+STEPS = {
+    "tas": 0.5,
+    "alpha": 2e-3,
+    "q": 2e-3,
+    "theta": 2e-3,
+    "h": 5.0,
+    "beta": 2e-3,
+    "p": 2e-3,
+    "r": 2e-3,
+    "phi": 2e-3,
+    "psi": 2e-3,
+}
+INPUT_STEP = 2e-3
+_COLUMN = {name: SURFACES.index(name) for name in INPUTS}
+LONGITUDINAL, LATERAL = ("tas", "alpha", "q", "theta"), ("beta", "p", "r", "phi")
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A mode: natural frequency [rad/s], damping ratio, eigenvalue with non-negative imaginary part."""
+
+    name: str
+    wn: float
+    zeta: float
+    eigenvalue: complex
+
+    def to_dict(self):
+        return {
+            "name": self.name,
+            "wn_rad_s": self.wn,
+            "zeta": self.zeta,
+            "eigenvalue": [self.eigenvalue.real, self.eigenvalue.imag],
+        }
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    """Trim, names with units, A (10, 10), B (10, 12), C (19, 10), D (19, 12), trim values x0, u0, y0 and modes."""
+
+    trim: Trim
+    states: dict
+    inputs: dict
+    outputs: dict
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    x0: np.ndarray
+    u0: np.ndarray
+    y0: np.ndarray
+    modes: list
+
+    def block(self, states, inputs=None, outputs=None):
+        """Return (A, B, C, D) of the named states, inputs and outputs."""
+        i = [list(self.states).index(s) for s in states]
+        j = [list(self.inputs).index(s) for s in (self.inputs if inputs is None else inputs)]
+        k = [list(self.outputs).index(s) for s in (self.outputs if outputs is None else outputs)]
+        return self.A[np.ix_(i, i)], self.B[np.ix_(i, j)], self.C[np.ix_(k, i)], self.D[np.ix_(k, j)]
+
+    def to_dict(self):
+        """Return what `cosim linearize --json` prints (DESIGN section 6)."""
+        t = self.trim
+        return {
+            "trim": {
+                "alpha_deg": math.degrees(t.alpha), "stabilizer_deg": math.degrees(t.stabilizer),
+                "throttle": t.throttle, "elevator_deg": math.degrees(t.elevator), "theta_deg": math.degrees(t.theta),
+                "tas_m_s": t.tas, "altitude_m": t.altitude, "nz": t.nz, "residual": t.residual,
+            },
+            "states": list(self.states), "inputs": list(self.inputs), "outputs": list(self.outputs),
+            "units": {**self.states, **self.inputs, **self.outputs},
+            "x0": self.x0.tolist(), "u0": self.u0.tolist(), "y0": self.y0.tolist(),
+            "A": self.A.tolist(), "B": self.B.tolist(), "C": self.C.tolist(), "D": self.D.tolist(),
+            "modes": [m.to_dict() for m in self.modes],
+        }  # fmt: skip
+
+    def save(self, path):
+        """Write the model to `path`, .npz or .mat by its ending; other endings raise ValueError."""
+        path = Path(path)
+        data = {k: getattr(self, k) for k in ("A", "B", "C", "D", "x0", "u0", "y0")}
+        names = {k: np.array(list(getattr(self, k))) for k in ("states", "inputs", "outputs")}
+        units = {f"{k}_units": np.array(list(getattr(self, k).values())) for k in names}
+        if path.suffix == ".npz":
+            rest = {k: v for k, v in self.to_dict().items() if k in ("trim", "modes")}
+            arrays: dict = {**data, **names, **units, "summary": np.array(json.dumps(rest))}
+            replace(path, lambda part: np.savez(part, **arrays))
+        elif path.suffix == ".mat":
+            from scipy.io import savemat
+
+            cells = {k: v.astype(object) for k, v in {**names, **units}.items()}
+            modes = {m.name: {"wn_rad_s": m.wn, "zeta": m.zeta, "eigenvalue": m.eigenvalue} for m in self.modes}
+            whole = {**data, **cells, "modes": modes, "trim": self.to_dict()["trim"]}
+            replace(path, lambda part: savemat(part, whole))
+        else:
+            raise ValueError(f"{path.name}: give a name that ends in .npz or .mat")
+
+
+def linearize(flight, elevator=0.0):
+    """Trim at `flight` and return its LinearModel; raise TrimError where there is no steady flight."""
+    plant = Plant(flight)
+    trim = plant.trim(elevator)
+    u0 = np.array([trim.surfaces[_COLUMN[n]] for n in INPUTS])
+    x0 = np.array([trim.tas, trim.alpha, trim.q, trim.theta, trim.altitude, 0.0, 0.0, 0.0, 0.0, 0.0])
+    A, C = _slopes(lambda x: _evaluate(plant, x, u0), x0, np.array([STEPS[n] for n in STATES]))
+    steps = np.full(len(INPUTS), INPUT_STEP)
+    B, D = _slopes(lambda u: _evaluate(plant, x0, u), u0, steps)
+    _, y0 = _evaluate(plant, x0, u0)
+    return LinearModel(trim, STATES, INPUTS, OUTPUTS, A, B, C, D, x0, u0, y0, modes(A))
+
+
+def _evaluate(plant, x, u):
+    """Return (x', y) at one state and input."""
+    tas, alpha, q, theta, h, beta, p, r, phi, psi = x
+    surfaces = np.zeros(len(SURFACES))
+    for name, value in zip(INPUTS, u):
+        surfaces[_COLUMN[name]] = value
+    plant.place(
+        tas=tas, alpha=alpha, theta=theta, altitude=h, beta=beta, phi=phi, psi=psi, p=p, q=q, r=r, surfaces=surfaces
+    )
+    t = plant.truth()[0]
+    tas_dot = (t.u * t.udot + t.v * t.vdot + t.w * t.wdot) / tas
+    alpha_dot = (t.u * t.wdot - t.w * t.udot) / (t.u**2 + t.w**2)
+    beta_dot = (tas * t.vdot - t.v * tas_dot) / (tas**2 * math.cos(beta))
+    turn = q * math.sin(phi) + r * math.cos(phi)
+    theta_dot = (
+        q * math.cos(phi) - r * math.sin(phi) + tas / (EARTH_MERIDIAN + h)
+    )  # the horizon turns under the aircraft
+    x_dot = [
+        tas_dot,
+        alpha_dot,
+        t.qdot,
+        theta_dot,
+        t.hdot,
+        beta_dot,
+        t.pdot,
+        t.rdot,
+        p + math.tan(theta) * turn,
+        turn / math.cos(theta),
+    ]
+    return np.array(x_dot), np.array([t[name] for name in OUTPUTS])
+
+
+def _slopes(f, z0, steps):
+    columns = []
+    for i, step in enumerate(steps):
+        d = np.zeros_like(z0)
+        d[i] = step
+        up, down = f(z0 + d), f(z0 - d)
+        columns.append([(a - b) / (2 * step) for a, b in zip(up, down)])
+    return tuple(np.column_stack([c[k] for c in columns]) for k in range(2))
+
+
+def modes(A):
+    """Return short_period, phugoid, dutch_roll, roll and spiral of A in the order of STATES, from the four-state
+    blocks.
+    """
+    names = list(STATES)
+
+    def roots(block):
+        i = [names.index(s) for s in block]
+        return np.linalg.eigvals(A[np.ix_(i, i)])
+
+    fast, slow = _pairs(roots(LONGITUDINAL))
+    lateral = roots(LATERAL)
+    swing = sorted(lateral[lateral.imag > 1e-9], key=abs)
+    out = [_mode("short_period", *fast), _mode("phugoid", *slow)]
+    if swing:
+        dutch = swing[-1]
+        rest = sorted((v for v in lateral if abs(v - dutch) > 1e-9 and abs(v - dutch.conjugate()) > 1e-9), key=abs)
+        return [*out, _mode("dutch_roll", dutch, dutch.conjugate()), _mode("roll", rest[-1]), _mode("spiral", rest[0])]
+    rest = sorted(lateral, key=abs)
+    return [*out, _mode("dutch_roll", rest[3], rest[2]), _mode("roll", rest[1]), _mode("spiral", rest[0])]
+
+
+def _pairs(values):
+    """Return two pairs of roots, the faster first; real roots are paired by size."""
+    order = sorted(values, key=lambda v: (abs(v), v.imag))
+    return (order[3], order[2]), (order[1], order[0])
+
+
+def _mode(name, a, b=None):
+    """Return the Mode of a pair (wn^2 = a b, 2 zeta wn = -(a + b)) or of one root (wn = |a|, zeta = -a/|a|)."""
+    a = complex(a)
+    if b is None:
+        wn = abs(a)
+        return Mode(name, wn, -a.real / wn if wn > 0 else 1.0, complex(a.real, abs(a.imag)))
+    product, total = (a * complex(b)).real, (a + complex(b)).real
+    wn = math.sqrt(abs(product))
+    return Mode(name, wn, -total / (2 * wn), complex(a.real, abs(a.imag)))

@@ -1,0 +1,228 @@
+"""The aircraft in JSBSim: the only module that imports jsbsim, and the only place where feet, pounds and slugs exist.
+
+    plant = Plant(flight, dt=0.005)
+    trim = plant.trim()               steady level flight, surfaces external, time 0; raises TrimError
+    plant.read(truth)                 truth at t_k, SI
+    plant.write(surfaces)             surface angles, throttles and thrust losses for t_k+1
+    plant.run()                       from t_k to t_k+1
+
+Why it looks as it does (all measured): `set_dt` before `load_model`, or filters keep the step of load time; a fresh
+FGFDMExec per run, as a second load crashes; every property bound once through `Port`, as JSBSim creates what is
+misspelt; AB2 integrators, five times more accurate than the default; pitch rate -V/R at the start, or the curved earth
+drifts; load factors from this frame's forces, as JSBSim's own are one frame old.
+"""
+
+import math
+import struct
+from pathlib import Path
+
+import jsbsim
+import numpy as np
+
+from cosim.errors import TrimError
+from cosim.flight.plant.border import FT, KT, LIMITS, READ, SURFACES, TRUTH, WRITE, to_si
+from cosim.flight.plant.point import POINTS, TURBULENCE, Flight, loading
+
+AIRCRAFT = Path(__file__).resolve().parents[3] / "aircraft"
+
+jsbsim.FGJSBBase().debug_lvl = 0  # before the first executive: its banner is not ours to print
+
+
+class _Quiet(jsbsim.FGLogger):
+    """Keep JSBSim's messages off the console and remember the serious ones."""
+
+    def __init__(self):
+        super().__init__()
+        self.errors, self._level, self._text = [], None, ""
+
+    def set_level(self, level):
+        self._level, self._text = level, ""
+
+    def message(self, text):
+        self._text += text
+
+    def flush(self):
+        if self._level in (jsbsim.LogLevel.ERROR, jsbsim.LogLevel.FATAL):
+            self.errors.append(" ".join(self._text.split()))
+
+    def file_location(self, filename, line):
+        self._text += f"{filename}:{line} "
+
+
+class Port:
+    """Bind JSBSim properties by name, once; an unknown name raises KeyError instead of creating a property."""
+
+    def __init__(self, fdm):
+        self._manager = fdm.get_property_manager()
+
+    def node(self, name):
+        if not self._manager.hasNode(name):
+            raise KeyError(f"JSBSim has no property {name!r}")
+        return self._manager.get_node(name)
+
+    def getter(self, name):
+        return self.node(name).get_double_value
+
+    def setter(self, name):
+        return self.node(name).set_double_value
+
+
+class Plant:
+    """One flight of the transport, stepped by `run`."""
+
+    def __init__(self, flight, dt=0.005):
+        """Load the aircraft at `flight`'s mass, CG and multipliers; nothing flies before `trim` or `place`."""
+        self.flight, self.dt = flight, dt
+        self._logger = _Quiet()
+        jsbsim.set_logger(self._logger)
+        fdm = self._fdm = jsbsim.FGFDMExec(None)
+        fdm.set_aircraft_path(str(AIRCRAFT))
+        fdm.set_dt(dt)
+        if not fdm.load_model("transport"):
+            raise RuntimeError("JSBSim cannot load the aircraft: " + "; ".join(self._logger.errors))
+        self.port = Port(fdm)
+        self._get = [self.port.getter(name) for name, _ in READ]
+        self._set = [self.port.setter(name) for name in WRITE]
+        self._scale = np.array([factor for _, factor in READ], float)
+        self._record = self._flat = None
+        self._buffer = bytearray(8 * len(READ))
+        self._raw = np.frombuffer(self._buffer)
+        self._pack = struct.Struct(f"{len(READ)}d").pack_into  # three times faster than an array from a list
+        self._advance = fdm.run
+        for name, value in loading(flight.mass, flight.cg).items():
+            self.port.setter(name)(value)
+        for name, value in flight.multipliers.items():
+            self.port.setter(f"aero/mult/{name}")(value)
+        self._ic = [
+            self.port.setter(f"ic/{name}")
+            for name in (
+                "h-sl-ft",
+                "psi-true-rad",
+                "theta-rad",
+                "phi-rad",
+                "u-fps",
+                "v-fps",
+                "w-fps",
+                "p-rad_sec",
+                "q-rad_sec",
+                "r-rad_sec",
+            )
+        ]
+        self._initialise()
+
+    def _initialise(self):
+        fdm, flight = self._fdm, self.flight
+        setter = self.port.setter
+        setter("ic/lat-geod-deg")(0.0)
+        setter("ic/h-sl-ft")(flight.altitude / FT)
+        kinds = {"cas": ("ic/vc-kts", 1 / KT), "tas": ("ic/vt-kts", 1 / KT), "mach": ("ic/mach", 1.0)}
+        name, factor = kinds[flight.speed_kind]
+        setter(name)(flight.speed * factor)
+        setter("ic/gamma-deg")(0.0)
+        setter("propulsion/set-running")(-1)
+        setter("propulsion/fuel_freeze")(1.0 if flight.fuel_freeze else 0.0)
+        setter("atmosphere/turb-type")(0)
+        fdm.run_ic()
+        for axis in ("rate/rotational", "position/rotational", "rate/translational", "position/translational"):
+            setter(f"simulation/integrator/{axis}")(3)  # AB2
+        self.tas = self.port.getter("velocities/vt-fps")() * FT
+
+    def guess(self):
+        """Return (alpha, stabiliser, throttle) of JSBSim's own trim, surfaces not external; None where it has none."""
+        self.port.setter("ext/engaged")(0)
+        try:
+            self._fdm.do_trim(0)
+        except jsbsim.TrimFailureError:
+            return None
+        finally:
+            self._fdm.set_dt(self.dt)
+        get = self.port.getter
+        return get("aero/alpha-rad")(), get("fcs/stabilizer-pos-rad")(), get("fcs/throttle-cmd-norm")()
+
+    def place(self, *, tas, alpha, theta, altitude, beta=0.0, phi=0.0, psi=0.0, p=0.0, q=0.0, r=0.0, surfaces):
+        """Put the aircraft into one state at time 0, surfaces external, engines at their throttle's thrust; SI, rad."""
+        self.port.setter("ext/engaged")(1)
+        self.write(surfaces)
+        u = tas * math.cos(alpha) * math.cos(beta)
+        v = tas * math.sin(beta)
+        w = tas * math.sin(alpha) * math.cos(beta)
+        for put, value in zip(self._ic, (altitude / FT, psi, theta, phi, u / FT, v / FT, w / FT, p, q, r)):
+            put(value)
+        self._fdm.run_ic()
+        for i in range(4):  # spool speeds follow one frame late otherwise
+            for name, idle in (("n1", 25.0), ("n2", 60.0)):
+                self.port.setter(f"propulsion/engine[{i}]/{name}")(idle + (100.0 - idle) * surfaces[8 + i])
+
+    def trim(self, elevator=0.0):
+        """Trim level flight, elevators at `elevator` [rad], and stand ready at time 0: a Trim, or TrimError."""
+        from cosim.flight.plant.trim import level
+
+        trim = level(self, elevator)
+        self._engage()
+        return trim
+
+    def _engage(self):
+        fdm = self._fdm
+        fdm.suspend_integration()
+        fdm.run()
+        fdm.resume_integration()
+        severity, wind = TURBULENCE[self.flight.turbulence]
+        if severity:
+            put = self.port.setter
+            put("atmosphere/turb-type")(3)  # Milspec
+            put("atmosphere/turbulence/milspec/severity")(severity)
+            put("atmosphere/turbulence/milspec/windspeed_at_20ft_AGL-fps")(wind)
+            put("atmosphere/randomseed")(self.flight.seed)
+        if abs(fdm.get_delta_t() - self.dt) > 1e-12:
+            raise RuntimeError("JSBSim lost its step")
+
+    def read(self, record):
+        """Write the truth at t_k into `record`, a record or a (1,) array of TRUTH."""
+        if record is not self._record:
+            self._record, self._flat = record, np.asarray(record).reshape(1).view("f8")
+        self._pack(self._buffer, 0, *[get() for get in self._get])
+        to_si(self._raw, self._scale, self._flat)
+
+    def write(self, surfaces):
+        """Set the inputs that act at t_k+1: a vector in the order of SURFACES, rad and fractions."""
+        for put, value in zip(self._set, surfaces.tolist()):
+            put(value)
+
+    def run(self):
+        """Advance by one step."""
+        self._advance()
+
+    def truth(self):
+        """Return a new (1,) TRUTH array of the present state."""
+        out = np.zeros(1, TRUTH)
+        self.read(out)
+        return out
+
+    @property
+    def errors(self):
+        """Return what JSBSim reported as an error."""
+        return list(self._logger.errors)
+
+
+_REFERENCE_LOGGER = _Quiet()  # kept here: JSBSim does not own it
+
+
+def reference_run(dt=0.005):
+    """Return the step function of the B747 that the jsbsim wheel ships, flying at 20,000 ft: yardstick of `cosim
+    bench`.
+    """
+    jsbsim.set_logger(_REFERENCE_LOGGER)
+    fdm = jsbsim.FGFDMExec(None)
+    fdm.set_dt(dt)
+    if not fdm.load_model("B747"):
+        raise RuntimeError("the jsbsim wheel has no B747")
+    fdm.disable_output()
+    port = Port(fdm)
+    start = {"ic/h-sl-ft": 20000.0, "ic/vc-kts": 290.0, "ic/gamma-deg": 0.0, "propulsion/set-running": -1}
+    for name, value in start.items():
+        port.setter(name)(value)
+    fdm.run_ic()
+    return fdm.run
+
+
+__all__ = ["LIMITS", "POINTS", "SURFACES", "TRUTH", "Flight", "Plant", "Port", "TrimError", "loading", "reference_run"]

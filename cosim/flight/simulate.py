@@ -1,0 +1,68 @@
+"""Fly one scenario: build the loop, fly it, judge the detectors."""
+
+import os
+import time
+from contextlib import nullcontext
+
+from cosim.flight.build import build
+from cosim.flight.fly import fly
+from cosim.flight.recorder import open_live, open_writer, result_texts
+from cosim.flight.twin import moved
+from cosim.judge.result import Result, judge, judged
+from cosim.scenario import Scenario, load_scenario
+
+
+def simulate(scenario, *, log=None, progress=None, live=None, achieved=False, timed=True):
+    """Fly `scenario`, a Scenario or what load_scenario takes, and return a Result.
+
+    `log` is the path of the MCAP file to write, or None. `progress(t, duration)` is called now and then. Ctrl-C ends
+    the flight with status "interrupted" and a readable log. `live` is the port on which Foxglove can watch the flight,
+    which then goes at the speed of the clock; None: as fast as it can. With `achieved` the same flight is flown again
+    without its faults, and the result says how far the faults moved the elevators (cosim/flight/twin.py); without
+    `timed` the detectors' cost per step is not measured. Raises TrimError when the flight point cannot be flown,
+    LogError when the log cannot be written. The wall clock is read for the result only; nothing of it enters the log.
+    """
+    started = time.perf_counter()
+    if not isinstance(scenario, Scenario):
+        if not isinstance(scenario, str | os.PathLike):
+            raise TypeError(f"{scenario!r} is no scenario: give what cosim.load_scenario returns, a name or a file")
+        scenario = load_scenario(scenario)
+    setup = build(scenario)
+    with (
+        open_writer(setup, log) if log else nullcontext() as writer,
+        nullcontext() if live is None else open_live(setup, live) as server,
+    ):
+        flown = time.perf_counter()
+        history, status, reason = fly(setup, _each(writer, server), progress)
+        wall = time.perf_counter() - flown
+        result = Result(
+            log=str(log) if log else None,
+            status=status,
+            reason=reason,
+            sim_time_s=len(history) * setup.loop.dt,
+            wall_time_s=wall,
+            faults=[{"kind": f.kind, "target": f.target, "start_s": f.start_s} for f in scenario.faults],
+        )
+        if timed:
+            setup.time_detectors()
+        result.detectors = [judge(w, history, setup.loop.dt, judged(scenario)) for w in setup.watches()]
+        result.extra = {
+            "achieved": moved(scenario, setup.history, history) if achieved and status != "interrupted" else None,
+            "startup_s": flown - started,
+        }
+        if writer:
+            writer.close(result=result_texts(result))
+    return result
+
+
+def _each(*sinks):
+    """Return what takes the bus of each tick: the `append` of those sinks that there are."""
+    appends = [sink.append for sink in sinks if sink is not None]
+    if len(appends) < 2:
+        return appends[0] if appends else None
+
+    def append(v):
+        for one in appends:
+            one(v)
+
+    return append

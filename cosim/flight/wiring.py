@@ -1,0 +1,89 @@
+"""Who reads what: the wires of one tick, as names, and the places where a fault enters.
+
+A name is `section.lane.field` of the bus; a section `x_in` holds the inputs of block `x`. Everything here is data: the
+loop compiles it to index arrays, the log stores the detectors' part of it, and replay and foreign data are wired by the
+same names.
+"""
+
+from cosim.flight.blocks.law import SENSORS as LAW_SENSORS
+from cosim.flight.blocks.sensors import TRANSPORT
+from cosim.scenario.catalog import SHORT
+
+DEMANDS = ("nz_dem", "phi_dem", "psi_dem", "de_add", "hold_psi", "hold_h", "hold_v")
+OTHERS = ("aileron_left", "aileron_right", "rudder", "stabiliser")  # surfaces with a simple actuator
+SURFACE_OF = {"aileron_left": "da_l", "aileron_right": "da_r", "rudder": "dr", "stabiliser": "stab"}
+COMMAND_OF = {"aileron_left": "da_cmd", "aileron_right": "da_cmd", "rudder": "dr_cmd", "stabiliser": "stab_cmd"}
+
+# Sensors of a segment: name -> state field of its actuator, and the input fields (value, flag) of its servo where it
+# has them
+PART_SENSORS = {
+    "hydraulic": {"rod": "q_rod", "surface": "delta", "pressure": "x3"},
+    "ema": {"velocity": "motor_d", "position": "motor", "current": "i", "surface": "delta"},
+    "simple": {"surface": "delta"},
+}
+SERVO = {"hydraulic": "servo", "ema": "ema_servo"}
+SERVO_INPUTS = {
+    "hydraulic": {"rod": ("q_meas", "q_valid"), "pressure": ("x3_meas", "x3_valid")},
+    "ema": {"velocity": ("vel_meas", "vel_valid"), "position": ("pos_meas", "pos_valid")},
+}
+
+
+def sensor_wires(technology):
+    """Return the wires from truth and actuators to the sensors; `technology` maps segment -> name."""
+    pairs = [(f"sensors_in.{name}.truth", f"truth.aircraft.{spec[0]}") for name, spec in TRANSPORT.items()]
+    for seg, tech in technology.items():
+        pairs += [(f"sensors_in.{seg}_{s}.truth", f"{tech}.{seg}.{field}") for s, field in PART_SENSORS[tech].items()]
+    return pairs
+
+
+def law_wires():
+    """Return the wires of measurements to the law."""
+    pairs = []
+    for i, name in enumerate(LAW_SENSORS):
+        pairs += [(f"law_in.law.y[{i}]", f"sensors.{name}.y"), (f"law_in.law.valid[{i}]", f"sensors.{name}.valid")]
+    return [*pairs, ("pilot_in.pilot.t", "clock.clock.t")]
+
+
+def demand_wires():
+    """Return the wires from the manoeuvre to the law."""
+    return [(f"law_in.law.{name}", f"pilot.pilot.{name}") for name in DEMANDS]
+
+
+def hinge_wires(technology):
+    """Return the wires of measured air data to the detectors' model of the hinge moment."""
+    return [
+        (f"hinge_model_in.{seg}.{name}{tail}", f"sensors.{name}.{source}")
+        for seg in technology
+        for name in ("alpha", "q", "cas")
+        for tail, source in (("", "y_obs"), ("_valid", "valid_obs"))
+    ]
+
+
+def servo_wires(technology):
+    """Return the wires of commands and measurements to the servo loops."""
+    pairs = []
+    for seg, tech in technology.items():
+        if tech == "simple":
+            continue
+        to = f"{SERVO[tech]}_in.{seg}"
+        pairs.append((f"{to}.command", "law.law.de_cmd"))
+        for sensor, (value, flag) in SERVO_INPUTS[tech].items():
+            pairs += [(f"{to}.{value}", f"sensors.{seg}_{sensor}.y"), (f"{to}.{flag}", f"sensors.{seg}_{sensor}.valid")]
+    return pairs
+
+
+def actuator_wires(technology):
+    """Return the wires from servos, law and hinge moments to the actuators."""
+    pairs = []
+    for seg, tech in technology.items():
+        to = f"{tech}_in.{seg}"
+        pairs.append((f"{to}.command", "law.law.de_cmd") if tech == "simple" else (f"{to}.u", f"{SERVO[tech]}.{seg}.u"))
+        pairs += [(f"{to}.hm0", f"truth.aircraft.hm0_{SHORT[seg]}"), (f"{to}.hmd", f"truth.aircraft.hmd_{SHORT[seg]}")]
+    return pairs + [(f"simple_in.{name}.command", f"law.law.{COMMAND_OF[name]}") for name in OTHERS]
+
+
+def surface_wires(technology):
+    """Return the wires from actuators, law and engine faults to the aircraft."""
+    pairs = [(f"surfaces.aircraft.de_{SHORT[seg]}", f"{tech}.{seg}.delta") for seg, tech in technology.items()]
+    pairs += [(f"surfaces.aircraft.{SURFACE_OF[name]}", f"simple.{name}.delta") for name in OTHERS]
+    return pairs + [(f"surfaces.aircraft.throttle_{i}", "law.law.throttle_cmd") for i in range(1, 5)]

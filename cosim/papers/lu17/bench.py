@@ -1,0 +1,219 @@
+"""The bench of [Lu17]: equation (4) under its NDI servo, one filter watching and steering, over many seeds.
+
+What the paper leaves open, and what stands here:
+
+- Command. A 3-2-1-1 in seconds, 20 mm of rod, at 2 s and again at 13 s, so that every fault begins with the rod at null
+  (section V.D: "when the position of the control surface is close to zero") and is judged in motion.
+- Sampling and noise: 5 ms; rod 0.1 mm (sensor set `transport`); process noise of the truth is exactly the Q of the
+  filters (`iotsekf.NOISE`), so that "unbiased" is asked of a filter whose noises match. The input fault is no random
+  walk, as in the paper.
+- Faults: liquid OFC 0.02 of u at 1 Hz added at the valve, solid OFC the same in place of u; liquid jamming 5 mm on the
+  rod sensor; solid jamming and runaway (20 deg/s to the stop) as the paper models them, an output fault
+  f_o = surface - x1 on an actuator that itself works on; and, separately, as they are: the rod is held, or the valve.
+- Filters exactly as published: centre (17) at x_bar, sign(u), no gate, measurements without delay. The state goes to
+  the servo, the fault does not (section III.B.3).
+- Load: none; a hinge moment of -800 N m - 20 kN m/rad delta (an elevator segment near 290 kt) that (9) and (17) leave
+  out, as section I has it ("does not require the calculation of the aerodynamic forces"); the same known exactly as F_d
+  of (4).
+- No limit on the valve but |u| <= 1, no friction.
+"""
+
+import functools
+
+import numpy as np
+
+from actuators.block import dtype, kernel
+from actuators.common import linkage
+from actuators.hydraulic import lu17, servo
+from fdi.hydraulic import iotsekf, rtsekf
+from fdi.hydraulic import separate_bias as two_stage
+
+DT, SECONDS, ONSET = 0.005, 25.0, 12.0  # onset: [Lu17] table 1
+BEFORE, AFTER, WHOLE = (2.0, 12.0), (13.0, 25.0), (2.0, 25.0)  # [s]; AFTER holds whole periods of the OFC
+SEEDS = 100
+AMPLITUDE = 20e-3  # of the command [m]
+ROD = 1e-4  # noise of the rod sensor [m]
+OFC_U, OFC_HZ = 0.02, 1.0  # [1], [Hz]
+BIAS = 5e-3  # liquid jamming [m]
+RATE, LIMIT = linkage.rod(np.radians(20.0)), linkage.rod(linkage.TRAVEL[1])  # runaway [m/s], to [m]
+HM0, HMD = -800.0, -20e3  # hinge moment at zero [N m], slope [N m/rad]
+SUBSTEPS = 5
+
+LOADS = ("no load", "load left out", "load known")
+SCENARIOS = {  # name -> (figure, filter)
+    "fault-free": (2, "iotsekf"),
+    "liquid OFC": (3, "iotsekf"),
+    "solid OFC": (4, "iotsekf"),
+    "liquid jamming": (5, "rtsekf"),
+    "solid jamming": (6, "rtsekf"),
+    "runaway": (7, "rtsekf"),
+    "held rod": (6, "rtsekf"),  # a solid jamming as it is
+    "held valve": (7, "rtsekf"),  # a runaway as it is
+}
+
+TICK = dtype(
+    [
+        ("command", "f8"),  # rod [m]
+        ("f_u", "f8"),  # added at the valve [1]
+        ("s_u", "f8"),  # share of u replaced [1]
+        ("bias", "f8"),  # added to the sensor [m]
+        ("instead", "f8"),  # 1: the surface is not where the rod of (4) is
+        ("ramp", "f8"),  # but so far from where that was at onset, up to LIMIT [m]
+        ("held", "f8"),  # 1: the rod cannot move
+    ]
+)
+OUT = dtype(
+    [
+        ("q", "f8"),  # true state of (4) [m], [m/s], [1]
+        ("qd", "f8"),
+        ("x3", "f8"),
+        ("q_hat", "f8"),
+        ("qd_hat", "f8"),
+        ("x3_hat", "f8"),
+        ("f", "f8"),  # fault over the last tick: input [1] or output [m]
+        ("f_hat", "f8"),
+        ("surface", "f8"),  # where the surface is, as rod [m]
+        ("y", "f8"),  # measured [m]
+        ("r", "f8"),  # reference q_ref [m]
+        ("u", "f8"),  # valve command [1]
+    ]
+)
+SETUP = dtype(
+    [
+        ("watch", "f8"),  # 0 IOTSEKF, 1 RTS-EKF
+        ("measured", "f8"),  # 1: the servo closes on the measurement, through its own observer
+        ("hm0", "f8"),  # truth [N m]
+        ("hmd", "f8"),  # [N m/rad]
+        ("known", "f8"),  # 1: filter and servo know it
+        ("walk", "f8", (3,)),  # process noise of the truth in a tick, 1 sigma [m, m/s, 1]
+    ]
+)
+
+
+@kernel
+def _advance(q, qd, x3, v, held, s, p, dt):
+    """Return (q, q', x3) of the truth after one tick under the valve opening `v`."""
+    h = dt / SUBSTEPS
+    for _ in range(SUBSTEPS):
+        F = (s.hm0 + s.hmd * (q + 0.5 * h * qd) / p.arm) / p.arm  # of the middle of the sub-step
+        at = q
+        q, qd, x3 = lu17.rk4(q, qd, x3, v, v, 0.0, F, p, h)
+        if held > 0.5:
+            q, qd = at, 0.0
+        if q > LIMIT:
+            q, qd = LIMIT, min(qd, 0.0)
+    return q, qd, x3
+
+
+@kernel
+def _seed(tick, noise, s, c, pi, pr, x, i, r, us, ui, ur, dt, out):
+    """Fly one seed: truth, filter and servo `x` in lockstep."""
+    q, qd, x3, onset, f = 0.0, 0.0, x.x3, 0.0, 0.0
+    x3 = -s.hm0 / (c.arm * c.A_p * c.P_s)
+    u = 0.0
+    for k in range(tick.shape[0]):
+        t = tick[k]
+        if t.instead < 0.5 and t.held < 0.5:
+            onset = q
+        surface = min(onset + t.ramp, LIMIT) if t.instead > 0.5 else q
+        y = surface + t.bias + ROD * noise[k, 0]
+        if s.watch < 0.5:
+            ui.u, ui.y_rod = u, y
+            two_stage.estimate(i, ui, pi, dt)
+            q_hat, qd_hat, x3_hat, f_hat = i.q_now, i.v_now, i.x3_now, i.f_hat
+        else:
+            ur.u, ur.y_rod = u, y
+            rtsekf.step(r, ur, pr, dt)
+            q_hat, qd_hat, x3_hat, f_hat = r.q_now, r.v_now, r.x3_now, r.f_hat
+            f = surface + t.bias - q
+        us.command = t.command / c.arm
+        us.q_meas = y
+        us.q_fb, us.qd_fb, us.x3_fb = q_hat, qd_hat, x3_hat
+        us.load_fb = s.known * (s.hm0 + s.hmd * q_hat / c.arm) / c.arm
+        servo.step(x, us, c, dt)
+        o = out[k]
+        o.q, o.qd, o.x3, o.q_hat, o.qd_hat, o.x3_hat = q, qd, x3, q_hat, qd_hat, x3_hat
+        o.f, o.f_hat, o.surface, o.y, o.r, o.u = f, f_hat, surface, y, x.r, x.u
+        u = x.u
+        v = min(max((1.0 - t.s_u) * u + t.f_u, -1.0), 1.0)
+        if s.watch < 0.5:
+            f = v - u
+        q, qd, x3 = _advance(q, qd, x3, v, t.held, s, c, dt)
+        if t.held < 0.5:
+            q += s.walk[0] * noise[k, 1]
+            qd += s.walk[1] * noise[k, 2]
+        x3 += s.walk[2] * noise[k, 3]
+
+
+@kernel
+def _fly(tick, noise, s, c, pi, pr, x, i, r, us, ui, ur, dt, out):
+    """Fly every seed."""
+    for n in range(out.shape[0]):
+        _seed(tick, noise[n], s, c, pi, pr, x[n], i[n], r[n], us, ui, ur, dt, out[n])
+
+
+def schedule(scenario):
+    """Return the TICK records of a scenario."""
+    n = round(SECONDS / DT)
+    t = np.arange(n) * DT
+    tick = np.zeros(n, TICK)
+    for first in (2.0, 13.0):
+        for a, b, sign in ((0, 3, 1), (3, 5, -1), (5, 6, 1), (6, 7, -1)):
+            tick["command"][(t > first + a - DT / 2) & (t < first + b - DT / 2)] = sign * AMPLITUDE
+    late = t > ONSET - DT / 2
+    tau = t[late] - ONSET
+    if scenario in ("liquid OFC", "solid OFC"):
+        tick["f_u"][late] = OFC_U * np.sin(2 * np.pi * OFC_HZ * tau)
+        tick["s_u"][late] = scenario == "solid OFC"
+    elif scenario == "liquid jamming":
+        tick["bias"][late] = BIAS
+    elif scenario in ("solid jamming", "runaway"):
+        tick["instead"][late] = 1.0
+        tick["ramp"][late] = RATE * tau if scenario == "runaway" else 0.0
+    elif scenario == "held rod":
+        tick["held"][late] = 1.0
+    elif scenario == "held valve":
+        tick["f_u"][late], tick["s_u"][late] = RATE * lu17.NOMINAL["A_p"] / lu17.NOMINAL["phi_n"], 1.0
+    elif scenario != "fault-free":
+        raise ValueError(f"{scenario!r} is not one of {', '.join(SCENARIOS)}")
+    return tick
+
+
+@functools.lru_cache(maxsize=1)
+def _noise(seeds):
+    n = round(SECONDS / DT)
+    return np.stack([np.random.default_rng([17, s]).standard_normal((n, 4)) for s in range(seeds)])
+
+
+def fly(scenario, load="no load", *, seeds=SEEDS, measured=False, quiet=False, hmd=HMD, **filter_values):
+    """Return OUT records (seeds, ticks) of a scenario under a load of LOADS.
+
+    `measured`: the servo closes on the rod sensor instead of the estimate; `quiet`: no noise at all; `hmd`: slope of
+    the load [N m/rad]; `filter_values` replace parameters of the filter.
+    """
+    tick = schedule(scenario)
+    known = load == "load known"
+    watch = SCENARIOS[scenario][1]
+    s = np.zeros(1, SETUP)
+    s["watch"], s["measured"], s["known"] = watch == "rtsekf", measured, known
+    if load != "no load":
+        s["hm0"], s["hmd"] = HM0, hmd
+    s["walk"] = 0.0 if quiet else np.sqrt(np.array(iotsekf.NOISE["q"])[:3] * DT)
+    own = dict(filter_values)
+    form = {"load": int(known), "dt": DT, "delay_s": 0.0}
+    as_published = {"centre": 0.0, "total_sign": 0.0, "gate_rod": two_stage.GATE_NONE}
+    pi = iotsekf.params(**form, **(as_published | own if watch == "iotsekf" else as_published))
+    pr = rtsekf.params("published", **form, **(own if watch == "rtsekf" else {}))
+    c = servo.params(dt=DT, delay=0.0, fb_delay=0.0, u_max=1.0)
+    x = servo.init(np.repeat(c, seeds))
+    us, ui, ur = (np.zeros(1, module.INPUTS) for module in (servo, iotsekf, rtsekf))
+    us["q_valid"] = 1.0
+    us["q_use"] = us["qd_use"] = us["x3_use"] = us["load_use"] = 0.0 if measured else 1.0
+    ui["y_rod_valid"] = ur["y_rod_valid"] = 1.0
+    for u in (ui, ur):
+        u["hm0_model"], u["hmd_model"] = s["hm0"], s["hmd"]
+    out = np.zeros((seeds, len(tick)), OUT)
+    noise = np.zeros((seeds, len(tick), 4)) if quiet else _noise(seeds)
+    i, r = iotsekf.init(np.repeat(pi, seeds)), rtsekf.init(np.repeat(pr, seeds))
+    _fly(tick, noise, s[0], c[0], pi[0], pr[0], x, i, r, us[0], ui[0], ur[0], DT, out)
+    return out

@@ -1,0 +1,131 @@
+"""The same faults at the design point of each aircraft-level detector and at other corners of the envelope.
+
+The Sun13 estimators and the thresholds of [Mar10] are at home at the point of Sun13 (200 t, 290 kt), the LPV observer
+anywhere in the box of Alwi14, whose points A to E are its corners and its middle; Sun13's point lies outside that box.
+Per detector and fault: whether it alarms in time, and the estimate over the fault.
+"""
+
+import math
+
+import numpy as np
+
+from cosim.campaign.jobs import many
+from cosim.flight.plant.point import SIX
+from cosim.papers.recorded import Flown
+from cosim.papers.studies.aircraft_level.ofc import DETECTORS
+from cosim.papers.studies.aircraft_level.table import Table
+from cosim.scenario.load import load_scenario
+from cosim.training.rfafe import sine
+
+ONSET, END, HZ = 24.0, 36.0, 1.0
+SEEDS, FIRST_SEED = 2, 1_000_700
+TURBULENCE = ("none", "light")
+DOUBLET = ("manoeuvre.kind=nz_doublet", "manoeuvre.start_s=26", "manoeuvre.width_s=3", "manoeuvre.amplitude_g=0.15")
+DEG = math.pi / 180.0
+AMPLITUDE, BIAS, NZ, ALPHA, LOSS = 4.0, 3.0, 0.3, 3.0, 25.0  # [deg], [deg], [g], [deg], [%]
+
+
+def _fault(**given):
+    return tuple(f"faults.0.{k}={v}" for k, v in {"start_s": ONSET, **given}.items())
+
+
+CASES = {
+    f"OFC {HZ:g} Hz, {AMPLITUDE:g} deg, left": _fault(
+        target="elevator.left", kind="ofc_liquid", at="command", amplitude_deg=AMPLITUDE, frequency_hz=HZ
+    ),
+    f"elevators +{BIAS:g} deg": (*_fault(target="elevator.all", kind="bias", bias_deg=BIAS), *DOUBLET),
+    f"n_z +{NZ:g} g": (*_fault(target="sensor.n_z", kind="bias", path="observers", bias_g=NZ), *DOUBLET),
+    f"alpha +{ALPHA:g} deg": (*_fault(target="sensor.alpha", kind="bias", path="observers", bias_deg=ALPHA), *DOUBLET),
+    f"thrust -{LOSS:g} %": (*_fault(target="engine.all", kind="thrust_loss", loss_pct=LOSS), *DOUBLET),
+    "none": DOUBLET,
+}
+OFC, BIASED, N_Z, ANGLE, THRUST, NONE = CASES
+# which estimate of which detector is set beside which fault: field, size of the fault
+ESTIMATES = {
+    (BIASED, "lpv_smo"): ("f_hat_elevator", BIAS * DEG),
+    (BIASED, "control_redundancy"): ("f_hat_elevator", BIAS * DEG),
+    (N_Z, "lpv_smo"): ("f_hat_n_z", NZ),
+    (ANGLE, "lpv_smo"): ("f_hat_alpha", ALPHA * DEG),
+    (THRUST, "control_redundancy"): ("f_hat_thrust", -LOSS / 100.0),
+}
+OSCILLATES = {"rfafe": "f_hat_left", "rfafe_airframe": "f_hat", "lpv_smo": "f_hat_elevator"}
+SHOWN = (
+    (OFC, DETECTORS), (BIASED, ("lpv_smo", "control_redundancy")), (N_Z, ("lpv_smo",)), (ANGLE, ("lpv_smo",)),
+    (THRUST, ("control_redundancy",)), (NONE, DETECTORS),
+)  # fmt: skip
+
+
+def measure(point, case, turbulence, seed):
+    """Fly one case; return {detector: [delay s or None, estimate over fault or None, largest r, share believed]}.
+
+    The estimate of the oscillation is the ratio of sines over 8 s from 2 s after the onset, the fault that of the left
+    side (rfafe: of its command; the others: of the mean elevator, half the difference of the sides); that of a step is
+    the mean of the last 4 s. r and the share of ticks on which the detector believes itself are those after the onset.
+    """
+    changes = [*(f"flight.{k}={v}" for k, v in SIX[point].items()), f"flight.turbulence={turbulence}",
+               f"seed={seed}", f"duration_s={END}",
+               "detectors.enabled=" + str(list(DETECTORS)), *CASES[case]]  # fmt: skip
+    fields = {name: {"alarm", "r", "valid"} for name in DETECTORS}
+    for (c, name), (field, _) in ESTIMATES.items():
+        fields[name] |= {field} if c == case else set()
+    for name, field in OSCILLATES.items():
+        fields[name].add(field)
+    surfaces = [f"truth.aircraft.de_{s}" for s in ("lo", "li", "ri", "ro")]
+    names = [f"{name}.aircraft.{field}" for name, own in fields.items() for field in sorted(own)]
+    flown = Flown(load_scenario("cruise", changes), [*names, *surfaces])
+    late = flown.t >= ONSET
+    return {name: _one(flown, name, case, late, surfaces) for name in DETECTORS}
+
+
+def _one(flown, name, case, late, surfaces):
+    alarm = flown[f"{name}.aircraft.alarm"]
+    rise = np.flatnonzero((np.diff(np.r_[0.0, alarm]) > 0.5) & late)
+    delay = float(flown.t[rise[0]] - ONSET) if len(rise) else None
+    estimate = None
+    if (case, name) in ESTIMATES:
+        field, size = ESTIMATES[case, name]
+        estimate = float(flown[f"{name}.aircraft.{field}"][flown.t >= END - 4.0].mean() / size)
+    elif case == OFC and name in OSCILLATES:
+        field = OSCILLATES[name]
+        on = (flown.t >= ONSET + 2.0) & (flown.t < ONSET + 10.0)
+        t, w = flown.t[on], 2.0 * math.pi * HZ
+        left, right = (0.5 * (flown[a][on] + flown[b][on]) for a, b in (surfaces[:2], surfaces[2:]))
+        true = AMPLITUDE * DEG if name == "rfafe" else abs(sine(t, 0.5 * (left - right), w))
+        estimate = float(abs(sine(t, flown[f"{name}.aircraft.{field}"][on], w)) / true)
+    r = float(np.abs(flown[f"{name}.aircraft.r"][late]).max())
+    return [delay, estimate, r, float(flown[f"{name}.aircraft.valid"][late].mean())]
+
+
+def run(*, seeds=SEEDS, out=None, workers=2, progress=None):
+    """Return a table per fault: detectors over points."""
+    jobs = [(p, c, turbulence, FIRST_SEED + s) for c in CASES for p in SIX for turbulence in TURBULENCE
+            for s in range(seeds)]  # fmt: skip
+    file = None if out is None else out / "corners.jsonl"
+    got = many(measure, jobs, out=file, workers=workers, progress=progress)
+    tables = []
+    for case, detectors in SHOWN:
+        rows = []
+        for name in detectors:
+            for turbulence in TURBULENCE:
+                cells = {p: [got[p, case, turbulence, FIRST_SEED + s][name] for s in range(seeds)] for p in SIX}
+                rows += _rows(name, turbulence, case, cells, seeds)
+        title = f"{case}; {seeds} seeds per point and turbulence" if case != NONE else f"fault-free, {seeds} seeds"
+        tables.append(Table(title, ("detector", "turbulence", "figure", *SIX), rows))
+    return tables
+
+
+def _rows(name, turbulence, case, cells, seeds):
+    """Return the rows of one detector: alarms, delay, estimate, largest r, share of time that it believes itself."""
+    out = [("flights with an alarm", [sum(c[0] is not None for c in cells[p]) for p in SIX])]
+    if case != NONE:
+        out.append(("mean delay [s]", [_mean([c[0] for c in cells[p]]) for p in SIX]))
+    if any(c[1] is not None for p in SIX for c in cells[p]):
+        out.append(("estimate over fault", [_mean([c[1] for c in cells[p]]) for p in SIX]))
+    out.append(("largest r", [max(c[2] for c in cells[p]) for p in SIX]))
+    out.append(("believes itself [% of time]", [100.0 * _mean([c[3] for c in cells[p]]) for p in SIX]))
+    return [(name, turbulence, label, *values) for label, values in out]
+
+
+def _mean(values):
+    given = [v for v in values if v is not None]
+    return sum(given) / len(given) if given else math.nan

@@ -1,0 +1,142 @@
+"""Bench of one electromechanical segment: servo, actuator, sensors, load and the flight filter, closed as in flight.
+
+The filter's estimate closes the loop once it says so. Without an aircraft: thousands of draws cost a second.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from actuators.block import dtype, kernel
+from actuators.ema import actuator as ema
+from actuators.ema import jay
+from actuators.ema import servo as ema_servo
+from fdi.ema import ema_kalman_flight as flight
+
+DEG, DT = math.pi / 180.0, 0.005
+ARM = jay.values()["arm"]
+NO_LOAD = jay.LIMITS["elevator"][1] / jay.values()["K_B"]  # [rad/s]
+STALL = jay.LIMITS["elevator"][0]  # [A]
+SIGMA = (1.0, 1e-4, 0.1)  # velocity [rad/s], position [m], current [A] per sample; [Jay] section 4 as 1 sigma
+
+TICK = dtype([
+    ("command", "f8"),  # surface [rad]
+    ("hm0", "f8"),      # true hinge moment pair [N m], [N m/rad]
+    ("hmd", "f8"),
+    ("hm0_model", "f8"),
+    ("hmd_model", "f8"),
+    ("n_v", "f8"),      # sensor noise and constant errors, SI
+    ("n_p", "f8"),
+    ("n_c", "f8"),
+    ("f_v", "f8"),      # faults: added, scale, frozen; velocity and position in the loop, current in the monitor
+    ("s_v", "f8"),
+    ("z_v", "f8"),
+    ("f_p", "f8"),
+    ("s_p", "f8"),
+    ("z_p", "f8"),
+    ("f_c", "f8"),
+    ("s_c", "f8"),
+    ("z_c", "f8"),
+    ("ok_v", "f8"),     # valid flags
+    ("ok_p", "f8"),
+    ("ok_c", "f8"),
+    ("jam", "f8"),      # faults of the actuator and of the loop's current sensor
+    ("f_i", "f8"),
+    ("s_i", "f8"),
+])
+
+
+@kernel
+def _faulty(true, noise, add, scale, frozen, last):
+    return last if frozen > 0.5 else (1.0 + scale) * true + noise + add
+
+
+@kernel
+def fly(tick, px, ps, pf, x, s, f, ux, us, uf, reconfigure, out, surface):
+    """Fly every tick; out: flight.STATE per tick, surface: true angle x1 and N x3 / l, reference, [rad]."""
+    w, y, c = x.motor_d, px.lead * x.motor, x.i
+    last_v, last_p, last_c = w, y, c
+    for k in range(tick.shape[0]):
+        t = tick[k]
+        # sensors are one tick old
+        last_v = _faulty(w, t.n_v, t.f_v, t.s_v, t.z_v, last_v)
+        last_p = _faulty(y, t.n_p, t.f_p, t.s_p, t.z_p, last_p)
+        last_c = _faulty(c, t.n_c, t.f_c, t.s_c, t.z_c, last_c)
+        w, y, c = x.motor_d, px.lead * x.motor, x.i
+        uf.u = s.u
+        uf.y_velocity = last_v if t.ok_v > 0.5 else math.nan
+        uf.y_position = last_p if t.ok_p > 0.5 else math.nan
+        uf.y_current = last_c if t.ok_c > 0.5 else math.nan
+        uf.velocity_valid, uf.position_valid, uf.current_valid = t.ok_v, t.ok_p, t.ok_c
+        uf.hm0_model, uf.hmd_model = t.hm0_model, t.hmd_model
+        flight.step(f, uf, pf, DT)
+        out[k] = f
+        us.command = t.command
+        us.pos_meas, us.pos_valid, us.vel_meas, us.vel_valid = uf.y_position, t.ok_p, uf.y_velocity, t.ok_v
+        us.pos_fb, us.pos_use = f.pos_hat, f.reconf if reconfigure else 0.0
+        ema_servo.step(s, us, ps, DT)
+        surface[k, 0], surface[k, 1], surface[k, 2], surface[k, 3] = x.delta, px.lead * x.motor / px.arm, s.r, x.i
+        ux.u, ux.hm0, ux.hmd, ux.jam, ux.f_i, ux.s_i = s.u, t.hm0, t.hmd, t.jam, t.f_i, t.s_i
+        ema.step(x, ux, px, DT)
+
+
+def three_two_one_one(t, *, start, amplitude=4 * DEG, unit=0.5):
+    """Return the command of a 3-2-1-1 [rad] at the times `t`."""
+    phase = (np.asarray(t) - start) / unit
+    return amplitude * np.select([phase < 0, phase < 3, phase < 5, phase < 6, phase < 7], [0, 1, -1, 1, -1], 0)
+
+
+def script(
+    seconds, *, command=0.0, hm0=1500.0, hmd=-26e3, factor=(1.0, 1.0), rng=None, gust=300.0, sigma=SIGMA, bias=0.0
+):
+    """Return TICK records of a healthy flight: a load with gusts [N m, 1 sigma], its model wrong by two factors."""
+    n = round(seconds / DT)
+    tick = np.zeros(n, TICK)
+    rng = np.random.default_rng(0) if rng is None else rng
+    a = math.exp(-DT / 0.3)  # gusts: first order, 0.3 s
+    load = lfilter([gust * math.sqrt(1 - a * a)], [1.0, -a], rng.standard_normal(n))
+    tick["command"] = command
+    tick["hm0"], tick["hmd"] = hm0 + load, hmd
+    tick["hm0_model"], tick["hmd_model"] = factor[0] * tick["hm0"], factor[1] * hmd
+    for name, one in zip(("n_v", "n_p", "n_c"), sigma):
+        tick[name] = one * rng.standard_normal(n)
+    tick["n_v"] += bias
+    for name in ("ok_v", "ok_p", "ok_c"):
+        tick[name] = 1.0
+    return tick
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A flown script: the filter's STATE per tick and what was true at that tick [rad, A]."""
+
+    log: np.ndarray
+    surface: np.ndarray    # x1
+    screw: np.ndarray      # N x3 / l
+    reference: np.ndarray  # of the servo
+    current: np.ndarray
+
+    @property
+    def estimate_error(self):
+        """Return pos_hat / l less what a healthy sensor, one tick old, would read [rad], from the second tick on."""
+        return self.log["pos_hat"][1:] / ARM - self.screw[:-1]
+
+
+def fly_bench(tick, *, tolerance=None, friction=1.0, reconfigure=True, p=None):
+    """Return the Flight of a script; `tolerance` multiplies the actuator's symbols, `friction` its Coulomb torques."""
+    px = ema.params()
+    for name, value in (tolerance or {}).items():
+        px[name] *= value
+    px["T_c"] *= friction
+    px["T_s"] *= friction
+    x = ema.init_at(px, tick["command"][:1], tick["hm0"][0], tick["hmd"][0])
+    ps = ema_servo.params()
+    s = ema_servo.init_at(ps, px["lead"] * x["motor"], x["i"])
+    pf = flight.params() if p is None else p
+    f = flight.init(pf)
+    ux, us, uf = np.zeros(1, ema.INPUTS), np.zeros(1, ema_servo.INPUTS), np.zeros(1, flight.INPUTS)
+    out, true = np.zeros(len(tick), flight.STATE), np.zeros((len(tick), 4))
+    fly(tick, px[0], ps[0], pf[0], x[0], s[0], f[0], ux[0], us[0], uf[0], reconfigure, out, true)
+    return Flight(out, *true.T.copy())

@@ -1,0 +1,179 @@
+"""Every manoeuvre at the papers' points and at the corners of mass, CG, altitude and speed: does any flight depart?
+
+    python -m cosim.papers.studies.manoeuvres                    all three questions, 6 min on one core
+    python -m cosim.papers.studies.manoeuvres table              the table, in still air and moderate turbulence
+
+Flights are fault-free, without detectors; the actuators, sensors and the law are those of any flight.
+"""
+
+import math
+import sys
+
+import numpy as np
+
+from cosim.flight.build import build
+from cosim.flight.fly import record
+from cosim.flight.plant.point import SIX
+from cosim.scenario import load_scenario
+
+KEYS = ("mass_t", "cg_pct", "altitude_ft", "cas_kt")
+CORNERS = {  # of mass and CG, and of altitude and speed
+    "light fore": dict(zip(KEYS, (200, 25, 20000, 250))),
+    "light aft": dict(zip(KEYS, (200, 36, 20000, 250))),
+    "heavy fore": dict(zip(KEYS, (405, 25, 20000, 290))),
+    "heavy aft": dict(zip(KEYS, (405, 36, 20000, 290))),
+    "low slow": dict(zip(KEYS, (200, 30, 2000, 160))),
+    "low fast": dict(zip(KEYS, (260, 30, 5000, 340))),
+    "high slow": dict(zip(KEYS, (200, 30, 36000, 200))),
+    "high fast": dict(zip(KEYS, (260, 30, 36000, 270))),
+    "heavy low fast": dict(zip(KEYS, (405, 30, 5000, 340))),
+}
+POINTS = SIX | CORNERS
+SLOW_KT = {"sun13": 150, "A": 170, "B": 175, "C": 210, "D": 235, "E": 190}  # where full back-stick ends at alpha_max
+KINDS = ("cruise", "aoa_protection", "nose_up", "pitch_protection", "coordinated_turn", "yaw_angle", "nz_doublet",
+         "three_two_one_one")  # fmt: skip
+TRUTH = ("alpha", "theta", "phi", "nz", "h", "cas", "de_li")
+FT, KT = 0.3048, 1852.0 / 3600.0
+FIRST_SEED = 3
+
+
+def fly(point, kind, *, seconds, air, seed, **more):
+    """Fly one manoeuvre; return (status, reason, {signal: (ticks,)}, parameters of the law); SI, rad."""
+    keys = {
+        **{f"flight.{k}": v for k, v in POINTS[point].items()}, "flight.turbulence": air, "manoeuvre.kind": kind,
+        "duration_s": seconds, "seed": seed, "detectors.enabled": "[]", **more,
+    }  # fmt: skip
+    setup = build(load_scenario("cruise", [f"{k}={v}" for k, v in keys.items()]))
+    names = [*(f"truth.aircraft.{n}" for n in TRUTH), "law.law.de_cmd", "law.law.protection"]
+    rows, status, reason = record(setup, names)
+    return status, reason, dict(zip((*TRUTH, "de_cmd", "protection"), rows.T)), setup.loop.law.p[0]
+
+
+def _span(x, unit=1.0):
+    return [float(x.min() / unit), float(x.max() / unit)]
+
+
+def manoeuvre(point, kind, air, seed):
+    """Return what happened in 60 s of one manoeuvre: spans of load factor, angles [deg], altitude [ft], speed [kt]."""
+    status, reason, f, p = fly(point, kind, seconds=60.0, air=air, seed=seed)
+    deg = math.pi / 180.0
+    return {
+        "status": status, "reason": reason, "nz": _span(f["nz"]), "alpha": _span(f["alpha"], deg),
+        "alpha_max": float(p.alpha_max / deg), "theta": _span(f["theta"], deg), "phi": _span(f["phi"], deg),
+        "h": _span(f["h"] - f["h"][0], FT), "cas": _span(f["cas"], KT), "de": _span(f["de_li"], deg),
+    }  # fmt: skip
+
+
+def pull(point, air, seed):
+    """Return the elevator's work in a pull to alpha_max from a low speed, and in cruise there [deg, deg/s rms]."""
+    keys = {"seconds": 26.0, "air": air, "seed": seed, "flight.cas_kt": SLOW_KT[point]}
+    status, _, f, p = fly(point, "aoa_protection", **keys)
+    _, _, still, _ = fly(point, "cruise", **keys)
+    late = slice(round(8.0 / 0.005), round(25.0 / 0.005))
+    rate = [float(np.sqrt(np.mean(np.square(np.diff(np.degrees(x["de_li"][late])) / 0.005)))) for x in (f, still)]
+    de = np.degrees(f["de_cmd"][late])
+    ends = np.degrees([p.de_min, p.de_max])
+    return {
+        "status": status, "command": _span(de), "rate": rate[0], "cruise": rate[1],
+        "stop": float(np.mean((de <= ends[0]) | (de >= ends[1]))),
+        "above": float(np.degrees((f["alpha"] - p.alpha_max)[late].max())),
+        "protected": float(np.mean(f["protection"][late] == 1.0)),
+    }  # fmt: skip
+
+
+def turn(point, seed):
+    """Return the altitude lost and gained in 60 s at 30 degrees of bank in light turbulence [ft]."""
+    status, _, f, _ = fly(point, "coordinated_turn", seconds=75.0, air="light", seed=seed)
+    return {"status": status, "h": _span(f["h"] - f["h"][0], FT)}
+
+
+def _cases(*lists):
+    out: list = [()]
+    for values in lists:
+        out = [(*case, v) for case in out for v in values]
+    return out
+
+
+TABLE = _cases(POINTS, KINDS, ("none", "moderate"))
+PULLS = _cases(SLOW_KT, ("none", "light", "moderate", "severe"))
+
+
+def _table_jobs(options):
+    return [(manoeuvre, {"point": p, "kind": k, "air": a, "seed": FIRST_SEED}) for p, k, a in TABLE]
+
+
+def _between(span, digits=0):
+    return f"{span[0]:.{digits}f} to {span[1]:.{digits}f}"
+
+
+def _table(options, values):
+    rows = [
+        (p, k, a, _between(v["nz"], 2), f"{_between(v['alpha'], 1)} ({v['alpha_max']:.1f})", _between(v["theta"]),
+         _between(v["phi"]), _between(v["de"], 1), _between(v["h"]), _between(v["cas"]), v["reason"] or v["status"])
+        for (p, k, a), v in zip(TABLE, values)
+    ]  # fmt: skip
+    columns = ("point", "manoeuvre", "air", "n_z g>", "alpha (limit) deg>", "theta deg>", "phi deg>", "elevator deg>",
+               "altitude ft>", "CAS kt>", "outcome")  # fmt: skip
+    told = []
+    for air in ("none", "moderate"):
+        own = [v for (_, _, a), v in zip(TABLE, values) if a == air]
+        told.append((air, len(own), sum(v["status"] == "completed" for v in own), max(v["nz"][1] for v in own),
+                     max(v["alpha"][1] - v["alpha_max"] for v in own)))  # fmt: skip
+    totals = ("air", "flights>", "completed>", "largest n_z g>", "alpha above its limit deg>")
+    return [("Every manoeuvre, 60 s, fault-free", columns, rows), ("All of them", totals, told)]
+
+
+def _seeds(options):
+    return range(FIRST_SEED, FIRST_SEED + options.seeds)
+
+
+def _pull_jobs(options):
+    return [(pull, {"point": p, "air": a, "seed": s}) for p, a in PULLS for s in _seeds(options)]
+
+
+def _pulls(options, values):
+    rows = []
+    for i, (point, air) in enumerate(PULLS):
+        own = values[i * options.seeds : (i + 1) * options.seeds]
+        low, high = min(v["command"][0] for v in own), max(v["command"][1] for v in own)
+        rows.append((point, SLOW_KT[point], air, _between((low, high), 1), f"{100 * max(v['stop'] for v in own):.1f}",
+                     max(v["rate"] for v in own), max(v["cruise"] for v in own), max(v["above"] for v in own),
+                     f"{100 * min(v['protected'] for v in own):.0f}"))  # fmt: skip
+    columns = ("point", "CAS kt>", "air", "elevator command deg>", "at a stop %>", "rate deg/s rms>", "in cruise>",
+               "alpha above alpha_max deg>", "protected %>")  # fmt: skip
+    return [(f"Full back-stick to alpha_max, worst of {options.seeds} flights", columns, rows)]
+
+
+def _turn_jobs(options):
+    return [(turn, {"point": p, "seed": s}) for p in SIX for s in _seeds(options)]
+
+
+def _turns(options, values):
+    rows = []
+    for i, point in enumerate(SIX):
+        own = values[i * options.seeds : (i + 1) * options.seeds]
+        done = sum(v["status"] == "completed" for v in own)
+        rows.append((point, f"{done}/{len(own)}", _between((min(v["h"][0] for v in own), max(v["h"][1] for v in own)))))
+    return [("30 deg of bank for 60 s in light turbulence", ("point", "completed>", "altitude ft>"), rows)]
+
+
+PARTS = (
+    ("table", "eight manoeuvres, fifteen points, still and moderate air: 240 flights, 2 min", _table_jobs, _table),
+    ("protection", "full back-stick at low speed in gusts: what the elevator does, 3 min", _pull_jobs, _pulls),
+    ("turns", "30 deg of bank in light turbulence: altitude kept, 1 min", _turn_jobs, _turns),
+)
+
+
+def main(argv=None):
+    """Run the study; return the exit status."""
+    from cosim.papers.studies import Part
+    from cosim.papers.studies import main as study
+
+    parts, about = [Part(*p) for p in PARTS], __doc__.splitlines()[0]
+    return study("cosim.papers.studies.manoeuvres", about, parts, seeds=10, folder="logs/manoeuvre_study", argv=argv)
+
+
+if __name__ == "__main__":
+    from cosim.papers.studies.manoeuvres import main as run  # by its own name: its jobs are found by other processes
+
+    sys.exit(run())

@@ -1,0 +1,105 @@
+"""Our figures beside figures 3 to 7 of [Sun13]: the left elevator with and without its fault, and its estimates."""
+
+import numpy as np
+
+from cosim.papers.drawing import Curve, Drawing, Panel
+from cosim.papers.sun13 import rows as sun13
+from cosim.training.rfafe import DEG
+from cosim.training.rfafe_flights import estimate, record
+
+KINDS = (("ofc_liquid", "liquid", "figure 3", "figure 6", 0.016), ("ofc_solid", "solid", "figure 4", "figure 7", 0.033))
+
+
+def drawings():
+    """Return the five Drawings."""
+    clean = record(duration=sun13.ONSET + 10.5, seed=1)
+    span = (sun13.ONSET - 5.0, sun13.ONSET + 10.5)
+
+    def left(r):
+        return r.surfaces[:, :2].mean(1) / DEG
+
+    out = []
+    for kind, word, beside, _, share in KINDS:
+        r = sun13._faulty(kind, 1.0, "none")
+        said = "the sine rides on what the law commands" if word == "liquid" else "the sine alone is left"
+        out.append(
+            Drawing(
+                "sun13",
+                beside,
+                f"Left elevator, {word} OFC of {share} of travel at 1 Hz, and without",
+                f"Mean of both left segments in still air: {said}. From 20 s on.",
+                (
+                    Panel(
+                        "left elevator",
+                        "deg",
+                        (Curve("fault-free", left(clean), "quiet"), Curve("with the fault", left(r), "true")),
+                    ),
+                ),
+                1,
+                onset=sun13.ONSET,
+                span=span,
+                row_px=200,
+            )
+        )
+    noisy = sun13._still()
+    out.append(
+        Drawing(
+            "sun13",
+            "figure 5",
+            "Fault-free: estimates of the left elevator's fault",
+            "Published form, driven by elevator positions, and the form on airframe outputs only; cruise in still "
+            "air. Dashed: the 0.016 of travel that figure 6 injects.",
+            (
+                Panel(
+                    "estimate",
+                    "deg",
+                    (
+                        Curve("airframe only", _f(noisy, "rfafe_airframe"), "quiet"),
+                        Curve("published form", _f(noisy, "rfafe"), "ours"),
+                    ),
+                    (0.64, -0.64),
+                    0.8,
+                ),
+            ),
+            1,
+            span=(0.0, 40.0),
+            row_px=200,
+        )
+    )
+    for kind, word, _, beside, share in KINDS:
+        r = sun13._faulty(kind, 1.0, "none")
+        f = (r.more[:, 0] - (r.command if kind == "ofc_solid" else 0.0) * (r.t >= sun13.ONSET)) / DEG
+        mean = 0.5 * (r.surfaces[:, :2].mean(1) - r.surfaces[:, 2:].mean(1)) / DEG
+        ratio = abs(sun13._published(kind, 1.0, "none")[0])
+        out.append(
+            Drawing(
+                "sun13",
+                beside,
+                f"{word.capitalize()} OFC of {share} of travel at 1 Hz, estimated",
+                f"The published form gives {ratio:.2f} of the injected amplitude, but it is a position "
+                "monitor: its whole gain sits on the elevator positions. Right: the form on airframe outputs, "
+                "against half the difference of the sides.",
+                (
+                    Panel(
+                        "published form",
+                        "deg",
+                        (Curve("estimate", _f(r, "rfafe"), "ours"), Curve("injected", f, "true", "dot")),
+                    ),
+                    Panel(
+                        "airframe outputs only",
+                        "deg",
+                        (Curve("estimate", _f(r, "rfafe_airframe"), "ours"), Curve("achieved", mean, "true", "dot")),
+                    ),
+                ),
+                2,
+                onset=sun13.ONSET,
+                span=span,
+                row_px=200,
+            )
+        )
+    return out
+
+
+def _f(r, name):
+    log = estimate(r, name)
+    return np.asarray(log["f_hat_left" if name == "rfafe" else "f_hat"]) / DEG

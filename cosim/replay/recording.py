@@ -1,0 +1,264 @@
+"""A flight as its log tells it: scenario, signals, detector lanes with their judgement, and what they estimate."""
+
+import importlib
+import math
+import re
+import tomllib
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from cosim.errors import LogError
+from cosim.flight import actuation as parts
+from cosim.flight import inject, wiring
+from cosim.flight.detector_table import TABLE
+from cosim.judge import coverage
+from cosim.judge import estimation as estimate
+from cosim.judge.result import Watch, judge, judged
+from cosim.log import open_log
+from cosim.scenario import parse
+
+NEEDED = (
+    "/truth/",
+    "/surfaces/",
+    "/sensors/",
+    "/observers/",
+    "/law",
+    "/pilot",
+    "/actuators/",
+    "/faults/",
+    "/detectors/",
+)
+
+
+@dataclass
+class Lane:
+    """One detector lane: its outputs by field (rows,), its judgement, and which case it meets."""
+
+    id: str
+    level: str
+    lane: str
+    target: str
+    culprits: tuple
+    every: int
+    fields: dict
+    entry: dict
+    truth: tuple | None = None  # (field, truth (ticks,), unit, start, end) of the fault that it estimates
+    able: bool = True  # its validity flag was up when the first fault began
+
+    @property
+    def name(self):
+        """Return what it is called in figures: "iotsekf left inner"."""
+        return self.id if self.level == "aircraft" else f"{self.id} {words(self.lane)}"
+
+
+def words(name):
+    """Return a name of a part without underscores."""
+    return name.replace("_", " ")
+
+
+class Flown:
+    """The content of one log, read once. `values(topic, field)` is a column, NaN where there is none."""
+
+    def __init__(self, path):
+        """Read the log at `path`, also one that was cut. Raises LogError for one that holds no scenario."""
+        self.log = open_log(path, tolerant=True)
+        if "scenario.toml" not in self.log.attachments or "detectors.json" not in self.log.attachments:
+            raise LogError(
+                "was not written by `cosim run`: it holds no scenario",
+                place=str(path),
+                remedy="`cosim info` shows what it holds",
+            )
+        self.toml = self.log.attachments["scenario.toml"].decode()
+        self.scenario = parse(tomllib.loads(self.toml))
+        names = [n for n in self.log.topics if n.startswith(NEEDED)]
+        self._arrays = self.log.arrays(names)
+        self.ticks = self.log.ticks("/truth/aircraft")
+        self.dt = self.log.dt_ns / 1e9
+        if not len(self.ticks):
+            raise LogError("holds no tick", place=str(path), remedy="Fly it again")
+        self.t0, self.end = float(self.ticks[0] * self.dt), float(self.ticks[-1] * self.dt)
+
+    def has(self, topic, name):
+        """Tell whether the log has field `name` of `topic`."""
+        return topic in self._arrays and name in self.log.topics[topic].fields
+
+    def values(self, topic, name):
+        """Return one logged signal (rows,)."""
+        if not self.has(topic, name):
+            return np.full(len(self.ticks), np.nan)
+        return self._arrays[topic][:, self.log.topics[topic].fields.index(name)]
+
+    @cached_property
+    def faults(self):
+        """Return what `judge` takes of the faults."""
+        return judged(self.scenario)
+
+    @cached_property
+    def cases(self):
+        """Return the case of each fault (cosim/judge/coverage.py)."""
+        return coverage.cases(self.scenario)
+
+    @cached_property
+    def intervals(self):
+        """Return [(from, to)] during which any fault is active, merged, within the flight."""
+        spans = sorted((f["start_s"], min(f["end_s"], self.end)) for f in self.faults if f["start_s"] < self.end)
+        out: list = []
+        for a, b in spans:
+            if out and a <= out[-1][1]:
+                out[-1] = (out[-1][0], max(b, out[-1][1]))
+            else:
+                out.append((a, b))
+        return out
+
+    @cached_property
+    def lanes(self):
+        """Return the Lanes: aircraft level first, in the order of the log."""
+        import json
+
+        out = []
+        for d in json.loads(self.log.attachments["detectors.json"]):
+            for lane in d["lanes"]:
+                topic = f"/detectors/{d['id']}/{lane}"
+                if topic in self._arrays:
+                    out.append(self._lane(d, lane, topic))
+        return sorted(out, key=lambda lane: lane.level != "aircraft")
+
+    def _lane(self, d, lane, topic):
+        target = f"elevator.{lane}" if d["level"] == "local" else "aircraft"
+        culprits = importlib.import_module(TABLE[d["id"]].module).CULPRITS if d["id"] in TABLE else ("",)
+        fields = list(self.log.topics[topic].fields)
+        at = {n: fields.index(n) for n in ("alarm", "verdict", "culprit", "r")}
+        made = Lane(
+            d["id"], d["level"], lane, target, culprits, d["every"], dict(zip(fields, self._arrays[topic].T)), {}
+        )
+        made.truth = self._truth(d["id"], lane)
+        made.able = self._valid_at_onset(made)
+        watch = Watch(d["id"], d["level"], target, culprits, **at)
+        made.entry = judge(watch, self._arrays[topic], self.dt * d["every"], self.faults)
+        if made.truth:
+            made.entry |= self._errors(made)
+        return made
+
+    def _valid_at_onset(self, lane):
+        """Tell whether the lane called itself valid within the second before the first fault (else, before the end)."""
+        step = self.dt * lane.every
+        onset = round((min((f["start_s"] for f in self.faults), default=self.end) - self.t0) / step)
+        second = round(1.0 / step)
+        return bool((lane.fields["valid"][max(0, onset - second) : max(onset, second)] > 0.5).any())
+
+    def _truth(self, detector, lane):
+        """Return (field, truth (ticks,), unit, start, end) of the fault that the lane estimates, or None."""
+        names = []
+
+        def column(name):
+            if name not in names:
+                names.append(name)
+            return names.index(name)
+
+        plan = estimate.plan(self.scenario, detector, lane, column)
+        if plan is None or plan.unit is None:
+            return None
+        signals = np.stack([self.signal(names[c]) for c in plan.columns])
+        return names[plan.column].rpartition(".")[2], plan.truth(signals, self.dt), plan.unit, plan.start, plan.end
+
+    def _errors(self, lane):
+        """Return RMSE, bias and maximum of a lane's estimate after settling, as a run's result has them."""
+        from cosim.judge.result import errors
+
+        name, truth, unit, start, end = lane.truth
+        e = (lane.fields[name] - truth[:: lane.every])[: len(lane.fields[name])]
+        step = self.dt * lane.every
+        late = slice(round((start - self.t0) / step), round((min(end, self.end + self.dt) - self.t0) / step))
+        return errors(e[late], unit)
+
+    def signal(self, name):
+        """Return the bus signal `name` (section.lane.field) at every tick, as far as the log tells it.
+
+        An input that nobody logs is what the faults add to it; a sensor's truth is what it is wired to.
+        """
+        section, lane, field = name.split(".", 2)
+        for topic in (
+            f"/{section}/{lane}",
+            f"/{section}",
+            f"/actuators/{lane}/{section}",
+            f"/detectors/{section}/{lane}",
+        ):
+            if self.has(topic, field):
+                return self.values(topic, field)
+        part = section.removesuffix("_in")
+        if field == "u" and section.endswith("_in"):  # still the command held over the last tick
+            return self.values(f"/actuators/{lane}/{part}", "u_held")
+        if field == "truth":
+            wired = dict(wiring.sensor_wires(self.scenario.elevator.technology))
+            return self.signal(wired[name])
+        sources = [(f.name, source) for f in self._injected for place, source in f.places if place == name]
+        return sum((self._fault(lane, source) for lane, source in sources), np.zeros(len(self.ticks)))
+
+    @cached_property
+    def _injected(self):
+        return inject.lanes(self.scenario, parts.nominal(self.dt))
+
+    def _fault(self, lane, source):
+        topic = f"/faults/f{lane}"
+        return -self.values(topic, "f_inj") if source == "f_neg" else self.values(topic, source)
+
+    @cached_property
+    def injected(self):
+        """Return [(label, unit, signal (ticks,))] of every fault lane."""
+        out = []
+        for f in self._injected:
+            kind, place = self.scenario.faults[f.fault].kind, f.places[0][0]
+            signal = self._fault(f.name, "f_inj")
+            switched = all(source == "g" for _, source in f.places)
+            label = f"{words(kind)}, {words(f.name.split('_', 1)[1])}"
+            out.append(
+                (
+                    label,
+                    "active" if switched else unit_of(place, kind),
+                    self._fault(f.name, "g") if switched else signal,
+                )
+            )
+        return out
+
+    @cached_property
+    def provenance(self):
+        """Return {name: text}: versions, seed, hashes."""
+        run, libraries = self.log.metadata.get("run", {}), self.log.metadata.get("libraries", {})
+        result = self.log.result or {}
+        out = {k: run[k] for k in ("software", "seed", "rate_hz", "ticks") if k in run} | dict(libraries)
+        for name in ("content", *(k for k in result if k.startswith("sha256"))):
+            if name in result:
+                out[f"hash of {name}" if name == "content" else name] = result[name]
+        if "sha256" in self.log.metadata.get("preamble", {}):
+            out["hash of the preamble"] = self.log.metadata["preamble"]["sha256"]
+        return out
+
+
+def unit_of(place, kind):
+    """Return the unit in which a fault enters at bus name `place`."""
+    section, _, field = place.split(".", 2)
+    if section == "sensors_in":
+        return "share" if "scale" in field else "sensor's SI unit"
+    if field in ("f_u", "s_u"):
+        return "A" if section == "ema_in" else "valve, 1 = full"
+    if field in ("f_cmd", "s_cmd"):
+        return "rad"
+    if field == "f_rate":
+        return "rad/s"
+    if re.match(r"friction|backlash", kind):
+        return "SI"
+    return "share"
+
+
+def spans(mask, t0, dt):
+    """Return [(from, to)] during which `mask` holds; a span ends where the next sample no longer holds."""
+    high = np.asarray(mask, bool)
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], high, [False])).astype(int)))
+    return [(t0 + a * dt, t0 + b * dt) for a, b in zip(edges[::2], edges[1::2])]
+
+
+def finite(x):
+    """Tell whether x is a number at all."""
+    return x is not None and math.isfinite(x)

@@ -1,0 +1,124 @@
+"""Stored designs: what there is, how it is made from the aircraft in the tree, and whether it still belongs to it.
+
+A design is a JSON file in `fdi/designs/`. Its "source" is a digest of the numbers it was made from, as parsed from the
+aircraft's XML and the actuators' parameters: a comment or a blank in a file changes nothing, a coefficient does.
+"""
+
+import functools
+import hashlib
+import importlib
+import json
+import re
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import aircraft
+import fdi
+from actuators.ema import actuator as ema
+from actuators.ema import servo as ema_servo
+from actuators.hydraulic import actuator as hydraulic
+from actuators.hydraulic import servo
+from actuators.simple import actuator as simple
+from cosim.errors import DesignError, did_you_mean
+from cosim.files import replace_text
+
+FOLDER = Path(fdi.__file__).resolve().parent / "designs"
+AIRCRAFT = Path(next(iter(aircraft.__path__))).resolve()
+NUMBERS = re.compile(r"\[[^\[\]{}\"]*\]")  # a list of numbers, which goes on one line
+REMEDY = "Run `cosim design` (it needs the extra `design`)"
+
+
+@dataclass(frozen=True)
+class Maker:
+    """Where a design comes from: `module`.`function`(progress) returns what the file holds but for its "source".
+
+    A module that is its `own` keeper writes and checks its file itself, by store(path, progress=) and check(path).
+    """
+
+    module: str
+    function: str
+    what: str
+    own: bool = False
+
+
+DESIGNS = {
+    "rfafe": Maker("cosim.training.rfafe", "published", "Sun13 estimator with elevator positions"),
+    "rfafe_airframe": Maker("cosim.training.rfafe", "airframe", "Sun13 estimator on airframe outputs"),
+    "physics_bound": Maker("cosim.training.rfafe", "physics_bound", "motion per degree of elevator oscillation"),
+    "lpv_smo": Maker("cosim.training.lpv", "store", "Alwi14 LPV model and observer", own=True),
+}
+
+
+def known(name):
+    """Raise DesignError unless `name` is a design."""
+    if name not in DESIGNS:
+        raise DesignError(f"{name!r} is no design", allowed=", ".join(DESIGNS), remedy=did_you_mean(name, DESIGNS))
+
+
+def build(name, *, folder=FOLDER, progress=None):
+    """Make design `name` anew, write it, return its path; `progress(text)` hears each step. KeyError: unknown name."""
+    maker = DESIGNS[name]
+    tell = progress or (lambda text: None)
+    module = importlib.import_module(maker.module)
+    path = Path(folder) / f"{name}.json"
+    if maker.own:
+        tell(f"{name}: {maker.what}")
+        module.store(path, progress=lambda: tell(f"{name}: next flight point"))
+        return path
+    made = getattr(module, maker.function)(tell)
+    text = json.dumps({"source": source(), **made}, indent=1, sort_keys=True)
+    replace_text(path, NUMBERS.sub(lambda m: " ".join(m[0].split()), text) + "\n")
+    return path
+
+
+def check(name, *, folder=FOLDER):
+    """Return "" when the stored design `name` belongs to the aircraft in the tree, else what is wrong."""
+    maker, path = DESIGNS[name], Path(folder) / f"{name}.json"
+    if maker.own:
+        return importlib.import_module(maker.module).check(path)
+    if not path.is_file():
+        return f"there is no {path.name}"
+    try:
+        stored = json.loads(path.read_text(encoding="utf-8")).get("source")
+    except ValueError as error:
+        return f"{path.name} cannot be read: {error}"
+    return "" if stored == source() else f"{path.name} was made from another aircraft or other actuators"
+
+
+def require(name):
+    """Raise DesignError with the remedy unless the stored design `name` belongs to the aircraft in the tree."""
+    problem = check(name)
+    if problem:
+        raise DesignError(problem, place=f"design {name}", remedy=REMEDY)
+
+
+@functools.cache
+def source():
+    """Return the digest of every number in the aircraft's XML and in the actuators' and servos' nominal parameters."""
+    digest = hashlib.sha256()
+    for path in sorted(AIRCRAFT.rglob("*.xml")):
+        for number in _numbers(ET.parse(path).getroot()):
+            digest.update(number.encode())
+    for module in (hydraulic, servo, ema, ema_servo):
+        for value in np.ascontiguousarray(module.params()).view(np.float64).ravel():
+            digest.update(f"{value:.6e};".encode())  # gains come from linear algebra: last digits are the processor's
+    digest.update(json.dumps(simple.KINDS, sort_keys=True).encode())
+    return digest.hexdigest()
+
+
+_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+
+
+def _numbers(element, path=""):
+    """Yield "place number" of every number in the element's attributes and text, in document order."""
+    here = f"{path}/{element.tag}"
+    for key, value in sorted(element.attrib.items()):
+        yield from (f"{here}@{key} {float(x)!r};" for x in _NUMBER.findall(value))
+    yield from (f"{here} {float(x)!r};" for x in _NUMBER.findall(element.text or ""))
+    for child in element:
+        if isinstance(child.tag, str):
+            yield from _numbers(child, here)
+            yield from (f"{here} {float(x)!r};" for x in _NUMBER.findall(child.tail or ""))

@@ -1,0 +1,196 @@
+"""Models and designs of the Sun13 estimators from the aircraft that flies: linear model, actuators, E of six flights.
+
+The point is that of [Sun13, table I]: 200 t, CG 30 %, 20,000 ft, 290 kt CAS. Units inside: m/s, deg, deg/s, as the
+paper.
+"""
+
+import functools
+import math
+
+import numpy as np
+
+from cosim.flight.blocks.sensors import PARTS, TRANSPORT
+from cosim.flight.build import build
+from cosim.flight.fly import record
+from cosim.flight.plant.linearize import linearize
+from cosim.flight.plant.point import SIX, Flight
+from cosim.scenario import parse
+from fdi.common import physics_bound as bound
+from fdi.rfafe import rfafe
+from fdi.rfafe.discrete import noise
+from fdi.rfafe.store import to_plain
+
+DEG = math.pi / 180.0
+DT = 0.005
+POINT = SIX["sun13"]
+STATES = ("tas", "alpha", "q", "theta")
+SEGMENTS = ("de_lo", "de_li", "de_ri", "de_ro")
+NAMES = ("left_outer", "left_inner", "right_inner", "right_outer")
+UNIT = np.array([1.0, 1 / DEG, 1 / DEG, 1 / DEG])  # SI to the paper's units
+# the six fault-free flights of [Sun13] section IV
+MANOEUVRES = ("cruise", "aoa_protection", "nose_up", "pitch_protection", "coordinated_turn", "yaw_angle")
+FLIGHT_S = 40.0
+RANK_E = 2
+FIT_HZ = (0.2, 0.35, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)  # where the actuator is measured
+# with the amplitude of the paper's liquid fault, 0.016 of 40 deg: friction makes the response depend on it
+FIT_DEG = 0.64
+SENSOR_DELAY = TRANSPORT["q"][2]  # of gyro and positions; air data comes one tick later [s]
+# [rad/s] within the useful 27-60; the noise of the airframe form grows with it
+BANDWIDTH = {"rfafe": 40.0, "rfafe_airframe": 27.0}
+TECHNOLOGIES = {"hydraulic": ("hydraulic",) * 4, "ema": ("ema",) * 4, "simple": ("simple",) * 4,
+                "mixed": ("hydraulic", "ema", "ema", "hydraulic")}
+PAIRS = tuple(f"{a}/{b}" for a in TECHNOLOGIES for b in TECHNOLOGIES if a != b)  # sides that differ
+RATE_DEG_S = 40.0  # of the servos' reference: 40 of the no-load 45 deg/s (actuators/hydraulic/servo.py)
+BOUND_HZ = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
+
+
+def fly(
+    names, *, duration=FLIGHT_S, manoeuvre="cruise", faults=(), technology=("hydraulic",) * 4, prepare=None, **more
+):
+    """Return the bus values `names` (ticks, names) of a flight at POINT without detectors, up to a departure.
+
+    `more` are further tables of the scenario; "flight" entries are added to POINT. `prepare(loop)` may change the loop
+    before its first tick.
+    """
+    manoeuvre = manoeuvre if isinstance(manoeuvre, dict) else {"kind": manoeuvre}
+    flight = {**POINT, **more.pop("flight", {})}
+    setup = build(parse({"title": "design flight", "duration_s": duration, "flight": flight, "manoeuvre": manoeuvre,
+                         "elevator": dict(zip(NAMES, technology)), "detectors": {"enabled": []},
+                         "faults": list(faults), **more}))
+    if prepare is not None:
+        prepare(setup.loop)
+    return record(setup, names)[0]
+
+
+@functools.cache
+def linear():
+    """Return (A, B (4, 4 segments), x0) of V, alpha, q, theta at POINT in the paper's units."""
+    model = linearize(Flight.at(**POINT))
+    A, B, _, _ = model.block(STATES, SEGMENTS)
+    x0 = np.array([model.x0[list(model.states).index(s)] for s in STATES])
+    return UNIT[:, None] * A / UNIT, UNIT[:, None] * B * DEG, UNIT * x0
+
+
+@functools.cache
+def unknown_inputs():
+    """Return E (4, 6): the airframe's unknown input in each of the six fault-free flights, still air. [Sun13] section
+    II.B
+
+    The observer is driven by the true elevator angle, so E holds the airframe's error only; the actuators' rows are
+    zero.
+    """
+    A, B, x0 = linear()
+    names = [f"truth.aircraft.{n}" for n in (*STATES, *SEGMENTS)]
+    flights = []
+    for kind in MANOEUVRES:
+        v = fly(names, manoeuvre=kind)
+        flights.append((UNIT * v[:, :4] - x0, v[:, 4:] / DEG))
+    return rfafe.estimate_E(A, B, np.eye(4), flights, dt=DT)
+
+
+@functools.cache
+def actuator(technology):
+    """Return (a [rad/s], gain, tau [s], amplitude error at 2 Hz) of the mean elevator of this mix, measured in
+    flight."""
+    response = []
+    for hz in FIT_HZ:
+        fault = {"target": "elevator.all", "kind": "ofc_liquid", "at": "command", "start_s": 1.0,
+                 "amplitude_deg": FIT_DEG, "frequency_hz": hz}
+        names = [*(f"truth.aircraft.{n}" for n in SEGMENTS), "law.law.de_cmd", "clock.clock.t"]
+        v = fly(names, duration=4.0 + max(4.0, 4.0 / hz), faults=[fault], technology=TECHNOLOGIES[technology])
+        t, w = v[:, 5], 2 * math.pi * hz
+        late = t > 4.0
+        asked = v[:, 4] + FIT_DEG * DEG * np.sin(w * (t - 1.0))
+        response.append(sine(t[late], v[late, :4].mean(1), w) / sine(t[late], asked[late], w))
+    a, gain, tau = rfafe.fit_first_order((np.array(FIT_HZ), np.array(response)))
+    s = 2j * math.pi * FIT_HZ[-1]
+    return a, gain, tau, float(abs(response[-1] / (gain * a / (s + a))) - 1.0)
+
+
+def sine(t, y, w):
+    """Return the complex amplitude of the sine at w [rad/s] in y, constant and slope fitted beside it."""
+    basis = np.stack([np.cos(w * t), np.sin(w * t), np.ones_like(t), t - t[0]], 1)
+    c = np.linalg.lstsq(basis, y, rcond=None)[0]
+    return c[0] - 1j * c[1]
+
+
+def sigmas():
+    """Return the noise of V, alpha, q, theta per sample in the paper's units, and of a side's mean position [deg]."""
+    return UNIT * np.array([TRANSPORT[n][1] for n in STATES]), PARTS["surface"][0] / DEG / math.sqrt(2.0)
+
+
+def published(progress):
+    """Return the designs of the published form, both sides, y = [V, alpha, q, theta, left, right], by technology."""
+    _, B, _ = linear()
+    sides = np.stack([B[:, :2].sum(1), B[:, 2:].sum(1)], 1)
+    air, position = sigmas()
+    progress("six fault-free flights")
+    E = np.vstack([rfafe.reduce_E(unknown_inputs(), RANK_E), np.zeros((2, RANK_E))])
+    sigma = [*air, position, position]
+    designs = {t: _one("rfafe", t, sides, E, np.eye(6), lambda g: g[1], sigma, progress)
+               for t in (*TECHNOLOGIES, *PAIRS)}
+    return {"designs": designs, **_made_from()}
+
+
+def airframe(progress):
+    """Return the designs of the airframe form, y = [V, alpha, q, theta], E freed of its part along F, by technology.
+
+    "comparison" holds what the study sets beside it: no E at all, and E as estimated, at rank 1 and 2.
+    """
+    _, B, _ = linear()
+    total = B.sum(1, keepdims=True)
+    air, _ = sigmas()
+    progress("six fault-free flights")
+    E = rfafe.separate(unknown_inputs(), total, np.eye(4), method="remove")[:, :RANK_E]
+    E = np.vstack([E, np.zeros((1, E.shape[1]))])
+    C, F = np.eye(5)[:4], np.vstack([total, [[0.0]]])
+    designs = {t: _one("rfafe_airframe", t, total, E, C, lambda g: F, air, progress) for t in TECHNOLOGIES}
+    raw = np.vstack([rfafe.reduce_E(unknown_inputs(), 2), np.zeros((1, 2))])
+    others = {"none": None, "raw_1": raw[:, :1], "raw_2": raw}
+    comparison = {name: _one("rfafe_airframe", "hydraulic", total, e, C, lambda g: F, air, progress, min_ratio=0.0)
+                  for name, e in others.items()}
+    return {"designs": designs, "comparison": comparison, **_made_from()}
+
+
+def _one(name, technology, Bu, E, C, fault, sigma, progress, **options):
+    """Return the stored entry of one technology, or "left/right": design, input delays and what its figures are."""
+    A, _, _ = linear()
+    progress(f"{name}: actuator and LMIs, {technology}")
+    sides = Bu.shape[1]
+    kinds = technology.split("/") * (sides // len(technology.split("/")))
+    a, gain, tau, high = (list(column) for column in zip(*(actuator(kind) for kind in kinds)))
+    late = [round((t + SENSOR_DELAY) / DT) * DT for t in tau]
+    if len(set(kinds)) == 1:
+        a, gain, tau, high, late = a[0], gain[0], tau[0], high[0], late[0]
+    g = rfafe.global_model(A, Bu, np.eye(4), np.zeros((4, sides)), *rfafe.first_order(a, gain, sides))
+    made = rfafe.design(g[0], g[1], C, None, E, fault(g), dt=DT, bandwidth=BANDWIDTH[name], sigma=sigma,
+                        **options)
+    return {
+        "design": to_plain(made), "u_delay_s": late,
+        "actuator": {"a_rad_s": a, "gain": gain, "tau_s": tau, "amplitude_error_2hz": high,
+                     "rate_deg_s": RATE_DEG_S},
+        "noise_deg": noise(made.discrete, sigma).tolist(),
+    }
+
+
+def _made_from():
+    A, B, x0 = linear()
+    return {"point": POINT, "A": A.tolist(), "B": B.tolist(), "x0": x0.tolist(), "E": unknown_inputs().tolist(),
+            "units": "V m/s, angles deg, q deg/s", "flights": list(MANOEUVRES)}
+
+
+def physics_bound(progress):
+    """Return pitch rate [deg/s] and load factor [g] per degree of OFC over frequency at POINT: segments, sides, all."""
+    progress("physics bound")
+    model = linearize(Flight.at(**POINT))
+    A, B, C, D = model.block(STATES, SEGMENTS, ("q", "nz"))
+    groups = {**{n: [i] for i, n in enumerate(NAMES)}, "left": [0, 1], "right": [2, 3], "all": [0, 1, 2, 3]}
+    out = {}
+    for name, columns in groups.items():
+        b, d = (X[:, columns].sum(1, keepdims=True) for X in (B, D))
+        motion = bound.motion_per_degree(A, b, C, d, BOUND_HZ)
+        q, nz = motion[:, 0, 0], motion[:, 1, 0] * DEG
+        least = bound.detectable_amplitude(q, TRANSPORT["q"][1] / DEG, frequencies_hz=BOUND_HZ)
+        out[name] = {"q_deg_s_per_deg": q.tolist(), "nz_g_per_deg": nz.tolist(),
+                     "least_deg_3_periods_q": least.tolist()}
+    return {"point": POINT, "frequency_hz": list(BOUND_HZ), "groups": out}

@@ -1,0 +1,340 @@
+"""Shared decision stage: small kernels that turn residuals into alarms, and the verdict logic of the hydraulic filters.
+
+The kernels with records read the fields that this module lists in `*_PARAMS` and `*_STATE`; a detector appends those
+lists to its own PARAMS and STATE.
+
+Who answers for what (papers/README): a sensor is rod against surface; a jam is load beyond the hinge-moment model
+with the surface still; a runaway is an input fault that moves the surface; an oscillation is what keeps its phase
+over two periods. Rod against surface is tested first, because a step of the rod sensor also rings the input-fault
+estimate.
+"""
+
+import math
+
+from actuators.block import kernel
+from fdi.common import bank
+from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY, SENSOR
+
+T_HOLD = 5.0  # [s] an alarm outlives its estimate by: settling, 1 s, and two periods at 0.5 Hz, the slowest of a bank
+
+# Where residual + drive is less than this share of the drive, -10 dB, the drive does nothing; or the servo works
+# against an oscillation near the hydraulic resonance, which is purer than any drive (so pure between two frequencies)
+MISSING, SINUSOID = 0.3, 0.75
+# Near the resonance an oscillation takes two periods to grow, and its first is half of its second: where the window is
+# as pure as that, its periods need agree by this share only
+GROWING = 0.5
+GAIN_LIMIT = 0.15  # +-5 % on flow and on piston area, and some more
+GAIN_MOTION = 0.002  # rod motion from which the gain is learned in earnest: 20 sigma of the sensor [m]
+
+PAIR_PARAMS = [
+    ("pair_tau", "f8"),  # lag of the disagreement [s]
+    ("pair_clip", "f8"),  # one sample counts for no more than this, so that a spike does not alarm [m]
+    ("pair_settle", "f8"),  # time to learn the rigging before the test begins [s]
+    ("pair_learn", "f8"),  # lag of the rigging afterwards [s]
+    ("pair_wash", "f8"),  # memory of each sensor's distance from the model [s]
+    ("pair_threshold", "f8"),  # disagreement [m]
+    ("pair_confirm", "f8"),  # [s]
+    ("pair_release", "f8"),  # [s]
+    ("pair_teach", "f8"),  # rate at which the model's gain is learned in motion [1/s]
+    ("pair_judge", "f8"),  # the model is trusted for this long after the alarm [s]
+    ("pair_ratio", "f8"),  # the culprit is this many times further from the model than the other
+]
+PAIR_STATE = [
+    ("pair_time", "f8"),  # usable time so far [s]
+    ("rigging", "f8"),  # learned rod - arm surface [m]
+    ("pair_d", "f8"),  # filtered disagreement [m]
+    ("model_q", "f8"),  # integral of the model's rod velocity [m]
+    ("model_slow", "f8"),  # the same, lagged [m]
+    ("model_bias", "f8"),  # learned error of the model's rod velocity [m/s]
+    ("model_gain", "f8"),  # learned error of its gain [1]
+    ("base_rod", "f8"),  # slow rod - model [m]
+    ("base_surface", "f8"),  # slow surface - model [m]
+    ("e_rod", "f8"),  # filtered distance of the rod sensor from the model [m]
+    ("e_surface", "f8"),  # of the surface sensor [m]
+    ("pair_timer", "f8"),  # [s]
+    ("pair_age", "f8"),  # time since the alarm [s]
+    ("sensor", "f8"),  # 1 while the two are declared to disagree
+    ("blame", "f8"),  # 0 unknown, 1 rod, 2 surface
+    ("quiet", "f8"),  # time for which the input-fault estimate is still disturbed by it [s]
+]
+OFC_PARAMS = [
+    *bank.PARAMS,
+    ("bank_threshold", "f8", (bank.K,)),  # amplitude in quiet flight [unit of the residual]
+    ("sum_threshold", "f8", (bank.K,)),  # amplitude of residual + drive in quiet flight
+    ("bank_share", "f8"),  # ... plus this share of the drive's amplitude
+    ("bank_prior", "f8"),  # ... plus this share while its gain has not been learned
+    ("gain_floor", "f8"),  # the drive must exceed this to teach its gain [unit of the drive]
+    ("gain_energy", "f8"),  # squared drive amplitude at which prior and lesson weigh alike
+    ("gain_memory", "f8"),  # [s]
+    ("gain_limit", "f8"),  # largest gain error that is believed
+    ("coherence", "f8"),  # least agreement of the two periods
+    ("purity", "f8"),  # least share of the window's power that the oscillation must explain
+    ("hits", "f8"),  # fits in a row that must agree
+    ("keep_mean", "f8"),  # 1 where the residual has no offset of its own, so that its mean speaks
+    ("t_release", "f8"),  # an alarm outlives its cause by this [s]
+]
+OFC_STATE = [
+    *bank.STATE,
+    ("gain", "f8"),  # learned share of the drive in the residual
+    ("gain_num", "f8"),
+    ("gain_den", "f8"),
+    ("ratio", "f8", (bank.K,)),  # each fit over its threshold
+    ("hit", "f8", (bank.K,)),  # fits in a row that agreed
+    ("pure", "f8", (2, bank.K)),  # share of power explained, of the residual and of residual + drive
+    ("since", "f8"),  # time since the first sign of a fault [s]
+    ("unseen", "f8"),  # time since the last [s]
+    ("r_ofc", "f8"),  # largest fit over its threshold
+    ("ofc_timer", "f8"),  # time for which an oscillation is still held to be there [s]
+    ("ofc_hz", "f8"),  # its frequency [Hz]
+    ("ofc_amplitude", "f8"),  # its amplitude [unit of the residual]
+    ("ofc_solid", "f8"),  # 1 when it stands in place of the drive
+]
+
+
+@kernel
+def held(value, valid, last):
+    """Return the measurement, or the last one when it is flagged invalid or not finite."""
+    if valid > 0.5 and math.isfinite(value):
+        return value
+    return last
+
+
+@kernel
+def usable(value, valid):
+    """Return 1.0 where a measurement is flagged valid and finite, else 0.0."""
+    if valid > 0.5 and math.isfinite(value):
+        return 1.0
+    return 0.0
+
+
+@kernel
+def confirm(timer, alarm, beyond, dt, t_confirm, t_release):
+    """Return (timer, alarm) after one tick of a threshold test with confirmation and release.
+
+    `timer` [s] grows while the residual is beyond its threshold, else shrinks, within 0 .. t_confirm + t_release.
+    The alarm sets when it reaches t_confirm, and heals when it is back at zero: crossing now and then does not chatter.
+    """
+    if beyond:
+        timer = min(timer + dt, t_confirm + t_release)
+    else:
+        timer = max(timer - dt, 0.0)
+    # half a tick of slack: sums of dt are not exact
+    if timer >= t_confirm - 0.5 * dt and beyond:
+        if alarm < 0.5:
+            timer = t_confirm + t_release
+        alarm = 1.0
+    elif timer < 0.5 * dt:
+        alarm = 0.0
+    return timer, alarm
+
+
+@kernel
+def cusum(s, residual, drift, most):
+    """Return max(0, s + residual - drift), at most `most` so that it heals: the one-sided sum of Page (1954)."""
+    return min(max(s + residual - drift, 0.0), most)
+
+
+@kernel
+def clipped(v, most):
+    """Return v within -most .. most."""
+    return min(max(v, -most), most)
+
+
+@kernel
+def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, p, dt):
+    """Compare two position sensors on one rod, and each with the model's own motion; positions in m of rod.
+
+    `model_v` is a rod velocity that neither of them has touched lately [m/s]. Sets `sensor` and `blame`.
+    """
+    x.model_q += ((1.0 + x.model_gain) * model_v + x.model_bias) * dt
+    x.model_slow += dt / p.pair_wash * (x.model_q - x.model_slow)
+    a = 1.0 - math.exp(-dt / p.pair_tau)
+    suspicious = math.fabs(x.pair_d) > 0.7 * p.pair_threshold
+    x.quiet = max(x.quiet - dt, 0.0)
+    if rod_good > 0.5 and surface_good > 0.5:
+        d = y_rod - y_surface - x.rigging
+        if x.pair_time < p.pair_settle:
+            x.pair_time += dt
+            x.rigging += d * dt / x.pair_time
+            if x.pair_time <= 1.5 * dt:
+                x.base_rod = y_rod - x.model_q
+                x.base_surface = y_surface - x.model_q
+        else:
+            x.pair_d += a * clipped(d - x.pair_d, p.pair_clip)
+            if not suspicious:
+                x.rigging += clipped(x.pair_d, p.pair_clip) * dt / p.pair_learn
+    w = dt / p.pair_wash
+    if rod_good > 0.5 and x.pair_time > 0.0:
+        e = y_rod - x.model_q - x.base_rod
+        x.e_rod += a * clipped(e - x.e_rod, p.pair_clip)
+        if not suspicious:
+            x.base_rod += w * x.e_rod
+    if surface_good > 0.5 and x.pair_time > 0.0:
+        e = y_surface - x.model_q - x.base_surface
+        x.e_surface += a * clipped(e - x.e_surface, p.pair_clip)
+        if not suspicious:
+            x.base_surface += w * x.e_surface
+            e = 0.5 * (x.e_rod + x.e_surface)
+            x.model_bias += e * w / (3.0 * p.pair_wash)  # slow enough to be well damped
+            moved = x.model_q - x.model_slow
+            lesson = p.pair_teach * dt * e * moved / (moved * moved + GAIN_MOTION * GAIN_MOTION)
+            x.model_gain = clipped(x.model_gain + lesson, GAIN_LIMIT)
+    before = x.sensor
+    beyond = math.fabs(x.pair_d) >= p.pair_threshold
+    x.pair_timer, x.sensor = confirm(x.pair_timer, x.sensor, beyond, dt, p.pair_confirm, p.pair_release)
+    x.pair_age = x.pair_age + dt if x.sensor > 0.5 else 0.0
+    if x.sensor > 0.5 and x.blame < 0.5 and x.pair_age <= p.pair_judge:
+        far, near = math.fabs(x.e_rod), math.fabs(x.e_surface)
+        x.blame = 1.0 if far > p.pair_ratio * near else (2.0 if near > p.pair_ratio * far else 0.0)
+    elif x.sensor < 0.5:
+        x.blame = 0.0
+    if x.sensor > 0.5:
+        x.quiet = 2.0 / bank.F_LOW  # the bank remembers two periods
+    elif suspicious:
+        x.quiet = max(x.quiet, 3.0 * p.pair_confirm)
+    if x.sensor < 0.5 and before > 0.5:  # healed: learn anew where both stand
+        x.base_rod += x.e_rod
+        x.base_surface += x.e_surface
+        x.e_rod = 0.0
+        x.e_surface = 0.0
+
+
+@kernel
+def share(x, p):
+    """Return the part of the drive's amplitude that the residual may show in health."""
+    return p.bank_share + p.bank_prior * p.gain_energy / (p.gain_energy + x.gain_den)
+
+
+@kernel
+def learn_gain(x, p, k, dt):
+    """Learn how much of the drive is in the residual: tolerances act on the flow as one gain.
+
+    gain = sum Re(F U*) / (sum |U|^2 + energy), over fits with a strong drive, forgotten over `gain_memory`.
+    """
+    U2 = bank.mixed(x, k, 0.0, 1.0)
+    if U2 < p.gain_floor * p.gain_floor:
+        return
+    FU = x.bank_cos[0, k] * x.bank_cos[1, k] + x.bank_sin[0, k] * x.bank_sin[1, k]
+    x.gain_num += FU
+    x.gain_den += U2
+    keep = math.exp(-p.bank_stride[k] * p.bank_block[int(p.bank_level[k])] * dt / p.gain_memory)
+    x.gain_num *= keep
+    x.gain_den *= keep
+    x.gain = clipped(x.gain_num / (x.gain_den + p.gain_energy), p.gain_limit)
+
+
+@kernel
+def ofc_test(x, p, renewed, blocked, teach, other, dt):
+    """Test every renewed fit of the bank; hold an oscillation for the time in which it must show again.
+
+    An oscillation is an amplitude beyond bank_threshold + share |drive| that keeps its phase over both periods
+    and explains its window, `hits` fits in a row. From the first sign on, of which `other` tells that another test sees
+    a fault, the sum is searched as well: a signal in place of the drive may be small where the drive is not, and in the
+    residual the missing drive, a ramp in still air, hides it.
+    """
+    x.ofc_timer = max(x.ofc_timer - dt, 0.0)
+    suspected = other or x.ofc_timer > 0.0
+    x.unseen = 0.0 if suspected or x.r_ofc >= 1.0 else x.unseen + dt
+    x.since = x.since + dt if x.unseen < 2.0 * p.t_release else 0.0
+    if renewed < 0.5:
+        return
+    x.r_ofc = 0.0
+    found = False
+    part = share(x, p)
+    for k in range(bank.K):
+        if x.bank_new[k] < 0.5:
+            x.r_ofc = max(x.r_ofc, x.ratio[k])
+            continue
+        a = math.sqrt(bank.mixed(x, k, 1.0, -x.gain))
+        r = a / (p.bank_threshold[k] + part * math.sqrt(bank.mixed(x, k, 0.0, 1.0)))
+        x.ratio[k] = r
+        x.r_ofc = max(x.r_ofc, r)
+        if teach and r < 0.7:
+            learn_gain(x, p, k, dt)
+        x.pure[0, k] = 0.0
+        x.pure[1, k] = 0.0
+        if blocked or (r < 1.0 and not suspected):
+            x.hit[k] = 0.0
+            continue
+        good = judge(x, p, k, 0, -x.gain) and r >= 1.0
+        if 1.4 / p.bank_hz[k] <= x.since:  # the window's greater part lies after the first sign
+            b = math.sqrt(bank.mixed(x, k, 1.0, 1.0))
+            good = (b > p.sum_threshold[k] and judge(x, p, k, 1, 1.0)) or good
+        x.hit[k] = x.hit[k] + 1.0 if good else 0.0
+        found = found or x.hit[k] >= p.hits
+    if found:
+        x.ofc_timer = p.t_release
+        name_oscillation(x, p)
+
+
+@kernel
+def judge(x, p, k, which, b):
+    """Write `pure` of residual + b drive at frequency k; return whether its periods agree and it fills its window."""
+    agree, pure, whole = bank.character(x, p, k, 1.0, b)
+    x.pure[which, k] = whole if p.keep_mean > 0.5 else pure
+    least = GROWING * p.coherence if pure >= SINUSOID else p.coherence
+    return agree >= least and pure >= p.purity
+
+
+@kernel
+def name_oscillation(x, p):
+    """Choose signal and frequency: of the residual (added) and residual + drive (in its place), the purest window.
+
+    A window counts in full from twice its quiet amplitude on, which keeps noise in a short one from winning. Only
+    windows that lie mostly after the first sign of the fault count: before it the sum is the drive.
+    """
+    best, kind, peak = 0.0, 0, -1
+    for which in range(2):
+        for k in range(bank.K):
+            quiet = p.sum_threshold[k] if which == 1 else p.bank_threshold[k]
+            amplitude = math.sqrt(bank.mixed(x, k, 1.0, 1.0 if which == 1 else -x.gain))
+            pure = x.pure[which, k] * min(0.5 * amplitude / quiet, 1.0)
+            missing = bank.mixed(x, k, 1.0, 1.0) < MISSING * MISSING * bank.mixed(x, k, 0.0, 1.0)
+            if which == 0 and missing and x.pure[0, k] < SINUSOID:
+                continue  # here the residual is the drive that is not obeyed
+            if 1.4 / p.bank_hz[k] <= x.since and pure > best + (0.02 if which == 1 and kind == 0 else 0.0):
+                best, kind, peak = pure, which, k
+    if peak < 0:
+        return
+    b = 1.0 if kind == 1 else -x.gain
+    x.ofc_solid = float(kind)
+    x.ofc_amplitude = math.sqrt(bank.mixed(x, peak, 1.0, b))
+    x.ofc_hz = peak_frequency(x, p, peak, b)
+
+
+@kernel
+def peak_frequency(x, p, k, b):
+    """Return the frequency of the peak near k, by a parabola through the squared amplitudes over log frequency [Hz]."""
+    while k + 1 < bank.K and bank.mixed(x, k + 1, 1.0, b) > bank.mixed(x, k, 1.0, b):
+        k += 1
+    if k == 0 or k == bank.K - 1:
+        return p.bank_hz[k]
+    a, m, c = bank.mixed(x, k - 1, 1.0, b), bank.mixed(x, k, 1.0, b), bank.mixed(x, k + 1, 1.0, b)
+    bend = a - 2.0 * m + c
+    shift = clipped(0.5 * (a - c) / bend, 0.5) if bend < 0.0 else 0.0
+    return p.bank_hz[k] * math.exp(shift * math.log(p.bank_hz[k + 1] / p.bank_hz[k]))
+
+
+@kernel
+def name_fault(x, sensor, jam, run, far, moves, swings):
+    """Write `alarm`, `verdict` and `culprit` of a hydraulic lane from its four tests, the surest first.
+
+    `far`: the input fault is so large that an oscillation would swing; `moves`: what the valve does moves the rod;
+    `swings`: it has not been constant since the first sign.
+    """
+    ofc = x.ofc_timer > 0.0
+    x.alarm = 1.0 if sensor or jam or run or ofc else 0.0
+    last = x.verdict
+    x.culprit = x.blame if sensor else 0.0
+    if sensor:
+        x.verdict = SENSOR if x.blame > 0.5 else AMBIGUOUS
+    elif ofc and not jam and (swings or not (far or last == RUNAWAY)):
+        x.verdict = OFC_SOLID if x.ofc_solid > 0.5 else OFC_LIQUID
+    elif x.alarm < 0.5:
+        x.verdict = NONE
+    elif last == RUNAWAY:  # at its stop a runaway looks like a jam
+        x.verdict = RUNAWAY
+    elif jam:
+        x.verdict = JAM_SOLID
+    elif last != JAM_SOLID:
+        x.verdict = RUNAWAY if moves else JAM_SOLID

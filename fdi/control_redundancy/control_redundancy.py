@@ -1,0 +1,362 @@
+"""Control-induced redundancy: which effector does not do what it is told, from static force equations. Source: [Mar10].
+
+| symbol | here |
+|---|---|
+| a_b, f_i, g_ij (slide 7) | `n_x`, `n_y`, `n_z`; measured less computed rows `e`; `G` of `force_model` |
+| delta_l, delta_m, delta_n, eta | aileron, elevator (mean of four), rudder, thrust; what JSBSim's XML gives of them |
+| r_ij, r~_ij^k (slides 8 to 10) | `res`, one per family of `structure`, in row units: g, rad/s2 |
+| signature (slide 10) | `fired`, compared through `S`, what one unit of each fault does to each residual |
+
+A row is measured acceleration minus the full nonlinear force at the commands of `delay` ticks ago; thrust comes from
+N1 by a static map. Nothing is integrated or differentiated. Two aids, both switchable: a sliding mean of at most 0.5 s
+(`t_mean`, moved by tenths; slide 17 names it as future work) and an offset learned in the first 20 s (`t_learn`), no
+decision before.
+
+A residual fires beyond tau = threshold + rel times the activity of its rows (how far their contributions have moved
+since they were learned): coefficients wrong by `rel` each cannot exceed that. An effector explains the residuals when
+one value of its fault leaves every |r - S f| below tau; so a residual that the fault is too small to move does not vote
+("don't care"), and one that moves without reason votes against. Declared when it is the only explanation for
+`t_confirm`; afterwards only families blind to it are used for the next one. More than one explanation is AMBIGUOUS.
+
+It knows effectors only. A sensor whose error is the force of one is named as that effector: an accelerometer along x as
+thrust, a stabiliser that runs away (the law moves the elevators against it) as elevators that stand.
+
+`rows = "force+moment"` adds three rows with measured angular acceleration (a documented sensor), and single engines.
+"""
+
+import math
+
+import numpy as np
+
+from actuators.block import dtype, kernel, record
+from fdi.common.decision import T_HOLD, confirm
+from fdi.common.tuning import thresholds
+from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, NONE, THRUST
+from fdi.control_redundancy import force_model
+from fdi.control_redundancy import structure as redundancy_structure
+from fdi.control_redundancy.core import (
+    BLOCKS,
+    DELAY,
+    NC,
+    NF,
+    NH,
+    NR,
+    NX,
+    accumulate,
+    complete,
+    delayed_commands,
+    evaluate_families,
+    fit_hypothesis,
+    learn,
+    row_errors,
+    sliding_mean,
+)
+from fdi.control_redundancy.force_model import params_dtype
+
+CULPRITS = ("", "elevator", "aileron", "rudder", "engine", "engine_1", "engine_2", "engine_3", "engine_4")
+STRIDE = 0.005  # [s] from one command kept to the next, at least
+LAG = (0.06, 0.06, 0.09, 0.0)  # [s]: servos near 30 rad/s, the rudder's 20 rad/s, damping 0.9; the stabiliser creeps
+
+PARAMS = params_dtype(
+    [
+        ("n_rows", "f8"),  # 3 forces, or 6 with moments
+        ("n_hypotheses", "f8"),  # 4, or 8 with single engines
+        ("n_families", "f8"),
+        ("base_row", "f8", (NF,)),
+        ("n_pivots", "f8", (NF,)),
+        ("pivot_row", "f8", (NF, 2)),
+        ("pivot_input", "f8", (NF, 2)),
+        ("threshold", "f8", (NR,)),  # of the rows: X Y Z [g], L M N [rad/s2]
+        ("limit", "f8", (NH,)),  # largest believable fault: rad, fraction of thrust
+        ("rel", "f8"),  # uncertainty of each coefficient
+        ("rel_thrust", "f8"),  # uncertainty of the thrust map
+        ("rel_spool", "f8"),  # core speed ahead of N1, per change of normalised N1 against its mean
+        ("stride", "f8"),  # commands are kept of every so many ticks: of each 5 ms, however short the tick [ticks]
+        ("late", "f8", (NC,)),  # how late they act in the measurements: theirs and the actuator's delay [strides]
+        ("rate", "f8", (NC,)),  # how fast a healthy actuator follows its command, 0 for at once [rad/s]
+        ("t_mean", "f8"),  # sliding mean [s], 0 for raw samples
+        ("t_learn", "f8"),  # offset learned over the first seconds [s], 0 for none
+        ("t_confirm", "f8"),  # [s]
+        ("t_ambiguous", "f8"),  # firing for so long without a single explanation is an alarm [s]
+        ("t_release", "f8"),  # [s]
+        ("t_invalid", "f8"),  # averages start again after so long without data [s]
+    ]
+)
+_MEASURED = (
+    "n_x", "n_y", "n_z",  # forces over weight, forward right up + [g]
+    "alpha", "beta", "theta", "phi",  # [rad]
+    "p", "q", "r",  # [rad/s]
+    "cas", "tas",  # [m/s]
+    "mach",  # [-]
+    "mass",  # [kg]
+    "cg",  # fraction of the mean chord
+    "n1_1", "n1_2", "n1_3", "n1_4",  # [%]
+    "pdot", "qdot", "rdot",  # only for rows = "force+moment" [rad/s2]
+)  # fmt: skip
+_COMMANDS = (
+    "de_lo",
+    "de_li",
+    "de_ri",
+    "de_ro",
+    "da_l",
+    "da_r",
+    "dr",
+    "stab",
+)  # of the surfaces, signs of DESIGN.md [rad]
+INPUTS = dtype([(n, "f8") for n in _COMMANDS] + [(n + tail, "f8") for n in _MEASURED for tail in ("", "_valid")])
+STATE = dtype(
+    [
+        ("r", "f8"),  # largest residual in use over its threshold
+        ("alarm", "f8"),  # 1 while an effector is declared or residuals fire without a single explanation
+        ("verdict", "f8"),  # of the last declared: THRUST, JAM_SOLID, AMBIGUOUS
+        ("culprit", "f8"),  # index into CULPRITS, of the last declared
+        ("valid", "f8"),  # 1 when learned and the averages are full
+        ("f_hat", "f8"),  # fault of the culprit: rad, or fraction of thrust (negative = lost)
+        ("f_hat_elevator", "f8"),  # actual less commanded, under the hypothesis that this effector alone failed [rad]
+        ("f_hat_aileron", "f8"),
+        ("f_hat_rudder", "f8"),
+        ("f_hat_thrust", "f8"),  # fraction of total thrust
+        ("candidates", "f8"),  # bit h is set when effector h + 1 of CULPRITS explains the residuals
+        ("declared", "f8", (NH,)),  # 1 per declared effector
+        ("res", "f8", (NF,)),  # residuals [g], [rad/s2]
+        ("tau", "f8", (NF,)),  # their thresholds
+        ("fired", "f8", (NF,)),  # signature
+        ("used", "f8", (NF,)),
+        ("S", "f8", (NF, NH)),  # residual per unit of fault
+        ("e", "f8", (NR,)),
+        ("act", "f8", (NR,)),
+        ("offset", "f8", (NR,)),
+        ("G", "f8", (NR, NH)),
+        ("full", "f8", (NR,)),  # mean sum of all contributions while learning
+        ("suspect", "f8"),  # 1: the offset is beyond what coefficients can do: a sensor or a fault from the start
+        ("rows", "f8", (NR,)),
+        ("column", "f8", (NR,)),
+        ("c", "f8", (NR,)),
+        ("slope", "f8", (6, 3)),
+        ("variable", "f8", (15,)),
+        ("part", "f8", (force_model.NK,)),
+        ("part_0", "f8", (force_model.NK,)),
+        ("cmd", "f8", (NC,)),
+        ("line", "f8", (DELAY, NC)),
+        ("head", "f8"),
+        ("phase", "f8"),  # ticks until the next command is kept
+        ("started", "f8"),
+        ("learned", "f8"),
+        ("n_learn", "f8"),
+        ("total", "f8", (BLOCKS, NX)),
+        ("n_block", "f8", (BLOCKS,)),
+        ("block", "f8"),
+        ("avg", "f8", (NX,)),
+        ("spool", "f8"),  # mean normalised N1
+        ("gone", "f8"),  # time without data [s]
+        ("last", "f8"),  # hypothesis that is being confirmed, 0 for none
+        ("timer", "f8"),
+        ("timer_any", "f8"),
+        ("quiet", "f8", (NH,)),  # time that a declared effector has looked healthy [s]
+        ("low", "f8", (2,)),  # range of commanded and of reconstructed position since the declaration [rad]
+        ("high", "f8", (2,)),
+        ("on", "f8"),  # ambiguous alarm
+    ]
+)
+OUTPUTS = (
+    "r", "alarm", "verdict", "culprit", "valid", "f_hat", "f_hat_elevator", "f_hat_aileron", "f_hat_rudder",
+    "f_hat_thrust", "candidates",
+)  # fmt: skip
+
+
+def params(
+    which="flight", *, model, dt=0.005, rows="force", delay=2, lag=None, rate=(0.0, 0.0, 0.0, 0.0), t_mean=0.5,
+    t_learn=20.0,
+):  # fmt: skip
+    """Return PARAMS for a `ForceModel`; `rows` is "force" or "force+moment", `t_mean`, `t_learn` 0 switch the aids off.
+
+    Commands are delayed by `delay` ticks as the measurements are [Mar10] slide 11, and by `lag` [s], what a healthy
+    actuator takes on average (2 zeta / omega of a second-order one): elevator, aileron, rudder, stabiliser. They move
+    at `rate` [rad/s] at most, in the same order, 0 for no limit. Of shorter ticks than 5 ms every `stride`-th is kept.
+    Families come from the structure of the model's rows. Raises ValueError for other rows, a mean beyond 0.5 s, a
+    delay beyond the buffer.
+    """
+    if rows not in ("force", "force+moment"):
+        raise ValueError(f"rows = {rows!r}: give 'force' or 'force+moment'")
+    if not 0 <= t_mean <= 0.5:
+        raise ValueError(f"t_mean = {t_mean}: the sliding mean is at most 0.5 s")
+    elevator, aileron, rudder, stabiliser = LAG if lag is None else lag
+    stride = max(1.0, math.floor(STRIDE / dt + 1e-9))
+    late = delay + np.round(_each(elevator, aileron, rudder, stabiliser) / dt)
+    late = np.round((late - (stride - 1.0) / 2.0) / stride)  # the newest that is kept is half a stride old on average
+    if late.max() >= DELAY or late.min() < 0:
+        raise ValueError(f"a command delay of {late.max() * stride:.0f} ticks; at most {(DELAY - 1) * stride:.0f} fit")
+    n = 3 if rows == "force" else 6
+    found = redundancy_structure.families(model.structure()[:n], most=2 if n == 3 else 1)
+    if len(found) > NF:
+        raise ValueError(f"{len(found)} residual families, at most {NF} fit")
+    pivots = np.zeros((NF, 2, 2))
+    for i, family in enumerate(found):
+        pivots[i, : len(family.pivots)] = np.reshape(family.pivots, (-1, 2))
+    own = thresholds("control_redundancy", which)
+    return record(
+        PARAMS, **force_model.fields(model), n_rows=n, n_hypotheses=4 if n == 3 else 8, n_families=len(found),
+        base_row=_pad([f.base for f in found]), n_pivots=_pad([len(f.pivots) for f in found]),
+        pivot_row=pivots[:, :, 0], pivot_input=pivots[:, :, 1], late=late, stride=stride, rate=_each(*rate),
+        t_mean=t_mean, t_learn=t_learn,
+        threshold=[own.pop(f"t_{row}") for row in ("x", "y", "z", "l", "m", "n")],
+        limit=[0.8, 0.8, 0.8, 1.2, 1.2, 1.2, 1.2, 1.2], **own,
+    )  # fmt: skip
+
+
+def _each(elevator, aileron, rudder, stabiliser):
+    return np.array([*[elevator] * 4, aileron, aileron, rudder, stabiliser])
+
+
+def _pad(values):
+    return np.r_[np.asarray(values, float), np.zeros(NF - len(values))]
+
+
+def init(p):
+    """Return STATE of p's shape: nothing learned, averages empty."""
+    return np.zeros(p.shape, STATE)
+
+
+@kernel
+def _in_use(x, p):
+    """Mark the families that no declared effector moves; return the largest residual in use over its threshold."""
+    largest = 0.0
+    for f in range(int(p.n_families)):
+        x.used[f] = 1.0 if x.S[f, 0] == x.S[f, 0] else 0.0
+        for h in range(int(p.n_hypotheses)):
+            if x.declared[h] > 0.5 and math.fabs(x.S[f, h]) * p.limit[h] >= 0.5 * x.tau[f]:
+                x.used[f] = 0.0
+        if x.used[f] > 0.5:
+            largest = max(largest, math.fabs(x.res[f]) / x.tau[f])
+    return largest
+
+
+@kernel
+def _explain(x, p):
+    """Return (number of hypotheses that explain the residuals, the best of them + 1); set their bits."""
+    x.candidates, count, best, least, bit = 0.0, 0, 0, math.inf, 1.0
+    for h in range(int(p.n_hypotheses)):
+        if x.declared[h] < 0.5:
+            value, worst = fit_hypothesis(x, p, h)
+            if worst < 1.0 and math.fabs(value) <= p.limit[h]:
+                x.candidates += bit
+                count += 1
+                if worst < least:
+                    least, best = worst, h + 1
+        bit *= 2.0
+    return count, best
+
+
+@kernel
+def _estimate(x, p, h):
+    """Return the fault of hypothesis h from the families that no other declared effector moves."""
+    was = x.declared[h]
+    x.declared[h] = 0.0
+    _in_use(x, p)
+    value, _ = fit_hypothesis(x, p, h)
+    x.declared[h] = was
+    return value
+
+
+@kernel
+def _decide(x, p, dt):
+    """Declare the single explanation that lasts, release what has been quiet, name the class."""
+    x.r = _in_use(x, p)
+    if x.suspect > 0.5:
+        x.alarm, x.verdict = 1.0, AMBIGUOUS
+        return
+    count, best = _explain(x, p) if x.r >= 1.0 else (0, 0)
+    if count != 1 or best != x.last:
+        x.timer = 0.0
+    x.last = best if count == 1 else 0.0
+    if count == 1:
+        x.timer += dt
+        if x.timer >= p.t_confirm - 0.5 * dt:
+            h = best - 1
+            x.declared[h], x.quiet[h], x.culprit, x.timer = 1.0, 0.0, best, 0.0
+            for i in range(2):
+                x.low[i], x.high[i] = math.inf, -math.inf
+    x.timer_any, x.on = confirm(x.timer_any, x.on, x.r >= 1.0 and count != 1, dt, p.t_ambiguous, p.t_release)
+    x.f_hat_elevator, x.f_hat_aileron = _estimate(x, p, 0), _estimate(x, p, 1)
+    x.f_hat_rudder, x.f_hat_thrust = _estimate(x, p, 2), _estimate(x, p, 3)
+    x.alarm = x.on
+    for h in range(int(p.n_hypotheses)):
+        if x.declared[h] > 0.5:
+            f = _estimate(x, p, h)
+            moved = 0.0
+            for i in range(int(p.n_families)):
+                if x.used[i] > 0.5:
+                    moved = max(moved, math.fabs(x.S[i, h] * f) / x.tau[i])
+            x.quiet[h] = 0.0 if moved >= 0.5 else x.quiet[h] + dt
+            if x.quiet[h] > p.t_release:
+                x.declared[h] = 0.0
+                x.culprit = 0.0 if x.culprit == h + 1.0 else x.culprit
+            else:
+                x.alarm = 1.0
+                x.f_hat = f if x.culprit == h + 1.0 else x.f_hat
+    _name(x, p)
+
+
+@kernel
+def _name(x, p):
+    """Set the verdict: THRUST for engines; a surface that stands while its command moves is JAM_SOLID."""
+    if x.alarm < 0.5:
+        x.verdict, x.culprit, x.f_hat = NONE, 0.0, 0.0
+    elif x.culprit > 3.5:
+        x.verdict = THRUST
+    elif x.culprit > 0.5:
+        command = x.avg[2 * NR + int(x.culprit) - 1]
+        x.low[0], x.high[0] = min(x.low[0], command), max(x.high[0], command)
+        x.low[1], x.high[1] = min(x.low[1], command + x.f_hat), max(x.high[1], command + x.f_hat)
+        moved, stood = x.high[0] - x.low[0], x.high[1] - x.low[1]
+        x.verdict = JAM_SOLID if moved > 0.03 and stood < 0.5 * moved else AMBIGUOUS
+    else:
+        x.verdict = AMBIGUOUS
+
+
+@kernel
+def _withdraw(x, p):
+    """Take back what was declared: nothing has been measured for long."""
+    for h in range(int(p.n_hypotheses)):
+        x.declared[h] = 0.0
+    x.on, x.timer, x.timer_any, x.last = 0.0, 0.0, 0.0, 0.0
+    x.r, x.alarm, x.verdict, x.culprit, x.f_hat = 0.0, 0.0, NONE, 0.0, 0.0
+    x.f_hat_elevator, x.f_hat_aileron, x.f_hat_rudder, x.f_hat_thrust = 0.0, 0.0, 0.0, 0.0
+
+
+@kernel
+def step(x, u, p, dt):
+    """Compare measured with computed forces at one tick, average, evaluate the residuals, decide."""
+    delayed_commands(x, u, p, dt)
+    x.started = 1.0
+    if complete(u, p) < 0.5:
+        x.gone += dt
+        x.valid = 0.0
+        if x.gone > p.t_invalid:
+            for i in range(BLOCKS):
+                x.n_block[i] = 0.0
+                for j in range(NX):
+                    x.total[i, j] = 0.0
+        if x.gone > T_HOLD:
+            _withdraw(x, p)
+        return
+    x.gone = 0.0
+    row_errors(x, u, p)
+    if x.learned < 0.5:
+        learn(x, p, dt)
+        x.valid = 0.0
+        return
+    if accumulate(x, p, dt) > 0.5:
+        x.valid = sliding_mean(x, p)
+        if x.valid > 0.5:
+            evaluate_families(x, p)
+            _decide(x, p, max(p.t_mean / BLOCKS, dt))
+
+
+@kernel
+def rollout(x, u, p, dt, log):
+    """Step every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
+    for i in range(u.shape[0]):
+        for k in range(u.shape[1]):
+            step(x[i], u[i, k], p[i], dt)
+            log[i, k] = x[i]

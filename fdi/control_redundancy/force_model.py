@@ -1,0 +1,189 @@
+"""Forces and moments of an airframe from coefficient arrays: aerodynamics, thrust over N1, input sensitivities.
+
+    C_axis = sum over quantities (t_a(alpha, Mach, qbar) + t_m(Mach, qbar)) variable,   axes L D Y l m n
+    X = -D ca cb - Y ca sb + L sa,  Y = -D sb + Y cb,  Z = -D sa cb - Y sa sb - L ca     body axes
+    T_i = idle(Mach, p) + (mil(Mach, p) - idle(Mach, p)) n^2,  n = (N1 - N1_idle) / (N1_max - N1_idle)
+
+Every number comes from whoever fills `ForceModel` (`cosim.flight.plant.force_model` reads them from the aircraft's
+XML). Only entries that exist are held, so the sparsity of the rows, from which [Mar10] takes its residuals, is the
+aircraft's own.
+"""
+
+import dataclasses
+import math
+
+import numpy as np
+
+from actuators.block import dtype, kernel
+
+AXES = ("lift", "drag", "side", "roll", "pitch", "yaw")
+VARIABLES = (
+    "one", "alphadot", "p", "q", "r", "beta", "beta2",  # rates as alpha' c/2V, p b/2V, q c/2V, r b/2V; angles [rad]
+    "de_lo", "de_li", "de_ri", "de_ro", "da_l", "da_r", "dr", "stab",
+)  # fmt: skip
+EFFECTOR = {"de_lo": 0, "de_li": 0, "de_ri": 0, "de_ro": 0, "da_l": 1, "da_r": 1, "dr": 2}
+NA, NM, NQ, NK_A, NK = 64, 64, 16, 12, 40  # most breakpoints of alpha, Mach, qbar; quantities with alpha, quantities
+NT_M, NT_P = 16, 20  # most breakpoints of the thrust tables
+G0, P0, A0 = 9.80665, 101325.0, 340.294  # [m/s2], [Pa], [m/s]
+
+
+@dataclasses.dataclass(frozen=True)
+class ForceModel:
+    """Hold an airframe's coefficients, SI and rad; `quantities` are (axis, variable), those with alpha first."""
+
+    area: float  # [m2]
+    span: float  # [m]
+    chord: float  # [m]
+    cg_ref: float  # where moments are given, fraction of the chord
+    stability_rates: bool  # rates p, r of the quantities are about stability axes
+    stability_moments: bool  # roll and yaw moments are about stability axes
+    gyration2: tuple  # Ixx, Iyy, Izz, Ixz over mass [m2]
+    alpha: np.ndarray  # breakpoints [rad]
+    mach: np.ndarray
+    qbar: np.ndarray  # [Pa]
+    quantities: tuple
+    t_a: np.ndarray  # (k_a, alpha, Mach, 2), linear between the first and the last qbar
+    t_m: np.ndarray  # (k, Mach, qbar)
+    thrust_mach: np.ndarray
+    thrust_p: np.ndarray  # static pressure [Pa]
+    idle: np.ndarray  # (Mach, p) [N]
+    mil: np.ndarray
+    n1_idle: float  # [%]
+    n1_max: float
+    engine: np.ndarray  # (4, 3): x forward of cg_ref, y right, z down [m]
+    thrust_axis: tuple  # unit vector, body axes
+
+    def structure(self, alpha=0.1):
+        """Return which effector enters which row at small sideslip: bool (X Y Z L M N; elevator aileron rudder thrust).
+
+        Wind-axis entries turned by `alpha`; what goes with sideslip is dropped, the small-angle assumption of [Mar10]
+        slide 7. Left and right entries that cancel for all surfaces of an effector together count as none.
+        """
+        total = np.zeros((6, 3))
+        mid = (len(self.mach) // 2, len(self.qbar) // 2)
+        for k, (axis, variable) in enumerate(self.quantities):
+            if variable in EFFECTOR:
+                base = self.t_a[k, len(self.alpha) // 2, mid[0], 0] if k < len(self.t_a) else 0.0
+                total[AXES.index(axis), EFFECTOR[variable]] += base + self.t_m[k][mid]
+        lift, drag, side = total[:3]
+        ca, sa = math.cos(alpha), math.sin(alpha)
+        rows = np.vstack([lift * sa - drag * ca, side, -lift * ca - drag * sa, total[3:]])
+        tx, _, tz = self.thrust_axis
+        x, y, z = self.engine.T
+        thrust = np.array([tx, 0.0, tz, np.sum(y * tz), np.sum(z * tx - x * tz), np.sum(-y * tx)])
+        return np.column_stack([np.abs(rows) > 1e-9, np.abs(thrust) > 1e-9])
+
+
+PARAMS = [
+    ("area", "f8"), ("span", "f8"), ("chord", "f8"), ("cg_ref", "f8"), ("stability_rates", "f8"),
+    ("stability_moments", "f8"),
+    ("gyration2", "f8", (4,)),
+    ("n_a", "f8"), ("n_m", "f8"), ("n_q", "f8"), ("n_ka", "f8"), ("n_k", "f8"),  # used sizes
+    ("alpha_grid", "f8", (NA,)), ("mach_grid", "f8", (NM,)), ("qbar_grid", "f8", (NQ,)),
+    ("axis", "f8", (NK,)), ("variable", "f8", (NK,)), ("effector", "f8", (NK,)),  # effector 3: none
+    ("t_a", "f8", (NA, NM, 2, NK_A)), ("t_m", "f8", (NM, NQ, NK)),
+    ("n_tm", "f8"), ("n_tp", "f8"), ("thrust_mach", "f8", (NT_M,)), ("thrust_p", "f8", (NT_P,)),
+    ("idle", "f8", (NT_M, NT_P)), ("mil", "f8", (NT_M, NT_P)), ("n1_idle", "f8"), ("n1_max", "f8"),
+    ("engine", "f8", (4, 3)), ("thrust_axis", "f8", (3,)),
+]  # fmt: skip
+
+
+def fields(model):
+    """Return {PARAMS field: value} of a `ForceModel`; ValueError when its breakpoints or quantities do not fit."""
+    sizes = {
+        "alpha": (model.alpha, NA), "Mach": (model.mach, NM), "qbar": (model.qbar, NQ), "quantities": (model.t_m, NK),
+        "quantities with alpha": (model.t_a, NK_A), "thrust Mach": (model.thrust_mach, NT_M),
+        "thrust pressure": (model.thrust_p, NT_P),
+    }  # fmt: skip
+    for name, (values, most) in sizes.items():
+        if len(values) > most:
+            raise ValueError(f"{len(values)} {name}, at most {most} fit")
+    plain = ("area", "span", "chord", "cg_ref", "stability_rates", "stability_moments", "gyration2", "n1_idle")
+    out = {n: getattr(model, n) for n in (*plain, "n1_max", "engine")}
+    out |= {"n_a": len(model.alpha), "n_m": len(model.mach), "n_q": len(model.qbar), "n_ka": len(model.t_a)}
+    out |= {"n_k": len(model.t_m), "n_tm": len(model.thrust_mach), "n_tp": len(model.thrust_p)}
+    out["thrust_axis"] = model.thrust_axis
+    padded = {
+        "alpha_grid": (model.alpha, (NA,)), "mach_grid": (model.mach, (NM,)), "qbar_grid": (model.qbar, (NQ,)),
+        "axis": ([AXES.index(a) for a, _ in model.quantities], (NK,)),
+        "variable": ([VARIABLES.index(v) for _, v in model.quantities], (NK,)),
+        "effector": ([EFFECTOR.get(v, 3) for _, v in model.quantities], (NK,)),
+        "t_a": (np.moveaxis(model.t_a, 0, 3), (NA, NM, 2, NK_A)),
+        "t_m": (np.moveaxis(model.t_m, 0, 2), (NM, NQ, NK)),
+        "thrust_mach": (model.thrust_mach, (NT_M,)), "thrust_p": (model.thrust_p, (NT_P,)),
+        "idle": (model.idle, (NT_M, NT_P)), "mil": (model.mil, (NT_M, NT_P)),
+    }  # fmt: skip
+    for name, (values, shape) in padded.items():
+        values = np.asarray(values, float)
+        out[name] = np.pad(values, [(0, n - m) for n, m in zip(shape, values.shape)])
+    return out
+
+
+def params_dtype(extra):
+    """Return a PARAMS dtype of the force model's fields and `extra`."""
+    return dtype([*PARAMS, *extra])
+
+
+@kernel
+def place(grid, n, x):
+    """Return (i, f) with x = (1 - f) grid[i] + f grid[i + 1], held at the ends; `n` >= 2 breakpoints are used."""
+    last = int(n) - 1
+    if x <= grid[0]:
+        return 0, 0.0
+    if x >= grid[last]:
+        return last - 1, 1.0
+    low, high = 0, last
+    while high - low > 1:
+        mid = (low + high) // 2
+        if x >= grid[mid]:
+            low = mid
+        else:
+            high = mid
+    return low, (x - grid[low]) / (grid[low + 1] - grid[low])
+
+
+@kernel
+def air_data(cas, mach):
+    """Return (static pressure, dynamic pressure) [Pa] from calibrated airspeed [m/s] and Mach number, both subsonic."""
+    a = 1.0 + 0.2 * (cas / A0) * (cas / A0)
+    b = 1.0 + 0.2 * mach * mach
+    p = P0 * (a * a * a * math.sqrt(a) - 1.0) / max(b * b * b * math.sqrt(b) - 1.0, 1e-9)
+    return p, 0.7 * p * mach * mach
+
+
+@kernel
+def thrust_pair(p, mach, pressure):
+    """Return (idle, maximum) thrust of one engine [N]."""
+    i, f = place(p.thrust_mach, p.n_tm, mach)
+    j, g = place(p.thrust_p, p.n_tp, pressure)
+    a, b, c, d = (1.0 - f) * (1.0 - g), (1.0 - f) * g, f * (1.0 - g), f * g
+    idle = a * p.idle[i, j] + b * p.idle[i, j + 1] + c * p.idle[i + 1, j] + d * p.idle[i + 1, j + 1]
+    mil = a * p.mil[i, j] + b * p.mil[i, j + 1] + c * p.mil[i + 1, j] + d * p.mil[i + 1, j + 1]
+    return idle, mil
+
+
+@kernel
+def contributions(p, alpha, mach, qbar, variable, part, slope):
+    """Fill part[k] = coefficient times variable and slope[axis, effector] = sum of the coefficients of its surfaces."""
+    i, f = place(p.alpha_grid, p.n_a, alpha)
+    j, g = place(p.mach_grid, p.n_m, mach)
+    q, h = place(p.qbar_grid, p.n_q, qbar)
+    first, last = p.qbar_grid[0], p.qbar_grid[int(p.n_q) - 1]
+    d = min(max((qbar - first) / max(last - first, 1.0), 0.0), 1.0)
+    for a in range(6):
+        for e in range(3):
+            slope[a, e] = 0.0
+    for k in range(int(p.n_k)):
+        value = (1.0 - g) * ((1.0 - h) * p.t_m[j, q, k] + h * p.t_m[j, q + 1, k]) + g * (
+            (1.0 - h) * p.t_m[j + 1, q, k] + h * p.t_m[j + 1, q + 1, k]
+        )
+        if k < p.n_ka:
+            for a in range(2):
+                for b in range(2):
+                    weight = (f if a == 1 else 1.0 - f) * (g if b == 1 else 1.0 - g)
+                    cell = (1.0 - d) * p.t_a[i + a, j + b, 0, k] + d * p.t_a[i + a, j + b, 1, k]
+                    value += weight * cell
+        part[k] = value * variable[int(p.variable[k])]
+        e = int(p.effector[k])
+        if e < 3:
+            slope[int(p.axis[k]), e] += value

@@ -1,0 +1,99 @@
+"""Position of an EMA from its velocity sensor: dead reckoning, tied slowly to the position sensor while all is well.
+
+    reckon += N dt (w_k + w_k-1) / 2,   pos_hat = reckon + c,   R1 = y_position - pos_hat
+    c+ = c + dt b,   b+ = b + noise     corrected by R1 with a large assumed noise, so that it ties within some 20 s
+
+Kinematics alone: no load, no torque and no parameter but the screw's lead enters. The jump of R1 over 0.1 s is compared
+with what the velocity filter's innovations took in: `share`.
+"""
+
+import math
+
+from actuators.block import kernel
+from actuators.ema.jay import PERIOD
+from fdi.common.decision import usable
+from fdi.ema.ema_kalman import VELOCITY, N
+
+LAG, MEAN = 20, 5  # R1's jump: mean of the last 5 slots against that of the 5 slots 0.1 s ago
+
+
+def slots(dt):
+    """Return (ticks of a slot, slots of the innovations' window, of R1's jump, of its ends) for ticks of `dt` [s].
+
+    A slot is the fewest ticks that last 5 ms, so that the windows of 50, 100 and 25 ms fit their arrays.
+    """
+    n_sub = max(math.ceil(PERIOD / dt - 1e-9), 1)
+    h = n_sub * dt / PERIOD
+    return float(n_sub), *(float(max(round(n / h), 1)) for n in (N, LAG, MEAN))
+
+
+@kernel
+def _jump(x, p, mean, h):
+    """Take in a slot of `h` seconds, its `mean` drift; form the jump of R1 and what share a velocity error explains."""
+    tail, lag = int(x.tail), int(p.n_lag)
+    x.drifts[tail] = mean
+    x.tail = float((tail + 1) % lag)
+    x.jump = 0.0
+    for i in range(int(p.n_mean)):
+        x.jump += (x.drifts[(tail + lag - i) % lag] - x.drifts[(tail + 1 + i) % lag]) / p.n_mean
+    x.r_jump = math.fabs(x.jump) / p.th_jump
+    head = int(x.head)  # of the innovations' window, already moved on
+    change = (x.jumps[head] - x.jump) / (p.lead * (p.n_lag - p.n_mean) * h)
+    x.jumps[head] = x.jump
+    fade = 1.0 - h / p.t_hold
+    x.need_hi = max(x.need_hi * fade, change)
+    x.need_lo = min(x.need_lo * fade, change)
+    # a velocity that reads high moves pos_hat up and R1 down
+    x.need = x.need_hi if x.jump < 0.0 else -x.need_lo
+    taken = x.hi if x.jump < 0.0 else -x.lo
+    x.share = min(taken / max(x.need, 1e-3), 9.9)
+
+
+@kernel
+def _tie(x, p):
+    """Correct (c, b) by R1: a scalar Kalman update of two states."""
+    S = x.P_cc + p.sigma_tie * p.sigma_tie
+    k_c, k_b = x.P_cc / S, x.P_cb / S
+    x.c += k_c * x.R1
+    x.b = min(max(x.b + k_b * x.R1, -p.b_max * p.lead), p.b_max * p.lead)
+    x.P_bb -= k_b * x.P_cb
+    x.P_cb -= k_b * x.P_cc
+    x.P_cc -= k_c * x.P_cc
+
+
+@kernel
+def _slot(x, p, h):
+    """End a slot of `h` seconds: R1, its jump, and the anchor."""
+    mean, seen = x.sum_drift / p.n_sub, x.n_position > 0.0
+    x.sum_drift = x.n_position = 0.0
+    if seen:
+        x.R1 = mean - x.c
+    _jump(x, p, mean, h)
+    if seen and x.culprit == VELOCITY:
+        x.c += h * x.R1  # follow the position, a second late: what is left in R1 says whether the velocity has healed
+    elif seen and x.age_vel == 0.0 and x.alarm < 0.5:
+        if max(x.r_velocity, x.r_jump) < 1.0 and math.fabs(x.R1) < p.th_R1:
+            _tie(x, p)
+
+
+@kernel
+def reckon_position(x, u, p, dt, back):
+    """Form R1 and its jump; tie the anchor while nothing is suspected; `back`: velocity returns after a gap."""
+    walk, wander = p.lead * p.sigma_vel * dt, p.lead * p.walk_b
+    x.c += x.b * dt
+    x.P_cc += 2.0 * dt * x.P_cb + dt * dt * x.P_bb + walk * walk
+    x.P_cb += dt * x.P_bb
+    x.P_bb += wander * wander
+    if usable(u.y_position, u.position_valid) > 0.5:
+        x.drift = u.y_position - x.reckon
+        if back or x.age == dt:
+            x.c = x.drift
+            x.sum_drift = x.drift * ((x.count if x.count > 0.0 else p.n_sub) - 1.0)  # the slot's ticks before this one
+            for i in range(LAG):
+                x.drifts[i] = x.drift
+        x.n_position += 1.0
+    x.sum_drift += x.drift
+    if x.count == 0.0:
+        _slot(x, p, p.n_sub * dt)
+    x.pos_hat = x.reckon + x.c
+    x.pos_sigma = math.sqrt(p.sigma_rig * p.sigma_rig + x.P_cc)

@@ -1,0 +1,221 @@
+"""Sensor faults of an electromechanical actuator: one Kalman filter on the motor velocity, as published. [Jay]
+
+| symbol | field | meaning |
+|---|---|---|
+| Phi, G, H | Phi, G, K_v | discrete model; H has the one entry K_v at the motor rate |
+| R | R | velocity noise in the sensor's volts [V^2] |
+| gamma, eta | gamma, eta | innovation [V], normalised by (H P H' + R)^(1/2) (6) |
+| eta_bar | eta_bar | mean of the last N = 10 (7) |
+| R1, R2 | R1, R2 | structured residuals of position [m] and current [A] (9) |
+
+The process noise is zero, so that after half a second the gain has vanished and this is the open-loop model: sharp on a
+bench without load, unable to fly against a hinge moment. `ema_kalman_flight` is the form that flies.
+
+The test is hierarchical: R1 and R2 count only while the innovation says that the velocity sensor is healthy
+(section 3). A position fault latches `reconf`: the loop should close on `pos_hat` from then on (section 4.5).
+"""
+
+import math
+
+import numpy as np
+
+from actuators.block import dtype, kernel, record
+from actuators.ema import jay
+from fdi.common.decision import usable
+from fdi.common.verdict import NONE, SENSOR
+
+CULPRITS = ("", "velocity", "position", "current")
+VELOCITY, POSITION, CURRENT = 1.0, 2.0, 3.0
+N = 10  # samples of the innovation mean; [Jay] section 4.1
+
+PARAMS = dtype([
+    ("Phi", "f8", (6, 6)),   # state transition over one tick, SI
+    ("G", "f8", (6,)),       # of the demand u
+    ("P0", "f8", (6,)),      # diagonal of the initial covariance
+    ("R", "f8"),             # [V^2]
+    ("K_v", "f8"),           # velocity sensor [V s/rad]
+    ("lead", "f8"),          # ball screw N [m/rad]
+    ("ratio", "f8"),         # N / l, surface per motor angle with the spring at rest [-]
+    ("delay", "f8"),         # ticks by which the sensors lag, 0 or 1
+    ("engage", "f8"),        # 1: start at the measured position, 0: at zero as printed
+    ("th_eta", "f8"),        # threshold of |eta_bar| [-]
+    ("th_R1", "f8"),         # [m]
+    ("th_R2", "f8"),         # [A]
+])
+INPUTS = dtype([
+    ("u", "f8"),             # demand held over the tick that ends at this sample: nozzle [V], elevator [A]
+    ("y_velocity", "f8"),    # motor rate [rad/s]
+    ("y_position", "f8"),    # rod position, + extends [m]
+    ("y_current", "f8"),     # motor current, the monitor's copy [A]
+    ("velocity_valid", "f8"),
+    ("position_valid", "f8"),
+    ("current_valid", "f8"),
+])
+STATE = dtype([
+    ("r", "f8"),             # largest of the tests that count, over its threshold
+    ("alarm", "f8"),         # 1 while a sensor fault is declared
+    ("verdict", "f8"),       # NONE or SENSOR
+    ("culprit", "f8"),       # index into CULPRITS
+    ("valid", "f8"),         # 1 while the velocity sensor is believed
+    ("reconf", "f8"),        # 1: close the loop on pos_hat
+    ("pos_hat", "f8"),       # estimated rod position N x3 [m]
+    ("pos_sigma", "f8"),     # its standard deviation by the filter's own reckoning [m]
+    ("eta", "f8"),           # (6)
+    ("eta_bar", "f8"),       # (7)
+    ("R1", "f8"),            # (9) [m]
+    ("R2", "f8"),            # (9) [A]
+    ("x_hat", "f8", (6,)),   # x1..x6 of actuators.ema.jay [rad, rad/s, rad, rad/s, A, -]
+    ("u_last", "f8"),        # demand of the tick before
+    ("started", "f8"),       # 1 after the first tick
+    ("head", "f8"),          # write position in the window
+    ("window", "f8", (N,)),  # last N values of eta
+    ("P", "f8", (6, 6)),     # covariance
+    ("W", "f8", (6, 6)),     # scratch of the covariance propagation
+])
+OUTPUTS = ("r", "alarm", "verdict", "culprit", "valid", "reconf", "pos_hat", "pos_sigma", "eta", "eta_bar", "R1", "R2")
+
+
+def params(kind="nozzle", *, dt=jay.PERIOD, R=0.0025, engage=None, delay=None, **overrides):
+    """Return PARAMS of the exactly discretised model `kind` with the paper's covariances and thresholds.
+
+    R = 0.0025 V^2, P0 = diag(0.0003 x 4, 0.01, 0.01), 3 / 0.5 mm / 0.5 A: [Jay] sections 3.3, 4 and 4.1. `engage`
+    (start at the measured position) and `delay` (of the sensors, in ticks) default to 0 for the nozzle, as printed, and
+    to 1 for the elevator, whose trim position is not zero. `overrides` are symbols of `actuators.ema.jay.values`.
+    """
+    model = jay.continuous(kind, **overrides)
+    Phi, G = jay.discretise(model.A, model.B, dt)
+    return record(
+        PARAMS,
+        Phi=Phi,
+        G=G[:, 0],
+        P0=(3e-4, 3e-4, 3e-4, 3e-4, 1e-2, 1e-2),
+        R=R,
+        K_v=jay.K_V,
+        lead=model.values["lead"],
+        ratio=model.values["lead"] / model.values["arm"],
+        delay=float(kind != "nozzle") if delay is None else float(delay),
+        engage=float(kind != "nozzle") if engage is None else float(engage),
+        th_eta=3.0,
+        th_R1=0.5e-3,
+        th_R2=0.5,
+    )
+
+
+def init(p):
+    """Return STATE of p's shape: x_hat = 0 and P0, as printed."""
+    x = np.zeros(p.shape, STATE)
+    for i in np.ndindex(p.shape):
+        x["P"][i] = np.diag(p["P0"][i])
+    x["valid"] = 1.0
+    return x
+
+
+@kernel
+def propagate(P, Phi, W):
+    """Replace P by Phi P Phi', symmetric to the bit; W is scratch; all (n, n)."""
+    n = P.shape[0]
+    for i in range(n):
+        for j in range(n):
+            s = 0.0
+            for k in range(n):
+                s += Phi[i, k] * P[k, j]
+            W[i, j] = s
+    for i in range(n):
+        for j in range(i + 1):
+            s = 0.0
+            for k in range(n):
+                s += W[i, k] * Phi[j, k]
+            P[i, j] = s
+            P[j, i] = s
+
+
+@kernel
+def predict(x, u, p):
+    """Advance x_hat = Phi x_hat + G u and P = Phi P Phi' to this sample."""
+    for i in range(6):
+        s = p.G[i] * u
+        for k in range(6):
+            s += p.Phi[i, k] * x.x_hat[k]
+        x.W[0, i] = s
+    for i in range(6):
+        x.x_hat[i] = x.W[0, i]
+    propagate(x.P, p.Phi, x.W)
+
+
+@kernel
+def correct(x, y, p):
+    """Correct by the velocity sample y [rad/s] and return eta. [Jay] (5), (6), with K inside Phi's bracket."""
+    gamma = p.K_v * (y - x.x_hat[3])
+    S = p.K_v * p.K_v * x.P[3, 3] + p.R
+    gain = p.K_v / S
+    for i in range(6):
+        x.W[0, i] = x.P[i, 3] * gain
+    for i in range(6):
+        x.x_hat[i] += x.W[0, i] * gamma
+    for i in range(6):
+        for j in range(i + 1):
+            x.P[i, j] -= x.W[0, i] * x.W[0, j] * S
+            x.P[j, i] = x.P[i, j]
+    return gamma / math.sqrt(S)
+
+
+@kernel
+def _decide(x, p):
+    velocity = math.fabs(x.eta_bar) / p.th_eta
+    position = math.fabs(x.R1) / p.th_R1
+    current = math.fabs(x.R2) / p.th_R2
+    x.culprit = 0.0
+    x.r = velocity
+    if velocity >= 1.0:
+        x.culprit = VELOCITY
+    else:
+        x.r = max(velocity, max(position, current))
+        if position >= 1.0:
+            x.culprit = POSITION
+            x.reconf = 1.0
+        elif current >= 1.0:
+            x.culprit = CURRENT
+    x.alarm = 1.0 if x.culprit > 0.0 else 0.0
+    x.verdict = SENSOR if x.culprit > 0.0 else NONE
+
+
+@kernel
+def step(x, u, p, dt):
+    """Predict to this sample, test the innovation, correct, form R1 and R2, decide; a missing sample only predicts."""
+    ok = usable(u.y_velocity, u.velocity_valid) > 0.5
+    see_position = usable(u.y_position, u.position_valid) > 0.5
+    if x.started < 0.5:
+        if p.engage > 0.5 and see_position:
+            x.x_hat[2] = u.y_position / p.lead
+            x.x_hat[0] = p.ratio * x.x_hat[2]  # no load: the spring is at rest
+        x.started = 1.0
+    else:
+        demand = x.u_last if p.delay > 0.5 or not math.isfinite(u.u) else u.u
+        predict(x, demand, p)
+    x.u_last = u.u if math.isfinite(u.u) else x.u_last
+    if ok:
+        eta = correct(x, u.y_velocity, p)
+        head = int(x.head)
+        x.eta_bar = 0.0
+        x.window[head] = eta
+        x.head = float((head + 1) % N)
+        for i in range(N):
+            x.eta_bar += x.window[i] / N
+        x.eta = eta
+    x.pos_hat = p.lead * x.x_hat[2]
+    x.pos_sigma = p.lead * math.sqrt(max(x.P[2, 2], 0.0))
+    if see_position:
+        x.R1 = u.y_position - x.pos_hat
+    if usable(u.y_current, u.current_valid) > 0.5:
+        x.R2 = u.y_current - x.x_hat[4]
+    x.valid = 1.0 if ok and math.fabs(x.eta_bar) < p.th_eta else 0.0
+    _decide(x, p)
+
+
+@kernel
+def rollout(x, u, p, dt, log):
+    """Step every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
+    for i in range(u.shape[0]):
+        for k in range(u.shape[1]):
+            step(x[i], u[i, k], p[i], dt)
+            log[i, k] = x[i]

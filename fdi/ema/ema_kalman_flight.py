@@ -1,0 +1,395 @@
+"""Sensor faults of an electromechanical elevator actuator from one Kalman filter on the motor velocity, fit for flight.
+
+[Jay]'s filter with what an elevator adds to the bench: the hinge moment HM0 + HM_delta x1 of a model enters the
+prediction, its stiffness stands inside A, and what that model misses is a bounded load d (first-order Gauss-Markov).
+
+    x = [x1 surface, x2 rate, x3 motor angle, x4 rate, x5 current, d],   x+ = Phi(HM_delta) x + G u + G_h HM0 + K gamma
+
+Three relations, and the table that they make; each sensor fault breaks its own set:
+
+    velocity-torque   mean innovation of the last 50 ms, against a share of the motor's impulse: loads do not jump so
+    position-velocity jump of R1 = y_position - pos_hat over 0.1 s: kinematics alone, no load enters
+    current-demand    R2 = y_current - x5: the current loop is stiff, no load enters
+
+    torque  kinematics  current  verdict
+      x         x                velocity sensor
+      -         x                position sensor: `reconf`, close the loop on pos_hat
+      -         -          x     current sensor
+      x         -          x     EFFECTIVENESS: the current that differs is real, the drive does not obey
+      -         ramp             AMBIGUOUS: a small velocity bias or a drifting position; the loop stays where it is
+      x         -                no sensor; a load that no hinge explains is JAM_SOLID at rest, EFFECTIVENESS in motion
+
+"x" is a matter of proportion: a jump of R1 is the velocity sensor's when the innovations took in at least `share_hi` of
+the velocity error that R1's motion needs, the position's when they took less than `share_lo`.
+
+While all is well, pos_hat is tied to the position sensor by a slow second Kalman filter on (offset c, rate b): it
+learns the velocity sensor's small bias. From the first suspicion on it runs free, and its covariance is pos_sigma.
+
+Windows are seconds. They are kept in slots, means over `n_sub` ticks and at least 5 ms long, and a test changes when a
+slot ends; at 200 Hz a slot is a tick. At any rate the demand is as late as the sensors, and the continuous filter, its
+noise densities and what a threshold means are those of 200 Hz.
+"""
+
+import math
+
+import numpy as np
+
+from actuators.block import dtype, kernel, record
+from actuators.ema import jay
+from fdi.common.decision import usable
+from fdi.ema.dead_reckoning import LAG, reckon_position, slots
+from fdi.ema.ema_kalman import CULPRITS, VELOCITY, N
+from fdi.ema.model import designed, limits
+from fdi.ema.vote import decide, heal, size
+
+__all__ = ["CULPRITS", "INPUTS", "OUTPUTS", "PARAMS", "STATE", "init", "params", "rollout", "step"]
+
+HISTORY = 10  # ticks of demand kept for the delay: 5 ms at 2 kHz
+
+PARAMS = dtype([
+    ("Phi", "f8", (6, 6)),    # transition over one tick without hinge stiffness, SI
+    ("Phi_h", "f8", (6, 6)),  # its derivative by the hinge stiffness [per N m/rad]
+    ("G", "f8", (6,)),        # of the demanded current
+    ("G_h", "f8", (6,)),      # of the hinge moment
+    ("K", "f8", (6,)),        # steady Kalman gain on the velocity [per rad/s]
+    ("S_root", "f8"),         # standard deviation of the innovation [rad/s]
+    ("lead", "f8"),           # ball screw [m/rad]
+    ("ratio", "f8"),          # surface per motor angle, spring at rest [-]
+    ("spring", "f8"),         # l^2 K_s [N m/rad]
+    ("impulse", "f8"),        # velocity change per ampere and tick [rad/s/A]
+    ("K_gi", "f8"),           # drive: volts per ampere demanded [V/A]
+    ("R_loop", "f8"),         # K_i K_c + R [Ohm]
+    ("R", "f8"),              # winding [Ohm]
+    ("K_B", "f8"),            # [V s/rad]
+    ("I_max", "f8"),          # limits of the amplifier [A], [V]
+    ("V_max", "f8"),
+    ("delay", "f8"),          # ticks by which the sensors lag, 0 to HISTORY
+    ("n_sub", "f8"),          # ticks of a slot
+    ("n_window", "f8"),       # slots: innovations, at most N
+    ("n_lag", "f8"),          # R1's jump, at most LAG
+    ("n_mean", "f8"),         # its two ends
+    ("sigma_pos", "f8"),      # position sensor noise [m]
+    ("sigma_rig", "f8"),      # its rigging bias, which nothing here can see [m]
+    ("sigma_vel", "f8"),      # velocity sensor noise [rad/s]
+    ("sigma_b", "f8"),        # its bias at engage [rad/s]
+    ("walk_b", "f8"),         # and that bias's random walk per tick [rad/s]
+    ("b_max", "f8"),          # largest velocity bias that is learned [rad/s]
+    ("sigma_tie", "f8"),      # position noise that the anchor assumes: large, so that it ties slowly [m]
+    ("th_vel", "f8"),         # innovation mean: fixed part [rad/s]
+    ("rho_vel", "f8"),        # and share of the motor's impulse [-]
+    ("rho_rate", "f8"),       # and of the motor rate: back electromotive force, friction, load per tick [-]
+    ("th_cur", "f8"),         # R2: fixed part [A]
+    ("rho_cur", "f8"),        # and per motor rate [A s/rad]
+    ("th_jump", "f8"),        # jump of R1 [m]
+    ("th_both", "f8"),        # smaller jump that confirms a velocity fault [m]
+    ("th_R1", "f8"),          # ramp of R1 [m]
+    ("th_load", "f8"),        # load that no hinge explains [N m]
+    ("load_max", "f8"),       # limit of the load estimate [N m]
+    ("gate", "f8"),           # innovation, and step from sample to sample, beyond which it is a spike [rad/s]
+    ("share_hi", "f8"),       # a jump of which the innovations explain more is the velocity's [-]
+    ("share_lo", "f8"),       # less: the position's; between: ambiguous
+    ("share_real", "f8"),     # an R2 of which the innovations explain more is real: the drive's fault, not the sensor's
+    ("th_need", "f8"),        # a velocity error that would have grown more slowly might have passed unseen [rad/s]
+    ("sigma_max", "f8"),      # pos_sigma above which the estimate is not valid [m]
+    ("t_vel", "f8"),          # confirmation times [s]
+    ("t_cur", "f8"),
+    ("t_jump", "f8"),
+    ("t_ramp", "f8"),
+    ("t_load", "f8"),
+    ("t_hold", "f8"),         # the innovations are remembered for [s]
+    ("t_bad", "f8"),          # velocity samples missing or rejected for longer: start again, or a fault [s]
+    ("t_start", "f8"),        # after engage: the load estimate settles, no test counts [s]
+    ("t_heal", "f8"),         # agreement that ends an alarm [s]
+    ("heal_travel", "f8"),    # and the rod travel that it must have seen [m]
+])
+INPUTS = dtype([
+    ("u", "f8"),              # demanded current held over the tick that ends at this sample [A]
+    ("y_velocity", "f8"),     # motor rate [rad/s]
+    ("y_position", "f8"),     # rod position, + extends [m]
+    ("y_current", "f8"),      # motor current, the monitor's copy [A]
+    ("velocity_valid", "f8"),
+    ("position_valid", "f8"),
+    ("current_valid", "f8"),
+    ("hm0_model", "f8"),      # hinge moment at zero deflection, + trailing edge down, by the model [N m]
+    ("hmd_model", "f8"),      # its slope, negative where it centres [N m/rad]
+])
+STATE = dtype([
+    ("r", "f8"),              # largest test over its threshold
+    ("alarm", "f8"),          # 1 while a fault is declared
+    ("verdict", "f8"),        # NONE, SENSOR or AMBIGUOUS
+    ("culprit", "f8"),        # index into CULPRITS
+    ("valid", "f8"),          # 1 while pos_hat can be trusted
+    ("reconf", "f8"),         # 1: close the loop on pos_hat
+    ("pos_hat", "f8"),        # estimated rod position, as the healthy sensor would read it [m]
+    ("pos_sigma", "f8"),      # its standard deviation [m]
+    ("f_hat", "f8"),          # size of the declared fault [m], [rad/s] or [A]
+    ("f_sigma", "f8"),        # its standard deviation, same unit
+    ("eta", "f8"),            # normalised innovation (6)
+    ("eta_bar", "f8"),        # mean of the last N (7)
+    ("R1", "f8"),             # (9), mean of the last slot [m]
+    ("R2", "f8"),             # (9), mean of the last slot [A]
+    ("jump", "f8"),           # change of R1 over n_lag slots [m]
+    ("load_hat", "f8"),       # hinge moment that the model misses [N m]
+    ("r_velocity", "f8"),     # the tests over their thresholds
+    ("r_current", "f8"),
+    ("r_jump", "f8"),
+    ("x_hat", "f8", (6,)),    # [rad, rad/s, rad, rad/s, A, N m]
+    ("started", "f8"),        # 1 once engaged
+    ("age", "f8"),            # since engage [s]
+    ("age_vel", "f8"),        # since the last velocity sample that was used [s]
+    ("raw_last", "f8"),       # last velocity sample, spike or not [rad/s]
+    ("age_hot", "f8"),        # since the velocity test was last beyond its threshold [s]
+    ("hi", "f8"),             # what the filter took from the velocity sensor within the window: fading peaks [rad/s]
+    ("lo", "f8"),
+    ("need_hi", "f8"),        # velocity error that R1's motion would need, its change within the window: fading peaks
+    ("need_lo", "f8"),
+    ("need", "f8"),           # that of the jump's sign [rad/s]
+    ("share", "f8"),          # part of it that was taken [-]
+    ("felt", "f8"),           # part of the acceleration that R2 would mean, were the current real, that was taken [-]
+    ("u_old", "f8", (HISTORY + 1,)),  # demands held over the last ticks, newest first [A]
+    ("at_limit", "f8"),       # 1: the amplifier is at its voltage limit
+    ("hm0", "f8"),            # last finite values [N m], [N m/rad]
+    ("hmd", "f8"),
+    ("reckon", "f8"),         # position at engage and the velocity sensor's integral since [m]
+    ("w_last", "f8"),         # last velocity that went into it [rad/s]
+    ("w_slow", "f8"),         # its mean over t_hold [rad/s]
+    ("drift", "f8"),          # y_position - reckon [m]
+    ("c", "f8"),              # anchor: its line at this tick [m]
+    ("b", "f8"),              # and slope [m/s]
+    ("P_cc", "f8"),           # covariance of both [m^2], [m^2/s], [m^2/s^2]
+    ("P_cb", "f8"),
+    ("P_bb", "f8"),
+    ("timer_vel", "f8"),      # confirmation [s]
+    ("timer_cur", "f8"),
+    ("timer_jump", "f8"),
+    ("timer_ramp", "f8"),
+    ("timer_load", "f8"),
+    ("hot_vel", "f8"),        # confirmed
+    ("hot_cur", "f8"),
+    ("hot_jump", "f8"),
+    ("hot_ramp", "f8"),
+    ("hot_load", "f8"),
+    ("agree", "f8"),          # time without any test beyond its threshold [s]
+    ("low", "f8"),            # and the span of pos_hat in that time [m]
+    ("high", "f8"),
+    ("count", "f8"),          # ticks of the slot that is open, 0 where one has just ended
+    ("sum_gamma", "f8"),      # its sums: innovations [rad/s]
+    ("sum_effort", "f8"),     # size of the motor's impulse per tick [rad/s]
+    ("sum_drift", "f8"),      # `drift` [m]
+    ("sum_R2", "f8"),         # current less x5 [A]
+    ("n_position", "f8"),     # usable samples of position and current in it
+    ("n_current", "f8"),
+    ("head", "f8"),           # write positions
+    ("tail", "f8"),
+    ("window", "f8", (N,)),   # slots: innovation [rad/s]
+    ("effort", "f8", (N,)),   # impulse [rad/s]
+    ("drifts", "f8", (LAG,)), # `drift` [m]
+    ("jumps", "f8", (N,)),    # and of `jump` [m]
+    ("work", "f8", (6,)),     # scratch
+])
+OUTPUTS = (
+    "r", "alarm", "verdict", "culprit", "valid", "reconf", "pos_hat", "pos_sigma", "f_hat", "f_sigma", "eta", "eta_bar",
+    "R1", "R2", "jump", "load_hat", "r_velocity", "r_current", "r_jump",
+)  # fmt: skip
+
+DEG = math.pi / 180.0
+
+
+def params(which="flight", *, dt=jay.PERIOD, delay_s=0.005, sigma_velocity=1.0, sigma_position=1e-4, **symbols):
+    """Return PARAMS with threshold set `which` of fdi/thresholds/ema_kalman_flight.json.
+
+    Sensors: noise per 5 ms sample, 1 sigma [rad/s], [m] ([Jay] section 4 read so), `delay_s` old. `symbols` replace
+    those of `actuators.ema.jay.values("elevator")`. Model errors behind the gain: a load of 630 N m wandering with 20 s
+    (it must follow 30 % of the hinge moment within a pulse and hardly leak) and 1 rad/s per 5 ms, white, of friction
+    and torque error. Raises ValueError for unknown names.
+    """
+    v = jay.values("elevator", **symbols)
+    made = designed(v, dt, sigma_velocity)
+    noise = math.sqrt(jay.PERIOD / dt)
+    n_sub, n_window, n_lag, n_mean = slots(dt)
+    arm, lead = v["arm"], v["lead"]
+    amperes, volts = jay.LIMITS["elevator"]
+    no_load = volts / v["K_B"]
+    return record(
+        PARAMS,
+        **made,
+        lead=lead,
+        ratio=lead / arm,
+        spring=arm * arm * v["K_s"],
+        impulse=v["K_T"] / (v["J_M"] + v["J_N"] * (lead / arm) ** 2) * dt,
+        K_gi=v["K_gi"],
+        R_loop=v["K_ic"] + v["R"],
+        R=v["R"],
+        K_B=v["K_B"],
+        I_max=amperes,
+        V_max=volts,
+        delay=float(round(delay_s / dt)),
+        n_sub=n_sub,
+        n_window=n_window,
+        n_lag=n_lag,
+        n_mean=n_mean,
+        sigma_pos=noise * sigma_position,
+        sigma_rig=0.08 * DEG * arm,  # sensor set `transport`: rigging
+        sigma_vel=noise * sigma_velocity,
+        sigma_b=2e-4 * no_load,  # twice the bias of 1e-4 of no-load that a velocity sensor is assumed to have
+        walk_b=1e-4 * no_load * math.sqrt(dt / 100.0),  # which may change by itself in 100 s
+        b_max=1e-3 * no_load,
+        # ties pos_hat within some 20 s: slower than a fault, faster than a bias of 1e-3; of a slot's mean
+        sigma_tie=noise / math.sqrt(n_sub) * 1.0 * DEG * arm,
+        gate=0.3 * no_load,  # twice what the stall current does in 5 ms
+        load_max=2.0 * amperes * v["K_T"] * arm / lead,
+        th_load=0.6 * amperes * v["K_T"] * arm / lead,  # 60 % of the stall moment
+        **limits(which, v, made["K"][3], dt, sigma_velocity),
+    )
+
+
+def init(p):
+    """Return STATE of p's shape, not engaged: the first usable position sample engages it."""
+    return np.zeros(p.shape, STATE)
+
+
+@kernel
+def _engage(x, u, p):
+    x.x_hat[2] = u.y_position / p.lead
+    x.x_hat[0] = (p.ratio * p.spring * x.x_hat[2] + x.hm0) / (p.spring - x.hmd)
+    x.x_hat[3] = u.y_velocity if usable(u.y_velocity, u.velocity_valid) > 0.5 else 0.0
+    x.x_hat[1] = p.ratio * x.x_hat[3]
+    x.x_hat[4] = u.y_current if usable(u.y_current, u.current_valid) > 0.5 else 0.0
+    x.pos_hat = x.reckon = u.y_position
+    x.w_last = x.raw_last = x.x_hat[3]
+    x.P_cc = p.sigma_pos * p.sigma_pos
+    x.P_bb = (p.lead * p.sigma_b) * (p.lead * p.sigma_b)
+    x.started = 1.0
+    x.age_hot = p.t_hold
+
+
+@kernel
+def _limited(demand, omega, p):
+    """Return (demand, at V_max): the demand that without limits gives the limited current, quasi-steady as in `ema`."""
+    back = p.K_B * omega
+    i = (p.K_gi * demand - back) / p.R_loop
+    g = min(max(i, -p.I_max), p.I_max)
+    volts = p.R * g + back
+    if math.fabs(volts) > p.V_max:
+        g = (math.copysign(p.V_max, volts) - back) / p.R
+        return (g * p.R_loop + back) / p.K_gi, 1.0
+    return demand if g == i else (g * p.R_loop + back) / p.K_gi, 0.0
+
+
+@kernel
+def _predict(x, demand, p):
+    demand, x.at_limit = _limited(demand, x.x_hat[3], p)
+    for i in range(6):
+        s = p.G[i] * demand + p.G_h[i] * x.hm0
+        for j in range(6):
+            s += (p.Phi[i, j] + x.hmd * p.Phi_h[i, j]) * x.x_hat[j]
+        x.work[i] = s
+    for i in range(6):
+        x.x_hat[i] = x.work[i]
+
+
+@kernel
+def _window(x, p, h):
+    """End a slot of `h` seconds, and form the test of the velocity."""
+    head = int(x.head)
+    x.window[head] = x.sum_gamma / p.n_sub
+    x.effort[head] = x.sum_effort / p.n_sub
+    x.sum_gamma = x.sum_effort = 0.0
+    x.head = float((head + 1) % int(p.n_window))
+    mean = 0.0
+    effort = 0.0
+    for i in range(int(p.n_window)):
+        mean += x.window[i] / p.n_window
+        effort += x.effort[i] / p.n_window
+    x.eta_bar = mean / p.S_root
+    x.r_velocity = math.fabs(mean) / (p.th_vel + p.rho_vel * effort + p.rho_rate * math.fabs(x.x_hat[3]))
+    fade = 1.0 - h / p.t_hold
+    taken = p.n_window * p.n_sub * mean * p.K[3]
+    x.hi = max(x.hi * fade, taken)
+    x.lo = min(x.lo * fade, taken)
+
+
+@kernel
+def _velocity(x, u, p, dt):
+    """Correct by the velocity sample, unless it is missing or impossible, and form its test."""
+    gamma = 0.0
+    seen = usable(u.y_velocity, u.velocity_valid) > 0.5
+    if seen:
+        gamma = u.y_velocity - x.x_hat[3]
+        # a spike is far from the model and from the sample before it
+        seen = math.fabs(gamma) < p.gate or math.fabs(u.y_velocity - x.raw_last) < p.gate
+        x.raw_last = u.y_velocity
+    if seen:
+        x.age_vel = 0.0
+        for i in range(6):
+            x.x_hat[i] += p.K[i] * gamma
+        x.x_hat[5] = min(max(x.x_hat[5], -p.load_max), p.load_max)
+    else:
+        x.age_vel += dt
+        gamma = 0.0
+    w = u.y_velocity if x.age_vel == 0.0 else x.x_hat[3]
+    x.reckon += 0.5 * p.lead * dt * (w + x.w_last)
+    x.w_last = w
+    x.w_slow += dt / p.t_hold * (w - x.w_slow)
+    x.eta = gamma / p.S_root
+    # at the voltage limit 5 % of K_B is worth more than the stall current: such a tick says nothing
+    x.sum_gamma += 0.0 if x.at_limit > 0.5 else gamma
+    x.sum_effort += p.impulse * math.fabs(x.x_hat[4])
+    if x.count == 0.0:
+        _window(x, p, p.n_sub * dt)
+
+
+@kernel
+def _current(x, p):
+    """Form the test of R2, and whether the motor has felt it."""
+    # a velocity error reaches x5 through the back electromotive force; 0.7: the part of it that `hi` still remembers
+    back = 0.7 * p.K_B / p.R_loop * max(x.hi, -x.lo)
+    x.r_current = math.fabs(x.R2) / (p.th_cur + p.rho_cur * math.fabs(x.x_hat[3]) + back)
+    ticks = p.n_window * p.n_sub
+    gained = math.copysign(ticks * x.eta_bar * p.S_root * p.K[3], x.R2 * x.eta_bar)  # + where it is of the sign of R2
+    x.felt = min(gained / max(math.fabs(x.R2) * p.impulse * ticks, 1e-3), 9.9)
+
+
+@kernel
+def step(x, u, p, dt):
+    """Predict to this sample, correct, test, name, and say how well the position is known."""
+    if math.isfinite(u.hm0_model) and math.isfinite(u.hmd_model):
+        x.hm0, x.hmd = u.hm0_model, u.hmd_model
+    for i in range(HISTORY, 0, -1):
+        x.u_old[i] = x.u_old[i - 1]
+    if math.isfinite(u.u):
+        x.u_old[0] = u.u
+    if x.started < 0.5:
+        if usable(u.y_position, u.position_valid) > 0.5:
+            _engage(x, u, p)
+        return
+    x.age += dt
+    gap = x.age_vel > p.t_bad
+    x.count += 1.0
+    if x.count >= p.n_sub:
+        x.count = 0.0
+    _predict(x, x.u_old[int(p.delay)], p)
+    _velocity(x, u, p, dt)
+    if usable(u.y_current, u.current_valid) > 0.5:
+        x.sum_R2 += u.y_current - x.x_hat[4]
+        x.n_current += 1.0
+    if x.count == 0.0 and x.n_current > 0.0:
+        x.R2 = x.sum_R2 / x.n_current
+        x.sum_R2 = x.n_current = 0.0
+    _current(x, p)
+    reckon_position(x, u, p, dt, gap and x.age_vel == 0.0 and x.alarm < 0.5)
+    decide(x, p, dt)
+    heal(x, p, dt)
+    size(x, p, (p.n_lag - p.n_mean) * p.n_sub * dt)
+    x.load_hat = x.x_hat[5]
+    fresh = x.age_vel < 0.2 and x.culprit != VELOCITY
+    x.valid = 1.0 if fresh and x.pos_sigma < p.sigma_max else 0.0
+
+
+@kernel
+def rollout(x, u, p, dt, log):
+    """Step every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
+    for i in range(u.shape[0]):
+        for k in range(u.shape[1]):
+            step(x[i], u[i, k], p[i], dt)
+            log[i, k] = x[i]

@@ -1,0 +1,72 @@
+"""Design of the flight form of the EMA's Kalman filter: six states with hinge stiffness, and the steady gain."""
+
+import math
+
+import numpy as np
+from scipy.linalg import expm_frechet, solve_discrete_are
+
+from actuators.ema import jay
+from fdi.common.tuning import thresholds
+from fdi.ema.dead_reckoning import slots
+from fdi.ema.ema_kalman import N
+
+
+def model(values, dt, tau_load):
+    """Return (Phi, Phi_h, G, G_h) of the six states with the load's leak 1/tau_load [1/s].
+
+    Phi_h = d Phi / d HM_delta at zero stiffness: over 5 ms and at -40 kN m/rad the second order is below 1e-4 of each
+    row, 0.002 rad/s per tick at 4 deg. Raises ValueError for a set with a compensator, which the flying drive has not.
+    """
+    if values["a"] != values["b"]:
+        raise ValueError("the flight filter has no compensator state: a = b")
+    whole = jay.continuous("elevator", **values)
+    A = np.zeros((8, 8))
+    A[:5, :5] = whole.A[:5, :5]
+    A[:5, 5] = A[:5, 7] = whole.E[:5]
+    A[:5, 6] = whole.B[:5]
+    A[5, 5] = -1.0 / tau_load
+    stiff = np.zeros((8, 8))
+    stiff[1, 0] = whole.E[1]
+    e, de = expm_frechet(A * dt, stiff * dt)
+    return e[:6, :6], de[:6, :6], e[:6, 6], e[:6, 7]
+
+
+def gain(Phi, sigma_load, tau_load, q_vel, sigma_vel, dt):
+    """Return (K, sqrt S): the steady gain of the velocity sample y = x4 + v, and the innovation's deviation."""
+    H = np.zeros((1, 6))
+    H[0, 3] = 1.0
+    Q = np.zeros((6, 6))
+    Q[3, 3] = q_vel * q_vel
+    Q[5, 5] = sigma_load * sigma_load * -math.expm1(-2.0 * dt / tau_load)
+    P = solve_discrete_are(Phi.T, H.T, Q, [[sigma_vel * sigma_vel]])
+    S = P[3, 3] + sigma_vel * sigma_vel
+    return P[:, 3] / S, math.sqrt(S)
+
+
+def designed(values, dt, sigma_velocity):
+    """Return {K, S_root, Phi, Phi_h, G, G_h} for ticks of `dt`; the noise densities are those of 5 ms at every rate.
+
+    Per 5 ms: velocity noise `sigma_velocity` [rad/s], model error 1 rad/s. The load: 630 N m, 20 s.
+    """
+    tau_load, samples = 20.0, dt / jay.PERIOD
+    Phi, Phi_h, G, G_h = model(values, dt, tau_load)
+    stiff = Phi - 2.0e4 * Phi_h
+    K, S_root = gain(stiff, 630.0, tau_load, math.sqrt(samples), sigma_velocity / math.sqrt(samples), dt)
+    return {"K": K, "S_root": S_root, "Phi": Phi, "Phi_h": Phi_h, "G": G, "G_h": G_h}
+
+
+def limits(which, values, K_vel, dt, sigma_velocity):
+    """Return the thresholds of set `which`, made for 5 ms, for ticks of `dt` and their velocity gain `K_vel`.
+
+    Those of the mean innovation change so that the velocity taken in by the whole window, gain times the sum of its
+    innovations, is the same at every rate.
+    """
+    out = thresholds("ema_kalman_flight", which)
+    if dt == jay.PERIOD:
+        return out
+    n_sub, n_window, _, n_mean = slots(dt)
+    share = designed(values, jay.PERIOD, sigma_velocity)["K"][3] * N / (K_vel * n_window * n_sub)
+    out |= {name: out[name] * share for name in ("th_vel", "rho_rate")}
+    out["rho_vel"] *= share * jay.PERIOD / dt  # of the impulse, which is per tick
+    out["t_jump"] = max(out["t_jump"], (n_mean * n_sub + 1.0) * dt)  # a single sample stays in an end's mean
+    return out

@@ -1,0 +1,235 @@
+"""RTS-EKF of [Lu17] (38)-(48), exactly as published: m = 1 (the rod), p = 1, F = 1. It watches; it does not steer.
+
+    time update       x, P                                   (38)-(39)
+    output fault      f = N (y - H x),   N = (F' S^-1 F)^-1 F' S^-1    (40)-(43), (48)
+    measurement       x + K (y - H x - F f),   P - K (S - F P^f F') K'  (45)-(47); (47) is printed without the transpose
+
+With m = p = 1 and F = 1 the gain N is 1: all of the innovation is called fault, (46) corrects nothing, and the
+state is the open-loop model: f = y - x1 is unbiased only while the load is exactly known. A fault of the rod
+sensor, a jam and a runaway all show as f; which it is follows from how the *measured* rod moves: fast is RUNAWAY,
+at rest while the model moves is JAM_SOLID, both alike is JAM_LIQUID.
+
+| symbol | field | meaning |
+|---|---|---|
+| x = (q, q', dP/P_s) | x_hat | rod [m], [m/s], [1] |
+| f^o | f_hat | output fault [m] |
+| P, P^f | P, P_f | covariances |
+"""
+
+import math
+
+import numpy as np
+
+from actuators.block import dtype, kernel, record
+from actuators.common import linkage
+from actuators.hydraulic import lu17
+from actuators.hydraulic.lu17 import rk4
+from fdi.common.decision import confirm, held, usable
+from fdi.common.linalg import congruence
+from fdi.common.tuning import thresholds
+from fdi.common.verdict import JAM_LIQUID, JAM_SOLID, NONE, RUNAWAY
+from fdi.hydraulic.separate_bias import transition
+
+CULPRITS = ("", "rod")
+HISTORY = 10  # ticks of valve command kept for the delay: 5 ms at 2 kHz
+
+PARAMS = dtype(
+    [
+        ("arm", "f8"),  # rod arm [m]
+        *lu17.FIELDS,
+        ("load", "f8"),  # 0: load ignored, as published; 1: hinge-moment model
+        ("delay", "f8"),  # age of the measurement [ticks], 0 to HISTORY
+        ("q", "f8", (3,)),  # process noise densities [unit^2/s]
+        ("r_rod", "f8"),  # variance of a rod sample [m^2]
+        ("P0", "f8", (3,)),  # initial variances
+        ("tau", "f8"),  # lag of fault and rates [s]
+        ("threshold", "f8"),  # output fault [m]
+        ("rate", "f8"),  # measured rod faster than this runs away, slower than half of it rests [m/s]
+        ("t_confirm", "f8"),  # [s]
+        ("t_release", "f8"),  # [s]
+        ("t_invalid", "f8"),  # [s]
+    ]
+)
+INPUTS = dtype(
+    [
+        ("u", "f8"),  # valve command held over the last tick [1]
+        ("y_rod", "f8"),  # [m]
+        ("y_rod_valid", "f8"),
+        ("hm0_model", "f8"),  # hinge moment at zero deflection, by the model [N m]
+        ("hmd_model", "f8"),  # its slope [N m/rad]
+    ]
+)
+STATE = dtype(
+    [
+        ("started", "f8"),
+        ("x_hat", "f8", (4,)),  # the fourth is not used
+        ("P", "f8", (4, 4)),
+        ("Phi", "f8", (4, 4)),
+        ("W", "f8", (4, 4)),  # scratch
+        ("G", "f8", (4,)),
+        ("K", "f8", (4,)),
+        ("N", "f8"),  # gain of the fault (48): 1
+        ("P_f", "f8"),  # variance of the fault [m^2]
+        ("u_old", "f8", (HISTORY + 1,)),  # newest first [1]
+        ("y", "f8"),  # last usable rod [m]
+        ("f_hat", "f8"),  # output fault [m]
+        ("f_sigma", "f8"),  # its standard deviation [m]
+        ("q_now", "f8"),  # predicted rod position [m]
+        ("v_now", "f8"),  # rod velocity [m/s]
+        ("x3_now", "f8"),  # pressure difference [1]
+        ("f_slow", "f8"),  # lagged fault [m]
+        ("y_slow", "f8"),  # lagged rod [m]
+        ("y_rate", "f8"),  # lagged rod velocity, measured [m/s]
+        ("v_slow", "f8"),  # the same of the model [m/s]
+        ("timer", "f8"),  # [s]
+        ("age", "f8"),  # [s]
+        ("r", "f8"),  # fault over its threshold
+        ("alarm", "f8"),  # 1 while a fault is declared
+        ("verdict", "f8"),  # class code
+        ("culprit", "f8"),  # index into CULPRITS
+        ("valid", "f8"),  # 1 while the rod measurement is fresh
+    ]
+)
+OUTPUTS = ("r", "alarm", "verdict", "culprit", "valid", "f_hat", "f_sigma", "q_now", "v_now", "x3_now")
+
+
+def params(which="flight", *, load=1, dt=0.005, delay_s=0.005, arm=linkage.ARM, **values):
+    """Return PARAMS for load form 0 (as published) or 1; `values` replace any field."""
+    fields = {
+        **lu17.NOMINAL,
+        "arm": arm,
+        "load": float(load),
+        "delay": float(round(delay_s / dt)),
+        "q": (1e-12, 2e-6, 2e-5),  # as `iotsekf`; nothing depends on them here
+        "r_rod": 1e-8 * (0.005 / dt),  # 0.1 mm per 5 ms, sensor set `transport`
+        "P0": (1e-8, 1e-6, 1e-4),
+        "t_invalid": 0.2,
+    }
+    return record(PARAMS, **{**fields, **thresholds("rtsekf", which), **values})
+
+
+def init(p):
+    """Return STATE of p's shape, not started: the filter begins at the first usable rod sample."""
+    return np.zeros(p.shape, STATE)
+
+
+@kernel
+def force(x, u, p):
+    """Return the external force on the rod [N]."""
+    if p.load == 1.0:
+        return (u.hm0_model + u.hmd_model * x.x_hat[0] / p.arm) / p.arm
+    return 0.0
+
+
+@kernel
+def predict(x, u, v, p, dt):
+    """Predict state and covariance over one tick. [Lu17] (38)-(39)"""
+    a = x.x_hat
+    transition(x.Phi, x.G, a, v, v, 0.0, u.hmd_model if p.load == 1.0 else 0.0, False, p, dt)
+    a[0], a[1], a[2] = rk4(a[0], a[1], a[2], v, v, 0.0, force(x, u, p), p, dt)
+    congruence(x.P, x.Phi, x.W)
+    for i in range(3):
+        x.P[i, i] += p.q[i] * dt
+
+
+@kernel
+def correct(x, y, p):
+    """Estimate the fault and update. [Lu17] (40)-(48) with H = (1, 0, 0), F = 1"""
+    F = 1.0
+    S = x.P[0, 0] + p.r_rod  # (40)
+    gamma = y - x.x_hat[0]  # (41)
+    x.P_f = 1.0 / (F / S * F)  # (43)
+    x.N = x.P_f * F / S  # (48)
+    x.f_hat = x.N * gamma  # (42)
+    for i in range(3):
+        x.K[i] = x.P[i, 0] / S  # (45)
+        x.x_hat[i] += x.K[i] * (gamma - F * x.f_hat)  # (46)
+    for i in range(3):
+        for j in range(3):
+            x.P[i, j] -= x.K[i] * (S - F * x.P_f * F) * x.K[j]  # (47)
+
+
+@kernel
+def start(x, u, p):
+    """Begin at the measurement, at rest, in equilibrium with the load."""
+    for i in range(4):
+        x.x_hat[i] = 0.0
+        for j in range(4):
+            x.P[i, j] = 0.0
+    for i in range(3):
+        x.P[i, i] = p.P0[i]
+    x.x_hat[0] = u.y_rod
+    x.x_hat[2] = -force(x, u, p) / (p.A_p * p.P_s)
+    x.y = x.y_slow = u.y_rod
+    x.f_slow = 0.0
+    x.timer = 0.0
+    x.age = 0.0
+    x.started = 1.0
+
+
+@kernel
+def decide(x, p, dt):
+    """Confirm the fault and name it by the motion of the measured rod."""
+    a = 1.0 - math.exp(-dt / p.tau)
+    x.f_slow += a * (x.f_hat - x.f_slow)
+    x.y_rate = (x.y - x.y_slow) / p.tau
+    x.y_slow += a * (x.y - x.y_slow)
+    x.v_slow += a * (x.x_hat[1] - x.v_slow)
+    x.r = math.fabs(x.f_slow) / p.threshold
+    before = x.alarm
+    x.timer, x.alarm = confirm(x.timer, x.alarm, x.r >= 1.0, dt, p.t_confirm, p.t_release)
+    if x.alarm < 0.5:
+        x.verdict = NONE
+    elif before < 0.5:
+        if math.fabs(x.y_rate - x.v_slow) > p.rate and math.fabs(x.y_rate) > p.rate:
+            x.verdict = RUNAWAY
+        elif math.fabs(x.y_rate) < 0.5 * p.rate < math.fabs(x.v_slow):
+            x.verdict = JAM_SOLID
+        else:
+            x.verdict = JAM_LIQUID
+    x.culprit = 1.0 if x.verdict == JAM_LIQUID else 0.0
+
+
+@kernel
+def step(x, u, p, dt):
+    """Run the three steps on a measurement that is `delay` ticks old, then decide."""
+    for i in range(HISTORY, 0, -1):
+        x.u_old[i] = x.u_old[i - 1]
+    if math.isfinite(u.u):
+        x.u_old[0] = min(max(u.u, -1.0), 1.0)
+    good = usable(u.y_rod, u.y_rod_valid)
+    if x.started < 0.5:
+        x.valid = 0.0
+        if good < 0.5:
+            return
+        start(x, u, p)
+    x.y = held(u.y_rod, u.y_rod_valid, x.y)
+    x.age = 0.0 if good > 0.5 else x.age + dt
+    x.valid = 1.0 if x.age <= p.t_invalid else 0.0
+    d = int(p.delay)
+    if d == 0:
+        predict(x, u, x.u_old[0], p, dt)
+    if good > 0.5:
+        correct(x, u.y_rod, p)
+    if d > 0:
+        predict(x, u, x.u_old[d - 1], p, dt)
+    q, v, x3 = x.x_hat[0], x.x_hat[1], x.x_hat[2]
+    for i in range(d - 2, -1, -1):
+        q, v, x3 = rk4(q, v, x3, x.u_old[i], x.u_old[i], 0.0, force(x, u, p), p, dt)
+    x.q_now, x.v_now, x.x3_now = q, v, x3
+    x.f_sigma = math.sqrt(max(x.P_f, 0.0))
+    if math.isfinite(q + v + x3 + x.f_hat):
+        if good > 0.5:
+            decide(x, p, dt)
+    else:
+        x.started = 0.0
+        x.f_hat = x.q_now = x.v_now = x.x3_now = 0.0
+
+
+@kernel
+def rollout(x, u, p, dt, log):
+    """Step every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
+    for i in range(u.shape[0]):
+        for k in range(u.shape[1]):
+            step(x[i], u[i, k], p[i], dt)
+            log[i, k] = x[i]

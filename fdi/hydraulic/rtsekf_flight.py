@@ -1,0 +1,269 @@
+"""RTS-EKF fit for flight: [Lu17] (38)-(48) with m = 2, rod and surface position, p = 1, and the load as a random walk.
+
+    x = (q, q', dP/P_s, F),   y = (rod, arm surface + rigging),   H = [[1 0 0 0], [1 0 0 0]],   F_k = (1, 0)' or (0, 1)'
+
+The three steps are those of `rtsekf`, with a second sensor that is not called fault: (46) corrects the state by
+what the fault leaves over, so that the estimate does not drift whatever the load. F_k names the rod until the
+surface sensor is blamed, then the surface. The differential pressure, where valid, is a third measurement without
+a fault (it does not replace the second position: 1 % of bias drifts 8 mm). A jam or a runaway moves both position
+sensors alike, and this detector stays quiet.
+
+Alarm and culprit come from `decision.pair_test`: rod against surface, and each against the motion that valve and
+pressure imply. The rigging of the surface sensor is learned over the first second and slowly after it; a fault
+that is there from the start is taken for rigging.
+"""
+
+import math
+
+import numpy as np
+
+from actuators.block import dtype, kernel, record
+from actuators.common import linkage
+from actuators.hydraulic import lu17
+from actuators.hydraulic.lu17 import opening, rk4, stiffness
+from fdi.common import decision
+from fdi.common.decision import usable
+from fdi.common.linalg import congruence, joseph
+from fdi.common.tuning import thresholds
+from fdi.common.verdict import AMBIGUOUS, NONE, SENSOR
+from fdi.hydraulic.separate_bias import transition
+
+CULPRITS = ("", "rod", "surface")
+HISTORY = 10  # ticks of valve command kept for the delay: 5 ms at 2 kHz
+
+PARAMS = dtype(
+    [
+        ("arm", "f8"),  # rod arm [m]
+        *lu17.FIELDS,
+        ("delay", "f8"),  # age of the measurements [ticks], 0 to HISTORY
+        ("q", "f8", (4,)),  # process noise densities [unit^2/s]
+        ("r_rod", "f8"),  # variance of a rod sample [m^2]
+        ("r_surface", "f8"),  # of a surface sample, as rod [m^2]
+        ("r_dp", "f8"),  # of a pressure sample [1]
+        ("P0", "f8", (4,)),  # initial variances
+        ("gate", "f8"),  # innovation of surface or pressure beyond so many sigma is refused
+        ("t_invalid", "f8"),  # [s]
+        *decision.PAIR_PARAMS,
+    ]
+)
+INPUTS = dtype(
+    [
+        ("u", "f8"),  # valve command held over the last tick [1]
+        ("y_rod", "f8"),  # [m]
+        ("y_rod_valid", "f8"),
+        ("y_surface", "f8"),  # [rad]
+        ("y_surface_valid", "f8"),
+        ("y_dp", "f8"),  # pressure difference over supply [1]
+        ("y_dp_valid", "f8"),
+    ]
+)
+STATE = dtype(
+    [
+        ("started", "f8"),
+        ("x_hat", "f8", (4,)),  # rod [m], [m/s], [1], external force over stall force [1]
+        ("P", "f8", (4, 4)),
+        ("Phi", "f8", (4, 4)),
+        ("W", "f8", (4, 4)),  # scratch
+        ("G", "f8", (4,)),
+        ("K", "f8", (4,)),  # scratch
+        ("N", "f8", (2,)),  # gain of the fault (48)
+        ("P_f", "f8"),  # variance of the fault [m^2]
+        ("u_old", "f8", (HISTORY + 1,)),  # newest first [1]
+        *decision.PAIR_STATE,
+        ("f_hat", "f8"),  # fault of the suspected position sensor, rod or surface, as rod [m]
+        ("f_sigma", "f8"),  # its standard deviation [m]
+        ("q_now", "f8"),  # predicted rod position [m]
+        ("v_now", "f8"),  # rod velocity [m/s]
+        ("x3_now", "f8"),  # pressure difference [1]
+        ("refused", "f8"),  # samples refused in a row
+        ("age", "f8"),  # since a healthy position sample [s]
+        ("r", "f8"),  # disagreement of both sensors over its threshold
+        ("alarm", "f8"),  # 1 while a fault is declared
+        ("verdict", "f8"),  # class code
+        ("culprit", "f8"),  # index into CULPRITS
+        ("valid", "f8"),  # 1 while the estimate can be trusted
+    ]
+)
+OUTPUTS = (
+    *("r", "alarm", "verdict", "culprit", "valid", "f_hat", "f_sigma", "q_now", "v_now", "x3_now"),
+    *("pair_d", "rigging", "e_rod", "e_surface"),
+)
+
+
+def params(which="flight", *, dt=0.005, delay_s=0.005, arm=linkage.ARM, **values):
+    """Return PARAMS for ticks of `dt` seconds and measurements `delay_s` old; `values` replace any field."""
+    share = 0.005 / dt  # the sensors' noise density is that of samples of 5 ms at every rate
+    fields = {
+        **lu17.NOMINAL,
+        "arm": arm,
+        "delay": float(round(delay_s / dt)),
+        "q": (1e-12, 2e-5, 2e-3, 0.5),  # wider than `iotsekf`: here no fault state takes up what the valve does wrong
+        "r_rod": 1e-8 * share,  # 0.1 mm, sensor set `transport`
+        "r_surface": 1.1e-8 * share,  # 0.02 deg on 0.30 m
+        "r_dp": 2.5e-5 * share,  # 0.5 % of supply
+        "P0": (1e-8, 1e-6, 1e-4, 1e-2),
+        "gate": 12.0,
+        "t_invalid": 0.2,
+    }
+    return record(PARAMS, **{**fields, **thresholds("rtsekf_flight", which), **values})
+
+
+def init(p):
+    """Return STATE of p's shape, not started: the filter begins at the first usable rod sample."""
+    return np.zeros(p.shape, STATE)
+
+
+@kernel
+def predict(x, v, p, dt):
+    """Predict state and covariance over one tick. [Lu17] (38)-(39)"""
+    a = x.x_hat
+    transition(x.Phi, x.G, a, v, v, 0.0, 0.0, True, p, dt)
+    a[0], a[1], a[2] = rk4(a[0], a[1], a[2], v, v, 0.0, p.A_p * p.P_s * a[3], p, dt)
+    congruence(x.P, x.Phi, x.W)
+    for i in range(4):
+        x.P[i, i] += p.q[i] * dt
+
+
+@kernel
+def three_steps(x, y_rod, y_surface, p):
+    """Estimate the fault and update, from two positions. [Lu17] (40)-(48), H = [[1 0 0 0], [1 0 0 0]]"""
+    c = x.P[0, 0]
+    a, b = c + p.r_rod, c + p.r_surface  # (40): S = [[a, c], [c, b]]
+    det = a * b - c * c
+    i00, i01, i11 = b / det, -c / det, a / det  # S^-1
+    g0, g1 = y_rod - x.x_hat[0], y_surface - x.x_hat[0]  # (41)
+    on_rod = x.blame != 2.0
+    x.P_f = 1.0 / i00 if on_rod else 1.0 / i11  # (43)
+    x.N[0] = x.P_f * (i00 if on_rod else i01)  # (48)
+    x.N[1] = x.P_f * (i01 if on_rod else i11)
+    x.f_hat = x.N[0] * g0 + x.N[1] * g1  # (42)
+    if on_rod:
+        g0 -= x.f_hat
+        a -= x.P_f
+    else:
+        g1 -= x.f_hat
+        b -= x.P_f
+    s0, s1 = i00 + i01, i01 + i11  # H' S^-1
+    m = s0 * (a * s0 + c * s1) + s1 * (c * s0 + b * s1)  # H' S^-1 (S - F P^f F') S^-1 H
+    e = s0 * g0 + s1 * g1
+    for i in range(4):
+        x.K[i] = x.P[i, 0]
+    for i in range(4):
+        x.x_hat[i] += x.K[i] * e  # (45)-(46)
+        for j in range(4):
+            x.P[i, j] -= x.K[i] * m * x.K[j]  # (47)
+
+
+@kernel
+def one(x, j, y, r, p):
+    """Update with one healthy measurement y of x[j]; return 1.0 when it was used, 0.0 when it is a spike."""
+    s = x.P[j, j] + r
+    e = y - x.x_hat[j]
+    if e * e > p.gate * p.gate * s:
+        return 0.0
+    for i in range(4):
+        x.K[i] = x.P[i, j] / s
+    for i in range(4):
+        x.x_hat[i] += x.K[i] * e
+    joseph(x.P, x.K, j, r)
+    return 1.0
+
+
+@kernel
+def start(x, y, dp, p):
+    """Begin at the measurement, at rest, in equilibrium with the load."""
+    for i in range(4):
+        x.x_hat[i] = 0.0
+        for j in range(4):
+            x.P[i, j] = 0.0
+        x.P[i, i] = p.P0[i]
+    x.x_hat[0] = y
+    x.x_hat[2] = dp
+    x.x_hat[3] = -dp
+    x.refused = 0.0
+    x.age = 0.0
+    x.started = 1.0
+
+
+@kernel
+def correct(x, u, rod, surface, p, dt):
+    """Use what is usable: both positions in three steps, or the healthy one alone; then the pressure."""
+    y_surface = p.arm * u.y_surface + x.rigging
+    learned = x.pair_time > 0.0
+    plausible = math.fabs(y_surface - x.x_hat[0]) < p.gate * math.sqrt(x.P[0, 0] + p.r_surface)
+    x.age += dt
+    if rod > 0.5 and surface > 0.5 and learned and (plausible or x.blame == 2.0):
+        three_steps(x, u.y_rod, y_surface, p)
+        x.refused = 0.0
+        x.age = 0.0
+    else:
+        used = 0.0
+        if rod > 0.5 and x.blame != 1.0:
+            used = one(x, 0, u.y_rod, p.r_rod, p)
+        elif surface > 0.5 and learned and x.blame != 2.0:
+            used = one(x, 0, y_surface, p.r_surface, p)
+        if used > 0.5:
+            x.refused = 0.0
+            x.age = 0.0
+        elif rod > 0.5 or surface > 0.5:
+            x.refused += 1.0
+            if x.refused > 4.0:  # several agree: the estimate is what is wrong
+                x.P[0, 0] += p.P0[0] * p.gate * p.gate * x.refused
+    if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp):
+        one(x, 2, u.y_dp, p.r_dp, p)
+
+
+@kernel
+def decide(x, u, rod, surface, p, dt):
+    """Test rod against surface, and both against the model."""
+    v = x.u_old[int(p.delay)]
+    x3 = x.x_hat[2]
+    motion = p.phi_n / p.A_p * opening(v, x3) * v - p.L * x3
+    bulk = x3 / stiffness(x.x_hat[0], p)  # rod motion that only compresses oil
+    decision.pair_test(x, u.y_rod + bulk, rod, p.arm * u.y_surface + bulk, surface, motion, p, dt)
+    x.r = math.fabs(x.pair_d) / p.pair_threshold
+    x.alarm = x.sensor
+    x.culprit = x.blame
+    x.verdict = NONE
+    if x.sensor > 0.5:
+        x.verdict = SENSOR if x.blame > 0.5 else AMBIGUOUS
+    x.valid = 1.0 if x.age <= p.t_invalid and x.verdict != AMBIGUOUS else 0.0
+
+
+@kernel
+def step(x, u, p, dt):
+    """Run the three steps on measurements that are `delay` ticks old, then decide."""
+    for i in range(HISTORY, 0, -1):
+        x.u_old[i] = x.u_old[i - 1]
+    if math.isfinite(u.u):
+        x.u_old[0] = min(max(u.u, -1.0), 1.0)
+    rod, surface = usable(u.y_rod, u.y_rod_valid), usable(u.y_surface, u.y_surface_valid)
+    if x.started < 0.5:
+        x.valid = 0.0
+        if rod < 0.5:
+            return
+        start(x, u.y_rod, u.y_dp if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp) else 0.0, p)
+    d = int(p.delay)
+    if d == 0:
+        predict(x, x.u_old[0], p, dt)
+    correct(x, u, rod, surface, p, dt)
+    decide(x, u, rod, surface, p, dt)
+    if d > 0:
+        predict(x, x.u_old[d - 1], p, dt)
+    q, v, x3 = x.x_hat[0], x.x_hat[1], x.x_hat[2]
+    for i in range(d - 2, -1, -1):
+        q, v, x3 = rk4(q, v, x3, x.u_old[i], x.u_old[i], 0.0, p.A_p * p.P_s * x.x_hat[3], p, dt)
+    x.q_now, x.v_now, x.x3_now = q, v, x3
+    x.f_sigma = math.sqrt(max(x.P_f, 0.0))
+    if not math.isfinite(q + v + x3 + x.f_hat + x.x_hat[3]):
+        x.started = x.valid = 0.0
+        x.f_hat = x.q_now = x.v_now = x.x3_now = 0.0
+
+
+@kernel
+def rollout(x, u, p, dt, log):
+    """Step every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
+    for i in range(u.shape[0]):
+        for k in range(u.shape[1]):
+            step(x[i], u[i, k], p[i], dt)
+            log[i, k] = x[i]

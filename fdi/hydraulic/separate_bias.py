@@ -1,0 +1,297 @@
+"""The two-stage filter of `iotsekf`: [Lu17] (14)-(36), the iterated optimal two-stage extended Kalman filter.
+
+A filter that ignores the fault (x_bar) and a filter of the fault (f) run side by side; together they are the Kalman
+filter of the state augmented by f:
+
+    x_hat = x_bar + V f,   P = P_bar + V P_f V^T          [Lu17] (15)-(16)
+
+| symbol | field | meaning |
+|---|---|---|
+| x = (q, q', dP/P_s, F) | x_hat | rod [m], [m/s], [1], external force over the stall force A_p P_s [1] |
+| f^i | f_hat | input fault, in the unit of the valve command [1] |
+| x-bar, P^x-bar | x_bar, P_bar | bias-free filter |
+| U, V, S = H U | U, V | blending matrices |
+| Phi, Gamma | Phi, G | of one matrix exponential (papers/README: (20) read literally is wrong) |
+
+Load forms (PARAMS.load): 0 ignored, as published; 1 a hinge-moment model; 2 the differential pressure is measured and
+F is a random walk. Measurements are scalars taken one after the other, which is exact for uncorrelated noise and lets
+an invalid one drop out. The measurements are `delay` ticks old: the filter runs that far behind and predicts the
+present (`q_now`, `v_now`, `x3_now`). The published iteration (21)-(24) converges at its first pass, because h is
+linear; it is kept, bounded, as published.
+"""
+
+import math
+
+from actuators.block import kernel
+from actuators.hydraulic import lu17
+from actuators.hydraulic.lu17 import jacobian, rk4
+from fdi.common.linalg import congruence, integral, joseph
+from fdi.hydraulic import pressure_test
+
+ITERATIONS = 4  # bound of (21)-(24)
+GATE_NONE = 1e9
+HISTORY = 10  # ticks of valve command kept for the delay: 5 ms at 2 kHz
+
+PARAMS = [
+    ("arm", "f8"),  # rod arm [m]
+    *lu17.FIELDS,
+    ("load", "f8"),  # load form 0, 1, 2
+    ("centre", "f8"),  # 0: (17) integrates at x_bar, as published; 1: at x_hat with f, then removes U f
+    ("total_sign", "f8"),  # 0: sign(u) chooses the supplied chamber, as published; 1: sign(u + f)
+    ("delay", "f8"),  # age of the measurements [ticks], 0 to HISTORY
+    ("epsilon", "f8"),  # end of the iteration, epsilon_0
+    ("q", "f8", (4,)),  # process noise densities of x [unit^2/s]
+    ("q_f", "f8"),  # of the fault [1/s]
+    ("q_xf", "f8", (4,)),  # correlation of both
+    ("r_rod", "f8"),  # variance of a rod sample [m^2]
+    ("r_dp", "f8"),  # of a pressure sample [1]
+    ("P0", "f8", (4,)),  # initial variances
+    ("P0_f", "f8"),
+    ("gate_rod", "f8"),  # a rod innovation beyond so many sigma is a spike
+    ("spikes", "f8"),  # ... unless so many samples in a row agree that it is not [ticks]
+    ("t_invalid", "f8"),  # without rod for longer the estimate is not valid [s]
+    ("r_spare", "f8"),  # variance of the surface sensor in place of the rod, rigging included [m^2]
+]
+STATE = [
+    ("started", "f8"),  # 1 after the first usable rod sample
+    ("x_bar", "f8", (4,)),
+    ("P_bar", "f8", (4, 4)),
+    ("Phi", "f8", (4, 4)),
+    ("W", "f8", (4, 4)),  # scratch
+    ("G", "f8", (4,)),
+    ("U", "f8", (4,)),
+    ("V", "f8", (4,)),
+    ("K", "f8", (4,)),  # bias-free gain of the last measurement
+    ("eta", "f8", (4,)),
+    ("P_f", "f8"),  # variance of f [1]
+    ("u_old", "f8", (HISTORY + 1,)),  # valve commands, newest first [1]
+    ("x_hat", "f8", (4,)),  # estimate at the time of the measurement
+    ("f_hat", "f8"),  # input fault [1]
+    ("f_sigma", "f8"),  # its standard deviation [1]
+    ("q_now", "f8"),  # predicted rod position [m]
+    ("v_now", "f8"),  # rod velocity [m/s]
+    ("x3_now", "f8"),  # pressure difference [1]
+    ("gamma_rod", "f8"),  # innovation of the rod [m]
+    ("gamma_dp", "f8"),  # of the pressure [1]
+    ("nis_rod", "f8"),  # squared, over its variance
+    ("nis_dp", "f8"),
+    ("skip_rod", "f8"),  # samples refused in a row
+    ("age", "f8"),  # since the last rod sample used [s]
+    ("age_dp", "f8"),  # since the last pressure sample used [s]
+    *pressure_test.STATE,
+]
+
+
+@kernel
+def load_model(x, u, p):
+    """Return the load that the hinge-moment model foresees at the estimated position, over the stall force [1]."""
+    return (u.hm0_model + u.hmd_model * x.x_hat[0] / p.arm) / (p.arm * p.A_p * p.P_s)
+
+
+@kernel
+def force(x, u, p):
+    """Return the external force on the rod of the chosen load form [N]."""
+    if p.load == 2.0:
+        return p.A_p * p.P_s * x.x_hat[3]
+    if p.load == 1.0:
+        return (u.hm0_model + u.hmd_model * x.x_hat[0] / p.arm) / p.arm
+    return 0.0
+
+
+@kernel
+def start(x, q, dp, u, p):
+    """Begin at the measurement, at rest, in equilibrium with the load."""
+    for i in range(4):
+        x.x_bar[i] = 0.0
+        x.U[i] = 0.0
+        x.V[i] = 0.0
+        for j in range(4):
+            x.P_bar[i, j] = 0.0
+        x.P_bar[i, i] = p.P0[i]
+    x.x_bar[0] = q
+    x.x_hat[0] = q
+    if p.load == 2.0:
+        x.x_bar[2] = dp
+        x.x_bar[3] = -dp
+    else:
+        x.P_bar[3, 3] = 0.0
+        x.x_bar[2] = -force(x, u, p) / (p.A_p * p.P_s)
+    x.f_hat = 0.0
+    x.P_f = p.P0_f
+    x.age = 0.0
+    x.skip_rod = 0.0
+    x.step_count = 0.0
+    x.dp_nis = pressure_test.NIS_FIRST
+    combine(x)
+    x.started = 1.0
+
+
+@kernel
+def combine(x):
+    """Blend both filters. [Lu17] (15)"""
+    for i in range(4):
+        x.x_hat[i] = x.x_bar[i] + x.V[i] * x.f_hat
+
+
+@kernel
+def transition(Phi, G, a, side, v, f, stiffness, load_state, p, dt):
+    """Write Phi (4, 4) and Gamma (4,) of (q, q', x3, F) over one tick about `a`. [Lu17] (19)-(20)
+
+    Both from one exponential. `stiffness` is the load's own slope [N m/rad]; `load_state`: F acts on the rod.
+    Columns of Psi = int exp(A s) ds give Phi = I + Psi A and Gamma = Psi G.
+    """
+    a22, a23, a31, a32, a33, b3, e2 = jacobian(a[0], a[1], a[2], side, v, f, p)
+    a21 = e2 * stiffness / (p.arm * p.arm)
+    k1, k2, k3, l1, l2, l3, m1, m2, m3 = integral(a21, a22, a23, a31, a32, a33, dt)
+    Phi[0, 0], Phi[1, 0], Phi[2, 0] = 1.0 + a21 * l1 + a31 * m1, a21 * l2 + a31 * m2, a21 * l3 + a31 * m3
+    Phi[0, 1], Phi[1, 1] = k1 + a22 * l1 + a32 * m1, 1.0 + k2 + a22 * l2 + a32 * m2
+    Phi[2, 1] = k3 + a22 * l3 + a32 * m3
+    Phi[0, 2], Phi[1, 2], Phi[2, 2] = a23 * l1 + a33 * m1, a23 * l2 + a33 * m2, 1.0 + a23 * l3 + a33 * m3
+    e4 = e2 * p.A_p * p.P_s if load_state else 0.0
+    Phi[0, 3], Phi[1, 3], Phi[2, 3], Phi[3, 3] = e4 * l1, e4 * l2, e4 * l3, 1.0
+    G[0], G[1], G[2] = b3 * m1, b3 * m2, b3 * m3
+
+
+@kernel
+def time_update(x, u, v, p, dt):
+    """Predict over one tick under valve command `v`. [Lu17] (14), (17)-(20), (26), (28), (31)-(33), (35)"""
+    f = x.f_hat
+    a = x.x_hat
+    side = v + f if p.total_sign > 0.5 else v
+    F = force(x, u, p)
+    Phi = x.Phi
+    transition(Phi, x.G, a, side, v, f, u.hmd_model if p.load == 1.0 else 0.0, p.load == 2.0, p, dt)
+    P_f = x.P_f + p.q_f * dt  # (28)
+    for i in range(4):
+        s = x.G[i]
+        for j in range(4):
+            s += Phi[i, j] * x.V[j]
+        x.eta[i] = s  # U_bar (33)
+        x.U[i] = s + (p.q_xf[i] * dt - s * p.q_f * dt) / P_f  # (35)
+    # state
+    if p.centre > 0.5:
+        x1, x2, x3 = rk4(a[0], a[1], a[2], side, v, f, F, p, dt)
+        x4 = a[3]
+        x.x_bar[0] = x1 - x.U[0] * f
+        x.x_bar[1] = x2 - x.U[1] * f
+        x.x_bar[2] = x3 - x.U[2] * f
+        x.x_bar[3] = x4 - x.U[3] * f
+    else:
+        b = x.x_bar
+        if p.load == 2.0:
+            F = p.A_p * p.P_s * b[3]
+        x1, x2, x3 = rk4(b[0], b[1], b[2], v, v, 0.0, F, p, dt)
+        b[0], b[1], b[2] = x1, x2, x3
+        for i in range(4):
+            b[i] += (x.eta[i] - x.U[i]) * f  # (31)
+    # covariance (18), (32)
+    congruence(x.P_bar, Phi, x.W)
+    for i in range(4):
+        x.P_bar[i, i] += p.q[i] * dt
+        for j in range(4):
+            c = p.q_xf[j] * dt
+            x.P_bar[i, j] += -p.q_xf[i] * dt * x.eta[j] - x.U[i] * (c - x.eta[j] * p.q_f * dt)
+    x.P_f = P_f
+    for i in range(4):
+        x.V[i] = x.U[i]  # until a measurement blends further
+    combine(x)
+
+
+@kernel
+def measure(x, j, y, r, gate, p):
+    """Update with the scalar `y`, a measurement of x[j] of variance `r`; return (innovation, its variance, used)."""
+    P = x.P_bar
+    S = x.V[j]  # (34)
+    f = x.f_hat
+    s_bar = P[j, j] + r
+    s = s_bar + S * x.P_f * S
+    gamma = y - x.x_bar[j] - S * f
+    if gamma * gamma > gate * gate * s:
+        return gamma, s, 0.0
+    K = x.K
+    for i in range(4):
+        K[i] = P[i, j] / s_bar  # (22)
+        x.eta[i] = x.x_bar[i]
+    for _ in range(ITERATIONS):
+        change, norm = 0.0, 0.0
+        e = y - x.eta[j] - (x.x_bar[j] - x.eta[j])
+        for i in range(4):
+            new = x.x_bar[i] + K[i] * e  # (23)
+            change += (new - x.eta[i]) * (new - x.eta[i])
+            norm += new * new
+            x.eta[i] = new
+        if change <= p.epsilon * p.epsilon * norm:
+            break
+    K_f = x.P_f * S / s  # (29)
+    x.f_hat = f + K_f * gamma  # (27)
+    x.P_f = (1.0 - K_f * S) * x.P_f  # (30)
+    for i in range(4):
+        x.x_bar[i] = x.eta[i]  # (24)
+        x.V[i] -= K[i] * S  # (36)
+    joseph(P, K, j, r)  # (25)
+    return gamma, s, 1.0
+
+
+@kernel
+def measurement_update(x, u, p, dt):
+    """Take the rod (or, without it, the surface) and the pressure; refuse spikes, but not for long."""
+    rod = u.y_rod_valid > 0.5 and math.isfinite(u.y_rod) and x.blame != 1.0
+    spare = not rod and u.y_surface_valid > 0.5 and math.isfinite(u.y_surface) and x.blame != 2.0 and x.pair_time > 0.0
+    x.age = 0.0 if rod or spare else x.age + dt
+    if rod or spare:
+        y = u.y_rod if rod else p.arm * u.y_surface + x.rigging
+        gamma, s, used = measure(x, 0, y, p.r_rod if rod else p.r_spare, p.gate_rod, p)
+        x.gamma_rod, x.nis_rod = gamma, gamma * gamma / s
+        x.skip_rod = 0.0 if used > 0.5 else x.skip_rod + 1.0
+        if x.skip_rod > p.spikes:  # several agree: it is the estimate that is wrong, in position before anything else
+            x.P_bar[0, 0] += gamma * gamma
+            x.skip_rod = 0.0
+    if p.load == 2.0:
+        x.age_dp += dt
+        use = False
+        if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp):
+            y, use = pressure_test.judge(x, u.y_dp, p)
+            if use:
+                gamma, s, _ = measure(x, 2, y, p.r_dp, GATE_NONE, p)
+                x.gamma_dp, x.nis_dp = gamma, gamma * gamma / s
+                x.age_dp = 0.0
+        if x.age_dp > p.t_invalid:
+            measure(x, 3, load_model(x, u, p), pressure_test.R_MODEL, GATE_NONE, p)
+    combine(x)
+
+
+@kernel
+def estimate(x, u, p, dt):
+    """Run the filter for one tick: [Lu17] (14)-(36) on measurements that are `delay` ticks old."""
+    for i in range(HISTORY, 0, -1):
+        x.u_old[i] = x.u_old[i - 1]
+    if math.isfinite(u.u):
+        x.u_old[0] = min(max(u.u, -1.0), 1.0)
+    if x.started < 0.5:
+        if u.y_rod_valid > 0.5 and math.isfinite(u.y_rod):
+            dp = u.y_dp - x.dp_offset if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp) else 0.0
+            start(x, u.y_rod, dp, u, p)
+        else:
+            x.age += dt
+            return
+    d = int(p.delay)
+    if d == 0:
+        time_update(x, u, x.u_old[0], p, dt)
+        measurement_update(x, u, p, dt)
+    else:
+        measurement_update(x, u, p, dt)
+        time_update(x, u, x.u_old[d - 1], p, dt)
+    q, v, x3 = x.x_hat[0], x.x_hat[1], x.x_hat[2]
+    F = force(x, u, p)
+    for i in range(d - 2, -1, -1):
+        w = x.u_old[i]
+        q, v, x3 = rk4(q, v, x3, w, w, x.f_hat, F, p, dt)
+    x.q_now, x.v_now, x.x3_now = q, v, x3
+    x.f_sigma = math.sqrt(max(x.P_f, 0.0))
+    if not math.isfinite(q + v + x3 + x.f_hat + x.P_f):
+        x.started = 0.0
+        x.x_hat[:] = 0.0
+        x.f_hat = 0.0
+        x.q_now = x.v_now = x.x3_now = 0.0
+
+

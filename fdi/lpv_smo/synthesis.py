@@ -1,0 +1,310 @@
+"""Design of the LPV sliding-mode observer on any affine LPV model given as arrays. Source: [Alwi14].
+
+| symbol | here |
+|---|---|
+| x_p, u, y_p, rho (1), (2) | states, inputs, outputs (the fault-prone n_q last), scheduling parameters |
+| H_p = F_p E_p(rho) (4) | `actuator` columns of B; F_p given, or the measured states that they drive most |
+| A_f (7), a_f (23), delta_1, delta_2 (24) | output filter, corruption model, design weights |
+| A(rho), B(rho), C, F (8), (9) | `Design.A`, `.B` stacks in output canonical form C = [0 I], F = [0; 0; F_o] (11) |
+| L = [L_1 0] (21), W (22), A22s, P_o (16) | gains; A22s diagonal, so P_o = -A22s^-1 / 2 |
+
+Reduced-order sliding motion, derived here because the paper only cites it. With e_y = 0, e_2 = d and e_1 the error of
+the unmeasured part,
+
+    e_1' = (A11 + L A21) e_1 + (A12 + L A22 + a_f L) d - (M1 + L M2) xi - a_f L phi
+    d'   = -a_f d + a_f phi
+    f_hat - f = -W A21 e_1 - W (A22 + a_f I) d + W M2 xi + a_f W phi,       W F_2 = I, L F_2 = 0
+
+which is linear in Y = P1 L and W for P = diag(P1, P2). The bounded real lemma at all vertices, with xi and phi scaled
+by delta_1, delta_2 and d by delta_2, gives the least L2 gain gamma; Re(poles) of A11 + L A21 stay within `poles`,
+without which the pole runs to -1e7 rad/s.
+"""
+
+import dataclasses
+import hashlib
+import json
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+
+from fdi.common import lmi as lmi_tools
+from fdi.lpv_smo.inputs import least_seen, movable, options, stacks, vector
+from fdi.lpv_smo.model import LpvModel, at, vertices
+
+SMALL_Y, SMALL_W = 1e-2, 1e-4  # weights of |P1 L| and |W| against gamma
+
+
+@dataclasses.dataclass(frozen=True)
+class Design:
+    """Hold a designed observer: canonical plant stacks, gains, certificates; arrays as named in the module's table."""
+
+    A: np.ndarray  # (1+nr, n, n) augmented, canonical coordinates
+    B: np.ndarray  # (1+nr, n, m)
+    E: np.ndarray  # (1+nr, h, h), E_p(rho) of (4)
+    D2: np.ndarray  # (1+nr, q, m), feedthrough into the fault-prone outputs
+    x_from: np.ndarray  # (n, n), canonical = x_from @ [x_p; z_f]
+    y_from: np.ndarray  # (p, p), canonical outputs = y_from @ y_m; orthogonal
+    F_o: np.ndarray  # (h+q, h+q)
+    box: np.ndarray  # (nr, 2)
+    A_f: np.ndarray  # (q,) diagonal of (7) [rad/s]
+    L: np.ndarray  # (n-p, p)
+    W: np.ndarray  # (h+q, p)
+    A22s: np.ndarray  # (p,) diagonal, negative [rad/s]
+    P1: np.ndarray
+    P2: np.ndarray
+    M: np.ndarray  # (n, k+q) in canonical coordinates
+    a_f: float
+    delta_1: np.ndarray
+    delta_2: np.ndarray
+    gamma: float
+    storage: float  # scale of the storage function against the supply rate that makes P >= I
+    poles: tuple
+    actuator: tuple
+    neglected: np.ndarray  # (n_n, h), largest |H_p - F_p E_p| over the vertices
+
+
+def canonical(A, B, C, D, *, faulty=2, actuator=(0,), F=None, A_f=None):
+    """Augment with the output filter (7)-(9) and put into the output canonical form (11).
+
+    A (1+nr, n, n), B (1+nr, n, m), C (1+nr, p, n), D (1+nr, p, m): affine stacks, the `faulty` last outputs prone to
+    faults. Returns a dict of A, B, E, D2, x_from, y_from, F, F_o, A_f, neglected. Raises ValueError with the condition
+    of section 2 that fails: C_1 constant and of full row rank, D_1 zero, rank(C_1 F_p) = n_h, enough outputs.
+    """
+    A, B, C, D = stacks(A, B, C, D)
+    nr, n, m, p, q = len(A) - 1, A.shape[1], B.shape[2], C.shape[1], faulty
+    h, free = len(actuator), p - q
+    A_f = vector("A_f", np.ones(q) if A_f is None else A_f, q, sign=1)
+    if np.abs(C[1:, :free]).max(initial=0) > 0:
+        raise ValueError("C_1, the rows of the fault-free outputs, varies with rho; [Alwi14] (6) needs it constant")
+    if np.abs(D[:, :free]).max(initial=0) > 0:
+        raise ValueError("D_1 is not zero: the fault-free outputs must have no feedthrough ([Alwi14] after (38))")
+    C1 = C[0, :free]
+    if np.linalg.matrix_rank(C1) < free:
+        raise ValueError(f"C_1 has rank {np.linalg.matrix_rank(C1)} of {free}: fault-free outputs are dependent")
+    if not h + q < p < n + q:
+        raise ValueError(f"n_h + n_q = {h + q} < n_p = {p} < n_n + n_q = {n + q} does not hold ([Alwi14] after (2))")
+    H = B[:, :, list(actuator)]
+    F = _dominant(H, C1) if F is None else np.asarray(F, float)
+    if F.size != n * h:
+        raise ValueError(f"F holds {F.size} numbers, not {n} states times {h} actuator faults")
+    F = F.reshape(n, h)
+    if np.linalg.matrix_rank(C1 @ F) < h:
+        raise ValueError(f"rank(C_1 F_p) = {np.linalg.matrix_rank(C1 @ F)} < n_h = {h}: the actuator fault is not seen")
+    E = np.einsum("hn,rnk->rhk", np.linalg.pinv(F), H)
+    A_a, B_a = np.zeros((nr + 1, n + q, n + q)), np.zeros((nr + 1, n + q, m))
+    A_a[:, :n, :n], A_a[:, n:, :n], A_a[0, n:, n:] = A, A_f[:, None] * C[:, free:], -np.diag(A_f)
+    B_a[:, :n], B_a[:, n:] = B, A_f[:, None] * D[:, free:]
+    F_a = np.block([[F, np.zeros((n, q))], [np.zeros((q, h)), np.diag(A_f)]])
+    C_a = np.block([[C1, np.zeros((free, q))], [np.zeros((q, n)), np.eye(q)]])
+    null = np.linalg.svd(C_a)[2][p:]
+    null = null * np.where(null[:, np.abs(null).argmax(1)].diagonal() < 0, -1.0, 1.0)[:, None]
+    x_from = np.vstack([null, C_a])
+    F_c = x_from @ F_a
+    x_from[: n + q - p] -= F_c[: n + q - p] @ np.linalg.pinv(F_c[n + q - p :]) @ C_a  # F_1 = 0
+    y_from = _bottom(F_c[n + q - p :])
+    x_from[n + q - p :] = y_from @ x_from[n + q - p :]
+    back = np.linalg.inv(x_from)
+    F_c = x_from @ F_a
+    return {
+        "A": x_from @ A_a @ back, "B": x_from @ B_a, "E": E, "D2": D[:, free:], "x_from": x_from, "y_from": y_from,
+        "F": F_c, "F_o": F_c[-(h + q) :], "A_f": A_f,
+        "neglected": H - F @ E,
+    }  # fmt: skip
+
+
+def design(A, B, C, D, *, box=(), faulty=2, actuator=(0,), F=None, M=None, A_f=None, A22s=None, a_f=0.01,
+           delta_1=None, delta_2=None, poles=(5.0, 200.0)):  # fmt: skip
+    """Design the observer by the bounded real lemma at all vertices of `box` (nr, 2); returns `Design`.
+
+    `M` (n, k): directions of model error (default: the states whose rows of B the actuator's F_p leaves out), weights
+    `delta_1` (k,) default 100 each and `delta_2` (p,) default 0.01 on unfiltered, 0 on filtered outputs [Alwi14]
+    section 5. `poles`: bounds [rad/s] on the sliding motion. Raises ValueError naming the structural condition that
+    fails, an E_p(rho) that changes sign in the box, a pole that no gain moves, or an infeasible LMI.
+    """
+    A, B, C, D = stacks(A, B, C, D)
+    box, poles = options(box, poles, a_f, A.shape[1], B.shape[2], actuator)
+    if len(A) != 1 + len(box):
+        raise ValueError(f"{len(A) - 1} scheduled terms of A, but a box of {len(box)} parameters")
+    form = canonical(A, B, C, D, faulty=faulty, actuator=actuator, F=F, A_f=A_f)
+    n, p, q = form["A"].shape[1], form["y_from"].shape[0], faulty
+    n_x, h = n - q, len(actuator)
+    corners = vertices(box)
+    signs = {float(np.sign(np.linalg.det(at(form["E"], r)))) for r in corners}
+    if len(signs) != 1 or 0.0 in signs:
+        raise ValueError("E_p(rho) is singular inside the box (its determinant changes sign over the vertices)")
+    neglected = np.max([np.abs(at(form["neglected"], r)) for r in corners], axis=0)
+    if M is None:
+        M = np.eye(n_x)[:, neglected.any(1)] if neglected.any() else np.eye(n_x)[:, :1]
+    M = np.asarray(M, float)
+    if M.ndim != 2 or len(M) != n_x:
+        raise ValueError(f"M is {M.shape}, not ({n_x} states, directions of model error)")
+    M_c = form["x_from"] @ np.block([[M, np.zeros((n_x, q))], [np.zeros((q, M.shape[1])), np.diag(form["A_f"])]])
+    k = M.shape[1]
+    delta_1 = np.full(k, 100.0) if delta_1 is None else delta_1
+    delta_1 = vector("delta_1", np.r_[delta_1, np.zeros(q)] if np.size(delta_1) == k else delta_1, k + q)
+    delta_2 = vector("delta_2", np.r_[np.full(p - q, 0.01), np.zeros(q)] if delta_2 is None else delta_2, p)
+    if not (delta_1 > 0.0).any() or not (delta_2 > 0.0).any():
+        raise ValueError("delta_1 and delta_2 need at least one positive weight each")
+    A22s = vector("A22s", -(10 + 0.1 * np.arange(1, p + 1)) if A22s is None else A22s, p, sign=-1)
+    movable(form["A"], box, n - p, p - h - q, poles)
+    plants = [at(form["A"], r) for r in corners]
+    try:
+        L, W, P1, P2, gamma, storage = _solve(
+            plants, M_c, form["F_o"], form["y_from"], a_f, delta_1, delta_2, poles, n - p, h + q
+        )
+    except lmi_tools.Infeasible as error:
+        hint = least_seen(form["A"], box, n - p, p - h - q, poles)
+        raise ValueError(f"no L and W meet the LMIs with poles in {poles} rad/s{hint} [{error}]") from error
+    made = Design(
+        A=form["A"], B=form["B"], E=form["E"], D2=form["D2"], x_from=form["x_from"], y_from=form["y_from"],
+        F_o=form["F_o"], box=box, A_f=form["A_f"], L=L, W=W, A22s=A22s, P1=P1, P2=P2, M=M_c, a_f=a_f, delta_1=delta_1,
+        delta_2=delta_2, gamma=gamma, storage=storage, poles=tuple(poles), actuator=tuple(actuator),
+        neglected=neglected,
+    )  # fmt: skip
+    report = verify(made)
+    if not report["ok"]:
+        raise ValueError(f"the solver's answer does not hold when substituted back: {report}")
+    return made
+
+
+def verify(made):
+    """Substitute a design back: largest relative LMI eigenvalue, P's least eigenvalue, poles, W F_2 = I, L F_2 = 0.
+
+    The bounded real lemma's matrix must be negative to 1e-6 of its norm at every vertex, P >= I, and every vertex pole
+    of A11 + L A21 inside `made.poles`, to 1e-6. Returns a dict with these figures and `ok`.
+    """
+    n1 = made.L.shape[0]
+    F_2 = np.vstack([np.zeros((made.W.shape[1] - len(made.F_o), len(made.F_o))), made.F_o])
+    worst, found = -np.inf, []
+    for r in vertices(made.box):
+        a = at(made.A, r)
+        parts = _motion(a, made.M, made.y_from, made.a_f, made.delta_1, made.delta_2, n1)
+        lmi = _lemma(np, parts, made.P1, made.P2, made.P1 @ made.L, made.W, made.a_f, made.gamma, made.storage)
+        worst = max(worst, np.linalg.eigvalsh(lmi).max() / np.linalg.norm(lmi, 2))
+        found.append(np.linalg.eigvals(a[:n1, :n1] + made.L @ a[n1:, :n1]).real)
+    rates = np.array(found)
+    p_min = min(np.linalg.eigvalsh(P).min() for P in (made.P1, made.P2) if P.size)
+    out = {
+        "lmi": float(worst), "p_min": float(p_min), "pole_slowest": float(rates.max()),
+        "pole_fastest": float(rates.min()),
+        "w_f": float(np.abs(made.W @ F_2 - np.eye(len(F_2.T))).max()), "l_f": float(np.abs(made.L @ F_2).max()),
+    }  # fmt: skip
+    low, high = made.poles
+    in_bound = -high * (1 + 1e-6) <= rates.min() and rates.max() <= -low * (1 - 1e-6)
+    matched = out["w_f"] < 1e-9 and out["l_f"] < 1e-9
+    out["ok"] = bool(out["lmi"] <= 1e-6 and p_min >= 1 - 1e-6 and in_bound and matched)
+    return out
+
+
+def digest(model):
+    """Return the hash of an `LpvModel`'s numbers to nine significant digits, independent of how they are written."""
+    text = " ".join(f"{v:.9e}" for f in ("A", "B", "C", "D", "box", "trim") for v in np.ravel(getattr(model, f)) + 0.0)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def save(model, made, path, **facts):
+    """Write model and design as JSON to `path`, with the model's hash and further `facts` (numbers, strings)."""
+    held = {"model_sha256": digest(model), **facts}
+    held["model"] = {k: _plain(v) for k, v in dataclasses.asdict(model).items()}
+    held["design"] = {k: _plain(v) for k, v in dataclasses.asdict(made).items()}
+    Path(path).write_text(json.dumps(held, indent=1) + "\n", encoding="utf-8")
+
+
+def load(path=None):
+    """Return (LpvModel, Design) from `path`, by default the stored ones of this aircraft.
+
+    Raises ValueError when the design was made for other numbers than the file's model holds, FileNotFoundError when
+    there is none; `cosim design` makes it.
+    """
+    source = resources.files("fdi").joinpath("designs", "lpv_smo.json") if path is None else Path(path)
+    if not source.is_file():
+        raise FileNotFoundError("no stored LPV design; make it with: cosim design")
+    held = json.loads(source.read_text(encoding="utf-8"))
+    model = LpvModel(**{k: _array(v) for k, v in held["model"].items()})
+    if digest(model) != held["model_sha256"]:
+        raise ValueError("the stored LPV design does not belong to the model beside it; mend: cosim design")
+    return model, Design(**{k: _array(v) for k, v in held["design"].items()})
+
+
+def _plain(value):
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+def _array(value):
+    if isinstance(value, list):
+        return tuple(value) if value and isinstance(value[0], str) else np.array(value)
+    return value
+
+
+def _solve(plants, M, F_o, y_from, a_f, delta_1, delta_2, poles, n1, nf):
+    """Minimise gamma over P1, P2, Y = P1 L and W at all vertices; returns L, W, P1, P2, gamma, storage."""
+    cp = lmi_tools.cvxpy()
+    p = y_from.shape[0]
+    parts = [_motion(a, M, y_from, a_f, delta_1, delta_2, n1) for a in plants]
+    nd = parts[0]["S"].shape[1]
+    P1, P2 = cp.Variable((n1, n1), symmetric=True), cp.Variable((nd, nd), symmetric=True)
+    Y1, W1, gamma = cp.Variable((n1, p - nf)), cp.Variable((nf, p - nf)), cp.Variable()
+    Y, W = cp.hstack([Y1, np.zeros((n1, nf))]), cp.hstack([W1, np.linalg.inv(F_o)])
+    rules = [P1 >> 1e-6 * np.eye(n1), P2 >> 1e-6 * np.eye(nd)]
+    for a, part in zip(plants, parts, strict=True):
+        lmi = _lemma(cp, part, P1, P2, Y, W, a_f, gamma, 1.0)
+        rules.append(lmi_tools.negative(lmi, 0.0))
+        motion = P1 @ a[:n1, :n1] + Y @ a[n1:, :n1]
+        both = motion + motion.T
+        rules += [both << -2 * poles[0] * 1.001 * P1, both >> -2 * poles[1] * 0.999 * P1]
+    # the small norms pick one of the many L and W that reach the same gamma: only some of their entries are determined
+    problem = cp.Problem(cp.Minimize(gamma + SMALL_Y * cp.norm(Y1) + SMALL_W * cp.norm(W1, "fro")), rules)
+    lmi_tools.solve(problem, tolerance=1e-8)
+    L = np.linalg.solve(P1.value, np.hstack([Y1.value, np.zeros((n1, nf))]))
+    W = np.hstack([W1.value, np.linalg.inv(F_o)])
+    # the inequality is homogeneous in (P, storage): scaling both gives P >= I without letting that rule bind
+    storage = 1.01 / min(np.linalg.eigvalsh(P1.value).min(), np.linalg.eigvalsh(P2.value).min())
+    return L, W, storage * P1.value, storage * P2.value, float(gamma.value) * (1 + 1e-4), float(storage)
+
+
+def _motion(a, M, y_from, a_f, delta_1, delta_2, n1):
+    """Return the constant parts of the sliding motion at one vertex; S scales d, which is y_from diag(delta_2) phi."""
+    S = (y_from @ np.diag(delta_2))[:, np.asarray(delta_2) > 0]
+    X = (M @ np.diag(delta_1))[:, np.asarray(delta_1) > 0]
+    return {"A11": a[:n1, :n1], "A12": a[:n1, n1:], "A21": a[n1:, :n1], "A22": a[n1:, n1:], "S": S,
+            "M1": X[:n1], "M2": X[n1:]}  # fmt: skip
+
+
+def _lemma(lib, part, P1, P2, Y, W, a_f, gamma, storage):
+    """Return the bounded real lemma's matrix, of `lib` = numpy or cvxpy, that must be negative semidefinite."""
+    S, M1, M2 = part["S"], part["M1"], part["M2"]
+    nd, nx, nf = S.shape[1], M1.shape[1], W.shape[0]
+    motion = P1 @ part["A11"] + Y @ part["A21"]
+    cross = (P1 @ part["A12"] + Y @ (part["A22"] + a_f * np.eye(len(S)))) @ S
+    xi, phi = -(P1 @ M1 + Y @ M2), -a_f * (Y @ S)
+    out_1, out_d = -(W @ part["A21"]), -(W @ (part["A22"] + a_f * np.eye(len(S)))) @ S
+    out_xi, out_phi = W @ M2, a_f * (W @ S)
+    zero = np.zeros((nd, nx))
+    rows = [
+        [motion + motion.T, cross, xi, phi, out_1.T],
+        [cross.T, -2 * a_f * P2, zero, a_f * P2, out_d.T],
+        [xi.T, zero.T, -gamma * storage * np.eye(nx), np.zeros((nx, nd)), out_xi.T],
+        [phi.T, a_f * P2, np.zeros((nd, nx)), -gamma * storage * np.eye(nd), out_phi.T],
+        [out_1, out_d, out_xi, out_phi, -gamma / storage * np.eye(nf)],
+    ]
+    return lib.vstack([lib.hstack(row) for row in rows])
+
+
+def _dominant(H, C1):
+    """Choose F_p: unit vectors of the measured states that the actuator columns drive most, one each."""
+    n, h = H.shape[1:]
+    measured = np.abs(C1).max(0) > 0
+    F = np.zeros((n, h))
+    for j in range(h):
+        F[np.argmax(np.abs(H[:, :, j]).max(0) * measured), j] = 1
+    return F
+
+
+def _bottom(F_2):
+    """Return an orthogonal T^T with T^T F_2 = [0; F_o]; the identity where F_2 already has that form."""
+    p, k = F_2.shape
+    if np.abs(F_2[: p - k]).max(initial=0) < 1e-12:
+        return np.eye(p)
+    full = np.linalg.qr(F_2, mode="complete")[0].T
+    return np.vstack([full[k:], full[:k]])

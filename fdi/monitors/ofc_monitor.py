@@ -1,0 +1,206 @@
+"""OFC monitor: the in-service baseline, after the idea of Goupil (Control Engineering Practice 18, 2010, 1110-1119).
+
+    q_est = the command through the servo's own third-order reference model (rod estimate of a healthy actuator)
+    e     = y_rod - q_est,  split into sub-bands by second-order high- and low-pass filters
+    r     = largest |e_band| / threshold
+
+In each sub-band the crossings of alternately +threshold and -threshold are counted over a sliding window of as
+many half periods of the band's lowest frequency. An alarm needs `half_periods` of them; the frequency is that of
+the counted crossings. The residual cannot tell an oscillation that adds to the servo's signal from one that
+replaces it: the verdict is OFC_LIQUID.
+"""
+
+import math
+
+import numpy as np
+
+from actuators.block import dtype, kernel, record
+from actuators.common import linkage, reference
+from actuators.hydraulic import servo
+from actuators.hydraulic.lu17 import opening
+from fdi.common.decision import clipped, held, usable
+from fdi.common.tuning import thresholds
+from fdi.common.verdict import NONE, OFC_LIQUID
+
+CULPRITS = ("",)
+BANDS = ((0.4, 1.3), (1.3, 4.0), (4.0, 12.0))  # [Hz]; 0.5 to 10 Hz is considered (notes/diagnosis)
+B = len(BANDS)
+COUNT = 6  # crossings kept
+HISTORY = 10  # reference positions kept: 5 ms at 2 kHz
+LONG_AGO = 1e3  # [s]
+ROOT_LEAST = servo.ROOT_LEAST
+
+PARAMS = dtype(
+    [
+        ("arm", "f8"),  # rod arm [m]
+        *reference.PARAM_FIELDS,  # unit: m of rod
+        ("r_lo", "f8"),  # lowest rod command [m]
+        ("r_hi", "f8"),  # highest rod command [m]
+        ("delay", "f8"),  # age of the rod measurement [ticks], 0 to HISTORY
+        ("high_a1", "f8", (B,)),  # state-variable filters: high-pass at the band's lower edge
+        ("high_g", "f8", (B,)),
+        ("low_a1", "f8", (B,)),  # low-pass at its upper edge
+        ("low_g", "f8", (B,)),
+        ("f_low", "f8", (B,)),  # lower edges [Hz]
+        ("threshold", "f8", (B,)),  # [m]
+        ("half_periods", "f8"),  # alternating crossings that make an alarm, at most COUNT
+        ("t_release", "f8"),  # [s]
+        ("t_invalid", "f8"),  # [s]
+    ]
+)
+INPUTS = dtype(
+    [
+        ("command", "f8"),  # surface command, trailing edge down + [rad]
+        ("y_rod", "f8"),  # [m]
+        ("y_rod_valid", "f8"),
+        ("y_dp", "f8"),  # pressure difference over supply: the rate that is left [1]
+        ("y_dp_valid", "f8"),
+    ]
+)
+STATE = dtype(
+    [
+        ("started", "f8"),
+        ("target", "f8"),  # last finite command [m]
+        ("y", "f8"),  # last usable rod [m]
+        ("x3", "f8"),  # lagged pressure difference [1]
+        ("q_est", "f8"),  # rod estimate: `actuators.common.reference` by other names, r being the statistic [m]
+        ("qd_est", "f8"),  # [m/s]
+        ("qdd_est", "f8"),  # [m/s^2]
+        ("past", "f8", (HISTORY + 1,)),  # reference positions, newest first [m]
+        ("high", "f8", (B, 2)),  # filter states
+        ("low", "f8", (B, 2)),
+        ("e_band", "f8", (B,)),  # residual by band [m]
+        ("side", "f8", (B,)),  # side of the last counted crossing
+        ("ages", "f8", (B, COUNT)),  # time since the last crossings, newest first [s]
+        ("timer", "f8"),  # time for which the alarm is still held [s]
+        ("age", "f8"),  # time since the last usable rod sample [s]
+        ("e", "f8"),  # residual [m]
+        ("ofc_hz", "f8"),  # counted frequency [Hz]
+        ("r", "f8"),  # largest band residual over its threshold
+        ("alarm", "f8"),  # 1 while a fault is declared
+        ("verdict", "f8"),  # class code
+        ("culprit", "f8"),  # 0
+        ("valid", "f8"),  # 1 while the rod measurement is fresh
+    ]
+)
+OUTPUTS = ("r", "e", "ofc_hz", "alarm", "verdict", "culprit", "valid")
+
+
+def params(which="flight", *, dt=0.005, delay_s=0.005, arm=linkage.ARM, **values):
+    """Return PARAMS for ticks of `dt` seconds; `values` replace any field."""
+    s = servo.params(dt=dt)[0]
+    edges = np.array(BANDS)
+    g = np.tan(np.pi * edges * dt)
+    a1 = 1.0 / (1.0 + g * (g + math.sqrt(2.0)))  # Butterworth
+    fields = {
+        "arm": arm,
+        **{name: s[name] for name, _ in reference.PARAM_FIELDS},
+        "r_lo": s.r_lo,
+        "r_hi": s.r_hi,
+        "delay": float(round(delay_s / dt)),
+        "high_a1": a1[:, 0],
+        "high_g": g[:, 0],
+        "low_a1": a1[:, 1],
+        "low_g": g[:, 1],
+        "f_low": edges[:, 0],
+        "t_invalid": 0.2,
+    }
+    return record(PARAMS, **{**fields, **thresholds("ofc_monitor", which), **values})
+
+
+def init(p):
+    """Return STATE of p's shape, not started: the estimate starts at the first command."""
+    return np.zeros(p.shape, STATE)
+
+
+@kernel
+def filtered(s, v, a1, g):
+    """Return (low, high) of a second-order Butterworth state-variable filter with states `s`, and advance it."""
+    k = math.sqrt(2.0)
+    e = v - s[1]
+    band = a1 * s[0] + g * a1 * e
+    low = s[1] + g * a1 * s[0] + g * g * a1 * e
+    s[0] = 2.0 * band - s[0]
+    s[1] = 2.0 * low - s[1]
+    return low, v - k * band - low
+
+
+@kernel
+def count(x, p, b, dt):
+    """Count band b's alternating crossings; return whether they make an oscillation now."""
+    for i in range(COUNT):
+        x.ages[b, i] = min(x.ages[b, i] + dt, LONG_AGO)
+    v = x.e_band[b] / p.threshold[b]
+    if math.fabs(v) >= 1.0 and v * x.side[b] <= 0.0:
+        x.side[b] = 1.0 if v > 0.0 else -1.0
+        for i in range(COUNT - 1, 0, -1):
+            x.ages[b, i] = x.ages[b, i - 1]
+        x.ages[b, 0] = 0.0
+    n = int(p.half_periods)
+    half = 0.5 / p.f_low[b]
+    span = x.ages[b, n - 1] - x.ages[b, 0]
+    if x.ages[b, 0] > half or span > (n - 1) * half or span <= 0.0:
+        return False
+    x.ofc_hz = 0.5 * (n - 1) / span
+    return True
+
+
+@kernel
+def predict(x, p, dt):
+    """Advance the rod estimate to the next tick, with the limits of `actuators.common.reference`."""
+    for i in range(HISTORY, 0, -1):
+        x.past[i] = x.past[i - 1]
+    away = x.target - x.q_est
+    most = p.v_max * max(opening(away, x.x3), ROOT_LEAST)
+    v = clipped(p.k1 * away, most)
+    a = clipped(p.k2 * (v - x.qd_est), p.a_max)
+    j = clipped(p.k3 * (a - x.qdd_est), p.j_max)
+    x.q_est += dt * (x.qd_est + dt * (x.qdd_est / 2.0 + dt * j / 6.0))
+    x.qd_est += dt * (x.qdd_est + dt * j / 2.0)
+    x.qdd_est += dt * j
+    x.past[0] = x.q_est
+
+
+@kernel
+def step(x, u, p, dt):
+    """Estimate the rod from the command, split the residual, count."""
+    if math.isfinite(u.command):
+        x.target = min(max(p.arm * u.command, p.r_lo), p.r_hi)
+    good = usable(u.y_rod, u.y_rod_valid)
+    x.y = held(u.y_rod, u.y_rod_valid, x.y)
+    if x.started < 0.5:
+        if good < 0.5:
+            return
+        x.started = 1.0
+        x.q_est = x.target
+        for i in range(HISTORY + 1):
+            x.past[i] = x.target
+        for b in range(B):
+            x.high[b, 1] = x.y - x.target  # the high-pass starts in equilibrium
+            for i in range(COUNT):
+                x.ages[b, i] = LONG_AGO
+    x.age = 0.0 if good > 0.5 else x.age + dt
+    x.valid = 1.0 if x.age <= p.t_invalid else 0.0
+    x.e = x.y - x.past[int(p.delay)]
+    worst = 0.0
+    found = False
+    for b in range(B):
+        _, high = filtered(x.high[b], x.e, p.high_a1[b], p.high_g[b])
+        x.e_band[b], _ = filtered(x.low[b], high, p.low_a1[b], p.low_g[b])
+        worst = max(worst, math.fabs(x.e_band[b]) / p.threshold[b])
+        found = count(x, p, b, dt) or found
+    x.timer = p.t_release if found and x.valid > 0.5 else max(x.timer - dt, 0.0)
+    x.alarm = 1.0 if x.timer > 0.0 else 0.0
+    x.verdict = OFC_LIQUID if x.timer > 0.0 else NONE
+    x.x3 += 0.2 * (held(u.y_dp, u.y_dp_valid, x.x3) - x.x3)
+    x.r = worst
+    predict(x, p, dt)
+
+
+@kernel
+def rollout(x, u, p, dt, log):
+    """Step every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
+    for i in range(u.shape[0]):
+        for k in range(u.shape[1]):
+            step(x[i], u[i, k], p[i], dt)
+            log[i, k] = x[i]

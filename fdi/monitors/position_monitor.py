@@ -1,0 +1,132 @@
+"""Position monitor: the common in-service check of a surface against its command, for either actuator technology.
+
+    m' = the command through a rate limit and three equal lags,   r = (surface - m) / threshold
+
+A deviation beyond the threshold for the confirmation time is an alarm. The monitor does not know why a surface is not
+where it should be. Its class follows from the motion at that moment, and only where that is clear: at rest while
+the model moved is JAM_SOLID, moving away from the model is RUNAWAY, anything else is AMBIGUOUS.
+"""
+
+import math
+
+import numpy as np
+
+from actuators.block import dtype, kernel, record
+from fdi.common.decision import confirm, held, usable
+from fdi.common.tuning import thresholds
+from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, NONE, RUNAWAY
+
+CULPRITS = ("",)
+
+PARAMS = dtype(
+    [
+        ("omega", "f8"),  # corner of each of the three lags [rad/s]
+        ("rate_limit", "f8"),  # no-load surface rate [rad/s]
+        ("limit_low", "f8"),  # travel, trailing edge up [rad]
+        ("limit_high", "f8"),  # travel, trailing edge down [rad]
+        ("threshold", "f8"),  # deviation [rad]
+        ("t_confirm", "f8"),  # [s]
+        ("t_release", "f8"),  # [s]
+        ("tau_rate", "f8"),  # lag of the surface rate that names the class [s]
+        ("rate_still", "f8"),  # below this the surface is at rest [rad/s]
+        ("t_invalid", "f8"),  # without a measurement for longer the estimate is not valid [s]
+    ]
+)
+INPUTS = dtype(
+    [
+        ("command", "f8"),  # surface command of the law, trailing edge down + [rad]
+        ("surface", "f8"),  # measured surface [rad]
+        ("surface_valid", "f8"),  # 1 when usable
+    ]
+)
+STATE = dtype(
+    [
+        ("started", "f8"),  # 1 after the first usable measurement
+        ("command", "f8"),  # last finite command [rad]
+        ("surface", "f8"),  # last usable measurement [rad]
+        ("m1", "f8"),  # command within the rate limit [rad]
+        ("m2", "f8"),  # first lag [rad]
+        ("m3", "f8"),  # second lag [rad]
+        ("model", "f8"),  # where the surface should be [rad]
+        ("slow", "f8"),  # lagged surface [rad]
+        ("rate", "f8"),  # filtered surface rate [rad/s]
+        ("timer", "f8"),  # confirmation [s]
+        ("age", "f8"),  # time since the last usable measurement [s]
+        ("r", "f8"),  # deviation over threshold, signed
+        ("alarm", "f8"),  # 1 while a fault is declared
+        ("verdict", "f8"),  # class code
+        ("culprit", "f8"),  # 0
+        ("valid", "f8"),  # 1 while the measurement is fresh
+    ]
+)
+OUTPUTS = ("r", "model", "rate", "alarm", "verdict", "culprit", "valid")
+
+
+RATE_LIMIT = math.radians(40.0)  # of the servos' reference, both technologies (actuators/hydraulic/servo.py) [rad/s]
+TRAVEL = (math.radians(-23.0), math.radians(17.0))  # of the elevator (DESIGN.md 3) [rad]
+
+
+def params(which="flight", *, rate_limit=RATE_LIMIT, limits=TRAVEL):
+    """Return PARAMS with threshold set `which`, the no-load rate [rad/s] and the travel limits [rad].
+
+    "flight" is for hydraulic segments, "flight_ema" for electromechanical ones, which lag more in hard commands.
+    """
+    own = thresholds("position_monitor", which)
+    return record(PARAMS, rate_limit=rate_limit, limit_low=limits[0], limit_high=limits[1], **own)
+
+
+def init(p):
+    """Return STATE of p's shape, not yet started: the model starts at the first command."""
+    return np.zeros(p.shape, STATE)
+
+
+@kernel
+def step(x, u, p, dt):
+    """Advance the model, compare, confirm, name."""
+    good = usable(u.surface, u.surface_valid)
+    x.surface = held(u.surface, u.surface_valid, x.surface)
+    if math.isfinite(u.command):
+        x.command = min(max(u.command, p.limit_low), p.limit_high)
+    if x.started < 0.5:
+        if good < 0.5:
+            x.valid = 0.0
+            return
+        x.started = 1.0
+        x.m1 = x.m2 = x.m3 = x.model = x.command
+        x.slow = x.surface
+    # model: exact lags over the tick with their input held
+    most = p.rate_limit * dt
+    x.m1 += min(max(x.command - x.m1, -most), most)
+    a = 1.0 - math.exp(-p.omega * dt)
+    x.model += a * (x.m3 - x.model)
+    x.m3 += a * (x.m2 - x.m3)
+    x.m2 += a * (x.m1 - x.m2)
+    x.age = 0.0 if good > 0.5 else x.age + dt
+    x.valid = 1.0 if x.age <= p.t_invalid else 0.0
+    if good < 0.5:
+        return
+    b = 1.0 - math.exp(-dt / p.tau_rate)
+    x.rate = (x.surface - x.slow) / p.tau_rate
+    x.slow += b * (x.surface - x.slow)
+    deviation = x.surface - x.model
+    x.r = deviation / p.threshold
+    before = x.alarm
+    x.timer, x.alarm = confirm(x.timer, x.alarm, math.fabs(x.r) >= 1.0, dt, p.t_confirm, p.t_release)
+    if x.alarm < 0.5:
+        x.verdict = NONE
+    elif before < 0.5:  # the class is that of the moment of the alarm: a runaway at its stop is still one
+        if math.fabs(x.rate) < p.rate_still:
+            x.verdict = JAM_SOLID
+        elif x.rate * deviation > 0.0:
+            x.verdict = RUNAWAY
+        else:
+            x.verdict = AMBIGUOUS
+
+
+@kernel
+def rollout(x, u, p, dt, log):
+    """Step every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
+    for i in range(u.shape[0]):
+        for k in range(u.shape[1]):
+            step(x[i], u[i, k], p[i], dt)
+            log[i, k] = x[i]

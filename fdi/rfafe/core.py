@@ -1,0 +1,225 @@
+"""What `rfafe` and `rfafe_airframe` share: the discretised estimator with its trim and its dropouts.
+
+    s+ = Phi s + Gu u + Gy0 y + Gy1 y+,  f_hat = S s + Sy y+ + Su u,  s = [z, v]  (rfafe_discrete)  [Sun13] (2), (28)
+
+y and u are deviations from trim in the units of the design; `PARAMS` holds the matrices at their largest size with the
+sizes in use. The trim is what `PARAMS` says plus what is learned from the first `n_trim` samples, for the outputs that
+`learn` marks: a flight point, rigging and tolerances need no table then, but the start must be steady. A missing
+sample stops the estimator: f_hat is held and flagged. It restarts from the next complete sample with its estimate
+kept in the integral, and is trusted again after `t_settle`.
+"""
+
+import math
+
+import numpy as np
+
+from actuators.block import kernel
+from fdi.common.decision import usable
+from fdi.rfafe import decision as rfafe_decision
+
+DEG = math.pi / 180.0
+AIRFRAME = 4  # outputs of the airframe, before those of elevators
+NS, NY, NU, NF = 12, 8, 2, 2  # largest sizes: estimator state, outputs, inputs, faults
+TAU_AHEAD = 2.0  # memory of a command beyond the rate limit: two periods of 1 Hz [s]
+N_TRIM = 40.0  # samples to learn the trim: 0.2 s leaves a sixth of the sensors' noise
+NL = 72  # longest delay of the input [ticks]: the actuator's lag beyond first order and the sensors', at 2 kHz
+
+AIRFRAME_INPUTS = [
+    ("tas", "f8"), ("tas_valid", "f8"),      # true airspeed [m/s]
+    ("alpha", "f8"), ("alpha_valid", "f8"),  # angle of attack [rad]
+    ("q", "f8"), ("q_valid", "f8"),          # pitch rate [rad/s]
+    ("theta", "f8"), ("theta_valid", "f8"),  # pitch angle [rad]
+]
+PARAMS = [
+    ("ns", "f8"), ("ny", "f8"), ("nu", "f8"), ("nf", "f8"),  # sizes in use
+    ("Phi", "f8", (NS, NS)), ("Gu", "f8", (NS, NU)), ("Gy0", "f8", (NS, NY)), ("Gy1", "f8", (NS, NY)),
+    ("S", "f8", (NF, NS)), ("Sy", "f8", (NF, NY)), ("Su", "f8", (NF, NU)),
+    ("Z0", "f8", (NS, NY)),      # state from a sample: z = C^+ y - H y
+    ("Z0u", "f8", (NS, NU)),     # and from the input that goes with it
+    ("alpha", "f8"),             # v = f_hat / alpha restarts the integral [1/s]
+    ("y_trim", "f8", (NY,)),     # [design units]
+    ("u_trim", "f8", (NU,)),
+    ("n_trim", "f8"),            # samples from which the rest of the trim is learned [ticks]
+    ("learn", "f8", (NY,)),      # 1 where an output's trim is learned
+    ("u_delay", "f8", (NU,)),    # ticks by which u is delayed to match actuator and sensors, 0..NL-1
+    ("act_a", "f8", (NU,)),      # lag of each actuator's model [1/s]
+    ("act_rate", "f8"),          # its rate limit [design units/s], 0 for none
+    ("ahead_max", "f8"),         # mean command beyond what the rate limit follows, above which nothing is trusted [deg]
+    ("unit", "f8"),              # SI per unit of f_hat
+    ("t_settle", "f8"),          # after a start the estimate is not trusted [s]
+    *rfafe_decision.PARAMS,
+]
+
+STATE = [
+    ("s", "f8", (NS,)), ("w", "f8", (NS,)),       # estimator state and scratch
+    ("y", "f8", (NY,)), ("y_old", "f8", (NY,)),   # deviations of this sample and the last [design units]
+    ("u", "f8", (NU,)), ("u_si", "f8", (NU,)), ("u_late", "f8", (NU,)),  # input now, delayed
+    ("line", "f8", (NL, NU)), ("head", "f8"),     # ring of the last
+    ("act", "f8", (NU,)),         # actuator's model with its rate limit, deviation [design units]
+    ("ahead", "f8"),              # mean command beyond what the rate limit follows [design units]
+    ("u_in", "f8", (NU,)),        # last finite input less `u_trim`
+    ("y0", "f8", (NY,)), ("u0", "f8", (NU,)), ("seen", "f8"),  # learned trim, samples so far
+    ("f", "f8", (NF,)),           # estimate [SI]
+    ("started", "f8"),            # 1 while the estimator runs
+    ("fresh", "f8"),              # 0 before the first input
+    ("age", "f8"),                # since the start [s]
+    *rfafe_decision.state(NF),
+    ("r", "f8"), ("alarm", "f8"), ("verdict", "f8"), ("culprit", "f8"), ("valid", "f8"),
+]
+
+
+def fill(p, design, *, unit, u_delay=0.0, act_a=0.0, act_rate=0.0, y_trim=(), u_trim=(), learn=(), n_trim=0.0):
+    """Write a Design into a PARAMS record; trims in design units, `unit` SI per unit of f_hat, delays in ticks.
+
+    `u_delay` and `act_a` are one number for all inputs, or one each.
+    """
+    d = design.discrete
+    sizes = {"ns": d.Phi.shape[0], "ny": d.Gy0.shape[1], "nu": d.Gu.shape[1], "nf": d.S.shape[0]}
+    for name, limit in zip(sizes, (NS, NY, NU, NF)):
+        if sizes[name] > limit:
+            raise ValueError(f"{name} = {sizes[name]} is more than the block's {limit}")
+        p[name] = sizes[name]
+    start = np.linalg.pinv(design.C) - design.H
+    matrices = {name: getattr(d, name) for name in ("Phi", "Gu", "Gy0", "Gy1", "S", "Sy", "Su")}
+    for name, value in {**matrices, "Z0": start, "Z0u": -start @ d.D}.items():
+        p[name][0, : value.shape[0], : value.shape[1]] = value
+    p["y_trim"][0, : len(y_trim)], p["u_trim"][0, : len(u_trim)] = y_trim, u_trim
+    p["learn"][0, : len(learn)], p["n_trim"] = learn, n_trim
+    p["act_a"], p["act_rate"] = act_a, act_rate
+    late = np.round(np.broadcast_to(u_delay, NU))
+    if late.min() < 0 or late.max() > NL - 1:
+        raise ValueError(f"u_delay = {u_delay} ticks; the block holds 0 to {NL - 1}")
+    p["alpha"], p["unit"], p["u_delay"] = design.alpha, unit, late
+    return p
+
+
+def fill_stored(p, design, chosen, dt, trim, learn):
+    """Write a stored entry into a PARAMS record for tick `dt` [s]: design, input delays, actuator.
+
+    `trim` holds the outputs, then the elevator [design units]; None: those marked in `learn` are learned.
+    """
+    act, learned = chosen.get("actuator", {}), {"learn": learn, "n_trim": N_TRIM}
+    if trim is not None:
+        learned = {"y_trim": trim[: len(learn)], "u_trim": [trim[AIRFRAME]] * NU}
+    if "rate_deg_s" in act:
+        learned |= {"act_a": np.broadcast_to(act["a_rad_s"], NU), "act_rate": act["rate_deg_s"]}
+    return fill(p, design, unit=DEG, u_delay=np.asarray(chosen["u_delay_s"]) / dt, **learned)
+
+
+@kernel
+def airframe_usable(u):
+    """Return 1 when every airframe output has a finite, valid sample."""
+    good = min(usable(u.tas, u.tas_valid), usable(u.alpha, u.alpha_valid))
+    return min(good, min(usable(u.q, u.q_valid), usable(u.theta, u.theta_valid)))
+
+
+@kernel
+def read_airframe(x, u, p):
+    """Take the airframe outputs as deviations from the trim, in the paper's units."""
+    x.y[0] = u.tas - p.y_trim[0]
+    x.y[1] = u.alpha / DEG - p.y_trim[1]
+    x.y[2] = u.q / DEG - p.y_trim[2]
+    x.y[3] = u.theta / DEG - p.y_trim[3]
+
+
+@kernel
+def advance(x, p, good, dt):
+    """Advance by one tick; x.y holds this sample, x.u_in the input, less the trim of p; `good` is 0 without a
+    sample."""
+    ns, ny, nu, nf = int(p.ns), int(p.ny), int(p.nu), int(p.nf)
+    if x.seen < p.n_trim:
+        if good > 0.5:
+            x.seen += 1.0
+            for i in range(ny):
+                x.y0[i] += p.learn[i] * (x.y[i] - x.y0[i]) / x.seen
+            for j in range(nu):
+                x.u0[j] += (x.u_in[j] - x.u0[j]) / x.seen
+        return
+    for i in range(ny):
+        x.y[i] -= x.y0[i]
+    beyond = 0.0
+    for j in range(nu):
+        x.u[j] = limited(x.u_in[j] - x.u0[j], x.act[j], p, j)
+        beyond = max(beyond, math.fabs(x.u_in[j] - x.u0[j] - x.u[j]))
+        x.act[j] += (1.0 - math.exp(-p.act_a[j] * dt)) * (x.u[j] - x.act[j])
+    x.ahead += (1.0 - math.exp(-dt / TAU_AHEAD)) * (beyond - x.ahead)
+    if x.fresh == 0.0:
+        for j in range(nu):
+            for k in range(NL):
+                x.line[k, j] = x.u[j]
+        x.fresh = 1.0
+    for j in range(nu):
+        late = int(x.head) - 1 - int(p.u_delay[j])  # at head - 1 stands the input that was held since the last sample
+        x.u_late[j] = x.line[late + NL if late < 0 else late, j]
+    if good < 0.5:
+        x.started = 0.0
+    elif x.started < 0.5:
+        _start(x, p, ns, ny, nu, nf)
+    else:
+        _propagate(x, p, ns, ny, nu)
+        x.age += dt
+    if good > 0.5:
+        for i in range(nf):
+            x.f[i] = p.unit * _row(p.S[i], p.Sy[i], p.Su[i], x, ns, ny, nu)
+        for j in range(ny):
+            x.y_old[j] = x.y[j]
+    for j in range(nu):
+        x.line[int(x.head), j] = x.u[j]
+    x.head = 0.0 if x.head >= NL - 1 else x.head + 1.0
+    # a command that keeps running ahead of the rate limit makes the linear actuator's model worthless
+    x.valid = 1.0 if x.started > 0.5 and x.age >= p.t_settle and x.ahead <= p.ahead_max else 0.0
+    if x.valid > 0.5:
+        for j in range(nu):
+            x.u_si[j] = p.unit * x.u[j]
+        rfafe_decision.decide(x, p, x.f, x.u_si, nf, nu, dt)
+    else:
+        rfafe_decision.forget(x, p, x.f, nf, dt)
+
+
+@kernel
+def limited(u, act, p, j):
+    """Return what of command `u` of actuator j a lag act' = a (u - act) follows at the rate limit: act -+ rate / a."""
+    if p.act_rate <= 0.0:
+        return u
+    most = p.act_rate / p.act_a[j]
+    return min(max(u, act - most), act + most)
+
+
+@kernel
+def _row(a, b, c, x, ns, ny, nu):
+    """Return a s + b y + c u."""
+    out = 0.0
+    for j in range(ns):
+        out += a[j] * x.s[j]
+    for j in range(ny):
+        out += b[j] * x.y[j]
+    for j in range(nu):
+        out += c[j] * x.u_late[j]
+    return out
+
+
+@kernel
+def _start(x, p, ns, ny, nu, nf):
+    """Set the state so that x_hat fits this sample and f_hat is what it was."""
+    for i in range(ns):
+        x.s[i] = 0.0
+    for i in range(ns):
+        x.w[i] = _row(x.s, p.Z0[i], p.Z0u[i], x, ns, ny, nu)
+    for i in range(ns):
+        x.s[i] = x.w[i]
+    for i in range(nf):
+        x.s[ns - nf + i] = x.f[i] / (p.unit * p.alpha)
+    x.started = 1.0
+    x.age = 0.0
+
+
+@kernel
+def _propagate(x, p, ns, ny, nu):
+    """Advance [z, v] from the last sample to this one."""
+    for i in range(ns):
+        a = _row(p.Phi[i], p.Gy1[i], p.Gu[i], x, ns, ny, nu)
+        for j in range(ny):
+            a += p.Gy0[i, j] * x.y_old[j]
+        x.w[i] = a
+    for i in range(ns):
+        x.s[i] = x.w[i]

@@ -1,0 +1,163 @@
+"""From the estimate f_hat to an alarm: an oscillation by the frequency bank, anything else by its slow part.
+
+Of several estimates the one with the most energy lately is suspect, and only it goes through the bank: f_hat beside the
+command (fdi/common/bank.py). An oscillation is an amplitude beyond threshold + share |command| that keeps its phase
+over both periods and explains its window, of f_hat or of f_hat + u, for several fits in a row. The slow part must stay
+beyond its own threshold + share |command| for a confirmation time.
+
+The bank goes from 0.5 to 10.6 Hz: a slower oscillation is found only by what its slow part exceeds. When both sides
+oscillate, the one with more energy is named, and with it alone.
+
+While the estimate is not trusted an alarm stands, for T_HOLD at most: so long a restart takes. After the restart an
+oscillation has the same time to be found again.
+
+Class. A liquid OFC is f = s(t), a solid one f = s(t) - u: of f_hat and f_hat + u the one that its sine explains better
+tells which, but only if the command moved otherwise than the fault. Where it did not, and for all that is slow, the
+verdict is AMBIGUOUS.
+"""
+
+import math
+
+from actuators.block import kernel
+from fdi.common import bank
+from fdi.common.decision import T_HOLD, confirm
+from fdi.common.verdict import AMBIGUOUS, NONE, OFC_LIQUID, OFC_SOLID
+
+BELOW = 0.99  # r of a fit beyond its threshold that is no oscillation
+
+PARAMS = [
+    *bank.PARAMS,
+    ("bank_threshold", "f8", (bank.K,)),  # amplitude of f_hat in health [SI unit of f_hat]
+    ("bank_share", "f8", (bank.K,)),  # ... plus this share of the command's amplitude
+    ("coherence", "f8"),  # least agreement of the two periods
+    ("purity", "f8"),  # least share of the window's power that the oscillation explains
+    ("hits", "f8"),  # fits in a row that must pass
+    ("margin", "f8"),  # difference of purity that names the class
+    ("t_release", "f8"),  # an alarm outlives its cause by this [s]
+    ("tau_energy", "f8"),  # memory of the energy that makes an estimate suspect [s]
+    ("tau_slow", "f8"),  # lag of the slow part [s]
+    ("th_static", "f8"),  # slow part [SI unit of f_hat]
+    ("static_share", "f8"),  # ... plus this share of the command's deviation
+    ("t_static", "f8"),  # [s]
+]
+
+
+def state(faults):
+    """Return the STATE fields for `faults` estimates."""
+    return [
+        *bank.STATE,
+        ("slow", "f8", (faults,)),  # slow part of f_hat [SI unit of f_hat]
+        ("energy", "f8", (faults,)),  # mean square of the rest
+        ("suspect", "f8"),  # index of the estimate in the bank
+        ("hit", "f8", (bank.K,)),  # fits in a row that passed
+        ("r_ofc", "f8"),  # largest fit over its threshold; below 1 without the shape of an oscillation
+        ("ofc_timer", "f8"),  # time for which an oscillation is still held to be there [s]
+        ("ofc_class", "f8"),  # its class
+        ("ofc_margin", "f8"),  # clearest difference of purity so far
+        ("timer", "f8"),  # confirmation of the slow test [s]
+        ("static", "f8"),  # its alarm
+        ("blamed", "f8"),  # index of the estimate that was last beyond it
+        ("lost", "f8"),  # time since the estimate was last trusted [s]
+    ]
+
+
+@kernel
+def forget(x, p, f, nf, dt):
+    """Empty the bank while the estimate is not trusted; its slow part goes on, so that one bad sample is no step."""
+    for i in range(nf):
+        x.slow[i] += (1.0 - math.exp(-dt / p.tau_slow)) * (f[i] - x.slow[i])
+        x.energy[i] = 0.0
+    clear(x)
+    x.r = 0.0
+    x.r_ofc = 0.0
+    x.lost += dt
+    if x.lost > T_HOLD:
+        x.ofc_timer, x.timer, x.static = 0.0, 0.0, 0.0
+        x.alarm, x.verdict, x.culprit = 0.0, NONE, 0.0
+
+
+@kernel
+def clear(x):
+    """Empty the bank."""
+    for j in range(bank.LEVELS):
+        x.bank_seen[j] = 0.0
+    for k in range(bank.K):
+        x.hit[k] = 0.0
+
+
+@kernel
+def decide(x, p, f, u, nf, nu, dt):
+    """Judge the estimates f (nf,) beside the commands u (nu,), in SI less trim; set r, alarm, verdict, culprit."""
+    a, b = 1.0 - math.exp(-dt / p.tau_slow), 1.0 - math.exp(-dt / p.tau_energy)
+    if x.lost > 0.0 and x.ofc_timer > 0.0:
+        x.ofc_timer = max(x.ofc_timer, T_HOLD)
+    x.lost = 0.0
+    still = 0.0
+    worst = 0
+    for i in range(nf):
+        x.slow[i] += a * (f[i] - x.slow[i])
+        e = f[i] - x.slow[i]
+        x.energy[i] += b * (e * e - x.energy[i])
+        r = x.slow[i] / (p.th_static + p.static_share * math.fabs(u[min(i, nu - 1)]))
+        if math.fabs(r) > math.fabs(still):
+            still = r
+            worst = i
+    suspect = int(x.suspect)
+    for i in range(nf):
+        if x.energy[i] > 4.0 * x.energy[suspect]:  # twice the amplitude: noise alone does not change it
+            suspect = i
+    if suspect != int(x.suspect):
+        x.suspect = suspect
+        clear(x)
+    renewed = bank.push(x, p, f[suspect], u[min(suspect, nu - 1)])
+    x.ofc_timer = max(x.ofc_timer - dt, 0.0)
+    if renewed > 0.5:
+        oscillation(x, p)
+    if math.fabs(still) >= 1.0:  # what passes zero while its alarm is held is not the other one's fault
+        x.blamed = worst
+    x.timer, x.static = confirm(x.timer, x.static, math.fabs(still) >= 1.0, dt, p.t_static, p.t_release)
+    ofc = x.ofc_timer > 0.0
+    x.r = max(x.r_ofc, math.fabs(still))
+    x.alarm = 1.0 if ofc or x.static > 0.5 else 0.0
+    if x.alarm < 0.5:
+        x.verdict, x.culprit = NONE, 0.0
+    else:
+        x.verdict = x.ofc_class if ofc else AMBIGUOUS
+        x.culprit = 1.0 + (suspect if ofc else x.blamed)
+
+
+@kernel
+def shaped(x, p, k, b):
+    """Return whether f_hat + b u has the shape of an oscillation at frequency k; b = 1 where u is cut off (solid)."""
+    agreement, purity, _ = bank.character(x, p, k, 1.0, b)
+    return agreement >= p.coherence and purity >= p.purity
+
+
+@kernel
+def oscillation(x, p):
+    """Test the renewed fits; hold an oscillation for `t_release` and name its class."""
+    x.r_ofc = 0.0
+    found, best = -1, 0.0
+    for k in range(bank.K):
+        if x.bank_seen[int(p.bank_level[k])] <= p.bank_n[k]:
+            continue  # its window is not full since the start
+        most = p.bank_threshold[k] + p.bank_share[k] * math.sqrt(bank.mixed(x, k, 0.0, 1.0))
+        r = math.sqrt(bank.mixed(x, k, 1.0, 0.0)) / most
+        good = r >= 1.0 and (shaped(x, p, k, 0.0) or shaped(x, p, k, 1.0))
+        x.r_ofc = max(x.r_ofc, r if good else min(r, BELOW))
+        if x.bank_new[k] < 0.5:
+            continue
+        x.hit[k] = x.hit[k] + 1.0 if good else 0.0
+        if x.hit[k] >= p.hits and r > best:
+            found, best = k, r
+    if found < 0:
+        return
+    if x.ofc_timer == 0.0:
+        x.ofc_class = AMBIGUOUS
+        x.ofc_margin = p.margin
+    x.ofc_timer = p.t_release
+    _, liquid, _ = bank.character(x, p, found, 1.0, 0.0)
+    _, solid, _ = bank.character(x, p, found, 1.0, 1.0)
+    if math.fabs(solid - liquid) > x.ofc_margin:  # the clearest window since the alarm decides
+        x.ofc_margin = math.fabs(solid - liquid)
+        x.ofc_class = OFC_SOLID if solid > liquid else OFC_LIQUID

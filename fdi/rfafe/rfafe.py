@@ -1,0 +1,98 @@
+"""Robust fast adaptive fault estimator as published: y holds the elevator positions, one fault estimate per side.
+
+    x = [V, alpha, q, theta, delta_left, delta_right],  y = x,  u = [command left, command right]      [Sun13] (37)-(41)
+    f = what is added to a side's command;  a solid OFC s(t) is f = s - command
+
+V in m/s, angles in deg, q in deg/s inside, as the paper has them; conversion stands in `step`. A side is the
+effectiveness-weighted mean of its two segments. The design puts its whole gain on the positions (M = [0 0 0 0 m 0]
+for each side): no airframe output contributes, so this estimator is a position monitor with a model of the actuator.
+`fdi.rfafe.rfafe_airframe` is the form that has to find the fault in the aircraft's motion.
+"""
+
+import math
+
+import numpy as np
+
+from actuators.block import dtype, kernel, record
+from fdi.common import bank
+from fdi.common.conditions import DesignError, separate
+from fdi.common.decision import held, usable
+from fdi.common.tuning import thresholds
+from fdi.rfafe import core as rfafe_core
+from fdi.rfafe.core import advance, airframe_usable, fill_stored, read_airframe
+from fdi.rfafe.model import estimate_E, first_order, fit_first_order, global_model, reduce_E
+from fdi.rfafe.store import choose
+from fdi.rfafe.synthesis import Design, Region, design
+
+__all__ = ["CULPRITS", "INPUTS", "OUTPUTS", "PARAMS", "STATE", "Design", "DesignError", "Region", "design",
+           "estimate_E", "first_order", "fit_first_order", "global_model", "init", "params", "reduce_E", "rollout",
+           "separate", "step"]
+
+CULPRITS = ("", "elevator_left", "elevator_right")
+DEG = math.pi / 180.0
+DT = 0.005  # base tick [s]
+
+PARAMS = dtype([
+    *rfafe_core.PARAMS,
+    ("weight", "f8", (4,)),  # share of left_outer, left_inner in the left side, right_inner, right_outer in the right
+])
+INPUTS = dtype([
+    *rfafe_core.AIRFRAME_INPUTS,
+    ("surface", "f8", (4,)),                     # segments left_outer, left_inner, right_inner, right_outer [rad]
+    ("surface_valid", "f8", (4,)),
+    ("command", "f8", (2,)),                     # left, right, trailing edge down + [rad]
+])
+STATE = dtype([
+    *rfafe_core.STATE,
+    ("f_hat", "f8"),        # the larger of the two sides [rad]
+    ("f_hat_left", "f8"),   # [rad of command]
+    ("f_hat_right", "f8"),
+])
+OUTPUTS = ("f_hat", "f_hat_left", "f_hat_right", "r", "alarm", "verdict", "culprit", "valid")
+
+
+def params(which="flight", *, stored=None, technology="hydraulic", trim=None, dt=DT, weight=(0.5, 0.5, 0.5, 0.5)):
+    """Return PARAMS from the stored design for `technology` of the elevators and the threshold set `which`.
+
+    `stored` replaces `fdi/designs/rfafe.json` (same keys). `trim` is a mapping with tas [m/s], alpha, theta, elevator
+    [rad]; None: learned from the first 0.2 s. `weight` is the share of each segment in its side's effect. Raises
+    FileNotFoundError without a stored design, ValueError for a technology that it lacks.
+    """
+    made, chosen = choose("rfafe" if stored is None else stored, technology, dt)
+    p = record(PARAMS, weight=weight, **bank.design(dt), **thresholds("rfafe", which))
+    t = None
+    if trim is not None:
+        t = [trim["tas"], trim["alpha"] / DEG, 0.0, trim["theta"] / DEG, *[trim["elevator"] / DEG] * 2]
+    return fill_stored(p, made, chosen, dt, t, (1, 1, 0, 1, 1, 1))
+
+
+def init(p):
+    """Return STATE of p's shape, not yet started."""
+    return np.zeros(p.shape, STATE)
+
+
+@kernel
+def step(x, u, p, dt):
+    """Convert to the paper's units, advance the estimator, name the sides."""
+    good = airframe_usable(u)
+    for i in range(4):
+        good = min(good, usable(u.surface[i], u.surface_valid[i]))
+    if good > 0.5:
+        read_airframe(x, u, p)
+        x.y[4] = (p.weight[0] * u.surface[0] + p.weight[1] * u.surface[1]) / DEG - p.y_trim[4]
+        x.y[5] = (p.weight[2] * u.surface[2] + p.weight[3] * u.surface[3]) / DEG - p.y_trim[5]
+    for j in range(2):
+        x.u_in[j] = held(u.command[j] / DEG - p.u_trim[j], 1.0, x.u_in[j])
+    advance(x, p, good, dt)
+    x.f_hat_left = x.f[0]
+    x.f_hat_right = x.f[1]
+    x.f_hat = x.f[0] if math.fabs(x.f[0]) >= math.fabs(x.f[1]) else x.f[1]
+
+
+@kernel
+def rollout(x, u, p, dt, log):
+    """Step every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
+    for i in range(u.shape[0]):
+        for k in range(u.shape[1]):
+            step(x[i], u[i, k], p[i], dt)
+            log[i, k] = x[i]

@@ -1,0 +1,70 @@
+"""Robust fast adaptive fault estimator on the aircraft's motion only: V, alpha, q, theta, no elevator position.
+
+    x = [V, alpha, q, theta, delta],  y = [V, alpha, q, theta],  u = command,  F = [B_u; 0]         [Sun13] (1), (39)
+    f = deviation of the mean elevator from what the command asks for; left and right are parallel columns, so the
+    side is not to be had
+
+A solid OFC of one side is half of s - u in the mean, so that neither f_hat nor f_hat + u is a sine: the class is not
+to be had either, and the margin of the decision is set so that it is never named. The command goes through the
+actuator's model, never the measured surface. V in m/s, angles in deg, q in deg/s inside.
+"""
+
+import math
+
+import numpy as np
+
+from actuators.block import dtype, kernel, record
+from fdi.common import bank
+from fdi.common.decision import held
+from fdi.common.tuning import thresholds
+from fdi.rfafe import core as rfafe_core
+from fdi.rfafe.core import advance, airframe_usable, fill_stored, read_airframe
+from fdi.rfafe.store import choose
+
+CULPRITS = ("", "elevator")
+DEG = math.pi / 180.0
+DT = 0.005  # base tick [s]
+
+PARAMS = dtype(rfafe_core.PARAMS)
+INPUTS = dtype([
+    *rfafe_core.AIRFRAME_INPUTS,
+    ("command", "f8"),  # elevator, trailing edge down + [rad]
+])
+STATE = dtype([
+    *rfafe_core.STATE,
+    ("f_hat", "f8"),  # mean over the four segments [rad]
+])
+OUTPUTS = ("f_hat", "r", "alarm", "verdict", "culprit", "valid")
+
+
+def params(which="flight", *, stored=None, technology="hydraulic", trim=None, dt=DT):
+    """Return PARAMS from the stored design and threshold set `which`; arguments as in `fdi.rfafe.rfafe.params`."""
+    design, chosen = choose("rfafe_airframe" if stored is None else stored, technology, dt)
+    p = record(PARAMS, **bank.design(dt), **thresholds("rfafe_airframe", which))
+    t = None if trim is None else [trim["tas"], trim["alpha"] / DEG, 0.0, trim["theta"] / DEG, trim["elevator"] / DEG]
+    return fill_stored(p, design, chosen, dt, t, (1, 1, 0, 1))
+
+
+def init(p):
+    """Return STATE of p's shape, not yet started."""
+    return np.zeros(p.shape, STATE)
+
+
+@kernel
+def step(x, u, p, dt):
+    """Convert to the paper's units and advance the estimator."""
+    good = airframe_usable(u)
+    if good > 0.5:
+        read_airframe(x, u, p)
+    x.u_in[0] = held(u.command / DEG - p.u_trim[0], 1.0, x.u_in[0])
+    advance(x, p, good, dt)
+    x.f_hat = x.f[0]
+
+
+@kernel
+def rollout(x, u, p, dt, log):
+    """Step every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
+    for i in range(u.shape[0]):
+        for k in range(u.shape[1]):
+            step(x[i], u[i, k], p[i], dt)
+            log[i, k] = x[i]

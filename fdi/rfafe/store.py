@@ -1,0 +1,91 @@
+"""Keep an estimator as plain numbers in `fdi/designs/`, so that a flight needs no solver."""
+
+import json
+from dataclasses import asdict, fields, replace
+from importlib import resources
+
+import numpy as np
+
+from fdi.rfafe.discrete import Discrete, discretise
+from fdi.rfafe.synthesis import Design, Region, Report
+
+_COMPLEX = ("fixed_modes", "eigenvalues_N", "eigenvalues_loop")
+
+
+def to_plain(design):
+    """Return a Design as nested dicts and lists that JSON can hold; complex numbers become [re, im]."""
+
+    def plain(value):
+        if isinstance(value, np.ndarray):
+            return value.tolist()
+        if isinstance(value, dict):
+            return {k: plain(v) for k, v in value.items()}
+        if isinstance(value, tuple | list):
+            return [plain(v) for v in value]
+        return [value.real, value.imag] if isinstance(value, complex) else value
+
+    return plain(asdict(design))
+
+
+def from_plain(plain):
+    """Return the Design of `to_plain`; ValueError when a field is missing or unknown."""
+    sizes = {"n": len(plain["A"]), "m": len(plain["C"]), "r": _width(plain["B"]), "q": _width(plain["E"])}
+    shapes = {"E": ("n", "q"), "B": ("n", "r"), "D": ("m", "r")}
+
+    def matrix(name, value):
+        out = np.array(value, float)
+        return out.reshape([sizes[s] for s in shapes[name]]) if name in shapes else out
+
+    report = dict(plain["report"])
+    for name in _COMPLEX:
+        report[name] = tuple(complex(*pair) for pair in report[name])
+    report["tracking"] = tuple((hz, complex(*pair)) for hz, pair in report["tracking"])
+    report["singular_CE"], report["bandwidth"] = tuple(report["singular_CE"]), tuple(report["bandwidth"])
+    made = {"region": _make(Region, plain["region"]), "report": _make(Report, report)}
+    made["discrete"] = _make(Discrete, {k: v if k == "dt" else matrix(k, v) for k, v in plain["discrete"].items()})
+    numbers = {k: v if isinstance(v, float | int) else matrix(k, v) for k, v in plain.items() if k not in made}
+    return _make(Design, {**numbers, **made})
+
+
+def read(name):
+    """Return the stored file `name`.json as a dict: "designs" by technology, and what they were made from."""
+    file = resources.files("fdi").joinpath("designs", f"{name}.json")
+    if not file.is_file():
+        raise FileNotFoundError(f"there is no stored design {name!r}; make it with `cosim design`")
+    return json.loads(file.read_text(encoding="utf-8"))
+
+
+def choose(stored, technology, dt):
+    """Return (Design, entry) for `technology` of a stored file (name or content), its discrete form made for `dt` [s].
+
+    `technology` is that of both sides, or "left/right"; a file without any pair is of a form that knows no sides and
+    takes sides that differ as "mixed". Raises ValueError for a technology that the file lacks.
+    """
+    stored = read(stored) if isinstance(stored, str) else stored
+    if "/" in technology and not any("/" in held for held in stored["designs"]):
+        technology = "mixed"
+    if technology not in stored["designs"]:
+        raise ValueError(f"no design for {technology!r} elevators; there is {', '.join(sorted(stored['designs']))}")
+    entry = stored["designs"][technology]
+    design = from_plain(entry["design"])
+    return design if design.dt == dt else at_tick(design, dt), entry
+
+
+def at_tick(design, dt):
+    """Return `design` with its discrete form for ticks of `dt` seconds: no solver is needed for that."""
+    d = design
+    discrete = discretise(N=d.N, T=d.T, K=d.K, H=d.H, C=d.C, B=d.B, D=d.D, TF=d.T @ d.F, gain=d.Gamma @ d.M,
+                          alpha=d.alpha, dt=dt)
+    return replace(design, dt=dt, discrete=discrete)
+
+
+def _make(kind, values):
+    names = {f.name for f in fields(kind)}
+    if names != set(values):
+        raise ValueError(f"a stored {kind.__name__} lacks {sorted(names - set(values))} or has unknown "
+                         f"{sorted(set(values) - names)}; make it again with `cosim design`")
+    return kind(**values)
+
+
+def _width(rows):
+    return len(rows[0]) if rows else 0

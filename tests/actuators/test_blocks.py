@@ -1,0 +1,200 @@
+"""Every block: live (n, 1) equals batch (n, T) equals plain Python, bit for bit."""
+
+import importlib
+import inspect
+import os
+import subprocess
+import sys
+import traceback
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+LANES, TICKS, DT = 3, 60, 0.005
+# what a healthy input is about; everything else is about zero, within SMALL
+ABOUT = {
+    "hm0": -1000.0,
+    "hmd": -15e3,
+    "tas": 180.0,
+    "cas": 150.0,
+    "V": 150.0,
+    "mach": 0.6,
+    "h": 6000.0,
+    "alt": 6000.0,
+    "mass": 3e5,
+    "rho": 0.65,
+    "qbar": 1e4,
+    "nz": 1.0,
+    "cg": 0.3,
+    "truth": 1.0,
+}
+SIZE = {
+    ("actuators.ema.actuator", "u"): 10.0,
+    "vel_meas": 50.0,
+    "load_fb": 3e3,
+    "omega": 50.0,
+    "current": 10.0,
+    "friction_add": 1.0,
+}
+SMALL = 0.05
+
+
+def blocks():
+    """Return the dotted names of all modules that have STATE and rollout."""
+    found = []
+    for package in ("actuators", "fdi", "cosim"):
+        for path in sorted((ROOT / package).rglob("*.py")):
+            text = path.read_text(encoding="utf-8")
+            if "\ndef rollout(" in text and "\nSTATE = " in text:
+                found.append(".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"))
+    return found
+
+
+def _generator(name):
+    return np.random.default_rng(zlib.crc32(f"{name.partition('.')[0]}.{name.rpartition('.')[2]}".encode()))
+
+
+def parameters(module):
+    """Return PARAMS of LANES lanes: the module's defaults, or arbitrary positive numbers where it has none."""
+    make = getattr(module, "params", None)
+    needs = (
+        [a for a in inspect.signature(make).parameters.values() if a.default is a.empty and a.kind is not a.VAR_KEYWORD]
+        if make
+        else [None]
+    )
+    if not needs:
+        return np.repeat(make(), LANES)
+    rng = _generator(module.__name__)
+    p = np.zeros(LANES, module.PARAMS)
+    for field in p.dtype.names:
+        p[field] = rng.uniform(0.1, 1.0, p[field].shape)
+    return p
+
+
+def inputs(module):
+    """Return INPUTS (LANES, TICKS): smooth random signals; lane 1 loses samples, lane 2 has every fault in turn."""
+    rng = _generator(module.__name__)
+    u = np.zeros((LANES, TICKS), module.INPUTS)
+    names = u.dtype.names
+    faults = [n for n in names if n.startswith(("f_", "s_", "g_")) or n in FAULTS]
+    for n in names:
+        walk = np.cumsum(rng.normal(size=u[n].shape), axis=1) / 8 + rng.normal(size=(LANES, 1, *u[n].shape[2:]))
+        if n.endswith(("valid", "_use")):
+            u[n] = 1.0
+            u[n][1] = rng.random(u[n][1].shape) < 0.8
+        elif n not in faults:
+            size = SIZE.get((module.__name__, n), SIZE.get(n, SMALL))
+            about = ABOUT.get(n, 0.0)
+            u[n] = about * (1 + 0.02 * walk) if about else size * walk
+    if "t" in names:
+        u["t"] = np.arange(TICKS) * DT
+    for i, n in enumerate(faults):
+        size = SIZE.get(n, 0.3)
+        u[n][2, (7 * i) % TICKS : (7 * i) % TICKS + 15] = size
+    for n in names:
+        flag = next((f for f in (f"{n}_valid", n.replace("_meas", "_valid")) if f in names and f != n), None)
+        if flag and u[n].shape == u[flag].shape:
+            u[n][u[flag] == 0.0] = np.nan
+    return u
+
+
+FAULTS = {
+    "jam",
+    "jam_screw",
+    "free_float",
+    "loss",
+    "supply_drop",
+    "leak_add",
+    "air",
+    "r_add",
+    "magnet_loss",
+    "friction_add",
+    "backlash_add",
+}
+
+
+def batch(module):
+    """Return the log of all ticks at once, and the final state."""
+    p, u = parameters(module), inputs(module)
+    x = module.init(p)
+    log = np.zeros((LANES, TICKS), module.STATE)
+    with np.errstate(all="ignore"):
+        module.rollout(x, u, p, DT, log)
+    return log, x
+
+
+def live(module):
+    """Return the same, one tick per call."""
+    p, u = parameters(module), inputs(module)
+    x = module.init(p)
+    log = np.zeros((LANES, TICKS), module.STATE)
+    for k in range(TICKS):
+        row = np.zeros((LANES, 1), module.STATE)
+        module.rollout(x, np.ascontiguousarray(u[:, k : k + 1]), p, DT, row)
+        log[:, k] = row[:, 0]
+    return log, x
+
+
+def _same(a, b):
+    """Return the names of the fields in which two structured arrays differ in any bit that matters."""
+    return [n for n in a.dtype.names if not np.array_equal(a[n], b[n], equal_nan=True)]
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    """Return {module name: batch log} computed without compilation, in another process."""
+    out = tmp_path_factory.mktemp("plain") / "logs.npz"
+    env = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, __file__, str(out)], env=env, capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    return np.load(out)
+
+
+@pytest.mark.parametrize("name", blocks())
+def test_live_is_batch_is_plain_python(name, plain):
+    module = importlib.import_module(name)
+    log, x = batch(module)
+    log_live, x_live = live(module)
+    assert _same(log, log_live) == []
+    assert _same(x, x_live) == []
+    assert plain[name].dtype == np.float64, str(plain[name])
+    assert _same(log, plain[name].view(module.STATE).reshape(log.shape)) == []
+
+
+@pytest.mark.parametrize("name", blocks())
+def test_the_signals_move_the_block(name):
+    """Guard the test above: a log that never changes would prove nothing."""
+    log, _ = batch(importlib.import_module(name))
+    moving = [n for n in log.dtype.names if np.unique(log[n][np.isfinite(log[n])]).size > LANES]
+    assert moving
+
+
+@pytest.mark.parametrize("name", [n for n in blocks() if not n.startswith("cosim.")])
+def test_no_lost_sample_leaves_a_nan(name):
+    log, x = batch(importlib.import_module(name))
+    bad = [n for n in module_numbers(x) if not np.isfinite(x[n]).all()]
+    assert bad == []
+    assert np.isfinite(log["alarm"]).all() if "alarm" in log.dtype.names else True
+
+
+def module_numbers(x):
+    """Return the state's field names; a latched time may be infinite by design and is not a number to check."""
+    return [n for n in x.dtype.names if not n.startswith("t_")]
+
+
+def _main(out):
+    """Write the batch log of every block to `out`; a block that cannot run leaves its traceback instead."""
+    logs = {}
+    for name in blocks():
+        try:
+            logs[name] = batch(importlib.import_module(name))[0].view(np.float64)
+        except Exception:
+            logs[name] = np.array(traceback.format_exc())
+    np.savez(out, **logs)
+
+
+if __name__ == "__main__":
+    _main(sys.argv[1])

@@ -1,0 +1,339 @@
+"""The campaign file: what a grid and draws make of a scenario, what is refused and how, and the command around it."""
+
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pandas as pd
+import pytest
+from killed import heeds_ctrl_c
+from rich.console import Console
+from scipy import stats
+from typer.testing import CliRunner
+
+from cosim.campaign import EVALUATION_SEED, run_many
+from cosim.campaign.draw import draw, unit_cube
+from cosim.campaign.run import cluster, rerun
+from cosim.campaign.spec import builtin_campaigns, load_campaign
+from cosim.cli import commands as cli
+from cosim.cli.campaign import _median, nearest
+from cosim.compare.stats import delays
+from cosim.errors import CosimError
+from cosim.training.rfafe import MANOEUVRES
+
+SMALL = """
+base = "liquid-ofc"
+[set]
+duration_s = 2.0
+"faults.0.start_s" = 0.5
+"detectors.enabled" = ["position_monitor", "iotsekf"]
+"""
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Return a function that writes a campaign file and returns its path."""
+
+    def write(text, name="c.toml"):
+        (tmp_path / name).write_text(text)
+        return tmp_path / name
+
+    return write
+
+
+def test_grid_is_factorial_and_its_last_key_changes_fastest(written):
+    made = load_campaign(
+        written(SMALL + "[grid]\n'faults.0.frequency_hz' = [1, 3]\n'flight.mass_t' = [200, 250, 300]\n")
+    )
+    scenarios, labels = made.scenarios()
+    got = [(s.faults[0].model_extra["frequency_hz"], s.flight.mass_t) for s in scenarios]
+    assert got == [(f, m) for f in (1, 3) for m in (200, 250, 300)]
+    assert [s.seed for s in scenarios] == [EVALUATION_SEED + i for i in range(6)]
+    assert labels == [{}] * 6
+
+
+def test_a_table_in_a_grid_sets_several_keys_and_names_them(written):
+    text = SMALL + "[grid]\npoint = [{name = 'A', 'flight.mass_t' = 260, 'flight.cas_kt' = 210, seed = 7}]\n"
+    (scenario,), (label,) = load_campaign(written(text)).scenarios()
+    assert (scenario.flight.mass_t, scenario.flight.cas_kt, scenario.seed, label) == (260, 210, 7, {"point": "A"})
+
+
+def test_draws_repeat_with_their_seed_and_cover_every_interval(written):
+    text = "runs = 8\n" + SMALL + "[draw]\n'flight.mass_t' = {low = 200, high = 280}\n"
+    masses = [[s.flight.mass_t for s in load_campaign(written(text)).scenarios()[0]] for _ in range(2)]
+    assert masses[0] == masses[1]
+    assert sorted(int((m - 200) // 10) for m in masses[0]) == list(range(8))  # a Latin hypercube
+    other = [s.flight.mass_t for s in load_campaign(written("seed = 2\n" + text)).scenarios()[0]]
+    assert other != masses[0]
+
+
+def test_every_tolerance_is_drawn_on_its_own(written):
+    text = SMALL + "[draw]\n'tolerances.hydraulic.arm' = {low = 0.5, high = 0.6}\n"
+    text += "'tolerances.hydraulic.*' = {mean = 1.0, sigma = 0.02, low = 0.95, high = 1.05}\n"
+    (scenario,), _ = load_campaign(written(text)).scenarios()
+    values = dict(scenario.tolerances.hydraulic)
+    assert 0.5 <= values.pop("arm") <= 0.6  # what is named itself wins over the star
+    values = list(values.values())
+    assert len(values) > 5 and len(set(values)) == len(values) and all(0.95 <= v <= 1.05 for v in values)
+
+
+def test_parts_share_what_stands_above_them(written):
+    text = (
+        SMALL
+        + "[grid]\n'flight.mass_t' = [200, 250]\n[[part]]\nname = 'a'\ngrid = {'faults.0.frequency_hz' = [1, 2]}\n"
+    )
+    text += "[[part]]\nname = 'b'\nset = {'faults.0.kind' = 'jam_solid'}\n"
+    scenarios, labels = load_campaign(written(text)).scenarios()
+    assert [(s.faults[0].kind, s.flight.mass_t) for s in scenarios[3:]] == [("ofc_liquid", 250)] + [
+        ("jam_solid", m) for m in (200, 250)
+    ]
+    assert [x["part"] for x in labels] == ["a"] * 4 + ["b"] * 2
+    assert len({s.seed for s in scenarios}) == 6
+
+
+def test_what_is_drawn_wins_over_a_table_of_the_grid(written):
+    text = SMALL + "[grid]\npoint = [{'flight.mass_t' = 260, seed = 7, 'manoeuvre.kind' = 'nz_doublet'}]\n"
+    text += "then = [{'manoeuvre.kind' = 'cruise'}]\n[draw]\nseed = {low = 50, high = 60, integer = true}\n"
+    (scenario,), _ = load_campaign(written(text)).scenarios()
+    assert 50 <= scenario.seed <= 60 and scenario.manoeuvre.kind == "cruise" and scenario.flight.mass_t == 260
+
+
+def test_base_may_be_a_file_beside_the_campaign(written):
+    written(
+        "duration_s = 5.0\n[flight]\nmass_t = 222.0\ncg_pct = 30.0\naltitude_ft = 1e4\ncas_kt = 250.0\n", "own.toml"
+    )
+    (scenario,), _ = load_campaign(written("base = 'own.toml'\n")).scenarios()
+    assert scenario.flight.mass_t == 222.0
+
+
+@pytest.mark.parametrize(
+    "text, says",
+    [
+        ("rnus = 3", "Did you mean 'runs'"),
+        ("runs = 0", "runs = 0; allowed: 1 to"),
+        ("runs = true", "runs is no whole number"),
+        ("x = [", "not valid TOML"),
+        ("base = 'liquid-ocf'", "liquid-ofc"),
+        ("sampling = 'sobol'", "latin_hypercube"),
+        ("[keep]\nmised = 1", "Did you mean 'missed'"),
+        ("[keep]\nmissed = 0", "no number of logs"),
+        ("[grid]\n'flight.mass_t' = 3", "is no list of values"),
+        ("[grid]\n'flight.mass_t' = []", "is no list of values"),
+        ("[grid]\n'flight.mass' = [200]", "mass_t"),
+        ("[grid]\n'flight.mass_t' = [200, 9000]", "run 1: flight.mass_t = 9000"),
+        ("[grid]\n'flight.mass_t' = [200]\n[draw]\n'flight.mass_t' = {low = 200, high = 300}", "drawn and in the grid"),
+        ("[draw]\n'flight.mass_t' = {low = 300, high = 200}", "not below"),
+        ("[draw]\n'flight.mass_t' = {lo = 300}", "unknown key 'lo'"),
+        ("[draw]\n'flight.mass_t' = {low = 300}", "neither low and high"),
+        ("[draw]\n'flight.mass_t' = {mean = 300}", "mean and sigma"),
+        ("[draw]\n'flight.mass_t' = {low = 0, high = 200, scale = 'log'}", "no logarithm"),
+        ("[draw]\n'flight.mass_t' = {low = nan, high = 200}", "is no number"),
+        ("[draw]\n'flight.*' = {low = 1, high = 2}", "tolerances.aero.*"),
+        ("[draw]\n'flight.mass_t' = {choice = []}", "something in it"),
+        ("[[part]]\nnmae = 'x'", "Did you mean 'name'"),
+    ],
+)
+def test_every_mistake_is_one_line_that_says_where_and_what(written, text, says):
+    with pytest.raises(CosimError) as caught:
+        load_campaign(written(text)).scenarios()
+    assert says in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_missing_file_says_what_is_built_in():
+    with pytest.raises(CosimError, match="aircraft-vs-local"):
+        load_campaign("nowhere.toml")
+
+
+def test_distributions_are_what_they_are_called():
+    u = unit_cube(2000, 1, sampling="latin_hypercube", seed=3)[:, 0]
+    assert stats.kstest([draw({"low": 2, "high": 4}, "")(q) for q in u], stats.uniform(2, 2).cdf).pvalue > 0.1
+    log = [draw({"low": 0.1, "high": 10, "scale": "log"}, "")(q) for q in u]
+    assert stats.kstest(log, stats.loguniform(0.1, 10).cdf).pvalue > 0.1
+    normal = [draw({"mean": 1, "sigma": 2}, "")(q) for q in u]
+    assert stats.kstest(normal, stats.norm(1, 2).cdf).pvalue > 0.1
+    cut = [draw({"mean": 1, "sigma": 2, "low": 0, "high": 2}, "")(q) for q in u]
+    assert stats.kstest(cut, stats.truncnorm(-0.5, 0.5, 1, 2).cdf).pvalue > 0.1
+    whole = [draw({"low": 1, "high": 4, "integer": True}, "")(q) for q in u]
+    assert np.bincount(whole).tolist() == [0, 500, 500, 500, 500]
+    assert [draw({"choice": ["a", "b"]}, "")(q) for q in (0.0, 0.49, 0.51, 0.999)] == ["a", "a", "b", "b"]
+
+
+@pytest.mark.parametrize("name", builtin_campaigns())
+def test_built_in_campaigns_can_be_flown_and_keep_off_training_seeds(name):
+    made = load_campaign(name)
+    scenarios, _ = made.scenarios()
+    assert len(scenarios) == len(made) and made.title
+    assert min(s.seed for s in scenarios) >= EVALUATION_SEED
+    assert not any(s.warnings() for s in scenarios)
+
+
+def test_sizes_of_the_built_in_campaigns():
+    flights = {name: load_campaign(name).scenarios()[0] for name in ("fault-free", "aircraft-vs-local")}
+    assert len(flights["fault-free"]) >= 300 and len(flights["aircraft-vs-local"]) >= 2000
+    quiet = flights["fault-free"]
+    assert all(not s.faults and s.duration_s == 60 for s in quiet)
+    assert len({s.seed for s in quiet}) == len(quiet)
+    flown = {s.manoeuvre.kind for s in quiet}
+    assert flown >= set(MANOEUVRES) | {"nz_doublet", "three_two_one_one"}  # [Sun13] IV and what moves the elevator most
+    assert {s.flight.turbulence for s in quiet} == {"none", "light", "moderate"}
+
+
+# -- the command ------------------------------------------------------------------------------------------------------
+
+
+def cosim(*words):
+    return CliRunner().invoke(cli.app, list(map(str, words)))
+
+
+def test_command_flies_resumes_and_repeats_a_run(written, tmp_path):
+    path = written(SMALL + "[grid]\n'faults.0.frequency_hz' = [1, 3]\n")
+    out = tmp_path / "out"
+    first = cosim("campaign", path, "-o", out, "--workers", 1, "--json")
+    assert first.exit_code == 0, first.output
+    found = json.loads(first.stdout)
+    assert found == {"parquet": str(out / "runs.parquet"), "done": 2, "failed": 0, "resumed": 0, "errors": []}
+    again = cosim("campaign", path, "-o", out)
+    assert again.exit_code == 2 and "--resume" in again.stderr
+    resumed = cosim("campaign", path, "-o", out, "--resume", "--json")
+    assert json.loads(resumed.stdout)["resumed"] == 2
+    table = cosim("campaign", path, "-o", out, "--resume")
+    assert "iotsekf" in table.stdout and "2 were there already" in table.stdout
+    run = pd.read_parquet(found["parquet"])["run"].iloc[-1]
+    once = cosim("campaign", path, "-o", out, "--rerun", run, "--json")
+    assert once.exit_code == 0, once.output
+    assert json.loads(once.stdout)["repeats"] is True and (out / "logs" / f"{run}.mcap").is_file()
+    unknown = cosim("campaign", path, "-o", out, "--rerun", "abc")
+    assert unknown.exit_code == 2 and "no run of this campaign" in unknown.stderr
+
+
+BEYOND = """base = "cruise"
+[set]
+duration_s = 0.5
+"detectors.enabled" = ["iotsekf"]
+[grid]
+point = [FLIGHTS]
+"""
+DRIVE = """{ "faults.0.target" = "elevator.right_inner", "faults.0.kind" = "ofc_liquid", "faults.0.at" = "valve",
+"faults.0.start_s" = 0.1, "faults.0.frequency_hz" = 10, "faults.0.amplitude_mm" = 100 }"""
+NO_TRIM = '{ "flight.mass_t" = 405, "flight.cas_kt" = 101 }'
+
+
+@pytest.mark.parametrize(
+    ("flights", "status", "told"),
+    [
+        (DRIVE.replace("\n", " "), 1, ("1 runs: 1 error", "1 x error: ScenarioError", "take")),
+        (NO_TRIM, 1, ("1 runs: 1 infeasible", "1 x infeasible: ")),
+        (NO_TRIM + ", { seed = 5 }", 0, ("2 runs: ", "1 x infeasible: ", "iotsekf")),
+        (DRIVE.replace("\n", " ") + ", { seed = 5 }", 1, ("2 runs: ", "1 x error: ", "iotsekf")),
+    ],
+)
+def test_runs_that_fail_are_told_and_decide_the_exit_status(flights, status, told, written, tmp_path):
+    path = written(BEYOND.replace("FLIGHTS", flights))
+    found = cosim("campaign", path, "-o", tmp_path / "out", "--workers", 1)
+    assert found.exit_code == status, found.output
+    for words in told:
+        assert words in found.stdout
+    again = cosim("campaign", path, "-o", tmp_path / "out", "--resume", "--json")
+    assert again.exit_code == status and sum(e["runs"] for e in json.loads(again.stdout)["errors"]) == 1
+
+
+def test_the_median_delay_counts_a_missed_fault_as_endless():
+    late = pd.Series([0.1, np.nan, 0.3])
+    assert _median(late) == 0.3 == delays(pd.DataFrame({"delay_s": late})).median  # as cosim compare has it
+    assert _median(pd.Series([0.1, np.nan, np.nan])) is None and _median(pd.Series([], dtype=float)) is None
+
+
+def test_without_faults_the_flights_nearest_to_an_alarm_are_told(written, tmp_path):
+    path = written('base = "cruise"\nruns = 2\n[set]\nduration_s = 3\n"detectors.enabled" = ["iotsekf"]\n')
+    told = cosim("campaign", path, "-o", tmp_path / "out", "--workers", 1)
+    assert told.exit_code == 0 and "nearest" in told.stdout, told.output
+    rows = pd.read_parquet(tmp_path / "out" / "runs.parquet")
+    shown = io.StringIO()
+    Console(file=shown, width=150).print(nearest(rows[rows["id"].notna()]))
+    most = rows.groupby("run")["r_max_before"].max().sort_values(ascending=False)
+    assert " ".join(shown.getvalue().split()).count(" ".join(f"{r:.2f}" for r in most)) == 1
+    assert str(rows.set_index("run").loc[most.index[0], "seed"].iloc[0]) in shown.getvalue()
+
+
+def test_interrupted_campaign_keeps_its_rows_and_can_go_on(written, tmp_path):
+    path, out = written("runs = 400\n" + SMALL), tmp_path / "out"
+    words = [sys.executable, "-m", "cosim.cli", "campaign", str(path), "-o", str(out), "--workers", "1"]
+    process = subprocess.Popen(
+        words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=heeds_ctrl_c
+    )
+    deadline = time.monotonic() + 120
+    while not list(out.glob("parts/rows-*")) and time.monotonic() < deadline:
+        assert process.poll() is None, process.stderr.read()
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130 and "Traceback" not in err and "interrupted" in err, err
+    parts = [pd.read_parquet(p) for p in out.glob("parts/rows-*")]
+    assert 0 < pd.concat(parts)["run"].nunique() < 400
+
+
+def test_a_row_that_does_not_repeat_is_said(written, tmp_path):
+    path = written(SMALL)
+    frame = run_many(load_campaign(path).scenarios()[0], workers=0, out=tmp_path / "out").frame
+    frame.loc[0, "r_max_before"] += 1e-9
+    frame.to_parquet(tmp_path / "out" / "runs.parquet")
+    *_, repeats, same_code = rerun(path, frame["run"][0], out=tmp_path / "out")
+    assert repeats is False and same_code is True
+
+
+# -- the cluster ------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def dask():
+    """Two worker processes on loopback."""
+    distributed = pytest.importorskip("distributed")
+    from cosim.campaign.pool import THREADS
+
+    os.environ.update(dict.fromkeys(THREADS, "1"))
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
+    ) as made:
+        yield made
+
+
+def test_a_dask_cluster_gives_the_same_rows_as_this_process(written, dask):
+    scenarios, labels = load_campaign(written(SMALL + "[grid]\n'faults.0.frequency_hz' = [1, 2, 3]\n")).scenarios()
+    with cluster(dask.scheduler_address) as (executor, threads):
+        there = run_many(scenarios, executor=executor, workers=threads, labels=labels)
+    here = run_many(scenarios, workers=0, labels=labels)
+    assert threads == 2
+    pd.testing.assert_frame_equal(there.frame, here.frame)
+
+
+def test_a_dask_worker_that_is_killed_loses_no_run(written, dask):
+    scenarios, _ = load_campaign(written("runs = 16\n" + SMALL)).scenarios()
+    killed = []
+
+    def kill(done, total):
+        if not killed:
+            killed.append(next(iter(dask.workers.values())).pid)
+            os.kill(killed[0], 9)
+
+    with cluster(dask.scheduler_address) as (executor, threads):
+        result = run_many(scenarios, executor=executor, workers=threads, progress=kill)
+    assert killed and result.done == 16 and result.failed == 0
+    assert (result.frame.drop_duplicates("run")["status"] == "completed").all()
+
+
+def test_no_scheduler_is_one_line(monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("cosim.campaign.run.CONNECT_S", 0.2)
+    with pytest.raises(CosimError, match="dask scheduler"), cluster("tcp://127.0.0.1:9"):
+        pass
+
+
+def test_without_dask_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(CosimError, match=r"cosim-fdi\[cluster\]"), cluster("tcp://127.0.0.1:9"):
+        pass

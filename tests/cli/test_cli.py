@@ -1,0 +1,296 @@
+"""The command line: exit status, one clear line for every mistake, JSON and nothing else on standard output."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import types
+from pathlib import Path
+
+import pytest
+from killed import heeds_ctrl_c
+from typer.testing import CliRunner
+
+from cosim.cli import commands as cli
+from cosim.errors import LogError, TrimError
+from cosim.judge.result import Result
+from cosim.scenario import builtin_names, load_scenario
+
+ROW = {
+    "id": "iotsekf",
+    "level": "local",
+    "target": "elevator.left_inner",
+    "concerned": True,
+    "alarm": True,
+    "detected_at_s": 12.4,
+    "detection_delay_s": 0.4,
+    "detection_delay_periods": 0.4,
+    "isolated": {"class": "ofc_liquid", "target": "elevator.left_inner"},
+    "false_alarms": 0,
+    "estimate_rmse": None,
+    "estimate_bias": None,
+    "step_us": 1.5,
+}
+NOTHING = dict.fromkeys(("detected_at_s", "isolated", "detection_delay_s", "detection_delay_periods"))
+QUIET = {**ROW, **NOTHING, "target": "elevator.right_inner", "concerned": False, "alarm": False}
+
+
+def outcome(status="completed", reason=""):
+    fault = {"kind": "ofc_liquid", "target": "elevator.left_inner", "start_s": 12.0}
+    return Result("x.mcap", status, reason, 30.0, 0.1, [fault], [ROW, QUIET])
+
+
+@pytest.fixture
+def flown(monkeypatch, tmp_path):
+    """Replace the flight by a function that records its call; the command line around it is real."""
+    calls = []
+
+    def fake(scenario, *, log=None, progress=None, **options):
+        calls.append((scenario, log))
+        progress(1.0, scenario.duration_s)
+        made = fake.outcome
+        if isinstance(made, BaseException):
+            raise made
+        return made
+
+    fake.outcome, fake.calls = outcome(), calls
+    monkeypatch.setitem(sys.modules, "cosim.flight.simulate", types.SimpleNamespace(simulate=fake))
+    monkeypatch.chdir(tmp_path)
+    return fake
+
+
+def cosim(*args):
+    return CliRunner().invoke(cli.app, [str(a) for a in args])
+
+
+def refused(result, *says):
+    """Assert one line on standard error that says it all, nothing on standard output, and the exit status."""
+    assert result.exit_code == 2, result.output
+    assert result.stdout == ""
+    lines = [line for line in result.stderr.splitlines() if not line.startswith("note:")]
+    assert len(lines) == 1, result.stderr
+    for part in says:
+        assert str(part) in lines[0]
+
+
+def test_run_shows_who_alarmed_and_where_the_log_is(flown):
+    result = cosim("run")
+    assert result.exit_code == 0, result.output
+    for part in ("ofc_liquid on elevator.left_inner", "iotsekf", "12.40", "0.40", "1 lane of healthy parts", "x.mcap"):
+        assert part in result.stdout
+    (call,) = flown.calls
+    assert call[1] == Path("logs/liquid-ofc.mcap") and Path("logs").is_dir()
+
+
+def test_run_passes_overrides_and_output(flown, tmp_path):
+    assert (
+        cosim("run", "cruise", "--set", "seed=7", "-s", "duration_s=2", "-o", tmp_path / "a" / "b.mcap").exit_code == 0
+    )
+    (scenario, log), = flown.calls  # fmt: skip
+    assert (scenario.seed, scenario.duration_s, log) == (7, 2.0, tmp_path / "a" / "b.mcap")
+
+
+def test_json_is_one_object_and_nothing_else(flown):
+    result = cosim("run", "--json", "--set", "duration_s=5")
+    found = json.loads(result.stdout)
+    assert {"log", "status", "sim_time_s", "wall_time_s", "realtime_factor", "faults", "detectors"} <= found.keys()
+    assert "after the flight's end" in result.stderr
+
+
+STRICT = {"completed": 0, "departed": 1, "diverged": 1, "interrupted": 130}
+
+
+@pytest.mark.parametrize(
+    ("status", "strict", "code"), [("departed", False, 0), *((s, True, x) for s, x in STRICT.items())]
+)
+def test_exit_status(flown, status, strict, code):
+    flown.outcome = outcome(status, reason="alpha is beyond the table")
+    result = cosim("run", *["--strict"] * strict)
+    assert result.exit_code == code
+    assert status in result.stdout
+
+
+def test_interrupt_before_the_flight_is_130(flown):
+    flown.outcome = KeyboardInterrupt()
+    assert cosim("run").exit_code == 130
+
+
+def test_bad_scenarios_are_one_line_and_status_2(flown, tmp_path):
+    refused(cosim("run", "nope"), "nope", "cosim list")
+    refused(cosim("run", tmp_path / "no.toml"), tmp_path / "no.toml", "no file")
+    refused(cosim("run", tmp_path), tmp_path, "folder")
+    for content, says in ((b"", "flight"), (b"\xff\xfe", "UTF-8"), (b"[flight\n", "line 1")):
+        path = tmp_path / "bad.toml"
+        path.write_bytes(content)
+        refused(cosim("run", path, "--json"), path, says)
+    refused(cosim("run", "--set", "flight.mas_t=3"), "flight.mas_t", "Did you mean 'mass_t'?")
+    refused(cosim("run", "--set", "flight.mass_t=3"), "flight.mass_t = 3", "180 to 405")
+    refused(cosim("run", "--set", "faults.0.target=elevator.middle"), "faults.0.target", "elevator.left_inner")
+    assert flown.calls == []
+
+
+def test_message_is_printed_as_it_is_not_as_markup(flown, tmp_path):
+    refused(cosim("run", tmp_path / "[red]x[/].toml"), "[red]x[/].toml")
+
+
+def test_infeasible_trim_is_one_line(flown):
+    flown.outcome = TrimError("no steady flight at 300 t, 45,000 ft", remedy="Fly lower or faster")
+    refused(cosim("run"), "no steady flight", "Fly lower or faster")
+
+
+def test_unwritable_place_is_found_before_the_flight(flown, tmp_path):
+    (tmp_path / "file").write_text("")
+    refused(cosim("run", "-o", tmp_path / "file" / "x.mcap"), "folder is a file")
+    refused(cosim("run", "-o", tmp_path), "is a folder")
+    refused(cosim("run", "-o", "/proc/x.mcap"), "/proc/x.mcap", "cannot be written")
+    scenario = tmp_path / "own.toml"
+    scenario.write_text("[flight]\nmass_t = 200\ncg_pct = 30\naltitude_ft = 20000\ncas_kt = 290\n")
+    refused(cosim("run", scenario, "-o", scenario), "is the scenario itself")
+    assert flown.calls == [] and "mass_t" in scenario.read_text()
+
+
+def test_folder_without_write_permission(flown, tmp_path):
+    if os.geteuid() == 0:
+        pytest.skip("root may write anywhere")
+    folder = tmp_path / "locked"
+    folder.mkdir(mode=0o500)
+    refused(cosim("run", "-o", folder / "x.mcap"), "cannot be written", "ermission")
+
+
+def test_existing_log_survives_a_run_that_never_starts(flown, tmp_path):
+    log = tmp_path / "x.mcap"
+    log.write_bytes(b"precious")
+    flown.outcome = TrimError("no steady flight")
+    cosim("run", "-o", log)
+    assert log.read_bytes() == b"precious"
+
+
+@pytest.mark.parametrize("error", [
+    OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "x.mcap"), LogError("No space left on device", place="x.mcap"),
+])  # fmt: skip
+def test_full_disk_is_one_line(flown, error):
+    flown.outcome = error
+    refused(cosim("run"), "x.mcap", "No space left on device")
+
+
+def test_a_bug_is_not_disguised_as_bad_input(flown):
+    flown.outcome = RuntimeError("a bug")
+    result = cosim("run")
+    assert result.exit_code == 1 and isinstance(result.exception, RuntimeError)
+
+
+def test_list_names_everything():
+    result = cosim("list")
+    assert result.exit_code == 0
+    for part in ("liquid-ofc", "nz_doublet", "jam_solid", "winding_resistance", "sensor.<name>", "control_redundancy"):
+        assert part in result.stdout
+    found = json.loads(cosim("list", "--json").stdout)
+    assert {"scenarios", "manoeuvres", "faults", "targets", "detectors"} <= found.keys()
+
+
+def test_info_of_what_is_no_log(tmp_path):
+    refused(cosim("info", tmp_path / "no.mcap"), "no.mcap")
+    refused(cosim("info", tmp_path), tmp_path)
+    (tmp_path / "x.mcap").write_bytes(b"")
+    refused(cosim("info", tmp_path / "x.mcap"), "x.mcap")
+
+
+def test_linearize_shows_the_modes_and_writes_the_model(tmp_path):
+    path = tmp_path / "model.npz"
+    found = json.loads(cosim("linearize", "--json", "-o", path).stdout)
+    assert {"trim", "states", "inputs", "outputs", "A", "B", "C", "D", "modes"} <= found.keys()
+    assert [m["name"] for m in found["modes"]] == ["short_period", "phugoid", "dutch_roll", "roll", "spiral"]
+    assert {"alpha_deg", "stabilizer_deg", "throttle", "residual"} <= found[
+        "trim"
+    ].keys() and path.stat().st_size > 1000
+    assert "short period" in cosim("linearize").stdout
+    refused(cosim("linearize", "-o", tmp_path / "model.csv"), "model.csv", ".npz, .mat")
+
+
+@pytest.mark.parametrize(
+    ("point", "why"),
+    [
+        ({"flight.cas_kt": 110}, "stall"),
+        ({"flight.cas_kt": 210, "flight.altitude_ft": 42000, "flight.mass_t": 380}, "thrust"),
+        ({"flight.cas_kt": 400, "flight.altitude_ft": 40000}, "Mach"),
+    ],
+)
+def test_infeasible_point_is_one_line_that_says_why(point, why):
+    sets = [x for k, v in point.items() for x in ("--set", f"{k}={v}")]
+    refused(cosim("linearize", *sets), " t, CG 30 %", " ft", why)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", builtin_names())
+def test_builtin_flies_past_its_last_fault(name, tmp_path):
+    late = max((f.start_s for f in load_scenario(name).faults), default=1.0)
+    result = cosim("run", name, "--json", "-s", f"duration_s={late + 2}", "-o", tmp_path / "x.mcap")
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["status"] == "completed"
+
+
+def process(*args, **options):
+    return subprocess.Popen([sys.executable, "-m", "cosim.cli", *args], stdout=-1, stderr=-1, text=True, **options)
+
+
+def test_same_scenario_and_seed_give_the_same_bytes(tmp_path):
+    for name in ("a", "b"):
+        result = cosim(
+            "run", "--json", "-s", "duration_s=2", "-s", "faults.0.start_s=1", "-o", tmp_path / f"{name}.mcap"
+        )
+        assert result.exit_code == 0, result.output
+        assert json.loads(result.stdout)["status"] == "completed"
+    assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
+    found = json.loads(cosim("info", "--json", tmp_path / "a.mcap").stdout)
+    assert (
+        found["complete"]
+        and found["status"] == "completed"
+        and found["ticks"] == 400
+        and found["title"].startswith("Liquid OFC")
+    )
+    (tmp_path / "again.toml").write_text(cosim("info", "--scenario", tmp_path / "a.mcap").stdout)
+    assert cosim("run", tmp_path / "again.toml", "-o", tmp_path / "c.mcap").exit_code == 0
+    assert (tmp_path / "c.mcap").read_bytes() == (tmp_path / "a.mcap").read_bytes()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_really_full_disk_is_one_line():
+    refused(cosim("run", "-s", "duration_s=2", "-o", "/dev/full"), "/dev/full", "No space left")
+
+
+def test_model_on_a_full_disk_is_one_line(monkeypatch, tmp_path):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("numpy.savez", full)
+    refused(cosim("linearize", "-o", tmp_path / "m.npz"), "m.npz: cannot be written: No space", "choose another")
+
+
+def test_interrupted_flight_leaves_a_readable_log(tmp_path):
+    log = tmp_path / "x.mcap"
+    with process("run", "cruise", "-s", "duration_s=3000", "-o", str(log), preexec_fn=heeds_ctrl_c) as flight:
+        deadline = time.monotonic() + 120
+        # parameters alone are 2 MB
+        while not (log.exists() and log.stat().st_size > 4_000_000) and time.monotonic() < deadline:
+            assert flight.poll() is None, flight.stderr.read()
+            time.sleep(0.05)
+        flight.send_signal(signal.SIGINT)
+        out, err = flight.communicate(timeout=60)
+    assert flight.returncode == 130, err
+    assert "Traceback" not in err and "interrupted" in out + err
+    found = json.loads(cosim("info", "--json", log).stdout)
+    assert found["ticks"] > 100 and found["status"] in ("", "interrupted")
+
+
+def python(code):
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True).stdout
+
+
+def test_import_and_help_stay_light():
+    heavy = "{'numba', 'pandas', 'jsbsim', 'scipy', 'plotly', 'mcap', 'pyarrow', 'cvxpy', 'numpy'}"
+    assert python(f"import sys, cosim; print({heavy} & set(sys.modules))") == "set()\n"
+    assert python(f"import sys, cosim.cli; print({heavy} & set(sys.modules))") == "set()\n"
+    assert python(f"import sys, cosim; cosim.load_scenario(); print({heavy} & set(sys.modules))") == "set()\n"

@@ -1,0 +1,55 @@
+"""What a comparison puts into the README: counts and picture follow from the rows, nothing else in the file changes."""
+
+import xml.etree.ElementTree as ElementTree
+
+import pytest
+from test_compare import hand_made
+
+from cosim.compare import Comparison, stats
+from cosim.errors import OutputError
+from cosim.report import compare_markdown as compare_readme
+from cosim.report import markdown as readme
+from cosim.report.compare_picture import render
+
+
+@pytest.fixture
+def found():
+    rows = hand_made()
+    return Comparison(rows, stats.detectors(rows), rows["run"].nunique(), 0, "hand made")
+
+
+def test_table_and_picture_replace_what_stands_between_the_markers(found, tmp_path):
+    begin, end = readme.markers("compare")
+    path = tmp_path / "README.md"
+    path.write_text(f"before\n{begin}\nold\n{end}\nafter\n")
+    for _ in range(2):  # again gives the same
+        compare_readme.write(found, path)
+        text = path.read_text()
+        assert text.startswith("before\n") and text.endswith("\nafter\n") and "old" not in text
+        made = readme.part(text, "compare")
+        assert "8 flights, 4 of them without a fault." in made
+        assert "| `iotsekf` | actuator filters | 2/3 | 2 | 0.5 | 0/4 | – |" in made
+        assert "| actuator filters | 2 |" in made and "| airframe motion | 4 |" in made
+        assert (tmp_path / compare_readme.PICTURE).is_file()
+
+
+def test_picture_counts_flights_beyond_the_common_threshold(found):
+    svg = ElementTree.fromstring(render(found.rows, stats.equal_thresholds(found.rows, 0.0)))
+    words = [t.text for t in svg.iter("{http://www.w3.org/2000/svg}text")]
+    # three oscillations each, of 1, 2 and 4 mm: |r| 0.7, 3, 9 against fault-free maxima of 0.8 and 1.5
+    assert sorted(w for w in words if "/" in w) == ["0/1", "0/1", "1/1", "1/1", "1/1", "1/1"]
+    assert {"iotsekf", "lpv_smo", "actuator filters", "airframe motion"} <= set(words)
+    never = {name: (None, 0, 4, 1.0) for name in ("iotsekf", "lpv_smo")}
+    words = [t.text for t in ElementTree.fromstring(render(found.rows, never)).iter() if t.text and "/1" in t.text]
+    assert set(words) == {"0/1"}
+
+
+@pytest.mark.parametrize("text", ["", "no markers", "<!-- compare: begin -->", "<!-- compare: end -->\n" * 2])
+def test_file_without_the_markers_is_left_alone(found, tmp_path, text):
+    path = tmp_path / "README.md"
+    path.write_text(text)
+    with pytest.raises(OutputError, match="markers"):
+        readme.replace(path, "compare", "x")
+    assert path.read_text() == text
+    with pytest.raises(OutputError, match="cannot be read"):
+        readme.replace(tmp_path / "none.md", "compare", "x")

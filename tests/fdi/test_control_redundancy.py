@@ -1,0 +1,266 @@
+"""Control-induced redundancy: families from sparsity, the documented vehicle, the aircraft's own rows, the block."""
+
+import functools
+
+import numpy as np
+import pytest
+
+from cosim.flight import airframe_wires
+from cosim.flight.plant.aero.functions import AeroFunctions, numbers_digest
+from cosim.flight.plant.force_model import FOLDER, force_model
+from cosim.flight.plant.plant import POINTS, Plant
+from cosim.papers.mar10 import flights as mar10_flights
+from cosim.papers.mar10 import rows as mar10
+from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, THRUST
+from fdi.control_redundancy import control_redundancy
+from fdi.control_redundancy import force_model as fm
+from fdi.control_redundancy import structure as redundancy_structure
+from fdi.control_redundancy.structure import TALK, families, residuals, signatures, undefined
+
+DEG = np.pi / 180
+
+
+def test_slide_10_follows_from_the_pattern_of_slide_7():
+    """27 residuals, 8 signatures: 4 + 2 + 1 + 5 x 4."""
+    assert signatures(TALK) == mar10.TABLE
+    assert sum(signatures(TALK).values()) == 27 and len(signatures(TALK)) == 8
+
+
+@pytest.mark.parametrize(
+    "pattern, count, kinds",
+    [
+        ([[1, 1, 1, 1], [0, 0, 1, 0], [0, 1, 0, 0]], 18, 6),  # no aileron side force
+        ([[0, 1, 0, 1], [0, 0, 1, 0], [0, 1, 0, 0]], 10, 4),  # nor linear aileron and rudder drag
+    ],
+)
+def test_a_transport_defines_fewer_of_the_27(pattern, count, kinds):
+    pattern = np.array(pattern, bool)
+    assert 27 - len(undefined(pattern)) == count
+    assert len(signatures(pattern)) == kinds
+    assert all("is zero" in reason for _, reason in undefined(pattern))
+
+
+def test_no_family_repeats_another_and_signatures_are_true():
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        pattern = rng.random((4, 5)) < 0.5
+        G = np.where(pattern, rng.uniform(0.5, 2.0, pattern.shape), 0.0)
+        seen = []
+        for family in families(pattern):
+            c, s = redundancy_structure.combination(G, family)
+            np.testing.assert_array_equal(np.abs(s) > 1e-12, np.array(family.signature, bool))
+            seen.append(tuple(np.round(c / np.abs(c).max(), 12)))
+        assert len(set(seen)) == len(seen)
+
+
+def test_all_27_on_the_documented_vehicle():
+    """Zero without a fault; with one, each moves as slide 10 says; the direct ones hold the fault itself."""
+    u = np.array([0.02, -0.03, 0.01, 0.6])
+    f = mar10.VEHICLE @ u
+    quiet = residuals(f, mar10.VEHICLE, u)
+    assert len(quiet) == 27 and max(abs(r) for *_, r in quiet) < 1e-12
+    for j in range(4):
+        fault = np.zeros(4)
+        fault[j] = 0.05
+        for family, i, r in residuals(f + mar10.VEHICLE @ fault, mar10.VEHICLE, u):
+            assert (abs(r) > 1e-9) == bool(family.signature[j])
+            if i == j and not family.pivots:
+                assert r == pytest.approx(0.05)
+
+
+def _now(truth):
+    """Return INPUTS (1, 1) of the truth at one moment, commands where the surfaces are."""
+    u = np.zeros((1, 1), control_redundancy.INPUTS)
+    named = {"n_x": "nx", "n_y": "ny", "n_z": "nz"}
+    for name in u.dtype.names:
+        u[name] = 1.0 if name.endswith("_valid") else truth[named.get(name, name)]
+    return u
+
+
+@pytest.mark.parametrize("point", ["sun13", "A", "D"])
+def test_the_rows_read_from_the_xml_are_those_that_jsbsim_flies(point):
+    """Random states, surfaces and throttles: forces within 1 mg (thrust over N1), angular accelerations 0.02 deg/s2."""
+    p = control_redundancy.params(
+        model=force_model(), rows="force+moment", delay=0, lag=(0, 0, 0, 0), t_mean=0, t_learn=0
+    )
+    rng = np.random.default_rng(0)
+    plant = Plant(POINTS[point])
+    trim = plant.trim()
+    for _ in range(10):
+        s = trim.surfaces.copy()
+        s[:8] += rng.normal(0, 0.05, 8)
+        s[8:12] = np.clip(s[8:12] + rng.normal(0, 0.1, 4), 0, 1)
+        plant.place(
+            tas=trim.tas * (1 + 0.03 * rng.normal()), alpha=trim.alpha + 0.02 * rng.normal(), theta=trim.theta,
+            altitude=trim.altitude, beta=0.03 * rng.normal(), phi=0.1 * rng.normal(),
+            p=0.03 * rng.normal(), q=0.03 * rng.normal(), r=0.03 * rng.normal(), surfaces=s,
+        )  # fmt: skip
+        x, log = control_redundancy.init(p), np.zeros((1, 1), control_redundancy.STATE)
+        control_redundancy.rollout(x, _now(plant.truth()[0]), p, 0.005, log)
+        assert np.abs(x["e"][0, :3]).max() < 1e-3
+        assert np.abs(x["e"][0, 3:]).max() < 0.02 * DEG
+
+
+def test_this_aircraft_has_four_signatures_and_is_blind_to_the_aileron_in_its_forces():
+    own = force_model().structure()
+    kinds = signatures(own[:3])
+    assert set(kinds) == {(1, 0, 0, 1), (0, 0, 1, 0), (0, 0, 0, 1), (1, 0, 0, 0)}
+    assert not own[:3, 1].any() and own[3:, 1].any()
+
+
+def test_a_coefficient_that_changes_in_the_xml_changes_the_rows(tmp_path):
+    import shutil
+
+    folder = tmp_path / "transport"
+    shutil.copytree(FOLDER, folder)
+    path = folder / "aerodynamics.xml"
+    text = path.read_text()
+    assert numbers_digest(folder) == numbers_digest(FOLDER)
+    path.write_text(text.replace("<v> 0.7 </v>", "<v> 0.77 </v>", 1))
+    before, after = force_model(), force_model(folder)
+    k = before.quantities.index(("lift", "stab"))
+    assert after.t_m[k][0, 0] == pytest.approx(1.1 * before.t_m[k][0, 0])
+    assert numbers_digest(folder) != numbers_digest(FOLDER)
+    path.write_text(text.replace("<v> 0.7 </v>", "<!-- as before --> <v> 0.70 </v>", 1))
+    assert numbers_digest(folder) == numbers_digest(FOLDER)
+
+
+def test_a_form_that_cannot_be_tabulated_is_refused(tmp_path):
+    import shutil
+
+    folder = tmp_path / "transport"
+    shutil.copytree(FOLDER, folder)
+    path = folder / "aerodynamics.xml"
+    old = "<p> fcs/stabilizer-pos-rad </p>"
+    path.write_text(path.read_text().replace(old, f"<product> {old} {old} </product>", 1))
+    with pytest.raises(ValueError, match="not linear in stab"):
+        force_model(folder)
+
+
+def test_tables_hold_their_ends_and_interpolate():
+    aero = AeroFunctions(FOLDER)
+    mach = aero.breakpoints["velocities/mach"]
+    at = {"aero/qbar-psf": 200.0, "velocities/vt-fps": 500.0}
+    lift = [
+        aero.value("aero/CL_0", at | {"velocities/mach": m}) for m in (mach[0] - 1, mach[0], mach[-1], mach[-1] + 1)
+    ]
+    assert lift[0] == lift[1] and lift[2] == lift[3]
+    middle = aero.value("aero/CL_0", at | {"velocities/mach": 0.5 * (mach[3] + mach[4])})
+    ends = [aero.value("aero/CL_0", at | {"velocities/mach": m}) for m in mach[3:5]]
+    assert middle == pytest.approx(np.mean(ends))
+
+
+@functools.cache
+def flight(number):
+    return mar10_flights.fly(number, draw=0)
+
+
+def watched(number, **kw):
+    flown = flight(number)
+    return flown, flown.run(control_redundancy, airframe_wires.control_redundancy(), mar10_flights.detector(**kw))
+
+
+@pytest.mark.parametrize("number", mar10_flights.TRUTH)
+def test_the_talks_scenarios_are_isolated_in_order(number):
+    flown, log = watched(number)
+    outcome = mar10_flights.judge(number, flown, log)
+    assert outcome.right, outcome
+    assert outcome.early == 0
+    last = mar10_flights.TRUTH[number][-1][0]
+    assert control_redundancy.CULPRITS[int(log["culprit"][-1])] == last
+
+
+def test_verdicts_of_the_scenarios():
+    assert set(np.unique(watched(1)[1]["verdict"])) == {0.0, THRUST}
+    _, log = watched(2)
+    seen = set(np.unique(log["verdict"]))
+    assert JAM_SOLID in seen and THRUST in seen and seen <= {0.0, JAM_SOLID, AMBIGUOUS, THRUST}
+
+
+def test_raw_samples_find_nothing():
+    """Why the sliding mean is there (README of the papers: 0 of 100 draws)."""
+    flown, log = watched(1, t_mean=0.0)
+    assert not mar10_flights.judge(1, flown, log).right
+
+
+def test_the_loss_is_identified():
+    flown, log = watched(1)
+    assert log["f_hat_thrust"][flown.t > 35].mean() == pytest.approx(-0.25, abs=0.06)  # coefficients off by 5 %
+
+
+def test_no_decision_before_the_offset_is_learned():
+    flown, log = watched(3)
+    assert log["valid"][flown.t < 19.9].max() == 0 and log["alarm"][flown.t < 20.0].max() == 0
+
+
+def test_a_dropout_leaves_no_nan():
+    flown = flight(1)
+    u = flown.inputs(control_redundancy, airframe_wires.control_redundancy())
+    for name, first, last in (("n_z", 4200, 4300), ("alpha", 4400, 4700), ("cas", 100, 120)):
+        u[name][0, first:last], u[name + "_valid"][0, first:last] = np.nan, 0.0
+    u["de_lo"][0, 5000] = np.nan
+    p = mar10_flights.detector()
+    log = np.zeros(u.shape, control_redundancy.STATE)
+    control_redundancy.rollout(control_redundancy.init(p), u, p, flown.dt, log)
+    for name in control_redundancy.OUTPUTS:
+        assert np.isfinite(log[name]).all(), name
+    assert log["valid"][0, 4250] == 0 and log["valid"][0, -1] == 1
+    assert control_redundancy.CULPRITS[int(log["culprit"][0, -1])] == "engine"
+
+
+def test_what_was_declared_is_taken_back_when_nothing_is_measured_for_long():
+    flown = flight(1)
+    u = flown.inputs(control_redundancy, airframe_wires.control_redundancy())
+    u["beta_valid"][0, 6000:] = 0.0  # at 30 s; the engines lose thrust at 24 s
+    p = mar10_flights.detector()
+    log = np.zeros(u.shape, control_redundancy.STATE)
+    control_redundancy.rollout(control_redundancy.init(p), u, p, flown.dt, log)
+    assert log["alarm"][0, 5999:6900].min() == 1.0 and log["alarm"][0, 7010:].max() == 0.0
+    assert log["verdict"][0, -1] == 0.0 and log["valid"][0, -1] == 0.0
+
+
+def test_live_and_batch_agree_bit_for_bit():
+    flown = flight(3)
+    u = flown.inputs(control_redundancy, airframe_wires.control_redundancy())[:, 4000:4600]
+    p = mar10_flights.detector(t_learn=1.0)
+    batch = np.zeros(u.shape, control_redundancy.STATE)
+    control_redundancy.rollout(control_redundancy.init(p), u, p, 0.005, batch)
+    x, row = control_redundancy.init(p), np.zeros((1, 1), control_redundancy.STATE)
+    for k in range(u.shape[1]):
+        control_redundancy.rollout(x, u[:, k : k + 1].copy(), p, 0.005, row)
+        for name in row.dtype.names:
+            np.testing.assert_array_equal(row[name][0, 0], batch[name][0, k])
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [({"rows": "moment"}, "force"), ({"t_mean": 0.6}, "at most 0.5"), ({"delay": 60}, "at most")],
+)
+def test_wrong_options_are_refused(change, message):
+    with pytest.raises(ValueError, match=message):
+        control_redundancy.params(model=force_model(), **change)
+
+
+def test_a_model_that_does_not_fit_is_refused():
+    import dataclasses
+
+    big = dataclasses.replace(force_model(), mach=np.linspace(0, 1, 200))
+    with pytest.raises(ValueError, match="200 Mach"):
+        fm.fields(big)
+
+
+def test_the_scenario_chooses_the_rows_by_a_word():
+    from cosim.errors import ScenarioError
+    from cosim.flight.build import build
+    from cosim.scenario.load import load_scenario
+
+    def rows(*changes):
+        only = ("detectors.enabled=['control_redundancy']", "duration_s=1", "faults=[]")
+        return build(load_scenario("cruise", [*only, *changes])).loop.detectors[0].p["n_rows"][0]
+
+    assert rows() == 3.0
+    assert rows("detectors.control_redundancy.rows=force+moment") == 6.0
+    with pytest.raises(ScenarioError, match="is no choice"):
+        rows("detectors.control_redundancy.rows=moment")
+    with pytest.raises(ScenarioError, match="is no number"):
+        rows("detectors.control_redundancy.rel=five")

@@ -1,0 +1,181 @@
+"""The shared decision kernels: confirmation, CUSUM, the frequency bank against plain least squares, the pair test."""
+
+import numpy as np
+import pytest
+
+from actuators.block import dtype
+from fdi.common import bank, decision, tuning, verdict
+
+DT = 0.005
+BANK_PARAMS, BANK_STATE = dtype(bank.PARAMS), dtype(bank.STATE)
+PAIR_PARAMS, PAIR_STATE = dtype(decision.PAIR_PARAMS), dtype(decision.PAIR_STATE)
+
+
+def bank_params():
+    p = np.zeros(1, BANK_PARAMS)
+    for name, value in bank.design(DT).items():
+        p[name][0] = value
+    return p
+
+
+def feed(residual, drive=None):
+    """Return the bank's STATE after all samples."""
+    p, x = bank_params(), np.zeros(1, BANK_STATE)
+    drive = np.zeros_like(residual) if drive is None else drive
+    for a, b in zip(residual, drive):
+        bank.push(x[0], p[0], a, b)
+    return x[0], p[0]
+
+
+def test_an_alarm_needs_the_confirmation_time_and_heals():
+    timer, alarm, seen = 0.0, 0.0, []
+    for k in range(400):
+        timer, alarm = decision.confirm(timer, alarm, 100 <= k < 120 or k == 40, DT, 0.05, 0.5)
+        seen.append(alarm)
+    assert seen.index(1.0) == 109  # ten ticks
+    assert not any(seen[:109])
+    healed = 109 + seen[109:].index(0.0)
+    assert (healed - 119) * DT == pytest.approx(0.55, abs=2 * DT)
+
+
+def test_cusum_grows_with_the_excess_and_is_bounded():
+    s = 0.0
+    for _ in range(10):
+        s = decision.cusum(s, 1.5, 1.0, 3.0)
+    assert s == 3.0
+    for _ in range(4):
+        s = decision.cusum(s, 0.0, 1.0, 3.0)
+    assert s == 0.0
+
+
+def test_the_bank_is_least_squares_over_two_periods():
+    rng = np.random.default_rng(0)
+    y = np.cumsum(rng.standard_normal(1600)) * 1e-3
+    x, p = feed(y)
+    for k in range(bank.K):
+        D, n = int(p.bank_block[int(p.bank_level[k])]), int(p.bank_n[k])
+        weights = np.concatenate([np.arange(1, D + 1), np.arange(D - 1, -1, -1)]) / D**2
+        last = (len(y) // D) * D
+        samples = np.array([weights @ y[e - 2 * D : e] for e in range(last - (n - 1) * D, last + 1, D)])
+        t = (np.arange(n) - (n - 1) / 2) * D * DT
+        w = 2 * np.pi * p.bank_hz[k]
+        fit = np.linalg.lstsq(np.stack([np.cos(w * t), np.sin(w * t), t**0, t, t * t], axis=1), samples, rcond=None)[0]
+        if int(x.bank_seen[int(p.bank_level[k])]) % int(p.bank_stride[k]) == 0:  # renewed at the last sample
+            assert (x.bank_cos[0, k], x.bank_sin[0, k]) == pytest.approx(fit[:2] / p.bank_loss[k], rel=1e-9, abs=1e-15)
+
+
+@pytest.mark.parametrize("hz", [0.5, 0.6, 1.0, 2.0, 3.3, 5.0, 7.0, 10.0])
+def test_amplitude_and_agreement_of_a_sinusoid(hz):
+    t = np.arange(1400) * DT
+    x, p = feed(0.3 * np.sin(2 * np.pi * hz * t) + 0.2 + 0.1 * t)
+    k = int(np.argmin(np.abs(np.log(p.bank_hz / hz))))
+    assert np.sqrt(bank.mixed(x, k, 1.0, 0.0)) == pytest.approx(0.3, rel=0.12)  # between two frequencies
+    x, p = feed(0.3 * np.sin(2 * np.pi * hz * t))
+    agreement, purity, whole = bank.character(x, p, k, 1.0, 0.0)
+    assert agreement > 0.6 and purity > 0.75 and whole > 0.75
+    assert decision.peak_frequency(x, p, k, 0.0) == pytest.approx(hz, rel=0.1)
+
+
+def test_a_step_is_no_oscillation():
+    hits = 0
+    p, x = bank_params(), np.zeros(1, BANK_STATE)
+    for k in range(1600):
+        bank.push(x[0], p[0], 1.0 if k > 700 else 0.0, 0.0)
+        for f in range(bank.K):
+            if x["bank_new"][0, f] and bank.mixed(x[0], f, 1.0, 0.0) > 0.05**2:
+                agreement, purity, _ = bank.character(x[0], p[0], f, 1.0, 0.0)
+                hits += agreement > 0.5 and purity > 0.3
+    assert hits == 0
+
+
+def test_a_manoeuvre_beyond_two_periods_is_forgotten_exactly():
+    t = np.arange(2000) * DT
+    y = 1e-3 * np.sin(2 * np.pi * 2.0 * t)
+    big = y.copy()
+    big[:400] += 100.0
+    (x, p), (z, _) = feed(y), feed(big)
+    for k in range(bank.K):
+        if p.bank_hz[k] > 0.6:
+            assert (x.bank_cos[0, k], x.bank_sin[0, k]) == (z.bank_cos[0, k], z.bank_sin[0, k])
+
+
+def pair(y_rod, y_surface, model_v):
+    p, x = np.zeros(1, PAIR_PARAMS), np.zeros(1, PAIR_STATE)
+    for name, value in tuning.thresholds("rtsekf_flight").items():
+        if name in p.dtype.names:
+            p[name] = value
+    out = np.zeros(len(y_rod), PAIR_STATE)
+    for k in range(len(y_rod)):
+        decision.pair_test(x[0], y_rod[k], float(np.isfinite(y_rod[k])), y_surface[k], 1.0, model_v[k], p[0], DT)
+        out[k] = x[0]
+    return out
+
+
+@pytest.mark.parametrize(("which", "name"), [(0, 1.0), (1, 2.0)])
+def test_the_pair_test_blames_the_sensor_that_leaves_the_model(which, name):
+    rng, n = np.random.default_rng(4), 2000
+    t = np.arange(n) * DT
+    q, v = 0.02 * np.sin(2 * t), 0.04 * np.cos(2 * t)
+    y = q + 1e-4 * rng.standard_normal((2, n)) + [[0.0], [4e-4]]  # rigging
+    y[which, 1200:] += 6e-4
+    out = pair(*y, 1.05 * v)
+    assert not out["sensor"][:1200].any()
+    assert out["sensor"][1260] == 1.0
+    assert out["blame"][1260] == name
+    assert out["rigging"][1199] == pytest.approx(-4e-4, abs=1e-4)
+
+
+def test_both_sensors_together_are_never_blamed():
+    rng, n = np.random.default_rng(4), 1500
+    q = np.where(np.arange(n) > 800, 0.01 * (np.arange(n) - 800) * DT, 0.0)  # runs away, whatever the model says
+    y = q + 1e-4 * rng.standard_normal((2, n))
+    assert not pair(*y, np.zeros(n))["sensor"].any()
+
+
+def test_spikes_and_dropouts_do_not_alarm():
+    rng, n = np.random.default_rng(4), 2000
+    y = 1e-4 * rng.standard_normal((2, n))
+    y[0, 500::200] += 0.05
+    y[0, 900:1000] = np.nan
+    out = pair(*y, np.zeros(n))
+    assert not out["sensor"].any()
+    for name in out.dtype.names:
+        assert np.isfinite(out[name]).all(), name
+
+
+def test_verdict_names_and_codes():
+    assert [verdict.name(verdict.code(n)) for n in verdict.NAMES] == list(verdict.NAMES)
+    assert verdict.name(verdict.AMBIGUOUS) == "ambiguous"
+    for code in (3.5, 10.0, -1.0):
+        with pytest.raises(ValueError, match=f"{code:g}"):
+            verdict.name(code)
+
+
+def test_an_unknown_threshold_set_is_refused():
+    with pytest.raises(ValueError, match="nowhere"):
+        tuning.thresholds("iotsekf", "nowhere")
+
+
+
+def judged(signal):
+    """Return the first time at which the highest frequency's window is called an oscillation [s], inf for never."""
+    first = [("own", "f8")]  # Numba warns of a record that begins like another one
+    p, x = np.zeros(1, dtype(first + decision.OFC_PARAMS)), np.zeros(1, dtype(first + decision.OFC_STATE))
+    for name, value in {**bank.design(DT), "coherence": 0.5, "purity": 0.3}.items():
+        p[name][0] = value
+    k = bank.K - 1
+    for i, value in enumerate(signal):
+        bank.push(x[0], p[0], value, 0.0)
+        if x["bank_new"][0, k] and bank.mixed(x[0], k, 1.0, 0.0) > 0.05**2 and decision.judge(x[0], p[0], k, 0, 0.0):
+            return i * DT
+    return np.inf
+
+
+def test_an_oscillation_that_grows_is_one_and_a_step_is_none():
+    """Near the resonance the first of two periods is half of the second; a step and a ramp live in one."""
+    t = np.arange(400) * DT
+    hz = bank.frequencies()[-1]
+    growing = np.sin(2 * np.pi * hz * t) * np.where(t > 1.0, np.exp((t - 1.0) * hz * np.log(3.0)), 0.0)
+    assert judged(growing[: 200 + round(5.0 / hz / DT)]) <= 1.0 + 3.0 / hz
+    assert judged(np.where(t > 1.0, 1.0, 0.0)) == np.inf
+    assert judged(np.clip((t - 1.0) * hz, 0.0, 1.0)) == np.inf

@@ -1,0 +1,262 @@
+"""`ema_kalman_flight`: which sensor, how soon, and what happens when the loop closes on the estimate.
+
+The bench and its draws are `cosim.papers.studies.ema_bench` and `cosim.papers.studies.ema_draws`; thresholds were
+chosen on seeds below 1000.
+"""
+
+import json
+import math
+from importlib import resources
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_discrete_lyapunov
+
+from actuators.ema import jay
+from cosim.papers.studies.ema_bench import ARM, DEG, DT, NO_LOAD, STALL, fly_bench, script, three_two_one_one
+from cosim.papers.studies.ema_draws import (
+    FAULTS,
+    SECONDS,
+    START,
+    confusion,
+    draw,
+    margins,
+    outcome,
+    outcomes,
+    reconfigured,
+    smallest,
+)
+from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID
+from fdi.ema import ema_kalman_flight as flight
+from fdi.ema import model as ema_design
+
+QUICK = range(2000, 2030)
+
+
+# --- design
+
+
+def test_model_has_the_hinge_stiffness_inside_a():
+    """First order in HM_delta equals the exponential of the whole model; the load state acts as a hinge moment."""
+    v = jay.values("elevator")
+    Phi, Phi_h, G, G_h = ema_design.model(v, DT, 20.0)
+    for hmd in (0.0, -40e3):
+        m = jay.continuous("elevator", hinge_stiffness=hmd)
+        B = np.column_stack([m.B[:5], m.E[:5]])
+        exact, gamma = jay.discretise(m.A[:5, :5], B, DT)
+        scale = np.abs(exact).max(axis=1, keepdims=True)
+        error = np.abs((Phi + hmd * Phi_h)[:5, :5] - exact) / scale
+        assert error.max() < (1e-9 if hmd == 0.0 else 1e-4)
+        if hmd == 0.0:
+            np.testing.assert_allclose(G[:5], gamma[:, 0], rtol=1e-6)
+            np.testing.assert_allclose(G_h[:5], gamma[:, 1], rtol=1e-6)
+    np.testing.assert_allclose(Phi[:5, 5], G_h[:5], rtol=1e-3)  # a load that leaks with 20 s acts as one that is held
+    with pytest.raises(ValueError, match="a = b"):
+        ema_design.model({**v, "a": 45.0}, DT, 20.0)
+
+
+def test_gain_is_the_fixed_point_of_the_covariance():
+    """The covariance that a filter with this gain has (Lyapunov, no Riccati solver) gives back the same gain."""
+    v = jay.values("elevator")
+    Phi, Phi_h, _, _ = ema_design.model(v, DT, 20.0)
+    Phi = Phi - 2e4 * Phi_h
+    K, S_root = ema_design.gain(Phi, 630.0, 20.0, 1.0, 1.0, DT)
+    Q = np.diag([0, 0, 0, 1.0, 0, 630.0**2 * -math.expm1(-2 * DT / 20.0)])
+    closed = Phi @ (np.eye(6) - np.outer(K, np.eye(6)[3]))
+    assert np.abs(np.linalg.eigvals(closed)).max() < 1.0
+    P = solve_discrete_lyapunov(closed, Phi @ np.outer(K, K) @ Phi.T + Q, method="bilinear")
+    # the position is seen through the hinge stiffness alone, its pole is at 0.999997: there the solvers differ more
+    np.testing.assert_allclose(P[:, 3] / (P[3, 3] + 1.0), K, rtol=1e-2)
+    np.testing.assert_allclose(P[3:, 3] / (P[3, 3] + 1.0), K[3:], rtol=1e-4)
+    assert math.sqrt(P[3, 3] + 1.0) == pytest.approx(S_root, rel=1e-4)
+
+
+# --- isolation
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_right_sensor_is_named(fault):
+    """30 draws with a hinge model 30 % wrong; `slow` has the 100 of the requirement."""
+    right = FAULTS[fault][2]
+    named = [o.named for o in outcomes(fault, QUICK)]
+    assert named.count(right) >= (25 if fault == "position x1.25" else 28), named
+    if fault == "position x1.25":
+        assert "velocity" not in named
+
+
+@pytest.mark.slow
+def test_confusion_matrix_of_100_draws():
+    """The requirement: 95 of 100, 85 for position x1.25, no alarm without a fault and with R +40 %, K_T, K_B -5 %."""
+    for noise in (0.5, 1.0, 2.0):
+        table = confusion(range(3000, 3100), noise=noise)
+        for fault, (_, _, right) in FAULTS.items():
+            least = 100 if right == "none" else 85 if fault == "position x1.25" else 95
+            assert table[fault].get(right, 0) >= least, (noise, fault, table[fault])
+
+
+def test_fault_free_tests_stay_below_their_thresholds_as_stored():
+    """On other draws than those of the stored maxima, and not far above them."""
+    stored = json.loads(resources.files("fdi").joinpath("thresholds", "ema_kalman_flight.json").read_text())
+    for name, value in margins(QUICK).items():
+        assert value < 1.0
+        assert value == pytest.approx(stored["training"]["largest_over_threshold"][name], rel=0.25), name
+
+
+def test_smallest_fault_that_is_found():
+    """On 20 draws: 0.4 deg of position and 6 % of the stall current are found, a fifth of that is not."""
+    seeds = range(2000, 2020)
+    assert smallest("position + 1 deg", np.array([0.08, 0.4]) * DEG * ARM, seeds) == pytest.approx(0.4 * DEG * ARM)
+    assert smallest("current + 10 % of stall", np.array([0.01, 0.06]) * STALL, seeds) == pytest.approx(0.06 * STALL)
+
+
+@pytest.mark.parametrize("share", [0.002, 0.005, 0.01, 0.03, 0.05, 0.07, 0.1])
+def test_a_velocity_bias_never_reconfigures(share):
+    """In a 3-2-1-1, in a slow sine and at rest; small ones are ambiguous at most."""
+    commands = (None, lambda t: 10 * DEG * np.sin(2 * np.pi * 0.3 * t), lambda t: 0.0 * t)
+    for command in commands:
+        for sign in (1.0, -1.0):
+            found = outcomes(
+                "velocity + 10 % of no-load", range(2000, 2008), size=sign * share * NO_LOAD, command=command
+            )
+            assert not any(o.reconfigured for o in found)
+            if share <= 0.03:
+                assert {o.named for o in found} <= {"none", "ambiguous"}
+
+
+@pytest.mark.parametrize("scale", [-0.25, -0.15, 0.15, 0.25])
+def test_a_velocity_scale_in_slow_motion_is_not_blamed_on_the_position(scale):
+    """Where the torque says too little about the velocity, the verdict is ambiguous and the loop stays where it is."""
+    for f in (0.3, 0.5):
+        found = outcomes("velocity x1.25", range(2000, 2010), size=scale,
+                         command=lambda t, f=f: 8 * DEG * np.sin(2 * np.pi * f * t))  # fmt: skip
+        assert not any(o.reconfigured for o in found)
+        assert "position" not in {o.named for o in found}
+
+
+def test_position_drift_at_rest_is_ambiguous():
+    tick = script(20.0)
+    t = np.arange(len(tick)) * DT
+    tick["f_p"] = np.clip(t - 5.0, 0.0, None) * 0.3 * DEG * ARM
+    log = fly_bench(tick).log
+    assert log["verdict"][-1] == AMBIGUOUS and not log["reconf"].any()
+
+
+def test_a_jam_is_no_sensor_fault():
+    names = []
+    for seed in range(2000, 2015):
+        tick, kwargs, begin = draw(seed)
+        tick["jam"][np.arange(len(tick)) * DT >= begin] = 1.0
+        flown = fly_bench(tick, **kwargs)
+        names.append(outcome(flown, begin).named)
+        assert not flown.log["culprit"].any() and not flown.log["reconf"].any()
+        assert set(np.unique(flown.log["verdict"])) <= {0.0, JAM_SOLID, EFFECTIVENESS}
+    assert names.count("jam_solid") >= 10
+
+
+def test_current_fault_inside_the_loop_never_reconfigures():
+    """Loop only: the true current is off, the monitor's copy right. Both copies: nothing to see but a load."""
+    for both in (False, True):
+        for seed in range(2000, 2015):
+            tick, kwargs, begin = draw(seed)
+            late = np.arange(len(tick)) * DT >= begin
+            tick["f_i"][late] = 0.1 * STALL
+            tick["f_c"][late] = 0.1 * STALL if both else 0.0
+            log = fly_bench(tick, **kwargs).log
+            assert not log["reconf"].any()
+            assert not np.isin(log["culprit"], (1.0, 2.0)).any()
+            if both:
+                assert not log["alarm"].any()
+
+
+# --- reconfiguration
+
+
+@pytest.mark.parametrize("fault, size", [("f_p", 5 * DEG * ARM), ("f_p", 15 * DEG * ARM), ("z_p", 1.0)])
+def test_surface_stays_below_half_a_degree_for_60_s_after_reconfiguration(fault, size):
+    """With a velocity bias of 1e-4 of no-load; at 1e-3 too, because the anchor has learned it before the fault."""
+    for bias in (1e-4, -1e-4, 1e-3):
+        for seed in range(2000, 2005):
+            flown, t = reconfigured(fault, size, bias=bias, seed=seed)
+            begin = t[np.argmax(flown.log["reconf"] > 0)]
+            assert 20.0 < begin < 21.5  # frozen on a plateau shows at the pulse's end, 21.2 s
+            late = (t > begin + 2.0) & (t < begin + 62.0)
+            settled = late & (np.abs(np.gradient(flown.reference, t)) < 1e-3)
+            assert np.abs(flown.surface - flown.reference)[settled].max() < 0.5 * DEG
+            assert np.abs(flown.estimate_error)[late[1:]].max() < 0.5 * DEG
+            assert np.all(flown.log["valid"][late] == 1.0)
+
+
+def test_pos_sigma_covers_the_error_and_validity_is_withdrawn():
+    """Its error over its sigma after 60 s stays below 3 in ten runs; with no position sensor for long, valid falls."""
+    ratio = []
+    for seed in range(2000, 2010):
+        flown, _ = reconfigured("f_p", 5 * DEG * ARM, bias=0.0, seed=seed)
+        ratio.append(flown.estimate_error[-1] * ARM / flown.log["pos_sigma"][-1])
+    assert np.abs(ratio).max() < 3.0
+    tick = script(400.0)
+    tick["f_p"][round(5.0 / DT) :] = 5 * DEG * ARM
+    log = fly_bench(tick).log
+    gone = log["pos_sigma"] > 0.5 * DEG * ARM
+    assert gone.any() and not gone[: round(60.0 / DT)].any()
+    np.testing.assert_array_equal(log["valid"][1:], np.where(gone, 0.0, 1.0)[1:])
+
+
+def test_a_healed_position_sensor_is_taken_back_after_motion():
+    t = np.arange(round(40.0 / DT)) * DT
+    tick = script(40.0, command=three_two_one_one(t, start=15.0))
+    tick["f_p"][(t >= 5.0) & (t < 10.0)] = 2 * DEG * ARM
+    log = fly_bench(tick).log
+    assert log["reconf"][round(14.9 / DT)] == 1.0  # agreement at rest proves nothing
+    assert log["alarm"][-1] == 0.0 and log["reconf"][-1] == 0.0
+
+
+# --- a long healthy flight, and bad samples
+
+
+def test_ten_quiet_minutes_with_a_velocity_bias():
+    t = np.arange(round(600.0 / DT)) * DT
+    command = sum(three_two_one_one(t, start=s) for s in range(30, 600, 60))
+    for bias in (1e-4, 5e-4):
+        log = fly_bench(script(600.0, command=command, factor=(1.3, 0.7), bias=bias * NO_LOAD)).log
+        assert not log["alarm"].any()
+        assert np.all(log["valid"][1:] == 1.0)
+        assert log["r"][200:].max() < 0.95
+
+
+def gap(field, seconds, *, flag=None, value=None):
+    t = np.arange(round(SECONDS / DT)) * DT
+    tick, kwargs, _ = draw(2000)
+    hit = (t >= START + 0.2) & (t < START + 0.2 + seconds)
+    if flag is not None:
+        tick[flag][hit] = 0.0  # NaN with an invalid flag
+    if value is not None:
+        tick[field][hit] = value
+    return fly_bench(tick, **kwargs), hit
+
+
+@pytest.mark.parametrize("flag", ["ok_v", "ok_p", "ok_c"])
+@pytest.mark.parametrize("seconds", [DT, 0.1, 1.0])
+def test_dropouts_are_survived(flag, seconds):
+    """Dropped in the middle of the motion: nothing not finite, no sensor blamed, valid again at the end."""
+    flown, hit = gap(None, seconds, flag=flag)
+    for name in flight.STATE.names:
+        assert np.all(np.isfinite(flown.log[name])), name
+    assert not flown.log["alarm"].any()
+    assert flown.log["valid"][-1] == 1.0
+    if flag == "ok_v" and seconds > 0.2:
+        assert (flown.log["valid"][hit] == 0.0).any()
+    assert abs(flown.estimate_error[-1]) < 0.3 * DEG
+
+
+@pytest.mark.parametrize("field, size", [("f_v", 2 * NO_LOAD), ("f_v", -1e6), ("f_p", 20 * DEG * ARM), ("f_c", 100.0)])
+def test_single_spikes_are_ignored(field, size):
+    flown, _ = gap(field, DT, value=size)
+    assert not flown.log["alarm"].any()
+    assert abs(flown.estimate_error[-1]) < 0.3 * DEG
+
+
+def test_a_frozen_velocity_sensor_is_named():
+    for seed in range(2000, 2010):
+        tick, kwargs, begin = draw(seed)
+        tick["z_v"][np.arange(len(tick)) * DT >= begin] = 1.0
+        assert outcome(fly_bench(tick, **kwargs), begin).named == "velocity"

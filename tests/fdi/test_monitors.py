@@ -1,0 +1,84 @@
+"""The two baselines: position monitor and the crossing counter."""
+
+import numpy as np
+import pytest
+from lu17_bench import DT, doublets, fly, inputs, roll, run
+
+from fdi.common import verdict
+from fdi.monitors import ofc_monitor, position_monitor
+
+K_FAULT = 2400
+
+
+def onset(log):
+    """Return the delay of each lane's first alarm after the fault [s], inf where there is none; none may be before."""
+    assert not log["alarm"][:, :K_FAULT].any()
+    hit = log["alarm"][:, K_FAULT:] > 0.5
+    return np.where(hit.any(axis=1), hit.argmax(axis=1) * DT, np.inf)
+
+
+def write(**values):
+    """Return a fault writer that sets actuator inputs from K_FAULT on; a callable value takes the time since then."""
+
+    def faults(k, x, w):
+        if k >= K_FAULT:
+            for name, value in values.items():
+                x[name] = value((k - K_FAULT) * DT) if callable(value) else value
+
+    return faults
+
+
+def test_the_position_monitor_is_quiet_in_manoeuvres_and_follows_the_servo():
+    flights = [fly(doublets(20.0, degrees=1.0 + s), seed=s) for s in range(4)]
+    log = run(position_monitor, flights)
+    assert not log["alarm"].any()
+    surface = np.array([f["truth"]["delta"] for f in flights])
+    assert np.degrees(np.abs(log["model"] - surface)).mean() < 0.2
+
+
+def test_it_names_a_jam_and_a_runaway_by_how_the_surface_moves():
+    command = np.where(np.arange(3000) * DT >= 12.0, np.radians(4.0), 0.0)
+    flights = [
+        fly(command, seed=1, faults=write(jam=1.0)),
+        fly(0.0 * command, seed=2, faults=write(f_u=0.1, s_u=1.0)),
+    ]
+    log = run(position_monitor, flights)
+    assert (onset(log) < 0.5).all()
+    first = [log["verdict"][i, K_FAULT + round(d / DT)] for i, d in enumerate(onset(log))]
+    assert first == [verdict.JAM_SOLID, verdict.RUNAWAY]
+    assert (log["verdict"][:, K_FAULT + 200] == first).all()  # it keeps the class of the moment of the alarm
+
+
+def test_it_cannot_see_what_stays_below_its_threshold():
+    small = fly(doublets(15.0), seed=3, faults=write(f_u=lambda t: 0.003 * np.sin(2 * np.pi * t)))
+    assert not run(position_monitor, [small])["alarm"].any()
+
+
+@pytest.mark.parametrize(("hz", "u"), [(1.0, 0.04), (3.0, 0.12), (7.0, 0.2)])
+def test_the_ofc_monitor_counts_a_large_oscillation_and_gives_its_frequency(hz, u):
+    wave = write(f_u=lambda t: u * np.sin(2 * np.pi * hz * t))
+    log = run(ofc_monitor, [fly(np.zeros(round((12 + 5 / hz) / DT)), seed=s, faults=wave) for s in range(3)])
+    assert (onset(log) <= 3.0 / hz).all()
+    assert (log["verdict"][:, -1] == verdict.OFC_LIQUID).all()
+    assert np.abs(log["ofc_hz"][:, -1] / hz - 1).max() < 0.25
+
+
+def test_the_ofc_monitor_is_quiet_in_manoeuvres_and_at_a_jam():
+    flights = [fly(doublets(20.0, degrees=2.0), seed=s) for s in range(3)]
+    assert not run(ofc_monitor, flights)["alarm"].any()
+    step = np.where(np.arange(3000) * DT >= 12.0, np.radians(3.0), 0.0)
+    assert not run(ofc_monitor, [fly(step, seed=1, faults=write(jam=1.0))])["alarm"].any()
+
+
+@pytest.mark.parametrize("module", [position_monitor, ofc_monitor])
+def test_bad_measurements_do_not_stick(module):
+    u = inputs(module, [fly(doublets(12.0), seed=s) for s in range(2)])
+    for name in u.dtype.names:
+        if name.endswith("_valid"):
+            continue
+        u[name][:, 800:880] = np.nan
+    log = roll(module, np.repeat(module.params(), 2), u)
+    for name in log.dtype.names:
+        assert np.isfinite(log[name]).all(), name
+    assert not log["valid"][:, 845:880].any()
+    assert log["valid"][:, 885:].all()

@@ -1,0 +1,132 @@
+"""The pressure sensor of a hydraulic actuator: what is its fault is not the actuator's, and the reverse."""
+
+import numpy as np
+import pytest
+from lu17_bench import DT, doublets, fly, inputs, roll
+
+from fdi.common import verdict
+from fdi.hydraulic import iotsekf, pressure_test
+
+T_FAULT, LANES = 12.0, 6
+K = round(T_FAULT / DT)
+PRESSURE = iotsekf.CULPRITS.index("pressure")
+
+
+@pytest.fixture(scope="module")
+def flights():
+    return [fly(doublets(22.0), seed=s) for s in range(LANES)]
+
+
+def watched(flights, change):
+    """Return the log of `iotsekf` with `change(y_dp, flag)` applied to the pressure from the fault on."""
+    u = inputs(iotsekf, flights)
+    change(u["y_dp"][:, K:], u["y_dp_valid"][:, K:])
+    log = roll(iotsekf, np.repeat(iotsekf.params(), len(flights)), u)
+    assert not log["alarm"][:, :K].any()
+    return log
+
+
+def named(log):
+    """Return {(class, culprit)} of every alarm in the log."""
+    on = log["alarm"] > 0.5
+    return {(verdict.name(v), iotsekf.CULPRITS[int(c)]) for v, c in zip(log["verdict"][on], log["culprit"][on])}
+
+
+@pytest.mark.parametrize("rate", [0.05, 0.2, -0.1])
+def test_a_pressure_that_drifts_is_no_jam(flights, rate):
+    def drift(y, flag):
+        y += rate * DT * np.arange(y.shape[1])
+
+    log = watched(flights, drift)
+    assert log["alarm"][:, -1].all()
+    assert named(log) == {("sensor", "pressure")}
+
+
+def test_a_pressure_that_freezes_is_no_oscillation_and_is_used_again_when_it_moves(flights):
+    thawed = round(4.0 / DT)
+
+    def freeze(y, flag):
+        y[:, :thawed] = y[:, :1]
+
+    log = watched(flights, freeze)
+    alarm = log["alarm"][:, K:] > 0.5
+    assert (alarm.argmax(axis=1) * DT <= 0.105).all()
+    assert alarm[:, round(0.2 / DT) : thawed].all()
+    assert named(log) == {("sensor", "pressure")}
+    assert not alarm[:, thawed + round(2.0 / DT) :].any()
+
+
+def test_a_pressure_that_is_flagged_invalid_for_long_is_nobodys_fault(flights):
+    def lose(y, flag):
+        y[:, : round(6.0 / DT)] = np.nan
+        flag[:, : round(6.0 / DT)] = 0.0
+
+    log = watched(flights, lose)
+    assert not log["alarm"].any()
+    assert log["valid"][:, 1:].all()
+    assert np.isfinite(log["f_hat"]).all()
+    truth = np.stack([f["truth"]["q_rod"] for f in flights])
+    assert np.abs(log["q_now"] - truth)[:, K:].max() < 1.5e-3
+
+
+def test_twice_the_noise_raises_no_alarm(flights):
+    """The jump test takes the sensor's noise from its own innovations: five sigma of the nominal are two of these."""
+    rng = np.random.default_rng(3)
+    u = inputs(iotsekf, flights)
+    u["y_dp"] += np.sqrt(3.0) * 0.005 * rng.standard_normal(u["y_dp"].shape)
+    assert not roll(iotsekf, np.repeat(iotsekf.params(), LANES), u)["alarm"].any()
+
+
+def test_a_coarse_or_silent_sensor_is_not_frozen(flights):
+    u = inputs(iotsekf, flights)
+    u["y_dp"] = 0.02 * np.round(u["y_dp"] / 0.02)
+    coarse = roll(iotsekf, np.repeat(iotsekf.params(), LANES), u)
+    assert not coarse["dp_out"].any()
+    u["y_dp"][:] = np.cos(1e-9 * np.arange(u["y_dp"].shape[1]))  # changes by rounding, then not at all
+    u["y_dp"][:, K:] = u["y_dp"][:, K - 1 : K]
+    assert not (roll(iotsekf, np.repeat(iotsekf.params(), LANES), u)["dp_same"] < 19)[:, -1].any()
+
+
+@pytest.mark.parametrize("step", [0.5, 3.0])
+def test_the_flow_that_a_jam_takes_is_there_and_that_of_a_bad_reading_is_missing(flights, step):
+    def jam(k, x, w):
+        x["jam"] = 1.0 if k * DT >= T_FAULT - 1 else 0.0
+
+    command = np.where(np.arange(K + 200) * DT >= T_FAULT, np.radians(step), 0.0)
+    jammed = [fly(command, seed=s, faults=jam) for s in range(4)]
+    log = roll(iotsekf, np.repeat(iotsekf.params(), 4), inputs(iotsekf, jammed))
+    assert not (log["dp_out"] > 0.5).any()
+    at = (log["jam"] > 0.5).argmax(axis=1)
+    assert (at > K).all()
+    assert (share(log, at) < 0.4).all()
+    drifted = watched(flights, lambda y, flag: np.add(y, 0.05 * DT * np.arange(y.shape[1]), out=y))
+    at = (drifted["dp_out"] > 0.5).argmax(axis=1) - 1
+    assert (share(drifted, at) > 0.5).all()
+
+
+def share(log, at):
+    """Return f over the flow of the excess at tick `at` of each lane, as the test sees it."""
+    p, x = iotsekf.params()[0], log[np.arange(len(log)), at]
+    k = 2 * p.E * p.A_p / (p.P_s * p.V_m)  # at the rod's middle
+    flow = p.L * x["excess_lag"] + (x["excess"] - x["excess_lag"]) / (p.share_tau * k)
+    return -x["f_lag"] / flow
+
+
+def test_the_probability_that_a_healthy_sensor_looks_frozen():
+    assert (1.0 - pressure_test.CHANGES) ** pressure_test.FROZEN <= 1e-12
+
+
+def test_a_pulse_of_the_valve_that_is_not_obeyed_is_no_jump_of_the_pressure():
+    """It lasts one tick, and what it should have pressed in stays missing: as sudden and as steady as a jump."""
+    rng, ticks = np.random.default_rng(5), 1600
+    u = np.zeros((8, ticks), iotsekf.INPUTS)
+    for name in ("y_rod_valid", "y_surface_valid", "y_dp_valid"):
+        u[name] = 1.0
+    u["y_rod"] = 1e-4 * rng.standard_normal(u.shape)
+    u["y_dp"] = 0.005 * rng.standard_normal(u.shape)
+    jumped = u.copy()
+    u["u"][:, 1200] = np.linspace(0.07, 0.1, 8) * np.tile([1, -1], 4)
+    jumped["y_dp"][:, 1201:] += 0.2
+    p = np.repeat(iotsekf.params(), 8)
+    assert not roll(iotsekf, p, u)["dp_offset"].any()
+    assert roll(iotsekf, p, jumped)["dp_offset"][:, -1] == pytest.approx(0.2, abs=0.03)

@@ -1,0 +1,235 @@
+"""Fault estimator of Sun13 against an exact simulation: estimates, alarms, classes, noise, dropouts."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from rfafe_aircraft import DEG, E_SPEED, amplitude, global_of, heffley_jewell, sampled
+from scipy.linalg import expm
+
+from fdi.common import verdict
+from fdi.rfafe import rfafe, rfafe_airframe
+from fdi.rfafe.discrete import noise
+from fdi.rfafe.store import from_plain, to_plain
+
+pytest.importorskip("cvxpy")
+def stored(design):
+    """Return a design file's content with this Design alone, as it comes back from JSON."""
+    return {"designs": {"hydraulic": {"design": json.loads(json.dumps(to_plain(design))), "u_delay_s": 0.0}}}
+
+
+TRIM = {"tas": 200.0, "alpha": 0.05, "theta": 0.05, "elevator": 0.01}
+
+
+@pytest.fixture(scope="module")
+def published():
+    A, B, C, D = global_of(*heffley_jewell("6"))
+    return rfafe.design(A, B, C, D, E_SPEED, B, dt=0.005)
+
+
+def measured(module, y, command=0.0):
+    """Return INPUTS (1, n) of y (n, m) [m/s, deg ...] and commands (n, sides) [deg], both from the trimmed flight."""
+    u = np.zeros((1, len(y)), module.INPUTS)
+    u["tas"], u["alpha"] = TRIM["tas"] + y[:, 0], TRIM["alpha"] + y[:, 1] * DEG
+    u["q"], u["theta"] = y[:, 2] * DEG, TRIM["theta"] + y[:, 3] * DEG
+    if "surface" in module.INPUTS.names:
+        u["surface"] = TRIM["elevator"] + np.repeat(y[:, 4:], 2, axis=1) * DEG  # two segments a side
+    u["command"] = TRIM["elevator"] + command * DEG
+    for name in module.INPUTS.names:
+        if name.endswith("_valid"):
+            u[name] = 1.0
+    return u
+
+
+def flight(published, hz, degrees, n, side=0):
+    """Return rfafe INPUTS (1, n) of the linear aircraft with an oscillation on one side's command."""
+    d = published
+    y = sampled(d.A, d.F[:, side : side + 1], d.C, (degrees, 2 * math.pi * hz), d.dt, n)
+    return measured(rfafe, y)
+
+
+def fly(module, p, u, dt=0.005):
+    """Return the log (n,) of one lane of a block from its initial state."""
+    x = module.init(p)
+    log = np.zeros(u.shape, module.STATE)
+    module.rollout(x, u, p, dt, log)
+    return log[0]
+
+
+def held_inputs(d, command, fault):
+    """Return y (n, m) of the linear aircraft, commands (n, r) and left faults (n,) held over each tick."""
+    n, r = d.B.shape
+    big = np.zeros((n + r, n + r))
+    big[:n, :n], big[:n, n:] = d.A * d.dt, d.B * d.dt
+    big = expm(big)
+    x, y = np.zeros(n), np.zeros((len(command), len(d.C)))
+    for k in range(len(command)):
+        y[k] = d.C @ x
+        x = big[:n, :n] @ x + big[:n, n:] @ (command[k] + np.array([fault[k], 0.0]))
+    return y
+
+
+@pytest.mark.parametrize("hz", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("form", ["published", "airframe"])
+def test_amplitude_is_right_and_does_not_depend_on_the_step(hz, form):
+    A, B = heffley_jewell("6")
+    if form == "published":
+        A, B, C, _ = global_of(A, B)
+        F = B[:, :1]
+    else:
+        C, F = np.eye(4), B
+    w, found = 2 * math.pi * hz, {}
+    for dt in (0.005, 0.0025):
+        d = rfafe.design(A, B, C, None, None, F, dt=dt)
+        y = sampled(A, F, C, (1.0, w), dt, round(10.0 / dt))
+        t = np.arange(len(y)) * dt
+        late = t > 4.0
+        found[dt] = amplitude(t[late], d.estimate(y)[late, 0], w)
+    assert 0.95 < found[0.005] < 1.05
+    assert found[0.005] == pytest.approx(found[0.0025], rel=0.005)
+    assert found[0.005] == pytest.approx(abs(dict(d.report.tracking)[hz]), rel=0.005)
+
+
+def test_stored_design_comes_back_exactly(published):
+    again = from_plain(json.loads(json.dumps(to_plain(published))))
+    for name in ("N", "P", "E", "Gamma"):
+        assert np.array_equal(getattr(again, name), getattr(published, name))
+    assert np.array_equal(again.discrete.Phi, published.discrete.Phi)
+    assert again.report == published.report and again.region == published.region
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_block_estimates_and_alarms_on_the_right_side(published, side):
+    p = rfafe.params(stored=stored(published), trim=TRIM)
+    log = fly(rfafe, p, flight(published, 1.0, 0.64, 2400, side))
+    t = np.arange(2400) * 0.005
+    late = t > 4.0
+    name = ("f_hat_left", "f_hat_right")
+    assert amplitude(t[late], log[name[side]][late], 2 * math.pi) == pytest.approx(0.64 * DEG, rel=0.05)
+    assert amplitude(t[late], log[name[1 - side]][late], 2 * math.pi) < 0.02 * 0.64 * DEG
+    assert log["alarm"][-1] == 1.0
+    assert rfafe.CULPRITS[int(log["culprit"][-1])] == ("elevator_left", "elevator_right")[side]
+    first = t[np.argmax(log["alarm"] > 0.5)]
+    assert first < 1.0 + 3.0  # settling, then three periods
+
+
+def test_a_delayed_actuator_is_no_fault_when_the_command_is_delayed_alike(published):
+    t = np.arange(1600) * 0.005
+    u = 2.0 * np.sin(2 * np.pi * 0.5 * t)
+    late = 5
+    y = held_inputs(published, np.stack([np.concatenate([np.zeros(late), u[:-late]])] * 2, 1), np.zeros(1600))
+    inputs = measured(rfafe, y, np.stack([u, u], 1))
+    kept = stored(published)
+    right, wrong = ({"designs": {"hydraulic": kept["designs"]["hydraulic"] | {"u_delay_s": d}}} for d in (0.025, 0.0))
+    assert abs(fly(rfafe, rfafe.params(stored=right, trim=TRIM), inputs)["f_hat"]).max() < 1e-3 * DEG
+    assert abs(fly(rfafe, rfafe.params(stored=wrong, trim=TRIM), inputs)["f_hat"]).max() > 0.1 * DEG
+
+
+@pytest.mark.parametrize("kind", ["ofc_liquid", "ofc_solid", "ambiguous"])
+def test_class_of_an_oscillation_needs_a_command_that_moves(published, kind):
+    """f = s is liquid, f = s - u solid; while the command stands still the two are one signal."""
+    t = np.arange(4000) * 0.005
+    s = 0.64 * np.sin(2 * np.pi * (t - 4.0)) * (t >= 4.0)
+    u = 0.5 * np.sin(2 * np.pi * 0.23 * t) + 0.3 * np.sin(2 * np.pi * 0.61 * t)
+    u *= kind != "ambiguous"
+    f = s - u * (t >= 4.0) if kind == "ofc_solid" else s
+    command = np.stack([u, u], 1)
+    inputs = measured(rfafe, held_inputs(published, command, f), command)
+    log = fly(rfafe, rfafe.params(stored=stored(published), trim=TRIM), inputs)
+    assert log["alarm"][t < 4.0].max() == 0.0
+    assert verdict.name(log["verdict"][-1]) == kind
+    assert rfafe.CULPRITS[int(log["culprit"][-1])] == "elevator_left"
+
+
+def test_healthy_flight_is_quiet_and_a_dropout_leaves_no_trace(published):
+    p = rfafe.params(stored=stored(published), trim=TRIM)
+    u = flight(published, 1.0, 0.0, 2000)
+    u["q"][0, 800:820], u["q_valid"][0, 800:820] = np.nan, 0.0
+    log = fly(rfafe, p, u)
+    assert log["alarm"].max() == 0.0 and abs(log["f_hat"]).max() < 1e-9
+    assert log["valid"][700] == 1.0 and log["valid"][805] == 0.0 and log["valid"][1100] == 1.0
+    for name in rfafe.STATE.names:
+        assert np.isfinite(log[name]).all(), name
+
+
+def test_trim_is_learned_when_it_is_not_given(published):
+    p = rfafe.params(stored=stored(published))
+    u = flight(published, 1.0, 0.0, 1000)
+    u["surface"][..., :2] += 0.08 * DEG  # rigging
+    log = fly(rfafe, p, u)
+    assert log["valid"][-1] == 1.0 and abs(log["f_hat"]).max() < 1e-9
+
+
+def test_another_tick_is_discretised_anew_and_another_technology_refused(published):
+    kept = stored(published)
+    fast = rfafe.params(stored=kept, dt=0.0025)
+    A, B, C, D = global_of(*heffley_jewell("6"))
+    again = rfafe.design(A, B, C, D, E_SPEED, B, dt=0.0025)
+    assert fast["Phi"][0, :8, :8] == pytest.approx(again.discrete.Phi, abs=1e-9)
+    with pytest.raises(ValueError, match="no design for 'ema'"):
+        rfafe.params(stored=stored(published), technology="ema")
+
+
+def test_noise_of_the_estimate_is_the_predicted_one():
+    A, B = heffley_jewell("6")
+    sigma, rng = np.array([0.05, 0.03, 0.02, 0.02]), np.random.default_rng(2)
+    d = rfafe.design(A, B, np.eye(4), None, None, B, dt=0.005, sigma=sigma)
+    f = d.estimate(rng.normal(size=(40000, 4)) * sigma)
+    assert np.std(f[2000:, 0]) == pytest.approx(noise(d.discrete, sigma)[0], rel=0.03)
+    with_actuator = (*global_of(A, B, sides=1)[:2], np.eye(5)[:4], None, None, np.vstack([B, [[0.0]]]))
+    plain, weighed = (rfafe.design(*with_actuator, dt=0.005, sigma=s) for s in (None, sigma))
+    assert noise(weighed.discrete, sigma)[0] < 0.7 * noise(plain.discrete, sigma)[0]  # `sigma` is worth having
+
+
+def test_dropout_in_an_oscillation_is_bridged(published):
+    p = rfafe.params(stored=stored(published), trim=TRIM)
+    u = flight(published, 1.0, 0.64, 3000)
+    u["alpha_valid"][0, 1500:1504] = 0.0
+    log = fly(rfafe, p, u)
+    t = np.arange(3000) * 0.005
+    late = t > 9.0
+    assert amplitude(t[late], log["f_hat_left"][late], 2 * math.pi) == pytest.approx(0.64 * DEG, rel=0.05)
+    assert abs(log["f_hat_left"]).max() < 1.05 * 0.64 * DEG
+    on = int(np.argmax(log["alarm"] > 0.5))
+    assert on < 1500 and log["alarm"][on:].min() == 1.0  # it has the time to be found again
+
+
+def test_an_alarm_without_an_estimate_is_withdrawn_after_five_seconds(published):
+    u = flight(published, 1.0, 0.64, 4000)
+    u["theta_valid"][0, 1500:] = 0.0
+    log = fly(rfafe, rfafe.params(stored=stored(published), trim=TRIM), u)
+    assert log["alarm"][1499] == 1.0 and log["valid"][1501] == 0.0
+    assert log["alarm"][1500 + 999] == 1.0 and log["alarm"][1500 + 1001] == 0.0
+    assert log["verdict"][-1] == verdict.NONE and log["culprit"][-1] == 0.0
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_slow_oscillation_is_not_the_other_sides_while_it_passes_zero(published, side):
+    log = fly(rfafe, rfafe.params(stored=stored(published), trim=TRIM), flight(published, 0.2, 2.0, 6000, side))
+    on = log["alarm"] > 0.5
+    assert on.any() and set(log["culprit"][on]) == {1.0 + side}
+
+
+def test_r_counts_what_has_the_shape_of_an_oscillation(published):
+    """Bursts of 2 s in every 7: each fills a fit beyond its threshold, none is an oscillation that lasts."""
+    n, p = 8000, rfafe.params(stored=stored(published), trim=TRIM)
+    u = flight(published, 1.0, 0.64, n)
+    quiet = flight(published, 1.0, 0.0, n)
+    between = (np.arange(n) * 0.005) % 7.0 > 0.3
+    u["surface"][0, between], u["command"][0, between] = quiet["surface"][0, between], quiet["command"][0, between]
+    log = fly(rfafe, p, u)
+    assert log["alarm"].max() == 0.0 and log["r"].max() < 1.0
+
+
+def test_airframe_block_sees_the_same_oscillation():
+    A, B = heffley_jewell("6")
+    Ag, Bg, Cg, _ = global_of(A, B, sides=1)
+    F = np.vstack([B, [[0.0]]])
+    d = rfafe.design(Ag, Bg, Cg[:4], None, None, F, dt=0.005)
+    p = rfafe_airframe.params(stored=stored(d), trim=TRIM)
+    log = fly(rfafe_airframe, p, measured(rfafe_airframe, sampled(Ag, F, Cg[:4], (3.0, 2 * math.pi), 0.005, 2400)))
+    t = np.arange(2400) * 0.005
+    late = t > 4.0
+    assert amplitude(t[late], log["f_hat"][late], 2 * math.pi) == pytest.approx(3.0 * DEG, rel=0.05)
+    assert log["alarm"][-1] == 1.0

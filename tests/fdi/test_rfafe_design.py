@@ -1,0 +1,272 @@
+"""Design of Sun13's fault estimator: defining equations, known and random aircraft, what is refused and why."""
+
+import re
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rfafe_aircraft import DEG, E_SPEED, FIGHTER, NAVION, TABLE, global_of, heffley_jewell
+
+from fdi.common import lmi
+from fdi.common.conditions import undetectability
+from fdi.rfafe import rfafe
+from fdi.rfafe.discrete import first_order_hold
+
+pytest.importorskip("cvxpy")
+
+
+def residuals(d):
+    """Return the defining equations' residuals of a Design, each relative to its own size, in the caller's units."""
+    I, TF = np.eye(len(d.A)), d.T @ d.F
+    goal = TF.T @ d.P
+    size = np.linalg.norm
+    return {
+        "(5)": size((I - d.H @ d.C) @ d.E) / max(size(d.E), 1e-12),
+        "(6)": size(d.T - (I - d.H @ d.C)),
+        "(7)": size(d.N - (d.T @ d.A - d.K1 @ d.C)) / size(d.N),
+        "(8)": size(d.K2 - d.N @ d.H) / max(size(d.K2), 1e-12),
+        "(4)": size(d.K - d.K1 - d.K2) / size(d.K),
+        "(16)": size(goal - d.M @ d.C) / size(goal),
+        "Y": size(d.P @ d.K1 - d.Y) / size(d.Y),
+    }
+
+
+def substituted(d):
+    """Return lambda_max over norm of (15), (30), (31) written out again from the paper, in the caller's units."""
+    PN, TF = d.P @ d.N, d.T @ d.F
+    q, r, zeta = d.region.centre, d.region.radius, d.region.decay
+    i15 = np.block([[PN + PN.T, -PN.T @ TF / d.alpha],
+                    [(-PN.T @ TF / d.alpha).T, -2 / d.alpha * TF.T @ d.P @ TF + d.G / (d.alpha * d.theta)]])
+    i30 = np.block([[-r * d.P, q * d.P + PN.T], [q * d.P + PN, -r * d.P]])
+    i31 = PN + PN.T + 2 * zeta * d.P
+    return [np.linalg.eigvalsh((X + X.T) / 2)[-1] / np.linalg.norm(X, 2) for X in (i15, i30, i31)]
+
+
+def check(d):
+    """Check the defining equations, the inequalities, the poles in their region and |TF| of a Design."""
+    for name, value in residuals(d).items():
+        assert value < (1e-10 if name in ("(5)", "(6)") else 1e-6), name
+    assert max(substituted(d)) < 1e-6
+    assert np.linalg.eigvalsh(d.P)[0] >= 1.0 - 1e-9
+    poles = np.linalg.eigvals(d.N)
+    assert (abs(poles + d.region.centre) < d.region.radius * (1 + 1e-6)).all()
+    assert (poles.real < -d.region.decay * (1 - 1e-6)).all()
+    assert max(x.real for x in d.report.eigenvalues_loop) < 0.0
+    assert d.report.TF_ratio >= 0.5
+
+
+@pytest.mark.parametrize("name", sorted(TABLE["IX3"]))
+@pytest.mark.parametrize("E", [None, E_SPEED])
+def test_published_form_designs_for_every_flight_condition(name, E):
+    A, B, C, D = global_of(*heffley_jewell(name))
+    d = rfafe.design(A, B, C, D, E, B, dt=0.005, region=(20.0, 15.0, 8.0), bandwidth=40.0)
+    check(d)
+    assert d.report.bandwidth == pytest.approx((40.0, 40.0))
+    for _, ratio in d.report.tracking:
+        assert 0.95 < abs(ratio) < 1.05
+
+
+def test_six_states_design_in_under_a_second():
+    A, B, C, D = global_of(*heffley_jewell("6"))
+    lmi.cvxpy()  # the import is not the design
+    start = time.process_time()
+    rfafe.design(A, B, C, D, E_SPEED, B[:, :1], dt=0.005)
+    assert time.process_time() - start < 1.0
+
+
+def test_as_published_the_whole_gain_is_on_the_position():
+    """[Sun13]'s estimator is a position monitor: with C = I, M = F'P has nothing for V, alpha, q and theta."""
+    A, B, C, D = global_of(*heffley_jewell("6"))
+    d = rfafe.design(A, B, C, D, None, B[:, :1], dt=0.005)
+    M = abs(d.M[0]) / abs(d.M[0]).max()
+    assert M[4] == 1.0
+    assert np.delete(M, 4).max() < 1e-6
+
+
+@pytest.mark.parametrize("units", [(1.0, 1.0, 1.0, 1.0), (1.0, DEG, DEG, DEG), (0.001, 1e3, 1e2, 57.0)])
+@pytest.mark.parametrize("plant", ["navion", "6", "9"])
+def test_airframe_form_in_any_units(plant, units):
+    A, B = NAVION if plant == "navion" else heffley_jewell(plant)
+    S = np.diag(units)
+    A, B = S @ A @ np.linalg.inv(S), S @ B
+    d = rfafe.design(A, B, np.eye(4), None, None, B, dt=0.005)
+    check(d)
+    assert all(0.95 < abs(ratio) < 1.05 for _, ratio in d.report.tracking)
+
+
+def random_plant(seed):
+    """Return A, B, C, D, E, F of a random plant in random units, which a design may or may not exist for."""
+    rng = np.random.default_rng(seed)
+    n, m = int(rng.integers(3, 9)), int(rng.integers(2, 7))
+    m, l = min(m, n), int(rng.integers(1, 3))
+    q = int(rng.integers(0, m - l + 1)) if m > l else 0
+    A = rng.normal(size=(n, n)) - 0.5 * np.eye(n)
+    units = np.diag(10.0 ** rng.uniform(-2, 2, n))
+    B, E, F = rng.normal(size=(n, 2)), rng.normal(size=(n, q)), rng.normal(size=(n, l))
+    C = rng.normal(size=(m, n))
+    inverse = np.linalg.inv(units)
+    return units @ A @ inverse, units @ B, C @ inverse, None, units @ E, units @ F
+
+
+def smallest(plant, s):
+    """Return the smallest singular value of the balanced system pencil at s: it vanishes at an invariant zero."""
+    A, _, C, _, E, F = plant
+    inputs = np.hstack([E, F])
+    pencil = np.block([[s * np.eye(len(A)) - A, inputs], [C + 0j, np.zeros((len(C), inputs.shape[1]))]])
+    for _ in range(20):
+        pencil /= abs(pencil).max(1, keepdims=True)
+        pencil /= abs(pencil).max(0, keepdims=True)
+    return np.linalg.svd(pencil)[1][-1]
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_any_plant_is_designed_or_refused_with_the_reason(seed):
+    plant = random_plant(seed)
+    try:
+        d = rfafe.design(*plant, dt=0.005, min_ratio=0.0)
+    except ValueError as error:
+        assert any(word in str(error) for word in ("condition (", "fixed modes", "no P, Y satisfy"))
+        modes = re.search(r"fixed modes (.*?) 1/s .* lie outside", str(error))
+        assert ("fixed modes" in str(error)) == bool(modes)
+        for mode in map(complex, modes[1].split(", ") if modes else ()):  # printed to four digits
+            assert smallest(plant, mode) < 0.01 * smallest(plant, 1.1 * mode)
+        return
+    check_relaxed(d)
+
+
+def check_relaxed(d):
+    """Check a Design that may be ill conditioned: (5), gamma, the inequalities as solved and a stable loop."""
+    assert residuals(d)["(5)"] < 1e-9
+    assert d.report.gamma < 1e-6 and max(d.report.lmi15, d.report.lmi30, d.report.lmi31) < 1e-6
+    assert max(x.real for x in d.report.eigenvalues_loop) < 0.0
+
+
+def test_each_condition_says_that_it_fails_and_by_how_much():
+    A, B, C, _ = global_of(*heffley_jewell("4"))
+    F, theta = B[:, :1], np.eye(6)[:, 3:4]
+    cases = [
+        (C[4:], np.eye(6)[:, :1], F, r"condition \(i\).*rank\(CE\) = 0 < rank\(E\) = 1"),
+        (C[:1], np.eye(6)[:, 1:3], F, r"condition \(i\).*2 unknown inputs, 1 outputs"),
+        (C[:4], None, F, r"condition \(ii\).*rank\(CF\) = 0"),
+        (C, None, np.hstack([F, 2 * F]), r"condition \(ii\).*parallel"),
+        (C, np.hstack([F, theta]), F, r"condition \(iii\)"),
+        (np.delete(C, 3, 0), np.eye(6)[:, :2], F, r"condition \(iv\).*mostly state 3"),
+    ]
+    for c, E, f, message in cases:
+        with pytest.raises(rfafe.DesignError, match=message):
+            rfafe.design(A, B, c, None, E, f, dt=0.005)
+
+
+def test_the_paper_s_names_of_a_region_are_a_disk_about_minus_q():
+    """[Sun13] (30): radius r about (-q, 0), (31): left of -zeta; q = centre."""
+    A, B, C, D = global_of(*heffley_jewell("6"))
+    paper, ours = (
+        rfafe.design(A, B, C, D, None, B, dt=0.005, region=region, bandwidth=40.0)
+        for region in ({"q": 20.0, "r": 15.0, "zeta": 8.0}, (20.0, 15.0, 8.0))
+    )
+    assert paper.region == ours.region and np.array_equal(paper.K, ours.K)
+    poles = np.linalg.eigvals(paper.N)
+    assert (abs(poles + 20.0) < 15.0).all() and (poles.real < -8.0).all()
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"A": np.zeros((5, 6))}, "B has 6 rows, not 5"),
+        ({"B": np.zeros((4, 2))}, "B has 4 rows, not 6"),
+        ({"E": np.zeros((3, 1))}, "E has 3 rows"),
+        ({"F": None}, "^F has no column$"),
+        ({"A": np.full((6, 6), np.nan)}, "^A holds NaN$"),
+        ({"D": np.full((6, 2), np.inf)}, "^D holds an infinite value$"),
+        ({"region": {"q": -20.0, "r": 10.0, "zeta": 1.0}}, "lies about -centre"),
+        ({"C": np.eye(6) * 1j}, "C is complex"),
+        ({"sigma": [1.0, 2.0]}, "sigma is one positive number per output"),
+        ({"sigma": [0.0, 1, 1, 1, 1, 1]}, "sigma is one positive"),
+        ({"region": (1.0, 2.0)}, "a region is"),
+        ({"region": {"centre": 20.0, "radius": 10.0, "speed": 1.0}}, "a region is"),
+        ({"Gamma": np.array([[1.0, 2.0], [0.0, 1.0]])}, "symmetric positive definite"),
+        ({"dt": -1.0}, "dt is a positive number, not -1"),
+        ({"alpha": 0.0}, "alpha is a positive number"),  # with a fixed mode these went round for ever
+        ({"bandwidth": -5.0}, "bandwidth is a positive number"),
+        ({"bandwidth": np.nan}, "bandwidth is a positive number"),
+        ({"theta": "1"}, "theta is a positive number"),
+    ],
+)
+def test_what_is_no_model_is_refused_by_name(change, message):
+    A, B, C, D = global_of(*heffley_jewell("6"))
+    given = {"A": A, "B": B, "C": C, "D": D, "E": None, "F": B, "dt": 0.005} | change
+    with pytest.raises(ValueError, match=message):
+        rfafe.design(**given)
+
+
+def test_a_decoupled_state_in_odd_units_and_outputs_that_are_there_twice():
+    """Rounding in the row of the decoupled state once passed for a coupling; twice the outputs are no new ones."""
+    S = np.diag([1e3, 1e-3, 1e2, 1.0])
+    A, B = heffley_jewell("3")
+    A, B, C, _ = global_of(S @ A @ np.linalg.inv(S), S @ B, a=5.0)
+    twice = np.vstack([C, 2 * C[:4]])
+    for E in (np.eye(6)[:, :1], np.eye(6)[:, :2]):
+        check(rfafe.design(A, B, twice, None, E, B, dt=0.005))
+
+
+@pytest.mark.parametrize("rank", [0, 1, 2])
+@pytest.mark.parametrize("plant", [NAVION, FIGHTER])
+def test_light_and_unstable_aircraft_with_unknown_inputs(plant, rank):
+    A, B, C, D = global_of(*plant)
+    E = np.eye(6)[:, :rank] if rank else None
+    check(rfafe.design(A, B, C, D + 0.1, E, B, dt=0.005))
+
+
+def test_almost_undetectable_is_reported():
+    """At 2.5 deg of trim attitude theta shows in q only through M_wdot g sin(theta_0): (iv) holds by a hair."""
+    A, B, C, _ = global_of(*heffley_jewell("6"))
+    with_theta = rfafe.design(A, B, C, None, np.eye(6)[:, :2], B[:, :1], dt=0.005)
+    without = rfafe.design(A, B, np.delete(C, 3, 0), None, np.eye(6)[:, :2], B[:, :1], dt=0.005)
+    check(without)
+    assert without.report.undetectability < 1e-3 * with_theta.report.undetectability
+    assert without.report.condition_P > 1e4 * with_theta.report.condition_P
+
+
+def test_undetectable_unstable_mode_is_named():
+    A = np.diag([0.3, -1.0, -2.0])
+    with pytest.raises(rfafe.DesignError, match=r"condition \(iv\).*0\.3"):
+        undetectability(A, np.eye(3)[1:])
+
+
+def test_unknown_input_beside_the_fault_is_refused_or_separated():
+    A, B = heffley_jewell("6")
+    E = np.hstack([B + np.array([[0.0], [0.15], [0.0], [0.0]]), np.eye(4)[:, :1]])
+    with pytest.raises(rfafe.DesignError, match=r"\|TF\|/\|F\| is 0\.1"):
+        rfafe.design(A, B, np.eye(4), None, E, B, dt=0.005)
+    d = rfafe.design(A, B, np.eye(4), None, E, B, dt=0.005, parallel="remove")
+    check(d)
+    assert d.report.rank_E == 2 and d.report.angle_deg > 85.0
+    check(rfafe.design(A, B, np.eye(4), None, E, B, dt=0.005, parallel="rank"))
+
+
+def test_a_disk_too_fast_for_alpha_names_inequality_15():
+    A, B, C, D = global_of(*heffley_jewell("6"))
+    with pytest.raises(lmi.Infeasible, match=r"without \(15\)"):
+        rfafe.design(A, B, C, D, None, B[:, :1], dt=0.005, region=(40.0, 5.0, 30.0), alpha=2.0)
+
+
+def test_the_example_of_the_readme_finds_its_fault(capsys):
+    text = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    (code,) = (c for c in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if "rfafe" in c)
+    exec(code, {})
+    assert float(capsys.readouterr().out) == pytest.approx(0.01, rel=0.02)
+
+
+def test_a_known_input_is_no_fault():
+    A, B, C, _ = global_of(*heffley_jewell("6"))
+    D = np.zeros((6, 2))
+    D[4:] = 0.1 * np.eye(2)  # and its feedthrough
+    d = rfafe.design(A, B, C, D, None, B, dt=0.005)
+    Phi, Gu, _, _ = first_order_hold(A, np.zeros((6, 1)), B, 0.005)
+    rng, x, y = np.random.default_rng(3), np.zeros(6), np.zeros((2000, 6))
+    u = np.repeat(rng.normal(size=(100, 2)), 20, axis=0)
+    for k in range(2000):
+        y[k] = C @ x + D @ u[max(k - 1, 0)]  # read before the input changes
+        x = Phi @ x + Gu @ u[k]
+    assert np.abs(d.estimate(y, u)).max() < 0.02 * np.abs(d.estimate(y)).max()

@@ -1,0 +1,164 @@
+"""The three-step filter as published, which corrects nothing, and the form fit for flight."""
+
+import numpy as np
+import pytest
+from lu17_bench import DT, doublets, fly, inputs, roll, run
+
+from actuators.hydraulic import lu17
+from fdi.common import verdict
+from fdi.hydraulic import rtsekf, rtsekf_flight
+
+K_FAULT = 2400
+
+
+@pytest.fixture(scope="module")
+def flights():
+    return [fly(doublets(20.0), seed=s) for s in range(4)]
+
+
+def blame(log):
+    return [rtsekf_flight.CULPRITS[int(c)] for c in log["culprit"][:, -1]]
+
+
+def test_as_published_the_gain_is_one_and_nothing_is_corrected(flights):
+    log = run(rtsekf, flights, load=0)
+    assert np.abs(log["N"][:, 1:] - 1).max() < 1e-12
+    for i, f in enumerate(flights):
+        x = np.array([f["y_rod"][0], 0.0, 0.0])
+        p = rtsekf.params(load=0)[0]
+        for k in range(200):
+            assert log["f_hat"][i, k] == pytest.approx(f["y_rod"][k] - x[0], abs=1e-12)  # all of the innovation
+            x = np.array(lu17.rk4(*x, f["u"][k], f["u"][k], 0.0, 0.0, p, DT))  # the open-loop model
+        assert log["q_now"][i, 199] == pytest.approx(x[0], abs=1e-12)
+
+
+def test_its_three_steps_satisfy_the_published_equations(flights):
+    log = run(rtsekf, flights[:1], load=1, delay_s=0.0)[0]
+    p = rtsekf.params(load=1)[0]
+    P = log["P"][100, :3, :3]
+    Phi = log["Phi"][101, :3, :3]
+    before = Phi @ P @ Phi.T + np.diag(p.q) * DT  # (39)
+    H, F = np.array([[1.0, 0, 0]]), np.array([[1.0]])
+    S = H @ before @ H.T + p.r_rod
+    P_f = np.linalg.inv(F.T @ np.linalg.inv(S) @ F)
+    K = before @ H.T @ np.linalg.inv(S)
+    after = before - K @ (S - F @ P_f @ F.T) @ K.T  # (47)
+    assert log["P_f"][101] == pytest.approx(P_f[0, 0], rel=1e-12)
+    assert np.abs(log["P"][101, :3, :3] - after).max() <= 1e-12 * np.abs(after).max()
+
+
+def test_as_published_it_drifts_with_the_load():
+    flight = fly(doublets(26.0), seed=1, hm0=-800.0)
+    ignored = run(rtsekf, [flight], load=0)["f_hat"][0]
+    model = run(rtsekf, [flight], load=1)["f_hat"][0]
+    assert np.abs(ignored[-200:]).mean() > 0.02  # papers/README: 4 cm in 25 s
+    assert 2e-4 < np.abs(model).max() < 0.01  # known to 20 %: by 1.5 mm, worst 9
+
+
+def test_in_flight_it_does_not_grow_in_ten_minutes():
+    flight = fly(doublets(60.0, degrees=3.0), seed=3)
+    u = np.concatenate([inputs(rtsekf_flight, [flight])] * 10, axis=1)
+    truth = np.tile(flight["truth"]["q_rod"], 10)
+    x, p = rtsekf_flight.init(rtsekf_flight.params()), rtsekf_flight.params()
+    log = np.zeros((1, 12000), rtsekf_flight.STATE)
+    error, fault = [], []
+    for minute in range(10):
+        part = slice(12000 * minute, 12000 * (minute + 1))
+        rtsekf_flight.rollout(x, np.ascontiguousarray(u[:, part]), p, DT, log)
+        error.append(np.sqrt(np.mean((log["q_now"][0] - truth[part])[400:] ** 2)))
+        fault.append(abs(log["f_hat"][0, 400:].mean()))
+        assert not log["alarm"].any()
+    assert max(error) < 1.5e-4 and error[-1] < 1.1 * error[0] + 1e-5
+    assert max(fault) < 5e-5
+
+
+def test_both_position_sensors_in_three_steps_equal_the_published_matrices():
+    p = rtsekf_flight.params()
+    rng = np.random.default_rng(5)
+    A = rng.standard_normal((4, 4))
+    x = rtsekf_flight.init(p)
+    H, R = np.array([[1.0, 0, 0, 0]] * 2), np.diag([p["r_rod"][0], p["r_surface"][0]])
+    for blamed, F in ((0.0, np.array([[1.0], [0.0]])), (2.0, np.array([[0.0], [1.0]]))):
+        P = 1e-8 * A @ A.T
+        x["P"][0], x["x_hat"][0], x["blame"] = P, [0.01, 0.02, 0.1, -0.1], blamed
+        y = np.array([0.0113, 0.0102])
+        gamma = y - H @ x["x_hat"][0]
+        S = H @ P @ H.T + R  # (40)
+        P_f = np.linalg.inv(F.T @ np.linalg.inv(S) @ F)  # (43)
+        f = (P_f @ F.T @ np.linalg.inv(S) @ gamma).item()  # (42), (48)
+        K = P @ H.T @ np.linalg.inv(S)  # (45)
+        state = x["x_hat"][0] + K @ (gamma - F[:, 0] * f)  # (46)
+        cov = P - K @ (S - F @ P_f @ F.T) @ K.T  # (47)
+        rtsekf_flight.three_steps(x[0], y[0], y[1], p[0])
+        assert x["f_hat"][0] == pytest.approx(f, rel=1e-9)
+        assert np.abs(x["x_hat"][0] - state).max() < 1e-12
+        assert np.abs(x["P"][0] - cov).max() < 1e-9 * np.abs(P).max()
+
+
+@pytest.mark.parametrize("mm", [0.6, 1.0, 3.0])
+@pytest.mark.parametrize("which", ["rod", "surface"])
+def test_the_wrong_one_of_two_disagreeing_sensors_is_named(flights, mm, which):
+    u = inputs(rtsekf_flight, flights)
+    u[f"y_{which}"][:, K_FAULT:] += mm * 1e-3 / (0.30 if which == "surface" else 1.0)
+    log = roll(rtsekf_flight, np.repeat(rtsekf_flight.params(), 4), u)
+    assert not log["alarm"][:, :K_FAULT].any()
+    assert (log["alarm"][:, K_FAULT : K_FAULT + 60].max(axis=1) == 1).all()  # 0.3 s
+    assert (log["verdict"][:, -1] == verdict.SENSOR).all()
+    assert blame(log) == [which] * 4
+    assert np.abs(log["f_hat"][:, -400:].mean(axis=1) - mm * 1e-3).max() < 1e-4  # README: 1 mm to 0.1 mm
+    truth = np.array([f["truth"]["q_rod"] for f in flights])
+    assert np.abs(log["q_now"] - truth)[:, K_FAULT + 100 :].max() < 6e-4  # the estimate stays with the healthy one
+
+
+def test_a_frozen_and_a_drifting_rod_sensor_are_found(flights):
+    u = inputs(rtsekf_flight, flights)
+    u["y_rod"][:, K_FAULT:] = u["y_rod"][:, K_FAULT : K_FAULT + 1]
+    frozen = roll(rtsekf_flight, np.repeat(rtsekf_flight.params(), 4), u)
+    assert blame(frozen) == ["rod"] * 4
+    u = inputs(rtsekf_flight, flights)
+    u["y_rod"][:, K_FAULT:] += 1e-3 * DT * np.arange(u.shape[1] - K_FAULT)
+    drift = roll(rtsekf_flight, np.repeat(rtsekf_flight.params(), 4), u)
+    assert (drift["alarm"][:, K_FAULT + 200] == 1).all()
+    assert np.isin(drift["verdict"][:, -1], (verdict.SENSOR, verdict.AMBIGUOUS)).all()
+
+
+def test_it_stays_quiet_under_a_real_jam_and_a_real_runaway():
+    def jam(k, x, w):
+        x["jam"] = float(k >= K_FAULT - 200)
+
+    def runaway(k, x, w):
+        if k >= K_FAULT:
+            x["f_u"], x["s_u"] = 0.1, 1.0
+
+    command = doublets(16.0)
+    log = run(rtsekf_flight, [fly(command, seed=s, faults=f) for s, f in enumerate((jam, runaway))])
+    assert not log["alarm"].any()
+    assert log["valid"][:, 1:].all()
+
+
+def test_as_published_it_calls_a_jam_and_a_runaway_output_faults():
+    def runaway(k, x, w):
+        if k >= K_FAULT:
+            x["f_u"], x["s_u"] = 0.1, 1.0
+
+    log = run(rtsekf, [fly(doublets(13.0), seed=2, faults=runaway)], load=1)
+    k = K_FAULT + np.argmax(log["alarm"][0, K_FAULT:])
+    assert K_FAULT < k < K_FAULT + 100
+    assert log["verdict"][0, k] == verdict.RUNAWAY
+
+
+@pytest.mark.parametrize("module", [rtsekf, rtsekf_flight])
+def test_bad_measurements_do_not_stick(flights, module):
+    u = inputs(module, flights)
+    for name in u.dtype.names:
+        if name.startswith("y_") and not name.endswith("valid"):
+            u[name][:, 800:880] = np.nan
+    u["u"][:, 840:850] = np.nan
+    log = roll(module, np.repeat(module.params(), 4), u)
+    for name in log.dtype.names:
+        assert np.isfinite(log[name]).all(), name
+    assert not log["valid"][:, 850:880].any()
+    assert log["valid"][:, 900:].all()
+    if module is rtsekf_flight:
+        truth = np.array([f["truth"]["q_rod"] for f in flights])
+        assert np.abs(log["q_now"] - truth)[:, 1000:].max() < 5e-4

@@ -1,0 +1,121 @@
+"""Numbers that compiled code uses as indices are checked wherever they come from: scenario, command line, log."""
+
+import io
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from cosim.cli import commands as cli
+from cosim.errors import LogError, ScenarioError
+from cosim.flight import detectors
+from cosim.flight import parameter_bounds as indices
+from cosim.flight.detector_table import TABLE, module
+from cosim.log import LogWriter, Topic, open_log
+from cosim.replay import replay
+from cosim.replay.lanes import describe, manifest
+from cosim.scenario import load_scenario
+from cosim.scenario.load import DEFAULT
+
+DT = 0.005
+GOLDEN = cli.__file__.rsplit("cosim", 1)[0] + "logs/golden/hydraulic-ofc.mcap"
+
+
+@pytest.mark.parametrize("name", TABLE)
+def test_every_design_and_fresh_state_fits(name):
+    made = {d.id: d for d in detectors.chosen(load_scenario(DEFAULT))}[name]
+    p = made.params(load_scenario(DEFAULT), DT)
+    assert indices.wrong_parameter(made.module, name, p, DT) is None
+    assert indices.wrong_state(made.module, made.module.init(p)) is None
+
+
+@pytest.mark.parametrize("name", TABLE)
+def test_no_index_takes_a_value_beyond_its_range(name):
+    own = module(name)
+    spans = {n: indices.parameter_range(n, own, name, DT) for n in own.PARAMS.names}
+    checked = {n: s for n, s in spans.items() if s is not None and np.isfinite(s[1])}
+    p = {d.id: d for d in detectors.chosen(load_scenario(DEFAULT))}[name].params(load_scenario(DEFAULT), DT)
+    for field, (low, high) in checked.items():
+        for value in (low - 1.0, high + 1.0, 0.5 * (low + high) + 0.25, np.nan, 1e300, -np.inf):
+            bad = p.copy()
+            bad[field] = value
+            assert indices.wrong_parameter(own, name, bad, DT)[0] == field, (field, value)
+
+
+@pytest.mark.parametrize(
+    "key", ["iotsekf.delay=11", "iotsekf.lag_ticks=-1", "ofc_monitor.half_periods=0", "rfafe.ns=1e9"]
+)
+def test_scenario_with_an_index_beyond_its_array_is_refused(key):
+    scenario = load_scenario(DEFAULT, [f"detectors.{key}"])
+    name = key.split(".")[0]
+    with pytest.raises(ScenarioError, match="does not fit the detector's arrays; allowed: a whole number from"):
+        {d.id: d for d in detectors.chosen(scenario)}[name].params(scenario, DT)
+
+
+def _forged(path, attachment=None, change=None, topic=None, field=None, value=None):
+    """Write the golden log again with one attachment or one sample changed, every checksum as it should be."""
+    log = open_log(GOLDEN)
+    topics, columns, at = [], [], 0
+    for info in log.topics.values():
+        index = np.arange(len(info.fields)) + at
+        topics.append(Topic(info.name, info.fields, info.units, index, info.every, info.group))
+        values = log.array(info.name).copy()
+        if info.name == topic:
+            values[:, info.fields.index(field)] = value
+        wide = np.zeros((log.n_ticks, values.shape[1]))
+        wide[:: info.every] = values
+        columns.append(wide)
+        at += values.shape[1]
+    attachments = {k: ("application/octet-stream", v) for k, v in log.attachments.items()}
+    if attachment:
+        array = np.load(io.BytesIO(log.attachments[attachment]))
+        change(array)
+        out = io.BytesIO()
+        np.save(out, array)
+        attachments[attachment] = ("application/x-npy", out.getvalue())
+    metadata = {k: v for k, v in log.metadata.items() if k not in ("log", "preamble", "result", "late_events")}
+    with LogWriter(path, topics, n_values=at, dt_ns=log.dt_ns, metadata=metadata, attachments=attachments) as writer:
+        for row in np.concatenate(columns, axis=1):
+            writer.append(row)
+        writer.close(result={k: v for k, v in log.result.items() if k != "content"})
+    return path
+
+
+def test_forged_parameters_and_states_are_refused(tmp_path):
+    assert replay(_forged(tmp_path / "same")).exact
+    for name, field in (("iotsekf.params.npy", "delay"), ("iotsekf.params.npy", "bank_stride")):
+
+        def change(array, field=field):
+            array[field] = 1e7 if field == "delay" else 0.0
+
+        with pytest.raises(LogError, match="beyond the detector's arrays"):
+            replay(_forged(tmp_path / "p", name, change))
+
+    def ring(array):
+        array["bank_head"][0, 1] = 4e6
+
+    with pytest.raises(LogError, match=r"bank_head = 4e\+06 would reach beyond"):
+        replay(_forged(tmp_path / "x", "iotsekf.initial.npy", ring))
+    late = _forged(tmp_path / "late", topic="/state/iotsekf/left_inner", field="bank_head_0", value=-1e6)
+    with pytest.raises(LogError, match=r"tick \d+: bank_head"):
+        replay(late, start_s=3.0)
+
+
+def test_a_log_names_no_module_of_its_own(tmp_path):
+    log = open_log(GOLDEN)
+    of_old = log.attachments["detectors.json"]
+    log.attachments["detectors.json"] = of_old.replace(b'"fdi.iotsekf"', b'"os"')  # older logs name one: not heeded
+    assert describe(log)[0].module.__name__ == "fdi.hydraulic.iotsekf"
+    log.attachments["detectors.json"] = of_old.replace(b'"id": "iotsekf"', b'"id": "nothing"')
+    with pytest.raises(LogError, match="of another layout"):
+        manifest(log)
+
+
+def test_command_line_ends_with_one_line(tmp_path):
+    told = subprocess.run(
+        [sys.executable, "-c", "from cosim.cli import main; main()", "run", "-s", "detectors.iotsekf.delay=1e7", "-o",
+         str(tmp_path / "a.mcap")],
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert told.returncode == 2 and "does not fit the detector's arrays" in told.stderr and "Trace" not in told.stderr

@@ -1,0 +1,126 @@
+"""What becomes of a fault's numbers inside an actuator: millimetres at a drive, a bias under each feedback."""
+
+import functools
+import math
+
+import numpy as np
+import pytest
+from flown import deg, fault, fly, scenario
+
+from cosim.errors import ScenarioError
+from cosim.flight import actuation as parts
+from cosim.flight.build import build
+from cosim.flight.plant.border import LIMITS
+from cosim.flight.twin import achieved
+from cosim.scenario import load_scenario
+
+RIGHT = "elevator.right_inner"
+
+
+def oscillation(hz, mm, kind="ofc_liquid", **more):
+    keys = fault(0, RIGHT, kind, 2.0, None, at="valve", amplitude_mm=mm, frequency_hz=hz)
+    return scenario("sun13", duration_s=4.0 + 4.0 / hz, **keys, **more)
+
+
+@pytest.mark.parametrize(("hz", "mm"), [(0.3, 0.6), (0.5, 0.6), (1.0, 2.0), (1.5, 2.5), (3.0, 2.0), (8.0, 0.6)])
+def test_liquid_oscillation_at_the_drive_moves_the_screw_as_far_as_asked(hz, mm):
+    """Friction and load make the difference: up to 20 % at the least amplitude and frequency."""
+    assert achieved(oscillation(hz, mm))["right_inner"]["amplitude_mm"] == pytest.approx(mm, rel=0.2)
+
+
+def flown_unclipped(hz, amps):
+    """Return the amplitude [mm] of the unloaded drive with `amps` [A] added to the demand, limits and all."""
+    p, ps = parts.ema.params(), parts.ema_servo.params()
+    x, xs = parts.ema.init(p), parts.ema_servo.init(ps)
+    u, us = np.zeros((1, 1), parts.ema.INPUTS), np.zeros((1, 1), parts.ema_servo.INPUTS)
+    us["pos_valid"] = us["vel_valid"] = 1.0
+    t = np.arange(0.0, 10.0, 0.005)
+    screw = np.zeros(len(t))
+    for k, now in enumerate(t):
+        pos, vel = parts.LEAD * x["motor"], x["motor_d"].copy()
+        screw[k] = pos[0]
+        parts.ema_servo.rollout(xs, us, ps, 0.005, np.zeros((1, 1), parts.ema_servo.STATE))
+        u["u"], u["f_u"] = xs["u"], amps * math.sin(2 * math.pi * hz * now)
+        parts.ema.rollout(x, u, p, 0.005, np.zeros((1, 1), parts.ema.STATE))
+        us["pos_meas"], us["vel_meas"] = pos, vel
+    return 500.0 * np.ptp(screw[t > 4.0])
+
+
+def test_oscillation_beyond_the_current_limit_of_a_drive_is_refused():
+    """5 mm at 1.5 Hz take 76 A of 43.75 A: the servo is limited, the fault is not, and the screw swings 15 mm."""
+    with pytest.raises(ScenarioError, match=r"take 7\d A at the drive of right_inner.*up to 2\.9 mm"):
+        build(oscillation(1.5, 5.0))
+    gain = parts.liquid_gain("ema", 3.0 * math.pi, 0.005)
+    assert flown_unclipped(1.5, 2.5e-3 / gain) == pytest.approx(2.5, rel=0.1)
+    assert flown_unclipped(1.5, 5.0e-3 / gain) > 12.0
+    build(oscillation(1.5, 5.0, "ofc_solid"))  # nothing works against it there
+    with pytest.raises(ScenarioError, match="at the drive"):
+        build(oscillation(8.0, 5.0, "ofc_solid"))  # 13 m/s2 of screw: more than the stall torque accelerates
+    build(scenario("sun13", **fault(0, "elevator.left_inner", "ofc_liquid", 2.0, None, at="valve", amplitude_mm=5.0,
+                                    frequency_hz=1.5)))  # fmt: skip
+
+
+# -- a bias of the rod sensor that closes the loop ---------------------------------------------------------------------
+
+
+@functools.cache
+def jammed(feedback, reconfigure=False):
+    """Return (t, left inner minus its twin, the left outer one [deg]) with 5 mm on the rod sensor from 4 s on."""
+    bias = fault(0, "elevator.left_inner", "jam_liquid", 4.0, None, bias_mm=5.0)
+    f = fly(scenario("sun13", "nz_doublet", duration_s=14.0, manoeuvre__start_s=6.0, manoeuvre__amplitude_g=0.15,
+                     elevator__feedback=feedback, elevator__reconfigure=str(reconfigure).lower(), **bias),
+            "truth.aircraft.de_lo")  # fmt: skip
+    return f.t, deg(f.de_li - f.aircraft_de_lo)
+
+
+def test_a_measured_loop_switches_to_the_healthy_estimate_where_the_scenario_says_so():
+    t, off = jammed("measured", reconfigure=True)
+    # until the verdict the loop follows the sensor: 0.72 of the 0.95 deg
+    assert np.abs(off).max() < 0.8 and np.median(np.abs(off[t > 5.0])) < 0.05
+
+
+@pytest.mark.parametrize(
+    ("feedback", "most", "later"),
+    [("measured", 1.10, 0.95), ("iotsekf", 0.25, 0.0), ("rtsekf", 0.4, 0.0), ("rtsekf_flight", 0.4, 0.0)],
+)
+def test_liquid_jam_moves_the_surface_only_where_the_servo_believes_the_rod_sensor(feedback, most, later):
+    """5 mm are 0.95 deg: all of it with `measured`; a filter sets the sensor aside within its confirmation time."""
+    t, off = jammed(feedback)
+    settled = np.abs(off[t > 5.0])
+    assert np.abs(off).max() < most
+    assert np.median(settled) == pytest.approx(later, abs=0.05)
+    print(f"{feedback:14s} peak {np.abs(off).max():.2f} deg, then {np.median(settled):.2f} deg")
+
+
+def test_a_stabiliser_stands_wherever_the_trim_puts_it():
+    """At 3.09 deg here, which a travel of its own, to 3 deg, would cut off."""
+    point = ("mass_t=200", "cg_pct=36", "altitude_ft=37000", "mach=0.85")
+    s = load_scenario("cruise", [f"flight.{key}" for key in point])
+    setup = build(s)
+    block = next(b for b in setup.loop.actuators if b.name == "simple")
+    low, high = LIMITS["stabilizer"]
+    assert setup.trim.stabilizer > math.radians(3.0)
+    assert block.x["delta"][-1] == setup.trim.stabilizer
+    assert (block.p["lo"][-1], block.p["hi"][-1]) == (low, high)
+
+
+@pytest.mark.parametrize(("sensor", "key", "value"), [
+    ("elevator.left_inner.rod", "bias_deg", 0.08), ("elevator.left_inner.rod", "bias_mm", 0.4),
+    ("elevator.right_inner.position", "bias_deg", 1.0), ("elevator.left_inner.pressure", "bias_mpa", 1.5),
+    ("elevator.right_inner.velocity", "bias_pct", 2.0), ("elevator.right_inner.current", "bias_pct", 2.0),
+    ("sensor.alpha", "bias_deg", 1.0),
+])  # fmt: skip
+def test_a_sensors_own_error_is_that_of_the_same_fault(sensor, key, value):
+    """Both may be given in the same units; what is injected was once the angle, read as metres."""
+    name = sensor.split(".")[-1]
+    faulty = build(scenario(**fault(0, sensor, "bias", 1.0, None, **{key: value})))
+    own = build(scenario(**{f"sensors__{name}__{key}": value}))
+    lane = faulty.lanes[0].places[0][0].split(".")[1]
+    bias = own.loop.sensors.p["bias"][own.loop.bus.lanes["sensors"].index(lane)]
+    assert bias == pytest.approx(faulty.lanes[0].p["amplitude"][0], rel=1e-12) and bias != 0.0
+
+
+def test_a_surface_runs_away_no_faster_than_its_actuator_moves():
+    with pytest.raises(ScenarioError, match=r"rate_deg_s = 5: .*0.5 deg/s at most; allowed: -0.5 to 0.5"):
+        build(scenario(**fault(0, "stabiliser", "runaway", 1.0, None, rate_deg_s=5.0)))
+    build(scenario(**fault(0, "stabiliser", "runaway", 1.0, None, rate_deg_s=-0.5)))

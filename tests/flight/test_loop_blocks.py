@@ -1,0 +1,153 @@
+"""The loop's own blocks: bus, sensors, fault signals, manoeuvre tables."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from actuators.block import dtype, record
+from cosim.flight.blocks import faults, manoeuvre, sensors
+from cosim.flight.bus import Bus, route, route_add
+
+PAIR = dtype([("a", "f8"), ("b", "f8", (3,))])
+
+
+def test_bus_names_every_element_of_every_lane_once():
+    bus = Bus([("one", PAIR, ("x", "y")), ("two", PAIR, ("z",))])
+    positions = [bus.index(f"{s}.{lane}.{f}") for s, lanes in bus.lanes.items() for lane in lanes
+                 for f in ("a", "b[0]", "b[1]", "b[2]")]  # fmt: skip
+    assert sorted(positions) == list(range(12)) == list(range(len(bus.v)))
+    bus["one"]["b"][1, 2] = 7.0
+    assert bus.v[bus.index("one.y.b[2]")] == 7.0
+    with pytest.raises(KeyError, match="no such field"):
+        bus.index("one.x.c")
+
+
+def test_routes_copy_and_add():
+    v = np.arange(6.0)
+    route(v, np.array([0, 1]), np.array([4, 5]))
+    np.testing.assert_array_equal(v, [4, 5, 2, 3, 4, 5])
+    route_add(v, np.array([0, 2]), np.array([0, 0, 2]), np.array([3, 4, 5]))
+    np.testing.assert_array_equal(v, [7, 5, 5, 3, 4, 5])
+
+
+def measure(truth, noise=None, p=None, **fields):
+    """Return the STATE log of one sensor over `truth`, with fault input fields given as arrays over time."""
+    n = len(truth)
+    p = record(sensors.PARAMS, gain=1.0, **(p or {}))
+    u = np.zeros((1, n), sensors.INPUTS)
+    u["truth"][0], u["noise"][0] = truth, 0.0 if noise is None else noise
+    for name, values in fields.items():
+        u[name][0] = values
+    log = np.zeros((1, n), sensors.STATE)
+    sensors.rollout(sensors.init(p), u, p, 0.005, log)
+    return log[0]
+
+
+T = np.arange(400) * 0.005
+TRUTH = 1.0 + np.sin(2 * math.pi * T)
+LATE = T >= 1.0
+
+
+@pytest.mark.parametrize("delay", [0, 1, 2, 30])
+def test_sensor_delays_by_whole_ticks_as_if_the_past_had_been_steady(delay):
+    y = measure(TRUTH, p={"delay": delay})["y"]
+    np.testing.assert_array_equal(y[delay:], TRUTH[: len(TRUTH) - delay])
+    np.testing.assert_array_equal(y[:delay], TRUTH[0])
+
+
+def test_sensor_errors_combine_as_documented():
+    noise = np.random.default_rng(1).standard_normal(len(T))
+    y = measure(TRUTH, noise, {"sigma": 0.2, "bias": 0.5, "scale": 0.1})["y"]
+    np.testing.assert_allclose(y, 1.1 * TRUTH + 0.5 + 0.2 * noise, rtol=1e-14)
+    coarse = measure(TRUTH, p={"quantum": 0.25})["y"]
+    np.testing.assert_allclose(coarse / 0.25, np.round(coarse / 0.25), atol=1e-12)
+    assert np.abs(coarse - TRUTH).max() <= 0.125 + 1e-12
+
+
+@pytest.mark.parametrize(
+    "field, values, expected",
+    [
+        ("f_add", 0.3 * LATE, TRUTH + 0.3 * LATE),
+        ("f_scale", 0.25 * LATE, TRUTH * (1 + 0.25 * LATE)),
+        ("f_freeze", 1.0 * LATE, np.where(LATE, TRUTH[200], TRUTH)),
+        ("f_drop", 1.0 * LATE, np.where(LATE, np.nan, TRUTH)),
+    ],
+)
+def test_sensor_faults_on_both_copies_and_on_the_observers_alone(field, values, expected):
+    both = measure(TRUTH, **{field: values})
+    np.testing.assert_allclose(both["y"], expected, rtol=1e-14)
+    np.testing.assert_allclose(both["y_obs"], expected, rtol=1e-14)
+    alone = measure(TRUTH, **{field.replace("f_", "g_"): values})
+    np.testing.assert_array_equal(alone["y"], TRUTH)
+    np.testing.assert_allclose(alone["y_obs"], expected, rtol=1e-14)
+    np.testing.assert_array_equal(alone["valid_obs"] == 0, np.isnan(expected))
+
+
+def test_added_noise_adds_its_own_deviation_and_heals():
+    noise = np.random.default_rng(2).standard_normal(len(T))
+    y = measure(np.zeros(len(T)), noise, f_noise=np.where(LATE & (T < 1.5), 2.0, 0.0))["y"]
+    np.testing.assert_allclose(y, np.where(LATE & (T < 1.5), 2.0, 0.0) * noise)
+
+
+times = st.floats(0.0, 5.0).map(lambda t: round(t, 3))
+
+
+@settings(max_examples=60, deadline=None)
+@given(form=st.sampled_from([0.0, 1.0, 2.0]), start=times, length=st.floats(0.1, 5.0), ramp=st.floats(0.0, 2.0))
+def test_a_fault_signal_is_zero_outside_its_window_and_follows_its_formula_inside(form, start, length, ramp):
+    dt, n = 0.005, 1400
+    p = record(faults.PARAMS, form=form, start=start, end=start + length, ramp=ramp, amplitude=2.0, omega=5, phase=0.4)
+    u = np.zeros((1, n), faults.INPUTS)
+    u["t"][0] = np.arange(n) * dt
+    log = np.zeros((1, n), faults.STATE)
+    faults.rollout(faults.init(p), u, p, dt, log)
+    x, t = log[0], u["t"][0]
+    since = np.maximum(t - start, 0.0)
+    active = (t > start - 0.5 * dt) & (t < start + length - 0.5 * dt)
+    np.testing.assert_array_equal(x["active"] > 0, active)
+    g = np.where(active, np.minimum(1.0, since / ramp) if ramp > 0 else 1.0, 0.0)
+    shape = {0.0: np.full(n, 2.0), 1.0: 2.0 * np.sin(5.0 * since + 0.4), 2.0: 2.0 * since}[form]
+    np.testing.assert_allclose(x["f_inj"], g * shape, atol=1e-12)
+    np.testing.assert_array_equal(x["f_neg"], -x["f_inj"])
+
+
+def test_a_runaway_starts_where_the_surface_is_and_ends_at_its_limit():
+    p = record(faults.PARAMS, form=faults.RUNAWAY, start=1.0, end=math.inf, amplitude=0.1, lower=-1.0, upper=0.15)
+    u = np.zeros((1, 600), faults.INPUTS)
+    u["t"][0] = np.arange(600) * 0.005
+    u["ref"][0] = 0.02 + 0.01 * u["t"][0]
+    log = np.zeros((1, 600), faults.STATE)
+    faults.rollout(faults.init(p), u, p, 0.005, log)
+    t, y = u["t"][0], log[0]["f_inj"]
+    after = t >= 1.0 - 1e-9
+    np.testing.assert_allclose(y[after], np.minimum(0.03 + 0.1 * (t[after] - 1.0), 0.15), atol=1e-12)
+
+
+@pytest.mark.parametrize(("rate", "lower", "upper"), [(0.1, -math.inf, -0.2), (-0.1, 0.2, math.inf)])
+def test_a_runaway_past_its_limit_stays_and_does_not_turn_back(rate, lower, upper):
+    p = record(faults.PARAMS, form=faults.RUNAWAY, start=0.0, end=math.inf, amplitude=rate, lower=lower, upper=upper)
+    u = np.zeros((1, 200), faults.INPUTS)
+    u["t"][0], u["ref"] = np.arange(200) * 0.005, 0.03
+    log = np.zeros((1, 200), faults.STATE)
+    faults.rollout(faults.init(p), u, p, 0.005, log)
+    np.testing.assert_array_equal(log["f_inj"], 0.03)
+
+
+def test_three_two_one_one_has_its_lengths_signs_and_slopes():
+    p = manoeuvre.params(manoeuvre.three_two_one_one(1.0, 0.5, "nz_dem", 0.3), nz_rate=math.inf)
+    u = np.zeros((1, 1400), manoeuvre.INPUTS)
+    u["t"][0] = t = np.arange(1400) * 0.005
+    log = np.zeros((1, 1400), manoeuvre.STATE)
+    manoeuvre.rollout(manoeuvre.init(p), u, p, 0.005, log)
+    wanted = np.select(
+        [t < end - 1e-9 for end in (1.0, 2.5, 3.5, 4.0, 4.5)], [0.0, 0.3, -0.3, 0.3, -0.3], 0.0
+    )
+    np.testing.assert_allclose(log[0]["nz_dem"], wanted, atol=1e-12)
+    slow = manoeuvre.params(manoeuvre.doublet(0.5, 2.0, "nz_dem", 1.0), nz_rate=2.0)
+    manoeuvre.rollout(manoeuvre.init(slow), u, slow, 0.005, log)
+    assert np.abs(np.diff(log[0]["nz_dem"])).max() <= 2.0 * 0.005 + 1e-12
+    with pytest.raises(ValueError, match="at most 15"):
+        manoeuvre.params([(float(i), {"nz_dem": 0.1}) for i in range(16)])

@@ -1,0 +1,258 @@
+"""The plant: signs in flight, steadiness, timing, determinism, refusals."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cosim.errors import TrimError
+from cosim.flight.plant.linearize import linearize
+from cosim.flight.plant.plant import POINTS, SURFACES, TRUTH, Flight, Plant, Port
+
+FT = 0.3048
+COLUMN = {name: i for i, name in enumerate(SURFACES)}
+
+
+def _flown(seconds, move=None, flight=POINTS["sun13"], dt=0.005):
+    """Trim, add `move` = {input: value} from the first step on, fly; return (truth before, truth after)."""
+    plant = Plant(flight, dt)
+    trim = plant.trim()
+    before = plant.truth()[0].copy()
+    surfaces = trim.surfaces.copy()
+    for name, value in (move or {}).items():
+        surfaces[COLUMN[name]] += value
+    for _ in range(round(seconds / dt)):
+        plant.write(surfaces)
+        plant.run()
+    return before, plant.truth()[0]
+
+
+ELEVATORS = ("de_lo", "de_li", "de_ri", "de_ro")
+DEG = math.radians(1.0)
+
+
+@pytest.mark.parametrize(
+    ("move", "field", "sign"),
+    [
+        ({n: DEG for n in ELEVATORS}, "q", -1),         # trailing edge down pitches down
+        ({n: DEG for n in ELEVATORS}, "alpha", -1),
+        ({n: DEG for n in ELEVATORS}, "nz", -1),
+        ({"stab": DEG}, "theta", -1),                   # stabiliser trailing edge down pitches down
+        ({"da_l": DEG}, "p", +1),                       # each aileron + rolls right
+        ({"da_r": DEG}, "phi", +1),
+        ({"dr": DEG}, "r", -1),                         # rudder + yaws left
+        ({"de_lo": DEG, "de_ro": -DEG}, "p", +1),       # more lift on the left tail rolls right
+        ({"thrust_loss_4": 1.0}, "r", +1),              # right outer engine lost: yaws right
+        ({"thrust_loss_1": 1.0, "thrust_loss_4": 1.0}, "tas", -1),
+        ({f"throttle_{i}": 0.1 for i in (1, 2, 3, 4)}, "nx", +1),
+    ],
+)  # fmt: skip
+def test_sign_in_flight(move, field, sign):
+    before, after = _flown(1.0, move)
+    assert sign * (after[field] - before[field]) > 1e-4
+
+
+def test_load_factor_is_one_in_level_flight_and_pitch_attitude_is_alpha():
+    before, _ = _flown(0.005)
+    lift_axis = before.nz * math.cos(before.alpha) + before.nx * math.sin(before.alpha)
+    assert lift_axis == pytest.approx(1.0, abs=0.006)  # local gravity and the rotating earth, against standard gravity
+    assert before.theta == pytest.approx(before.alpha, abs=1e-12)
+    assert before.gamma == pytest.approx(0.0, abs=1e-9)
+
+
+def test_hinge_moment_opposes_the_segment_and_its_angle_of_attack():
+    """A segment held down is driven up (slope negative); a tail at positive angle of attack drives it up too."""
+    plant = Plant(POINTS["sun13"])
+    trim = plant.trim()
+    t = plant.truth()[0].copy()
+    assert t.hmd_lo < 0.0
+    # C_h_delta q S c = -0.17 x q x 8 m2 x 1.4 m
+    assert t.hmd_lo == pytest.approx(-0.17 * t.qbar * 8.0 * 1.4, rel=1e-4)
+    plant.place(tas=trim.tas, alpha=t.alpha + 0.05, theta=t.theta, altitude=trim.altitude, surfaces=trim.surfaces)
+    assert plant.truth()[0].hm0_lo < t.hm0_lo
+    plant.place(tas=trim.tas, alpha=t.alpha, theta=t.theta, altitude=trim.altitude, p=0.1, surfaces=trim.surfaces)
+    rolling = plant.truth()[0]
+    assert rolling.hm0_ro < rolling.hm0_ri < rolling.hm0_li < rolling.hm0_lo  # the right tail goes down
+
+
+@pytest.mark.parametrize("name", POINTS)
+def test_hands_off_for_60_s(name):
+    before, after = _flown(60.0, flight=POINTS[name])
+    assert abs(after.h - before.h) < 0.1 * FT
+    assert abs(after.tas - before.tas) < 1e-3
+    assert abs(after.phi) < 1e-4
+
+
+def test_two_flights_are_bit_identical_and_seeds_differ():
+    def fly(seed):
+        flight = Flight(**{**vars(POINTS["E"]), "turbulence": "moderate", "seed": seed})
+        return _flown(2.0, flight=flight)[1].tobytes()
+
+    assert fly(1) == fly(1)
+    assert fly(1) != fly(2)
+
+
+def test_turbulence_grows_with_its_name_and_none_is_still():
+    rms = []
+    for kind in ("none", "light", "moderate", "severe"):
+        plant = Plant(Flight(**{**vars(POINTS["E"]), "turbulence": kind, "seed": 3}))
+        trim = plant.trim()
+        w = []
+        for _ in range(6000):
+            plant.write(trim.surfaces)
+            plant.run()
+            w.append(plant.port.getter("atmosphere/total-wind-down-fps")() * FT)
+        rms.append(np.std(w))
+    assert rms[0] < 1e-20
+    assert 0.1 < rms[1] < rms[2] < rms[3] < 12.0
+
+
+def test_load_factor_is_of_this_frame_and_jsbsims_own_is_one_frame_old():
+    plant = Plant(POINTS["E"])
+    trim = plant.trim()
+    own, ours = [], []
+    surfaces = trim.surfaces.copy()
+    surfaces[:4] += 0.02
+    for _ in range(50):
+        plant.write(surfaces)
+        plant.run()
+        own.append(-plant.port.getter("accelerations/Nz")())
+        ours.append(-plant.truth()[0].nz)
+    np.testing.assert_allclose(own[1:], ours[:-1], rtol=1e-6)
+
+
+def test_spool_and_thrust_start_steady():
+    before, after = _flown(1.0)
+    for i in (1, 2, 3, 4):
+        assert after[f"thrust_{i}"] == pytest.approx(before[f"thrust_{i}"], rel=1e-6)
+        assert after[f"n1_{i}"] == pytest.approx(before[f"n1_{i}"], rel=1e-6)
+
+
+def test_thrust_loss_takes_that_fraction():
+    before, after = _flown(0.005, {"thrust_loss_2": 0.4})
+    assert after.thrust_2 == pytest.approx(0.6 * before.thrust_2, rel=1e-4)
+    assert after.thrust_1 == pytest.approx(before.thrust_1, rel=1e-4)
+
+
+def test_linear_model_predicts_a_small_doublet():
+    """B and A against the flight itself: 0.2 deg of elevator for 2 s, errors below 3 % of each peak."""
+    flight = POINTS["E"]
+    model = linearize(flight)
+    names = ["tas", "alpha", "q", "theta", "h"]
+    A, B, C, D = model.block(names, outputs=["nz", "q"])
+    b, d = B[:, :4].sum(axis=1), D[:, :4].sum(axis=1)
+    plant = Plant(flight)
+    trim = plant.trim()
+    dt, x, got, want = 0.005, np.zeros(5), [], []
+    zero = plant.truth()[0].copy()
+    surfaces = trim.surfaces.copy()
+    for k in range(800):
+        u = 0.2 * DEG * (1 if k < 200 else -1 if k < 400 else 0)
+        surfaces[:4] = u
+        plant.write(surfaces)
+        plant.run()
+        t = plant.truth()[0]
+        for _ in range(5):
+            x = x + dt / 5 * (A @ x + b * u)
+        got.append([t.alpha - zero.alpha, t.q - zero.q, t.theta - zero.theta, t.nz - zero.nz])
+        want.append([x[1], x[2], x[3], (C @ x + d * u)[0]])
+    got, want = np.array(got), np.array(want)
+    error = np.abs(got - want).max(axis=0) / np.abs(want).max(axis=0)
+    assert error.max() < 0.03, error
+
+
+def test_export_keeps_names_and_numbers(tmp_path):
+    from scipy.io import loadmat
+
+    model = linearize(POINTS["sun13"])
+    model.save(tmp_path / "m.npz")
+    model.save(tmp_path / "m.mat")
+    data = np.load(tmp_path / "m.npz")
+    np.testing.assert_array_equal(data["A"], model.A)
+    assert list(data["states"]) == list(model.states)
+    mat = loadmat(tmp_path / "m.mat", squeeze_me=True)
+    np.testing.assert_allclose(mat["B"], model.B)
+    assert list(mat["outputs"]) == list(model.outputs)
+    with pytest.raises(ValueError, match="npz"):
+        model.save(tmp_path / "m.txt")
+
+
+def test_unknown_property_is_refused():
+    plant = Plant(POINTS["sun13"])
+    with pytest.raises(KeyError, match="no property"):
+        plant.port.getter("fcs/elevator-lo-pos-rda")
+    assert isinstance(plant.port, Port)
+
+
+@pytest.mark.parametrize(
+    ("flight", "reason"),
+    [
+        (Flight.at(405, 28, 27500, cas_kt=150), "stall"),
+        (Flight.at(405, 28, 42000, mach=0.85), "thrust|stall"),
+        (Flight.at(390, 30, 35000, mach=0.60), "thrust"),
+        (Flight.at(200, 30, 2000, mach=0.15), "Mach 0.15 is beyond the aerodynamic data.*Fly faster"),
+        (Flight.at(405, 30, 0, mach=0.2), "stall"),
+    ],
+)
+def test_infeasible_points_say_why(flight, reason):
+    with pytest.raises(TrimError, match=reason):
+        Plant(flight).trim()
+
+
+def test_read_fills_the_record_it_is_given():
+    plant = Plant(POINTS["sun13"])
+    plant.trim()
+    block = np.zeros(len(TRUTH.names) + 4)
+    view = block[2:-2].view(TRUTH)
+    plant.read(view[0])
+    assert block[0] == block[-1] == 0.0
+    assert view["mass"][0] == pytest.approx(200e3, rel=1e-7)
+    assert view[0].tobytes() == plant.truth()[0].tobytes()
+
+
+def test_console_is_silent(capfd):
+    _flown(0.1)
+    with pytest.raises(TrimError):
+        Plant(Flight.at(405, 28, 27500, cas_kt=150)).trim()
+    out, err = capfd.readouterr()
+    assert out == "" and err == ""
+
+
+def _servo_flight(dt):
+    """A second-order servo (40 rad/s, 0.7) on the elevator: hinge load, a pulse, pitch-rate feedback."""
+    plant = Plant(POINTS["E"], dt)
+    trim = plant.trim()
+    t = plant.truth()[0].copy()
+    q0, hm0 = t.q, t.hm0_lo
+    x, v, out = 0.0, 0.0, []
+    surfaces = trim.surfaces.copy()
+    truth = np.zeros(1, TRUTH)
+    for k in range(round(4.0 / dt)):
+        plant.read(truth)
+        out.append((truth["q"][0], truth["theta"][0]))
+        time = k * dt
+        command = 0.02 * math.sin(math.pi * min(time, 1.0)) ** 2 + 0.3 * (truth["q"][0] - q0)
+        sub = dt / 20
+        for _ in range(20):  # load per inertia: 40^2 rad/s2 per rad moves the servo's rest point by 1 rad at 1 MN m
+            load = (truth["hm0_lo"][0] - hm0 + truth["hmd_lo"][0] * x) * 1600.0 / 1e6
+            a = 1600.0 * (command - x) - 56.0 * v + load
+            v += sub * a
+            x += sub * v
+        surfaces[:4] = x
+        plant.write(surfaces)
+        plant.run()
+    return np.array(out)
+
+
+def test_coupling_error_falls_at_least_linearly_with_the_step():
+    """Against an exchange ten times finer than the base rate: slope of log error over log step at least 0.9."""
+    steps = np.array([0.02, 0.01, 0.005])
+    fine = _servo_flight(0.0005)
+    errors = []
+    for dt in steps:
+        coarse = _servo_flight(dt)
+        every = round(dt / 0.0005)
+        errors.append(np.abs(coarse - fine[::every][: len(coarse)]).max(axis=0))
+    slopes = np.polyfit(np.log(steps), np.log(np.array(errors)), 1)[0]
+    assert slopes.min() > 0.9, (slopes, errors)
+    assert math.degrees(errors[-1][0]) < 0.02  # q [deg/s] at 200 Hz

@@ -1,0 +1,136 @@
+"""Every tick that a scenario may have: all detectors run within their arrays, and replay repeats their numbers."""
+
+import numpy as np
+import pytest
+
+from cosim import load_scenario, simulate
+from cosim.flight.airframe_wires import control_redundancy_params
+from cosim.flight.detector_table import TABLE, module
+from cosim.flight.parameter_bounds import wrong_parameter
+from cosim.replay import replay
+from cosim.scenario.catalog import SEGMENTS
+from fdi.control_redundancy import control_redundancy
+from fdi.control_redundancy.core import NC
+from fdi.ema import ema_kalman_flight
+
+RATES = (50, 100, 200, 333, 400, 500, 1000, 2000)
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_the_delays_of_every_detector_fit_its_arrays(rate):
+    scenario = load_scenario("cruise", [f"rate_hz={rate}"])
+    for name, spec in TABLE.items():
+        lanes = [s for s in SEGMENTS if scenario.elevator.technology[s] in spec.technologies] or ["aircraft"]
+        for lane in lanes:
+            p = spec.params(module(name), scenario, lane, scenario.dt)
+            assert wrong_parameter(module(name), name, p, scenario.dt) is None, name
+
+
+@pytest.mark.parametrize("rate", (50, 333, 2000))
+def test_a_flight_at_any_rate_replays_bit_for_bit(rate, tmp_path):
+    log = tmp_path / "flight.mcap"
+    flown = simulate(load_scenario("cruise", ["duration_s=0.6", f"rate_hz={rate}"]), log=log, timed=False)
+    assert flown.status == "completed"
+    found = replay(log)
+    assert found.exact and {d["id"] for d in found.detectors} == set(TABLE)
+
+
+@pytest.mark.parametrize("rate", (50, 200, 333, 500, 1000, 2000))
+def test_control_redundancy_follows_a_command_as_late_at_every_rate(rate):
+    dt = 1.0 / rate
+    p = control_redundancy_params(control_redundancy, None, "aircraft", dt)
+    p["rate"] = 0.0
+    x, u = control_redundancy.init(p), np.zeros((1, 1), control_redundancy.INPUTS)
+    log = np.zeros((1, 1), control_redundancy.STATE)
+    begun, moved = round(0.5 * rate), {}
+    for k in range(begun + round(0.3 * rate)):
+        if k == begun:
+            for name in ("de_lo", "da_l", "dr", "stab"):
+                u[name] = 1.0
+        control_redundancy.rollout(x, u, p, dt, log)
+        for j in range(NC):
+            if log["cmd"][0, 0, j] > 0.5:
+                moved.setdefault(j, (k - begun) * dt)
+    wanted = {0: 0.07, 4: 0.06, 6: 0.09, 7: 0.0}  # of elevator, aileron, rudder, stabiliser, and a tick and 5 ms more
+    assert moved.keys() == wanted.keys()
+    for j, lag in wanted.items():
+        assert moved[j] == pytest.approx(lag + dt + max(0.005, dt), abs=max(dt, 0.005) / 2 + dt)
+
+
+HARD = ["manoeuvre={kind='three_two_one_one',start_s=3.0,unit_s=1.0,amplitude_deg=4.0}", "flight.turbulence=light"]
+FLIES = [name for name in TABLE if name != "ema_kalman"]  # which alarms on a load, as published
+
+
+def _detectors(*names):
+    return f"detectors.enabled={list(names)}"
+
+
+def _fly(scenario, rate, *changes):
+    flown = simulate(load_scenario(scenario, [f"rate_hz={rate}", *changes]), timed=False)
+    assert flown.status == "completed"
+    return flown.detectors
+
+
+@pytest.mark.parametrize("rate", (100, 333, 400, 500, 1000, 2000))
+def test_no_detector_alarms_in_a_hard_manoeuvre_without_a_fault(rate):
+    for d in _fly("cruise", rate, "duration_s=11", *HARD, _detectors(*FLIES)):
+        assert not d["alarm"] and d["false_alarms"] == 0, (d["id"], d["target"])
+        if d["id"] == "ema_kalman_flight":
+            assert d["r_max_before"] < 0.85, d["target"]  # at 200 Hz the largest of 300 draws is 0.83
+
+
+@pytest.mark.parametrize("rate", (50, 100, 400, 1000))
+@pytest.mark.parametrize("sensor", ("velocity", "position", "current"))
+def test_a_sensor_of_an_ema_is_named_as_soon_at_other_rates(sensor, rate):
+    quick = ("duration_s=8", "faults.0.start_s=5", "detectors.enabled=['ema_kalman_flight']", *HARD)
+    for d in _fly(f"ema-{sensor}-bias", rate, *quick):
+        assert d["false_alarms"] == 0
+        if d["target"] == "elevator.right_inner":
+            assert d["isolated"] == {"class": "sensor", "target": f"elevator.right_inner.{sensor}"}
+            assert d["detection_delay_s"] <= 0.15  # at 200 Hz 0.11 s, 0.03 s, 0.04 s
+        else:
+            assert not d["alarm"]
+
+
+@pytest.mark.parametrize("rate", (50, 100, 333, 1000))
+@pytest.mark.parametrize("sensor, size", [("velocity", "pct=100"), ("position", "deg=20"), ("current", "pct=100")])
+def test_a_single_wrong_sample_is_no_fault_of_an_ema_at_any_rate(sensor, size, rate):
+    once = (f"faults.0.end_s={5.0 + 1.0 / rate!r}", f"faults.0.bias_{size}", "elevator.reconfigure=false")
+    changes = ("duration_s=6", "faults.0.start_s=5", "detectors.enabled=['ema_kalman_flight']", *once, *HARD)
+    assert not any(d["alarm"] for d in _fly(f"ema-{sensor}-bias", rate, *changes))
+
+
+@pytest.mark.parametrize("rate", (100, 1000))
+@pytest.mark.parametrize("frequency", (1, 5))
+def test_a_small_oscillation_is_found_as_soon_at_other_rates(frequency, rate):
+    fault = ("faults.0.start_s=5", f"faults.0.frequency_hz={frequency}", "faults.0.amplitude_mm=0.6")
+    (found,) = (
+        d
+        for d in _fly("liquid-ofc", rate, "duration_s=9", *fault, *HARD, _detectors("iotsekf"))
+        if d["target"] == "elevator.left_inner"
+    )
+    assert found["false_alarms"] == 0
+    assert found["detection_delay_s"] <= 3.5 / frequency  # 1 Hz at 200 Hz, in the manoeuvre: 0.9 to 3.2 s, 12 seeds
+    assert found["isolated"]["class"] in ("ofc_liquid", "ofc_solid")
+    assert found["estimate_rmse"] < (0.003 if frequency == 1 else 0.008)  # at 200 Hz 0.0023 and 0.0054
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_windows_of_the_ema_filter_last_as_long_at_every_rate(rate):
+    p = ema_kalman_flight.params(dt=1.0 / rate)[0]
+    h = p.n_sub / rate
+    assert 0.005 <= h * (1.0 + 1e-9) and (rate <= 200 or h < 0.01)
+    for slots, seconds in ((p.n_window, 0.05), (p.n_lag, 0.1), (p.n_mean, 0.025)):
+        assert abs(slots * h - seconds) <= 0.5 * h * (1.0 + 1e-9)
+    assert p.delay == round(0.005 * rate)
+    at_200 = ema_kalman_flight.params()[0]
+    decay, of_200 = ((1.0 - float(q.K[3])) ** (0.005 / t) for q, t in ((p, 1.0 / rate), (at_200, 0.005)))
+    assert abs(decay - of_200) < (0.02 if rate >= 200 else 0.12)  # of a step of the velocity sensor, after 5 ms
+
+
+def test_a_rate_at_which_detectors_alarm_by_themselves_is_noted():
+    for rate in (100, 200, 1000):
+        assert load_scenario("cruise", [f"rate_hz={rate}"]).warnings() == []
+    (line,) = load_scenario("cruise", ["rate_hz=50"]).warnings()
+    assert line.startswith("rate_hz = 50: below 100 rfafe, ofc_monitor")
+    assert load_scenario("cruise", ["rate_hz=50", _detectors("iotsekf")]).warnings() == []

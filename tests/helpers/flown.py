@@ -1,0 +1,64 @@
+"""Short flights for tests: fly a scenario without a log and keep the named signals of every tick."""
+
+import math
+
+import numpy as np
+
+import cosim
+from cosim.flight.build import build
+from cosim.flight.fly import record
+from cosim.papers.studies.manoeuvres import POINTS
+
+LAW = ("de_cmd", "da_cmd", "dr_cmd", "stab_cmd", "throttle_cmd", "protection", "alpha_lim", "n_c")
+TRUTH = ("alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "cas", "h", "hdot", "nz", "de_li", "da_l", "dr", "stab")
+KT, FT = 1852.0 / 3600.0, 0.3048
+
+
+def scenario(point="sun13", kind="cruise", **more):
+    """Return a scenario at `point` without detectors; `more` are keys with "__" for the dot."""
+    values = {
+        **{f"flight.{k}": v for k, v in POINTS[point].items()},
+        "flight.turbulence": "none", "manoeuvre.kind": kind, "detectors.enabled": [], "duration_s": 40.0,
+    }  # fmt: skip
+    values |= {key.replace("__", "."): value for key, value in more.items()}
+    return cosim.load_scenario("cruise", [f"{k}={v}" for k, v in values.items()])
+
+
+def fault(i, target, kind, start, end, **numbers):
+    """Return the keys of fault `i` for `scenario`; `end` None for good."""
+    keys = {"target": target, "kind": kind, "start_s": start, **({} if end is None else {"end_s": end}), **numbers}
+    return {f"faults__{i}__{k}": v for k, v in keys.items()}
+
+
+class Flown:
+    """A flown scenario: each named signal is an attribute, `t` [s], `status`, `setup`."""
+
+    def __init__(self, names, rows, dt, status, setup):
+        self.status, self.setup = status, setup
+        self.t = np.arange(len(rows)) * dt
+        for name, column in zip(names, rows.T):
+            setattr(self, name, column)
+
+
+def fly(s, *more, change=None):
+    """Fly `s` and return a Flown with TRUTH and LAW, and the last two parts of `more`, joined by "_".
+
+    `change(setup)` may alter parameters before the first tick.
+    """
+    setup = build(s)
+    if change:
+        change(setup)
+    full = [f"truth.aircraft.{n}" for n in TRUTH] + [f"law.law.{n}" for n in LAW] + list(more)
+    names = [*TRUTH, *LAW, *("_".join(n.split(".")[1:]) for n in more)]
+    rows, status, _ = record(setup, full)
+    return Flown(names, rows, setup.loop.dt, status, setup)
+
+
+def deg(x):
+    """Return degrees."""
+    return np.degrees(x)
+
+
+def wrapped(psi):
+    """Return an angle within half a turn [rad]."""
+    return (psi + math.pi) % (2 * math.pi) - math.pi

@@ -1,0 +1,79 @@
+"""Published linear aircraft with a lag as elevator actuator, and their exact response, for the tests of Sun13."""
+
+import math
+
+import numpy as np
+from scipy.linalg import expm
+
+from fdi.rfafe import rfafe
+
+DEG = math.pi / 180.0
+FT = 0.3048
+TABLE = {  # NASA CR-2144 section IX, tables IX-3 and IX-4; the cruise elevator row is that of flight condition 9
+    "IX3": {"3": ("SL", 0.45, 502.0, 300.0, 3.1), "4": ("SL", 0.65, 726.0, 626.0, 0.0),
+            "6": ("20K", 0.65, 674.0, 288.0, 2.5),
+            "8": ("40K", 0.7, 678.0, 135.0, 7.3), "9": ("40K", 0.8, 774.0, 177.0, 4.6)},
+    "IX4": {"3": (-0.00499, -0.0807, 0.000146, 0.0743, -0.736, -0.00262, 0.0297, -10.4, -0.000221, -0.699),
+            "4": (-0.00777, -0.126, -0.000199, 0.0345, -0.963, -0.00239, 0.0293, -12.8, -0.000228, -0.925),
+            "6": (-0.0028, -0.0832, 8.85e-05, 0.0482, -0.539, -0.0019, 0.0156, -8.09, -0.000155, -0.535),
+            "8": (0.00187, -0.0696, 0.000259, 0.0263, -0.292, -0.00101, 0.00704, -4.32, -9.05e-05, -0.284),
+            "9": (-0.00276, -0.065, 0.000193, 0.0389, -0.317, -0.00105, 0.00556, -5.16, -0.000116, -0.339)},
+    "IX4_elevator": {"9": {"Xde": 1.44, "Zde": -17.9, "Mde": -1.16}},
+}
+# Navion, sea level, 176 ft/s [Nelson, Flight Stability and Automatic Control, ex. 4.3]: u, w ft/s, q rad/s, theta rad
+NAVION = (np.array([[-0.045, 0.036, 0.0, -32.2], [-0.369, -2.02, 176.0, 0.0], [0.0019, -0.0396, -2.948, 0.0],
+                    [0.0, 0.0, 1.0, 0.0]]),
+          np.array([[0.0], [-28.15], [-11.874], [0.0]]))
+# Stevens and Lewis, F-16 at 502 ft/s, CG aft: V ft/s, alpha rad, theta rad, q rad/s reordered; elevator deg
+FIGHTER = (np.array([[-0.0193, 8.82, -0.575, -32.17], [-2.54e-4, -1.019, 0.905, 0.0], [2.95e-12, 0.822, -1.077, 0.0],
+                     [0.0, 0.0, 1.0, 0.0]]), np.array([[0.17], [-2.15e-3], [-0.1756], [0.0]]))  # fmt: skip
+E_SPEED = np.array([[1.0], [0.2], [0.1], [0.0], [0.0], [0.0]])
+
+
+def heffley_jewell(name):
+    """Return A, B of x = [V m/s, alpha deg, q deg/s, theta deg], u = all elevators [deg], from CR-2144's body axes.
+
+    *derived*: level flight, W0 from the trim angle of attack; the fourth-order equations of motion in ft, s, rad.
+    """
+    _, _, V, _, alpha = TABLE["IX3"][name]
+    Xu, Zu, Mu, Xw, Zw, Mw, Zwd, Zq, Mwd, Mq = TABLE["IX4"][name]
+    Xde, Zde, Mde = (TABLE["IX4_elevator"]["9"][k] for k in ("Xde", "Zde", "Mde"))
+    g, U0, W0 = 32.174, V * math.cos(alpha * DEG), V * math.sin(alpha * DEG)
+    E = np.eye(4)
+    E[1, 1], E[2, 1] = 1.0 - Zwd, -Mwd
+    A = np.array([[Xu, Xw, -W0, -g * math.cos(alpha * DEG)], [Zu, Zw, U0 + Zq, -g * math.sin(alpha * DEG)],
+                  [Mu, Mw, Mq, 0.0], [0.0, 0.0, 1.0, 0.0]])
+    B = np.array([[Xde], [Zde], [Mde], [0.0]])
+    A, B = np.linalg.solve(E, A), np.linalg.solve(E, B)
+    # u, w -> V, alpha
+    S = np.array([[U0 / V, W0 / V, 0, 0], [-W0 / V**2, U0 / V**2, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+    unit = np.diag([FT, 1 / DEG, 1 / DEG, 1 / DEG])
+    S = unit @ S
+    return S @ A @ np.linalg.inv(S), S @ B * DEG
+
+
+def global_of(A, B, a=18.0, sides=2):
+    """Return A, B, C, D of the aircraft with a lag a / (s + a) in front of each side's equal share of its elevator."""
+    share = np.hstack([B / sides] * sides)
+    actuator = rfafe.first_order(a, sides=sides)
+    return rfafe.global_model(A, share, np.eye(4), np.zeros((4, sides)), *actuator)
+
+
+def sampled(A, F, C, sine, dt, n):
+    """Return y (n, m) of x' = A x + F f from rest, f a sine (peak, rad/s), exact: it is generated inside."""
+    peak, w = sine
+    big = np.block([[A, F * peak, np.zeros_like(F)], [np.zeros((1, len(A))), np.zeros((1, 1)), np.full((1, 1), w)],
+                    [np.zeros((1, len(A))), np.full((1, 1), -w), np.zeros((1, 1))]])
+    Phi, x = expm(big * dt), np.zeros(len(A) + 2)
+    x[-1] = 1.0  # sin from 0, cos from 1
+    y = np.zeros((n, len(C)))
+    for k in range(n):
+        y[k] = C @ x[: len(A)]
+        x = Phi @ x
+    return y
+
+
+def amplitude(t, signal, w):
+    """Return the amplitude of the sine of w [rad/s] in a signal, by least squares with a constant."""
+    basis = np.stack([np.sin(w * t), np.cos(w * t), np.ones_like(t)], 1)
+    return np.hypot(*np.linalg.lstsq(basis, signal, rcond=None)[0][:2])

@@ -1,0 +1,185 @@
+"""What a run comes to: delays, false alarms, errors of estimates, and how far a fault moved its elevator."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cosim.flight.simulate import simulate
+from cosim.flight.twin import achieved, moved, positions
+from cosim.judge.estimation import Estimate
+from cosim.judge.result import Watch, judge
+from cosim.scenario import load_scenario
+
+DT = 0.1
+LANE = Watch("x", "local", "elevator.left_inner", ("", "rod"), 0, 1, 2, 3)
+FAULT = {"targets": ("elevator.left_inner",), "start_s": 2.0, "end_s": math.inf, "period_s": 0.5}
+
+
+def lane(alarms, ticks=50, r=None):
+    """Return a history in which the alarm stands in the given spans of ticks, with verdict 1 (ofc_liquid)."""
+    rows = np.zeros((ticks, 4), np.float32)
+    for first, last in alarms:
+        rows[first:last, :2] = 1.0
+    rows[:, 3] = 0.0 if r is None else r
+    return rows
+
+
+def test_delay_counts_from_the_onset_in_seconds_and_periods():
+    entry = judge(LANE, lane([(25, 50)]), DT, [FAULT])
+    assert (entry["detected_at_s"], entry["detection_delay_s"], entry["detection_delay_periods"]) == pytest.approx(
+        (2.5, 0.5, 1.0)
+    )
+    assert entry["isolated"] == {"class": "ofc_liquid", "target": "elevator.left_inner"} and entry["false_alarms"] == 0
+
+
+def test_an_alarm_that_stood_before_the_fault_is_false_and_no_detection():
+    entry = judge(LANE, lane([(10, 50)]), DT, [FAULT])
+    assert entry["detection_delay_s"] is None and entry["false_alarms"] == 1 and entry["alarm"]
+
+
+def test_an_alarm_that_falls_and_rises_again_after_the_onset_detects():
+    entry = judge(LANE, lane([(10, 22), (30, 50)]), DT, [FAULT])
+    assert entry["detection_delay_s"] == pytest.approx(1.0) and entry["false_alarms"] == 1
+
+
+def test_an_alarm_after_the_fault_has_healed_for_long_is_false():
+    healed = {**FAULT, "end_s": 2.5}
+    assert judge(LANE, lane([(44, 46)], 60), DT, [healed])["false_alarms"] == 0  # within 2 s of the end
+    assert judge(LANE, lane([(46, 50)], 60), DT, [healed])["false_alarms"] == 1
+
+
+def test_a_fault_elsewhere_makes_a_local_alarm_false():
+    entry = judge(LANE, lane([(25, 30)]), DT, [{**FAULT, "targets": ("elevator.right_inner",)}])
+    assert not entry["concerned"] and entry["false_alarms"] == 1 and entry["detection_delay_s"] is None
+
+
+def several(*starts, **cases):
+    """Return faults 0, 1, ... on the lane's actuator at `starts` [s]; `cases` {"of1": case} for a detector's table."""
+    return [{**FAULT, "fault": i, "start_s": t, "case": cases.get(f"of{i}", "")} for i, t in enumerate(starts)]
+
+
+def test_each_of_several_faults_has_its_own_delay_and_verdict():
+    history = lane([(12, 20), (35, 50)])
+    history[12:20, 1], history[35:, 1] = 4.0, 6.0  # jam_solid, then sensor
+    entry = judge(LANE, history, DT, several(1.0, 3.0))
+    assert [(d["fault"], d["detection_delay_s"], d["isolated"]["class"]) for d in entry["by_fault"]] == [
+        (0, pytest.approx(0.2), "jam_solid"), (1, pytest.approx(0.5), "sensor")]  # fmt: skip
+    assert (entry["fault"], entry["isolated"]["class"], entry["false_alarms"]) == (0, "jam_solid", 0)
+
+
+def test_an_alarm_counts_for_the_latest_fault_that_the_lane_could_notice():
+    late = judge(LANE, lane([(33, 50)]), DT, several(1.0, 3.0))
+    assert late["fault"] == 1 and late["detection_delay_s"] == pytest.approx(0.3)
+    assert late["by_fault"][0]["detected_at_s"] is None
+    watch = Watch("ofc_monitor", "local", "elevator.left_inner", ("", "rod"), 0, 1, 2, 3)
+    cases = {"of0": "hydraulic.ofc_liquid", "of1": "hydraulic.surface"}  # it reads no surface sensor
+    blind = judge(watch, lane([(33, 50)]), DT, several(1.0, 3.0, **cases))
+    assert [d["fault"] for d in blind["by_fault"]] == [0] and blind["detection_delay_s"] == pytest.approx(2.3)
+
+
+def test_what_is_said_after_a_fault_has_healed_is_not_its_name():
+    history = lane([(25, 45)])
+    history[40:, 1] = 4.0
+    assert judge(LANE, history, DT, [{**FAULT, "end_s": 3.8}])["isolated"]["class"] == "ofc_liquid"
+
+
+def test_largest_residual_is_split_at_the_first_fault_of_the_flight():
+    r = np.r_[np.full(20, -0.5), np.full(30, 3.0)]
+    entry = judge(LANE, lane([], r=r), DT, [{**FAULT, "targets": ("engine.1",)}])
+    assert (entry["r_max_before"], entry["r_max_after"]) == (0.5, 3.0)
+    assert judge(LANE, lane([], r=r), DT, [])["r_max_after"] is None
+
+
+def test_a_residual_without_a_number_is_not_a_maximum():
+    r = np.full(50, np.nan)
+    assert judge(LANE, lane([], r=r), DT, [])["r_max_before"] is None
+    r[3] = 0.25
+    assert judge(LANE, lane([], r=r), DT, [])["r_max_before"] == 0.25
+
+
+def test_error_of_an_estimate_counts_settled_ticks_only():
+    history = np.zeros((50, 2), np.float32)
+    history[:, 0], history[30:, 1] = 1.5, 1.0
+    plan = Estimate(0, (1,), lambda v, dt: v[0], "m", start=3.0, end=4.0)
+    assert plan.error(history, DT).tolist() == [0.5] * 10
+    watch = Watch("x", "local", "elevator.left_inner", ("",), 0, 0, 0, None, plan)
+    entry = judge(watch, history, DT, [FAULT])
+    assert (entry["estimate_rmse"], entry["estimate_bias"], entry["estimate_max"], entry["estimate_unit"]) == (
+        0.5,
+        0.5,
+        0.5,
+        "m",
+    )
+
+    got = [entry[f"estimate_{name}"] for name in ("rmse", "bias", "max", "unit")]
+    assert got == [0.5, 0.5, 0.5, "m"]
+
+
+def flight(name, **more):
+    return load_scenario(name, [f"{k}={v}" for k, v in more.items()])
+
+
+def lanes(result, detector):
+    return {d["target"]: d for d in result.detectors if d["id"] == detector}
+
+
+def test_iotsekf_estimates_the_oscillation_at_the_valve():
+    s = flight("liquid-ofc", duration_s=10, **{"faults.0.start_s": 2, "detectors.enabled": '["iotsekf"]'})
+    found = lanes(simulate(s, timed=False), "iotsekf")
+    faulty, healthy = found["elevator.left_inner"], found["elevator.left_outer"]
+    injected = 8e-3 * 2 * math.pi  # 8 mm at 1 Hz is about this rod speed, and 1 of u is 1 m/s: the scale of the truth
+    assert faulty["estimate_unit"] == "u" and faulty["estimate_rmse"] < 0.15 * injected
+    assert abs(faulty["estimate_bias"]) < 0.05 * injected
+    assert healthy["estimate_rmse"] is None
+
+
+@pytest.mark.parametrize(
+    "name, detector, target, unit, size, share",
+    [
+        ("alwi14-simultaneous", "lpv_smo", "aircraft", "rad", math.radians(3), 0.35),
+        ("ema-position-bias", "ema_kalman_flight", "elevator.right_inner", "m", 5e-3, 0.2),
+    ],
+)
+def test_estimates_are_of_the_size_of_their_fault(name, detector, target, unit, size, share):
+    found = lanes(simulate(load_scenario(name), timed=False), detector)[target]
+    assert found["estimate_unit"] == unit and found["estimate_rmse"] < share * size
+
+
+def test_achieved_amplitude_is_the_rod_s_own_oscillation():
+    """Against the log: half the peak-to-peak of the rod in still air, which the linear loop puts near 8 mm."""
+    s = flight("liquid-ofc", duration_s=8, **{"faults.0.start_s": 2, "flight.turbulence": '"none"'})
+    entry = achieved(s)["left_inner"]
+    assert entry["amplitude_mm"] == pytest.approx(8.0, rel=0.15)
+    assert entry["rod_mm"] >= entry["amplitude_mm"] * 0.98
+    assert entry["amplitude_deg"] == pytest.approx(entry["amplitude_mm"] / 5.24, rel=0.02)  # 5.24 mm per degree
+    assert entry["travel_pct"] == pytest.approx(entry["surface_deg"] / 0.4)
+
+
+def test_amplitude_is_told_apart_from_gusts_that_are_larger():
+    still = flight("liquid-ofc", duration_s=10, **{"faults.0.start_s": 2, "faults.0.amplitude_mm": 0.5})
+    rough = flight(
+        "liquid-ofc",
+        duration_s=10,
+        **{"faults.0.start_s": 2, "faults.0.amplitude_mm": 0.5, "flight.turbulence": "moderate"},
+    )
+    a, b = (achieved(s)["left_inner"]["amplitude_mm"] for s in (still, rough))
+    assert b == pytest.approx(a, rel=0.25)  # friction and load change with the gusts
+
+
+def test_a_fault_that_touches_no_elevator_moves_none_and_flies_no_twin():
+    positions.cache_clear()
+    s = flight("thrust-loss", duration_s=2, **{"faults.0.start_s": 1})
+    assert achieved(s) == {} and positions.cache_info().misses == 0
+
+
+def test_runs_that_differ_in_their_fault_share_their_twin():
+    positions.cache_clear()
+    for hz in (1, 2):
+        achieved(flight("liquid-ofc", duration_s=2, **{"faults.0.start_s": 1, "faults.0.frequency_hz": hz}))
+    assert positions.cache_info().misses == 1
+
+
+def test_a_monitor_s_fault_has_no_achieved_amplitude():
+    s = flight("ema-current-bias", duration_s=2, **{"faults.0.start_s": 1})
+    assert moved(s, None, None) == {}

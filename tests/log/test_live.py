@@ -1,0 +1,67 @@
+"""`cosim run --live`: what a viewer gets is what the log holds, by the clock, and the log stays the same."""
+
+import socket
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import cosim
+from cosim.errors import OutputError
+from cosim.flight.build import build
+from cosim.flight.fly import fly
+from cosim.flight.recorder import pose, topics
+from cosim.flight.simulate import simulate
+from cosim.log import open_log
+from cosim.log.live import Live
+
+foxglove = pytest.importorskip("foxglove")
+SHORT = ["duration_s=0.5", "detectors.enabled=['iotsekf', 'lpv_smo']", "flight.turbulence=light"]
+
+
+def test_a_viewer_gets_the_samples_of_the_log(tmp_path):
+    from mcap.reader import make_reader
+    from mcap_protobuf.decoder import DecoderFactory
+
+    s = cosim.load_scenario("liquid-ofc", SHORT)
+    simulate(s, log=tmp_path / "flight.mcap", timed=False)
+    setup, context = build(s), foxglove.Context()
+    sink = foxglove.open_mcap(tmp_path / "seen.mcap", context=context)
+    with Live(topics(setup), pose=pose(setup.loop.bus), port=0, context=context) as server:
+        fly(setup, server.append)
+    sink.close()
+    log, seen = open_log(tmp_path / "flight.mcap"), {}
+    with open(tmp_path / "seen.mcap", "rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        for _, channel, message, sample in reader.iter_decoded_messages():
+            seen.setdefault(channel.topic, []).append((message.log_time, sample))
+    sampled = {name for name, t in log.topics.items() if t.every == 1}
+    assert set(seen) == sampled | {"/tf", "/fix"}
+    for name in sampled:
+        frame = log.frame(name)
+        fields = log.topics[name].fields
+        assert [ns for ns, _ in seen[name]] == [k * 5_000_000 for k in range(0, 100, 4)]
+        got = np.array([[getattr(sample, f) for f in fields] for _, sample in seen[name]])
+        assert got.tobytes() == frame[list(fields)].to_numpy()[::4].tobytes(), name
+
+
+def test_a_watched_flight_goes_by_the_clock_and_leaves_the_same_log(tmp_path):
+    s = cosim.load_scenario("liquid-ofc", SHORT)
+    simulate(s, log=tmp_path / "alone.mcap", timed=False)
+    begin = time.perf_counter()
+    watched = simulate(s, log=tmp_path / "watched.mcap", timed=False, live=0)
+    assert 0.45 < watched.wall_time_s <= time.perf_counter() - begin
+    assert (tmp_path / "alone.mcap").read_bytes() == (tmp_path / "watched.mcap").read_bytes()
+
+
+def test_a_port_in_use_and_a_missing_library_are_told(monkeypatch):
+    setup = build(cosim.load_scenario("liquid-ofc", SHORT))
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        with pytest.raises(OutputError, match=r"127\.0\.0\.1:\d+: cannot be served.*in use"):
+            Live(topics(setup), port=taken.getsockname()[1])
+    monkeypatch.setitem(sys.modules, "foxglove", None)
+    with pytest.raises(OutputError, match=r"pip install 'cosim-fdi\[live\]'"):
+        Live(topics(setup), port=0)

@@ -1,0 +1,254 @@
+"""The log holds what was logged, bit for bit, and says clearly when it cannot."""
+
+import hashlib
+import subprocess
+import sys
+import textwrap
+
+import numpy as np
+import pytest
+from log_samples import N_VALUES, TOPICS, expected, same_bits, vectors, write
+
+from cosim.log import LogError, LogWriter, Topic, fingerprint, info, open_log
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "flight.mcap"
+
+
+OPTIONS = [{}, {"compression": ""}, {"compression": "zstd"}, {"rows_per_chunk": 7}, {"rows_per_chunk": 500}]
+
+
+@pytest.mark.parametrize("ticks", [1, 49, 50, 51, 100, 230])
+@pytest.mark.parametrize("options", OPTIONS)
+def test_every_bit_comes_back(path, ticks, options):
+    v = write(path, ticks, pose=True, **options)
+    log = open_log(path)
+    assert log.complete and log.n_ticks == ticks
+    every_topic = log.arrays()
+    for topic in TOPICS:
+        want = expected(v, topic)
+        assert same_bits(log.array(topic.name), want)
+        assert same_bits(every_topic[topic.name], want)
+        assert log.topics[topic.name].rows == len(want)
+    assert log.result["status"] == "completed" and len(log.result["content"]) == 64
+    hashes = {name: told["sha256"] for name, told in info(path, check=True)["topics"].items()}
+    for topic in TOPICS:
+        assert hashes[topic.name] == hashlib.sha256(expected(v, topic).astype("<f8").tobytes()).hexdigest()
+
+
+def test_what_describes_the_run_comes_back(path):
+    write(path)
+    log = open_log(path)
+    assert log.metadata["run"] == {"seed": "0", "unit": "µ"}
+    assert log.attachments == {"scenario.toml": b"seed = 0\n", "empty.bin": b""}
+    assert log.media_types["scenario.toml"] == "application/toml"
+    topic = log.topics["/actuators/left_inner"]
+    assert (topic.fields, topic.units, topic.every) == (("q_rod", "u"), ("m", "-"), 1)
+    assert (topic.group, topic.description) == ("actuators", "rod")
+    (tick, text), (_, window) = log.messages("/log")[0], log.messages("/events")[0]
+    assert (tick, text.message, text.level) == (70, "left inner: jam declared", 3)
+    assert window.start_time.ToNanoseconds() == 200_000_000 and not window.HasField("end_time")
+    assert {m.key: m.value for m in window.metadata} == {"kind": "jam", "target": "elevator.left_inner"}
+
+
+def test_frames_have_a_time_index_that_is_the_tick_times_dt(path):
+    v = write(path, 230)
+    log = open_log(path)
+    frame = log.frame("/detectors/slow")
+    assert list(frame.columns) == ["r", "alarm", "f_hat"] and frame.index.name == "t_s"
+    assert (frame.index == np.arange(0, 230, 3) * 5_000_000 / 1e9).all()
+    assert (log.times_ns("/state") == [0, 320_000_000, 640_000_000, 960_000_000]).all()
+    mixed = log.fields(["/actuators/left_inner.u", "/detectors/slow.f_hat"])
+    assert same_bits(mixed["/actuators/left_inner.u"].to_numpy(), v[:, 3])
+    assert mixed["/detectors/slow.f_hat"].iloc[1:3].isna().all() and len(mixed) == 230
+    with pytest.raises(KeyError, match="no field 'zz'"):
+        log.fields(["/truth.zz"])
+    with pytest.raises(KeyError, match="no topic '/nothing'"):
+        log.array("/nothing")
+
+
+@pytest.mark.parametrize(
+    ("start", "stop"), [(0, 230), (60, 61), (49, 151), (64, 128), (229, 500), (100, 100), (500, 600)]
+)
+def test_a_span_of_ticks_is_read_alone(path, start, stop):
+    v = write(path, 230)
+    log = open_log(path)
+    ticks = np.arange(start, min(stop, 230))
+    for topic in TOPICS:
+        assert same_bits(log.array(topic.name, start, stop), expected(v, topic, ticks))
+        assert (log.ticks(topic.name, start, stop) == ticks[ticks % topic.every == 0]).all()
+    assert len(log.array("/truth", start)) == max(0, 230 - start)
+
+
+def test_the_same_run_gives_the_same_bytes(tmp_path):
+    write(tmp_path / "a", pose=True)
+    write(tmp_path / "b", pose=True)
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+def test_the_fingerprint_does_not_depend_on_the_chunks(tmp_path):
+    write(tmp_path / "a", rows_per_chunk=50)
+    write(tmp_path / "b", rows_per_chunk=13, compression="")
+    a, b = open_log(tmp_path / "a"), open_log(tmp_path / "b")
+    assert fingerprint(a) == fingerprint(b)
+    write(tmp_path / "c", seed=1)
+    assert fingerprint(open_log(tmp_path / "c")) != fingerprint(a)
+    assert "/truth  rows 230  every 1  sha256" in fingerprint(a) and "x_6  constant 42" in fingerprint(a)
+    assert "nan 4" in fingerprint(a)
+
+
+def test_info_tells_a_whole_log_from_an_incomplete_one(tmp_path):
+    write(tmp_path / "whole")
+    write(tmp_path / "stopped", result=False)
+    whole, stopped = info(tmp_path / "whole", check=True), info(tmp_path / "stopped", check=True)
+    assert whole["complete"] and whole["problem"] is None and whole["duration_s"] == 1.15 and whole["gaps"] == 0
+    assert stopped["readable"] and not stopped["complete"] and stopped["result"] == {}
+    cut = tmp_path / "cut"
+    cut.write_bytes((tmp_path / "whole").read_bytes()[:-5000])
+    told = info(cut)
+    assert not told["readable"] and not told["complete"] and "no end" in told["problem"] and told["ticks"] >= 150
+
+
+def _strike(n):
+    """Return a trace function that raises KeyboardInterrupt at the n-th line that the log package runs in a flush."""
+    left = n
+
+    def trace(frame, event, arg):
+        nonlocal left
+        if "cosim/log" not in frame.f_code.co_filename.replace("\\", "/") or frame.f_code.co_name == "append":
+            return None
+        if event == "line":
+            left -= 1
+            if left == 0:
+                sys.settrace(None)
+                raise KeyboardInterrupt
+        return trace
+
+    return trace
+
+
+@pytest.mark.parametrize("n", range(1, 900, 15))
+def test_ctrl_c_at_any_line_leaves_every_tick_readable(path, n):
+    v, before, logged, texts = vectors(230), sys.gettrace(), 0, 0
+    with pytest.raises(KeyboardInterrupt), LogWriter(path, TOPICS, n_values=N_VALUES, rows_per_chunk=50) as log:
+        try:
+            sys.settrace(_strike(n))
+            for k, row in enumerate(v):
+                log.append(row)
+                logged = k + 1
+                if k % 20 == 0:
+                    log.event(k, "tick", "debug")
+                    texts += 1
+        finally:
+            sys.settrace(before)
+    log = open_log(path)
+    assert not log.complete and log.n_ticks in (logged, logged + 1)  # the strike may come after the row was taken
+    for topic in TOPICS:
+        assert same_bits(log.array(topic.name), expected(v[: log.n_ticks], topic))
+    assert [k for k, _ in log.messages("/log")][:texts] == [20 * i for i in range(texts)]
+
+
+def test_an_error_in_the_run_leaves_a_readable_incomplete_log(path):
+    with pytest.raises(ZeroDivisionError), LogWriter(path, TOPICS, n_values=N_VALUES) as log:
+        log.append(vectors(1)[0])
+        _ = 1 / 0
+    assert open_log(path).n_ticks == 1 and not open_log(path).complete
+
+
+def test_a_log_without_a_tick_is_readable_and_keeps_its_texts(path):
+    with LogWriter(path, TOPICS, n_values=N_VALUES) as log:
+        log.event(0, "trim failed", "error")
+        log.close({"status": "diverged"})
+    log = open_log(path)
+    assert log.n_ticks == 0 and log.complete and log.array("/truth").shape == (0, 20)
+    assert "trim failed" in log.metadata["late_events"]["0"]
+    assert info(path, check=True)["problem"] is None
+
+
+def test_a_text_of_any_tick_is_kept_with_its_own_time(path):
+    with LogWriter(path, TOPICS, n_values=N_VALUES, rows_per_chunk=10) as log:
+        for row in vectors(25):
+            log.append(row)
+        log.event(3, "late")  # its chunk is written
+        log.event(99, "early")
+    times = [m.timestamp.ToNanoseconds() for _, m in open_log(path).messages("/log")]
+    assert sorted(times) == [15_000_000, 495_000_000]
+
+
+FULL = """
+import resource, sys
+sys.path.insert(0, {tests!r})
+from log_samples import *
+from cosim.log import LogError
+resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))
+try:
+    write({path!r}, 2000)
+except LogError as error:
+    print(error)
+"""
+
+
+@pytest.mark.parametrize("limit", [100, 5000, 100_001, 400_003])
+def test_a_full_disk_is_one_clear_error_and_the_log_can_be_recovered(path, tmp_path, limit, request):
+    from cosim.log import recover
+
+    code = FULL.format(limit=limit, path=str(path), tests=str(request.path.parents[1] / "helpers"))
+    told = subprocess.run([sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, check=True)
+    assert "cannot write the log" in told.stdout and "recover" in told.stdout and str(path) in told.stdout, told
+    assert not told.stderr
+    if limit < 50_000:
+        return
+    v, report = vectors(2000), recover(path, tmp_path / "out.mcap")
+    log = open_log(tmp_path / "out.mcap")
+    assert report["ticks"] == log.n_ticks > 0 and log.n_ticks % 50 == 0 and not log.complete
+    for topic in TOPICS:
+        assert same_bits(log.array(topic.name), expected(v[: log.n_ticks], topic))
+
+
+def test_places_that_cannot_be_written_or_read_are_one_clear_error(tmp_path):
+    for bad in (tmp_path / "no" / "such" / "folder.mcap", tmp_path):
+        with pytest.raises(LogError, match="cannot create the log") as error:
+            LogWriter(bad, TOPICS, n_values=N_VALUES)
+        assert str(bad) in str(error.value)
+    with pytest.raises(LogError, match="cannot read the log"):
+        open_log(tmp_path / "none.mcap")
+    with pytest.raises(LogError, match="cannot read the log"):
+        open_log(tmp_path)
+
+
+def test_topics_that_cannot_be_logged_are_refused_before_a_file_is_made(path):
+    good = TOPICS[0]
+    for name, fields, units, every in (
+        ("/a b", ("x",), ("m",), 1),
+        ("/a", ("x y",), ("m",), 1),
+        ("/a", ("x", "x"), ("m", "m"), 1),
+        ("/a", ("x",), (), 1),
+        ("/a", (), (), 1),
+        ("/a", ("x",), ("m",), 0),
+    ):
+        with pytest.raises(ValueError, match=f"topic {name!r}:|topic {name}:"):
+            Topic(name, fields, units, np.arange(len(fields)), every)
+    for topics in ([good, good], [Topic("/log", ("x",), ("m",), [0])], [Topic("/s", ("x",), ("m",), [0], every=2)]):
+        with pytest.raises(ValueError, match=r"distinct names|at every tick"):
+            LogWriter(path, topics, n_values=N_VALUES)
+    with pytest.raises(ValueError, match="outside the tick vector of 10 values"):
+        LogWriter(path, [good], n_values=10)
+    with pytest.raises(ValueError, match="are taken"):
+        LogWriter(path, [good], n_values=N_VALUES, metadata={"result": {}})
+    with pytest.raises(ValueError, match="keys and values must be str"):
+        LogWriter(path, [good], n_values=N_VALUES, metadata={"run": {"seed": 0}})
+    assert not path.exists()
+    with pytest.raises(ValueError, match="must be str"), LogWriter(path, [good], n_values=N_VALUES) as log:
+        log.append(np.zeros(N_VALUES))
+        log.close({"seed": 0})
+    assert open_log(path).n_ticks == 1 and not open_log(path).complete
+
+
+def test_two_files_that_share_field_names_do_not_share_a_schema(tmp_path):
+    """Camel case would make q_1 and q1 the same JSON name, which some decoders refuse."""
+    topic = Topic("/a", ("q_1", "q1", "Q1"), ("m", "m", "m"), [0, 1, 2])
+    with LogWriter(tmp_path / "a", [topic], n_values=3) as log:
+        log.append(np.array([1.0, 2.0, 3.0]))
+    assert open_log(tmp_path / "a").array("/a").tolist() == [[1.0, 2.0, 3.0]]

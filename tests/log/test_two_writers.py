@@ -1,0 +1,47 @@
+"""Two runs on one log: the second is told so, and the first one's file stays whole."""
+
+import subprocess
+import sys
+
+import pytest
+
+import cosim
+from cosim.cli.output import reserve
+from cosim.errors import CosimError
+from cosim.files import TAKEN, open_alone
+
+pytest.importorskip("fcntl")
+RUN = [sys.executable, "-c", "from cosim.cli import main; main()", "run", "cruise"]
+HOLD = (
+    "import sys; from cosim.log.sink import Sink; s = Sink(sys.argv[1]); s.put(b'first'); print('held', flush=True); "
+    "sys.stdin.read()"
+)
+
+
+def test_the_second_of_two_runs_is_refused_before_it_touches_the_file(tmp_path):
+    log = tmp_path / "a.mcap"
+    with subprocess.Popen([sys.executable, "-c", HOLD, log], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as first:
+        assert first.stdout.readline() == b"held\n"
+        told = subprocess.run([*RUN, "-s", "duration_s=0.1", "-o", log], capture_output=True, text=True)
+        assert told.returncode == 2 and told.stderr.count("\n") == 1
+        assert f"a.mcap: {TAKEN}" in told.stderr
+        with pytest.raises(CosimError, match=TAKEN):  # a run that has come past the command line's own look
+            cosim.simulate(cosim.load_scenario("cruise", ["duration_s=0.1"]), log=log, timed=False)
+        assert log.read_bytes() == b"first"
+        first.kill()
+    told = subprocess.run([*RUN, "-s", "duration_s=0.1", "-o", log], capture_output=True, text=True)
+    assert told.returncode == 0, told.stderr  # the lock has gone with the process
+    assert cosim.open_log(log).complete
+
+
+def test_reserve_leaves_no_file_and_a_removed_one_is_not_written(tmp_path):
+    path = tmp_path / "a.mcap"
+    reserve(path)
+    assert not path.exists()
+    with open_alone(path) as file:
+        with pytest.raises(CosimError, match=TAKEN):
+            reserve(path)
+        assert open_alone(path) is None
+        path.unlink()
+        with open_alone(path) as other:
+            assert other.fileno() != file.fileno()

@@ -1,0 +1,36 @@
+"""The EMA study: what its flights return, and that its parts make tables of what its jobs return."""
+
+import argparse
+
+import pytest
+
+from cosim.papers import studies as study
+from cosim.papers.studies import ema, ema_flights
+
+PARTS = {p.name: p for p in ema.parts()}
+
+
+def test_a_position_fault_in_flight_is_named_and_the_loop_closed_on_the_estimate():
+    found = ema_flights.position_fault("position + 15 deg", 11)
+    assert found["named"] == "position" and found["delay_s"] < 0.3 and found["valid"]
+    assert found["dnz"] < 0.04 < 0.1 < found["dnz_without"]
+    assert found["surface_deg"] < 0.5
+
+
+@pytest.mark.parametrize("path", ["loop", "monitor"])
+def test_a_current_bias_never_reconfigures_and_is_named_where_only_the_monitor_has_it(path):
+    found = ema_flights.loop_fault("current + 10 % of stall", 11, path)
+    assert not found["reconfigured"]
+    assert found["names"] == (["none"] if path == "loop" else ["sensor current"])
+
+
+@pytest.mark.parametrize("name", ["confusion", "smallest", "bias"])
+def test_bench_parts_make_tables(name):
+    options = argparse.Namespace(seeds=1, noise=1.0)
+    part = PARTS[name]
+    [(title, columns, rows)] = part.tables(options, study.work(part.jobs(options), workers=0))
+    assert title and rows and all(len(row) == len(columns) for row in rows)
+    if name == "bias":
+        assert all(row[2] == 0 for row in rows)  # reconfigured
+    if name == "confusion":
+        assert [row[2] for row in rows].count("1/1") >= len(rows) - 1

@@ -1,0 +1,49 @@
+"""Golden flights: the recorded ones replay bit for bit, their faults trip alarms, their numbers are as reviewed."""
+
+import shutil
+import subprocess
+
+import pytest
+from mcap.reader import NonSeekingReader
+
+from cosim.log import fingerprint, open_log
+from cosim.replay import replay
+from cosim.replay.golden import FLIGHTS, FOLDER, fly
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_a_golden_flight_replays_bit_for_bit_and_alarms(name):
+    path = FOLDER / f"{name}.mcap"
+    r = replay(path)
+    assert r.exact, f"{r.differences[:5]}: meant? `python -m cosim.replay.golden` writes them anew"
+    assert {d["id"] for d in r.detectors} == set(FLIGHTS[name].detectors)
+    for d in r.detectors:
+        if d["id"] in FLIGHTS[name].alarmed and d["replayed"]["concerned"]:
+            assert d["replayed"]["detected_at_s"] is not None, d["id"]
+            assert d["replayed"]["isolated"] is not None, d["id"]
+    assert replay(path, start_s=2.7).exact
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_readers_that_are_not_ours_accept_a_golden_flight(name):
+    path = FOLDER / f"{name}.mcap"
+    with path.open("rb") as file:
+        count = sum(1 for _ in NonSeekingReader(file, validate_crcs=True).iter_messages(log_time_order=False))
+    assert count == sum(t.rows for t in open_log(path).topics.values())
+    if shutil.which("rerun"):
+        told = subprocess.run(["rerun", "mcap", "check", str(path)], capture_output=True, text=True)
+        assert told.returncode == 0, told.stdout + told.stderr
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_the_fingerprint_is_that_of_the_log(name):
+    path = FOLDER / f"{name}.mcap"
+    assert path.with_suffix(".txt").read_text() == fingerprint(open_log(path))
+    assert path.stat().st_size < 700_000 and path.with_suffix(".txt").stat().st_size < 20_000
+    assert open_log(path).complete
+
+
+def test_the_command_writes_a_flight_that_replays(tmp_path):
+    first, second = (fly("ema-position-bias", tmp_path / n) for n in ("a", "b"))
+    assert first.read_bytes() == second.read_bytes()
+    assert replay(first).exact

@@ -1,0 +1,272 @@
+"""Foreign data (CSV, Parquet, MCAP) of other names, units, signs and rates is diagnosed as our own flight was."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from log_samples import same_bits
+from mcap.writer import Writer
+
+import cosim
+from cosim.flight import detector_table
+from cosim.log import open_log
+from cosim.replay import replay
+from cosim.replay.lanes import manifest
+from cosim.replay.map import diagnose
+from cosim.replay.map_file import load_map
+from cosim.replay.map_signals import signal_of
+from cosim.replay.params import ReplayError
+from cosim.replay.resample import resample, ticks
+
+EXAMPLE = Path(__file__).parents[1] / "data" / "foreign_map.toml"
+POINT = "[flight]\nmass_t = 200.0\ncg_pct = 30.0\naltitude_ft = 20000.0\ncas_kt = 290.0\n"
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    """Return the log of a flight with every detector, a fault on the valve and a sensor that drops out."""
+    path = tmp_path_factory.mktemp("map") / "flight.mcap"
+    drop = '{target="sensor.alpha", kind="dropout", start_s=2.0, end_s=2.3}'
+    scenario = cosim.load_scenario("liquid-ofc", ["duration_s=5", "faults.0.start_s=2.5", f"faults.1={drop}"])
+    cosim.simulate(scenario, log=path, timed=False)
+    return open_log(path)
+
+
+@pytest.fixture(scope="module")
+def signals(flight):
+    """Return {signal: (samples, SI)} of all that the detectors of the flight read, by the names of a map."""
+    out = {}
+    for d in manifest(flight):
+        spec = detector_table.TABLE[d["id"]]
+        for lane, inputs in d["inputs"].items():
+            technology = {"left": "hydraulic", "right": "ema"}.get(lane.split("_")[0])
+            wires = spec.wires(lane, technology)
+            for field, topic, column in inputs:
+                name, flag = signal_of(wires[field])
+                if not flag:
+                    out[name] = flight.array(topic)[:, flight.topics[topic].fields.index(column)]
+    return out
+
+
+def exact_map(path, names, prefix=""):
+    """Write a map whose channels are SI, at the same rate, under other names."""
+    held = {n: ", held = true" for n in names if n.endswith(".u")}
+    lines = [f'"{n}" = {{ channel = "{prefix}{renamed(n)}"{held.get(n, "")} }}' for n in names]
+    path.write_text(POINT + "[signals]\n" + "\n".join(lines))
+    return path
+
+
+def renamed(name):
+    return "X_" + name.replace(".", "_").upper()
+
+
+def _csv(frame, path):
+    frame.to_csv(path, index=False)
+
+
+def _mcap(frame, path):
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channel = writer.register_channel(
+            "/bench", "json", writer.register_schema("x", "jsonschema", b'{"type": "object"}')
+        )
+        rows = frame.drop(columns="time").to_dict("records")
+        for k, row in enumerate(rows):
+            kept = {n: None if np.isnan(v) else v for n, v in row.items()}
+            writer.add_message(channel, 10**18 + k * 5_000_000, json.dumps(kept).encode(), 10**18 + k * 5_000_000)
+        writer.finish()
+
+
+WRITERS = {"csv": _csv, "parquet": lambda frame, path: frame.to_parquet(path), "mcap": _mcap}
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_a_lossless_export_gives_the_same_bits_as_the_native_replay(flight, signals, tmp_path, kind):
+    frame = pd.DataFrame({"time": np.arange(flight.n_ticks) / 200.0, **{renamed(n): y for n, y in signals.items()}})
+    recording = tmp_path / f"bench.{kind}"
+    WRITERS[kind](frame, recording)
+    map_ = exact_map(tmp_path / "map.toml", signals, "/bench." if kind == "mcap" else "")
+    told = diagnose(recording, map_, output=tmp_path / "out.mcap")
+    assert not told.not_run and len(told.detectors) == sum(len(d["lanes"]) for d in manifest(flight))
+    new = open_log(tmp_path / "out.mcap")
+    for d in manifest(flight):
+        for lane in d["lanes"]:
+            again, logged = (
+                new.array(f"/replay/detectors/{d['id']}/{lane}"),
+                flight.array(f"/detectors/{d['id']}/{lane}"),
+            )
+            assert same_bits(again, logged), (d["id"], lane)
+    assert next(s for s in told.signals if s["name"] == "alpha")["valid_pct"] == pytest.approx(100 * (1 - 60 / 1000))
+
+
+def bench_frame(signals, rate):
+    """Return the recording of tests/data/foreign_map.toml: every `200 / rate`-th sample, in its units and signs."""
+    s = {n: y[:: 200 // rate] for n, y in signals.items()}
+    deg, lbfft = 180.0 / np.pi, 1.0 / 1.3558179483314004
+    t = np.arange(len(s["alpha"])) * 1000.0 / rate
+    return pd.DataFrame(
+        {
+            "clock_ms": t,
+            "ELEV_CMD_DEG": -deg * s["de_cmd"],
+            "VALVE_PCT": 100 * np.append(s["left_inner.u"][1:], np.nan),  # as sent: it acts until the next row
+            "ROD_MM": 1e3 * s["left_inner.rod"],
+            "SURF_DEG": -deg * s["left_inner.surface"],
+            "DP_PCT": 100 * s["left_inner.pressure"],
+            "HM0_LBFFT": lbfft * s["left_inner.hm0"],
+            "HMD_LBFFT": lbfft * s["left_inner.hmd"],
+            "TAS_KT": s["tas"] * 3600 / 1852,
+            "AOA_DEG": deg * s["alpha"],
+            "Q_DEGS": deg * s["q"],
+        }
+    )
+
+
+def test_other_units_and_signs_agree_to_rounding(flight, signals, tmp_path):
+    frame = bench_frame(signals, 200)
+    frame["VALVE_PCT"] = 100 * signals["left_inner.u"]
+    frame.to_csv(tmp_path / "bench.csv", index=False)
+    text = EXAMPLE.read_text().replace('"VALVE_PCT", unit = "%"', '"VALVE_PCT", unit = "%", held = true')
+    (tmp_path / "map.toml").write_text(text)
+    told = diagnose(tmp_path / "bench.csv", tmp_path / "map.toml", output=tmp_path / "out.mcap")
+    new = open_log(tmp_path / "out.mcap")
+    for name in ("iotsekf", "rtsekf", "rtsekf_flight", "position_monitor", "ofc_monitor"):
+        again = new.frame(f"/replay/detectors/{name}/left_inner")
+        logged = flight.frame(f"/detectors/{name}/left_inner")
+        assert (again["alarm"] == logged["alarm"]).all()
+        np.testing.assert_allclose(again["r"], logged["r"], rtol=1e-6, atol=1e-6)
+    assert {r["id"] for r in told.detectors} == {
+        "iotsekf",
+        "rtsekf",
+        "rtsekf_flight",
+        "position_monitor",
+        "ofc_monitor",
+    }
+
+
+def test_a_command_counts_from_when_it_is_sent(flight, signals, tmp_path):
+    """What a servo sends at a tick acts until the next; a filter that reads it a tick early takes that for a fault."""
+    names = ("rod", "surface", "pressure", "hm0", "hmd")
+    sent = flight.frame("/actuators/left_inner/servo")["u"].to_numpy()
+    read = {n: signals[f"left_inner.{n}"] for n in names}
+    frame = pd.DataFrame({"time": np.arange(flight.n_ticks) / 200.0, "u": sent, **read})
+    frame.to_csv(tmp_path / "own.csv", index=False)
+    lines = [f'"left_inner.{n}" = {{ channel = "{n}" }}' for n in ("u", *names)]
+    (tmp_path / "map.toml").write_text(POINT + "[signals]\n" + "\n".join(lines))
+    told = diagnose(tmp_path / "own.csv", tmp_path / "map.toml", detectors=["iotsekf"], output=tmp_path / "out.mcap")
+    alarm = flight.frame("/detectors/iotsekf/left_inner")["alarm"].to_numpy()
+    assert told.detectors[0]["first_alarm_s"] == pytest.approx(np.argmax(alarm > 0.5) / 200.0, abs=1e-9)
+    where = "/replay/detectors/iotsekf/left_inner"
+    again = open_log(tmp_path / "out.mcap").frame(where)
+    np.testing.assert_array_equal(again["alarm"], alarm)
+    lines[0] = lines[0].replace(" }", ", held = true }")
+    (tmp_path / "map.toml").write_text(POINT + "[signals]\n" + "\n".join(lines))
+    diagnose(tmp_path / "own.csv", tmp_path / "map.toml", detectors=["iotsekf"], output=tmp_path / "early.mcap")
+    early = open_log(tmp_path / "early.mcap").frame(where)
+    assert (early["f_hat"] - again["f_hat"])[200:500].abs().max() > 1e-3  # of u: taken a tick too soon
+
+
+def test_half_the_rate_is_interpolated_and_slow_detectors_agree(flight, signals, tmp_path):
+    bench_frame(signals, 100).to_parquet(tmp_path / "bench.parquet")
+    tight = {"position_monitor": {"threshold": 0.01}}
+    told = diagnose(
+        tmp_path / "bench.parquet",
+        EXAMPLE,
+        detectors=["position_monitor"],
+        overrides=tight,
+        output=tmp_path / "out.mcap",
+    )
+    native = next(
+        d["replayed"]
+        for d in replay(flight.path, detectors=["position_monitor"], overrides=tight).detectors
+        if d["target"] == "elevator.left_inner"
+    )
+    (row,) = told.detectors
+    assert native["alarm"] and row["first_alarm_s"] == pytest.approx(native["detected_at_s"], abs=0.05)
+    assert row["isolated"] == native["isolated"]
+    again = open_log(tmp_path / "out.mcap").frame("/input/position_monitor/left_inner")
+    true = signals["left_inner.surface"][: len(again)]
+    assert again["surface"].to_numpy()[::2] == pytest.approx(true[::2], rel=1e-12)
+    # between two samples: their mean, off by white noise of 0.02 deg times sqrt(1.5)
+    between = np.abs(again["surface"].to_numpy() - true)[1::2]
+    assert between.max() < 6 * 1.5**0.5 * np.radians(0.02)
+
+
+def test_what_is_missing_is_named_per_detector(signals, tmp_path):
+    bench_frame(signals, 200).to_csv(tmp_path / "bench.csv", index=False)
+    told = diagnose(tmp_path / "bench.csv", EXAMPLE)
+    lack = {(r["id"], r["target"]): r["missing"] for r in told.not_run}
+    assert lack["rfafe_airframe", "aircraft"] == ["theta"]
+    assert "left_outer.surface" in lack["rfafe", "aircraft"]
+    assert set(lack["position_monitor", "elevator.left_outer"]) == {"left_outer.surface"}
+    with pytest.raises(ReplayError, match=r"Missing: rfafe_airframe of aircraft: theta"):
+        diagnose(tmp_path / "bench.csv", EXAMPLE, detectors=["rfafe_airframe"])
+
+
+def test_parameters_and_the_start_can_be_changed(signals, tmp_path):
+    bench_frame(signals, 200).to_csv(tmp_path / "bench.csv", index=False)
+    tight = {"position_monitor": {"threshold": 1e-4}}
+    told = diagnose(tmp_path / "bench.csv", EXAMPLE, detectors=["position_monitor"], overrides=tight, start_s=1.0)
+    (row,) = told.detectors
+    assert told.start_s == pytest.approx(1.0) and row["alarm"] and 1.0 <= row["first_alarm_s"] < 2.0
+
+
+def test_a_recording_that_does_not_fit_is_refused_and_a_late_command_is_told(signals, tmp_path):
+    frame = bench_frame(signals, 200)
+    frame.assign(clock_ms=1e9 * frame.clock_ms).to_csv(tmp_path / "long.csv", index=False)
+    with pytest.raises(ReplayError, match="Is time in seconds"):
+        diagnose(tmp_path / "long.csv", EXAMPLE)
+    with pytest.raises(ReplayError, match="inf is no time"):
+        diagnose(tmp_path / "long.csv", EXAMPLE, start_s=float("inf"))
+    with pytest.raises(ReplayError, match="--map"):
+        replay(tmp_path / "long.csv")
+    frame.assign(VALVE_PCT="n/a?").to_csv(tmp_path / "text.csv", index=False)
+    with pytest.raises(ReplayError, match="'VALVE_PCT' holds something that is no number"):
+        diagnose(tmp_path / "text.csv", EXAMPLE)
+    with pytest.raises(ReplayError, match="would change nothing"):
+        diagnose(tmp_path / "text.csv", EXAMPLE, detectors=["iotsekf"], overrides={"rfafe": {"x": 1.0}})
+    for rate, told in ((200, 0), (100, 1)):
+        bench_frame(signals, rate).to_csv(tmp_path / "bench.csv", index=False)
+        caveats = diagnose(tmp_path / "bench.csv", EXAMPLE, detectors=["iotsekf"]).caveats
+        assert len(caveats) == told and all("left_inner.u comes at 100 Hz" in c for c in caveats)
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ('alfa = { channel = "AOA_DEG" }', ("signals.alfa", "Did you mean 'alpha'")),
+        ('alpha = { channel = "AOA" }', ("no channel 'AOA'", "AOA_DEG")),
+        ('alpha = { channel = "AOA_DEG", unit = "kt" }', ("signals.alpha.unit", "rad, deg")),
+        ('alpha = { channel = "AOA_DEG", units = "deg" }', ("unknown key", "signals.alpha.units")),
+        ('alpha = { channel = "AOA_DEG", scale = "x" }', ("signals.alpha.scale = x", "must be a valid number")),
+        ("alpha = 3", ("signals.alpha = 3", "must be a table")),
+        ('alpha = { unit = "deg" }', ("channel or a constant",)),
+        ("alpha = { constant = 0.1 }", ("no signal has a channel",)),
+    ],
+)
+def test_mistakes_in_a_map_are_named(signals, tmp_path, line, words):
+    bench_frame(signals, 200).iloc[:50].to_csv(tmp_path / "bench.csv", index=False)
+    (tmp_path / "map.toml").write_text('time = "clock_ms"\n' + POINT + "[signals]\n" + line)
+    with pytest.raises(ReplayError) as error:
+        diagnose(tmp_path / "bench.csv", tmp_path / "map.toml")
+    assert all(w in str(error.value) for w in words) and "map.toml" in str(error.value)
+
+
+def test_a_map_without_signals_says_so(tmp_path):
+    (tmp_path / "map.toml").write_text('time = "clock_ms"\n')
+    with pytest.raises(ReplayError, match=r"map.toml: signals: is missing$"):
+        load_map(tmp_path / "map.toml")
+
+
+def test_samples_on_a_tick_are_kept_and_others_interpolated_or_held():
+    t, y = np.array([0.0, 0.01, 0.02, 0.05, 0.06]), np.array([1.0, 3.0, np.nan, 7.0, 9.0])
+    line, good = resample(t, y, 0.0, 0.005, 13, linear=True, max_gap=0.02)
+    assert line[:3].tolist() == [1.0, 2.0, 3.0] and good.tolist() == [1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1]
+    held, good = resample(t, y, 0.0, 0.005, 13, linear=False, max_gap=0.008)
+    assert held[[0, 1, 2, 3, 10, 11, 12]].tolist() == [1, 1, 3, 3, 7, 7, 9]
+    assert good.tolist() == [1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 1, 1, 1]
+    assert ticks([(0.0, 1.0), (0.1, 0.9)], 0.005) == (0.1, 161)
+    start, n = ticks([(0.0, 1.0)], 0.005, 0.5)
+    assert (start, n) == (pytest.approx(0.5), 101)

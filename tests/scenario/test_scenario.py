@@ -1,0 +1,132 @@
+"""Scenarios: defaults, built-ins, and their numbers in SI."""
+
+import math
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+from scenario_tables import fault, flight
+
+import cosim
+from cosim.campaign.inventory import inventory
+from cosim.campaign.spec import load_campaign
+from cosim.campaign.store import ROWS
+from cosim.replay.map_file import load_map
+from cosim.scenario import builtin_names, load_scenario, parse
+from cosim.scenario import catalog as c
+from cosim.scenario.fault import Fault
+from cosim.scenario.model import Elevator, Sensors
+
+
+def test_default_scenario_is_the_one_of_the_design():
+    s = load_scenario()
+    assert (s.flight.mass_t, s.flight.cg_pct, s.flight.altitude_ft, s.flight.cas_kt) == (200, 30, 20000, 290)
+    assert s.elevator.technology == dict(zip(c.SEGMENTS, ("hydraulic", "hydraulic", "ema", "ema")))
+    (f,) = s.faults
+    assert (f.target, f.kind, f.start_s) == ("elevator.left_inner", "ofc_liquid", 12.0)
+    assert set(s.detectors.enabled) == set(c.DETECTORS)
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_builtin_loads_has_a_title_and_expands_to_itself(name):
+    s = load_scenario(name)
+    assert s.title
+    assert s.warnings() == []
+    text = s.expanded_toml()
+    assert parse(tomllib.loads(text)) == s
+    assert parse(tomllib.loads(text)).expanded_toml() == text
+
+
+def test_one_tick_is_a_flight():
+    assert load_scenario("cruise", ["duration_s=0.005"]).ticks == 1
+
+
+def test_every_kind_of_fault_is_flown_by_a_builtin_and_listed_once():
+    flown = [load_scenario(n) for n in builtin_names()]
+    assert {f.kind for s in flown for f in s.faults} == set(c.ALL_KINDS)
+    listed = {(f["place"], f["kind"]) for f in inventory()["faults"]}
+    assert len(listed) == len(inventory()["faults"])
+
+
+def test_the_listed_keys_are_those_of_a_scenario():
+    keys = inventory()["keys"]
+    assert set(keys["[elevator]"]) - {"<segment>"} == set(Elevator.model_fields) - set(c.SEGMENTS)
+    assert set(keys["[[faults]], every kind"]) - {"limit_deg"} == set(Fault.model_fields) - {"target", "kind"}
+    assert len(keys["amplitude of ofc_liquid, ofc_solid"]) == len(c.AMPLITUDES_AT)
+    for key in keys["[sensors], a table per sensor"]:
+        name = key.replace("<unit>", inventory()["units"]["alpha"][0])
+        where = f"sensors.{name}" if name in Sensors.model_fields else f"sensors.alpha.{name}"
+        load_scenario("cruise", [f"{where}={1 if name in ('scale', 'noise_scale') else 0.01}"])
+
+
+def test_the_scenario_the_campaign_and_the_map_of_the_readme_load(tmp_path):
+    text = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    example, many, recording = re.findall(r"```toml\n(.*?)```", text, re.S)
+    assert parse(tomllib.loads(example)).warnings() == []
+    (tmp_path / "many.toml").write_text(many, encoding="utf-8")
+    assert len(load_campaign(tmp_path / "many.toml").scenarios()[0]) == 60
+    columns = set(re.findall(r"`(\w+)`", text.partition("`runs.parquet` has")[2].partition("##")[0]))
+    assert {n for n in ROWS.names if not n.startswith("estimate_")} <= columns
+    path = tmp_path / "map.toml"
+    path.write_text(recording, encoding="utf-8")
+    assert {"de_cmd", "alpha", "left_inner.rod"} <= set(load_map(path)[0].signals)
+
+
+def test_issue_names_of_builtins_exist():
+    asked = """cruise liquid-ofc solid-ofc liquid-jam solid-jam runaway ema-velocity-bias ema-position-scale
+        ema-current-bias alpha-bias alwi14-simultaneous alwi14-simultaneous-literal thrust-loss
+        elevator-lock-then-thrust-loss"""
+    assert set(asked.split()) <= set(builtin_names())
+
+
+def test_numbers_come_out_in_si():
+    s = flight(
+        fault("elevator.left_inner", "ofc_liquid", at="command", amplitude_deg=2.0, frequency_hz=2.0, phase_deg=90.0),
+        fault("elevator.right.position", "scale", scale=1.25),
+        fault("sensor.cas", "drift", drift_kt_s=1.0, end_s=20.0),
+        fault("engine.all", "thrust_loss", loss_pct=25.0),
+        fault("elevator.left_outer", "runaway", rate_deg_s=-20.0, limit_deg=-5.0),
+    )
+    ofc, scale_i, scale_o, drift, *thrust, runaway = s.injections()
+    assert ofc.magnitude == pytest.approx(math.radians(2)) and ofc.unit == "rad"
+    assert ofc.omega == pytest.approx(4 * math.pi) and ofc.phase == pytest.approx(math.pi / 2)
+    assert ofc.end == math.inf
+    assert (scale_i.name, scale_o.name, scale_i.sensor) == ("right_inner", "right_outer", "position")
+    assert scale_i.magnitude == 0.25 and scale_i.path == "loop"
+    assert (
+        drift.magnitude == pytest.approx(1852 / 3600)
+        and drift.unit == "m/s/s"
+        and drift.path == "all"
+        and drift.end == 20
+    )
+    assert [t.name for t in thrust] == ["1", "2", "3", "4"] and {t.magnitude for t in thrust} == {0.25}
+    assert runaway.magnitude == pytest.approx(math.radians(-20)) and runaway.limit == pytest.approx(math.radians(-5))
+    assert s.flight.speed == ("cas", pytest.approx(149.189, abs=1e-3)) and s.flight.altitude == pytest.approx(6096)
+
+
+def test_fraction_of_travel_means_40_degrees():
+    s = flight(fault("elevator.left", "ofc_solid", at="command", amplitude_travel=0.033, frequency_hz=1.0))
+    assert [math.degrees(j.magnitude) for j in s.injections()] == pytest.approx(
+        [1.32, 1.32]
+    )  # [Sun13], 0.033 of travel
+
+
+def test_liquid_jam_acts_on_the_sensor_that_closes_the_loop():
+    s = flight(fault("elevator.all", "jam_liquid", bias_deg=1.0))
+    assert [j.sensor for j in s.injections()] == ["rod", "rod", "position", "position"]
+
+
+def test_sensor_settings_in_si():
+    s = flight(sensors={"alpha": {"sigma_deg": 0.1, "scale": 1.02, "delay_s": 0.02}, "pressure": {"bias_pct": 1.0}})
+    alpha = s.sensors.setting("alpha")
+    assert (
+        alpha.sigma == pytest.approx(math.radians(0.1)) and alpha.scale == pytest.approx(0.02) and alpha.delay == 0.02
+    )
+    assert alpha.bias is None and s.sensors.setting("pressure").bias == pytest.approx(0.01)
+    assert s.sensors.setting("q").sigma is None
+
+
+def test_a_name_that_is_not_public_is_no_attribute():
+    with pytest.raises(AttributeError):
+        cosim.no_such_name  # noqa: B018

@@ -1,0 +1,81 @@
+"""Stored Sun13 designs: they belong to the aircraft in the tree, still hold, and are wired whole."""
+
+import itertools
+import json
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+
+from cosim.errors import DesignError
+from cosim.flight import rfafe_wires
+from cosim.flight.bus import Bus
+from cosim.training import designs as design
+from fdi.rfafe import rfafe, rfafe_airframe
+from fdi.rfafe.store import choose, from_plain, read
+
+FORMS = {"rfafe": rfafe, "rfafe_airframe": rfafe_airframe}
+
+
+@pytest.mark.parametrize("name", ["rfafe", "rfafe_airframe", "physics_bound"])
+def test_stored_design_belongs_to_the_aircraft_in_the_tree(name):
+    assert design.check(name) == ""
+
+
+def test_a_stale_or_missing_design_is_refused_with_the_command_that_mends_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(design, "FOLDER", tmp_path)
+    assert "there is no rfafe.json" in design.check("rfafe", folder=tmp_path)
+    (tmp_path / "rfafe.json").write_text(json.dumps({"source": "other"}))
+    assert "another aircraft" in design.check("rfafe", folder=tmp_path)
+    monkeypatch.setattr(design, "source", lambda: "new")
+    with pytest.raises(DesignError, match="cosim design"):
+        design.require("rfafe")
+
+
+def test_the_digest_sees_numbers_and_nothing_else():
+    def numbers(text):
+        return list(design._numbers(ET.fromstring(text)))
+
+    plain = numbers('<a x="1.0"><b> 2 <c/> 3 </b></a>')
+    assert numbers('<a  x="1"><!-- 7 --><b>\n 2.00 <c/>\t3\n</b></a>') == plain
+    assert numbers('<a x="1.0"><b> 2 <c/> 3.1 </b></a>') != plain
+    assert numbers('<a x="1.0"><c> 2 <c/> 3 </c></a>') != plain
+
+
+@pytest.mark.parametrize("name", sorted(FORMS))
+def test_stored_matrices_hold_when_substituted_back(name):
+    for technology, entry in read(name)["designs"].items():
+        d = from_plain(entry["design"])
+        PN, TF = d.P @ d.N, d.T @ d.F
+        i31 = PN + PN.T + 2 * d.region.decay * d.P
+        assert np.linalg.eigvalsh(i31)[-1] <= 1e-6 * np.linalg.norm(i31, 2), technology
+        assert np.linalg.norm(TF.T @ d.P - d.M @ d.C) <= 1e-6 * np.linalg.norm(TF.T @ d.P)
+        assert np.linalg.norm((np.eye(len(d.A)) - d.H @ d.C) @ d.E) <= 1e-10
+        assert d.region.holds(np.linalg.eigvals(d.N)).all()
+        assert d.report.TF_ratio >= 0.5
+        FORMS[name].params(technology=technology)
+
+
+@pytest.mark.parametrize("name", sorted(FORMS))
+def test_every_input_is_wired(name):
+    bus = Bus([("x", FORMS[name].INPUTS, ("aircraft",))])
+    assert {c for c, _ in bus.columns("x", "aircraft")} == set(rfafe_wires.WIRES[name])
+
+
+@pytest.mark.parametrize("kinds", list(itertools.product(["hydraulic", "ema", "simple"], repeat=4)))
+def test_every_elevator_has_a_design_of_its_own(kinds):
+    """81 of them: each side is one of four kinds (mixed where its segments differ), each pair has its entry."""
+    key = rfafe_wires.technology(dict(zip(rfafe_wires.SEGMENTS, kinds)))
+    left, right = (kinds[i] if kinds[i] == kinds[i + 1] else "mixed" for i in (0, 2))
+    assert key == (left if left == right else f"{left}/{right}")
+    assert choose("rfafe", key, 0.005)[1] == read("rfafe")["designs"][key]
+    total = key if "/" not in key else "mixed"  # the airframe form knows no sides
+    assert choose("rfafe_airframe", key, 0.005)[1] == read("rfafe_airframe")["designs"][total]
+
+
+def test_sides_that_differ_have_an_actuator_each():
+    p = FORMS["rfafe"].params(technology="hydraulic/ema")
+    alone = [FORMS["rfafe"].params(technology=kind) for kind in ("hydraulic", "ema")]
+    for i, one in enumerate(alone):
+        assert p["act_a"][0, i] == one["act_a"][0, 0] and p["u_delay"][0, i] == one["u_delay"][0, 0]
+    assert p["u_delay"][0, 0] != p["u_delay"][0, 1]
