@@ -61,9 +61,9 @@ def bench(*, rounds=ROUNDS, memory=True, progress=None):
 def _cases(scenario, folder, rounds, progress):
     """Time every case in turn, round after round; return their rows and the factors over real time."""
     from cosim.flight.plant.plant import Plant, reference_run
-    from cosim.flight.plant.point import Flight
+    from cosim.flight.plant.point import FlightPoint
 
-    flown = Plant(Flight.of(scenario), scenario.dt)
+    flown = Plant(FlightPoint.of(scenario), scenario.dt)
     flown.trim()
     none = load_scenario(
         "liquid-ofc", ["detectors.enabled=[]", "elevator.feedback=measured", f"duration_s={scenario.duration_s}"]

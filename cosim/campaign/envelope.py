@@ -15,7 +15,7 @@ from actuators.ema import jay
 from actuators.hydraulic import actuator as hydraulic
 from cosim.campaign.pool import cores, pool
 from cosim.errors import TrimError
-from cosim.flight.plant.plant import LIMITS, Flight, Plant
+from cosim.flight.plant.plant import LIMITS, FlightPoint, Plant
 from cosim.scenario.catalog import SHORT
 
 REASONS = {  # the first word of a TrimError -> what it means on a map
@@ -74,7 +74,7 @@ def _row(job):
 
 def _point(mass, cg, altitude, cas):
     row = {"mass_t": mass, "cg_pct": cg, "altitude_ft": altitude, "cas_kt": float(cas), "reason": "", "why": ""}
-    plant = Plant(Flight.at(mass, cg, altitude, cas_kt=cas))
+    plant = Plant(FlightPoint.at(mass, cg, altitude, cas_kt=cas))
     try:
         trim = plant.trim()
     except TrimError as error:

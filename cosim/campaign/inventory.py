@@ -7,7 +7,7 @@ from cosim.scenario.manoeuvre import KINDS
 
 PLACES = (  # heading, targets, kinds
     ("elevator", "elevator.<segment>", c.ELEVATOR_KINDS),
-    ("actuator sensor", "elevator.<segment>.<sensor>", c.sensor_kinds(c.PART_SENSORS["rod"])),
+    ("actuator sensor", "elevator.<segment>.<sensor>", c.sensor_kinds(c.ACTUATOR_SENSORS["rod"])),
     ("other surface", ", ".join(c.SURFACES), c.SURFACE_KINDS),
     ("engine", "engine.1 to engine.4, engine.all", c.ENGINE_KINDS),
     ("aircraft sensor", "sensor.<name>", c.sensor_kinds(c.SENSORS["alpha"])),
@@ -28,7 +28,7 @@ def inventory():
             _fault(place, target, name, kind) for place, target, kinds in PLACES for name, kind in kinds.items()
         ],
         "keys": c.KEYS,
-        "units": {name: [u.suffix for u in units] for name, units in {**c.SENSORS, **c.PART_SENSORS}.items()},
+        "units": {name: [u.suffix for u in units] for name, units in {**c.SENSORS, **c.ACTUATOR_SENSORS}.items()},
         "targets": {
             "segments": list(c.SEGMENTS),
             "groups": list(c.GROUPS),

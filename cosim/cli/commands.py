@@ -209,10 +209,10 @@ def linearize(
     if output:
         reserve(output, taken=scenario, endings=(".npz", ".mat"))
     from cosim.flight.plant.linearize import linearize as work
-    from cosim.flight.plant.point import Flight
+    from cosim.flight.plant.point import FlightPoint
 
     with named(scenario):
-        model = work(Flight.of(flown))
+        model = work(FlightPoint.of(flown))
     if output:
         model.save(output)
     found = {**model.to_dict(), **({"file": str(output)} if output else {})}

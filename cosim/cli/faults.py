@@ -36,7 +36,7 @@ def lines(scenario, achieved):
 
 def _segments(fault):
     """Return the elevator segments that a fault acts on; none for one that only a monitor sees."""
-    on = fault.parsed.place in ("elevator", "part_sensor") and fault.path != "monitor"
+    on = fault.parsed.place in ("elevator", "actuator_sensor") and fault.path != "monitor"
     return fault.parsed.names if on else ()
 
 

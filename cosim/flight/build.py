@@ -8,15 +8,14 @@ import numpy as np
 
 from actuators.block import bound, dtype
 from cosim.errors import ScenarioError
-from cosim.flight import actuation as parts
-from cosim.flight import detectors, inject, wiring
+from cosim.flight import actuation, detectors, inject, wiring
 from cosim.flight.blocks import faults, hinge_model, law, manoeuvre, sensors
 from cosim.flight.blocks.law import design as law_design
 from cosim.flight.blocks.pilot import steps
 from cosim.flight.bus import Bus, route, route_add
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.plant import SURFACES, TRUTH, Plant
-from cosim.flight.plant.point import Flight
+from cosim.flight.plant.point import FlightPoint
 from cosim.flight.plant.trim import Trim
 from cosim.flight.tick import Block, Loop
 from cosim.flight.trace import History
@@ -96,15 +95,15 @@ def _sensor_lanes(scenario, nominal, rng, dt):
     for name, (_, sigma, delay, _) in sensors.TRANSPORT.items():
         add(name, name, sigma, delay)
     for seg, tech in scenario.elevator.technology.items():
-        for name in wiring.PART_SENSORS[tech]:
+        for name in wiring.ACTUATOR_SENSORS[tech]:
             sigma, spread = sensors.PARTS[name]
             add(
                 f"{seg}_{name}",
                 name,
                 sigma,
-                parts.SENSOR_DELAY,
+                actuation.SENSOR_DELAY,
                 bias=scale * spread * rng.uniform(-1.0, 1.0),
-                gain=parts.LEAD if name == "position" else 1.0,
+                gain=actuation.LEAD if name == "position" else 1.0,
                 tech=tech,
             )
     return tuple(names), np.concatenate(rows)
@@ -126,25 +125,25 @@ class Draw:
 
 def build(scenario):
     """Return the Setup of `scenario`. Raises TrimError when the flight point cannot be flown."""
-    dt, point = scenario.dt, Flight.of(scenario)
+    dt, point = scenario.dt, FlightPoint.of(scenario)
     plant = Plant(point, dt=dt)
     trim = plant.trim()
     truth = np.zeros(1, TRUTH)
     plant.read(truth[0])
     t = truth[0]
-    rng_parts, rng_noise = (
+    rng_errors, rng_noise = (
         np.random.Generator(np.random.PCG64(s)) for s in np.random.SeedSequence(scenario.seed).spawn(2)
     )
-    nominal = parts.nominal(dt)
-    sensor_lanes, sensor_p = _sensor_lanes(scenario, nominal, rng_parts, dt)
+    nominal = actuation.nominal(dt)
+    sensor_lanes, sensor_p = _sensor_lanes(scenario, nominal, rng_errors, dt)
     loads = {seg: (t[f"de_{s}"], t[f"hm0_{s}"], t[f"hmd_{s}"]) for seg, s in SHORT.items()}
     others = {name: t[wiring.SURFACE_OF[name]] for name in wiring.OTHERS}
-    built = parts.blocks(scenario, loads, others, dt)
+    built = actuation.blocks(scenario, loads, others, dt)
     pilot_p = manoeuvre.params(**steps(scenario.manoeuvre))
     sketch = Plant(point, dt=dt)  # moved about to take derivatives
     law_p = law_design.design(linearize(point), law_design.alpha_limit(sketch, trim))
     factors = [
-        1.0 + HINGE_MODEL_ERROR[tech] * rng_parts.uniform(-1.0, 1.0) for tech in scenario.elevator.technology.values()
+        1.0 + HINGE_MODEL_ERROR[tech] * rng_errors.uniform(-1.0, 1.0) for tech in scenario.elevator.technology.values()
     ]
     hinge_p = hinge_model.design(sketch, trim, t, SHORT.values(), factors)
     fault_lanes = inject.lanes(scenario, nominal)
@@ -176,7 +175,7 @@ def build(scenario):
     def block(name, module, p, x0, every=1):
         return Block(bus, name, module, p, x0, dt, every)
 
-    parts_blocks = [block(n, m, p, x) for n, m, p, x, _ in built]
+    actuator_blocks = [block(n, m, p, x) for n, m, p, x, _ in built]
     tech = scenario.elevator.technology
     loop = Loop(
         bus=bus,
@@ -195,8 +194,8 @@ def build(scenario):
             block(d.id, d.module, p, d.module.init(p), d.every)
             for d, p in ((d, d.params(scenario, dt)) for d in chosen)
         ],
-        servos=[b for b in parts_blocks if b.name in wiring.SERVO.values()],
-        actuators=[b for b in parts_blocks if b.name not in wiring.SERVO.values()],
+        servos=[b for b in actuator_blocks if b.name in wiring.SERVO.values()],
+        actuators=[b for b in actuator_blocks if b.name not in wiring.SERVO.values()],
     )
     wires = {
         stage: bus.wires(pairs)

@@ -83,14 +83,14 @@ def _params(j, shape, amplitude, lower=-math.inf, upper=math.inf):
 
 def _lane(j, technology, nominal):
     name = f"{j.fault}_{j.name.replace('.', '_')}"
-    if j.place in ("sensor", "part_sensor") or j.sensor:
+    if j.place in ("sensor", "actuator_sensor") or j.sensor:
         shape, field, source = SENSOR_SHAPES[j.kind]
         lane = j.name if j.place == "sensor" else f"{j.name}_{j.sensor}"
         prefix = "g" if j.path in ("observers", "monitor") else "f"
         unit = sensor_unit(j.unit, j.sensor, technology.get(j.name), nominal)
         amplitude = 1.0 if math.isnan(j.magnitude) else j.magnitude * unit
         places = [(f"sensors_in.{lane}.{prefix}_{field}", source)]
-        if j.sensor == "current" and j.path == "loop" and j.place == "part_sensor":
+        if j.sensor == "current" and j.path == "loop" and j.place == "actuator_sensor":
             return _current_loop(j, name, lane, amplitude, places)
         return Lane(name, j.fault, _params(j, shape, amplitude), tuple(places))
     if j.place == "engine":

@@ -47,7 +47,7 @@ def topics(setup):
             "sensors",
         )
         for seg in SEGMENTS:
-            names = wiring.PART_SENSORS[setup.scenario.elevator.technology[seg]]
+            names = wiring.ACTUATOR_SENSORS[setup.scenario.elevator.technology[seg]]
             add(
                 f"{prefix}/{seg}",
                 [

@@ -40,7 +40,7 @@ def faulted(scenario):
     """Return {segment: its injections} of the segments that a fault acts on, directly or by a sensor of the loop."""
     out: dict[str, list] = {}
     for j in scenario.injections():
-        if j.place in ("elevator", "part_sensor") and j.path != "monitor":
+        if j.place in ("elevator", "actuator_sensor") and j.path != "monitor":
             out.setdefault(j.name, []).append(j)
     return out
 

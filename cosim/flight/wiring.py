@@ -16,7 +16,7 @@ COMMAND_OF = {"aileron_left": "da_cmd", "aileron_right": "da_cmd", "rudder": "dr
 
 # Sensors of a segment: name -> state field of its actuator, and the input fields (value, flag) of its servo where it
 # has them
-PART_SENSORS = {
+ACTUATOR_SENSORS = {
     "hydraulic": {"rod": "q_rod", "surface": "delta", "pressure": "x3"},
     "ema": {"velocity": "motor_d", "position": "motor", "current": "i", "surface": "delta"},
     "simple": {"surface": "delta"},
@@ -32,7 +32,8 @@ def sensor_wires(technology):
     """Return the wires from truth and actuators to the sensors; `technology` maps segment -> name."""
     pairs = [(f"sensors_in.{name}.truth", f"truth.aircraft.{spec[0]}") for name, spec in TRANSPORT.items()]
     for seg, tech in technology.items():
-        pairs += [(f"sensors_in.{seg}_{s}.truth", f"{tech}.{seg}.{field}") for s, field in PART_SENSORS[tech].items()]
+        own = ACTUATOR_SENSORS[tech]
+        pairs += [(f"sensors_in.{seg}_{s}.truth", f"{tech}.{seg}.{field}") for s, field in own.items()]
     return pairs
 
 

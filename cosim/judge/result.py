@@ -84,9 +84,9 @@ def judged(scenario):
 
 
 def _target(j, written):
-    if j.place not in ("elevator", "part_sensor"):
+    if j.place not in ("elevator", "actuator_sensor"):
         return written
-    return f"elevator.{j.name}" + (f".{j.sensor}" if j.place == "part_sensor" else "")
+    return f"elevator.{j.name}" + (f".{j.sensor}" if j.place == "actuator_sensor" else "")
 
 
 def onsets(alarm):

@@ -10,8 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from cosim.errors import LogError
-from cosim.flight import actuation as parts
-from cosim.flight import inject, wiring
+from cosim.flight import actuation, inject, wiring
 from cosim.flight.detector_table import TABLE
 from cosim.judge import coverage
 from cosim.judge import estimation as estimate
@@ -198,7 +197,7 @@ class Flown:
 
     @cached_property
     def _injected(self):
-        return inject.lanes(self.scenario, parts.nominal(self.dt))
+        return inject.lanes(self.scenario, actuation.nominal(self.dt))
 
     def _fault(self, lane, source):
         topic = f"/faults/f{lane}"

@@ -102,7 +102,7 @@ def summary(flown):
 
 def _swing(flown, f):
     """Return how far the true surface of a faulted elevator segment moved, before the fault and with it."""
-    if f.parsed.place not in ("elevator", "part_sensor") or f.start_s >= flown.end:
+    if f.parsed.place not in ("elevator", "actuator_sensor") or f.start_s >= flown.end:
         return ""
     k = max(1, round((f.start_s - flown.t0) / flown.dt))
     out = []

@@ -72,7 +72,7 @@ SENSORS = {  # aircraft sensor -> units of its faults and settings; the first on
     "mass": (Unit("t", 1000.0, "kg", 100.0),),
     "cg": (Unit("pct", 0.01, "-", 20.0),),
 }
-PART_SENSORS = {  # sensors of an actuator
+ACTUATOR_SENSORS = {  # sensors of an actuator
     "rod": (_mm, Unit("deg", DEG, "rad", 40.0)),
     "surface": (_deg,),
     "pressure": (Unit("pct", 0.01, "of supply", 100.0), Unit("mpa", 1e6, "Pa", 30.0)),
@@ -246,7 +246,7 @@ SENSOR_SUMMARIES = {
     "dropout": "no valid sample",
 }
 SENSOR_PATHS = ("all", "observers")  # of an aircraft sensor; the first is the default
-PART_PATHS = ("loop", "monitor")  # of an actuator's sensor
+ACTUATOR_PATHS = ("loop", "monitor")  # of an actuator's sensor
 
 
 def sensor_kinds(units):
@@ -285,7 +285,7 @@ KEYS = {  # table of a scenario -> {key: what it means}; a kind's own numbers st
         "ramp_s": "grows from nothing over so long; not for what is switched at once",
         "at": "where it enters; default: the first that the kind names",
         "path": f"of an aircraft sensor {' | '.join(SENSOR_PATHS)}: observers leaves the law's copy healthy; "
-        f"of an actuator's sensor {' | '.join(PART_PATHS)}: monitor leaves the servo's copy healthy",
+        f"of an actuator's sensor {' | '.join(ACTUATOR_PATHS)}: monitor leaves the servo's copy healthy",
         "limit_deg": "of a runaway, within the surface's travel; default: the stop",
     },
     "amplitude of ofc_liquid, ofc_solid": {

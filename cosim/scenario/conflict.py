@@ -33,7 +33,7 @@ def _overlap(a, b):
 
 
 def _possible(i, fault, technology):
-    if fault.parsed.place not in ("elevator", "part_sensor"):
+    if fault.parsed.place not in ("elevator", "actuator_sensor"):
         return
     for name in fault.parsed.names:
         own, where = technology[name], f"elevator.{name} is {_article(technology[name])} actuator"

@@ -27,7 +27,7 @@ class Injection:
 
     fault: int  # index in the scenario's list
     kind: str
-    place: str  # elevator, part_sensor, surface, engine, sensor
+    place: str  # elevator, actuator_sensor, surface, engine, sensor
     name: str  # left_outer, ..., aileron.left, ..., 1, ..., alpha, ...
     sensor: str  # of a part or of the aircraft, or ""
     at: str  # valve, command, sensor, or ""
@@ -157,7 +157,7 @@ def _kind(target, raw):
         raise choice(raw["kind"], kinds, "kind of fault", key="kind")
     where = {
         "surface": "a surface other than the elevator",
-        "part_sensor": "an actuator's sensor",
+        "actuator_sensor": "an actuator's sensor",
         "sensor": "an aircraft sensor",
     }
     place = where.get(target.place, f"an {target.place}")
@@ -178,7 +178,7 @@ def _place(target, kind, raw):
             raise problem(f"{raw['kind']} cannot enter at {out['at']!r}{why}", key="at", allowed=", ".join(kind.at))
     elif raw.get("at") is not None:
         raise problem(f"{raw['kind']} has no place of entry", key="at", remedy="Remove at")
-    paths: tuple[str, ...] = {"sensor": c.SENSOR_PATHS, "part_sensor": c.PART_PATHS}.get(target.place, ())
+    paths: tuple[str, ...] = {"sensor": c.SENSOR_PATHS, "actuator_sensor": c.ACTUATOR_PATHS}.get(target.place, ())
     if paths:
         out["path"] = raw.get("path") or paths[0]
         if raw["kind"] == "jam_liquid":

@@ -143,7 +143,7 @@ class Sensors(_Table):
 
     @model_validator(mode="after")
     def _known(self):
-        units = {**c.SENSORS, **c.PART_SENSORS}
+        units = {**c.SENSORS, **c.ACTUATOR_SENSORS}
         for name, table in (self.model_extra or {}).items():
             if name not in units:
                 raise choice(name, units, "sensor", key=name)
@@ -162,7 +162,7 @@ class Sensors(_Table):
         ("of supply", ...), is in the sensor's own unit.
         """
         table = (self.model_extra or {}).get(name, {})
-        keys = _sensor_keys({**c.SENSORS, **c.PART_SENSORS}[name])
+        keys = _sensor_keys({**c.SENSORS, **c.ACTUATOR_SENSORS}[name])
         values = {k.split("_")[0]: v * keys[k].factor * own(keys[k].si) for k, v in table.items()}
         if "scale" in values:
             values["scale"] -= 1.0

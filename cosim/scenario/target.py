@@ -9,7 +9,7 @@ from cosim.scenario.problem import choice, problem
 
 @dataclass(frozen=True)
 class Target:
-    """What a fault acts on: `place` elevator, part_sensor, surface, engine or sensor; `names` of a group's members."""
+    """What a fault acts on: `place` elevator, actuator_sensor, surface, engine or sensor; `names` of the members."""
 
     place: str
     names: tuple[str, ...]
@@ -18,8 +18,8 @@ class Target:
     @property
     def kinds(self):
         """Return {kind: Kind} that this place can have."""
-        if self.place == "part_sensor":
-            kinds = c.sensor_kinds(c.PART_SENSORS[self.sensor])
+        if self.place == "actuator_sensor":
+            kinds = c.sensor_kinds(c.ACTUATOR_SENSORS[self.sensor])
             if self.sensor in c.LOOP_SENSOR.values():
                 kinds["jam_liquid"] = c.ELEVATOR_KINDS["jam_liquid"]
             return kinds
@@ -37,9 +37,10 @@ def parse_target(text):
             raise choice(
                 text, [f"elevator.{n}" for n in (*c.SEGMENTS, *c.GROUPS)], "part of this aircraft", key="target"
             )
-        if sensor and sensor not in c.PART_SENSORS:
-            raise choice(text, [f"elevator.{part}.{s}" for s in c.PART_SENSORS], "sensor of an actuator", key="target")
-        return Target("part_sensor" if sensor else "elevator", c.GROUPS.get(part, (part,)), sensor)
+        if sensor and sensor not in c.ACTUATOR_SENSORS:
+            known = [f"elevator.{part}.{s}" for s in c.ACTUATOR_SENSORS]
+            raise choice(text, known, "sensor of an actuator", key="target")
+        return Target("actuator_sensor" if sensor else "elevator", c.GROUPS.get(part, (part,)), sensor)
     if text in c.SURFACES:
         return Target("surface", (text,))
     if head == "engine":

@@ -19,7 +19,7 @@ from cosim.errors import TrimError
 from cosim.flight.plant.aero.functions import numbers_digest
 from cosim.flight.plant.force_model import FOLDER
 from cosim.flight.plant.linearize import linearize
-from cosim.flight.plant.plant import KT, Flight
+from cosim.flight.plant.plant import KT, FlightPoint
 from fdi.lpv_smo import model as lpv_model
 from fdi.lpv_smo import synthesis as lpv_smo_design
 
@@ -64,9 +64,9 @@ def pressure_altitude(cas_kt, mach):
 
 
 def flight_at(rho):
-    """Return the Flight of `rho` = [t, %, kt, Mach]."""
+    """Return the FlightPoint of `rho` = [t, %, kt, Mach]."""
     mass, cg, cas, mach = rho
-    return Flight(mass * 1e3, cg / 100.0, pressure_altitude(cas, mach), "mach", mach)
+    return FlightPoint(mass * 1e3, cg / 100.0, pressure_altitude(cas, mach), "mach", mach)
 
 
 def sample(points, progress=None):

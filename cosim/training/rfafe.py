@@ -13,7 +13,7 @@ from cosim.flight.blocks.sensors import PARTS, TRANSPORT
 from cosim.flight.build import build
 from cosim.flight.fly import record
 from cosim.flight.plant.linearize import linearize
-from cosim.flight.plant.point import SIX, Flight
+from cosim.flight.plant.point import SIX, FlightPoint
 from cosim.scenario import parse
 from fdi.common import physics_bound as bound
 from fdi.rfafe import rfafe
@@ -65,7 +65,7 @@ def fly(
 @functools.cache
 def linear():
     """Return (A, B (4, 4 segments), x0) of V, alpha, q, theta at POINT in the paper's units."""
-    model = linearize(Flight.at(**POINT))
+    model = linearize(FlightPoint.at(**POINT))
     A, B, _, _ = model.block(STATES, SEGMENTS)
     x0 = np.array([model.x0[list(model.states).index(s)] for s in STATES])
     return UNIT[:, None] * A / UNIT, UNIT[:, None] * B * DEG, UNIT * x0
@@ -182,7 +182,7 @@ def _made_from():
 def physics_bound(progress):
     """Return pitch rate [deg/s] and load factor [g] per degree of OFC over frequency at POINT: segments, sides, all."""
     progress("physics bound")
-    model = linearize(Flight.at(**POINT))
+    model = linearize(FlightPoint.at(**POINT))
     A, B, C, D = model.block(STATES, SEGMENTS, ("q", "nz"))
     groups = {**{n: [i] for i, n in enumerate(NAMES)}, "left": [0, 1], "right": [2, 3], "all": [0, 1, 2, 3]}
     out = {}

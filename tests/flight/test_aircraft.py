@@ -11,7 +11,7 @@ import pytest
 from cosim.flight.plant.aero.data import DIMENSIONAL, FLIGHT_CONDITIONS
 from cosim.flight.plant.aero.xml import MULTIPLIERS
 from cosim.flight.plant.linearize import linearize
-from cosim.flight.plant.plant import POINTS, Flight, Plant
+from cosim.flight.plant.plant import POINTS, FlightPoint, Plant
 from cosim.flight.plant.point import GYRATION2
 from cosim.flight.plant.trim import surfaces_at
 
@@ -31,7 +31,8 @@ REFERENCE = {
 @pytest.fixture(scope="module")
 def models():
     return {
-        key: linearize(Flight.at(CRUISE_T, 25.0, c.altitude_ft, mach=c.mach)) for key, c in FLIGHT_CONDITIONS.items()
+        key: linearize(FlightPoint.at(CRUISE_T, 25.0, c.altitude_ft, mach=c.mach))
+        for key, c in FLIGHT_CONDITIONS.items()
     }
 
 
@@ -133,7 +134,7 @@ def _pulled(plant, trim, alpha, elevator):
 @pytest.mark.parametrize(("mass_t", "cg_pct"), [(CRUISE_T, 25.0), (200.0, 30.0), (260.0, 36.0), (405.0, 25.0)])
 def test_mass_cg_and_radii_of_gyration(mass_t, cg_pct):
     """At 288.8 t and 25 % the inertia of CR-2144; elsewhere mass times the same radii squared."""
-    plant = Plant(Flight.at(mass_t, cg_pct, 20000.0, cas_kt=280.0))
+    plant = Plant(FlightPoint.at(mass_t, cg_pct, 20000.0, cas_kt=280.0))
     t = plant.truth()[0]
     assert t.mass == pytest.approx(mass_t * 1e3, rel=1e-7)  # JSBSim converts pounds to slugs with nine digits
     assert t.cg == pytest.approx(cg_pct / 100.0, abs=1e-9)
@@ -148,7 +149,7 @@ def test_mass_cg_and_radii_of_gyration(mass_t, cg_pct):
 
 def test_modes_move_smoothly_over_mach():
     """Between the conditions the tables must not ripple: short-period frequency over Mach at 30,000 ft, 260 t."""
-    models = [linearize(Flight.at(260.0, 28.0, 30000.0, mach=m)) for m in np.arange(0.5, 0.86, 0.05)]
+    models = [linearize(FlightPoint.at(260.0, 28.0, 30000.0, mach=m)) for m in np.arange(0.5, 0.86, 0.05)]
     wn = [_mode(m, "short_period").wn for m in models]
     assert np.all(np.diff(wn) > -0.06)
     assert np.abs(np.diff(wn, 2)).max() < 0.15
@@ -157,10 +158,10 @@ def test_modes_move_smoothly_over_mach():
 @pytest.mark.parametrize("name", MULTIPLIERS)
 def test_every_multiplier_acts(name):
     """Double one coefficient in a state where everything deflects: some acceleration or hinge moment must change."""
-    flight = Flight.at(260.0, 28.0, 12500.0, cas_kt=250.0)
+    flight = FlightPoint.at(260.0, 28.0, 12500.0, cas_kt=250.0)
 
     def sample(multipliers):
-        plant = Plant(Flight(**{**vars(flight), "multipliers": multipliers}))
+        plant = Plant(FlightPoint(**{**vars(flight), "multipliers": multipliers}))
         surfaces = np.array([0.05, 0.04, 0.03, 0.02, 0.1, 0.05, 0.1, 0.02, 0.5, 0.5, 0.5, 0.5, 0, 0, 0, 0])
         plant.place(tas=170.0, alpha=0.1, theta=0.2, altitude=3810.0, beta=0.05, p=0.1, q=0.1, r=0.1, surfaces=surfaces)
         t = plant.truth()[0]

@@ -11,7 +11,7 @@ from cosim.flight.blocks import law
 from cosim.flight.blocks.law import design as law_design
 from cosim.flight.blocks.law import margins
 from cosim.flight.plant.linearize import linearize
-from cosim.flight.plant.plant import POINTS, Flight, Plant
+from cosim.flight.plant.plant import POINTS, FlightPoint, Plant
 
 FREQUENCY = np.geomspace(0.02, 300.0, 2000)
 MIXES = {
@@ -20,18 +20,18 @@ MIXES = {
     "mixed": ["hydraulic", "hydraulic", "ema", "ema"],
 }
 SLOW = {  # 1.2 to 1.4 times the stall speed: full back-stick ends at alpha_max
-    "sun13 at 150 kt": Flight.at(200, 30, 20000, cas_kt=150),
-    "A at 170 kt": Flight.at(260, 28, 12500, cas_kt=170),
-    "B at 175 kt": Flight.at(260, 36, 12500, cas_kt=175),
+    "sun13 at 150 kt": FlightPoint.at(200, 30, 20000, cas_kt=150),
+    "A at 170 kt": FlightPoint.at(260, 28, 12500, cas_kt=170),
+    "B at 175 kt": FlightPoint.at(260, 36, 12500, cas_kt=175),
     "C at 210 kt": POINTS["C"],
-    "D at 235 kt": Flight.at(405, 36, 27500, cas_kt=235),
-    "E at 190 kt": Flight.at(320, 28, 20000, cas_kt=190),
+    "D at 235 kt": FlightPoint.at(405, 36, 27500, cas_kt=235),
+    "E at 190 kt": FlightPoint.at(320, 28, 20000, cas_kt=190),
 }
 GAINS = ("k_nz", "k_i", "k_q")  # the return ratio is proportional to the three together
 FLIGHTS = POINTS | {  # the last three: none of the papers' points, no corner of their table
-    "250 t, 15,000 ft, 310 kt": Flight.at(250, 33, 15000, cas_kt=310),
-    "350 t, 33,000 ft, M 0.80": Flight.at(350, 27, 33000, mach=0.80),
-    "190 t, 3,000 ft, 170 kt": Flight.at(190, 35, 3000, cas_kt=170),
+    "250 t, 15,000 ft, 310 kt": FlightPoint.at(250, 33, 15000, cas_kt=310),
+    "350 t, 33,000 ft, M 0.80": FlightPoint.at(350, 27, 33000, mach=0.80),
+    "190 t, 3,000 ft, 170 kt": FlightPoint.at(190, 35, 3000, cas_kt=170),
 }
 
 

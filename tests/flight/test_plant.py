@@ -7,7 +7,7 @@ import pytest
 
 from cosim.errors import TrimError
 from cosim.flight.plant.linearize import linearize
-from cosim.flight.plant.plant import POINTS, SURFACES, TRUTH, Flight, Plant, Port
+from cosim.flight.plant.plant import POINTS, SURFACES, TRUTH, FlightPoint, Plant, Port
 
 FT = 0.3048
 COLUMN = {name: i for i, name in enumerate(SURFACES)}
@@ -85,7 +85,7 @@ def test_hands_off_for_60_s(name):
 
 def test_two_flights_are_bit_identical_and_seeds_differ():
     def fly(seed):
-        flight = Flight(**{**vars(POINTS["E"]), "turbulence": "moderate", "seed": seed})
+        flight = FlightPoint(**{**vars(POINTS["E"]), "turbulence": "moderate", "seed": seed})
         return _flown(2.0, flight=flight)[1].tobytes()
 
     assert fly(1) == fly(1)
@@ -95,7 +95,7 @@ def test_two_flights_are_bit_identical_and_seeds_differ():
 def test_turbulence_grows_with_its_name_and_none_is_still():
     rms = []
     for kind in ("none", "light", "moderate", "severe"):
-        plant = Plant(Flight(**{**vars(POINTS["E"]), "turbulence": kind, "seed": 3}))
+        plant = Plant(FlightPoint(**{**vars(POINTS["E"]), "turbulence": kind, "seed": 3}))
         trim = plant.trim()
         w = []
         for _ in range(6000):
@@ -187,11 +187,11 @@ def test_unknown_property_is_refused():
 @pytest.mark.parametrize(
     ("flight", "reason"),
     [
-        (Flight.at(405, 28, 27500, cas_kt=150), "stall"),
-        (Flight.at(405, 28, 42000, mach=0.85), "thrust|stall"),
-        (Flight.at(390, 30, 35000, mach=0.60), "thrust"),
-        (Flight.at(200, 30, 2000, mach=0.15), "Mach 0.15 is beyond the aerodynamic data.*Fly faster"),
-        (Flight.at(405, 30, 0, mach=0.2), "stall"),
+        (FlightPoint.at(405, 28, 27500, cas_kt=150), "stall"),
+        (FlightPoint.at(405, 28, 42000, mach=0.85), "thrust|stall"),
+        (FlightPoint.at(390, 30, 35000, mach=0.60), "thrust"),
+        (FlightPoint.at(200, 30, 2000, mach=0.15), "Mach 0.15 is beyond the aerodynamic data.*Fly faster"),
+        (FlightPoint.at(405, 30, 0, mach=0.2), "stall"),
     ],
 )
 def test_infeasible_points_say_why(flight, reason):
@@ -213,7 +213,7 @@ def test_read_fills_the_record_it_is_given():
 def test_console_is_silent(capfd):
     _flown(0.1)
     with pytest.raises(TrimError):
-        Plant(Flight.at(405, 28, 27500, cas_kt=150)).trim()
+        Plant(FlightPoint.at(405, 28, 27500, cas_kt=150)).trim()
     out, err = capfd.readouterr()
     assert out == "" and err == ""
 

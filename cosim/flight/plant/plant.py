@@ -21,7 +21,7 @@ import numpy as np
 
 from cosim.errors import TrimError
 from cosim.flight.plant.border import FT, KT, LIMITS, READ, SURFACES, TRUTH, WRITE, to_si
-from cosim.flight.plant.point import POINTS, TURBULENCE, Flight, loading
+from cosim.flight.plant.point import POINTS, TURBULENCE, FlightPoint, loading
 
 AIRCRAFT = Path(__file__).resolve().parents[3] / "aircraft"
 
@@ -225,4 +225,6 @@ def reference_run(dt=0.005):
     return fdm.run
 
 
-__all__ = ["LIMITS", "POINTS", "SURFACES", "TRUTH", "Flight", "Plant", "Port", "TrimError", "loading", "reference_run"]
+__all__ = [
+    "LIMITS", "POINTS", "SURFACES", "TRUTH", "FlightPoint", "Plant", "Port", "TrimError", "loading", "reference_run",
+]  # fmt: skip

@@ -16,7 +16,7 @@ TURBULENCE = {"none": (0, 0.0), "light": (3, 25.0), "moderate": (4, 50.0), "seve
 
 
 @dataclass(frozen=True)
-class Flight:
+class FlightPoint:
     """One flight point and what is uncertain about it; SI, `speed` in m/s for "cas" and "tas", a number for "mach"."""
 
     mass: float = 200e3
@@ -60,7 +60,7 @@ SIX = {
     "D": {"mass_t": 405.0, "cg_pct": 36.0, "altitude_ft": 27500.0, "cas_kt": 270.0},
     "E": {"mass_t": 320.0, "cg_pct": 28.0, "altitude_ft": 20000.0, "cas_kt": 240.0},
 }
-POINTS = {name: Flight.at(**point) for name, point in SIX.items()}
+POINTS = {name: FlightPoint.at(**point) for name, point in SIX.items()}
 
 
 def loading(mass, cg):

@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 from cosim.flight import airframe_wires
 from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.flight.plant.linearize import linearize
-from cosim.flight.plant.point import SIX, Flight
+from cosim.flight.plant.point import SIX, FlightPoint
 from cosim.papers.alwi14.flights import DEG, EVIDENCE, NAMES, POINTS, SENSIBLE, UNITS, fly_point, nonlinear
 from cosim.papers.row import Planned as planned
 from cosim.papers.row import ours
@@ -149,7 +149,7 @@ def _figure_1():
 def _own_model(point):
     """Return the linear model of a point in the form of the stored affine one, and the stored design upon it."""
     model, made = lpv_smo_design.load()
-    A, B, C, D, trim = design_lpv.in_paper_units(linearize(Flight.at(**SIX[point])))
+    A, B, C, D, trim = design_lpv.in_paper_units(linearize(FlightPoint.at(**SIX[point])))
     C[:4], D[:4] = np.round(C[:4], 9), 0.0  # these outputs are states
     A, B, C, D = (np.concatenate([S[None], np.zeros((4, *S.shape))]) for S in (A, B, C, D))
     trims = np.zeros_like(model.trim)

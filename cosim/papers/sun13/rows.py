@@ -15,7 +15,7 @@ import numpy as np
 
 from cosim.flight.blocks.sensors import PARTS, TRANSPORT
 from cosim.flight.plant.linearize import linearize
-from cosim.flight.plant.point import SIX, Flight
+from cosim.flight.plant.point import SIX, FlightPoint
 from cosim.papers.row import Planned as planned
 from cosim.papers.row import judged, ours
 from cosim.training import rfafe_noise
@@ -206,7 +206,7 @@ def _moment(point):
     """Return the elevators' pitch acceleration at SIX[point] over that at the design point."""
     found = []
     for p in (SIX[point], SIX["sun13"]):
-        model = linearize(Flight.at(**p))
+        model = linearize(FlightPoint.at(**p))
         found.append(model.block(("q",), SEGMENTS)[1].sum())
     return found[0] / found[1]
 

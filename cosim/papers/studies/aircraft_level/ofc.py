@@ -15,7 +15,7 @@ import numpy as np
 from cosim.campaign import EVALUATION_SEED, run_many
 from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.flight.plant.linearize import linearize
-from cosim.flight.plant.point import SIX, Flight
+from cosim.flight.plant.point import SIX, FlightPoint
 from cosim.papers.studies.aircraft_level.table import Table
 from cosim.scenario import parse
 from fdi.common import physics_bound
@@ -61,7 +61,7 @@ def _table(flight, turbulence, hz, amplitude, seed):
 @functools.cache
 def bound(point, hz):
     """Return the physics bound [deg] of one segment's oscillation at `hz`, from the aircraft's own linear model."""
-    model = linearize(Flight.at(**POINTS[point]))
+    model = linearize(FlightPoint.at(**POINTS[point]))
     A, B, C, D = model.block(STATES, SEGMENT, ("q",))
     q = physics_bound.motion_per_degree(A, B, C, D, [hz])[:, 0, 0]
     sigma = math.degrees(TRANSPORT["q"][1])
