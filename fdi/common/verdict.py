@@ -1,4 +1,10 @@
-"""Class codes of a verdict: what a detector says is wrong. They are floats because a tick is one float64 vector."""
+"""Class codes of a verdict: what a detector says is wrong. They are floats because a tick is one float64 vector.
+
+A detector that can hold several faults at once has, beside the summary `alarm`, `verdict` and `culprit`, one output
+`alarm_<culprit>` for each of its CULPRITS (`alarm_elevator`, `alarm_n_z`, ...): 1 while that part is declared, whatever
+else is. The summary is then: `alarm` is 1 while any of them is; `culprit` is the one declared first of those that
+still stand, and `verdict` is its class. Names of a detector without such outputs come from `culprit` alone.
+"""
 
 NONE = 0.0
 OFC_LIQUID = 1.0  # oscillation added to the servo's signal
@@ -36,3 +42,11 @@ def name(code):
 def code(name):
     """Return the float code of class `name`; an unknown name raises ValueError."""
     return float(NAMES.index(name))
+
+
+def alarm_fields(culprits: tuple, outputs: tuple) -> dict:
+    """Return {culprit: output that holds its own alarm}, empty for a detector that names one part at a time.
+
+    `culprits` and `outputs` are a detector's CULPRITS and OUTPUTS.
+    """
+    return {name: f"alarm_{name}" for name in culprits if name and f"alarm_{name}" in outputs}

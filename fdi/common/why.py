@@ -1,0 +1,37 @@
+"""Why a detector cannot judge: codes of the output `why`, 0 while it can.
+
+A detector that has `why` in its OUTPUTS says at every tick what its `valid` of 0 comes from; the first reason that
+holds, in the order below, is given. `valid == (why == 0)`.
+"""
+
+VALID = 0.0
+NOT_READY = 1.0  # not started, settling, or learning its offsets
+LOST_SENSOR = 2.0  # an input that it cannot do without has no valid sample
+BOX_MASS = 3.0  # outside the region for which the observer was designed and verified: mass
+BOX_CG = 4.0  # centre of gravity
+BOX_SPEED = 5.0  # calibrated airspeed
+BOX_MACH = 6.0  # Mach number
+BOX_ALPHA = 7.0  # angle of attack too far from trim for a linear model
+BANK = 8.0  # bank angle beyond what its equations hold for
+RATE = 9.0  # the command runs ahead of the actuators' rate limit
+
+WORDS = (
+    "valid",
+    "not ready",
+    "lost sensor",
+    "outside its box (mass)",
+    "outside its box (centre of gravity)",
+    "outside its box (speed)",
+    "outside its box (Mach)",
+    "outside its box (angle of attack)",
+    "bank angle",
+    "command beyond the rate limit",
+)
+
+
+def words(code: float) -> str:
+    """Return reason `code` in words; a value that is no code raises ValueError."""
+    k = int(code)
+    if k != code or not 0 <= k < len(WORDS):
+        raise ValueError(f"{code!r} is no reason code")
+    return WORDS[k]
