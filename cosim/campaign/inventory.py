@@ -1,9 +1,13 @@
 """Everything a scenario can name, as plain data for `cosim list` and for programs."""
 
+from typing import Any
+
 from cosim.campaign.spec import builtin_campaigns, load_campaign
+from cosim.examples import examples
 from cosim.scenario import catalog as c
 from cosim.scenario.load import DEFAULT, builtin_names, load_scenario
 from cosim.scenario.manoeuvre import KINDS
+from cosim.scenario.tolerance import GROUPS, meanings
 
 PLACES = (  # heading, targets, kinds
     ("elevator", "elevator.<segment>", c.ELEVATOR_KINDS),
@@ -14,8 +18,8 @@ PLACES = (  # heading, targets, kinds
 )
 
 
-def inventory():
-    """Return {default, scenarios, campaigns, manoeuvres, faults, keys, targets, units, detectors} as plain data."""
+def inventory() -> dict[str, Any]:
+    """Return {default, and every topic of `cosim list`: its entries} as plain data."""
     return {
         "default": DEFAULT,
         "scenarios": [{"name": n, "title": load_scenario(n).title} for n in builtin_names()],
@@ -37,6 +41,13 @@ def inventory():
             "actuator_sensors": {t: list(s) for t, s in c.SENSORS_OF.items()},
             "sensors": list(c.SENSORS),
         },
+        "signals": [],
+        "tolerances": [
+            {"group": group, "name": name, "unit": unit, "summary": text}
+            for group in GROUPS
+            for name, (text, unit) in meanings(group).items()
+        ],
+        "examples": [{"name": name, "summary": text} for name, text in examples().items()],
         "detectors": [{"id": d, "level": level, "summary": text} for d, (level, text) in c.DETECTORS.items()],
     }
 

@@ -19,8 +19,8 @@ from cosim.cli import campaigns as cli_many
 from cosim.cli import envelope as cli_envelope
 from cosim.cli import study as cli_study
 from cosim.cli import tables
-from cosim.cli.output import JsonOption, named, reserve
-from cosim.errors import CosimError
+from cosim.cli.output import JsonOption, log_name, named, reserve
+from cosim.errors import CosimError, did_you_mean
 
 WIDE = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 110  # a pipe has no width: do not fold its tables
 out, err = Console(width=WIDE), Console(stderr=True)
@@ -120,7 +120,11 @@ def run(
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", metavar="LOG", help="Log file. Default: logs/<scenario>.mcap..", show_default=False
+            "--output",
+            "-o",
+            metavar="LOG",
+            help="Log file. Default: logs/<scenario>[+KEY=VALUE…].mcap.",
+            show_default=False,
         ),
     ] = None,
     strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 when the flight departs.")] = False,
@@ -132,8 +136,9 @@ def run(
     from cosim.scenario import load_scenario
 
     flown = load_scenario(scenario, set_ or ())
-    path = output or Path("logs") / f"{Path(scenario).stem}.mcap"
+    path = output or Path("logs") / f"{log_name(scenario, set_ or ())}.mcap"
     reserve(path, taken=scenario)
+    overwritten = path.is_file()
     for line in flown.warnings():
         err.print(f"[yellow]note:[/] {tables.escape(line)}", soft_wrap=True, highlight=False)
     from cosim.flight.simulate import simulate
@@ -143,7 +148,7 @@ def run(
         err.print(f"in Foxglove: Open connection, ws://127.0.0.1:{LIVE_PORT}", highlight=False)
     with named(scenario), tables.progress(err, f"flying {Path(scenario).stem}", waiting=waiting) as progress:
         result = simulate(flown, log=path, progress=progress, achieved=True, live=LIVE_PORT if live else None)
-    found = result.to_dict()
+    found = result.to_dict() | {"overwritten": overwritten}
     if report:
         from cosim.report import flight_report
 
@@ -152,8 +157,6 @@ def run(
         print(json.dumps(found, allow_nan=False))
     else:
         out.print(tables.run(found, flown))
-        if report:
-            out.print(f"report {tables.escape(found['report'])}", soft_wrap=True, highlight=False)
     if found["status"] == "interrupted":
         raise typer.Exit(130)
     if strict and found["status"] != "completed":
@@ -161,15 +164,47 @@ def run(
 
 
 @app.command(name="list")
-def list_(json_: JsonOption = False):
-    """Show scenarios, manoeuvres, kinds of fault and their targets, and detectors."""
+def list_(
+    topic: Annotated[
+        str | None, typer.Argument(metavar="[TOPIC]", help=f"{', '.join(tables.TOPICS)} or all.", show_default=False)
+    ] = None,
+    json_: JsonOption = False,
+) -> None:
+    """Show what there is: scenarios, campaigns, manoeuvres, faults, detectors, signals, tolerances, keys, examples."""
     from cosim.campaign.inventory import inventory
 
+    if topic not in (None, "all", *tables.TOPICS):
+        raise CosimError(
+            "is no topic",
+            place=f"cosim list {topic}",
+            allowed=", ".join((*tables.TOPICS, "all")),
+            remedy=did_you_mean(topic, tables.TOPICS),
+        )
     found = inventory()
     if json_:
-        print(json.dumps(found))
+        print(json.dumps(found if topic in (None, "all") else {topic: found[topic]}))
     else:
-        out.print(tables.inventory(found))
+        out.print(tables.inventory(found, topic))
+
+
+@app.command()
+def example(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="See [b]cosim list examples[/].", show_default=False)],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Default: NAME.py here.", show_default=False)
+    ] = None,
+    json_: JsonOption = False,
+) -> None:
+    """Copy an example into your folder, ready to run and to change."""
+    from cosim.examples import copy
+
+    path = output or Path(f"{name}.py")
+    reserve(path)
+    copy(name, path)
+    if json_:
+        print(json.dumps({"example": name, "file": str(path)}))
+    else:
+        out.print(tables.whole(f"{path}\nnext   python {path}"))
 
 
 @app.command()

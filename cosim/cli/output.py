@@ -1,5 +1,8 @@
 """What commands share: --json, --workers, and finding out before a flight that its log cannot be written."""
 
+import hashlib
+import re
+from collections.abc import Iterable
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -8,6 +11,8 @@ import typer
 
 from cosim.errors import OutputError, ScenarioError
 from cosim.files import OTHER, TAKEN, locked
+
+LONGEST = 100  # characters of a log's name
 
 
 def reserve(path, *, taken=None, endings=(), what="the scenario"):
@@ -40,6 +45,16 @@ def reserve(path, *, taken=None, endings=(), what="the scenario"):
         ) from None
     if not free:
         raise OutputError(TAKEN, place=str(path), remedy=OTHER)
+
+
+def log_name(scenario: str, overrides: Iterable[str] = ()) -> str:
+    """Return the name of a run's log without its ending: the scenario's, and what was set, so that a variant gets a
+    file of its own; a digest of what was set where that is long."""
+    told = [re.sub(r"[^A-Za-z0-9._=-]+", "_", text.strip()).strip("_") for text in overrides]
+    name = "+".join([Path(scenario).stem, *told])
+    if len(name) <= LONGEST:
+        return name
+    return f"{Path(scenario).stem[:LONGEST]}+{hashlib.sha256(chr(0).join(overrides).encode()).hexdigest()[:8]}"
 
 
 @contextmanager

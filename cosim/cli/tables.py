@@ -1,6 +1,7 @@
 """What the command line shows: tables built from the same plain data that `--json` prints. Nothing here prints."""
 
 import math
+import shlex
 from contextlib import contextmanager
 
 from rich import box
@@ -9,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from cosim.cli import faults
+from cosim.cli import faults, headline
 from cosim.judge.coverage import remark
 
 STATUS = {"completed": "green", "departed": "yellow", "diverged": "red", "interrupted": "yellow"}
@@ -56,10 +57,19 @@ def number(value, digits=2):
 
 
 def run(found, scenario):
-    """Return the outcome of a run: what went wrong, who alarmed, how fast it flew."""
-    head = Text.assemble((scenario.title or "flight", "bold"), "\n", _point(scenario))
-    parts = [head, *faults.lines(scenario, found.get("achieved")), _detectors(found["detectors"])]
-    return Group(*(p for p in parts if p is not None), _footer(found))
+    """Return the outcome of a run: who noticed in a sentence, the flight, its faults, every alarm, where the log is."""
+    said = [Text(text, style="bold") for text in headline.sentences(found, scenario)]
+    head = Text.assemble(*(["\n"] if said else []), scenario.title or "flight", "\n", _point(scenario))
+    shown = [d for d in found["detectors"] if d["id"] not in headline.APART]
+    apart = [Text(text, style="dim") for text in headline.apart(found)] if shown else []
+    parts = [
+        *said,
+        head,
+        *faults.lines(scenario, found.get("achieved")),
+        _detectors(shown or found["detectors"]),
+        *apart,
+    ]
+    return Group(*parts, _footer(found))
 
 
 def _point(scenario):
@@ -119,9 +129,19 @@ def _footer(found):
     )
     if found.get("reason"):
         line.append(f": {found['reason']}")
-    if found.get("log"):
-        line.append(f"\nlog    {found['log']}")
-    return line
+    if not found.get("log"):
+        return line
+    log = str(found["log"])
+    before = " (what the file held is overwritten)" if found.get("overwritten") else ""
+    last = Text(f"report {found['report']}") if found.get("report") else Text(f"next   cosim report {shlex.quote(log)}")
+    return Group(line, whole(f"log    {log}{before}"), whole(last))
+
+
+def whole(text):
+    """Return a line that is not folded: a path or a command that is copied."""
+    made = Text(text) if isinstance(text, str) else text
+    made.no_wrap, made.overflow = True, "ignore"
+    return made
 
 
 def linear(found, scenario):
@@ -179,33 +199,108 @@ def bench(found):
     return Group(t, d, Text("\n".join(lines)))
 
 
-def inventory(found):
-    """Return the tables of `cosim list`."""
+def inventory(found, topic=None):
+    """Return the entries of a `topic` of `cosim list`, of every one for "all"; which topics there are for None."""
+    if topic is None:
+        t = table("cosim list TOPIC, or cosim list all", "topic", "how many>", "what it is")
+        for name, about in TOPICS.items():
+            t.add_row(name, str(len(found[name])), about)
+        return t
+    shown = {
+        "scenarios": _scenarios,
+        "campaigns": _campaigns,
+        "manoeuvres": _manoeuvres,
+        "faults": _faults,
+        "targets": _targets,
+        "detectors": _detector_list,
+        "signals": _signals,
+        "tolerances": _tolerances,
+        "keys": lambda found: [_keys(name, about) for name, about in found["keys"].items()],
+        "examples": _examples,
+    }
+    return Group(*(part for name in (shown if topic == "all" else (topic,)) for part in shown[name](found)))
+
+
+TOPICS = {
+    "scenarios": "flights that are built in: cosim run NAME",
+    "campaigns": "many flights that are built in: cosim campaign NAME",
+    "manoeuvres": "what the pilot does: manoeuvre.kind",
+    "faults": "kinds of fault, with their numbers",
+    "targets": "segments, sensors, surfaces and engines that a fault can be on, with units",
+    "detectors": "who watches: detectors.enabled",
+    "signals": "what a detector may read",
+    "tolerances": "numbers of the aircraft and its actuators that a scenario may multiply",
+    "keys": "tables and keys of a scenario",
+    "examples": "programs to start from: cosim example NAME",
+}
+
+
+def _scenarios(found):
     s = table("Scenarios: cosim run NAME", "name", "what happens")
     for r in found["scenarios"]:
         s.add_row(r["name"], escape(r["title"]), style="bold" if r["name"] == found["default"] else "")
+    return [s]
+
+
+def _campaigns(found):
     many = table("Campaigns: cosim campaign NAME", "name", "what is flown")
     for r in found["campaigns"]:
         many.add_row(r["name"], escape(r["title"]))
+    return [many]
+
+
+def _manoeuvres(found):
     m = table("Manoeuvres: --set manoeuvre.kind=KIND", "kind", "what it does", "keys")
     for r in found["manoeuvres"]:
         m.add_row(r["kind"], r["summary"], ", ".join(r["keys"]))
-    broken = [
-        _faults_on(t, [r for r in found["faults"] if r["target"] == t])
-        for t in dict.fromkeys(r["target"] for r in found["faults"])
-    ]
+    return [m]
+
+
+def _faults(found):
+    places = dict.fromkeys(r["target"] for r in found["faults"])
+    return [*(_faults_on(t, [r for r in found["faults"] if r["target"] == t]) for t in places), *_targets(found)]
+
+
+def _targets(found):
     names = found["targets"]
-    where = Group(
+    return [
         Text(f"<segment>  {', '.join(names['segments'])}; groups {', '.join(names['groups'])}"),
         *(Text(f"<sensor>   of {t}: {', '.join(s)}") for t, s in names["actuator_sensors"].items() if s),
         Text(f"<name>     {', '.join(names['sensors'])}"),
         Text(f"<unit>     {_units(found['units'])}"),
-    )
-    keys = [_keys(name, about) for name, about in found["keys"].items()]
+    ]
+
+
+def _detector_list(found):
     d = table("Detectors: --set 'detectors.enabled=[...]'", "id", "level", "what it is")
     for r in found["detectors"]:
         d.add_row(r["id"], r["level"], escape(r["summary"]))
-    return Group(s, many, m, *broken, where, *keys, d)
+    return [d]
+
+
+def _signals(found):
+    t = table("Signals that a detector may read", "signal", "unit", "what it is")
+    for r in found["signals"]:
+        t.add_row(r["name"], escape(r["unit"]), escape(r["summary"]))
+    return [t]
+
+
+def _tolerances(found):
+    out = []
+    for group in dict.fromkeys(r["group"] for r in found["tolerances"]):
+        t = table(f"[tolerances.{group}], a factor from 0.2 to 5 on", "name", "unit", "what it is")
+        for r in found["tolerances"]:
+            if r["group"] == group:
+                t.add_row(r["name"], escape(r["unit"]), escape(r["summary"]))
+        out.append(t)
+    return out
+
+
+def _examples(found):
+    t = table("Examples: cosim example NAME copies one here", "name", "what it does")
+    for r in found["examples"]:
+        t.add_row(r["name"], escape(r["summary"]))
+    return [t]
 
 
 def _units(units):

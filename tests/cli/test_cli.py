@@ -182,13 +182,52 @@ def test_a_bug_is_not_disguised_as_bad_input(flown):
     assert result.exit_code == 1 and isinstance(result.exception, RuntimeError)
 
 
-def test_list_names_everything():
-    result = cosim("list")
+def test_list_begins_with_its_topics_and_all_names_everything():
+    topics = cosim("list")
+    assert topics.exit_code == 0 and len(topics.stdout.splitlines()) < 20
+    for part in ("scenarios", "tolerances", "signals", "examples"):
+        assert part in topics.stdout
+    result = cosim("list", "all")
     assert result.exit_code == 0
     for part in ("liquid-ofc", "nz_doublet", "jam_solid", "winding_resistance", "sensor.<name>", "control_redundancy"):
         assert part in result.stdout
     found = json.loads(cosim("list", "--json").stdout)
-    assert {"scenarios", "manoeuvres", "faults", "targets", "detectors"} <= found.keys()
+    assert {"scenarios", "manoeuvres", "faults", "targets", "detectors", "tolerances", "examples"} <= found.keys()
+    refused(cosim("list", "tolerance"), "cosim list tolerance", "Did you mean 'tolerances'?")
+
+
+def test_a_tolerance_is_listed_with_what_it_is_and_its_unit():
+    told = {(r["group"], r["name"]): r for r in json.loads(cosim("list", "tolerances", "--json").stdout)["tolerances"]}
+    assert all(r["summary"] and r["unit"] for r in told.values())
+    assert told["hydraulic", "E"]["summary"] == "bulk modulus of the oil" and told["hydraulic", "E"]["unit"] == "N/m^2"
+    assert told["aero", "Cm_alpha"]["summary"] == "pitching moment over angle of attack"
+
+
+def test_the_first_sentence_says_who_noticed_and_the_last_line_shows_the_report(flown):
+    lines = cosim("run").stdout.splitlines()
+    assert lines[0].startswith("iotsekf noticed after 0.40 s and said ofc_liquid")
+    assert lines[-1] == "next   cosim report x.mcap"
+    assert "overwritten" not in "\n".join(lines)
+
+
+def test_what_alarms_in_every_flight_as_published_stands_apart(flown):
+    loud = {**QUIET, "id": "ema_kalman", "alarm": True, "false_alarms": 2, "detected_at_s": 0.0}
+    flown.outcome.detectors.append(loud)
+    shown = cosim("run").stdout
+    assert "ema_kalman, as published: alarms always, it knows no load" in shown
+    assert shown.count("ema_kalman") == 1
+    assert "ema_kalman" in [d["id"] for d in json.loads(cosim("run", "--json").stdout)["detectors"]]
+
+
+def test_a_variant_has_a_log_of_its_own_and_overwriting_is_told(flown):
+    cosim("run", "-s", "faults.0.frequency_hz=3")
+    assert flown.calls[-1][1] == Path("logs/liquid-ofc+faults.0.frequency_hz=3.mcap")
+    cosim("run", "-s", "title=a/b c")
+    assert flown.calls[-1][1].parent == Path("logs")
+    cosim("run", *[x for i in range(40) for x in ("-s", f"seed={i}")])
+    assert len(flown.calls[-1][1].name) < 120
+    Path("logs/liquid-ofc.mcap").write_bytes(b"old")
+    assert "overwritten" in cosim("run").stdout
 
 
 def test_info_of_what_is_no_log(tmp_path):
