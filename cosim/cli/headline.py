@@ -40,8 +40,8 @@ def _about(i, case, lanes):
     for lane in lanes:
         for entry in lane.get("by_fault") or [lane]:
             if entry.get("fault", i) == i and entry.get("detection_delay_s") is not None:
-                first = seen.get(lane["id"])
-                if first is None or entry["detection_delay_s"] < first["detection_delay_s"]:
+                before = seen.get(lane["id"])
+                if before is None or entry["detection_delay_s"] < before["detection_delay_s"]:
                     seen[lane["id"]] = entry
     first, *others = sorted(seen, key=lambda name: seen[name]["detection_delay_s"]) or [""]
     made = list(dict.fromkeys(d["id"] for d in lanes if coverage.expected(d["id"], case).word == coverage.DESIGNED))

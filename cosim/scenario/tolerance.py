@@ -42,11 +42,11 @@ def meanings(group: str) -> dict[str, tuple[str, str]]:
     if group == "hydraulic":
         from actuators.hydraulic import actuator, lu17
 
-        modules = (lu17, actuator)
+        modules = [lu17, actuator]
     else:
         from actuators.ema import actuator as ema
 
-        modules = (ema,)
+        modules = [ema]
     fields = {name: (text, unit) for m in modules for name, text, unit in _FIELD.findall(inspect.getsource(m))}
     return {name: fields.get(name, ("", "")) for name in toleranced(group)}
 
