@@ -7,8 +7,8 @@ import queue
 import threading
 
 from cosim.errors import TrimError
+from cosim.judge.row import rows as judge_rows
 
-ACHIEVED = ("rod_mm", "surface_deg", "travel_pct", "amplitude_mm", "amplitude_deg")
 _lock = threading.Lock()
 _timed = False  # whether this process has measured its detectors' cost per step
 
@@ -43,7 +43,7 @@ def _fly(run, scenario, achieved):
         return [failed(run, "error", f"{type(error).__name__}: {error}")], []
     if result.status == "interrupted":
         raise KeyboardInterrupt
-    rows, timing = _rows(run, result), _timing(run, result, _timed)
+    rows, timing = judge_rows(run, result.to_dict()), _timing(run, result, _timed)
     _timed = True
     return rows, timing
 
@@ -82,32 +82,6 @@ def _thread():
 def failed(run, status, error):
     """Return the row of a run that has no result."""
     return {"run": run, "lane": 0, "status": status, "error": " ".join(error.split())}
-
-
-def _rows(run, result):
-    found = result.to_dict()
-    about = {"run": run, "status": found["status"], "error": found["reason"], "sim_time_s": found["sim_time_s"]}
-    for name in ACHIEVED:
-        given = [seg[name] for seg in (found["achieved"] or {}).values() if seg[name] is not None]
-        about[name] = max(given) if given else None
-    if not found["detectors"]:
-        return [{**about, "lane": 0}]
-    return [{**about, "lane": i, **_lane(d)} for i, d in enumerate(found["detectors"])]
-
-
-def _lane(d):
-    kept = {k: d[k] for k in ("id", "level", "target", "concerned", "alarm", "detected_at_s", "false_alarms")}
-    kept |= {k: d[k] for k in ("r_max_before", "r_max_after", "estimate_rmse", "estimate_bias", "estimate_max")}
-    isolated = d["isolated"] or {}
-    return {
-        **kept,
-        "delay_s": d["detection_delay_s"],
-        "delay_periods": d["detection_delay_periods"],
-        "fault": d["fault"],
-        "isolated_class": isolated.get("class"),
-        "isolated_target": isolated.get("target"),
-        "estimate_unit": d["estimate_unit"],
-    }
 
 
 def _timing(run, result, timed):

@@ -22,8 +22,10 @@ import tomllib
 import numpy as np
 import pandas as pd
 
-from cosim.campaign.worker import ACHIEVED, run_id
+from cosim.campaign.worker import run_id
 from cosim.judge import coverage
+from cosim.judge import row as judged
+from cosim.judge.achieved import NAMES as ACHIEVED
 from cosim.scenario.catalog import DEFAULT_TECHNOLOGY
 
 
@@ -156,47 +158,17 @@ def of_logs(paths, progress=None):
         while run in tomls:  # the same flight twice, or another version's
             run += "'"
         tomls[run] = flown.toml
-        moved = achieved(flown.scenario) if faulted(flown.scenario) else {}
-        about = {
-            "run": run,
+        result = {
             "status": (flown.log.result or {}).get("status", "cut"),
-            "error": "",
+            "reason": "",
             "sim_time_s": flown.end - flown.t0 + flown.dt,
+            "achieved": achieved(flown.scenario) if faulted(flown.scenario) else None,
+            "detectors": [lane.entry for lane in flown.lanes],
         }
-        for name in ACHIEVED:
-            given = [seg[name] for seg in moved.values() if seg[name] is not None]
-            about[name] = max(given) if given else None
-        rows += [{**about, "lane": k, **_lane(lane.entry)} for k, lane in enumerate(flown.lanes)]
+        rows += judged.rows(run, result)
         if progress:
             progress(i + 1, len(paths))
     return pd.DataFrame(rows), tomls
-
-
-def _lane(entry):
-    """Return a result's entry under the names of a campaign's columns."""
-    found = entry["isolated"] or {}
-    same = (
-        "id",
-        "level",
-        "target",
-        "concerned",
-        "alarm",
-        "detected_at_s",
-        "false_alarms",
-        "r_max_before",
-        "r_max_after",
-        "estimate_rmse",
-        "estimate_bias",
-        "estimate_max",
-        "estimate_unit",
-    )
-    return {k: entry[k] for k in same} | {
-        "delay_s": entry["detection_delay_s"],
-        "delay_periods": entry["detection_delay_periods"],
-        "fault": entry["fault"],
-        "isolated_class": found.get("class"),
-        "isolated_target": found.get("target"),
-    }
 
 
 def of_campaign(folder):

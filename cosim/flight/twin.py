@@ -3,26 +3,18 @@
 Same flight point, seed, noise and manoeuvre: what differs is the fault and what the law and the servos do about it. The
 twin flies without detectors (but those that a servo closes on), which costs a bit less than the flight; the last twins
 are kept, so that runs that differ in their fault only share one.
-
-    d(t)        rod [m] or surface [rad] of a segment, less its twin's, while a fault on the segment is active and 1 s
-                afterwards
-    peak        max |d|
-    amplitude   for an oscillation: of the least-squares sine at the fault's frequency over the settled whole periods;
-                slow drifts between the two flights do not count
+What is measured of the difference stands in cosim/judge/achieved.py.
 """
 
 import functools
-import math
 import tomllib
 
 import numpy as np
 
 from cosim.flight.build import build
 from cosim.flight.fly import fly
+from cosim.judge.achieved import moved as of_segment
 from cosim.scenario import parse
-
-TRAVEL = math.radians(40.0)  # of an elevator segment, -23 to +17 deg
-SETTLE_PERIODS = 2.0
 
 
 def achieved(scenario):
@@ -56,7 +48,7 @@ def moved(scenario, history, rows):
     names = list(history.surface)
     difference = here[:n].astype(float) - twin[:n]
     pair = {seg: difference[:, 2 * names.index(seg) :][:, :2] for seg in segments}
-    return {seg: _segment(pair[seg], faults, scenario.dt) for seg, faults in segments.items()}
+    return {seg: of_segment(pair[seg], faults, scenario.dt) for seg, faults in segments.items()}
 
 
 @functools.lru_cache(maxsize=16)
@@ -81,48 +73,3 @@ def _positions(history, rows):
             out[:, 2 * i] = gain * rows[:, column]
         out[:, 2 * i + 1] = rows[:, history.surface[seg]]
     return out
-
-
-def _segment(difference, faults, dt):
-    """Return the entry of one segment from its (ticks, 2) rod and surface differences."""
-    start = min(j.start for j in faults)
-    end = max(j.end for j in faults) + 1.0
-    last = len(difference) if math.isinf(end) else min(len(difference), round(end / dt))
-    peak = [_largest(d) for d in difference[round(start / dt) : last].T]
-    sine = next((j for j in faults if math.isfinite(j.omega)), None)
-    amplitude = [_amplitude(d, sine, dt) if sine else None for d in difference.T]
-    return {
-        "rod_mm": _scaled(peak[0], 1e3),
-        "surface_deg": _scaled(peak[1], 180 / math.pi),
-        "travel_pct": _scaled(peak[1], 100 / TRAVEL),
-        "amplitude_mm": _scaled(amplitude[0], 1e3),
-        "amplitude_deg": _scaled(amplitude[1], 180 / math.pi),
-    }
-
-
-def _scaled(x, factor):
-    return None if x is None else x * factor
-
-
-def _largest(d):
-    return float(np.max(np.abs(d))) if len(d) and np.isfinite(d).all() else None
-
-
-def _amplitude(d, j, dt):
-    """Return the amplitude of the sine of fault `j` in `d` over its settled whole periods; None when no period is left.
-
-    A constant and a slope stand beside the sine, so that a slow difference between the flights does not count.
-    """
-    period = 2 * math.pi / j.omega
-    first = round((j.start + j.ramp + SETTLE_PERIODS * period) / dt)
-    last = min(len(d), round(min(j.end, len(d) * dt) / dt))
-    whole = math.floor((last - first) * dt / period + 1e-9)
-    if whole < 1:
-        return None
-    cut = d[last - round(whole * period / dt) : last]
-    if not np.isfinite(cut).all():
-        return None
-    t = np.arange(len(cut)) * dt
-    basis = np.column_stack([np.cos(j.omega * t), np.sin(j.omega * t), np.ones(len(t)), t])
-    c, s, *_ = np.linalg.lstsq(basis, cut, rcond=None)[0]
-    return math.hypot(c, s)

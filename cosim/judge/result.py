@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cosim.judge import coverage
+from cosim.judge.alarms import GRACE_S, detection, faulty, onsets
 from fdi.common.verdict import NAMES
 
 
@@ -89,12 +90,6 @@ def _target(j, written):
     return f"elevator.{j.name}" + (f".{j.sensor}" if j.place == "actuator_sensor" else "")
 
 
-def onsets(alarm):
-    """Return the ticks at which `alarm` (0/1 over ticks) rises."""
-    high = np.asarray(alarm) > 0.5
-    return np.flatnonzero(high & ~np.concatenate(([False], high[:-1])))
-
-
 def concerns(watch, fault_targets):
     """Return whether a fault on `fault_targets` is this lane's: on its own actuator; any, for aircraft level."""
     mine = (t == watch.target or t.startswith(watch.target + ".") for t in fault_targets)
@@ -113,10 +108,6 @@ def judge(watch, history, dt, faults):
     alarm, verdict, culprit = (history[:, c] for c in (watch.alarm, watch.verdict, watch.culprit))
     mine = sorted((f for f in faults if concerns(watch, f["targets"])), key=lambda f: f["start_s"])
     rises = onsets(alarm)
-    active = np.zeros(len(alarm), bool)
-    for f in mine:  # an alarm up to 2 s after a fault has healed is still its
-        end = math.ceil((f["end_s"] + 2.0) / dt) if math.isfinite(f["end_s"]) else len(alarm)
-        active[round(f["start_s"] / dt) : end] = True
     entry = {
         "id": watch.id,
         "level": watch.level,
@@ -129,7 +120,7 @@ def judge(watch, history, dt, faults):
         "detection_delay_periods": None,
         "isolated": None,
         "by_fault": [],
-        "false_alarms": int(np.count_nonzero(~active[rises])),
+        "false_alarms": int(np.count_nonzero(~faulty(mine, len(alarm), dt)[rises])),
         "estimate_rmse": None,
         "estimate_bias": None,
         "step_us": watch.step_us,
@@ -141,7 +132,7 @@ def judge(watch, history, dt, faults):
         entry |= errors(watch.estimate.error(history, dt), watch.estimate.unit)
     if mine:
         sighted = [f for f in mine if coverage.expected(watch.id, f.get("case", "")).word != coverage.BLIND] or mine
-        entry["by_fault"] = [_detection(watch, f, sighted, dt, rises, alarm, verdict, culprit) for f in sighted]
+        entry["by_fault"] = [_detection(watch, f, sighted, dt, alarm, verdict, culprit) for f in sighted]
         noticed = [d for d in entry["by_fault"] if d["detected_at_s"] is not None]
         entry |= min(noticed, key=lambda d: d["detected_at_s"], default=entry["by_fault"][0])
     elif len(rises):
@@ -151,17 +142,17 @@ def judge(watch, history, dt, faults):
     return entry
 
 
-def _detection(watch, fault, faults, dt, rises, alarm, verdict, culprit):
+def _detection(watch, fault, faults, dt, alarm, verdict, culprit):
     """Return when and as what a lane noticed `fault`, one of `faults`: None where it did not."""
     starts = [f["start_s"] for f in faults if f["start_s"] > fault["start_s"]]
-    first, last = round(fault["start_s"] / dt), min(fault["end_s"] + 2.0, min(starts, default=math.inf)) / dt
+    last = min(fault["end_s"] + GRACE_S, min(starts, default=math.inf)) / dt
     end = math.ceil(last) if math.isfinite(last) else len(alarm)
-    new = rises[(rises >= first) & (rises < end)]  # an alarm that stood before the fault is not its detection
     out = dict.fromkeys(("detected_at_s", "detection_delay_s", "detection_delay_periods", "isolated"))
-    if len(new):
-        k = int(new[0])
+    k = detection(alarm, round(fault["start_s"] / dt), end)
+    if k is not None:
         healed = math.ceil(fault["end_s"] / dt) if math.isfinite(fault["end_s"]) else end
-        seen = k + np.flatnonzero(alarm[k : max(k + 1, min(end, healed))] > 0.5)  # what it says of a decay counts not
+        # what it says while the fault's effect decays is no name of the fault
+        seen = k + np.flatnonzero(alarm[k : max(k + 1, min(end, healed))] > 0.5)
         delay = k * dt - fault["start_s"]
         out = {
             "detected_at_s": k * dt,

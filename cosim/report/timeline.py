@@ -1,9 +1,9 @@
 """All alarms of a flight on one time line, with the faults."""
 
-import math
-
 import numpy as np
 
+from cosim.judge.alarms import faulty
+from cosim.judge.result import concerns
 from cosim.replay.recording import spans, words
 from cosim.report.figure import Figure, bands, base, place, style_axis
 from fdi.common.verdict import NAMES
@@ -107,13 +107,6 @@ def _labels(figure, flown, lane, alarms):
 
 
 def _real(flown, lane, step):
-    """Return the rows (bool) at which an alarm of the lane would be a true one: as `cosim.judge.result.judge` counts.
-    """
-    from cosim.judge.result import concerns
-
-    out = np.zeros(len(lane.fields["alarm"]), bool)
-    for f in flown.faults:
-        if concerns(lane, f["targets"]):
-            end = len(out) if math.isinf(f["end_s"]) else math.ceil((f["end_s"] + 2.0 - flown.t0) / step)
-            out[max(0, round((f["start_s"] - flown.t0) / step)) : max(0, end)] = True
-    return out
+    """Return the rows (bool) at which an alarm of the lane would be a true one."""
+    own = [f for f in flown.faults if concerns(lane, f["targets"])]
+    return faulty(own, len(lane.fields["alarm"]), step, flown.t0)

@@ -14,6 +14,7 @@ from cosim.flight.build import build
 from cosim.flight.fly import record
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.point import SIX, FlightPoint
+from cosim.judge.achieved import sine
 from cosim.scenario import parse
 from fdi.common import physics_bound as bound
 from fdi.rfafe import rfafe
@@ -105,13 +106,6 @@ def actuator(technology):
     a, gain, tau = rfafe.fit_first_order((np.array(FIT_HZ), np.array(response)))
     s = 2j * math.pi * FIT_HZ[-1]
     return a, gain, tau, float(abs(response[-1] / (gain * a / (s + a))) - 1.0)
-
-
-def sine(t, y, w):
-    """Return the complex amplitude of the sine at w [rad/s] in y, constant and slope fitted beside it."""
-    basis = np.stack([np.cos(w * t), np.sin(w * t), np.ones_like(t), t - t[0]], 1)
-    c = np.linalg.lstsq(basis, y, rcond=None)[0]
-    return c[0] - 1j * c[1]
 
 
 def sigmas():

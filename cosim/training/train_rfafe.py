@@ -22,6 +22,7 @@ from cosim.campaign.jobs import many
 from cosim.files import replace_text
 from cosim.flight.plant.point import SIX
 from cosim.flight.rfafe_wires import technology
+from cosim.judge.alarms import onsets
 from cosim.scenario.tolerance import toleranced
 from cosim.training.rfafe import MANOEUVRES, NAMES, POINT
 from cosim.training.rfafe_flights import MODULES, estimate, record
@@ -70,7 +71,7 @@ def look(first_seed, index):
         p = module.params(technology=technology(dict(zip(NAMES, flight["technology"]))))
         runs, whatever, slow = survey(r, name, p)
         alarm = estimate(r, name, p)["alarm"]
-        out[name] = [runs.tolist(), whatever.tolist(), slow, int(np.sum(np.diff(np.r_[0.0, alarm]) > 0.5))]
+        out[name] = [runs.tolist(), whatever.tolist(), slow, len(onsets(alarm))]
     return out
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cosim.judge.alarms import detection
 from cosim.papers.studies.ema_bench import (
     ARM,
     DEG,
@@ -88,15 +89,15 @@ def outcome(flight: Flight, begin):
     log = flight.log
     late = log[round(1.0 / DT) :]
     largest = float(late["r"].max())
-    alarm = log["alarm"] > 0
-    if not alarm.any():
+    at = detection(log["alarm"], 0)
+    if at is None:
         return Outcome("none", np.nan, False, largest)
     named = log["culprit"] > 0
     if named.any():
         name = CULPRITS[int(log["culprit"][np.argmax(named)])]
     else:
-        name = verdict.name(log["verdict"][np.argmax(alarm)])
-    return Outcome(name, np.argmax(alarm) * DT - begin, bool(log["reconf"].any()), largest)
+        name = verdict.name(log["verdict"][at])
+    return Outcome(name, at * DT - begin, bool(log["reconf"].any()), largest)
 
 
 def outcomes(fault, seeds, **options):

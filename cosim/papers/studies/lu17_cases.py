@@ -13,6 +13,8 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from actuators.common.linkage import ARM
+from cosim.judge.achieved import amplitude
+from cosim.judge.alarms import detection
 from cosim.training.lu17_flights import POINTS, draw, estimate, record
 from cosim.training.rfafe import DT
 from fdi.common import verdict
@@ -135,8 +137,7 @@ def judge(case, recorded, module, p, twin=None):
     log = estimate(module, recorded, p, fields)
     alarm = log["alarm"] > 0.5
     others = np.delete(alarm, LANE, axis=0)
-    hit = np.flatnonzero(alarm[LANE, k:])
-    at = k + hit[0] if len(hit) else None
+    at = detection(alarm[LANE], k)
     before = round(case.fault["start_s"] / DT) if case.fault else k
     end = min(k + round(4.0 / case.hz / DT), alarm.shape[1] - 1) if case.hz > 0 else alarm.shape[1] - 1
     last = log[LANE, end]
@@ -171,17 +172,13 @@ def fly_case(case, seed, noise=1.0):
 
 
 def achieved(case, seed):
-    """Return [u injected, rod amplitude [m] that an oscillation achieves]: least squares against the same flight
-    without the fault."""
+    """Return [u injected, rod amplitude [m] that an oscillation achieves against the same flight without the fault]."""
     made = Case(**case)
     flight = arguments(made, seed)
     faulty = record(**flight)
     q = faulty["rod"][LANE] - record(**{**flight, "faults": []})["rod"][LANE]
-    first = round((T_FAULT + 2 / made.hz) / DT)
-    t = np.arange(first, len(q)) * DT
-    w = 2 * math.pi * made.hz
-    fit = np.linalg.lstsq(np.stack([np.cos(w * t), np.sin(w * t), t**0, t, t * t], axis=1), q[first:], rcond=None)[0]
-    return [float(np.abs(faulty["f_u"][LANE]).max()), math.hypot(fit[0], fit[1])]
+    size = amplitude(q, 2 * math.pi * made.hz, T_FAULT, math.inf, DT)
+    return [float(np.abs(faulty["f_u"][LANE]).max()), size]
 
 
 def summary(case, found):

@@ -16,10 +16,12 @@ import numpy as np
 from cosim.flight.blocks.sensors import PARTS, TRANSPORT
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.point import SIX, FlightPoint
+from cosim.judge.achieved import sine
+from cosim.judge.alarms import detection
 from cosim.papers.row import Planned as planned
 from cosim.papers.row import judged, ours
 from cosim.training import rfafe_noise
-from cosim.training.rfafe import DEG, DT, MANOEUVRES, RANK_E, SEGMENTS, sine
+from cosim.training.rfafe import DEG, DT, MANOEUVRES, RANK_E, SEGMENTS
 from cosim.training.rfafe_flights import MODULES, estimate, record
 from fdi.rfafe import rfafe_airframe
 from fdi.rfafe.store import read
@@ -176,8 +178,8 @@ def _faults():
 
 
 def _periods(kind):
-    delay = np.flatnonzero(_published(kind, 1.0, "none")[1]["alarm"] > 0.5)
-    return delay[0] * DT - ONSET if len(delay) else math.nan
+    at = detection(_published(kind, 1.0, "none")[1]["alarm"], round(ONSET / DT))
+    return math.nan if at is None else at * DT - ONSET
 
 
 def _airframe_only():

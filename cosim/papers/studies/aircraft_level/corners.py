@@ -11,11 +11,12 @@ import numpy as np
 
 from cosim.campaign.jobs import many
 from cosim.flight.plant.point import SIX
+from cosim.judge.achieved import sine
+from cosim.judge.alarms import detection
 from cosim.papers.recorded import Flown
 from cosim.papers.studies.aircraft_level.ofc import DETECTORS
 from cosim.papers.studies.aircraft_level.table import Table
 from cosim.scenario.load import load_scenario
-from cosim.training.rfafe import sine
 
 ONSET, END, HZ = 24.0, 36.0, 1.0
 SEEDS, FIRST_SEED = 2, 1_000_700
@@ -79,8 +80,8 @@ def measure(point, case, turbulence, seed):
 
 def _one(flown, name, case, late, surfaces):
     alarm = flown[f"{name}.aircraft.alarm"]
-    rise = np.flatnonzero((np.diff(np.r_[0.0, alarm]) > 0.5) & late)
-    delay = float(flown.t[rise[0]] - ONSET) if len(rise) else None
+    at = detection(alarm, int(np.argmax(late)))
+    delay = None if at is None else float(flown.t[at] - ONSET)
     estimate = None
     if (case, name) in ESTIMATES:
         field, size = ESTIMATES[case, name]

@@ -8,6 +8,7 @@ import numpy as np
 
 from cosim.campaign.jobs import many
 from cosim.flight import airframe_wires
+from cosim.judge.alarms import onsets
 from cosim.papers.mar10 import flights
 from cosim.papers.studies.aircraft_level.table import Table
 from fdi.common.verdict import AMBIGUOUS
@@ -37,10 +38,9 @@ def found(t, log):
     """Return [[time, effector], ...] of a detector's log, in order of time."""
     out = []
     for h, name in enumerate(NAMES):
-        rise = np.flatnonzero(np.diff(np.r_[0.0, log["declared"][:, h]]) > 0)
-        out += [[float(t[i]), name] for i in rise]
+        out += [[float(t[i]), name] for i in onsets(log["declared"][:, h])]
     unclear = (log["alarm"] > 0.5) & (log["verdict"] == AMBIGUOUS) & (log["culprit"] == 0.0)
-    out += [[float(t[i]), "ambiguous"] for i in np.flatnonzero(np.diff(np.r_[0, unclear.astype(int)]) > 0)]
+    out += [[float(t[i]), "ambiguous"] for i in onsets(unclear)]
     return sorted(out)
 
 

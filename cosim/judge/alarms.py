@@ -1,0 +1,40 @@
+"""What an alarm counts for: onset, detection and false alarm, each defined once.
+
+Arrays are over the ticks of one detector lane, `dt` [s] apart; a fault is a dict with `start_s` and `end_s` [s], the
+latter inf for one that stays.
+"""
+
+import math
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+GRACE_S = 2.0  # an alarm that rises up to this after a fault has healed is still that fault's
+
+
+def onsets(alarm: ArrayLike) -> NDArray[np.int64]:
+    """Return the ticks at which `alarm` (ticks,), 0 or 1, rises; one that stands at the first tick rises there."""
+    return np.flatnonzero(np.diff(np.asarray(alarm) > 0.5, prepend=False) & (np.asarray(alarm) > 0.5))
+
+
+def detection(alarm: ArrayLike, first: int, end: int | None = None) -> int | None:
+    """Return the first tick in [first, end) at which `alarm` rises, None without one.
+
+    An alarm that stands since before `first` is no detection of what begins there.
+    """
+    rises = onsets(alarm)
+    new = rises[(rises >= first) & (rises < (math.inf if end is None else end))]
+    return int(new[0]) if len(new) else None
+
+
+def faulty(faults: Iterable[Mapping], ticks: int, dt: float, t0: float = 0.0) -> NDArray[np.bool_]:
+    """Return (ticks,): whether an alarm that rises then is that of a fault, GRACE_S after its end included.
+
+    An onset where this is false is a false alarm. `t0` is the time of the first tick [s].
+    """
+    out = np.zeros(ticks, bool)
+    for f in faults:
+        end = ticks if math.isinf(f["end_s"]) else math.ceil((f["end_s"] + GRACE_S - t0) / dt)
+        out[max(0, round((f["start_s"] - t0) / dt)) : max(0, end)] = True
+    return out
