@@ -130,12 +130,14 @@ def add(app, out, err):
         """Compare aircraft-level and local detectors on the same flights: who sees what, how soon, at what cost."""
         from cosim.cli.compare import compare as table
         from cosim.compare import compare as work
+        from cosim.report import write_comparison
 
         reserve(output / "compare.html")
         with tables.progress(
             err, "flying" if not sources else "reading", unit="flights", waiting="preparing"
         ) as progress:
-            made = work(sources or (), out=output, workers=workers, progress=progress)
+            made = work(sources or (), workers=workers, progress=progress)
+            write_comparison(made, output)
         if readme:
             from cosim.report.compare_markdown import write
 

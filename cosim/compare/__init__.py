@@ -1,11 +1,14 @@
 """Compare aircraft-level with local diagnosis on the same flights: who sees what, how soon, how surely.
 
+Computes only; `cosim.report.write_comparison` writes table and page.
+
 found = compare()                        # the built-in matrix
 found = compare(["a.mcap", "b.mcap"])    # logs
 found = compare(["logs/my-campaign"])    # a campaign's folder
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
@@ -13,7 +16,6 @@ import pandas as pd
 from cosim.compare import rows as compare_rows
 from cosim.compare import stats as compare_stats
 from cosim.errors import CosimError
-from cosim.files import replace
 from cosim.judge.result import plain
 
 
@@ -23,17 +25,15 @@ class CompareError(CosimError):
 
 @dataclass
 class Comparison:
-    """Rows per run and detector (cosim/compare/rows.py), statistics per detector, and where they were written."""
+    """Rows per run and detector (cosim/compare/rows.py), statistics per detector, and where they were written, if."""
 
     rows: pd.DataFrame
     detectors: list
     runs: int
     failed: int
     source: str
-    timing: pd.DataFrame | None = None
     report: Path | None = None
     table: Path | None = None
-    notes: list = field(default_factory=list)
 
     def to_dict(self):
         """Return the JSON of `cosim compare`."""
@@ -45,21 +45,22 @@ class Comparison:
         return plain({**about, "failed": self.failed, "source": self.source, "detectors": self.detectors})
 
 
-def compare(sources=(), *, out=None, workers=None, progress=None):
+def compare(
+    sources: Iterable[str | Path] = (),
+    *,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Comparison:
     """Return the Comparison of logs, of one campaign's folder or folder of logs, or of the built-in matrix.
 
-    With `out` the rows go to `out`/compare.parquet and .csv, the report to `out`/compare.html. `progress(done, total)`
-    counts flights. Raises CompareError, CampaignError, LogError, OutputError.
+    `progress(done, total)` counts flights. Raises CompareError, CampaignError, LogError.
     """
     frame, timing, tomls, source = read(sources, workers=workers, progress=progress)
     rows = compare_rows.tidy(frame, tomls)
     if rows.empty:
         raise CompareError("no flight has a detector to compare", place=source)
     failed = int(frame.drop_duplicates("run")["status"].isin(("infeasible", "error", "crashed")).sum())
-    found = Comparison(rows, compare_stats.detectors(rows, timing), frame["run"].nunique(), failed, source, timing)
-    if out is not None:
-        write(found, Path(out))
-    return found
+    return Comparison(rows, compare_stats.detectors(rows, timing), frame["run"].nunique(), failed, source)
 
 
 def read(sources, *, workers=None, progress=None):
@@ -82,13 +83,3 @@ def read(sources, *, workers=None, progress=None):
         raise CompareError("is a folder beside other sources", place=str(folders[0]), remedy="Give logs, or one folder")
     frame, tomls = compare_rows.of_logs(sources, progress)
     return frame, None, tomls, f"{len(sources)} log{'s' * (len(sources) != 1)}"
-
-
-def write(found, out):
-    """Write table and report of a Comparison into folder `out`. Raises OutputError."""
-    from cosim.report import comparison_report
-
-    replace(out / "compare.parquet", lambda part: found.rows.to_parquet(part, index=False))
-    replace(out / "compare.csv", lambda part: found.rows.to_csv(part, index=False))
-    found.table = out / "compare.parquet"
-    found.report = comparison_report(found, out / "compare.html")

@@ -1,9 +1,16 @@
 """Reports: one self-contained HTML file for a flight, or for many. Only here is the plotting library used."""
 
-from cosim.report.compare_page import comparison_report
+from cosim.report.compare_page import comparison_report, write_comparison
 from cosim.report.envelope_page import envelope_report
 from cosim.report.envelope_picture import envelope_picture
 from cosim.report.flight_page import flight_report
 from cosim.report.reproduce_page import reproduction_report
 
-__all__ = ["comparison_report", "envelope_picture", "envelope_report", "flight_report", "reproduction_report"]
+__all__ = [
+    "comparison_report",
+    "envelope_picture",
+    "envelope_report",
+    "flight_report",
+    "reproduction_report",
+    "write_comparison",
+]

@@ -1,6 +1,9 @@
 """The page of a comparison: summary, levels, coverage, maps, delays, false alarms, confusion, sweeps, cost, flights."""
 
+from pathlib import Path
+
 from cosim.compare import stats
+from cosim.files import replace
 from cosim.report import compare_tables as tables
 from cosim.report import compared
 from cosim.report.compare_words import summary
@@ -11,6 +14,17 @@ from cosim.report.page import drawing, page, text, write
 def comparison_report(found, output):
     """Write the report of a cosim.compare.Comparison to the file `output`; returns its Path. Raises OutputError."""
     return write(output, render(found))
+
+
+def write_comparison(found, out):
+    """Write a cosim.compare.Comparison into folder `out`: compare.parquet, compare.csv and compare.html.
+
+    Notes the paths in `found`. Raises OutputError.
+    """
+    out = Path(out)
+    replace(out / "compare.parquet", lambda part: found.rows.to_parquet(part, index=False))
+    replace(out / "compare.csv", lambda part: found.rows.to_csv(part, index=False))
+    found.table, found.report = out / "compare.parquet", comparison_report(found, out / "compare.html")
 
 
 def render(found):

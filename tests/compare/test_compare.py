@@ -17,7 +17,7 @@ from cosim.compare import rows as compare_rows
 from cosim.compare.matrix import POINT, matrix
 from cosim.flight.simulate import simulate
 from cosim.judge import coverage
-from cosim.report.compare_page import render
+from cosim.report.compare_page import render, write_comparison
 from cosim.scenario import catalog as c
 from cosim.scenario import load_scenario
 from fdi.common.verdict import NAMES
@@ -299,7 +299,8 @@ def test_logs_give_the_rows_of_a_campaign_of_the_same_flights(flights, logs):
 
 
 def test_compare_of_a_folder_of_logs_writes_table_and_report(logs, tmp_path):
-    found = compare([logs[0].parent], out=tmp_path / "out")
+    found = compare([logs[0].parent])
+    write_comparison(found, tmp_path / "out")
     told = found.to_dict()
     assert json.loads(json.dumps(told, allow_nan=False)) == told
     assert told["runs"] == 3 and {d["id"] for d in told["detectors"]} == {"iotsekf", "position_monitor", "rfafe"}
@@ -358,7 +359,9 @@ def test_delays_are_never_negative_and_missing_ones_are_null(logs):
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
 def test_browser_draws_every_figure_of_a_comparison(logs, tmp_path):
-    found = use(compare(logs, out=tmp_path / "out").report, tmp_path)
+    made = compare(logs)
+    write_comparison(made, tmp_path / "out")
+    found = use(made.report, tmp_path)
     assert found["errors"] == [] and found["requests"] == [] and not found["overflow"]
     assert {"maps", "delays", "false-alarms", "sweeps"} <= {p["id"] for p in found["plots"]}
     assert all(p["svg"] and p["traces"] and p["marks"] for p in found["plots"])
