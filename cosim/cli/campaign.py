@@ -8,7 +8,7 @@ from rich.console import Group
 from rich.text import Text
 
 from cosim.cli.tables import number, table
-from cosim.compare.metrics import clopper_pearson, delays
+from cosim.compare.metrics import delays, proportion
 
 FAILED = ("infeasible", "error", "crashed")
 TEXTS = 5  # different errors that are printed
@@ -24,7 +24,7 @@ def campaign(result):
     for (level, name), rows in lanes.groupby(["level", "id"], sort=True):
         mine = rows[rows["concerned"].astype(bool)]
         false = rows.groupby("run")["false_alarms"].max() > 0
-        bound = clopper_pearson(int(false.sum()), len(false)).high
+        bound = proportion(int(false.sum()), len(false)).high
         found = mine["delay_s"].dropna()
         median = [_median(mine[key]) for key in ("delay_s", "delay_periods")]
         t.add_row(

@@ -8,7 +8,6 @@ import pandas as pd
 from cosim.compare import metrics
 from cosim.judge.coverage import BLIND, DESIGNED, MAY, expectations, group
 
-LEVEL = 0.95
 SEEN = 0.95  # share of the larger oscillations that a level has to see
 FREQUENCIES = 8
 ALPHA = 0.05  # run-level false-alarm probability at which detectors are set side by side
@@ -28,14 +27,9 @@ GROUPED = (
 CREDIBLE = 0.5  # a detector that cries in more than half of the fault-free flights tells nothing by alarming
 
 
-def proportion(k, n):
-    """Return (k / n, low, high), the bounds of Clopper and Pearson; (nan, 0, 1) for n = 0."""
-    return tuple(metrics.clopper_pearson(int(k), int(n), LEVEL)) if n else (math.nan, 0.0, 1.0)
-
-
 def delays(rows):
     """Return the Delays of rows (missed ones are NaN), or None without any."""
-    return metrics.delays(rows["delay_s"].to_numpy(), confidence=LEVEL) if len(rows) else None
+    return metrics.delays(rows["delay_s"].to_numpy()) if len(rows) else None
 
 
 def detectors(rows, timing=None):
@@ -47,10 +41,10 @@ def detectors(rows, timing=None):
         designed = own[(own["word"] == DESIGNED) & own["concerned"] & ~own["idle"]]
         seen = designed[designed["detected"]]
         alarmed = int((free["false_alarms"] > 0).sum())
-        per_hour = metrics.rate(int(own["false_alarms"].sum()), float(own["hours"].sum()), LEVEL)
+        per_hour = metrics.rate(int(own["false_alarms"].sum()), float(own["hours"].sum()))
         late = delays(designed)
-        p, low, high = proportion(len(seen), len(designed))
-        pf, f_low, f_high = proportion(alarmed, len(free))
+        p, low, high = metrics.proportion(len(seen), len(designed))
+        pf, f_low, f_high = metrics.proportion(alarmed, len(free))
         out.append(
             {
                 "id": name,
@@ -99,7 +93,7 @@ def equal_thresholds(rows, alpha=ALPHA):
         peak = own["r_fault_free"].dropna().to_numpy()
         allowed = math.floor(alpha * len(peak) + 1e-9)
         judged = len(peak) and peak.max() > 0.0
-        at, bound = metrics.threshold(peak, alpha, LEVEL) if judged else (None, 1.0)
+        at, bound = metrics.threshold(peak, alpha) if judged else (None, 1.0)
         out[name] = (at, allowed, len(peak), bound)
     return out
 
@@ -111,11 +105,6 @@ def maxima(rows):
         hit = own[(own["word"] == DESIGNED) & own["concerned"] & ~own["idle"]]["r_fault"].dropna().to_numpy()
         out[name] = own[own["case"].isna()]["r_fault_free"].dropna().to_numpy(), hit
     return out
-
-
-def share(maximum, c):
-    """Return the share of `maximum` (runs,) at or beyond each of c (n,); NaN without a run."""
-    return np.mean(maximum[None, :] >= c[:, None], axis=1) if len(maximum) else np.full(len(c), np.nan)
 
 
 def coverage_matrix(rows):

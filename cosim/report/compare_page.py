@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from cosim.compare import stats
+from cosim.compare.metrics import proportion
 from cosim.files import replace
 from cosim.report import compare_tables as tables
 from cosim.report import compared
@@ -80,7 +81,7 @@ def render(found):
 
 def _as_shipped(rows, each, free):
     n = sum(d["fault_free_alarmed"] == 0 for d in each)
-    bound = stats.proportion(0, free)[2]
+    bound = proportion(0, free).high
     told = (
         f"{n} of {len(each)} detectors raised no alarm in the {free} fault-free flights, which bounds their "
         f"false-alarm probability per flight below {bound:.0%} (95 %)."

@@ -3,6 +3,7 @@
 import numpy as np
 
 from cosim.compare import stats
+from cosim.compare.metrics import proportion
 from cosim.judge import coverage
 from cosim.report.page import text
 from cosim.report.words import article
@@ -133,7 +134,7 @@ def _false(rows, each):
     if not free:
         return "no fault-free flight was flown: nothing can be said"
     quiet = len(each) - len(loud)
-    _, _, high = stats.proportion(0, free)
+    high = proportion(0, free).high
     told = (
         f"{quiet} of {len(each)} detectors were quiet in all {free} fault-free flights (below {high:.0%} "
         f"per flight, 95 %)"

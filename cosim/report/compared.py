@@ -173,7 +173,7 @@ def sweeps(rows):
     figure.layout = base(figure.height, legend=False) | {"hovermode": "x unified"}
     grid(figure.layout, names, ["share" if i % columns == 0 else "" for i in range(len(names))], columns, time=False)
     for i, name in enumerate(names, 1):
-        free, hit = (stats.share(x, c) for x in found[name])
+        free, hit = (metrics.beyond(x, c) for x in found[name])
         figure.layout[axis("xaxis", i)] |= _log(c[0], c[-1])
         figure.layout[axis("yaxis", i)] |= {"range": [-0.04, 1.04], "tickformat": ".0%", "tickvals": [0, 0.5, 1]}
         if i + columns > len(names):
@@ -227,7 +227,7 @@ def roc(rows):
         if not len(healthy) or not len(faulty):
             continue
         curve = metrics.roc(healthy, faulty)
-        shipped = [float(stats.share(x, np.ones(1))[0]) for x in (healthy, faulty)]
+        shipped = [float(metrics.beyond(x, np.ones(1))[0]) for x in (healthy, faulty)]
         line = {"width": 2, "color": COLOURS[j % 8], "dash": DASHES[j // 8]}
         figure.data.append(
             {

@@ -12,7 +12,7 @@ from report_browser import CHROMIUM, use
 from cosim.campaign import EVALUATION_SEED, run_many
 from cosim.campaign.inventory import builtin_names
 from cosim.cli.commands import app
-from cosim.compare import CompareError, compare, stats
+from cosim.compare import CompareError, compare, metrics, stats
 from cosim.compare import rows as compare_rows
 from cosim.compare.matrix import POINT, matrix
 from cosim.flight.simulate import simulate
@@ -122,9 +122,9 @@ def test_outcome_of_iotsekf(case, detected, named, outcome):
 
 
 def test_bounds_of_nothing_in_n_are_those_of_the_textbook():
-    assert stats.proportion(0, 24)[1:] == pytest.approx((0.0, 1.0 - 0.025 ** (1 / 24)))
-    assert stats.proportion(0, 0)[1:] == (0.0, 1.0)
-    assert stats.proportion(3, 4)[1:] == pytest.approx((0.1941, 0.9937), abs=1e-4)  # Clopper and Pearson's table
+    assert metrics.proportion(0, 24)[1:] == pytest.approx((0.0, 1.0 - 0.025 ** (1 / 24)))
+    assert metrics.proportion(0, 0)[1:] == (0.0, 1.0)
+    assert metrics.proportion(3, 4)[1:] == pytest.approx((0.1941, 0.9937), abs=1e-4)  # Clopper and Pearson's table
 
 
 def hand_made():
@@ -215,8 +215,8 @@ def test_equal_thresholds_leave_the_same_number_of_crossings():
 def test_shares_of_maxima_beyond_a_threshold():
     free, hit = stats.maxima(hand_made())["iotsekf"]
     assert sorted(free) == [0.2, 0.4, 0.6, 0.8] and sorted(hit) == [0.7, 3.0, 9.0]
-    assert stats.share(hit, np.array([0.1, 1.0, 10.0])) == pytest.approx([1.0, 2 / 3, 0.0])
-    assert np.isnan(stats.share(np.array([]), np.ones(2))).all()
+    assert metrics.beyond(hit, np.array([0.1, 1.0, 10.0])) == pytest.approx([1.0, 2 / 3, 0.0])
+    assert np.isnan(metrics.beyond(np.array([]), np.ones(2))).all()
 
 
 def test_groups_and_the_smallest_oscillation_that_each_sees():
