@@ -5,11 +5,12 @@ from pathlib import Path
 from cosim.compare import stats
 from cosim.compare.metrics import proportion
 from cosim.files import replace
+from cosim.judge import coverage
 from cosim.report import compare_tables as tables
 from cosim.report import compared
 from cosim.report.compare_words import summary
 from cosim.report.maps import MANY, maps
-from cosim.report.page import drawing, page, text, write
+from cosim.report.page import page, write
 
 
 def comparison_report(found, output):
@@ -36,46 +37,29 @@ def render(found):
         "maps": maps(rows),
         "equal": maps(rows, equal) if equal else None,
         "delays": compared.delays(rows),
-        "false": compared.false_alarms(each),
+        "false_alarms": compared.false_alarms(each),
         "sweeps": compared.sweeps(rows),
         "roc": compared.roc(rows) if equal else None,
         "cost": compared.cost(each),
     }
     free = rows[rows["case"].isna()]["run"].nunique()
-    sections = [
-        ("Which level sees what", tables.levels(grouped), ""),
-        ("The detectors", tables.detectors(each), ""),
-        ("Coverage: fault kind by detector", tables.matrix(rows), ""),
-        (
-            "Oscillations over achieved amplitude and frequency, thresholds as shipped",
-            made["maps"],
-            _as_shipped(rows, each, free),
-        ),
-        ("The same at one false-alarm probability", made["equal"], _equal(equal)),
-        ("How soon", made["delays"], ""),
-        ("False alarms", made["false"], ""),
-        ("What they called it", tables.confusions(rows), ""),
-        ("Threshold sweeps", made["sweeps"], ""),
-        ("Faults against false alarms", made["roc"], ""),
-        ("Cost", made["cost"], ""),
-        ("The flights", tables.flights(rows), ""),
-    ]
-    body = [
-        f"<h2>{title}</h2>{f'<p class=muted>{told}</p>' if told else ''}{drawing(it) if hasattr(it, 'plain') else it}"
-        for title, it, told in sections
-        if it
-    ]
-    chips = [(d["id"], d["level"], d["detected"] > 0) for d in each]
-    subtitle = f"{found.runs} flights, {found.source}; {free} of them fault-free" + (
-        f"; {found.failed} could not be flown" if found.failed else ""
-    )
+    lost = f"; {found.failed} could not be flown" if found.failed else ""
     return page(
+        "compare.html",
         title="Aircraft-level against local diagnosis, on the same flights",
-        subtitle=subtitle,
+        subtitle=f"{found.runs} flights, {found.source}; {free} of them fault-free{lost}",
+        figures=list(made.values()),
+        chips=[(d["id"], d["level"], d["detected"] > 0) for d in each],
         summary=summary(rows, each, grouped, equal),
-        body="".join(body),
-        figures=[f for f in made.values() if f],
-        chips=chips,
+        levels=tables.levels(grouped),
+        detectors=tables.detectors(each),
+        remarks=[(d["id"], coverage.remark(d["id"])) for d in each if coverage.remark(d["id"])],
+        matrix=tables.matrix(rows),
+        confusions=tables.confusions(rows),
+        flights=tables.flights(rows),
+        as_shipped=_as_shipped(rows, each, free),
+        equal_told=_equal(equal),
+        **made,
     )
 
 
@@ -106,6 +90,6 @@ def _equal(equal):
     return (
         f"Every threshold is scaled so that at most {k} of the {n} fault-free flights cross it (run-level "
         f"false-alarm probability {stats.ALPHA:.0%} or less in this sample, below {bound:.0%} at 95 %; "
-        f"before confirmation): {text(each)}. An oscillation counts as seen when |r| reaches the scaled "
+        f"before confirmation): {each}. An oscillation counts as seen when |r| reaches the scaled "
         f"threshold after its onset."
     )

@@ -1,11 +1,11 @@
 """A small still picture of who sees an oscillation, as SVG: what a README can show."""
 
 import numpy as np
+from markupsafe import escape
 
 from cosim.compare.stats import ALPHA
 from cosim.judge import coverage
 from cosim.report.envelope_maps import STOPS, colour
-from cosim.report.page import text
 
 COLUMNS = 4
 WIDE, HIGH, GAP_X, GAP_Y, LEFT, TOP = 196, 150, 14, 46, 46, 58  # panel, between panels, to the first one [px]
@@ -40,8 +40,8 @@ def render(rows, thresholds):
         x, y = LEFT + i % COLUMNS * (WIDE + GAP_X), TOP + i // COLUMNS * (HIGH + GAP_Y)
         draws_on = coverage.group(name, own["level"].iloc[0])
         out += [
-            f'<text x="{x}" y="{y - 16}" font-weight="600">{text(name)}</text>',
-            f'<text x="{x}" y="{y - 4}" fill="{MUTED}" font-size="10">{text(draws_on)}</text>',
+            f'<text x="{x}" y="{y - 16}" font-weight="600">{escape(name)}</text>',
+            f'<text x="{x}" y="{y - 4}" fill="{MUTED}" font-size="10">{escape(draws_on)}</text>',
             *_panel(own["frequency_hz"].to_numpy(), bins[own.index].to_numpy(), seen, hz, (low, high), x, y),
         ]
         if i % COLUMNS == 0:

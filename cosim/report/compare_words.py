@@ -1,16 +1,17 @@
 """The plain-language summary of a comparison: which level sees what, how soon, how surely, and where it goes blind."""
 
 import numpy as np
+from markupsafe import Markup
 
 from cosim.compare import stats
 from cosim.compare.metrics import proportion
 from cosim.judge import coverage
-from cosim.report.page import text
+from cosim.report.page import bold, code, mark
 from cosim.report.words import article
 
 
 def summary(rows, each, grouped, equal):
-    """Return the summary as HTML."""
+    """Return the summary: [(heading, [items])]."""
     parts = []
     if len(grouped):
         parts.append(("Sees", _sees(grouped, stats.groups(rows))))
@@ -21,32 +22,23 @@ def summary(rows, each, grouped, equal):
         parts.append(("Names", _names(rows)))
     parts.append(("False alarms", _false(rows, each)))
     parts.append(("Read with care", _care(rows, each)))
-    return "".join(
-        f'<div class="row"><b class="lead">{name}</b><div>{value}</div></div>' for name, value in parts if value
-    )
-
-
-def _list(items):
-    return f"<ul>{''.join(f'<li>{i}</li>' for i in items)}</ul>" if items else ""
+    return parts
 
 
 def _sees(grouped, members):
-    out = []
+    out: list[str] = []
     for g, own in grouped.groupby("group", sort=False):
         able = own[own["able"]]
         if not len(able):
-            out.append(f"<b>{text(g)}</b>: nothing in these flights that it could see")
+            out.append(bold(g) + ": nothing in these flights that it could see")
             continue
         seen = able[able["seen"]]
         soon = f", median {np.median(seen['delay_s']):.2f} s after the onset" if len(seen) else ""
         only = _only(grouped, g)
         alone = f"; alone in {only}" if only else ""
-        who = f' <span class="muted">({text(", ".join(members[g]))})</span>'
-        out.append(
-            f"<b>{text(g)}</b>{who}: {len(seen)} of the {len(able)} faulty flights that it can see by "
-            f"structure{soon}{alone}"
-        )
-    return _list(out)
+        who = bold(g) + " " + mark(f"({', '.join(members[g])})", "muted")
+        out.append(who + f": {len(seen)} of the {len(able)} faulty flights that it can see by structure{soon}{alone}")
+    return out
 
 
 def _only(grouped, g):
@@ -57,7 +49,7 @@ def _only(grouped, g):
 
 
 def _oscillations(grouped):
-    out = []
+    out: list[str] = []
     for g in dict.fromkeys(grouped["group"]):
         found = stats.smallest(grouped, g)
         if not found:
@@ -65,13 +57,11 @@ def _oscillations(grouped):
         told = ", ".join(f"{mm:.2g} mm at {hz:g} Hz" for hz, mm in sorted(found.items()) if mm is not None)
         never = [f"{hz:g}" for hz, mm in sorted(found.items()) if mm is None]
         missed = f"{'; ' if told else ''}not even the largest flown at {article(never)} Hz" if never else ""
-        out.append(f"<b>{text(g)}</b>: {told}{missed}")
-    return (
-        "smallest achieved rod amplitude from which on the larger ones were seen (all of fewer than 20, else 95 %)"
-        + _list(out)
-        if out
-        else ""
-    )
+        out.append(bold(g) + f": {told}{missed}")
+    if out:
+        out.insert(0, "smallest achieved rod amplitude from which on the larger ones were seen (all of fewer than 20, "
+                   "else 95 %)")  # fmt: skip
+    return out
 
 
 def _blind(grouped):
@@ -86,24 +76,22 @@ def _blind(grouped):
         if missed:
             said.append(f"could have seen, but did not: {_short(missed)}")
         if said:
-            out.append(f"<b>{text(g)}</b>: {'; '.join(said)}")
+            out.append(bold(g) + f": {'; '.join(said)}")
     nobody = [c for c, part in grouped.groupby("case", sort=False) if not part["seen"].any()]
     if nobody:
-        out.append(f'<span class="bad">seen by nobody</span>: {_short(nobody)}')
-    return _list(out)
+        out.append(mark("seen by nobody", "bad") + f": {_short(nobody)}")
+    return out
 
 
 def _short(cases, most=5):
     names = [coverage.label(c).replace("hydraulic: ", "hydraulic ").replace("ema: ", "EMA ") for c in cases]
-    return text(
-        article(names[:most]) if len(names) <= most else f"{', '.join(names[:most])} and {len(names) - most} more"
-    )
+    return article(names) if len(names) <= most else f"{', '.join(names[:most])} and {len(names) - most} more"
 
 
 def _names(rows):
     own = rows[rows["detected"] & (rows["outcome"].isin(("named", "seen", "misnamed")))]
     if own.empty:
-        return ""
+        return []
     counts = own["outcome"].value_counts()
     crossed = own[
         (own["outcome"] == "misnamed") & ((own["class"] == "sensor") != own["case"].map(_is_sensor).astype(bool))
@@ -116,11 +104,9 @@ def _names(rows):
     )
     if len(severe):
         who = ", ".join(f"{n} {k}" for n, k in severe["id"].value_counts().items())
-        told += (
-            f'; <span class="bad">in {len(severe)} a sensor fault was called an actuator\'s, or the '
-            f"reverse</span> ({text(who)})"
-        )
-    return told
+        severely = f"in {len(severe)} a sensor fault was called an actuator's, or the reverse"
+        return [Markup("{}; {} ({})").format(told, mark(severely, "bad"), who)]
+    return [told]
 
 
 def _is_sensor(case):
@@ -132,42 +118,42 @@ def _false(rows, each):
     free = rows[rows["case"].isna()]["run"].nunique()
     loud = [d for d in each if d["fault_free_alarmed"]]
     if not free:
-        return "no fault-free flight was flown: nothing can be said"
+        return ["no fault-free flight was flown: nothing can be said"]
     quiet = len(each) - len(loud)
     high = proportion(0, free).high
     told = (
         f"{quiet} of {len(each)} detectors were quiet in all {free} fault-free flights (below {high:.0%} "
         f"per flight, 95 %)"
     )
-    return told + "".join(
-        f'; <span class="bad">{text(d["id"])}</span> cried in {d["fault_free_alarmed"]}' for d in loud
-    )
+    cried = [mark(d["id"], "bad") + f" cried in {d['fault_free_alarmed']}" for d in loud]
+    return [Markup("; ").join([told, *cried])]
 
 
 def _care(rows, each):
-    out = []
+    out: list[str] = []
     runs = rows["run"].nunique()
     if runs < 300:
         out.append(
-            f"{runs} flights are a look, not a proof: most kinds of fault flew once, at one size. <code>cosim "
-            f"campaign</code> flies thousands."
+            f"{runs} flights are a look, not a proof: most kinds of fault flew once, at one size. "
+            + code("cosim campaign")
+            + " flies thousands."
         )
     echo = rows[rows["outcome"] == "echo"]["id"].value_counts()
     if len(echo):
         told = ", ".join(f"{n} {k}" for n, k in echo.items())
-        out.append(f"Alarms that the same manoeuvre raises without a fault are no detections: {text(told)}.")
+        out.append(f"Alarms that the same manoeuvre raises without a fault are no detections: {told}.")
     idle = [d["id"] for d in each if d["idle"]]
     if idle:
         out.append(
-            f"{text(article(idle))} never judged in some flights (outside what they are made for, or not "
+            f"{article(idle)} never judged in some flights (outside what they are made for, or not "
             f"settled): left out of their counts."
         )
     dull = [d["id"] for d in each if not d["credible"]]
     if dull:
-        out.append(f"{text(article(dull))}: alarms all the time and therefore tells nothing; left out of the levels.")
+        out.append(f"{article(dull)}: alarms all the time and therefore tells nothing; left out of the levels.")
     out += [
-        f"{text(d['id'])}: {text(coverage.remark(d['id']))}."
+        f"{d['id']}: {coverage.remark(d['id'])}."
         for d in each
         if coverage.remark(d["id"]) and d["id"] not in dull
     ]
-    return _list(out)
+    return out

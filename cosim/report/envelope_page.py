@@ -3,7 +3,7 @@
 from cosim.campaign.envelope import REASONS
 from cosim.report.envelope_maps import QUANTITIES, REASON, scale
 from cosim.report.figure import Figure, axis, base, grid, place
-from cosim.report.page import drawing, page, table, text, write
+from cosim.report.page import Row, Table, page, write
 
 COLUMNS_PX = 175  # of a row of panels
 NAMES = {"hydraulic": "hydraulic", "ema": "electromechanical"}
@@ -22,53 +22,35 @@ def render(trims, found):
     good = trims[trims["reason"] == ""]
     shown = [q for q in QUANTITIES if len(good) and good[q.column].nunique() > 1]  # no map of one value
     figures = [_figure(trims, q) for q in shown]
-    body = [_key(found["reasons"])]
-    for q, figure in zip(shown, figures):
-        body.append(f"<h2>{q.heading}</h2><p class=muted>{_told(q, trims)}</p>{drawing(figure)}")
-    body.append(f"<h2>Limits by mass</h2>{_masses(found)}")
     return page(
+        "envelope.html",
         title="Envelope of the transport",
         subtitle=f"{found['points']} points over mass, CG, altitude and speed; {found['trimmed']} trim in level flight",
-        summary=_summary(found),
-        body="".join(body),
         figures=figures,
-        chips=(),
+        found=found,
+        why=[f"{n} for {REASON[name][2]}" for name, n in found["reasons"].items()],
+        stalls=[(NAMES[technology], _stalls(ways)) for technology, ways in found["stalls"].items()],
+        key=[(*REASON[name][:2], REASONS.get(name, name)) for name in found["reasons"]],
+        maps=[(q.heading, _told(q, trims), figure) for q, figure in zip(shown, figures)],
+        masses=_masses(found),
     )
 
 
 def _told(q, trims):
     good = trims.loc[trims["reason"] == "", q.column] * q.factor
     span = f"{good.min():.{q.digits}f} to {good.max():.{q.digits}f} {q.unit} in these points."
-    return text(f"{q.told} {span}".strip())
+    return f"{q.told} {span}".strip()
 
 
-def _key(reasons):
-    boxes = "".join(
-        f'<span><span class="box" style="background:{REASON[name][0]};color:#1c2128">{REASON[name][1]}</span>'
-        f"{text(REASONS.get(name, name))}</span>"
-        for name in reasons
-    )
-    return f'<p class="key">{boxes}</p>'
-
-
-def _summary(found):
-    why = [f"{n} for {REASON[name][2]}" for name, n in found["reasons"].items()]
-    enough = "" if "stabiliser" in found["reasons"] else " The stabiliser has travel enough for all of them."
-    out = [f"<p>{found['trimmed']} of {found['points']} points have steady level flight; the others have none, "
-           f"{text(', '.join(why))}.{enough}</p>"]  # fmt: skip
-    for technology, ways in found["stalls"].items():
-        said = []
-        for way, full in (("up", 23), ("down", 17)):
-            at = ways[way]
-            worst = f"{abs(at['reach_deg']):.1f} of {full} deg at worst"
-            said.append(f"{way} never short of its travel" if at["from_kt"] is None
-                        else f"{way} from {at['from_kt']:.0f} kt CAS on ({worst})")  # fmt: skip
-        name = NAMES[technology]
-        out.append(f"<p>A segment with {'an' if name[0] in 'aeiou' else 'a'} <b>{name}</b> actuator stalls short of "
-                   f"full deflection {text(', '.join(said))}.</p>")  # fmt: skip
-    out.append("<p class=muted>All four segments carry the same hinge moment in level flight. The hinge-moment "
-               "coefficients are assumed (aircraft/README.md); friction is left out.</p>")  # fmt: skip
-    return "".join(out)
+def _stalls(ways):
+    """Return in words where full deflection up and down is not reached."""
+    said = []
+    for way, full in (("up", 23), ("down", 17)):
+        at = ways[way]
+        worst = f"{abs(at['reach_deg']):.1f} of {full} deg at worst"
+        said.append(f"{way} never short of its travel" if at["from_kt"] is None
+                    else f"{way} from {at['from_kt']:.0f} kt CAS on ({worst})")  # fmt: skip
+    return said
 
 
 def _masses(found):
@@ -76,16 +58,15 @@ def _masses(found):
         return f"{values[0]:.{digits}f} to {values[1]:.{digits}f}"
 
     rows = [
-        (
+        Row(
             (f"{m['mass_t']:.0f} t", str(m["trimmed"]), span(m["cas_kt"], 0), span(m["mach"], 2),
              f"{m['highest_ft']:,.0f}", span(m["alpha_deg"], 1), span(m["stabilizer_deg"], 1),
-             span([100 * v for v in m["throttle"]], 0)),
-            "",
+             span([100 * v for v in m["throttle"]], 0))
         )
         for m in found["masses"]
     ]  # fmt: skip
     columns = ("mass", "points>", "kt CAS>", "Mach>", "highest ft>", "alpha deg>", "stabiliser deg>", "throttle %>")
-    return table(columns, rows)
+    return Table(columns, rows)
 
 
 def _figure(trims, q):

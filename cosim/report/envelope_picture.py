@@ -2,9 +2,10 @@
 
 from pathlib import Path
 
+from markupsafe import escape
+
 from cosim.files import replace_text
 from cosim.report.envelope_maps import BY_COLUMN, REASON, STOPS, colour
-from cosim.report.page import text
 
 WIDE, HIGH, GAP_X, GAP_Y, LEFT, TOP = 262, 106, 16, 60, 46, 64  # of a panel, between panels, to the first one [px]
 BAR = 66  # right of the panels, for the colours [px]
@@ -55,7 +56,7 @@ def _key(names):
         fill, letter, word = REASON[name]
         out.append(f'<rect x="{x}" y="8" width="14" height="14" fill="{fill}"/>')
         out.append(f'<text x="{x + 7}" y="18.5" text-anchor="middle" font-size="9">{letter}</text>')
-        out.append(f'<text x="{x + 19}" y="19">{text(word)}</text>')
+        out.append(f'<text x="{x + 19}" y="19">{escape(word)}</text>')
         x += 110
     out.append(f'<text x="{x}" y="19" fill="#59636e">no steady level flight, and why</text>')
     return "".join(out)
@@ -81,7 +82,7 @@ def _panel(part, q, x0, y0, title, first):
         out.append(f'<g font-size="8" text-anchor="middle">{"".join(letters)}</g>')
     out.append(f'<text x="{x0}" y="{y0 - 6}" fill="#59636e">{title}</text>')
     if first:
-        out.append(f'<text x="{x0}" y="{y0 - 21}" font-weight="600">{text(q.heading)}</text>')
+        out.append(f'<text x="{x0}" y="{y0 - 21}" font-weight="600">{escape(q.heading)}</text>')
     for v in (200, 300):
         if v in speeds or speeds[0] < v < speeds[-1]:
             x = x0 + (v - speeds[0]) / (speeds[-1] - speeds[0]) * (WIDE - w) + w / 2
@@ -104,5 +105,5 @@ def _bar(q, x, y):
         for i in range(n)
     ]
     for value, at in ((q.high, y + 9), (q.low, y + HIGH)):
-        out.append(f'<text x="{x + 14}" y="{at}" fill="#59636e">{value:.0f} {text(q.unit)}</text>')
+        out.append(f'<text x="{x + 14}" y="{at}" fill="#59636e">{value:.0f} {escape(q.unit)}</text>')
     return out

@@ -4,7 +4,7 @@ from cosim.judge import coverage
 from cosim.replay.recording import Flown, finite, words
 from cosim.report import flight
 from cosim.report.detector import SHOWN, detector
-from cosim.report.page import drawing, page, table, text, write
+from cosim.report.page import Row, Table, bold, code, mark, page, write
 from cosim.report.timeline import timeline
 from cosim.report.words import JUDGED, MARKS, came_of_it, case_of, entries, point, summary, verdict
 from cosim.scenario.catalog import DETECTORS
@@ -23,37 +23,27 @@ def render(flown):
     injected, motion, track = flight.injected(flown), flight.motion(flown), flight.track(flown)
     ids = list(dict.fromkeys(lane.id for lane in flown.lanes))
     own = {i: detector(flown, [lane for lane in flown.lanes if lane.id == i]) for i in ids}
-    body = [
-        "<h2>Who noticed, and when</h2>",
-        drawing(line),
-        metrics(flown),
-        "<h2>The fault, as injected</h2>" + drawing(injected) if injected else "",
-        "<h2>Detectors</h2><p class=muted>Left: the largest test statistic of each lane within intervals of a "
-        "600th of the flight, on a logarithmic scale; thick: the lane of the faulty part. The dashed line is "
-        "the threshold, an alarm "
-        "needs it to be crossed for the detector's confirmation time. Right: the fault estimate with its "
-        "two-sigma band where the detector gives one, "
-        "and the injected truth where both have the same unit; pale: not valid by its own flag.</p>",
-        *(drawing(own[i], f"{i}: {DETECTORS[i][1] if i in DETECTORS else ''}") for i in ids),
-        "<h2>Elevators: command, true and measured surface</h2>",
-        drawing(elevators),
-        "<h2>Other surfaces</h2>",
-        drawing(others),
-        "<h2>The flight</h2>",
-        drawing(motion),
-        drawing(track),
-        provenance(flown),
-    ]
-    figures = [f for f in (line, injected, *own.values(), elevators, others, motion, track) if f]
+    figures = [line, injected, *own.values(), elevators, others, motion, track]
     loud = {lane.id for lane in flown.lanes if lane.entry["alarm"]}
     chips = [(i, next(lane.level for lane in flown.lanes if lane.id == i), i in loud) for i in ids]
     start = flown.intervals[0][0] if flown.intervals else (flown.t0 + flown.end) / 2
     title = flown.scenario.title or "Flight"
     return page(
+        "flight.html",
         title=title,
         subtitle=point(flown.scenario),
         summary=summary(flown),
-        body="".join(body),
+        line=line,
+        lanes=metrics(flown),
+        injected=injected,
+        detectors=[(own[i], f"{i}: {DETECTORS[i][1] if i in DETECTORS else ''}") for i in ids],
+        elevators=elevators,
+        others=others,
+        motion=motion,
+        track=track,
+        damage=[f"{d.length} bytes at {d.offset}: {d.reason}" for d in flown.log.damage],
+        provenance=Table(("", ""), [Row((k, code(v))) for k, v in flown.provenance.items()]),
+        toml=flown.toml,
         figures=figures,
         chips=chips,
         span=[flown.t0, flown.end],
@@ -85,25 +75,21 @@ def metrics(flown):
     for lane, e in [(own, e) for own in flown.lanes for e in entries(own)]:
         case, how = case_of(flown, e), came_of_it(flown, lane, e)
         word = coverage.WORDS[coverage.expected(lane.id, case).word] if case else "–"
-        wrong = f'<span class="bad">{e["false_alarms"]}</span>' if e["false_alarms"] else "0"
-        said = text(verdict(e)) if e["isolated"] else "–"
-        judged = f'<span class="{MARKS.get(how, "")}">{JUDGED[how]}</span>' if how else "healthy part"
         cells = (
-            f"<b>{text(lane.id)}</b>",
-            text("aircraft" if lane.level == "aircraft" else words(lane.lane)),
+            bold(lane.id),
+            "aircraft" if lane.level == "aircraft" else words(lane.lane),
             *([f"{e['fault']}" if case else "–"] if several else []),
             word,
             number(e["detection_delay_s"]),
             number(e["detection_delay_periods"], 2),
-            said,
-            judged,
-            wrong,
+            verdict(e) if e["isolated"] else "–",
+            mark(JUDGED[how], MARKS.get(how, "")) if how else "healthy part",
+            mark(e["false_alarms"], "bad" if e["false_alarms"] else ""),
             number(e["r_max_before"]),
             number(e["r_max_after"]),
             *estimate(e),
         )
-        quiet = "" if e["alarm"] else ' class="quiet"'
-        rows.append((cells, f'{quiet} data-detector="{text(lane.id)}"'))
+        rows.append(Row(cells, {"class": None if e["alarm"] else "quiet", "data-detector": lane.id}))
     note = (
         "Delays count from the onset of the fault; an alarm counts for the latest one that the lane could notice. |r|: "
         "largest statistic before and after the first fault; 1 is the threshold, "
@@ -111,7 +97,7 @@ def metrics(flown):
         "detector is designed for stands in "
         "fdi/expected.toml; “cannot judge” means that its own validity flag was down when the fault began."
     )
-    return table(columns, rows, caption=note, classes="wide")
+    return Table(columns, rows, note, "wide")
 
 
 def number(x, digits=3):
@@ -124,19 +110,4 @@ def estimate(e):
     if e["estimate_rmse"] is None:
         return "–", "–"
     unit, factor = SHOWN.get(e["estimate_unit"], (e["estimate_unit"], 1.0))
-    return tuple(f"{e[k] * factor:.3g} {text(unit.split(',')[0])}" for k in ("estimate_rmse", "estimate_bias"))
-
-
-def provenance(flown):
-    """Return versions, hashes and the scenario."""
-    rows = [((f"{text(k)}", f"<code>{text(v)}</code>"), "") for k, v in flown.provenance.items()]
-    damage = [f"{d.length} bytes at {d.offset}: {d.reason}" for d in flown.log.damage]
-    lost = f'<p class="bad">Parts of the log are lost: {text("; ".join(damage))}</p>' if damage else ""
-    return (
-        f"<h2>Provenance</h2>{lost}{table(('', ''), rows)}<p class=muted>Curves of more than 2,000 samples are "
-        f"drawn as the smallest and the largest "
-        "value of each of 1,000 intervals: no peak is lost. Angles in degrees, heights in feet, speeds in "
-        "knots; the log is in SI.</p>"
-        f'<details class="source"><summary>scenario.toml, ready to fly '
-        f"again</summary><pre>{text(flown.toml)}</pre></details>"
-    )
+    return tuple(f"{e[k] * factor:.3g} {unit.split(',')[0]}" for k in ("estimate_rmse", "estimate_bias"))

@@ -3,7 +3,7 @@
 import math
 
 from cosim.report.figure import Figure, axis, bands, base, curve, envelope, grid, least, level
-from cosim.report.page import page, table, text, write
+from cosim.report.page import Row, Table, mark, page, write
 
 TITLES = {
     "lu17": "Lu17: hydraulic actuator, two-stage and three-step filters",
@@ -15,10 +15,6 @@ TITLES = {
 ROLES = {"ours": "--blue", "true": "--ink", "quiet": "--muted", "second": "--orange", "third": "--green"}
 WORDS = {"agrees": "agrees", "differs_explained": "differs, explained", "differs": "differs", "ours": "ours"}
 NARROW = {1: 320, 2: 560, 3: 780}  # least width of a figure [px] by its columns of panels
-BANDS = (
-    "Each band stands in the code beside the sentence, table or figure it is from. Ours: a number that the paper does "
-    "not give; its band, where there is one, is derived."
-)
 MARKS = {"agrees": "good", "differs_explained": "", "differs": "bad", "ours": "muted"}
 
 
@@ -29,30 +25,34 @@ def reproduction_report(rows, drawings, output):
 
 def render(rows, drawings):
     """Return the page as HTML text, from the Rows and Drawings of `cosim.papers`."""
-    papers = list(dict.fromkeys(r.paper for r in rows))
-    body, figures, number = [], [], 0
-    for paper in papers:
-        body.append(f'<h2 id="{paper}">{text(TITLES[paper])}</h2>')
-        for d in drawings:
-            if d.paper != paper:
-                continue
+    names = list(dict.fromkeys(r.paper for r in rows))
+    papers, figures, number = [], [], 0
+    for name in names:
+        shown, own = [], [r for r in rows if r.paper == name]
+        for d in (d for d in drawings if d.paper == name):
             number += 1
-            heading = f"Figure {number}. {d.title}"
-            caption = f"{text(d.caption)} Beside [{paper_key(paper)}] {text(d.beside)}."
-            if d.table:
-                body.append(f"<h3>{text(heading)}</h3>{_table(d.table, caption)}")
-            else:
-                figure = _figure(d, f"f{number}", caption)
-                figures.append(figure)
-                body.append(_place(figure, heading, min(d.columns, len(d.panels))))
-        body.append(_rows([r for r in rows if r.paper == paper], paper))
+            caption = f"{d.caption} Beside [{paper_key(name)}] {d.beside}."
+            figure = None if d.table else _figure(d, f"f{number}", caption)
+            figures.append(figure)
+            shown.append({
+                "heading": f"Figure {number}. {d.title}",
+                "table": _table(d.table, caption) if d.table else None,
+                "figure": figure,
+                "narrow": NARROW[min(d.columns, len(d.panels))] if figure else None,
+            })  # fmt: skip
+        about = {"name": name, "key": paper_key(name), "title": TITLES[name]}
+        papers.append({**about, "rows": own, "counts": _count(own), "drawings": shown})
+    said = (*list(WORDS.values())[:3], "ours, the paper gives no number")
     return page(
-        title=f"{_papers(papers)}, reproduced",
+        "reproduce.html",
+        title=f"{_papers(names)}, reproduced",
         subtitle="The papers' own experiments: what they say, what we get. Figures, numbers and captions are ours.",
-        summary=_summary(rows, papers),
-        body="".join(body),
         figures=figures,
-        chips=[],
+        total=len(rows),
+        counts=list(zip(_count(rows), said)),
+        papers=papers,
+        words=WORDS,
+        marks=MARKS,
     )
 
 
@@ -73,57 +73,10 @@ def _count(rows):
     return [sum(r.verdict == v for r in rows) for v in WORDS]
 
 
-def _summary(rows, papers):
-    total = dict(zip((*list(WORDS.values())[:3], "ours, the paper gives no number"), _count(rows)))
-    words = ", ".join(f"<b>{n}</b> {w}" for w, n in total.items())
-    lines = [f'<div class="row"><b class="lead">Rows</b><div>{len(rows)}: {words}</div></div>']
-    for paper in papers:
-        own = [r for r in rows if r.paper == paper]
-        n = _count(own)
-        lines.append(
-            f'<div class="row"><b class="lead"><a href="#{paper}">{paper_key(paper)}</a></b><div>{len(own)} rows: '
-            f"{n[0]} agree, {n[1]} differ for a stated reason, {n[2]} differ; {n[3]} are ours, without a claim; "
-            f'<a href="#{paper}-rows">all of them</a></div></div>'
-        )
-    return "".join(lines)
-
-
-def _rows(rows, paper):
-    made = []
-    for r in rows:
-        got = f"{r.got:.4g}"
-        why = f"{text(r.reason)}: <code>{text(r.evidence)}</code>" if r.reason else ""
-        why += f'{"<br>" if why and r.note else ""}<span class="muted">{text(r.note)}</span>'
-        cells = (
-            text(r.item),
-            text(r.says),
-            got,
-            text(r.tolerance),
-            f'<span class="{MARKS[r.verdict]}">{WORDS[r.verdict]}</span>',
-            why,
-        )
-        made.append((cells, ""))
-    columns = ("what", "paper says", "we get>", "band>", "verdict", "why")
-    return (
-        f'<h3 id="{paper}-rows">All rows of {paper_key(paper)}</h3>'
-        f"{table(columns, made, caption=BANDS)}"
-    )
-
-
 def _table(t, caption):
-    def cell(value):
-        return f'<b class="good">{text(value[1:])}</b>' if value.startswith("+") else text(value)
-
-    return table(t.columns, [(tuple(cell(v) for v in row), "") for row in t.rows], caption=caption)
-
-
-def _place(figure, heading, columns):
-    """Return the place of a figure; on a narrow screen it scrolls sideways by itself, not the page."""
-    return (
-        f'<figure><h3>{text(heading)}</h3><div class="scroll"><div style="min-width:{NARROW[columns]}px">'
-        f'<div class="plot" id="{figure.id}" style="height:{figure.height}px"></div></div></div>'
-        f"<figcaption>{figure.caption}</figcaption></figure>"
-    )
+    """Return the page's Table of a drawing that is one; a + before a value marks it as good."""
+    rows = [Row(tuple(mark(v[1:], "good") if v.startswith("+") else v for v in row)) for row in t.rows]
+    return Table(t.columns, rows, caption)
 
 
 def _figure(d, name, caption):

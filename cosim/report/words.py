@@ -2,9 +2,11 @@
 
 import math
 
+from markupsafe import Markup
+
 from cosim.judge import coverage
 from cosim.replay.recording import words
-from cosim.report.page import text
+from cosim.report.page import bold, mark
 from cosim.scenario.catalog import SHORT
 
 DEG = 180.0 / math.pi
@@ -30,9 +32,7 @@ def fault(f):
     own = ", ".join(f"{k} {v:g}" for k, v in (f.model_extra or {}).items() if not (k == "phase_deg" and v == 0.0))
     until = "" if f.end_s is None else f" to {f.end_s:g} s"
     where = f" at the {f.at}" if f.at else f" ({f.path})" if f.path else ""
-    return f"<b>{text(words(f.kind))}</b> on {text(words(f.target))}{where} from {f.start_s:g} s{until}" + (
-        f" ({text(own)})" if own else ""
-    )
+    return bold(words(f.kind)) + f" on {words(f.target)}{where} from {f.start_s:g} s{until}{f' ({own})' if own else ''}"
 
 
 def delay(entry):
@@ -85,19 +85,19 @@ JUDGED = {
 
 
 def summary(flown):
-    """Return the summary as HTML."""
+    """Return the summary: [(heading, [items])]."""
     s, status = flown.scenario, (flown.log.result or {}).get("status", "incomplete: the log ends early")
-    rows = [("Flown", f"{flown.end - flown.t0 + flown.dt:.1f} s: {text(point(s))}; {text(status)}")]
+    rows = [("Flown", [f"{flown.end - flown.t0 + flown.dt:.1f} s: {point(s)}; {status}"])]
     faults = [fault(f) + _swing(flown, f) for f in s.faults]
-    rows.append(("Broken", _list(faults) if faults else "nothing: every alarm below is a false one"))
+    rows.append(("Broken", faults or ["nothing: every alarm below is a false one"]))
     met = [(lane, e, came_of_it(flown, lane, e)) for lane in flown.lanes for e in entries(lane)]
     noticed = sorted((one for one in met if one[2] and one[1]["detection_delay_s"] is not None),
                      key=lambda one: one[1]["detected_at_s"])  # fmt: skip
     if faults:
-        rows.append(("Noticed", _list(_noticed(flown, *one) for one in noticed) or "by nobody"))
-        rows.append(("Quiet", _quiet(flown, met) or "nobody: every detector that the fault concerns noticed it"))
+        rows.append(("Noticed", [_noticed(flown, *one) for one in noticed] or ["by nobody"]))
+        rows.append(("Quiet", _quiet(flown, met) or ["nobody: every detector that the fault concerns noticed it"]))
     rows.append(("False", _false(flown)))
-    return "".join(f'<div class="row"><b class="lead">{name}</b><div>{value}</div></div>' for name, value in rows)
+    return rows
 
 
 def _swing(flown, f):
@@ -113,17 +113,12 @@ def _swing(flown, f):
             f"{words(seg)} moved {after.min():.2f} to {after.max():.2f} deg (before: {before.min():.2f} to "
             f"{before.max():.2f})"
         )
-    return f'; <span class="muted">{text("; ".join(out))}</span>'
-
-
-def _list(items):
-    items = list(items)
-    return f"<ul>{''.join(f'<li>{i}</li>' for i in items)}</ul>" if len(items) > 1 else "".join(items)
+    return "; " + mark("; ".join(out), "muted")
 
 
 def _noticed(flown, lane, entry, how):
-    said = f'said <b>{text(verdict(entry))}</b>, <span class="{MARKS.get(how, "")}">{JUDGED[how]}</span>'
-    return f"<b>{text(lane.name)}</b> ({LEVELS[lane.level]}) {delay(entry)}{_of(flown, entry)}; {said}"
+    about = f" ({LEVELS[lane.level]}) {delay(entry)}{_of(flown, entry)}; said "
+    return bold(lane.name) + about + bold(verdict(entry)) + ", " + mark(JUDGED[how], MARKS.get(how, ""))
 
 
 def _of(flown, entry):
@@ -144,16 +139,16 @@ def _quiet(flown, met):
             groups.setdefault("idle", []).append(lane.name + _of(flown, entry))
     order = (coverage.DESIGNED, "idle", coverage.MAY, coverage.BLIND)
     heads = {
-        coverage.DESIGNED: '<span class="bad">missed, though designed for it</span>',
+        coverage.DESIGNED: mark("missed, though designed for it", "bad"),
         coverage.MAY: "could have seen it, did not",
         coverage.BLIND: "blind by structure",
         "idle": "could not judge (not settled, or outside what it is made for, by its own validity flag)",
     }
-    return _list(f"{heads[w]}: {text(', '.join(groups[w]))}" for w in order if w in groups)
+    return [Markup("{}: {}").format(heads[w], ", ".join(groups[w])) for w in order if w in groups]
 
 
 def _false(flown):
     loud = [(lane, lane.entry["false_alarms"]) for lane in flown.lanes if lane.entry["false_alarms"]]
     if not loud:
-        return f"no false alarm of {len(flown.lanes)} detector lanes"
-    return _list(f'<span class="bad">{text(lane.name)}</span>: {n} false alarm{"s" * (n > 1)}' for lane, n in loud)
+        return [f"no false alarm of {len(flown.lanes)} detector lanes"]
+    return [mark(lane.name, "bad") + f": {n} false alarm{'s' * (n > 1)}" for lane, n in loud]
