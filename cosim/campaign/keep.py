@@ -12,10 +12,12 @@
 Flights repeat bit for bit, so a log is written by flying the run again: no flight pays for a log that nobody wants.
 """
 
+import pandas as pd
+
 RULES = ("false_alarm", "missed", "late", "residual", "estimate", "departed")
 
 
-def choose(frame, keep):
+def choose(frame: pd.DataFrame, keep: dict[str, int]) -> dict[str, list[str]]:
     """Return {run: [rules]} of the runs to keep; `keep` maps a rule to how many runs per detector."""
     out: dict[str, list[str]] = {}
     for rule, count in keep.items():

@@ -11,10 +11,11 @@ when the code is. Rows go through the machine that flies the campaign; nothing i
 
 import json
 import math
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from cosim.campaign import run_many
+from cosim.campaign import CampaignResult, run_many
 from cosim.campaign.spec import load_campaign
 from cosim.campaign.store import CampaignError, fingerprint, load
 from cosim.campaign.worker import fly, run_id
@@ -23,7 +24,15 @@ from cosim.errors import did_you_mean
 CONNECT_S = 20.0  # to a scheduler, and until it has a worker
 
 
-def run_campaign(campaign, *, workers=None, scheduler=None, out=None, resume=False, progress=None):
+def run_campaign(
+    campaign: str | Path,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    out: str | Path | None = None,
+    resume: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> CampaignResult:
     """Fly the campaign of a built-in name or file and return a CampaignResult; `out` defaults to logs/<name>.
 
     `scheduler` is the address of a Dask scheduler ("tcp://127.0.0.1:8786"). Raises CampaignError, ScenarioError.
@@ -43,13 +52,13 @@ def run_campaign(campaign, *, workers=None, scheduler=None, out=None, resume=Fal
         return run_many(scenarios, executor=executor, workers=workers or threads, **options)
 
 
-def folder(campaign):
+def folder(campaign: str | Path) -> Path:
     """Return the default folder of a campaign: logs/<name>."""
     return Path("logs") / Path(str(campaign)).stem
 
 
 @contextmanager
-def cluster(address):
+def cluster(address: str) -> Iterator[tuple]:
     """Open (executor, number of threads) of the Dask scheduler at `address`; CampaignError when it does not answer."""
     try:
         from distributed import Client
@@ -71,7 +80,7 @@ def cluster(address):
         yield client.get_executor(pure=False), sum(client.nthreads().values())
 
 
-def rerun(campaign, run, *, out=None):
+def rerun(campaign: str | Path, run: str, *, out: str | Path | None = None) -> tuple:
     """Fly run `run` of a campaign again with a log; return (scenario, Result, repeats, same_code).
 
     `repeats` tells whether every detector's row in the campaign's folder is the same again, `same_code` whether the

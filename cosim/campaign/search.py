@@ -10,7 +10,7 @@ flights in a space of dozens of coordinates prove nothing when they find nothing
 Seeds start at SEARCH_SEED: what is found here belongs neither to training nor to evaluation.
 """
 
-import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,9 +22,10 @@ from cosim.campaign import run_many
 from cosim.campaign.draw import unit_cube
 from cosim.campaign.pool import cores, pool
 from cosim.campaign.spec import load_campaign
-from cosim.campaign.store import CampaignError, OutputError
+from cosim.campaign.store import CampaignError
 from cosim.campaign.worker import run_id
 from cosim.errors import did_you_mean
+from cosim.files import replace_text
 from cosim.scenario import catalog
 
 SEARCH_SEED, SEEDS = 2_000_000, 100_000
@@ -42,13 +43,22 @@ class Found:
     flights: pd.DataFrame  # run, r, false_alarms, status
     file: Path | None
 
-    def to_dict(self):
+    def to_dict(self) -> dict:
         """Return plain data for JSON."""
         about = {"scenario": str(self.file) if self.file else None, "r": self.r, "false_alarms": self.false_alarms}
         return {**about, "flights": len(self.flights), "first_r": float(self.flights["r"].iloc[:POPULATION].max())}
 
 
-def search(campaign, detector, *, flights=MOST_FLIGHTS, workers=None, out=None, seed=1, progress=None):
+def search(
+    campaign: str | Path,
+    detector: str,
+    *,
+    flights: int = MOST_FLIGHTS,
+    workers: int | None = None,
+    out: str | Path | None = None,
+    seed: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+) -> Found:
     """Search the fault-free space of a campaign for the flight in which `detector` comes nearest to an alarm.
 
     At most `flights` flights (>= 2 generations of POPULATION). `out` is the scenario file to write, None for none.
@@ -135,12 +145,5 @@ class _Evaluate:
 def _write(out, scenario):
     if out is None:
         return None
-    path = Path(out)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8") as part:
-            part.write(scenario.expanded_toml())
-        Path(part.name).replace(path)
-    except OSError as error:
-        raise OutputError(f"cannot be written: {error.strerror}", place=str(path)) from None
-    return path
+    replace_text(out, scenario.expanded_toml())
+    return Path(out)

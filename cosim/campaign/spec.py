@@ -29,6 +29,7 @@ import itertools
 import json
 import math
 import tomllib
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
@@ -38,7 +39,7 @@ from cosim.campaign.draw import draw, unit_cube
 from cosim.campaign.keep import RULES
 from cosim.campaign.store import CampaignError
 from cosim.errors import CosimError, did_you_mean
-from cosim.scenario import load_scenario, parse
+from cosim.scenario import Scenario, load_scenario, parse
 from cosim.scenario.override import apply
 from cosim.scenario.tolerance import toleranced
 
@@ -60,7 +61,7 @@ class Part:
     grid: dict = field(default_factory=dict)
     draw: dict = field(default_factory=dict)
 
-    def values(self, sampling, seed):
+    def values(self, sampling: str, seed: int) -> Iterator[tuple[dict, dict]]:
         """Yield ({key or label: value of the grid or draw}, labels) of every run."""
         points = list(itertools.product(*self.grid.values()))
         cube = unit_cube(len(points) * self.runs, len(self.draw), sampling=sampling, seed=seed)
@@ -69,7 +70,7 @@ class Part:
             chosen |= {key: one(q) for (key, one), q in zip(self.draw.items(), u)}
             yield chosen, {"part": self.name} if self.name else {}
 
-    def __len__(self):
+    def __len__(self) -> int:
         return math.prod(map(len, self.grid.values())) * self.runs
 
 
@@ -85,10 +86,10 @@ class Campaign:
     first_seed: int = EVALUATION_SEED
     keep: dict = field(default_factory=dict)
 
-    def __len__(self):
+    def __len__(self) -> int:
         return sum(map(len, self.parts))
 
-    def scenarios(self):
+    def scenarios(self) -> tuple[list[Scenario], list[dict]]:
         """Return (scenarios, labels): every run, in order. Raises ScenarioError for one that cannot be."""
         if len(self) > MOST:
             raise CampaignError(f"has {len(self)} runs", place=self.name, allowed=f"1 to {MOST}")
@@ -105,7 +106,7 @@ class Campaign:
         return made, labels
 
 
-def scenario_of(base, chosen, place):
+def scenario_of(base: dict, chosen: dict, place: str) -> tuple[Scenario, dict]:
     """Return (Scenario, {label: name}) of `base` with `chosen` keys; a table sets several, and perhaps has a name."""
     pairs: list = []  # in order: a later kind drops the numbers of an earlier one
     names = {}
@@ -121,13 +122,13 @@ def scenario_of(base, chosen, place):
         raise
 
 
-def builtin_campaigns():
+def builtin_campaigns() -> list[str]:
     """Return the names of the built-in campaigns, sorted."""
     folder = resources.files("cosim").joinpath("campaigns")
     return sorted(p.name[:-5] for p in folder.iterdir() if p.name.endswith(".toml"))
 
 
-def load_campaign(name_or_path):
+def load_campaign(name_or_path: str | Path) -> Campaign:
     """Return the Campaign of a built-in name or a TOML file. Raises CampaignError, ScenarioError."""
     name, folder, text = _read(str(name_or_path))
     try:

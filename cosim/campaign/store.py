@@ -76,7 +76,7 @@ class CampaignError(CosimError):
 
 
 @functools.cache
-def fingerprint():
+def fingerprint() -> dict:
     """Return {digest, versions} of everything that decides about a row: sources, designs, aircraft, libraries."""
     from importlib.metadata import version
 
@@ -92,7 +92,7 @@ def fingerprint():
 class Store:
     """Rows of a campaign in memory, and in a folder when there is one."""
 
-    def __init__(self, out, scenarios, *, resume=True):
+    def __init__(self, out: str | Path | None, scenarios: pd.DataFrame, *, resume: bool = True):
         """Open folder `out` (None for memory only) for `scenarios`, a frame with run, order, toml, ...
 
         Raises CampaignError when the folder holds rows and `resume` is false, or rows of other code; OutputError when
@@ -134,7 +134,7 @@ class Store:
         replace_text(about, json.dumps(here, indent=1))
         write(out / "scenarios.parquet", pa.Table.from_pandas(self.scenarios, preserve_index=False))
 
-    def add(self, rows, timing):
+    def add(self, rows: list[dict], timing: list[dict]) -> None:
         """Take the rows and timings of some finished runs; they are safe when this returns."""
         if self.out and rows:
             name = hashlib.sha256("".join(sorted({r["run"] for r in rows})).encode()).hexdigest()[:16]
@@ -144,17 +144,17 @@ class Store:
             self._rows += rows
             self._timing += timing
 
-    def rows(self):
+    def rows(self) -> pd.DataFrame:
         """Return every row as a frame, in the order of the scenarios, with the scenario's columns."""
         found = _read(self.out, "rows") if self.out else pa.Table.from_pylist(self._rows, ROWS).to_pandas()
         return _joined(self.scenarios, ROWS.empty_table().to_pandas() if found is None else found)
 
-    def timing(self):
+    def timing(self) -> pd.DataFrame:
         """Return what the clock measured: run, id (null for the whole run), wall_time_s, startup_s, step_us."""
         found = _read(self.out, "timing") if self.out else pa.Table.from_pylist(self._timing, TIMING).to_pandas()
         return (TIMING.empty_table().to_pandas() if found is None else found).drop_duplicates(["run", "id"])
 
-    def consolidate(self, frame):
+    def consolidate(self, frame: pd.DataFrame) -> Path | None:
         """Write `frame` to runs.parquet and the timings to timing.parquet; merge the parts into one file each."""
         if not self.out:
             return None
@@ -196,12 +196,12 @@ def _table(frame):
     return table
 
 
-def write(path, table):
+def write(path: Path, table: pa.Table) -> None:
     """Write a Parquet file that is there completely or not at all."""
     replace(path, lambda p: pq.write_table(table, p, compression="zstd"))
 
 
-def load(folder):
+def load(folder: str | Path) -> tuple[pd.DataFrame, pd.DataFrame | None]:
     """Return (rows, timing) of a campaign folder as frames: of one that was killed, what was finished by then.
 
     Raises CampaignError when the folder holds no finished run.

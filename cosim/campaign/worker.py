@@ -8,17 +8,18 @@ import threading
 
 from cosim.errors import TrimError
 from cosim.judge.row import rows as judge_rows
+from cosim.scenario import Scenario
 
 _lock = threading.Lock()
 _timed = False  # whether this process has measured its detectors' cost per step
 
 
-def run_id(scenario):
+def run_id(scenario: Scenario) -> str:
     """Return the id of a run: 16 hex digits of the SHA-256 of the expanded scenario."""
     return hashlib.sha256(scenario.expanded_toml().encode()).hexdigest()[:16]
 
 
-def fly(run, scenario, achieved):
+def fly(run: str, scenario: Scenario, achieved: bool) -> tuple[list[dict], list[dict]]:
     """Fly `scenario` as run `run`; return (rows, timing): dicts with the columns of `campaign_store.ROWS` and `TIMING`.
 
     An error of the flight is one row without a detector: status "infeasible" for a point without a steady flight,
@@ -59,7 +60,7 @@ class _Thread:
         self._jobs: queue.SimpleQueue = queue.SimpleQueue()
         threading.Thread(target=self._work, name="flights", daemon=True).start()
 
-    def submit(self, *job):
+    def submit(self, *job) -> cf.Future:
         """Return the Future of a run."""
         future: cf.Future = cf.Future()
         self._jobs.put((future, job))
@@ -79,7 +80,7 @@ def _thread():
     return _Thread()
 
 
-def failed(run, status, error):
+def failed(run: str, status: str, error: str) -> dict:
     """Return the row of a run that has no result."""
     return {"run": run, "lane": 0, "status": status, "error": " ".join(error.split())}
 

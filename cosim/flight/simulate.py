@@ -2,6 +2,7 @@
 
 import os
 import time
+from collections.abc import Callable
 from contextlib import nullcontext
 
 from cosim.flight.build import build
@@ -12,7 +13,15 @@ from cosim.judge.result import Result, judge, judged
 from cosim.scenario import Scenario, load_scenario
 
 
-def simulate(scenario, *, log=None, progress=None, live=None, achieved=False, timed=True):
+def simulate(
+    scenario: Scenario | str | os.PathLike,
+    *,
+    log: str | os.PathLike | None = None,
+    progress: Callable[[float, float], None] | None = None,
+    live: int | None = None,
+    achieved: bool = False,
+    timed: bool = True,
+) -> Result:
     """Fly `scenario`, a Scenario or what load_scenario takes, and return a Result.
 
     `log` is the path of the MCAP file to write, or None. `progress(t, duration)` is called now and then. Ctrl-C ends
@@ -27,6 +36,7 @@ def simulate(scenario, *, log=None, progress=None, live=None, achieved=False, ti
         if not isinstance(scenario, str | os.PathLike):
             raise TypeError(f"{scenario!r} is no scenario: give what cosim.load_scenario returns, a name or a file")
         scenario = load_scenario(scenario)
+    assert isinstance(scenario, Scenario)
     setup = build(scenario)
     with (
         open_writer(setup, log) if log else nullcontext() as writer,

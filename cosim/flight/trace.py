@@ -7,11 +7,13 @@ stays fast and ten minutes stay small.
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cosim.flight.actuation import LEAD
 from cosim.flight.bus import Bus
 from cosim.judge.estimation import plan
 from cosim.judge.result import Watch
+from cosim.scenario import Scenario
 from cosim.scenario.catalog import SHORT
 
 VERDICT = ("alarm", "verdict", "culprit", "r")
@@ -25,12 +27,12 @@ class Columns:
     bus: Bus
     column: dict = field(default_factory=dict)
 
-    def __call__(self, name):
+    def __call__(self, name: str) -> int:
         """Return the column of bus name `name`, added when it is new."""
         return self.column.setdefault(name, len(self.column))
 
     @property
-    def index(self):
+    def index(self) -> NDArray[np.int64]:
         """Return the positions in the bus, one per column."""
         return np.array([self.bus.index(name) for name in self.column], np.int64)
 
@@ -38,7 +40,7 @@ class Columns:
 class History:
     """Hold the columns of one flight: `rows[k] = v[index]` at every tick."""
 
-    def __init__(self, scenario, bus, members):
+    def __init__(self, scenario: Scenario, bus: Bus, members: list[tuple]):
         """`members` is [(id, level, target, culprits, section, lane)] of every detector lane."""
         columns, technology = Columns(bus), scenario.elevator.technology
         self.lanes = []
@@ -49,7 +51,7 @@ class History:
         self.rod = {seg: (columns(ROD[t][0].format(seg)), ROD[t][1]) for seg, t in technology.items() if t in ROD}
         self.index = columns.index
 
-    def watches(self, step_us):
+    def watches(self, step_us: dict[str, float]) -> list[Watch]:
         """Return the Watch of every detector lane; `step_us` maps detector -> microseconds per step and lane."""
         return [
             Watch(name, level, target, culprits, alarm, verdict, culprit, r, estimate, step_us.get(name, float("nan")))

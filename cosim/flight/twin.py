@@ -10,14 +10,16 @@ import functools
 import tomllib
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cosim.flight.build import build
 from cosim.flight.fly import fly
+from cosim.flight.trace import History
 from cosim.judge.achieved import moved as of_segment
-from cosim.scenario import parse
+from cosim.scenario import Scenario, parse
 
 
-def achieved(scenario):
+def achieved(scenario: Scenario) -> dict[str, dict]:
     """Fly `scenario` and its twin; return what its faults did to the segments that they act on.
 
     {segment: {rod_mm, surface_deg, travel_pct, amplitude_mm, amplitude_deg}}: the first three are peaks. Costs a flight
@@ -28,7 +30,7 @@ def achieved(scenario):
     return moved(scenario, setup.history, rows)
 
 
-def faulted(scenario):
+def faulted(scenario: Scenario) -> dict[str, list]:
     """Return {segment: its injections} of the segments that a fault acts on, directly or by a sensor of the loop."""
     out: dict[str, list] = {}
     for j in scenario.injections():
@@ -37,10 +39,10 @@ def faulted(scenario):
     return out
 
 
-def moved(scenario, history, rows):
+def moved(scenario: Scenario, history: History | None, rows: NDArray | None) -> dict[str, dict]:
     """Return what `achieved` returns, from the rows of a flight flown; {} when no fault acts on an elevator segment."""
     segments = faulted(scenario)
-    if not segments:
+    if not segments or history is None or rows is None:
         return {}
     twin = positions(_without_faults(scenario))
     here = _positions(history, rows)
@@ -52,7 +54,7 @@ def moved(scenario, history, rows):
 
 
 @functools.lru_cache(maxsize=16)
-def positions(scenario_toml):
+def positions(scenario_toml: str) -> NDArray[np.float32]:
     """Return (ticks, 8) float32 of a flight: per segment rod [m], NaN where it has none, and surface [rad]."""
     setup = build(parse(tomllib.loads(scenario_toml)))
     rows, *_ = fly(setup)
