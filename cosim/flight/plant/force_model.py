@@ -20,8 +20,8 @@ FT, LB, IN, SLUG, G0 = 0.3048, 4.4482216152605, 0.0254, 14.593902937206364, 9.80
 PSF = LB / FT**2
 AXES = {"lift": "LIFT", "drag": "DRAG", "side": "SIDE", "roll": "ROLL", "pitch": "PITCH", "yaw": "YAW"}
 PROPERTY = {
-    "alphadot": ("aero/alphadot-from-forces", "aero/alphadot-rad_sec"), "p": ("velocities/p-aero-rad_sec",),
-    "q": ("velocities/q-aero-rad_sec",), "r": ("velocities/r-aero-rad_sec",), "beta": ("aero/beta-rad",),
+    "alphadot": ("aero/alphadot-from-forces", "aero/alphadot-rad_sec"), "p": ("aero/p-rad_sec",),
+    "q": ("aero/q-rad_sec",), "r": ("aero/r-rad_sec",), "beta": ("aero/beta-rad",),
     "de_lo": ("fcs/elevator-lo-pos-rad",), "de_li": ("fcs/elevator-li-pos-rad",), "de_ri": ("fcs/elevator-ri-pos-rad",),
     "de_ro": ("fcs/elevator-ro-pos-rad",), "da_l": ("fcs/aileron-left-pos-rad",),
     "da_r": ("fcs/aileron-right-pos-rad",), "dr": ("fcs/rudder-applied-rad",), "stab": ("fcs/stabilizer-pos-rad",),

@@ -12,6 +12,7 @@ misspelt; AB2 integrators, five times more accurate than the default; pitch rate
 drifts; load factors from this frame's forces, as JSBSim's own are one frame old.
 """
 
+import functools
 import math
 import struct
 from pathlib import Path
@@ -20,9 +21,12 @@ import jsbsim
 import numpy as np
 
 from cosim.errors import TrimError
+from cosim.flight.plant import gusts
+from cosim.flight.plant.aero.xml import DOWNWASH, SPAN_FT, TAIL_ARM_FT
 from cosim.flight.plant.border import FT, KT, LIMITS, READ, SURFACES, TRUTH, WRITE, to_si
-from cosim.flight.plant.point import POINTS, TURBULENCE, FlightPoint, loading
+from cosim.flight.plant.point import POINTS, FlightPoint, loading
 
+SPAN, TAIL_ARM = SPAN_FT * FT, TAIL_ARM_FT * FT
 AIRCRAFT = Path(__file__).resolve().parents[3] / "aircraft"
 
 jsbsim.FGJSBBase().debug_lvl = 0  # before the first executive: its banner is not ours to print
@@ -166,13 +170,11 @@ class Plant:
         fdm.suspend_integration()
         fdm.run()
         fdm.resume_integration()
-        severity, wind = TURBULENCE[self.flight.turbulence]
-        if severity:
-            put = self.port.setter
-            put("atmosphere/turb-type")(3)  # Milspec
-            put("atmosphere/turbulence/milspec/severity")(severity)
-            put("atmosphere/turbulence/milspec/windspeed_at_20ft_AGL-fps")(wind)
-            put("atmosphere/randomseed")(self.flight.seed)
+        if self.flight.turbulence != "none":
+            p = gusts.params(self.flight.turbulence, self.dt, span=SPAN, tail_arm=TAIL_ARM, downwash=DOWNWASH)
+            air = gusts.Gusts(p, self.dt, self.flight.seed)
+            get, put = [self.port.getter(name) for name in _GUST_READ], [self.port.setter(name) for name in GUST_WRITE]
+            self._advance = functools.partial(_in_gusts, fdm.run, air, get, put)
         if abs(fdm.get_delta_t() - self.dt) > 1e-12:
             raise RuntimeError("JSBSim lost its step")
 
@@ -189,7 +191,7 @@ class Plant:
             put(value)
 
     def run(self):
-        """Advance by one step."""
+        """Advance by one step, through this flight's gusts."""
         self._advance()
 
     def truth(self):
@@ -202,6 +204,21 @@ class Plant:
     def errors(self):
         """Return what JSBSim reported as an error."""
         return list(self._logger.errors)
+
+
+_GUST_READ = ("velocities/vt-fps", "attitude/phi-rad", "attitude/theta-rad", "attitude/psi-rad")
+GUST_WRITE = tuple(f"atmosphere/gust-{axis}-fps" for axis in ("north", "east", "down")) + tuple(
+    f"ext/gust-{rate}-rad_sec" for rate in "pqr"
+)
+
+
+def _in_gusts(run, air, get, put):
+    """Advance by one step with the gusts of its end."""
+    tas, phi, theta, psi = (g() for g in get)
+    north, east, down, *rates = air.next(tas * FT, phi, theta, psi)
+    for write, value in zip(put, (north / FT, east / FT, down / FT, *rates)):
+        write(value)
+    run()
 
 
 _REFERENCE_LOGGER = _Quiet()  # kept here: JSBSim does not own it

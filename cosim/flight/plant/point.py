@@ -11,9 +11,6 @@ GYRATION2 = {"xx": 85.4507, "yy": 155.4077, "zz": 233.3463, "xz": 4.55451}
 # [kg], fraction; below 180 t the point masses would move too far out
 MASS_RANGE, CG_RANGE = (180e3, 405e3), (0.20, 0.40)
 
-# JSBSim's own scale (FGWinds): index of the probability of exceedance, wind at 20 ft [ft/s]
-TURBULENCE = {"none": (0, 0.0), "light": (3, 25.0), "moderate": (4, 50.0), "severe": (6, 75.0)}
-
 
 @dataclass(frozen=True)
 class FlightPoint:

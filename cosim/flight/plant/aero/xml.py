@@ -182,7 +182,7 @@ def _common():
         "b / 2V",
     )
     cosine, sine = "<cos> <p> aero/alpha-rad </p> </cos>", "<sin> <p> aero/alpha-rad </p> </sin>"
-    p, r = "<p> velocities/p-aero-rad_sec </p>", "<p> velocities/r-aero-rad_sec </p>"
+    p, r = "<p> aero/p-rad_sec </p>", "<p> aero/r-rad_sec </p>"
     roll = function(
         "aero/p-stability-rad_sec",
         f"      <sum> <product> {p} {cosine} </product> <product> {r} {sine} </product> </sum>",
@@ -191,7 +191,11 @@ def _common():
         "aero/r-stability-rad_sec",
         f"      <difference> <product> {r} {cosine} </product> <product> {p} {sine} </product> </difference>",
     )
-    return "\n".join([elevator, qS, chord, span, roll, yaw])
+    rates = [
+        function(f"aero/{x}-rad_sec", total(f"velocities/{x}-aero-rad_sec", f"ext/gust-{x}-rad_sec"), "against the air")
+        for x in "pqr"
+    ]
+    return "\n".join([elevator, qS, chord, span, *rates, roll, yaw])
 
 
 def _sums():
@@ -202,7 +206,7 @@ def _sums():
             total(
                 "aero/CL_0",
                 "aero/CL_alpha",
-                product("aero/CL_q", "aero/chord-time-sec", "velocities/q-aero-rad_sec"),
+                product("aero/CL_q", "aero/chord-time-sec", "aero/q-rad_sec"),
                 product("aero/CL_de", "aero/elevator-mean-rad"),
                 product("aero/mult/CL_ds", 0.70, "fcs/stabilizer-pos-rad"),
             ),
@@ -234,7 +238,7 @@ def _sums():
 
 def _over_speed(arm, rate):
     """Return the local angle that a body rate makes at an arm [ft]: arm rate / V."""
-    turn = f"<product> <v> {arm} </v> <p> velocities/{rate}-aero-rad_sec </p> </product>"
+    turn = f"<product> <v> {arm} </v> <p> aero/{rate}-rad_sec </p> </product>"
     return f"        <quotient> {turn} <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max> </quotient>"
 
 
@@ -288,7 +292,7 @@ def _axes():
         product(
             "aero/chord-time-sec",
             total(
-                product("aero/Cm_q", "velocities/q-aero-rad_sec"),
+                product("aero/Cm_q", "aero/q-rad_sec"),
                 product("aero/Cm_alphadot", "aero/alphadot-from-forces"),
             ),
         ),

@@ -1,0 +1,68 @@
+"""Turbulence: the specification's rms per axis at every rate and speed, and a tail that meets it later."""
+
+import numpy as np
+import pytest
+
+from cosim.flight.plant import gusts
+from cosim.flight.plant.plant import POINTS, FlightPoint, Plant
+
+AIRCRAFT = {"span": 59.6, "tail_arm": 32.1, "downwash": 0.4}
+RMS = {"light": 1.524, "moderate": 3.048, "severe": 6.401}  # 5, 10, 21 ft/s
+
+
+def air(kind, seed, *, seconds, dt=0.005, tas=200.0, **angles):
+    """Return (ticks, 6): gusts to north, east, down [m/s] and p, q, r [rad/s]."""
+    made = gusts.Gusts(gusts.params(kind, dt, **AIRCRAFT), dt, seed)
+    where = {"phi": 0.0, "theta": 0.0, "psi": 0.0} | angles
+    return np.array([made.next(tas, **where) for _ in range(round(seconds / dt))])
+
+
+@pytest.mark.parametrize("kind", RMS)
+@pytest.mark.parametrize(("dt", "tas"), [(0.005, 130.0), (0.02, 200.0), (0.01, 270.0)])
+def test_each_axis_has_the_rms_of_the_specification(kind, dt, tas):
+    n = 60 if dt < 0.01 else 120
+    squares = [(air(kind, s, seconds=n, dt=dt, tas=tas)[:, :3] ** 2).mean(axis=0) for s in range(15)]
+    rms = np.sqrt(np.mean(squares, axis=0))
+    assert rms == pytest.approx(RMS[kind], rel=0.1)
+
+
+def test_the_flown_aircraft_meets_what_is_written():
+    plant = Plant(FlightPoint(**{**vars(POINTS["E"]), "turbulence": "moderate", "seed": 5}))
+    trim, seen = plant.trim(), []
+    for _ in range(4000):
+        plant.write(np.asarray(trim.surfaces))
+        plant.run()
+        truth = plant.truth()[0]
+        seen.append([truth.wind_n, truth.wind_e, truth.wind_d])
+    seen = np.array(seen)
+    assert 1.5 < seen.std(axis=0).min() and seen.std(axis=0).max() < 6.0
+    assert np.abs(np.diff(seen, axis=0)).max() < 1.0  # a gust is no step
+
+
+def test_the_tail_meets_the_gust_as_much_later_as_it_lies_behind():
+    dt, tas = 0.005, 200.0
+    g = air("moderate", 1, seconds=60.0, dt=dt, tas=tas)
+    w, q = g[:, 2], g[:, 4]
+    late = w - q * AIRCRAFT["tail_arm"] / (1.0 - AIRCRAFT["downwash"])  # what the tail meets
+    lag = np.argmin([np.abs(late[100:] - w[100 - k : len(w) - k]).max() for k in range(60)])
+    assert lag * dt == pytest.approx(AIRCRAFT["tail_arm"] / tas, abs=dt)
+    v, r = g[:, 1], g[:, 5]
+    fin = v + r * AIRCRAFT["tail_arm"]
+    assert np.abs(fin[100:] - v[100 - lag : len(v) - lag]).max() < 0.1
+
+
+@pytest.mark.parametrize("dt", (1 / 50, 1 / 2000))
+def test_the_way_to_the_tail_fits_its_line_at_every_rate(dt):
+    g = air("severe", 2, seconds=3.0, dt=dt, tas=70.0)
+    late = g[:, 2] - g[:, 4] * AIRCRAFT["tail_arm"] / (1.0 - AIRCRAFT["downwash"])
+    first = round(1.0 / dt)
+    ticks = round(AIRCRAFT["tail_arm"] / 70.0 / dt)
+    error = late[first:] - g[first - ticks : len(g) - ticks, 2]
+    assert np.sqrt((error**2).mean()) < 0.1 * 6.4
+
+
+def test_axes_turn_with_the_aircraft():
+    level, turned = (air("light", 3, seconds=2.0, psi=psi) for psi in (0.0, np.pi / 2))
+    assert turned[:, 1] == pytest.approx(level[:, 0]) and turned[:, 0] == pytest.approx(-level[:, 1])
+    banked = air("light", 3, seconds=2.0, phi=np.pi / 2)
+    assert banked[:, 2] == pytest.approx(level[:, 1]) and banked[:, 1] == pytest.approx(-level[:, 2])
