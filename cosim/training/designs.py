@@ -23,9 +23,9 @@ from actuators.hydraulic import servo
 from cosim.errors import DesignError, did_you_mean
 from cosim.files import replace_text
 from cosim.scenario.aircraft import load_aircraft
+from fdi.common import compact
 
 FOLDER = Path(fdi.__file__).resolve().parent / "designs"
-NUMBERS = re.compile(r"\[[^\[\]{}\"]*\]")  # a list of numbers, which goes on one line
 REMEDY = "Run `cosim design` (it needs the extra `design`)"
 
 
@@ -67,8 +67,7 @@ def build(name, *, folder=FOLDER, progress=None):
         module.store(path, progress=lambda: tell(f"{name}: next flight point"))
         return path
     made = getattr(module, maker.function)(tell)
-    text = json.dumps({"source": source(), **made}, indent=1, sort_keys=True)
-    replace_text(path, NUMBERS.sub(lambda m: " ".join(m[0].split()), text) + "\n")
+    replace_text(path, compact.text({"source": source(), **made}))
     return path
 
 
