@@ -1,15 +1,17 @@
 """Everything a scenario can name, as plain data for `cosim list` and for programs."""
 
+import ast
+from importlib import resources
 from typing import Any
 
 from cosim.campaign.spec import builtin_campaigns, load_campaign
-from cosim.examples import examples
+from cosim.errors import CosimError, did_you_mean
 from cosim.scenario import catalog as c
-from cosim.scenario.aircraft import load_aircraft
 from cosim.scenario.load import DEFAULT, builtin_names, load_scenario
 from cosim.scenario.manoeuvre import KINDS
 from cosim.scenario.tolerance import GROUPS, meanings
 
+EXAMPLES = resources.files("cosim").joinpath("examples")
 PLACES = (  # heading, targets, kinds
     ("elevator", "elevator.<segment>", c.ELEVATOR_KINDS),
     ("actuator sensor", "elevator.<segment>.<sensor>", c.sensor_kinds(c.ACTUATOR_SENSORS["rod"])),
@@ -38,7 +40,7 @@ def inventory() -> dict[str, Any]:
             "segments": list(c.SEGMENTS),
             "groups": list(c.GROUPS),
             "surfaces": list(c.SURFACES),
-            "engines": [*load_aircraft().engine_names, "all"],
+            "engines": [*c.ENGINES, "all"],
             "actuator_sensors": {t: list(s) for t, s in c.SENSORS_OF.items()},
             "sensors": list(c.SENSORS),
         },
@@ -51,6 +53,26 @@ def inventory() -> dict[str, Any]:
         "examples": [{"name": name, "summary": text} for name, text in examples().items()],
         "detectors": [{"id": d, "level": level, "summary": text} for d, (level, text) in c.DETECTORS.items()],
     }
+
+
+def examples() -> dict[str, str]:
+    """Return {name: first sentence of its docstring} of the programs in cosim/examples."""
+    found = {p.name[:-3]: p for p in sorted(EXAMPLES.iterdir(), key=str) if p.name.endswith(".py")}
+    return {name: _sentence(path.read_text(encoding="utf-8")) for name, path in found.items()}
+
+
+def example(name: str) -> str:
+    """Return the source of example `name`. Raises CosimError for a name that there is not."""
+    known = examples()
+    if name not in known:
+        raise CosimError(
+            "no example of this name", place=name, allowed=", ".join(known), remedy=did_you_mean(name, known)
+        )
+    return EXAMPLES.joinpath(f"{name}.py").read_text(encoding="utf-8")
+
+
+def _sentence(source):
+    return (ast.get_docstring(ast.parse(source)) or "").partition("\n")[0].rstrip(".")
 
 
 def _line(model):

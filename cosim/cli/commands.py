@@ -189,22 +189,29 @@ def list_(
 
 @app.command()
 def example(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="See [b]cosim list examples[/].", show_default=False)],
+    name: Annotated[
+        str | None, typer.Argument(metavar="[NAME]", help="Default: list them.", show_default=False)
+    ] = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="Default: NAME.py here.", show_default=False)
     ] = None,
     json_: JsonOption = False,
 ) -> None:
-    """Copy an example into your folder, ready to run and to change."""
-    from cosim.examples import copy
+    """Copy an example program into your folder, ready to run and to change."""
+    from cosim.campaign.inventory import example as source
+    from cosim.files import replace_text
 
-    path = output or Path(f"{name}.py")
+    if name is None:
+        return list_("examples", json_)
+    text, path = source(name), output or Path(f"{name}.py")
+    if path.exists() and output is None:
+        raise CosimError("is there already", place=str(path), remedy="Name another file with -o")
     reserve(path)
-    copy(name, path)
+    replace_text(path, text)
     if json_:
         print(json.dumps({"example": name, "file": str(path)}))
     else:
-        out.print(tables.whole(f"{path}\nnext   python {path}"))
+        out.print(tables.whole(f"wrote  {path}\nnext   python {path}"))
 
 
 @app.command()
@@ -261,22 +268,11 @@ def linearize(
 def bench(
     rounds: Annotated[int, typer.Option("--rounds", min=3, help="Rounds of interleaved timing.")] = 15,
     memory: Annotated[bool, typer.Option("--memory/--no-memory", help="Fly ten minutes for the peak memory.")] = True,
-    campaign: Annotated[
-        str | None,
-        typer.Option("--campaign", metavar="NAME", help="Instead fly a campaign, twice.", show_default=False),
-    ] = None,
     json_: JsonOption = False,
 ):
     """Measure what a tick costs, how fast a run starts and how much memory it takes."""
     from cosim.bench import bench as work
 
-    if campaign is not None:
-        from cosim.bench.campaign import compare
-
-        with tables.progress(err, campaign, "flights", "preparing the workers") as progress:
-            done = compare(campaign, progress=progress)
-        print(json.dumps(done)) if json_ else out.print(tables.campaign_speed(done))
-        raise typer.Exit(0 if done["equal"] and not done["crashed"] else 1)
     with tables.progress(err, "measuring", unit="") as progress:
         found = work(rounds=rounds, memory=memory, progress=progress)
     if json_:

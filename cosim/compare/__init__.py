@@ -35,6 +35,15 @@ class Comparison:
     report: Path | None = None
     table: Path | None = None
 
+    def __repr__(self) -> str:
+        rows = [f"  {d['id']:20}{d['detected']:>5} of {d['designed']:<5} seen" for d in self.detectors]
+        return "\n".join([f"Comparison: {self.runs} flights, {self.source}", *rows])
+
+    def _repr_html_(self) -> str:
+        keys = ("id", "level", "designed", "detected", "named", "delay_s", "fault_free_alarmed", "fault_free_runs")
+        table = pd.DataFrame(self.detectors)
+        return table[[k for k in keys if k in table]].to_html(index=False, float_format="%.3g", na_rep="–")
+
     def to_dict(self):
         """Return the JSON of `cosim compare`."""
         about = {

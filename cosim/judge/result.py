@@ -1,7 +1,9 @@
 """What a run comes to: who alarmed, when, after how many periods, what it isolated, how well it estimated."""
 
+import html
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -39,6 +41,34 @@ class Result:
     detectors: list = field(default_factory=list)
     extra: dict = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        rows = [f"  {r['id']:20}{r['target']:24}{_told(r)}" for r in self._shown()]
+        quiet = len(self.detectors) - len(rows)
+        head = f"Result: {self.status} after {self.sim_time_s:g} s, log {self.log or 'not written'}"
+        return "\n".join([head, *rows, *([f"  {quiet} detector lanes stayed quiet"] if quiet else [])])
+
+    def _repr_html_(self) -> str:
+        rows = (f"<tr><td>{r['id']}<td>{r['target']}<td>{_told(r)}</tr>" for r in self._shown())
+        head = f"<b>{self.status}</b> after {self.sim_time_s:g} s, log {html.escape(self.log or 'not written')}"
+        return f"<div>{head}<table><tr><th>detector<th>watches<th>alarm</tr>{''.join(rows)}</table></div>"
+
+    def _shown(self):
+        return [r for r in self.detectors if r["alarm"]]
+
+    def plot(self) -> Any:
+        """Return a plotly figure of the test statistic of every detector lane that alarmed or that a fault concerns, 1
+        is the threshold; it is shown in a notebook, `write_html` keeps it.
+
+        Raises ValueError for a flight without a log.
+        """
+        if self.log is None:
+            raise ValueError("this flight was not logged: fly with log='flight.mcap'")
+        from cosim.log import open_log
+
+        shown = [r for r in self.detectors if r["alarm"] or r.get("concerned")] or self.detectors
+        log = open_log(self.log)
+        return log.plot([f"{t}.r" for t in dict.fromkeys(_topic(r) for r in shown) if t in log.topics])
+
     def to_dict(self):
         """Return plain data for JSON; numbers that do not exist are None."""
         out = {
@@ -53,6 +83,19 @@ class Result:
             **self.extra,
         }
         return plain(out)
+
+
+def _told(row):
+    """Return what a lane said, as words."""
+    late = row["detection_delay_s"]
+    when = f"{row['detected_at_s']:.2f} s" if row["detected_at_s"] is not None else ""
+    found = row["isolated"]["class"] if row["isolated"] else "no name"
+    false = f", {row['false_alarms']} false" if row["false_alarms"] else ""
+    return f"{found} at {when}" + (f", {late:.2f} s after the fault" if late is not None else "") + false
+
+
+def _topic(row):
+    return f"/detectors/{row['id']}/{row['target'].removeprefix('elevator.')}"
 
 
 def plain(value):

@@ -1,9 +1,11 @@
 """Read a log back, bit for bit, into numpy and pandas."""
 
 import difflib
+import html
 import os
 import struct
 from collections import Counter
+from typing import Any
 
 import numpy as np
 from google.protobuf.message import DecodeError
@@ -13,6 +15,8 @@ from . import foxglove
 from .compression import FrameError, decompress
 from .format import Damage, Limits, LogError, TopicInfo, log_error
 from .scan import scan
+
+MOST_DRAWN = 4000  # samples of a curve
 
 _HEAD = struct.Struct("<BQHIQQ")  # a message record up to its payload, as chunk.HEAD
 
@@ -52,6 +56,35 @@ class Log:
         self._runs = _merged(self.spans)
         self._index: dict = {}  # of frames, by rate
         self.topics = {name: self._info(t) for name, t in found.topics.items()}
+
+    def __repr__(self) -> str:
+        rows = [f"  {t.name:44}{t.rows:>8} rows, {len(t.fields)} fields" for t in self.topics.values()]
+        return "\n".join([self._about(), *rows])
+
+    def _repr_html_(self) -> str:
+        cells = ((t.name, t.rows, ", ".join(t.fields[:8]) + ", …" * (len(t.fields) > 8)) for t in self.topics.values())
+        rows = "".join(f"<tr>{''.join(f'<td>{html.escape(str(c))}' for c in row)}</tr>" for row in cells)
+        head = html.escape(self._about())
+        return f"<div>{head}<table><tr><th>topic<th>rows<th>fields</tr>{rows}</table></div>"
+
+    def _about(self):
+        state = "complete" if self.complete else "incomplete"
+        return f"Log {self.path}: {self.n_ticks * self.dt_ns / 1e9:g} s, {len(self.topics)} topics, {state}"
+
+    def plot(self, fields: str | list[str]) -> Any:
+        """Return a plotly figure of fields named "/topic.field" over time [s], one below the other, in their units.
+
+        A notebook shows it, elsewhere `write_html(path)` keeps it. Raises KeyError for a field that is not there.
+        """
+        frame = self.fields(fields)
+        units = frame.attrs["units"]
+        shown = frame.iloc[:: max(1, len(frame) // MOST_DRAWN)].interpolate(limit_direction="both")
+        figure = shown.plot(backend="plotly", facet_row="variable", height=180 * len(units) + 60)
+        for mark in figure.layout.annotations:
+            mark.text = ""
+        for axis, unit in zip(reversed(list(figure.select_yaxes())), units.values()):
+            axis.update(matches=None, title=unit.strip("-"))
+        return figure.update_layout(legend_title_text="", xaxis_title="t, s")
 
     def _info(self, t):
         rows = sum(len(range(-k0 % t.every, n, t.every)) for k0, n in self._runs)

@@ -49,6 +49,7 @@ class Replay:
 
     @property
     def exact(self):
+        """Return whether something was compared and nothing differs."""
         return self.values > 0 and not self.differences
 
     def to_dict(self):

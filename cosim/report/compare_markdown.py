@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from cosim.compare import stats
+from cosim.compare import Comparison, stats
 from cosim.files import replace_text
 from cosim.judge import coverage
 from cosim.report import markdown as readme
@@ -11,22 +11,28 @@ from cosim.scenario.catalog import GROUPS, SEGMENTS
 PICTURE = "cosim/campaigns/aircraft-vs-local.svg"
 
 
-def write(found, path):
-    """Write table and picture of a Comparison into the README at `path`, between its markers. Raises OutputError."""
+DETAILS = "cosim/compare/README.md"
+
+
+def write(found: Comparison, path: str | Path) -> None:
+    """Write table and picture of a Comparison into the README at `path`, between its markers, and what each level sees
+    of which oscillation into cosim/compare/README.md beside it, where that has its markers. Raises OutputError.
+    """
     from cosim.report.compare_picture import render
 
-    picture = Path(path).parent / PICTURE
+    picture, details = Path(path).parent / PICTURE, Path(path).parent / DETAILS
     equal = stats.equal_thresholds(found.rows)
     replace_text(picture, render(_one_segment(found.rows), equal))
     readme.replace(path, "compare", markdown(found))
+    if details.is_file():
+        readme.replace(details, "smallest", smallest(found))
 
 
-def markdown(found):
-    """Return the counts of every detector, and from which amplitude on each level sees an oscillation, as Markdown."""
+def markdown(found: Comparison) -> str:
+    """Return the counts of every detector as Markdown, the picture above them."""
     rows = found.rows
     lines = [
-        f"{found.runs} flights, {int(rows[rows['case'].isna()]['run'].nunique())} of them without a fault.",
-        "",
+        f"{found.runs} flights, {int(rows[rows['case'].isna()]['run'].nunique())} of them without a fault. "
         f"![Share of oscillations seen over achieved amplitude and frequency, a panel per detector]({PICTURE})",
         "",
         "| detector | draws on | seen of designed for | named | median delay, s | fault-free flights with an alarm "
@@ -40,9 +46,13 @@ def markdown(found):
             f"| `{d['id']}` | {coverage.group(d['id'], d['level'])} | {seen} | {d['named']} | {_number(d['delay_s'])} "
             f"| {free} | {_number(d['step_us'])} |"
         )
-    for words, own in (("of one segment", _one_segment(rows)), ("of several segments", _several(rows))):
-        lines += _smallest(words, own, found.detectors)
     return "\n".join(lines)
+
+
+def smallest(found: Comparison) -> str:
+    """Return from which amplitude on each level sees an oscillation, of one segment and of several, as Markdown."""
+    tables = (("of one segment", _one_segment(found.rows)), ("of several segments", _several(found.rows)))
+    return "\n".join(line for words, own in tables for line in _smallest(words, own, found.detectors)).strip("\n")
 
 
 def _one_segment(rows):

@@ -1,4 +1,4 @@
-"""The table of results in README.md: what `cosim reproduce all --readme README.md` writes between two markers."""
+"""The table of results in cosim/papers/README.md, between its markers: `cosim reproduce all --readme FILE`."""
 
 from cosim.papers.row import VERDICTS, counts
 from cosim.report import markdown as readme

@@ -252,7 +252,7 @@ def test_a_disk_too_fast_for_alpha_names_inequality_15():
 
 
 def test_the_example_of_the_readme_finds_its_fault(capsys):
-    text = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "fdi" / "README.md").read_text(encoding="utf-8")
     (code,) = (c for c in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if "rfafe" in c)
     exec(code, {})
     assert float(capsys.readouterr().out) == pytest.approx(0.01, rel=0.02)

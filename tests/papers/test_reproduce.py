@@ -17,7 +17,7 @@ from cosim.report import papers_markdown as readme
 from cosim.report.markdown import markers
 from cosim.report.reproduce_page import render
 
-README = Path(__file__).parents[2] / "README.md"
+README = Path(__file__).parents[2] / "cosim" / "papers" / "README.md"
 
 
 @pytest.fixture(scope="module")

@@ -71,6 +71,7 @@ def buffet_lift(mach):
 
 
 def mean_lift(alpha, mach):
+    """Return a straight lift curve [-] over angle of attack [rad], at which the fit begins."""
     return 0.2 + 4.75 * alpha + 0.0 * mach
 
 

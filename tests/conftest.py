@@ -1,0 +1,23 @@
+"""Flights that many tests look at, flown once per session and process."""
+
+from pathlib import Path
+
+import pytest
+
+import cosim
+
+
+@pytest.fixture(scope="session")
+def cruise_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the log of the built-in scenario `cruise`: 30 s in light turbulence without a fault."""
+    path = tmp_path_factory.mktemp("cruise") / "cruise.mcap"
+    assert cosim.simulate("cruise", log=path, timed=False).status == "completed"
+    return path
+
+
+@pytest.fixture(scope="session")
+def liquid_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the log of the built-in scenario `liquid-ofc`: 30 s, from 12 s an oscillation of the left inner valve."""
+    path = tmp_path_factory.mktemp("liquid") / "liquid-ofc.mcap"
+    assert cosim.simulate("liquid-ofc", log=path, timed=False).status == "completed"
+    return path

@@ -1,0 +1,216 @@
+"""How the source is built, counted: `python tests/structure.py` prints it, `--rooms` writes the tables of files.
+
+Floors and back arrows of the imports inside cosim, lines, file sizes, public functions without docstring or type hints.
+test_structure.py holds what must stay.
+"""
+
+import argparse
+import ast
+import functools
+import statistics
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("cosim", "fdi", "actuators")
+BEGIN, END = "<!-- files: begin -->", "<!-- files: end -->"
+
+
+def sources(*folders: str) -> list[Path]:
+    """Return the Python files of `folders` of the repository, sorted."""
+    return sorted(p for name in folders for p in (ROOT / name).rglob("*.py"))
+
+
+def module(path: Path) -> str:
+    """Return the dotted name of a source file."""
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+@functools.cache
+def parsed(path: Path) -> ast.Module:
+    """Return the syntax tree of a source file."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+def imports(path: Path) -> set[str]:
+    """Return what a source file imports, wherever it does so: modules, and names in them."""
+    package = path.relative_to(ROOT).parts[:-1]
+    out = set()
+    for node in ast.walk(parsed(path)):
+        if isinstance(node, ast.Import):
+            out |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            above = package[: len(package) - node.level + 1] if node.level else ()
+            base = ".".join((*above, *([node.module] if node.module else ())))
+            out |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
+    return out
+
+
+def layers() -> list[str]:
+    """Return the rooms of cosim from the roof down, as the import contract has them."""
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]
+    return next(c["layers"] for c in contracts["contracts"] if c.get("containers") == ["cosim"])
+
+
+def rooms() -> list[str]:
+    """Return the rooms of cosim: folders of modules that other rooms may import."""
+    return sorted(p.parent.name for p in (ROOT / "cosim").glob("*/__init__.py"))
+
+
+@functools.cache
+def arrows() -> dict[tuple[str, str], list[str]]:
+    """Return {(room, imported room): modules that do it} inside cosim."""
+    names, out = layers(), {}
+    for path in sources("cosim"):
+        own = module(path).split(".")
+        here = own[1] if len(own) > 1 else ""
+        for name in imports(path):
+            parts = name.split(".")
+            if parts[0] == "cosim" and len(parts) > 1 and parts[1] in names and here in names and parts[1] != here:
+                out.setdefault((here, parts[1]), []).append(module(path))
+    return {pair: sorted(set(by)) for pair, by in sorted(out.items())}
+
+
+def floors() -> int:
+    """Return the number of floors of the rooms: the longest way down through their imports."""
+    names, edges = layers(), arrows()
+    height: dict[str, int] = {}
+    for room in reversed(names):
+        below = [height[to] for (start, to) in edges if start == room and to in height]
+        height[room] = 1 + max(below, default=0)
+    return max(height.values())
+
+
+def back_arrows() -> list[str]:
+    """Return the imports of rooms above, as "room -> room above (module, ...)"."""
+    order = {name: i for i, name in enumerate(layers())}
+    found = [(a, b, by) for (a, b), by in arrows().items() if order[b] < order[a]]
+    return [f"{a} -> {b} ({', '.join(by)})" for a, b, by in found]
+
+
+def public_functions(path: Path) -> Iterator[tuple[str, ast.FunctionDef]]:
+    """Yield (name, definition) of the public functions and methods of a source file."""
+
+    def walk(body, prefix):
+        for node in body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                yield from walk(node.body, f"{prefix}{node.name}.")
+            elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                if not node.name.startswith("_") or node.name in ("__init__", "__call__"):
+                    yield f"{prefix}{node.name}", node
+
+    yield from walk(parsed(path).body, f"{module(path)}.")
+
+
+def is_kernel(node: ast.FunctionDef) -> bool:
+    """Return whether a function is compiled: its arguments are records, whose dtypes say what they are."""
+    names = [d.func if isinstance(d, ast.Call) else d for d in node.decorator_list]
+    return any((n.id if isinstance(n, ast.Name) else getattr(n, "attr", "")) == "kernel" for n in names)
+
+
+def bare_arguments(node: ast.FunctionDef) -> list[str]:
+    """Return the arguments of a function without a type hint, "return" among them; none for a kernel."""
+    if is_kernel(node):
+        return []
+    a = node.args
+    every = [*a.posonlyargs, *a.args, *a.kwonlyargs, *filter(None, (a.vararg, a.kwarg))]
+    bare = [x.arg for i, x in enumerate(every) if x.annotation is None and not (i == 0 and x.arg in ("self", "cls"))]
+    return bare + (["return"] if node.returns is None and node.name != "__init__" else [])
+
+
+def without(check) -> list[str]:
+    """Return the public functions of the packages for which `check(definition)` is true."""
+    return [name for path in sources(*PACKAGES) for name, node in public_functions(path) if check(node)]
+
+
+def undocumented() -> list[str]:
+    """Return the public functions without a docstring."""
+    dunder = ("__init__", "__call__")
+    return without(lambda node: not ast.get_docstring(node) and node.name not in dunder)
+
+
+def unhinted() -> list[str]:
+    """Return the public functions with an argument, or a result, without a type hint."""
+    return without(lambda node: bool(bare_arguments(node)))
+
+
+def counts() -> dict[str, object]:
+    """Return the counts as {what: number or words}."""
+    size = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in sources(*PACKAGES)}
+    tests = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in sources("tests")}
+    largest = max(size, key=lambda p: size[p])
+    every = [node for path in size for _, node in public_functions(path)]
+    hints = [bare_arguments(node) for node in every if not is_kernel(node)]
+    return {
+        "rooms of cosim": len(rooms()),
+        "loose modules of cosim": len(list((ROOT / "cosim").glob("*.py"))) - 1,
+        "floors": floors(),
+        "back arrows": len(back_arrows()),
+        "source files": len(size),
+        "lines of source": sum(size.values()),
+        "lines of tests": sum(tests.values()),
+        "largest file": f"{size[largest]} {largest.relative_to(ROOT)}",
+        "median file": statistics.median(size.values()),
+        "files over 300 lines": sum(n > 300 for n in size.values()),
+        "public functions": len(every),
+        "of them kernels": sum(map(is_kernel, every)),
+        "without docstring": len(undocumented()),
+        "not wholly hinted": sum(map(bool, hints)),
+        "arguments and results without a hint": sum(map(len, hints)),
+    }
+
+
+def first_sentence(path: Path) -> str:
+    """Return the first paragraph of a module's docstring as one line."""
+    text = ast.get_docstring(parsed(path)) or ""
+    return " ".join(text.split("\n\n")[0].split()).replace("|", "\\|")
+
+
+def files_table(folder: Path) -> str:
+    """Return the table of a folder's modules, from their docstrings."""
+    own = [p for p in sorted(folder.glob("*.py")) if p.name != "__main__.py"]
+    told = [(p.name, first_sentence(p)) for p in own]
+    below = [(f"{p.name}/", first_sentence(p / "__init__.py")) for p in sorted(folder.iterdir()) if is_package(p)]
+    rows = [f"| [`{name}`]({name}) | {text} |" for name, text in told + below if text]
+    return "\n".join(["| file | what it is |", "|---|---|", *rows])
+
+
+def is_package(path: Path) -> bool:
+    """Return whether `path` is a folder with an __init__.py."""
+    return (path / "__init__.py").is_file()
+
+
+def readmes() -> list[Path]:
+    """Return the READMEs with a table of files."""
+    found = [p for name in (*PACKAGES, "tests") for p in sorted((ROOT / name).rglob("README.md"))]
+    return [p for p in found if BEGIN in p.read_text(encoding="utf-8")]
+
+
+def with_table(path: Path) -> str:
+    """Return the text of a README with the table of its folder's files as they are."""
+    before, rest = path.read_text(encoding="utf-8").split(BEGIN)
+    return f"{before}{BEGIN}\n{files_table(path.parent)}\n{END}{rest.split(END)[1]}"
+
+
+def main() -> None:
+    """Print the counts; with --rooms write the tables of files."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rooms", action="store_true", help="write the tables of files into the READMEs")
+    parser.add_argument("--names", action="store_true", help="name the functions that lack a docstring or hints")
+    given = parser.parse_args()
+    if given.rooms:
+        for path in readmes():
+            path.write_text(with_table(path), encoding="utf-8")
+    for what, value in counts().items():
+        print(f"{what:38}{value}")
+    for line in back_arrows():
+        print("back:", line)
+    if given.names:
+        print("\n".join([*(f"no docstring: {n}" for n in undocumented()), *(f"no hints: {n}" for n in unhinted())]))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
