@@ -3,6 +3,7 @@
     scenario = cosim.load_scenario("liquid-ofc", ["faults.0.frequency_hz=3"])
     result = cosim.simulate(scenario, log="flight.mcap")
     frame = cosim.open_log("flight.mcap").frame("/truth/aircraft")
+    table = cosim.fly(scenario, ["truth.aircraft.nz", "hydraulic.left_inner.q_rod"])
 
 The names below are imported when they are first used, so that `import cosim` costs nothing.
 """
@@ -18,6 +19,7 @@ _PUBLIC = {  # name -> module that defines it
     "load_scenario": "cosim.scenario",
     "Scenario": "cosim.scenario",
     "simulate": "cosim.flight.simulate",
+    "fly": "cosim.flight.signals",
     "open_log": "cosim.log",
     "linearize": "cosim.flight.plant.linearize",
     "CosimError": "cosim.errors",

@@ -68,15 +68,6 @@ def params(*, omega=30.0, zeta=0.9, rate=linkage.RATE, lo=linkage.TRAVEL[0], hi=
     return record(PARAMS, **{**fields, **values})
 
 
-# stops and rates are the aircraft's: assumed 747-like, a stabiliser by screw jack
-KINDS = {
-    "elevator": {},
-    "aileron": {"lo": math.radians(-20), "hi": math.radians(20), "rate": math.radians(45)},
-    "rudder": {"lo": math.radians(-25), "hi": math.radians(25), "rate": math.radians(30), "omega": 20.0},
-    "stabiliser": {"lo": math.radians(-12), "hi": math.radians(3), "rate": math.radians(0.5), "omega": 5.0},
-}
-
-
 def init(p):
     """Return the state at rest at zero."""
     return init_at(p, 0.0)

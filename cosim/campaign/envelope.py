@@ -15,8 +15,8 @@ from actuators.ema import jay
 from actuators.hydraulic import actuator as hydraulic
 from cosim.campaign.pool import cores, pool
 from cosim.errors import TrimError
-from cosim.flight.plant.plant import LIMITS, FlightPoint, Plant
-from cosim.scenario.catalog import SHORT
+from cosim.flight.plant.plant import FlightPoint, Plant
+from cosim.scenario.aircraft import load_aircraft
 
 REASONS = {  # the first word of a TrimError -> what it means on a map
     "stall": "stall: the wing gives less lift than level flight needs",
@@ -84,7 +84,7 @@ def _point(mass, cg, altitude, cas):
     row |= {"mach": float(truth.mach), "alpha_deg": math.degrees(trim.alpha), "throttle": trim.throttle}
     row["stabilizer_deg"] = math.degrees(trim.stabilizer)
     for technology, moment in STALL_MOMENT.items():
-        held = [reach(truth[f"hm0_{s}"], truth[f"hmd_{s}"], moment) for s in SHORT.values()]
+        held = [reach(truth[f"hm0_{s}"], truth[f"hmd_{s}"], moment) for s in plant.aircraft.short.values()]
         row[f"{technology}_up_deg"] = max(up for up, _ in held)
         row[f"{technology}_down_deg"] = min(down for _, down in held)
     return row
@@ -92,7 +92,7 @@ def _point(mass, cg, altitude, cas):
 
 def reach(hm0, hmd, stall_moment):
     """Return the (up, down) angles [deg] that `stall_moment` [N m] holds against HM0 + HM_delta delta, hmd < 0."""
-    low, high = (math.degrees(v) for v in LIMITS["elevator"])
+    low, high = (math.degrees(v) for v in load_aircraft().travels["elevator"])
     up = math.degrees((stall_moment - hm0) / hmd)  # trailing edge up: the air drives down with +stall_moment
     down = math.degrees((-stall_moment - hm0) / hmd)
     return max(up, low), min(down, high)
@@ -104,7 +104,7 @@ def summary(table):
     stalls: technology -> {up, down}: lowest CAS [kt] at which a segment does not reach the end of its travel that way,
     null where it always does, and the least angle [deg] that it reaches.
     """
-    low, high = (math.degrees(v) for v in LIMITS["elevator"])
+    low, high = (math.degrees(v) for v in load_aircraft().travels["elevator"])
     good = table[table["reason"] == ""]
     stalls: dict = {}
     for technology in STALL_MOMENT:

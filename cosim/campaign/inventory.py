@@ -7,6 +7,7 @@ from typing import Any
 from cosim.campaign.spec import builtin_campaigns, load_campaign
 from cosim.errors import CosimError, did_you_mean
 from cosim.scenario import catalog as c
+from cosim.scenario.aircraft import load_aircraft
 from cosim.scenario.load import DEFAULT, builtin_names, load_scenario
 from cosim.scenario.manoeuvre import KINDS
 from cosim.scenario.tolerance import GROUPS, meanings
@@ -40,7 +41,7 @@ def inventory() -> dict[str, Any]:
             "segments": list(c.SEGMENTS),
             "groups": list(c.GROUPS),
             "surfaces": list(c.SURFACES),
-            "engines": [*c.ENGINES, "all"],
+            "engines": [*load_aircraft().engine_names, "all"],
             "actuator_sensors": {t: list(s) for t, s in c.SENSORS_OF.items()},
             "sensors": list(c.SENSORS),
         },

@@ -21,73 +21,92 @@ def cores():
 
 
 def outcomes(jobs, *, workers=None, executor=None, achieved=True):
-    """Yield (run, rows, timing) of every job (run, scenario) as it finishes, in any order.
+    """Yield (run, rows, timing) of every job (run, scenario) as it finishes, in any order; see `finished`.
+
+    A run whose process dies under it every time it is tried is a row "crashed".
+    """
+    calls = ((run, fly, (run, scenario, achieved)) for run, scenario in jobs)
+
+    def crashed(run, text):
+        return [failed(run, "crashed", text)], []
+
+    for run, (rows, timing) in finished(calls, workers=workers, executor=executor, crashed=crashed):
+        yield run, rows, timing
+
+
+def finished(calls, *, workers=None, executor=None, crashed=None):
+    """Yield (key, function(*arguments)) of every call (key, function, arguments) as it finishes, in any order.
 
     `executor`: any concurrent.futures.Executor (Dask: `client.get_executor()`); otherwise a pool of `workers`
-    processes, by default one per core; 0 flies in this process. Raises CampaignError when the executor goes away.
+    processes, by default one per core; 0 works in this process. `crashed(key, text)` is the value of a call that kills
+    its process every time it is tried; without it the error is raised. Raises CampaignError when the executor goes.
     """
     if executor is not None:
-        yield from _elsewhere(executor, jobs, AHEAD * (workers or 16), achieved)
+        yield from _elsewhere(executor, calls, AHEAD * (workers or 16), crashed)
     elif workers == 0:
-        for run, scenario in jobs:
-            yield run, *fly(run, scenario, achieved)
+        for key, function, arguments in calls:
+            yield key, function(*arguments)
     else:
-        yield from _local(deque(jobs), workers or cores(), achieved)
+        yield from _local(deque(calls), workers or cores(), crashed)
 
 
-def _elsewhere(executor, jobs, window, achieved):
-    todo = deque(jobs)
-    flying: dict[cf.Future, str] = {}
+def _elsewhere(executor, calls, window, crashed):
+    todo = deque(calls)
+    flying: dict[cf.Future, object] = {}
     try:
         while todo or flying:
             while todo and len(flying) < window:
-                run, scenario = todo.popleft()
-                flying[executor.submit(fly, run, scenario, achieved)] = run
+                key, function, arguments = todo.popleft()
+                flying[executor.submit(function, *arguments)] = key
             for future in cf.wait(flying, return_when=cf.FIRST_COMPLETED).done:
-                run = flying.pop(future)
+                key = flying.pop(future)
                 error = None if future.cancelled() else future.exception()
                 if future.cancelled() or isinstance(error, cf.BrokenExecutor):
                     raise CampaignError("the workers went away", place="campaign", remedy="Continue with --resume")
-                if error is not None:  # a worker that died under this run every time it was tried
-                    yield run, [failed(run, "crashed", f"{type(error).__name__}: {error}")], []
-                else:
-                    yield run, *future.result()
+                if error is None:
+                    yield key, future.result()
+                elif crashed is None:
+                    raise error
+                else:  # a worker that died under this call every time it was tried
+                    yield key, crashed(key, f"{type(error).__name__}: {error}")
     finally:
         for future in flying:
             future.cancel()
 
 
-def _local(todo, workers, achieved):
-    """Fly in processes; when one dies, all that was in flight is tried again, the second time each run alone."""
-    hits: dict[str, int] = {}
+def _local(todo, workers, crashed):
+    """Work in processes; when one dies, all that was in flight is tried again, the second time each call alone."""
+    hits: dict[object, int] = {}
     while todo:
-        suspects = [job for job in todo if hits.get(job[0], 0) > 1]
-        for job in suspects:
-            todo.remove(job)
-            yield from _alone(job, achieved)
+        suspects = [call for call in todo if hits.get(call[0], 0) > 1]
+        for call in suspects:
+            todo.remove(call)
+            yield _alone(call, crashed)
         flying: dict[cf.Future, tuple] = {}
         with pool(workers) as here:
             try:
                 while todo or flying:
                     while todo and len(flying) < AHEAD * workers:
-                        job = todo.popleft()
-                        flying[here.submit(fly, *job, achieved)] = job
+                        call = todo.popleft()
+                        flying[here.submit(call[1], *call[2])] = call
                     for future in cf.wait(flying, return_when=cf.FIRST_COMPLETED).done:
                         result = future.result()
-                        run, _ = flying.pop(future)
-                        yield run, *result
+                        yield flying.pop(future)[0], result
             except BrokenProcessPool:
-                for job in flying.values():
-                    hits[job[0]] = hits.get(job[0], 0) + 1
+                for call in flying.values():
+                    hits[call[0]] = hits.get(call[0], 0) + 1
                 todo.extendleft(reversed(flying.values()))
 
 
-def _alone(job, achieved):
+def _alone(call, crashed):
+    key, function, arguments = call
     with pool(1) as here:
         try:
-            yield job[0], *here.submit(fly, *job, achieved).result()
+            return key, here.submit(function, *arguments).result()
         except BrokenProcessPool as error:
-            yield job[0], [failed(job[0], "crashed", f"its process died: {error}")], []
+            if crashed is None:
+                raise
+            return key, crashed(key, f"its process died: {error}")
 
 
 @contextlib.contextmanager

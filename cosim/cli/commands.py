@@ -268,11 +268,22 @@ def linearize(
 def bench(
     rounds: Annotated[int, typer.Option("--rounds", min=3, help="Rounds of interleaved timing.")] = 15,
     memory: Annotated[bool, typer.Option("--memory/--no-memory", help="Fly ten minutes for the peak memory.")] = True,
+    campaign: Annotated[
+        str | None,
+        typer.Option("--campaign", metavar="NAME", help="Instead fly a campaign, twice.", show_default=False),
+    ] = None,
     json_: JsonOption = False,
 ):
     """Measure what a tick costs, how fast a run starts and how much memory it takes."""
     from cosim.bench import bench as work
 
+    if campaign is not None:
+        from cosim.bench.campaign import compare
+
+        with tables.progress(err, campaign, "flights", "preparing the workers") as progress:
+            done = compare(campaign, progress=progress)
+        print(json.dumps(done)) if json_ else out.print(tables.campaign_speed(done))
+        raise typer.Exit(0 if done["equal"] and not done["crashed"] else 1)
     with tables.progress(err, "measuring", unit="") as progress:
         found = work(rounds=rounds, memory=memory, progress=progress)
     if json_:

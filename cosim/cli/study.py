@@ -1,4 +1,4 @@
-"""Commands about the detectors' grounds: the papers' experiments and the stored designs."""
+"""Commands about the detectors' grounds: the papers' experiments, studies, stored designs and thresholds."""
 
 import json
 from dataclasses import asdict
@@ -13,7 +13,7 @@ from cosim.files import replace
 
 
 def add(app, out, err):
-    """Add `reproduce` and `design` to the command line `app`; `out` and `err` are its consoles."""
+    """Add `reproduce`, `study`, `design` and `train` to the command line `app`; `out` and `err` are its consoles."""
 
     @app.command()
     def reproduce(
@@ -86,3 +86,70 @@ def add(app, out, err):
             out.print(tables.designs({name: (work.DESIGNS[name].what, problem) for name, problem in found.items()}))
         if any(found.values()):
             raise typer.Exit(1)
+
+    @app.command()
+    def study(
+        name: Annotated[str, typer.Argument(metavar="NAME", help="aircraft_level, ema, hydraulic or manoeuvres.")],
+        parts: Annotated[list[str] | None, typer.Argument(metavar="[PART]…", help="Questions; default: all.")] = None,
+        seeds: Annotated[
+            int | None, typer.Option("--seeds", min=1, help="Flights of each case.", show_default=False)
+        ] = None,
+        noise: Annotated[float, typer.Option(min=0.0, max=100.0, help="Sensor noise over that of the set.")] = 1.0,
+        output: Annotated[
+            Path | None,
+            typer.Option("--output", "-o", metavar="FOLDER", help="Of results; goes on there.", show_default=False),
+        ] = None,
+        list_: Annotated[bool, typer.Option("--list", help="Only say what its parts are.")] = False,
+        workers: WorkersOption = None,
+        json_: JsonOption = False,
+    ):
+        """Answer a question about the detectors by many small flights, and print its tables."""
+        from cosim.papers import studies as work
+
+        chosen = work.chosen(name, parts or ())
+        if list_:
+            shown = tables.table(work.known(name).ABOUT, "part", "asks", "seeds>")
+            for part in chosen:
+                shown.add_row(part.name, tables.escape(part.asks), str(part.seeds))
+            out.print(shown)
+            return
+        folder, found = output or Path("logs") / f"study-{name}", []
+        with tables.progress(err, f"study {name}", unit="jobs", waiting="preparing") as progress:
+            tell = lambda _, done, total: progress(done, total)  # noqa: E731
+            for part, made in work.run(
+                name, parts or (), seeds=seeds, noise=noise, folder=folder, workers=workers, progress=tell
+            ):
+                found.append({"name": part.name, "tables": [t._asdict() for t in made]})
+                for t in () if json_ else made:
+                    out.print(tables.plain(t))
+        if json_:
+            print(json.dumps({"study": name, "parts": found}, default=tables.bare))
+
+    @app.command()
+    def train(
+        name: Annotated[str, typer.Argument(metavar="NAME", help="hydraulic or rfafe.")],
+        check: Annotated[bool, typer.Option("--check", help="Write nothing.")] = False,
+        first_seed: Annotated[
+            int | None, typer.Option("--first-seed", min=0, help="Of the training flights.", show_default=False)
+        ] = None,
+        output: Annotated[
+            Path | None,
+            typer.Option("--output", "-o", metavar="FOLDER", help="Of results; goes on there.", show_default=False),
+        ] = None,
+        workers: WorkersOption = None,
+    ):
+        """Fly the fault-free training set of some detectors' thresholds and store what it finds."""
+        from cosim.training import trainer
+
+        module = trainer(name)
+        how = {"folder": output or Path("logs") / f"train-{name}", "workers": workers}
+        with tables.progress(err, "training", unit="flights", waiting="preparing") as progress:
+            made = module.train(**how, progress=progress, **({} if first_seed is None else {"first_seed": first_seed}))
+        shown = tables.table(
+            "The entry of each threshold that grows most", "file", "set", "threshold", "stored>", "trained>"
+        )
+        for row in module.changes(made):
+            shown.add_row(*map(tables.cell, row))
+        out.print(shown)
+        if not check:
+            module.store(made)

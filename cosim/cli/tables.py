@@ -56,6 +56,26 @@ def number(value, digits=2):
     return NOTHING if value is None else f"{value:.{digits}f}"
 
 
+def cell(value):
+    """Return a table cell: short numbers, a dash for nothing."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "-"
+    return f"{value:.4g}" if isinstance(value, float) else escape(str(value))
+
+
+def bare(value):
+    """Return a NumPy number as JSON can hold it."""
+    return value.item()
+
+
+def plain(made):
+    """Return a study's Table with its notes."""
+    shown = table(made.title, *map(escape, made.columns))
+    for row in made.rows:
+        shown.add_row(*map(cell, row))
+    return Group(shown, *(Text(note, style="dim") for note in made.notes))
+
+
 def run(found, scenario):
     """Return the outcome of a run: who noticed in a sentence, the flight, its faults, every alarm, where the log is."""
     said = [Text(text, style="bold") for text in headline.sentences(found, scenario)]
@@ -378,3 +398,15 @@ def designs(found):
     for name, (what, problem) in found.items():
         t.add_row(name, what, f"[red]{escape(problem)}[/]" if problem else "[green]belongs to this aircraft[/]")
     return t
+
+
+def campaign_speed(found):
+    """Return what `cosim bench --campaign` measured."""
+    shown = table(found["campaign"], "processes", "flights>", "wall s>", "flights/min>", "x real time>", "outcomes")
+    for case in found["cases"]:
+        wall, times = f"{case['wall_s']:.1f}", f"{case['flown_s'] / case['wall_s']:.0f}"
+        outcomes = ", ".join(f"{n} {name}" for name, n in case["outcomes"].items())
+        rate = f"{60 * case['flights'] / case['wall_s']:.0f}"
+        shown.add_row(str(case["workers"]), str(case["flights"]), wall, rate, times, outcomes)
+    rows = "rows equal" if found["equal"] else "rows differ"
+    return Group(shown, f"{found['ratio']:.2f} times as fast as one process; {rows}; {found['crashed']} crashed")

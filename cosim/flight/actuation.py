@@ -13,8 +13,6 @@ from actuators.hydraulic import servo
 from actuators.simple import actuator as simple
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.flight.inject import Nominal
-from cosim.flight.plant.border import LIMITS
-from cosim.scenario.catalog import SEGMENTS
 
 LEAD = jay.values("elevator")["lead"]  # screw travel per radian of motor [m/rad]
 SENSOR_DELAY = 0.005  # of an actuator's sensors [s]
@@ -60,9 +58,15 @@ def ema_blocks(n, scenario, trim, dt):
     return [("ema_servo", ema_servo, ps, ema_servo.init_at(ps, LEAD * x["motor"], x["i"])), ("ema", ema, p, x)]
 
 
-def _travel(kind):
-    """Return the travel that trim and law count on, as bounds of the actuator: it holds whatever trims."""
-    return dict(zip(("lo", "hi"), LIMITS["stabilizer" if kind == "stabiliser" else kind]))
+def plain(aircraft, kind):
+    """Return the parameters of the plain actuator of a `kind` of surface: the travel that trim and law count on, so
+    that it holds whatever trims, rate [rad/s], natural frequency [rad/s].
+    """
+    bounds = dict(zip(("lo", "hi"), aircraft.travels[kind]))
+    if kind == "elevator":
+        return bounds
+    surface = getattr(aircraft.surfaces, kind)
+    return {**bounds, "rate": surface.rate, "omega": surface.omega_rad_s}
 
 
 def blocks(scenario, loads, others, dt):
@@ -70,17 +74,17 @@ def blocks(scenario, loads, others, dt):
 
     `loads` maps segment -> (delta, hm0, hmd) at trim, `others` the remaining surfaces -> their angle [rad].
     """
-    technology, out = scenario.elevator.technology, []
+    technology, aircraft, out = scenario.elevator.technology, scenario.aircraft, []
     for name, make in {"hydraulic": hydraulic_blocks, "ema": ema_blocks}.items():
-        lanes = tuple(s for s in SEGMENTS if technology[s] == name)
+        lanes = tuple(s for s in technology if technology[s] == name)
         if lanes:
             trim = np.array([loads[s] for s in lanes]).T
             out += [(*b, lanes) for b in make(len(lanes), scenario, trim, dt)]
-    plain = tuple(s for s in SEGMENTS if technology[s] == "simple")
-    kinds = ["elevator"] * len(plain) + [name.split("_")[0] for name in others]
-    p = np.concatenate([simple.params(**{**simple.KINDS[k], **_travel(k)}) for k in kinds])
-    x = simple.init_at(p, np.array([loads[s][0] for s in plain] + list(others.values())))
-    return [*out, ("simple", simple, p, x, plain + tuple(others))]
+    left = tuple(s for s in technology if technology[s] == "simple")
+    kinds = ["elevator"] * len(left) + [name.split("_")[0] for name in others]
+    p = np.concatenate([simple.params(**plain(aircraft, k)) for k in kinds])
+    x = simple.init_at(p, np.array([loads[s][0] for s in left] + list(others.values())))
+    return [*out, ("simple", simple, p, x, left + tuple(others))]
 
 
 # -- what a fault amplitude in millimetres means at the valve or the drive
@@ -151,7 +155,7 @@ def solid_gain(technology, omega):
     return abs(complex(np.linalg.solve(1j * omega * np.eye(6) - A, B)[2, 0])) * LEAD
 
 
-def nominal(dt):
+def nominal(dt, aircraft):
     """Return the values that relative units of a fault refer to."""
     v = jay.values("elevator")
     return Nominal(
@@ -162,7 +166,7 @@ def nominal(dt):
         arm={"hydraulic": hydraulic.NOMINAL["arm"], "ema": v["arm"], "simple": hydraulic.NOMINAL["arm"]},
         unit={"hydraulic": 1.0, "ema": DRIVE_LIMIT},
         speed=hydraulic.NOMINAL["phi_n"] / hydraulic.NOMINAL["A_p"],
-        rate={k: simple.KINDS[k]["rate"] for k in ("aileron", "rudder", "stabiliser")},
+        rate={k: surface.rate for k, surface in aircraft.surfaces},
         brake=hydraulic.NOMINAL["F_brake"] / (hydraulic.NOMINAL["A_p"] * hydraulic.NOMINAL["P_s"]),
         gain=lambda technology, solid, omega: (
             solid_gain(technology, omega) if solid else liquid_gain(technology, omega, dt)

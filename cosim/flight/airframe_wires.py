@@ -2,15 +2,15 @@
 
 import math
 
-from actuators.simple import actuator as simple
 from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.flight.plant.force_model import force_model
+from cosim.scenario.aircraft import load_aircraft
 
 SERVO = 0.07  # mean delay of the healthy elevator servos, hydraulic 75 and electromechanical 68 ms, measured [s]
 RATE = math.radians(40.0)  # of the elevator servos' reference
 LEARN = 8.0  # the papers' faults come at 10 s [s]
 ROWS = ("force", "force+moment")  # of [Mar10]'s residuals, chosen by detectors.control_redundancy.rows
-OMEGA, ZETA = 30.0, 0.9  # of actuators.simple.actuator
+ZETA = 0.9  # of actuators.simple.actuator
 
 _COMMANDS = {f"de_{s}": "law.law.de_cmd" for s in ("lo", "li", "ri", "ro")} | {"stab": "law.law.stab_cmd"}
 _LPV = {"h": "h_inertial", "theta": "theta", "V": "tas", "q": "q", "n_z": "n_z", "alpha": "alpha", "mass": "mass",
@@ -55,14 +55,16 @@ def lpv_smo_params(module, scenario, lane, dt):
     return module.params(delay=ticks(TRANSPORT["q"][2], dt), omega_a=1.0 / SERVO, inertia=inertia, t_learn=LEARN)
 
 
-def actuator_delays():
+def actuator_delays(aircraft=None):
     """Return the mean delays [s] of healthy actuators: elevator, aileron, rudder, stabiliser (which creeps)."""
-    return (SERVO, *(2.0 * ZETA / simple.KINDS[n].get("omega", OMEGA) for n in ("aileron", "rudder")), 0.0)
+    own = (aircraft or load_aircraft()).surfaces
+    return (SERVO, *(2.0 * ZETA / s.omega_rad_s for s in (own.aileron, own.rudder)), 0.0)
 
 
-def actuator_rates():
+def actuator_rates(aircraft=None):
     """Return how fast [rad/s] healthy actuators follow their commands: elevator, aileron, rudder, stabiliser."""
-    return (RATE, *(simple.KINDS[n]["rate"] for n in ("aileron", "rudder", "stabiliser")))
+    own = (aircraft or load_aircraft()).surfaces
+    return (RATE, *(s.rate for s in (own.aileron, own.rudder, own.stabiliser)))
 
 
 def control_redundancy_params(module, scenario, lane, dt, **options):

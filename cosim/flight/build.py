@@ -14,16 +14,14 @@ from cosim.flight.blocks.law import design as law_design
 from cosim.flight.blocks.pilot import steps
 from cosim.flight.bus import Bus, route, route_add
 from cosim.flight.plant.linearize import linearize
-from cosim.flight.plant.plant import SURFACES, TRUTH, Plant
+from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
 from cosim.flight.plant.trim import Trim
 from cosim.flight.tick import Block, Loop
 from cosim.flight.trace import History
 from cosim.scenario import Scenario
-from cosim.scenario.catalog import SEGMENTS, SHORT
 
 CLOCK = dtype([("t", "f8")])
-SURFACE = dtype([(name, "f8") for name in SURFACES])
 NOISE_BLOCK = 1000  # ticks of noise drawn at once
 HINGE_MODEL_ERROR = {
     "hydraulic": 0.2,
@@ -129,39 +127,40 @@ def build(scenario):
     dt, point = scenario.dt, FlightPoint.of(scenario)
     plant = Plant(point, dt=dt)
     trim = plant.trim()
-    truth = np.zeros(1, TRUTH)
-    plant.read(truth[0])
+    aircraft = scenario.aircraft
+    surface = dtype([(name, "f8") for name in plant.border.inputs])
+    truth = plant.truth()
     t = truth[0]
     rng_errors, rng_noise = (
         np.random.Generator(np.random.PCG64(s)) for s in np.random.SeedSequence(scenario.seed).spawn(2)
     )
-    nominal = actuation.nominal(dt)
+    nominal = actuation.nominal(dt, aircraft)
     sensor_lanes, sensor_p = _sensor_lanes(scenario, nominal, rng_errors, dt)
-    loads = {seg: (t[f"de_{s}"], t[f"hm0_{s}"], t[f"hmd_{s}"]) for seg, s in SHORT.items()}
+    loads = {seg: (t[f"de_{s}"], t[f"hm0_{s}"], t[f"hmd_{s}"]) for seg, s in aircraft.short.items()}
     others = {name: t[wiring.SURFACE_OF[name]] for name in wiring.OTHERS}
     built = actuation.blocks(scenario, loads, others, dt)
     pilot_p = manoeuvre.params(**steps(scenario.manoeuvre))
     sketch = Plant(point, dt=dt)  # moved about to take derivatives
-    law_p = law_design.design(linearize(point), law_design.alpha_limit(sketch, trim))
+    law_p = law_design.design(linearize(point), law_design.alpha_limit(sketch, trim), aircraft)
     factors = [
         1.0 + HINGE_MODEL_ERROR[tech] * rng_errors.uniform(-1.0, 1.0) for tech in scenario.elevator.technology.values()
     ]
-    hinge_p = hinge_model.design(sketch, trim, t, SHORT.values(), factors)
+    hinge_p = hinge_model.design(sketch, trim, t, aircraft.short.values(), factors)
     fault_lanes = inject.lanes(scenario, nominal)
     chosen = detectors.chosen(scenario)
 
     sections = [
         ("clock", CLOCK, ("clock",)),
-        ("truth", TRUTH, ("aircraft",)),
-        ("surfaces", SURFACE, ("aircraft",)),
+        ("truth", plant.border.truth, ("aircraft",)),
+        ("surfaces", surface, ("aircraft",)),
         ("sensors_in", sensors.INPUTS, sensor_lanes),
         ("sensors", sensors.STATE, sensor_lanes),
         ("pilot_in", manoeuvre.INPUTS, ("pilot",)),
         ("pilot", manoeuvre.STATE, ("pilot",)),
         ("law_in", law.INPUTS, ("law",)),
         ("law", law.STATE, ("law",)),
-        ("hinge_model_in", hinge_model.INPUTS, SEGMENTS),
-        ("hinge_model", hinge_model.STATE, SEGMENTS),
+        ("hinge_model_in", hinge_model.INPUTS, aircraft.segments),
+        ("hinge_model", hinge_model.STATE, aircraft.segments),
     ]
     names = tuple(lane.name for lane in fault_lanes)
     sections += [("faults_in", faults.INPUTS, names), ("faults", faults.STATE, names)]
@@ -206,8 +205,8 @@ def build(scenario):
             "demand": wiring.demand_wires(),
             "hinge": wiring.hinge_wires(tech),
             "servos": wiring.servo_wires(tech) + detectors.feedback_wires(scenario),
-            "actuators": wiring.actuator_wires(tech),
-            "surfaces": wiring.surface_wires(tech),
+            "actuators": wiring.actuator_wires(scenario),
+            "surfaces": wiring.surface_wires(scenario),
             "detectors": [w for d in chosen for w in d.wires(tech)],
             "faults": [(f"faults_in.{lane.name}.t", "clock.clock.t") for lane in fault_lanes]
             + [(f"faults_in.{lane.name}.ref", lane.reference) for lane in fault_lanes if lane.reference],

@@ -115,7 +115,7 @@ def feedback_wires(scenario):
     technology, pairs = scenario.elevator.technology, []
     running = {d.id for d in chosen(scenario)}
     for lane, tech in technology.items():
-        source = getattr(scenario.elevator.feedback, lane)
+        source = scenario.elevator.feedback[lane]
         if tech == "hydraulic" and source != "measured":
             if source not in running:
                 raise ScenarioError(

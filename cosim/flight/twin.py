@@ -50,7 +50,8 @@ def moved(scenario: Scenario, history: History | None, rows: NDArray | None) -> 
     names = list(history.surface)
     difference = here[:n].astype(float) - twin[:n]
     pair = {seg: difference[:, 2 * names.index(seg) :][:, :2] for seg in segments}
-    return {seg: of_segment(pair[seg], faults, scenario.dt) for seg, faults in segments.items()}
+    dt, travel = scenario.dt, scenario.aircraft.travel
+    return {seg: of_segment(pair[seg], faults, dt, travel) for seg, faults in segments.items()}
 
 
 @functools.lru_cache(maxsize=16)

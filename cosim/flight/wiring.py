@@ -7,7 +7,6 @@ same names.
 
 from cosim.flight.blocks.law import SENSORS as LAW_SENSORS
 from cosim.flight.blocks.sensors import TRANSPORT
-from cosim.scenario.catalog import SHORT
 
 DEMANDS = ("nz_dem", "phi_dem", "psi_dem", "de_add", "hold_psi", "hold_h", "hold_v")
 OTHERS = ("aileron_left", "aileron_right", "rudder", "stabiliser")  # surfaces with a simple actuator
@@ -73,18 +72,19 @@ def servo_wires(technology):
     return pairs
 
 
-def actuator_wires(technology):
+def actuator_wires(scenario):
     """Return the wires from servos, law and hinge moments to the actuators."""
-    pairs = []
-    for seg, tech in technology.items():
+    pairs, short = [], scenario.aircraft.short
+    for seg, tech in scenario.elevator.technology.items():
         to = f"{tech}_in.{seg}"
         pairs.append((f"{to}.command", "law.law.de_cmd") if tech == "simple" else (f"{to}.u", f"{SERVO[tech]}.{seg}.u"))
-        pairs += [(f"{to}.hm0", f"truth.aircraft.hm0_{SHORT[seg]}"), (f"{to}.hmd", f"truth.aircraft.hmd_{SHORT[seg]}")]
+        pairs += [(f"{to}.hm0", f"truth.aircraft.hm0_{short[seg]}"), (f"{to}.hmd", f"truth.aircraft.hmd_{short[seg]}")]
     return pairs + [(f"simple_in.{name}.command", f"law.law.{COMMAND_OF[name]}") for name in OTHERS]
 
 
-def surface_wires(technology):
+def surface_wires(scenario):
     """Return the wires from actuators, law and engine faults to the aircraft."""
-    pairs = [(f"surfaces.aircraft.de_{SHORT[seg]}", f"{tech}.{seg}.delta") for seg, tech in technology.items()]
+    short = scenario.aircraft.short
+    pairs = [(f"surfaces.aircraft.de_{short[s]}", f"{t}.{s}.delta") for s, t in scenario.elevator.technology.items()]
     pairs += [(f"surfaces.aircraft.{SURFACE_OF[name]}", f"simple.{name}.delta") for name in OTHERS]
-    return pairs + [(f"surfaces.aircraft.throttle_{i}", "law.law.throttle_cmd") for i in range(1, 5)]
+    return pairs + [(f"surfaces.aircraft.throttle_{i}", "law.law.throttle_cmd") for i in scenario.aircraft.engine_names]

@@ -10,8 +10,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.scenario.catalog import TRAVEL
-
 SETTLE_PERIODS = 2.0
 NAMES = ("rod_mm", "surface_deg", "travel_pct", "amplitude_mm", "amplitude_deg")
 
@@ -41,11 +39,11 @@ def amplitude(d: NDArray, w: float, start: float, end: float, dt: float) -> floa
     return float(abs(sine(np.arange(len(cut)) * dt, cut, w))) if np.isfinite(cut).all() else None
 
 
-def moved(difference: NDArray, faults: Sequence, dt: float) -> dict[str, float | None]:
+def moved(difference: NDArray, faults: Sequence, dt: float, travel: float) -> dict[str, float | None]:
     """Return {name of NAMES: value or None} of one segment.
 
     `difference` (ticks, 2) is rod [m], NaN where there is none, and surface [rad], each less its twin's; `faults` are
-    the injections on the segment (cosim/flight/inject.py).
+    the injections on the segment (cosim/flight/inject.py), `travel` is the elevator's [rad].
     """
     start = min(j.start for j in faults)
     end = max(j.end for j in faults) + 1.0
@@ -55,7 +53,7 @@ def moved(difference: NDArray, faults: Sequence, dt: float) -> dict[str, float |
     swing = [amplitude(d, s.omega, s.start + s.ramp, s.end, dt) if s else None for d in difference.T]
     deg = 180 / math.pi
     values = (rod, surface, surface, *swing)
-    return {n: None if v is None else v * k for n, v, k in zip(NAMES, values, (1e3, deg, 100 / TRAVEL, 1e3, deg))}
+    return {n: None if v is None else v * k for n, v, k in zip(NAMES, values, (1e3, deg, 100 / travel, 1e3, deg))}
 
 
 def largest(segments: dict[str, dict] | None) -> dict[str, float | None]:

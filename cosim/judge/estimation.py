@@ -114,7 +114,7 @@ def _added(per_truth, per_reading):
 
 def _beyond_healthy(v, dt):
     command, actual = v[0], v[1:].mean(axis=0)
-    p = simple.params(**simple.KINDS["elevator"])
+    p = simple.params()
     u, log = np.zeros((1, len(command)), simple.INPUTS), np.zeros((1, len(command)), simple.STATE)
     u["command"] = command
     simple.rollout(simple.init_at(p, actual[0]), u, p, dt, log)

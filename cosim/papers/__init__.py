@@ -5,10 +5,9 @@ Expected values and tolerances are committed in a module per paper, whose `plan(
 does names the command whose figure explains it.
 """
 
-import concurrent.futures as cf
 import importlib
-import multiprocessing
 
+from cosim.campaign.pool import finished
 from cosim.errors import CosimError, did_you_mean
 from cosim.papers.row import VERDICTS, Row, counts
 
@@ -38,22 +37,13 @@ def reproduce(paper="all", *, progress=None, workers=None):
     Several papers run in `workers` processes, by default one per core; 0 stays in this process.
     """
     names = chosen(paper)
-    if workers is None:
-        workers = _cores()
     tell = progress or (lambda done, total: None)
     tell(0, len(names))
-    found = {}
-    if len(names) == 1 or workers == 0:
-        for name in names:
-            found[name] = one(name)
-            tell(len(found), len(names))
-    else:
-        pool = cf.ProcessPoolExecutor(min(workers, len(names)), multiprocessing.get_context("spawn"))
-        with pool:
-            jobs = {pool.submit(one, name): name for name in LONGEST_FIRST if name in names}
-            for job in cf.as_completed(jobs):
-                found[jobs[job]] = job.result()
-                tell(len(found), len(names))
+    found: dict = {}
+    calls = [(name, one, (name,)) for name in LONGEST_FIRST if name in names]
+    for name, made in finished(calls, workers=0 if len(names) == 1 else workers):
+        found[name] = made
+        tell(len(found), len(names))
     return [r for n in names for r in found[n][0]], [d for n in names for d in found[n][1]]
 
 
@@ -61,12 +51,6 @@ def one(name):
     """Return (rows, drawings) of one paper."""
     rows = [p.judge() for p in importlib.import_module(f"cosim.papers.{name}.rows").plan()]
     return rows, importlib.import_module(f"cosim.papers.{name}.figures").drawings()
-
-
-def _cores():
-    from cosim.campaign.pool import cores
-
-    return cores()
 
 
 __all__ = ["PAPERS", "VERDICTS", "Row", "counts", "plan", "reproduce"]

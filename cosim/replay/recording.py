@@ -197,7 +197,7 @@ class Flown:
 
     @cached_property
     def _injected(self):
-        return inject.lanes(self.scenario, actuation.nominal(self.dt))
+        return inject.lanes(self.scenario, actuation.nominal(self.dt, self.scenario.aircraft))
 
     def _fault(self, lane, source):
         topic = f"/faults/f{lane}"

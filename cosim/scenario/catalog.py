@@ -7,23 +7,17 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from cosim.scenario.aircraft import Aircraft, load_aircraft
+
 DEG, KT, FT = math.pi / 180.0, 1852.0 / 3600.0, 0.3048
 
-SEGMENTS = ("left_outer", "left_inner", "right_inner", "right_outer")
-SHORT = dict(zip(SEGMENTS, ("lo", "li", "ri", "ro")))  # as the truth's and the plant's fields call them
-GROUPS = {"left": SEGMENTS[:2], "right": SEGMENTS[2:], "all": SEGMENTS}
+_TRANSPORT = load_aircraft()
+SEGMENTS = _TRANSPORT.segments  # of the default aircraft
+SHORT, GROUPS = _TRANSPORT.short, _TRANSPORT.groups
 TECHNOLOGIES = ("hydraulic", "ema", "simple")
-DEFAULT_TECHNOLOGY: dict[str, Any] = dict(zip(SEGMENTS, ("hydraulic", "hydraulic", "ema", "ema")))
+DEFAULT_TECHNOLOGY: dict[str, Any] = _TRANSPORT.technology
 FEEDBACKS = ("measured", "iotsekf", "rtsekf", "rtsekf_flight")
 SURFACES = ("aileron.left", "aileron.right", "rudder", "stabiliser")
-ENGINES = ("1", "2", "3", "4")
-TRAVELS = {
-    "elevator": (-23.0, 17.0),
-    "aileron": (-20.0, 20.0),
-    "rudder": (-25.0, 25.0),
-    "stabiliser": (-13.0, 4.0),
-}  # deg
-TRAVEL = 40.0 * DEG  # of the elevator; amplitude_travel is a fraction of it [Sun13]
 
 DETECTORS = {  # id -> (level, one line)
     "rfafe": ("aircraft", "robust fast adaptive fault estimator with elevator position sensors [Sun13]"),
@@ -141,7 +135,7 @@ def _amplitudes(open_low):
         Key("amplitude", 0.0, 1.0, 1.0, "u", open_low),
         Key("amplitude_mm", 0.0, 120.0, 1e-3, "m", open_low),
         Key("amplitude_deg", 0.0, 20.0, DEG, "rad", open_low),
-        Key("amplitude_travel", 0.0, 0.5, TRAVEL, "rad", open_low),
+        Key("amplitude_travel", 0.0, 0.5, 1.0, "of travel", open_low)  # of the elevator's [Sun13],
     )
 
 
@@ -229,11 +223,11 @@ SURFACE_KINDS = {
 ENGINE_KINDS = {"thrust_loss": Kind("thrust falls by a share", _loss, exclusive="thrust")}
 
 
-def optional_keys(kind, target):
+def optional_keys(kind: str, target: str, aircraft: Aircraft) -> tuple[Key, ...]:
     """Return the keys that `kind` may have on `target`; a runaway's limit is by default the stop it drives to."""
     if kind != "runaway":
         return ()
-    return (Key("limit_deg", *TRAVELS[target.split(".")[0]], DEG, "rad"),)
+    return (Key("limit_deg", *aircraft.travels_deg[target.split(".")[0]], DEG, "rad"),)
 
 
 SENSOR_SUMMARIES = {

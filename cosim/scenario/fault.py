@@ -4,10 +4,11 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationInfo, model_validator
 
 from cosim.errors import did_you_mean
 from cosim.scenario import catalog as c
+from cosim.scenario.aircraft import Aircraft, load_aircraft, of
 from cosim.scenario.problem import choice, problem
 from cosim.scenario.target import parse_target
 
@@ -55,19 +56,25 @@ class Fault(BaseModel):
     ramp_s: Seconds = 0.0
     at: Literal["valve", "command", "sensor"] | None = None
     path: Literal["all", "observers", "loop", "monitor"] | None = None
+    _aircraft: Aircraft = PrivateAttr(default_factory=load_aircraft)
+
+    def model_post_init(self, context: Any) -> None:
+        """Remember whose parts the target names."""
+        self._aircraft = (context or {}).get("aircraft") or load_aircraft()
 
     @model_validator(mode="before")
     @classmethod
-    def _against_catalog(cls, raw: Any) -> Any:
+    def _against_catalog(cls, raw: Any, info: ValidationInfo) -> Any:
         if not isinstance(raw, dict) or not all(isinstance(raw.get(k), str) for k in ("target", "kind")):
             return raw  # pydantic says what is missing or of the wrong type
-        target = parse_target(raw["target"])
+        aircraft = of(info)
+        target = parse_target(raw["target"], aircraft)
         kind = _kind(target, raw)
         full = {**raw, **_place(target, kind, raw)}
-        for key in c.optional_keys(raw["kind"], raw["target"]):
+        for key in c.optional_keys(raw["kind"], raw["target"], aircraft):
             if key.name in full:
                 _number(full[key.name], key)
-        _magnitudes(raw["kind"], kind, full)
+        _magnitudes(raw["kind"], kind, full, aircraft)
         return full
 
     @model_validator(mode="after")
@@ -89,7 +96,7 @@ class Fault(BaseModel):
     @property
     def parsed(self):
         """Return the Target."""
-        return parse_target(self.target)
+        return parse_target(self.target, self._aircraft)
 
     @property
     def spec(self):
@@ -115,11 +122,13 @@ class Fault(BaseModel):
         spec, numbers = self.spec, self.model_extra or {}
         key = next((k for k in spec.one_of if k.name in numbers), None)
         magnitude, unit = (numbers[key.name] * key.factor, key.si) if key else (math.nan, "")
+        if unit == "of travel":
+            magnitude, unit = magnitude * self._aircraft.travel, "rad"
         if self.kind == "scale":
             magnitude -= 1.0
         si = {
             k.name: numbers[k.name] * k.factor
-            for k in (*spec.keys, *c.optional_keys(self.kind, self.target))
+            for k in (*spec.keys, *c.optional_keys(self.kind, self.target, self._aircraft))
             if k.name in numbers
         }
         target, out = self.parsed, []
@@ -201,12 +210,12 @@ def _number(value, key):
         raise problem("is out of range", key=key.name, allowed=key.range)
 
 
-def _magnitudes(name, kind, full):
+def _magnitudes(name, kind, full, aircraft):
     """Check the kind's own numbers (one of `one_of`, all `keys`, nothing else); fill defaults in place."""
     one_of = kind.one_of
     if name.startswith("ofc_"):
         one_of = tuple(k for k in one_of if k.name in c.AMPLITUDES_AT[full["at"]])
-    optional = c.optional_keys(name, full["target"])
+    optional = c.optional_keys(name, full["target"], aircraft)
     known = [k.name for k in (*one_of, *kind.keys, *optional)]
     for key in full:
         if key not in (*COMMON, "at", "path", *known):

@@ -8,6 +8,8 @@ from typing import get_args, get_origin
 from pydantic import BaseModel, ValidationError
 
 from cosim.errors import ScenarioError, did_you_mean
+from cosim.scenario.aircraft import DEFAULT as DEFAULT_AIRCRAFT
+from cosim.scenario.aircraft import load_aircraft
 from cosim.scenario.fault import Fault
 from cosim.scenario.manoeuvre import KINDS
 from cosim.scenario.model import Scenario
@@ -52,9 +54,21 @@ def load_scenario(name_or_path=DEFAULT, overrides=()):
 def parse(table, *, place="scenario"):
     """Return the Scenario of nested dicts; raises ScenarioError that names `place`, key, value and what is allowed."""
     try:
-        return Scenario.model_validate(table)
+        return Scenario.model_validate(table, context={"aircraft": _aircraft(table, place)})
     except ValidationError as error:
         raise explained(error, table, place) from None
+
+
+def _aircraft(table, place):
+    """Return the record of the aircraft that `table` names; what is no name is for the model to refuse."""
+    flight = table.get("flight")
+    name = flight.get("aircraft", DEFAULT_AIRCRAFT) if isinstance(flight, dict) else DEFAULT_AIRCRAFT
+    try:
+        return load_aircraft(name if isinstance(name, str) else DEFAULT_AIRCRAFT)
+    except ScenarioError as error:
+        raise ScenarioError(
+            error.problem, place=f"{place}: {error.place}", allowed=error.allowed, remedy=error.remedy
+        ) from None
 
 
 def _read(name_or_path):

@@ -4,22 +4,23 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, model_validator
 
 from cosim.errors import did_you_mean
 from cosim.scenario import catalog as c
 from cosim.scenario import conflict, toml
+from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft, of
 from cosim.scenario.fault import Fault
 from cosim.scenario.manoeuvre import Cruise, Manoeuvre
 from cosim.scenario.problem import choice, problem
 from cosim.scenario.tolerance import toleranced
 
-Technology = Literal["hydraulic", "ema", "simple"]
 Feedback = Literal["measured", "iotsekf", "rtsekf", "rtsekf_flight"]
 # Thresholds are trained at 200 Hz. At 50 Hz these two alarm in a hard manoeuvre without a fault, and up to 80 Hz both
 # pass their thresholds
 SLOW_HZ, NEED_MORE = 100, ("rfafe", "ofc_monitor")
 MULTIPLIER = c.Key("multiplier", 0.2, 5.0)
+SPEEDS = ("cas_kt", "mach", "tas_kt")
 
 
 class _Table(BaseModel):
@@ -29,21 +30,35 @@ class _Table(BaseModel):
 class Flight(_Table):
     """The point at which the aircraft is trimmed, and the air it flies through."""
 
-    mass_t: Annotated[float, Field(ge=180.0, le=405.0)]
-    cg_pct: Annotated[float, Field(ge=20.0, le=40.0)]
-    altitude_ft: Annotated[float, Field(ge=0.0, le=45000.0)]
-    cas_kt: Annotated[float, Field(ge=100.0, le=400.0)] | None = None
-    mach: Annotated[float, Field(ge=0.2, le=0.95)] | None = None
-    tas_kt: Annotated[float, Field(ge=100.0, le=560.0)] | None = None
+    aircraft: str = DEFAULT  # a bundled name, or a folder with aircraft.toml
+    mass_t: float
+    cg_pct: float
+    altitude_ft: float
+    cas_kt: float | None = None
+    mach: float | None = None
+    tas_kt: float | None = None
     turbulence: Literal["none", "light", "moderate", "severe"] = "none"
 
     @model_validator(mode="after")
     def _one_speed(self):
-        given = [k for k in ("cas_kt", "mach", "tas_kt") if getattr(self, k) is not None]
+        given = [k for k in SPEEDS if getattr(self, k) is not None]
         if len(given) != 1:
             said = f"{' and '.join(given)} are both given" if given else "no speed is given"
             raise problem(said, key=given[1] if given else "cas_kt", allowed="exactly one of cas_kt, mach, tas_kt")
         return self
+
+    @model_validator(mode="before")
+    @classmethod
+    def _within_limits(cls, raw: Any, info: ValidationInfo) -> Any:
+        record = of(info)
+        spans = {**{k: v for k, v in record.mass if k in ("mass_t", "cg_pct")}, **dict(record.limits)}
+        for key in ("mass_t", "cg_pct", "altitude_ft", *SPEEDS):
+            value, (low, high) = raw.get(key) if isinstance(raw, dict) else None, spans[key]
+            if value is not None and (isinstance(value, bool) or not isinstance(value, int | float)):
+                raise problem("must be a valid number", key=key, allowed=f"{low:.10g} to {high:.10g}")
+            if value is not None and math.isfinite(value) and not low <= value <= high:
+                raise problem("is out of range", key=key, allowed=f"{low:.10g} to {high:.10g}")
+        return raw
 
     @property
     def mass(self):
@@ -71,52 +86,59 @@ class Flight(_Table):
         return "tas", self.tas_kt * c.KT
 
 
-class Feedbacks(_Table):
-    """What each segment's servo loop closes on."""
-
-    left_outer: Feedback
-    left_inner: Feedback
-    right_inner: Feedback
-    right_outer: Feedback
-
-
 class Elevator(_Table):
-    """The four elevator segments: actuator technology and servo feedback."""
+    """The elevator segments, by the aircraft's names: actuator technology and servo feedback."""
 
-    left_outer: Technology = c.DEFAULT_TECHNOLOGY["left_outer"]
-    left_inner: Technology = c.DEFAULT_TECHNOLOGY["left_inner"]
-    right_inner: Technology = c.DEFAULT_TECHNOLOGY["right_inner"]
-    right_outer: Technology = c.DEFAULT_TECHNOLOGY["right_outer"]
-    feedback: Feedbacks  # a word for every hydraulic segment, or a table; iotsekf where nothing is said
+    model_config = ConfigDict(frozen=True, extra="allow", strict=True)
+    __pydantic_extra__: dict[str, str]
+
+    # what each segment's servo closes on; a word is for every hydraulic segment, iotsekf where nothing is said
+    feedback: dict[str, Feedback]
     reconfigure: bool = False  # on a sensor verdict the loop closes on the healthy estimate
 
     @model_validator(mode="before")
     @classmethod
-    def _fill_feedback(cls, raw: Any) -> Any:
+    def _fill(cls, raw: Any, info: ValidationInfo) -> Any:
         if not isinstance(raw, dict):
             return raw
+        default = of(info).technology
+        _known_keys(raw, (*default, *cls.model_fields))
+        technology = {name: raw.get(name, own) for name, own in default.items()}
+        for name, tech in technology.items():
+            if tech not in c.TECHNOLOGIES:
+                raise problem("is not one of the choices", key=name, allowed=", ".join(c.TECHNOLOGIES))
         given = raw.get("feedback", {})
         word = given if isinstance(given, str) else "iotsekf"
         if word not in c.FEEDBACKS:
             raise choice(word, c.FEEDBACKS, "feedback", key="feedback")
         if not isinstance(given, str | dict):
             return raw
-        technology = {name: raw.get(name, default) for name, default in c.DEFAULT_TECHNOLOGY.items()}
         filled = {name: word if tech == "hydraulic" else "measured" for name, tech in technology.items()}
-        return {**raw, "feedback": filled | given if isinstance(given, dict) else filled}
+        if isinstance(given, dict):
+            _known_keys(given, default, "feedback.")
+            filled |= given
+        return {**technology, **raw, "feedback": filled}
 
     @model_validator(mode="after")
     def _filters_are_hydraulic(self):
         for name, tech in self.technology.items():
-            if tech != "hydraulic" and getattr(self.feedback, name) != "measured":
-                said = f"{getattr(self.feedback, name)} is a filter of hydraulic actuators, {name} is {tech}"
+            if tech != "hydraulic" and self.feedback[name] != "measured":
+                said = f"{self.feedback[name]} is a filter of hydraulic actuators, {name} is {tech}"
                 raise problem(said, key=f"feedback.{name}", allowed="measured")
         return self
 
     @property
-    def technology(self):
+    def technology(self) -> dict[str, str]:
         """Return {segment: technology} in the order of the segments."""
-        return {name: getattr(self, name) for name in c.SEGMENTS}
+        return dict(self.model_extra or {})
+
+
+def _known_keys(table, known, path=""):
+    for key in table:
+        if key not in known:
+            raise problem(
+                "unknown key", key=f"{path}{key}", allowed=", ".join(known), remedy=did_you_mean(key, known)
+            )
 
 
 @dataclass(frozen=True)
@@ -188,10 +210,10 @@ class Tolerances(_Table):
     ema: dict[str, float] = {}
 
     @model_validator(mode="after")
-    def _known(self):
+    def _known(self, info: ValidationInfo):
         for group in ("aero", "hydraulic", "ema"):
             for name, value in getattr(self, group).items():
-                known = toleranced(group)
+                known = of(info).multipliers if group == "aero" else toleranced(group)
                 if name not in known:
                     raise choice(name, known, "parameter that has a tolerance", key=f"{group}.{name}")
                 if not MULTIPLIER.accepts(value):
@@ -245,11 +267,16 @@ class Scenario(_Table):
     rate_hz: Annotated[int, Field(ge=50, le=2000)] = 200
     flight: Flight
     manoeuvre: Manoeuvre = Cruise()
-    elevator: Elevator = Elevator.model_validate({})
+    elevator: Elevator
     sensors: Sensors = Sensors.model_validate({})
     tolerances: Tolerances = Tolerances()
     faults: Annotated[tuple[Fault, ...], Field(strict=False)] = ()
     detectors: Detectors = Detectors.model_validate({})
+
+    @model_validator(mode="before")
+    @classmethod
+    def _every_segment(cls, raw: Any) -> Any:
+        return {**raw, "elevator": raw.get("elevator", {})} if isinstance(raw, dict) else raw
 
     @model_validator(mode="after")
     def _together(self):
@@ -262,13 +289,19 @@ class Scenario(_Table):
     @property
     def running(self):
         """Return the detectors that run: those enabled, and the filters that servos close on."""
-        closed = [name for name in dict.fromkeys(vars(self.elevator.feedback).values()) if name != "measured"]
+        feedback = dict.fromkeys(self.elevator.feedback.values())
+        closed: list[str] = [name for name in feedback if name != "measured"]
         if self.elevator.reconfigure and "ema" in self.elevator.technology.values():
             closed.append("ema_kalman_flight")
         hydraulic = [n for n, t in self.elevator.technology.items() if t == "hydraulic"]
-        if self.elevator.reconfigure and any(getattr(self.elevator.feedback, n) == "measured" for n in hydraulic):
+        if self.elevator.reconfigure and any(self.elevator.feedback[n] == "measured" for n in hydraulic):
             closed.append("rtsekf_flight")
         return tuple(dict.fromkeys([*self.detectors.enabled, *closed]))
+
+    @property
+    def aircraft(self) -> Aircraft:
+        """Return the record of the aircraft that flies."""
+        return load_aircraft(self.flight.aircraft)
 
     @property
     def dt(self):

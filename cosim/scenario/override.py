@@ -8,7 +8,7 @@ import copy
 import tomllib
 
 from cosim.errors import ScenarioError
-from cosim.scenario import catalog as c
+from cosim.scenario.aircraft import DEFAULT, load_aircraft
 from cosim.scenario.manoeuvre import KINDS
 
 LISTS = ("faults",)
@@ -49,8 +49,9 @@ def _assign(table, path, value, place):
             new: list | dict = [] if part in LISTS and node is table else {}
             node = node.setdefault(part, new)
         if isinstance(node, str) and here == "elevator.feedback":  # one word for all hydraulic ones becomes a table
-            flown = {**c.DEFAULT_TECHNOLOGY, **table["elevator"]}
-            node = table["elevator"]["feedback"] = {s: node for s in c.SEGMENTS if flown[s] == "hydraulic"}
+            flown = {**_aircraft(table).technology, **table["elevator"]}
+            word, own = node, (s for s in _aircraft(table).segments if flown[s] == "hydraulic")
+            node = table["elevator"]["feedback"] = dict.fromkeys(own, word)
         if not isinstance(node, dict | list):
             raise ScenarioError(f"{here} is a value, it has no key {path[i + 1]!r}", place=place)
     key = path[-1]
@@ -59,6 +60,10 @@ def _assign(table, path, value, place):
         return
     _make_room(node, path, key, value)
     node[key] = value
+
+
+def _aircraft(table):
+    return load_aircraft(table.get("flight", {}).get("aircraft", DEFAULT))
 
 
 def _item(items, index, here, place, value=None):
@@ -90,7 +95,7 @@ def _make_room(node, path, key, value):
             gone = set(node) - set(KEPT)
         elif stem in ("amplitude", "bias", "drift", "sigma", "backlash"):
             gone = {k for k in node if k.split("_")[0] == stem}
-    elif path[0] == "elevator" and key in c.SEGMENTS and isinstance(node.get("feedback"), dict):
+    elif path[0] == "elevator" and isinstance(node.get("feedback"), dict):
         node["feedback"].pop(key, None)  # the default of the new technology
     for k in gone - {key}:
         node.pop(k, None)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from cosim.errors import did_you_mean
 from cosim.scenario import catalog as c
+from cosim.scenario.aircraft import Aircraft
 from cosim.scenario.problem import choice, problem
 
 
@@ -28,31 +29,32 @@ class Target:
         return {"elevator": c.ELEVATOR_KINDS, "surface": c.SURFACE_KINDS, "engine": c.ENGINE_KINDS}[self.place]
 
 
-def parse_target(text):
+def parse_target(text: str, aircraft: Aircraft) -> Target:
     """Return the Target that `text` names; an unknown part raises the error that lists what there is."""
     head, _, rest = text.partition(".")
+    segments, groups, engines = aircraft.segments, aircraft.groups, aircraft.engine_names
     if head == "elevator":
         part, _, sensor = rest.partition(".")
-        if part not in c.SEGMENTS and part not in c.GROUPS:
+        if part not in segments and part not in groups:
             raise choice(
-                text, [f"elevator.{n}" for n in (*c.SEGMENTS, *c.GROUPS)], "part of this aircraft", key="target"
+                text, [f"elevator.{n}" for n in (*segments, *groups)], "part of this aircraft", key="target"
             )
         if sensor and sensor not in c.ACTUATOR_SENSORS:
             known = [f"elevator.{part}.{s}" for s in c.ACTUATOR_SENSORS]
             raise choice(text, known, "sensor of an actuator", key="target")
-        return Target("actuator_sensor" if sensor else "elevator", c.GROUPS.get(part, (part,)), sensor)
+        return Target("actuator_sensor" if sensor else "elevator", groups.get(part, (part,)), sensor)
     if text in c.SURFACES:
         return Target("surface", (text,))
     if head == "engine":
-        if rest not in (*c.ENGINES, "all"):
-            raise choice(text, [f"engine.{n}" for n in (*c.ENGINES, "all")], "engine of this aircraft", key="target")
-        return Target("engine", c.ENGINES if rest == "all" else (rest,))
+        if rest not in (*engines, "all"):
+            raise choice(text, [f"engine.{n}" for n in (*engines, "all")], "engine of this aircraft", key="target")
+        return Target("engine", engines if rest == "all" else (rest,))
     if head == "sensor":
         if rest not in c.SENSORS:
             raise choice(text, [f"sensor.{n}" for n in c.SENSORS], "sensor of this aircraft", key="target")
         return Target("sensor", (rest,), rest)
     near = did_you_mean(
-        text, [*c.SURFACES, *(f"elevator.{n}" for n in (*c.SEGMENTS, *c.GROUPS)), *(f"sensor.{n}" for n in c.SENSORS)]
+        text, [*c.SURFACES, *(f"elevator.{n}" for n in (*segments, *groups)), *(f"sensor.{n}" for n in c.SENSORS)]
     )
     raise problem(
         f"{text!r} is no part of this aircraft",
@@ -60,5 +62,5 @@ def parse_target(text):
         remedy=near or "`cosim list` shows every target",
         allowed="elevator.<segment or group>[.<sensor>], "
         + ", ".join(c.SURFACES)
-        + ", engine.1 to engine.4, engine.all, sensor.<name>",
+        + f", engine.1 to engine.{engines[-1]}, engine.all, sensor.<name>",
     )

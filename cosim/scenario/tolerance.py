@@ -3,9 +3,9 @@
 import functools
 import inspect
 import re
-from pathlib import Path
 
-MULTIPLIERS = Path(__file__).resolve().parents[2] / "aircraft" / "transport" / "Systems" / "multipliers.xml"
+from cosim.scenario.aircraft import load_aircraft
+
 NUMERICAL = ("q_lo", "q_hi", "substeps")  # stops and steps: nothing that wears or is uncertain
 GROUPS = ("aero", "hydraulic", "ema")
 COEFFICIENTS = {
@@ -25,7 +25,7 @@ _FIELD = re.compile(r'\(\s*"(\w+)",\s*"f8",?\s*\),\s*#\s*(.*?)\s*(?:\[([^\]]*)\]
 def toleranced(group: str) -> tuple[str, ...]:
     """Return the names of group "aero", "hydraulic" or "ema"; actuators are imported only when they are asked for."""
     if group == "aero":
-        return tuple(dict.fromkeys(re.findall(r"aero/mult/(\w+)", MULTIPLIERS.read_text(encoding="utf-8"))))
+        return load_aircraft().multipliers
     if group == "hydraulic":
         from actuators.hydraulic.actuator import NOMINAL
 

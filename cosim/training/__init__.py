@@ -1,0 +1,19 @@
+"""Designs and thresholds from the aircraft that flies: `cosim design` and `cosim train`."""
+
+import importlib
+from types import ModuleType
+
+from cosim.errors import DesignError, did_you_mean
+
+TRAINERS = {  # name -> (module, what it trains)
+    "hydraulic": ("cosim.training.train_lu17", "iotsekf, ofc_monitor, position_monitor; 5 min on two cores"),
+    "rfafe": ("cosim.training.train_rfafe", "rfafe, rfafe_airframe; 15 min on two cores"),
+}
+
+
+def trainer(name: str) -> ModuleType:
+    """Return the module that trains thresholds `name`: train(), changes(), store(). Raises DesignError for none."""
+    if name not in TRAINERS:
+        raise DesignError(f"there is no training {name!r}", allowed=", ".join(TRAINERS),
+                          remedy=did_you_mean(name, TRAINERS))  # fmt: skip
+    return importlib.import_module(TRAINERS[name][0])

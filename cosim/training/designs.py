@@ -15,19 +15,17 @@ from pathlib import Path
 
 import numpy as np
 
-import aircraft
 import fdi
 from actuators.ema import actuator as ema
 from actuators.ema import servo as ema_servo
 from actuators.hydraulic import actuator as hydraulic
 from actuators.hydraulic import servo
-from actuators.simple import actuator as simple
 from cosim.errors import DesignError, did_you_mean
 from cosim.files import replace_text
+from cosim.scenario.aircraft import load_aircraft
+from fdi.common import compact
 
 FOLDER = Path(fdi.__file__).resolve().parent / "designs"
-AIRCRAFT = Path(next(iter(aircraft.__path__))).resolve()
-NUMBERS = re.compile(r"\[[^\[\]{}\"]*\]")  # a list of numbers, which goes on one line
 REMEDY = "Run `cosim design` (it needs the extra `design`)"
 
 
@@ -69,8 +67,7 @@ def build(name, *, folder=FOLDER, progress=None):
         module.store(path, progress=lambda: tell(f"{name}: next flight point"))
         return path
     made = getattr(module, maker.function)(tell)
-    text = json.dumps({"source": source(), **made}, indent=1, sort_keys=True)
-    replace_text(path, NUMBERS.sub(lambda m: " ".join(m[0].split()), text) + "\n")
+    replace_text(path, compact.text({"source": source(), **made}))
     return path
 
 
@@ -97,15 +94,19 @@ def require(name):
 
 @functools.cache
 def source():
-    """Return the digest of every number in the aircraft's XML and in the actuators' and servos' nominal parameters."""
+    """Return the digest of every number in the aircraft's XML and record and in the actuators' and servos' nominal
+    parameters.
+    """
+    aircraft = load_aircraft()
     digest = hashlib.sha256()
-    for path in sorted(AIRCRAFT.rglob("*.xml")):
+    for path in sorted(aircraft.folder.rglob("*.xml")):
         for number in _numbers(ET.parse(path).getroot()):
             digest.update(number.encode())
     for module in (hydraulic, servo, ema, ema_servo):
         for value in np.ascontiguousarray(module.params()).view(np.float64).ravel():
             digest.update(f"{value:.6e};".encode())  # gains come from linear algebra: last digits are the processor's
-    digest.update(json.dumps(simple.KINDS, sort_keys=True).encode())
+    numbers = aircraft.model_dump(mode="json", exclude={"folder", "name", "title", "points"})
+    digest.update(json.dumps(numbers, sort_keys=True).encode())
     return digest.hexdigest()
 
 

@@ -17,9 +17,10 @@ from scipy.optimize import brentq
 import fdi
 from cosim.errors import TrimError
 from cosim.flight.plant.aero.functions import numbers_digest
+from cosim.flight.plant.border import KT
 from cosim.flight.plant.force_model import FOLDER
 from cosim.flight.plant.linearize import linearize
-from cosim.flight.plant.plant import KT, FlightPoint
+from cosim.flight.plant.point import FlightPoint
 from fdi.lpv_smo import model as lpv_model
 from fdi.lpv_smo import synthesis as lpv_smo_design
 

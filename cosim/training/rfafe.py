@@ -10,26 +10,21 @@ import math
 import numpy as np
 
 from cosim.flight.blocks.sensors import PARTS, TRANSPORT
-from cosim.flight.build import build
-from cosim.flight.fly import record
 from cosim.flight.plant.linearize import linearize
-from cosim.flight.plant.point import SIX, FlightPoint
+from cosim.flight.plant.point import FlightPoint
+from cosim.flight.signals import fly
 from cosim.judge.achieved import sine
-from cosim.scenario import parse
+from cosim.training.flights import COMMAND, DT, MANOEUVRES, POINT, SURFACES, scenario
 from fdi.common import physics_bound as bound
 from fdi.rfafe import rfafe
 from fdi.rfafe.discrete import noise
 from fdi.rfafe.store import to_plain
 
 DEG = math.pi / 180.0
-DT = 0.005
-POINT = SIX["sun13"]
 STATES = ("tas", "alpha", "q", "theta")
 SEGMENTS = ("de_lo", "de_li", "de_ri", "de_ro")
 NAMES = ("left_outer", "left_inner", "right_inner", "right_outer")
 UNIT = np.array([1.0, 1 / DEG, 1 / DEG, 1 / DEG])  # SI to the paper's units
-# the six fault-free flights of [Sun13] section IV
-MANOEUVRES = ("cruise", "aoa_protection", "nose_up", "pitch_protection", "coordinated_turn", "yaw_angle")
 FLIGHT_S = 40.0
 RANK_E = 2
 FIT_HZ = (0.2, 0.35, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)  # where the actuator is measured
@@ -43,24 +38,6 @@ TECHNOLOGIES = {"hydraulic": ("hydraulic",) * 4, "ema": ("ema",) * 4, "simple": 
 PAIRS = tuple(f"{a}/{b}" for a in TECHNOLOGIES for b in TECHNOLOGIES if a != b)  # sides that differ
 RATE_DEG_S = 40.0  # of the servos' reference: 40 of the no-load 45 deg/s (actuators/hydraulic/servo.py)
 BOUND_HZ = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
-
-
-def fly(
-    names, *, duration=FLIGHT_S, manoeuvre="cruise", faults=(), technology=("hydraulic",) * 4, prepare=None, **more
-):
-    """Return the bus values `names` (ticks, names) of a flight at POINT without detectors, up to a departure.
-
-    `more` are further tables of the scenario; "flight" entries are added to POINT. `prepare(loop)` may change the loop
-    before its first tick.
-    """
-    manoeuvre = manoeuvre if isinstance(manoeuvre, dict) else {"kind": manoeuvre}
-    flight = {**POINT, **more.pop("flight", {})}
-    setup = build(parse({"title": "design flight", "duration_s": duration, "flight": flight, "manoeuvre": manoeuvre,
-                         "elevator": dict(zip(NAMES, technology)), "detectors": {"enabled": []},
-                         "faults": list(faults), **more}))
-    if prepare is not None:
-        prepare(setup.loop)
-    return record(setup, names)[0]
 
 
 @functools.cache
@@ -81,11 +58,11 @@ def unknown_inputs():
     zero.
     """
     A, B, x0 = linear()
-    names = [f"truth.aircraft.{n}" for n in (*STATES, *SEGMENTS)]
+    states = [f"truth.aircraft.{n}" for n in STATES]
     flights = []
     for kind in MANOEUVRES:
-        v = fly(names, manoeuvre=kind)
-        flights.append((UNIT * v[:, :4] - x0, v[:, 4:] / DEG))
+        v = fly(scenario(duration=FLIGHT_S, manoeuvre=kind), [*states, *SURFACES])
+        flights.append((UNIT * np.asarray(v[states]) - x0, np.asarray(v[list(SURFACES)]) / DEG))
     return rfafe.estimate_E(A, B, np.eye(4), flights, dt=DT)
 
 
@@ -97,12 +74,13 @@ def actuator(technology):
     for hz in FIT_HZ:
         fault = {"target": "elevator.all", "kind": "ofc_liquid", "at": "command", "start_s": 1.0,
                  "amplitude_deg": FIT_DEG, "frequency_hz": hz}
-        names = [*(f"truth.aircraft.{n}" for n in SEGMENTS), "law.law.de_cmd", "clock.clock.t"]
-        v = fly(names, duration=4.0 + max(4.0, 4.0 / hz), faults=[fault], technology=TECHNOLOGIES[technology])
-        t, w = v[:, 5], 2 * math.pi * hz
+        flown = scenario(duration=4.0 + max(4.0, 4.0 / hz), faults=[fault], technology=TECHNOLOGIES[technology])
+        v = fly(flown, [*SURFACES, COMMAND])
+        t, w = v.index.to_numpy(), 2 * math.pi * hz
         late = t > 4.0
-        asked = v[:, 4] + FIT_DEG * DEG * np.sin(w * (t - 1.0))
-        response.append(sine(t[late], v[late, :4].mean(1), w) / sine(t[late], asked[late], w))
+        asked = v[COMMAND].to_numpy() + FIT_DEG * DEG * np.sin(w * (t - 1.0))
+        elevator = np.asarray(v[list(SURFACES)]).mean(1)
+        response.append(sine(t[late], elevator[late], w) / sine(t[late], asked[late], w))
     a, gain, tau = rfafe.fit_first_order((np.array(FIT_HZ), np.array(response)))
     s = 2j * math.pi * FIT_HZ[-1]
     return a, gain, tau, float(abs(response[-1] / (gain * a / (s + a))) - 1.0)

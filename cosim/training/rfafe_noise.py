@@ -16,8 +16,8 @@ import math
 
 import numpy as np
 
-from cosim.training.rfafe import DEG, DT
-from cosim.training.rfafe_flights import MODULES, estimate, record
+from cosim.training.flights import DT, MODULES, estimate, fly_aircraft
+from cosim.training.rfafe import DEG
 
 FRICTION = ("F_c", "F_s", "T_c", "T_s")  # of the hydraulic and of the electromechanical actuator
 FIELD = {"rfafe": "f_hat_left", "rfafe_airframe": "f_hat"}
@@ -50,7 +50,8 @@ def _response(lane, size):
     """Return (sensors, {estimator: f_hat (ticks,) [deg]}) of a noiseless flight with one sample of `lane` disturbed."""
     ticks, sensors = iter(range(TICKS)), []
 
-    def prepare(loop):
+    def prepare(setup):
+        loop = setup.loop
         sensors.extend(loop.bus.lanes["sensors"])
         for block in loop.actuators:
             for field in set(FRICTION) & set(block.p.dtype.names):
@@ -63,5 +64,5 @@ def _response(lane, size):
 
         loop.draw = draw
 
-    flown = record(duration=TICKS * DT, prepare=prepare)
+    flown = fly_aircraft(duration=TICKS * DT, prepare=prepare)
     return sensors, {name: estimate(flown, name)[field] / DEG for name, field in FIELD.items()}

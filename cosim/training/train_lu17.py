@@ -1,28 +1,27 @@
 """Thresholds of the hydraulic detectors from fault-free flights that nothing else uses.
 
-The flights are those of `lu17_flights.flights`: six points, six manoeuvres, three levels of turbulence, 60 s,
+The flights are those of `flights.flights`: six points, six manoeuvres, three levels of turbulence, 60 s,
 aircraft and actuator up to 5 % off, four segments each, DRAWS times; and harsher ones that move the elevator in steps.
 A threshold is MARGIN times the largest statistic of any segment in any flight, what scales with the drive left out;
 one that needs several samples to agree takes the largest that they agree on. The position monitor
 also watches electromechanical segments, which follow hard commands less closely: for it all flights are flown again.
 
-    python -m cosim.training.train_lu17 --check      fly the training set, say what would change
-    python -m cosim.training.train_lu17              and write fdi/thresholds/*.json
+    cosim train hydraulic --check      fly the training set, say what would change
+    cosim train hydraulic              and write fdi/thresholds/*.json
 """
 
-import argparse
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 import fdi
+from cosim.campaign.jobs import work
 from cosim.files import replace_text
-from cosim.papers.studies import work
-from cosim.training.lu17_flights import POINTS, TURBULENCE, draw, estimate, flights, record, record_ema
-from cosim.training.rfafe import DT
-from fdi.common import bank
+from cosim.scenario.catalog import SEGMENTS
+from cosim.training.flights import DT, POINTS, TURBULENCE, draw, flights, fly_ema, fly_hydraulic, watch, wires
+from fdi.common import bank, compact
 from fdi.hydraulic import iotsekf
 from fdi.monitors import ofc_monitor, position_monitor
 
@@ -43,7 +42,7 @@ def survey_iotsekf(recorded, load):
     p = iotsekf.params(load=load)
     r = p[0]
     fields = ("bank_cos", "bank_sin", "bank_seen", "gain", "gain_den", "f_slow", "u_slow", "valid")
-    log = estimate(iotsekf, recorded, p, fields)[:, round(START_S / DT) :]
+    log = watch(recorded, iotsekf, p, fields)[:, round(START_S / DT) :]
     c = log["bank_cos"][:, :, 0] - log["gain"][..., None] * log["bank_cos"][:, :, 1]
     s = log["bank_sin"][:, :, 0] - log["gain"][..., None] * log["bank_sin"][:, :, 1]
     drive = np.hypot(log["bank_cos"][:, :, 1], log["bank_sin"][:, :, 1])
@@ -64,7 +63,7 @@ def survey_ofc_monitor(recorded):
             p = ofc_monitor.params()
             p["threshold"] = 1.0  # the other bands are silent
             p["threshold"][0, b] = GRID[middle]
-            counts = (estimate(ofc_monitor, recorded, p, ("alarm",))["alarm"] > 0.5).any()
+            counts = (watch(recorded, ofc_monitor, p, ("alarm",))["alarm"] > 0.5).any()
             low, high = (middle, high) if counts else (low, middle)
         out[b] = GRID[low] if low >= 0 else 0.0
     return out
@@ -73,7 +72,7 @@ def survey_ofc_monitor(recorded):
 def survey_position_monitor(recorded):
     """Return the largest deviation that lasts for the confirmation time in one flight [rad]."""
     p = position_monitor.params()
-    log = estimate(position_monitor, recorded, p, ("r",))
+    log = watch(recorded, position_monitor, p, ("r",))
     n = round(p["t_confirm"][0] / DT)
     windows = np.lib.stride_tricks.sliding_window_view(np.abs(log["r"][:, round(START_S / DT) :]), n, axis=1)
     return float(windows.min(axis=2).max() * p["threshold"][0])
@@ -102,34 +101,34 @@ def harsh(first_seed):
 
 def surveyed(**flight):
     """Return what `survey` finds in one flight, as plain data."""
-    found = survey(record(**flight))
+    found = survey(fly_hydraulic(**flight))
     return {name: {key: np.asarray(v).tolist() for key, v in values.items()} for name, values in found.items()}
 
 
 def surveyed_ema(**flight):
     """Return the largest deviation that `position_monitor` sees for long on electromechanical segments, like that."""
-    return {"position_monitor_ema": {"threshold": survey_position_monitor(record_ema(**flight))}}
+    return {"position_monitor_ema": {"threshold": survey_position_monitor(fly_ema(**flight))}}
 
 
 def training(first_seed=TRAINING, draws=DRAWS):
-    """Return the arguments of `record` of every training flight."""
+    """Return the arguments of `flights.scenario` of every training flight."""
     return [*flights(first_seed, draws), *harsh(first_seed + HARSH)]
 
 
-def train(first_seed=TRAINING, draws=DRAWS, **how):
-    """Fly the training set; return ({set: {name: largest}}, number of flights); `how`: see
-    `cosim.papers.studies.work`.
+def train(*, first_seed: int = TRAINING, draws: int = DRAWS, **how) -> dict:
+    """Fly the training set; return {"largest": {set: {name: largest}}, "flights": number, "first_seed"}.
+
+    `how`: see `cosim.campaign.jobs.work`.
     """
     hydraulic = training(first_seed, draws)
     jobs = [(surveyed, flight) for flight in hydraulic]
-    found = work(jobs + [(surveyed_ema, flight) for flight in hydraulic], **how)
-    most = {}
-    for flown in found:
+    most: dict = {}
+    for flown in work(jobs + [(surveyed_ema, flight) for flight in hydraulic], **how):
         for name, values in flown.items():
             kept = most.setdefault(name, {})
             for key, value in values.items():
                 kept[key] = np.maximum(kept.get(key, 0.0), value)
-    return most, len(hydraulic)
+    return {"largest": most, "flights": len(hydraulic), "first_seed": first_seed}
 
 
 def stored_as(name):
@@ -137,9 +136,11 @@ def stored_as(name):
     return name if name.startswith("flight") else "flight_ema" if name.endswith("_ema") else "flight"
 
 
-def store(most, count, first_seed=TRAINING):
-    """Write the trained thresholds into the files that the detectors read, each with how it was found."""
-    how = {"flights": count, "first_seed": first_seed, "margin": MARGIN, "flight_s": 60.0, "segments": 4}
+def store(found: dict) -> None:
+    """Write what `train` found into the files that the detectors read, each with how it was found."""
+    most = found["largest"]
+    how = {"flights": found["flights"], "first_seed": found["first_seed"], "margin": MARGIN, "flight_s": 60.0,
+           "segments": 4}  # fmt: skip
     quiet = {k: quiet_floor(k) for k in (0, 1, 2)}
     for file, names in (("iotsekf", [f"flight_load{k}" for k in (0, 1, 2)]), ("ofc_monitor", ["ofc_monitor"]),
                         ("position_monitor", ["position_monitor", "position_monitor_ema"])):
@@ -157,7 +158,7 @@ def store(most, count, first_seed=TRAINING):
         largest = {n: {k: np.round(v, 7).tolist() for k, v in most[n].items()} for n in names}
         chosen = {k: v for k, v in data["training"].items() if k == "chosen"}  # what no training finds, and on what
         data["training"] = {**how, "largest": largest, **chosen}
-        replace_text(path, json.dumps(data, indent=1) + "\n")
+        replace_text(path, compact.text(data))
 
 
 def quiet_floor(load, seed=1):
@@ -169,7 +170,9 @@ def quiet_floor(load, seed=1):
         u[name] = 1.0
     u["y_rod"] = np.sqrt(p["r_rod"]) * rng.standard_normal((4, ticks))
     u["y_dp"] = np.sqrt(p["r_dp"]) * rng.standard_normal((4, ticks))
-    log = estimate(iotsekf, {n: u[n] for n in u.dtype.names}, p, ("bank_cos", "bank_sin"))[:, round(5.0 / DT) :]
+    frame = pd.DataFrame({path: u[n][i] for i, s in enumerate(SEGMENTS) for n, path in wires(iotsekf, s).items()})
+    frame.attrs["dt"] = DT
+    log = watch(frame, iotsekf, p, ("bank_cos", "bank_sin"))[:, round(5.0 / DT) :]
     c, s = log["bank_cos"], log["bank_sin"]
     residual = np.sqrt((c[:, :, 0] ** 2 + s[:, :, 0] ** 2).mean(axis=(0, 1)))
     both = np.sqrt((c.sum(axis=2) ** 2 + s.sum(axis=2) ** 2).mean(axis=(0, 1)))
@@ -177,10 +180,10 @@ def quiet_floor(load, seed=1):
     return {"bank_threshold": NOISE_SIGMA * residual, "sum_threshold": np.round(3.0 * both, 7).tolist()}
 
 
-def changes(most):
+def changes(found: dict) -> list[tuple]:
     """Return [(file, set, field, stored, trained)] of every threshold that `store` would write, largest of a row."""
     out = []
-    for name, values in most.items():
+    for name, values in found["largest"].items():
         file = name.removesuffix("_ema") if "monitor" in name else "iotsekf"
         held = json.loads((FOLDER / f"{file}.json").read_text(encoding="utf-8"))
         for key, value in values.items():
@@ -189,35 +192,3 @@ def changes(most):
             k = int(np.argmax(trained / stored)) if stored.ndim else 0
             out.append((file, name, key, float(np.ravel(stored)[k]), float(np.ravel(trained)[k])))
     return out
-
-
-def main(argv=None):
-    """Train as the command line says; return the exit status."""
-    from rich.console import Console
-
-    from cosim.cli.tables import progress, table
-    from cosim.papers.studies import text
-
-    about = "Thresholds of the hydraulic detectors from fault-free flights; five minutes on two cores, resumable."
-    made = argparse.ArgumentParser(prog="python -m cosim.training.train_lu17", description=about)
-    made.add_argument("--first-seed", type=int, default=TRAINING, help=f"of the training flights (default {TRAINING})")
-    made.add_argument("--draws", type=int, default=DRAWS, help=f"of every combination (default {DRAWS})")
-    made.add_argument("--workers", type=int, default=2, help="processes (default 2); 0: this one")
-    made.add_argument("-o", "--output", metavar="FOLDER", default="logs/train-lu17", help="where results are kept")
-    made.add_argument("--check", action="store_true", help="write nothing")
-    options = made.parse_args(argv)
-    with progress(Console(stderr=True), "training", "flights", "preparing") as bar:
-        most, count = train(options.first_seed, options.draws, folder=options.output, workers=options.workers,
-                            progress=bar)
-    shown = table(f"{count} flights from seed {options.first_seed}: the entry of each threshold that grows most",
-                  "file", "set", "threshold", "stored>", "trained>")
-    for row in changes(most):
-        shown.add_row(*map(text, row))
-    Console().print(shown)
-    if not options.check:
-        store(most, count, options.first_seed)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

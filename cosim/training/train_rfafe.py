@@ -1,6 +1,6 @@
 """Thresholds of the Sun13 estimators from fault-free flights that nothing else uses.
 
-`python -m cosim.papers.studies.aircraft_level thresholds` trains and stores them, then judges them on the second set.
+`cosim train rfafe` trains and stores them, then judges them on the second set.
 Every flight is one of six points (that of Sun13, A to E of Alwi14), six manoeuvres and three levels of turbulence, 60 s
 long, each aerodynamic coefficient up to 5 % off; in turn all elevators are hydraulic, or the right ones
 electromechanical. A threshold is MARGIN times the largest amplitude of f_hat, less the command's share, that any flight
@@ -18,22 +18,27 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 import fdi
 from actuators.block import kernel
-from cosim.campaign.jobs import many
+from cosim.campaign.jobs import work
 from cosim.files import replace_text
-from cosim.flight.plant.point import SIX
 from cosim.flight.rfafe_wires import technology
 from cosim.judge.alarms import onsets
+from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.tolerance import toleranced
-from cosim.training.rfafe import MANOEUVRES, NAMES, POINT
-from cosim.training.rfafe_flights import MODULES, estimate, record
-from fdi.common import bank, tuning
+from cosim.training.flights import (
+    FLIGHT_S,
+    MANOEUVRES,
+    MODULES,
+    POINT,
+    POINTS,
+    TOLERANCE,
+    TURBULENCE,
+    estimate,
+    fly_aircraft,
+)
+from fdi.common import bank, compact, tuning
 from fdi.rfafe.decision import shaped
 
-POINTS = tuple(SIX.values())
-TURBULENCE = ("none", "light", "moderate")
 ELEVATORS = (("hydraulic",) * 4, ("hydraulic", "hydraulic", "ema", "ema"))  # in turn; the second is the default
-FLIGHT_S = 60.0
-TOLERANCE = 0.05
 MARGIN = 1.25  # 1.2 times the maximum of 40 flights left 1 alarm in 300 (papers/README)
 RESERVE = 0.3  # of the largest amplitude that only its shape refused: no threshold hangs on the shape alone
 SPARE = 2  # thresholds stand on so many fits in a row less than an alarm takes
@@ -44,8 +49,7 @@ TRAINING, EVALUATION = 1000, 2000  # first seeds of the two sets
 
 
 def flights(first_seed):
-    """Yield the arguments of `record` for every flight of a set; point C has 1.23 g left: steps of 0.15 g at most
-    there."""
+    """Yield the arguments of `scenario` for every flight of a set; point C has 1.23 g left: steps of 0.15 g at most."""
     seed = first_seed
     repeats = REPEATS if first_seed == TRAINING else 2
     for count, point in enumerate(POINTS * repeats):
@@ -66,20 +70,19 @@ def flights(first_seed):
 def look(first_seed, index):
     """Fly flight `index` of a set and return {estimator: [*survey, alarms]} as JSON can hold it."""
     flight = list(flights(first_seed))[index]
-    r, out = record(**flight), {}
+    r, out = fly_aircraft(**flight), {}
     for name, module in MODULES.items():
-        p = module.params(technology=technology(dict(zip(NAMES, flight["technology"]))))
+        p = module.params(technology=technology(dict(zip(SEGMENTS, flight["technology"]))))
         runs, whatever, slow = survey(r, name, p)
         alarm = estimate(r, name, p)["alarm"]
         out[name] = [runs.tolist(), whatever.tolist(), slow, len(onsets(alarm))]
     return out
 
 
-def collect(first_seed, *, out=None, workers=2, progress=None):
-    """Fly a set in processes and return [(arguments, what `look` returns)]; `out` is a file that keeps the results."""
+def collect(first_seed, **how):
+    """Fly a set in processes and return [(arguments, what `look` returns)]; `how`: see `cosim.campaign.jobs.work`."""
     chosen = list(flights(first_seed))
-    got = many(look, [(first_seed, i) for i in range(len(chosen))], out=out, workers=workers, progress=progress)
-    return [(flight, got[first_seed, i]) for i, flight in enumerate(chosen)]
+    return list(zip(chosen, work([(look, {"first_seed": first_seed, "index": i}) for i in range(len(chosen))], **how)))
 
 
 @kernel
@@ -144,7 +147,7 @@ def answers():
         most = min(4.0, 30.0 / (2.0 * math.pi * hz))  # inside the servos' rate [deg]
         fault = {"target": "elevator.left_inner", "kind": "ofc_liquid", "at": "command", "start_s": 2.0,
                  "amplitude_deg": most, "frequency_hz": float(hz)}  # fmt: skip
-        r = record(duration=2.0 + max(8.0 / hz, 3.0), faults=[fault])
+        r = fly_aircraft(duration=2.0 + max(8.0 / hz, 3.0), faults=[fault])
         for name in MODULES:
             last = estimate(r, name)[-1]
             f, u = (math.hypot(last["bank_cos"][i, k], last["bank_sin"][i, k]) for i in (0, 1))
@@ -152,7 +155,7 @@ def answers():
     return out
 
 
-def train(name, collected):
+def fields(name: str, collected: list) -> tuple[dict, dict]:
     """Return the trained fields of estimator `name` and the record of how they were found.
 
     A larger share of the command lets the threshold be lower, but the law answers a fault with command: the share is
@@ -171,24 +174,36 @@ def train(name, collected):
     return made, how
 
 
-def retrain(*, out=None, workers=2, progress=None):
-    """Fly the training set, store both threshold sets of both estimators, return {(estimator, set): trained fields}."""
-    collected, made = collect(TRAINING, out=out, workers=workers, progress=progress), {}
+def train(*, first_seed: int = TRAINING, **how) -> dict:
+    """Fly the training set; return {(estimator, set): (trained fields, how they were found)}, sets "flight" and
+    "design_point"; `how`: see `cosim.campaign.jobs.work`."""
+    collected = collect(first_seed, **how)
     here = [c for c in collected if all(c[0]["flight"][k] == v for k, v in POINT.items())]
-    for name in MODULES:
-        for which, chosen in (("flight", collected), ("design_point", here)):
-            made[name, which], how = train(name, chosen)
-            store(name, which, made[name, which], how)
-    return made
+    sets = (("flight", collected), ("design_point", here))
+    return {(name, which): fields(name, chosen) for name in MODULES for which, chosen in sets}
 
 
-def store(name, which, made, how):
-    """Write the trained fields into set `which` of `fdi/thresholds/<name>.json`; the other fields are those of
-    "flight"."""
-    path = Path(fdi.__file__).parent / "thresholds" / f"{name}.json"
-    held = json.loads(path.read_text(encoding="utf-8"))
-    held[which] = held["flight"] | made
-    held["training"] = {k: v for k, v in held.get("training", {}).items() if k in held} | {which: how}
-    replace_text(path, json.dumps(held, indent=1) + "\n")
+def changes(found: dict) -> list[tuple]:
+    """Return [(file, set, field, stored, trained)] of every threshold that `store` would write, largest of a row."""
+    out = []
+    for (name, which), (made, _) in found.items():
+        held = json.loads(_path(name).read_text(encoding="utf-8"))[which]
+        for key, value in made.items():
+            stored, trained = np.atleast_1d(held[key]), np.atleast_1d(value)
+            k = int(np.argmax(trained - stored))
+            out.append((name, which, key, float(stored[k]), float(trained[k])))
+    return out
+
+
+def store(found: dict) -> None:
+    """Write what `train` found into `fdi/thresholds/<estimator>.json`; other fields of a set are those of "flight"."""
+    for (name, which), (made, how) in found.items():
+        held = json.loads(_path(name).read_text(encoding="utf-8"))
+        held[which] = held["flight"] | made
+        held["training"] = {k: v for k, v in held.get("training", {}).items() if k in held} | {which: how}
+        replace_text(_path(name), compact.text(held))
     tuning.forget()
-    return path
+
+
+def _path(name):
+    return Path(fdi.__file__).parent / "thresholds" / f"{name}.json"

@@ -28,6 +28,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fdi.common import compact
 from fdi.common import lmi as lmi_tools
 from fdi.lpv_smo.inputs import least_seen, movable, options, stacks, vector
 from fdi.lpv_smo.model import LpvModel, at, vertices
@@ -208,7 +209,7 @@ def save(model, made, path, **facts):
     held = {"model_sha256": digest(model), **facts}
     held["model"] = {k: _plain(v) for k, v in dataclasses.asdict(model).items()}
     held["design"] = {k: _plain(v) for k, v in dataclasses.asdict(made).items()}
-    Path(path).write_text(json.dumps(held, indent=1) + "\n", encoding="utf-8")
+    Path(path).write_text(compact.text(held), encoding="utf-8")
 
 
 def load(path=None):

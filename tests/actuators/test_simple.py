@@ -27,9 +27,9 @@ def test_settles_on_the_command_within_its_limits():
     assert np.abs(log["delta_d"]).max() <= math.radians(45) * (1 + 1e-9)
 
 
-@pytest.mark.parametrize("kind", simple.KINDS)
-def test_every_surface_has_its_stops(kind):
-    p = simple.params(**simple.KINDS[kind])
+@pytest.mark.parametrize("hi_deg, rate_deg_s", [(17.0, 45.0), (4.0, 0.5)])
+def test_it_stops_at_its_stop(hi_deg, rate_deg_s):
+    p = simple.params(hi=math.radians(hi_deg), rate=math.radians(rate_deg_s))
     log = _fly(np.full(12000, 1.0), p)
     assert log["delta"].max() == pytest.approx(p["hi"][0], rel=1e-3)
 

@@ -1,8 +1,10 @@
 """One process against two on the same flights: the command prints both times, and that the rows are equal."""
 
 import pytest
+from typer.testing import CliRunner
 
 from cosim.bench import campaign as campaign_speed
+from cosim.cli import commands as cli
 from cosim.scenario import load_scenario
 
 FEW = [load_scenario("cruise", ["duration_s=1", "detectors.enabled=[]", f"seed={1_000_000 + i}"]) for i in range(3)]
@@ -17,7 +19,7 @@ def test_rows_of_one_and_two_processes_are_equal_and_a_changed_value_is_not():
     assert not campaign_speed.same(one["rows"], changed)
 
 
-def test_command_prints_the_ratio_and_fails_on_a_crash(monkeypatch, capsys):
+def test_command_prints_the_ratio_and_fails_on_a_crash(monkeypatch):
     class Campaign:
         def scenarios(self):
             return FEW, None
@@ -25,11 +27,11 @@ def test_command_prints_the_ratio_and_fails_on_a_crash(monkeypatch, capsys):
     rows = campaign_speed.measure(FEW, 0)["rows"]
     case = {"flights": 3, "flown_s": 3.0, "outcomes": {"completed": 3}, "rows": rows}
     took = {2: 5.0, 1: 9.0}
+    monkeypatch.setattr(campaign_speed, "cores", lambda: 2)
     monkeypatch.setattr(campaign_speed, "load_campaign", lambda name: Campaign())
     monkeypatch.setattr(campaign_speed, "measure", lambda s, n, bar: case | {"workers": n, "wall_s": took[n]})
-    assert campaign_speed.main(["fault-free", "--workers", "2"]) == 0
-    assert "1.80 times as fast as one process; rows equal; 0 crashed" in capsys.readouterr().out
+    shown = CliRunner().invoke(cli.app, ["bench", "--campaign", "fault-free"])
+    assert shown.exit_code == 0, shown.output
+    assert "1.80 times as fast as one process; rows equal; 0 crashed" in shown.stdout
     case["outcomes"] = {"completed": 2, "crashed": 1}
-    assert campaign_speed.main(["fault-free", "--workers", "2"]) == 1
-    with pytest.raises(SystemExit):
-        campaign_speed.main(["--workers", "1"])
+    assert CliRunner().invoke(cli.app, ["bench", "--campaign", "fault-free"]).exit_code == 1

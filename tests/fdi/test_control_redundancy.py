@@ -5,10 +5,10 @@ import functools
 import numpy as np
 import pytest
 
-from cosim.flight import airframe_wires
 from cosim.flight.plant.aero.functions import AeroFunctions, numbers_digest
 from cosim.flight.plant.force_model import FOLDER, force_model
 from cosim.flight.plant.plant import POINTS, Plant
+from cosim.flight.signals import inputs
 from cosim.papers.mar10 import flights as mar10_flights
 from cosim.papers.mar10 import rows as mar10
 from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, THRUST
@@ -157,7 +157,7 @@ def flight(number):
 
 def watched(number, **kw):
     flown = flight(number)
-    return flown, flown.run(control_redundancy, airframe_wires.control_redundancy(), mar10_flights.detector(**kw))
+    return flown, mar10_flights.run(flown, mar10_flights.detector(**kw))
 
 
 @pytest.mark.parametrize("number", mar10_flights.TRUTH)
@@ -185,23 +185,23 @@ def test_raw_samples_find_nothing():
 
 def test_the_loss_is_identified():
     flown, log = watched(1)
-    assert log["f_hat_thrust"][flown.t > 35].mean() == pytest.approx(-0.25, abs=0.06)  # coefficients off by 5 %
+    assert log["f_hat_thrust"][flown.index > 35].mean() == pytest.approx(-0.25, abs=0.06)  # coefficients off by 5 %
 
 
 def test_no_decision_before_the_offset_is_learned():
     flown, log = watched(3)
-    assert log["valid"][flown.t < 19.9].max() == 0 and log["alarm"][flown.t < 20.0].max() == 0
+    assert log["valid"][flown.index < 19.9].max() == 0 and log["alarm"][flown.index < 20.0].max() == 0
 
 
 def test_a_dropout_leaves_no_nan():
     flown = flight(1)
-    u = flown.inputs(control_redundancy, airframe_wires.control_redundancy())
+    u = inputs(flown, control_redundancy, mar10_flights.WIRES)
     for name, first, last in (("n_z", 4200, 4300), ("alpha", 4400, 4700), ("cas", 100, 120)):
         u[name][0, first:last], u[name + "_valid"][0, first:last] = np.nan, 0.0
     u["de_lo"][0, 5000] = np.nan
     p = mar10_flights.detector()
     log = np.zeros(u.shape, control_redundancy.STATE)
-    control_redundancy.rollout(control_redundancy.init(p), u, p, flown.dt, log)
+    control_redundancy.rollout(control_redundancy.init(p), u, p, flown.attrs["dt"], log)
     for name in control_redundancy.OUTPUTS:
         assert np.isfinite(log[name]).all(), name
     assert log["valid"][0, 4250] == 0 and log["valid"][0, -1] == 1
@@ -210,18 +210,18 @@ def test_a_dropout_leaves_no_nan():
 
 def test_what_was_declared_is_taken_back_when_nothing_is_measured_for_long():
     flown = flight(1)
-    u = flown.inputs(control_redundancy, airframe_wires.control_redundancy())
+    u = inputs(flown, control_redundancy, mar10_flights.WIRES)
     u["beta_valid"][0, 6000:] = 0.0  # at 30 s; the engines lose thrust at 24 s
     p = mar10_flights.detector()
     log = np.zeros(u.shape, control_redundancy.STATE)
-    control_redundancy.rollout(control_redundancy.init(p), u, p, flown.dt, log)
+    control_redundancy.rollout(control_redundancy.init(p), u, p, flown.attrs["dt"], log)
     assert log["alarm"][0, 5999:6900].min() == 1.0 and log["alarm"][0, 7010:].max() == 0.0
     assert log["verdict"][0, -1] == 0.0 and log["valid"][0, -1] == 0.0
 
 
 def test_live_and_batch_agree_bit_for_bit():
     flown = flight(3)
-    u = flown.inputs(control_redundancy, airframe_wires.control_redundancy())[:, 4000:4600]
+    u = inputs(flown, control_redundancy, mar10_flights.WIRES)[:, 4000:4600]
     p = mar10_flights.detector(t_learn=1.0)
     batch = np.zeros(u.shape, control_redundancy.STATE)
     control_redundancy.rollout(control_redundancy.init(p), u, p, 0.005, batch)

@@ -12,8 +12,8 @@ from cosim.flight.plant.aero.data import DIMENSIONAL, FLIGHT_CONDITIONS
 from cosim.flight.plant.aero.xml import MULTIPLIERS
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.plant import POINTS, FlightPoint, Plant
-from cosim.flight.plant.point import GYRATION2
 from cosim.flight.plant.trim import surfaces_at
+from cosim.scenario.aircraft import load_aircraft
 
 ROOT = Path(__file__).resolve().parents[2]
 CRUISE_T = 636636.0 * 0.45359237e-3  # mass of every condition [t]
@@ -134,16 +134,17 @@ def _pulled(plant, trim, alpha, elevator):
 @pytest.mark.parametrize(("mass_t", "cg_pct"), [(CRUISE_T, 25.0), (200.0, 30.0), (260.0, 36.0), (405.0, 25.0)])
 def test_mass_cg_and_radii_of_gyration(mass_t, cg_pct):
     """At 288.8 t and 25 % the inertia of CR-2144; elsewhere mass times the same radii squared."""
+    gyration2 = dict(load_aircraft().mass.gyration2_m2)
     plant = Plant(FlightPoint.at(mass_t, cg_pct, 20000.0, cas_kt=280.0))
     t = plant.truth()[0]
     assert t.mass == pytest.approx(mass_t * 1e3, rel=1e-7)  # JSBSim converts pounds to slugs with nine digits
     assert t.cg == pytest.approx(cg_pct / 100.0, abs=1e-9)
     for axis in ("xx", "yy", "zz"):
         inertia = plant.port.getter(f"inertia/i{axis}-slugs_ft2")() * 1.3558179483314
-        assert inertia == pytest.approx(GYRATION2[axis] * t.mass, rel=2e-5)
+        assert inertia == pytest.approx(gyration2[axis] * t.mass, rel=2e-5)
     # JSBSim shows the element of the inertia matrix, minus the integral of x z
     assert plant.port.getter("inertia/ixz-slugs_ft2")() * -1.3558179483314 == pytest.approx(
-        GYRATION2["xz"] * t.mass, rel=2e-3
+        gyration2["xz"] * t.mass, rel=2e-3
     )
 
 

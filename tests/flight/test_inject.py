@@ -10,9 +10,9 @@ from flown import deg, fault, fly, scenario
 from cosim.errors import ScenarioError
 from cosim.flight import actuation
 from cosim.flight.build import build
-from cosim.flight.plant.border import LIMITS
 from cosim.flight.twin import achieved
 from cosim.scenario import load_scenario
+from cosim.scenario.aircraft import load_aircraft
 
 RIGHT = "elevator.right_inner"
 
@@ -98,7 +98,7 @@ def test_a_stabiliser_stands_wherever_the_trim_puts_it():
     s = load_scenario("cruise", [f"flight.{key}" for key in point])
     setup = build(s)
     block = next(b for b in setup.loop.actuators if b.name == "simple")
-    low, high = LIMITS["stabilizer"]
+    low, high = load_aircraft().travels["stabiliser"]
     assert setup.trim.stabilizer > math.radians(3.0)
     assert block.x["delta"][-1] == setup.trim.stabilizer
     assert (block.p["lo"][-1], block.p["hi"][-1]) == (low, high)

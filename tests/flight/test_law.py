@@ -12,6 +12,7 @@ from cosim.flight.blocks.law import design as law_design
 from cosim.flight.blocks.law import margins
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.plant import POINTS, FlightPoint, Plant
+from cosim.scenario.aircraft import load_aircraft
 
 FREQUENCY = np.geomspace(0.02, 300.0, 2000)
 MIXES = {
@@ -43,7 +44,7 @@ def designed(name):
     trim = plant.trim()
     truth = plant.truth()[0]
     model = linearize(flight)
-    p = law_design.design(model, law_design.alpha_limit(Plant(flight), trim))
+    p = law_design.design(model, law_design.alpha_limit(Plant(flight), trim), load_aircraft())
     return model, p, (float(truth.hm0_li), float(truth.hmd_li))
 
 

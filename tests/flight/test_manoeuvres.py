@@ -1,6 +1,6 @@
 """Manoeuvres: what each is for happens, at every point, and nothing departs without a fault.
 
-`python -m cosim.papers.studies.manoeuvres` prints the tables of all of them.
+`cosim study manoeuvres` prints the tables of all of them.
 """
 
 import math
@@ -159,8 +159,9 @@ def test_tables_of_the_study_show_every_flight(monkeypatch):
     monkeypatch.setattr(manoeuvre_study, "TABLE", [("E", "cruise", "none"), ("C", "nose_up", "moderate")])
     monkeypatch.setattr(manoeuvre_study, "PULLS", [("C", "light")])
     shown = {}
-    for name, _, jobs, tables in manoeuvre_study.PARTS[:2]:
-        shown[name] = tables(Few, [function(**arguments) for function, arguments in jobs(Few)])
+    for part in manoeuvre_study.parts()[:2]:
+        values = [function(**arguments) for function, arguments in part.jobs(Few)]
+        shown[part.name] = part.tables(Few, values)
     (_, columns, rows), (_, _, totals) = shown["table"]
     assert [(r[0], r[1], r[-1]) for r in rows] == [("E", "cruise", "completed"), ("C", "nose_up", "completed")]
     assert all(len(r) == len(columns) for r in rows)

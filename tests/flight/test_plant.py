@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from cosim.errors import TrimError
+from cosim.flight.plant.border import border
 from cosim.flight.plant.linearize import linearize
-from cosim.flight.plant.plant import POINTS, SURFACES, TRUTH, FlightPoint, Plant, Port
+from cosim.flight.plant.plant import POINTS, FlightPoint, Plant, Port
+from cosim.scenario.aircraft import load_aircraft
 
 FT = 0.3048
+BORDER = border(load_aircraft())
+TRUTH, SURFACES = BORDER.truth, BORDER.inputs
 COLUMN = {name: i for i, name in enumerate(SURFACES)}
 
 

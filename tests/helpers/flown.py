@@ -1,12 +1,11 @@
 """Short flights for tests: fly a scenario without a log and keep the named signals of every tick."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 
 import cosim
-from cosim.flight.build import build
-from cosim.flight.fly import record
 from cosim.papers.studies.manoeuvres import POINTS
 
 LAW = ("de_cmd", "da_cmd", "dr_cmd", "stab_cmd", "throttle_cmd", "protection", "alpha_lim", "n_c")
@@ -30,28 +29,26 @@ def fault(i, target, kind, start, end, **numbers):
     return {f"faults__{i}__{k}": v for k, v in keys.items()}
 
 
-class Flown:
-    """A flown scenario: each named signal is an attribute, `t` [s], `status`, `setup`."""
-
-    def __init__(self, names, rows, dt, status, setup):
-        self.status, self.setup = status, setup
-        self.t = np.arange(len(rows)) * dt
-        for name, column in zip(names, rows.T):
-            setattr(self, name, column)
-
-
 def fly(s, *more, change=None):
-    """Fly `s` and return a Flown with TRUTH and LAW, and the last two parts of `more`, joined by "_".
+    """Fly `s`; return as attributes the signals TRUTH and LAW, the last two parts of `more`, joined by "_", `t` [s],
+    `status` and `setup`.
 
     `change(setup)` may alter parameters before the first tick.
     """
-    setup = build(s)
-    if change:
-        change(setup)
-    full = [f"truth.aircraft.{n}" for n in TRUTH] + [f"law.law.{n}" for n in LAW] + list(more)
-    names = [*TRUTH, *LAW, *("_".join(n.split(".")[1:]) for n in more)]
-    rows, status, _ = record(setup, full)
-    return Flown(names, rows, setup.loop.dt, status, setup)
+    kept = SimpleNamespace()
+
+    def prepare(setup):
+        kept.setup = setup
+        if change:
+            change(setup)
+
+    names = {f"truth.aircraft.{n}": n for n in TRUTH} | {f"law.law.{n}": n for n in LAW}
+    names |= {n: "_".join(n.split(".")[1:]) for n in more}
+    table = cosim.fly(s, list(names), prepare=prepare)
+    for path, name in names.items():
+        setattr(kept, name, table[path].to_numpy())
+    kept.t, kept.status = table.index.to_numpy(), table.attrs["status"]
+    return kept
 
 
 def deg(x):

@@ -1,11 +1,9 @@
 """The EMA study: what its flights return, and that its parts make tables of what its jobs return."""
 
-import argparse
-
 import pytest
 
-from cosim.papers import studies as study
-from cosim.papers.studies import ema, ema_flights
+from cosim.campaign.jobs import work
+from cosim.papers.studies import Options, ema, ema_flights
 
 PARTS = {p.name: p for p in ema.parts()}
 
@@ -26,9 +24,9 @@ def test_a_current_bias_never_reconfigures_and_is_named_where_only_the_monitor_h
 
 @pytest.mark.parametrize("name", ["confusion", "smallest", "bias"])
 def test_bench_parts_make_tables(name):
-    options = argparse.Namespace(seeds=1, noise=1.0)
+    options = Options(seeds=1)
     part = PARTS[name]
-    [(title, columns, rows)] = part.tables(options, study.work(part.jobs(options), workers=0))
+    [(title, columns, rows)] = part.tables(options, work(part.jobs(options), workers=0))
     assert title and rows and all(len(row) == len(columns) for row in rows)
     if name == "bias":
         assert all(row[2] == 0 for row in rows)  # reconfigured

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from cosim.papers.sun13 import rows as sun13
-from cosim.training.rfafe_flights import estimate
+from cosim.training.flights import COMMAND, estimate
 
 
 def test_designs_agree():
@@ -17,11 +17,11 @@ def test_designs_agree():
 @pytest.mark.parametrize(("kind", "hz"), [("ofc_liquid", 2.0), ("ofc_solid", 1.0)])
 def test_both_forms_follow_the_left_elevator_in_closed_loop_flight(kind, hz):
     flown = sun13._faulty(kind, hz, "none", onset=6.0)
-    f = flown.more[:, 0] - (flown.command if kind == "ofc_solid" else 0.0)
+    f = flown[sun13.INJECTED].to_numpy() - (flown[COMMAND].to_numpy() if kind == "ofc_solid" else 0.0)
     log = estimate(flown, "rfafe")
     assert 0.9 < abs(sun13._ratio(flown, log["f_hat_left"], f, hz, 8.0, 3.0 / hz)) < 1.1
     assert 0.8 < abs(sun13._airframe(flown, hz, 8.0)) < 1.15
-    declared = flown.t[log["alarm"] > 0.5]
+    declared = flown.index[log["alarm"] > 0.5]
     assert 6.0 < declared[0] < 6.0 + 3.0 / hz
     assert {1.0} == set(log["culprit"][log["alarm"] > 0.5])
 

@@ -1,64 +1,55 @@
-"""Studies: jobs over processes, kept line by line; a killed study goes on, results of other code are dropped."""
+"""Studies: the command prints the tables of a part, and refuses what there is not."""
 
 import json
-import os
 
 import pytest
+from typer.testing import CliRunner
 
-from cosim.papers import studies as study
+from cosim.cli import commands as cli
+from cosim.papers import studies
+from cosim.papers.studies import Part
 
 
 def square(x):
-    return {"pid": os.getpid(), "value": x * x}
+    return {"value": x * x}
 
 
-def test_jobs_are_done_once_and_a_line_cut_short_is_done_again(tmp_path):
-    jobs = [(square, {"x": x}) for x in (1, 2, 3, 2)]
-    seen = []
-    first = study.work(jobs, folder=tmp_path, workers=0, progress=lambda done, total: seen.append((done, total)))
-    assert [v["value"] for v in first] == [1, 4, 9, 4]
-    assert seen == [(0, 3), (1, 3), (2, 3), (3, 3)]
-    path = tmp_path / "results.jsonl"
-    lines = path.read_text().splitlines()
-    assert len(lines) == 4
-    path.write_text("\n".join(lines)[:-5])  # the last one is cut
-    seen.clear()
-    again = study.work(jobs, folder=tmp_path, workers=0, progress=lambda done, total: seen.append(done))
-    assert seen == [2, 3] and again == first
-    assert len(path.read_text().splitlines()) == 4
+def tables(options, values):
+    return [("what [m]", ("x", "y>"), [["[a]", values[0]["value"]], ["b", None]], ["so"])]
 
 
-def test_results_of_other_code_are_dropped(tmp_path):
-    jobs = [(square, {"x": 2})]
-    study.work(jobs, folder=tmp_path, code="a", workers=0)
-    path = tmp_path / "results.jsonl"
-    key = json.loads(path.read_text().splitlines()[1])[0]
-    path.write_text(json.dumps({"code": "a"}) + "\n" + json.dumps([key, "kept"]) + "\n")
-    assert study.work(jobs, folder=tmp_path, code="a", workers=0) == ["kept"]
-    assert study.work(jobs, folder=tmp_path, code="b", workers=0)[0]["value"] == 4
+@pytest.fixture
+def study(monkeypatch):
+    class Study:
+        ABOUT = "What is asked."
+
+        @staticmethod
+        def parts():
+            return [Part("one", "a question", lambda options: [(square, {"x": options.seeds})], tables, seeds=3)]
+
+    monkeypatch.setattr(studies, "known", lambda name: Study)
 
 
-def test_processes_give_the_same_values_in_order():
-    jobs = [(square, {"x": x}) for x in range(5)]
-    found = study.work(jobs, workers=2)
-    assert [v["value"] for v in found] == [0, 1, 4, 9, 16]
-    assert os.getpid() not in {v["pid"] for v in found}
+def asked(*arguments):
+    return CliRunner().invoke(cli.app, ["study", "ema", *arguments])
 
 
-def made():
-    jobs = [(square, {"x": 3})]
-    rows = lambda options, values: [("what [m]", ("x", "y [mm]>"), [["[a]", values[0]["value"]], ["b", None]])]  # noqa: E731
-    return [study.Part("one", "a question", lambda options: jobs, rows)]
+def test_the_command_prints_tables_and_keeps_results(study, tmp_path):
+    shown = asked("one", "-o", str(tmp_path))
+    assert shown.exit_code == 0, shown.output
+    assert all(word in shown.stdout for word in ("what [m]", "[a]", "9", "-", "so"))
+    assert len((tmp_path / "results.jsonl").read_text().splitlines()) == 2
+    found = json.loads(asked("one", "--seeds", "4", "--json", "-o", str(tmp_path)).stdout)
+    assert found["parts"][0]["tables"][0]["rows"][0] == ["[a]", 16]
 
 
-def test_the_command_prints_tables_helps_and_refuses(tmp_path, capsys):
-    call = {"module": "cosim.x_study", "about": "What is asked.", "parts": made(), "seeds": 3, "folder": str(tmp_path)}
-    assert study.main(**call, argv=["one", "--workers", "0"]) == 0
-    shown = capsys.readouterr().out
-    assert all(word in shown for word in ("what [m]", "y [mm]", "[a]", "9", "-"))
-    assert study.main(**call, argv=["two"]) == 2
-    assert "no part 'two'; parts: one" in capsys.readouterr().err
-    assert study.main(**call, argv=["--seeds", "0"]) == 2
-    with pytest.raises(SystemExit) as stop:
-        study.main(**call, argv=["--help"])
-    assert stop.value.code == 0 and "a question" in capsys.readouterr().out
+def test_the_command_helps_and_refuses(study):
+    assert "a question" in asked("--list").stdout
+    refused = asked("two")
+    assert refused.exit_code == 2 and "has no part 'two'; allowed: one" in refused.stderr
+    assert asked("one", "--seeds", "0").exit_code == 2
+
+
+def test_an_unknown_study_is_refused_with_a_proposal():
+    refused = CliRunner().invoke(cli.app, ["study", "manoevres"])
+    assert refused.exit_code == 2 and "Did you mean 'manoeuvres'" in refused.stderr

@@ -18,7 +18,7 @@ def test_override_replaces_what_it_excludes():
     )
     assert (s.flight.mach, s.flight.cas_kt) == (0.6, None)
     assert s.faults[0].model_extra["amplitude"] == 0.01 and "amplitude_mm" not in s.faults[0].model_extra
-    assert (s.elevator.feedback.left_inner, s.elevator.feedback.left_outer) == ("rtsekf", "iotsekf")
+    assert (s.elevator.feedback["left_inner"], s.elevator.feedback["left_outer"]) == ("rtsekf", "iotsekf")
     s = load_scenario(
         "solid-ofc", ["manoeuvre.kind=coordinated_turn", "manoeuvre.bank_deg=20", "faults.0.kind=jam_solid"]
     )
@@ -41,14 +41,14 @@ def test_feedback_is_for_hydraulic_segments_and_brings_its_filter_along():
     s = load_scenario(
         "cruise", ["elevator.feedback=rtsekf_flight", "detectors.enabled=[]", "elevator.reconfigure=true"]
     )
-    assert list(vars(s.elevator.feedback).values()) == ["rtsekf_flight", "rtsekf_flight", "measured", "measured"]
+    assert list(s.elevator.feedback.values()) == ["rtsekf_flight", "rtsekf_flight", "measured", "measured"]
     assert s.running == ("rtsekf_flight", "ema_kalman_flight")
     switched = ["elevator.feedback=measured", "detectors.enabled=[]", "elevator.reconfigure=true"]
     assert load_scenario("cruise", switched).running == ("ema_kalman_flight", "rtsekf_flight")
     word_then_one = ["elevator.feedback=measured", "elevator.feedback.left_inner=iotsekf"]
-    assert load_scenario("cruise", word_then_one).elevator.feedback.left_outer == "measured"
-    assert load_scenario("cruise", ["elevator.left_inner=ema"]).elevator.feedback.left_inner == "measured"
-    assert load_scenario("cruise", ["elevator.right_inner=hydraulic"]).elevator.feedback.right_inner == "iotsekf"
+    assert load_scenario("cruise", word_then_one).elevator.feedback["left_outer"] == "measured"
+    assert load_scenario("cruise", ["elevator.left_inner=ema"]).elevator.feedback["left_inner"] == "measured"
+    assert load_scenario("cruise", ["elevator.right_inner=hydraulic"]).elevator.feedback["right_inner"] == "iotsekf"
     with pytest.raises(ScenarioError, match=r"elevator\.feedback\.right_inner.*right_inner is ema"):
         load_scenario("cruise", ["elevator.feedback.right_inner=iotsekf"])
 
@@ -56,7 +56,7 @@ def test_feedback_is_for_hydraulic_segments_and_brings_its_filter_along():
 def test_override_of_technology_takes_its_default_feedback(tmp_path):
     path = tmp_path / "expanded.toml"
     path.write_text(load_scenario("cruise").expanded_toml())
-    assert load_scenario(path, ["elevator.left_inner=simple"]).elevator.feedback.left_inner == "measured"
+    assert load_scenario(path, ["elevator.left_inner=simple"]).elevator.feedback["left_inner"] == "measured"
 
 
 def _magnitude(key):

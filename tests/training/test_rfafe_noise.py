@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from cosim.training import rfafe_noise
+from cosim.training.flights import estimate, fly_aircraft
 from cosim.training.rfafe import DEG
-from cosim.training.rfafe_flights import estimate, record
 from fdi.rfafe.store import read
 
 LEFT = tuple(f"left_{place}_{part}" for place in ("outer", "inner") for part in ("surface", "rod", "pressure"))
@@ -42,8 +42,8 @@ def test_a_linear_loop_answers_twice_the_disturbance_twice():
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_fault_free_flight_in_still_air_is_as_noisy_as_predicted(parts, seed):
     """At most 1.2 times the prediction, with friction, which the prediction leaves out; and no less than 0.9."""
-    flown = record(duration=40.0, seed=seed)
-    late = flown.t > 3.0
+    flown = fly_aircraft(duration=40.0, seed=seed)
+    late = flown.index > 3.0
     for name, field in rfafe_noise.FIELD.items():
         got = np.std(estimate(flown, name)[field][late]) / DEG
         assert 0.9 < got / rfafe_noise.total(parts[name]) < 1.2

@@ -1,16 +1,21 @@
-"""What crosses the border to JSBSim: truth and inputs, their properties and the factors to SI."""
+"""What crosses the border to JSBSim: truth and inputs, their properties and the factors to SI.
 
-import math
+Segments and engines are the aircraft's (cosim/scenario/aircraft.py); everything else is the same for all.
+"""
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
 
 from actuators.block import dtype, kernel
+from cosim.scenario.aircraft import Aircraft
 
 FT, LB, SLUG, KT = 0.3048, 4.4482216152605, 14.593902937206364, 1852.0 / 3600.0
 LBSFT, PSF, G0 = LB * FT, LB / FT**2, 9.80665
-CHORD_IN, QUARTER_IN = 27.31 * 12.0, 1000.0  # mean chord and station of its quarter point in transport.xml
-SEGMENTS = ("lo", "li", "ri", "ro")
 
 _ENGINE = "propulsion/engine[{}]/"
-SIGNALS = (  # (field, property, factor); nx, ny, nz and cg get their last step in `to_si`
+_MOTION = (  # (field, property, factor); nx, ny, nz and cg get their last step in `to_si`
     ("alpha", "aero/alpha-rad", 1),  # against the air [rad]
     ("beta", "aero/beta-rad", 1),
     ("p", "velocities/p-rad_sec", 1),  # body rates [rad/s]
@@ -40,15 +45,8 @@ SIGNALS = (  # (field, property, factor); nx, ny, nz and cg get their last step 
     ("cg", "inertia/cg-x-in", 1),  # fraction of the mean chord
     ("lat", "position/lat-geod-rad", 1),  # [rad]
     ("lon", "position/long-gc-rad", 1),
-    *(
-        (f"hm0_{s}", f"aero/hinge-0-{s}-lbsft", LBSFT) for s in SEGMENTS
-    ),  # hinge moment at zero angle, + drives down [N m]
-    *(
-        (f"hmd_{s}", "aero/hinge-delta-lbsft_rad", LBSFT) for s in SEGMENTS
-    ),  # its slope over the segment's angle [N m/rad]
-    *((f"n1_{i + 1}", _ENGINE.format(i) + "n1", 1) for i in range(4)),  # fan speed [%]
-    *((f"thrust_{i + 1}", _ENGINE.format(i) + "thrust-lbs", LB) for i in range(4)),  # [N]
-    *((f"de_{s}", f"fcs/elevator-{s}-pos-rad", 1) for s in SEGMENTS),  # elevator, trailing edge down + [rad]
+)
+_REST = (
     ("da_l", "fcs/aileron-left-pos-rad", 1),  # each aileron + rolls right [rad]
     ("da_r", "fcs/aileron-right-pos-rad", 1),
     ("dr", "fcs/rudder-applied-rad", 1),  # + yaws left [rad]
@@ -60,37 +58,76 @@ SIGNALS = (  # (field, property, factor); nx, ny, nz and cg get their last step 
     ("wind_e", "atmosphere/total-wind-east-fps", FT),
     ("wind_d", "atmosphere/total-wind-down-fps", FT),
 )
-TRUTH = dtype([(name, "f8") for name, _, _ in SIGNALS])
-READ = tuple((name, factor) for _, name, factor in SIGNALS)
+_NX, _MASS, _CG = (next(i for i, s in enumerate(_MOTION) if s[0] == name) for name in ("nx", "mass", "cg"))
 
-CONTROLS = {  # input of the plant -> property; angles as in TRUTH [rad], throttle and thrust loss as fractions
-    **{f"de_{s}": f"ext/elevator-{s}-rad" for s in SEGMENTS},
-    "da_l": "ext/aileron-left-rad",
-    "da_r": "ext/aileron-right-rad",
-    "dr": "ext/rudder-rad",
-    "stab": "ext/stabilizer-rad",
-    **{f"throttle_{i + 1}": f"fcs/throttle-cmd-norm[{i}]" for i in range(4)},
-    **{f"thrust_loss_{i + 1}": _ENGINE.format(i) + "bleed-factor" for i in range(4)},
-}
-SURFACES = tuple(CONTROLS)
-WRITE = tuple(CONTROLS.values())
 
-LIMITS = {
-    "elevator": (math.radians(-23.0), math.radians(17.0)),
-    "stabilizer": (math.radians(-13.0), math.radians(4.0)),
-    "aileron": (math.radians(-20.0), math.radians(20.0)),
-    "rudder": (math.radians(-25.0), math.radians(25.0)),
-}  # [rad]
+@dataclass(frozen=True)
+class Border:
+    """Truth and inputs of one aircraft: TRUTH's dtype, what is read and written, in which order and unit."""
 
-_NX, _MASS, _CG = (TRUTH.names.index(name) for name in ("nx", "mass", "cg"))
+    truth: np.dtype  # a record of everything that is read, SI
+    read: tuple[tuple[str, float], ...]  # (property, factor to SI), in the order of `truth`
+    controls: dict[str, str]  # input of the plant -> property; angles [rad], throttle and thrust loss as fractions
+
+    @functools.cached_property
+    def inputs(self) -> tuple[str, ...]:
+        """Return the names of the inputs in the order of the vector that `Plant.write` takes."""
+        return tuple(self.controls)
+
+    @functools.cached_property
+    def elevators(self) -> tuple[str, ...]:
+        """Return the inputs of the elevator segments, from left to right."""
+        return tuple(name for name in self.controls if name.startswith("de_"))
+
+    @functools.cached_property
+    def throttles(self) -> tuple[str, ...]:
+        """Return the throttles' inputs, from left to right."""
+        return tuple(name for name in self.controls if name.startswith("throttle_"))
+
+    def column(self, names: tuple[str, ...]) -> list[int]:
+        """Return the places of inputs in the vector."""
+        return [self.inputs.index(name) for name in names]
+
+
+def border(aircraft: Aircraft) -> Border:
+    """Return the Border of an aircraft."""
+    return _border(tuple(aircraft.short.values()), aircraft.engines)
+
+
+@functools.cache
+def _border(segments: tuple[str, ...], engines: int) -> Border:
+    signals = (
+        *_MOTION,
+        # hinge moment at zero angle, + drives down [N m], and its slope over the segment's angle [N m/rad]
+        *((f"hm0_{s}", f"aero/hinge-0-{s}-lbsft", LBSFT) for s in segments),
+        *((f"hmd_{s}", "aero/hinge-delta-lbsft_rad", LBSFT) for s in segments),
+        *((f"n1_{i + 1}", _ENGINE.format(i) + "n1", 1) for i in range(engines)),  # fan speed [%]
+        *((f"thrust_{i + 1}", _ENGINE.format(i) + "thrust-lbs", LB) for i in range(engines)),  # [N]
+        *((f"de_{s}", f"fcs/elevator-{s}-pos-rad", 1) for s in segments),  # elevator, trailing edge down + [rad]
+        *_REST,
+    )
+    controls = {
+        **{f"de_{s}": f"ext/elevator-{s}-rad" for s in segments},
+        "da_l": "ext/aileron-left-rad",
+        "da_r": "ext/aileron-right-rad",
+        "dr": "ext/rudder-rad",
+        "stab": "ext/stabilizer-rad",
+        **{f"throttle_{i + 1}": f"fcs/throttle-cmd-norm[{i}]" for i in range(engines)},
+        **{f"thrust_loss_{i + 1}": _ENGINE.format(i) + "bleed-factor" for i in range(engines)},
+    }
+    truth = dtype([(name, "f8") for name, _, _ in signals])
+    return Border(truth, tuple((name, factor) for _, name, factor in signals), controls)
 
 
 @kernel
-def to_si(raw, scale, out):
-    """Scale raw properties to TRUTH: n = F / (m g0) of this frame's forces, cg from a station."""
+def to_si(raw, scale, out, reference, station, chord):
+    """Scale raw properties to the truth: n = F / (m g0) of this frame's forces; cg from a station.
+
+    `reference` is the fraction of the mean chord at `station` [in], `chord` the mean chord [in].
+    """
     for i in range(raw.size):
         out[i] = raw[i] * scale[i]
     weight = out[_MASS] * 9.80665
     for i in range(_NX, _NX + 3):
         out[i] = out[i] * 4.4482216152605 / weight
-    out[_CG] = 0.25 + (out[_CG] - 1000.0) / (27.31 * 12.0)
+    out[_CG] = reference + (out[_CG] - station) / chord

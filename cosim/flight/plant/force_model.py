@@ -13,9 +13,10 @@ from xml.etree import ElementTree
 import numpy as np
 
 from cosim.flight.plant.aero.functions import AeroFunctions, _lookup, _table, find, number
+from cosim.scenario.aircraft import load_aircraft
 from fdi.control_redundancy.force_model import VARIABLES, ForceModel
 
-FOLDER = Path(__file__).resolve().parents[3] / "aircraft" / "transport"
+FOLDER = load_aircraft().folder
 FT, LB, IN, SLUG, G0 = 0.3048, 4.4482216152605, 0.0254, 14.593902937206364, 9.80665
 PSF = LB / FT**2
 AXES = {"lift": "LIFT", "drag": "DRAG", "side": "SIDE", "roll": "ROLL", "pitch": "PITCH", "yaw": "YAW"}

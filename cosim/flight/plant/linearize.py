@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from cosim.files import replace
-from cosim.flight.plant.plant import SURFACES, Plant
+from cosim.flight.plant.border import Border
+from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
 from cosim.flight.plant.trim import EARTH_MERIDIAN, Trim
 from cosim.scenario import Scenario, load_scenario
@@ -24,11 +25,6 @@ from cosim.scenario import Scenario, load_scenario
 STATES = {
     "tas": "m/s", "alpha": "rad", "q": "rad/s", "theta": "rad", "h": "m",
     "beta": "rad", "p": "rad/s", "r": "rad/s", "phi": "rad", "psi": "rad",
-}  # fmt: skip
-INPUTS = {
-    "de_lo": "rad", "de_li": "rad", "de_ri": "rad", "de_ro": "rad", "stab": "rad",
-    "da_l": "rad", "da_r": "rad", "dr": "rad",
-    "throttle_1": "1", "throttle_2": "1", "throttle_3": "1", "throttle_4": "1",
 }  # fmt: skip
 OUTPUTS = {
     "nx": "1", "nz": "1", "hdot": "m/s", "q": "rad/s", "tas": "m/s", "alpha": "rad", "theta": "rad", "h": "m",
@@ -48,7 +44,6 @@ STEPS = {
     "psi": 2e-3,
 }
 INPUT_STEP = 2e-3
-_COLUMN = {name: SURFACES.index(name) for name in INPUTS}
 LONGITUDINAL, LATERAL = ("tas", "alpha", "q", "theta"), ("beta", "p", "r", "phi")
 
 
@@ -73,7 +68,7 @@ class Mode:
 
 @dataclass(frozen=True)
 class LinearModel:
-    """Trim, names with units, A (10, 10), B (10, 12), C (19, 10), D (19, 12), trim values x0, u0, y0 and modes."""
+    """Trim, names with units, A (10, 10), B (10, m), C (19, 10), D (19, m), trim values x0, u0, y0 and modes."""
 
     trim: Trim
     states: dict
@@ -87,6 +82,10 @@ class LinearModel:
     u0: np.ndarray
     y0: np.ndarray
     modes: list
+
+    def named(self, stem: str) -> tuple[str, ...]:
+        """Return the inputs whose names begin with `stem`: "de_" the elevator segments, "throttle_" the engines."""
+        return tuple(name for name in self.inputs if name.startswith(stem))
 
     def block(self, states, inputs=None, outputs=None):
         """Return (A, B, C, D) of the named states, inputs and outputs."""
@@ -132,6 +131,12 @@ class LinearModel:
             raise ValueError(f"{path.name}: give a name that ends in .npz or .mat")
 
 
+def input_units(border: Border) -> dict[str, str]:
+    """Return {input: unit} of the linear model: elevator segments, stabiliser, ailerons, rudder, throttles."""
+    angles = (*border.elevators, "stab", "da_l", "da_r", "dr")
+    return {**dict.fromkeys(angles, "rad"), **dict.fromkeys(border.throttles, "1")}
+
+
 def linearize(flight: FlightPoint | Scenario | str, elevator: float = 0.0) -> LinearModel:
     """Return the LinearModel about the trim at `flight`: a Scenario, the name or file of one, or a FlightPoint.
 
@@ -142,21 +147,21 @@ def linearize(flight: FlightPoint | Scenario | str, elevator: float = 0.0) -> Li
         flight = FlightPoint.of(flight if isinstance(flight, Scenario) else load_scenario(flight))
     plant = Plant(flight)
     trim = plant.trim(elevator)
-    u0 = np.array([trim.surfaces[_COLUMN[n]] for n in INPUTS])
+    inputs = input_units(plant.border)
+    u0 = trim.surfaces[plant.border.column(tuple(inputs))]
     x0 = np.array([trim.tas, trim.alpha, trim.q, trim.theta, trim.altitude, 0.0, 0.0, 0.0, 0.0, 0.0])
     A, C = _slopes(lambda x: _evaluate(plant, x, u0), x0, np.array([STEPS[n] for n in STATES]))
-    steps = np.full(len(INPUTS), INPUT_STEP)
+    steps = np.full(len(inputs), INPUT_STEP)
     B, D = _slopes(lambda u: _evaluate(plant, x0, u), u0, steps)
     _, y0 = _evaluate(plant, x0, u0)
-    return LinearModel(trim, STATES, INPUTS, OUTPUTS, A, B, C, D, x0, u0, y0, modes(A))
+    return LinearModel(trim, STATES, inputs, OUTPUTS, A, B, C, D, x0, u0, y0, modes(A))
 
 
 def _evaluate(plant, x, u):
     """Return (x', y) at one state and input."""
     tas, alpha, q, theta, h, beta, p, r, phi, psi = x
-    surfaces = np.zeros(len(SURFACES))
-    for name, value in zip(INPUTS, u):
-        surfaces[_COLUMN[name]] = value
+    surfaces = np.zeros(len(plant.border.inputs))
+    surfaces[plant.border.column(tuple(input_units(plant.border)))] = u
     plant.place(
         tas=tas, alpha=alpha, theta=theta, altitude=h, beta=beta, phi=phi, psi=psi, p=p, q=q, r=r, surfaces=surfaces
     )

@@ -16,7 +16,6 @@ import functools
 import math
 import struct
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import jsbsim
@@ -24,12 +23,8 @@ import numpy as np
 
 from cosim.errors import TrimError
 from cosim.flight.plant import gusts
-from cosim.flight.plant.aero.xml import DOWNWASH, SPAN_FT, TAIL_ARM_FT
-from cosim.flight.plant.border import FT, KT, LIMITS, READ, SURFACES, TRUTH, WRITE, to_si
+from cosim.flight.plant.border import FT, KT, border, to_si
 from cosim.flight.plant.point import POINTS, FlightPoint, loading
-
-SPAN, TAIL_ARM = SPAN_FT * FT, TAIL_ARM_FT * FT
-AIRCRAFT = Path(__file__).resolve().parents[3] / "aircraft"
 
 jsbsim.FGJSBBase().debug_lvl = 0  # before the first executive: its banner is not ours to print
 
@@ -77,28 +72,31 @@ class Port:
 
 
 class Plant:
-    """One flight of the transport, stepped by `run`."""
+    """One flight of an aircraft, stepped by `run`."""
 
     def __init__(self, flight, dt=0.005):
         """Load the aircraft at `flight`'s mass, CG and multipliers; nothing flies before `trim` or `place`."""
-        self.flight, self.dt = flight, dt
+        self.flight, self.dt, self.aircraft = flight, dt, flight.record
+        self.border = border(self.aircraft)
+        read, geometry = self.border.read, self.aircraft.geometry
         self._logger = _Quiet()
         jsbsim.set_logger(self._logger)
         fdm = self._fdm = jsbsim.FGFDMExec(None)
-        fdm.set_aircraft_path(str(AIRCRAFT))
+        fdm.set_aircraft_path(str(self.aircraft.folder.parent))
         fdm.set_dt(dt)
-        if not fdm.load_model("transport"):
+        if not fdm.load_model(self.aircraft.name):
             raise RuntimeError("JSBSim cannot load the aircraft: " + "; ".join(self._logger.errors))
         self.port = Port(fdm)
-        self._get = [self.port.getter(name) for name, _ in READ]
-        self._set = [self.port.setter(name) for name in WRITE]
-        self._scale = np.array([factor for _, factor in READ], float)
+        self._get = [self.port.getter(name) for name, _ in read]
+        self._set = [self.port.setter(name) for name in self.border.controls.values()]
+        self._scale = np.array([factor for _, factor in read], float)
+        self._frame = geometry.reference_pct / 100.0, geometry.station_in, self.aircraft.chord_in
         self._record = self._flat = None
-        self._buffer = bytearray(8 * len(READ))
+        self._buffer = bytearray(8 * len(read))
         self._raw = np.frombuffer(self._buffer)
-        self._pack = struct.Struct(f"{len(READ)}d").pack_into  # three times faster than an array from a list
+        self._pack = struct.Struct(f"{len(read)}d").pack_into  # three times faster than an array from a list
         self._advance = fdm.run
-        for name, value in loading(flight.mass, flight.cg).items():
+        for name, value in loading(self.aircraft, flight.mass, flight.cg).items():
             self.port.setter(name)(value)
         for name, value in flight.multipliers.items():
             self.port.setter(f"aero/mult/{name}")(value)
@@ -158,9 +156,10 @@ class Plant:
         for put, value in zip(self._ic, (altitude / FT, psi, theta, phi, u / FT, v / FT, w / FT, p, q, r)):
             put(value)
         self._fdm.run_ic()
-        for i in range(4):  # spool speeds follow one frame late otherwise
+        throttles = self.border.column(self.border.throttles)
+        for i, at in enumerate(throttles):  # spool speeds follow one frame late otherwise
             for name, idle in (("n1", 25.0), ("n2", 60.0)):
-                self.port.setter(f"propulsion/engine[{i}]/{name}")(idle + (100.0 - idle) * surfaces[8 + i])
+                self.port.setter(f"propulsion/engine[{i}]/{name}")(idle + (100.0 - idle) * surfaces[at])
 
     def trim(self, elevator=0.0):
         """Trim level flight, elevators at `elevator` [rad], and stand ready at time 0: a Trim, or TrimError."""
@@ -176,7 +175,7 @@ class Plant:
         fdm.run()
         fdm.resume_integration()
         if self.flight.turbulence != "none":
-            p = gusts.params(self.flight.turbulence, self.dt, span=SPAN, tail_arm=TAIL_ARM, downwash=DOWNWASH)
+            p = gusts.params(self.flight.turbulence, self.dt, **self.aircraft.gusts)
             air = gusts.Gusts(p, self.dt, self.flight.seed)
             get, put = [self.port.getter(name) for name in _GUST_READ], [self.port.setter(name) for name in GUST_WRITE]
             self._advance = functools.partial(_in_gusts, fdm.run, air, get, put)
@@ -184,14 +183,14 @@ class Plant:
             raise RuntimeError("JSBSim lost its step")
 
     def read(self, record):
-        """Write the truth at t_k into `record`, a record or a (1,) array of TRUTH."""
+        """Write the truth at t_k into `record`, a record or a (1,) array of the border's truth."""
         if record is not self._record:
             self._record, self._flat = record, np.asarray(record).reshape(1).view("f8")
         self._pack(self._buffer, 0, *[get() for get in self._get])
-        to_si(self._raw, self._scale, self._flat)
+        to_si(self._raw, self._scale, self._flat, *self._frame)
 
     def write(self, surfaces):
-        """Set the inputs that act at t_k+1: a vector in the order of SURFACES, rad and fractions."""
+        """Set the inputs that act at t_k+1: a vector in the order of the border's inputs, rad and fractions."""
         for put, value in zip(self._set, surfaces.tolist()):
             put(value)
 
@@ -200,8 +199,8 @@ class Plant:
         self._advance()
 
     def truth(self):
-        """Return a new (1,) TRUTH array of the present state."""
-        out = np.zeros(1, TRUTH)
+        """Return a new (1,) array of the truth, SI, of the present state."""
+        out = np.zeros(1, self.border.truth)
         self.read(out)
         return out
 
@@ -247,6 +246,4 @@ def reference_run(dt=0.005):
     return fdm.run
 
 
-__all__ = [
-    "LIMITS", "POINTS", "SURFACES", "TRUTH", "FlightPoint", "Plant", "Port", "TrimError", "loading", "reference_run",
-]  # fmt: skip
+__all__ = ["POINTS", "FlightPoint", "Plant", "Port", "TrimError", "loading", "reference_run"]

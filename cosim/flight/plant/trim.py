@@ -11,11 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.errors import TrimError
-from cosim.flight.plant.border import LIMITS
+from cosim.flight.plant.border import Border
 
 EARTH_MERIDIAN = 6335439.3  # radius of curvature of the meridian at the equator, WGS84 [m]
-MACH_RANGE = (0.2, 0.95)  # rows of the aerodynamic tables; the low end is below any stall
-SURELY_FLIES = math.radians(10.0)  # below any stall: only beyond is it asked whether alpha is that of largest lift
 STEP = (1e-5, 1e-5, 1e-4)
 
 
@@ -33,13 +31,15 @@ class Trim:
     q: float  # -V/R
     residual: float  # largest of |u'|, |v'|, |w'| [m/s2], |p'|, |q'|, |r'| [rad/s2]
     nz: float  # load factor in this flight, not exactly 1: rotating earth, weight at standard gravity
-    surfaces: np.ndarray  # in the order of plant.SURFACES
+    surfaces: np.ndarray  # in the order of the border's inputs
 
 
-def surfaces_at(stabilizer, throttle, elevator):
-    """Return the input vector of a trim."""
-    out = np.zeros(16)
-    out[:4], out[7], out[8:12] = elevator, stabilizer, throttle
+def surfaces_at(border: Border, stabilizer: float, throttle: float, elevator: float) -> np.ndarray:
+    """Return the input vector of a trim: angles [rad], throttle as a fraction."""
+    out = np.zeros(len(border.inputs))
+    out[border.column(border.elevators)] = elevator
+    out[border.column(("stab",))] = stabilizer
+    out[border.column(border.throttles)] = throttle
     return out
 
 
@@ -52,7 +52,7 @@ def _residual(plant, x, elevator, full=False):
         theta=alpha,
         altitude=h,
         q=-tas / (EARTH_MERIDIAN + h),
-        surfaces=surfaces_at(stabilizer, throttle, elevator),
+        surfaces=surfaces_at(plant.border, stabilizer, throttle, elevator),
     )
     t = plant.truth()[0]
     return t if full else np.array([t.udot, t.wdot, t.qdot])
@@ -85,7 +85,7 @@ def level(plant, elevator=0.0):
     return Trim(
         alpha=alpha, stabilizer=stabilizer, throttle=throttle, elevator=elevator, theta=alpha, tas=plant.tas,
         altitude=plant.flight.altitude, q=float(t.q), residual=float(residual), nz=float(t.nz),
-        surfaces=surfaces_at(stabilizer, throttle, elevator),
+        surfaces=surfaces_at(plant.border, stabilizer, throttle, elevator),
     )  # fmt: skip
 
 
@@ -93,17 +93,18 @@ def _check(plant, x, elevator, residual):
     alpha, stabilizer, throttle = x
     f = plant.flight
     place = f"{f.mass / 1e3:.0f} t, CG {f.cg * 100:.0f} %, {f.altitude / 0.3048:.0f} ft, {plant.tas:.1f} m/s TAS"
-    low, high = LIMITS["stabilizer"]
+    low, high = plant.aircraft.travels["stabiliser"]
+    least, most_mach = plant.aircraft.limits.mach
     mach = plant.truth()[0].mach
-    if not MACH_RANGE[0] - 1e-6 <= mach <= MACH_RANGE[1] + 1e-6:  # JSBSim's own rounding of the speed
+    if not least - 1e-6 <= mach <= most_mach + 1e-6:  # JSBSim's own rounding of the speed
         raise TrimError(
             f"speed: Mach {mach:.2f} is beyond the aerodynamic data",
             place=place,
-            allowed=f"{MACH_RANGE[0]:g} to {MACH_RANGE[1]:g}",
-            remedy="Fly slower or lower" if mach > MACH_RANGE[1] else "Fly faster or higher",
+            allowed=f"{least:g} to {most_mach:g}",
+            remedy="Fly slower or lower" if mach > most_mach else "Fly faster or higher",
         )
     solved = residual < 1e-8 and low <= stabilizer <= high and 0.0 <= throttle <= 1.0
-    if solved and alpha < SURELY_FLIES:
+    if solved and alpha < math.radians(plant.aircraft.limits.alpha_surely_flies_deg):
         return
     needs, has, most = lift_margin(plant)
     if solved and alpha <= most:
@@ -142,7 +143,7 @@ def lift_margin(plant):
     for alpha in np.radians(np.arange(2.0, 25.0, 0.5)):
         t = _residual(plant, (alpha, 0.0, 0.0), 0.0, full=True)
         force = t.nz * math.cos(alpha) + t.nx * math.sin(alpha)
-        area = 5500.0 * 0.3048**2
+        area = plant.aircraft.wing_area
         needs = t.mass * 9.80665 / (t.qbar * area)
         best, most = max((best, most), (force * needs, float(alpha)))
     return needs, best, most

@@ -50,7 +50,7 @@ def _drawing(faults, beside, title, caption):
 
     def each(values):
         return tuple(
-            Curve(f"point {p}", values(f, log), role, dash, dt=f.dt)
+            Curve(f"point {p}", values(f, log), role, dash, dt=f.attrs["dt"])
             for (p, (f, log)), role, dash in zip(flown.items(), roles, LOOKS)
         )
 
@@ -59,13 +59,13 @@ def _drawing(faults, beside, title, caption):
     def output(field, unit):
         def values(f, _):
             y = np.asarray(f[wires[field]]) / unit
-            return y - y[: round(1.0 / f.dt)].mean() if field in ("V", "h") else y
+            return y - y[: round(1.0 / f.attrs["dt"])].mean() if field in ("V", "h") else y
 
         return values
 
     panels = [Panel(f"(a) {word}", unit, each(output(field, scale))) for field, word, unit, scale in SHOWN]
-    panels.append(Panel("(b) elevator command", "deg", each(lambda f, _: f["law.law.de_cmd"] / DEG)))
-    panels.append(Panel("(b) stabiliser command", "deg", each(lambda f, _: f["law.law.stab_cmd"] / DEG)))
+    panels.append(Panel("(b) elevator command", "deg", each(lambda f, _: f["law.law.de_cmd"].to_numpy() / DEG)))
+    panels.append(Panel("(b) stabiliser command", "deg", each(lambda f, _: f["law.law.stab_cmd"].to_numpy() / DEG)))
     panels.append(Panel("(c) |e_y|", "", each(lambda _, log: log["e_norm"])))
     for (field, word, unit, scale), fault in zip(ESTIMATES, faults):
         true = (fault,) if fault else ()
@@ -74,7 +74,7 @@ def _drawing(faults, beside, title, caption):
                 f"(c) {word}", unit, each(lambda _, log, k=field, s=scale: log[k] / s), true, 0.5 if scale < 1 else 0.1
             )
         )
-    end = min(float(f.t[-1]) for f, _ in flown.values())
+    end = min(float(f.index[-1]) for f, _ in flown.values())
     return Drawing(
         "alwi14",
         beside,

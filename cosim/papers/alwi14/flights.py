@@ -7,7 +7,7 @@ import numpy as np
 
 from cosim.flight import airframe_wires
 from cosim.flight.plant.point import SIX
-from cosim.papers.recorded import Flown
+from cosim.flight.signals import detect, fly
 from cosim.scenario.load import load_scenario
 from cosim.scenario.tolerance import toleranced
 from fdi.lpv_smo import lpv_smo
@@ -24,7 +24,7 @@ EVIDENCE = "cosim reproduce alwi14"
 
 @functools.cache
 def fly_point(point, faults, path, draw, noise):
-    """Fly a Table 4 point with a doublet of 0.15 g at 12 s; returns `Flown`."""
+    """Fly a Table 4 point with a doublet of 0.15 g at 12 s; return what the observer reads, and more."""
     changes = [f"flight.{k}={v}" for k, v in SIX[point].items()]
     changes += ["detectors.enabled=[]", f"sensors.noise_scale={noise}"]
     if any(faults):
@@ -37,12 +37,12 @@ def fly_point(point, faults, path, draw, noise):
         rng = np.random.default_rng([ord(point), draw])
         changes += [f"tolerances.aero.{n}={1 + 0.05 * rng.choice((-1, 1))}" for n in toleranced("aero")]
     names = [*airframe_wires.lpv_smo().values(), "truth.aircraft.h", "law.law.stab_cmd"]
-    return Flown(load_scenario("alwi14-simultaneous", changes), names)
+    return fly(load_scenario("alwi14-simultaneous", changes), names)
 
 
 def nonlinear(point, faults, path="observers", draw=None, noise=1.0, t_learn=0.0):
     """Return (flight, detector log), the detector without learned offset unless `t_learn` says so."""
     flown = fly_point(point, faults, path, draw, noise)
-    p = airframe_wires.lpv_smo_params(lpv_smo, None, "aircraft", flown.dt)
+    p = airframe_wires.lpv_smo_params(lpv_smo, None, "aircraft", flown.attrs["dt"])
     p["t_learn"] = t_learn
-    return flown, flown.run(lpv_smo, airframe_wires.lpv_smo(), p)
+    return flown, detect(flown, lpv_smo, airframe_wires.lpv_smo(), p)

@@ -11,6 +11,7 @@ from cosim.flight import airframe_wires
 from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.point import SIX, FlightPoint
+from cosim.flight.signals import detect
 from cosim.papers.alwi14.flights import DEG, EVIDENCE, NAMES, POINTS, SENSIBLE, UNITS, fly_point, nonlinear
 from cosim.papers.row import Planned as planned
 from cosim.papers.row import ours
@@ -35,7 +36,7 @@ def _quiet(noise):
     worst, saturated, each = np.zeros(3), 1.0, []
     for point in POINTS:
         flown, log = nonlinear(point, (0.0, 0.0, 0.0), noise=noise)
-        late = flown.t > (3.0 if noise == 0 else flown.t[-1] - 5)
+        late = flown.index > (3.0 if noise == 0 else flown.index[-1] - 5)
         got = [np.abs(log[k][late]).max() if noise == 0 else abs(log[k][late].mean()) for k in
                ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha")]  # fmt: skip
         worst = np.maximum(worst, np.array(got) / UNITS)
@@ -46,7 +47,7 @@ def _quiet(noise):
 
 def _ranges(name, unit):
     """Return the range of a signal in the fault-free doublet at each point, without noise."""
-    return [float(np.ptp(_quiet_flight(point)[name][400:])) / unit for point in POINTS]
+    return [float(np.ptp(_quiet_flight(point)[name].to_numpy()[400:])) / unit for point in POINTS]
 
 
 def _quiet_flight(point):
@@ -62,7 +63,7 @@ def _followed():
     """Return (peak of the load factor over the 0.15 g of the doublet that is farthest from 1, each point's)."""
     peaks = []
     for point in POINTS:
-        n_z = _quiet_flight(point)[airframe_wires.lpv_smo()["n_z"]]
+        n_z = _quiet_flight(point)[airframe_wires.lpv_smo()["n_z"]].to_numpy()
         peaks.append(float(np.ptp(n_z[400:])) / 0.3)
     return max(peaks, key=lambda p: abs(p - 1.0)), _each(peaks)[1]
 
@@ -72,9 +73,9 @@ def _settled():
     found = []
     for point in POINTS:
         flown = _quiet_flight(point)
-        n_z = flown[airframe_wires.lpv_smo()["n_z"]]
-        rest = n_z[(flown.t >= 5.0) & (flown.t < 12.0)].mean()
-        ends = [n_z[(flown.t >= end - 1.0) & (flown.t < end)].mean() - rest for end in (15.0, 18.0)]
+        n_z = flown[airframe_wires.lpv_smo()["n_z"]].to_numpy()
+        rest = n_z[(flown.index >= 5.0) & (flown.index < 12.0)].mean()
+        ends = [n_z[(flown.index >= end - 1.0) & (flown.index < end)].mean() - rest for end in (15.0, 18.0)]
         found.append(float(np.abs(ends).max()) / 0.15)
     return _each(found)
 
@@ -84,12 +85,12 @@ def _without_lift():
     found = []
     for point in POINTS:
         flown = _quiet_flight(point)
-        late = round(TRANSPORT["n_z"][2] / flown.dt)
-        command = flown["law.law.de_cmd"] / DEG
+        late = round(TRANSPORT["n_z"][2] / flown.attrs["dt"])
+        command = flown["law.law.de_cmd"].to_numpy() / DEG
         command = np.r_[np.full(late, command[0]), command[: len(command) - late]]
-        share = 1.0 - math.exp(-flown.dt / airframe_wires.SERVO)
+        share = 1.0 - math.exp(-flown.attrs["dt"] / airframe_wires.SERVO)
         elevator = lfilter([share], [1.0, share - 1.0], command - command[0])
-        n_z = flown[airframe_wires.lpv_smo()["n_z"]] - _own_model(point)[0].D[0, 4, 0] * elevator
+        n_z = flown[airframe_wires.lpv_smo()["n_z"]].to_numpy() - _own_model(point)[0].D[0, 4, 0] * elevator
         found.append(float(np.ptp(n_z[400:])) / 0.3)
     return _each(found)
 
@@ -162,14 +163,14 @@ def _own_model(point):
 def _own_worst(point):
     """Return the largest fault-free elevator estimate [deg] with the point's own linear model in the observer."""
     flown = _quiet_flight(point)
-    p = airframe_wires.lpv_smo_params(lpv_smo, None, "aircraft", flown.dt)
+    p = airframe_wires.lpv_smo_params(lpv_smo, None, "aircraft", flown.attrs["dt"])
     model, made = _own_model(point)
     own = lpv_smo.params(model=model, made=made)
     for key in ("A", "B", "E", "D51", "eq"):
         p[key] = own[key]
     p["t_learn"] = 0.0
-    log = flown.run(lpv_smo, airframe_wires.lpv_smo(), p)
-    return float(np.abs(log["f_hat_elevator"][flown.t > 3.0]).max() / DEG)
+    log = detect(flown, lpv_smo, airframe_wires.lpv_smo(), p)
+    return float(np.abs(log["f_hat_elevator"][flown.index > 3.0]).max() / DEG)
 
 
 def _stiffness(point):

@@ -87,7 +87,7 @@ def _lpv_plant():
 
 def _errors(flown, log, faults, start, end):
     """Return the errors of the means over start .. end [s] after the onset, per cent of each fault."""
-    span = (flown.t >= ONSET + start) & (flown.t < ONSET + end)
+    span = (flown.index >= ONSET + start) & (flown.index < ONSET + end)
     keys = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha")
     return np.array([100 * abs(log[k][span].mean() / (f * u) - 1) for k, f, u in zip(keys, faults, UNITS)])
 
@@ -130,7 +130,7 @@ def _uncertain():
 
 def _climb(point):
     """Return the change of altitude [m] when the law flies on the faulty sensors."""
-    h = fly_point(point, SENSIBLE, "all", None, 1.0)["truth.aircraft.h"]
+    h = fly_point(point, SENSIBLE, "all", None, 1.0)["truth.aircraft.h"].to_numpy()
     return h[-1] - h[0]
 
 

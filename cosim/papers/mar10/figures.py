@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from cosim.flight import airframe_wires
 from cosim.flight.plant.force_model import force_model
 from cosim.papers.drawing import Curve, Drawing, Panel, Table
 from cosim.papers.mar10 import flights
@@ -62,26 +61,26 @@ def _scenario(number):
     """Draw the residuals of the families over their thresholds, nominal aircraft."""
     flown = flights.fly(number)
     p = flights.detector()
-    log = flown.run(control_redundancy, airframe_wires.control_redundancy(), p)
+    log = flights.run(flown, p)
     n = int(p["n_families"][0])
     ratio = log["res"][:, :n] / np.maximum(log["tau"][:, :n], 1e-12)
     ratio[log["tau"][:, :n] <= 0.0] = np.nan
     names = _families(p)
-    t = flown.t >= 20.0
+    t, dt = flown.index.to_numpy() >= 20.0, flown.attrs["dt"]
     every = 4
     moved = [j for j in range(n) if np.nanmax(np.abs(ratio[t, j]), initial=0.0) > 1.0] or list(range(n))
     panels = [
         Panel(
             names[j],
             "",
-            (Curve("residual over threshold", np.where(t, ratio[:, j], np.nan)[::every], "ours", dt=flown.dt * every),),
+            (Curve("residual over threshold", np.where(t, ratio[:, j], np.nan)[::every], "ours", dt=dt * every),),
             (1.0, -1.0),
             1.5,
         )
         for j in moved
     ]
     declared = tuple(
-        Curve(name, log["declared"][::every, h] * (h + 1.0), *ROLES[h], dt=flown.dt * every)
+        Curve(name, log["declared"][::every, h] * (h + 1.0), *ROLES[h], dt=dt * every)
         for h, name in enumerate(control_redundancy.CULPRITS[1:5])
         if log["declared"][:, h].any()
     )
@@ -97,7 +96,7 @@ def _scenario(number):
         tuple(panels),
         3,
         onset=flights.TRUTH[number][0][1],
-        span=(20.0, float(flown.t[-1])),
+        span=(20.0, float(flown.index[-1])),
         row_px=150,
     )
 

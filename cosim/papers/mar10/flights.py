@@ -14,12 +14,14 @@ import numpy as np
 from cosim.campaign import EVALUATION_SEED
 from cosim.flight import airframe_wires
 from cosim.flight.plant.force_model import force_model
-from cosim.papers.recorded import Flown
+from cosim.flight.signals import detect
+from cosim.flight.signals import fly as fly_signals
 from cosim.scenario.load import load_scenario
 from cosim.scenario.tolerance import toleranced
 from fdi.control_redundancy import control_redundancy
 
 DEG = math.pi / 180
+WIRES = airframe_wires.control_redundancy()
 NAMES = {1: "thrust-loss", 2: "elevator-lock-then-thrust-loss", 3: "thrust-loss-then-locks"}
 # effectors in the order of their faults, with the times of these [s]
 TRUTH = {
@@ -62,8 +64,33 @@ def scenario(number, draw=None, extra=()):
 
 
 def fly(number, draw=None):
-    """Fly a scenario with the pedals."""
-    return Flown(scenario(number, draw), airframe_wires.control_redundancy().values(), rudder=PEDALS)
+    """Fly a scenario with the pedals; return what the detector reads."""
+
+    def prepare(setup):
+        setup.loop.law = _Pedals(setup.loop)
+
+    return fly_signals(scenario(number, draw), WIRES.values(), prepare=prepare)
+
+
+class _Pedals:
+    """Advance the law, then add the pedals' share to its rudder command; the law itself does not feed that back."""
+
+    def __init__(self, loop):
+        self._law, self._clock, self._x = loop.law, loop.bus["clock"], loop.law.x
+        self._time, self._angle = np.array(PEDALS).T
+
+    def __getattr__(self, name):
+        return getattr(self._law, name)
+
+    def advance(self):
+        """Advance by one step, in place."""
+        self._law.advance()
+        self._x["dr_cmd"] += np.interp(self._clock["t"][0], self._time, self._angle)
+
+
+def run(flown, p):
+    """Return the detector's log on a flown table, (ticks,)."""
+    return detect(flown, control_redundancy, WIRES, p)
 
 
 def detector(**kw):
@@ -92,7 +119,7 @@ def judge(number, flown, log):
     found = []
     for h, name in enumerate(control_redundancy.CULPRITS[1:]):
         rise = np.flatnonzero(np.diff(np.r_[0.0, log["declared"][:, h]]) > 0)
-        found += [(float(flown.t[i]), name) for i in rise]
+        found += [(float(flown.index[i]), name) for i in rise]
     found.sort()
     first = [pair for i, pair in enumerate(found) if pair[1] not in [n for _, n in found[:i]]]
     truth = TRUTH[number]
@@ -105,13 +132,13 @@ def judge(number, flown, log):
 def margins(number, flown, log, p):
     """Return {field of `Outcome`: value} of what stands between the loss of thrust and its declaration."""
     start, share = dict(TRUTH[number])["engine"], LOSS[number]
-    onset, engine = round(start / flown.dt), control_redundancy.CULPRITS.index("engine")
+    onset, engine = round(start / flown.attrs["dt"]), control_redundancy.CULPRITS.index("engine")
     first = np.flatnonzero(log["used"].max(axis=1) > 0.5)[0]  # the loss of scenario 3 comes while averages fill
     k = max(onset - 1, int(first))
     on = np.flatnonzero(log["used"][k] > 0.5)
     S, tau = log["S"][k, on, engine - 1], log["tau"][k, on]
     f = np.abs(S / tau).argmax()
-    quiet = slice(onset - round(3.0 / flown.dt), onset)
+    quiet = slice(onset - round(3.0 / flown.attrs["dt"]), onset)
     known = log["valid"][quiet] > 0.5
     hides = log["res"][quiet, on[f]][known] * np.sign(S[f]) / tau[f]  # the loss is a negative fault
     noise = np.diff(log["e"][quiet, 0]).std() / math.sqrt(2.0)
@@ -132,14 +159,13 @@ def margins(number, flown, log, p):
 
 def campaign(draws, *, options=({},), progress=None):
     """Fly each scenario `draws` times, judge with each set of detector `options`: {(set, number): [Outcome]}."""
-    wires = airframe_wires.control_redundancy()
     sets = [detector(**kw) for kw in options]
     out: dict = {(i, n): [] for i in range(len(sets)) for n in NAMES}
     for number in NAMES:
         for draw in range(draws):
             flown = fly(number, draw)
             for i, p in enumerate(sets):
-                log = flown.run(control_redundancy, wires, p)
+                log = run(flown, p)
                 found = judge(number, flown, log)
                 out[i, number].append(dataclasses.replace(found, **margins(number, flown, log, p)))
             if progress is not None:

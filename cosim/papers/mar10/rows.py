@@ -7,13 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from cosim.flight import airframe_wires
 from cosim.flight.plant.force_model import force_model
+from cosim.flight.signals import fly
 from cosim.papers.mar10 import flights
 from cosim.papers.mar10 import selection as mar10_selection
 from cosim.papers.row import Planned as planned
 from cosim.papers.row import judged, ours
-from fdi.control_redundancy import control_redundancy
 from fdi.control_redundancy import structure as redundancy_structure
 
 DRAWS = 100  # flown per scenario; at 95 of 100 a 95 % interval is 89 .. 98
@@ -188,8 +187,8 @@ def _median(option, field):
 def _identified():
     """Return the thrust loss [%] that scenario 1 identifies with the nominal aircraft."""
     flown = flights.fly(1)
-    log = flown.run(control_redundancy, airframe_wires.control_redundancy(), flights.detector())
-    return -100.0 * log["f_hat_thrust"][flown.t > 30.0].mean()
+    log = flights.run(flown, flights.detector())
+    return -100.0 * log["f_hat_thrust"][flown.index > 30.0].mean()
 
 
 def _robustness():
@@ -241,12 +240,10 @@ EFFECTORS = {"elevator (all)": (0, DEG, "[deg]"), "aileron": (1, DEG, "[deg]"), 
 @functools.cache
 def _least(rows):
     """Return the smallest lock offsets [rad] or loss beyond the thresholds, in level flight at the Sun13 point."""
-    flown = flights.Flown(
-        flights.scenario(1, extra=("manoeuvre.start_s=40",)), airframe_wires.control_redundancy().values()
-    )
+    flown = fly(flights.scenario(1, extra=("manoeuvre.start_s=40",)), flights.WIRES.values())
     p = flights.detector(rows=rows)
-    log = flown.run(control_redundancy, airframe_wires.control_redundancy(), p)
-    k = round(23.0 / flown.dt)
+    log = flights.run(flown, p)
+    k = round(23.0 / flown.attrs["dt"])
     n = int(p["n_families"][0])
     S, tau = log["S"][k, :n], log["tau"][k, :n]
     with np.errstate(divide="ignore"):

@@ -9,11 +9,9 @@ import functools
 
 import numpy as np
 
-from cosim.flight import airframe_wires
 from cosim.flight.plant.force_model import force_model
 from cosim.papers.mar10 import flights
 from cosim.papers.row import Planned
-from fdi.control_redundancy import control_redundancy
 from fdi.control_redundancy import structure as redundancy_structure
 
 INPUTS = ("elevator", "aileron", "rudder", "engine")
@@ -23,7 +21,7 @@ INPUTS = ("elevator", "aileron", "rudder", "engine")
 def run(number):
     """Return (flight, detector log, families) of a scenario with nominal aircraft and sensors."""
     flown = flights.fly(number)
-    log = flown.run(control_redundancy, airframe_wires.control_redundancy(), flights.detector())
+    log = flights.run(flown, flights.detector())
     return flown, log, redundancy_structure.families(force_model().structure()[:3])
 
 
@@ -33,7 +31,7 @@ def _unmoved(number):
     wrong = []
     for j, family in enumerate(families):
         moved = [at for name, at in flights.TRUTH[number] if family.signature[INPUTS.index(name)]]
-        quiet = (flown.t >= 20.0) & (flown.t < min(moved, default=np.inf))
+        quiet = (flown.index >= 20.0) & (flown.index < min(moved, default=np.inf))
         if (log["fired"][quiet, j] > 0.5).any():
             wrong.append(family.name)
     return len(wrong), ", ".join(wrong)
@@ -51,7 +49,7 @@ def _selected(number, k):
         moved = [at for name, at in truth if family.signature[INPUTS.index(name)]]
         if not moved or moved[0] != truth[k][1]:
             continue
-        on = (flown.t >= moved[0]) & (flown.t < (moved[1] if len(moved) > 1 else np.inf))
+        on = (flown.index >= moved[0]) & (flown.index < (moved[1] if len(moved) > 1 else np.inf))
         if (log["fired"][on, j] > 0.5).any():
             found.append(family.name)
     return len(found), ", ".join(found)

@@ -1,18 +1,18 @@
 """What the EMA study asks: its draws and flights (`ema_draws`, `ema_flights`), and their tables.
 
-    python -m cosim.papers.studies.ema --help
+    cosim study ema
 """
 
-import sys
+from dataclasses import replace
 
 import numpy as np
 
-from cosim.papers import studies as study
 from cosim.papers.studies import Part
 from cosim.papers.studies import ema_draws as s
 from cosim.papers.studies import ema_flights as flights
 from cosim.papers.studies.ema_bench import ARM, DEG, DT, NO_LOAD, STALL
 
+ABOUT = "Which EMA sensor fault `ema_kalman_flight` names, and what reconfiguration does."
 FIRST = 5000  # seeds of this study: thresholds were chosen below 1000, the tests take 2000 and 3000
 BLOCK = 20
 SIZES = {
@@ -191,7 +191,7 @@ def _loop(options, values):
 
 def parts():
     """Return the Parts of the study."""
-    return [
+    made = [
         Part("confusion", "which sensor is named, tolerances, no fault (bench; 1 min)", _confusion_jobs, _confusion),
         Part("smallest", "smallest fault of each sensor (bench; 1 min)", _smallest_jobs, _smallest),
         Part("bias", "velocity biases of 0.2 to 10 % never reconfigure (bench; 1 min)", _bias_jobs, _bias),
@@ -199,16 +199,4 @@ def parts():
         Part("flight", "position faults in flight, with and without reconfiguration (4 min)", _flight_jobs, _flight),
         Part("loop", "current faults in the loop and on the monitor's copy, in flight (3 min)", _loop_jobs, _loop),
     ]
-
-
-def main(argv=None):
-    """Run the study from the command line; return the exit status."""
-    about = ("Which EMA sensor fault `ema_kalman_flight` names, and what reconfiguration does. Times are for one free "
-             "core; --workers 2 halves them.")
-    return study.main("cosim.papers.studies.ema", about, parts(), seeds=100, folder="logs/ema-study", argv=argv)
-
-
-if __name__ == "__main__":
-    from cosim.papers.studies.ema import main as run  # by its own name: its jobs are found by other processes
-
-    sys.exit(run())
+    return [replace(part, seeds=100) for part in made]

@@ -10,10 +10,9 @@ import math
 import numpy as np
 
 from actuators.ema import jay
+from cosim.flight.signals import fly
 from cosim.scenario.catalog import SEGMENTS
-from cosim.training.lu17_flights import draw
-from cosim.training.rfafe import DT, fly
-from cosim.training.train_rfafe import POINT, TOLERANCE
+from cosim.training.flights import DT, POINT, TOLERANCE, draw, scenario
 from fdi.common import verdict
 from fdi.ema.ema_kalman_flight import CULPRITS
 
@@ -50,9 +49,9 @@ def flown(seed, fault=None, *, reconfigure=True, bias=1e-4, noise=1.0, duration=
     sensors = {"velocity": {"bias_rad_s": float(rng.choice([-1.0, 1.0])) * bias * NO_LOAD},
                "position": {"bias_mm": rigging * DEG * ARM * 1e3}, "noise_scale": noise}
     elevator = {**dict(zip(SEGMENTS, ("hydraulic", "ema", "ema", "hydraulic"))), "reconfigure": reconfigure}
-    v = fly(SIGNALS, **arguments, faults=[fault] if fault else [], elevator=elevator, sensors=sensors,
-            tolerances={"aero": aero, "ema": off}, detectors={"enabled": ["ema_kalman_flight"]})
-    return dict(zip((name.rpartition(".")[2] for name in SIGNALS), v.T))
+    v = fly(scenario(**arguments, faults=[fault] if fault else [], elevator=elevator, sensors=sensors,
+                     tolerances={"aero": aero, "ema": off}, detectors={"enabled": ["ema_kalman_flight"]}), SIGNALS)
+    return {name.rpartition(".")[2]: v[name].to_numpy() for name in SIGNALS}
 
 
 def position_fault(name, seed, noise=1.0):

@@ -1,21 +1,21 @@
 """Every manoeuvre at the papers' points and at the corners of mass, CG, altitude and speed: does any flight depart?
 
-    python -m cosim.papers.studies.manoeuvres                    all three questions, 6 min on one core
-    python -m cosim.papers.studies.manoeuvres table              the table, in still air and moderate turbulence
+    cosim study manoeuvres                    all three questions, 6 min on one core
+    cosim study manoeuvres table              the table, in still air and moderate turbulence
 
 Flights are fault-free, without detectors; the actuators, sensors and the law are those of any flight.
 """
 
 import math
-import sys
 
 import numpy as np
 
-from cosim.flight.build import build
-from cosim.flight.fly import record
 from cosim.flight.plant.point import SIX
+from cosim.flight.signals import fly
+from cosim.papers.studies import Part
 from cosim.scenario import load_scenario
 
+ABOUT = __doc__.splitlines()[0]
 KEYS = ("mass_t", "cg_pct", "altitude_ft", "cas_kt")
 CORNERS = {  # of mass and CG, and of altitude and speed
     "light fore": dict(zip(KEYS, (200, 25, 20000, 250))),
@@ -37,54 +37,56 @@ FT, KT = 0.3048, 1852.0 / 3600.0
 FIRST_SEED = 3
 
 
-def fly(point, kind, *, seconds, air, seed, **more):
-    """Fly one manoeuvre; return (status, reason, {signal: (ticks,)}, parameters of the law); SI, rad."""
+def flown(point, kind, *, seconds, air, seed, **more):
+    """Fly one manoeuvre; return (table of TRUTH, de_cmd and protection, parameters of the law); SI, rad."""
     keys = {
         **{f"flight.{k}": v for k, v in POINTS[point].items()}, "flight.turbulence": air, "manoeuvre.kind": kind,
         "duration_s": seconds, "seed": seed, "detectors.enabled": "[]", **more,
     }  # fmt: skip
-    setup = build(load_scenario("cruise", [f"{k}={v}" for k, v in keys.items()]))
+    law = []
     names = [*(f"truth.aircraft.{n}" for n in TRUTH), "law.law.de_cmd", "law.law.protection"]
-    rows, status, reason = record(setup, names)
-    return status, reason, dict(zip((*TRUTH, "de_cmd", "protection"), rows.T)), setup.loop.law.p[0]
+    table = fly(load_scenario("cruise", [f"{k}={v}" for k, v in keys.items()]), names,
+                prepare=lambda setup: law.append(setup.loop.law.p[0]))  # fmt: skip
+    return table.rename(columns=lambda name: name.rpartition(".")[2]), law[0]
 
 
 def _span(x, unit=1.0):
-    return [float(x.min() / unit), float(x.max() / unit)]
+    return [float(np.min(x) / unit), float(np.max(x) / unit)]
 
 
 def manoeuvre(point, kind, air, seed):
     """Return what happened in 60 s of one manoeuvre: spans of load factor, angles [deg], altitude [ft], speed [kt]."""
-    status, reason, f, p = fly(point, kind, seconds=60.0, air=air, seed=seed)
+    f, p = flown(point, kind, seconds=60.0, air=air, seed=seed)
     deg = math.pi / 180.0
     return {
-        "status": status, "reason": reason, "nz": _span(f["nz"]), "alpha": _span(f["alpha"], deg),
+        "status": f.attrs["status"], "reason": f.attrs["reason"], "nz": _span(f["nz"]), "alpha": _span(f["alpha"], deg),
         "alpha_max": float(p.alpha_max / deg), "theta": _span(f["theta"], deg), "phi": _span(f["phi"], deg),
-        "h": _span(f["h"] - f["h"][0], FT), "cas": _span(f["cas"], KT), "de": _span(f["de_li"], deg),
+        "h": _span(f["h"] - f["h"].iloc[0], FT), "cas": _span(f["cas"], KT), "de": _span(f["de_li"], deg),
     }  # fmt: skip
 
 
 def pull(point, air, seed):
     """Return the elevator's work in a pull to alpha_max from a low speed, and in cruise there [deg, deg/s rms]."""
     keys = {"seconds": 26.0, "air": air, "seed": seed, "flight.cas_kt": SLOW_KT[point]}
-    status, _, f, p = fly(point, "aoa_protection", **keys)
-    _, _, still, _ = fly(point, "cruise", **keys)
+    f, p = flown(point, "aoa_protection", **keys)
+    still, _ = flown(point, "cruise", **keys)
     late = slice(round(8.0 / 0.005), round(25.0 / 0.005))
-    rate = [float(np.sqrt(np.mean(np.square(np.diff(np.degrees(x["de_li"][late])) / 0.005)))) for x in (f, still)]
-    de = np.degrees(f["de_cmd"][late])
+    angle = [np.degrees(x["de_li"].to_numpy()[late]) for x in (f, still)]
+    rate = [float(np.sqrt(np.mean(np.square(np.diff(a) / 0.005)))) for a in angle]
+    de = np.degrees(f["de_cmd"].to_numpy()[late])
     ends = np.degrees([p.de_min, p.de_max])
     return {
-        "status": status, "command": _span(de), "rate": rate[0], "cruise": rate[1],
+        "status": f.attrs["status"], "command": _span(de), "rate": rate[0], "cruise": rate[1],
         "stop": float(np.mean((de <= ends[0]) | (de >= ends[1]))),
-        "above": float(np.degrees((f["alpha"] - p.alpha_max)[late].max())),
-        "protected": float(np.mean(f["protection"][late] == 1.0)),
+        "above": float(np.degrees((f["alpha"].to_numpy() - p.alpha_max)[late].max())),
+        "protected": float(np.mean(f["protection"].to_numpy()[late] == 1.0)),
     }  # fmt: skip
 
 
 def turn(point, seed):
     """Return the altitude lost and gained in 60 s at 30 degrees of bank in light turbulence [ft]."""
-    status, _, f, _ = fly(point, "coordinated_turn", seconds=75.0, air="light", seed=seed)
-    return {"status": status, "h": _span(f["h"] - f["h"][0], FT)}
+    f, _ = flown(point, "coordinated_turn", seconds=75.0, air="light", seed=seed)
+    return {"status": f.attrs["status"], "h": _span(f["h"] - f["h"].iloc[0], FT)}
 
 
 def _cases(*lists):
@@ -157,23 +159,12 @@ def _turns(options, values):
     return [("30 deg of bank for 60 s in light turbulence", ("point", "completed>", "altitude ft>"), rows)]
 
 
-PARTS = (
-    ("table", "eight manoeuvres, fifteen points, still and moderate air: 240 flights, 2 min", _table_jobs, _table),
-    ("protection", "full back-stick at low speed in gusts: what the elevator does, 3 min", _pull_jobs, _pulls),
-    ("turns", "30 deg of bank in light turbulence: altitude kept, 1 min", _turn_jobs, _turns),
-)
-
-
-def main(argv=None):
-    """Run the study; return the exit status."""
-    from cosim.papers.studies import Part
-    from cosim.papers.studies import main as study
-
-    parts, about = [Part(*p) for p in PARTS], __doc__.splitlines()[0]
-    return study("cosim.papers.studies.manoeuvres", about, parts, seeds=10, folder="logs/manoeuvre_study", argv=argv)
-
-
-if __name__ == "__main__":
-    from cosim.papers.studies.manoeuvres import main as run  # by its own name: its jobs are found by other processes
-
-    sys.exit(run())
+def parts():
+    """Return the Parts of the study."""
+    return [
+        Part("table", "eight manoeuvres, fifteen points, still and moderate air: 240 flights, 2 min", _table_jobs,
+             _table, 10),
+        Part("protection", "full back-stick at low speed in gusts: what the elevator does, 3 min", _pull_jobs, _pulls,
+             10),
+        Part("turns", "30 deg of bank in light turbulence: altitude kept, 1 min", _turn_jobs, _turns, 10),
+    ]  # fmt: skip

@@ -4,19 +4,19 @@ import numpy as np
 
 from cosim.papers.drawing import Curve, Drawing, Panel
 from cosim.papers.sun13 import rows as sun13
+from cosim.training.flights import COMMAND, estimate, fly_aircraft, side
 from cosim.training.rfafe import DEG
-from cosim.training.rfafe_flights import estimate, record
 
 KINDS = (("ofc_liquid", "liquid", "figure 3", "figure 6", 0.016), ("ofc_solid", "solid", "figure 4", "figure 7", 0.033))
 
 
 def drawings():
     """Return the five Drawings."""
-    clean = record(duration=sun13.ONSET + 10.5, seed=1)
+    clean = fly_aircraft(duration=sun13.ONSET + 10.5, seed=1)
     span = (sun13.ONSET - 5.0, sun13.ONSET + 10.5)
 
     def left(r):
-        return r.surfaces[:, :2].mean(1) / DEG
+        return side(r, "left") / DEG
 
     out = []
     for kind, word, beside, _, share in KINDS:
@@ -68,8 +68,9 @@ def drawings():
     )
     for kind, word, _, beside, share in KINDS:
         r = sun13._faulty(kind, 1.0, "none")
-        f = (r.more[:, 0] - (r.command if kind == "ofc_solid" else 0.0) * (r.t >= sun13.ONSET)) / DEG
-        mean = 0.5 * (r.surfaces[:, :2].mean(1) - r.surfaces[:, 2:].mean(1)) / DEG
+        command = r[COMMAND].to_numpy() if kind == "ofc_solid" else 0.0
+        f = (r[sun13.INJECTED].to_numpy() - command * (r.index.to_numpy() >= sun13.ONSET)) / DEG
+        mean = 0.5 * (side(r, "left") - side(r, "right")) / DEG
         ratio = abs(sun13._published(kind, 1.0, "none")[0])
         out.append(
             Drawing(

@@ -20,9 +20,10 @@ from cosim.judge.achieved import sine
 from cosim.judge.alarms import detection
 from cosim.papers.row import Planned as planned
 from cosim.papers.row import judged, ours
+from cosim.scenario.catalog import SEGMENTS as NAMES
 from cosim.training import rfafe_noise
-from cosim.training.rfafe import DEG, DT, MANOEUVRES, RANK_E, SEGMENTS
-from cosim.training.rfafe_flights import MODULES, estimate, record
+from cosim.training.flights import COMMAND, DT, MANOEUVRES, MODULES, estimate, fly_aircraft, side
+from cosim.training.rfafe import DEG, FLIGHT_S, RANK_E, SEGMENTS
 from fdi.rfafe import rfafe_airframe
 from fdi.rfafe.store import read
 
@@ -31,6 +32,7 @@ TRAVEL = 40.0  # [deg]
 ONSET = 20.0  # [s]
 HZ = (0.5, 1.0, 2.0)
 SEEDS = 20
+INJECTED = "faults.0_left_outer.f_inj"  # [rad]
 AERO = {"nominal": {}, "Cm_alpha +5 %, Cm_de -5 %": {"Cm_alpha": 1.05, "Cm_de": 0.95}}
 
 
@@ -40,27 +42,28 @@ def _faulty(kind, hz, turbulence, seed=1, onset=ONSET, point="sun13"):
     share = LIQUID if kind == "ofc_liquid" else SOLID
     fault = {"target": "elevator.left", "kind": kind, "at": "command", "start_s": onset, "amplitude_travel": share,
              "frequency_hz": hz}
-    return record(more=("faults.0_left_outer.f_inj",), duration=onset + 10.5, faults=[fault], seed=seed,
+    return fly_aircraft((INJECTED,), duration=onset + 10.5, faults=[fault], seed=seed,
                   flight={"turbulence": turbulence} | SIX[point])
 
 
 def _ratio(r, f_hat, f, hz, start, seconds):
     """Return the complex amplitude ratio f_hat/f at `hz` on `seconds` from `start`."""
-    on = (r.t >= start) & (r.t < start + seconds)
+    t = r.index.to_numpy()
+    on = (t >= start) & (t < start + seconds)
     w = 2.0 * math.pi * hz
-    return sine(r.t[on], f_hat[on], w) / sine(r.t[on], f[on], w)
+    return sine(t[on], f_hat[on], w) / sine(t[on], f[on], w)
 
 
 def _published(kind, hz, turbulence):
     r = _faulty(kind, hz, turbulence)
-    f = r.more[:, 0] - (r.command if kind == "ofc_solid" else 0.0)
+    f = r[INJECTED].to_numpy() - (r[COMMAND].to_numpy() if kind == "ofc_solid" else 0.0)
     log = estimate(r, "rfafe")
     return _ratio(r, log["f_hat_left"], f, hz, ONSET + 2.0, 3.0 / hz), log
 
 
 def _airframe(r, hz, start=ONSET + 2.0, stored=None):
     p = None if stored is None else rfafe_airframe.params(stored={"designs": {"hydraulic": stored}})
-    achieved = 0.5 * (r.surfaces[:, :2].mean(1) - r.surfaces[:, 2:].mean(1))
+    achieved = 0.5 * (side(r, "left") - side(r, "right"))
     return _ratio(r, estimate(r, "rfafe_airframe", p)["f_hat"], achieved, hz, start, 8.0)
 
 
@@ -90,13 +93,16 @@ def _designs():
 
 
 def _quiet_law():
-    """Return a fault-free flight whose sensors are noisy for the estimators only: the law flies on clean ones."""
-    r, rng = record(duration=40.0, sensors={"noise_scale": 0.0}), np.random.default_rng(7)
-    for u in r.inputs.values():
+    """Return {estimator: fault-free flight} with noise for the estimator only: the law flies on clean sensors."""
+    r, rng = fly_aircraft(duration=40.0, sensors={"noise_scale": 0.0}), np.random.default_rng(7)
+    out = {}
+    for form in MODULES:
+        out[form] = r.copy()
         for name in ("tas", "alpha", "q", "theta"):
-            u[name][0] += rng.normal(size=len(r.t)) * TRANSPORT[name][1]
-    r.inputs["rfafe"]["surface"][0] += rng.normal(size=(len(r.t), 4)) * PARTS["surface"][0]
-    return r
+            out[form][f"sensors.{name}.y_obs"] += rng.normal(size=len(r)) * TRANSPORT[name][1]
+    positions = [f"sensors.{s}_surface.y_obs" for s in NAMES]
+    out["rfafe"][positions] += rng.normal(size=(len(r), 4)) * PARTS["surface"][0]
+    return out
 
 
 @functools.cache
@@ -105,16 +111,16 @@ def _noise_level(name):
     estimator's own sensors, largest amplitude over the 0.016 fault)."""
     noisy, quiet = _still(), _quiet_law()
     field = "f_hat_left" if name == "rfafe" else "f_hat"
-    f, clean = (estimate(r, name)[field] / DEG for r in (noisy, quiet))
-    late = noisy.t > 3.0
+    f, clean = (estimate(r, name)[field] / DEG for r in (noisy, quiet[name]))
+    late = noisy.index > 3.0
     own = read(name)["designs"]["hydraulic"]["noise_deg"][0]
     loop = rfafe_noise.total(rfafe_noise.predicted()[name])
-    return np.std(f[late]) / loop, np.std(clean[late]) / own, _amplitude(noisy.t, f) / (LIQUID * TRAVEL)
+    return np.std(f[late]) / loop, np.std(clean[late]) / own, _amplitude(noisy.index.to_numpy(), f) / (LIQUID * TRAVEL)
 
 
 @functools.cache
 def _still():
-    return record(duration=40.0)
+    return fly_aircraft(duration=40.0)
 
 
 def _fault_free():
@@ -154,8 +160,9 @@ def _lag():
 def _moved(kind):
     """Return (complex amplitude of the left elevator, rms of what is no sine) [deg]."""
     r = _faulty(kind, 1.0, "none")
-    on = (r.t >= ONSET + 2.0) & (r.t < ONSET + 10.0)
-    t, y = r.t[on], r.surfaces[on, :2].mean(1) / DEG
+    t = r.index.to_numpy()
+    on = (t >= ONSET + 2.0) & (t < ONSET + 10.0)
+    t, y = t[on], side(r, "left")[on] / DEG
     a = sine(t, y, 2 * math.pi)
     rest = y - (a * np.exp(2j * math.pi * t)).real
     return a, float(np.std(rest))
@@ -237,7 +244,7 @@ def _largest(label):
     found = []
     for r in _six(label):
         f = estimate(r, "rfafe")["f_hat_left"] / DEG
-        found.append(_amplitude(r.t, f) / (LIQUID * TRAVEL))
+        found.append(_amplitude(r.index.to_numpy(), f) / (LIQUID * TRAVEL))
     return max(found), ", ".join(f"{m} {v:.2g}" for m, v in zip(MANOEUVRES, found))
 
 
@@ -266,7 +273,7 @@ def _decoupling():
 
 @functools.cache
 def _six(label):
-    return [record(manoeuvre=kind, tolerances={"aero": AERO[label]}) for kind in MANOEUVRES]
+    return [fly_aircraft(duration=FLIGHT_S, manoeuvre=kind, tolerances={"aero": AERO[label]}) for kind in MANOEUVRES]
 
 
 def _over_no_E(label, name):

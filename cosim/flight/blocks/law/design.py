@@ -7,10 +7,8 @@ from scipy.linalg import solve_continuous_are
 
 from actuators.block import record
 from cosim.flight.blocks.law import PARAMS
-from cosim.flight.plant.border import LIMITS
+from cosim.scenario.aircraft import Aircraft
 
-ELEVATORS = ("de_lo", "de_li", "de_ri", "de_ro")
-THROTTLES = ("throttle_1", "throttle_2", "throttle_3", "throttle_4")
 G0 = 9.80665
 # actuator, sensor delay and hold in the design: first-order [s]; `cosim.flight.blocks.law.margins` has the real ones
 LAG_S = 0.07
@@ -58,30 +56,31 @@ def alpha_limit(plant, trim, share=0.96):
     return float(limit), float(np.interp(limit, angles, n_z))
 
 
-def design(model, stall):
+def design(model, stall, aircraft: Aircraft):
     """Return PARAMS at the flight point of `model` (a linearize.LinearModel); `stall` is what `alpha_limit` gives."""
     t = model.trim
     alpha_max, n_stall = stall
-    elevator, rudder = LIMITS["elevator"], LIMITS["rudder"]
+    stops = aircraft.travels
+    elevator, rudder, stabiliser = stops["elevator"], stops["rudder"], stops["stabiliser"]
     limits = {
         "alpha_max": alpha_max, "n_stall": n_stall,
         # [CS-25] 25.337: manoeuvring load factors of a large aeroplane, slats in
         "n_max": 2.5, "n_min": -1.0,
         # what the fly-by-wire transports in service publish: 30 deg up, 15 deg down
         "theta_max": math.radians(30.0), "theta_min": math.radians(-15.0),
-        "stab_min": LIMITS["stabilizer"][0], "stab_max": LIMITS["stabilizer"][1],
-        "de_min": elevator[0], "de_max": elevator[1], "da_max": LIMITS["aileron"][1], "dr_max": rudder[1],
+        "stab_min": stabiliser[0], "stab_max": stabiliser[1],
+        "de_min": elevator[0], "de_max": elevator[1], "da_max": stops["aileron"][1], "dr_max": rudder[1],
     }  # fmt: skip
     trim = {
         "nz_0": t.nz, "alpha_0": t.alpha, "theta_0": t.theta, "h_0": t.altitude, "tas_0": t.tas,
         "cas_0": model.y0[list(model.outputs).index("cas")], "stab_0": t.stabilizer, "throttle_0": t.throttle,
         "de_0": t.elevator,
     }  # fmt: skip
-    return record(PARAMS, **limits, **trim, **_pitch(model), **_lateral(model), **_speed(model))
+    return record(PARAMS, **limits, **trim, **_pitch(model), **_lateral(model, stops["aileron"][1]), **_speed(model))
 
 
 def _pitch(model):
-    A, B, C, D = model.block(("alpha", "q"), ELEVATORS, ("nz",))
+    A, B, C, D = model.block(("alpha", "q"), model.named("de_"), ("nz",))
     n_alpha, n_de = C[0, 0], D.sum()
     k_q, k_nz, k_i = pitch_gains(A, B.sum(1), n_alpha, n_de)
     per_elevator = C[0] @ -np.linalg.solve(A, B.sum(1)) + n_de  # steady load factor [g/rad]
@@ -95,7 +94,7 @@ def _pitch(model):
     }  # fmt: skip
 
 
-def _lateral(model):
+def _lateral(model, most_aileron):
     """Return gains: feed-forward by inversion of the roll and yaw equations without sideslip, feedback axis by axis.
 
     Along the reference (phi, p, p') the yaw rate is r = tan(alpha) p + turn with turn' = g/V p, and
@@ -115,7 +114,7 @@ def _lateral(model):
     k_beta = N_beta / -N_dr  # the rudder doubles the fin's stiffness ...
     k_r = max(1.2 * math.sqrt(2.0) * dutch.wn + N_r, 0.0) / -N_dr  # ... and damps that with a ratio of 0.6
     return {
-        "w_phi": w_phi, "w_p": roll, "p_max": min(math.radians(5.0), 0.8 * LIMITS["aileron"][1] * L_da / -L_p),
+        "w_phi": w_phi, "w_p": roll, "p_max": min(math.radians(5.0), 0.8 * most_aileron * L_da / -L_p),
         "k_p": max(roll + L_p, 0.0) / L_da, "k_phi": roll * w_phi / L_da, "k_phii": 0.15 * roll * w_phi / L_da,
         "da_a": da_a, "da_p": da_p, "da_t": da_t, "dr_a": dr_a, "dr_p": dr_p, "dr_t": dr_t,
         "k_r": k_r, "tau_r": 8.0, "k_beta": k_beta, "k_betai": 0.3 * k_beta,
@@ -125,5 +124,5 @@ def _lateral(model):
 
 
 def _speed(model):
-    T_V = model.block(("tas",), THROTTLES)[1].sum()  # [m/s2] per throttle
+    T_V = model.block(("tas",), model.named("throttle_"))[1].sum()  # [m/s2] per throttle
     return {"k_v": 0.2 / T_V, "k_vi": 0.2 * 0.07 / T_V}

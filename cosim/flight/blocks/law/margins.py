@@ -12,7 +12,6 @@ from scipy.linalg import expm
 
 from actuators.linear import ema_loop, hydraulic_loop, response
 
-ELEVATORS = ("de_lo", "de_li", "de_ri", "de_ro")
 STATES = ("tas", "alpha", "q", "theta", "h")
 DELAY_S, DELAY_AIR_S = 0.005, 0.010  # of inertial and of air data in sensor set `transport`
 G0 = 9.80665
@@ -24,7 +23,7 @@ def return_ratio(model, p, technologies, hinge, frequency, dt=0.005, protected=F
     `model` is a LinearModel, `p` the law's PARAMS (1,), `technologies` one of "hydraulic", "ema" per segment, `hinge`
     (hm0 [N m], hmd [N m/rad]). `protected`: the angle-of-attack protection leads.
     """
-    A, B, C, D = model.block(STATES, ELEVATORS, ("nz", "q", "hdot", "alpha"))
+    A, B, C, D = model.block(STATES, model.named("de_"), ("nz", "q", "hdot", "alpha"))
     n = len(A)
     E = expm(np.block([[A, B.sum(1, keepdims=True)], [np.zeros((1, n + 1))]]) * dt)
     Phi, Gamma = E[:n, :n], E[:n, n:]

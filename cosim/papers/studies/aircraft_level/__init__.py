@@ -1,27 +1,28 @@
-"""What the aircraft-level detectors can and cannot do, in numbers: `python -m cosim.papers.studies.aircraft_level
-PART`.
+"""What the aircraft-level detectors can and cannot do, in numbers: `cosim study aircraft_level`.
 
-Each part flies what it needs and prints its tables; long ones keep what is done in a folder and go on from there.
+Oscillations over frequency and amplitude, seen within three periods, are the campaign `aircraft-vs-local` and
+`cosim compare`; noise predicted and flown are rows of `cosim reproduce sun13`, declarations in draws of `mar10`.
 """
 
-import importlib
-
-PARTS = {
-    "noise": "rfafe, rfafe_airframe: fault-free noise predicted through the loop and flown",
-    "lpv": "the affine LPV model on its second grid, beside what any affine model could do",
-    "uncertain": "lpv_smo: what wrong coefficients do to the elevator estimate, one by one and in draws",
-    "ofc": "all: oscillations of one elevator segment seen within three periods, over frequency and amplitude",
-    "corners": "all: the same faults at the design point and at corners of the envelope",
-    "redundancy": "control_redundancy: the three scenarios in draws, confusion matrix, extra declarations",
-    "smallest": "control_redundancy: the smallest lock offset and thrust loss found per effector",
-    "thresholds": "rfafe, rfafe_airframe: train the thresholds, store them, judge them",
-}
+ABOUT = "What the aircraft-level detectors can and cannot do, in numbers."
 
 
-def run(part, **options):
-    """Return the Tables of `part`; options are out (folder or None), workers, progress(done, total), and the part's
-    own. Raises KeyError for no part.
-    """
-    if part not in PARTS:
-        raise KeyError(f"{part!r} is no part; there is {', '.join(PARTS)}")
-    return importlib.import_module(f"{__name__}.{part}").run(**options)
+def parts():
+    """Return the Parts of the study."""
+    from cosim.papers.studies import Part
+    from cosim.papers.studies.aircraft_level import bound, corners, lpv, smallest, thresholds, uncertain
+
+    return [
+        Part("lpv", "the affine LPV model on its second grid, beside what any affine model could do (20 s)", lpv.jobs,
+             lpv.tables),
+        Part("bound", "least oscillation that shows in the pitch rate, known aircraft, still air (5 s)", bound.jobs,
+             bound.tables),
+        Part("uncertain", "lpv_smo: what wrong coefficients do to the elevator estimate (5 min)", uncertain.jobs,
+             uncertain.tables, 20),
+        Part("corners", "all: the same faults at the design point and at corners of the envelope (5 min)",
+             corners.jobs, corners.tables, 2),
+        Part("smallest", "control_redundancy: smallest lock and thrust loss found per effector (25 min)",
+             smallest.jobs, smallest.tables, 10),
+        Part("thresholds", "rfafe, rfafe_airframe: alarms in flights that training never saw (5 min)",
+             thresholds.jobs, thresholds.tables),
+    ]  # fmt: skip

@@ -9,17 +9,16 @@ import math
 
 import numpy as np
 
-from cosim.campaign.jobs import many
 from cosim.flight.plant.point import SIX
+from cosim.flight.signals import fly
 from cosim.judge.achieved import sine
 from cosim.judge.alarms import detection
-from cosim.papers.recorded import Flown
-from cosim.papers.studies.aircraft_level.ofc import DETECTORS
-from cosim.papers.studies.aircraft_level.table import Table
+from cosim.papers.studies import Table
 from cosim.scenario.load import load_scenario
 
+DETECTORS = ("rfafe", "rfafe_airframe", "lpv_smo", "control_redundancy")
 ONSET, END, HZ = 24.0, 36.0, 1.0
-SEEDS, FIRST_SEED = 2, 1_000_700
+FIRST_SEED = 1_000_700
 TURBULENCE = ("none", "light")
 DOUBLET = ("manoeuvre.kind=nz_doublet", "manoeuvre.start_s=26", "manoeuvre.width_s=3", "manoeuvre.amplitude_g=0.15")
 DEG = math.pi / 180.0
@@ -73,23 +72,24 @@ def measure(point, case, turbulence, seed):
         fields[name].add(field)
     surfaces = [f"truth.aircraft.de_{s}" for s in ("lo", "li", "ri", "ro")]
     names = [f"{name}.aircraft.{field}" for name, own in fields.items() for field in sorted(own)]
-    flown = Flown(load_scenario("cruise", changes), [*names, *surfaces])
-    late = flown.t >= ONSET
+    flown = fly(load_scenario("cruise", changes), [*names, *surfaces])
+    late = flown.index >= ONSET
     return {name: _one(flown, name, case, late, surfaces) for name in DETECTORS}
 
 
 def _one(flown, name, case, late, surfaces):
+    flown, t_all = {n: flown[n].to_numpy() for n in flown}, flown.index.to_numpy()
     alarm = flown[f"{name}.aircraft.alarm"]
     at = detection(alarm, int(np.argmax(late)))
-    delay = None if at is None else float(flown.t[at] - ONSET)
+    delay = None if at is None else float(t_all[at] - ONSET)
     estimate = None
     if (case, name) in ESTIMATES:
         field, size = ESTIMATES[case, name]
-        estimate = float(flown[f"{name}.aircraft.{field}"][flown.t >= END - 4.0].mean() / size)
+        estimate = float(flown[f"{name}.aircraft.{field}"][t_all >= END - 4.0].mean() / size)
     elif case == OFC and name in OSCILLATES:
         field = OSCILLATES[name]
-        on = (flown.t >= ONSET + 2.0) & (flown.t < ONSET + 10.0)
-        t, w = flown.t[on], 2.0 * math.pi * HZ
+        on = (t_all >= ONSET + 2.0) & (t_all < ONSET + 10.0)
+        t, w = t_all[on], 2.0 * math.pi * HZ
         left, right = (0.5 * (flown[a][on] + flown[b][on]) for a, b in (surfaces[:2], surfaces[2:]))
         true = AMPLITUDE * DEG if name == "rfafe" else abs(sine(t, 0.5 * (left - right), w))
         estimate = float(abs(sine(t, flown[f"{name}.aircraft.{field}"][on], w)) / true)
@@ -97,13 +97,21 @@ def _one(flown, name, case, late, surfaces):
     return [delay, estimate, r, float(flown[f"{name}.aircraft.valid"][late].mean())]
 
 
-def run(*, seeds=SEEDS, out=None, workers=2, progress=None):
-    """Return a table per fault: detectors over points."""
-    jobs = [(p, c, turbulence, FIRST_SEED + s) for c in CASES for p in SIX for turbulence in TURBULENCE
+def _cases(seeds):
+    return [(p, c, turbulence, FIRST_SEED + s) for c in CASES for p in SIX for turbulence in TURBULENCE
             for s in range(seeds)]  # fmt: skip
-    file = None if out is None else out / "corners.jsonl"
-    got = many(measure, jobs, out=file, workers=workers, progress=progress)
-    tables = []
+
+
+def jobs(options):
+    """Return the flights."""
+    return [(measure, dict(zip(("point", "case", "turbulence", "seed"), key))) for key in _cases(options.seeds)]
+
+
+def tables(options, values):
+    """Return a table per fault: detectors over points."""
+    seeds = options.seeds
+    got = dict(zip(_cases(seeds), values))
+    out = []
     for case, detectors in SHOWN:
         rows = []
         for name in detectors:
@@ -111,8 +119,8 @@ def run(*, seeds=SEEDS, out=None, workers=2, progress=None):
                 cells = {p: [got[p, case, turbulence, FIRST_SEED + s][name] for s in range(seeds)] for p in SIX}
                 rows += _rows(name, turbulence, case, cells, seeds)
         title = f"{case}; {seeds} seeds per point and turbulence" if case != NONE else f"fault-free, {seeds} seeds"
-        tables.append(Table(title, ("detector", "turbulence", "figure", *SIX), rows))
-    return tables
+        out.append(Table(title, ("detector", "turbulence", "figure", *(f"{p}>" for p in SIX)), rows))
+    return out
 
 
 def _rows(name, turbulence, case, cells, seeds):

@@ -1,25 +1,24 @@
 """The smallest lock offset and thrust loss that control redundancy finds, effector by effector.
 
 A surface drives to an angle off its trim at 20 deg/s and stands there, or thrust is lost, at 24 s, in level flight or
-in the doublet of +-0.3 g; coefficients 5 % off and IMU errors as in `redundancy`. Found: the right effector is the
-first declared, within `WITHIN` seconds, in every draw, at this size and at every larger one. The law works against the
-fault (its integrators, the manoeuvre), so that the angle by which the surface misses its command grows: that is what
-residuals see, and it is given for the moment of the declaration.
+in the doublet of +-0.3 g; coefficients 5 % off and IMU errors as in `cosim.papers.mar10.flights`. Found: the right
+effector is the first declared, within `WITHIN` seconds, in every draw, at this size and at every larger one. The law
+works against the fault (its integrators, the manoeuvre), so that the angle by which the surface misses its command
+grows: that is what residuals see, and it is given for the moment of the declaration.
 """
 
 import math
 
 import numpy as np
 
-from cosim.campaign.jobs import many
 from cosim.flight import airframe_wires
+from cosim.flight.signals import detect, fly
 from cosim.papers.mar10 import flights
-from cosim.papers.recorded import Flown
-from cosim.papers.studies.aircraft_level.redundancy import found
-from cosim.papers.studies.aircraft_level.table import Table
+from cosim.papers.studies import Table
+from fdi.common.verdict import AMBIGUOUS
 from fdi.control_redundancy import control_redundancy
 
-DRAWS, WITHIN, ONSET = 10, 10.0, 24.0  # [s]
+WITHIN, ONSET = 10.0, 24.0  # [s]
 OPTIONS = {"force": {}, "force+moment": {"rows": "force+moment"}}
 RATE = 20.0  # [deg/s]
 FLIGHTS = {"level": ("manoeuvre.start_s=60",), "doublet": ()}
@@ -64,15 +63,26 @@ def declared(flight, target, size, draw):
     surfaces, command = SURFACES.get(target, ((), "de_cmd"))
     names = [*wires.values(), f"law.law.{command}", *(f"truth.aircraft.{s}" for s in surfaces)]
     changes = (*faults(target, size), *FLIGHTS[flight], "duration_s=36")
-    flown = Flown(flights.scenario(1, draw, changes), names)
-    missed = np.zeros(len(flown.t))
+    flown = fly(flights.scenario(1, draw, changes), names)
+    t, missed = flown.index.to_numpy(), np.zeros(len(flown))
     for s in surfaces:
-        missed += np.degrees(flown[f"truth.aircraft.{s}"] - flown[f"law.law.{command}"]) / len(surfaces)
+        missed += np.degrees(flown[f"truth.aircraft.{s}"] - flown[f"law.law.{command}"]).to_numpy() / len(surfaces)
     out = []
     for kw in OPTIONS.values():
-        log = flown.run(control_redundancy, wires, flights.detector(**kw))
-        out.append([[t, n, float(missed[(flown.t > t - 0.5) & (flown.t <= t)].mean())] for t, n in found(flown.t, log)])
+        log = detect(flown, control_redundancy, wires, flights.detector(**kw))
+        out.append([[at, n, float(missed[(t > at - 0.5) & (t <= at)].mean())] for at, n in found(t, log)])
     return out
+
+
+def found(t, log):
+    """Return [[time, effector], ...] of a detector's log, in order of time."""
+    out = []
+    for h, name in enumerate(control_redundancy.CULPRITS[1:]):
+        rise = np.flatnonzero(np.diff(np.r_[0.0, log["declared"][:, h]]) > 0)
+        out += [[float(t[i]), name] for i in rise]
+    unclear = (log["alarm"] > 0.5) & (log["verdict"] == AMBIGUOUS) & (log["culprit"] == 0.0)
+    out += [[float(t[i]), "ambiguous"] for i in np.flatnonzero(np.diff(np.r_[0, unclear.astype(int)]) > 0)]
+    return sorted(out)
 
 
 def outcome(target, declarations):
@@ -84,12 +94,20 @@ def outcome(target, declarations):
     return ("ambiguous", now[0][1]) if now else ("missed", math.nan)
 
 
-def run(*, draws=DRAWS, out=None, workers=2, progress=None):
-    """Return the tables: smallest size found, and what came of every size."""
-    jobs = [(flight, target, size, d) for flight in FLIGHTS for target, (sizes, _) in EFFECTORS.items()
+def _cases(draws):
+    return [(flight, target, size, d) for flight in FLIGHTS for target, (sizes, _) in EFFECTORS.items()
             for size in sizes for d in range(draws)]  # fmt: skip
-    file = None if out is None else out / "smallest.jsonl"
-    got = many(declared, jobs, out=file, workers=workers, progress=progress)
+
+
+def jobs(options):
+    """Return the flights."""
+    return [(declared, dict(zip(("flight", "target", "size", "draw"), key))) for key in _cases(options.seeds)]
+
+
+def tables(options, values):
+    """Return the tables: smallest size found, and what came of every size."""
+    draws = options.seeds
+    got = dict(zip(_cases(draws), values))
     first, rows = [], []
     words = ("right", "wrong", "ambiguous", "missed")
     for i, label in enumerate(OPTIONS):

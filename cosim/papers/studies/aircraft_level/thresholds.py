@@ -1,8 +1,7 @@
-"""Thresholds of the two Sun13 estimators: trained, stored, judged on flights that training never saw."""
+"""Thresholds of the two Sun13 estimators, and alarms on flights that training never saw (`cosim train rfafe`)."""
 
 import math
 
-from cosim.papers.studies.aircraft_level.table import Table
 from cosim.training import train_rfafe
 from fdi.common import bank
 from fdi.common.tuning import thresholds
@@ -10,21 +9,19 @@ from fdi.common.tuning import thresholds
 DEG = math.pi / 180.0
 
 
-def run(*, out=None, workers=2, progress=None, train=True):
-    """Return the tables: thresholds over frequency, and alarms on the evaluation flights.
+def jobs(options):
+    """Return the flights of the evaluation."""
+    first = train_rfafe.EVALUATION
+    return [(train_rfafe.look, {"first_seed": first, "index": i}) for i in range(len(list(train_rfafe.flights(first))))]
 
-    With `train` the training set is flown and the thresholds are stored first; the judgement is of what is stored.
-    """
-    if train:
-        train_rfafe.retrain(out=None if out is None else out / "training.jsonl", workers=workers, progress=progress)
+
+def tables(options, values):
+    """Return the tables: thresholds over frequency, and alarms."""
     names = list(train_rfafe.MODULES)
     held = {name: thresholds(name) for name in names}
-    rows = [(float(hz), *(held[n]["bank_threshold"][k] / DEG for n in names))
+    rows = [(f"{hz:.3g}", *(held[n]["bank_threshold"][k] / DEG for n in names))
             for k, hz in enumerate(bank.frequencies())]  # fmt: skip
     rows.append(("slow part", *(held[n]["th_static"] / DEG for n in names)))
-    first = Table("thresholds of f_hat, command at rest [deg]", ("Hz", *names), rows)
-    judged = train_rfafe.collect(train_rfafe.EVALUATION, out=None if out is None else out / "evaluation.jsonl",
-                                 workers=workers, progress=progress)  # fmt: skip
-    rows = [(n, len(judged), len(train_rfafe.alarms(judged, n))) for n in names]
-    head = ("estimator", "flights", "alarmed")
-    return [first, Table("fault-free flights of 60 s that training never saw", head, rows)]
+    alarmed = [(n, len(values), sum(v[n][3] > 0 for v in values)) for n in names]
+    return [("thresholds of f_hat, command at rest [deg]", ("Hz", *(f"{n}>" for n in names)), rows),
+            ("fault-free flights of 60 s that training never saw", ("estimator", "flights>", "alarmed>"), alarmed)]

@@ -1,20 +1,19 @@
-"""What the Lu17 study asks: its flights (`lu17_cases`, `lu17_loop`), and their tables.
+"""What the study of the hydraulic detectors asks: its flights (`hydraulic_cases`, `hydraulic_loop`), and their tables.
 
-    python -m cosim.papers.studies.lu17 --help
+    cosim study hydraulic
 """
 
 import functools
-import sys
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 
-from cosim.papers import studies as study
 from cosim.papers.studies import Part
-from cosim.papers.studies import lu17_cases as s
-from cosim.papers.studies.lu17_loop import FEEDBACKS, feedback_flight, long_flight
+from cosim.papers.studies import hydraulic_cases as s
+from cosim.papers.studies.hydraulic_loop import FEEDBACKS, feedback_flight, long_flight
 from cosim.training.train_lu17 import EVALUATION
 
+ABOUT = "What the hydraulic detectors see of which fault, how soon, under which name."
 # Seeds of these flights. On 17000 to 17059, 18000 to 18059 and 33000 to 33305 the decision was amended: a signal in
 # place of the drive is searched for where nothing else tells of a fault, windows that show a missing drive name no
 # oscillation, the pressure sensor is judged, a large input fault needs less time
@@ -179,7 +178,7 @@ def parts():
     """Return the Parts of the study."""
     ofc, reach, rest = s.oscillations(), s.oscillations(mm=0.3)[:14], s.others()
     at = [(s.achieved, {"case": asdict(c), "seed": FIRST + k}) for c in ofc[:14] for k in range(3)]
-    return [
+    made = [
         Part("ofc", "oscillations of 0.6 mm: in time, named, frequency (28 cases; 15 min)",
              lambda o: _jobs(ofc, o), lambda o, v: _oscillations(ofc, v, o)),
         Part("reach", "the same of 0.3 mm, in turbulence (14 cases; 7 min)",
@@ -198,16 +197,4 @@ def parts():
         Part("load", "ten minutes: rtsekf as published drifts, rtsekf_flight does not; ema_kalman against hinge load "
              "(1 min)", lambda o: [(long_flight, {"seed": FIRST})], _long),
     ]
-
-
-def main(argv=None):
-    """Run the study from the command line; return the exit status."""
-    about = ("What the hydraulic detectors see of which fault, how soon, under which name. Times are for one free "
-             "core; --workers 2 halves them.")
-    return study.main("cosim.papers.studies.lu17", about, parts(), seeds=60, folder="logs/lu17-study", argv=argv)
-
-
-if __name__ == "__main__":
-    from cosim.papers.studies.lu17 import main as run  # by its own name: its jobs are found by other processes
-
-    sys.exit(run())
+    return [replace(part, seeds=60) for part in made]

@@ -3,7 +3,7 @@
 The left inner segment is at fault from T_FAULT on, in a manoeuvre and light turbulence (a jam: still air), with
 every coefficient of aircraft and actuator up to 5 % off and seeds that training never used. Amplitudes are injected at
 the valve, converted with the nominal loop, and the amplitude achieved is measured against the same flight without the
-fault. What is asked, and the tables, are in `cosim.papers.studies.lu17`.
+fault. What is asked, and the tables, are in `cosim.papers.studies.hydraulic`.
 """
 
 import functools
@@ -15,13 +15,15 @@ import numpy as np
 from actuators.common.linkage import ARM
 from cosim.judge.achieved import amplitude
 from cosim.judge.alarms import detection
-from cosim.training.lu17_flights import POINTS, draw, estimate, record
-from cosim.training.rfafe import DT
+from cosim.scenario.catalog import SEGMENTS
+from cosim.training.flights import DT, POINTS, draw, fly_hydraulic, watch
 from fdi.common import verdict
 from fdi.hydraulic import iotsekf, rtsekf_flight
 from fdi.monitors import ofc_monitor, position_monitor
 
-T_FAULT, LANE, TARGET = 12.0, 1, "elevator.left_inner"
+T_FAULT, LANE = 12.0, 1
+SEGMENT = SEGMENTS[LANE]
+TARGET = f"elevator.{SEGMENT}"
 FREQUENCIES = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 CYCLE = ("nz_doublet", "pitch_protection", "coordinated_turn", "aoa_protection", "three_two_one_one")
 MODULES = {
@@ -108,7 +110,7 @@ def cases():
 
 
 def arguments(case, seed, noise=1.0):
-    """Return the arguments of `record` for one seed of a case; a manoeuvre starts 2 to 4 s before the fault."""
+    """Return the arguments of `scenario` for one seed of a case; a manoeuvre starts 2 to 4 s before the fault."""
     start = T_FAULT - float(np.random.default_rng([seed, 1]).uniform(2.0, 4.0))
     drawn = {"kind": CYCLE[seed % len(CYCLE)], "start_s": start}
     more = {"sensors": {"noise_scale": noise}} if noise != 1.0 else {}
@@ -134,15 +136,17 @@ def judge(case, recorded, module, p, twin=None):
     """Run a detector over a recorded flight and return its Outcome; `twin`: the same flight without the fault."""
     k = round(T_FAULT / DT)
     fields = ("alarm", "verdict", "culprit", *(("ofc_hz",) if "ofc_hz" in module.STATE.names else ()))
-    log = estimate(module, recorded, p, fields)
+    log = watch(recorded, module, p, fields)
     alarm = log["alarm"] > 0.5
     others = np.delete(alarm, LANE, axis=0)
     at = detection(alarm[LANE], k)
     before = round(case.fault["start_s"] / DT) if case.fault else k
     end = min(k + round(4.0 / case.hz / DT), alarm.shape[1] - 1) if case.hz > 0 else alarm.shape[1] - 1
     last = log[LANE, end]
-    moved = abs(recorded["delta"][LANE, at] - recorded["delta"][LANE, k]) if at is not None else math.nan
-    away = abs(recorded["delta"][LANE, at] - twin["delta"][LANE, at]) if at is not None and twin else math.nan
+    surface = f"hydraulic.{SEGMENT}.delta"
+    own = recorded[surface].to_numpy()
+    moved = abs(own[at] - own[k]) if at is not None else math.nan
+    away = abs(own[at] - twin[surface].to_numpy()[at]) if at is not None and twin is not None else math.nan
     return Outcome(
         early=bool(alarm[LANE, :before].any() or others.any()),
         delay=(at - k) * DT if at is not None else math.inf,
@@ -166,8 +170,8 @@ def fly_case(case, seed, noise=1.0):
     """Return {detector: Outcome as a dict} of one seed of a case, given as a dict."""
     made = Case(**case)
     flight = arguments(made, seed, noise)
-    recorded = record(**flight)
-    twin = record(**{**flight, "faults": []}) if made.deviation_deg > 0 else None
+    recorded = fly_hydraulic(**flight)
+    twin = fly_hydraulic(**{**flight, "faults": []}) if made.deviation_deg > 0 else None
     return {name: asdict(judge(made, recorded, module, p, twin)) for name, (module, p) in detectors().items()}
 
 
@@ -175,10 +179,10 @@ def achieved(case, seed):
     """Return [u injected, rod amplitude [m] that an oscillation achieves against the same flight without the fault]."""
     made = Case(**case)
     flight = arguments(made, seed)
-    faulty = record(**flight)
-    q = faulty["rod"][LANE] - record(**{**flight, "faults": []})["rod"][LANE]
+    faulty, twin = fly_hydraulic(**flight), fly_hydraulic(**{**flight, "faults": []})
+    q = (faulty[f"hydraulic.{SEGMENT}.q_rod"] - twin[f"hydraulic.{SEGMENT}.q_rod"]).to_numpy()
     size = amplitude(q, 2 * math.pi * made.hz, T_FAULT, math.inf, DT)
-    return [float(np.abs(faulty["f_u"][LANE]).max()), size]
+    return [float(faulty[f"hydraulic_in.{SEGMENT}.f_u"].abs().max()), size]
 
 
 def summary(case, found):

@@ -6,10 +6,10 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from cosim.papers.studies import lu17, lu17_cases, lu17_loop
+from cosim.papers.studies import hydraulic, hydraulic_cases, hydraulic_loop
 from cosim.training import train_lu17
 
-CASES = {c.name: c for c in lu17_cases.cases()}
+CASES = {c.name: c for c in hydraulic_cases.cases()}
 
 @pytest.mark.parametrize(
     "name",
@@ -26,9 +26,9 @@ CASES = {c.name: c for c in lu17_cases.cases()}
 )
 def test_in_flight_each_fault_has_its_name_in_time(name):
     case = CASES[name]
-    found = lu17_cases.fly_case(asdict(case), 17001)
-    row, sensor = ([lu17_cases.Outcome(**found[d])] for d in ("iotsekf", "rtsekf_flight"))
-    row, sensor = lu17_cases.summary(case, row), lu17_cases.summary(case, sensor)
+    found = hydraulic_cases.fly_case(asdict(case), 17001)
+    row, sensor = ([hydraulic_cases.Outcome(**found[d])] for d in ("iotsekf", "rtsekf_flight"))
+    row, sensor = hydraulic_cases.summary(case, row), hydraulic_cases.summary(case, sensor)
     in_time = row["detected"] if row["in_time"] is None else row["in_time"]
     assert (row["early"], in_time, row["right"]) == (0, 1, 1), row
     assert sensor["detected"] == (1 if name.startswith("rod") else 0), sensor
@@ -36,10 +36,10 @@ def test_in_flight_each_fault_has_its_name_in_time(name):
 
 def test_a_healthy_flight_is_quiet_and_every_segment_is_watched():
     flight = train_lu17.draw(5, point=train_lu17.POINTS[1], manoeuvre="pitch_protection", turbulence="light")
-    recorded = lu17_cases.record(**{**flight, "duration": 20.0})
-    assert recorded["u"].shape == (4, 4000)
-    for name, (module, p) in lu17_cases.detectors().items():
-        assert not (lu17_cases.estimate(module, recorded, p, ("alarm",))["alarm"] > 0.5).any(), name
+    recorded = hydraulic_cases.fly_hydraulic(**{**flight, "duration": 20.0})
+    assert len(recorded) == 4000
+    for name, (module, p) in hydraulic_cases.detectors().items():
+        assert not (hydraulic_cases.watch(recorded, module, p, ("alarm",))["alarm"] > 0.5).any(), name
 
 
 @pytest.mark.parametrize("detector", ["iotsekf", "ofc_monitor", "position_monitor"])
@@ -61,19 +61,19 @@ def test_training_and_evaluation_share_no_seed():
     first = train_lu17.EVALUATION
     assert len(train) == len(train_lu17.training()) >= 300
     assert not train & set(range(first, first + 1000))
-    assert not train & set(range(lu17.FIRST, lu17.SEARCH + 1000))
+    assert not train & set(range(hydraulic.FIRST, hydraulic.SEARCH + 1000))
 
 
 @pytest.mark.parametrize(("feedback", "late"), [("measured", 0.95), ("rtsekf_flight", 0.0)])
 def test_feedback_flights_tell_a_loop_that_believes_the_rod_sensor(feedback, late):
-    found = lu17_loop.feedback_flight(feedback, False, 3)
+    found = hydraulic_loop.feedback_flight(feedback, False, 3)
     assert found["late_deg"] == pytest.approx(late, abs=0.15)
     assert found["rtsekf_flight"] and found["nz_free_g"] < 0.02
 
 
 def test_long_flights_show_what_drifts(monkeypatch):
-    monkeypatch.setattr(lu17_loop, "LONG_S", 60.0)
-    rows = lu17_loop.long_flight(3)["rows"]
+    monkeypatch.setattr(hydraulic_loop, "LONG_S", 60.0)
+    rows = hydraulic_loop.long_flight(3)["rows"]
     worst = {name: values[-1] for name, values in rows.items()}
     assert worst["rtsekf, load ignored, as published: |f_hat| [mm]"] > 20.0
     assert worst["rtsekf_flight: |rod estimate - rod| [mm]"] < 1.0

@@ -5,10 +5,9 @@ import math
 import numpy as np
 
 from actuators.common import linkage
+from cosim.flight.signals import detect, fly
 from cosim.scenario.catalog import SEGMENTS
-from cosim.training.lu17_flights import draw, estimate
-from cosim.training.rfafe import DT, fly
-from cosim.training.train_rfafe import POINT
+from cosim.training.flights import DT, POINT, draw, scenario, watch
 from fdi.common import verdict
 from fdi.ema import ema_kalman, ema_kalman_flight
 from fdi.hydraulic import iotsekf, rtsekf, rtsekf_flight
@@ -36,7 +35,8 @@ def feedback_flight(feedback, reconfigure, seed):
 
     def flown(feedback, reconfigure, faults, names):
         elevator = {**dict.fromkeys(SEGMENTS, "hydraulic"), "feedback": feedback, "reconfigure": reconfigure}
-        return fly(names, **arguments, faults=faults, elevator=elevator, detectors={"enabled": list(WATCHED)})
+        asked = scenario(**arguments, faults=faults, elevator=elevator, detectors={"enabled": list(WATCHED)})
+        return fly(asked, names).to_numpy()
 
     plain = flown("measured", False, [], names)
     free = flown(feedback, reconfigure, [], names)
@@ -59,38 +59,36 @@ def long_flight(seed):
 
     {"minutes": [...], "rows": {what: [largest within that minute]}}; minute 0 is the first ten seconds.
     """
-    segments = ("left_outer", "left_inner")
-    fields = {
-        **{n: f"iotsekf_in.{{}}.{n}" for n in iotsekf.INPUTS.names},
-        "rod": "hydraulic.{}.q_rod",
-    }
-    ema_in = {f"ema_{n}": f"ema_kalman_flight_in.{{}}.{n}" for n in ema_kalman_flight.INPUTS.names}
-    names = [path.format(seg) for seg in segments for path in fields.values()]
-    names += [path.format(seg) for seg in ("right_inner", "right_outer") for path in ema_in.values()]
+    segments, electric = ("left_outer", "left_inner"), ("right_inner", "right_outer")
+    wires = [{n: f"ema_kalman_flight_in.{s}.{n}" for n in ema_kalman_flight.INPUTS.names} for s in electric]
+    rods = [f"hydraulic.{s}.q_rod" for s in segments]
+    names = [*(f"iotsekf_in.{s}.{n}" for s in segments for n in iotsekf.INPUTS.names), *rods,
+             *(path for lane in wires for path in lane.values())]  # fmt: skip
     arguments = draw(seed, point=POINT, manoeuvre={"kind": "nz_doublet"}, turbulence="light", duration=LONG_S)
-    v = fly(names, **arguments, technology=("hydraulic", "hydraulic", "ema", "ema"),
-            detectors={"enabled": ["iotsekf", "ema_kalman_flight"]})
-    n = len(fields)
-    hydraulic = {name: np.stack([v[:, j], v[:, n + j]]) for j, name in enumerate(fields)}
-    m, at = len(ema_in), 2 * n
-    electric = {name[4:]: np.stack([v[:, at + j], v[:, at + m + j]]) for j, name in enumerate(ema_in)}
+    v = fly(scenario(**arguments, technology=("hydraulic", "hydraulic", "ema", "ema"),
+                     detectors={"enabled": ["iotsekf", "ema_kalman_flight"]}), names)  # fmt: skip
     rows = {}
     for load, word in ((0, "load ignored, as published"), (1, "hinge-moment model")):
-        log = estimate(rtsekf, hydraulic, rtsekf.params(load=load), ("f_hat", "q_now"))
+        log = watch(v, rtsekf, rtsekf.params(load=load), ("f_hat", "q_now"), segments)
         rows[f"rtsekf, {word}: |f_hat| [mm]"] = 1e3 * np.abs(log["f_hat"])
-    log = estimate(rtsekf_flight, hydraulic, rtsekf_flight.params(), ("f_hat", "q_now"))
-    rows["rtsekf_flight: |rod estimate - rod| [mm]"] = 1e3 * np.abs(log["q_now"] - hydraulic["rod"])
+    log = watch(v, rtsekf_flight, rtsekf_flight.params(), ("f_hat", "q_now"), segments)
+    rows["rtsekf_flight: |rod estimate - rod| [mm]"] = 1e3 * np.abs(log["q_now"] - v[rods].to_numpy().T)
     rows["rtsekf_flight: |mean f_hat of the last 5 s| [mm]"] = 1e3 * _mean(log["f_hat"])
-    log = estimate(ema_kalman, electric, ema_kalman.params("elevator"), ("eta_bar", "R1"))
+    log = detect(v, ema_kalman, _only(wires, ema_kalman), ema_kalman.params("elevator"), ("eta_bar", "R1"))
     rows["ema_kalman: |R1| [mm], threshold 0.5"] = 1e3 * np.abs(log["R1"])
     rows["ema_kalman: |innovation mean|, threshold 3"] = np.abs(log["eta_bar"])
-    log = estimate(ema_kalman_flight, electric, ema_kalman_flight.params(), ("r", "R1"))
+    log = detect(v, ema_kalman_flight, wires, ema_kalman_flight.params(), ("r", "R1"))
     rows["ema_kalman_flight: |R1| [mm]"] = 1e3 * np.abs(log["R1"])
     rows["ema_kalman_flight: largest test over its threshold"] = log["r"]
     minutes = [0, *range(1, round(LONG_S / 60.0) + 1)]
     edges = [(2.0, 10.0), *((60.0 * (i - 1) + (2.0 if i == 1 else 0.0), 60.0 * i) for i in minutes[1:])]
     ticks = [(round(a / DT), round(b / DT)) for a, b in edges]
     return {"minutes": minutes, "rows": {k: [float(r[:, a:b].max()) for a, b in ticks] for k, r in rows.items()}}
+
+
+def _only(wires, module):
+    """Return the wires of the inputs that a module has."""
+    return [{n: path for n, path in lane.items() if n in module.INPUTS.names} for lane in wires]
 
 
 def _mean(f):

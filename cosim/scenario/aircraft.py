@@ -1,0 +1,250 @@
+"""The aircraft that flies, as its folder's aircraft.toml describes it: one typed record, read once.
+
+The contract of a folder is aircraft/README.md. A bundled aircraft is named, another one is given as a path.
+"""
+
+import functools
+import math
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
+
+from cosim.errors import ScenarioError, did_you_mean
+
+FOLDER = Path(__file__).resolve().parents[2] / "aircraft"
+RECORD = "aircraft.toml"
+DEFAULT = "transport"
+Positive = Annotated[float, Field(gt=0.0)]
+Span = Annotated[tuple[float, float], Field(strict=False)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class Geometry(_Table):
+    """Reference geometry as in the JSBSim model: lengths of the coefficients, and where the CG is counted from."""
+
+    wing_area_ft2: Positive
+    span_ft: Positive
+    chord_ft: Positive
+    tail_arm_ft: Positive  # from the CG to the tail, which meets a gust later
+    downwash: Annotated[float, Field(ge=0.0, lt=1.0)]  # d epsilon / d alpha at the tail
+    station_in: float  # of the CG reference in the structural frame, x aft
+    reference_pct: Annotated[float, Field(ge=0.0, le=100.0)]  # CG reference, of the mean chord
+
+
+class Gyration(_Table):
+    """Radii of gyration squared [m2], body axes; `xz` is the product of inertia over mass."""
+
+    xx: Positive
+    yy: Positive
+    zz: Positive
+    xz: float
+
+
+class Mass(_Table):
+    """What may be loaded, and what the empty aircraft and its one tank weigh."""
+
+    mass_t: Span
+    cg_pct: Span
+    empty_t: Positive
+    fuel_t: Positive
+    gyration2_m2: Gyration
+
+
+class Limits(_Table):
+    """What a scenario may ask for, and the angle below which no wing of this aircraft stalls."""
+
+    altitude_ft: Span
+    cas_kt: Span
+    tas_kt: Span
+    mach: Span
+    alpha_surely_flies_deg: Positive
+
+
+class Segment(_Table):
+    """An elevator segment: its short name in fields and properties, and the technology that moves it by default."""
+
+    short: Annotated[str, Field(pattern=r"^[a-z][a-z0-9]*$")]
+    actuator: str
+
+
+class Elevator(_Table):
+    """The elevator: travel of every segment (trailing edge down +), and the segments from left to right."""
+
+    model_config = ConfigDict(frozen=True, extra="allow", strict=True, allow_inf_nan=False)
+    __pydantic_extra__: dict[str, Segment]
+
+    travel_deg: Span
+
+    @property
+    def segments(self) -> dict[str, Segment]:
+        """Return {name: Segment} from left to right."""
+        return dict(self.model_extra or {})
+
+
+class Surface(_Table):
+    """A surface with a plain actuator: travel, fastest rate, natural frequency of the position loop."""
+
+    travel_deg: Span
+    rate_deg_s: Positive
+    omega_rad_s: Positive
+
+    @property
+    def travel(self) -> tuple[float, float]:
+        """Return the stops [rad]."""
+        return math.radians(self.travel_deg[0]), math.radians(self.travel_deg[1])
+
+    @property
+    def rate(self) -> float:
+        """Return the fastest rate [rad/s]."""
+        return math.radians(self.rate_deg_s)
+
+
+class Surfaces(_Table):
+    """The surfaces beside the elevator."""
+
+    aileron: Surface
+    rudder: Surface
+    stabiliser: Surface
+
+
+class Aircraft(_Table):
+    """What the loop must know of an aircraft beside its JSBSim model."""
+
+    title: str
+    engines: Annotated[int, Field(ge=1, le=8)]
+    geometry: Geometry
+    mass: Mass
+    limits: Limits
+    elevator: Elevator
+    surfaces: Surfaces
+    points: dict[str, dict[str, float]] = {}
+    name: str = ""  # the folder's
+    folder: Annotated[Path, Field(strict=False)] = Path()
+
+    @model_validator(mode="after")
+    def _segments(self) -> Any:
+        segments = self.elevator.segments
+        if not segments:
+            raise ValueError("elevator has no segment")
+        if len({s.short for s in segments.values()}) < len(segments):
+            raise ValueError("two elevator segments have the same short name")
+        if wrong := [n for n in segments if n.split("_")[0] not in ("left", "right")]:
+            raise ValueError(f"elevator segment {wrong[0]!r}: a name begins with left or right")
+        return self
+
+    @property
+    def segments(self) -> tuple[str, ...]:
+        """Return the names of the elevator segments from left to right."""
+        return tuple(self.elevator.segments)
+
+    @property
+    def short(self) -> dict[str, str]:
+        """Return {segment: its short name}, as fields of the truth and the plant call it."""
+        return {name: s.short for name, s in self.elevator.segments.items()}
+
+    @property
+    def groups(self) -> dict[str, tuple[str, ...]]:
+        """Return {left, right, all: segments}."""
+        sides = {side: tuple(s for s in self.segments if s.split("_")[0] == side) for side in ("left", "right")}
+        return {**sides, "all": self.segments}
+
+    @property
+    def technology(self) -> dict[str, str]:
+        """Return {segment: technology of its actuator} where a scenario says nothing."""
+        return {name: s.actuator for name, s in self.elevator.segments.items()}
+
+    @property
+    def engine_names(self) -> tuple[str, ...]:
+        """Return "1", "2", ... from left to right."""
+        return tuple(str(i + 1) for i in range(self.engines))
+
+    @property
+    def travels_deg(self) -> dict[str, tuple[float, float]]:
+        """Return {elevator, aileron, rudder, stabiliser: stops [deg]}, trailing edge down +."""
+        others = {name: surface.travel_deg for name, surface in self.surfaces}
+        return {"elevator": self.elevator.travel_deg, **others}
+
+    @property
+    def travels(self) -> dict[str, tuple[float, float]]:
+        """Return `travels_deg` in rad."""
+        return {name: (math.radians(low), math.radians(high)) for name, (low, high) in self.travels_deg.items()}
+
+    @property
+    def travel(self) -> float:
+        """Return the whole travel of the elevator [rad]."""
+        low, high = self.elevator.travel_deg
+        return (high - low) * (math.pi / 180.0)
+
+    @property
+    def chord_in(self) -> float:
+        """Return the mean chord [in]."""
+        return self.geometry.chord_ft * 12.0
+
+    @property
+    def wing_area(self) -> float:
+        """Return the wing area [m2]."""
+        return self.geometry.wing_area_ft2 * 0.3048**2
+
+    @property
+    def gusts(self) -> dict[str, float]:
+        """Return what a gust meets: span [m], tail arm [m], downwash."""
+        g = self.geometry
+        return {"span": g.span_ft * 0.3048, "tail_arm": g.tail_arm_ft * 0.3048, "downwash": g.downwash}
+
+    @property
+    def multipliers(self) -> tuple[str, ...]:
+        """Return the names of the coefficients that the JSBSim model can scale: its properties aero/mult/<name>."""
+        return _multipliers(self.folder)
+
+
+def bundled() -> list[str]:
+    """Return the names of the aircraft that ship."""
+    return sorted(p.parent.name for p in FOLDER.glob(f"*/{RECORD}"))
+
+
+def load_aircraft(name: str = DEFAULT) -> Aircraft:
+    """Return the record of a bundled aircraft, or of the folder `name`; raises ScenarioError."""
+    known = bundled()
+    folder = FOLDER / name if name in known else Path(name).expanduser()
+    if not (folder / RECORD).is_file():
+        said = f"{name!r} is no aircraft" if not folder.is_dir() else f"the folder has no {RECORD}"
+        raise ScenarioError(
+            said, place=f"flight.aircraft = {name}", allowed=f"{', '.join(known)}, or a folder with {RECORD}",
+            remedy=did_you_mean(name, known),
+        )  # fmt: skip
+    return _read(folder.resolve())
+
+
+def of(info: ValidationInfo) -> Aircraft:
+    """Return the aircraft that a validator's context names, the default one where there is none."""
+    return (info.context or {}).get("aircraft") or load_aircraft()
+
+
+@functools.cache
+def _read(folder: Path) -> Aircraft:
+    path = folder / RECORD
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        made = Aircraft.model_validate({**table, "name": folder.name, "folder": folder})
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ScenarioError(f"not valid TOML: {error}", place=f"{folder.name}/{RECORD}") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise ScenarioError(first["msg"], place=f"{folder.name}/{RECORD}: {where}".rstrip(": ")) from None
+    if not (folder / f"{folder.name}.xml").is_file():
+        raise ScenarioError(f"there is no {folder.name}.xml, its JSBSim model", place=str(folder.name))
+    return made
+
+
+@functools.cache
+def _multipliers(folder: Path) -> tuple[str, ...]:
+    import re
+
+    found = (re.findall(r"aero/mult/(\w+)", p.read_text(encoding="utf-8")) for p in sorted(folder.rglob("*.xml")))
+    return tuple(dict.fromkeys(name for names in found for name in names))

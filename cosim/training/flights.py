@@ -1,0 +1,123 @@
+"""Flights of training and of the studies: their scenarios, and the detectors of a flown table.
+
+A flight is flown once without detectors (`cosim.fly`); what they read is in its table, and each runs on it as often as
+needed (`detect`).
+"""
+
+from collections.abc import Iterator, Sequence
+from types import ModuleType
+
+import numpy as np
+import pandas as pd
+
+from cosim.flight.plant.point import SIX
+from cosim.flight.rfafe_wires import WIRES
+from cosim.flight.signals import detect, fly
+from cosim.scenario import Scenario, parse
+from cosim.scenario.catalog import SEGMENTS
+from cosim.scenario.tolerance import toleranced
+from fdi.hydraulic import iotsekf
+from fdi.rfafe import rfafe, rfafe_airframe
+
+DT = 0.005
+POINT = SIX["sun13"]
+POINTS = tuple(SIX.values())
+TURBULENCE = ("none", "light", "moderate")
+# the six fault-free flights of [Sun13] section IV
+MANOEUVRES = ("cruise", "aoa_protection", "nose_up", "pitch_protection", "coordinated_turn", "yaw_angle")
+FLIGHT_S = 60.0
+TOLERANCE = 0.05
+MODEL = ("A_p", "B", "M", "P_s", "phi_n", "V_m", "E", "L", "F_c", "F_s")  # of the hydraulic actuator, off by up to 5 %
+COMMAND = "law.law.de_cmd"
+MODULES = {"rfafe": rfafe, "rfafe_airframe": rfafe_airframe}
+SURFACES = tuple(f"truth.aircraft.{s}" for s in ("de_lo", "de_li", "de_ri", "de_ro"))
+AIRCRAFT = tuple(dict.fromkeys([*(path for own in WIRES.values() for path in own.values()), COMMAND, *SURFACES]))
+# of each segment: what the hydraulic detectors read, the fault at the valve [1], true rod [m] and surface [rad]
+HYDRAULIC = (*(f"iotsekf_in.{{}}.{name}" for name in iotsekf.INPUTS.names), "hydraulic_in.{}.f_u", "hydraulic.{}.q_rod",
+             "hydraulic.{}.delta")  # fmt: skip
+
+
+def scenario(
+    *, duration: float, manoeuvre: str | dict = "cruise", technology: Sequence[str] = ("hydraulic",) * 4,
+    flight: dict | None = None, **more,
+) -> Scenario:  # fmt: skip
+    """Return a flight of `duration` [s] at POINT without detectors; `flight` changes entries of the point.
+
+    `technology` is that of the four segments; `more` are further tables of the scenario.
+    """
+    manoeuvre = manoeuvre if isinstance(manoeuvre, dict) else {"kind": manoeuvre}
+    return parse({"title": "design flight", "duration_s": duration, "flight": {**POINT, **(flight or {})},
+                  "manoeuvre": manoeuvre, "elevator": dict(zip(SEGMENTS, technology)), "detectors": {"enabled": []},
+                  **more})  # fmt: skip
+
+
+def draw(
+    seed: int, *, point: dict, manoeuvre: str | dict, turbulence: str, duration: float = FLIGHT_S, **more
+) -> dict:
+    """Return the arguments of `scenario` for a flight with all coefficients of aircraft and actuator off by up to
+    5 %."""
+    rng = np.random.default_rng(seed)
+    kind = {"kind": manoeuvre} if isinstance(manoeuvre, str) else dict(manoeuvre)
+    if point["mass_t"] == 375.0 and kind["kind"] in ("nose_up", "pitch_protection"):
+        kind["amplitude_g"] = 0.15  # the point with 1.23 g left
+    off = {g: {n: float(1 + TOLERANCE * rng.uniform(-1, 1)) for n in names}
+           for g, names in (("aero", toleranced("aero")), ("hydraulic", MODEL))}  # fmt: skip
+    return {"duration": duration, "manoeuvre": kind, "seed": seed, "tolerances": off,
+            "flight": {**point, "turbulence": turbulence}, **more}  # fmt: skip
+
+
+def flights(first_seed: int, draws: int = 1, points: Sequence[dict] = POINTS) -> Iterator[dict]:
+    """Yield the arguments of `scenario` for every point, manoeuvre and turbulence, `draws` times each."""
+    seed = first_seed
+    for _ in range(draws):
+        for point in points:
+            for manoeuvre in MANOEUVRES:
+                for turbulence in TURBULENCE:
+                    yield draw(seed, point=point, manoeuvre=manoeuvre, turbulence=turbulence)
+                    seed += 1
+
+
+def fly_aircraft(signals: Sequence[str] = (), prepare=None, **arguments) -> pd.DataFrame:
+    """Fly `scenario(**arguments)` and return what the estimators of the aircraft read, and `signals` beside it."""
+    return fly(scenario(**arguments), [*AIRCRAFT, *signals], prepare=prepare)
+
+
+def fly_hydraulic(**arguments) -> pd.DataFrame:
+    """Fly `scenario(**arguments)` and return what the hydraulic detectors of the four segments read."""
+    return fly(scenario(**arguments), [*(path.format(s) for s in SEGMENTS for path in HYDRAULIC), COMMAND])
+
+
+def fly_ema(**arguments) -> pd.DataFrame:
+    """Fly four electromechanical segments; return what `position_monitor` reads, under its names at hydraulic ones."""
+    names = {f"sensors.{s}_surface.{field}_obs": f"iotsekf_in.{s}.{name}" for s in SEGMENTS
+             for field, name in (("y", "y_surface"), ("valid", "y_surface_valid"))}  # fmt: skip
+    arguments |= {"technology": ("ema",) * 4, "tolerances": {"aero": arguments["tolerances"]["aero"]}}
+    return fly(scenario(**arguments), [*names, COMMAND]).rename(columns=names)
+
+
+def wires(module: ModuleType, segment: str) -> dict[str, str]:
+    """Return {input field: signal} of a detector of a hydraulic segment."""
+    out = {n: f"iotsekf_in.{segment}.{'y_' if n.startswith('surface') else ''}{n}" for n in module.INPUTS.names}
+    return {n: COMMAND if n == "command" else path for n, path in out.items()}
+
+
+def watch(frame: pd.DataFrame, module: ModuleType, p: np.ndarray, fields=None, segments=SEGMENTS) -> np.ndarray:
+    """Return the OUTPUTS (or `fields`) of a hydraulic segment's detector at every tick, shape (segments, ticks)."""
+    lanes = [wires(module, s) for s in segments]
+    return detect(frame, module, lanes, p, module.OUTPUTS if fields is None else fields)
+
+
+def of(frame: pd.DataFrame, path: str) -> np.ndarray:
+    """Return a signal of all segments, shape (segments, ticks), from its bus name with {} for the segment."""
+    return np.stack([frame[path.format(s)] for s in SEGMENTS])
+
+
+def estimate(frame: pd.DataFrame, name: str, p: np.ndarray | None = None) -> np.ndarray:
+    """Return the STATE log (ticks,) of the Sun13 estimator `name`; `p` PARAMS, by default those of the stored
+    design."""
+    return detect(frame, MODULES[name], WIRES[name], p)
+
+
+def side(frame: pd.DataFrame, which: str) -> np.ndarray:
+    """Return the mean elevator of the "left" or "right" side [rad], (ticks,)."""
+    return np.asarray(frame[list(SURFACES[:2] if which == "left" else SURFACES[2:])]).mean(1)
