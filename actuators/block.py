@@ -38,17 +38,24 @@ PACKAGES = ("actuators", "fdi", "cosim")
 def dtype(fields):
     """Return a structured dtype whose scalars have attribute access, in plain Python as in a kernel.
 
-    `fields` is a list of (name, "f8") or (name, "f8", shape). Raises ValueError for any other element type: one float64
-    vector holds a whole tick, and the log and the replay rely on that.
+    `fields` is a list of (name, "f8"), (name, "f8", unit), (name, "f8", shape) or (name, "f8", shape, unit); a number
+    without a unit has "-", and `unit` finds it again. Raises ValueError for any other element type: one float64 vector
+    holds a whole tick, and the log and the replay rely on that.
     """
-    made = np.dtype((np.record, fields))
+    units = {f[0]: f[-1] for f in fields if len(f) > 2 and isinstance(f[-1], str)}
+    made = np.dtype((np.record, [f[:-1] if f[0] in units else f for f in fields]))
     for name in made.names or ():
         base = made[name].base
         if base != np.float64:
             raise ValueError(f"field {name!r} is {base}; every field of a block is f8")
         if hasattr(np.record, name):
             raise ValueError(f"field {name!r} shadows an attribute of np.record; choose another name")
-    return made
+    return np.dtype(made, metadata={"units": units})
+
+
+def unit(kind, field):
+    """Return the unit of `field`, or of an element `field[i]`, of dtype `kind`; "" where its declaration has none."""
+    return ((kind.metadata or {}).get("units") or {}).get(field.partition("[")[0], "")
 
 
 def record(kind, **values):

@@ -45,7 +45,7 @@ DECIDING = [
     "cosim/judge/result.py",
     "cosim/campaign/worker.py",
     "cosim/scenario/catalog.py",
-    "fdi/expected.toml",
+    "fdi/common/record.py",
     "fdi/common/decision.py",
     "fdi/thresholds/iotsekf.json",
     "actuators/hydraulic/servo.py",

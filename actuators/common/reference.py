@@ -26,12 +26,11 @@ PARAM_FIELDS = [
     ("a_max", "f8"),  # acceleration limit [unit/s^2]
     ("j_max", "f8"),  # jerk limit [unit/s^3]
 ]
-STATE_FIELDS = [
-    ("r", "f8"),  # reference position [unit]
-    ("rd", "f8"),  # its velocity [unit/s]
-    ("rdd", "f8"),  # its acceleration [unit/s^2]
-    ("rddd", "f8"),  # its jerk over this tick [unit/s^3]
-]
+
+
+def state_fields(unit):
+    """Return the STATE fields of a reference in `unit`: position and derivatives, the jerk over this tick last."""
+    return [("r", "f8", unit), ("rd", "f8", f"{unit}/s"), ("rdd", "f8", f"{unit}/s2"), ("rddd", "f8", f"{unit}/s3")]
 
 
 def gains(*, omega, zeta, dt):

@@ -69,7 +69,7 @@ PARAMS = dtype(
 )
 INPUTS = dtype(
     [
-        ("u", "f8"),  # current demand of the servo [A] (elevator set), amplifier input (nozzle)
+        ("u", "f8", "A"),  # current demand of the servo [A] (elevator set), amplifier input (nozzle)
         ("hm0", "f8"),  # hinge moment at delta = 0, + drives trailing edge down [N m]
         ("hmd", "f8"),  # its slope [N m/rad]
         ("f_u", "f8"),  # fault: added to the demand [unit of u]
@@ -91,26 +91,26 @@ INPUTS = dtype(
 )
 STATE = dtype(
     [
-        ("delta", "f8"),  # x1, surface angle, trailing edge down + [rad]
-        ("delta_d", "f8"),  # x2 [rad/s]
-        ("motor", "f8"),  # x3, motor angle [rad]; N x3 is what the position sensor sees
-        ("motor_d", "f8"),  # x4, what the velocity sensor sees [rad/s]
-        ("i", "f8"),  # x5, current [A]
-        ("comp", "f8"),  # x6, compensator
-        ("u_eff", "f8"),  # demand after faults [unit of u]
-        ("volts", "f8"),  # winding voltage, quasi-steady, of the last sub-step [V]
-        ("mode", "f8"),  # amplifier: 0 current loop, 1 current limited, 2 voltage limited, 3 off
-        ("status", "f8"),  # 0 good, 1 an input was not finite (taken as zero), 2 the state diverged
-        ("R_now", "f8"),  # R with its fault [Ohm]
-        ("K_now", "f8"),  # share of K_T and K_B left [1]
-        ("K_i", "f8"),  # current feedback as the sensor fault leaves it [V/A]
-        ("V_i", "f8"),  # voltage that the sensor's bias feeds in [V]
-        ("I_now", "f8"),  # current limit left [A]
-        ("T_add", "f8"),  # torque that the friction and screw-jam faults add [N m]
-        ("M_add", "f8"),  # brake on the surface [N m]
-        ("gap", "f8"),  # half the backlash [m]
-        ("g", "f8"),  # mode: drive voltage [V]
-        ("R_g", "f8"),  # mode: resistance [Ohm]
+        ("delta", "f8", "rad"),  # x1, surface angle, trailing edge down +
+        ("delta_d", "f8", "rad/s"),  # x2
+        ("motor", "f8", "rad"),  # x3, motor angle; N x3 is what the position sensor sees
+        ("motor_d", "f8", "rad/s"),  # x4, what the velocity sensor sees
+        ("i", "f8", "A"),  # x5, current
+        ("comp", "f8", "-"),  # x6, compensator
+        ("u_eff", "f8", "A"),  # demand after faults
+        ("volts", "f8", "V"),  # winding voltage, quasi-steady, of the last sub-step
+        ("mode", "f8", "-"),  # amplifier: 0 current loop, 1 current limited, 2 voltage limited, 3 off
+        ("status", "f8", "-"),  # 0 good, 1 an input was not finite (taken as zero), 2 the state diverged
+        ("R_now", "f8", "Ohm"),  # R with its fault
+        ("K_now", "f8", "-"),  # share of K_T and K_B left
+        ("K_i", "f8", "V/A"),  # current feedback as the sensor fault leaves it
+        ("V_i", "f8", "V"),  # voltage that the sensor's bias feeds in
+        ("I_now", "f8", "A"),  # current limit left
+        ("T_add", "f8", "N m"),  # torque that the friction and screw-jam faults add
+        ("M_add", "f8", "N m"),  # brake on the surface
+        ("gap", "f8", "m"),  # half the backlash
+        ("g", "f8", "V"),  # mode: drive voltage
+        ("R_g", "f8", "Ohm"),  # mode: resistance
         ("b_g", "f8"),  # mode: share of K_B that acts (0 while current limited)
     ]
 )

@@ -62,13 +62,13 @@ INPUTS = dtype(
 )
 STATE = dtype(
     [
-        ("u", "f8"),  # demand to the amplifier [A]
-        ("delta_c", "f8"),  # surface command after faults and limits [rad]
-        *reference.STATE_FIELDS,  # surface reference [rad] and derivatives
-        ("theta", "f8"),  # angle that the loop closes on [rad]
-        ("omega", "f8"),  # rate that the loop closes on [rad/s]
-        ("i_d", "f8"),  # demanded current [A]
-        ("z", "f8"),  # integrator [rad/s^2]
+        ("u", "f8", "A"),  # demand to the amplifier
+        ("delta_c", "f8", "rad"),  # surface command after faults and limits
+        *reference.state_fields("rad"),  # surface reference and derivatives
+        ("theta", "f8", "rad"),  # angle that the loop closes on
+        ("omega", "f8", "rad/s"),  # rate that the loop closes on
+        ("i_d", "f8", "A"),  # demanded current
+        ("z", "f8", "rad/s2"),  # integrator
     ]
 )
 OUTPUTS = ("u", "delta_c", "r", "rd", "theta", "omega", "i_d", "z")

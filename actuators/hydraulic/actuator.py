@@ -56,7 +56,7 @@ PARAMS = dtype(
 )
 INPUTS = dtype(
     [
-        ("u", "f8"),  # valve command of the servo [1]
+        ("u", "f8", "-"),  # valve command of the servo
         ("hm0", "f8"),  # hinge moment at delta = 0, + drives trailing edge down [N m]
         ("hmd", "f8"),  # its slope [N m/rad]
         ("f_u", "f8"),  # fault: added at the valve [1]
@@ -72,13 +72,13 @@ INPUTS = dtype(
 )
 STATE = dtype(
     [
-        ("q_rod", "f8"),  # rod position, + extends = trailing edge down [m]
-        ("qd_rod", "f8"),  # rod velocity [m/s]
-        ("x3", "f8"),  # pressure difference over nominal supply, + extends [1]
-        ("delta", "f8"),  # surface angle, trailing edge down + [rad]
-        ("F_d", "f8"),  # hinge load on the rod, + extends [N]
-        ("u_eff", "f8"),  # valve opening that passes oil, faults and limits included [1]
-        ("status", "f8"),  # 0 good, 1 an input was not finite (taken as zero), 2 the state diverged
+        ("q_rod", "f8", "m"),  # rod position, + extends = trailing edge down
+        ("qd_rod", "f8", "m/s"),  # rod velocity
+        ("x3", "f8", "-"),  # pressure difference over nominal supply, + extends
+        ("delta", "f8", "rad"),  # surface angle, trailing edge down +
+        ("F_d", "f8", "N"),  # hinge load on the rod, + extends
+        ("u_eff", "f8", "-"),  # valve opening that passes oil, faults and limits included
+        ("status", "f8", "-"),  # 0 good, 1 an input was not finite (taken as zero), 2 the state diverged
         ("contact", "f8"),  # 1 while the surface leans on the rod, 0 inside the backlash
         *lu17.FIELDS,  # the parameters as the faults leave them
     ]

@@ -70,17 +70,17 @@ INPUTS = dtype(
 )
 STATE = dtype(
     [
-        ("u", "f8"),  # valve command [1]
-        ("delta_c", "f8"),  # surface command after faults and limits [rad]
-        *reference.STATE_FIELDS,  # rod reference [m] and derivatives
-        ("q", "f8"),  # rod position that the loop closes on [m]
-        ("qd", "f8"),  # rod velocity that it closes on [m/s]
-        ("x3", "f8"),  # pressure difference that it closes on [1]
-        ("load", "f8"),  # load that it closes on [N]
-        ("q_hat", "f8"),  # observer: rod position [m]
-        ("qd_hat", "f8"),  # observer: rod velocity [m/s]
-        ("x3_hat", "f8"),  # observer: pressure difference [1]
-        ("load_hat", "f8"),  # observer: load [N]
+        ("u", "f8", "-"),  # valve command
+        ("delta_c", "f8", "rad"),  # surface command after faults and limits
+        *reference.state_fields("m"),  # rod reference and derivatives
+        ("q", "f8", "m"),  # rod position that the loop closes on
+        ("qd", "f8", "m/s"),  # rod velocity that it closes on
+        ("x3", "f8", "-"),  # pressure difference that it closes on
+        ("load", "f8", "N"),  # load that it closes on
+        ("q_hat", "f8", "m"),  # observer: rod position
+        ("qd_hat", "f8", "m/s"),  # observer: rod velocity
+        ("x3_hat", "f8", "-"),  # observer: pressure difference
+        ("load_hat", "f8", "N"),  # observer: load
     ]
 )
 OUTPUTS = ("u", "delta_c", "r", "rd", "rdd", "q", "qd", "x3", "load")

@@ -45,10 +45,10 @@ INPUTS = dtype(
 )
 STATE = dtype(
     [
-        ("delta", "f8"),  # surface angle [rad]
-        ("delta_d", "f8"),  # its rate [rad/s]
-        ("delta_c", "f8"),  # command after faults and limits [rad]
-        ("status", "f8"),  # 0 good, 1 the command was not finite (the last good one is held)
+        ("delta", "f8", "rad"),  # surface angle
+        ("delta_d", "f8", "rad/s"),  # its rate
+        ("delta_c", "f8", "rad"),  # command after faults and limits
+        ("status", "f8", "-"),  # 0 good, 1 the command was not finite (the last good one is held)
     ]
 )
 OUTPUTS = ("delta", "delta_d", "delta_c", "status")

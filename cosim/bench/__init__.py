@@ -128,7 +128,7 @@ def _detectors(scenario):
     """Return [{id, level, lanes, live_us, batch_us}]: cost per step and lane on inputs recorded in flight."""
     from cosim.flight.build import build
     from cosim.flight.tick import tick
-    from cosim.scenario.catalog import DETECTORS
+    from fdi import registry
 
     setup = build(
         load_scenario("liquid-ofc", ["faults.0.start_s=2", f"duration_s={SAMPLE_TICKS / scenario.rate_hz:g}"])
@@ -141,7 +141,12 @@ def _detectors(scenario):
         for d, u in zip(found, inputs):
             u[:, k] = d.u[:, 0]
     return [
-        {"id": d.name, "level": DETECTORS[d.name][0], "lanes": len(start), **_step_cost(d, start, u, setup.loop.dt)}
+        {
+            "id": d.name,
+            "level": registry.record(d.name).level,
+            "lanes": len(start),
+            **_step_cost(d, start, u, setup.loop.dt),
+        }
         for d, start, u in zip(found, starts, inputs)
     ]
 

@@ -7,10 +7,12 @@ from typing import Any
 from cosim.campaign.spec import builtin_campaigns, load_campaign
 from cosim.errors import CosimError, did_you_mean
 from cosim.scenario import catalog as c
+from cosim.scenario import vocabulary
 from cosim.scenario.aircraft import load_aircraft
 from cosim.scenario.load import DEFAULT, builtin_names, load_scenario
 from cosim.scenario.manoeuvre import KINDS
 from cosim.scenario.tolerance import GROUPS, meanings
+from fdi.registry import records
 
 EXAMPLES = resources.files("cosim").joinpath("examples")
 PLACES = (  # heading, targets, kinds
@@ -45,14 +47,14 @@ def inventory() -> dict[str, Any]:
             "actuator_sensors": {t: list(s) for t, s in c.SENSORS_OF.items()},
             "sensors": list(c.SENSORS),
         },
-        "signals": [],
+        "signals": vocabulary.inventory(),
         "tolerances": [
             {"group": group, "name": name, "unit": unit, "summary": text}
             for group in GROUPS
             for name, (text, unit) in meanings(group).items()
         ],
         "examples": [{"name": name, "summary": text} for name, text in examples().items()],
-        "detectors": [{"id": d, "level": level, "summary": text} for d, (level, text) in c.DETECTORS.items()],
+        "detectors": [{"id": r.id, "level": r.level, "summary": r.summary} for r in records().values()],
     }
 
 

@@ -26,7 +26,7 @@ from cosim.campaign.store import CampaignError
 from cosim.campaign.worker import run_id
 from cosim.errors import did_you_mean
 from cosim.files import replace_text
-from cosim.scenario import catalog
+from fdi.registry import SHIPPED
 
 SEARCH_SEED, SEEDS = 2_000_000, 100_000
 POPULATION = 20  # flights per generation: 14 generations in 300 flights
@@ -64,9 +64,9 @@ def search(
     At most `flights` flights (>= 2 generations of POPULATION). `out` is the scenario file to write, None for none.
     `progress(done, total)` counts flights. Raises CampaignError for an unknown detector or a campaign with faults.
     """
-    if detector not in catalog.DETECTORS:
-        near = did_you_mean(detector, catalog.DETECTORS)
-        raise CampaignError(f"{detector!r} is no detector", allowed=", ".join(catalog.DETECTORS), remedy=near)
+    if detector not in SHIPPED:
+        near = did_you_mean(detector, SHIPPED)
+        raise CampaignError(f"{detector!r} is no detector", allowed=", ".join(SHIPPED), remedy=near)
     if not 2 * POPULATION <= flights <= MOST_FLIGHTS:
         raise CampaignError(f"{flights} flights", place="search", allowed=f"{2 * POPULATION} to {MOST_FLIGHTS}")
     made = load_campaign(campaign)

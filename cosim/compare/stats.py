@@ -6,7 +6,9 @@ import numpy as np
 import pandas as pd
 
 from cosim.compare import metrics
-from cosim.judge.coverage import BLIND, DESIGNED, MAY, expectations, group
+from cosim.judge.coverage import BLIND, DESIGNED, MAY, group
+from fdi.common.record import GROUPS
+from fdi.registry import SHIPPED
 
 SEEN = 0.95  # share of the larger oscillations that a level has to see
 FREQUENCIES = 8
@@ -133,12 +135,12 @@ def confusion(rows, detector):
 
 
 def groups(rows):
-    """Return {group: [detectors]}: what detectors draw on, in the order of fdi/expected.toml."""
+    """Return {group: [detectors]}: what detectors draw on, known groups first."""
     level = dict(zip(rows["id"], rows["level"]))
     out: dict = {}
-    for name in [n for n in expectations() if n in level] + [n for n in level if n not in expectations()]:
+    for name in sorted(level, key=lambda n: (*SHIPPED, n).index(n)):
         out.setdefault(group(name, level[name]), []).append(name)
-    return out
+    return dict(sorted(out.items(), key=lambda item: (*GROUPS, item[0]).index(item[0])))
 
 
 def by_group(rows, stats):

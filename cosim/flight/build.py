@@ -21,7 +21,7 @@ from cosim.flight.tick import Block, Loop
 from cosim.flight.trace import History
 from cosim.scenario import Scenario
 
-CLOCK = dtype([("t", "f8")])
+CLOCK = dtype([("t", "f8", "s")])
 NOISE_BLOCK = 1000  # ticks of noise drawn at once
 HINGE_MODEL_ERROR = {
     "hydraulic": 0.2,
@@ -128,7 +128,7 @@ def build(scenario):
     plant = Plant(point, dt=dt)
     trim = plant.trim()
     aircraft = scenario.aircraft
-    surface = dtype([(name, "f8") for name in plant.border.inputs])
+    surface = dtype([(name, "f8", "-" if name.startswith("thr") else "rad") for name in plant.border.inputs])
     truth = plant.truth()
     t = truth[0]
     rng_errors, rng_noise = (
@@ -207,7 +207,7 @@ def build(scenario):
             "servos": wiring.servo_wires(tech) + detectors.feedback_wires(scenario),
             "actuators": wiring.actuator_wires(scenario),
             "surfaces": wiring.surface_wires(scenario),
-            "detectors": [w for d in chosen for w in d.wires(tech)],
+            "detectors": [w for d in chosen for w in d.wires()],
             "faults": [(f"faults_in.{lane.name}.t", "clock.clock.t") for lane in fault_lanes]
             + [(f"faults_in.{lane.name}.ref", lane.reference) for lane in fault_lanes if lane.reference],
         }.items()

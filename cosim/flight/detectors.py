@@ -1,42 +1,90 @@
 """The detectors that fly: which lanes each has, what it reads, with which parameters.
 
-A detector's inputs are copies of logged signals, named by its wires; the manifest with those names goes into the log,
-so that replay needs nothing but the file.
+A detector's inputs are copies of logged signals, named by the words of its record; the manifest with their places goes
+into the log, so that replay needs nothing but the file.
 """
 
 from dataclasses import dataclass
+from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 
 from cosim.errors import ScenarioError, did_you_mean
-from cosim.flight.detector_table import TABLE, Spec, module
-from cosim.flight.parameter_bounds import wrong_parameter
-from cosim.flight.parameters import assign
-from cosim.scenario.catalog import DETECTORS, SEGMENTS
+from cosim.flight.parameters import assign, wrong_parameter
+from cosim.flight.site import site
+from cosim.scenario import vocabulary
+from fdi import registry
+from fdi.common.record import Detector
+
+
+class Wire(NamedTuple):
+    """One input of a lane: its field, the signal that it reads, and whether it takes its value or its validity."""
+
+    field: str
+    signal: vocabulary.Signal
+    flag: bool
+
+    @property
+    def source(self):
+        """Return the name on the bus."""
+        return self.signal.flag if self.flag else self.signal.source
+
+
+def wires(record, lane=""):
+    """Return the Wires of a detector on segment `lane` ("" at aircraft level); what has a flag brings it, to
+    `<field>_valid` or, where INPUTS has no such field, `<word>_valid`."""
+    names, out = registry.module(record.id).INPUTS.names, []
+    for field, word in record.inputs.items():
+        signal = vocabulary.find(word, lane)
+        out.append(Wire(field, signal, False))
+        if signal.flag:
+            base, bracket, index = field.partition("[")
+            flag = f"{base}_valid" if f"{base}_valid" in names else f"{word}_valid"
+            out.append(Wire(flag + bracket + index, signal, True))
+    return out
+
+
+def sources(name, lane=""):
+    """Return {input field: name on the bus} of detector `name`."""
+    return {w.field: w.source for w in wires(registry.record(name), lane)}
 
 
 @dataclass(frozen=True)
-class Detector:
-    """A detector of one flight."""
+class Installed:
+    """A detector in one flight: its record, its block, the lanes that it has there."""
 
-    id: str
-    level: str
-    module: object
+    record: Detector
+    module: ModuleType
     lanes: tuple
-    spec: Spec
-    every: int = 1
+
+    @property
+    def id(self):
+        """Return its id."""
+        return self.record.id
+
+    @property
+    def level(self):
+        """Return "local" or "aircraft"."""
+        return self.record.level
+
+    @property
+    def every(self):
+        """Return the ticks of the loop from step to step."""
+        return self.record.every
 
     def params(self, scenario, dt):
         """Return the PARAMS of all lanes; the scenario's own values replace fields. Raises ScenarioError for one that
         is none.
         """
-        table = scenario.detectors.table(self.id)
-        words = {name: _word(self.id, name, table.pop(name), allowed)
-                 for name, allowed in self.spec.options if name in table}
-        p = np.concatenate([self.spec.params(self.module, scenario, lane, dt, **words) for lane in self.lanes])
+        table, options = scenario.detectors.table(self.id), self.record.options
+        words = {n: _word(self.id, n, table.pop(n), allowed) for n, allowed in options.items() if n in table}
+        technology, own = scenario.elevator.technology, scenario.aircraft
+        sites = [site(dt, lane if self.level == "local" else "", technology, own) for lane in self.lanes]
+        p = np.concatenate([self.record.fit(s, **words) for s in sites])
         for name, value in table.items():
             self._override(p, name, value, dt)
-        if wrong := table and wrong_parameter(self.module, self.id, p, dt):
+        if wrong := table and wrong_parameter(self.record, self.module, p, dt):
             name, value, low, high = wrong
             raise ScenarioError(
                 f"{value:g} does not fit the detector's arrays",
@@ -50,16 +98,15 @@ class Detector:
         place = f"detectors.{self.id}.{name} = {value}"
         if isinstance(value, str):
             raise ScenarioError("is no number", place=place, allowed="a number")
-        words = [word for word, _ in self.spec.options]
-        assign(self.id, self.module, p, name, float(value), dt, error=ScenarioError, place=place, also=words)
+        assign(self.record, self.module, p, name, float(value), dt, error=ScenarioError, place=place)
 
-    def wires(self, technology):
-        """Return [(input, source)] of all lanes."""
-        return [
-            (f"{self.id}_in.{lane}.{field}", source)
-            for lane in self.lanes
-            for field, source in self.spec.wires(lane, technology.get(lane)).items()
-        ]
+    def inputs(self, lane):
+        """Return the Wires of a lane."""
+        return wires(self.record, lane if self.level == "local" else "")
+
+    def wires(self):
+        """Return [(input, source)] of all lanes, as names of the bus."""
+        return [(f"{self.id}_in.{lane}.{w.field}", w.source) for lane in self.lanes for w in self.inputs(lane)]
 
     def target(self, lane):
         """Return the name of what a lane watches."""
@@ -78,22 +125,22 @@ def _word(detector, name, value, allowed):
     return value
 
 
+def _segments(record):
+    """Return the elevator segments that the inputs of a detector name."""
+    return {segment for segment, dot, _ in (word.rpartition(".") for word in record.inputs.values()) if dot}
+
+
 def chosen(scenario):
-    """Return the Detectors of a scenario, in the order of the table; a local one without an actuator of its technology
-    has no lane.
+    """Return the Installed detectors of a scenario, in its order; one without an actuator of its technologies, or that
+    reads an elevator segment which the aircraft has not, is left out.
     """
     technology, out = scenario.elevator.technology, []
     for name in scenario.running:
-        if name not in TABLE:
-            continue
-        spec, level = TABLE[name], DETECTORS[name][0]
-        lanes = (
-            tuple(s for s in SEGMENTS if technology[s] in spec.technologies)
-            if level == "local"
-            else ("aircraft",)
-        )
-        if lanes:
-            out.append(Detector(name, level, module(name), lanes, spec, spec.every))
+        record = registry.record(name)
+        own = tuple(s for s, t in technology.items() if t in record.technologies)
+        lanes = own if record.level == "local" else ("aircraft",)
+        if lanes and _segments(record) <= technology.keys():
+            out.append(Installed(record, registry.module(name), lanes))
     return out
 
 
@@ -143,7 +190,7 @@ def manifest(setup, topics):
     An input is [field, topic, field of the topic]; one that is not wired is zero. KeyError when a source is not logged
     at every tick.
     """
-    bus, technology = setup.loop.bus, setup.scenario.elevator.technology
+    bus = setup.loop.bus
     place: dict[int, tuple] = {}
     for t in topics:
         if t.every == 1:
@@ -152,7 +199,7 @@ def manifest(setup, topics):
     out = []
     for d in chosen(setup.scenario):
         inputs: dict[str, list] = {lane: [] for lane in d.lanes}
-        for to, source in d.wires(technology):
+        for to, source in d.wires():
             _, lane, field = to.split(".", 2)
             if bus.index(source) not in place:  # both copies of a sensor are the same bits, and one is logged
                 source = source.removesuffix("_obs")

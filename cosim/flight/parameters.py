@@ -1,21 +1,32 @@
-"""Set a number among a detector's parameters: the same names and the same refusals before a flight and on a replay."""
+"""A detector's parameters: set by name, with the same refusals before a flight and on a replay, and checked where
+compiled code uses them as indices.
+
+Compiled code trusts an index; a wrong one reads or writes other memory, or ends the process. Parameters can come from a
+scenario, a command line or a log, states from a log. A detector's record says which they are.
+"""
+
+import functools
+
+import numpy as np
 
 from cosim.errors import did_you_mean
-from cosim.flight.parameter_bounds import parameter_range
+from cosim.flight.site import site
+from cosim.scenario.catalog import DEFAULT_TECHNOLOGY
+from fdi import registry
 
 
-def assign(detector, module, p, name, value, dt, *, error, place, also=()):
+def assign(record, module, p, name, value, dt, *, error, place):
     """Set parameter `name` of all lanes in PARAMS `p`: a number, all elements of an array, or one of them, `name[i,j]`.
 
-    `also` are names that the caller takes itself. Raises `error` (a CosimError) at `place`.
+    Raises `error` (a CosimError) at `place`.
     """
     base, bracket, index = name.partition("[")
     if base not in p.dtype.names or bool(bracket) != index.endswith("]"):
-        known = [*also, *(n + "[i]" * bool(p.dtype[n].shape) for n in p.dtype.names)]
-        remedy = did_you_mean(base, [*also, *p.dtype.names])
+        known = [*record.options, *(n + "[i]" * bool(p.dtype[n].shape) for n in p.dtype.names)]
+        remedy = did_you_mean(base, [*record.options, *p.dtype.names])
         raise error("no such parameter", place=place, allowed=", ".join(known), remedy=remedy)
     shape = p.dtype[base].shape
-    span = parameter_range(base, module, detector, dt)
+    span = parameter_range(base, record, module, dt)
     if span is not None and not (span[0] <= value <= span[1] and value == round(value)):
         said = f"a whole number from {span[0]:g} to {span[1]:g}"
         raise error(f"{value:g} does not fit the detector's arrays", place=place, allowed=said)
@@ -25,3 +36,52 @@ def assign(detector, module, p, name, value, dt, *, error, place, also=()):
     except (ValueError, IndexError) as wrong:
         said = f"a number, elements of shape {shape}" if shape else "a number"
         raise error(f"{value!r} cannot be set", place=place, allowed=said) from wrong
+
+
+def parameter_range(name, record, module, dt):
+    """Return (lowest, highest) that parameter `name` may be, both whole; None for any number."""
+    if name in record.looks_back:
+        return 0.0, module.STATE[record.looks_back[name]].shape[0] - 1.0
+    if name in record.sizes:
+        least, largest = _designed(record.id, dt)[name]
+        return min(record.sizes[name], least), largest
+    return None
+
+
+def wrong_parameter(record, module, p, dt):
+    """Return (name, value, lowest, highest) of the first index in PARAMS `p` that does not fit; None when all do."""
+    for name in module.PARAMS.names:
+        span = parameter_range(name, record, module, dt)
+        if span is not None and not _whole(p[name], *span):
+            return name, _first(p[name], *span), *span
+    return None
+
+
+def wrong_state(record, module, x):
+    """Return (name, value, lowest, highest) of the first index in STATE `x` that does not fit; None when all do."""
+    spans = {"culprit": len(module.CULPRITS) - 1.0}
+    spans |= {name: module.STATE[array].shape[axis] - 1.0 for name, (array, axis) in record.places.items()}
+    for name, high in spans.items():
+        if not _whole(x[name], 0.0, high):
+            return name, _first(x[name], 0.0, high), 0.0, high
+    return None
+
+
+def _whole(values, low, high):
+    values = np.asarray(values)
+    return bool(np.all((values >= low) & (values <= high) & (values == np.round(values))))
+
+
+def _first(values, low, high):
+    values = np.ravel(values)
+    return float(next(v for v in values if not _whole(v, low, high)))
+
+
+@functools.cache
+def _designed(detector, dt):
+    """Return {size: (least, largest)} over the designs of every choice a scenario has: no more fits the arrays."""
+    record = registry.record(detector)
+    lane = next((n for n, t in DEFAULT_TECHNOLOGY.items() if t in record.technologies), "")
+    words = [{}] + [{name: word} for name, allowed in record.options.items() for word in allowed]
+    made = [record.fit(site(dt, lane, DEFAULT_TECHNOLOGY), **w) for w in words]
+    return {n: (float(min(p[n].min() for p in made)), float(max(p[n].max() for p in made))) for n in record.sizes}

@@ -5,11 +5,11 @@ import json
 
 import numpy as np
 
+from actuators.block import unit
 from cosim.flight import detectors, wiring
 from cosim.flight.blocks import faults, hinge_model, law, sensors
-from cosim.flight.units import unit
 from cosim.log import LogWriter, Pose, Topic, viewer_layouts
-from cosim.scenario.catalog import SEGMENTS
+from cosim.scenario import vocabulary
 
 SNAPSHOT_S = 1.0  # hidden detector states are logged that often
 LARGE = 1 << 18  # [byte] larger parameters are compressed: tables of a force model
@@ -25,55 +25,47 @@ def _sensor_copies(scenario):
 
 def topics(setup):
     """Return the log's topics: everything of a tick, under names that a reader understands."""
-    bus, out = setup.loop.bus, []
+    bus, technology, out = setup.loop.bus, setup.scenario.elevator.technology, []
 
     def add(name, columns, group, every=1):
+        """Add a topic of [(field, unit, position)]."""
         if columns:
-            fields = tuple(_field(c) for c, _ in columns)
-            index = np.array([i for _, i in columns])
-            units = tuple("-" if name == "/noise" else unit(group, f) for f in fields)
-            out.append(Topic(name=name, fields=fields, units=units, index=index, every=every, group=group))
+            fields, units, index = zip(*columns)
+            out.append(Topic(name=name, fields=fields, units=units, index=np.array(index), every=every, group=group))
 
-    add("/truth/aircraft", bus.columns("truth", "aircraft"), "truth")
-    add("/surfaces/aircraft", bus.columns("surfaces", "aircraft"), "truth")
-    for prefix, (y, valid) in _sensor_copies(setup.scenario).items():
-        add(
-            f"{prefix}/aircraft",
-            [
-                (n + tail, bus.index(f"sensors.{n}.{f}"))
-                for tail, f in (("", y), ("_valid", valid))
-                for n in sensors.TRANSPORT
-            ],
-            "sensors",
-        )
-        for seg in SEGMENTS:
-            names = wiring.ACTUATOR_SENSORS[setup.scenario.elevator.technology[seg]]
-            add(
-                f"{prefix}/{seg}",
-                [
-                    (n + tail, bus.index(f"sensors.{seg}_{n}.{f}"))
-                    for tail, f in (("", y), ("_valid", valid))
-                    for n in names
-                ],
-                "sensors",
-            )
-    add("/noise", [(lane, bus.index(f"sensors_in.{lane}.noise")) for lane in bus.lanes["sensors"]], "sensors")
-    add("/pilot", bus.columns("pilot", "pilot"), "law")
-    add("/law", bus.columns("law", "law", law.OUTPUTS), "law")
-    for seg in SEGMENTS:
-        add(f"/hinge_model/{seg}", bus.columns("hinge_model", seg, hinge_model.OUTPUTS), "detectors")
+    def section(block, lane, fields=None):
+        kind = bus.kinds[block]
+        return [(vocabulary.column(f), unit(kind, f), i) for f, i in bus.columns(block, lane, fields)]
+
+    def measured(words, lane, y, valid):
+        own = [vocabulary.find(word, lane) for word in words]
+        names = [(word, s.unit, bus.index(s.source.replace("y_obs", y))) for word, s in zip(words, own)]
+        return names + [(f"{w}_valid", "-", bus.index(s.flag.replace("valid_obs", valid))) for w, s in zip(words, own)]
+
+    add(vocabulary.topic("truth", "aircraft"), section("truth", "aircraft"), "truth")
+    add(vocabulary.topic("surfaces", "aircraft"), section("surfaces", "aircraft"), "truth")
+    for prefix, copy in _sensor_copies(setup.scenario).items():
+        add(f"{prefix}/aircraft", measured(sensors.TRANSPORT, "", *copy), "sensors")
+        for seg in technology:
+            add(f"{prefix}/{seg}", measured(wiring.ACTUATOR_SENSORS[technology[seg]], seg, *copy), "sensors")
+    add("/noise", [(lane, "-", bus.index(f"sensors_in.{lane}.noise")) for lane in bus.lanes["sensors"]], "sensors")
+    add(vocabulary.topic("pilot", "pilot"), section("pilot", "pilot"), "law")
+    add(vocabulary.topic("law", "law"), section("law", "law", law.OUTPUTS), "law")
+    for seg in technology:
+        add(vocabulary.topic("hinge_model", seg), section("hinge_model", seg, hinge_model.OUTPUTS), "detectors")
     for b in (*setup.loop.servos, *setup.loop.actuators):
         for lane in bus.lanes[b.name]:
-            held = [("u_held", bus.index(f"{b.name}_in.{lane}.u"))] if "u" in b.module.INPUTS.names else []
-            add(f"/actuators/{lane}/{b.name}", bus.columns(b.name, lane, b.module.OUTPUTS) + held, "actuators")
+            kind = b.module.INPUTS
+            held = [("u_held", unit(kind, "u"), bus.index(f"{b.name}_in.{lane}.u"))] if "u" in kind.names else []
+            add(vocabulary.topic(b.name, lane), section(b.name, lane, b.module.OUTPUTS) + held, "actuators")
     for lane in setup.lanes:
-        add(f"/faults/f{lane.name}", bus.columns("faults", lane.name, faults.OUTPUTS), "faults")
+        add(vocabulary.topic("faults", lane.name), section("faults", lane.name, faults.OUTPUTS), "faults")
     for d in setup.loop.detectors:
         for lane in bus.lanes[d.name]:
-            add(f"/detectors/{d.name}/{lane}", bus.columns(d.name, lane, d.module.OUTPUTS), "detectors", d.every)
+            add(vocabulary.topic(d.name, lane), section(d.name, lane, d.module.OUTPUTS), "detectors", d.every)
             hidden = [n for n in d.module.STATE.names if n not in d.module.OUTPUTS]
             every = max(1, round(SNAPSHOT_S / setup.loop.dt / d.every)) * d.every
-            add(f"/state/{d.name}/{lane}", bus.columns(d.name, lane, hidden), "snapshot", every)
+            add(f"/state/{d.name}/{lane}", section(d.name, lane, hidden), "snapshot", every)
     return out
 
 
@@ -146,7 +138,7 @@ def result_texts(result):
 
 def _array(name, array):
     """Return {attachment: (media type, bytes)} of an array: .npy, or .npz with it as `array` when it is large."""
-    out = io.BytesIO()
+    out, array = io.BytesIO(), array.view(np.lib.format.drop_metadata(array.dtype))
     if array.nbytes > LARGE:
         np.savez_compressed(out, array=array)
         return {f"{name}.npz": ("application/zip", out.getvalue())}
@@ -158,8 +150,3 @@ def _version(name):
     from importlib.metadata import version
 
     return version(name)
-
-
-def _field(name):
-    """Return a column's name as a log field: x_hat[2] is x_hat_2."""
-    return name.replace("[", "_").replace("]", "")

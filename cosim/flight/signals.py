@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from actuators.block import unit
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.flight.build import build
 from cosim.flight.fly import record
-from cosim.flight.units import unit
 from cosim.scenario import Scenario, load_scenario
+from cosim.scenario.vocabulary import words
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 TRUTH = ("h", "cas", "alpha", "theta", "phi", "q", "nz", "de_lo", "de_li", "de_ri", "de_ro")
 COMMON = (*(f"truth.aircraft.{name}" for name in TRUTH), "law.law.de_cmd")  # where no signals are named
 CHUNK = 400  # ticks of whole detector states held at once
-GROUPS = {"truth": "truth", "sensors": "sensors", "law": "law", "faults": "faults"}  # of units; else actuators'
 
 
 def fly(
@@ -47,7 +47,7 @@ def fly(
     rows, status, reason = record(setup, names)
     dt = setup.loop.dt
     frame = pd.DataFrame(rows, index=pd.Index(np.arange(len(rows)) * dt, name="t"), columns=names, copy=False)
-    frame.attrs = {"units": {n: _unit(n) for n in names}, "dt": dt, "status": status, "reason": reason}
+    frame.attrs = {"units": {n: _unit(setup.loop.bus, n) for n in names}, "dt": dt, "status": status, "reason": reason}
     return frame
 
 
@@ -103,9 +103,9 @@ def _known(bus, name):
             raise ScenarioError(f"no signal {name!r}", allowed=", ".join(known), remedy=did_you_mean(asked, known))
 
 
-def _unit(name):
+def _unit(bus, name):
     """Return the unit of a bus signal, "" where none is known."""
     section, lane, field = name.split(".", 2)
-    if section == "sensors":
-        return unit("sensors", next((s for s in (lane, lane.rpartition("_")[2]) if unit("sensors", s)), lane))
-    return unit(GROUPS.get(section, "actuators"), field)
+    if section == "sensors" and field in ("y", "y_obs"):
+        return words()[lane if lane in words() else lane.rpartition("_")[2]].unit  # of an actuator's: segment_word
+    return unit(bus.kinds[section], field)

@@ -1,14 +1,15 @@
 """What is expected of which detector for which fault, and what came of it.
 
-The table is fdi/expected.toml: `designed`, `may`, and otherwise blind by structure. A case is the fault as a detector
-meets it: technology, kind and place of entry.
+A detector's record says it: designed for, may see, otherwise blind by structure. A case is the fault as a detector
+meets it: <technology>.<kind>, with @command or @sensor where an oscillation, runaway, bias or loss of effectiveness
+enters before the servo or in the loop's sensor (no suffix: at the valve or drive); <technology>.<sensor> for a fault of
+an actuator's sensor; aileron, rudder, stabiliser, engine; sensor.<name> for an aircraft sensor.
 """
 
 import fnmatch
-import functools
-import tomllib
 from dataclasses import dataclass
-from importlib.resources import files
+
+from fdi import registry
 
 DESIGNED, MAY, BLIND = "designed", "may", "blind"
 WORDS = {DESIGNED: "designed for", MAY: "may see", BLIND: "blind by structure"}
@@ -32,30 +33,28 @@ class Expected:
     classes: tuple = ()
 
 
-@functools.cache
-def expectations():
-    """Return the committed table {detector: {designed, may: {case pattern: [classes]}, blind: why}}."""
-    return tomllib.loads((files("fdi") / "expected.toml").read_text())
-
-
 def expected(detector, case):
-    """Return the Expected of `detector` for `case`; a detector that the table does not know is blind to everything."""
-    own = expectations().get(detector, {})
-    for word in (DESIGNED, MAY):
-        for pattern, classes in own.get(word, {}).items():
+    """Return the Expected of `detector` for `case`; a detector that is not known is blind to everything."""
+    record = _record(detector)
+    for word, table in ((DESIGNED, record.designed_for), (MAY, record.may_see)) if record else ():
+        for pattern, classes in table.items():
             if fnmatch.fnmatchcase(case, pattern):
                 return Expected(word, tuple(classes))
     return Expected(BLIND)
 
 
+def _record(detector):
+    return registry.record(detector) if detector in registry.SHIPPED else None
+
+
 def group(detector, level):
-    """Return what a detector draws on, in words; its level where the table does not say."""
-    return expectations().get(detector, {}).get("group", f"{level} level")
+    """Return what a detector draws on, in words; its level where its record does not say."""
+    return getattr(_record(detector), "group", "") or f"{level} level"
 
 
 def remark(detector):
     """Return what has to be said whenever results of a detector are shown, or an empty text."""
-    return expectations().get(detector, {}).get("remark", "")
+    return getattr(_record(detector), "remark", "")
 
 
 def case_of(kind, target, technology, at="", limit=False):

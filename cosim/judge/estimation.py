@@ -1,12 +1,13 @@
-"""Fault estimates beside what they estimate: which detector, which fault, which unit, which injected signal.
+"""Fault estimates beside what they estimate: which output, which fault, which unit, which injected signal.
 
-| detector | fault | estimate | truth |
-|---|---|---|---|
-| iotsekf | at the valve of its actuator | f_hat [u] | f_u - s_u u: what acted less what the servo sent |
-| rtsekf, rtsekf_flight, ema_kalman_flight | a sensor of its actuator | f_hat [m, rad/s, A] | the fault in the reading |
-| rfafe, rfafe_airframe, lpv_smo, control_redundancy | an elevator segment | f_hat... [rad] | surface less healthy |
-| lpv_smo | sensor.n_z, sensor.alpha | f_hat_n_z [g], f_hat_alpha [rad] | the fault in the reading |
-| control_redundancy | engines | f_hat_thrust [fraction] | minus the mean loss of the four |
+A detector's record says what its outputs estimate (fdi/common/record.py, `Estimate`):
+
+| of | truth |
+|---|---|
+| valve | f_u - s_u u: what acted at the valve of its actuator less what the servo sent |
+| a word of a sensor | the fault in the reading |
+| elevator, elevator.left, elevator.right | surface less healthy, mean of the segments |
+| thrust | minus the mean loss of the engines |
 
 A healthy elevator is the simple actuator (actuators/simple/actuator.py) on the law's command: inside the loop an
 oscillation is filtered, so the injected signal is not what the aircraft feels. A filter's estimate at t_k concerns the
@@ -22,17 +23,10 @@ from actuators.common.linkage import ARM
 from actuators.ema import jay
 from actuators.simple import actuator as simple
 from cosim.scenario.catalog import SHORT
+from fdi import registry
 
 ADDED = ("bias", "drift", "scale", "oscillation", "jam_liquid", "ofc_liquid")  # they add a signal
-PART_OF = {
-    "rtsekf": ("rod",),
-    "rtsekf_flight": ("rod", "surface"),
-    "ema_kalman_flight": ("velocity", "position", "current"),
-}
-UNIT = {"rod": "m", "surface": "m", "velocity": "rad/s", "position": "m", "current": "A", "n_z": "g", "alpha": "rad"}
-ELEVATOR = {"lpv_smo": "f_hat_elevator", "rfafe_airframe": "f_hat", "control_redundancy": "f_hat_elevator"}
 LEAD = jay.values("elevator")["lead"]  # screw travel per radian of motor [m/rad]
-GAIN = {"position": (LEAD, 1.0), "surface": (1.0, ARM)}  # reading per truth, estimate per reading
 SETTLE_S, SETTLE_PERIODS = 2.0, 3.0  # after the onset and its ramp; the longer one counts
 
 
@@ -70,31 +64,38 @@ def plan(scenario, detector, lane, columns):
 
 
 def _found(detector, lane, j, technology, columns):
-    here = f"{detector}.{lane}"
-    at_valve = (j.place, j.name, j.at) == ("elevator", lane, "valve") and technology[lane] == "hydraulic"
-    if detector == "iotsekf" and at_valve:
-        return f"{here}.f_hat", [f"hydraulic_in.{lane}.{n}" for n in ("f_u", "s_u", "u")], _at_valve, "u"
-    if j.sensor in PART_OF.get(detector, ()) and j.name == lane and j.kind in ADDED:
-        return f"{here}.f_hat", _reading(f"{lane}_{j.sensor}"), _added(*GAIN.get(j.sensor, (1.0, 1.0))), UNIT[j.sensor]
-    if j.place == "elevator" and not j.sensor and detector == "rfafe":
-        side = j.name.split("_")[0]
+    for e in registry.record(detector).estimates if detector in registry.SHIPPED else ():
+        found = _truth(e, lane, j, technology)
+        if found:
+            return f"{detector}.{lane}.{e.output}", *found, e.unit
+    return None
+
+
+def _truth(e, lane, j, technology):
+    """Return (names of the bus, how they combine) of what estimate `e` of a lane should follow when `j` is injected."""
+    part, _, side = e.of.partition(".")
+    if e.of == "valve":
+        here = (j.place, j.name, j.at) == ("elevator", lane, "valve") and technology[lane] == "hydraulic"
+        return ([f"hydraulic_in.{lane}.{n}" for n in ("f_u", "s_u", "u")], _at_valve) if here else None
+    if part == "elevator":
         parts = [s for name, s in SHORT.items() if name.startswith(side)]
-        return f"{here}.f_hat_{side}", _surfaces(parts), _beyond_healthy, "rad"
-    if j.place == "elevator" and not j.sensor and detector in ELEVATOR:
-        return f"{here}.{ELEVATOR[detector]}", _surfaces(SHORT.values()), _beyond_healthy, "rad"
-    if j.place == "sensor" and detector == "lpv_smo" and j.name in ("n_z", "alpha") and j.kind in ADDED:
-        return f"{here}.f_hat_{j.name}", _reading(j.name), _added(1.0, 1.0), UNIT[j.name]
-    if j.place == "engine" and detector == "control_redundancy":
-        return f"{here}.f_hat_thrust", [f"surfaces.aircraft.thrust_loss_{i}" for i in range(1, 5)], _thrust, "fraction"
+        here = j.place == "elevator" and not j.sensor and j.name.startswith(side)
+        return (["law.law.de_cmd", *(f"truth.aircraft.de_{s}" for s in parts)], _beyond_healthy) if here else None
+    if e.of == "thrust":
+        losses = [f"surfaces.aircraft.thrust_loss_{i}" for i in range(1, 5)]
+        return (losses, _thrust) if j.place == "engine" else None
+    if j.kind not in ADDED:
+        return None
+    if j.place == "sensor" and j.name == e.of:
+        return _reading(j.name), _added(1.0, 1.0)
+    if j.sensor == e.of and j.name == lane:
+        per_truth = LEAD if e.of == "position" else 1.0  # the sensor is wired to the motor's angle
+        return _reading(f"{lane}_{e.of}"), _added(per_truth, ARM if (e.of, e.unit) == ("surface", "m") else 1.0)
     return None
 
 
 def _reading(lane):
     return [f"sensors_in.{lane}.{n}" for n in ("f_add", "g_add", "f_scale", "g_scale", "truth")]
-
-
-def _surfaces(parts):
-    return ["law.law.de_cmd", *(f"truth.aircraft.de_{s}" for s in parts)]
 
 
 def _at_valve(v, dt):

@@ -14,10 +14,9 @@ import numpy as np
 
 from actuators.block import bound
 from cosim.errors import LogError, did_you_mean
-from cosim.flight.detector_table import TABLE
-from cosim.flight.detector_table import module as module_of
-from cosim.flight.parameter_bounds import wrong_state
+from cosim.flight.parameters import wrong_state
 from cosim.replay.params import ReplayError, attached, chosen_overrides, older, override, trusted
+from fdi import registry
 
 BLOCK_BYTES = 1 << 18  # of full states at once: they stay in the processor's cache
 
@@ -47,7 +46,7 @@ def manifest(log):
         )
     try:
         found = json.loads(log.attachments["detectors.json"])
-        strange = [d["id"] for d in found if d["id"] not in TABLE]
+        strange = [d["id"] for d in found if d["id"] not in registry.SHIPPED]
     except (ValueError, TypeError, KeyError) as error:
         raise LogError(f"detectors.json is damaged: {error}", place=str(log.path)) from error
     if strange:
@@ -109,11 +108,11 @@ def describe(log, chosen=None, overrides=None):
     chosen_overrides(chosen, overrides)
     out = []
     for d in (d for d in found if not chosen or d["id"] in chosen):
-        module = module_of(d["id"])
+        record, module = registry.record(d["id"]), registry.module(d["id"])
         p = attached(log, f"{d['id']}.params", module.PARAMS)
         x = attached(log, f"{d['id']}.initial", module.STATE)
-        trusted(log, d["id"], module, p, x, tick_of(log))
-        override(d["id"], module, p, (overrides or {}).get(d["id"], {}), tick_of(log))
+        trusted(log, record, module, p, x, tick_of(log))
+        override(record, module, p, (overrides or {}).get(d["id"], {}), tick_of(log))
         for i, lane in enumerate(d["lanes"]):
             row = slice(i, i + 1)
             wired = Wired(d["id"], lane, d["level"], module, d["every"], p[row], x[row], d["inputs"][lane])
@@ -212,7 +211,7 @@ def _piece(lane, a, b, tick):
     x, (outputs, hidden) = np.zeros(1, lane.module.STATE), split(lane.module)
     flat(x)[0, outputs] = lane.logged[row]
     flat(x)[0, hidden] = lane.states[1][np.searchsorted(lane.states[0], k)]
-    if wrong := wrong_state(lane.module, x):
+    if wrong := wrong_state(registry.record(lane.id), lane.module, x):
         raise LogError(
             f"{wrong[0]} = {wrong[1]:g} would reach beyond the detector's arrays",
             place=f"/state/{lane.id}/{lane.lane}, tick {k}",

@@ -11,14 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
+from actuators.block import unit
 from cosim.flight import detectors as table
-from cosim.flight.units import unit
 from cosim.judge.result import Watch, judge, plain
 from cosim.log import LogWriter, Topic, viewer_layouts
 from cosim.replay.foreign import read_channels
 from cosim.replay.lanes import Lane, flat, run
 from cosim.replay.map_file import load_map
-from cosim.replay.map_signals import acting, channels_of, check, sampled, si_unit, signal_of, slow
+from cosim.replay.map_signals import acting, channels_of, check, renamed, sampled, slow
 from cosim.replay.params import ReplayError, check_start, chosen_overrides, override
 from cosim.replay.resample import ticks
 
@@ -57,12 +57,11 @@ def diagnose(path, map_path, *, detectors=None, overrides=None, start_s=0.0, out
     chosen_overrides(detectors, overrides)
     m, text = load_map(map_path)
     scenario = _scenario(m, detectors, map_path)
+    m, notices = renamed(m, scenario.elevator.technology)
     dt = 1.0 / m.rate_hz
     found = [d for d in table.chosen(scenario) if not detectors or d.id in detectors]
-    wires = {
-        (d.id, lane): d.spec.wires(lane, scenario.elevator.technology.get(lane)) for d in found for lane in d.lanes
-    }
-    sources = {signal_of(s)[0]: s for w in wires.values() for s in w.values() if not signal_of(s)[1]}
+    wires = {(d.id, lane): d.inputs(lane) for d in found for lane in d.lanes}
+    sources = {w.signal.word: w.signal for own in wires.values() for w in own}
     check(m, map_path)
     channels = acting(m, sources, channels_of(m, read_channels(path, time=m.time), path, map_path), dt)
     spans = [(t[0], t[-1]) for t, *_ in channels.values() if len(t)]
@@ -79,7 +78,7 @@ def diagnose(path, map_path, *, detectors=None, overrides=None, start_s=0.0, out
     if n < 2:
         raise ReplayError("the channels have no time in common", place=str(path), allowed=_spans(m, channels))
     values = {
-        name: sampled(m.signals[name], source, channels.get(name), t_0, dt, n, map_path)
+        name: sampled(m.signals[name], source, channels.get(name), t_0, dt, n)
         for name, source in sources.items()
         if name in m.signals
     }
@@ -88,16 +87,16 @@ def diagnose(path, map_path, *, detectors=None, overrides=None, start_s=0.0, out
         {
             "name": name,
             "channel": m.signals[name].channel,
-            "unit": m.signals[name].unit or si_unit(sources[name]),
+            "unit": m.signals[name].unit or sources[name].unit,
             "valid_pct": 100.0 * float(valid.mean()),
         }
         for name, (_, valid) in values.items()
     ]
-    out.caveats = slow(sources, channels, dt)
+    out.caveats = notices + slow(sources, channels, dt)
     done = []
     for d in found:
         missing = {
-            lane: [n for n in dict.fromkeys(signal_of(s)[0] for s in wires[d.id, lane].values()) if n not in values]
+            lane: [n for n in dict.fromkeys(w.signal.word for w in wires[d.id, lane]) if n not in values]
             for lane in d.lanes
         }
         out.not_run += [
@@ -106,7 +105,7 @@ def diagnose(path, map_path, *, detectors=None, overrides=None, start_s=0.0, out
         ready = replace(d, lanes=tuple(lane for lane in d.lanes if not missing[lane]))
         if ready.lanes:
             p = ready.params(scenario, dt)
-            override(d.id, d.module, p, (overrides or {}).get(d.id, {}), dt)
+            override(d.record, d.module, p, (overrides or {}).get(d.id, {}), dt)
             for i, lane in enumerate(ready.lanes):
                 u = _inputs(ready, wires[d.id, lane], values, n)
                 done.append((ready, lane, u, _run(ready, lane, u, p[i : i + 1], dt)))
@@ -147,13 +146,11 @@ def _spans(m, channels):
 def _inputs(d, wires, values, n):
     """Return INPUTS (1, n) of one lane; what has no flag of its own holds its last valid value."""
     u = np.zeros((1, n), d.module.INPUTS)
-    flagged = {signal_of(s)[0] for s in wires.values() if signal_of(s)[1]}
-    for name, source in wires.items():
-        field_, _, element = name.partition("[")
-        signal, flag = signal_of(source)
+    for w in wires:
+        field_, _, element = w.field.partition("[")
         to = u[field_][0][:, int(element[:-1])] if element else u[field_][0]
-        value, valid = values[signal]
-        to[:] = valid if flag else value if signal in flagged else _held(value, valid)
+        value, valid = values[w.signal.word]
+        to[:] = valid if w.flag else value if w.signal.flag else _held(value, valid)
     return u
 
 
@@ -185,19 +182,19 @@ def _run(d, lane, u, p, dt):
     return run(stretch, dt)[0]
 
 
-def _names(kind, names):
-    """Return the log's field names of the elements of fields `names` of a record, in memory order."""
+def _columns(kind, names):
+    """Return [(field of the log, unit)] of the elements of fields `names` of a record, in memory order."""
     out: list = []
     for name in kind.names:
         if name in names:
             count = kind[name].itemsize // 8
-            out += [name] if kind[name].shape == () else [f"{name}_{i}" for i in range(count)]
-    return tuple(out)
+            out += [(name if kind[name].shape == () else f"{name}_{i}", unit(kind, name)) for i in range(count)]
+    return out
 
 
 def _verdict(d, lane, again, dt, t_0):
     """Return one row of the verdict table; times are the recording's."""
-    names = _names(d.module.STATE, d.module.OUTPUTS)
+    names = [n for n, _ in _columns(d.module.STATE, d.module.OUTPUTS)]
     history = again[:, [names.index(n) for n in VERDICT]]
     watch = Watch(d.id, d.level, d.target(lane), d.module.CULPRITS, *range(len(VERDICT)))
     found = judge(watch, history, dt * d.every, [])
@@ -220,13 +217,14 @@ def _write(path, done, out, text, dt):
     topics, parts, at = [], [], 0
     for d, lane, u, again in done:
         module = d.module
-        for name, fields, values, every in (
-            (f"/input/{d.id}/{lane}", _names(module.INPUTS, module.INPUTS.names), flat(np.ascontiguousarray(u))[0], 1),
-            (f"/replay/detectors/{d.id}/{lane}", _names(module.STATE, module.OUTPUTS), again, d.every),
+        read = flat(np.ascontiguousarray(u))[0]
+        for name, columns, values, every in (
+            (f"/input/{d.id}/{lane}", _columns(module.INPUTS, module.INPUTS.names), read, 1),
+            (f"/replay/detectors/{d.id}/{lane}", _columns(module.STATE, module.OUTPUTS), again, d.every),
         ):
+            fields, units = zip(*columns)
             full = np.zeros((u.shape[1], len(fields)))
             full[::every] = values
-            units = tuple(unit("detectors", n) for n in fields)
             topics.append(Topic(name, fields, units, np.arange(at, at + len(fields)), every, "detectors"))
             parts.append(full)
             at += len(fields)

@@ -12,9 +12,10 @@
     "left_inner.rod" = { channel = "LIB_ROD", unit = "mm", sign = -1 }
     "left_inner.hm0" = { constant = -350.0 }
 
-Signals are named as sensors (`alpha`, `n_z`, ...), sensors of a part (`left_inner.rod`), commands of the law
-(`de_cmd`), the command sent to an actuator (`left_inner.u`), and the modelled hinge moment (`left_inner.hm0`,
-`left_inner.hmd`). In SI,
+Signals are named by the words of cosim/scenario/vocabulary.py: sensors (`alpha`, `n_z`, ...), sensors of an actuator
+(`left_inner.rod`), commands of the law (`de_cmd`), the command sent to an actuator
+(`left_inner.valve_command`, `right_inner.current_command`), and the modelled hinge moment
+(`left_inner.hm0`, `left_inner.hmd`). In SI,
 
     value = sign scale (unit -> SI) channel + offset
 

@@ -3,38 +3,33 @@
 import numpy as np
 
 from cosim.errors import did_you_mean
-from cosim.flight import detectors as table
-from cosim.flight.units import unit
+from cosim.flight.detectors import wires
 from cosim.replay.map_file import units_for
 from cosim.replay.params import ReplayError
 from cosim.replay.resample import resample
 from cosim.scenario.catalog import SEGMENTS
+from cosim.scenario.vocabulary import SENT, Signal
+from fdi import registry
 
 
-def signal_of(source):
-    """Return (name in a map, whether it is a flag) of a name on the bus that a detector reads."""
-    section, lane, name = source.split(".")
-    if section == "sensors":
-        seg = next((s for s in SEGMENTS if lane.startswith(s + "_")), None)
-        return (f"{seg}.{lane.removeprefix(seg + '_')}" if seg else lane), name.startswith("valid")
-    return (name if section == "law" else f"{lane}.{name}"), False
-
-
-def si_unit(source):
-    """Return the SI unit of a name on the bus."""
-    section, _, name = source.split(".")
-    if section == "sensors":
-        return unit("sensors", signal_of(source)[0].rpartition(".")[2])
-    return unit({"law": "law", "hinge_model": "detectors"}.get(section, "actuators"), name)
+def renamed(m, technology):
+    """Return (map, sentences) with signals that it calls by an old name under those of the vocabulary."""
+    names, said = {}, []
+    for name in m.signals:
+        segment, dot, word = name.rpartition(".")
+        now = SENT.get(technology.get(segment, ""), ("",))[0] if dot and word == "u" else ""
+        names[name] = f"{segment}.{now}" if now else name
+        if now:
+            said.append(f"signals.{name} is now called {segment}.{now}")
+    return m.model_copy(update={"signals": {names[n]: s for n, s in m.signals.items()}}), said
 
 
 def check(m, place):
     """Raise ReplayError for a signal of the map that no detector could read, or a unit that does not fit it."""
-    known: dict = {}
-    for spec in table.TABLE.values():
-        for lane in SEGMENTS if spec.technologies else ("aircraft",):
-            for technology in spec.technologies or ("",):
-                known |= {signal_of(s)[0]: s for s in spec.wires(lane, technology).values() if not signal_of(s)[1]}
+    known: dict[str, Signal] = {}
+    for record in registry.records().values():
+        for lane in SEGMENTS if record.level == "local" else ("",):
+            known |= {w.signal.word: w.signal for w in wires(record, lane)}
     for name, signal in m.signals.items():
         if name not in known:
             raise ReplayError(
@@ -43,7 +38,7 @@ def check(m, place):
                 allowed=", ".join(sorted(known)),
                 remedy=did_you_mean(name, known),
             )
-        allowed = units_for(si_unit(known[name]))
+        allowed = units_for(known[name].unit)
         if signal.unit is not None and signal.unit not in allowed:
             raise ReplayError(
                 f"{signal.unit!r} is no unit of it", place=f"{place}: signals.{name}.unit", allowed=", ".join(allowed)
@@ -91,7 +86,7 @@ def acting(m, sources, channels, dt):
 
     Raises ReplayError for `held` at another signal.
     """
-    sent = {name for name, source in sources.items() if source.partition(".")[0].endswith("_in")}
+    sent = {name for name, source in sources.items() if source.kind == "sent"}
     for name, signal in m.signals.items():
         if signal.held and name not in sent:
             raise ReplayError(
@@ -113,7 +108,7 @@ def slow(sources, channels, dt):
     """Return a sentence per command of a valve or motor that is sampled at less than the tick's rate."""
     out = []
     for name, source in sources.items():
-        t = channels[name][0] if name in channels and source.partition(".")[0].endswith("_in") else ()
+        t = channels[name][0] if name in channels and source.kind == "sent" else ()
         step = float(np.median(np.diff(t))) if len(t) > 2 else 0.0
         if step > dt * 1.01:
             out.append(
@@ -124,15 +119,15 @@ def slow(sources, channels, dt):
     return out
 
 
-def sampled(signal, source, channel, t_0, dt, n, place):
-    """Return (values, valid) (n,) of one signal in SI."""
+def sampled(signal, source, channel, t_0, dt, n):
+    """Return (values, valid) (n,) of one signal of the map in SI; `source` is that of the vocabulary."""
     if channel is None:
         return np.full(n, signal.constant), np.ones(n)
     t, y, flags = channel
-    factor = signal.factor(si_unit(source))
+    factor = signal.factor(source.unit)
     y = y if factor == 1.0 else factor * y
     y = y if signal.offset == 0.0 else y + signal.offset
-    linear = (signal.resample or ("linear" if source.startswith(("sensors.", "hinge_model.")) else "hold")) == "linear"
+    linear = (signal.resample or ("linear" if source.kind in ("sensor", "model") else "hold")) == "linear"
     values, valid = resample(t, y, t_0, dt, n, linear=linear, max_gap=signal.max_gap_s)
     if flags is not None:
         on, there = resample(flags[0], flags[1], t_0, dt, n, linear=False)

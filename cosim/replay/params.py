@@ -8,8 +8,7 @@ import zlib
 import numpy as np
 
 from cosim.errors import CosimError, LogError, did_you_mean
-from cosim.flight.parameter_bounds import wrong_parameter, wrong_state
-from cosim.flight.parameters import assign
+from cosim.flight.parameters import assign, wrong_parameter, wrong_state
 
 ARRAY_BYTES = 1 << 27  # a compressed array that claims more is refused
 
@@ -44,13 +43,16 @@ def attached(log, name, kind):
     return out
 
 
-def trusted(log, detector, module, p, x, dt):
+def trusted(log, record, module, p, x, dt):
     """Raise LogError when a number in the parameters or states of a log would index beyond the detector's arrays."""
-    for what, wrong in (("parameter", wrong_parameter(module, detector, p, dt)), ("state", wrong_state(module, x))):
+    for what, wrong in (
+        ("parameter", wrong_parameter(record, module, p, dt)),
+        ("state", wrong_state(record, module, x)),
+    ):
         if wrong:
             name, value, low, high = wrong
             raise LogError(
-                f"{what} {detector}.{name} = {value:g} would reach beyond the detector's arrays",
+                f"{what} {record.id}.{name} = {value:g} would reach beyond the detector's arrays",
                 place=str(log.path),
                 allowed=f"{low:g} to {high:g}",
                 remedy="`cosim run` did not write this",
@@ -103,7 +105,7 @@ def overrides(texts):
     return out
 
 
-def override(detector, module, p, values, dt):
-    """Set parameters {name: value} of `detector` in its PARAMS `p`; `name[i]` is an element. Raises ReplayError."""
+def override(record, module, p, values, dt):
+    """Set parameters {name: value} of a detector in its PARAMS `p`; `name[i]` is an element. Raises ReplayError."""
     for name, value in values.items():
-        assign(detector, module, p, name, value, dt, error=ReplayError, place=f"{detector}.{name} = {value:g}")
+        assign(record, module, p, name, value, dt, error=ReplayError, place=f"{record.id}.{name} = {value:g}")

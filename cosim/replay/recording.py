@@ -1,6 +1,5 @@
 """A flight as its log tells it: scenario, signals, detector lanes with their judgement, and what they estimate."""
 
-import importlib
 import math
 import re
 import tomllib
@@ -11,12 +10,13 @@ import numpy as np
 
 from cosim.errors import LogError
 from cosim.flight import actuation, inject, wiring
-from cosim.flight.detector_table import TABLE
 from cosim.judge import coverage
 from cosim.judge import estimation as estimate
 from cosim.judge.result import Watch, judge, judged
 from cosim.log import open_log
 from cosim.scenario import parse
+from cosim.scenario.vocabulary import place
+from fdi import registry
 
 NEEDED = (
     "/truth/",
@@ -126,7 +126,7 @@ class Flown:
 
     def _lane(self, d, lane, topic):
         target = f"elevator.{lane}" if d["level"] == "local" else "aircraft"
-        culprits = importlib.import_module(TABLE[d["id"]].module).CULPRITS if d["id"] in TABLE else ("",)
+        culprits = registry.module(d["id"]).CULPRITS if d["id"] in registry.SHIPPED else ("",)
         fields = list(self.log.topics[topic].fields)
         at = {n: fields.index(n) for n in ("alarm", "verdict", "culprit", "r")}
         made = Lane(
@@ -177,22 +177,13 @@ class Flown:
 
         An input that nobody logs is what the faults add to it; a sensor's truth is what it is wired to.
         """
-        section, lane, field = name.split(".", 2)
-        for topic in (
-            f"/{section}/{lane}",
-            f"/{section}",
-            f"/actuators/{lane}/{section}",
-            f"/detectors/{section}/{lane}",
-        ):
-            if self.has(topic, field):
-                return self.values(topic, field)
-        part = section.removesuffix("_in")
-        if field == "u" and section.endswith("_in"):  # still the command held over the last tick
-            return self.values(f"/actuators/{lane}/{part}", "u_held")
+        topic, field = place(name)
+        if self.has(topic, field):
+            return self.values(topic, field)
         if field == "truth":
             wired = dict(wiring.sensor_wires(self.scenario.elevator.technology))
             return self.signal(wired[name])
-        sources = [(f.name, source) for f in self._injected for place, source in f.places if place == name]
+        sources = [(f.name, source) for f in self._injected for to, source in f.places if to == name]
         return sum((self._fault(lane, source) for lane, source in sources), np.zeros(len(self.ticks)))
 
     @cached_property

@@ -7,7 +7,7 @@ from cosim.report.detector import SHOWN, detector
 from cosim.report.page import Row, Table, bold, code, mark, page, write
 from cosim.report.timeline import timeline
 from cosim.report.words import JUDGED, MARKS, came_of_it, case_of, entries, point, summary, verdict
-from cosim.scenario.catalog import DETECTORS
+from fdi import registry
 
 
 def flight_report(log, output):
@@ -36,7 +36,7 @@ def render(flown):
         line=line,
         lanes=metrics(flown),
         injected=injected,
-        detectors=[(own[i], f"{i}: {DETECTORS[i][1] if i in DETECTORS else ''}") for i in ids],
+        detectors=[(own[i], f"{i}: {registry.record(i).summary if i in registry.SHIPPED else ''}") for i in ids],
         elevators=elevators,
         others=others,
         motion=motion,
@@ -95,7 +95,7 @@ def metrics(flown):
         "largest statistic before and after the first fault; 1 is the threshold, "
         "before confirmation. RMSE and bias: of the estimate against what was injected, after settling. What a "
         "detector is designed for stands in "
-        "fdi/expected.toml; “cannot judge” means that its own validity flag was down when the fault began."
+        "the detectors' records in fdi/; “cannot judge” means that its own validity flag was down when the fault began."
     )
     return Table(columns, rows, note, "wide")
 

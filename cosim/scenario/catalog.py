@@ -1,4 +1,4 @@
-"""What a scenario can name: parts, sensors with their units, detectors, and every kind of fault with its parameters.
+"""What a scenario can name: parts, sensors with their units, and every kind of fault with its parameters.
 
 These tables are the only place where that is written: validation, `cosim list`, messages and conversion read them.
 """
@@ -18,20 +18,6 @@ TECHNOLOGIES = ("hydraulic", "ema", "simple")
 DEFAULT_TECHNOLOGY: dict[str, Any] = _TRANSPORT.technology
 FEEDBACKS = ("measured", "iotsekf", "rtsekf", "rtsekf_flight")
 SURFACES = ("aileron.left", "aileron.right", "rudder", "stabiliser")
-
-DETECTORS = {  # id -> (level, one line)
-    "rfafe": ("aircraft", "robust fast adaptive fault estimator with elevator position sensors [Sun13]"),
-    "rfafe_airframe": ("aircraft", "the same on airframe outputs only"),
-    "lpv_smo": ("aircraft", "LPV sliding-mode observer: elevator, load-factor and angle-of-attack faults [Alwi14]"),
-    "control_redundancy": ("aircraft", "static residuals from the force equation, signature table [Mar10]"),
-    "iotsekf": ("local", "iterated optimal two-stage EKF: input fault of a hydraulic actuator [Lu17]"),
-    "rtsekf": ("local", "robust three-step EKF as published: output fault of a hydraulic actuator [Lu17]"),
-    "rtsekf_flight": ("local", "the same fit for flight: rod against surface position"),
-    "ema_kalman": ("local", "one Kalman filter on motor speed as published, structured residuals [Jay]"),
-    "ema_kalman_flight": ("local", "the same with hinge load and process noise"),
-    "position_monitor": ("local", "command against position, threshold and confirmation time (baseline)"),
-    "ofc_monitor": ("local", "in-service oscillation counting on a rod residual (baseline) [Goupil 2010]"),
-}
 
 
 @dataclass(frozen=True)

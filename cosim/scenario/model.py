@@ -14,6 +14,7 @@ from cosim.scenario.fault import Fault
 from cosim.scenario.manoeuvre import Cruise, Manoeuvre
 from cosim.scenario.problem import choice, problem
 from cosim.scenario.tolerance import toleranced
+from fdi.registry import SHIPPED
 
 Feedback = Literal["measured", "iotsekf", "rtsekf", "rtsekf_flight"]
 # Thresholds are trained at 200 Hz. At 50 Hz these two alarm in a hard manoeuvre without a fault, and up to 80 Hz both
@@ -239,18 +240,18 @@ class Detectors(_Table):
     model_config = ConfigDict(frozen=True, extra="allow", strict=True, allow_inf_nan=False)
     __pydantic_extra__: dict[str, dict[str, Parameter]]
 
-    enabled: Annotated[tuple[str, ...], Field(strict=False)] = tuple(c.DETECTORS)
+    enabled: Annotated[tuple[str, ...], Field(strict=False)] = tuple(SHIPPED)
 
     @model_validator(mode="after")
     def _known(self):
         for i, name in enumerate(self.enabled):
-            if name not in c.DETECTORS:
-                raise choice(name, c.DETECTORS, "detector", key=f"enabled.{i}")
+            if name not in SHIPPED:
+                raise choice(name, SHIPPED, "detector", key=f"enabled.{i}")
             if name in self.enabled[:i]:
                 raise problem(f"{name!r} is listed twice", key=f"enabled.{i}", remedy="Remove one")
         for name in self.model_extra or {}:
-            if name not in c.DETECTORS:
-                raise choice(name, ("enabled", *c.DETECTORS), "detector", key=name)
+            if name not in SHIPPED:
+                raise choice(name, ("enabled", *SHIPPED), "detector", key=name)
         return self
 
     def table(self, name):

@@ -10,8 +10,8 @@ from types import ModuleType
 import numpy as np
 import pandas as pd
 
+from cosim.flight.detectors import sources
 from cosim.flight.plant.point import SIX
-from cosim.flight.rfafe_wires import WIRES
 from cosim.flight.signals import detect, fly
 from cosim.scenario import Scenario, parse
 from cosim.scenario.catalog import SEGMENTS
@@ -31,7 +31,7 @@ MODEL = ("A_p", "B", "M", "P_s", "phi_n", "V_m", "E", "L", "F_c", "F_s")  # of t
 COMMAND = "law.law.de_cmd"
 MODULES = {"rfafe": rfafe, "rfafe_airframe": rfafe_airframe}
 SURFACES = tuple(f"truth.aircraft.{s}" for s in ("de_lo", "de_li", "de_ri", "de_ro"))
-AIRCRAFT = tuple(dict.fromkeys([*(path for own in WIRES.values() for path in own.values()), COMMAND, *SURFACES]))
+AIRCRAFT = tuple(dict.fromkeys([*(path for name in MODULES for path in sources(name).values()), COMMAND, *SURFACES]))
 # of each segment: what the hydraulic detectors read, the fault at the valve [1], true rod [m] and surface [rad]
 HYDRAULIC = (*(f"iotsekf_in.{{}}.{name}" for name in iotsekf.INPUTS.names), "hydraulic_in.{}.f_u", "hydraulic.{}.q_rod",
              "hydraulic.{}.delta")  # fmt: skip
@@ -115,7 +115,7 @@ def of(frame: pd.DataFrame, path: str) -> np.ndarray:
 def estimate(frame: pd.DataFrame, name: str, p: np.ndarray | None = None) -> np.ndarray:
     """Return the STATE log (ticks,) of the Sun13 estimator `name`; `p` PARAMS, by default those of the stored
     design."""
-    return detect(frame, MODULES[name], WIRES[name], p)
+    return detect(frame, MODULES[name], sources(name), p)
 
 
 def side(frame: pd.DataFrame, which: str) -> np.ndarray:

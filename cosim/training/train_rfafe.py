@@ -20,7 +20,6 @@ import fdi
 from actuators.block import kernel
 from cosim.campaign.jobs import work
 from cosim.files import replace_text
-from cosim.flight.rfafe_wires import technology
 from cosim.judge.alarms import onsets
 from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.tolerance import toleranced
@@ -37,6 +36,7 @@ from cosim.training.flights import (
 )
 from fdi.common import bank, compact, tuning
 from fdi.rfafe.decision import shaped
+from fdi.rfafe.store import side_kinds
 
 ELEVATORS = (("hydraulic",) * 4, ("hydraulic", "hydraulic", "ema", "ema"))  # in turn; the second is the default
 MARGIN = 1.25  # 1.2 times the maximum of 40 flights left 1 alarm in 300 (papers/README)
@@ -72,7 +72,7 @@ def look(first_seed, index):
     flight = list(flights(first_seed))[index]
     r, out = fly_aircraft(**flight), {}
     for name, module in MODULES.items():
-        p = module.params(technology=technology(dict(zip(SEGMENTS, flight["technology"]))))
+        p = module.params(technology=side_kinds(dict(zip(SEGMENTS, flight["technology"]))))
         runs, whatever, slow = survey(r, name, p)
         alarm = estimate(r, name, p)["alarm"]
         out[name] = [runs.tolist(), whatever.tolist(), slow, len(onsets(alarm))]

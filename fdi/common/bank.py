@@ -22,7 +22,7 @@ BLOCKS_S = (0.01, 0.04, 0.10)  # block lengths [s]
 FITS = 8  # per period
 
 PARAMS = [
-    ("bank_hz", "f8", (K,)),  # frequencies [Hz]
+    ("bank_hz", "f8", (K,), "Hz"),  # frequencies
     ("bank_level", "f8", (K,)),  # rate that each is fitted on
     ("bank_n", "f8", (K,)),  # samples of its two periods, even
     ("bank_stride", "f8", (K,)),  # fit at each so many samples
@@ -31,8 +31,8 @@ PARAMS = [
     ("bank_hc", "f8", (K, N // 2)),  # weights of one period on its own, oldest first
     ("bank_hs", "f8", (K, N // 2)),
     ("bank_loss", "f8", (K,)),  # amplitude of a stored sinusoid over its true amplitude
-    ("bank_angle", "f8", (K,)),  # phase from sample to sample [rad]
-    ("bank_block", "f8", (LEVELS,)),  # block lengths [ticks]
+    ("bank_angle", "f8", (K,), "rad"),  # phase from sample to sample
+    ("bank_block", "f8", (LEVELS,), "-"),  # block lengths
 ]
 STATE = [
     ("bank_ring", "f8", (2, LEVELS, N)),  # averaged samples, a ring for each signal and rate
@@ -46,6 +46,9 @@ STATE = [
     ("bank_sin", "f8", (2, K)),
     ("bank_new", "f8", (K,)),  # 1 where this tick renewed the fit
 ]
+
+SIZES = {"bank_level": 0, "bank_n": 1, "bank_stride": 1}  # parameters that are positions and sizes: least values
+PLACES = {"bank_head": ("bank_ring", 2)}  # states that are positions: array, axis
 
 
 def frequencies():

@@ -27,67 +27,67 @@ GAIN_LIMIT = 0.15  # +-5 % on flow and on piston area, and some more
 GAIN_MOTION = 0.002  # rod motion from which the gain is learned in earnest: 20 sigma of the sensor [m]
 
 PAIR_PARAMS = [
-    ("pair_tau", "f8"),  # lag of the disagreement [s]
-    ("pair_clip", "f8"),  # one sample counts for no more than this, so that a spike does not alarm [m]
-    ("pair_settle", "f8"),  # time to learn the rigging before the test begins [s]
-    ("pair_learn", "f8"),  # lag of the rigging afterwards [s]
-    ("pair_wash", "f8"),  # memory of each sensor's distance from the model [s]
-    ("pair_threshold", "f8"),  # disagreement [m]
-    ("pair_confirm", "f8"),  # [s]
-    ("pair_release", "f8"),  # [s]
-    ("pair_teach", "f8"),  # rate at which the model's gain is learned in motion [1/s]
-    ("pair_judge", "f8"),  # the model is trusted for this long after the alarm [s]
-    ("pair_ratio", "f8"),  # the culprit is this many times further from the model than the other
+    ("pair_tau", "f8", "s"),  # lag of the disagreement
+    ("pair_clip", "f8", "m"),  # one sample counts for no more than this, so that a spike does not alarm
+    ("pair_settle", "f8", "s"),  # time to learn the rigging before the test begins
+    ("pair_learn", "f8", "s"),  # lag of the rigging afterwards
+    ("pair_wash", "f8", "s"),  # memory of each sensor's distance from the model
+    ("pair_threshold", "f8", "m"),  # disagreement
+    ("pair_confirm", "f8", "s"),
+    ("pair_release", "f8", "s"),
+    ("pair_teach", "f8", "1/s"),  # rate at which the model's gain is learned in motion
+    ("pair_judge", "f8", "s"),  # the model is trusted for this long after the alarm
+    ("pair_ratio", "f8", "-"),  # the culprit is this many times further from the model than the other
 ]
 PAIR_STATE = [
-    ("pair_time", "f8"),  # usable time so far [s]
-    ("rigging", "f8"),  # learned rod - arm surface [m]
-    ("pair_d", "f8"),  # filtered disagreement [m]
-    ("model_q", "f8"),  # integral of the model's rod velocity [m]
-    ("model_slow", "f8"),  # the same, lagged [m]
-    ("model_bias", "f8"),  # learned error of the model's rod velocity [m/s]
-    ("model_gain", "f8"),  # learned error of its gain [1]
-    ("base_rod", "f8"),  # slow rod - model [m]
-    ("base_surface", "f8"),  # slow surface - model [m]
-    ("e_rod", "f8"),  # filtered distance of the rod sensor from the model [m]
-    ("e_surface", "f8"),  # of the surface sensor [m]
-    ("pair_timer", "f8"),  # [s]
-    ("pair_age", "f8"),  # time since the alarm [s]
-    ("sensor", "f8"),  # 1 while the two are declared to disagree
-    ("blame", "f8"),  # 0 unknown, 1 rod, 2 surface
-    ("quiet", "f8"),  # time for which the input-fault estimate is still disturbed by it [s]
+    ("pair_time", "f8", "s"),  # usable time so far
+    ("rigging", "f8", "m"),  # learned rod - arm surface
+    ("pair_d", "f8", "m"),  # filtered disagreement
+    ("model_q", "f8", "m"),  # integral of the model's rod velocity
+    ("model_slow", "f8", "m"),  # the same, lagged
+    ("model_bias", "f8", "m/s"),  # learned error of the model's rod velocity
+    ("model_gain", "f8", "-"),  # learned error of its gain
+    ("base_rod", "f8", "m"),  # slow rod - model
+    ("base_surface", "f8", "m"),  # slow surface - model
+    ("e_rod", "f8", "m"),  # filtered distance of the rod sensor from the model
+    ("e_surface", "f8", "m"),  # of the surface sensor
+    ("pair_timer", "f8", "s"),
+    ("pair_age", "f8", "s"),  # time since the alarm
+    ("sensor", "f8", "-"),  # 1 while the two are declared to disagree
+    ("blame", "f8", "-"),  # 0 unknown, 1 rod, 2 surface
+    ("quiet", "f8", "s"),  # time for which the input-fault estimate is still disturbed by it
 ]
 OFC_PARAMS = [
     *bank.PARAMS,
     ("bank_threshold", "f8", (bank.K,)),  # amplitude in quiet flight [unit of the residual]
     ("sum_threshold", "f8", (bank.K,)),  # amplitude of residual + drive in quiet flight
-    ("bank_share", "f8"),  # ... plus this share of the drive's amplitude
-    ("bank_prior", "f8"),  # ... plus this share while its gain has not been learned
+    ("bank_share", "f8", "-"),  # ... plus this share of the drive's amplitude
+    ("bank_prior", "f8", "-"),  # ... plus this share while its gain has not been learned
     ("gain_floor", "f8"),  # the drive must exceed this to teach its gain [unit of the drive]
     ("gain_energy", "f8"),  # squared drive amplitude at which prior and lesson weigh alike
-    ("gain_memory", "f8"),  # [s]
-    ("gain_limit", "f8"),  # largest gain error that is believed
-    ("coherence", "f8"),  # least agreement of the two periods
-    ("purity", "f8"),  # least share of the window's power that the oscillation must explain
-    ("hits", "f8"),  # fits in a row that must agree
-    ("keep_mean", "f8"),  # 1 where the residual has no offset of its own, so that its mean speaks
-    ("t_release", "f8"),  # an alarm outlives its cause by this [s]
+    ("gain_memory", "f8", "s"),
+    ("gain_limit", "f8", "-"),  # largest gain error that is believed
+    ("coherence", "f8", "-"),  # least agreement of the two periods
+    ("purity", "f8", "-"),  # least share of the window's power that the oscillation must explain
+    ("hits", "f8", "-"),  # fits in a row that must agree
+    ("keep_mean", "f8", "-"),  # 1 where the residual has no offset of its own, so that its mean speaks
+    ("t_release", "f8", "s"),  # an alarm outlives its cause by this
 ]
 OFC_STATE = [
     *bank.STATE,
-    ("gain", "f8"),  # learned share of the drive in the residual
+    ("gain", "f8", "-"),  # learned share of the drive in the residual
     ("gain_num", "f8"),
     ("gain_den", "f8"),
-    ("ratio", "f8", (bank.K,)),  # each fit over its threshold
-    ("hit", "f8", (bank.K,)),  # fits in a row that agreed
-    ("pure", "f8", (2, bank.K)),  # share of power explained, of the residual and of residual + drive
-    ("since", "f8"),  # time since the first sign of a fault [s]
-    ("unseen", "f8"),  # time since the last [s]
-    ("r_ofc", "f8"),  # largest fit over its threshold
-    ("ofc_timer", "f8"),  # time for which an oscillation is still held to be there [s]
-    ("ofc_hz", "f8"),  # its frequency [Hz]
-    ("ofc_amplitude", "f8"),  # its amplitude [unit of the residual]
-    ("ofc_solid", "f8"),  # 1 when it stands in place of the drive
+    ("ratio", "f8", (bank.K,), "-"),  # each fit over its threshold
+    ("hit", "f8", (bank.K,), "-"),  # fits in a row that agreed
+    ("pure", "f8", (2, bank.K), "-"),  # share of power explained, of the residual and of residual + drive
+    ("since", "f8", "s"),  # time since the first sign of a fault
+    ("unseen", "f8", "s"),  # time since the last
+    ("r_ofc", "f8", "-"),  # largest fit over its threshold
+    ("ofc_timer", "f8", "s"),  # time for which an oscillation is still held to be there
+    ("ofc_hz", "f8", "Hz"),  # its frequency
+    ("ofc_amplitude", "f8", "-"),  # its amplitude [unit of the residual]
+    ("ofc_solid", "f8", "-"),  # 1 when it stands in place of the drive
 ]
 
 

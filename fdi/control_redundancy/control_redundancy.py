@@ -30,6 +30,7 @@ import numpy as np
 
 from actuators.block import dtype, kernel, record
 from fdi.common.decision import T_HOLD, confirm
+from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, NONE, THRUST
 from fdi.control_redundancy import force_model
@@ -66,33 +67,33 @@ PARAMS = params_dtype(
         ("n_pivots", "f8", (NF,)),
         ("pivot_row", "f8", (NF, 2)),
         ("pivot_input", "f8", (NF, 2)),
-        ("threshold", "f8", (NR,)),  # of the rows: X Y Z [g], L M N [rad/s2]
+        ("threshold", "f8", (NR,), "g, rad/s2"),  # of the rows: X Y Z [g], L M N [rad/s2]
         ("limit", "f8", (NH,)),  # largest believable fault: rad, fraction of thrust
         ("rel", "f8"),  # uncertainty of each coefficient
         ("rel_thrust", "f8"),  # uncertainty of the thrust map
         ("rel_spool", "f8"),  # core speed ahead of N1, per change of normalised N1 against its mean
-        ("stride", "f8"),  # commands are kept of every so many ticks: of each 5 ms, however short the tick [ticks]
-        ("late", "f8", (NC,)),  # how late they act in the measurements: theirs and the actuator's delay [strides]
-        ("rate", "f8", (NC,)),  # how fast a healthy actuator follows its command, 0 for at once [rad/s]
-        ("t_mean", "f8"),  # sliding mean [s], 0 for raw samples
-        ("t_learn", "f8"),  # offset learned over the first seconds [s], 0 for none
-        ("t_confirm", "f8"),  # [s]
-        ("t_ambiguous", "f8"),  # firing for so long without a single explanation is an alarm [s]
-        ("t_release", "f8"),  # [s]
-        ("t_invalid", "f8"),  # averages start again after so long without data [s]
+        ("stride", "f8", "-"),  # commands are kept of every so many ticks: of each 5 ms, however short the tick
+        ("late", "f8", (NC,), "-"),  # how late they act in the measurements: theirs and the actuator's delay
+        ("rate", "f8", (NC,), "rad/s"),  # how fast a healthy actuator follows its command, 0 for at once
+        ("t_mean", "f8", "s"),  # sliding mean, 0 for raw samples
+        ("t_learn", "f8", "s"),  # offset learned over the first seconds, 0 for none
+        ("t_confirm", "f8", "s"),
+        ("t_ambiguous", "f8", "s"),  # firing for so long without a single explanation is an alarm
+        ("t_release", "f8", "s"),
+        ("t_invalid", "f8", "s"),  # averages start again after so long without data
     ]
 )
-_MEASURED = (
-    "n_x", "n_y", "n_z",  # forces over weight, forward right up + [g]
-    "alpha", "beta", "theta", "phi",  # [rad]
-    "p", "q", "r",  # [rad/s]
-    "cas", "tas",  # [m/s]
-    "mach",  # [-]
-    "mass",  # [kg]
-    "cg",  # fraction of the mean chord
-    "n1_1", "n1_2", "n1_3", "n1_4",  # [%]
-    "pdot", "qdot", "rdot",  # only for rows = "force+moment" [rad/s2]
-)  # fmt: skip
+_MEASURED = {  # of the aircraft -> unit
+    **dict.fromkeys(("n_x", "n_y", "n_z"), "g"),  # forces over weight, forward right up +
+    **dict.fromkeys(("alpha", "beta", "theta", "phi"), "rad"),
+    **dict.fromkeys(("p", "q", "r"), "rad/s"),
+    **dict.fromkeys(("cas", "tas"), "m/s"),
+    "mach": "-",
+    "mass": "kg",
+    "cg": "-",  # fraction of the mean chord
+    **dict.fromkeys(("n1_1", "n1_2", "n1_3", "n1_4"), "%"),
+    **dict.fromkeys(("pdot", "qdot", "rdot"), "rad/s2"),  # only for rows = "force+moment"
+}
 _COMMANDS = (
     "de_lo",
     "de_li",
@@ -103,32 +104,33 @@ _COMMANDS = (
     "dr",
     "stab",
 )  # of the surfaces, signs of DESIGN.md [rad]
-INPUTS = dtype([(n, "f8") for n in _COMMANDS] + [(n + tail, "f8") for n in _MEASURED for tail in ("", "_valid")])
+INPUTS = dtype([(n, "f8", "rad") for n in _COMMANDS]
+               + [(n + t, "f8", "-" if t else unit) for n, unit in _MEASURED.items() for t in ("", "_valid")])
 STATE = dtype(
     [
-        ("r", "f8"),  # largest residual in use over its threshold
-        ("alarm", "f8"),  # 1 while an effector is declared or residuals fire without a single explanation
-        ("verdict", "f8"),  # of the last declared: THRUST, JAM_SOLID, AMBIGUOUS
-        ("culprit", "f8"),  # index into CULPRITS, of the last declared
-        ("valid", "f8"),  # 1 when learned and the averages are full
-        ("f_hat", "f8"),  # fault of the culprit: rad, or fraction of thrust (negative = lost)
-        ("f_hat_elevator", "f8"),  # actual less commanded, under the hypothesis that this effector alone failed [rad]
-        ("f_hat_aileron", "f8"),
-        ("f_hat_rudder", "f8"),
-        ("f_hat_thrust", "f8"),  # fraction of total thrust
-        ("candidates", "f8"),  # bit h is set when effector h + 1 of CULPRITS explains the residuals
-        ("declared", "f8", (NH,)),  # 1 per declared effector
-        ("res", "f8", (NF,)),  # residuals [g], [rad/s2]
-        ("tau", "f8", (NF,)),  # their thresholds
-        ("fired", "f8", (NF,)),  # signature
-        ("used", "f8", (NF,)),
-        ("S", "f8", (NF, NH)),  # residual per unit of fault
-        ("e", "f8", (NR,)),
-        ("act", "f8", (NR,)),
-        ("offset", "f8", (NR,)),
+        ("r", "f8", "-"),  # largest residual in use over its threshold
+        ("alarm", "f8", "-"),  # 1 while an effector is declared or residuals fire without a single explanation
+        ("verdict", "f8", "-"),  # of the last declared: THRUST, JAM_SOLID, AMBIGUOUS
+        ("culprit", "f8", "-"),  # index into CULPRITS, of the last declared
+        ("valid", "f8", "-"),  # 1 when learned and the averages are full
+        ("f_hat", "f8", "rad, fraction"),  # fault of the culprit: rad, or fraction of thrust (negative = lost)
+        ("f_hat_elevator", "f8", "rad"),  # actual less commanded, under the hypothesis that this effector alone failed
+        ("f_hat_aileron", "f8", "rad"),
+        ("f_hat_rudder", "f8", "rad"),
+        ("f_hat_thrust", "f8", "fraction"),  # fraction of total thrust
+        ("candidates", "f8", "-"),  # bit h is set when effector h + 1 of CULPRITS explains the residuals
+        ("declared", "f8", (NH,), "-"),  # 1 per declared effector
+        ("res", "f8", (NF,), "g, rad/s2"),  # residuals [g], [rad/s2]
+        ("tau", "f8", (NF,), "g, rad/s2"),  # their thresholds
+        ("fired", "f8", (NF,), "-"),  # signature
+        ("used", "f8", (NF,), "-"),
+        ("S", "f8", (NF, NH), "g, rad/s2 per rad, fraction"),  # residual per unit of fault
+        ("e", "f8", (NR,), "g, rad/s2"),
+        ("act", "f8", (NR,), "g, rad/s2"),
+        ("offset", "f8", (NR,), "g, rad/s2"),
         ("G", "f8", (NR, NH)),
-        ("full", "f8", (NR,)),  # mean sum of all contributions while learning
-        ("suspect", "f8"),  # 1: the offset is beyond what coefficients can do: a sensor or a fault from the start
+        ("full", "f8", (NR,), "g, rad/s2"),  # mean sum of all contributions while learning
+        ("suspect", "f8", "-"),  # 1: the offset is beyond what coefficients can do: a sensor or a fault from the start
         ("rows", "f8", (NR,)),
         ("column", "f8", (NR,)),
         ("c", "f8", (NR,)),
@@ -138,29 +140,69 @@ STATE = dtype(
         ("part_0", "f8", (force_model.NK,)),
         ("cmd", "f8", (NC,)),
         ("line", "f8", (DELAY, NC)),
-        ("head", "f8"),
-        ("phase", "f8"),  # ticks until the next command is kept
-        ("started", "f8"),
-        ("learned", "f8"),
-        ("n_learn", "f8"),
+        ("head", "f8", "-"),
+        ("phase", "f8", "-"),  # ticks until the next command is kept
+        ("started", "f8", "-"),
+        ("learned", "f8", "-"),
+        ("n_learn", "f8", "-"),
         ("total", "f8", (BLOCKS, NX)),
-        ("n_block", "f8", (BLOCKS,)),
-        ("block", "f8"),
+        ("n_block", "f8", (BLOCKS,), "-"),
+        ("block", "f8", "-"),
         ("avg", "f8", (NX,)),
-        ("spool", "f8"),  # mean normalised N1
-        ("gone", "f8"),  # time without data [s]
-        ("last", "f8"),  # hypothesis that is being confirmed, 0 for none
-        ("timer", "f8"),
-        ("timer_any", "f8"),
-        ("quiet", "f8", (NH,)),  # time that a declared effector has looked healthy [s]
-        ("low", "f8", (2,)),  # range of commanded and of reconstructed position since the declaration [rad]
-        ("high", "f8", (2,)),
-        ("on", "f8"),  # ambiguous alarm
+        ("spool", "f8", "-"),  # mean normalised N1
+        ("gone", "f8", "s"),  # time without data
+        ("last", "f8", "-"),  # hypothesis that is being confirmed, 0 for none
+        ("timer", "f8", "s"),
+        ("timer_any", "f8", "s"),
+        ("quiet", "f8", (NH,), "s"),  # time that a declared effector has looked healthy
+        ("low", "f8", (2,), "rad"),  # range of commanded and of reconstructed position since the declaration
+        ("high", "f8", (2,), "rad"),
+        ("on", "f8", "-"),  # ambiguous alarm
     ]
 )
 OUTPUTS = (
     "r", "alarm", "verdict", "culprit", "valid", "f_hat", "f_hat_elevator", "f_hat_aileron", "f_hat_rudder",
     "f_hat_thrust", "candidates",
+)
+DETECTOR = Detector(
+    id="control_redundancy",
+    level="aircraft",
+    summary="static residuals from the force equation, signature table [Mar10]",
+    inputs={
+        **dict.fromkeys(("de_lo", "de_li", "de_ri", "de_ro"), "de_cmd"),
+        **{"stab": "stab_cmd", "da_l": "da_cmd", "da_r": "da_cmd", "dr": "dr_cmd"},
+        **{word: word for word in _MEASURED},
+    },
+    group="airframe motion",
+    designed_for={  # [Mar10]: locked effectors and thrust loss
+        **dict.fromkeys(("*.jam_solid", "ema.jam"), ("jam_solid", "ambiguous")),
+        "rudder": ("jam_solid",),
+        "engine": ("thrust",),
+    },
+    may_see={
+        **dict.fromkeys((
+            "*.runaway*", "*.bias@command", "*.free_float", "*.loss_of_effectiveness*", "*.jam_liquid",
+        ), ("jam_solid", "ambiguous")),
+        "*.ofc_*": ("ambiguous",),
+        **dict.fromkeys(("*.rod", "*.position"), ("jam_solid", "ambiguous")),
+        **dict.fromkeys((
+            "stabiliser", "sensor.n_x", "sensor.n_y", "sensor.n_z", "sensor.alpha", "sensor.beta", "sensor.p",
+            "sensor.q", "sensor.r", "sensor.cas", "sensor.tas", "sensor.mach", "sensor.mass", "sensor.cg",
+            "sensor.n1_*",
+        ), ("ambiguous",)),
+    },
+    blind="static force equations: faults inside an actuator move no force, and a transport's aileron shows in none",
+    remark="it knows effectors only: a sensor error or a stabiliser that acts like one is named as that effector",
+    estimates=(Estimate("elevator", "f_hat_elevator", "rad"), Estimate("thrust", "f_hat_thrust", "fraction")),
+    looks_back={"late": "line"},
+    sizes={
+        "n_a": 0, "n_m": 0, "n_q": 0, "n_ka": 0, "n_k": 0, "axis": 0, "variable": 0, "effector": 0, "n_tm": 0,
+        "n_tp": 0, "n_rows": 0, "n_hypotheses": 0, "n_families": 0, "base_row": 0, "n_pivots": 0, "pivot_row": 0,
+        "pivot_input": 0,
+    },
+    places={"head": ("line", 0), "block": ("n_block", 0)},
+    options={"rows": ("force", "force+moment")},  # the first is the default
+    fit=lambda site, **options: fitted(site, **options),
 )  # fmt: skip
 
 
@@ -210,6 +252,13 @@ def _each(elevator, aileron, rudder, stabiliser):
 
 def _pad(values):
     return np.r_[np.asarray(values, float), np.zeros(NF - len(values))]
+
+
+def fitted(site, **options):
+    """Return PARAMS for a loop, on the force model of the aircraft that flies."""
+    about = site.aircraft()
+    late = {"delay": 1.0 + site.ticks("n_z"), "lag": about.delays, "rate": about.rates}
+    return params(model=about.model, dt=site.dt, **late, **options)
 
 
 def init(p):

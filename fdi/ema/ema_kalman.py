@@ -22,6 +22,7 @@ import numpy as np
 from actuators.block import dtype, kernel, record
 from actuators.ema import jay
 from fdi.common.decision import usable
+from fdi.common.record import Detector
 from fdi.common.verdict import NONE, SENSOR
 
 CULPRITS = ("", "velocity", "position", "current")
@@ -32,47 +33,69 @@ PARAMS = dtype([
     ("Phi", "f8", (6, 6)),   # state transition over one tick, SI
     ("G", "f8", (6,)),       # of the demand u
     ("P0", "f8", (6,)),      # diagonal of the initial covariance
-    ("R", "f8"),             # [V^2]
-    ("K_v", "f8"),           # velocity sensor [V s/rad]
-    ("lead", "f8"),          # ball screw N [m/rad]
-    ("ratio", "f8"),         # N / l, surface per motor angle with the spring at rest [-]
-    ("delay", "f8"),         # ticks by which the sensors lag, 0 or 1
-    ("engage", "f8"),        # 1: start at the measured position, 0: at zero as printed
-    ("th_eta", "f8"),        # threshold of |eta_bar| [-]
-    ("th_R1", "f8"),         # [m]
-    ("th_R2", "f8"),         # [A]
+    ("R", "f8", "V2"),
+    ("K_v", "f8", "V s/rad"),  # velocity sensor
+    ("lead", "f8", "m/rad"),  # ball screw N
+    ("ratio", "f8", "-"),    # N / l, surface per motor angle with the spring at rest
+    ("delay", "f8", "-"),         # ticks by which the sensors lag, 0 or 1
+    ("engage", "f8", "-"),        # 1: start at the measured position, 0: at zero as printed
+    ("th_eta", "f8", "-"),   # threshold of |eta_bar|
+    ("th_R1", "f8", "m"),
+    ("th_R2", "f8", "A"),
 ])
 INPUTS = dtype([
-    ("u", "f8"),             # demand held over the tick that ends at this sample: nozzle [V], elevator [A]
-    ("y_velocity", "f8"),    # motor rate [rad/s]
-    ("y_position", "f8"),    # rod position, + extends [m]
-    ("y_current", "f8"),     # motor current, the monitor's copy [A]
-    ("velocity_valid", "f8"),
-    ("position_valid", "f8"),
-    ("current_valid", "f8"),
+    ("u", "f8", "V, A"),             # demand held over the tick that ends at this sample: nozzle [V], elevator [A]
+    ("y_velocity", "f8", "rad/s"),  # motor rate
+    ("y_position", "f8", "m"),  # rod position, + extends
+    ("y_current", "f8", "A"),  # motor current, the monitor's copy
+    ("velocity_valid", "f8", "-"),
+    ("position_valid", "f8", "-"),
+    ("current_valid", "f8", "-"),
 ])
 STATE = dtype([
-    ("r", "f8"),             # largest of the tests that count, over its threshold
-    ("alarm", "f8"),         # 1 while a sensor fault is declared
-    ("verdict", "f8"),       # NONE or SENSOR
-    ("culprit", "f8"),       # index into CULPRITS
-    ("valid", "f8"),         # 1 while the velocity sensor is believed
-    ("reconf", "f8"),        # 1: close the loop on pos_hat
-    ("pos_hat", "f8"),       # estimated rod position N x3 [m]
-    ("pos_sigma", "f8"),     # its standard deviation by the filter's own reckoning [m]
-    ("eta", "f8"),           # (6)
-    ("eta_bar", "f8"),       # (7)
-    ("R1", "f8"),            # (9) [m]
-    ("R2", "f8"),            # (9) [A]
-    ("x_hat", "f8", (6,)),   # x1..x6 of actuators.ema.jay [rad, rad/s, rad, rad/s, A, -]
-    ("u_last", "f8"),        # demand of the tick before
-    ("started", "f8"),       # 1 after the first tick
-    ("head", "f8"),          # write position in the window
-    ("window", "f8", (N,)),  # last N values of eta
+    ("r", "f8", "-"),        # largest of the tests that count, over its threshold
+    ("alarm", "f8", "-"),    # 1 while a sensor fault is declared
+    ("verdict", "f8", "-"),  # NONE or SENSOR
+    ("culprit", "f8", "-"),  # index into CULPRITS
+    ("valid", "f8", "-"),    # 1 while the velocity sensor is believed
+    ("reconf", "f8", "-"),        # 1: close the loop on pos_hat
+    ("pos_hat", "f8", "m"),  # estimated rod position N x3
+    ("pos_sigma", "f8", "m"),  # its standard deviation by the filter's own reckoning
+    ("eta", "f8", "-"),           # (6)
+    ("eta_bar", "f8", "-"),       # (7)
+    ("R1", "f8", "m"),       # (9)
+    ("R2", "f8", "A"),       # (9)
+    ("x_hat", "f8", (6,), "rad, rad/s, rad, rad/s, A, -"),  # x1..x6 of actuators.ema.jay
+    ("u_last", "f8", "V, A"),        # demand of the tick before
+    ("started", "f8", "-"),       # 1 after the first tick
+    ("head", "f8", "-"),          # write position in the window
+    ("window", "f8", (N,), "-"),  # last N values of eta
     ("P", "f8", (6, 6)),     # covariance
     ("W", "f8", (6, 6)),     # scratch of the covariance propagation
 ])
 OUTPUTS = ("r", "alarm", "verdict", "culprit", "valid", "reconf", "pos_hat", "pos_sigma", "eta", "eta_bar", "R1", "R2")
+DETECTOR = Detector(
+    id="ema_kalman",
+    level="local",
+    summary="one Kalman filter on motor speed as published, structured residuals [Jay]",
+    technologies=("ema",),
+    inputs={"u": "current_command", "y_velocity": "velocity", "y_position": "position", "y_current": "current"},
+    group="actuator filters",
+    designed_for={  # [Jay]: three sensors, structured residuals
+        **dict.fromkeys(("ema.velocity", "ema.position", "ema.jam_liquid", "ema.current"), ("sensor",)),
+    },
+    may_see={  # whatever the load-free model lacks ends in its residuals; it knows only the class SENSOR
+        **dict.fromkeys((
+            "ema.ofc_liquid", "ema.ofc_solid", "ema.jam*", "ema.free_float", "ema.loss_of_effectiveness",
+            "ema.magnet_loss", "ema.winding_resistance", "ema.friction", "ema.backlash",
+        ), ()),
+    },
+    blind="compares the sensors of one electromechanical drive with the model of its own demand",
+    remark="as published it knows no load: on an elevator in flight it alarms all the time, which is why "
+    "ema_kalman_flight exists",
+    places={"head": ("window", 0)},
+    fit=lambda site: params("elevator", dt=site.dt),
+)
 
 
 def params(kind="nozzle", *, dt=jay.PERIOD, R=0.0025, engage=None, delay=None, **overrides):

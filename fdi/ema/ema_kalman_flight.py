@@ -37,6 +37,7 @@ import numpy as np
 from actuators.block import dtype, kernel, record
 from actuators.ema import jay
 from fdi.common.decision import usable
+from fdi.common.record import Detector, Estimate
 from fdi.ema.dead_reckoning import LAG, reckon_position, slots
 from fdi.ema.ema_kalman import CULPRITS, VELOCITY, N
 from fdi.ema.model import designed, limits
@@ -52,144 +53,177 @@ PARAMS = dtype([
     ("G", "f8", (6,)),        # of the demanded current
     ("G_h", "f8", (6,)),      # of the hinge moment
     ("K", "f8", (6,)),        # steady Kalman gain on the velocity [per rad/s]
-    ("S_root", "f8"),         # standard deviation of the innovation [rad/s]
-    ("lead", "f8"),           # ball screw [m/rad]
-    ("ratio", "f8"),          # surface per motor angle, spring at rest [-]
-    ("spring", "f8"),         # l^2 K_s [N m/rad]
-    ("impulse", "f8"),        # velocity change per ampere and tick [rad/s/A]
-    ("K_gi", "f8"),           # drive: volts per ampere demanded [V/A]
-    ("R_loop", "f8"),         # K_i K_c + R [Ohm]
-    ("R", "f8"),              # winding [Ohm]
-    ("K_B", "f8"),            # [V s/rad]
-    ("I_max", "f8"),          # limits of the amplifier [A], [V]
-    ("V_max", "f8"),
-    ("delay", "f8"),          # ticks by which the sensors lag, 0 to HISTORY
-    ("n_sub", "f8"),          # ticks of a slot
-    ("n_window", "f8"),       # slots: innovations, at most N
-    ("n_lag", "f8"),          # R1's jump, at most LAG
-    ("n_mean", "f8"),         # its two ends
-    ("sigma_pos", "f8"),      # position sensor noise [m]
-    ("sigma_rig", "f8"),      # its rigging bias, which nothing here can see [m]
-    ("sigma_vel", "f8"),      # velocity sensor noise [rad/s]
-    ("sigma_b", "f8"),        # its bias at engage [rad/s]
-    ("walk_b", "f8"),         # and that bias's random walk per tick [rad/s]
-    ("b_max", "f8"),          # largest velocity bias that is learned [rad/s]
-    ("sigma_tie", "f8"),      # position noise that the anchor assumes: large, so that it ties slowly [m]
-    ("th_vel", "f8"),         # innovation mean: fixed part [rad/s]
-    ("rho_vel", "f8"),        # and share of the motor's impulse [-]
-    ("rho_rate", "f8"),       # and of the motor rate: back electromotive force, friction, load per tick [-]
-    ("th_cur", "f8"),         # R2: fixed part [A]
-    ("rho_cur", "f8"),        # and per motor rate [A s/rad]
-    ("th_jump", "f8"),        # jump of R1 [m]
-    ("th_both", "f8"),        # smaller jump that confirms a velocity fault [m]
-    ("th_R1", "f8"),          # ramp of R1 [m]
-    ("th_load", "f8"),        # load that no hinge explains [N m]
-    ("load_max", "f8"),       # limit of the load estimate [N m]
-    ("gate", "f8"),           # innovation, and step from sample to sample, beyond which it is a spike [rad/s]
-    ("share_hi", "f8"),       # a jump of which the innovations explain more is the velocity's [-]
+    ("S_root", "f8", "rad/s"),  # standard deviation of the innovation
+    ("lead", "f8", "m/rad"),  # ball screw
+    ("ratio", "f8", "-"),     # surface per motor angle, spring at rest
+    ("spring", "f8", "N m/rad"),  # l^2 K_s
+    ("impulse", "f8", "rad/s/A"),  # velocity change per ampere and tick
+    ("K_gi", "f8", "V/A"),    # drive: volts per ampere demanded
+    ("R_loop", "f8", "Ohm"),  # K_i K_c + R
+    ("R", "f8", "Ohm"),       # winding
+    ("K_B", "f8", "V s/rad"),
+    ("I_max", "f8", "A"),          # limits of the amplifier [A], [V]
+    ("V_max", "f8", "V"),
+    ("delay", "f8", "-"),          # ticks by which the sensors lag, 0 to HISTORY
+    ("n_sub", "f8", "-"),          # ticks of a slot
+    ("n_window", "f8", "-"),       # slots: innovations, at most N
+    ("n_lag", "f8", "-"),          # R1's jump, at most LAG
+    ("n_mean", "f8", "-"),         # its two ends
+    ("sigma_pos", "f8", "m"),  # position sensor noise
+    ("sigma_rig", "f8", "m"),  # its rigging bias, which nothing here can see
+    ("sigma_vel", "f8", "rad/s"),  # velocity sensor noise
+    ("sigma_b", "f8", "rad/s"),  # its bias at engage
+    ("walk_b", "f8", "rad/s"),  # and that bias's random walk per tick
+    ("b_max", "f8", "rad/s"),  # largest velocity bias that is learned
+    ("sigma_tie", "f8", "m"),  # position noise that the anchor assumes: large, so that it ties slowly
+    ("th_vel", "f8", "rad/s"),  # innovation mean: fixed part
+    ("rho_vel", "f8", "-"),   # and share of the motor's impulse
+    ("rho_rate", "f8", "-"),  # and of the motor rate: back electromotive force, friction, load per tick
+    ("th_cur", "f8", "A"),    # R2: fixed part
+    ("rho_cur", "f8", "A s/rad"),  # and per motor rate
+    ("th_jump", "f8", "m"),   # jump of R1
+    ("th_both", "f8", "m"),   # smaller jump that confirms a velocity fault
+    ("th_R1", "f8", "m"),     # ramp of R1
+    ("th_load", "f8", "N m"),  # load that no hinge explains
+    ("load_max", "f8", "N m"),  # limit of the load estimate
+    ("gate", "f8", "rad/s"),  # innovation, and step from sample to sample, beyond which it is a spike
+    ("share_hi", "f8", "-"),  # a jump of which the innovations explain more is the velocity's
     ("share_lo", "f8"),       # less: the position's; between: ambiguous
     ("share_real", "f8"),     # an R2 of which the innovations explain more is real: the drive's fault, not the sensor's
-    ("th_need", "f8"),        # a velocity error that would have grown more slowly might have passed unseen [rad/s]
-    ("sigma_max", "f8"),      # pos_sigma above which the estimate is not valid [m]
-    ("t_vel", "f8"),          # confirmation times [s]
-    ("t_cur", "f8"),
-    ("t_jump", "f8"),
-    ("t_ramp", "f8"),
-    ("t_load", "f8"),
-    ("t_hold", "f8"),         # the innovations are remembered for [s]
-    ("t_bad", "f8"),          # velocity samples missing or rejected for longer: start again, or a fault [s]
-    ("t_start", "f8"),        # after engage: the load estimate settles, no test counts [s]
-    ("t_heal", "f8"),         # agreement that ends an alarm [s]
-    ("heal_travel", "f8"),    # and the rod travel that it must have seen [m]
+    ("th_need", "f8", "rad/s"),  # a velocity error that would have grown more slowly might have passed unseen
+    ("sigma_max", "f8", "m"),  # pos_sigma above which the estimate is not valid
+    ("t_vel", "f8", "s"),     # confirmation times
+    ("t_cur", "f8", "s"),
+    ("t_jump", "f8", "s"),
+    ("t_ramp", "f8", "s"),
+    ("t_load", "f8", "s"),
+    ("t_hold", "f8", "s"),    # the innovations are remembered for
+    ("t_bad", "f8", "s"),     # velocity samples missing or rejected for longer: start again, or a fault
+    ("t_start", "f8", "s"),   # after engage: the load estimate settles, no test counts
+    ("t_heal", "f8", "s"),    # agreement that ends an alarm
+    ("heal_travel", "f8", "m"),  # and the rod travel that it must have seen
 ])
 INPUTS = dtype([
-    ("u", "f8"),              # demanded current held over the tick that ends at this sample [A]
-    ("y_velocity", "f8"),     # motor rate [rad/s]
-    ("y_position", "f8"),     # rod position, + extends [m]
-    ("y_current", "f8"),      # motor current, the monitor's copy [A]
-    ("velocity_valid", "f8"),
-    ("position_valid", "f8"),
-    ("current_valid", "f8"),
-    ("hm0_model", "f8"),      # hinge moment at zero deflection, + trailing edge down, by the model [N m]
-    ("hmd_model", "f8"),      # its slope, negative where it centres [N m/rad]
+    ("u", "f8", "A"),         # demanded current held over the tick that ends at this sample
+    ("y_velocity", "f8", "rad/s"),  # motor rate
+    ("y_position", "f8", "m"),  # rod position, + extends
+    ("y_current", "f8", "A"),  # motor current, the monitor's copy
+    ("velocity_valid", "f8", "-"),
+    ("position_valid", "f8", "-"),
+    ("current_valid", "f8", "-"),
+    ("hm0_model", "f8", "N m"),  # hinge moment at zero deflection, + trailing edge down, by the model
+    ("hmd_model", "f8", "N m/rad"),  # its slope, negative where it centres
 ])
 STATE = dtype([
-    ("r", "f8"),              # largest test over its threshold
-    ("alarm", "f8"),          # 1 while a fault is declared
-    ("verdict", "f8"),        # NONE, SENSOR or AMBIGUOUS
-    ("culprit", "f8"),        # index into CULPRITS
-    ("valid", "f8"),          # 1 while pos_hat can be trusted
-    ("reconf", "f8"),         # 1: close the loop on pos_hat
-    ("pos_hat", "f8"),        # estimated rod position, as the healthy sensor would read it [m]
-    ("pos_sigma", "f8"),      # its standard deviation [m]
-    ("f_hat", "f8"),          # size of the declared fault [m], [rad/s] or [A]
-    ("f_sigma", "f8"),        # its standard deviation, same unit
-    ("eta", "f8"),            # normalised innovation (6)
-    ("eta_bar", "f8"),        # mean of the last N (7)
-    ("R1", "f8"),             # (9), mean of the last slot [m]
-    ("R2", "f8"),             # (9), mean of the last slot [A]
-    ("jump", "f8"),           # change of R1 over n_lag slots [m]
-    ("load_hat", "f8"),       # hinge moment that the model misses [N m]
-    ("r_velocity", "f8"),     # the tests over their thresholds
-    ("r_current", "f8"),
-    ("r_jump", "f8"),
-    ("x_hat", "f8", (6,)),    # [rad, rad/s, rad, rad/s, A, N m]
-    ("started", "f8"),        # 1 once engaged
-    ("age", "f8"),            # since engage [s]
-    ("age_vel", "f8"),        # since the last velocity sample that was used [s]
-    ("raw_last", "f8"),       # last velocity sample, spike or not [rad/s]
-    ("age_hot", "f8"),        # since the velocity test was last beyond its threshold [s]
-    ("hi", "f8"),             # what the filter took from the velocity sensor within the window: fading peaks [rad/s]
-    ("lo", "f8"),
-    ("need_hi", "f8"),        # velocity error that R1's motion would need, its change within the window: fading peaks
-    ("need_lo", "f8"),
-    ("need", "f8"),           # that of the jump's sign [rad/s]
-    ("share", "f8"),          # part of it that was taken [-]
-    ("felt", "f8"),           # part of the acceleration that R2 would mean, were the current real, that was taken [-]
-    ("u_old", "f8", (HISTORY + 1,)),  # demands held over the last ticks, newest first [A]
-    ("at_limit", "f8"),       # 1: the amplifier is at its voltage limit
-    ("hm0", "f8"),            # last finite values [N m], [N m/rad]
-    ("hmd", "f8"),
-    ("reckon", "f8"),         # position at engage and the velocity sensor's integral since [m]
-    ("w_last", "f8"),         # last velocity that went into it [rad/s]
-    ("w_slow", "f8"),         # its mean over t_hold [rad/s]
-    ("drift", "f8"),          # y_position - reckon [m]
-    ("c", "f8"),              # anchor: its line at this tick [m]
-    ("b", "f8"),              # and slope [m/s]
-    ("P_cc", "f8"),           # covariance of both [m^2], [m^2/s], [m^2/s^2]
-    ("P_cb", "f8"),
-    ("P_bb", "f8"),
-    ("timer_vel", "f8"),      # confirmation [s]
-    ("timer_cur", "f8"),
-    ("timer_jump", "f8"),
-    ("timer_ramp", "f8"),
-    ("timer_load", "f8"),
-    ("hot_vel", "f8"),        # confirmed
-    ("hot_cur", "f8"),
-    ("hot_jump", "f8"),
-    ("hot_ramp", "f8"),
-    ("hot_load", "f8"),
-    ("agree", "f8"),          # time without any test beyond its threshold [s]
-    ("low", "f8"),            # and the span of pos_hat in that time [m]
-    ("high", "f8"),
-    ("count", "f8"),          # ticks of the slot that is open, 0 where one has just ended
-    ("sum_gamma", "f8"),      # its sums: innovations [rad/s]
-    ("sum_effort", "f8"),     # size of the motor's impulse per tick [rad/s]
-    ("sum_drift", "f8"),      # `drift` [m]
-    ("sum_R2", "f8"),         # current less x5 [A]
-    ("n_position", "f8"),     # usable samples of position and current in it
-    ("n_current", "f8"),
-    ("head", "f8"),           # write positions
-    ("tail", "f8"),
-    ("window", "f8", (N,)),   # slots: innovation [rad/s]
-    ("effort", "f8", (N,)),   # impulse [rad/s]
-    ("drifts", "f8", (LAG,)), # `drift` [m]
-    ("jumps", "f8", (N,)),    # and of `jump` [m]
+    ("r", "f8", "-"),         # largest test over its threshold
+    ("alarm", "f8", "-"),     # 1 while a fault is declared
+    ("verdict", "f8", "-"),   # NONE, SENSOR or AMBIGUOUS
+    ("culprit", "f8", "-"),   # index into CULPRITS
+    ("valid", "f8", "-"),     # 1 while pos_hat can be trusted
+    ("reconf", "f8", "-"),         # 1: close the loop on pos_hat
+    ("pos_hat", "f8", "m"),   # estimated rod position, as the healthy sensor would read it
+    ("pos_sigma", "f8", "m"),  # its standard deviation
+    ("f_hat", "f8", "m, rad/s, A"),          # size of the declared fault [m], [rad/s] or [A]
+    ("f_sigma", "f8", "m, rad/s, A"),        # its standard deviation, same unit
+    ("eta", "f8", "-"),            # normalised innovation (6)
+    ("eta_bar", "f8", "-"),        # mean of the last N (7)
+    ("R1", "f8", "m"),        # (9), mean of the last slot
+    ("R2", "f8", "A"),        # (9), mean of the last slot
+    ("jump", "f8", "m"),      # change of R1 over n_lag slots
+    ("load_hat", "f8", "N m"),  # hinge moment that the model misses
+    ("r_velocity", "f8", "-"),     # the tests over their thresholds
+    ("r_current", "f8", "-"),
+    ("r_jump", "f8", "-"),
+    ("x_hat", "f8", (6,), "rad, rad/s, rad, rad/s, A, N m"),  
+    ("started", "f8", "-"),        # 1 once engaged
+    ("age", "f8", "s"),       # since engage
+    ("age_vel", "f8", "s"),   # since the last velocity sample that was used
+    ("raw_last", "f8", "rad/s"),  # last velocity sample, spike or not
+    ("age_hot", "f8", "s"),   # since the velocity test was last beyond its threshold
+    ("hi", "f8", "rad/s"),    # what the filter took from the velocity sensor within the window: fading peaks
+    ("lo", "f8", "rad/s"),
+    ("need_hi", "f8", "rad/s"),  # velocity error that R1's motion would need, its change within the window: fading
+    ("need_lo", "f8", "rad/s"),
+    ("need", "f8", "rad/s"),  # that of the jump's sign
+    ("share", "f8", "-"),     # part of it that was taken
+    ("felt", "f8", "-"),      # part of the acceleration that R2 would mean, were the current real, that was taken
+    ("u_old", "f8", (HISTORY + 1,), "A"),  # demands held over the last ticks, newest first
+    ("at_limit", "f8", "-"),       # 1: the amplifier is at its voltage limit
+    ("hm0", "f8", "N m"),            # last finite values [N m], [N m/rad]
+    ("hmd", "f8", "N m/rad"),
+    ("reckon", "f8", "m"),    # position at engage and the velocity sensor's integral since
+    ("w_last", "f8", "rad/s"),  # last velocity that went into it
+    ("w_slow", "f8", "rad/s"),  # its mean over t_hold
+    ("drift", "f8", "m"),     # y_position - reckon
+    ("c", "f8", "m"),         # anchor: its line at this tick
+    ("b", "f8", "m/s"),       # and slope
+    ("P_cc", "f8", "m2"),           # covariance of both [m^2], [m^2/s], [m^2/s^2]
+    ("P_cb", "f8", "m2/s"),
+    ("P_bb", "f8", "m2/s2"),
+    ("timer_vel", "f8", "s"),  # confirmation
+    ("timer_cur", "f8", "s"),
+    ("timer_jump", "f8", "s"),
+    ("timer_ramp", "f8", "s"),
+    ("timer_load", "f8", "s"),
+    ("hot_vel", "f8", "-"),        # confirmed
+    ("hot_cur", "f8", "-"),
+    ("hot_jump", "f8", "-"),
+    ("hot_ramp", "f8", "-"),
+    ("hot_load", "f8", "-"),
+    ("agree", "f8", "s"),     # time without any test beyond its threshold
+    ("low", "f8", "m"),       # and the span of pos_hat in that time
+    ("high", "f8", "m"),
+    ("count", "f8", "-"),          # ticks of the slot that is open, 0 where one has just ended
+    ("sum_gamma", "f8", "rad/s"),  # its sums: innovations
+    ("sum_effort", "f8", "rad/s"),  # size of the motor's impulse per tick
+    ("sum_drift", "f8", "m"),  # `drift`
+    ("sum_R2", "f8", "A"),    # current less x5
+    ("n_position", "f8", "-"),     # usable samples of position and current in it
+    ("n_current", "f8", "-"),
+    ("head", "f8", "-"),           # write positions
+    ("tail", "f8", "-"),
+    ("window", "f8", (N,), "rad/s"),  # slots: innovation
+    ("effort", "f8", (N,), "rad/s"),  # impulse
+    ("drifts", "f8", (LAG,), "m"), # `drift`
+    ("jumps", "f8", (N,), "m"),  # and of `jump`
     ("work", "f8", (6,)),     # scratch
 ])
 OUTPUTS = (
     "r", "alarm", "verdict", "culprit", "valid", "reconf", "pos_hat", "pos_sigma", "f_hat", "f_sigma", "eta", "eta_bar",
     "R1", "R2", "jump", "load_hat", "r_velocity", "r_current", "r_jump",
+)
+DETECTOR = Detector(
+    id="ema_kalman_flight",
+    level="local",
+    summary="the same with hinge load and process noise",
+    technologies=("ema",),
+    inputs={
+        "u": "current_command", "y_velocity": "velocity", "y_position": "position", "y_current": "current",
+        "hm0_model": "hm0", "hmd_model": "hmd",
+    },
+    group="actuator filters",
+    designed_for={
+        **dict.fromkeys((
+            "ema.velocity", "ema.position", "ema.jam_liquid", "ema.current", "ema.ofc_liquid@sensor",
+        ), ("sensor",)),
+    },
+    may_see={
+        "ema.jam*": ("jam_solid",),
+        **dict.fromkeys((
+            "ema.ofc_liquid", "ema.ofc_solid", "ema.free_float", "ema.loss_of_effectiveness", "ema.magnet_loss",
+            "ema.winding_resistance", "ema.friction",
+        ), ("effectiveness", "ambiguous")),
+    },
+    blind="compares the sensors of one electromechanical drive with the model of its own demand: a fault before "
+    "the demand moves both alike",
+    estimates=(
+        Estimate("velocity", "f_hat", "rad/s"), Estimate("position", "f_hat", "m"),
+        Estimate("current", "f_hat", "A"),
+    ),
+    looks_back={"delay": "u_old"},
+    sizes={"n_sub": 1, "n_window": 1, "n_lag": 1, "n_mean": 1},
+    places={"head": ("window", 0), "tail": ("drifts", 0)},
+    fit=lambda site: params(dt=site.dt),
 )  # fmt: skip
 
 DEG = math.pi / 180.0

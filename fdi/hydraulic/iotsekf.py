@@ -26,6 +26,7 @@ from actuators.hydraulic import lu17
 from actuators.hydraulic.lu17 import opening, stiffness
 from fdi.common import bank, decision
 from fdi.common.decision import confirm, usable
+from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import SENSOR
 from fdi.hydraulic import pressure_test
@@ -39,30 +40,30 @@ PARAMS = dtype(
         *decision.PAIR_PARAMS,
         *decision.OFC_PARAMS,
         *pressure_test.PARAMS,
-        ("lag_omega", "f8"),  # f_hat follows f as a second-order lag: corner [rad/s]
-        ("lag_zeta", "f8"),  # damping
-        ("lag_ticks", "f8"),  # dead time beyond the first tick [ticks]
-        ("run_tau", "f8"),  # lag of the estimates that the runaway and jam tests use [s]
-        ("run_threshold", "f8"),  # input fault [1]
+        ("lag_omega", "f8", "rad/s"),  # f_hat follows f as a second-order lag: corner
+        ("lag_zeta", "f8", "-"),  # damping
+        ("lag_ticks", "f8", "-"),  # dead time beyond the first tick
+        ("run_tau", "f8", "s"),  # lag of the estimates that the runaway and jam tests use
+        ("run_threshold", "f8", "-"),  # input fault
         ("run_share", "f8"),  # ... plus this share of the valve command
-        ("run_confirm", "f8"),  # [s]
-        ("jam_threshold", "f8"),  # load beyond the model, over the stall force [1]
+        ("run_confirm", "f8", "s"),
+        ("jam_threshold", "f8", "-"),  # load beyond the model, over the stall force
         ("jam_share", "f8"),  # ... plus this share of the model's load
-        ("jam_still", "f8"),  # rod velocity below which the surface is still [m/s]
-        ("jam_confirm", "f8"),  # [s]
+        ("jam_still", "f8", "m/s"),  # rod velocity below which the surface is still
+        ("jam_confirm", "f8", "s"),
     ]
 )
 INPUTS = dtype(
     [
-        ("u", "f8"),  # valve command held over the last tick, as the servo sent it [1]
-        ("y_rod", "f8"),  # [m]
-        ("y_rod_valid", "f8"),
-        ("y_surface", "f8"),  # [rad]
-        ("y_surface_valid", "f8"),
-        ("y_dp", "f8"),  # pressure difference over supply [1]
-        ("y_dp_valid", "f8"),
-        ("hm0_model", "f8"),  # hinge moment at zero deflection, by the model [N m]
-        ("hmd_model", "f8"),  # its slope [N m/rad]
+        ("u", "f8", "-"),  # valve command held over the last tick, as the servo sent it
+        ("y_rod", "f8", "m"),
+        ("y_rod_valid", "f8", "-"),
+        ("y_surface", "f8", "rad"),
+        ("y_surface_valid", "f8", "-"),
+        ("y_dp", "f8", "-"),  # pressure difference over supply
+        ("y_dp_valid", "f8", "-"),
+        ("hm0_model", "f8", "N m"),  # hinge moment at zero deflection, by the model
+        ("hmd_model", "f8", "N m/rad"),  # its slope
     ]
 )
 STATE = dtype(
@@ -70,32 +71,66 @@ STATE = dtype(
         *two_stage.STATE,
         *decision.PAIR_STATE,
         *decision.OFC_STATE,
-        ("drive", "f8"),  # valve command behind the filter's own lag, so that f_hat + drive is what the valve did [1]
-        ("drive_d", "f8"),  # its derivative [1/s]
-        ("f_slow", "f8"),  # lagged input fault, gain error removed [1]
-        ("u_slow", "f8"),  # lagged valve command [1]
-        ("q_fast", "f8"),  # rod, lagged once [m]
-        ("q_slow", "f8"),  # rod, lagged more [m]
-        ("v_slow", "f8"),  # velocity from their difference: the filter's own is wrong while a jam loads up [m/s]
-        ("excess", "f8"),  # lagged load beyond the model [1]
-        ("w_high", "f8"),  # largest lagged f_hat + drive since the first sign of a fault [1]
-        ("w_low", "f8"),  # smallest [1]
-        ("run_timer", "f8"),  # [s]
-        ("run", "f8"),  # 1 while an input fault is declared
-        ("jam_timer", "f8"),  # [s]
-        ("jam", "f8"),  # 1 while a jam is declared
-        ("r_run", "f8"),  # input fault over its threshold
-        ("r_jam", "f8"),  # load excess over its threshold
-        ("r", "f8"),  # largest of all tests over their thresholds
-        ("alarm", "f8"),  # 1 while a fault is declared
-        ("verdict", "f8"),  # class code
-        ("culprit", "f8"),  # index into CULPRITS
-        ("valid", "f8"),  # 1 while the estimate can be trusted
+        ("drive", "f8", "-"),  # valve command behind the filter's own lag, so that f_hat + drive is what the valve did
+        ("drive_d", "f8", "1/s"),  # its derivative
+        ("f_slow", "f8", "-"),  # lagged input fault, gain error removed
+        ("u_slow", "f8", "-"),  # lagged valve command
+        ("q_fast", "f8", "m"),  # rod, lagged once
+        ("q_slow", "f8", "m"),  # rod, lagged more
+        ("v_slow", "f8", "m/s"),  # velocity from their difference: the filter's own is wrong while a jam loads up
+        ("excess", "f8", "-"),  # lagged load beyond the model
+        ("w_high", "f8", "-"),  # largest lagged f_hat + drive since the first sign of a fault
+        ("w_low", "f8", "-"),  # smallest
+        ("run_timer", "f8", "s"),
+        ("run", "f8", "-"),  # 1 while an input fault is declared
+        ("jam_timer", "f8", "s"),
+        ("jam", "f8", "-"),  # 1 while a jam is declared
+        ("r_run", "f8", "-"),  # input fault over its threshold
+        ("r_jam", "f8", "-"),  # load excess over its threshold
+        ("r", "f8", "-"),  # largest of all tests over their thresholds
+        ("alarm", "f8", "-"),  # 1 while a fault is declared
+        ("verdict", "f8", "-"),  # class code
+        ("culprit", "f8", "-"),  # index into CULPRITS
+        ("valid", "f8", "-"),  # 1 while the estimate can be trusted
     ]
 )
 OUTPUTS = (
     *("r", "alarm", "verdict", "culprit", "valid", "f_hat", "f_sigma", "q_now", "v_now", "x3_now", "nis_rod", "nis_dp"),
     *("r_ofc", "r_run", "r_jam", "pair_d", "rigging", "gain", "ofc_hz", "ofc_amplitude"),
+)
+DETECTOR = Detector(
+    id="iotsekf",
+    level="local",
+    summary="iterated optimal two-stage EKF: input fault of a hydraulic actuator [Lu17]",
+    technologies=("hydraulic",),
+    inputs={
+        "u": "valve_command", "y_rod": "rod", "y_surface": "surface", "y_dp": "pressure", "hm0_model": "hm0",
+        "hmd_model": "hmd",
+    },
+    group="actuator filters",
+    designed_for={  # [Lu17]; five tests, fdi/hydraulic/iotsekf.py
+        "hydraulic.ofc_liquid": ("ofc_liquid",),
+        "hydraulic.ofc_solid": ("ofc_solid",),
+        "hydraulic.jam_solid": ("jam_solid",),
+        "hydraulic.runaway": ("runaway",),
+        **dict.fromkeys((
+            "hydraulic.jam_liquid", "hydraulic.rod", "hydraulic.surface", "hydraulic.ofc_liquid@sensor",
+        ), ("sensor",)),
+    },
+    may_see={
+        **dict.fromkeys((
+            "hydraulic.loss_of_effectiveness", "hydraulic.free_float", "hydraulic.supply_pressure_drop",
+            "hydraulic.internal_leakage", "hydraulic.air_in_oil",
+        ), ("ambiguous",)),
+        "hydraulic.friction": ("jam_solid", "ambiguous"),
+        **dict.fromkeys(("hydraulic.backlash", "hydraulic.pressure"), ("sensor", "ambiguous")),
+    },
+    blind="compares one hydraulic rod with its own valve command: a fault before the valve command moves both alike",
+    estimates=(Estimate("valve", "f_hat", "u"),),
+    looks_back={"delay": "u_old", "lag_ticks": "u_old"},
+    sizes=bank.SIZES,
+    places=bank.PLACES,
+    fit=lambda site: params(dt=site.dt),
 )
 NOISE = {
     # process noise densities: what friction, tolerances and an unmodelled load do to q', dP and F

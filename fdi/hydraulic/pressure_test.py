@@ -39,26 +39,26 @@ FROZEN, CHANGES, SAME, ROUGH = 20, 0.75, 2.0, 0.01
 R_MODEL = 0.7
 
 PARAMS = [
-    ("share_tau", "f8"),  # lag of the flow balance [s]
-    ("share_least", "f8"),  # from this share on the excess is the sensor's [1]
-    ("share_confirm", "f8"),  # [s]
+    ("share_tau", "f8", "s"),  # lag of the flow balance
+    ("share_least", "f8", "-"),  # from this share on the excess is the sensor's
+    ("share_confirm", "f8", "s"),
 ]
 STATE = [
-    ("dp_offset", "f8"),  # bias that the pressure sensor was found to have [1]
-    ("step_count", "f8"),  # samples since a jump of the pressure
-    ("dp_nis", "f8"),  # squared innovation over its variance, lagged: noise beside what the filter assumes [1]
-    ("step_dp", "f8"),  # the jump [1]
-    ("step_moves", "f8"),  # 1 when it did not stay, or something else explains it
-    ("dp_before", "f8"),  # innovation of the sample before [1]
-    ("dp_last", "f8"),  # last reading [1]
-    ("dp_same", "f8"),  # times that it has repeated itself
-    ("dp_changes", "f8"),  # share of readings that differ from the one before, lagged [1]
-    ("dp_rough", "f8"),  # their squared difference, lagged [1]
-    ("dp_out", "f8"),  # 1 while the sensor is left out
-    ("dp_excess", "f8"),  # while it is left out, what its reading lacks of the estimate without it, lagged [1]
-    ("dp_timer", "f8"),  # time for which it has not been plausible, or back in its place [s]
-    ("excess_lag", "f8"),  # load beyond the model, lagged [1]
-    ("f_lag", "f8"),  # input fault, gain error removed, lagged [1]
+    ("dp_offset", "f8", "-"),  # bias that the pressure sensor was found to have
+    ("step_count", "f8", "-"),  # samples since a jump of the pressure
+    ("dp_nis", "f8", "-"),  # squared innovation over its variance, lagged: noise beside what the filter assumes
+    ("step_dp", "f8", "-"),  # the jump
+    ("step_moves", "f8", "-"),  # 1 when it did not stay, or something else explains it
+    ("dp_before", "f8", "-"),  # innovation of the sample before
+    ("dp_last", "f8", "-"),  # last reading
+    ("dp_same", "f8", "-"),  # times that it has repeated itself
+    ("dp_changes", "f8", "-"),  # share of readings that differ from the one before, lagged
+    ("dp_rough", "f8", "-"),  # their squared difference, lagged
+    ("dp_out", "f8", "-"),  # 1 while the sensor is left out
+    ("dp_excess", "f8", "-"),  # while it is left out, what its reading lacks of the estimate without it, lagged
+    ("dp_timer", "f8", "s"),  # time for which it has not been plausible, or back in its place
+    ("excess_lag", "f8", "-"),  # load beyond the model, lagged
+    ("f_lag", "f8", "-"),  # input fault, gain error removed, lagged
 ]
 FIXED = {"share_tau": 0.1, "share_least": 0.5, "share_confirm": 0.1}
 

@@ -26,6 +26,7 @@ from actuators.hydraulic import lu17
 from actuators.hydraulic.lu17 import rk4
 from fdi.common.decision import confirm, held, usable
 from fdi.common.linalg import congruence
+from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import JAM_LIQUID, JAM_SOLID, NONE, RUNAWAY
 from fdi.hydraulic.separate_bias import transition
@@ -35,62 +36,87 @@ HISTORY = 10  # ticks of valve command kept for the delay: 5 ms at 2 kHz
 
 PARAMS = dtype(
     [
-        ("arm", "f8"),  # rod arm [m]
+        ("arm", "f8", "m"),  # rod arm
         *lu17.FIELDS,
         ("load", "f8"),  # 0: load ignored, as published; 1: hinge-moment model
-        ("delay", "f8"),  # age of the measurement [ticks], 0 to HISTORY
+        ("delay", "f8", "-"),  # age of the measurement, 0 to HISTORY
         ("q", "f8", (3,)),  # process noise densities [unit^2/s]
-        ("r_rod", "f8"),  # variance of a rod sample [m^2]
+        ("r_rod", "f8", "m2"),  # variance of a rod sample
         ("P0", "f8", (3,)),  # initial variances
-        ("tau", "f8"),  # lag of fault and rates [s]
-        ("threshold", "f8"),  # output fault [m]
-        ("rate", "f8"),  # measured rod faster than this runs away, slower than half of it rests [m/s]
-        ("t_confirm", "f8"),  # [s]
-        ("t_release", "f8"),  # [s]
-        ("t_invalid", "f8"),  # [s]
+        ("tau", "f8", "s"),  # lag of fault and rates
+        ("threshold", "f8", "m"),  # output fault
+        ("rate", "f8", "m/s"),  # measured rod faster than this runs away, slower than half of it rests
+        ("t_confirm", "f8", "s"),
+        ("t_release", "f8", "s"),
+        ("t_invalid", "f8", "s"),
     ]
 )
 INPUTS = dtype(
     [
-        ("u", "f8"),  # valve command held over the last tick [1]
-        ("y_rod", "f8"),  # [m]
-        ("y_rod_valid", "f8"),
-        ("hm0_model", "f8"),  # hinge moment at zero deflection, by the model [N m]
-        ("hmd_model", "f8"),  # its slope [N m/rad]
+        ("u", "f8", "-"),  # valve command held over the last tick
+        ("y_rod", "f8", "m"),
+        ("y_rod_valid", "f8", "-"),
+        ("hm0_model", "f8", "N m"),  # hinge moment at zero deflection, by the model
+        ("hmd_model", "f8", "N m/rad"),  # its slope
     ]
 )
 STATE = dtype(
     [
-        ("started", "f8"),
-        ("x_hat", "f8", (4,)),  # the fourth is not used
+        ("started", "f8", "-"),
+        ("x_hat", "f8", (4,), "m, m/s, -, -"),  # the fourth is not used
         ("P", "f8", (4, 4)),
         ("Phi", "f8", (4, 4)),
         ("W", "f8", (4, 4)),  # scratch
         ("G", "f8", (4,)),
         ("K", "f8", (4,)),
-        ("N", "f8"),  # gain of the fault (48): 1
-        ("P_f", "f8"),  # variance of the fault [m^2]
-        ("u_old", "f8", (HISTORY + 1,)),  # newest first [1]
-        ("y", "f8"),  # last usable rod [m]
-        ("f_hat", "f8"),  # output fault [m]
-        ("f_sigma", "f8"),  # its standard deviation [m]
-        ("q_now", "f8"),  # predicted rod position [m]
-        ("v_now", "f8"),  # rod velocity [m/s]
-        ("x3_now", "f8"),  # pressure difference [1]
-        ("f_slow", "f8"),  # lagged fault [m]
-        ("y_slow", "f8"),  # lagged rod [m]
-        ("y_rate", "f8"),  # lagged rod velocity, measured [m/s]
-        ("v_slow", "f8"),  # the same of the model [m/s]
-        ("timer", "f8"),  # [s]
-        ("age", "f8"),  # [s]
-        ("r", "f8"),  # fault over its threshold
-        ("alarm", "f8"),  # 1 while a fault is declared
-        ("verdict", "f8"),  # class code
-        ("culprit", "f8"),  # index into CULPRITS
-        ("valid", "f8"),  # 1 while the rod measurement is fresh
+        ("N", "f8", "-"),  # gain of the fault (48): 1
+        ("P_f", "f8", "m2"),  # variance of the fault
+        ("u_old", "f8", (HISTORY + 1,), "-"),  # newest first
+        ("y", "f8", "m"),  # last usable rod
+        ("f_hat", "f8", "m"),  # output fault
+        ("f_sigma", "f8", "m"),  # its standard deviation
+        ("q_now", "f8", "m"),  # predicted rod position
+        ("v_now", "f8", "m/s"),  # rod velocity
+        ("x3_now", "f8", "-"),  # pressure difference
+        ("f_slow", "f8", "m"),  # lagged fault
+        ("y_slow", "f8", "m"),  # lagged rod
+        ("y_rate", "f8", "m/s"),  # lagged rod velocity, measured
+        ("v_slow", "f8", "m/s"),  # the same of the model
+        ("timer", "f8", "s"),
+        ("age", "f8", "s"),
+        ("r", "f8", "-"),  # fault over its threshold
+        ("alarm", "f8", "-"),  # 1 while a fault is declared
+        ("verdict", "f8", "-"),  # class code
+        ("culprit", "f8", "-"),  # index into CULPRITS
+        ("valid", "f8", "-"),  # 1 while the rod measurement is fresh
     ]
 )
 OUTPUTS = ("r", "alarm", "verdict", "culprit", "valid", "f_hat", "f_sigma", "q_now", "v_now", "x3_now")
+DETECTOR = Detector(
+    id="rtsekf",
+    level="local",
+    summary="robust three-step EKF as published: output fault of a hydraulic actuator [Lu17]",
+    technologies=("hydraulic",),
+    inputs={"u": "valve_command", "y_rod": "rod", "hm0_model": "hm0", "hmd_model": "hmd"},
+    group="actuator filters",
+    designed_for={  # [Lu17] (38)-(48): output faults
+        **dict.fromkeys(("hydraulic.jam_liquid", "hydraulic.rod"), ("jam_liquid",)),
+        "hydraulic.jam_solid": ("jam_solid",),
+        "hydraulic.runaway": ("runaway",),
+    },
+    may_see={  # an input fault integrates into the rod, and so does everything else that its model lacks
+        **dict.fromkeys((
+            "hydraulic.ofc_*", "hydraulic.loss_of_effectiveness", "hydraulic.free_float",
+            "hydraulic.supply_pressure_drop", "hydraulic.internal_leakage", "hydraulic.air_in_oil",
+        ), ()),
+        "hydraulic.friction": ("jam_solid",),
+        "hydraulic.backlash": (),
+    },
+    blind="compares one hydraulic rod with the open-loop model of its own valve command",
+    estimates=(Estimate("rod", "f_hat", "m"),),
+    looks_back={"delay": "u_old"},
+    fit=lambda site: params(dt=site.dt),
+)
 
 
 def params(which="flight", *, load=1, dt=0.005, delay_s=0.005, arm=linkage.ARM, **values):

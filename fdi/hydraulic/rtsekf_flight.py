@@ -24,6 +24,7 @@ from actuators.hydraulic.lu17 import opening, rk4, stiffness
 from fdi.common import decision
 from fdi.common.decision import usable
 from fdi.common.linalg import congruence, joseph
+from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, SENSOR
 from fdi.hydraulic.separate_bias import transition
@@ -33,60 +34,80 @@ HISTORY = 10  # ticks of valve command kept for the delay: 5 ms at 2 kHz
 
 PARAMS = dtype(
     [
-        ("arm", "f8"),  # rod arm [m]
+        ("arm", "f8", "m"),  # rod arm
         *lu17.FIELDS,
-        ("delay", "f8"),  # age of the measurements [ticks], 0 to HISTORY
+        ("delay", "f8", "-"),  # age of the measurements, 0 to HISTORY
         ("q", "f8", (4,)),  # process noise densities [unit^2/s]
-        ("r_rod", "f8"),  # variance of a rod sample [m^2]
-        ("r_surface", "f8"),  # of a surface sample, as rod [m^2]
-        ("r_dp", "f8"),  # of a pressure sample [1]
+        ("r_rod", "f8", "m2"),  # variance of a rod sample
+        ("r_surface", "f8", "m2"),  # of a surface sample, as rod
+        ("r_dp", "f8", "-"),  # of a pressure sample
         ("P0", "f8", (4,)),  # initial variances
         ("gate", "f8"),  # innovation of surface or pressure beyond so many sigma is refused
-        ("t_invalid", "f8"),  # [s]
+        ("t_invalid", "f8", "s"),
         *decision.PAIR_PARAMS,
     ]
 )
 INPUTS = dtype(
     [
-        ("u", "f8"),  # valve command held over the last tick [1]
-        ("y_rod", "f8"),  # [m]
-        ("y_rod_valid", "f8"),
-        ("y_surface", "f8"),  # [rad]
-        ("y_surface_valid", "f8"),
-        ("y_dp", "f8"),  # pressure difference over supply [1]
-        ("y_dp_valid", "f8"),
+        ("u", "f8", "-"),  # valve command held over the last tick
+        ("y_rod", "f8", "m"),
+        ("y_rod_valid", "f8", "-"),
+        ("y_surface", "f8", "rad"),
+        ("y_surface_valid", "f8", "-"),
+        ("y_dp", "f8", "-"),  # pressure difference over supply
+        ("y_dp_valid", "f8", "-"),
     ]
 )
 STATE = dtype(
     [
-        ("started", "f8"),
-        ("x_hat", "f8", (4,)),  # rod [m], [m/s], [1], external force over stall force [1]
+        ("started", "f8", "-"),
+        ("x_hat", "f8", (4,), "m, m/s, -, -"),  # rod [m], [m/s], [1], external force over stall force [1]
         ("P", "f8", (4, 4)),
         ("Phi", "f8", (4, 4)),
         ("W", "f8", (4, 4)),  # scratch
         ("G", "f8", (4,)),
         ("K", "f8", (4,)),  # scratch
-        ("N", "f8", (2,)),  # gain of the fault (48)
-        ("P_f", "f8"),  # variance of the fault [m^2]
-        ("u_old", "f8", (HISTORY + 1,)),  # newest first [1]
+        ("N", "f8", (2,), "-"),  # gain of the fault (48)
+        ("P_f", "f8", "m2"),  # variance of the fault
+        ("u_old", "f8", (HISTORY + 1,), "-"),  # newest first
         *decision.PAIR_STATE,
-        ("f_hat", "f8"),  # fault of the suspected position sensor, rod or surface, as rod [m]
-        ("f_sigma", "f8"),  # its standard deviation [m]
-        ("q_now", "f8"),  # predicted rod position [m]
-        ("v_now", "f8"),  # rod velocity [m/s]
-        ("x3_now", "f8"),  # pressure difference [1]
-        ("refused", "f8"),  # samples refused in a row
-        ("age", "f8"),  # since a healthy position sample [s]
-        ("r", "f8"),  # disagreement of both sensors over its threshold
-        ("alarm", "f8"),  # 1 while a fault is declared
-        ("verdict", "f8"),  # class code
-        ("culprit", "f8"),  # index into CULPRITS
-        ("valid", "f8"),  # 1 while the estimate can be trusted
+        ("f_hat", "f8", "m"),  # fault of the suspected position sensor, rod or surface, as rod
+        ("f_sigma", "f8", "m"),  # its standard deviation
+        ("q_now", "f8", "m"),  # predicted rod position
+        ("v_now", "f8", "m/s"),  # rod velocity
+        ("x3_now", "f8", "-"),  # pressure difference
+        ("refused", "f8", "-"),  # samples refused in a row
+        ("age", "f8", "s"),  # since a healthy position sample
+        ("r", "f8", "-"),  # disagreement of both sensors over its threshold
+        ("alarm", "f8", "-"),  # 1 while a fault is declared
+        ("verdict", "f8", "-"),  # class code
+        ("culprit", "f8", "-"),  # index into CULPRITS
+        ("valid", "f8", "-"),  # 1 while the estimate can be trusted
     ]
 )
 OUTPUTS = (
     *("r", "alarm", "verdict", "culprit", "valid", "f_hat", "f_sigma", "q_now", "v_now", "x3_now"),
     *("pair_d", "rigging", "e_rod", "e_surface"),
+)
+DETECTOR = Detector(
+    id="rtsekf_flight",
+    level="local",
+    summary="the same fit for flight: rod against surface position",
+    technologies=("hydraulic",),
+    inputs={"u": "valve_command", "y_rod": "rod", "y_surface": "surface", "y_dp": "pressure"},
+    group="actuator filters",
+    designed_for={
+        **dict.fromkeys((
+            "hydraulic.jam_liquid", "hydraulic.rod", "hydraulic.surface", "hydraulic.ofc_liquid@sensor",
+        ), ("sensor",)),
+    },
+    may_see={
+        "hydraulic.backlash": ("sensor", "ambiguous"),
+    },
+    blind="compares rod with surface: a jam or a runaway moves both alike, and it must stay quiet",
+    estimates=(Estimate("rod", "f_hat", "m"), Estimate("surface", "f_hat", "m")),
+    looks_back={"delay": "u_old"},
+    fit=lambda site: params(dt=site.dt),
 )
 
 

@@ -33,28 +33,28 @@ GATE_NONE = 1e9
 HISTORY = 10  # ticks of valve command kept for the delay: 5 ms at 2 kHz
 
 PARAMS = [
-    ("arm", "f8"),  # rod arm [m]
+    ("arm", "f8", "m"),  # rod arm
     *lu17.FIELDS,
     ("load", "f8"),  # load form 0, 1, 2
     ("centre", "f8"),  # 0: (17) integrates at x_bar, as published; 1: at x_hat with f, then removes U f
     ("total_sign", "f8"),  # 0: sign(u) chooses the supplied chamber, as published; 1: sign(u + f)
-    ("delay", "f8"),  # age of the measurements [ticks], 0 to HISTORY
+    ("delay", "f8", "-"),  # age of the measurements, 0 to HISTORY
     ("epsilon", "f8"),  # end of the iteration, epsilon_0
     ("q", "f8", (4,)),  # process noise densities of x [unit^2/s]
-    ("q_f", "f8"),  # of the fault [1/s]
+    ("q_f", "f8", "1/s"),  # of the fault
     ("q_xf", "f8", (4,)),  # correlation of both
-    ("r_rod", "f8"),  # variance of a rod sample [m^2]
-    ("r_dp", "f8"),  # of a pressure sample [1]
+    ("r_rod", "f8", "m2"),  # variance of a rod sample
+    ("r_dp", "f8", "-"),  # of a pressure sample
     ("P0", "f8", (4,)),  # initial variances
     ("P0_f", "f8"),
     ("gate_rod", "f8"),  # a rod innovation beyond so many sigma is a spike
-    ("spikes", "f8"),  # ... unless so many samples in a row agree that it is not [ticks]
-    ("t_invalid", "f8"),  # without rod for longer the estimate is not valid [s]
-    ("r_spare", "f8"),  # variance of the surface sensor in place of the rod, rigging included [m^2]
+    ("spikes", "f8", "-"),  # ... unless so many samples in a row agree that it is not
+    ("t_invalid", "f8", "s"),  # without rod for longer the estimate is not valid
+    ("r_spare", "f8", "m2"),  # variance of the surface sensor in place of the rod, rigging included
 ]
 STATE = [
-    ("started", "f8"),  # 1 after the first usable rod sample
-    ("x_bar", "f8", (4,)),
+    ("started", "f8", "-"),  # 1 after the first usable rod sample
+    ("x_bar", "f8", (4,), "m, m/s, -, -"),
     ("P_bar", "f8", (4, 4)),
     ("Phi", "f8", (4, 4)),
     ("W", "f8", (4, 4)),  # scratch
@@ -63,21 +63,21 @@ STATE = [
     ("V", "f8", (4,)),
     ("K", "f8", (4,)),  # bias-free gain of the last measurement
     ("eta", "f8", (4,)),
-    ("P_f", "f8"),  # variance of f [1]
-    ("u_old", "f8", (HISTORY + 1,)),  # valve commands, newest first [1]
-    ("x_hat", "f8", (4,)),  # estimate at the time of the measurement
-    ("f_hat", "f8"),  # input fault [1]
-    ("f_sigma", "f8"),  # its standard deviation [1]
-    ("q_now", "f8"),  # predicted rod position [m]
-    ("v_now", "f8"),  # rod velocity [m/s]
-    ("x3_now", "f8"),  # pressure difference [1]
-    ("gamma_rod", "f8"),  # innovation of the rod [m]
-    ("gamma_dp", "f8"),  # of the pressure [1]
-    ("nis_rod", "f8"),  # squared, over its variance
-    ("nis_dp", "f8"),
-    ("skip_rod", "f8"),  # samples refused in a row
-    ("age", "f8"),  # since the last rod sample used [s]
-    ("age_dp", "f8"),  # since the last pressure sample used [s]
+    ("P_f", "f8", "-"),  # variance of f
+    ("u_old", "f8", (HISTORY + 1,), "-"),  # valve commands, newest first
+    ("x_hat", "f8", (4,), "m, m/s, -, -"),  # estimate at the time of the measurement
+    ("f_hat", "f8", "-"),  # input fault
+    ("f_sigma", "f8", "-"),  # its standard deviation
+    ("q_now", "f8", "m"),  # predicted rod position
+    ("v_now", "f8", "m/s"),  # rod velocity
+    ("x3_now", "f8", "-"),  # pressure difference
+    ("gamma_rod", "f8", "m"),  # innovation of the rod
+    ("gamma_dp", "f8", "-"),  # of the pressure
+    ("nis_rod", "f8", "-"),  # squared, over its variance
+    ("nis_dp", "f8", "-"),
+    ("skip_rod", "f8", "-"),  # samples refused in a row
+    ("age", "f8", "s"),  # since the last rod sample used
+    ("age_dp", "f8", "s"),  # since the last pressure sample used
     *pressure_test.STATE,
 ]
 

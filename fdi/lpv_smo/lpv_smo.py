@@ -37,12 +37,14 @@ import numpy as np
 
 from actuators.block import dtype, kernel, record
 from fdi.common.decision import confirm, usable
+from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, OFC_LIQUID, SENSOR
 from fdi.lpv_smo.core import DEG, DELAY, M, N, P, R, T, bank, inputs, observe, outputs, reconstruct
 from fdi.lpv_smo.model import powers
 from fdi.lpv_smo.synthesis import Design, canonical, design, load, save, verify  # noqa: F401 (the public design functions)
 
+LEARN = 8.0  # in flight: the paper's faults come at 10 s [s]
 CULPRITS = ("", "elevator", "n_z", "alpha")
 # By so much another fault must be larger than the one that is named, chosen: without it three steps at once had 194
 # names in 20 s at point A, with it one
@@ -52,8 +54,8 @@ PARAMS = dtype(
     [
         ("A", "f8", (R + 1, N, N)),  # A(rho) of (8), canonical coordinates, affine stack
         ("B", "f8", (R + 1, N, M)),  # B(rho) of (8)
-        ("E", "f8", (R + 1,)),  # E_p(rho) = B51 of (35) [deg/s2 per deg]
-        ("D51", "f8", (R + 1,)),  # elevator feedthrough into n_z [g/deg]
+        ("E", "f8", (R + 1,), "deg/s2 per deg"),  # E_p(rho) = B51 of (35)
+        ("D51", "f8", (R + 1,), "g/deg"),  # elevator feedthrough into n_z
         ("eq", "f8", (N + M, T)),  # trim maps of canonical state and inputs, cubic in normalised rho
         ("powers", "f8", (T, R)),  # exponents of their monomials
         ("low", "f8", (R,)),  # box of rho: t, %, kt, -
@@ -61,94 +63,94 @@ PARAMS = dtype(
         ("mix", "f8", (P, P)),  # s = mix @ [Z theta V q z_f1 z_f2], the identity for the paper's outputs
         ("L", "f8", (P,)),  # (21)
         ("W", "f8", (3, P)),  # (22)
-        ("a22", "f8", (P,)),  # diagonal of A22s [rad/s], negative
-        ("a_f", "f8", (2,)),  # diagonal of A_f [rad/s]
-        ("K", "f8"),  # modulation gain of (15)
+        ("a22", "f8", (P,), "rad/s"),  # diagonal of A22s, negative
+        ("a_f", "f8", (2,), "rad/s"),  # diagonal of A_f
+        ("K", "f8", "-"),  # modulation gain of (15)
         ("delta", "f8"),  # smoothing of (15)
-        ("tau_f", "f8"),  # lag of the reconstruction [s]
-        ("tau_v", "f8"),  # smoothing of V [s], 0 for none
-        ("tau_rho", "f8"),  # smoothing of rho [s], 0 for none
-        ("omega_a", "f8"),  # healthy elevator as a lag of its command [rad/s], 0 for none
-        ("delay", "f8"),  # of the commands, as long as that of q [ticks]
-        ("sigma_q", "f8"),  # noise of q per sample, for f_sigma [rad/s]
-        ("bank", "f8"),  # 1: bank and lateral rates are taken into account
+        ("tau_f", "f8", "s"),  # lag of the reconstruction
+        ("tau_v", "f8", "s"),  # smoothing of V, 0 for none
+        ("tau_rho", "f8", "s"),  # smoothing of rho, 0 for none
+        ("omega_a", "f8", "rad/s"),  # healthy elevator as a lag of its command, 0 for none
+        ("delay", "f8", "-"),  # of the commands, as long as that of q
+        ("sigma_q", "f8", "rad/s"),  # noise of q per sample, for f_sigma
+        ("bank", "f8", "-"),  # 1: bank and lateral rates are taken into account
         ("inertia", "f8", (2,)),  # (Izz - Ixx) / Iyy, Ixz / Iyy
         ("to_x", "f8", (N, 5)),  # state of the paper to canonical state
-        ("t_elevator", "f8"),  # thresholds of what no gust can do [rad], [g], [rad]
-        ("t_n_z", "f8"),
-        ("t_alpha", "f8"),
-        ("w_elevator", "f8"),  # thresholds of the slow means, gusts included [rad], [g], [rad]
-        ("w_n_z", "f8"),
-        ("w_alpha", "f8"),
-        ("s_elevator", "f8"),  # growth of all with |alpha - alpha_eq|: the affine model's error [-], [g/rad], [-]
-        ("s_n_z", "f8"),
-        ("s_alpha", "f8"),
-        ("g_elevator", "f8"),  # and with the rms of gusts, as f_hat_alpha shows them [-], [g/rad], [-]
-        ("g_n_z", "f8"),
-        ("g_alpha", "f8"),
-        ("away_max", "f8"),  # beyond this |alpha - alpha_eq| the affine model is not believed [rad]
-        ("t_recover", "f8"),  # nor for so long after it was [s]
-        ("gust_0", "f8"),  # rms of gusts assumed at the start [rad]
-        ("tau_gust", "f8"),  # memory of that rms [s]
-        ("tau_slow", "f8"),  # of the slow means [s]
-        ("t_confirm", "f8"),  # [s]
-        ("t_release", "f8"),  # [s]
-        ("t_learn", "f8"),  # an offset of elevator and n_z is learned up to this time [s], 0 for none
-        ("t_settle", "f8"),  # no decision for so long after a (re)start [s]
+        ("t_elevator", "f8", "rad"),  # thresholds of what no gust can do [rad], [g], [rad]
+        ("t_n_z", "f8", "g"),
+        ("t_alpha", "f8", "rad"),
+        ("w_elevator", "f8", "rad"),  # thresholds of the slow means, gusts included [rad], [g], [rad]
+        ("w_n_z", "f8", "g"),
+        ("w_alpha", "f8", "rad"),
+        ("s_elevator", "f8", "-"),  # growth of all with |alpha - alpha_eq|: the affine model's error [-], [g/rad], [-]
+        ("s_n_z", "f8", "g/rad"),
+        ("s_alpha", "f8", "-"),
+        ("g_elevator", "f8", "-"),  # and with the rms of gusts, as f_hat_alpha shows them [-], [g/rad], [-]
+        ("g_n_z", "f8", "g/rad"),
+        ("g_alpha", "f8", "-"),
+        ("away_max", "f8", "rad"),  # beyond this |alpha - alpha_eq| the affine model is not believed
+        ("t_recover", "f8", "s"),  # nor for so long after it was
+        ("gust_0", "f8", "rad"),  # rms of gusts assumed at the start
+        ("tau_gust", "f8", "s"),  # memory of that rms
+        ("tau_slow", "f8", "s"),  # of the slow means
+        ("t_confirm", "f8", "s"),
+        ("t_release", "f8", "s"),
+        ("t_learn", "f8", "s"),  # an offset of elevator and n_z is learned up to this time, 0 for none
+        ("t_settle", "f8", "s"),  # no decision for so long after a (re)start
     ]
 )
 INPUTS = dtype(
     [
-        ("de_lo", "f8"),  # elevator commands, trailing edge down + [rad]
-        ("de_li", "f8"),
-        ("de_ri", "f8"),
-        ("de_ro", "f8"),
-        ("stab", "f8"),  # stabiliser position, trailing edge down + [rad]
-        ("h", "f8"),  # inertial altitude [m]
-        ("h_valid", "f8"),
-        ("theta", "f8"),  # [rad]
-        ("theta_valid", "f8"),
-        ("V", "f8"),  # true airspeed [m/s]
-        ("V_valid", "f8"),
-        ("q", "f8"),  # [rad/s]
-        ("q_valid", "f8"),
-        ("n_z", "f8"),  # +1 in level flight [g]
-        ("n_z_valid", "f8"),
-        ("alpha", "f8"),  # [rad]
-        ("alpha_valid", "f8"),
-        ("phi", "f8"),  # [rad]
-        ("phi_valid", "f8"),
-        ("p", "f8"),  # [rad/s]
-        ("p_valid", "f8"),
-        ("r", "f8"),  # [rad/s]
-        ("r_valid", "f8"),
-        ("mass", "f8"),  # [kg]
-        ("mass_valid", "f8"),
-        ("cg", "f8"),  # fraction of the mean chord
-        ("cg_valid", "f8"),
-        ("cas", "f8"),  # [m/s]
-        ("cas_valid", "f8"),
-        ("mach", "f8"),
-        ("mach_valid", "f8"),
+        ("de_lo", "f8", "rad"),  # elevator commands, trailing edge down +
+        ("de_li", "f8", "rad"),
+        ("de_ri", "f8", "rad"),
+        ("de_ro", "f8", "rad"),
+        ("stab", "f8", "rad"),  # stabiliser position, trailing edge down +
+        ("h", "f8", "m"),  # inertial altitude
+        ("h_valid", "f8", "-"),
+        ("theta", "f8", "rad"),
+        ("theta_valid", "f8", "-"),
+        ("V", "f8", "m/s"),  # true airspeed
+        ("V_valid", "f8", "-"),
+        ("q", "f8", "rad/s"),
+        ("q_valid", "f8", "-"),
+        ("n_z", "f8", "g"),  # +1 in level flight
+        ("n_z_valid", "f8", "-"),
+        ("alpha", "f8", "rad"),
+        ("alpha_valid", "f8", "-"),
+        ("phi", "f8", "rad"),
+        ("phi_valid", "f8", "-"),
+        ("p", "f8", "rad/s"),
+        ("p_valid", "f8", "-"),
+        ("r", "f8", "-"),
+        ("r_valid", "f8", "-"),
+        ("mass", "f8", "kg"),
+        ("mass_valid", "f8", "-"),
+        ("cg", "f8", "-"),  # fraction of the mean chord
+        ("cg_valid", "f8", "-"),
+        ("cas", "f8", "m/s"),
+        ("cas_valid", "f8", "-"),
+        ("mach", "f8", "-"),
+        ("mach_valid", "f8", "-"),
     ]
 )
 STATE = dtype(
     [
-        ("r", "f8"),  # largest of the three estimates over its threshold
-        ("alarm", "f8"),  # 1 while a fault is declared
-        ("verdict", "f8"),  # SENSOR; OFC_LIQUID or AMBIGUOUS for the elevator (side unknown)
-        ("culprit", "f8"),  # index into CULPRITS
-        ("valid", "f8"),  # 1 while settled, inside the box and all inputs usable
-        ("f_hat_elevator", "f8"),  # mean of the four segments, trailing edge down + [rad]
-        ("f_hat_n_z", "f8"),  # with the feedthrough correction [g]
-        ("f_hat_n_z_raw", "f8"),  # as printed [g]
-        ("f_hat_alpha", "f8"),  # [rad]
-        ("f_sigma", "f8"),  # one sigma of f_hat_elevator from the noise of q [rad]
-        ("alpha_hat", "f8"),  # estimate of the unmeasured state [rad]
-        ("free_elevator", "f8"),  # f_hat_elevator less what a gust of f_hat_alpha would do [rad]
-        ("free_n_z", "f8"),  # f_hat_n_z likewise [g]
-        ("e_norm", "f8"),  # |e_y|, paper's units
-        ("nu_norm", "f8"),  # |nu| / K
+        ("r", "f8", "-"),  # largest of the three estimates over its threshold
+        ("alarm", "f8", "-"),  # 1 while a fault is declared
+        ("verdict", "f8", "-"),  # SENSOR; OFC_LIQUID or AMBIGUOUS for the elevator (side unknown)
+        ("culprit", "f8", "-"),  # index into CULPRITS
+        ("valid", "f8", "-"),  # 1 while settled, inside the box and all inputs usable
+        ("f_hat_elevator", "f8", "rad"),  # mean of the four segments, trailing edge down +
+        ("f_hat_n_z", "f8", "g"),  # with the feedthrough correction
+        ("f_hat_n_z_raw", "f8", "g"),  # as printed
+        ("f_hat_alpha", "f8", "rad"),
+        ("f_sigma", "f8", "rad"),  # one sigma of f_hat_elevator from the noise of q
+        ("alpha_hat", "f8", "rad"),  # estimate of the unmeasured state
+        ("free_elevator", "f8", "rad"),  # f_hat_elevator less what a gust of f_hat_alpha would do
+        ("free_n_z", "f8", "g"),  # f_hat_n_z likewise
+        ("e_norm", "f8", "deg, m, m/s, deg/s"),  # |e_y|, paper's units
+        ("nu_norm", "f8", "-"),  # |nu| / K
         ("e", "f8", (P,)),  # e_y
         ("nu", "f8", (P,)),
         ("s", "f8", (P,)),  # outputs at the last tick
@@ -158,29 +160,29 @@ STATE = dtype(
         ("w", "f8"),  # x_hat_1 + L x_hat_2
         ("f", "f8", (3,)),  # lagged W nu / E: deg, g, deg
         ("d", "f8", (N,)),  # what bank adds to x'
-        ("k_e", "f8"),  # elevator and n_z estimates per angle of gust [-], [g/rad]
-        ("k_n", "f8"),
+        ("k_e", "f8", "-"),  # elevator and n_z estimates per angle of gust [-], [g/rad]
+        ("k_n", "f8", "g/rad"),
         ("slow", "f8", (3,)),  # slow means of f_hat_elevator, f_hat_n_z, f_hat_alpha
-        ("learned", "f8"),  # 1 when the offset holds
-        ("n_learn", "f8"),
+        ("learned", "f8", "-"),  # 1 when the offset holds
+        ("n_learn", "f8", "-"),
         ("sums", "f8", (2,)),  # running means of the offset: deg, g
         ("offset", "f8", (2,)),
-        ("away", "f8"),  # alpha_hat - alpha_eq through a lag of tau_f [rad]
-        ("calm", "f8"),  # time since it was beyond away_max [s]
-        ("gust", "f8"),  # rms of gusts [rad]
+        ("away", "f8", "rad"),  # alpha_hat - alpha_eq through a lag of tau_f
+        ("calm", "f8", "s"),  # time since it was beyond away_max
+        ("gust", "f8", "rad"),  # rms of gusts
         ("rho", "f8", (R,)),  # t, %, kt, -
-        ("line", "f8", (DELAY, M)),  # commands of the last ticks [deg]
-        ("head", "f8"),
-        ("u_0", "f8"),  # healthy elevator at the start and the end of the tick that ends now [deg]
-        ("u_e", "f8"),
-        ("u_s", "f8"),  # stabiliser [deg]
-        ("v_s", "f8"),  # smoothed V [m/s]
-        ("age", "f8"),  # time since the (re)start [s]; 0: not started
-        ("timer", "f8", (3,)),  # confirmation [s]
-        ("on", "f8", (3,)),  # declared: elevator, n_z, alpha
+        ("line", "f8", (DELAY, M), "deg"),  # commands of the last ticks
+        ("head", "f8", "-"),
+        ("u_0", "f8", "deg"),  # healthy elevator at the start and the end of the tick that ends now
+        ("u_e", "f8", "deg"),
+        ("u_s", "f8", "deg"),  # stabiliser
+        ("v_s", "f8", "m/s"),  # smoothed V
+        ("age", "f8", "s"),  # time since the (re)start; 0: not started
+        ("timer", "f8", (3,), "s"),  # confirmation
+        ("on", "f8", (3,), "-"),  # declared: elevator, n_z, alpha
         ("sign", "f8"),  # of the last threshold crossing of f_hat_elevator
         ("half", "f8"),  # alternating crossings, each within a second of the one before
-        ("since", "f8"),  # time since the last of them [s]
+        ("since", "f8", "s"),  # time since the last of them
         ("A", "f8", (N, N)),  # scratch: A(rho), B(rho), trim maps, powers of rho, right side of the implicit step
         ("B", "f8", (N, M)),
         ("eq", "f8", (N + M,)),
@@ -191,6 +193,39 @@ STATE = dtype(
 OUTPUTS = (
     "r", "alarm", "verdict", "culprit", "valid", "f_hat_elevator", "f_hat_n_z", "f_hat_n_z_raw", "f_hat_alpha",
     "f_sigma", "alpha_hat", "free_elevator", "free_n_z", "e_norm", "nu_norm",
+)
+DETECTOR = Detector(
+    id="lpv_smo",
+    level="aircraft",
+    summary="LPV sliding-mode observer: elevator, load-factor and angle-of-attack faults [Alwi14]",
+    inputs={
+        **dict.fromkeys(("de_lo", "de_li", "de_ri", "de_ro"), "de_cmd"),  # a measured surface would hide its fault
+        **{"stab": "stab_cmd", "h": "h_inertial", "V": "tas"},
+        **{w: w for w in ("theta", "q", "n_z", "alpha", "mass", "cg", "cas", "mach", "phi", "p", "r")},
+    },
+    group="airframe motion",
+    designed_for={  # [Alwi14]: steps of elevator, n_z and alpha
+        **dict.fromkeys(("*.bias@command", "*.runaway*", "*.jam_liquid"), ("ambiguous",)),
+        **dict.fromkeys(("*.ofc_liquid", "*.ofc_liquid@*"), ("ofc_liquid", "ambiguous")),
+        **dict.fromkeys(("sensor.n_z", "sensor.alpha"), ("sensor",)),
+    },
+    may_see={
+        **dict.fromkeys(("*.ofc_solid", "*.ofc_solid@*"), ("ofc_liquid", "ambiguous")),
+        **dict.fromkeys((
+            "*.jam*", "*.loss_of_effectiveness*", "*.free_float", "*.supply_pressure_drop", "*.rod", "*.position",
+            "*.velocity", "stabiliser", "engine", "sensor.q", "sensor.theta", "sensor.tas", "sensor.cas",
+            "sensor.mach", "sensor.h_inertial", "sensor.mass", "sensor.cg",
+        ), ("ambiguous",)),
+    },
+    blind="estimates elevator, load-factor and angle-of-attack faults from longitudinal motion: nothing "
+    "lateral, nothing inside an actuator that the surface does not follow",
+    estimates=(
+        Estimate("elevator", "f_hat_elevator", "rad"), Estimate("n_z", "f_hat_n_z", "g"),
+        Estimate("alpha", "f_hat_alpha", "rad"),
+    ),
+    looks_back={"delay": "line"},
+    places={"head": ("line", 0)},
+    fit=lambda site: fitted(site),
 )  # fmt: skip
 
 
@@ -228,6 +263,14 @@ def params(which="flight", *, model=None, made=None, K=30.0, delta=1e-4, tau_f=0
 
 def _pad(stack):
     return np.concatenate([stack, np.zeros((R + 1 - len(stack), *stack.shape[1:]))])
+
+
+def fitted(site):
+    """Return PARAMS for a loop: commands as late as q is, through a lag as slow as its servos."""
+    about = site.aircraft()
+    xx, yy, zz, xz = about.model.gyration2
+    inertia = ((zz - xx) / yy, xz / yy)
+    return params(delay=site.ticks("q"), omega_a=1.0 / about.delays[0], inertia=inertia, t_learn=LEARN)
 
 
 def init(p):

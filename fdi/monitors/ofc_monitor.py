@@ -19,6 +19,7 @@ from actuators.common import linkage, reference
 from actuators.hydraulic import servo
 from actuators.hydraulic.lu17 import opening
 from fdi.common.decision import clipped, held, usable
+from fdi.common.record import Detector
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import NONE, OFC_LIQUID
 
@@ -32,58 +33,83 @@ ROOT_LEAST = servo.ROOT_LEAST
 
 PARAMS = dtype(
     [
-        ("arm", "f8"),  # rod arm [m]
+        ("arm", "f8", "m"),  # rod arm
         *reference.PARAM_FIELDS,  # unit: m of rod
-        ("r_lo", "f8"),  # lowest rod command [m]
-        ("r_hi", "f8"),  # highest rod command [m]
-        ("delay", "f8"),  # age of the rod measurement [ticks], 0 to HISTORY
+        ("r_lo", "f8", "m"),  # lowest rod command
+        ("r_hi", "f8", "m"),  # highest rod command
+        ("delay", "f8", "-"),  # age of the rod measurement, 0 to HISTORY
         ("high_a1", "f8", (B,)),  # state-variable filters: high-pass at the band's lower edge
         ("high_g", "f8", (B,)),
         ("low_a1", "f8", (B,)),  # low-pass at its upper edge
         ("low_g", "f8", (B,)),
-        ("f_low", "f8", (B,)),  # lower edges [Hz]
-        ("threshold", "f8", (B,)),  # [m]
-        ("half_periods", "f8"),  # alternating crossings that make an alarm, at most COUNT
-        ("t_release", "f8"),  # [s]
-        ("t_invalid", "f8"),  # [s]
+        ("f_low", "f8", (B,), "Hz"),  # lower edges
+        ("threshold", "f8", (B,), "m"),
+        ("half_periods", "f8", "-"),  # alternating crossings that make an alarm, at most COUNT
+        ("t_release", "f8", "s"),
+        ("t_invalid", "f8", "s"),
     ]
 )
 INPUTS = dtype(
     [
-        ("command", "f8"),  # surface command, trailing edge down + [rad]
-        ("y_rod", "f8"),  # [m]
-        ("y_rod_valid", "f8"),
-        ("y_dp", "f8"),  # pressure difference over supply: the rate that is left [1]
-        ("y_dp_valid", "f8"),
+        ("command", "f8", "rad"),  # surface command, trailing edge down +
+        ("y_rod", "f8", "m"),
+        ("y_rod_valid", "f8", "-"),
+        ("y_dp", "f8", "-"),  # pressure difference over supply: the rate that is left
+        ("y_dp_valid", "f8", "-"),
     ]
 )
 STATE = dtype(
     [
-        ("started", "f8"),
-        ("target", "f8"),  # last finite command [m]
-        ("y", "f8"),  # last usable rod [m]
-        ("x3", "f8"),  # lagged pressure difference [1]
-        ("q_est", "f8"),  # rod estimate: `actuators.common.reference` by other names, r being the statistic [m]
-        ("qd_est", "f8"),  # [m/s]
-        ("qdd_est", "f8"),  # [m/s^2]
-        ("past", "f8", (HISTORY + 1,)),  # reference positions, newest first [m]
+        ("started", "f8", "-"),
+        ("target", "f8", "m"),  # last finite command
+        ("y", "f8", "m"),  # last usable rod
+        ("x3", "f8", "-"),  # lagged pressure difference
+        ("q_est", "f8", "m"),  # rod estimate: `actuators.common.reference` by other names, r being the statistic
+        ("qd_est", "f8", "m/s"),
+        ("qdd_est", "f8", "m/s2"),
+        ("past", "f8", (HISTORY + 1,), "m"),  # reference positions, newest first
         ("high", "f8", (B, 2)),  # filter states
         ("low", "f8", (B, 2)),
-        ("e_band", "f8", (B,)),  # residual by band [m]
-        ("side", "f8", (B,)),  # side of the last counted crossing
-        ("ages", "f8", (B, COUNT)),  # time since the last crossings, newest first [s]
-        ("timer", "f8"),  # time for which the alarm is still held [s]
-        ("age", "f8"),  # time since the last usable rod sample [s]
-        ("e", "f8"),  # residual [m]
-        ("ofc_hz", "f8"),  # counted frequency [Hz]
-        ("r", "f8"),  # largest band residual over its threshold
-        ("alarm", "f8"),  # 1 while a fault is declared
-        ("verdict", "f8"),  # class code
-        ("culprit", "f8"),  # 0
-        ("valid", "f8"),  # 1 while the rod measurement is fresh
+        ("e_band", "f8", (B,), "m"),  # residual by band
+        ("side", "f8", (B,), "-"),  # side of the last counted crossing
+        ("ages", "f8", (B, COUNT), "s"),  # time since the last crossings, newest first
+        ("timer", "f8", "s"),  # time for which the alarm is still held
+        ("age", "f8", "s"),  # time since the last usable rod sample
+        ("e", "f8", "m"),  # residual
+        ("ofc_hz", "f8", "Hz"),  # counted frequency
+        ("r", "f8", "-"),  # largest band residual over its threshold
+        ("alarm", "f8", "-"),  # 1 while a fault is declared
+        ("verdict", "f8", "-"),  # class code
+        ("culprit", "f8", "-"),  # 0
+        ("valid", "f8", "-"),  # 1 while the rod measurement is fresh
     ]
 )
 OUTPUTS = ("r", "e", "ofc_hz", "alarm", "verdict", "culprit", "valid")
+DETECTOR = Detector(
+    id="ofc_monitor",
+    level="local",
+    summary="in-service oscillation counting on a rod residual (baseline) [Goupil 2010]",
+    technologies=("hydraulic",),
+    inputs={"command": "de_cmd", "y_rod": "rod", "y_dp": "pressure"},
+    group="monitors",
+    designed_for={  # the idea of Goupil 2010; it cannot tell liquid from solid
+        **dict.fromkeys((
+            "hydraulic.ofc_liquid", "hydraulic.ofc_solid", "hydraulic.ofc_liquid@command",
+            "hydraulic.ofc_solid@command", "hydraulic.ofc_liquid@sensor",
+        ), ("ofc_liquid",)),
+    },
+    may_see={  # by ringing, or in a manoeuvre that the faulty rod does not follow
+        **dict.fromkeys((
+            "hydraulic.jam*", "hydraulic.free_float", "hydraulic.loss_of_effectiveness*",
+            "hydraulic.supply_pressure_drop", "hydraulic.internal_leakage", "hydraulic.air_in_oil",
+            "hydraulic.friction", "hydraulic.backlash", "hydraulic.rod",
+        ), ()),
+    },
+    blind="counts alternating crossings of one hydraulic rod's residual: what does not oscillate is not counted",
+    looks_back={"delay": "past"},
+    sizes={"half_periods": 1},
+    fit=lambda site: params(dt=site.dt),
+)
 
 
 def params(which="flight", *, dt=0.005, delay_s=0.005, arm=linkage.ARM, **values):

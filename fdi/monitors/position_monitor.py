@@ -13,6 +13,7 @@ import numpy as np
 
 from actuators.block import dtype, kernel, record
 from fdi.common.decision import confirm, held, usable
+from fdi.common.record import Detector
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, NONE, RUNAWAY
 
@@ -20,46 +21,69 @@ CULPRITS = ("",)
 
 PARAMS = dtype(
     [
-        ("omega", "f8"),  # corner of each of the three lags [rad/s]
-        ("rate_limit", "f8"),  # no-load surface rate [rad/s]
-        ("limit_low", "f8"),  # travel, trailing edge up [rad]
-        ("limit_high", "f8"),  # travel, trailing edge down [rad]
-        ("threshold", "f8"),  # deviation [rad]
-        ("t_confirm", "f8"),  # [s]
-        ("t_release", "f8"),  # [s]
-        ("tau_rate", "f8"),  # lag of the surface rate that names the class [s]
-        ("rate_still", "f8"),  # below this the surface is at rest [rad/s]
-        ("t_invalid", "f8"),  # without a measurement for longer the estimate is not valid [s]
+        ("omega", "f8", "rad/s"),  # corner of each of the three lags
+        ("rate_limit", "f8", "rad/s"),  # no-load surface rate
+        ("limit_low", "f8", "rad"),  # travel, trailing edge up
+        ("limit_high", "f8", "rad"),  # travel, trailing edge down
+        ("threshold", "f8", "rad"),  # deviation
+        ("t_confirm", "f8", "s"),
+        ("t_release", "f8", "s"),
+        ("tau_rate", "f8", "s"),  # lag of the surface rate that names the class
+        ("rate_still", "f8", "rad/s"),  # below this the surface is at rest
+        ("t_invalid", "f8", "s"),  # without a measurement for longer the estimate is not valid
     ]
 )
 INPUTS = dtype(
     [
-        ("command", "f8"),  # surface command of the law, trailing edge down + [rad]
-        ("surface", "f8"),  # measured surface [rad]
-        ("surface_valid", "f8"),  # 1 when usable
+        ("command", "f8", "rad"),  # surface command of the law, trailing edge down +
+        ("surface", "f8", "rad"),  # measured surface
+        ("surface_valid", "f8", "-"),  # 1 when usable
     ]
 )
 STATE = dtype(
     [
-        ("started", "f8"),  # 1 after the first usable measurement
-        ("command", "f8"),  # last finite command [rad]
-        ("surface", "f8"),  # last usable measurement [rad]
-        ("m1", "f8"),  # command within the rate limit [rad]
-        ("m2", "f8"),  # first lag [rad]
-        ("m3", "f8"),  # second lag [rad]
-        ("model", "f8"),  # where the surface should be [rad]
-        ("slow", "f8"),  # lagged surface [rad]
-        ("rate", "f8"),  # filtered surface rate [rad/s]
-        ("timer", "f8"),  # confirmation [s]
-        ("age", "f8"),  # time since the last usable measurement [s]
-        ("r", "f8"),  # deviation over threshold, signed
-        ("alarm", "f8"),  # 1 while a fault is declared
-        ("verdict", "f8"),  # class code
-        ("culprit", "f8"),  # 0
-        ("valid", "f8"),  # 1 while the measurement is fresh
+        ("started", "f8", "-"),  # 1 after the first usable measurement
+        ("command", "f8", "rad"),  # last finite command
+        ("surface", "f8", "rad"),  # last usable measurement
+        ("m1", "f8", "rad"),  # command within the rate limit
+        ("m2", "f8", "rad"),  # first lag
+        ("m3", "f8", "rad"),  # second lag
+        ("model", "f8", "rad"),  # where the surface should be
+        ("slow", "f8", "rad"),  # lagged surface
+        ("rate", "f8", "rad/s"),  # filtered surface rate
+        ("timer", "f8", "s"),  # confirmation
+        ("age", "f8", "s"),  # time since the last usable measurement
+        ("r", "f8", "-"),  # deviation over threshold, signed
+        ("alarm", "f8", "-"),  # 1 while a fault is declared
+        ("verdict", "f8", "-"),  # class code
+        ("culprit", "f8", "-"),  # 0
+        ("valid", "f8", "-"),  # 1 while the measurement is fresh
     ]
 )
 OUTPUTS = ("r", "model", "rate", "alarm", "verdict", "culprit", "valid")
+DETECTOR = Detector(
+    id="position_monitor",
+    level="local",
+    summary="command against position, threshold and confirmation time (baseline)",
+    technologies=("hydraulic", "ema"),
+    inputs={"command": "de_cmd", "surface": "surface"},
+    group="monitors",
+    designed_for={
+        "*.jam*": ("jam_solid", "ambiguous"),
+        "*.runaway*": ("runaway", "ambiguous"),
+        **dict.fromkeys(("*.free_float", "*.bias@command"), ("ambiguous",)),
+    },
+    may_see={
+        **dict.fromkeys((
+            "*.ofc_*", "*.loss_of_effectiveness*", "*.supply_pressure_drop", "*.internal_leakage", "*.air_in_oil",
+            "*.friction", "*.backlash", "*.magnet_loss", "*.winding_resistance", "*.rod", "*.position", "*.velocity",
+            "*.surface",
+        ), ("ambiguous",)),
+    },
+    blind="compares one elevator segment with its command: other effectors, aircraft sensors and monitor-only "
+    "sensors move neither",
+    fit=lambda site: params("flight_ema" if site.technology == "ema" else "flight"),
+)
 
 
 RATE_LIMIT = math.radians(40.0)  # of the servos' reference, both technologies (actuators/hydraulic/servo.py) [rad/s]

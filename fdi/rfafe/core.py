@@ -25,10 +25,10 @@ N_TRIM = 40.0  # samples to learn the trim: 0.2 s leaves a sixth of the sensors'
 NL = 72  # longest delay of the input [ticks]: the actuator's lag beyond first order and the sensors', at 2 kHz
 
 AIRFRAME_INPUTS = [
-    ("tas", "f8"), ("tas_valid", "f8"),      # true airspeed [m/s]
-    ("alpha", "f8"), ("alpha_valid", "f8"),  # angle of attack [rad]
-    ("q", "f8"), ("q_valid", "f8"),          # pitch rate [rad/s]
-    ("theta", "f8"), ("theta_valid", "f8"),  # pitch angle [rad]
+    ("tas", "f8", "m/s"), ("tas_valid", "f8", "-"),  # true airspeed
+    ("alpha", "f8", "rad"), ("alpha_valid", "f8", "-"),  # angle of attack
+    ("q", "f8", "rad/s"), ("q_valid", "f8", "-"),  # pitch rate
+    ("theta", "f8", "rad"), ("theta_valid", "f8", "-"),  # pitch angle
 ]
 PARAMS = [
     ("ns", "f8"), ("ny", "f8"), ("nu", "f8"), ("nf", "f8"),  # sizes in use
@@ -36,17 +36,17 @@ PARAMS = [
     ("S", "f8", (NF, NS)), ("Sy", "f8", (NF, NY)), ("Su", "f8", (NF, NU)),
     ("Z0", "f8", (NS, NY)),      # state from a sample: z = C^+ y - H y
     ("Z0u", "f8", (NS, NU)),     # and from the input that goes with it
-    ("alpha", "f8"),             # v = f_hat / alpha restarts the integral [1/s]
+    ("alpha", "f8", "1/s"),      # v = f_hat / alpha restarts the integral
     ("y_trim", "f8", (NY,)),     # [design units]
     ("u_trim", "f8", (NU,)),
-    ("n_trim", "f8"),            # samples from which the rest of the trim is learned [ticks]
+    ("n_trim", "f8", "-"),       # samples from which the rest of the trim is learned
     ("learn", "f8", (NY,)),      # 1 where an output's trim is learned
     ("u_delay", "f8", (NU,)),    # ticks by which u is delayed to match actuator and sensors, 0..NL-1
-    ("act_a", "f8", (NU,)),      # lag of each actuator's model [1/s]
+    ("act_a", "f8", (NU,), "1/s"),  # lag of each actuator's model
     ("act_rate", "f8"),          # its rate limit [design units/s], 0 for none
-    ("ahead_max", "f8"),         # mean command beyond what the rate limit follows, above which nothing is trusted [deg]
+    ("ahead_max", "f8", "deg"),  # mean command beyond what the rate limit follows, above which nothing is trusted
     ("unit", "f8"),              # SI per unit of f_hat
-    ("t_settle", "f8"),          # after a start the estimate is not trusted [s]
+    ("t_settle", "f8", "s"),     # after a start the estimate is not trusted
     *rfafe_decision.PARAMS,
 ]
 
@@ -59,12 +59,12 @@ STATE = [
     ("ahead", "f8"),              # mean command beyond what the rate limit follows [design units]
     ("u_in", "f8", (NU,)),        # last finite input less `u_trim`
     ("y0", "f8", (NY,)), ("u0", "f8", (NU,)), ("seen", "f8"),  # learned trim, samples so far
-    ("f", "f8", (NF,)),           # estimate [SI]
-    ("started", "f8"),            # 1 while the estimator runs
-    ("fresh", "f8"),              # 0 before the first input
-    ("age", "f8"),                # since the start [s]
+    ("f", "f8", (NF,), "rad"),           # estimate [SI]
+    ("started", "f8", "-"),            # 1 while the estimator runs
+    ("fresh", "f8", "-"),              # 0 before the first input
+    ("age", "f8", "s"),           # since the start
     *rfafe_decision.state(NF),
-    ("r", "f8"), ("alarm", "f8"), ("verdict", "f8"), ("culprit", "f8"), ("valid", "f8"),
+    ("r", "f8", "-"), ("alarm", "f8", "-"), ("verdict", "f8", "-"), ("culprit", "f8", "-"), ("valid", "f8", "-"),
 ]
 
 

@@ -28,17 +28,17 @@ BELOW = 0.99  # r of a fit beyond its threshold that is no oscillation
 PARAMS = [
     *bank.PARAMS,
     ("bank_threshold", "f8", (bank.K,)),  # amplitude of f_hat in health [SI unit of f_hat]
-    ("bank_share", "f8", (bank.K,)),  # ... plus this share of the command's amplitude
-    ("coherence", "f8"),  # least agreement of the two periods
-    ("purity", "f8"),  # least share of the window's power that the oscillation explains
-    ("hits", "f8"),  # fits in a row that must pass
-    ("margin", "f8"),  # difference of purity that names the class
-    ("t_release", "f8"),  # an alarm outlives its cause by this [s]
-    ("tau_energy", "f8"),  # memory of the energy that makes an estimate suspect [s]
-    ("tau_slow", "f8"),  # lag of the slow part [s]
+    ("bank_share", "f8", (bank.K,), "-"),  # ... plus this share of the command's amplitude
+    ("coherence", "f8", "-"),  # least agreement of the two periods
+    ("purity", "f8", "-"),  # least share of the window's power that the oscillation explains
+    ("hits", "f8", "-"),  # fits in a row that must pass
+    ("margin", "f8", "-"),  # difference of purity that names the class
+    ("t_release", "f8", "s"),  # an alarm outlives its cause by this
+    ("tau_energy", "f8", "s"),  # memory of the energy that makes an estimate suspect
+    ("tau_slow", "f8", "s"),  # lag of the slow part
     ("th_static", "f8"),  # slow part [SI unit of f_hat]
-    ("static_share", "f8"),  # ... plus this share of the command's deviation
-    ("t_static", "f8"),  # [s]
+    ("static_share", "f8", "-"),  # ... plus this share of the command's deviation
+    ("t_static", "f8", "s"),
 ]
 
 
@@ -46,18 +46,18 @@ def state(faults):
     """Return the STATE fields for `faults` estimates."""
     return [
         *bank.STATE,
-        ("slow", "f8", (faults,)),  # slow part of f_hat [SI unit of f_hat]
-        ("energy", "f8", (faults,)),  # mean square of the rest
-        ("suspect", "f8"),  # index of the estimate in the bank
-        ("hit", "f8", (bank.K,)),  # fits in a row that passed
-        ("r_ofc", "f8"),  # largest fit over its threshold; below 1 without the shape of an oscillation
-        ("ofc_timer", "f8"),  # time for which an oscillation is still held to be there [s]
-        ("ofc_class", "f8"),  # its class
-        ("ofc_margin", "f8"),  # clearest difference of purity so far
-        ("timer", "f8"),  # confirmation of the slow test [s]
-        ("static", "f8"),  # its alarm
-        ("blamed", "f8"),  # index of the estimate that was last beyond it
-        ("lost", "f8"),  # time since the estimate was last trusted [s]
+        ("slow", "f8", (faults,), "rad"),  # slow part of f_hat [SI unit of f_hat]
+        ("energy", "f8", (faults,), "rad2"),  # mean square of the rest
+        ("suspect", "f8", "-"),  # index of the estimate in the bank
+        ("hit", "f8", (bank.K,), "-"),  # fits in a row that passed
+        ("r_ofc", "f8", "-"),  # largest fit over its threshold; below 1 without the shape of an oscillation
+        ("ofc_timer", "f8", "s"),  # time for which an oscillation is still held to be there
+        ("ofc_class", "f8", "-"),  # its class
+        ("ofc_margin", "f8", "-"),  # clearest difference of purity so far
+        ("timer", "f8", "s"),  # confirmation of the slow test
+        ("static", "f8", "-"),  # its alarm
+        ("blamed", "f8", "-"),  # index of the estimate that was last beyond it
+        ("lost", "f8", "s"),  # time since the estimate was last trusted
     ]
 
 

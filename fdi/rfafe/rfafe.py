@@ -17,11 +17,12 @@ from actuators.block import dtype, kernel, record
 from fdi.common import bank
 from fdi.common.conditions import DesignError, separate
 from fdi.common.decision import held, usable
+from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.rfafe import core as rfafe_core
 from fdi.rfafe.core import advance, airframe_usable, fill_stored, read_airframe
 from fdi.rfafe.model import estimate_E, first_order, fit_first_order, global_model, reduce_E
-from fdi.rfafe.store import choose
+from fdi.rfafe.store import choose, side_kinds
 from fdi.rfafe.synthesis import Design, Region, design
 
 __all__ = ["CULPRITS", "INPUTS", "OUTPUTS", "PARAMS", "STATE", "Design", "DesignError", "Region", "design",
@@ -34,21 +35,53 @@ DT = 0.005  # base tick [s]
 
 PARAMS = dtype([
     *rfafe_core.PARAMS,
-    ("weight", "f8", (4,)),  # share of left_outer, left_inner in the left side, right_inner, right_outer in the right
+    ("weight", "f8", (4,), "-"),  # of left_outer, left_inner in the left side, of right_inner, right_outer in the right
 ])
 INPUTS = dtype([
     *rfafe_core.AIRFRAME_INPUTS,
-    ("surface", "f8", (4,)),                     # segments left_outer, left_inner, right_inner, right_outer [rad]
-    ("surface_valid", "f8", (4,)),
-    ("command", "f8", (2,)),                     # left, right, trailing edge down + [rad]
+    ("surface", "f8", (4,), "rad"),              # segments left_outer, left_inner, right_inner, right_outer
+    ("surface_valid", "f8", (4,), "-"),
+    ("command", "f8", (2,), "rad"),              # left, right, trailing edge down +
 ])
 STATE = dtype([
     *rfafe_core.STATE,
-    ("f_hat", "f8"),        # the larger of the two sides [rad]
-    ("f_hat_left", "f8"),   # [rad of command]
-    ("f_hat_right", "f8"),
+    ("f_hat", "f8", "rad"),  # the larger of the two sides
+    ("f_hat_left", "f8", "rad"),
+    ("f_hat_right", "f8", "rad"),
 ])
 OUTPUTS = ("f_hat", "f_hat_left", "f_hat_right", "r", "alarm", "verdict", "culprit", "valid")
+DETECTOR = Detector(
+    id="rfafe",
+    level="aircraft",
+    summary="robust fast adaptive fault estimator with elevator position sensors [Sun13]",
+    inputs={
+        "tas": "tas", "alpha": "alpha", "q": "q", "theta": "theta", "surface[0]": "left_outer.surface",
+        "surface[1]": "left_inner.surface", "surface[2]": "right_inner.surface", "surface[3]": "right_outer.surface",
+        "command[0]": "de_cmd", "command[1]": "de_cmd",
+    },
+    group="elevator positions",
+    designed_for={  # [Sun13] (37)-(41): oscillatory failures; the class only where the command moved otherwise
+        "*.ofc_liquid": ("ofc_liquid", "ambiguous"),
+        "*.ofc_solid": ("ofc_solid", "ambiguous"),
+        "*.ofc_liquid@*": ("ofc_liquid", "ambiguous"),
+        "*.ofc_solid@*": ("ofc_solid", "ambiguous"),
+    },
+    may_see={  # anything else that moves an elevator, or its position sensor, away from the command
+        **dict.fromkeys((
+            "*.jam*", "*.runaway*", "*.bias@command", "*.loss_of_effectiveness*", "*.free_float",
+            "*.supply_pressure_drop", "*.internal_leakage", "*.air_in_oil", "*.friction", "*.backlash",
+            "*.magnet_loss", "*.winding_resistance", "*.rod", "*.position", "*.velocity", "*.surface",
+        ), ("ambiguous",)),
+    },
+    blind="reads only the elevator positions (its whole gain stands there): no other effector and no aircraft sensor",
+    remark="as published its whole gain stands on the elevator position sensors: a position monitor with a model "
+    "of the actuator, at aircraft level by name",
+    estimates=(Estimate("elevator.left", "f_hat_left", "rad"), Estimate("elevator.right", "f_hat_right", "rad")),
+    looks_back={"u_delay": "line"},
+    sizes={"ns": 0, "ny": 0, "nu": 0, "nf": 0, "n_trim": 0, **bank.SIZES},
+    places={"head": ("line", 0), **bank.PLACES, "suspect": ("energy", 0)},
+    fit=lambda site: params(technology=side_kinds(site.technologies), dt=site.dt),
+)
 
 
 def params(which="flight", *, stored=None, technology="hydraulic", trim=None, dt=DT, weight=(0.5, 0.5, 0.5, 0.5)):

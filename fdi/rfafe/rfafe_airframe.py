@@ -16,10 +16,11 @@ import numpy as np
 from actuators.block import dtype, kernel, record
 from fdi.common import bank
 from fdi.common.decision import held
+from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.rfafe import core as rfafe_core
 from fdi.rfafe.core import advance, airframe_usable, fill_stored, read_airframe
-from fdi.rfafe.store import choose
+from fdi.rfafe.store import choose, side_kinds
 
 CULPRITS = ("", "elevator")
 DEG = math.pi / 180.0
@@ -28,13 +29,37 @@ DT = 0.005  # base tick [s]
 PARAMS = dtype(rfafe_core.PARAMS)
 INPUTS = dtype([
     *rfafe_core.AIRFRAME_INPUTS,
-    ("command", "f8"),  # elevator, trailing edge down + [rad]
+    ("command", "f8", "rad"),  # elevator, trailing edge down +
 ])
 STATE = dtype([
     *rfafe_core.STATE,
-    ("f_hat", "f8"),  # mean over the four segments [rad]
+    ("f_hat", "f8", "rad"),  # mean over the four segments
 ])
 OUTPUTS = ("f_hat", "r", "alarm", "verdict", "culprit", "valid")
+DETECTOR = Detector(
+    id="rfafe_airframe",
+    level="aircraft",
+    summary="the same on airframe outputs only",
+    inputs={"tas": "tas", "alpha": "alpha", "q": "q", "theta": "theta", "command": "de_cmd"},
+    group="airframe motion",
+    designed_for={  # [Sun13] (1), (39), the fault has to show in the aircraft's motion
+        **dict.fromkeys(("*.ofc_liquid", "*.ofc_solid", "*.ofc_liquid@*", "*.ofc_solid@*"), ("ambiguous",)),
+    },
+    may_see={
+        **dict.fromkeys((
+            "*.jam*", "*.runaway*", "*.bias@command", "*.loss_of_effectiveness*", "*.free_float",
+            "*.supply_pressure_drop", "*.rod", "*.position", "*.velocity", "stabiliser", "engine", "sensor.alpha",
+            "sensor.q", "sensor.theta", "sensor.tas",
+        ), ("ambiguous",)),
+    },
+    blind="reads speed, angle of attack, pitch rate and attitude: nothing lateral, nothing inside an actuator "
+    "that the surface does not follow",
+    estimates=(Estimate("elevator", "f_hat", "rad"),),
+    looks_back={"u_delay": "line"},
+    sizes={"ns": 0, "ny": 0, "nu": 0, "nf": 0, "n_trim": 0, **bank.SIZES},
+    places={"head": ("line", 0), **bank.PLACES, "suspect": ("energy", 0)},
+    fit=lambda site: params(technology=side_kinds(site.technologies), dt=site.dt),
+)
 
 
 def params(which="flight", *, stored=None, technology="hydraulic", trim=None, dt=DT):

@@ -89,3 +89,16 @@ def _make(kind, values):
 
 def _width(rows):
     return len(rows[0]) if rows else 0
+
+
+def side_kinds(technologies):
+    """Return the key of the stored design for elevators of `technologies`, {segment: technology}: one word when both
+    sides are alike, a kind or "mixed", else "left/right".
+    """
+    left, right = (_kind([t for s, t in technologies.items() if s.startswith(side)]) for side in ("left", "right"))
+    return left if left == right else f"{left}/{right}"
+
+
+def _kind(kinds):
+    """Return the kind of a side with segments of these kinds."""
+    return kinds[0] if len(set(kinds)) == 1 else "mixed"

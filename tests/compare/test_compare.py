@@ -1,6 +1,7 @@
 """Comparison of levels: expectations against the detectors, rows and statistics by hand, logs and matrix end to end."""
 
 import fnmatch
+import inspect
 import json
 import math
 
@@ -20,6 +21,8 @@ from cosim.judge import coverage
 from cosim.report.compare_page import render, write_comparison
 from cosim.scenario import catalog as c
 from cosim.scenario import load_scenario
+from fdi import registry
+from fdi.common import verdict
 from fdi.common.verdict import NAMES
 
 CHOSEN = "detectors.enabled=['iotsekf','position_monitor','rfafe']"
@@ -40,15 +43,31 @@ def all_cases():
 # -- expectations ------------------------------------------------------------------------------------------------------
 
 
+def says(module):
+    """Return the verdict classes that a detector's kernel can give: those that its step, or what it calls, names."""
+    found, seen, todo = set(), set(), [module.step]
+    while todo:
+        function = getattr(todo.pop(), "py_func", None)
+        if function is None or function in seen:
+            continue
+        seen.add(function)
+        known = dict(inspect.getclosurevars(function).globals)
+        known |= {n: getattr(m, n) for m in [*known.values()] if inspect.ismodule(m)
+                  for n in function.__code__.co_names if hasattr(m, n)}  # fmt: skip
+        found |= {name.lower() for name in known if getattr(verdict, name, None) == known[name] and name.isupper()}
+        todo += [value for value in known.values() if hasattr(value, "py_func")]
+    return found & set(NAMES)
+
+
 def test_every_detector_has_an_expectation_and_every_pattern_a_case():
-    table, cases = coverage.expectations(), all_cases()
-    assert set(table) == set(c.DETECTORS)
-    for detector, own in table.items():
-        assert own["group"] and own["blind"]
-        for word in ("designed", "may"):
-            for pattern, classes in own[word].items():
-                assert any(fnmatch.fnmatchcase(case, pattern) for case in cases), (detector, pattern)
-                assert classes and set(classes) <= set(NAMES) - {"none"}, (detector, pattern)
+    cases = all_cases()
+    for detector, own in registry.records().items():
+        assert own.group and own.blind and own.designed_for and own.summary and own.id == detector
+        can = says(registry.module(detector)) - {"none"}
+        assert can, detector
+        for pattern, classes in {**own.designed_for, **own.may_see}.items():
+            assert any(fnmatch.fnmatchcase(case, pattern) for case in cases), (detector, pattern)
+            assert set(classes) <= can, (detector, pattern)  # what its kernel cannot say is not right either
 
 
 def test_every_builtin_fault_makes_a_case_that_some_detector_or_none_is_said_to_see():

@@ -10,37 +10,37 @@ import pytest
 from cosim.cli import commands as cli
 from cosim.errors import LogError, ScenarioError
 from cosim.flight import detectors
-from cosim.flight import parameter_bounds as indices
-from cosim.flight.detector_table import TABLE, module
+from cosim.flight import parameters as indices
 from cosim.log import LogWriter, Topic, open_log
 from cosim.replay import replay
 from cosim.replay.lanes import describe, manifest
 from cosim.scenario import load_scenario
 from cosim.scenario.load import DEFAULT
+from fdi import registry
 
 DT = 0.005
 GOLDEN = cli.__file__.rsplit("cosim", 1)[0] + "logs/golden/hydraulic-ofc.mcap"
 
 
-@pytest.mark.parametrize("name", TABLE)
+@pytest.mark.parametrize("name", registry.SHIPPED)
 def test_every_design_and_fresh_state_fits(name):
     made = {d.id: d for d in detectors.chosen(load_scenario(DEFAULT))}[name]
     p = made.params(load_scenario(DEFAULT), DT)
-    assert indices.wrong_parameter(made.module, name, p, DT) is None
-    assert indices.wrong_state(made.module, made.module.init(p)) is None
+    assert indices.wrong_parameter(made.record, made.module, p, DT) is None
+    assert indices.wrong_state(made.record, made.module, made.module.init(p)) is None
 
 
-@pytest.mark.parametrize("name", TABLE)
+@pytest.mark.parametrize("name", registry.SHIPPED)
 def test_no_index_takes_a_value_beyond_its_range(name):
-    own = module(name)
-    spans = {n: indices.parameter_range(n, own, name, DT) for n in own.PARAMS.names}
+    own, record = registry.module(name), registry.record(name)
+    spans = {n: indices.parameter_range(n, record, own, DT) for n in own.PARAMS.names}
     checked = {n: s for n, s in spans.items() if s is not None and np.isfinite(s[1])}
     p = {d.id: d for d in detectors.chosen(load_scenario(DEFAULT))}[name].params(load_scenario(DEFAULT), DT)
     for field, (low, high) in checked.items():
         for value in (low - 1.0, high + 1.0, 0.5 * (low + high) + 0.25, np.nan, 1e300, -np.inf):
             bad = p.copy()
             bad[field] = value
-            assert indices.wrong_parameter(own, name, bad, DT)[0] == field, (field, value)
+            assert indices.wrong_parameter(record, own, bad, DT)[0] == field, (field, value)
 
 
 @pytest.mark.parametrize(

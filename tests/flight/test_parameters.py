@@ -8,9 +8,9 @@ from cosim import load_scenario
 from cosim.cli import commands as cli
 from cosim.errors import CosimError, ScenarioError
 from cosim.flight.build import build
-from cosim.flight.detector_table import module
 from cosim.replay.params import override
 from cosim.scenario import parse
+from fdi.registry import module, record
 
 ONLY = ("duration_s=0.1", "detectors.enabled=['ofc_monitor']", "elevator.feedback=measured")
 
@@ -33,7 +33,7 @@ def test_a_scenario_and_a_replay_take_the_same_names(text):
     name, _, value = text.partition("=")
     made = module("ofc_monitor")
     p = np.repeat(made.params(), 2)
-    override("ofc_monitor", made, p, {name: float(value)}, 0.005)
+    override(record("ofc_monitor"), made, p, {name: float(value)}, 0.005)
     assert p.tobytes() == live(text).tobytes() != np.repeat(made.params(), 2).tobytes()
 
 
@@ -44,7 +44,7 @@ def test_they_refuse_the_same_with_the_same_words(text):
     with pytest.raises(CosimError) as before:
         live(text)
     with pytest.raises(CosimError) as again:
-        override("ofc_monitor", made, made.params(), {name: float(value)}, 0.005)
+        override(record("ofc_monitor"), made, made.params(), {name: float(value)}, 0.005)
     assert before.value.problem == again.value.problem and before.value.allowed == again.value.allowed
     assert str(before.value).startswith(f"detectors.ofc_monitor.{name} = ")
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from cosim import load_scenario, simulate
-from cosim.flight.airframe_wires import control_redundancy_params
-from cosim.flight.detector_table import TABLE, module
-from cosim.flight.parameter_bounds import wrong_parameter
+from cosim.flight.parameters import wrong_parameter
+from cosim.flight.site import site
 from cosim.replay import replay
 from cosim.scenario.catalog import SEGMENTS
+from fdi import registry
 from fdi.control_redundancy import control_redundancy
 from fdi.control_redundancy.core import NC
 from fdi.ema import ema_kalman_flight
@@ -19,11 +19,11 @@ RATES = (50, 100, 200, 333, 400, 500, 1000, 2000)
 @pytest.mark.parametrize("rate", RATES)
 def test_the_delays_of_every_detector_fit_its_arrays(rate):
     scenario = load_scenario("cruise", [f"rate_hz={rate}"])
-    for name, spec in TABLE.items():
-        lanes = [s for s in SEGMENTS if scenario.elevator.technology[s] in spec.technologies] or ["aircraft"]
-        for lane in lanes:
-            p = spec.params(module(name), scenario, lane, scenario.dt)
-            assert wrong_parameter(module(name), name, p, scenario.dt) is None, name
+    technology = scenario.elevator.technology
+    for name, record in registry.records().items():
+        for lane in [s for s in SEGMENTS if technology[s] in record.technologies] or [""]:
+            p = record.fit(site(scenario.dt, lane, technology))
+            assert wrong_parameter(record, registry.module(name), p, scenario.dt) is None, name
 
 
 @pytest.mark.parametrize("rate", (50, 333, 2000))
@@ -32,13 +32,13 @@ def test_a_flight_at_any_rate_replays_bit_for_bit(rate, tmp_path):
     flown = simulate(load_scenario("cruise", ["duration_s=0.6", f"rate_hz={rate}"]), log=log, timed=False)
     assert flown.status == "completed"
     found = replay(log)
-    assert found.exact and {d["id"] for d in found.detectors} == set(TABLE)
+    assert found.exact and {d["id"] for d in found.detectors} == set(registry.SHIPPED)
 
 
 @pytest.mark.parametrize("rate", (50, 200, 333, 500, 1000, 2000))
 def test_control_redundancy_follows_a_command_as_late_at_every_rate(rate):
     dt = 1.0 / rate
-    p = control_redundancy_params(control_redundancy, None, "aircraft", dt)
+    p = control_redundancy.fitted(site(dt))
     p["rate"] = 0.0
     x, u = control_redundancy.init(p), np.zeros((1, 1), control_redundancy.INPUTS)
     log = np.zeros((1, 1), control_redundancy.STATE)
@@ -58,7 +58,7 @@ def test_control_redundancy_follows_a_command_as_late_at_every_rate(rate):
 
 
 HARD = ["manoeuvre={kind='three_two_one_one',start_s=3.0,unit_s=1.0,amplitude_deg=4.0}", "flight.turbulence=light"]
-FLIES = [name for name in TABLE if name != "ema_kalman"]  # which alarms on a load, as published
+FLIES = [name for name in registry.SHIPPED if name != "ema_kalman"]  # which alarms on a load, as published
 
 
 def _detectors(*names):

@@ -5,7 +5,7 @@ import pytest
 
 import cosim
 from cosim.errors import ScenarioError
-from cosim.flight import airframe_wires
+from cosim.flight.detectors import sources
 from cosim.flight.signals import detect
 from fdi.hydraulic import iotsekf
 
@@ -44,6 +44,6 @@ def test_a_signal_that_is_not_there_is_refused(name, told):
 
 
 def test_wires_of_the_aircraft_level_are_signals():
-    wires = airframe_wires.lpv_smo()
+    wires = sources("lpv_smo")
     table = cosim.fly(cosim.load_scenario("cruise", ["duration_s=1"]), wires.values())
     assert list(table) == list(dict.fromkeys(wires.values()))

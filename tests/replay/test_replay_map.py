@@ -10,15 +10,15 @@ from log_samples import same_bits
 from mcap.writer import Writer
 
 import cosim
-from cosim.flight import detector_table
+from cosim.flight.detectors import wires
 from cosim.log import open_log
 from cosim.replay import replay
 from cosim.replay.lanes import manifest
 from cosim.replay.map import diagnose
 from cosim.replay.map_file import load_map
-from cosim.replay.map_signals import signal_of
 from cosim.replay.params import ReplayError
 from cosim.replay.resample import resample, ticks
+from fdi import registry
 
 EXAMPLE = Path(__file__).parents[1] / "data" / "foreign_map.toml"
 POINT = "[flight]\nmass_t = 200.0\ncg_pct = 30.0\naltitude_ft = 20000.0\ncas_kt = 290.0\n"
@@ -39,20 +39,17 @@ def signals(flight):
     """Return {signal: (samples, SI)} of all that the detectors of the flight read, by the names of a map."""
     out = {}
     for d in manifest(flight):
-        spec = detector_table.TABLE[d["id"]]
         for lane, inputs in d["inputs"].items():
-            technology = {"left": "hydraulic", "right": "ema"}.get(lane.split("_")[0])
-            wires = spec.wires(lane, technology)
+            read = {w.field: w for w in wires(registry.record(d["id"]), "" if lane == "aircraft" else lane)}
             for field, topic, column in inputs:
-                name, flag = signal_of(wires[field])
-                if not flag:
-                    out[name] = flight.array(topic)[:, flight.topics[topic].fields.index(column)]
+                if not read[field].flag:
+                    out[read[field].signal.word] = flight.array(topic)[:, flight.topics[topic].fields.index(column)]
     return out
 
 
 def exact_map(path, names, prefix=""):
     """Write a map whose channels are SI, at the same rate, under other names."""
-    held = {n: ", held = true" for n in names if n.endswith(".u")}
+    held = {n: ", held = true" for n in names if n.endswith("_command")}
     lines = [f'"{n}" = {{ channel = "{prefix}{renamed(n)}"{held.get(n, "")} }}' for n in names]
     path.write_text(POINT + "[signals]\n" + "\n".join(lines))
     return path
@@ -111,7 +108,8 @@ def bench_frame(signals, rate):
         {
             "clock_ms": t,
             "ELEV_CMD_DEG": -deg * s["de_cmd"],
-            "VALVE_PCT": 100 * np.append(s["left_inner.u"][1:], np.nan),  # as sent: it acts until the next row
+            # as sent: it acts until the next row
+            "VALVE_PCT": 100 * np.append(s["left_inner.valve_command"][1:], np.nan),
             "ROD_MM": 1e3 * s["left_inner.rod"],
             "SURF_DEG": -deg * s["left_inner.surface"],
             "DP_PCT": 100 * s["left_inner.pressure"],
@@ -126,7 +124,7 @@ def bench_frame(signals, rate):
 
 def test_other_units_and_signs_agree_to_rounding(flight, signals, tmp_path):
     frame = bench_frame(signals, 200)
-    frame["VALVE_PCT"] = 100 * signals["left_inner.u"]
+    frame["VALVE_PCT"] = 100 * signals["left_inner.valve_command"]
     frame.to_csv(tmp_path / "bench.csv", index=False)
     text = EXAMPLE.read_text().replace('"VALVE_PCT", unit = "%"', '"VALVE_PCT", unit = "%", held = true')
     (tmp_path / "map.toml").write_text(text)
@@ -230,7 +228,8 @@ def test_a_recording_that_does_not_fit_is_refused_and_a_late_command_is_told(sig
     for rate, told in ((200, 0), (100, 1)):
         bench_frame(signals, rate).to_csv(tmp_path / "bench.csv", index=False)
         caveats = diagnose(tmp_path / "bench.csv", EXAMPLE, detectors=["iotsekf"]).caveats
-        assert len(caveats) == told and all("left_inner.u comes at 100 Hz" in c for c in caveats)
+        assert caveats.pop(0) == "signals.left_inner.u is now called left_inner.valve_command"
+        assert len(caveats) == told and all("left_inner.valve_command comes at 100 Hz" in c for c in caveats)
 
 
 @pytest.mark.parametrize(

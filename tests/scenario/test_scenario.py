@@ -15,6 +15,7 @@ from cosim.scenario import builtin_names, load_scenario, parse
 from cosim.scenario import catalog as c
 from cosim.scenario.fault import Fault
 from cosim.scenario.model import Elevator, Sensors
+from fdi.registry import SHIPPED
 
 
 def test_default_scenario_is_the_one_of_the_design():
@@ -23,7 +24,7 @@ def test_default_scenario_is_the_one_of_the_design():
     assert s.elevator.technology == dict(zip(c.SEGMENTS, ("hydraulic", "hydraulic", "ema", "ema")))
     (f,) = s.faults
     assert (f.target, f.kind, f.start_s) == ("elevator.left_inner", "ofc_liquid", 12.0)
-    assert set(s.detectors.enabled) == set(c.DETECTORS)
+    assert set(s.detectors.enabled) == set(SHIPPED)
 
 
 @pytest.mark.parametrize("name", builtin_names())

@@ -10,6 +10,7 @@ from scenario_tables import POINT
 from cosim.errors import ScenarioError
 from cosim.scenario import catalog as c
 from cosim.scenario import load_scenario, parse
+from fdi.registry import SHIPPED
 
 
 def test_override_replaces_what_it_excludes():
@@ -108,7 +109,7 @@ def test_any_scenario_expands_to_an_equal_one(data):
         "faults": [draw(faults(i)) for i in range(draw(st.integers(0, 4)))],
         "elevator": {"feedback": draw(st.sampled_from(c.FEEDBACKS))},
         "detectors": {
-            "enabled": draw(st.lists(st.sampled_from(list(c.DETECTORS)), unique=True)),
+            "enabled": draw(st.lists(st.sampled_from(list(SHIPPED)), unique=True)),
             "iotsekf": {"q_fault": 0.5},
         },
         "tolerances": {"aero": {"Cm_alpha": draw(st.floats(0.2, 5.0))}},

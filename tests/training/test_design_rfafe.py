@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from cosim.errors import DesignError
-from cosim.flight import rfafe_wires
 from cosim.flight.bus import Bus
+from cosim.flight.detectors import sources
+from cosim.scenario.catalog import SEGMENTS
 from cosim.training import designs as design
 from fdi.rfafe import rfafe, rfafe_airframe
-from fdi.rfafe.store import choose, from_plain, read
+from fdi.rfafe.store import choose, from_plain, read, side_kinds
 
 FORMS = {"rfafe": rfafe, "rfafe_airframe": rfafe_airframe}
 
@@ -59,13 +60,13 @@ def test_stored_matrices_hold_when_substituted_back(name):
 @pytest.mark.parametrize("name", sorted(FORMS))
 def test_every_input_is_wired(name):
     bus = Bus([("x", FORMS[name].INPUTS, ("aircraft",))])
-    assert {c for c, _ in bus.columns("x", "aircraft")} == set(rfafe_wires.WIRES[name])
+    assert {c for c, _ in bus.columns("x", "aircraft")} == set(sources(name))
 
 
 @pytest.mark.parametrize("kinds", list(itertools.product(["hydraulic", "ema", "simple"], repeat=4)))
 def test_every_elevator_has_a_design_of_its_own(kinds):
     """81 of them: each side is one of four kinds (mixed where its segments differ), each pair has its entry."""
-    key = rfafe_wires.technology(dict(zip(rfafe_wires.SEGMENTS, kinds)))
+    key = side_kinds(dict(zip(SEGMENTS, kinds)))
     left, right = (kinds[i] if kinds[i] == kinds[i + 1] else "mixed" for i in (0, 2))
     assert key == (left if left == right else f"{left}/{right}")
     assert choose("rfafe", key, 0.005)[1] == read("rfafe")["designs"][key]

@@ -25,12 +25,12 @@ CONSTANT, SINE, DRIFT, RUNAWAY = 0.0, 1.0, 2.0, 3.0
 PARAMS = dtype(
     [
         ("form", "f8"),  # one of the four above
-        ("start", "f8"),  # [s]
-        ("end", "f8"),  # [s], inf when never healed
-        ("ramp", "f8"),  # [s]
+        ("start", "f8", "s"),
+        ("end", "f8", "s"),  # inf when never healed
+        ("ramp", "f8", "s"),
         ("amplitude", "f8"),  # [unit of the place; per second for drift and runaway]
-        ("omega", "f8"),  # [rad/s]
-        ("phase", "f8"),  # [rad]
+        ("omega", "f8", "rad/s"),
+        ("phase", "f8", "rad"),
         ("lower", "f8"),  # limits of a runaway [unit of the place]
         ("upper", "f8"),
     ]
@@ -38,16 +38,16 @@ PARAMS = dtype(
 
 INPUTS = dtype(
     [
-        ("t", "f8"),  # time of the tick [s]
+        ("t", "f8", "s"),  # time of the tick
         ("ref", "f8"),  # signal latched at the onset of a runaway [unit of the place]
     ]
 )
 
 STATE = dtype(
     [
-        ("active", "f8"),  # 1 between start and end
-        ("g", "f8"),  # envelope, 0..1
-        ("f_inj", "f8"),  # injected signal [unit of the place]
+        ("active", "f8", "-"),  # 1 between start and end
+        ("g", "f8", "-"),  # envelope, 0..1
+        ("f_inj", "f8", "of the place"),  # injected signal
         ("f_neg", "f8"),  # its negative, for places that count the other way
         ("latch", "f8"),  # reference at onset [unit of the place]
     ]

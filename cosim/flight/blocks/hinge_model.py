@@ -15,32 +15,32 @@ from actuators.block import dtype, kernel
 
 PARAMS = dtype(
     [
-        ("k", "f8"),  # model over truth [-]
-        ("m_0", "f8"),  # hinge moment at zero angle, at trim [N m]
-        ("m_alpha", "f8"),  # its slope over angle of attack [N m/rad]
-        ("m_q", "f8"),  # over pitch rate [N m s/rad]
-        ("m_d", "f8"),  # over the segment's own angle [N m/rad]
-        ("alpha_0", "f8"),  # [rad]
-        ("cas_0", "f8"),  # [m/s]
+        ("k", "f8", "-"),  # model over truth
+        ("m_0", "f8", "N m"),  # hinge moment at zero angle, at trim
+        ("m_alpha", "f8", "N m/rad"),  # its slope over angle of attack
+        ("m_q", "f8", "N m s/rad"),  # over pitch rate
+        ("m_d", "f8", "N m/rad"),  # over the segment's own angle
+        ("alpha_0", "f8", "rad"),
+        ("cas_0", "f8", "m/s"),
     ]
 )
 INPUTS = dtype(
     [
-        ("alpha", "f8"),
-        ("alpha_valid", "f8"),  # [rad]
-        ("q", "f8"),
-        ("q_valid", "f8"),  # [rad/s]
-        ("cas", "f8"),
-        ("cas_valid", "f8"),  # [m/s]
+        ("alpha", "f8", "rad"),
+        ("alpha_valid", "f8", "-"),
+        ("q", "f8", "rad/s"),
+        ("q_valid", "f8", "-"),
+        ("cas", "f8", "m/s"),
+        ("cas_valid", "f8", "-"),
     ]
 )
 STATE = dtype(
     [
-        ("hm0", "f8"),  # [N m]
-        ("hmd", "f8"),  # [N m/rad]
-        ("alpha", "f8"),
-        ("q", "f8"),
-        ("cas", "f8"),  # last valid measurements
+        ("hm0", "f8", "N m"),
+        ("hmd", "f8", "N m/rad"),
+        ("alpha", "f8", "rad"),
+        ("q", "f8", "rad/s"),
+        ("cas", "f8", "m/s"),  # last valid measurements
     ]
 )
 OUTPUTS = ("hm0", "hmd")

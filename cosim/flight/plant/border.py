@@ -15,48 +15,48 @@ FT, LB, SLUG, KT = 0.3048, 4.4482216152605, 14.593902937206364, 1852.0 / 3600.0
 LBSFT, PSF, G0 = LB * FT, LB / FT**2, 9.80665
 
 _ENGINE = "propulsion/engine[{}]/"
-_MOTION = (  # (field, property, factor); nx, ny, nz and cg get their last step in `to_si`
-    ("alpha", "aero/alpha-rad", 1),  # against the air [rad]
-    ("beta", "aero/beta-rad", 1),
-    ("p", "velocities/p-rad_sec", 1),  # body rates [rad/s]
-    ("q", "velocities/q-rad_sec", 1),
-    ("r", "velocities/r-rad_sec", 1),
-    ("phi", "attitude/phi-rad", 1),  # [rad]
-    ("theta", "attitude/theta-rad", 1),
-    ("psi", "attitude/psi-rad", 1),
-    ("tas", "velocities/vt-fps", FT),  # [m/s]
-    ("cas", "velocities/vc-fps", FT),
-    ("mach", "velocities/mach", 1),
-    ("h", "position/h-sl-ft", FT),  # above mean sea level [m]
-    ("hdot", "velocities/h-dot-fps", FT),  # [m/s]
-    ("gamma", "flight-path/gamma-rad", 1),  # [rad]
-    ("nx", "forces/fbx-total-lbs", 1),  # forces over weight, forward + [-]
-    ("ny", "forces/fby-total-lbs", 1),  # right +
-    ("nz", "forces/fbz-total-lbs", -1),  # up +, close to 1 in level flight
-    ("pdot", "accelerations/pdot-rad_sec2", 1),  # [rad/s2]
-    ("qdot", "accelerations/qdot-rad_sec2", 1),
-    ("rdot", "accelerations/rdot-rad_sec2", 1),
-    ("udot", "accelerations/udot-ft_sec2", FT),  # body axes [m/s2]
-    ("vdot", "accelerations/vdot-ft_sec2", FT),
-    ("wdot", "accelerations/wdot-ft_sec2", FT),
-    ("qbar", "aero/qbar-psf", PSF),  # [Pa]
-    ("rho", "atmosphere/rho-slugs_ft3", SLUG / FT**3),  # [kg/m3]
-    ("mass", "inertia/mass-slugs", SLUG),  # [kg]
-    ("cg", "inertia/cg-x-in", 1),  # fraction of the mean chord
-    ("lat", "position/lat-geod-rad", 1),  # [rad]
-    ("lon", "position/long-gc-rad", 1),
+_MOTION = (  # (field, property, factor, unit); nx, ny, nz and cg get their last step in `to_si`
+    ("alpha", "aero/alpha-rad", 1, "rad"),  # against the air
+    ("beta", "aero/beta-rad", 1, "rad"),
+    ("p", "velocities/p-rad_sec", 1, "rad/s"),  # body rates
+    ("q", "velocities/q-rad_sec", 1, "rad/s"),
+    ("r", "velocities/r-rad_sec", 1, "rad/s"),
+    ("phi", "attitude/phi-rad", 1, "rad"),
+    ("theta", "attitude/theta-rad", 1, "rad"),
+    ("psi", "attitude/psi-rad", 1, "rad"),
+    ("tas", "velocities/vt-fps", FT, "m/s"),
+    ("cas", "velocities/vc-fps", FT, "m/s"),
+    ("mach", "velocities/mach", 1, "-"),
+    ("h", "position/h-sl-ft", FT, "m"),  # above mean sea level
+    ("hdot", "velocities/h-dot-fps", FT, "m/s"),
+    ("gamma", "flight-path/gamma-rad", 1, "rad"),
+    ("nx", "forces/fbx-total-lbs", 1, "g"),  # forces over weight, forward +
+    ("ny", "forces/fby-total-lbs", 1, "g"),  # right +
+    ("nz", "forces/fbz-total-lbs", -1, "g"),  # up +, close to 1 in level flight
+    ("pdot", "accelerations/pdot-rad_sec2", 1, "rad/s2"),
+    ("qdot", "accelerations/qdot-rad_sec2", 1, "rad/s2"),
+    ("rdot", "accelerations/rdot-rad_sec2", 1, "rad/s2"),
+    ("udot", "accelerations/udot-ft_sec2", FT, "m/s2"),  # body axes
+    ("vdot", "accelerations/vdot-ft_sec2", FT, "m/s2"),
+    ("wdot", "accelerations/wdot-ft_sec2", FT, "m/s2"),
+    ("qbar", "aero/qbar-psf", PSF, "Pa"),
+    ("rho", "atmosphere/rho-slugs_ft3", SLUG / FT**3, "kg/m3"),
+    ("mass", "inertia/mass-slugs", SLUG, "kg"),
+    ("cg", "inertia/cg-x-in", 1, "-"),  # fraction of the mean chord
+    ("lat", "position/lat-geod-rad", 1, "rad"),
+    ("lon", "position/long-gc-rad", 1, "rad"),
 )
 _REST = (
-    ("da_l", "fcs/aileron-left-pos-rad", 1),  # each aileron + rolls right [rad]
-    ("da_r", "fcs/aileron-right-pos-rad", 1),
-    ("dr", "fcs/rudder-applied-rad", 1),  # + yaws left [rad]
-    ("stab", "fcs/stabilizer-pos-rad", 1),  # trailing edge down + [rad]
-    ("u", "velocities/u-fps", FT),  # body velocity over the ground [m/s]
-    ("v", "velocities/v-fps", FT),
-    ("w", "velocities/w-fps", FT),
-    ("wind_n", "atmosphere/total-wind-north-fps", FT),  # wind with turbulence [m/s]
-    ("wind_e", "atmosphere/total-wind-east-fps", FT),
-    ("wind_d", "atmosphere/total-wind-down-fps", FT),
+    ("da_l", "fcs/aileron-left-pos-rad", 1, "rad"),  # each aileron + rolls right
+    ("da_r", "fcs/aileron-right-pos-rad", 1, "rad"),
+    ("dr", "fcs/rudder-applied-rad", 1, "rad"),  # + yaws left
+    ("stab", "fcs/stabilizer-pos-rad", 1, "rad"),  # trailing edge down +
+    ("u", "velocities/u-fps", FT, "m/s"),  # body velocity over the ground
+    ("v", "velocities/v-fps", FT, "m/s"),
+    ("w", "velocities/w-fps", FT, "m/s"),
+    ("wind_n", "atmosphere/total-wind-north-fps", FT, "m/s"),  # wind with turbulence
+    ("wind_e", "atmosphere/total-wind-east-fps", FT, "m/s"),
+    ("wind_d", "atmosphere/total-wind-down-fps", FT, "m/s"),
 )
 _NX, _MASS, _CG = (next(i for i, s in enumerate(_MOTION) if s[0] == name) for name in ("nx", "mass", "cg"))
 
@@ -98,12 +98,12 @@ def border(aircraft: Aircraft) -> Border:
 def _border(segments: tuple[str, ...], engines: int) -> Border:
     signals = (
         *_MOTION,
-        # hinge moment at zero angle, + drives down [N m], and its slope over the segment's angle [N m/rad]
-        *((f"hm0_{s}", f"aero/hinge-0-{s}-lbsft", LBSFT) for s in segments),
-        *((f"hmd_{s}", "aero/hinge-delta-lbsft_rad", LBSFT) for s in segments),
-        *((f"n1_{i + 1}", _ENGINE.format(i) + "n1", 1) for i in range(engines)),  # fan speed [%]
-        *((f"thrust_{i + 1}", _ENGINE.format(i) + "thrust-lbs", LB) for i in range(engines)),  # [N]
-        *((f"de_{s}", f"fcs/elevator-{s}-pos-rad", 1) for s in segments),  # elevator, trailing edge down + [rad]
+        # hinge moment at zero angle, + drives down, and its slope over the segment's angle
+        *((f"hm0_{s}", f"aero/hinge-0-{s}-lbsft", LBSFT, "N m") for s in segments),
+        *((f"hmd_{s}", "aero/hinge-delta-lbsft_rad", LBSFT, "N m/rad") for s in segments),
+        *((f"n1_{i + 1}", _ENGINE.format(i) + "n1", 1, "%") for i in range(engines)),  # fan speed
+        *((f"thrust_{i + 1}", _ENGINE.format(i) + "thrust-lbs", LB, "N") for i in range(engines)),
+        *((f"de_{s}", f"fcs/elevator-{s}-pos-rad", 1, "rad") for s in segments),  # elevator, trailing edge down +
         *_REST,
     )
     controls = {
@@ -115,8 +115,8 @@ def _border(segments: tuple[str, ...], engines: int) -> Border:
         **{f"throttle_{i + 1}": f"fcs/throttle-cmd-norm[{i}]" for i in range(engines)},
         **{f"thrust_loss_{i + 1}": _ENGINE.format(i) + "bleed-factor" for i in range(engines)},
     }
-    truth = dtype([(name, "f8") for name, _, _ in signals])
-    return Border(truth, tuple((name, factor) for _, name, factor in signals), controls)
+    truth = dtype([(name, "f8", unit) for name, _, _, unit in signals])
+    return Border(truth, tuple((name, factor) for _, name, factor, _ in signals), controls)
 
 
 @kernel

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cosim.flight import airframe_wires
+from cosim.flight.detectors import sources
 from cosim.papers.alwi14 import flights as alwi14
 from cosim.papers.drawing import Curve, Drawing, Panel
 
@@ -54,7 +54,7 @@ def _drawing(faults, beside, title, caption):
             for (p, (f, log)), role, dash in zip(flown.items(), roles, LOOKS)
         )
 
-    wires = airframe_wires.lpv_smo()
+    wires = sources("lpv_smo")
 
     def output(field, unit):
         def values(f, _):

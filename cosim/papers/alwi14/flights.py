@@ -5,9 +5,10 @@ import math
 
 import numpy as np
 
-from cosim.flight import airframe_wires
+from cosim.flight.detectors import sources
 from cosim.flight.plant.point import SIX
 from cosim.flight.signals import detect, fly
+from cosim.flight.site import site
 from cosim.scenario.load import load_scenario
 from cosim.scenario.tolerance import toleranced
 from fdi.lpv_smo import lpv_smo
@@ -36,13 +37,13 @@ def fly_point(point, faults, path, draw, noise):
     if draw is not None:
         rng = np.random.default_rng([ord(point), draw])
         changes += [f"tolerances.aero.{n}={1 + 0.05 * rng.choice((-1, 1))}" for n in toleranced("aero")]
-    names = [*airframe_wires.lpv_smo().values(), "truth.aircraft.h", "law.law.stab_cmd"]
+    names = [*sources("lpv_smo").values(), "truth.aircraft.h", "law.law.stab_cmd"]
     return fly(load_scenario("alwi14-simultaneous", changes), names)
 
 
 def nonlinear(point, faults, path="observers", draw=None, noise=1.0, t_learn=0.0):
     """Return (flight, detector log), the detector without learned offset unless `t_learn` says so."""
     flown = fly_point(point, faults, path, draw, noise)
-    p = airframe_wires.lpv_smo_params(lpv_smo, None, "aircraft", flown.attrs["dt"])
+    p = lpv_smo.fitted(site(flown.attrs["dt"]))
     p["t_learn"] = t_learn
-    return flown, detect(flown, lpv_smo, airframe_wires.lpv_smo(), p)
+    return flown, detect(flown, lpv_smo, sources("lpv_smo"), p)

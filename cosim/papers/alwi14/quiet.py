@@ -7,11 +7,12 @@ import math
 import numpy as np
 from scipy.signal import lfilter
 
-from cosim.flight import airframe_wires
 from cosim.flight.blocks.sensors import TRANSPORT
+from cosim.flight.detectors import sources
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.point import SIX, FlightPoint
 from cosim.flight.signals import detect
+from cosim.flight.site import SERVO, site
 from cosim.papers.alwi14.flights import DEG, EVIDENCE, NAMES, POINTS, SENSIBLE, UNITS, fly_point, nonlinear
 from cosim.papers.row import Planned as planned
 from cosim.papers.row import ours
@@ -63,7 +64,7 @@ def _followed():
     """Return (peak of the load factor over the 0.15 g of the doublet that is farthest from 1, each point's)."""
     peaks = []
     for point in POINTS:
-        n_z = _quiet_flight(point)[airframe_wires.lpv_smo()["n_z"]].to_numpy()
+        n_z = _quiet_flight(point)[sources("lpv_smo")["n_z"]].to_numpy()
         peaks.append(float(np.ptp(n_z[400:])) / 0.3)
     return max(peaks, key=lambda p: abs(p - 1.0)), _each(peaks)[1]
 
@@ -73,7 +74,7 @@ def _settled():
     found = []
     for point in POINTS:
         flown = _quiet_flight(point)
-        n_z = flown[airframe_wires.lpv_smo()["n_z"]].to_numpy()
+        n_z = flown[sources("lpv_smo")["n_z"]].to_numpy()
         rest = n_z[(flown.index >= 5.0) & (flown.index < 12.0)].mean()
         ends = [n_z[(flown.index >= end - 1.0) & (flown.index < end)].mean() - rest for end in (15.0, 18.0)]
         found.append(float(np.abs(ends).max()) / 0.15)
@@ -88,15 +89,15 @@ def _without_lift():
         late = round(TRANSPORT["n_z"][2] / flown.attrs["dt"])
         command = flown["law.law.de_cmd"].to_numpy() / DEG
         command = np.r_[np.full(late, command[0]), command[: len(command) - late]]
-        share = 1.0 - math.exp(-flown.attrs["dt"] / airframe_wires.SERVO)
+        share = 1.0 - math.exp(-flown.attrs["dt"] / SERVO)
         elevator = lfilter([share], [1.0, share - 1.0], command - command[0])
-        n_z = flown[airframe_wires.lpv_smo()["n_z"]].to_numpy() - _own_model(point)[0].D[0, 4, 0] * elevator
+        n_z = flown[sources("lpv_smo")["n_z"]].to_numpy() - _own_model(point)[0].D[0, 4, 0] * elevator
         found.append(float(np.ptp(n_z[400:])) / 0.3)
     return _each(found)
 
 
 def _figure_1():
-    wires = airframe_wires.lpv_smo()
+    wires = sources("lpv_smo")
     yield planned(
         "alwi14",
         "figure 1a, nonlinear aircraft: range of the load factor over the doublet's 0.3 g, farthest from 1 of A to E",
@@ -163,13 +164,13 @@ def _own_model(point):
 def _own_worst(point):
     """Return the largest fault-free elevator estimate [deg] with the point's own linear model in the observer."""
     flown = _quiet_flight(point)
-    p = airframe_wires.lpv_smo_params(lpv_smo, None, "aircraft", flown.attrs["dt"])
+    p = lpv_smo.fitted(site(flown.attrs["dt"]))
     model, made = _own_model(point)
     own = lpv_smo.params(model=model, made=made)
     for key in ("A", "B", "E", "D51", "eq"):
         p[key] = own[key]
     p["t_learn"] = 0.0
-    log = detect(flown, lpv_smo, airframe_wires.lpv_smo(), p)
+    log = detect(flown, lpv_smo, sources("lpv_smo"), p)
     return float(np.abs(log["f_hat_elevator"][flown.index > 3.0]).max() / DEG)
 
 

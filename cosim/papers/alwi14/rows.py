@@ -4,7 +4,6 @@ import functools
 
 import numpy as np
 
-from cosim.flight import airframe_wires
 from cosim.papers.alwi14 import model as alwi14_model
 from cosim.papers.alwi14 import quiet as alwi14_quiet
 from cosim.papers.alwi14.flights import (
@@ -119,7 +118,7 @@ def _figure_2():
 
 
 def _uncertain():
-    for t_learn, word in ((airframe_wires.LEARN, "offset learned up to 8 s"), (0.0, "as published, no offset")):
+    for t_learn, word in ((lpv_smo.LEARN, "offset learned up to 8 s"), (0.0, "as published, no offset")):
         for i, name in enumerate(NAMES):
             yield ours(
                 "alwi14",

@@ -12,16 +12,18 @@ import math
 import numpy as np
 
 from cosim.campaign import EVALUATION_SEED
-from cosim.flight import airframe_wires
+from cosim.flight.detectors import sources
 from cosim.flight.plant.force_model import force_model
 from cosim.flight.signals import detect
 from cosim.flight.signals import fly as fly_signals
+from cosim.flight.site import aircraft
+from cosim.scenario.aircraft import load_aircraft
 from cosim.scenario.load import load_scenario
 from cosim.scenario.tolerance import toleranced
 from fdi.control_redundancy import control_redundancy
 
 DEG = math.pi / 180
-WIRES = airframe_wires.control_redundancy()
+WIRES = sources("control_redundancy")
 NAMES = {1: "thrust-loss", 2: "elevator-lock-then-thrust-loss", 3: "thrust-loss-then-locks"}
 # effectors in the order of their faults, with the times of these [s]
 TRUTH = {
@@ -95,7 +97,8 @@ def run(flown, p):
 
 def detector(**kw):
     """Return PARAMS with commands two steps late, as the measurements are, and the actuators' own delay."""
-    late, rate = airframe_wires.actuator_delays(), airframe_wires.actuator_rates()
+    own = aircraft(load_aircraft())
+    late, rate = own.delays, own.rates
     return control_redundancy.params(model=force_model(), delay=2, lag=late, rate=rate, **kw)
 
 

@@ -37,16 +37,16 @@ from cosim.flight.blocks.law.signals import SENSORS as SENSORS
 
 PARAMS = dtype([
     ("k_nz", "f8"), ("k_i", "f8"), ("k_q", "f8"),         # [rad/g], [rad/g/s], [s]
-    ("b_n", "f8"),                                        # share of the demand that acts at once [-]
-    ("k_direct", "f8"),                                   # elevator per demanded g when n_z is lost [rad/g]
+    ("b_n", "f8", "-"),                                   # share of the demand that acts at once
+    ("k_direct", "f8", "rad/g"),                          # elevator per demanded g when n_z is lost
     ("k_alpha", "f8"), ("k_rate", "f8"), ("alpha_max", "f8"),  # [g/rad], [g s/rad], [rad]
     ("n_alpha", "f8"), ("n_stall", "f8"),                 # at the trim speed: [g/rad], n_z at alpha_max [g]
     ("k_theta", "f8"), ("lead", "f8"),                    # [1/s], lag of the load-factor loop that is made up for [s]
     ("theta_max", "f8"), ("theta_min", "f8"),             # [rad]
     ("n_max", "f8"), ("n_min", "f8"),                     # load-factor limits [g]
-    ("k_path", "f8"),                                     # vertical-speed hold [1/s]
+    ("k_path", "f8", "1/s"),                              # vertical-speed hold
     ("w_h", "f8"), ("zeta_h", "f8"),                      # altitude hold [rad/s], [-]
-    ("n_hold", "f8"),                                     # most that the holds demand [g]
+    ("n_hold", "f8", "g"),                                # most that the holds demand
     ("k_trim", "f8"), ("trim_rate", "f8"), ("trim_dead", "f8"),  # stabiliser per elevator [1/s], [rad/s], left [rad]
     ("stab_min", "f8"), ("stab_max", "f8"),               # [rad]
     ("w_phi", "f8"), ("w_p", "f8"), ("p_max", "f8"),      # reference bank: approach, lag [1/s], limit [rad/s]
@@ -65,39 +65,39 @@ PARAMS = dtype([
 ])
 INPUTS = dtype([
     ("y", "f8", (N,)),       # measurements in the order of SENSORS [SI]
-    ("valid", "f8", (N,)),   # their flags
-    ("nz_dem", "f8"),        # demanded load-factor increment [g]
-    ("phi_dem", "f8"),       # demanded bank [rad]
-    ("psi_dem", "f8"),       # demanded change of heading [rad]
-    ("de_add", "f8"),        # added to the elevator command [rad]
+    ("valid", "f8", (N,), "-"),  # their flags
+    ("nz_dem", "f8", "g"),   # demanded load-factor increment
+    ("phi_dem", "f8", "rad"),  # demanded bank
+    ("psi_dem", "f8", "rad"),  # demanded change of heading
+    ("de_add", "f8", "rad"),  # added to the elevator command
     ("hold_psi", "f8"),      # 1: the heading hold steers
     ("hold_h", "f8"),        # 1: the altitude hold steers while the stick is free
     ("hold_v", "f8"),        # 1: the speed hold moves the throttles
 ])
 STATE = dtype([
-    ("de_cmd", "f8"),        # elevator command, trailing edge down + [rad]
-    ("da_cmd", "f8"),        # aileron command, + rolls right [rad]
-    ("dr_cmd", "f8"),        # rudder command, + yaws left [rad]
-    ("stab_cmd", "f8"),      # stabiliser command, trailing edge down + [rad]
-    ("throttle_cmd", "f8"),  # 0..1
-    ("n_c", "f8"),           # load-factor increment demanded after limits [g]
-    ("e", "f8"),             # error that is integrated [g]
-    ("protection", "f8"),    # 0 none, 1 angle of attack, 2 pitch attitude, 3 load factor
-    ("alpha_lim", "f8"),     # angle of attack of the limit that binds [rad]
-    ("xi", "f8"),            # elevator from the integral of e [rad]
-    ("phi_ref", "f8"),       # reference bank [rad]
-    ("p_ref", "f8"),         # its rate [rad/s]
-    ("hdot_ref", "f8"),      # vertical speed held [m/s]
-    ("h_ref", "f8"),         # altitude held [m]
-    ("de_slow", "f8"),       # low-passed elevator command, for the trim [rad]
-    ("room", "f8"),          # angle of attack left to the limits of load factor and attitude, low-passed [rad]
-    ("r_lag", "f8"),         # yaw-rate error, low-passed, for the wash-out [rad/s]
-    ("theta_lag", "f8"),     # attitude, low-passed, for a substitute of q [rad]
-    ("phi_hat", "f8"),       # bank, measured or carried on [rad]
-    ("xi_phi", "f8"),        # aileron from the integral of the bank error [rad]
-    ("xi_dr", "f8"),         # rudder trim [rad]
-    ("cas_lag", "f8"),       # speed, low-passed, for the throttles [m/s]
-    ("xi_v", "f8"),          # integral of the speed error [m]
+    ("de_cmd", "f8", "rad"),  # elevator command, trailing edge down +
+    ("da_cmd", "f8", "rad"),  # aileron command, + rolls right
+    ("dr_cmd", "f8", "rad"),  # rudder command, + yaws left
+    ("stab_cmd", "f8", "rad"),  # stabiliser command, trailing edge down +
+    ("throttle_cmd", "f8", "-"),  # 0..1
+    ("n_c", "f8", "g"),      # load-factor increment demanded after limits
+    ("e", "f8", "g"),        # error that is integrated
+    ("protection", "f8", "-"),    # 0 none, 1 angle of attack, 2 pitch attitude, 3 load factor
+    ("alpha_lim", "f8", "rad"),  # angle of attack of the limit that binds
+    ("xi", "f8", "rad"),     # elevator from the integral of e
+    ("phi_ref", "f8", "rad"),  # reference bank
+    ("p_ref", "f8", "rad/s"),  # its rate
+    ("hdot_ref", "f8", "m/s"),  # vertical speed held
+    ("h_ref", "f8", "m"),    # altitude held
+    ("de_slow", "f8", "rad"),  # low-passed elevator command, for the trim
+    ("room", "f8", "rad"),   # angle of attack left to the limits of load factor and attitude, low-passed
+    ("r_lag", "f8", "rad/s"),  # yaw-rate error, low-passed, for the wash-out
+    ("theta_lag", "f8", "rad"),  # attitude, low-passed, for a substitute of q
+    ("phi_hat", "f8", "rad"),  # bank, measured or carried on
+    ("xi_phi", "f8", "rad"),  # aileron from the integral of the bank error
+    ("xi_dr", "f8", "rad"),  # rudder trim
+    ("cas_lag", "f8", "m/s"),  # speed, low-passed, for the throttles
+    ("xi_v", "f8", "m"),     # integral of the speed error
     ("held", "f8", (N,)),    # last valid measurement
     ("age", "f8", (N,)),     # seconds since it was valid; runs back when it returns
     ("fresh", "f8"),         # 0 before the first tick

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from cosim.flight import airframe_wires
+from cosim.flight.detectors import sources
 from cosim.flight.signals import detect, fly
 from cosim.papers.mar10 import flights
 from cosim.papers.studies import Table
@@ -59,7 +59,7 @@ def declared(flight, target, size, draw):
 
     The missed angle is the mean over the half second before, of the surfaces at fault; 0 for engines.
     """
-    wires = airframe_wires.control_redundancy()
+    wires = sources("control_redundancy")
     surfaces, command = SURFACES.get(target, ((), "de_cmd"))
     names = [*wires.values(), f"law.law.{command}", *(f"truth.aircraft.{s}" for s in surfaces)]
     changes = (*faults(target, size), *FLIGHTS[flight], "duration_s=36")

@@ -12,9 +12,10 @@ either coefficient, and nothing else, comes out as an error of f as large as the
 
 import numpy as np
 
-from cosim.flight import airframe_wires
+from cosim.flight.detectors import sources
 from cosim.flight.plant.point import SIX
 from cosim.flight.signals import detect, fly
+from cosim.flight.site import site
 from cosim.papers.studies import Table
 from cosim.scenario.load import load_scenario
 from cosim.scenario.tolerance import toleranced
@@ -38,9 +39,9 @@ def errors(point, coefficient="", draw=-1):
     if draw >= 0:
         rng = np.random.default_rng([ord(point), draw])
         changes += [f"tolerances.aero.{n}={1 + WRONG * rng.choice((-1, 1))}" for n in toleranced("aero")]
-    wires = airframe_wires.lpv_smo()
+    wires = sources("lpv_smo")
     flown = fly(load_scenario("alwi14-simultaneous", changes), wires.values())
-    p = airframe_wires.lpv_smo_params(lpv_smo, None, "aircraft", flown.attrs["dt"])
+    p = lpv_smo.fitted(site(flown.attrs["dt"]))
     log, late = detect(flown, lpv_smo, wires, p), flown.index >= END - 5.0
     stab = flown[wires["stab"]].to_numpy()
     moved = np.degrees(stab[late].mean() - stab[flown.index < ONSET].mean())

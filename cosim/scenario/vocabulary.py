@@ -1,0 +1,167 @@
+"""The vocabulary of signals: one word for what a detector reads, a map names, a log holds and a page shows.
+
+A detector's record says `inputs = {"y_rod": "rod", "u": "valve_command"}`. A word of an actuator means that of the
+detector's own lane; `left_outer.surface` names one segment, as a map does. Each word has its meaning and sign, its SI
+unit, its place on the bus of a flight and its place in the log.
+"""
+
+import functools
+from dataclasses import dataclass, replace
+
+from cosim.errors import did_you_mean
+from cosim.scenario import catalog as c
+
+AIRCRAFT = {  # sensors of the aircraft: what they measure and which way is positive
+    "alpha": "angle of attack, nose up +",
+    "beta": "sideslip, wind from the right +",
+    "cas": "calibrated airspeed",
+    "tas": "true airspeed",
+    "mach": "Mach number",
+    "h_baro": "barometric altitude",
+    "h_inertial": "inertial altitude",
+    "hdot": "vertical speed, up +",
+    "p": "roll rate, right wing down +",
+    "q": "pitch rate, nose up +",
+    "r": "yaw rate, nose right +",
+    "phi": "bank angle, right wing down +",
+    "theta": "pitch angle, nose up +",
+    "psi": "heading",
+    "n_x": "load factor along the body, forward +",
+    "n_y": "load factor across the body, right +",
+    "n_z": "load factor, up +, 1 in level flight",
+    "pdot": "roll acceleration",
+    "qdot": "pitch acceleration, nose up +",
+    "rdot": "yaw acceleration",
+    **{f"n1_{i}": f"fan speed of engine {i}" for i in range(1, 5)},
+    "mass": "mass, by the fuel system",
+    "cg": "centre of gravity, fraction of the mean chord from its leading edge",
+}
+PARTS = {  # sensors of an actuator
+    "rod": "rod position, + extends = trailing edge down",
+    "surface": "surface position, trailing edge down +",
+    "pressure": "pressure difference over the supply pressure, + extends",
+    "velocity": "motor velocity, + extends",
+    "position": "screw position, + extends = trailing edge down",
+    "current": "motor current, + extends",
+}
+COMMANDS = {  # of the control law
+    "de_cmd": "elevator command, trailing edge down +",
+    "da_cmd": "aileron command, + rolls right",
+    "dr_cmd": "rudder command, + yaws left",
+    "stab_cmd": "stabiliser command, trailing edge down +",
+    "throttle_cmd": "throttle command, 0 to 1",
+}
+SENT = {  # of a servo to its actuator, by technology: word, what it is, unit
+    "hydraulic": ("valve_command", "valve command held over the last tick, full valve = 1, + extends", "-"),
+    "ema": ("current_command", "current demand held over the last tick, + extends", "A"),
+}
+HINGE = {  # of the hinge-moment model on measured air data, + drives the trailing edge down
+    "hm0": ("modelled hinge moment at zero deflection", "N m"),
+    "hmd": ("its slope over the surface angle", "N m/rad"),
+}
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A word; `{lane}` in its places is the segment."""
+
+    word: str
+    kind: str  # "sensor", "command" of the law, "sent" by a servo, "model"
+    meaning: str
+    unit: str
+    source: str  # on the bus
+    flag: str  # of its validity on the bus, or ""
+    topic: str  # in the log
+    field: str
+    technologies: tuple = ()  # of the actuators that have it, empty for the aircraft's
+
+    def at(self, lane):
+        """Return this signal of one segment, with its full name as word; one of the aircraft as it is."""
+        if not self.technologies:
+            return self
+        there = {name: getattr(self, name).format(lane=lane) for name in ("source", "flag", "topic")}
+        return replace(self, word=f"{lane}.{self.word}", **there)
+
+
+@functools.cache
+def words():
+    """Return {word: Signal} of everything that a detector may read."""
+    out = []
+    for name, meaning in AIRCRAFT.items():
+        bus, unit = f"sensors.{name}", c.SENSORS[name][0].si
+        out.append(
+            Signal(name, "sensor", meaning, unit, f"{bus}.y_obs", f"{bus}.valid_obs", "/sensors/aircraft", name)
+        )
+    for name, meaning in COMMANDS.items():
+        unit = "-" if name == "throttle_cmd" else "rad"
+        out.append(Signal(name, "command", meaning, unit, f"law.law.{name}", "", "/law", name))
+    for name, meaning in PARTS.items():
+        bus, unit = f"sensors.{{lane}}_{name}", c.ACTUATOR_SENSORS[name][0].si
+        unit = "-" if unit.startswith("of ") else unit
+        has = tuple(t for t in c.TECHNOLOGIES if name in (*c.SENSORS_OF[t], "surface"))
+        topic = "/sensors/{lane}"
+        out.append(Signal(name, "sensor", meaning, unit, f"{bus}.y_obs", f"{bus}.valid_obs", topic, name, has))
+    for tech, (name, meaning, unit) in SENT.items():
+        topic = f"/actuators/{{lane}}/{tech}"
+        out.append(Signal(name, "sent", meaning, unit, f"{tech}_in.{{lane}}.u", "", topic, "u_held", (tech,)))
+    for name, (meaning, unit) in HINGE.items():
+        source, topic = f"hinge_model.{{lane}}.{name}", "/hinge_model/{lane}"
+        out.append(Signal(name, "model", meaning, unit, source, "", topic, name, c.TECHNOLOGIES))
+    return {s.word: s for s in out}
+
+
+def find(name, lane=""):
+    """Return the Signal of `name`: a word, of segment `lane` where it is an actuator's, or `segment.word`.
+
+    Raises KeyError with what it might have been.
+    """
+    segment, _, word = name.rpartition(".")
+    known = words()
+    if word not in known or (segment and not known[word].technologies):
+        raise KeyError(f"{name!r} is no signal. {did_you_mean(name, known)}".strip())
+    return known[word].at(segment or lane)
+
+
+def inventory():
+    """Return [{name, kind, unit, summary, topic, field}] of the vocabulary, for `cosim list signals`."""
+    return [
+        {
+            "name": s.word,
+            "kind": s.kind,
+            "unit": s.unit,
+            "summary": s.meaning + (f"; of an actuator: {', '.join(s.technologies)}" if s.technologies else ""),
+            "topic": s.topic.format(lane="<segment>"),
+            "field": s.field,
+        }
+        for s in words().values()
+    ]
+
+
+# Where the sections of the bus stand in the log; sections that are not named here are a detector's
+TOPICS = {
+    "truth": "/truth/{lane}",
+    "surfaces": "/surfaces/{lane}",
+    "pilot": "/pilot",
+    "law": "/law",
+    "hinge_model": "/hinge_model/{lane}",
+    "faults": "/faults/f{lane}",
+    **dict.fromkeys((*c.TECHNOLOGIES, "servo", "ema_servo"), "/actuators/{lane}/{section}"),
+}
+
+
+def topic(section, lane):
+    """Return the topic of the log that holds a lane of a section of the bus."""
+    return TOPICS.get(section, "/detectors/{section}/{lane}").format(section=section, lane=lane)
+
+
+def column(field):
+    """Return what the log calls a field of the bus: `x[3]` is `x_3`."""
+    return field.replace("[", "_").rstrip("]")
+
+
+def place(name):
+    """Return (topic, field) of the log for a name `section.lane.field` of the bus."""
+    section, lane, field = name.split(".", 2)
+    if section.endswith("_in") and field == "u":  # still the command held over the last tick
+        return topic(section.removesuffix("_in"), lane), "u_held"
+    return topic(section, lane), column(field)

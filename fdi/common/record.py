@@ -1,0 +1,66 @@
+"""The record of a detector: what a loop, a log, a judgement and a report need to know about it, in its own module.
+
+A module of a detector is a block (actuators/block.py) with CULPRITS, the names of what it can blame, the first being
+"" for none, and DETECTOR, its record. A loop that flies it makes its parameters by `DETECTOR.fit(site)`.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+GROUPS = ("airframe motion", "elevator positions", "actuator filters", "monitors")  # of the detectors that ship
+Cases = Mapping[str, tuple[str, ...]]  # case -> verdict classes that name it right
+
+
+@dataclass(frozen=True)
+class Site:
+    """What a loop tells a detector about the place where it is to work."""
+
+    dt: float  # its tick [s]
+    lane: str = ""  # the actuator that it watches; "" at aircraft level
+    technology: str = ""  # of that actuator
+    technologies: Mapping[str, str] = field(default_factory=dict)  # of all elevator segments
+    delay: Callable[[str], float] = lambda word: 0.0  # age of a measurement [s], by its word
+    aircraft: Callable[[], Any] = lambda: None  # what is known of the aircraft: force model, gyration, its actuators
+
+    def ticks(self, word):
+        """Return how many ticks the measurement `word` is old."""
+        return float(math.ceil(self.delay(word) / self.dt - 1e-9))
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What an output estimates: `of` a word of the vocabulary (the fault in that reading), "valve" (what acts there
+    less what the servo sent), "elevator", "elevator.left", "elevator.right" (deflection less that of a healthy
+    elevator) or "thrust" (fraction of the total)."""
+
+    of: str
+    output: str
+    unit: str
+
+
+@dataclass(frozen=True)
+class Detector:
+    """One detector. Which verdicts are right stands by case, `<technology>.<kind>` (cosim/judge/coverage.py), `*` for
+    any text; a case in neither table is one that the detector is blind to by its structure.
+    """
+
+    id: str
+    level: str  # "local": a lane per actuator of its technologies; "aircraft": one
+    summary: str
+    inputs: Mapping[str, str]  # field of INPUTS -> word of the signal vocabulary; flags follow: <field>_valid
+    technologies: tuple[str, ...] = ()
+    group: str = ""  # what it draws on: with whom it stands in a comparison; default: its level
+    designed_for: Cases = field(default_factory=dict)
+    may_see: Cases = field(default_factory=dict)  # they can move the statistic, depending on size and motion
+    blind: str = ""  # why it is blind to the rest
+    remark: str = ""  # what has to be said whenever its results are shown
+    estimates: tuple[Estimate, ...] = ()
+    # parameters and states that compiled code uses as indices:
+    looks_back: Mapping[str, str] = field(default_factory=dict)  # parameter: how far back -> array of STATE
+    sizes: Mapping[str, float] = field(default_factory=dict)  # parameter: size or position -> its least value
+    places: Mapping[str, tuple[str, int]] = field(default_factory=dict)  # state: position -> array of STATE, axis
+    options: Mapping[str, tuple] = field(default_factory=dict)  # parameter that a scenario chooses by a word -> words
+    every: int = 1  # ticks of the loop from step to step
+    fit: Callable = field(default=lambda site, **options: None)  # (site, **options) -> PARAMS of one lane
