@@ -11,12 +11,11 @@ import math
 
 import pandas as pd
 
-from actuators.ema import jay
-from actuators.hydraulic import actuator as hydraulic
 from cosim.campaign.pool import cores, pool
 from cosim.errors import TrimError
 from cosim.flight.plant.plant import FlightPoint, Plant
 from cosim.scenario.aircraft import load_aircraft
+from cosim.scenario.catalog import TECHNOLOGIES
 
 REASONS = {  # the first word of a TrimError -> what it means on a map
     "stall": "stall: the wing gives less lift than level flight needs",
@@ -29,13 +28,8 @@ ALTITUDES_FT = tuple(5000.0 * k for k in range(9))
 SPEEDS_KT = tuple(150.0 + 15.0 * k for k in range(17))
 
 
-def _stall_moments():
-    h, e = hydraulic.NOMINAL, jay.values("elevator")
-    motor = e["K_T"] * jay.LIMITS["elevator"][0]
-    return {"hydraulic": h["A_p"] * h["P_s"] * h["arm"], "ema": motor * e["arm"] / e["lead"]}
-
-
-STALL_MOMENT = _stall_moments()  # technology -> at the surface [N m]
+# technology -> at the surface [N m]; a plain actuator knows no load
+STALL_MOMENT = {name: t.design().stall_moment for name, t in TECHNOLOGIES.items() if t.servo}
 
 
 def trim_map(

@@ -89,6 +89,6 @@ def _fault(place, target, name, kind):
         one_of = list(
             dict.fromkeys(k if k == "scale" else k.split("_")[0] + "_<unit>" + "_s" * (name == "drift") for k in one_of)
         )
-    only = list(kind.technologies) if kind.technologies != c.TECHNOLOGIES else []
+    only = list(kind.technologies) if set(kind.technologies) != set(c.TECHNOLOGIES) else []
     about = {"place": place, "target": target, "kind": name, "summary": kind.summary}
     return {**about, "one_of": one_of, "keys": keys, "at": list(kind.at), "only": only}

@@ -13,6 +13,7 @@ from cosim.flight.blocks import faults, hinge_model, law, manoeuvre, sensors
 from cosim.flight.blocks.law import design as law_design
 from cosim.flight.blocks.pilot import steps
 from cosim.flight.bus import Bus, route, route_add
+from cosim.flight.gains import SENSOR_DELAY
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
@@ -20,15 +21,10 @@ from cosim.flight.plant.trim import Trim
 from cosim.flight.tick import Block, Loop
 from cosim.flight.trace import History
 from cosim.scenario import Scenario
+from cosim.scenario.catalog import TECHNOLOGIES
 
 CLOCK = dtype([("t", "f8", "s")])
 NOISE_BLOCK = 1000  # ticks of noise drawn at once
-HINGE_MODEL_ERROR = {
-    "hydraulic": 0.2,
-    "ema": 0.3,
-    "simple": 0.0,
-}  # bound of the error of the detectors' hinge-moment model
-
 
 @dataclass
 class Setup:
@@ -65,16 +61,13 @@ class Setup:
             self.step_us[d.name] = best / repeats / len(x) * 1e6
 
 
-def _sensor_lanes(scenario, nominal, rng, dt):
-    """Return (lane names, PARAMS) of all sensors; constant errors of actuator sensors are drawn once, from `rng`.
-
-    `nominal` has what relative units refer to (see `inject.Nominal`).
-    """
+def _sensor_lanes(scenario, rng, dt):
+    """Return (lane names, PARAMS) of all sensors; constant errors of actuator sensors are drawn once, from `rng`."""
     scale, root = scenario.sensors.noise_scale, math.sqrt(0.005 / dt)  # sigma is per 5 ms sample
     names, rows = [], []
 
     def add(lane, base, sigma, delay, bias=0.0, gain=1.0, tech=None):
-        s = scenario.sensors.setting(base, lambda unit: inject.sensor_unit(unit, base, tech, nominal))
+        s = scenario.sensors.setting(base, lambda unit: inject.own_unit(unit, base, tech))
         sigma = scale * root * sigma if s.sigma is None else s.sigma
         p = np.zeros(1, sensors.PARAMS)
         p["sigma"], p["bias"], p["scale"] = sigma, bias if s.bias is None else s.bias, s.scale or 0.0
@@ -94,17 +87,10 @@ def _sensor_lanes(scenario, nominal, rng, dt):
     for name, (_, sigma, delay, _) in sensors.TRANSPORT.items():
         add(name, name, sigma, delay)
     for seg, tech in scenario.elevator.technology.items():
-        for name in wiring.ACTUATOR_SENSORS[tech]:
-            sigma, spread = sensors.PARTS[name]
-            add(
-                f"{seg}_{name}",
-                name,
-                sigma,
-                actuation.SENSOR_DELAY,
-                bias=scale * spread * rng.uniform(-1.0, 1.0),
-                gain=actuation.LEAD if name == "position" else 1.0,
-                tech=tech,
-            )
+        gains = TECHNOLOGIES[tech].design().gains
+        for name, sensor in TECHNOLOGIES[tech].sensors.items():
+            bias = scale * sensor.spread * rng.uniform(-1.0, 1.0)
+            add(f"{seg}_{name}", name, sensor.sigma, SENSOR_DELAY, bias=bias, gain=gains.get(name, 1.0), tech=tech)
     return tuple(names), np.concatenate(rows)
 
 
@@ -134,19 +120,17 @@ def build(scenario):
     rng_errors, rng_noise = (
         np.random.Generator(np.random.PCG64(s)) for s in np.random.SeedSequence(scenario.seed).spawn(2)
     )
-    nominal = actuation.nominal(dt, aircraft)
-    sensor_lanes, sensor_p = _sensor_lanes(scenario, nominal, rng_errors, dt)
+    sensor_lanes, sensor_p = _sensor_lanes(scenario, rng_errors, dt)
     loads = {seg: (t[f"de_{s}"], t[f"hm0_{s}"], t[f"hmd_{s}"]) for seg, s in aircraft.short.items()}
     others = {name: t[wiring.SURFACE_OF[name]] for name in wiring.OTHERS}
     built = actuation.blocks(scenario, loads, others, dt)
     pilot_p = manoeuvre.params(**steps(scenario.manoeuvre))
     sketch = Plant(point, dt=dt)  # moved about to take derivatives
     law_p = law_design.design(linearize(point), law_design.alpha_limit(sketch, trim), aircraft)
-    factors = [
-        1.0 + HINGE_MODEL_ERROR[tech] * rng_errors.uniform(-1.0, 1.0) for tech in scenario.elevator.technology.values()
-    ]
+    errors = [TECHNOLOGIES[tech].hinge_error for tech in scenario.elevator.technology.values()]
+    factors = [1.0 + error * rng_errors.uniform(-1.0, 1.0) for error in errors]
     hinge_p = hinge_model.design(sketch, trim, t, aircraft.short.values(), factors)
-    fault_lanes = inject.lanes(scenario, nominal)
+    fault_lanes = inject.lanes(scenario)
     chosen = detectors.chosen(scenario)
 
     sections = [
@@ -194,8 +178,8 @@ def build(scenario):
             block(d.id, d.module, p, d.module.init(p), d.every)
             for d, p in ((d, d.params(scenario, dt)) for d in chosen)
         ],
-        servos=[b for b in actuator_blocks if b.name in wiring.SERVO.values()],
-        actuators=[b for b in actuator_blocks if b.name not in wiring.SERVO.values()],
+        servos=[b for b in actuator_blocks if b.name not in TECHNOLOGIES],
+        actuators=[b for b in actuator_blocks if b.name in TECHNOLOGIES],
     )
     wires = {
         stage: bus.wires(pairs)

@@ -11,7 +11,8 @@ import numpy as np
 
 from cosim.errors import ScenarioError
 from cosim.flight.blocks import faults as f
-from cosim.flight.wiring import SERVO
+from cosim.flight.gains import liquid_gain
+from cosim.scenario.catalog import TECHNOLOGIES
 
 SENSOR_SHAPES = {  # kind -> (shape, field behind the prefix f_ or g_, source)
     "bias": (f.CONSTANT, "add", "f_inj"),
@@ -24,21 +25,6 @@ SENSOR_SHAPES = {  # kind -> (shape, field behind the prefix f_ or g_, source)
     "ofc_liquid": (f.SINE, "add", "f_inj"),
     "dropout": (f.CONSTANT, "drop", "g"),
 }
-SWITCHED = {  # kind -> input field that is full while active
-    "hydraulic": {"jam_solid": "jam", "free_float": "free_float"},
-    "ema": {"jam_solid": "jam", "jam": "jam_screw", "free_float": "free_float"},
-    "simple": {"jam_solid": "jam", "jam": "jam", "free_float": "free_float"},
-}
-SHARES = {  # kind -> input field of the actuator that takes the magnitude
-    "loss_of_effectiveness": "loss",
-    "supply_pressure_drop": "supply_drop",
-    "internal_leakage": "leak_add",
-    "air_in_oil": "air",
-    "winding_resistance": "r_add",
-    "magnet_loss": "magnet_loss",
-    "backlash": "backlash_add",
-}
-
 
 @dataclass(frozen=True)
 class Lane:
@@ -51,26 +37,9 @@ class Lane:
     reference: str = ""  # bus name latched at onset, for a runaway
 
 
-def lanes(scenario, nominal):
-    """Return the fault lanes of `scenario`; `nominal` has what shares refer to (see `Nominal`)."""
-    technology = scenario.elevator.technology
-    return [_lane(j, technology, nominal) for j in scenario.injections()]
-
-
-@dataclass(frozen=True)
-class Nominal:
-    """Nominal values that relative units of a fault refer to."""
-
-    supply: float  # [Pa]
-    motor_speed: float  # no load [rad/s]
-    stall_current: float  # [A]
-    stall_torque: float  # at the motor [N m]
-    arm: dict  # technology -> lever arm [m]
-    unit: dict  # technology -> what 1 of u is at the valve [1] or drive [A]
-    speed: float  # rod speed per valve opening, no load [m/s]
-    rate: dict  # aileron, rudder, stabiliser -> fastest its actuator moves [rad/s]
-    brake: float  # full brake of a hydraulic actuator over its stall force [-]
-    gain: object  # (technology, solid, omega) -> position amplitude [m] per unit at the valve [1] or drive [A]
+def lanes(scenario) -> list[Lane]:
+    """Return the fault lanes of `scenario`; relative units refer to the nominal values of the technologies' records."""
+    return [_lane(j, scenario) for j in scenario.injections()]
 
 
 def _params(j, shape, amplitude, lower=-math.inf, upper=math.inf):
@@ -81,136 +50,138 @@ def _params(j, shape, amplitude, lower=-math.inf, upper=math.inf):
     return p
 
 
-def _lane(j, technology, nominal):
+def _constant(j, name, amplitude, *places):
+    return Lane(name, j.fault, _params(j, f.CONSTANT, amplitude), places)
+
+
+def _lane(j, scenario):
     name = f"{j.fault}_{j.name.replace('.', '_')}"
+    technology = scenario.elevator.technology.get(j.name)
     if j.place in ("sensor", "actuator_sensor") or j.sensor:
-        shape, field, source = SENSOR_SHAPES[j.kind]
-        lane = j.name if j.place == "sensor" else f"{j.name}_{j.sensor}"
-        prefix = "g" if j.path in ("observers", "monitor") else "f"
-        unit = sensor_unit(j.unit, j.sensor, technology.get(j.name), nominal)
-        amplitude = 1.0 if math.isnan(j.magnitude) else j.magnitude * unit
-        places = [(f"sensors_in.{lane}.{prefix}_{field}", source)]
-        if j.sensor == "current" and j.path == "loop" and j.place == "actuator_sensor":
-            return _current_loop(j, name, lane, amplitude, places)
-        return Lane(name, j.fault, _params(j, shape, amplitude), tuple(places))
+        return _sensor(j, name, technology)
     if j.place == "engine":
-        return Lane(
-            name, j.fault, _params(j, f.CONSTANT, j.magnitude), ((f"surfaces.aircraft.thrust_loss_{j.name}", "f_inj"),)
-        )
+        return _constant(j, name, j.magnitude, (f"surfaces.aircraft.thrust_loss_{j.name}", "f_inj"))
     if j.place == "surface":
-        part = j.name.replace(".", "_")
-        if j.kind == "runaway" and abs(j.magnitude) > (most := nominal.rate[j.name.split(".")[0]]):
+        surface, most = j.name.replace(".", "_"), getattr(scenario.aircraft.surfaces, j.name.split(".")[0]).rate
+        if j.kind == "runaway" and abs(j.magnitude) > most:
             raise ScenarioError(
                 f"its actuator moves at {math.degrees(most):g} deg/s at most",
                 place=f"faults.{j.fault}.rate_deg_s = {math.degrees(j.magnitude):g}",
                 allowed=f"-{math.degrees(most):g} to {math.degrees(most):g}",
             )
-        return _moving(j, name, "simple", part, f"simple.{part}.delta", nominal)
-    return _moving(j, name, technology[j.name], j.name, f"{technology[j.name]}.{j.name}.delta", nominal)
+        return _moving(j, name, TECHNOLOGIES["simple"], surface, scenario.dt)
+    return _moving(j, name, TECHNOLOGIES[technology], j.name, scenario.dt)
 
 
-def _current_loop(j, name, lane, amplitude, places):
-    """Return the lane of a current-sensor fault that also enters the drive's own current loop.
+def _sensor(j, name, technology):
+    shape, field, source = SENSOR_SHAPES[j.kind]
+    lane = j.name if j.place == "sensor" else f"{j.name}_{j.sensor}"
+    prefix = "g" if j.path in ("observers", "monitor") else "f"
+    amplitude = 1.0 if math.isnan(j.magnitude) else j.magnitude * own_unit(j.unit, j.sensor, technology)
+    places = [(f"sensors_in.{lane}.{prefix}_{field}", source)]
+    drive = TECHNOLOGIES[technology].sensors[j.sensor].drive if technology else None
+    if drive and j.path == "loop" and j.place == "actuator_sensor":
+        inputs = tuple(f"{technology}_in.{j.name}.{field}" for field in drive)
+        state = f"{technology}.{j.name}.{TECHNOLOGIES[technology].sensors[j.sensor].state}"
+        return _read_by_drive(j, name, amplitude, places, inputs, state)
+    return Lane(name, j.fault, _params(j, shape, amplitude), tuple(places))
 
-    There the sensor reads (1 - s_i) i + f_i. Added noise and a dropout stay on the measured copy: the drive filters the
-    first and holds through the second within its 0.3 ms.
+
+def _read_by_drive(j, name, amplitude, places, inputs, state):
+    """Return the lane of a sensor's fault that also enters the actuator's own electronics, a drive's current loop.
+
+    There the sensor reads (1 - s) i + f; `inputs` are the bus names of s and f. Added noise and a dropout stay on the
+    measured copy: the drive filters the first and holds through the second within its 0.3 ms.
     """
-    shape = SENSOR_SHAPES[j.kind][0]
-    drive = f"ema_in.{j.name}"
-    if j.kind == "freeze":  # the drive reads the current of the onset
+    shape, (share, added) = SENSOR_SHAPES[j.kind][0], inputs
+    if j.kind == "freeze":  # the drive reads the value of the onset
         p = _params(j, f.RUNAWAY, 0.0)
-        return Lane(name, j.fault, p, (*places, (f"{drive}.s_i", "g"), (f"{drive}.f_i", "f_inj")), f"ema.{j.name}.i")
+        return Lane(name, j.fault, p, (*places, (share, "g"), (added, "f_inj")), state)
     if j.kind == "scale":
-        # s_i counts what is not seen; the lane's signal is the factor minus one, so the loop's copy takes it with the
+        # s counts what is not seen; the lane's signal is the factor minus one, so the loop's copy takes it with the
         # other sign
-        return Lane(name, j.fault, _params(j, shape, amplitude), (*places, (f"{drive}.s_i", "f_neg")))
+        return Lane(name, j.fault, _params(j, shape, amplitude), (*places, (share, "f_neg")))
     if j.kind in ("bias", "drift", "oscillation"):
-        places = [*places, (f"{drive}.f_i", "f_inj")]
+        places = [*places, (added, "f_inj")]
     return Lane(name, j.fault, _params(j, shape, amplitude), tuple(places))
 
 
-def sensor_unit(unit, sensor, tech, nominal):
-    """Return what one SI `unit`, or share of a nominal value, is in what `sensor` of an actuator of technology `tech`
-    reads; 1 for every other sensor.
+def own_unit(unit: str, sensor: str, technology: str | None) -> float:
+    """Return what one SI `unit`, or share of a nominal value, is in what `sensor` of an actuator of `technology` reads;
+    1 for an aircraft's sensor (`technology` is None).
     """
-    if unit == "Pa":
-        return 1.0 / nominal.supply  # its own unit is the share of supply
-    if unit == "of no-load speed":
-        return nominal.motor_speed
-    if unit == "of stall current":
-        return nominal.stall_current
-    if sensor in ("rod", "position") and unit.startswith("rad"):  # surface angle to rod travel
-        return nominal.arm[tech]
-    return 1.0
+    if technology is None or sensor not in TECHNOLOGIES[technology].sensors:
+        return 1.0
+    design, own = TECHNOLOGIES[technology].design(), TECHNOLOGIES[technology].sensors[sensor].units[0].si
+    unit = unit.removesuffix("/s")  # of a drift
+    if own == "m" and unit == "rad":  # surface angle to travel of the rod
+        return design.arm
+    return design.shares.get(unit, 1.0)
 
 
-def _moving(j, name, tech, part, delta, nominal):
-    """Return the lane of a fault of actuator `part` of technology `tech`; its surface angle is at bus name `delta`."""
-    own = f"{tech}_in.{part}"
-    if j.kind in SWITCHED[tech]:
-        return Lane(name, j.fault, _params(j, f.CONSTANT, 1.0), ((f"{own}.{SWITCHED[tech][j.kind]}", "g"),))
-    if j.kind == "friction":  # a share of the stall force, on the rod; of the stall torque, at the motor
-        field, factor = ("jam", 1.0 / nominal.brake) if tech == "hydraulic" else ("friction_add", nominal.stall_torque)
-        return Lane(name, j.fault, _params(j, f.CONSTANT, j.magnitude * factor), ((f"{own}.{field}", "f_inj"),))
-    if j.kind == "loss_of_effectiveness" and j.at == "command" and tech != "simple":  # there `loss` is of the command
-        place = (f"{SERVO[tech]}_in.{part}.s_cmd", "f_inj")
-        return Lane(name, j.fault, _params(j, f.CONSTANT, j.magnitude), (place,))
-    if j.kind in SHARES:
-        to_radians = j.kind == "backlash" and tech == "hydraulic" and j.unit == "m"
-        to_metres = j.kind == "backlash" and tech == "ema" and j.unit == "rad"
-        factor = 1.0 / nominal.arm[tech] if to_radians else nominal.arm[tech] if to_metres else 1.0
-        return Lane(
-            name, j.fault, _params(j, f.CONSTANT, j.magnitude * factor), ((f"{own}.{SHARES[j.kind]}", "f_inj"),)
-        )
-    command = f"{SERVO.get(tech, tech)}_in.{part}"
-    if j.kind == "runaway":
-        return _runaway(j, name, tech, part, own, command, delta, nominal)
-    solid = j.kind == "ofc_solid"
-    share = ["s_cmd", "s_u"][j.at == "valve" and tech != "simple"]
+def _moving(j, name, technology, part, dt):
+    """Return the lane of a fault of the actuator of segment or surface `part`."""
+    design, own = technology.design(), f"{technology.name}_in.{part}"
+    command = f"{technology.servo or technology.name}_in.{part}"
+    kind = "jam_solid" if j.kind == "jam" and j.place == "surface" else j.kind
+    # without a servo `loss` is the command's
+    if kind == "loss_of_effectiveness" and j.at == "command" and technology.servo:
+        return _constant(j, name, j.magnitude, (f"{command}.s_cmd", "f_inj"))
+    if kind in technology.effects:
+        effect = technology.effects[kind]
+        if math.isnan(j.magnitude):  # switched
+            return _constant(j, name, 1.0, (f"{own}.{effect.input}", "g"))
+        factor = design.factors.get(kind, 1.0)
+        if effect.unit and j.unit != effect.unit:
+            factor = design.arm if effect.unit == "m" else 1.0 / design.arm
+        return _constant(j, name, j.magnitude * factor, (f"{own}.{effect.input}", "f_inj"))
+    if kind == "runaway":
+        return _runaway(j, name, technology, own, command, f"{technology.name}.{part}.delta")
+    solid = kind == "ofc_solid"
+    share = "s_u" if j.at == "valve" and technology.inlet else "s_cmd"
     if share == "s_u":
-        to, amplitude = own, _inner_amplitude(j, tech, solid, nominal)
+        to, amplitude = own, _inner_amplitude(j, technology, solid, dt)
     else:
-        to, amplitude = command, j.magnitude / nominal.arm[tech] if j.unit == "m" else j.magnitude
+        to, amplitude = command, j.magnitude / design.arm if j.unit == "m" else j.magnitude
     places = [(f"{to}.{share.replace('s_', 'f_')}", "f_inj"), *([(f"{to}.{share}", "g")] if solid else [])]
-    shape = f.CONSTANT if j.kind == "bias" else f.SINE
+    shape = f.CONSTANT if kind == "bias" else f.SINE
     return Lane(name, j.fault, _params(j, shape, amplitude), tuple(places))
 
 
-def _inner_amplitude(j, tech, solid, nominal):
+def _inner_amplitude(j, technology, solid, dt):
     """Return the amplitude of an oscillation at the valve [1] or drive [A].
 
     Raises ScenarioError where a drive would need more than its current limit: a servo that the same limit binds loses
     against it, and the surface swings five times as far as was asked for, or the drive cannot move it that far.
     """
-    unit = nominal.unit[tech]
+    design = technology.design()
     if j.unit == "u":
-        return j.magnitude * unit
-    gain = nominal.gain(tech, solid, j.omega)
-    if tech == "ema" and j.magnitude > gain * unit:
+        return j.magnitude * design.drive
+    gain = technology.solid_gain(j.omega) if solid else liquid_gain(technology.name, j.omega, dt)
+    if design.limited and j.magnitude > gain * design.drive:
         raise ScenarioError(
             f"{j.magnitude * 1e3:g} mm at {j.omega / (2 * math.pi):g} Hz take {j.magnitude / gain:.0f} A at the drive "
-            f"of {j.name}, whose limit is {unit:g} A",
+            f"of {j.name}, whose limit is {design.drive:g} A",
             place=f"faults.{j.fault}.amplitude_mm",
-            allowed=f"up to {gain * unit * 1e3:.2g} mm at this frequency",
+            allowed=f"up to {gain * design.drive * 1e3:.2g} mm at this frequency",
             remedy="For more, set at = 'command'",
         )
     return j.magnitude / gain
 
 
-def _runaway(j, name, tech, part, own, command, delta, nominal):
-    """Return the lane of a runaway at `magnitude` rad/s: the valve held open; without a valve, or to a limit, the
-    demanded position runs.
+def _runaway(j, name, technology, own, command, delta):
+    """Return the lane of a runaway at `magnitude` rad/s: the valve held open, or the demanded rate; to a limit, and
+    with a servo that knows no rate, the commanded position runs from where the surface is (bus name `delta`).
     """
-    if math.isfinite(j.limit):  # the command runs from where the surface is to the limit
+    if math.isfinite(j.limit):
         bounds = (-math.inf, j.limit) if j.magnitude > 0 else (j.limit, math.inf)
         p = _params(j, f.RUNAWAY, j.magnitude, *bounds)
         return Lane(name, j.fault, p, ((f"{command}.s_cmd", "g"), (f"{command}.f_cmd", "f_inj")), delta)
-    if j.at == "valve" and tech == "hydraulic":
-        u = j.magnitude * nominal.arm[tech] / nominal.speed
-        return Lane(name, j.fault, _params(j, f.CONSTANT, u), ((f"{own}.s_u", "g"), (f"{own}.f_u", "f_inj")))
-    if tech == "hydraulic":
-        p = _params(j, f.RUNAWAY, j.magnitude)
-        return Lane(name, j.fault, p, ((f"{command}.s_cmd", "g"), (f"{command}.f_cmd", "f_inj")), delta)
-    return Lane(
-        name, j.fault, _params(j, f.CONSTANT, j.magnitude), ((f"{command}.s_rate", "g"), (f"{command}.f_rate", "f_inj"))
-    )
+    if technology.runaway == "rate":
+        return _constant(j, name, j.magnitude, (f"{command}.s_rate", "g"), (f"{command}.f_rate", "f_inj"))
+    if j.at == "valve":
+        design = technology.design()
+        u = j.magnitude * design.arm / design.valve_speed
+        return _constant(j, name, u, (f"{own}.s_u", "g"), (f"{own}.f_u", "f_inj"))
+    p = _params(j, f.RUNAWAY, j.magnitude)
+    return Lane(name, j.fault, p, ((f"{command}.s_cmd", "g"), (f"{command}.f_cmd", "f_inj")), delta)

@@ -6,10 +6,11 @@ import json
 import numpy as np
 
 from actuators.block import unit
-from cosim.flight import detectors, wiring
+from cosim.flight import detectors
 from cosim.flight.blocks import faults, hinge_model, law, sensors
 from cosim.log import LogWriter, Pose, Topic, viewer_layouts
 from cosim.scenario import vocabulary
+from cosim.scenario.catalog import TECHNOLOGIES
 
 SNAPSHOT_S = 1.0  # hidden detector states are logged that often
 LARGE = 1 << 18  # [byte] larger parameters are compressed: tables of a force model
@@ -47,7 +48,7 @@ def topics(setup):
     for prefix, copy in _sensor_copies(setup.scenario).items():
         add(f"{prefix}/aircraft", measured(sensors.TRANSPORT, "", *copy), "sensors")
         for seg in technology:
-            add(f"{prefix}/{seg}", measured(wiring.ACTUATOR_SENSORS[technology[seg]], seg, *copy), "sensors")
+            add(f"{prefix}/{seg}", measured(TECHNOLOGIES[technology[seg]].sensors, seg, *copy), "sensors")
     add("/noise", [(lane, "-", bus.index(f"sensors_in.{lane}.noise")) for lane in bus.lanes["sensors"]], "sensors")
     add(vocabulary.topic("pilot", "pilot"), section("pilot", "pilot"), "law")
     add(vocabulary.topic("law", "law"), section("law", "law", law.OUTPUTS), "law")

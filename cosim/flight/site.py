@@ -5,8 +5,8 @@ import functools
 import math
 from dataclasses import dataclass
 
-from cosim.flight.actuation import SENSOR_DELAY
 from cosim.flight.blocks.sensors import TRANSPORT
+from cosim.flight.gains import SENSOR_DELAY
 from cosim.flight.plant.force_model import force_model
 from cosim.scenario.aircraft import Aircraft, load_aircraft
 from fdi.common.record import Site

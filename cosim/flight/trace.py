@@ -9,15 +9,20 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.flight.actuation import LEAD
 from cosim.flight.bus import Bus
 from cosim.judge.estimation import plan
 from cosim.judge.result import Watch
 from cosim.scenario import Scenario
-from cosim.scenario.catalog import SHORT
+from cosim.scenario.catalog import LOOP_SENSOR, TECHNOLOGIES
 
 VERDICT = ("alarm", "verdict", "culprit", "r")
-ROD = {"hydraulic": ("hydraulic.{}.q_rod", 1.0), "ema": ("ema.{}.motor", LEAD)}  # bus name, rod [m] per unit
+
+
+def _rod(columns, segment, technology):
+    """Return (column of the rod's or screw's position, metres per unit)."""
+    name = technology.loop_sensor
+    state = technology.sensors[name].state
+    return columns(f"{technology.name}.{segment}.{state}"), technology.design().gains.get(name, 1.0)
 
 
 @dataclass
@@ -47,8 +52,8 @@ class History:
         for name, level, target, culprits, section, lane in members:
             own = [columns(f"{section}.{lane}.{f}") for f in VERDICT]
             self.lanes.append((name, level, target, culprits, own, plan(scenario, name, lane, columns)))
-        self.surface = {seg: columns(f"truth.aircraft.de_{s}") for seg, s in SHORT.items()}
-        self.rod = {seg: (columns(ROD[t][0].format(seg)), ROD[t][1]) for seg, t in technology.items() if t in ROD}
+        self.surface = {seg: columns(f"truth.aircraft.de_{s}") for seg, s in scenario.aircraft.short.items()}
+        self.rod = {seg: _rod(columns, seg, TECHNOLOGIES[t]) for seg, t in technology.items() if t in LOOP_SENSOR}
         self.index = columns.index
 
     def watches(self, step_us: dict[str, float]) -> list[Watch]:

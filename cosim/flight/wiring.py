@@ -7,32 +7,19 @@ same names.
 
 from cosim.flight.blocks.law import SENSORS as LAW_SENSORS
 from cosim.flight.blocks.sensors import TRANSPORT
+from cosim.scenario.catalog import TECHNOLOGIES
 
 DEMANDS = ("nz_dem", "phi_dem", "psi_dem", "de_add", "hold_psi", "hold_h", "hold_v")
 OTHERS = ("aileron_left", "aileron_right", "rudder", "stabiliser")  # surfaces with a simple actuator
 SURFACE_OF = {"aileron_left": "da_l", "aileron_right": "da_r", "rudder": "dr", "stabiliser": "stab"}
 COMMAND_OF = {"aileron_left": "da_cmd", "aileron_right": "da_cmd", "rudder": "dr_cmd", "stabiliser": "stab_cmd"}
 
-# Sensors of a segment: name -> state field of its actuator, and the input fields (value, flag) of its servo where it
-# has them
-ACTUATOR_SENSORS = {
-    "hydraulic": {"rod": "q_rod", "surface": "delta", "pressure": "x3"},
-    "ema": {"velocity": "motor_d", "position": "motor", "current": "i", "surface": "delta"},
-    "simple": {"surface": "delta"},
-}
-SERVO = {"hydraulic": "servo", "ema": "ema_servo"}
-SERVO_INPUTS = {
-    "hydraulic": {"rod": ("q_meas", "q_valid"), "pressure": ("x3_meas", "x3_valid")},
-    "ema": {"velocity": ("vel_meas", "vel_valid"), "position": ("pos_meas", "pos_valid")},
-}
-
-
 def sensor_wires(technology):
     """Return the wires from truth and actuators to the sensors; `technology` maps segment -> name."""
     pairs = [(f"sensors_in.{name}.truth", f"truth.aircraft.{spec[0]}") for name, spec in TRANSPORT.items()]
     for seg, tech in technology.items():
-        own = ACTUATOR_SENSORS[tech]
-        pairs += [(f"sensors_in.{seg}_{s}.truth", f"{tech}.{seg}.{field}") for s, field in own.items()]
+        own = TECHNOLOGIES[tech].sensors
+        pairs += [(f"sensors_in.{seg}_{name}.truth", f"{tech}.{seg}.{s.state}") for name, s in own.items()]
     return pairs
 
 
@@ -63,12 +50,14 @@ def servo_wires(technology):
     """Return the wires of commands and measurements to the servo loops."""
     pairs = []
     for seg, tech in technology.items():
-        if tech == "simple":
+        if not TECHNOLOGIES[tech].servo:
             continue
-        to = f"{SERVO[tech]}_in.{seg}"
+        to = f"{TECHNOLOGIES[tech].servo}_in.{seg}"
         pairs.append((f"{to}.command", "law.law.de_cmd"))
-        for sensor, (value, flag) in SERVO_INPUTS[tech].items():
-            pairs += [(f"{to}.{value}", f"sensors.{seg}_{sensor}.y"), (f"{to}.{flag}", f"sensors.{seg}_{sensor}.valid")]
+        for name, sensor in TECHNOLOGIES[tech].sensors.items():
+            if sensor.servo:
+                measured = (f"sensors.{seg}_{name}.y", f"sensors.{seg}_{name}.valid")
+                pairs += [(f"{to}.{into}", source) for into, source in zip(sensor.servo, measured)]
     return pairs
 
 
@@ -77,7 +66,8 @@ def actuator_wires(scenario):
     pairs, short = [], scenario.aircraft.short
     for seg, tech in scenario.elevator.technology.items():
         to = f"{tech}_in.{seg}"
-        pairs.append((f"{to}.command", "law.law.de_cmd") if tech == "simple" else (f"{to}.u", f"{SERVO[tech]}.{seg}.u"))
+        servo = TECHNOLOGIES[tech].servo
+        pairs.append((f"{to}.u", f"{servo}.{seg}.u") if servo else (f"{to}.command", "law.law.de_cmd"))
         pairs += [(f"{to}.hm0", f"truth.aircraft.hm0_{short[seg]}"), (f"{to}.hmd", f"truth.aircraft.hmd_{short[seg]}")]
     return pairs + [(f"simple_in.{name}.command", f"law.law.{COMMAND_OF[name]}") for name in OTHERS]
 

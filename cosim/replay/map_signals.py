@@ -7,8 +7,8 @@ from cosim.flight.detectors import wires
 from cosim.replay.map_file import units_for
 from cosim.replay.params import ReplayError
 from cosim.replay.resample import resample
-from cosim.scenario.catalog import SEGMENTS
-from cosim.scenario.vocabulary import SENT, Signal
+from cosim.scenario.catalog import SEGMENTS, TECHNOLOGIES
+from cosim.scenario.vocabulary import Signal
 from fdi import registry
 
 
@@ -17,7 +17,8 @@ def renamed(m, technology):
     names, said = {}, []
     for name in m.signals:
         segment, dot, word = name.rpartition(".")
-        now = SENT.get(technology.get(segment, ""), ("",))[0] if dot and word == "u" else ""
+        own = TECHNOLOGIES.get(technology.get(segment, ""))
+        now = own.sent[0] if own and dot and word == "u" else ""
         names[name] = f"{segment}.{now}" if now else name
         if now:
             said.append(f"signals.{name} is now called {segment}.{now}")

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from cosim.errors import LogError
-from cosim.flight import actuation, inject, wiring
+from cosim.flight import inject, wiring
 from cosim.judge import coverage
 from cosim.judge import estimation as estimate
 from cosim.judge.result import Watch, judge, judged
@@ -188,7 +188,7 @@ class Flown:
 
     @cached_property
     def _injected(self):
-        return inject.lanes(self.scenario, actuation.nominal(self.dt, self.scenario.aircraft))
+        return inject.lanes(self.scenario)
 
     def _fault(self, lane, source):
         topic = f"/faults/f{lane}"

@@ -4,9 +4,11 @@ These tables are the only place where that is written: validation, `cosim list`,
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Any
 
+from actuators.registry import SHIPPED
+from actuators.technology import LOSS, SURFACE_DEG, Key, Kind, Technology, Unit
 from cosim.scenario.aircraft import Aircraft, load_aircraft
 
 DEG, KT, FT = math.pi / 180.0, 1852.0 / 3600.0, 0.3048
@@ -14,30 +16,18 @@ DEG, KT, FT = math.pi / 180.0, 1852.0 / 3600.0, 0.3048
 _TRANSPORT = load_aircraft()
 SEGMENTS = _TRANSPORT.segments  # of the default aircraft
 SHORT, GROUPS = _TRANSPORT.short, _TRANSPORT.groups
-TECHNOLOGIES = ("hydraulic", "ema", "simple")
 DEFAULT_TECHNOLOGY: dict[str, Any] = _TRANSPORT.technology
 FEEDBACKS = ("measured", "iotsekf", "rtsekf", "rtsekf_flight")
 SURFACES = ("aileron.left", "aileron.right", "rudder", "stabiliser")
 
 
-@dataclass(frozen=True)
-class Unit:
-    """A unit that ends a key: SI = value * factor; `si` may be a share of a nominal value ("of supply", ...)."""
-
-    suffix: str
-    factor: float
-    si: str
-    limit: float  # largest magnitude that is accepted, in this unit
-
-
-_deg = Unit("deg", DEG, "rad", 45.0)
+_deg = SURFACE_DEG
 _deg_s = Unit("deg_s", DEG, "rad/s", 90.0)
 _deg_s2 = Unit("deg_s2", DEG, "rad/s2", 90.0)
 _kt = Unit("kt", KT, "m/s", 200.0)
 _g = Unit("g", 1.0, "g", 5.0)
 _height = (Unit("m", 1.0, "m", 5000.0), Unit("ft", FT, "m", 15000.0))
 _climb = (Unit("m_s", 1.0, "m/s", 100.0), Unit("ft_s", FT, "m/s", 300.0))
-_mm = Unit("mm", 1e-3, "m", 150.0)
 
 SENSORS = {  # aircraft sensor -> units of its faults and settings; the first one is its own
     **dict.fromkeys(("alpha", "beta", "phi", "theta", "psi"), (_deg,)),
@@ -52,64 +42,6 @@ SENSORS = {  # aircraft sensor -> units of its faults and settings; the first on
     "mass": (Unit("t", 1000.0, "kg", 100.0),),
     "cg": (Unit("pct", 0.01, "-", 20.0),),
 }
-ACTUATOR_SENSORS = {  # sensors of an actuator
-    "rod": (_mm, Unit("deg", DEG, "rad", 40.0)),
-    "surface": (_deg,),
-    "pressure": (Unit("pct", 0.01, "of supply", 100.0), Unit("mpa", 1e6, "Pa", 30.0)),
-    "velocity": (Unit("rad_s", 1.0, "rad/s", 1000.0), Unit("pct", 0.01, "of no-load speed", 100.0)),
-    "position": (_mm, Unit("deg", DEG, "rad", 40.0)),
-    "current": (Unit("a", 1.0, "A", 500.0), Unit("pct", 0.01, "of stall current", 100.0)),
-}
-SENSORS_OF = {
-    "hydraulic": ("rod", "surface", "pressure"),
-    "ema": ("velocity", "position", "current", "surface"),
-    "simple": (),
-}
-LOOP_SENSOR = {"hydraulic": "rod", "ema": "position"}  # the one that closes the position loop
-
-
-@dataclass(frozen=True)
-class Key:
-    """A number from `low` to `high`, SI = value * factor; `open_low` excludes `low`, `healthy` is refused: no fault."""
-
-    name: str
-    low: float
-    high: float
-    factor: float = 1.0
-    si: str = "-"
-    open_low: bool = False
-    healthy: float | None = None
-    default: float | None = None
-
-    def accepts(self, x):
-        """Tell whether the number x is allowed."""
-        above = x > self.low if self.open_low else x >= self.low
-        return above and x <= self.high and x != self.healthy
-
-    @property
-    def range(self):
-        """Return the allowed range as words."""
-        text = f"{'above ' if self.open_low else ''}{self.low:g} to {self.high:g}"
-        return text + ("" if self.healthy is None else f", not {self.healthy:g}")
-
-
-@dataclass(frozen=True)
-class Kind:
-    """A kind of fault: exactly one key of `one_of`, all of `keys`, switched at once (no ramp) when `switched`.
-
-    `exclusive` names what it takes over on its part: two overlapping faults that take over the same thing are refused.
-    """
-
-    summary: str
-    one_of: tuple[Key, ...] = ()
-    keys: tuple[Key, ...] = ()
-    at: tuple[str, ...] = ()
-    technologies: tuple[str, ...] = TECHNOLOGIES
-    switched: bool = False
-    exclusive: str = ""
-
-
-_loss = (Key("loss_pct", 0.0, 100.0, 0.01, "fraction", open_low=True),)
 _sine = (
     Key("frequency_hz", 0.01, 25.0, 2 * math.pi, "rad/s"),
     Key("phase_deg", -360.0, 360.0, DEG, "rad", default=0.0),
@@ -131,9 +63,9 @@ AMPLITUDES_AT = {  # the keys that have a meaning where the oscillation enters
     "sensor": ("amplitude_mm", "amplitude_deg", "amplitude_travel"),
 }
 
-_hyd, _ema, _real = ("hydraulic",), ("ema",), ("hydraulic", "ema")
 _runaway = (Key("rate_deg_s", -45.0, 45.0, DEG, "rad/s", healthy=0.0),)  # the fastest actuators, without load
-ELEVATOR_KINDS = {
+# What every elevator actuator can suffer, as far as it has what the kind needs; a technology's record adds its own
+_COMMON = {
     "ofc_liquid": Kind("oscillation added to the signal", _amplitudes(True), _sine, ("valve", "command", "sensor")),
     "ofc_solid": Kind(
         "oscillation in place of the signal", _amplitudes(False), _sine, ("valve", "command"), exclusive="at"
@@ -152,7 +84,6 @@ ELEVATOR_KINDS = {
             Key("bias_mm", -150.0, 150.0, 1e-3, "m", healthy=0.0),
             Key("bias_deg", -40.0, 40.0, DEG, "rad", healthy=0.0),
         ),
-        technologies=_real,
     ),
     "jam_solid": Kind("the surface stops where it is", switched=True, exclusive="motion"),
     "runaway": Kind(
@@ -163,25 +94,16 @@ ELEVATOR_KINDS = {
     ),
     "loss_of_effectiveness": Kind(
         "the surface gives only a part of what is commanded; at the valve or drive the servo makes up for it as it can",
-        _loss,
+        LOSS,
         at=("command", "valve"),
         exclusive="at",
     ),
     "free_float": Kind(
-        "the actuator lets go, the surface trails", technologies=_real, switched=True, exclusive="motion"
+        "the actuator lets go, the surface trails", switched=True, exclusive="motion"
     ),
-    "supply_pressure_drop": Kind("supply pressure falls by a share", _loss, technologies=_hyd, exclusive="supply"),
-    "internal_leakage": Kind(
-        "flow past the piston at supply pressure, share of rated flow",
-        (Key("leakage_pct", 0.0, 100.0, 0.01, "fraction", open_low=True),),
-        technologies=_hyd,
-        exclusive="leakage",
-    ),
-    "air_in_oil": Kind("bulk modulus falls by a share", _loss, technologies=_hyd, exclusive="bulk"),
     "friction": Kind(
         "added Coulomb friction, share of the stall force",
         (Key("friction_pct", 0.0, 100.0, 0.01, "fraction", open_low=True),),
-        technologies=_real,
         exclusive="friction",
     ),
     "backlash": Kind(
@@ -190,23 +112,44 @@ ELEVATOR_KINDS = {
             Key("backlash_mm", 0.0, 20.0, 1e-3, "m", open_low=True),
             Key("backlash_deg", 0.0, 4.0, DEG, "rad", open_low=True),
         ),
-        technologies=_real,
         exclusive="backlash",
     ),
-    "winding_resistance": Kind(
-        "winding resistance rises by a share",
-        (Key("increase_pct", 0.0, 1000.0, 0.01, "fraction", open_low=True),),
-        technologies=_ema,
-        exclusive="winding",
-    ),
-    "magnet_loss": Kind("torque and back-EMF constant fall by a share", _loss, technologies=_ema, exclusive="magnet"),
-    "jam": Kind("the screw seizes, the motor stalls", technologies=_ema, switched=True, exclusive="motion"),
 }
 SURFACE_KINDS = {
     "jam": Kind("the surface stops where it is", switched=True, exclusive="motion"),
     "runaway": Kind("the surface drives off, to its stop or to limit_deg", _runaway, exclusive="motion"),
 }
-ENGINE_KINDS = {"thrust_loss": Kind("thrust falls by a share", _loss, exclusive="thrust")}
+ENGINE_KINDS = {"thrust_loss": Kind("thrust falls by a share", LOSS, exclusive="thrust")}
+
+
+# -- the technologies that are registered, and what follows from them
+_ALWAYS = ("ofc_liquid", "ofc_solid", "bias", "runaway")  # they enter with a command
+
+TECHNOLOGIES: dict[str, Technology] = {}
+ACTUATOR_SENSORS: dict[str, tuple[Unit, ...]] = {}  # sensor of an actuator -> units of its faults and settings
+SENSORS_OF: dict[str, tuple[str, ...]] = {}  # technology -> sensors that may fail
+LOOP_SENSOR: dict[str, str] = {}  # technology -> the sensor that closes its position loop
+ELEVATOR_KINDS: dict[str, Kind] = dict(_COMMON)
+
+
+def register(technology: Technology) -> None:
+    """Let scenarios name `technology`, its sensors and its kinds of fault; ValueError where it contradicts another."""
+    t = technology
+    for name, sensor in t.sensors.items():
+        if ACTUATOR_SENSORS.setdefault(name, sensor.units) != sensor.units:
+            raise ValueError(f"sensor {name!r} of {t.name!r} has other units than that of another technology")
+    TECHNOLOGIES[t.name], SENSORS_OF[t.name] = t, t.own_sensors
+    if t.loop_sensor:
+        LOOP_SENSOR[t.name] = t.loop_sensor
+    fits = {*_ALWAYS, *t.effects, *(["jam_liquid"] if t.loop_sensor else [])}
+    for name, kind in {**_COMMON, **t.kinds}.items():
+        if name in fits:
+            kind = ELEVATOR_KINDS.get(name, kind)
+            ELEVATOR_KINDS[name] = replace(kind, technologies=tuple(dict.fromkeys([*kind.technologies, t.name])))
+
+
+for _technology in SHIPPED:
+    register(_technology)
 
 
 def optional_keys(kind: str, target: str, aircraft: Aircraft) -> tuple[Key, ...]:

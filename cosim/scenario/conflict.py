@@ -46,14 +46,14 @@ def _possible(i, fault, technology):
                 allowed=", ".join(c.SENSORS_OF[own]) or "none",
                 remedy=remedy.format(fits[0]),
             )
-        if own not in fault.spec.technologies:
+        if fault.spec.technologies and own not in fault.spec.technologies:
             fits = fault.spec.technologies
             raise problem(
                 f"{where}, {fault.kind} is a fault of {' or '.join(_article(t) for t in fits)} one",
                 key=f"faults.{i}.kind",
                 remedy=remedy.format(fits[0]),
             )
-        if own == "simple" and fault.at in ("valve", "sensor"):
+        if not c.TECHNOLOGIES[own].inlet and fault.at in ("valve", "sensor"):
             raise problem(
                 f"{where}, which has no {fault.at}",
                 key=f"faults.{i}.at",
@@ -63,4 +63,4 @@ def _possible(i, fault, technology):
 
 
 def _article(technology):
-    return {"hydraulic": "a hydraulic", "ema": "an EMA", "simple": "a simple"}[technology]
+    return c.TECHNOLOGIES[technology].article

@@ -114,7 +114,8 @@ class Fault(BaseModel):
         if self.kind != "runaway" or self.at != "valve":
             return self.at or ""
         limited = "limit_deg" in (self.model_extra or {})
-        ways = ("command" if limited or technology[n] != "hydraulic" else "valve" for n in self.parsed.names)
+        held = (c.TECHNOLOGIES[technology[n]].runaway == "valve" for n in self.parsed.names)
+        ways = ("valve" if valve and not limited else "command" for valve in held)
         return " or ".join(dict.fromkeys(ways))
 
     def injections(self, index, technology):

@@ -5,9 +5,9 @@ import inspect
 import re
 
 from cosim.scenario.aircraft import load_aircraft
+from cosim.scenario.catalog import TECHNOLOGIES
 
-NUMERICAL = ("q_lo", "q_hi", "substeps")  # stops and steps: nothing that wears or is uncertain
-GROUPS = ("aero", "hydraulic", "ema")
+GROUPS = ("aero", *(name for name, t in TECHNOLOGIES.items() if t.servo))
 COEFFICIENTS = {
     "CL": "lift", "CD": "drag", "CY": "side force", "Cl": "rolling moment", "Cm": "pitching moment",
     "Cn": "yawing moment", "Ch": "hinge moment of the elevator segments",
@@ -23,31 +23,19 @@ _FIELD = re.compile(r'\(\s*"(\w+)",\s*"f8",?\s*\),\s*#\s*(.*?)\s*(?:\[([^\]]*)\]
 
 @functools.cache
 def toleranced(group: str) -> tuple[str, ...]:
-    """Return the names of group "aero", "hydraulic" or "ema"; actuators are imported only when they are asked for."""
-    if group == "aero":
-        return load_aircraft().multipliers
-    if group == "hydraulic":
-        from actuators.hydraulic.actuator import NOMINAL
-
-        return tuple(name for name in NOMINAL if name not in NUMERICAL)
-    from actuators.ema.jay import values
-
-    return tuple(values("elevator"))
+    """Return the names of group "aero" or of a technology; its blocks are imported only when they are asked for."""
+    return load_aircraft().multipliers if group == "aero" else TECHNOLOGIES[group].tolerances
 
 
 def meanings(group: str) -> dict[str, tuple[str, str]]:
     """Return {name: (what it is, unit)} of what `toleranced(group)` names."""
     if group == "aero":
         return {name: (_coefficient(name), "-") for name in toleranced(group)}
-    if group == "hydraulic":
-        from actuators.hydraulic import actuator, lu17
-
-        modules = [lu17, actuator]
-    else:
-        from actuators.ema import actuator as ema
-
-        modules = [ema]
-    fields = {name: (text, unit) for m in modules for name, text, unit in _FIELD.findall(inspect.getsource(m))}
+    actuator = TECHNOLOGIES[group].modules()[1]
+    package = actuator.__name__.rpartition(".")[0]
+    around = [m for m in vars(actuator).values() if inspect.ismodule(m) and m.__name__.startswith(package)]
+    sources = [inspect.getsource(m) for m in (*around, actuator)]
+    fields = {name: (text, unit) for source in sources for name, text, unit in _FIELD.findall(source)}
     return {name: fields.get(name, ("", "")) for name in toleranced(group)}
 
 

@@ -36,24 +36,12 @@ AIRCRAFT = {  # sensors of the aircraft: what they measure and which way is posi
     "mass": "mass, by the fuel system",
     "cg": "centre of gravity, fraction of the mean chord from its leading edge",
 }
-PARTS = {  # sensors of an actuator
-    "rod": "rod position, + extends = trailing edge down",
-    "surface": "surface position, trailing edge down +",
-    "pressure": "pressure difference over the supply pressure, + extends",
-    "velocity": "motor velocity, + extends",
-    "position": "screw position, + extends = trailing edge down",
-    "current": "motor current, + extends",
-}
 COMMANDS = {  # of the control law
     "de_cmd": "elevator command, trailing edge down +",
     "da_cmd": "aileron command, + rolls right",
     "dr_cmd": "rudder command, + yaws left",
     "stab_cmd": "stabiliser command, trailing edge down +",
     "throttle_cmd": "throttle command, 0 to 1",
-}
-SENT = {  # of a servo to its actuator, by technology: word, what it is, unit
-    "hydraulic": ("valve_command", "valve command held over the last tick, full valve = 1, + extends", "-"),
-    "ema": ("current_command", "current demand held over the last tick, + extends", "A"),
 }
 HINGE = {  # of the hinge-moment model on measured air data, + drives the trailing edge down
     "hm0": ("modelled hinge moment at zero deflection", "N m"),
@@ -83,9 +71,13 @@ class Signal:
         return replace(self, word=f"{lane}.{self.word}", **there)
 
 
-@functools.cache
-def words():
+def words() -> dict[str, Signal]:
     """Return {word: Signal} of everything that a detector may read."""
+    return _words(tuple(c.TECHNOLOGIES))
+
+
+@functools.cache
+def _words(technologies):
     out = []
     for name, meaning in AIRCRAFT.items():
         bus, unit = f"sensors.{name}", c.SENSORS[name][0].si
@@ -95,18 +87,21 @@ def words():
     for name, meaning in COMMANDS.items():
         unit = "-" if name == "throttle_cmd" else "rad"
         out.append(Signal(name, "command", meaning, unit, f"law.law.{name}", "", "/law", name))
-    for name, meaning in PARTS.items():
+    sensors = {name: s for t in technologies for name, s in c.TECHNOLOGIES[t].sensors.items()}
+    for name in c.ACTUATOR_SENSORS:
         bus, unit = f"sensors.{{lane}}_{name}", c.ACTUATOR_SENSORS[name][0].si
         unit = "-" if unit.startswith("of ") else unit
-        has = tuple(t for t in c.TECHNOLOGIES if name in (*c.SENSORS_OF[t], "surface"))
-        topic = "/sensors/{lane}"
-        out.append(Signal(name, "sensor", meaning, unit, f"{bus}.y_obs", f"{bus}.valid_obs", topic, name, has))
-    for tech, (name, meaning, unit) in SENT.items():
+        has = tuple(t for t in technologies if name in c.TECHNOLOGIES[t].sensors)
+        place = (f"{bus}.y_obs", f"{bus}.valid_obs", "/sensors/{lane}", name, has)
+        out.append(Signal(name, "sensor", sensors[name].meaning, unit, *place))
+    for tech in technologies:
+        name, meaning, unit = c.TECHNOLOGIES[tech].sent
         topic = f"/actuators/{{lane}}/{tech}"
-        out.append(Signal(name, "sent", meaning, unit, f"{tech}_in.{{lane}}.u", "", topic, "u_held", (tech,)))
+        if name:
+            out.append(Signal(name, "sent", meaning, unit, f"{tech}_in.{{lane}}.u", "", topic, "u_held", (tech,)))
     for name, (meaning, unit) in HINGE.items():
         source, topic = f"hinge_model.{{lane}}.{name}", "/hinge_model/{lane}"
-        out.append(Signal(name, "model", meaning, unit, source, "", topic, name, c.TECHNOLOGIES))
+        out.append(Signal(name, "model", meaning, unit, source, "", topic, name, technologies))
     return {s.word: s for s in out}
 
 
@@ -137,7 +132,7 @@ def inventory():
     ]
 
 
-# Where the sections of the bus stand in the log; sections that are not named here are a detector's
+# Where the sections of the bus stand in the log; those that are not named here are an actuator's or a detector's
 TOPICS = {
     "truth": "/truth/{lane}",
     "surfaces": "/surfaces/{lane}",
@@ -145,13 +140,14 @@ TOPICS = {
     "law": "/law",
     "hinge_model": "/hinge_model/{lane}",
     "faults": "/faults/f{lane}",
-    **dict.fromkeys((*c.TECHNOLOGIES, "servo", "ema_servo"), "/actuators/{lane}/{section}"),
 }
 
 
 def topic(section, lane):
     """Return the topic of the log that holds a lane of a section of the bus."""
-    return TOPICS.get(section, "/detectors/{section}/{lane}").format(section=section, lane=lane)
+    of_actuator = any(section in (t.name, t.servo) for t in c.TECHNOLOGIES.values())
+    place = TOPICS.get(section, f"/{'actuators/{lane}/{section}' if of_actuator else 'detectors/{section}/{lane}'}")
+    return place.format(section=section, lane=lane)
 
 
 def column(field):

@@ -9,7 +9,8 @@ import math
 
 import numpy as np
 
-from cosim.flight.blocks.sensors import PARTS, TRANSPORT
+from actuators.registry import HYDRAULIC
+from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.point import FlightPoint
 from cosim.flight.signals import fly
@@ -88,7 +89,7 @@ def actuator(technology):
 
 def sigmas():
     """Return the noise of V, alpha, q, theta per sample in the paper's units, and of a side's mean position [deg]."""
-    return UNIT * np.array([TRANSPORT[n][1] for n in STATES]), PARTS["surface"][0] / DEG / math.sqrt(2.0)
+    return UNIT * np.array([TRANSPORT[n][1] for n in STATES]), HYDRAULIC.sensors["surface"].sigma / DEG / math.sqrt(2.0)
 
 
 def published(progress):

@@ -301,6 +301,6 @@ def test_kind_is_refused_on_an_actuator_that_cannot_have_it(kind):
 
 def test_every_kind_has_a_place_in_the_loop():
     """No kind that the catalog accepts is ignored by the injection: each finds at least one input of the tick."""
-    known = {*inject.SENSOR_SHAPES, *inject.SHARES, *(k for v in inject.SWITCHED.values() for k in v)}
-    own_branch = {"ofc_solid", "runaway", "friction", "thrust_loss"}
+    known = {*inject.SENSOR_SHAPES, *(kind for t in c.TECHNOLOGIES.values() for kind in t.effects)}
+    own_branch = {"ofc_solid", "runaway", "thrust_loss"}
     assert set(c.ALL_KINDS) - known == own_branch

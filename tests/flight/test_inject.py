@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 from flown import deg, fault, fly, scenario
 
+from actuators.ema import actuator as ema
+from actuators.ema import jay
+from actuators.ema import servo as ema_servo
 from cosim.errors import ScenarioError
-from cosim.flight import actuation
 from cosim.flight.build import build
+from cosim.flight.gains import liquid_gain
 from cosim.flight.twin import achieved
 from cosim.scenario import load_scenario
 from cosim.scenario.aircraft import load_aircraft
@@ -30,18 +33,18 @@ def test_liquid_oscillation_at_the_drive_moves_the_screw_as_far_as_asked(hz, mm)
 
 def flown_unclipped(hz, amps):
     """Return the amplitude [mm] of the unloaded drive with `amps` [A] added to the demand, limits and all."""
-    p, ps = actuation.ema.params(), actuation.ema_servo.params()
-    x, xs = actuation.ema.init(p), actuation.ema_servo.init(ps)
-    u, us = np.zeros((1, 1), actuation.ema.INPUTS), np.zeros((1, 1), actuation.ema_servo.INPUTS)
+    p, ps = ema.params(), ema_servo.params()
+    x, xs = ema.init(p), ema_servo.init(ps)
+    u, us = np.zeros((1, 1), ema.INPUTS), np.zeros((1, 1), ema_servo.INPUTS)
     us["pos_valid"] = us["vel_valid"] = 1.0
     t = np.arange(0.0, 10.0, 0.005)
     screw = np.zeros(len(t))
     for k, now in enumerate(t):
-        pos, vel = actuation.LEAD * x["motor"], x["motor_d"].copy()
+        pos, vel = jay.values("elevator")["lead"] * x["motor"], x["motor_d"].copy()
         screw[k] = pos[0]
-        actuation.ema_servo.rollout(xs, us, ps, 0.005, np.zeros((1, 1), actuation.ema_servo.STATE))
+        ema_servo.rollout(xs, us, ps, 0.005, np.zeros((1, 1), ema_servo.STATE))
         u["u"], u["f_u"] = xs["u"], amps * math.sin(2 * math.pi * hz * now)
-        actuation.ema.rollout(x, u, p, 0.005, np.zeros((1, 1), actuation.ema.STATE))
+        ema.rollout(x, u, p, 0.005, np.zeros((1, 1), ema.STATE))
         us["pos_meas"], us["vel_meas"] = pos, vel
     return 500.0 * np.ptp(screw[t > 4.0])
 
@@ -50,7 +53,7 @@ def test_oscillation_beyond_the_current_limit_of_a_drive_is_refused():
     """5 mm at 1.5 Hz take 76 A of 43.75 A: the servo is limited, the fault is not, and the screw swings 15 mm."""
     with pytest.raises(ScenarioError, match=r"take 7\d A at the drive of right_inner.*up to 2\.9 mm"):
         build(oscillation(1.5, 5.0))
-    gain = actuation.liquid_gain("ema", 3.0 * math.pi, 0.005)
+    gain = liquid_gain("ema", 3.0 * math.pi, 0.005)
     assert flown_unclipped(1.5, 2.5e-3 / gain) == pytest.approx(2.5, rel=0.1)
     assert flown_unclipped(1.5, 5.0e-3 / gain) > 12.0
     build(oscillation(1.5, 5.0, "ofc_solid"))  # nothing works against it there

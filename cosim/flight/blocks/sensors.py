@@ -151,13 +151,3 @@ TRANSPORT = {
     "mass": ("mass", 0.0, _REST, "kg"),  # from the fuel system: constant error only
     "cg": ("cg", 0.0, _REST, "-"),
 }
-
-# Sensors of an actuator: name -> (sigma in SI per sample, bound of the constant error that each flight draws)
-PARTS = {
-    "rod": (1e-4, 0.0),
-    "surface": (0.02 * DEG, 0.08 * DEG),  # rigging
-    "pressure": (0.005, 0.01),  # of supply
-    "velocity": (1.0, 0.0),  # [Jay] section 4: 1 rad/s
-    "position": (1e-4, 0.0),  # [Jay] section 4: 0.1 mm
-    "current": (0.1, 0.0),  # [Jay] section 4: 0.1 A
-}

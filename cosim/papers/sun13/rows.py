@@ -13,7 +13,8 @@ import math
 
 import numpy as np
 
-from cosim.flight.blocks.sensors import PARTS, TRANSPORT
+from actuators.registry import HYDRAULIC
+from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.point import SIX, FlightPoint
 from cosim.judge.achieved import sine
@@ -101,7 +102,7 @@ def _quiet_law():
         for name in ("tas", "alpha", "q", "theta"):
             out[form][f"sensors.{name}.y_obs"] += rng.normal(size=len(r)) * TRANSPORT[name][1]
     positions = [f"sensors.{s}_surface.y_obs" for s in NAMES]
-    out["rfafe"][positions] += rng.normal(size=(len(r), 4)) * PARTS["surface"][0]
+    out["rfafe"][positions] += rng.normal(size=(len(r), 4)) * HYDRAULIC.sensors["surface"].sigma
     return out
 
 

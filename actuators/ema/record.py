@@ -1,0 +1,125 @@
+"""What the testbed knows about the electromechanical actuator: its record (see actuators/technology.py)."""
+
+import functools
+import math
+
+import numpy as np
+
+from actuators.technology import (
+    ARM_DEG,
+    DEG,
+    LOSS,
+    MM,
+    SURFACE_DEG,
+    Design,
+    Effect,
+    Key,
+    Kind,
+    Sensor,
+    Technology,
+    Unit,
+)
+
+
+def _modules():
+    from actuators.ema import actuator, servo
+
+    return servo, actuator
+
+
+def _parameters():
+    from actuators.ema import jay
+
+    return jay.values("elevator")
+
+
+@functools.cache
+def _design():
+    from actuators.ema import jay
+
+    v, amperes = _parameters(), jay.LIMITS["elevator"][0]
+    torque = v["K_T"] * amperes
+    return Design(
+        arm=v["arm"], drive=amperes, probe=amperes, limited=True, stall_moment=torque * v["arm"] / v["lead"],
+        gains={"position": v["lead"]},  # screw travel per radian of motor [m/rad]
+        # no-load rate of the surface: 45 deg/s
+        shares={"of no-load speed": math.radians(45.0) * v["arm"] / v["lead"], "of stall current": amperes},
+        factors={"friction": torque},  # a share of the stall torque, at the motor
+    )  # fmt: skip
+
+
+def _build(n, values, trim, dt, age):
+    servo, actuator = _modules()
+    p = np.repeat(actuator.params(**values), n)
+    ps = np.repeat(servo.params(dt=dt, delay=age), n)
+    x = actuator.init_at(p, *trim)
+    lead = _design().gains["position"]
+    return [("ema_servo", servo, ps, servo.init_at(ps, lead * x["motor"], x["i"])), ("ema", actuator, p, x)]
+
+
+def _solid_gain(omega):
+    _, actuator = _modules()
+    A, B, _, _ = actuator.linearised(actuator.params())
+    return abs(complex(np.linalg.solve(1j * omega * np.eye(6) - A, B)[2, 0])) * _design().gains["position"]
+
+
+def _loop(**load):
+    from actuators.linear import ema_loop
+
+    return ema_loop(**load)
+
+
+TECHNOLOGY = Technology(
+    name="ema",
+    article="an EMA",
+    servo="ema_servo",
+    modules=_modules,
+    design=_design,
+    build=_build,
+    parameters=_parameters,
+    sensors={
+        "velocity": Sensor(  # [Jay] section 4: 1 rad/s
+            "motor_d", "motor velocity, + extends",
+            (Unit("rad_s", 1.0, "rad/s", 1000.0), Unit("pct", 0.01, "of no-load speed", 100.0)), 1.0,
+            servo=("vel_meas", "vel_valid"),
+        ),
+        "position": Sensor(  # [Jay] section 4: 0.1 mm
+            "motor", "screw position, + extends = trailing edge down", (MM, ARM_DEG), 1e-4,
+            servo=("pos_meas", "pos_valid"),
+        ),
+        "current": Sensor(  # [Jay] section 4: 0.1 A
+            "i", "motor current, + extends",
+            (Unit("a", 1.0, "A", 500.0), Unit("pct", 0.01, "of stall current", 100.0)), 0.1, drive=("s_i", "f_i"),
+        ),
+        "surface": Sensor(
+            "delta", "surface position, trailing edge down +", (SURFACE_DEG,), 0.02 * DEG, 0.08 * DEG  # rigging
+        ),
+    },
+    loop_sensor="position",
+    sent=("current_command", "current demand held over the last tick, + extends", "A"),
+    inlet="drive",
+    effects={
+        "jam_solid": Effect("jam"),
+        "free_float": Effect("free_float"),
+        "loss_of_effectiveness": Effect("loss"),
+        "friction": Effect("friction_add"),
+        "backlash": Effect("backlash_add", "m"),
+        "winding_resistance": Effect("r_add"),
+        "magnet_loss": Effect("magnet_loss"),
+        "jam": Effect("jam_screw"),
+    },
+    kinds={
+        "winding_resistance": Kind(
+            "winding resistance rises by a share",
+            (Key("increase_pct", 0.0, 1000.0, 0.01, "fraction", open_low=True),),
+            exclusive="winding",
+        ),
+        "magnet_loss": Kind("torque and back-EMF constant fall by a share", LOSS, exclusive="magnet"),
+        "jam": Kind("the screw seizes, the motor stalls", switched=True, exclusive="motion"),
+    },
+    hinge_error=0.3,
+    # the integrator's dead band is wider than the small motion that gains are measured with
+    smooth=({"dead": 0.0}, {"T_c": 0.0, "T_s": 0.0}),
+    solid_gain=_solid_gain,
+    loop=_loop,
+)  # fmt: skip

@@ -1,0 +1,120 @@
+"""What the testbed knows about the hydraulic servo-actuator: its record (see actuators/technology.py)."""
+
+import functools
+
+import numpy as np
+
+from actuators.technology import (
+    ARM_DEG,
+    DEG,
+    LOSS,
+    MM,
+    SURFACE_DEG,
+    Design,
+    Effect,
+    Key,
+    Kind,
+    Sensor,
+    Technology,
+    Unit,
+)
+
+
+def _modules():
+    from actuators.hydraulic import actuator, servo
+
+    return servo, actuator
+
+
+def _parameters():
+    from actuators.hydraulic.actuator import NOMINAL
+
+    return NOMINAL
+
+
+@functools.cache
+def _design():
+    p = _parameters()
+    stall = p["A_p"] * p["P_s"]
+    return Design(
+        arm=p["arm"], drive=1.0, probe=0.2, stall_moment=stall * p["arm"],
+        shares={"Pa": 1.0 / p["P_s"]},  # its own unit is the share of supply
+        factors={"friction": 1.0 / (p["F_brake"] / stall)},  # a share of the stall force, on the rod
+        valve_speed=p["phi_n"] / p["A_p"],
+    )  # fmt: skip
+
+
+def _build(n, values, trim, dt, age):
+    """The servo's model stays nominal, as a real servo's does. It predicts over one tick at most: above 200 Hz its
+    measurements are older than it thinks, at 2 kHz by 4.5 ms.
+    """
+    servo, actuator = _modules()
+    p = np.repeat(actuator.params(**values), n)
+    ps = np.repeat(servo.params(dt=dt, delay=min(age, 1.0)), n)
+    x = actuator.init_at(p, *trim)
+    return [("servo", servo, ps, servo.init_at(ps, trim[0], x["F_d"])), ("hydraulic", actuator, p, x)]
+
+
+def _solid_gain(omega):
+    _, actuator = _modules()
+    A, B, C, _ = actuator.linearised(actuator.params())
+    return abs(complex((C @ np.linalg.solve(1j * omega * np.eye(3) - A, B))[0, 0])) * _design().arm
+
+
+def _loop(**load):
+    from actuators.linear import hydraulic_loop
+
+    return hydraulic_loop(**load)
+
+
+TECHNOLOGY = Technology(
+    name="hydraulic",
+    article="a hydraulic",
+    servo="servo",
+    modules=_modules,
+    design=_design,
+    build=_build,
+    parameters=_parameters,
+    fixed=("q_lo", "q_hi", "substeps"),
+    sensors={
+        "rod": Sensor(
+            "q_rod", "rod position, + extends = trailing edge down", (MM, ARM_DEG), 1e-4, servo=("q_meas", "q_valid")
+        ),
+        "surface": Sensor(
+            "delta", "surface position, trailing edge down +", (SURFACE_DEG,), 0.02 * DEG, 0.08 * DEG  # rigging
+        ),
+        "pressure": Sensor(
+            "x3", "pressure difference over the supply pressure, + extends",
+            (Unit("pct", 0.01, "of supply", 100.0), Unit("mpa", 1e6, "Pa", 30.0)), 0.005, 0.01,
+            servo=("x3_meas", "x3_valid"),
+        ),
+    },
+    loop_sensor="rod",
+    sent=("valve_command", "valve command held over the last tick, full valve = 1, + extends", "-"),
+    inlet="valve",
+    runaway="valve",
+    effects={
+        "jam_solid": Effect("jam"),
+        "free_float": Effect("free_float"),
+        "loss_of_effectiveness": Effect("loss"),
+        "friction": Effect("jam"),
+        "backlash": Effect("backlash_add", "rad"),
+        "supply_pressure_drop": Effect("supply_drop"),
+        "internal_leakage": Effect("leak_add"),
+        "air_in_oil": Effect("air"),
+    },
+    kinds={
+        "supply_pressure_drop": Kind("supply pressure falls by a share", LOSS, exclusive="supply"),
+        "internal_leakage": Kind(
+            "flow past the piston at supply pressure, share of rated flow",
+            (Key("leakage_pct", 0.0, 100.0, 0.01, "fraction", open_low=True),),
+            exclusive="leakage",
+        ),
+        "air_in_oil": Kind("bulk modulus falls by a share", LOSS, exclusive="bulk"),
+    },
+    hinge_error=0.2,
+    most_delay=1.0,
+    smooth=({}, {"F_c": 0.0, "F_s": 0.0}),
+    solid_gain=_solid_gain,
+    loop=_loop,
+)  # fmt: skip

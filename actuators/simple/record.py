@@ -1,0 +1,31 @@
+"""What the testbed knows about the plain actuator: its record (see actuators/technology.py)."""
+
+import math
+
+from actuators.common import linkage
+from actuators.technology import DEG, SURFACE_DEG, Design, Effect, Sensor, Technology
+
+
+def _modules():
+    from actuators.simple import actuator
+
+    return None, actuator
+
+
+def _design():
+    return Design(arm=linkage.ARM, drive=math.nan, probe=math.nan, stall_moment=math.inf)
+
+
+TECHNOLOGY = Technology(
+    name="simple",
+    article="a simple",
+    modules=_modules,
+    design=_design,
+    build=None,  # with the other surfaces that have plain actuators, in one block (cosim/flight/actuation.py)
+    sensors={
+        "surface": Sensor(
+            "delta", "surface position, trailing edge down +", (SURFACE_DEG,), 0.02 * DEG, 0.08 * DEG, may_fail=False
+        ),
+    },
+    effects={"jam_solid": Effect("jam"), "loss_of_effectiveness": Effect("loss")},
+)

@@ -1,0 +1,52 @@
+"""What a fault amplitude in millimetres means at the valve or the drive: the gain of the closed servo loop, flown."""
+
+import functools
+import math
+
+import numpy as np
+
+from cosim.scenario.catalog import TECHNOLOGIES
+
+SENSOR_DELAY = 0.005  # of an actuator's sensors [s]
+
+
+def sensor_age(dt: float) -> float:
+    """Return the whole ticks by which an actuator's sensors lag: 0 below 100 Hz and at it, 1 at 200 Hz."""
+    return float(round(SENSOR_DELAY / dt))
+
+
+@functools.cache
+def liquid_gain(technology: str, omega: float, dt: float) -> float:
+    """Return position amplitude [m] per unit added at the valve [1] or drive [A], servo closed, no load, no friction:
+    by flying it at `omega` [rad/s].
+    """
+    record = TECHNOLOGIES[technology]
+    design, (outer, inner), (live, smooth) = record.design(), record.modules(), record.smooth
+    assert outer is not None  # what has a valve or a drive has a servo
+    # sensor -> state that it reads, reading per unit, the servo's inputs for value and flag
+    measured = {n: (s.state, design.gains.get(n, 1.0), *s.servo) for n, s in record.sensors.items() if s.servo}
+    age = int(sensor_age(dt))
+    p, ps = inner.params(**smooth), outer.params(dt=dt, delay=float(min(age, record.most_delay)), **live)
+    x, xs = inner.init(p), outer.init(ps)
+    u, us = np.zeros((1, 1), inner.INPUTS), np.zeros((1, 1), outer.INPUTS)
+    log, logs = np.zeros((1, 1), inner.STATE), np.zeros((1, 1), outer.STATE)
+    amplitude = 0.01 * design.probe
+    settle = 2.0
+    n = round((max(6, math.ceil(omega / math.pi)) * 2 * math.pi / omega + settle) / dt)
+    t, position = np.arange(n) * dt, np.zeros(n)
+    for *_, flag in measured.values():
+        us[flag] = 1.0
+    past = []
+    for k in range(n):
+        now = {name: factor * x[state][0] for name, (state, factor, *_) in measured.items()}
+        position[k] = now[record.loop_sensor]
+        past.append(now)
+        for name, value in past[max(k - age, 0)].items():
+            us[measured[name][2]] = value
+        outer.rollout(xs, us, ps, dt, logs)
+        u["u"], u["f_u"] = xs["u"][0], amplitude * math.sin(omega * t[k])
+        inner.rollout(x, u, p, dt, log)
+    late = t > settle
+    basis = np.column_stack([np.cos(omega * t), np.sin(omega * t), np.ones(n)])[late]
+    c, s, _ = np.linalg.lstsq(basis, position[late], rcond=None)[0]
+    return math.hypot(c, s) / amplitude
