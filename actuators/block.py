@@ -7,8 +7,8 @@ A block is a module with
     params(...) -> PARAMS   one record, ordinary NumPy/SciPy; design happens here
     init(p) -> STATE        records of the same shape as `p`, the state before the first tick
     step(x, u, p, dt)       kernel: advances one record `x` in place from inputs `u`
-    rollout(x, u, p, dt, log)
-                            kernel: every lane through every tick; x, p: (lane,), u, log: (lane, tick), log in STATE
+    rollout = entry(step, STATE, INPUTS, PARAMS)
+                            every lane through every tick: rollout(x, u, p, dt, log), see `Entry`
 
 `rollout` is the only entry point: live it is called with one tick, in replay with all of them, in a batch with many
 lanes, so that one compiled function serves all three and they agree bit for bit.
@@ -16,23 +16,16 @@ lanes, so that one compiled function serves all three and they agree bit for bit
 A kernel is a deterministic function of its arguments: no global state, no I/O, no random numbers, no exceptions.
 """
 
-import ast
-import contextlib
+import ctypes
 import functools
 import hashlib
-import os
-import stat
-import tempfile
 from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
-from numba.core import config as _config
 
-config: Any = _config  # its options are made at run time
-_ROOT = Path(__file__).resolve().parent.parent
-PACKAGES = ("actuators", "fdi", "cosim")
+from actuators.native import PLAIN, Native
+from actuators.sources import cache_dir
 
 
 def dtype(fields):
@@ -66,134 +59,144 @@ def record(kind, **values):
     return out
 
 
-@functools.lru_cache
-def _source(path):
-    return path.read_bytes()
-
-
-@functools.cache
-def _imports(path):
-    """Return the names that the source at `path` imports, wherever it does so; packages of ours that hold them too."""
-    package = path.relative_to(_ROOT).parts[:-1] if path.is_relative_to(_ROOT) else ()
-    out = set()
-    for node in ast.walk(ast.parse(_source(path))):
-        if isinstance(node, ast.Import):
-            out |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            above = package[: len(package) - node.level + 1] if node.level else ()
-            base = ".".join((*above, *([node.module] if node.module else ())))
-            out |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
-    return frozenset(out)
-
-
-def _files(name):
-    """Return the files of ours that importing `name` runs: its module or package, and the packages around it."""
-    parts = name.split(".")
-    if parts[0] not in PACKAGES:
-        return
-    for i in range(1, len(parts) + 1):
-        stem = _ROOT.joinpath(*parts[:i])
-        yield from (stem.with_suffix(".py"), stem / "__init__.py")
-
-
-@functools.cache
-def closure(path):
-    """Return the set of our source files that `path` imports, directly or not, itself included."""
-    seen, todo = set(), [path]
-    while todo:
-        here = todo.pop()
-        if here not in seen and here.is_file():
-            seen.add(here)
-            todo += [file for name in _imports(here) for file in _files(name)]
-    return seen
-
-
-def private(folder):
-    """Return whether `folder` is a directory of this user's that nobody else may write to, made when it is missing.
-
-    Compiled code is loaded by unpickling what lies there: whoever can write to it, or replace it, runs code as us.
-    """
-    try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        about = folder.lstat()
-    except (OSError, RuntimeError):
-        return False
-    if not stat.S_ISDIR(about.st_mode):
-        return False
-    if not hasattr(os, "getuid"):  # Windows: a user's own profile is closed to others by default
-        return True
-    return about.st_uid == os.getuid() and not about.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-
-
-def _cache_roots():
-    """Yield where compiled kernels may lie, best first: where the user says, the user's cache, a folder of the user's
-    own among the temporary files."""
-    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
-        if os.environ.get(name):
-            yield Path(os.environ[name]) / "cosim-kernels"
-    with contextlib.suppress(RuntimeError):  # a user without a home
-        yield Path.home() / ".cache" / "cosim-kernels"
-    if hasattr(os, "getuid"):
-        yield Path(tempfile.gettempdir()) / f"cosim-kernels-{os.getuid()}"
-
-
-@functools.cache
-def cache_root():
-    """Return the folder for compiled kernels, None where no folder is this user's alone."""
-    return next((root for root in _cache_roots() if private(root) and os.access(root, os.W_OK)), None)
-
-
-@functools.cache
-def _cache_dir(path):
-    """Name a cache folder by the sources a kernel is compiled from: Numba itself misses a change in a callee's file."""
-    digest = hashlib.sha256(numba.__version__.encode())
-    for source in sorted(closure(path)):
-        digest.update(_source(source))
-    root = cache_root()
-    folder = root and root / digest.hexdigest()[:16]
-    return str(folder) if folder and private(folder) and _all_private(folder) else None
-
-
-def _all_private(folder):
-    """Tell whether every file in `folder` is this user's: a folder that was once open may hold another's."""
-    if not hasattr(os, "getuid"):
-        return True
-    return all(file.lstat().st_uid == os.getuid() for file in folder.rglob("*"))
-
-
 def kernel(function):
-    """Compile `function` with Numba, cached on disk by the digest of every source of ours that it depends on."""
-    folder = _cache_dir(Path(function.__code__.co_filename).resolve())
-    if folder is None or config.DISABLE_JIT:
-        return numba.njit(error_model="numpy")(function)
-    before = config.CACHE_DIR
-    config.CACHE_DIR = folder
-    try:
-        return numba.njit(cache=True, error_model="numpy")(function)
-    finally:
-        config.CACHE_DIR = before
-
-
-def bound(function, *args):
-    """Return a call without arguments of kernel `function` on `args`, compiled for their types.
-
-    Numba looks the types up at every call, 0.4 us for a block's records; bound once, a live tick pays only for its
-    work.
+    """Compile `function` with Numba where it is first called, cached on disk by the digest of every source of ours that
+    it depends on; with NUMBA_DISABLE_JIT=1 it stays as it is.
     """
-    if config.DISABLE_JIT:
-        return functools.partial(function, *args)
-    return functools.partial(function.compile(tuple(map(_type, args))), *args)
+    return function if PLAIN else Kernel(function)
 
 
-_RECORDS: dict[np.dtype, Any] = {}
+class Kernel:
+    """A function that Numba compiles when it is first needed: importing it costs nothing."""
+
+    def __init__(self, function):
+        functools.update_wrapper(self, function)
+        self.py_func = function
+
+    @functools.cached_property
+    def compiled(self):
+        """Return Numba's dispatcher of the function."""
+        import numba
+        from numba.core import config as _config
+
+        config: Any = _config  # its options are made at run time
+        folder = cache_dir(Path(self.py_func.__code__.co_filename).resolve())
+        if folder is None:
+            return numba.njit(error_model="numpy")(self.py_func)
+        before = config.CACHE_DIR
+        config.CACHE_DIR = folder
+        try:
+            return numba.njit(cache=True, error_model="numpy")(self.py_func)
+        finally:
+            config.CACHE_DIR = before
+
+    @property
+    def _numba_type_(self):
+        return self.compiled._numba_type_  # by which a kernel that calls this one knows it
+
+    def __call__(self, *args):
+        return self.compiled(*args)
 
 
-def _type(value):
-    """Return Numba's type of an argument; that of a block's records, 1 ms each, is kept for the next flight."""
-    if not isinstance(value, np.ndarray) or value.dtype.names is None:
-        return numba.typeof(value)
-    if value.dtype not in _RECORDS:
-        _RECORDS[value.dtype] = numba.typeof(value).dtype
-    flags = value.flags
-    layout: Any = "C" if flags.c_contiguous else "F" if flags.f_contiguous else "A"
-    return numba.types.Array(_RECORDS[value.dtype], value.ndim, layout, not flags.writeable, aligned=flags.aligned)
+def entry(step, STATE, INPUTS, PARAMS):
+    """Return the entry point of the block whose kernel is `step`."""
+    return Entry(step, STATE, INPUTS, PARAMS)
+
+
+class Entry:
+    """Advance every lane of a block through every tick: `rollout(x, u, p, dt, log)`.
+
+    x, p: (lane,), u: (lane, tick), log: (lane, tick) in STATE or None; x is advanced in place. Compiled it is one
+    function of pointers, `native`, whose arguments are
+
+        x*, u*, p*, dt [s], lanes, ticks, log* (null for no log)
+
+    over arrays without gaps. Raises TypeError for an array of another dtype, ValueError for one of another shape.
+    """
+
+    def __init__(self, step, STATE, INPUTS, PARAMS):
+        self.step, self.kinds = step, (STATE, INPUTS, PARAMS)
+        if not PLAIN:
+            said = "\n".join([step.__qualname__, *(repr(kind.descr) for kind in self.kinds)])
+            name = f"{step.__module__}.{hashlib.sha256(said.encode()).hexdigest()[:8]}"
+            pointer, whole = ctypes.c_void_p, ctypes.c_int64
+            given = pointer, pointer, pointer, ctypes.c_double, whole, whole, pointer
+            self.native = Native(name, step.py_func.__code__.co_filename, given, self._make)
+
+    def __call__(self, x, u, p, dt, log=None):
+        self._check(x, u, p, log)
+        if PLAIN:
+            return self._plain(x, u, p, dt, log)
+        if not x.flags.c_contiguous:
+            raise ValueError("the states of a block stand without gaps")
+        p = np.ascontiguousarray(p)
+        if u.flags.c_contiguous and (log is None or log.flags.c_contiguous):
+            self._run(x, u, p, dt, log)
+        else:  # a part of longer arrays
+            for i in range(len(x)):
+                self._lane(x[i : i + 1], u[i], p[i : i + 1], dt, None if log is None else log[i])
+        return None
+
+    def bound(self, x, u, p, dt):
+        """Return a call without arguments on these arrays, without a log: a live tick pays only for its work."""
+        self._check(x, u, p, None)
+        if PLAIN:
+            return functools.partial(self._plain, x, u, p, dt, None)
+        if not all(array.flags.c_contiguous for array in (x, u, p)):
+            raise ValueError("bound arrays of a block stand without gaps")
+        call, given = self.native.call, (_at(x), _at(u), _at(p), dt, *u.shape, None)
+        return functools.partial(_call, call, given, (x, u, p))
+
+    def _lane(self, x, u, p, dt, log):
+        u = np.ascontiguousarray(u)
+        if log is None or log.flags.c_contiguous:
+            return self._run(x, u[None], p, dt, log)
+        states = np.empty(u.shape, self.kinds[0])
+        self._run(x, u[None], p, dt, states)
+        log[:] = states
+        return None
+
+    def _run(self, x, u, p, dt, log):
+        self.native.call(_at(x), _at(u), _at(p), dt, *u.shape, None if log is None else _at(log))
+
+    def _plain(self, x, u, p, dt, log):
+        for i in range(u.shape[0]):
+            for k in range(u.shape[1]):
+                self.step(x[i], u[i, k], p[i], dt)
+                if log is not None:
+                    log[i, k] = x[i]
+
+    def _check(self, x, u, p, log):
+        for given, kind in ((x, self.kinds[0]), (u, self.kinds[1]), (p, self.kinds[2]), (log, self.kinds[0])):
+            if given is not None and given.dtype is not kind and given.dtype != kind:
+                raise TypeError(f"a block's array is {given.dtype}; it takes {kind}")
+        if u.ndim != 2 or x.shape != u.shape[:1] or p.shape != x.shape or (log is not None and log.shape != u.shape):
+            shapes = [None if a is None else a.shape for a in (x, u, p, log)]
+            raise ValueError(f"x, u, p, log of a block have shapes {shapes}; (lane,), (lane, tick), (lane,), u's")
+
+    def _make(self):
+        """Return the function of pointers that Numba compiles, and its types."""
+        from numba import carray, from_dtype, types
+
+        step = self.step
+
+        def rollout(x, u, p, dt, lanes, ticks, log):
+            xs, ps = carray(x, lanes), carray(p, lanes)
+            us, logs = carray(u, (lanes, ticks)), carray(log, (lanes, ticks))
+            kept = logs.ctypes.data != 0
+            for i in range(lanes):
+                for k in range(ticks):
+                    step(xs[i], us[i, k], ps[i], dt)
+                    if kept:
+                        logs[i, k] = xs[i]
+
+        state, given, fixed = (types.CPointer(from_dtype(kind)) for kind in self.kinds)
+        return rollout, (state, given, fixed, types.float64, types.int64, types.int64, state)
+
+
+def _call(call, given, kept):
+    call(*given)  # `kept` are the arrays behind the addresses
+
+
+def _at(array):
+    return array.__array_interface__["data"][0]

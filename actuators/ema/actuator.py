@@ -31,7 +31,7 @@ import math
 
 import numpy as np
 
-from actuators.block import dtype, kernel, record
+from actuators.block import dtype, entry, kernel, record
 from actuators.common import linkage
 from actuators.common.limits import clip, finite, share, sign
 from actuators.ema import jay
@@ -291,10 +291,4 @@ def step(x, u, p, dt):
         x.delta, x.delta_d, x.motor, x.motor_d, x.i, x.comp = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
-@kernel
-def rollout(x, u, p, dt, log):
-    """Advance every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
-    for i in range(u.shape[0]):
-        for k in range(u.shape[1]):
-            step(x[i], u[i, k], p[i], dt)
-            log[i, k] = x[i]
+rollout = entry(step, STATE, INPUTS, PARAMS)

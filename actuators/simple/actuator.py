@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from actuators.block import dtype, kernel, record
+from actuators.block import dtype, entry, kernel, record
 from actuators.common import linkage
 from actuators.common.limits import clip, flush
 
@@ -108,10 +108,4 @@ def step(x, u, p, dt):
     x.delta_d = flush(x.delta_d)
 
 
-@kernel
-def rollout(x, u, p, dt, log):
-    """Advance every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
-    for i in range(u.shape[0]):
-        for k in range(u.shape[1]):
-            step(x[i], u[i, k], p[i], dt)
-            log[i, k] = x[i]
+rollout = entry(step, STATE, INPUTS, PARAMS)

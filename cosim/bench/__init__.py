@@ -5,6 +5,7 @@ interleaved: the ratio of a case is the median over the rounds of its time to th
 interquartile range over the median.
 """
 
+import functools
 import json
 import os
 import subprocess
@@ -15,7 +16,6 @@ from pathlib import Path
 
 import numpy as np
 
-from actuators.block import bound
 from cosim.bench.log import log_costs
 from cosim.replay.lanes import BLOCK_BYTES
 from cosim.scenario import load_scenario
@@ -164,7 +164,7 @@ def _step_cost(d, start, u, tick):
               range(0, u.shape[1], block)]
     dt, rollout, x = tick * d.every, d.module.rollout, start.copy()
     given = np.zeros((len(start), 1), d.module.INPUTS)
-    now, step = given.view(float).reshape(len(start), -1), bound(rollout, x, given, d.p, dt, one)
+    now, step = given.view(float).reshape(len(start), -1), functools.partial(rollout, x, given, d.p, dt, one)
 
     def batch():
         state = start.copy()

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from actuators.block import closure
+from actuators.sources import closure
 from cosim.campaign.pool import finished
 from cosim.campaign.store import fingerprint
 from cosim.files import replace_text

@@ -19,7 +19,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from actuators.block import closure
+from actuators.sources import closure
 from cosim.errors import CosimError, OutputError
 from cosim.files import replace, replace_text
 

@@ -6,14 +6,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from actuators.block import bound, dtype
+from actuators.block import dtype
 from cosim.errors import ScenarioError
 from cosim.flight import actuation, detectors, inject, wiring
 from cosim.flight.blocks import faults, hinge_model, law, manoeuvre, sensors
 from cosim.flight.blocks.law import design as law_design
 from cosim.flight.blocks.pilot import steps
-from cosim.flight.bus import Bus, route, route_add
+from cosim.flight.bus import Bus
 from cosim.flight.gains import SENSOR_DELAY
+from cosim.flight.noise import Draw
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
@@ -24,7 +25,7 @@ from cosim.scenario import Scenario
 from cosim.scenario.catalog import TECHNOLOGIES
 
 CLOCK = dtype([("t", "f8", "s")])
-NOISE_BLOCK = 1000  # ticks of noise drawn at once
+
 
 @dataclass
 class Setup:
@@ -94,20 +95,6 @@ def _sensor_lanes(scenario, rng, dt):
     return tuple(names), np.concatenate(rows)
 
 
-class Draw:
-    """Draw standard normal noise in blocks of ticks, so that a tick costs one copy."""
-
-    def __init__(self, rng, lanes):
-        self._rng, self._block, self._k = rng, np.zeros((NOISE_BLOCK, lanes)), NOISE_BLOCK
-
-    def __call__(self, noise):
-        if self._k == NOISE_BLOCK:
-            self._rng.standard_normal(out=self._block)
-            self._k = 0
-        noise[:] = self._block[self._k]
-        self._k += 1
-
-
 def build(scenario):
     """Return the Setup of `scenario`. Raises TrimError when the flight point cannot be flown."""
     dt, point = scenario.dt, FlightPoint.of(scenario)
@@ -161,26 +148,6 @@ def build(scenario):
 
     actuator_blocks = [block(n, m, p, x) for n, m, p, x, _ in built]
     tech = scenario.elevator.technology
-    loop = Loop(
-        bus=bus,
-        plant=plant,
-        dt=dt,
-        draw=Draw(rng_noise, len(sensor_lanes)),
-        route={},
-        faults=block(
-            "faults", faults, np.concatenate([np.zeros(0, faults.PARAMS), *(lane.p for lane in fault_lanes)]), 0
-        ),
-        sensors=block("sensors", sensors, sensor_p, sensors.init(sensor_p)),
-        pilot=block("pilot", manoeuvre, pilot_p, manoeuvre.init(pilot_p)),
-        law=block("law", law, law_p, law.init(law_p)),
-        hinge=block("hinge_model", hinge_model, hinge_p, hinge_model.init(hinge_p)),
-        detectors=[
-            block(d.id, d.module, p, d.module.init(p), d.every)
-            for d, p in ((d, d.params(scenario, dt)) for d in chosen)
-        ],
-        servos=[b for b in actuator_blocks if b.name not in TECHNOLOGIES],
-        actuators=[b for b in actuator_blocks if b.name in TECHNOLOGIES],
-    )
     wires = {
         stage: bus.wires(pairs)
         for stage, pairs in {
@@ -198,10 +165,30 @@ def build(scenario):
     }
     places = [(to, f"faults.{lane.name}.{source}") for lane in fault_lanes for to, source in lane.places]
     to, source = bus.wires(places)
-    loop.route = {stage: bound(route, bus.v, *w) for stage, w in wires.items()}
-    loop.route["injection"] = bound(route_add, bus.v, np.unique(to), to, source)
+    loop = Loop(
+        bus=bus,
+        plant=plant,
+        dt=dt,
+        draw=Draw(rng_noise, len(sensor_lanes)),
+        wires=wires,
+        places=(np.unique(to), to, source),
+        faults=block(
+            "faults", faults, np.concatenate([np.zeros(0, faults.PARAMS), *(lane.p for lane in fault_lanes)]), 0
+        ),
+        sensors=block("sensors", sensors, sensor_p, sensors.init(sensor_p)),
+        pilot=block("pilot", manoeuvre, pilot_p, manoeuvre.init(pilot_p)),
+        law=block("law", law, law_p, law.init(law_p)),
+        hinge=block("hinge_model", hinge_model, hinge_p, hinge_model.init(hinge_p)),
+        detectors=[
+            block(d.id, d.module, p, d.module.init(p), d.every)
+            for d, p in ((d, d.params(scenario, dt)) for d in chosen)
+        ],
+        servos=[b for b in actuator_blocks if b.name not in TECHNOLOGIES],
+        actuators=[b for b in actuator_blocks if b.name in TECHNOLOGIES],
+    )
     # what the actuators were last told: in equilibrium, the servo's holding command
-    loop.route["actuators"]()
+    told, command = wires["actuators"]
+    bus.v[told] = bus.v[command]
     members = [(d.id, d.level, d.target(lane), d.module.CULPRITS, d.id, lane) for d in chosen for lane in d.lanes]
     history = History(scenario, bus, members)
     return Setup(scenario=scenario, loop=loop, trim=trim, lanes=fault_lanes, members=members, history=history)

@@ -1,29 +1,11 @@
 """The bus: one float64 vector that holds everything of one tick, and typed views of it for the blocks.
 
 Every block's inputs and states are sections of the vector. A section has lanes (one per actuator, sensor, fault, ...).
-Wiring is a list of (destination, source) names, compiled to index arrays; the log writes any selection of positions. So
+Wiring is a list of (destination, source) names, turned into index arrays; the log writes any selection of positions. So
 nothing of a tick can escape the log, and a detector can only read what is wired to it.
 """
 
 import numpy as np
-
-from actuators.block import kernel
-
-
-@kernel
-def route(v, to, source):
-    """Copy v[source] to v[to], in order."""
-    for i in range(to.size):
-        v[to[i]] = v[source[i]]
-
-
-@kernel
-def route_add(v, clear, to, source):
-    """Zero v[clear], then add v[source] to v[to]: several faults may act on one place."""
-    for i in range(clear.size):
-        v[clear[i]] = 0.0
-    for i in range(to.size):
-        v[to[i]] += v[source[i]]
 
 
 def _fields(kind):
@@ -84,7 +66,7 @@ class Bus:
         return out
 
     def wires(self, pairs):
-        """Compile [(destination path, source path)] to the two index arrays that `route` takes."""
+        """Compile [(destination path, source path)] to two index arrays."""
         to = np.array([self.index(d) for d, _ in pairs], np.int64)
         source = np.array([self.index(s) for _, s in pairs], np.int64)
         return to, source

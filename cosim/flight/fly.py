@@ -4,8 +4,6 @@ import math
 
 import numpy as np
 
-from cosim.flight.tick import tick
-
 CHECK_EVERY = 10  # ticks between looks at the flight's health: 50 ms
 PROGRESS_EVERY = 200
 
@@ -51,11 +49,10 @@ def fly(setup, append=None, progress=None, keep=None):
     loop, n = setup.loop, setup.ticks
     index, kind = keep or (setup.history.index, np.float32)
     history = np.empty((n, len(index)), kind)  # pages are taken as the flight goes on
-    append = append or _nowhere
-    k = 0
+    tape, k = loop.tape(append), 0
     try:
         for k in range(n):
-            tick(loop, k, append)
+            tape.run(k)
             history[k] = loop.v[index]
             if k % CHECK_EVERY == 0:
                 bad, why = health(loop.truth)
@@ -67,6 +64,3 @@ def fly(setup, append=None, progress=None, keep=None):
         return history[: k + 1], "interrupted", f"at {k * loop.dt:.2f} s by the user"
     return history, "completed", ""
 
-
-def _nowhere(v):
-    pass

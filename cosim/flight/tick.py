@@ -1,29 +1,58 @@
 """One tick of the lockstep: read this first.
 
 Everything of a tick is in one vector (cosim/flight/bus.py). Each block below reads its own inputs there and leaves its
-state there; between blocks, `route` copies what is wired (cosim/flight/wiring.py). JSBSim is at t_k when the tick
-begins and at t_k+1 when it ends.
+state there; between blocks, wires copy (cosim/flight/wiring.py). JSBSim is at t_k when the tick begins and at t_k+1
+when it ends. `order` says once, to a tape, what every tick does; the tape does it without Python between the blocks
+(cosim/flight/tape.py).
 """
 
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from actuators.block import bound
 from cosim.flight.bus import Bus
+from cosim.flight.noise import Draw
 from cosim.flight.plant.plant import Plant
+from cosim.flight.tape import Block, Tape
 
 
-class Block:
-    """A block in the loop: its module's `rollout` bound to its lanes in the bus; `advance()` steps every lane by one
-    tick, in place.
-    """
+def order(s, tape, log=None):
+    """Tell `tape` what a tick of the loop `s` does from t_k to t_k+1; `log(v)` takes the bus as it stands at t_k."""
+    s.plant.tell(tape, s.bus.index("truth.aircraft.alpha"))  # 1. the aircraft's truth at t_k
+    tape.clock(s.bus.index("clock.clock.t"))
 
-    def __init__(self, bus, name, module, p, x0, dt, every=1):
-        self.name, self.module, self.p, self.every = name, module, p, every
-        self.x, self.u = bus[name], bus[name + "_in"].reshape(-1, 1)
-        self.x[:] = x0
-        self.advance = bound(module.rollout, self.x, self.u, p, dt * every, np.zeros((len(self.x), 1), module.STATE))
+    tape.copy(*s.wires["faults"])
+    tape.step(s.faults)
+    tape.add(*s.places)  # what is injected at t_k, and where
+
+    s.draw.tell(tape, s.noise)
+    tape.copy(*s.wires["sensors"])
+    tape.step(s.sensors)  # 2. measurements
+
+    tape.copy(*s.wires["law"])
+    tape.step(s.pilot)
+    tape.copy(*s.wires["demand"])
+    tape.step(s.law)  # 3. control law on measurements
+
+    tape.copy(*s.wires["hinge"])
+    tape.step(s.hinge)
+    tape.copy(*s.wires["detectors"])
+    for detector in s.detectors:
+        tape.step(detector)  # 4. detectors on measurements and commands at t_k, and on what the servos sent until now
+
+    tape.copy(*s.wires["servos"])
+    for servo in s.servos:
+        tape.step(servo)  # 5. servo loops on t_k data, perhaps on a detector's estimate; held over the tick
+
+    if log is not None:
+        tape.call(lambda k: log(s.v))
+
+    tape.copy(*s.wires["actuators"])
+    for actuator in s.actuators:
+        tape.step(actuator)  # to t_k+1, sub-stepped against the hinge moment
+    tape.copy(*s.wires["surfaces"])
+    tape.call(lambda k: s.plant.write(s.surface_vector))
+    tape.call(lambda k: s.plant.run())  # 6. the aircraft to t_k+1
 
 
 @dataclass
@@ -33,8 +62,9 @@ class Loop:
     bus: Bus
     plant: Plant
     dt: float
-    draw: object  # draws the next tick's noise into a vector
-    route: dict  # stage -> call that copies its wires
+    draw: Draw  # the noise
+    wires: dict  # stage -> (to, source), positions in the bus
+    places: tuple  # (clear, to, source): where faults act
     faults: Block
     sensors: Block
     pilot: Block
@@ -46,45 +76,18 @@ class Loop:
 
     def __post_init__(self):
         self.v = self.bus.v
-        self.clock, self.truth, self.surfaces = self.bus["clock"], self.bus["truth"][0], self.bus["surfaces"]
-        self.noise = self.bus["sensors_in"]["noise"]
-        self.surface_vector = self.surfaces.view("f8")
+        self.truth, self.surface_vector = self.bus["truth"][0], self.bus["surfaces"].view("f8")
+        self.noise = np.array([self.bus.index(f"sensors_in.{lane}.noise") for lane in self.bus.lanes["sensors"]])
+        self._tape = self._log = None
+
+    def tape(self, log=None):
+        """Return the tape of this loop as it is now, its rows going to `log(v)`; the same while `log` is."""
+        if self._tape is None or log is not self._log:
+            self._tape, self._log = Tape(self.v, self.dt), log
+            order(self, self._tape, log)
+        return self._tape
 
 
-def tick(s, k, log):
-    """Advance the loop `s` from t_k to t_k+1 and append the row of t_k to `log`."""
-    s.clock["t"] = k * s.dt
-    s.plant.read(s.truth)  # 1. the aircraft's truth at t_k
-
-    s.route["faults"]()
-    s.faults.advance()
-    s.route["injection"]()  # what is injected at t_k, and where
-
-    s.draw(s.noise)
-    s.route["sensors"]()
-    s.sensors.advance()  # 2. measurements
-
-    s.route["law"]()
-    s.pilot.advance()
-    s.route["demand"]()
-    s.law.advance()  # 3. control law on measurements
-
-    s.route["hinge"]()
-    s.hinge.advance()
-    s.route["detectors"]()
-    for d in s.detectors:  # 4. detectors on measurements and commands at t_k, and on what the servos sent until now
-        if k % d.every == 0:
-            d.advance()
-
-    s.route["servos"]()
-    for servo in s.servos:
-        servo.advance()  # 5. servo loops on t_k data, perhaps on a detector's estimate; held over the tick
-
-    log(s.v)
-
-    s.route["actuators"]()
-    for actuator in s.actuators:
-        actuator.advance()  # to t_k+1, sub-stepped against the hinge moment
-    s.route["surfaces"]()
-    s.plant.write(s.surface_vector)
-    s.plant.run()  # 6. the aircraft to t_k+1
+def tick(s, k, log=None):
+    """Advance the loop `s` from t_k to t_k+1 and give the bus of t_k to `log`."""
+    s.tape(log).run(k)

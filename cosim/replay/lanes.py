@@ -5,14 +5,12 @@ every second. Ticks that a damaged log has lost cut a lane into pieces; a piece 
 starts at its first whole state.
 """
 
-import functools
 import json
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
-from actuators.block import bound
 from cosim.errors import LogError, did_you_mean
 from cosim.flight.parameters import wrong_state
 from cosim.replay.params import ReplayError, attached, chosen_overrides, older, override, trusted
@@ -224,18 +222,11 @@ def _piece(lane, a, b, tick):
     )
 
 
-@functools.cache
-def _compiled(module):
-    """Return the entry of a detector's rollout: Numba would look up the types of each call, a millisecond for these."""
-    x, u, states = np.zeros(1, module.STATE), np.zeros((1, 1), module.INPUTS), np.zeros((1, 1), module.STATE)
-    return bound(module.rollout, x, u, np.zeros(1, module.PARAMS), 0.0, states).func
-
-
 def run(lane, dt):
     """Replay one gapless lane; return outputs (rows, n), snapshots (ticks (m,), hidden states (m, h)), last state."""
     module, n = lane.module, len(lane.ticks)
     outputs, hidden = split(module)
-    rollout, x, p = _compiled(module), lane.x.copy(), lane.p.copy()
+    rollout, x, p = module.rollout, lane.x.copy(), lane.p.copy()
     out, given = np.empty((n, len(outputs))), flat(np.ascontiguousarray(lane.u))
     wanted = np.intersect1d(lane.states[0], lane.ticks, assume_unique=True)
     at, held, done = np.searchsorted(lane.ticks, wanted), np.empty((len(wanted), len(hidden))), 0

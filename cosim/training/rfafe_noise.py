@@ -48,7 +48,7 @@ def total(parts):
 
 def _response(lane, size):
     """Return (sensors, {estimator: f_hat (ticks,) [deg]}) of a noiseless flight with one sample of `lane` disturbed."""
-    ticks, sensors = iter(range(TICKS)), []
+    sensors: list = []
 
     def prepare(setup):
         loop = setup.loop
@@ -57,12 +57,20 @@ def _response(lane, size):
             for field in set(FRICTION) & set(block.p.dtype.names):
                 block.p[field] = 0.0
 
-        def draw(noise):
-            noise[:] = 0.0
-            if next(ticks) == DISTURBED and lane is not None:
-                noise[sensors.index(lane)] = size
-
-        loop.draw = draw
+        loop.draw = _One(sensors.index(lane) if lane is not None else 0, size if lane is not None else 0.0)
 
     flown = fly_aircraft(duration=TICKS * DT, prepare=prepare)
     return sensors, {name: estimate(flown, name)[field] / DEG for name, field in FIELD.items()}
+
+
+class _One:
+    """Noise that is nothing but one number in one lane at one tick."""
+
+    def __init__(self, lane, size):
+        self._lane, self._size = lane, size
+
+    def tell(self, tape, to):
+        """Tell a tape what stands at the positions `to` of the bus."""
+        block = np.zeros((TICKS, len(to)))
+        block[DISTURBED, self._lane] = self._size
+        tape.noise(to, block)

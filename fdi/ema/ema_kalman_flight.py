@@ -34,7 +34,7 @@ import math
 
 import numpy as np
 
-from actuators.block import dtype, kernel, record
+from actuators.block import dtype, entry, kernel, record
 from actuators.ema import jay
 from fdi.common.decision import usable
 from fdi.common.record import Detector, Estimate
@@ -420,10 +420,4 @@ def step(x, u, p, dt):
     x.valid = 1.0 if fresh and x.pos_sigma < p.sigma_max else 0.0
 
 
-@kernel
-def rollout(x, u, p, dt, log):
-    """Step every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
-    for i in range(u.shape[0]):
-        for k in range(u.shape[1]):
-            step(x[i], u[i, k], p[i], dt)
-            log[i, k] = x[i]
+rollout = entry(step, STATE, INPUTS, PARAMS)

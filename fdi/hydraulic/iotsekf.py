@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from actuators.block import dtype, kernel, record
+from actuators.block import dtype, entry, kernel, record
 from actuators.common import linkage
 from actuators.hydraulic import lu17
 from actuators.hydraulic.lu17 import opening, stiffness
@@ -262,10 +262,4 @@ def step(x, u, p, dt):
     decide(x, u, p, dt)
 
 
-@kernel
-def rollout(x, u, p, dt, log):
-    """Step every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
-    for i in range(u.shape[0]):
-        for k in range(u.shape[1]):
-            step(x[i], u[i, k], p[i], dt)
-            log[i, k] = x[i]
+rollout = entry(step, STATE, INPUTS, PARAMS)

@@ -35,7 +35,7 @@ import math
 
 import numpy as np
 
-from actuators.block import dtype, kernel, record
+from actuators.block import dtype, entry, kernel, record
 from fdi.common.decision import confirm, usable
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
@@ -373,10 +373,4 @@ def step(x, u, p, dt):
         x.r, x.alarm, x.verdict, x.culprit = 0.0, 0.0, NONE, 0.0
 
 
-@kernel
-def rollout(x, u, p, dt, log):
-    """Step every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
-    for i in range(u.shape[0]):
-        for k in range(u.shape[1]):
-            step(x[i], u[i, k], p[i], dt)
-            log[i, k] = x[i]
+rollout = entry(step, STATE, INPUTS, PARAMS)

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from actuators.block import dtype, kernel, record
+from actuators.block import dtype, entry, kernel, record
 from fdi.common import bank
 from fdi.common.conditions import DesignError, separate
 from fdi.common.decision import held, usable
@@ -122,10 +122,4 @@ def step(x, u, p, dt):
     x.f_hat = x.f[0] if math.fabs(x.f[0]) >= math.fabs(x.f[1]) else x.f[1]
 
 
-@kernel
-def rollout(x, u, p, dt, log):
-    """Step every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
-    for i in range(u.shape[0]):
-        for k in range(u.shape[1]):
-            step(x[i], u[i, k], p[i], dt)
-            log[i, k] = x[i]
+rollout = entry(step, STATE, INPUTS, PARAMS)

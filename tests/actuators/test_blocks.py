@@ -48,7 +48,7 @@ def blocks():
     for package in ("actuators", "fdi", "cosim"):
         for path in sorted((ROOT / package).rglob("*.py")):
             text = path.read_text(encoding="utf-8")
-            if "\ndef rollout(" in text and "\nSTATE = " in text:
+            if "\nrollout = entry(" in text and "\nSTATE = " in text:
                 found.append(".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"))
     return found
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from actuators.block import dtype, kernel, record
+from actuators.block import dtype, entry, kernel, record
 from actuators.common import linkage
 from fdi.common.decision import confirm, usable
 from fdi.common.record import Detector, Estimate
@@ -56,10 +56,4 @@ def step(x, u, p, dt):
     x.culprit = x.alarm
 
 
-@kernel
-def rollout(x, u, p, dt, log):
-    """Step every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
-    for i in range(u.shape[0]):
-        for k in range(u.shape[1]):
-            step(x[i], u[i, k], p[i], dt)
-            log[i, k] = x[i]
+rollout = entry(step, STATE, INPUTS, PARAMS)

@@ -109,14 +109,14 @@ def test_a_number_that_is_none_ends_the_flight_as_diverged(tmp_path, monkeypatch
     s = scenario("cruise", duration_s=3)
     from cosim.flight.plant import plant
 
-    real = plant.Plant.read
+    real = plant.Plant.fetch
 
-    def broken(self, record):
-        real(self, record)
+    def broken(self):
+        real(self)
         if self._fdm.get_sim_time() > 1.0:
-            record["q"] = np.nan
+            self._raw[self.border.truth.names.index("q")] = np.nan
 
-    monkeypatch.setattr(plant.Plant, "read", broken)
+    monkeypatch.setattr(plant.Plant, "fetch", broken)
     r = simulate(s, log=tmp_path / "f.mcap")
     assert r.status == "diverged"
     assert cosim.open_log(tmp_path / "f.mcap").complete

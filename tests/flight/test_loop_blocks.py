@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from actuators.block import dtype, record
 from cosim.flight.blocks import faults, manoeuvre, sensors
-from cosim.flight.bus import Bus, route, route_add
+from cosim.flight.bus import Bus
+from cosim.flight.tape import Tape
 
 PAIR = dtype([("a", "f8"), ("b", "f8", (3,))])
 
@@ -26,11 +27,14 @@ def test_bus_names_every_element_of_every_lane_once():
 
 
 def test_routes_copy_and_add():
-    v = np.arange(6.0)
-    route(v, np.array([0, 1]), np.array([4, 5]))
-    np.testing.assert_array_equal(v, [4, 5, 2, 3, 4, 5])
-    route_add(v, np.array([0, 2]), np.array([0, 0, 2]), np.array([3, 4, 5]))
-    np.testing.assert_array_equal(v, [7, 5, 5, 3, 4, 5])
+    for plain in (False, True):
+        copies, adds = (Tape(np.arange(6.0), 0.005, plain=plain) for _ in range(2))
+        copies.copy(np.array([0, 1]), np.array([4, 5]))
+        copies.run(0)
+        np.testing.assert_array_equal(copies.v, [4, 5, 2, 3, 4, 5])
+        adds.add(np.array([0, 2]), np.array([0, 0, 2]), np.array([3, 4, 5]))
+        adds.run(0)
+        np.testing.assert_array_equal(adds.v, [7, 1, 5, 3, 4, 5])
 
 
 def measure(truth, noise=None, p=None, **fields):

@@ -18,7 +18,7 @@ import math
 
 import numpy as np
 
-from actuators.block import dtype, kernel
+from actuators.block import dtype, entry, kernel
 
 CONSTANT, SINE, DRIFT, RUNAWAY = 0.0, 1.0, 2.0, 3.0
 
@@ -87,10 +87,4 @@ def step(x, u, p, dt):
     x.f_neg = -x.f_inj
 
 
-@kernel
-def rollout(x, u, p, dt, log):
-    """Advance every lane through every tick."""
-    for i in range(u.shape[0]):
-        for k in range(u.shape[1]):
-            step(x[i], u[i, k], p[i], dt)
-            log[i, k] = x[i]
+rollout = entry(step, STATE, INPUTS, PARAMS)

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from actuators.block import dtype, kernel
+from actuators.block import dtype, entry, kernel
 
 PARAMS = dtype(
     [
@@ -68,13 +68,7 @@ def step(x, u, p, dt):
     x.hmd = s * p.m_d
 
 
-@kernel
-def rollout(x, u, p, dt, log):
-    """Advance every lane through every tick."""
-    for i in range(u.shape[0]):
-        for k in range(u.shape[1]):
-            step(x[i], u[i, k], p[i], dt)
-            log[i, k] = x[i]
+rollout = entry(step, STATE, INPUTS, PARAMS)
 
 
 def design(plant, trim, truth, names, factors):

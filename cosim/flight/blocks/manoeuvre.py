@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from actuators.block import dtype, kernel, record
+from actuators.block import dtype, entry, kernel, record
 
 N = 16  # longest table
 CHANNELS = ("nz_dem", "phi_dem", "psi_dem", "de_add")
@@ -84,13 +84,7 @@ def step(x, u, p, dt):
     x.hold_psi, x.hold_h, x.hold_v = p.hold_psi, p.hold_h, p.hold_v
 
 
-@kernel
-def rollout(x, u, p, dt, log):
-    """Advance every lane through every tick."""
-    for i in range(u.shape[0]):
-        for k in range(u.shape[1]):
-            step(x[i], u[i, k], p[i], dt)
-            log[i, k] = x[i]
+rollout = entry(step, STATE, INPUTS, PARAMS)
 
 
 def three_two_one_one(start, unit, channel, amplitude):

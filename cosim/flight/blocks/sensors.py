@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from actuators.block import dtype, kernel
+from actuators.block import dtype, entry, kernel
 
 DELAY_MAX = 32  # longest delay in ticks: 0.15 s at 5 ms
 
@@ -110,13 +110,7 @@ def step(x, u, p, dt):
     x.y_obs = y_obs if x.valid_obs > 0.0 else math.nan
 
 
-@kernel
-def rollout(x, u, p, dt, log):
-    """Advance every lane through every tick."""
-    for i in range(u.shape[0]):
-        for k in range(u.shape[1]):
-            step(x[i], u[i, k], p[i], dt)
-            log[i, k] = x[i]
+rollout = entry(step, STATE, INPUTS, PARAMS)
 
 
 DEG, KT, FT, G0 = math.pi / 180.0, 1852.0 / 3600.0, 0.3048, 9.80665

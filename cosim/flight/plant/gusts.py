@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from actuators.block import bound, dtype, kernel
+from actuators.block import dtype, entry, kernel
 
 INTENSITY = {"none": 0.0, "light": 5 * 0.3048, "moderate": 10 * 0.3048, "severe": 21 * 0.3048}  # rms per axis [m/s]
 SCALE_LENGTH = 1750 * 0.3048  # [MIL-F-8785C] Dryden form [m]
@@ -131,13 +131,7 @@ def step(x, u, p, dt):
     x.down = -st * ug + ct * below
 
 
-@kernel
-def rollout(x, u, p, dt, log):
-    """Advance every lane through every tick."""
-    for i in range(u.shape[0]):
-        for k in range(u.shape[1]):
-            step(x[i], u[i, k], p[i], dt)
-            log[i, k] = x[i]
+rollout = entry(step, STATE, INPUTS, PARAMS)
 
 
 class Gusts:
@@ -151,7 +145,7 @@ class Gusts:
         self._noise, self._k = np.zeros((self.DRAWS, 4)), self.DRAWS
         self.x, self._u = init(p), np.zeros((1, 1), INPUTS)
         self._in, self._out = self._u.view("f8").reshape(-1), self.x.view("f8")[:6]
-        self._advance = bound(rollout, self.x, self._u, p, dt, np.zeros((1, 1), STATE))
+        self._advance = rollout.bound(self.x, self._u, p, dt)
 
     def next(self, tas: float, phi: float, theta: float, psi: float) -> list[float]:
         """Return (north, east, down [m/s], p, q, r [rad/s]) of the next tick for an aircraft at `tas` [m/s]."""

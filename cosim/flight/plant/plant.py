@@ -90,8 +90,7 @@ class Plant:
         self._get = [self.port.getter(name) for name, _ in read]
         self._set = [self.port.setter(name) for name in self.border.controls.values()]
         self._scale = np.array([factor for _, factor in read], float)
-        self._frame = geometry.reference_pct / 100.0, geometry.station_in, self.aircraft.chord_in
-        self._record = self._flat = None
+        self._frame = np.array([geometry.reference_pct / 100.0, geometry.station_in, self.aircraft.chord_in])
         self._buffer = bytearray(8 * len(read))
         self._raw = np.frombuffer(self._buffer)
         self._pack = struct.Struct(f"{len(read)}d").pack_into  # three times faster than an array from a list
@@ -184,10 +183,17 @@ class Plant:
 
     def read(self, record):
         """Write the truth at t_k into `record`, a record or a (1,) array of the border's truth."""
-        if record is not self._record:
-            self._record, self._flat = record, np.asarray(record).reshape(1).view("f8")
+        self.fetch()
+        to_si(self._raw, self._scale, np.asarray(record).reshape(1).view("f8"), *self._frame)
+
+    def fetch(self):
+        """Read the properties behind the truth at t_k, in JSBSim's units."""
         self._pack(self._buffer, 0, *[get() for get in self._get])
-        to_si(self._raw, self._scale, self._flat, *self._frame)
+
+    def tell(self, tape, start):
+        """Tell a tape to put the truth at t_k into the bus from position `start` on."""
+        tape.call(lambda k: self.fetch())
+        tape.truth(self._raw, self._scale, start, self._frame)
 
     def write(self, surfaces):
         """Set the inputs that act at t_k+1: a vector in the order of the border's inputs, rad and fractions."""

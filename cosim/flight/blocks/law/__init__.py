@@ -29,7 +29,7 @@ ever NaN.
 
 import numpy as np
 
-from actuators.block import dtype, kernel
+from actuators.block import dtype, entry, kernel
 from cosim.flight.blocks.law.lateral import lateral
 from cosim.flight.blocks.law.pitch import pitch
 from cosim.flight.blocks.law.signals import ALPHA, CAS, HOLD_S, NZ, PSI, TAS, THETA, H, N, clip, receive
@@ -135,10 +135,4 @@ def step(x, u, p, dt):
             x.xi_v = x.xi_v + e * dt
 
 
-@kernel
-def rollout(x, u, p, dt, log):
-    """Advance every lane through every tick."""
-    for i in range(u.shape[0]):
-        for k in range(u.shape[1]):
-            step(x[i], u[i, k], p[i], dt)
-            log[i, k] = x[i]
+rollout = entry(step, STATE, INPUTS, PARAMS)

@@ -1,0 +1,39 @@
+"""What compiled code needs to work on addresses: arrays there, calls. Only compilation imports it."""
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.extending import intrinsic
+
+_WORD, _REAL, _INT = ir.IntType(64), ir.DoubleType(), ir.IntType(32)
+
+
+def _pointer(kind):
+    @intrinsic
+    def at(context, address):
+        def code(context, builder, signature, args):
+            return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
+
+        return types.CPointer(kind)(types.int64), code
+
+    return at
+
+
+reals, singles, wholes = _pointer(types.float64), _pointer(types.float32), _pointer(types.int64)
+
+
+@intrinsic
+def enter(context, entry, x, u, p, dt, lanes, log):
+    """Call the entry of a block at address `entry` for one tick; the others as in actuators/block.py, addresses."""
+
+    def code(context, builder, signature, args):
+        address, *given = args
+        nothing = cgutils.alloca_once(builder, _WORD)
+        x, u, p, dt, lanes, log = given
+        kind = ir.FunctionType(_INT, [_WORD.as_pointer()] * 2 + [_WORD] * 3 + [_REAL, _WORD, _WORD, _WORD])
+        function = builder.inttoptr(address, kind.as_pointer())
+        builder.call(function, [nothing, nothing, x, u, p, dt, lanes, ir.Constant(_WORD, 1), log])
+        return context.get_dummy_value()
+
+    whole, real = types.int64, types.float64
+    return types.void(whole, whole, whole, whole, real, whole, whole), code

@@ -1,0 +1,109 @@
+"""Which of our sources a compiled kernel depends on, and the folder on disk for what was compiled from them."""
+
+import ast
+import contextlib
+import functools
+import hashlib
+import os
+import stat
+import tempfile
+from importlib.metadata import version
+from pathlib import Path
+
+_ROOT = Path(__file__).resolve().parent.parent
+PACKAGES = ("actuators", "fdi", "cosim")
+
+
+@functools.lru_cache
+def _source(path):
+    return path.read_bytes()
+
+
+@functools.cache
+def _imports(path):
+    """Return the names that the source at `path` imports, wherever it does so; packages of ours that hold them too."""
+    package = path.relative_to(_ROOT).parts[:-1] if path.is_relative_to(_ROOT) else ()
+    out = set()
+    for node in ast.walk(ast.parse(_source(path))):
+        if isinstance(node, ast.Import):
+            out |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            above = package[: len(package) - node.level + 1] if node.level else ()
+            base = ".".join((*above, *([node.module] if node.module else ())))
+            out |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
+    return frozenset(out)
+
+
+def _files(name):
+    """Return the files of ours that importing `name` runs: its module or package, and the packages around it."""
+    parts = name.split(".")
+    if parts[0] not in PACKAGES:
+        return
+    for i in range(1, len(parts) + 1):
+        stem = _ROOT.joinpath(*parts[:i])
+        yield from (stem.with_suffix(".py"), stem / "__init__.py")
+
+
+@functools.cache
+def closure(path):
+    """Return the set of our source files that `path` imports, directly or not, itself included."""
+    seen, todo = set(), [path]
+    while todo:
+        here = todo.pop()
+        if here not in seen and here.is_file():
+            seen.add(here)
+            todo += [file for name in _imports(here) for file in _files(name)]
+    return seen
+
+
+def private(folder):
+    """Return whether `folder` is a directory of this user's that nobody else may write to, made when it is missing.
+
+    Compiled code is loaded by unpickling what lies there: whoever can write to it, or replace it, runs code as us.
+    """
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        about = folder.lstat()
+    except (OSError, RuntimeError):
+        return False
+    if not stat.S_ISDIR(about.st_mode):
+        return False
+    if not hasattr(os, "getuid"):  # Windows: a user's own profile is closed to others by default
+        return True
+    return about.st_uid == os.getuid() and not about.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
+def _cache_roots():
+    """Yield where compiled kernels may lie, best first: where the user says, the user's cache, a folder of the user's
+    own among the temporary files."""
+    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
+        if os.environ.get(name):
+            yield Path(os.environ[name]) / "cosim-kernels"
+    with contextlib.suppress(RuntimeError):  # a user without a home
+        yield Path.home() / ".cache" / "cosim-kernels"
+    if hasattr(os, "getuid"):
+        yield Path(tempfile.gettempdir()) / f"cosim-kernels-{os.getuid()}"
+
+
+@functools.cache
+def cache_root():
+    """Return the folder for compiled kernels, None where no folder is this user's alone."""
+    return next((root for root in _cache_roots() if private(root) and os.access(root, os.W_OK)), None)
+
+
+@functools.cache
+def cache_dir(path):
+    """Name a cache folder by the sources a kernel is compiled from: Numba itself misses a change in a callee's file."""
+    digest = hashlib.sha256(version("numba").encode())
+    for source in sorted(closure(path)):
+        digest.update(_source(source))
+    root = cache_root()
+    folder = root and root / digest.hexdigest()[:16]
+    return str(folder) if folder and private(folder) and _all_private(folder) else None
+
+
+def _all_private(folder):
+    """Tell whether every file in `folder` is this user's: a folder that was once open may hold another's."""
+    if not hasattr(os, "getuid"):
+        return True
+    return all(file.lstat().st_uid == os.getuid() for file in folder.rglob("*"))

@@ -1,0 +1,175 @@
+"""The tape: what a tick does, as a table that one compiled function walks.
+
+A part of a tick is either a segment, rows of eight whole numbers that say what to do at which addresses, or a call of
+Python, which gets the tick. The same rows are walked by `walk` in cosim/flight/walk.py, compiled, and by `plainly`
+below, which serves without a compiler and says what each row means. Every array whose address is in a row is kept by
+the tape.
+"""
+
+import ctypes
+from pathlib import Path
+
+import numpy as np
+
+from actuators.block import Entry
+from actuators.native import PLAIN, Native
+from cosim.flight.plant.border import to_si
+
+CLOCK, COPY, ADD, TRUTH, NOISE, STEP, KEEP = range(7)
+WIDTH = 8
+
+
+def _walk():
+    from cosim.flight.walk import KINDS, walk
+
+    return walk, KINDS
+
+
+_WALK = Native(
+    "walk",
+    Path(__file__).with_name("walk.py"),
+    (ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64),
+    _walk,
+)
+
+
+class Block:
+    """A block in the loop: its module's `rollout` on its lanes in the bus; `advance()` steps every lane by one of its
+    ticks, in place.
+    """
+
+    def __init__(self, bus, name, module, p, x0, dt, every=1):
+        self.name, self.module, self.p, self.every, self.dt = name, module, p, every, dt * every
+        self.x, self.u = bus[name], bus[name + "_in"].reshape(-1, 1)
+        self.x[:] = x0
+
+    def advance(self):
+        """Advance every lane by `every` ticks."""
+        self.module.rollout(self.x, self.u, self.p, self.dt)
+
+
+class Tape:
+    """Record what a tick does to the bus vector `v` (n,), then `run` it tick by tick."""
+
+    def __init__(self, v, dt, *, plain=PLAIN):
+        """`plain` walks the table in Python, as NUMBA_DISABLE_JIT=1 does."""
+        self.v, self.dt, self._plain = v, dt, plain
+        self._kept = [v]  # every array that a row points to
+        self._entries = {}  # address, or number without a compiler, -> entry of a block
+        self._rows = []
+        self.parts = []  # of a tick: callables that take k
+
+    def call(self, function):
+        """Call `function(k)` in Python."""
+        self._cut()
+        self.parts.append(function)
+
+    def first(self, function):
+        """Call `function(k)` in Python before anything else of a tick."""
+        self.parts.insert(0, function)
+
+    def clock(self, position):
+        """v[position] = k dt."""
+        self._row(CLOCK, position, self._at(np.array([self.dt])))
+
+    def copy(self, to, source):
+        """v[to] = v[source], in order."""
+        if len(to):
+            self._row(COPY, len(to), self._at(to), self._at(source))
+
+    def add(self, clear, to, source):
+        """v[clear] = 0, then v[to] += v[source], in order: several sources may act on one place."""
+        if len(clear):
+            self._row(ADD, len(clear), self._at(clear), len(to), self._at(to), self._at(source))
+
+    def truth(self, raw, scale, start, frame):
+        """v[start:] = truth in SI from JSBSim's own units; `frame` (3,) as `to_si` takes it."""
+        self._row(TRUTH, len(raw), self._at(raw), self._at(scale), start, self._at(frame))
+
+    def noise(self, to, block):
+        """v[to] = block[k % rows]."""
+        self._row(NOISE, len(to), self._at(to), self._at(block), len(block))
+
+    def step(self, block):
+        """Advance every lane of a block by one tick, every `block.every` ticks; blocks in Python advance themselves."""
+        entry = block.module.rollout if isinstance(block, Block) else None
+        if not isinstance(entry, Entry):
+            self.call(_each(block.advance, block.every))
+        elif len(block.x):
+            address = len(self._entries) if PLAIN else entry.native.address
+            self._entries[address] = entry
+            dt = self._at(np.array([block.dt]))
+            x, u, p = (self._at(a) for a in (block.x, block.u, block.p))
+            self._row(STEP, address, x, u, p, dt, len(block.x), block.every)
+
+    def keep(self, index, rows):
+        """rows[k] = v[index], in the precision of `rows` (ticks, n)."""
+        self._row(KEEP, len(index), self._at(index), self._at(rows), rows.itemsize)
+
+    def run(self, k):
+        """Do all of tick `k`."""
+        if self._rows:
+            self._cut()
+        for part in self.parts:
+            part(k)
+
+    def _at(self, array):
+        """Return the address of an array without gaps, which is kept from now on."""
+        if not array.flags.c_contiguous:
+            raise ValueError("a tape points only to arrays without gaps")
+        self._kept.append(array)
+        return array.__array_interface__["data"][0]
+
+    def _row(self, *values):
+        self._rows.append(values + (0,) * (WIDTH - len(values)))
+
+    def _cut(self):
+        """End a segment: what follows is Python."""
+        if self._rows:
+            table = np.array(self._rows, np.int64)
+            self._rows = []
+            self.parts.append(self._plainly(table) if self._plain else self._compiled(table))
+
+    def _compiled(self, table):
+        walk, rows, n, v = _WALK.call, self._at(table), len(table), self._at(self.v)
+        return lambda k: walk(rows, n, v, k)
+
+    def _plainly(self, table):
+        return lambda k: plainly(table.tolist(), self.v, k, self._entries)
+
+
+def plainly(table, v, k, entries):
+    """Walk the rows of a segment in plain Python: what each of them means, and a reference for `walk`."""
+    for operation, a, b, c, d, e, f, g in table:
+        if operation == CLOCK:
+            v[a] = k * _array(b, 1)[0]
+        elif operation == COPY:
+            for to, source in zip(_array(b, a, np.int64).tolist(), _array(c, a, np.int64).tolist()):
+                v[to] = v[source]
+        elif operation == ADD:
+            v[_array(b, a, np.int64)] = 0.0
+            for to, source in zip(_array(d, c, np.int64).tolist(), _array(e, c, np.int64).tolist()):
+                v[to] += v[source]
+        elif operation == TRUTH:
+            to_si(_array(b, a), _array(c, a), v[d : d + a], *_array(e, 3))
+        elif operation == NOISE:
+            v[_array(b, a, np.int64)] = _array(c + 8 * a * (k % d), a)
+        elif operation == STEP:
+            if k % g == 0:
+                state, given, fixed = entries[a].kinds
+                x, u, p = _array(b, f, state), _array(c, f, given).reshape(-1, 1), _array(d, f, fixed)
+                entries[a](x, u, p, _array(e, 1)[0])
+        elif operation == KEEP:
+            kind = np.float32 if d == 4 else np.float64
+            _array(c + d * a * k, a, kind)[:] = v[_array(b, a, np.int64)]
+
+
+def _array(address, n, kind=np.float64):
+    """Return the array of n elements at an address."""
+    kind = np.dtype(kind)
+    return np.ndarray((n,), kind, (ctypes.c_char * (kind.itemsize * n)).from_address(address))
+
+
+def _each(advance, every):
+    return lambda k: advance() if k % every == 0 else None
+

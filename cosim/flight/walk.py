@@ -1,0 +1,58 @@
+"""The compiled walk over a segment of the tape; cosim/flight/tape.py has the same in plain Python, and the meanings."""
+
+from typing import Any
+
+from numba import carray, njit, types
+
+from actuators import pointers
+from actuators.pointers import reals, singles, wholes
+from cosim.flight.plant.border import to_si
+from cosim.flight.tape import ADD, CLOCK, COPY, KEEP, NOISE, STEP, TRUTH, WIDTH
+
+KINDS = (types.int64, types.int64, types.int64, types.int64)
+
+enter: Any = pointers.enter  # Numba gives it the context
+
+
+@njit(error_model="numpy")
+def _copy(n, to, source, v):
+    for i in range(n):
+        v[to[i]] = v[source[i]]
+
+
+def walk(table, n, bus, k):
+    """Do the `n` rows at address `table` on the bus vector at address `bus` for tick `k`."""
+    rows, v = carray(wholes(table), n * WIDTH), reals(bus)
+    for i in range(n):
+        row = rows[i * WIDTH : (i + 1) * WIDTH]
+        operation, a = row[0], row[1]
+        if operation == STEP:
+            if k % row[7] == 0:
+                enter(a, row[2], row[3], row[4], reals(row[5])[0], row[6], 0)
+        elif operation == COPY:
+            _copy(a, wholes(row[2]), wholes(row[3]), v)
+        elif operation == KEEP:
+            index = wholes(row[2])
+            if row[4] == 4:
+                out = singles(row[3] + 4 * a * k)
+                for j in range(a):
+                    out[j] = types.float32(v[index[j]])
+            else:
+                kept = reals(row[3] + 8 * a * k)
+                for j in range(a):
+                    kept[j] = v[index[j]]
+        elif operation == NOISE:
+            to, block = wholes(row[2]), reals(row[3] + 8 * a * (k % row[4]))
+            for j in range(a):
+                v[to[j]] = block[j]
+        elif operation == ADD:
+            clear, to, source = wholes(row[2]), wholes(row[4]), wholes(row[5])
+            for j in range(a):
+                v[clear[j]] = 0.0
+            for j in range(row[3]):
+                v[to[j]] += v[source[j]]
+        elif operation == TRUTH:
+            frame, out = reals(row[5]), carray(reals(bus + 8 * row[4]), a)
+            to_si(carray(reals(row[2]), a), carray(reals(row[3]), a), out, frame[0], frame[1], frame[2])
+        elif operation == CLOCK:
+            v[a] = k * reals(row[2])[0]
