@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import stat
 import tempfile
 import time
 from pathlib import Path
@@ -40,6 +41,17 @@ def replace(path, make):
     except OSError as error:
         remedy = "Free space there, or choose another place"
         raise OutputError(f"cannot be written: {error.strerror or error}", place=str(path), remedy=remedy) from None
+
+
+def regular(path, error):
+    """Raise `error` where `path` is there but no regular file: a pipe waits for ever, a device has no end."""
+    path = Path(path)
+    try:
+        found = path.stat()
+    except OSError:
+        return  # what opens it says why
+    if not stat.S_ISREG(found.st_mode):
+        raise error(f"is {'a folder' if path.is_dir() else 'no regular file'}", place=str(path))
 
 
 def replace_text(path, text):

@@ -63,6 +63,8 @@ def draw(table, place):
         value = table.get(key, 0.0)
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise CampaignError(f"{key} = {value!r} is no number", place=place)
+    if not isinstance(table.get("integer", False), bool) or not isinstance(table.get("scale", ""), str):
+        raise CampaignError("integer is true or false, scale a word", place=place)
     made = Draw(**table)
     normal = {"mean", "sigma"} & set(table)
     if normal and (len(normal) < 2 or made.sigma <= 0.0 or made.integer or made.scale != "linear"):
@@ -71,6 +73,9 @@ def draw(table, place):
         raise CampaignError("says neither low and high, nor mean and sigma, nor choice", place=place)
     if made.low >= made.high:
         raise CampaignError(f"low = {made.low:g} is not below high = {made.high:g}", place=place)
+    if max(abs(made.low), abs(made.high)) > 1e15 and not normal:
+        raise CampaignError(f"low = {made.low:g} and high = {made.high:g} are beyond what can be drawn", place=place,
+                            allowed="-1e15 to 1e15")
     if made.scale not in ("linear", "log"):
         raise CampaignError(f"scale = {made.scale!r} is none", place=place, allowed="linear, log")
     if made.scale == "log" and made.low <= 0.0:

@@ -28,7 +28,6 @@ Keys are those of a scenario, as with --set. A table's `name` becomes the column
 import itertools
 import json
 import math
-import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from importlib import resources
@@ -42,6 +41,7 @@ from cosim.errors import CosimError, did_you_mean
 from cosim.scenario import Scenario, load_scenario, parse
 from cosim.scenario.override import apply
 from cosim.scenario.tolerance import toleranced
+from cosim.texts import read, toml
 
 MOST = 1_000_000  # runs; more is a slip of a grid
 TYPES = {
@@ -131,10 +131,7 @@ def builtin_campaigns() -> list[str]:
 def load_campaign(name_or_path: str | Path) -> Campaign:
     """Return the Campaign of a built-in name or a TOML file. Raises CampaignError, ScenarioError."""
     name, folder, text = _read(str(name_or_path))
-    try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise CampaignError(f"not valid TOML: {error}", place=name) from None
+    table = toml(text, place=name, error=CampaignError)
     _keys(table, TYPES, name)
     return _checked(name, folder, table)
 
@@ -209,8 +206,9 @@ def _base(base, folder):
     found = beside if beside.is_file() else Path(base)
     load_scenario(str(found))  # says what is wrong with the base itself
     if found.is_file():
-        return tomllib.loads(found.read_text(encoding="utf-8-sig"))
-    return tomllib.loads(resources.files("cosim").joinpath("scenarios", f"{base}.toml").read_text(encoding="utf-8"))
+        return toml(read(found), place=str(found))
+    own = resources.files("cosim").joinpath("scenarios", f"{base}.toml")
+    return toml(own.read_text(encoding="utf-8"), place=str(base))
 
 
 def _read(name):
@@ -220,11 +218,7 @@ def _read(name):
         return name, None, builtin.read_text(encoding="utf-8")
     path = Path(name)
     try:
-        return name, path.parent, path.read_bytes().decode("utf-8-sig")
+        return name, path.parent, read(path, error=CampaignError, what="campaign file")
     except FileNotFoundError:
         near = did_you_mean(name, builtin_campaigns()) or f"Built in: {', '.join(builtin_campaigns())}"
         raise CampaignError("no built-in campaign and no file of this name", place=name, remedy=near) from None
-    except IsADirectoryError:
-        raise CampaignError("is a folder, not a campaign file", place=name) from None
-    except UnicodeDecodeError as error:
-        raise CampaignError(f"is not UTF-8 text (byte {error.start})", place=name) from None

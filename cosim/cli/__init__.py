@@ -1,12 +1,43 @@
 """The command line: `cosim` and its commands."""
 
+import codecs
+import os
+import signal
 import sys
 
+# what stands for a letter that the terminal's encoding does not have
+_PLAIN = {"µ": "u", "–": "-", "—": "-", "…": "...", "×": "x", "·": "*", "≤": "<=", "≥": ">=", "±": "+-", "°": " deg",
+          "“": '"', "”": '"', "‘": "'", "’": "'", "→": "->", "é": "e", "²": "2", "³": "3"}  # fmt: skip
 
-def main():
-    """Run the command line; Ctrl-C ends it with 130, while its modules load as well."""
+
+def main() -> None:
+    """Run the command line; Ctrl-C ends it with 130, while its modules load as well, and SIGTERM like it."""
     try:
+        signal.signal(signal.SIGTERM, _interrupt)
+        _streams()
         from cosim.cli.commands import main as run
     except KeyboardInterrupt:
         sys.exit(130)
     run()
+
+
+def _interrupt(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
+def _streams() -> None:
+    """Give a closed stream somewhere to go, and one of few letters plain ones in place of those it lacks."""
+    codecs.register_error("plain", _plain)
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
+        elif hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="plain")
+
+
+def _plain(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    lost = error.object[error.start : error.end]
+    return "".join(_PLAIN.get(letter, "?") for letter in lost), error.end

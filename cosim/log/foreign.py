@@ -13,6 +13,9 @@ from mcap.exceptions import UnsupportedCompressionError
 from mcap.records import Channel, Chunk, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 
+from cosim.errors import LogError
+from cosim.files import regular
+
 from .format import Limits, log_error
 from .scan import BAD
 
@@ -47,6 +50,7 @@ def read_mcap(path, *, limits=None):
     where the file has them. Raises LogError for a file that is damaged, too large, or without a message to decode.
     """
     limits, path = limits or Limits(), os.fspath(path)
+    regular(path, LogError)
     schemas: dict = {}
     channels: dict = {}
     found: dict = {}

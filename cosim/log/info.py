@@ -47,9 +47,10 @@ def log_info(path):
 
 
 def _title(scenario):
-    import tomllib
+    from cosim.errors import CosimError
+    from cosim.texts import toml
 
     try:
-        return tomllib.loads(scenario).get("title", "")
-    except tomllib.TOMLDecodeError:
+        return str(toml(scenario, place="").get("title", ""))
+    except CosimError:
         return ""

@@ -14,6 +14,8 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import ChunkIndex
 
+from cosim.files import regular
+
 from .contents import HEAD_BYTES, LARGE, Contents, decode
 from .format import Damage, LogError, log_error
 from .records import MAGIC, closing, content_hash
@@ -42,6 +44,7 @@ def scan(path, limits, tolerant=False):
     With `tolerant`, damage is listed in the Contents instead, as long as there is a log to speak of.
     """
     path = os.fspath(path)
+    regular(path, LogError)
     try:
         with open(path, "rb") as file:
             out = Contents(path, os.fstat(file.fileno()).st_size, limits, tolerant)

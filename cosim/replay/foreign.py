@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.errors import LogError
+from cosim.files import regular
 from cosim.log.foreign import read_mcap
 from cosim.log.format import LIBRARY, log_error
 from cosim.log.reader import open_log
@@ -46,6 +47,7 @@ def _mcap(path):
 
 
 def _is_ours(path):
+    regular(path, LogError)
     try:
         with path.open("rb") as file:
             return LIBRARY.encode() in file.read(64)
@@ -56,6 +58,7 @@ def _is_ours(path):
 def _table(path, kind, time):
     import pandas as pd
 
+    regular(path, LogError)
     try:
         frame = pd.read_csv(path, **_exactly()) if kind == ".csv" else pd.read_parquet(path)
     except OSError as error:

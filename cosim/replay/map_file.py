@@ -33,14 +33,13 @@ channel's own intervals), and where the channel named by `valid` is above 0.5. A
 `sparse = true` says that the table holds several rates.
 """
 
-import tomllib
-from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from cosim.replay.params import ReplayError
 from cosim.scenario.load import explained
+from cosim.texts import read, toml
 
 _ANGLE, _FT, _KT, _G = 0.017453292519943295, 0.3048, 1852.0 / 3600.0, 9.80665
 UNITS = {  # unit -> {SI unit of the signal: factor}
@@ -117,14 +116,11 @@ def load_map(path):
     """Return (Map, its text) of a TOML file. Raises ReplayError with file and key."""
     place = str(path)
     try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-        table = tomllib.loads(text)
+        text = read(path, error=ReplayError, what="map")
+    except FileNotFoundError:
+        raise ReplayError("there is no such file", place=place) from None
+    table = toml(text, place=place, error=ReplayError)
+    try:
         return Map.model_validate(table), text
-    except OSError as error:
-        raise ReplayError(f"cannot be read: {error.strerror}", place=place) from None
-    except UnicodeDecodeError:
-        raise ReplayError("is not UTF-8 text", place=place) from None
-    except tomllib.TOMLDecodeError as error:
-        raise ReplayError(f"not valid TOML: {error}", place=place) from None
     except ValidationError as error:
         raise explained(error, table, place, Map, ReplayError) from None

@@ -1,8 +1,6 @@
 """Read a scenario: a built-in name or a path, overrides on top; every mistake is a ScenarioError with file and key."""
 
-import tomllib
 from importlib import resources
-from pathlib import Path
 from typing import get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
@@ -14,8 +12,8 @@ from cosim.scenario.fault import Fault
 from cosim.scenario.manoeuvre import KINDS
 from cosim.scenario.model import Scenario
 from cosim.scenario.override import apply
+from cosim.texts import read, toml
 
-LARGEST = 1_000_000  # bytes; a scenario is a page of text, a log of gigabytes is not read to find that out
 DEFAULT = "liquid-ofc"
 WORDS = {  # what pydantic calls by the names of Python
     **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), "must be a table"),
@@ -44,10 +42,7 @@ def load_scenario(name_or_path=DEFAULT, overrides=()):
             raise ScenarioError(
                 f"{given!r} is no text", place="overrides", allowed="texts like 'faults.0.frequency_hz=3'"
             )
-    try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ScenarioError(f"not valid TOML: {error}", place=place) from None
+    table = toml(text, place=place, error=ScenarioError)
     return parse(apply(table, overrides), place=place)
 
 
@@ -78,22 +73,11 @@ def _read(name_or_path):
     builtin = resources.files("cosim").joinpath("scenarios", f"{name}.toml")
     if "/" not in name and "." not in name and builtin.is_file():
         return name, builtin.read_text(encoding="utf-8")
-    path = Path(name)
     try:
-        with path.open("rb") as file:
-            raw = file.read(LARGEST + 1)
-        if len(raw) > LARGEST:
-            raise ScenarioError("too large for a scenario", place=name, allowed="up to 1 MB")
-        return name, raw.decode("utf-8-sig")
+        return name, read(name, error=ScenarioError, what="scenario file")
     except FileNotFoundError:
         near = did_you_mean(name, builtin_names()) or "`cosim list` shows the built-in scenarios"
         raise ScenarioError("no built-in scenario and no file of this name", place=name, remedy=near) from None
-    except IsADirectoryError:
-        raise ScenarioError("is a folder, not a scenario file", place=name) from None
-    except UnicodeDecodeError as error:
-        raise ScenarioError(f"is not UTF-8 text (byte {error.start})", place=name, remedy="Save it as UTF-8") from None
-    except (OSError, ValueError) as error:
-        raise ScenarioError(f"cannot be read: {getattr(error, 'strerror', None) or error}", place=name) from None
 
 
 def explained(error, table, place, root=Scenario, kind=ScenarioError):
@@ -117,7 +101,7 @@ def explained(error, table, place, root=Scenario, kind=ScenarioError):
     elif first["type"] in ("union_tag_invalid", "union_tag_not_found"):
         loc.append("kind")
         problem, allowed = "is no manoeuvre" if "tag" in ctx else "is missing", ", ".join(KINDS)
-        remedy = did_you_mean(ctx.get("tag", ""), KINDS)
+        remedy = did_you_mean(str(ctx.get("tag", "")), KINDS)
     elif first["type"] == "literal_error":
         problem, allowed = "is not one of the choices", ctx["expected"].replace("'", "").replace(" or ", ", ")
     else:
@@ -153,7 +137,8 @@ def _walk(root, loc, table):
         if i == len(loc) - 1:
             return model, field
         if part == "manoeuvre":
-            model = KINDS.get(table[part].get("kind")) if isinstance(table[part], dict) else None
+            kind = table[part].get("kind") if isinstance(table[part], dict) else None
+            model = KINDS.get(kind) if isinstance(kind, str) else None
         elif part == "faults":
             return Fault, Fault.model_fields.get(loc[-1])
         elif field is None and i and loc[i - 1] in root.model_fields:

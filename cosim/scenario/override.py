@@ -5,11 +5,11 @@ unit. A new `kind` of manoeuvre or fault drops the numbers that belonged to the 
 """
 
 import copy
-import tomllib
 
-from cosim.errors import ScenarioError
+from cosim.errors import CosimError, ScenarioError
 from cosim.scenario.aircraft import DEFAULT, load_aircraft
 from cosim.scenario.manoeuvre import KINDS
+from cosim.texts import toml
 
 LISTS = ("faults",)
 SPEEDS = ("cas_kt", "mach", "tas_kt")
@@ -33,8 +33,8 @@ def apply(table, overrides):
 def _parse(value):
     """Return a TOML value; what is none is a string, so that words need no quotes."""
     try:
-        parsed = tomllib.loads(f"x = {value}")
-    except tomllib.TOMLDecodeError:
+        parsed = toml(f"x = {value}", place="")
+    except CosimError:
         return value
     return parsed["x"] if len(parsed) == 1 else value
 
@@ -85,7 +85,7 @@ def _make_room(node, path, key, value):
     if path[:-1] == ["flight"] and key in SPEEDS:
         gone = set(SPEEDS)
     elif path[:-1] == ["manoeuvre"] and key == "kind" and value != node.get("kind"):
-        fields = KINDS[value].model_fields if value in KINDS else {}
+        fields = KINDS[value].model_fields if isinstance(value, str) and value in KINDS else {}
         gone = {k for k in node if k not in fields or k not in ("start_s", "duration_s")}
     elif path[:-1] == ["manoeuvre"] and key.startswith("amplitude_"):
         gone = {k for k in node if k.startswith("amplitude_")}

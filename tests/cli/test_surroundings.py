@@ -1,0 +1,75 @@
+"""The command line where the surroundings are poor: no home, no output, few letters, a signal that ends it."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import cosim
+from actuators.block import cache_root
+
+COSIM = [sys.executable, "-m", "cosim.cli"]
+SHORT = ["run", "cruise", "-s", "duration_s=0.2", "-s", "detectors.enabled=[]", "-s", "elevator.feedback=measured"]
+
+
+def run(*args, env=None, **options):
+    """Run the command line in a process of its own."""
+    return subprocess.run([*COSIM, *args], env=env, capture_output=True, **options)
+
+
+def test_few_letters_are_no_error(tmp_path):
+    for encoding in ("ascii", "cp1252"):
+        told = run("list", "detectors", env=os.environ | {"PYTHONIOENCODING": encoding, "PYTHONUTF8": "0"})
+        assert told.returncode == 0 and b"Traceback" not in told.stderr
+        told = run(*SHORT, "-o", str(tmp_path / "a.mcap"), env=os.environ | {"PYTHONIOENCODING": encoding})
+        assert told.returncode == 0, told.stderr.decode()
+
+
+def test_a_closed_output_is_no_error(tmp_path):
+    for closed in (">&-", "2>&-", ">&- 2>&-"):
+        command = " ".join([*COSIM, *SHORT, "-o", str(tmp_path / "a.mcap"), closed])
+        assert subprocess.run(["sh", "-c", command], capture_output=True).returncode == 0, closed
+        assert cosim.open_log(tmp_path / "a.mcap").complete
+
+
+NOBODY = """
+import os, pwd, sys
+def unknown(uid): raise KeyError(f"uid not found: {uid}")
+pwd.getpwuid = unknown
+for name in ("HOME", "USER", "LOGNAME", "XDG_CACHE_HOME"): os.environ.pop(name, None)
+from cosim.cli import main
+sys.argv = ["cosim", *sys.argv[1:]]
+main()
+"""
+
+
+def test_a_user_without_name_and_home_flies(tmp_path):
+    for args in (["list", "scenarios"], [*SHORT, "-o", str(tmp_path / "a.mcap")]):
+        env = os.environ | {"NUMBA_CACHE_DIR": str(cache_root().parent)}
+        told = subprocess.run([sys.executable, "-c", NOBODY, *args], env=env, capture_output=True)
+        assert told.returncode == 0, told.stderr.decode()
+
+
+def test_sigterm_ends_a_flight_like_ctrl_c(tmp_path):
+    log = tmp_path / "x.mcap"
+    command = [*COSIM, "run", "cruise", "-s", "duration_s=3000", "-o", log]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as flight:
+        deadline = time.monotonic() + 120
+        while not (log.exists() and log.stat().st_size > 4_000_000) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        flight.send_signal(signal.SIGTERM)
+        said = flight.stdout.read().decode()
+        assert flight.wait() == 130 and "interrupted" in said
+    found = cosim.open_log(log)
+    assert found.n_ticks > 100 and found.result["status"] == "interrupted"
+
+
+def test_what_is_no_regular_file_is_refused_at_once(tmp_path):
+    fifo = tmp_path / "fifo.toml"
+    os.mkfifo(fifo)
+    mapped, recovered = ["replay", fifo, "--map", fifo], ["recover", fifo, "-o", tmp_path / "r.mcap"]
+    for args in (["run", fifo], ["campaign", fifo], ["info", fifo], ["report", fifo], mapped, recovered,
+                 ["replay", fifo], ["info", "/dev/zero"]):  # fmt: skip
+        told = run(*map(str, args), timeout=60)
+        assert told.returncode == 2 and told.stderr.count(b"\n") == 1, (args, told.stderr.decode())
