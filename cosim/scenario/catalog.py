@@ -129,23 +129,41 @@ TECHNOLOGIES: dict[str, Technology] = {}
 ACTUATOR_SENSORS: dict[str, tuple[Unit, ...]] = {}  # sensor of an actuator -> units of its faults and settings
 SENSORS_OF: dict[str, tuple[str, ...]] = {}  # technology -> sensors that may fail
 LOOP_SENSOR: dict[str, str] = {}  # technology -> the sensor that closes its position loop
-ELEVATOR_KINDS: dict[str, Kind] = dict(_COMMON)
+ELEVATOR_KINDS: dict[str, Kind] = {}
 
 
 def register(technology: Technology) -> None:
     """Let scenarios name `technology`, its sensors and its kinds of fault; ValueError where it contradicts another."""
-    t = technology
-    for name, sensor in t.sensors.items():
-        if ACTUATOR_SENSORS.setdefault(name, sensor.units) != sensor.units:
-            raise ValueError(f"sensor {name!r} of {t.name!r} has other units than that of another technology")
-    TECHNOLOGIES[t.name], SENSORS_OF[t.name] = t, t.own_sensors
-    if t.loop_sensor:
-        LOOP_SENSOR[t.name] = t.loop_sensor
-    fits = {*_ALWAYS, *t.effects, *(["jam_liquid"] if t.loop_sensor else [])}
-    for name, kind in {**_COMMON, **t.kinds}.items():
-        if name in fits:
-            kind = ELEVATOR_KINDS.get(name, kind)
-            ELEVATOR_KINDS[name] = replace(kind, technologies=tuple(dict.fromkeys([*kind.technologies, t.name])))
+    for name, sensor in technology.sensors.items():
+        if ACTUATOR_SENSORS.get(name, sensor.units) != sensor.units:
+            raise ValueError(f"sensor {name!r} of {technology.name!r} has other units than another technology's")
+    TECHNOLOGIES[technology.name] = technology
+    _derive()
+
+
+def unregister(name: str) -> None:
+    """Forget a registered technology."""
+    del TECHNOLOGIES[name]
+    _derive()
+
+
+def _derive():
+    for table in (ACTUATOR_SENSORS, SENSORS_OF, LOOP_SENSOR, ELEVATOR_KINDS):
+        table.clear()
+    kinds = {**_COMMON}
+    for t in TECHNOLOGIES.values():
+        ACTUATOR_SENSORS.update({name: s.units for name, s in t.sensors.items() if name not in ACTUATOR_SENSORS})
+        SENSORS_OF[t.name] = t.own_sensors
+        if t.loop_sensor:
+            LOOP_SENSOR[t.name] = t.loop_sensor
+        kinds |= {name: kind for name, kind in t.kinds.items() if name not in kinds}
+    for name, kind in kinds.items():
+        has = tuple(t.name for t in TECHNOLOGIES.values() if _suffers(t, name))
+        ELEVATOR_KINDS[name] = replace(kind, technologies=has)
+
+
+def _suffers(technology, kind):
+    return kind in _ALWAYS or kind in technology.effects or (kind == "jam_liquid" and bool(technology.loop_sensor))
 
 
 for _technology in SHIPPED:

@@ -206,14 +206,25 @@ def _sensor_keys(units):
 class Tolerances(_Table):
     """Multipliers of what flies against its nominal value: aerodynamic coefficients, actuator parameters."""
 
+    model_config = ConfigDict(frozen=True, extra="allow", strict=True, allow_inf_nan=False)
+    __pydantic_extra__: dict[str, dict[str, float]]
+
     aero: dict[str, float] = {}
-    hydraulic: dict[str, float] = {}
-    ema: dict[str, float] = {}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _every_group(cls, raw: Any) -> Any:
+        """A table for each technology that has parameters: {technology: {parameter: multiplier}}."""
+        if not isinstance(raw, dict):
+            return raw
+        groups = [name for name, t in c.TECHNOLOGIES.items() if t.servo]
+        _known_keys(raw, ("aero", *groups))
+        return {"aero": {}, **{name: {} for name in groups}, **raw}
 
     @model_validator(mode="after")
     def _known(self, info: ValidationInfo):
-        for group in ("aero", "hydraulic", "ema"):
-            for name, value in getattr(self, group).items():
+        for group, table in self:
+            for name, value in table.items():
                 known = of(info).multipliers if group == "aero" else toleranced(group)
                 if name not in known:
                     raise choice(name, known, "parameter that has a tolerance", key=f"{group}.{name}")
@@ -270,7 +281,7 @@ class Scenario(_Table):
     manoeuvre: Manoeuvre = Cruise()
     elevator: Elevator
     sensors: Sensors = Sensors.model_validate({})
-    tolerances: Tolerances = Tolerances()
+    tolerances: Tolerances = Tolerances.model_validate({})
     faults: Annotated[tuple[Fault, ...], Field(strict=False)] = ()
     detectors: Detectors = Detectors.model_validate({})
 
