@@ -2,7 +2,8 @@
 
     result = run_many(scenarios, workers=2, out="logs/mine")      # result.frame, result.parquet, result.failed
 
-Columns of runs.parquet (and `result.frame`), one row per run x detector lane; a run without a result has one row:
+Columns of runs.parquet (and `result.frame`), one row per run x detector lane x fault that the lane could notice; a run
+without a result has one row. What is of the lane, not of a fault, stands on the first of its rows:
 
     run, order, lane        id (hash of the expanded scenario), position in the campaign, of the lane in the run
     <keys of the scenario>  of CORE, of faults, and every one that varies: flight.mass_t, faults.0.frequency_hz, ...
@@ -14,9 +15,21 @@ Columns of runs.parquet (and `result.frame`), one row per run x detector lane; a
     concerned               a fault is this lane's to find: on its own actuator; any fault for an aircraft-level one
     alarm, detected_at_s    any alarm in the run; first alarm that rises after the onset (healthy lane: first alarm)
     delay_s, delay_periods  from the onset; null when missed or not concerned
-    fault                   number of the fault that the figures are about: that noticed first, else the earliest
+    fault                   number of the fault that the figures are about
+    first_verdict           class that was said first
     isolated_class/_target  last verdict while the alarm stood
+    right                   that name is right in class and part (cosim/judge/naming.py)
+    time_to_right_s         from the onset to the first right name; ambiguous is none
+    right_after_motion_s    the same from when the rod is 1 mm from where it would be without the fault
+    not_excited             a jam or runaway that never moved it so far
+    class_changes, ambiguous_s   changes of class, seconds called ambiguous, while the alarm stood
+    alarm_share             share of the time from the alarm to the fault's end in which the alarm stands
+    withdrawn_after_s, withdrawn   end of the last alarm after the fault has healed; null when it never heals
+    valid_at_fault, able    share of the fault's time in which the lane was valid; false: missed, and could not judge
+    valid_share             share of the flight, from 8 s on, in which the lane calls itself valid
+    why_not_valid           its most frequent reason for not being valid, where that matters (fdi/common/why.py)
     false_alarms            alarms that rise outside every fault that concerns the lane (and 2 s after its end)
+    standing_s              seconds for which the alarm stands there
     r_max_before            largest |r| before the first fault of the flight; over all of it when fault-free
     r_max_after             largest |r| from that onset on, null when fault-free; |r| >= 1 is beyond the threshold
     estimate_rmse, _bias, _max, _unit    error of the estimate after settling (cosim/judge/estimation.py), or null

@@ -39,9 +39,24 @@ ROWS = pa.schema(
         ("delay_s", pa.float64()),
         ("delay_periods", pa.float64()),
         ("fault", pa.int32()),
+        ("first_verdict", pa.string()),
         ("isolated_class", pa.string()),
         ("isolated_target", pa.string()),
+        ("right", pa.bool_()),
+        ("time_to_right_s", pa.float64()),
+        ("right_after_motion_s", pa.float64()),
+        ("not_excited", pa.bool_()),
+        ("class_changes", pa.int32()),
+        ("ambiguous_s", pa.float64()),
+        ("alarm_share", pa.float64()),
+        ("withdrawn_after_s", pa.float64()),
+        ("withdrawn", pa.bool_()),
+        ("able", pa.bool_()),
+        ("valid_at_fault", pa.float64()),
+        ("valid_share", pa.float64()),
+        ("why_not_valid", pa.string()),
         ("false_alarms", pa.int32()),
+        ("standing_s", pa.float64()),
         ("r_max_before", pa.float64()),
         ("r_max_after", pa.float64()),
         ("estimate_rmse", pa.float64()),
@@ -176,8 +191,8 @@ def _joined(scenarios, found):
     lost = found["status"].isin(AGAIN)
     found = found[~lost | ~found["run"].isin(found.loc[~lost, "run"])]  # a run that was flown again
     about = scenarios.drop(columns="toml")
-    merged = about.merge(found.drop_duplicates(["run", "lane"]), on="run", how="inner")
-    return merged.sort_values(["order", "lane"], kind="stable").reset_index(drop=True)
+    merged = about.merge(found.drop_duplicates(["run", "lane", "fault"]), on="run", how="inner")
+    return merged.sort_values(["order", "lane", "fault"], kind="stable").reset_index(drop=True)
 
 
 def _read(out, kind):

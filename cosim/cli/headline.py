@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from cosim.judge import coverage
+from cosim.judge.naming import outcome
 from cosim.scenario import Scenario
 
 # As published these alarm in every flight: they stay in log, JSON and tables, and no sentence counts them.
@@ -66,7 +67,7 @@ def _said(name, case, entry):
     found = entry["isolated"]
     if not found or found["class"] == "ambiguous":
         return "did not name it"
-    wrong = coverage.outcome(name, case, True, found["class"]) == "misnamed"
+    wrong = outcome(name, case, seen=True, is_right=entry.get("right"), verdict=found["class"]) == "misnamed"
     return f"said {found['class']}" + ", which is wrong" * wrong
 
 

@@ -1,23 +1,27 @@
-"""Rows of a comparison: one per run and detector, from a campaign's rows per lane, or from logs.
+"""Rows of a comparison: one per run, detector and fault, from a campaign's rows per lane, or from logs.
 
-run, title, case, kind, target     the flight and its fault, case as in cosim/judge/coverage.py; null when fault-free
-                                   of several faults the one that the detector noticed first, else the earliest
+run, title, case, kind, target     the flight and a fault of it, case as in cosim/judge/coverage.py; null without one
+family                             the kind of fault in the tables: FAMILIES
 frequency_hz, amplitude_mm, rod_mm, surface_deg     of an oscillation; achieved, against the twin flight
-hours                              flown
+hours                              flown; null on the rows of a flight's further faults
 id, level, lanes                   detector; how many actuators it watches
 word                               designed, may, blind: how it stands to the case
 concerned                          it has a lane on the faulty part (aircraft level: always, when there is a fault)
-idle                               its statistic never left zero: it never judged
-detected, delay_s, delay_periods, class    of the first lane that noticed
-outcome                            named, seen, misnamed, missed, quiet, bonus (cosim/judge/coverage.py), idle, or
-                                   echo: it alarms in this manoeuvre without a fault as well; null when fault-free
-false_alarms                       over all lanes
+idle                               it could not judge: not valid; why_not_valid says why, valid_share how much of a
+                                   flight it was valid
+detected, delay_s, delay_periods, class     of the first lane that noticed, and of that lane:
+first_verdict, right, time_to_right_s, right_after_motion_s, not_excited, class_changes, ambiguous_s, alarm_share,
+withdrawn, withdrawn_after_s       as cosim/judge/noticed.py
+outcome                            a word of cosim.judge.naming.outcome, or echo: it alarms in this manoeuvre without a
+                                   fault as well; null when fault-free
+false_alarms, standing_s           over all lanes
 r_fault_free                       largest |r| of a fault-free flight; r_fault: from the onset on, concerned lanes
 estimate_rmse, estimate_unit
 """
 
 import json
 import tomllib
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
@@ -26,19 +30,49 @@ from cosim.campaign.worker import run_id
 from cosim.judge import coverage
 from cosim.judge import row as judged
 from cosim.judge.achieved import NAMES as ACHIEVED
-from cosim.scenario.catalog import DEFAULT_TECHNOLOGY
+from cosim.judge.naming import outcome
+from cosim.scenario.catalog import DEFAULT_TECHNOLOGY, SEGMENTS
+
+FAMILIES = (
+    *("liquid OFC, one segment", "liquid OFC, several", "solid OFC, one segment", "solid OFC, several"),
+    *("jam or runaway", "other actuator fault", "actuator's sensor", "aircraft's sensor", "engine or other surface"),
+)
+NUMBERS = (  # of the lane that noticed first
+    *("delay_s", "delay_periods", "time_to_right_s", "right_after_motion_s", "class_changes", "ambiguous_s"),
+    *("alarm_share", "withdrawn_after_s"),
+)
 
 
-def tidy(frame, tomls):
-    """Return one row per run and detector of `frame` (columns of cosim/campaign), `tomls` {run: scenario}."""
+def family(kind: str, target: str) -> str:
+    """Return the word of FAMILIES for a fault as a scenario writes it."""
+    place, *rest = target.split(".")
+    if place == "sensor":
+        return "aircraft's sensor"
+    if place != "elevator":
+        return "engine or other surface"
+    if len(rest) > 1 or kind == "jam_liquid":
+        return "actuator's sensor"
+    if kind.startswith("ofc"):
+        many = "one segment" if rest[0] in SEGMENTS else "several"
+        return f"{kind.removeprefix('ofc_')} OFC, {many}"
+    return "jam or runaway" if kind.startswith(("jam", "runaway")) else "other actuator fault"
+
+
+def tidy(frame: pd.DataFrame, tomls: Mapping[str, str]) -> pd.DataFrame:
+    """Return the rows of `frame` (columns of cosim/campaign), `tomls` {run: scenario}; an empty frame without any."""
     lanes: dict = {}
     for lane in frame[frame["id"].notna()].to_dict("records"):
         lanes.setdefault((lane["run"], lane["id"]), []).append(lane)
     about = {run: _about(tomls[run]) for run in dict.fromkeys(run for run, _ in lanes)}
-    out = [_row(run, detector, found, about[run]) for (run, detector), found in lanes.items()]
-    return (
-        echoes(pd.DataFrame(out).astype({"concerned": bool, "detected": bool, "idle": bool})) if out else pd.DataFrame()
-    )
+    out = []
+    for (run, detector), found in lanes.items():
+        met = sorted({int(lane["fault"]) for lane in found if _given(lane.get("fault"))}) or [about[run]["earliest"]]
+        for i, fault in enumerate(met):
+            own = [lane for lane in found if not _given(lane.get("fault")) or int(lane["fault"]) == fault]
+            out.append(_row(run, detector, own, found if i == 0 else [], about[run], fault))
+    if not out:
+        return pd.DataFrame()
+    return echoes(pd.DataFrame(out).astype({"concerned": bool, "detected": bool, "idle": bool}))
 
 
 def echoes(rows):
@@ -78,53 +112,70 @@ def _about(text):
 def _fault(f, technology):
     """Return what a row says of fault `f`, a table of a scenario, or of none."""
     if f is None:
-        return {"case": None, "kind": None, "target": None, "frequency_hz": np.nan}
+        return {"case": None, "kind": None, "target": None, "family": None, "frequency_hz": np.nan}
     return {
         "case": coverage.case_of(f["kind"], f["target"], technology, f.get("at", ""), "limit_deg" in f),
         "kind": f["kind"],
         "target": f["target"],
+        "family": family(f["kind"], f["target"]),
         "frequency_hz": f["frequency_hz"] if f["kind"].startswith("ofc") else np.nan,
     }
 
 
-def _row(run, detector, lanes, about):
-    """Return the row of one detector in one run; `lanes` are its rows per lane as dicts."""
+def _row(run, detector, lanes, whole, about, fault):
+    """Return the row of one detector, run and fault (its number, or None without one).
+
+    `lanes` are the rows per lane of that fault as dicts; `whole` all rows of the detector in the run, for what is
+    counted once in a flight, empty on the rows of its further faults.
+    """
     first, mine = lanes[0], [lane for lane in lanes if lane["concerned"]]
     seen = sorted((lane for lane in mine if _given(lane["delay_s"])), key=lambda lane: lane["detected_at_s"])
     best = seen[0] if seen else {}
-    each, earliest = about["each"], about["earliest"]
-    met = next((lane["fault"] for lane in (best, *mine) if _given(lane.get("fault"))), earliest)
-    about = {k: v for k, v in about.items() if k not in ("each", "earliest")}
-    about |= _fault(None, {}) if met is None else each[int(met)]
-    fault = met is not None
-    judging = mine if fault and mine else lanes
-    idle = not seen and not any(_number(lane, key) > 0.0 for lane in judging for key in ("r_max_before", "r_max_after"))
-    named = best.get("isolated_class") if _given(best.get("isolated_class")) else None
-    how = coverage.outcome(detector, about["case"], bool(seen), named) if fault else None
+    told = best or next(iter(mine), {})
+    each = about["each"][fault] if fault is not None else _fault(None, {})
+    able = any(_true(lane.get("able", True)) for lane in mine or lanes)
+    said = {k: best[k] if _given(best.get(k)) else None for k in ("isolated_class", "first_verdict", "withdrawn")}
+    right = _true(best.get("right"))
+    how = None
+    if fault is not None:
+        how = outcome(detector, each["case"], seen=bool(seen), is_right=right, verdict=said["isolated_class"],
+                      able=able)  # fmt: skip
     estimates = [lane for lane in lanes if _given(lane["estimate_rmse"])]
     return {
         "run": run,
-        **about,
-        "hours": float(first["sim_time_s"]) / 3600.0,
+        **{k: v for k, v in about.items() if k not in ("each", "earliest")},
+        **each,
+        "hours": float(first["sim_time_s"]) / 3600.0 if whole else np.nan,
         "status": first["status"],
         **{k: _number(first, k) for k in ACHIEVED},
         "id": detector,
         "level": first["level"],
         "lanes": len(lanes),
-        "word": coverage.expected(detector, about["case"]).word if fault else None,
+        "word": coverage.expected(detector, each["case"]).word if fault is not None else None,
         "concerned": bool(mine),
-        "idle": idle,
+        "idle": not seen and not able,
+        "why_not_valid": next((lane["why_not_valid"] for lane in mine or lanes if _given(lane.get("why_not_valid"))),
+                              None),
+        "valid_share": float(np.mean([_number(lane, "valid_share") for lane in lanes])),
         "detected": bool(seen),
-        "delay_s": _number(best, "delay_s"),
-        "delay_periods": _number(best, "delay_periods"),
-        "class": named,
-        "outcome": "idle" if idle and how in ("missed", "quiet") else how,
-        "false_alarms": sum(int(lane["false_alarms"]) for lane in lanes),
-        "r_fault_free": np.nan if fault else _largest(lanes, "r_max_before"),
-        "r_fault": _largest(mine, "r_max_after") if fault else np.nan,
+        "class": said["isolated_class"],
+        "first_verdict": said["first_verdict"],
+        "right": right,
+        "not_excited": _true(told.get("not_excited")),
+        "withdrawn": said["withdrawn"],
+        **{k: _number(best, k) for k in NUMBERS},
+        "outcome": how,
+        "false_alarms": sum(int(lane["false_alarms"]) for lane in whole),
+        "standing_s": float(sum(_number(lane, "standing_s") for lane in whole)),
+        "r_fault_free": np.nan if fault is not None else _largest(lanes, "r_max_before"),
+        "r_fault": _largest(mine, "r_max_after") if fault is not None else np.nan,
         "estimate_rmse": _largest(estimates, "estimate_rmse"),
         "estimate_unit": estimates[0]["estimate_unit"] if estimates else None,
-    }
+    }  # fmt: skip
+
+
+def _true(value):
+    return bool(_given(value) and value)
 
 
 def _given(value):
@@ -158,11 +209,12 @@ def of_logs(paths, progress=None):
         while run in tomls:  # the same flight twice, or another version's
             run += "'"
         tomls[run] = flown.toml
+        flown.achieved = achieved(flown.scenario) if faulted(flown.scenario) else None
         result = {
             "status": (flown.log.result or {}).get("status", "cut"),
             "reason": "",
             "sim_time_s": flown.end - flown.t0 + flown.dt,
-            "achieved": achieved(flown.scenario) if faulted(flown.scenario) else None,
+            "achieved": flown.achieved,
             "detectors": [lane.entry for lane in flown.lanes],
         }
         rows += judged.rows(run, result)

@@ -55,11 +55,10 @@ def simulate(
         )
         if timed:
             setup.time_detectors()
-        result.detectors = [judge(w, history, setup.loop.dt, judged(scenario)) for w in setup.watches()]
-        result.extra = {
-            "achieved": moved(scenario, setup.history, history) if achieved and status != "interrupted" else None,
-            "startup_s": flown - started,
-        }
+        swings = moved(scenario, setup.history, history) if achieved and status != "interrupted" else None
+        faults = judged(scenario, swings)
+        result.detectors = [judge(w, history, setup.loop.dt, faults) for w in setup.watches()]
+        result.extra = {"achieved": swings, "startup_s": flown - started}
         if writer:
             writer.close(result=result_texts(result))
     return result

@@ -4,18 +4,17 @@ One indexed copy of the bus per tick in single precision (codes are exact, resid
 stays fast and ten minutes stay small.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.flight.bus import Bus
 from cosim.judge.estimation import plan
-from cosim.judge.result import Watch
+from cosim.judge.noticed import Watch, watch_of
+from cosim.judge.noticed import columns as read
 from cosim.scenario import Scenario
 from cosim.scenario.catalog import LOOP_SENSOR, TECHNOLOGIES
-
-VERDICT = ("alarm", "verdict", "culprit", "r")
 
 
 def _rod(columns, segment, technology):
@@ -48,17 +47,16 @@ class History:
     def __init__(self, scenario: Scenario, bus: Bus, members: list[tuple]):
         """`members` is [(id, level, target, culprits, section, lane)] of every detector lane."""
         columns, technology = Columns(bus), scenario.elevator.technology
-        self.lanes = []
+        self._watches = []
         for name, level, target, culprits, section, lane in members:
-            own = [columns(f"{section}.{lane}.{f}") for f in VERDICT]
-            self.lanes.append((name, level, target, culprits, own, plan(scenario, name, lane, columns)))
+            outputs = bus.kinds[section].names or ()
+            at = {f: columns(f"{section}.{lane}.{f}") for f in read(culprits, outputs)}
+            estimate = plan(scenario, name, lane, columns)
+            self._watches.append(watch_of(name, level, target, culprits, at, estimate=estimate))
         self.surface = {seg: columns(f"truth.aircraft.de_{s}") for seg, s in scenario.aircraft.short.items()}
         self.rod = {seg: _rod(columns, seg, TECHNOLOGIES[t]) for seg, t in technology.items() if t in LOOP_SENSOR}
         self.index = columns.index
 
     def watches(self, step_us: dict[str, float]) -> list[Watch]:
         """Return the Watch of every detector lane; `step_us` maps detector -> microseconds per step and lane."""
-        return [
-            Watch(name, level, target, culprits, alarm, verdict, culprit, r, estimate, step_us.get(name, float("nan")))
-            for name, level, target, culprits, (alarm, verdict, culprit, r), estimate in self.lanes
-        ]
+        return [replace(w, step_us=step_us.get(w.id, float("nan"))) for w in self._watches]

@@ -10,7 +10,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from actuators.common.linkage import ARM
+
 SETTLE_PERIODS = 2.0
+MOVED = 1e-3  # of rod from where it would be, from when on a fault can be seen at all [m]
 NAMES = ("rod_mm", "surface_deg", "travel_pct", "amplitude_mm", "amplitude_deg")
 
 
@@ -40,7 +43,7 @@ def amplitude(d: NDArray, w: float, start: float, end: float, dt: float) -> floa
 
 
 def moved(difference: NDArray, faults: Sequence, dt: float, travel: float) -> dict[str, float | None]:
-    """Return {name of NAMES: value or None} of one segment.
+    """Return {name of NAMES: value or None} of one segment, and `moved_at_s`, when it was first MOVED of rod away [s].
 
     `difference` (ticks, 2) is rod [m], NaN where there is none, and surface [rad], each less its twin's; `faults` are
     the injections on the segment (cosim/flight/inject.py), `travel` is the elevator's [rad].
@@ -53,7 +56,16 @@ def moved(difference: NDArray, faults: Sequence, dt: float, travel: float) -> di
     swing = [amplitude(d, s.omega, s.start + s.ramp, s.end, dt) if s else None for d in difference.T]
     deg = 180 / math.pi
     values = (rod, surface, surface, *swing)
-    return {n: None if v is None else v * k for n, v, k in zip(NAMES, values, (1e3, deg, 100 / travel, 1e3, deg))}
+    sizes = {n: None if v is None else v * k for n, v, k in zip(NAMES, values, (1e3, deg, 100 / travel, 1e3, deg))}
+    return sizes | {"moved_at_s": _moved_at(difference, start, dt)}
+
+
+def _moved_at(difference, start, dt):
+    """Return the first time from `start` on at which the rod, or the surface's share of it, is MOVED away, or None."""
+    rod = difference[:, 0] if np.isfinite(difference[:, 0]).all() else ARM * difference[:, 1]
+    first = round(start / dt)
+    away = np.flatnonzero(np.abs(rod[first:]) >= MOVED)
+    return float((first + away[0]) * dt) if len(away) else None
 
 
 def largest(segments: dict[str, dict] | None) -> dict[str, float | None]:

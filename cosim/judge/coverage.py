@@ -94,19 +94,3 @@ def label(case):
     kind, _, at = rest.partition("@")
     words = PARTS.get(kind, kind.replace("ofc_", "OFC ").replace("_", " "))
     return f"{group}: {words}" + (f", in the {at}" if at else "")
-
-
-def outcome(detector, case, detected, named):
-    """Return what came of it: "named", "seen" (called ambiguous), "misnamed", "missed", "quiet" or "bonus".
-
-    `named` is the verdict class or None. For a case that the detector is blind to, "quiet" is right and "bonus" is an
-    alarm all the same; "missed" counts only where it was designed for the case.
-    """
-    want = expected(detector, case)
-    if not detected:
-        return "missed" if want.word == DESIGNED else "quiet"
-    if want.word == BLIND:
-        return "bonus"
-    if named in (None, "none", "ambiguous"):
-        return "seen"
-    return "named" if named in want.classes else "misnamed"

@@ -2,30 +2,25 @@
 
 import html
 import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cosim.judge import coverage
-from cosim.judge.alarms import GRACE_S, detection, faulty, onsets
-from fdi.common.verdict import NAMES
+from cosim.judge.alarms import faulty, onsets
+from cosim.judge.noticed import ABLE, Watch, noticed, said, validity
+from cosim.scenario import Scenario
 
-
-@dataclass(frozen=True)
-class Watch:
-    """One detector lane as the result sees it: names, and the positions of its verdict fields in the history."""
-
-    id: str
-    level: str  # "local" or "aircraft"
-    target: str  # "elevator.left_inner" or "aircraft"
-    culprits: tuple  # names of the parts it can blame, first is ""
-    alarm: int  # columns of the history
-    verdict: int
-    culprit: int
-    r: int | None = None
-    estimate: object | None = None  # cosim.judge.estimation.Estimate of a fault that the lane estimates
-    step_us: float = math.nan
+__all__ = ["Result", "Watch", "concerns", "errors", "judge", "judged", "largest", "plain"]
+SETTLE_S = 8.0  # from when on every detector should be able to judge, or half of a flight that is shorter than 16 s
+OF_A_FAULT = (  # what an entry says of the fault that its figures are about (cosim/judge/noticed.py)
+    *("fault", "detected_at_s", "detection_delay_s", "detection_delay_periods", "isolated", "first_verdict", "right"),
+    *("time_to_right_s", "right_after_motion_s", "not_excited", "class_changes", "ambiguous_s", "alarm_share"),
+    *("withdrawn_after_s", "withdrawn", "valid_at_fault"),
+)
 
 
 @dataclass
@@ -69,7 +64,7 @@ class Result:
         log = open_log(self.log)
         return log.plot([f"{t}.r" for t in dict.fromkeys(_topic(r) for r in shown) if t in log.topics])
 
-    def to_dict(self):
+    def to_dict(self) -> dict:
         """Return plain data for JSON; numbers that do not exist are None."""
         out = {
             "log": self.log,
@@ -98,7 +93,7 @@ def _topic(row):
     return f"/detectors/{row['id']}/{row['target'].removeprefix('elevator.')}"
 
 
-def plain(value):
+def plain(value: Any) -> Any:
     """Return `value` as JSON can hold it: NumPy scalars as Python's, NaN and infinities as None."""
     if isinstance(value, dict):
         return {str(k): plain(v) for k, v in value.items()}
@@ -113,9 +108,9 @@ def plain(value):
     return value
 
 
-def judged(scenario):
+def judged(scenario: Scenario, achieved: Mapping[str, Mapping] | None = None) -> list[dict]:
     """Return the faults of a scenario as `judge` wants them, their targets by part, cases as in
-    cosim/judge/coverage.py.
+    cosim/judge/coverage.py. `achieved` (cosim/flight/twin.py) tells when each moved its segments; None: nobody looked.
     """
     out = []
     injections, cases = scenario.injections(), coverage.cases(scenario)
@@ -123,8 +118,15 @@ def judged(scenario):
         mine = [j for j in injections if j.fault == i]
         names = tuple(_target(j, f.target) for j in mine)
         about = {"fault": i, "case": cases[i], "targets": names, "period_s": f.period_s or math.nan}
-        out.append({**about, "start_s": f.start_s, "end_s": mine[0].end})
+        times = {"kind": f.kind, "start_s": f.start_s, "end_s": mine[0].end}
+        out.append({**about, **times, "moved_at_s": _moved_at(mine, achieved)})
     return out
+
+
+def _moved_at(injections, achieved):
+    """Return {segment: when it was 1 mm of rod away from its twin [s], inf for never}; None where nobody looked."""
+    own = {j.name: (achieved or {}).get(j.name, {}).get("moved_at_s", math.nan) for j in injections}
+    return {seg: math.inf if t is None else t for seg, t in own.items() if t is None or t == t} or None
 
 
 def _target(j, written):
@@ -133,37 +135,39 @@ def _target(j, written):
     return f"elevator.{j.name}" + (f".{j.sensor}" if j.place == "actuator_sensor" else "")
 
 
-def concerns(watch, fault_targets):
+def concerns(watch: Watch, fault_targets: Iterable[str]) -> bool:
     """Return whether a fault on `fault_targets` is this lane's: on its own actuator; any, for aircraft level."""
     mine = (t == watch.target or t.startswith(watch.target + ".") for t in fault_targets)
     return watch.level == "aircraft" or any(mine)
 
 
-def judge(watch, history, dt, faults):
+def judge(watch: Watch, history: NDArray, dt: float, faults: Sequence[Mapping]) -> dict:
     """Return one detector's entry of the result.
 
-    `history` is (ticks, columns); `faults` a list of dicts with `fault` (its number), `case`, `targets` (tuple),
-    `start_s`, `end_s` and `period_s` (nan without one). `by_fault` has an entry for each fault that concerns the lane
-    and to which its detector is not blind (to all that concern it: for each): detected is what alarms first between
-    its onset and the next one's, named what was said until then. The lane's own figures are those of the fault that
-    it noticed first, else of the earliest. Alarm onsets outside every fault that concerns the lane are false.
+    `history` is (ticks, columns); `faults` are those of `judged`: dicts with `fault` (its number), `case`, `kind`,
+    `targets` (tuple), `start_s`, `end_s`, `period_s` (nan without one) and perhaps `moved_at_s`. `by_fault` has an
+    entry (cosim/judge/noticed.py) for each fault that concerns the lane and to which its detector is not blind (to all
+    that concern it: for each), between its onset and the next one's. The lane's own figures are those of the fault that
+    it noticed first, else of the earliest. Alarm onsets outside every fault that concerns the lane are false alarms,
+    `standing_s` is how long its alarm stands there. `valid_share` counts from SETTLE_S on.
     """
-    alarm, verdict, culprit = (history[:, c] for c in (watch.alarm, watch.verdict, watch.culprit))
     mine = sorted((f for f in faults if concerns(watch, f["targets"])), key=lambda f: f["start_s"])
-    rises = onsets(alarm)
+    alarm = history[:, watch.alarm]
+    rises, true = onsets(alarm), faulty(mine, len(alarm), dt)
+    share, why = validity(watch, history[min(round(SETTLE_S / dt), len(history) // 2) :])
     entry = {
         "id": watch.id,
         "level": watch.level,
         "target": watch.target,
         "concerned": bool(mine),
         "alarm": bool(len(rises)),
-        "fault": None,
-        "detected_at_s": None,
-        "detection_delay_s": None,
-        "detection_delay_periods": None,
-        "isolated": None,
+        **dict.fromkeys(OF_A_FAULT),
         "by_fault": [],
-        "false_alarms": int(np.count_nonzero(~faulty(mine, len(alarm), dt)[rises])),
+        "false_alarms": int(np.count_nonzero(~true[rises])),
+        "standing_s": float(np.count_nonzero((alarm > 0.5) & ~true) * dt),
+        "able": share >= ABLE,
+        "valid_share": share,
+        "why_not_valid": why,
         "estimate_rmse": None,
         "estimate_bias": None,
         "step_us": watch.step_us,
@@ -175,38 +179,24 @@ def judge(watch, history, dt, faults):
         entry |= errors(watch.estimate.error(history, dt), watch.estimate.unit)
     if mine:
         sighted = [f for f in mine if coverage.expected(watch.id, f.get("case", "")).word != coverage.BLIND] or mine
-        entry["by_fault"] = [_detection(watch, f, sighted, dt, alarm, verdict, culprit) for f in sighted]
-        noticed = [d for d in entry["by_fault"] if d["detected_at_s"] is not None]
-        entry |= min(noticed, key=lambda d: d["detected_at_s"], default=entry["by_fault"][0])
+        entry["by_fault"] = [noticed(watch, history, f, _next(f, sighted), dt) for f in sighted]
+        seen = [d for d in entry["by_fault"] if d["detected_at_s"] is not None]
+        entry |= min(seen, key=lambda d: d["detected_at_s"], default=entry["by_fault"][0])
     elif len(rises):
-        all_ticks = np.flatnonzero(alarm > 0.5)
-        entry["detected_at_s"] = int(all_ticks[0]) * dt
-        entry["isolated"] = named(watch, verdict[all_ticks], culprit[all_ticks])
+        s = said(watch, history)
+        given = np.flatnonzero(s.alarm & (s.verdict > 0.5))
+        entry["detected_at_s"] = int(rises[0]) * dt
+        if len(given):
+            entry |= {"first_verdict": s.name(given[0], watch), "isolated": s.name(given[-1], watch)}
     return entry
 
 
-def _detection(watch, fault, faults, dt, alarm, verdict, culprit):
-    """Return when and as what a lane noticed `fault`, one of `faults`: None where it did not."""
-    starts = [f["start_s"] for f in faults if f["start_s"] > fault["start_s"]]
-    last = min(fault["end_s"] + GRACE_S, min(starts, default=math.inf)) / dt
-    end = math.ceil(last) if math.isfinite(last) else len(alarm)
-    out = dict.fromkeys(("detected_at_s", "detection_delay_s", "detection_delay_periods", "isolated"))
-    k = detection(alarm, round(fault["start_s"] / dt), end)
-    if k is not None:
-        healed = math.ceil(fault["end_s"] / dt) if math.isfinite(fault["end_s"]) else end
-        # what it says while the fault's effect decays is no name of the fault
-        seen = k + np.flatnonzero(alarm[k : max(k + 1, min(end, healed))] > 0.5)
-        delay = k * dt - fault["start_s"]
-        out = {
-            "detected_at_s": k * dt,
-            "detection_delay_s": delay,
-            "detection_delay_periods": delay / fault["period_s"],
-            "isolated": named(watch, verdict[seen], culprit[seen]),
-        }
-    return {"fault": fault.get("fault"), **out}
+def _next(fault, faults):
+    """Return when the next of `faults` begins after `fault` [s], inf without one."""
+    return min((f["start_s"] for f in faults if f["start_s"] > fault["start_s"]), default=math.inf)
 
 
-def largest(watch, history, dt, faults):
+def largest(watch: Watch, history: NDArray, dt: float, faults: Sequence[Mapping]) -> dict:
     """Return the largest |r| before the first fault of the flight (all of it without one) and from its onset on.
 
     Each is None where there is none.
@@ -219,7 +209,7 @@ def largest(watch, history, dt, faults):
     return {name: float(np.nanmax(part)) if np.isfinite(part).any() else None for name, part in parts.items()}
 
 
-def errors(error, unit):
+def errors(error: NDArray, unit: str) -> dict:
     """Return RMSE, bias (mean) and largest magnitude of an estimation error [unit], None without a sample."""
     if not len(error):
         return {}
@@ -229,14 +219,3 @@ def errors(error, unit):
         "estimate_max": float(np.max(np.abs(error))),
         "estimate_unit": unit,
     }
-
-
-def named(watch, verdict, culprit):
-    """Return {class, target}: the last verdict that was held while the alarm stood."""
-    given = np.flatnonzero(verdict > 0.5)
-    if not len(given):
-        return None
-    i = given[-1]
-    part = watch.culprits[int(culprit[i])] if 0 <= int(culprit[i]) < len(watch.culprits) else ""
-    target = watch.target if not part else (part if watch.level == "aircraft" else f"{watch.target}.{part}")
-    return {"class": NAMES[int(verdict[i])], "target": target}

@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cosim.judge.result import Watch, judge, judged, plain
+from cosim.judge.noticed import columns, watch_of
+from cosim.judge.result import judge, judged, plain
 from cosim.log import open_log
 from cosim.replay.lanes import describe, fill, lanes, pieces, run, tick_of, topics
 from cosim.replay.params import ReplayError, check_start
@@ -20,7 +21,6 @@ from cosim.replay.write import Overlay
 
 __all__ = ["Difference", "Replay", "ReplayError", "compare", "lanes", "pieces", "replay", "run"]
 SPAN = 4000  # ticks read and replayed at once: bounds the memory
-VERDICT = ("alarm", "verdict", "culprit", "r")
 
 
 @dataclass
@@ -150,9 +150,10 @@ class _Member:
         self.w, self.dt, self.differences = w, tick_of(log), {}
         self.fields = log.topics[w.topic].fields
         self.hidden = log.topics[w.hidden].fields if w.hidden in log.topics else ()
-        self.columns = [self.fields.index(n) for n in VERDICT]
+        self.names = columns(w.module.CULPRITS, self.fields)
+        self.columns = [self.fields.index(n) for n in self.names]
         self.rows = self.values = self.skipped = 0
-        self.history = np.zeros((2, -(-sum(log.spans[-1]) // w.every) if log.spans else 0, len(VERDICT)), np.float32)
+        self.history = np.zeros((2, -(-sum(log.spans[-1]) // w.every) if log.spans else 0, len(self.names)), np.float32)
 
     def replay(self, lane, tick):
         """Return the new outputs (rows, n) of a lane's span; NaN where it could not or should not be replayed."""
@@ -185,7 +186,8 @@ class _Member:
     def judge(self, faults):
         """Return the lane's detection metrics, as logged and as replayed."""
         w = self.w
-        watch = Watch(w.id, w.level, w.target, w.module.CULPRITS, *range(len(VERDICT)))
+        at = {n: i for i, n in enumerate(self.names)}
+        watch = watch_of(w.id, w.level, w.target, w.module.CULPRITS, at)
         old, new = (judge(watch, h, self.dt * w.every, faults) for h in self.history)
         return {"id": w.id, "level": w.level, "target": w.target, "logged": old, "replayed": new}
 

@@ -13,7 +13,8 @@ import numpy as np
 
 from actuators.block import unit
 from cosim.flight import detectors as table
-from cosim.judge.result import Watch, judge, plain
+from cosim.judge.noticed import watch_of
+from cosim.judge.result import judge, plain
 from cosim.log import LogWriter, Topic, viewer_layouts
 from cosim.replay.foreign import read_channels
 from cosim.replay.lanes import Lane, flat, run
@@ -23,7 +24,6 @@ from cosim.replay.params import ReplayError, check_start, chosen_overrides, over
 from cosim.replay.resample import ticks
 
 MOST_TICKS = 4_000_000  # five and a half hours at 200 Hz: all inputs of a recording are in memory
-VERDICT = ("alarm", "verdict", "culprit", "r")
 
 
 @dataclass
@@ -195,9 +195,8 @@ def _columns(kind, names):
 def _verdict(d, lane, again, dt, t_0):
     """Return one row of the verdict table; times are the recording's."""
     names = [n for n, _ in _columns(d.module.STATE, d.module.OUTPUTS)]
-    history = again[:, [names.index(n) for n in VERDICT]]
-    watch = Watch(d.id, d.level, d.target(lane), d.module.CULPRITS, *range(len(VERDICT)))
-    found = judge(watch, history, dt * d.every, [])
+    watch = watch_of(d.id, d.level, d.target(lane), d.module.CULPRITS, {n: i for i, n in enumerate(names)})
+    found = judge(watch, again, dt * d.every, [])
     at = found["detected_at_s"]
     return {
         "id": d.id,

@@ -1,5 +1,6 @@
 """A flight as its log tells it: scenario, signals, detector lanes with their judgement, and what they estimate."""
 
+import json
 import math
 import re
 import tomllib
@@ -12,7 +13,8 @@ from cosim.errors import LogError
 from cosim.flight import inject, wiring
 from cosim.judge import coverage
 from cosim.judge import estimation as estimate
-from cosim.judge.result import Watch, judge, judged
+from cosim.judge.noticed import watch_of
+from cosim.judge.result import judge, judged
 from cosim.log import open_log
 from cosim.scenario import parse
 from cosim.scenario.vocabulary import place
@@ -31,6 +33,7 @@ NEEDED = (
 )
 
 
+
 @dataclass
 class Lane:
     """One detector lane: its outputs by field (rows,), its judgement, and which case it meets."""
@@ -44,7 +47,11 @@ class Lane:
     fields: dict
     entry: dict
     truth: tuple | None = None  # (field, truth (ticks,), unit, start, end) of the fault that it estimates
-    able: bool = True  # its validity flag was up when the first fault began
+
+    @property
+    def able(self):
+        """Tell whether it could judge: the fault that its entry is about, or most of the flight."""
+        return self.entry["able"]
 
     @property
     def name(self):
@@ -90,9 +97,14 @@ class Flown:
         return self._arrays[topic][:, self.log.topics[topic].fields.index(name)]
 
     @cached_property
+    def achieved(self):
+        """Return how far the faults moved the elevators (cosim/flight/twin.py), None where the log does not say."""
+        return json.loads((self.log.result or {}).get("achieved", "null"))
+
+    @cached_property
     def faults(self):
         """Return what `judge` takes of the faults."""
-        return judged(self.scenario)
+        return judged(self.scenario, self.achieved)
 
     @cached_property
     def cases(self):
@@ -114,8 +126,6 @@ class Flown:
     @cached_property
     def lanes(self):
         """Return the Lanes: aircraft level first, in the order of the log."""
-        import json
-
         out = []
         for d in json.loads(self.log.attachments["detectors.json"]):
             for lane in d["lanes"]:
@@ -128,24 +138,15 @@ class Flown:
         target = f"elevator.{lane}" if d["level"] == "local" else "aircraft"
         culprits = registry.module(d["id"]).CULPRITS if d["id"] in registry.SHIPPED else ("",)
         fields = list(self.log.topics[topic].fields)
-        at = {n: fields.index(n) for n in ("alarm", "verdict", "culprit", "r")}
         made = Lane(
             d["id"], d["level"], lane, target, culprits, d["every"], dict(zip(fields, self._arrays[topic].T)), {}
         )
         made.truth = self._truth(d["id"], lane)
-        made.able = self._valid_at_onset(made)
-        watch = Watch(d["id"], d["level"], target, culprits, **at)
+        watch = watch_of(d["id"], d["level"], target, culprits, {n: i for i, n in enumerate(fields)})
         made.entry = judge(watch, self._arrays[topic], self.dt * d["every"], self.faults)
         if made.truth:
             made.entry |= self._errors(made)
         return made
-
-    def _valid_at_onset(self, lane):
-        """Tell whether the lane called itself valid within the second before the first fault (else, before the end)."""
-        step = self.dt * lane.every
-        onset = round((min((f["start_s"] for f in self.faults), default=self.end) - self.t0) / step)
-        second = round(1.0 / step)
-        return bool((lane.fields["valid"][max(0, onset - second) : max(onset, second)] > 0.5).any())
 
     def _truth(self, detector, lane):
         """Return (field, truth (ticks,), unit, start, end) of the fault that the lane estimates, or None."""

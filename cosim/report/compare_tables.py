@@ -7,7 +7,7 @@ from cosim.report.page import Row, Table, bold, code, mark
 
 SYMBOL = {
     "named": "●",
-    "seen": "◐",
+    "ambiguous": "◐",
     "misnamed": "≠",
     "missed": "✕",
     "quiet": "·",
@@ -17,7 +17,7 @@ SYMBOL = {
 }
 CLASS = {
     "named": "c-seen",
-    "seen": "c-seen",
+    "ambiguous": "c-part",
     "misnamed": "c-part",
     "missed": "c-missed",
     "quiet": "c-quiet",
@@ -104,7 +104,7 @@ def _number(x):
 
 KEY = (
     ("c-seen", "●", "seen and named right"),
-    ("c-seen", "◐", "seen, called ambiguous"),
+    ("c-part", "◐", "seen, called ambiguous"),
     ("c-part", "≠", "seen under another name"),
     ("c-missed", "✕", "designed for it, and missed"),
     ("c-quiet", "·", "may see it, stayed quiet"),
@@ -135,7 +135,7 @@ def _cell(name, cell):
     if cell is None:
         return "", "", ""
     found = sorted(cell["outcomes"].items(), key=lambda pair: -pair[1])
-    good, kinds = {"named", "seen"}, {o for o, _ in found}
+    good, kinds = {"named"}, {o for o, _ in found}
     if cell["word"] == coverage.BLIND and kinds <= {"quiet", "idle"}:
         look, told = "c-none", ""
     elif len(found) == 1:
@@ -147,7 +147,8 @@ def _cell(name, cell):
             else SYMBOL[outcome],
         )
     else:
-        look = "c-seen" if kinds <= good else "c-part" if kinds & {"named", "seen", "misnamed"} else CLASS[found[0][0]]
+        part = kinds & {"named", "ambiguous", "misnamed"}
+        look = "c-seen" if kinds <= good else "c-part" if part else CLASS[found[0][0]]
         told = " ".join(f"{SYMBOL[o]}{n}" for o, n in found)
     border = " designed" * (cell["word"] == coverage.DESIGNED and cell["lane"])
     more = f"{coverage.WORDS[cell['word']]}; " + ", ".join(f"{n} {o}" for o, n in found)

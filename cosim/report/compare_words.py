@@ -89,7 +89,7 @@ def _short(cases, most=5):
 
 
 def _names(rows):
-    own = rows[rows["detected"] & (rows["outcome"].isin(("named", "seen", "misnamed")))]
+    own = rows[rows["detected"] & (rows["outcome"].isin(("named", "ambiguous", "misnamed")))]
     if own.empty:
         return []
     counts = own["outcome"].value_counts()
@@ -99,7 +99,7 @@ def _names(rows):
     sensor = crossed["case"].map(_is_sensor).astype(bool)
     severe = crossed[(crossed["class"] == "sensor") | sensor]
     told = (
-        f"{counts.get('named', 0)} of {len(own)} detections named the fault right, {counts.get('seen', 0)} "
+        f"{counts.get('named', 0)} of {len(own)} detections named the fault right, {counts.get('ambiguous', 0)} "
         f"called it ambiguous, {counts.get('misnamed', 0)} gave another name"
     )
     if len(severe):

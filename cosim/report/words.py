@@ -5,6 +5,7 @@ import math
 from markupsafe import Markup
 
 from cosim.judge import coverage
+from cosim.judge.naming import outcome
 from cosim.replay.recording import words
 from cosim.report.page import bold, mark
 from cosim.scenario.catalog import SHORT
@@ -62,21 +63,21 @@ def case_of(flown, entry):
 
 
 def came_of_it(flown, lane, entry):
-    """Return the outcome of an entry of a lane (coverage.outcome), or None when no fault concerns it."""
+    """Return the outcome of an entry of a lane (cosim/judge/naming.py), or None when no fault concerns it."""
     case = case_of(flown, entry)
     if case is None:
         return None
-    found, seen = entry["isolated"], entry["detection_delay_s"] is not None
-    if not seen and not lane.able:
-        return "idle"
-    return coverage.outcome(lane.id, case, seen, found and found["class"])
+    said, seen = entry["isolated"] or {}, entry["detection_delay_s"] is not None
+    return outcome(
+        lane.id, case, seen=seen, is_right=bool(entry["right"]), verdict=said.get("class"), able=entry["able"]
+    )
 
 
 MARKS = {"named": "good", "misnamed": "bad", "missed": "bad"}
 JUDGED = {
     "idle": "cannot judge",
     "named": "right",
-    "seen": "seen, not named",
+    "ambiguous": "seen, not named",
     "misnamed": "another name",
     "bonus": "not expected",
     "missed": "missed",

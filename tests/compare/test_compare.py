@@ -122,21 +122,6 @@ def test_case_tells_places_of_entry_apart():
     assert coverage.case_of("thrust_loss", "engine.2", tech) == "engine"
 
 
-@pytest.mark.parametrize(
-    "case, detected, named, outcome",
-    [
-        ("hydraulic.ofc_liquid", True, "ofc_liquid", "named"),
-        ("hydraulic.ofc_liquid", True, "ambiguous", "seen"),
-        ("hydraulic.ofc_liquid", True, "runaway", "misnamed"),
-        ("hydraulic.ofc_liquid", False, None, "missed"),
-        ("hydraulic.friction", False, None, "quiet"),
-        ("engine", True, "ofc_liquid", "bonus"),
-    ],
-)
-def test_outcome_of_iotsekf(case, detected, named, outcome):
-    assert coverage.outcome("iotsekf", case, detected, named) == outcome
-
-
 # -- statistics, by hand -----------------------------------------------------------------------------------------------
 
 

@@ -1,0 +1,197 @@
+"""What one detector lane made of one fault: when it noticed, what it said, whether that was right, how it ended."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.judge.alarms import GRACE_S, detection
+from cosim.judge.naming import BOTH, blames, parts_of, right
+from fdi.common import verdict as code
+from fdi.common import why as reason
+
+ABLE = 0.5  # share of the time in which a lane that missed must have been valid for this to count as a miss
+MOVES = ("jam_solid", "jam", "runaway")  # kinds that show only where the rod is not where it should be
+
+
+@dataclass(frozen=True)
+class Watch:
+    """One detector lane as the judgement sees it: names, and where its outputs stand in the history's columns."""
+
+    id: str
+    level: str  # "local" or "aircraft"
+    target: str  # "elevator.left_inner" or "aircraft"
+    culprits: tuple  # names of the parts that it can blame, first is ""
+    alarm: int
+    verdict: int
+    culprit: int
+    r: int | None = None
+    estimate: Any = None  # cosim.judge.estimation.Estimate of a fault that the lane estimates
+    step_us: float = math.nan
+    valid: int | None = None  # None: always
+    why: int | None = None  # reason of fdi/common/why.py
+    alarms: tuple = ()  # ((culprit, column), ...) of a lane with an alarm for each part
+
+
+OUTPUTS = ("alarm", "verdict", "culprit", "r", "valid", "why")  # of a detector, as far as it has them
+
+
+def columns(culprits: tuple, outputs: Sequence[str]) -> list[str]:
+    """Return those of a detector's `outputs` that the judgement reads."""
+    return [n for n in OUTPUTS if n in outputs] + [*code.alarm_fields(culprits, tuple(outputs)).values()]
+
+
+def watch_of(name: str, level: str, target: str, culprits: tuple, at: Mapping[str, int], **more: Any) -> Watch:
+    """Return the Watch of a lane; `at` maps its outputs to columns of the history."""
+    alarms = tuple((c, at[f]) for c, f in code.alarm_fields(culprits, tuple(at)).items())
+    return Watch(name, level, target, culprits, alarms=alarms, **{n: at[n] for n in OUTPUTS if n in at}, **more)
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a lane says of one fault, over ticks: alarm, class codes, indices into `parts`."""
+
+    alarm: NDArray[np.bool_]
+    verdict: NDArray
+    part: NDArray
+    parts: tuple
+
+    def name(self, k: int, watch: Watch) -> dict | None:
+        """Return {class, target} of tick `k`, None where it names no class."""
+        if self.verdict[k] < 0.5:
+            return None
+        i = int(self.part[k])
+        part = self.parts[i] if 0 <= i < len(self.parts) else ""
+        target = watch.target if not part else part if watch.level == "aircraft" else f"{watch.target}.{part}"
+        return {"class": code.NAMES[int(self.verdict[k])], "target": target}
+
+
+def said(watch: Watch, history: NDArray, targets: Sequence[str] = ()) -> Said:
+    """Return what a lane says of a fault on `targets`; `history` is (ticks, columns).
+
+    Where the lane has an alarm for each part and those of all the fault's parts are up, it names these parts.
+    """
+    alarm, verdict, part = (history[:, c] for c in (watch.alarm, watch.verdict, watch.culprit))
+    own = dict(watch.alarms)
+    mine = parts_of(own, targets, watch.level)
+    if not mine:
+        return Said(alarm > 0.5, verdict, part, watch.culprits)
+    each = np.stack([history[:, own[c]] > 0.5 for c in mine])
+    named = each.all(axis=0) & blames(BOTH.join(mine), targets, watch.level)
+    first = np.isin(part, [watch.culprits.index(c) for c in mine])
+    kind = {"sensor": code.SENSOR, "engine": code.THRUST}.get(targets[0].split(".")[0], code.AMBIGUOUS)
+    verdict = np.where(named & ~first, kind, verdict)
+    part = np.where(named, len(watch.culprits), part)
+    return Said((alarm > 0.5) | each.any(axis=0), verdict, part, (*watch.culprits, BOTH.join(mine)))
+
+
+def noticed(watch: Watch, history: NDArray, fault: Mapping, until: float, dt: float) -> dict:
+    """Return what the lane made of `fault` before the next one begins at `until` [s]; times [s], None for never.
+
+    `detection_delay_s` and `time_to_right_s` count from the onset, `right_after_motion_s` from when the fault has moved
+    the rod 1 mm from where it would be; `not_excited` tells that a fault of MOVES never did. `isolated` is what was
+    said last while the fault was there, `first_verdict` what was said first. `alarm_share` is the share of the time
+    from the alarm to the end of the fault in which the alarm stands; `withdrawn_after_s` the time from the end of the
+    fault to that of its last alarm, `withdrawn` whether that end was seen. `valid_at_fault` is the share of the fault's
+    time in which the lane called itself valid, until it noticed; one that missed with less than ABLE could not judge.
+    """
+    ticks, start, end = len(history), fault["start_s"], fault["end_s"]
+    first = round(start / dt)
+    healed, last = (_tick(t, dt, ticks) for t in (min(end, until), min(end + GRACE_S, until)))
+    s = said(watch, history, fault["targets"])
+    k = detection(s.alarm, first, last)
+    out: dict[str, Any] = dict.fromkeys(
+        ("detected_at_s", "detection_delay_s", "detection_delay_periods", "isolated", "first_verdict",
+         "time_to_right_s", "right_after_motion_s", "alarm_share", "withdrawn_after_s", "withdrawn")
+    )  # fmt: skip
+    out |= {"right": False, "class_changes": 0, "ambiguous_s": 0.0, "not_excited": _not_excited(watch, fault)}
+    if k is not None:
+        out |= {
+            "detected_at_s": k * dt,
+            "detection_delay_s": k * dt - start,
+            "detection_delay_periods": (k * dt - start) / fault["period_s"],
+            **_named(watch, s, fault, k, max(k + 1, min(last, healed)), dt),
+            **_withdrawn(s.alarm, end, k, healed, _tick(until, dt, ticks), dt),
+        }
+    stop = max(first + 1, healed if k is None else k)
+    out |= _validity(watch, history[first:stop], seen=k is not None)
+    return {"fault": fault.get("fault"), **out}
+
+
+def _tick(t, dt, ticks):
+    return ticks if math.isinf(t) else min(ticks, math.ceil(t / dt))
+
+
+def _named(watch, s, fault, k, end, dt):
+    """Return what was said while the alarm stood from tick `k` to `end`: what is said of a decay is no name."""
+    given = k + np.flatnonzero(s.alarm[k:end] & (s.verdict[k:end] > 0.5))
+    seen = int(np.count_nonzero(s.alarm[k:end]))
+    out = {"alarm_share": seen / (end - k)}
+    if not len(given):
+        return out
+    codes, parts = s.verdict[given], s.part[given]
+    good = np.zeros(len(given), bool)
+    for c, p in {(float(c), float(p)) for c, p in zip(codes, parts)}:
+        part = s.parts[int(p)] if 0 <= p < len(s.parts) else ""
+        if right(watch.id, fault.get("case", ""), fault["targets"], watch.level, code.NAMES[int(c)], part):
+            good |= (codes == c) & (parts == p)
+    out |= {
+        "isolated": s.name(given[-1], watch),
+        "first_verdict": s.name(given[0], watch),
+        "class_changes": int(np.count_nonzero(np.diff(codes))),
+        "ambiguous_s": float(np.count_nonzero(codes == code.AMBIGUOUS) * dt),
+        "right": bool(good[-1]),
+    }
+    if good.any():
+        at = float(given[np.argmax(good)] * dt)
+        out["time_to_right_s"] = at - fault["start_s"]
+        moved = _moved_at(watch, fault)
+        if moved is not None and math.isfinite(moved):
+            out["right_after_motion_s"] = max(0.0, at - moved)
+    return out
+
+
+def _withdrawn(alarm, end_s, k, healed, until, dt):
+    """Return how the alarm that rose at tick `k` ended once the fault had healed at `end_s`, before tick `until`."""
+    if math.isinf(end_s) or healed >= until:
+        return {}
+    high = np.flatnonzero(alarm[healed:until])
+    gone = not len(high) or healed + high[-1] + 1 < until
+    after = 0.0 if not len(high) else max(0.0, (healed + high[-1] + 1) * dt - end_s)
+    return {"withdrawn": bool(gone), "withdrawn_after_s": after if gone else None}
+
+
+def _moved_at(watch, fault):
+    """Return when the fault had moved the lane's rod by 1 mm [s], inf for never, None where nobody looked."""
+    when = fault.get("moved_at_s")
+    if when is None or not when:
+        return None
+    own = [t for seg, t in when.items() if watch.level == "aircraft" or watch.target == f"elevator.{seg}"]
+    return max(fault["start_s"], min(own)) if own else None
+
+
+def _not_excited(watch, fault):
+    moved = _moved_at(watch, fault)
+    return None if moved is None or fault.get("kind") not in MOVES else math.isinf(moved)
+
+
+def _validity(watch, history, seen):
+    share, why = validity(watch, history)
+    able = seen or share >= ABLE
+    return {"able": able, "valid_at_fault": share, "why_not_valid": None if able else why}
+
+
+def validity(watch: Watch, history: NDArray) -> tuple[float, str | None]:
+    """Return (share of ticks in which the lane called itself valid, its most frequent reason in the others)."""
+    if watch.valid is None or not len(history):
+        return 1.0, None
+    down = ~(history[:, watch.valid] > 0.5)
+    share = 1.0 - float(np.count_nonzero(down)) / len(history)
+    if watch.why is None or not down.any():
+        return share, None
+    codes = history[down, watch.why]
+    codes = codes[codes > 0.5].astype(int)
+    return share, reason.words(float(np.bincount(codes).argmax())) if len(codes) else None

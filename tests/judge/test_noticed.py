@@ -1,0 +1,139 @@
+"""What a lane made of a fault, on histories made by hand, and what must hold for any history."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cosim.judge.alarms import GRACE_S, detection, faulty, onsets
+from cosim.judge.noticed import watch_of
+from cosim.judge.result import judge
+from fdi.common import verdict as v
+from fdi.common import why
+
+DT = 0.1
+FIELDS = ("alarm", "verdict", "culprit", "r", "valid", "why")
+LANE = watch_of("iotsekf", "local", "elevator.left_inner", ("", "rod"), {n: i for i, n in enumerate(FIELDS)})
+OFC = {"fault": 0, "case": "hydraulic.ofc_liquid", "kind": "ofc_liquid", "targets": ("elevator.left_inner",),
+       "start_s": 2.0, "end_s": math.inf, "period_s": 0.5}  # fmt: skip
+
+
+def flown(*said, ticks=100, valid=1.0, reason=0.0):
+    """Return a history in which the alarm stands with a class over [(first, last, class), ...]."""
+    rows = np.zeros((ticks, len(FIELDS)))
+    rows[:, 4], rows[:, 5] = valid, reason
+    for first, last, code in said:
+        rows[first:last, 0], rows[first:last, 1] = 1.0, code
+    return rows
+
+
+def test_the_first_name_the_right_name_and_the_last_have_their_own_times():
+    e = judge(LANE, flown((23, 26, v.AMBIGUOUS), (26, 40, v.OFC_SOLID), (40, 100, v.OFC_LIQUID)), DT, [OFC])
+    assert (e["first_verdict"]["class"], e["isolated"]["class"]) == ("ambiguous", "ofc_liquid")
+    assert e["detection_delay_s"] == pytest.approx(0.3) and e["time_to_right_s"] == pytest.approx(2.0)
+    assert (e["class_changes"], e["ambiguous_s"], e["right"]) == (2, pytest.approx(0.3), True)
+
+
+def test_ambiguous_is_never_right_and_a_right_name_that_is_given_up_is_not_right_at_the_end():
+    e = judge(LANE, flown((23, 100, v.AMBIGUOUS)), DT, [OFC])
+    assert e["time_to_right_s"] is None and not e["right"] and e["detection_delay_s"] is not None
+    e = judge(LANE, flown((23, 30, v.OFC_LIQUID), (30, 100, v.RUNAWAY)), DT, [OFC])
+    assert e["time_to_right_s"] == pytest.approx(0.3) and not e["right"]
+
+
+def test_withdrawal_counts_to_the_last_alarm_and_what_stands_too_long_is_standing():
+    healed = {**OFC, "end_s": 4.0}
+    e = judge(LANE, flown((23, 45, v.OFC_LIQUID), (50, 55, v.OFC_LIQUID)), DT, [healed])
+    assert e["withdrawn"] is True and e["withdrawn_after_s"] == pytest.approx(1.5) and e["standing_s"] == 0.0
+    e = judge(LANE, flown((23, 100, v.OFC_LIQUID)), DT, [healed])
+    assert e["withdrawn"] is False and e["withdrawn_after_s"] is None
+    assert e["false_alarms"] == 0 and e["standing_s"] == pytest.approx(10.0 - 4.0 - GRACE_S)
+    assert judge(LANE, flown((23, 100, v.OFC_LIQUID)), DT, [OFC])["withdrawn"] is None  # it never heals
+
+
+def test_share_of_the_time_that_an_alarm_stands_counts_its_gaps():
+    assert judge(LANE, flown((20, 60, 1.0), (80, 100, 1.0)), DT, [OFC])["alarm_share"] == pytest.approx(0.75)
+
+
+def test_a_lane_that_could_not_judge_says_why_and_one_that_noticed_could():
+    away = flown(valid=0.0, reason=why.BOX_MASS)
+    e = judge(LANE, away, DT, [OFC])
+    assert (e["able"], e["valid_at_fault"], e["why_not_valid"]) == (False, 0.0, "outside its box (mass)")
+    assert e["valid_share"] == 0.0
+    seen = flown((23, 100, 1.0), valid=0.0, reason=why.BOX_MASS)
+    assert judge(LANE, seen, DT, [OFC])["able"] is True
+    assert judge(LANE, flown(), DT, [OFC])["able"] is True and judge(LANE, flown(), DT, [OFC])["why_not_valid"] is None
+
+
+def test_a_jam_that_never_showed_is_not_excited_and_the_right_name_counts_from_motion():
+    jam = {**OFC, "case": "hydraulic.jam_solid", "kind": "jam_solid", "moved_at_s": {"left_inner": 5.0}}
+    e = judge(LANE, flown((53, 100, v.JAM_SOLID)), DT, [jam])
+    assert (e["not_excited"], e["right_after_motion_s"]) == (False, pytest.approx(0.3))
+    still = {**jam, "moved_at_s": {"left_inner": math.inf}}
+    assert judge(LANE, flown(), DT, [still])["not_excited"] is True
+    assert judge(LANE, flown(), DT, [{**jam, "moved_at_s": None}])["not_excited"] is None  # nobody looked
+
+
+def test_three_simultaneous_faults_are_each_named_by_the_alarm_of_their_part():
+    fields = (*FIELDS, "alarm_elevator", "alarm_n_z", "alarm_alpha")
+    smo = watch_of("lpv_smo", "aircraft", "aircraft", ("", "elevator", "n_z", "alpha"),
+                   {n: i for i, n in enumerate(fields)})  # fmt: skip
+    rows = np.zeros((100, len(fields)))
+    rows[:, 4] = 1.0
+    rows[24:, 0], rows[24:, 1], rows[24:, 2] = 1.0, v.SENSOR, 2.0  # the summary: n_z, declared first
+    rows[24:, 7], rows[26:, 6], rows[28:, 8] = 1.0, 1.0, 1.0
+    at = {"start_s": 2.0, "end_s": math.inf, "period_s": math.nan}
+    faults = [
+        {"fault": 0, "case": "hydraulic.bias@command", "kind": "bias", "targets": ("elevator.left_inner",), **at},
+        {"fault": 1, "case": "sensor.n_z", "kind": "bias", "targets": ("sensor.n_z",), **at},
+        {"fault": 2, "case": "sensor.alpha", "kind": "bias", "targets": ("sensor.alpha",), **at},
+    ]
+    found = judge(smo, rows, DT, faults)["by_fault"]
+    assert [d["time_to_right_s"] for d in found] == pytest.approx([0.6, 0.4, 0.8])
+    assert [d["isolated"]["target"] for d in found] == ["elevator", "n_z", "alpha"]
+    one_slot = watch_of("lpv_smo", "aircraft", "aircraft", smo.culprits, {n: i for i, n in enumerate(FIELDS)})
+    assert [d["right"] for d in judge(one_slot, rows, DT, faults)["by_fault"]] == [False, True, False]
+
+
+alarms = st.lists(st.booleans(), min_size=1, max_size=80).map(lambda x: np.array(x, float))
+times = st.floats(0.0, 8.0)
+
+
+@given(alarms)
+def test_onsets_are_where_the_alarm_is_up_and_was_not(alarm):
+    rises = onsets(alarm)
+    assert all(alarm[k] and (k == 0 or not alarm[k - 1]) for k in rises)
+    assert len(rises) == sum(alarm[k] and (k == 0 or not alarm[k - 1]) for k in range(len(alarm)))
+
+
+@given(alarms, st.integers(0, 90), st.integers(0, 90))
+def test_a_detection_is_the_first_onset_of_its_window(alarm, first, end):
+    k, inside = detection(alarm, first, end), [int(i) for i in onsets(alarm) if first <= i < end]
+    assert k == (inside[0] if inside else None)
+
+
+@given(alarms, times, times)
+def test_every_onset_is_either_false_or_within_a_fault_and_standing_never_exceeds_the_alarm(alarm, a, b):
+    start, end = sorted((a, b + 0.1))
+    fault = {**OFC, "start_s": start, "end_s": end}
+    rows = flown(ticks=len(alarm))
+    rows[:, 0] = alarm
+    e = judge(LANE, rows, DT, [fault])
+    true = faulty([fault], len(alarm), DT)
+    assert e["false_alarms"] == sum(not true[k] for k in onsets(alarm))
+    assert e["standing_s"] + 1e-9 >= 0.0 and e["standing_s"] <= alarm.sum() * DT + 1e-9
+    assert e["standing_s"] == pytest.approx((alarm * ~true).sum() * DT)
+
+
+@given(alarms, st.lists(st.sampled_from([0.0, 1.0, 2.0, 9.0]), min_size=80, max_size=80), times)
+def test_times_are_in_order_whatever_is_said(alarm, codes, start):
+    rows = flown(ticks=len(alarm))
+    rows[:, 0], rows[:, 1] = alarm, np.array(codes[: len(alarm)])
+    e = judge(LANE, rows, DT, [{**OFC, "start_s": start}])
+    delay, right = e["detection_delay_s"], e["time_to_right_s"]
+    assert delay is None or delay > -DT
+    assert right is None or (delay is not None and right >= delay - 1e-9)
+    assert not e["right"] or right is not None
+    assert e["alarm_share"] is None or 0.0 < e["alarm_share"] <= 1.0
