@@ -20,6 +20,7 @@ _PUBLIC = {  # name -> module that defines it
     "Scenario": "cosim.scenario",
     "simulate": "cosim.flight.simulate",
     "fly": "cosim.flight.signals",
+    "Flight": "cosim.flight.stepping",
     "open_log": "cosim.log",
     "linearize": "cosim.flight.plant.linearize",
     "CosimError": "cosim.errors",

@@ -22,6 +22,7 @@ import pyarrow.parquet as pq
 from actuators.sources import closure
 from cosim.errors import CosimError, OutputError
 from cosim.files import replace, replace_text
+from cosim.judge.consequences import NAMES as CONSEQUENCES
 
 ROWS = pa.schema(
     [
@@ -68,6 +69,7 @@ ROWS = pa.schema(
         ("travel_pct", pa.float64()),
         ("amplitude_mm", pa.float64()),
         ("amplitude_deg", pa.float64()),
+        *((name, pa.float64()) for name in CONSEQUENCES),
     ]
 )
 TIMING = pa.schema(

@@ -1,5 +1,7 @@
 """The lines about the faults of a flight: what was asked for, where it entered, and how far the elevator moved."""
 
+from collections.abc import Mapping
+
 from rich.text import Text
 
 from cosim.scenario.catalog import DEG
@@ -32,6 +34,21 @@ def lines(scenario, achieved):
         if note:
             out.append(Text(f"note   {note}", style="yellow"))
     return out
+
+
+def consequences(found: Mapping[str, float] | None) -> list[Text]:
+    """Return the line about what the faults did to the aircraft; none without a fault that began."""
+    if not found:
+        return []
+    f = found
+    outside = f"{f['outside_s']:.1f} s outside its bounds" if f["outside_s"] else "within its bounds"
+    return [
+        Text(
+            f"flight n_z {f['nz_min_g']:.2f} to {f['nz_max_g']:.2f} g, {f['altitude_lost_m']:.0f} m lost, "
+            f"bank {f['bank_deg']:.1f} deg, speed -{f['speed_lost_kt']:.1f} +{f['speed_gained_kt']:.1f} kt, "
+            f"hinge moment to {f['hinge_max_nm'] / 1e3:.1f} kN m, {outside}"
+        )
+    ]
 
 
 def _segments(fault):

@@ -86,6 +86,7 @@ def run(found, scenario):
         *said,
         head,
         *faults.lines(scenario, found.get("achieved")),
+        *faults.consequences(found.get("consequences")),
         _detectors(shown or found["detectors"]),
         *apart,
     ]

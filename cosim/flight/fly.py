@@ -16,12 +16,12 @@ LIMITS = {
     "theta": (math.radians(-60.0), math.radians(60.0)),
     "nz": (-3.0, 5.0),
     "mach": (0.1, 0.99),
-    "h": (-100.0, 16_000.0),  # a flight along sea level is one
+    "h": (-100.0, 16_000.0),  # along sea level an aircraft still flies
 }
 
 
 def health(truth):
-    """Return (status, reason): "diverged" for a number that is none, "departed" outside LIMITS, else ("", "")."""
+    """Return (status, reason): "diverged" where a number is not finite, "departed" outside LIMITS, else ("", "")."""
     for name in truth.dtype.names:
         if not math.isfinite(truth[name]):
             return "diverged", f"{name} is {truth[name]}"

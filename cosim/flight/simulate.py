@@ -58,7 +58,8 @@ def simulate(
         swings = moved(scenario, setup.history, history) if achieved and status != "interrupted" else None
         faults = judged(scenario, swings)
         result.detectors = [judge(w, history, setup.loop.dt, faults) for w in setup.watches()]
-        result.extra = {"achieved": swings, "startup_s": flown - started}
+        done = setup.history.consequences(scenario, history)
+        result.extra = {"achieved": swings, "consequences": done, "startup_s": flown - started}
         if writer:
             writer.close(result=result_texts(result))
     return result

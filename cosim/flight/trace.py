@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.flight.bus import Bus
+from cosim.judge.consequences import MOTION, consequences
 from cosim.judge.estimation import plan
 from cosim.judge.noticed import Watch, watch_of
 from cosim.judge.noticed import columns as read
 from cosim.scenario import Scenario
-from cosim.scenario.catalog import LOOP_SENSOR, TECHNOLOGIES
+from cosim.scenario.catalog import KT, LOOP_SENSOR, TECHNOLOGIES
 
 
 def _rod(columns, segment, technology):
@@ -55,7 +56,21 @@ class History:
             self._watches.append(watch_of(name, level, target, culprits, at, estimate=estimate))
         self.surface = {seg: columns(f"truth.aircraft.de_{s}") for seg, s in scenario.aircraft.short.items()}
         self.rod = {seg: _rod(columns, seg, TECHNOLOGIES[t]) for seg, t in technology.items() if t in LOOP_SENSOR}
+        self.motion = {name: columns(f"truth.aircraft.{name}") for name in MOTION}
+        short = scenario.aircraft.short.values()
+        self.hinge = [[columns(f"truth.aircraft.{f}_{s}") for f in ("hm0", "hmd", "de")] for s in short]
         self.index = columns.index
+
+    def consequences(self, scenario: Scenario, rows: NDArray) -> dict[str, float] | None:
+        """Return what the faults of `scenario` did to the aircraft from `rows` (ticks, columns), None without any."""
+        starts = [f.start_s for f in scenario.faults if f.start_s is not None]
+        if not starts:
+            return None
+        hm0, hmd, de = (rows[:, [c[i] for c in self.hinge]] for i in range(3))
+        motion = {name: rows[:, column] for name, column in self.motion.items()}
+        low, high = scenario.aircraft.limits.cas_kt
+        onset = round(min(starts) / scenario.dt)
+        return consequences(motion, hm0 + hmd * de, onset, scenario.dt, (low * KT, high * KT))
 
     def watches(self, step_us: dict[str, float]) -> list[Watch]:
         """Return the Watch of every detector lane; `step_us` maps detector -> microseconds per step and lane."""

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from cosim.judge.achieved import largest
+from cosim.judge.consequences import NAMES as CONSEQUENCES
 
 LANE = ("id", "level", "target", "concerned", "alarm", "valid_share", "why_not_valid", "able")
 ONCE = {  # on the first of a lane's rows only, so that sums over rows count nothing twice -> what stands on the others
@@ -23,6 +24,7 @@ def rows(run: str, result: Mapping) -> list[dict]:
     """
     about = {"run": run, "status": result["status"], "error": result["reason"], "sim_time_s": result["sim_time_s"]}
     about |= largest(result["achieved"])
+    about |= dict.fromkeys(CONSEQUENCES) | (result.get("consequences") or {})
     lanes = [{"lane": i, **own} for i, entry in enumerate(result["detectors"]) for own in lane(entry)]
     return [{**about, **own} for own in lanes or [{"lane": 0}]]
 

@@ -18,7 +18,9 @@ PER = {
     "de": "over elevator", "ds": "over stabiliser", "da": "over aileron", "dr": "over rudder",
     "delta": "over its angle",
 }  # fmt: skip
-_FIELD = re.compile(r'\(\s*"(\w+)",\s*"f8",?\s*\),\s*#\s*(.*?)\s*(?:\[([^\]]*)\])?\s*$', re.M)
+_FIELD = re.compile(
+    r'\(\s*"(\w+)",\s*"f8"(?:,\s*"([^"]*)")?,?\s*\),\s*#\s*(.*?)\s*(?:\[([^\]]*)\])?\s*$', re.M
+)  # of a dtype: name, unit, what it is, unit where it stands behind
 
 
 @functools.cache
@@ -35,7 +37,8 @@ def meanings(group: str) -> dict[str, tuple[str, str]]:
     package = actuator.__name__.rpartition(".")[0]
     around = [m for m in vars(actuator).values() if inspect.ismodule(m) and m.__name__.startswith(package)]
     sources = [inspect.getsource(m) for m in (*around, actuator)]
-    fields = {name: (text, unit) for source in sources for name, text, unit in _FIELD.findall(source)}
+    found = (field for source in sources for field in _FIELD.findall(source))
+    fields = {name: (text, unit or behind) for name, unit, text, behind in found}
     return {name: fields.get(name, ("", "")) for name in toleranced(group)}
 
 

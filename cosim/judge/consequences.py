@@ -1,0 +1,52 @@
+"""What a fault does to the aircraft, in numbers: load factor, altitude, bank, speed, hinge load, time out of bounds.
+
+All are taken from the onset of the first fault to the end of the flight, altitude, bank and speed against their values
+at the onset. The flight itself is measured, not its difference from one without the fault: gusts and manoeuvres count.
+"""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.scenario.catalog import KT
+
+MOTION = ("nz", "h", "phi", "cas", "alpha")  # fields of the truth that `consequences` takes
+LOAD_FACTOR = (-1.0, 2.5)  # limit manoeuvring load factors of a transport, clean (CS 25.337) [g]
+BANK = math.radians(67.0)  # full stick holds this bank in the laws of today's transports [rad]
+ALPHA = math.radians(-10.0), math.radians(20.0)  # beyond it nothing is tested [rad]
+NAMES = (
+    *("nz_min_g", "nz_max_g", "altitude_lost_m", "bank_deg"),
+    *("speed_lost_kt", "speed_gained_kt", "hinge_max_nm", "outside_s"),
+)
+
+
+def consequences(
+    motion: Mapping[str, NDArray], hinge: NDArray, onset: int, dt: float, cas: tuple[float, float]
+) -> dict[str, float] | None:
+    """Return {name of NAMES: value} from tick `onset` on; None when the flight ended before it.
+
+    `motion` has the fields of MOTION over all ticks (ticks,), SI, n_z in g; `hinge` the moments of the elevator
+    segments (ticks, segments) [N m]; `cas` the lowest and the highest speed of the envelope [m/s]; `dt` [s].
+    altitude_lost_m, bank_deg, speed_lost_kt and speed_gained_kt are largest excursions from the onset, not below zero.
+    """
+    late = {name: np.asarray(motion[name][onset:], float) for name in MOTION}
+    if not len(late["nz"]):
+        return None
+    h, speed, nz, alpha = late["h"], late["cas"], late["nz"], late["alpha"]
+    outside = (
+        (nz < LOAD_FACTOR[0])
+        | (nz > LOAD_FACTOR[1])
+        | (np.abs(late["phi"]) > BANK)
+        | (alpha < ALPHA[0])
+        | (alpha > ALPHA[1])
+        | (speed < cas[0])
+        | (speed > cas[1])
+    )
+    values = (
+        *(nz.min(), nz.max(), h[0] - h.min(), math.degrees(np.abs(late["phi"] - late["phi"][0]).max())),
+        *((speed[0] - speed.min()) / KT, (speed.max() - speed[0]) / KT),
+        *(np.abs(hinge[onset:]).max(), outside.sum() * dt),
+    )
+    return {name: float(value) for name, value in zip(NAMES, values)}

@@ -1,0 +1,36 @@
+"""What a fault does to the aircraft, in numbers."""
+
+import numpy as np
+import pytest
+
+from cosim.judge.consequences import NAMES, consequences
+from cosim.scenario.catalog import KT
+
+DT, CAS = 0.1, (50.0, 200.0)
+
+
+def steady(n=100):
+    """Return the motion of `n` ticks of level flight at 100 m/s."""
+    one = np.ones(n)
+    return {"nz": one.copy(), "h": 6000 * one, "phi": 0 * one, "cas": 100 * one, "alpha": 0.03 * one}
+
+
+def test_level_flight_has_no_excursions():
+    found = consequences(steady(), np.zeros((100, 4)), 40, DT, CAS)
+    assert list(found) == list(NAMES)
+    assert found["nz_min_g"] == found["nz_max_g"] == 1.0
+    assert all(found[name] == 0.0 for name in NAMES[2:])
+
+
+def test_excursions_count_from_the_onset_on():
+    m, hinge = steady(), np.zeros((100, 4))
+    m["nz"][10], m["nz"][50], m["nz"][60] = 5.0, 2.6, -1.5
+    m["h"][70:], m["phi"][80] = 5900.0, np.radians(-70.0)
+    m["cas"][90], m["cas"][91] = 100 - 5 * KT, 100 + 3 * KT
+    hinge[20, 0], hinge[95, 2] = 1e5, -2000.0
+    found = consequences(m, hinge, 40, DT, CAS)
+    assert (found["nz_min_g"], found["nz_max_g"], found["altitude_lost_m"]) == (-1.5, 2.6, 100.0)
+    assert found["bank_deg"] == pytest.approx(70.0) and found["hinge_max_nm"] == 2000.0
+    assert found["speed_lost_kt"] == pytest.approx(5.0) and found["speed_gained_kt"] == pytest.approx(3.0)
+    assert found["outside_s"] == pytest.approx(3 * DT)  # two load factors and a bank
+    assert consequences(m, hinge, 100, DT, CAS) is None
