@@ -4,6 +4,7 @@
 { low = 1, high = 6, integer = true }     whole numbers, both ends included
 { mean = 1.0, sigma = 0.02 }              normal; low and high truncate it
 { choice = ["a", "b", "c"] }              any of these; a table sets several keys at once
+{ choice = "points.csv" }                 any row of a file beside the campaign's, its columns are keys
 """
 
 import math

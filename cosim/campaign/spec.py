@@ -25,6 +25,7 @@
 Keys are those of a scenario, as with --set. A table's `name` becomes the column label.<key>.
 """
 
+import csv
 import itertools
 import json
 import math
@@ -165,12 +166,12 @@ def _checked(name, folder, table):
     parts = []
     for i, own in enumerate(table.get("part", [{}])):
         place = f"{name}: part {own['name']!r}" if isinstance(own, dict) and "name" in own else f"{name}: part {i}"
-        parts.append(_part(base, table, own, place if "part" in table else name))
+        parts.append(_part(base, table, own, place if "part" in table else name, folder))
     kept = {k: v for k, v in table.items() if k in ("title", "sampling", "seed", "first_seed", "keep")}
     return Campaign(name=name, parts=tuple(parts), **kept)
 
 
-def _part(base, table, own, place):
+def _part(base, table, own, place, folder):
     """Return a Part: what the campaign says for all, and its `own` on top; the common grid changes slowest."""
     _keys(own, OF_A_PART, place)
     runs = own.get("runs", table.get("runs", 1))
@@ -182,11 +183,32 @@ def _part(base, table, own, place):
             raise CampaignError("is no list of values", place=f"{place}: grid.{key}")
     drawn: dict = {}
     for key, value in sorted(draws.items(), key=lambda item: not item[0].endswith("*")):  # a key itself wins over *
-        drawn |= dict.fromkeys(_every(key, place), draw(value, f"{place}: draw.{key}"))
+        here = f"{place}: draw.{key}"
+        drawn |= dict.fromkeys(_every(key, place), draw(_listed(value, folder, here), here))
     for key in grid.keys() & drawn.keys():
         raise CampaignError("is drawn and in the grid", place=f"{place}: {key}")
     tables = apply(base, [f"{k}={json.dumps(v)}" for k, v in constant.items()])
     return Part(tables, own.get("name", ""), runs, grid, drawn)
+
+
+def _listed(table, folder, place):
+    """Return a distribution; a `choice` that names a CSV file beside the campaign becomes the list of its rows."""
+    name = table.get("choice") if isinstance(table, dict) else None
+    if not isinstance(name, str):
+        return table
+    path = folder / name if folder else resources.files("cosim").joinpath("campaigns", name)
+    try:
+        rows = list(csv.DictReader(path.read_text(encoding="utf-8-sig").splitlines()))
+    except (OSError, UnicodeDecodeError):
+        raise CampaignError(f"{name} is no CSV file that can be read", place=place) from None
+    return {**table, "choice": [{key: _value(text) for key, text in row.items()} for row in rows]}
+
+
+def _value(text):
+    try:
+        return float(text)
+    except (TypeError, ValueError):
+        return text
 
 
 def _every(key, place):

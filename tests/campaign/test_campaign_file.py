@@ -173,9 +173,15 @@ def test_built_in_campaigns_can_be_flown_and_keep_off_training_seeds(name):
 
 
 def test_sizes_of_the_built_in_campaigns():
-    flights = {name: load_campaign(name).scenarios()[0] for name in ("fault-free", "aircraft-vs-local")}
-    assert len(flights["fault-free"]) >= 300 and len(flights["aircraft-vs-local"]) >= 2000
-    quiet = flights["fault-free"]
+    flights = {name: load_campaign(name).scenarios()[0] for name in builtin_campaigns()}
+    quiet, severe, faulty = (flights[n] for n in ("fault-free", "fault-free-severe", "aircraft-vs-local"))
+    assert (len(quiet), len(severe)) == (600, 200) and len(faulty) >= 2000
+    for own in flights.values():  # independent flights over the envelope, not the points of training
+        assert len({s.seed for s in own}) == len(own) and len({(s.flight.mass_t, s.flight.cas_kt) for s in own}) >= 100
+        assert min(s.flight.mass_t for s in own) < 210 and max(s.flight.mass_t for s in own) > 395
+    assert not {s.seed for s in quiet} & {s.seed for s in faulty}
+    assert {s.flight.turbulence for s in severe} == {"severe"}
+    assert any(len(s.faults) > 1 for s in faulty) and any(f.end_s for s in faulty for f in s.faults)
     assert all(not s.faults and s.duration_s == 60 for s in quiet)
     assert len({s.seed for s in quiet}) == len(quiet)
     flown = {s.manoeuvre.kind for s in quiet}
@@ -337,3 +343,14 @@ def test_without_dask_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(CosimError, match=r"cosim-fdi\[cluster\]"), cluster("tcp://127.0.0.1:9"):
         pass
+
+
+def test_a_choice_can_be_the_rows_of_a_file_beside_the_campaign(written):
+    path = written("runs = 4\n" + SMALL + "[draw]\npoint = { choice = 'p.csv' }\n")
+    (path.parent / "p.csv").write_text("name,flight.mass_t,flight.turbulence\nlow,210,none\nhigh,300,light\n")
+    scenarios, labels = load_campaign(path).scenarios()
+    assert {(s.flight.mass_t, s.flight.turbulence) for s in scenarios} == {(210.0, "none"), (300.0, "light")}
+    assert {label["point"] for label in labels} == {"low", "high"}
+    (path.parent / "p.csv").unlink()
+    with pytest.raises(CosimError, match="no CSV file"):
+        load_campaign(path)
