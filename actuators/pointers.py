@@ -37,3 +37,14 @@ def enter(context, entry, x, u, p, dt, lanes, log):
 
     whole, real = types.int64, types.float64
     return types.void(whole, whole, whole, whole, real, whole, whole), code
+
+
+@intrinsic
+def put(context, address, value):
+    """Store a double at any address, aligned or not."""
+
+    def code(context, builder, signature, args):
+        builder.store(args[1], builder.inttoptr(args[0], _REAL.as_pointer()), align=1)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.float64), code

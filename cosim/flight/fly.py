@@ -1,8 +1,12 @@
 """Fly a built flight: run every tick, watch for departure, keep what is asked for."""
 
+import functools
 import math
 
 import numpy as np
+
+from cosim.flight.tape import Tape
+from cosim.flight.tick import order
 
 CHECK_EVERY = 10  # ticks between looks at the flight's health: 50 ms
 PROGRESS_EVERY = 200
@@ -21,7 +25,14 @@ LIMITS = {
 
 
 def health(truth):
-    """Return (status, reason): "diverged" where a number is not finite, "departed" outside LIMITS, else ("", "")."""
+    """Return (status, reason) of a record of truth.
+
+    "diverged" where a number is not finite, "departed" outside LIMITS, else ("", "").
+    """
+    low, high = _bounds(truth.dtype)
+    v = np.asarray(truth).reshape(1).view("f8")
+    if ((v >= low) & (v <= high)).all():  # False for what is no number
+        return "", ""
     for name in truth.dtype.names:
         if not math.isfinite(truth[name]):
             return "diverged", f"{name} is {truth[name]}"
@@ -29,6 +40,13 @@ def health(truth):
         if not low <= truth[name] <= high:
             return "departed", f"{name} = {truth[name]:.4g} is outside {low:.4g} to {high:.4g} (SI)"
     return "", ""
+
+
+@functools.cache
+def _bounds(kind):
+    """Return what every field of the truth may be: LIMITS, or any number."""
+    most = np.finfo(float).max
+    return np.array([LIMITS.get(name, (-most, most)) for name in kind.names]).T
 
 
 def record(setup, names):
@@ -40,20 +58,20 @@ def record(setup, names):
     return rows, status, reason
 
 
-def fly(setup, append=None, progress=None, keep=None):
+def fly(setup, *logs, progress=None, keep=None):
     """Run every tick of a built flight; return (history of the ticks flown, status, reason).
 
-    `append(v)` takes the bus of each tick; `keep` says what of it becomes history, (positions, dtype), by default what
-    the judgement needs.
+    `logs` take the bus of each tick (cosim/flight/tick.py); `keep` says what of it becomes history, (positions, dtype),
+    by default what the judgement needs.
     """
     loop, n = setup.loop, setup.ticks
     index, kind = keep or (setup.history.index, np.float32)
     history = np.empty((n, len(index)), kind)  # pages are taken as the flight goes on
-    tape, k = loop.tape(append), 0
+    tape, k = Tape(loop.v, loop.dt), 0
+    order(loop, tape, *logs, keep=(index, history))
     try:
         for k in range(n):
             tape.run(k)
-            history[k] = loop.v[index]
             if k % CHECK_EVERY == 0:
                 bad, why = health(loop.truth)
                 if bad:

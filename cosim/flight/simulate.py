@@ -42,8 +42,9 @@ def simulate(
         open_writer(setup, log) if log else nullcontext() as writer,
         nullcontext() if live is None else open_live(setup, live) as server,
     ):
+        sinks = [*([writer] if writer else []), *([server.append] if server else [])]
         flown = time.perf_counter()
-        history, status, reason = fly(setup, _each(writer, server), progress)
+        history, status, reason = fly(setup, *sinks, progress=progress)
         wall = time.perf_counter() - flown
         result = Result(
             log=str(log) if log else None,
@@ -64,15 +65,3 @@ def simulate(
             writer.close(result=result_texts(result))
     return result
 
-
-def _each(*sinks):
-    """Return what takes the bus of each tick: the `append` of those sinks that there are."""
-    appends = [sink.append for sink in sinks if sink is not None]
-    if len(appends) < 2:
-        return appends[0] if appends else None
-
-    def append(v):
-        for one in appends:
-            one(v)
-
-    return append

@@ -15,7 +15,7 @@ from actuators.block import Entry
 from actuators.native import PLAIN, Native
 from cosim.flight.plant.border import to_si
 
-CLOCK, COPY, ADD, TRUTH, NOISE, STEP, KEEP = range(7)
+CLOCK, COPY, ADD, TRUTH, NOISE, STEP, KEEP, LOG = range(8)
 WIDTH = 8
 
 
@@ -55,7 +55,7 @@ class Tape:
         """`plain` walks the table in Python, as NUMBA_DISABLE_JIT=1 does."""
         self.v, self.dt, self._plain = v, dt, plain
         self._kept = [v]  # every array that a row points to
-        self._entries = {}  # address, or number without a compiler, -> entry of a block
+        self._entries = {}  # address, or number without a compiler, -> entry of a block, store of a log
         self._rows = []
         self.parts = []  # of a tick: callables that take k
 
@@ -105,6 +105,12 @@ class Tape:
     def keep(self, index, rows):
         """rows[k] = v[index], in the precision of `rows` (ticks, n)."""
         self._row(KEEP, len(index), self._at(index), self._at(rows), rows.itemsize)
+
+    def log(self, head, store):
+        """Log v: `store(v)` does it, or compiled code by what `head` says (cosim/log/writer.py)."""
+        address = self._at(head)
+        self._entries[address] = store
+        self._row(LOG, address)
 
     def run(self, k):
         """Do all of tick `k`."""
@@ -162,6 +168,8 @@ def plainly(table, v, k, entries):
         elif operation == KEEP:
             kind = np.float32 if d == 4 else np.float64
             _array(c + d * a * k, a, kind)[:] = v[_array(b, a, np.int64)]
+        elif operation == LOG:
+            entries[a](v)
 
 
 def _array(address, n, kind=np.float64):
@@ -172,4 +180,3 @@ def _array(address, n, kind=np.float64):
 
 def _each(advance, every):
     return lambda k: advance() if k % every == 0 else None
-

@@ -16,8 +16,12 @@ from cosim.flight.plant.plant import Plant
 from cosim.flight.tape import Block, Tape
 
 
-def order(s, tape, log=None):
-    """Tell `tape` what a tick of the loop `s` does from t_k to t_k+1; `log(v)` takes the bus as it stands at t_k."""
+def order(s, tape, *logs, keep=None):
+    """Tell `tape` what a tick of the loop `s` does from t_k to t_k+1.
+
+    Each of `logs` takes the bus as it stands at t_k: a call `log(v)`, or a log that tells the tape itself. `keep` is
+    (positions, rows): the rows, one per tick, take what stands there when the actuators have moved.
+    """
     s.plant.tell(tape, s.bus.index("truth.aircraft.alpha"))  # 1. the aircraft's truth at t_k
     tape.clock(s.bus.index("clock.clock.t"))
 
@@ -44,13 +48,15 @@ def order(s, tape, log=None):
     for servo in s.servos:
         tape.step(servo)  # 5. servo loops on t_k data, perhaps on a detector's estimate; held over the tick
 
-    if log is not None:
-        tape.call(lambda k: log(s.v))
+    for log in filter(None, logs):
+        log.tell(tape) if hasattr(log, "tell") else tape.call(lambda k, log=log: log(s.v))
 
     tape.copy(*s.wires["actuators"])
     for actuator in s.actuators:
         tape.step(actuator)  # to t_k+1, sub-stepped against the hinge moment
     tape.copy(*s.wires["surfaces"])
+    if keep is not None:
+        tape.keep(*keep)
     tape.call(lambda k: s.plant.write(s.surface_vector))
     tape.call(lambda k: s.plant.run())  # 6. the aircraft to t_k+1
 
@@ -78,16 +84,16 @@ class Loop:
         self.v = self.bus.v
         self.truth, self.surface_vector = self.bus["truth"][0], self.bus["surfaces"].view("f8")
         self.noise = np.array([self.bus.index(f"sensors_in.{lane}.noise") for lane in self.bus.lanes["sensors"]])
-        self._tape = self._log = None
+        self._tape, self._logs = None, ()
 
-    def tape(self, log=None):
-        """Return the tape of this loop as it is now, its rows going to `log(v)`; the same while `log` is."""
-        if self._tape is None or log is not self._log:
-            self._tape, self._log = Tape(self.v, self.dt), log
-            order(self, self._tape, log)
+    def tape(self, *logs):
+        """Return the tape of this loop as it is now, for these logs (see `order`); the same while they are."""
+        if self._tape is None or logs != self._logs:
+            self._tape, self._logs = Tape(self.v, self.dt), logs
+            order(self, self._tape, *logs)
         return self._tape
 
 
-def tick(s, k, log=None):
-    """Advance the loop `s` from t_k to t_k+1 and give the bus of t_k to `log`."""
-    s.tape(log).run(k)
+def tick(s, k, *logs):
+    """Advance the loop `s` from t_k to t_k+1; `logs` take the bus of t_k, see `order`."""
+    s.tape(*logs).run(k)

@@ -7,7 +7,8 @@ from numba import carray, njit, types
 from actuators import pointers
 from actuators.pointers import reals, singles, wholes
 from cosim.flight.plant.border import to_si
-from cosim.flight.tape import ADD, CLOCK, COPY, KEEP, NOISE, STEP, TRUTH, WIDTH
+from cosim.flight.tape import ADD, CLOCK, COPY, KEEP, LOG, NOISE, STEP, TRUTH, WIDTH
+from cosim.log.store import store
 
 KINDS = (types.int64, types.int64, types.int64, types.int64)
 
@@ -54,5 +55,7 @@ def walk(table, n, bus, k):
         elif operation == TRUTH:
             frame, out = reals(row[5]), carray(reals(bus + 8 * row[4]), a)
             to_si(carray(reals(row[2]), a), carray(reals(row[3]), a), out, frame[0], frame[1], frame[2])
+        elif operation == LOG:
+            store(a, bus)
         elif operation == CLOCK:
             v[a] = k * reals(row[2])[0]

@@ -11,8 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from actuators.block import kernel
-
 # a message record up to its payload (MCAP specification, Message): opcode 5, length, head of 22 bytes
 HEAD = np.dtype(
     [("op", "u1"), ("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4"), ("log", "<u8"), ("publish", "<u8")]
@@ -38,18 +36,6 @@ def empty_message(count):
 
 _STAMP_FIELDS = np.dtype([("sequence", "<u4"), ("log", "<u8"), ("publish", "<u8")])
 _STAMP = np.dtype("V20")  # the same 20 bytes of a message head, to be copied as one
-
-
-# A double at any byte. Views of content as this take no alignment for granted, in NumPy and in Numba.
-_LOOSE = np.dtype([("value", "<f8")])
-
-
-@kernel
-def _scatter(content, values, offsets, strides):
-    """Put values (row, field) into the content, the first row at the offsets, each next one a stride later [byte]."""
-    for row in range(values.shape[0]):
-        for i in range(offsets.size):
-            content[offsets[i] + row * strides[i]].value = values[row, i]
 
 
 class Block(NamedTuple):
@@ -144,7 +130,7 @@ class Plan:
         self._index_times = [
             (b.every, np.ndarray((b.rows,), "<u8", self._index, b.entries, (16,))) for b in self.blocks.values()
         ]
-        self._places = {every: self._fields(every) for every in {b.every for b in self.blocks.values()}}
+        self.places = {every: self._fields(every) for every in {b.every for b in self.blocks.values()}}
         self._bind(np.concatenate(content))
 
     def _fields(self, every):
@@ -162,27 +148,27 @@ class Plan:
         stamps = [
             (b.every, np.ndarray((b.rows,), _STAMP, content, b.start + 11, (b.stride,))) for b in self.blocks.values()
         ]
-        loose = np.ndarray((content.size - 7,), _LOOSE, content, 0, (1,))
-        self._content, self._stamps, self._loose = content, stamps, loose  # all or, after Ctrl-C, none
+        self.content, self._stamps = content, stamps  # both or, after Ctrl-C, none
 
     def template(self, k0, tail=b""):
         """Return the content (uint8) of the ticks from k0 followed by `tail`, with the values of the call before.
 
         The array is the plan's own and lasts until the next call: fresh memory would cost more than filling it.
         """
-        if self._content.size < self.size + len(tail):
-            self._bind(np.concatenate([self._content[: self.size], np.zeros(2 * len(tail), "u1")]))
+        if self.content.size < self.size + len(tail):
+            self._bind(np.concatenate([self.content[: self.size], np.zeros(2 * len(tail), "u1")]))
         stamps = {every: self._stamp(rel + k0) for every, rel in self._rates.items()}
         for every, view in self._stamps:
             view[:] = stamps[every]
-        content = self._content[: self.size + len(tail)]
+        content = self.content[: self.size + len(tail)]
         content[self.size :] = np.frombuffer(tail, "u1")
         return content
 
-    def fill(self, every, values):
-        """Put the values (row, field) of all topics of a rate, side by side, into what `template` returned."""
-        if every in self._places:
-            _scatter(self._loose, values, *self._places[every])
+    def take(self, other):
+        """Take the values of the first rows of another plan of the same layout and phases."""
+        for number, block in self.blocks.items():
+            for (_, to), (_, source) in zip(self.values(self.content, number), other.values(other.content, number)):
+                to[:] = source[: block.rows]
 
     def _stamp(self, ticks):
         """Return sequence = tick, log time = publish time = simulated time [ns] as they stand in a message."""

@@ -1,9 +1,12 @@
 """Write a log while a run goes on: a vector per tick, a compressed chunk per second, whole after any end."""
 
+import ctypes
 import struct
-from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+
+from actuators.native import PLAIN, Native
 
 from . import foxglove
 from .chunk import HEAD, Layout
@@ -15,8 +18,16 @@ from .sink import Sink
 MESSAGE_BYTES = HEAD.itemsize - 9  # of a message record before its data, without opcode and length
 message_head = struct.Struct("<BQHIQQ").pack  # as chunk.HEAD
 ROWS = 200  # of a chunk: one second at 200 Hz, lost when the process is killed; the cost per chunk is that of 30 ticks
-_POSE = -1  # stands for a topic number
 RESERVED = ("log", "preamble", "result", "late_events", "recovered")  # names of metadata
+
+
+def _compiled():
+    from .store import KINDS, entry
+
+    return entry, KINDS
+
+
+_STORE = Native("store", Path(__file__).with_name("store.py"), (ctypes.c_void_p, ctypes.c_void_p), _compiled)
 
 
 class LogWriter:
@@ -45,11 +56,6 @@ class LogWriter:
         self.dt_ns, self._topics, self._pose = int(dt_ns), list(topics), pose
         _check(self._topics, n_values, self.dt_ns, metadata or {}, rows_per_chunk)
         self._shape, self._rows = (n_values,), rows_per_chunk
-        self._rates = _rates(self._topics, pose, rows_per_chunk)
-        fast = self._rates[1]
-        self._take, self._slots = fast.index, list(fast.buffer)
-        self._slow = [rate for every, rate in self._rates.items() if every > 1]
-        self._k0 = self._n = self._next_slow = 0  # tick of the first buffered row, rows, next tick of a slower rate
         self._pending = []  # (tick, channel id, payload) of irregular messages
         self._compress, self._compression = compressor(compression), compression
         declared = [
@@ -63,6 +69,14 @@ class LogWriter:
             self._sink.drop()
             raise
         self._layout = Layout([(self._sink.ids[t.name], len(t.fields), t.every) for t in self._topics], self.dt_ns)
+        self._targets = _targets(self._topics, self._layout.plan(0, rows_per_chunk))
+        self._posed = np.zeros((rows_per_chunk, len(pose.index) if pose else 0))  # the chunk's rows of the pose
+        if pose is not None:
+            offsets = 8 * np.arange(len(pose.index))
+            self._targets.append((pose.every, np.array(pose.index), offsets, np.full_like(offsets, 8 * len(offsets))))
+        self._head = np.zeros(4 + 7 * len(self._targets), np.int64)
+        self._count = self._head.data  # quicker to ask than the array
+        self._aim(0)
         self._done = self._sink.mark(), 0  # what is safely written: place in the file, next tick
 
     @property
@@ -70,24 +84,70 @@ class LogWriter:
         """Return where the log is."""
         return self._sink.path
 
+    @property
+    def _n(self):
+        return int(self._head[0])  # rows of the chunk so far
+
+    @property
+    def _k0(self):
+        return int(self._head[1])  # tick of its first row
+
+    def _aim(self, k0):
+        """Let the next row be tick `k0`, the first of a chunk.
+
+        The head says where its values go: row, k0, rows, targets; and of each target every, its first row, values,
+        then four addresses: positions in the vector, base, offset of each value, and stride from row to row [byte]. A
+        row is stored where it will stand in the chunk, whose other bytes are there already.
+        """
+        self._plan = self._layout.plan(k0, self._rows)
+        self._kept = [self._plan.content]
+        head = [0, k0, self._rows, len(self._targets)]
+        for i, (every, take, offsets, strides) in enumerate(self._targets):
+            posed = self._pose is not None and i == len(self._targets) - 1
+            if not posed:
+                offsets, strides = self._plan.places.get(every, (offsets[:0], strides[:0]))
+            given = [np.ascontiguousarray(a, np.int64) for a in (take, offsets, strides)]
+            base = self._posed if posed else self._plan.content
+            self._kept += given
+            take_at, base_at, offsets_at, strides_at = map(_address, (given[0], base, *given[1:]))
+            head += [every, -k0 % every, len(given[1]), take_at, base_at, offsets_at, strides_at]
+        self._head[:] = head  # at once: Ctrl-C may strike between any two lines
+
     def append(self, v):
         """Log the vector v (n_values,) of the next tick; it is copied. Raises LogError when the disk is full."""
-        n = self._n
-        if n == self._rows:
-            self.flush()
-            n = 0
+        self._room()
         if v.shape != self._shape:
             raise ValueError(f"a vector of shape {v.shape}; the log takes {self._shape}")
-        v.take(self._take, out=self._slots[n], mode="clip")  # the mode that needs no copy in between
-        if self._k0 + n == self._next_slow:
-            self._append_slow(v, self._k0 + n)
-        self._n = n + 1
+        self._store(np.ascontiguousarray(v, float))
 
-    def _append_slow(self, v, k):
-        for rate in self._slow:
-            if k % rate.every == 0:
-                rate.buffer[k // rate.every - -(-self._k0 // rate.every)] = v[rate.index]
-        self._next_slow = min((k - k % rate.every + rate.every for rate in self._slow), default=-1)
+    def _room(self):
+        """Write the chunk when it is full."""
+        if self._count[0] == self._rows:
+            self.flush()
+
+    def _store(self, v):
+        if PLAIN:
+            self._plainly(v)
+        else:
+            _STORE.call(_address(self._head), _address(v))
+
+    def _plainly(self, v):
+        """Store a row as cosim/log/store.py does."""
+        row, n = int(self._head[0]), int(self._head[3])
+        for every, first, count, *at in self._head[4:].reshape(n, 7).tolist():
+            if row >= first and (row - first) % every == 0:
+                take, offsets, strides = (
+                    np.ctypeslib.as_array((ctypes.c_int64 * count).from_address(a)) for a in (at[0], *at[2:])
+                )
+                values = v[take].view("V8")
+                for place, value in zip(at[1] + offsets + (row - first) // every * strides, values):
+                    ctypes.memmove(int(place), value.tobytes(), 8)
+        self._head[0] = row + 1
+
+    def tell(self, tape):
+        """Tell a tape to log the bus."""
+        tape.first(lambda k: self._room())
+        tape.log(self._head, self._store)
 
     def event(self, k, message, level="info"):
         """Log a text at tick k on /log (foxglove.Log); level is debug, info, warning, error or fatal."""
@@ -104,18 +164,17 @@ class LogWriter:
         if not n:
             return
         plan = self._layout.plan(k0, n)
+        if plan is not self._plan:
+            plan.take(self._plan)
         tail, entries = self._tail(plan, k0, n)
         content = plan.template(k0, tail)
-        for every, rate in self._rates.items():
-            if rows := len(range(-k0 % every, n, every)):
-                plan.fill(every, rate.buffer[:rows])
         data = self._compress(content)
         chunk = pack_chunk(self._layout, content, data, self._compression, k0, n, entries, self._sink.offset)
         self._sink.chunk(*chunk)
         # Ctrl-C may strike between any two lines: `_settle` tells from the first of these three how far it came
         self._done = self._sink.mark(), k0 + n
         self._pending = [m for m in self._pending if m[0] >= k0 + n]
-        self._k0, self._n = k0 + n, 0
+        self._aim(k0 + n)
 
     def _tail(self, plan, k0, n):
         """Return the irregular messages of this chunk as (bytes, {channel: [(time, offset)]}).
@@ -125,7 +184,7 @@ class LogWriter:
         tail = [(max(k, k0), c, data) for k, c, data in self._pending if k < k0 + n]
         if self._pose is not None:
             first, every = -(-k0 // self._pose.every), self._pose.every
-            rows = self._rates[every].values(_POSE, len(range(first * every, k0 + n, every)))
+            rows = self._posed[: len(range(first * every, k0 + n, every))]
             poses = self._pose.messages(rows, first * every, self.dt_ns)
             tail += [(k, self._sink.ids[name], data) for k, name, data in poses]
         entries: dict = {}
@@ -162,7 +221,7 @@ class LogWriter:
         self._sink.back_to(mark)
         if self._k0 != k:
             self._pending = [m for m in self._pending if m[0] >= k]
-            self._k0, self._n = k, 0
+            self._aim(k)
         if self._n:
             self._pending = [(min(at, self._k0 + self._n - 1), c, data) for at, c, data in self._pending]
 
@@ -193,30 +252,14 @@ def _check(topics, n_values, dt_ns, metadata, rows_per_chunk):
         raise ValueError("dt_ns and rows_per_chunk must be positive")
 
 
-@dataclass
-class _Rate:
-    """Buffer the values of all topics of one rate, side by side; `places` {topic number: slice of columns}."""
-
-    every: int
-    index: np.ndarray
-    places: dict
-    buffer: np.ndarray
-
-    def values(self, number, rows):
-        """Return the first rows of a topic (rows, fields)."""
-        return self.buffer[:rows, self.places[number]]
-
-
-def _rates(topics, pose, rows_per_chunk):
-    """Return {every: _Rate} for the topics; the pose is one more, with number _POSE."""
-    wanted = [(number, t.every, t.index) for number, t in enumerate(topics)]
-    if pose is not None:
-        wanted.append((_POSE, pose.every, np.array(pose.index)))
-    out = {}
-    for every in sorted({every for _, every, _ in wanted}):
-        parts = [(number, index) for number, e, index in wanted if e == every]
-        ends = np.cumsum([0] + [len(index) for _, index in parts]).tolist()
-        places = {number: slice(a, b) for (number, _), a, b in zip(parts, ends, ends[1:])}
-        index = np.concatenate([index for _, index in parts])
-        out[every] = _Rate(every, index, places, np.zeros((-(-rows_per_chunk // every), len(index))))
+def _targets(topics, plan):
+    """Return [(every, positions in the vector, offsets, strides)] of each rate, topics side by side."""
+    out = []
+    for every in sorted({t.every for t in topics}):
+        take = np.concatenate([t.index for t in topics if t.every == every])
+        out.append((every, take, *plan.places.get(every, (np.zeros(0, np.int64), np.zeros(0, np.int64)))))
     return out
+
+
+def _address(array):
+    return array.__array_interface__["data"][0]

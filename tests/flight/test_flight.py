@@ -25,7 +25,7 @@ def test_hands_off_drift_stays_below_one_foot_in_a_minute(point):
     loop = build(s).loop
     h0, drift = None, 0.0
     for k in range(s.ticks):
-        tick(loop, k, lambda v: None)
+        tick(loop, k)
         h0 = loop.truth.h if h0 is None else h0
         drift = max(drift, abs(loop.truth.h - h0))
     assert drift / 0.3048 < 1.0
@@ -132,7 +132,7 @@ def test_healed_fault_leaves_no_trace_in_the_actuator():
         )
         loop, rod = build(s).loop, []
         for k in range(s.ticks):
-            tick(loop, k, lambda v: None)
+            tick(loop, k)
             rod.append(loop.bus["hydraulic"]["q_rod"][1])
         rods.append(np.array(rod))
     apart = np.abs(rods[0] - rods[1])
@@ -146,7 +146,7 @@ def test_alpha_bias_on_the_observers_copy_does_not_fly():
         s = scenario("alpha-bias", duration_s=6, **{"faults.0.start_s": 1, "faults.0.path": f'"{path}"'})
         loop = build(s).loop
         for k in range(s.ticks):
-            tick(loop, k, lambda v: None)
+            tick(loop, k)
         lane = loop.bus.lanes["sensors"].index("alpha")
         x = loop.bus["sensors"][lane]
         end[path] = (float(x["y"]), float(x["y_obs"]), float(loop.truth.alpha))
