@@ -63,10 +63,10 @@ class Said:
         """Return {class, target} of tick `k`, None where it names no class."""
         if self.verdict[k] < 0.5:
             return None
-        i = int(self.part[k])
-        part = self.parts[i] if 0 <= i < len(self.parts) else ""
+        i = self.part[k]
+        part = self.parts[int(i)] if 0 <= i < len(self.parts) else ""
         target = watch.target if not part else part if watch.level == "aircraft" else f"{watch.target}.{part}"
-        return {"class": code.NAMES[int(self.verdict[k])], "target": target}
+        return {"class": code.class_name(self.verdict[k]), "target": target}
 
 
 def said(watch: Watch, history: NDArray, targets: Sequence[str] = ()) -> Said:
@@ -136,7 +136,7 @@ def _named(watch, s, fault, k, end, dt):
     good = np.zeros(len(given), bool)
     for c, p in {(float(c), float(p)) for c, p in zip(codes, parts)}:
         part = s.parts[int(p)] if 0 <= p < len(s.parts) else ""
-        if right(watch.id, fault.get("case", ""), fault["targets"], watch.level, code.NAMES[int(c)], part):
+        if right(watch.id, fault.get("case", ""), fault["targets"], watch.level, code.class_name(c), part):
             good |= (codes == c) & (parts == p)
     out |= {
         "isolated": s.name(given[-1], watch),

@@ -6,7 +6,6 @@ tells, and writes, what would have been.
 """
 
 import math
-import tomllib
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 
@@ -15,6 +14,7 @@ import numpy as np
 from cosim.judge.noticed import columns, watch_of
 from cosim.judge.result import judge, judged, plain
 from cosim.log import open_log
+from cosim.replay import door
 from cosim.replay.lanes import describe, fill, lanes, pieces, run, tick_of, topics
 from cosim.replay.params import ReplayError, check_start
 from cosim.replay.write import Overlay
@@ -194,6 +194,4 @@ class _Member:
 
 def _faults(log):
     """Return the faults of the flight as `judge` wants them."""
-    from cosim.scenario import parse
-
-    return judged(parse(tomllib.loads(log.attachments["scenario.toml"].decode())))
+    return judged(door.scenario(log))

@@ -5,7 +5,6 @@ every second. Ticks that a damaged log has lost cut a lane into pieces; a piece 
 starts at its first whole state.
 """
 
-import json
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -13,6 +12,7 @@ import numpy as np
 
 from cosim.errors import LogError, did_you_mean
 from cosim.flight.parameters import wrong_state
+from cosim.replay import door
 from cosim.replay.params import ReplayError, attached, chosen_overrides, older, override, trusted
 from fdi import registry
 
@@ -38,15 +38,8 @@ class Lane:
 
 def manifest(log):
     """Return the list of detectors that a log describes."""
-    if "detectors.json" not in log.attachments:
-        raise LogError(
-            "the log describes no detectors", place=str(log.path), remedy="For data of another source use --map"
-        )
-    try:
-        found = json.loads(log.attachments["detectors.json"])
-        strange = [d["id"] for d in found if d["id"] not in registry.SHIPPED]
-    except (ValueError, TypeError, KeyError) as error:
-        raise LogError(f"detectors.json is damaged: {error}", place=str(log.path)) from error
+    found = door.detectors(log)
+    strange = [d["id"] for d in found if d["id"] not in registry.SHIPPED]
     if strange:
         raise older(log, f"detector {strange[0]!r}")
     return found
@@ -86,7 +79,8 @@ def tick_of(log):
     """Return the tick of a log's flight [s]: 1 / rate, which whole nanoseconds are only near to at 333 Hz."""
     rate = log.metadata.get("run", {}).get("rate_hz", "")
     whole = log.dt_ns * 1e-9
-    return 1.0 / int(rate) if rate.isdecimal() and int(rate) and round(1e9 / int(rate)) == log.dt_ns else whole
+    hertz = int(rate) if rate.isdecimal() and len(rate) < 6 else 0
+    return 1.0 / hertz if hertz and round(1e9 / hertz) == log.dt_ns else whole
 
 
 def describe(log, chosen=None, overrides=None):

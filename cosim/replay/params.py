@@ -1,16 +1,12 @@
 """Read a detector's parameters and initial states from a log, and change them."""
 
-import io
 import math
-import zipfile
-import zlib
 
 import numpy as np
 
 from cosim.errors import CosimError, LogError, did_you_mean
 from cosim.flight.parameters import assign, wrong_parameter, wrong_state
-
-ARRAY_BYTES = 1 << 27  # a compressed array that claims more is refused
+from cosim.replay import door
 
 
 class ReplayError(CosimError):
@@ -27,13 +23,11 @@ def older(log, what):
 def attached(log, name, kind):
     """Return the structured array in attachment `name`, of dtype `kind`. Raises LogError for another layout or none."""
     try:
-        found = _load(log.attachments, name)
+        found = door.array(log, name)
     except KeyError as error:
         cut = "recovered" in log.metadata and "The original was cut or damaged there: fly the scenario again"
         remedy = cut or "`cosim run` did not write it; see `cosim replay --map`"
         raise LogError(f"the log lacks {name}", place=str(log.path), remedy=remedy) from error
-    except (ValueError, EOFError, OSError, SyntaxError, zipfile.BadZipFile, zlib.error) as error:
-        raise LogError(f"{name} is damaged: {error}", place=str(log.path)) from error
     if found.dtype.names != kind.names or any(found.dtype[n].shape != kind[n].shape for n in kind.names):
         changed = ", ".join(sorted(set(kind.names) ^ set(found.dtype.names or ())))
         raise older(log, f"{name} ({changed or 'its arrays'})")
@@ -57,18 +51,6 @@ def trusted(log, record, module, p, x, dt):
                 allowed=f"{low:g} to {high:g}",
                 remedy="`cosim run` did not write this",
             )
-
-
-def _load(attachments, name):
-    """Return the array of attachment <name>.npy, or of <name>.npz with an entry `array`."""
-    if name + ".npy" in attachments:
-        return np.load(io.BytesIO(attachments[name + ".npy"]), allow_pickle=False)
-    data = io.BytesIO(attachments[name + ".npz"])
-    with zipfile.ZipFile(data) as packed:
-        if packed.getinfo("array.npy").file_size > ARRAY_BYTES:
-            raise ValueError(f"it is larger than {ARRAY_BYTES} bytes")
-        with packed.open("array.npy") as file:
-            return np.load(io.BytesIO(file.read(ARRAY_BYTES)), allow_pickle=False)
 
 
 def check_start(start_s):

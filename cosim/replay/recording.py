@@ -3,7 +3,6 @@
 import json
 import math
 import re
-import tomllib
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,7 +15,7 @@ from cosim.judge import estimation as estimate
 from cosim.judge.noticed import watch_of
 from cosim.judge.result import judge, judged
 from cosim.log import open_log
-from cosim.scenario import parse
+from cosim.replay import door
 from cosim.scenario.vocabulary import place
 from fdi import registry
 
@@ -70,14 +69,11 @@ class Flown:
     def __init__(self, path):
         """Read the log at `path`, also one that was cut. Raises LogError for one that holds no scenario."""
         self.log = open_log(path, tolerant=True)
-        if "scenario.toml" not in self.log.attachments or "detectors.json" not in self.log.attachments:
-            raise LogError(
-                "was not written by `cosim run`: it holds no scenario",
-                place=str(path),
-                remedy="`cosim info` shows what it holds",
-            )
+        self.scenario = door.scenario(self.log)
+        self.detectors = door.detectors(self.log)
         self.toml = self.log.attachments["scenario.toml"].decode()
-        self.scenario = parse(tomllib.loads(self.toml))
+        if "/truth/aircraft" not in self.log.topics:
+            raise LogError("holds no truth, only what a replay reads", place=str(path), remedy="Fly the scenario again")
         names = [n for n in self.log.topics if n.startswith(NEEDED)]
         self._arrays = self.log.arrays(names)
         self.ticks = self.log.ticks("/truth/aircraft")
@@ -127,7 +123,7 @@ class Flown:
     def lanes(self):
         """Return the Lanes: aircraft level first, in the order of the log."""
         out = []
-        for d in json.loads(self.log.attachments["detectors.json"]):
+        for d in self.detectors:
             for lane in d["lanes"]:
                 topic = f"/detectors/{d['id']}/{lane}"
                 if topic in self._arrays:

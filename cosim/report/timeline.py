@@ -6,7 +6,7 @@ from cosim.judge.alarms import faulty
 from cosim.judge.result import concerns
 from cosim.replay.recording import spans, words
 from cosim.report.figure import Figure, bands, base, place, style_axis
-from fdi.common.verdict import NAMES
+from fdi.common.verdict import class_name
 
 
 def timeline(flown):
@@ -65,9 +65,9 @@ def _row(figure, flown, lane):
     for a, b in found:
         k = slice(round((a - flown.t0) / step), round((b - flown.t0) / step))
         given = np.flatnonzero(verdict[k] > 0.5)
-        said = NAMES[int(verdict[k][given[-1]])] if len(given) else "alarm"
-        blamed = int(culprit[k][given[-1]]) if len(given) else 0
-        part = lane.culprits[blamed] if 0 <= blamed < len(lane.culprits) else ""
+        said = class_name(verdict[k][given[-1]]) if len(given) else "alarm"
+        blamed = culprit[k][given[-1]] if len(given) else 0
+        part = lane.culprits[int(blamed)] if 0 <= blamed < len(lane.culprits) else ""
         said = f"{words(said)} {words(part)}".strip()
         true = real[k.start] if k.start < len(real) else False
         out.append(

@@ -50,3 +50,8 @@ def alarm_fields(culprits: tuple, outputs: tuple) -> dict:
     `culprits` and `outputs` are a detector's CULPRITS and OUTPUTS.
     """
     return {name: f"alarm_{name}" for name in culprits if name and f"alarm_{name}" in outputs}
+
+
+def class_name(code: float) -> str:
+    """Return the class of a verdict code; "unknown" for a number that is none, as a log of others may hold."""
+    return NAMES[int(code)] if 0 <= code < len(NAMES) else "unknown"

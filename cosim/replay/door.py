@@ -1,0 +1,126 @@
+"""The door of a log: what it says of itself is validated here once, and readers behind it trust it.
+
+Checksums tell that a log is as somebody wrote it, not that the somebody was us: a forged one has right checksums and
+nonsense inside. Every mistake is a LogError with the log's path.
+"""
+
+import io
+import zipfile
+import zlib
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from cosim.errors import CosimError, LogError
+from cosim.log import Log
+from cosim.scenario import Scenario, parse
+from cosim.texts import from_json, toml
+
+ARRAY_BYTES = 1 << 27  # an array that claims more is refused
+_Name = Annotated[str, Field(min_length=1, max_length=100)]
+
+
+class _Detector(BaseModel):
+    """One detector of a log: its lanes and, per lane, which field of which topic each of its inputs is."""
+
+    model_config = ConfigDict(strict=True)
+
+    id: _Name
+    level: Literal["local", "aircraft"]
+    lanes: Annotated[list[_Name], Field(min_length=1, max_length=64)]
+    every: Annotated[int, Field(ge=1, le=1_000_000)]
+    inputs: dict[_Name, list[Annotated[list[str], Field(min_length=3, max_length=3)]]]
+
+
+def detectors(log: Log) -> list[dict[str, Any]]:
+    """Return what `detectors.json` of a log says, {id, level, lanes, every, inputs, ...} per detector, or raise."""
+    if "detectors.json" not in log.attachments:
+        remedy = "For data of another source use --map"
+        raise LogError("the log describes no detectors", place=str(log.path), remedy=remedy)
+    place = f"{log.path}: detectors.json"
+    found = from_json(log.attachments["detectors.json"], place=place, error=LogError)
+    if not isinstance(found, list) or not all(isinstance(d, dict) for d in found):
+        raise LogError("is not a list of detectors", place=place)
+    for entry in found:
+        try:
+            d = _Detector.model_validate(entry)
+        except ValidationError as wrong:
+            first = wrong.errors()[0]
+            where = ".".join(map(str, first["loc"]))
+            raise LogError(f"is damaged: {where}: {first['msg']}", place=place) from None
+        if sorted(d.inputs) != sorted(set(d.lanes)) or len(set(d.lanes)) != len(d.lanes):
+            raise LogError(f"is damaged: inputs of {d.id} are not those of its lanes", place=place)
+        for lane, inputs in d.inputs.items():
+            for _, topic, field in inputs:
+                if topic not in log.topics or field not in log.topics[topic].fields or log.topics[topic].every != 1:
+                    raise LogError(f"is damaged: {d.id} reads {topic}.{field}, which is not there", place=place)
+            own = log.topics.get(f"/detectors/{d.id}/{lane}")
+            if own is not None and own.every != d.every:
+                raise LogError(f"is damaged: {d.id} runs every {d.every} ticks, its topic {own.every}", place=place)
+    ids = [entry["id"] for entry in found]
+    if len(set(ids)) != len(ids):
+        raise LogError("is damaged: a detector is there twice", place=place)
+    return found
+
+
+def scenario(log: Log) -> Scenario:
+    """Return the scenario of a log, or raise."""
+    return parse(scenario_tables(log), place=f"{log.path}: scenario.toml")
+
+
+def scenario_tables(log: Log) -> dict[str, Any]:
+    """Return the tables of the scenario in a log, or raise."""
+    place = f"{log.path}: scenario.toml"
+    if "scenario.toml" not in log.attachments:
+        remedy = "`cosim info` shows what it holds"
+        raise LogError("was not written by `cosim run`: it holds no scenario", place=str(log.path), remedy=remedy)
+    try:
+        text = log.attachments["scenario.toml"].decode("utf-8")
+    except UnicodeDecodeError as wrong:
+        raise LogError(f"is not UTF-8 (byte {wrong.start})", place=place) from None
+    try:
+        return toml(text, place=place, error=LogError)
+    except CosimError as wrong:
+        raise LogError(wrong.problem, place=place) from None
+
+
+def array(log: Log, name: str) -> np.ndarray:
+    """Return the array of attachment <name>.npy, or of <name>.npz with an entry `array`.
+
+    KeyError when it is not there, LogError when it is damaged, of objects, or claims more than is there.
+    """
+    try:
+        if f"{name}.npy" in log.attachments:
+            return _npy(log.attachments[f"{name}.npy"])
+        with zipfile.ZipFile(io.BytesIO(log.attachments[f"{name}.npz"])) as packed:
+            try:
+                entry = packed.getinfo("array.npy")
+            except KeyError:
+                raise ValueError("it holds no array") from None
+            if entry.file_size > ARRAY_BYTES:
+                raise ValueError(f"it is larger than {ARRAY_BYTES} bytes")
+            with packed.open(entry) as file:
+                return _npy(file.read(ARRAY_BYTES))
+    except (ValueError, EOFError, OSError, SyntaxError, TypeError, OverflowError, MemoryError, RecursionError,
+            NotImplementedError, RuntimeError, zipfile.BadZipFile, zlib.error) as wrong:  # fmt: skip
+        raise LogError(f"{name} is damaged: {str(wrong) or type(wrong).__name__}", place=str(log.path)) from wrong
+
+
+def _npy(data: bytes) -> np.ndarray:
+    """Return the array of .npy `data` after its header has been held against their length."""
+    file = io.BytesIO(data)
+    version = np.lib.format.read_magic(file)
+    read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}.get(version)
+    if read is None:
+        raise ValueError(f"version {version} of the format")
+    shape, _, kind = read(file)
+    if kind.hasobject or kind.itemsize == 0 or len(shape) > 4:
+        raise ValueError("an array of no numbers")
+    count = 1
+    for n in shape:
+        count *= n
+    if count < 0 or count * kind.itemsize != len(data) - file.tell():
+        raise ValueError(f"its header says {shape}, which its data are not")
+    file.seek(0)
+    return np.load(file, allow_pickle=False)

@@ -1,0 +1,30 @@
+"""Logs with right checksums and wrong contents: a log written again with something changed."""
+
+import numpy as np
+
+from cosim.log import LogWriter, Topic
+
+
+def forge(log, path, *, attachments=None, samples=(), metadata=None, result=None):
+    """Write an open log to `path` with attachments {name: bytes or None} and samples (topic, field, value) changed."""
+    topics, columns, at = [], [], 0
+    for info in log.topics.values():
+        index = np.arange(len(info.fields)) + at
+        topics.append(Topic(info.name, info.fields, info.units, index, info.every, info.group))
+        values = log.array(info.name).copy()
+        for topic, field, value in samples:
+            if topic == info.name and field in info.fields:
+                values[:, info.fields.index(field)] = value
+        wide = np.zeros((log.n_ticks, values.shape[1]))
+        wide[:: info.every] = values
+        columns.append(wide)
+        at += values.shape[1]
+    held = {k: v for k, v in (log.attachments | (attachments or {})).items() if v is not None}
+    kept = {n: log.metadata[n] for n in ("run", "libraries") if n in log.metadata} | (metadata or {})
+    made = LogWriter(path, topics, n_values=at, dt_ns=log.dt_ns, metadata=kept, rows_per_chunk=500,
+                     attachments={k: ("application/octet-stream", v) for k, v in held.items()})  # fmt: skip
+    with made as w:
+        for row in np.concatenate(columns, axis=1):
+            w.append(row)
+        w.close(result={k: v for k, v in log.result.items() if k != "content"} | (result or {}))
+    return path
