@@ -214,7 +214,7 @@ def test_places_that_cannot_be_written_or_read_are_one_clear_error(tmp_path):
         assert str(bad) in str(error.value)
     with pytest.raises(LogError, match="cannot read the log"):
         open_log(tmp_path / "none.mcap")
-    with pytest.raises(LogError, match="cannot read the log"):
+    with pytest.raises(LogError, match="is a folder"):
         open_log(tmp_path)
 
 

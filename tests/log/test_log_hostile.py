@@ -247,3 +247,19 @@ def test_reading_takes_one_chunk_and_what_was_asked_for(tmp_path):
             log.append(row)
     with bounded(seconds=10, memory=5000 * 20 * 8 + 3 * MIB):  # the log holds 8 MB of values
         open_log(tmp_path / "a").array("/t3")
+
+
+def test_an_index_entry_that_points_elsewhere_is_refused(whole, tmp_path):
+    data = bytearray(whole.read_bytes())
+    chunk = open_log(whole).chunks[0]
+    at = chunk.offset + chunk.length  # of its first message index: 15 bytes, then (time, offset) of each message
+    assert data[at] == 7
+    for place in (at + 15, at + 23, at + 31):  # the first time, the first offset, the second time
+        forged = bytearray(data)
+        struct.pack_into("<Q", forged, place, struct.unpack_from("<Q", forged, place)[0] + 8)
+        path = tmp_path / "forged.mcap"
+        path.write_bytes(reseal(forged))
+        with pytest.raises(LogError, match="point elsewhere"):
+            open_log(path)
+    path.write_bytes(reseal(data))
+    assert open_log(path).complete

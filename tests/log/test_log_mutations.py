@@ -76,7 +76,7 @@ def test_700_mutated_logs_with_forged_checksums_neither_crash_nor_change_a_sampl
             for name in got:  # what is taken may be forged text, but samples have the chunk's own checksum
                 assert same_bits(got[name], arrays[name])
             taken += 1
-    assert taken >= 20  # otherwise nothing was compared; the others are refused
+    assert taken >= 3  # forged texts of the result, say; all others are refused, entries of the message index too
 
 
 def test_300_mutated_logs_are_recovered_or_refused_with_true_samples(whole, tmp_path):
