@@ -1,6 +1,7 @@
 """Rows of a comparison: one per run, detector and fault, from a campaign's rows per lane, or from logs.
 
-run, title, case, kind, target     the flight and a fault of it, case as in cosim/judge/coverage.py; null without one
+run, fault                         the flight, and the number of a fault of it; null without one
+title, case, kind, target          the flight and a fault of it, case as in cosim/judge/coverage.py; null without one
 family                             the kind of fault in the tables: FAMILIES
 frequency_hz, amplitude_mm, rod_mm, surface_deg     of an oscillation; achieved, against the twin flight
 hours                              flown; null on the rows of a flight's further faults
@@ -143,6 +144,7 @@ def _row(run, detector, lanes, whole, about, fault):
     estimates = [lane for lane in lanes if _given(lane["estimate_rmse"])]
     return {
         "run": run,
+        "fault": fault,
         **{k: v for k, v in about.items() if k not in ("each", "earliest")},
         **each,
         "hours": float(first["sim_time_s"]) / 3600.0 if whole else np.nan,

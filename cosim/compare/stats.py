@@ -1,16 +1,17 @@
 """What a comparison says: pure functions of its rows (cosim/compare/rows.py). Intervals are exact, at 95 %."""
 
 import math
+from dataclasses import asdict
 
 import numpy as np
 import pandas as pd
 
-from cosim.compare import metrics
+from cosim.compare import metrics, pod
+from cosim.compare.rows import FAMILIES
 from cosim.judge.coverage import BLIND, DESIGNED, MAY, group
 from fdi.common.record import GROUPS
 from fdi.registry import SHIPPED
 
-SEEN = 0.95  # share of the larger oscillations that a level has to see
 FREQUENCIES = 8
 ALPHA = 0.05  # run-level false-alarm probability at which detectors are set side by side
 GROUPED = (
@@ -19,6 +20,7 @@ GROUPED = (
     "frequency_hz",
     "amplitude_mm",
     "target",
+    "family",
     "group",
     "able",
     "seen",
@@ -29,49 +31,78 @@ GROUPED = (
 CREDIBLE = 0.5  # a detector that cries in more than half of the fault-free flights tells nothing by alarming
 
 
-def delays(rows):
-    """Return the Delays of rows (missed ones are NaN), or None without any."""
-    return metrics.delays(rows["delay_s"].to_numpy()) if len(rows) else None
+def came_of_it(rows: pd.DataFrame) -> pd.Series:
+    """Return one word per row of a fault: named, ambiguous or misnamed when it was seen, else idle (not valid),
+    not_excited (it never showed) or missed. Every row has one: they add up to the flights.
+    """
+    unseen = np.select([rows["idle"], rows["not_excited"]], ["idle", "not_excited"], "missed")
+    return rows["outcome"].where(rows["detected"], unseen)
 
 
-def detectors(rows, timing=None):
-    """Return a list of dicts, one per detector: what it saw of what it was designed for, how soon, at what price."""
+WORDS = ("named", "ambiguous", "misnamed", "idle", "not_excited", "missed")
+
+
+def score(rows: pd.DataFrame) -> dict:
+    """Return what came of the faults `rows`: counts that add up to `designed`, and times [s]; a fault that was missed,
+    or never named right, counts as an endless time. Flights in which the detector could not judge stay in.
+    """
+    came, n = came_of_it(rows), len(rows)
+    seen = int(rows["detected"].sum())
+    p, low, high = metrics.proportion(seen, n)
+    why = rows.loc[rows["idle"], "why_not_valid"].dropna()
+    out = {
+        "designed": n,
+        "detected": seen,
+        **{word: int((came == word).sum()) for word in WORDS},
+        "detection_probability": p,
+        "detection_low": low,
+        "detection_high": high,
+        "why_not_valid": why.mode().iloc[0] if len(why) else None,
+        "changed_often": int((rows["class_changes"] > 1).sum()),
+        "withdrawn": int((rows["withdrawn"] == True).sum()),  # noqa: E712
+        "healed": int(rows["withdrawn"].notna().sum()),
+    }
+    for name, column in (("delay_s", "delay_s"), ("right_s", "time_to_right_s")):
+        late = metrics.delays(rows[column].to_numpy()) if n else None
+        for word, field in (("", "median"), ("_low", "median_low"), ("_high", "median_high"), ("_p95", "p95"),
+                            ("_max", "largest")):  # fmt: skip
+            out[name + word] = late and getattr(late, field)
+    gone = rows.loc[rows["withdrawn"].notna(), "withdrawn_after_s"]
+    out["withdrawn_after_s"] = metrics.delays(gone.to_numpy()).median if len(gone) else None
+    return out
+
+
+def designed_for(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of faults that a detector was designed for, on a part that it watches."""
+    return rows[(rows["word"] == DESIGNED) & rows["concerned"]]
+
+
+def detectors(rows: pd.DataFrame, timing: pd.DataFrame | None = None) -> list[dict]:
+    """Return a dict per detector: `score` over what it was designed for, false alarms and standing alarms over all."""
     cost = {} if timing is None else timing[timing["id"].notna()].groupby("id")["step_us"].median().to_dict()
     out = []
     for name, own in rows.groupby("id", sort=False):
         free = own[own["case"].isna()]
-        designed = own[(own["word"] == DESIGNED) & own["concerned"] & ~own["idle"]]
-        seen = designed[designed["detected"]]
         alarmed = int((free["false_alarms"] > 0).sum())
         per_hour = metrics.rate(int(own["false_alarms"].sum()), float(own["hours"].sum()))
-        late = delays(designed)
-        p, low, high = metrics.proportion(len(seen), len(designed))
         pf, f_low, f_high = metrics.proportion(alarmed, len(free))
+        may = own[(own["word"] == MAY) & own["concerned"]]
         out.append(
             {
                 "id": name,
                 "level": own["level"].iloc[0],
-                "designed": len(designed),
-                "detected": len(seen),
-                "missed": len(designed) - len(seen),
-                "detection_probability": p,
-                "detection_low": low,
-                "detection_high": high,
-                "named": int((designed["outcome"] == "named").sum()),
-                "misnamed": int((own["outcome"] == "misnamed").sum()),
-                "idle": int(own["idle"].sum()),
-                "seen_of_may": int((own["detected"] & (own["word"] == MAY) & own["concerned"]).sum()),
-                "may": int(((own["word"] == MAY) & own["concerned"]).sum()),
+                **score(designed_for(own)),
+                "availability": float(own["valid_share"].mean()),
+                "standing_s": float(own["standing_s"].sum()),
+                "misnamed_all": int((own["outcome"] == "misnamed").sum()),
+                "seen_of_may": int(may["detected"].sum()),
+                "may": len(may),
                 "unexpected": int((own["outcome"] == "bonus").sum()),
-                "delay_s": late and late.median,  # a missed fault counts as an endless delay
-                "delay_s_low": late and late.median_low,
-                "delay_s_high": late and late.median_high,
-                "delay_s_p95": late and late.p95,
-                "delay_s_max": late and late.largest,
                 "false_alarms": int(own["false_alarms"].sum()),
                 "false_alarms_per_hour": per_hour[0],
                 "false_alarms_per_hour_low": per_hour[1],
                 "false_alarms_per_hour_high": per_hour[2],
+                "hours": float(own["hours"].sum()),
                 "fault_free_runs": len(free),
                 "fault_free_alarmed": alarmed,
                 "false_alarm_probability": pf,
@@ -82,6 +113,14 @@ def detectors(rows, timing=None):
             }
         )
     return out
+
+
+def families(rows: pd.DataFrame) -> list[dict]:
+    """Return {id, family, **score} of every detector and kind of fault that it was designed for, kinds in order."""
+    own = designed_for(rows)
+    pairs = {pair: part for pair, part in own.groupby(["family", "id"], sort=False)}
+    order = [(f, name) for f in FAMILIES for name in dict.fromkeys(rows["id"]) if (f, name) in pairs]
+    return [{"id": name, "family": f, **score(pairs[f, name])} for f, name in order]
 
 
 def equal_thresholds(rows, alpha=ALPHA):
@@ -147,14 +186,13 @@ def by_group(rows, stats):
     """Return one row per faulty flight and group: whether a credible detector saw the fault.
 
     An alarm of a detector that is blind to the case by structure was caused by something else and does not count.
-    Columns run, case, frequency_hz, amplitude_mm, target, group, able (some detector could see it), seen, named,
-    delay_s, first (who noticed first).
+    Columns as GROUPED: able (some detector could see it), first (who noticed first).
     """
     credible = {d["id"] for d in stats if d["credible"]}
     member = {name: g for g, names in groups(rows).items() for name in names}
     found: dict = {g: {} for g in groups(rows)}
     for row in rows[rows["case"].notna()].to_dict("records"):
-        found[member[row["id"]]].setdefault(row["run"], []).append(row)
+        found[member[row["id"]]].setdefault((row["run"], row["fault"]), []).append(row)
     return pd.DataFrame(
         [_of_group(g, own, credible) for g, runs in found.items() for own in runs.values()], columns=GROUPED
     )
@@ -166,7 +204,7 @@ def _of_group(name, own, credible):
     seen = sorted((r for r in able if r["detected"]), key=lambda r: r["delay_s"])
     first = seen[0] if seen else {}
     return {
-        **{k: own[0][k] for k in ("run", "case", "frequency_hz", "amplitude_mm", "target")},
+        **{k: own[0][k] for k in ("run", "case", "frequency_hz", "amplitude_mm", "target", "family")},
         "group": name,
         "able": bool(able),
         "seen": bool(seen),
@@ -176,20 +214,20 @@ def _of_group(name, own, credible):
     }
 
 
-def smallest(grouped, name):
-    """Return {frequency [Hz]: smallest achieved amplitude [mm] from which on group `name` saw the others, or None}.
+def sizes(grouped: pd.DataFrame) -> list[dict]:
+    """Return {group, family, frequency_hz, idle, **Pod} of oscillations by group, kind and frequency [mm of rod].
 
-    All of them in a band with fewer than 20 flights, else SEEN of them. More than FREQUENCIES different frequencies are
-    taken together in octaves around 0.5, 1, 2, ... Hz.
+    Flights in which no detector of the group could judge are counted in `idle` and not in the fit. More than
+    FREQUENCIES different frequencies are taken together in octaves around 0.5, 1, 2, ... Hz.
     """
-    own = grouped[(grouped["group"] == name) & grouped["frequency_hz"].notna() & grouped["amplitude_mm"].notna()]
+    own = grouped[grouped["frequency_hz"].notna() & (grouped["amplitude_mm"] > 0.0)]
     hz = own["frequency_hz"].astype(float)
     if hz.nunique() > FREQUENCIES:
         hz = 2.0 ** np.round(np.log2(hz))
-    out = {}
-    for band, part in own.groupby(hz):
-        part = part.sort_values("amplitude_mm", ascending=False)
-        seen = part["seen"].to_numpy(bool)
-        good = seen & (np.cumsum(seen) / np.arange(1, len(seen) + 1) >= SEEN)
-        out[float(band)] = float(part["amplitude_mm"].to_numpy()[good][-1]) if good.any() else None
+    out = []
+    for (family, group_, band), part in own.groupby([own["family"], own["group"], hz], sort=True):
+        could = part[part["able"]]
+        found = pod.fit(could["amplitude_mm"], could["seen"])
+        about = {"group": group_, "family": family, "frequency_hz": float(band), "idle": len(part) - len(could)}
+        out.append({**about, **asdict(found)})
     return out

@@ -6,11 +6,17 @@ from cosim.compare import Comparison, stats
 from cosim.files import replace_text
 from cosim.judge import coverage
 from cosim.report import markdown as readme
-from cosim.scenario.catalog import GROUPS, SEGMENTS
+from cosim.report.compare_tables import size
+from cosim.scenario.catalog import SEGMENTS
 
 PICTURE = "cosim/campaigns/aircraft-vs-local.svg"
 
 
+COLUMNS = (
+    *("detector", "draws on", "valid", "flights", "seen", "right name", "ambiguous", "wrong name", "not valid"),
+    *("not excited", "first alarm, s", "right name after, s", "standing alarm, s", "false alarms per hour"),
+    *("fault-free flights with an alarm", "µs per step"),
+)
 DETAILS = "cosim/compare/README.md"
 
 
@@ -35,49 +41,42 @@ def markdown(found: Comparison) -> str:
         f"{found.runs} flights, {int(rows[rows['case'].isna()]['run'].nunique())} of them without a fault. "
         f"![Share of oscillations seen over achieved amplitude and frequency, a panel per detector]({PICTURE})",
         "",
-        "| detector | draws on | seen of designed for | named | median delay, s | fault-free flights with an alarm "
-        "| µs per step |",
-        "|---|---|---|---|---|---|---|",
+        f"| {' | '.join(COLUMNS)} |",
+        f"|{'---|' * len(COLUMNS)}",
     ]
     for d in found.detectors:
-        seen = f"{d['detected']}/{d['designed']}" if d["designed"] else "–"
-        free = f"{d['fault_free_alarmed']}/{d['fault_free_runs']}"
-        lines.append(
-            f"| `{d['id']}` | {coverage.group(d['id'], d['level'])} | {seen} | {d['named']} | {_number(d['delay_s'])} "
-            f"| {free} | {_number(d['step_us'])} |"
-        )
+        many = "designed", "detected", "named", "ambiguous", "misnamed", "idle", "not_excited"
+        cells = [
+            f"`{d['id']}`",
+            coverage.group(d["id"], d["level"]),
+            f"{d['availability']:.0%}" if d["availability"] == d["availability"] else "–",
+            *(str(d[k]) if d["designed"] else "–" for k in many),
+            *(_number(d[k]) for k in ("delay_s", "right_s", "standing_s", "false_alarms_per_hour")),
+            f"{d['fault_free_alarmed']}/{d['fault_free_runs']}",
+            _number(d["step_us"]),
+        ]
+        lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
 def smallest(found: Comparison) -> str:
-    """Return from which amplitude on each level sees an oscillation, of one segment and of several, as Markdown."""
-    tables = (("of one segment", _one_segment(found.rows)), ("of several segments", _several(found.rows)))
-    return "\n".join(line for words, own in tables for line in _smallest(words, own, found.detectors)).strip("\n")
+    """Return how large an oscillation must be for each level, liquid and solid, of one segment and several, as
+    Markdown."""
+    sized = stats.sizes(stats.by_group(found.rows, found.detectors))
+    lines = []
+    for family in dict.fromkeys(d["family"] for d in sized):
+        own = [d for d in sized if d["family"] == family]
+        hz = sorted({d["frequency_hz"] for d in own})
+        cells = {(d["group"], d["frequency_hz"]): size(d) for d in own}
+        lines += ["", f"{family}: mm of rod at which 90 % are seen, its lower bound and a90/95", ""]
+        lines += [f"| draws on | {' | '.join(f'{f:g} Hz' for f in hz)} |", f"|---|{'---|' * len(hz)}"]
+        lines += [f"| {g} | {' | '.join(cells.get((g, f), '–') for f in hz)} |"
+                  for g in dict.fromkeys(d["group"] for d in own)]  # fmt: skip
+    return "\n".join(lines).strip("\n")
 
 
 def _one_segment(rows):
     return rows[rows["target"].fillna("").str.removeprefix("elevator.").isin(SEGMENTS)]
-
-
-def _several(rows):
-    return rows[rows["target"].fillna("").isin([f"elevator.{g}" for g in GROUPS])]
-
-
-def _smallest(words, rows, detectors):
-    """Return the lines of the table of what each level sees of oscillations of these rows; none without them."""
-    grouped = stats.by_group(rows, detectors)
-    smallest = {name: stats.smallest(grouped, name) for name in stats.groups(rows)}
-    hz = sorted({f for found in smallest.values() for f in found})
-    if not hz:
-        return []
-    return [
-        "",
-        f"Smallest achieved oscillation {words}, in mm of rod, from which on {stats.SEEN:.0%} of the flights are seen:",
-        "",
-        f"| draws on | {' | '.join(f'{f:g} Hz' for f in hz)} |",
-        f"|---|{'---|' * len(hz)}",
-        *(f"| {name} | {' | '.join(_number(by_hz.get(f)) for f in hz)} |" for name, by_hz in smallest.items()),
-    ]
 
 
 def _number(value):

@@ -33,6 +33,7 @@ def render(found):
     """Return the page as HTML text."""
     rows, each = found.rows, found.detectors
     grouped, equal = stats.by_group(rows, each), stats.equal_thresholds(rows)
+    sized = stats.sizes(grouped)
     made = {
         "maps": maps(rows),
         "equal": maps(rows, equal) if equal else None,
@@ -50,9 +51,12 @@ def render(found):
         subtitle=f"{found.runs} flights, {found.source}; {free} of them fault-free{lost}",
         figures=list(made.values()),
         chips=[(d["id"], d["level"], d["detected"] > 0) for d in each],
-        summary=summary(rows, each, grouped, equal),
+        summary=summary(rows, each, grouped, sized),
         levels=tables.levels(grouped),
         detectors=tables.detectors(each),
+        quiet=tables.quiet(each),
+        families=tables.families(stats.families(rows)),
+        sizes=tables.sizes(sized),
         remarks=[(d["id"], coverage.remark(d["id"])) for d in each if coverage.remark(d["id"])],
         matrix=tables.matrix(rows),
         confusions=tables.confusions(rows),

@@ -10,12 +10,12 @@ from cosim.report.page import bold, code, mark
 from cosim.report.words import article
 
 
-def summary(rows, each, grouped, equal):
+def summary(rows, each, grouped, sized):
     """Return the summary: [(heading, [items])]."""
     parts = []
     if len(grouped):
         parts.append(("Sees", _sees(grouped, stats.groups(rows))))
-        ofc = _oscillations(grouped)
+        ofc = _oscillations(sized)
         if ofc:
             parts.append(("Oscillations", ofc))
         parts.append(("Blind", _blind(grouped)))
@@ -48,19 +48,18 @@ def _only(grouped, g):
     return int(((counts["count"] == 1) & (counts["first"] == g)).sum())
 
 
-def _oscillations(grouped):
+def _oscillations(sized):
     out: list[str] = []
-    for g in dict.fromkeys(grouped["group"]):
-        found = stats.smallest(grouped, g)
-        if not found:
-            continue
-        told = ", ".join(f"{mm:.2g} mm at {hz:g} Hz" for hz, mm in sorted(found.items()) if mm is not None)
-        never = [f"{hz:g}" for hz, mm in sorted(found.items()) if mm is None]
-        missed = f"{'; ' if told else ''}not even the largest flown at {article(never)} Hz" if never else ""
-        out.append(bold(g) + f": {told}{missed}")
+    for g in dict.fromkeys(d["group"] for d in sized):
+        own = [d for d in sized if d["group"] == g and d["family"] == "liquid OFC, one segment"]
+        told = [f"{d['a90_95']:.2g} mm at {d['frequency_hz']:g} Hz" for d in own if d["a90_95"] is not None]
+        never = [f"{d['frequency_hz']:g}" for d in own if d["n"] and not d["seen"]]
+        if never:
+            told.append(f"none seen at {article(never)} Hz")
+        if told:
+            out.append(bold(g) + f": {', '.join(told)}")
     if out:
-        out.insert(0, "smallest achieved rod amplitude from which on the larger ones were seen (all of fewer than 20, "
-                   "else 95 %)")  # fmt: skip
+        out.insert(0, "a90/95 of a liquid one on one segment, achieved at the rod; the others stand in the table")
     return out
 
 
@@ -142,12 +141,11 @@ def _care(rows, each):
     if len(echo):
         told = ", ".join(f"{n} {k}" for n, k in echo.items())
         out.append(f"Alarms that the same manoeuvre raises without a fault are no detections: {told}.")
-    idle = [d["id"] for d in each if d["idle"]]
-    if idle:
-        out.append(
-            f"{article(idle)} never judged in some flights (outside what they are made for, or not "
-            f"settled): left out of their counts."
-        )
+    for d in each:
+        if d["idle"]:
+            why = f": {d['why_not_valid']}" if d["why_not_valid"] else ""
+            out.append(f"{d['id']} could not judge {d['idle']} of the {d['designed']} faults that it was designed for "
+                       f"(not valid{why}): they stay in its counts.")  # fmt: skip
     dull = [d["id"] for d in each if not d["credible"]]
     if dull:
         out.append(f"{article(dull)}: alarms all the time and therefore tells nothing; left out of the levels.")

@@ -194,6 +194,11 @@ def hand_made():
         )
     rows = pd.DataFrame(out)
     rows["hours"], rows["idle"], rows["target"], rows["manoeuvre_key"] = 0.01, False, "elevator.left_inner", "{}"
+    rows["family"] = rows["case"].map({"hydraulic.ofc_liquid": "liquid OFC, one segment", "engine": "engine"})
+    rows["fault"] = rows["case"].map(lambda c: None if c is None else 0)
+    rows["time_to_right_s"] = 2.0 * rows["delay_s"].where(rows["outcome"] == "named")
+    rows["class_changes"], rows["not_excited"], rows["why_not_valid"], rows["withdrawn"] = 1.0, False, None, None
+    rows["withdrawn_after_s"], rows["standing_s"], rows["valid_share"] = np.nan, 0.0, 1.0
     return rows
 
 
@@ -227,8 +232,6 @@ def test_groups_and_the_smallest_oscillation_that_each_sees():
     rows = hand_made()
     grouped = stats.by_group(rows, stats.detectors(rows))
     assert set(grouped["group"]) == {"actuator filters", "airframe motion"}
-    assert stats.smallest(grouped, "actuator filters") == {1.0: 2.0}
-    assert stats.smallest(grouped, "airframe motion") == {1.0: 4.0}
     engine = grouped[grouped["case"] == "engine"].set_index("group")
     assert not engine.loc["actuator filters", "able"]
 
@@ -373,13 +376,26 @@ def test_browser_draws_every_figure_of_a_comparison(logs, tmp_path):
     assert found["toggle"]["off"] == 0 < found["toggle"]["before"] == found["toggle"]["on"]
 
 
-def test_many_frequencies_are_taken_together_in_octaves_and_few_misses_forgiven():
+def test_many_frequencies_are_taken_together_in_octaves():
     hz, mm = np.geomspace(0.4, 5.5, 40), np.linspace(1.0, 9.0, 40)
+    about = {"group": "g", "family": "f", "able": True}
     rows = [
-        {"group": "g", "frequency_hz": f, "amplitude_mm": a, "seen": a > 3.0 and (i, j) != (0, 30)}
+        {**about, "frequency_hz": f, "amplitude_mm": a, "seen": a > 3.0 + ((i + j) % 5 - 2) / 4}
         for i, f in enumerate(hz)
         for j, a in enumerate(mm)
     ]
-    found = stats.smallest(pd.DataFrame(rows), "g")
+    found = {d["frequency_hz"]: d for d in stats.sizes(pd.DataFrame(rows))}
     assert list(found) == [0.5, 1.0, 2.0, 4.0]
-    assert all(a == pytest.approx(mm[mm > 3.0][0]) for a in found.values())
+    assert all(3.0 < d["a90"] < d["a90_95"] < 4.0 for d in found.values())
+
+
+def test_every_flight_stands_in_one_column_and_what_could_not_judge_stays_in_the_denominator():
+    rows = hand_made()
+    mine = (rows["id"] == "lpv_smo") & (rows["case"] == "hydraulic.ofc_liquid")
+    rows.loc[mine & (rows["amplitude_mm"] == 1.0), "idle"] = True
+    rows.loc[mine & (rows["amplitude_mm"] == 1.0), "why_not_valid"] = "outside its box (mass)"
+    d = stats.detectors(rows)[1]
+    assert (d["designed"], d["detected"], d["idle"], d["missed"]) == (3, 1, 1, 1)
+    assert sum(d[word] for word in stats.WORDS) == d["designed"] and d["why_not_valid"] == "outside its box (mass)"
+    assert d["detection_probability"] == pytest.approx(1 / 3)  # not 1/2: leaving it out would flatter
+    assert d["right_s"] == math.inf and stats.detectors(rows)[0]["right_s"] == 1.0

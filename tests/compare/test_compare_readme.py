@@ -28,7 +28,7 @@ def test_table_and_picture_replace_what_stands_between_the_markers(found, tmp_pa
         assert text.startswith("before\n") and text.endswith("\nafter\n") and "old" not in text
         made = readme.part(text, "compare")
         assert "8 flights, 4 of them without a fault." in made
-        assert "| `iotsekf` | actuator filters | 2/3 | 2 | 0.5 | 0/4 | – |" in made
+        assert "| `iotsekf` | actuator filters | 100% | 3 | 2 | 2 | 0 | 0 | 0 | 0 | 0.5 | 1 | 0 | 0 | 0/4 | – |" in made
         assert len(made.splitlines()) < 16
         assert (tmp_path / compare_readme.PICTURE).is_file()
 
@@ -41,7 +41,7 @@ def test_what_each_level_sees_stands_apart(found, tmp_path):
     details.write_text("\n".join(readme.markers("smallest")))
     compare_readme.write(found, path)
     made = readme.part(details.read_text(), "smallest")
-    assert "| actuator filters | 2 |" in made and "| airframe motion | 4 |" in made
+    assert "| actuator filters | too few flights (2/3) |" in made and "liquid OFC, one segment" in made
 
 
 def test_picture_counts_flights_beyond_the_common_threshold(found):

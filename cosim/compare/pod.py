@@ -1,0 +1,68 @@
+"""Probability of detection over size: how large an oscillation must be so that 90 % are seen, at 95 % confidence.
+
+POD(a) = 1 / (1 + exp(-(b0 + b1 ln a))), fitted by binomial regression over all flights, seen and missed. a90 is where
+the curve reaches 0.9, a90/95 where its lower 95 % confidence bound does: larger ones are seen in nine of ten flights,
+and only one sample in twenty would have made it too small (MIL-HDBK-1823A).
+"""
+
+import math
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+from scipy.optimize import brentq
+
+LEAST = 12  # flights, below which no curve is fitted
+SPAN = math.log(1e3)  # how far beyond a90 a bound is looked for
+
+
+@dataclass(frozen=True)
+class Pod:
+    """What a sample says: a90 with its bounds (low, a90_95), in the unit of the sizes; None: `note` says why."""
+
+    n: int
+    seen: int
+    a90: float | None = None
+    low: float | None = None
+    a90_95: float | None = None
+    note: str = ""
+
+
+def fit(size: ArrayLike, seen: ArrayLike, share: float = 0.9, confidence: float = 0.95) -> Pod:
+    """Return the Pod of flights with `size` (n,), above 0, and `seen` (n,), bool.
+
+    There is no curve where all or none are seen, or where one size parts the seen from the missed: then the note says
+    between which sizes the answer lies.
+    """
+    from statsmodels.api import GLM, add_constant
+    from statsmodels.genmod.families import Binomial
+
+    a, y = np.asarray(size, float), np.asarray(seen, bool)
+    n, k = len(a), int(np.sum(y))
+    if n < LEAST:
+        return Pod(n, k, note="too few flights")
+    if k in (0, n):
+        return Pod(n, k, note=f"none seen up to {a.max():.2g}" if k == 0 else f"all seen from {a.min():.2g}")
+    if a[~y].max() < a[y].min():
+        return Pod(n, k, note=f"between {a[~y].max():.2g} and {a[y].min():.2g}")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a sample that is nearly parted: its bound below says so
+        found = GLM(y.astype(float), add_constant(np.log(a)), family=Binomial()).fit()
+    (b0, b1), cov = found.params, found.cov_params()
+    if not (np.isfinite(cov).all() and b1 > 0.0):
+        return Pod(n, k, note="does not grow with size")
+    wanted, z = math.log(share / (1.0 - share)), float(stats.norm.ppf(confidence))
+    at = (wanted - b0) / b1
+
+    def bound(x: float, sign: float) -> float:
+        spread = math.sqrt(cov[0, 0] + 2.0 * x * cov[0, 1] + x * x * cov[1, 1])
+        return b0 + b1 * x + sign * z * spread - wanted
+
+    high = brentq(bound, at, at + SPAN, args=(-1.0,)) if bound(at + SPAN, -1.0) > 0.0 else None
+    low = brentq(bound, at - SPAN, at, args=(1.0,)) if bound(at - SPAN, 1.0) < 0.0 else None
+    return Pod(
+        n, k, math.exp(at), None if low is None else math.exp(low), None if high is None else math.exp(high),
+        "" if high is not None else "no bound: too few near it",
+    )  # fmt: skip
