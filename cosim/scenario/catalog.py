@@ -30,13 +30,13 @@ _height = (Unit("m", 1.0, "m", 5000.0), Unit("ft", FT, "m", 15000.0))
 _climb = (Unit("m_s", 1.0, "m/s", 100.0), Unit("ft_s", FT, "m/s", 300.0))
 
 SENSORS = {  # aircraft sensor -> units of its faults and settings; the first one is its own
-    **dict.fromkeys(("alpha", "beta", "phi", "theta", "psi"), (_deg,)),
+    **dict.fromkeys(("alpha", "beta", "phi", "theta", "psi", "alpha_ground"), (_deg,)),
     **dict.fromkeys(("p", "q", "r"), (_deg_s,)),
     **dict.fromkeys(("pdot", "qdot", "rdot"), (_deg_s2,)),
     **dict.fromkeys(("cas", "tas"), (_kt,)),
     "mach": (Unit("mach", 1.0, "-", 0.5),),
     **dict.fromkeys(("h_baro", "h_inertial"), _height),
-    "hdot": _climb,
+    **dict.fromkeys(("hdot", "v_ground"), _climb),
     **dict.fromkeys(("n_x", "n_y", "n_z"), (_g,)),
     **dict.fromkeys(("n1_1", "n1_2", "n1_3", "n1_4"), (Unit("pct", 1.0, "%", 100.0),)),
     "mass": (Unit("t", 1000.0, "kg", 100.0),),

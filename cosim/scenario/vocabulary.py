@@ -20,6 +20,8 @@ AIRCRAFT = {  # sensors of the aircraft: what they measure and which way is posi
     "h_baro": "barometric altitude",
     "h_inertial": "inertial altitude",
     "hdot": "vertical speed, up +",
+    "alpha_ground": "angle of attack over the ground, nose up +",
+    "v_ground": "speed over the ground",
     "p": "roll rate, right wing down +",
     "q": "pitch rate, nose up +",
     "r": "yaw rate, nose right +",

@@ -115,21 +115,21 @@ def grid(n, *, offset=0.0):
     return np.array(np.meshgrid(*axes, indexing="ij")).reshape(4, -1).T
 
 
-def fit(samples):
+def fit(samples, *, box=BOX, weight=None):
     """Fit the `LpvModel` to `samples`; outputs that are states are exact, so C_1 is constant and D_1 zero."""
     size = {"A": SIZE_X, "B": SIZE_U, "C": SIZE_X, "D": SIZE_U}
-    weight = volume(samples.rho)
+    weight = volume(samples.rho) if weight is None else weight
     fitted = {
-        k: lpv_model.fit(samples.rho, getattr(samples, k), box=BOX, scale=size[k], weight=weight) for k in "ABCD"
+        k: lpv_model.fit(samples.rho, getattr(samples, k), box=box, scale=size[k], weight=weight) for k in "ABCD"
     }
     A, B, C, D = (fitted[k][0] for k in "ABCD")
     C[:, [0, 1, 2, 3, 5]] = 0.0
     C[0, [0, 1, 2, 3, 5], [1, 2, 3, 4, 0]] = 1.0
     D[:, [0, 1, 2, 3, 5]] = 0.0
-    trim = lpv_model.fit_trim(samples.rho, samples.trims, box=BOX)
+    trim = lpv_model.fit_trim(samples.rho, samples.trims, box=box)
     names = [tuple(f"{k}_{v}" for k, v in table.items()) for table in (STATES, OUTPUTS)]
     model = lpv_model.LpvModel(
-        A=A, B=B, C=C, D=D, box=BOX, trim=trim,
+        A=A, B=B, C=C, D=D, box=box, trim=trim,
         states=names[0], inputs=("elevator_deg", "stab_deg"), outputs=names[1], rho=NAMES,
     )  # fmt: skip
     return model, {k: fixed for k, (_, fixed) in fitted.items()}

@@ -6,9 +6,13 @@ import math
 
 from actuators.block import kernel
 from fdi.common.decision import usable
+from fdi.common.why import BOX_MASS, LOST_SENSOR, VALID
 from fdi.lpv_smo.kernels import affine, affine_scalar, held_first_order, trim_map, unit_vector_step
 
 N, P, M, R, T = 7, 6, 2, 4, 35  # states, outputs, inputs, scheduling parameters, terms of a cubic trim map
+NB = 32  # most boxes
+MARGIN = 1.4  # of half a box from its middle: beyond a fifth of its width the affine model is no longer believed
+STAY = 1.25  # so far a box is kept though another one fits better
 DELAY = 12  # of the commands: beyond 5 ms at 2 kHz [ticks]
 DEG = math.pi / 180
 KT = 1852 / 3600  # [m/s]
@@ -17,10 +21,9 @@ G0 = 9.80665  # [m/s2]
 
 @kernel
 def _schedule(x, u, p, dt):
-    """Advance rho, held where invalid, clamped to the box; return 1.0 when it lies inside."""
+    """Advance rho, held where invalid; return 0.0, or the reason `BOX_...` why no box holds it."""
     fresh = x.age == 0.0
     b = 1.0 if fresh or p.tau_rho <= 0.0 else 1.0 - math.exp(-dt / p.tau_rho)
-    inside = 1.0
     for i in range(R):
         if i == 0:
             value, good = u.mass * 1e-3, u.mass_valid
@@ -33,19 +36,50 @@ def _schedule(x, u, p, dt):
         if usable(value, good) > 0.5:
             x.rho[i] += b * (value - x.rho[i])
         elif fresh:
-            x.rho[i] = 0.5 * (p.low[i] + p.high[i])
-            inside = 0.0
-        margin = 0.2 * (p.high[i] - p.low[i])  # beyond a fifth of the box the affine model is no longer believed
-        if x.rho[i] < p.low[i] - margin or x.rho[i] > p.high[i] + margin:
-            inside = 0.0
-            x.rho[i] = min(max(x.rho[i], p.low[i] - margin), p.high[i] + margin)
-    return inside
+            x.rho[i] = 0.5 * (p.low[0, i] + p.high[0, i])
+            return LOST_SENSOR
+    return _choose(x, p)
+
+
+@kernel
+def _distance(x, p, k):
+    """Return how far rho is from the middle of box k, in halves of its width, and along which parameter."""
+    worst, where = 0.0, 0
+    for i in range(R):
+        z = math.fabs(2.0 * (x.rho[i] - p.low[k, i]) / (p.high[k, i] - p.low[k, i]) - 1.0)
+        if z > worst:
+            worst, where = z, i
+    return worst, where
+
+
+@kernel
+def _choose(x, p):
+    """Choose the box that holds rho best, keep it as long as it does, clamp rho to it; return 0.0 or `BOX_...`."""
+    last = min(max(int(x.box), 0), int(p.n_box) - 1)
+    x.box = last
+    far, where = _distance(x, p, last)
+    if far > STAY or x.age == 0.0:
+        for k in range(int(p.n_box)):
+            d, along = _distance(x, p, k)
+            if d < far:
+                far, where, x.box = d, along, k
+    now = int(x.box)
+    if now != last and x.age > 0.0:  # the same estimate in the other box's coordinates
+        for i in range(P):
+            x.w += (p.L[now, i] - p.L[last, i]) * x.s[i]
+    if far <= MARGIN:
+        return VALID
+    for i in range(R):
+        half = 0.5 * (p.high[now, i] - p.low[now, i])
+        middle = p.low[now, i] + half
+        x.rho[i] = min(max(x.rho[i], middle - MARGIN * half), middle + MARGIN * half)
+    return BOX_MASS + where
 
 
 @kernel
 def inputs(x, u, p, dt):
-    """Fill rho, the healthy inputs and smoothed V; return 1.0 when rho lies inside the box."""
-    inside = _schedule(x, u, p, dt)
+    """Fill rho, the healthy inputs and smoothed V; return 0.0, or the reason why no box holds rho."""
+    why = _schedule(x, u, p, dt)
     head = int(x.head)
     before = (head + 2 * DELAY - 1 - int(p.delay)) % DELAY  # the command held over the tick that ends now
     for j in range(M):
@@ -67,12 +101,13 @@ def inputs(x, u, p, dt):
         x.u_e += (1.0 - math.exp(-p.omega_a * dt)) * (x.line[before, 0] - x.u_e)
     c = 1.0 if x.age == 0.0 or p.tau_v <= 0.0 else 1.0 - math.exp(-dt / p.tau_v)
     x.v_s += c * (u.V - x.v_s)
-    return inside
+    return why
 
 
 @kernel
 def outputs(x, u, p, dt):
     """Filter n_z and alpha (7), linear between samples, and leave b = old s, s = new s."""
+    b = int(x.box)
     for i in range(2):
         y = x.y2[i]
         if i == 0 and usable(u.n_z, u.n_z_valid) > 0.5:
@@ -82,14 +117,14 @@ def outputs(x, u, p, dt):
         if x.age == 0.0:
             x.z[i] = y
         else:
-            keep, c0, c1 = held_first_order(-p.a_f[i], dt)
-            x.z[i] = keep * x.z[i] + p.a_f[i] * (c0 * x.y2[i] + c1 * y)
+            keep, c0, c1 = held_first_order(-p.a_f[b, i], dt)
+            x.z[i] = keep * x.z[i] + p.a_f[b, i] * (c0 * x.y2[i] + c1 * y)
         x.y2[i] = y
     for i in range(P):
         x.b[i] = x.s[i]
         x.s[i] = (
-            p.mix[i, 0] * u.h + p.mix[i, 1] * u.theta / DEG + p.mix[i, 2] * x.v_s + p.mix[i, 3] * u.q / DEG
-            + p.mix[i, 4] * x.z[0] + p.mix[i, 5] * x.z[1]
+            p.mix[b, i, 0] * u.h + p.mix[b, i, 1] * u.theta / DEG + p.mix[b, i, 2] * x.v_s
+            + p.mix[b, i, 3] * u.q / DEG + p.mix[b, i, 4] * x.z[0] + p.mix[b, i, 5] * x.z[1]
         )  # fmt: skip
 
 
@@ -100,6 +135,7 @@ def bank(x, u, p):
     alpha' += g/V cos(theta) cos(alpha) (cos phi - 1),   theta' += q (cos phi - 1) - r sin phi
     Z' += V sin(alpha) cos(theta) (1 - cos phi),  V' -= g of the same,   q' += ((Izz - Ixx) p r - Ixz (p^2 - r^2)) / Iyy
 
+    A_55 = M_q + M_alphadot counts the rate of alpha as wings level has it: `adot` of it goes with alpha'.
     An extension: [Alwi14] treats the longitudinal motion alone. Signals that are out count as zero.
     """
     for i in range(N):
@@ -115,45 +151,49 @@ def bank(x, u, p):
     d1 = speed * tilt
     d2 = -(u.q * lost + yaw * math.sin(phi)) / DEG
     d3 = -G0 * tilt
-    d4 = (p.inertia[0] * roll * yaw - p.inertia[1] * (roll * roll - yaw * yaw)) / DEG
+    b = int(x.box)
+    d4 = (p.inertia[0] * roll * yaw - p.inertia[1] * (roll * roll - yaw * yaw)) / DEG + p.adot * x.A[4, 4] * d0
     for i in range(N):
-        x.d[i] = p.to_x[i, 0] * d0 + p.to_x[i, 1] * d1 + p.to_x[i, 2] * d2 + p.to_x[i, 3] * d3 + p.to_x[i, 4] * d4
+        to = p.to_x[b, i]
+        x.d[i] = to[0] * d0 + to[1] * d1 + to[2] * d2 + to[3] * d3 + to[4] * d4
 
 
 @kernel
 def observe(x, p, dt):
     """Advance w and e_y by one tick from x.b (old s) to x.s, and set nu (12)-(15), (20)."""
-    affine(p.A, x.rho, x.A)
-    affine(p.B, x.rho, x.B)
-    trim_map(p.eq, p.powers, p.low, p.high, x.rho, x.power, x.eq)
+    b = int(x.box)
+    L, a22 = p.L[b], p.a22[b]
+    affine(p.A[b], x.rho, x.A)
+    affine(p.B[b], x.rho, x.B)
+    trim_map(p.eq[b], p.powers, p.low[b], p.high[b], x.rho, x.power, x.eq)
     d_0, d_1, d_s = x.u_0 - x.eq[N], x.u_e - x.eq[N], x.u_s - x.eq[N + 1]
     b_e, b_s = x.B[0, 0], x.B[0, 1]
     a, w_eq = x.A[0, 0], x.eq[0]
     for i in range(P):
-        a += p.L[i] * x.A[i + 1, 0]
-        w_eq += p.L[i] * x.eq[i + 1]
-        b_e += p.L[i] * x.B[i + 1, 0]
-        b_s += p.L[i] * x.B[i + 1, 1]
+        a += L[i] * x.A[i + 1, 0]
+        w_eq += L[i] * x.eq[i + 1]
+        b_e += L[i] * x.B[i + 1, 0]
+        b_s += L[i] * x.B[i + 1, 1]
     # both ends of the tick with this tick's matrices: w is L Z large, and a change of a times it is no forcing
     g_0 = g_1 = b_s * d_s - a * w_eq + x.d[0]
     for i in range(P):
-        row = x.A[0, i + 1] - a * p.L[i]
+        row = x.A[0, i + 1] - a * L[i]
         for j in range(P):
-            row += p.L[j] * x.A[j + 1, i + 1]
-        g_0 += row * (x.b[i] - x.eq[i + 1]) + p.L[i] * x.d[i + 1]
-        g_1 += row * (x.s[i] - x.eq[i + 1]) + p.L[i] * x.d[i + 1]
+            row += L[j] * x.A[j + 1, i + 1]
+        g_0 += row * (x.b[i] - x.eq[i + 1]) + L[i] * x.d[i + 1]
+        g_1 += row * (x.s[i] - x.eq[i + 1]) + L[i] * x.d[i + 1]
     if x.age == 0.0:  # start on the measured angle of attack: the first error dies at the sliding motion's pole
         x.w = x.y2[1]
         x.alpha_hat = x.y2[1] * DEG
         for i in range(P):
-            x.w += p.L[i] * x.s[i]
+            x.w += L[i] * x.s[i]
             x.e[i] = 0.0
     else:
         keep, c0, c1 = held_first_order(a, dt)
         x.w = keep * x.w + c0 * (g_0 + b_e * d_0) + c1 * (g_1 + b_e * d_1)
     x_1 = x.w
     for i in range(P):
-        x_1 -= p.L[i] * x.s[i]
+        x_1 -= L[i] * x.s[i]
     x.alpha_hat = x_1 * DEG
     for i in range(P):
         phi = x.A[i + 1, 0] * (x_1 - x.eq[0]) + x.B[i + 1, 1] * d_s + x.d[i + 1]
@@ -165,61 +205,108 @@ def observe(x, p, dt):
             forced = 0.5 * (x.phi[i] + phi + x.B[i + 1, 0] * (d_0 + d_1))
             x.b[i] = x.e[i] + dt * forced - (x.s[i] - x.b[i])
         x.phi[i] = phi
-    unit_vector_step(x.e, x.b, p.a22, p.K, p.delta, dt)
+    unit_vector_step(x.e, x.b, a22, p.K, p.delta, dt)
     e2, m2, n2 = 0.0, 0.0, 0.0
     for i in range(P):
-        v = -0.5 / p.a22[i] * x.e[i]
+        v = -0.5 / a22[i] * x.e[i]
         e2 += x.e[i] * x.e[i]
         m2 += v * v
     m = math.sqrt(m2)
     for i in range(P):
-        x.nu[i] = 0.5 * p.K / p.a22[i] * x.e[i] / (m + p.delta)
+        x.nu[i] = 0.5 * p.K / a22[i] * x.e[i] / (m + p.delta)
         n2 += x.nu[i] * x.nu[i]
     x.e_norm, x.nu_norm = math.sqrt(e2), math.sqrt(n2) / p.K
 
 
 @kernel
-def learn(x, p, elevator, n_z):
-    """Average what no gust can do [deg, g] from t_settle to t_learn: the moment and lift that the model has wrong.
+def gust(x, u, p, dt):
+    """Advance x.xi [deg/s], what turns the path over the ground that the model does not know of, through a lag of
+    tau_f: alpha_g' = A_11 (alpha_g - alpha_eq) + ... + xi, and xi_hat = (alpha_g - alpha_g_hat) / tau_f.
 
-    An extension, off in the paper: 5 % on each coefficient of the trim is worth 0.9 deg of elevator. alpha needs none.
+    An extension, off in the paper, whose angle of attack is that over the ground too (tables 2, 3): of a gust a that
+    meets the wing, xi = A_11 a, which no fault of the n_z or alpha sensor moves.
+    """
+    measured = u.alpha_ground / DEG
+    rate = x.A[0, 0] * (measured - x.eq[0]) + x.B[0, 1] * (x.u_s - x.eq[N + 1]) + x.d[0]
+    rate += x.B[0, 0] * (x.u_e - x.eq[N])
+    for i in range(P):
+        rate += x.A[0, i + 1] * (x.s[i] - x.eq[i + 1])
+    if x.age == 0.0:
+        x.ground, x.rate, x.xi, x.slip, x.wind = measured, rate, 0.0, 0.0, 0.0
+        return
+    # the air's own speed along the path, as far as it changes: forces depend on airspeed, the states on ground speed
+    if usable(u.tas, u.tas_valid) > 0.5:
+        x.wind += (1.0 - math.exp(-dt / p.tau_f)) * (u.tas - x.v_s - x.wind_0 - x.wind)
+    # what sideslip adds to Z' in a bank, the observer takes for an angle of attack
+    x.slip += (1.0 - math.exp(-dt / p.tau_f)) * (x.alpha_hat / DEG - measured - x.slip)
+    # backward Euler: (measured - ground) / tau_f stands for xi over the tick
+    x.ground = (x.ground + 0.5 * dt * (x.rate + rate) + dt / p.tau_f * measured) / (1.0 + dt / p.tau_f)
+    x.rate = rate
+    x.xi = (measured - x.ground) / p.tau_f
+
+
+@kernel
+def learn(x, p, elevator, n_z, alpha):
+    """Average what no gust can do [deg, g, deg] from t_settle to t_learn: moment, lift that the model has wrong.
+
+    An extension, off in the paper: 5 % on each coefficient of the trim is worth 0.9 deg of elevator.
     """
     if x.learned > 0.5 or p.t_learn <= 0.0 or x.age <= p.t_settle:
         return
     x.n_learn += 1.0
     x.sums[0] += (elevator - x.sums[0]) / x.n_learn
     x.sums[1] += (n_z - x.sums[1]) / x.n_learn
+    x.sums[2] += (alpha - x.sums[2]) / x.n_learn
+    x.alpha_0 += (x.path - x.alpha_0) / x.n_learn
     if x.age >= p.t_learn:
         x.learned = 1.0
-        x.offset[0], x.offset[1] = x.sums[0], x.sums[1]
+        for i in range(3):
+            x.offset[i] = x.sums[i]
 
 
 @kernel
 def reconstruct(x, u, p, dt):
     """Turn nu into fault estimates (22), (25), through the lag; a sensor that is out keeps its estimate."""
-    E = affine_scalar(p.E, x.rho)
-    D51 = affine_scalar(p.D51, x.rho)
+    b = int(x.box)
+    E = affine_scalar(p.E[b], x.rho)
+    D51 = affine_scalar(p.D51[b], x.rho)
     c = 1.0 - math.exp(-dt / p.tau_f)
     for i in range(3):
         raw = 0.0
         for j in range(P):
-            raw += p.W[i, j] * x.nu[j]
+            raw += p.W[b, i, j] * x.nu[j]
         if i == 0:
             raw /= E
         out = (i == 1 and usable(u.n_z, u.n_z_valid) < 0.5) or (i == 2 and usable(u.alpha, u.alpha_valid) < 0.5)
         if not out:
             x.f[i] += c * (raw - x.f[i])
     # a gust of angle a moves alpha's vane, n_z and the pitching moment together: (a, k_n a, k_e a)
-    x.k_e = x.A[4, 0] / E
-    k_n = x.A[5, 0] / p.a_f[0] - D51 * x.k_e
-    x.k_n = k_n / DEG
-    learn(x, p, x.f[0] - x.k_e * x.f[2], x.f[1] - D51 * x.f[0] - k_n * x.f[2])
-    f_e = x.f[0] - x.offset[0]
-    x.f_hat_elevator = f_e * DEG
+    k_e = x.A[4, 0] / E
+    k = x.A[5, 0] / p.a_f[b, 0]
+    k_v = x.A[5, 3] / p.a_f[b, 0]
+    k_n = k - D51 * k_e
+    if p.gust > 0.5:  # a known one, of which an elevator fault turns the path by B_11 f_e
+        xi = x.xi - x.A[0, 3] * x.wind
+        # thrust that is not trim's: what speeds the aircraft up without being drag, at the engines' arm
+        x.push += c * (x.nu[2] - x.push)
+        thrust = x.push - x.A[3, 0] * (xi / x.A[0, 0] - x.slip) - x.A[3, 3] * x.wind
+        f_e = x.f[0] - (x.A[4, 3] * x.wind + p.thrust * thrust) / E - k_e * (xi / x.A[0, 0] - x.slip)
+        f_e /= 1.0 - k_e * x.B[0, 0] / x.A[0, 0]
+        a = (xi - x.B[0, 0] * f_e) / x.A[0, 0]
+        d = 1.0 - math.exp(-dt / p.tau_g)
+        x.free[0] += d * (f_e - x.free[0])
+        x.free[1] += d * (x.f[1] - D51 * f_e - k * (a - x.slip) - k_v * x.wind - x.free[1])
+        x.free[2] += d * (x.f[2] - (a - x.slip) - x.free[2])
+        f_e, f_n, f_a = x.free[0], x.free[1], x.free[2]
+        learn(x, p, f_e, f_n, f_a)
+        x.gust_hat += d * (a * DEG - x.gust_hat)
+    else:
+        f_e, f_n, f_a = x.f[0], x.f[1] - D51 * x.f[0], x.f[2]
+        learn(x, p, f_e - k_e * f_a, f_n - k_n * f_a, 0.0)
+        x.gust_hat = 0.0
+    x.f_hat_elevator = (f_e - x.offset[0]) * DEG
     x.f_hat_n_z_raw = x.f[1] - x.offset[1] - D51 * x.offset[0]
-    x.f_hat_n_z = x.f[1] - D51 * x.f[0] - x.offset[1]
-    x.f_hat_alpha = x.f[2] * DEG
-    x.free_elevator = (f_e - x.k_e * x.f[2]) * DEG
-    x.free_n_z = x.f_hat_n_z - k_n * x.f[2]
+    x.f_hat_n_z = f_n - x.offset[1]
+    x.f_hat_alpha = (f_a - x.offset[2]) * DEG
     # white noise of q through a difference and the lag: variance (c / h)^2 (1 + c / (2 - c)) sigma^2
     x.f_sigma = p.sigma_q * c / dt * math.sqrt(1.0 + c / (2.0 - c)) / math.fabs(E)

@@ -26,6 +26,17 @@ measurements are; a measured surface would hide the fault. V is the speed that c
 airspeed, smoothed by `tau_v`, because 0.05 m/s of noise at 5 ms is 14 m/s2 and would saturate K. Feed the inertial,
 not the barometric altitude, for the same reason.
 
+In flight three things go beyond the paper, all off by default (`fitted` switches them on):
+
+- Several boxes, each with a model and gains of its own whose inequalities hold at its vertices
+  (`fdi.lpv_smo.boxes`); the state goes over from one to the next. `why` says what it is outside of.
+- Gusts. The states are those of the path over the ground (tables 2, 3), the forces those of the air. A gust of angle a
+  turns the path by xi = A_11 a, which the measured angle over the ground shows (`core.gust`) and which no fault of n_z
+  or of the vane moves; what a does to the three estimates is taken out of them, and likewise what the air's own speed
+  does (airspeed less ground speed). Thrust acts on pitch through the engines' arm: nu of the speed channel says how
+  much.
+- Each estimate is judged by itself, against a threshold that grows with the rms of a: a fault does not raise it.
+
 (2) leaves out the feedthrough of the elevator fault into n_z: `f_hat_n_z_raw` is the printed reconstruction,
 `f_hat_n_z` subtracts D51 f_hat_e. All reconstructions pass one lag `tau_f` (0.2 s in the paper): an OFC of
 0.5 / 1 / 2 / 5 Hz comes out at 0.85 / 0.62 / 0.37 / 0.16 of its amplitude, and a step needs 0.46 s for 90 %.
@@ -40,62 +51,68 @@ from fdi.common.decision import confirm, usable
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, OFC_LIQUID, SENSOR
-from fdi.lpv_smo.core import DEG, DELAY, M, N, P, R, T, bank, inputs, observe, outputs, reconstruct
+from fdi.common.why import BANK, BOX_ALPHA, LOST_SENSOR, NOT_READY, VALID
+from fdi.lpv_smo.boxes import load as load_boxes
+from fdi.lpv_smo.core import DEG, DELAY, NB, M, N, P, R, T, bank, gust, inputs, observe, outputs, reconstruct
 from fdi.lpv_smo.model import powers
 from fdi.lpv_smo.synthesis import Design, canonical, design, load, save, verify  # noqa: F401 (the public design functions)
 
 LEARN = 8.0  # in flight: the paper's faults come at 10 s [s]
+ADOT = 0.3  # of a transport: Cm_alphadot over Cm_q + Cm_alphadot
 CULPRITS = ("", "elevator", "n_z", "alpha")
-# By so much another fault must be larger than the one that is named, chosen: without it three steps at once had 194
-# names in 20 s at point A, with it one
-CLEARLY = 1.25
 
 PARAMS = dtype(
     [
-        ("A", "f8", (R + 1, N, N)),  # A(rho) of (8), canonical coordinates, affine stack
-        ("B", "f8", (R + 1, N, M)),  # B(rho) of (8)
-        ("E", "f8", (R + 1,), "deg/s2 per deg"),  # E_p(rho) = B51 of (35)
-        ("D51", "f8", (R + 1,), "g/deg"),  # elevator feedthrough into n_z
-        ("eq", "f8", (N + M, T)),  # trim maps of canonical state and inputs, cubic in normalised rho
+        ("n_box", "f8", "-"),  # boxes in use; each has its own model and design
+        ("A", "f8", (NB, R + 1, N, N)),  # A(rho) of (8), canonical coordinates, affine stack
+        ("B", "f8", (NB, R + 1, N, M)),  # B(rho) of (8)
+        ("E", "f8", (NB, R + 1), "deg/s2 per deg"),  # E_p(rho) = B51 of (35)
+        ("D51", "f8", (NB, R + 1), "g/deg"),  # elevator feedthrough into n_z
+        ("eq", "f8", (NB, N + M, T)),  # trim maps of canonical state and inputs, cubic in normalised rho
         ("powers", "f8", (T, R)),  # exponents of their monomials
-        ("low", "f8", (R,)),  # box of rho: t, %, kt, -
-        ("high", "f8", (R,)),
-        ("mix", "f8", (P, P)),  # s = mix @ [Z theta V q z_f1 z_f2], the identity for the paper's outputs
-        ("L", "f8", (P,)),  # (21)
-        ("W", "f8", (3, P)),  # (22)
-        ("a22", "f8", (P,), "rad/s"),  # diagonal of A22s, negative
-        ("a_f", "f8", (2,), "rad/s"),  # diagonal of A_f
+        ("low", "f8", (NB, R)),  # boxes of rho: t, %, kt, -
+        ("high", "f8", (NB, R)),
+        ("mix", "f8", (NB, P, P)),  # s = mix @ [Z theta V q z_f1 z_f2], the identity for the paper's outputs
+        ("L", "f8", (NB, P)),  # (21)
+        ("W", "f8", (NB, 3, P)),  # (22)
+        ("a22", "f8", (NB, P), "rad/s"),  # diagonal of A22s, negative
+        ("a_f", "f8", (NB, 2), "rad/s"),  # diagonal of A_f
+        ("gust", "f8", "-"),  # 1: gusts are reconstructed from the angle of attack over the ground and taken out
         ("K", "f8", "-"),  # modulation gain of (15)
         ("delta", "f8"),  # smoothing of (15)
         ("tau_f", "f8", "s"),  # lag of the reconstruction
+        ("tau_g", "f8", "s"),  # a second lag of what is free of gusts: the first leaves differentiated white noise
         ("tau_v", "f8", "s"),  # smoothing of V, 0 for none
         ("tau_rho", "f8", "s"),  # smoothing of rho, 0 for none
         ("omega_a", "f8", "rad/s"),  # healthy elevator as a lag of its command, 0 for none
         ("delay", "f8", "-"),  # of the commands, as long as that of q
         ("sigma_q", "f8", "rad/s"),  # noise of q per sample, for f_sigma
         ("bank", "f8", "-"),  # 1: bank and lateral rates are taken into account
+        ("adot", "f8", "-"),  # share of the damping in pitch that is due to the rate of the angle of attack
+        ("thrust", "f8", "deg/s2 per m/s2"),  # what thrust does to pitch, over what it does to speed
         ("inertia", "f8", (2,)),  # (Izz - Ixx) / Iyy, Ixz / Iyy
-        ("to_x", "f8", (N, 5)),  # state of the paper to canonical state
-        ("t_elevator", "f8", "rad"),  # thresholds of what no gust can do [rad], [g], [rad]
+        ("to_x", "f8", (NB, N, 5)),  # state of the paper to canonical state
+        ("t_elevator", "f8", "rad"),  # thresholds in still air at trim
         ("t_n_z", "f8", "g"),
         ("t_alpha", "f8", "rad"),
-        ("w_elevator", "f8", "rad"),  # thresholds of the slow means, gusts included [rad], [g], [rad]
-        ("w_n_z", "f8", "g"),
-        ("w_alpha", "f8", "rad"),
-        ("s_elevator", "f8", "-"),  # growth of all with |alpha - alpha_eq|: the affine model's error [-], [g/rad], [-]
+        # growth with the distance of the angle of attack from where offsets were learned, or from trim: what the
+        # coefficients and the affine model have wrong
+        ("s_elevator", "f8", "-"),
         ("s_n_z", "f8", "g/rad"),
         ("s_alpha", "f8", "-"),
-        ("g_elevator", "f8", "-"),  # and with the rms of gusts, as f_hat_alpha shows them [-], [g/rad], [-]
+        ("g_elevator", "f8", "-"),  # and with the rms of gusts
         ("g_n_z", "f8", "g/rad"),
         ("g_alpha", "f8", "-"),
         ("away_max", "f8", "rad"),  # beyond this |alpha - alpha_eq| the affine model is not believed
+        ("alpha_max", "f8", "rad"),  # nor beyond this angle of attack, where lift is no longer linear
+        ("lift_min", "f8", "1/s"),  # nor where the path turns by less than this per angle: beside where it trims
         ("t_recover", "f8", "s"),  # nor for so long after it was
         ("gust_0", "f8", "rad"),  # rms of gusts assumed at the start
         ("tau_gust", "f8", "s"),  # memory of that rms
-        ("tau_slow", "f8", "s"),  # of the slow means
         ("t_confirm", "f8", "s"),
         ("t_release", "f8", "s"),
-        ("t_learn", "f8", "s"),  # an offset of elevator and n_z is learned up to this time, 0 for none
+        ("bank_max", "f8", "rad"),  # bank beyond which nothing is said, 0 for no such bound
+        ("t_learn", "f8", "s"),  # offsets are learned up to this time, 0 for none
         ("t_settle", "f8", "s"),  # no decision for so long after a (re)start
     ]
 )
@@ -110,7 +127,7 @@ INPUTS = dtype(
         ("h_valid", "f8", "-"),
         ("theta", "f8", "rad"),
         ("theta_valid", "f8", "-"),
-        ("V", "f8", "m/s"),  # true airspeed
+        ("V", "f8", "m/s"),  # speed over the ground
         ("V_valid", "f8", "-"),
         ("q", "f8", "rad/s"),
         ("q_valid", "f8", "-"),
@@ -118,11 +135,15 @@ INPUTS = dtype(
         ("n_z_valid", "f8", "-"),
         ("alpha", "f8", "rad"),
         ("alpha_valid", "f8", "-"),
+        ("alpha_ground", "f8", "rad"),  # angle of attack over the ground, read where `gust` is 1
+        ("alpha_ground_valid", "f8", "-"),
+        ("tas", "f8", "m/s"),  # true airspeed, likewise; without it the air's own speed counts as steady
+        ("tas_valid", "f8", "-"),
         ("phi", "f8", "rad"),
         ("phi_valid", "f8", "-"),
         ("p", "f8", "rad/s"),
         ("p_valid", "f8", "-"),
-        ("r", "f8", "-"),
+        ("r", "f8", "rad/s"),
         ("r_valid", "f8", "-"),
         ("mass", "f8", "kg"),
         ("mass_valid", "f8", "-"),
@@ -138,17 +159,21 @@ STATE = dtype(
     [
         ("r", "f8", "-"),  # largest of the three estimates over its threshold
         ("alarm", "f8", "-"),  # 1 while a fault is declared
-        ("verdict", "f8", "-"),  # SENSOR; OFC_LIQUID or AMBIGUOUS for the elevator (side unknown)
-        ("culprit", "f8", "-"),  # index into CULPRITS
-        ("valid", "f8", "-"),  # 1 while settled, inside the box and all inputs usable
+        ("verdict", "f8", "-"),  # of the culprit: SENSOR; OFC_LIQUID or AMBIGUOUS for the elevator (side unknown)
+        ("culprit", "f8", "-"),  # index into CULPRITS: of what is declared, what has been so longest
+        ("alarm_elevator", "f8", "-"),  # 1 while this part is declared, whatever else is
+        ("alarm_n_z", "f8", "-"),
+        ("alarm_alpha", "f8", "-"),
+        ("valid", "f8", "-"),  # 1 while settled, inside a box and all inputs usable
+        ("why", "f8", "-"),  # code of fdi.common.why, 0 while valid
+        ("box", "f8", "-"),  # which of the boxes
         ("f_hat_elevator", "f8", "rad"),  # mean of the four segments, trailing edge down +
         ("f_hat_n_z", "f8", "g"),  # with the feedthrough correction
         ("f_hat_n_z_raw", "f8", "g"),  # as printed
         ("f_hat_alpha", "f8", "rad"),
         ("f_sigma", "f8", "rad"),  # one sigma of f_hat_elevator from the noise of q
         ("alpha_hat", "f8", "rad"),  # estimate of the unmeasured state
-        ("free_elevator", "f8", "rad"),  # f_hat_elevator less what a gust of f_hat_alpha would do
-        ("free_n_z", "f8", "g"),  # f_hat_n_z likewise
+        ("gust_hat", "f8", "rad"),  # angle of the gust that was taken out
         ("e_norm", "f8", "deg, m, m/s, deg/s"),  # |e_y|, paper's units
         ("nu_norm", "f8", "-"),  # |nu| / K
         ("e", "f8", (P,)),  # e_y
@@ -159,17 +184,24 @@ STATE = dtype(
         ("z", "f8", (2,)),  # z_f
         ("w", "f8"),  # x_hat_1 + L x_hat_2
         ("f", "f8", (3,)),  # lagged W nu / E: deg, g, deg
+        ("free", "f8", (3,)),  # the same without gusts, through the lag tau_g
         ("d", "f8", (N,)),  # what bank adds to x'
-        ("k_e", "f8", "-"),  # elevator and n_z estimates per angle of gust [-], [g/rad]
-        ("k_n", "f8", "g/rad"),
-        ("slow", "f8", (3,)),  # slow means of f_hat_elevator, f_hat_n_z, f_hat_alpha
+        ("ground", "f8", "deg"),  # model of alpha_ground, its rate without the gust, what of it is missing
+        ("rate", "f8", "deg/s"),
+        ("xi", "f8", "deg/s"),
+        ("push", "f8", "m/s2"),  # acceleration along the path that the model does not know of, through the lag
+        ("wind", "f8", "m/s"),  # airspeed less ground speed, through the lag, less what it was at the start
+        ("wind_0", "f8", "m/s"),
+        ("slip", "f8", "deg"),  # alpha_hat less alpha_ground, through the lag
         ("learned", "f8", "-"),  # 1 when the offset holds
         ("n_learn", "f8", "-"),
-        ("sums", "f8", (2,)),  # running means of the offset: deg, g
-        ("offset", "f8", (2,)),
-        ("away", "f8", "rad"),  # alpha_hat - alpha_eq through a lag of tau_f
+        ("sums", "f8", (3,)),  # running means of the offset: deg, g, deg
+        ("offset", "f8", (3,)),
+        ("path", "f8", "rad"),  # alpha_hat through a lag of tau_f
+        ("alpha_0", "f8", "rad"),  # its mean while offsets were learned, which hold there
+        ("away", "f8", "rad"),  # path less alpha_eq
         ("calm", "f8", "s"),  # time since it was beyond away_max
-        ("gust", "f8", "rad"),  # rms of gusts
+        ("gust", "f8", "rad2"),  # mean square of gusts
         ("rho", "f8", (R,)),  # t, %, kt, -
         ("line", "f8", (DELAY, M), "deg"),  # commands of the last ticks
         ("head", "f8", "-"),
@@ -178,8 +210,8 @@ STATE = dtype(
         ("u_s", "f8", "deg"),  # stabiliser
         ("v_s", "f8", "m/s"),  # smoothed V
         ("age", "f8", "s"),  # time since the (re)start; 0: not started
-        ("timer", "f8", (3,), "s"),  # confirmation
-        ("on", "f8", (3,), "-"),  # declared: elevator, n_z, alpha
+        ("timer", "f8", (3,), "s"),  # confirmation: elevator, n_z, alpha
+        ("held", "f8", (3,), "s"),  # for how long each has been declared
         ("sign", "f8"),  # of the last threshold crossing of f_hat_elevator
         ("half", "f8"),  # alternating crossings, each within a second of the one before
         ("since", "f8", "s"),  # time since the last of them
@@ -191,8 +223,9 @@ STATE = dtype(
     ]
 )
 OUTPUTS = (
-    "r", "alarm", "verdict", "culprit", "valid", "f_hat_elevator", "f_hat_n_z", "f_hat_n_z_raw", "f_hat_alpha",
-    "f_sigma", "alpha_hat", "free_elevator", "free_n_z", "e_norm", "nu_norm",
+    "r", "alarm", "verdict", "culprit", "alarm_elevator", "alarm_n_z", "alarm_alpha", "valid", "why", "box",
+    "f_hat_elevator", "f_hat_n_z", "f_hat_n_z_raw", "f_hat_alpha", "f_sigma", "alpha_hat", "gust_hat", "e_norm",
+    "nu_norm",
 )
 DETECTOR = Detector(
     id="lpv_smo",
@@ -200,8 +233,9 @@ DETECTOR = Detector(
     summary="LPV sliding-mode observer: elevator, load-factor and angle-of-attack faults [Alwi14]",
     inputs={
         **dict.fromkeys(("de_lo", "de_li", "de_ri", "de_ro"), "de_cmd"),  # a measured surface would hide its fault
-        **{"stab": "stab_cmd", "h": "h_inertial", "V": "tas"},
-        **{w: w for w in ("theta", "q", "n_z", "alpha", "mass", "cg", "cas", "mach", "phi", "p", "r")},
+        **{"stab": "stab_cmd", "h": "h_inertial", "V": "v_ground"},
+        **{w: w for w in ("alpha_ground", "tas", "theta", "q", "n_z", "alpha", "mass", "cg", "cas", "mach")},
+        **{w: w for w in ("phi", "p", "r")},
     },
     group="airframe motion",
     designed_for={  # [Alwi14]: steps of elevator, n_z and alpha
@@ -213,8 +247,8 @@ DETECTOR = Detector(
         **dict.fromkeys(("*.ofc_solid", "*.ofc_solid@*"), ("ofc_liquid", "ambiguous")),
         **dict.fromkeys((
             "*.jam*", "*.loss_of_effectiveness*", "*.free_float", "*.supply_pressure_drop", "*.rod", "*.position",
-            "*.velocity", "stabiliser", "engine", "sensor.q", "sensor.theta", "sensor.tas", "sensor.cas",
-            "sensor.mach", "sensor.h_inertial", "sensor.mass", "sensor.cg",
+            "*.velocity", "stabiliser", "engine", "sensor.q", "sensor.theta", "sensor.v_ground", "sensor.alpha_ground",
+            "sensor.cas", "sensor.mach", "sensor.h_inertial", "sensor.mass", "sensor.cg",
         ), ("ambiguous",)),
     },
     blind="estimates elevator, load-factor and angle-of-attack faults from longitudinal motion: nothing "
@@ -224,53 +258,77 @@ DETECTOR = Detector(
         Estimate("alpha", "f_hat_alpha", "rad"),
     ),
     looks_back={"delay": "line"},
+    sizes={"n_box": 1.0},
     places={"head": ("line", 0)},
     fit=lambda site: fitted(site),
 )  # fmt: skip
 
 
-def params(which="flight", *, model=None, made=None, K=30.0, delta=1e-4, tau_f=0.2, tau_v=0.2, tau_rho=0.5,
-           omega_a=0.0, delay=0, bank=True, inertia=(0.0, 0.0), sigma_q=0.02 * DEG,
-           t_settle=2.0, t_learn=0.0):  # fmt: skip
-    """Return PARAMS of an `LpvModel` and its `Design`, by default the stored ones of this aircraft.
+def params(
+    which="flight", *, model=None, made=None, designs=None, K=30.0, delta=1e-4, tau_f=0.2, tau_g=0.1, tau_v=0.2,
+    tau_rho=0.5, omega_a=0.0, delay=0, bank=True, gust=False, inertia=(0.0, 0.0), adot=0.0, thrust=0.0,
+    sigma_q=0.02 * DEG, t_settle=2.0, t_learn=0.0,
+):  # fmt: skip
+    """Return PARAMS of an `LpvModel` and its `Design`, by default the paper's box, stored for this aircraft.
 
-    States, inputs and outputs must be those of [Alwi14] (33), (37): alpha, Z, theta, V, q; elevator, stabiliser;
-    Z, theta, V, q, n_z, alpha, in deg, m, m/s, g. Fewer than four scheduling parameters leave the last ones unused.
-    Raises ValueError for another shape.
+    `designs`, a list of (model, design), gives several boxes instead: the one that holds rho is used. States, inputs
+    and outputs must be those of [Alwi14] (33), (37): alpha, Z, theta, V, q; elevator, stabiliser; Z, theta, V, q, n_z,
+    alpha, in deg, m, m/s, g. Fewer than four scheduling parameters leave the last ones unused. `gust` asks for the
+    angle of attack over the ground as an input. Raises ValueError for another shape, or too many boxes.
     """
-    if model is None:
-        model, made = load()
+    if designs is None:
+        designs = [load() if model is None else (model, made)]
+    if not 0 < len(designs) <= NB:
+        raise ValueError(f"{len(designs)} boxes; from 1 to {NB} fit")
+    p = record(
+        PARAMS, K=K, delta=delta, tau_f=tau_f, tau_g=tau_g, tau_v=tau_v, tau_rho=tau_rho, omega_a=omega_a, delay=delay,
+        sigma_q=sigma_q, t_settle=t_settle, t_learn=t_learn, gust=float(gust), inertia=inertia, adot=adot,
+        thrust=thrust, bank=float(bank),
+        n_box=len(designs), **thresholds("lpv_smo", which),
+    )  # fmt: skip
+    for k, (one, its) in enumerate(designs):
+        for name, value in _box(one, its).items():
+            p[name][0, k] = value
+    nr = len(designs[0][0].A) - 1
+    own = powers(nr)
+    p["powers"][0] = np.pad(own, ((0, T - len(own)), (0, R - nr)))
+    return p
+
+
+def _box(model, made):
+    """Return the fields of one box."""
     nr = len(model.A) - 1
     if made.A.shape[1:] != (N, N) or made.B.shape[1:] != (N, M) or made.W.shape != (3, P) or nr > R:
         raise ValueError(f"the block observes 5 states, 6 outputs, 2 inputs, 1 + 2 faults; got A {made.A.shape}")
     n, m = model.B.shape[1:]
     x_eq, u_eq, y_eq = np.split(np.asarray(model.trim, float), [n, n + m])
     eq = np.vstack([made.x_from @ np.vstack([x_eq, y_eq[-2:]]), u_eq])
-    own = powers(nr)
-    fields = {
+    return {
         "A": _pad(made.A), "B": _pad(made.B), "E": _pad(made.E)[:, 0, 0], "D51": _pad(made.D2)[:, 0, made.actuator[0]],
         "mix": made.y_from, "L": made.L[0], "W": made.W, "a22": made.A22s, "a_f": made.A_f,
         "low": np.r_[model.box[:, 0], np.zeros(R - nr)], "high": np.r_[model.box[:, 1], np.ones(R - nr)],
-        "eq": np.hstack([eq, np.zeros((N + M, T - len(own)))]),
-        "to_x": made.x_from[:, :5], "inertia": inertia, "bank": float(bank),
-        "powers": np.pad(own, ((0, T - len(own)), (0, R - nr))),
+        "eq": np.hstack([eq, np.zeros((N + M, T - eq.shape[1]))]), "to_x": made.x_from[:, :5],
     }  # fmt: skip
-    return record(
-        PARAMS, K=K, delta=delta, tau_f=tau_f, tau_v=tau_v, tau_rho=tau_rho, omega_a=omega_a, delay=delay,
-        sigma_q=sigma_q, t_settle=t_settle, t_learn=t_learn, **fields, **thresholds("lpv_smo", which),
-    )  # fmt: skip
 
 
 def _pad(stack):
     return np.concatenate([stack, np.zeros((R + 1 - len(stack), *stack.shape[1:]))])
 
 
-def fitted(site):
-    """Return PARAMS for a loop: commands as late as q is, through a lag as slow as its servos."""
+def fitted(site, paper=False):
+    """Return PARAMS for a loop: commands as late as q is, through a lag as slow as its servos; all boxes, gusts taken
+    out. With `paper` the paper's own box and observer.
+    """
     about = site.aircraft()
-    xx, yy, zz, xz = about.model.gyration2
-    inertia = ((zz - xx) / yy, xz / yy)
-    return params(delay=site.ticks("q"), omega_a=1.0 / about.delays[0], inertia=inertia, t_learn=LEARN)
+    model = about.model
+    xx, yy, zz, xz = model.gyration2
+    (tx, _, tz), (rx, _, rz) = model.thrust_axis, np.mean(model.engine, axis=0)
+    return params(
+        designs=None if paper else load_boxes(), gust=not paper, t_learn=LEARN,
+        delay=site.ticks("q"), omega_a=1.0 / about.delays[0],
+        inertia=((zz - xx) / yy, xz / yy), adot=0.0 if paper else ADOT,
+        thrust=(rz * tx - rx * tz) / tx / yy / DEG,
+    )  # fmt: skip
 
 
 def init(p):
@@ -279,98 +337,99 @@ def init(p):
 
 
 @kernel
-def _scores(x, p):
-    """Return how far each fault is beyond its threshold: elevator, n_z, alpha.
-
-    Gusts move the three estimates along one line, so faults are judged by what is left across it, (a, b): an elevator
-    fault leaves (f, 0), n_z (0, f), alpha (-k_e f, -k_n f). What no single fault explains counts for elevator and n_z.
-    """
-    away = math.fabs(x.away)
-    more_a, more_b = p.s_elevator * away + p.g_elevator * x.gust, p.s_n_z * away + p.g_n_z * x.gust
-    more_c = p.s_alpha * away + p.g_alpha * x.gust
-    t_a, t_b = p.t_elevator + more_a, p.t_n_z + more_b
-    a, b = x.free_elevator, x.free_n_z
-    u, v = x.k_e / t_a, x.k_n / t_b
-    f = -(a / t_a * u + b / t_b * v) / max(u * u + v * v, 1e-12)
-    left_a, left_b = math.fabs(a + x.k_e * f) / t_a, math.fabs(b + x.k_n * f) / t_b
-    size_a, size_b = math.fabs(a) / t_a, math.fabs(b) / t_b
-    elevator = min(size_a, math.fabs(x.f_hat_elevator) / t_a)
-    n_z = min(size_b, math.fabs(x.f_hat_n_z) / t_b)
-    alpha = min(math.fabs(f), math.fabs(x.f_hat_alpha)) / (p.t_alpha + more_c)
-    if max(left_a, left_b) >= 1.0 or max(size_a, size_b) < 1.0:
-        alpha = 0.0
-    elif elevator < 1.0 or size_b >= 1.0:  # alpha alone explains both
-        elevator, n_z = min(elevator, 0.99), min(n_z, 0.99)
-    if size_b < 1.0 and elevator >= 1.0 and alpha >= 1.0:  # either would do: the elevator moves one estimate only
-        alpha = 0.99
-    return (
-        max(elevator, math.fabs(x.slow[0]) / (p.w_elevator + more_a)),
-        max(n_z, math.fabs(x.slow[1]) / (p.w_n_z + more_b)),
-        max(alpha, math.fabs(x.slow[2]) / (p.w_alpha + more_c)),
-    )
+def _declare(x, p, i, f, most, dt):
+    """Confirm estimate f of fault i against `most`; return how far it is beyond, and whether it is declared."""
+    score = math.fabs(f) / most
+    beyond = score >= 1.0
+    if i == 0:
+        if beyond and f * x.sign <= 0.0:
+            x.half = x.half + 1.0 if x.since < 1.0 else 1.0
+            x.sign, x.since = math.copysign(1.0, f), 0.0
+        # an oscillation is beyond its threshold for less than the confirmation time at once: it counts half periods
+        beyond = beyond or (x.half >= 3.0 and x.since < 1.0)
+    on = 1.0 if x.held[i] > 0.0 else 0.0
+    x.timer[i], on = confirm(x.timer[i], on, beyond, dt, p.t_confirm, p.t_release)
+    x.held[i] = x.held[i] + dt if on > 0.5 else 0.0
+    return score, on
 
 
 @kernel
 def _decide(x, p, dt):
-    """Confirm each fault against its threshold; name the largest that is declared, another only when clearly larger."""
-    c = 1.0 - math.exp(-dt / p.tau_slow)
-    x.slow[0] += c * (x.f_hat_elevator - x.slow[0])
-    x.slow[1] += c * (x.f_hat_n_z - x.slow[1])
-    x.slow[2] += c * (x.f_hat_alpha - x.slow[2])
-    # the rms grows by clipped steps, so that a fault's own step does not pass for weather
-    swing = min(math.fabs(x.f_hat_alpha - x.slow[2]), 2.5 * x.gust + 0.15 * DEG)
-    x.gust = math.sqrt(x.gust * x.gust + (1.0 - math.exp(-dt / p.tau_gust)) * (swing * swing - x.gust * x.gust))
-    scores = _scores(x, p)
-    named, largest = int(x.culprit) - 1, 0.0
-    x.alarm, x.culprit, x.verdict = 0.0, 0.0, NONE
-    x.r = max(scores[0], max(scores[1], scores[2]))
+    """Declare each fault by its own estimate; of those declared the summary names the one that has been so longest."""
+    away = math.fabs(x.path - x.alpha_0 if x.learned > 0.5 else x.away)
+    # gust_hat is none of the three estimates, so that no fault of a sensor passes for weather
+    x.gust += (1.0 - math.exp(-dt / p.tau_gust)) * (x.gust_hat * x.gust_hat - x.gust)
+    gust = math.sqrt(x.gust)
     x.since += dt
+    a, x.alarm_elevator = _declare(x, p, 0, x.f_hat_elevator, p.t_elevator + p.s_elevator * away + p.g_elevator * gust,
+                                   dt)  # fmt: skip
+    b, x.alarm_n_z = _declare(x, p, 1, x.f_hat_n_z, p.t_n_z + p.s_n_z * away + p.g_n_z * gust, dt)
+    c, x.alarm_alpha = _declare(x, p, 2, x.f_hat_alpha, p.t_alpha + p.s_alpha * away + p.g_alpha * gust, dt)
+    x.r = max(a, max(b, c))
+    x.culprit, longest = 0.0, 0.0
     for i in range(3):
-        beyond = scores[i] >= 1.0
-        if i == 0 and beyond and x.free_elevator * x.sign <= 0.0:
-            x.half = x.half + 1.0 if x.since < 1.0 else 1.0
-            x.sign, x.since = math.copysign(1.0, x.free_elevator), 0.0
-        # an oscillation is beyond its threshold for less than the confirmation time at once: it counts half periods
-        beyond = beyond or (i == 0 and x.half >= 3.0 and x.since < 1.0)
-        x.timer[i], x.on[i] = confirm(x.timer[i], x.on[i], beyond, dt, p.t_confirm, p.t_release)
-        if x.on[i] > 0.5:
-            x.alarm = 1.0
-            score = scores[i] * (CLEARLY if i == named else 1.0)
-            if score > largest:
-                largest, x.culprit = score, i + 1.0
+        if x.held[i] > longest:
+            longest, x.culprit = x.held[i], i + 1.0
+    x.alarm = 1.0 if longest > 0.0 else 0.0
     if x.culprit > 1.5:
         x.verdict = SENSOR
     elif x.culprit > 0.5:
         x.verdict = OFC_LIQUID if x.half >= 3.0 and x.since < 1.0 else AMBIGUOUS
+    else:
+        x.verdict = NONE
+
+
+@kernel
+def _silent(x, why):
+    """Say nothing but why."""
+    x.valid, x.why = 0.0, why
+    x.r, x.alarm, x.verdict, x.culprit = 0.0, 0.0, NONE, 0.0
+    x.alarm_elevator, x.alarm_n_z, x.alarm_alpha = 0.0, 0.0, 0.0
+    for i in range(3):
+        x.held[i], x.timer[i] = 0.0, 0.0
 
 
 @kernel
 def step(x, u, p, dt):
     """Advance the observer, reconstruct the three faults, decide."""
     good = usable(u.h, u.h_valid) * usable(u.theta, u.theta_valid) * usable(u.V, u.V_valid) * usable(u.q, u.q_valid)
+    if p.gust > 0.5:
+        good *= usable(u.alpha_ground, u.alpha_ground_valid)
     if x.age == 0.0:  # the first tick needs all of them; later n_z and alpha may drop out
         good *= usable(u.n_z, u.n_z_valid) * usable(u.alpha, u.alpha_valid)
     if good < 0.5:  # without a fault-free output there is no e_y: keep the estimates, start again when it is back
-        x.valid = 0.0
         x.age = 0.0
+        _silent(x, LOST_SENSOR)
         return
-    inside = inputs(x, u, p, dt)
+    why = inputs(x, u, p, dt)
     outputs(x, u, p, dt)
     bank(x, u, p)
     observe(x, p, dt)
+    if p.gust > 0.5:
+        gust(x, u, p, dt)
     if x.age == 0.0:
-        x.gust, x.away, x.calm = max(x.gust, p.gust_0), 0.0, 0.0
+        x.wind_0 = u.tas - x.v_s if usable(u.tas, u.tas_valid) > 0.5 else 0.0
+        x.gust, x.path, x.calm = max(x.gust, p.gust_0 * p.gust_0), x.alpha_hat, 0.0
     x.age += dt
-    x.away += (1.0 - math.exp(-dt / p.tau_f)) * (x.alpha_hat - x.eq[0] * DEG - x.away)
+    x.path += (1.0 - math.exp(-dt / p.tau_f)) * (x.alpha_hat - x.path)
+    x.away = x.path - x.eq[0] * DEG
     reconstruct(x, u, p, dt)
-    both = usable(u.n_z, u.n_z_valid) * usable(u.alpha, u.alpha_valid)
-    x.calm = x.calm + dt if math.fabs(x.away) <= p.away_max else 0.0
-    ready = x.age > p.t_settle and (x.learned > 0.5 or p.t_learn <= 0.0)
-    x.valid = inside * both if ready and x.calm >= min(x.age, p.t_recover) - 0.5 * dt else 0.0
-    if x.valid > 0.5:
+    linear = math.fabs(x.away) <= p.away_max and x.path <= p.alpha_max and -x.A[0, 0] >= p.lift_min
+    x.calm = x.calm + dt if linear else 0.0
+    if why == VALID:
+        if usable(u.n_z, u.n_z_valid) * usable(u.alpha, u.alpha_valid) < 0.5:
+            why = LOST_SENSOR
+        elif x.age <= p.t_settle or (x.learned < 0.5 and p.t_learn > 0.0):
+            why = NOT_READY
+        elif x.calm < min(x.age, p.t_recover) - 0.5 * dt:
+            why = BOX_ALPHA
+        elif p.bank_max > 0.0 and math.fabs(u.phi) > p.bank_max and usable(u.phi, u.phi_valid) > 0.5:
+            why = BANK
+    if why == VALID:
+        x.valid, x.why = 1.0, VALID
         _decide(x, p, dt)
     else:
-        x.r, x.alarm, x.verdict, x.culprit = 0.0, 0.0, NONE, 0.0
+        _silent(x, why)
 
 
 rollout = entry(step, STATE, INPUTS, PARAMS)

@@ -222,17 +222,18 @@ def load(path=None):
     if not source.is_file():
         raise FileNotFoundError("no stored LPV design; make it with: cosim design")
     held = json.loads(source.read_text(encoding="utf-8"))
-    model = LpvModel(**{k: _array(v) for k, v in held["model"].items()})
+    model = LpvModel(**{k: array(v) for k, v in held["model"].items()})
     if digest(model) != held["model_sha256"]:
         raise ValueError("the stored LPV design does not belong to the model beside it; mend: cosim design")
-    return model, Design(**{k: _array(v) for k, v in held["design"].items()})
+    return model, Design(**{k: array(v) for k, v in held["design"].items()})
 
 
 def _plain(value):
     return value.tolist() if isinstance(value, np.ndarray) else value
 
 
-def _array(value):
+def array(value):
+    """Return lists of numbers as arrays, of words as tuples, anything else as it is: a Design's fields from JSON."""
     if isinstance(value, list):
         return tuple(value) if value and isinstance(value[0], str) else np.array(value)
     return value

@@ -126,6 +126,9 @@ TRANSPORT = {
     "h_baro": ("h", 0.7, _AIR, "m"),
     "h_inertial": ("h", 0.02, _REST, "m"),
     "hdot": ("hdot", 0.05, _REST, "m/s"),  # inertial vertical speed
+    # inertial too [Alwi14] tables 2, 3: 0.05 m/s on the velocity, with 0.02 deg of attitude 0.025 deg at 180 m/s
+    "alpha_ground": ("alpha_ground", 0.025 * DEG, _REST, "rad"),
+    "v_ground": ("v_ground", 0.05, _REST, "m/s"),
     "p": ("p", 0.02 * DEG, _REST, "rad/s"),  # the three gyros are alike
     "q": ("q", 0.02 * DEG, _REST, "rad/s"),
     "r": ("r", 0.02 * DEG, _REST, "rad/s"),

@@ -4,6 +4,7 @@ Segments and engines are the aircraft's (cosim/scenario/aircraft.py); everything
 """
 
 import functools
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,8 +58,14 @@ _REST = (
     ("wind_n", "atmosphere/total-wind-north-fps", FT, "m/s"),  # wind with turbulence
     ("wind_e", "atmosphere/total-wind-east-fps", FT, "m/s"),
     ("wind_d", "atmosphere/total-wind-down-fps", FT, "m/s"),
+    ("alpha_ground", "velocities/w-fps", FT, "rad"),  # atan2(w, u) of the velocity over the ground, by `to_si`
+    ("v_ground", "velocities/u-fps", FT, "m/s"),  # its size
 )
 _NX, _MASS, _CG = (next(i for i, s in enumerate(_MOTION) if s[0] == name) for name in ("nx", "mass", "cg"))
+# places from the end, which is the same for every aircraft
+_U, _AG, _VG = (
+    next(i for i, s in enumerate(_REST) if s[0] == name) - len(_REST) for name in ("u", "alpha_ground", "v_ground")
+)
 
 
 @dataclass(frozen=True)
@@ -131,3 +138,6 @@ def to_si(raw, scale, out, reference, station, chord):
     for i in range(_NX, _NX + 3):
         out[i] = out[i] * 4.4482216152605 / weight
     out[_CG] = reference + (out[_CG] - station) / chord
+    u, v, w = out[_U], out[_U + 1], out[_U + 2]
+    out[_AG] = math.atan2(w, u)
+    out[_VG] = math.sqrt(u * u + v * v + w * w)

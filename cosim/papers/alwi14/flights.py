@@ -44,6 +44,6 @@ def fly_point(point, faults, path, draw, noise):
 def nonlinear(point, faults, path="observers", draw=None, noise=1.0, t_learn=0.0):
     """Return (flight, detector log), the detector without learned offset unless `t_learn` says so."""
     flown = fly_point(point, faults, path, draw, noise)
-    p = lpv_smo.fitted(site(flown.attrs["dt"]))
+    p = lpv_smo.fitted(site(flown.attrs["dt"]), paper=True)
     p["t_learn"] = t_learn
     return flown, detect(flown, lpv_smo, sources("lpv_smo"), p)

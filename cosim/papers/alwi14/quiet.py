@@ -164,7 +164,7 @@ def _own_model(point):
 def _own_worst(point):
     """Return the largest fault-free elevator estimate [deg] with the point's own linear model in the observer."""
     flown = _quiet_flight(point)
-    p = lpv_smo.fitted(site(flown.attrs["dt"]))
+    p = lpv_smo.fitted(site(flown.attrs["dt"]), paper=True)
     model, made = _own_model(point)
     own = lpv_smo.params(model=model, made=made)
     for key in ("A", "B", "E", "D51", "eq"):
