@@ -40,7 +40,8 @@ def load(path=None):
         raise FileNotFoundError("no stored boxes of the LPV design; make them with: cosim design")
     out = []
     for one in json.loads(source.read_text(encoding="utf-8"))["boxes"]:
-        model = LpvModel(*(np.array(one["model"][k]) for k in MODEL))
+        A, B, C, D, box, trim = (np.array(one["model"][k]) for k in MODEL)
+        model = LpvModel(A, B, C, D, box, trim)
         if digest(model) != one["model_sha256"]:
             raise ValueError("a stored box of the LPV design does not belong to its model; mend: cosim design")
         out.append((model, Design(**{k: array(v) for k, v in one["design"].items()})))
