@@ -54,13 +54,26 @@ def _about(i, case, lanes):
             )
     else:
         text = "Nobody noticed"
-    silent = [name for name in made if name not in seen]
+    away = {name: why for name in made if name not in seen and (why := _away(i, lanes, name)) is not None}
+    silent = [name for name in made if name not in seen and name not in away]
+    if away:
+        text += "; " + listed(f"{name} could not judge ({why})" for name, why in away.items())
     if silent:
         verb = "is" if len(silent) == 1 else "are"
         text += f"; {listed(silent)} {verb} made for this and stayed silent: {_why([_peak(lanes, n) for n in silent])}"
-    elif not made:
+    if not made:
         text += "; no detector in this flight is made for this fault"
     return text + "."
+
+
+def _away(i, lanes, name):
+    """Return why detector `name` could not judge fault `i`, in words; None where one of its lanes could."""
+    mine = [e for d in lanes if d["id"] == name and d.get("concerned", True) for e in d.get("by_fault") or [d]]
+    mine = [e for e in mine if e.get("fault", i) == i]
+    if not mine or any(e.get("able", True) for e in mine):
+        return None
+    why = next((e["why_not_valid"] for e in mine if e.get("why_not_valid")), None)
+    return f"not valid: {why}" if why else "not valid"
 
 
 def _said(name, case, entry):

@@ -113,16 +113,21 @@ def _detectors(rows):
         return Text("no detector ran", style="dim")
     several = any(len(r.get("by_fault", ())) > 1 for r in shown)  # a row for each that a lane could notice
     own = ["fault>"] if several else []
-    t = table("", "detector", "watches", *own, "at s>", "delay s>", "periods>", "isolated", "false>", "µs>")
+    t = table("", "detector", "watches", *own, "at s>", "delay s>", "periods>", "right s>", "isolated", "false>", "µs>")
     for r in [lane | part for lane in shown for part in lane.get("by_fault") or [{}]]:
         late = None if r["detection_delay_s"] is None else r["detection_delay_periods"]
         false = Text(str(r["false_alarms"]), style="red" if r["false_alarms"] else "dim")
-        times = (number(r["detected_at_s"]), number(r["detection_delay_s"]), number(late, 1))
+        delays = (number(r["detection_delay_s"]), number(late, 1), number(r.get("time_to_right_s")))
+        times = (number(r["detected_at_s"]), *delays)
         style = "" if r["alarm"] else "dim"
         which = [NOTHING if r["fault"] is None else str(r["fault"])] if several else []
         t.add_row(r["id"], _short(r["target"]), *which, *times, _isolated(r), false, number(r["step_us"]), style=style)
-    t.caption, t.caption_justify = "false: false alarms; µs: time per step and lane", "left"
+    t.caption = "right: until the first right name; false: false alarms; µs: time per step and lane"
+    t.caption_justify = "left"
     below = [Text(f"{quiet} lane{'s' * (quiet != 1)} of healthy parts stayed quiet", style="dim")] if quiet else []
+    for r in shown:
+        if r.get("standing_s"):
+            below.append(Text(f"{r['id']} {_short(r['target'])}: {r['standing_s']:.1f} s of alarm without a fault"))
     for name in dict.fromkeys(r["id"] for r in shown if r["false_alarms"]):
         if said := remark(name):
             below.append(Text(f"{name}: {said}", style="dim"))
@@ -137,9 +142,17 @@ def _isolated(row):
     """Return the verdict; its target only where that says more than the lane that gave it."""
     found = row["isolated"]
     if not found:
-        return NOTHING
+        return _silence(row)
     more = found["target"].removeprefix(row["target"]).strip(".")
     return f"{found['class']} {_short(more)}".strip()
+
+
+def _silence(row):
+    """Return what stands where no verdict does: that it could not judge and why, or that the fault never showed."""
+    if not row.get("able", True):
+        why = row.get("why_not_valid")
+        return f"not valid{f': {why}' if why else ''}"
+    return "not excited" if row.get("not_excited") else NOTHING
 
 
 def _footer(found):

@@ -177,7 +177,7 @@ KEY = (
     ("c-none", "", "blind by structure, and quiet"),
     ("c-bonus", "!", "alarm though blind: not of the fault itself"),
     ("c-bonus", "~", "alarm that the manoeuvre raises without a fault as well"),
-    ("c-quiet", "–", "never judged"),
+    ("c-quiet", "–", "not valid: it could not judge"),
 )
 
 

@@ -63,9 +63,13 @@ def metrics(flown):
         "to this fault",
         "delay, s>",
         "periods>",
-        "said",
+        "right name, s>",
+        "first said",
+        "last said",
         "judged",
+        "valid>",
         "false>",
+        "standing, s>",
         "|r| before>",
         "after>",
         "RMSE>",
@@ -82,9 +86,13 @@ def metrics(flown):
             word,
             number(e["detection_delay_s"]),
             number(e["detection_delay_periods"], 2),
+            number(e["time_to_right_s"]),
+            e["first_verdict"]["class"] if e["first_verdict"] else "–",
             verdict(e) if e["isolated"] else "–",
-            mark(JUDGED[how], MARKS.get(how, "")) if how else "healthy part",
+            _judged(e, how),
+            f"{e['valid_share']:.0%}",
             mark(e["false_alarms"], "bad" if e["false_alarms"] else ""),
+            number(e["standing_s"]) if e["standing_s"] else "",
             number(e["r_max_before"]),
             number(e["r_max_after"]),
             *estimate(e),
@@ -94,10 +102,20 @@ def metrics(flown):
         "Delays count from the onset of the fault; an alarm counts for the latest one that the lane could notice. |r|: "
         "largest statistic before and after the first fault; 1 is the threshold, "
         "before confirmation. RMSE and bias: of the estimate against what was injected, after settling. What a "
-        "detector is designed for stands in "
-        "the detectors' records in fdi/; “cannot judge” means that its own validity flag was down when the fault began."
+        "detector is designed for stands in the detectors' records in fdi/; “not valid” means that it missed, and that "
+        "its own validity flag was down for most of the fault; valid: share of the flight "
+        "from 8 s on. Standing: alarm seconds without a fault."
     )
     return Table(columns, rows, note, "wide")
+
+
+def _judged(e, how):
+    """Return what came of an entry, in words: of one that could not judge, why."""
+    if how is None:
+        return "healthy part"
+    why = f": {e['why_not_valid']}" if how == "idle" and e["why_not_valid"] else ""
+    excited = "not excited, " if e["not_excited"] else ""
+    return mark(f"{excited}{JUDGED[how]}{why}", MARKS.get(how, ""))
 
 
 def number(x, digits=3):

@@ -37,7 +37,7 @@ def maps(rows, thresholds=None):
         if i + columns > len(names):
             figure.layout[axis("xaxis", i)]["title"]["text"] = "Hz"
         if own["idle"].all():
-            note(figure.layout, i, "never judged")
+            note(figure.layout, i, "not valid in any of these")
         (_cells if len(own) >= MANY else _points)(figure, i, own, seen.astype(bool))
     figure.layout["legend"]["y"] = 1.04
     return figure

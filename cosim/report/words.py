@@ -39,8 +39,9 @@ def fault(f):
 def delay(entry):
     """Return when a lane noticed, in words."""
     said = f"after {entry['detection_delay_s']:.2f} s"
-    periods = entry["detection_delay_periods"]
-    return said + (f" ({periods:.1f} periods)" if periods is not None and periods == periods else "")
+    periods, right = entry["detection_delay_periods"], entry["time_to_right_s"]
+    said += f" ({periods:.1f} periods)" if periods is not None and periods == periods else ""
+    return said + (f", with the right name after {right:.2f} s" if right is not None else "")
 
 
 def verdict(entry):
@@ -75,7 +76,7 @@ def came_of_it(flown, lane, entry):
 
 MARKS = {"named": "good", "misnamed": "bad", "missed": "bad"}
 JUDGED = {
-    "idle": "cannot judge",
+    "idle": "not valid",
     "named": "right",
     "ambiguous": "seen, not named",
     "misnamed": "another name",
@@ -137,19 +138,25 @@ def _quiet(flown, met):
             word = coverage.expected(lane.id, case_of(flown, entry)).word
             groups.setdefault(word, []).append(lane.name + _of(flown, entry))
         if how == "idle":
-            groups.setdefault("idle", []).append(lane.name + _of(flown, entry))
+            why = f" ({entry['why_not_valid']})" if entry["why_not_valid"] else ""
+            groups.setdefault("idle", []).append(lane.name + _of(flown, entry) + why)
     order = (coverage.DESIGNED, "idle", coverage.MAY, coverage.BLIND)
     heads = {
         coverage.DESIGNED: mark("missed, though designed for it", "bad"),
         coverage.MAY: "could have seen it, did not",
         coverage.BLIND: "blind by structure",
-        "idle": "could not judge (not settled, or outside what it is made for, by its own validity flag)",
+        "idle": "not valid, so that it could not judge",
     }
     return [Markup("{}: {}").format(heads[w], ", ".join(groups[w])) for w in order if w in groups]
 
 
 def _false(flown):
-    loud = [(lane, lane.entry["false_alarms"]) for lane in flown.lanes if lane.entry["false_alarms"]]
+    loud = [(lane, lane.entry["false_alarms"]) for lane in flown.lanes
+            if lane.entry["false_alarms"] or lane.entry["standing_s"]]  # fmt: skip
     if not loud:
         return [f"no false alarm of {len(flown.lanes)} detector lanes"]
-    return [mark(lane.name, "bad") + f": {n} false alarm{'s' * (n > 1)}" for lane, n in loud]
+    return [
+        mark(lane.name, "bad") + f": {n} false alarm{'s' * (n > 1)}, {lane.entry['standing_s']:.1f} s of alarm without "
+        "a fault"
+        for lane, n in loud
+    ]
