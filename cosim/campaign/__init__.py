@@ -76,6 +76,7 @@ class CampaignResult:
     done: int  # runs with a row
     failed: int  # of these, without a flight: infeasible, error or crashed
     resumed: int  # of these, found in the folder
+    damaged: tuple[str, ...] = ()  # files of the folder that were no more whole: their runs were flown again
 
     def to_dict(self):
         """Return the JSON of `cosim campaign`."""
@@ -113,7 +114,7 @@ def run_many(
     parquet = store.consolidate(frame)
     by_run = frame.drop_duplicates("run")
     failed = int(by_run["status"].isin(("infeasible", "error", "crashed")).sum())
-    return CampaignResult(frame, store.timing(), parquet, len(by_run), failed, resumed)
+    return CampaignResult(frame, store.timing(), parquet, len(by_run), failed, resumed, tuple(store.damaged))
 
 
 def _runs(scenarios, labels):

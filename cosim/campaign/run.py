@@ -9,7 +9,6 @@ On several machines every worker needs the same version of this package and of i
 when the code is. Rows go through the machine that flies the campaign; nothing is written by a worker.
 """
 
-import json
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -17,7 +16,7 @@ from pathlib import Path
 
 from cosim.campaign import CampaignResult, run_many
 from cosim.campaign.spec import load_campaign
-from cosim.campaign.store import CampaignError, fingerprint, load
+from cosim.campaign.store import CampaignError, fingerprint, flown_with, load
 from cosim.campaign.worker import fly, run_id
 from cosim.errors import did_you_mean
 
@@ -110,7 +109,7 @@ def _repeats(home, run, scenario):
         return None, None
     rows, _ = fly(run, scenario, bool(stored[0]["rod_mm"] == stored[0]["rod_mm"]))
     same = len(rows) == len(stored) and all(_same(a[k], b[k]) for a, b in zip(rows, stored) for k in a)
-    return same, json.loads((home / "campaign.json").read_text(encoding="utf-8")) == fingerprint()
+    return same, flown_with(home) == fingerprint()
 
 
 def _same(a, b):

@@ -23,6 +23,7 @@ from actuators.sources import closure
 from cosim.errors import CosimError, OutputError
 from cosim.files import replace, replace_text
 from cosim.judge.consequences import NAMES as CONSEQUENCES
+from cosim.texts import from_json, read
 
 ROWS = pa.schema(
     [
@@ -120,6 +121,7 @@ class Store:
         self._rows: list[dict] = []
         self._timing: list[dict] = []
         self.finished: set[str] = set()
+        self.damaged: list[str] = []  # parts of the folder that are left out and flown again
         if self.out:
             self._open(self.out, resume)
 
@@ -132,14 +134,14 @@ class Store:
             raise OutputError(
                 f"cannot be written: {error.strerror}", place=str(out), remedy="Choose another place with -o"
             ) from None
-        found = _read(out, "rows")
+        found = _read(out, "rows", self.damaged)
         if found is not None and not resume:
             raise CampaignError(
                 f"holds {found['run'].nunique()} runs already",
                 place=str(out),
                 remedy="Add --resume, or choose another place with -o",
             )
-        if found is not None and about.is_file() and json.loads(about.read_text(encoding="utf-8")) != here:
+        if found is not None and about.is_file() and flown_with(out) != here:
             raise CampaignError(
                 "its rows were flown with other code, designs or libraries",
                 place=str(out),
@@ -182,11 +184,26 @@ class Store:
             if len(parts) > 1:
                 name = hashlib.sha256("".join(p.name for p in parts).encode()).hexdigest()[:16]
                 merged = self.out / "parts" / f"{kind}-{name}.parquet"
-                write(merged, pa.concat_tables([pq.read_table(p) for p in parts]))
-                for p in parts:
-                    if p != merged:
+                schema = ROWS if kind == "rows" else TIMING
+                tables = {p: _part(p, schema) for p in parts}
+                whole = {p: table for p, table in tables.items() if table is not None}
+                if whole:
+                    write(merged, pa.concat_tables(list(whole.values())))
+                for p, table in tables.items():
+                    if table is None:  # stays for whoever wants to look at it, and is named once
+                        p.rename(p.with_suffix(".damaged"))
+                    elif p != merged:
                         p.unlink()
         return self.out / "runs.parquet"
+
+
+def flown_with(folder: Path) -> object:
+    """Return what `campaign.json` of a folder says of the code that flew it. Raises CampaignError."""
+    about = folder / "campaign.json"
+    try:
+        return from_json(read(about, error=CampaignError), place=str(about), error=CampaignError)
+    except FileNotFoundError:
+        raise CampaignError("is missing", place=str(about), remedy="`cosim campaign --resume` writes it anew") from None
 
 
 def _joined(scenarios, found):
@@ -197,10 +214,31 @@ def _joined(scenarios, found):
     return merged.sort_values(["order", "lane", "fault"], kind="stable").reset_index(drop=True)
 
 
-def _read(out, kind):
-    """Return all parts of a kind as one frame, None without a part."""
-    parts = sorted((out / "parts").glob(f"{kind}-*.parquet"))
-    return pa.concat_tables([pq.read_table(p) for p in parts]).to_pandas() if parts else None
+def _read(out, kind, damaged=None):
+    """Return all whole parts of a kind as one frame, None without one; `damaged` takes the names of the others."""
+    whole = []
+    for path in sorted((out / "parts").glob(f"{kind}-*.parquet")):
+        table = _part(path, ROWS if kind == "rows" else TIMING)
+        if table is not None:
+            whole.append(table)
+        elif damaged is not None:
+            damaged.append(str(path))
+    return pa.concat_tables(whole).to_pandas() if whole else None
+
+
+def _part(path, schema):
+    """Return the table of a part with the columns of `schema`, null where it has none; None when it is damaged."""
+    try:
+        table = pq.read_table(path)
+        rows = table.num_rows
+        held = table.column_names
+        columns = [table[f.name].cast(f.type) if f.name in held else pa.nulls(rows, f.type) for f in schema]
+    except (pa.ArrowException, OSError, ValueError, KeyError):
+        return None
+    keys = [name for name in ("run", "status") if name in schema.names]
+    if any(name not in table.column_names or table[name].null_count for name in keys):
+        return None
+    return pa.table(columns, schema=schema)
 
 
 def _table(frame):
@@ -224,10 +262,42 @@ def load(folder: str | Path) -> tuple[pd.DataFrame, pd.DataFrame | None]:
     Raises CampaignError when the folder holds no finished run.
     """
     folder = Path(folder)
+    damaged = []
     if (folder / "runs.parquet").is_file():
-        timing = folder / "timing.parquet"
-        return pd.read_parquet(folder / "runs.parquet"), pd.read_parquet(timing) if timing.is_file() else None
-    found = _read(folder, "rows")
+        frame = _whole(folder / "runs.parquet", {"run", "order", "lane", "status", "id"})
+        if frame is not None:
+            timing = folder / "timing.parquet"
+            return frame, _whole(timing, {"run", "id"}) if timing.is_file() else None
+        damaged.append(str(folder / "runs.parquet"))
+    found = _read(folder, "rows", damaged)
     if found is None:
-        raise CampaignError("holds no run of a campaign", place=str(folder), remedy="`cosim campaign` makes one")
-    return _joined(pd.read_parquet(folder / "scenarios.parquet"), found).assign(kept=""), _read(folder, "timing")
+        named = f"; damaged: {', '.join(damaged)}" if damaged else ""
+        remedy = "`cosim campaign` makes one, --resume flies again what is lost"
+        raise CampaignError(f"holds no whole run of a campaign{named}", place=str(folder), remedy=remedy)
+    scenarios = _scenarios(folder)
+    frame = _joined(scenarios, found).assign(kept="")
+    frame.attrs["damaged"] = damaged
+    return frame, _read(folder, "timing")
+
+
+def scenario_texts(folder: str | Path) -> dict[str, str]:
+    """Return {run: TOML of its scenario} of a campaign's folder. Raises CampaignError."""
+    found = _scenarios(Path(folder))
+    return dict(zip(found["run"], found["toml"]))
+
+
+def _scenarios(folder):
+    found = _whole(folder / "scenarios.parquet", {"run", "order", "toml"})
+    if found is None:
+        remedy = "`cosim campaign --resume` writes it anew"
+        raise CampaignError("is damaged or missing", place=str(folder / "scenarios.parquet"), remedy=remedy)
+    return found
+
+
+def _whole(path, columns):
+    """Return a Parquet file as a frame, None when it cannot be read or lacks one of `columns`."""
+    try:
+        frame = pq.read_table(path).to_pandas()
+    except (pa.ArrowException, OSError, ValueError, KeyError):
+        return None
+    return frame if columns <= set(frame.columns) else None

@@ -13,6 +13,10 @@ from cosim.cli.output import JsonOption, WorkersOption, reserve
 def add(app, out, err):
     """Add the commands to the command line `app`; `out` and `err` are its consoles."""
 
+    def _left_out(damaged, what):
+        for path in damaged:
+            err.print(f"note: damaged and left out: {tables.escape(path)}; {what}", soft_wrap=True, highlight=False)
+
     @app.command()
     def campaign(
         campaign: Annotated[str, typer.Argument(metavar="CAMPAIGN", help="Built-in name or file.", show_default=False)],
@@ -71,6 +75,7 @@ def add(app, out, err):
             )
         from cosim.cli import campaign as cli_campaign
 
+        _left_out(done.damaged, "their runs were flown again")
         if json_:
             print(json.dumps({**done.to_dict(), "errors": cli_campaign.errors(done.frame)}))
         else:
@@ -138,6 +143,7 @@ def add(app, out, err):
         ) as progress:
             made = work(sources or (), workers=workers, progress=progress)
             write_comparison(made, output)
+        _left_out(made.damaged, "`cosim campaign --resume` flies their runs again")
         if readme:
             from cosim.report.compare_markdown import write
 

@@ -32,6 +32,7 @@ class Comparison:
     runs: int
     failed: int
     source: str
+    damaged: tuple[str, ...] = ()  # files of a campaign that are no more whole and were left out
     report: Path | None = None
     table: Path | None = None
 
@@ -68,8 +69,9 @@ def compare(
     rows = compare_rows.tidy(frame, tomls)
     if rows.empty:
         raise CompareError("no flight has a detector to compare", place=source)
+    damaged = tuple(frame.attrs.get("damaged", ()))
     failed = int(frame.drop_duplicates("run")["status"].isin(("infeasible", "error", "crashed")).sum())
-    return Comparison(rows, compare_stats.detectors(rows, timing), frame["run"].nunique(), failed, source)
+    return Comparison(rows, compare_stats.detectors(rows, timing), frame["run"].nunique(), failed, source, damaged)
 
 
 def read(sources, *, workers=None, progress=None):

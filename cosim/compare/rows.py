@@ -21,7 +21,6 @@ estimate_rmse, estimate_unit
 """
 
 import json
-import tomllib
 from collections.abc import Mapping
 
 import numpy as np
@@ -33,6 +32,7 @@ from cosim.judge import row as judged
 from cosim.judge.achieved import NAMES as ACHIEVED
 from cosim.judge.naming import outcome
 from cosim.scenario.catalog import DEFAULT_TECHNOLOGY, SEGMENTS
+from cosim.texts import toml
 
 FAMILIES = (
     *("liquid OFC, one segment", "liquid OFC, several", "solid OFC, one segment", "solid OFC, several"),
@@ -93,7 +93,7 @@ def echoes(rows):
 
 def _about(text):
     """Return what a row needs of the scenario."""
-    s = tomllib.loads(text)
+    s = toml(text, place="scenario")
     faults = s.get("faults", [])
     technology = {k: s.get("elevator", {}).get(k, v) for k, v in DEFAULT_TECHNOLOGY.items()}
     air, manoeuvre = s["flight"].get("turbulence", "none"), s.get("manoeuvre", {}).get("kind", "cruise")
@@ -227,11 +227,10 @@ def of_logs(paths, progress=None):
 
 def of_campaign(folder):
     """Return (rows per lane, timing, {run: TOML}) of a campaign's folder. Raises CampaignError."""
-    from cosim.campaign.store import load
+    from cosim.campaign.store import load, scenario_texts
 
     frame, timing = load(folder)
-    about = pd.read_parquet(f"{folder}/scenarios.parquet")
-    return frame, timing, dict(zip(about["run"], about["toml"]))
+    return frame, timing, scenario_texts(folder)
 
 
 def of_result(result, scenarios):

@@ -9,7 +9,7 @@ import numpy as np
 
 from cosim.errors import OutputError
 
-from . import foxglove
+from . import foxglove, gate
 from .chunk import HEAD, empty_message
 from .format import channel_metadata, schema_data, schema_name
 
@@ -47,10 +47,17 @@ class Live:
             schema = sdk.Schema(name=message, encoding="protobuf", data=data())
             self._places[topic] = sdk.Channel(topic, schema=schema, message_encoding="protobuf", context=context)
         try:
-            self._server = sdk.start_server(name=name, host=HOST, port=port, context=context)
-        except Exception as error:  # the library has no narrower one for a port that is taken
-            raise OutputError(f"cannot be served: {error}", place=f"{HOST}:{port}", remedy="Free the port") from None
-        self.url = f"ws://{HOST}:{self._server.port}"
+            inner = gate.hidden_host()
+            self._server = sdk.start_server(name=name, host=inner, port=0, context=context)
+        except Exception as error:  # the library has no narrower one
+            raise OutputError(f"cannot be served: {error}", place=inner) from None
+        try:
+            self._gate = gate.Gate(HOST, port, (inner, self._server.port))
+        except OSError as error:
+            self._server.stop()
+            said = f"cannot be served: {error.strerror}"
+            raise OutputError(said, place=f"{HOST}:{port}", remedy="Free the port, or choose another") from None
+        self.url = f"ws://{HOST}:{self._gate.port}"
         self._k, self._start = 0, 0.0
 
     def append(self, v):
@@ -76,6 +83,7 @@ class Live:
         return self
 
     def __exit__(self, *_):
+        self._gate.close()
         self._server.stop()
 
 

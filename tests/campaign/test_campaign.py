@@ -209,7 +209,7 @@ def test_rules_choose_the_worst_first_per_detector():
 
 
 def test_load_reads_a_campaign_finished_or_not(tmp_path, flown):
-    with pytest.raises(CampaignError, match="holds no run"):
+    with pytest.raises(CampaignError, match="holds no whole run"):
         load(tmp_path)
     rows, timing = load(flown[1])
     assert len(rows) == 31 and {"wall_time_s", "step_us"} <= set(timing.columns)

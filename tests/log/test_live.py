@@ -65,3 +65,27 @@ def test_a_port_in_use_and_a_missing_library_are_told(monkeypatch):
     monkeypatch.setitem(sys.modules, "foxglove", None)
     with pytest.raises(OutputError, match=r"pip install 'cosim-fdi\[live\]'"):
         Live(topics(setup), port=0)
+
+
+HELLO = (
+    "GET / HTTP/1.1\r\nHost: {host}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+    "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Protocol: foxglove.sdk.v1\r\n{origin}\r\n"
+)
+STRANGE = ("https://evil.example", "null", "", "https://app.foxglove.dev.evil.example", "http://localhost.evil.example")
+
+
+def _answer(url, origin):
+    host, port = url.removeprefix("ws://").split(":")
+    with socket.create_connection((host, int(port)), timeout=10) as client:
+        line = "".join(f"Origin: {o}\r\n" for o in origin)
+        client.sendall(HELLO.format(host=f"{host}:{port}", origin=line).encode())
+        return client.recv(4096).split(b"\r\n")[0].decode()
+
+
+def test_only_programs_and_pages_that_show_flights_may_watch():
+    setup = build(cosim.load_scenario("liquid-ofc", SHORT))
+    with Live(topics(setup), port=0) as server:
+        for origin in ([], ["https://app.foxglove.dev"], ["http://localhost:8080"]):
+            assert _answer(server.url, origin) == "HTTP/1.1 101 Switching Protocols", origin
+        for origin in (*([o] for o in STRANGE), ["https://app.foxglove.dev", "https://evil.example"]):
+            assert _answer(server.url, origin) == "HTTP/1.1 403 Forbidden", origin

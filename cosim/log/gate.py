@@ -1,0 +1,100 @@
+"""A door before the server of a live flight: only programs, and pages that show flights, come in.
+
+Any web page that the user has open may connect to a port of this machine; a browser says in `Origin` whose page it is,
+and no page can leave that out. The gate reads it, and passes the rest on to the server behind, which listens at an
+address of its own: a random one of the loopback network where the system has more than one.
+"""
+
+import contextlib
+import secrets
+import selectors
+import socket
+import socketserver
+import sys
+import threading
+from collections.abc import Collection
+from urllib.parse import urlsplit
+
+ORIGINS = ("https://app.foxglove.dev", "https://studio.foxglove.dev")  # pages of Foxglove itself
+OWN_HOSTS = ("localhost", "127.0.0.1", "::1")  # a page that this machine serves
+HEAD_BYTES, HEAD_S = 16384, 5.0  # of the request that opens a connection
+
+
+def hidden_host() -> str:
+    """Return a loopback address that no page can guess, 127.0.0.1 where the system has no other."""
+    if not sys.platform.startswith("linux"):
+        return "127.0.0.1"
+    a, b, c = (secrets.randbelow(254) + 1 for _ in range(3))
+    return f"127.{a}.{b}.{c}"
+
+
+def allowed(origin: str | None, origins: Collection[str] = ORIGINS) -> bool:
+    """Tell whether a connection with this `Origin` (None: it has none, so it is no page of a browser) may come in."""
+    if origin is None or origin in origins or origin.startswith(("file://", "app://")):  # an application of the user's
+        return True
+    parts = urlsplit(origin)
+    return parts.scheme in ("http", "https") and parts.hostname in OWN_HOSTS
+
+
+class Gate:
+    """Listen at `host`:`port` and pass what may come in to `inner` (host, port); `close` ends it. Raises OSError."""
+
+    def __init__(self, host: str, port: int, inner: tuple[str, int]):
+        class Handler(socketserver.BaseRequestHandler):
+            def handle(self) -> None:
+                _pass_on(self.request, inner)
+
+        socketserver.ThreadingTCPServer.allow_reuse_address = True
+        self._server = socketserver.ThreadingTCPServer((host, port), Handler)
+        self._server.daemon_threads = True
+        self.port = int(self._server.server_address[1])
+        threading.Thread(target=self._server.serve_forever, name="gate", daemon=True).start()
+
+    def close(self) -> None:
+        """Take no more connections."""
+        self._server.shutdown()
+        self._server.server_close()
+
+
+def _pass_on(client: socket.socket, inner: tuple[str, int]) -> None:
+    head = _head(client)
+    if head is None or not allowed(_origin(head)):
+        with contextlib.suppress(OSError):
+            client.sendall(b"HTTP/1.1 403 Forbidden\r\nContent-Length: 0\r\nConnection: close\r\n\r\n")
+        return
+    with contextlib.suppress(OSError), socket.create_connection(inner, timeout=HEAD_S) as server:
+        server.settimeout(None)
+        server.sendall(head)
+        with selectors.DefaultSelector() as both:
+            both.register(client, selectors.EVENT_READ, server)
+            both.register(server, selectors.EVENT_READ, client)
+            while True:
+                for key, _ in both.select():
+                    data = key.fileobj.recv(1 << 16)  # type: ignore[union-attr]
+                    if not data:
+                        return
+                    key.data.sendall(data)
+
+
+def _head(client: socket.socket) -> bytes | None:
+    """Return what opens the connection, up to the empty line and what follows it; None when it does not come."""
+    client.settimeout(HEAD_S)
+    data = b""
+    try:
+        while b"\r\n\r\n" not in data:
+            more = client.recv(4096)
+            if not more or len(data) + len(more) > HEAD_BYTES:
+                return None
+            data += more
+    except OSError:
+        return None
+    client.settimeout(None)
+    return data
+
+
+def _origin(head: bytes) -> str | None:
+    """Return the Origin of a request, None without one; of several, which no browser sends, one that never fits."""
+    lines = head.split(b"\r\n\r\n")[0].decode("latin-1").split("\r\n")[1:]
+    pairs = (line.partition(":") for line in lines)
+    found = [value.strip() for name, _, value in pairs if name.strip().lower() == "origin"]
+    return None if not found else found[0] if len(found) == 1 else "several"
