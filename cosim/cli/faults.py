@@ -41,14 +41,13 @@ def consequences(found: Mapping[str, float] | None) -> list[Text]:
     if not found:
         return []
     f = found
-    outside = f"{f['outside_s']:.1f} s outside its bounds" if f["outside_s"] else "within its bounds"
-    return [
-        Text(
-            f"flight n_z {f['nz_min_g']:.2f} to {f['nz_max_g']:.2f} g, {f['altitude_lost_m']:.0f} m lost, "
-            f"bank {f['bank_deg']:.1f} deg, speed -{f['speed_lost_kt']:.1f} +{f['speed_gained_kt']:.1f} kt, "
-            f"hinge moment to {f['hinge_max_nm'] / 1e3:.1f} kN m, {outside}"
-        )
-    ]
+    outside = f"{f['outside_s']:.1f} s out of bounds" if f["outside_s"] else "within bounds"
+    told = (
+        f"n_z {f['nz_min_g']:.2f} to {f['nz_max_g']:.2f} g, {f['altitude_lost_m']:.0f} m lost, "
+        f"bank {f['bank_deg']:.1f} deg, speed -{f['speed_lost_kt']:.0f} +{f['speed_gained_kt']:.0f} kt, "
+        f"hinge {f['hinge_max_nm'] / 1e3:.1f} kN m, {outside}"
+    )
+    return [Text.assemble(("effect ", "red"), told)]
 
 
 def _segments(fault):

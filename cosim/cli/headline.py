@@ -1,4 +1,4 @@
-"""The first sentence of a run: who noticed the fault, how soon, what was said, who was made for it and did not."""
+"""The first words of a run: who noticed the fault, how soon, what was said, who was made for it and did not."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -55,13 +55,14 @@ def _about(i, case, lanes):
     else:
         text = "Nobody noticed"
     away = {name: why for name in made if name not in seen and (why := _away(i, lanes, name)) is not None}
-    silent = [name for name in made if name not in seen and name not in away]
-    if away:
-        text += "; " + listed(f"{name} could not judge ({why})" for name, why in away.items())
-    if silent:
-        verb = "is" if len(silent) == 1 else "are"
-        text += f"; {listed(silent)} {verb} made for this and stayed silent: {_why([_peak(lanes, n) for n in silent])}"
-    if not made:
+    reasons: dict[str, list[str]] = {}
+    for name in (name for name in made if name not in seen and name not in away):
+        reasons.setdefault(_why(*_peak(lanes, name)), []).append(name)
+    told = [f"{listed(names)} {why}" for why, names in reasons.items()]
+    told += [f"{name} could not judge ({why})" for name, why in away.items()]
+    if told:
+        text += f". Made for this and silent: {'; '.join(told)}"
+    elif not made:
         text += "; no detector in this flight is made for this fault"
     return text + "."
 
@@ -97,18 +98,13 @@ def _peak(lanes, name):
     return max(pairs, key=lambda p: p[1], default=[math.nan, math.nan])
 
 
-def _why(peaks):
-    if len(peaks) == 1:
-        (before, after), = peaks  # fmt: skip
-        if math.isnan(after):
-            return "its residual was not valid"
-        if after <= RISE * before:
-            return "its residual did not rise"
-        return f"its residual came to {after:.0%} of its threshold" if after < 1.0 else "its residual was not confirmed"
-    if all(after <= RISE * before for before, after in peaks):
-        return "their residuals did not rise"
-    shares = listed("none" if math.isnan(after) else f"{after:.0%}" for _, after in peaks)
-    return f"their residuals came to {shares} of their thresholds"
+def _why(before, after):
+    """Return why a detector with these largest statistics was silent, 1 is the threshold."""
+    if math.isnan(after):
+        return "(not valid)"
+    if after <= RISE * before:
+        return "(statistic did not rise)"
+    return f"(statistic came to {after:.0%} of its threshold)" if after < 1.0 else "(alarm not confirmed)"
 
 
 def apart(found: Mapping[str, Any]) -> list[str]:
