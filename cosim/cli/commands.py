@@ -141,12 +141,14 @@ def run(
     overwritten = path.is_file()
     for line in flown.warnings():
         err.print(f"[yellow]note:[/] {tables.escape(line)}", soft_wrap=True, highlight=False)
+    from cosim.flight.compiling import prepare
     from cosim.flight.simulate import simulate
 
-    waiting = "preparing (the first run on a machine compiles for about half a minute)"
+    with named(scenario), tables.compiling(err) as tell:
+        prepare(flown, tell)
     if live:
         err.print(f"in Foxglove: Open connection, ws://127.0.0.1:{LIVE_PORT}", highlight=False)
-    with named(scenario), tables.progress(err, f"flying {Path(scenario).stem}", waiting=waiting) as progress:
+    with named(scenario), tables.progress(err, f"flying {Path(scenario).stem}", waiting="preparing") as progress:
         result = simulate(flown, log=path, progress=progress, achieved=True, live=LIVE_PORT if live else None)
     found = result.to_dict() | {"overwritten": overwritten}
     if report:

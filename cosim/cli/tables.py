@@ -51,6 +51,27 @@ def progress(console, text, unit="s", waiting=""):
         yield move
 
 
+@contextmanager
+def compiling(console):
+    """Give a callback (i, n) that says "compiling 7 of 30" on a terminal; one line elsewhere."""
+    said = False
+
+    def tell(i, n):
+        nonlocal said
+        if console.is_terminal:
+            status.update(f"compiling {i} of {n}, once on a machine")
+            status.start()
+        elif not said:
+            console.print(f"compiling {n} kernels, once on a machine", highlight=False)
+        said = True
+
+    status = console.status("")
+    try:
+        yield tell
+    finally:
+        status.stop()
+
+
 def number(value, digits=2):
     """Return a number as text, or a dash when there is none."""
     return NOTHING if value is None else f"{value:.{digits}f}"

@@ -25,7 +25,7 @@ def _walk():
     return walk, KINDS
 
 
-_WALK = Native(
+WALK = Native(
     "walk",
     Path(__file__).with_name("walk.py"),
     (ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64),
@@ -137,7 +137,7 @@ class Tape:
             self.parts.append(self._plainly(table) if self._plain else self._compiled(table))
 
     def _compiled(self, table):
-        walk, rows, n, v = _WALK.call, self._at(table), len(table), self._at(self.v)
+        walk, rows, n, v = WALK.call, self._at(table), len(table), self._at(self.v)
         return lambda k: walk(rows, n, v, k)
 
     def _plainly(self, table):
