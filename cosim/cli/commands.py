@@ -5,11 +5,12 @@ Exit status: 0 good (an alarm or a departed flight is a result), 1 a difference 
 With --json one JSON object goes to standard output and nothing else; what goes wrong is one line on standard error.
 """
 
+import itertools
 import json
 import os
 import sys
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated, Literal, cast
 
 import typer
 from rich.console import Console
@@ -316,6 +317,10 @@ def replay(
         Path | None,
         typer.Option("--map", metavar="MAP.toml", help="Diagnose a foreign CSV, Parquet or MCAP by this map (README)."),
     ] = None,
+    on_reset: Annotated[
+        Literal["split", "offset"] | None,
+        typer.Option("--on-reset", help="With --map: where the clock goes back, stretches apart or joined."),
+    ] = None,
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", metavar="LOG", help="Write old and new outputs to a log.", show_default=False),
@@ -333,13 +338,21 @@ def replay(
     if map_:
         from cosim.replay.map import diagnose
 
-        told = diagnose(
-            log, map_, detectors=chosen, overrides=overrides(set_ or ()), start_s=start, output=output
-        ).to_dict()
+        how = {"detectors": chosen, "overrides": overrides(set_ or ()), "start_s": start, "on_reset": on_reset}
+        stretches = []
+        for part in itertools.count():
+            path = output.with_stem(f"{output.stem}-{part + 1}") if output and part else output
+            try:
+                stretches.append(diagnose(log, map_, output=path, part=part, **how).to_dict())
+            except IndexError:
+                break
+            if on_reset != "split":
+                break
         if json_:
-            print(json.dumps(told, allow_nan=False))
+            print(json.dumps(stretches[0] if len(stretches) == 1 else {"stretches": stretches}, allow_nan=False))
         else:
-            out.print(cli_replay.diagnosis(told))
+            for told in stretches:
+                out.print(cli_replay.diagnosis(told))
         return
     from cosim.replay import replay as work
 

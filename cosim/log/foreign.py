@@ -2,16 +2,24 @@
 
 import io
 import json
+import math
 import os
-from collections.abc import Iterator
+import struct
+import zlib
+from array import array
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import lz4.frame
+import numpy as np
 import zstandard
 from google.protobuf import descriptor_pb2, descriptor_pool, json_format, message_factory
+from mcap.data_stream import ReadDataStream
 from mcap.exceptions import UnsupportedCompressionError
+from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Message, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.stream_reader import StreamReader
+from numpy.typing import NDArray
 
 from cosim.errors import LogError
 from cosim.files import regular
@@ -27,6 +35,7 @@ _NUMBERS = set(range(_F.TYPE_DOUBLE, _F.TYPE_SINT64 + 1)) - {
     _F.TYPE_MESSAGE,
     _F.TYPE_ENUM,
 }
+_HEAD, _MESSAGE = struct.Struct("<BQ"), struct.Struct("<HIQQ")
 _BAD = (*BAD, RuntimeError, zstandard.ZstdError)
 
 
@@ -43,33 +52,43 @@ class _Capped:
         return data
 
 
-def read_mcap(path, *, limits=None):
-    """Return {topic: (times_ns list, rows list of {field: float})} of an MCAP file, in order of log time.
+def read_mcap(
+    path: str | os.PathLike, *, wanted: Callable[[str], bool] | None = None, limits: Limits | None = None
+) -> dict[str, tuple[NDArray, dict[str, NDArray]]]:
+    """Return {topic: (times [ns], {field: values})} of an MCAP file, in order of log time, NaN where a field is not.
 
-    Nested fields are joined by dots, elements of arrays counted as in `x[0]`; texts are left out. Checksums are checked
-    where the file has them. Raises LogError for a file that is damaged, too large, or without a message to decode.
+    Nested fields are joined by dots, elements of arrays counted as in `x[0]`; texts are left out. Only topics that
+    `wanted(topic)` accepts are decoded. Checksums are checked where the file has them. Raises LogError for a file that
+    is damaged, too large, or without a message to decode.
     """
     limits, path = limits or Limits(), os.fspath(path)
     regular(path, LogError)
     schemas: dict = {}
     channels: dict = {}
-    found: dict = {}
+    found: dict[str, _Columns] = {}
     skipped = set()
+    left = limits.values
     try:
         with open(path, "rb") as file:
             for record in _records(file, limits):
                 if isinstance(record, Schema):
                     schemas.setdefault(record.id, record)
                 elif isinstance(record, Channel) and record.id not in channels:
-                    channels[record.id] = record, _decoder(record, schemas.get(record.schema_id))
-                elif isinstance(record, Message):
-                    channel, decode = channels[record.channel_id]
+                    mine = wanted is None or wanted(record.topic)
+                    decode = _decoder(record, schemas.get(record.schema_id)) if mine else None
+                    if decode is None and mine:
+                        skipped.add(f"{record.topic} ({record.message_encoding})")
+                    channels[record.id] = record.topic, decode
+                elif isinstance(record, tuple):
+                    channel, time, data = record
+                    topic, decode = channels[channel]
                     if decode is None:
-                        skipped.add(f"{channel.topic} ({channel.message_encoding})")
                         continue
-                    times, rows = found.setdefault(channel.topic, ([], []))
-                    times.append(record.log_time)
-                    rows.append(dict(_flat(decode(record.data))))
+                    if len(data) > limits.message_bytes:
+                        raise ValueError(f"a message of {len(data)} bytes is beyond the reader's limit")
+                    left -= found.setdefault(topic, _Columns()).add(time, _flat(decode(data)), limits.fields)
+                    if left < 0:
+                        raise ValueError(f"more than {limits.values} values; map fewer channels or cut the file")
     except OSError as error:
         raise log_error(f"cannot read the file: {error.strerror}", path) from error
     except UnsupportedCompressionError as error:
@@ -77,13 +96,47 @@ def read_mcap(path, *, limits=None):
     except _BAD as error:
         raise log_error(f"not a readable MCAP file: {str(error) or type(error).__name__}", path) from error
     if not found:
-        raise log_error(f"no protobuf or JSON message in it; skipped: {', '.join(sorted(skipped)) or 'nothing'}", path)
-    return {topic: _sorted(*pair) for topic, pair in found.items()}
+        known = ", ".join(sorted(topic for topic, _ in channels.values())[:20])
+        said = f"no protobuf or JSON message of a wanted channel; skipped: {', '.join(sorted(skipped)) or 'nothing'}"
+        raise log_error(f"{said}; its topics: {known or 'none'}", path)
+    return {topic: columns.arrays() for topic, columns in found.items()}
 
 
-def _sorted(times, rows):
-    order = sorted(range(len(times)), key=times.__getitem__)
-    return [times[i] for i in order], [rows[i] for i in order]
+class _Columns:
+    """The messages of one channel as they come: times, and a column per field, 8 bytes per value."""
+
+    def __init__(self) -> None:
+        self.times = array("q")
+        self.columns: dict[str, array] = {}
+
+    def add(self, time: int, fields: Iterator[tuple[str, float]], most: int) -> int:
+        """Take a message; return how many values it added. ValueError for more than `most` fields."""
+        row, count = len(self.times), 0
+        self.times.append(time)
+        for name, value in fields:
+            column = self.columns.get(name)
+            if column is None:
+                if len(self.columns) >= most:
+                    raise ValueError(f"a channel with more than {most} fields")
+                column = self.columns[name] = array("d")
+            if len(column) < row:
+                column.extend([math.nan] * (row - len(column)))
+                count += row - len(column)
+            if len(column) == row:
+                column.append(value)
+            count += 1
+        return count + 1
+
+    def arrays(self) -> tuple[NDArray, dict[str, NDArray]]:
+        """Return (times, {field: values}), in order of time."""
+        times = np.array(self.times, np.int64)
+        order = np.argsort(times, kind="stable")
+        out = {}
+        for name, column in self.columns.items():
+            full = np.full(len(times), math.nan)
+            full[: len(column)] = column
+            out[name] = full[order]
+        return times[order], out
 
 
 def _records(file, limits) -> Iterator[Any]:
@@ -92,6 +145,9 @@ def _records(file, limits) -> Iterator[Any]:
     capped: Any = _Capped(file)
     reader = StreamReader(capped, emit_chunks=True, validate_crcs=True, record_size_limit=limits.record_bytes)
     for record in reader.records:
+        if isinstance(record, Message):
+            yield record.channel_id, record.log_time, record.data
+            continue
         if not isinstance(record, Chunk):
             yield record
             continue
@@ -109,7 +165,27 @@ def _records(file, limits) -> Iterator[Any]:
         elif record.compression == "lz4":
             record.data = _unlz4(record.data, record.uncompressed_size)
             record.compression = ""
-        yield from breakup_chunk(record, validate_crc=True)
+        yield from _contents(record)
+
+
+def _contents(chunk) -> Iterator[Any]:
+    """Yield what stands in a chunk: schemas, channels, and messages as (channel, log time, data), undecoded."""
+    data = memoryview(chunk.data)
+    if chunk.uncompressed_crc and chunk.uncompressed_crc != zlib.crc32(data):
+        raise ValueError("a chunk is damaged (CRC)")
+    at = 0
+    while at < len(data):
+        opcode, length = _HEAD.unpack_from(data, at)
+        body = data[at + 9 : at + 9 + length]
+        if len(body) != length:
+            raise ValueError("a record ends beyond its chunk")
+        if opcode == Opcode.MESSAGE:
+            channel, _, time, _ = _MESSAGE.unpack_from(body)
+            yield channel, time, bytes(body[_MESSAGE.size :])
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            kind = Schema if opcode == Opcode.SCHEMA else Channel
+            yield kind.read(ReadDataStream(io.BytesIO(body)))
+        at += 9 + length
 
 
 def _unzip(data, size):

@@ -1,6 +1,7 @@
 """Read other people's recordings (CSV, Parquet, MCAP) as tables over time, for diagnosis by our detectors."""
 
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,39 +11,44 @@ from cosim.files import regular
 from cosim.log.foreign import read_mcap
 from cosim.log.format import LIBRARY, log_error
 from cosim.log.reader import open_log
+from cosim.replay import clock
 
 TIME_NAMES = ("t_s", "t", "time", "time_s", "timestamp", "t_ns", "time_ns", "timestamp_ns")  # looked for in this order
 _SCALES = {"_ns": 1e-9, "_us": 1e-6, "_ms": 1e-3, "_s": 1.0}
 
 
-def read_channels(path, *, time=None):
+def read_channels(path, *, time=None, on_reset=None, part=0, wanted=None):
     """Return {channel: DataFrame} of a recording; columns are float64, the index is `t_s` [s], ascending.
 
     A CSV or Parquet file is one channel, named by the file's stem; `time` names its time column (default: the first
     of TIME_NAMES, else Parquet's own index). Its name ends in _ns, _us or _ms where it is not in seconds; dates count
     from the first. An MCAP file has a channel per topic, times from its first message. Columns that hold no numbers
-    are left out and named in `attrs["texts"]`. Raises LogError when the file cannot be read or has no usable time.
+    are left out and named in `attrs["texts"]`. A clock that goes back is an error, unless `on_reset` says what to do
+    ("offset", or "split" for stretch number `part`); `attrs["oddities"]` tells of gaps, doubled times and changes of
+    rate. Of an MCAP file only the topics that `wanted(topic)` accepts are decoded. Raises LogError when the file cannot
+    be read or has no usable time, IndexError when there is no stretch of that number.
     """
     path = Path(os.fspath(path))
     kind = path.suffix.lower()
     if kind == ".mcap":
-        return _mcap(path)
+        return _mcap(path, wanted)
     if kind not in (".csv", ".parquet"):
         raise LogError(f"unknown kind of file {kind!r}", place=str(path), allowed=".csv, .parquet or .mcap")
-    return {path.stem: _table(path, kind, time)}
+    return {path.stem: _table(path, kind, time, on_reset, part)}
 
 
-def _mcap(path):
+def _mcap(path, wanted):
     import pandas as pd
 
     if _is_ours(path):
         return open_log(path).frames()
-    read = read_mcap(path)
+    read = read_mcap(path, wanted=wanted)
     first = min(times[0] for times, _ in read.values())
     out = {}
     for topic, (times, rows) in read.items():
         index = pd.Index((np.array(times, dtype=np.int64) - first) / 1e9, name="t_s")
-        out[topic] = pd.DataFrame.from_records(rows).astype(np.float64).set_axis(index)
+        out[topic] = pd.DataFrame(rows, index=index)
+        out[topic].attrs["oddities"] = clock.oddities(index.to_numpy(), topic)
     return out
 
 
@@ -55,12 +61,12 @@ def _is_ours(path):
         raise log_error(f"cannot read the file: {error.strerror}", path) from error
 
 
-def _table(path, kind, time):
+def _table(path, kind, time, on_reset, part):
     import pandas as pd
 
     regular(path, LogError)
     try:
-        frame = pd.read_csv(path, **_exactly()) if kind == ".csv" else pd.read_parquet(path)
+        frame = pd.read_csv(path, **_exactly(), **_dialect(path)) if kind == ".csv" else pd.read_parquet(path)
     except OSError as error:
         raise log_error(f"cannot read the file: {error.strerror or error}", path) from error
     except ValueError as error:  # pandas' and pyarrow's parser errors are ValueErrors
@@ -76,9 +82,20 @@ def _table(path, kind, time):
     t = _seconds(frame[name], name, path)
     numbers = frame.drop(columns=name).select_dtypes(["number", "bool"]).astype(np.float64)
     numbers.attrs["texts"] = [str(c) for c in frame.columns if c != name and c not in numbers.columns]
-    frame = numbers
-    frame.index = pd.Index(t, name="t_s")
-    return frame.sort_index(kind="stable")
+    clock.finite(t, f"column {name!r}", path)
+    t, rows = clock.rising(t, path, on_reset, part)
+    frame = numbers.iloc[rows].set_axis(pd.Index(t, name="t_s"))
+    frame.attrs = numbers.attrs | {"oddities": clock.oddities(t, path.stem)}
+    return frame
+
+
+def _dialect(path):
+    """Return the options with which read_csv takes what separates the columns, and a decimal comma."""
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        lines = [file.readline(100_000) for _ in range(3)]
+    separator = max(";\t,", key=lines[0].count)
+    comma = separator != "," and any(re.search(r"\d,\d", line) for line in lines[1:])
+    return {"sep": separator, "decimal": "," if comma else "."}
 
 
 def _exactly():
@@ -97,8 +114,6 @@ def _seconds(column, name, path):
     if column.dtype.kind == "m":
         return column.dt.total_seconds().to_numpy()
     t = pd.to_numeric(column, errors="coerce").to_numpy(np.float64)
-    if not len(t) or not np.isfinite(t).all():
-        raise log_error(
-            f"column {name!r} holds values that are no times", path, remedy="Every row needs a finite number."
-        )
+    if not len(t):
+        raise log_error("holds no row", path)
     return t * next((scale for end, scale in _SCALES.items() if name.endswith(end)), 1.0)

@@ -19,7 +19,7 @@ from cosim.log import LogWriter, Topic, viewer_layouts
 from cosim.replay.foreign import read_channels
 from cosim.replay.lanes import Lane, flat, run
 from cosim.replay.map_file import load_map
-from cosim.replay.map_signals import acting, channels_of, check, renamed, sampled, slow
+from cosim.replay.map_signals import acting, channels_of, check, named, renamed, sampled, slow
 from cosim.replay.params import ReplayError, check_start, chosen_overrides, override
 from cosim.replay.resample import ticks
 
@@ -46,12 +46,13 @@ class Diagnosis:
         return plain(vars(self))
 
 
-def diagnose(path, map_path, *, detectors=None, overrides=None, start_s=0.0, output=None):
+def diagnose(path, map_path, *, detectors=None, overrides=None, start_s=0.0, output=None, on_reset=None, part=0):
     """Run the detectors on the recording at `path` (CSV, Parquet, MCAP) by the map at `map_path`; return a Diagnosis.
 
     `detectors` chooses some (default: all), `overrides` {detector: {parameter: value}} changes parameters, `start_s`
-    is a time of the recording, `output` the log to write: inputs under /input, outputs under /replay. Raises
-    ReplayError, LogError, ScenarioError.
+    is a time of the recording, `output` the log to write: inputs under /input, outputs under /replay. `on_reset` and
+    `part` say what becomes of a clock that goes back (cosim/replay/clock.py). Raises ReplayError, LogError,
+    ScenarioError, and IndexError when there is no stretch of that number.
     """
     check_start(start_s)
     chosen_overrides(detectors, overrides)
@@ -63,7 +64,9 @@ def diagnose(path, map_path, *, detectors=None, overrides=None, start_s=0.0, out
     wires = {(d.id, lane): d.inputs(lane) for d in found for lane in d.lanes}
     sources = {w.signal.word: w.signal for own in wires.values() for w in own}
     check(m, map_path)
-    channels = acting(m, sources, channels_of(m, read_channels(path, time=m.time), path, map_path), dt)
+    used = [name for s in m.signals.values() for name in (s.channel, s.valid) if name]
+    tables = read_channels(path, time=m.time, on_reset=on_reset, part=part, wanted=lambda topic: named(topic, used))
+    channels = acting(m, sources, channels_of(m, tables, path, map_path), dt)
     spans = [(t[0], t[-1]) for t, *_ in channels.values() if len(t)]
     if not spans:
         raise ReplayError("no signal has a channel with samples", place=str(map_path))
@@ -92,7 +95,8 @@ def diagnose(path, map_path, *, detectors=None, overrides=None, start_s=0.0, out
         }
         for name, (_, valid) in values.items()
     ]
-    out.caveats = notices + slow(sources, channels, dt)
+    odd = [text for frame in tables.values() for text in frame.attrs.get("oddities", ())]
+    out.caveats = notices + odd + slow(sources, channels, dt)
     done = []
     for d in found:
         missing = {

@@ -46,6 +46,11 @@ def check(m, place):
             )
 
 
+def named(topic, channels):
+    """Tell whether one of `channels`, names of the map, may be a field of `topic`: `/topic.field`, or `field` alone."""
+    return any(name.startswith(f"{topic}.") or not name.startswith("/") for name in channels)
+
+
 def channels_of(m, tables, path, place):
     """Return {signal: (times, samples, flags or None)} of the recording."""
     names = {f"{t}.{c}": (t, c) for t, frame in tables.items() for c in frame.columns}
