@@ -11,6 +11,7 @@ from types import ModuleType
 from typing import Any
 
 DEG = math.pi / 180.0
+Own = tuple[tuple[str, float], ...]  # ((parameter, value), ...) in which an aircraft's actuators differ, SI
 
 
 @dataclass(frozen=True)
@@ -118,10 +119,12 @@ class Technology:
     name: str
     article: str  # "a hydraulic", in messages
     modules: Callable[[], tuple[ModuleType | None, ModuleType]]  # blocks of servo (None: it has none) and actuator
-    design: Callable[[], Design]
-    # (number of lanes, multiplied parameters, (delta, hm0, hmd) at trim (3, n), tick [s], age of sensors [ticks]) ->
+    # (what an aircraft's actuators differ in) -> nominal numbers
+    design: Callable[[Own], Design]
+    # (what an aircraft's actuators differ in; a table per lane of parameters that fly, and one of those that the servo
+    # believes; (delta, hm0, hmd) at trim (3, n); travel of the surface [rad]; tick [s]; age of sensors [ticks]) ->
     # [(section, block, PARAMS, STATE)], the servo first
-    build: Callable[[int, dict[str, float], Any, float, float], list[tuple]] | None
+    build: Callable[..., list[tuple]] | None
     servo: str = ""
     sensors: dict[str, Sensor] = field(default_factory=dict)
     loop_sensor: str = ""  # the one that closes the position loop
@@ -130,20 +133,20 @@ class Technology:
     runaway: str = "rate"  # what runs away: the open "valve", or the demanded "rate"
     effects: dict[str, Effect] = field(default_factory=dict)  # kind of fault -> what it moves
     kinds: dict[str, Kind] = field(default_factory=dict)  # kinds that only this technology has
-    parameters: Callable[[], dict[str, float]] = dict  # name -> nominal value: what tolerances multiply
+    parameters: Callable[[Own], dict[str, float]] = lambda own: {}  # name -> nominal value: what tolerances multiply
     fixed: tuple[str, ...] = ()  # parameters that have no tolerance: stops and steps, nothing that wears
     hinge_error: float = 0.0  # bound of the error of the detectors' hinge-moment model
     most_delay: float = math.inf  # ticks over which the servo can predict
     # what makes actuator and servo linear, to measure gains
     smooth: tuple[dict[str, float], dict[str, float]] = field(default_factory=lambda: ({}, {}))
-    # position amplitude [m] per unit that replaces the valve command or drive demand, over omega [rad/s]
-    solid_gain: Callable[[float], float] = lambda omega: math.nan
+    # position amplitude [m] per unit that replaces the valve command or drive demand, over (omega [rad/s], own)
+    solid_gain: Callable[[float, Own], float] = lambda omega, own: math.nan
     loop: Callable[..., Any] = lambda **load: None  # (hm0=, hmd=, dt=) -> the sampled loop of actuators.linear
 
     @property
     def tolerances(self) -> tuple[str, ...]:
         """Return the names of the parameters that may be multiplied."""
-        return tuple(name for name in self.parameters() if name not in self.fixed)
+        return tuple(name for name in self.parameters(()) if name not in self.fixed)
 
     @property
     def own_sensors(self) -> tuple[str, ...]:

@@ -119,13 +119,14 @@ OUTPUTS = ("delta", "delta_d", "motor", "motor_d", "i", "comp", "u_eff", "volts"
 UNLIMITED = 1e9  # current, voltage and stops of the nozzle: the paper gives none
 
 
-def params(kind="elevator", **values):
-    """Return PARAMS of shape (1,) of the set "elevator" or "nozzle"; `values` replace fields, unknown ones raise.
+def params(kind="elevator", symbols=None, travel=linkage.TRAVEL, **values):
+    """Return PARAMS of shape (1,) of the set "elevator" or "nozzle"; `symbols` replace those of the set, `travel` [rad]
+    the surface's stops, `values` fields; unknown ones raise.
 
     The nozzle set is the paper's linear model: no friction, limits or stops; 40 sub-steps, so that even the least entry
     of Phi is right to its printed digits.
     """
-    v = jay.values(kind)
+    v = jay.values(kind, **(symbols or {}))
     amperes, volts = jay.LIMITS[kind]
     ratio = v["arm"] / v["lead"]
     fields = {**v, "substeps": 5.0 if kind == "elevator" else 40.0, "x3_lo": -UNLIMITED, "x3_hi": UNLIMITED}
@@ -140,8 +141,8 @@ def params(kind="elevator", **values):
             "T_brake": 20 * stall,
             "M_brake": 10 * stall * ratio,
             "R_float": v["K_T"] * v["K_B"] / c - v["R"],
-            "x3_lo": linkage.TRAVEL[0] * ratio,
-            "x3_hi": linkage.TRAVEL[1] * ratio,
+            "x3_lo": travel[0] * ratio,
+            "x3_hi": travel[1] * ratio,
         }
     return record(PARAMS, **{**fields, **values})
 

@@ -27,17 +27,17 @@ def _modules():
     return servo, actuator
 
 
-def _parameters():
+def _parameters(own):
     from actuators.ema import jay
 
-    return jay.values("elevator")
+    return jay.values("elevator", **dict(own))
 
 
 @functools.cache
-def _design():
+def _design(own):
     from actuators.ema import jay
 
-    v, amperes = _parameters(), jay.LIMITS["elevator"][0]
+    v, amperes = _parameters(own), jay.LIMITS["elevator"][0]
     torque = v["K_T"] * amperes
     return Design(
         arm=v["arm"], drive=amperes, probe=amperes, limited=True, stall_moment=torque * v["arm"] / v["lead"],
@@ -48,19 +48,22 @@ def _design():
     )  # fmt: skip
 
 
-def _build(n, values, trim, dt, age):
+def _build(own, truth, believed, trim, travel, dt, age):
     servo, actuator = _modules()
-    p = np.repeat(actuator.params(**values), n)
-    ps = np.repeat(servo.params(dt=dt, delay=age), n)
+    symbols, edge, (low, high) = dict(own), math.radians(0.1), travel
+    p = np.concatenate([actuator.params(symbols=symbols, travel=travel, **lane) for lane in truth])
+    ends = {"r_lo": low + edge, "r_hi": high - edge}
+    made = [servo.params(dt=dt, delay=age, symbols={**symbols, **lane}, **ends) for lane in believed]
+    ps = np.concatenate(made)
     x = actuator.init_at(p, *trim)
-    lead = _design().gains["position"]
+    lead = _design(own).gains["position"]
     return [("ema_servo", servo, ps, servo.init_at(ps, lead * x["motor"], x["i"])), ("ema", actuator, p, x)]
 
 
-def _solid_gain(omega):
+def _solid_gain(omega, own):
     _, actuator = _modules()
-    A, B, _, _ = actuator.linearised(actuator.params())
-    return abs(complex(np.linalg.solve(1j * omega * np.eye(6) - A, B)[2, 0])) * _design().gains["position"]
+    A, B, _, _ = actuator.linearised(actuator.params(symbols=dict(own)))
+    return abs(complex(np.linalg.solve(1j * omega * np.eye(6) - A, B)[2, 0])) * _design(own).gains["position"]
 
 
 def _loop(**load):

@@ -1,6 +1,7 @@
 """What the testbed knows about the hydraulic servo-actuator: its record (see actuators/technology.py)."""
 
 import functools
+import math
 
 import numpy as np
 
@@ -26,15 +27,18 @@ def _modules():
     return servo, actuator
 
 
-def _parameters():
+def _parameters(own):
+    from actuators.common import linkage
     from actuators.hydraulic.actuator import NOMINAL
 
-    return NOMINAL
+    given = dict(own)
+    arm = given.get("arm", NOMINAL["arm"])
+    return {**NOMINAL, "u_max": linkage.rod(linkage.RATE, arm), **given}
 
 
 @functools.cache
-def _design():
-    p = _parameters()
+def _design(own):
+    p = _parameters(own)
     stall = p["A_p"] * p["P_s"]
     return Design(
         arm=p["arm"], drive=1.0, probe=0.2, stall_moment=stall * p["arm"],
@@ -44,21 +48,33 @@ def _design():
     )  # fmt: skip
 
 
-def _build(n, values, trim, dt, age):
-    """The servo's model stays nominal, as a real servo's does. It predicts over one tick at most: above 200 Hz its
-    measurements are older than it thinks, at 2 kHz by 4.5 ms.
+def _build(own, truth, believed, trim, travel, dt, age):
+    """The servo's model stays nominal but for what it is told, as a real servo's does. It predicts over one tick at
+    most: above 200 Hz its measurements are older than it thinks, at 2 kHz by 4.5 ms.
     """
+    from actuators.hydraulic import lu17
+
     servo, actuator = _modules()
-    p = np.repeat(actuator.params(**values), n)
-    ps = np.repeat(servo.params(dt=dt, delay=min(age, 1.0)), n)
+    nominal = _parameters(own)
+    arm, (low, high) = nominal["arm"], travel
+    nominal = {**nominal, "q_lo": arm * low, "q_hi": arm * high}
+    p = np.concatenate([actuator.params(**{**nominal, **lane}) for lane in truth])
+    made = []
+    for lane in believed:
+        told = {**nominal, **lane}
+        arm, edge = told["arm"], math.radians(0.1)
+        model = {name: told[name] for name in lu17.NOMINAL}
+        ends = {"r_lo": arm * (low + edge), "r_hi": arm * (high - edge), "v_max": arm * math.radians(40.0)}
+        made.append(servo.params(dt=dt, delay=min(age, 1.0), arm=arm, u_max=told["u_max"], **ends, **model))
+    ps = np.concatenate(made)
     x = actuator.init_at(p, *trim)
     return [("servo", servo, ps, servo.init_at(ps, trim[0], x["F_d"])), ("hydraulic", actuator, p, x)]
 
 
-def _solid_gain(omega):
+def _solid_gain(omega, own):
     _, actuator = _modules()
-    A, B, C, _ = actuator.linearised(actuator.params())
-    return abs(complex((C @ np.linalg.solve(1j * omega * np.eye(3) - A, B))[0, 0])) * _design().arm
+    A, B, C, _ = actuator.linearised(actuator.params(**_parameters(own)))
+    return abs(complex((C @ np.linalg.solve(1j * omega * np.eye(3) - A, B))[0, 0])) * _design(own).arm
 
 
 def _loop(**load):

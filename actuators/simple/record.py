@@ -12,7 +12,7 @@ def _modules():
     return None, actuator
 
 
-def _design():
+def _design(own):
     return Design(arm=linkage.ARM, drive=math.nan, probe=math.nan, stall_moment=math.inf)
 
 

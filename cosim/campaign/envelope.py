@@ -29,7 +29,7 @@ SPEEDS_KT = tuple(150.0 + 15.0 * k for k in range(17))
 
 
 # technology -> at the surface [N m]; a plain actuator knows no load
-STALL_MOMENT = {name: t.design().stall_moment for name, t in TECHNOLOGIES.items() if t.servo}
+STALL_MOMENT = {name: t.design(()).stall_moment for name, t in TECHNOLOGIES.items() if t.servo}
 
 
 def trim_map(

@@ -143,8 +143,11 @@ def run(
     for line in flown.warnings():
         err.print(f"[yellow]note:[/] {tables.escape(line)}", soft_wrap=True, highlight=False)
     from cosim.flight.compiling import prepare
+    from cosim.flight.detectors import left_out
     from cosim.flight.simulate import simulate
 
+    for name, why in left_out(flown).items():
+        err.print(f"[yellow]note:[/] {name} does not run: {why}", soft_wrap=True, highlight=False)
     with named(scenario), tables.compiling(err) as tell:
         prepare(flown, tell)
     if live:

@@ -6,11 +6,12 @@ from actuators.simple import actuator as simple
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.flight.gains import sensor_age
 from cosim.scenario.catalog import TECHNOLOGIES
+from cosim.scenario.model import Settings
 
 
-def _scaled(technology, multipliers):
+def _scaled(technology, own, multipliers):
     """Return {name: nominal times multiplier}; raises ScenarioError for a name that is no parameter."""
-    nominal = technology.parameters()
+    nominal = technology.parameters(own)
     for name in multipliers:
         if name not in nominal:
             raise ScenarioError(
@@ -37,15 +38,20 @@ def blocks(scenario, loads: dict, others: dict, dt: float) -> list[tuple]:
     """Return [(section, module, p, x0, lanes)] of all actuators, a servo before its actuator.
 
     `loads` maps segment -> (delta, hm0, hmd) at trim, `others` the remaining surfaces -> their angle [rad]. What flies
-    is multiplied by the scenario's tolerances.
+    is multiplied by the scenario's tolerances, or what it sets for a segment.
     """
     flown, aircraft, out = scenario.elevator.technology, scenario.aircraft, []
     for name, technology in TECHNOLOGIES.items():
         lanes = tuple(s for s in flown if flown[s] == name)
         if lanes and technology.build:
             trim = np.array([loads[s] for s in lanes]).T
-            values = _scaled(technology, getattr(scenario.tolerances, name, {}))
-            out += [(*b, lanes) for b in technology.build(len(lanes), values, trim, dt, sensor_age(dt))]
+            own, set_ = aircraft.own(name), scenario.elevator.parameters
+            scaled = _scaled(technology, own, getattr(scenario.tolerances, name, {}))
+            truth = [{**scaled, **set_.get(s, Settings()).truth} for s in lanes]
+            believed = [set_.get(s, Settings()).model for s in lanes]
+            travel = aircraft.travels["elevator"]
+            made = technology.build(own, truth, believed, trim, travel, dt, sensor_age(dt))
+            out += [(*b, lanes) for b in made]
     left = tuple(s for s in flown if flown[s] == "simple")
     kinds = ["elevator"] * len(left) + [name.split("_")[0] for name in others]
     p = np.concatenate([simple.params(**plain(aircraft, k)) for k in kinds])

@@ -66,7 +66,7 @@ def _sensor_lanes(scenario, rng, dt):
     names, rows = [], []
 
     def add(lane, base, sigma, delay, bias=0.0, gain=1.0, tech=None):
-        s = scenario.sensors.setting(base, lambda unit: inject.own_unit(unit, base, tech))
+        s = scenario.sensors.setting(base, lambda unit: inject.own_unit(unit, base, tech, scenario.aircraft))
         sigma = scale * root * sigma if s.sigma is None else s.sigma
         p = np.zeros(1, sensors.PARAMS)
         p["sigma"], p["bias"], p["scale"] = sigma, bias if s.bias is None else s.bias, s.scale or 0.0
@@ -83,10 +83,10 @@ def _sensor_lanes(scenario, rng, dt):
         names.append(lane)
         rows.append(p)
 
-    for name, (_, sigma, delay, _) in sensors.TRANSPORT.items():
+    for name, (_, sigma, delay, _) in sensors.fitted(scenario.aircraft).items():
         add(name, name, sigma, delay)
     for seg, tech in scenario.elevator.technology.items():
-        gains = TECHNOLOGIES[tech].design().gains
+        gains = TECHNOLOGIES[tech].design(scenario.aircraft.own(tech)).gains
         for name, sensor in TECHNOLOGIES[tech].sensors.items():
             bias = scale * sensor.spread * rng.uniform(-1.0, 1.0)
             add(f"{seg}_{name}", name, sensor.sigma, SENSOR_DELAY, bias=bias, gain=gains.get(name, 1.0), tech=tech)
@@ -149,7 +149,7 @@ def build(scenario):
     wires = {
         stage: bus.wires(pairs)
         for stage, pairs in {
-            "sensors": wiring.sensor_wires(tech),
+            "sensors": wiring.sensor_wires(scenario),
             "law": wiring.law_wires(),
             "demand": wiring.demand_wires(),
             "hinge": wiring.hinge_wires(tech),

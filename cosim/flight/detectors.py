@@ -11,9 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from cosim.errors import ScenarioError, did_you_mean
+from cosim.flight.blocks.sensors import fitted
 from cosim.flight.parameters import assign, wrong_parameter
 from cosim.flight.site import site
 from cosim.scenario import vocabulary
+from cosim.scenario.aircraft import DEFAULT, Aircraft
 from fdi import registry
 from fdi.common.record import Detector
 
@@ -80,7 +82,8 @@ class Installed:
         table, options = scenario.detectors.table(self.id), self.record.options
         words = {n: _word(self.id, n, table.pop(n), allowed) for n, allowed in options.items() if n in table}
         technology, own = scenario.elevator.technology, scenario.aircraft
-        sites = [site(dt, lane if self.level == "local" else "", technology, own) for lane in self.lanes]
+        lanes, told = self.lanes if self.level == "local" else [""], scenario.elevator.parameters
+        sites = [site(dt, lane, technology, own, told[lane].model if lane in told else None) for lane in lanes]
         p = np.concatenate([self.record.fit(s, **words) for s in sites])
         for name, value in table.items():
             self._override(p, name, value, dt)
@@ -125,21 +128,35 @@ def _word(detector, name, value, allowed):
     return value
 
 
-def _segments(record):
-    """Return the elevator segments that the inputs of a detector name."""
-    return {segment for segment, dot, _ in (word.rpartition(".") for word in record.inputs.values()) if dot}
+def missing(record, aircraft: Aircraft) -> str:
+    """Return why a detector cannot watch an aircraft, or "": an input that it lacks, or no design for it."""
+    for word in record.inputs.values():
+        segment, dot, _ = word.rpartition(".")
+        if dot and segment not in aircraft.segments:
+            return f"no elevator segment {segment}"
+        if word.startswith("n1_") and word not in fitted(aircraft):
+            return f"no sensor {word}"
+    if record.level == "aircraft" and aircraft.name != DEFAULT:
+        return f"no design for {aircraft.name}"
+    return ""
+
+
+def left_out(scenario) -> dict[str, str]:
+    """Return {detector: why} of those that the scenario runs and its aircraft cannot have."""
+    found = {name: missing(registry.record(name), scenario.aircraft) for name in scenario.running}
+    return {name: why for name, why in found.items() if why}
 
 
 def chosen(scenario):
     """Return the Installed detectors of a scenario, in its order; one without an actuator of its technologies, or that
-    reads an elevator segment which the aircraft has not, is left out.
+    its aircraft cannot have, is left out.
     """
-    technology, out = scenario.elevator.technology, []
+    technology, out, lost = scenario.elevator.technology, [], left_out(scenario)
     for name in scenario.running:
         record = registry.record(name)
         own = tuple(s for s, t in technology.items() if t in record.technologies)
         lanes = own if record.level == "local" else ("aircraft",)
-        if lanes and _segments(record) <= technology.keys():
+        if lanes and name not in lost:
             out.append(Installed(record, registry.module(name), lanes))
     return out
 

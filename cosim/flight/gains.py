@@ -5,6 +5,8 @@ import math
 
 import numpy as np
 
+from actuators.common import linkage
+from actuators.technology import Own
 from cosim.scenario.catalog import TECHNOLOGIES
 
 SENSOR_DELAY = 0.005  # of an actuator's sensors [s]
@@ -16,18 +18,19 @@ def sensor_age(dt: float) -> float:
 
 
 @functools.cache
-def liquid_gain(technology: str, omega: float, dt: float) -> float:
+def liquid_gain(technology: str, omega: float, dt: float, own: Own = ()) -> float:
     """Return position amplitude [m] per unit added at the valve [1] or drive [A], servo closed, no load, no friction:
-    by flying it at `omega` [rad/s].
+    by flying it at `omega` [rad/s]. `own` is what an aircraft's actuators differ in.
     """
     record = TECHNOLOGIES[technology]
-    design, (outer, inner), (live, smooth) = record.design(), record.modules(), record.smooth
-    assert outer is not None  # what has a valve or a drive has a servo
+    design, (live, smooth), rest = record.design(own), record.smooth, np.zeros((3, 1))
+    assert record.build  # what has a valve or a drive has a servo
     # sensor -> state that it reads, reading per unit, the servo's inputs for value and flag
     measured = {n: (s.state, design.gains.get(n, 1.0), *s.servo) for n, s in record.sensors.items() if s.servo}
     age = int(sensor_age(dt))
-    p, ps = inner.params(**smooth), outer.params(dt=dt, delay=float(min(age, record.most_delay)), **live)
-    x, xs = inner.init(p), outer.init(ps)
+    (_, outer, ps, xs), (_, inner, p, x) = record.build(own, [smooth], [{}], rest, linkage.TRAVEL, dt, float(age))
+    for name, value in live.items():
+        ps[name] = value
     u, us = np.zeros((1, 1), inner.INPUTS), np.zeros((1, 1), outer.INPUTS)
     log, logs = np.zeros((1, 1), inner.STATE), np.zeros((1, 1), outer.STATE)
     amplitude = 0.01 * design.probe

@@ -12,6 +12,7 @@ import numpy as np
 from cosim.errors import ScenarioError
 from cosim.flight.blocks import faults as f
 from cosim.flight.gains import liquid_gain
+from cosim.scenario.aircraft import Aircraft
 from cosim.scenario.catalog import TECHNOLOGIES
 
 SENSOR_SHAPES = {  # kind -> (shape, field behind the prefix f_ or g_, source)
@@ -58,7 +59,7 @@ def _lane(j, scenario):
     name = f"{j.fault}_{j.name.replace('.', '_')}"
     technology = scenario.elevator.technology.get(j.name)
     if j.place in ("sensor", "actuator_sensor") or j.sensor:
-        return _sensor(j, name, technology)
+        return _sensor(j, name, technology, scenario.aircraft)
     if j.place == "engine":
         return _constant(j, name, j.magnitude, (f"surfaces.aircraft.thrust_loss_{j.name}", "f_inj"))
     if j.place == "surface":
@@ -69,15 +70,15 @@ def _lane(j, scenario):
                 place=f"faults.{j.fault}.rate_deg_s = {math.degrees(j.magnitude):g}",
                 allowed=f"-{math.degrees(most):g} to {math.degrees(most):g}",
             )
-        return _moving(j, name, TECHNOLOGIES["simple"], surface, scenario.dt)
-    return _moving(j, name, TECHNOLOGIES[technology], j.name, scenario.dt)
+        return _moving(j, name, TECHNOLOGIES["simple"], surface, scenario)
+    return _moving(j, name, TECHNOLOGIES[technology], j.name, scenario)
 
 
-def _sensor(j, name, technology):
+def _sensor(j, name, technology, aircraft):
     shape, field, source = SENSOR_SHAPES[j.kind]
     lane = j.name if j.place == "sensor" else f"{j.name}_{j.sensor}"
     prefix = "g" if j.path in ("observers", "monitor") else "f"
-    amplitude = 1.0 if math.isnan(j.magnitude) else j.magnitude * own_unit(j.unit, j.sensor, technology)
+    amplitude = 1.0 if math.isnan(j.magnitude) else j.magnitude * own_unit(j.unit, j.sensor, technology, aircraft)
     places = [(f"sensors_in.{lane}.{prefix}_{field}", source)]
     drive = TECHNOLOGIES[technology].sensors[j.sensor].drive if technology else None
     if drive and j.path == "loop" and j.place == "actuator_sensor":
@@ -106,22 +107,24 @@ def _read_by_drive(j, name, amplitude, places, inputs, state):
     return Lane(name, j.fault, _params(j, shape, amplitude), tuple(places))
 
 
-def own_unit(unit: str, sensor: str, technology: str | None) -> float:
+def own_unit(unit: str, sensor: str, technology: str | None, aircraft: Aircraft) -> float:
     """Return what one SI `unit`, or share of a nominal value, is in what `sensor` of an actuator of `technology` reads;
     1 for an aircraft's sensor (`technology` is None).
     """
     if technology is None or sensor not in TECHNOLOGIES[technology].sensors:
         return 1.0
-    design, own = TECHNOLOGIES[technology].design(), TECHNOLOGIES[technology].sensors[sensor].units[0].si
+    design = TECHNOLOGIES[technology].design(aircraft.own(technology))
+    own = TECHNOLOGIES[technology].sensors[sensor].units[0].si
     unit = unit.removesuffix("/s")  # of a drift
     if own == "m" and unit == "rad":  # surface angle to travel of the rod
         return design.arm
     return design.shares.get(unit, 1.0)
 
 
-def _moving(j, name, technology, part, dt):
+def _moving(j, name, technology, part, scenario):
     """Return the lane of a fault of the actuator of segment or surface `part`."""
-    design, own = technology.design(), f"{technology.name}_in.{part}"
+    aircraft, own = scenario.aircraft, f"{technology.name}_in.{part}"
+    design = technology.design(aircraft.own(technology.name))
     command = f"{technology.servo or technology.name}_in.{part}"
     kind = "jam_solid" if j.kind == "jam" and j.place == "surface" else j.kind
     # without a servo `loss` is the command's
@@ -136,11 +139,11 @@ def _moving(j, name, technology, part, dt):
             factor = design.arm if effect.unit == "m" else 1.0 / design.arm
         return _constant(j, name, j.magnitude * factor, (f"{own}.{effect.input}", "f_inj"))
     if kind == "runaway":
-        return _runaway(j, name, technology, own, command, f"{technology.name}.{part}.delta")
+        return _runaway(j, name, technology, design, own, command, f"{technology.name}.{part}.delta")
     solid = kind == "ofc_solid"
     share = "s_u" if j.at == "valve" and technology.inlet else "s_cmd"
     if share == "s_u":
-        to, amplitude = own, _inner_amplitude(j, technology, solid, dt)
+        to, amplitude = own, _inner_amplitude(j, technology, solid, scenario)
     else:
         to, amplitude = command, j.magnitude / design.arm if j.unit == "m" else j.magnitude
     places = [(f"{to}.{share.replace('s_', 'f_')}", "f_inj"), *([(f"{to}.{share}", "g")] if solid else [])]
@@ -148,16 +151,17 @@ def _moving(j, name, technology, part, dt):
     return Lane(name, j.fault, _params(j, shape, amplitude), tuple(places))
 
 
-def _inner_amplitude(j, technology, solid, dt):
+def _inner_amplitude(j, technology, solid, scenario):
     """Return the amplitude of an oscillation at the valve [1] or drive [A].
 
     Raises ScenarioError where a drive would need more than its current limit: a servo that the same limit binds loses
     against it, and the surface swings five times as far as was asked for, or the drive cannot move it that far.
     """
-    design = technology.design()
+    differs = scenario.aircraft.own(technology.name)
+    design = technology.design(differs)
     if j.unit == "u":
         return j.magnitude * design.drive
-    gain = technology.solid_gain(j.omega) if solid else liquid_gain(technology.name, j.omega, dt)
+    gain = _gain(technology, solid, j.omega, scenario.dt, differs)
     if design.limited and j.magnitude > gain * design.drive:
         raise ScenarioError(
             f"{j.magnitude * 1e3:g} mm at {j.omega / (2 * math.pi):g} Hz take {j.magnitude / gain:.0f} A at the drive "
@@ -169,7 +173,14 @@ def _inner_amplitude(j, technology, solid, dt):
     return j.magnitude / gain
 
 
-def _runaway(j, name, technology, own, command, delta):
+def _gain(technology, solid, omega, dt, differs):
+    """Return position amplitude [m] per unit at the valve [1] or drive [A]."""
+    if solid:
+        return technology.solid_gain(omega, differs)
+    return liquid_gain(technology.name, omega, dt, differs)
+
+
+def _runaway(j, name, technology, design, own, command, delta):
     """Return the lane of a runaway at `magnitude` rad/s: the valve held open, or the demanded rate; to a limit, and
     with a servo that knows no rate, the commanded position runs from where the surface is (bus name `delta`).
     """
@@ -180,7 +191,6 @@ def _runaway(j, name, technology, own, command, delta):
     if technology.runaway == "rate":
         return _constant(j, name, j.magnitude, (f"{command}.s_rate", "g"), (f"{command}.f_rate", "f_inj"))
     if j.at == "valve":
-        design = technology.design()
         u = j.magnitude * design.arm / design.valve_speed
         return _constant(j, name, u, (f"{own}.s_u", "g"), (f"{own}.f_u", "f_inj"))
     p = _params(j, f.RUNAWAY, j.magnitude)

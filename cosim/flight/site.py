@@ -32,14 +32,17 @@ def aircraft(own: Aircraft) -> About:
     return About(force_model(own.folder), (SERVO, *late, 0.0), (RATE, *rates))
 
 
-def site(dt, lane="", technologies=None, own: Aircraft | None = None) -> Site:
+def site(dt, lane="", technologies=None, own: Aircraft | None = None, believed=None) -> Site:
     """Return the Site of a detector with tick `dt` [s] on elevator segment `lane` ("" at aircraft level).
 
-    `technologies` is {segment: technology}, `own` the aircraft, by default the bundled one.
+    `technologies` is {segment: technology}, `own` the aircraft, by default the bundled one;
+    `believed` parameters that the scenario sets for what servo and filters take the actuator to be [SI].
     """
     technologies = technologies or {}
-    known = functools.cache(lambda: aircraft(own or load_aircraft()))
-    return Site(dt, lane, technologies.get(lane, ""), technologies, _delay, known)
+    technology, record = technologies.get(lane, ""), own or load_aircraft()
+    actuator = {**dict(record.own(technology)), **(believed or {})}
+    known = functools.cache(lambda: aircraft(record))
+    return Site(dt, lane, technology, technologies, _delay, known, actuator, record.travels["elevator"])
 
 
 def _delay(word):

@@ -18,11 +18,12 @@ from cosim.scenario import Scenario
 from cosim.scenario.catalog import KT, LOOP_SENSOR, TECHNOLOGIES
 
 
-def _rod(columns, segment, technology):
+def _rod(columns, segment, technology, aircraft):
     """Return (column of the rod's or screw's position, metres per unit)."""
     name = technology.loop_sensor
     state = technology.sensors[name].state
-    return columns(f"{technology.name}.{segment}.{state}"), technology.design().gains.get(name, 1.0)
+    gains = technology.design(aircraft.own(technology.name)).gains
+    return columns(f"{technology.name}.{segment}.{state}"), gains.get(name, 1.0)
 
 
 @dataclass
@@ -55,7 +56,11 @@ class History:
             estimate = plan(scenario, name, lane, columns)
             self._watches.append(watch_of(name, level, target, culprits, at, estimate=estimate))
         self.surface = {seg: columns(f"truth.aircraft.de_{s}") for seg, s in scenario.aircraft.short.items()}
-        self.rod = {seg: _rod(columns, seg, TECHNOLOGIES[t]) for seg, t in technology.items() if t in LOOP_SENSOR}
+        self.rod = {
+            seg: _rod(columns, seg, TECHNOLOGIES[t], scenario.aircraft)
+            for seg, t in technology.items()
+            if t in LOOP_SENSOR
+        }
         self.motion = {name: columns(f"truth.aircraft.{name}") for name in MOTION}
         short = scenario.aircraft.short.values()
         self.hinge = [[columns(f"truth.aircraft.{f}_{s}") for f in ("hm0", "hmd", "de")] for s in short]

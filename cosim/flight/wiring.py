@@ -5,8 +5,8 @@ loop compiles it to index arrays, the log stores the detectors' part of it, and 
 same names.
 """
 
+from cosim.flight.blocks import sensors
 from cosim.flight.blocks.law import SENSORS as LAW_SENSORS
-from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.scenario.catalog import TECHNOLOGIES
 
 DEMANDS = ("nz_dem", "phi_dem", "psi_dem", "de_add", "hold_psi", "hold_h", "hold_v")
@@ -14,10 +14,11 @@ OTHERS = ("aileron_left", "aileron_right", "rudder", "stabiliser")  # surfaces w
 SURFACE_OF = {"aileron_left": "da_l", "aileron_right": "da_r", "rudder": "dr", "stabiliser": "stab"}
 COMMAND_OF = {"aileron_left": "da_cmd", "aileron_right": "da_cmd", "rudder": "dr_cmd", "stabiliser": "stab_cmd"}
 
-def sensor_wires(technology):
-    """Return the wires from truth and actuators to the sensors; `technology` maps segment -> name."""
-    pairs = [(f"sensors_in.{name}.truth", f"truth.aircraft.{spec[0]}") for name, spec in TRANSPORT.items()]
-    for seg, tech in technology.items():
+def sensor_wires(scenario) -> list[tuple[str, str]]:
+    """Return the wires from truth and actuators to the sensors."""
+    fitted = sensors.fitted(scenario.aircraft)
+    pairs = [(f"sensors_in.{name}.truth", f"truth.aircraft.{spec[0]}") for name, spec in fitted.items()]
+    for seg, tech in scenario.elevator.technology.items():
         own = TECHNOLOGIES[tech].sensors
         pairs += [(f"sensors_in.{seg}_{name}.truth", f"{tech}.{seg}.{s.state}") for name, s in own.items()]
     return pairs

@@ -178,7 +178,7 @@ class Flown:
         if self.has(topic, field):
             return self.values(topic, field)
         if field == "truth":
-            wired = dict(wiring.sensor_wires(self.scenario.elevator.technology))
+            wired = dict(wiring.sensor_wires(self.scenario))
             return self.signal(wired[name])
         sources = [(f.name, source) for f in self._injected for to, source in f.places if to == name]
         return sum((self._fault(lane, source) for lane, source in sources), np.zeros(len(self.ticks)))

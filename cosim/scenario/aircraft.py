@@ -122,6 +122,7 @@ class Aircraft(_Table):
     limits: Limits
     elevator: Elevator
     surfaces: Surfaces
+    actuators: dict[str, dict[str, float]] = {}  # technology -> parameters that differ from its own design
     points: dict[str, dict[str, float]] = {}
     name: str = ""  # the folder's
     folder: Annotated[Path, Field(strict=False)] = Path()
@@ -189,6 +190,10 @@ class Aircraft(_Table):
     def wing_area(self) -> float:
         """Return the wing area [m2]."""
         return self.geometry.wing_area_ft2 * 0.3048**2
+
+    def own(self, technology: str) -> tuple[tuple[str, float], ...]:
+        """Return ((parameter, value), ...) in which this aircraft's actuators of a technology differ from it."""
+        return tuple(self.actuators.get(technology, {}).items())
 
     @property
     def gusts(self) -> dict[str, float]:

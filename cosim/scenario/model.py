@@ -8,7 +8,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationIn
 
 from cosim.errors import did_you_mean
 from cosim.scenario import catalog as c
-from cosim.scenario import conflict, toml
+from cosim.scenario import conflict, tolerance, toml
 from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft, of
 from cosim.scenario.fault import Fault
 from cosim.scenario.manoeuvre import Cruise, Manoeuvre
@@ -87,6 +87,13 @@ class Flight(_Table):
         return "tas", self.tas_kt * c.KT
 
 
+class Settings(_Table):
+    """Parameters of one segment's actuator [SI]: of what flies, and of what servo and filters believe it to be."""
+
+    truth: dict[str, float] = {}
+    model: dict[str, float] = {}
+
+
 class Elevator(_Table):
     """The elevator segments, by the aircraft's names: actuator technology and servo feedback."""
 
@@ -96,14 +103,17 @@ class Elevator(_Table):
     # what each segment's servo closes on; a word is for every hydraulic segment, iotsekf where nothing is said
     feedback: dict[str, Feedback]
     reconfigure: bool = False  # on a sensor verdict the loop closes on the healthy estimate
+    # segment -> its own parameters; also written [elevator.<segment>.<technology>] name = value, or .truth and .model
+    parameters: dict[str, Settings] = {}
 
     @model_validator(mode="before")
     @classmethod
     def _fill(cls, raw: Any, info: ValidationInfo) -> Any:
         if not isinstance(raw, dict):
             return raw
-        default = of(info).technology
+        aircraft, default = of(info), of(info).technology
         _known_keys(raw, (*default, *cls.model_fields))
+        raw = _settings(raw, default)
         technology = {name: raw.get(name, own) for name, own in default.items()}
         for name, tech in technology.items():
             if tech not in c.TECHNOLOGIES:
@@ -118,6 +128,7 @@ class Elevator(_Table):
         if isinstance(given, dict):
             _known_keys(given, default, "feedback.")
             filled |= given
+        _check_settings(raw["parameters"], technology, aircraft)
         return {**technology, **raw, "feedback": filled}
 
     @model_validator(mode="after")
@@ -132,6 +143,44 @@ class Elevator(_Table):
     def technology(self) -> dict[str, str]:
         """Return {segment: technology} in the order of the segments."""
         return dict(self.model_extra or {})
+
+
+def _settings(raw, segments):
+    """Return `raw` with every [elevator.<segment>.<technology>] as the word and an entry of `parameters`."""
+    out, parameters = dict(raw), dict(raw.get("parameters") or {})
+    for name in segments:
+        if not isinstance(raw.get(name), dict):
+            continue
+        if len(raw[name]) != 1 or not isinstance(next(iter(raw[name].values())), dict):
+            raise problem("must be a technology with its table", key=name, allowed=f"[elevator.{name}.<technology>]")
+        ((out[name], table),) = raw[name].items()
+        both = {k: v for k, v in table.items() if k not in Settings.model_fields}
+        parameters[name] = {part: {**both, **table.get(part, {})} for part in Settings.model_fields}
+    return {**out, "parameters": parameters}
+
+
+def _check_settings(parameters, technology, aircraft):
+    """Raise for a parameter that the segment's actuator has not, or a value far from its nominal one."""
+    _known_keys(parameters, technology, "parameters.")
+    for name, table in parameters.items():
+        tech, tables = c.TECHNOLOGIES[technology[name]], table if isinstance(table, dict) else {}
+        nominal = {k: v for k, v in tech.parameters(aircraft.own(tech.name)).items() if k not in tech.fixed}
+        for part, values in tables.items():
+            for key, value in values.items() if isinstance(values, dict) else ():
+                place = f"parameters.{name}.{part}.{key}"
+                if key not in nominal:
+                    raise choice(key, nominal, f"parameter of {tech.article} actuator", key=place)
+                _within(value, nominal[key], place, tolerance.meanings(tech.name)[key][1])
+
+
+def _within(value, nominal, place, unit):
+    low, high = sorted((MULTIPLIER.low * nominal, MULTIPLIER.high * nominal))
+    low, high = (0.0, 0.1) if nominal == 0.0 else (low, high)  # a backlash
+    said = f"{low:.4g} to {high:.4g} {unit}".strip()
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise problem("must be a valid number", key=place, allowed=said)
+    if not low <= value <= high:
+        raise problem("is out of range", key=place, allowed=said)
 
 
 def _known_keys(table, known, path=""):

@@ -23,6 +23,13 @@ class Site:
     technologies: Mapping[str, str] = field(default_factory=dict)  # of all elevator segments
     delay: Callable[[str], float] = lambda word: 0.0  # age of a measurement [s], by its word
     aircraft: Callable[[], Any] = lambda: None  # what is known of the aircraft: force model, gyration, its actuators
+    # parameters of the watched actuator, as far as they are believed to differ from its technology's design [SI]
+    actuator: Mapping[str, float] = field(default_factory=dict)
+    travel: tuple[float, float] | None = None  # stops of the elevator [rad], None: those of the technology's design
+
+    def known(self, names) -> dict[str, float]:
+        """Return those parameters of the actuator that are among `names`."""
+        return {name: value for name, value in self.actuator.items() if name in (names or ())}
 
     def ticks(self, word):
         """Return how many ticks the measurement `word` is old."""

@@ -94,7 +94,7 @@ DETECTOR = Detector(
     remark="as published it knows no load: on an elevator in flight it alarms all the time, which is why "
     "ema_kalman_flight exists",
     places={"head": ("window", 0)},
-    fit=lambda site: params("elevator", dt=site.dt),
+    fit=lambda site: params("elevator", dt=site.dt, **site.actuator),
 )
 
 

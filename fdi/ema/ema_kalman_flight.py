@@ -223,7 +223,7 @@ DETECTOR = Detector(
     looks_back={"delay": "u_old"},
     sizes={"n_sub": 1, "n_window": 1, "n_lag": 1, "n_mean": 1},
     places={"head": ("window", 0), "tail": ("drifts", 0)},
-    fit=lambda site: params(dt=site.dt),
+    fit=lambda site: params(dt=site.dt, **site.actuator),
 )  # fmt: skip
 
 DEG = math.pi / 180.0

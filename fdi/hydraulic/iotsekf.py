@@ -130,7 +130,7 @@ DETECTOR = Detector(
     looks_back={"delay": "u_old", "lag_ticks": "u_old"},
     sizes=bank.SIZES,
     places=bank.PLACES,
-    fit=lambda site: params(dt=site.dt),
+    fit=lambda site: params(dt=site.dt, **site.known(PARAMS.names)),
 )
 NOISE = {
     # process noise densities: what friction, tolerances and an unmodelled load do to q', dP and F

@@ -115,7 +115,7 @@ DETECTOR = Detector(
     blind="compares one hydraulic rod with the open-loop model of its own valve command",
     estimates=(Estimate("rod", "f_hat", "m"),),
     looks_back={"delay": "u_old"},
-    fit=lambda site: params(dt=site.dt),
+    fit=lambda site: params(dt=site.dt, **site.known(PARAMS.names)),
 )
 
 

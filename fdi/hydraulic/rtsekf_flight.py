@@ -107,7 +107,7 @@ DETECTOR = Detector(
     blind="compares rod with surface: a jam or a runaway moves both alike, and it must stay quiet",
     estimates=(Estimate("rod", "f_hat", "m"), Estimate("surface", "f_hat", "m")),
     looks_back={"delay": "u_old"},
-    fit=lambda site: params(dt=site.dt),
+    fit=lambda site: params(dt=site.dt, **site.known(PARAMS.names)),
 )
 
 
@@ -120,7 +120,7 @@ def params(which="flight", *, dt=0.005, delay_s=0.005, arm=linkage.ARM, **values
         "delay": float(round(delay_s / dt)),
         "q": (1e-12, 2e-5, 2e-3, 0.5),  # wider than `iotsekf`: here no fault state takes up what the valve does wrong
         "r_rod": 1e-8 * share,  # 0.1 mm, sensor set `transport`
-        "r_surface": 1.1e-8 * share,  # 0.02 deg on 0.30 m
+        "r_surface": 1.1e-8 * share * (arm / linkage.ARM) * (arm / linkage.ARM),  # 0.02 deg, 0.1 mm on 0.30 m
         "r_dp": 2.5e-5 * share,  # 0.5 % of supply
         "P0": (1e-8, 1e-6, 1e-4, 1e-2),
         "gate": 12.0,

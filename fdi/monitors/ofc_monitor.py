@@ -108,21 +108,23 @@ DETECTOR = Detector(
     blind="counts alternating crossings of one hydraulic rod's residual: what does not oscillate is not counted",
     looks_back={"delay": "past"},
     sizes={"half_periods": 1},
-    fit=lambda site: params(dt=site.dt),
+    fit=lambda site: params(dt=site.dt, arm=site.actuator.get("arm", linkage.ARM), travel=site.travel),
 )
 
 
-def params(which="flight", *, dt=0.005, delay_s=0.005, arm=linkage.ARM, **values):
-    """Return PARAMS for ticks of `dt` seconds; `values` replace any field."""
+def params(which="flight", *, dt=0.005, delay_s=0.005, arm=linkage.ARM, travel=None, **values):
+    """Return PARAMS for ticks of `dt` seconds, linkage `arm` [m], stops `travel` [rad]; `values` replace any field."""
     s = servo.params(dt=dt)[0]
+    low, high = travel or linkage.TRAVEL
+    edge, rate = math.radians(0.1), math.radians(40.0)  # of the servo's reference
+    ends = {"r_lo": linkage.rod(low + edge, arm), "r_hi": linkage.rod(high - edge, arm), "v_max": arm * rate}
     edges = np.array(BANDS)
     g = np.tan(np.pi * edges * dt)
     a1 = 1.0 / (1.0 + g * (g + math.sqrt(2.0)))  # Butterworth
     fields = {
         "arm": arm,
         **{name: s[name] for name, _ in reference.PARAM_FIELDS},
-        "r_lo": s.r_lo,
-        "r_hi": s.r_hi,
+        **ends,
         "delay": float(round(delay_s / dt)),
         "high_a1": a1[:, 0],
         "high_g": g[:, 0],

@@ -82,7 +82,7 @@ DETECTOR = Detector(
     },
     blind="compares one elevator segment with its command: other effectors, aircraft sensors and monitor-only "
     "sensors move neither",
-    fit=lambda site: params("flight_ema" if site.technology == "ema" else "flight"),
+    fit=lambda site: params("flight_ema" if site.technology == "ema" else "flight", limits=site.travel),
 )
 
 
@@ -90,12 +90,12 @@ RATE_LIMIT = math.radians(40.0)  # of the servos' reference, both technologies (
 TRAVEL = (math.radians(-23.0), math.radians(17.0))  # of the elevator (DESIGN.md 3) [rad]
 
 
-def params(which="flight", *, rate_limit=RATE_LIMIT, limits=TRAVEL):
+def params(which="flight", *, rate_limit=RATE_LIMIT, limits=None):
     """Return PARAMS with threshold set `which`, the no-load rate [rad/s] and the travel limits [rad].
 
     "flight" is for hydraulic segments, "flight_ema" for electromechanical ones, which lag more in hard commands.
     """
-    own = thresholds("position_monitor", which)
+    own, limits = thresholds("position_monitor", which), limits or TRAVEL
     return record(PARAMS, rate_limit=rate_limit, limit_low=limits[0], limit_high=limits[1], **own)
 
 

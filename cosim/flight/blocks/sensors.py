@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from actuators.block import dtype, entry, kernel
+from cosim.scenario.aircraft import Aircraft
 
 DELAY_MAX = 32  # longest delay in ticks: 0.15 s at 5 ms
 
@@ -115,6 +116,12 @@ rollout = entry(step, STATE, INPUTS, PARAMS)
 
 DEG, KT, FT, G0 = math.pi / 180.0, 1852.0 / 3600.0, 0.3048, 9.80665
 _AIR, _REST = 0.010, 0.005  # delays [s]
+
+def fitted(aircraft: Aircraft) -> dict[str, tuple[str, float, float, str]]:
+    """Return the sensors of TRANSPORT that an aircraft has: a tachometer per engine."""
+    fans = [name for name in TRANSPORT if name.startswith("n1_")]
+    return {name: spec for name, spec in TRANSPORT.items() if name not in fans[aircraft.engines :]}
+
 
 # Sensor set `transport` (DESIGN section 2): name -> (truth field, sigma in SI per 5 ms sample, delay [s], unit)
 TRANSPORT = {

@@ -73,13 +73,13 @@ LATERAL = {
 CONSTANT = {"Cl_dr": 0.0070, "Cn_da": 0.0002}  # stability axes, condition 9 of table IX-8
 
 
-def thrust_ratio(mach, pressure_ratio):
-    """Return thrust over static sea-level thrust: take-off rating of Bartel and Young (2008), bypass ratio 5.
+def thrust_ratio(mach, pressure_ratio, bypass=None):
+    """Return thrust over static sea-level thrust: take-off rating of Bartel and Young (2008), by default at bypass 5.
 
     T/T0 = A - 0.377 (1 + b) / sqrt((1 + 0.82 b) G0) Z x M + (0.23 + 0.19 sqrt(b)) X x M^2, x = p/p0, A, Z, X
     polynomials of x, G0 = 0.0606 b + 0.6337.
     """
-    x, b = pressure_ratio, BYPASS
+    x, b = pressure_ratio, BYPASS if bypass is None else bypass
     A = -0.4327 * x**2 + 1.3855 * x + 0.0472
     Z = 0.9106 * x**3 - 1.7736 * x**2 + 1.8697 * x
     X = 0.1377 * x**3 - 0.4374 * x**2 + 1.3003 * x

@@ -53,11 +53,10 @@ def cl_max(mach):
     return np.interp(mach, [0.2, 0.45, 0.6, 0.7, 0.8, 0.9, 0.95], [1.60, 1.56, 1.46, 1.28, 1.06, 0.92, 0.82])
 
 
-def stalled(lift, mach):
-    """Bend lift over smoothly from 0.80 to 1 of cl_max, flat top, then 10 % down: C_L(x) = j + r tanh(x), x = (C_L -
+def stalled(lift, top):
+    """Bend lift over smoothly from 0.80 to 1 of `top`, flat top, then 10 % down: C_L(x) = j + r tanh(x), x = (C_L -
     j) / r.
     """
-    top = cl_max(mach)
     join = 0.80 * top
     x = np.maximum(lift - join, 0.0) / (top - join)
     return np.where(
@@ -197,7 +196,7 @@ def tables():
     fits = longitudinal()
     a, m = ALPHA[:, None], MACH[None, :]
     line = fits["CL"][0](a, m)
-    lift = stalled(line, m)
+    lift = stalled(line, cl_max(m))
     lost = line - lift  # lift lost to separation: the nose-down moment of a tail that keeps its own
     drag = np.maximum(fits["CD"][0](a, m), 0.012)
     moment = fits["Cm"][0](a, m) - 0.15 * np.maximum(lost, 0.0)

@@ -1,8 +1,10 @@
-"""Write the aircraft's fitted JSBSim files from tables and constants."""
+"""Write an aircraft's JSBSim files from tables and constants: the form that `force_model` reads again."""
+
+from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.flight.plant.aero.data import CONSTANT, thrust_ratio
+from cosim.flight.plant.aero.data import BYPASS, CONSTANT, thrust_ratio
 
 MULTIPLIERS = (
     "CL_0", "CL_alpha", "CL_q", "CL_de", "CL_ds", "CD_0", "CD_alpha", "CD_beta",
@@ -12,17 +14,45 @@ MULTIPLIERS = (
     "Ch_alpha", "Ch_delta",
 )  # fmt: skip
 
-CBAR_FT, SPAN_FT = 27.31, 195.68
-TAIL_ARM_FT = 105.3  # [Roskam] C_m_ih / C_L_ih = -2.70 / 0.70 chords behind the CG at 25 %
-DOWNWASH = 0.40  # d epsilon / d alpha at the tail: assumed (typical of transports)
-SEGMENT_AREA_FT2, SEGMENT_CHORD_FT = 8.0 / 0.3048**2, 1.4 / 0.3048  # DESIGN section 3
-HINGE = {"Ch_alpha": -0.05, "Ch_delta": -0.17}  # per rad; balanced elevator without camber: assumed (README)
-SEGMENT_SPAN_FT = {
-    "lo": -26.6,
-    "li": -12.1,
-    "ri": 12.1,
-    "ro": 26.6,
-}  # spanwise middle of each segment, tail span 72.75 ft: assumed halves
+
+@dataclass(frozen=True)
+class Shape:
+    """What of an aircraft stands in its functions as a number, not as a table; derivatives per rad, stability axes."""
+
+    made_by: str  # command that writes the files
+    chord_ft: float
+    span_ft: float
+    tail_arm_ft: float  # from the CG
+    downwash: float  # d epsilon / d alpha at the tail
+    segment_area_ft2: float  # of one elevator segment, behind its hinge
+    segment_chord_ft: float
+    segment_span_ft: dict[str, float]  # short name -> spanwise middle, right +
+    Ch_alpha: float  # hinge moment of an elevator without camber
+    Ch_delta: float
+    CL_ds: float  # stabiliser
+    Cm_ds: float
+    CD_beta: float  # per rad2
+    Cl_dr: float
+    Cn_da: float
+
+
+TRANSPORT = Shape(
+    made_by="cosim/flight/plant/aero/fit.py",
+    chord_ft=27.31,
+    span_ft=195.68,
+    tail_arm_ft=105.3,  # [Roskam] C_m_ih / C_L_ih = -2.70 / 0.70 chords behind the CG at 25 %
+    downwash=0.40,  # assumed (typical of transports)
+    segment_area_ft2=8.0 / 0.3048**2,
+    segment_chord_ft=1.4 / 0.3048,
+    segment_span_ft={"lo": -26.6, "li": -12.1, "ri": 12.1, "ro": 26.6},  # tail span 72.75 ft: assumed halves
+    Ch_alpha=-0.05,  # balanced elevator: assumed (README)
+    Ch_delta=-0.17,
+    CL_ds=0.70,
+    Cm_ds=-2.70,
+    CD_beta=0.2,
+    Cl_dr=CONSTANT["Cl_dr"],
+    Cn_da=CONSTANT["Cn_da"],
+)
 RHO_SL_P = 2116.22  # psf
 
 
@@ -70,28 +100,28 @@ def _operation(kind, parts, indent):
     return "\n".join([f"{pad}<{kind}>", *lines, f"{pad}</{kind}>"])
 
 
-def multipliers_xml():
+def multipliers_xml(shape: Shape = TRANSPORT) -> str:
     """Return the declarations of one multiplier per coefficient."""
     lines = "\n".join(f'  <property value="1"> aero/mult/{name} </property>' for name in MULTIPLIERS)
-    note = "<!-- Written by cosim/flight/plant/aero/fit.py. One multiplier per coefficient: 1 is the fitted value. -->"
+    note = f"<!-- Written by {shape.made_by}. One multiplier per coefficient: 1 is the fitted value. -->"
     return f'<?xml version="1.0"?>\n{note}\n<system name="multipliers">\n\n{lines}\n\n</system>\n'
 
 
-def engine_xml():
-    """Return the turbofan: 300 kN static, take-off rating of Bartel and Young (2008), bypass ratio 5, over Mach and
-    static pressure.
+def engine_xml(thrust: float = 300e3, bypass: float = BYPASS, shape: Shape = TRANSPORT) -> str:
+    """Return the turbofan of static `thrust` [N]: take-off rating of Bartel and Young (2008) at its `bypass` ratio,
+    over Mach and static pressure.
     """
     mach = np.arange(0.0, 1.01, 0.1)
     ratio = np.array([0.05, 0.10, 0.15, 0.20, 0.25, 0.30, 0.40, 0.50, 0.60, 0.70, 0.80, 0.90, 1.0, 1.1])
     x, M = ratio[None, :], mach[:, None]
-    mil = thrust_ratio(M, x)
+    mil = thrust_ratio(M, x, bypass)
     idle = 0.05 * x * np.maximum(1.0 - 1.5 * M, 0.0)
     lookups = ("velocities/mach", "atmosphere/P-psf")
     return f"""<?xml version="1.0"?>
-<!-- Written by cosim/flight/plant/aero/fit.py. Sources: aircraft/README.md -->
+<!-- Written by {shape.made_by}. Sources: aircraft/README.md -->
 <turbine_engine name="turbofan">
-  <milthrust unit="LBS"> {300000.0 / 4.4482216:.1f} </milthrust>
-  <bypassratio> 5.0 </bypassratio>
+  <milthrust unit="LBS"> {thrust / 4.4482216:.1f} </milthrust>
+  <bypassratio> {bypass:.1f} </bypassratio>
   <tsfc> 0.60 </tsfc>
   <bleed> 0.0 </bleed>
   <idlen1> 25.0 </idlen1>
@@ -110,12 +140,12 @@ def engine_xml():
 """
 
 
-def aerodynamics_xml(alpha, mach, q_ref, tables, mach_coarse, derivatives):
+def aerodynamics_xml(alpha, mach, q_ref, tables, mach_coarse, derivatives, shape: Shape = TRANSPORT) -> str:
     """Return the aerodynamics from the (alpha, Mach) tables with their flexibility constants and the tables of
     derivatives.
     """
     zero = int(np.argmin(abs(alpha)))
-    parts = [_common()]
+    parts = [_common(shape)]
     for name, (grid, (t0, t1)) in tables.items():
         grid = np.round(grid, 6)
         base, rest = grid[zero], grid - grid[zero][None, :]
@@ -148,7 +178,9 @@ def aerodynamics_xml(alpha, mach, q_ref, tables, mach_coarse, derivatives):
                 product(f"aero/mult/{name}", table(("velocities/mach", column), mach_coarse, grid, values)),
             )
         )
-    return "\n".join([_HEAD, *parts, *_sums(), *_hinges(), *_axes(), "</aerodynamics>\n"])
+    return "\n".join(
+        [_HEAD.format(shape.made_by), *parts, *_sums(shape), *_hinges(shape), *_axes(shape), "</aerodynamics>\n"]
+    )
 
 
 def _flex(q_ref):
@@ -156,29 +188,35 @@ def _flex(q_ref):
 
 
 _HEAD = """<?xml version="1.0"?>
-<!-- Written by cosim/flight/plant/aero/fit.py. Sources, assumptions and the fit: aircraft/README.md -->
+<!-- Written by {}. Sources, assumptions and the fit: aircraft/README.md -->
 <aerodynamics>
 
     <alphalimits unit="DEG"> <min> -6.0 </min> <max> 16.0 </max> </alphalimits>
 """
 
 
-def _common():
+def _half_time(length):
+    """Return length / 2V."""
+    speed = "<max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max>"
+    return f"      <quotient> <v> {length / 2} </v> {speed} </quotient>"
+
+
+def _common(shape):
     mean = (
-        "      <product> <v> 0.25 </v> <sum> "
-        + " ".join(f"<p> fcs/elevator-{s}-pos-rad </p>" for s in SEGMENT_SPAN_FT)
+        f"      <product> <v> {1.0 / len(shape.segment_span_ft)} </v> <sum> "
+        + " ".join(f"<p> fcs/elevator-{s}-pos-rad </p>" for s in shape.segment_span_ft)
         + " </sum> </product>"
     )
     elevator = function("aero/elevator-mean-rad", mean)
     qS = function("aero/qS-lbs", product("aero/qbar-psf", "metrics/Sw-sqft"))
     chord = function(
         "aero/chord-time-sec",
-        f"      <quotient> <v> {CBAR_FT / 2} </v> <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max> </quotient>",
+        _half_time(shape.chord_ft),
         "c / 2V",
     )
     span = function(
         "aero/span-time-sec",
-        f"      <quotient> <v> {SPAN_FT / 2} </v> <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max> </quotient>",
+        _half_time(shape.span_ft),
         "b / 2V",
     )
     cosine, sine = "<cos> <p> aero/alpha-rad </p> </cos>", "<sin> <p> aero/alpha-rad </p> </sin>"
@@ -198,7 +236,7 @@ def _common():
     return "\n".join([elevator, qS, chord, span, *rates, roll, yaw])
 
 
-def _sums():
+def _sums(shape):
     out = []
     out.append(
         function(
@@ -208,7 +246,7 @@ def _sums():
                 "aero/CL_alpha",
                 product("aero/CL_q", "aero/chord-time-sec", "aero/q-rad_sec"),
                 product("aero/CL_de", "aero/elevator-mean-rad"),
-                product("aero/mult/CL_ds", 0.70, "fcs/stabilizer-pos-rad"),
+                product("aero/mult/CL_ds", shape.CL_ds, "fcs/stabilizer-pos-rad"),
             ),
         )
     )
@@ -242,28 +280,28 @@ def _over_speed(arm, rate):
     return f"        <quotient> {turn} <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max> </quotient>"
 
 
-def _hinges():
+def _hinges(shape):
     """Return HM0 (per segment) and HM_delta (common), lbf ft: q̄ S_e c_e Ch_alpha alpha_t and q̄ S_e c_e
     Ch_delta.
     """
-    size = SEGMENT_AREA_FT2 * SEGMENT_CHORD_FT
+    size = shape.segment_area_ft2 * shape.segment_chord_ft
     out = [
         function(
             "aero/hinge-delta-lbsft_rad",
-            product("aero/mult/Ch_delta", HINGE["Ch_delta"] * size, "aero/qbar-psf"),
+            product("aero/mult/Ch_delta", shape.Ch_delta * size, "aero/qbar-psf"),
             "hinge moment per elevator angle, trailing edge down +",
         ),
         function(
             "aero/tail-alpha-rad",
             total(
-                product(1.0 - DOWNWASH, "aero/alpha-rad"),
+                product(1.0 - shape.downwash, "aero/alpha-rad"),
                 "fcs/stabilizer-pos-rad",
-                _over_speed(TAIL_ARM_FT, "q"),
+                _over_speed(shape.tail_arm_ft, "q"),
             ),
             "local angle of attack of the tail: downwash, stabiliser, pitch rate",
         ),
     ]
-    for segment, span in SEGMENT_SPAN_FT.items():
+    for segment, span in shape.segment_span_ft.items():
         roll = _over_speed(span, "p")
         out.append(
             function(
@@ -272,7 +310,7 @@ def _hinges():
                     size,
                     "aero/qbar-psf",
                     "aero/mult/Ch_alpha",
-                    HINGE["Ch_alpha"],
+                    shape.Ch_alpha,
                     total("aero/tail-alpha-rad", roll, indent=8),
                 ),
             )
@@ -280,15 +318,16 @@ def _hinges():
     return out
 
 
-def _axes():
+def _axes(shape):
     qS = "aero/qS-lbs"
     sideforce = total(product("aero/CY_beta", "aero/beta-rad"), product("aero/CY_dr", "fcs/rudder-applied-rad"))
-    drag = total("aero/CD_0", "aero/CD_alpha", product("aero/mult/CD_beta", 0.2, "aero/beta-rad", "aero/beta-rad"))
+    sideslip = product("aero/mult/CD_beta", shape.CD_beta, "aero/beta-rad", "aero/beta-rad")
+    drag = total("aero/CD_0", "aero/CD_alpha", sideslip)
     pitch = total(
         "aero/Cm_0",
         "aero/Cm_alpha",
         product("aero/Cm_de", "aero/elevator-mean-rad"),
-        product("aero/mult/Cm_ds", -2.70, "fcs/stabilizer-pos-rad"),
+        product("aero/mult/Cm_ds", shape.Cm_ds, "fcs/stabilizer-pos-rad"),
         product(
             "aero/chord-time-sec",
             total(
@@ -299,12 +338,13 @@ def _axes():
     )
     aileron = total("fcs/aileron-left-pos-rad", "fcs/aileron-right-pos-rad", indent=8)
     aileron = product(0.5, aileron, indent=6)
-    # a left segment down lifts the left tail: rolls right; each segment carries a quarter of CL_de
+    # a left segment down lifts the left tail: rolls right; each segment carries its share of CL_de
+    n = len(shape.segment_span_ft)
     tail = (
         "        <sum> "
         + " ".join(
-            f"<product> <v> {-y / 4 / SPAN_FT:.6g} </v> <p> fcs/elevator-{s}-pos-rad </p> </product>"
-            for s, y in SEGMENT_SPAN_FT.items()
+            f"<product> <v> {-y / n / shape.span_ft:.6g} </v> <p> fcs/elevator-{s}-pos-rad </p> </product>"
+            for s, y in shape.segment_span_ft.items()
         )
         + " </sum>"
     )
@@ -313,13 +353,13 @@ def _axes():
         product("aero/Cl_beta", "aero/beta-rad"),
         product("aero/span-time-sec", total(product("aero/Cl_p", p), product("aero/Cl_r", r))),
         product("aero/Cl_da", aileron),
-        product("aero/mult/Cl_dr", CONSTANT["Cl_dr"], "fcs/rudder-applied-rad"),
+        product("aero/mult/Cl_dr", shape.Cl_dr, "fcs/rudder-applied-rad"),
         product("aero/mult/Cl_de", "aero/CL_de", tail),
     )
     yaw = total(
         product("aero/Cn_beta", "aero/beta-rad"),
         product("aero/span-time-sec", total(product("aero/Cn_p", p), product("aero/Cn_r", r))),
-        product("aero/mult/Cn_da", CONSTANT["Cn_da"], aileron),
+        product("aero/mult/Cn_da", shape.Cn_da, aileron),
         product("aero/Cn_dr", "fcs/rudder-applied-rad"),
     )
     axes = (

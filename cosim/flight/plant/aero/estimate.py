@@ -1,0 +1,306 @@
+"""Estimate an aircraft's aerodynamics from its dimensions by handbook formulas, and write its JSBSim files.
+
+    python -m cosim.flight.plant.aero.estimate FOLDER            writes <name>.xml, aerodynamics.xml, Engines/, Systems/
+    python -m cosim.flight.plant.aero.estimate FOLDER --check    exit status 1 when the files are not what this makes
+
+FOLDER is a bundled aircraft or a path; it holds aircraft.toml and numbers.toml, whose every number has its provenance.
+Rigid body, coefficients about the CG reference, per rad; x_q = q c / 2V and so on.
+
+    a          lift slope: 2 pi A / (2 + sqrt(A^2 (beta^2 + tan^2 Lambda_c/2) / k^2 + 4)), k = 0.95 [DATCOM]
+    epsilon'   downwash slope 4.44 (K_A K_lambda K_h sqrt(cos Lambda_c/4))^1.19 [DATCOM]
+    tail       C_L_ih = a_h eta S_h / S, C_m_ih = -C_L_ih l_h / c
+    C_m_alpha  K_f w^2 L / (S c) - C_L_ih (1 - epsilon') l_h / c, the wing's own at its quarter chord [P&H]
+    rates      C_L_q = 2.2 C_L_ih l_h / c, C_m_q = -2.2 C_L_ih (l_h / c)^2, C_m_alphadot = epsilon' C_m_q / 1.1 [Nelson]
+    surfaces   thin-aerofoil effectiveness times 0.8 for viscosity [DATCOM]
+    C_D        C_D_0 + C_L^2 / (pi A e) + 20 (M - M_cr)^4, M_cr from Korn's drag divergence [Raymer]
+    lateral    strip theory of the wing (roll damping times A / (A + 4)), fin as a surface with sidewash, body of
+               revolution [DATCOM, Nelson]
+"""
+
+import math
+import sys
+import tomllib
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+
+from cosim.flight.plant.aero.fit import ALPHA, ALPHA_COARSE, MACH_COARSE, stalled
+from cosim.flight.plant.aero.xml import Shape, aerodynamics_xml, engine_xml, multipliers_xml
+from cosim.scenario.aircraft import Aircraft, load_aircraft
+
+FT = 0.3048
+MACH = np.arange(0.2, 0.9501, 0.025)
+QBAR = np.array([50.0, 800.0])  # psf: rigid, nothing changes between them
+MIDDLE = 0.6  # Mach of what has one number
+
+
+def numbers(folder: Path) -> SimpleNamespace:
+    """Return numbers.toml as names: numbers(folder).wing.span_m. KeyError for one without a value."""
+    table = tomllib.loads((folder / "numbers.toml").read_text(encoding="utf-8"))
+    groups = {g: SimpleNamespace(**{k: v["value"] for k, v in rows.items()}) for g, rows in table.items()}
+    return SimpleNamespace(**groups)
+
+
+def lift_slope(aspect: float, sweep_deg: float, taper: float, mach):
+    """Return the lift slope of a straight-tapered surface of `aspect` ratio and quarter-chord sweep [per rad]."""
+    tan_half = math.tan(math.radians(sweep_deg)) - (1.0 - taper) / (1.0 + taper) / aspect
+    beta2 = 1.0 - np.asarray(mach) ** 2
+    return 2.0 * np.pi * aspect / (2.0 + np.sqrt((aspect / 0.95) ** 2 * (beta2 + tan_half**2) + 4.0))
+
+
+def downwash(n) -> float:
+    """Return d epsilon / d alpha at the tail, at low speed."""
+    w, aspect = n.wing, n.wing.span_m**2 / n.wing.area_m2
+    K_A = 1.0 / aspect - 1.0 / (1.0 + aspect**1.7)
+    K_taper = (10.0 - 3.0 * w.taper) / 7.0
+    K_h = (1.0 - n.tail.height_m / w.span_m) / (2.0 * n.tail.arm_m / w.span_m) ** (1.0 / 3.0)
+    return 4.44 * (K_A * K_taper * K_h * math.sqrt(math.cos(math.radians(w.sweep_deg)))) ** 1.19
+
+
+def effectiveness(chord: float) -> float:
+    """Return the effectiveness of a flap with this share of the chord."""
+    theta = math.acos(2.0 * chord - 1.0)
+    return 0.8 * (1.0 - (theta - math.sin(theta)) / math.pi)
+
+
+def coefficients(n, mach) -> dict:
+    """Return the coefficients at `mach` by the names of the XML's functions; a pair is the value at zero lift and its
+    slope over lift.
+    """
+    w, f = n.wing, n.fuselage
+    S, b, c = w.area_m2, w.span_m, w.chord_m
+    aspect, slope = b**2 / S, math.tan(math.radians(w.sweep_deg))
+    a_w = lift_slope(aspect, w.sweep_deg, w.taper, mach)
+    a_h = lift_slope(n.tail.span_m**2 / n.tail.area_m2, n.tail.sweep_deg, n.tail.taper, mach)
+    a_f = lift_slope(n.fin.endplate * n.fin.height_m**2 / n.fin.area_m2, n.fin.sweep_deg, n.fin.taper, mach)
+    eps, arm = downwash(n), n.tail.arm_m / c
+    CL_ih = a_h * n.tail.efficiency * n.tail.area_m2 / S
+    body = f.position_factor * f.width_m**2 * f.length_m / (S * c)
+    CL_de = CL_ih * effectiveness(n.tail.elevator_chord)
+    out = {
+        "CL_alpha": a_w + CL_ih * (1.0 - eps), "Cm_alpha": body - CL_ih * (1.0 - eps) * arm,
+        "CL_ih": CL_ih, "Cm_ih": -CL_ih * arm, "CL_de": CL_de, "Cm_de": -CL_de * arm,
+        "CL_q": 2.2 * CL_ih * arm, "Cm_q": -2.2 * CL_ih * arm**2, "Cm_alphadot": -2.0 * CL_ih * eps * arm**2,
+    }  # fmt: skip
+    # the fin: sidewash and dynamic pressure [DATCOM], z_w / d of a low wing 0.4
+    sidewash = 0.724 + 3.06 * n.fin.area_m2 / S / (1.0 + math.cos(math.radians(w.sweep_deg))) + 0.16 + 0.009 * aspect
+    fin = a_f * sidewash * n.fin.area_m2 / S  # -C_Y_beta of the fin
+    l_v, z_v = n.fin.arm_m / b, n.fin.centre_m / b
+    CY_dr = a_f * effectiveness(n.fin.rudder_chord) * n.fin.area_m2 / S
+    strip = (1.0 + 2.0 * w.taper) / (6.0 * (1.0 + w.taper))
+    roll = aspect / (aspect + 4.0)
+    out |= {
+        "CY_beta": -fin - 0.2, "Cn_beta": fin * l_v - 1.3 * f.volume_m3 / (S * b),
+        "Cl_beta": (-a_w * math.radians(w.dihedral_deg) * strip * roll - fin * z_v, -strip * slope),
+        "Cl_p": -a_w * (1.0 + 3.0 * w.taper) / (12.0 * (1.0 + w.taper)) * roll,
+        "Cl_r": (2.0 * z_v * l_v * fin, 0.25), "Cn_p": (0.0 * a_w, -0.125 * roll),
+        "Cn_r": -2.0 * fin * l_v**2 - 0.02, "CY_dr": CY_dr, "Cn_dr": -CY_dr * l_v, "Cl_dr": CY_dr * z_v,
+        "Cl_da": a_w * effectiveness(n.aileron.chord) * n.aileron.flexible * _roll_arm(n),
+    }  # fmt: skip
+    return out
+
+
+def _roll_arm(n):
+    """Return 2 integral of c(y) y dy over one aileron pair's span / (S b), one degree on each side."""
+    y = np.linspace(n.aileron.inner, n.aileron.outer, 101) * n.wing.span_m / 2.0
+    root = 2.0 * n.wing.area_m2 / n.wing.span_m / (1.0 + n.wing.taper)
+    chord = root * (1.0 - (1.0 - n.wing.taper) * 2.0 * y / n.wing.span_m)
+    return 2.0 * float(np.trapezoid(chord * y, y)) / (n.wing.area_m2 * n.wing.span_m)
+
+
+def drag(n, lift, mach):
+    """Return the drag coefficient of a lift coefficient at `mach`."""
+    d, cos = n.drag, math.cos(math.radians(n.wing.sweep_deg))
+    aspect = n.wing.span_m**2 / n.wing.area_m2
+    divergence = d.korn / cos - n.wing.thickness / cos**2 - np.clip(lift, 0.0, 1.2) / (10.0 * cos**3)
+    critical = divergence - (0.1 / 80.0) ** (1.0 / 3.0)
+    wave = 20.0 * np.maximum(mach - critical, 0.0) ** 4
+    return d.friction * d.wetted + lift**2 / (np.pi * aspect * d.oswald) + wave
+
+
+def tables(n) -> dict:
+    """Return {CL, CD, Cm: (grid (alpha, Mach), (0, 0))}, stall built in."""
+    a, m = ALPHA[:, None], MACH[None, :]
+    at = coefficients(n, MACH)
+    top = np.interp(MACH, [0.4, 0.85], [n.wing.CL_max, n.wing.CL_max_transonic])[None, :]
+    line = n.wing.CL_0 + at["CL_alpha"][None, :] * a
+    lift = stalled(line, top)
+    lost = np.maximum(line - lift, 0.0)
+    moment = n.wing.Cm_0 + at["Cm_alpha"][None, :] * a - 0.15 * lost
+    return {"CL": (lift, (0.0, 0.0)), "CD": (drag(n, line, m), (0.0, 0.0)), "Cm": (moment, (0.0, 0.0))}
+
+
+def derivative_tables(n) -> dict:
+    """Return {name: (second variable, its grid, table (Mach, second))}."""
+    at, out = coefficients(n, MACH_COARSE), {}
+    for name in ("CL_q", "Cm_q", "Cm_alphadot", "CL_de", "Cm_de", "Cl_da", "CY_dr", "Cn_dr", "CY_beta", "Cn_beta",
+                 "Cl_p", "Cn_r"):  # fmt: skip
+        out[name] = ("qbar", QBAR, np.repeat(np.broadcast_to(at[name], MACH_COARSE.shape)[:, None], len(QBAR), 1))
+    lift = n.wing.CL_0 + at["CL_alpha"][:, None] * ALPHA_COARSE[None, :]
+    for name in ("Cl_beta", "Cn_p", "Cl_r"):
+        base, per_lift = at[name]
+        out[name] = ("alpha", ALPHA_COARSE, np.broadcast_to(base, MACH_COARSE.shape)[:, None] + per_lift * lift)
+    return out
+
+
+def shape(n, aircraft: Aircraft) -> Shape:
+    """Return what stands in the functions as a number."""
+    at = coefficients(n, MIDDLE)
+    sides = {s: (-1.0 if name.startswith("left") else 1.0) for name, s in aircraft.short.items()}
+    return Shape(
+        made_by=f"cosim.flight.plant.aero.estimate {aircraft.name}",
+        chord_ft=n.wing.chord_m / FT, span_ft=n.wing.span_m / FT, tail_arm_ft=n.tail.arm_m / FT,
+        downwash=downwash(n), segment_area_ft2=n.tail.elevator_area_m2 / FT**2,
+        segment_chord_ft=n.tail.elevator_chord * n.tail.area_m2 / n.tail.span_m / FT,
+        segment_span_ft={s: sign * n.tail.elevator_span_m / FT for s, sign in sides.items()},
+        Ch_alpha=n.tail.Ch_alpha, Ch_delta=n.tail.Ch_delta, CL_ds=float(at["CL_ih"]), Cm_ds=float(at["Cm_ih"]),
+        CD_beta=n.drag.CD_beta, Cl_dr=float(at["Cl_dr"]), Cn_da=0.0,
+    )  # fmt: skip
+
+
+def build(aircraft: Aircraft) -> dict[Path, str]:
+    """Return {path: text} of every JSBSim file of the aircraft."""
+    n, folder = numbers(aircraft.folder), aircraft.folder
+    own = shape(n, aircraft)
+    aero = aerodynamics_xml(ALPHA, MACH, 200.0, tables(n), MACH_COARSE, derivative_tables(n), own)
+    return {
+        folder / f"{aircraft.name}.xml": _model(n, aircraft),
+        folder / "aerodynamics.xml": aero,
+        folder / "Engines" / "turbofan.xml": engine_xml(n.engine.thrust_N, n.engine.bypass, own),
+        folder / "Engines" / "direct.xml": '<?xml version="1.0"?>\n<direct name="direct"/>\n',
+        folder / "Systems" / "multipliers.xml": multipliers_xml(own),
+        folder / "Systems" / "surfaces.xml": _surfaces(aircraft),
+    }
+
+
+def _model(n, aircraft):
+    g, m, station = aircraft.geometry, aircraft.mass, aircraft.geometry.station_in
+    weight = m.empty_t * 1e3
+    inertia = "\n".join(
+        f'    <i{k} unit="KG*M2"> {v * weight:.1f} </i{k}>' for k, v in m.gyration2_m2
+    )
+    each = (m.mass_t[0] - m.empty_t - m.fuel_t) * 1e3 / 6
+    masses = "\n".join(
+        f'    <pointmass name="{name}"> <weight unit="KG"> {each:.1f} </weight>'
+        f' <location unit="IN"> <x> {station} </x> <y> 0.0 </y> <z> 0.0 </z> </location> </pointmass>'
+        for name in ("fore", "aft", "left", "right", "low", "high")
+    )
+    sides = np.linspace(-1.0, 1.0, aircraft.engines)
+    engines = "\n".join(
+        f"""    <engine file="turbofan">
+      <feed> 0 </feed>
+      <thruster file="direct">
+        <location unit="IN"> <x> {station} </x> <y> {s * n.engine.station_m / 0.0254:.2f} </y>
+          <z> {-n.engine.below_m / 0.0254:.2f} </z> </location>
+        <orient unit="DEG"> <roll> 0.0 </roll> <pitch> {n.engine.pitch_deg} </pitch> <yaw> 0.0 </yaw> </orient>
+      </thruster>
+    </engine>"""
+        for s in sides
+    )
+    point = f"<x> {station} </x> <y> 0.0 </y> <z> 0.0 </z>"
+    return f"""<?xml version="1.0"?>
+<!-- Written by cosim.flight.plant.aero.estimate {aircraft.name}: {aircraft.title} -->
+<fdm_config name="{aircraft.name}" version="2.0" release="BETA">
+
+  <fileheader>
+    <author> cosim </author>
+    <license licenseName="MIT" licenseURL="https://opensource.org/license/mit"/>
+    <description> {aircraft.title}; clean, airborne only (no landing gear, no flaps) </description>
+  </fileheader>
+
+  <metrics>
+    <wingarea unit="FT2"> {g.wing_area_ft2} </wingarea>
+    <wingspan unit="FT"> {g.span_ft} </wingspan>
+    <chord unit="FT"> {g.chord_ft} </chord>
+    <location name="AERORP" unit="IN"> {point} </location>
+    <location name="EYEPOINT" unit="IN"> {point} </location>
+    <location name="VRP" unit="IN"> {point} </location>
+  </metrics>
+
+  <!-- Six point masses and the tank carry what is not empty; cosim keeps the radii of gyration -->
+  <mass_balance negated_crossproduct_inertia="false">
+{inertia}
+    <emptywt unit="KG"> {weight} </emptywt>
+    <location name="CG" unit="IN"> {point} </location>
+{masses}
+  </mass_balance>
+
+  <propulsion>
+{engines}
+    <tank type="FUEL" number="0">
+      <location unit="IN"> {point} </location>
+      <capacity unit="KG"> {m.fuel_t * 1e3} </capacity>
+      <contents unit="KG"> {m.fuel_t * 1e3} </contents>
+    </tank>
+  </propulsion>
+
+  <ground_reactions/>
+
+  <system file="multipliers"/>
+  <system file="surfaces"/>
+
+  <aerodynamics file="aerodynamics"/>
+
+</fdm_config>
+"""
+
+
+def _surfaces(aircraft):
+    """Return the system that takes surfaces from outside when ext/engaged is 1, else from JSBSim's own commands."""
+    segments, stops = tuple(aircraft.short.values()), aircraft.travels
+    outside = [*(f"elevator-{s}" for s in segments), "aileron-left", "aileron-right", "rudder", "stabilizer"]
+    inputs = [*(f"ext/{name}-rad" for name in outside), *(f"ext/gust-{rate}-rad_sec" for rate in "pqr")]
+    commands = (("elevator", "elevator", "elevator"), ("stabilizer", "pitch-trim", "stabiliser"),
+                ("aileron", "aileron", "aileron"), ("rudder", "rudder", "rudder"))  # fmt: skip
+    scales = "\n".join(
+        f"""    <aerosurface_scale name="fcs/{name}-cmd-rad">
+      <input> fcs/{source}-cmd-norm </input>
+      <range> <min> {stops[kind][0]:.5f} </min> <max> {stops[kind][1]:.5f} </max> </range>
+    </aerosurface_scale>"""
+        for name, source, kind in commands
+    )
+    positions = {f"elevator-{s}": (f"elevator-{s}-pos", "elevator") for s in segments}
+    positions |= {"aileron-left": ("aileron-left-pos", "aileron"), "aileron-right": ("aileron-right-pos", "aileron"),
+                  "rudder": ("rudder-applied", "rudder"), "stabilizer": ("stabilizer-pos", "stabilizer")}  # fmt: skip
+    switches = "\n".join(
+        f"""    <switch name="fcs/{name}-rad">
+      <default value="fcs/{command}-cmd-rad"/>
+      <test value="ext/{source}-rad"> ext/engaged eq 1 </test>
+    </switch>"""
+        for source, (name, command) in positions.items()
+    )
+    properties = "\n".join(f'  <property value="0"> {name} </property>' for name in ("ext/engaged", *inputs))
+    return f"""<?xml version="1.0"?>
+<!-- Surface positions: from outside when ext/engaged is 1, else from the plain JSBSim commands without lag.
+     Signs: elevator and stabiliser trailing edge down +; each aileron + rolls right; rudder + yaws left. -->
+<system name="surfaces">
+
+{properties}
+
+  <channel name="commands">
+{scales}
+  </channel>
+
+  <channel name="positions">
+{switches}
+  </channel>
+
+</system>
+"""
+
+
+def main() -> None:
+    """Write the files, or compare them with those on disk."""
+    aircraft, stale = load_aircraft(sys.argv[1]), False
+    for path, text in build(aircraft).items():
+        if "--check" in sys.argv:
+            stale |= not path.is_file() or path.read_text(encoding="utf-8") != text
+        else:
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+    sys.exit(1 if stale else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,131 @@
+"""The narrow-body: its files are what its numbers make, it trims over its envelope, its modes are those of the
+handbooks' formulas, and it flies with two segments and two engines.
+"""
+
+import math
+import tomllib
+
+import numpy as np
+import pytest
+
+import cosim
+from cosim.errors import ScenarioError, TrimError
+from cosim.flight.detectors import left_out
+from cosim.flight.plant.aero import estimate
+from cosim.flight.plant.linearize import linearize
+from cosim.flight.plant.plant import Plant
+from cosim.flight.plant.point import FlightPoint
+from cosim.scenario.aircraft import load_aircraft
+
+AIRCRAFT = load_aircraft("narrowbody")
+NUMBERS = estimate.numbers(AIRCRAFT.folder)
+G0 = 9.80665
+
+
+def test_the_files_are_what_the_numbers_make():
+    for path, text in estimate.build(AIRCRAFT).items():
+        assert path.read_text(encoding="utf-8") == text, path.name
+
+
+def test_every_number_has_its_provenance():
+    table = tomllib.loads((AIRCRAFT.folder / "numbers.toml").read_text(encoding="utf-8"))
+    for rows in table.values():
+        for name, row in rows.items():
+            assert set(row) == {"value", "from", "source"}, name
+            assert row["from"] in ("published", "handbook", "assumption") and row["source"], name
+
+
+def test_the_record_agrees_with_the_numbers():
+    g, w = AIRCRAFT.geometry, NUMBERS.wing
+    assert g.wing_area_ft2 * 0.3048**2 == pytest.approx(w.area_m2, rel=1e-4)
+    assert g.span_ft * 0.3048 == pytest.approx(w.span_m, rel=1e-4)
+    assert g.chord_ft * 0.3048 == pytest.approx(w.chord_m, rel=1e-4)
+    assert g.tail_arm_ft * 0.3048 == pytest.approx(NUMBERS.tail.arm_m, rel=1e-3)
+    assert g.downwash == pytest.approx(estimate.downwash(NUMBERS), abs=0.01)
+
+
+def short_period(model, point):
+    """Return (natural frequency [rad/s], damping) of the two-state approximation [Nelson] (4.70), (4.71)."""
+    record, V, trim = AIRCRAFT, model.trim.tas, dict(zip(model.outputs, model.y0))
+    plant = Plant(point)
+    plant.trim()
+    t = plant.truth()[0]
+    c = estimate.coefficients(NUMBERS, float(t.mach))
+    S, chord, mass = record.wing_area, record.geometry.chord_ft * 0.3048, point.mass
+    I = record.mass.gyration2_m2.yy * mass
+    CL = mass * G0 / (t.qbar * S)
+    Z = -(c["CL_alpha"] + float(estimate.drag(NUMBERS, CL, t.mach))) * t.qbar * S / mass
+    Cm_alpha = c["Cm_alpha"] + c["CL_alpha"] * (point.cg - record.geometry.reference_pct / 100.0)
+    M = Cm_alpha * t.qbar * S * chord / I
+    Mq, Mad = (c[k] * chord / (2.0 * V) * t.qbar * S * chord / I for k in ("Cm_q", "Cm_alphadot"))
+    assert trim["nz"] == pytest.approx(1.0, abs=0.01)
+    w = math.sqrt(Z * Mq / V - M)
+    return w, -(Mq + Mad + Z / V) / (2.0 * w)
+
+
+@pytest.mark.parametrize("name", AIRCRAFT.points)
+def test_short_period_and_phugoid_are_within_15_per_cent_of_the_handbook(name):
+    point = FlightPoint.at(**AIRCRAFT.points[name], aircraft="narrowbody")
+    model = linearize(point)
+    modes = {m.name: m for m in model.modes}
+    wn, zeta = short_period(model, point)
+    assert modes["short_period"].wn == pytest.approx(wn, rel=0.15)
+    assert modes["short_period"].zeta == pytest.approx(zeta, rel=0.15)
+    assert modes["phugoid"].wn == pytest.approx(math.sqrt(2.0) * G0 / model.trim.tas, rel=0.15)  # Lanchester
+    assert modes["dutch_roll"].zeta > 0.05 and modes["roll"].wn > 1.0
+
+
+def test_it_trims_over_its_envelope():
+    """230 to 330 kt, sea level to 35,000 ft, all masses and CGs, up to Mach 0.82: every point that has the lift."""
+    trimmed, refused = 0, []
+    for mass in (48.0, 62.0, 77.0):
+        for cg in (17.0, 40.0):
+            for altitude in (0.0, 18000.0, 35000.0):
+                for cas in (230.0, 280.0, 330.0):
+                    point = FlightPoint.at(mass, cg, altitude, cas_kt=cas, aircraft="narrowbody")
+                    try:
+                        trim = Plant(point).trim()
+                    except TrimError as error:
+                        refused.append((mass, altitude, cas, error.problem.split(":")[0]))
+                        continue
+                    trimmed += 1
+                    assert trim.residual < 1e-8 and trim.throttle < 1.0
+    assert trimmed >= 44
+    assert {(altitude, cas) for _, altitude, cas, _ in refused} <= {(35000.0, 330.0), (35000.0, 280.0)}, refused
+    assert {why for *_, why in refused} <= {"speed", "thrust"}, refused
+
+
+SCENARIO = ["flight.aircraft=narrowbody", "flight.mass_t=64", "flight.altitude_ft=20000", "flight.cas_kt=280",
+            "faults.0.target=elevator.left", "faults.0.start_s=4", "faults.0.amplitude=0.02",
+            "duration_s=8"]  # fmt: skip
+
+
+def test_it_flies_with_two_segments_and_two_engines():
+    s = cosim.load_scenario("liquid-ofc", SCENARIO)
+    assert s.elevator.technology == {"left": "hydraulic", "right": "ema"}
+    found = cosim.simulate(s)
+    assert found.status == "completed"
+    own = {d["id"]: d for d in found.detectors}
+    assert own["iotsekf"]["alarm"] and own["iotsekf"]["isolated"]["class"] == "ofc_liquid"
+    quiet = [d for d in found.detectors if d["target"] == "elevator.right" and d["id"] != "ema_kalman"]
+    assert quiet and not any(d["alarm"] for d in quiet)
+    assert set(left_out(s)) == {"rfafe", "rfafe_airframe", "lpv_smo", "control_redundancy"}
+    assert left_out(s)["lpv_smo"] == "no design for narrowbody"
+
+
+def test_a_target_of_another_aircraft_is_refused():
+    with pytest.raises(ScenarioError, match=r"left_inner.*allowed: elevator\.left, elevator\.right"):
+        cosim.load_scenario("liquid-ofc", [*SCENARIO, "faults.0.target=elevator.left_inner"])
+    with pytest.raises(ScenarioError, match=r"mass_t = 200.*allowed: 48 to 77"):
+        cosim.load_scenario("liquid-ofc", [*SCENARIO, "flight.mass_t=200"])
+
+
+def test_the_surfaces_move_it_the_right_way():
+    plant = Plant(FlightPoint.at(**AIRCRAFT.points["climb"], aircraft="narrowbody"))
+    trim = plant.trim()
+    base = plant.truth()[0].copy()
+    for name, field, sign in (("de_l", "qdot", -1), ("stab", "qdot", -1), ("da_l", "pdot", 1), ("dr", "rdot", -1)):
+        moved = trim.surfaces.copy()
+        moved[plant.border.column((name,))] += 0.02
+        plant.place(tas=trim.tas, alpha=trim.alpha, theta=trim.theta, altitude=trim.altitude, q=trim.q, surfaces=moved)
+        assert np.sign(plant.truth()[0][field] - base[field]) == sign, name
