@@ -8,6 +8,7 @@ SHIPPED = {  # id -> module
     "rfafe_airframe": "fdi.rfafe.rfafe_airframe",
     "lpv_smo": "fdi.lpv_smo.lpv_smo",
     "control_redundancy": "fdi.control_redundancy.control_redundancy",
+    "kinematic": "fdi.kinematic.kinematic",
     "iotsekf": "fdi.hydraulic.iotsekf",
     "rtsekf": "fdi.hydraulic.rtsekf",
     "rtsekf_flight": "fdi.hydraulic.rtsekf_flight",

@@ -54,7 +54,8 @@ def says(module):
         known = dict(inspect.getclosurevars(function).globals)
         known |= {n: getattr(m, n) for m in [*known.values()] if inspect.ismodule(m)
                   for n in function.__code__.co_names if hasattr(m, n)}  # fmt: skip
-        found |= {name.lower() for name in known if getattr(verdict, name, None) == known[name] and name.isupper()}
+        codes = {name: value for name, value in known.items() if isinstance(value, float) and name.isupper()}
+        found |= {name.lower() for name in codes if getattr(verdict, name, None) == codes[name]}
         todo += [value for value in known.values() if hasattr(value, "py_func")]
     return found & set(NAMES)
 

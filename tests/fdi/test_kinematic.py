@@ -1,0 +1,84 @@
+"""Sensors named from kinematics alone: each kind once in moderate turbulence, quiet without, silent with a reason."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cosim.flight.detectors import sources
+from cosim.flight.signals import detect, fly
+from cosim.scenario import load_scenario
+from fdi.common import why
+from fdi.common.verdict import SENSOR
+from fdi.kinematic import kinematic
+
+DEG, START = math.pi / 180, 12.0
+WIRES = sources("kinematic")
+STEPS = {
+    "theta": 1 * DEG, "tas": 5.0, "p": 1 * DEG, "phi": 2 * DEG, "q": 1 * DEG, "r": 1 * DEG, "psi": 2 * DEG, "n_z": 0.2,
+    "n_x": 0.1, "cas": 5.0, "mach": 0.02, "h_baro": 50.0, "h_inertial": 10.0, "alpha_ground": 1 * DEG, "hdot": 5.0,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def flown():
+    given = ["duration_s=18", "flight.turbulence=moderate", "detectors.enabled=[]", "manoeuvre.kind=nz_doublet"]
+    return fly(load_scenario("cruise", given), WIRES.values())
+
+
+def watched(flown, sensor="", change=None, p=None):
+    frame = flown.copy()
+    frame.attrs = flown.attrs
+    if sensor:
+        name = f"sensors.{sensor}.y_obs"
+        late = frame.index >= START
+        frame.loc[late, name] = change(frame[name][late].to_numpy())
+    return detect(frame, kinematic, WIRES, p)
+
+
+def said(log):
+    last = log[-1]
+    return kinematic.CULPRITS[int(last["culprit"])] if last["alarm"] and last["verdict"] == SENSOR else ""
+
+
+def test_quiet_without_a_fault_and_not_ready_before_it_has_learned(flown):
+    log = watched(flown)
+    assert not log["alarm"].any() and log["r"].max() < 1.0
+    t = flown.index.to_numpy()
+    assert (log["why"][t < 7.9] == why.NOT_READY).all()
+    assert (log["valid"][t > 8.1] == 1.0).all()
+
+
+@pytest.mark.parametrize("sensor", STEPS)
+def test_a_step_of_each_sensor_is_named_and_nothing_else_first(flown, sensor):
+    log = watched(flown, sensor, lambda y: y + STEPS[sensor])
+    assert said(log) == sensor
+    first = np.flatnonzero(log["culprit"] > 0)[0]
+    assert kinematic.CULPRITS[int(log["culprit"][first])] == sensor
+    assert flown.index[first] - START < 3.0
+
+
+@pytest.mark.parametrize("sensor, sigma", [("alpha", 0.3 * DEG), ("n_z", 0.07), ("beta", 0.3 * DEG), ("q", 0.2 * DEG)])
+def test_noise_ten_times_larger_is_named(flown, sensor, sigma):
+    rng = np.random.default_rng(1)
+    assert said(watched(flown, sensor, lambda y: y + sigma * rng.standard_normal(len(y)))) == sensor
+
+
+def test_a_reading_that_repeats_is_named(flown):
+    assert said(watched(flown, "alpha", lambda y: np.full(len(y), y[0]))) == "alpha"
+
+
+def test_an_actuator_fault_is_nothing_to_it():
+    given = ["duration_s=16", "faults.0.target=elevator.all", "faults.0.kind=bias", "faults.0.bias_deg=3",
+             "faults.0.start_s=10", "detectors.enabled=[]"]  # fmt: skip
+    flown = fly(load_scenario("cruise", given), WIRES.values())
+    assert not detect(flown, kinematic, WIRES)["alarm"].any()
+
+
+def test_without_inertial_sensors_it_says_that_they_are_lost(flown):
+    frame = flown.copy()
+    frame.attrs = flown.attrs
+    for name in kinematic.SENSORS:
+        frame.loc[START:, f"sensors.{name}.valid_obs"] = 0.0
+    log = detect(frame, kinematic, WIRES)
+    assert (log["why"][frame.index > START + 0.01] == why.LOST_SENSOR).all() and not log["alarm"].any()
