@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from cosim.compare import bound
 from cosim.compare import rows as compare_rows
 from cosim.compare import stats as compare_stats
 from cosim.errors import CosimError
@@ -70,8 +71,11 @@ def compare(
     if rows.empty:
         raise CompareError("no flight has a detector to compare", place=source)
     damaged = tuple(frame.attrs.get("damaged", ()))
+    rows = bound.of(rows, tomls)
     failed = int(frame.drop_duplicates("run")["status"].isin(("infeasible", "error", "crashed")).sum())
-    return Comparison(rows, compare_stats.detectors(rows, timing), frame["run"].nunique(), failed, source, damaged)
+    above = bound.beyond(rows)
+    each = [d | {"beyond_physics": d["id"] in above} for d in compare_stats.detectors(rows, timing)]
+    return Comparison(rows, each, frame["run"].nunique(), failed, source, damaged)
 
 
 def read(sources, *, workers=None, progress=None):

@@ -21,6 +21,7 @@ GROUPED = (
     "amplitude_mm",
     "target",
     "family",
+    "bound_mm",
     "group",
     "able",
     "seen",
@@ -205,6 +206,7 @@ def _of_group(name, own, credible):
     first = seen[0] if seen else {}
     return {
         **{k: own[0][k] for k in ("run", "case", "frequency_hz", "amplitude_mm", "target", "family")},
+        "bound_mm": min((r["bound_mm"] for r in own if r.get("bound_mm", math.nan) > 0.0), default=math.nan),
         "group": name,
         "able": bool(able),
         "seen": bool(seen),
@@ -215,10 +217,11 @@ def _of_group(name, own, credible):
 
 
 def sizes(grouped: pd.DataFrame) -> list[dict]:
-    """Return {group, family, frequency_hz, idle, **Pod} of oscillations by group, kind and frequency [mm of rod].
+    """Return {group, family, frequency_hz, idle, bound_mm, below, **Pod} by group, kind and frequency [mm of rod].
 
-    Flights in which no detector of the group could judge are counted in `idle` and not in the fit. More than
-    FREQUENCIES different frequencies are taken together in octaves around 0.5, 1, 2, ... Hz.
+    Flights in which no detector of the group could judge are counted in `idle` and not in the fit; `bound_mm` is the
+    median bound of physics (cosim/compare/bound.py), None without one, `below` how many flights are below theirs. More
+    than FREQUENCIES different frequencies are taken together in octaves around 0.5, 1, 2, ... Hz.
     """
     own = grouped[grouped["frequency_hz"].notna() & (grouped["amplitude_mm"] > 0.0)]
     hz = own["frequency_hz"].astype(float)
@@ -229,5 +232,7 @@ def sizes(grouped: pd.DataFrame) -> list[dict]:
         could = part[part["able"]]
         found = pod.fit(could["amplitude_mm"], could["seen"])
         about = {"group": group_, "family": family, "frequency_hz": float(band), "idle": len(part) - len(could)}
-        out.append({**about, **asdict(found)})
+        limit = float(part["bound_mm"].median())
+        below = int((part["amplitude_mm"] < part["bound_mm"]).sum())
+        out.append({**about, "bound_mm": None if math.isnan(limit) else limit, "below": below, **asdict(found)})
     return out

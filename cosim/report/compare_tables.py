@@ -129,7 +129,7 @@ def families(found):
     return Table(("kind of fault", "detector", *SCORED), out, note, "wide")
 
 
-def sizes(found, bounds=None):
+def sizes(found):
     """Return the Table of a90/95 by kind of oscillation, from stats.sizes: groups by line, frequencies by column."""
     hz = sorted({d["frequency_hz"] for d in found})
     cells = {(d["family"], d["group"], d["frequency_hz"]): d for d in found}
@@ -142,7 +142,8 @@ def sizes(found, bounds=None):
         "Achieved amplitude, mm of rod, at which 90 % are seen (binomial regression on its logarithm), in brackets its "
         "lower bound and a90/95, with which one is on the safe side at 95 %. Where no curve can be fitted, what the "
         "flights say. Flights in which no detector of the group could judge are not in the fit; their number stands "
-        "behind it."
+        "behind it. Bound: of physics, what the best detector of that level could see with 90 % at best (median of the "
+        "flights, cosim/compare/bound.py); flights below it stay in."
     )
     return Table(("oscillation", "draws on", *(f"{f:g} Hz>" for f in hz)), out, note, "wide")
 
@@ -154,6 +155,8 @@ def _size(d):
 def size(d):
     """Return an entry of stats.sizes in words."""
     idle = f"; {d['idle']} not valid" if d["idle"] else ""
+    if d["bound_mm"] is not None:
+        idle += f"; bound {d['bound_mm']:.2g}" + (f", {d['below']} below it" if d["below"] else "")
     if d["a90"] is None:
         return f"{d['note']} ({d['seen']}/{d['n']}{idle})" if d["n"] else f"not valid ({d['idle']})"
     ends = ["?" if d[k] is None else f"{d[k]:.2g}" for k in ("low", "a90_95")]

@@ -142,6 +142,9 @@ def _care(rows, each):
         told = ", ".join(f"{n} {k}" for n, k in echo.items())
         out.append(f"Alarms that the same manoeuvre raises without a fault are no detections: {told}.")
     for d in each:
+        if d.get("beyond_physics"):
+            out.append(mark(d["id"], "bad") + " sees more small oscillations than physics allows: it reads "
+                       "something that it should not, or the bound is wrong.")  # fmt: skip
         if d["idle"]:
             why = f": {d['why_not_valid']}" if d["why_not_valid"] else ""
             out.append(f"{d['id']} could not judge {d['idle']} of the {d['designed']} faults that it was designed for "

@@ -200,6 +200,7 @@ def hand_made():
     rows["time_to_right_s"] = 2.0 * rows["delay_s"].where(rows["outcome"] == "named")
     rows["class_changes"], rows["not_excited"], rows["why_not_valid"], rows["withdrawn"] = 1.0, False, None, None
     rows["withdrawn_after_s"], rows["standing_s"], rows["valid_share"] = np.nan, 0.0, 1.0
+    rows["bound_mm"] = np.nan
     return rows
 
 
@@ -316,15 +317,15 @@ def test_compare_of_a_folder_of_logs_writes_table_and_report(logs, tmp_path):
         assert {"id", "level", "detected", "missed", "false_alarms_per_hour", "delay_s"} <= set(d)
     rows = pd.read_parquet(told["table"])
     assert len(rows) == len(pd.read_csv(tmp_path / "out" / "compare.csv")) == 9
+    assert not any(d["beyond_physics"] for d in told["detectors"])
     assert found.report.read_text("utf-8").startswith("<!doctype html>")
 
 
 def test_compare_of_a_campaign_folder_is_that_of_its_rows(flights, tmp_path):
     run_many(flights, workers=0, out=tmp_path / "c")
     found = compare([tmp_path / "c"])
-    pd.testing.assert_frame_equal(
-        found.rows, compare_rows.tidy(*[compare_rows.of_campaign(tmp_path / "c")[i] for i in (0, 2)])
-    )
+    frame, _, tomls = compare_rows.of_campaign(tmp_path / "c")
+    pd.testing.assert_frame_equal(found.rows.drop(columns=["bound_mm", "best"]), compare_rows.tidy(frame, tomls))
     assert found.runs == 3 and all(d["step_us"] is None or d["step_us"] > 0 for d in found.detectors)
 
 
@@ -379,7 +380,7 @@ def test_browser_draws_every_figure_of_a_comparison(logs, tmp_path):
 
 def test_many_frequencies_are_taken_together_in_octaves():
     hz, mm = np.geomspace(0.4, 5.5, 40), np.linspace(1.0, 9.0, 40)
-    about = {"group": "g", "family": "f", "able": True}
+    about = {"group": "g", "family": "f", "able": True, "bound_mm": 0.5}
     rows = [
         {**about, "frequency_hz": f, "amplitude_mm": a, "seen": a > 3.0 + ((i + j) % 5 - 2) / 4}
         for i, f in enumerate(hz)
@@ -388,6 +389,7 @@ def test_many_frequencies_are_taken_together_in_octaves():
     found = {d["frequency_hz"]: d for d in stats.sizes(pd.DataFrame(rows))}
     assert list(found) == [0.5, 1.0, 2.0, 4.0]
     assert all(3.0 < d["a90"] < d["a90_95"] < 4.0 for d in found.values())
+    assert all((d["bound_mm"], d["below"]) == (0.5, 0) for d in found.values())
 
 
 def test_every_flight_stands_in_one_column_and_what_could_not_judge_stays_in_the_denominator():
