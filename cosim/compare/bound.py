@@ -20,7 +20,6 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from actuators.common.linkage import ARM
 from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.flight.gains import liquid_gain
 from cosim.flight.plant.gusts import INTENSITY, SCALE_LENGTH
@@ -34,7 +33,6 @@ from fdi.common import physics_bound as physics
 DT = 0.005  # that the sensors' sigma belongs to [s]
 FAVOURABLE = 1.05  # coefficients of the elevator's moment, at most
 FALSE_ALARM = 0.05  # of a flight
-MM = 1e-3 / ARM  # surface angle per mm of rod [rad]
 GROUND = {"alpha_ground": "alpha", "v_ground": "tas"}  # sensor -> the output that it shows without the gust
 UNUSED = {"psi", "h_baro"}  # heading: nothing aerodynamic; barometric altitude: the inertial one is better
 AIR = {"alpha", "beta", "cas", "tas", "mach"}  # sensors that the gust itself moves
@@ -84,12 +82,15 @@ def _of(scenario: Scenario, fault: int, name: str) -> tuple[float | None, float]
     technology = [scenario.elevator.technology[s] for s in segments]
     if seconds <= 0.0:
         return None, 0.0
+    own = scenario.aircraft.own(technology[0])
+    mm = 1e-3 / TECHNOLOGIES[technology[0]].design(own).arm  # surface angle per mm of rod [rad]
     if name == "monitors":
-        return _positions(technology[0], hz, servo=f.at == "valve"), seconds
+        return _positions(technology[0], own, mm, hz, servo=f.at == "valve"), seconds
     if name == "airframe motion":
-        return _airframe(scenario, segments, hz), seconds
+        return _airframe(scenario, segments, mm, hz), seconds
     if name == "elevator positions":
-        return sum(map(_surface, technology)) + _airframe(scenario, segments, hz), seconds
+        told = sum(_surface(t, mm) for t in technology)
+        return told + _airframe(scenario, segments, mm, hz), seconds
     return None, seconds
 
 
@@ -97,34 +98,34 @@ def _white(amplitude, sigma):
     return 0.5 * amplitude**2 / (sigma**2 * DT)
 
 
-def _surface(technology):
+def _surface(technology, mm):
     """Return the information of the sensor that tells where the surface is, on it or on the screw."""
     own = TECHNOLOGIES[technology].sensors
-    return _white(MM, own["surface"].sigma) if "surface" in own else _rod(technology)
+    return _white(mm, own["surface"].sigma) if "surface" in own else _rod(technology)
 
 
 def _rod(technology):
     return sum(_white(1e-3, s.sigma) for n, s in TECHNOLOGIES[technology].sensors.items() if n in ("rod", "position"))
 
 
-def _positions(technology: str, hz: float, servo: bool) -> float:
+def _positions(technology: str, differs, mm: float, hz: float, servo: bool) -> float:
     """Return the information of rod and surface sensor of one segment, its valve command known.
 
     Behind the valve the servo works against the oscillation, and its command tells how much: what the rod would have
     done without it counts.
     """
     own = TECHNOLOGIES[technology]
-    told = _rod(technology) + (_surface(technology) if "surface" in own.sensors else 0.0)
-    if not servo or own.solid_gain is None:
+    told = _rod(technology) + (_surface(technology, mm) if "surface" in own.sensors else 0.0)
+    if not servo or not own.servo:
         return told
     w = 2 * math.pi * hz
-    return told * (own.solid_gain(w) / liquid_gain(technology, w, DT)) ** 2
+    return told * (own.solid_gain(w, differs) / liquid_gain(technology, w, DT, differs)) ** 2
 
 
-def _airframe(scenario, segments, hz):
+def _airframe(scenario, segments, mm, hz):
     p = FlightPoint.of(scenario)
     nominal = (p.mass, p.cg, p.altitude, p.speed_kind, p.speed, p.aircraft)
-    return _motion(nominal, scenario.flight.turbulence, tuple(segments), hz)
+    return mm**2 * _motion(nominal, scenario.flight.turbulence, tuple(segments), hz)
 
 
 @functools.lru_cache(maxsize=4096)
@@ -137,7 +138,7 @@ def _motion(nominal: tuple, air: str, segments: tuple, hz: float) -> float:
     moved = [list(model.inputs).index(f"de_{short[s]}") for s in segments]
     B, D = (m[:, moved].sum(axis=1) for m in (model.B, model.D))
     reach = np.linalg.inv(1j * w * np.eye(len(model.A)) - model.A)
-    signal = FAVOURABLE * MM * (model.C @ reach @ B + D)[pick]
+    signal = FAVOURABLE * (model.C @ reach @ B + D)[pick]
     noise = np.diag([TRANSPORT[n][1] ** 2 * DT for n in names]).astype(complex)
     for column, density in _gusts(model, air, w):
         k = list(model.states).index(column[0])

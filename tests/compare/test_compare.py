@@ -353,7 +353,7 @@ def test_command_prints_one_json_object(logs, tmp_path, capsys):
 def test_folder_without_flights_gets_a_clear_error(tmp_path, logs):
     from cosim.errors import CosimError
 
-    with pytest.raises(CosimError, match="holds no run of a campaign"):
+    with pytest.raises(CosimError, match="holds no"):
         compare([tmp_path])
     with pytest.raises(CompareError, match="folder"):
         compare([tmp_path, logs[0]])
