@@ -1,7 +1,14 @@
-"""The detectors that ship, one line each. A record is read from its module when it is first asked for."""
+"""The detectors that ship, one line each, and the guests that this process has been given.
+
+A record is read from its module when it is first asked for. A guest is a module, or an object with the same names, that
+somebody else wrote (cosim/flight/guests); of a guest that only a log tells about there is the record alone.
+"""
 
 import functools
 import importlib
+from typing import Any
+
+from fdi.common.record import Detector
 
 SHIPPED = {  # id -> module
     "rfafe": "fdi.rfafe.rfafe",
@@ -17,19 +24,40 @@ SHIPPED = {  # id -> module
     "position_monitor": "fdi.monitors.position_monitor",
     "ofc_monitor": "fdi.monitors.ofc_monitor",
 }
+GUESTS: dict[str, Any] = {}  # id -> module, or an object with the same names
+_TOLD: dict[str, Detector] = {}  # id -> record of a guest whose code is not here
 
 
 @functools.cache
-def module(name):
-    """Return the module of detector `name`. KeyError for one that is none."""
+def _shipped(name):
     return importlib.import_module(SHIPPED[name])
 
 
-def record(name):
+def module(name: str) -> Any:
+    """Return the module of detector `name`. KeyError for one that is none."""
+    return GUESTS[name] if name in GUESTS else _shipped(name)
+
+
+def record(name: str) -> Detector:
     """Return the record of detector `name`. KeyError for one that is none."""
     return module(name).DETECTOR
 
 
-def records():
-    """Return {id: record} of all detectors, in their order."""
-    return {name: record(name) for name in SHIPPED}
+def known(name: str) -> bool:
+    """Tell whether detector `name` can run in this process."""
+    return name in SHIPPED or name in GUESTS
+
+
+def find(name: str) -> Detector | None:
+    """Return the record of detector `name`, also of a guest that only a log tells about; None for an unknown one."""
+    return record(name) if known(name) else _TOLD.get(name)
+
+
+def tell(own: Detector) -> None:
+    """Take the record of a guest from a log, without its code."""
+    _TOLD[own.id] = own
+
+
+def records() -> dict[str, Detector]:
+    """Return {id: record} of all detectors that can run, in their order."""
+    return {name: record(name) for name in (*SHIPPED, *GUESTS)}

@@ -43,6 +43,7 @@ timing.parquet holds what a clock measured, and never repeats: run, id, wall_tim
 on: a campaign's seeds start there unless it says otherwise.
 """
 
+import json
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -52,6 +53,8 @@ import pandas as pd
 from cosim.campaign.pool import outcomes
 from cosim.campaign.store import CampaignError, Store
 from cosim.campaign.worker import run_id
+from cosim.files import replace_text
+from fdi import registry
 
 EVALUATION_SEED = 1_000_000
 CORE = (
@@ -107,6 +110,7 @@ def run_many(
     runs, named = _runs(scenarios, labels)
     store = Store(out, table(runs, named), resume=resume)
     resumed = len(store.finished)
+    _tell_guests(runs.values(), store.out)
     todo = [(run, scenario) for run, scenario in runs.items() if run not in store.finished]
     _fly(todo, store, progress, len(runs), workers=workers, executor=executor, achieved=achieved)
     frame = store.rows()
@@ -115,6 +119,21 @@ def run_many(
     by_run = frame.drop_duplicates("run")
     failed = int(by_run["status"].isin(("infeasible", "error", "crashed")).sum())
     return CampaignResult(frame, store.timing(), parquet, len(by_run), failed, resumed, tuple(store.damaged))
+
+
+def _tell_guests(scenarios, out):
+    """Write what is to be told of the guests that fly beside the rows, so that they are judged without their code."""
+    from cosim.flight import guests
+
+    found = {name: s for s in scenarios for name in s.running if name not in registry.SHIPPED}
+    entries = []
+    for name, scenario in found.items():
+        guests.use(scenario)
+        own = registry.record(name)
+        about = guests.about(registry.module(name))
+        entries.append({"id": name, "level": own.level, "every": own.every, "guest": about})
+    if entries and out:
+        replace_text(out / "guests.json", json.dumps(entries, indent=1))
 
 
 def _runs(scenarios, labels):

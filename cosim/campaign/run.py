@@ -10,7 +10,7 @@ when the code is. Rows go through the machine that flies the campaign; nothing i
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from cosim.campaign.spec import load_campaign
 from cosim.campaign.store import CampaignError, fingerprint, flown_with, load
 from cosim.campaign.worker import fly, run_id
 from cosim.errors import did_you_mean
+from cosim.flight.guests import with_detectors
 
 CONNECT_S = 20.0  # to a scheduler, and until it has a worker
 
@@ -31,13 +32,16 @@ def run_campaign(
     out: str | Path | None = None,
     resume: bool = False,
     progress: Callable[[int, int], None] | None = None,
+    guests: Iterable[str | Path] = (),
 ) -> CampaignResult:
     """Fly the campaign of a built-in name or file and return a CampaignResult; `out` defaults to logs/<name>.
 
-    `scheduler` is the address of a Dask scheduler ("tcp://127.0.0.1:8786"). Raises CampaignError, ScenarioError.
+    `scheduler` is the address of a Dask scheduler ("tcp://127.0.0.1:8786"). `guests` are files of further detectors
+    (cosim/flight/guests), which every worker finds under the same name. Raises CampaignError, ScenarioError.
     """
     made = load_campaign(campaign)
     scenarios, labels = made.scenarios()
+    scenarios = _with(scenarios, guests)
     options = {
         "out": out or folder(campaign),
         "resume": resume,
@@ -49,6 +53,12 @@ def run_campaign(
         return run_many(scenarios, workers=workers, **options)
     with cluster(scheduler) as (executor, threads):
         return run_many(scenarios, executor=executor, workers=workers or threads, **options)
+
+
+def _with(scenarios, guests):
+    """Return the scenarios with guests, by files that every process finds."""
+    files = [Path(g).resolve() if Path(g).is_file() else g for g in guests]
+    return [with_detectors(s, files) for s in scenarios]
 
 
 def folder(campaign: str | Path) -> Path:
@@ -79,7 +89,9 @@ def cluster(address: str) -> Iterator[tuple]:
         yield client.get_executor(pure=False), sum(client.nthreads().values())
 
 
-def rerun(campaign: str | Path, run: str, *, out: str | Path | None = None) -> tuple:
+def rerun(
+    campaign: str | Path, run: str, *, out: str | Path | None = None, guests: Iterable[str | Path] = ()
+) -> tuple:
     """Fly run `run` of a campaign again with a log; return (scenario, Result, repeats, same_code).
 
     `repeats` tells whether every detector's row in the campaign's folder is the same again, `same_code` whether the
@@ -88,7 +100,7 @@ def rerun(campaign: str | Path, run: str, *, out: str | Path | None = None) -> t
     """
     from cosim.flight.simulate import simulate
 
-    scenarios, _ = load_campaign(campaign).scenarios()
+    scenarios = _with(load_campaign(campaign).scenarios()[0], guests)
     runs = {run_id(s): s for s in scenarios}
     if run not in runs:
         near = did_you_mean(run, runs)

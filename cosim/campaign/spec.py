@@ -40,6 +40,7 @@ from cosim.campaign.keep import RULES
 from cosim.campaign.store import CampaignError
 from cosim.errors import CosimError, did_you_mean
 from cosim.scenario import Scenario, load_scenario, parse
+from cosim.scenario.load import located
 from cosim.scenario.override import apply
 from cosim.scenario.tolerance import toleranced
 from cosim.texts import read, toml
@@ -228,7 +229,7 @@ def _base(base, folder):
     found = beside if beside.is_file() else Path(base)
     load_scenario(str(found))  # says what is wrong with the base itself
     if found.is_file():
-        return toml(read(found), place=str(found))
+        return located(toml(read(found), place=str(found)), found)
     own = resources.files("cosim").joinpath("scenarios", f"{base}.toml")
     return toml(own.read_text(encoding="utf-8"), place=str(base))
 

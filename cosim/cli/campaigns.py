@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from cosim.cli import tables
-from cosim.cli.output import JsonOption, WorkersOption, reserve
+from cosim.cli.output import DetectorOption, JsonOption, WorkersOption, reserve
 
 
 def add(app, out, err):
@@ -37,6 +37,7 @@ def add(app, out, err):
             str | None,
             typer.Option("--worst", metavar="DETECTOR", help="Provoke a false alarm, fault-free (300 flights)."),
         ] = None,
+        detector: DetectorOption = None,
         json_: JsonOption = False,
     ):
         """Fly many scenarios: grids and draws over any number, one row per run and detector, resumable.
@@ -59,7 +60,7 @@ def add(app, out, err):
             return
 
         if again:
-            flown, result, repeats, same_code = rerun(campaign, again, out=output)
+            flown, result, repeats, same_code = rerun(campaign, again, out=output, guests=detector or ())
             found = {**result.to_dict(), "run": again, "repeats": repeats, "same_code": same_code}
             if json_:
                 print(json.dumps(found, allow_nan=False))
@@ -71,7 +72,13 @@ def add(app, out, err):
             raise typer.Exit(1 if repeats is False else 0)
         with tables.progress(err, f"flying {Path(campaign).stem}", "runs", "preparing the workers") as progress:
             done = run_campaign(
-                campaign, workers=workers, scheduler=scheduler, out=output, resume=resume, progress=progress
+                campaign,
+                workers=workers,
+                scheduler=scheduler,
+                out=output,
+                resume=resume,
+                progress=progress,
+                guests=detector or (),
             )
         from cosim.cli import campaign as cli_campaign
 
@@ -130,6 +137,7 @@ def add(app, out, err):
             Path | None,
             typer.Option("--readme", metavar="FILE", help="Write table and picture into it, too.", show_default=False),
         ] = None,
+        detector: DetectorOption = None,
         json_: JsonOption = False,
     ):
         """Compare aircraft-level and local detectors on the same flights: who sees what, how soon, at what cost."""
@@ -141,7 +149,7 @@ def add(app, out, err):
         with tables.progress(
             err, "flying" if not sources else "reading", unit="flights", waiting="preparing"
         ) as progress:
-            made = work(sources or (), workers=workers, progress=progress)
+            made = work(sources or (), workers=workers, progress=progress, guests=detector or ())
             write_comparison(made, output)
         _left_out(made.damaged, "`cosim campaign --resume` flies their runs again")
         if readme:

@@ -18,9 +18,10 @@ from typer.core import TyperGroup
 
 from cosim.cli import campaigns as cli_many
 from cosim.cli import envelope as cli_envelope
+from cosim.cli import guests as cli_guests
 from cosim.cli import study as cli_study
 from cosim.cli import tables
-from cosim.cli.output import JsonOption, log_name, named, reserve
+from cosim.cli.output import DetectorOption, JsonOption, log_name, named, reserve
 from cosim.errors import CosimError, did_you_mean
 
 WIDE = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 110  # a pipe has no width: do not fold its tables
@@ -131,13 +132,19 @@ def run(
     strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 when the flight departs.")] = False,
     report: Annotated[bool, typer.Option("--report", help="Write an HTML report beside the log.")] = False,
     live: Annotated[bool, typer.Option("--live", help="Fly by the clock, for Foxglove to watch (README).")] = False,
+    detector: DetectorOption = None,
     json_: JsonOption = False,
 ):
     """Fly a scenario, log everything, and show who alarmed, when, and what it isolated."""
     from cosim.scenario import load_scenario
 
     flown = load_scenario(scenario, set_ or ())
-    path = output or Path("logs") / f"{log_name(scenario, set_ or ())}.mcap"
+    if detector:
+        from cosim.flight.guests import with_detectors
+
+        flown = with_detectors(flown, detector)
+    variant = [*(set_ or ()), *(f"detector={file.stem}" for file in detector or ())]
+    path = output or Path("logs") / f"{log_name(scenario, variant)}.mcap"
     reserve(path, taken=scenario)
     overwritten = path.is_file()
     for line in flown.warnings():
@@ -155,6 +162,7 @@ def run(
     with named(scenario), tables.progress(err, f"flying {Path(scenario).stem}", waiting="preparing") as progress:
         result = simulate(flown, log=path, progress=progress, achieved=True, live=LIVE_PORT if live else None)
     found = result.to_dict() | {"overwritten": overwritten}
+    _notes(found["notes"])
     if report:
         from cosim.report import flight_report
 
@@ -167,6 +175,11 @@ def run(
         raise typer.Exit(130)
     if strict and found["status"] != "completed":
         raise typer.Exit(1)
+
+
+def _notes(lines):
+    for line in lines:
+        err.print(f"[yellow]note:[/] {tables.escape(line)}", soft_wrap=True, highlight=False)
 
 
 @app.command(name="list")
@@ -328,9 +341,13 @@ def replay(
         Path | None,
         typer.Option("--output", "-o", metavar="LOG", help="Write old and new outputs to a log.", show_default=False),
     ] = None,
+    detector: DetectorOption = None,
     json_: JsonOption = False,
 ):
-    """Run the detectors of a log again and compare bit for bit. Exit status 0: exact, 1: different."""
+    """Run the detectors of a log again and compare bit for bit. Exit status 0: exact, 1: different.
+
+    A detector of your own that was not part of the flight is run on it as it was logged.
+    """
     from cosim.cli import replay as cli_replay
 
     chosen = [name.strip() for name in detectors.split(",") if name.strip()] if detectors is not None else None
@@ -342,6 +359,7 @@ def replay(
         from cosim.replay.map import diagnose
 
         how = {"detectors": chosen, "overrides": overrides(set_ or ()), "start_s": start, "on_reset": on_reset}
+        how["guests"] = detector or ()
         stretches = []
         for part in itertools.count():
             path = output.with_stem(f"{output.stem}-{part + 1}") if output and part else output
@@ -361,13 +379,20 @@ def replay(
 
     with tables.progress(err, "replaying") as progress:
         found = work(
-            log, detectors=chosen, overrides=overrides(set_ or ()), start_s=start, output=output, progress=progress
+            log,
+            detectors=chosen,
+            overrides=overrides(set_ or ()),
+            start_s=start,
+            output=output,
+            progress=progress,
+            guests=detector or (),
         )
+    _notes(found.notes)
     if json_:
         print(json.dumps(found.to_dict(), allow_nan=False))
     else:
-        out.print(cli_replay.replay(found.to_dict(), detection=chosen is not None or bool(set_)))
-    raise typer.Exit(0 if found.exact else 1)
+        out.print(cli_replay.replay(found.to_dict(), detection=chosen is not None or bool(set_ or detector)))
+    raise typer.Exit(0 if found.exact or (detector and not found.values) else 1)
 
 
 @app.command()
@@ -394,7 +419,7 @@ def recover(
         out.print(cli_replay.recover(found))
 
 
-for part in (cli_envelope, cli_study, cli_many):
+for part in (cli_envelope, cli_study, cli_many, cli_guests):
     part.add(app, out, err)
 
 

@@ -72,3 +72,12 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object 
 WorkersOption = Annotated[
     int | None, typer.Option("--workers", min=1, help="Processes. Default: one per core.", show_default=False)
 ]
+DetectorOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--detector",
+        metavar="FILE.py",
+        help="A detector of your own: a file, or an installed one by name. Its code runs with your rights. Repeatable.",
+        show_default=False,
+    ),
+]

@@ -34,6 +34,8 @@ def _differences(found):
 
 def _verdict(found):
     compared = f"{found['values']:,} values of {found['rows']:,} steps compared"
+    if not found["values"]:
+        return Text("no detector of the log was run again")
     word = ("exact", "green") if found["exact"] else ("different", "yellow" if found["changed"] else "red")
     text = Text.assemble(word, f": {compared}")
     if found["skipped"]:
@@ -59,13 +61,13 @@ def _detection(rows, changed):
         t.add_row(
             r["id"],
             r["target"].removeprefix("elevator.").replace("_", " "),
-            number(old["detected_at_s"]),
+            number(old["detected_at_s"]) if old else NOTHING,
             number(new["detected_at_s"]),
-            _isolated(old),
+            _isolated(old) if old else "was not there",
             _isolated(new),
-            str(old["false_alarms"]),
+            str(old["false_alarms"]) if old else NOTHING,
             str(new["false_alarms"]),
-            style="" if old["alarm"] or new["alarm"] else "dim",
+            style="" if (old and old["alarm"]) or new["alarm"] else "dim",
         )
     return t
 

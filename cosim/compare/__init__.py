@@ -17,6 +17,7 @@ from cosim.compare import bound
 from cosim.compare import rows as compare_rows
 from cosim.compare import stats as compare_stats
 from cosim.errors import CosimError
+from cosim.flight.guests import load, with_detectors
 from cosim.judge.result import plain
 
 
@@ -61,12 +62,15 @@ def compare(
     *,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
+    guests: Iterable[str | Path] = (),
 ) -> Comparison:
     """Return the Comparison of logs, of one campaign's folder or folder of logs, or of the built-in matrix.
 
-    `progress(done, total)` counts flights. Raises CompareError, CampaignError, LogError.
+    `progress(done, total)` counts flights. `guests` are files of further detectors (cosim/flight/guests): they fly in
+    the built-in matrix, and are run on logs as they were flown. Raises CompareError,
+    CampaignError, LogError, GuestError.
     """
-    frame, timing, tomls, source = read(sources, workers=workers, progress=progress)
+    frame, timing, tomls, source = read(sources, workers=workers, progress=progress, guests=guests)
     rows = compare_rows.tidy(frame, tomls)
     if rows.empty:
         raise CompareError("no flight has a detector to compare", place=source)
@@ -78,23 +82,26 @@ def compare(
     return Comparison(rows, each, frame["run"].nunique(), failed, source, damaged)
 
 
-def read(sources, *, workers=None, progress=None):
+def read(sources, *, workers=None, progress=None, guests=()):
     """Return (rows per lane, timing or None, {run: TOML}, name) of what is to be compared."""
     sources = [Path(s) for s in sources]
     if not sources:
         from cosim.campaign import run_many
         from cosim.compare.matrix import matrix
 
-        scenarios = matrix()
+        scenarios = [with_detectors(s, guests) for s in matrix()]
         result = run_many(scenarios, workers=workers, progress=progress)
         return *compare_rows.of_result(result, scenarios), "built-in matrix"
-    folders = [s for s in sources if s.is_dir()]
+    folders, own = [s for s in sources if s.is_dir()], [load(g) for g in guests]
     if len(folders) == 1 == len(sources):
         logs = sorted(folders[0].glob("*.mcap"))
         if (folders[0] / "scenarios.parquet").is_file() or not logs:
+            if own:
+                raise CompareError("holds rows, no flights to run a detector on", place=str(folders[0]),
+                                   remedy="Fly the campaign with --detector")  # fmt: skip
             return *compare_rows.of_campaign(folders[0]), str(folders[0])
         sources = logs
     elif folders:
         raise CompareError("is a folder beside other sources", place=str(folders[0]), remedy="Give logs, or one folder")
-    frame, tomls = compare_rows.of_logs(sources, progress)
+    frame, tomls = compare_rows.of_logs(sources, progress, own)
     return frame, None, tomls, f"{len(sources)} log{'s' * (len(sources) != 1)}"

@@ -22,6 +22,7 @@ estimate_rmse, estimate_unit
 
 import json
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -31,8 +32,9 @@ from cosim.judge import coverage
 from cosim.judge import row as judged
 from cosim.judge.achieved import NAMES as ACHIEVED
 from cosim.judge.naming import outcome
+from cosim.replay.guest import tell
 from cosim.scenario.catalog import DEFAULT_TECHNOLOGY, SEGMENTS
-from cosim.texts import toml
+from cosim.texts import from_json, toml
 
 FAMILIES = (
     *("liquid OFC, one segment", "liquid OFC, several", "solid OFC, one segment", "solid OFC, several"),
@@ -195,18 +197,18 @@ def _largest(lanes, name):
     return max(found) if found else np.nan
 
 
-def of_logs(paths, progress=None):
+def of_logs(paths, progress=None, guests=()):
     """Return (rows per lane with the columns of a campaign, {run: TOML}) of logs written by `cosim run`.
 
     The judgement is made again from what the detectors put out; achieved amplitudes need the flight and its twin flown
-    again, where a fault acts on an elevator. Raises LogError.
+    again, where a fault acts on an elevator. `guests` are made guests, run on each flight. Raises LogError.
     """
     from cosim.flight.twin import achieved, faulted
     from cosim.replay.recording import Flown
 
     rows, tomls = [], {}
     for i, path in enumerate(paths):
-        flown = Flown(path)
+        flown = Flown(path, guests)
         run = run_id(flown.scenario)
         while run in tomls:  # the same flight twice, or another version's
             run += "'"
@@ -230,6 +232,9 @@ def of_campaign(folder):
     from cosim.campaign.store import load, scenario_texts
 
     frame, timing = load(folder)
+    told = Path(folder) / "guests.json"
+    for entry in from_json(told.read_bytes(), place=str(told)) if told.is_file() else ():
+        tell(entry)
     return frame, timing, scenario_texts(folder)
 
 

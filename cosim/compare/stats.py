@@ -8,7 +8,7 @@ import pandas as pd
 
 from cosim.compare import metrics, pod
 from cosim.compare.rows import FAMILIES
-from cosim.judge.coverage import BLIND, DESIGNED, MAY, group
+from cosim.judge.coverage import BLIND, DESIGNED, MAY, UNDECLARED, group
 from fdi.common.record import GROUPS
 from fdi.registry import SHIPPED
 
@@ -199,9 +199,14 @@ def by_group(rows, stats):
     )
 
 
+def _could(row):
+    """Tell whether a detector could see a case: what it does not declare, only where it did."""
+    return row["word"] != BLIND and (row["word"] != UNDECLARED or row["detected"])
+
+
 def _of_group(name, own, credible):
     """Return the row of one group in one flight; `own` are the rows of its detectors as dicts."""
-    able = [r for r in own if r["id"] in credible and r["concerned"] and r["word"] != BLIND and not r["idle"]]
+    able = [r for r in own if r["id"] in credible and r["concerned"] and _could(r) and not r["idle"]]
     seen = sorted((r for r in able if r["detected"]), key=lambda r: r["delay_s"])
     first = seen[0] if seen else {}
     return {

@@ -14,6 +14,7 @@ from cosim.flight.blocks.law import design as law_design
 from cosim.flight.blocks.pilot import steps
 from cosim.flight.bus import Bus
 from cosim.flight.gains import SENSOR_DELAY
+from cosim.flight.guests.plain import GuestBlock, PlainDetector
 from cosim.flight.noise import Draw
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.plant import Plant
@@ -44,6 +45,12 @@ class Setup:
         """Return the number of ticks of the flight."""
         return self.scenario.ticks
 
+    @property
+    def notes(self):
+        """Return sentences about guests that did not do what a detector does."""
+        runners = [d.runner for d in self.loop.detectors if isinstance(d, GuestBlock)]
+        return [line for r in runners for line in (*r.notes, *([r.problem] if r.problem else []))]
+
     def watches(self):
         """Return the Watch of every detector lane."""
         return self.history.watches(self.step_us)
@@ -51,6 +58,9 @@ class Setup:
     def time_detectors(self, repeats=200):
         """Measure each detector's cost per step and lane, on copies: a flight's own numbers stay untouched."""
         for d in self.loop.detectors:
+            if isinstance(d, GuestBlock):  # its objects are the flight's own: what its steps took in the loop
+                self.step_us[d.name] = d.runner.seconds / max(1, d.runner.steps * len(d.x)) * 1e6
+                continue
             x, u = d.x.copy(), np.repeat(d.u, repeats, axis=1)
             best = math.inf
             for _ in range(3):
@@ -142,7 +152,8 @@ def build(scenario):
     bus["surfaces"].view("f8")[:] = trim.surfaces  # until the first tick sends its own
 
     def block(name, module, p, x0, every=1):
-        return Block(bus, name, module, p, x0, dt, every)
+        kind = GuestBlock if isinstance(module, PlainDetector) else Block
+        return kind(bus, name, module, p, x0, dt, every)
 
     actuator_blocks = [block(n, m, p, x) for n, m, p, x, _ in built]
     tech = scenario.elevator.technology

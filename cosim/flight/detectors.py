@@ -11,11 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from cosim.errors import ScenarioError, did_you_mean
+from cosim.flight import guests
 from cosim.flight.blocks.sensors import fitted
 from cosim.flight.parameters import assign, wrong_parameter
 from cosim.flight.site import site
 from cosim.scenario import vocabulary
 from cosim.scenario.aircraft import DEFAULT, Aircraft
+from cosim.scenario.guest_file import KEYS
 from fdi import registry
 from fdi.common.record import Detector
 
@@ -33,17 +35,18 @@ class Wire(NamedTuple):
         return self.signal.flag if self.flag else self.signal.source
 
 
-def wires(record, lane=""):
+def wires(record, lane="", module=None):
     """Return the Wires of a detector on segment `lane` ("" at aircraft level); what has a flag brings it, to
-    `<field>_valid` or, where INPUTS has no such field, `<word>_valid`."""
-    names, out = registry.module(record.id).INPUTS.names, []
+    `<field>_valid` or `<word>_valid` where INPUTS has such a field."""
+    names, out = (module or registry.module(record.id)).INPUTS.names, []
     for field, word in record.inputs.items():
         signal = vocabulary.find(word, lane)
         out.append(Wire(field, signal, False))
         if signal.flag:
             base, bracket, index = field.partition("[")
-            flag = f"{base}_valid" if f"{base}_valid" in names else f"{word}_valid"
-            out.append(Wire(flag + bracket + index, signal, True))
+            flag = next((n for n in (f"{base}_valid", f"{word}_valid") if n in names), "")
+            if flag:
+                out.append(Wire(flag + bracket + index, signal, True))
     return out
 
 
@@ -80,6 +83,7 @@ class Installed:
         is none.
         """
         table, options = scenario.detectors.table(self.id), self.record.options
+        table = {name: value for name, value in table.items() if name not in KEYS or self.id in registry.SHIPPED}
         words = {n: _word(self.id, n, table.pop(n), allowed) for n, allowed in options.items() if n in table}
         technology, own = scenario.elevator.technology, scenario.aircraft
         lanes, told = self.lanes if self.level == "local" else [""], scenario.elevator.parameters
@@ -136,13 +140,14 @@ def missing(record, aircraft: Aircraft) -> str:
             return f"no elevator segment {segment}"
         if word.startswith("n1_") and word not in fitted(aircraft):
             return f"no sensor {word}"
-    if record.level == "aircraft" and aircraft.name != DEFAULT:
+    if record.level == "aircraft" and record.id in registry.SHIPPED and aircraft.name != DEFAULT:
         return f"no design for {aircraft.name}"
     return ""
 
 
 def left_out(scenario) -> dict[str, str]:
     """Return {detector: why} of those that the scenario runs and its aircraft cannot have."""
+    guests.use(scenario)
     found = {name: missing(registry.record(name), scenario.aircraft) for name in scenario.running}
     return {name: why for name, why in found.items() if why}
 
@@ -228,6 +233,7 @@ def manifest(setup, topics):
                 "lanes": list(d.lanes),
                 "every": d.every,
                 "inputs": inputs,
+                **({} if d.id in registry.SHIPPED else {"guest": guests.about(d.module)}),
             }
         )
     return out

@@ -67,11 +67,12 @@ def fly(setup, *logs, progress=None, keep=None):
     loop, n = setup.loop, setup.ticks
     index, kind = keep or (setup.history.index, np.float32)
     history = np.empty((n, len(index)), kind)  # pages are taken as the flight goes on
-    tape, k = Tape(loop.v, loop.dt), 0
+    tape, k, whole = Tape(loop.v, loop.dt), 0, 0
     order(loop, tape, *logs, keep=(index, history))
     try:
         for k in range(n):
             tape.run(k)
+            whole = k + 1
             if k % CHECK_EVERY == 0:
                 bad, why = health(loop.truth)
                 if bad:
@@ -79,6 +80,6 @@ def fly(setup, *logs, progress=None, keep=None):
                 if progress and k % PROGRESS_EVERY == 0:
                     progress(k * loop.dt, n * loop.dt)
     except KeyboardInterrupt:
-        return history[: k + 1], "interrupted", f"at {k * loop.dt:.2f} s by the user"
+        return history[:whole], "interrupted", f"at {k * loop.dt:.2f} s by the user"
     return history, "completed", ""
 

@@ -82,6 +82,6 @@ def _designed(detector, dt):
     """Return {size: (least, largest)} over the designs of every choice a scenario has: no more fits the arrays."""
     record = registry.record(detector)
     lane = next((n for n, t in DEFAULT_TECHNOLOGY.items() if t in record.technologies), "")
-    words = [{}] + [{name: word} for name, allowed in record.options.items() for word in allowed]
+    words: list[dict] = [{}] + [{name: word} for name, allowed in record.options.items() for word in allowed]
     made = [record.fit(site(dt, lane, DEFAULT_TECHNOLOGY), **w) for w in words]
     return {n: (float(min(p[n].min() for p in made)), float(max(p[n].max() for p in made))) for n in record.sizes}

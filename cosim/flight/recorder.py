@@ -2,6 +2,8 @@
 
 import io
 import json
+import tomllib
+from pathlib import Path
 
 import numpy as np
 
@@ -9,8 +11,9 @@ from actuators.block import unit
 from cosim.flight import detectors
 from cosim.flight.blocks import faults, hinge_model, law, sensors
 from cosim.log import LogWriter, Pose, Topic, viewer_layouts
-from cosim.scenario import vocabulary
+from cosim.scenario import toml, vocabulary
 from cosim.scenario.catalog import TECHNOLOGIES
+from fdi import registry
 
 SNAPSHOT_S = 1.0  # hidden detector states are logged that often
 LARGE = 1 << 18  # [byte] larger parameters are compressed: tables of a force model
@@ -77,7 +80,7 @@ def open_writer(setup, path):
     loop, channels = setup.loop, topics(setup)
     blocks = [loop.sensors, loop.pilot, loop.law, loop.hinge, *loop.detectors, *loop.servos, *loop.actuators]
     attachments = {
-        "scenario.toml": ("application/toml", setup.scenario.expanded_toml().encode()),
+        "scenario.toml": ("application/toml", _portable(setup.scenario).encode()),
         "detectors.json": (
             "application/json",
             json.dumps(detectors.manifest(setup, channels), indent=1, sort_keys=True).encode(),
@@ -134,7 +137,21 @@ def result_texts(result):
         "sim_time_s": repr(result.sim_time_s),
         "detectors": json.dumps(kept, sort_keys=True),
         "achieved": json.dumps(result.extra.get("achieved"), sort_keys=True),
+        **({"notes": json.dumps(result.extra["notes"])} if result.extra.get("notes") else {}),
     }
+
+
+def _portable(scenario):
+    """Return the scenario as TOML without folders of this machine: a guest is named by its file and its digest."""
+    table = tomllib.loads(scenario.expanded_toml())
+    for own in table.get("detectors", {}).values():
+        if isinstance(own, dict) and "file" in own:
+            own["file"] = Path(own["file"]).name
+    for name in scenario.running:
+        if name not in registry.SHIPPED:  # registered by a program, and perhaps without a file
+            own = table["detectors"].setdefault(name, {"file": Path(registry.module(name).file).name})
+            own["sha256"] = registry.module(name).sha256
+    return toml.dumps(table)
 
 
 def _array(name, array):

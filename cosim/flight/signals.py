@@ -85,9 +85,10 @@ def detect(
     kind = [(n, "f8", module.STATE[n].shape) for n in fields] if fields is not None else module.STATE
     out = np.zeros(u.shape, kind)
     x, log = module.init(p), np.zeros((lanes, CHUNK), module.STATE)
+    rollout = module.runner() if hasattr(module, "runner") else module.rollout
     for a in range(0, len(frame), CHUNK):
         b = min(a + CHUNK, len(frame))
-        module.rollout(x, np.ascontiguousarray(u[:, a:b]), p, frame.attrs["dt"], log[:, : b - a])
+        rollout(x, np.ascontiguousarray(u[:, a:b]), p, frame.attrs["dt"], log[:, : b - a])
         for n in out.dtype.names:
             out[n][:, a:b] = log[n][:, : b - a]
     return out[0] if isinstance(wires, Mapping) else out

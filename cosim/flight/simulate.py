@@ -60,7 +60,7 @@ def simulate(
         faults = judged(scenario, swings)
         result.detectors = [judge(w, history, setup.loop.dt, faults) for w in setup.watches()]
         done = setup.history.consequences(scenario, history)
-        result.extra = {"achieved": swings, "consequences": done, "startup_s": flown - started}
+        result.extra = {"achieved": swings, "consequences": done, "startup_s": flown - started, "notes": setup.notes}
         if writer:
             writer.close(result=result_texts(result))
     return result

@@ -9,10 +9,12 @@ an actuator's sensor; aileron, rudder, stabiliser, engine; sensor.<name> for an 
 import fnmatch
 from dataclasses import dataclass
 
+from cosim.scenario.catalog import ACTUATOR_SENSORS
 from fdi import registry
+from fdi.common.verdict import NAMES
 
-DESIGNED, MAY, BLIND = "designed", "may", "blind"
-WORDS = {DESIGNED: "designed for", MAY: "may see", BLIND: "blind by structure"}
+DESIGNED, MAY, BLIND, UNDECLARED = "designed", "may", "blind", "undeclared"
+WORDS = {DESIGNED: "designed for", MAY: "may see", BLIND: "blind by structure", UNDECLARED: "not declared"}
 # kinds whose place of entry decides who can see them
 ENTERS = ("ofc_liquid", "ofc_solid", "runaway", "bias", "loss_of_effectiveness")
 PARTS = {
@@ -27,34 +29,43 @@ PARTS = {
 
 @dataclass(frozen=True)
 class Expected:
-    """How a detector stands to a case: `word` (designed, may, blind) and the verdict `classes` that would be right."""
+    """How a detector stands to a case: `word` (designed, may, ...), and the verdict `classes` that are right."""
 
     word: str
     classes: tuple = ()
 
 
 def expected(detector, case):
-    """Return the Expected of `detector` for `case`; a detector that is not known is blind to everything."""
-    record = _record(detector)
+    """Return the Expected of `detector` for `case`; what its record does not say, or a detector without one, is not
+    declared, and the fault's own class would be right."""
+    record = registry.find(detector)
     for word, table in ((DESIGNED, record.designed_for), (MAY, record.may_see)) if record else ():
         for pattern, classes in table.items():
             if fnmatch.fnmatchcase(case, pattern):
                 return Expected(word, tuple(classes))
-    return Expected(BLIND)
+    if record and any(fnmatch.fnmatchcase(case, pattern) for pattern in record.blind_to):
+        return Expected(BLIND)
+    return Expected(UNDECLARED, (true_class(case),))
 
 
-def _record(detector):
-    return registry.record(detector) if detector in registry.SHIPPED else None
+def true_class(case):
+    """Return the verdict class that names a case: its kind where that is a class, "sensor" for a sensor's fault."""
+    group, _, rest = case.partition(".")
+    kind = (rest or group).partition("@")[0]
+    if group == "sensor" or kind in ACTUATOR_SENSORS:
+        return "sensor"
+    others = {"engine": "thrust", "jam": "jam_solid", "rudder": "jam_solid", "aileron": "jam_solid"}
+    return kind if kind in NAMES else others.get(kind, "effectiveness" if rest else "ambiguous")
 
 
 def group(detector, level):
     """Return what a detector draws on, in words; its level where its record does not say."""
-    return getattr(_record(detector), "group", "") or f"{level} level"
+    return getattr(registry.find(detector), "group", "") or f"{level} level"
 
 
 def remark(detector):
     """Return what has to be said whenever results of a detector are shown, or an empty text."""
-    return getattr(_record(detector), "remark", "")
+    return getattr(registry.find(detector), "remark", "")
 
 
 def case_of(kind, target, technology, at="", limit=False):

@@ -64,7 +64,8 @@ def plan(scenario, detector, lane, columns):
 
 
 def _found(detector, lane, j, technology, columns):
-    for e in registry.record(detector).estimates if detector in registry.SHIPPED else ():
+    record = registry.find(detector)
+    for e in record.estimates if record else ():
         found = _truth(e, lane, j, technology)
         if found:
             return f"{detector}.{lane}.{e.output}", *found, e.unit

@@ -11,11 +11,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cosim.flight.guests import load
 from cosim.judge.noticed import columns, watch_of
 from cosim.judge.result import judge, judged, plain
 from cosim.log import open_log
-from cosim.replay import door
-from cosim.replay.lanes import describe, fill, lanes, pieces, run, tick_of, topics
+from cosim.replay import door, guest
+from cosim.replay.lanes import describe, fill, lanes, manifest, pieces, run, tick_of, topics
 from cosim.replay.params import ReplayError, check_start
 from cosim.replay.write import Overlay
 
@@ -46,6 +47,7 @@ class Replay:
     changed: dict = field(default_factory=dict)  # {detector: {parameter: value}}: then differences are expected
     detectors: list = field(default_factory=list)  # detection metrics, logged and replayed
     output: str | None = None
+    notes: list = field(default_factory=list)  # sentences: guests that were not run, or are not the code that flew
 
     @property
     def exact(self):
@@ -66,6 +68,7 @@ class Replay:
                 "differences": [vars(d) for d in self.differences],
                 "detectors": self.detectors,
                 "output": self.output,
+                "notes": self.notes,
             }
         )
 
@@ -85,18 +88,23 @@ def compare(name, fields, ticks, logged, again):
     return out
 
 
-def replay(path, *, detectors=None, overrides=None, start_s=0.0, output=None, progress=None):
+def replay(path, *, detectors=None, overrides=None, start_s=0.0, output=None, progress=None, guests=()):
     """Replay the log at `path` and return a Replay.
 
     `detectors` chooses some; `overrides` {detector: {parameter: value}} asks what would have been; `start_s` begins
     at the last whole state before that time; `output` writes a log with the old topics and, under /replay, the new
-    ones. Raises LogError, ReplayError.
+    ones. `guests` are files of detectors (cosim/flight/guests): one that flew is run again, another one is run on the
+    flight as it was logged, and has no `logged` among its results. Raises LogError, ReplayError, GuestError.
     """
+    given = [load(file) for file in guests]
     check_start(start_s)
     if str(path).lower().endswith((".csv", ".parquet")):
         raise ReplayError("is a table, no log", place=str(path), remedy="--map says which columns detectors read")
     log = open_log(path)
-    wired = describe(log, detectors, overrides)
+    entries = manifest(log)
+    flew = {d["id"] for d in entries}
+    fresh = [g for g in given if g.DETECTOR.id not in flew]
+    wired = describe(log, detectors, overrides) if flew or not fresh else []
     members = [_Member(log, w) for w in wired]
     tick = max(0, round(start_s * 1e9 / log.dt_ns))
     with Overlay(log, wired, output) if output else nullcontext() as overlay:
@@ -111,12 +119,30 @@ def replay(path, *, detectors=None, overrides=None, start_s=0.0, output=None, pr
     result.rows = sum(m.rows for m in members)
     result.values = sum(m.values for m in members)
     result.skipped = sum(m.skipped for m in members)
-    if not result.values:
+    result.notes = [line for d in entries for line in (guest.missing(d), guest.other_code(d)) if line]
+    if not result.values and not fresh:
         raise _nothing(log, path, tick)
     result.differences = sorted((d for m in members for d in m.differences.values()), key=lambda d: d.first_tick)
+    for d in entries:
+        guest.tell(d)
     faults = _faults(log)
     result.detectors = [m.judge(faults) for m in members]
+    for own in fresh:
+        result.detectors += _fresh(log, own, faults)
     return result
+
+
+def _fresh(log, own, faults):
+    """Return the results of a guest on a flight that it was not part of."""
+    technologies, out = door.scenario(log).elevator.technology, []
+    names = [n for n, _ in guest.fields(own)]
+    for lane, rows in guest.outputs(log, own, technologies).items():
+        record = own.DETECTOR
+        target = f"elevator.{lane}" if record.level == "local" else "aircraft"
+        watch = watch_of(record.id, record.level, target, own.CULPRITS, {n: i for i, n in enumerate(names)})
+        new = judge(watch, rows, tick_of(log) * record.every, faults)
+        out.append({"id": record.id, "level": record.level, "target": target, "logged": None, "replayed": new})
+    return out
 
 
 def _nothing(log, path, tick):

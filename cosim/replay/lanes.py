@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from cosim.errors import LogError, did_you_mean
+from cosim.flight.guests.plain import PlainDetector
 from cosim.flight.parameters import wrong_state
 from cosim.replay import door
 from cosim.replay.params import ReplayError, attached, chosen_overrides, older, override, trusted
@@ -34,12 +35,13 @@ class Lane:
     ticks: np.ndarray  # of the rows
     logged: np.ndarray  # (rows, outputs)
     states: tuple  # (ticks, values) of the hidden state's snapshots
+    rollout: object = None  # of a guest with objects of its own
 
 
 def manifest(log):
     """Return the list of detectors that a log describes."""
     found = door.detectors(log)
-    strange = [d["id"] for d in found if d["id"] not in registry.SHIPPED]
+    strange = [d["id"] for d in found if d["id"] not in registry.SHIPPED and "guest" not in d]
     if strange:
         raise older(log, f"detector {strange[0]!r}")
     return found
@@ -58,6 +60,7 @@ class Wired:
     x: np.ndarray
     inputs: list  # (input field, topic, field of the topic)
     at: int = 0
+    rollout: object = None  # of a guest with objects of its own
 
     @property
     def topic(self):
@@ -84,7 +87,10 @@ def tick_of(log):
 
 
 def describe(log, chosen=None, overrides=None):
-    """Return the Wired lanes of the detectors in `chosen` (all). `overrides` is {detector: {parameter: value}}."""
+    """Return the Wired lanes of the detectors in `chosen` (all) whose code is here.
+
+    `overrides` is {detector: {parameter: value}}.
+    """
     found = manifest(log)
     known = [d["id"] for d in found]
     if chosen is not None and not chosen:
@@ -99,7 +105,7 @@ def describe(log, chosen=None, overrides=None):
             )
     chosen_overrides(chosen, overrides)
     out = []
-    for d in (d for d in found if not chosen or d["id"] in chosen):
+    for d in (d for d in found if (not chosen or d["id"] in chosen) and registry.known(d["id"])):
         record, module = registry.record(d["id"]), registry.module(d["id"])
         p = attached(log, f"{d['id']}.params", module.PARAMS)
         x = attached(log, f"{d['id']}.initial", module.STATE)
@@ -107,7 +113,8 @@ def describe(log, chosen=None, overrides=None):
         override(record, module, p, (overrides or {}).get(d["id"], {}), tick_of(log))
         for i, lane in enumerate(d["lanes"]):
             row = slice(i, i + 1)
-            wired = Wired(d["id"], lane, d["level"], module, d["every"], p[row], x[row], d["inputs"][lane])
+            own = module.runner() if isinstance(module, PlainDetector) else None
+            wired = Wired(d["id"], lane, d["level"], module, d["every"], p[row], x[row], d["inputs"][lane], rollout=own)
             _check(log, wired)
             out.append(wired)
     return out
@@ -153,7 +160,7 @@ def _fill(log, w, read, start, stop):
         to[:] = read[source][rows, log.topics[source].fields.index(column)]
     held = w.hidden in log.topics
     states = (log.ticks(w.hidden, start, stop), read[w.hidden]) if held else (np.empty(0, np.int64), np.empty((0, 0)))
-    return Lane(w.id, w.lane, w.module, w.every, w.p, w.x, w.at, u, ticks, read[w.topic], states)
+    return Lane(w.id, w.lane, w.module, w.every, w.p, w.x, w.at, u, ticks, read[w.topic], states, w.rollout)
 
 
 def columns(kind, names):
@@ -216,11 +223,16 @@ def _piece(lane, a, b, tick):
     )
 
 
+def stepper(module):
+    """Return what steps a lane of a detector through its ticks: of a plain guest, with objects of its own."""
+    return module.runner() if isinstance(module, PlainDetector) else module.rollout
+
+
 def run(lane, dt):
     """Replay one gapless lane; return outputs (rows, n), snapshots (ticks (m,), hidden states (m, h)), last state."""
     module, n = lane.module, len(lane.ticks)
     outputs, hidden = split(module)
-    rollout, x, p = module.rollout, lane.x.copy(), lane.p.copy()
+    rollout, x, p = lane.rollout or stepper(module), lane.x.copy(), lane.p.copy()
     out, given = np.empty((n, len(outputs))), flat(np.ascontiguousarray(lane.u))
     wanted = np.intersect1d(lane.states[0], lane.ticks, assume_unique=True)
     at, held, done = np.searchsorted(lane.ticks, wanted), np.empty((len(wanted), len(hidden))), 0

@@ -13,6 +13,7 @@ import numpy as np
 
 from actuators.block import unit
 from cosim.flight import detectors as table
+from cosim.flight.guests import load, with_detectors
 from cosim.judge.noticed import watch_of
 from cosim.judge.result import judge, plain
 from cosim.log import LogWriter, Topic, viewer_layouts
@@ -46,18 +47,23 @@ class Diagnosis:
         return plain(vars(self))
 
 
-def diagnose(path, map_path, *, detectors=None, overrides=None, start_s=0.0, output=None, on_reset=None, part=0):
+def diagnose(
+    path, map_path, *, detectors=None, overrides=None, start_s=0.0, output=None, on_reset=None, part=0, guests=()
+):
     """Run the detectors on the recording at `path` (CSV, Parquet, MCAP) by the map at `map_path`; return a Diagnosis.
 
     `detectors` chooses some (default: all), `overrides` {detector: {parameter: value}} changes parameters, `start_s`
     is a time of the recording, `output` the log to write: inputs under /input, outputs under /replay. `on_reset` and
-    `part` say what becomes of a clock that goes back (cosim/replay/clock.py). Raises ReplayError, LogError,
-    ScenarioError, and IndexError when there is no stretch of that number.
+    `part` say what becomes of a clock that goes back (cosim/replay/clock.py), `guests` are files of further detectors
+    (cosim/flight/guests). Raises ReplayError, LogError, ScenarioError, GuestError, and
+    IndexError when there is no stretch of that number.
     """
+    made = [load(g).DETECTOR.id for g in guests]
     check_start(start_s)
     chosen_overrides(detectors, overrides)
     m, text = load_map(map_path)
-    scenario = _scenario(m, detectors, map_path)
+    scenario = with_detectors(_scenario(m, detectors, map_path), guests)
+    detectors = [*detectors, *made] if detectors else detectors
     m, notices = renamed(m, scenario.elevator.technology)
     dt = 1.0 / m.rate_hz
     found = [d for d in table.chosen(scenario) if not detectors or d.id in detectors]
@@ -125,18 +131,17 @@ def diagnose(path, map_path, *, detectors=None, overrides=None, start_s=0.0, out
 def _scenario(m, chosen, place):
     """Return the Scenario of which the detectors take lanes and parameters; its tables are those of the map."""
     from cosim.scenario import parse
+    from cosim.scenario.guest_file import locate
 
     given = {"enabled": list(chosen)} if chosen else {}
-    return parse(
-        {
-            "duration_s": 1.0,
-            "rate_hz": m.rate_hz,
-            "flight": m.flight,
-            "elevator": m.elevator,
-            "detectors": {**m.detectors, **given},
-        },
-        place=str(place),
-    )
+    tables = {
+        "duration_s": 1.0,
+        "rate_hz": m.rate_hz,
+        "flight": m.flight,
+        "elevator": m.elevator,
+        "detectors": {**m.detectors, **given},
+    }
+    return parse(locate(tables, Path(place).parent, str(place)), place=str(place))
 
 
 def _spans(m, channels):
@@ -154,7 +159,7 @@ def _inputs(d, wires, values, n):
         field_, _, element = w.field.partition("[")
         to = u[field_][0][:, int(element[:-1])] if element else u[field_][0]
         value, valid = values[w.signal.word]
-        to[:] = valid if w.flag else value if w.signal.flag else _held(value, valid)
+        to[:] = valid if w.flag else np.where(valid > 0.0, value, np.nan) if w.signal.flag else _held(value, valid)
     return u
 
 

@@ -15,9 +15,8 @@ from cosim.judge import estimation as estimate
 from cosim.judge.noticed import watch_of
 from cosim.judge.result import judge, judged
 from cosim.log import open_log
-from cosim.replay import door
+from cosim.replay import door, guest
 from cosim.scenario.vocabulary import place
-from fdi import registry
 
 NEEDED = (
     "/truth/",
@@ -66,8 +65,12 @@ def words(name):
 class Flown:
     """The content of one log, read once. `values(topic, field)` is a column, NaN where there is none."""
 
-    def __init__(self, path):
-        """Read the log at `path`, also one that was cut. Raises LogError for one that holds no scenario."""
+    def __init__(self, path, guests=()):
+        """Read the log at `path`, also one that was cut. Raises LogError for one that holds no scenario.
+
+        `guests` are made guests (cosim/flight/guests) that are run on the flight as well.
+        """
+        self._guests = guests
         self.log = open_log(path, tolerant=True)
         self.scenario = door.scenario(self.log)
         self.detectors = door.detectors(self.log)
@@ -124,22 +127,28 @@ class Flown:
         """Return the Lanes: aircraft level first, in the order of the log."""
         out = []
         for d in self.detectors:
+            guest.tell(d)
             for lane in d["lanes"]:
                 topic = f"/detectors/{d['id']}/{lane}"
                 if topic in self._arrays:
-                    out.append(self._lane(d, lane, topic))
+                    out.append(self._lane(d, lane, self.log.topics[topic].fields, self._arrays[topic]))
+        flew = {lane.id for lane in out}
+        for own in (g for g in self._guests if g.DETECTOR.id not in flew):
+            about = {"id": own.DETECTOR.id, "level": own.DETECTOR.level, "every": own.DETECTOR.every}
+            names = [name for name, _ in guest.fields(own)]
+            for lane, rows in guest.outputs(self.log, own, self.scenario.elevator.technology).items():
+                out.append(self._lane(about, lane, names, rows))
         return sorted(out, key=lambda lane: lane.level != "aircraft")
 
-    def _lane(self, d, lane, topic):
+    def _lane(self, d, lane, fields, rows):
         target = f"elevator.{lane}" if d["level"] == "local" else "aircraft"
-        culprits = registry.module(d["id"]).CULPRITS if d["id"] in registry.SHIPPED else ("",)
-        fields = list(self.log.topics[topic].fields)
+        culprits, fields = guest.culprits(d), list(fields)
         made = Lane(
-            d["id"], d["level"], lane, target, culprits, d["every"], dict(zip(fields, self._arrays[topic].T)), {}
+            d["id"], d["level"], lane, target, culprits, d["every"], dict(zip(fields, rows.T)), {}
         )
         made.truth = self._truth(d["id"], lane)
         watch = watch_of(d["id"], d["level"], target, culprits, {n: i for i, n in enumerate(fields)})
-        made.entry = judge(watch, self._arrays[topic], self.dt * d["every"], self.faults)
+        made.entry = judge(watch, rows, self.dt * d["every"], self.faults)
         if made.truth:
             made.entry |= self._errors(made)
         return made

@@ -36,7 +36,7 @@ def render(flown):
         line=line,
         lanes=metrics(flown),
         injected=injected,
-        detectors=[(own[i], f"{i}: {registry.record(i).summary if i in registry.SHIPPED else ''}") for i in ids],
+        detectors=[(own[i], f"{i}: {getattr(registry.find(i), 'summary', '')}") for i in ids],
         elevators=elevators,
         others=others,
         motion=motion,

@@ -140,11 +140,12 @@ def _quiet(flown, met):
         if how == "idle":
             why = f" ({entry['why_not_valid']})" if entry["why_not_valid"] else ""
             groups.setdefault("idle", []).append(lane.name + _of(flown, entry) + why)
-    order = (coverage.DESIGNED, "idle", coverage.MAY, coverage.BLIND)
+    order = (coverage.DESIGNED, "idle", coverage.MAY, coverage.BLIND, coverage.UNDECLARED)
     heads = {
         coverage.DESIGNED: mark("missed, though designed for it", "bad"),
         coverage.MAY: "could have seen it, did not",
         coverage.BLIND: "blind by structure",
+        coverage.UNDECLARED: "quiet, and nothing declared about it",
         "idle": "not valid, so that it could not judge",
     }
     return [Markup("{}: {}").format(heads[w], ", ".join(groups[w])) for w in order if w in groups]

@@ -1,6 +1,7 @@
 """Read a scenario: a built-in name or a path, overrides on top; every mistake is a ScenarioError with file and key."""
 
 from importlib import resources
+from pathlib import Path
 from typing import get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
@@ -9,6 +10,7 @@ from cosim.errors import ScenarioError, did_you_mean
 from cosim.scenario.aircraft import DEFAULT as DEFAULT_AIRCRAFT
 from cosim.scenario.aircraft import load_aircraft
 from cosim.scenario.fault import Fault
+from cosim.scenario.guest_file import locate
 from cosim.scenario.manoeuvre import KINDS
 from cosim.scenario.model import Scenario
 from cosim.scenario.override import apply
@@ -43,7 +45,13 @@ def load_scenario(name_or_path=DEFAULT, overrides=()):
                 f"{given!r} is no text", place="overrides", allowed="texts like 'faults.0.frequency_hz=3'"
             )
     table = toml(text, place=place, error=ScenarioError)
-    return parse(apply(table, overrides), place=place)
+    return parse(located(apply(table, overrides), name_or_path), place=place)
+
+
+def located(table, name):
+    """Return the tables of scenario `name` with the files of its guests found, beside it or from here."""
+    path = Path(str(name))
+    return locate(table, path.parent if path.is_file() else None, str(name))
 
 
 def parse(table, *, place="scenario"):

@@ -14,7 +14,7 @@ from cosim.scenario.fault import Fault
 from cosim.scenario.manoeuvre import Cruise, Manoeuvre
 from cosim.scenario.problem import choice, problem
 from cosim.scenario.tolerance import toleranced
-from fdi.registry import SHIPPED
+from fdi.registry import GUESTS, SHIPPED
 
 Feedback = Literal["measured", "iotsekf", "rtsekf", "rtsekf_flight"]
 # Thresholds are trained at 200 Hz. At 50 Hz these two alarm in a hard manoeuvre without a fault, and up to 80 Hz both
@@ -302,20 +302,34 @@ class Detectors(_Table):
 
     enabled: Annotated[tuple[str, ...], Field(strict=False)] = tuple(SHIPPED)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _every(cls, data):
+        """Enable every detector there is, those of the table's files among them, where none is chosen."""
+        if isinstance(data, dict) and "enabled" not in data:
+            named = [name for name, own in data.items() if isinstance(own, dict) and "file" in own]
+            own = {n: {"file": g.file, "sha256": g.sha256} for n, g in GUESTS.items() if g.file and n not in data}
+            return {"enabled": [*SHIPPED, *dict.fromkeys((*GUESTS, *named))], **own, **data}
+        return data
+
     @model_validator(mode="after")
     def _known(self):
         for i, name in enumerate(self.enabled):
-            if name not in SHIPPED:
-                raise choice(name, SHIPPED, "detector", key=f"enabled.{i}")
+            if not self._may_be(name):
+                raise choice(name, (*SHIPPED, *GUESTS), "detector", key=f"enabled.{i}")
             if name in self.enabled[:i]:
                 raise problem(f"{name!r} is listed twice", key=f"enabled.{i}", remedy="Remove one")
         for name in self.model_extra or {}:
-            if name not in SHIPPED:
-                raise choice(name, ("enabled", *SHIPPED), "detector", key=name)
+            if not self._may_be(name):
+                raise choice(name, ("enabled", *SHIPPED, *GUESTS), "detector", key=name)
         return self
 
+    def _may_be(self, name):
+        """Tell whether `name` is a detector, or one whose file the scenario names."""
+        return name in SHIPPED or name in GUESTS or "file" in self.table(name)
+
     def table(self, name):
-        """Return {parameter: value} of detector `name` as written."""
+        """Return {parameter: value} of detector `name` as written; of a guest its file and digest are among them."""
         return dict((self.model_extra or {}).get(name, {}))
 
 
@@ -332,7 +346,7 @@ class Scenario(_Table):
     sensors: Sensors = Sensors.model_validate({})
     tolerances: Tolerances = Tolerances.model_validate({})
     faults: Annotated[tuple[Fault, ...], Field(strict=False)] = ()
-    detectors: Detectors = Detectors.model_validate({})
+    detectors: Detectors = Field(default_factory=lambda: Detectors.model_validate({}))  # guests may have come since
 
     @model_validator(mode="before")
     @classmethod

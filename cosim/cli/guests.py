@@ -1,0 +1,70 @@
+"""Commands for a detector of one's own: `new`, `check-detector`."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cosim.cli import tables
+from cosim.cli.output import JsonOption, reserve
+from cosim.errors import CosimError
+
+KINDS = ("detector",)
+
+
+def add(app, out, err):
+    """Add the commands to the command line `app`; `out` and `err` are its consoles."""
+
+    @app.command()
+    def new(
+        what: Annotated[str, typer.Argument(metavar="detector", help="What to write: detector.", show_default=False)],
+        name: Annotated[str, typer.Argument(metavar="NAME", help="Lower-case letters, digits and _.")],
+        output: Annotated[
+            Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of the two files.")
+        ] = Path("."),
+        json_: JsonOption = False,
+    ):
+        """Write a detector of your own that runs, and its test: NAME.py and test_NAME.py."""
+        from cosim.files import replace_text
+        from cosim.flight.guests.new import texts
+
+        if what not in KINDS:
+            raise CosimError("is nothing to write", place=f"cosim new {what}", allowed=", ".join(KINDS))
+        made = {output / file: text for file, text in texts(name).items()}
+        for path in made:
+            if path.exists():
+                raise CosimError("is there already", place=str(path), remedy="Choose another name, or a folder with -o")
+            reserve(path)
+        for path, text in made.items():
+            replace_text(path, text)
+        files = [str(path) for path in made]
+        if json_:
+            print(json.dumps({"files": files}))
+        else:
+            told = [f"wrote  {file}" for file in files]
+            told += [f"next   cosim check-detector {files[0]}", f"       cosim run --detector {files[0]}"]
+            out.print(tables.whole("\n".join(told)))
+
+    @app.command("check-detector")
+    def check_detector(
+        detector: Annotated[Path, typer.Argument(metavar="FILE.py", help="A detector of your own.")],
+        json_: JsonOption = False,
+    ):
+        """Say whether a detector keeps the contract: causal, deterministic, restartable, bounded, whole on dropouts.
+
+        Exit status 1: it does not.
+        """
+        from cosim.flight.guests.check import check
+
+        with tables.progress(err, "checking", unit="") as progress:
+            found = check(detector, progress=progress)
+        if json_:
+            print(json.dumps(found, allow_nan=False))
+        else:
+            t = tables.table(f"{found['id']}, {found['file']}", "", "question", "answer")
+            marks = {"good": "[green]✓[/]", "bad": "[red]✗[/]", "note": "[yellow]![/]"}
+            for line in found["checks"]:
+                t.add_row(marks[line["result"]], line["question"], tables.escape(line["answer"]))
+            out.print(t)
+        raise typer.Exit(0 if found["keeps"] else 1)

@@ -1,0 +1,213 @@
+"""Guests: detectors that somebody else wrote, in the loop beside ours.
+
+A guest is a plain Python class (cosim/flight/guests/contract.py), a block as ours are (actuators/block.py), or a fitted
+model over a window of signals (cosim/flight/guests/window.py). It comes from a file that a scenario or a command line
+names, from an installed package's entry point `cosim.detectors`, or from `cosim.register(Parity)`. Its code has its
+user's rights: it is run as it stands, and only a file that the user has named is run.
+"""
+
+import hashlib
+import importlib.util
+import inspect
+import os
+import sys
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from cosim.errors import CosimError, ScenarioError, did_you_mean
+from cosim.flight.guests.contract import GuestError, is_block, is_guest
+from cosim.flight.guests.plain import PlainDetector
+from cosim.scenario import Scenario, parse, vocabulary
+from cosim.scenario.guest_file import digest
+from fdi import registry
+from fdi.common.record import Detector
+
+__all__ = ["GuestError", "install", "load", "register", "use", "with_detectors"]
+GROUP = "cosim.detectors"  # of entry points
+_loaded: dict[tuple[str, str], Any] = {}  # (file, digest) -> guest
+
+
+def register(guest: Any) -> Any:
+    """Make a guest known to this process: a class, or a module that is a block. It flies in every scenario that does
+    not choose its detectors. Returns it, so that it serves as a decorator. Raises GuestError for what is no detector.
+    """
+    install(_made(guest, _source(guest)))
+    return guest
+
+
+def install(guest: Any) -> Any:
+    """Take a made guest into the registry; raises GuestError for the id of a detector that ships."""
+    name = guest.DETECTOR.id
+    if name in registry.SHIPPED:
+        raise GuestError(f"{name!r} is a detector that ships", place=guest.file or name, remedy="Choose another id")
+    registry.GUESTS[name] = guest
+    return guest
+
+
+def load(name: str | os.PathLike) -> Any:
+    """Return the guest of a Python file, or of an entry point by its name, known to this process from now on.
+
+    Raises GuestError for a file that is not there, does not run, or holds no detector or several.
+    """
+    path = Path(name).expanduser()
+    if not path.is_file():
+        return _entry_point(str(name))
+    key = str(path.resolve()), digest(path)
+    if key not in _loaded:
+        _loaded[key] = _only(_run(path, key[1]), str(name), key)
+    return install(_loaded[key])
+
+
+def use(scenario: Scenario) -> None:
+    """Load the guests of a scenario that this process does not know yet. Raises GuestError, also when a file is no
+    longer the one that the scenario means."""
+    for name in scenario.running:
+        table = scenario.detectors.table(name)
+        if name in registry.SHIPPED or not table.get("file"):
+            if not registry.known(name):
+                _entry_point(name)
+            continue
+        guest, place = registry.GUESTS.get(name), f"detectors.{name}.file = {table['file']}"
+        wanted = table.get("sha256")
+        if guest is None or (wanted and guest.sha256 != wanted):
+            guest = load(table["file"])
+        if guest.DETECTOR.id != name:
+            raise GuestError(f"holds the detector {guest.DETECTOR.id!r}", place=place, allowed=f"one with id {name!r}")
+        if wanted and guest.sha256 != wanted:
+            raise GuestError("is not the file that the scenario means: its digest differs", place=place,
+                             remedy="Load the scenario again, or remove its sha256")  # fmt: skip
+
+
+def with_detectors(scenario: Scenario, files: Iterable[str | os.PathLike]) -> Scenario:
+    """Return `scenario` with the guests of `files` (or names of entry points) among its detectors."""
+    files = list(files)
+    if not files:
+        return scenario
+    table = tomllib.loads(scenario.expanded_toml())
+    own = table.setdefault("detectors", {})
+    for file in files:
+        guest = load(file)
+        name = guest.DETECTOR.id
+        about = {"file": str(Path(file)), "sha256": guest.sha256} if Path(file).is_file() else {}
+        if about or name in own:
+            own[name] = {**own.get(name, {}), **about}
+        own["enabled"] = list(dict.fromkeys([*own.get("enabled", scenario.detectors.enabled), name]))
+    return parse(table)
+
+
+def _entry_point(name):
+    from importlib.metadata import entry_points
+
+    found = {e.name: e for e in entry_points(group=GROUP)}
+    if name not in found:
+        if name in registry.GUESTS:
+            return registry.GUESTS[name]
+        what = "no such file" if name.endswith(".py") or os.sep in name else "no such file and no installed detector"
+        raise GuestError(what, place=name, allowed=", ".join(found), remedy=did_you_mean(name, found))
+    made = found[name].load()
+    return install(_made(made, _source(made)))
+
+
+def _run(path, sha256):
+    """Return the module of a file, run under a name of its own; its neighbours can be imported."""
+    spec = importlib.util.spec_from_file_location(f"cosim_guest_{path.stem}_{sha256[:12]}", path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    sys.path.insert(0, str(path.resolve().parent))
+    try:
+        spec.loader.exec_module(module)
+    except (Exception, SystemExit) as error:
+        del sys.modules[spec.name]
+        if isinstance(error, CosimError):
+            raise
+        raise GuestError(f"does not run: {where(error, path)}", place=str(path)) from error
+    finally:
+        sys.path.remove(str(path.resolve().parent))
+    return module
+
+
+def where(error: BaseException, path: Path | None = None) -> str:
+    """Return an exception as one line with the last line of the guest's own that it passed."""
+    import traceback
+
+    said = " ".join(f"{type(error).__name__}: {error}".split())
+    if isinstance(error, SyntaxError):
+        return f"{said}"
+    here = [f for f in traceback.extract_tb(error.__traceback__) if path is None or Path(f.filename).name == path.name]
+    return f"{said} ({Path(here[-1].filename).name}:{here[-1].lineno})" if here else said
+
+
+def _only(module, place, key):
+    """Return the one detector of a module, made: the module itself when it is a block, else its one class."""
+    if is_block(module):
+        return _made(module, key)
+    found = [v for v in vars(module).values() if is_guest(v) and v.__module__ == module.__name__]
+    if len(found) != 1:
+        several = ", ".join(v.__name__ for v in found)
+        raise GuestError(f"holds {several}" if found else "holds no detector", place=place,
+                         allowed="one class with id, level, inputs and update, or a block with DETECTOR",
+                         remedy="`cosim new detector NAME` writes one that runs")  # fmt: skip
+    return _made(found[0], key)
+
+
+def _source(guest):
+    """Return (file, digest) of a class or module that a program holds; without a file the digest of its text."""
+    try:
+        file = inspect.getsourcefile(guest) or ""
+        if file and Path(file).is_file() and getattr(guest, "__module__", "") != "__main__":
+            return file, digest(Path(file))
+        return "", hashlib.sha256(inspect.getsource(guest).encode()).hexdigest()
+    except (OSError, TypeError):
+        return "", hashlib.sha256(repr(guest).encode()).hexdigest()
+
+
+class BlockDetector:
+    """A guest that is a block: its module's names, and where it came from."""
+
+    def __init__(self, module: ModuleType, file: str, sha256: str):
+        """`module` is a block with DETECTOR (fdi/common/record.py)."""
+        self._module, self.file, self.sha256 = module, file, sha256
+        if not isinstance(module.DETECTOR, Detector):
+            raise GuestError("DETECTOR is no fdi.common.record.Detector", place=file)
+        self.DETECTOR = module.DETECTOR
+        for word in self.DETECTOR.inputs.values():
+            try:
+                vocabulary.find(word)
+            except KeyError as error:
+                raise GuestError(str(error.args[0]), place=f"{file}: inputs", remedy="`cosim list signals`") from None
+        lacking = {"r", "alarm", "verdict", "culprit", "valid"} - set(module.OUTPUTS)
+        if lacking:
+            raise GuestError(f"OUTPUTS lacks {', '.join(sorted(lacking))}", place=file)
+
+    def __getattr__(self, name):
+        return getattr(self._module, name)
+
+
+def _made(guest, source):
+    if isinstance(guest, ModuleType) and is_block(guest):
+        return BlockDetector(guest, *source)
+    if is_guest(guest):
+        return PlainDetector(guest, *source)
+    raise GuestError("is no detector", place=repr(guest), allowed="a class with id, level, inputs and update")
+
+
+def about(guest: Any) -> dict:
+    """Return what a log tells of a guest, so that it can be judged and shown without its code."""
+    own = guest.DETECTOR
+    keys = ("summary", "technologies", "inputs", "group", "designed_for", "may_see", "blind", "blind_to", "remark")
+    record = {k: getattr(own, k) for k in keys}
+    record["estimates"] = [[e.of, e.output, e.unit] for e in own.estimates]
+    form = "python" if isinstance(guest, PlainDetector) else "block"
+    return {"form": form, "file": Path(guest.file).name, "sha256": guest.sha256, "culprits": list(guest.CULPRITS),
+            "record": record}  # fmt: skip
+
+
+def check_known(scenario: Scenario) -> None:
+    """Raise ScenarioError for a detector of a scenario that this process cannot run."""
+    for name in scenario.running:
+        if not registry.known(name):
+            raise ScenarioError("is not known in this process", place=f"detectors.{name}", remedy="Give its file")

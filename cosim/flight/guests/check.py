@@ -1,0 +1,202 @@
+"""Whether a detector keeps the contract that ours keep: `cosim check-detector mine.py`.
+
+It is run on the signals of a real flight with a fault, several times, in pieces, with another future and with lost
+samples. "bad" is a breach, "note" something to know.
+"""
+
+import copy
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cosim.flight.detectors import wires
+from cosim.flight.guests import load
+from cosim.flight.guests.plain import PlainDetector
+from cosim.flight.signals import fly, inputs
+from cosim.flight.site import site
+from cosim.scenario import Scenario, load_scenario
+from cosim.scenario.catalog import SEGMENTS
+
+FAULT_S, FLIGHT_S = 3.0, 6.0
+SLOW_US = 1000.0  # of a step: from here on it decides how fast a flight is
+
+
+def check(file: str | os.PathLike, *, progress: Callable[[float, float], None] | None = None) -> dict[str, Any]:
+    """Return {id, file, keeps, checks: [{question, result, answer}]} of a detector's file; result is good, bad or note.
+
+    Raises GuestError for a file that is no detector.
+    """
+    guest = load(file)
+    lane, u, p, dt = _flown(guest)
+    questions = (_runs, _same, _causal, _one_by_one, _apart, _restarts, _reads, _loses, _costs)
+    checks = []
+    for i, question in enumerate(questions):
+        checks.append(question(guest, u, p, dt))
+        if progress:
+            progress(i + 1.0, float(len(questions)))
+        if i == 0 and checks[0]["result"] == "bad":
+            break  # every other question would say the same
+    keeps = all(line["result"] != "bad" for line in checks)
+    return {"id": guest.DETECTOR.id, "file": str(Path(file)), "lane": lane, "keeps": keeps, "checks": checks}
+
+
+def _scenario(technology: str) -> Scenario:
+    """Return a short flight on elevators of `technology`, with a doublet, light turbulence and an oscillation."""
+    kind = technology or "hydraulic"
+    own = "{" + ", ".join(f"{s}='{kind}'" for s in SEGMENTS) + "}"
+    at = "command" if kind == "simple" else "valve"
+    fault = f"{{target='elevator.left_inner', kind='ofc_liquid', at='{at}', start_s={FAULT_S}, frequency_hz=2.0"
+    fault += ", amplitude_deg=1.0}" if at == "command" else ", amplitude_mm=6.0}"
+    doublet = "manoeuvre={kind='nz_doublet', start_s=1.0, width_s=1.0, amplitude_g=0.1}"
+    return load_scenario("cruise", [f"duration_s={FLIGHT_S}", f"elevator={own}", "flight.turbulence=light", doublet,
+                                    "detectors.enabled=[]", f"faults.0={fault}"])  # fmt: skip
+
+
+def _flown(guest):
+    """Return (lane, INPUTS (1, ticks) of a flight, PARAMS, dt) for one lane of a guest."""
+    own = guest.DETECTOR
+    scenario = _scenario(own.technologies[0] if own.technologies else "")
+    lane = "left_inner" if own.level == "local" else ""
+    read = {w.field: w.source for w in wires(own, lane, guest)}
+    frame = fly(scenario, [*read.values()])
+    u = inputs(frame, guest, read)
+    p = own.fit(site(scenario.dt * own.every, lane, scenario.elevator.technology))
+    return lane or "aircraft", u[:, :: own.every], p, scenario.dt * own.every
+
+
+def _run(guest, u, p, dt, pieces=()):
+    """Return (outputs (ticks, n), problem, notes) of a fresh lane on `u`, in pieces that end at the ticks given."""
+    rollout = guest.runner() if isinstance(guest, PlainDetector) else guest.rollout
+    x, log = guest.init(p), np.zeros(u.shape, guest.STATE)
+    for a, b in zip((0, *pieces), (*pieces, u.shape[1])):
+        rollout(x, u[:, a:b], p, dt, log[:, a:b])
+    return _outputs(guest, log), getattr(rollout, "problem", ""), getattr(rollout, "notes", [])
+
+
+def _outputs(guest, log):
+    return np.stack([log[0][n].reshape(log.shape[1], -1)[:, j] for n in guest.OUTPUTS
+                     for j in range(guest.STATE[n].itemsize // 8)], axis=1)  # fmt: skip
+
+
+def _line(question, good, answer, note=False):
+    return {"question": question, "result": "good" if good else "note" if note else "bad", "answer": answer}
+
+
+def _differ(a, b):
+    """Return the first row in which two arrays differ bit for bit, None when they do not."""
+    wrong = (np.ascontiguousarray(a).view(np.int64) != np.ascontiguousarray(b).view(np.int64)).any(axis=1)
+    return int(np.flatnonzero(wrong)[0]) if wrong.any() else None
+
+
+def _runs(guest, u, p, dt):
+    out, problem, _ = _run(guest, u, p, dt)
+    names = list(guest.OUTPUTS)
+    r = out[:, names.index("r")]
+    finite = bool(np.isfinite(r).all())
+    said = problem or ("" if finite else f"r is not finite at {np.flatnonzero(~np.isfinite(r))[0] * dt:.3f} s")
+    alarms = int(np.count_nonzero(np.diff(np.r_[0.0, out[:, names.index("alarm")]]) > 0.5))
+    told = f"{len(out)} steps, largest r {r.max():.2g}, {alarms} alarms"
+    return _line("runs through a flight", not said, said or told)
+
+
+def _same(guest, u, p, dt):
+    at = _differ(_run(guest, u, p, dt)[0], _run(guest, u, p, dt)[0])
+    said = "twice the same bits" if at is None else f"two runs differ at {at * dt:.3f} s: a seed, a clock, a global"
+    return _line("deterministic", at is None, said)
+
+
+def _causal(guest, u, p, dt):
+    """Alter the future: what was said before it must not change."""
+    whole = _run(guest, u, p, dt)[0]
+    for cut in (u.shape[1] // 4, u.shape[1] // 2, u.shape[1] - 1):
+        other = u.copy()
+        other[:, cut:] = other[:, cut:][:, ::-1] if cut < u.shape[1] - 1 else np.zeros(1, u.dtype)
+        at = _differ(whole[:cut], _run(guest, other, p, dt)[0][:cut])
+        if at is not None:
+            said = f"what it says at {at * dt:.3f} s depends on what is measured from {cut * dt:.3f} s on"
+            return _line("causal", False, said)
+    return _line("causal", True, "another future leaves the past as it was")
+
+
+def _one_by_one(guest, u, p, dt):
+    at = _differ(_run(guest, u, p, dt)[0], _run(guest, u, p, dt, range(1, u.shape[1]))[0])
+    said = "the same bits" if at is None else f"tick by tick differs from all at once at {at * dt:.3f} s"
+    return _line("live as in replay", at is None, said)
+
+
+def _apart(guest, u, p, dt):
+    """Two lanes side by side, the second on other measurements: the first must not notice."""
+    both = np.concatenate([u, u[:, ::-1]])
+    rollout = guest.runner() if isinstance(guest, PlainDetector) else guest.rollout
+    two = np.repeat(p, 2)
+    x, log = guest.init(two), np.zeros(both.shape, guest.STATE)
+    rollout(x, np.ascontiguousarray(both), two, dt, log)
+    at = _differ(_run(guest, u, p, dt)[0], _outputs(guest, log))
+    said = "lanes do not touch each other" if at is None else "one lane changes another: something is shared"
+    return _line("one object per lane", at is None, said)
+
+
+def _restarts(guest, u, p, dt):
+    """Go on from a snapshot of half the flight."""
+    half, whole = u.shape[1] // 2, _run(guest, u, p, dt)[0]
+    x, log = guest.init(p), np.zeros(u.shape, guest.STATE)
+    rollout = guest.runner() if isinstance(guest, PlainDetector) else guest.rollout
+    rollout(x, u[:, :half], p, dt, log[:, :half])
+    try:
+        again, x = (copy.deepcopy(rollout), x.copy()) if isinstance(guest, PlainDetector) else (rollout, x.copy())
+    except Exception as error:
+        said = f"cannot be copied ({type(error).__name__}): a replay begins with the flight"
+        return _line("restartable from a snapshot", False, said, note=True)
+    rollout(guest.init(p), u[:, half:], p, dt, np.zeros_like(log[:, half:]))  # the original goes elsewhere
+    again(x, u[:, half:], p, dt, log[:, half:])
+    at = _differ(whole[half:], _outputs(guest, log)[half:])
+    said = "goes on with the same bits" if at is None else f"differs {at * dt:.3f} s after it"
+    return _line("restartable from a snapshot", at is None, said, note=isinstance(guest, PlainDetector))
+
+
+def _reads(guest, u, p, dt):
+    given, own = u.copy(), p.copy()
+    _run(guest, given, own, dt)
+    same = given.tobytes() == u.tobytes() and own.tobytes() == p.tobytes()
+    return _line("only reads its inputs", same, "inputs stay as they were" if same else "it writes to its inputs")
+
+
+def _loses(guest, u, p, dt):
+    """Lose each measurement for half a second, then all of them."""
+    names, lost = u.dtype.names, slice(u.shape[1] // 4, u.shape[1] // 4 + max(1, round(0.5 / dt)))
+    flags = [n for n in names if n.endswith("_valid")]
+    for one in (*(n for n in names if n not in flags), names):
+        other, gone = u.copy(), (one,) if isinstance(one, str) else [n for n in one if n not in flags]
+        for name in gone:
+            other[name][:, lost] = np.nan
+            for flag in (f for f in flags if f.removesuffix("_valid") in (name, name.removeprefix("y_"))):
+                other[flag][:, lost] = 0.0
+        out, problem, notes = _run(guest, other, p, dt)
+        r = out[:, list(guest.OUTPUTS).index("r")]
+        what = "every input" if len(gone) > 1 else gone[0]
+        if problem or not np.isfinite(r).all():
+            told = problem or f"r is not finite from {np.flatnonzero(~np.isfinite(r))[0] * dt:.3f} s on"
+            return _line("lost samples", False, f"without {what} for half a second: {told}")
+        if notes:
+            told = f"without {what} r is no number: it counts as not valid while so"
+            return _line("lost samples", False, told, note=True)
+    return _line("lost samples", True, "half a second without an input, or all: r stays finite")
+
+
+def _costs(guest, u, p, dt):
+    _run(guest, u, p, dt)
+    begin = time.perf_counter()
+    _run(guest, u, p, dt)
+    mean = (time.perf_counter() - begin) / u.shape[1] * 1e6
+    runner = guest.runner() if isinstance(guest, PlainDetector) else guest.rollout
+    x, log, worst = guest.init(p), np.zeros((1, 1), guest.STATE), 0.0
+    for k in range(u.shape[1]):
+        begin = time.perf_counter()
+        runner(x, u[:, k : k + 1], p, dt, log)
+        worst = max(worst, time.perf_counter() - begin) if k else worst
+    said = f"{mean:.2f} us a step, {worst * 1e6:.0f} us at worst; the tick is {dt * 1e6:.0f} us"
+    return _line("time of a step", mean < SLOW_US, said, note=True)

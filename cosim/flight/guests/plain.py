@@ -1,0 +1,199 @@
+"""A plain Python class as a block: one object per lane, stepped with what is measured, its answers checked.
+
+Whatever a guest does, the flight goes on: one that raises, answers nonsense or takes longer than its limit for a step
+is dropped, its outputs say so, and nothing else is touched.
+"""
+
+import math
+import time
+from collections import namedtuple
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from actuators.block import dtype, record
+from cosim.flight.guests import contract
+from cosim.scenario import vocabulary
+from fdi.common.verdict import AMBIGUOUS, NAMES, NONE
+
+LIMIT_S = 0.5  # for one step, by default; a detector's own parameter limit_s changes it
+FIRST = 20.0  # so many times as long may the first step of a lane take: models load
+OUTPUTS = ("r", "alarm", "verdict", "culprit", "valid", "estimate", "probability", "status")
+GOOD, RAISED, NONSENSE, SLOW = 0.0, 1.0, 2.0, 3.0  # of status
+QUIET = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # what a lane says that does not say anything
+_CODES = {name: float(code) for code, name in enumerate(NAMES)}
+_KEYS = {"r", "alarm", "verdict", "culprit", "estimate", "valid"}
+
+
+class Nonsense(Exception):
+    """An answer that is none."""
+
+
+class PlainDetector:
+    """A class as the module of a block: `runner()` makes what steps its lanes."""
+
+    OUTPUTS = OUTPUTS
+
+    def __init__(self, cls: type, file: str, sha256: str):
+        """`cls` is a class by the contract; raises GuestError where it is not."""
+        self.cls, self.file, self.sha256 = cls, file, sha256
+        own, self._defaults = contract.record(cls), contract.parameters(cls)
+        self.CULPRITS = ("", *getattr(cls, "culprits", ()))
+        units = {field: vocabulary.find(word).unit for field, word in own.inputs.items()}
+        self.INPUTS = dtype([(field, "f8", unit) for field, unit in units.items()])
+        self.PARAMS = dtype([("limit_s", "f8", "s"), *((name, "f8") for name in self._defaults)])
+        estimate = own.estimates[0].unit if own.estimates else "-"
+        self.STATE = dtype([(n, "f8", estimate if n == "estimate" else "-") for n in OUTPUTS])
+        self.DETECTOR = contract.Detector(**{**vars(own), "fit": lambda site: self.params()})
+
+    def params(self, **values):
+        """Return PARAMS: the defaults of __init__, `values` instead."""
+        return record(self.PARAMS, **{"limit_s": LIMIT_S, **self._defaults, **values})
+
+    def init(self, p):
+        """Return STATE of p's shape: nothing said."""
+        return np.zeros(p.shape, self.STATE)
+
+    def runner(self, limited: bool = False) -> "Runner":
+        """Return what steps the lanes of one flight; with `limited` by the clock's limit too."""
+        return Runner(self, limited)
+
+
+class Runner:
+    """The objects of one flight; called like a block's rollout, and told what became of them.
+
+    `problem` is a sentence once the guest is dropped, `notes` what it did wrong otherwise.
+    """
+
+    def __init__(self, guest: PlainDetector, limited: bool):
+        self.guest, self.limited = guest, limited
+        self.problem, self.status = "", GOOD
+        self.notes: list[str] = []
+        self.steps, self.seconds = 0, 0.0
+        self._lanes: list[Any] = []
+        measured: Any = namedtuple("Measured", tuple(guest.INPUTS.names or ()))  # type: ignore[misc]
+        self._make = measured._make
+        self._limit = math.inf
+
+    def __call__(self, x, u, p, dt, log=None):
+        """Step every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
+        self._start(p, dt)
+        rows, given = x.view(np.float64).reshape(len(x), -1), u.view(np.float64).reshape(*u.shape, -1)
+        out = None if log is None else log.view(np.float64).reshape(*log.shape, -1)
+        for k in range(u.shape[1]):
+            for i, row in enumerate(rows):
+                self._step(i, row, given[i, k].tolist(), dt)
+                if out is not None:
+                    out[i, k] = row
+            self.steps += 1
+
+    def bound(self, x, u, p, dt):
+        """Return a call without arguments that advances every lane by one tick."""
+        self._start(p, dt)
+        rows, given = x.view(np.float64).reshape(len(x), -1), u.view(np.float64).reshape(len(x), -1)
+
+        def advance():
+            for i, row in enumerate(rows):
+                self._step(i, row, given[i].tolist(), dt)
+            self.steps += 1
+
+        return advance
+
+    def _start(self, p, dt):
+        """Make the objects of the lanes, once."""
+        if self._lanes or self.problem:
+            return
+        names = [n for n in self.guest.PARAMS.names if n != "limit_s"]
+        self._limit = float(p["limit_s"][0]) if self.limited else math.inf
+        try:
+            self._lanes = [self.guest.cls(dt, **{n: float(own[n]) for n in names}).update for own in p]
+        except (Exception, SystemExit) as error:
+            self._drop(RAISED, self._said(error), "at its start")
+
+    def _step(self, i, row, values, dt):
+        if self.problem:
+            row[:] = (*QUIET, self.status)
+            return
+        t = self.steps * dt
+        begin = time.perf_counter()
+        try:
+            said = self._lanes[i](t, self._make(values))
+            took = time.perf_counter() - begin
+            self.seconds += took
+            if said is not None:
+                row[:] = self._answer(said, i, t)
+        except (Exception, SystemExit) as error:
+            self._drop(NONSENSE if isinstance(error, Nonsense) else RAISED, self._said(error), f"at {t:.3f} s")
+            row[:] = (*QUIET, self.status)
+            return
+        if took > self._limit * (1.0 if self.steps else FIRST):
+            said = f"a step took {took:.2f} s, and limit_s is {self._limit:g}"
+            self._drop(SLOW, said, f"at {t:.3f} s")
+            row[:] = (*QUIET, self.status)
+
+    def _answer(self, said, i, t):
+        """Return the row of an answer; raises Nonsense."""
+        if not isinstance(said, Mapping) or not said.keys() <= _KEYS:
+            raise Nonsense(f"update returned {said!r:.80}; allowed: a dict of {', '.join(sorted(_KEYS))}, or None")
+        r, alarm = _number(said.get("r", 0.0), "r"), _number(said.get("alarm", False), "alarm")
+        valid, estimate = _number(said.get("valid", True), "valid"), _number(said.get("estimate", 0.0), "estimate")
+        verdict, probability = _verdict(said.get("verdict"), alarm > 0.5)
+        culprit = said.get("culprit", "")
+        if culprit not in self.guest.CULPRITS:
+            raise Nonsense(f"culprit {culprit!r} is none of its culprits: {', '.join(self.guest.CULPRITS[1:])}")
+        if not math.isfinite(r):
+            if not self.notes:
+                self.notes.append(f"{self.guest.DETECTOR.id}: r = {r} at {t:.3f} s; it counts as not valid while so")
+            r, valid = 0.0, 0.0
+        code = float(self.guest.CULPRITS.index(culprit))
+        on = 1.0 if alarm > 0.5 else 0.0
+        return r, on, verdict, code, 1.0 if valid > 0.5 else 0.0, estimate, probability, GOOD
+
+    def _drop(self, status, said, when):
+        self.status = status
+        self.problem = f"{self.guest.DETECTOR.id} is dropped {when}: {said}"
+
+    def _said(self, error):
+        from cosim.flight.guests import where
+
+        if isinstance(error, Nonsense):
+            return str(error)
+        import pathlib
+
+        return where(error, pathlib.Path(self.guest.file) if self.guest.file else None)
+
+
+def _number(value, name):
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise Nonsense(f"{name} = {value!r:.60} is no number") from None
+
+
+def _verdict(verdict, alarm):
+    """Return (class code, its probability) of a class, of {class: probability}, or of none given."""
+    if verdict is None:
+        return (AMBIGUOUS if alarm else NONE), 1.0
+    if isinstance(verdict, Mapping):
+        if not verdict or not verdict.keys() <= _CODES.keys():
+            raise Nonsense(f"verdict {verdict!r:.60}; allowed: {', '.join(NAMES)}")
+        best = max(verdict, key=lambda name: _number(verdict[name], f"probability of {name}"))
+        p = _number(verdict[best], "probability")
+        if not 0.0 <= p <= 1.0 + 1e-6:
+            raise Nonsense(f"probability {p} of {best}; allowed: 0 to 1")
+        return _CODES[best], p
+    if verdict not in _CODES:
+        raise Nonsense(f"verdict {verdict!r:.60}; allowed: {', '.join(NAMES)}")
+    return _CODES[verdict], 1.0
+
+
+class GuestBlock:
+    """A plain guest in the loop, as `Block` is (cosim/flight/tick.py): `advance()` steps its lanes by one tick."""
+
+    def __init__(self, bus, name, module, p, x0, dt, every=1):
+        self.name, self.module, self.p, self.every, self.dt = name, module, p, every, dt * every
+        self.x, self.u = bus[name], bus[name + "_in"].reshape(-1, 1)
+        self.x[:] = x0
+        self.runner = module.runner(limited=True)
+        self.advance = self.runner.bound(self.x, self.u, p, dt * every)

@@ -1,0 +1,100 @@
+"""Guests and logs: whose code flew, whose is here, and a guest on a flight that it was not part of.
+
+A log never runs code. What it tells of a guest (cosim/flight/guests) is enough to judge and to show it; to run it again
+its file is given once more, and the digests are compared.
+"""
+
+import numpy as np
+
+from actuators.block import unit
+from cosim.flight.detectors import wires
+from cosim.replay.lanes import Lane, run, tick_of
+from cosim.replay.params import ReplayError
+from fdi import registry
+from fdi.common.record import Detector, Estimate
+
+
+def tell(entry: dict) -> None:
+    """Take from a log's entry of a detector the record of a guest, for judgement and pages."""
+    about = entry.get("guest")
+    if about and entry["id"] not in registry.SHIPPED:
+        own = dict(about["record"])
+        own["estimates"] = tuple(Estimate(*e) for e in own["estimates"])
+        for name in ("technologies", "blind_to"):
+            own[name] = tuple(own[name])
+        registry.tell(Detector(id=entry["id"], level=entry["level"], every=entry["every"], **own))
+
+
+def culprits(entry: dict) -> tuple:
+    """Return what a detector of a log can blame."""
+    about = entry.get("guest")
+    if about and entry["id"] not in registry.SHIPPED:
+        return tuple(about["culprits"])
+    return registry.module(entry["id"]).CULPRITS if registry.known(entry["id"]) else ("",)
+
+
+def missing(entry: dict) -> str:
+    """Return why a detector of a log cannot be run again, "" when it can."""
+    name, about = entry["id"], entry.get("guest") or {}
+    if registry.known(name):
+        return ""
+    return f"{name} is a guest, and its code is not here: give it by --detector {about.get('file') or name}"
+
+
+def other_code(entry: dict) -> str:
+    """Return a sentence when the guest that is here is not the one that flew, else ""."""
+    name, about = entry["id"], entry.get("guest")
+    if not about or name not in registry.GUESTS or registry.GUESTS[name].sha256 == about["sha256"]:
+        return ""
+    here = registry.GUESTS[name].sha256
+    return f"{name} is not the code that flew: digest {here[:12]} here, {about['sha256'][:12]} in the log"
+
+
+def outputs(log, guest, technologies: dict[str, str]) -> dict[str, np.ndarray]:
+    """Return {lane: outputs (rows, n)} of a guest run on an open log in which it did not fly, from the first tick on.
+
+    Raises ReplayError for a signal that the log lacks, or for a log with gaps.
+    """
+    own = guest.DETECTOR
+    if not log.spans or log.spans[0][0] or sum(log.spans[-1]) != log.n_ticks:
+        raise ReplayError("ticks are missing, and a guest begins with the flight", place=str(log.path))
+    local = [s for s, t in technologies.items() if t in own.technologies]
+    out = {}
+    for lane in local if own.level == "local" else ["aircraft"]:
+        read = wires(own, lane if own.level == "local" else "")
+        u = np.zeros((1, log.n_ticks), guest.INPUTS)
+        for w in read:
+            base, _, element = w.field.partition("[")
+            to = u[base][0][:, int(element[:-1])] if element else u[base][0]
+            to[:] = _column(log, w.signal.topic, w.signal.field + "_valid" * w.flag)
+        every, p = own.every, _params(log, guest, lane, technologies)
+        none = (np.empty(0, np.int64), np.empty((0, 0)))
+        ticks = np.arange(log.n_ticks)[::every]
+        stretch = Lane(own.id, lane, guest, every, p, guest.init(p), 0, u[:, ::every], ticks, np.empty((0, 0)), none)
+        out[lane] = run(stretch, tick_of(log))[0]
+    return out
+
+
+def _column(log, topic, field):
+    """Return a signal as the observers had it: their own copy where the log has one."""
+    for name in (topic.replace("/sensors/", "/observers/"), topic):
+        if name in log.topics and field in log.topics[name].fields:
+            return log.array(name)[:, log.topics[name].fields.index(field)]
+    raise ReplayError(f"the log has no {topic}.{field}", place=str(log.path))
+
+
+def _params(log, guest, lane, technologies):
+    from cosim.flight.site import site
+
+    return guest.DETECTOR.fit(site(tick_of(log), "" if lane == "aircraft" else lane, technologies))
+
+
+def fields(guest) -> list[tuple[str, str]]:
+    """Return [(field of the log, unit)] of a guest's outputs, in the order of `outputs`."""
+    out: list = []
+    for name in guest.STATE.names:
+        if name in guest.OUTPUTS:
+            count = guest.STATE[name].itemsize // 8
+            alone = guest.STATE[name].shape == ()
+            out += [(name if alone else f"{name}_{i}", unit(guest.STATE, name)) for i in range(count)]
+    return out

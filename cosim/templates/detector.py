@@ -1,0 +1,26 @@
+"""NAME: a detector of your own. `cosim run --detector NAME.py` flies it beside the others."""
+
+
+class CLASS:
+    """rod against surface: a fault of one of the two sensors pulls them apart"""
+
+    id, level, technologies = "NAME", "local", ("hydraulic",)
+    inputs = ("rod", "surface")  # of this actuator; `cosim list signals` has every word
+    designed_for = ("rod", "surface")  # kinds of fault; what is not declared is called so
+    culprits = ("rod", "surface")
+
+    def __init__(self, dt, arm=0.30, threshold=0.004, confirm_s=0.1):  # set in a scenario: detectors.NAME.threshold
+        self.dt, self.arm, self.threshold, self.confirm_s = dt, arm, threshold, confirm_s
+        self.rigging = self.away = None
+
+    def update(self, t, y):
+        """Judge the measurements of time t [s]: SI, NaN while invalid."""
+        gap = y.rod - self.arm * y.surface
+        if gap != gap:  # a sample is missing
+            return {"valid": False}
+        if self.rigging is None:
+            self.rigging, self.away = gap, 0.0  # a constant offset is mounting, no fault
+        r = abs(gap - self.rigging) / self.threshold
+        self.away = self.away + self.dt if r > 1.0 else 0.0
+        alarm = self.away > self.confirm_s
+        return {"r": r, "alarm": alarm, "verdict": "sensor" if alarm else "none"}

@@ -1,0 +1,24 @@
+"""Tests of NAME: it keeps the contract, and it names the fault that it was made for. Run with pytest."""
+
+from pathlib import Path
+
+import cosim
+from cosim.flight.guests import with_detectors
+from cosim.flight.guests.check import check
+
+FILE = Path(__file__).with_name("NAME.py")
+
+
+def test_it_keeps_the_contract():
+    found = check(FILE)
+    assert found["keeps"], [line for line in found["checks"] if line["result"] == "bad"]
+
+
+def test_it_names_a_rod_sensor_that_is_off_by_12_mm():
+    fault = "faults.0={target='elevator.left_inner.rod', kind='bias', bias_mm=12, start_s=4, path='monitor'}"
+    only = ["duration_s=8", "detectors.enabled=[]", "elevator.feedback=measured"]
+    scenario = cosim.load_scenario("cruise", [*only, fault])
+    result = cosim.simulate(with_detectors(scenario, [FILE])).to_dict()
+    lanes = {lane["target"]: lane for lane in result["detectors"]}
+    assert lanes["elevator.left_inner"]["isolated"]["class"] == "sensor"
+    assert not any(lane["false_alarms"] for lane in lanes.values())

@@ -1,0 +1,41 @@
+"""Guests that do what no detector does, for tests: which one is chosen by the parameter `how`."""
+
+import os
+import sys
+import time
+
+
+class Misbehaving:
+    """does what it must not, from one second on"""
+
+    id, level, technologies = "misbehaving", "local", ("hydraulic",)
+    inputs = ("rod", "surface")
+
+    def __init__(self, dt, how=0.0):
+        self.how = int(how)
+
+    def update(self, t, y):
+        r = abs(y.rod - 0.3 * y.surface) / 0.02
+        if t < 1.0:
+            return {"r": r}
+        if self.how == 1:
+            raise ZeroDivisionError("on purpose")
+        if self.how == 2:
+            return {"r": float("nan"), "alarm": True}
+        if self.how == 3:
+            return {"r": r, "verdict": "gremlins"}
+        if self.how == 4:
+            return "an alarm"
+        if self.how == 5:
+            y.rod = 0.0
+        if self.how == 6:
+            time.sleep(0.15)
+        if self.how == 7:
+            sys.exit(3)
+        if self.how == 8:
+            return {"r": r, "alarm": "perhaps"}
+        if self.how == 9:
+            os.environ.get("HOME")
+            while True:
+                pass
+        return {"r": r}
