@@ -11,16 +11,17 @@ class CLASS:
 
     def __init__(self, dt, arm=0.30, threshold=0.004, confirm_s=0.1):  # set in a scenario: detectors.NAME.threshold
         self.dt, self.arm, self.threshold, self.confirm_s = dt, arm, threshold, confirm_s
-        self.rigging = self.away = None
+        self.before, self.away, self.culprit = None, 0.0, ""
 
     def update(self, t, y):
         """Judge the measurements of time t [s]: SI, NaN while invalid."""
-        gap = y.rod - self.arm * y.surface
-        if gap != gap:  # a sample is missing
+        now = (y.rod, self.arm * y.surface)
+        if now[0] != now[0] or now[1] != now[1]:  # a sample is missing
             return {"valid": False}
-        if self.rigging is None:
-            self.rigging, self.away = gap, 0.0  # a constant offset is mounting, no fault
-        r = abs(gap - self.rigging) / self.threshold
-        self.away = self.away + self.dt if r > 1.0 else 0.0
+        r = abs(now[0] - now[1]) / self.threshold
+        if r > 1.0 and self.away == 0.0 and self.before:  # which of the two has jumped?
+            moved = [abs(a - b) for a, b in zip(now, self.before)]
+            self.culprit = self.culprits[moved.index(max(moved))]
+        self.before, self.away = now, self.away + self.dt if r > 1.0 else 0.0
         alarm = self.away > self.confirm_s
-        return {"r": r, "alarm": alarm, "verdict": "sensor" if alarm else "none"}
+        return {"r": r, "alarm": alarm, "verdict": "sensor" if alarm else "none", "culprit": self.culprit * alarm}

@@ -20,5 +20,5 @@ def test_it_names_a_rod_sensor_that_is_off_by_12_mm():
     scenario = cosim.load_scenario("cruise", [*only, fault])
     result = cosim.simulate(with_detectors(scenario, [FILE])).to_dict()
     lanes = {lane["target"]: lane for lane in result["detectors"]}
-    assert lanes["elevator.left_inner"]["isolated"]["class"] == "sensor"
+    assert lanes["elevator.left_inner"]["isolated"] == {"class": "sensor", "target": "elevator.left_inner.rod"}
     assert not any(lane["false_alarms"] for lane in lanes.values())
