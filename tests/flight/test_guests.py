@@ -329,11 +329,9 @@ def test_the_command_line_flies_replays_and_says_so(parity, tmp_path, monkeypatc
 
 
 def test_campaign_workers_fly_it_and_its_rows_are_judged_without_its_code(parity, tmp_path):
-    (tmp_path / "own.toml").write_text(
-        'base = "cruise"\n[set]\nduration_s = 4.0\n"elevator.feedback" = "measured"\n'
-        '"detectors.enabled" = ["ofc_monitor"]\n'
-        f"{ROD.replace('faults.0=', 'faults = [').replace('path=', 'path = ')}]\n[grid]\nseed = [1000001, 1000002]\n"
-    )
+    scenario = cosim.load_scenario("cruise", [*SHORT, "duration_s=4", ROD])
+    (tmp_path / "base.toml").write_text(scenario.expanded_toml())
+    (tmp_path / "own.toml").write_text('base = "base.toml"\n[grid]\nseed = [1000001, 1000002]\n')
     out = tmp_path / "rows"
     done = run_campaign(tmp_path / "own.toml", workers=1, out=out, guests=[parity])
     own = done.frame[done.frame["id"] == "parity"]
