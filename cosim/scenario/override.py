@@ -52,6 +52,8 @@ def _assign(table, path, value, place):
             flown = {**_aircraft(table).technology, **table["elevator"]}
             word, own = node, (s for s in _aircraft(table).segments if flown[s] == "hydraulic")
             node = table["elevator"]["feedback"] = dict.fromkeys(own, word)
+        if isinstance(node, str) and path[0] == "elevator" and i == 1 and len(path) > 3:  # parameters of its actuator
+            node = table["elevator"][part] = {path[i + 1]: {}}
         if not isinstance(node, dict | list):
             raise ScenarioError(f"{here} is a value, it has no key {path[i + 1]!r}", place=place)
     key = path[-1]
