@@ -16,6 +16,7 @@ import typer
 from rich.console import Console
 from typer.core import TyperGroup
 
+from cosim.cli import aircraft as cli_aircraft
 from cosim.cli import campaigns as cli_many
 from cosim.cli import envelope as cli_envelope
 from cosim.cli import guests as cli_guests
@@ -419,7 +420,7 @@ def recover(
         out.print(cli_replay.recover(found))
 
 
-for part in (cli_envelope, cli_study, cli_many, cli_guests):
+for part in (cli_envelope, cli_study, cli_many, cli_guests, cli_aircraft):
     part.add(app, out, err)
 
 

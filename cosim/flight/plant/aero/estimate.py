@@ -155,7 +155,7 @@ def shape(n, aircraft: Aircraft) -> Shape:
         segment_chord_ft=n.tail.elevator_chord * n.tail.area_m2 / n.tail.span_m / FT,
         segment_span_ft={s: sign * n.tail.elevator_span_m / FT for s, sign in sides.items()},
         Ch_alpha=n.tail.Ch_alpha, Ch_delta=n.tail.Ch_delta, CL_ds=float(at["CL_ih"]), Cm_ds=float(at["Cm_ih"]),
-        CD_beta=n.drag.CD_beta, Cl_dr=float(at["Cl_dr"]), Cn_da=0.0,
+        CD_beta=n.drag.CD_beta, Cl_dr=float(at["Cl_dr"]), Cn_da=n.aileron.Cn_da,
     )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ Longitudinal, for CL, CD and Cm alike:
 with smooth bumps b_j over Mach, a grid of small local bumps and two flexibility constants. Ridge regression asks for
 the trim value, the slope over alpha and the slope over speed at conditions 3 to 10 of [CR-2144]; the local bumps, held
 down by the ridge, take up what functions of Mach alone cannot. The lift line is then bent over into the stall. Rates,
-controls and lateral coefficients: `surface`. Details, sources and what is assumed: aircraft/README.md.
+controls and lateral coefficients: `surface`. Details, sources and what is assumed: aircraft/transport/README.md.
 """
 
 import math

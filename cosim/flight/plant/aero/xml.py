@@ -118,7 +118,7 @@ def engine_xml(thrust: float = 300e3, bypass: float = BYPASS, shape: Shape = TRA
     idle = 0.05 * x * np.maximum(1.0 - 1.5 * M, 0.0)
     lookups = ("velocities/mach", "atmosphere/P-psf")
     return f"""<?xml version="1.0"?>
-<!-- Written by {shape.made_by}. Sources: aircraft/README.md -->
+<!-- Written by {shape.made_by}. Sources: README.md in this aircraft's folder -->
 <turbine_engine name="turbofan">
   <milthrust unit="LBS"> {thrust / 4.4482216:.1f} </milthrust>
   <bypassratio> {bypass:.1f} </bypassratio>
@@ -188,7 +188,7 @@ def _flex(q_ref):
 
 
 _HEAD = """<?xml version="1.0"?>
-<!-- Written by {}. Sources, assumptions and the fit: aircraft/README.md -->
+<!-- Written by {}. Sources, assumptions and the fit: README.md -->
 <aerodynamics>
 
     <alphalimits unit="DEG"> <min> -6.0 </min> <max> 16.0 </max> </alphalimits>

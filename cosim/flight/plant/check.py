@@ -1,0 +1,190 @@
+"""Does an aircraft's folder keep the contract of aircraft/README.md? One line per point, what is missing first."""
+
+import math
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from cosim.errors import ScenarioError, TrimError
+from cosim.flight.plant.border import G0
+from cosim.flight.plant.plant import Plant
+from cosim.flight.plant.point import FlightPoint
+from cosim.scenario.aircraft import load_aircraft
+from cosim.scenario.catalog import TECHNOLOGIES
+
+SIGNS = (  # input, what it moves, which way, in words
+    ("elevator", "qdot", -1, "trailing edge down pitches down"),
+    ("stab", "qdot", -1, "trailing edge down pitches down"),
+    ("da_l", "pdot", 1, "a positive left aileron rolls right"),
+    ("da_r", "pdot", 1, "a positive right aileron rolls right"),
+    ("dr", "rdot", -1, "a positive rudder yaws left"),
+    ("throttle", "udot", 1, "throttle accelerates"),
+)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One point of the contract: what was looked at, whether it holds, and what was found."""
+
+    point: str
+    good: bool
+    found: str
+
+
+def check(name: str) -> list[Finding]:
+    """Return the findings about a bundled aircraft or a folder, up to where nothing further can be looked at."""
+    try:
+        aircraft = load_aircraft(name)
+    except ScenarioError as error:
+        return [Finding("record", False, str(error))]
+    out = [Finding("record", True, f"{aircraft.title}: {len(aircraft.segments)} segments, {aircraft.engines} engines")]
+    if fatal := _fatal(aircraft):
+        return [*out, Finding("JSBSim model", False, fatal)]
+    point = _middle(name, aircraft)
+    try:
+        plant = Plant(point)
+    except (RuntimeError, KeyError, ValueError) as error:
+        return [*out, Finding("JSBSim model", False, " ".join(str(error.args[0]).split()))]
+    out.append(Finding("JSBSim model", True, "loads; every property of the contract is there"))
+    out += _geometry(plant, aircraft)
+    try:
+        trim = plant.trim()
+    except TrimError as error:
+        return [*out, Finding("trim", False, str(error))]
+    said = f"alpha {math.degrees(trim.alpha):.1f} deg, stabiliser {math.degrees(trim.stabilizer):.1f} deg"
+    out.append(Finding("trim", True, f"{_words(point)}: {said}, throttle {trim.throttle:.2f}"))
+    out += _loading(plant, point)
+    out += _signs(plant, trim)
+    out += _hinges(plant, aircraft)
+    out += _points(name, aircraft)
+    out.append(_multipliers(name, aircraft, point))
+    return out
+
+
+_ALONE = """
+import sys
+import jsbsim
+fdm = jsbsim.FGFDMExec(None)
+fdm.set_aircraft_path(sys.argv[1])
+loaded = fdm.load_model(sys.argv[2])
+sys.exit(0 if loaded and fdm.run_ic() else 1)
+"""
+
+
+def _fatal(aircraft):
+    """Return what JSBSim says about a model that it cannot load, or "": in a process of its own, which it may abort."""
+    call = [sys.executable, "-c", _ALONE, str(aircraft.folder.parent), aircraft.name]
+    done = subprocess.run(call, capture_output=True, text=True, timeout=60.0)
+    if done.returncode == 0:
+        return ""
+    said = [line.strip() for line in re.sub(r"\x1b\[[0-9;]*m", "", done.stderr + done.stdout).splitlines()]
+    telling = re.compile(r"error|not found|could not|undefined|does not exist|what\(\)", re.IGNORECASE)
+    reason = [line for line in said if telling.search(line)]
+    return "cannot be loaded: " + ("; ".join(reason[:3]) or f"JSBSim ended with {done.returncode}")
+
+
+def _middle(name, aircraft):
+    """Return a point in the middle of what may be flown: the first of its own points, or one at 15,000 ft."""
+    if aircraft.points:
+        return FlightPoint.at(**next(iter(aircraft.points.values())), aircraft=name)
+    low, high = aircraft.limits.cas_kt
+    speed = low + 0.65 * (high - low)
+    return FlightPoint.at(
+        sum(aircraft.mass.mass_t) / 2, sum(aircraft.mass.cg_pct) / 2, 15000.0, cas_kt=speed, aircraft=name
+    )
+
+
+def _words(point):
+    speed = f"Mach {point.speed:.2f}" if point.speed_kind == "mach" else f"{point.speed * 3600 / 1852:.0f} kt"
+    return f"{point.mass / 1e3:.0f} t, CG {point.cg * 100:.0f} %, {point.altitude / 0.3048:,.0f} ft, {speed}"
+
+
+def _geometry(plant, aircraft) -> Iterator[Finding]:
+    g = aircraft.geometry
+    of_model = {"wing_area_ft2": "metrics/Sw-sqft", "span_ft": "metrics/bw-ft", "chord_ft": "metrics/cbarw-ft",
+                "station_in": "metrics/aero-rp-x-in"}  # fmt: skip
+    wrong = []
+    for key, name in of_model.items():
+        value = plant.port.getter(name)()
+        if abs(value - getattr(g, key)) > 1e-3 * abs(value):
+            wrong.append(f"{key} = {getattr(g, key):g}, the model has {value:g}")
+    said = "; ".join(wrong) or "record and model agree on area, span, chord and reference"
+    yield Finding("geometry", not wrong, said)
+
+
+def _loading(plant, point) -> Iterator[Finding]:
+    t = plant.truth()[0]
+    good = abs(t.mass - point.mass) < 1e-3 * point.mass and abs(t.cg - point.cg) < 1e-3
+    said = f"{t.mass / 1e3:.1f} t and CG {t.cg * 100:.1f} % for {point.mass / 1e3:.1f} t and {point.cg * 100:.1f} %"
+    yield Finding("loading", good, f"point masses and tank give {said}")
+    yield Finding("load factor", abs(t.nz - 1.0) < 0.02, f"n_z {t.nz:.3f} in level flight")
+
+
+def _signs(plant, trim) -> Iterator[Finding]:
+    def moved(names, by):
+        surfaces = trim.surfaces.copy()
+        surfaces[plant.border.column(names)] += by
+        plant.place(
+            tas=trim.tas, alpha=trim.alpha, theta=trim.theta, altitude=trim.altitude, q=trim.q, surfaces=surfaces
+        )
+        return plant.truth()[0].copy()
+
+    groups = {"elevator": plant.border.elevators, "throttle": plant.border.throttles}
+    base = moved((), 0.0)
+    for name, field, sign, words in SIGNS:
+        for one in groups.get(name, (name,)):
+            change = float(moved((one,), 0.02)[field] - base[field])
+            unit = "m/s2" if field == "udot" else "rad/s2"
+            effect = f"{change / 0.02:+.3g} {unit} per {'1' if name == 'throttle' else 'rad'}"
+            yield Finding(f"effector {one}", change * sign > 1e-7, f"{words}: {effect}")
+    moved((), 0.0)
+
+
+def _hinges(plant, aircraft) -> Iterator[Finding]:
+    t, (low, high) = plant.truth()[0], aircraft.travels["elevator"]
+    for name, short in aircraft.short.items():
+        hm0, hmd = float(t[f"hm0_{short}"]), float(t[f"hmd_{short}"])
+        technology = TECHNOLOGIES[aircraft.technology[name]]
+        most = max(abs(hm0 + hmd * low), abs(hm0 + hmd * high))
+        stall = technology.design(aircraft.own(technology.name)).stall_moment
+        said = f"{most:.0f} N m at full travel here, its {technology.name} actuator stalls at {stall:.0f} N m"
+        yield Finding(f"hinge moment {name}", hmd < 0.0 and math.isfinite(hm0), f"{said}, slope {hmd:.0f} N m/rad")
+
+
+def _points(name, aircraft) -> Iterator[Finding]:
+    for label, keys in aircraft.points.items():
+        try:
+            trim = Plant(FlightPoint.at(**keys, aircraft=name)).trim()
+        except (TrimError, ValueError) as error:
+            yield Finding(f"point {label}", False, str(error))
+            continue
+        said = f"alpha {math.degrees(trim.alpha):.1f} deg, throttle {trim.throttle:.2f}"
+        yield Finding(f"point {label}", trim.throttle < 0.95, said)
+
+
+def _multipliers(name, aircraft, point):
+    """Find whether each multiplier of a coefficient changes a force, a moment or a hinge moment."""
+    dead, names = [], aircraft.multipliers
+
+    def state(multipliers):
+        plant = Plant(FlightPoint(**{**vars(point), "multipliers": multipliers}))
+        surfaces = np.linspace(0.03, 0.06, len(plant.border.inputs))  # no two alike
+        surfaces[plant.border.column(plant.border.throttles)] = 0.5
+        losses = tuple(n for n in plant.border.inputs if n.startswith("thrust_loss"))
+        surfaces[plant.border.column(losses)] = 0.0
+        plant.place(tas=plant.tas, alpha=0.06, theta=0.06, altitude=point.altitude, beta=0.02, p=0.02, q=0.02, r=0.02,
+                    surfaces=surfaces)  # fmt: skip
+        t = plant.truth()[0]
+        hinges = [t[f"{k}_{s}"] / (G0 * 1e3) for k in ("hm0", "hmd") for s in aircraft.short.values()]
+        return np.array([t.udot, t.vdot, t.wdot, t.pdot, t.qdot, t.rdot, *hinges])
+
+    base = state({})
+    for one in names:
+        if not np.abs(state({one: 2.0}) - base).max() > 1e-9:
+            dead.append(one)
+    said = f"{', '.join(dead)} change nothing" if dead else f"{len(names)} coefficients can be scaled"
+    return Finding("multipliers", bool(names) and not dead, said if names else "the model has none (aero/mult/...)")

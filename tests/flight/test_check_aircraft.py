@@ -1,0 +1,40 @@
+"""`cosim check-aircraft`: the shipped aircraft keep the contract, and what is wrong with a copy is named."""
+
+import shutil
+
+import pytest
+
+from cosim.flight.plant.check import check
+from cosim.scenario.aircraft import bundled, load_aircraft
+
+
+@pytest.mark.parametrize("name", bundled())
+def test_a_shipped_aircraft_keeps_the_contract(name):
+    assert [f for f in check(name) if not f.good] == []
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "point", "says"),
+    [
+        ("aircraft.toml", "wing_area_ft2 = 1317.5", "wing_area_ft2 = 1400.0", "geometry", "the model has 1317.5"),
+        ("aircraft.toml", "engines = 2", "engines = 3", "JSBSim model", "engine[2]"),
+        ("aircraft.toml", 'short = "r"', 'short = "x"', "JSBSim model", "x-"),
+        ("Systems/surfaces.xml", "fcs/rudder-applied-rad", "fcs/rudder-gone-rad", "JSBSim model", "rudder-applied"),
+        ("aircraft.toml", "mass_t = [48.0", "mas_t = [48.0", "record", "mass"),
+        ("aircraft.toml", "mach = 0.78", "mach = 0.90", "point cruise", "beyond the aerodynamic data"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path, file, old, new, point, says):
+    folder = shutil.copytree(load_aircraft("narrowbody").folder, tmp_path / "narrowbody")
+    path = folder / file
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new))
+    wrong = {f.point: f.found for f in check(str(folder)) if not f.good}
+    assert says in wrong[point], wrong
+
+
+def test_a_reversed_surface_is_named(tmp_path):
+    folder = shutil.copytree(load_aircraft("narrowbody").folder, tmp_path / "narrowbody")
+    path = folder / "aerodynamics.xml"
+    path.write_text(path.read_text().replace("<p> aero/Cn_dr </p>", "<v> -1.0 </v> <p> aero/Cn_dr </p>"))
+    assert {f.point for f in check(str(folder)) if not f.good} == {"effector dr"}
