@@ -69,33 +69,53 @@ def kernel(function):
 class Kernel:
     """A function that Numba compiles when it is first needed: importing it costs nothing."""
 
+    plainly = False  # whether a call from Python runs as plain Python, see `briefly`
+
     def __init__(self, function):
         functools.update_wrapper(self, function)
         self.py_func = function
 
     @functools.cached_property
     def compiled(self):
-        """Return Numba's dispatcher of the function."""
+        """Return Numba's dispatcher of the function, for calls from Python."""
+        return self._dispatcher("")
+
+    @functools.cached_property
+    def _inner(self):
+        return self._dispatcher("inner", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+    @property
+    def _numba_type_(self):  # by which a kernel that calls this one knows it
+        return self._inner._numba_type_
+
+    def _dispatcher(self, part, **options):
         import numba
         from numba.core import config as _config
 
         config: Any = _config  # its options are made at run time
         folder = cache_dir(Path(self.py_func.__code__.co_filename).resolve())
         if folder is None:
-            return numba.njit(error_model="numpy")(self.py_func)
+            return numba.njit(error_model="numpy", **options)(self.py_func)
         before = config.CACHE_DIR
-        config.CACHE_DIR = folder
+        config.CACHE_DIR = str(Path(folder) / part)
         try:
-            return numba.njit(cache=True, error_model="numpy")(self.py_func)
+            return numba.njit(cache=True, error_model="numpy", **options)(self.py_func)
         finally:
             config.CACHE_DIR = before
 
-    @property
-    def _numba_type_(self):
-        return self.compiled._numba_type_  # by which a kernel that calls this one knows it
-
     def __call__(self, *args):
-        return self.compiled(*args)
+        return (self.py_func if Kernel.plainly else self.compiled)(*args)
+
+
+def briefly(function, *args):
+    """Call a kernel for a moment's work: as plain Python, with the same bits, unless it is compiled already."""
+    if PLAIN or "compiled" in vars(function):
+        return function(*args)
+    before, Kernel.plainly = Kernel.plainly, True
+    try:
+        return function(*args)
+    finally:
+        Kernel.plainly = before
 
 
 def entry(step, STATE, INPUTS, PARAMS):
@@ -121,7 +141,8 @@ class Entry:
             name = f"{step.__module__}.{hashlib.sha256(said.encode()).hexdigest()[:8]}"
             pointer, whole = ctypes.c_void_p, ctypes.c_int64
             given = pointer, pointer, pointer, ctypes.c_double, whole, whole, pointer
-            self.native = Native(name, step.py_func.__code__.co_filename, given, self._make)
+            place = f"{step.__module__}:rollout.native"
+            self.native = Native(name, step.py_func.__code__.co_filename, given, self._make, place)
 
     def __call__(self, x, u, p, dt, log=None):
         self._check(x, u, p, log)

@@ -22,6 +22,8 @@ PLAIN = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")  # nothing is 
 _ENTRY = "entry"
 _nothing = ctypes.create_string_buffer(16)  # where a function would put its result and its exception: it has neither
 NOTHING = ctypes.addressof(_nothing), ctypes.addressof(_nothing) + 8
+_FREE = "NRT_MemInfo_call_dtor"  # frees an array of Numba's own: kernels make none, what refers to it is never run
+_never = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(lambda array: None)
 counts = {"compiled": 0, "loaded": 0}
 
 
@@ -30,11 +32,12 @@ class Native:
 
     `make()` returns (Python function, Numba types of its arguments); it is called only when nothing is stored.
     `source` is the file that it comes from, `name` what tells it from others there, `kinds` the ctypes of its
-    arguments.
+    arguments, `place` where another process finds this object: "module:name".
     """
 
-    def __init__(self, name: str, source: str | Path, kinds: tuple, make: Callable):
+    def __init__(self, name: str, source: str | Path, kinds: tuple, make: Callable, place: str):
         self.name, self._source, self._kinds, self._make = name, Path(source).resolve(), kinds, make
+        self.place = place
 
     @functools.cached_property
     def address(self) -> int:
@@ -60,6 +63,14 @@ class Native:
         """Tell whether the machine code is loaded or stored."""
         file = self._file()
         return "address" in vars(self) or bool(file and file.is_file())
+
+    def stored(self) -> bool:
+        """Tell whether there is a place to store machine code."""
+        return self._file() is not None
+
+    def size(self) -> int:
+        """Return the size of the source [byte], by which to guess how long compiling takes."""
+        return self._source.stat().st_size
 
     def _file(self):
         folder = cache_dir(self._source)
@@ -127,15 +138,18 @@ def _load(code):
     """Return the address of the entry in object code."""
     import llvmlite.binding as llvm
 
-    called, _, data = code.partition(b"\0")
-    if any(llvm.address_of_symbol(s.decode()) is None for s in called.split()):
-        from numba.core.registry import cpu_target
-
-        _ = cpu_target.target_context  # Numba's helpers are known by name once it is there
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     machine = llvm.Target.from_default_triple().create_target_machine()
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)  # from here on LLVM knows the C library
+    called, _, data = code.partition(b"\0")
+    missing = [s.decode() for s in called.split() if llvm.address_of_symbol(s.decode()) is None]
+    if missing == [_FREE]:
+        llvm.add_symbol(_FREE, ctypes.cast(_never, ctypes.c_void_p).value)
+    elif missing:
+        from numba.core.registry import cpu_target
+
+        _ = cpu_target.target_context  # Numba's helpers are known by name once it is there
     engine.add_object_file(llvm.ObjectFileRef.from_data(data))
     engine.finalize_object()
     _loaded.append(engine)  # the code lives as long as its engine

@@ -4,6 +4,7 @@ import ast
 import contextlib
 import functools
 import hashlib
+import json
 import os
 import stat
 import tempfile
@@ -19,7 +20,6 @@ def _source(path):
     return path.read_bytes()
 
 
-@functools.cache
 def _imports(path):
     """Return the names that the source at `path` imports, wherever it does so; packages of ours that hold them too."""
     package = path.relative_to(_ROOT).parts[:-1] if path.is_relative_to(_ROOT) else ()
@@ -31,28 +31,63 @@ def _imports(path):
             above = package[: len(package) - node.level + 1] if node.level else ()
             base = ".".join((*above, *([node.module] if node.module else ())))
             out |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
-    return frozenset(out)
+    return sorted(name for name in out if name.partition(".")[0] in PACKAGES)
 
 
 def _files(name):
     """Return the files of ours that importing `name` runs: its module or package, and the packages around it."""
     parts = name.split(".")
-    if parts[0] not in PACKAGES:
-        return
     for i in range(1, len(parts) + 1):
         stem = _ROOT.joinpath(*parts[:i])
         yield from (stem.with_suffix(".py"), stem / "__init__.py")
 
 
+_there = functools.cache(Path.is_file)
+
+
+@functools.cache
+def _links(path):
+    """Return our files that the source at `path` imports; what it imports is remembered by its content."""
+    known = _remembered()
+    key = hashlib.sha256(str(path.parent).encode() + _source(path)).hexdigest()
+    if key not in known:
+        _remember(key, _imports(path))
+    return tuple(file for name in known[key] for file in _files(name) if _there(file))
+
+
+@functools.cache
+def _remembered():
+    """Return what sources import, {digest: names}, as a file of the cache has it: parsing them costs half a second."""
+    file = _memory()
+    with contextlib.suppress(OSError, ValueError):
+        return json.loads(file.read_bytes()) if file else {}
+    return {}
+
+
+def _memory():
+    root = cache_root()
+    return root and root / "imports.json"
+
+
+def _remember(key, names):
+    _remembered()[key] = names
+    if file := _memory():
+        with contextlib.suppress(OSError):
+            handle, beside = tempfile.mkstemp(dir=file.parent, suffix=".part")
+            with os.fdopen(handle, "w") as out:
+                json.dump(_remembered(), out)
+            os.replace(beside, file)
+
+
 @functools.cache
 def closure(path):
     """Return the set of our source files that `path` imports, directly or not, itself included."""
-    seen, todo = set(), [path]
+    seen, todo = set(), [path] if path.is_file() else []
     while todo:
         here = todo.pop()
-        if here not in seen and here.is_file():
+        if here not in seen:
             seen.add(here)
-            todo += [file for name in _imports(here) for file in _files(name)]
+            todo += _links(here)
     return seen
 
 

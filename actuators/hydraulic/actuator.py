@@ -32,7 +32,7 @@ import math
 
 import numpy as np
 
-from actuators.block import dtype, entry, kernel, record
+from actuators.block import briefly, dtype, entry, kernel, record
 from actuators.common import linkage
 from actuators.common.limits import clip, finite, share, sign
 from actuators.hydraulic import lu17
@@ -144,7 +144,7 @@ def linearised(p, *, q=0.0, x3=0.0, hmd=0.0):
     """
     r = p[0]
     u = float(holding(r, x3))
-    a22, a23, a31, a32, a33, b3, e2 = lu17.jacobian(q, 0.0, x3, u, u, 0.0, r)
+    a22, a23, a31, a32, a33, b3, e2 = briefly(lu17.jacobian, q, 0.0, x3, u, u, 0.0, r)
     A = np.array([[0, 1, 0], [hmd / r.arm**2 * e2, a22, a23], [a31, a32, a33]])
     return A, np.array([[0.0], [0.0], [b3]]), np.array([[1 / r.arm, 0, 0]]), np.zeros((1, 1))
 

@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.linalg import expm, solve_discrete_are
 
+from actuators.block import briefly
 from actuators.common.ackermann import place
 from actuators.ema import jay
 from actuators.hydraulic import lu17
@@ -14,7 +15,7 @@ WALK_LOAD, WALK_PRESSURE, WALK_VELOCITY = 5e3, 0.1, 0.01  # per root second [N],
 
 def _linear(model):
     """Return (A, B) of q, q', x3 at rest and centre, shapes (3, 3), (3, 1)."""
-    a22, a23, a31, a32, a33, b3, _ = lu17.jacobian(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, model)
+    a22, a23, a31, a32, a33, b3, _ = briefly(lu17.jacobian, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, model)
     return np.array([[0, 1, 0], [0, a22, a23], [a31, a32, a33]]), np.array([[0.0], [0.0], [b3]])
 
 

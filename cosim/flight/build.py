@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from actuators.ahead import compile_ahead
 from actuators.block import dtype
 from cosim.errors import ScenarioError
 from cosim.flight import actuation, detectors, inject, wiring
@@ -20,11 +21,13 @@ from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
 from cosim.flight.plant.trim import Trim
+from cosim.flight.tape import WALK
 from cosim.flight.tick import Block, Loop
 from cosim.flight.trace import History
 from cosim.scenario import Scenario
 from cosim.scenario.catalog import TECHNOLOGIES
 
+LOOP = faults, sensors, manoeuvre, law, hinge_model  # modules of the blocks that every flight has
 CLOCK = dtype([("t", "f8", "s")])
 
 
@@ -125,8 +128,10 @@ def build(scenario):
     errors = [TECHNOLOGIES[tech].hinge_error for tech in scenario.elevator.technology.values()]
     factors = [1.0 + error * rng_errors.uniform(-1.0, 1.0) for error in errors]
     hinge_p = hinge_model.design(sketch, trim, t, aircraft.short.values(), factors)
-    fault_lanes = inject.lanes(scenario)
     chosen = detectors.chosen(scenario)
+    entries = (module.rollout for module in (*LOOP, *(b[1] for b in built), *(d.module for d in chosen)))
+    compile_ahead([WALK, *(e.native for e in entries if hasattr(e, "native"))])
+    fault_lanes = inject.lanes(scenario)
 
     sections = [
         ("clock", CLOCK, ("clock",)),

@@ -30,6 +30,7 @@ WALK = Native(
     Path(__file__).with_name("walk.py"),
     (ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64),
     _walk,
+    "cosim.flight.tape:WALK",
 )
 
 

@@ -27,7 +27,9 @@ def _compiled():
     return entry, KINDS
 
 
-_STORE = Native("store", Path(__file__).with_name("store.py"), (ctypes.c_void_p, ctypes.c_void_p), _compiled)
+_STORE = Native(
+    "store", Path(__file__).with_name("store.py"), (ctypes.c_void_p, ctypes.c_void_p), _compiled, f"{__name__}:_STORE"
+)
 
 
 class LogWriter:

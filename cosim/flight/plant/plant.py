@@ -21,6 +21,7 @@ from typing import Any
 import jsbsim
 import numpy as np
 
+from actuators.block import briefly
 from cosim.errors import TrimError
 from cosim.flight.plant import gusts
 from cosim.flight.plant.border import FT, KT, border, to_si
@@ -184,7 +185,7 @@ class Plant:
     def read(self, record):
         """Write the truth at t_k into `record`, a record or a (1,) array of the border's truth."""
         self.fetch()
-        to_si(self._raw, self._scale, np.asarray(record).reshape(1).view("f8"), *self._frame)
+        briefly(to_si, self._raw, self._scale, np.asarray(record).reshape(1).view("f8"), *self._frame)
 
     def fetch(self):
         """Read the properties behind the truth at t_k, in JSBSim's units."""

@@ -1,0 +1,71 @@
+"""Compile what a run needs before it needs it, on all cores: each process compiles one function after the other."""
+
+import os
+import queue
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from actuators.native import PLAIN, Native
+
+_ROOT = Path(__file__).resolve().parent.parent
+_WORK = """
+import importlib, sys
+for line in sys.stdin:
+    module, _, path = line.strip().partition(":")
+    found = importlib.import_module(module)
+    for name in path.split("."):
+        found = getattr(found, name)
+    found.address
+    print(flush=True)
+"""
+
+
+def cores() -> int:
+    """Return how many processes this process may keep busy."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def compile_ahead(wanted: Iterable[Native], progress: Callable[[int, int], None] | None = None) -> int:
+    """Compile those of `wanted` that are not stored yet, in one process per core; return how many there were.
+
+    `progress(done, total)` counts them. One alone, or all on a machine of one core, are left to their first use. What
+    a process cannot compile is left too: the error then stands where it belongs.
+    """
+    missing = [] if PLAIN else [native for native in dict.fromkeys(wanted) if not native.ready()]
+    workers = min(cores(), len(missing))
+    if workers < 2 or not missing[0].stored():
+        return 0
+    tell = progress or (lambda done, total: None)
+    jobs: queue.SimpleQueue = queue.SimpleQueue()
+    for native in sorted(missing, key=lambda native: -native.size()):
+        jobs.put(native.place)
+    done = [0]
+    threads = [threading.Thread(target=_feed, args=(jobs, done, tell, len(missing))) for _ in range(workers)]
+    tell(0, len(missing))
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return len(missing)
+
+
+def _feed(jobs, done, tell, total):
+    """Give one process after the other job until none is left."""
+    paths = os.pathsep.join([str(_ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
+    command, env = [sys.executable, "-c", _WORK], {**os.environ, "PYTHONPATH": paths}
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=env, text=True
+    ) as worker:
+        assert worker.stdin and worker.stdout
+        try:
+            while True:
+                print(jobs.get_nowait(), file=worker.stdin, flush=True)
+                if not worker.stdout.readline():
+                    return
+                done[0] += 1
+                tell(done[0], total)
+        except (queue.Empty, BrokenPipeError):
+            pass

@@ -1,0 +1,40 @@
+"""Machine code of the blocks: compiled on all cores, stored, and loaded by a process that never imports Numba."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPT = """
+import json, sys
+import numpy as np
+from actuators import native
+from actuators.ahead import compile_ahead
+from cosim.flight.blocks import faults, manoeuvre
+told = []
+asked = [m.rollout.native for m in (faults, manoeuvre)]
+told.append(compile_ahead(asked, lambda done, total: told.append([done, total])))
+p = np.zeros(2, manoeuvre.PARAMS)
+u, log = np.zeros((2, 3), manoeuvre.INPUTS), np.zeros((2, 3), manoeuvre.STATE)
+manoeuvre.rollout(manoeuvre.init(p), u, p, 0.005, log)
+print(json.dumps([told, native.counts, "numba" in sys.modules, log.view("f8").ravel().tolist()]))
+"""
+
+
+@pytest.mark.skipif(len(getattr(os, "sched_getaffinity", lambda _: [0])(0)) < 2, reason="one core compiles as it goes")
+def test_what_one_process_compiled_another_loads_without_numba(tmp_path):
+    env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-c", SCRIPT]
+    first, second = (
+        json.loads(subprocess.run(command, env=env, capture_output=True, text=True, check=True).stdout)
+        for _ in range(2)
+    )
+    assert first[0] == [[0, 2], [1, 2], [2, 2], 2]
+    assert second[0] == [0]
+    for told in (first, second):
+        assert told[1:3] == [{"compiled": 0, "loaded": 1}, False]
+    assert first[3] == second[3]
