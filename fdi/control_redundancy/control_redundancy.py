@@ -18,8 +18,9 @@ one value of its fault leaves every |r - S f| below tau; so a residual that the 
 ("don't care"), and one that moves without reason votes against. Declared when it is the only explanation for
 `t_confirm`; afterwards only families blind to it are used for the next one. More than one explanation is AMBIGUOUS.
 
-It knows effectors only. A sensor whose error is the force of one is named as that effector: an accelerometer along x as
-thrust, a stabiliser that runs away (the law moves the elevators against it) as elevators that stand.
+Forces alone take an accelerometer's error for an effector: one along x for thrust. Where angle of attack and speed over
+the ground are measured, kinematics find it (`core.accelerometers`), and n_x or n_z is named instead. Other sensors and
+a stabiliser that runs away (the law moves the elevators against it) are still named as the effector that acts alike.
 
 `rows = "force+moment"` adds three rows with measured angular acceleration (a documented sensor), and single engines.
 """
@@ -32,7 +33,7 @@ from actuators.block import dtype, entry, kernel, record
 from fdi.common.decision import T_HOLD, confirm
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
-from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, NONE, THRUST
+from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, NONE, SENSOR, THRUST
 from fdi.control_redundancy import force_model
 from fdi.control_redundancy import structure as redundancy_structure
 from fdi.control_redundancy.core import (
@@ -43,6 +44,7 @@ from fdi.control_redundancy.core import (
     NH,
     NR,
     NX,
+    accelerometers,
     accumulate,
     complete,
     delayed_commands,
@@ -54,7 +56,11 @@ from fdi.control_redundancy.core import (
 )
 from fdi.control_redundancy.force_model import params_dtype
 
-CULPRITS = ("", "elevator", "aileron", "rudder", "engine", "engine_1", "engine_2", "engine_3", "engine_4")
+EFFECTORS = ("elevator", "aileron", "rudder", "engine", "engine_1", "engine_2", "engine_3", "engine_4")
+CULPRITS = ("", *EFFECTORS, "n_x", "n_z")
+FIRING = 0.8  # of a row's threshold: with less it says nothing of its accelerometer
+DOUBT = 0.5  # of bias_share: with so much no effector is declared
+LEARN = 8.0  # in flight, as the other observers of the aircraft [s]
 STRIDE = 0.005  # [s] from one command kept to the next, at least
 LAG = (0.06, 0.06, 0.09, 0.0)  # [s]: servos near 30 rad/s, the rudder's 20 rad/s, damping 0.9; the stabiliser creeps
 
@@ -80,6 +86,9 @@ PARAMS = params_dtype(
         ("t_confirm", "f8", "s"),
         ("t_ambiguous", "f8", "s"),  # firing for so long without a single explanation is an alarm
         ("t_release", "f8", "s"),
+        ("t_kin", "f8", "s"),  # time constant of the kinematic observers of the accelerometers
+        ("t_bias", "f8", "g"),  # errors of the accelerometers below this are none
+        ("bias_share", "f8", "-"),  # so much of a row's residual in its accelerometer makes it the accelerometer's
         ("t_invalid", "f8", "s"),  # averages start again after so long without data
     ]
 )
@@ -94,6 +103,7 @@ _MEASURED = {  # of the aircraft -> unit
     **dict.fromkeys(("n1_1", "n1_2", "n1_3", "n1_4"), "%"),
     **dict.fromkeys(("pdot", "qdot", "rdot"), "rad/s2"),  # only for rows = "force+moment"
 }
+_GROUND = {"alpha_ground": "rad", "v_ground": "m/s"}  # without them accelerometers are believed
 _COMMANDS = (
     "de_lo",
     "de_li",
@@ -105,7 +115,8 @@ _COMMANDS = (
     "stab",
 )  # of the surfaces, signs of DESIGN.md [rad]
 INPUTS = dtype([(n, "f8", "rad") for n in _COMMANDS]
-               + [(n + t, "f8", "-" if t else unit) for n, unit in _MEASURED.items() for t in ("", "_valid")])
+               + [(n + t, "f8", "-" if t else unit)
+                  for n, unit in (_MEASURED | _GROUND).items() for t in ("", "_valid")])
 STATE = dtype(
     [
         ("r", "f8", "-"),  # largest residual in use over its threshold
@@ -118,6 +129,7 @@ STATE = dtype(
         ("f_hat_aileron", "f8", "rad"),
         ("f_hat_rudder", "f8", "rad"),
         ("f_hat_thrust", "f8", "fraction"),  # fraction of total thrust
+        ("bias", "f8", (2,), "g"),  # errors of n_x and n_z by kinematics
         ("candidates", "f8", "-"),  # bit h is set when effector h + 1 of CULPRITS explains the residuals
         ("declared", "f8", (NH,), "-"),  # 1 per declared effector
         ("res", "f8", (NF,), "g, rad/s2"),  # residuals [g], [rad/s2]
@@ -157,12 +169,18 @@ STATE = dtype(
         ("quiet", "f8", (NH,), "s"),  # time that a declared effector has looked healthy
         ("low", "f8", (2,), "rad"),  # range of commanded and of reconstructed position since the declaration
         ("high", "f8", (2,), "rad"),
+        ("bias_0", "f8", (2,), "g"),  # learned
+        ("velocity", "f8", (2,), "m/s"),  # models of the velocity over the ground: forward, down
+        ("moving", "f8", "-"),  # 1 once they have started
+        ("blamed", "f8", "-"),  # accelerometer that is declared: 0, 1 n_x, 2 n_z
+        ("timer_bias", "f8", "s"),  # its confirmation
+        ("on_bias", "f8", "-"),
         ("on", "f8", "-"),  # ambiguous alarm
     ]
 )
 OUTPUTS = (
     "r", "alarm", "verdict", "culprit", "valid", "f_hat", "f_hat_elevator", "f_hat_aileron", "f_hat_rudder",
-    "f_hat_thrust", "candidates",
+    "f_hat_thrust", "bias", "candidates",
 )
 DETECTOR = Detector(
     id="control_redundancy",
@@ -171,7 +189,7 @@ DETECTOR = Detector(
     inputs={
         **dict.fromkeys(("de_lo", "de_li", "de_ri", "de_ro"), "de_cmd"),
         **{"stab": "stab_cmd", "da_l": "da_cmd", "da_r": "da_cmd", "dr": "dr_cmd"},
-        **{word: word for word in _MEASURED},
+        **{word: word for word in (*_MEASURED, *_GROUND)},
     },
     group="airframe motion",
     designed_for={  # [Mar10]: locked effectors and thrust loss
@@ -186,13 +204,14 @@ DETECTOR = Detector(
         "*.ofc_*": ("ambiguous",),
         **dict.fromkeys(("*.rod", "*.position"), ("jam_solid", "ambiguous")),
         **dict.fromkeys((
-            "stabiliser", "sensor.n_x", "sensor.n_y", "sensor.n_z", "sensor.alpha", "sensor.beta", "sensor.p",
+            "stabiliser", "sensor.n_y", "sensor.alpha", "sensor.beta", "sensor.p",
             "sensor.q", "sensor.r", "sensor.cas", "sensor.tas", "sensor.mach", "sensor.mass", "sensor.cg",
             "sensor.n1_*",
         ), ("ambiguous",)),
+        **dict.fromkeys(("sensor.n_x", "sensor.n_z"), ("sensor", "ambiguous")),
     },
     blind="static force equations: faults inside an actuator move no force, and a transport's aileron shows in none",
-    remark="it knows effectors only: a sensor error or a stabiliser that acts like one is named as that effector",
+    remark="a sensor other than n_x and n_z, or a stabiliser, that acts like an effector is named as that effector",
     estimates=(Estimate("elevator", "f_hat_elevator", "rad"), Estimate("thrust", "f_hat_thrust", "fraction")),
     looks_back={"late": "line"},
     sizes={
@@ -258,7 +277,7 @@ def fitted(site, **options):
     """Return PARAMS for a loop, on the force model of the aircraft that flies."""
     about = site.aircraft()
     late = {"delay": 1.0 + site.ticks("n_z"), "lag": about.delays, "rate": about.rates}
-    return params(model=about.model, dt=site.dt, **late, **options)
+    return params(model=about.model, dt=site.dt, t_learn=LEARN, **late, **options)
 
 
 def init(p):
@@ -308,13 +327,40 @@ def _estimate(x, p, h):
 
 
 @kernel
+def _accelerometer(x, p, share):
+    """Return 1.0 or 2.0 when kinematics find `share` of a row's residual in n_x or n_z, else 0.0."""
+    found, most = 0.0, 0.0
+    for i in range(2):
+        e = x.avg[0] if i == 0 else -x.avg[2]  # a reading that is too large raises X and lowers Z
+        b, row = x.bias[i], 2 * i
+        if math.fabs(e) < FIRING * (p.threshold[row] + p.rel * x.avg[NR + row]):
+            continue
+        if math.fabs(b) > p.t_bias and b * e > 0.0 and math.fabs(b) >= share * math.fabs(e):
+            if math.fabs(b) > most:
+                found, most = i + 1.0, math.fabs(b)
+    return found
+
+
+@kernel
 def _decide(x, p, dt):
     """Declare the single explanation that lasts, release what has been quiet, name the class."""
     x.r = _in_use(x, p)
     if x.suspect > 0.5:
         x.alarm, x.verdict = 1.0, AMBIGUOUS
         return
+    wrong = _accelerometer(x, p, p.bias_share) if x.r >= 1.0 else 0.0
+    x.timer_bias, x.on_bias = confirm(x.timer_bias, x.on_bias, wrong > 0.5, dt, p.t_confirm, p.t_release)
+    x.blamed = wrong if wrong > 0.5 else (x.blamed if x.on_bias > 0.5 else 0.0)
+    if wrong > 0.5 or x.on_bias > 0.5:  # its rows say nothing about effectors
+        x.timer, x.last, x.timer_any = 0.0, 0.0, 0.0
+        if x.on_bias > 0.5:
+            x.alarm, x.verdict, x.culprit = 1.0, SENSOR, NH + x.blamed
+        return
+    if x.culprit > NH:
+        x.culprit = 0.0
     count, best = _explain(x, p) if x.r >= 1.0 else (0, 0)
+    if count == 1 and _accelerometer(x, p, DOUBT * p.bias_share) > 0.5:
+        count = 2  # it may still turn out to be the sensor
     if count != 1 or best != x.last:
         x.timer = 0.0
     x.last = best if count == 1 else 0.0
@@ -369,6 +415,7 @@ def _withdraw(x, p):
     for h in range(int(p.n_hypotheses)):
         x.declared[h] = 0.0
     x.on, x.timer, x.timer_any, x.last = 0.0, 0.0, 0.0, 0.0
+    x.on_bias, x.timer_bias, x.blamed = 0.0, 0.0, 0.0
     x.r, x.alarm, x.verdict, x.culprit, x.f_hat = 0.0, 0.0, NONE, 0.0, 0.0
     x.f_hat_elevator, x.f_hat_aileron, x.f_hat_rudder, x.f_hat_thrust = 0.0, 0.0, 0.0, 0.0
 
@@ -391,6 +438,7 @@ def step(x, u, p, dt):
         return
     x.gone = 0.0
     row_errors(x, u, p)
+    accelerometers(x, u, p, dt)
     if x.learned < 0.5:
         learn(x, p, dt)
         x.valid = 0.0

@@ -10,6 +10,7 @@ from fdi.control_redundancy.force_model import G0, air_data, contributions, thru
 
 NR, NF, NH = 6, 16, 8  # most rows, families, fault hypotheses (elevator aileron rudder engines engine_1 ... engine_4)
 NC, DELAY = 8, 48  # commands (4 elevators, 2 ailerons, rudder, stabiliser); those kept of each, `stride` ticks apart
+TAU_BIAS = 0.15  # lag of what accelerometers have wrong [s]
 BLOCKS = 10  # pieces of the sliding mean
 NX = 3 * NR  # averaged: row errors, activities, three commanded effectors, spool speed, spare
 
@@ -212,6 +213,34 @@ def learn(x, p, dt):
         for i in range(int(p.n_rows)):
             if math.fabs(x.offset[i]) > p.threshold[i] + p.rel * x.full[i]:
                 x.suspect = 1.0
+
+
+@kernel
+def accelerometers(x, u, p, dt):
+    """Estimate the errors of n_x and n_z [g], x.bias, from the velocity over the ground, whatever the forces are.
+
+    u' = g (n_x - sin theta) + r v - q w and w' = g (cos theta cos phi - n_z) + q u - p v hold without any coefficient.
+    A first-order observer of u and w with time constant t_kin has the innovation -g t_kin b for an error b of n_x.
+    """
+    if usable(u.alpha_ground, u.alpha_ground_valid) * usable(u.v_ground, u.v_ground_valid) < 0.5:
+        x.moving = 0.0
+        x.bias[0], x.bias[1] = 0.0, 0.0
+        return
+    along, down = u.v_ground * math.cos(u.alpha_ground), u.v_ground * math.sin(u.alpha_ground)
+    side = u.v_ground * math.sin(u.beta)
+    if x.moving < 0.5:
+        x.moving, x.velocity[0], x.velocity[1] = 1.0, along, down
+        return
+    a = G0 * (u.n_x - math.sin(u.theta)) + u.r * side - u.q * down
+    b = G0 * (math.cos(u.theta) * math.cos(u.phi) - u.n_z) + u.q * along - u.p * side
+    for i in range(2):
+        ahead = x.velocity[i] + dt * (a if i == 0 else b)
+        e = (along if i == 0 else down) - ahead
+        x.velocity[i] = ahead + dt / p.t_kin * e
+        raw = -e / (G0 * p.t_kin) if i == 0 else e / (G0 * p.t_kin)
+        if x.learned < 0.5:
+            x.bias_0[i] += (raw - x.bias_0[i]) / (x.n_learn + 1.0)
+        x.bias[i] += (1.0 - math.exp(-dt / TAU_BIAS)) * (raw - x.bias_0[i] - x.bias[i])
 
 
 @kernel

@@ -120,7 +120,7 @@ class Outcome:
 def judge(number, flown, log):
     """Return the `Outcome`: right when the true effectors are the first declared, in order, each after its fault."""
     found = []
-    for h, name in enumerate(control_redundancy.CULPRITS[1:]):
+    for h, name in enumerate(control_redundancy.EFFECTORS):
         rise = np.flatnonzero(np.diff(np.r_[0.0, log["declared"][:, h]]) > 0)
         found += [(float(flown.index[i]), name) for i in rise]
     found.sort()

@@ -77,7 +77,7 @@ def declared(flight, target, size, draw):
 def found(t, log):
     """Return [[time, effector], ...] of a detector's log, in order of time."""
     out = []
-    for h, name in enumerate(control_redundancy.CULPRITS[1:]):
+    for h, name in enumerate(control_redundancy.EFFECTORS):
         rise = np.flatnonzero(np.diff(np.r_[0.0, log["declared"][:, h]]) > 0)
         out += [[float(t[i]), name] for i in rise]
     unclear = (log["alarm"] > 0.5) & (log["verdict"] == AMBIGUOUS) & (log["culprit"] == 0.0)
