@@ -19,7 +19,8 @@ class Parity:
         self.away = 0.0
 
     def update(self, t, y):
-        r = abs(y.rod - self.arm * y.surface) / self.threshold  # SI; NaN while a sensor is invalid
+        """Judge the measurements of time t [s]: SI, NaN while a sensor is invalid."""
+        r = abs(y.rod - self.arm * y.surface) / self.threshold
         self.away = self.away + self.dt if r > 1.0 else 0.0
         alarm = self.away > self.confirm_s
         return {"r": r, "alarm": alarm, "verdict": "sensor" if alarm else "none"}

@@ -51,8 +51,13 @@ class Setup:
     @property
     def notes(self):
         """Return sentences about guests that did not do what a detector does."""
-        runners = [d.runner for d in self.loop.detectors if isinstance(d, GuestBlock)]
+        runners = [d.runner for d in self.guests]
         return [line for r in runners for line in (*r.notes, *([r.problem] if r.problem else []))]
+
+    @property
+    def guests(self):
+        """Return the guests that are plain classes."""
+        return [d for d in self.loop.detectors if isinstance(d, GuestBlock)]
 
     def watches(self):
         """Return the Watch of every detector lane."""

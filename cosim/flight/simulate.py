@@ -7,6 +7,7 @@ from contextlib import nullcontext
 
 from cosim.flight.build import build
 from cosim.flight.fly import fly
+from cosim.flight.guests import aside
 from cosim.flight.recorder import open_live, open_writer, result_texts
 from cosim.flight.twin import moved
 from cosim.judge.result import Result, judge, judged
@@ -44,7 +45,8 @@ def simulate(
     ):
         sinks = [*([writer] if writer else []), *([server.append] if server else [])]
         flown = time.perf_counter()
-        history, status, reason = fly(setup, *sinks, progress=progress)
+        with aside() if setup.guests else nullcontext():
+            history, status, reason = fly(setup, *sinks, progress=progress)
         wall = time.perf_counter() - flown
         result = Result(
             log=str(log) if log else None,

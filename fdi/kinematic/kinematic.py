@@ -115,9 +115,9 @@ STATE = dtype(
         ("culprit", "f8", "-"),  # index into CULPRITS
         ("valid", "f8", "-"),
         ("why", "f8", "-"),  # code of fdi.common.why, 0 while valid
-        ("res", "f8", (NR,)),  # residuals through the lag, less what was learned
-        ("fired", "f8", (NR,)),  # time for which a row still counts as fired [s]
-        ("jumped", "f8", (NR,)),  # time for which it still counts as jumped [s]
+        ("res", "f8", (NR,), "rad, m/s, m, -"),  # residuals through the lag, less what was learned
+        ("fired", "f8", (NR,), "s"),  # time for which a row still counts as fired
+        ("jumped", "f8", (NR,), "s"),  # time for which it still counts as jumped
         ("raw", "f8", (NR,)),  # residuals
         ("last", "f8", (NR,)),  # at the tick before
         ("seen", "f8", (NR,)),  # 1 where the tick before had one

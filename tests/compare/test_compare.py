@@ -97,7 +97,7 @@ def test_every_builtin_fault_makes_a_case_that_some_detector_or_none_is_said_to_
         ("ema_kalman_flight", "ema.runaway@command", "blind"),
         ("position_monitor", "hydraulic.ofc_liquid@command", "may"),
         ("ofc_monitor", "ema.ofc_liquid", "blind"),
-        ("another", "engine", "blind"),
+        ("another", "engine", "undeclared"),
     ],
 )
 def test_expectations_follow_from_what_a_detector_reads(detector, case, word):

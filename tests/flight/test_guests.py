@@ -328,6 +328,86 @@ def test_the_command_line_flies_replays_and_says_so(parity, tmp_path, monkeypatc
     assert refused.exit_code == 2 and "nowhere.py: no such file" in refused.stderr
 
 
+WATCH = """
+print("loading")
+
+
+class Watch:
+    \"\"\"pitch rate that the elevators do not ask for\"\"\"
+
+    id, level, every = "watch", "aircraft", 4
+    inputs = ("q", "de_cmd", "left_inner.surface")
+    estimates = "elevator"
+    may_see = ("jam_solid",)
+
+    def __init__(self, dt, gain=1.0):
+        self.dt, self.gain, self.n = dt, gain, 0
+
+    def update(self, t, y):
+        assert abs(t - self.n * 0.02) < 1e-9 and self.dt == 0.02
+        self.n += 1
+        print("step")
+        if self.n % 3:
+            return None
+        return {"r": abs(y.q), "estimate": self.gain * (y.left_inner_surface - y.de_cmd), "verdict": {"none": 0.4,
+                "jam_solid": 0.6}, "alarm": y.left_inner_surface != y.left_inner_surface}
+"""
+
+
+def test_one_at_aircraft_level_at_its_own_rate_estimates_and_prints_elsewhere(tmp_path, capsys):
+    (tmp_path / "watch.py").write_text(WATCH)
+    drop = "faults.0={target='elevator.left_inner.surface', kind='dropout', start_s=1.0, end_s=1.4}"
+    jam = "faults.1={target='elevator.right_inner', kind='jam_solid', start_s=2.0}"
+    scenario = with_detectors(cosim.load_scenario("cruise", [*SHORT, drop, jam]), [tmp_path / "watch.py"])
+    result = cosim.simulate(scenario, log=tmp_path / "a.mcap", timed=False).to_dict()
+    assert result["notes"] == [] and capsys.readouterr().out == ""
+    own = lane(result, "watch")
+    assert own["estimate_unit"] == "rad" and own["estimate_rmse"] is not None
+    log = open_log(tmp_path / "a.mcap")
+    frame = log.frame("/detectors/watch/aircraft")
+    assert len(frame) == 250 and log.topics["/detectors/watch/aircraft"].units[5] == "rad"
+    alarmed = frame.index[frame["alarm"] > 0.5]
+    assert 0.9 < alarmed[0] < 1.2 and alarmed[-1] < 1.6  # the sample that is lost is NaN
+    assert set(frame["probability"]) <= {0.0, 0.6} and set(frame["verdict"]) <= {0.0, 4.0}
+    assert replay(tmp_path / "a.mcap", guests=[tmp_path / "watch.py"]).exact
+
+
+NONSENSE_BLOCK = "    x.verdict = 42.0 if x.valid > 0.5 else math.nan\n    x.culprit = -7.0\n    x.alarm = 1.0\n"
+
+
+def test_a_compiled_block_that_says_nonsense_ends_no_flight(tmp_path):
+    text = BLOCK.read_text().replace('id="template"', 'id="odd"')
+    end = text.index("\n\nrollout = entry")
+    (tmp_path / "odd.py").write_text(text[:end].rstrip() + "\n" + NONSENSE_BLOCK + text[end:])
+    scenario = with_detectors(cosim.load_scenario("cruise", [*SHORT, "duration_s=2"]), [tmp_path / "odd.py"])
+    result = cosim.simulate(scenario, log=tmp_path / "a.mcap", timed=False).to_dict()
+    assert result["status"] == "completed" and lane(result, "odd")["alarm"] and open_log(tmp_path / "a.mcap").complete
+    assert flight_report(tmp_path / "a.mcap", tmp_path / "a.html").exists()
+
+
+def test_a_model_over_a_window_flies_from_scikit_learn_and_from_onnx(tmp_path):
+    from skl2onnx import to_onnx
+    from sklearn.linear_model import LogisticRegression
+
+    rng = np.random.default_rng(1)
+    x = rng.normal(size=(200, 40)).astype(np.float32)  # two signals, twenty samples
+    made = LogisticRegression().fit(x, x[:, 0] > 0.0)
+    (tmp_path / "line.onnx").write_bytes(to_onnx(made, x[:1], options={"zipmap": False}).SerializeToString())
+    common = {"inputs": ("rod", "surface"), "classes": ("none", "ofc_liquid"), "technologies": ("hydraulic",),
+              "window_s": 0.2, "sample_s": 0.01, "every_s": 0.05}  # fmt: skip
+    cosim.register(cosim.window_model("ours", made, **common))
+    cosim.register(cosim.window_model("theirs", "line.onnx", near=tmp_path, **common))
+    scenario = cosim.load_scenario("cruise", ["duration_s=2", "detectors.enabled=['ours', 'theirs']",
+                                              "elevator.feedback=measured"])  # fmt: skip
+    result = cosim.simulate(scenario, log=tmp_path / "a.mcap", timed=False)
+    assert result.extra["notes"] == []
+    ours, theirs = (open_log(tmp_path / "a.mcap").frame(f"/detectors/{n}/left_inner") for n in ("ours", "theirs"))
+    assert (ours["valid"] > 0.5).sum() > 300 and 0.0 < ours["r"].max() < 2.0
+    np.testing.assert_allclose(ours["r"], theirs["r"], atol=1e-5)
+    with pytest.raises(CosimError, match="no such file"):
+        cosim.window_model("none", "nowhere.onnx", near=tmp_path, **common)
+
+
 def test_campaign_workers_fly_it_and_its_rows_are_judged_without_its_code(parity, tmp_path):
     scenario = cosim.load_scenario("cruise", [*SHORT, "duration_s=4", ROD])
     (tmp_path / "base.toml").write_text(scenario.expanded_toml())

@@ -13,6 +13,7 @@ import os
 import sys
 import tomllib
 from collections.abc import Iterable
+from contextlib import AbstractContextManager, redirect_stdout
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -119,7 +120,8 @@ def _run(path, sha256):
     sys.modules[spec.name] = module
     sys.path.insert(0, str(path.resolve().parent))
     try:
-        spec.loader.exec_module(module)
+        with aside():
+            spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         del sys.modules[spec.name]
         if isinstance(error, CosimError):
@@ -128,6 +130,11 @@ def _run(path, sha256):
     finally:
         sys.path.remove(str(path.resolve().parent))
     return module
+
+
+def aside() -> AbstractContextManager:
+    """Send what a guest prints to standard error: standard output is the program's own."""
+    return redirect_stdout(sys.stderr)
 
 
 def where(error: BaseException, path: Path | None = None) -> str:
