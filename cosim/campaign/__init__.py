@@ -45,8 +45,11 @@ on: a campaign's seeds start there unless it says otherwise.
 
 import json
 import time
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -54,6 +57,7 @@ from cosim.campaign.pool import outcomes
 from cosim.campaign.store import CampaignError, Store
 from cosim.campaign.worker import run_id
 from cosim.files import replace_text
+from cosim.scenario import Scenario
 from fdi import registry
 
 EVALUATION_SEED = 1_000_000
@@ -81,24 +85,24 @@ class CampaignResult:
     resumed: int  # of these, found in the folder
     damaged: tuple[str, ...] = ()  # files of the folder that were no more whole: their runs were flown again
 
-    def to_dict(self):
+    def to_dict(self) -> dict:
         """Return the JSON of `cosim campaign`."""
         counts = {"done": self.done, "failed": self.failed, "resumed": self.resumed}
         return {"parquet": str(self.parquet) if self.parquet else None, **counts}
 
 
 def run_many(
-    scenarios,
+    scenarios: Iterable[Scenario],
     *,
-    workers=None,
-    out=None,
-    resume=True,
-    keep=None,
-    executor=None,
-    progress=None,
-    achieved=True,
-    labels=None,
-):
+    workers: int | None = None,
+    out: str | Path | None = None,
+    resume: bool = True,
+    keep: dict[str, int] | None = None,
+    executor: Executor | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    achieved: bool = True,
+    labels: Iterable[dict] | None = None,
+) -> CampaignResult:
     """Fly `scenarios` (Scenario objects; equal ones once) and return a CampaignResult.
 
     `workers` processes, by default one per core, 0 for this process; or any concurrent.futures `executor`. `out` is the
@@ -185,7 +189,7 @@ def _kept(frame, keep, runs, out):
     return frame["run"].map(lambda run: ",".join(chosen.get(run, ())))
 
 
-def table(runs, labels=None):
+def table(runs: Mapping[str, Scenario], labels: Iterable[dict] | None = None) -> pd.DataFrame:
     """Return the frame run, order, toml, label.*, and the keys of CORE and those that vary, of {run: Scenario}."""
     flat = [flatten(s.model_dump(mode="python", exclude_none=True, exclude={"title"})) for s in runs.values()]
     keys = dict.fromkeys(k for row in flat for k in row)
@@ -199,7 +203,7 @@ def table(runs, labels=None):
     return pd.concat([out, pd.DataFrame({k: _typed(v) for k, v in columns.items()})], axis=1)
 
 
-def flatten(node, path=""):
+def flatten(node: Any, path: str = "") -> dict:
     """Return {"flight.mass_t": 200.0, "faults.0.kind": ...} of nested dicts and lists; a list of words is one text."""
     if isinstance(node, dict):
         items = list(node.items())

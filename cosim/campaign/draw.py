@@ -47,7 +47,7 @@ class Draw:
         return float(self.low + u * (self.high - self.low))
 
 
-def draw(table, place):
+def draw(table: Any, place: str) -> Draw:
     """Return the Draw of a table of the campaign file; raises CampaignError that says what is wrong at `place`."""
     if not isinstance(table, dict):
         raise CampaignError("is no distribution", place=place, allowed=f"a table of {', '.join(KEYS)}")
@@ -86,7 +86,7 @@ def draw(table, place):
     return made
 
 
-def unit_cube(n, d, *, sampling, seed):
+def unit_cube(n: int, d: int, *, sampling: str, seed: int) -> np.ndarray:
     """Return (n, d) points in [0, 1): independent, or a Latin hypercube (every column hits each n-th part once)."""
     rng = np.random.default_rng(seed)
     if sampling == "latin_hypercube":

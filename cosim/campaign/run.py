@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from cosim.campaign import CampaignResult, run_many
 from cosim.campaign.spec import load_campaign
@@ -42,7 +43,7 @@ def run_campaign(
     made = load_campaign(campaign)
     scenarios, labels = made.scenarios()
     scenarios = _with(scenarios, guests)
-    options = {
+    options: dict[str, Any] = {
         "out": out or folder(campaign),
         "resume": resume,
         "keep": made.keep,

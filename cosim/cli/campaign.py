@@ -4,9 +4,12 @@ near each detector came to an alarm.
 
 import math
 
+import pandas as pd
 from rich.console import Group
+from rich.table import Table as RichTable
 from rich.text import Text
 
+from cosim.campaign import CampaignResult
 from cosim.cli.tables import number, table
 from cosim.compare.metrics import delays, proportion
 
@@ -14,7 +17,7 @@ FAILED = ("infeasible", "error", "crashed")
 TEXTS = 5  # different errors that are printed
 
 
-def campaign(result):
+def campaign(result: CampaignResult) -> Group:
     """Return the table of a campaign's outcome."""
     frame = result.frame
     lanes = frame[frame["id"].notna()]
@@ -51,7 +54,7 @@ def _median(late):
     return found if math.isfinite(found) else None
 
 
-def errors(frame):
+def errors(frame: pd.DataFrame) -> list[dict]:
     """Return [{status, error, runs}] of the runs without a flight, the most frequent first."""
     runs = frame.drop_duplicates("run")
     counts = runs[runs["status"].isin(FAILED)].groupby(["status", "error"], sort=True).size()
@@ -66,7 +69,7 @@ def _told(found):
     return lines
 
 
-def exit_status(frame):
+def exit_status(frame: pd.DataFrame) -> int:
     """Return 1 when a run ended in an error, or none flew; a point without a steady flight among others is a result."""
     found = errors(frame)
     none_flew = sum(r["runs"] for r in found) == frame["run"].nunique()
@@ -76,7 +79,7 @@ def exit_status(frame):
 MOST = 5
 
 
-def nearest(lanes):
+def nearest(lanes: pd.DataFrame) -> RichTable:
     """Return the table of the MOST largest |r| over its threshold of each detector, one per flight, and where it was.
 
     A statistic beyond its threshold is an alarm only after its confirmation.

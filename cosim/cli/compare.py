@@ -8,7 +8,7 @@ from cosim.cli.tables import NOTHING, number, table
 COUNTS = ("designed", "detected", "named", "ambiguous", "misnamed", "idle", "not_excited")
 
 
-def compare(found):
+def compare(found: dict) -> Group:
     """Return the table of a comparison: `found` is the JSON of `cosim compare`."""
     t = table("", "detector", "valid>", "of>", "seen>", "right>", "amb.>", "wrong>", "n. v.>", "n. e.>", "alarm s>",
               "right s>", "stands>", "per h>", "free>")  # fmt: skip

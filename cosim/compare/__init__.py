@@ -47,7 +47,7 @@ class Comparison:
         table = pd.DataFrame(self.detectors)
         return table[[k for k in keys if k in table]].to_html(index=False, float_format="%.3g", na_rep="–")
 
-    def to_dict(self):
+    def to_dict(self) -> dict:
         """Return the JSON of `cosim compare`."""
         about = {
             "report": str(self.report) if self.report else None,
@@ -82,26 +82,32 @@ def compare(
     return Comparison(rows, each, frame["run"].nunique(), failed, source, damaged)
 
 
-def read(sources, *, workers=None, progress=None, guests=()):
+def read(
+    sources: Iterable[str | Path],
+    *,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    guests: Iterable = (),
+) -> tuple:
     """Return (rows per lane, timing or None, {run: TOML}, name) of what is to be compared."""
-    sources = [Path(s) for s in sources]
-    if not sources:
+    paths = [Path(s) for s in sources]
+    if not paths:
         from cosim.campaign import run_many
         from cosim.compare.matrix import matrix
 
         scenarios = [with_detectors(s, guests) for s in matrix()]
         result = run_many(scenarios, workers=workers, progress=progress)
         return *compare_rows.of_result(result, scenarios), "built-in matrix"
-    folders, own = [s for s in sources if s.is_dir()], [load(g) for g in guests]
-    if len(folders) == 1 == len(sources):
+    folders, own = [s for s in paths if s.is_dir()], [load(g) for g in guests]
+    if len(folders) == 1 == len(paths):
         logs = sorted(folders[0].glob("*.mcap"))
         if (folders[0] / "scenarios.parquet").is_file() or not logs:
             if own:
                 raise CompareError("holds rows, no flights to run a detector on", place=str(folders[0]),
                                    remedy="Fly the campaign with --detector")  # fmt: skip
             return *compare_rows.of_campaign(folders[0]), str(folders[0])
-        sources = logs
+        paths = logs
     elif folders:
         raise CompareError("is a folder beside other sources", place=str(folders[0]), remedy="Give logs, or one folder")
-    frame, tomls = compare_rows.of_logs(sources, progress, own)
-    return frame, None, tomls, f"{len(sources)} log{'s' * (len(sources) != 1)}"
+    frame, tomls = compare_rows.of_logs(paths, progress, own)
+    return frame, None, tomls, f"{len(paths)} log{'s' * (len(paths) != 1)}"

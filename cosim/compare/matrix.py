@@ -8,7 +8,7 @@ of an evaluation.
 from cosim.campaign import EVALUATION_SEED
 from cosim.campaign.inventory import builtin_names
 from cosim.flight.plant.point import SIX
-from cosim.scenario import load_scenario
+from cosim.scenario import Scenario, load_scenario
 
 POINT = {f"flight.{k}": v for k, v in SIX["E"].items()}
 SHIFT_S = 12.0  # of faults and manoeuvres of the built-in scenarios, most of which break at 10 or 12 s
@@ -39,13 +39,13 @@ MANOEUVRES = (
 AIR = ("none", "light")
 
 
-def matrix():
+def matrix() -> list[Scenario]:
     """Return the scenarios of the built-in comparison."""
     out = [*fault_free(), *oscillations(), *builtin()]
     return [_set(s, {"seed": EVALUATION_SEED + i}) for i, s in enumerate(out)]
 
 
-def fault_free(repeats=2):
+def fault_free(repeats: int = 2) -> list[Scenario]:
     """Return flights without a fault: manoeuvres x air, and the same with every manoeuvre of the built-in faults.
 
     The second kind says what a manoeuvre alone does to a detector, so that its alarm is not taken for the fault's.
@@ -57,7 +57,7 @@ def fault_free(repeats=2):
     return [s.model_copy(update={"title": f"No fault: {s.manoeuvre.kind.replace('_', ' ')}"}) for s in plain + own]
 
 
-def oscillations():
+def oscillations() -> list[Scenario]:
     """Return liquid oscillations at the valve: frequency x amplitude on one segment, larger ones on a side."""
     base = load_scenario("liquid-ofc", _overrides(POINT | {"duration_s": OFC_END_S, "faults.0.start_s": OFC_START_S}))
     out = []
@@ -69,7 +69,7 @@ def oscillations():
     return out
 
 
-def builtin():
+def builtin() -> list[Scenario]:
     """Return every built-in scenario with a single fault, at the matrix's flight point and SHIFT_S later."""
     out = []
     for name in builtin_names():

@@ -21,18 +21,20 @@ estimate_rmse, estimate_unit
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from cosim.campaign import CampaignResult
 from cosim.campaign.worker import run_id
 from cosim.judge import coverage
 from cosim.judge import row as judged
 from cosim.judge.achieved import NAMES as ACHIEVED
 from cosim.judge.naming import outcome
 from cosim.replay.guest import tell
+from cosim.scenario import Scenario
 from cosim.scenario.catalog import DEFAULT_TECHNOLOGY, SEGMENTS
 from cosim.texts import from_json, toml
 
@@ -78,7 +80,7 @@ def tidy(frame: pd.DataFrame, tomls: Mapping[str, str]) -> pd.DataFrame:
     return echoes(pd.DataFrame(out).astype({"concerned": bool, "detected": bool, "idle": bool}))
 
 
-def echoes(rows):
+def echoes(rows: pd.DataFrame) -> pd.DataFrame:
     """Return rows in which an alarm that the same manoeuvre raises without a fault is no detection, but an "echo".
 
     That holds for a detector that alarmed in more than half of the fault-free flights with the same manoeuvre.
@@ -197,7 +199,9 @@ def _largest(lanes, name):
     return max(found) if found else np.nan
 
 
-def of_logs(paths, progress=None, guests=()):
+def of_logs(
+    paths: Sequence[str | Path], progress: Callable[[int, int], None] | None = None, guests: Iterable = ()
+) -> tuple[pd.DataFrame, dict[str, str]]:
     """Return (rows per lane with the columns of a campaign, {run: TOML}) of logs written by `cosim run`.
 
     The judgement is made again from what the detectors put out; achieved amplitudes need the flight and its twin flown
@@ -227,7 +231,7 @@ def of_logs(paths, progress=None, guests=()):
     return pd.DataFrame(rows), tomls
 
 
-def of_campaign(folder):
+def of_campaign(folder: str | Path) -> tuple:
     """Return (rows per lane, timing, {run: TOML}) of a campaign's folder. Raises CampaignError."""
     from cosim.campaign.store import load, scenario_texts
 
@@ -238,6 +242,6 @@ def of_campaign(folder):
     return frame, timing, scenario_texts(folder)
 
 
-def of_result(result, scenarios):
+def of_result(result: CampaignResult, scenarios: Iterable[Scenario]) -> tuple:
     """Return (rows per lane, timing, {run: TOML}) of a CampaignResult of `scenarios`."""
     return result.frame, result.timing, {run_id(s): s.expanded_toml() for s in scenarios}

@@ -124,7 +124,7 @@ def families(rows: pd.DataFrame) -> list[dict]:
     return [{"id": name, "family": f, **score(pairs[f, name])} for f, name in order]
 
 
-def equal_thresholds(rows, alpha=ALPHA):
+def equal_thresholds(rows: pd.DataFrame, alpha: float = ALPHA) -> dict[str, tuple]:
     """Return {detector: (multiplier c of its threshold, crossings k, flights n, upper bound)} at one probability.
 
     c is the smallest at which at most floor(alpha n) of the n fault-free flights reach |r| >= c; None where it
@@ -140,7 +140,7 @@ def equal_thresholds(rows, alpha=ALPHA):
     return out
 
 
-def maxima(rows):
+def maxima(rows: pd.DataFrame) -> dict[str, tuple]:
     """Return {detector: (largest |r| of fault-free flights, of designed-for faults from the onset on)}, run by run."""
     out = {}
     for name, own in rows.groupby("id", sort=False):
@@ -149,7 +149,7 @@ def maxima(rows):
     return out
 
 
-def coverage_matrix(rows):
+def coverage_matrix(rows: pd.DataFrame) -> dict[str, dict]:
     """Return {case: {detector: {word, runs, detected, outcomes, idle}}} of the faulty flights."""
     out: dict = {}
     for (case, name), own in rows[rows["case"].notna()].groupby(["case", "id"], sort=False):
@@ -165,7 +165,7 @@ def coverage_matrix(rows):
     return out
 
 
-def confusion(rows, detector):
+def confusion(rows: pd.DataFrame, detector: str) -> pd.DataFrame:
     """Return a frame: rows are kinds of fault that a lane of `detector` met, and "no fault"; columns what it said."""
     own = rows[(rows["id"] == detector) & (rows["concerned"] | rows["case"].isna())]
     truth = own["case"].fillna("no fault")
@@ -174,7 +174,7 @@ def confusion(rows, detector):
     return pd.crosstab(truth, said)
 
 
-def groups(rows):
+def groups(rows: pd.DataFrame) -> dict[str, list[str]]:
     """Return {group: [detectors]}: what detectors draw on, known groups first."""
     level = dict(zip(rows["id"], rows["level"]))
     out: dict = {}
@@ -183,7 +183,7 @@ def groups(rows):
     return dict(sorted(out.items(), key=lambda item: (*GROUPS, item[0]).index(item[0])))
 
 
-def by_group(rows, stats):
+def by_group(rows: pd.DataFrame, stats: list[dict]) -> pd.DataFrame:
     """Return one row per faulty flight and group: whether a credible detector saw the fault.
 
     An alarm of a detector that is blind to the case by structure was caused by something else and does not count.

@@ -7,8 +7,10 @@ an actuator's sensor; aileron, rudder, stabiliser, engine; sensor.<name> for an 
 """
 
 import fnmatch
+from collections.abc import Mapping
 from dataclasses import dataclass
 
+from cosim.scenario import Scenario
 from cosim.scenario.catalog import ACTUATOR_SENSORS
 from fdi import registry
 from fdi.common.verdict import NAMES
@@ -35,7 +37,7 @@ class Expected:
     classes: tuple = ()
 
 
-def expected(detector, case):
+def expected(detector: str, case: str) -> Expected:
     """Return the Expected of `detector` for `case`; what its record does not say, or a detector without one, is not
     declared, and the fault's own class would be right."""
     record = registry.find(detector)
@@ -48,7 +50,7 @@ def expected(detector, case):
     return Expected(UNDECLARED, (true_class(case),))
 
 
-def true_class(case):
+def true_class(case: str) -> str:
     """Return the verdict class that names a case: its kind where that is a class, "sensor" for a sensor's fault."""
     group, _, rest = case.partition(".")
     kind = (rest or group).partition("@")[0]
@@ -58,17 +60,17 @@ def true_class(case):
     return kind if kind in NAMES else others.get(kind, "effectiveness" if rest else "ambiguous")
 
 
-def group(detector, level):
+def group(detector: str, level: str) -> str:
     """Return what a detector draws on, in words; its level where its record does not say."""
     return getattr(registry.find(detector), "group", "") or f"{level} level"
 
 
-def remark(detector):
+def remark(detector: str) -> str:
     """Return what has to be said whenever results of a detector are shown, or an empty text."""
     return getattr(registry.find(detector), "remark", "")
 
 
-def case_of(kind, target, technology, at="", limit=False):
+def case_of(kind: str, target: str, technology: Mapping[str, str], at: str = "", limit: bool = False) -> str:
     """Return the case of a fault: `target` as a scenario writes it, `technology` {segment: name}.
 
     `at` is the place of entry, `limit` whether a runaway goes to a limit (the command then runs, not the valve). A
@@ -87,7 +89,7 @@ def case_of(kind, target, technology, at="", limit=False):
     return f"{tech}.{kind}{tail}"
 
 
-def cases(scenario):
+def cases(scenario: Scenario) -> list[str]:
     """Return the case of each fault of a scenario, in its order."""
     technology = scenario.elevator.technology
     return [
@@ -95,7 +97,7 @@ def cases(scenario):
     ]
 
 
-def label(case):
+def label(case: str) -> str:
     """Return a case in words: "hydraulic: OFC liquid", "sensor alpha"."""
     group, _, rest = case.partition(".")
     if not rest:

@@ -1,8 +1,9 @@
 """The page of a comparison: summary, levels, coverage, maps, delays, false alarms, confusion, sweeps, cost, flights."""
 
 from pathlib import Path
+from typing import Any
 
-from cosim.compare import stats
+from cosim.compare import Comparison, stats
 from cosim.compare.metrics import proportion
 from cosim.files import replace
 from cosim.judge import coverage
@@ -13,12 +14,12 @@ from cosim.report.maps import MANY, maps
 from cosim.report.page import page, write
 
 
-def comparison_report(found, output):
+def comparison_report(found: Comparison, output: str | Path) -> Path:
     """Write the report of a cosim.compare.Comparison to the file `output`; returns its Path. Raises OutputError."""
     return write(output, render(found))
 
 
-def write_comparison(found, out):
+def write_comparison(found: Comparison, out: str | Path) -> None:
     """Write a cosim.compare.Comparison into folder `out`: compare.parquet, compare.csv and compare.html.
 
     Notes the paths in `found`. Raises OutputError.
@@ -29,12 +30,12 @@ def write_comparison(found, out):
     found.table, found.report = out / "compare.parquet", comparison_report(found, out / "compare.html")
 
 
-def render(found):
+def render(found: Comparison) -> str:
     """Return the page as HTML text."""
     rows, each = found.rows, found.detectors
     grouped, equal = stats.by_group(rows, each), stats.equal_thresholds(rows)
     sized = stats.sizes(grouped)
-    made = {
+    made: dict[str, Any] = {
         "maps": maps(rows),
         "equal": maps(rows, equal) if equal else None,
         "delays": compared.delays(rows),

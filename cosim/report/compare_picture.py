@@ -1,6 +1,7 @@
 """A small still picture of who sees an oscillation, as SVG: what a README can show."""
 
 import numpy as np
+import pandas as pd
 from markupsafe import escape
 
 from cosim.compare.stats import ALPHA
@@ -13,7 +14,7 @@ MUTED = "#59636e"
 LEAST = -3  # octaves of a mm: what achieves less, a signal in place of a drive that hardly moves, is in that row
 
 
-def render(rows, thresholds):
+def render(rows: pd.DataFrame, thresholds: dict) -> str:
     """Return the SVG text: share of oscillations seen over achieved amplitude and frequency, a panel per detector.
 
     `rows` as of cosim/compare/rows.py; `thresholds` of compare_stats.equal_thresholds set all detectors to the same

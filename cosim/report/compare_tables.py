@@ -1,5 +1,7 @@
 """Tables of a comparison: levels, detectors, coverage, confusion, flights."""
 
+import pandas as pd
+
 from cosim.compare import stats
 from cosim.judge import coverage
 from cosim.replay.recording import finite
@@ -27,7 +29,7 @@ CLASS = {
 }
 
 
-def levels(grouped):
+def levels(grouped: pd.DataFrame) -> dict | None:
     """Return {names, rows} of case x group: flights in which the group saw the fault, and how soon; None without."""
     if grouped.empty:
         return None
@@ -51,7 +53,7 @@ def _order(case):
     return heads.index(head) if head in heads else len(heads), case
 
 
-def detectors(each):
+def detectors(each: list[dict]) -> Table:
     """Return the Table of all detectors, over what each was designed for."""
     rows = [Row((bold(d["id"]), coverage.group(d["id"], d["level"]), *_scored(d)), {"data-detector": d["id"]})
             for d in each]  # fmt: skip
@@ -65,7 +67,7 @@ def detectors(each):
     return Table(("detector", "draws on", *SCORED), rows, note, "wide")
 
 
-def quiet(each):
+def quiet(each: list[dict]) -> Table:
     """Return the Table of what each detector does without a fault, and what it costs."""
     columns = ("detector", "valid>", "fault-free flights with an alarm>", "false alarms>", "hours>", "per hour>",
                "95 % bounds>", "standing alarm>", "µs>")  # fmt: skip
@@ -118,7 +120,7 @@ def _scored(d):
     )
 
 
-def families(found):
+def families(found: list[dict]) -> Table:
     """Return the Table of detectors by kind of fault, from stats.families; a line for each pair."""
     out, last = [], None
     for d in found:
@@ -129,7 +131,7 @@ def families(found):
     return Table(("kind of fault", "detector", *SCORED), out, note, "wide")
 
 
-def sizes(found):
+def sizes(found: list[dict]) -> Table:
     """Return the Table of a90/95 by kind of oscillation, from stats.sizes: groups by line, frequencies by column."""
     hz = sorted({d["frequency_hz"] for d in found})
     cells = {(d["family"], d["group"], d["frequency_hz"]): d for d in found}
@@ -152,7 +154,7 @@ def _size(d):
     return "–" if d is None else size(d)
 
 
-def size(d):
+def size(d: dict) -> str:
     """Return an entry of stats.sizes in words."""
     idle = f"; {d['idle']} not valid" if d["idle"] else ""
     if d["bound_mm"] is not None:
@@ -184,7 +186,7 @@ KEY = (
 )
 
 
-def matrix(rows):
+def matrix(rows: pd.DataFrame) -> dict | None:
     """Return {names, key, groups} of the coverage matrix: what was expected, what happened; None without a fault."""
     found = stats.coverage_matrix(rows)
     names = [n for group in stats.groups(rows).values() for n in group]
@@ -224,7 +226,7 @@ def _cell(name, cell):
     return look + border, f"{name}: {more}", told
 
 
-def confusions(rows):
+def confusions(rows: pd.DataFrame) -> list[dict]:
     """Return [{name, columns, rows, rest}]: one confusion matrix per detector."""
     out = []
     for name in dict.fromkeys(rows["id"]):
@@ -266,7 +268,7 @@ def _shade(count, said, case, name):
     return "c-seen" if said in right else "c-quiet" if said == "ambiguous" else "c-part"
 
 
-def flights(rows):
+def flights(rows: pd.DataFrame) -> Table:
     """Return the Table of all flights."""
     runs: dict = {}
     for r in rows.to_dict("records"):

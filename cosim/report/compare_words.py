@@ -1,6 +1,7 @@
 """The plain-language summary of a comparison: which level sees what, how soon, how surely, and where it goes blind."""
 
 import numpy as np
+import pandas as pd
 from markupsafe import Markup
 
 from cosim.compare import stats
@@ -10,7 +11,7 @@ from cosim.report.page import bold, code, mark
 from cosim.report.words import article
 
 
-def summary(rows, each, grouped, sized):
+def summary(rows: pd.DataFrame, each: list[dict], grouped: pd.DataFrame, sized: list[dict]) -> list[tuple[str, list]]:
     """Return the summary: [(heading, [items])]."""
     parts = []
     if len(grouped):

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pandas as pd
 
 from cosim.compare import metrics, stats
 from cosim.judge.coverage import DESIGNED
@@ -34,7 +35,7 @@ def _log(low, high):
     }
 
 
-def delays(rows):
+def delays(rows: pd.DataFrame) -> Figure:
     """Return the share of designed-for faults that each detector had noticed so long after the onset."""
     own = rows[(rows["word"] == DESIGNED) & rows["concerned"] & ~rows["idle"]]
     figure = Figure(
@@ -84,7 +85,7 @@ def delays(rows):
     return figure
 
 
-def false_alarms(found):
+def false_alarms(found: list[dict]) -> Figure:
     """Return false alarms per fault-free flight and per hour of all flights, with exact bounds."""
     names = [d["id"] for d in found]
     figure = Figure(
@@ -157,7 +158,7 @@ def false_alarms(found):
     return figure
 
 
-def sweeps(rows):
+def sweeps(rows: pd.DataFrame) -> Figure:
     """Return, per detector, the shares of faulty and fault-free flights whose largest |r| reaches each threshold."""
     found, c = stats.maxima(rows), np.geomspace(0.03, 100.0, 61)
     names, columns = list(found), min(4, len(found))
@@ -208,7 +209,7 @@ def sweeps(rows):
     return figure
 
 
-def roc(rows):
+def roc(rows: pd.DataFrame) -> Figure:
     """Return the operating curves of all detectors: faults seen against false alarms, by run-level maxima."""
     figure = Figure(
         "roc",
@@ -259,7 +260,7 @@ def roc(rows):
     return figure
 
 
-def cost(found):
+def cost(found: list[dict]) -> Figure | None:
     """Return microseconds per step and lane of each detector, or None when nobody measured them."""
     timed = [d for d in found if d["step_us"] is not None and not math.isnan(d["step_us"])]
     if not timed:

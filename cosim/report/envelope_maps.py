@@ -44,12 +44,12 @@ QUANTITIES = (
 BY_COLUMN = {q.column: q for q in QUANTITIES}
 
 
-def scale():
+def scale() -> list:
     """Return STOPS as a plotly colour scale."""
     return [[i / (len(STOPS) - 1), c] for i, c in enumerate(STOPS)]
 
 
-def colour(share, steps=32):
+def colour(share: float, steps: int = 32) -> str:
     """Return the colour at `share` 0..1 of STOPS, in `steps` steps."""
     at = min(max(round(share * steps) / steps, 0.0), 1.0) * (len(STOPS) - 1)
     i = min(int(at), len(STOPS) - 2)

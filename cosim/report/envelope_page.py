@@ -1,5 +1,9 @@
 """The page of the envelope: where the aircraft trims, at which values, why not elsewhere, where its actuators stall."""
 
+from pathlib import Path
+
+import pandas as pd
+
 from cosim.campaign.envelope import REASONS
 from cosim.report.envelope_maps import QUANTITIES, REASON, scale
 from cosim.report.figure import Figure, axis, base, grid, place
@@ -9,7 +13,7 @@ COLUMNS_PX = 175  # of a row of panels
 NAMES = {"hydraulic": "hydraulic", "ema": "electromechanical"}
 
 
-def envelope_report(trims, found, output):
+def envelope_report(trims: pd.DataFrame, found: dict, output: str | Path) -> Path:
     """Write the page of a trim map and its `envelope.summary` to the file `output`; returns its Path.
 
     Raises OutputError.
@@ -17,7 +21,7 @@ def envelope_report(trims, found, output):
     return write(output, render(trims, found))
 
 
-def render(trims, found):
+def render(trims: pd.DataFrame, found: dict) -> str:
     """Return the page as HTML text."""
     good = trims[trims["reason"] == ""]
     shown = [q for q in QUANTITIES if len(good) and good[q.column].nunique() > 1]  # no map of one value

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pandas as pd
 from markupsafe import escape
 
 from cosim.files import replace_text
@@ -18,13 +19,13 @@ ROWS = (  # column, panels: how (mass, CG) of each follow from the table's value
 )
 
 
-def envelope_picture(trims, output):
+def envelope_picture(trims: pd.DataFrame, output: str | Path) -> Path:
     """Write the picture of a trim map to `output`; returns its Path. Raises OutputError."""
     replace_text(output, render(trims))
     return Path(output)
 
 
-def render(trims):
+def render(trims: pd.DataFrame) -> str:
     """Return the SVG text: a row per quantity, masses (or centres of gravity) from left to right."""
     masses, cgs = (sorted(trims[name].unique()) for name in ("mass_t", "cg_pct"))
     some = [masses[0], masses[len(masses) // 2], masses[-1]]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from cosim.flight import wiring
-from cosim.replay.recording import words
+from cosim.replay.recording import Flown, words
 from cosim.report.figure import (
     COLOURS,
     DASHES,
@@ -25,7 +25,7 @@ DEG, FT, KT = 180.0 / math.pi, 1.0 / 0.3048, 3600.0 / 1852.0
 EARTH = 6_371_000.0  # mean radius [m]: the track is drawn on a local plane
 
 
-def panels(flown, figure, titles, units, columns, legend=True):
+def panels(flown: Flown, figure: Figure, titles: list[str], units: list[str], columns: int, legend=True) -> Figure:
     """Lay out time panels over the whole flight with its faults shaded; returns the figure."""
     figure.layout = base(figure.height, legend)
     grid(figure.layout, titles, units, columns, span=(flown.t0, flown.end))
@@ -33,7 +33,7 @@ def panels(flown, figure, titles, units, columns, legend=True):
     return figure
 
 
-def motion(flown):
+def motion(flown: Flown) -> Figure:
     """Return altitude, airspeed, load factor, angle of attack, attitude and rates."""
     get = lambda name, factor=1.0: factor * flown.values("/truth/aircraft", name)  # noqa: E731
     shown = [
@@ -96,7 +96,7 @@ def _inline_legend(figure, panel):
         )
 
 
-def track(flown):
+def track(flown: Flown) -> Figure:
     """Return the path over ground and in height; the part flown with a fault is drawn in its colour."""
     lat, lon = (flown.values("/truth/aircraft", n) for n in ("lat", "lon"))
     north, east = EARTH * (lat - lat[0]) / 1e3, EARTH * np.cos(lat[0]) * (lon - lon[0]) / 1e3
@@ -143,7 +143,7 @@ def track(flown):
     return figure
 
 
-def surfaces(flown):
+def surfaces(flown: Flown) -> tuple[Figure, Figure]:
     """Return commands against measured and true surfaces: the four elevator segments, and the others."""
     command = flown.values("/law", "de_cmd")
     titles = [f"{words(seg)}, {tech}" for seg, tech in flown.scenario.elevator.technology.items()]
@@ -192,7 +192,7 @@ def _surface(flown, figure, panel, curves, legend):
     least(figure.layout, panel, [DEG * y for _, y in curves], 0.5)
 
 
-def injected(flown):
+def injected(flown: Flown) -> Figure | None:
     """Return the injected signal of each fault lane, or None without a fault."""
     lanes = flown.injected
     if not lanes:

@@ -1,5 +1,7 @@
 """The page of one flight: summary, time line, table, figures, provenance."""
 
+from pathlib import Path
+
 from cosim.judge import coverage
 from cosim.replay.recording import Flown, finite, words
 from cosim.report import flight
@@ -10,13 +12,13 @@ from cosim.report.words import JUDGED, MARKS, came_of_it, case_of, entries, poin
 from fdi import registry
 
 
-def flight_report(log, output):
+def flight_report(log: str | Path, output: str | Path) -> Path:
     """Write the report of the log at `log` to the file `output`; returns its Path. Raises LogError, OutputError."""
     flown = Flown(log)
     return write(output, render(flown))
 
 
-def render(flown):
+def render(flown: Flown) -> str:
     """Return the page of a Flown as HTML text."""
     line, alarms, faults = timeline(flown)
     elevators, others = flight.surfaces(flown)
@@ -53,7 +55,7 @@ def render(flown):
     )
 
 
-def metrics(flown):
+def metrics(flown: Flown) -> Table:
     """Return the table of all lanes, with several faults a row for each that a lane could notice."""
     several = len(flown.faults) > 1
     columns = (
@@ -118,12 +120,12 @@ def _judged(e, how):
     return mark(f"{excited}{JUDGED[how]}{why}", MARKS.get(how, ""))
 
 
-def number(x, digits=3):
+def number(x: float | None, digits: int = 3) -> str:
     """Return a few digits, or a dash."""
     return f"{x:.{digits}g}" if finite(x) else "–"
 
 
-def estimate(e):
+def estimate(e: dict) -> tuple[str, ...]:
     """Return RMSE and bias of an estimate with its unit."""
     if e["estimate_rmse"] is None:
         return "–", "–"

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pandas as pd
 
 from cosim.report.figure import Figure, axis, base, grid, note, place
 
@@ -10,7 +11,7 @@ MANY = 150  # oscillations per detector from which on a map shows shares of cell
 CELLS = 6
 
 
-def maps(rows, thresholds=None):
+def maps(rows: pd.DataFrame, thresholds: dict | None = None) -> Figure | None:
     """Return the maps of seen oscillations over achieved amplitude and frequency, one panel per detector.
 
     As shipped, or with `thresholds` {detector: (multiplier, ...)} for the same false-alarm probability.
@@ -27,7 +28,7 @@ def maps(rows, thresholds=None):
     low, high = ofc["amplitude_mm"].min() / 1.5, ofc["amplitude_mm"].max() * 1.5
     for i, name in enumerate(names, 1):
         own = ofc[ofc["id"] == name]
-        seen = own["detected"] if not equal else _crossed(own, thresholds.get(name))
+        seen = own["detected"] if not equal else _crossed(own, (thresholds or {}).get(name))
         figure.layout[axis("xaxis", i)] |= {"type": "log", **_ticks(sorted(own["frequency_hz"].unique()))}
         figure.layout[axis("yaxis", i)] |= {
             "type": "log",

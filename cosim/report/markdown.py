@@ -6,12 +6,12 @@ from cosim.errors import OutputError
 from cosim.files import replace_text
 
 
-def markers(name):
+def markers(name: str) -> tuple[str, str]:
     """Return the two marker comments of part `name`."""
     return f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
 
 
-def part(text, name):
+def part(text: str, name: str) -> str | None:
     """Return what stands between the markers of `name` in `text`; None where they are not there once each."""
     begin, end = markers(name)
     if text.count(begin) != 1 or text.count(end) != 1:
@@ -19,7 +19,7 @@ def part(text, name):
     return text.split(begin)[1].split(end)[0].strip("\n")
 
 
-def replace(path, name, made):
+def replace(path: str | Path, name: str, made: str) -> None:
     """Replace what stands between the markers of `name` in the file at `path`. Raises OutputError."""
     path = Path(path)
     begin, end = markers(name)

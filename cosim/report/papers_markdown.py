@@ -1,13 +1,15 @@
 """The table of results in cosim/papers/README.md, between its markers: `cosim reproduce all --readme FILE`."""
 
-from cosim.papers.row import VERDICTS, counts
+from pathlib import Path
+
+from cosim.papers.row import VERDICTS, Row, counts
 from cosim.report import markdown as readme
 
 NAME = "reproduce"  # of the markers
 WORDS = {"agrees": "agrees", "differs_explained": "explained", "differs": "**differs**", "ours": "ours"}
 
 
-def markdown(rows):
+def markdown(rows: list[Row]) -> str:
     """Return the counts per paper, then every row folded, as Markdown."""
     papers = list(dict.fromkeys(r.paper for r in rows))
     lines = ["| paper | rows | agree | differ, explained | differ | ours, no claim |", "|---|---|---|---|---|---|"]
@@ -25,7 +27,7 @@ def markdown(rows):
     return "\n".join(lines)
 
 
-def identifiers(text):
+def identifiers(text: str) -> tuple[dict, dict]:
     """Return {paper: [row]} of the table between the markers in `text`; and {paper: (rows, four counts)} as second."""
     found: dict = {}
     totals = {}
@@ -43,7 +45,7 @@ def identifiers(text):
     return found, totals
 
 
-def write(path, rows):
+def write(path: str | Path, rows: list[Row]) -> None:
     """Write the table of rows into the README at `path`, between its markers. Raises OutputError."""
     readme.replace(path, NAME, markdown(rows))
 

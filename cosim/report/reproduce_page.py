@@ -1,7 +1,9 @@
 """The page of the papers' experiments: counts, our figures beside theirs, and every row."""
 
 import math
+from pathlib import Path
 
+from cosim.papers.row import Row as PaperRow
 from cosim.report.figure import Figure, axis, bands, base, curve, envelope, grid, least, level
 from cosim.report.page import Row, Table, mark, page, write
 
@@ -18,12 +20,12 @@ NARROW = {1: 320, 2: 560, 3: 780}  # least width of a figure [px] by its columns
 MARKS = {"agrees": "good", "differs_explained": "", "differs": "bad", "ours": "muted"}
 
 
-def reproduction_report(rows, drawings, output):
+def reproduction_report(rows: list[PaperRow], drawings: list, output: str | Path) -> Path:
     """Write the page to the file `output`; returns its Path. Raises OutputError."""
     return write(output, render(rows, drawings))
 
 
-def render(rows, drawings):
+def render(rows: list[PaperRow], drawings: list) -> str:
     """Return the page as HTML text, from the Rows and Drawings of `cosim.papers`."""
     names = list(dict.fromkeys(r.paper for r in rows))
     papers, figures, number = [], [], 0
@@ -64,7 +66,7 @@ def _papers(papers):
     return " and ".join([", ".join(keys[:-1]), keys[-1]]) if len(keys) > 1 else keys[0]
 
 
-def paper_key(paper):
+def paper_key(paper: str) -> str:
     """Return the key as the code cites it: Lu17."""
     return paper[0].upper() + paper[1:]
 

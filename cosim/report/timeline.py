@@ -4,12 +4,12 @@ import numpy as np
 
 from cosim.judge.alarms import faulty
 from cosim.judge.result import concerns
-from cosim.replay.recording import spans, words
+from cosim.replay.recording import Flown, spans, words
 from cosim.report.figure import Figure, bands, base, place, style_axis
 from fdi.common.verdict import class_name
 
 
-def timeline(flown):
+def timeline(flown: Flown) -> tuple[Figure, list[dict], list[dict]]:
     """Return all alarms on one time line: a row per lane, thick where it alarms, pale where it cannot judge."""
     figure = Figure(
         "timeline",

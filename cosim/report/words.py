@@ -1,26 +1,29 @@
 """The plain-language summary of a flight: what was broken, who noticed, when, what they said, who stayed blind."""
 
 import math
+from collections.abc import Iterable
 
 from markupsafe import Markup
 
 from cosim.judge import coverage
 from cosim.judge.naming import outcome
-from cosim.replay.recording import words
+from cosim.replay.recording import Flown, Lane, words
 from cosim.report.page import bold, mark
+from cosim.scenario import Scenario
 from cosim.scenario.catalog import SHORT
+from cosim.scenario.fault import Fault
 
 DEG = 180.0 / math.pi
 LEVELS = {"aircraft": "aircraft level", "local": "local"}
 
 
-def article(items, last="and"):
+def article(items: Iterable, last: str = "and") -> str:
     """Return "a, b and c"."""
     items = list(items)
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {last} {items[-1]}" if items else ""
 
 
-def point(s):
+def point(s: Scenario) -> str:
     """Return the flight point and the manoeuvre in words."""
     f = s.flight
     speed = f"{f.cas_kt:g} kt CAS" if f.cas_kt else f"{f.tas_kt:g} kt TAS" if f.tas_kt else f"Mach {f.mach:g}"
@@ -28,7 +31,7 @@ def point(s):
     return f"{f.mass_t:g} t, CG {f.cg_pct:g} %, {f.altitude_ft:,.0f} ft, {speed}, {air}, {words(s.manoeuvre.kind)}"
 
 
-def fault(f):
+def fault(f: Fault) -> Markup:
     """Return one fault in words."""
     own = ", ".join(f"{k} {v:g}" for k, v in (f.model_extra or {}).items() if not (k == "phase_deg" and v == 0.0))
     until = "" if f.end_s is None else f" to {f.end_s:g} s"
@@ -36,7 +39,7 @@ def fault(f):
     return bold(words(f.kind)) + f" on {words(f.target)}{where} from {f.start_s:g} s{until}{f' ({own})' if own else ''}"
 
 
-def delay(entry):
+def delay(entry: dict) -> str:
     """Return when a lane noticed, in words."""
     said = f"after {entry['detection_delay_s']:.2f} s"
     periods, right = entry["detection_delay_periods"], entry["time_to_right_s"]
@@ -44,7 +47,7 @@ def delay(entry):
     return said + (f", with the right name after {right:.2f} s" if right is not None else "")
 
 
-def verdict(entry):
+def verdict(entry: dict) -> str:
     """Return the verdict of a lane in words."""
     found = entry["isolated"]
     if not found:
@@ -53,17 +56,17 @@ def verdict(entry):
     return f"{found['class']}{' ' + words(more) if more else ''}"
 
 
-def entries(lane):
+def entries(lane: Lane) -> list[dict]:
     """Return the entries of a lane, one for each fault that it could notice, or its own."""
     return [{**lane.entry, **part} for part in lane.entry["by_fault"]] or [lane.entry]
 
 
-def case_of(flown, entry):
+def case_of(flown: Flown, entry: dict) -> str | None:
     """Return the case of the fault of an entry, or None."""
     return None if entry["fault"] is None else flown.cases[entry["fault"]]
 
 
-def came_of_it(flown, lane, entry):
+def came_of_it(flown: Flown, lane: Lane, entry: dict) -> str | None:
     """Return the outcome of an entry of a lane (cosim/judge/naming.py), or None when no fault concerns it."""
     case = case_of(flown, entry)
     if case is None:
@@ -86,7 +89,7 @@ JUDGED = {
 }
 
 
-def summary(flown):
+def summary(flown: Flown) -> list[tuple[str, list]]:
     """Return the summary: [(heading, [items])]."""
     s, status = flown.scenario, (flown.log.result or {}).get("status", "incomplete: the log ends early")
     rows = [("Flown", [f"{flown.end - flown.t0 + flown.dt:.1f} s: {point(s)}; {status}"])]
@@ -135,7 +138,7 @@ def _quiet(flown, met):
     groups: dict = {}
     for lane, entry, how in met:
         if how in ("missed", "quiet"):
-            word = coverage.expected(lane.id, case_of(flown, entry)).word
+            word = coverage.expected(lane.id, case_of(flown, entry) or "").word
             groups.setdefault(word, []).append(lane.name + _of(flown, entry))
         if how == "idle":
             why = f" ({entry['why_not_valid']})" if entry["why_not_valid"] else ""
