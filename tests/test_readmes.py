@@ -84,16 +84,20 @@ def test_the_first_commands_of_the_readme_run_as_they_stand(tmp_path, monkeypatc
         assert result.exit_code == 0, f"{line}: {result.output}"
 
 
+def masked(text):
+    """Return `text` on one line with every number as #: what a better detector or another machine may change."""
+    return re.sub(r"\d[\d.,]*(?<![.,])", "#", " ".join(text.split()))
+
+
 def test_the_first_run_looks_as_the_readme_explains_it(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    screen = " ".join(CliRunner().invoke(cli.app, ["run"]).stdout.split())
+    screen = masked(CliRunner().invoke(cli.app, ["run"]).stdout)
     text = (ROOT / "README.md").read_text(encoding="utf-8").partition("line by line")[2].partition("Then:")[0]
     rows = re.findall(r"^\| `([^`]+)` \|", text, re.M)
     assert len(rows) >= 6
     for row in rows:
         for piece in row.split("…"):
-            words = re.sub(r", \d+ x real time", "", " ".join(piece.split())).strip(" ,")
-            assert words in screen, words
+            assert masked(piece).strip(" ,") in screen, piece
 
 
 def test_links_and_pictures_of_the_pages_are_there():

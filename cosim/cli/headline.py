@@ -82,7 +82,9 @@ def _said(name, case, entry):
     if not found or found["class"] == "ambiguous":
         return "did not name it"
     wrong = outcome(name, case, seen=True, is_right=entry.get("right"), verdict=found["class"]) == "misnamed"
-    return f"said {found['class']}" + ", which is wrong" * wrong
+    late = entry.get("time_to_right_s")
+    when = f" after {late:.2f} s" if late is not None and late > entry["detection_delay_s"] + 0.005 else ""
+    return f"said {found['class']}{when}" + ", which is wrong" * wrong
 
 
 def _word(entry):
