@@ -1,10 +1,19 @@
 """Flights that many tests look at, flown once per session and process."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 import cosim
+from fdi import registry
+
+
+@pytest.fixture(autouse=True)
+def no_guests() -> Iterator[None]:
+    """Forget the detectors that a test registers: they are the process's, and would fly in the next test."""
+    yield
+    registry.GUESTS.clear()
 
 
 @pytest.fixture(scope="session")

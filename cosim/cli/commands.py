@@ -163,7 +163,7 @@ def run(
     with named(scenario), tables.progress(err, f"flying {Path(scenario).stem}", waiting="preparing") as progress:
         result = simulate(flown, log=path, progress=progress, achieved=True, live=LIVE_PORT if live else None)
     found = result.to_dict() | {"overwritten": overwritten}
-    _notes(found["notes"])
+    _notes(found.get("notes", ()))
     if report:
         from cosim.report import flight_report
 

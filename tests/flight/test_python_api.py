@@ -7,11 +7,8 @@ from cosim.errors import ScenarioError
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory):
-    path = tmp_path_factory.mktemp("api") / "a.mcap"
-    result = cosim.simulate("cruise", log=path, timed=False)  # a name is as good as what load_scenario makes of it
-    assert result.status == "completed"
-    return cosim.open_log(path)
+def log(cruise_log):
+    return cosim.open_log(cruise_log)
 
 
 def test_one_override_may_be_a_text():
@@ -25,6 +22,7 @@ def test_what_is_no_scenario_is_refused_in_words():
         cosim.simulate(3)
     with pytest.raises(ScenarioError, match="no built-in scenario"):
         cosim.simulate("cruse")
+    assert cosim.simulate(cosim.load_scenario("cruise", "duration_s=0.1"), timed=False).status == "completed"
 
 
 def test_a_topic_is_no_field(log):
@@ -56,3 +54,26 @@ def test_frames_carry_units(log):
     assert frame.attrs["units"]["alpha"] == "rad" and frame.attrs["units"]["h"] == "m"
     names = ["/truth/aircraft.alpha", "/sensors/aircraft.n_z"]
     assert log.fields(names).attrs["units"] == dict(zip(names, ("rad", "g")))
+
+
+def test_results_logs_and_models_print_and_draw_themselves(log, liquid_log):
+    assert "topics, complete" in repr(log) and "<table>" in log._repr_html_()
+    figure = log.plot(["/truth/aircraft.alpha", "/law.de_cmd"])
+    assert [axis.title.text for axis in figure.select_yaxes()] == ["rad", "rad"] and len(figure.data) == 2
+    result = cosim.simulate(cosim.load_scenario("cruise", "duration_s=0.2"), timed=False)
+    assert repr(result).startswith("Result: completed after 0.2 s") and "completed" in result._repr_html_()
+    with pytest.raises(ValueError, match="not logged"):
+        result.plot()
+    result.log, result.detectors = str(liquid_log), [d for d in result.detectors if d["id"] == "iotsekf"]
+    assert {trace.name for trace in result.plot().data} == {f"/detectors/iotsekf/left_{n}.r" for n in ("inner", "outer")}
+
+
+def test_the_linear_model_is_of_a_scenario_a_name_or_a_point():
+    scenario = cosim.load_scenario("cruise")
+    A = cosim.linearize(scenario).A
+    assert (A == cosim.linearize("cruise").A).all() and A.shape == (10, 10)
+
+
+def test_help_shows_what_there_is():
+    for name in cosim.__all__:
+        assert getattr(cosim, name).__doc__
