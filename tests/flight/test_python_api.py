@@ -65,7 +65,8 @@ def test_results_logs_and_models_print_and_draw_themselves(log, liquid_log):
     with pytest.raises(ValueError, match="not logged"):
         result.plot()
     result.log, result.detectors = str(liquid_log), [d for d in result.detectors if d["id"] == "iotsekf"]
-    assert {trace.name for trace in result.plot().data} == {f"/detectors/iotsekf/left_{n}.r" for n in ("inner", "outer")}
+    drawn = {trace.name for trace in result.plot().data}
+    assert drawn == {f"/detectors/iotsekf/left_{n}.r" for n in ("inner", "outer")}
 
 
 def test_the_linear_model_is_of_a_scenario_a_name_or_a_point():
