@@ -10,7 +10,7 @@ ABOUT = "What the aircraft-level detectors can and cannot do, in numbers."
 def parts():
     """Return the Parts of the study."""
     from cosim.papers.studies import Part
-    from cosim.papers.studies.aircraft_level import bound, corners, lpv, smallest, thresholds, uncertain
+    from cosim.papers.studies.aircraft_level import bound, corners, envelope, lpv, smallest, thresholds, uncertain
 
     return [
         Part("lpv", "the affine LPV model on its second grid, beside what any affine model could do (20 s)", lpv.jobs,
@@ -21,6 +21,8 @@ def parts():
              uncertain.tables, 20),
         Part("corners", "all: the same faults at the design point and at corners of the envelope (5 min)",
              corners.jobs, corners.tables, 2),
+        Part("envelope", "lpv_smo, control_redundancy, kinematic: points and seeds that training never saw (8 min)",
+             envelope.jobs, envelope.tables, 16),
         Part("smallest", "control_redundancy: smallest lock and thrust loss found per effector (25 min)",
              smallest.jobs, smallest.tables, 10),
         Part("thresholds", "rfafe, rfafe_airframe: alarms in flights that training never saw (5 min)",
