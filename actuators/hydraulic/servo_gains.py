@@ -1,5 +1,7 @@
 """Gains of the hydraulic servo: error poles of the sampled actuator, steady Kalman gains of its observer."""
 
+import functools
+
 import numpy as np
 from scipy.linalg import expm, solve_discrete_are
 
@@ -35,6 +37,12 @@ def error_gains(model, *, pole, dt):
 
 def observer_gains(model, *, dt):
     """Return (K, K_rod), shapes (4, 2), (4,): steady Kalman gains of (q, q', x3, F), linear at rest and centre."""
+    return [gain.copy() for gain in _observer_gains(model.dtype, model.tobytes(), dt)]
+
+
+@functools.lru_cache(maxsize=64)
+def _observer_gains(kind, numbers, dt):
+    model = np.frombuffer(numbers, kind)[0]
     A3, _ = _linear(model)
     A = np.zeros((4, 4))
     A[:3, :3] = A3

@@ -1,5 +1,6 @@
 """Build a flight from its scenario: trim the aircraft, lay out the bus, put every block into equilibrium, wire them."""
 
+import dataclasses
 import math
 import time
 from dataclasses import dataclass, field
@@ -17,7 +18,7 @@ from cosim.flight.bus import Bus
 from cosim.flight.gains import SENSOR_DELAY
 from cosim.flight.guests.plain import GuestBlock, PlainDetector
 from cosim.flight.noise import Draw
-from cosim.flight.plant.linearize import linearize
+from cosim.flight.plant.linearize import LinearModel, linearize
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
 from cosim.flight.plant.trim import Trim
@@ -111,6 +112,21 @@ def _sensor_lanes(scenario, rng, dt):
     return tuple(names), np.concatenate(rows)
 
 
+_LINEAR: dict[str, LinearModel] = {}  # of the last flight points: a flight and its twin share one
+
+
+def _linear(point):
+    """Return the linear model of a bundled aircraft's flight point, made once."""
+    if not point.aircraft.isidentifier():
+        return linearize(point)
+    key = repr(dataclasses.replace(point, seed=0))  # still air is the same for every seed
+    if key not in _LINEAR:
+        if len(_LINEAR) >= 8:
+            _LINEAR.clear()
+        _LINEAR[key] = linearize(point)
+    return _LINEAR[key]
+
+
 def build(scenario):
     """Return the Setup of `scenario`. Raises TrimError when the flight point cannot be flown."""
     dt, point = scenario.dt, FlightPoint.of(scenario)
@@ -129,7 +145,7 @@ def build(scenario):
     built = actuation.blocks(scenario, loads, others, dt)
     pilot_p = manoeuvre.params(**steps(scenario.manoeuvre))
     sketch = Plant(point, dt=dt)  # moved about to take derivatives
-    law_p = law_design.design(linearize(point), law_design.alpha_limit(sketch, trim), aircraft)
+    law_p = law_design.design(_linear(point), law_design.alpha_limit(sketch, trim), aircraft)
     errors = [TECHNOLOGIES[tech].hinge_error for tech in scenario.elevator.technology.values()]
     factors = [1.0 + error * rng_errors.uniform(-1.0, 1.0) for error in errors]
     hinge_p = hinge_model.design(sketch, trim, t, aircraft.short.values(), factors)

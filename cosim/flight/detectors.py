@@ -4,12 +4,15 @@ A detector's inputs are copies of logged signals, named by the words of its reco
 into the log, so that replay needs nothing but the file.
 """
 
+import os
 from dataclasses import dataclass
+from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
 
+import fdi
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.flight import guests
 from cosim.flight.blocks.sensors import fitted
@@ -55,6 +58,29 @@ def sources(name, lane=""):
     return {w.field: w.source for w in wires(registry.record(name), lane)}
 
 
+_FITS: dict[tuple, np.ndarray] = {}  # of shipped detectors, by all that their designs depend on
+MOST_FITS = 256
+
+
+def _fit(detector, site, own, words):
+    """Return a lane's PARAMS; a shipped detector is designed once for the same place, words and stored designs."""
+    if registry.SHIPPED.get(detector.id) != detector.module.__name__:
+        return detector.record.fit(site, **words)
+    place = site.dt, site.lane, site.technology, *site.technologies.items(), *sorted(site.actuator.items()), site.travel
+    key = detector.id, place, str(own.folder), *sorted(words.items()), _stored()
+    if key not in _FITS:
+        if len(_FITS) >= MOST_FITS:
+            _FITS.clear()
+        _FITS[key] = detector.record.fit(site, **words)
+    return _FITS[key]
+
+
+def _stored():
+    """Return when the stored designs and thresholds were written."""
+    folders = (Path(fdi.__file__).with_name(name) for name in ("designs", "thresholds"))
+    return tuple(file.stat().st_mtime_ns for folder in folders for file in os.scandir(folder))
+
+
 @dataclass(frozen=True)
 class Installed:
     """A detector in one flight: its record, its block, the lanes that it has there."""
@@ -88,7 +114,7 @@ class Installed:
         technology, own = scenario.elevator.technology, scenario.aircraft
         lanes, told = self.lanes if self.level == "local" else [""], scenario.elevator.parameters
         sites = [site(dt, lane, technology, own, told[lane].model if lane in told else None) for lane in lanes]
-        p = np.concatenate([self.record.fit(s, **words) for s in sites])
+        p = np.concatenate([_fit(self, s, own, words) for s in sites])
         for name, value in table.items():
             self._override(p, name, value, dt)
         if wrong := table and wrong_parameter(self.record, self.module, p, dt):

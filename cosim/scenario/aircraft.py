@@ -214,6 +214,8 @@ def bundled() -> list[str]:
 
 def load_aircraft(name: str = DEFAULT) -> Aircraft:
     """Return the record of a bundled aircraft, or of the folder `name`; raises ScenarioError."""
+    if name.isidentifier() and (FOLDER / name / RECORD).is_file():
+        return _read(FOLDER / name)
     known = bundled()
     folder = FOLDER / name if name in known else Path(name).expanduser()
     if not (folder / RECORD).is_file():
