@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 from cosim.errors import LogError
 
 ON_RESET = ("split", "offset")  # what may be done with a clock that restarts
+LATEST = 1e12  # [s]: 30,000 years
 MOST = 3  # oddities of a kind that are told one by one
 
 
 def finite(t: NDArray, name: str, path: object) -> None:
     """Raise LogError that names the first row of `t` (rows,) [s] which holds no time."""
-    bad = np.flatnonzero(~np.isfinite(t))
+    bad = np.flatnonzero(~(np.abs(t) < LATEST))
     if len(bad):
         more = f" ({len(bad)} such rows)" if len(bad) > 1 else ""
         place = f"{path}, row {bad[0] + 1}"

@@ -5,6 +5,7 @@ nonsense inside. Every mistake is a LogError with the log's path.
 """
 
 import io
+import tokenize
 import zipfile
 import zlib
 from typing import Annotated, Any, Literal
@@ -18,6 +19,10 @@ from cosim.scenario import Scenario, parse
 from cosim.texts import from_json, toml
 
 ARRAY_BYTES = 1 << 27  # an array that claims more is refused
+_BAD = (  # what NumPy and zipfile may raise on bytes that are not what they should be
+    *(ValueError, EOFError, OSError, SyntaxError, TypeError, OverflowError, MemoryError, RuntimeError),
+    *(tokenize.TokenError, zipfile.BadZipFile, zlib.error),
+)
 _Name = Annotated[str, Field(min_length=1, max_length=100)]
 
 
@@ -85,6 +90,20 @@ def scenario_tables(log: Log) -> dict[str, Any]:
         raise LogError(wrong.problem, place=place) from None
 
 
+def achieved(log: Log) -> dict[str, dict[str, float | None]] | None:
+    """Return {segment: {name: number or None}} of the result's `achieved`, None where a log has none, or raise."""
+    place = f"{log.path}: result, achieved"
+    found = from_json((log.result or {}).get("achieved", "null"), place=place, error=LogError)
+    if found is None:
+        return None
+    if not isinstance(found, dict) or not all(isinstance(segment, dict) for segment in found.values()):
+        raise LogError("is not a table of segments", place=place)
+    for segment in found.values():
+        if not all(x is None or isinstance(x, int | float) for x in segment.values()):
+            raise LogError("holds something that is no number", place=place)
+    return found
+
+
 def array(log: Log, name: str) -> np.ndarray:
     """Return the array of attachment <name>.npy, or of <name>.npz with an entry `array`.
 
@@ -102,8 +121,7 @@ def array(log: Log, name: str) -> np.ndarray:
                 raise ValueError(f"it is larger than {ARRAY_BYTES} bytes")
             with packed.open(entry) as file:
                 return _npy(file.read(ARRAY_BYTES))
-    except (ValueError, EOFError, OSError, SyntaxError, TypeError, OverflowError, MemoryError, RecursionError,
-            NotImplementedError, RuntimeError, zipfile.BadZipFile, zlib.error) as wrong:  # fmt: skip
+    except _BAD as wrong:
         raise LogError(f"{name} is damaged: {str(wrong) or type(wrong).__name__}", place=str(log.path)) from wrong
 
 

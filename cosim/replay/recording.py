@@ -1,6 +1,5 @@
 """A flight as its log tells it: scenario, signals, detector lanes with their judgement, and what they estimate."""
 
-import json
 import math
 import re
 from dataclasses import dataclass
@@ -98,7 +97,7 @@ class Flown:
     @cached_property
     def achieved(self):
         """Return how far the faults moved the elevators (cosim/flight/twin.py), None where the log does not say."""
-        return json.loads((self.log.result or {}).get("achieved", "null"))
+        return door.achieved(self.log)
 
     @cached_property
     def faults(self):

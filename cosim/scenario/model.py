@@ -116,7 +116,7 @@ class Elevator(_Table):
         raw = _settings(raw, default)
         technology = {name: raw.get(name, own) for name, own in default.items()}
         for name, tech in technology.items():
-            if tech not in c.TECHNOLOGIES:
+            if not isinstance(tech, str) or tech not in c.TECHNOLOGIES:
                 raise problem("is not one of the choices", key=name, allowed=", ".join(c.TECHNOLOGIES))
         given = raw.get("feedback", {})
         word = given if isinstance(given, str) else "iotsekf"
@@ -147,7 +147,8 @@ class Elevator(_Table):
 
 def _settings(raw, segments):
     """Return `raw` with every [elevator.<segment>.<technology>] as the word and an entry of `parameters`."""
-    out, parameters = dict(raw), dict(raw.get("parameters") or {})
+    given = raw.get("parameters") or {}
+    out, parameters = dict(raw), dict(given) if isinstance(given, dict) else {}
     for name in segments:
         if not isinstance(raw.get(name), dict):
             continue
@@ -155,7 +156,10 @@ def _settings(raw, segments):
             raise problem("must be a technology with its table", key=name, allowed=f"[elevator.{name}.<technology>]")
         ((out[name], table),) = raw[name].items()
         both = {k: v for k, v in table.items() if k not in Settings.model_fields}
-        parameters[name] = {part: {**both, **table.get(part, {})} for part in Settings.model_fields}
+        own = {part: table.get(part, {}) for part in Settings.model_fields}
+        if not all(isinstance(values, dict) for values in own.values()):
+            raise problem("must be a table", key=name, allowed=f"[elevator.{name}.<technology>.<part>]")
+        parameters[name] = {part: {**both, **values} for part, values in own.items()}
     return {**out, "parameters": parameters}
 
 
