@@ -1,8 +1,7 @@
 """What a tick costs: bare aircraft, lockstep, detectors live and in batch, start-up, memory.
 
-Machines and their other work differ, so a cost is given beside a ratio to something flown in the same process,
-interleaved: the ratio of a case is the median over the rounds of its time to that of its yardstick, the spread is the
-interquartile range over the median.
+Machines and their other work differ, so a cost is given beside a ratio to something flown in the same process, in turn
+with it (cosim/bench/ticks.py).
 """
 
 import functools
@@ -17,11 +16,11 @@ from pathlib import Path
 import numpy as np
 
 from cosim.bench.log import log_costs
+from cosim.bench.ticks import measure
 from cosim.replay.lanes import BLOCK_BYTES
 from cosim.scenario import load_scenario
 
 ROUNDS = 15
-TICKS = 1000  # of a round: 5 s of flight
 SAMPLE_TICKS = 2000  # of inputs recorded for the detectors
 MEMORY_FLIGHT_S = 600
 LONG = "long.mcap"  # the flight of that length
@@ -36,8 +35,8 @@ def bench(*, rounds=ROUNDS, memory=True, progress=None):
     done = progress or (lambda done, total: None)
     total = rounds + 3
     with tempfile.TemporaryDirectory() as folder:
-        scenario = load_scenario("liquid-ofc", [f"duration_s={(rounds + 2) * TICKS / 200:g}"])
-        cases, rate = _cases(scenario, Path(folder), rounds, lambda k: done(k, total))
+        scenario = load_scenario("liquid-ofc")
+        cases, rate = measure(Path(folder), rounds, lambda k: done(k, total))
         costs = _detectors(scenario)
         done(rounds + 1, total)
         startup = _startup(folder)
@@ -56,72 +55,6 @@ def bench(*, rounds=ROUNDS, memory=True, progress=None):
         "memory_flight_s": MEMORY_FLIGHT_S,
         "cores": os.cpu_count(),
     }
-
-
-def _cases(scenario, folder, rounds, progress):
-    """Time every case in turn, round after round; return their rows and the factors over real time."""
-    from cosim.flight.plant.plant import Plant, reference_run
-    from cosim.flight.plant.point import FlightPoint
-
-    flown = Plant(FlightPoint.of(scenario), scenario.dt)
-    flown.trim()
-    none = load_scenario(
-        "liquid-ofc", ["detectors.enabled=[]", "elevator.feedback=measured", f"duration_s={scenario.duration_s}"]
-    )
-    yard, bare = reference_run(scenario.dt), flown.run
-    step, close = _lockstep(none, folder / "none.mcap")
-    step_all, close_all = _lockstep(scenario, folder / "all.mcap")
-    cases = [
-        ("B747", yard, None),  # the one that the jsbsim wheel ships, run() only
-        ("bare", bare, 0),  # our aircraft, run() only
-        ("lockstep", step, 1),  # four actuators, sensors, law, log
-        ("detectors", step_all, 1),  # the same with every detector
-    ]
-    for _, call, _ in cases:  # caches warm, kernels loaded
-        _time(call, TICKS)
-    times = np.empty((rounds, len(cases)))
-    for k in range(rounds):
-        for i, (_, call, _) in enumerate(cases):
-            times[k, i] = _time(call, TICKS)
-        progress(k + 1)
-    close(), close_all()
-    rows = []
-    for i, (name, _, against) in enumerate(cases):
-        row = {
-            "name": name,
-            "us_per_tick": float(np.median(times[:, i])),
-            "against": None,
-            "ratio": None,
-            "spread": None,
-        }
-        if against is not None:
-            ratio = times[:, i] / times[:, against]
-            low, middle, high = np.percentile(ratio, (25, 50, 75))
-            row |= {"against": cases[against][0], "ratio": float(middle), "spread": float((high - low) / middle)}
-        rows.append(row)
-    factors = {name: scenario.dt * 1e6 / rows[i]["us_per_tick"] for name, i in (("lockstep", 2), ("with_detectors", 3))}
-    return rows, factors
-
-
-def _time(call, n):
-    """Return microseconds per call of n calls."""
-    begin = time.perf_counter()
-    for _ in range(n):
-        call()
-    return (time.perf_counter() - begin) / n * 1e6
-
-
-def _lockstep(scenario, path):
-    """Return (a function that flies one logged tick, a function that ends the log)."""
-    from cosim.flight.build import build
-    from cosim.flight.recorder import open_writer
-    from cosim.flight.tick import tick
-
-    setup = build(scenario)
-    writer = open_writer(setup, path)
-    writer.__enter__()
-    count = iter(range(10**9))
-    return lambda: tick(setup.loop, next(count), writer.append), lambda: writer.__exit__(None, None, None)
 
 
 def _detectors(scenario):

@@ -292,10 +292,15 @@ def bench(
         str | None,
         typer.Option("--campaign", metavar="NAME", help="Instead fly a campaign, twice.", show_default=False),
     ] = None,
+    beside: Annotated[
+        Path | None,
+        typer.Option("--compare", metavar="FILE", help="Beside what --json wrote to FILE.", show_default=False),
+    ] = None,
     json_: JsonOption = False,
 ):
     """Measure what a tick costs, how fast a run starts and how much memory it takes."""
     from cosim.bench import bench as work
+    from cosim.cli.bench import compared, read_bench
 
     if campaign is not None:
         from cosim.bench.campaign import compare
@@ -304,12 +309,13 @@ def bench(
             done = compare(campaign, progress=progress)
         print(json.dumps(done)) if json_ else out.print(tables.campaign_speed(done))
         raise typer.Exit(0 if done["equal"] and not done["crashed"] else 1)
+    before = read_bench(beside) if beside else None
     with tables.progress(err, "measuring", unit="") as progress:
         found = work(rounds=rounds, memory=memory, progress=progress)
     if json_:
         print(json.dumps(found, allow_nan=False))
     else:
-        out.print(tables.bench(found))
+        out.print(compared(before, found) if before else tables.bench(found))
 
 
 LogArg = Annotated[Path, typer.Argument(metavar="LOG", help="A log of [b]cosim run[/].", show_default=False)]

@@ -1,10 +1,9 @@
 """The lines about the faults of a flight: what was asked for, where it entered, and how far the elevator moved."""
 
+import math
 from collections.abc import Mapping
 
 from rich.text import Text
-
-from cosim.scenario.catalog import DEG
 
 LITTLE, MUCH = 0.8, 1.25  # achieved over asked, beyond which a note says so
 
@@ -69,7 +68,7 @@ def _achieved(scenario, i, moved):
     words = f"; achieved {'' if swings else 'at most '}{', '.join(found)}{', with the other faults' * others}"
     if not (swings and f.kind.startswith("ofc")):
         return words, ""
-    travel = extra["amplitude_travel"] * scenario.aircraft.travel / DEG if "amplitude_travel" in extra else None
+    travel = extra["amplitude_travel"] * math.degrees(scenario.aircraft.travel) if "amplitude_travel" in extra else None
     for key, asked in zip(keys, (extra.get("amplitude_mm"), extra.get("amplitude_deg", travel))):
         if asked and given[key] and not all(LITTLE <= v / asked <= MUCH for v in given[key]):
             unit = key.rpartition("_")[2]

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from actuators.ahead import compile_ahead
 from actuators.block import dtype
 from cosim.errors import ScenarioError
 from cosim.flight import actuation, detectors, inject, wiring
@@ -15,6 +14,7 @@ from cosim.flight.blocks import faults, hinge_model, law, manoeuvre, sensors
 from cosim.flight.blocks.law import design as law_design
 from cosim.flight.blocks.pilot import steps
 from cosim.flight.bus import Bus
+from cosim.flight.compiling import prepare
 from cosim.flight.gains import SENSOR_DELAY
 from cosim.flight.guests.plain import GuestBlock, PlainDetector
 from cosim.flight.noise import Draw
@@ -22,13 +22,11 @@ from cosim.flight.plant.linearize import LinearModel, linearize
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
 from cosim.flight.plant.trim import Trim
-from cosim.flight.tape import WALK
 from cosim.flight.tick import Block, Loop
 from cosim.flight.trace import History
 from cosim.scenario import Scenario
 from cosim.scenario.catalog import TECHNOLOGIES
 
-LOOP = faults, sensors, manoeuvre, law, hinge_model  # modules of the blocks that every flight has
 CLOCK = dtype([("t", "f8", "s")])
 
 
@@ -129,6 +127,7 @@ def _linear(point):
 
 def build(scenario):
     """Return the Setup of `scenario`. Raises TrimError when the flight point cannot be flown."""
+    prepare(scenario)
     dt, point = scenario.dt, FlightPoint.of(scenario)
     plant = Plant(point, dt=dt)
     trim = plant.trim()
@@ -150,8 +149,6 @@ def build(scenario):
     factors = [1.0 + error * rng_errors.uniform(-1.0, 1.0) for error in errors]
     hinge_p = hinge_model.design(sketch, trim, t, aircraft.short.values(), factors)
     chosen = detectors.chosen(scenario)
-    entries = (module.rollout for module in (*LOOP, *(b[1] for b in built), *(d.module for d in chosen)))
-    compile_ahead([WALK, *(e.native for e in entries if hasattr(e, "native"))])
     fault_lanes = inject.lanes(scenario)
 
     sections = [

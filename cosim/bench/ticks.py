@@ -1,0 +1,91 @@
+"""What a tick costs, as a ratio to JSBSim alone in the same process.
+
+The cases take turns, one chunk of the log each: the ratio of a case is the median over the turns of its processor time
+to that of its yardstick in the same turn, its spread the interquartile range over that median. Processor time, so that
+a busy machine blurs the figures less; it fills caches all the same.
+"""
+
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+
+from cosim.log.writer import ROWS
+from cosim.scenario import load_scenario
+
+TURNS = 5  # of a round: 5 s of flight of every case
+CASES = (  # name, detectors, log
+    ("lockstep", False, False),  # four actuators, sensors, law
+    ("lockstep, log", False, True),
+    ("detectors", True, False),  # the same with every detector
+    ("detectors, log", True, True),
+)
+QUIET = ("detectors.enabled=[]", "elevator.feedback=measured")
+
+
+def measure(folder: Path, rounds: int, progress: Callable[[int], None]) -> tuple[list[dict], dict[str, float]]:
+    """Return (rows {name, us_per_tick, against, ratio, spread}, {"lockstep", "with_detectors": factor of real time}).
+
+    `folder` takes the logs; `progress(k)` is called after every round.
+    """
+    from cosim.flight.plant.plant import Plant, reference_run
+    from cosim.flight.plant.point import FlightPoint
+
+    length = f"duration_s={(rounds * TURNS + 2) * ROWS / 200:g}"
+    scenario = load_scenario("liquid-ofc", [length])
+    flown = Plant(FlightPoint.of(scenario), scenario.dt)
+    flown.trim()
+    with ExitStack() as open_logs:
+        cases = [
+            ("B747", reference_run(scenario.dt), None),  # the one that the jsbsim wheel ships, run() only
+            ("bare", flown.run, 0),  # our aircraft, run() only
+        ]
+        for name, detectors, logged in CASES:
+            given = load_scenario("liquid-ofc", [length, *(() if detectors else QUIET)])
+            path = folder / f"{len(cases)}.mcap" if logged else None
+            cases.append((name, _flying(given, path, open_logs), 1))
+        for _, call, _ in cases:  # caches warm, kernels loaded
+            _time(call)
+        times = np.empty((rounds * TURNS, len(cases)))
+        for k in range(len(times)):
+            for i, (_, call, _) in enumerate(cases):
+                times[k, i] = _time(call)
+            if k % TURNS == TURNS - 1:
+                progress(k // TURNS + 1)
+    rows = [_row(name, times, i, against, cases) for i, (name, _, against) in enumerate(cases)]
+    cost = {row["name"]: row["us_per_tick"] for row in rows}
+    named = {"lockstep": "lockstep, log", "with_detectors": "detectors, log"}
+    return rows, {key: scenario.dt * 1e6 / cost[name] for key, name in named.items()}
+
+
+def _flying(scenario, path, open_logs):
+    """Return what flies one tick of a scenario, logged to `path` unless that is None."""
+    from cosim.flight.build import build
+    from cosim.flight.recorder import open_writer
+
+    setup = build(scenario)
+    tape = setup.loop.tape(*([open_logs.enter_context(open_writer(setup, path))] if path else []))
+    count = iter(range(10**9))
+    return lambda: tape.run(next(count))
+
+
+def _time(call):
+    """Return microseconds of the processor per call, over one chunk of the log."""
+    begin = time.thread_time()
+    for _ in range(ROWS):
+        call()
+    return (time.thread_time() - begin) / ROWS * 1e6
+
+
+def _row(name, times, i, against, cases):
+    row = {"name": name, "us_per_tick": float(np.median(times[:, i])), "against": None, "ratio": None, "spread": None}
+    if against is None:
+        return row
+    low, middle, high = np.percentile(times[:, i] / times[:, against], (25, 50, 75))
+    return row | {
+        "against": cases[against][0],
+        "ratio": float(middle),
+        "spread": float((high - low) / middle),
+    }

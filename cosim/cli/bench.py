@@ -1,0 +1,45 @@
+"""Two states of the code beside each other, by what `cosim bench --json` measured of each."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from cosim.cli.tables import NOTHING, number, table
+from cosim.errors import CosimError
+
+
+def read_bench(path: Path) -> dict[str, Any]:
+    """Return what `cosim bench --json` wrote to a file. Raises CosimError for another file."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        _ = [(row["name"], row["ratio"]) for row in found["cases"]], found["startup"], found["detectors"]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        remedy = "Write one: cosim bench --json > before.json"
+        raise CosimError("is no outcome of `cosim bench --json`", place=str(path), remedy=remedy) from error
+    return found
+
+
+def compared(before: Mapping[str, Any], now: Mapping[str, Any]) -> Table:
+    """Return the table of both: ratios to a yardstick of their own run, seconds, and the quotient now / before."""
+    t = table("Before and now", "what", "before>", "now>", "now / before>")
+    old, new = _numbers(before), _numbers(now)
+    for name in dict.fromkeys([*new, *old]):
+        a, b = old.get(name), new.get(name)
+        t.add_row(name, number(a), number(b), number(b / a) if a and b else NOTHING)
+    return t
+
+
+def _numbers(found):
+    """Return {what: number} of an outcome, what is compared."""
+    out = {f"{row['name']}, ratio to {row['against']}": row["ratio"] for row in found["cases"] if row["ratio"]}
+    out |= {f"{row['id']}, batch [us per step]": row["batch_us"] for row in found["detectors"]}
+    out |= {f"start: {name.removesuffix('_s')} [s]": value for name, value in found["startup"].items()}
+    if found.get("peak_mb"):
+        out["peak memory [MB]"] = found["peak_mb"]
+    for name in ("open_s", "frames_s", "topic_s", "replay_s"):
+        if found.get("recorded"):
+            out[f"log: {name.removesuffix('_s')} [s]"] = found["recorded"][name]
+    return out

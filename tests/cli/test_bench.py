@@ -1,0 +1,42 @@
+"""`cosim bench --compare` puts two states of the code beside each other and refuses what is no outcome of it."""
+
+import json
+
+import pytest
+from rich.console import Console
+
+from cosim.bench.ticks import measure
+from cosim.cli.bench import compared, read_bench
+from cosim.errors import CosimError
+
+
+def test_the_cases_are_ratios_to_one_flight_without_anything(tmp_path):
+    told = []
+    rows, rate = measure(tmp_path, 1, told.append)
+    assert told == [1]
+    by = {row["name"]: row for row in rows}
+    assert by["bare"]["against"] == "B747" and by["lockstep"]["against"] == "bare"
+    assert 1.0 < by["lockstep"]["ratio"] < by["detectors"]["ratio"]
+    assert rate["lockstep"] > rate["with_detectors"] > 0
+
+
+def test_two_states_stand_beside_each_other(tmp_path):
+    def outcome(ratio):
+        case = {"name": "lockstep", "ratio": ratio, "against": "bare"}
+        return {"cases": [case], "startup": {"run_s": 2.0}, "detectors": [], "peak_mb": None, "recorded": None}
+
+    path = tmp_path / "before.json"
+    path.write_text(json.dumps(outcome(6.0)))
+    console = Console(width=120)
+    with console.capture() as shown:
+        console.print(compared(read_bench(path), outcome(3.0)))
+    line = next(x for x in shown.get().splitlines() if "lockstep" in x)
+    assert [x for x in line.split() if x[0].isdigit()] == ["6.00", "3.00", "0.50"]
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"cases": 1}'])
+def test_another_file_is_refused(tmp_path, text):
+    path = tmp_path / "other.json"
+    path.write_text(text)
+    with pytest.raises(CosimError, match="no outcome"):
+        read_bench(path)
