@@ -22,7 +22,7 @@ from cosim.campaign.run import cluster, rerun
 from cosim.campaign.spec import builtin_campaigns, load_campaign
 from cosim.cli import commands as cli
 from cosim.cli.campaign import _median, nearest
-from cosim.compare.stats import delays
+from cosim.compare.metrics import delays
 from cosim.errors import CosimError
 from cosim.training.rfafe import MANOEUVRES
 
@@ -250,7 +250,7 @@ def test_runs_that_fail_are_told_and_decide_the_exit_status(flights, status, tol
 
 def test_the_median_delay_counts_a_missed_fault_as_endless():
     late = pd.Series([0.1, np.nan, 0.3])
-    assert _median(late) == 0.3 == delays(pd.DataFrame({"delay_s": late})).median  # as cosim compare has it
+    assert _median(late) == 0.3 == delays(late).median  # as cosim compare has it
     assert _median(pd.Series([0.1, np.nan, np.nan])) is None and _median(pd.Series([], dtype=float)) is None
 
 
