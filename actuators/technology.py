@@ -130,7 +130,7 @@ class Technology:
     loop_sensor: str = ""  # the one that closes the position loop
     sent: tuple[str, str, str] = ("", "", "")  # what the servo sends: word, meaning, unit
     inlet: str = ""  # what an oscillation "at the valve" enters: "valve", "drive", or "" where there is none
-    runaway: str = "rate"  # what runs away: the open "valve", or the demanded "rate"
+    runaway: str = "rate"  # what runs away: the open "valve", the demanded "rate", or the "command"
     effects: dict[str, Effect] = field(default_factory=dict)  # kind of fault -> what it moves
     kinds: dict[str, Kind] = field(default_factory=dict)  # kinds that only this technology has
     parameters: Callable[[Own], dict[str, float]] = lambda own: {}  # name -> nominal value: what tolerances multiply
@@ -139,6 +139,7 @@ class Technology:
     most_delay: float = math.inf  # ticks over which the servo can predict
     # what makes actuator and servo linear, to measure gains
     smooth: tuple[dict[str, float], dict[str, float]] = field(default_factory=lambda: ({}, {}))
+    gain_of: str = ""  # technology whose closed loop turns millimetres into u at the valve; "": its own
     # position amplitude [m] per unit that replaces the valve command or drive demand, over (omega [rad/s], own)
     solid_gain: Callable[[float, Own], float] = lambda omega, own: math.nan
     loop: Callable[..., Any] = lambda **load: None  # (hm0=, hmd=, dt=) -> the sampled loop of actuators.linear

@@ -26,6 +26,7 @@ from cosim.flight.tick import Block, Loop
 from cosim.flight.trace import History
 from cosim.scenario import Scenario
 from cosim.scenario.catalog import TECHNOLOGIES
+from cosim.scenario.own_actuator import register
 
 CLOCK = dtype([("t", "f8", "s")])
 
@@ -127,6 +128,7 @@ def _linear(point):
 
 def build(scenario):
     """Return the Setup of `scenario`. Raises TrimError when the flight point cannot be flown."""
+    register(scenario.actuators)  # another scenario may have brought others of the same names
     prepare(scenario)
     dt, point = scenario.dt, FlightPoint.of(scenario)
     plant = Plant(point, dt=dt)

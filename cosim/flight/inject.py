@@ -177,7 +177,7 @@ def _gain(technology, solid, omega, dt, differs):
     """Return position amplitude [m] per unit at the valve [1] or drive [A]."""
     if solid:
         return technology.solid_gain(omega, differs)
-    return liquid_gain(technology.name, omega, dt, differs)
+    return liquid_gain(technology.gain_of or technology.name, omega, dt, differs)
 
 
 def _runaway(j, name, technology, design, own, command, delta):
@@ -190,7 +190,7 @@ def _runaway(j, name, technology, design, own, command, delta):
         return Lane(name, j.fault, p, ((f"{command}.s_cmd", "g"), (f"{command}.f_cmd", "f_inj")), delta)
     if technology.runaway == "rate":
         return _constant(j, name, j.magnitude, (f"{command}.s_rate", "g"), (f"{command}.f_rate", "f_inj"))
-    if j.at == "valve":
+    if j.at == "valve" and technology.runaway == "valve":
         u = j.magnitude * design.arm / design.valve_speed
         return _constant(j, name, u, (f"{own}.s_u", "g"), (f"{own}.f_u", "f_inj"))
     p = _params(j, f.RUNAWAY, j.magnitude)

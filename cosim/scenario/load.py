@@ -7,6 +7,7 @@ from typing import get_args, get_origin
 from pydantic import BaseModel, ValidationError
 
 from cosim.errors import ScenarioError, did_you_mean
+from cosim.scenario import own_actuator
 from cosim.scenario.aircraft import DEFAULT as DEFAULT_AIRCRAFT
 from cosim.scenario.aircraft import load_aircraft
 from cosim.scenario.fault import Fault
@@ -51,11 +52,13 @@ def load_scenario(name_or_path=DEFAULT, overrides=()):
 def located(table, name):
     """Return the tables of scenario `name` with the files of its guests found, beside it or from here."""
     path = Path(str(name))
-    return locate(table, path.parent if path.is_file() else None, str(name))
+    folder = path.parent if path.is_file() else None
+    return own_actuator.locate(locate(table, folder, str(name)), folder, str(name))
 
 
 def parse(table, *, place="scenario"):
     """Return the Scenario of nested dicts; raises ScenarioError that names `place`, key, value and what is allowed."""
+    own_actuator.take(table)
     try:
         return Scenario.model_validate(table, context={"aircraft": _aircraft(table, place)})
     except ValidationError as error:

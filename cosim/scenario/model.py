@@ -12,6 +12,7 @@ from cosim.scenario import conflict, tolerance, toml
 from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft, of
 from cosim.scenario.fault import Fault
 from cosim.scenario.manoeuvre import Cruise, Manoeuvre
+from cosim.scenario.own_actuator import OwnActuator
 from cosim.scenario.problem import choice, problem
 from cosim.scenario.tolerance import toleranced
 from fdi.registry import GUESTS, SHIPPED
@@ -346,6 +347,7 @@ class Scenario(_Table):
     rate_hz: Annotated[int, Field(ge=50, le=2000)] = 200
     flight: Flight
     manoeuvre: Manoeuvre = Cruise()
+    actuators: dict[str, OwnActuator] = {}  # technologies that the scenario brings along
     elevator: Elevator
     sensors: Sensors = Sensors.model_validate({})
     tolerances: Tolerances = Tolerances.model_validate({})

@@ -1,0 +1,172 @@
+"""A co-simulation FMU (FMI 2 or 3) in place of an elevator segment's actuator, stepped once a tick through fmpy.
+
+What it gets and gives stands in words with units, a table of the scenario maps them to the FMU's variables:
+
+    inputs    command (angle asked for) or, behind a shipped servo, valve_command; hinge_0, hinge_slope (the moment is
+              hinge_0 + hinge_slope surface, + drives trailing edge down); hinge_moment (at the tick's beginning)
+    outputs   surface; rod, pressure (share of supply) where there are such sensors
+    start     surface, and the inputs, before the first tick: in load equilibrium
+
+A fault that enters with the command acts before the FMU; inside it there is none of ours. An FMU runs code of its
+author with the user's rights.
+"""
+
+
+import math
+import tempfile
+import weakref
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from actuators.block import dtype
+
+PARAMS = dtype([("lane", "f8", "-")])  # which instance
+INPUTS = dtype(
+    [
+        ("command", "f8", "rad"),  # angle asked for
+        ("u", "f8", "-"),  # valve command of a servo
+        ("hm0", "f8", "N m"),  # hinge moment at zero angle, + drives trailing edge down
+        ("hmd", "f8", "N m/rad"),  # its slope
+        ("f_cmd", "f8", "rad"),  # fault: added to the command
+        ("s_cmd", "f8", "-"),  # fault: share of the command replaced
+        ("f_u", "f8", "-"),  # fault: added to the valve command
+        ("s_u", "f8", "-"),  # fault: share of the valve command replaced
+    ]
+)
+STATE = dtype(
+    [
+        ("delta", "f8", "rad"),  # surface angle, trailing edge down +
+        ("q_rod", "f8", "m"),  # rod position, + extends; 0 where the FMU gives none
+        ("x3", "f8", "-"),  # pressure difference over supply; 0 where the FMU gives none
+        ("status", "f8", "-"),  # 0 good, 1 an output was not finite: the last one is held
+    ]
+)
+OUTPUTS = ("delta", "q_rod", "x3", "status")
+STATES = {"surface": "delta", "rod": "q_rod", "pressure": "x3"}  # output -> field
+
+
+class Variable(NamedTuple):
+    """A variable of an FMU: its name and the factor from its unit to SI."""
+
+    name: str
+    factor: float
+
+
+class Slaves:
+    """The FMU's instances of one flight, a block: a lane is an instance."""
+
+    PARAMS, INPUTS, STATE, OUTPUTS = PARAMS, INPUTS, STATE, OUTPUTS
+
+    def __init__(self, path: Path, lanes: int, inputs: Mapping[str, Variable], outputs: Mapping[str, Variable],
+                 parameters: Mapping[str, float], error: Callable[[str], Exception]):  # fmt: skip
+        """Unpack `path` and make `lanes` instances. Raises error(text), text with the FMU's own messages."""
+        self._error = error
+        try:
+            import fmpy
+        except ImportError:
+            raise error("FMUs need the library fmpy (pip install 'cosim-fdi[fmu]')") from None
+        self.__name__ = f"fmu {path.name}"
+        self._messages: list[str] = []
+        self._inputs, self._outputs, self._t = dict(inputs), dict(outputs), 0.0
+        self._folder = tempfile.TemporaryDirectory(prefix="cosim-fmu-")
+        self._fmus: list[Any] = []
+        try:
+            self._about = fmpy.read_model_description(str(path))
+            if self._about.coSimulation is None:
+                raise ValueError("is no co-simulation FMU")
+            self._names = {v.name: v for v in self._about.modelVariables}
+            wanted = [v.name for v in (*inputs.values(), *outputs.values())] + list(parameters)
+            if missing := [name for name in wanted if name not in self._names]:
+                known = ", ".join(sorted(self._names))
+                raise ValueError(f"has no variable {missing[0]!r}; it has {known}")
+            fmpy.extract(str(path), self._folder.name)
+            for _ in range(lanes):
+                self._fmus.append(self._instance())
+                self._set(self._fmus[-1], parameters)
+        except Exception as said:  # fmpy raises what the operating system, the XML parser and the FMU raise
+            raise error(self._said(said)) from None
+        self._end = weakref.finalize(self, _end, self._fmus, self._folder)
+
+    def start(self, first: Mapping[str, np.ndarray], begin: Mapping[str, Variable]) -> np.ndarray:
+        """Initialise every instance with SI values {word: (lanes,)} and return STATE (lanes,)."""
+        x = np.zeros(len(self._fmus), STATE)
+        try:
+            for i, fmu in enumerate(self._fmus):
+                if self._about.fmiVersion.startswith("2"):
+                    fmu.setupExperiment(startTime=0.0)
+                variables = {**self._inputs, **begin}
+                given = {v.name: float(first[w][i]) / v.factor for w, v in variables.items() if w in first}
+                self._set(fmu, given)
+                fmu.enterInitializationMode()
+                fmu.exitInitializationMode()
+                self._get(fmu, x[i])
+        except Exception as said:
+            raise self._error(self._said(said)) from None
+        return x
+
+    def rollout(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float) -> None:
+        """Advance every lane by one tick."""
+        for i, fmu in enumerate(self._fmus):
+            now = u[i, 0]
+            hm = now.hm0 + now.hmd * x[i].delta
+            given = {
+                "command": (1.0 - now.s_cmd) * now.command + now.f_cmd,
+                "valve_command": (1.0 - now.s_u) * now.u + now.f_u,
+                "hinge_0": now.hm0, "hinge_slope": now.hmd, "hinge_moment": hm,
+            }  # fmt: skip
+            try:
+                self._set(fmu, {v.name: float(given[w]) / v.factor for w, v in self._inputs.items()})
+                fmu.doStep(currentCommunicationPoint=self._t, communicationStepSize=dt)
+                self._get(fmu, x[i])
+            except Exception as said:
+                raise self._error(self._said(said)) from None
+        self._t += dt
+
+    def _instance(self):
+        from fmpy.simulation import instantiate_fmu
+
+        messages, three = self._messages, self._about.fmiVersion.startswith("3")
+
+        def two(environment, instance, status, category, message, *rest):
+            messages.append(message.decode("utf-8", "replace"))
+
+        def version_three(environment, status, category, message):
+            messages.append(message.decode("utf-8", "replace"))
+
+        return instantiate_fmu(self._folder.name, self._about, "CoSimulation", logger=version_three if three else two)
+
+    def _said(self, error):
+        """Return the FMU's own messages, and what fmpy says."""
+        return "; ".join([*dict.fromkeys(self._messages[-3:]), " ".join(str(error).split())])
+
+    def _set(self, fmu, values):
+        if values:
+            references, numbers = [self._names[n].valueReference for n in values], list(values.values())
+            (fmu.setFloat64 if self._about.fmiVersion.startswith("3") else fmu.setReal)(references, numbers)
+
+    def _get(self, fmu, x):
+        references = [self._names[v.name].valueReference for v in self._outputs.values()]
+        found = (fmu.getFloat64 if self._about.fmiVersion.startswith("3") else fmu.getReal)(references)
+        x.status = 0.0
+        for (word, variable), value in zip(self._outputs.items(), found):
+            if math.isfinite(value):
+                x[STATES[word]] = value * variable.factor
+            else:
+                x.status = 1.0
+
+
+def _end(fmus, folder):
+    for fmu in fmus:
+        try:
+            fmu.terminate()
+            fmu.freeInstance()
+        except Exception:  # an FMU in an error state may refuse to end; the flight is over
+            continue
+    folder.cleanup()
+
+
+KIND = SimpleNamespace(PARAMS=PARAMS, INPUTS=INPUTS, STATE=STATE, OUTPUTS=OUTPUTS, __name__="fmu")
