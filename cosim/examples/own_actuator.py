@@ -13,7 +13,7 @@ import numpy as np
 from actuators.block import dtype
 
 PARAMS = dtype([("tau", "f8", "s")])
-INPUTS = dtype([(name, "f8") for name in ("command", "hm0", "hmd", "f_cmd", "s_cmd")])  # [rad], [N m], [N m/rad], faults
+INPUTS = dtype([(name, "f8") for name in ("command", "hm0", "hmd", "f_cmd", "s_cmd")])  # SI; faults
 STATE = dtype([("delta", "f8", "rad")])
 OUTPUTS = ("delta",)
 
