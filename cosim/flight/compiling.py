@@ -1,6 +1,7 @@
 """Compile what a flight needs before it flies, on every core, and say how far that is: a machine's first flight."""
 
 from collections.abc import Callable
+from types import ModuleType
 
 from actuators.ahead import compile_ahead
 from actuators.block import Entry
@@ -14,7 +15,8 @@ from cosim.scenario.catalog import TECHNOLOGIES
 def functions(scenario: Scenario) -> dict[str, Native]:
     """Return {module: its compiled function} of every block that a flight of `scenario` steps, and of its tape."""
     used = dict.fromkeys((*scenario.elevator.technology.values(), "simple"))
-    modules = [d.module for d in detectors.chosen(scenario)]  # what takes longest comes first
+    own = [d.module for d in detectors.chosen(scenario)]
+    modules = [m for m in own if isinstance(m, ModuleType)]  # what takes longest comes first; guests elsewhere
     modules += [m for name in used if name in TECHNOLOGIES for m in TECHNOLOGIES[name].modules() if m is not None]
     modules += [law, faults, sensors, manoeuvre, hinge_model]
     blocks = [m for m in modules if isinstance(getattr(m, "rollout", None), Entry)]

@@ -64,7 +64,7 @@ MOST_FITS = 256
 
 def _fit(detector, site, own, words):
     """Return a lane's PARAMS; a shipped detector is designed once for the same place, words and stored designs."""
-    if registry.SHIPPED.get(detector.id) != detector.module.__name__:
+    if registry.SHIPPED.get(detector.id) != getattr(detector.module, "__name__", ""):
         return detector.record.fit(site, **words)
     place = site.dt, site.lane, site.technology, *site.technologies.items(), *sorted(site.actuator.items()), site.travel
     key = detector.id, place, str(own.folder), *sorted(words.items()), _stored()

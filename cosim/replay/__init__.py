@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cosim.flight.guests import load
+from cosim.flight.guests.plain import SLOW
 from cosim.judge.noticed import columns, watch_of
 from cosim.judge.result import judge, judged, plain
 from cosim.log import open_log
@@ -195,12 +196,20 @@ class _Member:
             out[rows] = again
             self.history[1, places[rows]] = again[:, self.columns]
             self.rows += len(again)
-            done += int(np.count_nonzero(piece.ticks >= tick))
-            self._compare(w.topic, self.fields, piece.ticks, piece.logged, again)
+            n = self._by_clock(piece)
+            done += int(np.count_nonzero(piece.ticks[:n] >= tick))
+            self._compare(w.topic, self.fields, piece.ticks[:n], piece.logged[:n], again[:n])
             held = lane.states[1][np.isin(lane.states[0], at)]
             self._compare(w.hidden, self.hidden, at, held, states)
         self.skipped += int(np.count_nonzero(lane.ticks >= tick)) - done
         return out
+
+    def _by_clock(self, piece):
+        """Return the rows up to which a lane can repeat itself: a guest that took too long was dropped by the clock."""
+        if self.w.rollout is None:
+            return len(piece.ticks)
+        slow = np.flatnonzero(piece.logged[:, self.fields.index("status")] == SLOW)
+        return int(slow[0]) if len(slow) else len(piece.ticks)
 
     def _compare(self, name, fields, ticks, logged, again):
         self.values += again.size

@@ -134,13 +134,13 @@ def flown(how, tmp_path):
 @pytest.mark.parametrize(
     ("how", "status", "said"),
     [
-        (1, RAISED, "is dropped at 1.000 s: ZeroDivisionError: on purpose (misbehaving.py:22)"),
-        (3, NONSENSE, "is dropped at 1.000 s: verdict 'gremlins'; allowed: none, ofc_liquid"),
-        (4, NONSENSE, "is dropped at 1.000 s: update returned 'an alarm'; allowed: a dict of"),
-        (5, RAISED, "is dropped at 1.000 s: AttributeError: can't set attribute"),
-        (6, SLOW, "is dropped at 1.000 s: a step took 0."),
-        (7, RAISED, "is dropped at 1.000 s: SystemExit: 3"),
-        (8, NONSENSE, "is dropped at 1.000 s: alarm = 'perhaps' is no number"),
+        (1, RAISED, "is dropped on left_outer at 1.000 s: ZeroDivisionError: on purpose (misbehaving.py:26)"),
+        (3, NONSENSE, "is dropped on left_outer at 1.000 s: verdict 'gremlins'; allowed: none, ofc_liquid"),
+        (4, NONSENSE, "is dropped on left_outer at 1.000 s: update returned 'an alarm'; allowed: a dict of"),
+        (5, RAISED, "is dropped on left_outer at 1.000 s: AttributeError: can't set attribute"),
+        (6, SLOW, "is dropped on left_outer at 1.000 s: a step took 0."),
+        (7, RAISED, "is dropped on left_outer at 1.000 s: SystemExit: 3"),
+        (8, NONSENSE, "is dropped on left_outer at 1.000 s: alarm = 'perhaps' is no number"),
     ],
 )
 def test_what_misbehaves_is_dropped_with_a_line_and_touches_nothing(how, status, said, tmp_path):
@@ -150,11 +150,21 @@ def test_what_misbehaves_is_dropped_with_a_line_and_touches_nothing(how, status,
     assert log.complete and len(own) == 400
     assert own["status"].iloc[198] == 0.0 and own["status"].iloc[-1] == status and own["valid"].iloc[-1] == 0.0
     assert json.loads(log.result["notes"]) == result.extra["notes"]
+    again = replay(tmp_path / f"{how}.mcap", guests=[BAD])
+    assert again.exact and bool(again.skipped) == (status == SLOW)
     good, _ = flown(0, tmp_path)
     assert good.extra["notes"] == []
     whole = open_log(tmp_path / "0.mcap")
     for topic in ("/detectors/ofc_monitor/left_inner", "/truth/aircraft", "/sensors/left_inner", "/law"):
         assert (whole.array(topic).view(np.int64) == log.array(topic).view(np.int64)).all(), topic
+
+
+def test_one_lane_that_raises_leaves_the_others_alone(tmp_path):
+    result, log = flown(10, tmp_path)
+    assert len(result.extra["notes"]) == 1 and " on left_inner at 1.000 s: ZeroDivision" in result.extra["notes"][0]
+    assert log.frame("/detectors/misbehaving/left_inner")["status"].iloc[-1] == RAISED
+    assert log.frame("/detectors/misbehaving/left_outer")["valid"].iloc[-1] == 1.0
+    assert replay(tmp_path / "10.mcap", guests=[BAD]).exact
 
 
 def test_a_residual_that_is_no_number_is_told_once_and_not_valid(tmp_path):

@@ -1,13 +1,14 @@
 """A plain Python class as a block: one object per lane, stepped with what is measured, its answers checked.
 
-Whatever a guest does, the flight goes on: one that raises, answers nonsense or takes longer than its limit for a step
-is dropped, its outputs say so, and nothing else is touched.
+Whatever a guest does, the flight goes on: a lane that raises, answers nonsense or takes longer than its limit for a
+step is dropped, its outputs say so, and nothing else is touched.
 """
 
 import math
 import time
 from collections import namedtuple
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -55,23 +56,25 @@ class PlainDetector:
         """Return STATE of p's shape: nothing said."""
         return np.zeros(p.shape, self.STATE)
 
-    def runner(self, limited: bool = False) -> "Runner":
-        """Return what steps the lanes of one flight; with `limited` by the clock's limit too."""
-        return Runner(self, limited)
+    def runner(self, limited: bool = False, lanes: tuple = ()) -> "Runner":
+        """Return what steps the `lanes` of one flight; with `limited` a step that takes too long drops its lane."""
+        return Runner(self, limited, lanes)
 
 
 class Runner:
     """The objects of one flight; called like a block's rollout, and told what became of them.
 
-    `problem` is a sentence once the guest is dropped, `notes` what it did wrong otherwise.
+    A lane whose object misbehaves is dropped, the others go on. `problems` has a sentence for each that was, `notes`
+    what one did wrong otherwise.
     """
 
-    def __init__(self, guest: PlainDetector, limited: bool):
-        self.guest, self.limited = guest, limited
-        self.problem, self.status = "", GOOD
+    def __init__(self, guest: PlainDetector, limited: bool, lanes: tuple = ()):
+        self.guest, self.limited, self.lanes = guest, limited, lanes
+        self.problems: list[str] = []
         self.notes: list[str] = []
         self.steps, self.seconds = 0, 0.0
-        self._lanes: list[Any] = []
+        self._updates: list[Any] = []  # of the lanes' objects
+        self._status: list[float] = []
         measured: Any = namedtuple("Measured", tuple(guest.INPUTS.names or ()))  # type: ignore[misc]
         self._make = measured._make
         self._limit = math.inf
@@ -100,37 +103,46 @@ class Runner:
 
         return advance
 
+    @property
+    def problem(self) -> str:
+        """Return what became of the first lane that was dropped, and of how many more; "" when none was."""
+        more = len(self.problems) - 1
+        return self.problems[0] + (f" (and {more} more lane{'s' * (more > 1)})" if more else "") if more >= 0 else ""
+
     def _start(self, p, dt):
         """Make the objects of the lanes, once."""
-        if self._lanes or self.problem:
+        if self._status:
             return
         names = [n for n in self.guest.PARAMS.names if n != "limit_s"]
         self._limit = float(p["limit_s"][0]) if self.limited else math.inf
-        try:
-            self._lanes = [self.guest.cls(dt, **{n: float(own[n]) for n in names}).update for own in p]
-        except (Exception, SystemExit) as error:
-            self._drop(RAISED, self._said(error), "at its start")
+        self._status = [GOOD] * len(p)
+        for i, own in enumerate(p):
+            self._updates.append(None)
+            try:
+                self._updates[i] = self.guest.cls(dt, **{n: float(own[n]) for n in names}).update
+            except (Exception, SystemExit) as error:
+                self._drop(i, RAISED, self._said(error), "at its start")
 
     def _step(self, i, row, values, dt):
-        if self.problem:
-            row[:] = (*QUIET, self.status)
+        if self._status[i] != GOOD:
+            row[:] = (*QUIET, self._status[i])
             return
         t = self.steps * dt
         begin = time.perf_counter()
         try:
-            said = self._lanes[i](t, self._make(values))
+            said = self._updates[i](t, self._make(values))
             took = time.perf_counter() - begin
             self.seconds += took
             if said is not None:
                 row[:] = self._answer(said, i, t)
         except (Exception, SystemExit) as error:
-            self._drop(NONSENSE if isinstance(error, Nonsense) else RAISED, self._said(error), f"at {t:.3f} s")
-            row[:] = (*QUIET, self.status)
+            self._drop(i, NONSENSE if isinstance(error, Nonsense) else RAISED, self._said(error), f"at {t:.3f} s")
+            row[:] = (*QUIET, self._status[i])
             return
         if took > self._limit * (1.0 if self.steps else FIRST):
             said = f"a step took {took:.2f} s, and limit_s is {self._limit:g}"
-            self._drop(SLOW, said, f"at {t:.3f} s")
-            row[:] = (*QUIET, self.status)
+            self._drop(i, SLOW, said, f"at {t:.3f} s")
+            row[:] = (*QUIET, SLOW)
 
     def _answer(self, said, i, t):
         """Return the row of an answer; raises Nonsense."""
@@ -150,18 +162,17 @@ class Runner:
         on = 1.0 if alarm > 0.5 else 0.0
         return r, on, verdict, code, 1.0 if valid > 0.5 else 0.0, estimate, probability, GOOD
 
-    def _drop(self, status, said, when):
-        self.status = status
-        self.problem = f"{self.guest.DETECTOR.id} is dropped {when}: {said}"
+    def _drop(self, i, status, said, when):
+        self._status[i] = status
+        where = f" on {self.lanes[i]}" if i < len(self.lanes) else ""
+        self.problems.append(f"{self.guest.DETECTOR.id} is dropped{where} {when}: {said}")
 
     def _said(self, error):
         from cosim.flight.guests import where
 
         if isinstance(error, Nonsense):
             return str(error)
-        import pathlib
-
-        return where(error, pathlib.Path(self.guest.file) if self.guest.file else None)
+        return where(error, Path(self.guest.file) if self.guest.file else None)
 
 
 def _number(value, name):
@@ -195,5 +206,5 @@ class GuestBlock:
         self.name, self.module, self.p, self.every, self.dt = name, module, p, every, dt * every
         self.x, self.u = bus[name], bus[name + "_in"].reshape(-1, 1)
         self.x[:] = x0
-        self.runner = module.runner(limited=True)
+        self.runner = module.runner(limited=True, lanes=bus.lanes[name])
         self.advance = self.runner.bound(self.x, self.u, p, dt * every)

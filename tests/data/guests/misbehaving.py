@@ -11,8 +11,12 @@ class Misbehaving:
     id, level, technologies = "misbehaving", "local", ("hydraulic",)
     inputs = ("rod", "surface")
 
+    made = 0
+
     def __init__(self, dt, how=0.0):
         self.how = int(how)
+        Misbehaving.made += 1
+        self.second = Misbehaving.made % 2 == 0
 
     def update(self, t, y):
         r = abs(y.rod - 0.3 * y.surface) / 0.02
@@ -34,6 +38,8 @@ class Misbehaving:
             sys.exit(3)
         if self.how == 8:
             return {"r": r, "alarm": "perhaps"}
+        if self.how == 10 and self.second:
+            return {"r": r / 0.0}
         if self.how == 9:
             os.environ.get("HOME")
             while True:
