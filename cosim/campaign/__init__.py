@@ -16,7 +16,7 @@ without a result has one row. What is of the lane, not of a fault, stands on the
     alarm, detected_at_s    any alarm in the run; first alarm that rises after the onset (healthy lane: first alarm)
     delay_s, delay_periods  from the onset; null when missed or not concerned
     fault                   number of the fault that the figures are about
-    first_verdict           class that was said first
+    first_verdict           class that was said first; first_right: it was right in class and part
     isolated_class/_target  last verdict while the alarm stood
     right                   that name is right in class and part (cosim/judge/naming.py)
     time_to_right_s         from the onset to the first right name; ambiguous is none

@@ -45,6 +45,7 @@ ROWS = pa.schema(
         ("isolated_class", pa.string()),
         ("isolated_target", pa.string()),
         ("right", pa.bool_()),
+        ("first_right", pa.bool_()),
         ("time_to_right_s", pa.float64()),
         ("right_after_motion_s", pa.float64()),
         ("not_excited", pa.bool_()),

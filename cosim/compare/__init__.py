@@ -9,6 +9,7 @@ found = compare(["logs/my-campaign"])    # a campaign's folder
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import pandas as pd
@@ -47,6 +48,16 @@ class Comparison:
         table = pd.DataFrame(self.detectors)
         return table[[k for k in keys if k in table]].to_html(index=False, float_format="%.3g", na_rep="–")
 
+    @cached_property
+    def families(self) -> list[dict]:
+        """Return what each detector made of each kind of fault (cosim.compare.stats.families)."""
+        return compare_stats.families(self.rows)
+
+    @cached_property
+    def sizes(self) -> list[dict]:
+        """Return how large an oscillation must be for each level (cosim.compare.stats.sizes)."""
+        return compare_stats.sizes(compare_stats.by_group(self.rows, self.detectors))
+
     def to_dict(self) -> dict:
         """Return the JSON of `cosim compare`."""
         about = {
@@ -54,7 +65,8 @@ class Comparison:
             "table": str(self.table) if self.table else None,
             "runs": self.runs,
         }
-        return plain({**about, "failed": self.failed, "source": self.source, "detectors": self.detectors})
+        told = {"detectors": self.detectors, "families": self.families, "sizes": self.sizes}
+        return plain({**about, "failed": self.failed, "source": self.source, **told})
 
 
 def compare(

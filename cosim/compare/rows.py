@@ -11,8 +11,8 @@ concerned                          it has a lane on the faulty part (aircraft le
 idle                               it could not judge: not valid; why_not_valid says why, valid_share how much of a
                                    flight it was valid
 detected, delay_s, delay_periods, class     of the first lane that noticed, and of that lane:
-first_verdict, right, time_to_right_s, right_after_motion_s, not_excited, class_changes, ambiguous_s, alarm_share,
-withdrawn, withdrawn_after_s       as cosim/judge/noticed.py
+first_verdict, right, first_right, time_to_right_s, right_after_motion_s, not_excited, class_changes, ambiguous_s,
+alarm_share, withdrawn, withdrawn_after_s       as cosim/judge/noticed.py
 outcome                            a word of cosim.judge.naming.outcome, or echo: it alarms in this manoeuvre without a
                                    fault as well; null when fault-free
 false_alarms, standing_s           over all lanes
@@ -167,6 +167,7 @@ def _row(run, detector, lanes, whole, about, fault):
         "class": said["isolated_class"],
         "first_verdict": said["first_verdict"],
         "right": right,
+        "first_right": _true(best.get("first_right")),
         "not_excited": _true(told.get("not_excited")),
         "withdrawn": said["withdrawn"],
         **{k: _number(best, k) for k in NUMBERS},

@@ -13,6 +13,7 @@ from fdi.common.record import GROUPS
 from fdi.registry import SHIPPED
 
 FREQUENCIES = 8
+HELD = 0.95  # share of the time from the alarm to the fault's end in which an alarm that is held stands
 ALPHA = 0.05  # run-level false-alarm probability at which detectors are set side by side
 GROUPED = (
     "run",
@@ -46,6 +47,8 @@ WORDS = ("named", "ambiguous", "misnamed", "idle", "not_excited", "missed")
 def score(rows: pd.DataFrame) -> dict:
     """Return what came of the faults `rows`: counts that add up to `designed`, and times [s]; a fault that was missed,
     or never named right, counts as an endless time. Flights in which the detector could not judge stay in.
+    `first_fair`: the first name was right or ambiguous; `held`: the alarm stood HELD of the time or more;
+    `changed_often`: more than one change of class; `motion_s`: right name, from when the rod had moved 1 mm.
     """
     came, n = came_of_it(rows), len(rows)
     seen = int(rows["detected"].sum())
@@ -59,12 +62,17 @@ def score(rows: pd.DataFrame) -> dict:
         "detection_low": low,
         "detection_high": high,
         "why_not_valid": why.mode().iloc[0] if len(why) else None,
+        "first_fair": int((rows["first_right"] | (rows["detected"] & (rows["first_verdict"] == "ambiguous"))).sum()),
         "changed_often": int((rows["class_changes"] > 1).sum()),
+        "held": int((rows["alarm_share"] >= HELD).sum()),
+        "ambiguous_s": float(rows["ambiguous_s"].sum()),
         "withdrawn": int((rows["withdrawn"] == True).sum()),  # noqa: E712
         "healed": int(rows["withdrawn"].notna().sum()),
     }
-    for name, column in (("delay_s", "delay_s"), ("right_s", "time_to_right_s")):
-        late = metrics.delays(rows[column].to_numpy()) if n else None
+    excited = rows[~rows["not_excited"]]
+    for name, late in (("delay_s", rows["delay_s"]), ("right_s", rows["time_to_right_s"]),
+                       ("motion_s", excited["right_after_motion_s"])):  # fmt: skip
+        late = metrics.delays(late.to_numpy(float)) if len(late) else None
         for word, field in (("", "median"), ("_low", "median_low"), ("_high", "median_high"), ("_p95", "p95"),
                             ("_max", "largest")):  # fmt: skip
             out[name + word] = late and getattr(late, field)

@@ -93,10 +93,11 @@ def noticed(watch: Watch, history: NDArray, fault: Mapping, until: float, dt: fl
 
     `detection_delay_s` and `time_to_right_s` count from the onset, `right_after_motion_s` from when the fault has moved
     the rod 1 mm from where it would be; `not_excited` tells that a fault of MOVES never did. `isolated` is what was
-    said last while the fault was there, `first_verdict` what was said first. `alarm_share` is the share of the time
-    from the alarm to the end of the fault in which the alarm stands; `withdrawn_after_s` the time from the end of the
-    fault to that of its last alarm, `withdrawn` whether that end was seen. `valid_at_fault` is the share of the fault's
-    time in which the lane called itself valid, until it noticed; one that missed with less than ABLE could not judge.
+    said last while the fault was there, `first_verdict` what was said first; `right`, `first_right`: they are.
+    `alarm_share` is the share of the time from the alarm to the end of the fault in which the alarm stands;
+    `withdrawn_after_s` the time from the end of the fault to that of its last alarm, `withdrawn` whether that end was
+    seen. `valid_at_fault` is the share of the fault's time in which the lane called itself valid, until it noticed; one
+    that missed with less than ABLE could not judge.
     """
     ticks, start, end = len(history), fault["start_s"], fault["end_s"]
     first = round(start / dt)
@@ -107,7 +108,8 @@ def noticed(watch: Watch, history: NDArray, fault: Mapping, until: float, dt: fl
         ("detected_at_s", "detection_delay_s", "detection_delay_periods", "isolated", "first_verdict",
          "time_to_right_s", "right_after_motion_s", "alarm_share", "withdrawn_after_s", "withdrawn")
     )  # fmt: skip
-    out |= {"right": False, "class_changes": 0, "ambiguous_s": 0.0, "not_excited": _not_excited(watch, fault)}
+    out |= {"right": False, "first_right": False, "class_changes": 0, "ambiguous_s": 0.0}
+    out["not_excited"] = _not_excited(watch, fault)
     if k is not None:
         out |= {
             "detected_at_s": k * dt,
@@ -144,6 +146,7 @@ def _named(watch, s, fault, k, end, dt):
         "class_changes": int(np.count_nonzero(np.diff(codes))),
         "ambiguous_s": float(np.count_nonzero(codes == code.AMBIGUOUS) * dt),
         "right": bool(good[-1]),
+        "first_right": bool(good[0]),
     }
     if good.any():
         at = float(given[np.argmax(good)] * dt)

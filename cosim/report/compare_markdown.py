@@ -62,7 +62,7 @@ def markdown(found: Comparison) -> str:
 def smallest(found: Comparison) -> str:
     """Return how large an oscillation must be for each level, liquid and solid, of one segment and several, as
     Markdown."""
-    sized = stats.sizes(stats.by_group(found.rows, found.detectors))
+    sized = found.sizes
     lines = []
     for family in dict.fromkeys(d["family"] for d in sized):
         own = [d for d in sized if d["family"] == family]

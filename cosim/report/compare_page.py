@@ -34,7 +34,7 @@ def render(found: Comparison) -> str:
     """Return the page as HTML text."""
     rows, each = found.rows, found.detectors
     grouped, equal = stats.by_group(rows, each), stats.equal_thresholds(rows)
-    sized = stats.sizes(grouped)
+    sized = found.sizes
     made: dict[str, Any] = {
         "maps": maps(rows),
         "equal": maps(rows, equal) if equal else None,
@@ -56,7 +56,8 @@ def render(found: Comparison) -> str:
         levels=tables.levels(grouped),
         detectors=tables.detectors(each),
         quiet=tables.quiet(each),
-        families=tables.families(stats.families(rows)),
+        after=tables.after(each),
+        families=tables.families(found.families),
         sizes=tables.sizes(sized),
         remarks=[(d["id"], coverage.remark(d["id"])) for d in each if coverage.remark(d["id"])],
         matrix=tables.matrix(rows),

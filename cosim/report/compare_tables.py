@@ -94,14 +94,33 @@ def quiet(each: list[dict]) -> Table:
     return Table(columns, out, note, "wide")
 
 
+def after(each: list[dict]) -> Table:
+    """Return the Table of what becomes of alarms: names that change, alarms that fall early or never."""
+    columns = ("detector", "seen>", "first name right or ambiguous>", "more than one change of class>",
+               "called ambiguous>", "alarm held>", "healed>", "withdrawn>", "after>")  # fmt: skip
+    out = []
+    for d in each:
+        if d["detected"]:
+            cells = (bold(d["id"]), d["detected"], d["first_fair"], d["changed_often"], f"{d['ambiguous_s']:.0f} s",
+                     d["held"], d["healed"] or "–", d["withdrawn"] if d["healed"] else "–",
+                     _seconds(d["withdrawn_after_s"], d) if d["healed"] else "–")  # fmt: skip
+            out.append(Row(cells, {"data-detector": d["id"]}))
+    note = (
+        f"Of the faults that it was designed for and saw. Held: the alarm stands {stats.HELD:.0%} of the time from its "
+        "rise to the end of the fault. Healed: the fault ended while the alarm could be watched; withdrawn: its alarm "
+        "did too, after: the median time, counted to its last alarm."
+    )
+    return Table(columns, out, note, "wide")
+
+
 SCORED = (
     *("flights>", "seen>", "95 % bounds>", "right name>", "ambiguous>", "wrong name>", "not valid>", "not excited>"),
     *("missed>", "first alarm>", "right name after>"),
 )
 
 
-def _scored(d):
-    """Return the cells of SCORED from a score of cosim/compare/stats.py."""
+def _scored(d, moves=False):
+    """Return the cells of SCORED from a score of cosim/compare/stats.py; `moves` adds the time from motion on."""
     if not d["designed"]:
         return ("–",) * len(SCORED)
     why = f": {d['why_not_valid']}" if d["idle"] and d["why_not_valid"] else ""
@@ -116,7 +135,7 @@ def _scored(d):
         d["not_excited"] or "",
         d["missed"] or "",
         _seconds(d["delay_s"], d),
-        _seconds(d["right_s"], d),
+        _seconds(d["right_s"], d) + (f", {_seconds(d['motion_s'], d)} of motion" if moves else ""),
     )
 
 
@@ -124,10 +143,14 @@ def families(found: list[dict]) -> Table:
     """Return the Table of detectors by kind of fault, from stats.families; a line for each pair."""
     out, last = [], None
     for d in found:
-        rows = (bold(d["family"]) if d["family"] != last else "", d["id"], *_scored(d))
+        head = bold(d["family"]) if d["family"] != last else ""
+        rows = (head, d["id"], *_scored(d, moves=d["family"] == "jam or runaway"))
         last = d["family"]
         out.append(Row(rows, {"data-detector": d["id"]}))
-    note = "Kinds that it was designed for; columns as above."
+    note = (
+        "Kinds that it was designed for; columns as above. A jam or runaway also from when the rod is 1 mm from where "
+        "it would be."
+    )
     return Table(("kind of fault", "detector", *SCORED), out, note, "wide")
 
 

@@ -200,7 +200,8 @@ def hand_made():
     rows["time_to_right_s"] = 2.0 * rows["delay_s"].where(rows["outcome"] == "named")
     rows["class_changes"], rows["not_excited"], rows["why_not_valid"], rows["withdrawn"] = 1.0, False, None, None
     rows["withdrawn_after_s"], rows["standing_s"], rows["valid_share"] = np.nan, 0.0, 1.0
-    rows["bound_mm"] = np.nan
+    rows["bound_mm"], rows["first_right"], rows["alarm_share"], rows["ambiguous_s"] = np.nan, rows["detected"], 1.0, 0.0
+    rows["first_verdict"], rows["right_after_motion_s"] = rows["class"], np.nan
     return rows
 
 
