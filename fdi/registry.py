@@ -34,12 +34,12 @@ def _shipped(name):
 
 
 def module(name: str) -> Any:
-    """Return the module of detector `name`. KeyError for one that is none."""
+    """Return the module of detector `name`. KeyError for an unknown one."""
     return GUESTS[name] if name in GUESTS else _shipped(name)
 
 
 def record(name: str) -> Detector:
-    """Return the record of detector `name`. KeyError for one that is none."""
+    """Return the record of detector `name`. KeyError for an unknown one."""
     return module(name).DETECTOR
 
 

@@ -1,4 +1,4 @@
-"""Small kernels that every block here needs: limits, signs, and numbers that are none."""
+"""Small kernels that every block here needs: limits, signs, and numbers that are not finite."""
 
 from actuators.block import kernel
 

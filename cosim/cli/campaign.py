@@ -37,7 +37,7 @@ def campaign(result: CampaignResult) -> Group:
     t.caption_justify = "left"
     t.caption = (
         "faults: that concern the detector, per actuator it watches, also those it is not made for (`cosim compare` "
-        "counts those it is, once per flight); median delay: a missed fault counts as endless, - where it is one; "
+        "counts those it is, once per flight); median delay: a missed fault is endless, - where half are missed; "
         "false flights: with a false alarm; bound: Clopper-Pearson, per flight"
     )
     status = frame.drop_duplicates("run")["status"].value_counts()

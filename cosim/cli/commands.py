@@ -63,7 +63,7 @@ class _Group(TyperGroup):
 
 
 def _usage(error):
-    """Return one line of what typer refuses: an option that is none, a value out of its range, an argument missing."""
+    """Return one line of what typer refuses: an unknown option, a value out of its range, an argument missing."""
     ctx = getattr(error, "ctx", None)
     path = ctx.command_path if ctx else "cosim"
     said = " ".join(error.format_message().split()).rstrip(".")

@@ -127,7 +127,7 @@ class Installed:
         return p
 
     def _override(self, p, name, value, dt):
-        """Set a parameter of every lane; raise ScenarioError for one that is none, or for a word."""
+        """Set a parameter of every lane; raise ScenarioError for an unknown name, or for a word."""
         place = f"detectors.{self.id}.{name} = {value}"
         if isinstance(value, str):
             raise ScenarioError("is no number", place=place, allowed="a number")

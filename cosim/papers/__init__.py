@@ -16,7 +16,7 @@ LONGEST_FIRST = ("mar10", "sun13", "alwi14", "lu17", "jay")  # so that two proce
 
 
 def chosen(paper):
-    """Return the papers that `paper`, one of PAPERS or "all", stands for. Raises CosimError for one that is none."""
+    """Return the papers that `paper`, one of PAPERS or "all", stands for. Raises CosimError for another name."""
     if paper not in (*PAPERS, "all"):
         raise CosimError(
             f"{paper!r} is no paper of this testbed",

@@ -76,7 +76,7 @@ def _count(rows):
 
 
 def _table(t, caption):
-    """Return the page's Table of a drawing that is one; a + before a value marks it as good."""
+    """Return the page's Table of a drawing that holds a table; a + before a value marks it as good."""
     rows = [Row(tuple(mark(v[1:], "good") if v.startswith("+") else v for v in row)) for row in t.rows]
     return Table(t.columns, rows, caption)
 

@@ -25,7 +25,7 @@ from fdi.common import bank, compact
 from fdi.hydraulic import iotsekf
 from fdi.monitors import ofc_monitor, position_monitor
 
-MARGIN = 1.25  # 1.2 times the maximum of 40 flights left 1 alarm in 300 (papers/README)
+MARGIN = 1.25  # 1.2 times the maximum of 40 flights left 1 alarm in 300
 DRAWS = 3  # of every combination: 324 flights, the number that evaluation has
 TRAINING, EVALUATION = 21_000, 12_000  # first seeds of the two sets
 HARSH = 500  # first seed of the harsher flights, after TRAINING

@@ -39,7 +39,7 @@ from fdi.rfafe.decision import shaped
 from fdi.rfafe.store import side_kinds
 
 ELEVATORS = (("hydraulic",) * 4, ("hydraulic", "hydraulic", "ema", "ema"))  # in turn; the second is the default
-MARGIN = 1.25  # 1.2 times the maximum of 40 flights left 1 alarm in 300 (papers/README)
+MARGIN = 1.25  # 1.2 times the maximum of 40 flights left 1 alarm in 300
 RESERVE = 0.3  # of the largest amplitude that only its shape refused: no threshold hangs on the shape alone
 SPARE = 2  # thresholds stand on so many fits in a row less than an alarm takes
 LEAST = math.radians(0.05)  # two and a half sigma of one position sample

@@ -17,7 +17,7 @@ from actuators.block import kernel
 K = 14  # frequencies
 N = 40  # stored samples for each rate
 LEVELS = 3
-F_LOW, F_HIGH = 0.5, 10.6  # [Hz]; actuators filter what lies above 10 Hz (notes/diagnosis)
+F_LOW, F_HIGH = 0.5, 10.6  # [Hz]; actuators filter what lies above 10 Hz
 BLOCKS_S = (0.01, 0.04, 0.10)  # block lengths [s]
 FITS = 8  # per period
 

@@ -3,7 +3,7 @@
 The kernels with records read the fields that this module lists in `*_PARAMS` and `*_STATE`; a detector appends those
 lists to its own PARAMS and STATE.
 
-Who answers for what (papers/README): a sensor is rod against surface; a jam is load beyond the hinge-moment model
+Who answers for what: a sensor is rod against surface; a jam is load beyond the hinge-moment model
 with the surface still; a runaway is an input fault that moves the surface; an oscillation is what keeps its phase
 over two periods. Rod against surface is tested first, because a step of the rod sensor also rings the input-fault
 estimate.

@@ -53,5 +53,5 @@ def alarm_fields(culprits: tuple, outputs: tuple) -> dict:
 
 
 def class_name(code: float) -> str:
-    """Return the class of a verdict code; "unknown" for a number that is none, as a log of others may hold."""
+    """Return the class of a verdict code; "unknown" for a number that is no code, as a log of others may hold."""
     return NAMES[int(code)] if 0 <= code < len(NAMES) else "unknown"

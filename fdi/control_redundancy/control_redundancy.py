@@ -113,7 +113,7 @@ _COMMANDS = (
     "da_r",
     "dr",
     "stab",
-)  # of the surfaces, signs of DESIGN.md [rad]
+)  # of the surfaces, trailing edge down + (rudder: yaws left) [rad]
 INPUTS = dtype([(n, "f8", "rad") for n in _COMMANDS]
                + [(n + t, "f8", "-" if t else unit)
                   for n, unit in (_MEASURED | _GROUND).items() for t in ("", "_valid")])

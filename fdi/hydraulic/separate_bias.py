@@ -11,7 +11,7 @@ filter of the state augmented by f:
 | f^i | f_hat | input fault, in the unit of the valve command [1] |
 | x-bar, P^x-bar | x_bar, P_bar | bias-free filter |
 | U, V, S = H U | U, V | blending matrices |
-| Phi, Gamma | Phi, G | of one matrix exponential (papers/README: (20) read literally is wrong) |
+| Phi, Gamma | Phi, G | of one matrix exponential: (20) read literally is wrong |
 
 Load forms (PARAMS.load): 0 ignored, as published; 1 a hinge-moment model; 2 the differential pressure is measured and
 F is a random walk. Measurements are scalars taken one after the other, which is exact for uncorrelated noise and lets

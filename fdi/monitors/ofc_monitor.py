@@ -24,7 +24,7 @@ from fdi.common.tuning import thresholds
 from fdi.common.verdict import NONE, OFC_LIQUID
 
 CULPRITS = ("",)
-BANDS = ((0.4, 1.3), (1.3, 4.0), (4.0, 12.0))  # [Hz]; 0.5 to 10 Hz is considered (notes/diagnosis)
+BANDS = ((0.4, 1.3), (1.3, 4.0), (4.0, 12.0))  # [Hz]; 0.5 to 10 Hz is considered
 B = len(BANDS)
 COUNT = 6  # crossings kept
 HISTORY = 10  # reference positions kept: 5 ms at 2 kHz

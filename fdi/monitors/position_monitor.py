@@ -87,7 +87,7 @@ DETECTOR = Detector(
 
 
 RATE_LIMIT = math.radians(40.0)  # of the servos' reference, both technologies (actuators/hydraulic/servo.py) [rad/s]
-TRAVEL = (math.radians(-23.0), math.radians(17.0))  # of the elevator (DESIGN.md 3) [rad]
+TRAVEL = (math.radians(-23.0), math.radians(17.0))  # of the elevator [rad]
 
 
 def params(which="flight", *, rate_limit=RATE_LIMIT, limits=None):

@@ -88,11 +88,11 @@ def test_every_builtin_fault_makes_a_case_that_some_detector_or_none_is_said_to_
             "rtsekf_flight",
             "hydraulic.runaway",
             "blind",
-        ),  # papers/README: it must stay quiet
+        ),  # it must stay quiet
         ("rtsekf_flight", "hydraulic.rod", "designed"),
-        ("rfafe", "sensor.alpha", "blind"),  # papers/README: no airframe output contributes
+        ("rfafe", "sensor.alpha", "blind"),  # no airframe output contributes
         ("lpv_smo", "sensor.alpha", "designed"),
-        ("control_redundancy", "aileron", "blind"),  # papers/README: invisible to forces on a transport
+        ("control_redundancy", "aileron", "blind"),  # invisible to forces on a transport
         ("control_redundancy", "engine", "designed"),
         ("ema_kalman_flight", "ema.runaway@command", "blind"),
         ("position_monitor", "hydraulic.ofc_liquid@command", "may"),

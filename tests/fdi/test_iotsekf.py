@@ -138,7 +138,7 @@ def test_rod_alone_cannot_tell_a_load_from_an_input_fault():
     _, s, Vt = np.linalg.svd(rod * scale)
     assert s[-1] < 1e-10 * s[0] < 1e-6 * s[-2]
     x1, x2, x3, F, f = Vt[-1] * scale
-    # papers/README: (x3, f, F) = (-1, -L, 1)
+    # (x3, f, F) = (-1, -L, 1)
     assert (x1 / F, x2 / F) == pytest.approx((0, 0), abs=1e-9)
     assert (x3 / F, f / F) == pytest.approx((-1.0, -p.L), rel=1e-6)
     both = np.concatenate([rod, [np.eye(5)[2]], [np.eye(5)[2] @ A / 50.0]])

@@ -51,7 +51,7 @@ def test_as_published_it_drifts_with_the_load():
     flight = fly(doublets(26.0), seed=1, hm0=-800.0)
     ignored = run(rtsekf, [flight], load=0)["f_hat"][0]
     model = run(rtsekf, [flight], load=1)["f_hat"][0]
-    assert np.abs(ignored[-200:]).mean() > 0.02  # papers/README: 4 cm in 25 s
+    assert np.abs(ignored[-200:]).mean() > 0.02  # it drifts 4 cm in 25 s
     assert 2e-4 < np.abs(model).max() < 0.01  # known to 20 %: by 1.5 mm, worst 9
 
 

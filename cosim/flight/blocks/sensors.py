@@ -123,7 +123,7 @@ def fitted(aircraft: Aircraft) -> dict[str, tuple[str, float, float, str]]:
     return {name: spec for name, spec in TRANSPORT.items() if name not in fans[aircraft.engines :]}
 
 
-# Sensor set `transport` (DESIGN section 2): name -> (truth field, sigma in SI per 5 ms sample, delay [s], unit)
+# Sensor set `transport`: name -> (truth field, sigma in SI per 5 ms sample, delay [s], unit)
 TRANSPORT = {
     "alpha": ("alpha", 0.03 * DEG, _AIR, "rad"),
     "beta": ("beta", 0.03 * DEG, _AIR, "rad"),  # a vane like that of alpha

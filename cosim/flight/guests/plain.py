@@ -28,7 +28,7 @@ _KEYS = {"r", "alarm", "verdict", "culprit", "estimate", "valid"}
 
 
 class Nonsense(Exception):
-    """An answer that is none."""
+    """An answer that cannot be used."""
 
 
 class PlainDetector:

@@ -95,7 +95,7 @@ class LinearModel:
         return self.A[np.ix_(i, i)], self.B[np.ix_(i, j)], self.C[np.ix_(k, i)], self.D[np.ix_(k, j)]
 
     def to_dict(self):
-        """Return what `cosim linearize --json` prints (DESIGN section 6)."""
+        """Return what `cosim linearize --json` prints."""
         t = self.trim
         return {
             "trim": {

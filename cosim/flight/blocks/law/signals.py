@@ -7,7 +7,7 @@ from actuators.block import kernel
 SENSORS = ("alpha", "q", "theta", "phi", "p", "r", "psi", "n_z", "cas", "tas", "h_inertial", "hdot", "beta")
 N = len(SENSORS)
 ALPHA, Q, THETA, PHI, P, R, PSI, NZ, CAS, TAS, H, HDOT, BETA = range(N)
-HOLD_S = 0.2  # a lost signal is held that long [s] (DESIGN section 2)
+HOLD_S = 0.2  # a lost signal is held that long [s]
 FADE_S = 0.5  # and its feedback then fades out in that time [s]
 TAU_PHI = 10.0  # with which a bank carried on by p is drawn to that of the yaw rate [s]
 SINE_MAX = 0.87  # of that bank: 60 deg
