@@ -9,8 +9,8 @@ import numpy as np
 
 from actuators.block import dtype
 from cosim.errors import ScenarioError
-from cosim.flight import actuation, detectors, inject, wiring
-from cosim.flight.blocks import faults, hinge_model, law, manoeuvre, sensors
+from cosim.flight import actuation, detectors, inject, own_law, wiring
+from cosim.flight.blocks import faults, hinge_model, manoeuvre, sensors
 from cosim.flight.blocks.law import design as law_design
 from cosim.flight.blocks.pilot import steps
 from cosim.flight.bus import Bus
@@ -147,6 +147,7 @@ def build(scenario):
     pilot_p = manoeuvre.params(**steps(scenario.manoeuvre))
     sketch = Plant(point, dt=dt)  # moved about to take derivatives
     law_p = law_design.design(_linear(point), law_design.alpha_limit(sketch, trim), aircraft)
+    law_p, law = own_law.tuned(scenario, law_p), own_law.block(scenario)
     errors = [TECHNOLOGIES[tech].hinge_error for tech in scenario.elevator.technology.values()]
     factors = [1.0 + error * rng_errors.uniform(-1.0, 1.0) for error in errors]
     hinge_p = hinge_model.design(sketch, trim, t, aircraft.short.values(), factors)

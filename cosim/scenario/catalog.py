@@ -236,6 +236,8 @@ KEYS = {  # table of a scenario -> {key: what it means}; a kind's own numbers st
     "[elevator]": {
         "<segment>": " | ".join(TECHNOLOGIES),
         "feedback": f"{' | '.join(FEEDBACKS)}: what hydraulic servos close on, or a table by segment",
+        "parameters": "segment -> .truth and .model: parameters of its actuator [SI]; also written "
+        "[elevator.<segment>.<technology>]",
         "reconfigure": "true: on a sensor verdict a servo that closes on its measurement takes the healthy estimate",
     },
     "[sensors], a table per sensor": {

@@ -299,6 +299,20 @@ def _parameter(value):
 Parameter = Annotated[Any, BeforeValidator(_parameter)]
 
 
+class Law(_Table):
+    """The control law: a file with one's own, or gains of the shipped one (cosim/flight/own_law.py)."""
+
+    model_config = ConfigDict(frozen=True, extra="allow", strict=True, allow_inf_nan=False)
+    __pydantic_extra__: dict[str, float]
+
+    file: str | None = None
+
+    @property
+    def gains(self) -> dict[str, float]:
+        """Return {gain: value} as written."""
+        return dict(self.model_extra or {})
+
+
 class Detectors(_Table):
     """The detectors that run, and a table of parameters for each."""
 
@@ -349,6 +363,7 @@ class Scenario(_Table):
     manoeuvre: Manoeuvre = Cruise()
     actuators: dict[str, OwnActuator] = {}  # technologies that the scenario brings along
     elevator: Elevator
+    law: Law = Law.model_validate({})
     sensors: Sensors = Sensors.model_validate({})
     tolerances: Tolerances = Tolerances.model_validate({})
     faults: Annotated[tuple[Fault, ...], Field(strict=False)] = ()

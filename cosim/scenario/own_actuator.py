@@ -124,18 +124,28 @@ def take(table: dict) -> None:
 
 
 def locate(table: dict, folder: Path | None, place: str) -> dict:
-    """Return the tables with each file found, beside the scenario's own (`folder`) or from here; else ScenarioError."""
+    """Return the tables with each file of an actuator or a law found, beside the scenario's own (`folder`) or from
+    here; else ScenarioError.
+    """
     own = table.get("actuators")
-    if not isinstance(own, dict):
-        return table
-    made = dict(own)
-    for name, raw in own.items():
-        for key in ("file", "fmu"):
-            if isinstance(raw, dict) and isinstance(raw.get(key), str):
-                path = Path(raw[key]).expanduser()
-                beside = folder / path if folder else path
-                path = beside if beside.is_file() else path
-                if not path.is_file():
-                    raise ScenarioError("no such file", place=f"{place}: actuators.{name}.{key} = {raw[key]}")
-                made[name] = {**raw, key: str(path)}
-    return {**table, "actuators": made}
+    if isinstance(own, dict):
+        own = {name: _found(raw, folder, f"{place}: actuators.{name}") for name, raw in own.items()}
+    found = {"actuators": own, "law": _found(table.get("law"), folder, f"{place}: law")}
+    return {**table, **{name: value for name, value in found.items() if name in table}}
+
+
+def _is(table):
+    return isinstance(table, dict)
+
+
+def _found(raw, folder, place):
+    """Return the table `raw` with its file, if it names one, as a path from here."""
+    for key in ("file", "fmu"):
+        if _is(raw) and isinstance(raw.get(key), str):
+            path = Path(raw[key]).expanduser()
+            beside = folder / path if folder else path
+            path = beside if beside.is_file() else path
+            if not path.is_file():
+                raise ScenarioError("no such file", place=f"{place}.{key} = {raw[key]}")
+            raw = {**raw, key: str(path)}
+    return raw

@@ -1,0 +1,104 @@
+"""A control law of one's own: gains of the shipped one, `[law] k_q = 0.9`, or `[law] file = "mine.py"`.
+
+The file has a class `Law`, one object per flight:
+
+    class Law:
+        def __init__(self, dt, start): ...              # tick [s]; start.elevator, .throttle, ... of the trim
+        def update(self, t, y, ask):                    # measurements [SI], NaN while invalid; the manoeuvre's demands
+            return {"elevator": 0.01, "throttle": 0.6}  # commands [rad, 0..1]; what is left out keeps its last value
+
+or a compiled block of the shipped law's records: rollout = entry(step, STATE, INPUTS, PARAMS), the three from
+`cosim.flight.blocks.law`. Commands are cut at the aircraft's travels, and one that is not finite is held. `SENSORS` are
+what a law may read, `SURFACES` what it may command, `DEMANDS` what the manoeuvre asks for.
+"""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from actuators.guest import module as of_file
+from cosim.errors import ScenarioError, did_you_mean
+from cosim.flight.blocks import law
+from cosim.flight.wiring import DEMANDS
+from cosim.scenario import Scenario
+
+SENSORS = law.SENSORS
+SURFACES = {  # command -> (field of the shipped law's state, its least and largest in the parameters)
+    "elevator": ("de_cmd", lambda p: (p.de_min, p.de_max)),  # trailing edge down + [rad]
+    "aileron": ("da_cmd", lambda p: (-p.da_max, p.da_max)),  # + rolls right [rad]
+    "rudder": ("dr_cmd", lambda p: (-p.dr_max, p.dr_max)),  # + yaws left [rad]
+    "stabiliser": ("stab_cmd", lambda p: (p.stab_min, p.stab_max)),  # trailing edge down + [rad]
+    "throttle": ("throttle_cmd", lambda p: (0.0, 1.0)),  # [-]
+}
+TRIM = {"elevator": "de_0", "stabiliser": "stab_0", "throttle": "throttle_0", "alpha": "alpha_0", "theta": "theta_0",
+        "cas": "cas_0", "tas": "tas_0", "altitude": "h_0"}  # fmt: skip
+
+
+def gains() -> tuple[str, ...]:
+    """Return the parameters of the shipped law that a scenario may set: all but the values of the trim."""
+    return tuple(name for name in law.PARAMS.names or () if not name.endswith("_0"))
+
+
+def tuned(scenario: Scenario, p: np.ndarray) -> np.ndarray:
+    """Return the law's PARAMS (1,) with the scenario's own gains; raises ScenarioError for one that is none."""
+    for name, value in scenario.law.gains.items():
+        if name not in gains():
+            raise ScenarioError(
+                "no such gain", place=f"law.{name} = {value:g}", allowed=", ".join(gains()),
+                remedy=did_you_mean(name, gains()),
+            )  # fmt: skip
+        p[name] = value
+    return p
+
+
+def block(scenario: Scenario) -> ModuleType | Any:
+    """Return the block of the scenario's law: the shipped one, or that of its file. Raises ScenarioError."""
+    if scenario.law.file is None:
+        return law
+    path = Path(scenario.law.file).expanduser()
+    try:
+        made = of_file(path)
+    except Exception as error:  # whatever somebody's file raises
+        raise _wrong(path, f"{type(error).__name__}: {error}") from None
+    about = {"PARAMS": law.PARAMS, "INPUTS": law.INPUTS, "STATE": law.STATE, "OUTPUTS": law.OUTPUTS, "init": law.init}
+    if hasattr(made, "rollout"):
+        return SimpleNamespace(__name__=made.__name__, rollout=made.rollout, **about)
+    if not hasattr(made, "Law"):
+        raise _wrong(path, "has neither a class Law nor a rollout")
+    return SimpleNamespace(__name__=made.__name__, rollout=_plain(made.Law, path), **about)
+
+
+def _wrong(path, text):
+    return ScenarioError(f"{path.name}: {text}", place="law.file")
+
+
+def _plain(kind: Callable, path: Path) -> Callable:
+    """Return the rollout of a class: one object, made at the first tick."""
+    own: list[Any] = []
+
+    def rollout(x, u, p, dt):
+        record, now, given = p[0], x[0], u[0, 0]
+        try:
+            if not own:
+                start = {word: float(record[field]) for word, field in TRIM.items()}
+                own.append(kind(dt, SimpleNamespace(**start)))
+                own.append(0)
+            y = {n: float(given.y[i]) if given.valid[i] > 0.0 else math.nan for i, n in enumerate(SENSORS)}
+            ask = {name: float(given[name]) for name in DEMANDS}
+            said = own[0].update(own[1] * dt, SimpleNamespace(**y), SimpleNamespace(**ask))
+            own[1] += 1
+            for word, value in said.items():
+                if word not in SURFACES:
+                    raise KeyError(f"commands {word!r}; a law may command {', '.join(SURFACES)}")
+                field, ends = SURFACES[word]
+                if math.isfinite(value):
+                    low, high = ends(record)
+                    now[field] = min(max(float(value), low), high)
+        except Exception as error:  # whatever somebody's law raises
+            raise _wrong(path, f"{type(error).__name__}: {error}") from None
+
+    return rollout

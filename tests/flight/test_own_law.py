@@ -1,0 +1,82 @@
+"""Own laws: gains of the shipped one, a class in a file, a compiled block; what is wrong with one is told."""
+
+import textwrap
+
+import numpy as np
+import pytest
+
+import cosim
+from cosim.errors import ScenarioError
+from cosim.flight.own_law import SENSORS, SURFACES, gains
+
+SHORT = ["duration_s=6", "detectors.enabled=[]", "elevator.feedback=measured", "manoeuvre.kind=nz_doublet",
+         "manoeuvre.start_s=1", "manoeuvre.width_s=1.5", "manoeuvre.amplitude_g=0.2"]  # fmt: skip
+SEEN = ["truth.aircraft.nz", "law.law.de_cmd", "truth.aircraft.phi"]
+
+
+def flown(*changes):
+    return cosim.fly(cosim.load_scenario("cruise", [*SHORT, *changes]), SEEN).to_numpy()
+
+
+def test_a_gain_of_the_shipped_law_is_the_scenarios():
+    own, shipped = flown("law.k_nz=0.0", "law.k_i=0.02"), flown()
+    assert np.abs(own[:, 1] - shipped[:, 1]).max() > np.radians(0.1)
+    assert "k_nz" in gains() and "alpha_0" not in gains()
+    with pytest.raises(ScenarioError, match=r"law\.k_nzz = 1: no such gain.*Did you mean 'k_nz'"):
+        flown("law.k_nzz=1.0")
+
+
+PLAIN = '''
+    class Law:
+        """Pitch-rate damping and a load factor by feed-forward; wings level."""
+
+        def __init__(self, dt, start):
+            self.start = start
+
+        def update(self, t, y, ask):
+            elevator = self.start.elevator - 0.06 * ask.nz_dem + 0.3 * y.q
+            return {"elevator": elevator, "aileron": -1.0 * y.phi - 1.0 * y.p, "stabiliser": self.start.stabiliser}
+'''
+
+
+def test_a_law_in_plain_python_flies(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(textwrap.dedent(PLAIN))
+    own = flown(f"law.file={path}")
+    assert np.ptp(own[:, 0]) > 0.15 and np.abs(own[:, 2]).max() < np.radians(3.0)
+    assert own[:, 0].argmax() < own[:, 0].argmin()  # up, then down
+
+
+def test_a_compiled_law_of_the_shipped_records_flies_like_the_shipped_one(tmp_path):
+    path = tmp_path / "same.py"
+    path.write_text("from cosim.flight.blocks.law import rollout\n")
+    np.testing.assert_array_equal(flown(f"law.file={path}"), flown())
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('"aileron"', '"flaps"', r"commands 'flaps'; a law may command elevator, aileron, rudder"),
+        ("y.q", "y.qq", r"mine\.py: AttributeError"),
+        ("class Law", "class Lore", r"has neither a class Law nor a rollout"),
+    ],
+)
+def test_a_wrong_law_is_told(tmp_path, old, new, says):
+    path = tmp_path / "mine.py"
+    path.write_text(textwrap.dedent(PLAIN).replace(old, new))
+    with pytest.raises(ScenarioError, match=says):
+        flown(f"law.file={path}")
+
+
+def test_commands_are_cut_and_what_is_no_number_is_held(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(textwrap.dedent(PLAIN).replace("return {", "return {'throttle': float('nan'), 'rudder': 9.0, "))
+    s = cosim.load_scenario("cruise", [*SHORT, "duration_s=0.2", f"law.file={path}"])
+    found = cosim.fly(s, ["law.law.throttle_cmd", "law.law.dr_cmd"]).to_numpy()
+    assert np.ptp(found[:, 0]) == 0.0 and 0.2 < found[0, 0] < 0.9
+    assert found[-1, 1] == pytest.approx(s.aircraft.travels["rudder"][1])
+
+
+def test_what_a_law_may_read_and_command_is_listed():
+    assert {"alpha", "q", "n_z", "cas"} < set(SENSORS)
+    assert tuple(SURFACES) == ("elevator", "aileron", "rudder", "stabiliser", "throttle")
