@@ -24,6 +24,40 @@ _BAD = (  # what NumPy and zipfile may raise on bytes that are not what they sho
     *(tokenize.TokenError, zipfile.BadZipFile, zlib.error),
 )
 _Name = Annotated[str, Field(min_length=1, max_length=100)]
+_JUDGED = {"r", "alarm", "verdict", "culprit", "valid"}  # outputs that every detector has
+
+
+_Word = Annotated[str, Field(max_length=1000)]
+_Cases = dict[_Name, Annotated[list[_Name], Field(max_length=20)]]
+
+
+class _Record(BaseModel):
+    """What a log tells of a guest (cosim/flight/guests), so that it is judged without its code."""
+
+    model_config = ConfigDict(strict=True, extra="forbid")
+
+    summary: _Word
+    technologies: list[_Name]
+    inputs: dict[_Name, _Name]
+    group: _Word
+    designed_for: _Cases
+    may_see: _Cases
+    blind: _Word
+    blind_to: list[_Name]
+    remark: _Word
+    estimates: Annotated[list[Annotated[list[str], Field(min_length=3, max_length=3)]], Field(max_length=4)]
+
+
+class _Guest(BaseModel):
+    """Where a guest came from, what it can blame, its record."""
+
+    model_config = ConfigDict(strict=True)
+
+    form: Literal["python", "block"]
+    file: Annotated[str, Field(max_length=200)]
+    sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+    culprits: Annotated[list[Annotated[str, Field(max_length=100)]], Field(min_length=1, max_length=64)]
+    record: _Record
 
 
 class _Detector(BaseModel):
@@ -36,6 +70,7 @@ class _Detector(BaseModel):
     lanes: Annotated[list[_Name], Field(min_length=1, max_length=64)]
     every: Annotated[int, Field(ge=1, le=1_000_000)]
     inputs: dict[_Name, list[Annotated[list[str], Field(min_length=3, max_length=3)]]]
+    guest: _Guest | None = None
 
 
 def detectors(log: Log) -> list[dict[str, Any]]:
@@ -63,6 +98,8 @@ def detectors(log: Log) -> list[dict[str, Any]]:
             own = log.topics.get(f"/detectors/{d.id}/{lane}")
             if own is not None and own.every != d.every:
                 raise LogError(f"is damaged: {d.id} runs every {d.every} ticks, its topic {own.every}", place=place)
+            if d.guest and own is not None and (lacking := _JUDGED - set(own.fields)):
+                raise LogError(f"is damaged: {own.name} lacks {', '.join(sorted(lacking))}", place=place)
     ids = [entry["id"] for entry in found]
     if len(set(ids)) != len(ids):
         raise LogError("is damaged: a detector is there twice", place=place)

@@ -11,6 +11,7 @@ from cosim.errors import ScenarioError
 
 KEYS = ("file", "sha256")  # of a guest's table, beside its parameters
 NOT_FOUND = "no such file"
+CHANGED, AGREE = "is not the file that the scenario means: its digest differs", "Read it, then remove or renew sha256"
 
 
 def digest(path: Path) -> str:
@@ -54,7 +55,8 @@ def _named(source: bytes) -> set[str]:
 
 def locate(tables: dict, folder: Path | None, place: str) -> dict:
     """Return the tables of a scenario with the `file` of each guest found, beside the scenario's own file (`folder`) or
-    from here, and its digest. Raises ScenarioError for one that is not there.
+    from here, and its digest. Raises ScenarioError for one that is not there, or is another than
+    the scenario means.
     """
     detectors = tables.get("detectors")
     if not isinstance(detectors, dict):
@@ -67,5 +69,8 @@ def locate(tables: dict, folder: Path | None, place: str) -> dict:
             path = beside if beside.is_file() else path
             if not path.is_file():
                 raise ScenarioError(NOT_FOUND, place=f"{place}: detectors.{name}.file = {own['file']}")
-            made[name] = {**own, "file": str(path), "sha256": digest(path)}
+            found = digest(path)
+            if own.get("sha256", found) != found:
+                raise ScenarioError(CHANGED, place=f"{place}: detectors.{name}.file = {path}", remedy=AGREE)
+            made[name] = {**own, "file": str(path), "sha256": found}
     return {**tables, "detectors": made}

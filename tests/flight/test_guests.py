@@ -29,7 +29,7 @@ from cosim.flight.guests.plain import NONSENSE, RAISED, SLOW
 from cosim.judge import coverage
 from cosim.judge.naming import outcome
 from cosim.log import open_log
-from cosim.replay import replay
+from cosim.replay import door, replay
 from cosim.report import flight_report
 from fdi import registry
 
@@ -97,6 +97,25 @@ def test_a_log_runs_no_code_and_its_other_detectors_replay(flight):
     assert "parity" in page and rows[rows["id"] == "parity"]["outcome"].item() == "named"
     assert rows[rows["id"] == "parity"]["word"].item() == "designed"
     assert "parity" not in registry.GUESTS
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"sha256": "x"}, "guest.sha256"),
+        ({"culprits": []}, "guest.culprits"),
+        ({"record": {"summary": 1}}, "guest.record.summary"),
+        ({"form": "eval"}, "guest.form"),
+    ],
+)
+def test_what_a_log_tells_of_a_guest_is_checked_at_the_door(flight, change, said):
+    log = open_log(flight[0])
+    entries = json.loads(log.attachments["detectors.json"])
+    guest = next(d for d in entries if d["id"] == "parity")["guest"]
+    guest |= {k: {**guest[k], **v} if isinstance(v, dict) else v for k, v in change.items()}
+    log.attachments["detectors.json"] = json.dumps(entries).encode()
+    with pytest.raises(CosimError, match=said):
+        door.detectors(log)
 
 
 def test_given_their_files_they_replay_bit_for_bit_and_other_code_is_told(flight, parity, tmp_path):
@@ -304,6 +323,10 @@ def test_a_scenario_names_a_file_beside_it_and_sets_parameters(parity, tmp_path)
     assert load(parity).sha256 != (parity.write_text(parity.read_text() + "# changed\n") and load(parity).sha256)
     with pytest.raises(CosimError, match="its digest differs"):
         cosim.simulate(scenario, timed=False)
+    meant = tmp_path / "meant.toml"
+    meant.write_text(scenario.expanded_toml())
+    with pytest.raises(ScenarioError, match=r"its digest differs. Read it, then remove or renew sha256"):
+        cosim.load_scenario(meant)
 
 
 def test_an_installed_package_brings_one_by_entry_point(parity, tmp_path, monkeypatch):

@@ -189,7 +189,9 @@ def _loses(guest, u, p, dt):
 
 
 def _costs(guest, u, p, dt):
-    mean = min(timeit.repeat(lambda: _run(guest, u, p, dt), number=1, repeat=5)) / u.shape[1] * 1e6
+    runner = guest.runner() if isinstance(guest, PlainDetector) else guest.rollout
+    x, log = guest.init(p), np.zeros(u.shape, guest.STATE)
+    mean = min(timeit.repeat(lambda: runner(x, u, p, dt, log), number=1, repeat=5)) / u.shape[1] * 1e6
     runner = guest.runner() if isinstance(guest, PlainDetector) else guest.rollout
     x, log, worst = guest.init(p), np.zeros((1, 1), guest.STATE), 0.0
     for k in range(u.shape[1]):
