@@ -13,20 +13,20 @@ move at all. Nor has a solid oscillation: the command that it replaces is missed
 
 import functools
 import math
-import tomllib
 from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
 from scipy import stats
 
+from cosim.compare.rows import flown
 from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.flight.gains import liquid_gain
 from cosim.flight.plant.gusts import INTENSITY, SCALE_LENGTH
 from cosim.flight.plant.linearize import LinearModel, linearize
 from cosim.flight.plant.point import FlightPoint
 from cosim.judge.coverage import group
-from cosim.scenario import Scenario, parse
+from cosim.scenario import Scenario
 from cosim.scenario.catalog import TECHNOLOGIES
 from fdi.common import physics_bound as physics
 
@@ -50,7 +50,7 @@ def of(rows: pd.DataFrame, tomls: Mapping[str, str]) -> pd.DataFrame:
     for i, row in rows[swings].iterrows():
         key = row["run"], int(row["fault"]), group(row["id"], row["level"])
         if key not in told:
-            told[key] = _of(parse(tomllib.loads(tomls[key[0]])), *key[1:])
+            told[key] = _of(flown(tomls[key[0]]), *key[1:])
         information, seconds = told[key]
         if information:
             rows.loc[i, "bound_mm"] = physics.least_amplitude(information, seconds, false_alarm=FALSE_ALARM)

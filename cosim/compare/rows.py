@@ -20,7 +20,6 @@ r_fault_free                       largest |r| of a fault-free flight; r_fault: 
 estimate_rmse, estimate_unit
 """
 
-import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -34,8 +33,7 @@ from cosim.judge import row as judged
 from cosim.judge.achieved import NAMES as ACHIEVED
 from cosim.judge.naming import outcome
 from cosim.replay.guest import tell
-from cosim.scenario import Scenario
-from cosim.scenario.catalog import DEFAULT_TECHNOLOGY, SEGMENTS
+from cosim.scenario import Scenario, parse
 from cosim.texts import from_json, toml
 
 FAMILIES = (
@@ -48,8 +46,8 @@ NUMBERS = (  # of the lane that noticed first
 )
 
 
-def family(kind: str, target: str) -> str:
-    """Return the word of FAMILIES for a fault as a scenario writes it."""
+def family(kind: str, target: str, segments: tuple) -> str:
+    """Return the word of FAMILIES for a fault as a scenario writes it; `segments` are the elevator's."""
     place, *rest = target.split(".")
     if place == "sensor":
         return "aircraft's sensor"
@@ -58,7 +56,7 @@ def family(kind: str, target: str) -> str:
     if len(rest) > 1 or kind == "jam_liquid":
         return "actuator's sensor"
     if kind.startswith("ofc"):
-        many = "one segment" if rest[0] in SEGMENTS else "several"
+        many = "one segment" if rest[0] in segments else "several"
         return f"{kind.removeprefix('ofc_')} OFC, {many}"
     return "jam or runaway" if kind.startswith(("jam", "runaway")) else "other actuator fault"
 
@@ -95,36 +93,36 @@ def echoes(rows: pd.DataFrame) -> pd.DataFrame:
     return rows
 
 
+def flown(text: str) -> Scenario:
+    """Return the Scenario of a run's TOML, its detectors left out: guests need not be known to this process."""
+    tables = toml(text, place="scenario")
+    return parse({k: v for k, v in tables.items() if k != "detectors"}, place="scenario")
+
+
 def _about(text):
     """Return what a row needs of the scenario."""
-    s = toml(text, place="scenario")
-    faults = s.get("faults", [])
-    technology = {k: s.get("elevator", {}).get(k, v) for k, v in DEFAULT_TECHNOLOGY.items()}
-    air, manoeuvre = s["flight"].get("turbulence", "none"), s.get("manoeuvre", {}).get("kind", "cruise")
+    s = flown(text)
+    cases = coverage.cases(s)
     return {
-        "title": s.get("title", ""),
-        "faults": len(faults),
-        "each": [_fault(f, technology) for f in faults],
-        "earliest": min(range(len(faults)), key=lambda i: faults[i]["start_s"], default=None),
-        "turbulence": air,
-        "manoeuvre": manoeuvre,
-        "manoeuvre_key": json.dumps(s.get("manoeuvre", {}), sort_keys=True),
-        "seed": s.get("seed", 1),
-        "mass_t": s["flight"]["mass_t"],
+        "title": s.title,
+        "faults": len(s.faults),
+        "each": [_fault(f, case, s.aircraft.segments) for f, case in zip(s.faults, cases)],
+        "earliest": min(range(len(s.faults)), key=lambda i: s.faults[i].start_s, default=None),
+        "turbulence": s.flight.turbulence,
+        "manoeuvre": s.manoeuvre.kind,
+        "manoeuvre_key": s.manoeuvre.model_dump_json(),
+        "seed": s.seed,
+        "mass_t": s.flight.mass_t,
     }
 
 
-def _fault(f, technology):
-    """Return what a row says of fault `f`, a table of a scenario, or of none."""
+def _fault(f, case, segments):
+    """Return what a row says of fault `f` of a scenario, or of none."""
     if f is None:
         return {"case": None, "kind": None, "target": None, "family": None, "frequency_hz": np.nan}
-    return {
-        "case": coverage.case_of(f["kind"], f["target"], technology, f.get("at", ""), "limit_deg" in f),
-        "kind": f["kind"],
-        "target": f["target"],
-        "family": family(f["kind"], f["target"]),
-        "frequency_hz": f["frequency_hz"] if f["kind"].startswith("ofc") else np.nan,
-    }
+    swings = f.kind.startswith("ofc")
+    about = {"case": case, "kind": f.kind, "target": f.target, "family": family(f.kind, f.target, segments)}
+    return about | {"frequency_hz": (f.model_extra or {})["frequency_hz"] if swings else np.nan}
 
 
 def _row(run, detector, lanes, whole, about, fault):
@@ -137,7 +135,7 @@ def _row(run, detector, lanes, whole, about, fault):
     seen = sorted((lane for lane in mine if _given(lane["delay_s"])), key=lambda lane: lane["detected_at_s"])
     best = seen[0] if seen else {}
     told = best or next(iter(mine), {})
-    each = about["each"][fault] if fault is not None else _fault(None, {})
+    each = about["each"][fault] if fault is not None else _fault(None, None, ())
     able = any(_true(lane.get("able", True)) for lane in mine or lanes)
     said = {k: best[k] if _given(best.get(k)) else None for k in ("isolated_class", "first_verdict", "withdrawn")}
     right = _true(best.get("right"))

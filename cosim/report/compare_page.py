@@ -7,6 +7,7 @@ from cosim.compare import Comparison, stats
 from cosim.compare.metrics import proportion
 from cosim.files import replace
 from cosim.judge import coverage
+from cosim.report import compare_matrices as matrices
 from cosim.report import compare_tables as tables
 from cosim.report import compared
 from cosim.report.compare_words import summary
@@ -53,15 +54,15 @@ def render(found: Comparison) -> str:
         figures=list(made.values()),
         chips=[(d["id"], d["level"], d["detected"] > 0) for d in each],
         summary=summary(rows, each, grouped, sized),
-        levels=tables.levels(grouped),
+        levels=matrices.levels(grouped),
         detectors=tables.detectors(each),
         quiet=tables.quiet(each),
         after=tables.after(each),
         families=tables.families(found.families),
         sizes=tables.sizes(sized),
         remarks=[(d["id"], coverage.remark(d["id"])) for d in each if coverage.remark(d["id"])],
-        matrix=tables.matrix(rows),
-        confusions=tables.confusions(rows),
+        matrix=matrices.matrix(rows),
+        confusions=matrices.confusions(rows),
         flights=tables.flights(rows),
         as_shipped=_as_shipped(rows, each, free),
         equal_told=_equal(equal),
