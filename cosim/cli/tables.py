@@ -240,6 +240,7 @@ def bench(found):
     all_, minutes = f"{rate['with_detectors']:.0f} x", found["memory_flight_s"] / 60
     lines = [
         f"real time      {rate['lockstep']:.0f} x, with every detector {all_}, on one of {found['cores']} cores",
+        f"border         to JSBSim crossed {found['border']}",
         f"warm start     {start['run_s']:.2f} s for a run of 1 s; help {start['help_s']:.2f} s",
         f"peak memory    {number(found['peak_mb'], 0)} MB in a flight of {minutes:.0f} minutes",
     ]

@@ -57,7 +57,7 @@ def order(s, tape, *logs, keep=None):
     tape.copy(*s.wires["surfaces"])
     if keep is not None:
         tape.keep(*keep)
-    tape.call(lambda k: s.plant.write(s.surface_vector))
+    s.plant.tell_inputs(tape, s.bus.index(f"surfaces.aircraft.{s.plant.border.inputs[0]}"))
     tape.call(lambda k: s.plant.run())  # 6. the aircraft to t_k+1
 
 
@@ -82,7 +82,7 @@ class Loop:
 
     def __post_init__(self):
         self.v = self.bus.v
-        self.truth, self.surface_vector = self.bus["truth"][0], self.bus["surfaces"].view("f8")
+        self.truth = self.bus["truth"][0]
         self.noise = np.array([self.bus.index(f"sensors_in.{lane}.noise") for lane in self.bus.lanes["sensors"]])
         self._tape, self._logs = None, ()
 
