@@ -3,8 +3,6 @@
 import functools
 import math
 
-import numpy as np
-
 from actuators.technology import (
     ARM_DEG,
     DEG,
@@ -49,6 +47,8 @@ def _design(own):
 
 
 def _build(own, truth, believed, trim, travel, dt, age):
+    import numpy as np
+
     servo, actuator = _modules()
     symbols, edge, (low, high) = dict(own), math.radians(0.1), travel
     p = np.concatenate([actuator.params(symbols=symbols, travel=travel, **lane) for lane in truth])
@@ -61,6 +61,8 @@ def _build(own, truth, believed, trim, travel, dt, age):
 
 
 def _solid_gain(omega, own):
+    import numpy as np
+
     _, actuator = _modules()
     A, B, _, _ = actuator.linearised(actuator.params(symbols=dict(own)))
     return abs(complex(np.linalg.solve(1j * omega * np.eye(6) - A, B)[2, 0])) * _design(own).gains["position"]

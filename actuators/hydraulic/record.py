@@ -3,8 +3,6 @@
 import functools
 import math
 
-import numpy as np
-
 from actuators.technology import (
     ARM_DEG,
     DEG,
@@ -52,6 +50,8 @@ def _build(own, truth, believed, trim, travel, dt, age):
     """The servo's model stays nominal but for what it is told, as a real servo's does. It predicts over one tick at
     most: above 200 Hz its measurements are older than it thinks, at 2 kHz by 4.5 ms.
     """
+    import numpy as np
+
     from actuators.hydraulic import lu17
 
     servo, actuator = _modules()
@@ -72,6 +72,8 @@ def _build(own, truth, believed, trim, travel, dt, age):
 
 
 def _solid_gain(omega, own):
+    import numpy as np
+
     _, actuator = _modules()
     A, B, C, _ = actuator.linearised(actuator.params(**_parameters(own)))
     return abs(complex((C @ np.linalg.solve(1j * omega * np.eye(3) - A, B))[0, 0])) * _design(own).arm

@@ -10,6 +10,7 @@ import numpy as np
 from actuators.block import unit
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.flight.build import build
+from cosim.flight.conditions import resolved
 from cosim.flight.fly import record
 from cosim.scenario import Scenario, load_scenario
 from cosim.scenario.vocabulary import words
@@ -38,7 +39,7 @@ def fly(
     """
     import pandas as pd
 
-    setup = build(scenario if isinstance(scenario, Scenario) else load_scenario(scenario))
+    setup = build(resolved(scenario if isinstance(scenario, Scenario) else load_scenario(scenario)))
     if prepare is not None:
         prepare(setup)
     names = list(dict.fromkeys(signals))

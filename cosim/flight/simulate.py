@@ -6,6 +6,7 @@ from collections.abc import Callable
 from contextlib import nullcontext
 
 from cosim.flight.build import build
+from cosim.flight.conditions import resolved
 from cosim.flight.fly import fly
 from cosim.flight.guests import aside
 from cosim.flight.recorder import open_live, open_writer, result_texts
@@ -38,6 +39,7 @@ def simulate(
             raise TypeError(f"{scenario!r} is no scenario: give what cosim.load_scenario returns, a name or a file")
         scenario = load_scenario(scenario)
     assert isinstance(scenario, Scenario)
+    scenario = resolved(scenario)
     setup = build(scenario)
     with (
         open_writer(setup, log) if log else nullcontext() as writer,

@@ -222,6 +222,7 @@ def sensor_kinds(units):
 KEYS = {  # table of a scenario -> {key: what it means}; a kind's own numbers stand in its Kind
     "[[faults]], every kind": {
         "start_s": "onset",
+        "when": "in place of start_s: the tick after this first holds, 'n_z > 1.2 and t > 5'; and, or, ( ); SI units",
         "end_s": "healed; left out: until the end",
         "ramp_s": "grows from nothing over so long; not for what is switched at once",
         "at": "where it enters; default: the first that the kind names",

@@ -6,13 +6,15 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationInfo, model_validator
 
-from cosim.errors import did_you_mean
+from cosim.errors import ScenarioError, did_you_mean
 from cosim.scenario import catalog as c
 from cosim.scenario.aircraft import Aircraft, load_aircraft, of
+from cosim.scenario.condition import condition
 from cosim.scenario.problem import choice, problem
 from cosim.scenario.target import parse_target
 
-COMMON = ("target", "kind", "start_s", "end_s", "ramp_s")
+COMMON = ("target", "kind", "start_s", "when", "end_s", "ramp_s")
+NEVER_S = 36000.0  # the onset of a fault that waits for its condition
 Seconds = Annotated[float, Field(ge=0.0, le=36000.0)]
 
 
@@ -52,6 +54,7 @@ class Fault(BaseModel):
     target: str
     kind: str
     start_s: Seconds
+    when: str | None = None
     end_s: Seconds | None = None
     ramp_s: Seconds = 0.0
     at: Literal["valve", "command", "sensor"] | None = None
@@ -65,6 +68,8 @@ class Fault(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _against_catalog(cls, raw: Any, info: ValidationInfo) -> Any:
+        if isinstance(raw, dict) and isinstance(raw.get("when"), str):
+            raw = {"start_s": NEVER_S, **raw}
         if not isinstance(raw, dict) or not all(isinstance(raw.get(k), str) for k in ("target", "kind")):
             return raw  # pydantic says what is missing or of the wrong type
         aircraft = of(info)
@@ -76,6 +81,26 @@ class Fault(BaseModel):
                 _number(full[key.name], key)
         _magnitudes(raw["kind"], kind, full, aircraft)
         return full
+
+    @property
+    def waits(self) -> bool:
+        """Return whether the onset is still to be found: that of its condition `when`."""
+        return self.when is not None and self.start_s == NEVER_S
+
+    def at_time(self, start_s: float) -> "Fault":
+        """Return this fault with its onset at `start_s` [s]."""
+        return self.model_copy(update={"start_s": start_s})
+
+    @model_validator(mode="after")
+    def _condition(self):
+        if self.when is not None:
+            try:
+                condition(self.when)
+            except ScenarioError as error:
+                raise problem(error.problem, key="when", allowed=error.allowed, remedy=error.remedy) from None
+            if self.waits and self.end_s is not None:
+                raise problem("a fault that waits has no end yet", key="end_s", remedy="Leave end_s out")
+        return self
 
     @model_validator(mode="after")
     def _times(self):

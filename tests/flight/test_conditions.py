@@ -1,0 +1,73 @@
+"""Faults that begin when something happens: parsed, found, logged, repeated."""
+
+import numpy as np
+import pytest
+
+import cosim
+from cosim.errors import ScenarioError
+from cosim.flight.conditions import resolved
+from cosim.scenario.condition import condition
+
+DOUBLET = ["manoeuvre.kind=nz_doublet", "manoeuvre.start_s=1", "manoeuvre.width_s=2", "duration_s=6"]
+JAM = ["faults.0.target=elevator.left_inner", "faults.0.kind=jam_solid"]
+
+
+@pytest.mark.parametrize(("text", "holds"), [
+    ("t > 2", [0, 0, 0, 1]),
+    ("t >= 1 and n_z < 1", [0, 0, 1, 0]),
+    ("n_z > 1 or t < 1", [1, 1, 0, 0]),
+    ("t < 1 or t > 2 and n_z > 0.9", [1, 0, 0, 1]),
+    ("(t < 1 or t > 2) and n_z > 1.05", [1, 0, 0, 0]),
+])  # fmt: skip
+def test_a_condition_is_what_it_says(text, holds):
+    values = {"t": np.array([0.0, 1.0, 2.0, 3.0]), "n_z": np.array([1.1, 1.2, 0.8, 1.0])}
+    assert condition(text).true(values).astype(int).tolist() == holds
+
+
+def test_what_is_not_valid_fulfils_nothing():
+    assert not condition("n_z < 2").true({"n_z": np.array([np.nan])}).any()
+
+
+@pytest.mark.parametrize(("text", "says"), [
+    ("", "comparison is missing"),
+    ("n_z", "no comparison follows"),
+    ("n_z > high", "'high' is no number"),
+    ("nz > 1", "Did you mean 'n_z'"),
+    ("rod > 0.01", "of which segment"),
+    ("(t > 1", "not closed"),
+    ("t > 1 t", "one too many"),
+    ("__import__('os') > 1", "is not understood"),
+    ("t > 1; t", "is not understood"),
+])  # fmt: skip
+def test_what_is_no_condition_is_refused_in_words(text, says):
+    with pytest.raises(ScenarioError, match=says):
+        cosim.load_scenario("cruise", [*JAM, f'faults.0.when="{text}"'])
+
+
+def test_the_fault_begins_at_the_tick_after_and_the_log_says_when(tmp_path):
+    scenario = cosim.load_scenario("cruise", [*DOUBLET, *JAM, 'faults.0.when="n_z < 0.95 and t > 2"'])
+    result = cosim.simulate(scenario, log=tmp_path / "a.mcap", timed=False)
+    log = cosim.open_log(tmp_path / "a.mcap")
+    n_z, t = log.frame("/sensors/aircraft")["n_z"], log.frame("/sensors/aircraft").index
+    first = int(np.flatnonzero((n_z < 0.95) & (t > 2))[0])
+    active = log.frame("/faults/f0_left_inner")["active"].to_numpy()
+    assert active[first] == 0.0 and active[first + 1] == 1.0
+    assert result.faults[0]["start_s"] == pytest.approx((first + 1) * scenario.dt)
+    told = log.attachments["scenario.toml"].decode()
+    assert 'when = "n_z < 0.95 and t > 2"' in told
+    (tmp_path / "again.toml").write_text(told)
+    cosim.simulate(tmp_path / "again.toml", log=tmp_path / "b.mcap", timed=False)
+    assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
+
+
+def test_a_condition_that_never_holds_breaks_nothing():
+    found = resolved(cosim.load_scenario("cruise", [*JAM, 'faults.0.when="n_z > 3"', "duration_s=0.5"]))
+    assert found.faults[0].start_s == found.duration_s and not found.faults[0].waits
+
+
+def test_one_fault_can_bring_about_the_next():
+    second = ["faults.1.target=rudder", "faults.1.kind=jam", 'faults.1.when="left_inner.surface > 0.1"']
+    first = ["faults.0.target=elevator.left_inner", "faults.0.kind=runaway", "faults.0.rate_deg_s=20"]
+    scenario = cosim.load_scenario("cruise", [*first, 'faults.0.when="t > 1"', *second, "duration_s=3"])
+    a, b = (f.start_s for f in resolved(scenario).faults)
+    assert a == pytest.approx(1.01) and 1.1 < b < 2.0
