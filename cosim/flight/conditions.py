@@ -19,7 +19,7 @@ def resolved(scenario: Scenario) -> Scenario:
     Conditions are met one after the other: what one fault does can make the next one true.
     """
     while any(f.waits for f in scenario.faults):
-        waiting = {i: condition(f.when) for i, f in enumerate(scenario.faults) if f.waits}
+        waiting = {i: condition(f.when or "") for i, f in enumerate(scenario.faults) if f.waits}
         names = list(dict.fromkeys(name for c in waiting.values() for name in c.signals()))
         rows, *_ = record(build(_without(scenario, waiting)), [source(name) for name in names])
         values = dict(zip(names, np.asarray(rows).T))
