@@ -15,6 +15,7 @@ from cosim.flight.blocks.law import design as law_design
 from cosim.flight.blocks.pilot import steps
 from cosim.flight.bus import Bus
 from cosim.flight.compiling import prepare
+from cosim.flight.corrections import corrections
 from cosim.flight.gains import SENSOR_DELAY
 from cosim.flight.guests.plain import GuestBlock, PlainDetector
 from cosim.flight.noise import Draw
@@ -220,6 +221,7 @@ def build(scenario):
         ],
         servos=[b for b in actuator_blocks if b.name not in TECHNOLOGIES],
         actuators=[b for b in actuator_blocks if b.name in TECHNOLOGIES],
+        corrections=corrections(scenario, bus),
     )
     # what the actuators were last told: in equilibrium, the servo's holding command
     told, command = wires["actuators"]

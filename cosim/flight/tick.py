@@ -34,6 +34,8 @@ def order(s, tape, *logs, keep=None):
     tape.step(s.sensors)  # 2. measurements
 
     tape.copy(*s.wires["law"])
+    for correct in s.corrections.get("law", ()):
+        tape.call(correct)
     tape.step(s.pilot)
     tape.copy(*s.wires["demand"])
     tape.step(s.law)  # 3. control law on measurements
@@ -52,12 +54,14 @@ def order(s, tape, *logs, keep=None):
         log.tell(tape) if hasattr(log, "tell") else tape.call(lambda k, log=log: log(s.v))
 
     tape.copy(*s.wires["actuators"])
+    for correct in s.corrections.get("actuators", ()):
+        tape.call(correct)
     for actuator in s.actuators:
         tape.step(actuator)  # to t_k+1, sub-stepped against the hinge moment
     tape.copy(*s.wires["surfaces"])
     if keep is not None:
         tape.keep(*keep)
-    s.plant.tell_inputs(tape, s.bus.index(f"surfaces.aircraft.{s.plant.border.inputs[0]}"))
+    tape.call(lambda k: s.plant.write(s.surface_vector))
     tape.call(lambda k: s.plant.run())  # 6. the aircraft to t_k+1
 
 
@@ -79,10 +83,11 @@ class Loop:
     detectors: list = field(default_factory=list)
     servos: list = field(default_factory=list)
     actuators: list = field(default_factory=list)
+    corrections: dict = field(default_factory=dict)  # stage -> calls after its wires (cosim/flight/corrections.py)
 
     def __post_init__(self):
         self.v = self.bus.v
-        self.truth = self.bus["truth"][0]
+        self.truth, self.surface_vector = self.bus["truth"][0], self.bus["surfaces"].view("f8")
         self.noise = np.array([self.bus.index(f"sensors_in.{lane}.noise") for lane in self.bus.lanes["sensors"]])
         self._tape, self._logs = None, ()
 

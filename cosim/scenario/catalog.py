@@ -240,6 +240,7 @@ KEYS = {  # table of a scenario -> {key: what it means}; a kind's own numbers st
         "parameters": "segment -> .truth and .model: parameters of its actuator [SI]; also written "
         "[elevator.<segment>.<technology>]",
         "reconfigure": "true: on a sensor verdict a servo that closes on its measurement takes the healthy estimate",
+        "compensate": "true: while iotsekf alarms, its estimate of the input fault is taken off the valve command",
     },
     "[sensors], a table per sensor": {
         "sigma_<unit>": "noise per sample, one sigma",
@@ -248,6 +249,7 @@ KEYS = {  # table of a scenario -> {key: what it means}; a kind's own numbers st
         "scale": "reading times a factor",
         "delay_s": "age of a reading",
         "noise_scale": "of the whole set: a factor on every sigma and spread that no table gives",
+        "reconstructed": "true: the law flies on n_z and alpha less the faults that lpv_smo estimates",
     },
 }
 ALL_KINDS = tuple(dict.fromkeys([*ELEVATOR_KINDS, *SENSOR_SUMMARIES, *ENGINE_KINDS]))

@@ -104,6 +104,7 @@ class Elevator(_Table):
     # what each segment's servo closes on; a word is for every hydraulic segment, iotsekf where nothing is said
     feedback: dict[str, Feedback]
     reconfigure: bool = False  # on a sensor verdict the loop closes on the healthy estimate
+    compensate: bool = False  # while iotsekf alarms its estimate of the input fault is taken off the valve command
     # segment -> its own parameters; also written [elevator.<segment>.<technology>] name = value, or .truth and .model
     parameters: dict[str, Settings] = {}
 
@@ -217,6 +218,7 @@ class Sensors(_Table):
 
     set: Literal["transport"] = "transport"
     noise_scale: Annotated[float, Field(ge=0.0, le=100.0)] = 1.0
+    reconstructed: bool = False  # the law flies on n_z and alpha less what lpv_smo estimates of faults
 
     @model_validator(mode="after")
     def _known(self):
@@ -392,6 +394,10 @@ class Scenario(_Table):
         hydraulic = [n for n, t in self.elevator.technology.items() if t == "hydraulic"]
         if self.elevator.reconfigure and any(self.elevator.feedback[n] == "measured" for n in hydraulic):
             closed.append("rtsekf_flight")
+        if self.elevator.compensate and hydraulic:
+            closed.append("iotsekf")
+        if self.sensors.reconstructed:
+            closed.append("lpv_smo")
         return tuple(dict.fromkeys([*self.detectors.enabled, *closed]))
 
     @property
