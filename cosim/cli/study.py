@@ -27,24 +27,38 @@ def add(app, out, err):
             Path | None,
             typer.Option("--readme", metavar="FILE", help="Write the table between its markers.", show_default=False),
         ] = None,
+        break_: Annotated[
+            bool, typer.Option("--break", help="Instead break the methods and see which rows notice.")
+        ] = False,
         workers: WorkersOption = None,
         json_: JsonOption = False,
     ):
         """Repeat the papers' own experiments: paper says, we get, verdict. Exit status 1 when a row differs."""
         from pandas import DataFrame
 
-        from cosim.papers import chosen, counts
+        from cosim.papers import chosen, counts, proof
         from cosim.papers import reproduce as work
 
         chosen(paper)
+        if break_:
+            with tables.progress(err, f"breaking {paper}", unit="papers", waiting="preparing") as progress:
+                seen = proof(paper, progress=progress, workers=workers)
+            if readme:
+                from cosim.report.papers_markdown import write_proof
+
+                write_proof(readme, seen)
+            listed = [asdict(b) for b in seen]
+            print(json.dumps({"broken": listed})) if json_ else out.print(tables.proof(listed))
+            raise typer.Exit(0 if all(b.seen for b in seen) else 1)
         page, table = (output / f"reproduce-{paper}.{ending}" for ending in ("html", "csv"))
         for path in (page, table):
             reserve(path)
-        with tables.progress(err, f"reproducing {paper}", unit="papers", waiting="preparing") as progress:
+        with tables.progress(err, f"reproducing {paper}", unit="rows", waiting="preparing") as progress:
             rows, drawings = work(paper, progress=progress, workers=workers)
         from cosim.report import reproduction_report
 
-        found = {"counts": counts(rows), "report": str(reproduction_report(rows, drawings, page)), "table": str(table)}
+        written = str(reproduction_report(rows, drawings, page))
+        found: dict = {"counts": counts(rows), "report": written, "table": str(table)}
         found["rows"] = [asdict(r) for r in rows]
         frame = DataFrame(found["rows"])
         replace(table, lambda part: frame.to_csv(part, index=False))

@@ -240,7 +240,6 @@ def bench(found):
     all_, minutes = f"{rate['with_detectors']:.0f} x", found["memory_flight_s"] / 60
     lines = [
         f"real time      {rate['lockstep']:.0f} x, with every detector {all_}, on one of {found['cores']} cores",
-        f"border         to JSBSim crossed {found['border']}",
         f"warm start     {start['run_s']:.2f} s for a run of 1 s; help {start['help_s']:.2f} s",
         f"peak memory    {number(found['peak_mb'], 0)} MB in a flight of {minutes:.0f} minutes",
     ]
@@ -414,8 +413,9 @@ def info(found):
 
 def reproduced(found):
     """Return the rows of the papers' experiments, the counts of the verdicts first."""
-    colours = {"agrees": "green", "differs_explained": "yellow", "differs": "red", "ours": "dim"}
-    words = {v: v.replace("_", ", ") for v in colours} | {"ours": "ours (the paper gives no number)"}
+    colours = {"agrees": "green", "differs_explained": "yellow", "differs": "red", "ours": "dim", "beyond": "cyan"}
+    words = {v: v.replace("_", ", ") for v in colours}
+    words |= {"ours": "ours (the paper gives no number)", "beyond": "beyond the paper"}
     total = "   ".join(f"[{colours[v]}]{n} {words[v]}[/]" for v, n in found["counts"].items())
     t = table("Paper says, we get", "paper", "item", "paper says", "we get>", "band", "verdict")
     for r in found["rows"]:
@@ -426,6 +426,15 @@ def reproduced(found):
         f"{escape(r['item'])}: {escape(r['reason'])} ({escape(r['evidence'])})" for r in found["rows"] if r["reason"]
     ]
     return Group(total, t, *why)
+
+
+def proof(found):
+    """Return what rows show with the method broken."""
+    t = table("The method broken in one place", "paper", "row", "what is broken", "value then>", "band", "seen")
+    for b in found:
+        t.add_row(b["paper"], escape(b["item"]), escape(b["what"]), f"{b['got']:.4g}", b["band"],
+                  "[green]yes[/]" if b["seen"] else "[red]no[/]")  # fmt: skip
+    return t
 
 
 def designs(found):

@@ -13,7 +13,7 @@ from cosim.flight.build import build
 from cosim.flight.conditions import resolved
 from cosim.flight.fly import record
 from cosim.scenario import Scenario, load_scenario
-from cosim.scenario.vocabulary import words
+from cosim.scenario.vocabulary import find, words
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,8 +31,9 @@ def fly(
 ) -> "pd.DataFrame":
     """Fly `scenario` without a log and return the named signals, one row per tick, index in seconds.
 
-    `scenario` is what `load_scenario` takes, or gives. `signals` are bus names, "section.lane.field" as in
-    `hydraulic.left_inner.q_rod`; SI units and signs as beside the field. `prepare(setup)` may change parameters of the
+    `scenario` is what `load_scenario` takes, or gives. `signals` are words of `cosim list signals` (`alpha`,
+    `left_inner.rod`) or bus names, "section.lane.field" as in `hydraulic.left_inner.q_rod`; SI units and signs as said
+    there or beside the field. `prepare(setup)` may change parameters of the
     built flight before its first tick. `attrs` of the table: `units` {signal: unit}, `dt` [s], `status` and `reason` (a
     flight that departs ends there). Raises ScenarioError for a signal that the flight does not have, TrimError when the
     flight point cannot be flown.
@@ -43,12 +44,14 @@ def fly(
     if prepare is not None:
         prepare(setup)
     names = list(dict.fromkeys(signals))
-    for name in names:
+    sources = [_source(name) for name in names]
+    for name in sources:
         _known(setup.loop.bus, name)
-    rows, status, reason = record(setup, names)
+    rows, status, reason = record(setup, sources)
     dt = setup.loop.dt
     frame = pd.DataFrame(rows, index=pd.Index(np.arange(len(rows)) * dt, name="t"), columns=names, copy=False)
-    frame.attrs = {"units": {n: _unit(setup.loop.bus, n) for n in names}, "dt": dt, "status": status, "reason": reason}
+    frame.attrs = {"units": dict(zip(names, (_unit(setup.loop.bus, n) for n in sources)))}
+    frame.attrs |= {"dt": dt, "status": status, "reason": reason}
     return frame
 
 
@@ -93,6 +96,17 @@ def detect(
         for n in out.dtype.names:
             out[n][:, a:b] = log[n][:, : b - a]
     return out[0] if isinstance(wires, Mapping) else out
+
+
+def _source(name):
+    """Return the bus name of a signal: of a word of the vocabulary its place, else the name itself."""
+    try:
+        found = find(name)
+    except KeyError:
+        return name
+    if found.technologies and "." not in name:
+        raise ScenarioError(f"{name!r} is a signal of each elevator segment", remedy=f"Name one: left_inner.{name}")
+    return found.source
 
 
 def _known(bus, name):

@@ -1,18 +1,21 @@
 """The papers' own experiments, row by row: what a paper says, what we get, and whether they agree.
 
-Expected values and tolerances are committed in a module per paper, whose `plan()` lists what is asked and whose
-`rows()` runs the experiments; `<paper>_figures` makes our figures. No row is left out because it disagrees; one that
-does names the command whose figure explains it.
+Each paper is a package: `rows.plan()` lists what is asked, with its bands; `figures.drawings()` makes our figures;
+`breaks.BREAKS` says what is broken in turn to prove that rows can fail. No row is left out because it disagrees.
 """
 
 import importlib
+from collections.abc import Callable
 
 from cosim.campaign.pool import finished
 from cosim.errors import CosimError, did_you_mean
-from cosim.papers.row import VERDICTS, Row, counts
+from cosim.papers.broken import Broken
+from cosim.papers.broken import proof as proof_of
+from cosim.papers.row import VERDICTS, Planned, Row, counts
 
+FIGURES = "figures"  # the piece of a paper that makes its drawings
 PAPERS = ("lu17", "jay", "sun13", "mar10", "alwi14")
-LONGEST_FIRST = ("mar10", "sun13", "alwi14", "lu17", "jay")  # so that two processes end together
+LONGEST_FIRST = ("mar10", "sun13", "alwi14", "lu17", "jay")  # so that processes end together
 
 
 def chosen(paper):
@@ -26,31 +29,69 @@ def chosen(paper):
     return PAPERS if paper == "all" else (paper,)
 
 
-def plan(paper="all"):
-    """Return what is asked of a paper, as rows without their numbers: [Planned or Row]."""
-    return [p for name in chosen(paper) for p in importlib.import_module(f"cosim.papers.{name}.rows").plan()]
+def plan(paper: str = "all") -> list[Planned]:
+    """Return what is asked of a paper, as rows without their numbers."""
+    return [p for name in chosen(paper) for p in _plan(name)]
 
 
-def reproduce(paper="all", *, progress=None, workers=None):
-    """Return (rows, drawings) of `paper`, one of PAPERS or "all"; `progress(done, total)` is called between papers.
+def reproduce(
+    paper: str = "all",
+    *,
+    progress: Callable[[int, int], None] | None = None,
+    workers: int | None = None,
+) -> tuple[list[Row], list]:
+    """Return (rows, drawings) of `paper`, one of PAPERS or "all"; `progress(done, total)` counts rows and figures.
 
-    Several papers run in `workers` processes, by default one per core; 0 stays in this process.
+    The pieces of the papers run in `workers` processes, by default one per core; 0 stays in this process.
     """
-    names = chosen(paper)
+    names = [name for name in LONGEST_FIRST if name in chosen(paper)]
+    asked = {name: _plan(name) for name in names}
+    pieces = {(name, piece): 0 for name in names for piece in [*(p.piece for p in asked[name]), FIGURES]}
+    for name in names:
+        for p in asked[name]:
+            pieces[name, p.piece] += 1
+    done, total = 0, sum(n or 1 for n in pieces.values())
     tell = progress or (lambda done, total: None)
-    tell(0, len(names))
+    tell(done, total)
+    calls = [(key, one, key) for key in sorted(pieces, key=lambda key: (names.index(key[0]), key[1] == FIGURES))]
     found: dict = {}
-    calls = [(name, one, (name,)) for name in LONGEST_FIRST if name in names]
-    for name, made in finished(calls, workers=0 if len(names) == 1 else workers):
+    for key, made in finished(calls, workers=workers):
+        found[key] = made
+        done += pieces[key] or 1
+        tell(done, total)
+    left = {key: iter(made) for key, made in found.items()}
+    rows = [next(left[name, p.piece]) for name in chosen(paper) for p in asked[name]]
+    return rows, [drawing for name in chosen(paper) for drawing in found[name, FIGURES]]
+
+
+def one(paper: str, piece: str) -> list:
+    """Return the Rows of a piece of a paper, or its Drawings."""
+    if piece == FIGURES:
+        return importlib.import_module(f"cosim.papers.{paper}.figures").drawings()
+    return [p.judge() for p in _plan(paper) if p.piece == piece]
+
+
+def proof(
+    paper: str = "all",
+    *,
+    progress: Callable[[int, int], None] | None = None,
+    workers: int | None = None,
+) -> list[Broken]:
+    """Return what rows show with the method broken: proof that each can fail."""
+    found: dict = {}
+    tell = progress or (lambda done, total: None)
+    for name, made in finished([(n, _proof, (n,)) for n in chosen(paper)], workers=workers):
         found[name] = made
-        tell(len(found), len(names))
-    return [r for n in names for r in found[n][0]], [d for n in names for d in found[n][1]]
+        tell(len(found), len(chosen(paper)))
+    return [b for name in chosen(paper) for b in found[name]]
 
 
-def one(name):
-    """Return (rows, drawings) of one paper."""
-    rows = [p.judge() for p in importlib.import_module(f"cosim.papers.{name}.rows").plan()]
-    return rows, importlib.import_module(f"cosim.papers.{name}.figures").drawings()
+def _proof(paper):
+    return list(proof_of(paper))
 
 
-__all__ = ["PAPERS", "VERDICTS", "Row", "counts", "plan", "reproduce"]
+def _plan(paper):
+    return importlib.import_module(f"cosim.papers.{paper}.rows").plan()
+
+
+__all__ = ["PAPERS", "VERDICTS", "Broken", "Row", "counts", "plan", "proof", "reproduce"]

@@ -1,15 +1,16 @@
 """One row of `cosim reproduce`: what a paper says, what we get, and whether they agree.
 
-Three verdicts for a row with a claim of the paper. A number that the paper does not give is `ours`: it stands beside
-the paper, counts apart and can neither agree nor disagree with it. It may carry a band of its own derivation, on which
-the reason of another row rests; when it leaves that, it `differs` like any other.
+A row of kind "claim" holds one claim of the paper to a band that the paper states, or that follows from what its figure
+can show. A number that the paper does not give is "ours"; what its authors announce, or we add, is "beyond". Those two
+count apart: they can neither agree nor disagree with the paper, but one with a band `differs` when it leaves it.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-VERDICTS = ("agrees", "differs_explained", "differs", "ours")
+VERDICTS = ("agrees", "differs_explained", "differs", "ours", "beyond")
+KINDS = ("claim", "ours", "beyond")
 ANY = (-math.inf, math.inf)
 
 
@@ -17,14 +18,14 @@ ANY = (-math.inf, math.inf)
 class Row:
     """A published statement beside our number; `judged` makes it."""
 
-    paper: str      # key of the paper, "jay"
-    item: str       # figure, table or section, and what is looked at
-    says: str       # the paper's number and where it stands
-    got: float      # ours, in the unit that `item` or `says` names
+    paper: str  # key of the paper, "jay"
+    item: str  # figure, table or section, and what is looked at
+    says: str  # the paper's number or words and where they stand
+    got: float  # ours, in the unit that `item` or `says` names
     tolerance: str  # band that was committed before the run, "none" for a number that only stands beside the paper
-    verdict: str    # one of VERDICTS
-    reason: str     # why it differs, empty when it agrees
-    evidence: str   # command that prints a figure which supports the reason
+    verdict: str  # one of VERDICTS
+    reason: str  # why it differs, empty when it agrees
+    evidence: str  # command that prints a figure which supports the reason
     note: str = ""  # what came with the number, "phase -8 deg"
 
     def __post_init__(self):
@@ -32,10 +33,6 @@ class Row:
             raise ValueError(f"verdict {self.verdict!r} is not one of {', '.join(VERDICTS)}")
         if self.verdict == "differs_explained" and not (self.reason and self.evidence):
             raise ValueError(f"{self.paper}, {self.item}: an explained difference needs a reason and a command for it")
-
-    def judge(self):
-        """Return this row: its number was known when it was planned."""
-        return self
 
 
 @dataclass(frozen=True)
@@ -46,45 +43,68 @@ class Planned:
     item: str
     says: str
     measure: Callable
-    low: float
-    high: float
-    reason: str = ""
-    evidence: str = ""
-    claim: bool = True  # False: the paper gives no such number
+    low: float = ANY[0]
+    high: float = ANY[1]
+    reason: str = ""  # why it may leave the band; the rows that it names are printed by the same command
+    kind: str = "claim"
+    piece: str = ""  # rows of one piece are measured in one process: they share what they fly
 
     def __post_init__(self):
-        if not self.claim and (self.reason or self.evidence):
+        if self.kind not in KINDS:
+            raise ValueError(f"{self.paper}, {self.item}: kind {self.kind!r} is not one of {', '.join(KINDS)}")
+        if self.kind == "claim" and (self.low, self.high) == ANY:
+            raise ValueError(f"{self.paper}, {self.item}: a claim needs a band")
+        if self.kind != "claim" and self.reason:
             raise ValueError(f"{self.paper}, {self.item}: without a claim there is no difference to explain")
 
-    def judge(self):
-        """Return the Row."""
+    @property
+    def banded(self) -> bool:
+        """Return whether a number can be outside."""
+        return (self.low, self.high) != ANY
+
+    def inside(self, got: float) -> bool:
+        """Return whether `got` is a finite number within the band."""
+        return self.low <= got <= self.high and math.isfinite(got)
+
+    def judge(self) -> Row:
+        """Measure and return the Row.
+
+        A claim outside its band is `differs_explained` when a reason was committed and the number is finite.
+        """
         found = self.measure()
         got, note = found if isinstance(found, tuple) else (found, "")
-        why = {"reason": self.reason, "evidence": self.evidence}
-        return judged(self.paper, self.item, self.says, got, self.low, self.high, note=note, claim=self.claim, **why)
+        got = float(got)
+        inside = self.inside(got)
+        explained = bool(self.reason) and math.isfinite(got)
+        good = "agrees" if self.kind == "claim" else self.kind
+        verdict = good if inside else "differs_explained" if explained else "differs"
+        band = f"{self.low:g} .. {self.high:g}" if self.banded else "none"
+        why, evidence = ("", "") if inside else (self.reason, f"cosim reproduce {self.paper}" if self.reason else "")
+        return Row(self.paper, self.item, self.says, got, band, verdict, why, evidence, note)
 
 
-def judged(paper, item, says, got, low, high, *, reason="", evidence="", note="", claim=True):
-    """Return the Row of a number that should lie in low .. high; reason and evidence count only outside.
+class Of:
+    """Makes the Planned rows of one paper."""
 
-    Outside the band it is `differs_explained` when a reason with evidence was committed, else `differs`; a number that
-    is not finite differs always. Without a `claim` of the paper it is `ours` inside the band.
-    """
-    got = float(got)
-    inside = low <= got <= high and abs(got) != float("inf")
-    explained = bool(reason and evidence) and got == got and abs(got) != float("inf")
-    agrees = "agrees" if claim else "ours"
-    verdict = agrees if inside else "differs_explained" if explained else "differs"
-    shown = not inside
-    band = f"{low:g} .. {high:g}" if claim or (low, high) != ANY else "none"
-    return Row(paper, item, says, got, band, verdict, reason if shown else "", evidence if shown else "", note)
+    def __init__(self, paper: str):
+        self.paper = paper
+
+    def claim(self, item: str, says: str, measure: Callable, low: float, high: float, reason: str = "") -> Planned:
+        """Return the row of a claim: `says` quotes it with its place, `low` .. `high` follow from it."""
+        return Planned(self.paper, item, says, measure, low, high, reason)
+
+    def ours(
+        self, item: str, measure: Callable, low: float = ANY[0], high: float = ANY[1], says: str = "not in the paper"
+    ) -> Planned:
+        """Return the row of a number that the paper does not give; low .. high is derived, or holds what was found."""
+        return Planned(self.paper, item, says, measure, low, high, kind="ours")
+
+    def beyond(self, item: str, says: str, measure: Callable, low: float = ANY[0], high: float = ANY[1]) -> Planned:
+        """Return the row of a step that the paper announces (`says` quotes it), or "our extension"."""
+        return Planned(self.paper, item, says, measure, low, high, kind="beyond")
 
 
-def ours(paper, item, measure, low=-math.inf, high=math.inf, *, says="not in the paper"):
-    """Return the Planned row of a number that the paper does not give; low .. high is derived, by default no band."""
-    return Planned(paper, item, says, measure, low, high, claim=False)
-
-
-def counts(rows):
+def counts(rows: Iterable[Row]) -> dict[str, int]:
     """Return {verdict: number of rows} in the order of VERDICTS."""
+    rows = list(rows)
     return {v: sum(r.verdict == v for r in rows) for v in VERDICTS}

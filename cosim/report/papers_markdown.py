@@ -1,38 +1,80 @@
-"""The table of results in cosim/papers/README.md, between its markers: `cosim reproduce all --readme FILE`."""
+"""The tables in cosim/papers/README.md: what `cosim reproduce all --readme FILE` writes between its markers."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
-from cosim.papers.row import VERDICTS, Row, counts
+from cosim.papers.broken import Broken
+from cosim.papers.row import Row, counts
 from cosim.report import markdown as readme
 
-NAME = "reproduce"  # of the markers
-WORDS = {"agrees": "agrees", "differs_explained": "explained", "differs": "**differs**", "ours": "ours"}
+NAME, PROOF = "reproduce", "broken"  # of the markers
+WORDS = {
+    "agrees": "agrees",
+    "differs_explained": "explained",
+    "differs": "**differs**",
+    "ours": "ours",
+    "beyond": "beyond",
+}
 
 
-def markdown(rows: list[Row]) -> str:
-    """Return the counts per paper, then every row folded, as Markdown."""
-    papers = list(dict.fromkeys(r.paper for r in rows))
-    lines = ["| paper | rows | agree | differ, explained | differ | ours, no claim |", "|---|---|---|---|---|---|"]
-    for name in (*papers, "all"):
-        own = [r for r in rows if name in (r.paper, "all")]
-        n = counts(own)
-        lines.append(f"| {name} | {len(own)} | {' | '.join(str(n[v]) for v in VERDICTS)} |")
-    for name in papers:
-        lines += ["", f"<details><summary>{name}, row by row</summary>", ""]
-        lines += ["| what | we get | band | verdict |", "|---|---|---|---|"]
-        lines += [
-            f"| {_cell(r.item)} | {r.got:.3g} | {r.tolerance} | {WORDS[r.verdict]} |" for r in rows if r.paper == name
-        ]
-        lines += ["", "</details>"]
+def markdown(rows: Iterable[Row], held: str = "") -> str:
+    """Return the counts per paper, then every row folded, as Markdown; papers without rows stay as `held` has them."""
+    rows = list(rows)
+    own = {name: [r for r in rows if r.paper == name] for name in dict.fromkeys(r.paper for r in rows)}
+    _, totals = _parsed(held)
+    blocks = {name: _block(held, name) for name in totals if name != "all"}
+    blocks |= {name: _folded(name, found) for name, found in own.items()}
+    totals |= {name: (len(found), *counts(found).values()) for name, found in own.items()}
+    totals["all"] = tuple(sum(column) for column in zip(*(totals[name] for name in blocks)))
+    lines = [
+        "| paper | rows | agree | differ, explained | differ | ours, no claim | beyond |",
+        "|---|---|---|---|---|---|---|",
+        *(f"| {name} | {' | '.join(map(str, totals[name]))} |" for name in (*blocks, "all")),
+    ]
+    return "\n".join([*lines, *("\n" + block for block in blocks.values())])
+
+
+def _folded(name, rows):
+    """Return the rows of a paper, folded."""
+    lines = [f"<details><summary>{name}, row by row</summary>", ""]
+    lines += [
+        "| what | paper says | we get | band | verdict | why, and what came with it |",
+        "|---|---|---|---|---|---|",
+    ]
+    lines += [
+        f"| {_cell(r.item)} | {_cell(r.says)} | {r.got:.3g} | {r.tolerance} | {WORDS[r.verdict]} | "
+        f"{_cell('; '.join(filter(None, (r.reason, r.note))))} |"
+        for r in rows
+    ]
+    return "\n".join([*lines, "", "</details>"])
+
+
+def _block(text, name):
+    """Return the folded rows of a paper as they stand in a written table."""
+    start = text.index(f"<details><summary>{name}, row by row")
+    return text[start : text.index("</details>", start) + len("</details>")]
+
+
+def proof(found: Iterable[Broken]) -> str:
+    """Return the list of broken methods as Markdown: row, what was broken, value then."""
+    unseen = (" (**not seen**)", "")
+    lines = ["| paper | row | what was broken | value then | band |", "|---|---|---|---|---|"]
+    lines += [
+        f"| {b.paper} | {_cell(b.item)} | {_cell(b.what)} | {b.got:.3g}{unseen[b.seen]} | {b.band} |" for b in found
+    ]
     return "\n".join(lines)
 
 
 def identifiers(text: str) -> tuple[dict, dict]:
-    """Return {paper: [row]} of the table between the markers in `text`; and {paper: (rows, four counts)} as second."""
+    """Return {paper: [row]} of the table between the markers in `text`; and {paper: (rows, five counts)} as second."""
+    return _parsed(readme.part(text, NAME) or "")
+
+
+def _parsed(table):
     found: dict = {}
-    totals = {}
+    totals: dict = {}
     name = None
-    for line in (readme.part(text, NAME) or "").splitlines():
+    for line in table.splitlines():
         if line.startswith("<details><summary>"):
             name = line.removeprefix("<details><summary>").split(",")[0]
             found[name] = []
@@ -45,9 +87,16 @@ def identifiers(text: str) -> tuple[dict, dict]:
     return found, totals
 
 
-def write(path: str | Path, rows: list[Row]) -> None:
-    """Write the table of rows into the README at `path`, between its markers. Raises OutputError."""
-    readme.replace(path, NAME, markdown(rows))
+def write(path: str | Path, rows: Iterable[Row]) -> None:
+    """Write rows into the page at `path`, between its markers; papers without rows stay. Raises OutputError."""
+    path = Path(path)
+    held = readme.part(path.read_text(encoding="utf-8"), NAME) if path.is_file() else None
+    readme.replace(path, NAME, markdown(rows, held or ""))
+
+
+def write_proof(path: str | Path, found: Iterable[Broken]) -> None:
+    """Write the list of broken methods into the page at `path`, between its markers. Raises OutputError."""
+    readme.replace(path, PROOF, proof(found))
 
 
 def _cell(text):

@@ -15,9 +15,15 @@ TITLES = {
     "alwi14": "Alwi14: sliding-mode observer over the flight envelope",
 }
 ROLES = {"ours": "--blue", "true": "--ink", "quiet": "--muted", "second": "--orange", "third": "--green"}
-WORDS = {"agrees": "agrees", "differs_explained": "differs, explained", "differs": "differs", "ours": "ours"}
+WORDS = {
+    "agrees": "agrees",
+    "differs_explained": "differs, explained",
+    "differs": "differs",
+    "ours": "ours",
+    "beyond": "beyond",
+}
 NARROW = {1: 320, 2: 560, 3: 780}  # least width of a figure [px] by its columns of panels
-MARKS = {"agrees": "good", "differs_explained": "", "differs": "bad", "ours": "muted"}
+MARKS = {"agrees": "good", "differs_explained": "", "differs": "bad", "ours": "muted", "beyond": ""}
 
 
 def reproduction_report(rows: list[PaperRow], drawings: list, output: str | Path) -> Path:
@@ -44,7 +50,7 @@ def render(rows: list[PaperRow], drawings: list) -> str:
             })  # fmt: skip
         about = {"name": name, "key": paper_key(name), "title": TITLES[name]}
         papers.append({**about, "rows": own, "counts": _count(own), "drawings": shown})
-    said = (*list(WORDS.values())[:3], "ours, the paper gives no number")
+    said = (*list(WORDS.values())[:3], "ours, the paper gives no number", "beyond the paper")
     return page(
         "reproduce.html",
         title=f"{_papers(names)}, reproduced",

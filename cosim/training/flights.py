@@ -51,9 +51,7 @@ def scenario(
                   **more})  # fmt: skip
 
 
-def draw(
-    seed: int, *, point: dict, manoeuvre: str | dict, turbulence: str, duration: float = FLIGHT_S, **more
-) -> dict:
+def draw(seed: int, *, point: dict, manoeuvre: str | dict, turbulence: str, duration: float = FLIGHT_S, **more) -> dict:
     """Return the arguments of `scenario` for a flight with all coefficients of aircraft and actuator off by up to
     5 %."""
     rng = np.random.default_rng(seed)

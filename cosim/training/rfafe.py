@@ -12,7 +12,7 @@ import numpy as np
 from actuators.registry import HYDRAULIC
 from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.flight.plant.linearize import linearize
-from cosim.flight.plant.point import FlightPoint
+from cosim.flight.plant.point import SIX, FlightPoint
 from cosim.flight.signals import fly
 from cosim.judge.achieved import sine
 from cosim.training.flights import COMMAND, DT, MANOEUVRES, POINT, SURFACES, scenario
@@ -42,18 +42,20 @@ BOUND_HZ = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 
 
 @functools.cache
-def linear():
-    """Return (A, B (4, 4 segments), x0) of V, alpha, q, theta at POINT in the paper's units."""
-    model = linearize(FlightPoint.at(**POINT))
+def linear(point: str = "sun13") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (A, B (4, 4 segments), x0) of V, alpha, q, theta at SIX[point] in the paper's units."""
+    model = linearize(FlightPoint.at(**SIX[point]))
     A, B, _, _ = model.block(STATES, SEGMENTS)
     x0 = np.array([model.x0[list(model.states).index(s)] for s in STATES])
     return UNIT[:, None] * A / UNIT, UNIT[:, None] * B * DEG, UNIT * x0
 
 
 @functools.cache
-def unknown_inputs():
-    """Return E (4, 6): the airframe's unknown input in each of the six fault-free flights, still air. [Sun13] section
-    II.B
+def unknown_inputs(turbulence: str = "none", aero: tuple = ()) -> np.ndarray:
+    """Return E (4, 6): the airframe's unknown input in each of the six fault-free flights. [Sun13] section II.B
+
+    In still air, unless `turbulence` says otherwise; `aero` = ((coefficient, factor), ...) that fly but that the model
+    does not know.
 
     The observer is driven by the true elevator angle, so E holds the airframe's error only; the actuators' rows are
     zero.
@@ -62,7 +64,9 @@ def unknown_inputs():
     states = [f"truth.aircraft.{n}" for n in STATES]
     flights = []
     for kind in MANOEUVRES:
-        v = fly(scenario(duration=FLIGHT_S, manoeuvre=kind), [*states, *SURFACES])
+        flown = scenario(duration=FLIGHT_S, manoeuvre=kind, flight={"turbulence": turbulence},
+                         tolerances={"aero": dict(aero)})
+        v = fly(flown, [*states, *SURFACES])
         flights.append((UNIT * np.asarray(v[states]) - x0, np.asarray(v[list(SURFACES)]) / DEG))
     return rfafe.estimate_E(A, B, np.eye(4), flights, dt=DT)
 
@@ -100,16 +104,13 @@ def published(progress):
     progress("six fault-free flights")
     E = np.vstack([rfafe.reduce_E(unknown_inputs(), RANK_E), np.zeros((2, RANK_E))])
     sigma = [*air, position, position]
-    designs = {t: _one("rfafe", t, sides, E, np.eye(6), lambda g: g[1], sigma, progress)
+    designs = {t: entry("rfafe", t, sides, E, np.eye(6), lambda g: g[1], sigma, progress)
                for t in (*TECHNOLOGIES, *PAIRS)}
     return {"designs": designs, **_made_from()}
 
 
 def airframe(progress):
-    """Return the designs of the airframe form, y = [V, alpha, q, theta], E freed of its part along F, by technology.
-
-    "comparison" holds what the study sets beside it: no E at all, and E as estimated, at rank 1 and 2.
-    """
+    """Return the designs of the airframe form, y = [V, alpha, q, theta], E freed of its part along F, by technology."""
     _, B, _ = linear()
     total = B.sum(1, keepdims=True)
     air, _ = sigmas()
@@ -117,17 +118,13 @@ def airframe(progress):
     E = rfafe.separate(unknown_inputs(), total, np.eye(4), method="remove")[:, :RANK_E]
     E = np.vstack([E, np.zeros((1, E.shape[1]))])
     C, F = np.eye(5)[:4], np.vstack([total, [[0.0]]])
-    designs = {t: _one("rfafe_airframe", t, total, E, C, lambda g: F, air, progress) for t in TECHNOLOGIES}
-    raw = np.vstack([rfafe.reduce_E(unknown_inputs(), 2), np.zeros((1, 2))])
-    others = {"none": None, "raw_1": raw[:, :1], "raw_2": raw}
-    comparison = {name: _one("rfafe_airframe", "hydraulic", total, e, C, lambda g: F, air, progress, min_ratio=0.0)
-                  for name, e in others.items()}
-    return {"designs": designs, "comparison": comparison, **_made_from()}
+    designs = {t: entry("rfafe_airframe", t, total, E, C, lambda g: F, air, progress) for t in TECHNOLOGIES}
+    return {"designs": designs, **_made_from()}
 
 
-def _one(name, technology, Bu, E, C, fault, sigma, progress, **options):
+def entry(name, technology, Bu, E, C, fault, sigma, progress, *, point="sun13", bandwidth=None, **options):
     """Return the stored entry of one technology, or "left/right": design, input delays and what its figures are."""
-    A, _, _ = linear()
+    A, _, _ = linear(point)
     progress(f"{name}: actuator and LMIs, {technology}")
     sides = Bu.shape[1]
     kinds = technology.split("/") * (sides // len(technology.split("/")))
@@ -136,7 +133,7 @@ def _one(name, technology, Bu, E, C, fault, sigma, progress, **options):
     if len(set(kinds)) == 1:
         a, gain, tau, high, late = a[0], gain[0], tau[0], high[0], late[0]
     g = rfafe.global_model(A, Bu, np.eye(4), np.zeros((4, sides)), *rfafe.first_order(a, gain, sides))
-    made = rfafe.design(g[0], g[1], C, None, E, fault(g), dt=DT, bandwidth=BANDWIDTH[name], sigma=sigma,
+    made = rfafe.design(g[0], g[1], C, None, E, fault(g), dt=DT, bandwidth=bandwidth or BANDWIDTH[name], sigma=sigma,
                         **options)
     return {
         "design": to_plain(made), "u_delay_s": late,

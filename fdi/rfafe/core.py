@@ -123,21 +123,6 @@ def read_airframe(x, u, p):
 
 
 @kernel
-def hold_airframe(x, u, p):
-    """Take the airframe outputs that are there, and hold the last of the others."""
-    for i in range(AIRFRAME):
-        x.y[i] = x.y_old[i] + x.y0[i]
-    if usable(u.tas, u.tas_valid) > 0.5:
-        x.y[0] = u.tas - p.y_trim[0]
-    if usable(u.alpha, u.alpha_valid) > 0.5:
-        x.y[1] = u.alpha / DEG - p.y_trim[1]
-    if usable(u.q, u.q_valid) > 0.5:
-        x.y[2] = u.q / DEG - p.y_trim[2]
-    if usable(u.theta, u.theta_valid) > 0.5:
-        x.y[3] = u.theta / DEG - p.y_trim[3]
-
-
-@kernel
 def advance(x, p, good, dt):
     """Advance by one tick; x.y holds this sample, x.u_in the input, less the trim of p; `good` is 0 without a
     sample."""

@@ -43,6 +43,13 @@ def test_a_signal_that_is_not_there_is_refused(name, told):
         cosim.fly("cruise", [name])
 
 
+def test_words_of_the_vocabulary_are_signals():
+    table = cosim.fly(cosim.load_scenario("cruise", ["duration_s=1"]), ["alpha", "left_inner.rod"])
+    assert table.attrs["units"] == {"alpha": "rad", "left_inner.rod": "m"}
+    with pytest.raises(ScenarioError, match=r"Name one: left_inner\.rod"):
+        cosim.fly("cruise", ["rod"])
+
+
 def test_wires_of_the_aircraft_level_are_signals():
     wires = sources("lpv_smo")
     table = cosim.fly(cosim.load_scenario("cruise", ["duration_s=1"]), wires.values())

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from cosim.papers import one
+from cosim.papers import PAPERS, reproduce
 from cosim.papers.alwi14 import model as alwi14_model
 from cosim.papers.alwi14 import quiet as alwi14_quiet
 from cosim.papers.alwi14 import rows as alwi14
@@ -14,17 +14,15 @@ from cosim.papers.mar10 import selection as mar10_selection
 
 
 def test_structure_of_the_talk_and_of_this_aircraft():
-    rows = [*mar10._structure(), *mar10._vehicle()]
-    assert {r.verdict for r in rows} == {"agrees"}
+    assert [p.judge().verdict for p in mar10._structure()] == ["agrees", "agrees"]
     # the print of slide 16 is not what slide 9 gives
-    assert [p.judge().verdict for p in mar10._robustness()] == ["differs_explained", "ours", "agrees"]
-    assert [r.got for r in mar10._aircraft()] == [10, 4]
+    assert [p.judge().verdict for p in mar10._robustness()] == ["differs_explained", "agrees"]
+    assert [p.judge().got for p in mar10._aircraft()] == [10]
     assert mar10_figures._table().table.columns[2:6] == ("delta_l", "delta_m", "delta_n", "eta")
 
 
 def test_residuals_are_selected_as_the_table_says_in_the_first_scenario():
-    rows = [p.judge() for p in mar10_selection.plan() if "scenario 1:" in p.item]
-    assert [r.verdict for r in rows] == ["agrees", "agrees"]
+    assert mar10_selection._chosen(1)[0] == 0
 
 
 def test_own_linear_model_explains_the_fault_free_elevator_of_point_b():
@@ -38,7 +36,7 @@ def test_first_scenario_identifies_its_thrust_loss():
 
 
 def test_model_and_gains_belong_to_the_stored_design():
-    assert "differs" not in {r.judge().verdict for r in alwi14_model.plan()}
+    assert "differs" not in {r.judge().verdict for r in alwi14_model.plan(alwi14.of)}
 
 
 def test_lpv_plant_gives_back_its_faults():
@@ -46,9 +44,9 @@ def test_lpv_plant_gives_back_its_faults():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("paper", ["sun13", "mar10", "alwi14", "lu17"])
+@pytest.mark.parametrize("paper", PAPERS)
 def test_every_row_of_a_paper_agrees_or_says_why_and_has_its_figures(paper):
-    rows, drawings = one(paper)
+    rows, drawings = reproduce(paper, workers=0)
     assert [r.item for r in rows if r.verdict == "differs"] == []
     assert all(math.isfinite(r.got) for r in rows)
-    assert len(drawings) == {"sun13": 5, "mar10": 6, "alwi14": 2, "lu17": 6}[paper]
+    assert len(drawings) == {"sun13": 5, "mar10": 6, "alwi14": 2, "lu17": 6, "jay": 11}[paper]

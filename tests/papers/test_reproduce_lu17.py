@@ -6,70 +6,38 @@ import pytest
 from actuators.hydraulic import lu17 as model
 from cosim.papers.lu17 import bench as lu17_bench
 from cosim.papers.lu17 import rows as lu17
-from cosim.papers.lu17 import stats as lu17_stats
 from cosim.papers.lu17.stats import case
 
 
 @pytest.fixture(scope="module")
 def rows():
-    """Without load, and two scenarios with one that is left out: the rest is slow."""
-    return [p.judge() for p in lu17.plan() if quick(p.item)]
-
-
-def quick(item):
-    if any(w in item for w in ("known", "(17)", "no noise", "as it is")):
-        return False
-    return "left out" not in item or "fault-free" in item or "liquid jamming" in item
+    """All rows of the bench; those of the flights are slow."""
+    return [p.judge() for p in lu17.plan() if "in flight" not in p.item]
 
 
 def test_no_row_differs_without_a_reason_and_every_figure_is_there(rows):
     assert [r.item for r in rows if r.verdict == "differs"] == []
     text = " ".join(r.item for r in rows)
-    assert all(f"figure {n}(" in text for n in range(2, 8))
-    assert all(load in text for load in ("no load", "load left out"))
+    assert all(f"figure {n}" in text for n in range(2, 6)) and "figures 5 to 7" in text
 
 
-def test_without_load_and_fault_both_filters_are_unbiased(rows):
-    quiet = [r for r in rows if "over its standard error" in r.item and "no load" in r.item]
-    quiet = [r for r in quiet if "fault-free" in r.item or "before" in r.item]
-    assert len(quiet) == 12
-    assert {r.verdict for r in quiet} == {"agrees"}
+def test_only_five_claims_differ(rows):
+    explained = [r.item.split(",")[0] for r in rows if r.verdict == "differs_explained"]
+    begin = ["figure 2(a)", "figure 4(e)-(f)", "figure 5(a)", "figures 6 and 7(b)", "section III.A"]
+    assert all(item.startswith(b) for item, b in zip(explained, begin, strict=True))
 
 
-def test_the_three_step_filter_agrees_without_load_and_never_with_one_left_out(rows):
-    tests = [r for r in rows if "over its standard error" in r.item]
-    tests = [r for r in tests if any(w in r.item for w in ("jamming", "runaway"))]
-    assert len(tests) == 16
-    assert {r.verdict for r in tests if "no load" in r.item} == {"agrees"}
-    assert {r.verdict for r in tests if "left out" in r.item} == {"differs_explained"}
-
-
-def test_a_bias_of_a_thousandth_of_the_noise_would_be_found():
-    """The statistic can fail: 1 micrometre on an estimate of 60 micrometres of scatter."""
-    out = lu17_bench.fly("fault-free")
-    assert lu17_stats.mean_error(out, lu17_stats.STATES, "whole")[0] < lu17_stats.T_STATES
-    out["q_hat"] += 1e-6
-    assert lu17_stats.mean_error(out, lu17_stats.STATES, "whole")[0] > lu17_stats.T_STATES
-
-
-def test_bands_are_those_of_students_t():
-    from scipy.stats import t
-
-    for band, tests in (
-        (lu17_stats.T_ONE, 1),
-        (lu17_stats.T_STATES, 3),
-        (lu17_stats.T_FOUR, 4),
-        (lu17_stats.T_ONE_WORST, 2400),
-        (lu17_stats.T_STATES_WORST, 3 * 2400),
-    ):
-        assert band == pytest.approx(t.ppf(1 - 0.0005 / tests, lu17_bench.SEEDS - 1), abs=0.006)
+def test_a_known_load_is_no_load_to_the_estimates_and_an_unknown_one_is():
+    """(9) prints F_d and (17) integrates (4), which has it: nothing but what is unknown moves the estimate."""
+    assert case("liquid jamming", "F_d known")["f_hat", "after"] == pytest.approx(lu17_bench.BIAS, rel=0.01)
+    assert case("liquid jamming", "F_d unknown")["f_hat", "after"] < 0.0
 
 
 def test_the_bench_without_noise_is_equation_4():
     """One seed replayed by SciPy's integrator from the bench's own valve commands (cross-checked)."""
     from scipy.integrate import solve_ivp
 
-    out = lu17_bench.fly("liquid OFC", "load left out", quiet=True, seeds=1)[0]
+    out = lu17_bench.fly("liquid OFC", "F_d unknown", quiet=True, seeds=1)[0]
     p, arm = model.params()[0], lu17_bench.linkage.ARM
     tick = lu17_bench.schedule("liquid OFC")
     x = np.array([out["q"][2398], out["qd"][2398], out["x3"][2398]])

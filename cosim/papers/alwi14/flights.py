@@ -20,7 +20,6 @@ SENSIBLE, LITERAL = (3.0, 0.5, 5.0), (3.0, 5.0, 0.5)  # elevator [deg], n_z [g],
 NAMES = ("elevator", "n_z", "alpha")
 UNITS = (DEG, 1.0, DEG)
 ONSET = 10.0  # [s]
-EVIDENCE = "cosim reproduce alwi14"
 
 
 @functools.cache

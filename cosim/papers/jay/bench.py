@@ -9,8 +9,7 @@ What the paper leaves open, and what stands here:
 - Noise: "0.1 mm, 1 rad/s and 0.1 A" is read as the peak of what figure 5 shows, three standard deviations, cut there.
   The reading as one standard deviation has a row of its own.
 - Lever arm and R's share of the current loop are not printed; 0.125 m and 0.9 were chosen (actuators/ema/jay.py) so
-that
-  the three numbers of section 4.4 come out: the rows of figure 12 check that one choice gives all three, no more.
+  that the three numbers of section 4.4 come out: the rows of figure 12 check that one choice gives all three, no more.
 - The fault-free part of a run (0 to 2 s) belongs to the fault-free rows; faults are judged from 2 s to the end at 8 s.
 - The current faults are on the copy that the monitor reads. What they do inside the current loop has a row.
 """
@@ -51,6 +50,7 @@ OUT = dtype(
     ]
 )
 
+FILTER: dict = {}  # {parameter: function of its value}: how a broken filter differs
 FIGURES = {  # figure -> (sensor, scale, bias): section 4.1 to 4.3
     6: ("velocity", 0.25, 0.0),
     7: ("velocity", 0.0, 5.0),
@@ -113,6 +113,8 @@ def bench(
     tick["f_i"][late] = loop_bias
     px, pf = ema.params("nozzle", substeps=10.0), ema_kalman.params("nozzle")
     px["R"] *= 1.0 + resistance
+    for name, change in FILTER.items():
+        pf[name] = change(pf[name])
     if matrices is not None:
         pf["Phi"], pf["G"] = matrices
     x, f = ema.init(px), ema_kalman.init(pf)

@@ -18,7 +18,7 @@ SEEN = {
     "on: q in (b) is that virtual rod, and f its distance from the stuck surface.",
     "runaway": "From 12 s the surface runs to its stop at 20 deg/s, 89 mm of rod; modelled as the jamming.",
 }
-LOADED = " Under a hinge load that the filter leaves out, f_hat is off by {error:.3g} {unit} on average."
+LOADED = " Under a hinge load that the filter does not know, f_hat is off by {error:.3g} {unit} on average."
 
 
 def drawings():
@@ -84,7 +84,7 @@ def _drawing(scenario):
     c = case(scenario)
     swing = 1e3 * np.abs(out["q"] - out["r"])[:, round(20.5 / bench.DT) :].max()
     text = SEEN[scenario].format(swing=swing, delay=c["delay", "after"])
-    loaded = case(scenario, "load left out")
+    loaded = case(scenario, "F_d unknown")
     phase = "whole" if scenario == "fault-free" else "after"
     text += LOADED.format(error=scale * loaded["fault error", phase], unit=unit)
     return Drawing(

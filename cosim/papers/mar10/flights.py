@@ -160,17 +160,13 @@ def margins(number, flown, log, p):
     }
 
 
-def campaign(draws, *, options=({},), progress=None):
-    """Fly each scenario `draws` times, judge with each set of detector `options`: {(set, number): [Outcome]}."""
+def campaign(number, draws, *, options=({},)):
+    """Fly scenario `number` `draws` times, judge with each set of detector `options`: {set: [Outcome]}."""
     sets = [detector(**kw) for kw in options]
-    out: dict = {(i, n): [] for i in range(len(sets)) for n in NAMES}
-    for number in NAMES:
-        for draw in range(draws):
-            flown = fly(number, draw)
-            for i, p in enumerate(sets):
-                log = run(flown, p)
-                found = judge(number, flown, log)
-                out[i, number].append(dataclasses.replace(found, **margins(number, flown, log, p)))
-            if progress is not None:
-                progress()
+    out: dict = {i: [] for i in range(len(sets))}
+    for draw in range(draws):
+        flown = fly(number, draw)
+        for i, p in enumerate(sets):
+            log = run(flown, p)
+            out[i].append(dataclasses.replace(judge(number, flown, log), **margins(number, flown, log, p)))
     return out

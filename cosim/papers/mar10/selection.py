@@ -11,7 +11,7 @@ import numpy as np
 
 from cosim.flight.plant.force_model import force_model
 from cosim.papers.mar10 import flights
-from cosim.papers.row import Planned
+from cosim.papers.row import Of, Planned
 from fdi.control_redundancy import structure as redundancy_structure
 
 INPUTS = ("elevator", "aileron", "rudder", "engine")
@@ -55,30 +55,23 @@ def _selected(number, k):
     return len(found), ", ".join(found)
 
 
-def plan():
-    """Return the Planned rows."""
-    out = []
-    for number, truth in flights.TRUTH.items():
-        where = f"slide {12 + number}, scenario {number}"
-        out.append(
-            Planned(
-                "mar10",
-                f"{where}: residual families that fire although no fault so far moves them",
-                "slide 10: 0 in the signature",
-                lambda n=number: _unmoved(n),
-                0,
-                0,
-            )
+def _chosen(number):
+    """Return (faults of a scenario that no residual of their own shows, or that one shows too early; what fires)."""
+    early, names = _unmoved(number)
+    shown = [(name, *_selected(number, k)) for k, (name, _) in enumerate(flights.TRUTH[number])]
+    words = "; ".join(f"{name}: {which or 'none'}" for name, _, which in shown)
+    return early + sum(n == 0 for _, n, _ in shown), words + (f"; early: {names}" if names else "")
+
+
+def plan(of: Of) -> list[Planned]:
+    """Return the Planned rows: one per scenario."""
+    return [
+        of.claim(
+            f"slide {12 + number}, scenario {number}: faults without residuals of their own, or with early ones",
+            'slide 10: "full isolation possible"; slides 13 to 15 show selected residuals, each its fault and no other',
+            lambda n=number: _chosen(n),
+            0,
+            0,
         )
-        out += [
-            Planned(
-                "mar10",
-                f"{where}: residual families that show the {name} and are blind to earlier faults",
-                'slide 10: "full isolation possible": at least one',
-                lambda n=number, k=k: _selected(n, k),
-                1,
-                27,
-            )
-            for k, (name, _) in enumerate(truth)
-        ]
-    return out
+        for number in flights.TRUTH
+    ]

@@ -20,7 +20,7 @@ def drawings():
 
     out = []
     for kind, word, beside, _, share in KINDS:
-        r = sun13._faulty(kind, 1.0, "none")
+        r = sun13._faulty(kind, 1.0)
         said = "the sine rides on what the law commands" if word == "liquid" else "the sine alone is left"
         out.append(
             Drawing(
@@ -67,11 +67,11 @@ def drawings():
         )
     )
     for kind, word, _, beside, share in KINDS:
-        r = sun13._faulty(kind, 1.0, "none")
+        r = sun13._faulty(kind, 1.0)
         command = r[COMMAND].to_numpy() if kind == "ofc_solid" else 0.0
         f = (r[sun13.INJECTED].to_numpy() - command * (r.index.to_numpy() >= sun13.ONSET)) / DEG
         mean = 0.5 * (side(r, "left") - side(r, "right")) / DEG
-        ratio = abs(sun13._published(kind, 1.0, "none")[0])
+        ratio = abs(sun13._published(kind, 1.0))
         out.append(
             Drawing(
                 "sun13",

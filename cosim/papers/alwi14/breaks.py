@@ -1,0 +1,106 @@
+"""What is broken in turn in the observer of [Alwi14] or in what it is shown, and the rows that must see it."""
+
+import dataclasses
+
+import numpy as np
+
+from cosim.papers.alwi14.flights import POINTS
+from cosim.papers.broken import Break, swap
+from cosim.training import lpv
+from fdi.lpv_smo import model as lpv_model
+from fdi.lpv_smo import synthesis
+
+MODEL, ROWS, QUIET = (f"cosim.papers.alwi14.{name}" for name in ("model", "rows", "quiet"))
+OBSERVER = "fdi.lpv_smo.lpv_smo"
+
+
+def _five_points(fit):
+    """Return what fit() says of a model that is fitted to the paper's five points alone."""
+
+    def other():
+        model, _ = lpv.fit(lpv.sample(np.array(list(POINTS.values()))))
+        vertices = [float(lpv_model.at(model.B, v)[4, 0]) for v in lpv_model.vertices(lpv.BOX)]
+        return fit() | {"b51_vertices": vertices, "b11": fit()["b51"]}
+
+    return other
+
+
+def _turned(_):
+    return lambda: synthesis.verify(dataclasses.replace(made := synthesis.load()[1], L=-made.L))
+
+
+def _weak(params):
+    """Return params() with a modulation gain of a hundredth of the paper's."""
+
+    def other(*args, **more):
+        p = params(*args, **more)
+        p["K"] *= 0.01
+        return p
+
+    return other
+
+
+def _larger(share):
+    """Return a wrapper of `nonlinear` that flies the faults `share` larger than said."""
+    return lambda flown: lambda point, faults, **more: flown(point, tuple(f * (1 + share) for f in faults), **more)
+
+
+def _disturbed(flown):
+    return lambda point, faults, **more: flown(point, tuple(f or d for f, d in zip(faults, (0.3, 0.1, 0.5))), **more)
+
+
+def _plant(fly):
+    return lambda made, rho, block, faults, **more: fly(
+        made, rho, block, faults=tuple(1.05 * f for f in faults), **more
+    )
+
+
+BREAKS = (
+    Break(
+        "the model is fitted to the paper's five points alone, alpha and q are exchanged",
+        lambda: swap(MODEL, wrap_fit=_five_points),
+        ("section 2.2, B51", "section 5, neglected B11"),
+    ),
+    Break(
+        "L of (21) has the wrong sign", lambda: swap(MODEL, wrap_certificate=_turned), ("slowest pole", "largest eig")
+    ),
+    Break(
+        "the LPV plant's faults are 5 % larger than said",
+        lambda: swap(ROWS, wrap_fly=_plant),
+        ("LPV plant, worst error of elevator", "LPV plant, worst error of n_z", "LPV plant, worst error of alpha"),
+    ),
+    Break(
+        "the modulation gain K of (15) is a hundredth",
+        lambda: swap(OBSERVER, wrap_params=_weak),
+        (
+            "LPV plant, largest |e_y|",
+            "figure 1c, nonlinear aircraft, no noise: largest |e_y|",
+            "figure 2c, nonlinear aircraft, no noise: largest |e_y|",
+        ),
+    ),
+    Break(
+        "the stabiliser is read in degrees",
+        lambda: swap(
+            QUIET, wrap__ranges=lambda ranges: lambda name, unit: ranges(name, unit / 57.3 if "stab" in name else unit)
+        ),
+        ("figure 1b",),
+    ),
+    Break(
+        "n_z is off by 0.1 g and alpha by 0.5 deg in the fault-free flights",
+        lambda: swap(QUIET, wrap_nonlinear=_disturbed),
+        ("largest fault-free n_z", "largest fault-free alpha"),
+    ),
+    Break(
+        "the faults are a tenth larger than said",
+        lambda: swap(ROWS, wrap_nonlinear=_larger(0.1)),
+        ("5 deg: worst error of elevator", "5 deg: worst error of n_z", "5 deg: worst error of alpha"),
+    ),
+    Break(
+        "the law flies on the faulty sensors",
+        lambda: swap(
+            "cosim.papers.alwi14.motion",
+            wrap_kept=lambda kept: lambda point: kept(point, "sensors.reconstructed=false"),
+        ),
+        ("which flies on y - f_hat",),
+    ),
+)

@@ -1,0 +1,98 @@
+"""[Alwi14] in motion: the scheduling parameters change while the faults are on. Scenario `alwi14-deceleration`.
+
+Point E with 60 % of the thrust gone from 4 s on: the aircraft slows down across the box while the law holds the load
+factor; the three faults come at 10 s. Nothing of it is in the paper, whose five flights are at constant parameters.
+"""
+
+import functools
+
+import numpy as np
+
+from cosim.flight.detectors import sources
+from cosim.flight.plant.point import SIX
+from cosim.flight.signals import detect, fly
+from cosim.flight.site import site
+from cosim.judge.alarms import detection
+from cosim.papers.alwi14.flights import NAMES, ONSET, POINTS, SENSIBLE, UNITS
+from cosim.papers.row import Of
+from cosim.scenario import load_scenario
+from fdi.lpv_smo import lpv_smo
+
+SPEED, MACH = "sensors.cas.y_obs", "sensors.mach.y_obs"
+KT = 1852.0 / 3600.0
+
+
+@functools.cache
+def slowing():
+    """Return (table, log) of the deceleration with its faults."""
+    flown = fly(load_scenario("alwi14-deceleration"), [*sources("lpv_smo").values(), SPEED, "truth.aircraft.h"])
+    p = lpv_smo.fitted(site(flown.attrs["dt"]))
+    p["t_learn"] = 0.0
+    return flown, detect(flown, lpv_smo, sources("lpv_smo"), p)
+
+
+def _error(i):
+    """Return (largest error of the estimate's mean over 2 s [%] from 5 s after the onset on, how far it slowed)."""
+    flown, log = slowing()
+    key, size = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha")[i], SENSIBLE[i] * UNITS[i]
+    n = round(2.0 / flown.attrs["dt"])
+    mean = np.convolve(log[key], np.full(n, 1.0 / n), "valid")
+    late = mean[round((ONSET + 5.0) / flown.attrs["dt"]) :]
+    cas, h = flown[SPEED].to_numpy() / KT, flown["truth.aircraft.h"].to_numpy()
+    return 100.0 * np.abs(late / size - 1.0).max(), f"{cas[0]:.0f} to {cas[-1]:.0f} kt, {h[-1] - h[0]:+.0f} m"
+
+
+@functools.cache
+def kept(point, *changes):
+    """Return how far a flight on the reconstructed sensors leaves its altitude [m], largest."""
+    at = [f"flight.{k}={v}" for k, v in SIX[point].items()]
+    h = fly(load_scenario("alwi14-reconstructed", [*at, *changes]), ["truth.aircraft.h"])["truth.aircraft.h"].to_numpy()
+    return float(np.abs(h - h[0]).max())
+
+
+def _kept():
+    found = {p: kept(p) for p in POINTS}
+    return max(found.values()), ", ".join(f"{p} {v:.0f}" for p, v in found.items())
+
+
+def _declared():
+    """Return (points at which all three faults are declared within 10 s and not before, the delays at each [s])."""
+    own = [f"lpv_smo.aircraft.alarm_{name}" for name in NAMES]
+    count, told = 0, []
+    for point in POINTS:
+        at = [f"flight.{k}={v}" for k, v in SIX[point].items()]
+        f = fly(load_scenario("alwi14-simultaneous", at), own)
+        first = round(ONSET / f.attrs["dt"])
+        late = [detection(f[name], first, first + 2000) for name in own]
+        early = any((f[name].to_numpy()[:first] > 0.5).any() for name in own)
+        count += not early and all(k is not None for k in late)
+        told.append(f"{point} " + "/".join("-" if k is None else f"{f.index[k] - ONSET:.1f}" for k in late))
+    return count, "; ".join(told)
+
+
+def plan(of: Of):
+    """Return the Planned rows."""
+    says = 'section 7: "over wide variations in flight conditions", shown at constant ones: our extension'
+    law = (
+        'section 5: "maintaining the normal load factor control law and angle of attack protection in the face of '
+        'elevator and angle of attack sensor faults"; that the law flies on y - f_hat is our extension'
+    )
+    together = 'section 7: "simultaneous ... faults at different operating conditions"; the paper decides nothing: ours'
+    return [
+        of.beyond(
+            "faults flown through the law, which flies on y - f_hat: largest change of altitude, A to E [m]",
+            law,
+            _kept,
+            0.0,
+            100.0,
+        ),
+        of.beyond(
+            "the form that flies: points, of five, at which all three faults are declared within 10 s",
+            together,
+            _declared,
+        ),
+        *(
+            of.beyond(f"in a deceleration at E, the form that flies: error of {name} [%]", says, lambda i=i: _error(i))
+            for i, name in enumerate(NAMES)
+        ),
+    ]

@@ -1,0 +1,86 @@
+"""Proof that rows can fail: the method is broken in one place (sign, gain, one equation), and the row must see it."""
+
+import contextlib
+import importlib
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from cosim.papers.row import Planned
+
+
+@dataclass(frozen=True)
+class Break:
+    """One thing that is broken, and the rows (parts of their items) that must leave their bands."""
+
+    what: str
+    patch: Callable[[], contextlib.AbstractContextManager]
+    rows: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Broken:
+    """What a row shows with the method broken."""
+
+    paper: str
+    item: str
+    what: str
+    got: float
+    band: str
+    seen: bool  # outside the band
+
+
+@contextlib.contextmanager
+def swap(module: str, **values) -> Iterator[None]:
+    """Replace names of a module; a value that is a function of one argument under `wrap_NAME` gets the old one."""
+    place = importlib.import_module(module)
+    held = {}
+    for key, value in values.items():
+        name = key.removeprefix("wrap_")
+        held[name] = getattr(place, name)
+        setattr(place, name, value(held[name]) if key.startswith("wrap_") else value)
+    try:
+        yield
+    finally:
+        for name, value in held.items():
+            setattr(place, name, value)
+
+
+def forget(paper: str) -> None:
+    """Empty every cache of a paper's modules."""
+    for name, module in list(sys.modules.items()):
+        if name.startswith(f"cosim.papers.{paper}"):
+            for value in list(vars(module).values()):
+                if callable(getattr(value, "cache_clear", None)):
+                    value.cache_clear()
+
+
+def breaks(paper: str) -> tuple[Break, ...]:
+    """Return the Breaks of a paper."""
+    return importlib.import_module(f"cosim.papers.{paper}.breaks").BREAKS
+
+
+def chosen(rows: list[Planned], of: Break) -> list[Planned]:
+    """Return the rows that a Break names; ValueError when a name stands for none."""
+    out = []
+    for part in of.rows:
+        found = [p for p in rows if part in p.item]
+        if not found:
+            raise ValueError(f"{of.what}: no row has {part!r} in it")
+        out += found
+    return out
+
+
+def proof(paper: str, only: Callable[[Break], bool] = lambda of: True) -> Iterator[Broken]:
+    """Yield what each row of `paper` shows under each of its Breaks."""
+    plan = importlib.import_module(f"cosim.papers.{paper}.rows").plan
+    for of in filter(only, breaks(paper)):
+        forget(paper)
+        try:
+            with of.patch():
+                for p in chosen(plan(), of):
+                    found = p.measure()
+                    got = float(found[0] if isinstance(found, tuple) else found)
+                    yield Broken(paper, p.item, of.what, got, f"{p.low:g} .. {p.high:g}", not p.inside(got))
+        finally:
+            forget(paper)

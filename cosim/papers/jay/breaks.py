@@ -1,0 +1,71 @@
+"""What is broken in turn in the scheme of [Jay], and the rows that must see it."""
+
+from cosim.papers.broken import Break, swap
+
+BENCH, FLOWN, ROWS = (f"cosim.papers.jay.{name}" for name in ("bench", "flown", "rows"))
+HEALTHY = {
+    6: ("velocity", 0.0, 0.0),
+    7: ("velocity", 0.0, 0.0),
+    8: ("position", 0.0, 0.0),
+    9: ("position", 0.0, 0.0),
+    10: ("current", 0.0, 0.0),
+    11: ("current", 0.0, 0.0),
+}
+
+
+def _unseen():
+    """Return the swap of faults that reach no sensor."""
+    return swap(ROWS, wrap_bench=lambda bench: lambda figure=None, **more: bench(**more))
+
+
+def _loose(flight):
+    return lambda name, *changes: flight(name, "tolerances.ema.K_B=0.8", "tolerances.ema.K_T=0.8", *changes)
+
+
+BREAKS = (
+    Break(
+        "the filter's G (5) is 15 % too large",
+        lambda: swap(BENCH, FILTER={"G": lambda G: 1.15 * G}),
+        (
+            "figure 3,",
+            "figure 4,",
+            "section 3.3, fault-free",
+            "figures 8 and 9",
+            "figures 10 and 11",
+            "resistance + 5 %: R1",
+            "resistance + 5 %: R2",
+            "resistance +- 5 %",
+        ),
+    ),
+    Break(
+        "the innovation is divided by ten standard deviations (6)",
+        lambda: swap(BENCH, FILTER={"R": lambda R: 100.0 * R}),
+        ("figure 5, largest", "figure 6,", "figure 7,", "figures 6 to 11", "resistance + 5 %: innovation mean"),
+    ),
+    Break(
+        "the faults reach no sensor",
+        _unseen,
+        ("figure 8,", "figure 9,", "figure 10,", "figure 11, current + 1 A", "without reconfiguration: settles"),
+    ),
+    Break(
+        "the filter's screw has the wrong sign (9)",
+        lambda: swap(BENCH, FILTER={"lead": lambda N: -N}),
+        ("with reconfiguration: settles",),
+    ),
+    Break(
+        "the quoted noise is halved",
+        lambda: swap(ROWS, wrap__quiet=lambda quiet: lambda noise: quiet(noise / 2)),
+        ("one standard deviation",),
+    ),
+    Break("K_T and K_B of the motor are 20 % off", lambda: swap(FLOWN, wrap_flight=_loose), ("in flight, fault-free",)),
+    Break(
+        "the estimate is read with a screw 5 % too long",
+        lambda: swap(FLOWN, wrap__lead=lambda N: lambda: 1.05 * N()),
+        ("in flight, winding",),
+    ),
+    Break(
+        "the loop stays closed on the faulty sensor",
+        lambda: swap(FLOWN, wrap__kept=lambda kept: lambda _: kept(False)),
+        ("5 deg, reconfigured",),
+    ),
+)

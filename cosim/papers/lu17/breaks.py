@@ -1,0 +1,114 @@
+"""What is broken in turn in the filters of [Lu17], and the rows that must see it."""
+
+import numpy as np
+
+from cosim.papers.broken import Break, swap
+
+BENCH, FLOWN, STATS = (f"cosim.papers.lu17.{name}" for name in ("bench", "flown", "stats"))
+
+
+def _biased(column, by):
+    """Return the swap of a bench whose draws have a mean: rod sensor (0), process noise of q, q', x3 (1 to 3)."""
+
+    def wrap(noise):
+        def draws(seeds):
+            return noise(seeds) + by * (np.arange(4) == column)
+
+        return draws
+
+    return lambda: swap(BENCH, wrap__noise=wrap)
+
+
+def _schedule(**fields):
+    """Return the swap of an experiment in which fields of every tick are set."""
+
+    def wrap(schedule):
+        def changed(scenario):
+            tick = schedule(scenario)
+            for name, value in fields.items():
+                tick[name] = value
+            return tick
+
+        return changed
+
+    return lambda: swap(BENCH, wrap_schedule=wrap)
+
+
+def _scaled(field, factor):
+    """Return the swap of a bench whose estimates of `field` are scaled."""
+
+    def wrap(fly):
+        def scaled(*args, **more):
+            out = fly(*args, **more)
+            out[field] *= factor
+            return out
+
+        return scaled
+
+    return lambda: swap(BENCH, wrap_fly=wrap)
+
+
+def _filter(**changes):
+    return lambda: swap(BENCH, FILTER=changes)
+
+
+def _known(**share):
+    return lambda: swap(BENCH, wrap_MODEL=lambda held: held | share)
+
+
+def _uncompensated(flight):
+    return lambda name, *changes: flight(name, *changes, "elevator.compensate=false")
+
+
+BREAKS = (
+    Break(
+        "the rod sensor reads 2 mm too much",
+        _biased(0, 20.0),
+        ("figure 2(a), no load", "figure 2(b)-(d), no load", "figure 3(b)-(d), no load", "figure 4(b)-(d), no load"),
+    ),
+    Break(
+        "the pressure walks off by one sigma per tick, which (17) does not know",
+        _biased(3, 1.0),
+        ("figure 2(e)-(f), no load",),
+    ),
+    Break(
+        "F_d of (9) and (17) has the wrong sign",
+        _known(**{"F_d known": -1.0}),
+        (
+            "figure 2(b)-(d), F_d known",
+            "figure 2(e)-(f), F_d known",
+            "figure 3(b)-(d), F_d known",
+            "figure 4(b)-(d), F_d known",
+            "figures 5 to 7(e)-(f), F_d known",
+        ),
+    ),
+    Break(
+        "the filter's valve flow phi_n is 20 % too large",
+        _filter(phi_n=lambda phi: 1.2 * phi),
+        ("figure 3(e), no load", "figure 3(e), F_d known"),
+    ),
+    Break("the fault reaches no valve", _schedule(f_u=0.0, s_u=0.0), ("figure 3(a)",)),
+    Break("the walk (14) is ten thousand times smaller", _filter(q_f=lambda q: 1e-4 * q), ("figure 3(f)",)),
+    Break("the solid OFC is added to u instead of replacing it", _schedule(s_u=0.0), ("figure 4(a)",)),
+    Break("the rod sensor has no fault", _schedule(bias=0.0), ("the measurement fed back",)),
+    Break("gain N of (42) is 0.8", _scaled("f_hat", 0.8), ("figures 5 to 7(e)-(f), no load",)),
+    Break(
+        "the filter's piston area is 5 % too large",
+        _filter(A_p=lambda A: 1.05 * A),
+        ("figures 5 to 7(b)-(d), F_d known",),
+    ),
+    Break(
+        "the rod is pushed by one sigma of process noise per tick", _biased(2, 1.0), ("figures 5 to 7(b)-(d), no load",)
+    ),
+    Break(
+        "the unknown load is five times as large",
+        _known(**{"F_d by a model 20 % wrong": 5.0, "F_d unknown": 5.0}),
+        ("figure 2(e), F_d by a model", "figure 2(e), F_d unknown"),
+    ),
+    Break(
+        "the pressure is not read (load form 0)",
+        lambda: swap(FLOWN, wrap_FORMS=lambda forms: forms | {"pressure": 0}),
+        ("pressure form",),
+    ),
+    Break("f_hat is not taken off", lambda: swap(FLOWN, wrap_flight=_uncompensated), ("f_hat taken off the valve",)),
+)

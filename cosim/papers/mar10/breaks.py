@@ -1,0 +1,59 @@
+"""What is broken in turn in the method of [Mar10], and the rows that must see it."""
+
+import contextlib
+
+import numpy as np
+
+from cosim.papers.broken import Break, swap
+
+ROWS, FLIGHTS, STRUCTURE = "cosim.papers.mar10.rows", "cosim.papers.mar10.flights", "fdi.control_redundancy.structure"
+LABELS = ("mean and learned offset", "mean, no offset", "force and moment rows")
+
+
+@contextlib.contextmanager
+def _axes():
+    """Swap the x and z axes of the accelerometers; two draws are enough to see that."""
+    with swap(FLIGHTS, wrap_WIRES=lambda w: w | {"n_x": w["n_z"], "n_z": w["n_x"]}), swap(ROWS, DRAWS=2):
+        yield
+
+
+def _weights(combination):
+    def other(G, family):
+        c, s = combination(G, family)
+        return c * np.array([1.0, 1.0, 1.1]), s
+
+    return other
+
+
+def _columns(vehicle):
+    return vehicle * np.array([1.0, 1.0, 1.0, 0.01])
+
+
+BREAKS = (
+    Break(
+        "the aileron moves the z axis too (slide 7)",
+        lambda: swap(STRUCTURE, wrap_TALK=lambda talk: talk | (np.arange(12).reshape(3, 4) == 8)),
+        ("slide 10, sig",),
+    ),
+    Break(
+        "f_3 enters the combinations of slide 9 ten per cent too large",
+        lambda: swap(STRUCTURE, wrap_combination=_weights),
+        ("slides 8 to 10",),
+    ),
+    Break(
+        "the x and z axes of the accelerometers are swapped",
+        _axes,
+        (
+            "slide 13, scenario 1",
+            "slide 14, scenario 2",
+            "slide 15, scenario 3",
+            "identified thrust loss",
+            *(
+                f"scenario {n} ({who}), {label}"
+                for n, who in ((1, "engine"), (2, "elevator, then engine"), (3, "engine, then elevator, then rudder"))
+                for label in LABELS
+            ),
+        ),
+    ),
+    Break("g_14 is a hundredth", lambda: swap(ROWS, wrap_VEHICLE=_columns), ("as a share of throttle",)),
+)

@@ -1,0 +1,129 @@
+"""What is broken in turn in the estimator of [Sun13] or in what it is shown, and the rows that must see it."""
+
+import dataclasses
+
+from cosim.papers.broken import Break, swap
+from cosim.papers.sun13 import variants
+from fdi.rfafe import rfafe, rfafe_airframe
+
+ROWS = "cosim.papers.sun13.rows"
+
+
+def _design(name, make):
+    """Return the swap of the design that an estimator flies with when none is named."""
+
+    def wrap(estimate):
+        def other(r, form, p=None):
+            return estimate(r, form, make() if p is None and form == name else p)
+
+        return other
+
+    return lambda: swap(ROWS, wrap_estimate=wrap)
+
+
+def _changed(change):
+    """Return the swap of estimators whose log is changed in place."""
+
+    def wrap(estimate):
+        def other(r, form, p=None):
+            log = estimate(r, form, p).copy()
+            change(log)
+            return log
+
+        return other
+
+    return lambda: swap(ROWS, wrap_estimate=wrap)
+
+
+def _scaled(log):
+    log["f_hat_left" if "f_hat_left" in log.dtype.names else "f_hat"] *= 5.0
+
+
+def _mixed(log):
+    log["f_hat_left"] += 0.2 * log["f_hat_right"]
+
+
+def _still_commanded(load):
+    """Return a load_scenario in which a solid OFC leaves the command on, through a doublet."""
+
+    def other(name, changes=()):
+        more = ["manoeuvre.kind=nz_doublet", "manoeuvre.start_s=21", "faults.0.amplitude_travel=0.033"]
+        return load("sun13-liquid-ofc", [*changes, *more])
+
+    return other
+
+
+def _unstable(choose):
+    def other(*args):
+        design, entry = choose(*args)
+        return dataclasses.replace(design, N=-design.N), entry
+
+    return other
+
+
+def _slow():
+    return rfafe.params(stored=variants.published("six flights", 10.0))
+
+
+def _elsewhere():
+    return rfafe_airframe.params(stored=variants.airframe("E"))
+
+
+BREAKS = (
+    Break("N of (7) has the wrong sign", lambda: swap(ROWS, wrap_choose=_unstable), ("theorem 2",)),
+    Break(
+        "the liquid OFC is the solid one, the solid one the liquid",
+        lambda: swap(ROWS, SCENARIO={"ofc_liquid": "sun13-solid-ofc", "ofc_solid": "sun13-liquid-ofc"}),
+        ("figure 3,",),
+    ),
+    Break(
+        "a solid OFC leaves the command on",
+        lambda: swap(ROWS, wrap_load_scenario=_still_commanded),
+        ("rest of the left elevator",),
+    ),
+    Break(
+        "the learning rate of (17) is a quarter",
+        _design("rfafe", _slow),
+        (
+            "figure 5, still air",
+            "figure 5, the same",
+            "figure 6, 0.016 of travel at 0.5",
+            "figure 6, 0.016 of travel at 1 Hz, light",
+            "figure 7, 0.033 of travel at 0.5",
+            "figure 7, 0.033 of travel at 1 Hz, light",
+            "both sides at once, left 1 Hz",
+        ),
+    ),
+    Break("f_hat is five times too large", _changed(_scaled), ("figures 5 and 6",)),
+    Break(
+        "the fault oscillates a tenth faster than said",
+        lambda: swap(ROWS, wrap__faulty=lambda fly: lambda kind, hz, *more: fly(kind, 1.1 * hz, *more)),
+        ("figure 6, 0.016 of travel at 1 Hz: frequency", "figure 7, 0.033 of travel at 1 Hz: frequency"),
+    ),
+    Break(
+        "the decision waits for two more periods",
+        lambda: swap(ROWS, wrap_detection=lambda found: lambda *at: found(*at) + 400),
+        ("figure 6, 0.016 of travel at 1 Hz: alarm", "figure 7, 0.033 of travel at 1 Hz: alarm"),
+    ),
+    Break(
+        "coefficients are 30 % off instead of 5",
+        lambda: swap("cosim.papers.sun13.variants", WRONG=(("Cm_alpha", 1.3), ("Cm_de", 0.6), ("Cm_q", 0.6))),
+        ("Cm_alpha +5 %",),
+    ),
+    Break(
+        "the learning rate stays where it is",
+        lambda: swap(ROWS, wrap__rate=lambda rate: lambda _: rate(40.0)),
+        ("learning rate a quarter", "learning rate four times"),
+    ),
+    Break(
+        "the airframe design is that of point E",
+        _design("rfafe_airframe", _elsewhere),
+        ("liquid at 0.5 Hz, still air", "liquid at 1 Hz, still air", "liquid at 2 Hz, still air"),
+    ),
+    Break(
+        "every point has the design of Sun13's",
+        lambda: swap("cosim.papers.sun13.variants", wrap_airframe=lambda made: lambda point: made()),
+        ("a design for each of points",),
+    ),
+    Break("a fifth of the right side's estimate is added to the left one", _changed(_mixed), ("largest share of one",)),
+)

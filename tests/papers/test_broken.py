@@ -1,0 +1,35 @@
+"""Every row with a band can fail: the method is broken in one place, and the row leaves its band."""
+
+import pytest
+
+from cosim.papers import PAPERS, plan, proof
+from cosim.papers.broken import breaks, chosen, swap
+from cosim.papers.broken import proof as proof_of
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_each_row_that_agrees_is_broken_by_something(paper):
+    """What differs for a reason has failed already; of the rest no row is left out."""
+    rows = plan(paper)
+    proven = {p.item for of in breaks(paper) for p in chosen(rows, of)}
+    left = [p.item for p in rows if p.banded and not p.reason and p.item not in proven]
+    assert left == []
+
+
+def test_rows_of_the_bench_see_what_is_broken():
+    found = list(proof_of("jay", lambda of: "in flight" not in " ".join(of.rows)))
+    assert len(found) > 15 and [b for b in found if not b.seen] == []
+
+
+def test_a_break_that_names_no_row_is_an_error_and_everything_is_put_back():
+    from cosim.papers.jay import bench
+
+    with swap("cosim.papers.jay.bench", FILTER={"G": None}):
+        assert bench.FILTER
+    assert bench.FILTER == {}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("paper", PAPERS)
+def test_every_break_is_seen(paper):
+    assert [(b.item, b.what, b.got) for b in proof(paper, workers=0) if not b.seen] == []
