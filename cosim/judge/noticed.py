@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.judge.alarms import GRACE_S, detection
+from cosim.judge.alarms import GRACE_S, detection, faulty, onsets
 from cosim.judge.naming import BOTH, blames, parts_of, right
 from fdi.common import verdict as code
 from fdi.common import why as reason
@@ -88,8 +88,12 @@ def said(watch: Watch, history: NDArray, targets: Sequence[str] = ()) -> Said:
     return Said((alarm > 0.5) | each.any(axis=0), verdict, part, (*watch.culprits, BOTH.join(mine)))
 
 
-def noticed(watch: Watch, history: NDArray, fault: Mapping, until: float, dt: float) -> dict:
+def noticed(
+    watch: Watch, history: NDArray, fault: Mapping, until: float, dt: float, earlier: Sequence[Mapping] = ()
+) -> dict:
     """Return what the lane made of `fault` before the next one begins at `until` [s]; times [s], None for never.
+
+    It noticed when its alarm rose or, while one stands on account of `earlier` faults, took this fault's right name.
 
     `detection_delay_s` and `time_to_right_s` count from the onset, `right_after_motion_s` from when the fault has moved
     the rod 1 mm from where it would be; `not_excited` tells that a fault of MOVES never did. `isolated` is what was
@@ -103,7 +107,8 @@ def noticed(watch: Watch, history: NDArray, fault: Mapping, until: float, dt: fl
     first = round(start / dt)
     healed, last = (_tick(t, dt, ticks) for t in (min(end, until), min(end + GRACE_S, until)))
     s = said(watch, history, fault["targets"])
-    k = detection(s.alarm, first, last)
+    renamed = _renamed(watch, s, fault, first, healed, dt, earlier)
+    k = min((i for i in (detection(s.alarm, first, last), renamed) if i is not None), default=None)
     out: dict[str, Any] = dict.fromkeys(
         ("detected_at_s", "detection_delay_s", "detection_delay_periods", "isolated", "first_verdict",
          "time_to_right_s", "right_after_motion_s", "alarm_share", "withdrawn_after_s", "withdrawn")
@@ -134,12 +139,7 @@ def _named(watch, s, fault, k, end, dt):
     out = {"alarm_share": seen / (end - k)}
     if not len(given):
         return out
-    codes, parts = s.verdict[given], s.part[given]
-    good = np.zeros(len(given), bool)
-    for c, p in {(float(c), float(p)) for c, p in zip(codes, parts)}:
-        part = s.parts[int(p)] if 0 <= p < len(s.parts) else ""
-        if right(watch.id, fault.get("case", ""), fault["targets"], watch.level, code.class_name(c), part):
-            good |= (codes == c) & (parts == p)
+    codes, good = s.verdict[given], _right(watch, s, fault, given)
     out |= {
         "isolated": s.name(given[-1], watch),
         "first_verdict": s.name(given[0], watch),
@@ -155,6 +155,32 @@ def _named(watch, s, fault, k, end, dt):
         if moved is not None and math.isfinite(moved):
             out["right_after_motion_s"] = max(0.0, at - moved)
     return out
+
+
+def _right(watch, s, fault, ticks):
+    """Return (len(ticks),): whether what is said at each of `ticks` is the right name of `fault`."""
+    codes, parts = s.verdict[ticks], s.part[ticks]
+    good = np.zeros(len(ticks), bool)
+    for c, p in {(float(c), float(p)) for c, p in zip(codes, parts) if c > 0.5}:
+        part = s.parts[int(p)] if 0 <= p < len(s.parts) else ""
+        if right(watch.id, fault.get("case", ""), fault["targets"], watch.level, code.class_name(c), part):
+            good |= (codes == c) & (parts == p)
+    return good
+
+
+def _renamed(watch, s, fault, first, healed, dt, earlier):
+    """Return the tick at which an alarm that stands on account of an `earlier` fault takes the right name of this one.
+
+    None where it does not, or had that name before: it may be the earlier fault's.
+    """
+    if not earlier or not 0 < first < len(s.alarm) or not s.alarm[first - 1]:
+        return None
+    rose = onsets(s.alarm)
+    if not faulty(earlier, len(s.alarm), dt)[rose[rose < first][-1]]:
+        return None
+    ticks = np.arange(first - 1, max(first, healed))
+    good = _right(watch, s, fault, ticks) & s.alarm[ticks]
+    return None if good[0] or not good.any() else int(ticks[np.argmax(good)])
 
 
 def _withdrawn(alarm, end_s, k, healed, until, dt):

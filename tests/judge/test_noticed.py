@@ -76,6 +76,19 @@ def test_a_jam_that_never_showed_is_not_excited_and_the_right_name_counts_from_m
     assert judge(LANE, flown(), DT, [{**jam, "moved_at_s": None}])["not_excited"] is None  # nobody looked
 
 
+def test_a_second_fault_is_seen_when_a_standing_alarm_takes_its_name_and_a_false_alarm_cannot():
+    rod = {**OFC, "fault": 1, "case": "hydraulic.rod", "targets": ("elevator.left_inner.rod",), "start_s": 5.0}
+    rows = flown((23, 100, v.OFC_LIQUID))
+    rows[56:, 1], rows[56:, 2] = v.SENSOR, 1.0
+    first, second = judge(LANE, rows, DT, [OFC, rod])["by_fault"]
+    assert (first["isolated"]["class"], first["time_to_right_s"]) == ("ofc_liquid", pytest.approx(0.3))
+    assert (second["detection_delay_s"], second["isolated"]["target"]) == (
+        pytest.approx(0.6), "elevator.left_inner.rod")  # fmt: skip
+    assert judge(LANE, rows, DT, [rod])["detection_delay_s"] is None  # the alarm stood without a fault
+    same = {**OFC, "fault": 1, "start_s": 5.0}  # the same name again may be the first fault's
+    assert judge(LANE, flown((23, 100, v.OFC_LIQUID)), DT, [OFC, same])["by_fault"][1]["detected_at_s"] is None
+
+
 def test_three_simultaneous_faults_are_each_named_by_the_alarm_of_their_part():
     fields = (*FIELDS, "alarm_elevator", "alarm_n_z", "alarm_alpha")
     smo = watch_of("lpv_smo", "aircraft", "aircraft", ("", "elevator", "n_z", "alpha"),
