@@ -34,6 +34,7 @@ from fdi.common.decision import T_HOLD, confirm
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, NONE, SENSOR, THRUST
+from fdi.common.why import LOST_SENSOR, NOT_READY, VALID
 from fdi.control_redundancy import force_model
 from fdi.control_redundancy import structure as redundancy_structure
 from fdi.control_redundancy.core import (
@@ -124,6 +125,7 @@ STATE = dtype(
         ("verdict", "f8", "-"),  # of the last declared: THRUST, JAM_SOLID, AMBIGUOUS
         ("culprit", "f8", "-"),  # index into CULPRITS, of the last declared
         ("valid", "f8", "-"),  # 1 when learned and the averages are full
+        ("why", "f8", "-"),  # code of fdi.common.why, 0 while valid
         ("f_hat", "f8", "rad, fraction"),  # fault of the culprit: rad, or fraction of thrust (negative = lost)
         ("f_hat_elevator", "f8", "rad"),  # actual less commanded, under the hypothesis that this effector alone failed
         ("f_hat_aileron", "f8", "rad"),
@@ -179,7 +181,7 @@ STATE = dtype(
     ]
 )
 OUTPUTS = (
-    "r", "alarm", "verdict", "culprit", "valid", "f_hat", "f_hat_elevator", "f_hat_aileron", "f_hat_rudder",
+    "r", "alarm", "verdict", "culprit", "valid", "why", "f_hat", "f_hat_elevator", "f_hat_aileron", "f_hat_rudder",
     "f_hat_thrust", "bias", "candidates",
 )
 DETECTOR = Detector(
@@ -427,7 +429,7 @@ def step(x, u, p, dt):
     x.started = 1.0
     if complete(u, p) < 0.5:
         x.gone += dt
-        x.valid = 0.0
+        x.valid, x.why = 0.0, LOST_SENSOR
         if x.gone > p.t_invalid:
             for i in range(BLOCKS):
                 x.n_block[i] = 0.0
@@ -441,10 +443,11 @@ def step(x, u, p, dt):
     accelerometers(x, u, p, dt)
     if x.learned < 0.5:
         learn(x, p, dt)
-        x.valid = 0.0
+        x.valid, x.why = 0.0, NOT_READY
         return
     if accumulate(x, p, dt) > 0.5:
         x.valid = sliding_mean(x, p)
+        x.why = VALID if x.valid > 0.5 else NOT_READY
         if x.valid > 0.5:
             evaluate_families(x, p)
             _decide(x, p, max(p.t_mean / BLOCKS, dt))

@@ -104,7 +104,7 @@ PARAMS = dtype(
         ("g_n_z", "f8", "g/rad"),
         ("g_alpha", "f8", "-"),
         ("away_max", "f8", "rad"),  # beyond this |alpha - alpha_eq| the affine model is not believed
-        ("alpha_max", "f8", "rad"),  # nor beyond this angle of attack, where lift is no longer linear
+        ("alpha_max", "f8", "rad"),  # nor beyond this angle of attack, flown or of trim, where lift is no longer linear
         ("lift_min", "f8", "1/s"),  # nor where the path turns by less than this per angle: beside where it trims
         ("t_recover", "f8", "s"),  # nor for so long after it was
         ("gust_0", "f8", "rad"),  # rms of gusts assumed at the start
@@ -414,7 +414,8 @@ def step(x, u, p, dt):
     x.path += (1.0 - math.exp(-dt / p.tau_f)) * (x.alpha_hat - x.path)
     x.away = x.path - x.eq[0] * DEG
     reconstruct(x, u, p, dt)
-    linear = math.fabs(x.away) <= p.away_max and x.path <= p.alpha_max and -x.A[0, 0] >= p.lift_min
+    steep = max(x.path, x.eq[0] * DEG) > p.alpha_max or -x.A[0, 0] < p.lift_min
+    linear = math.fabs(x.away) <= p.away_max and not steep
     x.calm = x.calm + dt if linear else 0.0
     if why == VALID:
         if usable(u.n_z, u.n_z_valid) * usable(u.alpha, u.alpha_valid) < 0.5:

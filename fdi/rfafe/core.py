@@ -15,6 +15,7 @@ import numpy as np
 
 from actuators.block import kernel
 from fdi.common.decision import usable
+from fdi.common.why import LOST_SENSOR, NOT_READY, RATE, VALID
 from fdi.rfafe import decision as rfafe_decision
 
 DEG = math.pi / 180.0
@@ -65,6 +66,7 @@ STATE = [
     ("age", "f8", "s"),           # since the start
     *rfafe_decision.state(NF),
     ("r", "f8", "-"), ("alarm", "f8", "-"), ("verdict", "f8", "-"), ("culprit", "f8", "-"), ("valid", "f8", "-"),
+    ("why", "f8", "-"),  # code of fdi.common.why, 0 while valid
 ]
 
 
@@ -123,10 +125,26 @@ def read_airframe(x, u, p):
 
 
 @kernel
+def hold_airframe(x, u, p):
+    """Take the airframe outputs that are there, and hold the last of the others."""
+    for i in range(AIRFRAME):
+        x.y[i] = x.y_old[i] + x.y0[i]
+    if usable(u.tas, u.tas_valid) > 0.5:
+        x.y[0] = u.tas - p.y_trim[0]
+    if usable(u.alpha, u.alpha_valid) > 0.5:
+        x.y[1] = u.alpha / DEG - p.y_trim[1]
+    if usable(u.q, u.q_valid) > 0.5:
+        x.y[2] = u.q / DEG - p.y_trim[2]
+    if usable(u.theta, u.theta_valid) > 0.5:
+        x.y[3] = u.theta / DEG - p.y_trim[3]
+
+
+@kernel
 def advance(x, p, good, dt):
     """Advance by one tick; x.y holds this sample, x.u_in the input, less the trim of p; `good` is 0 without a
     sample."""
     ns, ny, nu, nf = int(p.ns), int(p.ny), int(p.nu), int(p.nf)
+    x.why = LOST_SENSOR if good < 0.5 else NOT_READY
     if x.seen < p.n_trim:
         if good > 0.5:
             x.seen += 1.0
@@ -168,6 +186,10 @@ def advance(x, p, good, dt):
     x.head = 0.0 if x.head >= NL - 1 else x.head + 1.0
     # a command that keeps running ahead of the rate limit makes the linear actuator's model worthless
     x.valid = 1.0 if x.started > 0.5 and x.age >= p.t_settle and x.ahead <= p.ahead_max else 0.0
+    if x.valid > 0.5:
+        x.why = VALID
+    elif good > 0.5 and x.age >= p.t_settle:
+        x.why = RATE
     if x.valid > 0.5:
         for j in range(nu):
             x.u_si[j] = p.unit * x.u[j]

@@ -6,7 +6,8 @@ over both periods and explains its window, of f_hat or of f_hat + u, for several
 beyond its own threshold + share |command| for a confirmation time.
 
 The bank goes from 0.5 to 10.6 Hz: a slower oscillation is found only by what its slow part exceeds. When both sides
-oscillate, the one with more energy is named, and with it alone.
+oscillate, the one with more energy is the suspect; the other is declared with it (`both`) when its own amplitude is
+beyond the same threshold.
 
 While the estimate is not trusted an alarm stands, for T_HOLD at most: so long a restart takes. After the restart an
 oscillation has the same time to be found again.
@@ -23,6 +24,7 @@ from fdi.common import bank
 from fdi.common.decision import T_HOLD, confirm
 from fdi.common.verdict import AMBIGUOUS, NONE, OFC_LIQUID, OFC_SOLID
 
+SECOND = 0.4  # of the suspect's amplitude: from there on the other side oscillates as well
 BELOW = 0.99  # r of a fit beyond its threshold that is no oscillation
 
 PARAMS = [
@@ -53,6 +55,8 @@ def state(faults):
         ("r_ofc", "f8", "-"),  # largest fit over its threshold; below 1 without the shape of an oscillation
         ("ofc_timer", "f8", "s"),  # time for which an oscillation is still held to be there
         ("ofc_class", "f8", "-"),  # its class
+        ("most", "f8", "rad"),  # its threshold
+        ("both", "f8", "-"),  # 1 while the other estimate oscillates beyond it as well
         ("ofc_margin", "f8", "-"),  # clearest difference of purity so far
         ("timer", "f8", "s"),  # confirmation of the slow test
         ("static", "f8", "-"),  # its alarm
@@ -73,7 +77,7 @@ def forget(x, p, f, nf, dt):
     x.lost += dt
     if x.lost > T_HOLD:
         x.ofc_timer, x.timer, x.static = 0.0, 0.0, 0.0
-        x.alarm, x.verdict, x.culprit = 0.0, NONE, 0.0
+        x.alarm, x.verdict, x.culprit, x.both = 0.0, NONE, 0.0, 0.0
 
 
 @kernel
@@ -117,6 +121,12 @@ def decide(x, p, f, u, nf, nu, dt):
         x.blamed = worst
     x.timer, x.static = confirm(x.timer, x.static, math.fabs(still) >= 1.0, dt, p.t_static, p.t_release)
     ofc = x.ofc_timer > 0.0
+    if not ofc:
+        x.both = 0.0
+    elif nf > 1:
+        other = 2.0 * x.energy[1 - suspect]
+        least = max(x.most * x.most, SECOND * SECOND * 2.0 * x.energy[suspect])
+        x.both = 1.0 if other >= least else x.both
     x.r = max(x.r_ofc, math.fabs(still))
     x.alarm = 1.0 if ofc or x.static > 0.5 else 0.0
     if x.alarm < 0.5:
@@ -137,7 +147,7 @@ def shaped(x, p, k, b):
 def oscillation(x, p):
     """Test the renewed fits; hold an oscillation for `t_release` and name its class."""
     x.r_ofc = 0.0
-    found, best = -1, 0.0
+    found, best, level = -1, 0.0, 0.0
     for k in range(bank.K):
         if x.bank_seen[int(p.bank_level[k])] <= p.bank_n[k]:
             continue  # its window is not full since the start
@@ -149,13 +159,13 @@ def oscillation(x, p):
             continue
         x.hit[k] = x.hit[k] + 1.0 if good else 0.0
         if x.hit[k] >= p.hits and r > best:
-            found, best = k, r
+            found, best, level = k, r, most
     if found < 0:
         return
     if x.ofc_timer == 0.0:
         x.ofc_class = AMBIGUOUS
         x.ofc_margin = p.margin
-    x.ofc_timer = p.t_release
+    x.ofc_timer, x.most = p.t_release, level
     _, liquid, _ = bank.character(x, p, found, 1.0, 0.0)
     _, solid, _ = bank.character(x, p, found, 1.0, 1.0)
     if math.fabs(solid - liquid) > x.ofc_margin:  # the clearest window since the alarm decides

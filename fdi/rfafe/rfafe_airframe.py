@@ -35,7 +35,7 @@ STATE = dtype([
     *rfafe_core.STATE,
     ("f_hat", "f8", "rad"),  # mean over the four segments
 ])
-OUTPUTS = ("f_hat", "r", "alarm", "verdict", "culprit", "valid")
+OUTPUTS = ("f_hat", "r", "alarm", "verdict", "culprit", "valid", "why")
 DETECTOR = Detector(
     id="rfafe_airframe",
     level="aircraft",

@@ -145,9 +145,10 @@ def test_class_of_an_oscillation_needs_a_command_that_moves(published, kind):
 def test_healthy_flight_is_quiet_and_a_dropout_leaves_no_trace(published):
     p = rfafe.params(stored=stored(published), trim=TRIM)
     u = flight(published, 1.0, 0.0, 2000)
-    u["q"][0, 800:820], u["q_valid"][0, 800:820] = np.nan, 0.0
+    u["q"][0, 400:420], u["q_valid"][0, 400:420] = np.nan, 0.0  # its gain is zero
+    u["surface"][0, 800:820, 1], u["surface_valid"][0, 800:820, 1] = np.nan, 0.0
     log = fly(rfafe, p, u)
-    assert log["alarm"].max() == 0.0 and abs(log["f_hat"]).max() < 1e-9
+    assert log["alarm"].max() == 0.0 and abs(log["f_hat"]).max() < 1e-9 and log["valid"][410] == 1.0
     assert log["valid"][700] == 1.0 and log["valid"][805] == 0.0 and log["valid"][1100] == 1.0
     for name in rfafe.STATE.names:
         assert np.isfinite(log[name]).all(), name
@@ -197,7 +198,7 @@ def test_dropout_in_an_oscillation_is_bridged(published):
 
 def test_an_alarm_without_an_estimate_is_withdrawn_after_five_seconds(published):
     u = flight(published, 1.0, 0.64, 4000)
-    u["theta_valid"][0, 1500:] = 0.0
+    u["surface_valid"][0, 1500:, 0] = 0.0
     log = fly(rfafe, rfafe.params(stored=stored(published), trim=TRIM), u)
     assert log["alarm"][1499] == 1.0 and log["valid"][1501] == 0.0
     assert log["alarm"][1500 + 999] == 1.0 and log["alarm"][1500 + 1001] == 0.0
@@ -233,3 +234,32 @@ def test_airframe_block_sees_the_same_oscillation():
     late = t > 4.0
     assert amplitude(t[late], log["f_hat"][late], 2 * math.pi) == pytest.approx(3.0 * DEG, rel=0.05)
     assert log["alarm"][-1] == 1.0
+
+
+def test_without_any_sensor_of_the_airframe_the_positions_go_on(published):
+    u = flight(published, 1.0, 0.64, 2400)
+    whole = fly(rfafe, rfafe.params(stored=stored(published), trim=TRIM), u)
+    for name in ("tas", "alpha", "q", "theta"):
+        u[name][0, 900:], u[f"{name}_valid"][0, 900:] = np.nan, 0.0
+    log = fly(rfafe, rfafe.params(stored=stored(published), trim=TRIM), u)
+    assert log["valid"][-1] == 1.0 and log["alarm"][-1] == 1.0
+    assert np.abs(log["f_hat_left"] - whole["f_hat_left"]).max() < 0.02 * 0.64 * DEG
+
+
+def test_both_sides_are_named_when_both_oscillate(published):
+    one, other = (flight(published, 1.0, 1.2, 2400, side) for side in (0, 1))
+    healthy = flight(published, 1.0, 0.0, 2400)
+    for name in ("surface", "tas", "alpha", "q", "theta"):
+        one[name] += other[name] - healthy[name]
+    log = fly(rfafe, rfafe.params(stored=stored(published), trim=TRIM), one)
+    assert log["alarm_elevator_left"][-1] == 1.0 and log["alarm_elevator_right"][-1] == 1.0
+
+
+@pytest.mark.parametrize("hz", [1.0, 3.0, 6.0])
+def test_a_resonance_that_is_known_is_taken_out_of_the_estimate(published, hz):
+    p = rfafe.params(stored=stored(published), trim=TRIM, response={"hydraulic": (35.9, 0.327)})
+    b, a = p["even"][0, 0, :3], np.r_[1.0, p["even"][0, 0, 3:]]
+    s, z = 2j * np.pi * hz, np.exp(2j * np.pi * hz * 0.005)
+    even = np.polyval(b, z) / np.polyval(a, z)
+    resonance = 35.9**2 / (s * s + 2 * 0.327 * 35.9 * s + 35.9**2)
+    assert abs(even * resonance) == pytest.approx(1.0, abs=0.15)

@@ -29,7 +29,7 @@ DETECTORS = ("lpv_smo", "control_redundancy", "kinematic")
 AIR = ("none", "light", "moderate")
 MANOEUVRES = ("cruise", "coordinated_turn", "yaw_angle", "nz_doublet", "three_two_one_one", "nose_up", "aoa_protection",
               "pitch_protection")  # fmt: skip
-FIRST_SEED = 3_000_000
+FIRST_SEED = 4_000_000
 SETTLED, ONSET, END = 8.2, 20.0, 40.0  # [s]
 TRIPLE = (("elevator", "f_hat_elevator", 3.0 * DEG), ("n_z", "f_hat_n_z", 0.5), ("alpha", "f_hat_alpha", 5.0 * DEG))
 # error of a sensor: detector that is asked, sensor, what is added [SI] at a time t since the onset, draws of noise
