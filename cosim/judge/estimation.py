@@ -22,7 +22,6 @@ import numpy as np
 from actuators.common.linkage import ARM
 from actuators.ema import jay
 from actuators.simple import actuator as simple
-from cosim.scenario.catalog import SHORT
 from fdi import registry
 
 ADDED = ("bias", "drift", "scale", "oscillation", "jam_liquid", "ofc_liquid")  # they add a signal
@@ -54,7 +53,7 @@ def plan(scenario, detector, lane, columns):
     `columns(bus name)` gives a column of the history.
     """
     for j in sorted(scenario.injections(), key=lambda j: j.start):
-        found = _found(detector, lane, j, scenario.elevator.technology, columns)
+        found = _found(detector, lane, j, scenario)
         if found:
             column, names, truth, unit = found
             period = scenario.faults[j.fault].period_s or 0.0
@@ -63,27 +62,28 @@ def plan(scenario, detector, lane, columns):
     return None
 
 
-def _found(detector, lane, j, technology, columns):
+def _found(detector, lane, j, scenario):
     record = registry.find(detector)
     for e in record.estimates if record else ():
-        found = _truth(e, lane, j, technology)
+        found = _truth(e, lane, j, scenario)
         if found:
             return f"{detector}.{lane}.{e.output}", *found, e.unit
     return None
 
 
-def _truth(e, lane, j, technology):
+def _truth(e, lane, j, scenario):
     """Return (names of the bus, how they combine) of what estimate `e` of a lane should follow when `j` is injected."""
     part, _, side = e.of.partition(".")
+    aircraft, own = scenario.aircraft, scenario.elevator.technology.get(lane)
     if e.of == "valve":
-        here = (j.place, j.name, j.at) == ("elevator", lane, "valve") and technology[lane] == "hydraulic"
+        here = (j.place, j.name, j.at) == ("elevator", lane, "valve") and own == "hydraulic"
         return ([f"hydraulic_in.{lane}.{n}" for n in ("f_u", "s_u", "u")], _at_valve) if here else None
     if part == "elevator":
-        parts = [s for name, s in SHORT.items() if name.startswith(side)]
+        parts = [s for name, s in aircraft.short.items() if name.startswith(side)]
         here = j.place == "elevator" and not j.sensor and j.name.startswith(side)
         return (["law.law.de_cmd", *(f"truth.aircraft.de_{s}" for s in parts)], _beyond_healthy) if here else None
     if e.of == "thrust":
-        losses = [f"surfaces.aircraft.thrust_loss_{i}" for i in range(1, 5)]
+        losses = [f"surfaces.aircraft.thrust_loss_{i}" for i in aircraft.engine_names]
         return (losses, _thrust) if j.place == "engine" else None
     if j.kind not in ADDED:
         return None

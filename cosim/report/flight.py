@@ -19,7 +19,6 @@ from cosim.report.figure import (
     packed,
     place,
 )
-from cosim.scenario.catalog import SHORT
 
 DEG, FT, KT = 180.0 / math.pi, 1.0 / 0.3048, 3600.0 / 1852.0
 EARTH = 6_371_000.0  # mean radius [m]: the track is drawn on a local plane
@@ -144,7 +143,7 @@ def track(flown: Flown) -> Figure:
 
 
 def surfaces(flown: Flown) -> tuple[Figure, Figure]:
-    """Return commands against measured and true surfaces: the four elevator segments, and the others."""
+    """Return commands against measured and true surfaces: the elevator segments, and the others."""
     command = flown.values("/law", "de_cmd")
     titles = [f"{words(seg)}, {tech}" for seg, tech in flown.scenario.elevator.technology.items()]
     figure = Figure(
@@ -153,10 +152,10 @@ def surfaces(flown: Flown) -> tuple[Figure, Figure]:
         "measurement are drawn thin, below the truth.",
         470,
     )
-    panels(flown, figure, titles, ["deg"] * 4, 2)
+    panels(flown, figure, titles, ["deg"] * len(titles), 2)
     figure.layout["margin"] |= {"t": 50}
     figure.layout["legend"]["y"] = 1.05
-    for i, (seg, short) in enumerate(SHORT.items(), 1):
+    for i, (seg, short) in enumerate(flown.scenario.aircraft.short.items(), 1):
         _surface(
             flown,
             figure,

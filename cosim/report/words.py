@@ -10,7 +10,6 @@ from cosim.judge.naming import outcome
 from cosim.replay.recording import Flown, Lane, words
 from cosim.report.page import bold, mark
 from cosim.scenario import Scenario
-from cosim.scenario.catalog import SHORT
 from cosim.scenario.fault import Fault
 
 DEG = 180.0 / math.pi
@@ -112,7 +111,7 @@ def _swing(flown, f):
     k = max(1, round((f.start_s - flown.t0) / flown.dt))
     out = []
     for seg in f.parsed.names:
-        delta = flown.values("/truth/aircraft", f"de_{SHORT[seg]}") * DEG
+        delta = flown.values("/truth/aircraft", f"de_{flown.scenario.aircraft.short[seg]}") * DEG
         before, after = delta[:k], delta[k:]
         out.append(
             f"{words(seg)} moved {after.min():.2f} to {after.max():.2f} deg (before: {before.min():.2f} to "

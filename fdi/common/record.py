@@ -70,5 +70,6 @@ class Detector:
     sizes: Mapping[str, float] = field(default_factory=dict)  # parameter: size or position -> its least value
     places: Mapping[str, tuple[str, int]] = field(default_factory=dict)  # state: position -> array of STATE, axis
     options: Mapping[str, tuple] = field(default_factory=dict)  # parameter that a scenario chooses by a word -> words
+    any_aircraft: bool = False  # at aircraft level: made without a model of one, so that it flies on every aircraft
     every: int = 1  # ticks of the loop from step to step
     fit: Callable = field(default=lambda site, **options: None)  # (site, **options) -> PARAMS of one lane

@@ -149,6 +149,7 @@ DETECTOR = Detector(
     designed_for={f"sensor.{name}": ("sensor",) for name in dict.fromkeys(c[0] for c in SIGNATURES)}
     | {"sensor.alpha": ("sensor", "ambiguous"), "sensor.beta": ("sensor", "ambiguous"), "sensor.n_y": ("sensor",)},
     blind="no force enters: neither effectors nor actuators; of alpha, beta and n_y it sees noise and a frozen reading",
+    any_aircraft=True,
     fit=lambda site: params(),
 )
 

@@ -15,6 +15,8 @@ from cosim.flight.plant.aero import estimate
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
+from cosim.replay import replay
+from cosim.report import flight_report
 from cosim.scenario.aircraft import load_aircraft
 
 AIRCRAFT = load_aircraft("narrowbody")
@@ -100,10 +102,12 @@ SCENARIO = ["flight.aircraft=narrowbody", "flight.mass_t=64", "flight.altitude_f
             "duration_s=8"]  # fmt: skip
 
 
-def test_it_flies_with_two_segments_and_two_engines():
+def test_it_flies_with_two_segments_and_two_engines(tmp_path):
     s = cosim.load_scenario("liquid-ofc", SCENARIO)
     assert s.elevator.technology == {"left": "hydraulic", "right": "ema"}
-    found = cosim.simulate(s)
+    found = cosim.simulate(s, log=tmp_path / "narrow.mcap")
+    assert "Elevator segments" in flight_report(tmp_path / "narrow.mcap", tmp_path / "narrow.html").read_text()
+    assert replay(tmp_path / "narrow.mcap").exact
     assert found.status == "completed"
     own = {d["id"]: d for d in found.detectors}
     assert own["iotsekf"]["alarm"] and own["iotsekf"]["isolated"]["class"] == "ofc_liquid"

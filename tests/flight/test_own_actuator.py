@@ -137,6 +137,15 @@ def test_a_block_from_a_file_flies_and_takes_faults_of_its_command(tmp_path):
         loaded(path, "faults.0.at=valve", "faults.0.amplitude=0.02", key="file", spec={})
 
 
+def test_a_compiled_block_from_a_file_behind_the_shipped_servo_flies_like_itself(tmp_path):
+    path = tmp_path / "same.py"
+    path.write_text(
+        "from actuators.hydraulic.actuator import INPUTS, OUTPUTS, PARAMS, STATE, init_at, params, rollout\n"
+    )
+    own = cosim.fly(loaded(path, key="file", spec={"servo": "hydraulic"}), SEEN).to_numpy()
+    np.testing.assert_array_equal(own, cosim.fly(cosim.load_scenario("liquid-ofc", SHORT), SEEN).to_numpy())
+
+
 def test_a_file_that_is_no_block_is_told(tmp_path):
     path = tmp_path / "half.py"
     path.write_text(textwrap.dedent(BLOCK).replace('"f_cmd", ', ""))
