@@ -56,7 +56,7 @@ def test_the_listed_keys_are_those_of_a_scenario():
     for key in keys["[sensors], a table per sensor"]:
         name = key.replace("<unit>", inventory()["units"]["alpha"][0])
         where = f"sensors.{name}" if name in Sensors.model_fields else f"sensors.alpha.{name}"
-        load_scenario("cruise", [f"{where}={1 if name in ('scale', 'noise_scale') else 0.01}"])
+        load_scenario("cruise", [f"{where}={ {'scale': 1, 'noise_scale': 1, 'reconstructed': 'true'}.get(name, 0.01)}"])
 
 
 def test_the_campaign_readme_names_every_column():
