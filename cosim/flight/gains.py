@@ -32,7 +32,7 @@ def liquid_gain(technology: str, omega: float, dt: float, own: Own = ()) -> floa
     for name, value in live.items():
         ps[name] = value
     u, us = np.zeros((1, 1), inner.INPUTS), np.zeros((1, 1), outer.INPUTS)
-    log, logs = np.zeros((1, 1), inner.STATE), np.zeros((1, 1), outer.STATE)
+    control, move = outer.rollout.bound(xs, us, ps, dt), inner.rollout.bound(x, u, p, dt)
     amplitude = 0.01 * design.probe
     settle = 2.0
     n = round((max(6, math.ceil(omega / math.pi)) * 2 * math.pi / omega + settle) / dt)
@@ -46,9 +46,9 @@ def liquid_gain(technology: str, omega: float, dt: float, own: Own = ()) -> floa
         past.append(now)
         for name, value in past[max(k - age, 0)].items():
             us[measured[name][2]] = value
-        outer.rollout(xs, us, ps, dt, logs)
+        control()
         u["u"], u["f_u"] = xs["u"][0], amplitude * math.sin(omega * t[k])
-        inner.rollout(x, u, p, dt, log)
+        move()
     late = t > settle
     basis = np.column_stack([np.cos(omega * t), np.sin(omega * t), np.ones(n)])[late]
     c, s, _ = np.linalg.lstsq(basis, position[late], rcond=None)[0]

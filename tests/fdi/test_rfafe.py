@@ -263,3 +263,13 @@ def test_a_resonance_that_is_known_is_taken_out_of_the_estimate(published, hz):
     even = np.polyval(b, z) / np.polyval(a, z)
     resonance = 35.9**2 / (s * s + 2 * 0.327 * 35.9 * s + 35.9**2)
     assert abs(even * resonance) == pytest.approx(1.0, abs=0.15)
+
+
+def test_the_bilinear_transform_has_the_bits_of_scipy():
+    from scipy.signal import bilinear
+
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        b, a, fs = rng.uniform(0.1, 50.0, 3), rng.uniform(0.1, 50.0, 3), rng.uniform(50.0, 2000.0)
+        for ours, theirs in zip(rfafe._bilinear(b, a, fs), bilinear(b, a, fs)):
+            np.testing.assert_array_equal(ours, theirs)
