@@ -48,3 +48,26 @@ def put(context, address, value):
         return context.get_dummy_value()
 
     return types.void(types.int64, types.float64), code
+
+
+@intrinsic
+def ask(context, function, this):
+    """Call a getter of C++ at an address, double f(this)."""
+
+    def code(context, builder, signature, args):
+        kind = ir.FunctionType(_REAL, [_WORD])
+        return builder.call(builder.inttoptr(args[0], kind.as_pointer()), [args[1]])
+
+    return types.float64(types.int64, types.int64), code
+
+
+@intrinsic
+def tell(context, function, this, value):
+    """Call a setter of C++ at an address, bool f(this, double)."""
+
+    def code(context, builder, signature, args):
+        kind = ir.FunctionType(ir.IntType(8), [_WORD, _REAL])
+        builder.call(builder.inttoptr(args[0], kind.as_pointer()), args[1:])
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, types.float64), code

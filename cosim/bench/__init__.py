@@ -17,6 +17,7 @@ import numpy as np
 
 from cosim.bench.log import log_costs
 from cosim.bench.ticks import measure
+from cosim.flight.plant.crossing import crossing
 from cosim.replay.lanes import BLOCK_BYTES
 from cosim.scenario import load_scenario
 
@@ -47,6 +48,7 @@ def bench(*, rounds=ROUNDS, memory=True, progress=None):
     return {
         "cases": cases,
         "realtime_factor": rate,
+        "border": "by address" if crossing() else "by Python's calls",
         "detectors": costs,
         "startup_s": startup["run_s"],
         "startup": startup,

@@ -15,7 +15,7 @@ from actuators.block import Entry
 from actuators.native import PLAIN, Native
 from cosim.flight.plant.border import to_si
 
-CLOCK, COPY, ADD, TRUTH, NOISE, STEP, KEEP, LOG = range(8)
+CLOCK, COPY, ADD, TRUTH, NOISE, STEP, KEEP, LOG, GET, PUT = range(10)
 WIDTH = 8
 
 
@@ -86,6 +86,14 @@ class Tape:
     def truth(self, raw, scale, start, frame):
         """v[start:] = truth in SI from JSBSim's own units; `frame` (3,) as `to_si` takes it."""
         self._row(TRUTH, len(raw), self._at(raw), self._at(scale), start, self._at(frame))
+
+    def get(self, nodes, getter, out):
+        """out = what the getter at an address gives for each of the nodes (cosim/flight/plant/crossing.py)."""
+        self._row(GET, len(nodes), self._at(nodes), getter, self._at(out))
+
+    def put(self, nodes, setter, values):
+        """Give each of the nodes its value by the setter at an address."""
+        self._row(PUT, len(nodes), self._at(nodes), setter, self._at(values))
 
     def noise(self, to, block):
         """v[to] = block[k % rows]."""
@@ -171,6 +179,13 @@ def plainly(table, v, k, entries):
             _array(c + d * a * k, a, kind)[:] = v[_array(b, a, np.int64)]
         elif operation == LOG:
             entries[a](v)
+        elif operation == GET:
+            get = ctypes.PYFUNCTYPE(ctypes.c_double, ctypes.c_void_p)(c)
+            _array(d, a)[:] = [get(node) for node in _array(b, a, np.int64).tolist()]
+        elif operation == PUT:
+            put = ctypes.PYFUNCTYPE(ctypes.c_bool, ctypes.c_void_p, ctypes.c_double)(c)
+            for node, value in zip(_array(b, a, np.int64).tolist(), _array(d, a).tolist()):
+                put(node, value)
 
 
 def _array(address, n, kind=np.float64):

@@ -7,12 +7,14 @@ from numba import carray, njit, types
 from actuators import pointers
 from actuators.pointers import reals, singles, wholes
 from cosim.flight.plant.border import to_si
-from cosim.flight.tape import ADD, CLOCK, COPY, KEEP, LOG, NOISE, STEP, TRUTH, WIDTH
+from cosim.flight.tape import ADD, CLOCK, COPY, GET, KEEP, LOG, NOISE, PUT, STEP, TRUTH, WIDTH
 from cosim.log.store import store
 
 KINDS = (types.int64, types.int64, types.int64, types.int64)
 
-enter: Any = pointers.enter  # Numba gives it the context
+enter: Any = pointers.enter  # Numba gives them the context
+ask: Any = pointers.ask
+tell: Any = pointers.tell
 
 
 @njit(error_model="numpy")
@@ -55,6 +57,14 @@ def walk(table, n, bus, k):
         elif operation == TRUTH:
             frame, out = reals(row[5]), carray(reals(bus + 8 * row[4]), a)
             to_si(carray(reals(row[2]), a), carray(reals(row[3]), a), out, frame[0], frame[1], frame[2])
+        elif operation == GET:
+            nodes, raw = wholes(row[2]), reals(row[4])
+            for j in range(a):
+                raw[j] = ask(row[3], nodes[j])
+        elif operation == PUT:
+            nodes, values = wholes(row[2]), reals(row[4])
+            for j in range(a):
+                tell(row[3], nodes[j], values[j])
         elif operation == LOG:
             store(a, bus)
         elif operation == CLOCK:

@@ -25,6 +25,7 @@ from actuators.block import briefly
 from cosim.errors import TrimError
 from cosim.flight.plant import gusts
 from cosim.flight.plant.border import FT, KT, border, to_si
+from cosim.flight.plant.crossing import crossing
 from cosim.flight.plant.point import POINTS, FlightPoint, loading
 
 jsbsim.FGJSBBase().debug_lvl = 0  # before the first executive: its banner is not ours to print
@@ -88,8 +89,10 @@ class Plant:
         if not fdm.load_model(self.aircraft.name):
             raise RuntimeError("JSBSim cannot load the aircraft: " + "; ".join(self._logger.errors))
         self.port = Port(fdm)
-        self._get = [self.port.getter(name) for name, _ in read]
-        self._set = [self.port.setter(name) for name in self.border.controls.values()]
+        self.reads = [self.port.node(name) for name, _ in read]  # what crosses the border
+        self.writes = [self.port.node(name) for name in self.border.controls.values()]
+        self._get = [node.get_double_value for node in self.reads]
+        self._set = [node.set_double_value for node in self.writes]
         self._scale = np.array([factor for _, factor in read], float)
         self._frame = np.array([geometry.reference_pct / 100.0, geometry.station_in, self.aircraft.chord_in])
         self._buffer = bytearray(8 * len(read))
@@ -193,13 +196,24 @@ class Plant:
 
     def tell(self, tape, start):
         """Tell a tape to put the truth at t_k into the bus from position `start` on."""
-        tape.call(lambda k: self.fetch())
+        if (how := crossing()) is None:
+            tape.call(lambda k: self.fetch())
+        else:
+            tape.get(how.nodes(self.reads), how.get, self._raw)
         tape.truth(self._raw, self._scale, start, self._frame)
 
     def write(self, surfaces):
         """Set the inputs that act at t_k+1: a vector in the order of the border's inputs, rad and fractions."""
         for put, value in zip(self._set, surfaces.tolist()):
             put(value)
+
+    def tell_inputs(self, tape, start):
+        """Tell a tape to set the inputs that act at t_k+1 from what stands in the bus from position `start` on."""
+        vector = tape.v[start : start + len(self.writes)]
+        if (how := crossing()) is None:
+            tape.call(lambda k: self.write(vector))
+        else:
+            tape.put(how.nodes(self.writes), how.put, vector)
 
     def run(self):
         """Advance by one step, through this flight's gusts."""

@@ -1,0 +1,58 @@
+"""Crossing the border to JSBSim by address: only after a trial that found every value equal, and with the same bits."""
+
+import json
+
+import numpy as np
+import pytest
+
+from cosim.flight.build import build
+from cosim.flight.plant import crossing as border
+from cosim.flight.plant import plant
+from cosim.scenario import load_scenario
+
+
+@pytest.fixture
+def verdict(tmp_path, monkeypatch):
+    """Return the file of the verdict, with nothing remembered in this process before or after."""
+    file = tmp_path / "border.json"
+    monkeypatch.delenv("COSIM_BORDER", raising=False)
+    monkeypatch.setattr(border, "_memory", lambda: file)
+    border.crossing.cache_clear()
+    yield file
+    border.crossing.cache_clear()
+
+
+def test_a_trial_decides_and_is_remembered(verdict, monkeypatch):
+    how = border.crossing()
+    found = json.loads(verdict.read_text())
+    assert (how is not None) == (found["equal"] is True)
+    if how is not None:
+        assert found["values"] > 10_000
+    monkeypatch.setattr(border, "_tried", lambda: pytest.fail("tried again"))
+    border.crossing.cache_clear()
+    assert border.crossing() == how
+
+
+@pytest.mark.parametrize("found", [{"equal": False}, None])
+def test_python_crosses_after_a_trial_that_failed(found, verdict, monkeypatch):
+    monkeypatch.setattr(border, "_tried", lambda: found)
+    assert border.crossing() is None
+    assert verdict.exists() == (found is not None)  # one that did not end is tried again
+
+
+@pytest.mark.parametrize("script", ["import os; os.abort()", "raise SystemExit(1)", "print('no verdict')"])
+def test_a_trial_that_crashes_is_no_proof(script):
+    assert border._tried(script) == {"equal": False}
+
+
+def test_both_ways_fly_the_same_bits(monkeypatch):
+    scenario, flown = load_scenario("liquid-ofc", ["faults.0.start_s=0.2", "flight.turbulence=light"]), []
+    for how in (border.crossing(), None):
+        monkeypatch.setattr(plant, "crossing", lambda how=how: how)
+        loop = build(scenario).loop
+        rows = np.empty((300, len(loop.v)))
+        for k in range(len(rows)):
+            loop.tape().run(k)
+            rows[k] = loop.v
+        flown.append(rows)
+    np.testing.assert_array_equal(*flown)
