@@ -103,7 +103,7 @@ def add(app, out, err):
 
     @app.command()
     def study(
-        name: Annotated[str, typer.Argument(metavar="NAME", help="aircraft_level, ema, hydraulic or manoeuvres.")],
+        name: Annotated[str, typer.Argument(metavar="NAME", help="A study: cosim study lists them.")],
         parts: Annotated[list[str] | None, typer.Argument(metavar="[PART]…", help="Questions; default: all.")] = None,
         seeds: Annotated[
             int | None, typer.Option("--seeds", min=1, help="Flights of each case.", show_default=False)

@@ -4,6 +4,7 @@ A flight is flown once without detectors (`cosim.fly`); what they read is in its
 needed (`detect`).
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from types import ModuleType
 
@@ -62,6 +63,15 @@ def draw(seed: int, *, point: dict, manoeuvre: str | dict, turbulence: str, dura
            for g, names in (("aero", toleranced("aero")), ("hydraulic", MODEL))}  # fmt: skip
     return {"duration": duration, "manoeuvre": kind, "seed": seed, "tolerances": off,
             "flight": {**point, "turbulence": turbulence}, **more}  # fmt: skip
+
+
+def envelope(rng: np.random.Generator) -> dict:
+    """Return a flight point drawn over the envelope, 200 to 405 t; not every one trims."""
+    mass, height = rng.uniform(200.0, 405.0), rng.uniform(5000.0, 31000.0)
+    least = 155.0 * math.sqrt(mass / 200.0)
+    most = max(min(310.0, 330.0 - 2.2e-3 * max(height - 12000.0, 0.0)), least + 5.0)
+    cg, speed = rng.uniform(25.0, 36.0), rng.uniform(least, most)
+    return {"mass_t": mass, "cg_pct": cg, "altitude_ft": height, "cas_kt": speed}
 
 
 def flights(first_seed: int, draws: int = 1, points: Sequence[dict] = POINTS) -> Iterator[dict]:
