@@ -1,8 +1,8 @@
 """Thresholds of the hydraulic detectors from fault-free flights that nothing else uses.
 
-The flights are those of `flights.flights`: six points, six manoeuvres, three levels of turbulence, 60 s,
-aircraft and actuator up to 5 % off, four segments each, DRAWS times; and harsher ones that move the elevator in steps.
-A threshold is MARGIN times the largest statistic of any segment in any flight, what scales with the drive left out;
+The flights, FLIGHTS of 60 s, are at points drawn over the envelope: eight manoeuvres, also such that move the elevator
+in steps, three levels of turbulence, aircraft and actuator up to 5 % off, noise NOISE_SCALE, four segments each. A
+threshold is MARGIN times the largest statistic of any segment in any flight, what scales with the drive left out;
 one that needs several samples to agree takes the largest that they agree on. The position monitor
 also watches electromechanical segments, which follow hard commands less closely: for it all flights are flown again.
 
@@ -10,6 +10,7 @@ also watches electromechanical segments, which follow hard commands less closely
     cosim train hydraulic              and write fdi/thresholds/*.json
 """
 
+import functools
 import json
 from pathlib import Path
 
@@ -18,39 +19,52 @@ import pandas as pd
 
 import fdi
 from cosim.campaign.jobs import work
+from cosim.errors import TrimError
 from cosim.files import replace_text
 from cosim.scenario.catalog import SEGMENTS
-from cosim.training.flights import DT, POINTS, TURBULENCE, draw, flights, fly_ema, fly_hydraulic, watch, wires
+from cosim.training.flights import (
+    DT,
+    MANOEUVRES,
+    TURBULENCE,
+    draw,
+    envelope,
+    fly_ema,
+    fly_hydraulic,
+    watch,
+    wires,
+)
 from fdi.common import bank, compact
-from fdi.hydraulic import iotsekf
+from fdi.hydraulic import hypotheses, iotsekf
 from fdi.monitors import ofc_monitor, position_monitor
 
 MARGIN = 1.25  # 1.2 times the maximum of 40 flights left 1 alarm in 300
-DRAWS = 3  # of every combination: 324 flights, the number that evaluation has
+FLIGHTS = 384  # 16 of every manoeuvre in each air
+NOISE_SCALE = 1.2  # of the sensors
 TRAINING, EVALUATION = 21_000, 12_000  # first seeds of the two sets
-HARSH = 500  # first seed of the harsher flights, after TRAINING
-PROTECTIONS = 4  # draws of each protection in moderate turbulence among them
 START_S = 2.0  # filters settle
 FOLDER = Path(fdi.__file__).parent / "thresholds"
 # What noise alone asks for in still air: below it more flights would only find it again [unit of the valve command]
-NOISE_SIGMA = 4.5
+NOISE_SIGMA, FLOOR_SIGMA = 3.6, 3.0  # as stored; where the search for the largest begins
+# amplitude noise of a fit over noise of a sample: sqrt(2 / n) with n samples in two periods
+SLOW_WINDOW = hypotheses.SLOW_S * np.array(hypotheses.SLOW_HZ)
 GRID = np.geomspace(0.2e-3, 8e-3, 24)  # thresholds tried for the crossing counter [m]
 
 
 def survey_iotsekf(recorded, load):
-    """Return {name: largest} over one flight: bank (K,), sum (K,) rms, run; drive's shares left out."""
+    """Return {name: largest} over one flight: of each frequency the amplitude that would pass for an oscillation where
+    noise alone set its threshold, and the largest lagged input fault; the drive's shares left out.
+    """
     p = iotsekf.params(load=load)
-    r = p[0]
-    fields = ("bank_cos", "bank_sin", "bank_seen", "gain", "gain_den", "f_slow", "u_slow", "valid")
+    floor = {n: FLOOR_SIGMA / NOISE_SIGMA * np.asarray(v) for n, v in quiet_floor(load).items()}
+    p["bank_threshold"], p["slow_threshold"] = floor["bank_threshold"], floor["slow_threshold"]
+    fields = ("ratio", "hit", "slow_ratio", "slow_hit", "f_slow", "u_slow")
     log = watch(recorded, iotsekf, p, fields)[:, round(START_S / DT) :]
-    c = log["bank_cos"][:, :, 0] - log["gain"][..., None] * log["bank_cos"][:, :, 1]
-    s = log["bank_sin"][:, :, 0] - log["gain"][..., None] * log["bank_sin"][:, :, 1]
-    drive = np.hypot(log["bank_cos"][:, :, 1], log["bank_sin"][:, :, 1])
-    share = r["bank_share"] + r["bank_prior"] * r["gain_energy"] / (r["gain_energy"] + log["gain_den"])
-    beyond = np.hypot(c, s) - share[..., None] * drive
-    full = log["bank_seen"][:, :, r["bank_level"].astype(int)] > r["bank_n"]
+    r = p[0]
+    passed = {n: np.where(log[hit] >= r["hits"], log[ratio], 0.0).max(axis=(0, 1))
+              for n, ratio, hit in (("bank", "ratio", "hit"), ("slow", "slow_ratio", "slow_hit"))}  # fmt: skip
     run = np.abs(log["f_slow"]) - r["run_share"] * np.abs(log["u_slow"])
-    return {"bank_threshold": np.where(full, beyond, 0.0).max(axis=(0, 1)), "run_threshold": run.max()}
+    return {"bank_threshold": passed["bank"] * floor["bank_threshold"],
+            "slow_threshold": passed["slow"] * floor["slow_threshold"], "run_threshold": run.max()}  # fmt: skip
 
 
 def survey_ofc_monitor(recorded):
@@ -86,41 +100,53 @@ def survey(recorded):
     return out
 
 
-def harsh(first_seed):
-    """Yield flights with direct elevator pulses and with load-factor doublets, in light and moderate turbulence, and
-    more of what drives the elevators fastest and is rare: the protections in moderate turbulence.
-    """
-    pulses = {"kind": "three_two_one_one", "amplitude_deg": 2.0, "unit_s": 0.5}
-    kinds = [(kind, air) for kind in (pulses, {"kind": "nz_doublet"}) for air in TURBULENCE[1:]]
-    kinds += [({"kind": kind}, TURBULENCE[-1]) for kind in ("aoa_protection", "pitch_protection")] * PROTECTIONS
-    for i, (manoeuvre, turbulence) in enumerate(kinds):
-        for j, point in enumerate(POINTS):
-            seed = first_seed + i * len(POINTS) + j
-            yield draw(seed, point=point, manoeuvre=manoeuvre, turbulence=turbulence)
+def lively(mass_t):
+    """Return the manoeuvres of training: those of [Sun13] section IV, and those that drive the elevators fastest."""
+    weak = {"amplitude_g": 0.15}  # what a heavy aircraft has left
+    kinds = [{"kind": kind, **(weak if kind in ("nose_up", "pitch_protection") and mass_t > 300.0 else {})}
+             for kind in MANOEUVRES]  # fmt: skip
+    return [*kinds, {"kind": "three_two_one_one", "amplitude_deg": 2.0, "unit_s": 0.5}, {"kind": "nz_doublet"}]
+
+
+def training(first_seed=TRAINING, number=FLIGHTS):
+    """Return the arguments of `flights.scenario` of every training flight, at points over the envelope that trim."""
+    out = []
+    for k in range(number):
+        rng = np.random.default_rng([first_seed, k])
+        where = envelope(rng)
+        manoeuvre = lively(where["mass_t"])[k % 8]
+        flight = draw(first_seed + k, point=where, manoeuvre=manoeuvre, turbulence=TURBULENCE[k // 8 % 3])
+        out.append({**flight, "sensors": {"noise_scale": NOISE_SCALE}})
+    return out
+
+
+def fitting(fly, flight):
+    """Return the table of a flight; where its point does not trim, that of the next one that does."""
+    rng = np.random.default_rng(flight["seed"])
+    while True:
+        try:
+            return fly(**flight)
+        except TrimError:
+            flight = {**flight, "flight": {**flight["flight"], **envelope(rng)}}
 
 
 def surveyed(**flight):
     """Return what `survey` finds in one flight, as plain data."""
-    found = survey(fly_hydraulic(**flight))
+    found = survey(fitting(fly_hydraulic, flight))
     return {name: {key: np.asarray(v).tolist() for key, v in values.items()} for name, values in found.items()}
 
 
 def surveyed_ema(**flight):
     """Return the largest deviation that `position_monitor` sees for long on electromechanical segments, like that."""
-    return {"position_monitor_ema": {"threshold": survey_position_monitor(fly_ema(**flight))}}
+    return {"position_monitor_ema": {"threshold": survey_position_monitor(fitting(fly_ema, flight))}}
 
 
-def training(first_seed=TRAINING, draws=DRAWS):
-    """Return the arguments of `flights.scenario` of every training flight."""
-    return [*flights(first_seed, draws), *harsh(first_seed + HARSH)]
-
-
-def train(*, first_seed: int = TRAINING, draws: int = DRAWS, **how) -> dict:
+def train(*, first_seed: int = TRAINING, number: int = FLIGHTS, **how) -> dict:
     """Fly the training set; return {"largest": {set: {name: largest}}, "flights": number, "first_seed"}.
 
     `how`: see `cosim.campaign.jobs.work`.
     """
-    hydraulic = training(first_seed, draws)
+    hydraulic = training(first_seed, number)
     jobs = [(surveyed, flight) for flight in hydraulic]
     most: dict = {}
     for flown in work(jobs + [(surveyed_ema, flight) for flight in hydraulic], **how):
@@ -150,8 +176,8 @@ def store(found: dict) -> None:
             target = data[stored_as(name)]
             for key, value in most[name].items():
                 new = MARGIN * np.asarray(value)
-                if key == "bank_threshold":
-                    new = np.maximum(new, quiet[int(name[-1])]["bank_threshold"])
+                if key in ("bank_threshold", "slow_threshold"):
+                    new = np.maximum(new, quiet[int(name[-1])][key])
                 target[key] = np.round(new, 7).tolist()
             if file == "iotsekf":
                 target["sum_threshold"] = quiet[int(name[-1])]["sum_threshold"]
@@ -161,6 +187,7 @@ def store(found: dict) -> None:
         replace_text(path, compact.text(data))
 
 
+@functools.cache
 def quiet_floor(load, seed=1):
     """Return the thresholds that sensor noise alone asks for: a still rod for 60 s, noise of the set `transport`."""
     rng, ticks = np.random.default_rng(seed), round(60.0 / DT)
@@ -177,7 +204,9 @@ def quiet_floor(load, seed=1):
     residual = np.sqrt((c[:, :, 0] ** 2 + s[:, :, 0] ** 2).mean(axis=(0, 1)))
     both = np.sqrt((c.sum(axis=2) ** 2 + s.sum(axis=2) ** 2).mean(axis=(0, 1)))
     assert residual.shape == (bank.K,)
-    return {"bank_threshold": NOISE_SIGMA * residual, "sum_threshold": np.round(3.0 * both, 7).tolist()}
+    slow = hypotheses.SIGMA[hypotheses.SLOW] * hypotheses.ROUGHER[load] * np.sqrt(SLOW_WINDOW)
+    return {"bank_threshold": NOISE_SIGMA * residual, "slow_threshold": NOISE_SIGMA * slow,
+            "sum_threshold": np.round(3.0 * both, 7).tolist()}  # fmt: skip
 
 
 def changes(found: dict) -> list[tuple]:

@@ -13,16 +13,13 @@ import math
 
 from actuators.block import kernel
 from fdi.common import bank
-from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY, SENSOR
 
+T_DISTURBED = 0.6  # [s] after the blame, or for as long as there is none, the input-fault estimate rings
+LOAD_LEAST = 0.03  # a load of less than this has no side [1]
+PLAY = 2.6e-3  # rod motion within which a loose surface moves [m]
+T_LOOSE = 0.12  # after the alarm, when the disagreement has come to rest, it is asked which way it went [s]
 T_HOLD = 5.0  # [s] an alarm outlives its estimate by: settling, 1 s, and two periods at 0.5 Hz, the slowest of a bank
 
-# Where residual + drive is less than this share of the drive, -10 dB, the drive does nothing; or the servo works
-# against an oscillation near the hydraulic resonance, which is purer than any drive (so pure between two frequencies)
-MISSING, SINUSOID = 0.3, 0.75
-# Near the resonance an oscillation takes two periods to grow, and its first is half of its second: where the window is
-# as pure as that, its periods need agree by this share only
-GROWING = 0.5
 GAIN_LIMIT = 0.15  # +-5 % on flow and on piston area, and some more
 GAIN_MOTION = 0.002  # rod motion from which the gain is learned in earnest: 20 sigma of the sensor [m]
 
@@ -55,6 +52,7 @@ PAIR_STATE = [
     ("pair_age", "f8", "s"),  # time since the alarm
     ("sensor", "f8", "-"),  # 1 while the two are declared to disagree
     ("blame", "f8", "-"),  # 0 unknown, 1 rod, 2 surface
+    ("play", "f8", "-"),  # 1 where the surface may be loose rather than its sensor wrong
     ("quiet", "f8", "s"),  # time for which the input-fault estimate is still disturbed by it
 ]
 OFC_PARAMS = [
@@ -67,8 +65,6 @@ OFC_PARAMS = [
     ("gain_energy", "f8"),  # squared drive amplitude at which prior and lesson weigh alike
     ("gain_memory", "f8", "s"),
     ("gain_limit", "f8", "-"),  # largest gain error that is believed
-    ("coherence", "f8", "-"),  # least agreement of the two periods
-    ("purity", "f8", "-"),  # least share of the window's power that the oscillation must explain
     ("hits", "f8", "-"),  # fits in a row that must agree
     ("keep_mean", "f8", "-"),  # 1 where the residual has no offset of its own, so that its mean speaks
     ("t_release", "f8", "s"),  # an alarm outlives its cause by this
@@ -80,14 +76,10 @@ OFC_STATE = [
     ("gain_den", "f8"),
     ("ratio", "f8", (bank.K,), "-"),  # each fit over its threshold
     ("hit", "f8", (bank.K,), "-"),  # fits in a row that agreed
-    ("pure", "f8", (2, bank.K), "-"),  # share of power explained, of the residual and of residual + drive
-    ("since", "f8", "s"),  # time since the first sign of a fault
-    ("unseen", "f8", "s"),  # time since the last
     ("r_ofc", "f8", "-"),  # largest fit over its threshold
     ("ofc_timer", "f8", "s"),  # time for which an oscillation is still held to be there
     ("ofc_hz", "f8", "Hz"),  # its frequency
     ("ofc_amplitude", "f8", "-"),  # its amplitude [unit of the residual]
-    ("ofc_solid", "f8", "-"),  # 1 when it stands in place of the drive
 ]
 
 
@@ -141,10 +133,12 @@ def clipped(v, most):
 
 
 @kernel
-def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, p, dt):
+def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, load, p, dt):
     """Compare two position sensors on one rod, and each with the model's own motion; positions in m of rod.
 
-    `model_v` is a rod velocity that neither of them has touched lately [m/s]. Sets `sensor` and `blame`.
+    `model_v` is a rod velocity that neither of them has touched lately [m/s], `load` the force on the rod over its
+    stall force, + extends [1]. Sets `sensor` and `blame`, and `play`: a surface that has moved the way its load drives
+    it, and no further than PLAY, may as well have come loose.
     """
     x.model_q += ((1.0 + x.model_gain) * model_v + x.model_bias) * dt
     x.model_slow += dt / p.pair_wash * (x.model_q - x.model_slow)
@@ -186,12 +180,19 @@ def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, p, dt):
     if x.sensor > 0.5 and x.blame < 0.5 and x.pair_age <= p.pair_judge:
         far, near = math.fabs(x.e_rod), math.fabs(x.e_surface)
         x.blame = 1.0 if far > p.pair_ratio * near else (2.0 if near > p.pair_ratio * far else 0.0)
+        x.quiet = T_DISTURBED
     elif x.sensor < 0.5:
         x.blame = 0.0
-    if x.sensor > 0.5:
-        x.quiet = 2.0 / bank.F_LOW  # the bank remembers two periods
-    elif suspicious:
+    if x.sensor > 0.5 and x.blame < 0.5:
+        x.quiet = T_DISTURBED
+    elif suspicious and x.sensor < 0.5:
         x.quiet = max(x.quiet, 3.0 * p.pair_confirm)
+    if x.blame != 2.0:
+        x.play = 1.0  # until it has been told apart
+    elif math.fabs(x.pair_d) >= PLAY:
+        x.play = 0.0
+    elif T_LOOSE < x.pair_age <= T_LOOSE + 1.5 * dt and math.fabs(load) > LOAD_LEAST and x.pair_d * load > 0.0:
+        x.play = 0.0
     if x.sensor < 0.5 and before > 0.5:  # healed: learn anew where both stand
         x.base_rod += x.e_rod
         x.base_surface += x.e_surface
@@ -221,120 +222,3 @@ def learn_gain(x, p, k, dt):
     x.gain_num *= keep
     x.gain_den *= keep
     x.gain = clipped(x.gain_num / (x.gain_den + p.gain_energy), p.gain_limit)
-
-
-@kernel
-def ofc_test(x, p, renewed, blocked, teach, other, dt):
-    """Test every renewed fit of the bank; hold an oscillation for the time in which it must show again.
-
-    An oscillation is an amplitude beyond bank_threshold + share |drive| that keeps its phase over both periods
-    and explains its window, `hits` fits in a row. From the first sign on, of which `other` tells that another test sees
-    a fault, the sum is searched as well: a signal in place of the drive may be small where the drive is not, and in the
-    residual the missing drive, a ramp in still air, hides it.
-    """
-    x.ofc_timer = max(x.ofc_timer - dt, 0.0)
-    suspected = other or x.ofc_timer > 0.0
-    x.unseen = 0.0 if suspected or x.r_ofc >= 1.0 else x.unseen + dt
-    x.since = x.since + dt if x.unseen < 2.0 * p.t_release else 0.0
-    if renewed < 0.5:
-        return
-    x.r_ofc = 0.0
-    found = False
-    part = share(x, p)
-    for k in range(bank.K):
-        if x.bank_new[k] < 0.5:
-            x.r_ofc = max(x.r_ofc, x.ratio[k])
-            continue
-        a = math.sqrt(bank.mixed(x, k, 1.0, -x.gain))
-        r = a / (p.bank_threshold[k] + part * math.sqrt(bank.mixed(x, k, 0.0, 1.0)))
-        x.ratio[k] = r
-        x.r_ofc = max(x.r_ofc, r)
-        if teach and r < 0.7:
-            learn_gain(x, p, k, dt)
-        x.pure[0, k] = 0.0
-        x.pure[1, k] = 0.0
-        if blocked or (r < 1.0 and not suspected):
-            x.hit[k] = 0.0
-            continue
-        good = judge(x, p, k, 0, -x.gain) and r >= 1.0
-        if 1.4 / p.bank_hz[k] <= x.since:  # the window's greater part lies after the first sign
-            b = math.sqrt(bank.mixed(x, k, 1.0, 1.0))
-            good = (b > p.sum_threshold[k] and judge(x, p, k, 1, 1.0)) or good
-        x.hit[k] = x.hit[k] + 1.0 if good else 0.0
-        found = found or x.hit[k] >= p.hits
-    if found:
-        x.ofc_timer = p.t_release
-        name_oscillation(x, p)
-
-
-@kernel
-def judge(x, p, k, which, b):
-    """Write `pure` of residual + b drive at frequency k; return whether its periods agree and it fills its window."""
-    agree, pure, whole = bank.character(x, p, k, 1.0, b)
-    x.pure[which, k] = whole if p.keep_mean > 0.5 else pure
-    least = GROWING * p.coherence if pure >= SINUSOID else p.coherence
-    return agree >= least and pure >= p.purity
-
-
-@kernel
-def name_oscillation(x, p):
-    """Choose signal and frequency: of the residual (added) and residual + drive (in its place), the purest window.
-
-    A window counts in full from twice its quiet amplitude on, which keeps noise in a short one from winning. Only
-    windows that lie mostly after the first sign of the fault count: before it the sum is the drive.
-    """
-    best, kind, peak = 0.0, 0, -1
-    for which in range(2):
-        for k in range(bank.K):
-            quiet = p.sum_threshold[k] if which == 1 else p.bank_threshold[k]
-            amplitude = math.sqrt(bank.mixed(x, k, 1.0, 1.0 if which == 1 else -x.gain))
-            pure = x.pure[which, k] * min(0.5 * amplitude / quiet, 1.0)
-            missing = bank.mixed(x, k, 1.0, 1.0) < MISSING * MISSING * bank.mixed(x, k, 0.0, 1.0)
-            if which == 0 and missing and x.pure[0, k] < SINUSOID:
-                continue  # here the residual is the drive that is not obeyed
-            if 1.4 / p.bank_hz[k] <= x.since and pure > best + (0.02 if which == 1 and kind == 0 else 0.0):
-                best, kind, peak = pure, which, k
-    if peak < 0:
-        return
-    b = 1.0 if kind == 1 else -x.gain
-    x.ofc_solid = float(kind)
-    x.ofc_amplitude = math.sqrt(bank.mixed(x, peak, 1.0, b))
-    x.ofc_hz = peak_frequency(x, p, peak, b)
-
-
-@kernel
-def peak_frequency(x, p, k, b):
-    """Return the frequency of the peak near k, by a parabola through the squared amplitudes over log frequency [Hz]."""
-    while k + 1 < bank.K and bank.mixed(x, k + 1, 1.0, b) > bank.mixed(x, k, 1.0, b):
-        k += 1
-    if k == 0 or k == bank.K - 1:
-        return p.bank_hz[k]
-    a, m, c = bank.mixed(x, k - 1, 1.0, b), bank.mixed(x, k, 1.0, b), bank.mixed(x, k + 1, 1.0, b)
-    bend = a - 2.0 * m + c
-    shift = clipped(0.5 * (a - c) / bend, 0.5) if bend < 0.0 else 0.0
-    return p.bank_hz[k] * math.exp(shift * math.log(p.bank_hz[k + 1] / p.bank_hz[k]))
-
-
-@kernel
-def name_fault(x, sensor, jam, run, far, moves, swings):
-    """Write `alarm`, `verdict` and `culprit` of a hydraulic lane from its four tests, the surest first.
-
-    `far`: the input fault is so large that an oscillation would swing; `moves`: what the valve does moves the rod;
-    `swings`: it has not been constant since the first sign.
-    """
-    ofc = x.ofc_timer > 0.0
-    x.alarm = 1.0 if sensor or jam or run or ofc else 0.0
-    last = x.verdict
-    x.culprit = x.blame if sensor else 0.0
-    if sensor:
-        x.verdict = SENSOR if x.blame > 0.5 else AMBIGUOUS
-    elif ofc and not jam and (swings or not (far or last == RUNAWAY)):
-        x.verdict = OFC_SOLID if x.ofc_solid > 0.5 else OFC_LIQUID
-    elif x.alarm < 0.5:
-        x.verdict = NONE
-    elif last == RUNAWAY:  # at its stop a runaway looks like a jam
-        x.verdict = RUNAWAY
-    elif jam:
-        x.verdict = JAM_SOLID
-    elif last != JAM_SOLID:
-        x.verdict = RUNAWAY if moves else JAM_SOLID

@@ -29,7 +29,7 @@ from fdi.common.decision import confirm, usable
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import SENSOR
-from fdi.hydraulic import pressure_test
+from fdi.hydraulic import hypotheses, noise, pressure_test
 from fdi.hydraulic import separate_bias as two_stage
 
 CULPRITS = ("", "rod", "surface", "pressure")
@@ -39,6 +39,7 @@ PARAMS = dtype(
         *two_stage.PARAMS,
         *decision.PAIR_PARAMS,
         *decision.OFC_PARAMS,
+        *hypotheses.PARAMS,
         *pressure_test.PARAMS,
         ("lag_omega", "f8", "rad/s"),  # f_hat follows f as a second-order lag: corner
         ("lag_zeta", "f8", "-"),  # damping
@@ -71,16 +72,23 @@ STATE = dtype(
         *two_stage.STATE,
         *decision.PAIR_STATE,
         *decision.OFC_STATE,
+        *hypotheses.STATE,
+        ("jump_e", "f8", "m"),  # last innovation of the only position sensor
+        ("jump_side", "f8", "m"),  # innovation at its jump
+        ("jump_ticks", "f8", "-"),  # ticks for which the jump has stood
+        ("jump_of", "f8", "-"),  # 1 the rod sensor, 2 the surface sensor, the only one left, has jumped
+        ("form", "f8", "-"),  # noise of f_hat over that with all sensors
+        ("coarse", "f8", "-"),  # the same with what noise the sensors are heard to have
         ("drive", "f8", "-"),  # valve command behind the filter's own lag, so that f_hat + drive is what the valve did
         ("drive_d", "f8", "1/s"),  # its derivative
+        ("load_lag", "f8", "-"),  # pressure behind the same lag
+        ("load_d", "f8", "1/s"),  # its derivative
         ("f_slow", "f8", "-"),  # lagged input fault, gain error removed
         ("u_slow", "f8", "-"),  # lagged valve command
         ("q_fast", "f8", "m"),  # rod, lagged once
         ("q_slow", "f8", "m"),  # rod, lagged more
         ("v_slow", "f8", "m/s"),  # velocity from their difference: the filter's own is wrong while a jam loads up
         ("excess", "f8", "-"),  # lagged load beyond the model
-        ("w_high", "f8", "-"),  # largest lagged f_hat + drive since the first sign of a fault
-        ("w_low", "f8", "-"),  # smallest
         ("run_timer", "f8", "s"),
         ("run", "f8", "-"),  # 1 while an input fault is declared
         ("jam_timer", "f8", "s"),
@@ -142,15 +150,12 @@ NOISE = {
     "P0_f": 1e-4,
     "r_spare": 2e-8,  # 0.02 deg on 0.30 m, rigging removed
 }
-SWING = 0.7  # a runaway's valve swings by 0.4 of its largest opening, noise included; an oscillation goes through zero
-# An oscillation of a = 3 (0.012 + 0.1 |u|) swings about u, 2 a > SWING (|u| + a), for |u| up to 0.15; what is as large
-# and does not swing is a runaway
-FAR = 3.0
 # An input fault beyond its threshold counts in proportion up to this: with 1.5, the half periods of an oscillation of
 # 0.6 mm at 10 Hz, 35 ms beyond it, would do for a runaway
 RUN_WEIGHT = 1.25
+WITHOUT_ROD, WITHOUT_PRESSURE = 1.6, 4.0  # noise of f_hat on the surface sensor; on the hinge-moment model
+JUMP = 6e-4  # of a position from one sample to the next, six sigma of the sensor [m]
 PERIOD = 0.005  # of the samples whose variance stands in NOISE [s]
-UNSEEN = 1e3  # no valve opens so far
 
 # fitted to the step response of f_hat on the linear model with these noises at 5 ms: off by 1 % rms with the pressure,
 # by 3 % without
@@ -165,7 +170,7 @@ def params(which=None, *, load=2, dt=0.005, delay_s=0.005, arm=linkage.ARM, **va
     that of the load form; `values` replace any field.
     """
     chosen = thresholds("iotsekf", which or f"flight_load{load}")
-    v = {**lu17.NOMINAL, **NOISE, **LAG[load], **bank.design(dt), **chosen}
+    v = {**lu17.NOMINAL, **NOISE, **LAG[load], **bank.design(dt), **hypotheses.design(dt, load), **chosen}
     for name in ("r_rod", "r_dp", "r_spare"):
         v[name] *= PERIOD / dt
     if load != 2:
@@ -200,24 +205,57 @@ def model_velocity(x, p):
 
 
 @kernel
+def jumped(x, rod, surface, dt):
+    """Where only one position sensor is left, hold that it has jumped until there are two again to compare."""
+    if rod > 0.5 and surface > 0.5:
+        x.jump_of = 0.0
+    elif x.pair_time > 0.0 and x.age == 0.0 and x.sensor < 0.5:
+        e = math.fabs(x.gamma_rod)
+        if e > JUMP and x.jump_e < 0.4 * JUMP:
+            x.jump_ticks = 1.0
+        elif x.jump_ticks > 0.0:
+            x.jump_ticks = x.jump_ticks + 1.0 if x.gamma_rod * x.jump_side > 0.2 * JUMP * JUMP else 0.0
+            if x.jump_ticks >= 3.0:
+                x.jump_of = 1.0 if rod > 0.5 else 2.0
+                x.jump_ticks = 0.0
+                x.quiet = max(x.quiet, decision.T_DISTURBED)
+        if x.jump_ticks == 1.0:
+            x.jump_side = x.gamma_rod
+        x.jump_e = e
+
+
+@kernel
 def decide(x, u, p, dt):
     """Run the tests on the estimate: sensors first, then oscillation, jam and input fault."""
     rod, surface = usable(u.y_rod, u.y_rod_valid), usable(u.y_surface, u.y_surface_valid)
     bulk = x.x_hat[2] / stiffness(x.x_hat[0], p)  # rod motion that only compresses oil
-    decision.pair_test(x, u.y_rod + bulk, rod, p.arm * u.y_surface + bulk, surface, model_velocity(x, p), p, dt)
-    lost = p.load == 2.0 and x.age_dp > p.t_invalid  # the tests of this load form rest on the pressure
-    if lost:
-        x.quiet = 2.0 / bank.F_LOW  # the bank remembers two periods
+    y_surface = p.arm * u.y_surface + bulk
+    decision.pair_test(x, u.y_rod + bulk, rod, y_surface, surface, model_velocity(x, p), x.x_hat[3], p, dt)
+    pressure = usable(u.y_dp, u.y_dp_valid) if p.load == 2.0 else 0.0
+    noise.listen(x, rod, u.y_rod, pressure, u.y_dp, x.dp_e, p, dt)
+    lost = p.load == 2.0 and x.age_dp > p.t_invalid
+    form = WITHOUT_PRESSURE if lost else (WITHOUT_ROD if x.blame == 1.0 or x.age_rod > p.t_invalid else 1.0)
+    loud = x.rod_noisy > 0.5 or x.dp_noisy > 0.5
+    jumped(x, rod, surface, dt)
+    if form != x.form or loud:
+        x.quiet = max(x.quiet, decision.T_DISTURBED)
+        x.form = form
+    x.coarse = form * math.sqrt(max(1.0, max(x.rod_rough / p.r_rod, x.dp_noise / p.r_dp) / noise.USUAL))
     disturbed = x.quiet > 0.0 or x.valid < 0.5
+    if disturbed and (x.sensor > 0.5 or loud or x.valid < 0.5 or lost):
+        hypotheses.forget(x)
     x.drive_d += dt * p.lag_omega * (p.lag_omega * (x.u_old[int(p.lag_ticks)] - x.drive) - 2.0 * p.lag_zeta * x.drive_d)
     x.drive += dt * x.drive_d
     renewed = bank.push(x, p, x.f_hat, x.drive)
-    other = x.run > 0.5 or x.jam > 0.5
-    decision.ofc_test(x, p, renewed, disturbed, not disturbed and x.alarm < 0.5, other, dt)
+    x.load_d += dt * p.lag_omega * (p.lag_omega * (x.x_hat[2] - x.load_lag) - 2.0 * p.lag_zeta * x.load_d)
+    x.load_lag += dt * x.load_d
+    fresh = hypotheses.push(x, p, x.f_hat, x.drive, x.load_lag, x.load_d)
+    other = x.run > 0.5 or x.jam > 0.5 or x.r_run >= 1.0
+    hypotheses.search(x, p, renewed, fresh, disturbed, not disturbed and x.alarm < 0.5, other, dt)
     a = 1.0 - math.exp(-dt / p.run_tau)
     x.f_slow += a * (x.f_hat - x.gain * x.drive - x.f_slow)
     x.u_slow += a * (x.drive - x.u_slow)
-    x.r_run = math.fabs(x.f_slow) / (p.run_threshold + p.run_share * math.fabs(x.u_slow))
+    x.r_run = math.fabs(x.f_slow) / (x.coarse * p.run_threshold + p.run_share * math.fabs(x.u_slow))
     ran = x.r_run >= 1.0 and not disturbed
     # size times time: against the servo, which fights it, a runaway is an input fault that comes and goes
     weighed = dt * min(x.r_run, RUN_WEIGHT) if ran else dt
@@ -228,24 +266,26 @@ def decide(x, u, p, dt):
         model = two_stage.load_model(x, u, p)
         x.excess += a * (x.x_hat[3] - model - x.excess)
         x.r_jam = math.fabs(x.excess) / (p.jam_threshold + p.jam_share * math.fabs(model))
-        declared = disturbed or x.run > 0.5 or x.jam > 0.5 or x.ofc_timer > 0.0
+        declared = disturbed or lost or x.run > 0.5 or x.jam > 0.5 or x.ofc_timer > 0.0
         share = pressure_test.plausible(x, u, model, x.r_jam >= 1.0, declared, p, dt)
     x.q_fast += a * (x.x_hat[0] - x.q_fast)
     x.q_slow += dt / (2.0 * p.run_tau) * (x.q_fast - x.q_slow)
     x.v_slow = (x.q_fast - x.q_slow) / (2.0 * p.run_tau)
     still = math.fabs(x.v_slow) < p.jam_still
-    jammed = x.r_jam >= 1.0 and still and not disturbed and (share < p.share_least or x.jam > 0.5)
+    jammed = x.r_jam >= 1.0 and still and not disturbed and not lost and (share < p.share_least or x.jam > 0.5)
     x.jam_timer, x.jam = confirm(x.jam_timer, x.jam, jammed, dt, p.jam_confirm, p.t_release)
-    w = x.f_slow + x.u_slow
-    late = x.since > 3.0 * p.run_tau  # the lag has forgotten the time before
-    x.w_high = max(x.w_high, w) if late else -UNSEEN
-    x.w_low = min(x.w_low, w) if late else UNSEEN
-    swings = late and x.w_high - x.w_low > SWING * max(math.fabs(x.w_high), math.fabs(x.w_low))
-    moves = math.fabs(w) > 0.5 * p.run_threshold
-    far = x.run > 0.5 and x.r_run >= FAR
-    decision.name_fault(x, x.sensor > 0.5, x.jam > 0.5, x.run > 0.5, far, moves, swings)
+    if renewed > 0.5:
+        x.opens = 1.0 if x.run > 0.5 and hypotheses.opened_since(x, p, dt) else 0.0
+    before = x.alarm
+    hypotheses.conclude(x, x.jam > 0.5, x.run > 0.5)
+    if before > 0.5 and x.alarm < 0.5:
+        hypotheses.forget(x)
     left_out = x.dp_out > 0.5 and x.sensor < 0.5
-    if left_out or (math.fabs(x.dp_offset) > 0.5 * pressure_test.STEP_LEAST and x.alarm < 0.5):
+    if loud and x.sensor < 0.5:
+        x.alarm, x.verdict, x.culprit = 1.0, SENSOR, 1.0 if x.rod_noisy > 0.5 else 3.0
+    elif x.jump_of > 0.5 and x.alarm < 0.5:
+        x.alarm, x.verdict, x.culprit = 1.0, SENSOR, x.jump_of
+    elif (left_out or math.fabs(x.dp_offset) > 0.5 * pressure_test.STEP_LEAST) and x.alarm < 0.5:
         x.alarm, x.verdict, x.culprit = 1.0, SENSOR, 3.0
     pair = math.fabs(x.pair_d) / p.pair_threshold
     x.r = max(max(pair, x.r_ofc), max(x.r_run, x.r_jam if still or left_out else 0.0))

@@ -241,14 +241,14 @@ def decide(x, u, rod, surface, p, dt):
     x3 = x.x_hat[2]
     motion = p.phi_n / p.A_p * opening(v, x3) * v - p.L * x3
     bulk = x3 / stiffness(x.x_hat[0], p)  # rod motion that only compresses oil
-    decision.pair_test(x, u.y_rod + bulk, rod, p.arm * u.y_surface + bulk, surface, motion, p, dt)
+    decision.pair_test(x, u.y_rod + bulk, rod, p.arm * u.y_surface + bulk, surface, motion, x.x_hat[3], p, dt)
     x.r = math.fabs(x.pair_d) / p.pair_threshold
     x.alarm = x.sensor
-    x.culprit = x.blame
+    x.culprit = 0.0 if x.blame == 2.0 and x.play > 0.5 else x.blame
     x.verdict = NONE
     if x.sensor > 0.5:
-        x.verdict = SENSOR if x.blame > 0.5 else AMBIGUOUS
-    x.valid = 1.0 if x.age <= p.t_invalid and x.verdict != AMBIGUOUS else 0.0
+        x.verdict = SENSOR if x.blame == 1.0 or (x.blame == 2.0 and x.play < 0.5) else AMBIGUOUS
+    x.valid = 1.0 if x.age <= p.t_invalid and not (x.sensor > 0.5 and x.blame < 0.5) else 0.0
 
 
 @kernel

@@ -26,10 +26,11 @@ from actuators.block import kernel
 from actuators.hydraulic import lu17
 from actuators.hydraulic.lu17 import jacobian, rk4
 from fdi.common.linalg import congruence, integral, joseph
-from fdi.hydraulic import pressure_test
+from fdi.hydraulic import noise, pressure_test
 
 ITERATIONS = 4  # bound of (21)-(24)
 GATE_NONE = 1e9
+P_MOST = 1e-4  # of the rod: what a refused sample adds to its variance at most [m^2]
 HISTORY = 10  # ticks of valve command kept for the delay: 5 ms at 2 kHz
 
 PARAMS = [
@@ -78,6 +79,9 @@ STATE = [
     ("skip_rod", "f8", "-"),  # samples refused in a row
     ("age", "f8", "s"),  # since the last rod sample used
     ("age_dp", "f8", "s"),  # since the last pressure sample used
+    ("age_rod", "f8", "s"),  # since the last sample of the rod's own sensor
+    ("dp_e", "f8", "-"),  # innovation of the pressure, used or not
+    *noise.STATE,
     *pressure_test.STATE,
 ]
 
@@ -238,13 +242,18 @@ def measurement_update(x, u, p, dt):
     rod = u.y_rod_valid > 0.5 and math.isfinite(u.y_rod) and x.blame != 1.0
     spare = not rod and u.y_surface_valid > 0.5 and math.isfinite(u.y_surface) and x.blame != 2.0 and x.pair_time > 0.0
     x.age = 0.0 if rod or spare else x.age + dt
+    x.age_rod = 0.0 if rod else x.age_rod + dt
+    e = u.y_dp - x.dp_offset - x.x_hat[2]
+    if math.isfinite(e):
+        x.dp_e = e
     if rod or spare:
         y = u.y_rod if rod else p.arm * u.y_surface + x.rigging
-        gamma, s, used = measure(x, 0, y, p.r_rod if rod else p.r_spare, p.gate_rod, p)
+        r = (max(p.r_rod, x.rod_rough) if x.rod_noisy > 0.5 else p.r_rod) if rod else p.r_spare
+        gamma, s, used = measure(x, 0, y, r, p.gate_rod, p)
         x.gamma_rod, x.nis_rod = gamma, gamma * gamma / s
         x.skip_rod = 0.0 if used > 0.5 else x.skip_rod + 1.0
         if x.skip_rod > p.spikes:  # several agree: it is the estimate that is wrong, in position before anything else
-            x.P_bar[0, 0] += gamma * gamma
+            x.P_bar[0, 0] += min(gamma * gamma, P_MOST)
             x.skip_rod = 0.0
     if p.load == 2.0:
         x.age_dp += dt
@@ -252,7 +261,8 @@ def measurement_update(x, u, p, dt):
         if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp):
             y, use = pressure_test.judge(x, u.y_dp, p)
             if use:
-                gamma, s, _ = measure(x, 2, y, p.r_dp, GATE_NONE, p)
+                r = max(p.r_dp, x.dp_noise) if x.dp_noisy > 0.5 else p.r_dp
+                gamma, s, _ = measure(x, 2, y, r, GATE_NONE, p)
                 x.gamma_dp, x.nis_dp = gamma, gamma * gamma / s
                 x.age_dp = 0.0
         if x.age_dp > p.t_invalid:
