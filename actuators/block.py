@@ -19,6 +19,7 @@ A kernel is a deterministic function of its arguments: no global state, no I/O, 
 import ctypes
 import functools
 import hashlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ from actuators.native import PLAIN, Native
 from actuators.sources import cache_dir
 
 
-def dtype(fields):
+def dtype(fields: Any) -> Any:
     """Return a structured dtype whose scalars have attribute access, in plain Python as in a kernel.
 
     `fields` is a list of (name, "f8"), (name, "f8", unit), (name, "f8", shape) or (name, "f8", shape, unit); a number
@@ -46,12 +47,12 @@ def dtype(fields):
     return np.dtype(made, metadata={"units": units})
 
 
-def unit(kind, field):
+def unit(kind: Any, field: str) -> Any:
     """Return the unit of `field`, or of an element `field[i]`, of dtype `kind`; "" where its declaration has none."""
     return ((kind.metadata or {}).get("units") or {}).get(field.partition("[")[0], "")
 
 
-def record(kind, **values):
+def record(kind: Any, **values: Any) -> Any:
     """Return a 0-d-like array of shape (1,) of dtype `kind`, zero but for `values`; unknown names raise ValueError."""
     out = np.zeros(1, kind)
     for name, value in values.items():
@@ -59,7 +60,7 @@ def record(kind, **values):
     return out
 
 
-def kernel(function):
+def kernel(function: Callable[..., Any]) -> Any:
     """Compile `function` with Numba where it is first called, cached on disk by the digest of every source of ours that
     it depends on; with NUMBA_DISABLE_JIT=1 it stays as it is.
     """
@@ -71,12 +72,12 @@ class Kernel:
 
     plainly = False  # whether a call from Python runs as plain Python, see `briefly`
 
-    def __init__(self, function):
+    def __init__(self, function: Callable[..., Any]):
         functools.update_wrapper(self, function)
         self.py_func = function
 
     @functools.cached_property
-    def compiled(self):
+    def compiled(self) -> Any:
         """Return Numba's dispatcher of the function, for calls from Python."""
         return self._dispatcher("")
 
@@ -103,11 +104,11 @@ class Kernel:
         finally:
             config.CACHE_DIR = before
 
-    def __call__(self, *args):
+    def __call__(self, *args: Any) -> Any:
         return (self.py_func if Kernel.plainly else self.compiled)(*args)
 
 
-def briefly(function, *args):
+def briefly(function: Callable[..., Any], *args: Any) -> Any:
     """Call a kernel for a moment's work: as plain Python, with the same bits, unless it is compiled already."""
     if PLAIN or "compiled" in vars(function):
         return function(*args)
@@ -118,7 +119,7 @@ def briefly(function, *args):
         Kernel.plainly = before
 
 
-def entry(step, STATE, INPUTS, PARAMS):
+def entry(step: Any, STATE: np.dtype, INPUTS: np.dtype, PARAMS: np.dtype) -> "Entry":
     """Return the entry point of the block whose kernel is `step`."""
     return Entry(step, STATE, INPUTS, PARAMS)
 
@@ -134,7 +135,7 @@ class Entry:
     over arrays without gaps. Raises TypeError for an array of another dtype, ValueError for one of another shape.
     """
 
-    def __init__(self, step, STATE, INPUTS, PARAMS):
+    def __init__(self, step: Any, STATE: np.dtype, INPUTS: np.dtype, PARAMS: np.dtype):
         self.step, self.kinds = step, (STATE, INPUTS, PARAMS)
         if not PLAIN:
             said = "\n".join([step.__qualname__, *(repr(kind.descr) for kind in self.kinds)])
@@ -144,7 +145,7 @@ class Entry:
             place = f"{step.__module__}:rollout.native"
             self.native = Native(name, step.py_func.__code__.co_filename, given, self._make, place)
 
-    def __call__(self, x, u, p, dt, log=None):
+    def __call__(self, x: Any, u: np.ndarray, p: Any, dt: float, log: Any = None) -> Any:
         self._check(x, u, p, log)
         if PLAIN:
             return self._plain(x, u, p, dt, log)
@@ -158,7 +159,7 @@ class Entry:
                 self._lane(x[i : i + 1], u[i], p[i : i + 1], dt, None if log is None else log[i])
         return None
 
-    def bound(self, x, u, p, dt):
+    def bound(self, x: np.ndarray, u: np.ndarray, p: Any, dt: float) -> Any:
         """Return a call without arguments on these arrays, without a log: a live tick pays only for its work."""
         self._check(x, u, p, None)
         if PLAIN:

@@ -5,7 +5,7 @@ load equilibrium is taken by central differences, with friction, backlash and th
 and the stops out of reach: what remains is smooth there.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -59,7 +59,9 @@ def _jacobian(tick, z0, steps, dt, names):
     return Sampled(J[:, :n], J[:, n:], g[None, :n], g[None, n:], dt, names)
 
 
-def hydraulic_loop(*, hmd=0.0, hm0=0.0, delta=0.0, dt=0.005, actuator=None, control=None):
+def hydraulic_loop(
+    *, hmd: Any = 0.0, hm0: Any = 0.0, delta: Any = 0.0, dt: Any = 0.005, actuator: Any = None, control: Any = None
+) -> Any:
     """Return the Sampled model of servo and hydraulic actuator, command -> surface angle, at `delta` [rad].
 
     `hm0` [N m], `hmd` [N m/rad] is the hinge load; `actuator`, `control` are PARAMS of one lane (default: nominal). The
@@ -101,7 +103,9 @@ def hydraulic_loop(*, hmd=0.0, hm0=0.0, delta=0.0, dt=0.005, actuator=None, cont
     return _jacobian(tick, z0, [*_HYDRAULIC.values(), *_SERVO.values(), 1e-6, 1e-5], dt, names)
 
 
-def ema_loop(*, hmd=0.0, hm0=0.0, delta=0.0, dt=0.005, actuator=None, control=None):
+def ema_loop(
+    *, hmd: Any = 0.0, hm0: Any = 0.0, delta: Any = 0.0, dt: Any = 0.005, actuator: Any = None, control: Any = None
+) -> Sampled:
     """Return the Sampled model of servo and electromechanical actuator; arguments as in `hydraulic_loop`."""
     p = (ema.params() if actuator is None else actuator).copy()
     p["T_c"] = p["T_s"] = p["backlash"] = 0.0
@@ -140,7 +144,7 @@ def ema_loop(*, hmd=0.0, hm0=0.0, delta=0.0, dt=0.005, actuator=None, control=No
     return _jacobian(tick, z0, [*_EMA.values(), *_EMA_SERVO.values(), 1e-7, 1e-3], dt, names)
 
 
-def response(model, frequency):
+def response(model: Any, frequency: float) -> Any:
     """Return the complex response of a Sampled model at `frequency` [rad/s], shape of `frequency`."""
     w = np.atleast_1d(frequency)
     n = len(model.A)

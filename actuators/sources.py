@@ -10,6 +10,7 @@ import stat
 import tempfile
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 _ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("actuators", "fdi", "cosim")
@@ -80,7 +81,7 @@ def _remember(key, names):
 
 
 @functools.cache
-def closure(path):
+def closure(path: Any) -> Any:
     """Return the set of our source files that `path` imports, directly or not, itself included."""
     seen, todo = set(), [path] if path.is_file() else []
     while todo:
@@ -91,7 +92,7 @@ def closure(path):
     return seen
 
 
-def private(folder):
+def private(folder: Any) -> Any:
     """Return whether `folder` is a directory of this user's that nobody else may write to, made when it is missing.
 
     Compiled code is loaded by unpickling what lies there: whoever can write to it, or replace it, runs code as us.
@@ -121,13 +122,13 @@ def _cache_roots():
 
 
 @functools.cache
-def cache_root():
+def cache_root() -> Path | None:
     """Return the folder for compiled kernels, None where no folder is this user's alone."""
     return next((root for root in _cache_roots() if private(root) and os.access(root, os.W_OK)), None)
 
 
 @functools.cache
-def cache_dir(path):
+def cache_dir(path: str | Path) -> str | None:
     """Name a cache folder by the sources a kernel is compiled from: Numba itself misses a change in a callee's file."""
     digest = hashlib.sha256(version("numba").encode())
     for source in sorted(closure(path)):

@@ -4,12 +4,13 @@ Library functions raise them, only the command line prints them (exit status 2) 
 """
 
 import difflib
+from typing import Any
 
 
 class CosimError(Exception):
     """Carry one message: `place` (file, key), `problem`, `allowed` (range, choices), `remedy`; each may be empty."""
 
-    def __init__(self, problem, *, place="", allowed="", remedy=""):
+    def __init__(self, problem: str, *, place: str = "", allowed: str = "", remedy: str = ""):
         super().__init__(problem, place, allowed, remedy)
         self.problem, self.place, self.allowed, self.remedy = problem, place, allowed, remedy
 
@@ -49,7 +50,7 @@ class OutputError(CosimError):
     """A place that cannot be written to."""
 
 
-def did_you_mean(word, choices):
+def did_you_mean(word: Any, choices: Any) -> str:
     """Return "Did you mean ...?" with the nearest of `choices`, or an empty string."""
     near = difflib.get_close_matches(str(word), list(choices), n=1, cutoff=0.6)
     return f"Did you mean {near[0]!r}?" if near else ""

@@ -5,7 +5,9 @@ import os
 import stat
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from cosim.errors import OutputError
 
@@ -15,7 +17,7 @@ except ImportError:  # where there are no such locks, nobody is kept out
     fcntl = None  # type: ignore[assignment]
 
 
-def replace(path, make):
+def replace(path: str | Path, make: Callable[..., Any]) -> Any:
     """Let `make(part)` write a file beside `path`, then put it in its place; what is there stays until it is whole.
 
     Raises OutputError when it cannot be written; nothing is left beside `path` then.
@@ -43,7 +45,7 @@ def replace(path, make):
         raise OutputError(f"cannot be written: {error.strerror or error}", place=str(path), remedy=remedy) from None
 
 
-def regular(path, error):
+def regular(path: str | Path, error: Any) -> None:
     """Raise `error` where `path` is there but no regular file: a pipe waits for ever, a device has no end."""
     path = Path(path)
     try:
@@ -54,7 +56,7 @@ def regular(path, error):
         raise error(f"is {'a folder' if path.is_dir() else 'no regular file'}", place=str(path))
 
 
-def replace_text(path, text):
+def replace_text(path: str | Path, text: str) -> None:
     """Put `text` into the file at `path`, in UTF-8; see `replace`."""
     replace(path, lambda part: part.write_text(text, encoding="utf-8"))
 
@@ -72,7 +74,7 @@ OTHER = "Choose another -o, or wait for it"
 _WAIT_S, _TRIES = 0.05, 4  # `reserve` of another run holds the lock for less
 
 
-def locked(file):
+def locked(file: Any) -> bool:
     """Tell whether the open `file` is now this process's alone; a file system without locks says yes."""
     if fcntl is None:
         return True
@@ -85,7 +87,7 @@ def locked(file):
     return True
 
 
-def open_alone(path):
+def open_alone(path: str | Path) -> Any:
     """Open `path` to be written anew, unbuffered; None when another process writes it, whose content stays.
 
     Raises OSError.

@@ -3,10 +3,12 @@
 `scipy.signal.place_poles` does it too, and more, but importing it takes a second of a start that should take two.
 """
 
+from typing import Any
+
 import numpy as np
 
 
-def place(A, B, poles):
+def place(A: np.ndarray, B: np.ndarray, poles: Any) -> Any:
     """Return K (n,) for which A - B K has `poles`.
 
     K = (0 ... 0 1) C^-1 phi(A) with the controllability matrix C and the wanted polynomial phi; A (n, n), B (n, 1).

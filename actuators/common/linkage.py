@@ -5,17 +5,18 @@ short at 23 degrees; the detectors' models would have to know its geometry, and 
 """
 
 import math
+from typing import Any
 
 ARM = 0.30  # [m]; 35 kN of stall make 10.5 kN m
 TRAVEL = (math.radians(-23.0), math.radians(17.0))  # surface stops, trailing edge down + [rad]
 RATE = math.radians(45.0)  # surface rate at no load [rad/s]
 
 
-def rod(delta, arm=ARM):
+def rod(delta: Any, arm: Any = ARM) -> Any:
     """Return the rod position of a surface angle, q = r delta [m]; arrays broadcast."""
     return arm * delta
 
 
-def surface(q, arm=ARM):
+def surface(q: float, arm: float = ARM) -> Any:
     """Return the surface angle of a rod position, delta = q / r [rad]; arrays broadcast."""
     return q / arm

@@ -11,6 +11,7 @@ Inside the limits it is a third-order low-pass filter ([Lu17] III.B.1) with a re
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -28,12 +29,12 @@ PARAM_FIELDS = [
 ]
 
 
-def state_fields(unit):
+def state_fields(unit: str) -> list[Any]:
     """Return the STATE fields of a reference in `unit`: position and derivatives, the jerk over this tick last."""
     return [("r", "f8", unit), ("rd", "f8", f"{unit}/s"), ("rdd", "f8", f"{unit}/s2"), ("rddd", "f8", f"{unit}/s3")]
 
 
-def gains(*, omega, zeta, dt):
+def gains(*, omega: float, zeta: float, dt: float) -> dict[str, Any]:
     """Return {k1, k2, k3} that place the sampled poles at exp(p dt), p = -omega and omega at damping zeta < 1."""
     Phi = np.array([[1, dt, dt**2 / 2], [0, 1, dt], [0, 0, 1]])
     Gamma = np.array([[dt**3 / 6], [dt**2 / 2], [dt]])

@@ -28,6 +28,8 @@ A fault is an input whose zero means healthy:
 """
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -119,7 +121,12 @@ OUTPUTS = ("delta", "delta_d", "motor", "motor_d", "i", "comp", "u_eff", "volts"
 UNLIMITED = 1e9  # current, voltage and stops of the nozzle: the paper gives none
 
 
-def params(kind="elevator", symbols=None, travel=linkage.TRAVEL, **values):
+def params(
+    kind: str = "elevator",
+    symbols: Mapping[str, Any] | None = None,
+    travel: tuple[float, float] = linkage.TRAVEL,
+    **values: Any,
+) -> np.ndarray:
     """Return PARAMS of shape (1,) of the set "elevator" or "nozzle"; `symbols` replace those of the set, `travel` [rad]
     the surface's stops, `values` fields; unknown ones raise.
 
@@ -147,12 +154,12 @@ def params(kind="elevator", symbols=None, travel=linkage.TRAVEL, **values):
     return record(PARAMS, **{**fields, **values})
 
 
-def init(p):
+def init(p: np.ndarray) -> np.ndarray:
     """Return the state at rest, surface at zero, no load."""
     return init_at(p, 0.0, 0.0, 0.0)
 
 
-def init_at(p, delta, hm0, hmd):
+def init_at(p: Any, delta: Any, hm0: Any, hmd: float) -> np.ndarray:
     """Return the state in load equilibrium: the spring and K_T x5 hold the hinge moment; arguments broadcast over p.
 
     The demand that holds it is `holding(p, x5)`.
@@ -167,12 +174,12 @@ def init_at(p, delta, hm0, hmd):
     return x
 
 
-def holding(p, i):
+def holding(p: np.ndarray, i: Any) -> Any:
     """Return the demand that holds the current `i` [A] at rest: u = (K_ic + R) i / K_gi b / a."""
     return (p["K_ic"] + p["R"]) * np.asarray(i) / p["K_gi"] * p["b"] / p["a"]
 
 
-def linearised(p, *, hmd=0.0):
+def linearised(p: np.ndarray, *, hmd: float = 0.0) -> tuple[Any, ...]:
     """Return (A, B, C, D) of x1..x6 from u to the surface angle, shapes (6, 6), (6, 1), (1, 6), (1, 1); one lane.
 
     Continuous, without friction, backlash or limits, with hinge stiffness `hmd` [N m/rad].

@@ -22,7 +22,7 @@ within their last digit. The printed A has the lever arm l in the wrong places; 
 | a, b | a, b | zero and pole of the compensator [1/s] |
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import expm
@@ -125,7 +125,7 @@ def _elevator():
 LIMITS = {"nozzle": (np.inf, np.inf), "elevator": (43.75, 285.0)}
 
 
-def values(kind="elevator", **overrides):
+def values(kind: str = "elevator", **overrides: Any) -> Any:
     """Return the symbols of set `kind` ("nozzle" or "elevator") with `overrides`; unknown names raise ValueError."""
     sets = {"nozzle": _nozzle, "elevator": _elevator}
     if kind not in sets:
@@ -137,7 +137,7 @@ def values(kind="elevator", **overrides):
     return {**out, **overrides}
 
 
-def continuous(set="nozzle", *, hinge_stiffness=0.0, **overrides):
+def continuous(set: str = "nozzle", *, hinge_stiffness: float = 0.0, **overrides: Any) -> Continuous:
     """Return the continuous model of `set` in SI, shapes (6, 6), (6,), (3, 6), (6,).
 
     `hinge_stiffness` [N m/rad] is the moment per angle of the surface, negative when it holds the surface back.
@@ -158,7 +158,7 @@ def continuous(set="nozzle", *, hinge_stiffness=0.0, **overrides):
     return Continuous(A, B, C, np.array([0, 1.0 / v["J_N"], 0, 0, 0, 0]), v)
 
 
-def discretise(A, B, dt):
+def discretise(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[Any, ...]:
     """Return (Phi, Gamma) of x' = A x + B u with u held over `dt`, exactly: one exponential of [[A, B], [0, 0]] dt."""
     n = A.shape[0]
     B = np.asarray(B).reshape(n, -1)

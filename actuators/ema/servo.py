@@ -18,6 +18,8 @@ r' + f_rate [rad/s] until the stop. `pos_fb` replaces the measured position wher
 """
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -76,7 +78,7 @@ OUTPUTS = ("u", "delta_c", "r", "rd", "theta", "omega", "i_d", "z")
 POLE = 20.0  # [rad/s]
 
 
-def error_gains(*, pole, dt):
+def error_gains(*, pole: Any, dt: Any) -> dict[str, Any]:
     """Return {k_p, k_v, k_i} placing the poles of theta'' = -k_p theta - k_v theta' - k_i int theta, held over `dt`."""
     Phi = np.array([[1, dt, 0], [0, 1, 0], [dt, 0, 1]])
     Gamma = np.array([[dt**2 / 2], [dt], [0]])
@@ -84,7 +86,16 @@ def error_gains(*, pole, dt):
     return {"k_p": K[0], "k_v": K[1], "k_i": K[2]}
 
 
-def params(*, dt=0.005, pole=POLE, omega=45.0, zeta=0.8, delay=1.0, symbols=None, **values):
+def params(
+    *,
+    dt: float = 0.005,
+    pole: float = POLE,
+    omega: float = 45.0,
+    zeta: float = 0.8,
+    delay: float = 1.0,
+    symbols: Mapping[str, Any] | None = None,
+    **values: Any,
+) -> np.ndarray:
     """Return PARAMS of shape (1,) for the tick `dt`; `symbols` replace those of the elevator set, `values` fields.
 
     Rate is commanded up to 40 of the 45 deg/s, acceleration up to half of what the stall moment gives without load.
@@ -117,12 +128,12 @@ def params(*, dt=0.005, pole=POLE, omega=45.0, zeta=0.8, delay=1.0, symbols=None
     return record(PARAMS, **{**fields, **values})
 
 
-def init(p):
+def init(p: np.ndarray) -> np.ndarray:
     """Return the state at rest, surface at zero, no load."""
     return init_at(p, 0.0, 0.0)
 
 
-def init_at(p, position, i):
+def init_at(p: Any, position: Any, i: Any) -> np.ndarray:
     """Return the state at rest at screw `position` N x3 [m] with the holding current `i` [A]; both broadcast over p."""
     x = np.zeros(p.shape, STATE)
     x["r"] = position / p["arm"]

@@ -29,6 +29,7 @@ supply_drop.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -103,17 +104,17 @@ NOMINAL = {
 FLOOR = 0.02  # least share of supply and bulk modulus left by a fault: (4) divides by both
 
 
-def params(**values):
+def params(**values: Any) -> np.ndarray:
     """Return PARAMS of shape (1,): nominal values replaced by `values`; unknown names raise ValueError."""
     return record(PARAMS, **{**NOMINAL, **values})
 
 
-def init(p):
+def init(p: np.ndarray) -> np.ndarray:
     """Return the state at rest, surface at zero, no load."""
     return init_at(p, 0.0, 0.0, 0.0)
 
 
-def init_at(p, delta, hm0, hmd):
+def init_at(p: Any, delta: Any, hm0: Any, hmd: float) -> np.ndarray:
     """Return the state in load equilibrium: x3 = -F_d / (A_p P_s); `delta` [rad] and the load pair broadcast over p.
 
     The valve opening that holds it is `holding(p, x3)`.
@@ -131,13 +132,13 @@ def init_at(p, delta, hm0, hmd):
     return x
 
 
-def holding(p, x3):
+def holding(p: Any, x3: Any) -> Any:
     """Return the valve opening that feeds the leakage at rest: u = L A_p x3 / (phi_n sqrt(1 - |x3|)) [1]."""
     x3 = np.asarray(x3)
     return p["L"] * p["A_p"] / p["phi_n"] * x3 / np.sqrt(np.maximum(1.0 - np.abs(x3), lu17.ROOT_FLOOR**2))
 
 
-def linearised(p, *, q=0.0, x3=0.0, hmd=0.0):
+def linearised(p: np.ndarray, *, q: float = 0.0, x3: float = 0.0, hmd: float = 0.0) -> tuple[Any, ...]:
     """Return (A, B, C, D) of q', q'', x3' from the valve to the surface angle, shapes (3, 3), (3, 1), (1, 3), (1, 1).
 
     Continuous, without friction, at rod `q` [m] and pressure `x3` [1], with hinge stiffness `hmd` [N m/rad]; one lane.

@@ -24,6 +24,7 @@ Numba warns of a record that begins like another one).
 """
 
 import math
+from typing import Any
 
 from actuators.block import dtype, kernel, record
 from actuators.common.limits import sign
@@ -56,7 +57,7 @@ ROOT_FLOOR = 0.05
 VOLUME_FLOOR = 0.1
 
 
-def params(**values):
+def params(**values: Any) -> Any:
     """Return PARAMS of shape (1,): the nominal values of [Lu17] or `values`; unknown names raise ValueError."""
     return record(PARAMS, **{**NOMINAL, **values})
 

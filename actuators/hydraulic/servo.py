@@ -21,6 +21,7 @@ INPUTS f_cmd, s_cmd: command-level faults, delta_c = (1 - s_cmd) command + f_cmd
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -89,7 +90,16 @@ ROOT_LEAST = 0.2
 POLE = 25.0  # [rad/s]
 
 
-def params(*, dt=0.005, pole=POLE, omega=45.0, zeta=0.8, delay=1.0, fb_delay=1.0, **values):
+def params(
+    *,
+    dt: float = 0.005,
+    pole: float = POLE,
+    omega: float = 45.0,
+    zeta: float = 0.8,
+    delay: float = 1.0,
+    fb_delay: float = 1.0,
+    **values: Any,
+) -> np.ndarray:
     """Return PARAMS of shape (1,) for the tick `dt`; `values` replace fields, unknown names raise ValueError.
 
     Rod velocity is commanded up to 40 of the 45 deg/s, acceleration to a third of the stall force on M, jerk to what
@@ -118,12 +128,12 @@ def params(*, dt=0.005, pole=POLE, omega=45.0, zeta=0.8, delay=1.0, fb_delay=1.0
     return record(PARAMS, **{**fields, **values})
 
 
-def init(p):
+def init(p: np.ndarray) -> np.ndarray:
     """Return the state at rest, rod at zero, no load."""
     return init_at(p, 0.0, 0.0)
 
 
-def init_at(p, delta, load):
+def init_at(p: Any, delta: Any, load: Any) -> np.ndarray:
     """Return the state at rest at surface angle `delta` [rad] against a rod `load` [N]; both broadcast over p."""
     x = np.zeros(p.shape, STATE)
     x["delta_c"] = delta

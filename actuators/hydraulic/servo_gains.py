@@ -1,6 +1,7 @@
 """Gains of the hydraulic servo: error poles of the sampled actuator, steady Kalman gains of its observer."""
 
 import functools
+from typing import Any
 
 import numpy as np
 from scipy.linalg import expm, solve_discrete_are
@@ -21,7 +22,7 @@ def _linear(model):
     return np.array([[0, 1, 0], [0, a22, a23], [a31, a32, a33]]), np.array([[0.0], [0.0], [b3]])
 
 
-def error_gains(model, *, pole, dt):
+def error_gains(model: Any, *, pole: Any, dt: Any) -> dict[str, Any]:
     """Return {k_q, k_v, k_a} for which the sampled linear loop has its poles at -pole, 0.97 pole and 1.03 pole.
 
     (13) in linear form is u = -K (q, q', x3): K follows from pole placement, the gains from comparing coefficients.
@@ -35,7 +36,7 @@ def error_gains(model, *, pole, dt):
     return {"k_q": D * K[0], "k_v": D * K[1] + a23 * k + (k_a - beta) * beta, "k_a": k_a}
 
 
-def observer_gains(model, *, dt):
+def observer_gains(model: Any, *, dt: float) -> list[Any]:
     """Return (K, K_rod), shapes (4, 2), (4,): steady Kalman gains of (q, q', x3, F), linear at rest and centre."""
     return [gain.copy() for gain in _observer_gains(model.dtype, model.tobytes(), dt)]
 

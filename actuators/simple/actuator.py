@@ -11,6 +11,7 @@ delta = 0).
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -54,7 +55,15 @@ STATE = dtype(
 OUTPUTS = ("delta", "delta_d", "delta_c", "status")
 
 
-def params(*, omega=30.0, zeta=0.9, rate=linkage.RATE, lo=linkage.TRAVEL[0], hi=linkage.TRAVEL[1], **values):
+def params(
+    *,
+    omega: float = 30.0,
+    zeta: float = 0.9,
+    rate: float = linkage.RATE,
+    lo: Any = linkage.TRAVEL[0],
+    hi: Any = linkage.TRAVEL[1],
+    **values: Any,
+) -> np.ndarray:
     """Return PARAMS of shape (1,) from natural frequency [rad/s], damping, rate [rad/s], stops [rad] (elevator)."""
     fields = {
         "k1": omega / (2 * zeta),
@@ -68,12 +77,12 @@ def params(*, omega=30.0, zeta=0.9, rate=linkage.RATE, lo=linkage.TRAVEL[0], hi=
     return record(PARAMS, **{**fields, **values})
 
 
-def init(p):
+def init(p: np.ndarray) -> np.ndarray:
     """Return the state at rest at zero."""
     return init_at(p, 0.0)
 
 
-def init_at(p, delta):
+def init_at(p: Any, delta: Any) -> np.ndarray:
     """Return the state at rest at `delta` [rad], which broadcasts over p."""
     x = np.zeros(p.shape, STATE)
     x["delta"] = delta

@@ -7,6 +7,8 @@ On a quiet machine only: anything else that works there falsifies the ratio.
 """
 
 import time
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import pandas as pd
 
@@ -15,7 +17,9 @@ from cosim.campaign.pool import cores
 from cosim.campaign.spec import load_campaign
 
 
-def measure(scenarios, workers, progress=None):
+def measure(
+    scenarios: Sequence[Any], workers: int | None, progress: Callable[..., Any] | None = None
+) -> dict[str, Any]:
     """Fly `scenarios` in `workers` processes; return {workers, flights, wall_s, flown_s, outcomes, rows}."""
     begin = time.perf_counter()
     done = run_many(scenarios, workers=workers, progress=progress)
@@ -27,7 +31,7 @@ def measure(scenarios, workers, progress=None):
             "rows": done.frame}  # fmt: skip
 
 
-def same(a, b):
+def same(a: Any, b: Any) -> bool:
     """Tell whether two frames of rows are equal, bit for bit."""
     try:
         pd.testing.assert_frame_equal(a, b, check_exact=True)
@@ -36,7 +40,9 @@ def same(a, b):
     return True
 
 
-def compare(campaign: str, *, workers: int | None = None, every: int = 1, progress=None) -> dict:
+def compare(
+    campaign: str, *, workers: int | None = None, every: int = 1, progress: Callable[..., Any] | None = None
+) -> dict:
     """Fly every `every`th flight of a campaign on `workers` processes (default: one per core), then on one.
 
     Returns {"campaign", "cases" (two of `measure` without their rows), "ratio", "equal", "crashed"}.

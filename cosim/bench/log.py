@@ -1,6 +1,8 @@
 """What a recorded flight costs: reading it into pandas, and running its detectors again."""
 
 import time
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +14,7 @@ ROUNDS = 3  # the best counts
 TOPIC = "/truth/aircraft"
 
 
-def log_costs(path):
+def log_costs(path: str | Path) -> dict[str, Any]:
     """Return {minutes, values_mb, open_s, frames_s, topic_s, replay_s, replay_realtime, detectors_realtime,
     replay_us}.
 

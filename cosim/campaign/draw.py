@@ -33,7 +33,7 @@ class Draw:
     sigma: float = math.nan
     choice: tuple[Any, ...] = ()
 
-    def __call__(self, u):
+    def __call__(self, u: Any) -> Any:
         """Return the value at quantile u in [0, 1)."""
         if self.choice:
             return self.choice[int(u * len(self.choice))]

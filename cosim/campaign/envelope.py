@@ -8,6 +8,8 @@ M_stall = |HM0 + HM_delta delta|, cut at the travel. Friction, which helps an ac
 import concurrent.futures as cf
 import itertools
 import math
+from collections.abc import Callable
+from typing import Any
 
 import pandas as pd
 
@@ -33,8 +35,14 @@ STALL_MOMENT = {name: t.design(()).stall_moment for name, t in TECHNOLOGIES.item
 
 
 def trim_map(
-    masses_t=MASSES_T, cgs_pct=CGS_PCT, altitudes_ft=ALTITUDES_FT, cas_kt=SPEEDS_KT, *, workers=0, progress=None
-):
+    masses_t: tuple[float, float, float, float, float] = MASSES_T,
+    cgs_pct: tuple[float, float, float] = CGS_PCT,
+    altitudes_ft: tuple[float, ...] = ALTITUDES_FT,
+    cas_kt: tuple[float, ...] = SPEEDS_KT,
+    *,
+    workers: Any = 0,
+    progress: Callable[..., Any] | None = None,
+) -> Any:
     """Return a table of every combination of the four.
 
     Columns: mass_t, cg_pct, altitude_ft, cas_kt, reason ("" when it trims, a key of REASONS, or "none found"), why (the
@@ -84,7 +92,7 @@ def _point(mass, cg, altitude, cas):
     return row
 
 
-def reach(hm0, hmd, stall_moment):
+def reach(hm0: float, hmd: float, stall_moment: Any) -> tuple[float, float]:
     """Return the (up, down) angles [deg] that `stall_moment` [N m] holds against HM0 + HM_delta delta, hmd < 0."""
     low, high = (math.degrees(v) for v in load_aircraft().travels["elevator"])
     up = math.degrees((stall_moment - hm0) / hmd)  # trailing edge up: the air drives down with +stall_moment
@@ -92,7 +100,7 @@ def reach(hm0, hmd, stall_moment):
     return max(up, low), min(down, high)
 
 
-def summary(table):
+def summary(table: Any) -> dict[str, Any]:
     """Return plain data of a trim map: counts, reasons, speeds flown per mass, where each technology loses travel.
 
     stalls: technology -> {up, down}: lowest CAS [kt] at which a segment does not reach the end of its travel that way,

@@ -8,7 +8,9 @@ import os
 import signal
 import threading
 from collections import deque
+from collections.abc import Iterator
 from concurrent.futures.process import BrokenProcessPool
+from typing import Any
 
 from cosim.campaign.store import CampaignError
 from cosim.campaign.worker import failed, fly
@@ -17,12 +19,12 @@ AHEAD = 4  # jobs in flight per worker: none waits for the parent, and little is
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # a worker is one core
 
 
-def cores():
+def cores() -> int:
     """Return how many processes this process may keep busy."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def outcomes(jobs, *, workers=None, executor=None, achieved=True):
+def outcomes(jobs: Any, *, workers: int | None = None, executor: Any = None, achieved: bool = True) -> Iterator[Any]:
     """Yield (run, rows, timing) of every job (run, scenario) as it finishes, in any order; see `finished`.
 
     A run whose process dies under it every time it is tried is a row "crashed".
@@ -36,7 +38,7 @@ def outcomes(jobs, *, workers=None, executor=None, achieved=True):
         yield run, rows, timing
 
 
-def finished(calls, *, workers=None, executor=None, crashed=None):
+def finished(calls: Any, *, workers: int | None = None, executor: Any = None, crashed: Any = None) -> Iterator[Any]:
     """Yield (key, function(*arguments)) of every call (key, function, arguments) as it finishes, in any order.
 
     `executor`: any concurrent.futures.Executor (Dask: `client.get_executor()`); otherwise a pool of `workers`
@@ -112,7 +114,7 @@ def _alone(call, crashed):
 
 
 @contextlib.contextmanager
-def pool(workers):
+def pool(workers: int | None) -> Iterator[Any]:
     """Open a pool of fresh processes with one thread each; an error or Ctrl-C in this process ends them."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))

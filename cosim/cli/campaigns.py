@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -10,7 +10,7 @@ from cosim.cli import tables
 from cosim.cli.output import DetectorOption, JsonOption, WorkersOption, reserve
 
 
-def add(app, out, err):
+def add(app: Any, out: Any, err: Any) -> Any:
     """Add the commands to the command line `app`; `out` and `err` are its consoles."""
 
     def _left_out(damaged, what):

@@ -10,7 +10,7 @@ import json
 import os
 import sys
 from pathlib import Path
-from typing import Annotated, Literal, cast
+from typing import Annotated, Any, Literal, cast
 
 import typer
 from rich.console import Console
@@ -135,7 +135,7 @@ def run(
     live: Annotated[bool, typer.Option("--live", help="Fly by the clock, for Foxglove to watch (README).")] = False,
     detector: DetectorOption = None,
     json_: JsonOption = False,
-):
+) -> Any:
     """Fly a scenario, log everything, and show who alarmed, when, and what it isolated."""
     from cosim.scenario import load_scenario
 
@@ -241,7 +241,7 @@ def info(
         bool, typer.Option("--scenario", help="Print the log's scenario as TOML, ready to fly again.")
     ] = False,
     json_: JsonOption = False,
-):
+) -> None:
     """Say what a log holds and whether it is complete."""
     from cosim.log.info import log_info
 
@@ -263,7 +263,7 @@ def linearize(
         typer.Option("--output", "-o", metavar="FILE", help="Write A, B, C, D to .npz or .mat.", show_default=False),
     ] = None,
     json_: JsonOption = False,
-):
+) -> None:
     """Trim at a scenario's flight point and show the modes of the bare airframe; write A, B, C, D."""
     from cosim.scenario import load_scenario
 
@@ -297,7 +297,7 @@ def bench(
         typer.Option("--compare", metavar="FILE", help="Beside what --json wrote to FILE.", show_default=False),
     ] = None,
     json_: JsonOption = False,
-):
+) -> None:
     """Measure what a tick costs, how fast a run starts and how much memory it takes."""
     from cosim.bench import bench as work
     from cosim.cli.bench import compared, read_bench
@@ -350,7 +350,7 @@ def replay(
     ] = None,
     detector: DetectorOption = None,
     json_: JsonOption = False,
-):
+) -> None:
     """Run the detectors of a log again and compare bit for bit. Exit status 0: exact, 1: different.
 
     A detector of your own that was not part of the flight is run on it as it was logged.
@@ -412,7 +412,7 @@ def recover(
         ),
     ] = None,
     json_: JsonOption = False,
-):
+) -> None:
     """Make a readable log of what a kill, a full disk or a damaged disk has left of one, and say what is lost."""
     from cosim.cli import replay as cli_replay
     from cosim.log import recover as work
@@ -430,7 +430,7 @@ for part in (cli_envelope, cli_study, cli_many, cli_guests, cli_aircraft):
     part.add(app, out, err)
 
 
-def main():
+def main() -> Any:
     """Run the command line."""
     app(prog_name="cosim")
 

@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Group
@@ -13,7 +13,7 @@ from cosim.cli.output import JsonOption, WorkersOption, reserve
 from cosim.files import replace
 
 
-def add(app, out, err):
+def add(app: Any, out: Any, err: Any) -> None:
     """Add `envelope` to the command line `app`; `out` and `err` are its consoles."""
 
     @app.command()
@@ -46,7 +46,7 @@ def add(app, out, err):
             out.print(shown(found))
 
 
-def shown(found):
+def shown(found: Any) -> Any:
     """Return the table of an envelope from its plain data."""
     columns = ("points", "kt CAS", "Mach", "up to ft", "alpha deg", "stabiliser deg", "throttle %")
     t = tables.table("", "mass", *(f"{name}>" for name in columns))

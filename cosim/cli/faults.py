@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 from rich.text import Text
 
@@ -14,7 +15,7 @@ WHY = {  # place of entry -> why the elevator moves otherwise
 }
 
 
-def lines(scenario, achieved):
+def lines(scenario: Any, achieved: Any) -> Any:
     """Return the Texts about the faults of `scenario`; `achieved` {segment: peaks and amplitudes}, or None."""
     if not scenario.faults:
         return [Text("no fault", style="dim")]

@@ -2,10 +2,10 @@
 
 import hashlib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -15,7 +15,7 @@ from cosim.files import OTHER, TAKEN, locked
 LONGEST = 100  # characters of a log's name
 
 
-def reserve(path, *, taken=None, endings=(), what="the scenario"):
+def reserve(path: str | Path, *, taken: Any = None, endings: Sequence[Any] = (), what: str = "the scenario") -> None:
     """Make the folder of `path` and open the file for writing once, leaving an existing one as it is.
 
     `taken` is an input that must not be overwritten, called `what`; `endings` the suffixes that are possible. Raises
@@ -58,7 +58,7 @@ def log_name(scenario: str, overrides: Iterable[str] = ()) -> str:
 
 
 @contextmanager
-def named(scenario):
+def named(scenario: Any) -> Iterator[Any]:
     """Put the scenario's name or file before the place of what is found wrong only when it is built."""
     try:
         yield

@@ -1,5 +1,7 @@
 """What `cosim replay` and `cosim recover` show: tables built from the same plain data that `--json` prints."""
 
+from typing import Any
+
 from rich.console import Group
 from rich.markup import escape
 from rich.text import Text
@@ -9,7 +11,7 @@ from cosim.cli.tables import NOTHING, number, table
 SHOWN = 12  # differences in the table; all of them are in --json
 
 
-def replay(found, detection):
+def replay(found: Any, detection: Any) -> Any:
     """Return the outcome of a replay: what differs, how much was compared; with `detection`, who alarmed when."""
     parts = [_differences(found)] if found["differences"] else []
     parts.append(_verdict(found))
@@ -76,7 +78,7 @@ def _isolated(entry):
     return entry["isolated"]["class"] if entry["isolated"] else NOTHING
 
 
-def diagnosis(found):
+def diagnosis(found: Any) -> Any:
     """Return what the detectors say about foreign data, and what the others lack."""
     t = table("Verdicts", "detector", "watches", "first alarm s>", "alarms>", "isolated", "largest |r|>", "valid %>")
     for r in found["detectors"]:
@@ -98,7 +100,7 @@ def diagnosis(found):
     return Group(*parts)
 
 
-def recover(found):
+def recover(found: Any) -> Any:
     """Return what came back of a damaged log, and what is lost."""
     head = Text.assemble(
         (f"{found['ticks']:,} ticks", "bold"), f" ({found['duration_s']:g} s) in {found['chunks']} whole chunks\n"

@@ -1,5 +1,7 @@
 """The actuators of one flight: which blocks, with which parameters, in which equilibrium."""
 
+from typing import Any
+
 import numpy as np
 
 from actuators.simple import actuator as simple
@@ -23,7 +25,7 @@ def _scaled(technology, own, multipliers):
     return {k: nominal[k] * v for k, v in multipliers.items()}
 
 
-def plain(aircraft, kind: str) -> dict[str, float]:
+def plain(aircraft: Any, kind: str) -> dict[str, float]:
     """Return the parameters of the plain actuator of a `kind` of surface: the travel that trim and law count on, so
     that it holds whatever trims, rate [rad/s], natural frequency [rad/s].
     """
@@ -34,7 +36,7 @@ def plain(aircraft, kind: str) -> dict[str, float]:
     return {**bounds, "rate": surface.rate, "omega": surface.omega_rad_s}
 
 
-def blocks(scenario, loads: dict, others: dict, dt: float) -> list[tuple]:
+def blocks(scenario: Any, loads: dict, others: dict, dt: float) -> list[tuple]:
     """Return [(section, module, p, x0, lanes)] of all actuators, a servo before its actuator.
 
     `loads` maps segment -> (delta, hm0, hmd) at trim, `others` the remaining surfaces -> their angle [rad]. What flies

@@ -5,6 +5,9 @@ Wiring is a list of (destination, source) names, turned into index arrays; the l
 nothing of a tick can escape the log, and a detector can only read what is wired to it.
 """
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 
@@ -18,7 +21,7 @@ class Bus:
     `sections` is a list of (name, dtype, lanes): dtype of a block (every element f8), lanes a tuple of lane names.
     """
 
-    def __init__(self, sections):
+    def __init__(self, sections: Any):
         self.kinds: dict[str, np.dtype] = {}
         self.lanes: dict[str, tuple] = {}
         self._start: dict[str, int] = {}
@@ -36,7 +39,7 @@ class Bus:
         kind, start = self.kinds[name], self._start[name]
         return self.v[start : start + kind.itemsize // 8 * len(self.lanes[name])].view(kind)
 
-    def index(self, path):
+    def index(self, path: Any) -> Any:
         """Return the position of `section.lane.field`; an element of an array field is `field[3]`. KeyError names what
         is missing.
         """
@@ -48,7 +51,7 @@ class Bus:
             raise KeyError(f"{path}: no such field; there is {', '.join(positions)}")
         return positions[field]
 
-    def columns(self, section, lane, fields=None):
+    def columns(self, section: str, lane: str, fields: Any = None) -> Any:
         """Return [(name, position)] of a lane's elements in memory order, of `fields` only when given."""
         kind = self.kinds[section]
         base = self._start[section] + self.lanes[section].index(lane) * (kind.itemsize // 8)
@@ -65,7 +68,7 @@ class Bus:
                 out += [(f"{name}[{i}]", first + i) for i in range(count)]
         return out
 
-    def wires(self, pairs):
+    def wires(self, pairs: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
         """Compile [(destination path, source path)] to two index arrays."""
         to = np.array([self.index(d) for d, _ in pairs], np.int64)
         source = np.array([self.index(s) for _, s in pairs], np.int64)

@@ -5,10 +5,11 @@ into the log, so that replay needs nothing but the file.
 """
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,12 +34,12 @@ class Wire(NamedTuple):
     flag: bool
 
     @property
-    def source(self):
+    def source(self) -> str:
         """Return the name on the bus."""
         return self.signal.flag if self.flag else self.signal.source
 
 
-def wires(record, lane="", module=None):
+def wires(record: Any, lane: str = "", module: ModuleType | None = None) -> Any:
     """Return the Wires of a detector on segment `lane` ("" at aircraft level); what has a flag brings it, to
     `<field>_valid` or `<word>_valid` where INPUTS has such a field."""
     names, out = (module or registry.module(record.id)).INPUTS.names, []
@@ -53,7 +54,7 @@ def wires(record, lane="", module=None):
     return out
 
 
-def sources(name, lane=""):
+def sources(name: str, lane: str = "") -> dict[str, Any]:
     """Return {input field: name on the bus} of detector `name`."""
     return {w.field: w.source for w in wires(registry.record(name), lane)}
 
@@ -90,21 +91,21 @@ class Installed:
     lanes: tuple
 
     @property
-    def id(self):
+    def id(self) -> str:
         """Return its id."""
         return self.record.id
 
     @property
-    def level(self):
+    def level(self) -> str:
         """Return "local" or "aircraft"."""
         return self.record.level
 
     @property
-    def every(self):
+    def every(self) -> int:
         """Return the ticks of the loop from step to step."""
         return self.record.every
 
-    def params(self, scenario, dt):
+    def params(self, scenario: Any, dt: float) -> Any:
         """Return the PARAMS of all lanes; the scenario's own values replace fields. Raises ScenarioError for one that
         is none.
         """
@@ -133,15 +134,15 @@ class Installed:
             raise ScenarioError("is no number", place=place, allowed="a number")
         assign(self.record, self.module, p, name, float(value), dt, error=ScenarioError, place=place)
 
-    def inputs(self, lane):
+    def inputs(self, lane: str) -> Any:
         """Return the Wires of a lane."""
         return wires(self.record, lane if self.level == "local" else "")
 
-    def wires(self):
+    def wires(self) -> list[Any]:
         """Return [(input, source)] of all lanes, as names of the bus."""
         return [(f"{self.id}_in.{lane}.{w.field}", w.source) for lane in self.lanes for w in self.inputs(lane)]
 
-    def target(self, lane):
+    def target(self, lane: str) -> str:
         """Return the name of what a lane watches."""
         return f"elevator.{lane}" if self.level == "local" else "aircraft"
 
@@ -158,7 +159,7 @@ def _word(detector, name, value, allowed):
     return value
 
 
-def missing(record, aircraft: Aircraft) -> str:
+def missing(record: Any, aircraft: Aircraft) -> str:
     """Return why a detector cannot watch an aircraft, or "": an input that it lacks, or no design for it."""
     for word in record.inputs.values():
         segment, dot, _ = word.rpartition(".")
@@ -172,14 +173,14 @@ def missing(record, aircraft: Aircraft) -> str:
     return ""
 
 
-def left_out(scenario) -> dict[str, str]:
+def left_out(scenario: Any) -> dict[str, str]:
     """Return {detector: why} of those that the scenario runs and its aircraft cannot have."""
     guests.use(scenario)
     found = {name: missing(registry.record(name), scenario.aircraft) for name in scenario.running}
     return {name: why for name, why in found.items() if why}
 
 
-def chosen(scenario):
+def chosen(scenario: Any) -> Any:
     """Return the Installed detectors of a scenario, in its order; one without an actuator of its technologies, or that
     its aircraft cannot have, is left out.
     """
@@ -204,7 +205,7 @@ _ESTIMATE = {
 }
 
 
-def feedback_wires(scenario):
+def feedback_wires(scenario: Any) -> Any:
     """Return the wires by which servos close on a local filter's estimate: where the scenario says so, and on
     reconfiguration.
     """
@@ -232,7 +233,7 @@ def feedback_wires(scenario):
     return pairs
 
 
-def manifest(setup, topics):
+def manifest(setup: Any, topics: Sequence[Any]) -> Any:
     """Return, for the log, each detector's module, lanes, rate and, per lane, where in the log each of its inputs
     stands.
 

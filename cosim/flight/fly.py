@@ -2,6 +2,8 @@
 
 import functools
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +26,7 @@ LIMITS = {
 }
 
 
-def health(truth):
+def health(truth: Any) -> tuple[str, str]:
     """Return (status, reason) of a record of truth.
 
     "diverged" where a number is not finite, "departed" outside LIMITS, else ("", "").
@@ -49,7 +51,7 @@ def _bounds(kind):
     return np.array([LIMITS.get(name, (-most, most)) for name in kind.names]).T
 
 
-def record(setup, names):
+def record(setup: Any, names: Sequence[Any]) -> tuple[np.ndarray, str, str]:
     """Fly a built flight without a log; return (values (ticks, names) of the named bus signals, status, reason)."""
     index = np.array([setup.loop.bus.index(n) for n in names])
     rows, status, reason = fly(setup, keep=(index, np.float64))
@@ -58,7 +60,7 @@ def record(setup, names):
     return rows, status, reason
 
 
-def fly(setup, *logs, progress=None, keep=None):
+def fly(setup: Any, *logs: Any, progress: Any = None, keep: Any = None) -> Any:
     """Run every tick of a built flight; return (history of the ticks flown, status, reason).
 
     `logs` take the bus of each tick (cosim/flight/tick.py); `keep` says what of it becomes history, (positions, dtype),

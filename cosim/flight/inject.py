@@ -6,6 +6,7 @@ substitution (solid OFC, runaway) acts on two fields, its share of the healthy s
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -38,7 +39,7 @@ class Lane:
     reference: str = ""  # bus name latched at onset, for a runaway
 
 
-def lanes(scenario) -> list[Lane]:
+def lanes(scenario: Any) -> list[Lane]:
     """Return the fault lanes of `scenario`; relative units refer to the nominal values of the technologies' records."""
     return [_lane(j, scenario) for j in scenario.injections()]
 

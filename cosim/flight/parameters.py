@@ -6,6 +6,7 @@ scenario, a command line or a log, states from a log. A detector's record says w
 """
 
 import functools
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from cosim.scenario.catalog import DEFAULT_TECHNOLOGY
 from fdi import registry
 
 
-def assign(record, module, p, name, value, dt, *, error, place):
+def assign(record: Any, module: Any, p: Any, name: str, value: Any, dt: float, *, error: Any, place: str) -> None:
     """Set parameter `name` of all lanes in PARAMS `p`: a number, all elements of an array, or one of them, `name[i,j]`.
 
     Raises `error` (a CosimError) at `place`.
@@ -38,7 +39,7 @@ def assign(record, module, p, name, value, dt, *, error, place):
         raise error(f"{value!r} cannot be set", place=place, allowed=said) from wrong
 
 
-def parameter_range(name, record, module, dt):
+def parameter_range(name: str, record: Any, module: Any, dt: float) -> tuple[Any, ...] | None:
     """Return (lowest, highest) that parameter `name` may be, both whole; None for any number."""
     if name in record.looks_back:
         return 0.0, module.STATE[record.looks_back[name]].shape[0] - 1.0
@@ -48,7 +49,7 @@ def parameter_range(name, record, module, dt):
     return None
 
 
-def wrong_parameter(record, module, p, dt):
+def wrong_parameter(record: Any, module: Any, p: Any, dt: float) -> tuple[Any, ...] | None:
     """Return (name, value, lowest, highest) of the first index in PARAMS `p` that does not fit; None when all do."""
     for name in module.PARAMS.names:
         span = parameter_range(name, record, module, dt)
@@ -57,7 +58,7 @@ def wrong_parameter(record, module, p, dt):
     return None
 
 
-def wrong_state(record, module, x):
+def wrong_state(record: Any, module: Any, x: np.ndarray) -> tuple[str, float, float, float] | None:
     """Return (name, value, lowest, highest) of the first index in STATE `x` that does not fit; None when all do."""
     spans = {"culprit": len(module.CULPRITS) - 1.0}
     spans |= {name: module.STATE[array].shape[axis] - 1.0 for name, (array, axis) in record.places.items()}

@@ -4,6 +4,7 @@ import io
 import json
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +28,7 @@ def _sensor_copies(scenario):
     return {"/sensors": ("y", "valid"), **({"/observers": ("y_obs", "valid_obs")} if own else {})}
 
 
-def topics(setup):
+def topics(setup: Any) -> Any:
     """Return the log's topics: everything of a tick, under names that a reader understands."""
     bus, technology, out = setup.loop.bus, setup.scenario.elevator.technology, []
 
@@ -73,7 +74,7 @@ def topics(setup):
     return out
 
 
-def open_writer(setup, path):
+def open_writer(setup: Any, path: Any) -> LogWriter:
     """Return the LogWriter of a flight's log, with what does not change written: scenario, parameters, wiring."""
     import cosim
 
@@ -115,7 +116,7 @@ def open_writer(setup, path):
     return writer
 
 
-def open_live(setup, port):
+def open_live(setup: Any, port: int) -> Any:
     """Return the server that shows the topics of a flight's log while it is flown."""
     from cosim.log.live import Live
 
@@ -123,12 +124,12 @@ def open_live(setup, port):
     return Live(topics(setup), dt_ns=round(loop.dt * 1e9), pose=pose(loop.bus), port=port, name=setup.scenario.title)
 
 
-def pose(bus):
+def pose(bus: Any) -> Pose:
     """Return where in the bus the aircraft's place stands."""
     return Pose(**{n: bus.index(f"truth.aircraft.{n}") for n in ("lat", "lon", "h", "phi", "theta", "psi")})
 
 
-def result_texts(result):
+def result_texts(result: Any) -> dict[str, Any]:
     """Return the result's texts for the log: nothing in them depends on the machine's clock."""
     kept = [{k: v for k, v in d.items() if k != "step_us"} for d in result.to_dict()["detectors"]]
     return {

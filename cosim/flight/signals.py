@@ -1,7 +1,7 @@
 """Fly a scenario and keep some signals as a table; run a detector over such a table as often as needed."""
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +25,7 @@ CHUNK = 400  # ticks of whole detector states held at once
 
 def fly(
     scenario: Scenario | str | os.PathLike,
-    signals: Sequence[str] = COMMON,
+    signals: Iterable[str] = COMMON,
     *,
     prepare: Callable[[Any], None] | None = None,
 ) -> "pd.DataFrame":

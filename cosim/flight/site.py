@@ -4,6 +4,7 @@ aircraft (fdi/common/record.py, `Site`)."""
 import functools
 import math
 from dataclasses import dataclass
+from typing import Any
 
 from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.flight.gains import SENSOR_DELAY
@@ -32,7 +33,9 @@ def aircraft(own: Aircraft) -> About:
     return About(force_model(own.folder), (SERVO, *late, 0.0), (RATE, *rates))
 
 
-def site(dt, lane="", technologies=None, own: Aircraft | None = None, believed=None) -> Site:
+def site(
+    dt: float, lane: str = "", technologies: Any = None, own: Aircraft | None = None, believed: Any = None
+) -> Site:
     """Return the Site of a detector with tick `dt` [s] on elevator segment `lane` ("" at aircraft level).
 
     `technologies` is {segment: technology}, `own` the aircraft, by default the bundled one;

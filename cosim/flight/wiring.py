@@ -5,6 +5,8 @@ loop compiles it to index arrays, the log stores the detectors' part of it, and 
 same names.
 """
 
+from typing import Any
+
 from cosim.flight.blocks import sensors
 from cosim.flight.blocks.law import SENSORS as LAW_SENSORS
 from cosim.scenario.catalog import TECHNOLOGIES
@@ -14,7 +16,7 @@ OTHERS = ("aileron_left", "aileron_right", "rudder", "stabiliser")  # surfaces w
 SURFACE_OF = {"aileron_left": "da_l", "aileron_right": "da_r", "rudder": "dr", "stabiliser": "stab"}
 COMMAND_OF = {"aileron_left": "da_cmd", "aileron_right": "da_cmd", "rudder": "dr_cmd", "stabiliser": "stab_cmd"}
 
-def sensor_wires(scenario) -> list[tuple[str, str]]:
+def sensor_wires(scenario: Any) -> list[tuple[str, str]]:
     """Return the wires from truth and actuators to the sensors."""
     fitted = sensors.fitted(scenario.aircraft)
     pairs = [(f"sensors_in.{name}.truth", f"truth.aircraft.{spec[0]}") for name, spec in fitted.items()]
@@ -24,7 +26,7 @@ def sensor_wires(scenario) -> list[tuple[str, str]]:
     return pairs
 
 
-def law_wires():
+def law_wires() -> list[Any]:
     """Return the wires of measurements to the law."""
     pairs = []
     for i, name in enumerate(LAW_SENSORS):
@@ -32,12 +34,12 @@ def law_wires():
     return [*pairs, ("pilot_in.pilot.t", "clock.clock.t")]
 
 
-def demand_wires():
+def demand_wires() -> list[tuple[str, str]]:
     """Return the wires from the manoeuvre to the law."""
     return [(f"law_in.law.{name}", f"pilot.pilot.{name}") for name in DEMANDS]
 
 
-def hinge_wires(technology):
+def hinge_wires(technology: Any) -> list[tuple[str, str]]:
     """Return the wires of measured air data to the detectors' model of the hinge moment."""
     return [
         (f"hinge_model_in.{seg}.{name}{tail}", f"sensors.{name}.{source}")
@@ -47,7 +49,7 @@ def hinge_wires(technology):
     ]
 
 
-def servo_wires(technology):
+def servo_wires(technology: Any) -> Any:
     """Return the wires of commands and measurements to the servo loops."""
     pairs = []
     for seg, tech in technology.items():
@@ -62,7 +64,7 @@ def servo_wires(technology):
     return pairs
 
 
-def actuator_wires(scenario):
+def actuator_wires(scenario: Any) -> Any:
     """Return the wires from servos, law and hinge moments to the actuators."""
     pairs, short = [], scenario.aircraft.short
     for seg, tech in scenario.elevator.technology.items():
@@ -73,7 +75,7 @@ def actuator_wires(scenario):
     return pairs + [(f"simple_in.{name}.command", f"law.law.{COMMAND_OF[name]}") for name in OTHERS]
 
 
-def surface_wires(scenario):
+def surface_wires(scenario: Any) -> list[tuple[str, str]]:
     """Return the wires from actuators, law and engine faults to the aircraft."""
     short = scenario.aircraft.short
     pairs = [(f"surfaces.aircraft.de_{short[s]}", f"{t}.{s}.delta") for s, t in scenario.elevator.technology.items()]

@@ -17,7 +17,7 @@ class FrameError(ValueError):
     """Say that compressed data are not one whole frame of the size that they should have."""
 
 
-def compressor(name):
+def compressor(name: str) -> Any:
     """Return bytes-like -> bytes for a name of COMPRESSIONS; raises ValueError for another."""
     if name == "lz4":
         options: dict[str, Any] = {"compression_level": -_ACCELERATION, "block_size": lz4.frame.BLOCKSIZE_MAX4MB}
@@ -29,7 +29,7 @@ def compressor(name):
     raise ValueError(f"compression {name!r}; there is {', '.join(map(repr, COMPRESSIONS))}")
 
 
-def decompress(data, size, name):
+def decompress(data: Any, size: int, name: str) -> Any:
     """Return the content of one frame, which must state and have `size` bytes; no more memory than that is taken.
 
     Raises FrameError.

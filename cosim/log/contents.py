@@ -3,6 +3,7 @@
 import io
 import struct
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from mcap.data_stream import ReadDataStream, RecordBuilder
@@ -58,7 +59,7 @@ class Contents:
     records: int = 0
     total: int = 0  # content of the chunks so far [byte]
 
-    def take(self, at, opcode, length, body, digest):
+    def take(self, at: Any, opcode: Any, length: Any, body: Any, digest: Any) -> None:
         """Take the record at byte `at`, of `length`; `digest` hashes all before it. Raises ValueError or its like."""
         if opcode == Opcode.MESSAGE_INDEX:
             self._message_index(at, length, body)
@@ -176,7 +177,7 @@ class Contents:
         chunk.index_offsets[channel], chunk.index_counts[channel] = at, size // 16
         chunk.index_length += 9 + length
 
-    def indexes(self, file, stop):
+    def indexes(self, file: Any, stop: Any) -> int:
         """Take all message indexes of the last chunk's samples at once; return their size, 0 where it cannot be."""
         assert self.layout is not None  # or the chunk had been refused
         chunk = self.chunks[-1]
@@ -195,11 +196,11 @@ class Contents:
         chunk.index_length, self.records = size, self.records + len(offsets)
         return size
 
-    def ticks(self, chunk):
+    def ticks(self, chunk: Any) -> tuple[Any, ...]:
         """Return (first tick, number of ticks) of a chunk."""
         return chunk.start_ns // self.dt_ns, (chunk.end_ns - chunk.start_ns) // self.dt_ns + 1
 
-    def finish(self):
+    def finish(self) -> None:
         """Check that the message indexes of the last chunk count what its ticks must hold; raises LogError."""
         if self.layout is None or not self.chunks or self.chunks[-1].checked:
             return
@@ -211,7 +212,7 @@ class Contents:
             raise log_error("the message indexes do not count what the chunk holds", self.path, chunk.offset)
 
 
-def decode(kind, opcode, body):
+def decode(kind: Any, opcode: int, body: Any) -> Any:
     """Return the record of a body; raises ValueError unless it encodes back to the same bytes."""
     record = kind.read(ReadDataStream(io.BytesIO(body)))
     builder = RecordBuilder()

@@ -2,11 +2,12 @@
 
 import hashlib
 import math
+from typing import Any
 
 import numpy as np
 
 
-def fingerprint(log):
+def fingerprint(log: Any) -> str:
     """Return text: per topic its rows and the SHA-256 of its values, per field first, last, least, greatest and mean.
 
     Topics that are not logged at every tick, such as a detector's whole states, have their one line only.

@@ -7,6 +7,8 @@ size: tag, 8 bytes, tag, 8 bytes... Any protobuf decoder reads it; numpy packs a
 import json
 import re
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorSet
@@ -20,7 +22,7 @@ _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 _TOPIC = re.compile(r"(/[A-Za-z0-9_]+)+\Z")
 
 
-def log_error(problem, path, offset=None, remedy=""):
+def log_error(problem: str, path: str | Path, offset: int | None = None, remedy: str = "") -> LogError:
     """Return the LogError whose place is a file and, where it is known, the byte in it."""
     place = f"{path}" if offset is None else f"{path}, byte {offset}"
     return LogError(problem, place=place, remedy=remedy)
@@ -108,7 +110,7 @@ class ChunkRef:
     checked: bool = False  # that its message indexes count its content
 
 
-def check_topic(name, fields, units, every):
+def check_topic(name: str, fields: Any, units: Any, every: int) -> None:
     """Raise ValueError when a topic's name, fields, units or rate cannot be logged."""
     if not _TOPIC.match(name):
         raise ValueError(f"topic {name!r}: use /words/of/letters_digits_underscores")
@@ -123,18 +125,18 @@ def check_topic(name, fields, units, every):
         raise ValueError(f"topic {name}: every must be a whole number of ticks >= 1, not {every}")
 
 
-def check_texts(name, texts):
+def check_texts(name: str, texts: Any) -> None:
     """Raise ValueError unless metadata are {str: str}."""
     if not all(isinstance(text, str) for pair in texts.items() for text in pair):
         raise ValueError(f"metadata {name!r}: keys and values must be str")
 
 
-def schema_name(topic):
+def schema_name(topic: str) -> Any:
     """Return the protobuf message name of a sampled topic: `/a/b` is `cosim.a_b`."""
     return "cosim." + topic.strip("/").replace("/", "_")
 
 
-def schema_data(topic, fields):
+def schema_data(topic: str, fields: Any) -> Any:
     """Return the FileDescriptorSet of a message with one `double` per field, numbered from 1 in order."""
     files = FileDescriptorSet()
     file = files.file.add(name=f"cosim{topic}.proto", package="cosim", syntax="proto3")
@@ -150,7 +152,7 @@ def schema_data(topic, fields):
     return files.SerializeToString(deterministic=True)
 
 
-def channel_metadata(topic):
+def channel_metadata(topic: Any) -> Any:
     """Return the text that describes a sampled topic in its channel record."""
     return {
         "every": str(topic.every),
@@ -160,7 +162,7 @@ def channel_metadata(topic):
     }
 
 
-def parse_topic(channel, schema):
+def parse_topic(channel: Any, schema: Any) -> TopicInfo:
     """Return the TopicInfo of a channel record and its schema; raises ValueError when they are not ours."""
     files = FileDescriptorSet.FromString(schema.data)
     if len(files.file) != 1 or len(files.file[0].message_type) != 1:

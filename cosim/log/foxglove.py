@@ -7,6 +7,7 @@ the core does not need that package. These messages are for viewers: replay read
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from math import cos, pi, sin
+from typing import Any
 
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, timestamp_pb2
 
@@ -95,13 +96,13 @@ def _files(name):
     return (*found.values(), file)
 
 
-def schema(name):
+def schema(name: str) -> Any:
     """Return the FileDescriptorSet (bytes) of the well-known message `foxglove.<name>`."""
     return descriptor_pb2.FileDescriptorSet(file=_files(name)).SerializeToString(deterministic=True)
 
 
 @cache
-def message(name):
+def message(name: str) -> Any:
     """Return the protobuf class of `foxglove.<name>`, in a pool of its own."""
     pool = descriptor_pool.DescriptorPool()
     for file in _files(name):
@@ -122,19 +123,19 @@ def _time(ns):
     return {"seconds": ns // 1_000_000_000, "nanos": ns % 1_000_000_000}
 
 
-def log(ns, text, level):
+def log(ns: int, text: str, level: Any) -> Any:
     """Return the bytes of a foxglove.Log of simulated time `ns`; raises ValueError for an unknown level."""
     if level not in LEVELS:
         raise ValueError(f"level {level!r}: one of {', '.join(LEVELS)}")
     return message("Log")(timestamp=_time(ns), level=LEVELS[level], message=text, name="cosim").SerializeToString()
 
 
-def text(data):
+def text(data: Any) -> Any:
     """Return the text of a foxglove.Log."""
     return message("Log").FromString(data).message
 
 
-def event(start_ns, end_ns, texts):
+def event(start_ns: Any, end_ns: Any, texts: Any) -> Any:
     """Return the bytes of a foxglove.Event from start_ns to end_ns (None: open) with `texts` {str: value}."""
     made = message("Event")(start_time=_time(start_ns))
     if end_ns is not None:
@@ -162,11 +163,11 @@ class Pose:
     _origin: tuple | None = field(default=None, init=False)
 
     @property
-    def index(self):
+    def index(self) -> tuple[int, int, int, int, int, int]:
         """Return the positions in the order in which `messages` takes the values."""
         return self.lat, self.lon, self.h, self.phi, self.theta, self.psi
 
-    def messages(self, rows, k0, dt_ns):
+    def messages(self, rows: Any, k0: int, dt_ns: int) -> Any:
         """Return [(tick, topic, bytes)] of rows (n, 6) in the order of `index`, the first of tick k0."""
         out = []
         transforms, fix = self._messages

@@ -1,11 +1,13 @@
 """What `cosim info` tells about a log, as plain data."""
 
 import os
+from pathlib import Path
+from typing import Any
 
 SCENARIO = "scenario.toml"  # attachment with the expanded scenario
 
 
-def log_info(path):
+def log_info(path: str | Path) -> dict[str, Any]:
     """Return {log, complete, problem, title, status, duration_s, rate_hz, ticks, gaps, versions, topics, ...}.
 
     `problem` says why the strict reader refuses a log, which is then described by what is whole of it. Raises LogError

@@ -4,7 +4,9 @@ Put them into the log as attachments, or write them beside it; both viewers impo
 """
 
 import json
+from collections.abc import Sequence
 from itertools import cycle
+from typing import Any
 from xml.etree import ElementTree
 
 # page -> plots (title, group of topics or "" for any, names of fields or their beginnings before "*")
@@ -41,7 +43,7 @@ PAGES = (
 _COLOURS = ("#1f77b4", "#d62728", "#1ac938", "#ff7f0e", "#f14cc1", "#9467bd", "#17becf", "#bcbd22")
 
 
-def viewer_layouts(topics, pages=PAGES):
+def viewer_layouts(topics: Sequence[Any], pages: Any = PAGES) -> dict[str, Any]:
     """Return {"layout.foxglove.json": (media type, bytes), "layout.plotjuggler.xml": ...} for Topics or TopicInfos.
 
     `pages` say what stands together; a plot, or a page, for which the topics have no field is left out.

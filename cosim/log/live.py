@@ -4,6 +4,8 @@ Nothing of it enters the log: a watched flight leaves the same bytes as one that
 """
 
 import time
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +26,16 @@ class Live:
     foxglove.Context, by default its own. Raises OutputError when the library is missing or the port is taken.
     """
 
-    def __init__(self, topics, *, dt_ns=5_000_000, pose=None, port, name="cosim", context=None):
+    def __init__(
+        self,
+        topics: Sequence[Any],
+        *,
+        dt_ns: int = 5_000_000,
+        pose: Any = None,
+        port: int,
+        name: str = "cosim",
+        context: Any = None,
+    ):
         sdk = _library()
         self.dt_ns, self._pose = dt_ns, pose
         self._stride = max(1, round(1e9 / RATE / dt_ns))
@@ -60,7 +71,7 @@ class Live:
         self.url = f"ws://{HOST}:{self._gate.port}"
         self._k, self._start = 0, 0.0
 
-    def append(self, v):
+    def append(self, v: np.ndarray) -> Any:
         """Show the vector v of the next tick, then wait until the clock has come as far as the flight."""
         k, self._k = self._k, self._k + 1
         self._start = self._start or time.perf_counter()

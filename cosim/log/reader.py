@@ -5,6 +5,8 @@ import html
 import os
 import struct
 from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,7 +23,7 @@ MOST_DRAWN = 4000  # samples of a curve
 _HEAD = struct.Struct("<BQHIQQ")  # a message record up to its payload, as chunk.HEAD
 
 
-def open_log(path, *, limits=None, tolerant=False):
+def open_log(path: str | Path, *, limits: Any = None, tolerant: bool = False) -> "Log":
     """Open a log strictly: checksums, structure and limits are checked before anything is returned.
 
     With `tolerant`, a log that was cut or damaged gives what is whole: the ticks of damaged chunks are missing, and
@@ -42,7 +44,7 @@ class Log:
     its result), `result` {str: str} or None.
     """
 
-    def __init__(self, found):
+    def __init__(self, found: Any):
         self._scan = found
         self.path, self.dt_ns = found.path, found.dt_ns
         self.metadata = {r.name: r.metadata for _, _, r in found.metadata}
@@ -90,14 +92,14 @@ class Log:
         rows = sum(len(range(-k0 % t.every, n, t.every)) for k0, n in self._runs)
         return TopicInfo(t.name, t.fields, t.units, t.every, rows, t.group, t.description)
 
-    def array(self, topic, start=0, stop=None):
+    def array(self, topic: str, start: float = 0, stop: Any = None) -> Any:
         """Return the values of a topic (rows, fields) as float64, bit for bit as they were logged.
 
         `start` and `stop` bound the ticks, start <= k < stop; chunks outside them are not read.
         """
         return self.arrays([topic], start, stop)[topic]
 
-    def arrays(self, topics=None, start=0, stop=None):
+    def arrays(self, topics: Sequence[Any] | None = None, start: float = 0, stop: Any = None) -> Any:
         """Return {topic: (rows, fields)} of several topics (default: all), each chunk read once; see `array`."""
         names = list(self.topics) if topics is None else list(topics)
         numbers = {self._number(name): name for name in names}
@@ -134,7 +136,7 @@ class Log:
             raise _Unknown(f"{self.path} has no topic {topic!r}{_near(topic, self.topics)}; log.topics has all")
         return list(self.topics).index(topic)
 
-    def ticks(self, topic, start=0, stop=None):
+    def ticks(self, topic: str, start: float = 0, stop: Any = None) -> np.ndarray:
         """Return the tick of each row of a topic (rows,) as int64; see `array` for the bounds."""
         self._number(topic)
         every = self.topics[topic].every
@@ -142,7 +144,7 @@ class Log:
         parts = [np.arange(a + -a % every, b, every, dtype=np.int64) for a, b in bounds]
         return np.concatenate(parts) if parts else np.empty(0, np.int64)
 
-    def times_ns(self, topic):
+    def times_ns(self, topic: str) -> Any:
         """Return the simulated time of each row of a topic (rows,) as int64 [ns]."""
         return self.ticks(topic) * self.dt_ns
 
@@ -157,18 +159,18 @@ class Log:
         made.attrs["units"] = dict(zip(info.fields, info.units))
         return made
 
-    def frame(self, topic):
+    def frame(self, topic: str) -> Any:
         """Return a topic as a DataFrame: a column per field, index `t_s` in float seconds (tick x dt, rounded once).
 
         `attrs["units"]` is {column: unit}, "-" for a number without one. Raises KeyError for a topic that is not there.
         """
         return self._frame(topic, self.array(topic))
 
-    def frames(self, topics=None):
+    def frames(self, topics: Any = None) -> dict[str, Any]:
         """Return {topic: DataFrame} of several topics (default: all), each chunk read once."""
         return {name: self._frame(name, values) for name, values in self.arrays(topics).items()}
 
-    def fields(self, names):
+    def fields(self, names: Sequence[Any]) -> Any:
         """Return single fields, named "/topic.field", as one DataFrame; slower topics are NaN at the ticks between.
 
         `attrs["units"]` is {column: unit}. Raises KeyError for a field that is not there.
@@ -191,7 +193,7 @@ class Log:
         made.attrs["units"] = {n: frames[topic].attrs["units"][field] for n, (topic, field) in zip(names, pairs)}
         return made
 
-    def messages(self, topic):
+    def messages(self, topic: str) -> list[Any]:
         """Return the well-known messages of /log, /events, /tf or /fix as a list of (tick, protobuf message)."""
         if topic not in foxglove.TOPICS:
             raise KeyError(f"{topic!r} is none of {', '.join(foxglove.TOPICS)}")
@@ -244,7 +246,7 @@ def _part(span, bounds, every):
     return slice(low, max(low, len(range(first, b, every))))
 
 
-def drop_damaged_chunks(found):
+def drop_damaged_chunks(found: Any) -> None:
     """Leave only the whole chunks in the Contents of a log, and add the others to its damage."""
     whole = []
     with open(found.path, "rb") as file:
@@ -258,7 +260,7 @@ def drop_damaged_chunks(found):
     found.chunks = whole
 
 
-def load_chunk(found, file, chunk, topics=None):
+def load_chunk(found: Any, file: Any, chunk: Any, topics: Sequence[Any] | None = None) -> tuple[Any, ...]:
     """Return (plan, content, tail) of a chunk; raises LogError when a single byte is not as it must be.
 
     The tail is the list of irregular messages (channel id, tick, payload). Beyond the checksum, which covers all, only
@@ -304,7 +306,7 @@ def _decompress(found, data, chunk):
         raise log_error(str(error), found.path, chunk.offset) from error
 
 
-def is_log(path):
+def is_log(path: str | Path) -> bool:
     """Tell whether a file begins as an MCAP file does."""
     with open(os.fspath(path), "rb") as file:
         return file.read(8) == b"\x89MCAP0\r\n"

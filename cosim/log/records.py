@@ -2,6 +2,7 @@
 
 import hashlib
 import struct
+from typing import Any
 
 from isal.isal_zlib import crc32
 from mcap.data_stream import RecordBuilder
@@ -22,7 +23,7 @@ from .format import ChunkRef
 MAGIC = b"\x89MCAP0\r\n"
 
 
-def closing(offset, crc, schemas, channels, chunks, attachments, metadata):
+def closing(offset: Any, crc: Any, schemas: Any, channels: Any, chunks: Any, attachments: Any, metadata: Any) -> Any:
     """Return the bytes that follow a data section of `offset` bytes and CRC-32 `crc`.
 
     `chunks` are ChunkRefs; `attachments` and `metadata` are lists of (offset, length, record). A reader builds the same
@@ -56,7 +57,7 @@ def closing(offset, crc, schemas, channels, chunks, attachments, metadata):
     return end + summary + builder.end() + MAGIC
 
 
-def content_hash(chunks):
+def content_hash(chunks: Any) -> str:
     """Return the SHA-256 of the chunks' first tick times, sizes and CRCs: it changes with any sample."""
     digest = hashlib.sha256()
     for chunk in chunks:
@@ -64,7 +65,9 @@ def content_hash(chunks):
     return digest.hexdigest()
 
 
-def pack_chunk(layout, content, data, compression, k0, n, tail, offset):
+def pack_chunk(
+    layout: Any, content: Any, data: Any, compression: str, k0: Any, n: Any, tail: Any, offset: int
+) -> tuple[Any, ...]:
     """Return (list of bytes, ChunkRef) of the chunk record at `offset` and its message indexes.
 
     `data` is the compressed `content` of the ticks k0 <= k < k0 + n; `tail` is {channel id: [(time, offset), ...]}.

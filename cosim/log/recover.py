@@ -2,6 +2,8 @@
 
 import hashlib
 import os
+from pathlib import Path
+from typing import Any
 
 from .chunk import HEAD
 from .format import Limits, LogError, log_error
@@ -11,7 +13,7 @@ from .scan import scan
 from .sink import Sink
 
 
-def recover(path, out, *, limits=None):
+def recover(path: str | Path, out: str | Path, *, limits: Any = None) -> dict[str, Any]:
     """Write every whole chunk of the log at `path` to a new log at `out` and return a report.
 
     The report: `out`, `chunks`, `ticks`, `duration_s`, `complete` (nothing of the run was lost), `parameters_intact`
@@ -71,7 +73,7 @@ def _repack(found, file, chunk, offset):
     return pack_chunk(found.layout, content, data, chunk.compression, k0, n, entries, offset)
 
 
-def info(path, *, check=False, limits=None):
+def info(path: Any, *, check: Any = False, limits: Any = None) -> dict[str, Any]:
     """Return a dict that describes a log, be it whole or not; raises LogError when there is nothing to describe.
 
     `readable` (the strict reader takes it), `problem` (why not), `complete` (the run ended by itself), `ticks`, `dt_s`,

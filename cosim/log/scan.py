@@ -7,6 +7,8 @@ one that follows from its data; so nothing is taken unchecked. Tolerant: keep wh
 import hashlib
 import os
 import struct
+from pathlib import Path
+from typing import Any
 
 from google.protobuf.message import DecodeError
 from isal.isal_zlib import crc32
@@ -38,7 +40,7 @@ BAD = (
 _VITAL = (Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL)  # without each of them no chunk can be read
 
 
-def scan(path, limits, tolerant=False):
+def scan(path: str | Path, limits: Any, tolerant: bool = False) -> Any:
     """Return the Contents of a log; raises LogError when it cannot be read, is foreign, damaged or beyond a limit.
 
     With `tolerant`, damage is listed in the Contents instead, as long as there is a log to speak of.

@@ -3,6 +3,8 @@
 import errno
 import hashlib
 import os
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from isal.isal_zlib import crc32
 from mcap.data_stream import RecordBuilder
@@ -20,7 +22,7 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 class Sink:
     """Hold one file being written; `ids` maps topics to channel ids. Methods raise LogError when writing fails."""
 
-    def __init__(self, path):
+    def __init__(self, path: Any):
         self.path = os.fspath(path)
         self.offset = self.crc = 0
         self.schemas, self.channels, self.ids = [], [], {}
@@ -34,7 +36,7 @@ class Sink:
             raise log_error(TAKEN, self.path, remedy=OTHER)
         self._file = file
 
-    def preamble(self, declared, metadata, attachments):
+    def preamble(self, declared: Any, metadata: Mapping[str, Any], attachments: Mapping[str, Any]) -> None:
         """Write all that precedes the first chunk, and a hash of it.
 
         `declared` are (topic, message name, descriptors, channel metadata), `metadata` {name: {str: str}},
@@ -63,23 +65,23 @@ class Sink:
         self._digest.update(blob)
         self.put(blob)
 
-    def metadata(self, name, texts):
+    def metadata(self, name: str, texts: Any) -> None:
         """Write a metadata record."""
         at, record = self.offset, Metadata(name=name, metadata=dict(texts))
         blob = encode(record)
         self._preamble(blob)
         self._metadata.append((at, len(blob), record))
 
-    def chunk(self, blobs, ref):
+    def chunk(self, blobs: Sequence[Any], ref: Any) -> None:
         """Write a chunk and its message indexes as they come from records.pack_chunk."""
         self.put(*blobs)
         self.chunks.append(ref)
 
-    def mark(self):
+    def mark(self) -> tuple[int, int, int, int]:
         """Return the place reached, for back_to."""
         return self.offset, self.crc, len(self.chunks), len(self._metadata)
 
-    def back_to(self, mark):
+    def back_to(self, mark: Any) -> None:
         """Forget all that was written after a mark, be it half a chunk."""
         self.offset, self.crc, chunks, metadata = mark
         del self.chunks[chunks:], self._metadata[metadata:]
@@ -89,13 +91,13 @@ class Sink:
         except OSError as error:
             raise self._failed(error) from error
 
-    def finish(self):
+    def finish(self) -> Any:
         """Write the end of the log and close the file."""
         found = self.chunks, self._attachments, self._metadata
         self._write(closing(self.offset, self.crc, self.schemas, self.channels, *found))
         self.drop()
 
-    def put(self, *blobs):
+    def put(self, *blobs: Any) -> None:
         """Write bytes of the data section and count them."""
         crc = self.crc
         for blob in blobs:
@@ -119,16 +121,16 @@ class Sink:
         return log_error(f"cannot write the log: {error.strerror}", self.path, self.offset, remedy)
 
     @property
-    def open(self):
+    def open(self) -> bool:
         """Tell whether the file is still being written."""
         return not self._file.closed
 
-    def drop(self):
+    def drop(self) -> None:
         """Close the file as it is."""
         self._file.close()
 
 
-def encode(record):
+def encode(record: Any) -> Any:
     """Return the bytes of a record of the library."""
     builder = RecordBuilder()
     record.write(builder)

@@ -12,7 +12,7 @@ put: Any = pointers.put  # Numba gives it the context
 
 
 @njit(error_model="numpy")
-def store(address, bus):
+def store(address: Any, bus: Any) -> None:
     """Store what the head at `address` asks for of the vector at `bus`, and count the row."""
     head, v = wholes(address), reals(bus)
     row, n = head[0], head[3]
@@ -28,6 +28,6 @@ def store(address, bus):
     head[0] = row + 1
 
 
-def entry(address, bus):
+def entry(address: Any, bus: Any) -> None:
     """Call `store`."""
     store(address, bus)

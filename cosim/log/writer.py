@@ -3,6 +3,7 @@
 import ctypes
 import struct
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -44,16 +45,16 @@ class LogWriter:
 
     def __init__(
         self,
-        path,
-        topics,
+        path: Any,
+        topics: Any,
         *,
-        n_values,
-        dt_ns=5_000_000,
-        metadata=None,
-        attachments=None,
-        rows_per_chunk=ROWS,
-        compression="lz4",
-        pose=None,
+        n_values: Any,
+        dt_ns: Any = 5_000_000,
+        metadata: Any = None,
+        attachments: Any = None,
+        rows_per_chunk: Any = ROWS,
+        compression: Any = "lz4",
+        pose: Any = None,
     ):
         self.dt_ns, self._topics, self._pose = int(dt_ns), list(topics), pose
         _check(self._topics, n_values, self.dt_ns, metadata or {}, rows_per_chunk)
@@ -82,7 +83,7 @@ class LogWriter:
         self._done = self._sink.mark(), 0  # what is safely written: place in the file, next tick
 
     @property
-    def path(self):
+    def path(self) -> Any:
         """Return where the log is."""
         return self._sink.path
 
@@ -115,7 +116,7 @@ class LogWriter:
             head += [every, -k0 % every, len(given[1]), take_at, base_at, offsets_at, strides_at]
         self._head[:] = head  # at once: Ctrl-C may strike between any two lines
 
-    def append(self, v):
+    def append(self, v: np.ndarray) -> Any:
         """Log the vector v (n_values,) of the next tick; it is copied. Raises LogError when the disk is full."""
         self._room()
         if v.shape != self._shape:
@@ -146,21 +147,21 @@ class LogWriter:
                     ctypes.memmove(int(place), value.tobytes(), 8)
         self._head[0] = row + 1
 
-    def tell(self, tape):
+    def tell(self, tape: Any) -> None:
         """Tell a tape to log the bus."""
         tape.first(lambda k: self._room())
         tape.log(self._head, self._store)
 
-    def event(self, k, message, level="info"):
+    def event(self, k: int, message: str, level: str = "info") -> None:
         """Log a text at tick k on /log (foxglove.Log); level is debug, info, warning, error or fatal."""
         self._pending.append((k, self._sink.ids["/log"], foxglove.log(k * self.dt_ns, message, level)))
 
-    def window(self, k, start, end, **texts):
+    def window(self, k: Any, start: Any, end: Any, **texts: Any) -> None:
         """Log a foxglove.Event on /events at tick k: something lasts from tick `start` to `end` (None: open)."""
         data = foxglove.event(start * self.dt_ns, None if end is None else end * self.dt_ns, texts)
         self._pending.append((k, self._sink.ids["/events"], data))
 
-    def flush(self):
+    def flush(self) -> None:
         """Write the buffered ticks as a chunk. Raises LogError when that fails; the chunks before it stay whole."""
         k0, n = self._k0, self._n
         if not n:
@@ -197,7 +198,7 @@ class LogWriter:
             out += message_head(5, MESSAGE_BYTES + len(data), channel, k, ns, ns) + data
         return bytes(out), entries
 
-    def close(self, result=None):
+    def close(self, result: Any = None) -> Any:
         """Write what is buffered, the result with a hash of all samples, and the summary; no result: incomplete."""
         if not self._sink.open:
             return

@@ -6,8 +6,10 @@ tells, and writes, what would have been.
 """
 
 import math
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -51,11 +53,11 @@ class Replay:
     notes: list = field(default_factory=list)  # sentences: guests that were not run, or are not the code that flew
 
     @property
-    def exact(self):
+    def exact(self) -> bool:
         """Return whether something was compared and nothing differs."""
         return self.values > 0 and not self.differences
 
-    def to_dict(self):
+    def to_dict(self) -> Any:
         """Return what `cosim replay --json` prints."""
         return plain(
             {
@@ -74,7 +76,7 @@ class Replay:
         )
 
 
-def compare(name, fields, ticks, logged, again):
+def compare(name: str, fields: Any, ticks: Any, logged: Any, again: Any) -> Any:
     """Return the Differences of two (rows, fields) arrays, bit for bit."""
     wrong = np.ascontiguousarray(logged).view(np.int64) != np.ascontiguousarray(again).view(np.int64)
     if not wrong.any():
@@ -89,7 +91,16 @@ def compare(name, fields, ticks, logged, again):
     return out
 
 
-def replay(path, *, detectors=None, overrides=None, start_s=0.0, output=None, progress=None, guests=()):
+def replay(
+    path: Any,
+    *,
+    detectors: Any = None,
+    overrides: Any = None,
+    start_s: float = 0.0,
+    output: Any = None,
+    progress: Callable[..., Any] | None = None,
+    guests: Sequence[Any] = (),
+) -> Replay:
     """Replay the log at `path` and return a Replay.
 
     `detectors` chooses some; `overrides` {detector: {parameter: value}} asks what would have been; `start_s` begins

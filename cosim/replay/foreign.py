@@ -3,6 +3,7 @@
 import os
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,9 @@ TIME_NAMES = ("t_s", "t", "time", "time_s", "timestamp", "t_ns", "time_ns", "tim
 _SCALES = {"_ns": 1e-9, "_us": 1e-6, "_ms": 1e-3, "_s": 1.0}
 
 
-def read_channels(path, *, time=None, on_reset=None, part=0, wanted=None):
+def read_channels(
+    path: str | Path, *, time: Any = None, on_reset: Any = None, part: int = 0, wanted: Any = None
+) -> Any:
     """Return {channel: DataFrame} of a recording; columns are float64, the index is `t_s` [s], ascending.
 
     A CSV or Parquet file is one channel, named by the file's stem; `time` names its time column (default: the first

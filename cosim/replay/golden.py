@@ -115,7 +115,7 @@ def thin(path, out):
     ) as w:
         for row in np.concatenate(columns, axis=1):
             w.append(row)
-        w.close(result={k: v for k, v in log.result.items() if k != "content"})
+        w.close(result={k: v for k, v in (log.result or {}).items() if k != "content"})
 
 
 if __name__ == "__main__":

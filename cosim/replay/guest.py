@@ -4,6 +4,8 @@ A log never runs code. What it tells of a guest (cosim/flight/guests) is enough 
 its file is given once more, and the digests are compared.
 """
 
+from typing import Any
+
 import numpy as np
 
 from actuators.block import unit
@@ -50,7 +52,7 @@ def other_code(entry: dict) -> str:
     return f"{name} is not the code that flew: digest {here[:12]} here, {about['sha256'][:12]} in the log"
 
 
-def outputs(log, guest, technologies: dict[str, str]) -> dict[str, np.ndarray]:
+def outputs(log: Any, guest: Any, technologies: dict[str, str]) -> dict[str, np.ndarray]:
     """Return {lane: outputs (rows, n)} of a guest run on an open log in which it did not fly, from the first tick on.
 
     Raises ReplayError for a signal that the log lacks, or for a log with gaps.
@@ -89,7 +91,7 @@ def _params(log, guest, lane, technologies):
     return guest.DETECTOR.fit(site(tick_of(log), "" if lane == "aircraft" else lane, technologies))
 
 
-def fields(guest) -> list[tuple[str, str]]:
+def fields(guest: Any) -> list[tuple[str, str]]:
     """Return [(field of the log, unit)] of a guest's outputs, in the order of `outputs`."""
     out: list = []
     for name in guest.STATE.names:

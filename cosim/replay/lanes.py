@@ -5,8 +5,10 @@ every second. Ticks that a damaged log has lost cut a lane into pieces; a piece 
 starts at its first whole state.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -38,7 +40,7 @@ class Lane:
     rollout: object = None  # of a guest with objects of its own
 
 
-def manifest(log):
+def manifest(log: Any) -> Any:
     """Return the list of detectors that a log describes."""
     found = door.detectors(log)
     strange = [d["id"] for d in found if d["id"] not in registry.SHIPPED and "guest" not in d]
@@ -63,22 +65,22 @@ class Wired:
     rollout: object = None  # of a guest with objects of its own
 
     @property
-    def topic(self):
+    def topic(self) -> str:
         """Return the topic of the outputs."""
         return f"/detectors/{self.id}/{self.lane}"
 
     @property
-    def hidden(self):
+    def hidden(self) -> str:
         """Return the topic of the hidden state's snapshots."""
         return f"/state/{self.id}/{self.lane}"
 
     @property
-    def target(self):
+    def target(self) -> str:
         """Return the name of what the lane watches."""
         return f"elevator.{self.lane}" if self.level == "local" else "aircraft"
 
 
-def tick_of(log):
+def tick_of(log: Any) -> Any:
     """Return the tick of a log's flight [s]: 1 / rate, which whole nanoseconds are only near to at 333 Hz."""
     rate = log.metadata.get("run", {}).get("rate_hz", "")
     whole = log.dt_ns * 1e-9
@@ -86,7 +88,7 @@ def tick_of(log):
     return 1.0 / hertz if hertz and round(1e9 / hertz) == log.dt_ns else whole
 
 
-def describe(log, chosen=None, overrides=None):
+def describe(log: Any, chosen: Any = None, overrides: Mapping[str, Any] | None = None) -> list[Wired]:
     """Return the Wired lanes of the detectors in `chosen` (all) whose code is here.
 
     `overrides` is {detector: {parameter: value}}.
@@ -133,18 +135,18 @@ def _check(log, wired):
             raise older(log, f"{source}.{column}, which {wired.id} reads as {name},")
 
 
-def lanes(log, chosen=None, overrides=None):
+def lanes(log: Any, chosen: Any = None, overrides: Mapping[str, Any] | None = None) -> list[Lane]:
     """Return the whole Lane of every detector in `chosen` (all) of an open log; see `describe`."""
     return fill(log, describe(log, chosen, overrides))
 
 
-def topics(log, wired):
+def topics(log: Any, wired: Any) -> list[Any]:
     """Return the topics that the lanes read or gave."""
     found = [t for w in wired for t in (w.topic, w.hidden, *(source for _, source, _ in w.inputs))]
     return [t for t in dict.fromkeys(found) if t in log.topics]
 
 
-def fill(log, wired, start=0, stop=None, read=None):
+def fill(log: Any, wired: Any, start: float = 0, stop: Any = None, read: Any = None) -> list[Lane]:
     """Return the Lane of each of `wired` for the ticks start <= k < stop; `read` is what log.arrays gave for them."""
     read = log.arrays(topics(log, wired), start, stop) if read is None else read
     return [_fill(log, w, read, start, stop) for w in wired]
@@ -163,7 +165,7 @@ def _fill(log, w, read, start, stop):
     return Lane(w.id, w.lane, w.module, w.every, w.p, w.x, w.at, u, ticks, read[w.topic], states, w.rollout)
 
 
-def columns(kind, names):
+def columns(kind: Any, names: Sequence[Any]) -> Any:
     """Return the positions of fields `names` in a record of `kind` seen as float64, in memory order."""
     out: list = []
     for name in kind.names:
@@ -173,18 +175,18 @@ def columns(kind, names):
     return np.array(out, np.int64)
 
 
-def split(module):
+def split(module: Any) -> Any:
     """Return the positions of a detector's (outputs, hidden state) in its STATE."""
     outputs = columns(module.STATE, module.OUTPUTS)
     return outputs, np.setdiff1d(np.arange(module.STATE.itemsize // 8), outputs)
 
 
-def flat(records):
+def flat(records: Any) -> Any:
     """Return records as float64, (..., values)."""
     return records.view(np.float64).reshape(*records.shape, -1)
 
 
-def pieces(lane, tick=0):
+def pieces(lane: Any, tick: Any = 0) -> Any:
     """Return the stretches of a lane that can be replayed, each a Lane of its own with the state to start from.
 
     The rows are cut where ticks are missing. A stretch that begins at tick `at` starts from the lane's own state,
@@ -223,12 +225,12 @@ def _piece(lane, a, b, tick):
     )
 
 
-def stepper(module):
+def stepper(module: Any) -> Any:
     """Return what steps a lane of a detector through its ticks: of a plain guest, with objects of its own."""
     return module.runner() if isinstance(module, PlainDetector) else module.rollout
 
 
-def run(lane, dt):
+def run(lane: Any, dt: Any) -> Any:
     """Replay one gapless lane; return outputs (rows, n), snapshots (ticks (m,), hidden states (m, h)), last state."""
     module, n = lane.module, len(lane.ticks)
     outputs, hidden = split(module)

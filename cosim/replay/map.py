@@ -6,8 +6,10 @@ says which channel stands for each.
 """
 
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -42,14 +44,23 @@ class Diagnosis:
     caveats: list = field(default_factory=list)  # sentences
     output: str | None = None
 
-    def to_dict(self):
+    def to_dict(self) -> Any:
         """Return what `cosim replay --map --json` prints."""
         return plain(vars(self))
 
 
 def diagnose(
-    path, map_path, *, detectors=None, overrides=None, start_s=0.0, output=None, on_reset=None, part=0, guests=()
-):
+    path: str | Path,
+    map_path: Any,
+    *,
+    detectors: Any = None,
+    overrides: Mapping[str, Any] | None = None,
+    start_s: float = 0.0,
+    output: str | Path | None = None,
+    on_reset: Any = None,
+    part: int = 0,
+    guests: Sequence[Any] = (),
+) -> Diagnosis:
     """Run the detectors on the recording at `path` (CSV, Parquet, MCAP) by the map at `map_path`; return a Diagnosis.
 
     `detectors` chooses some (default: all), `overrides` {detector: {parameter: value}} changes parameters, `start_s`

@@ -33,7 +33,8 @@ channel's own intervals), and where the channel named by `valid` is above 0.5. A
 `sparse = true` says that the table holds several rates.
 """
 
-from typing import Annotated, Literal
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -87,7 +88,7 @@ class Signal(BaseModel):
             raise ValueError("needs either a channel or a constant")
         return self
 
-    def factor(self, si):
+    def factor(self, si: Any) -> Any:
         """Return what a number of the channel is multiplied with for the SI unit `si`. Raises KeyError."""
         factor = 1.0 if self.unit in (None, si) else UNITS[self.unit][si]
         return self.sign * self.scale * factor
@@ -107,12 +108,12 @@ class Map(BaseModel):
     signals: dict[str, Signal]
 
 
-def units_for(si):
+def units_for(si: Any) -> list[Any]:
     """Return the units that a signal of SI unit `si` can have."""
     return [si, *(name for name, factors in UNITS.items() if si in factors)]
 
 
-def load_map(path):
+def load_map(path: str | Path) -> tuple[Map, str]:
     """Return (Map, its text) of a TOML file. Raises ReplayError with file and key."""
     place = str(path)
     try:

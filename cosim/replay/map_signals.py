@@ -1,5 +1,9 @@
 """From channels of a recording to the signals that detectors read: names, units, samples on the ticks."""
 
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 
 from cosim.errors import did_you_mean
@@ -12,7 +16,7 @@ from cosim.scenario.vocabulary import Signal
 from fdi import registry
 
 
-def renamed(m, technology):
+def renamed(m: Any, technology: Any) -> tuple[Any, ...]:
     """Return (map, sentences) with signals that it calls by an old name under those of the vocabulary."""
     names, said = {}, []
     for name in m.signals:
@@ -25,7 +29,7 @@ def renamed(m, technology):
     return m.model_copy(update={"signals": {names[n]: s for n, s in m.signals.items()}}), said
 
 
-def check(m, place):
+def check(m: Any, place: Any) -> None:
     """Raise ReplayError for a signal of the map that no detector could read, or a unit that does not fit it."""
     known: dict[str, Signal] = {}
     for record in registry.records().values():
@@ -46,12 +50,12 @@ def check(m, place):
             )
 
 
-def named(topic, channels):
+def named(topic: str, channels: Sequence[Any]) -> bool:
     """Tell whether one of `channels`, names of the map, may be a field of `topic`: `/topic.field`, or `field` alone."""
     return any(name.startswith(f"{topic}.") or not name.startswith("/") for name in channels)
 
 
-def channels_of(m, tables, path, place):
+def channels_of(m: Any, tables: Any, path: str | Path, place: Any) -> Any:
     """Return {signal: (times, samples, flags or None)} of the recording."""
     names = {f"{t}.{c}": (t, c) for t, frame in tables.items() for c in frame.columns}
     short = {c: (t, c) for t, frame in tables.items() for c in frame.columns}
@@ -86,7 +90,7 @@ def channels_of(m, tables, path, place):
     return out
 
 
-def acting(m, sources, channels, dt):
+def acting(m: Any, sources: Any, channels: Any, dt: float) -> Any:
     """Return `channels` with each command to an actuator as what has acted until a time: sent a tick before, the first
     one from the start; but where the map says that it is held.
 
@@ -110,7 +114,7 @@ def _later(t, y, dt):
     return np.concatenate([t[:1], t + dt]), np.concatenate([y[:1], y])
 
 
-def slow(sources, channels, dt):
+def slow(sources: Any, channels: Sequence[Any], dt: float) -> list[str]:
     """Return a sentence per command of a valve or motor that is sampled at less than the tick's rate."""
     out = []
     for name, source in sources.items():
@@ -125,7 +129,7 @@ def slow(sources, channels, dt):
     return out
 
 
-def sampled(signal, source, channel, t_0, dt, n):
+def sampled(signal: Any, source: Any, channel: Any, t_0: float, dt: float, n: int) -> tuple[Any, ...]:
     """Return (values, valid) (n,) of one signal of the map in SI; `source` is that of the vocabulary."""
     if channel is None:
         return np.full(n, signal.constant), np.ones(n)

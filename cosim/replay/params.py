@@ -1,6 +1,7 @@
 """Read a detector's parameters and initial states from a log, and change them."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -13,14 +14,14 @@ class ReplayError(CosimError):
     """A replay that cannot be made, or would compare nothing."""
 
 
-def older(log, what):
+def older(log: Any, what: str) -> LogError:
     """Return the LogError for `what` in a log that another version wrote."""
     software = log.metadata.get("run", {}).get("software", "another version")
     remedy = f"The log was written by {software}; replay it with the version that wrote it, or fly it again"
     return LogError(f"{what} is of another layout than this version's", place=str(log.path), remedy=remedy)
 
 
-def attached(log, name, kind):
+def attached(log: Any, name: str, kind: Any) -> Any:
     """Return the structured array in attachment `name`, of dtype `kind`. Raises LogError for another layout or none."""
     try:
         found = door.array(log, name)
@@ -37,7 +38,7 @@ def attached(log, name, kind):
     return out
 
 
-def trusted(log, record, module, p, x, dt):
+def trusted(log: Any, record: Any, module: Any, p: Any, x: np.ndarray, dt: float) -> None:
     """Raise LogError when a number in the parameters or states of a log would index beyond the detector's arrays."""
     for what, wrong in (
         ("parameter", wrong_parameter(record, module, p, dt)),
@@ -53,13 +54,13 @@ def trusted(log, record, module, p, x, dt):
             )
 
 
-def check_start(start_s):
+def check_start(start_s: float) -> None:
     """Raise ReplayError for a start that is no time."""
     if not math.isfinite(start_s):
         raise ReplayError(f"{start_s} is no time", place="--from", allowed="seconds")
 
 
-def chosen_overrides(chosen, changes):
+def chosen_overrides(chosen: Any, changes: Any) -> None:
     """Raise ReplayError for parameters {detector: ...} of a detector that is not among the `chosen` (None: all)."""
     for name in changes or () if chosen else ():
         if name not in chosen:
@@ -71,7 +72,7 @@ def chosen_overrides(chosen, changes):
             )
 
 
-def overrides(texts):
+def overrides(texts: Any) -> Any:
     """Return {detector: {parameter: value}} of texts `detector.parameter=value`. Raises ReplayError."""
     out: dict = {}
     for text in texts:
@@ -87,7 +88,7 @@ def overrides(texts):
     return out
 
 
-def override(record, module, p, values, dt):
+def override(record: Any, module: Any, p: Any, values: Any, dt: float) -> None:
     """Set parameters {name: value} of a detector in its PARAMS `p`; `name[i]` is an element. Raises ReplayError."""
     for name, value in values.items():
         assign(record, module, p, name, value, dt, error=ReplayError, place=f"{record.id}.{name} = {value:g}")

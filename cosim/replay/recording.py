@@ -2,8 +2,11 @@
 
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -46,17 +49,17 @@ class Lane:
     truth: tuple | None = None  # (field, truth (ticks,), unit, start, end) of the fault that it estimates
 
     @property
-    def able(self):
+    def able(self) -> Any:
         """Tell whether it could judge: the fault that its entry is about, or most of the flight."""
         return self.entry["able"]
 
     @property
-    def name(self):
+    def name(self) -> str:
         """Return what it is called in figures: "iotsekf left inner"."""
         return self.id if self.level == "aircraft" else f"{self.id} {words(self.lane)}"
 
 
-def words(name):
+def words(name: str) -> Any:
     """Return a name of a part without underscores."""
     return name.replace("_", " ")
 
@@ -64,7 +67,7 @@ def words(name):
 class Flown:
     """The content of one log, read once. `values(topic, field)` is a column, NaN where there is none."""
 
-    def __init__(self, path, guests=()):
+    def __init__(self, path: str | Path, guests: Iterable[Any] = ()):
         """Read the log at `path`, also one that was cut. Raises LogError for one that holds no scenario.
 
         `guests` are made guests (cosim/flight/guests) that are run on the flight as well.
@@ -84,33 +87,33 @@ class Flown:
             raise LogError("holds no tick", place=str(path), remedy="Fly it again")
         self.t0, self.end = float(self.ticks[0] * self.dt), float(self.ticks[-1] * self.dt)
 
-    def has(self, topic, name):
+    def has(self, topic: str, name: str) -> bool:
         """Tell whether the log has field `name` of `topic`."""
         return topic in self._arrays and name in self.log.topics[topic].fields
 
-    def values(self, topic, name):
+    def values(self, topic: str, name: str) -> Any:
         """Return one logged signal (rows,)."""
         if not self.has(topic, name):
             return np.full(len(self.ticks), np.nan)
         return self._arrays[topic][:, self.log.topics[topic].fields.index(name)]
 
     @cached_property
-    def achieved(self):
+    def achieved(self) -> dict[str, dict[str, float | None]] | None:
         """Return how far the faults moved the elevators (cosim/flight/twin.py), None where the log does not say."""
         return door.achieved(self.log)
 
     @cached_property
-    def faults(self):
+    def faults(self) -> Any:
         """Return what `judge` takes of the faults."""
         return judged(self.scenario, self.achieved)
 
     @cached_property
-    def cases(self):
+    def cases(self) -> list[str]:
         """Return the case of each fault (cosim/judge/coverage.py)."""
         return coverage.cases(self.scenario)
 
     @cached_property
-    def intervals(self):
+    def intervals(self) -> Any:
         """Return [(from, to)] during which any fault is active, merged, within the flight."""
         spans = sorted((f["start_s"], min(f["end_s"], self.end)) for f in self.faults if f["start_s"] < self.end)
         out: list = []
@@ -122,7 +125,7 @@ class Flown:
         return out
 
     @cached_property
-    def lanes(self):
+    def lanes(self) -> list[Lane]:
         """Return the Lanes: aircraft level first, in the order of the log."""
         out = []
         for d in self.detectors:
@@ -177,7 +180,7 @@ class Flown:
         late = slice(round((start - self.t0) / step), round((min(end, self.end + self.dt) - self.t0) / step))
         return errors(e[late], unit)
 
-    def signal(self, name):
+    def signal(self, name: Any) -> Any:
         """Return the bus signal `name` (section.lane.field) at every tick, as far as the log tells it.
 
         An input that nobody logs is what the faults add to it; a sensor's truth is what it is wired to.
@@ -200,7 +203,7 @@ class Flown:
         return -self.values(topic, "f_inj") if source == "f_neg" else self.values(topic, source)
 
     @cached_property
-    def injected(self):
+    def injected(self) -> Any:
         """Return [(label, unit, signal (ticks,))] of every fault lane."""
         out = []
         for f in self._injected:
@@ -218,7 +221,7 @@ class Flown:
         return out
 
     @cached_property
-    def provenance(self):
+    def provenance(self) -> Any:
         """Return {name: text}: versions, seed, hashes."""
         run, libraries = self.log.metadata.get("run", {}), self.log.metadata.get("libraries", {})
         result = self.log.result or {}
@@ -231,7 +234,7 @@ class Flown:
         return out
 
 
-def unit_of(place, kind):
+def unit_of(place: str, kind: Any) -> Any:
     """Return the unit in which a fault enters at bus name `place`."""
     section, _, field = place.split(".", 2)
     if section == "sensors_in":
@@ -247,13 +250,13 @@ def unit_of(place, kind):
     return "share"
 
 
-def spans(mask, t0, dt):
+def spans(mask: Any, t0: float, dt: float) -> list[Any]:
     """Return [(from, to)] during which `mask` holds; a span ends where the next sample no longer holds."""
     high = np.asarray(mask, bool)
     edges = np.flatnonzero(np.diff(np.concatenate(([False], high, [False])).astype(int)))
     return [(t0 + a * dt, t0 + b * dt) for a, b in zip(edges[::2], edges[1::2])]
 
 
-def finite(x):
+def finite(x: Any) -> bool:
     """Tell whether x is a number at all."""
     return x is not None and math.isfinite(x)

@@ -1,11 +1,13 @@
 """Bring the channels of a recording to the ticks of the detectors."""
 
+from typing import Any
+
 import numpy as np
 
 SNAP = 1e-3  # of a tick: a sample that near to a tick lies on it, so that rounded times lose nothing
 
 
-def ticks(spans, dt, start=None):
+def ticks(spans: Any, dt: float, start: float | None = None) -> tuple[Any, ...]:
     """Return (t_0, n): the n ticks t_0 + k dt that all `spans` [(first, last)] [s] cover, from `start` on."""
     t_0, end = max(a for a, _ in spans), min(b for _, b in spans)
     if start is not None and start > t_0:
@@ -13,7 +15,7 @@ def ticks(spans, dt, start=None):
     return t_0, max(0, int(np.floor((end - t_0) / dt + SNAP)) + 1)
 
 
-def resample(t, y, t_0, dt, n, *, linear, max_gap=None):
+def resample(t: Any, y: Any, t_0: Any, dt: Any, n: Any, *, linear: Any, max_gap: Any = None) -> Any:
     """Return (values, valid) (n,) of samples `y` at ascending times `t` [s] on the ticks t_0 + k dt.
 
     A sample within SNAP of a tick is taken as it is. Elsewhere the value is interpolated between its neighbours

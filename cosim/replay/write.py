@@ -1,5 +1,8 @@
 """Write a replay beside what was logged: a log with every old topic and, under /replay, the new outputs."""
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 
 from cosim.errors import LogError
@@ -12,7 +15,7 @@ POSE = ("lat", "lon", "h", "phi", "theta", "psi")
 class Overlay:
     """Write the log at `path` span after span; use as a context manager. Raises LogError for a log with gaps."""
 
-    def __init__(self, log, wired, path):
+    def __init__(self, log: Any, wired: Any, path: str | Path):
         if len(log.spans) == 0 or log.spans[0][0] or sum(log.spans[-1]) != log.n_ticks:
             raise LogError("ticks are missing, and an overlay needs every one", place=str(log.path))
         self._log, self._names, self._n = log, [n for n in log.topics if not n.startswith("/replay/")], 0
@@ -53,7 +56,7 @@ class Overlay:
                 return Pose(**{n: int(t.index[t.fields.index(n)]) for n in POSE})
         return None
 
-    def append(self, read, new, start, stop):
+    def append(self, read: Any, new: Any, start: float, stop: Any) -> Any:
         """Write the ticks start <= k < stop: `read` {topic: (rows, fields)} as logged, `new` (rows, n) of each lane."""
         rows = np.zeros((min(stop, self._log.n_ticks) - start, self._n))
         for t, values in zip(self._topics, (*(read[n] for n in self._names), *new)):

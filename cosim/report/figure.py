@@ -5,7 +5,9 @@ largest value of each interval, so that no peak is lost.
 """
 
 import base64
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -32,18 +34,18 @@ class Figure:
     rows: list | None = None
     track: list | None = None
 
-    def plain(self):
+    def plain(self) -> Any:
         """Return what the page's script reads."""
         out = {"id": self.id, "data": self.data, "layout": self.layout, "time": self.time}
         return out | {k: getattr(self, k) for k in ("detector", "rows", "track") if getattr(self, k) is not None}
 
 
-def packed(values):
+def packed(values: Any) -> dict[str, str]:
     """Return an array as plotly.js takes it: little-endian float32 in base64."""
     return {"dtype": "f4", "bdata": base64.b64encode(np.asarray(values, "<f4").tobytes()).decode()}
 
 
-def envelope(y, points=POINTS):
+def envelope(y: np.ndarray, points: int = POINTS) -> tuple[Any, ...]:
     """Return (values, samples per value): `y` itself, or min and max of each of points/2 intervals in order of time.
 
     An interval that holds only NaN gives NaN; the last interval may be shorter.
@@ -63,7 +65,7 @@ def envelope(y, points=POINTS):
     return out.ravel(), step / 2.0
 
 
-def peaks(y, points=600):
+def peaks(y: np.ndarray, points: int = 600) -> tuple[Any, ...]:
     """Return (largest value of each interval, samples per interval); NaN where an interval has none."""
     y = np.asarray(y, float)
     step = max(1, -(-len(y) // points))
@@ -73,20 +75,20 @@ def peaks(y, points=600):
 
 
 def curve(
-    t0,
-    dt,
-    y,
+    t0: float,
+    dt: float,
+    y: np.ndarray,
     *,
-    name="",
-    colour="--ink",
-    dash="solid",
-    width=1.4,
-    panel=1,
-    meta=None,
-    legend=True,
-    reduce=envelope,
-    **more,
-):
+    name: str = "",
+    colour: str = "--ink",
+    dash: str = "solid",
+    width: float = 1.4,
+    panel: int = 1,
+    meta: Any = None,
+    legend: bool = True,
+    reduce: Any = envelope,
+    **more: Any,
+) -> Any:
     """Return a line trace of the samples y at t0 + k dt in panel number `panel`, reduced by `envelope` or `peaks`."""
     values, every = reduce(y)
     line = {"color": colour, "width": width, "dash": dash}
@@ -108,18 +110,18 @@ def curve(
     return trace | ({"meta": meta} if meta else {})
 
 
-def place(panel):
+def place(panel: Any) -> dict[str, str]:
     """Return the axes of panel number `panel` (1, 2, ...)."""
     tail = "" if panel == 1 else str(panel)
     return {"xaxis": "x" + tail, "yaxis": "y" + tail}
 
 
-def axis(key, panel):
+def axis(key: str, panel: Any) -> Any:
     """Return the layout's name of an axis: xaxis, xaxis2, ..."""
     return key if panel == 1 else f"{key}{panel}"
 
 
-def base(height, legend=True):
+def base(height: float, legend: bool = True) -> dict[str, Any]:
     """Return the layout that all figures share."""
     return {
         "height": height,
@@ -152,7 +154,7 @@ def base(height, legend=True):
     }
 
 
-def style_axis(title="", **more):
+def style_axis(title: str = "", **more: Any) -> dict[str, Any]:
     """Return one axis in the house style."""
     return {
         "title": {"text": title, "font": {"size": 11, "color": "--muted"}, "standoff": 4},
@@ -171,7 +173,16 @@ def style_axis(title="", **more):
     }
 
 
-def grid(layout, titles, y_titles, columns, span=None, row_px=None, time=True, gap=0.085):
+def grid(
+    layout: Any,
+    titles: Sequence[Any],
+    y_titles: Any,
+    columns: Any,
+    span: Any = None,
+    row_px: Any = None,
+    time: bool = True,
+    gap: float = 0.085,
+) -> None:
     """Lay out panels row by row with a title each; `span` is the (first, last) time, `gap` the share of the width
     between two columns. Changes `layout`.
     """
@@ -208,7 +219,7 @@ def grid(layout, titles, y_titles, columns, span=None, row_px=None, time=True, g
             )
 
 
-def bands(layout, intervals, panels):
+def bands(layout: Any, intervals: Any, panels: Any) -> None:
     """Shade [(from, to)] in panels 1..`panels`. Changes `layout`."""
     for panel in range(1, panels + 1):
         at = place(panel)
@@ -229,7 +240,7 @@ def bands(layout, intervals, panels):
             )
 
 
-def least(layout, panel, curves, half):
+def least(layout: Any, panel: Any, curves: Any, half: float) -> Any:
     """Give a panel a vertical range around `curves` of at least +-`half`: noise must not fill it. Changes `layout`."""
     finite = [y[np.isfinite(y)] for y in curves]
     found = np.concatenate([y for y in finite if len(y)] or [np.zeros(1)])
@@ -237,7 +248,7 @@ def least(layout, panel, curves, half):
     layout[axis("yaxis", panel)]["range"] = [middle - max(1.12 * spread, half), middle + max(1.12 * spread, half)]
 
 
-def note(layout, panel, text):
+def note(layout: Any, panel: Any, text: str) -> None:
     """Write a remark into the middle of a panel. Changes `layout`."""
     at = place(panel)
     layout["annotations"].append(
@@ -255,7 +266,7 @@ def note(layout, panel, text):
     )
 
 
-def level(layout, panel, y, colour="--fault", dash="dash", width=1.2):
+def level(layout: Any, panel: Any, y: Any, colour: str = "--fault", dash: str = "dash", width: float = 1.2) -> None:
     """Draw a horizontal line at `y` through a panel. Changes `layout`."""
     at = place(panel)
     layout["shapes"].append(

@@ -4,6 +4,7 @@ What a page says stands in its template (cosim/report/templates), which escapes 
 module makes is a Markup, whose `format` escapes too.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
@@ -56,11 +57,11 @@ def page(
     title: str,
     subtitle: str,
     figures: list,
-    chips=(),
+    chips: Sequence[Any] = (),
     span: list[float] | None = None,
     start: float = 0.0,
-    faults=(),
-    alarms=(),
+    faults: Sequence[Any] = (),
+    alarms: Sequence[Any] = (),
     **content: Any,
 ) -> str:
     """Return the page of `template` as HTML text; `content` are the template's own names.

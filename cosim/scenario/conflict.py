@@ -1,10 +1,12 @@
 """Faults that cannot be together, or not on the actuator that flies: refused, never ignored."""
 
+from typing import Any
+
 from cosim.scenario import catalog as c
 from cosim.scenario.problem import problem
 
 
-def check(faults, technology):
+def check(faults: Any, technology: Any) -> None:
     """Raise for the first fault that its actuator cannot have, or that overlaps another in what it takes over."""
     taken: list = []
     for i, fault in enumerate(faults):

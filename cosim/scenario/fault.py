@@ -119,22 +119,22 @@ class Fault(BaseModel):
         return self
 
     @property
-    def parsed(self):
+    def parsed(self) -> Any:
         """Return the Target."""
         return parse_target(self.target, self._aircraft)
 
     @property
-    def spec(self):
+    def spec(self) -> Any:
         """Return the Kind from the catalog."""
         return self.parsed.kinds[self.kind]
 
     @property
-    def period_s(self):
+    def period_s(self) -> Any:
         """Return the period of an oscillation [s], or None."""
         hz = (self.model_extra or {}).get("frequency_hz")
         return 1.0 / hz if hz else None
 
-    def entry(self, technology):
+    def entry(self, technology: str) -> str:
         """Return where it enters, as words: `at`, but the command where a runaway has a limit or no valve."""
         if self.kind != "runaway" or self.at != "valve":
             return self.at or ""
@@ -143,7 +143,7 @@ class Fault(BaseModel):
         ways = ("valve" if valve and not limited else "command" for valve in held)
         return " or ".join(dict.fromkeys(ways))
 
-    def injections(self, index, technology):
+    def injections(self, index: Any, technology: Any) -> Any:
         """Return the list of Injection, one per member; `technology` maps segment to its actuator."""
         spec, numbers = self.spec, self.model_extra or {}
         key = next((k for k in spec.one_of if k.name in numbers), None)

@@ -2,7 +2,7 @@
 
 from importlib import resources
 from pathlib import Path
-from typing import get_args, get_origin
+from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
@@ -26,14 +26,14 @@ WORDS = {  # what pydantic calls by the names of Python
 }
 
 
-def builtin_names():
+def builtin_names() -> list[str]:
     """Return the names of the built-in scenarios, sorted."""
     return sorted(
         p.name[:-5] for p in resources.files("cosim").joinpath("scenarios").iterdir() if p.name.endswith(".toml")
     )
 
 
-def load_scenario(name_or_path=DEFAULT, overrides=()):
+def load_scenario(name_or_path: Any = DEFAULT, overrides: Any = ()) -> Scenario:
     """Return the Scenario of a built-in name or a TOML file, `overrides` ("faults.0.frequency_hz=3", or a list) on top.
 
     A name without a dot or a slash that is built in wins over a file. Raises ScenarioError.
@@ -49,14 +49,14 @@ def load_scenario(name_or_path=DEFAULT, overrides=()):
     return parse(located(apply(table, overrides), name_or_path), place=place)
 
 
-def located(table, name):
+def located(table: Any, name: str | Path) -> Any:
     """Return the tables of scenario `name` with the files of its guests found, beside it or from here."""
     path = Path(str(name))
     folder = path.parent if path.is_file() else None
     return own_actuator.locate(locate(table, folder, str(name)), folder, str(name))
 
 
-def parse(table, *, place="scenario"):
+def parse(table: Any, *, place: str = "scenario") -> Scenario:
     """Return the Scenario of nested dicts; raises ScenarioError that names `place`, key, value and what is allowed."""
     own_actuator.take(table)
     try:
@@ -91,7 +91,7 @@ def _read(name_or_path):
         raise ScenarioError("no built-in scenario and no file of this name", place=name, remedy=near) from None
 
 
-def explained(error, table, place, root=Scenario, kind=ScenarioError):
+def explained(error: Any, table: Any, place: str, root: Any = Scenario, kind: Any = ScenarioError) -> Any:
     """Return pydantic's `error` about `table`, a file of model `root`, as an error of `kind` for the first mistake; an
     unknown key comes first, it likely causes the others.
     """

@@ -5,6 +5,7 @@ unit. A new `kind` of manoeuvre or fault drops the numbers that belonged to the 
 """
 
 import copy
+from typing import Any
 
 from cosim.errors import CosimError, ScenarioError
 from cosim.scenario.aircraft import DEFAULT, load_aircraft
@@ -16,7 +17,7 @@ SPEEDS = ("cas_kt", "mach", "tas_kt")
 KEPT = ("target", "kind", "start_s", "end_s", "ramp_s", "path")
 
 
-def apply(table, overrides):
+def apply(table: Any, overrides: Any) -> Any:
     """Return a copy of `table` with every "key=value" applied; raises ScenarioError that names the override."""
     out = copy.deepcopy(table)
     for text in overrides:

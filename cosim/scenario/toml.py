@@ -1,9 +1,11 @@
 """Write TOML (the standard library only reads it): scalars and lists of them, tables and lists of them."""
 
 import re
+from collections.abc import Sequence
+from typing import Any
 
 
-def dumps(table, path=()):
+def dumps(table: Any, path: Sequence[Any] = ()) -> Any:
     """Return `table` (nested dicts, lists, str, bool, int, float) as TOML text in its order; None is left out."""
     lines, below = [], []
     for key, value in table.items():

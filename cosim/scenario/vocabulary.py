@@ -7,6 +7,7 @@ unit, its place on the bus of a flight and its place in the log.
 
 import functools
 from dataclasses import dataclass, replace
+from typing import Any
 
 from cosim.errors import did_you_mean
 from cosim.scenario import catalog as c
@@ -65,7 +66,7 @@ class Signal:
     field: str
     technologies: tuple = ()  # of the actuators that have it, empty for the aircraft's
 
-    def at(self, lane):
+    def at(self, lane: str) -> Any:
         """Return this signal of one segment, with its full name as word; one of the aircraft as it is."""
         if not self.technologies:
             return self
@@ -107,7 +108,7 @@ def _words(technologies):
     return {s.word: s for s in out}
 
 
-def find(name, lane=""):
+def find(name: str, lane: str = "") -> Signal:
     """Return the Signal of `name`: a word, of segment `lane` where it is an actuator's, or `segment.word`.
 
     Raises KeyError with what it might have been.
@@ -119,7 +120,7 @@ def find(name, lane=""):
     return known[word].at(segment or lane)
 
 
-def inventory():
+def inventory() -> list[dict[str, str]]:
     """Return [{name, kind, unit, summary, topic, field}] of the vocabulary, for `cosim list signals`."""
     return [
         {
@@ -145,19 +146,19 @@ TOPICS = {
 }
 
 
-def topic(section, lane):
+def topic(section: str, lane: str) -> str:
     """Return the topic of the log that holds a lane of a section of the bus."""
     of_actuator = any(section in (t.name, t.servo) for t in c.TECHNOLOGIES.values())
     place = TOPICS.get(section, f"/{'actuators/{lane}/{section}' if of_actuator else 'detectors/{section}/{lane}'}")
     return place.format(section=section, lane=lane)
 
 
-def column(field):
+def column(field: str) -> Any:
     """Return what the log calls a field of the bus: `x[3]` is `x_3`."""
     return field.replace("[", "_").rstrip("]")
 
 
-def place(name):
+def place(name: str) -> tuple[Any, ...]:
     """Return (topic, field) of the log for a name `section.lane.field` of the bus."""
     section, lane, field = name.split(".", 2)
     if section.endswith("_in") and field == "u":  # still the command held over the last tick

@@ -9,13 +9,13 @@ from cosim.flight.guests.check import check
 FILE = Path(__file__).with_name("NAME.py")
 
 
-def test_it_keeps_the_contract():
+def test_it_keeps_the_contract() -> None:
     """`cosim check-detector NAME.py` says the same."""
     found = check(FILE)
     assert found["keeps"], [line for line in found["checks"] if line["result"] == "bad"]
 
 
-def test_it_names_a_rod_sensor_that_is_off_by_12_mm():
+def test_it_names_a_rod_sensor_that_is_off_by_12_mm() -> None:
     """The fault of the scenario begins after 4 s."""
     fault = "faults.0={target='elevator.left_inner.rod', kind='bias', bias_mm=12, start_s=4, path='monitor'}"
     only = ["duration_s=8", "detectors.enabled=[]", "elevator.feedback=measured"]

@@ -10,8 +10,10 @@ import importlib
 import json
 import re
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -51,13 +53,13 @@ DESIGNS = {
 }
 
 
-def known(name):
+def known(name: str) -> None:
     """Raise DesignError unless `name` is a design."""
     if name not in DESIGNS:
         raise DesignError(f"{name!r} is no design", allowed=", ".join(DESIGNS), remedy=did_you_mean(name, DESIGNS))
 
 
-def build(name, *, folder=FOLDER, progress=None):
+def build(name: str, *, folder: str | Path = FOLDER, progress: Callable[..., Any] | None = None) -> Path:
     """Make design `name` anew, write it, return its path; `progress(text)` hears each step. KeyError: unknown name."""
     maker = DESIGNS[name]
     tell = progress or (lambda text: None)
@@ -72,7 +74,7 @@ def build(name, *, folder=FOLDER, progress=None):
     return path
 
 
-def check(name, *, folder=FOLDER):
+def check(name: str, *, folder: Any = FOLDER) -> Any:
     """Return "" when the stored design `name` belongs to the aircraft in the tree, else what is wrong."""
     maker, path = DESIGNS[name], Path(folder) / f"{name}.json"
     if maker.own:
@@ -86,7 +88,7 @@ def check(name, *, folder=FOLDER):
     return "" if stored == source() else f"{path.name} was made from another aircraft or other actuators"
 
 
-def require(name):
+def require(name: str) -> None:
     """Raise DesignError with the remedy unless the stored design `name` belongs to the aircraft in the tree."""
     problem = check(name)
     if problem:
@@ -94,7 +96,7 @@ def require(name):
 
 
 @functools.cache
-def source():
+def source() -> str:
     """Return the digest of every number in the aircraft's XML and record and in the actuators' and servos' nominal
     parameters.
     """

@@ -7,7 +7,9 @@ model fitted to linearisations at Sobol points in and around it, and gains whose
 import itertools
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.stats import qmc
@@ -36,7 +38,7 @@ AROUND = 1.25  # a box is fitted to what lies within so many halves of its width
 FEWEST = 12  # points that a box needs
 
 
-def scattered(draws=DRAWS, progress=None):
+def scattered(draws: int = DRAWS, progress: Callable[..., Any] | None = None) -> Any:
     """Trim and linearise at Sobol points of `SPAN` with steady flights short of stall; returns `lpv.Samples`."""
     low, high = SPAN.T
     kept: list = []
@@ -55,7 +57,7 @@ def scattered(draws=DRAWS, progress=None):
     return lpv.Samples(rho, A, B, C, D, trims, [])
 
 
-def mach_at(cas_kt, h):
+def mach_at(cas_kt: float, h: float) -> float:
     """Return the Mach number of `cas_kt` at `h` [m] in the standard atmosphere, up to 20 km."""
     impact = 101325.0 * ((1 + 0.2 * (cas_kt * KT / 340.294) ** 2) ** 3.5 - 1)
     pressure = 101325.0 * (1 - 0.0065 * min(h, lpv.CEILING) / 288.15) ** 5.2558797
@@ -63,7 +65,7 @@ def mach_at(cas_kt, h):
     return math.sqrt(5 * ((impact / pressure + 1) ** (1 / 3.5) - 1))
 
 
-def make(samples):
+def make(samples: Any) -> Any:
     """Return [(LpvModel, Design)] of every box of `EDGES` with at least `FEWEST` samples in it."""
     out = []
     for edges in itertools.product(*(itertools.pairwise(axis) for axis in EDGES)):
@@ -78,13 +80,13 @@ def make(samples):
     return out
 
 
-def store(path=STORED, *, progress=None):
+def store(path: Path = STORED, *, progress: Callable[..., Any] | None = None) -> None:
     """Make the boxes of the aircraft in the tree, each with its inequalities verified, and write them to `path`."""
     pairs = make(scattered(progress=progress))
     boxes.save(pairs, path, aircraft_sha256=numbers_digest(FOLDER), draws=DRAWS, seed=SOBOL_SEED)
 
 
-def check(path=STORED):
+def check(path: Path = STORED) -> str:
     """Return "" when the stored boxes belong to the aircraft in the tree and verify, else what is wrong."""
     if not Path(path).is_file():
         return "no stored boxes of the LPV design; make them with: cosim design"

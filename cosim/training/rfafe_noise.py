@@ -13,6 +13,7 @@ a few hundredths of a degree, then slips) no linear loop predicts.
 
 import functools
 import math
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +26,7 @@ DISTURBED, TICKS = 200, 1200  # one sample at 1 s, when trims are learned; the r
 
 
 @functools.cache
-def predicted(size=1.0, sensors=None):
+def predicted(size: float = 1.0, sensors: Any = None) -> Any:
     """Return {estimator: {sensor: standard deviation of its f_hat [deg]}} at Sun13's point, hydraulic, in still air.
 
     `size` is that of the disturbance in sigma: a linear loop gives the same for any. `sensors` is a tuple of names,
@@ -41,7 +42,7 @@ def predicted(size=1.0, sensors=None):
     return out
 
 
-def total(parts):
+def total(parts: Any) -> float:
     """Return the standard deviation of the sum of independent `parts`, a mapping to standard deviations."""
     return math.sqrt(sum(s * s for s in parts.values()))
 

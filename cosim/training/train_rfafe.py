@@ -11,7 +11,9 @@ is for all points, "design_point" for that of Sun13 alone.
 import functools
 import json
 import math
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -48,7 +50,7 @@ REPEATS = 4  # of every combination in training, with other seeds; two in the ev
 TRAINING, EVALUATION = 1000, 2000  # first seeds of the two sets
 
 
-def flights(first_seed):
+def flights(first_seed: int) -> Iterator[Any]:
     """Yield the arguments of `scenario` for every flight of a set; point C has 1.23 g left: steps of 0.15 g at most."""
     seed = first_seed
     repeats = REPEATS if first_seed == TRAINING else 2
@@ -67,7 +69,7 @@ def flights(first_seed):
                 seed += 1
 
 
-def look(first_seed, index):
+def look(first_seed: int, index: Any) -> Any:
     """Fly flight `index` of a set and return {estimator: [*survey, alarms]} as JSON can hold it."""
     flight = list(flights(first_seed))[index]
     r, out = fly_aircraft(**flight), {}
@@ -79,7 +81,7 @@ def look(first_seed, index):
     return out
 
 
-def collect(first_seed, **how):
+def collect(first_seed: int, **how: Any) -> Any:
     """Fly a set in processes and return [(arguments, what `look` returns)]; `how`: see `cosim.campaign.jobs.work`."""
     chosen = list(flights(first_seed))
     return list(zip(chosen, work([(look, {"first_seed": first_seed, "index": i}) for i in range(len(chosen))], **how)))
@@ -103,7 +105,7 @@ def _fits(log, p, out):
     return n
 
 
-def survey(recorded, name, p):
+def survey(recorded: Any, name: str, p: Any) -> tuple[Any, ...]:
     """Return (runs (share, frequency), any (share, frequency), slow) of a fault-free flight, amplitudes in SI.
 
     runs: the largest amplitude, less share times the command's, that lasts for SPARE fits less than make an alarm, all
@@ -131,13 +133,13 @@ def survey(recorded, name, p):
     return runs, whatever, float(slow.max(initial=0.0))
 
 
-def alarms(collected, name):
+def alarms(collected: Any, name: str) -> list[Any]:
     """Return the arguments of the flights on which estimator `name` alarms with the stored thresholds."""
     return [flight for flight, found in collected if found[name][3]]
 
 
 @functools.cache
-def answers():
+def answers() -> Any:
     """Return {estimator: (frequency,)} how much command the law answers an oscillation with, over f_hat's amplitude.
 
     One segment oscillates at each frequency of the bank, still air; the threshold's share of the command is lost to it.
@@ -174,7 +176,7 @@ def fields(name: str, collected: list) -> tuple[dict, dict]:
     return made, how
 
 
-def train(*, first_seed: int = TRAINING, **how) -> dict:
+def train(*, first_seed: int = TRAINING, **how: Any) -> dict:
     """Fly the training set; return {(estimator, set): (trained fields, how they were found)}, sets "flight" and
     "design_point"; `how`: see `cosim.campaign.jobs.work`."""
     collected = collect(first_seed, **how)

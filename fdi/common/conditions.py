@@ -4,6 +4,8 @@ Rank decisions are taken on matrices with unit rows of C and unit columns of E a
 units.
 """
 
+from typing import Any
+
 import numpy as np
 from scipy.linalg import null_space, subspace_angles
 
@@ -14,7 +16,7 @@ class DesignError(ValueError):
     """A condition for the estimator to exist fails; the message says which and by how much."""
 
 
-def decouple(C, E, F):
+def decouple(C: np.ndarray, E: np.ndarray, F: np.ndarray) -> tuple[Any, ...]:
     """Return H = E (CE)^+ (12) and T = I - HC (6); raise DesignError that says which of conditions (i)-(iii) fails.
 
     E (n, q) has full column rank, C (m, n), F (n, l). Singular values are those of matrices with unit rows of C and
@@ -48,7 +50,7 @@ def decouple(C, E, F):
     return H, T
 
 
-def without_rounding(X, size):
+def without_rounding(X: np.ndarray, size: int) -> np.ndarray:
     """Return X with zeros where it is below 1e-13 of `size`, the sum of the magnitudes that an entry was made from.
 
     A decoupled state has a row of zeros; rounding there, in badly scaled units, else passes for a coupling.
@@ -56,7 +58,9 @@ def without_rounding(X, size):
     return np.where(np.abs(X) <= 1e-13 * size, 0.0, X)
 
 
-def separate(E, F, C, *, min_ratio=0.5, method="remove"):
+def separate(
+    E: np.ndarray, F: np.ndarray, C: np.ndarray, *, min_ratio: float = 0.5, method: str = "remove"
+) -> np.ndarray:
     """Return an orthonormal E* whose decoupling leaves |TF|/|F| >= min_ratio.
 
     E (n, q) of any rank, its columns weighted by their length; F (n, l), C (m, n). Method "rank" drops the smallest
@@ -78,7 +82,7 @@ def separate(E, F, C, *, min_ratio=0.5, method="remove"):
     return np.zeros((E.shape[0], 0))
 
 
-def fixed_modes(A1, C, TF):
+def fixed_modes(A1: np.ndarray, C: np.ndarray, TF: np.ndarray) -> Any:
     """Return the invariant zeros of (A1, TF, C): eigenvalues that stay in N under (16) for every K1.
 
     They are the unobservable eigenvalues of (C, A2), A2 = (I - TF (C TF)^+ C) A1, among them those of (C, A1) itself.
@@ -86,7 +90,7 @@ def fixed_modes(A1, C, TF):
     return unobservable_modes(A1 - TF @ np.linalg.pinv(C @ TF) @ C @ A1, C)
 
 
-def unobservable_modes(A, C):
+def unobservable_modes(A: np.ndarray, C: np.ndarray) -> Any:
     """Return the eigenvalues of A on the largest A-invariant subspace in null(C): V <- V intersected with A^-1 V."""
     Z = null_space(C, rcond=RANK)
     for _ in range(A.shape[0]):
@@ -101,7 +105,7 @@ def unobservable_modes(A, C):
     return np.linalg.eigvals(Z.T @ A @ Z)
 
 
-def undetectability(A1, C):
+def undetectability(A1: np.ndarray, C: np.ndarray) -> tuple[float, int]:
     """Return (distance, state): least singular value of [(s I - A1)/|A1|; C] over Re s >= 0, and where it points.
 
     Rows of C are unit. A nearest undetectable pair has its hidden mode on the imaginary axis, unless one is hidden
@@ -124,7 +128,7 @@ def undetectability(A1, C):
     return min(least(1j * w) for w in grid)
 
 
-def balance(A, C, F, sigma=None):
+def balance(A: np.ndarray, C: np.ndarray, F: np.ndarray, sigma: float | None = None) -> Any:
     """Return state scales s, x = s * x_balanced: Osborne's balance of [A F; C 0] with unit rows of C, columns of F.
 
     With `sigma` (m,), the outputs' noise, a state that shows in an output is scaled to that noise: P near the
@@ -151,34 +155,34 @@ def balance(A, C, F, sigma=None):
     return s
 
 
-def basis(E):
+def basis(E: np.ndarray) -> np.ndarray:
     """Return an orthonormal basis of range(E)."""
     U, s, _ = np.linalg.svd(unit_columns(E), full_matrices=False)
     return U[:, :rank_of(s)]
 
 
-def angle_deg(E, F):
+def angle_deg(E: np.ndarray, F: np.ndarray) -> float:
     """Return the smallest principal angle between the ranges of E and F [deg]; 90 when E has no column."""
     return 90.0 if E.shape[1] == 0 else float(np.degrees(np.min(subspace_angles(E, F))))
 
 
-def unit_columns(X):
+def unit_columns(X: np.ndarray) -> Any:
     """Return X with its columns scaled to length one; zero columns stay."""
     size = np.linalg.norm(X, axis=0)
     return X / np.where(size > 0.0, size, 1.0)
 
 
-def unit_rows(X):
+def unit_rows(X: np.ndarray) -> Any:
     """Return X with its rows scaled to length one; zero rows stay."""
     return unit_columns(X.T).T
 
 
-def singular(X):
+def singular(X: np.ndarray) -> Any:
     """Return the singular values of X, none for an empty matrix."""
     return np.linalg.svd(X, compute_uv=False) if X.size else np.zeros(0)
 
 
-def rank_of(s, tolerance=None):
+def rank_of(s: Any, tolerance: float | None = None) -> int:
     """Return how many singular values exceed `tolerance`, or RANK times the largest."""
     return int(np.sum(s > (RANK * (s[0] if len(s) else 0.0) if tolerance is None else tolerance)))
 

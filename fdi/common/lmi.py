@@ -4,6 +4,7 @@ The solver is an optional extra, imported when a design runs, so that a flight n
 """
 
 import warnings
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ class Infeasible(ValueError):
     """The inequalities of a design have no solution; the message says which."""
 
 
-def cvxpy():
+def cvxpy() -> Any:
     """Return the cvxpy module; raise ImportError that names the extra when it or Clarabel is missing."""
     try:
         import clarabel  # noqa: F401 (cvxpy would report a missing solver only when it solves)
@@ -24,13 +25,13 @@ def cvxpy():
     return module
 
 
-def negative(expression, margin):
+def negative(expression: Any, margin: float) -> Any:
     """Return the constraint `sym(expression) <= -margin I` for a square cvxpy expression, strict when margin > 0."""
     size = expression.shape[0]
     return (expression + expression.T) / 2 << -margin * np.eye(size)
 
 
-def solve(problem, *, tolerance=1e-9):
+def solve(problem: Any, *, tolerance: Any = 1e-9) -> Any:
     """Solve a cvxpy problem with Clarabel and return its value; raise Infeasible unless a solution was found.
 
     "Almost solved" counts as solved: whoever calls must substitute the result back (`violation`).
@@ -48,7 +49,7 @@ def solve(problem, *, tolerance=1e-9):
     return problem.value
 
 
-def violation(matrix):
+def violation(matrix: Any) -> float:
     """Return lambda_max(sym(matrix)) / |matrix|_2: negative when `matrix < 0` holds, relative to its own size."""
     symmetric = (matrix + matrix.T) / 2
     eigenvalues = np.linalg.eigvalsh(symmetric)

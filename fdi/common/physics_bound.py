@@ -1,6 +1,7 @@
 """What physics leaves an aircraft-level observer: motion per degree of elevator oscillation, over frequency."""
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -8,7 +9,7 @@ from scipy import stats
 from scipy.optimize import brentq
 
 
-def motion_per_degree(A, B, C, D, frequencies_hz):
+def motion_per_degree(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, frequencies_hz: Any) -> Any:
     """Return |y| per input unit, shape (frequency, output, input), of x' = A x + B u, y = C x + D u.
 
     With inputs in deg of one segment's (or side's) elevator and outputs q in deg/s and n_z in g this is the largest
@@ -23,7 +24,15 @@ def motion_per_degree(A, B, C, D, frequencies_hz):
     return abs(C @ np.linalg.solve(s * np.eye(len(A)) - A, np.broadcast_to(B, (len(f), *B.shape))) + D)
 
 
-def detectable_amplitude(bound, sigma, *, frequencies_hz, periods=3, sample_s=0.005, probability_z=3.0):
+def detectable_amplitude(
+    bound: Any,
+    sigma: float,
+    *,
+    frequencies_hz: Any,
+    periods: int = 3,
+    sample_s: float = 0.005,
+    probability_z: float = 3.0,
+) -> Any:
     """Return the smallest amplitude (input units) whose motion exceeds `probability_z` sigma of a least-squares sine.
 
     A sine fitted to N samples of white noise sigma has an amplitude error of sigma sqrt(2/N) per quadrature; N

@@ -5,7 +5,7 @@ A module of a detector is a block (actuators/block.py) with CULPRITS, the names 
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -27,11 +27,11 @@ class Site:
     actuator: Mapping[str, float] = field(default_factory=dict)
     travel: tuple[float, float] | None = None  # stops of the elevator [rad], None: those of the technology's design
 
-    def known(self, names) -> dict[str, float]:
+    def known(self, names: Sequence[Any]) -> dict[str, float]:
         """Return those parameters of the actuator that are among `names`."""
         return {name: value for name, value in self.actuator.items() if name in (names or ())}
 
-    def ticks(self, word):
+    def ticks(self, word: str) -> float:
         """Return how many ticks the measurement `word` is old."""
         return float(math.ceil(self.delay(word) / self.dt - 1e-9))
 

@@ -8,6 +8,7 @@ import functools
 import json
 import math
 from importlib import resources
+from typing import Any
 
 
 @functools.cache
@@ -15,12 +16,12 @@ def _read(detector):
     return json.loads(resources.files("fdi").joinpath("thresholds", f"{detector}.json").read_text(encoding="utf-8"))
 
 
-def forget():
+def forget() -> None:
     """Read the files anew when they are asked for next: they were written."""
     _read.cache_clear()
 
 
-def thresholds(detector, which="flight"):
+def thresholds(detector: str, which: str = "flight") -> Any:
     """Return {PARAMS field: number or row, SI} of set `which`; an unknown set or a bad value raises ValueError."""
     sets = {k: v for k, v in _read(detector).items() if k != "training"}
     if which not in sets:

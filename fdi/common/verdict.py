@@ -6,6 +6,8 @@ else is. The summary is then: `alarm` is 1 while any of them is; `culprit` is th
 still stand, and `verdict` is its class. Names of a detector without such outputs come from `culprit` alone.
 """
 
+from typing import Any
+
 NONE = 0.0
 OFC_LIQUID = 1.0  # oscillation added to the servo's signal
 OFC_SOLID = 2.0  # oscillation in place of the servo's signal
@@ -31,7 +33,7 @@ NAMES = (
 )
 
 
-def name(code):
+def name(code: Any) -> Any:
     """Return the name of class `code`; a value that is no code raises ValueError."""
     k = int(code)
     if k != code or not 0 <= k < len(NAMES):
@@ -39,7 +41,7 @@ def name(code):
     return NAMES[k]
 
 
-def code(name):
+def code(name: str) -> float:
     """Return the float code of class `name`; an unknown name raises ValueError."""
     return float(NAMES.index(name))
 

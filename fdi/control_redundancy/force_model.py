@@ -11,6 +11,7 @@ aircraft's own.
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 
@@ -53,7 +54,7 @@ class ForceModel:
     engine: np.ndarray  # (4, 3): x forward of cg_ref, y right, z down [m]
     thrust_axis: tuple  # unit vector, body axes
 
-    def structure(self, alpha=0.1):
+    def structure(self, alpha: float = 0.1) -> Any:
         """Return which effector enters which row at small sideslip: bool (X Y Z L M N; elevator aileron rudder thrust).
 
         Wind-axis entries turned by `alpha`; what goes with sideslip is dropped, the small-angle assumption of [Mar10]
@@ -88,7 +89,7 @@ PARAMS = [
 ]  # fmt: skip
 
 
-def fields(model):
+def fields(model: Any) -> Any:
     """Return {PARAMS field: value} of a `ForceModel`; ValueError when its breakpoints or quantities do not fit."""
     sizes = {
         "alpha": (model.alpha, NA), "Mach": (model.mach, NM), "qbar": (model.qbar, NQ), "quantities": (model.t_m, NK),
@@ -119,7 +120,7 @@ def fields(model):
     return out
 
 
-def params_dtype(extra):
+def params_dtype(extra: Any) -> Any:
     """Return a PARAMS dtype of the force model's fields and `extra`."""
     return dtype([*PARAMS, *extra])
 

@@ -16,6 +16,7 @@ without the same inputs count once.
 
 import dataclasses
 import itertools
+from typing import Any
 
 import numpy as np
 
@@ -33,13 +34,13 @@ class Family:
     solved: tuple  # inputs that the base row can be solved for
 
     @property
-    def name(self):
+    def name(self) -> str:
         """Return r1, or r1~m3 for row 1 with input m replaced from row 3 (numbered from 1)."""
         tail = "".join(f"~{j + 1}by{k + 1}" for k, j in self.pivots)
         return f"r{self.base + 1}{tail}"
 
 
-def families(structure, *, most=2):
+def families(structure: Any, *, most: int = 2) -> Any:
     """Return the families of a bool matrix (rows, inputs), with at most `most` replacements each.
 
     Families that no input moves (everything replaced) are left out: they test the model, not an actuator.
@@ -60,7 +61,7 @@ def families(structure, *, most=2):
     return found
 
 
-def signatures(structure):
+def signatures(structure: Any) -> Any:
     """Return {signature: number of residuals} of `families(structure)`, in order of appearance."""
     out: dict = {}
     for family in families(structure):
@@ -68,7 +69,12 @@ def signatures(structure):
     return out
 
 
-def undefined(structure, reference=TALK, inputs=TALK_INPUTS, rows=("x", "y", "z")):
+def undefined(
+    structure: Any,
+    reference: Any = TALK,
+    inputs: tuple[str, str, str, str] = TALK_INPUTS,
+    rows: tuple[str, str, str] = ("x", "y", "z"),
+) -> list[tuple[str, str]]:
     """Return [(residual of `reference`, reason)] that `structure`, with fewer entries, does not define.
 
     A residual needs the entry it is solved for; each of its replacements needs the entry it divides by.
@@ -92,7 +98,7 @@ def undefined(structure, reference=TALK, inputs=TALK_INPUTS, rows=("x", "y", "z"
     return out
 
 
-def combination(G, family):
+def combination(G: Any, family: Any) -> Any:
     """Return the weights c (rows,) and sensitivities s (inputs,) of a family: r = c (f - G u_c) = s (u - u_c).
 
     G (rows, inputs). The entries of the pivots are divided by: take the families of G's own structure.
@@ -104,7 +110,7 @@ def combination(G, family):
     return c, c @ G
 
 
-def residuals(f, G, u_c, structure=None):
+def residuals(f: Any, G: np.ndarray, u_c: Any, structure: Any = None) -> Any:
     """Evaluate every residual r = u_hat_i - u_c_i of slides 8 to 10: f (rows,), G (rows, inputs), u_c (inputs,).
 
     Returns [(Family, input solved for, value)], value in that input's unit. `structure` defaults to G != 0.

@@ -8,6 +8,7 @@ with what the velocity filter's innovations took in: `share`.
 """
 
 import math
+from typing import Any
 
 from actuators.block import kernel
 from actuators.ema.jay import PERIOD
@@ -17,7 +18,7 @@ from fdi.ema.ema_kalman import VELOCITY, N
 LAG, MEAN = 20, 5  # R1's jump: mean of the last 5 slots against that of the 5 slots 0.1 s ago
 
 
-def slots(dt):
+def slots(dt: float) -> tuple[Any, ...]:
     """Return (ticks of a slot, slots of the innovations' window, of R1's jump, of its ends) for ticks of `dt` [s].
 
     A slot is the fewest ticks that last 5 ms, so that the windows of 50, 100 and 25 ms fit their arrays.

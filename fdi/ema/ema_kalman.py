@@ -16,6 +16,7 @@ The test is hierarchical: R1 and R2 count only while the innovation says that th
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -98,7 +99,15 @@ DETECTOR = Detector(
 )
 
 
-def params(kind="nozzle", *, dt=jay.PERIOD, R=0.0025, engage=None, delay=None, **overrides):
+def params(
+    kind: str = "nozzle",
+    *,
+    dt: float = jay.PERIOD,
+    R: float = 0.0025,
+    engage: Any = None,
+    delay: float | None = None,
+    **overrides: Any,
+) -> np.ndarray:
     """Return PARAMS of the exactly discretised model `kind` with the paper's covariances and thresholds.
 
     R = 0.0025 V^2, P0 = diag(0.0003 x 4, 0.01, 0.01), 3 / 0.5 mm / 0.5 A: [Jay] sections 3.3, 4 and 4.1. `engage`
@@ -124,7 +133,7 @@ def params(kind="nozzle", *, dt=jay.PERIOD, R=0.0025, engage=None, delay=None, *
     )
 
 
-def init(p):
+def init(p: np.ndarray) -> np.ndarray:
     """Return STATE of p's shape: x_hat = 0 and P0, as printed."""
     x = np.zeros(p.shape, STATE)
     for i in np.ndindex(p.shape):

@@ -31,6 +31,7 @@ noise densities and what a threshold means are those of 200 Hz.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -229,7 +230,15 @@ DETECTOR = Detector(
 DEG = math.pi / 180.0
 
 
-def params(which="flight", *, dt=jay.PERIOD, delay_s=0.005, sigma_velocity=1.0, sigma_position=1e-4, **symbols):
+def params(
+    which: str = "flight",
+    *,
+    dt: float = jay.PERIOD,
+    delay_s: float = 0.005,
+    sigma_velocity: float = 1.0,
+    sigma_position: float = 1e-4,
+    **symbols: Any,
+) -> np.ndarray:
     """Return PARAMS with threshold set `which` of fdi/thresholds/ema_kalman_flight.json.
 
     Sensors: noise per 5 ms sample, 1 sigma [rad/s], [m] ([Jay] section 4 read so), `delay_s` old. `symbols` replace
@@ -277,7 +286,7 @@ def params(which="flight", *, dt=jay.PERIOD, delay_s=0.005, sigma_velocity=1.0, 
     )
 
 
-def init(p):
+def init(p: np.ndarray) -> np.ndarray:
     """Return STATE of p's shape, not engaged: the first usable position sample engages it."""
     return np.zeros(p.shape, STATE)
 

@@ -1,6 +1,7 @@
 """Design of the flight form of the EMA's Kalman filter: six states with hinge stiffness, and the steady gain."""
 
 import math
+from typing import Any
 
 import numpy as np
 from scipy.linalg import expm_frechet, solve_discrete_are
@@ -11,7 +12,7 @@ from fdi.ema.dead_reckoning import slots
 from fdi.ema.ema_kalman import N
 
 
-def model(values, dt, tau_load):
+def model(values: Any, dt: float, tau_load: float) -> tuple[Any, ...]:
     """Return (Phi, Phi_h, G, G_h) of the six states with the load's leak 1/tau_load [1/s].
 
     Phi_h = d Phi / d HM_delta at zero stiffness: over 5 ms and at -40 kN m/rad the second order is below 1e-4 of each
@@ -31,7 +32,7 @@ def model(values, dt, tau_load):
     return e[:6, :6], de[:6, :6], e[:6, 6], e[:6, 7]
 
 
-def gain(Phi, sigma_load, tau_load, q_vel, sigma_vel, dt):
+def gain(Phi: np.ndarray, sigma_load: Any, tau_load: float, q_vel: Any, sigma_vel: Any, dt: float) -> tuple[Any, ...]:
     """Return (K, sqrt S): the steady gain of the velocity sample y = x4 + v, and the innovation's deviation."""
     H = np.zeros((1, 6))
     H[0, 3] = 1.0
@@ -43,7 +44,7 @@ def gain(Phi, sigma_load, tau_load, q_vel, sigma_vel, dt):
     return P[:, 3] / S, math.sqrt(S)
 
 
-def designed(values, dt, sigma_velocity):
+def designed(values: Any, dt: float, sigma_velocity: float) -> dict[str, Any]:
     """Return {K, S_root, Phi, Phi_h, G, G_h} for ticks of `dt`; the noise densities are those of 5 ms at every rate.
 
     Per 5 ms: velocity noise `sigma_velocity` [rad/s], model error 1 rad/s. The load: 630 N m, 20 s.
@@ -55,7 +56,7 @@ def designed(values, dt, sigma_velocity):
     return {"K": K, "S_root": S_root, "Phi": Phi, "Phi_h": Phi_h, "G": G, "G_h": G_h}
 
 
-def limits(which, values, K_vel, dt, sigma_velocity):
+def limits(which: Any, values: Any, K_vel: Any, dt: float, sigma_velocity: float) -> Any:
     """Return the thresholds of set `which`, made for 5 ms, for ticks of `dt` and their velocity gain `K_vel`.
 
     Those of the mean innovation change so that the velocity taken in by the whole window, gain times the sum of its

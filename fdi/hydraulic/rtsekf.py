@@ -17,6 +17,7 @@ at rest while the model moves is JAM_SOLID, both alike is JAM_LIQUID.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -119,7 +120,15 @@ DETECTOR = Detector(
 )
 
 
-def params(which="flight", *, load=1, dt=0.005, delay_s=0.005, arm=linkage.ARM, **values):
+def params(
+    which: str = "flight",
+    *,
+    load: float = 1,
+    dt: float = 0.005,
+    delay_s: float = 0.005,
+    arm: float = linkage.ARM,
+    **values: Any,
+) -> np.ndarray:
     """Return PARAMS for load form 0 (as published) or 1; `values` replace any field."""
     fields = {
         **lu17.NOMINAL,
@@ -134,7 +143,7 @@ def params(which="flight", *, load=1, dt=0.005, delay_s=0.005, arm=linkage.ARM, 
     return record(PARAMS, **{**fields, **thresholds("rtsekf", which), **values})
 
 
-def init(p):
+def init(p: np.ndarray) -> np.ndarray:
     """Return STATE of p's shape, not started: the filter begins at the first usable rod sample."""
     return np.zeros(p.shape, STATE)
 

@@ -1,12 +1,15 @@
 """What `fdi.lpv_smo.synthesis.design` is given: affine stacks of agreeing sizes, and what no gain can do about them."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from fdi.common.conditions import unit_rows, unobservable_modes
 from fdi.lpv_smo.model import at, vertices
 
 
-def stacks(A, B, C, D):
+def stacks(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Any:
     """Return A, B, C, D as float stacks (1 + nr, rows, cols) of agreeing sizes.
 
     One matrix alone is a constant; D may be None. Raises ValueError that names what does not agree.
@@ -36,7 +39,7 @@ def _stack(name, S, terms):
     return np.concatenate([S, np.zeros((terms - len(S), *S.shape[1:]))])
 
 
-def options(box, poles, a_f, n_x, inputs, actuator):
+def options(box: Any, poles: Sequence[Any], a_f: Any, n_x: Any, inputs: Any, actuator: Any) -> tuple[Any, ...]:
     """Return box (nr, 2) and poles (slow, fast); ValueError for what is out of order."""
     box = np.asarray(box, float).reshape(-1, 2)
     if not np.isfinite(box).all() or (box[:, 0] >= box[:, 1]).any():
@@ -53,7 +56,7 @@ def options(box, poles, a_f, n_x, inputs, actuator):
     return box, (slow, fast)
 
 
-def vector(name, value, size, *, sign=0):
+def vector(name: str, value: Any, size: int, *, sign: int = 0) -> np.ndarray:
     """Return `value` as an array of `size` numbers, all positive or negative as `sign` says; ValueError otherwise."""
     value = np.asarray(value, float)
     if value.shape != (size,) or not np.isfinite(value).all():
@@ -63,7 +66,7 @@ def vector(name, value, size, *, sign=0):
     return value
 
 
-def movable(A, box, n_free, n_outer, poles):
+def movable(A: np.ndarray, box: Any, n_free: int, n_outer: int, poles: Sequence[Any]) -> None:
     """Raise ValueError when a pole of the sliding motion lies outside `poles` and no L moves it.
 
     A (1+nr, n, n) in canonical coordinates, the first n_free states unmeasured, L free over the first n_outer outputs:
@@ -82,7 +85,7 @@ def movable(A, box, n_free, n_outer, poles):
                 )
 
 
-def least_seen(A, box, n_free, n_outer, poles):
+def least_seen(A: np.ndarray, box: Any, n_free: int, n_outer: int, poles: Sequence[Any]) -> str:
     """Return words about the unmeasured mode that is slower than `poles` ask for and shows least in the outputs.
 
     Arguments as in `movable`. The figure is the least singular value of [(s I - A11) / |A11|; A21], unit rows of A21.

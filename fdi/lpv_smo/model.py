@@ -12,6 +12,7 @@ The printed (29) has the first parameter's row missing (its rows run from rho_2)
 
 import dataclasses
 import itertools
+from typing import Any
 
 import numpy as np
 
@@ -39,28 +40,28 @@ class LpvModel:
     rho: tuple = ()
 
 
-def at(stack, rho):
+def at(stack: Any, rho: Any) -> Any:
     """Evaluate S(rho) = S_0 + sum rho_i S_i [Alwi14] (27); `rho` (nr,), result (rows, cols)."""
     return stack[0] + np.tensordot(np.asarray(rho, float), stack[1:], axes=1)
 
 
-def vertices(box):
+def vertices(box: Any) -> np.ndarray:
     """Return the 2^nr corners of `box` (nr, 2) as (2^nr, nr)."""
     return np.array(list(itertools.product(*np.asarray(box, float))))
 
 
-def powers(nr, degree=TRIM_DEGREE):
+def powers(nr: Any, degree: int = TRIM_DEGREE) -> np.ndarray:
     """Return the exponents (n_terms, nr) of all monomials up to total `degree`, the constant first."""
     return np.array([e for e in itertools.product(range(degree + 1), repeat=nr) if sum(e) <= degree])
 
 
-def normalise(rho, box):
+def normalise(rho: float, box: Any) -> Any:
     """Map rho (..., nr) into [-1, 1] over `box`."""
     low, high = np.asarray(box, float).T
     return 2 * (np.asarray(rho, float) - low) / (high - low) - 1
 
 
-def trim_at(model, rho):
+def trim_at(model: Any, rho: float) -> Any:
     """Return x_eq (n,), u_eq (m,), y_eq (p,) of the trim maps at `rho` (nr,)."""
     z = normalise(rho, model.box)
     values = model.trim @ np.prod(z ** powers(len(z)), axis=1)
@@ -68,7 +69,7 @@ def trim_at(model, rho):
     return values[:n], values[n : n + m], values[n + m :]
 
 
-def fit(rho, S, *, box, tolerance=0.02, scale=None, weight=None):
+def fit(rho: Any, S: Any, *, box: Any, tolerance: Any = 0.02, scale: Any = None, weight: Any = None) -> Any:
     """Fit S(rho) = S_0 + sum rho_i S_i to samples by least squares, insignificant entries fixed [Alwi14] (29)-(32).
 
     rho (k, nr), S (k, rows, cols); returns (stack (1+nr, rows, cols), fixed (rows, cols) of bool). An entry is
@@ -94,7 +95,7 @@ def fit(rho, S, *, box, tolerance=0.02, scale=None, weight=None):
     return _raw(theta, box), fixed
 
 
-def fit_trim(rho, values, *, box, degree=TRIM_DEGREE):
+def fit_trim(rho: float, values: Any, *, box: Any, degree: int = TRIM_DEGREE) -> Any:
     """Fit the trim maps: least-squares polynomials of `values` (k, n_values) over `rho` (k, nr); (n_values, n_terms).
 
     Terms that the grid does not determine come out with least norm. A direction in which the grid does not vary at
@@ -105,7 +106,7 @@ def fit_trim(rho, values, *, box, degree=TRIM_DEGREE):
     return np.linalg.lstsq(basis, np.asarray(values, float), rcond=1e-9)[0].T
 
 
-def judge(stack, rho, S):
+def judge(stack: Any, rho: Any, S: Any) -> Any:
     """Return the largest error of each entry on a second grid, as a fraction of the entry's largest value there.
 
     rho (k, nr), S (k, rows, cols) -> (rows, cols); entries that are zero on the whole grid give 0.
@@ -116,7 +117,7 @@ def judge(stack, rho, S):
     return np.divide(error, size, out=np.where(error > 0, np.inf, 0.0), where=size > 0)
 
 
-def modes(A):
+def modes(A: np.ndarray) -> Any:
     """Return [(wn rad/s, zeta)] of the oscillatory modes of A, fastest first; real poles give zeta = -sign(pole)."""
     lam = np.linalg.eigvals(A)
     lam = lam[(lam.imag >= 0) & (np.abs(lam) > 1e-9)]

@@ -11,6 +11,7 @@ replaces it: the verdict is OFC_LIQUID.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -112,7 +113,15 @@ DETECTOR = Detector(
 )
 
 
-def params(which="flight", *, dt=0.005, delay_s=0.005, arm=linkage.ARM, travel=None, **values):
+def params(
+    which: str = "flight",
+    *,
+    dt: float = 0.005,
+    delay_s: float = 0.005,
+    arm: float = linkage.ARM,
+    travel: Any = None,
+    **values: Any,
+) -> np.ndarray:
     """Return PARAMS for ticks of `dt` seconds, linkage `arm` [m], stops `travel` [rad]; `values` replace any field."""
     s = servo.params(dt=dt)[0]
     low, high = travel or linkage.TRAVEL
@@ -136,7 +145,7 @@ def params(which="flight", *, dt=0.005, delay_s=0.005, arm=linkage.ARM, travel=N
     return record(PARAMS, **{**fields, **thresholds("ofc_monitor", which), **values})
 
 
-def init(p):
+def init(p: np.ndarray) -> np.ndarray:
     """Return STATE of p's shape, not started: the estimate starts at the first command."""
     return np.zeros(p.shape, STATE)
 

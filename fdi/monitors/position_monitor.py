@@ -8,6 +8,7 @@ the model moved is JAM_SOLID, moving away from the model is RUNAWAY, anything el
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -90,7 +91,7 @@ RATE_LIMIT = math.radians(40.0)  # of the servos' reference, both technologies (
 TRAVEL = (math.radians(-23.0), math.radians(17.0))  # of the elevator [rad]
 
 
-def params(which="flight", *, rate_limit=RATE_LIMIT, limits=None):
+def params(which: str = "flight", *, rate_limit: Any = RATE_LIMIT, limits: Any = None) -> np.ndarray:
     """Return PARAMS with threshold set `which`, the no-load rate [rad/s] and the travel limits [rad].
 
     "flight" is for hydraulic segments, "flight_ema" for electromechanical ones, which lag more in hard commands.
@@ -99,7 +100,7 @@ def params(which="flight", *, rate_limit=RATE_LIMIT, limits=None):
     return record(PARAMS, rate_limit=rate_limit, limit_low=limits[0], limit_high=limits[1], **own)
 
 
-def init(p):
+def init(p: np.ndarray) -> np.ndarray:
     """Return STATE of p's shape, not yet started: the model starts at the first command."""
     return np.zeros(p.shape, STATE)
 

@@ -10,6 +10,7 @@ Holding y over the sample instead would add wb Ts/2 to the amplitude of f_hat.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.linalg import expm, solve_discrete_lyapunov
@@ -37,7 +38,7 @@ class Discrete:
     D: np.ndarray  # (m, r)
 
 
-def first_order_hold(A, By, Bu, dt):
+def first_order_hold(A: np.ndarray, By: Any, Bu: Any, dt: float) -> tuple[Any, ...]:
     """Return Phi, Gu, Gy0, Gy1 of s' = A s + By y + Bu u with y linear and u constant between samples."""
     n, m, r = A.shape[0], By.shape[1], Bu.shape[1]
     big = np.zeros((n + 2 * m + r, n + 2 * m + r))
@@ -48,7 +49,20 @@ def first_order_hold(A, By, Bu, dt):
     return big[:n, :n], big[:n, n + 2 * m :], held - ramp, ramp
 
 
-def discretise(*, N, T, K, H, C, B, D, TF, gain, alpha, dt):
+def discretise(
+    *,
+    N: Any,
+    T: Any,
+    K: np.ndarray,
+    H: np.ndarray,
+    C: np.ndarray,
+    B: np.ndarray,
+    D: np.ndarray,
+    TF: np.ndarray,
+    gain: Any,
+    alpha: float,
+    dt: float,
+) -> Discrete:
     """Return the Discrete estimator; shapes as in `fdi.rfafe.synthesis`, gain = Gamma M (l, m), dt in s."""
     if not dt > 0.0:
         raise ValueError(f"dt is positive, not {dt}")
@@ -66,7 +80,7 @@ def discretise(*, N, T, K, H, C, B, D, TF, gain, alpha, dt):
         S=np.hstack([-gain @ C, alpha * np.eye(l)]), Sy=through, Su=-through @ D, H=H, D=D)
 
 
-def noise(discrete, sigma):
+def noise(discrete: Any, sigma: float) -> np.ndarray:
     """Return the standard deviation (l,) of f_hat from white noise `sigma` (m,) on the samples of y, after settling."""
     d, R = discrete, np.diag(np.asarray(sigma, float) ** 2)
     # w = s - Gy1 y is independent of the sample y:  w+ = Phi w + (Phi Gy1 + Gy0) y

@@ -1,6 +1,7 @@
 """The linear models behind the estimator: aircraft with actuators, a first-order actuator fit, and E from flights."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -9,7 +10,9 @@ from fdi.rfafe.discrete import first_order_hold
 FIT_HZ = (0.05, 2.0)  # band of the first-order fit: "0-2 Hz", without the zero that a logarithmic grid cannot hold
 
 
-def global_model(Ab, Bu, Cb, Du, Aa, Ba, Ca, Da):
+def global_model(
+    Ab: Any, Bu: Any, Cb: Any, Du: Any, Aa: Any, Ba: Any, Ca: Any, Da: Any
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return A, B, C, D of the aircraft driven by its actuators, x = [x_b, x_a], y = [y_b, y_a], u = u_c.
 
     A = [[A_b, B_u C_a], [0, A_a]], B = [B_u D_a; B_a], C = [[C_b, D_u C_a], [0, C_a]], D = [D_u D_a; D_a].
@@ -22,7 +25,7 @@ def global_model(Ab, Bu, Cb, Du, Aa, Ba, Ca, Da):
     return A, np.vstack([Bu @ Da, Ba]), C, np.vstack([Du @ Da, Da])
 
 
-def first_order(a, gain=1.0, sides=1):
+def first_order(a: Any, gain: Any = 1.0, sides: int = 1) -> tuple[Any, ...]:
     """Return A_a, B_a, C_a, D_a of `sides` lags gain a / (s + a); their state is the surface. [Sun13] (37)
 
     `a` and `gain` are numbers, or one for each side.
@@ -31,7 +34,9 @@ def first_order(a, gain=1.0, sides=1):
     return -np.diag(a), np.diag(gain * a), np.eye(sides), np.zeros((sides, sides))
 
 
-def fit_first_order(response, *, band_hz=FIT_HZ, points=60, delay=True):
+def fit_first_order(
+    response: Any, *, band_hz: Any = FIT_HZ, points: int = 60, delay: bool = True
+) -> tuple[float, float, float]:
     """Return (a [rad/s], gain, tau [s]) of gain a / (s + a) exp(-tau s), nearest to an actuator over `band_hz`.
 
     `response` is (frequencies [Hz], complex values) or (A, B, C, D) of a linear actuator with one input and one output.
@@ -64,7 +69,9 @@ def fit_first_order(response, *, band_hz=FIT_HZ, points=60, delay=True):
     return float(fit.x[0]), float(fit.x[1]), float(fit.x[2]) if delay else 0.0
 
 
-def estimate_E(A, B, C, flights, *, dt, omega=5.0, settle_s=2.0):
+def estimate_E(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, flights: Any, *, dt: float, omega: float = 5.0, settle_s: float = 2.0
+) -> np.ndarray:
     """Return E (n, flights): the direction of the unknown input of each fault-free flight, as long as its rms.
     [Sun13] (32)
 
@@ -86,7 +93,9 @@ def estimate_E(A, B, C, flights, *, dt, omega=5.0, settle_s=2.0):
     return np.array(columns).T
 
 
-def unknown_input(A, B, C, y, u, *, dt, omega):
+def unknown_input(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, y: np.ndarray, u: np.ndarray, *, dt: float, omega: float
+) -> np.ndarray:
     """Return the estimate of d1 (T, n) along one flight, y linear and u held between samples; as `estimate_E`."""
     n, one = len(A), np.eye(len(A))
     left = np.linalg.pinv(C)
@@ -101,7 +110,7 @@ def unknown_input(A, B, C, y, u, *, dt, omega):
     return out
 
 
-def reduce_E(E, rank, *, keep=None):
+def reduce_E(E: np.ndarray, rank: Any, *, keep: Any = None) -> np.ndarray:
     """Return E* (n, rank), the nearest matrix of that rank by its largest singular values, as orthonormal columns.
 
     `keep` lists the states that may have entries; the others are set to zero first (the published form keeps the

@@ -3,6 +3,7 @@
 import json
 from dataclasses import asdict, fields, replace
 from importlib import resources
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from fdi.rfafe.synthesis import Design, Region, Report
 _COMPLEX = ("fixed_modes", "eigenvalues_N", "eigenvalues_loop")
 
 
-def to_plain(design):
+def to_plain(design: Any) -> Any:
     """Return a Design as nested dicts and lists that JSON can hold; complex numbers become [re, im]."""
 
     def plain(value):
@@ -27,7 +28,7 @@ def to_plain(design):
     return plain(asdict(design))
 
 
-def from_plain(plain):
+def from_plain(plain: Any) -> Any:
     """Return the Design of `to_plain`; ValueError when a field is missing or unknown."""
     sizes = {"n": len(plain["A"]), "m": len(plain["C"]), "r": _width(plain["B"]), "q": _width(plain["E"])}
     shapes = {"E": ("n", "q"), "B": ("n", "r"), "D": ("m", "r")}
@@ -47,7 +48,7 @@ def from_plain(plain):
     return _make(Design, {**numbers, **made})
 
 
-def read(name):
+def read(name: str) -> Any:
     """Return the stored file `name`.json as a dict: "designs" by technology, and what they were made from."""
     file = resources.files("fdi").joinpath("designs", f"{name}.json")
     if not file.is_file():
@@ -55,7 +56,7 @@ def read(name):
     return json.loads(file.read_text(encoding="utf-8"))
 
 
-def choose(stored, technology, dt):
+def choose(stored: Any, technology: Any, dt: Any) -> Any:
     """Return (Design, entry) for `technology` of a stored file (name or content), its discrete form made for `dt` [s].
 
     `technology` is that of both sides, or "left/right"; a file without any pair is of a form that knows no sides and
@@ -71,7 +72,7 @@ def choose(stored, technology, dt):
     return design if design.dt == dt else at_tick(design, dt), entry
 
 
-def at_tick(design, dt):
+def at_tick(design: Any, dt: float) -> Any:
     """Return `design` with its discrete form for ticks of `dt` seconds: no solver is needed for that."""
     d = design
     discrete = discretise(N=d.N, T=d.T, K=d.K, H=d.H, C=d.C, B=d.B, D=d.D, TF=d.T @ d.F, gain=d.Gamma @ d.M,
@@ -91,7 +92,7 @@ def _width(rows):
     return len(rows[0]) if rows else 0
 
 
-def side_kinds(technologies):
+def side_kinds(technologies: Any) -> Any:
     """Return the key of the stored design for elevators of `technologies`, {segment: technology}: one word when both
     sides are alike, a kind or "mixed", else "left/right".
     """

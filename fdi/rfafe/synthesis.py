@@ -16,6 +16,7 @@ delta: it has no effect. All is solved in balanced states and in units of the di
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.linalg import null_space
@@ -48,7 +49,7 @@ class Region:
     radius: float
     decay: float
 
-    def holds(self, eigenvalues, slack=1e-6):
+    def holds(self, eigenvalues: Any, slack: float = 1e-6) -> Any:
         """Say for each eigenvalue whether it lies inside, to `slack` of the centre."""
         s = slack * self.centre
         e = np.asarray(eigenvalues)
@@ -106,7 +107,7 @@ class Design:
     discrete: Discrete
     report: Report
 
-    def estimate(self, y, u=None):
+    def estimate(self, y: np.ndarray, u: np.ndarray | None = None) -> np.ndarray:
         """Run the estimator over samples y (ticks, m) and return f_hat (ticks, l), in the model's units.
 
         u (ticks, r) is held from each sample to the next, None: zero; y and u are deviations from the trim. It starts
@@ -123,8 +124,24 @@ class Design:
         return out
 
 
-def design(A, B, C, D, E, F, *, dt, region=None, alpha=None, theta=1.0, Gamma=None, bandwidth=BANDWIDTH,
-           sigma=None, parallel="error", min_ratio=0.5):
+def design(
+    A: np.ndarray,
+    B: np.ndarray,
+    C: np.ndarray,
+    D: Any,
+    E: np.ndarray,
+    F: np.ndarray,
+    *,
+    dt: float,
+    region: Any = None,
+    alpha: float | None = None,
+    theta: float = 1.0,
+    Gamma: Any = None,
+    bandwidth: Any = BANDWIDTH,
+    sigma: float | None = None,
+    parallel: str = "error",
+    min_ratio: float = 0.5,
+) -> Any:
     """Design the estimator for a linear model and return a `Design`.
 
     A (n, n), B (n, r), C (m, n), D (m, r) or None, E (n, q) or None, F (n, l), any units; dt in s.
@@ -347,7 +364,7 @@ def _check(d, scale, *, ratio, angle, distance, zeros):
         condition_P=float(np.linalg.cond(P)))
 
 
-def tracking(N, TF, gain_C, alpha, hz):
+def tracking(N: Any, TF: np.ndarray, gain_C: Any, alpha: float, hz: float) -> complex:
     """Return f_hat/f of the first fault at `hz`, f_hat = L (f - f_hat), L = (1 + alpha/s) Gamma M C (sI - N)^-1 TF."""
     s = 2j * math.pi * hz
     L = (1.0 + alpha / s) * gain_C @ np.linalg.solve(s * np.eye(len(N)) - N, TF)

@@ -56,7 +56,7 @@ STATE = dtype(
 OUTPUTS = ("active", "g", "f_inj")
 
 
-def init(p):
+def init(p: np.ndarray) -> np.ndarray:
     """Return inactive faults."""
     return np.zeros(p.shape, STATE)
 

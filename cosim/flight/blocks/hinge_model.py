@@ -8,6 +8,7 @@ JSBSim's.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -46,7 +47,7 @@ STATE = dtype(
 OUTPUTS = ("hm0", "hmd")
 
 
-def init(p):
+def init(p: np.ndarray) -> np.ndarray:
     """Return the model at trim."""
     x = np.zeros(p.shape, STATE)
     x["alpha"], x["cas"] = p["alpha_0"], p["cas_0"]
@@ -71,7 +72,7 @@ def step(x, u, p, dt):
 rollout = entry(step, STATE, INPUTS, PARAMS)
 
 
-def design(plant, trim, truth, names, factors):
+def design(plant: Any, trim: Any, truth: Any, names: Any, factors: Any) -> Any:
     """Return PARAMS of the lanes `names` (suffixes of TRUTH's hinge fields) by central differences about `trim`;
     `plant` is moved about.
     """

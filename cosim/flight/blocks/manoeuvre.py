@@ -6,6 +6,7 @@ The tables are built from the scenario's few numbers, the same way at every flig
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -41,7 +42,9 @@ PHI_RATE = math.radians(3.0)  # [rad/s] a transport's gentle roll
 PSI_RATE = math.radians(10.0)  # [rad/s] a hand on the heading knob
 
 
-def params(steps, *, hold_psi=False, hold_h=False, hold_v=False, nz_rate=NZ_RATE):
+def params(
+    steps: Any, *, hold_psi: bool = False, hold_h: bool = False, hold_v: bool = False, nz_rate: Any = NZ_RATE
+) -> np.ndarray:
     """Build the table from `steps`, a list of (time [s], {channel: value}).
 
     A channel keeps its value where a step does not name it. Raises ValueError when there are more than 15 steps.
@@ -61,7 +64,7 @@ def params(steps, *, hold_psi=False, hold_h=False, hold_v=False, nz_rate=NZ_RATE
     return p
 
 
-def init(p):
+def init(p: np.ndarray) -> np.ndarray:
     """Return the demands before the first step: all zero."""
     return np.zeros(p.shape, STATE)
 
@@ -87,13 +90,13 @@ def step(x, u, p, dt):
 rollout = entry(step, STATE, INPUTS, PARAMS)
 
 
-def three_two_one_one(start, unit, channel, amplitude):
+def three_two_one_one(start: Any, unit: Any, channel: Any, amplitude: Any) -> list[Any]:
     """Return the steps of a 3-2-1-1: alternating pulses of 3, 2, 1 and 1 units of time."""
     t = start + unit * np.cumsum([0, 3, 2, 1, 1])
     signs = (1.0, -1.0, 1.0, -1.0, 0.0)
     return [(float(ti), {channel: s * amplitude}) for ti, s in zip(t, signs)]
 
 
-def doublet(start, half, channel, amplitude):
+def doublet(start: float, half: float, channel: Any, amplitude: float) -> list[Any]:
     """Return the steps of a doublet: one pulse up, one down, each `half` seconds."""
     return [(start, {channel: amplitude}), (start + half, {channel: -amplitude}), (start + 2 * half, {channel: 0.0})]

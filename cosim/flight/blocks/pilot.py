@@ -1,6 +1,7 @@
 """From a scenario's manoeuvre to the table of demands that flies it."""
 
 import math
+from typing import Any
 
 from cosim.flight.blocks.manoeuvre import doublet, three_two_one_one
 from cosim.scenario import manoeuvre as m
@@ -12,7 +13,7 @@ def _pulse(start, length, channel, value):
     return [(start, {channel: value}), (start + length, {channel: 0.0})]
 
 
-def steps(manoeuvre):
+def steps(manoeuvre: Any) -> dict[str, Any]:
     """Return the arguments of `manoeuvre.params` (table of steps, holds engaged) for a scenario's manoeuvre."""
     k = manoeuvre
     if isinstance(k, m.Cruise):

@@ -48,11 +48,11 @@ class PlainDetector:
         self.STATE = dtype([(n, "f8", estimate if n == "estimate" else "-") for n in OUTPUTS])
         self.DETECTOR = contract.Detector(**{**vars(own), "fit": lambda site: self.params()})
 
-    def params(self, **values):
+    def params(self, **values: Any) -> Any:
         """Return PARAMS: the defaults of __init__, `values` instead."""
         return record(self.PARAMS, **{"limit_s": LIMIT_S, **self._defaults, **values})
 
-    def init(self, p):
+    def init(self, p: Any) -> Any:
         """Return STATE of p's shape: nothing said."""
         return np.zeros(p.shape, self.STATE)
 
@@ -79,7 +79,7 @@ class Runner:
         self._make = measured._make
         self._limit = math.inf
 
-    def __call__(self, x, u, p, dt, log=None):
+    def __call__(self, x: np.ndarray, u: np.ndarray, p: Any, dt: float, log: Any = None) -> None:
         """Step every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
         self._start(p, dt)
         rows, given = x.view(np.float64).reshape(len(x), -1), u.view(np.float64).reshape(*u.shape, -1)
@@ -91,7 +91,7 @@ class Runner:
                     out[i, k] = row
             self.steps += 1
 
-    def bound(self, x, u, p, dt):
+    def bound(self, x: np.ndarray, u: np.ndarray, p: Any, dt: float) -> Any:
         """Return a call without arguments that advances every lane by one tick."""
         self._start(p, dt)
         rows, given = x.view(np.float64).reshape(len(x), -1), u.view(np.float64).reshape(len(x), -1)
@@ -202,7 +202,7 @@ def _verdict(verdict, alarm):
 class GuestBlock:
     """A plain guest in the loop, as `Block` is (cosim/flight/tick.py): `advance()` steps its lanes by one tick."""
 
-    def __init__(self, bus, name, module, p, x0, dt, every=1):
+    def __init__(self, bus: Any, name: str, module: Any, p: Any, x0: np.ndarray, dt: float, every: int = 1):
         self.name, self.module, self.p, self.every, self.dt = name, module, p, every, dt * every
         self.x, self.u = bus[name], bus[name + "_in"].reshape(-1, 1)
         self.x[:] = x0

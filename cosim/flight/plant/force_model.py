@@ -34,7 +34,7 @@ TOLERANCE = 1e-9  # of splitting and of linearity, relative to the largest coeff
 
 
 @functools.cache
-def force_model(folder=FOLDER):
+def force_model(folder: Path = FOLDER) -> ForceModel:
     """Return the `ForceModel` of an aircraft folder; ValueError when its functions have another form."""
     folder = Path(folder)
     aero = AeroFunctions(folder)

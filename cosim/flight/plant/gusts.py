@@ -12,6 +12,7 @@ sigma (`INTENSITY`), constant over altitude, and the same scale length.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -69,7 +70,7 @@ def params(intensity: str, dt: float, *, span: float, tail_arm: float, downwash:
     return p
 
 
-def init(p):
+def init(p: Any) -> Any:
     """Return still air."""
     return np.zeros(p.shape, STATE)
 

@@ -12,6 +12,7 @@ import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -87,14 +88,16 @@ class LinearModel:
         """Return the inputs whose names begin with `stem`: "de_" the elevator segments, "throttle_" the engines."""
         return tuple(name for name in self.inputs if name.startswith(stem))
 
-    def block(self, states, inputs=None, outputs=None):
+    def block(
+        self, states: Any, inputs: Any = None, outputs: Any = None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return (A, B, C, D) of the named states, inputs and outputs."""
         i = [list(self.states).index(s) for s in states]
         j = [list(self.inputs).index(s) for s in (self.inputs if inputs is None else inputs)]
         k = [list(self.outputs).index(s) for s in (self.outputs if outputs is None else outputs)]
         return self.A[np.ix_(i, i)], self.B[np.ix_(i, j)], self.C[np.ix_(k, i)], self.D[np.ix_(k, j)]
 
-    def to_dict(self):
+    def to_dict(self) -> dict[str, Any]:
         """Return what `cosim linearize --json` prints."""
         t = self.trim
         return {
@@ -110,7 +113,7 @@ class LinearModel:
             "modes": [m.to_dict() for m in self.modes],
         }  # fmt: skip
 
-    def save(self, path):
+    def save(self, path: str | Path) -> None:
         """Write the model to `path`, .npz or .mat by its ending; other endings raise ValueError."""
         path = Path(path)
         data = {k: getattr(self, k) for k in ("A", "B", "C", "D", "x0", "u0", "y0")}
@@ -198,7 +201,7 @@ def _slopes(f, z0, steps):
     return tuple(np.column_stack([c[k] for c in columns]) for k in range(2))
 
 
-def modes(A):
+def modes(A: np.ndarray) -> Any:
     """Return short_period, phugoid, dutch_roll, roll and spiral of A in the order of STATES, from the four-state
     blocks.
     """

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 from cosim.flight.plant.border import FT, G0, KT, LB
 from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft
@@ -28,7 +29,17 @@ class FlightPoint:
         return load_aircraft(self.aircraft)
 
     @classmethod
-    def at(cls, mass_t, cg_pct, altitude_ft, *, cas_kt=None, mach=None, tas_kt=None, **rest):
+    def at(
+        cls,
+        mass_t: float,
+        cg_pct: Any,
+        altitude_ft: float,
+        *,
+        cas_kt: float | None = None,
+        mach: float | None = None,
+        tas_kt: Any = None,
+        **rest: Any,
+    ) -> Any:
         """Build a flight point from the units of the scenario file; exactly one speed must be given (ValueError)."""
         given = [(k, v) for k, v in (("cas", cas_kt), ("mach", mach), ("tas", tas_kt)) if v is not None]
         if len(given) != 1:
@@ -39,7 +50,7 @@ class FlightPoint:
         )
 
     @classmethod
-    def of(cls, scenario):
+    def of(cls, scenario: Any) -> "FlightPoint":
         """Return the flight point of `scenario`, with its coefficients' multipliers, turbulence and seed."""
         f = scenario.flight
         kind, speed = f.speed

@@ -7,6 +7,7 @@ told, at zero unless said otherwise.
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -58,7 +59,7 @@ def _residual(plant, x, elevator, full=False):
     return t if full else np.array([t.udot, t.wdot, t.qdot])
 
 
-def level(plant, elevator=0.0):
+def level(plant: Any, elevator: float = 0.0) -> Trim:
     """Return the Trim of level flight at `plant.flight` and leave the plant in it; raise TrimError with the reason."""
     x = np.array(plant.guess() or (math.radians(5.0), 0.0, 0.6))
     for _ in range(25):
@@ -135,7 +136,7 @@ def _check(plant, x, elevator, residual):
     raise TrimError(f"no steady level flight found, residual {residual:.1e}", place=place)
 
 
-def lift_margin(plant):
+def lift_margin(plant: Any) -> tuple[Any, ...]:
     """Return the lift coefficients that level flight needs and that the aircraft has, and the angle of attack [rad] of
     the latter; elevator and stabiliser at 0.
     """

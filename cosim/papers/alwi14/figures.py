@@ -23,7 +23,7 @@ ESTIMATES = (
 )
 
 
-def drawings():
+def drawings() -> list[Drawing]:
     """Return the two Drawings."""
     return [
         _drawing(

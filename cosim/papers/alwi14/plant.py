@@ -1,5 +1,8 @@
 """The LPV plant of [Alwi14] section 6 flown by itself: the model that the observer knows, with faults of known size."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from scipy.linalg import expm
 
@@ -9,7 +12,18 @@ DEG, KT = np.pi / 180, 1852 / 3600
 DOUBLET = ((2, 4, -1.0), (4, 6, 1.0), (14, 16, -1.0), (16, 18, 1.0))  # (from s, to s, deg of elevator)
 
 
-def fly(made, rho, block, *, h=0.005, seconds=25.0, faults=(3.0, 0.5, 5.0), at=10.0, noise=0.0, seed=1):
+def fly(
+    made: Any,
+    rho: Any,
+    block: Any,
+    *,
+    h: float = 0.005,
+    seconds: float = 25.0,
+    faults: Sequence[Any] = (3.0, 0.5, 5.0),
+    at: float = 10.0,
+    noise: float = 0.0,
+    seed: int = 1,
+) -> Any:
     """Fly the LPV plant of `made` (an LpvModel) at constant `rho` and return the block's INPUTS, (1, ticks).
 
     The elevator follows a doublet and damps pitch; from `at` on it is off by faults[0] deg, n_z by faults[1] g, alpha

@@ -47,7 +47,7 @@ def _R2(out):
     return Panel("R2", "A", (Curve("R2", out["R2"], "ours", dt=DT),), (0.5, -0.5), 0.7)
 
 
-def drawings():
+def drawings() -> list[Drawing]:
     """Return the eleven Drawings."""
     healthy, sigma = bench(seed=0), bench(seed=0, noise=1.0)
     out = [

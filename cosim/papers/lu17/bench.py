@@ -207,7 +207,7 @@ def fly(scenario, load="no load", *, seeds=SEEDS, measured=False, quiet=False, h
     pr = rtsekf.params("published", **form, **(own if watch == "rtsekf" else {}))
     for name, change in FILTER.items():
         for p in (pi, pr):
-            if name in p.dtype.names:
+            if name in (p.dtype.names or ()):
                 p[name] = change(p[name])
     c = servo.params(dt=DT, delay=0.0, fb_delay=0.0, u_max=1.0)
     x = servo.init(np.repeat(c, seeds))

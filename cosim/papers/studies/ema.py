@@ -4,6 +4,7 @@
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -32,14 +33,16 @@ COMMANDS = {
 }
 
 
-def draws(fault, first, count, noise=1.0, size=None, command=None):
+def draws(
+    fault: Any, first: Any, count: int, noise: float = 1.0, size: int | None = None, command: Any = None
+) -> list[Any]:
     """Return [(named, delay, reconfigured)] of `count` draws from seed `first`."""
     found = s.outcomes(fault, range(first, first + count), noise=noise, size=size,
                        command=COMMANDS[command] if command else None)
     return [[o.named, o.delay if np.isfinite(o.delay) else None, o.reconfigured] for o in found]
 
 
-def held(field, size, bias, seed, seconds):
+def held(field: str, size: int, bias: float, seed: int, seconds: float) -> dict[str, bool | float | None]:
     """Return a bench run's times and errors after reconfiguration: see `_held`."""
     flown, t = s.reconfigured(field, size, bias=bias, seed=seed, seconds=seconds)
     k = int(np.argmax(flown.log["reconf"] > 0))
@@ -189,7 +192,7 @@ def _loop(options, values):
              ("fault", "path", "reconfigured>", "n_z most [g]>", "surface most [deg]>", "verdicts"), rows)]
 
 
-def parts():
+def parts() -> list[Part]:
     """Return the Parts of the study."""
     made = [
         Part("confusion", "which sensor is named, tolerances, no fault (bench; 1 min)", _confusion_jobs, _confusion),

@@ -5,6 +5,7 @@ The filter's estimate closes the loop once it says so. Without an aircraft: thou
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.signal import lfilter
@@ -82,15 +83,24 @@ def fly(tick, px, ps, pf, x, s, f, ux, us, uf, reconfigure, out, surface):
         ema.step(x, ux, px, DT)
 
 
-def three_two_one_one(t, *, start, amplitude=4 * DEG, unit=0.5):
+def three_two_one_one(t: Any, *, start: float, amplitude: float = 4 * DEG, unit: float = 0.5) -> Any:
     """Return the command of a 3-2-1-1 [rad] at the times `t`."""
     phase = (np.asarray(t) - start) / unit
     return amplitude * np.select([phase < 0, phase < 3, phase < 5, phase < 6, phase < 7], [0, 1, -1, 1, -1], 0)
 
 
 def script(
-    seconds, *, command=0.0, hm0=1500.0, hmd=-26e3, factor=(1.0, 1.0), rng=None, gust=300.0, sigma=SIGMA, bias=0.0
-):
+    seconds: Any,
+    *,
+    command: Any = 0.0,
+    hm0: Any = 1500.0,
+    hmd: Any = -26e3,
+    factor: Any = (1.0, 1.0),
+    rng: Any = None,
+    gust: Any = 300.0,
+    sigma: Any = SIGMA,
+    bias: Any = 0.0,
+) -> Any:
     """Return TICK records of a healthy flight: a load with gusts [N m, 1 sigma], its model wrong by two factors."""
     n = round(seconds / DT)
     tick = np.zeros(n, TICK)
@@ -119,12 +129,12 @@ class Flight:
     current: np.ndarray
 
     @property
-    def estimate_error(self):
+    def estimate_error(self) -> Any:
         """Return pos_hat / l less what a healthy sensor, one tick old, would read [rad], from the second tick on."""
         return self.log["pos_hat"][1:] / ARM - self.screw[:-1]
 
 
-def fly_bench(tick, *, tolerance=None, friction=1.0, reconfigure=True, p=None):
+def fly_bench(tick: Any, *, tolerance: Any = None, friction: Any = 1.0, reconfigure: Any = True, p: Any = None) -> Any:
     """Return the Flight of a script; `tolerance` multiplies the actuator's symbols, `friction` its Coulomb torques."""
     px = ema.params()
     for name, value in (tolerance or {}).items():

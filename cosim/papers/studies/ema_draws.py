@@ -6,7 +6,9 @@ onset between 1 s before and 3 s after the manoeuvre starts. Thresholds were cho
 What is asked, and the tables, are in `cosim.papers.studies.ema`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -58,7 +60,9 @@ class Outcome:
     largest: float  # largest test over its threshold
 
 
-def draw(seed, fault="no fault", *, size=None, noise=1.0, command=None, onset=None):
+def draw(
+    seed: Any, fault: Any = "no fault", *, size: Any = None, noise: Any = 1.0, command: Any = None, onset: Any = None
+) -> Any:
     """Return (script, keyword arguments of fly_bench, onset [s]) of one draw; `size` replaces the fault's own."""
     rng = np.random.default_rng(seed)
     t = np.arange(round(SECONDS / DT)) * DT
@@ -84,7 +88,7 @@ def draw(seed, fault="no fault", *, size=None, noise=1.0, command=None, onset=No
     return tick, {"tolerance": tolerance, "friction": friction}, begin
 
 
-def outcome(flight: Flight, begin):
+def outcome(flight: Flight, begin: Any) -> Outcome:
     """Read an Outcome from a flight."""
     log = flight.log
     late = log[round(1.0 / DT) :]
@@ -100,7 +104,7 @@ def outcome(flight: Flight, begin):
     return Outcome(name, at * DT - begin, bool(log["reconf"].any()), largest)
 
 
-def outcomes(fault, seeds, **options):
+def outcomes(fault: Any, seeds: Sequence[Any], **options: Any) -> list[Outcome]:
     """Return the Outcomes of `fault` over `seeds`; `options` go to `draw`."""
     out = []
     for seed in seeds:
@@ -109,7 +113,7 @@ def outcomes(fault, seeds, **options):
     return out
 
 
-def confusion(seeds, faults=tuple(FAULTS), **options):
+def confusion(seeds: Sequence[Any], faults: tuple[str, ...] = tuple(FAULTS), **options: Any) -> Any:
     """Return {fault: {named: count}}."""
     table = {}
     for fault in faults:
@@ -118,7 +122,7 @@ def confusion(seeds, faults=tuple(FAULTS), **options):
     return table
 
 
-def smallest(fault, sizes, seeds, share=0.95):
+def smallest(fault: Any, sizes: Any, seeds: Sequence[Any], share: float = 0.95) -> Any:
     """Return the smallest of `sizes` from which on the right sensor is named in `share` of the seeds, or nan."""
     right = FAULTS[fault][2]
     found = np.nan
@@ -130,7 +134,7 @@ def smallest(fault, sizes, seeds, share=0.95):
     return found
 
 
-def margins(seeds):
+def margins(seeds: Sequence[Any]) -> dict[str, float]:
     """Return {test: largest value over its threshold} of fault-free draws, without their first second."""
     worst = np.zeros(4)
     for seed in seeds:
@@ -141,7 +145,7 @@ def margins(seeds):
     return dict(zip(("velocity", "current", "jump", "ramp"), worst.tolist()))
 
 
-def reconfigured(field, size, *, bias, seed, seconds=85.0, onset=20.0):
+def reconfigured(field: Any, size: Any, *, bias: Any, seed: Any, seconds: Any = 85.0, onset: Any = 20.0) -> Any:
     """Return (Flight, times [s]): a position fault in motion at `onset`, a velocity bias [of no-load], motion later."""
     rng = np.random.default_rng(seed)
     t = np.arange(round(seconds / DT)) * DT

@@ -6,6 +6,8 @@ velocity and no rigging of the position sensor: here they have 1e-4 of no-load, 
 """
 
 import math
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -39,7 +41,15 @@ SIGNALS = ("truth.aircraft.nz", "ema.left_inner.delta", "ema.left_inner.motor",
            *(f"ema_kalman_flight.left_inner.{name}" for name in FILTER))
 
 
-def flown(seed, fault=None, *, reconfigure=True, bias=1e-4, noise=1.0, duration=ONSET + NZ_S):
+def flown(
+    seed: int,
+    fault: Any = None,
+    *,
+    reconfigure: Any = True,
+    bias: float = 1e-4,
+    noise: float = 1.0,
+    duration: Any = ONSET + NZ_S,
+) -> dict[str, Any]:
     """Return {signal: (ticks,)} of one flight; `bias` of the motor velocity over no-load."""
     rng = np.random.default_rng(seed)
     arguments = draw(seed, point=POINT, manoeuvre=PULSES, turbulence="light", duration=duration)
@@ -54,7 +64,7 @@ def flown(seed, fault=None, *, reconfigure=True, bias=1e-4, noise=1.0, duration=
     return {name.rpartition(".")[2]: v[name].to_numpy() for name in SIGNALS}
 
 
-def position_fault(name, seed, noise=1.0):
+def position_fault(name: str, seed: int, noise: float = 1.0) -> dict[str, bool | float | str | None]:
     """Return n_z, surface and estimate against the same flight without the fault, with and without reconfiguration.
 
     dnz, dnz_without [g] over 30 s; surface_deg: largest distance from the twin's surface from 2 s after the switch on,
@@ -84,7 +94,7 @@ def position_fault(name, seed, noise=1.0):
     }
 
 
-def loop_fault(name, seed, path, noise=1.0):
+def loop_fault(name: str, seed: int, path: str | Path, noise: float = 1.0) -> dict[str, bool | float | list[str]]:
     """Return what a current fault does, in the drive's own loop or on the monitor's copy: verdicts, n_z, surface."""
     fault = {"target": "elevator.left_inner.current", "start_s": ONSET, "path": path, **CURRENT[name]}
     healthy, faulty = flown(seed, noise=noise), flown(seed, fault, noise=noise)

@@ -174,7 +174,7 @@ def _long(options, values):
              ("", *minutes), rows)]
 
 
-def parts():
+def parts() -> list[Part]:
     """Return the Parts of the study."""
     ofc, reach, rest = s.oscillations(), s.oscillations(mm=0.3)[:14], s.others()
     at = [(s.achieved, {"case": asdict(c), "seed": FIRST + k}) for c in ofc[:14] for k in range(3)]

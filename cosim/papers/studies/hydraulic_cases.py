@@ -9,6 +9,7 @@ fault. What is asked, and the tables, are in `cosim.papers.studies.hydraulic`.
 import functools
 import math
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -53,7 +54,7 @@ class Case:
     air: str = "light"
 
 
-def oscillation(hz, *, solid, mm=0.6, air="light", manoeuvre=None):
+def oscillation(hz: float, *, solid: bool, mm: float = 0.6, air: str = "light", manoeuvre: Any = None) -> Case:
     """Return the Case of an oscillatory failure that moves the rod by `mm`."""
     kind = "ofc_solid" if solid else "ofc_liquid"
     fault = {"target": TARGET, "kind": kind, "at": "valve", "start_s": T_FAULT, "amplitude_mm": mm, "frequency_hz": hz}
@@ -63,7 +64,7 @@ def oscillation(hz, *, solid, mm=0.6, air="light", manoeuvre=None):
                 manoeuvre=manoeuvre, air=air)
 
 
-def oscillations(mm=0.6):
+def oscillations(mm: float = 0.6) -> list[Case]:
     """Return the Cases of the issue: liquid in turbulence, solid in turbulence and in still air."""
     solid = ({"air": "light"}, {"air": "none"}, {"air": "none", "manoeuvre": HANDS_OFF})
     liquid = [oscillation(hz, solid=False, mm=mm) for hz in FREQUENCIES]
@@ -77,7 +78,7 @@ def _sensor(part, kind, right=("sensor",), *, limit_s=math.nan, seconds=2.0, **s
     return Case(name, part, fault, seconds, right, part, limit_s=limit_s)
 
 
-def others():
+def others() -> list[Case]:
     """Return the Cases that are no oscillation: runaways, jams, sensors of rod, surface and pressure, no fault."""
     out = []
     for rate, most in ((5.0, 2.0), (20.0, 4.0), (40.0, 7.0)):
@@ -104,12 +105,12 @@ def others():
     return [*out, Case("no fault", "none", None, 5.0, ("none",))]
 
 
-def cases():
+def cases() -> list[Case]:
     """Return all Cases at the issue's sizes."""
     return [*oscillations(), *others()]
 
 
-def arguments(case, seed, noise=1.0):
+def arguments(case: Any, seed: Any, noise: Any = 1.0) -> Any:
     """Return the arguments of `scenario` for one seed of a case; a manoeuvre starts 2 to 4 s before the fault."""
     start = T_FAULT - float(np.random.default_rng([seed, 1]).uniform(2.0, 4.0))
     drawn = {"kind": CYCLE[seed % len(CYCLE)], "start_s": start}
@@ -132,7 +133,7 @@ class Outcome:
     off: float = math.nan  # how far it is then from where it would be without the fault [rad]
 
 
-def judge(case, recorded, module, p, twin=None):
+def judge(case: Any, recorded: Any, module: Any, p: Any, twin: Any = None) -> Any:
     """Run a detector over a recorded flight and return its Outcome; `twin`: the same flight without the fault."""
     k = round(T_FAULT / DT)
     fields = ("alarm", "verdict", "culprit", *(("ofc_hz",) if "ofc_hz" in module.STATE.names else ()))
@@ -160,13 +161,13 @@ def judge(case, recorded, module, p, twin=None):
 
 
 @functools.cache
-def detectors():
+def detectors() -> Any:
     """Return {name: (module, PARAMS)} as they fly, and the two other load forms of iotsekf."""
     out = {name: (module, module.params()) for name, module in MODULES.items()}
     return out | {f"iotsekf load {k}": (iotsekf, iotsekf.params(load=k)) for k in (1, 0)}
 
 
-def fly_case(case, seed, noise=1.0):
+def fly_case(case: Any, seed: Any, noise: Any = 1.0) -> dict[str, dict[str, bool | float | str]]:
     """Return {detector: Outcome as a dict} of one seed of a case, given as a dict."""
     made = Case(**case)
     flight = arguments(made, seed, noise)
@@ -175,7 +176,7 @@ def fly_case(case, seed, noise=1.0):
     return {name: asdict(judge(made, recorded, module, p, twin)) for name, (module, p) in detectors().items()}
 
 
-def achieved(case, seed):
+def achieved(case: Any, seed: Any) -> list[float | None]:
     """Return [u injected, rod amplitude [m] that an oscillation achieves against the same flight without the fault]."""
     made = Case(**case)
     flight = arguments(made, seed)
@@ -185,7 +186,7 @@ def achieved(case, seed):
     return [float(faulty[f"hydraulic_in.{SEGMENT}.f_u"].abs().max()), size]
 
 
-def summary(case, found):
+def summary(case: Any, found: Any) -> Any:
     """Return one row of the table: counts over the seeds of a case."""
     delay = np.array([o.delay for o in found])
     n = len(found)

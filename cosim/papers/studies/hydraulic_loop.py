@@ -1,6 +1,7 @@
 """Lu17 in the loop and over ten minutes: what a servo closes on, and filters that drift against those that do not."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +23,7 @@ WATCHED = ("iotsekf", "rtsekf_flight")
 LONG_S = 600.0
 
 
-def feedback_flight(feedback, reconfigure, seed):
+def feedback_flight(feedback: Any, reconfigure: bool, seed: int) -> dict[str, bool | float]:
     """Fly a liquid jam, the same without it, and the same on measurements without it; return what differs.
 
     tracking_deg: largest distance of the left inner surface from the servo's reference without fault; nz_free_g: n_z
@@ -54,7 +55,7 @@ def feedback_flight(feedback, reconfigure, seed):
     }
 
 
-def long_flight(seed):
+def long_flight(seed: int) -> dict[str, dict[str, list[float]] | list[int]]:
     """Fly ten minutes with doublets in light turbulence; return what each filter's test or error grows to, by minute.
 
     {"minutes": [...], "rows": {what: [largest within that minute]}}; minute 0 is the first ten seconds.

@@ -7,6 +7,7 @@ Flights are fault-free, without detectors; the actuators, sensors and the law ar
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -37,7 +38,7 @@ FT, KT = 0.3048, 1852.0 / 3600.0
 FIRST_SEED = 3
 
 
-def flown(point, kind, *, seconds, air, seed, **more):
+def flown(point: Any, kind: Any, *, seconds: Any, air: Any, seed: Any, **more: Any) -> tuple[Any, ...]:
     """Fly one manoeuvre; return (table of TRUTH, de_cmd and protection, parameters of the law); SI, rad."""
     keys = {
         **{f"flight.{k}": v for k, v in POINTS[point].items()}, "flight.turbulence": air, "manoeuvre.kind": kind,
@@ -54,7 +55,7 @@ def _span(x, unit=1.0):
     return [float(np.min(x) / unit), float(np.max(x) / unit)]
 
 
-def manoeuvre(point, kind, air, seed):
+def manoeuvre(point: Any, kind: Any, air: float, seed: int) -> dict[str, Any]:
     """Return what happened in 60 s of one manoeuvre: spans of load factor, angles [deg], altitude [ft], speed [kt]."""
     f, p = flown(point, kind, seconds=60.0, air=air, seed=seed)
     deg = math.pi / 180.0
@@ -65,7 +66,7 @@ def manoeuvre(point, kind, air, seed):
     }  # fmt: skip
 
 
-def pull(point, air, seed):
+def pull(point: Any, air: float, seed: int) -> dict[str, Any]:
     """Return the elevator's work in a pull to alpha_max from a low speed, and in cruise there [deg, deg/s rms]."""
     keys = {"seconds": 26.0, "air": air, "seed": seed, "flight.cas_kt": SLOW_KT[point]}
     f, p = flown(point, "aoa_protection", **keys)
@@ -83,7 +84,7 @@ def pull(point, air, seed):
     }  # fmt: skip
 
 
-def turn(point, seed):
+def turn(point: Any, seed: int) -> dict[str, Any]:
     """Return the altitude lost and gained in 60 s at 30 degrees of bank in light turbulence [ft]."""
     f, _ = flown(point, "coordinated_turn", seconds=75.0, air="light", seed=seed)
     return {"status": f.attrs["status"], "h": _span(f["h"] - f["h"].iloc[0], FT)}
@@ -159,7 +160,7 @@ def _turns(options, values):
     return [("30 deg of bank for 60 s in light turbulence", ("point", "completed>", "altitude ft>"), rows)]
 
 
-def parts():
+def parts() -> list[Part]:
     """Return the Parts of the study."""
     return [
         Part("table", "eight manoeuvres, fifteen points, still and moderate air: 240 flights, 2 min", _table_jobs,

@@ -107,7 +107,7 @@ OUTPUTS = ("de_cmd", "da_cmd", "dr_cmd", "stab_cmd", "throttle_cmd", "n_c", "e",
 TAU_CAS = 2.0  # of the speed that moves the throttles: neither noise nor gusts are theirs to follow [s]
 
 
-def init(p):
+def init(p: np.ndarray) -> np.ndarray:
     """Return the law at rest at the trim point."""
     x = np.zeros(p.shape, STATE)
     start = {"de_cmd": "de_0", "de_slow": "de_0", "stab_cmd": "stab_0", "throttle_cmd": "throttle_0", "h_ref": "h_0"}

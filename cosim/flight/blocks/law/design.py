@@ -1,6 +1,7 @@
 """Gains of the control law (cosim/law) from the linear model of the flight point, and its angle-of-attack limit."""
 
 import math
+from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_continuous_are
@@ -18,7 +19,7 @@ WEIGHTS = (0.22, 1.4, 2.5)
 SETPOINT = 0.7
 
 
-def pitch_gains(A, B, nz_alpha, nz_de):
+def pitch_gains(A: np.ndarray, B: np.ndarray, nz_alpha: Any, nz_de: Any) -> tuple[Any, ...]:
     """Design (k_q, k_nz, k_i) by LQ on short period, actuator lag and an integrator on load factor.
 
     A (2, 2), B (2,) belong to (alpha [rad], q [rad/s]) and all elevators together [rad]; nz_alpha, nz_de [g/rad].
@@ -36,7 +37,7 @@ def pitch_gains(A, B, nz_alpha, nz_de):
     return -K[1], -K[0] / nz_alpha, -K[3]
 
 
-def alpha_limit(plant, trim, share=0.96):
+def alpha_limit(plant: Any, trim: Any, share: float = 0.96) -> tuple[float, float]:
     """Return (alpha [rad], n_z there [g]) where lift is `share` of the largest at this Mach and dynamic pressure.
 
     4 % of lift are 2 % of speed in hand to the stall, as in the angle-of-attack protection of a fly-by-wire transport.
@@ -56,7 +57,7 @@ def alpha_limit(plant, trim, share=0.96):
     return float(limit), float(np.interp(limit, angles, n_z))
 
 
-def design(model, stall, aircraft: Aircraft):
+def design(model: Any, stall: Any, aircraft: Aircraft) -> Any:
     """Return PARAMS at the flight point of `model` (a linearize.LinearModel); `stall` is what `alpha_limit` gives."""
     t = model.trim
     alpha_max, n_stall = stall

@@ -7,7 +7,7 @@
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 W_LB, IYY, S_FT2, CBAR_FT, SPAN_FT, G = 636636.0, 33.1e6, 5500.0, 27.31, 195.68, 32.174
 THRUST_ARM_FT, THRUST_TILT, BYPASS = 10.0, math.radians(2.5), 5.0
@@ -73,7 +73,7 @@ LATERAL = {
 CONSTANT = {"Cl_dr": 0.0070, "Cn_da": 0.0002}  # stability axes, condition 9 of table IX-8
 
 
-def thrust_ratio(mach, pressure_ratio, bypass=None):
+def thrust_ratio(mach: Any, pressure_ratio: Any, bypass: Any = None) -> Any:
     """Return thrust over static sea-level thrust: take-off rating of Bartel and Young (2008), by default at bypass 5.
 
     T/T0 = A - 0.377 (1 + b) / sqrt((1 + 0.82 b) G0) Z x M + (0.23 + 0.19 sqrt(b)) X x M^2, x = p/p0, A, Z, X
@@ -87,7 +87,7 @@ def thrust_ratio(mach, pressure_ratio, bypass=None):
     return A - slope * Z * x * mach + (0.23 + 0.19 * math.sqrt(b)) * X * x * mach**2
 
 
-def thrust_speed_slope(key):
+def thrust_speed_slope(key: Any) -> Any:
     """Return V dT/dV / T of our engine at fixed throttle and altitude."""
     c = FLIGHT_CONDITIONS[key]
     x = c.qbar_psf / (0.7 * c.mach**2 * 2116.22)
@@ -95,7 +95,7 @@ def thrust_speed_slope(key):
     return (thrust_ratio(c.mach * (1 + d), x) - thrust_ratio(c.mach * (1 - d), x)) / (2 * d) / thrust_ratio(c.mach, x)
 
 
-def derivatives(key):
+def derivatives(key: Any) -> Any:
     """Turn a row of table IX-4 into coefficients in stability axes.
 
     d/dV = cos a d/du + sin a d/dw, d/dalpha = V (-sin a d/du + cos a d/dw); then rotate forces by alpha. Returns CL,

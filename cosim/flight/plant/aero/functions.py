@@ -12,6 +12,7 @@ import functools
 import hashlib
 import operator
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -26,7 +27,7 @@ _TWO = {"quotient": operator.truediv, "pow": operator.pow}
 class AeroFunctions:
     """Hold the parsed functions of one aircraft, its axes with their frames, and all breakpoints by property."""
 
-    def __init__(self, folder):
+    def __init__(self, folder: str | Path):
         """Parse <folder>/<name>.xml and the aerodynamics and systems files that it names."""
         folder = Path(folder)
         self.root = ElementTree.parse(folder / f"{folder.name}.xml").getroot()
@@ -44,12 +45,12 @@ class AeroFunctions:
         self.breakpoints = _breakpoints(aero)
         self._tables: dict = {}  # element -> [properties, breakpoints, values, arguments and result of the last time]
 
-    def evaluate(self, axis, given):
+    def evaluate(self, axis: Any, given: Any) -> float:
         """Return the sum of an axis' functions, lb or lb ft, at the properties `given`."""
         cache = dict(given)
         return functools.reduce(operator.add, (self._function(f, cache) for f in self.axes.get(axis, [])), 0.0)
 
-    def value(self, name, given):
+    def value(self, name: str, given: Any) -> Any:
         """Return one property."""
         return self._property(name, dict(given))
 
@@ -95,7 +96,7 @@ class AeroFunctions:
         raise ValueError(f"<{e.tag}> with {len(parts)} operands is not known here")
 
 
-def find(element, path):
+def find(element: Any, path: str | Path) -> Any:
     """Return the child at `path`; ValueError when there is none."""
     child = element.find(path)
     if child is None:
@@ -103,12 +104,12 @@ def find(element, path):
     return child
 
 
-def number(element, path):
+def number(element: Any, path: str | Path) -> float:
     """Return the number that the child at `path` holds."""
     return float(find(element, path).text or "nan")
 
 
-def numbers_digest(folder):
+def numbers_digest(folder: str | Path) -> str:
     """Return a hash over every number and name in the XML files of an aircraft, blind to layout and comments."""
     digest = hashlib.sha256()
     for path in sorted(Path(folder).rglob("*.xml")):

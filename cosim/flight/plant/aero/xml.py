@@ -1,6 +1,7 @@
 """Write an aircraft's JSBSim files from tables and constants: the form that `force_model` reads again."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -56,7 +57,7 @@ TRANSPORT = Shape(
 RHO_SL_P = 2116.22  # psf
 
 
-def table(lookups, rows, columns, values, indent=8):
+def table(lookups: Any, rows: Any, columns: Any, values: Any, indent: int = 8) -> Any:
     """Return a JSBSim table element; one-dimensional when columns is None."""
     pad = " " * indent
     lines = [f"{pad}<table>"]
@@ -71,18 +72,18 @@ def table(lookups, rows, columns, values, indent=8):
     return "\n".join([*lines, f"{pad}  </tableData>", f"{pad}</table>"])
 
 
-def function(name, body, comment=None):
+def function(name: str, body: Any, comment: str | None = None) -> str:
     """Return a named function element around `body`."""
     note = f"\n      <description> {comment} </description>" if comment else ""
     return f'    <function name="{name}">{note}\n{body}\n    </function>'
 
 
-def product(*parts, indent=6):
+def product(*parts: Any, indent: int = 6) -> str:
     """Return a product of properties (str), numbers and ready elements."""
     return _operation("product", parts, indent)
 
 
-def total(*parts, indent=6):
+def total(*parts: Any, indent: int = 6) -> str:
     """Return a sum of properties (str), numbers and ready elements."""
     return _operation("sum", parts, indent)
 
@@ -140,7 +141,9 @@ def engine_xml(thrust: float = 300e3, bypass: float = BYPASS, shape: Shape = TRA
 """
 
 
-def aerodynamics_xml(alpha, mach, q_ref, tables, mach_coarse, derivatives, shape: Shape = TRANSPORT) -> str:
+def aerodynamics_xml(
+    alpha: float, mach: Any, q_ref: Any, tables: Any, mach_coarse: Any, derivatives: Any, shape: Shape = TRANSPORT
+) -> str:
     """Return the aerodynamics from the (alpha, Mach) tables with their flexibility constants and the tables of
     derivatives.
     """

@@ -4,10 +4,12 @@ Oscillations over frequency and amplitude, seen within three periods, are the ca
 `cosim compare`; noise predicted and flown are rows of `cosim reproduce sun13`, declarations in draws of `mar10`.
 """
 
+from typing import Any
+
 ABOUT = "What the aircraft-level detectors can and cannot do, in numbers."
 
 
-def parts():
+def parts() -> list[Any]:
     """Return the Parts of the study."""
     from cosim.papers.studies import Part
     from cosim.papers.studies.aircraft_level import bound, corners, envelope, lpv, smallest, thresholds, uncertain

@@ -6,6 +6,7 @@ Per detector and fault: whether it alarms in time, and the estimate over the fau
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -55,7 +56,7 @@ SHOWN = (
 )  # fmt: skip
 
 
-def measure(point, case, turbulence, seed):
+def measure(point: Any, case: Any, turbulence: Any, seed: Any) -> dict[str, list[float | None]]:
     """Fly one case; return {detector: [delay s or None, estimate over fault or None, largest r, share believed]}.
 
     The estimate of the oscillation is the ratio of sines over 8 s from 2 s after the onset, the fault that of the left
@@ -102,12 +103,12 @@ def _cases(seeds):
             for s in range(seeds)]  # fmt: skip
 
 
-def jobs(options):
+def jobs(options: Any) -> list[Any]:
     """Return the flights."""
     return [(measure, dict(zip(("point", "case", "turbulence", "seed"), key))) for key in _cases(options.seeds)]
 
 
-def tables(options, values):
+def tables(options: Any, values: Any) -> list[Table]:
     """Return a table per fault: detectors over points."""
     seeds = options.seeds
     got = dict(zip(_cases(seeds), values))

@@ -19,7 +19,7 @@ CLOSE = {("B", 4, 0): 0.10, ("C", 4, 0): 0.10, ("D", 4, 0): 0.10}
 ZERO = 1e-8  # of the matrix's largest: rounding of the differences
 
 
-def least(rho, value):
+def least(rho: Any, value: Any) -> Any:
     """Return the least possible largest error of an affine function of rho (k, nr) to value (k,), over the largest."""
     X = np.column_stack([np.ones(len(rho)), lpv_model.normalise(rho, design_lpv.BOX)])
     n, m = X.shape
@@ -29,7 +29,7 @@ def least(rho, value):
     return float(found.x[m] / np.abs(value).max())
 
 
-def entries(model, fixed, samples):
+def entries(model: Any, fixed: Any, samples: Any) -> list[tuple[str, float, str, float, float, float]]:
     """Return rows (entry, largest, how it is held, error, least possible, bound) of what is no zero nor constant."""
     rows = []
     for name in "ABCD":
@@ -47,12 +47,12 @@ def entries(model, fixed, samples):
     return rows
 
 
-def jobs(options):
+def jobs(options: Any) -> list[Any]:
     """Return nothing: the second grid is sampled for the tables (seconds)."""
     return []
 
 
-def tables(options, values):
+def tables(options: Any, values: Any) -> Any:
     """Return the tables of the stored fit."""
     held = json.loads(design_lpv.STORED.read_text(encoding="utf-8"))
     fit = held["fit"]

@@ -8,6 +8,7 @@ grows: that is what residuals see, and it is given for the moment of the declara
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -40,7 +41,7 @@ EFFECTORS = {  # target -> (sizes, what is right)
 }
 
 
-def faults(target, size):
+def faults(target: str, size: int) -> list[str]:
     """Return the scenario changes of a fault of `size`: degrees, or per cent of thrust."""
     names = ("aileron.left", "aileron.right") if target == "aileron.both" else (target,)
     out = ["faults=[]"]
@@ -54,7 +55,7 @@ def faults(target, size):
     return out
 
 
-def declared(flight, target, size, draw):
+def declared(flight: Any, target: str, size: int, draw: Any) -> Any:
     """Fly one fault; return, per set of OPTIONS, what is declared: [[time, effector, missed angle [deg]], ...].
 
     The missed angle is the mean over the half second before, of the surfaces at fault; 0 for engines.
@@ -74,7 +75,7 @@ def declared(flight, target, size, draw):
     return out
 
 
-def found(t, log):
+def found(t: Any, log: Any) -> Any:
     """Return [[time, effector], ...] of a detector's log, in order of time."""
     out = []
     for h, name in enumerate(control_redundancy.EFFECTORS):
@@ -85,7 +86,7 @@ def found(t, log):
     return sorted(out)
 
 
-def outcome(target, declarations):
+def outcome(target: str, declarations: Any) -> Any:
     """Return ("right", "wrong", "ambiguous" or "missed", missed angle at that time or NaN) of one flight."""
     now = [(n, angle) for t, n, angle in declarations if ONSET <= t <= ONSET + WITHIN]
     clear = [d for d in now if d[0] != "ambiguous"]
@@ -99,12 +100,12 @@ def _cases(draws):
             for size in sizes for d in range(draws)]  # fmt: skip
 
 
-def jobs(options):
+def jobs(options: Any) -> list[Any]:
     """Return the flights."""
     return [(declared, dict(zip(("flight", "target", "size", "draw"), key))) for key in _cases(options.seeds)]
 
 
-def tables(options, values):
+def tables(options: Any, values: Any) -> list[Table]:
     """Return the tables: smallest size found, and what came of every size."""
     draws = options.seeds
     got = dict(zip(_cases(draws), values))

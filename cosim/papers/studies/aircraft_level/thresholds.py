@@ -1,6 +1,7 @@
 """Thresholds of the two Sun13 estimators, and alarms on flights that training never saw (`cosim train rfafe`)."""
 
 import math
+from typing import Any
 
 from cosim.training import train_rfafe
 from fdi.common import bank
@@ -9,13 +10,13 @@ from fdi.common.tuning import thresholds
 DEG = math.pi / 180.0
 
 
-def jobs(options):
+def jobs(options: Any) -> list[Any]:
     """Return the flights of the evaluation."""
     first = train_rfafe.EVALUATION
     return [(train_rfafe.look, {"first_seed": first, "index": i}) for i in range(len(list(train_rfafe.flights(first))))]
 
 
-def tables(options, values):
+def tables(options: Any, values: Any) -> list[Any]:
     """Return the tables: thresholds over frequency, and alarms."""
     names = list(train_rfafe.MODULES)
     held = {name: thresholds(name) for name in names}
