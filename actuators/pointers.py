@@ -1,5 +1,8 @@
 """What compiled code needs to work on addresses: arrays there, calls. Only compilation imports it."""
 
+from collections.abc import Callable, Sequence
+from typing import Any
+
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
@@ -23,7 +26,7 @@ reals, singles, wholes = _pointer(types.float64), _pointer(types.float32), _poin
 
 
 @intrinsic
-def enter(context, entry, x, u, p, dt, lanes, log):
+def enter(context: Any, entry: Any, x: Any, u: Any, p: Any, dt: float, lanes: Sequence[Any], log: Any) -> Any:
     """Call the entry of a block at address `entry` for one tick; the others as in actuators/block.py, addresses."""
 
     def code(context, builder, signature, args):
@@ -40,7 +43,7 @@ def enter(context, entry, x, u, p, dt, lanes, log):
 
 
 @intrinsic
-def put(context, address, value):
+def put(context: Any, address: Any, value: Any) -> Any:
     """Store a double at any address, aligned or not."""
 
     def code(context, builder, signature, args):
@@ -51,7 +54,7 @@ def put(context, address, value):
 
 
 @intrinsic
-def ask(context, function, this):
+def ask(context: Any, function: Callable[..., Any], this: Any) -> Any:
     """Call a getter of C++ at an address, double f(this)."""
 
     def code(context, builder, signature, args):
@@ -62,7 +65,7 @@ def ask(context, function, this):
 
 
 @intrinsic
-def tell(context, function, this, value):
+def tell(context: Any, function: Callable[..., Any], this: Any, value: Any) -> Any:
     """Call a setter of C++ at an address, bool f(this, double)."""
 
     def code(context, builder, signature, args):

@@ -11,7 +11,9 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +29,7 @@ MEMORY_FLIGHT_S = 600
 LONG = "long.mcap"  # the flight of that length
 
 
-def bench(*, rounds=ROUNDS, memory=True, progress=None):
+def bench(*, rounds: Any = ROUNDS, memory: bool = True, progress: Callable[..., Any] | None = None) -> dict[str, Any]:
     """Return {cases: [{name, us_per_tick, against, ratio, spread}], realtime_factor, detectors, startup_s, peak_mb}.
 
     `recorded` are the costs of the ten-minute log (cosim.bench.log). `memory=False` leaves that flight out (both

@@ -3,7 +3,7 @@
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -12,7 +12,7 @@ from cosim.cli.output import JsonOption, WorkersOption, reserve
 from cosim.files import replace
 
 
-def add(app, out, err):
+def add(app: Any, out: Any, err: Any) -> Any:
     """Add `reproduce`, `study`, `design` and `train` to the command line `app`; `out` and `err` are its consoles."""
 
     @app.command()

@@ -2,7 +2,9 @@
 
 import math
 import shlex
+from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from rich import box
 from rich.console import Group
@@ -17,7 +19,7 @@ STATUS = {"completed": "green", "departed": "yellow", "diverged": "red", "interr
 NOTHING = Text("-", style="dim")
 
 
-def table(title, *columns, **options):
+def table(title: str, *columns: Any, **options: Any) -> Any:
     """Return an empty table in the house style; a column named with a trailing > is right-aligned."""
     heading = Text(f"\n{title}", style="bold") if title else None
     made = Table(
@@ -36,7 +38,7 @@ def table(title, *columns, **options):
 
 
 @contextmanager
-def progress(console, text, unit="s", waiting=""):
+def progress(console: Any, text: str, unit: str = "s", waiting: str = "") -> Iterator[Any]:
     """Show a bar on a terminal, `waiting` until its callback (done, total) is first called with something done."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -52,7 +54,7 @@ def progress(console, text, unit="s", waiting=""):
 
 
 @contextmanager
-def compiling(console):
+def compiling(console: Any) -> Iterator[Any]:
     """Give a callback (i, n) that says "compiling 7 of 30" on a terminal; one line elsewhere."""
     said = False
 
@@ -72,24 +74,24 @@ def compiling(console):
         status.stop()
 
 
-def number(value, digits=2):
+def number(value: Any, digits: int = 2) -> Any:
     """Return a number as text, or a dash when there is none."""
     return NOTHING if value is None else f"{value:.{digits}f}"
 
 
-def cell(value):
+def cell(value: Any) -> Any:
     """Return a table cell: short numbers, a dash for nothing."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return "-"
     return f"{value:.4g}" if isinstance(value, float) else escape(str(value))
 
 
-def bare(value):
+def bare(value: Any) -> Any:
     """Return a NumPy number as JSON can hold it."""
     return value.item()
 
 
-def plain(made):
+def plain(made: Any) -> Any:
     """Return a study's Table with its notes."""
     shown = table(made.title, *map(escape, made.columns))
     for row in made.rows:
@@ -97,7 +99,7 @@ def plain(made):
     return Group(shown, *(Text(note, style="dim") for note in made.notes))
 
 
-def run(found, scenario):
+def run(found: Any, scenario: Any) -> Any:
     """Return the outcome of a run: who noticed in a sentence, the flight, its faults, every alarm, where the log is."""
     said = [Text(text, style="bold") for text in headline.sentences(found, scenario)]
     head = Text.assemble(*(["\n"] if said else []), scenario.title or "flight", "\n", _point(scenario))
@@ -192,14 +194,14 @@ def _footer(found):
     return Group(line, whole(f"log    {log}{before}"), whole(last))
 
 
-def whole(text):
+def whole(text: Any) -> Any:
     """Return a line that is not folded: a path or a command that is copied."""
     made = Text(text) if isinstance(text, str) else text
     made.no_wrap, made.overflow = True, "ignore"
     return made
 
 
-def linear(found, scenario):
+def linear(found: Any, scenario: Any) -> Any:
     """Return trim and modes of `cosim linearize`."""
     trim = found["trim"]
     t = table("Trim", "", ">", "", show_header=False)
@@ -224,7 +226,7 @@ def linear(found, scenario):
     return Group(Text(_point(scenario)), t, m, Text(size + where))
 
 
-def bench(found):
+def bench(found: Any) -> Any:
     """Return the tables of `cosim bench`."""
     t = table("Cost per tick", "case", "µs/tick>", "ratio>", "spread>", "to")
     for r in found["cases"]:
@@ -254,7 +256,7 @@ def bench(found):
     return Group(t, d, Text("\n".join(lines)))
 
 
-def inventory(found, topic=None):
+def inventory(found: Any, topic: Any = None) -> Any:
     """Return the entries of a `topic` of `cosim list`, of every one for "all"; which topics there are for None."""
     if topic is None:
         t = table("cosim list TOPIC, or cosim list all", "topic", "how many>", "what it is")
@@ -385,7 +387,7 @@ def _faults_on(target, rows):
     return f
 
 
-def info(found):
+def info(found: Any) -> Any:
     """Return the tables of `cosim info`."""
     state = (
         Text("complete", style="green")
@@ -411,7 +413,7 @@ def info(found):
     return Group(head, t, Text(f"attachments: {', '.join(found['attachments']) or 'none'}"))
 
 
-def reproduced(found):
+def reproduced(found: Any) -> Any:
     """Return the rows of the papers' experiments, the counts of the verdicts first."""
     colours = {"agrees": "green", "differs_explained": "yellow", "differs": "red", "ours": "dim", "beyond": "cyan"}
     words = {v: v.replace("_", ", ") for v in colours}
@@ -428,7 +430,7 @@ def reproduced(found):
     return Group(total, t, *why)
 
 
-def proof(found):
+def proof(found: Any) -> Any:
     """Return what rows show with the method broken."""
     t = table("The method broken in one place", "paper", "row", "what is broken", "value then>", "band", "seen")
     for b in found:
@@ -437,7 +439,7 @@ def proof(found):
     return t
 
 
-def designs(found):
+def designs(found: Any) -> Any:
     """Return a table of {design: (what it is, problem or "")}."""
     t = table("Stored designs", "design", "what", "state")
     for name, (what, problem) in found.items():
@@ -445,7 +447,7 @@ def designs(found):
     return t
 
 
-def campaign_speed(found):
+def campaign_speed(found: Any) -> Any:
     """Return what `cosim bench --campaign` measured."""
     shown = table(found["campaign"], "processes", "flights>", "wall s>", "flights/min>", "x real time>", "outcomes")
     for case in found["cases"]:

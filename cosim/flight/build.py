@@ -4,6 +4,7 @@ import dataclasses
 import math
 import time
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -50,21 +51,21 @@ class Setup:
         return self.scenario.ticks
 
     @property
-    def notes(self):
+    def notes(self) -> list[Any]:
         """Return sentences about guests that did not do what a detector does."""
         runners = [d.runner for d in self.guests]
         return [line for r in runners for line in (*r.notes, *([r.problem] if r.problem else []))]
 
     @property
-    def guests(self):
+    def guests(self) -> list[GuestBlock]:
         """Return the guests that are plain classes."""
         return [d for d in self.loop.detectors if isinstance(d, GuestBlock)]
 
-    def watches(self):
+    def watches(self) -> Any:
         """Return the Watch of every detector lane."""
         return self.history.watches(self.step_us)
 
-    def time_detectors(self, repeats=200):
+    def time_detectors(self, repeats: int = 200) -> None:
         """Measure each detector's cost per step and lane, on copies: a flight's own numbers stay untouched."""
         for d in self.loop.detectors:
             if isinstance(d, GuestBlock):  # its objects are the flight's own: what its steps took in the loop
@@ -127,7 +128,7 @@ def _linear(point):
     return _LINEAR[key]
 
 
-def build(scenario):
+def build(scenario: Any) -> Any:
     """Return the Setup of `scenario`. Raises TrimError when the flight point cannot be flown."""
     register(scenario.actuators)  # another scenario may have brought others of the same names
     prepare(scenario)

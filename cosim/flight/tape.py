@@ -7,7 +7,9 @@ the tape.
 """
 
 import ctypes
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -39,12 +41,12 @@ class Block:
     ticks, in place.
     """
 
-    def __init__(self, bus, name, module, p, x0, dt, every=1):
+    def __init__(self, bus: Any, name: str, module: Any, p: Any, x0: np.ndarray, dt: float, every: int = 1):
         self.name, self.module, self.p, self.every, self.dt = name, module, p, every, dt * every
         self.x, self.u = bus[name], bus[name + "_in"].reshape(-1, 1)
         self.x[:] = x0
 
-    def advance(self):
+    def advance(self) -> None:
         """Advance every lane by `every` ticks."""
         self.module.rollout(self.x, self.u, self.p, self.dt)
 
@@ -52,7 +54,7 @@ class Block:
 class Tape:
     """Record what a tick does to the bus vector `v` (n,), then `run` it tick by tick."""
 
-    def __init__(self, v, dt, *, plain=PLAIN):
+    def __init__(self, v: Any, dt: Any, *, plain: Any = PLAIN):
         """`plain` walks the table in Python, as NUMBA_DISABLE_JIT=1 does."""
         self.v, self.dt, self._plain = v, dt, plain
         self._kept = [v]  # every array that a row points to
@@ -60,46 +62,46 @@ class Tape:
         self._rows = []
         self.parts = []  # of a tick: callables that take k
 
-    def call(self, function):
+    def call(self, function: Callable[..., Any]) -> None:
         """Call `function(k)` in Python."""
         self._cut()
         self.parts.append(function)
 
-    def first(self, function):
+    def first(self, function: Callable[..., Any]) -> None:
         """Call `function(k)` in Python before anything else of a tick."""
         self.parts.insert(0, function)
 
-    def clock(self, position):
+    def clock(self, position: float) -> None:
         """v[position] = k dt."""
         self._row(CLOCK, position, self._at(np.array([self.dt])))
 
-    def copy(self, to, source):
+    def copy(self, to: Any, source: Any) -> Any:
         """v[to] = v[source], in order."""
         if len(to):
             self._row(COPY, len(to), self._at(to), self._at(source))
 
-    def add(self, clear, to, source):
+    def add(self, clear: Any, to: Any, source: Any) -> None:
         """v[clear] = 0, then v[to] += v[source], in order: several sources may act on one place."""
         if len(clear):
             self._row(ADD, len(clear), self._at(clear), len(to), self._at(to), self._at(source))
 
-    def truth(self, raw, scale, start, frame):
+    def truth(self, raw: np.ndarray, scale: float, start: float, frame: Any) -> None:
         """v[start:] = truth in SI from JSBSim's own units; `frame` (3,) as `to_si` takes it."""
         self._row(TRUTH, len(raw), self._at(raw), self._at(scale), start, self._at(frame))
 
-    def get(self, nodes, getter, out):
+    def get(self, nodes: Any, getter: Any, out: str | Path) -> None:
         """out = what the getter at an address gives for each of the nodes (cosim/flight/plant/crossing.py)."""
         self._row(GET, len(nodes), self._at(nodes), getter, self._at(out))
 
-    def put(self, nodes, setter, values):
+    def put(self, nodes: Any, setter: Any, values: Any) -> None:
         """Give each of the nodes its value by the setter at an address."""
         self._row(PUT, len(nodes), self._at(nodes), setter, self._at(values))
 
-    def noise(self, to, block):
+    def noise(self, to: Any, block: Any) -> None:
         """v[to] = block[k % rows]."""
         self._row(NOISE, len(to), self._at(to), self._at(block), len(block))
 
-    def step(self, block):
+    def step(self, block: Any) -> None:
         """Advance every lane of a block by one tick, every `block.every` ticks; blocks in Python advance themselves."""
         entry = block.module.rollout if isinstance(block, Block) else None
         if not isinstance(entry, Entry):
@@ -111,17 +113,17 @@ class Tape:
             x, u, p = (self._at(a) for a in (block.x, block.u, block.p))
             self._row(STEP, address, x, u, p, dt, len(block.x), block.every)
 
-    def keep(self, index, rows):
+    def keep(self, index: Any, rows: Any) -> None:
         """rows[k] = v[index], in the precision of `rows` (ticks, n)."""
         self._row(KEEP, len(index), self._at(index), self._at(rows), rows.itemsize)
 
-    def log(self, head, store):
+    def log(self, head: Any, store: Any) -> None:
         """Log v: `store(v)` does it, or compiled code by what `head` says (cosim/log/writer.py)."""
         address = self._at(head)
         self._entries[address] = store
         self._row(LOG, address)
 
-    def run(self, k):
+    def run(self, k: Any) -> Any:
         """Do all of tick `k`."""
         if self._rows:
             self._cut()
@@ -153,7 +155,7 @@ class Tape:
         return lambda k: plainly(table.tolist(), self.v, k, self._entries)
 
 
-def plainly(table, v, k, entries):
+def plainly(table: Any, v: np.ndarray, k: int, entries: Any) -> None:
     """Walk the rows of a segment in plain Python: what each of them means, and a reference for `walk`."""
     for operation, a, b, c, d, e, f, g in table:
         if operation == CLOCK:

@@ -7,6 +7,7 @@ when it ends. `order` says once, to a tape, what every tick does; the tape does 
 """
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from cosim.flight.plant.plant import Plant
 from cosim.flight.tape import Block, Tape
 
 
-def order(s, tape, *logs, keep=None):
+def order(s: Any, tape: Any, *logs: Any, keep: Any = None) -> None:
     """Tell `tape` what a tick of the loop `s` does from t_k to t_k+1.
 
     Each of `logs` takes the bus as it stands at t_k: a call `log(v)`, or a log that tells the tape itself. `keep` is
@@ -91,7 +92,7 @@ class Loop:
         self.noise = np.array([self.bus.index(f"sensors_in.{lane}.noise") for lane in self.bus.lanes["sensors"]])
         self._tape, self._logs = None, ()
 
-    def tape(self, *logs):
+    def tape(self, *logs: Any) -> Tape:
         """Return the tape of this loop as it is now, for these logs (see `order`); the same while they are."""
         if self._tape is None or logs != self._logs:
             self._tape, self._logs = Tape(self.v, self.dt), logs
@@ -99,6 +100,6 @@ class Loop:
         return self._tape
 
 
-def tick(s, k, *logs):
+def tick(s: Any, k: int, *logs: Any) -> None:
     """Advance the loop `s` from t_k to t_k+1; `logs` take the bus of t_k, see `order`."""
     s.tape(*logs).run(k)

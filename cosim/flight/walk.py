@@ -23,7 +23,7 @@ def _copy(n, to, source, v):
         v[to[i]] = v[source[i]]
 
 
-def walk(table, n, bus, k):
+def walk(table: Any, n: int, bus: Any, k: int) -> None:
     """Do the `n` rows at address `table` on the bus vector at address `bus` for tick `k`."""
     rows, v = carray(wholes(table), n * WIDTH), reals(bus)
     for i in range(n):

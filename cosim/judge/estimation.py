@@ -16,6 +16,7 @@ tick that ends there: signals at the valve are taken one tick back.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -40,14 +41,14 @@ class Estimate:
     start: float  # [s], after settling
     end: float  # [s]
 
-    def error(self, history, dt):
+    def error(self, history: np.ndarray, dt: float) -> Any:
         """Return f_hat - f on the settled ticks, empty when there are none."""
         f = self.truth(history[:, list(self.columns)].T.astype(float), dt)
         late = slice(round(self.start / dt), round(min(self.end / dt, len(history))))
         return (history[:, self.column].astype(float) - f)[late]
 
 
-def plan(scenario, detector, lane, columns):
+def plan(scenario: Any, detector: str, lane: str, columns: Any) -> Estimate | None:
     """Return the Estimate of the earliest fault that `detector` estimates on `lane`, or None.
 
     `columns(bus name)` gives a column of the history.

@@ -6,6 +6,7 @@ Each paper is a package: `rows.plan()` lists what is asked, with its bands; `fig
 
 import importlib
 from collections.abc import Callable
+from typing import Any
 
 from cosim.campaign.pool import finished
 from cosim.errors import CosimError, did_you_mean
@@ -18,7 +19,7 @@ PAPERS = ("lu17", "jay", "sun13", "mar10", "alwi14")
 LONGEST_FIRST = ("mar10", "sun13", "alwi14", "lu17", "jay")  # so that processes end together
 
 
-def chosen(paper):
+def chosen(paper: str) -> Any:
     """Return the papers that `paper`, one of PAPERS or "all", stands for. Raises CosimError for another name."""
     if paper not in (*PAPERS, "all"):
         raise CosimError(

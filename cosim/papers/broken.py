@@ -5,6 +5,7 @@ import importlib
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 from cosim.papers.row import Planned
 
@@ -31,7 +32,7 @@ class Broken:
 
 
 @contextlib.contextmanager
-def swap(module: str, **values) -> Iterator[None]:
+def swap(module: str, **values: Any) -> Iterator[None]:
     """Replace names of a module; a value that is a function of one argument under `wrap_NAME` gets the old one."""
     place = importlib.import_module(module)
     held = {}

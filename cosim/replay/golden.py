@@ -10,6 +10,7 @@ import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -48,7 +49,7 @@ FLIGHTS = {
 }
 
 
-def fly(name, folder=FOLDER):
+def fly(name: Any, folder: Any = FOLDER) -> Any:
     """Fly golden flight `name`; write <name>.mcap and its fingerprint <name>.txt, and return the log's path."""
     from cosim.flight.simulate import simulate
     from cosim.scenario import load_scenario
@@ -69,7 +70,7 @@ def fly(name, folder=FOLDER):
     return out
 
 
-def thin(path, out):
+def thin(path: Any, out: Any) -> Any:
     """Copy of a log only what a replay of its detectors reads."""
     log = open_log(path)
     wired = describe(log)

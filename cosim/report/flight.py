@@ -24,7 +24,9 @@ DEG, FT, KT = 180.0 / math.pi, 1.0 / 0.3048, 3600.0 / 1852.0
 EARTH = 6_371_000.0  # mean radius [m]: the track is drawn on a local plane
 
 
-def panels(flown: Flown, figure: Figure, titles: list[str], units: list[str], columns: int, legend=True) -> Figure:
+def panels(
+    flown: Flown, figure: Figure, titles: list[str], units: list[str], columns: int, legend: bool = True
+) -> Figure:
     """Lay out time panels over the whole flight with its faults shaded; returns the figure."""
     figure.layout = base(figure.height, legend)
     grid(figure.layout, titles, units, columns, span=(flown.t0, flown.end))

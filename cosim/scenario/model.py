@@ -63,22 +63,22 @@ class Flight(_Table):
         return raw
 
     @property
-    def mass(self):
+    def mass(self) -> float:
         """Return the mass [kg]."""
         return self.mass_t * 1000.0
 
     @property
-    def cg(self):
+    def cg(self) -> float:
         """Return the centre of gravity as a fraction of the mean aerodynamic chord."""
         return self.cg_pct / 100.0
 
     @property
-    def altitude(self):
+    def altitude(self) -> float:
         """Return the altitude [m]."""
         return self.altitude_ft * c.FT
 
     @property
-    def speed(self):
+    def speed(self) -> tuple[str, float]:
         """Return (kind, value): ("cas" or "tas", m/s) or ("mach", -)."""
         if self.mach is not None:
             return "mach", self.mach
@@ -236,7 +236,7 @@ class Sensors(_Table):
                     raise problem("is out of range", key=f"{name}.{key}", allowed=keys[key].range)
         return self
 
-    def setting(self, name, own=lambda unit: 1.0):
+    def setting(self, name: str, own: Any = lambda unit: 1.0) -> SensorSetting:
         """Return the SensorSetting of sensor `name`; `own(unit)` is what one SI `unit`, or share of a nominal value
         ("of supply", ...), is in the sensor's own unit.
         """
@@ -349,7 +349,7 @@ class Detectors(_Table):
         """Tell whether `name` is a detector, or one whose file the scenario names."""
         return name in SHIPPED or name in GUESTS or "file" in self.table(name)
 
-    def table(self, name):
+    def table(self, name: str) -> Any:
         """Return {parameter: value} of detector `name` as written; of a guest its file and digest are among them."""
         return dict((self.model_extra or {}).get(name, {}))
 
@@ -385,7 +385,7 @@ class Scenario(_Table):
         return self
 
     @property
-    def running(self):
+    def running(self) -> tuple[str, ...]:
         """Return the detectors that run: those enabled, and the filters that servos close on."""
         feedback = dict.fromkeys(self.elevator.feedback.values())
         closed: list[str] = [name for name in feedback if name != "measured"]
@@ -406,20 +406,20 @@ class Scenario(_Table):
         return load_aircraft(self.flight.aircraft)
 
     @property
-    def dt(self):
+    def dt(self) -> float:
         """Return the tick [s]."""
         return 1.0 / self.rate_hz
 
     @property
-    def ticks(self):
+    def ticks(self) -> int:
         """Return the number of ticks."""
         return round(self.duration_s * self.rate_hz)
 
-    def injections(self):
+    def injections(self) -> Any:
         """Return the faults as a flat tuple of Injection: one per fault and member of its target, SI."""
         return tuple(j for i, f in enumerate(self.faults) for j in f.injections(i, self.elevator.technology))
 
-    def warnings(self):
+    def warnings(self) -> list[str]:
         """Return lines about what is legal and probably not meant."""
         late = [(i, f) for i, f in enumerate(self.faults) if f.start_s >= self.duration_s]
         lines = [
@@ -437,6 +437,6 @@ class Scenario(_Table):
                 lines.append(f"faults.{i} (runaway) {said}")
         return lines
 
-    def expanded_toml(self):
+    def expanded_toml(self) -> Any:
         """Return the whole scenario with every default as TOML; loading it gives an equal scenario."""
         return toml.dumps(self.model_dump(mode="python", exclude_none=True))

@@ -7,6 +7,7 @@ needed (`detect`).
 import math
 from collections.abc import Iterator, Sequence
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -40,7 +41,7 @@ HYDRAULIC = (*(f"iotsekf_in.{{}}.{name}" for name in iotsekf.INPUTS.names), "hyd
 
 def scenario(
     *, duration: float, manoeuvre: str | dict = "cruise", technology: Sequence[str] = ("hydraulic",) * 4,
-    flight: dict | None = None, **more,
+    flight: dict | None = None, **more: Any,
 ) -> Scenario:  # fmt: skip
     """Return a flight of `duration` [s] at POINT without detectors; `flight` changes entries of the point.
 
@@ -52,7 +53,9 @@ def scenario(
                   **more})  # fmt: skip
 
 
-def draw(seed: int, *, point: dict, manoeuvre: str | dict, turbulence: str, duration: float = FLIGHT_S, **more) -> dict:
+def draw(
+    seed: int, *, point: dict, manoeuvre: str | dict, turbulence: str, duration: float = FLIGHT_S, **more: Any
+) -> dict:
     """Return the arguments of `scenario` for a flight with all coefficients of aircraft and actuator off by up to
     5 %."""
     rng = np.random.default_rng(seed)
@@ -85,17 +88,17 @@ def flights(first_seed: int, draws: int = 1, points: Sequence[dict] = POINTS) ->
                     seed += 1
 
 
-def fly_aircraft(signals: Sequence[str] = (), prepare=None, **arguments) -> pd.DataFrame:
+def fly_aircraft(signals: Sequence[str] = (), prepare: Any = None, **arguments: Any) -> pd.DataFrame:
     """Fly `scenario(**arguments)` and return what the estimators of the aircraft read, and `signals` beside it."""
     return fly(scenario(**arguments), [*AIRCRAFT, *signals], prepare=prepare)
 
 
-def fly_hydraulic(**arguments) -> pd.DataFrame:
+def fly_hydraulic(**arguments: Any) -> pd.DataFrame:
     """Fly `scenario(**arguments)` and return what the hydraulic detectors of the four segments read."""
     return fly(scenario(**arguments), [*(path.format(s) for s in SEGMENTS for path in HYDRAULIC), COMMAND])
 
 
-def fly_ema(**arguments) -> pd.DataFrame:
+def fly_ema(**arguments: Any) -> pd.DataFrame:
     """Fly four electromechanical segments; return what `position_monitor` reads, under its names at hydraulic ones."""
     names = {f"sensors.{s}_surface.{field}_obs": f"iotsekf_in.{s}.{name}" for s in SEGMENTS
              for field, name in (("y", "y_surface"), ("valid", "y_surface_valid"))}  # fmt: skip
@@ -109,7 +112,9 @@ def wires(module: ModuleType, segment: str) -> dict[str, str]:
     return {n: COMMAND if n == "command" else path for n, path in out.items()}
 
 
-def watch(frame: pd.DataFrame, module: ModuleType, p: np.ndarray, fields=None, segments=SEGMENTS) -> np.ndarray:
+def watch(
+    frame: pd.DataFrame, module: ModuleType, p: np.ndarray, fields: Any = None, segments: Any = SEGMENTS
+) -> np.ndarray:
     """Return the OUTPUTS (or `fields`) of a hydraulic segment's detector at every tick, shape (segments, ticks)."""
     lanes = [wires(module, s) for s in segments]
     return detect(frame, module, lanes, p, module.OUTPUTS if fields is None else fields)

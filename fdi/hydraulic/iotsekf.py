@@ -17,6 +17,7 @@ last tick.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -163,7 +164,15 @@ LAG = {2: {"lag_omega": 50.1, "lag_zeta": 0.64, "lag_ticks": 0.0}}
 LAG[0] = LAG[1] = {"lag_omega": 56.0, "lag_zeta": 0.56, "lag_ticks": 5.0}
 
 
-def params(which=None, *, load=2, dt=0.005, delay_s=0.005, arm=linkage.ARM, **values):
+def params(
+    which: Any = None,
+    *,
+    load: Any = 2,
+    dt: Any = 0.005,
+    delay_s: float = 0.005,
+    arm: float = linkage.ARM,
+    **values: Any,
+) -> np.ndarray:
     """Return PARAMS for load form `load`, ticks of `dt` seconds and measurements `delay_s` old.
 
     The sensors' noise density is that of samples of 5 ms at every rate. `which` names the threshold set, by default
@@ -191,7 +200,7 @@ def params(which=None, *, load=2, dt=0.005, delay_s=0.005, arm=linkage.ARM, **va
     return record(PARAMS, **{**fixed, **v, **values})
 
 
-def init(p):
+def init(p: np.ndarray) -> np.ndarray:
     """Return STATE of p's shape, not started: the filter begins at the first usable rod sample."""
     return np.zeros(p.shape, STATE)
 

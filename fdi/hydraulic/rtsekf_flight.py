@@ -14,6 +14,7 @@ that is there from the start is taken for rigging.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -111,7 +112,9 @@ DETECTOR = Detector(
 )
 
 
-def params(which="flight", *, dt=0.005, delay_s=0.005, arm=linkage.ARM, **values):
+def params(
+    which: str = "flight", *, dt: float = 0.005, delay_s: float = 0.005, arm: float = linkage.ARM, **values: Any
+) -> np.ndarray:
     """Return PARAMS for ticks of `dt` seconds and measurements `delay_s` old; `values` replace any field."""
     share = 0.005 / dt  # the sensors' noise density is that of samples of 5 ms at every rate
     fields = {
@@ -129,7 +132,7 @@ def params(which="flight", *, dt=0.005, delay_s=0.005, arm=linkage.ARM, **values
     return record(PARAMS, **{**fields, **thresholds("rtsekf_flight", which), **values})
 
 
-def init(p):
+def init(p: np.ndarray) -> np.ndarray:
     """Return STATE of p's shape, not started: the filter begins at the first usable rod sample."""
     return np.zeros(p.shape, STATE)
 

@@ -10,6 +10,8 @@ kept in the integral, and is trusted again after `t_settle`.
 """
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -70,7 +72,19 @@ STATE = [
 ]
 
 
-def fill(p, design, *, unit, u_delay=0.0, act_a=0.0, act_rate=0.0, y_trim=(), u_trim=(), learn=(), n_trim=0.0):
+def fill(
+    p: Any,
+    design: Any,
+    *,
+    unit: Any,
+    u_delay: Any = 0.0,
+    act_a: float = 0.0,
+    act_rate: float = 0.0,
+    y_trim: Sequence[Any] = (),
+    u_trim: Sequence[Any] = (),
+    learn: Sequence[Any] = (),
+    n_trim: float = 0.0,
+) -> Any:
     """Write a Design into a PARAMS record; trims in design units, `unit` SI per unit of f_hat, delays in ticks.
 
     `u_delay` and `act_a` are one number for all inputs, or one each.
@@ -95,7 +109,7 @@ def fill(p, design, *, unit, u_delay=0.0, act_a=0.0, act_rate=0.0, y_trim=(), u_
     return p
 
 
-def fill_stored(p, design, chosen, dt, trim, learn):
+def fill_stored(p: Any, design: Any, chosen: Any, dt: float, trim: Any, learn: Any) -> Any:
     """Write a stored entry into a PARAMS record for tick `dt` [s]: design, input delays, actuator.
 
     `trim` holds the outputs, then the elevator [design units]; None: those marked in `learn` are learned.

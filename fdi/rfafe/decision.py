@@ -18,6 +18,7 @@ verdict is AMBIGUOUS.
 """
 
 import math
+from typing import Any
 
 from actuators.block import kernel
 from fdi.common import bank
@@ -44,7 +45,7 @@ PARAMS = [
 ]
 
 
-def state(faults):
+def state(faults: Any) -> list[Any]:
     """Return the STATE fields for `faults` estimates."""
     return [
         *bank.STATE,

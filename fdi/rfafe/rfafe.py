@@ -10,6 +10,8 @@ for each side): no airframe output contributes, so this estimator is a position 
 """
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -94,8 +96,16 @@ DETECTOR = Detector(
 )
 
 
-def params(which="flight", *, stored=None, technology="hydraulic", trim=None, dt=DT, weight=(0.5, 0.5, 0.5, 0.5),
-           response=None):
+def params(
+    which: str = "flight",
+    *,
+    stored: Any = None,
+    technology: Any = "hydraulic",
+    trim: Any = None,
+    dt: Any = DT,
+    weight: Sequence[Any] = (0.5, 0.5, 0.5, 0.5),
+    response: Any = None,
+) -> np.ndarray:
     """Return PARAMS from the stored design for `technology` of the elevators and the threshold set `which`.
 
     `stored` replaces `fdi/designs/rfafe.json` (same keys). `trim` is a mapping with tas [m/s], alpha, theta, elevator
@@ -134,7 +144,7 @@ def _bilinear(b, a, fs):
     return num.coef[::-1] / den.coef[-1], den.coef[::-1] / den.coef[-1]
 
 
-def init(p):
+def init(p: np.ndarray) -> np.ndarray:
     """Return STATE of p's shape, not yet started."""
     return np.zeros(p.shape, STATE)
 

@@ -10,6 +10,7 @@ actuator's model, never the measured surface. V in m/s, angles in deg, q in deg/
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -62,7 +63,9 @@ DETECTOR = Detector(
 )
 
 
-def params(which="flight", *, stored=None, technology="hydraulic", trim=None, dt=DT):
+def params(
+    which: str = "flight", *, stored: Any = None, technology: str = "hydraulic", trim: Any = None, dt: float = DT
+) -> np.ndarray:
     """Return PARAMS from the stored design and threshold set `which`; arguments as in `fdi.rfafe.rfafe.params`."""
     design, chosen = choose("rfafe_airframe" if stored is None else stored, technology, dt)
     p = record(PARAMS, **bank.design(dt), **thresholds("rfafe_airframe", which))
@@ -70,7 +73,7 @@ def params(which="flight", *, stored=None, technology="hydraulic", trim=None, dt
     return fill_stored(p, design, chosen, dt, t, (1, 1, 0, 1))
 
 
-def init(p):
+def init(p: np.ndarray) -> np.ndarray:
     """Return STATE of p's shape, not yet started."""
     return np.zeros(p.shape, STATE)
 

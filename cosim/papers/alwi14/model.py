@@ -1,6 +1,7 @@
 """[Alwi14] sections 3 to 5: the affine model's fit to this aircraft, and the certificate of the stored design."""
 
 import json
+from typing import Any
 
 import numpy as np
 
@@ -18,12 +19,12 @@ ENTRIES = {
 }
 
 
-def fit():
+def fit() -> Any:
     """Return what the stored design says about the fit on a second grid."""
     return json.loads(design_lpv.STORED.read_text(encoding="utf-8"))["fit"]
 
 
-def certificate():
+def certificate() -> dict[str, float]:
     """Return the report of the stored design, substituted back into its inequalities."""
     return lpv_smo_design.verify(lpv_smo_design.load()[1])
 
@@ -39,7 +40,7 @@ def _entries():
     )
 
 
-def plan(of: Of):
+def plan(of: Of) -> list[Any]:
     """Return the Planned rows of model and gains, from the stored design."""
     return [
         of.ours(

@@ -5,6 +5,7 @@ factor; the three faults come at 10 s. Nothing of it is in the paper, whose five
 """
 
 import functools
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +24,7 @@ KT = 1852.0 / 3600.0
 
 
 @functools.cache
-def slowing():
+def slowing() -> tuple[Any, ...]:
     """Return (table, log) of the deceleration with its faults."""
     flown = fly(load_scenario("alwi14-deceleration"), [*sources("lpv_smo").values(), SPEED, "truth.aircraft.h"])
     p = lpv_smo.fitted(site(flown.attrs["dt"]))
@@ -43,7 +44,7 @@ def _error(i):
 
 
 @functools.cache
-def kept(point, *changes):
+def kept(point: Any, *changes: Any) -> float:
     """Return how far a flight on the reconstructed sensors leaves its altitude [m], largest."""
     at = [f"flight.{k}={v}" for k, v in SIX[point].items()]
     h = fly(load_scenario("alwi14-reconstructed", [*at, *changes]), ["truth.aircraft.h"])["truth.aircraft.h"].to_numpy()
@@ -70,7 +71,7 @@ def _declared():
     return count, "; ".join(told)
 
 
-def plan(of: Of):
+def plan(of: Of) -> list[Any]:
     """Return the Planned rows."""
     says = 'section 7: "over wide variations in flight conditions", shown at constant ones: our extension'
     law = (

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import math
+from typing import Any
 
 import numpy as np
 from scipy.signal import lfilter
@@ -215,6 +216,6 @@ def _fault_free(of):
     )
 
 
-def plan(of: Of):
+def plan(of: Of) -> list[Any]:
     """Return the Planned rows of figure 1."""
     return [*_figure_1(of), *_fault_free(of)]

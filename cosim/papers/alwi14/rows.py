@@ -1,6 +1,7 @@
 """[Alwi14] row by row: model and certificate, figures 1 and 2 on LPV plant and nonlinear aircraft, and in motion."""
 
 import functools
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ of = Of("alwi14")
 DRAWS = 2  # sets of coefficients +-5 % per point
 
 
-def plan():
+def plan() -> list[Any]:
     """Return what is asked of [Alwi14]."""
     own = [*alwi14_model.plan(of), *_lpv_plant(), *alwi14_quiet.plan(of), *_figure_2(), *_uncertain(), *_flown()]
     return [*own, *motion.plan(of)]

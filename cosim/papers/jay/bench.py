@@ -14,6 +14,8 @@ What the paper leaves open, and what stands here:
 - The current faults are on the copy that the monitor reads. What they do inside the current loop has a row.
 """
 
+from typing import Any
+
 import numpy as np
 
 from actuators.block import dtype, kernel
@@ -85,15 +87,15 @@ def _fly(tick, px, pf, x, f, ux, uf, reconfigure, out):
 
 def bench(
     *,
-    seed=0,
-    noise=1 / 3,
-    figure=None,
-    loop_bias=0.0,
-    resistance=0.0,
-    reconfigure=False,
-    matrices=None,
-    seconds=SECONDS,
-):
+    seed: int = 0,
+    noise: Any = 1 / 3,
+    figure: Any = None,
+    loop_bias: float = 0.0,
+    resistance: float = 0.0,
+    reconfigure: bool = False,
+    matrices: Any = None,
+    seconds: float = SECONDS,
+) -> Any:
     """Return OUT records of one run.
 
     `noise`: standard deviation over the quoted figure (cut at the figure when below one); `figure`: the fault of that
@@ -124,7 +126,7 @@ def bench(
     return out
 
 
-def under_load(moment=1000.0, seconds=10.0, open_from=None):
+def under_load(moment: float = 1000.0, seconds: float = 10.0, open_from: Any = None) -> tuple[float, ...]:
     """Return the largest innovation mean and R1 [mm] of the published filter on an elevator whose hinge moment steps.
 
     `open_from` [s]: from then on the filter's covariance, and with it its gain, is zero.

@@ -6,6 +6,7 @@ looked at for 50 s. The scenarios are `jay-incipient-position`, `-velocity` and 
 """
 
 import functools
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +29,7 @@ SIZES = {  # sensor, unit -> (scenario, key, sizes)
 
 
 @functools.cache
-def flight(name, *changes):
+def flight(name: str, *changes: Any) -> Any:
     """Return the flown table of a scenario, with both filters of the right inner segment watching."""
     both = 'detectors.enabled=["ema_kalman", "ema_kalman_flight"]'
     return fly(load_scenario(name, [both, *changes]), [*OWN, *TRUE, *PUBLISHED])
@@ -83,7 +84,7 @@ def _kept(reconfigure):
     return np.abs(faulty[first:n] - healthy[first:n]).max()
 
 
-def plan(of: Of):
+def plan(of: Of) -> list[Any]:
     """Return the Planned rows of the flights."""
     rows = [
         of.beyond(

@@ -2,6 +2,7 @@
 
 import functools
 import math
+from typing import Any
 
 import numpy as np
 
@@ -201,7 +202,7 @@ def _loaded(open_from=None):
     return under_load(open_from=open_from)
 
 
-def plan():
+def plan() -> list[Any]:
     """Return the Planned rows of [Jay], figures 3 to 13 in order and then what lies beyond them."""
     own = [*_healthy(), *_sensor_faults(), *_robustness(), *_reconfiguration(), *_ends()]
     return [*own, *flown.plan(of)]

@@ -19,6 +19,7 @@ What the paper leaves open, and what stands here:
 """
 
 import functools
+from typing import Any
 
 import numpy as np
 
@@ -153,7 +154,7 @@ def _fly(tick, noise, s, c, pi, pr, x, i, r, us, ui, ur, dt, out):
         _seed(tick, noise[n], s, c, pi, pr, x[n], i[n], r[n], us, ui, ur, dt, out[n])
 
 
-def schedule(scenario):
+def schedule(scenario: Any) -> Any:
     """Return the TICK records of a scenario."""
     n = round(SECONDS / DT)
     t = np.arange(n) * DT
@@ -186,7 +187,16 @@ def _noise(seeds):
     return np.stack([np.random.default_rng([17, s]).standard_normal((n, 4)) for s in range(seeds)])
 
 
-def fly(scenario, load="no load", *, seeds=SEEDS, measured=False, quiet=False, hmd=HMD, **filter_values):
+def fly(
+    scenario: Any,
+    load: Any = "no load",
+    *,
+    seeds: Any = SEEDS,
+    measured: Any = False,
+    quiet: Any = False,
+    hmd: Any = HMD,
+    **filter_values: Any,
+) -> Any:
     """Return OUT records (seeds, ticks) of a scenario under a load of MODEL.
 
     `measured`: the servo closes on the rod sensor instead of the estimate; `quiet`: no noise at all; `hmd`: slope of

@@ -21,7 +21,7 @@ SEEN = {
 LOADED = " Under a hinge load that the filter does not know, f_hat is off by {error:.3g} {unit} on average."
 
 
-def drawings():
+def drawings() -> list[Drawing]:
     """Return the six Drawings."""
     return [_drawing(scenario) for scenario in SEEN]
 

@@ -7,6 +7,7 @@ difference and lets the load walk.
 """
 
 import functools
+from typing import Any
 
 import numpy as np
 
@@ -30,20 +31,20 @@ SIGNALS = (
 
 
 @functools.cache
-def flight(name, *changes):
+def flight(name: str, *changes: Any) -> Any:
     """Return the flown table of a scenario."""
     return fly(load_scenario(name, list(changes)), SIGNALS)
 
 
 @functools.cache
-def filtered(name, form):
+def filtered(name: str, form: Any) -> tuple[Any, ...]:
     """Return (table, log) of the IOTSEKF in one of FORMS."""
     frame = flight(name)
     fields = ("f_hat", "q_now", "v_now", "x3_now")
     return frame, detect(frame, iotsekf, INPUTS, iotsekf.params(load=FORMS[form]), fields)
 
 
-def true_fault(frame):
+def true_fault(frame: Any) -> Any:
     """Return what the valve did beyond its command [1], (ticks,)."""
     u = frame[f"iotsekf_in.{LANE}.u"].shift(-1, fill_value=0.0)  # the filter reads the command of the last tick
     return (frame[f"hydraulic_in.{LANE}.f_u"] - frame[f"hydraulic_in.{LANE}.s_u"] * u).to_numpy()
@@ -107,7 +108,7 @@ ASKED = (
 )
 
 
-def plan(of: Of):
+def plan(of: Of) -> Any:
     """Return the Planned rows of the flights."""
     out = []
     for figure, name, what, words, band in ASKED:

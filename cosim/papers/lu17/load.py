@@ -1,6 +1,7 @@
 """What the filters of [Lu17] cost, beside an augmented EKF of the same states, and the gain (48)."""
 
 import time
+from typing import Any
 
 import numpy as np
 
@@ -59,7 +60,7 @@ def _run_two_stage(x, inputs, u, y, p, dt):
         two_stage.estimate(x, inputs, p, dt)
 
 
-def cost():
+def cost() -> tuple[float, str]:
     """Return (time of a step of the two-stage filter over that of the augmented one, both in microseconds)."""
     out = bench.fly("liquid OFC", seeds=1)[0][:TICKS]
     u, y = np.ascontiguousarray(out["u"]), np.ascontiguousarray(out["y"])
@@ -83,7 +84,7 @@ def cost():
     return two / one, f"{two:.2f} and {one:.2f} microseconds"
 
 
-def gain():
+def gain() -> Any:
     """Return N of (48) after 100 ticks."""
     p = rtsekf.params("published", load=0, delay_s=0.0)
     u = np.zeros((1, 100), rtsekf.INPUTS)

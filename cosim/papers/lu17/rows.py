@@ -7,6 +7,8 @@ show. (9) prints F_d, and (17) integrates (4), which has it: filter and inversio
 The caption of figure 2 says liquid OFC; by section IV.C, to which it belongs, it is the fault-free case.
 """
 
+from typing import Any
+
 from cosim.papers.lu17 import bench, flown, load
 from cosim.papers.lu17.stats import case, get, linear_delay, ratio, relative_degree
 from cosim.papers.row import Of
@@ -186,6 +188,6 @@ def _unknown():
         )
 
 
-def plan():
+def plan() -> list[Any]:
     """Return what is asked of [Lu17]: the paper's figures in order, what it leaves out, and in flight."""
     return [*_input_faults(), *_output_faults(), *_structure(), *_unknown(), *flown.plan(of)]

@@ -1,6 +1,7 @@
 """What the rows of [Lu17] ask of many seeds: how far off an estimate is, whether the rod follows or leaves."""
 
 import functools
+from typing import Any
 
 import numpy as np
 from scipy.linalg import expm, solve_discrete_are
@@ -14,7 +15,7 @@ FAULT = (("f", "f_hat"),)
 PHASES = {"before": bench.BEFORE, "after": bench.AFTER, "whole": bench.WHOLE}
 
 
-def span(phase):
+def span(phase: Any) -> Any:
     """Return the slice of ticks of a phase."""
     a, b = PHASES[phase]
     return slice(round(a / bench.DT), round(b / bench.DT))
@@ -46,7 +47,7 @@ def _summary(out):
 
 
 @functools.cache
-def case(scenario, load="no load", seeds=bench.SEEDS, **options):
+def case(scenario: Any, load: Any = "no load", seeds: Any = bench.SEEDS, **options: Any) -> Any:
     """Return {(number, phase): value} of a scenario under a load; `options` of `bench.fly`.
 
     "state" and "fault" are the mean error over the scatter of one estimate (the largest of q, q', x3).
@@ -60,18 +61,27 @@ def _sine(y):
     return complex(2 * (y.mean(axis=0) * np.exp(-2j * np.pi * bench.OFC_HZ * t)).mean())
 
 
-def get(key, scenario, load="no load", phase="after", scale=1.0, **options):
+def get(
+    key: str, scenario: Any, load: Any = "no load", phase: str = "after", scale: float = 1.0, **options: Any
+) -> Any:
     """Return a function that looks up one number of a case."""
     return lambda: scale * case(scenario, load, **options)[key, phase]
 
 
-def ratio(above, below, scenario, load="no load", phases=("after", "after"), **options):
+def ratio(
+    above: Any,
+    below: Any,
+    scenario: Any,
+    load: str = "no load",
+    phases: tuple[str, str] = ("after", "after"),
+    **options: Any,
+) -> Any:
     """Return a function that divides one number of a case by another."""
     return lambda: case(scenario, load, **options)[above, phases[0]] / case(scenario, load, **options)[below, phases[1]]
 
 
 @functools.cache
-def linear_delay():
+def linear_delay() -> float:
     """Return the delay [ms] of f_hat at the OFC's frequency in a Kalman filter of (4) linearised at rest.
 
     State (q, q', x3, f), f a random walk; the filter's own noises, no load.
@@ -95,7 +105,7 @@ def linear_delay():
     return float(-1e3 * np.angle(estimate[3] * z) / (2 * np.pi * bench.OFC_HZ))  # against the f of the last tick
 
 
-def relative_degree():
+def relative_degree() -> int:
     """Return how often the rod must be differentiated until the valve shows, by (4) linearised at rest."""
     a22, a23, a31, a32, a33, b3, _ = lu17.jacobian(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, lu17.params()[0])
     A, b, row = np.array([[0, 1, 0], [0, a22, a23], [a31, a32, a33]]), np.array([0, 0, b3]), np.array([1.0, 0, 0])

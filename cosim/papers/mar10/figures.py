@@ -17,7 +17,7 @@ TITLES = {
 }
 
 
-def drawings():
+def drawings() -> list[Drawing]:
     """Return the six Drawings."""
     return [_table(), _own_table(), *(_scenario(n) for n in TITLES), _robustness()]
 

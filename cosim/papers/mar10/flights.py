@@ -8,6 +8,8 @@ of +-3 deg of rudder.
 
 import dataclasses
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -35,7 +37,7 @@ LOSS = {1: 0.25, 2: 0.25, 3: 0.5}  # share of the thrust
 DOUBLET = ("duration_s=50", "manoeuvre.start_s=22", "manoeuvre.width_s=4", "manoeuvre.amplitude_g=0.3")
 
 
-def pedals(start, width=2.5, angle=3 * DEG):
+def pedals(start: float, width: float = 2.5, angle: float = 3 * DEG) -> list[Any]:
     """Return a pedal doublet as (time [s], rudder [rad]) corners, ramps of half a second."""
     w = (0.0, 0.5, width, width + 1.0, 2 * width, 2 * width + 0.5)
     return [(start + t, angle * a) for t, a in zip(w, (0, 1, 1, -1, -1, 0))]
@@ -44,7 +46,7 @@ def pedals(start, width=2.5, angle=3 * DEG):
 PEDALS = (*pedals(24.0), *pedals(34.0))
 
 
-def scenario(number, draw=None, extra=()):
+def scenario(number: Any, draw: Any = None, extra: Sequence[Any] = ()) -> Any:
     """Return scenario 1, 2 or 3 with nominal aircraft and sensors (`draw` None) or those of a draw."""
     changes = ["detectors.enabled=[]", *DOUBLET, *extra]
     if number == 1:
@@ -65,7 +67,7 @@ def scenario(number, draw=None, extra=()):
     return load_scenario(NAMES[number], changes)
 
 
-def fly(number, draw=None):
+def fly(number: Any, draw: Any = None) -> Any:
     """Fly a scenario with the pedals; return what the detector reads."""
 
     def prepare(setup):
@@ -90,12 +92,12 @@ class _Pedals:
         self._x["dr_cmd"] += np.interp(self._clock["t"][0], self._time, self._angle)
 
 
-def run(flown, p):
+def run(flown: Any, p: Any) -> Any:
     """Return the detector's log on a flown table, (ticks,)."""
     return detect(flown, control_redundancy, WIRES, p)
 
 
-def detector(**kw):
+def detector(**kw: Any) -> Any:
     """Return PARAMS with commands two steps late, as the measurements are, and the actuators' own delay."""
     own = aircraft(load_aircraft())
     late, rate = own.delays, own.rates
@@ -117,7 +119,7 @@ class Outcome:
     shared: float = math.nan  # of the time beyond the thresholds after the loss: engine and single engines explain it
 
 
-def judge(number, flown, log):
+def judge(number: Any, flown: Any, log: Any) -> Any:
     """Return the `Outcome`: right when the true effectors are the first declared, in order, each after its fault."""
     found = []
     for h, name in enumerate(control_redundancy.EFFECTORS):
@@ -132,7 +134,7 @@ def judge(number, flown, log):
     return Outcome(tuple(first), right, len(found) - len(truth), early)
 
 
-def margins(number, flown, log, p):
+def margins(number: int, flown: Any, log: Any, p: Any) -> dict[str, Any]:
     """Return {field of `Outcome`: value} of what stands between the loss of thrust and its declaration."""
     start, share = dict(TRUTH[number])["engine"], LOSS[number]
     onset, engine = round(start / flown.attrs["dt"]), control_redundancy.CULPRITS.index("engine")
@@ -160,7 +162,7 @@ def margins(number, flown, log, p):
     }
 
 
-def campaign(number, draws, *, options=({},)):
+def campaign(number: int, draws: Any, *, options: Sequence[Any] = ({},)) -> Any:
     """Fly scenario `number` `draws` times, judge with each set of detector `options`: {set: [Outcome]}."""
     sets = [detector(**kw) for kw in options]
     out: dict = {i: [] for i in range(len(sets))}

@@ -4,6 +4,7 @@ import dataclasses
 import functools
 import math
 from collections import Counter
+from typing import Any
 
 import numpy as np
 from scipy.stats import binomtest
@@ -47,7 +48,7 @@ WHY = (
 )
 
 
-def plan():
+def plan() -> list[Any]:
     """Return what is asked of [Mar10]."""
     return [*_structure(), *_aircraft(), *mar10_selection.plan(of), *_scenarios(), *_robustness(), *_smallest()]
 

@@ -6,6 +6,7 @@ the families that this aircraft's structure allows.
 """
 
 import functools
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ INPUTS = ("elevator", "aileron", "rudder", "engine")
 
 
 @functools.cache
-def run(number):
+def run(number: Any) -> Any:
     """Return (flight, detector log, families) of a scenario with nominal aircraft and sensors."""
     flown = flights.fly(number)
     log = flights.run(flown, flights.detector())

@@ -7,6 +7,7 @@ used to make the decisions; those of the tables begin at FIRST.
 
 from collections import Counter, defaultdict
 from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 from scipy.stats import beta
@@ -29,14 +30,14 @@ CASES = ("liquid", "solid", "sensor_ofc", "runaway", "jam", "slow_liquid", "slow
          "rod", "surface")  # fmt: skip
 
 
-def fly_one(family, k, seed, feedback):
+def fly_one(family: str, k: int, seed: int, feedback: Any) -> list[Any]:
     """Fly flight `k` of a family; return [[segment's draw, air, Outcome of iotsekf as a dict]] of its segments."""
     frame, lanes, air = flown(family, k, seed, feedback)
     log = watch(frame, iotsekf, iotsekf.params(), FIELDS)
     return [[lane, air, asdict(outcome(lane, log, frame, i, iotsekf.CULPRITS))] for i, lane in enumerate(lanes)]
 
 
-def fly_free(k, seed, feedback):
+def fly_free(k: int, seed: int, feedback: Any) -> list[Any]:
     """Fly flight `k` without a fault; return [air, {detector: [names that it gave, seconds of alarm]}]."""
     frame, _, air = flown("free", k, seed, feedback)
     out = {}
@@ -48,7 +49,7 @@ def fly_free(k, seed, feedback):
     return [air, out]
 
 
-def share(k, n):
+def share(k: int, n: int) -> str | None:
     """Return "k/n = share (low to high)" with the exact 95 % interval, or None where there is no run."""
     if n == 0:
         return None
@@ -167,7 +168,7 @@ def _jobs(feedback):
     return jobs
 
 
-def parts():
+def parts() -> list[Part]:
     """Return the Parts of the study."""
     return [
         Part("names", "every fault, servos on their measurement (2 min)", _jobs("measured"), _faults, seeds=120),

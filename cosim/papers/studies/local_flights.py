@@ -5,6 +5,7 @@ by one: what they share is the aircraft's motion and its gusts. What is asked of
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -130,7 +131,7 @@ def _free(rng, k):
 FAMILIES = {"mixed": _mixed, "moved": _moved, "slow": _slow, "lost": _lost, "second": _second, "free": _free}
 
 
-def drawn(family, k, seed):
+def drawn(family: str, k: int, seed: int) -> tuple[Any, ...]:
     """Return (scenario parts of flight `k` of a family, [segment: name, healed, faults]); `seed` decides all."""
     rng = np.random.default_rng([seed, list(FAMILIES).index(family), k])
     lanes, duration, hands = FAMILIES[family](rng, k)
@@ -148,7 +149,7 @@ def drawn(family, k, seed):
     return flight, lanes, rng
 
 
-def flown(family, k, seed, feedback="measured"):
+def flown(family: str, k: int, seed: int, feedback: str = "measured") -> tuple[Any, ...]:
     """Fly it; return (table of what the detectors read, segments, the air); points that do not trim are drawn anew."""
     flight, lanes, rng = drawn(family, k, seed)
     signals = [*(path.format(lane) for lane in SEGMENTS for path in (*HYDRAULIC, REFERENCE)), COMMAND]

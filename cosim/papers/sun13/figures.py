@@ -10,7 +10,7 @@ from cosim.training.rfafe import DEG
 KINDS = (("ofc_liquid", "liquid", "figure 3", "figure 6", 0.016), ("ofc_solid", "solid", "figure 4", "figure 7", 0.033))
 
 
-def drawings():
+def drawings() -> list[Drawing]:
     """Return the five Drawings."""
     clean = fly_aircraft(duration=sun13.ONSET + 10.5, seed=1)
     span = (sun13.ONSET - 5.0, sun13.ONSET + 10.5)

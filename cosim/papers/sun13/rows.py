@@ -9,6 +9,7 @@ of the mean elevator, half the difference of the sides, which share one command.
 
 import functools
 import math
+from typing import Any
 
 import numpy as np
 
@@ -409,7 +410,7 @@ def _sides():
     )
 
 
-def plan():
+def plan() -> list[Any]:
     """Return what is asked of [Sun13], in the paper's order, then of the airframe form and of both sides."""
     own = [*_designs(), *_surfaces(), *_fault_free(), *_faults(), *_decoupling(), *_learning()]
     return [*own, *_airframe_only(), *_sides()]

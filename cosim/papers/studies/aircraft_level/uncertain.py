@@ -10,6 +10,8 @@ and all that any observer of the motion can say is f = -(Cm_ds / Cm_de) of its m
 either coefficient, and nothing else, comes out as an error of f as large as the stabiliser's share.
 """
 
+from typing import Any
+
 import numpy as np
 
 from cosim.flight.detectors import sources
@@ -28,7 +30,7 @@ FAULT = {"f_hat_elevator": np.radians(3.0), "f_hat_n_z": 0.5, "f_hat_alpha": np.
 SHOWN = 0.05  # [%]: coefficients below that are left out
 
 
-def errors(point, coefficient="", draw=-1):
+def errors(point: Any, coefficient: Any = "", draw: Any = -1) -> Any:
     """Return the errors [%] of elevator, n_z and alpha and the stabiliser's movement [deg] of one flight.
 
     `coefficient` is 5 % too large, or with `draw` >= 0 every one is 5 % off, up or down at random.
@@ -53,12 +55,12 @@ def _cases(draws):
     return [*single, *((p, "", d) for p in POINTS for d in range(draws))]
 
 
-def jobs(options):
+def jobs(options: Any) -> list[Any]:
     """Return the flights: each coefficient alone, and draws of all."""
     return [(errors, dict(zip(("point", "coefficient", "draw"), key))) for key in _cases(options.seeds)]
 
 
-def tables(options, values):
+def tables(options: Any, values: Any) -> list[Table]:
     """Return the tables: elevator error by coefficient, and over draws per point."""
     names, draws = toleranced("aero"), options.seeds
     got = dict(zip(_cases(draws), values))
