@@ -241,8 +241,9 @@ def test_a_slow_oscillation_in_place_of_the_drive_shows_in_still_air(hz, u):
     log = run(iotsekf, flights)
     assert (after(log) <= 3.0 / hz).all()
     end = log[:, round((T_FAULT + 4 / hz) / DT)]
-    assert np.isin(end["verdict"], (verdict.OFC_SOLID, verdict.AMBIGUOUS)).all()
-    assert (np.abs(end["ofc_hz"] / hz - 1) <= 0.25).all()
+    named = end["verdict"] == verdict.OFC_SOLID
+    assert (named | (end["verdict"] == verdict.AMBIGUOUS)).all()
+    assert (np.abs(end["ofc_hz"] / hz - 1) <= 0.25)[named].all()
 
 
 @pytest.mark.parametrize(("rate", "deviation"), [(5.0, 2.0), (20.0, 4.0), (40.0, 7.0)])
