@@ -29,7 +29,9 @@ MEMORY_FLIGHT_S = 600
 LONG = "long.mcap"  # the flight of that length
 
 
-def bench(*, rounds: Any = ROUNDS, memory: bool = True, progress: Callable[..., Any] | None = None) -> dict[str, Any]:
+def bench(
+    *, rounds: int = ROUNDS, memory: bool = True, progress: Callable[[int, int], None] | None = None
+) -> dict[str, Any]:
     """Return {cases: [{name, us_per_tick, against, ratio, spread}], realtime_factor, detectors, startup_s, peak_mb}.
 
     `recorded` are the costs of the ten-minute log (cosim.bench.log). `memory=False` leaves that flight out (both

@@ -16,7 +16,7 @@ tick that ends there: signals at the valve are taken one tick back.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +24,9 @@ from actuators.common.linkage import ARM
 from actuators.ema import jay
 from actuators.simple import actuator as simple
 from fdi import registry
+
+if TYPE_CHECKING:
+    from cosim.scenario import Scenario
 
 ADDED = ("bias", "drift", "scale", "oscillation", "jam_liquid", "ofc_liquid")  # they add a signal
 LEAD = jay.values("elevator")["lead"]  # screw travel per radian of motor [m/rad]
@@ -41,14 +44,14 @@ class Estimate:
     start: float  # [s], after settling
     end: float  # [s]
 
-    def error(self, history: np.ndarray, dt: float) -> Any:
+    def error(self, history: np.ndarray, dt: float) -> np.ndarray:
         """Return f_hat - f on the settled ticks, empty when there are none."""
         f = self.truth(history[:, list(self.columns)].T.astype(float), dt)
         late = slice(round(self.start / dt), round(min(self.end / dt, len(history))))
         return (history[:, self.column].astype(float) - f)[late]
 
 
-def plan(scenario: Any, detector: str, lane: str, columns: Any) -> Estimate | None:
+def plan(scenario: "Scenario", detector: str, lane: str, columns: Callable[[str], int]) -> Estimate | None:
     """Return the Estimate of the earliest fault that `detector` estimates on `lane`, or None.
 
     `columns(bus name)` gives a column of the history.

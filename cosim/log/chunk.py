@@ -6,6 +6,7 @@ strided view: (message, field) -> the eight bytes of a double. All else is known
 the number of ticks; the reader compares that part byte for byte.
 """
 
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -20,7 +21,7 @@ INDEX_HEAD = np.dtype([("op", "u1"), ("length", "<u8"), ("channel", "<u2"), ("by
 _SHORT = 15  # fields 1..15 have one-byte tags, later ones two bytes
 
 
-def empty_message(count):
+def empty_message(count: int) -> tuple[bytes, list[tuple[slice, int, int]]]:
     """Return the bytes of a message of `count` zero doubles, and the (fields, offset, stride) of equal tag size."""
     short = min(count, _SHORT)
     body = bytearray()
@@ -52,7 +53,7 @@ class Block(NamedTuple):
 class Layout:
     """Know where every byte of a chunk lies, for sampled topics given as (channel id, number of fields, every)."""
 
-    def __init__(self, topics, dt_ns):
+    def __init__(self, topics: Sequence[tuple[int, int, int]], dt_ns: int):
         self.dt_ns = dt_ns
         self.topics = []
         for channel, count, every in topics:
@@ -67,7 +68,7 @@ class Layout:
     def _phases(self, k0):
         return tuple(-k0 % every for every in self._rates)
 
-    def counts(self, k0, n):
+    def counts(self, k0: int, n: int) -> tuple[dict[int, int], int]:
         """Return ({channel id: rows}, content size in bytes) of the ticks k0 <= k < k0 + n, tail not included."""
         return self._counts(n, self._phases(k0))
 
@@ -76,7 +77,7 @@ class Layout:
         rows = {c: len(range(first[every], n, every)) for c, every, _, _ in self.topics}
         return {c: m for c, m in rows.items() if m}, sum(rows[c] * len(t) for c, _, t, _ in self.topics)
 
-    def index_heads(self, k0, n):
+    def index_heads(self, k0: int, n: int) -> tuple[int, np.ndarray, np.ndarray, dict[int, int]]:
         """Return (size, positions, bytes, {channel id: offset}) of the heads of the message indexes of n ticks from
         k0.
 
@@ -94,7 +95,7 @@ class Layout:
         places = starts[:, None] + np.arange(INDEX_HEAD.itemsize)
         return int(ends[-1]), places.ravel(), heads.view("u1"), dict(zip(counts, starts.tolist()))
 
-    def plan(self, k0, n):
+    def plan(self, k0: int, n: int) -> "Plan":
         """Return the Plan of n ticks from k0; the same object serves every chunk of that length and phase."""
         return self._plan(n, self._phases(k0))
 
@@ -105,7 +106,7 @@ class Layout:
 class Plan:
     """Hold the constant bytes and the views of a chunk of n ticks; its first sample of a rate is at first[rate]."""
 
-    def __init__(self, layout, n, first):
+    def __init__(self, layout: Layout, n: int, first: Mapping[int, int]):
         self.dt_ns, self.blocks, self.index_offsets = layout.dt_ns, {}, {}
         self._rates: dict = {}
         content, index = [], []
@@ -126,7 +127,9 @@ class Plan:
             size += content[-1].size
             index_size += index[-1].size
         self.size = size
-        self._index, self._fixed, self._read = np.concatenate(index), None, None
+        self._fixed: np.ndarray | None = None
+        self._read: np.ndarray | None = None
+        self._index = np.concatenate(index)
         self._index_times = [
             (b.every, np.ndarray((b.rows,), "<u8", self._index, b.entries, (16,))) for b in self.blocks.values()
         ]
@@ -150,7 +153,7 @@ class Plan:
         ]
         self.content, self._stamps = content, stamps  # both or, after Ctrl-C, none
 
-    def template(self, k0, tail=b""):
+    def template(self, k0: int, tail: bytes = b"") -> np.ndarray:
         """Return the content (uint8) of the ticks from k0 followed by `tail`, with the values of the call before.
 
         The array is the plan's own and lasts until the next call: fresh memory would cost more than filling it.
@@ -164,7 +167,7 @@ class Plan:
         content[self.size :] = np.frombuffer(tail, "u1")
         return content
 
-    def take(self, other):
+    def take(self, other: "Plan") -> None:
         """Take the values of the first rows of another plan of the same layout and phases."""
         for number, block in self.blocks.items():
             for (_, to), (_, source) in zip(self.values(self.content, number), other.values(other.content, number)):
@@ -176,21 +179,21 @@ class Plan:
         out["sequence"], out["log"], out["publish"] = ticks, ticks * self.dt_ns, ticks * self.dt_ns
         return out.view(_STAMP)
 
-    def index(self, k0):
+    def index(self, k0: int) -> bytes:
         """Return the MessageIndex records (bytes) of the ticks from k0."""
         times = {every: (rel + k0) * self.dt_ns for every, rel in self._rates.items()}
         for every, view in self._index_times:
             view[:] = times[every]
         return self._index.tobytes()
 
-    def values(self, content, number):
+    def values(self, content: np.ndarray, number: int) -> Iterator[tuple[slice, np.ndarray]]:
         """Yield (slice of fields, (row, field) view of float64) of topic `number` in `content`."""
         block = self.blocks[number]
         for fields, offset, step in block.runs:
             shape = (block.rows, fields.stop - fields.start)
             yield fields, np.ndarray(shape, "<f8", content, block.start + offset, (block.stride, step))
 
-    def views(self, content, numbers):
+    def views(self, content: np.ndarray, numbers: Collection[int]) -> dict[int, list[tuple[slice, np.ndarray]]]:
         """Return {topic number: [(slice of fields, (row, field) view of float64)]} of a copy of those topics.
 
         The copy is the plan's own and lasts until the next call: making the views anew would cost more than copying.
@@ -202,7 +205,7 @@ class Plan:
             self._read[part] = content[part]
         return self._read_slots
 
-    def differs(self, content, k0, numbers=None):
+    def differs(self, content: np.ndarray, k0: int, numbers: Iterable[int] | None = None) -> int | None:
         """Return the offset of the first byte of `content` that is no value and not as it must be, or None.
 
         With `numbers` only those topics are looked at.
