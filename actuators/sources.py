@@ -32,7 +32,8 @@ def _imports(path):
             above = package[: len(package) - node.level + 1] if node.level else ()
             base = ".".join((*above, *([node.module] if node.module else ())))
             out |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
-    return sorted(name for name in out if name.partition(".")[0] in PACKAGES)
+    outside = not path.is_relative_to(_ROOT)  # a block of somebody else's imports its neighbours, too
+    return sorted(name for name in out if outside or name.partition(".")[0] in PACKAGES)
 
 
 def _files(name):
@@ -53,7 +54,10 @@ def _links(path):
     key = hashlib.sha256(str(path.parent).encode() + _source(path)).hexdigest()
     if key not in known:
         _remember(key, _imports(path))
-    return tuple(file for name in known[key] for file in _files(name) if _there(file))
+    found = [file for name in known[key] for file in _files(name)]
+    if not path.is_relative_to(_ROOT):
+        found += [path.parent.joinpath(*name.split(".")).with_suffix(".py") for name in known[key]]
+    return tuple(file for file in found if _there(file))
 
 
 @functools.cache
