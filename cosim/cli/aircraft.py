@@ -1,7 +1,7 @@
 """`cosim check-aircraft`: does a folder keep the contract of an aircraft?"""
 
 import json
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.table import Table
@@ -9,7 +9,7 @@ from rich.table import Table
 from cosim.cli.output import JsonOption
 
 
-def add(app, out, err):
+def add(app: Any, out: Any, err: Any) -> None:
     """Register the command on `app`; `out` and `err` are the consoles of standard output and error."""
 
     @app.command("check-aircraft")

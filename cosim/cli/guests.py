@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -13,7 +13,7 @@ from cosim.errors import CosimError
 KINDS = ("detector",)
 
 
-def add(app, out, err):
+def add(app: Any, out: Any, err: Any) -> Any:
     """Add the commands to the command line `app`; `out` and `err` are its consoles."""
 
     @app.command()

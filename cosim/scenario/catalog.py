@@ -190,7 +190,7 @@ SENSOR_PATHS = ("all", "observers")  # of an aircraft sensor; the first is the d
 ACTUATOR_PATHS = ("loop", "monitor")  # of an actuator's sensor
 
 
-def sensor_kinds(units):
+def sensor_kinds(units: Any) -> dict[str, Kind]:
     """Return {kind: Kind} for a sensor whose values may be given in `units`."""
 
     def keys(stem, tail="", signed=True):

@@ -9,7 +9,9 @@ gives zero error and nonsense between.
 import dataclasses
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
@@ -53,7 +55,7 @@ class Samples:
     refused: list  # (rho, reason)
 
 
-def pressure_altitude(cas_kt, mach):
+def pressure_altitude(cas_kt: float, mach: float) -> Any:
     """Return the altitude [m] of the standard troposphere where `cas_kt` is flown at `mach`; under water negative."""
     impact = 101325.0 * ((1 + 0.2 * (cas_kt * KT / 340.294) ** 2) ** 3.5 - 1)
     ratio = (1 + 0.2 * mach**2) ** 3.5 - 1
@@ -64,13 +66,13 @@ def pressure_altitude(cas_kt, mach):
     return brentq(excess, -6000.0, 25000.0)
 
 
-def flight_at(rho):
+def flight_at(rho: Any) -> Any:
     """Return the FlightPoint of `rho` = [t, %, kt, Mach]."""
     mass, cg, cas, mach = rho
     return FlightPoint(mass * 1e3, cg / 100.0, pressure_altitude(cas, mach), "mach", mach)
 
 
-def sample(points, progress=None):
+def sample(points: Any, progress: Callable[..., Any] | None = None) -> Samples:
     """Trim and linearise at each rho of `points` (k, 4); returns `Samples`, what cannot be flown with its reason."""
     kept, refused = [], []
     for rho in points:
@@ -96,7 +98,7 @@ def _one(rho):
     return actual, A, B, C, D, trim
 
 
-def in_paper_units(made):
+def in_paper_units(made: Any) -> tuple[Any, ...]:
     """Return A, B, C, D and [x; u; y] of a `LinearModel` in deg, m, m/s, g, elevators aggregated (34)."""
     inputs = (*SEGMENTS, "stab")
     A, B, C, D = made.block(tuple(STATES), inputs, tuple(OUTPUTS))
@@ -109,13 +111,13 @@ def in_paper_units(made):
     return x[:, None] * A / x, x[:, None] * B, y[:, None] * C / x, y[:, None] * D, trim
 
 
-def grid(n, *, offset=0.0):
+def grid(n: int, *, offset: float = 0.0) -> np.ndarray:
     """Return a regular grid over the box, (n^4, 4); `offset` (in steps) shifts it to lie between the points."""
     axes = [low + (high - low) * (np.arange(n - (offset > 0)) + offset) / (n - 1) for low, high in BOX]
     return np.array(np.meshgrid(*axes, indexing="ij")).reshape(4, -1).T
 
 
-def fit(samples, *, box=BOX, weight=None):
+def fit(samples: Any, *, box: Any = BOX, weight: Any = None) -> Any:
     """Fit the `LpvModel` to `samples`; outputs that are states are exact, so C_1 is constant and D_1 zero."""
     size = {"A": SIZE_X, "B": SIZE_U, "C": SIZE_X, "D": SIZE_U}
     weight = volume(samples.rho) if weight is None else weight
@@ -135,7 +137,7 @@ def fit(samples, *, box=BOX, weight=None):
     return model, {k: fixed for k, (_, fixed) in fitted.items()}
 
 
-def volume(rho):
+def volume(rho: float) -> Any:
     """Return the share of the box that each point of a regular grid stands for: half as much on a face as inside.
 
     The sum of squares (31) is then that of the trapezoidal rule, the integral over the flyable part of the box; equal
@@ -145,7 +147,7 @@ def volume(rho):
     return np.where(np.abs(lpv_model.normalise(rho, BOX)) > 0.99, 0.5, 1.0).prod(axis=1)
 
 
-def judge(model, samples):
+def judge(model: Any, samples: Any) -> Any:
     """Compare the model with a second grid: error per entry over its largest value, modes, what is neglected."""
     out = {k: lpv_model.judge(getattr(model, k), samples.rho, getattr(samples, k)) for k in "ABCD"}
     truth = [lpv_model.modes(A)[0] for A in samples.A]
@@ -159,19 +161,19 @@ def judge(model, samples):
     return out
 
 
-def unflyable_vertices():
+def unflyable_vertices() -> Any:
     """Return [(rho, reason)] of the corners of the box without a steady flight."""
     return sample(lpv_model.vertices(BOX)).refused
 
 
-def design(model):
+def design(model: Any) -> Any:
     """Design the observer with the paper's weights: xi in the alpha and V channels (36), deltas of section 5."""
     M = np.zeros((5, 2))
     M[0, 0] = M[3, 1] = 1.0
     return lpv_smo_design.design(model.A, model.B, model.C, model.D, box=model.box, M=M)
 
 
-def make(*, progress=None):
+def make(*, progress: Any = None) -> tuple[Any, ...]:
     """Sample, fit, judge and design; return (model, design, facts) with `facts` ready for `lpv_smo_design.save`."""
     first, second = sample(grid(GRID), progress), sample(grid(SECOND, offset=0.5), progress)
     model, fixed = fit(first)
@@ -186,14 +188,14 @@ def make(*, progress=None):
     }  # fmt: skip
 
 
-def store(path=STORED, *, progress=None):
+def store(path: Path = STORED, *, progress: Callable[..., Any] | None = None) -> Any:
     """Make the design of the aircraft in the tree and write it to `path`; return the facts."""
     model, made, facts = make(progress=progress)
     lpv_smo_design.save(model, made, path, **facts)
     return facts
 
 
-def check(path=STORED):
+def check(path: Path = STORED) -> str:
     """Return "" when the stored design belongs to the aircraft in the tree and verifies, else what is wrong."""
     if not Path(path).is_file():
         return "no stored LPV design; make it with: cosim design"

@@ -6,6 +6,7 @@ paper.
 
 import functools
 import math
+from typing import Any
 
 import numpy as np
 
@@ -72,7 +73,7 @@ def unknown_inputs(turbulence: str = "none", aero: tuple = ()) -> np.ndarray:
 
 
 @functools.cache
-def actuator(technology):
+def actuator(technology: str) -> tuple[float, float, float, float]:
     """Return (a [rad/s], gain, tau [s], amplitude error at 2 Hz) of the mean elevator of this mix, measured in
     flight."""
     response = []
@@ -91,12 +92,12 @@ def actuator(technology):
     return a, gain, tau, float(abs(response[-1] / (gain * a / (s + a))) - 1.0)
 
 
-def sigmas():
+def sigmas() -> tuple[np.ndarray, float]:
     """Return the noise of V, alpha, q, theta per sample in the paper's units, and of a side's mean position [deg]."""
     return UNIT * np.array([TRANSPORT[n][1] for n in STATES]), HYDRAULIC.sensors["surface"].sigma / DEG / math.sqrt(2.0)
 
 
-def published(progress):
+def published(progress: Any) -> dict[str, Any]:
     """Return the designs of the published form, both sides, y = [V, alpha, q, theta, left, right], by technology."""
     _, B, _ = linear()
     sides = np.stack([B[:, :2].sum(1), B[:, 2:].sum(1)], 1)
@@ -109,7 +110,7 @@ def published(progress):
     return {"designs": designs, **_made_from()}
 
 
-def airframe(progress):
+def airframe(progress: Any) -> Any:
     """Return the designs of the airframe form, y = [V, alpha, q, theta], E freed of its part along F, by technology."""
     _, B, _ = linear()
     total = B.sum(1, keepdims=True)
@@ -122,7 +123,20 @@ def airframe(progress):
     return {"designs": designs, **_made_from()}
 
 
-def entry(name, technology, Bu, E, C, fault, sigma, progress, *, point="sun13", bandwidth=None, **options):
+def entry(
+    name: Any,
+    technology: Any,
+    Bu: Any,
+    E: Any,
+    C: np.ndarray,
+    fault: Any,
+    sigma: Any,
+    progress: Any,
+    *,
+    point: str = "sun13",
+    bandwidth: Any = None,
+    **options: Any,
+) -> dict[str, Any]:
     """Return the stored entry of one technology, or "left/right": design, input delays and what its figures are."""
     A, _, _ = linear(point)
     progress(f"{name}: actuator and LMIs, {technology}")
@@ -149,7 +163,7 @@ def _made_from():
             "units": "V m/s, angles deg, q deg/s", "flights": list(MANOEUVRES)}
 
 
-def physics_bound(progress):
+def physics_bound(progress: Any) -> Any:
     """Return pitch rate [deg/s] and load factor [g] per degree of OFC over frequency at POINT: segments, sides, all."""
     progress("physics bound")
     model = linearize(FlightPoint.at(**POINT))

@@ -13,6 +13,7 @@ also watches electromechanical segments, which follow hard commands less closely
 import functools
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -50,7 +51,7 @@ SLOW_WINDOW = hypotheses.SLOW_S * np.array(hypotheses.SLOW_HZ)
 GRID = np.geomspace(0.2e-3, 8e-3, 24)  # thresholds tried for the crossing counter [m]
 
 
-def survey_iotsekf(recorded, load):
+def survey_iotsekf(recorded: Any, load: float) -> dict[str, Any]:
     """Return {name: largest} over one flight: of each frequency the amplitude that would pass for an oscillation where
     noise alone set its threshold, and the largest lagged input fault; the drive's shares left out.
     """
@@ -67,7 +68,7 @@ def survey_iotsekf(recorded, load):
             "slow_threshold": passed["slow"] * floor["slow_threshold"], "run_threshold": run.max()}  # fmt: skip
 
 
-def survey_ofc_monitor(recorded):
+def survey_ofc_monitor(recorded: Any) -> np.ndarray:
     """Return (band,) the largest of GRID at which a band still counts an oscillation in a flight [m], 0 for none."""
     out = np.zeros(ofc_monitor.B)
     for b in range(ofc_monitor.B):
@@ -83,7 +84,7 @@ def survey_ofc_monitor(recorded):
     return out
 
 
-def survey_position_monitor(recorded):
+def survey_position_monitor(recorded: Any) -> float:
     """Return the largest deviation that lasts for the confirmation time in one flight [rad]."""
     p = position_monitor.params()
     log = watch(recorded, position_monitor, p, ("r",))
@@ -92,7 +93,7 @@ def survey_position_monitor(recorded):
     return float(windows.min(axis=2).max() * p["threshold"][0])
 
 
-def survey(recorded):
+def survey(recorded: Any) -> Any:
     """Return every detector's largest statistics over one flight, {detector or set: {name: value}}."""
     out = {f"flight_load{k}": survey_iotsekf(recorded, k) for k in (0, 1, 2)}
     out["ofc_monitor"] = {"threshold": survey_ofc_monitor(recorded)}
@@ -100,7 +101,7 @@ def survey(recorded):
     return out
 
 
-def lively(mass_t):
+def lively(mass_t: Any) -> Any:
     """Return the manoeuvres of training: those of [Sun13] section IV, and those that drive the elevators fastest."""
     weak = {"amplitude_g": 0.15}  # what a heavy aircraft has left
     kinds = [{"kind": kind, **(weak if kind in ("nose_up", "pitch_protection") and mass_t > 300.0 else {})}
@@ -108,7 +109,7 @@ def lively(mass_t):
     return [*kinds, {"kind": "three_two_one_one", "amplitude_deg": 2.0, "unit_s": 0.5}, {"kind": "nz_doublet"}]
 
 
-def training(first_seed=TRAINING, number=FLIGHTS):
+def training(first_seed: int = TRAINING, number: int = FLIGHTS) -> Any:
     """Return the arguments of `flights.scenario` of every training flight, at points over the envelope that trim."""
     out = []
     for k in range(number):
@@ -120,7 +121,7 @@ def training(first_seed=TRAINING, number=FLIGHTS):
     return out
 
 
-def fitting(fly, flight):
+def fitting(fly: Any, flight: Any) -> Any:
     """Return the table of a flight; where its point does not trim, that of the next one that does."""
     rng = np.random.default_rng(flight["seed"])
     while True:
@@ -130,18 +131,18 @@ def fitting(fly, flight):
             flight = {**flight, "flight": {**flight["flight"], **envelope(rng)}}
 
 
-def surveyed(**flight):
+def surveyed(**flight: Any) -> dict[str, Any]:
     """Return what `survey` finds in one flight, as plain data."""
     found = survey(fitting(fly_hydraulic, flight))
     return {name: {key: np.asarray(v).tolist() for key, v in values.items()} for name, values in found.items()}
 
 
-def surveyed_ema(**flight):
+def surveyed_ema(**flight: Any) -> dict[str, dict[str, float]]:
     """Return the largest deviation that `position_monitor` sees for long on electromechanical segments, like that."""
     return {"position_monitor_ema": {"threshold": survey_position_monitor(fitting(fly_ema, flight))}}
 
 
-def train(*, first_seed: int = TRAINING, number: int = FLIGHTS, **how) -> dict:
+def train(*, first_seed: int = TRAINING, number: int = FLIGHTS, **how: Any) -> dict:
     """Fly the training set; return {"largest": {set: {name: largest}}, "flights": number, "first_seed"}.
 
     `how`: see `cosim.campaign.jobs.work`.
@@ -157,7 +158,7 @@ def train(*, first_seed: int = TRAINING, number: int = FLIGHTS, **how) -> dict:
     return {"largest": most, "flights": len(hydraulic), "first_seed": first_seed}
 
 
-def stored_as(name):
+def stored_as(name: str) -> Any:
     """Return the threshold set of what training calls `name`."""
     return name if name.startswith("flight") else "flight_ema" if name.endswith("_ema") else "flight"
 
@@ -188,7 +189,7 @@ def store(found: dict) -> None:
 
 
 @functools.cache
-def quiet_floor(load, seed=1):
+def quiet_floor(load: Any, seed: int = 1) -> dict[str, Any]:
     """Return the thresholds that sensor noise alone asks for: a still rod for 60 s, noise of the set `transport`."""
     rng, ticks = np.random.default_rng(seed), round(60.0 / DT)
     p = iotsekf.params(load=load)

@@ -17,6 +17,7 @@ place: w is a sine, and so is f. What tells them apart is the rest of the comman
 """
 
 import math
+from typing import Any
 
 from actuators.block import kernel
 from fdi.common import bank, decision
@@ -93,7 +94,7 @@ SIGMA = (0.00235, 0.00115, 0.0004, 0.0004, 0.00125)  # with sensor noise 1.2 tim
 ROUGHER = {0: 25.0, 1: 4.0, 2: 1.0}  # what a load that is not measured adds, by load form
 
 
-def design(dt, load):
+def design(dt: float, load: Any) -> dict[str, Any]:
     """Return the PARAMS fields of ticks of `dt` seconds and of a load form."""
     last = max(round(bank.BLOCKS_S[-1] / dt), 1) * dt
     sigma = tuple(ROUGHER[load] * v for v in SIGMA)

@@ -154,12 +154,12 @@ DETECTOR = Detector(
 )
 
 
-def params(which="flight", *, t_learn=8.0):
+def params(which: str = "flight", *, t_learn: float = 8.0) -> np.ndarray:
     """Return PARAMS with the threshold set `which`; offsets and noise are learned over the first `t_learn` seconds."""
     return record(PARAMS, t_learn=t_learn, **thresholds("kinematic", which))
 
 
-def init(p):
+def init(p: np.ndarray) -> np.ndarray:
     """Return STATE of p's shape: nothing learned."""
     return np.zeros(p.shape, STATE)
 

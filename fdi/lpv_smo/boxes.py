@@ -2,8 +2,10 @@
 
 import dataclasses
 import json
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,12 +17,12 @@ MODEL = ("A", "B", "C", "D", "box", "trim")
 DIGITS = 10  # significant ones of the numbers in the file
 
 
-def rounded(model):
+def rounded(model: Any) -> Any:
     """Return `model` with the numbers that the file will hold: a design belongs to these."""
     return dataclasses.replace(model, **{k: _short(getattr(model, k)) for k in MODEL})
 
 
-def save(pairs, path, **facts):
+def save(pairs: Sequence[Any], path: str | Path, **facts: Any) -> None:
     """Write the list `pairs` of (LpvModel, Design) as JSON to `path`, with `facts` (numbers, strings) beside them."""
     held = []
     for model, made in pairs:
@@ -30,7 +32,7 @@ def save(pairs, path, **facts):
     Path(path).write_text(compact.text({**facts, "boxes": held}), encoding="utf-8")
 
 
-def load(path=None):
+def load(path: Any = None) -> list[tuple[LpvModel, Design]]:
     """Return [(LpvModel, Design), ...] of `path`, by default those stored for this aircraft.
 
     Raises FileNotFoundError when there is none, ValueError when a design was made for another model than beside it.

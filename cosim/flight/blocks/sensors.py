@@ -64,7 +64,7 @@ STATE = dtype(
 OUTPUTS = ("y", "valid", "y_obs", "valid_obs")
 
 
-def init(p):
+def init(p: np.ndarray) -> np.ndarray:
     """Return empty delay lines; the first tick fills them with its own truth, as if the past had been steady."""
     return np.zeros(p.shape, STATE)
 

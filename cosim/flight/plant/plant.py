@@ -55,7 +55,7 @@ class _Quiet(jsbsim.FGLogger):
 class Port:
     """Bind JSBSim properties by name, once; an unknown name raises KeyError instead of creating a property."""
 
-    def __init__(self, fdm):
+    def __init__(self, fdm: Any):
         self._manager = fdm.get_property_manager()
 
     def node(self, name: str) -> Any:
@@ -76,7 +76,7 @@ class Port:
 class Plant:
     """One flight of an aircraft, stepped by `run`."""
 
-    def __init__(self, flight, dt=0.005):
+    def __init__(self, flight: Any, dt: float = 0.005):
         """Load the aircraft at `flight`'s mass, CG and multipliers; nothing flies before `trim` or `place`."""
         self.flight, self.dt, self.aircraft = flight, dt, flight.record
         self.border = border(self.aircraft)
@@ -137,7 +137,7 @@ class Plant:
             setter(f"simulation/integrator/{axis}")(3)  # AB2
         self.tas = self.port.getter("velocities/vt-fps")() * FT
 
-    def guess(self):
+    def guess(self) -> tuple[float, float, float] | None:
         """Return (alpha, stabiliser, throttle) of JSBSim's own trim, surfaces not external; None where it has none."""
         self.port.setter("ext/engaged")(0)
         try:
@@ -149,7 +149,21 @@ class Plant:
         get = self.port.getter
         return get("aero/alpha-rad")(), get("fcs/stabilizer-pos-rad")(), get("fcs/throttle-cmd-norm")()
 
-    def place(self, *, tas, alpha, theta, altitude, beta=0.0, phi=0.0, psi=0.0, p=0.0, q=0.0, r=0.0, surfaces):
+    def place(
+        self,
+        *,
+        tas: float,
+        alpha: float,
+        theta: Any,
+        altitude: float,
+        beta: float = 0.0,
+        phi: float = 0.0,
+        psi: float = 0.0,
+        p: float = 0.0,
+        q: float = 0.0,
+        r: float = 0.0,
+        surfaces: np.ndarray,
+    ) -> None:
         """Put the aircraft into one state at time 0, surfaces external, engines at their throttle's thrust; SI, rad."""
         self.port.setter("ext/engaged")(1)
         self.write(surfaces)
@@ -164,7 +178,7 @@ class Plant:
             for name, idle in (("n1", 25.0), ("n2", 60.0)):
                 self.port.setter(f"propulsion/engine[{i}]/{name}")(idle + (100.0 - idle) * surfaces[at])
 
-    def trim(self, elevator=0.0):
+    def trim(self, elevator: float = 0.0) -> Any:
         """Trim level flight, elevators at `elevator` [rad], and stand ready at time 0: a Trim, or TrimError."""
         from cosim.flight.plant.trim import level
 
@@ -185,16 +199,16 @@ class Plant:
         if abs(fdm.get_delta_t() - self.dt) > 1e-12:
             raise RuntimeError("JSBSim lost its step")
 
-    def read(self, record):
+    def read(self, record: Any) -> None:
         """Write the truth at t_k into `record`, a record or a (1,) array of the border's truth."""
         self.fetch()
         briefly(to_si, self._raw, self._scale, np.asarray(record).reshape(1).view("f8"), *self._frame)
 
-    def fetch(self):
+    def fetch(self) -> None:
         """Read the properties behind the truth at t_k, in JSBSim's units."""
         self._pack(self._buffer, 0, *[get() for get in self._get])
 
-    def tell(self, tape, start):
+    def tell(self, tape: Any, start: float) -> None:
         """Tell a tape to put the truth at t_k into the bus from position `start` on."""
         if (how := crossing()) is None:
             tape.call(lambda k: self.fetch())
@@ -202,12 +216,12 @@ class Plant:
             tape.get(how.nodes(self.reads), how.get, self._raw)
         tape.truth(self._raw, self._scale, start, self._frame)
 
-    def write(self, surfaces):
+    def write(self, surfaces: np.ndarray) -> None:
         """Set the inputs that act at t_k+1: a vector in the order of the border's inputs, rad and fractions."""
         for put, value in zip(self._set, surfaces.tolist()):
             put(value)
 
-    def tell_inputs(self, tape, start):
+    def tell_inputs(self, tape: Any, start: float) -> None:
         """Tell a tape to set the inputs that act at t_k+1 from what stands in the bus from position `start` on."""
         vector = tape.v[start : start + len(self.writes)]
         if (how := crossing()) is None:
@@ -215,18 +229,18 @@ class Plant:
         else:
             tape.put(how.nodes(self.writes), how.put, vector)
 
-    def run(self):
+    def run(self) -> Any:
         """Advance by one step, through this flight's gusts."""
         self._advance()
 
-    def truth(self):
+    def truth(self) -> np.ndarray:
         """Return a new (1,) array of the truth, SI, of the present state."""
         out = np.zeros(1, self.border.truth)
         self.read(out)
         return out
 
     @property
-    def errors(self):
+    def errors(self) -> Any:
         """Return what JSBSim reported as an error."""
         return list(self._logger.errors)
 
@@ -249,7 +263,7 @@ def _in_gusts(run, air, get, put):
 _REFERENCE_LOGGER = _Quiet()  # kept here: JSBSim does not own it
 
 
-def reference_run(dt=0.005):
+def reference_run(dt: float = 0.005) -> Any:
     """Return the step function of the B747 that the jsbsim wheel ships, flying at 20,000 ft: yardstick of `cosim
     bench`.
     """

@@ -5,6 +5,7 @@ counts from when the healthy rod, the servo's reference, is EXCITED away from th
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -43,18 +44,18 @@ class Outcome:
     period: float  # of an oscillation [s]
 
 
-def right(name):
+def right(name: str) -> Any:
     """Return (class, culprit) of the right name of a case."""
     return RIGHT.get(name.split("_0")[0], (v.EFFECTIVENESS, ""))
 
 
-def named(code, culprit, culprits):
+def named(code: Any, culprit: Any, culprits: Any) -> Any:
     """Return the name of a verdict, a sensor's with its culprit."""
     said = v.name(code)
     return f"{said} {culprits[int(culprit)]}" if code == v.SENSOR else said
 
 
-def outcome(lane, log, frame, i, culprits):
+def outcome(lane: Any, log: Any, frame: Any, i: Any, culprits: Any) -> Any:
     """Return the Outcome of segment `i`, whose `lane` entry of the draw tells the fault; log: (4, ticks) of STATE."""
     fault = lane["faults"][-1]
     n = log.shape[1]

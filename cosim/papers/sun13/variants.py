@@ -4,6 +4,7 @@ They are solved here when a row asks for them (a tenth of a second each): it tak
 """
 
 import functools
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +26,7 @@ def _silent(text):
 
 
 @functools.cache
-def published(source="six flights", bandwidth=None):
+def published(source: Any = "six flights", bandwidth: Any = None) -> dict[str, Any]:
     """Return the stored form of the published design, hydraulic elevators, E from one of SOURCES; `bandwidth` [rad/s]
     of the loop is proportional to the learning rate."""
     _, B, _ = training.linear()
@@ -50,7 +51,7 @@ def published(source="six flights", bandwidth=None):
 
 
 @functools.cache
-def airframe(point="sun13", decoupled=True):
+def airframe(point: Any = "sun13", decoupled: Any = True) -> Any:
     """Return the stored form of the airframe design of a point; E of the design point, freed of its part along F."""
     _, B, _ = training.linear(point)
     total = B.sum(1, keepdims=True)

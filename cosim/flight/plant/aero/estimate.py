@@ -22,6 +22,7 @@ import sys
 import tomllib
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -42,14 +43,14 @@ def numbers(folder: Path) -> SimpleNamespace:
     return SimpleNamespace(**groups)
 
 
-def lift_slope(aspect: float, sweep_deg: float, taper: float, mach):
+def lift_slope(aspect: float, sweep_deg: float, taper: float, mach: float) -> Any:
     """Return the lift slope of a straight-tapered surface of `aspect` ratio and quarter-chord sweep [per rad]."""
     tan_half = math.tan(math.radians(sweep_deg)) - (1.0 - taper) / (1.0 + taper) / aspect
     beta2 = 1.0 - np.asarray(mach) ** 2
     return 2.0 * np.pi * aspect / (2.0 + np.sqrt((aspect / 0.95) ** 2 * (beta2 + tan_half**2) + 4.0))
 
 
-def downwash(n) -> float:
+def downwash(n: Any) -> float:
     """Return d epsilon / d alpha at the tail, at low speed."""
     w, aspect = n.wing, n.wing.span_m**2 / n.wing.area_m2
     K_A = 1.0 / aspect - 1.0 / (1.0 + aspect**1.7)
@@ -64,7 +65,7 @@ def effectiveness(chord: float) -> float:
     return 0.8 * (1.0 - (theta - math.sin(theta)) / math.pi)
 
 
-def coefficients(n, mach) -> dict:
+def coefficients(n: Any, mach: Any) -> dict:
     """Return the coefficients at `mach` by the names of the XML's functions; a pair is the value at zero lift and its
     slope over lift.
     """
@@ -109,7 +110,7 @@ def _roll_arm(n):
     return 2.0 * float(np.trapezoid(chord * y, y)) / (n.wing.area_m2 * n.wing.span_m)
 
 
-def drag(n, lift, mach):
+def drag(n: Any, lift: Any, mach: Any) -> Any:
     """Return the drag coefficient of a lift coefficient at `mach`."""
     d, cos = n.drag, math.cos(math.radians(n.wing.sweep_deg))
     aspect = n.wing.span_m**2 / n.wing.area_m2
@@ -119,7 +120,7 @@ def drag(n, lift, mach):
     return d.friction * d.wetted + lift**2 / (np.pi * aspect * d.oswald) + wave
 
 
-def tables(n) -> dict:
+def tables(n: Any) -> dict:
     """Return {CL, CD, Cm: (grid (alpha, Mach), (0, 0))}, stall built in."""
     a, m = ALPHA[:, None], MACH[None, :]
     at = coefficients(n, MACH)
@@ -131,7 +132,7 @@ def tables(n) -> dict:
     return {"CL": (lift, (0.0, 0.0)), "CD": (drag(n, line, m), (0.0, 0.0)), "Cm": (moment, (0.0, 0.0))}
 
 
-def derivative_tables(n) -> dict:
+def derivative_tables(n: Any) -> dict:
     """Return {name: (second variable, its grid, table (Mach, second))}."""
     at, out = coefficients(n, MACH_COARSE), {}
     for name in ("CL_q", "Cm_q", "Cm_alphadot", "CL_de", "Cm_de", "Cl_da", "CY_dr", "Cn_dr", "CY_beta", "Cn_beta",
@@ -144,7 +145,7 @@ def derivative_tables(n) -> dict:
     return out
 
 
-def shape(n, aircraft: Aircraft) -> Shape:
+def shape(n: Any, aircraft: Aircraft) -> Shape:
     """Return what stands in the functions as a number."""
     at = coefficients(n, MIDDLE)
     sides = {s: (-1.0 if name.startswith("left") else 1.0) for name, s in aircraft.short.items()}

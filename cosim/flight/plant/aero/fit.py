@@ -19,6 +19,7 @@ controls and lateral coefficients: `surface`. Details, sources and what is assum
 import math
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -48,12 +49,12 @@ _CENTRES = np.arange(0.2, 1.01, 0.1)  # of the bumps over Mach
 _LOCAL = [(a, m) for a in np.radians(np.arange(-4.0, 12.1, 2.5)) for m in np.arange(0.4, 1.0, 0.06)]
 
 
-def cl_max(mach):
+def cl_max(mach: Any) -> Any:
     """Return the largest lift coefficient over Mach: assumed, so that every point of [Alwi14] has 1.3 g (README)."""
     return np.interp(mach, [0.2, 0.45, 0.6, 0.7, 0.8, 0.9, 0.95], [1.60, 1.56, 1.46, 1.28, 1.06, 0.92, 0.82])
 
 
-def stalled(lift, top):
+def stalled(lift: Any, top: Any) -> Any:
     """Bend lift over smoothly from 0.80 to 1 of `top`, flat top, then 10 % down: C_L(x) = j + r tanh(x), x = (C_L -
     j) / r.
     """
@@ -64,17 +65,17 @@ def stalled(lift, top):
     )
 
 
-def buffet_lift(mach):
+def buffet_lift(mach: float) -> Any:
     """Return the lift coefficient where separation drag begins: from the drag of conditions 5, 8, 9 and 10 (README)."""
     return np.interp(mach, [0.3, 0.5, 0.7, 0.8, 0.9], [0.75, 0.66, 0.52, 0.50, 0.45])
 
 
-def mean_lift(alpha, mach):
+def mean_lift(alpha: float, mach: float) -> Any:
     """Return a straight lift curve [-] over angle of attack [rad], at which the fit begins."""
     return 0.2 + 4.75 * alpha + 0.0 * mach
 
 
-def mean_drag(alpha, mach):
+def mean_drag(alpha: float, mach: float) -> Any:
     """A parabolic polar (Oswald 0.93), separation beyond `buffet_lift`, and a stall."""
     lift = np.minimum(0.2 + 4.75 * alpha, 1.6)
     beyond = np.maximum(lift - buffet_lift(mach), 0.0)
@@ -86,7 +87,7 @@ def mean_drag(alpha, mach):
     )
 
 
-def mean_moment(alpha, mach):
+def mean_moment(alpha: float, mach: float) -> Any:
     """A static margin of 23 % of the lift."""
     return 0.08 - 1.09 * alpha + 0.0 * mach
 
@@ -99,7 +100,9 @@ def _basis(alpha, mach, qbar, powers):
     return np.concatenate([*(bump * (alpha / 0.1) ** k for k in range(powers + 1)), local, [q, q * alpha / 0.1]])
 
 
-def fit(mean, targets, tolerance, ridge, powers=1, relative=False, loose=()):
+def fit(
+    mean: Any, targets: Any, tolerance: Any, ridge: Any, powers: Any = 1, relative: Any = False, loose: Any = ()
+) -> Any:
     """Return (function of alpha and Mach, (t0 [1/psf], t1 [1/(psf rad)])).
 
     targets: {condition: (value, slope over alpha [1/rad], speed slope V dC/dV at constant altitude)}, the last M dC/dM
@@ -139,7 +142,7 @@ def fit(mean, targets, tolerance, ridge, powers=1, relative=False, loose=()):
     return function, (x[-2] / 100.0, x[-1] / 10.0)
 
 
-def surface(values, second, spread=0.30, noise=0.004):
+def surface(values: Any, second: Any, spread: float = 0.30, noise: float = 0.004) -> Any:
     """Return f(M, y), y = alpha [rad] or q̄ [psf], through {condition: value}: a plane plus Gaussian-process residual.
 
     Lengths: `spread` in Mach, 8 deg in alpha, 350 psf in q̄; noise relative to the largest value.
@@ -169,7 +172,7 @@ def surface(values, second, spread=0.30, noise=0.004):
     return function
 
 
-def targets():
+def targets() -> Any:
     """Return the targets of CL, CD, Cm at every condition, the stabiliser's share taken off."""
     lift, drag, moment = {}, {}, {}
     for key in FLIGHT_CONDITIONS:
@@ -181,7 +184,7 @@ def targets():
     return {"CL": lift, "CD": drag, "Cm": moment}
 
 
-def longitudinal():
+def longitudinal() -> Any:
     """Return {name: (function, (t0, t1))} of the three fits."""
     t = targets()
     return {
@@ -191,7 +194,7 @@ def longitudinal():
     }
 
 
-def tables():
+def tables() -> dict[str, Any]:
     """Return {name: (grid (alpha, Mach), (t0, t1))} with the stall built in."""
     fits = longitudinal()
     a, m = ALPHA[:, None], MACH[None, :]
@@ -203,7 +206,7 @@ def tables():
     return {"CL": (lift, fits["CL"][1]), "CD": (drag, fits["CD"][1]), "Cm": (moment, fits["Cm"][1])}
 
 
-def derivative_tables():
+def derivative_tables() -> Any:
     """Return {name: (second variable, second grid, table (Mach, second))} of rates, controls and lateral coefficients.
     """
     rates = {k: {c: derivatives(c)[k] for c in FLIGHT_CONDITIONS} for k in ("CL_q", "Cm_q", "Cm_alphadot")}
@@ -215,7 +218,7 @@ def derivative_tables():
     return out
 
 
-def build():
+def build() -> dict[Path, str]:
     """Return {path: text} of everything that is fitted."""
     return {
         FOLDER / "aerodynamics.xml": aerodynamics_xml(ALPHA, MACH, Q_REF, tables(), MACH_COARSE, derivative_tables()),
@@ -224,7 +227,7 @@ def build():
     }
 
 
-def show():
+def show() -> Any:
     """Return lines that compare the fitted functions with their targets."""
     lines = []
     d = 1e-3
@@ -256,7 +259,7 @@ def show():
     return lines
 
 
-def main():
+def main() -> None:
     """Write the files, compare them with those on disk, or show the fit."""
     if "--show" in sys.argv:
         sys.stdout.write("\n".join(show()) + "\n")
