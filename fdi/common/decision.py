@@ -1,4 +1,4 @@
-"""Shared decision stage: small kernels that turn residuals into alarms, and the verdict logic of the hydraulic filters.
+"""Shared decision stage: small kernels that turn residuals into alarms.
 
 The kernels with records read the fields that this module lists in `*_PARAMS` and `*_STATE`; a detector appends those
 lists to its own PARAMS and STATE.

@@ -50,7 +50,7 @@ LOSS_SURE = 150.0  # even samples for which a loss explains, 6 s: half a period 
 LOSS_HITS = 10.0  # even windows in a row that show a loss
 DEAD = 0.85  # a valve that loses more may as well be where something slow holds it
 LOSS_LEAST, LEAK_LEAST, AIR_LEAST = 0.15, 0.05, 0.002  # of flow [1], pressure [1], its rate [s]
-LEAST_EVEN = 10  # even samples that a loss is fitted to  # of flow; of pressure to flow [m/s over m/s]
+LEAST_EVEN = 10  # even samples that a loss is fitted to
 
 PARAMS = [
     ("sigma", "f8", (bank.LEVELS + 2,)),  # noise of f in the samples of the bank's rings, the slow and the even [1]
@@ -546,9 +546,10 @@ def bank_search(x, p, blocked, teach, suspected, dt):
 
 @kernel
 def conclude(x, jam, run):
-    """Write `alarm`, `verdict` and `culprit` of a hydraulic lane: the sensor's pair first, else the name that stands.
+    """Write `alarm`, `verdict` and `culprit` of a hydraulic lane: the name that stands, else the sensor's pair.
 
-    A name is given once, when it is sure; another takes its place only when that has been sure for long.
+    A name is given once, when it is sure; another takes its place only when that has been sure for long. A jam takes
+    the place of any but a runaway.
     """
     x.alarm = 1.0 if x.sensor > 0.5 or jam or run or x.ofc_timer > 0.0 or x.eff_timer > 0.0 else 0.0
     if x.alarm < 0.5:

@@ -1,6 +1,7 @@
 """IOTSEKF: the input fault of one hydraulic actuator, by the two-stage filter of [Lu17], and what it is.
 
-The filter (`two_stage`) gives the state and the input fault f^i in the unit of the valve command; five tests read them:
+The filter (`two_stage`) gives the state and the input fault f^i in the unit of the valve command. Tests read them, and
+`fdi/hydraulic/hypotheses.py` weighs what healthy, added, in place and lossy leave over before it gives a name:
 
 | test | statistic | verdict |
 |---|---|---|
@@ -8,7 +9,7 @@ The filter (`two_stage`) gives the state and the input fault f^i in the unit of 
 | pressure | a jump, a frozen value, an excess whose flow is missing (load form 2, `pressure_test`) | SENSOR pressure |
 | oscillation | two-period least squares of f_hat - gain u over a bank of frequencies | OFC_LIQUID, OFC_SOLID |
 | jam | load beyond the hinge-moment model while the rod is still (load form 2) | JAM_SOLID |
-| input fault | lagged f_hat - gain u | RUNAWAY, or JAM_SOLID where f_hat + u moves nothing |
+| input fault | lagged f_hat - gain u | RUNAWAY |
 
 Load forms: 0 ignored, as published; 1 a hinge-moment model; 2 the pressure is measured and the load is a random walk
 (default). While its pressure sensor is left out, form 2 runs on the hinge-moment model, `valid` speaks for the rod
