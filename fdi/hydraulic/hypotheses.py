@@ -83,6 +83,8 @@ STATE = [
     ("r_bank", "f8"),  # largest of the bank over its threshold
     ("fast", "f8"),  # 1 while that is no slow one's shadow at the lower end
     ("opens", "f8"),  # 1 where the valve stands open since a jump
+    ("run_side", "f8"),  # sign of the input fault when it was last large
+    ("swings", "f8"),  # how often it has been large on the other side since: from twice on it oscillates
     ("eff_timer", "f8"),  # time for which a loss is still held to be there [s]
     ("eff_hit", "f8"),  # windows in a row that show it
 ]

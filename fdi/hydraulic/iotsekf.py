@@ -30,7 +30,7 @@ from fdi.common import bank, decision
 from fdi.common.decision import confirm, usable
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
-from fdi.common.verdict import SENSOR
+from fdi.common.verdict import NONE, RUNAWAY, SENSOR
 from fdi.hydraulic import hypotheses, noise, pressure_test
 from fdi.hydraulic import separate_bias as two_stage
 
@@ -260,7 +260,7 @@ def decide(x, u, p, dt):
     x.load_d += dt * p.lag_omega * (p.lag_omega * (x.x_hat[2] - x.load_lag) - 2.0 * p.lag_zeta * x.load_d)
     x.load_lag += dt * x.load_d
     fresh = hypotheses.push(x, p, x.f_hat, x.drive, x.load_lag, x.load_d)
-    other = x.run > 0.5 or x.jam > 0.5 or x.r_run >= 1.0
+    other = x.jam > 0.5 or (x.swings < 1.5 and (x.run > 0.5 or x.r_run >= 1.0))
     hypotheses.search(x, p, renewed, fresh, disturbed, not disturbed and x.alarm < 0.5, other, dt)
     a = 1.0 - math.exp(-dt / p.run_tau)
     x.f_slow += a * (x.f_hat - x.gain * x.drive - x.f_slow)
@@ -270,6 +270,15 @@ def decide(x, u, p, dt):
     # size times time: against the servo, which fights it, a runaway is an input fault that comes and goes
     weighed = dt * min(x.r_run, RUN_WEIGHT) if ran else dt
     x.run_timer, x.run = confirm(x.run_timer, x.run, ran, weighed, p.run_confirm, p.t_release)
+    if x.run < 0.5:
+        x.run_side, x.swings = 0.0, 0.0
+    elif ran:
+        side = 1.0 if x.f_slow > 0.0 else -1.0
+        if x.run_side == 0.0:
+            x.run_side = side
+        elif side != x.run_side:  # once may be the servo's answer to a runaway, back again is an oscillation
+            x.run_side = side
+            x.swings += 1.0
     x.r_jam = 0.0
     share = 0.0
     if p.load == 2.0:
@@ -285,8 +294,10 @@ def decide(x, u, p, dt):
     jammed = x.r_jam >= 1.0 and still and not disturbed and not lost and (share < p.share_least or x.jam > 0.5)
     x.jam_timer, x.jam = confirm(x.jam_timer, x.jam, jammed, dt, p.jam_confirm, p.t_release)
     if renewed > 0.5:
-        x.opens = 1.0 if x.run > 0.5 and hypotheses.opened_since(x, p, dt) else 0.0
+        x.opens = 1.0 if x.run > 0.5 and x.swings < 1.5 and hypotheses.opened_since(x, p, dt) else 0.0
     before = x.alarm
+    if x.swings > 1.5 and x.named == RUNAWAY:
+        x.named = NONE
     hypotheses.conclude(x, x.jam > 0.5, x.run > 0.5)
     if before > 0.5 and x.alarm < 0.5:
         hypotheses.forget(x)
