@@ -59,7 +59,7 @@ def test_a_what_if_exits_with_1_tells_both_outcomes_and_writes_both(flight, tmp_
         (("--set", "iotsekf.delay=1e7"), "does not fit the detector's arrays"),
         (("--set", "iotsekf.bank_stride=0"), "does not fit the detector's arrays"),
         (("--set", "iotsekf.lag_ticks=inf"), "does not fit the detector's arrays"),
-        (("--map", "none.toml"), "none.toml: cannot be read"),
+        (("--map", "none.toml"), "none.toml: there is no such file"),
     ],
 )
 def test_mistakes_exit_with_2_and_one_line(flight, args, words):

@@ -7,7 +7,7 @@ import sys
 import time
 
 import cosim
-from actuators.block import cache_root
+from actuators.sources import cache_root
 
 COSIM = [sys.executable, "-m", "cosim.cli"]
 SHORT = ["run", "cruise", "-s", "duration_s=0.2", "-s", "detectors.enabled=[]", "-s", "elevator.feedback=measured"]
