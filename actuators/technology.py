@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 from types import ModuleType
 from typing import Any
 
-DEG = math.pi / 180.0
+from actuators.constants import RAD_PER_DEG
+
 Own = tuple[tuple[str, float], ...]  # ((parameter, value), ...) in which an aircraft's actuators differ, SI
 
 
@@ -25,8 +26,8 @@ class Unit:
 
 
 MM = Unit("mm", 1e-3, "m", 150.0)
-ARM_DEG = Unit("deg", DEG, "rad", 40.0)  # surface angle that a position stands for
-SURFACE_DEG = Unit("deg", DEG, "rad", 45.0)
+ARM_DEG = Unit("deg", RAD_PER_DEG, "rad", 40.0)  # surface angle that a position stands for
+SURFACE_DEG = Unit("deg", RAD_PER_DEG, "rad", 45.0)
 
 
 @dataclass(frozen=True)

@@ -3,20 +3,8 @@
 import functools
 import math
 
-from actuators.technology import (
-    ARM_DEG,
-    DEG,
-    LOSS,
-    MM,
-    SURFACE_DEG,
-    Design,
-    Effect,
-    Key,
-    Kind,
-    Sensor,
-    Technology,
-    Unit,
-)
+from actuators.constants import RAD_PER_DEG
+from actuators.technology import ARM_DEG, LOSS, MM, SURFACE_DEG, Design, Effect, Key, Kind, Sensor, Technology, Unit
 
 
 def _modules():
@@ -97,7 +85,8 @@ TECHNOLOGY = Technology(
             (Unit("a", 1.0, "A", 500.0), Unit("pct", 0.01, "of stall current", 100.0)), 0.1, drive=("s_i", "f_i"),
         ),
         "surface": Sensor(
-            "delta", "surface position, trailing edge down +", (SURFACE_DEG,), 0.02 * DEG, 0.08 * DEG  # rigging
+            "delta", "surface position, trailing edge down +", (SURFACE_DEG,),
+            0.02 * RAD_PER_DEG, 0.08 * RAD_PER_DEG,  # noise, and a constant error of rigging
         ),
     },
     loop_sensor="position",

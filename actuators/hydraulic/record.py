@@ -3,20 +3,8 @@
 import functools
 import math
 
-from actuators.technology import (
-    ARM_DEG,
-    DEG,
-    LOSS,
-    MM,
-    SURFACE_DEG,
-    Design,
-    Effect,
-    Key,
-    Kind,
-    Sensor,
-    Technology,
-    Unit,
-)
+from actuators.constants import RAD_PER_DEG
+from actuators.technology import ARM_DEG, LOSS, MM, SURFACE_DEG, Design, Effect, Key, Kind, Sensor, Technology, Unit
 
 
 def _modules():
@@ -99,7 +87,8 @@ TECHNOLOGY = Technology(
             "q_rod", "rod position, + extends = trailing edge down", (MM, ARM_DEG), 1e-4, servo=("q_meas", "q_valid")
         ),
         "surface": Sensor(
-            "delta", "surface position, trailing edge down +", (SURFACE_DEG,), 0.02 * DEG, 0.08 * DEG  # rigging
+            "delta", "surface position, trailing edge down +", (SURFACE_DEG,),
+            0.02 * RAD_PER_DEG, 0.08 * RAD_PER_DEG,  # noise, and a constant error of rigging
         ),
         "pressure": Sensor(
             "x3", "pressure difference over the supply pressure, + extends",

@@ -3,7 +3,8 @@
 import math
 
 from actuators.common import linkage
-from actuators.technology import DEG, SURFACE_DEG, Design, Effect, Sensor, Technology
+from actuators.constants import RAD_PER_DEG
+from actuators.technology import SURFACE_DEG, Design, Effect, Sensor, Technology
 
 
 def _modules():
@@ -24,7 +25,8 @@ TECHNOLOGY = Technology(
     build=None,  # with the other surfaces that have plain actuators, in one block (cosim/flight/actuation.py)
     sensors={
         "surface": Sensor(
-            "delta", "surface position, trailing edge down +", (SURFACE_DEG,), 0.02 * DEG, 0.08 * DEG, may_fail=False
+            "delta", "surface position, trailing edge down +", (SURFACE_DEG,),
+            0.02 * RAD_PER_DEG, 0.08 * RAD_PER_DEG, may_fail=False,
         ),
     },
     effects={"jam_solid": Effect("jam"), "loss_of_effectiveness": Effect("loss")},

@@ -9,13 +9,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from actuators.constants import M_S_PER_KT
 from cosim.flight.bus import Bus
 from cosim.judge.consequences import MOTION, consequences
 from cosim.judge.estimation import plan
 from cosim.judge.noticed import Watch, watch_of
 from cosim.judge.noticed import columns as read
 from cosim.scenario import Scenario
-from cosim.scenario.catalog import KT, LOOP_SENSOR, TECHNOLOGIES
+from cosim.scenario.catalog import LOOP_SENSOR, TECHNOLOGIES
 
 
 def _rod(columns, segment, technology, aircraft):
@@ -75,7 +76,7 @@ class History:
         motion = {name: rows[:, column] for name, column in self.motion.items()}
         low, high = scenario.aircraft.limits.cas_kt
         onset = round(min(starts) / scenario.dt)
-        return consequences(motion, hm0 + hmd * de, onset, scenario.dt, (low * KT, high * KT))
+        return consequences(motion, hm0 + hmd * de, onset, scenario.dt, (low * M_S_PER_KT, high * M_S_PER_KT))
 
     def watches(self, step_us: dict[str, float]) -> list[Watch]:
         """Return the Watch of every detector lane; `step_us` maps detector -> microseconds per step and lane."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actuators.common.linkage import ARM
+from actuators.constants import DEG_PER_RAD
 
 SETTLE_PERIODS = 2.0
 MOVED = 1e-3  # of rod from where it would be, from when on a fault can be seen at all [m]
@@ -54,7 +55,7 @@ def moved(difference: NDArray, faults: Sequence, dt: float, travel: float) -> di
     rod, surface = (_largest(d) for d in difference[round(start / dt) : last].T)
     s = next((j for j in faults if math.isfinite(j.omega)), None)
     swing = [amplitude(d, s.omega, s.start + s.ramp, s.end, dt) if s else None for d in difference.T]
-    deg = 180 / math.pi
+    deg = DEG_PER_RAD
     values = (rod, surface, surface, *swing)
     sizes = {n: None if v is None else v * k for n, v, k in zip(NAMES, values, (1e3, deg, 100 / travel, 1e3, deg))}
     return sizes | {"moved_at_s": _moved_at(difference, start, dt)}

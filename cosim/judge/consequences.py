@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.scenario.catalog import KT
+from actuators.constants import M_S_PER_KT
 
 MOTION = ("nz", "h", "phi", "cas", "alpha")  # fields of the truth that `consequences` takes
 LOAD_FACTOR = (-1.0, 2.5)  # limit manoeuvring load factors of a transport, clean (CS 25.337) [g]
@@ -46,7 +46,7 @@ def consequences(
     )
     values = (
         *(nz.min(), nz.max(), h[0] - h.min(), math.degrees(np.abs(late["phi"] - late["phi"][0]).max())),
-        *((speed[0] - speed.min()) / KT, (speed.max() - speed[0]) / KT),
+        *((speed[0] - speed.min()) / M_S_PER_KT, (speed.max() - speed[0]) / M_S_PER_KT),
         *(np.abs(hinge[onset:]).max(), outside.sum() * dt),
     )
     return {name: float(value) for name, value in zip(NAMES, values)}

@@ -38,25 +38,25 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from actuators.constants import G0, M_PER_FT, M_S_PER_KT, RAD_PER_DEG
 from cosim.replay.params import ReplayError
 from cosim.scenario.load import explained
 from cosim.texts import read, toml
 
-_ANGLE, _FT, _KT, _G = 0.017453292519943295, 0.3048, 1852.0 / 3600.0, 9.80665
 UNITS = {  # unit -> {SI unit of the signal: factor}
-    "deg": {"rad": _ANGLE},
-    "deg/s": {"rad/s": _ANGLE},
-    "deg/s2": {"rad/s2": _ANGLE},
+    "deg": {"rad": RAD_PER_DEG},
+    "deg/s": {"rad/s": RAD_PER_DEG},
+    "deg/s2": {"rad/s2": RAD_PER_DEG},
     "rpm": {"rad/s": 3.141592653589793 / 30.0},
-    "ft": {"m": _FT},
+    "ft": {"m": M_PER_FT},
     "mm": {"m": 1e-3},
     "in": {"m": 0.0254},
-    "ft/s": {"m/s": _FT},
-    "ft/min": {"m/s": _FT / 60.0},
-    "kt": {"m/s": _KT},
+    "ft/s": {"m/s": M_PER_FT},
+    "ft/min": {"m/s": M_PER_FT / 60.0},
+    "kt": {"m/s": M_S_PER_KT},
     "km/h": {"m/s": 1.0 / 3.6},
-    "m/s2": {"g": 1.0 / _G},
-    "ft/s2": {"g": _FT / _G},
+    "m/s2": {"g": 1.0 / G0},
+    "ft/s2": {"g": M_PER_FT / G0},
     "t": {"kg": 1e3},
     "lb": {"kg": 0.45359237},
     "%": {"-": 0.01},

@@ -4,14 +4,15 @@ import math
 
 import numpy as np
 
+from actuators.constants import DEG_PER_RAD
 from cosim.replay.recording import Flown, Lane, words
 from cosim.report.figure import COLOURS, Figure, curve, envelope, least, level, note, packed, peaks, place
-from cosim.report.flight import DEG, panels
+from cosim.report.flight import panels
 
 FLOOR = 1e-3  # |r| below this is drawn here: a logarithm has no zero
 SHOWN = {  # unit of an estimate -> shown as, factor
     "u": ("u, share of the valve", 1.0),
-    "rad": ("deg", DEG),
+    "rad": ("deg", DEG_PER_RAD),
     "m": ("mm", 1e3),
     "g": ("g", 1.0),
     "rad/s": ("rad/s", 1.0),

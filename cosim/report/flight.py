@@ -1,9 +1,9 @@
 """Figures of one flight: path, motion, surfaces, and what was injected."""
 
-import math
 
 import numpy as np
 
+from actuators.constants import DEG_PER_RAD, FT_PER_M, KT_PER_M_S
 from cosim.flight import wiring
 from cosim.replay.recording import Flown, words
 from cosim.report.figure import (
@@ -20,7 +20,7 @@ from cosim.report.figure import (
     place,
 )
 
-DEG, FT, KT = 180.0 / math.pi, 1.0 / 0.3048, 3600.0 / 1852.0
+RATES = (("yaw", "r"), ("roll", "p"), ("pitch", "q"))  # in the order of drawing, and their fields
 EARTH = 6_371_000.0  # mean radius [m]: the track is drawn on a local plane
 
 
@@ -38,17 +38,20 @@ def motion(flown: Flown) -> Figure:
     """Return altitude, airspeed, load factor, angle of attack, attitude and rates."""
     get = lambda name, factor=1.0: factor * flown.values("/truth/aircraft", name)  # noqa: E731
     shown = [
-        ("Altitude", "ft", 100.0, [("", get("h", FT))]),
-        ("Airspeed, calibrated", "kt", 2.0, [("", get("cas", KT))]),
+        ("Altitude", "ft", 100.0, [("", get("h", FT_PER_M))]),
+        ("Airspeed, calibrated", "kt", 2.0, [("", get("cas", KT_PER_M_S))]),
         ("Load factor", "g", 0.1, [("demanded", 1.0 + flown.values("/pilot", "nz_dem")), ("flown", get("nz"))]),
         (
             "Angle of attack",
             "deg",
             0.5,
-            [("measured", DEG * flown.values("/sensors/aircraft", "alpha")), ("true", get("alpha", DEG))],
+            [
+                ("measured", DEG_PER_RAD * flown.values("/sensors/aircraft", "alpha")),
+                ("true", get("alpha", DEG_PER_RAD)),
+            ],
         ),
-        ("Attitude", "deg", 1.0, [("pitch", get("theta", DEG)), ("bank", get("phi", DEG))]),
-        ("Rates", "deg/s", 0.5, [("yaw", get("r", DEG)), ("roll", get("p", DEG)), ("pitch", get("q", DEG))]),
+        ("Attitude", "deg", 1.0, [("pitch", get("theta", DEG_PER_RAD)), ("bank", get("phi", DEG_PER_RAD))]),
+        ("Rates", "deg/s", 0.5, [(name, get(field, DEG_PER_RAD)) for name, field in RATES]),
     ]
     figure = Figure(
         "motion", "Shaded: a fault is active. Drag to zoom in time, double-click to see all; every figure follows.", 560
@@ -101,7 +104,7 @@ def track(flown: Flown) -> Figure:
     """Return the path over ground and in height; the part flown with a fault is drawn in its colour."""
     lat, lon = (flown.values("/truth/aircraft", n) for n in ("lat", "lon"))
     north, east = EARTH * (lat - lat[0]) / 1e3, EARTH * np.cos(lat[0]) * (lon - lon[0]) / 1e3
-    along, height = np.hypot(north, east), FT * flown.values("/truth/aircraft", "h")
+    along, height = np.hypot(north, east), FT_PER_M * flown.values("/truth/aircraft", "h")
     t = flown.t0 + flown.dt * np.arange(len(lat))
     broken = np.zeros(len(t), bool)
     for a, b in flown.intervals:
@@ -188,9 +191,12 @@ def _surface(flown, figure, panel, curves, legend):
     for name, y in curves:
         colour, width = look[name]
         figure.data.append(
-            curve(flown.t0, flown.dt, DEG * y, name=name, colour=colour, width=width, panel=panel, showlegend=legend)
+            curve(
+                flown.t0, flown.dt, DEG_PER_RAD * y,
+                name=name, colour=colour, width=width, panel=panel, showlegend=legend,
+            )
         )
-    least(figure.layout, panel, [DEG * y for _, y in curves], 0.5)
+    least(figure.layout, panel, [DEG_PER_RAD * y for _, y in curves], 0.5)
 
 
 def injected(flown: Flown) -> Figure | None:

@@ -1,10 +1,10 @@
 """The plain-language summary of a flight: what was broken, who noticed, when, what they said, who stayed blind."""
 
-import math
 from collections.abc import Iterable
 
 from markupsafe import Markup
 
+from actuators.constants import DEG_PER_RAD
 from cosim.judge import coverage
 from cosim.judge.naming import outcome
 from cosim.replay.recording import Flown, Lane, words
@@ -12,7 +12,6 @@ from cosim.report.page import bold, mark
 from cosim.scenario import Scenario
 from cosim.scenario.fault import Fault
 
-DEG = 180.0 / math.pi
 LEVELS = {"aircraft": "aircraft level", "local": "local"}
 
 
@@ -111,7 +110,7 @@ def _swing(flown, f):
     k = max(1, round((f.start_s - flown.t0) / flown.dt))
     out = []
     for seg in f.parsed.names:
-        delta = flown.values("/truth/aircraft", f"de_{flown.scenario.aircraft.short[seg]}") * DEG
+        delta = flown.values("/truth/aircraft", f"de_{flown.scenario.aircraft.short[seg]}") * DEG_PER_RAD
         before, after = delta[:k], delta[k:]
         out.append(
             f"{words(seg)} moved {after.min():.2f} to {after.max():.2f} deg (before: {before.min():.2f} to "

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, model_validator
 
+from actuators.constants import M_PER_FT, RAD_PER_DEG
 from cosim.errors import ScenarioError, did_you_mean
 
 FOLDER = Path(__file__).resolve().parents[2] / "aircraft"
@@ -179,7 +180,7 @@ class Aircraft(_Table):
     def travel(self) -> float:
         """Return the whole travel of the elevator [rad]."""
         low, high = self.elevator.travel_deg
-        return (high - low) * (math.pi / 180.0)
+        return (high - low) * RAD_PER_DEG
 
     @property
     def chord_in(self) -> float:
@@ -189,7 +190,7 @@ class Aircraft(_Table):
     @property
     def wing_area(self) -> float:
         """Return the wing area [m2]."""
-        return self.geometry.wing_area_ft2 * 0.3048**2
+        return self.geometry.wing_area_ft2 * M_PER_FT**2
 
     def own(self, technology: str) -> tuple[tuple[str, float], ...]:
         """Return ((parameter, value), ...) in which this aircraft's actuators of a technology differ from it."""
@@ -199,7 +200,7 @@ class Aircraft(_Table):
     def gusts(self) -> dict[str, float]:
         """Return what a gust meets: span [m], tail arm [m], downwash."""
         g = self.geometry
-        return {"span": g.span_ft * 0.3048, "tail_arm": g.tail_arm_ft * 0.3048, "downwash": g.downwash}
+        return {"span": g.span_ft * M_PER_FT, "tail_arm": g.tail_arm_ft * M_PER_FT, "downwash": g.downwash}
 
     @property
     def multipliers(self) -> tuple[str, ...]:

@@ -7,11 +7,10 @@ import math
 from dataclasses import replace
 from typing import Any
 
+from actuators.constants import M_PER_FT, M_S_PER_KT, RAD_PER_DEG
 from actuators.registry import SHIPPED
 from actuators.technology import LOSS, SURFACE_DEG, Key, Kind, Technology, Unit
 from cosim.scenario.aircraft import Aircraft, load_aircraft
-
-DEG, KT, FT = math.pi / 180.0, 1852.0 / 3600.0, 0.3048
 
 _TRANSPORT = load_aircraft()
 SEGMENTS = _TRANSPORT.segments  # of the default aircraft
@@ -22,12 +21,12 @@ SURFACES = ("aileron.left", "aileron.right", "rudder", "stabiliser")
 
 
 _deg = SURFACE_DEG
-_deg_s = Unit("deg_s", DEG, "rad/s", 90.0)
-_deg_s2 = Unit("deg_s2", DEG, "rad/s2", 90.0)
-_kt = Unit("kt", KT, "m/s", 200.0)
+_deg_s = Unit("deg_s", RAD_PER_DEG, "rad/s", 90.0)
+_deg_s2 = Unit("deg_s2", RAD_PER_DEG, "rad/s2", 90.0)
+_kt = Unit("kt", M_S_PER_KT, "m/s", 200.0)
 _g = Unit("g", 1.0, "g", 5.0)
-_height = (Unit("m", 1.0, "m", 5000.0), Unit("ft", FT, "m", 15000.0))
-_climb = (Unit("m_s", 1.0, "m/s", 100.0), Unit("ft_s", FT, "m/s", 300.0))
+_height = (Unit("m", 1.0, "m", 5000.0), Unit("ft", M_PER_FT, "m", 15000.0))
+_climb = (Unit("m_s", 1.0, "m/s", 100.0), Unit("ft_s", M_PER_FT, "m/s", 300.0))
 
 SENSORS = {  # aircraft sensor -> units of its faults and settings; the first one is its own
     **dict.fromkeys(("alpha", "beta", "phi", "theta", "psi", "alpha_ground"), (_deg,)),
@@ -44,7 +43,7 @@ SENSORS = {  # aircraft sensor -> units of its faults and settings; the first on
 }
 _sine = (
     Key("frequency_hz", 0.01, 25.0, 2 * math.pi, "rad/s"),
-    Key("phase_deg", -360.0, 360.0, DEG, "rad", default=0.0),
+    Key("phase_deg", -360.0, 360.0, RAD_PER_DEG, "rad", default=0.0),
 )
 
 
@@ -52,7 +51,7 @@ def _amplitudes(open_low):
     return (
         Key("amplitude", 0.0, 1.0, 1.0, "u", open_low),
         Key("amplitude_mm", 0.0, 120.0, 1e-3, "m", open_low),
-        Key("amplitude_deg", 0.0, 20.0, DEG, "rad", open_low),
+        Key("amplitude_deg", 0.0, 20.0, RAD_PER_DEG, "rad", open_low),
         Key("amplitude_travel", 0.0, 0.5, 1.0, "of travel", open_low)  # of the elevator's [Sun13],
     )
 
@@ -63,7 +62,7 @@ AMPLITUDES_AT = {  # the keys that have a meaning where the oscillation enters
     "sensor": ("amplitude_mm", "amplitude_deg", "amplitude_travel"),
 }
 
-_runaway = (Key("rate_deg_s", -45.0, 45.0, DEG, "rad/s", healthy=0.0),)  # the fastest actuators, without load
+_runaway = (Key("rate_deg_s", -45.0, 45.0, RAD_PER_DEG, "rad/s", healthy=0.0),)  # the fastest actuators, without load
 # What every elevator actuator can suffer, as far as it has what the kind needs; a technology's record adds its own
 _COMMON = {
     "ofc_liquid": Kind("oscillation added to the signal", _amplitudes(True), _sine, ("valve", "command", "sensor")),
@@ -74,7 +73,7 @@ _COMMON = {
         "constant added to the position command",
         (
             Key("bias_mm", -120.0, 120.0, 1e-3, "m", healthy=0.0),
-            Key("bias_deg", -20.0, 20.0, DEG, "rad", healthy=0.0),
+            Key("bias_deg", -20.0, 20.0, RAD_PER_DEG, "rad", healthy=0.0),
         ),
         at=("command",),
     ),
@@ -82,7 +81,7 @@ _COMMON = {
         "bias on the position sensor that closes the loop (the same as bias on it)",
         (
             Key("bias_mm", -150.0, 150.0, 1e-3, "m", healthy=0.0),
-            Key("bias_deg", -40.0, 40.0, DEG, "rad", healthy=0.0),
+            Key("bias_deg", -40.0, 40.0, RAD_PER_DEG, "rad", healthy=0.0),
         ),
     ),
     "jam_solid": Kind("the surface stops where it is", switched=True, exclusive="motion"),
@@ -110,7 +109,7 @@ _COMMON = {
         "play between actuator and surface, full width",
         (
             Key("backlash_mm", 0.0, 20.0, 1e-3, "m", open_low=True),
-            Key("backlash_deg", 0.0, 4.0, DEG, "rad", open_low=True),
+            Key("backlash_deg", 0.0, 4.0, RAD_PER_DEG, "rad", open_low=True),
         ),
         exclusive="backlash",
     ),
@@ -174,7 +173,7 @@ def optional_keys(kind: str, target: str, aircraft: Aircraft) -> tuple[Key, ...]
     """Return the keys that `kind` may have on `target`; a runaway's limit is by default the stop it drives to."""
     if kind != "runaway":
         return ()
-    return (Key("limit_deg", *aircraft.travels_deg[target.split(".")[0]], DEG, "rad"),)
+    return (Key("limit_deg", *aircraft.travels_deg[target.split(".")[0]], RAD_PER_DEG, "rad"),)
 
 
 SENSOR_SUMMARIES = {

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, model_validator
 
+from actuators.constants import M_PER_FT, M_S_PER_KT
 from cosim.errors import did_you_mean
 from cosim.scenario import catalog as c
 from cosim.scenario import conflict, tolerance, toml
@@ -75,7 +76,7 @@ class Flight(_Table):
     @property
     def altitude(self) -> float:
         """Return the altitude [m]."""
-        return self.altitude_ft * c.FT
+        return self.altitude_ft * M_PER_FT
 
     @property
     def speed(self) -> tuple[str, float]:
@@ -83,9 +84,9 @@ class Flight(_Table):
         if self.mach is not None:
             return "mach", self.mach
         if self.cas_kt is not None:
-            return "cas", self.cas_kt * c.KT
+            return "cas", self.cas_kt * M_S_PER_KT
         assert self.tas_kt is not None  # exactly one is given
-        return "tas", self.tas_kt * c.KT
+        return "tas", self.tas_kt * M_S_PER_KT
 
 
 class Settings(_Table):

@@ -9,20 +9,20 @@
     parameters = { P_s = 1.4e7 }                         # start values, in the FMU's own units
 """
 
-import math
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from actuators.constants import M_PER_IN, N_M_PER_LBF_FT, RAD_PER_DEG
 from cosim.errors import ScenarioError
 from cosim.scenario import catalog as c
 from cosim.scenario.problem import choice, problem
 
-DEG = math.pi / 180.0
 UNITS = {  # unit of an FMU's variable -> SI
-    "-": 1.0, "1": 1.0, "%": 0.01, "rad": 1.0, "deg": DEG, "m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 0.0254,
-    "N m": 1.0, "kN m": 1e3, "lbf ft": 4.4482216152605 * 0.3048, "N m/rad": 1.0, "kN m/rad": 1e3, "N m/deg": 1.0 / DEG,
+    "-": 1.0, "1": 1.0, "%": 0.01, "rad": 1.0, "deg": RAD_PER_DEG, "m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": M_PER_IN,
+    "N m": 1.0, "kN m": 1e3, "lbf ft": N_M_PER_LBF_FT, "N m/rad": 1.0, "kN m/rad": 1e3,
+    "N m/deg": 1.0 / RAD_PER_DEG,
 }  # fmt: skip
 INPUTS = {  # word -> its unit
     "command": "rad", "valve_command": "-", "hinge_0": "N m", "hinge_slope": "N m/rad", "hinge_moment": "N m",

@@ -8,7 +8,6 @@ gives zero error and nonsense between.
 
 import dataclasses
 import json
-import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,9 +16,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 import fdi
+from actuators.constants import DEG_PER_RAD, M_S_PER_KT
 from cosim.errors import TrimError
 from cosim.flight.plant.aero.functions import numbers_digest
-from cosim.flight.plant.border import KT
 from cosim.flight.plant.force_model import FOLDER
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.point import FlightPoint
@@ -39,7 +38,6 @@ CEILING = 11000.0  # top of the troposphere [m]
 # size of each signal in manoeuvres of +-0.15 g, from the flights of [Alwi14] figure 1: they weigh what is insignificant
 SIZE_X = np.array([2.0, 100.0, 3.0, 5.0, 2.0])
 SIZE_U = np.array([3.0, 1.0])
-DEG = 180.0 / math.pi
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,7 +55,7 @@ class Samples:
 
 def pressure_altitude(cas_kt: float, mach: float) -> Any:
     """Return the altitude [m] of the standard troposphere where `cas_kt` is flown at `mach`; under water negative."""
-    impact = 101325.0 * ((1 + 0.2 * (cas_kt * KT / 340.294) ** 2) ** 3.5 - 1)
+    impact = 101325.0 * ((1 + 0.2 * (cas_kt * M_S_PER_KT / 340.294) ** 2) ** 3.5 - 1)
     ratio = (1 + 0.2 * mach**2) ** 3.5 - 1
 
     def excess(h):
@@ -94,7 +92,7 @@ def _one(rho):
     if made.trim.throttle > THROTTLE_MAX:
         raise TrimError(f"needs {100 * made.trim.throttle:.0f} % of the throttle")
     A, B, C, D, trim = in_paper_units(made)
-    actual = np.array([rho[0], rho[1], made.y0[list(made.outputs).index("cas")] / KT, rho[3]])
+    actual = np.array([rho[0], rho[1], made.y0[list(made.outputs).index("cas")] / M_S_PER_KT, rho[3]])
     return actual, A, B, C, D, trim
 
 
@@ -102,12 +100,13 @@ def in_paper_units(made: Any) -> tuple[Any, ...]:
     """Return A, B, C, D and [x; u; y] of a `LinearModel` in deg, m, m/s, g, elevators aggregated (34)."""
     inputs = (*SEGMENTS, "stab")
     A, B, C, D = made.block(tuple(STATES), inputs, tuple(OUTPUTS))
-    x, y = (np.array([DEG if unit.startswith("deg") else 1.0 for unit in t.values()]) for t in (STATES, OUTPUTS))
-    B, D = (np.column_stack([M[:, :4].sum(1), M[:, 4]]) / DEG for M in (B, D))
+    tables = (STATES, OUTPUTS)
+    x, y = (np.array([DEG_PER_RAD if unit.startswith("deg") else 1.0 for unit in t.values()]) for t in tables)
+    B, D = (np.column_stack([M[:, :4].sum(1), M[:, 4]]) / DEG_PER_RAD for M in (B, D))
     x0 = [made.x0[list(made.states).index(n)] for n in STATES]
     y0 = [made.y0[list(made.outputs).index(n)] for n in OUTPUTS]
     u0 = [np.mean([made.u0[list(made.inputs).index(n)] for n in SEGMENTS]), made.u0[list(made.inputs).index("stab")]]
-    trim = np.concatenate([x * x0, DEG * np.array(u0), y * y0])
+    trim = np.concatenate([x * x0, DEG_PER_RAD * np.array(u0), y * y0])
     return x[:, None] * A / x, x[:, None] * B, y[:, None] * C / x, y[:, None] * D, trim
 
 

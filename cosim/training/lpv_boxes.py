@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from scipy.stats import qmc
 
+from actuators.constants import M_S_PER_KT
 from cosim.errors import TrimError
 from cosim.flight.plant.aero.functions import numbers_digest
-from cosim.flight.plant.border import KT
 from cosim.flight.plant.force_model import FOLDER
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.point import FlightPoint
@@ -44,7 +44,7 @@ def scattered(draws: int = DRAWS, progress: Callable[..., Any] | None = None) ->
     kept: list = []
     for mass, cg, h, cas in low + (high - low) * qmc.Sobol(4, seed=SOBOL_SEED).random(draws):
         try:
-            made = linearize(FlightPoint(mass * 1e3, cg / 100.0, h, "cas", cas * KT))
+            made = linearize(FlightPoint(mass * 1e3, cg / 100.0, h, "cas", cas * M_S_PER_KT))
         except TrimError:
             continue
         if progress is not None:
@@ -59,7 +59,7 @@ def scattered(draws: int = DRAWS, progress: Callable[..., Any] | None = None) ->
 
 def mach_at(cas_kt: float, h: float) -> float:
     """Return the Mach number of `cas_kt` at `h` [m] in the standard atmosphere, up to 20 km."""
-    impact = 101325.0 * ((1 + 0.2 * (cas_kt * KT / 340.294) ** 2) ** 3.5 - 1)
+    impact = 101325.0 * ((1 + 0.2 * (cas_kt * M_S_PER_KT / 340.294) ** 2) ** 3.5 - 1)
     pressure = 101325.0 * (1 - 0.0065 * min(h, lpv.CEILING) / 288.15) ** 5.2558797
     pressure *= math.exp((min(h, lpv.CEILING) - h) / 6341.62)
     return math.sqrt(5 * ((impact / pressure + 1) ** (1 / 3.5) - 1))

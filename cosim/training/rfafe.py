@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from actuators.constants import RAD_PER_DEG
 from actuators.registry import HYDRAULIC
 from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.flight.plant.linearize import linearize
@@ -22,11 +23,10 @@ from fdi.rfafe import rfafe
 from fdi.rfafe.discrete import noise
 from fdi.rfafe.store import to_plain
 
-DEG = math.pi / 180.0
 STATES = ("tas", "alpha", "q", "theta")
 SEGMENTS = ("de_lo", "de_li", "de_ri", "de_ro")
 NAMES = ("left_outer", "left_inner", "right_inner", "right_outer")
-UNIT = np.array([1.0, 1 / DEG, 1 / DEG, 1 / DEG])  # SI to the paper's units
+UNIT = np.array([1.0, 1 / RAD_PER_DEG, 1 / RAD_PER_DEG, 1 / RAD_PER_DEG])  # SI to the paper's units
 FLIGHT_S = 40.0
 RANK_E = 2
 FIT_HZ = (0.2, 0.35, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)  # where the actuator is measured
@@ -48,7 +48,7 @@ def linear(point: str = "sun13") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     model = linearize(FlightPoint.at(**SIX[point]))
     A, B, _, _ = model.block(STATES, SEGMENTS)
     x0 = np.array([model.x0[list(model.states).index(s)] for s in STATES])
-    return UNIT[:, None] * A / UNIT, UNIT[:, None] * B * DEG, UNIT * x0
+    return UNIT[:, None] * A / UNIT, UNIT[:, None] * B * RAD_PER_DEG, UNIT * x0
 
 
 @functools.cache
@@ -68,7 +68,7 @@ def unknown_inputs(turbulence: str = "none", aero: tuple = ()) -> np.ndarray:
         flown = scenario(duration=FLIGHT_S, manoeuvre=kind, flight={"turbulence": turbulence},
                          tolerances={"aero": dict(aero)})
         v = fly(flown, [*states, *SURFACES])
-        flights.append((UNIT * np.asarray(v[states]) - x0, np.asarray(v[list(SURFACES)]) / DEG))
+        flights.append((UNIT * np.asarray(v[states]) - x0, np.asarray(v[list(SURFACES)]) / RAD_PER_DEG))
     return rfafe.estimate_E(A, B, np.eye(4), flights, dt=DT)
 
 
@@ -84,7 +84,7 @@ def actuator(technology: str) -> tuple[float, float, float, float]:
         v = fly(flown, [*SURFACES, COMMAND])
         t, w = v.index.to_numpy(), 2 * math.pi * hz
         late = t > 4.0
-        asked = v[COMMAND].to_numpy() + FIT_DEG * DEG * np.sin(w * (t - 1.0))
+        asked = v[COMMAND].to_numpy() + FIT_DEG * RAD_PER_DEG * np.sin(w * (t - 1.0))
         elevator = np.asarray(v[list(SURFACES)]).mean(1)
         response.append(sine(t[late], elevator[late], w) / sine(t[late], asked[late], w))
     a, gain, tau = rfafe.fit_first_order((np.array(FIT_HZ), np.array(response)))
@@ -94,7 +94,8 @@ def actuator(technology: str) -> tuple[float, float, float, float]:
 
 def sigmas() -> tuple[np.ndarray, float]:
     """Return the noise of V, alpha, q, theta per sample in the paper's units, and of a side's mean position [deg]."""
-    return UNIT * np.array([TRANSPORT[n][1] for n in STATES]), HYDRAULIC.sensors["surface"].sigma / DEG / math.sqrt(2.0)
+    surface = HYDRAULIC.sensors["surface"].sigma / RAD_PER_DEG
+    return UNIT * np.array([TRANSPORT[n][1] for n in STATES]), surface / math.sqrt(2.0)
 
 
 def published(progress: Any) -> dict[str, Any]:
@@ -173,8 +174,8 @@ def physics_bound(progress: Any) -> Any:
     for name, columns in groups.items():
         b, d = (X[:, columns].sum(1, keepdims=True) for X in (B, D))
         motion = bound.motion_per_degree(A, b, C, d, BOUND_HZ)
-        q, nz = motion[:, 0, 0], motion[:, 1, 0] * DEG
-        least = bound.detectable_amplitude(q, TRANSPORT["q"][1] / DEG, frequencies_hz=BOUND_HZ)
+        q, nz = motion[:, 0, 0], motion[:, 1, 0] * RAD_PER_DEG
+        least = bound.detectable_amplitude(q, TRANSPORT["q"][1] / RAD_PER_DEG, frequencies_hz=BOUND_HZ)
         out[name] = {"q_deg_s_per_deg": q.tolist(), "nz_g_per_deg": nz.tolist(),
                      "least_deg_3_periods_q": least.tolist()}
     return {"point": POINT, "frequency_hz": list(BOUND_HZ), "groups": out}

@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from actuators.constants import RAD_PER_DEG
 from cosim.training.flights import DT, MODULES, estimate, fly_aircraft
-from cosim.training.rfafe import DEG
 
 FRICTION = ("F_c", "F_s", "T_c", "T_s")  # of the hydraulic and of the electromechanical actuator
 FIELD = {"rfafe": "f_hat_left", "rfafe_airframe": "f_hat"}
@@ -61,7 +61,7 @@ def _response(lane, size):
         loop.draw = _One(sensors.index(lane) if lane is not None else 0, size if lane is not None else 0.0)
 
     flown = fly_aircraft(duration=TICKS * DT, prepare=prepare)
-    return sensors, {name: estimate(flown, name)[field] / DEG for name, field in FIELD.items()}
+    return sensors, {name: estimate(flown, name)[field] / RAD_PER_DEG for name, field in FIELD.items()}
 
 
 class _One:

@@ -5,8 +5,9 @@ families, decision.
 import math
 
 from actuators.block import kernel
+from actuators.constants import G0
 from fdi.common.decision import usable
-from fdi.control_redundancy.force_model import G0, air_data, contributions, thrust_pair
+from fdi.control_redundancy.force_model import air_data, contributions, thrust_pair
 
 NR, NF, NH = 6, 16, 8  # most rows, families, fault hypotheses (elevator aileron rudder engines engine_1 ... engine_4)
 NC, DELAY = 8, 48  # commands (4 elevators, 2 ailerons, rudder, stabiliser); those kept of each, `stride` ticks apart

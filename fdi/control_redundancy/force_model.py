@@ -25,7 +25,7 @@ VARIABLES = (
 EFFECTOR = {"de_lo": 0, "de_li": 0, "de_ri": 0, "de_ro": 0, "da_l": 1, "da_r": 1, "dr": 2}
 NA, NM, NQ, NK_A, NK = 64, 64, 16, 12, 40  # most breakpoints of alpha, Mach, qbar; quantities with alpha, quantities
 NT_M, NT_P = 16, 20  # most breakpoints of the thrust tables
-G0, P0, A0 = 9.80665, 101325.0, 340.294  # [m/s2], [Pa], [m/s]
+P0, A0 = 101325.0, 340.294  # [Pa], [m/s]
 
 
 @dataclasses.dataclass(frozen=True)

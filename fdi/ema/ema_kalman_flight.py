@@ -36,6 +36,7 @@ from typing import Any
 import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
+from actuators.constants import RAD_PER_DEG
 from actuators.ema import jay
 from fdi.common.decision import usable
 from fdi.common.record import Detector, Estimate
@@ -227,7 +228,6 @@ DETECTOR = Detector(
     fit=lambda site: params(dt=site.dt, **site.actuator),
 )  # fmt: skip
 
-DEG = math.pi / 180.0
 
 
 def params(
@@ -272,13 +272,13 @@ def params(
         n_lag=n_lag,
         n_mean=n_mean,
         sigma_pos=noise * sigma_position,
-        sigma_rig=0.08 * DEG * arm,  # sensor set `transport`: rigging
+        sigma_rig=0.08 * RAD_PER_DEG * arm,  # sensor set `transport`: rigging
         sigma_vel=noise * sigma_velocity,
         sigma_b=2e-4 * no_load,  # twice the bias of 1e-4 of no-load that a velocity sensor is assumed to have
         walk_b=1e-4 * no_load * math.sqrt(dt / 100.0),  # which may change by itself in 100 s
         b_max=1e-3 * no_load,
         # ties pos_hat within some 20 s: slower than a fault, faster than a bias of 1e-3; of a slot's mean
-        sigma_tie=noise / math.sqrt(n_sub) * 1.0 * DEG * arm,
+        sigma_tie=noise / math.sqrt(n_sub) * 1.0 * RAD_PER_DEG * arm,
         gate=0.3 * no_load,  # twice what the stall current does in 5 ms
         load_max=2.0 * amperes * v["K_T"] * arm / lead,
         th_load=0.6 * amperes * v["K_T"] * arm / lead,  # 60 % of the stall moment

@@ -35,13 +35,13 @@ from typing import Any
 import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
+from actuators.constants import G0
 from fdi.common.decision import usable
 from fdi.common.record import Detector
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, SENSOR
 from fdi.common.why import LOST_SENSOR, NOT_READY, VALID
 
-G0 = 9.80665
 SENSORS = (
     "p", "q", "r", "phi", "theta", "psi", "n_x", "n_z", "hdot", "h_inertial", "h_baro", "tas", "cas", "mach",
     "alpha_ground", "v_ground", "alpha", "beta", "n_y",

@@ -5,6 +5,7 @@ there.
 import math
 
 from actuators.block import kernel
+from actuators.constants import G0, M_S_PER_KT, RAD_PER_DEG
 from fdi.common.decision import usable
 from fdi.common.why import BOX_MASS, LOST_SENSOR, VALID
 from fdi.lpv_smo.kernels import affine, affine_scalar, held_first_order, trim_map, unit_vector_step
@@ -14,9 +15,6 @@ NB = 32  # most boxes
 MARGIN = 1.4  # of half a box from its middle: beyond a fifth of its width the affine model is no longer believed
 STAY = 1.25  # so far a box is kept though another one fits better
 DELAY = 12  # of the commands: beyond 5 ms at 2 kHz [ticks]
-DEG = math.pi / 180
-KT = 1852 / 3600  # [m/s]
-G0 = 9.80665  # [m/s2]
 
 
 @kernel
@@ -30,7 +28,7 @@ def _schedule(x, u, p, dt):
         elif i == 1:
             value, good = u.cg * 100.0, u.cg_valid
         elif i == 2:
-            value, good = u.cas / KT, u.cas_valid
+            value, good = u.cas / M_S_PER_KT, u.cas_valid
         else:
             value, good = u.mach, u.mach_valid
         if usable(value, good) > 0.5:
@@ -85,7 +83,7 @@ def inputs(x, u, p, dt):
     for j in range(M):
         value = 0.25 * (u.de_lo + u.de_li + u.de_ri + u.de_ro) if j == 0 else u.stab
         if math.isfinite(value):
-            value /= DEG
+            value /= RAD_PER_DEG
         else:
             value = x.line[(head + DELAY - 1) % DELAY, j]
         if x.age == 0.0:
@@ -113,7 +111,7 @@ def outputs(x, u, p, dt):
         if i == 0 and usable(u.n_z, u.n_z_valid) > 0.5:
             y = u.n_z
         elif i == 1 and usable(u.alpha, u.alpha_valid) > 0.5:
-            y = u.alpha / DEG
+            y = u.alpha / RAD_PER_DEG
         if x.age == 0.0:
             x.z[i] = y
         else:
@@ -123,8 +121,8 @@ def outputs(x, u, p, dt):
     for i in range(P):
         x.b[i] = x.s[i]
         x.s[i] = (
-            p.mix[b, i, 0] * u.h + p.mix[b, i, 1] * u.theta / DEG + p.mix[b, i, 2] * x.v_s
-            + p.mix[b, i, 3] * u.q / DEG + p.mix[b, i, 4] * x.z[0] + p.mix[b, i, 5] * x.z[1]
+            p.mix[b, i, 0] * u.h + p.mix[b, i, 1] * u.theta / RAD_PER_DEG + p.mix[b, i, 2] * x.v_s
+            + p.mix[b, i, 3] * u.q / RAD_PER_DEG + p.mix[b, i, 4] * x.z[0] + p.mix[b, i, 5] * x.z[1]
         )  # fmt: skip
 
 
@@ -147,12 +145,12 @@ def bank(x, u, p):
     yaw = u.r if usable(u.r, u.r_valid) > 0.5 else 0.0
     lost, alpha, speed = 1.0 - math.cos(phi), x.alpha_hat, max(x.v_s, 10.0)
     tilt = math.sin(alpha) * math.cos(u.theta) * lost
-    d0 = -G0 / speed * math.cos(u.theta) * math.cos(alpha) * lost / DEG
+    d0 = -G0 / speed * math.cos(u.theta) * math.cos(alpha) * lost / RAD_PER_DEG
     d1 = speed * tilt
-    d2 = -(u.q * lost + yaw * math.sin(phi)) / DEG
+    d2 = -(u.q * lost + yaw * math.sin(phi)) / RAD_PER_DEG
     d3 = -G0 * tilt
     b = int(x.box)
-    d4 = (p.inertia[0] * roll * yaw - p.inertia[1] * (roll * roll - yaw * yaw)) / DEG + p.adot * x.A[4, 4] * d0
+    d4 = (p.inertia[0] * roll * yaw - p.inertia[1] * (roll * roll - yaw * yaw)) / RAD_PER_DEG + p.adot * x.A[4, 4] * d0
     for i in range(N):
         to = p.to_x[b, i]
         x.d[i] = to[0] * d0 + to[1] * d1 + to[2] * d2 + to[3] * d3 + to[4] * d4
@@ -184,7 +182,7 @@ def observe(x, p, dt):
         g_1 += row * (x.s[i] - x.eq[i + 1]) + L[i] * x.d[i + 1]
     if x.age == 0.0:  # start on the measured angle of attack: the first error dies at the sliding motion's pole
         x.w = x.y2[1]
-        x.alpha_hat = x.y2[1] * DEG
+        x.alpha_hat = x.y2[1] * RAD_PER_DEG
         for i in range(P):
             x.w += L[i] * x.s[i]
             x.e[i] = 0.0
@@ -194,7 +192,7 @@ def observe(x, p, dt):
     x_1 = x.w
     for i in range(P):
         x_1 -= L[i] * x.s[i]
-    x.alpha_hat = x_1 * DEG
+    x.alpha_hat = x_1 * RAD_PER_DEG
     for i in range(P):
         phi = x.A[i + 1, 0] * (x_1 - x.eq[0]) + x.B[i + 1, 1] * d_s + x.d[i + 1]
         for j in range(P):
@@ -226,7 +224,7 @@ def gust(x, u, p, dt):
     An extension, off in the paper, whose angle of attack is that over the ground too (tables 2, 3): of a gust a that
     meets the wing, xi = A_11 a, which no fault of the n_z or alpha sensor moves.
     """
-    measured = u.alpha_ground / DEG
+    measured = u.alpha_ground / RAD_PER_DEG
     rate = x.A[0, 0] * (measured - x.eq[0]) + x.B[0, 1] * (x.u_s - x.eq[N + 1]) + x.d[0]
     rate += x.B[0, 0] * (x.u_e - x.eq[N])
     for i in range(P):
@@ -238,7 +236,7 @@ def gust(x, u, p, dt):
     if usable(u.tas, u.tas_valid) > 0.5:
         x.wind += (1.0 - math.exp(-dt / p.tau_f)) * (u.tas - x.v_s - x.wind_0 - x.wind)
     # what sideslip adds to Z' in a bank, the observer takes for an angle of attack
-    x.slip += (1.0 - math.exp(-dt / p.tau_f)) * (x.alpha_hat / DEG - measured - x.slip)
+    x.slip += (1.0 - math.exp(-dt / p.tau_f)) * (x.alpha_hat / RAD_PER_DEG - measured - x.slip)
     # backward Euler: (measured - ground) / tau_f stands for xi over the tick
     x.ground = (x.ground + 0.5 * dt * (x.rate + rate) + dt / p.tau_f * measured) / (1.0 + dt / p.tau_f)
     x.rate = rate
@@ -299,14 +297,14 @@ def reconstruct(x, u, p, dt):
         x.free[2] += d * (x.f[2] - (a - x.slip) - x.free[2])
         f_e, f_n, f_a = x.free[0], x.free[1], x.free[2]
         learn(x, p, f_e, f_n, f_a)
-        x.gust_hat += d * (a * DEG - x.gust_hat)
+        x.gust_hat += d * (a * RAD_PER_DEG - x.gust_hat)
     else:
         f_e, f_n, f_a = x.f[0], x.f[1] - D51 * x.f[0], x.f[2]
         learn(x, p, f_e - k_e * f_a, f_n - k_n * f_a, 0.0)
         x.gust_hat = 0.0
-    x.f_hat_elevator = (f_e - x.offset[0]) * DEG
+    x.f_hat_elevator = (f_e - x.offset[0]) * RAD_PER_DEG
     x.f_hat_n_z_raw = x.f[1] - x.offset[1] - D51 * x.offset[0]
     x.f_hat_n_z = f_n - x.offset[1]
-    x.f_hat_alpha = (f_a - x.offset[2]) * DEG
+    x.f_hat_alpha = (f_a - x.offset[2]) * RAD_PER_DEG
     # white noise of q through a difference and the lag: variance (c / h)^2 (1 + c / (2 - c)) sigma^2
     x.f_sigma = p.sigma_q * c / dt * math.sqrt(1.0 + c / (2.0 - c)) / math.fabs(E)

@@ -47,13 +47,14 @@ import math
 import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
+from actuators.constants import RAD_PER_DEG
 from fdi.common.decision import confirm, usable
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, OFC_LIQUID, SENSOR
 from fdi.common.why import BANK, BOX_ALPHA, LOST_SENSOR, NOT_READY, VALID
 from fdi.lpv_smo.boxes import load as load_boxes
-from fdi.lpv_smo.core import DEG, DELAY, NB, M, N, P, R, T, bank, gust, inputs, observe, outputs, reconstruct
+from fdi.lpv_smo.core import DELAY, NB, M, N, P, R, T, bank, gust, inputs, observe, outputs, reconstruct
 from fdi.lpv_smo.model import powers
 from fdi.lpv_smo.synthesis import Design, canonical, design, load, save, verify  # noqa: F401 (the public design functions)
 
@@ -267,7 +268,7 @@ DETECTOR = Detector(
 def params(
     which="flight", *, model=None, made=None, designs=None, K=30.0, delta=1e-4, tau_f=0.2, tau_g=0.1, tau_v=0.2,
     tau_rho=0.5, omega_a=0.0, delay=0, bank=True, gust=False, inertia=(0.0, 0.0), adot=0.0, thrust=0.0,
-    sigma_q=0.02 * DEG, t_settle=2.0, t_learn=0.0,
+    sigma_q=0.02 * RAD_PER_DEG, t_settle=2.0, t_learn=0.0,
 ):  # fmt: skip
     """Return PARAMS of an `LpvModel` and its `Design`, by default the paper's box, stored for this aircraft.
 
@@ -327,7 +328,7 @@ def fitted(site, paper=False):
         designs=None if paper else load_boxes(), gust=not paper, t_learn=LEARN,
         delay=site.ticks("q"), omega_a=1.0 / about.delays[0],
         inertia=((zz - xx) / yy, xz / yy), adot=0.0 if paper else ADOT,
-        thrust=(rz * tx - rx * tz) / tx / yy / DEG,
+        thrust=(rz * tx - rx * tz) / tx / yy / RAD_PER_DEG,
     )  # fmt: skip
 
 
@@ -412,9 +413,9 @@ def step(x, u, p, dt):
         x.gust, x.path, x.calm = max(x.gust, p.gust_0 * p.gust_0), x.alpha_hat, 0.0
     x.age += dt
     x.path += (1.0 - math.exp(-dt / p.tau_f)) * (x.alpha_hat - x.path)
-    x.away = x.path - x.eq[0] * DEG
+    x.away = x.path - x.eq[0] * RAD_PER_DEG
     reconstruct(x, u, p, dt)
-    steep = max(x.path, x.eq[0] * DEG) > p.alpha_max or -x.A[0, 0] < p.lift_min
+    steep = max(x.path, x.eq[0] * RAD_PER_DEG) > p.alpha_max or -x.A[0, 0] < p.lift_min
     linear = math.fabs(x.away) <= p.away_max and not steep
     x.calm = x.calm + dt if linear else 0.0
     if why == VALID:

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 
 from actuators.block import kernel
+from actuators.constants import RAD_PER_DEG
 from fdi.common.decision import usable
 from fdi.common.why import LOST_SENSOR, NOT_READY, RATE, VALID
 from fdi.rfafe import decision as rfafe_decision
 
-DEG = math.pi / 180.0
 AIRFRAME = 4  # outputs of the airframe, before those of elevators
 NS, NY, NU, NF = 12, 8, 2, 2  # largest sizes: estimator state, outputs, inputs, faults
 TAU_AHEAD = 2.0  # memory of a command beyond the rate limit: two periods of 1 Hz [s]
@@ -119,7 +119,7 @@ def fill_stored(p: Any, design: Any, chosen: Any, dt: float, trim: Any, learn: A
         learned = {"y_trim": trim[: len(learn)], "u_trim": [trim[AIRFRAME]] * NU}
     if "rate_deg_s" in act:
         learned |= {"act_a": np.broadcast_to(act["a_rad_s"], NU), "act_rate": act["rate_deg_s"]}
-    return fill(p, design, unit=DEG, u_delay=np.asarray(chosen["u_delay_s"]) / dt, **learned)
+    return fill(p, design, unit=RAD_PER_DEG, u_delay=np.asarray(chosen["u_delay_s"]) / dt, **learned)
 
 
 @kernel
@@ -133,9 +133,9 @@ def airframe_usable(u):
 def read_airframe(x, u, p):
     """Take the airframe outputs as deviations from the trim, in the paper's units."""
     x.y[0] = u.tas - p.y_trim[0]
-    x.y[1] = u.alpha / DEG - p.y_trim[1]
-    x.y[2] = u.q / DEG - p.y_trim[2]
-    x.y[3] = u.theta / DEG - p.y_trim[3]
+    x.y[1] = u.alpha / RAD_PER_DEG - p.y_trim[1]
+    x.y[2] = u.q / RAD_PER_DEG - p.y_trim[2]
+    x.y[3] = u.theta / RAD_PER_DEG - p.y_trim[3]
 
 
 @kernel
@@ -146,11 +146,11 @@ def hold_airframe(x, u, p):
     if usable(u.tas, u.tas_valid) > 0.5:
         x.y[0] = u.tas - p.y_trim[0]
     if usable(u.alpha, u.alpha_valid) > 0.5:
-        x.y[1] = u.alpha / DEG - p.y_trim[1]
+        x.y[1] = u.alpha / RAD_PER_DEG - p.y_trim[1]
     if usable(u.q, u.q_valid) > 0.5:
-        x.y[2] = u.q / DEG - p.y_trim[2]
+        x.y[2] = u.q / RAD_PER_DEG - p.y_trim[2]
     if usable(u.theta, u.theta_valid) > 0.5:
-        x.y[3] = u.theta / DEG - p.y_trim[3]
+        x.y[3] = u.theta / RAD_PER_DEG - p.y_trim[3]
 
 
 @kernel

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
+from actuators.constants import RAD_PER_DEG
 from fdi.common import bank
 from fdi.common.conditions import DesignError, separate
 from fdi.common.decision import held, usable
@@ -37,7 +38,6 @@ CULPRITS = ("", "elevator_left", "elevator_right")
 # 4.3 Hz, and at 6.1 Hz its rate limit lets half of 1 deg through
 RESPONSE = {"hydraulic": (35.9, 0.327)}
 FLAT = 60.0  # rad/s: with the resonance taken out f_hat is flat to there, damping 0.7
-DEG = math.pi / 180.0
 DT = 0.005  # base tick [s]
 
 PARAMS = dtype([
@@ -119,7 +119,8 @@ def params(
     p = record(PARAMS, weight=weight, even=even, **bank.design(dt), **thresholds("rfafe", which))
     t = None
     if trim is not None:
-        t = [trim["tas"], trim["alpha"] / DEG, 0.0, trim["theta"] / DEG, *[trim["elevator"] / DEG] * 2]
+        alpha, theta, elevator = (trim[name] / RAD_PER_DEG for name in ("alpha", "theta", "elevator"))
+        t = [trim["tas"], alpha, 0.0, theta, elevator, elevator]
     return fill_stored(p, made, chosen, dt, t, (1, 1, 0, 1, 1, 1))
 
 
@@ -157,10 +158,10 @@ def step(x, u, p, dt):
         good = min(good, usable(u.surface[i], u.surface_valid[i]))
     if good > 0.5:
         hold_airframe(x, u, p)  # the gain on it is zero: a lost sensor of the airframe is no loss
-        x.y[4] = (p.weight[0] * u.surface[0] + p.weight[1] * u.surface[1]) / DEG - p.y_trim[4]
-        x.y[5] = (p.weight[2] * u.surface[2] + p.weight[3] * u.surface[3]) / DEG - p.y_trim[5]
+        x.y[4] = (p.weight[0] * u.surface[0] + p.weight[1] * u.surface[1]) / RAD_PER_DEG - p.y_trim[4]
+        x.y[5] = (p.weight[2] * u.surface[2] + p.weight[3] * u.surface[3]) / RAD_PER_DEG - p.y_trim[5]
     for j in range(2):
-        x.u_in[j] = held(u.command[j] / DEG - p.u_trim[j], 1.0, x.u_in[j])
+        x.u_in[j] = held(u.command[j] / RAD_PER_DEG - p.u_trim[j], 1.0, x.u_in[j])
     advance(x, p, good, dt)
     x.f_hat_left = _evened(x, p, 0)
     x.f_hat_right = _evened(x, p, 1)

@@ -9,12 +9,12 @@ to be had either, and the margin of the decision is set so that it is never name
 actuator's model, never the measured surface. V in m/s, angles in deg, q in deg/s inside.
 """
 
-import math
 from typing import Any
 
 import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
+from actuators.constants import RAD_PER_DEG
 from fdi.common import bank
 from fdi.common.decision import held
 from fdi.common.record import Detector, Estimate
@@ -24,7 +24,6 @@ from fdi.rfafe.core import advance, airframe_usable, fill_stored, read_airframe
 from fdi.rfafe.store import choose, side_kinds
 
 CULPRITS = ("", "elevator")
-DEG = math.pi / 180.0
 DT = 0.005  # base tick [s]
 
 PARAMS = dtype(rfafe_core.PARAMS)
@@ -69,7 +68,10 @@ def params(
     """Return PARAMS from the stored design and threshold set `which`; arguments as in `fdi.rfafe.rfafe.params`."""
     design, chosen = choose("rfafe_airframe" if stored is None else stored, technology, dt)
     p = record(PARAMS, **bank.design(dt), **thresholds("rfafe_airframe", which))
-    t = None if trim is None else [trim["tas"], trim["alpha"] / DEG, 0.0, trim["theta"] / DEG, trim["elevator"] / DEG]
+    t = None
+    if trim is not None:
+        alpha, theta, elevator = (trim[name] / RAD_PER_DEG for name in ("alpha", "theta", "elevator"))
+        t = [trim["tas"], alpha, 0.0, theta, elevator]
     return fill_stored(p, design, chosen, dt, t, (1, 1, 0, 1))
 
 
@@ -84,7 +86,7 @@ def step(x, u, p, dt):
     good = airframe_usable(u)
     if good > 0.5:
         read_airframe(x, u, p)
-    x.u_in[0] = held(u.command / DEG - p.u_trim[0], 1.0, x.u_in[0])
+    x.u_in[0] = held(u.command / RAD_PER_DEG - p.u_trim[0], 1.0, x.u_in[0])
     advance(x, p, good, dt)
     x.f_hat = x.f[0]
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from lu17_bench import DT, doublets, fly, inputs, roll
 
-from cosim.papers.studies.ema_bench import DEG, fly_bench, script, three_two_one_one
+from actuators.constants import RAD_PER_DEG
+from cosim.papers.studies.ema_bench import fly_bench, script, three_two_one_one
 from fdi.ema import ema_kalman, ema_kalman_flight
 from fdi.hydraulic import iotsekf, rtsekf, rtsekf_flight
 from fdi.monitors import ofc_monitor, position_monitor
@@ -93,4 +94,4 @@ def test_samples_that_drop_out_now_and_then_do_not_matter_in_the_loop(flag):
     flown = fly_bench(tick)
     assert all(np.isfinite(flown.log[name]).all() for name in flown.log.dtype.names)
     assert not flown.log["alarm"].any()
-    assert np.abs(flown.estimate_error).max() < 0.5 * DEG
+    assert np.abs(flown.estimate_error).max() < 0.5 * RAD_PER_DEG

@@ -5,6 +5,7 @@ import functools
 import numpy as np
 import pytest
 
+from actuators.constants import RAD_PER_DEG
 from cosim.flight.plant.aero.functions import AeroFunctions, numbers_digest
 from cosim.flight.plant.force_model import FOLDER, force_model
 from cosim.flight.plant.plant import POINTS, Plant
@@ -16,8 +17,6 @@ from fdi.control_redundancy import control_redundancy
 from fdi.control_redundancy import force_model as fm
 from fdi.control_redundancy import structure as redundancy_structure
 from fdi.control_redundancy.structure import TALK, families, residuals, signatures, undefined
-
-DEG = np.pi / 180
 
 
 def test_slide_10_follows_from_the_pattern_of_slide_7():
@@ -98,7 +97,7 @@ def test_the_rows_read_from_the_xml_are_those_that_jsbsim_flies(point):
         x, log = control_redundancy.init(p), np.zeros((1, 1), control_redundancy.STATE)
         control_redundancy.rollout(x, _now(plant.truth()[0]), p, 0.005, log)
         assert np.abs(x["e"][0, :3]).max() < 1e-3
-        assert np.abs(x["e"][0, 3:]).max() < 0.02 * DEG
+        assert np.abs(x["e"][0, 3:]).max() < 0.02 * RAD_PER_DEG
 
 
 def test_this_aircraft_has_four_signatures_and_is_blind_to_the_aileron_in_its_forces():

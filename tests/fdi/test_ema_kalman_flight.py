@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_lyapunov
 
+from actuators.constants import RAD_PER_DEG
 from actuators.ema import jay
-from cosim.papers.studies.ema_bench import ARM, DEG, DT, NO_LOAD, STALL, fly_bench, script, three_two_one_one
+from cosim.papers.studies.ema_bench import ARM, DT, NO_LOAD, STALL, fly_bench, script, three_two_one_one
 from cosim.papers.studies.ema_draws import (
     FAULTS,
     SECONDS,
@@ -105,14 +106,15 @@ def test_fault_free_tests_stay_below_their_thresholds_as_stored():
 def test_smallest_fault_that_is_found():
     """On 20 draws: 0.4 deg of position and 6 % of the stall current are found, a fifth of that is not."""
     seeds = range(2000, 2020)
-    assert smallest("position + 1 deg", np.array([0.08, 0.4]) * DEG * ARM, seeds) == pytest.approx(0.4 * DEG * ARM)
+    degree = RAD_PER_DEG * ARM
+    assert smallest("position + 1 deg", np.array([0.08, 0.4]) * degree, seeds) == pytest.approx(0.4 * degree)
     assert smallest("current + 10 % of stall", np.array([0.01, 0.06]) * STALL, seeds) == pytest.approx(0.06 * STALL)
 
 
 @pytest.mark.parametrize("share", [0.002, 0.005, 0.01, 0.03, 0.05, 0.07, 0.1])
 def test_a_velocity_bias_never_reconfigures(share):
     """In a 3-2-1-1, in a slow sine and at rest; small ones are ambiguous at most."""
-    commands = (None, lambda t: 10 * DEG * np.sin(2 * np.pi * 0.3 * t), lambda t: 0.0 * t)
+    commands = (None, lambda t: 10 * RAD_PER_DEG * np.sin(2 * np.pi * 0.3 * t), lambda t: 0.0 * t)
     for command in commands:
         for sign in (1.0, -1.0):
             found = outcomes(
@@ -128,7 +130,7 @@ def test_a_velocity_scale_in_slow_motion_is_not_blamed_on_the_position(scale):
     """Where the torque says too little about the velocity, the verdict is ambiguous and the loop stays where it is."""
     for f in (0.3, 0.5):
         found = outcomes("velocity x1.25", range(2000, 2010), size=scale,
-                         command=lambda t, f=f: 8 * DEG * np.sin(2 * np.pi * f * t))  # fmt: skip
+                         command=lambda t, f=f: 8 * RAD_PER_DEG * np.sin(2 * np.pi * f * t))  # fmt: skip
         assert not any(o.reconfigured for o in found)
         assert "position" not in {o.named for o in found}
 
@@ -136,7 +138,7 @@ def test_a_velocity_scale_in_slow_motion_is_not_blamed_on_the_position(scale):
 def test_position_drift_at_rest_is_ambiguous():
     tick = script(20.0)
     t = np.arange(len(tick)) * DT
-    tick["f_p"] = np.clip(t - 5.0, 0.0, None) * 0.3 * DEG * ARM
+    tick["f_p"] = np.clip(t - 5.0, 0.0, None) * 0.3 * RAD_PER_DEG * ARM
     log = fly_bench(tick).log
     assert log["verdict"][-1] == AMBIGUOUS and not log["reconf"].any()
 
@@ -171,7 +173,7 @@ def test_current_fault_inside_the_loop_never_reconfigures():
 # --- reconfiguration
 
 
-@pytest.mark.parametrize("fault, size", [("f_p", 5 * DEG * ARM), ("f_p", 15 * DEG * ARM), ("z_p", 1.0)])
+@pytest.mark.parametrize("fault, size", [("f_p", 5 * RAD_PER_DEG * ARM), ("f_p", 15 * RAD_PER_DEG * ARM), ("z_p", 1.0)])
 def test_surface_stays_below_half_a_degree_for_60_s_after_reconfiguration(fault, size):
     """With a velocity bias of 1e-4 of no-load; at 1e-3 too, because the anchor has learned it before the fault."""
     for bias in (1e-4, -1e-4, 1e-3):
@@ -181,8 +183,8 @@ def test_surface_stays_below_half_a_degree_for_60_s_after_reconfiguration(fault,
             assert 20.0 < begin < 21.5  # frozen on a plateau shows at the pulse's end, 21.2 s
             late = (t > begin + 2.0) & (t < begin + 62.0)
             settled = late & (np.abs(np.gradient(flown.reference, t)) < 1e-3)
-            assert np.abs(flown.surface - flown.reference)[settled].max() < 0.5 * DEG
-            assert np.abs(flown.estimate_error)[late[1:]].max() < 0.5 * DEG
+            assert np.abs(flown.surface - flown.reference)[settled].max() < 0.5 * RAD_PER_DEG
+            assert np.abs(flown.estimate_error)[late[1:]].max() < 0.5 * RAD_PER_DEG
             assert np.all(flown.log["valid"][late] == 1.0)
 
 
@@ -190,13 +192,13 @@ def test_pos_sigma_covers_the_error_and_validity_is_withdrawn():
     """Its error over its sigma after 60 s stays below 3 in ten runs; with no position sensor for long, valid falls."""
     ratio = []
     for seed in range(2000, 2010):
-        flown, _ = reconfigured("f_p", 5 * DEG * ARM, bias=0.0, seed=seed)
+        flown, _ = reconfigured("f_p", 5 * RAD_PER_DEG * ARM, bias=0.0, seed=seed)
         ratio.append(flown.estimate_error[-1] * ARM / flown.log["pos_sigma"][-1])
     assert np.abs(ratio).max() < 3.0
     tick = script(400.0)
-    tick["f_p"][round(5.0 / DT) :] = 5 * DEG * ARM
+    tick["f_p"][round(5.0 / DT) :] = 5 * RAD_PER_DEG * ARM
     log = fly_bench(tick).log
-    gone = log["pos_sigma"] > 0.5 * DEG * ARM
+    gone = log["pos_sigma"] > 0.5 * RAD_PER_DEG * ARM
     assert gone.any() and not gone[: round(60.0 / DT)].any()
     np.testing.assert_array_equal(log["valid"][1:], np.where(gone, 0.0, 1.0)[1:])
 
@@ -204,7 +206,7 @@ def test_pos_sigma_covers_the_error_and_validity_is_withdrawn():
 def test_a_healed_position_sensor_is_taken_back_after_motion():
     t = np.arange(round(40.0 / DT)) * DT
     tick = script(40.0, command=three_two_one_one(t, start=15.0))
-    tick["f_p"][(t >= 5.0) & (t < 10.0)] = 2 * DEG * ARM
+    tick["f_p"][(t >= 5.0) & (t < 10.0)] = 2 * RAD_PER_DEG * ARM
     log = fly_bench(tick).log
     assert log["reconf"][round(14.9 / DT)] == 1.0  # agreement at rest proves nothing
     assert log["alarm"][-1] == 0.0 and log["reconf"][-1] == 0.0
@@ -245,14 +247,17 @@ def test_dropouts_are_survived(flag, seconds):
     assert flown.log["valid"][-1] == 1.0
     if flag == "ok_v" and seconds > 0.2:
         assert (flown.log["valid"][hit] == 0.0).any()
-    assert abs(flown.estimate_error[-1]) < 0.3 * DEG
+    assert abs(flown.estimate_error[-1]) < 0.3 * RAD_PER_DEG
 
 
-@pytest.mark.parametrize("field, size", [("f_v", 2 * NO_LOAD), ("f_v", -1e6), ("f_p", 20 * DEG * ARM), ("f_c", 100.0)])
+SPIKES = [("f_v", 2 * NO_LOAD), ("f_v", -1e6), ("f_p", 20 * RAD_PER_DEG * ARM), ("f_c", 100.0)]
+
+
+@pytest.mark.parametrize("field, size", SPIKES)
 def test_single_spikes_are_ignored(field, size):
     flown, _ = gap(field, DT, value=size)
     assert not flown.log["alarm"].any()
-    assert abs(flown.estimate_error[-1]) < 0.3 * DEG
+    assert abs(flown.estimate_error[-1]) < 0.3 * RAD_PER_DEG
 
 
 def test_a_frozen_velocity_sensor_is_named():

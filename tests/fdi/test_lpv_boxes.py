@@ -1,10 +1,10 @@
 """The scheduled observer in flight: boxes and their inequalities, gusts taken out, three verdicts at once, why not."""
 
-import math
 
 import numpy as np
 import pytest
 
+from actuators.constants import RAD_PER_DEG
 from cosim.flight.detectors import sources
 from cosim.flight.signals import detect, fly
 from cosim.flight.site import site
@@ -12,7 +12,6 @@ from cosim.scenario import load_scenario
 from fdi.common import why
 from fdi.lpv_smo import boxes, lpv_smo, synthesis
 
-DEG = math.pi / 180
 WIRES = sources("lpv_smo")
 LIGHT = ["flight.mass_t=215", "flight.cg_pct=30", "flight.altitude_ft=15000", "flight.cas_kt=300"]
 FAULTS = [
@@ -57,9 +56,9 @@ def test_three_faults_at_once_have_three_names_within_two_seconds_in_moderate_tu
         assert log[f"alarm_{name}"][late].all(), name
     assert np.array_equal(log["alarm"] > 0, (log["alarm_elevator"] + log["alarm_n_z"] + log["alarm_alpha"]) > 0)
     last = log[-1]
-    assert last["f_hat_elevator"] == pytest.approx(3 * DEG, rel=0.25)
+    assert last["f_hat_elevator"] == pytest.approx(3 * RAD_PER_DEG, rel=0.25)
     assert last["f_hat_n_z"] == pytest.approx(0.5, rel=0.1)
-    assert last["f_hat_alpha"] == pytest.approx(5 * DEG, rel=0.1)
+    assert last["f_hat_alpha"] == pytest.approx(5 * RAD_PER_DEG, rel=0.1)
 
 
 def test_a_fault_does_not_raise_its_own_allowance(faulty):
@@ -77,9 +76,9 @@ def test_the_state_goes_over_from_box_to_box():
     changed = np.flatnonzero(np.diff(log["box"])) + 1
     assert (log["box"][-1] != log["box"][1500]) and log["valid"][changed[-1]] > 0
     assert not log["alarm"].any()
-    for name, small in (("path", 0.05 * DEG), ("f_hat_elevator", 0.03 * DEG), ("f_hat_n_z", 0.003)):
+    for name, small in (("path", 0.05 * RAD_PER_DEG), ("f_hat_elevator", 0.03 * RAD_PER_DEG), ("f_hat_n_z", 0.003)):
         assert np.abs(np.diff(log[name]))[changed - 1].max() < small, name
-    assert np.abs(log["f_hat_elevator"][-1] - log["f_hat_elevator"][changed[-1] - 1]) < 1.0 * DEG
+    assert np.abs(log["f_hat_elevator"][-1] - log["f_hat_elevator"][changed[-1] - 1]) < 1.0 * RAD_PER_DEG
 
 
 def test_it_says_why_it_is_silent(faulty):

@@ -6,13 +6,13 @@ import lpv_transport as transport
 import numpy as np
 import pytest
 
+from actuators.constants import RAD_PER_DEG
 from fdi.common.verdict import AMBIGUOUS, OFC_LIQUID, SENSOR
 from fdi.lpv_smo import kernels as lpv_kernels
 from fdi.lpv_smo import lpv_smo
 from fdi.lpv_smo import model as lpv_model
 from fdi.lpv_smo import synthesis as lpv_smo_design
 
-DEG = np.pi / 180
 M = np.array([[1.0, 0, 0, 0, 0], [0, 0, 0, 1.0, 0]]).T  # (36)
 
 
@@ -35,13 +35,14 @@ def run(rho, *, flight=None, **kw):
 def test_simultaneous_faults_come_out_within_one_per_cent_on_the_lpv_plant(point):
     log, _ = run(np.array(transport.POINTS[point], float))
     end = log[-1000:]  # the last five seconds
-    assert end["f_hat_elevator"].mean() / DEG == pytest.approx(3.0, rel=0.01)
+    assert end["f_hat_elevator"].mean() / RAD_PER_DEG == pytest.approx(3.0, rel=0.01)
     assert end["f_hat_n_z"].mean() == pytest.approx(0.5, rel=0.01)
-    assert end["f_hat_alpha"].mean() / DEG == pytest.approx(5.0, rel=0.01)
+    assert end["f_hat_alpha"].mean() / RAD_PER_DEG == pytest.approx(5.0, rel=0.01)
     assert 0.03 < end["f_hat_n_z_raw"].mean() / 0.5 - 1 < 0.08  # as printed: 3 to 7 % wrong, 8 % at the lightest point
     assert log["e_norm"].max() <= 1e-3
     before = log[500:2000]
-    assert np.abs(before["f_hat_elevator"]).max() < 0.01 * DEG and np.abs(before["f_hat_alpha"]).max() < 0.01 * DEG
+    for name in ("f_hat_elevator", "f_hat_alpha"):
+        assert np.abs(before[name]).max() < 0.01 * RAD_PER_DEG
 
 
 def test_sensor_noise_does_not_saturate_the_injection():
@@ -72,7 +73,7 @@ def test_halving_the_step_changes_no_fault_by_more_than_two_per_mille():
 def test_a_step_of_the_fault_is_smoothed_as_documented():
     log, _ = run(np.array(transport.POINTS["E"], float), flight={"faults": (3.0, 0.0, 0.0)})
     after = log["f_hat_elevator"][2000 + 92]  # 0.46 s
-    assert after / (3 * DEG) == pytest.approx(0.9, abs=0.02)
+    assert after / (3 * RAD_PER_DEG) == pytest.approx(0.9, abs=0.02)
 
 
 def test_the_design_holds_when_it_is_substituted_back():
@@ -128,7 +129,7 @@ def test_the_observer_equals_its_textbook_form():
     x = np.r_[e0, s[0]]
     h = 0.005 / n
     for k in range(1, 200):
-        du = np.array([u["de_lo"][0, k - 1] / DEG - u_eq[0], 0.0])
+        du = np.array([u["de_lo"][0, k - 1] / RAD_PER_DEG - u_eq[0], 0.0])
         for i in range(n):
             y = s[k - 1] + (s[k] - s[k - 1]) * i / n
             e = x[1:] - y
@@ -136,7 +137,7 @@ def test_the_observer_equals_its_textbook_form():
             nu = -30.0 * w / (np.linalg.norm(w) + 1e-4)
             x = x + h * (a @ x + b @ du - G_l @ e + G_n @ nu)
     assert d.W[0] @ nu == pytest.approx(d.W[0] @ log["nu"][199], rel=0.02)
-    assert x[0] == pytest.approx(log["alpha_hat"][199] / DEG - x_eq[0], abs=0.02)
+    assert x[0] == pytest.approx(log["alpha_hat"][199] / RAD_PER_DEG - x_eq[0], abs=0.02)
 
 
 def test_the_implicit_step_solves_its_own_equation():
@@ -206,8 +207,9 @@ def test_a_fifth_parameter_and_other_units_are_designed():
     rest = [np.concatenate([S, 0 * S[:1]]) for S in (m.B, m.C, m.D)]
     made_5 = lpv_smo.design(A, *rest, box=np.vstack([m.box, [-1.0, 1.0]]), M=M)
     assert lpv_smo.verify(made_5)["ok"] and len(lpv_model.vertices(made_5.box)) == 32
-    x, y = np.array([DEG, 3.28, DEG, 3.28, DEG]), np.array([3.28, DEG, 3.28, DEG, 1.0, DEG])  # ft and rad
-    A, B, C, D = x[:, None] * m.A / x, x[:, None] * m.B / DEG, y[:, None] * m.C / x, y[:, None] * m.D / DEG
+    rad, ft = RAD_PER_DEG, 3.28
+    x, y = np.array([rad, ft, rad, ft, rad]), np.array([ft, rad, ft, rad, 1.0, rad])
+    A, B, C, D = x[:, None] * m.A / x, x[:, None] * m.B / rad, y[:, None] * m.C / x, y[:, None] * m.D / rad
     assert lpv_smo.verify(lpv_smo.design(A, B, C, D, box=m.box))["ok"]
 
 
@@ -254,8 +256,8 @@ def test_a_dropout_leaves_no_nan_and_the_estimates_come_back():
     for name in lpv_smo.STATE.names:
         assert np.isfinite(log[name][0, 10:]).all(), name
     assert log["valid"][0, 3010] == 0 and log["valid"][0, 3250] == 0
-    assert log["f_hat_elevator"][0, -1] / DEG == pytest.approx(3.0, rel=0.01)
-    assert log["f_hat_alpha"][0, -1] / DEG == pytest.approx(5.0, rel=0.01)
+    assert log["f_hat_elevator"][0, -1] / RAD_PER_DEG == pytest.approx(3.0, rel=0.01)
+    assert log["f_hat_alpha"][0, -1] / RAD_PER_DEG == pytest.approx(5.0, rel=0.01)
 
 
 @pytest.mark.parametrize(
@@ -281,7 +283,7 @@ def test_an_oscillating_elevator_is_called_an_oscillation():
     t = np.arange(u.shape[1]) * 0.005
     # an elevator that oscillates against a still command is a command that oscillates against a still elevator
     for name in ("de_lo", "de_li", "de_ri", "de_ro"):
-        u[name][0] += 4.0 * DEG * np.sin(2 * np.pi * 0.8 * t) * (t > 10)
+        u[name][0] += 4.0 * RAD_PER_DEG * np.sin(2 * np.pi * 0.8 * t) * (t > 10)
     p = lpv_smo.params(model=m, made=made())
     log = np.zeros(u.shape, lpv_smo.STATE)
     lpv_smo.rollout(lpv_smo.init(p), u, p, 0.005, log)
@@ -311,7 +313,7 @@ def test_a_moving_flight_point_does_not_move_the_estimate_of_alpha():
     p = lpv_smo.params(model=m, made=made(), tau_rho=0.0)
     log = np.zeros(u.shape, lpv_smo.STATE)
     lpv_smo.rollout(lpv_smo.init(p), u, p, 0.005, log)
-    assert np.abs(log["alpha_hat"][0] - u["alpha"][0]).max() < 0.1 * DEG
+    assert np.abs(log["alpha_hat"][0] - u["alpha"][0]).max() < 0.1 * RAD_PER_DEG
 
 
 def test_the_stored_design_belongs_to_the_aircraft_and_holds_the_fit_to_its_bounds():
@@ -346,7 +348,7 @@ def test_the_stored_design_finds_simultaneous_faults_on_its_own_plant(point):
     p = lpv_smo.params(model=model, made=own, bank=False)
     lpv_smo.rollout(lpv_smo.init(p), u, p, 0.005, log)
     late = log[0][-1000:]
-    for name, true in (("f_hat_elevator", 3 * DEG), ("f_hat_n_z", 0.5), ("f_hat_alpha", 5 * DEG)):
+    for name, true in (("f_hat_elevator", 3 * RAD_PER_DEG), ("f_hat_n_z", 0.5), ("f_hat_alpha", 5 * RAD_PER_DEG)):
         assert late[name].mean() == pytest.approx(true, rel=0.01)
     assert abs(late["f_hat_n_z_raw"].mean() / 0.5 - 1) > 0.01  # what (2) leaves out
     assert log["e_norm"].max() <= 1e-3

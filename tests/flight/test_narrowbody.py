@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import cosim
+from actuators.constants import G0
 from cosim.errors import ScenarioError, TrimError
 from cosim.flight.detectors import left_out
 from cosim.flight.plant.aero import estimate
@@ -21,7 +22,6 @@ from cosim.scenario.aircraft import load_aircraft
 
 AIRCRAFT = load_aircraft("narrowbody")
 NUMBERS = estimate.numbers(AIRCRAFT.folder)
-G0 = 9.80665
 
 
 def test_the_files_are_what_the_numbers_make():

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
+from actuators.constants import M_PER_FT, RAD_PER_DEG
 from cosim.errors import TrimError
 from cosim.flight.plant.border import border
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.plant import POINTS, FlightPoint, Plant, Port
 from cosim.scenario.aircraft import load_aircraft
 
-FT = 0.3048
 BORDER = border(load_aircraft())
 TRUTH, SURFACES = BORDER.truth, BORDER.inputs
 COLUMN = {name: i for i, name in enumerate(SURFACES)}
@@ -32,20 +32,19 @@ def _flown(seconds, move=None, flight=POINTS["sun13"], dt=0.005):
 
 
 ELEVATORS = ("de_lo", "de_li", "de_ri", "de_ro")
-DEG = math.radians(1.0)
 
 
 @pytest.mark.parametrize(
     ("move", "field", "sign"),
     [
-        ({n: DEG for n in ELEVATORS}, "q", -1),         # trailing edge down pitches down
-        ({n: DEG for n in ELEVATORS}, "alpha", -1),
-        ({n: DEG for n in ELEVATORS}, "nz", -1),
-        ({"stab": DEG}, "theta", -1),                   # stabiliser trailing edge down pitches down
-        ({"da_l": DEG}, "p", +1),                       # each aileron + rolls right
-        ({"da_r": DEG}, "phi", +1),
-        ({"dr": DEG}, "r", -1),                         # rudder + yaws left
-        ({"de_lo": DEG, "de_ro": -DEG}, "p", +1),       # more lift on the left tail rolls right
+        ({n: RAD_PER_DEG for n in ELEVATORS}, "q", -1),         # trailing edge down pitches down
+        ({n: RAD_PER_DEG for n in ELEVATORS}, "alpha", -1),
+        ({n: RAD_PER_DEG for n in ELEVATORS}, "nz", -1),
+        ({"stab": RAD_PER_DEG}, "theta", -1),                   # stabiliser trailing edge down pitches down
+        ({"da_l": RAD_PER_DEG}, "p", +1),                       # each aileron + rolls right
+        ({"da_r": RAD_PER_DEG}, "phi", +1),
+        ({"dr": RAD_PER_DEG}, "r", -1),                         # rudder + yaws left
+        ({"de_lo": RAD_PER_DEG, "de_ro": -RAD_PER_DEG}, "p", +1),       # more lift on the left tail rolls right
         ({"thrust_loss_4": 1.0}, "r", +1),              # right outer engine lost: yaws right
         ({"thrust_loss_1": 1.0, "thrust_loss_4": 1.0}, "tas", -1),
         ({f"throttle_{i}": 0.1 for i in (1, 2, 3, 4)}, "nx", +1),
@@ -82,7 +81,7 @@ def test_hinge_moment_opposes_the_segment_and_its_angle_of_attack():
 @pytest.mark.parametrize("name", POINTS)
 def test_hands_off_for_60_s(name):
     before, after = _flown(60.0, flight=POINTS[name])
-    assert abs(after.h - before.h) < 0.1 * FT
+    assert abs(after.h - before.h) < 0.1 * M_PER_FT
     assert abs(after.tas - before.tas) < 1e-3
     assert abs(after.phi) < 1e-4
 
@@ -105,7 +104,7 @@ def test_turbulence_grows_with_its_name_and_none_is_still():
         for _ in range(6000):
             plant.write(trim.surfaces)
             plant.run()
-            w.append(plant.port.getter("atmosphere/total-wind-down-fps")() * FT)
+            w.append(plant.port.getter("atmosphere/total-wind-down-fps")() * M_PER_FT)
         rms.append(np.std(w))
     assert rms[0] < 1e-20
     assert 0.1 < rms[1] < rms[2] < rms[3] < 12.0
@@ -151,7 +150,7 @@ def test_linear_model_predicts_a_small_doublet():
     zero = plant.truth()[0].copy()
     surfaces = trim.surfaces.copy()
     for k in range(800):
-        u = 0.2 * DEG * (1 if k < 200 else -1 if k < 400 else 0)
+        u = 0.2 * RAD_PER_DEG * (1 if k < 200 else -1 if k < 400 else 0)
         surfaces[:4] = u
         plant.write(surfaces)
         plant.run()

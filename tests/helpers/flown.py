@@ -10,7 +10,6 @@ from cosim.papers.studies.manoeuvres import POINTS
 
 LAW = ("de_cmd", "da_cmd", "dr_cmd", "stab_cmd", "throttle_cmd", "protection", "alpha_lim", "n_c")
 TRUTH = ("alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "cas", "h", "hdot", "nz", "de_li", "da_l", "dr", "stab")
-KT, FT = 1852.0 / 3600.0, 0.3048
 
 
 def scenario(point="sun13", kind="cruise", **more):

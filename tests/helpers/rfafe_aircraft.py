@@ -5,10 +5,9 @@ import math
 import numpy as np
 from scipy.linalg import expm
 
+from actuators.constants import M_PER_FT, RAD_PER_DEG
 from fdi.rfafe import rfafe
 
-DEG = math.pi / 180.0
-FT = 0.3048
 TABLE = {  # NASA CR-2144 section IX, tables IX-3 and IX-4; the cruise elevator row is that of flight condition 9
     "IX3": {"3": ("SL", 0.45, 502.0, 300.0, 3.1), "4": ("SL", 0.65, 726.0, 626.0, 0.0),
             "6": ("20K", 0.65, 674.0, 288.0, 2.5),
@@ -38,18 +37,19 @@ def heffley_jewell(name):
     _, _, V, _, alpha = TABLE["IX3"][name]
     Xu, Zu, Mu, Xw, Zw, Mw, Zwd, Zq, Mwd, Mq = TABLE["IX4"][name]
     Xde, Zde, Mde = (TABLE["IX4_elevator"]["9"][k] for k in ("Xde", "Zde", "Mde"))
-    g, U0, W0 = 32.174, V * math.cos(alpha * DEG), V * math.sin(alpha * DEG)
+    g, U0, W0 = 32.174, V * math.cos(alpha * RAD_PER_DEG), V * math.sin(alpha * RAD_PER_DEG)
     E = np.eye(4)
     E[1, 1], E[2, 1] = 1.0 - Zwd, -Mwd
-    A = np.array([[Xu, Xw, -W0, -g * math.cos(alpha * DEG)], [Zu, Zw, U0 + Zq, -g * math.sin(alpha * DEG)],
+    down, along = g * math.cos(alpha * RAD_PER_DEG), g * math.sin(alpha * RAD_PER_DEG)
+    A = np.array([[Xu, Xw, -W0, -down], [Zu, Zw, U0 + Zq, -along],
                   [Mu, Mw, Mq, 0.0], [0.0, 0.0, 1.0, 0.0]])
     B = np.array([[Xde], [Zde], [Mde], [0.0]])
     A, B = np.linalg.solve(E, A), np.linalg.solve(E, B)
     # u, w -> V, alpha
     S = np.array([[U0 / V, W0 / V, 0, 0], [-W0 / V**2, U0 / V**2, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
-    unit = np.diag([FT, 1 / DEG, 1 / DEG, 1 / DEG])
+    unit = np.diag([M_PER_FT, 1 / RAD_PER_DEG, 1 / RAD_PER_DEG, 1 / RAD_PER_DEG])
     S = unit @ S
-    return S @ A @ np.linalg.inv(S), S @ B * DEG
+    return S @ A @ np.linalg.inv(S), S @ B * RAD_PER_DEG
 
 
 def global_of(A, B, a=18.0, sides=2):

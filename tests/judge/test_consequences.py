@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from actuators.constants import M_S_PER_KT
 from cosim.judge.consequences import NAMES, consequences
-from cosim.scenario.catalog import KT
 
 DT, CAS = 0.1, (50.0, 200.0)
 
@@ -26,7 +26,7 @@ def test_excursions_count_from_the_onset_on():
     m, hinge = steady(), np.zeros((100, 4))
     m["nz"][10], m["nz"][50], m["nz"][60] = 5.0, 2.6, -1.5
     m["h"][70:], m["phi"][80] = 5900.0, np.radians(-70.0)
-    m["cas"][90], m["cas"][91] = 100 - 5 * KT, 100 + 3 * KT
+    m["cas"][90], m["cas"][91] = 100 - 5 * M_S_PER_KT, 100 + 3 * M_S_PER_KT
     hinge[20, 0], hinge[95, 2] = 1e5, -2000.0
     found = consequences(m, hinge, 40, DT, CAS)
     assert (found["nz_min_g"], found["nz_max_g"], found["altitude_lost_m"]) == (-1.5, 2.6, 100.0)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from actuators.constants import RAD_PER_DEG
 from cosim.training import rfafe_noise
 from cosim.training.flights import estimate, fly_aircraft
-from cosim.training.rfafe import DEG
 from fdi.rfafe.store import read
 
 LEFT = tuple(f"left_{place}_{part}" for place in ("outer", "inner") for part in ("surface", "rod", "pressure"))
@@ -45,5 +45,5 @@ def test_a_fault_free_flight_in_still_air_is_as_noisy_as_predicted(parts, seed):
     flown = fly_aircraft(duration=40.0, seed=seed)
     late = flown.index > 3.0
     for name, field in rfafe_noise.FIELD.items():
-        got = np.std(estimate(flown, name)[field][late]) / DEG
+        got = np.std(estimate(flown, name)[field][late]) / RAD_PER_DEG
         assert 0.9 < got / rfafe_noise.total(parts[name]) < 1.2

@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from actuators.block import dtype, entry, kernel
+from actuators.constants import M_S_PER_KT, RAD_PER_DEG
 from cosim.scenario.aircraft import Aircraft
 
 DELAY_MAX = 32  # longest delay in ticks: 0.15 s at 5 ms
@@ -114,7 +115,6 @@ def step(x, u, p, dt):
 rollout = entry(step, STATE, INPUTS, PARAMS)
 
 
-DEG, KT, FT, G0 = math.pi / 180.0, 1852.0 / 3600.0, 0.3048, 9.80665
 _AIR, _REST = 0.010, 0.005  # delays [s]
 
 def fitted(aircraft: Aircraft) -> dict[str, tuple[str, float, float, str]]:
@@ -125,29 +125,29 @@ def fitted(aircraft: Aircraft) -> dict[str, tuple[str, float, float, str]]:
 
 # Sensor set `transport`: name -> (truth field, sigma in SI per 5 ms sample, delay [s], unit)
 TRANSPORT = {
-    "alpha": ("alpha", 0.03 * DEG, _AIR, "rad"),
-    "beta": ("beta", 0.03 * DEG, _AIR, "rad"),  # a vane like that of alpha
-    "cas": ("cas", 0.1 * KT, _AIR, "m/s"),
-    "tas": ("tas", 0.1 * KT, _AIR, "m/s"),  # computed by the air-data unit, noise as CAS
+    "alpha": ("alpha", 0.03 * RAD_PER_DEG, _AIR, "rad"),
+    "beta": ("beta", 0.03 * RAD_PER_DEG, _AIR, "rad"),  # a vane like that of alpha
+    "cas": ("cas", 0.1 * M_S_PER_KT, _AIR, "m/s"),
+    "tas": ("tas", 0.1 * M_S_PER_KT, _AIR, "m/s"),  # computed by the air-data unit, noise as CAS
     "mach": ("mach", 0.0002, _AIR, "-"),  # 0.1 kt of CAS at M 0.6
     "h_baro": ("h", 0.7, _AIR, "m"),
     "h_inertial": ("h", 0.02, _REST, "m"),
     "hdot": ("hdot", 0.05, _REST, "m/s"),  # inertial vertical speed
     # inertial too [Alwi14] tables 2, 3: 0.05 m/s on the velocity, with 0.02 deg of attitude 0.025 deg at 180 m/s
-    "alpha_ground": ("alpha_ground", 0.025 * DEG, _REST, "rad"),
+    "alpha_ground": ("alpha_ground", 0.025 * RAD_PER_DEG, _REST, "rad"),
     "v_ground": ("v_ground", 0.05, _REST, "m/s"),
-    "p": ("p", 0.02 * DEG, _REST, "rad/s"),  # the three gyros are alike
-    "q": ("q", 0.02 * DEG, _REST, "rad/s"),
-    "r": ("r", 0.02 * DEG, _REST, "rad/s"),
-    "phi": ("phi", 0.02 * DEG, _REST, "rad"),  # the three attitudes are alike
-    "theta": ("theta", 0.02 * DEG, _REST, "rad"),
-    "psi": ("psi", 0.02 * DEG, _REST, "rad"),
+    "p": ("p", 0.02 * RAD_PER_DEG, _REST, "rad/s"),  # the three gyros are alike
+    "q": ("q", 0.02 * RAD_PER_DEG, _REST, "rad/s"),
+    "r": ("r", 0.02 * RAD_PER_DEG, _REST, "rad/s"),
+    "phi": ("phi", 0.02 * RAD_PER_DEG, _REST, "rad"),  # the three attitudes are alike
+    "theta": ("theta", 0.02 * RAD_PER_DEG, _REST, "rad"),
+    "psi": ("psi", 0.02 * RAD_PER_DEG, _REST, "rad"),
     "n_x": ("nx", 0.007, _REST, "g"),
     "n_y": ("ny", 0.007, _REST, "g"),
     "n_z": ("nz", 0.007, _REST, "g"),
-    "pdot": ("pdot", 0.1 * DEG, _REST, "rad/s2"),
-    "qdot": ("qdot", 0.1 * DEG, _REST, "rad/s2"),
-    "rdot": ("rdot", 0.1 * DEG, _REST, "rad/s2"),
+    "pdot": ("pdot", 0.1 * RAD_PER_DEG, _REST, "rad/s2"),
+    "qdot": ("qdot", 0.1 * RAD_PER_DEG, _REST, "rad/s2"),
+    "rdot": ("rdot", 0.1 * RAD_PER_DEG, _REST, "rad/s2"),
     "n1_1": ("n1_1", 0.1, _REST, "%"),  # fan speed, 0.1 % of a tachometer
     "n1_2": ("n1_2", 0.1, _REST, "%"),
     "n1_3": ("n1_3", 0.1, _REST, "%"),

@@ -10,10 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from actuators.block import dtype, kernel
+from actuators.constants import G0, KG_PER_SLUG, M_PER_FT, N_M_PER_LBF_FT, N_PER_LBF, PA_PER_PSF
 from cosim.scenario.aircraft import Aircraft
-
-FT, LB, SLUG, KT = 0.3048, 4.4482216152605, 14.593902937206364, 1852.0 / 3600.0
-LBSFT, PSF, G0 = LB * FT, LB / FT**2, 9.80665
 
 _ENGINE = "propulsion/engine[{}]/"
 _MOTION = (  # (field, property, factor, unit); nx, ny, nz and cg get their last step in `to_si`
@@ -25,11 +23,11 @@ _MOTION = (  # (field, property, factor, unit); nx, ny, nz and cg get their last
     ("phi", "attitude/phi-rad", 1, "rad"),
     ("theta", "attitude/theta-rad", 1, "rad"),
     ("psi", "attitude/psi-rad", 1, "rad"),
-    ("tas", "velocities/vt-fps", FT, "m/s"),
-    ("cas", "velocities/vc-fps", FT, "m/s"),
+    ("tas", "velocities/vt-fps", M_PER_FT, "m/s"),
+    ("cas", "velocities/vc-fps", M_PER_FT, "m/s"),
     ("mach", "velocities/mach", 1, "-"),
-    ("h", "position/h-sl-ft", FT, "m"),  # above mean sea level
-    ("hdot", "velocities/h-dot-fps", FT, "m/s"),
+    ("h", "position/h-sl-ft", M_PER_FT, "m"),  # above mean sea level
+    ("hdot", "velocities/h-dot-fps", M_PER_FT, "m/s"),
     ("gamma", "flight-path/gamma-rad", 1, "rad"),
     ("nx", "forces/fbx-total-lbs", 1, "g"),  # forces over weight, forward +
     ("ny", "forces/fby-total-lbs", 1, "g"),  # right +
@@ -37,12 +35,12 @@ _MOTION = (  # (field, property, factor, unit); nx, ny, nz and cg get their last
     ("pdot", "accelerations/pdot-rad_sec2", 1, "rad/s2"),
     ("qdot", "accelerations/qdot-rad_sec2", 1, "rad/s2"),
     ("rdot", "accelerations/rdot-rad_sec2", 1, "rad/s2"),
-    ("udot", "accelerations/udot-ft_sec2", FT, "m/s2"),  # body axes
-    ("vdot", "accelerations/vdot-ft_sec2", FT, "m/s2"),
-    ("wdot", "accelerations/wdot-ft_sec2", FT, "m/s2"),
-    ("qbar", "aero/qbar-psf", PSF, "Pa"),
-    ("rho", "atmosphere/rho-slugs_ft3", SLUG / FT**3, "kg/m3"),
-    ("mass", "inertia/mass-slugs", SLUG, "kg"),
+    ("udot", "accelerations/udot-ft_sec2", M_PER_FT, "m/s2"),  # body axes
+    ("vdot", "accelerations/vdot-ft_sec2", M_PER_FT, "m/s2"),
+    ("wdot", "accelerations/wdot-ft_sec2", M_PER_FT, "m/s2"),
+    ("qbar", "aero/qbar-psf", PA_PER_PSF, "Pa"),
+    ("rho", "atmosphere/rho-slugs_ft3", KG_PER_SLUG / M_PER_FT**3, "kg/m3"),
+    ("mass", "inertia/mass-slugs", KG_PER_SLUG, "kg"),
     ("cg", "inertia/cg-x-in", 1, "-"),  # fraction of the mean chord
     ("lat", "position/lat-geod-rad", 1, "rad"),
     ("lon", "position/long-gc-rad", 1, "rad"),
@@ -52,14 +50,14 @@ _REST = (
     ("da_r", "fcs/aileron-right-pos-rad", 1, "rad"),
     ("dr", "fcs/rudder-applied-rad", 1, "rad"),  # + yaws left
     ("stab", "fcs/stabilizer-pos-rad", 1, "rad"),  # trailing edge down +
-    ("u", "velocities/u-fps", FT, "m/s"),  # body velocity over the ground
-    ("v", "velocities/v-fps", FT, "m/s"),
-    ("w", "velocities/w-fps", FT, "m/s"),
-    ("wind_n", "atmosphere/total-wind-north-fps", FT, "m/s"),  # wind with turbulence
-    ("wind_e", "atmosphere/total-wind-east-fps", FT, "m/s"),
-    ("wind_d", "atmosphere/total-wind-down-fps", FT, "m/s"),
-    ("alpha_ground", "velocities/w-fps", FT, "rad"),  # atan2(w, u) of the velocity over the ground, by `to_si`
-    ("v_ground", "velocities/u-fps", FT, "m/s"),  # its size
+    ("u", "velocities/u-fps", M_PER_FT, "m/s"),  # body velocity over the ground
+    ("v", "velocities/v-fps", M_PER_FT, "m/s"),
+    ("w", "velocities/w-fps", M_PER_FT, "m/s"),
+    ("wind_n", "atmosphere/total-wind-north-fps", M_PER_FT, "m/s"),  # wind with turbulence
+    ("wind_e", "atmosphere/total-wind-east-fps", M_PER_FT, "m/s"),
+    ("wind_d", "atmosphere/total-wind-down-fps", M_PER_FT, "m/s"),
+    ("alpha_ground", "velocities/w-fps", M_PER_FT, "rad"),  # atan2(w, u) of the velocity over the ground, by `to_si`
+    ("v_ground", "velocities/u-fps", M_PER_FT, "m/s"),  # its size
 )
 _NX, _MASS, _CG = (next(i for i, s in enumerate(_MOTION) if s[0] == name) for name in ("nx", "mass", "cg"))
 # places from the end, which is the same for every aircraft
@@ -106,10 +104,10 @@ def _border(segments: tuple[str, ...], engines: int) -> Border:
     signals = (
         *_MOTION,
         # hinge moment at zero angle, + drives down, and its slope over the segment's angle
-        *((f"hm0_{s}", f"aero/hinge-0-{s}-lbsft", LBSFT, "N m") for s in segments),
-        *((f"hmd_{s}", "aero/hinge-delta-lbsft_rad", LBSFT, "N m/rad") for s in segments),
+        *((f"hm0_{s}", f"aero/hinge-0-{s}-lbsft", N_M_PER_LBF_FT, "N m") for s in segments),
+        *((f"hmd_{s}", "aero/hinge-delta-lbsft_rad", N_M_PER_LBF_FT, "N m/rad") for s in segments),
         *((f"n1_{i + 1}", _ENGINE.format(i) + "n1", 1, "%") for i in range(engines)),  # fan speed
-        *((f"thrust_{i + 1}", _ENGINE.format(i) + "thrust-lbs", LB, "N") for i in range(engines)),
+        *((f"thrust_{i + 1}", _ENGINE.format(i) + "thrust-lbs", N_PER_LBF, "N") for i in range(engines)),
         *((f"de_{s}", f"fcs/elevator-{s}-pos-rad", 1, "rad") for s in segments),  # elevator, trailing edge down +
         *_REST,
     )
@@ -134,7 +132,7 @@ def to_si(raw, scale, out, reference, station, chord):
     """
     for i in range(raw.size):
         out[i] = raw[i] * scale[i]
-    weight = out[_MASS] * 9.80665
+    weight = out[_MASS] * G0
     for i in range(_NX, _NX + 3):
         out[i] = out[i] * 4.4482216152605 / weight
     out[_CG] = reference + (out[_CG] - station) / chord

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from actuators.constants import FT_PER_M, G0, KT_PER_M_S
 from cosim.errors import ScenarioError, TrimError
-from cosim.flight.plant.border import G0
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
 from cosim.scenario.aircraft import load_aircraft
@@ -99,8 +99,8 @@ def _middle(name, aircraft):
 
 
 def _words(point):
-    speed = f"Mach {point.speed:.2f}" if point.speed_kind == "mach" else f"{point.speed * 3600 / 1852:.0f} kt"
-    return f"{point.mass / 1e3:.0f} t, CG {point.cg * 100:.0f} %, {point.altitude / 0.3048:,.0f} ft, {speed}"
+    speed = f"Mach {point.speed:.2f}" if point.speed_kind == "mach" else f"{point.speed * KT_PER_M_S:.0f} kt"
+    return f"{point.mass / 1e3:.0f} t, CG {point.cg * 100:.0f} %, {point.altitude * FT_PER_M:,.0f} ft, {speed}"
 
 
 def _geometry(plant, aircraft) -> Iterator[Finding]:

@@ -12,13 +12,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from actuators.constants import G0, KG_PER_SLUG, M_PER_FT, M_PER_IN, N_PER_LBF, PA_PER_PSF
 from cosim.flight.plant.aero.functions import AeroFunctions, _lookup, _table, find, number
 from cosim.scenario.aircraft import load_aircraft
 from fdi.control_redundancy.force_model import VARIABLES, ForceModel
 
 FOLDER = load_aircraft().folder
-FT, LB, IN, SLUG, G0 = 0.3048, 4.4482216152605, 0.0254, 14.593902937206364, 9.80665
-PSF = LB / FT**2
 AXES = {"lift": "LIFT", "drag": "DRAG", "side": "SIDE", "roll": "ROLL", "pitch": "PITCH", "yaw": "YAW"}
 PROPERTY = {
     "alphadot": ("aero/alphadot-from-forces", "aero/alphadot-rad_sec"), "p": ("aero/p-rad_sec",),
@@ -46,8 +45,8 @@ def force_model(folder: Path = FOLDER) -> ForceModel:
         found += _quantities(aero, axis, alpha, mach, qbar)
     found.sort(key=lambda item: item[2] is None)  # those with alpha first
     return ForceModel(
-        area=aero.defaults["metrics/Sw-sqft"] * FT**2, span=aero.defaults["metrics/bw-ft"] * FT,
-        chord=aero.defaults["metrics/cbarw-ft"] * FT, alpha=alpha, mach=mach, qbar=qbar * PSF,
+        area=aero.defaults["metrics/Sw-sqft"] * M_PER_FT**2, span=aero.defaults["metrics/bw-ft"] * M_PER_FT,
+        chord=aero.defaults["metrics/cbarw-ft"] * M_PER_FT, alpha=alpha, mach=mach, qbar=qbar * PA_PER_PSF,
         quantities=tuple((axis, variable) for axis, variable, _, _ in found),
         t_a=np.array([t for _, _, t, _ in found if t is not None]), t_m=np.array([t for *_, t in found]),
         stability_rates=STABILITY["p"][0] in aero.functions, stability_moments=_frame(aero),
@@ -122,8 +121,8 @@ def _split(axis, variable, table, qbar):
 def _mass(root):
     """Return the radii of gyration squared [m2], from the empty aircraft: the loading keeps them."""
     balance = find(root, "mass_balance")
-    unit = {"KG*M2": 1.0, "SLUG*FT2": SLUG * FT**2}
-    empty = {"KG": 1.0, "LBS": LB / G0}[find(balance, "emptywt").get("unit", "LBS")] * number(balance, "emptywt")
+    unit = {"KG*M2": 1.0, "SLUG*FT2": KG_PER_SLUG * M_PER_FT**2}
+    empty = {"KG": 1.0, "LBS": N_PER_LBF / G0}[find(balance, "emptywt").get("unit", "LBS")] * number(balance, "emptywt")
     terms = ("ixx", "iyy", "izz", "ixz")
     radii = (number(balance, k) * unit[find(balance, k).get("unit", "SLUG*FT2")] / empty for k in terms)
     return {"gyration2": tuple(radii), "cg_ref": 0.25}
@@ -134,7 +133,7 @@ def _propulsion(root, folder):
     engines = root.findall("propulsion/engine")
     name = engines[0].get("file")
     tree = ElementTree.parse(folder / "Engines" / f"{name}.xml").getroot()
-    most = number(tree, "milthrust") * LB
+    most = number(tree, "milthrust") * N_PER_LBF
     tables = {f.get("name"): _table(find(f, "table")) for f in tree.iter("function")}
     mach, pressure = tables["MilThrust"][1]
     grid = np.meshgrid(mach, pressure, indexing="ij")
@@ -143,12 +142,12 @@ def _propulsion(root, folder):
     positions = []
     for engine in engines:
         location = find(engine, "thruster/location")
-        unit = {"FT": FT, "IN": IN, "M": 1.0}[location.get("unit", "IN")]
+        unit = {"FT": M_PER_FT, "IN": M_PER_IN, "M": 1.0}[location.get("unit", "IN")]
         x, y, z = (unit * number(location, k) for k in "xyz")
-        positions.append([reference["x"] * IN - x, y - reference["y"] * IN, reference["z"] * IN - z])
+        positions.append([reference["x"] * M_PER_IN - x, y - reference["y"] * M_PER_IN, reference["z"] * M_PER_IN - z])
     pitch = math.radians(number(engines[0], "thruster/orient/pitch"))
     return {
-        "thrust_mach": mach, "thrust_p": pressure * PSF, "idle": idle, "mil": mil, "engine": np.array(positions),
+        "thrust_mach": mach, "thrust_p": pressure * PA_PER_PSF, "idle": idle, "mil": mil, "engine": np.array(positions),
         "n1_idle": number(tree, "idlen1"), "n1_max": number(tree, "maxn1"),
         "thrust_axis": (math.cos(pitch), 0.0, -math.sin(pitch)),
     }  # fmt: skip

@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 
 from actuators.block import dtype, entry, kernel
+from actuators.constants import M_PER_FT
 
-INTENSITY = {"none": 0.0, "light": 5 * 0.3048, "moderate": 10 * 0.3048, "severe": 21 * 0.3048}  # rms per axis [m/s]
-SCALE_LENGTH = 1750 * 0.3048  # [MIL-F-8785C] Dryden form [m]
+INTENSITY = {"none": 0.0, "light": 5 * M_PER_FT, "moderate": 10 * M_PER_FT, "severe": 21 * M_PER_FT}  # rms [m/s]
+SCALE_LENGTH = 1750 * M_PER_FT  # [MIL-F-8785C] Dryden form [m]
 LINE = 128  # samples of the way from the wing to the tail
 
 PARAMS = dtype(

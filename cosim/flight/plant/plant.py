@@ -22,9 +22,10 @@ import jsbsim
 import numpy as np
 
 from actuators.block import briefly
+from actuators.constants import M_PER_FT, M_S_PER_KT
 from cosim.errors import TrimError
 from cosim.flight.plant import gusts
-from cosim.flight.plant.border import FT, KT, border, to_si
+from cosim.flight.plant.border import border, to_si
 from cosim.flight.plant.crossing import crossing
 from cosim.flight.plant.point import POINTS, FlightPoint, loading
 
@@ -124,8 +125,8 @@ class Plant:
         fdm, flight = self._fdm, self.flight
         setter = self.port.setter
         setter("ic/lat-geod-deg")(0.0)
-        setter("ic/h-sl-ft")(flight.altitude / FT)
-        kinds = {"cas": ("ic/vc-kts", 1 / KT), "tas": ("ic/vt-kts", 1 / KT), "mach": ("ic/mach", 1.0)}
+        setter("ic/h-sl-ft")(flight.altitude / M_PER_FT)
+        kinds = {"cas": ("ic/vc-kts", 1 / M_S_PER_KT), "tas": ("ic/vt-kts", 1 / M_S_PER_KT), "mach": ("ic/mach", 1.0)}
         name, factor = kinds[flight.speed_kind]
         setter(name)(flight.speed * factor)
         setter("ic/gamma-deg")(0.0)
@@ -135,7 +136,7 @@ class Plant:
         fdm.run_ic()
         for axis in ("rate/rotational", "position/rotational", "rate/translational", "position/translational"):
             setter(f"simulation/integrator/{axis}")(3)  # AB2
-        self.tas = self.port.getter("velocities/vt-fps")() * FT
+        self.tas = self.port.getter("velocities/vt-fps")() * M_PER_FT
 
     def guess(self) -> tuple[float, float, float] | None:
         """Return (alpha, stabiliser, throttle) of JSBSim's own trim, surfaces not external; None where it has none."""
@@ -170,7 +171,8 @@ class Plant:
         u = tas * math.cos(alpha) * math.cos(beta)
         v = tas * math.sin(beta)
         w = tas * math.sin(alpha) * math.cos(beta)
-        for put, value in zip(self._ic, (altitude / FT, psi, theta, phi, u / FT, v / FT, w / FT, p, q, r)):
+        state = (altitude / M_PER_FT, psi, theta, phi, u / M_PER_FT, v / M_PER_FT, w / M_PER_FT, p, q, r)
+        for put, value in zip(self._ic, state):
             put(value)
         self._fdm.run_ic()
         throttles = self.border.column(self.border.throttles)
@@ -254,8 +256,8 @@ GUST_WRITE = tuple(f"atmosphere/gust-{axis}-fps" for axis in ("north", "east", "
 def _in_gusts(run, air, get, put):
     """Advance by one step with the gusts of its end."""
     tas, phi, theta, psi = (g() for g in get)
-    north, east, down, *rates = air.next(tas * FT, phi, theta, psi)
-    for write, value in zip(put, (north / FT, east / FT, down / FT, *rates)):
+    north, east, down, *rates = air.next(tas * M_PER_FT, phi, theta, psi)
+    for write, value in zip(put, (north / M_PER_FT, east / M_PER_FT, down / M_PER_FT, *rates)):
         write(value)
     run()
 

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from cosim.flight.plant.border import FT, G0, KT, LB
+from actuators.constants import G0, M_PER_FT, M_S_PER_KT, N_PER_LBF
 from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft
 
 
@@ -16,7 +16,7 @@ class FlightPoint:
     cg: float = 0.30
     altitude: float = 6096.0
     speed_kind: str = "cas"
-    speed: float = 290.0 * KT
+    speed: float = 290.0 * M_S_PER_KT
     multipliers: dict = field(default_factory=dict)  # coefficient -> factor, e.g. {"Cm_alpha": 0.9}
     turbulence: str = "none"
     seed: int = 0
@@ -46,7 +46,8 @@ class FlightPoint:
             raise ValueError("give exactly one of cas_kt, mach, tas_kt")
         kind, value = given[0]
         return cls(
-            mass_t * 1e3, cg_pct / 100.0, altitude_ft * FT, kind, value if kind == "mach" else value * KT, **rest
+            mass_t * 1e3, cg_pct / 100.0, altitude_ft * M_PER_FT, kind,
+            value if kind == "mach" else value * M_S_PER_KT, **rest,
         )
 
     @classmethod
@@ -91,10 +92,10 @@ def loading(aircraft: Aircraft, mass: float, cg: float) -> dict[str, float]:
     Zx = J["xz"] / (2 * w * X)
     Z = math.sqrt((J["xx"] + J["yy"] - J["zz"]) / 2 / (2 * w) - Zx**2)
     x0 = geometry.station_in + offset / 0.0254
-    out = {"propulsion/tank/contents-lbs": fuel * G0 / LB, "propulsion/tank/x-position": x0}
+    out = {"propulsion/tank/contents-lbs": fuel * G0 / N_PER_LBF, "propulsion/tank/x-position": x0}
     # forward of the centroid is low, aft is high: a positive product of inertia in body axes
     for i, (x, y, z) in enumerate([(-X, 0, -Zx), (X, 0, Zx), (0, -Y, 0), (0, Y, 0), (0, 0, -Z), (0, 0, Z)]):
-        out[f"inertia/pointmass-weight-lbs[{i}]"] = w * G0 / LB
+        out[f"inertia/pointmass-weight-lbs[{i}]"] = w * G0 / N_PER_LBF
         for axis, value in zip("XYZ", (x0 + x / 0.0254, y / 0.0254, z / 0.0254)):
             out[f"inertia/pointmass-location-{axis}-inches[{i}]"] = value
     return out

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from actuators.constants import G0, M_PER_FT
 from cosim.errors import TrimError
 from cosim.flight.plant.border import Border
 
@@ -93,7 +94,7 @@ def level(plant: Any, elevator: float = 0.0) -> Trim:
 def _check(plant, x, elevator, residual):
     alpha, stabilizer, throttle = x
     f = plant.flight
-    place = f"{f.mass / 1e3:.0f} t, CG {f.cg * 100:.0f} %, {f.altitude / 0.3048:.0f} ft, {plant.tas:.1f} m/s TAS"
+    place = f"{f.mass / 1e3:.0f} t, CG {f.cg * 100:.0f} %, {f.altitude / M_PER_FT:.0f} ft, {plant.tas:.1f} m/s TAS"
     low, high = plant.aircraft.travels["stabiliser"]
     least, most_mach = plant.aircraft.limits.mach
     mach = plant.truth()[0].mach
@@ -145,6 +146,6 @@ def lift_margin(plant: Any) -> tuple[Any, ...]:
         t = _residual(plant, (alpha, 0.0, 0.0), 0.0, full=True)
         force = t.nz * math.cos(alpha) + t.nx * math.sin(alpha)
         area = plant.aircraft.wing_area
-        needs = t.mass * 9.80665 / (t.qbar * area)
+        needs = t.mass * G0 / (t.qbar * area)
         best, most = max((best, most), (force * needs, float(alpha)))
     return needs, best, most

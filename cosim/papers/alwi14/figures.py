@@ -2,11 +2,12 @@
 
 import numpy as np
 
+from actuators.constants import RAD_PER_DEG
 from cosim.flight.detectors import sources
 from cosim.papers.alwi14 import flights as alwi14
 from cosim.papers.drawing import Curve, Drawing, Panel
 
-DEG = alwi14.DEG
+DEG = RAD_PER_DEG
 LOOKS = ("solid", "dash", "dot", "dashdot", "solid")
 SHOWN = (
     ("alpha", "angle of attack", "deg", DEG),

@@ -1,11 +1,11 @@
 """Flights of [Alwi14] section 6: points of table 4, a doublet, faults in two readings of the text."""
 
 import functools
-import math
 from typing import Any
 
 import numpy as np
 
+from actuators.constants import RAD_PER_DEG
 from cosim.flight.detectors import sources
 from cosim.flight.plant.point import SIX
 from cosim.flight.signals import detect, fly
@@ -14,12 +14,11 @@ from cosim.scenario.load import load_scenario
 from cosim.scenario.tolerance import toleranced
 from fdi.lpv_smo import lpv_smo
 
-DEG = math.pi / 180
 MACH = {"A": 0.40, "B": 0.51, "C": 0.54, "D": 0.68, "E": 0.53}  # Table 4
 POINTS = {p: (*(SIX[p][k] for k in ("mass_t", "cg_pct", "cas_kt")), m) for p, m in MACH.items()}  # t, %, kt, Mach
 SENSIBLE, LITERAL = (3.0, 0.5, 5.0), (3.0, 5.0, 0.5)  # elevator [deg], n_z [g], alpha [deg]: two readings of section 6
 NAMES = ("elevator", "n_z", "alpha")
-UNITS = (DEG, 1.0, DEG)
+UNITS = (RAD_PER_DEG, 1.0, RAD_PER_DEG)
 ONSET = 10.0  # [s]
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from actuators.constants import M_S_PER_KT
 from cosim.flight.detectors import sources
 from cosim.flight.plant.point import SIX
 from cosim.flight.signals import detect, fly
@@ -20,7 +21,6 @@ from cosim.scenario import load_scenario
 from fdi.lpv_smo import lpv_smo
 
 SPEED, MACH = "sensors.cas.y_obs", "sensors.mach.y_obs"
-KT = 1852.0 / 3600.0
 
 
 @functools.cache
@@ -39,7 +39,7 @@ def _error(i):
     n = round(2.0 / flown.attrs["dt"])
     mean = np.convolve(log[key], np.full(n, 1.0 / n), "valid")
     late = mean[round((ONSET + 5.0) / flown.attrs["dt"]) :]
-    cas, h = flown[SPEED].to_numpy() / KT, flown["truth.aircraft.h"].to_numpy()
+    cas, h = flown[SPEED].to_numpy() / M_S_PER_KT, flown["truth.aircraft.h"].to_numpy()
     return 100.0 * np.abs(late / size - 1.0).max(), f"{cas[0]:.0f} to {cas[-1]:.0f} kt, {h[-1] - h[0]:+.0f} m"
 
 

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from scipy.linalg import expm
 
+from actuators.constants import M_S_PER_KT, RAD_PER_DEG
 from fdi.lpv_smo import model as lpv_model
 
-DEG, KT = np.pi / 180, 1852 / 3600
 DOUBLET = ((2, 4, -1.0), (4, 6, 1.0), (14, 16, -1.0), (16, 18, 1.0))  # (from s, to s, deg of elevator)
 
 
@@ -47,10 +47,11 @@ def fly(
     for name in u.dtype.names:
         if name.endswith("_valid"):
             u[name] = 1.0
-    for name, column in zip(("h", "theta", "V", "q", "n_z", "alpha"), (y * [1, DEG, 1, DEG, 1, DEG]).T, strict=True):
+    si = np.array([1, RAD_PER_DEG, 1, RAD_PER_DEG, 1, RAD_PER_DEG])
+    for name, column in zip(("h", "theta", "V", "q", "n_z", "alpha"), (y * si).T, strict=True):
         u[name][0] = column
     for name in ("de_lo", "de_li", "de_ri", "de_ro"):
-        u[name][0] = (command + u_eq[0]) * DEG
-    u["stab"][0] = u_eq[1] * DEG
-    u["mass"], u["cg"], u["cas"], u["mach"] = rho[0] * 1e3, rho[1] / 100, rho[2] * KT, rho[3]
+        u[name][0] = (command + u_eq[0]) * RAD_PER_DEG
+    u["stab"][0] = u_eq[1] * RAD_PER_DEG
+    u["mass"], u["cg"], u["cas"], u["mach"] = rho[0] * 1e3, rho[1] / 100, rho[2] * M_S_PER_KT, rho[3]
     return u

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
+from actuators.constants import RAD_PER_DEG
 from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.flight.detectors import sources
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.point import SIX, FlightPoint
 from cosim.flight.signals import detect
 from cosim.flight.site import SERVO, site
-from cosim.papers.alwi14.flights import DEG, NAMES, POINTS, SENSIBLE, UNITS, fly_point, nonlinear
+from cosim.papers.alwi14.flights import NAMES, POINTS, SENSIBLE, UNITS, fly_point, nonlinear
 from cosim.papers.row import Of
 from cosim.training import lpv as design_lpv
 from fdi.lpv_smo import lpv_smo
@@ -22,9 +23,9 @@ from fdi.lpv_smo import model as lpv_model
 from fdi.lpv_smo import synthesis as lpv_smo_design
 
 SHOWN = (
-    ("alpha", "angle of attack", "deg", DEG),
-    ("q", "pitch rate", "deg/s", DEG),
-    ("theta", "pitch", "deg", DEG),
+    ("alpha", "angle of attack", "deg", RAD_PER_DEG),
+    ("q", "pitch rate", "deg/s", RAD_PER_DEG),
+    ("theta", "pitch", "deg", RAD_PER_DEG),
     ("V", "airspeed", "m/s", 1.0),
     ("h", "altitude", "m", 1.0),
     ("n_z", "load factor", "g", 1.0),
@@ -93,7 +94,7 @@ def _without_lift():
     for point in POINTS:
         flown = _quiet_flight(point)
         late = round(TRANSPORT["n_z"][2] / flown.attrs["dt"])
-        command = flown["law.law.de_cmd"].to_numpy() / DEG
+        command = flown["law.law.de_cmd"].to_numpy() / RAD_PER_DEG
         command = np.r_[np.full(late, command[0]), command[: len(command) - late]]
         share = 1.0 - math.exp(-flown.attrs["dt"] / SERVO)
         elevator = lfilter([share], [1.0, share - 1.0], command - command[0])
@@ -106,7 +107,7 @@ def _all_ranges():
     """Return (range of the angle of attack [deg], largest of A to E, and those of the other signals)."""
     wires = sources("lpv_smo")
     found = {word: (max(_ranges(wires[name], scale)), unit) for name, word, unit, scale in SHOWN}
-    found["elevator command"] = (max(_ranges("law.law.de_cmd", DEG)), "deg")
+    found["elevator command"] = (max(_ranges("law.law.de_cmd", RAD_PER_DEG)), "deg")
     return found["angle of attack"][0], ", ".join(f"{word} {v:.3g} {unit}" for word, (v, unit) in found.items())
 
 
@@ -182,7 +183,7 @@ def _own_worst(point):
         p[key] = own[key]
     p["t_learn"] = 0.0
     log = detect(flown, lpv_smo, sources("lpv_smo"), p)
-    return float(np.abs(log["f_hat_elevator"][flown.index > 3.0]).max() / DEG)
+    return float(np.abs(log["f_hat_elevator"][flown.index > 3.0]).max() / RAD_PER_DEG)
 
 
 def _stiffness(point):

@@ -5,10 +5,11 @@ from typing import Any
 
 import numpy as np
 
+from actuators.constants import RAD_PER_DEG
 from cosim.papers.alwi14 import model as alwi14_model
 from cosim.papers.alwi14 import motion
 from cosim.papers.alwi14 import quiet as alwi14_quiet
-from cosim.papers.alwi14.flights import DEG, LITERAL, NAMES, ONSET, POINTS, SENSIBLE, UNITS, fly_point, nonlinear
+from cosim.papers.alwi14.flights import LITERAL, NAMES, ONSET, POINTS, SENSIBLE, UNITS, fly_point, nonlinear
 from cosim.papers.alwi14.plant import fly
 from cosim.papers.row import Of
 from fdi.lpv_smo import lpv_smo
@@ -38,7 +39,7 @@ def _plant_run(point, faults):
 def _lpv_worst():
     """Return worst errors [%] of elevator, n_z, alpha, n_z without feedthrough (signed), and largest |e_y|."""
     keys = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha", "f_hat_n_z_raw")
-    true = (3 * DEG, 0.5, 5 * DEG, 0.5)
+    true = (3 * RAD_PER_DEG, 0.5, 5 * RAD_PER_DEG, 0.5)
     logs = [_plant_run(point, SENSIBLE) for point in POINTS]
     errors = np.array([[100 * (log[k][-1000:].mean() / t - 1) for k, t in zip(keys, true)] for log in logs])
     return *np.abs(errors[:, :3]).max(0), errors[:, 3].max(), max(log["e_norm"].max() for log in logs)

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from actuators.constants import RAD_PER_DEG
 from cosim.campaign import EVALUATION_SEED
 from cosim.flight.detectors import sources
 from cosim.flight.plant.force_model import force_model
@@ -24,7 +25,6 @@ from cosim.scenario.load import load_scenario
 from cosim.scenario.tolerance import toleranced
 from fdi.control_redundancy import control_redundancy
 
-DEG = math.pi / 180
 WIRES = sources("control_redundancy")
 NAMES = {1: "thrust-loss", 2: "elevator-lock-then-thrust-loss", 3: "thrust-loss-then-locks"}
 # effectors in the order of their faults, with the times of these [s]
@@ -37,7 +37,7 @@ LOSS = {1: 0.25, 2: 0.25, 3: 0.5}  # share of the thrust
 DOUBLET = ("duration_s=50", "manoeuvre.start_s=22", "manoeuvre.width_s=4", "manoeuvre.amplitude_g=0.3")
 
 
-def pedals(start: float, width: float = 2.5, angle: float = 3 * DEG) -> list[Any]:
+def pedals(start: float, width: float = 2.5, angle: float = 3 * RAD_PER_DEG) -> list[Any]:
     """Return a pedal doublet as (time [s], rudder [rad]) corners, ramps of half a second."""
     w = (0.0, 0.5, width, width + 1.0, 2 * width, 2 * width + 0.5)
     return [(start + t, angle * a) for t, a in zip(w, (0, 1, 1, -1, -1, 0))]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
+from actuators.constants import RAD_PER_DEG
 from cosim.flight.plant.force_model import force_model
 from cosim.flight.signals import fly
 from cosim.papers.mar10 import flights
@@ -18,7 +19,6 @@ from fdi.control_redundancy import structure as redundancy_structure
 
 of = Of("mar10")
 DRAWS = 20  # flown per scenario, with every set of options
-DEG = math.pi / 180
 # slide 10, families in its order: (delta_l, delta_m, delta_n, eta) -> residuals
 TABLE = {
     (1, 1, 1, 1): 4,
@@ -212,9 +212,9 @@ SEEN = {
     "force+moment": ("elevator (all)", "aileron", "rudder", "thrust"),
 }
 EFFECTORS = {
-    "elevator (all)": (0, DEG, "[deg]"),
-    "aileron": (1, DEG, "[deg]"),
-    "rudder": (2, DEG, "[deg]"),
+    "elevator (all)": (0, RAD_PER_DEG, "[deg]"),
+    "aileron": (1, RAD_PER_DEG, "[deg]"),
+    "rudder": (2, RAD_PER_DEG, "[deg]"),
     "thrust": (3, 0.01, "[%]"),
 }
 

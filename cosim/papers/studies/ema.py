@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from actuators.constants import RAD_PER_DEG
 from cosim.papers.studies import Part
 from cosim.papers.studies import ema_draws as s
 from cosim.papers.studies import ema_flights as flights
-from cosim.papers.studies.ema_bench import ARM, DEG, DT, NO_LOAD, STALL
+from cosim.papers.studies.ema_bench import ARM, DT, NO_LOAD, STALL
 
 ABOUT = "Which EMA sensor fault `ema_kalman_flight` names, and what reconfiguration does."
 FIRST = 5000  # seeds of this study: thresholds were chosen below 1000, the tests take 2000 and 3000
@@ -19,7 +20,7 @@ BLOCK = 20
 SIZES = {
     "velocity + 10 % of no-load": (NO_LOAD, "of no-load", (0.2, 0.1, 0.07, 0.05, 0.04, 0.03, 0.02, 0.01)),
     "velocity x1.25": (1.0, "scale less 1", (0.5, 0.25, 0.2, 0.15, 0.1, 0.07, 0.05)),
-    "position + 1 deg": (DEG * ARM, "deg", (5.0, 2.0, 1.0, 0.6, 0.4, 0.3, 0.2, 0.1)),
+    "position + 1 deg": (RAD_PER_DEG * ARM, "deg", (5.0, 2.0, 1.0, 0.6, 0.4, 0.3, 0.2, 0.1)),
     "position x1.25": (1.0, "scale less 1", (1.0, 0.7, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15)),
     "current + 10 % of stall": (STALL, "of stall", (0.2, 0.1, 0.06, 0.04, 0.03, 0.02, 0.01)),
     "current x1.25": (1.0, "scale less 1", (0.5, 0.25, 0.2, 0.15, 0.1, 0.07, 0.05)),
@@ -27,8 +28,8 @@ SIZES = {
 SHARES = (0.002, 0.005, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1)
 COMMANDS = {
     "3-2-1-1 of 4 deg": None,
-    "sine 10 deg 0.3 Hz": lambda t: 10 * DEG * np.sin(2 * np.pi * 0.3 * t),
-    "sine 8 deg 0.5 Hz": lambda t: 8 * DEG * np.sin(2 * np.pi * 0.5 * t),
+    "sine 10 deg 0.3 Hz": lambda t: 10 * RAD_PER_DEG * np.sin(2 * np.pi * 0.3 * t),
+    "sine 8 deg 0.5 Hz": lambda t: 8 * RAD_PER_DEG * np.sin(2 * np.pi * 0.5 * t),
     "at rest": lambda t: 0.0 * t,
 }
 
@@ -48,10 +49,10 @@ def held(field: str, size: int, bias: float, seed: int, seconds: float) -> dict[
     k = int(np.argmax(flown.log["reconf"] > 0))
     late = (t > t[k] + 2.0) & (t < t[k] + 62.0)
     settled = late & (np.abs(np.gradient(flown.reference, t)) < 1e-3)
-    far = np.abs(flown.estimate_error[k:]) > 0.5 * DEG
+    far = np.abs(flown.estimate_error[k:]) > 0.5 * RAD_PER_DEG
     return {
-        "surface_deg": float(np.abs(flown.surface - flown.reference)[settled].max() / DEG),
-        "estimate_deg": float(np.abs(flown.estimate_error)[late[1:]].max() / DEG),
+        "surface_deg": float(np.abs(flown.surface - flown.reference)[settled].max() / RAD_PER_DEG),
+        "estimate_deg": float(np.abs(flown.estimate_error)[late[1:]].max() / RAD_PER_DEG),
         "until_s": float(int(np.argmax(far)) * DT) if far.any() else None,
         "looked_s": float(t[-1] - t[k]),
         "valid": bool(np.all(flown.log["valid"][late] == 1.0)),
@@ -126,7 +127,7 @@ def _bias(options, values):
              ("bias", "draws>", "reconfigured>", "named"), rows)]
 
 
-HELD = (("f_p", 5 * DEG * ARM, "+ 5 deg"), ("f_p", 15 * DEG * ARM, "+ 15 deg"), ("z_p", 1.0, "frozen"))
+HELD = (("f_p", 5 * RAD_PER_DEG * ARM, "+ 5 deg"), ("f_p", 15 * RAD_PER_DEG * ARM, "+ 15 deg"), ("z_p", 1.0, "frozen"))
 
 
 def _held_jobs(options):

@@ -11,12 +11,13 @@ import numpy as np
 from scipy.signal import lfilter
 
 from actuators.block import dtype, kernel
+from actuators.constants import RAD_PER_DEG
 from actuators.ema import actuator as ema
 from actuators.ema import jay
 from actuators.ema import servo as ema_servo
 from fdi.ema import ema_kalman_flight as flight
 
-DEG, DT = math.pi / 180.0, 0.005
+DT = 0.005
 ARM = jay.values()["arm"]
 NO_LOAD = jay.LIMITS["elevator"][1] / jay.values()["K_B"]  # [rad/s]
 STALL = jay.LIMITS["elevator"][0]  # [A]
@@ -83,7 +84,7 @@ def fly(tick, px, ps, pf, x, s, f, ux, us, uf, reconfigure, out, surface):
         ema.step(x, ux, px, DT)
 
 
-def three_two_one_one(t: Any, *, start: float, amplitude: float = 4 * DEG, unit: float = 0.5) -> Any:
+def three_two_one_one(t: Any, *, start: float, amplitude: float = 4 * RAD_PER_DEG, unit: float = 0.5) -> Any:
     """Return the command of a 3-2-1-1 [rad] at the times `t`."""
     phase = (np.asarray(t) - start) / unit
     return amplitude * np.select([phase < 0, phase < 3, phase < 5, phase < 6, phase < 7], [0, 1, -1, 1, -1], 0)

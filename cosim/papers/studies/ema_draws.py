@@ -12,19 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from actuators.constants import RAD_PER_DEG
 from cosim.judge.alarms import detection
-from cosim.papers.studies.ema_bench import (
-    ARM,
-    DEG,
-    DT,
-    NO_LOAD,
-    SIGMA,
-    STALL,
-    Flight,
-    fly_bench,
-    script,
-    three_two_one_one,
-)
+from cosim.papers.studies.ema_bench import ARM, DT, NO_LOAD, SIGMA, STALL, Flight, fly_bench, script, three_two_one_one
 from fdi.common import verdict
 from fdi.ema.ema_kalman import CULPRITS
 from fdi.ema.ema_kalman_flight import params
@@ -36,8 +26,8 @@ FAULTS = {
     "velocity + 10 % of no-load": ("f_v", 0.1 * NO_LOAD, "velocity"),
     "velocity - 10 % of no-load": ("f_v", -0.1 * NO_LOAD, "velocity"),
     "velocity x1.25": ("s_v", 0.25, "velocity"),
-    "position + 1 deg": ("f_p", DEG * ARM, "position"),
-    "position + 5 deg": ("f_p", 5 * DEG * ARM, "position"),
+    "position + 1 deg": ("f_p", RAD_PER_DEG * ARM, "position"),
+    "position + 5 deg": ("f_p", 5 * RAD_PER_DEG * ARM, "position"),
     "position frozen": ("z_p", 1.0, "position"),
     "position x1.25": ("s_p", 0.25, "position"),
     "current + 10 % of stall": ("f_c", 0.1 * STALL, "current"),
@@ -149,7 +139,7 @@ def reconfigured(field: Any, size: Any, *, bias: Any, seed: Any, seconds: Any = 
     """Return (Flight, times [s]): a position fault in motion at `onset`, a velocity bias [of no-load], motion later."""
     rng = np.random.default_rng(seed)
     t = np.arange(round(seconds / DT)) * DT
-    command = three_two_one_one(t, start=onset - 0.3) + three_two_one_one(t, start=2 * onset, amplitude=2 * DEG)
+    command = three_two_one_one(t, start=onset - 0.3) + three_two_one_one(t, start=2 * onset, amplitude=2 * RAD_PER_DEG)
     tick = script(
         seconds,
         command=command,

@@ -5,12 +5,12 @@ electromechanical, all coefficients of aircraft and actuator are up to 5 % off. 
 velocity and no rigging of the position sensor: here they have 1e-4 of no-load, and what the set gives a surface sensor.
 """
 
-import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from actuators.constants import RAD_PER_DEG
 from actuators.ema import jay
 from cosim.flight.signals import fly
 from cosim.scenario.catalog import SEGMENTS
@@ -18,7 +18,6 @@ from cosim.training.flights import DT, POINT, TOLERANCE, draw, scenario
 from fdi.common import verdict
 from fdi.ema.ema_kalman_flight import CULPRITS
 
-DEG = math.pi / 180.0
 ARM, LEAD = jay.values()["arm"], jay.values()["lead"]
 NO_LOAD = jay.LIMITS["elevator"][1] / jay.values()["K_B"]  # [rad/s]
 SYMBOLS = ("K_T", "K_B", "R", "J_M", "J_N", "B_M")
@@ -57,7 +56,7 @@ def flown(
     off = {name: float(1 + TOLERANCE * rng.uniform(-1, 1)) for name in SYMBOLS}
     rigging = 0.08 * float(rng.uniform(-1, 1))  # [deg]
     sensors = {"velocity": {"bias_rad_s": float(rng.choice([-1.0, 1.0])) * bias * NO_LOAD},
-               "position": {"bias_mm": rigging * DEG * ARM * 1e3}, "noise_scale": noise}
+               "position": {"bias_mm": rigging * RAD_PER_DEG * ARM * 1e3}, "noise_scale": noise}
     elevator = {**dict(zip(SEGMENTS, ("hydraulic", "ema", "ema", "hydraulic"))), "reconfigure": reconfigure}
     v = fly(scenario(**arguments, faults=[fault] if fault else [], elevator=elevator, sensors=sensors,
                      tolerances={"aero": aero, "ema": off}, detectors={"enabled": ["ema_kalman_flight"]}), SIGNALS)
@@ -85,8 +84,8 @@ def position_fault(name: str, seed: int, noise: float = 1.0) -> dict[str, bool |
         "dnz": float(np.abs(faulty["nz"] - healthy["nz"])[look].max()),
         "dnz_without": float(np.abs(without["nz"][:n] - healthy["nz"][:n])[look.start:].max()),
         "departed_without": len(without["nz"]) < look.stop,
-        "surface_deg": float(np.abs(faulty["delta"] - healthy["delta"])[late].max(initial=0.0) / DEG),
-        "estimate_deg": float(np.abs(error)[late].max(initial=0.0) / ARM / DEG),
+        "surface_deg": float(np.abs(faulty["delta"] - healthy["delta"])[late].max(initial=0.0) / RAD_PER_DEG),
+        "estimate_deg": float(np.abs(error)[late].max(initial=0.0) / ARM / RAD_PER_DEG),
         "reconfigured": bool(switched.any()),
         "delay_s": (k - look.start) * DT if switched.any() else None,
         "named": CULPRITS[int(faulty["culprit"][k])] if switched.any() else "none",
@@ -106,5 +105,5 @@ def loop_fault(name: str, seed: int, path: str | Path, noise: float = 1.0) -> di
         "names": list(names) or ["none"],
         "reconfigured": bool((faulty["reconf"] > 0.5).any()),
         "dnz": float(np.abs(faulty["nz"] - healthy["nz"])[k:].max()),
-        "surface_deg": float(np.abs(faulty["delta"] - healthy["delta"])[k:].max() / DEG),
+        "surface_deg": float(np.abs(faulty["delta"] - healthy["delta"])[k:].max() / RAD_PER_DEG),
     }

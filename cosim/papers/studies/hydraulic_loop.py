@@ -1,11 +1,11 @@
 """Lu17 in the loop and over ten minutes: what a servo closes on, and filters that drift against those that do not."""
 
-import math
 from typing import Any
 
 import numpy as np
 
 from actuators.common import linkage
+from actuators.constants import RAD_PER_DEG
 from cosim.flight.signals import detect, fly
 from cosim.scenario.catalog import SEGMENTS
 from cosim.training.flights import DT, POINT, draw, scenario, watch
@@ -13,7 +13,6 @@ from fdi.common import verdict
 from fdi.ema import ema_kalman, ema_kalman_flight
 from fdi.hydraulic import iotsekf, rtsekf, rtsekf_flight
 
-DEG = math.pi / 180.0
 FEEDBACKS = (("measured", False), ("measured", True), ("iotsekf", False), ("rtsekf", False), ("rtsekf_flight", False))
 ONSET, END = 12.0, 30.0  # [s]
 BIAS_MM = 5.0
@@ -46,10 +45,10 @@ def feedback_flight(feedback: Any, reconfigure: bool, seed: int) -> dict[str, bo
     off = np.abs(jam[:, :3] - free)
     tracking = np.abs(free[settled:, 0] - [linkage.surface(q) for q in free[settled:, 2]])
     return {
-        "tracking_deg": float(tracking.max() / DEG),
+        "tracking_deg": float(tracking.max() / RAD_PER_DEG),
         "nz_free_g": float(np.abs(free - plain)[:, 1].max()),
-        "peak_deg": float(off[k:, 0].max() / DEG),
-        "late_deg": float(off[late:, 0].max() / DEG),
+        "peak_deg": float(off[k:, 0].max() / RAD_PER_DEG),
+        "late_deg": float(off[late:, 0].max() / RAD_PER_DEG),
         "nz_g": float(off[k:, 1].max()),
         **{name: bool((jam[k:, 3 + i] == verdict.SENSOR).any()) for i, name in enumerate(WATCHED)},
     }

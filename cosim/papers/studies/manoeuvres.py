@@ -6,11 +6,11 @@
 Flights are fault-free, without detectors; the actuators, sensors and the law are those of any flight.
 """
 
-import math
 from typing import Any
 
 import numpy as np
 
+from actuators.constants import M_PER_FT, M_S_PER_KT, RAD_PER_DEG
 from cosim.flight.plant.point import SIX
 from cosim.flight.signals import fly
 from cosim.papers.studies import Part
@@ -34,7 +34,6 @@ SLOW_KT = {"sun13": 150, "A": 170, "B": 175, "C": 210, "D": 235, "E": 190}  # wh
 KINDS = ("cruise", "aoa_protection", "nose_up", "pitch_protection", "coordinated_turn", "yaw_angle", "nz_doublet",
          "three_two_one_one")  # fmt: skip
 TRUTH = ("alpha", "theta", "phi", "nz", "h", "cas", "de_li")
-FT, KT = 0.3048, 1852.0 / 3600.0
 FIRST_SEED = 3
 
 
@@ -58,11 +57,11 @@ def _span(x, unit=1.0):
 def manoeuvre(point: Any, kind: Any, air: float, seed: int) -> dict[str, Any]:
     """Return what happened in 60 s of one manoeuvre: spans of load factor, angles [deg], altitude [ft], speed [kt]."""
     f, p = flown(point, kind, seconds=60.0, air=air, seed=seed)
-    deg = math.pi / 180.0
+    deg = RAD_PER_DEG
     return {
         "status": f.attrs["status"], "reason": f.attrs["reason"], "nz": _span(f["nz"]), "alpha": _span(f["alpha"], deg),
         "alpha_max": float(p.alpha_max / deg), "theta": _span(f["theta"], deg), "phi": _span(f["phi"], deg),
-        "h": _span(f["h"] - f["h"].iloc[0], FT), "cas": _span(f["cas"], KT), "de": _span(f["de_li"], deg),
+        "h": _span(f["h"] - f["h"].iloc[0], M_PER_FT), "cas": _span(f["cas"], M_S_PER_KT), "de": _span(f["de_li"], deg),
     }  # fmt: skip
 
 
@@ -87,7 +86,7 @@ def pull(point: Any, air: float, seed: int) -> dict[str, Any]:
 def turn(point: Any, seed: int) -> dict[str, Any]:
     """Return the altitude lost and gained in 60 s at 30 degrees of bank in light turbulence [ft]."""
     f, _ = flown(point, "coordinated_turn", seconds=75.0, air="light", seed=seed)
-    return {"status": f.attrs["status"], "h": _span(f["h"] - f["h"].iloc[0], FT)}
+    return {"status": f.attrs["status"], "h": _span(f["h"] - f["h"].iloc[0], M_PER_FT)}
 
 
 def _cases(*lists):

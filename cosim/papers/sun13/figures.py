@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from actuators.constants import RAD_PER_DEG
 from cosim.papers.drawing import Curve, Drawing, Panel
 from cosim.papers.sun13 import rows as sun13
 from cosim.training.flights import COMMAND, estimate, fly_aircraft, side
-from cosim.training.rfafe import DEG
 
 KINDS = (("ofc_liquid", "liquid", "figure 3", "figure 6", 0.016), ("ofc_solid", "solid", "figure 4", "figure 7", 0.033))
 
@@ -16,7 +16,7 @@ def drawings() -> list[Drawing]:
     span = (sun13.ONSET - 5.0, sun13.ONSET + 10.5)
 
     def left(r):
-        return side(r, "left") / DEG
+        return side(r, "left") / RAD_PER_DEG
 
     out = []
     for kind, word, beside, _, share in KINDS:
@@ -69,8 +69,8 @@ def drawings() -> list[Drawing]:
     for kind, word, _, beside, share in KINDS:
         r = sun13._faulty(kind, 1.0)
         command = r[COMMAND].to_numpy() if kind == "ofc_solid" else 0.0
-        f = (r[sun13.INJECTED].to_numpy() - command * (r.index.to_numpy() >= sun13.ONSET)) / DEG
-        mean = 0.5 * (side(r, "left") - side(r, "right")) / DEG
+        f = (r[sun13.INJECTED].to_numpy() - command * (r.index.to_numpy() >= sun13.ONSET)) / RAD_PER_DEG
+        mean = 0.5 * (side(r, "left") - side(r, "right")) / RAD_PER_DEG
         ratio = abs(sun13._published(kind, 1.0))
         out.append(
             Drawing(
@@ -103,4 +103,4 @@ def drawings() -> list[Drawing]:
 
 def _f(r, name):
     log = estimate(r, name)
-    return np.asarray(log["f_hat_left" if name == "rfafe" else "f_hat"]) / DEG
+    return np.asarray(log["f_hat_left" if name == "rfafe" else "f_hat"]) / RAD_PER_DEG

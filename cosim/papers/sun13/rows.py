@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from actuators.constants import RAD_PER_DEG
 from actuators.registry import HYDRAULIC
 from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.flight.plant.point import SIX
@@ -25,7 +26,7 @@ from cosim.scenario import load_scenario
 from cosim.scenario.catalog import SEGMENTS as NAMES
 from cosim.training import rfafe_noise
 from cosim.training.flights import AIRCRAFT, COMMAND, DT, MANOEUVRES, MODULES, estimate, fly_aircraft, side
-from cosim.training.rfafe import DEG, FLIGHT_S, RANK_E
+from cosim.training.rfafe import FLIGHT_S, RANK_E
 from fdi.rfafe import rfafe, rfafe_airframe
 from fdi.rfafe.store import choose, read
 
@@ -148,7 +149,7 @@ def _quiet_law():
 def _noise_level():
     """Return (deviation of f_hat over that predicted through the loop, with clean sensors in the law over that of the
     estimator's own sensors), published form."""
-    f, clean = (estimate(r, "rfafe")["f_hat_left"] / DEG for r in (_still(), _quiet_law()["rfafe"]))
+    f, clean = (estimate(r, "rfafe")["f_hat_left"] / RAD_PER_DEG for r in (_still(), _quiet_law()["rfafe"]))
     late = _still().index > 3.0
     own = read("rfafe")["designs"]["hydraulic"]["noise_deg"][0]
     return np.std(f[late]) / rfafe_noise.total(rfafe_noise.predicted()["rfafe"]), np.std(clean[late]) / own
@@ -183,7 +184,7 @@ def _fault_free():
 
 def _amplitude(r):
     """Return the largest amplitude of f_hat at HZ in windows of three periods, from 3 s on [deg]."""
-    t, f = r.index.to_numpy(), estimate(r, "rfafe")["f_hat_left"] / DEG
+    t, f = r.index.to_numpy(), estimate(r, "rfafe")["f_hat_left"] / RAD_PER_DEG
     return max(
         abs(sine(t[k : k + n], f[k : k + n], 2 * math.pi * hz))
         for hz in HZ
@@ -224,7 +225,7 @@ def _moved(kind):
     r = _faulty(kind, 1.0)
     t = r.index.to_numpy()
     on = (t >= ONSET + 2.0) & (t < ONSET + 10.0)
-    t, y = t[on], side(r, "left")[on] / DEG
+    t, y = t[on], side(r, "left")[on] / RAD_PER_DEG
     a = sine(t, y, 2 * math.pi)
     return a, float(np.std(y - (a * np.exp(2j * math.pi * t)).real))
 
@@ -290,7 +291,7 @@ def _six(turbulence="none", aero=()):
 def _rms(flights, stored):
     p = rfafe.params(stored=stored)
     parts = [estimate(r, "rfafe", p)["f_hat_left"][600:] for r in flights]
-    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)) / DEG)
+    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)) / RAD_PER_DEG)
 
 
 def _decoupled(source):

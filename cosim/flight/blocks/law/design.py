@@ -7,10 +7,10 @@ import numpy as np
 from scipy.linalg import solve_continuous_are
 
 from actuators.block import record
+from actuators.constants import G0
 from cosim.flight.blocks.law import PARAMS
 from cosim.scenario.aircraft import Aircraft
 
-G0 = 9.80665
 # actuator, sensor delay and hold in the design: first-order [s]; `cosim.flight.blocks.law.margins` has the real ones
 LAG_S = 0.07
 # one standard step of each by Bryson's rule: g s of held error, deg/s of pitch rate, deg of elevator

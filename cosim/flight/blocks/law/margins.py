@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from scipy.linalg import expm
 
+from actuators.constants import G0
 from actuators.linear import response
 from cosim.scenario.catalog import TECHNOLOGIES
 
 STATES = ("tas", "alpha", "q", "theta", "h")
 DELAY_S, DELAY_AIR_S = 0.005, 0.010  # of inertial and of air data in sensor set `transport`
-G0 = 9.80665
 
 
 def return_ratio(

@@ -3,7 +3,8 @@
 import math
 
 from actuators.block import kernel
-from cosim.flight.blocks.law.signals import ALPHA, CAS, FADE_S, G0, HDOT, HOLD_S, NZ, TAS, THETA, H, Q, clip, trust
+from actuators.constants import G0
+from cosim.flight.blocks.law.signals import ALPHA, CAS, FADE_S, HDOT, HOLD_S, NZ, TAS, THETA, H, Q, clip, trust
 
 TAU_THETA = 0.1  # of the substitute pitch rate [s]
 Q_LIMIT = 0.2    # largest substitute pitch rate [rad/s]: three times that of 2.5 g at 400 kt

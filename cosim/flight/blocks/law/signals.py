@@ -3,6 +3,7 @@
 import math
 
 from actuators.block import kernel
+from actuators.constants import G0
 
 SENSORS = ("alpha", "q", "theta", "phi", "p", "r", "psi", "n_z", "cas", "tas", "h_inertial", "hdot", "beta")
 N = len(SENSORS)
@@ -11,7 +12,6 @@ HOLD_S = 0.2  # a lost signal is held that long [s]
 FADE_S = 0.5  # and its feedback then fades out in that time [s]
 TAU_PHI = 10.0  # with which a bank carried on by p is drawn to that of the yaw rate [s]
 SINE_MAX = 0.87  # of that bank: 60 deg
-G0 = 9.80665
 
 
 @kernel

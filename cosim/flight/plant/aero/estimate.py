@@ -26,11 +26,11 @@ from typing import Any
 
 import numpy as np
 
+from actuators.constants import M_PER_FT
 from cosim.flight.plant.aero.fit import ALPHA, ALPHA_COARSE, MACH_COARSE, stalled
 from cosim.flight.plant.aero.xml import Shape, aerodynamics_xml, engine_xml, multipliers_xml
 from cosim.scenario.aircraft import Aircraft, load_aircraft
 
-FT = 0.3048
 MACH = np.arange(0.2, 0.9501, 0.025)
 QBAR = np.array([50.0, 800.0])  # psf: rigid, nothing changes between them
 MIDDLE = 0.6  # Mach of what has one number
@@ -151,10 +151,10 @@ def shape(n: Any, aircraft: Aircraft) -> Shape:
     sides = {s: (-1.0 if name.startswith("left") else 1.0) for name, s in aircraft.short.items()}
     return Shape(
         made_by=f"cosim.flight.plant.aero.estimate {aircraft.name}",
-        chord_ft=n.wing.chord_m / FT, span_ft=n.wing.span_m / FT, tail_arm_ft=n.tail.arm_m / FT,
-        downwash=downwash(n), segment_area_ft2=n.tail.elevator_area_m2 / FT**2,
-        segment_chord_ft=n.tail.elevator_chord * n.tail.area_m2 / n.tail.span_m / FT,
-        segment_span_ft={s: sign * n.tail.elevator_span_m / FT for s, sign in sides.items()},
+        chord_ft=n.wing.chord_m / M_PER_FT, span_ft=n.wing.span_m / M_PER_FT, tail_arm_ft=n.tail.arm_m / M_PER_FT,
+        downwash=downwash(n), segment_area_ft2=n.tail.elevator_area_m2 / M_PER_FT**2,
+        segment_chord_ft=n.tail.elevator_chord * n.tail.area_m2 / n.tail.span_m / M_PER_FT,
+        segment_span_ft={s: sign * n.tail.elevator_span_m / M_PER_FT for s, sign in sides.items()},
         Ch_alpha=n.tail.Ch_alpha, Ch_delta=n.tail.Ch_delta, CL_ds=float(at["CL_ih"]), Cm_ds=float(at["Cm_ih"]),
         CD_beta=n.drag.CD_beta, Cl_dr=float(at["Cl_dr"]), Cn_da=n.aileron.Cn_da,
     )  # fmt: skip

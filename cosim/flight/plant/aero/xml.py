@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from actuators.constants import M_PER_FT
 from cosim.flight.plant.aero.data import BYPASS, CONSTANT, thrust_ratio
 
 MULTIPLIERS = (
@@ -43,8 +44,8 @@ TRANSPORT = Shape(
     span_ft=195.68,
     tail_arm_ft=105.3,  # [Roskam] C_m_ih / C_L_ih = -2.70 / 0.70 chords behind the CG at 25 %
     downwash=0.40,  # assumed (typical of transports)
-    segment_area_ft2=8.0 / 0.3048**2,
-    segment_chord_ft=1.4 / 0.3048,
+    segment_area_ft2=8.0 / M_PER_FT**2,
+    segment_chord_ft=1.4 / M_PER_FT,
     segment_span_ft={"lo": -26.6, "li": -12.1, "ri": 12.1, "ro": 26.6},  # tail span 72.75 ft: assumed halves
     Ch_alpha=-0.05,  # balanced elevator: assumed (README)
     Ch_delta=-0.17,

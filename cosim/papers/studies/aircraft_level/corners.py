@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from actuators.constants import RAD_PER_DEG
 from cosim.flight.plant.point import SIX
 from cosim.flight.signals import fly
 from cosim.judge.achieved import sine
@@ -22,7 +23,6 @@ ONSET, END, HZ = 24.0, 36.0, 1.0
 FIRST_SEED = 1_000_700
 TURBULENCE = ("none", "light")
 DOUBLET = ("manoeuvre.kind=nz_doublet", "manoeuvre.start_s=26", "manoeuvre.width_s=3", "manoeuvre.amplitude_g=0.15")
-DEG = math.pi / 180.0
 AMPLITUDE, BIAS, NZ, ALPHA, LOSS = 4.0, 3.0, 0.3, 3.0, 25.0  # [deg], [deg], [g], [deg], [%]
 
 
@@ -43,10 +43,10 @@ CASES = {
 OFC, BIASED, N_Z, ANGLE, THRUST, NONE = CASES
 # which estimate of which detector is set beside which fault: field, size of the fault
 ESTIMATES = {
-    (BIASED, "lpv_smo"): ("f_hat_elevator", BIAS * DEG),
-    (BIASED, "control_redundancy"): ("f_hat_elevator", BIAS * DEG),
+    (BIASED, "lpv_smo"): ("f_hat_elevator", BIAS * RAD_PER_DEG),
+    (BIASED, "control_redundancy"): ("f_hat_elevator", BIAS * RAD_PER_DEG),
     (N_Z, "lpv_smo"): ("f_hat_n_z", NZ),
-    (ANGLE, "lpv_smo"): ("f_hat_alpha", ALPHA * DEG),
+    (ANGLE, "lpv_smo"): ("f_hat_alpha", ALPHA * RAD_PER_DEG),
     (THRUST, "control_redundancy"): ("f_hat_thrust", -LOSS / 100.0),
 }
 OSCILLATES = {"rfafe": "f_hat_left", "rfafe_airframe": "f_hat", "lpv_smo": "f_hat_elevator"}
@@ -92,7 +92,7 @@ def _one(flown, name, case, late, surfaces):
         on = (t_all >= ONSET + 2.0) & (t_all < ONSET + 10.0)
         t, w = t_all[on], 2.0 * math.pi * HZ
         left, right = (0.5 * (flown[a][on] + flown[b][on]) for a, b in (surfaces[:2], surfaces[2:]))
-        true = AMPLITUDE * DEG if name == "rfafe" else abs(sine(t, 0.5 * (left - right), w))
+        true = AMPLITUDE * RAD_PER_DEG if name == "rfafe" else abs(sine(t, 0.5 * (left - right), w))
         estimate = float(abs(sine(t, flown[f"{name}.aircraft.{field}"][on], w)) / true)
     r = float(np.abs(flown[f"{name}.aircraft.r"][late]).max())
     return [delay, estimate, r, float(flown[f"{name}.aircraft.valid"][late].mean())]

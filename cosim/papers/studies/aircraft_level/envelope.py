@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import cosim.campaign
+from actuators.constants import RAD_PER_DEG
 from cosim.compare.metrics import proportion
 from cosim.errors import TrimError
 from cosim.flight.detectors import sources
@@ -23,7 +24,6 @@ from cosim.scenario.tolerance import toleranced
 from fdi import registry
 from fdi.common.verdict import AMBIGUOUS, SENSOR
 
-DEG = math.pi / 180.0
 POINTS = Path(cosim.campaign.__file__).parents[1] / "campaigns" / "points.csv"
 DETECTORS = ("lpv_smo", "control_redundancy", "kinematic")
 AIR = ("none", "light", "moderate")
@@ -31,17 +31,21 @@ MANOEUVRES = ("cruise", "coordinated_turn", "yaw_angle", "nz_doublet", "three_tw
               "pitch_protection")  # fmt: skip
 FIRST_SEED = 4_000_000
 SETTLED, ONSET, END = 8.2, 20.0, 40.0  # [s]
-TRIPLE = (("elevator", "f_hat_elevator", 3.0 * DEG), ("n_z", "f_hat_n_z", 0.5), ("alpha", "f_hat_alpha", 5.0 * DEG))
+TRIPLE = (
+    ("elevator", "f_hat_elevator", 3.0 * RAD_PER_DEG),
+    ("n_z", "f_hat_n_z", 0.5),
+    ("alpha", "f_hat_alpha", 5.0 * RAD_PER_DEG),
+)
 # error of a sensor: detector that is asked, sensor, what is added [SI] at a time t since the onset, draws of noise
 ERRORS = {
-    "theta 1 deg": ("kinematic", "theta", lambda t, n: 1.0 * DEG + 0 * t),
+    "theta 1 deg": ("kinematic", "theta", lambda t, n: 1.0 * RAD_PER_DEG + 0 * t),
     "true airspeed 5 m/s": ("kinematic", "tas", lambda t, n: 5.0 + 0 * t),
-    "roll rate 1 deg/s": ("kinematic", "p", lambda t, n: 1.0 * DEG + 0 * t),
-    "noise of alpha x 10": ("kinematic", "alpha", lambda t, n: 9 * 1.2 * 0.03 * DEG * n),
+    "roll rate 1 deg/s": ("kinematic", "p", lambda t, n: 1.0 * RAD_PER_DEG + 0 * t),
+    "noise of alpha x 10": ("kinematic", "alpha", lambda t, n: 9 * 1.2 * 0.03 * RAD_PER_DEG * n),
     "noise of n_z x 10": ("kinematic", "n_z", lambda t, n: 9 * 1.2 * 0.007 * n),
     "n_x 0.03 g": ("control_redundancy", "n_x", lambda t, n: 0.03 + 0 * t),
     "n_z drift 0.01 g/s": ("control_redundancy", "n_z", lambda t, n: 0.01 * t),
-    "alpha 2 deg": ("control_redundancy", "alpha", lambda t, n: 2.0 * DEG + 0 * t),
+    "alpha 2 deg": ("control_redundancy", "alpha", lambda t, n: 2.0 * RAD_PER_DEG + 0 * t),
 }
 
 
@@ -116,7 +120,7 @@ def triple(air, manoeuvre, seed):
     if frame is None:
         return None
     t = frame.index.to_numpy()
-    for sensor, size in (("n_z", 0.5), ("alpha", 5.0 * DEG)):
+    for sensor, size in (("n_z", 0.5), ("alpha", 5.0 * RAD_PER_DEG)):
         frame[f"sensors.{sensor}.y_obs"] += size * (t >= ONSET - 1e-9)
     log = _watched(frame, "lpv_smo")
     named, errors = [], []

@@ -1,1 +1,0 @@
-"""Physical constants and unit factors, named by direction."""
