@@ -121,20 +121,25 @@ def bare_arguments(node: ast.FunctionDef) -> list[str]:
     return bare + (["return"] if node.returns is None and node.name != "__init__" else [])
 
 
-def without(check) -> list[str]:
-    """Return the public functions of the packages for which `check(definition)` is true."""
-    return [name for path in sources(*PACKAGES) for name, node in public_functions(path) if check(node)]
+def hinted() -> list[Path]:
+    """Return the source files whose public functions have type hints: all but the programs that users start from."""
+    return [p for p in sources(*PACKAGES) if p.parent.name not in ("examples", "templates")]
+
+
+def without(check, paths: list[Path]) -> list[str]:
+    """Return the public functions of the files for which `check(definition)` is true."""
+    return [name for path in paths for name, node in public_functions(path) if check(node)]
 
 
 def undocumented() -> list[str]:
     """Return the public functions without a docstring."""
     dunder = ("__init__", "__call__")
-    return without(lambda node: not ast.get_docstring(node) and node.name not in dunder)
+    return without(lambda node: not ast.get_docstring(node) and node.name not in dunder, sources(*PACKAGES))
 
 
 def unhinted() -> list[str]:
     """Return the public functions with an argument, or a result, without a type hint."""
-    return without(lambda node: bool(bare_arguments(node)))
+    return without(lambda node: bool(bare_arguments(node)), hinted())
 
 
 def counts() -> dict[str, object]:
@@ -143,7 +148,7 @@ def counts() -> dict[str, object]:
     tests = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in sources("tests")}
     largest = max(size, key=lambda p: size[p])
     every = [node for path in size for _, node in public_functions(path)]
-    hints = [bare_arguments(node) for node in every if not is_kernel(node)]
+    hints = [bare_arguments(node) for path in hinted() for _, node in public_functions(path)]
     return {
         "rooms of cosim": len(rooms()),
         "loose modules of cosim": len(list((ROOT / "cosim").glob("*.py"))) - 1,

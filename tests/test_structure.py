@@ -1,5 +1,6 @@
 """How the source is built: what tests/structure.py counts keeps within its bounds."""
 
+import ast
 import re
 
 import structure
@@ -13,6 +14,15 @@ def test_rooms_are_few_and_imports_run_downwards():
 
 def test_every_public_function_says_what_it_does():
     assert structure.undocumented() == []
+
+
+def test_every_public_function_has_type_hints():
+    assert structure.unhinted() == []
+
+
+def test_a_function_without_hints_would_be_found():
+    bare, whole = ast.parse("def f(a, b: int = 1): ...\ndef g(a: int) -> None: ...").body
+    assert structure.bare_arguments(bare) == ["a", "return"] and structure.bare_arguments(whole) == []
 
 
 # documents that are not in the repository, and talk among those who write it

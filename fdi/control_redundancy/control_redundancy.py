@@ -26,12 +26,14 @@ a stabiliser that runs away (the law moves the elevators against it) are still n
 """
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
 from fdi.common.decision import T_HOLD, confirm
-from fdi.common.record import Detector, Estimate
+from fdi.common.record import Detector, Estimate, Site
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, NONE, SENSOR, THRUST
 from fdi.common.why import LOST_SENSOR, NOT_READY, VALID
@@ -228,9 +230,10 @@ DETECTOR = Detector(
 
 
 def params(
-    which="flight", *, model, dt=0.005, rows="force", delay=2, lag=None, rate=(0.0, 0.0, 0.0, 0.0), t_mean=0.5,
-    t_learn=20.0,
-):  # fmt: skip
+    which: str = "flight", *, model: force_model.ForceModel, dt: float = 0.005, rows: str = "force",
+    delay: float = 2, lag: Sequence[float] | None = None, rate: Sequence[float] = (0.0, 0.0, 0.0, 0.0),
+    t_mean: float = 0.5, t_learn: float = 20.0,
+) -> np.ndarray:  # fmt: skip
     """Return PARAMS for a `ForceModel`; `rows` is "force" or "force+moment", `t_mean`, `t_learn` 0 switch the aids off.
 
     Commands are delayed by `delay` ticks as the measurements are [Mar10] slide 11, and by `lag` [s], what a healthy
@@ -275,14 +278,14 @@ def _pad(values):
     return np.r_[np.asarray(values, float), np.zeros(NF - len(values))]
 
 
-def fitted(site, **options):
+def fitted(site: Site, **options: Any) -> np.ndarray:
     """Return PARAMS for a loop, on the force model of the aircraft that flies."""
     about = site.aircraft()
     late = {"delay": 1.0 + site.ticks("n_z"), "lag": about.delays, "rate": about.rates}
     return params(model=about.model, dt=site.dt, t_learn=LEARN, **late, **options)
 
 
-def init(p):
+def init(p: np.ndarray) -> np.ndarray:
     """Return STATE of p's shape: nothing learned, averages empty."""
     return np.zeros(p.shape, STATE)
 

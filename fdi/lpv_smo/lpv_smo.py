@@ -43,19 +43,20 @@ In flight three things go beyond the paper, all off by default (`fitted` switche
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
 from actuators.constants import RAD_PER_DEG
 from fdi.common.decision import confirm, usable
-from fdi.common.record import Detector, Estimate
+from fdi.common.record import Detector, Estimate, Site
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, OFC_LIQUID, SENSOR
 from fdi.common.why import BANK, BOX_ALPHA, LOST_SENSOR, NOT_READY, VALID
 from fdi.lpv_smo.boxes import load as load_boxes
 from fdi.lpv_smo.core import DELAY, NB, M, N, P, R, T, bank, gust, inputs, observe, outputs, reconstruct
-from fdi.lpv_smo.model import powers
+from fdi.lpv_smo.model import LpvModel, powers
 from fdi.lpv_smo.synthesis import Design, canonical, design, load, save, verify  # noqa: F401 (the public design functions)
 
 LEARN = 8.0  # in flight: the paper's faults come at 10 s [s]
@@ -266,10 +267,13 @@ DETECTOR = Detector(
 
 
 def params(
-    which="flight", *, model=None, made=None, designs=None, K=30.0, delta=1e-4, tau_f=0.2, tau_g=0.1, tau_v=0.2,
-    tau_rho=0.5, omega_a=0.0, delay=0, bank=True, gust=False, inertia=(0.0, 0.0), adot=0.0, thrust=0.0,
-    sigma_q=0.02 * RAD_PER_DEG, t_settle=2.0, t_learn=0.0,
-):  # fmt: skip
+    which: str = "flight", *, model: LpvModel | None = None, made: Design | None = None,
+    designs: Sequence[tuple[LpvModel, Design | None]] | None = None, K: float = 30.0, delta: float = 1e-4,
+    tau_f: float = 0.2, tau_g: float = 0.1, tau_v: float = 0.2, tau_rho: float = 0.5, omega_a: float = 0.0,
+    delay: float = 0, bank: bool = True, gust: bool = False, inertia: tuple[float, float] = (0.0, 0.0),
+    adot: float = 0.0, thrust: float = 0.0, sigma_q: float = 0.02 * RAD_PER_DEG, t_settle: float = 2.0,
+    t_learn: float = 0.0,
+) -> np.ndarray:  # fmt: skip
     """Return PARAMS of an `LpvModel` and its `Design`, by default the paper's box, stored for this aircraft.
 
     `designs`, a list of (model, design), gives several boxes instead: the one that holds rho is used. States, inputs
@@ -316,7 +320,7 @@ def _pad(stack):
     return np.concatenate([stack, np.zeros((R + 1 - len(stack), *stack.shape[1:]))])
 
 
-def fitted(site, paper=False):
+def fitted(site: Site, paper: bool = False) -> np.ndarray:
     """Return PARAMS for a loop: commands as late as q is, through a lag as slow as its servos; all boxes, gusts taken
     out. With `paper` the paper's own box and observer.
     """
@@ -332,7 +336,7 @@ def fitted(site, paper=False):
     )  # fmt: skip
 
 
-def init(p):
+def init(p: np.ndarray) -> np.ndarray:
     """Return STATE of p's shape, not yet started: the observer starts at the first complete set of measurements."""
     return np.zeros(p.shape, STATE)
 

@@ -23,8 +23,10 @@ without which the pole runs to -1e7 rad/s.
 import dataclasses
 import hashlib
 import json
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -33,6 +35,7 @@ from fdi.common import lmi as lmi_tools
 from fdi.lpv_smo.inputs import least_seen, movable, options, stacks, vector
 from fdi.lpv_smo.model import LpvModel, at, vertices
 
+Arrays = Any  # whatever numpy makes an array of
 SMALL_Y, SMALL_W = 1e-2, 1e-4  # weights of |P1 L| and |W| against gamma
 
 
@@ -65,7 +68,10 @@ class Design:
     neglected: np.ndarray  # (n_n, h), largest |H_p - F_p E_p| over the vertices
 
 
-def canonical(A, B, C, D, *, faulty=2, actuator=(0,), F=None, A_f=None):
+def canonical(
+    A: Arrays, B: Arrays, C: Arrays, D: Arrays, *, faulty: int = 2, actuator: Sequence[int] = (0,),
+    F: Arrays | None = None, A_f: Arrays | None = None,
+) -> dict[str, Any]:  # fmt: skip
     """Augment with the output filter (7)-(9) and put into the output canonical form (11).
 
     A (1+nr, n, n), B (1+nr, n, m), C (1+nr, p, n), D (1+nr, p, m): affine stacks, the `faulty` last outputs prone to
@@ -114,8 +120,12 @@ def canonical(A, B, C, D, *, faulty=2, actuator=(0,), F=None, A_f=None):
     }  # fmt: skip
 
 
-def design(A, B, C, D, *, box=(), faulty=2, actuator=(0,), F=None, M=None, A_f=None, A22s=None, a_f=0.01,
-           delta_1=None, delta_2=None, poles=(5.0, 200.0)):  # fmt: skip
+def design(
+    A: Arrays, B: Arrays, C: Arrays, D: Arrays, *, box: Arrays = (), faulty: int = 2,
+    actuator: Sequence[int] = (0,), F: Arrays | None = None, M: Arrays | None = None,
+    A_f: Arrays | None = None, A22s: Arrays | None = None, a_f: float = 0.01,
+    delta_1: Arrays | None = None, delta_2: Arrays | None = None, poles: tuple[float, float] = (5.0, 200.0),
+) -> Design:  # fmt: skip
     """Design the observer by the bounded real lemma at all vertices of `box` (nr, 2); returns `Design`.
 
     `M` (n, k): directions of model error (default: the states whose rows of B the actuator's F_p leaves out), weights
@@ -169,7 +179,7 @@ def design(A, B, C, D, *, box=(), faulty=2, actuator=(0,), F=None, M=None, A_f=N
     return made
 
 
-def verify(made):
+def verify(made: Design) -> dict[str, Any]:
     """Substitute a design back: largest relative LMI eigenvalue, P's least eigenvalue, poles, W F_2 = I, L F_2 = 0.
 
     The bounded real lemma's matrix must be negative to 1e-6 of its norm at every vertex, P >= I, and every vertex pole
@@ -198,21 +208,21 @@ def verify(made):
     return out
 
 
-def digest(model):
+def digest(model: LpvModel) -> str:
     """Return the hash of an `LpvModel`'s numbers to nine significant digits, independent of how they are written."""
     text = " ".join(f"{v:.9e}" for f in ("A", "B", "C", "D", "box", "trim") for v in np.ravel(getattr(model, f)) + 0.0)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def save(model, made, path, **facts):
+def save(model: LpvModel, made: Design, path: Path | str, **facts: Any) -> None:
     """Write model and design as JSON to `path`, with the model's hash and further `facts` (numbers, strings)."""
-    held = {"model_sha256": digest(model), **facts}
+    held: dict[str, Any] = {"model_sha256": digest(model), **facts}
     held["model"] = {k: _plain(v) for k, v in dataclasses.asdict(model).items()}
     held["design"] = {k: _plain(v) for k, v in dataclasses.asdict(made).items()}
     Path(path).write_text(compact.text(held), encoding="utf-8")
 
 
-def load(path=None):
+def load(path: Path | str | None = None) -> tuple[LpvModel, Design]:
     """Return (LpvModel, Design) from `path`, by default the stored ones of this aircraft.
 
     Raises ValueError when the design was made for other numbers than the file's model holds, FileNotFoundError when
@@ -232,7 +242,7 @@ def _plain(value):
     return value.tolist() if isinstance(value, np.ndarray) else value
 
 
-def array(value):
+def array(value: Any) -> Any:
     """Return lists of numbers as arrays, of words as tuples, anything else as it is: a Design's fields from JSON."""
     if isinstance(value, list):
         return tuple(value) if value and isinstance(value[0], str) else np.array(value)

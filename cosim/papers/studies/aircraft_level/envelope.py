@@ -5,9 +5,12 @@ noise is 1.2 times that of the set `transport`. A flight without a fault serves 
 only the detectors see are added to what it recorded.
 """
 
+import argparse
 import csv
 import math
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +22,7 @@ from cosim.flight.detectors import sources
 from cosim.flight.signals import detect, fly
 from cosim.flight.site import site
 from cosim.papers.studies import Table
+from cosim.scenario import Scenario
 from cosim.scenario.load import load_scenario
 from cosim.scenario.tolerance import toleranced
 from fdi import registry
@@ -49,7 +53,7 @@ ERRORS = {
 }
 
 
-def scenario(air, manoeuvre, seed, *more):
+def scenario(air: str, manoeuvre: str, seed: int, *more: str) -> Scenario:
     """Return the scenario of one flight: a point of the table, drawn by `seed` with its tolerances."""
     rng = np.random.default_rng(seed)
     with POINTS.open(encoding="utf-8") as file:
@@ -79,7 +83,7 @@ def _watched(frame, name):
     return detect(frame, module, sources(name), registry.record(name).fit(site(frame.attrs["dt"])), module.OUTPUTS)
 
 
-def healthy(air, manoeuvre, seed):
+def healthy(air: str, manoeuvre: str, seed: int) -> dict | None:
     """Return, of a flight of 60 s without a fault, {detector: [valid share, alarm]} and {error: [said, delay s]}."""
     frame = _flown(air, manoeuvre, seed, "duration_s=60")
     if frame is None:
@@ -112,7 +116,7 @@ def _error(frame, seed, name, sensor, added):
     return ["right" if right else "wrong", float(t[new[0]])]
 
 
-def triple(air, manoeuvre, seed):
+def triple(air: str, manoeuvre: str, seed: int) -> list | None:
     """Return [times to the three names s or None, errors over the faults from 3 s on, valid share, alarm before]."""
     faults = [f"faults.0.{k}={v}" for k, v in {"target": "elevator.all", "kind": "bias", "bias_deg": 3.0,
                                                "start_s": ONSET}.items()]  # fmt: skip
@@ -132,9 +136,10 @@ def triple(air, manoeuvre, seed):
     return [named, errors, float(log["valid"][t > SETTLED].mean()), bool(log["alarm"][t < ONSET].any())]
 
 
-def jobs(options):
+def jobs(options: argparse.Namespace) -> list[tuple[Callable[..., Any], dict[str, Any]]]:
     """Return the flights: `seeds` without a fault and as many with three faults in each air."""
-    out, seed = [], FIRST_SEED
+    out: list[tuple[Callable[..., Any], dict[str, Any]]] = []
+    seed = FIRST_SEED
     for air in AIR:
         for k in range(options.seeds):
             out.append((healthy, {"air": air, "manoeuvre": MANOEUVRES[k % len(MANOEUVRES)], "seed": seed}))
@@ -150,7 +155,7 @@ def _share(hits, n):
     return f"{hits}/{n} ({100 * p.low:.0f} to {100 * p.high:.0f} %)"
 
 
-def tables(options, values):
+def tables(options: argparse.Namespace, values: list[Any]) -> list[Table]:
     """Return the Tables; intervals are Clopper and Pearson's at 95 %."""
     done = [(f, a, v) for (f, a), v in zip(jobs(options), values, strict=True) if v is not None]
     quiet = [(a, v) for f, a, v in done if f is healthy]
