@@ -31,9 +31,7 @@ def health(truth: Any) -> tuple[str, str]:
 
     "diverged" where a number is not finite, "departed" outside LIMITS, else ("", "").
     """
-    low, high = _bounds(truth.dtype)
-    v = np.asarray(truth).reshape(1).view("f8")
-    if ((v >= low) & (v <= high)).all():  # False for what is no number
+    if _inside(np.asarray(truth).reshape(1))():
         return "", ""
     for name in truth.dtype.names:
         if not math.isfinite(truth[name]):
@@ -42,6 +40,13 @@ def health(truth: Any) -> tuple[str, str]:
         if not low <= truth[name] <= high:
             return "departed", f"{name} = {truth[name]:.4g} is outside {low:.4g} to {high:.4g} (SI)"
     return "", ""
+
+
+def _inside(truth):
+    """Return a call that tells whether every number of the record in `truth` (1,) is within its bounds."""
+    low, high = _bounds(truth.dtype)
+    v = truth.view("f8")
+    return lambda: ((v >= low) & (v <= high)).all()  # False for what is no number
 
 
 @functools.cache
@@ -71,13 +76,14 @@ def fly(setup: Any, *logs: Any, progress: Any = None, keep: Any = None) -> Any:
     history = np.empty((n, len(index)), kind)  # pages are taken as the flight goes on
     tape, k, whole = Tape(loop.v, loop.dt), 0, 0
     order(loop, tape, *logs, keep=(index, history))
+    inside = _inside(loop.bus["truth"])
     try:
         for k in range(n):
             tape.run(k)
             whole = k + 1
             if k % CHECK_EVERY == 0:
-                bad, why = health(loop.truth)
-                if bad:
+                if not inside():
+                    bad, why = health(loop.truth)
                     return history[: k + 1], bad, f"at {k * loop.dt:.2f} s {why}"
                 if progress and k % PROGRESS_EVERY == 0:
                     progress(k * loop.dt, n * loop.dt)

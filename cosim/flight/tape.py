@@ -17,7 +17,7 @@ from actuators.block import Entry
 from actuators.native import PLAIN, Native
 from cosim.flight.plant.border import to_si
 
-CLOCK, COPY, ADD, TRUTH, NOISE, STEP, KEEP, LOG, GET, PUT = range(10)
+CLOCK, COPY, ADD, TRUTH, NOISE, STEP, KEEP, LOG, GET, PUT, SCALE = range(11)
 WIDTH = 8
 
 
@@ -97,9 +97,14 @@ class Tape:
         """Give each of the nodes its value by the setter at an address."""
         self._row(PUT, len(nodes), self._at(nodes), setter, self._at(values))
 
-    def noise(self, to: Any, block: Any) -> None:
-        """v[to] = block[k % rows]."""
-        self._row(NOISE, len(to), self._at(to), self._at(block), len(block))
+    def noise(self, to: Any, block: Any, vector: np.ndarray | None = None) -> None:
+        """vector[to] = block[k % rows], in the bus or another vector."""
+        into = self.v if vector is None else vector
+        self._row(NOISE, len(to), self._at(to), self._at(block), len(block), self._at(into))
+
+    def scale(self, values: np.ndarray, factors: np.ndarray, divisors: np.ndarray, out: np.ndarray) -> None:
+        """out = values * factors / divisors."""
+        self._row(SCALE, len(values), *map(self._at, (values, factors, divisors, out)))
 
     def step(self, block: Any) -> None:
         """Advance every lane of a block by one tick, every `block.every` ticks; blocks in Python advance themselves."""
@@ -107,11 +112,13 @@ class Tape:
         if not isinstance(entry, Entry):
             self.call(_each(block.advance, block.every))
         elif len(block.x):
-            address = len(self._entries) if PLAIN else entry.native.address
-            self._entries[address] = entry
-            dt = self._at(np.array([block.dt]))
-            x, u, p = (self._at(a) for a in (block.x, block.u, block.p))
-            self._row(STEP, address, x, u, p, dt, len(block.x), block.every)
+            self.advance(entry, block.x, block.u, block.p, block.dt, block.every)
+
+    def advance(self, entry: Entry, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float, every: int = 1) -> None:
+        """Advance the lanes of these arrays by one tick of `dt` [s] every `every` ticks."""
+        address = len(self._entries) if PLAIN else entry.native.address
+        self._entries[address] = entry
+        self._row(STEP, address, *map(self._at, (x, u, p, np.array([dt]))), len(x), every)
 
     def keep(self, index: Any, rows: Any) -> None:
         """rows[k] = v[index], in the precision of `rows` (ticks, n)."""
@@ -170,7 +177,10 @@ def plainly(table: Any, v: np.ndarray, k: int, entries: Any) -> None:
         elif operation == TRUTH:
             to_si(_array(b, a), _array(c, a), v[d : d + a], *_array(e, 3))
         elif operation == NOISE:
-            v[_array(b, a, np.int64)] = _array(c + 8 * a * (k % d), a)
+            to = _array(b, a, np.int64)
+            _array(e, int(to.max()) + 1)[to] = _array(c + 8 * a * (k % d), a)
+        elif operation == SCALE:
+            _array(e, a)[:] = _array(b, a) * _array(c, a) / _array(d, a)
         elif operation == STEP:
             if k % g == 0:
                 state, given, fixed = entries[a].kinds

@@ -62,8 +62,8 @@ def order(s: Any, tape: Any, *logs: Any, keep: Any = None) -> None:
     tape.copy(*s.wires["surfaces"])
     if keep is not None:
         tape.keep(*keep)
-    tape.call(lambda k: s.plant.write(s.surface_vector))
-    tape.call(lambda k: s.plant.run())  # 6. the aircraft to t_k+1
+    s.plant.tell_inputs(tape, s.bus.index(f"surfaces.aircraft.{s.plant.border.inputs[0]}"))
+    s.plant.tell_run(tape)  # 6. the aircraft to t_k+1, through its gusts
 
 
 @dataclass
@@ -88,7 +88,7 @@ class Loop:
 
     def __post_init__(self):
         self.v = self.bus.v
-        self.truth, self.surface_vector = self.bus["truth"][0], self.bus["surfaces"].view("f8")
+        self.truth = self.bus["truth"][0]
         self.noise = np.array([self.bus.index(f"sensors_in.{lane}.noise") for lane in self.bus.lanes["sensors"]])
         self._tape, self._logs = None, ()
 

@@ -7,7 +7,7 @@ from numba import carray, njit, types
 from actuators import pointers
 from actuators.pointers import reals, singles, wholes
 from cosim.flight.plant.border import to_si
-from cosim.flight.tape import ADD, CLOCK, COPY, GET, KEEP, LOG, NOISE, PUT, STEP, TRUTH, WIDTH
+from cosim.flight.tape import ADD, CLOCK, COPY, GET, KEEP, LOG, NOISE, PUT, SCALE, STEP, TRUTH, WIDTH
 from cosim.log.store import store
 
 KINDS = (types.int64, types.int64, types.int64, types.int64)
@@ -46,8 +46,9 @@ def walk(table: Any, n: int, bus: Any, k: int) -> None:
                     kept[j] = v[index[j]]
         elif operation == NOISE:
             to, block = wholes(row[2]), reals(row[3] + 8 * a * (k % row[4]))
+            vector = reals(row[5])
             for j in range(a):
-                v[to[j]] = block[j]
+                vector[to[j]] = block[j]
         elif operation == ADD:
             clear, to, source = wholes(row[2]), wholes(row[4]), wholes(row[5])
             for j in range(a):
@@ -65,6 +66,10 @@ def walk(table: Any, n: int, bus: Any, k: int) -> None:
             nodes, values = wholes(row[2]), reals(row[4])
             for j in range(a):
                 tell(row[3], nodes[j], values[j])
+        elif operation == SCALE:
+            given, factors, divisors, scaled = reals(row[2]), reals(row[3]), reals(row[4]), reals(row[5])
+            for j in range(a):
+                scaled[j] = given[j] * factors[j] / divisors[j]
         elif operation == LOG:
             store(a, bus)
         elif operation == CLOCK:

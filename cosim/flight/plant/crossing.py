@@ -71,7 +71,7 @@ def _memory():
     if root is None or library is None:
         return None
     about = library.stat()
-    facts = str(library), about.st_size, about.st_mtime_ns, sys.version, platform.platform()
+    facts = "with gusts", str(library), about.st_size, about.st_mtime_ns, sys.version, platform.platform()
     return root / f"border-{hashlib.sha256(repr(facts).encode()).hexdigest()[:16]}.json"
 
 
@@ -110,7 +110,7 @@ def trial() -> None:
 
 def compare() -> dict[str, Any]:
     """Return what `trial` prints. A wrong address may end this process: call it in one of its own."""
-    from cosim.flight.plant.plant import Plant
+    from cosim.flight.plant.plant import GUST_WRITE, Plant
     from cosim.flight.plant.point import FlightPoint
 
     by_calls, by_address = Plant(FlightPoint()), Plant(FlightPoint())
@@ -123,14 +123,18 @@ def compare() -> dict[str, Any]:
         return {"equal": False}
     get = ctypes.PYFUNCTYPE(ctypes.c_double, ctypes.c_void_p)(how.get)
     put = ctypes.PYFUNCTYPE(ctypes.c_bool, ctypes.c_void_p, ctypes.c_double)(how.put)
-    read, write = (how.nodes(nodes).tolist() for nodes in (by_address.reads, by_address.writes))
+    gusts = [[plant.port.node(name) for name in GUST_WRITE] for plant in (by_calls, by_address)]
+    read, write = (how.nodes(nodes).tolist() for nodes in (by_address.reads, by_address.writes + gusts[1]))
     if len(set(write)) < len(write):
         return {"equal": False}
     values = 0
     for k in range(TICKS):
         surfaces = trim.surfaces * (1.0 + 0.02 * np.sin(0.05 * k + np.arange(len(trim.surfaces))))
         by_calls.write(surfaces)
-        for node, value in zip(write, surfaces.tolist()):
+        gust = (0.3 * np.sin(0.1 * k + np.arange(len(GUST_WRITE)))).tolist()
+        for node, value in zip(gusts[0], gust):
+            node.set_double_value(value)
+        for node, value in zip(write, [*surfaces.tolist(), *gust], strict=True):
             put(node, value)
         by_calls.run()
         by_address.run()

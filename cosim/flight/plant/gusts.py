@@ -145,7 +145,7 @@ class Gusts:
         """`p` PARAMS (1,); the same seed gives the same air."""
         self._rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(2,))))
         self._noise, self._k = np.zeros((self.DRAWS, 4)), self.DRAWS
-        self.x, self._u = init(p), np.zeros((1, 1), INPUTS)
+        self.x, self._u, self._p, self._dt = init(p), np.zeros((1, 1), INPUTS), p, dt
         self._in, self._out = self._u.view("f8").reshape(-1), self.x.view("f8")[:6]
         self._advance = rollout.bound(self.x, self._u, p, dt)
 
@@ -159,3 +159,20 @@ class Gusts:
         self._k += 1
         self._advance()
         return self._out.tolist()
+
+    def tell(self, tape: Any, how: Any, read: list, write: list) -> None:
+        """Tell a tape that begins at tick 0 to read `read`, step and write to `write`, nodes in the order of `next` in
+        JSBSim's units, by the addresses of `how` (cosim/flight/plant/crossing.py).
+        """
+        raw, put = np.zeros(4), np.zeros(6)
+        tape.first(self._draw)
+        tape.noise(np.arange(4), self._noise, self._in)
+        tape.get(how.nodes(read), how.get, raw)
+        tape.scale(raw, np.array([M_PER_FT, 1.0, 1.0, 1.0]), np.ones(4), self._in[4:])
+        tape.advance(rollout, self.x, self._u, self._p, self._dt)
+        tape.scale(self._out, np.ones(6), np.array([M_PER_FT] * 3 + [1.0] * 3), put)
+        tape.put(how.nodes(write), how.put, put)
+
+    def _draw(self, k):
+        if k % self.DRAWS == 0:
+            self._rng.standard_normal(out=self._noise)

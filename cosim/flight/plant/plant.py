@@ -99,6 +99,7 @@ class Plant:
         self._buffer = bytearray(8 * len(read))
         self._raw = np.frombuffer(self._buffer)
         self._pack = struct.Struct(f"{len(read)}d").pack_into  # three times faster than an array from a list
+        self._gusts: tuple[gusts.Gusts, list, list] | None = None
         self._advance = fdm.run
         for name, value in loading(self.aircraft, flight.mass, flight.cg).items():
             self.port.setter(name)(value)
@@ -196,7 +197,9 @@ class Plant:
         if self.flight.turbulence != "none":
             p = gusts.params(self.flight.turbulence, self.dt, **self.aircraft.gusts)
             air = gusts.Gusts(p, self.dt, self.flight.seed)
-            get, put = [self.port.getter(name) for name in _GUST_READ], [self.port.setter(name) for name in GUST_WRITE]
+            read, write = ([self.port.node(name) for name in names] for names in (_GUST_READ, GUST_WRITE))
+            get, put = [node.get_double_value for node in read], [node.set_double_value for node in write]
+            self._gusts = air, read, write
             self._advance = functools.partial(_in_gusts, fdm.run, air, get, put)
         if abs(fdm.get_delta_t() - self.dt) > 1e-12:
             raise RuntimeError("JSBSim lost its step")
@@ -234,6 +237,15 @@ class Plant:
     def run(self) -> Any:
         """Advance by one step, through this flight's gusts."""
         self._advance()
+
+    def tell_run(self, tape: Any) -> None:
+        """Tell a tape that begins at tick 0 to advance by one step, through this flight's gusts."""
+        advance = self._advance
+        if self._gusts and (how := crossing()):
+            air, read, write = self._gusts
+            air.tell(tape, how, read, write)
+            advance = self._fdm.run
+        tape.call(lambda k: advance())
 
     def truth(self) -> np.ndarray:
         """Return a new (1,) array of the truth, SI, of the present state."""
