@@ -15,7 +15,7 @@ def test_an_example_is_copied_and_runs(name, tmp_path, monkeypatch, capsys):
     copied = CliRunner().invoke(cli.app, ["example", name, "-o", str(tmp_path / f"{name}.py"), "--json"])
     assert copied.exit_code == 0 and json.loads(copied.stdout)["example"] == name
     monkeypatch.chdir(tmp_path)
-    runpy.run_path(f"{name}.py", run_name="__main__")
+    runpy.run_path(str(tmp_path / f"{name}.py"), run_name="__main__")
     assert capsys.readouterr().out.strip()
 
 

@@ -27,7 +27,6 @@ Keys are those of a scenario, as with --set. A table's `name` becomes the column
 
 import csv
 import itertools
-import json
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -43,6 +42,7 @@ from cosim.scenario import Scenario, load_scenario, parse
 from cosim.scenario.load import located
 from cosim.scenario.override import apply
 from cosim.scenario.tolerance import toleranced
+from cosim.scenario.toml import inline
 from cosim.texts import read, toml
 
 MOST = 1_000_000  # runs; more is a slip of a grid
@@ -118,7 +118,7 @@ def scenario_of(base: dict, chosen: dict, place: str) -> tuple[Scenario, dict]:
             names[key] = several.pop("name")
         pairs += several.items()
     try:
-        return parse(apply(base, [f"{k}={json.dumps(v)}" for k, v in pairs]), place=place), names
+        return parse(apply(base, [f"{k}={inline(v)}" for k, v in pairs]), place=place), names
     except CosimError as error:
         error.place = error.place if error.place.startswith(place) else f"{place}: {error.place}".replace("--set ", "")
         raise
@@ -188,7 +188,7 @@ def _part(base, table, own, place, folder):
         drawn |= dict.fromkeys(_every(key, place), draw(_listed(value, folder, here), here))
     for key in grid.keys() & drawn.keys():
         raise CampaignError("is drawn and in the grid", place=f"{place}: {key}")
-    tables = apply(base, [f"{k}={json.dumps(v)}" for k, v in constant.items()])
+    tables = apply(base, [f"{k}={inline(v)}" for k, v in constant.items()])
     return Part(tables, own.get("name", ""), runs, grid, drawn)
 
 

@@ -90,6 +90,41 @@ def add(app: Any, out: Any, err: Any) -> Any:
         raise typer.Exit(cli_campaign.exit_status(done.frame))
 
     @app.command()
+    def dataset(
+        campaign: Annotated[str, typer.Argument(metavar="CAMPAIGN", help="Built-in name or file.", show_default=False)],
+        output: Annotated[
+            Path | None,
+            typer.Option("--output", "-o", metavar="DIR", help="Default: logs/<campaign>-dataset.", show_default=False),
+        ] = None,
+        signal: Annotated[
+            list[str] | None,
+            typer.Option("--signal", metavar="WORD", help="`cosim list signals`. Default: all.", show_default=False),
+        ] = None,
+        rate: Annotated[float, typer.Option("--rate", metavar="HZ", help="Samples a second.")] = 50.0,
+        limit: Annotated[
+            int | None, typer.Option("--limit", min=1, help="The first flights only.", show_default=False)
+        ] = None,
+        workers: WorkersOption = None,
+        json_: JsonOption = False,
+    ):
+        """Fly a campaign into a labelled data set: Parquet, Croissant, splits, a datasheet. Goes on after a kill."""
+        from cosim.campaign.dataset import make
+        from cosim.campaign.run import folder
+
+        out_dir = output or folder(campaign).with_name(f"{Path(campaign).stem}-dataset")
+        with tables.progress(err, f"flying {Path(campaign).stem}", "flights", "preparing the workers") as progress:
+            made = make(
+                campaign, out_dir, signals=signal or (), rate_hz=rate, limit=limit, workers=workers, progress=progress
+            )
+        if json_:
+            print(json.dumps(made))
+            return
+        lost = f", {made['failed']} without a steady flight" if made["failed"] else ""
+        size = f"{made['bytes'] / 1e6:.1f} MB, {made['bytes_per_flight'] / 1e3:.0f} kB each"
+        out.print(f"{made['flights']} flights{lost}: {made['samples']} samples, {size}")
+        out.print(f"data   {tables.escape(made['folder'])}", soft_wrap=True, highlight=False)
+
+    @app.command()
     def report(
         log: Annotated[
             Path,

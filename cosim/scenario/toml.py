@@ -15,7 +15,7 @@ def dumps(table: Any, path: Sequence[Any] = ()) -> Any:
         elif isinstance(value, list | tuple) and value and isinstance(value[0], dict):
             below += [f"\n[[{_dotted(name)}]]\n{dumps(item, name)}" for item in value]
         elif value is not None:
-            lines.append(f"{_key(key)} = {_value(value)}\n")
+            lines.append(f"{_key(key)} = {inline(value)}\n")
     return "".join(lines + below)
 
 
@@ -37,11 +37,14 @@ def _text(text):
     return '"' + re.sub(r"[\x00-\x1f\x7f]", lambda m: f"\\u{ord(m[0]):04x}", escaped) + '"'
 
 
-def _value(value):
+def inline(value: Any) -> str:
+    """Return a value as TOML on one line, a table in braces."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{_key(k)} = {inline(v)}" for k, v in value.items()) + "}"
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, int | float):
         return repr(value)
     if isinstance(value, str):
         return _text(value)
-    return "[" + ", ".join(map(_value, value)) + "]"
+    return "[" + ", ".join(map(inline, value)) + "]"

@@ -1,0 +1,132 @@
+"""One flight of a data set, in a worker: a scenario in, a Parquet file of signals and labels out."""
+
+import hashlib
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+import cosim.flight.signals
+from cosim.campaign.dataset.columns import achieved, described
+from cosim.campaign.store import CampaignError, write
+from cosim.errors import TrimError
+from cosim.flight.conditions import resolved
+from cosim.flight.inject import lanes
+from cosim.scenario import Scenario, parse
+from cosim.scenario.vocabulary import find, words
+
+
+def every(scenario: Scenario, rate_hz: float) -> int:
+    """Return how many ticks lie between two samples. Raises CampaignError."""
+    n = scenario.rate_hz / rate_hz if rate_hz > 0 else 0.0
+    if n < 1 or abs(n - round(n)) > 1e-9:
+        allowed = ", ".join(f"{scenario.rate_hz / k:g}" for k in (1, 2, 4, 5, 10, 20))
+        said = f"the flights run at {scenario.rate_hz:g} Hz, of which it must be a whole part"
+        raise CampaignError(said, place=f"--rate {rate_hz:g}", allowed=f"{allowed}, ... Hz")
+    return round(n)
+
+
+def fly(folder: str, run: str, toml: str, signals: list[str], every: int) -> dict[str, Any]:
+    """Fly a scenario and its healthy twin, write flights/<run>.parquet; return what is known of the file.
+
+    That is {file, status, reason, rows, bytes, sha256}. A point without a steady flight has no file and the status
+    "infeasible".
+    """
+    given = parse(tomllib.loads(toml))
+    none = {"file": "", "status": "infeasible", "rows": 0, "bytes": 0, "sha256": ""}
+    try:
+        scenario = resolved(given.model_copy(update={"detectors": _quiet(given)}))
+        flown = cosim.flight.signals.fly(scenario, _sources(scenario, signals))
+        healthy = _healthy(scenario)
+    except TrimError as error:
+        return {**none, "reason": str(error)}
+    table = _table(scenario, flown, healthy, signals)[::every]
+    path = Path(folder) / "flights" / f"{run}.parquet"
+    write(path, _arrow(table, described([given], signals)))
+    held = path.read_bytes()
+    return {"file": f"flights/{run}.parquet", "status": flown.attrs["status"], "reason": flown.attrs["reason"],
+            "rows": len(table), "bytes": len(held), "sha256": hashlib.sha256(held).hexdigest()}  # fmt: skip
+
+
+def whole(folder: Path, done: dict[str, Any]) -> bool:
+    """Tell whether the file of a flight that was flown is still what it was."""
+    path = folder / done["file"]
+    return not done["file"] or (path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() == done["sha256"])
+
+
+def _quiet(scenario):
+    """Return the detectors' part of the scenario with none but those that a servo closes on."""
+    return scenario.detectors.model_copy(update={"enabled": ()})
+
+
+def _has(scenario, name):
+    """Tell whether the flight has the signal of a column."""
+    segment, _, word = name.rpartition(".")
+    return not segment or scenario.elevator.technology.get(segment) in words()[word].technologies
+
+
+def _sources(scenario, signals):
+    """Return the bus names of signals, their flags, what tells a fault's state, and the deflections."""
+    found = [find(name) for name in signals if _has(scenario, name)]
+    faults = [f"faults.{lane.name}.{field}" for lane in lanes(scenario) for field in ("active", "f_inj")]
+    every = [*(s.source for s in found), *(s.flag for s in found if s.flag), *faults, *achieved(scenario).values()]
+    return list(dict.fromkeys(every))
+
+
+def _healthy(scenario):
+    """Return the deflections of the flight without its faults; None where it has none."""
+    if not scenario.faults:
+        return None
+    twin = scenario.model_copy(update={"title": "", "faults": ()})
+    return cosim.flight.signals.fly(twin, list(achieved(scenario).values()))
+
+
+def _table(scenario, flown, healthy, signals):
+    """Return every tick's columns but their types."""
+    out: dict[str, Any] = {"t_s": flown.index.to_numpy()}
+    for name in signals:
+        if not _has(scenario, name):
+            out[name] = np.full(len(flown), np.nan)
+            continue
+        signal = find(name)
+        values = flown[signal.source].to_numpy(copy=True)
+        if signal.flag:
+            values[flown[signal.flag].to_numpy() < 0.5] = np.nan
+        out[name] = values
+    out |= _labels(scenario, flown)
+    for name, source in achieved(scenario).items():
+        n = len(flown) if healthy is None else min(len(flown), len(healthy))
+        out[name] = np.full(len(flown), np.nan)  # beyond the end of a twin that departed
+        out[name][:n] = 0.0 if healthy is None else flown[source].to_numpy()[:n] - healthy[source].to_numpy()[:n]
+    return pd.DataFrame(out)
+
+
+def _labels(scenario, flown):
+    """Return the columns that say which faults act."""
+    own: dict[int, list[str]] = {}
+    for lane in lanes(scenario):
+        own.setdefault(lane.fault, []).append(f"faults.{lane.name}")
+    acts = {i: np.any([flown[f"{b}.active"] > 0.5 for b in buses], axis=0) for i, buses in own.items()}
+    n = len(flown)
+    kind, place, injected = np.full(n, "", object), np.full(n, "", object), np.zeros(n)
+    for i, on in acts.items():
+        fault = scenario.faults[i]
+        at = fault.target + (f"@{fault.at}" if fault.at else "")
+        injected[on & (kind == "")] = flown[f"{own[i][0]}.f_inj"].to_numpy()[on & (kind == "")]
+        for column, word in ((kind, fault.kind), (place, at)):
+            column[on] = np.where(column[on] == "", word, column[on] + f"+{word}")
+    active = np.sum(list(acts.values()), axis=0) if acts else np.zeros(n)
+    return {"faults_active": active, "fault_kind": kind, "fault_place": place, "fault_injected": injected}
+
+
+def _arrow(table, columns):
+    """Return the table with its types, and unit and meaning beside each column."""
+    kinds = {"sc:Integer": pa.int8(), "sc:Text": pa.string(), "sc:Float": pa.float32()}
+    about = {name: {"unit": unit, "meaning": meaning} for name, (_, unit, meaning) in columns.items()}
+    fields = [pa.field(name, pa.float64() if name == "t_s" else kinds[kind], metadata=about[name])
+              for name, (kind, *_) in columns.items() if name in table]  # fmt: skip
+    arrays = [pa.array(table[f.name].to_numpy()).cast(f.type) for f in fields]
+    return pa.Table.from_arrays(arrays, schema=pa.schema(fields))

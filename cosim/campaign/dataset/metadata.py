@@ -1,0 +1,103 @@
+"""What a data set says of itself: Croissant for programs, a datasheet for people."""
+
+import hashlib
+import json
+import subprocess
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+
+from cosim.campaign.dataset.columns import Column
+from cosim.campaign.store import fingerprint
+
+PARQUET = "application/x-parquet"
+TEMPLATES = resources.files("cosim") / "templates"
+
+
+def provenance() -> dict[str, Any]:
+    """Return {version, commit, digest, versions} of the code that flies."""
+    here = Path(__file__).resolve().parents[3]
+    try:
+        said = subprocess.run(["git", "rev-parse", "HEAD"], cwd=here, capture_output=True, text=True, timeout=10)
+        commit = said.stdout.strip() if said.returncode == 0 and (here / ".git").exists() else ""
+    except (OSError, subprocess.SubprocessError):
+        commit = ""
+    return {"version": version("cosim-fdi"), "commit": commit or "unknown, an installed package", **fingerprint()}
+
+
+def croissant(about: Mapping[str, Any], index: pa.Table, columns: Mapping[str, Column], path: Path) -> str:
+    """Return croissant.json: the files and the columns of both kinds, with the digest of flights.parquet at `path`."""
+    kinds = {"string": "sc:Text", "int64": "sc:Integer"}
+    rows: dict[str, Column] = {
+        f.name: (kinds.get(str(f.type), "sc:Float"), "-", INDEX.get(f.name, f.name)) for f in index.schema
+    }
+    base = json.loads((TEMPLATES / "croissant.json").read_text(encoding="utf-8"))
+    made = {
+        **base,
+        "name": about["campaign"],
+        "description": f"Labelled flights of the campaign {about['campaign']}: actuator, sensor and engine faults of a "
+        "transport aircraft in closed loop, simulated, with the truth beside every sample.",
+        "license": "https://spdx.org/licenses/MIT.html",
+        "version": about["version"],
+        "distribution": [
+            {"@type": "cr:FileObject", "@id": "index", "name": "index", "contentUrl": path.name,
+             "encodingFormat": PARQUET, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()},
+            {"@type": "cr:FileSet", "@id": "files", "name": "files", "encodingFormat": PARQUET,
+             "includes": "flights/*.parquet"},
+        ],
+        "recordSet": [
+            _records("flights", rows, "fileObject", "index"),
+            _records("samples", columns, "fileSet", "files"),
+        ],
+    }  # fmt: skip
+    return json.dumps(made, indent=1) + "\n"
+
+
+def _records(name, columns, kind, source):
+    fields = [
+        {"@type": "cr:Field", "@id": f"{name}/{column}", "name": column, "description": f"{meaning} [{unit}]",
+         "dataType": of, "source": {kind: {"@id": source}, "extract": {"column": column}}}
+        for column, (of, unit, meaning) in columns.items()
+    ]  # fmt: skip
+    return {"@type": "cr:RecordSet", "@id": name, "name": name, "field": fields}
+
+
+INDEX = {
+    "run": "id of the flight: digest of its scenario",
+    "file": "its file, empty where its point has no steady flight",
+    "status": "completed, departed, diverged or infeasible",
+    "reason": "why it did not complete",
+    "rows": "samples",
+    "bytes": "size of the file",
+    "sha256": "digest of the file",
+    "seed": "seed of its noise and gusts",
+    "point": "flight point",
+    "family": "kinds of its faults, none without one",
+    "faults": "its faults in words",
+    "scenario": "the whole scenario, TOML",
+    "split_point": "train, validation or test; a flight point is in one of them",
+    "fold_family": "0 to 4; a family of faults is in one of them",
+}
+
+
+def datasheet(
+    about: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], columns: Mapping[str, Column], title: str
+) -> str:
+    """Return README.md."""
+    import jinja2
+
+    families: dict[str, dict[str, int]] = {}
+    for row in rows:
+        own = families.setdefault(row["family"], {"train": 0, "validation": 0, "test": 0})
+        own[row["split_point"]] += 1
+    flown = [r for r in rows if r["file"]]
+    environment = jinja2.Environment(keep_trailing_newline=True, undefined=jinja2.StrictUndefined)
+    return environment.from_string((TEMPLATES / "datasheet.md").read_text(encoding="utf-8")).render(
+        about=about, title=title, columns=columns, families=dict(sorted(families.items())),
+        flights=len(flown), failed=len(rows) - len(flown), samples=sum(r["rows"] for r in rows),
+        bytes=sum(r["bytes"] for r in rows), seeds=(min(r["seed"] for r in rows), max(r["seed"] for r in rows)),
+    )  # fmt: skip

@@ -1,0 +1,28 @@
+"""Splits that do not leak: by flight point, and by family of faults."""
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+
+SHARES = ("train", "test", "train", "validation", "train")  # of every five points, in the order of their digests
+FOLDS = 5
+
+
+def splits(rows: Sequence[Mapping[str, str]]) -> list[dict[str, object]]:
+    """Return {split_point, fold_family} of flights that have a `point`, a `family` and a `run`.
+
+    split_point: all flights of a point are in one of train, validation, test. fold_family, 0 to 4: a family stands in
+    one fold, so that a model may be asked for faults that it never saw; flights without a fault are dealt out.
+    """
+    share = _dealt({r["point"] for r in rows}, len(SHARES))
+    fold = _dealt({r["family"] for r in rows} - {"none"}, FOLDS)
+    quiet = _dealt({r["run"] for r in rows if r["family"] == "none"}, FOLDS)
+    return [
+        {"split_point": SHARES[share[r["point"]]], "fold_family": quiet.get(r["run"], fold.get(r["family"], 0))}
+        for r in rows
+    ]
+
+
+def _dealt(names: Iterable[str], hands: int) -> dict[str, int]:
+    """Return {name: number below `hands`}, dealt in the order of the names' digests."""
+    order = sorted(names, key=lambda name: hashlib.sha256(name.encode()).hexdigest())
+    return {name: i % hands for i, name in enumerate(order)}
