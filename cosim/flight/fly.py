@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cosim.flight.tape import Tape
-from cosim.flight.tick import order
+from cosim.flight.tick import Loop, order
 
 CHECK_EVERY = 10  # ticks between looks at the flight's health: 50 ms
 PROGRESS_EVERY = 200
@@ -65,29 +65,43 @@ def record(setup: Any, names: Sequence[Any]) -> tuple[np.ndarray, str, str]:
     return rows, status, reason
 
 
-def fly(setup: Any, *logs: Any, progress: Any = None, keep: Any = None) -> Any:
+def fly(setup: Any, *logs: Any, progress: Any = None, keep: Any = None, pause: Any = None) -> Any:
     """Run every tick of a built flight; return (history of the ticks flown, status, reason).
 
     `logs` take the bus of each tick (cosim/flight/tick.py); `keep` says what of it becomes history, (positions, dtype),
-    by default what the judgement needs.
+    by default what the judgement needs. `pause` is (tick, call): `call(tick)` before that one is flown.
     """
     loop, n = setup.loop, setup.ticks
     index, kind = keep or (setup.history.index, np.float32)
     history = np.empty((n, len(index)), kind)  # pages are taken as the flight goes on
-    tape, k, whole = Tape(loop.v, loop.dt), 0, 0
+    tape = Tape(loop.v, loop.dt)
     order(loop, tape, *logs, keep=(index, history))
+    stop, call = pause or (n, None)
+    flown, status, reason = onwards(loop, tape, range(stop), progress, n)
+    if not status and call:
+        call(stop)
+        flown, status, reason = onwards(loop, tape, range(stop, n), progress, n)
+    return history[:flown], status or "completed", reason
+
+
+def onwards(loop: Loop, tape: Tape, ticks: range, progress: Any = None, n: int = 0) -> tuple[int, str, str]:
+    """Run these ticks of a loop by its tape; return (ticks flown since the start, status, reason), "" to the end.
+
+    `progress(t, n dt)` is called now and then.
+    """
+    k, whole = ticks.start, ticks.start
     inside = _inside(loop.bus["truth"])
     try:
-        for k in range(n):
+        for k in ticks:
             tape.run(k)
             whole = k + 1
             if k % CHECK_EVERY == 0:
                 if not inside():
                     bad, why = health(loop.truth)
-                    return history[: k + 1], bad, f"at {k * loop.dt:.2f} s {why}"
+                    return whole, bad, f"at {k * loop.dt:.2f} s {why}"
                 if progress and k % PROGRESS_EVERY == 0:
                     progress(k * loop.dt, n * loop.dt)
     except KeyboardInterrupt:
-        return history[:whole], "interrupted", f"at {k * loop.dt:.2f} s by the user"
-    return history, "completed", ""
+        return whole, "interrupted", f"at {k * loop.dt:.2f} s by the user"
+    return whole, "", ""
 

@@ -10,7 +10,7 @@ from cosim.flight.conditions import resolved
 from cosim.flight.fly import fly
 from cosim.flight.guests import aside
 from cosim.flight.recorder import open_live, open_writer, result_texts
-from cosim.flight.twin import moved
+from cosim.flight.twin import Twin
 from cosim.judge.result import Result, judge, judged
 from cosim.scenario import Scenario, load_scenario
 
@@ -44,11 +44,12 @@ def simulate(
     with (
         open_writer(setup, log) if log else nullcontext() as writer,
         nullcontext() if live is None else open_live(setup, live) as server,
+        Twin(setup) if achieved else nullcontext() as twin,
     ):
         sinks = [*([writer] if writer else []), *([server.append] if server else [])]
         flown = time.perf_counter()
         with aside() if setup.guests else nullcontext():
-            history, status, reason = fly(setup, *sinks, progress=progress)
+            history, status, reason = fly(setup, *sinks, progress=progress, pause=twin and twin.pause)
         wall = time.perf_counter() - flown
         result = Result(
             log=str(log) if log else None,
@@ -60,7 +61,7 @@ def simulate(
         )
         if timed:
             setup.time_detectors()
-        swings = moved(scenario, setup.history, history) if achieved and status != "interrupted" else None
+        swings = twin.moved(history) if twin and status != "interrupted" else None
         faults = judged(scenario, swings)
         result.detectors = [judge(w, history, setup.loop.dt, faults) for w in setup.watches()]
         done = setup.history.consequences(scenario, history)
