@@ -136,7 +136,9 @@ def add(app: Any, out: Any, err: Any) -> Any:
         ] = None,
         json_: JsonOption = False,
     ):
-        """Write one self-contained HTML page that shows a flight, or compares those of a folder; opens offline."""
+        """Write one self-contained HTML page that shows a flight, what `cosim replay --map -o` made of a recording, or
+        compares the logs of a folder; opens offline.
+        """
         path = output or (log / "compare.html" if log.is_dir() else log.with_suffix(".html"))
         reserve(path, taken=log, endings=(".html", ".htm"), what="the log")
         if log.is_dir():
@@ -146,9 +148,11 @@ def add(app: Any, out: Any, err: Any) -> Any:
             with tables.progress(err, "reading", unit="logs") as progress:
                 made = comparison_report(work([log], progress=progress), path)
         else:
-            from cosim.report import flight_report
+            from cosim.log import open_log
+            from cosim.report import diagnosis_report, flight_report
 
-            made = flight_report(log, path)
+            foreign = "map.toml" in open_log(log, tolerant=True).attachments
+            made = (diagnosis_report if foreign else flight_report)(log, path)
         if json_:
             print(json.dumps({"report": str(made)}))
         else:

@@ -9,6 +9,7 @@ from rich.text import Text
 from cosim.cli.tables import NOTHING, number, table
 
 SHOWN = 12  # differences in the table; all of them are in --json
+MISSING = 6  # signals of a detector that was not run
 
 
 def replay(found: Any, detection: Any) -> Any:
@@ -90,14 +91,28 @@ def diagnosis(found: Any) -> Any:
     head = Text(f"{found['start_s']:.12g} to {end:.12g} s of {found['recording']} at {found['rate_hz']} Hz")
     parts = [head, t, *(Text(c, style="yellow") for c in found["caveats"])]
     if found["not_run"]:
-        lack = table("Not run", "detector", "watches", "signals that the map lacks")
-        for r in found["not_run"]:
-            where = r["target"].removeprefix("elevator.").replace("_", " ")
-            lack.add_row(r["id"], where, escape(", ".join(r["missing"])))
-        parts.append(lack)
+        parts.append(_not_run(found["not_run"], {s["name"].partition(".")[0] for s in found["signals"]}))
     if found["output"]:
         parts.append(Text(f"log    {found['output']}: inputs stand under /input, outputs under /replay"))
     return Group(*parts)
+
+
+def _not_run(rows, named):
+    """Return what lacks signals: of segments that the map names nothing of a word, of the others what is missing."""
+    lack = table("Not run", "detector", "watches", "signals that the map lacks")
+    away: dict[str, list] = {}
+    for r in rows:
+        lane = r["target"].removeprefix("elevator.")
+        if lane != "aircraft" and lane not in named:
+            away.setdefault(lane, []).append(r["id"])
+            continue
+        shown = r["missing"][:MISSING]
+        more = f" and {len(r['missing']) - MISSING} more" if len(r["missing"]) > MISSING else ""
+        lack.add_row(r["id"], lane.replace("_", " "), escape(", ".join(shown)) + more)
+    if away:
+        which = ", ".join(lane.replace("_", " ") for lane in away)
+        lack.caption, lack.caption_justify = f"nor any of {which}: the map names no signal of theirs", "left"
+    return lack
 
 
 def recover(found: Any) -> Any:

@@ -22,7 +22,7 @@ from cosim.log import LogWriter, Topic, viewer_layouts
 from cosim.replay.foreign import read_channels
 from cosim.replay.lanes import Lane, flat, run
 from cosim.replay.map_file import load_map
-from cosim.replay.map_signals import acting, channels_of, check, named, renamed, sampled, slow
+from cosim.replay.map_signals import acting, channels_of, check, named, renamed, sampled, shares, slow
 from cosim.replay.params import ReplayError, check_start, chosen_overrides, override
 from cosim.replay.resample import ticks
 
@@ -80,7 +80,7 @@ def diagnose(
     found = [d for d in table.chosen(scenario) if not detectors or d.id in detectors]
     wires = {(d.id, lane): d.inputs(lane) for d in found for lane in d.lanes}
     sources = {w.signal.word: w.signal for own in wires.values() for w in own}
-    check(m, map_path)
+    check(m, map_path, scenario)
     used = [name for s in m.signals.values() for name in (s.channel, s.valid) if name]
     tables = read_channels(path, time=m.time, on_reset=on_reset, part=part, wanted=lambda topic: named(topic, used))
     channels = acting(m, sources, channels_of(m, tables, path, map_path), dt)
@@ -98,7 +98,7 @@ def diagnose(
     if n < 2:
         raise ReplayError("the channels have no time in common", place=str(path), allowed=_spans(m, channels))
     values = {
-        name: sampled(m.signals[name], source, channels.get(name), t_0, dt, n)
+        name: sampled(m.signals[name], source, channels.get(name), t_0, dt, n, shares(scenario, name, source))
         for name, source in sources.items()
         if name in m.signals
     }

@@ -19,6 +19,13 @@ Signals are named by the words of cosim/scenario/vocabulary.py: sensors (`alpha`
 
     value = sign scale (unit -> SI) channel + offset
 
+The pressure sensor reads a share of the supply pressure; bar, MPa, kPa and psi are divided by that of the segment's own
+actuator (`[elevator.left_inner.hydraulic] P_s = 2.8e7`). A transducer's channel has a unit per volt or milliampere:
+`unit = "mm/V", scale = 12.5`. A measured hinge moment, or one that is known to be none, is
+
+    "left_inner.hinge_moment" = { channel = "LOAD_KN", unit = "kN" }        # N m, lbf ft, or a load on the rod
+    "left_inner.hinge_moment" = { constant = 0.0 }                          # a bench without air
+
 Interpolation halves white noise and a held command is late by half an interval: detectors of slow signals bear that,
 a filter on a servo-valve command does not, and wants it at the rate at which it was sent.
 
@@ -33,12 +40,13 @@ channel's own intervals), and where the channel named by `valid` is above 0.5. A
 `sparse = true` says that the table holds several rates.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from actuators.constants import G0, M_PER_FT, M_S_PER_KT, RAD_PER_DEG
+from actuators.constants import G0, M_PER_FT, M_S_PER_KT, N_M_PER_LBF_FT, N_PER_LBF, PA_PER_PSF, RAD_PER_DEG
 from cosim.replay.params import ReplayError
 from cosim.scenario.load import explained
 from cosim.texts import read, toml
@@ -61,8 +69,23 @@ UNITS = {  # unit -> {SI unit of the signal: factor}
     "lb": {"kg": 0.45359237},
     "%": {"-": 0.01},
     "mA": {"A": 1e-3},
-    "lbf ft": {"N m": 1.3558179483314004, "N m/rad": 1.3558179483314004},
+    "lbf ft": {"N m": N_M_PER_LBF_FT, "N m/rad": N_M_PER_LBF_FT},
+    "kPa": {"Pa": 1e3},
+    "bar": {"Pa": 1e5},
+    "MPa": {"Pa": 1e6},
+    "psi": {"Pa": 144.0 * PA_PER_PSF},
+    "kN": {"N": 1e3},
+    "lbf": {"N": N_PER_LBF},
 }
+PER = ("/V", "/mA")  # behind a unit: the channel is in volt or milliampere, `scale` says how much one of them is
+
+
+def factors(si: str, shares: Mapping[str, float] | None = None) -> dict[str, float]:
+    """Return {unit: factor} of a signal of SI unit `si`; `shares`: what one SI unit of something else is of it."""
+    out = {si: 1.0} | {name: to[si] for name, to in UNITS.items() if si in to}
+    for other, share in (shares or {}).items():
+        out |= {name: share * factor for name, factor in factors(other).items()}
+    return out
 
 
 class Signal(BaseModel):
@@ -88,10 +111,9 @@ class Signal(BaseModel):
             raise ValueError("needs either a channel or a constant")
         return self
 
-    def factor(self, si: Any) -> Any:
+    def factor(self, si: str, shares: Mapping[str, float] | None = None) -> float:
         """Return what a number of the channel is multiplied with for the SI unit `si`. Raises KeyError."""
-        factor = 1.0 if self.unit in (None, si) else UNITS[self.unit][si]
-        return self.sign * self.scale * factor
+        return self.sign * self.scale * factors(si, shares)[bare(self.unit or si)]
 
 
 class Map(BaseModel):
@@ -108,9 +130,9 @@ class Map(BaseModel):
     signals: dict[str, Signal]
 
 
-def units_for(si: Any) -> list[Any]:
-    """Return the units that a signal of SI unit `si` can have."""
-    return [si, *(name for name, factors in UNITS.items() if si in factors)]
+def bare(unit: str) -> str:
+    """Return a unit without what it is given per: mm of mm/V."""
+    return next((unit.removesuffix(end) for end in PER if unit.endswith(end)), unit)
 
 
 def load_map(path: str | Path) -> tuple[Map, str]:

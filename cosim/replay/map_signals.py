@@ -8,12 +8,16 @@ import numpy as np
 
 from cosim.errors import did_you_mean
 from cosim.flight.detectors import wires
-from cosim.replay.map_file import units_for
+from cosim.replay.map_file import PER, bare, factors
+from cosim.replay.map_file import Signal as Mapped
 from cosim.replay.params import ReplayError
 from cosim.replay.resample import resample
+from cosim.scenario import Scenario
 from cosim.scenario.catalog import SEGMENTS, TECHNOLOGIES
 from cosim.scenario.vocabulary import Signal
 from fdi import registry
+
+HINGE = ".hinge_moment"  # of a map: hm0, and hmd of zero
 
 
 def renamed(m: Any, technology: Any) -> tuple[Any, ...]:
@@ -26,10 +30,31 @@ def renamed(m: Any, technology: Any) -> tuple[Any, ...]:
         names[name] = f"{segment}.{now}" if now else name
         if now:
             said.append(f"signals.{name} is now called {segment}.{now}")
-    return m.model_copy(update={"signals": {names[n]: s for n, s in m.signals.items()}}), said
+    signals = {names[n]: s for n, s in m.signals.items()}
+    for name in [n for n in signals if n.endswith(HINGE)]:  # hm(delta) = hm0 + hmd delta
+        lane = name.removesuffix(HINGE)
+        both = [n for n in (f"{lane}.hm0", f"{lane}.hmd") if n in signals]
+        if both:
+            raise ReplayError(f"stands beside {both[0]}", place=f"signals.{name}", remedy="Give one of the two")
+        signals |= {f"{lane}.hm0": signals.pop(name), f"{lane}.hmd": Mapped(constant=0.0)}
+    return m.model_copy(update={"signals": signals}), said
 
 
-def check(m: Any, place: Any) -> None:
+def shares(scenario: Scenario, name: str, signal: Signal) -> dict[str, float]:
+    """Return {SI unit: what one of it is of a signal}: a pressure by the supply's, a rod's load by its lever arm."""
+    lane, dot, word = name.rpartition(".")
+    if not dot:
+        return {}
+    technology = scenario.elevator.technology[lane]
+    believed = scenario.elevator.parameters[lane].model if lane in scenario.elevator.parameters else {}
+    own = TECHNOLOGIES[technology]
+    design = own.design(tuple({**dict(scenario.aircraft.own(technology)), **believed}.items()))
+    if word in own.sensors and signal.unit == "-":
+        return {unit: share for unit, share in design.shares.items() if not unit.startswith("of ")}
+    return {"N": design.arm} if word == "hm0" else {}
+
+
+def check(m: Any, place: Any, scenario: Scenario) -> None:
     """Raise ReplayError for a signal of the map that no detector could read, or a unit that does not fit it."""
     known: dict[str, Signal] = {}
     for record in registry.records().values():
@@ -43,11 +68,13 @@ def check(m: Any, place: Any) -> None:
                 allowed=", ".join(sorted(known)),
                 remedy=did_you_mean(name, known),
             )
-        allowed = units_for(known[name].unit)
-        if signal.unit is not None and signal.unit not in allowed:
+        allowed = factors(known[name].unit, shares(scenario, name, known[name]))
+        if signal.unit is not None and bare(signal.unit) not in allowed:
+            per = f"A transducer's channel: unit = '{next(iter(allowed))}{PER[0]}' with scale"
             raise ReplayError(
-                f"{signal.unit!r} is no unit of it", place=f"{place}: signals.{name}.unit", allowed=", ".join(allowed)
-            )
+                f"{signal.unit!r} is no unit of it", place=f"{place}: signals.{name}.unit", allowed=", ".join(allowed),
+                remedy=per if signal.unit in ("V", "mV", "mA") else "",
+            )  # fmt: skip
 
 
 def named(topic: str, channels: Sequence[Any]) -> bool:
@@ -129,12 +156,14 @@ def slow(sources: Any, channels: Sequence[Any], dt: float) -> list[str]:
     return out
 
 
-def sampled(signal: Any, source: Any, channel: Any, t_0: float, dt: float, n: int) -> tuple[Any, ...]:
+def sampled(
+    signal: Any, source: Any, channel: Any, t_0: float, dt: float, n: int, shares: Any = None
+) -> tuple[Any, ...]:
     """Return (values, valid) (n,) of one signal of the map in SI; `source` is that of the vocabulary."""
     if channel is None:
         return np.full(n, signal.constant), np.ones(n)
     t, y, flags = channel
-    factor = signal.factor(source.unit)
+    factor = signal.factor(source.unit, shares)
     y = y if factor == 1.0 else factor * y
     y = y if signal.offset == 0.0 else y + signal.offset
     linear = (signal.resample or ("linear" if source.kind in ("sensor", "model") else "hold")) == "linear"

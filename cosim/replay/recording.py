@@ -67,6 +67,8 @@ def words(name: str) -> Any:
 class Flown:
     """The content of one log, read once. `values(topic, field)` is a column, NaN where there is none."""
 
+    knows_faults = True  # else alarms are neither right nor false
+
     def __init__(self, path: str | Path, guests: Iterable[Any] = ()):
         """Read the log at `path`, also one that was cut. Raises LogError for one that holds no scenario.
 

@@ -1,6 +1,7 @@
 """Reports: one self-contained HTML file for a flight, or for many. Only here is the plotting library used."""
 
 from cosim.report.compare_page import comparison_report, write_comparison
+from cosim.report.diagnosis_page import diagnosis_report
 from cosim.report.envelope_page import envelope_report
 from cosim.report.envelope_picture import envelope_picture
 from cosim.report.flight_page import flight_report
@@ -8,6 +9,7 @@ from cosim.report.reproduce_page import reproduction_report
 
 __all__ = [
     "comparison_report",
+    "diagnosis_report",
     "envelope_picture",
     "envelope_report",
     "flight_report",

@@ -11,11 +11,11 @@ from fdi.common.verdict import class_name
 
 def timeline(flown: Flown) -> tuple[Figure, list[dict], list[dict]]:
     """Return all alarms on one time line: a row per lane, thick where it alarms, pale where it cannot judge."""
+    hollow, top = ("; hollow bars: false alarms", " The topmost bars: the faults.") if flown.knows_faults else ("", "")
     figure = Figure(
         "timeline",
-        "Thick bars: alarms, with the verdict; hollow bars: false alarms. Thin lines: the detector watches and "
-        "is quiet; gaps: "
-        "its estimate is not valid. The topmost bars: the faults. Click a detector in the bar above to hide it.",
+        f"Thick bars: alarms, with the verdict{hollow}. Thin lines: the detector watches and is quiet; gaps: its "
+        f"estimate is not valid.{top} Click a detector in the bar above to hide it.",
     )
     figure.layout = base(300, legend=False) | {"margin": {"l": 190, "r": 14, "t": 8, "b": 40}, "hovermode": "closest"}
     figure.layout["xaxis"] = style_axis("time, s", range=[flown.t0, flown.end])
@@ -108,5 +108,7 @@ def _labels(figure, flown, lane, alarms):
 
 def _real(flown, lane, step):
     """Return the rows (bool) at which an alarm of the lane would be a true one."""
+    if not flown.knows_faults:
+        return np.ones(len(lane.fields["alarm"]), bool)
     own = [f for f in flown.faults if concerns(lane, f["targets"])]
     return faulty(own, len(lane.fields["alarm"]), step, flown.t0)

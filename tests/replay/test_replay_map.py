@@ -8,8 +8,11 @@ import pandas as pd
 import pytest
 from log_samples import same_bits
 from mcap.writer import Writer
+from typer.testing import CliRunner
 
 import cosim
+from actuators.hydraulic.actuator import NOMINAL
+from cosim.cli import commands as cli
 from cosim.flight.detectors import wires
 from cosim.log import open_log
 from cosim.replay import replay
@@ -18,6 +21,7 @@ from cosim.replay.map import diagnose
 from cosim.replay.map_file import load_map
 from cosim.replay.params import ReplayError
 from cosim.replay.resample import resample, ticks
+from cosim.report.diagnosis_page import Watched
 from fdi import registry
 
 EXAMPLE = Path(__file__).parents[1] / "data" / "foreign_map.toml"
@@ -142,6 +146,51 @@ def test_other_units_and_signs_agree_to_rounding(flight, signals, tmp_path):
         "position_monitor",
         "ofc_monitor",
     }
+
+
+def test_units_of_a_bench_are_read(flight, signals, tmp_path):
+    """Pressure in bar of an own supply, a transducer in volt, a current in mA, a load on the rod: the same verdicts."""
+    supply = 1.5 * NOMINAL["P_s"]
+    own = f"left_inner = {{ hydraulic = {{ P_s = {supply} }} }}"
+    text = EXAMPLE.read_text().replace('left_inner = "hydraulic"', own)
+    bench = text.replace('"DP_PCT", unit = "%"', '"DP_PCT", unit = "bar"')
+    bench = bench.replace('"ROD_MM", unit = "mm"', '"ROD_MM", unit = "mm/V", scale = 12.5, offset = -0.04')
+    bench = bench.replace('"HM0_LBFFT", unit = "lbf ft"', '"HM0_LBFFT", unit = "kN"')
+    frame = bench_frame(signals, 200)
+    told = {}
+    for name, map_ in (("plain", text), ("bench", bench)):
+        if name == "bench":
+            frame["DP_PCT"] *= supply / 100 / 1e5
+            frame["ROD_MM"] = (frame["ROD_MM"] + 40.0) / 12.5
+            frame["HM0_LBFFT"] *= 1.3558179483314004 / NOMINAL["arm"] / 1e3
+        frame.to_csv(tmp_path / "bench.csv", index=False)
+        (tmp_path / "map.toml").write_text(map_)
+        diagnose(tmp_path / "bench.csv", tmp_path / "map.toml", output=tmp_path / "out.mcap")
+        told[name] = open_log(tmp_path / "out.mcap").frame("/input/iotsekf/left_inner")
+    assert len(told["plain"].columns) > 5
+    for column in told["plain"]:
+        plain = told["plain"][column].to_numpy()
+        assert told["bench"][column].to_numpy() == pytest.approx(plain, rel=1e-9, abs=1e-12, nan_ok=True)
+
+
+def test_hinge_load_may_be_none_by_declaration_or_measured(signals, tmp_path):
+    bench_frame(signals, 200).to_csv(tmp_path / "bench.csv", index=False)
+    lines = EXAMPLE.read_text().splitlines()
+    rest = [line for line in lines if not line.startswith('"left_inner.hm')]
+    (tmp_path / "map.toml").write_text("\n".join([*rest, '"left_inner.hinge_moment" = { constant = 0.0 }']))
+    diagnose(tmp_path / "bench.csv", tmp_path / "map.toml", output=tmp_path / "none.mcap")
+    read = open_log(tmp_path / "none.mcap").frame("/input/iotsekf/left_inner")
+    assert (read[["hm0_model", "hmd_model"]] == 0).all(axis=None)
+    (tmp_path / "map.toml").write_text("\n".join([*lines, '"left_inner.hinge_moment" = { constant = 0.0 }']))
+    with pytest.raises(ReplayError, match=r"stands beside left_inner\.hm0"):
+        diagnose(tmp_path / "bench.csv", tmp_path / "map.toml")
+
+
+def test_a_volt_without_a_scale_is_refused_with_the_way_to_say_it(signals, tmp_path):
+    bench_frame(signals, 200).to_csv(tmp_path / "bench.csv", index=False)
+    (tmp_path / "map.toml").write_text(EXAMPLE.read_text().replace('"ROD_MM", unit = "mm"', '"ROD_MM", unit = "V"'))
+    with pytest.raises(ReplayError, match=r"'V' is no unit of it.*unit = 'm/V' with scale"):
+        diagnose(tmp_path / "bench.csv", tmp_path / "map.toml")
 
 
 def test_a_command_counts_from_when_it_is_sent(flight, signals, tmp_path):
@@ -269,3 +318,17 @@ def test_samples_on_a_tick_are_kept_and_others_interpolated_or_held():
     assert ticks([(0.0, 1.0), (0.1, 0.9)], 0.005) == (0.1, 161)
     start, n = ticks([(0.0, 1.0)], 0.005, 0.5)
     assert (start, n) == (pytest.approx(0.5), 101)
+
+
+def test_the_page_of_a_diagnosis_shows_verdicts_and_what_was_read(signals, tmp_path):
+    bench_frame(signals, 200).to_csv(tmp_path / "bench.csv", index=False)
+    out = tmp_path / "out.mcap"
+    told = diagnose(tmp_path / "bench.csv", EXAMPLE, output=out)
+    made = CliRunner().invoke(cli.app, ["report", str(out), "--json"])
+    assert made.exit_code == 0, made.stderr
+    page = Path(json.loads(made.stdout)["report"]).read_text()
+    assert "diagnosis of bench.csv" in page and "What they read" in page and "left inner rod" in page
+    assert all(f'data-detector="{d["id"]}"' in page for d in told.detectors)
+    assert "false alarm" not in page[: page.index("<script")]
+    watched = Watched(out)
+    assert watched.inputs()["left inner rod"][0] == "m" and len(watched.lanes) == len(told.detectors)

@@ -1,0 +1,125 @@
+"""The page of a recording that `cosim replay --map` diagnosed: verdicts, time line, detectors, and what they read."""
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cosim.errors import LogError
+from cosim.log import open_log
+from cosim.replay.recording import Lane, words
+from cosim.report.detector import SHOWN, detector
+from cosim.report.figure import Figure, curve, least
+from cosim.report.flight import panels
+from cosim.report.flight_page import number
+from cosim.report.page import Row, Table, bold, page, write
+from cosim.report.timeline import timeline
+from fdi import registry
+
+REPLAYED, INPUT = "/replay/detectors/", "/input/"
+
+
+class Watched:
+    """What the detectors said of a recording, by the names that figures of a flight use; nobody knows its faults."""
+
+    intervals: tuple = ()
+    faults: tuple = ()
+    knows_faults = False
+    scenario = SimpleNamespace(faults=())
+
+    def __init__(self, path: str | Path):
+        """Read the log that `cosim replay --map` wrote to `path`. Raises LogError for another."""
+        self.log = open_log(path, tolerant=True)
+        names = [n for n in self.log.topics if n.startswith((REPLAYED, INPUT))]
+        if "map.toml" not in self.log.attachments or not names:
+            remedy = "cosim replay RECORDING --map MAP -o LOG writes one"
+            raise LogError("is no log of a diagnosis", place=str(path), remedy=remedy)
+        self._arrays = self.log.arrays(names)
+        self.dt = self.log.dt_ns / 1e9
+        self.t0 = float(self.log.metadata.get("run", {}).get("start_s", 0.0))
+        self.end = self.t0 + (self.log.n_ticks - 1) * self.dt
+        self.map = self.log.attachments["map.toml"].decode(errors="replace")
+        told = json.loads((self.log.result or {}).get("detectors", "[]"))
+        self.verdicts = {(v["id"], v["target"]): v for v in told}
+        lanes = (self._lane(n) for n in names if n.startswith(REPLAYED))
+        self.lanes = sorted(lanes, key=lambda lane: lane.level != "aircraft")
+
+    def _lane(self, topic: str) -> Lane:
+        name, _, lane = topic.removeprefix(REPLAYED).partition("/")
+        module, info = registry.find(name), self.log.topics[topic]
+        level = "aircraft" if lane == "aircraft" else "local"
+        target = "aircraft" if level == "aircraft" else f"elevator.{lane}"
+        told = self.verdicts.get((name, target), {})
+        entry = {"concerned": bool(told.get("alarm")), "able": True, "alarm": bool(told.get("alarm"))}
+        fields = dict(zip(info.fields, self._arrays[topic].T))
+        return Lane(name, level, lane, target, getattr(module, "culprits", ()), info.every, fields, entry)
+
+    def inputs(self) -> dict[str, tuple[str, np.ndarray]]:
+        """Return {signal: (unit, samples)} of what was read, each once."""
+        out: dict[str, tuple[str, np.ndarray]] = {}
+        for topic, rows in self._arrays.items():
+            if topic.startswith(INPUT):
+                name, _, lane = topic.removeprefix(INPUT).partition("/")
+                own = registry.records()[name].inputs if name in registry.records() else {}
+                for field, unit, y in zip(self.log.topics[topic].fields, self.log.topics[topic].units, rows.T):
+                    if field in own:
+                        local = lane != "aircraft" and f"{words(lane)} {own[field]}"
+                        out.setdefault(local or own[field], (unit, y))
+        return out
+
+
+def diagnosis_report(log: str | Path, output: str | Path) -> Path:
+    """Write the page of a diagnosis to the file `output`; returns its Path. Raises LogError, OutputError."""
+    watched = Watched(log)
+    line, alarms, _ = timeline(watched)
+    ids = list(dict.fromkeys(lane.id for lane in watched.lanes))
+    own = {i: detector(watched, [lane for lane in watched.lanes if lane.id == i]) for i in ids}
+    loud = {lane.id for lane in watched.lanes if lane.entry["alarm"]}
+    read = _inputs(watched)
+    return write(
+        output,
+        page(
+            "diagnosis.html",
+            title=watched.log.metadata.get("run", {}).get("title", "Diagnosis"),
+            subtitle=f"{watched.t0:.6g} to {watched.end:.6g} s of the recording, at {1 / watched.dt:.6g} Hz",
+            line=line,
+            lanes=_verdicts(watched),
+            detectors=[(own[i], f"{i}: {getattr(registry.find(i), 'summary', '')}") for i in ids],
+            read=read,
+            map=watched.map,
+            figures=[line, *own.values(), read],
+            chips=[(i, next(lane.level for lane in watched.lanes if lane.id == i), i in loud) for i in ids],
+            span=[watched.t0, watched.end],
+            start=watched.t0,
+            alarms=alarms,
+        ),
+    )
+
+
+def _verdicts(watched: Watched) -> Table:
+    rows = []
+    for lane in watched.lanes:
+        v: dict[str, Any] = watched.verdicts.get((lane.id, lane.target), {})
+        said = v.get("isolated") or {}
+        part = f" {words(said.get('culprit') or '')}".rstrip()
+        cells = (bold(lane.id), words(lane.target.removeprefix("elevator.")), number(v.get("first_alarm_s"), 6),
+                 v.get("alarms", "–"), f"{said.get('class', '–')}{part}", number(v.get("r_max")),
+                 f"{v.get('valid_pct', 0.0):.0f} %")  # fmt: skip
+        rows.append(Row(cells, {"class": None if v.get("alarm") else "quiet", "data-detector": lane.id}))
+    columns = ("detector", "watches", "first alarm, s>", "alarms>", "last said", "largest |r|>", "valid>")
+    note = "Times are the recording's. Whether an alarm is right, a recording cannot say. |r|: 1 is the threshold."
+    return Table(columns, rows, note, "wide")
+
+
+def _inputs(watched: Watched) -> Figure:
+    """Return the figure of every signal that a detector read, with units people use."""
+    read = {n: (*SHOWN.get(unit, (unit, 1.0)), y) for n, (unit, y) in watched.inputs().items()}
+    figure = Figure("inputs", "As the detectors read them: resampled to their tick, in our signs; gaps are invalid.",
+                    height=90 + 150 * -(-len(read) // 2))  # fmt: skip
+    panels(watched, figure, list(read), [unit for unit, *_ in read.values()], 2, legend=False)
+    for i, (name, (_, factor, y)) in enumerate(read.items(), 1):
+        figure.data.append(curve(watched.t0, watched.dt, factor * y, name=name, panel=i, legend=False))
+        least(figure.layout, i, [factor * y], 1e-9)
+    return figure
