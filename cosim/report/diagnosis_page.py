@@ -3,19 +3,20 @@
 import json
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from cosim.errors import LogError
 from cosim.log import open_log
-from cosim.replay.recording import Lane, words
+from cosim.replay.recording import Flown, Lane, words
 from cosim.report.detector import SHOWN, detector
 from cosim.report.figure import Figure, curve, least
 from cosim.report.flight import panels
 from cosim.report.flight_page import number
 from cosim.report.page import Row, Table, bold, page, write
 from cosim.report.timeline import timeline
+from cosim.scenario import vocabulary
 from fdi import registry
 
 REPLAYED, INPUT = "/replay/detectors/", "/input/"
@@ -65,17 +66,18 @@ class Watched:
                 own = registry.records()[name].inputs if name in registry.records() else {}
                 for field, unit, y in zip(self.log.topics[topic].fields, self.log.topics[topic].units, rows.T):
                     if field in own:
-                        local = lane != "aircraft" and f"{words(lane)} {own[field]}"
-                        out.setdefault(local or own[field], (unit, y))
+                        local = vocabulary.words()[own[field]].technologies
+                        out.setdefault(f"{words(lane)} {own[field]}" if local else own[field], (unit, y))
         return out
 
 
 def diagnosis_report(log: str | Path, output: str | Path) -> Path:
     """Write the page of a diagnosis to the file `output`; returns its Path. Raises LogError, OutputError."""
     watched = Watched(log)
-    line, alarms, _ = timeline(watched)
+    flown = cast(Flown, watched)  # for the figures, which read these of its attributes alone
+    line, alarms, _ = timeline(flown)
     ids = list(dict.fromkeys(lane.id for lane in watched.lanes))
-    own = {i: detector(watched, [lane for lane in watched.lanes if lane.id == i]) for i in ids}
+    own = {i: detector(flown, [lane for lane in watched.lanes if lane.id == i]) for i in ids}
     loud = {lane.id for lane in watched.lanes if lane.entry["alarm"]}
     read = _inputs(watched)
     return write(
@@ -84,6 +86,7 @@ def diagnosis_report(log: str | Path, output: str | Path) -> Path:
             "diagnosis.html",
             title=watched.log.metadata.get("run", {}).get("title", "Diagnosis"),
             subtitle=f"{watched.t0:.6g} to {watched.end:.6g} s of the recording, at {1 / watched.dt:.6g} Hz",
+            summary=_summary(watched),
             line=line,
             lanes=_verdicts(watched),
             detectors=[(own[i], f"{i}: {getattr(registry.find(i), 'summary', '')}") for i in ids],
@@ -96,6 +99,17 @@ def diagnosis_report(log: str | Path, output: str | Path) -> Path:
             alarms=alarms,
         ),
     )
+
+
+def _summary(watched: Watched) -> list[tuple[str, list[Any]]]:
+    """Return who noticed something first, and who was quiet."""
+    alarmed = [lane for lane in watched.lanes if lane.entry["alarm"]]
+    at = {lane.name: watched.verdicts[lane.id, lane.target] for lane in alarmed}
+    first = sorted(at, key=lambda name: at[name]["first_alarm_s"])
+    said = [f"{name} at {at[name]['first_alarm_s']:.3f} s: {words((at[name]['isolated'] or {}).get('class', 'alarm'))}"
+            for name in first]  # fmt: skip
+    quiet = [lane.name for lane in watched.lanes if not lane.entry["alarm"]]
+    return [("noticed", said or ["nobody"]), ("quiet", [", ".join(quiet)] if quiet else [])]
 
 
 def _verdicts(watched: Watched) -> Table:
@@ -118,7 +132,7 @@ def _inputs(watched: Watched) -> Figure:
     read = {n: (*SHOWN.get(unit, (unit, 1.0)), y) for n, (unit, y) in watched.inputs().items()}
     figure = Figure("inputs", "As the detectors read them: resampled to their tick, in our signs; gaps are invalid.",
                     height=90 + 150 * -(-len(read) // 2))  # fmt: skip
-    panels(watched, figure, list(read), [unit for unit, *_ in read.values()], 2, legend=False)
+    panels(cast(Flown, watched), figure, list(read), [unit for unit, *_ in read.values()], 2, legend=False)
     for i, (name, (_, factor, y)) in enumerate(read.items(), 1):
         figure.data.append(curve(watched.t0, watched.dt, factor * y, name=name, panel=i, legend=False))
         least(figure.layout, i, [factor * y], 1e-9)
