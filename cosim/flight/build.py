@@ -20,6 +20,7 @@ from cosim.flight.corrections import corrections
 from cosim.flight.gains import SENSOR_DELAY
 from cosim.flight.guests.plain import GuestBlock, PlainDetector
 from cosim.flight.noise import Draw
+from cosim.flight.own_inputs import own_inputs
 from cosim.flight.plant.linearize import LinearModel, linearize
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
@@ -223,6 +224,7 @@ def build(scenario: Any) -> Any:
         servos=[b for b in actuator_blocks if b.name not in TECHNOLOGIES],
         actuators=[b for b in actuator_blocks if b.name in TECHNOLOGIES],
         corrections=corrections(scenario, bus),
+        inputs=own_inputs(scenario, bus, trim),
     )
     # what the actuators were last told: in equilibrium, the servo's holding command
     told, command = wires["actuators"]

@@ -106,6 +106,11 @@ class Tape:
         """out = values * factors / divisors."""
         self._row(SCALE, len(values), *map(self._at, (values, factors, divisors, out)))
 
+    def table(self, to: Any = (), rows: Any = ()) -> None:
+        """v[to] = rows[k], from the first row again after the last."""
+        if len(to):
+            self.noise(to, rows)
+
     def step(self, block: Any) -> None:
         """Advance every lane of a block by one tick, every `block.every` ticks; blocks in Python advance themselves."""
         entry = block.module.rollout if isinstance(block, Block) else None

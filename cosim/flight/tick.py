@@ -38,8 +38,10 @@ def order(s: Any, tape: Any, *logs: Any, keep: Any = None) -> None:
     for correct in s.corrections.get("law", ()):
         tape.call(correct)
     tape.step(s.pilot)
+    tape.table(*s.inputs.get("pilot", ()))
     tape.copy(*s.wires["demand"])
     tape.step(s.law)  # 3. control law on measurements
+    tape.table(*s.inputs.get("law", ()))
 
     tape.copy(*s.wires["hinge"])
     tape.step(s.hinge)
@@ -85,6 +87,7 @@ class Loop:
     servos: list = field(default_factory=list)
     actuators: list = field(default_factory=list)
     corrections: dict = field(default_factory=dict)  # stage -> calls after its wires (cosim/flight/corrections.py)
+    inputs: dict = field(default_factory=dict)  # stage -> a pilot's own table (cosim/flight/own_inputs.py)
 
     def __post_init__(self):
         self.v = self.bus.v

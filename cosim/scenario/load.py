@@ -7,7 +7,7 @@ from typing import Any, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 
 from cosim.errors import ScenarioError, did_you_mean
-from cosim.scenario import own_actuator
+from cosim.scenario import inputs, own_actuator
 from cosim.scenario.aircraft import DEFAULT as DEFAULT_AIRCRAFT
 from cosim.scenario.aircraft import load_aircraft
 from cosim.scenario.fault import Fault
@@ -50,10 +50,13 @@ def load_scenario(name_or_path: Any = DEFAULT, overrides: Any = ()) -> Scenario:
 
 
 def located(table: Any, name: str | Path) -> Any:
-    """Return the tables of scenario `name` with the files of its guests found, beside it or from here."""
+    """Return the tables of scenario `name` with the files of its guests found, beside it or from here, and that of
+    its inputs read.
+    """
     path = Path(str(name))
     folder = path.parent if path.is_file() else None
-    return own_actuator.locate(locate(table, folder, str(name)), folder, str(name))
+    found = own_actuator.locate(locate(table, folder, str(name)), folder, str(name))
+    return inputs.located(found, folder, str(name))
 
 
 def parse(table: Any, *, place: str = "scenario") -> Scenario:

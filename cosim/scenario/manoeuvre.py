@@ -4,6 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from cosim.scenario.inputs import Inputs
 from cosim.scenario.problem import problem
 
 Start = Annotated[float, Field(ge=0.0, le=36000.0)]
@@ -105,8 +106,17 @@ KINDS: dict[str, type[BaseModel]] = {
     "yaw_angle": YawAngle,
     "nz_doublet": NzDoublet,
     "three_two_one_one": ThreeTwoOneOne,
+    "inputs": Inputs,
 }
 Manoeuvre = Annotated[
-    Cruise | AoaProtection | NoseUp | PitchProtection | CoordinatedTurn | YawAngle | NzDoublet | ThreeTwoOneOne,
+    Cruise
+    | AoaProtection
+    | NoseUp
+    | PitchProtection
+    | CoordinatedTurn
+    | YawAngle
+    | NzDoublet
+    | ThreeTwoOneOne
+    | Inputs,
     Field(discriminator="kind"),
 ]

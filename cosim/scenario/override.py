@@ -9,6 +9,7 @@ from typing import Any
 
 from cosim.errors import CosimError, ScenarioError
 from cosim.scenario.aircraft import DEFAULT, load_aircraft
+from cosim.scenario.inputs import RANGES
 from cosim.scenario.manoeuvre import KINDS
 from cosim.texts import toml
 
@@ -90,6 +91,8 @@ def _make_room(node, path, key, value):
     elif path[:-1] == ["manoeuvre"] and key == "kind" and value != node.get("kind"):
         fields = KINDS[value].model_fields if isinstance(value, str) and value in KINDS else {}
         gone = {k for k in node if k not in fields or k not in ("start_s", "duration_s")}
+    elif path[:-1] == ["manoeuvre"] and key == "file":
+        gone = set(RANGES)
     elif path[:-1] == ["manoeuvre"] and key.startswith("amplitude_"):
         gone = {k for k in node if k.startswith("amplitude_")}
     elif len(path) == 3 and path[0] == "faults":

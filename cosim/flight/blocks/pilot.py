@@ -5,6 +5,7 @@ from typing import Any
 
 from cosim.flight.blocks.manoeuvre import doublet, three_two_one_one
 from cosim.scenario import manoeuvre as m
+from cosim.scenario.inputs import Inputs
 
 FULL_STICK_G = 2.0  # the stop of the stick is beyond every limit of the law: 2.5 g in a climb, too
 
@@ -16,6 +17,9 @@ def _pulse(start, length, channel, value):
 def steps(manoeuvre: Any) -> dict[str, Any]:
     """Return the arguments of `manoeuvre.params` (table of steps, holds engaged) for a scenario's manoeuvre."""
     k = manoeuvre
+    if isinstance(k, Inputs):  # cosim/flight/own_inputs.py
+        heading = k.heading_deg is not None
+        return {"steps": [], "hold_psi": heading, "hold_h": k.hold_altitude, "hold_v": k.hold_speed}
     if isinstance(k, m.Cruise):
         table = []
     elif isinstance(k, m.AoaProtection):
