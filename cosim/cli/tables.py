@@ -124,7 +124,8 @@ def _point(scenario):
         if getattr(f, k)
     )
     air = "still air" if f.turbulence == "none" else f"{f.turbulence} turbulence"
-    return f"{f.mass_t:g} t, CG {f.cg_pct:g} %, {f.altitude_ft:,.0f} ft, {speed}, {air}, {m.kind.replace('_', ' ')}"
+    where = f"{f.mass_t:g} t, CG {f.cg_pct:g} %, {f.altitude_ft:,.0f} ft, {speed}"
+    return ", ".join(filter(None, (where, f.path, air, m.kind.replace("_", " "))))
 
 
 def _detectors(rows):

@@ -147,9 +147,11 @@ def build(scenario: Any) -> Any:
     loads = {seg: (t[f"de_{s}"], t[f"hm0_{s}"], t[f"hmd_{s}"]) for seg, s in aircraft.short.items()}
     others = {name: t[wiring.SURFACE_OF[name]] for name in wiring.OTHERS}
     built = actuation.blocks(scenario, loads, others, dt)
-    pilot_p = manoeuvre.params(**steps(scenario.manoeuvre))
+    pilot_p = manoeuvre.params(**steps(scenario.manoeuvre, trim))
     sketch = Plant(point, dt=dt)  # moved about to take derivatives
-    law_p = law_design.design(_linear(point), law_design.alpha_limit(sketch, trim), aircraft)
+    level = _linear(point.level)
+    stall = law_design.alpha_limit(sketch, trim if trim.level else level.trim)
+    law_p = law_design.design(level, stall, aircraft, None if trim.level else trim)
     law_p, law = own_law.tuned(scenario, law_p), own_law.block(scenario)
     errors = [TECHNOLOGIES[tech].hinge_error for tech in scenario.elevator.technology.values()]
     factors = [1.0 + error * rng_errors.uniform(-1.0, 1.0) for error in errors]

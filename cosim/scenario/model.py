@@ -24,6 +24,7 @@ Feedback = Literal["measured", "iotsekf", "rtsekf", "rtsekf_flight"]
 SLOW_HZ, NEED_MORE = 100, ("rfafe", "ofc_monitor")
 MULTIPLIER = c.Key("multiplier", 0.2, 5.0)
 SPEEDS = ("cas_kt", "mach", "tas_kt")
+PATHS = (("climb_fpm", "gamma_deg"), ("bank_deg", "turn_deg_s"))  # of each pair one, or none
 
 
 class _Table(BaseModel):
@@ -40,7 +41,19 @@ class Flight(_Table):
     cas_kt: float | None = None
     mach: float | None = None
     tas_kt: float | None = None
+    climb_fpm: Annotated[float, Field(ge=-6000.0, le=6000.0)] | None = None  # descent -
+    gamma_deg: Annotated[float, Field(ge=-15.0, le=15.0)] | None = None  # angle of the path, in place of climb_fpm
+    bank_deg: Annotated[float, Field(ge=-60.0, le=60.0)] | None = None  # of a steady turn, right +
+    turn_deg_s: Annotated[float, Field(ge=-6.0, le=6.0)] | None = None  # rate of the heading, in place of bank_deg
     turbulence: Literal["none", "light", "moderate", "severe"] = "none"
+
+    @model_validator(mode="after")
+    def _one_path(self):
+        for pair in PATHS:
+            if all(getattr(self, key) is not None for key in pair):
+                said = f"{' and '.join(pair)} are both given"
+                raise problem(said, key=pair[1], allowed="one of them, or none")
+        return self
 
     @model_validator(mode="after")
     def _one_speed(self):
@@ -77,6 +90,37 @@ class Flight(_Table):
     def altitude(self) -> float:
         """Return the altitude [m]."""
         return self.altitude_ft * M_PER_FT
+
+    @property
+    def climb(self) -> float | None:
+        """Return the vertical speed at the start [m/s], None where none is asked for."""
+        return None if self.climb_fpm is None else self.climb_fpm * M_PER_FT / 60.0
+
+    @property
+    def gamma(self) -> float | None:
+        """Return the angle of the path at the start [rad], None where none is asked for."""
+        return None if self.gamma_deg is None else math.radians(self.gamma_deg)
+
+    @property
+    def bank(self) -> float | None:
+        """Return the bank of a steady turn [rad], None where none is asked for."""
+        return None if self.bank_deg is None else math.radians(self.bank_deg)
+
+    @property
+    def turn(self) -> float | None:
+        """Return the turn rate [rad/s], None where none is asked for."""
+        return None if self.turn_deg_s is None else math.radians(self.turn_deg_s)
+
+    @property
+    def path(self) -> str:
+        """Return in words how the flight begins where that is not level: "climb of 1000 ft/min, bank of 20 deg"."""
+        said = {
+            "climb_fpm": lambda v: f"{'climb' if v > 0 else 'descent'} of {abs(v):g} ft/min",
+            "gamma_deg": lambda v: f"{'climb' if v > 0 else 'descent'} at {abs(v):g} deg",
+            "bank_deg": lambda v: f"bank of {v:g} deg",
+            "turn_deg_s": lambda v: f"turn of {v:g} deg/s",
+        }
+        return ", ".join(tell(getattr(self, key)) for key, tell in said.items() if getattr(self, key))
 
     @property
     def speed(self) -> tuple[str, float]:

@@ -15,6 +15,7 @@ from cosim.texts import toml
 
 LISTS = ("faults",)
 SPEEDS = ("cas_kt", "mach", "tas_kt")
+PATHS = ("climb_fpm", "gamma_deg"), ("bank_deg", "turn_deg_s")
 KEPT = ("target", "kind", "start_s", "end_s", "ramp_s", "path")
 
 
@@ -88,6 +89,8 @@ def _make_room(node, path, key, value):
     gone: set = set()
     if path[:-1] == ["flight"] and key in SPEEDS:
         gone = set(SPEEDS)
+    elif path[:-1] == ["flight"] and any(key in pair for pair in PATHS):
+        gone = next(set(pair) for pair in PATHS if key in pair)
     elif path[:-1] == ["manoeuvre"] and key == "kind" and value != node.get("kind"):
         fields = KINDS[value].model_fields if isinstance(value, str) and value in KINDS else {}
         gone = {k for k in node if k not in fields or k not in ("start_s", "duration_s")}

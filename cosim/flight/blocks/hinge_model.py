@@ -89,15 +89,17 @@ def design(plant: Any, trim: Any, truth: Any, names: Any, factors: Any) -> Any:
         )
         return plant.truth()[0]
 
+    q_0 = 0.0 if trim.level else trim.q  # of a turn, which is not in the moment at rest
     up, down, fast, slow = at(h), at(-h), at(0.0, h), at(0.0, -h)
     p = np.zeros(len(names), PARAMS)
     for i, (name, k) in enumerate(zip(names, factors)):
         f = f"hm0_{name}"
+        m_q = (fast[f] - slow[f]) / (2 * h)
         p[i] = (
             k,
-            truth[f],
+            truth[f] - m_q * q_0,
             (up[f] - down[f]) / (2 * h),
-            (fast[f] - slow[f]) / (2 * h),
+            m_q,
             truth[f"hmd_{name}"],
             truth.alpha,
             truth.cas,

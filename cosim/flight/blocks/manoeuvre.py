@@ -43,9 +43,15 @@ PSI_RATE = math.radians(10.0)  # [rad/s] a hand on the heading knob
 
 
 def params(
-    steps: Any, *, hold_psi: bool = False, hold_h: bool = False, hold_v: bool = False, nz_rate: Any = NZ_RATE
+    steps: Any,
+    *,
+    hold_psi: bool = False,
+    hold_h: bool = False,
+    hold_v: bool = False,
+    nz_rate: Any = NZ_RATE,
+    phi_0: float = 0.0,
 ) -> np.ndarray:
-    """Build the table from `steps`, a list of (time [s], {channel: value}).
+    """Build the table from `steps`, a list of (time [s], {channel: value}), for a flight that starts at bank `phi_0`.
 
     A channel keeps its value where a step does not name it. Raises ValueError when there are more than 15 steps.
     """
@@ -55,7 +61,8 @@ def params(
     p = record(PARAMS, **holds, rate=(nz_rate, PHI_RATE, PSI_RATE, math.inf))
     p["time"][0, :] = np.inf
     p["time"][0, 0] = -np.inf
-    now = dict.fromkeys(CHANNELS, 0.0)
+    now = {**dict.fromkeys(CHANNELS, 0.0), "phi_dem": phi_0}
+    p["phi_dem"][0, 0] = phi_0
     for i, (time, values) in enumerate(steps, start=1):
         now.update(values)
         p["time"][0, i] = time
@@ -65,8 +72,10 @@ def params(
 
 
 def init(p: np.ndarray) -> np.ndarray:
-    """Return the demands before the first step: all zero."""
-    return np.zeros(p.shape, STATE)
+    """Return the demands before the first step: zero, and the bank of the start."""
+    x = np.zeros(p.shape, STATE)
+    x["phi_dem"] = p["phi_dem"][:, 0]
+    return x
 
 
 @kernel

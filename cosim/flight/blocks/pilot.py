@@ -14,8 +14,20 @@ def _pulse(start, length, channel, value):
     return [(start, {channel: value}), (start + length, {channel: 0.0})]
 
 
-def steps(manoeuvre: Any) -> dict[str, Any]:
-    """Return the arguments of `manoeuvre.params` (table of steps, holds engaged) for a scenario's manoeuvre."""
+def steps(manoeuvre: Any, trim: Any = None) -> dict[str, Any]:
+    """Return the arguments of `manoeuvre.params` (table of steps, holds engaged) for a scenario's manoeuvre.
+
+    A `trim` in a climb or a turn is held until the manoeuvre asks for another bank or load factor: its bank, its
+    altitude or vertical speed, and its speed by the throttles. A table of own inputs says itself what is held.
+    """
+    told = _steps(manoeuvre)
+    if trim is None or trim.level:
+        return told
+    holds = {} if isinstance(manoeuvre, Inputs) else {"hold_h": trim.gamma == 0.0, "hold_v": True}
+    return {**told, **holds, "phi_0": trim.phi}
+
+
+def _steps(manoeuvre):
     k = manoeuvre
     if isinstance(k, Inputs):  # cosim/flight/own_inputs.py
         heading = k.heading_deg is not None

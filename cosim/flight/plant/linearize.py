@@ -5,7 +5,7 @@
 Engines are at the thrust of their throttle (no spool lag), actuators and control law are not part of it. `modes` are
 those of the classical four-state blocks, (tas, alpha, q, theta) and (beta, p, r, phi), as the references give them:
 altitude and heading are held, so the density gradient, which raises the phugoid's frequency by g/H over 2 g^2/V^2, is
-left out there; it is in A.
+left out there; it is in A. About a turn the two blocks are coupled: A has it, the modes of the blocks have not.
 """
 
 import json
@@ -152,7 +152,9 @@ def linearize(flight: FlightPoint | Scenario | str, elevator: float = 0.0) -> Li
     trim = plant.trim(elevator)
     inputs = input_units(plant.border)
     u0 = trim.surfaces[plant.border.column(tuple(inputs))]
-    x0 = np.array([trim.tas, trim.alpha, trim.q, trim.theta, trim.altitude, 0.0, 0.0, 0.0, 0.0, 0.0])
+    x0 = np.array(
+        [trim.tas, trim.alpha, trim.q, trim.theta, trim.altitude, 0.0, trim.p, trim.r, trim.phi, 0.0]
+    )  # fmt: skip
     A, C = _slopes(lambda x: _evaluate(plant, x, u0), x0, np.array([STEPS[n] for n in STATES]))
     steps = np.full(len(inputs), INPUT_STEP)
     B, D = _slopes(lambda u: _evaluate(plant, x0, u), u0, steps)

@@ -1,7 +1,7 @@
 """The aircraft in JSBSim: the only module that imports jsbsim, and the only place where feet, pounds and slugs exist.
 
     plant = Plant(flight, dt=0.005)
-    trim = plant.trim()               steady level flight, surfaces external, time 0; raises TrimError
+    trim = plant.trim()               steady flight, surfaces external, time 0; raises TrimError
     plant.read(truth)                 truth at t_k, SI
     plant.write(surfaces)             surface angles, throttles and thrust losses for t_k+1
     plant.run()                       from t_k to t_k+1
@@ -182,10 +182,11 @@ class Plant:
                 self.port.setter(f"propulsion/engine[{i}]/{name}")(idle + (100.0 - idle) * surfaces[at])
 
     def trim(self, elevator: float = 0.0) -> Any:
-        """Trim level flight, elevators at `elevator` [rad], and stand ready at time 0: a Trim, or TrimError."""
+        """Trim the flight point, elevators at `elevator` [rad], and stand ready at time 0: a Trim, or TrimError."""
+        from cosim.flight.plant.steady import steady
         from cosim.flight.plant.trim import level
 
-        trim = level(self, elevator)
+        trim = level(self, elevator) if self.flight == self.flight.level else steady(self, elevator)
         self._engage()
         return trim
 

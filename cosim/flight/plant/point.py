@@ -1,5 +1,6 @@
 """A flight point: mass, CG, altitude, speed, and what is uncertain about it; how mass and CG are loaded."""
 
+import dataclasses
 import math
 from dataclasses import dataclass, field
 from typing import Any
@@ -22,6 +23,15 @@ class FlightPoint:
     seed: int = 0
     fuel_freeze: bool = True
     aircraft: str = DEFAULT  # a bundled name or a folder
+    climb: float | None = None  # vertical speed [m/s], or
+    gamma: float | None = None  # angle of the path [rad]; up +
+    bank: float | None = None  # right + [rad], or
+    turn: float | None = None  # rate of the heading [rad/s]
+
+    @property
+    def level(self) -> "FlightPoint":
+        """Return the same point in level flight."""
+        return dataclasses.replace(self, climb=None, gamma=None, bank=None, turn=None)
 
     @property
     def record(self) -> Aircraft:
@@ -57,7 +67,7 @@ class FlightPoint:
         kind, speed = f.speed
         return cls(
             f.mass, f.cg, f.altitude, kind, speed, dict(scenario.tolerances.aero), f.turbulence, scenario.seed,
-            aircraft=f.aircraft,
+            aircraft=f.aircraft, climb=f.climb, gamma=f.gamma, bank=f.bank, turn=f.turn,
         )  # fmt: skip
 
 

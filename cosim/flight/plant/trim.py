@@ -1,8 +1,9 @@
-"""Trim: steady level flight by JSBSim's own search, then Newton to rounding.
+"""Trim: steady flight by JSBSim's own search, then Newton to rounding.
 
-Unknowns alpha, stabiliser, throttle (all engines alike); residuals u', w' [m/s2] and q' [rad/s2] with theta = alpha,
-no bank, and the pitch rate -V/R that keeps the attitude constant over the curved earth. Elevators stand where they are
-told, at zero unless said otherwise.
+Level: unknowns alpha, stabiliser, throttle (all engines alike); residuals u', w' [m/s2] and q' [rad/s2] with theta =
+alpha, no bank, and the pitch rate -V/R that keeps the attitude constant over the curved earth. Elevators stand where
+they are told, at zero unless said otherwise. A climb, a descent or a turn has six: ailerons, rudder and the turn rate
+of a given bank, or the bank of a given turn rate, beside them, without sideslip; `cosim.flight.plant.steady` has it.
 """
 
 import math
@@ -34,11 +35,32 @@ class Trim:
     residual: float  # largest of |u'|, |v'|, |w'| [m/s2], |p'|, |q'|, |r'| [rad/s2]
     nz: float  # load factor in this flight, not exactly 1: rotating earth, weight at standard gravity
     surfaces: np.ndarray  # in the order of the border's inputs
+    gamma: float = 0.0  # climb +
+    phi: float = 0.0  # right +
+    p: float = 0.0
+    r: float = 0.0
+    turn: float = 0.0  # rate of the heading, right +
+    aileron: float = 0.0  # + rolls right
+    rudder: float = 0.0  # + yaws left
+
+    @property
+    def level(self) -> bool:
+        """Tell whether it is neither a climb or a descent nor a turn."""
+        return self.gamma == 0.0 and self.phi == 0.0
+
+    @property
+    def climb(self) -> float:
+        """Return the vertical speed [m/s]."""
+        return self.tas * math.sin(self.gamma)
 
 
-def surfaces_at(border: Border, stabilizer: float, throttle: float, elevator: float) -> np.ndarray:
+def surfaces_at(
+    border: Border, stabilizer: float, throttle: float, elevator: float, aileron: float = 0.0, rudder: float = 0.0
+) -> np.ndarray:
     """Return the input vector of a trim: angles [rad], throttle as a fraction."""
     out = np.zeros(len(border.inputs))
+    out[border.column(("da_l", "da_r"))] = aileron
+    out[border.column(("dr",))] = rudder
     out[border.column(border.elevators)] = elevator
     out[border.column(("stab",))] = stabilizer
     out[border.column(border.throttles)] = throttle
@@ -137,9 +159,9 @@ def _check(plant, x, elevator, residual):
     raise TrimError(f"no steady level flight found, residual {residual:.1e}", place=place)
 
 
-def lift_margin(plant: Any) -> tuple[Any, ...]:
-    """Return the lift coefficients that level flight needs and that the aircraft has, and the angle of attack [rad] of
-    the latter; elevator and stabiliser at 0.
+def lift_margin(plant: Any, n: float = 1.0) -> tuple[Any, ...]:
+    """Return the lift coefficients that flight at load factor `n` needs and that the aircraft has, and the angle of
+    attack [rad] of the latter; elevator and stabiliser at 0.
     """
     best, needs, most = 0.0, 0.0, 0.0
     for alpha in np.radians(np.arange(2.0, 25.0, 0.5)):
@@ -148,4 +170,4 @@ def lift_margin(plant: Any) -> tuple[Any, ...]:
         area = plant.aircraft.wing_area
         needs = t.mass * G0 / (t.qbar * area)
         best, most = max((best, most), (force * needs, float(alpha)))
-    return needs, best, most
+    return n * needs, best, most

@@ -30,9 +30,10 @@ ever NaN.
 import numpy as np
 
 from actuators.block import dtype, entry, kernel
+from actuators.constants import G0
 from cosim.flight.blocks.law.lateral import lateral
 from cosim.flight.blocks.law.pitch import pitch
-from cosim.flight.blocks.law.signals import ALPHA, CAS, HOLD_S, NZ, PSI, TAS, THETA, H, N, clip, receive
+from cosim.flight.blocks.law.signals import ALPHA, CAS, HDOT, HOLD_S, NZ, PHI, PSI, TAS, THETA, H, N, clip, receive
 from cosim.flight.blocks.law.signals import SENSORS as SENSORS
 
 PARAMS = dtype([
@@ -61,6 +62,7 @@ PARAMS = dtype([
     ("nz_0", "f8"), ("cas_0", "f8"), ("alpha_0", "f8"), ("theta_0", "f8"),  # at the trim [g, m/s, rad, rad]
     ("h_0", "f8"), ("psi_0", "f8"), ("tas_0", "f8"),      # [m, rad, m/s]
     ("stab_0", "f8"), ("throttle_0", "f8"), ("de_0", "f8"),  # trim [rad, -, rad]
+    ("phi_0", "f8"), ("hdot_0", "f8"), ("da_0", "f8"), ("dr_0", "f8"),  # of a turn or climb [rad, m/s, rad, rad]
     ("de_max", "f8"), ("de_min", "f8"), ("da_max", "f8"), ("dr_max", "f8"),  # [rad]
 ])
 INPUTS = dtype([
@@ -111,12 +113,15 @@ def init(p: np.ndarray) -> np.ndarray:
     """Return the law at rest at the trim point."""
     x = np.zeros(p.shape, STATE)
     start = {"de_cmd": "de_0", "de_slow": "de_0", "stab_cmd": "stab_0", "throttle_cmd": "throttle_0", "h_ref": "h_0"}
-    start["cas_lag"] = "cas_0"
+    start |= {"cas_lag": "cas_0", "phi_ref": "phi_0", "phi_hat": "phi_0", "hdot_ref": "hdot_0"}
     for name, value in (start | {"theta_lag": "theta_0", "alpha_lim": "alpha_max"}).items():
         x[name] = p[value]
-    held = {ALPHA: "alpha_0", THETA: "theta_0", PSI: "psi_0", NZ: "nz_0", CAS: "cas_0", TAS: "tas_0", H: "h_0"}
+    held = {ALPHA: "alpha_0", THETA: "theta_0", PSI: "psi_0", NZ: "nz_0", CAS: "cas_0", TAS: "tas_0", H: "h_0",
+            PHI: "phi_0", HDOT: "hdot_0"}  # fmt: skip
     for i, name in held.items():
         x["held"][:, i] = p[name]
+    turn = G0 / p["tas_0"] * np.tan(p["phi_0"])  # its feed-forward and the integrals together are the trim
+    x["xi_phi"], x["xi_dr"] = p["da_0"] - p["da_t"] * turn, p["dr_0"] - p["dr_t"] * turn
     return x
 
 

@@ -8,7 +8,9 @@ from scipy.linalg import solve_continuous_are
 
 from actuators.block import record
 from actuators.constants import G0
+from cosim.errors import TrimError
 from cosim.flight.blocks.law import PARAMS
+from cosim.flight.blocks.law.lateral import bank_limit
 from cosim.scenario.aircraft import Aircraft
 
 # actuator, sensor delay and hold in the design: first-order [s]; `cosim.flight.blocks.law.margins` has the real ones
@@ -57,9 +59,13 @@ def alpha_limit(plant: Any, trim: Any, share: float = 0.96) -> tuple[float, floa
     return float(limit), float(np.interp(limit, angles, n_z))
 
 
-def design(model: Any, stall: Any, aircraft: Aircraft) -> Any:
-    """Return PARAMS at the flight point of `model` (a linearize.LinearModel); `stall` is what `alpha_limit` gives."""
-    t = model.trim
+def design(model: Any, stall: Any, aircraft: Aircraft, start: Any = None) -> Any:
+    """Return PARAMS at the flight point of `model` (a linearize.LinearModel); `stall` is what `alpha_limit` gives.
+
+    Gains are those of level flight at this speed and altitude, `start` is the Trim that the flight begins in: a climb,
+    a turn; None: level.
+    """
+    t = start or model.trim
     alpha_max, n_stall = stall
     stops = aircraft.travels
     elevator, rudder, stabiliser = stops["elevator"], stops["rudder"], stops["stabiliser"]
@@ -73,11 +79,26 @@ def design(model: Any, stall: Any, aircraft: Aircraft) -> Any:
         "de_min": elevator[0], "de_max": elevator[1], "da_max": stops["aileron"][1], "dr_max": rudder[1],
     }  # fmt: skip
     trim = {
-        "nz_0": t.nz, "alpha_0": t.alpha, "theta_0": t.theta, "h_0": t.altitude, "tas_0": t.tas,
+        "nz_0": t.nz * math.cos(t.phi), "alpha_0": t.alpha, "theta_0": t.theta, "h_0": t.altitude, "tas_0": t.tas,
         "cas_0": model.y0[list(model.outputs).index("cas")], "stab_0": t.stabilizer, "throttle_0": t.throttle,
-        "de_0": t.elevator,
+        "de_0": t.elevator, "phi_0": t.phi, "hdot_0": t.climb, "da_0": t.aileron, "dr_0": t.rudder,
     }  # fmt: skip
-    return record(PARAMS, **limits, **trim, **_pitch(model), **_lateral(model, stops["aileron"][1]), **_speed(model))
+    p = record(PARAMS, **limits, **trim, **_pitch(model), **_lateral(model, stops["aileron"][1]), **_speed(model))
+    if start is not None:
+        _holds(p[0], start)
+    return p
+
+
+def _holds(p, trim):
+    """Raise TrimError where the law would leave the flight that begins in `trim`."""
+    most, remedy = math.degrees(bank_limit(p, trim.tas, 1.0)), "Bank less, or fly faster"
+    if abs(math.degrees(trim.phi)) > most:
+        said = f"bank: {math.degrees(trim.phi):.1f} deg, beyond what the control law holds here"
+        raise TrimError(said, place="flight", allowed=f"{-most:.0f} to {most:.0f} deg", remedy=remedy)
+    if not p.theta_min < trim.theta < p.theta_max:
+        said = f"attitude: {math.degrees(trim.theta):.1f} deg, beyond the control law's protection"
+        low, high = math.degrees(p.theta_min), math.degrees(p.theta_max)
+        raise TrimError(said, place="flight", allowed=f"{low:.0f} to {high:.0f} deg", remedy="Climb or descend less")
 
 
 def _pitch(model):

@@ -12,7 +12,7 @@ LIFT_SHARE = 0.95     # of the load factor that the angle-of-attack limit leaves
 
 
 @kernel
-def _bank_limit(p, tas, speed2):
+def bank_limit(p, tas, speed2):
     """Return the bank that the ailerons hold against the turn and whose turn the wing carries, at this speed [rad]."""
     turn = AILERON_SHARE * p.da_max * speed2 / max(abs(p.da_t), 0.01)
     carried = LIFT_SHARE * p.n_stall * speed2
@@ -30,7 +30,7 @@ def lateral(x, u, p, dt):
         e = p.psi_0 + u.psi_dem - y[PSI]
         e = math.atan2(math.sin(e), math.cos(e))
         phi_dem = clip(p.w_psi * tas / G0 * e, -p.phi_hold, p.phi_hold) * trust(age[PSI])
-    most = _bank_limit(p, tas, speed2)
+    most = bank_limit(p, tas, speed2)
     phi_dem = clip(phi_dem, -most, most)
     a_ref = p.w_p * (clip(p.w_phi * (phi_dem - x.phi_ref), -p.p_max, p.p_max) - x.p_ref)
     x.p_ref = x.p_ref + a_ref * dt

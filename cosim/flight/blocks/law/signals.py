@@ -37,7 +37,7 @@ def receive(x, u, dt):
             x.age[i] = x.age[i] + dt
     if x.fresh == 0.0:
         x.fresh = 1.0
-        x.h_ref, x.hdot_ref = x.held[H], 0.0
+        x.h_ref = x.held[H]
         x.phi_ref = x.phi_hat = x.held[PHI]
     elif u.valid[PHI] > 0.0 and math.isfinite(u.y[PHI]):
         x.phi_hat = x.held[PHI]
