@@ -120,6 +120,10 @@ def run_many(
     frame = store.rows()
     frame["kept"] = _kept(frame, keep, runs, store.out)
     parquet = store.consolidate(frame)
+    if store.out:
+        from cosim.campaign import manifest
+
+        manifest.write(store.out, frame)
     by_run = frame.drop_duplicates("run")
     failed = int(by_run["status"].isin(("infeasible", "error", "crashed")).sum())
     return CampaignResult(frame, store.timing(), parquet, len(by_run), failed, resumed, tuple(store.damaged))

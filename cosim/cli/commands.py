@@ -20,6 +20,7 @@ from cosim.cli import aircraft as cli_aircraft
 from cosim.cli import campaigns as cli_many
 from cosim.cli import envelope as cli_envelope
 from cosim.cli import guests as cli_guests
+from cosim.cli import score as cli_score
 from cosim.cli import study as cli_study
 from cosim.cli import tables
 from cosim.cli.output import DetectorOption, JsonOption, log_name, named, reserve
@@ -426,7 +427,7 @@ def recover(
         out.print(cli_replay.recover(found))
 
 
-for part in (cli_envelope, cli_study, cli_many, cli_guests, cli_aircraft):
+for part in (cli_envelope, cli_study, cli_many, cli_score, cli_guests, cli_aircraft):
     part.add(app, out, err)
 
 

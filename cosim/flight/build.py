@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-import time
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,6 +16,7 @@ from cosim.flight.blocks.pilot import steps
 from cosim.flight.bus import Bus
 from cosim.flight.compiling import prepare
 from cosim.flight.corrections import corrections
+from cosim.flight.cost import cost
 from cosim.flight.gains import SENSOR_DELAY
 from cosim.flight.guests.plain import GuestBlock, PlainDetector
 from cosim.flight.noise import Draw
@@ -72,13 +72,7 @@ class Setup:
             if isinstance(d, GuestBlock):  # its objects are the flight's own: what its steps took in the loop
                 self.step_us[d.name] = d.runner.seconds / max(1, d.runner.steps * len(d.x)) * 1e6
                 continue
-            x, u = d.x.copy(), np.repeat(d.u, repeats, axis=1)
-            best = math.inf
-            for _ in range(3):
-                begin = time.perf_counter()
-                d.module.rollout(x, u, d.p, self.loop.dt * d.every)
-                best = min(best, time.perf_counter() - begin)
-            self.step_us[d.name] = best / repeats / len(x) * 1e6
+            self.step_us[d.name] = cost(d.module, d.x, d.u, d.p, self.loop.dt * d.every, repeats)
 
 
 def _sensor_lanes(scenario, rng, dt):

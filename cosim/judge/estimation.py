@@ -24,6 +24,7 @@ from actuators.common.linkage import ARM
 from actuators.ema import jay
 from actuators.simple import actuator as simple
 from fdi import registry
+from fdi.common.record import Estimate as Part
 
 if TYPE_CHECKING:
     from cosim.scenario import Scenario
@@ -64,6 +65,16 @@ def plan(scenario: "Scenario", detector: str, lane: str, columns: Callable[[str]
             start = j.start + j.ramp + max(SETTLE_S, SETTLE_PERIODS * period)
             return Estimate(columns(column), tuple(map(columns, names)), truth, unit, start, j.end)
     return None
+
+
+def truths(scenario: "Scenario") -> list[str]:
+    """Return the names of the bus from which the truth of any estimate of the faults of `scenario` is made."""
+    injections = scenario.injections()
+    named = [name for j in injections for name in (j.name, j.sensor) if name]
+    parts = dict.fromkeys(("valve", "thrust", "elevator", "elevator.left", "elevator.right", *named))
+    places = [*scenario.elevator.technology, "aircraft"]
+    found = (_truth(Part(of, "", ""), lane, j, scenario) for j in injections for lane in places for of in parts)
+    return list(dict.fromkeys(name for each in found if each for name in each[0]))
 
 
 def _found(detector, lane, j, scenario):

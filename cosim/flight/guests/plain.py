@@ -70,9 +70,11 @@ class Runner:
 
     def __init__(self, guest: PlainDetector, limited: bool, lanes: tuple = ()):
         self.guest, self.limited, self.lanes = guest, limited, lanes
+        self.keeps = False  # whether `told` is filled
         self.problems: list[str] = []
         self.notes: list[str] = []
         self.steps, self.seconds = 0, 0.0
+        self.told: list[tuple] = []  # (step, lane, {class: probability}) of every answer that gave probabilities
         self._updates: list[Any] = []  # of the lanes' objects
         self._status: list[float] = []
         measured: Any = namedtuple("Measured", tuple(guest.INPUTS.names or ()))  # type: ignore[misc]
@@ -151,6 +153,8 @@ class Runner:
         r, alarm = _number(said.get("r", 0.0), "r"), _number(said.get("alarm", False), "alarm")
         valid, estimate = _number(said.get("valid", True), "valid"), _number(said.get("estimate", 0.0), "estimate")
         verdict, probability = _verdict(said.get("verdict"), alarm > 0.5)
+        if self.keeps and isinstance(said.get("verdict"), Mapping):
+            self.told.append((self.steps, i, dict(said["verdict"])))
         culprit = said.get("culprit", "")
         if culprit not in self.guest.CULPRITS:
             raise Nonsense(f"culprit {culprit!r} is none of its culprits: {', '.join(self.guest.CULPRITS[1:])}")

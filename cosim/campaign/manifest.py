@@ -1,0 +1,53 @@
+"""The manifest of a campaign: what was flown, with which code and seeds, and the SHA-256 of the files of the result."""
+
+import hashlib
+import json
+import subprocess
+from importlib.metadata import version
+from pathlib import Path
+
+import pandas as pd
+
+from cosim.campaign.store import fingerprint
+from cosim.files import replace_text
+
+FILE = "manifest.json"
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def about_the_code() -> dict:
+    """Return {software, commit, changed, versions}; commit is None outside a checkout, `changed` tells of a source that
+    differs from it."""
+    said = {"software": f"cosim {version('cosim-fdi')}", "versions": fingerprint()["versions"]}
+    if not (ROOT / ".git").exists():
+        return {**said, "commit": None, "changed": None}
+    commit, changed = _git("rev-parse", "HEAD"), _git("status", "--porcelain", "--untracked-files=no")
+    return {**said, "commit": commit or None, "changed": None if changed is None else bool(changed)}
+
+
+def _git(*words):
+    try:
+        told = subprocess.run(["git", "-C", str(ROOT), *words], capture_output=True, text=True, timeout=20, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return told.stdout.strip()
+
+
+def write(out: Path, frame: pd.DataFrame) -> None:
+    """Write the manifest of a finished campaign into its folder `out`, from its rows."""
+    runs = frame.drop_duplicates("run")
+    about = {
+        "runs": len(runs),
+        "rows": len(frame),
+        "seeds": [int(runs["seed"].min()), int(runs["seed"].max())] if "seed" in runs else None,
+        "digest": fingerprint()["digest"],
+        **about_the_code(),
+        "sha256": {name: sha256(out / name) for name in ("scenarios.parquet", "runs.parquet")},
+    }
+    replace_text(out / FILE, json.dumps(about, indent=1))
+
+
+def sha256(path: Path) -> str:
+    """Return the SHA-256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

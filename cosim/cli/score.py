@@ -1,0 +1,131 @@
+"""The command that scores detectors on the benchmark, and its tables, from the same plain data that --json prints."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Group
+from rich.text import Text
+
+from cosim.cli import tables
+from cosim.cli.output import JsonOption, WorkersOption, reserve
+from cosim.cli.tables import NOTHING, number, table
+
+FEW = 3  # detectors, up to which every family is shown
+
+
+def add(app: Any, out: Any, err: Any) -> None:
+    """Add `score` to the command line `app`; `out` and `err` are its consoles."""
+
+    @app.command()
+    def score(
+        detectors: Annotated[
+            list[str] | None,
+            typer.Argument(
+                metavar="[DETECTOR…]",
+                help="Detectors that ship, files of your own, installed ones by name. Default: all that ship.",
+                show_default=False,
+            ),
+        ] = None,
+        output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of page and table.")] = Path(
+            "logs/score"
+        ),
+        seeds: Annotated[
+            Path | None,
+            typer.Option("--seeds", metavar="FILE", help="A sealed set: seed, first_seed.", show_default=False),
+        ] = None,
+        limit: Annotated[
+            int | None, typer.Option("--limit", metavar="N", min=1, help="Only N flights, evenly over the families.")
+        ] = None,
+        quick: Annotated[bool, typer.Option("--quick", help="A look in a minute: 40 flights.")] = False,
+        recordings: Annotated[
+            Path | None,
+            typer.Option("--recordings", metavar="DIR", help="Default: in your cache.", show_default=False),
+        ] = None,
+        verify: Annotated[
+            Path | None,
+            typer.Option("--verify", metavar="TABLE", help="Repeat rows of a score.json.", show_default=False),
+        ] = None,
+        workers: WorkersOption = None,
+        json_: JsonOption = False,
+    ):
+        """Score detectors on the same 642 recorded flights, flown on first use; a new one is a replay of minutes.
+
+        With --verify exit status 1 when a row does not repeat.
+        """
+        from cosim.compare.score import score as work
+        from cosim.compare.score import stored
+        from cosim.compare.score.flights import QUICK
+        from cosim.compare.score.table import differences
+        from cosim.files import replace_text
+
+        chosen = list(detectors or ())
+        held = stored(verify, chosen, seeds) if verify else None
+        reserve(output / "score.json")
+        limit = held.limit if held else QUICK if quick and limit is None else limit
+        with tables.progress(err, "flying the benchmark, once on a machine", "flights", "preparing") as flying:
+            with tables.progress(err, "scoring", "flights", "reading") as running:
+                made = work(
+                    held.detectors if held else chosen, seeds=seeds, limit=limit, recordings=recordings,
+                    workers=workers, flying=flying, running=running,
+                )  # fmt: skip
+        if held:
+            wrong = differences(held.table, made.table, [d["id"] for d in made.table["detectors"]])
+            if json_:
+                print(json.dumps({"repeats": not wrong, "differences": wrong}))
+            else:
+                said = [tables.escape(line) for line in wrong] or ["every row repeats"]
+                out.print("\n".join(said), soft_wrap=True, highlight=False)
+            raise typer.Exit(1 if wrong else 0)
+        made.table["table"] = str(output / "score.json")
+        replace_text(output / "score.json", json.dumps(made.table, indent=1, allow_nan=False))
+        print(json.dumps(made.table, allow_nan=False)) if json_ else out.print(shown(made.table))
+
+
+def shown(found: dict) -> Group:
+    """Return the tables of a score: `found` is its JSON."""
+    t = table("", "detector", "of>", "seen>", "right>", "amb.>", "wrong>", "n. v.>", "alarm s>", "right s>", "per h>",
+              "below>", "free>", "valid>", "us>", "ln p>")  # fmt: skip
+    for d in found["detectors"]:
+        counts = [str(d[k]) if d["designed"] else NOTHING for k in
+                  ("designed", "detected", "named", "ambiguous", "misnamed", "idle")]  # fmt: skip
+        times = [number(d.get("delay_s")), number(d.get("right_s"))]
+        rate = [number(d["false_alarms_per_hour"], 1), number(d["false_alarms_per_hour_high"], 1)]
+        t.add_row(d["id"], *counts, *times, *rate, f"{d['fault_free_alarmed']}/{d['fault_free_runs']}",
+                  f"{d['availability']:.0%}", number(d["step_us"]), number(d["log_fault"]))  # fmt: skip
+    t.caption_justify = "left"
+    t.caption = (
+        "of: faults on parts that it watches and is not blind to by its own word; alarm, right: median time to the "
+        "first alarm and to the right name, a missed one is endless; per h: false alarms, below: exact 95 % bound; "
+        "free: fault-free flights with one; ln p: mean log of what it gave to the truth while the fault lasted"
+    )
+    families = [_families(d) for d in found["detectors"]] if len(found["detectors"]) <= FEW else []
+    pairs = [_pairs(found["pairs"])] if found["pairs"] else []
+    flown = f"{found['benchmark']}: {found['flights']} flights, content {found['content']}"
+    clock = f"flown or found in {found['flying_s']:.0f} s, scored in {found['scoring_s']:.0f} s"
+    lines = [Text(f"table  {found['table']}")] if "table" in found else []
+    return Group(Text(flown), t, *families, *pairs, Text(clock), *lines)
+
+
+def _families(d):
+    t = table(d["id"], "family", "of>", "seen>", "right>", "amb.>", "wrong>", "a90>", "a90/95>", "unit", "alarm s>",
+              "right s>")  # fmt: skip
+    blind = [f["family"] for f in d["families"] if not f["designed"]]
+    t.caption_justify, t.caption = "left", f"blind to, or without a part to watch: {', '.join(blind) or 'none'}"
+    for f in (f for f in d["families"] if f["designed"]):
+        size = [number(f["a90"]), number(f["a90_95"])] if f["a90"] else [NOTHING, NOTHING]
+        counts = [str(f[k]) for k in ("designed", "detected", "named", "ambiguous", "misnamed")]
+        unit = f["unit"] if f["a90"] else f["note"]
+        t.add_row(f["family"], *counts, *size, unit, number(f["delay_s"]), number(f["right_s"]))
+    return t
+
+
+def _pairs(pairs):
+    columns = ("a", "b", "at", "flights>", "a alone>", "b alone>", "p>", "a sees more>", "later s>")
+    t = table("Two on the same flights", *columns)
+    for p in pairs:
+        more = NOTHING if p["difference"] is None else f"{p['difference']:+.2f} ({p['low']:+.2f} to {p['high']:+.2f})"
+        late = NOTHING if p["later_s"] is None else f"{p['later_s']:+.2f}"
+        t.add_row(p["a"], p["b"], p["at"], str(p["n"]), str(p["only_a"]), str(p["only_b"]), number(p["p"]), more, late)
+    return t

@@ -1,0 +1,89 @@
+"""Two detectors compared fairly: on the same flights, as they ship and at an equal false-alarm probability.
+
+Flights in which both see the fault, or neither, say nothing of which is better; the exact test of McNemar asks of the
+others whether they part evenly. How much better is a bootstrap over the flights, each drawn with what both made of it.
+At equal false-alarm probability each threshold is scaled so that the same share of fault-free flights crosses it
+(cosim.compare.stats.equal_thresholds), and seen is a statistic that reaches it after the onset.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from cosim.compare import stats
+
+DRAWS = 2000  # of the bootstrap
+LEAST = 5  # flights
+
+
+@dataclass(frozen=True)
+class Pair:
+    """What the flights say of detectors a and b: n flights, seen by one alone, McNemar's two-sided p, and the share of
+    flights that a sees less that of b, with its 95 % interval. `latest_s`: how much longer a takes on average, a
+    missed fault taken as noticed at the end of the flight."""
+
+    a: str
+    b: str
+    at: str  # "shipped" or "equal false alarms"
+    n: int
+    only_a: int
+    only_b: int
+    p: float | None
+    difference: float | None = None
+    low: float | None = None
+    high: float | None = None
+    later_s: float | None = None
+    later_low_s: float | None = None
+    later_high_s: float | None = None
+
+
+def pair(rows: pd.DataFrame, a: str, b: str, horizon: pd.Series | None = None) -> list[Pair]:
+    """Return the Pairs of detectors `a` and `b`: over the faults that concern both and to which neither is blind.
+
+    `rows` are those of cosim/compare/rows.py; `horizon` {run: seconds from its onset to the end}.
+    """
+    use = rows[rows["case"].notna() & rows["concerned"] & (rows["word"] != "blind")]
+    each = [use[use["id"] == name].set_index(["run", "fault"]) for name in (a, b)]
+    both = each[0].index.intersection(each[1].index)
+    if not len(both):
+        return []
+    one, other = (e.loc[both] for e in each)
+    seen = one["detected"].to_numpy(bool), other["detected"].to_numpy(bool)
+    late = None
+    if horizon is not None:
+        end = horizon.loc[both.get_level_values(0)].to_numpy(float)
+        late = [np.where(np.isfinite(d), d, end) for d in (one["delay_s"].to_numpy(), other["delay_s"].to_numpy())]
+    found = [_pair(a, b, "shipped", seen, late)]
+    equal = stats.equal_thresholds(rows)
+    c = [equal.get(name, (None,))[0] for name in (a, b)]
+    if all(c):
+        level = [np.nan_to_num(e["r_fault"].to_numpy(float), nan=-1.0) >= at for e, at in zip((one, other), c)]
+        found.append(_pair(a, b, "equal false alarms", level, None))
+    return found
+
+
+def _pair(a, b, at, seen, late):
+    from statsmodels.stats.contingency_tables import mcnemar
+
+    seen_a, seen_b = seen
+    n, only_a, only_b = len(seen_a), int(np.sum(seen_a & ~seen_b)), int(np.sum(seen_b & ~seen_a))
+    if n < LEAST:
+        return Pair(a, b, at, n, only_a, only_b, None)
+    p = float(mcnemar([[0, only_a], [only_b, 0]], exact=True).pvalue) if only_a + only_b else 1.0
+    told = {"difference": (only_a - only_b) / n}
+    told["low"], told["high"] = bootstrap(seen_a.astype(float) - seen_b)
+    if late is not None:
+        longer = late[0] - late[1]
+        told["later_s"] = float(longer.mean())
+        told["later_low_s"], told["later_high_s"] = bootstrap(longer)
+    return Pair(a, b, at, n, only_a, only_b, p, **told)
+
+
+def bootstrap(difference: np.ndarray, confidence: float = 0.95) -> tuple[float, float]:
+    """Return the percentile interval of the mean of `difference` (flights,), paired; the same draws every time."""
+    rng = np.random.default_rng(0)
+    drawn = rng.integers(0, len(difference), (DRAWS, len(difference)))
+    means = difference[drawn].mean(axis=1)
+    low, high = np.quantile(means, [(1 - confidence) / 2, (1 + confidence) / 2])
+    return float(low), float(high)

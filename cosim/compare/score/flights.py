@@ -1,0 +1,164 @@
+"""The flights of the benchmark: which they are, and their thin recordings in the user's cache, flown where missing."""
+
+import functools
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from actuators.sources import closure, private
+from cosim.campaign.jobs import work
+from cosim.campaign.manifest import about_the_code
+from cosim.campaign.spec import load_campaign
+from cosim.campaign.store import DECIDING, CampaignError
+from cosim.campaign.worker import run_id
+from cosim.errors import OutputError, TrimError
+from cosim.files import replace_text
+from cosim.replay import thin
+from cosim.scenario import parse
+from cosim.texts import read, toml
+
+NAME = "benchmark-1"
+QUICK = 40  # flights of a first look
+MANIFEST = "manifest.json"
+
+
+@dataclass(frozen=True)
+class Flight:
+    """One flight of the benchmark: its run, family ("no fault" without one), scenario, and recording when it is flown.
+
+    `told` is what `cosim.replay.thin.record` returned, or {status, reason} of a point without a steady flight.
+    """
+
+    run: str
+    family: str
+    toml: str
+    path: Path
+    told: dict
+
+
+@dataclass(frozen=True)
+class Seeds:
+    """Seeds of the draws and of the first flight; `sealed` where they are not those that everybody has."""
+
+    draws: int
+    first: int
+    sealed: bool = False
+
+    @property
+    def digest(self) -> str:
+        """Return 12 hex digits that tell sealed seeds from others without telling them."""
+        return hashlib.sha256(f"{self.draws} {self.first}".encode()).hexdigest()[:12]
+
+
+def seeds_of(path: str | Path | None = None) -> Seeds:
+    """Return the public seeds of the benchmark, or those of a TOML file with `seed` and `first_seed`.
+
+    Raises CampaignError.
+    """
+    made = load_campaign(NAME)
+    if path is None:
+        return Seeds(made.seed, made.first_seed)
+    try:
+        table = toml(read(path, error=CampaignError), place=str(path), error=CampaignError)
+    except FileNotFoundError:
+        raise CampaignError("no such file", place=str(path), allowed="a TOML file with seed and first_seed") from None
+    given = {k: table.get(k) for k in ("seed", "first_seed")}
+    if set(table) != set(given) or not all(type(v) is int and 0 <= v < 2**31 - 10**6 for v in given.values()):
+        raise CampaignError("holds no seeds", place=str(path), allowed="seed and first_seed, whole numbers from 0 on")
+    return Seeds(table["seed"], table["first_seed"], sealed=True)
+
+
+@functools.lru_cache(maxsize=4)
+def scenarios(seeds: Seeds) -> list[tuple[str, str, str]]:
+    """Return [(run, family, TOML)] of every flight, in order."""
+    made = replace(load_campaign(NAME), seed=seeds.draws, first_seed=seeds.first)
+    return [(run_id(s), label["part"], s.expanded_toml()) for s, label in zip(*made.scenarios())]
+
+
+def chosen(flights: list, limit: int | None) -> list:
+    """Return `limit` of the flights, evenly over the whole list and so over the families; all without a limit."""
+    if limit is None or limit >= len(flights):
+        return flights
+    if limit < 1:
+        raise CampaignError(f"{limit} flights", place="--limit", allowed=f"1 to {len(flights)}")
+    return [flights[(2 * i + 1) * len(flights) // (2 * limit)] for i in range(limit)]
+
+
+@functools.cache
+def code() -> str:
+    """Return the digest of all that decides about a recording: sources of a flight, aircraft, libraries."""
+    from importlib.metadata import version
+
+    root = Path(__file__).resolve().parents[3]
+    files = {p for name in ("actuators", "aircraft") for p in (root / name).rglob("*") if p.suffix in DECIDING}
+    files |= closure(root / "cosim" / "replay" / "thin.py")
+    found = hashlib.sha256(json.dumps({n: version(n) for n in ("jsbsim", "numpy", "scipy", "numba")}).encode())
+    for path in sorted(files):
+        found.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
+    return found.hexdigest()[:16]
+
+
+def _roots() -> Iterator[Path]:
+    if os.environ.get("XDG_CACHE_HOME"):
+        yield Path(os.environ["XDG_CACHE_HOME"])
+    with suppress(RuntimeError):  # a user without a home
+        yield Path.home() / ".cache"
+
+
+def cache(seeds: Seeds) -> Path:
+    """Return the folder of the recordings in the user's cache, a folder per code that flew them: nobody else may write
+    to it. Raises OutputError."""
+    name = f"{NAME}-{seeds.digest}-{code()}"
+    for root in _roots():
+        folder = root / "cosim-recordings"
+        if private(folder) and private(folder / name) and os.access(folder / name, os.W_OK):
+            return folder / name
+    raise OutputError("no cache folder is yours alone", place="cosim-recordings", remedy="Name one: --recordings DIR")
+
+
+def flown(
+    seeds: Seeds,
+    *,
+    limit: int | None = None,
+    folder: str | Path | None = None,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Flight]:
+    """Return the flights, flown where `folder` (default: the user's cache) does not hold them yet.
+
+    A killed run goes on where it was. Raises OutputError, CampaignError.
+    """
+    home = Path(folder) if folder else cache(seeds)
+    todo = chosen(scenarios(seeds), limit)
+    jobs = [(recorded, {"toml_text": text, "name": f"{run}.parquet", "folder": str(home.resolve())})
+            for run, _, text in todo]  # fmt: skip
+    told = work(jobs, folder=home, code=code(), workers=workers, progress=progress)
+    out = [Flight(run, family, text, home / f"{run}.parquet", dict(t)) for (run, family, text), t in zip(todo, told)]
+    replace_text(home / MANIFEST, json.dumps(manifest(seeds, out), indent=1))
+    return out
+
+
+def recorded(toml_text: str, name: str, folder: str) -> dict:
+    """Fly one scenario into `folder`/`name`; return what is told of the recording."""
+    try:
+        return thin.record(parse(toml(toml_text, place=name)), Path(folder) / name)
+    except TrimError as error:
+        return {"status": "infeasible", "reason": str(error)}
+
+
+def manifest(seeds: Seeds, flights: list[Flight]) -> dict:
+    """Return what says which recordings these are: code, commit, seeds (a sealed set's digest), every file's SHA-256.
+
+    `content` is one digest over the values of all flights, whatever the version of the library that wrote the files.
+    """
+    whole = hashlib.sha256("".join(f.run + f.told.get("content", "") for f in flights).encode())
+    given = {"digest": seeds.digest} if seeds.sealed else {"seed": seeds.draws, "first_seed": seeds.first}
+    return {
+        "benchmark": NAME, "flights": len(flights), "seeds": given, "content": whole.hexdigest()[:16],
+        "bytes": sum(f.told.get("bytes", 0) for f in flights), "digest": code(), **about_the_code(),
+        "sha256": {} if seeds.sealed else {f.path.name: f.told.get("sha256") for f in flights},
+    }  # fmt: skip

@@ -1,0 +1,131 @@
+"""Rows of a score: every detector run on every recording, judged as a flight is, with the columns of a campaign."""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+import pyarrow as pa
+
+from cosim.campaign import table
+from cosim.campaign.pool import finished
+from cosim.campaign.store import TIMING, Store
+from cosim.campaign.worker import failed
+from cosim.compare import rows as compare_rows
+from cosim.compare.score.flights import Flight
+from cosim.flight.blocks.sensors import TRANSPORT
+from cosim.flight.inject import lanes as fault_lanes
+from cosim.judge import coverage
+from cosim.judge import row as judged
+from cosim.judge.probability import log_score
+from cosim.judge.result import SETTLE_S
+from cosim.replay import thin
+from cosim.scenario import Scenario, parse
+from cosim.scenario.catalog import TECHNOLOGIES
+from cosim.texts import toml
+
+LOG = ("run", "id", "lane", "log_fault", "log_none")  # ln p of the fault while it lasts, of "none" before and without
+
+
+@dataclass
+class Scored:
+    """Rows per run, detector and fault (cosim/compare/rows.py) with `part` of the benchmark, `size` and `unit`; what
+    the clock measured; log scores per run and lane."""
+
+    rows: pd.DataFrame
+    timing: pd.DataFrame
+    logs: pd.DataFrame
+    lanes: pd.DataFrame  # rows per lane, with the columns of a campaign (cosim/campaign)
+
+
+def scored(
+    flights: Sequence[Flight],
+    ids: Sequence[str],
+    files: Iterable[str | Path] = (),
+    *,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Scored:
+    """Run the detectors `ids` that ship and those of `files` on the recordings of `flights`; return the Scored.
+
+    Raises LogError, GuestError, ScenarioError.
+    """
+    files = [str(Path(f).resolve()) if Path(f).is_file() else str(f) for f in files]
+    calls = ((f.run, one, (f.run, f.toml, str(f.path), f.told, tuple(ids), tuple(files))) for f in flights)
+    rows: list[dict] = []
+    timing: list[dict] = []
+    logs: list[dict] = []
+    for done, (_, (new, took, said)) in enumerate(finished(calls, workers=workers), start=1):
+        rows, timing, logs = rows + new, timing + took, logs + said
+        if progress:
+            progress(done, len(flights))
+    tomls = {f.run: f.toml for f in flights}
+    scenarios = {run: parse(toml(text, place=run)) for run, text in tomls.items()}
+    store = Store(None, table(scenarios))
+    store.add(rows, timing)
+    lanes = store.rows()
+    found = compare_rows.tidy(lanes, tomls)
+    families = {f.run: f.family for f in flights}
+    sizes = [size(row, scenarios[row["run"]]) for row in found.to_dict("records")]
+    found["part"] = found["run"].map(families)
+    found["size"], found["unit"] = [s for s, _ in sizes], [u for _, u in sizes]
+    times = pa.Table.from_pylist(timing, TIMING).to_pandas()
+    return Scored(found, times, pd.DataFrame(logs, columns=list(LOG)), lanes)
+
+
+def one(run: str, text: str, path: str, told: dict, ids: tuple, files: tuple) -> tuple[list, list, list]:
+    """Run detectors on one recording; return (rows, timing, log scores) as dicts."""
+    if "sha256" not in told:
+        return [failed(run, told["status"], told["reason"])], [], []
+    recording = thin.again(path, text, told["sha256"])
+    installed = thin.flown_with(recording, ids, files)
+    entries, timing, logs = [], [], []
+    for each in thin.judgement(recording, installed):
+        entries.append(each.entry)
+        timing.append({"run": run, "id": each.entry["id"], "step_us": each.step_us})
+        if each.told:
+            logs.append({"run": run, "id": each.entry["id"], "lane": each.entry["target"], **_honest(recording, each)})
+    timing = list({t["id"]: t for t in timing}.values())
+    return judged.rows(run, {**recording.about, "detectors": entries}), timing, logs
+
+
+def _honest(recording, lane):
+    """Return the log scores of one lane: in the fault that concerns it, and where there is none."""
+    dt, entry = recording.scenario.dt, lane.entry
+    settled, onset = round(SETTLE_S / dt), min((round(f["start_s"] / dt) for f in recording.faults), default=None)
+    out = {"log_none": log_score(lane.told, ("none",), settled, onset or recording.ticks), "log_fault": None}
+    if entry["concerned"] and entry["by_fault"]:
+        fault = next(f for f in recording.faults if f["fault"] == entry["by_fault"][0]["fault"])
+        own = coverage.expected(entry["id"], fault["case"])
+        end = recording.ticks if math.isinf(fault["end_s"]) else min(recording.ticks, round(fault["end_s"] / dt))
+        if own.word != coverage.BLIND:
+            out["log_fault"] = log_score(lane.told, own.classes, round(fault["start_s"] / dt), end)
+    return out
+
+
+def size(row: dict, scenario: Scenario) -> tuple[float, str]:
+    """Return (size of the row's fault, its unit); (NaN, "") for one without.
+
+    Of oscillations and jams what was achieved, a jam's how far it kept the rod from where it would be; of a runaway its
+    rate, of a loss its share; a sensor's bias in standard deviations of the noise of that sensor.
+    """
+    if row["fault"] is None or row["fault"] != row["fault"]:
+        return math.nan, ""
+    fault = scenario.faults[int(row["fault"])]
+    own = fault.model_extra or {}
+    if fault.kind.startswith("ofc"):
+        return row["amplitude_mm"], "mm of rod"
+    if fault.kind in ("jam_solid", "jam"):
+        return row["rod_mm"], "mm of rod"
+    if "rate_deg_s" in own:
+        return own["rate_deg_s"], "deg/s"
+    if "loss_pct" in own:
+        return own["loss_pct"], "%"
+    j = next(j for j in scenario.injections() if j.fault == int(row["fault"]))
+    if j.kind not in ("bias", "jam_liquid") or not (j.sensor or j.place == "sensor"):
+        return math.nan, ""
+    technology = scenario.elevator.technology.get(j.name, "")
+    sigma = TECHNOLOGIES[technology].sensors[j.sensor].sigma if technology else TRANSPORT[j.name][1]
+    lane = next(lane for lane in fault_lanes(scenario) if lane.fault == j.fault)
+    return abs(float(lane.p["amplitude"][0])) / sigma, "sigma"

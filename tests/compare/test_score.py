@@ -1,0 +1,178 @@
+"""The score: a detector on a recording gives what it gave in the flight, row for row; recordings resume and repeat."""
+
+import json
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from cosim.campaign.store import CampaignError
+from cosim.campaign.worker import fly
+from cosim.cli import commands as cli
+from cosim.compare.paired import bootstrap, pair
+from cosim.compare.score import flights as benchmark
+from cosim.compare.score import named, score
+from cosim.compare.score import rows as score_rows
+from cosim.compare.score.table import differences
+from cosim.errors import LogError
+from cosim.flight.guests import with_detectors
+from cosim.judge.probability import UNSAID, log_score
+from cosim.judge.row import rows
+from cosim.replay import thin
+from cosim.scenario import load_scenario
+from fdi.registry import SHIPPED
+
+PLAIN = """
+class Rough:
+    id, level, technologies, inputs = "rough", "local", ("hydraulic",), ("rod", "valve_command", "surface")
+    designed_for, every = ("ofc_liquid", "rod"), 2
+
+    def __init__(self, dt):
+        self.last, self.level = None, 0.0
+
+    def update(self, t, y):
+        moved = 0.0 if self.last is None else abs(y.rod - self.last - 0.005 * y.valve_command)
+        self.last, self.level = y.rod, max(0.99 * self.level, moved / 4e-4)
+        p = min(1.0, self.level / 2.0)
+        return {"r": self.level, "alarm": self.level > 1.0, "estimate": y.valve_command,
+                "verdict": {"none": 1.0 - p, "ofc_liquid": p}}
+"""
+FLIGHTS = {  # one for each way in which something enters: valve, command, loop, observers' copy, drive, engine, none
+    "liquid-ofc": ["faults.0.start_s=4"],
+    "elevator-bias": ["faults.0.start_s=4"],
+    "rod-dropout": ["faults.0.start_s=4", "faults.0.end_s=6"],
+    "jay-incipient-current": ["faults.0.start_s=4"],
+    "alwi14-simultaneous": [],
+    "engine-thrust-loss": ["faults.0.start_s=4"],
+    "cruise": [],
+}
+
+
+@pytest.fixture
+def guest(tmp_path):
+    path = tmp_path / "rough.py"
+    path.write_text(PLAIN)
+    return str(path)
+
+
+def equal(a, b):
+    nothing = [x is None or x != x for x in (a, b)]
+    return all(nothing) or (not any(nothing) and a == b)
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_on_a_recording_a_detector_gives_the_rows_of_the_flight(name, tmp_path, guest):
+    given = [*FLIGHTS[name], "duration_s=9", "elevator.feedback='measured'", "elevator.reconfigure=false"]
+    scenario = load_scenario(name, given)
+    every = scenario.model_copy(update={"detectors": scenario.detectors.model_copy(update={"enabled": tuple(SHIPPED)})})
+    in_flight, _ = fly("x", with_detectors(every, [guest]), True)
+    told = thin.record(scenario, tmp_path / "x.parquet")
+    recording = thin.Recording(tmp_path / "x.parquet", told["sha256"])
+    lanes = list(thin.judgement(recording, thin.flown_with(recording, SHIPPED, [guest]), timed=False))
+    here = rows("x", {**recording.about, "detectors": [lane.entry for lane in lanes]})
+    assert len(here) == len(in_flight) >= len(SHIPPED)
+    pairs = [(r["id"], r["target"], k, r[k], f[k]) for r, f in zip(here, in_flight) for k in f]
+    assert [p for p in pairs if not equal(*p[3:])] == []
+    assert any(r["alarm"] for r in here)
+
+
+def test_a_recording_repeats_and_a_damaged_one_is_flown_again(tmp_path):
+    scenario = load_scenario("cruise", ["duration_s=3", "elevator.feedback='measured'"])
+    path = tmp_path / "x.parquet"
+    told = thin.record(scenario, path)
+    assert thin.record(scenario, tmp_path / "y.parquet")["content"] == told["content"]
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(LogError, match="digest differs"):
+        thin.Recording(path, told["sha256"])
+    assert thin.again(path, scenario.expanded_toml(), told["sha256"]).ticks == 600
+    with pytest.raises(LogError, match="closes on a detector"):
+        thin.record(load_scenario("cruise", ["elevator.feedback='iotsekf'"]), path)
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recordings")
+    benchmark.flown(benchmark.seeds_of(), limit=4, folder=folder, workers=0)
+    return folder
+
+
+def test_the_benchmark_resumes_scores_and_repeats(recordings, tmp_path, monkeypatch, guest):
+    flown = []
+    monkeypatch.setattr(thin, "record", lambda *a: flown.append(a))
+    monkeypatch.setattr(score_rows, "finished", lambda calls, workers: ((key, f(*given)) for key, f, given in calls))
+    found = score(["iotsekf", guest], limit=4, recordings=recordings, workers=0).table
+    assert not flown, "what is there is not flown again"
+    assert [d["id"] for d in found["detectors"]] == ["iotsekf", "rough"] and found["flights"] == 4
+    assert found["bytes"] < 4 * 2e9 / 642
+    rough = found["detectors"][1]
+    assert rough["log_none"] < 0.0 and found["detectors"][0]["log_none"] is None
+    assert sum(f["flights"] for f in rough["families"]) >= rough["designed"]
+    table = tmp_path / "score.json"
+    table.write_text(json.dumps(found))
+    line = ["score", "--verify", str(table), "iotsekf", guest, "--recordings", str(recordings)]
+    said = CliRunner().invoke(cli.app, [*line, "-o", str(tmp_path)])
+    assert (said.exit_code, said.output) == (0, "every row repeats\n")
+    other = json.loads(table.read_text())
+    other["detectors"][0]["families"][0]["flights"] = 99
+    assert differences(other, found, ["iotsekf"]) == ["iotsekf: families[0].flights = 99 stored, 1 here"]
+
+
+def test_sealed_seeds_make_other_flights_and_are_not_told(tmp_path):
+    file = tmp_path / "seeds.toml"
+    file.write_text("seed = 7\nfirst_seed = 1900000\n")
+    seeds = benchmark.seeds_of(file)
+    ours, theirs = (benchmark.scenarios(s) for s in (benchmark.seeds_of(), seeds))
+    assert len(ours) == len(theirs) == 642 and not {r for r, *_ in ours} & {r for r, *_ in theirs}
+    told = json.dumps(benchmark.manifest(seeds, []))
+    assert "1900000" not in told and seeds.digest in told
+    file.write_text("seed = -1\n")
+    with pytest.raises(CampaignError, match="holds no seeds"):
+        benchmark.seeds_of(file)
+
+
+def test_names_that_are_none_are_refused():
+    with pytest.raises(CampaignError, match="Did you mean 'iotsekf'"):
+        named(["iotsef"])
+
+
+def test_the_log_score_is_what_was_given_to_the_truth():
+    told = [(10, {"none": 0.9, "sensor": 0.1}), (20, {"none": 0.2, "sensor": 0.8})]
+    assert log_score(told, ("sensor",), 10, 30) == pytest.approx(0.5 * (math.log(0.1) + math.log(0.8)))
+    assert log_score(told, ("none", "sensor"), 10, 30) == pytest.approx(0.0)
+    assert log_score(told, ("sensor",), 0, 10) == pytest.approx(UNSAID)
+    assert log_score(told, ("sensor",), 5, 5) is None
+    rng, p = np.random.default_rng(3), 0.3  # proper: on average nothing scores better than the truth
+    hits = rng.random(20_000) < p
+    each = {q: [log_score([(0, {"a": q, "b": 1 - q})], c, 0, 1) for c in ("b", "a")] for q in (0.2, 0.3, 0.4)}
+    mean = {q: np.mean(np.array(both)[hits.astype(int)]) for q, both in each.items()}
+    assert mean[0.3] > mean[0.2] and mean[0.3] > mean[0.4]
+
+
+def sample(seen_a, seen_b):
+    n = len(seen_a)
+    both = []
+    for name, seen in (("a", seen_a), ("b", seen_b)):
+        both.append(pd.DataFrame({
+            "run": [f"r{i}" for i in range(n)], "fault": 0, "case": "x", "concerned": True, "word": "designed",
+            "id": name, "detected": seen, "delay_s": np.where(seen, 1.0 if name == "a" else 2.0, np.nan),
+            "r_fault": 2.0, "r_fault_free": np.nan,
+        }))  # fmt: skip
+    return pd.concat(both, ignore_index=True)
+
+
+def test_two_detectors_are_compared_on_the_same_flights():
+    a, b = np.arange(40) < 30, np.arange(40) < 20
+    end = pd.Series(10.0, index=[f"r{i}" for i in range(40)])
+    (found,) = pair(sample(a, b), "a", "b", end)
+    assert (found.n, found.only_a, found.only_b) == (40, 10, 0)
+    assert found.p == pytest.approx(2 * 0.5**10)  # all of ten discordant flights on one side
+    assert found.difference == 0.25 and found.low < 0.25 < found.high
+    assert found.later_s == pytest.approx((20 * -1.0 + 10 * -9.0) / 40)
+
+
+def test_the_bootstrap_interval_covers_the_mean():
+    rng = np.random.default_rng(5)
+    inside = [low <= 0.1 <= high for low, high in (bootstrap(rng.normal(0.1, 1.0, 60)) for _ in range(300))]
+    assert 0.91 <= np.mean(inside) <= 0.98
