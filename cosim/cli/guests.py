@@ -1,4 +1,4 @@
-"""Commands for a detector of one's own: `new`, `check-detector`."""
+"""Commands for what a user brings: a detector (`new`, `check-detector`), a recording (`map`)."""
 
 import json
 from pathlib import Path
@@ -45,6 +45,32 @@ def add(app: Any, out: Any, err: Any) -> Any:
             told = [f"wrote  {file}" for file in files]
             told += [f"next   cosim check-detector {files[0]}", f"       cosim run --detector {files[0]}"]
             out.print(tables.whole("\n".join(told)))
+
+    @app.command("map")
+    def map_(
+        recording: Annotated[Path, typer.Argument(metavar="FILE", help="CSV, Parquet or MCAP.", show_default=False)],
+        output: Annotated[
+            Path | None,
+            typer.Option("--output", "-o", metavar="MAP.toml", help="Default: print it.", show_default=False),
+        ] = None,
+        json_: JsonOption = False,
+    ):
+        """Draft a map for a recording by its columns' names and ranges; check signs and units before you believe it."""
+        from cosim.files import replace_text
+        from cosim.replay.map_draft import draft
+
+        if output and output.exists():
+            raise CosimError("is there already", place=str(output), remedy="Choose another name with -o")
+        text = draft(recording)
+        if output:
+            reserve(output, endings=(".toml",))
+            replace_text(output, text)
+        if json_:
+            print(json.dumps({"map": str(output) if output else None, "toml": text}))
+        elif output:
+            out.print(tables.whole(f"wrote  {output}\nnext   cosim replay {recording} --map {output}"))
+        else:
+            print(text, end="")
 
     @app.command("check-detector")
     def check_detector(

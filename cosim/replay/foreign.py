@@ -64,16 +64,31 @@ def _is_ours(path):
         raise log_error(f"cannot read the file: {error.strerror}", path) from error
 
 
-def _table(path, kind, time, on_reset, part):
+def columns_of(path: str | Path) -> list[str]:
+    """Return the columns of a CSV or Parquet file, none of another. Raises LogError."""
+    path = Path(os.fspath(path))
+    kind = path.suffix.lower()
+    return [str(c) for c in _frame(path, kind, rows=0).columns] if kind in (".csv", ".parquet") else []
+
+
+def _frame(path, kind, rows=None):
     import pandas as pd
 
     regular(path, LogError)
     try:
-        frame = pd.read_csv(path, **_exactly(), **_dialect(path)) if kind == ".csv" else pd.read_parquet(path)
+        if kind == ".csv":
+            return pd.read_csv(path, nrows=rows, **_exactly(), **_dialect(path))
+        return pd.read_parquet(path)
     except OSError as error:
         raise log_error(f"cannot read the file: {error.strerror or error}", path) from error
     except ValueError as error:  # pandas' and pyarrow's parser errors are ValueErrors
         raise log_error(f"cannot be read as {kind[1:]}: {error}", path) from error
+
+
+def _table(path, kind, time, on_reset, part):
+    import pandas as pd
+
+    frame = _frame(path, kind)
     name = time or next((n for n in TIME_NAMES if n in frame.columns), None)
     if name is None and frame.index.name is not None:
         name, frame = frame.index.name, frame.reset_index()
