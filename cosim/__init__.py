@@ -39,3 +39,8 @@ def __getattr__(name):
         raise AttributeError(f"module 'cosim' has no attribute {name!r}")
     globals()[name] = value
     return value
+
+
+def __dir__():
+    """Return the public names, too, so that help() and completion know them."""
+    return sorted({*globals(), *__all__})

@@ -7,6 +7,9 @@ test_structure.py holds what must stay.
 import argparse
 import ast
 import functools
+import importlib
+import inspect
+import re
 import statistics
 import sys
 import tomllib
@@ -15,6 +18,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("cosim", "fdi", "actuators")
+API = ROOT / "cosim" / "API.md"
 BEGIN, END = "<!-- files: begin -->", "<!-- files: end -->"
 
 
@@ -200,15 +204,55 @@ def with_table(path: Path) -> str:
     return f"{before}{BEGIN}\n{files_table(path.parent)}\n{END}{rest.split(END)[1]}"
 
 
+MORE = (  # beside the names of cosim itself: what programs use of the rooms
+    "cosim.campaign.run.run_campaign", "cosim.campaign.dataset.make", "cosim.compare.compare", "cosim.replay.replay",
+    "cosim.replay.map.diagnose", "cosim.report.flight_report", "cosim.report.comparison_report",
+    "actuators.block.dtype", "actuators.block.kernel", "actuators.block.entry", "actuators.block.record",
+    "fdi.common.record.Detector", "fdi.common.record.Estimate", "fdi.common.record.Site",
+)  # fmt: skip
+
+
+def api() -> str:
+    """Return cosim/API.md: signature and docstring of every public name."""
+    import cosim
+
+    named = {f"cosim.{name}": getattr(cosim, name) for name in cosim.__all__}
+    for name in MORE:
+        room, _, last = name.rpartition(".")
+        named[name] = getattr(importlib.import_module(room), last)
+    head = "Made from the docstrings by `python tests/structure.py --rooms`. Units are SI where none is said."
+    return f"# The public names\n\n{head}\n" + "".join(_entry(name, value) for name, value in named.items())
+
+
+def _entry(name: str, value: object) -> str:
+    """Return the section of a function, or of a class with its public methods."""
+    out = f"\n## {name}{_signature(value)}\n\n```text\n{inspect.getdoc(value)}\n```\n"
+    for own, method in sorted(vars(value).items()) if inspect.isclass(value) else ():
+        made = method.fget if isinstance(method, property) else method
+        if not own.startswith("_") and inspect.isfunction(made) and made.__doc__:
+            call = "" if isinstance(method, property) else _signature(made)
+            out += f"\n- `{own}{call}`: {' '.join((inspect.getdoc(made) or '').split())}"
+    return out.rstrip() + "\n"
+
+
+def _signature(value: object) -> str:
+    """Return the call of a function or class as its source has it; "" of an exception or a table of fields."""
+    if inspect.isclass(value) and (issubclass(value, Exception) or hasattr(value, "model_fields")):
+        return ""
+    text = str(inspect.signature(value))  # type: ignore[arg-type]
+    return re.sub(r"<(\w+ [^>]*|factory)>", "...", text).replace("typing.", "").replace("pathlib.", "").replace("'", "")
+
+
 def main() -> None:
-    """Print the counts; with --rooms write the tables of files."""
+    """Print the counts; with --rooms write the tables of files and the page of public names."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rooms", action="store_true", help="write the tables of files into the READMEs")
+    parser.add_argument("--rooms", action="store_true", help="write the tables of files and cosim/API.md")
     parser.add_argument("--names", action="store_true", help="name the functions that lack a docstring or hints")
     given = parser.parse_args()
     if given.rooms:
         for path in readmes():
             path.write_text(with_table(path), encoding="utf-8")
+        API.write_text(api(), encoding="utf-8")
     for what, value in counts().items():
         print(f"{what:38}{value}")
     for line in back_arrows():

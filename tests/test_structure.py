@@ -1,9 +1,13 @@
 """How the source is built: what tests/structure.py counts keeps within its bounds."""
 
 import ast
+import pydoc
 import re
 
 import structure
+
+import cosim
+import fdi
 
 
 def test_rooms_are_few_and_imports_run_downwards():
@@ -23,6 +27,18 @@ def test_every_public_function_has_type_hints():
 def test_a_function_without_hints_would_be_found():
     bare, whole = ast.parse("def f(a, b: int = 1): ...\ndef g(a: int) -> None: ...").body
     assert structure.bare_arguments(bare) == ["a", "return"] and structure.bare_arguments(whole) == []
+
+
+def test_the_page_of_public_names_is_that_of_the_docstrings():
+    """What `python tests/structure.py --rooms` writes; signatures are written differently by versions of Python."""
+    page = structure.API.read_text(encoding="utf-8")
+    assert re.sub(r"`?\w*\(.*", "", page) == re.sub(r"`?\w*\(.*", "", structure.api())
+
+
+def test_help_shows_the_public_names_with_their_signatures():
+    shown = pydoc.plain(pydoc.render_doc(cosim))
+    assert "load_scenario(name_or_path" in shown and "class Flight" in shown and "Raises TrimError" in shown
+    assert "module(name: str)" in pydoc.plain(pydoc.render_doc(fdi))
 
 
 # documents that are not in the repository, and talk among those who write it
