@@ -5,6 +5,7 @@ Exit status: 0 good (an alarm or a departed flight is a result), 1 a difference 
 With --json one JSON object goes to standard output and nothing else; what goes wrong is one line on standard error.
 """
 
+import contextlib
 import itertools
 import json
 import os
@@ -93,6 +94,14 @@ SetOption = Annotated[
         "--set", "-s", metavar="KEY=VALUE", help="Change a key: [b]--set faults.0.frequency_hz=3[/]. Repeatable."
     ),
 ]
+SpeedOption = Annotated[
+    float | None,
+    typer.Option("--speed", metavar="N", min=0.01, max=1000.0, help="With --live: N times the clock's. Default: 1."),
+]
+PortOption = Annotated[
+    int | None,
+    typer.Option("--port", metavar="PORT", min=0, max=65535, help="With --live: default 8765, 0 takes a free one."),
+]
 DEFAULT = "liquid-ofc"
 LIVE_PORT = 8765  # that Foxglove asks for by default
 
@@ -133,13 +142,18 @@ def run(
     ] = None,
     strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 when the flight departs.")] = False,
     report: Annotated[bool, typer.Option("--report", help="Write an HTML report beside the log.")] = False,
-    live: Annotated[bool, typer.Option("--live", help="Fly by the clock, for Foxglove to watch (README).")] = False,
+    live: Annotated[
+        bool, typer.Option("--live", help="Fly by the clock, for Foxglove to watch, inject and heal (README).")
+    ] = False,
+    speed: SpeedOption = None,
+    port: PortOption = None,
     detector: DetectorOption = None,
     json_: JsonOption = False,
 ) -> Any:
     """Fly a scenario, log everything, and show who alarmed, when, and what it isolated."""
     from cosim.scenario import load_scenario
 
+    _only_live(live, speed=speed, port=port)
     flown = load_scenario(scenario, set_ or ())
     if detector:
         from cosim.flight.guests import with_detectors
@@ -159,10 +173,14 @@ def run(
         err.print(f"[yellow]note:[/] {name} does not run: {why}", soft_wrap=True, highlight=False)
     with named(scenario), tables.compiling(err) as tell:
         prepare(flown, tell)
-    if live:
-        err.print(f"in Foxglove: Open connection, ws://127.0.0.1:{LIVE_PORT}", highlight=False)
     with named(scenario), tables.progress(err, f"flying {Path(scenario).stem}", waiting="preparing") as progress:
-        result = simulate(flown, log=path, progress=progress, achieved=True, live=LIVE_PORT if live else None)
+        if live:
+            from cosim.flight.live import fly_live
+
+            where = LIVE_PORT if port is None else port
+            result = fly_live(flown, log=path, progress=progress, ready=_served, port=where, speed=speed or 1.0)
+        else:
+            result = simulate(flown, log=path, progress=progress, achieved=True)
     found = result.to_dict() | {"overwritten": overwritten}
     _notes(found.get("notes", ()))
     if report:
@@ -177,6 +195,19 @@ def run(
         raise typer.Exit(130)
     if strict and found["status"] != "completed":
         raise typer.Exit(1)
+
+
+def _served(server):
+    """Say where Foxglove finds a flight."""
+    err.print(f"in Foxglove: Open connection, {server.steer_url or server.url}", highlight=False, soft_wrap=True)
+    if server.steer_url:
+        err.print(f"to watch only: {server.url}", highlight=False, soft_wrap=True)
+
+
+def _only_live(live, **options):
+    for name, value in options.items():
+        if value is not None and not live:
+            raise CosimError("is for a flight by the clock", place=f"--{name}", remedy="Add --live")
 
 
 def _notes(lines):
@@ -349,6 +380,11 @@ def replay(
         Path | None,
         typer.Option("--output", "-o", metavar="LOG", help="Write old and new outputs to a log.", show_default=False),
     ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Run nothing: show the log in Foxglove, played and scrubbed (README).")
+    ] = False,
+    speed: SpeedOption = None,
+    port: PortOption = None,
     detector: DetectorOption = None,
     json_: JsonOption = False,
 ) -> None:
@@ -358,6 +394,14 @@ def replay(
     """
     from cosim.cli import replay as cli_replay
 
+    _only_live(live, speed=speed, port=port)
+    if live:
+        from cosim.replay.live import show
+
+        where = LIVE_PORT if port is None else port
+        with contextlib.suppress(KeyboardInterrupt):  # that is how it ends
+            show(log, port=where, speed=speed or 1.0, start_s=start, ready=_served)
+        return
     chosen = [name.strip() for name in detectors.split(",") if name.strip()] if detectors is not None else None
     if output:
         reserve(output, taken=log, what="the log")

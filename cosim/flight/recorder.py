@@ -116,14 +116,6 @@ def open_writer(setup: Any, path: Any) -> LogWriter:
     return writer
 
 
-def open_live(setup: Any, port: int) -> Any:
-    """Return the server that shows the topics of a flight's log while it is flown."""
-    from cosim.log.live import Live
-
-    loop = setup.loop
-    return Live(topics(setup), dt_ns=round(loop.dt * 1e9), pose=pose(loop.bus), port=port, name=setup.scenario.title)
-
-
 def pose(bus: Any) -> Pose:
     """Return where in the bus the aircraft's place stands."""
     return Pose(**{n: bus.index(f"truth.aircraft.{n}") for n in ("lat", "lon", "h", "phi", "theta", "psi")})

@@ -9,7 +9,7 @@ from cosim.flight.build import build
 from cosim.flight.conditions import resolved
 from cosim.flight.fly import fly
 from cosim.flight.guests import aside
-from cosim.flight.recorder import open_live, open_writer, result_texts
+from cosim.flight.recorder import open_writer, result_texts
 from cosim.flight.twin import Twin
 from cosim.judge.result import Result, judge, judged
 from cosim.scenario import Scenario, load_scenario
@@ -20,16 +20,14 @@ def simulate(
     *,
     log: str | os.PathLike | None = None,
     progress: Callable[[float, float], None] | None = None,
-    live: int | None = None,
     achieved: bool = False,
     timed: bool = True,
 ) -> Result:
     """Fly `scenario`, a Scenario or what load_scenario takes, and return a Result.
 
     `log` is the path of the MCAP file to write, or None. `progress(t, duration)` is called now and then. Ctrl-C ends
-    the flight with status "interrupted" and a readable log. `live` is the port on which Foxglove can watch the flight,
-    which then goes at the speed of the clock; None: as fast as it can. With `achieved` the same flight is flown again
-    without its faults, and the result says how far the faults moved the elevators (cosim/flight/twin.py); without
+    the flight with status "interrupted" and a readable log. With `achieved` the same flight is flown again without its
+    faults, and the result says how far the faults moved the elevators (cosim/flight/twin.py); without
     `timed` the detectors' cost per step is not measured. Raises TrimError when the flight point cannot be flown,
     LogError when the log cannot be written. The wall clock is read for the result only; nothing of it enters the log.
     """
@@ -43,10 +41,9 @@ def simulate(
     setup = build(scenario)
     with (
         open_writer(setup, log) if log else nullcontext() as writer,
-        nullcontext() if live is None else open_live(setup, live) as server,
         Twin(setup) if achieved else nullcontext() as twin,
     ):
-        sinks = [*([writer] if writer else []), *([server.append] if server else [])]
+        sinks = [writer] if writer else []
         flown = time.perf_counter()
         with aside() if setup.guests else nullcontext():
             history, status, reason = fly(setup, *sinks, progress=progress, pause=twin and twin.pause)

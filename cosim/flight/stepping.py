@@ -23,12 +23,14 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import ScenarioError
-from cosim.flight.build import build
+from cosim.flight.build import Setup, build
+from cosim.flight.conditions import resolved
 from cosim.flight.fly import CHECK_EVERY, health
 from cosim.flight.recorder import topics
 from cosim.flight.simulate import simulate
 from cosim.judge.result import Result
 from cosim.scenario import Scenario, load_scenario, parse, vocabulary
+from cosim.scenario.fault import NEVER_S
 
 
 class Signals(Mapping):
@@ -71,7 +73,7 @@ class Flight:
     """
 
     def __init__(self, scenario: Scenario | str | os.PathLike, *, log: str | os.PathLike | None = None):
-        self.scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
+        self.scenario = resolved(scenario if isinstance(scenario, Scenario) else load_scenario(scenario))
         self.log = log
         self.tick, self.status, self.reason = 0, "flying", ""
         self._setup = build(self.scenario)
@@ -79,9 +81,10 @@ class Flight:
         self._result: tuple[int, Result] | None = None
 
     def __repr__(self) -> str:
-        return f"Flight: {self.status} at {self.time:g} of {self.scenario.duration_s:g} s, {self._told()}"
+        return f"Flight: {self.status} at {self.time:g} of {self.scenario.duration_s:g} s, {self.told()}"
 
-    def _told(self):
+    def told(self) -> str:
+        """Return the faults of the flight in words."""
         told = [f"{f.kind} on {f.target} from {f.start_s:g} s" for f in self.scenario.faults]
         return ", ".join(told) or "no fault"
 
@@ -94,6 +97,16 @@ class Flight:
     def time(self) -> float:
         """Return the time of the next tick [s]."""
         return self.tick * self.dt
+
+    @property
+    def setup(self) -> Setup:
+        """Return the built flight as it is now; another one after `inject` and `heal`."""
+        return self._setup
+
+    @property
+    def values(self) -> np.ndarray:
+        """Return the bus of the tick flown last, before the first that of the trim."""
+        return self._last
 
     @property
     def signals(self) -> Signals:
@@ -121,16 +134,18 @@ class Flight:
     def _keep(self, v):
         self._last = v.copy()
 
-    def inject(self, **fault: Any) -> int:
+    def inject(self, /, **fault: Any) -> int:
         """Break something from the next tick on and return the number of the fault.
 
-        `fault` has the keys of [[faults]] in a scenario, but `start_s` (left out: now). Raises ScenarioError as a
-        scenario with this fault would, and for a start that has passed.
+        `fault` has the keys of [[faults]] in a scenario, but `start_s` (left out: now), or `when`. Raises ScenarioError
+        as a scenario with this fault would, and for a start that has passed.
         """
-        fault.setdefault("start_s", self.time)
-        if fault["start_s"] < self.time - 0.5 * self.dt:
+        if "when" not in fault:
+            fault.setdefault("start_s", self.time)
+        start = fault.get("start_s", self.time)
+        if isinstance(start, int | float) and start < self.time - 0.5 * self.dt:
             raise ScenarioError(
-                f"{fault['start_s']:g} s has passed", place="start_s", allowed=f"from {self.time:g} s on"
+                f"{start:g} s has passed", place="start_s", allowed=f"from {self.time:g} s on"
             )
         faults = self._tables()
         self._refly([*faults, fault])
@@ -143,18 +158,25 @@ class Flight:
             raise ScenarioError("no fault of this number", place=f"fault {fault}", allowed=f"0 to {len(faults) - 1}")
         if faults[fault].get("end_s", np.inf) <= self.time:
             raise ScenarioError("is healed already", place=f"fault {fault}")
+        if faults[fault].get("start_s", NEVER_S) >= self.time:
+            raise ScenarioError("has not begun", place=f"fault {fault}")
         faults[fault]["end_s"] = self.time
         self._refly(faults)
 
     def _tables(self):
-        return [f.model_dump(exclude_none=True) for f in self.scenario.faults]
+        """Return the faults as tables; one whose condition has not come true yet waits on."""
+        tables = [f.model_dump(exclude_none=True) for f in self.scenario.faults]
+        return [
+            {k: v for k, v in t.items() if k != "start_s"} if "when" in t and t["start_s"] >= self.time else t
+            for t in tables
+        ]
 
     def _refly(self, faults):
         """Continue as the flight of the same scenario with `faults`, from the same tick."""
         if self.status != "flying":
             raise ScenarioError(f"the flight is {self.status}", place=f"at {self.time:g} s")
         table = self.scenario.model_dump(mode="json", exclude_none=True)
-        changed = parse({**table, "faults": faults}, place="inject")
+        changed = resolved(parse({**table, "faults": faults}, place="inject"))
         setup = build(changed)
         before = self._setup.loop
         for k in range(self.tick):
@@ -166,7 +188,8 @@ class Flight:
 
     def flown(self) -> Scenario:
         """Return the scenario of what was flown so far: with every fault, ending now."""
-        return self.scenario.model_copy(update={"duration_s": self.time})
+        whole = self.tick >= self.scenario.ticks
+        return self.scenario if whole else self.scenario.model_copy(update={"duration_s": self.time})
 
     def result(self) -> Result:
         """Return the Result of what was flown so far, and write the log of it, if there is to be one.

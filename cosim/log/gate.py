@@ -1,19 +1,21 @@
-"""A door before the server of a live flight: only programs, and pages that show flights, come in.
+"""A door before the servers of a live flight: only programs, and pages that show flights, come in.
 
 Any web page that the user has open may connect to a port of this machine; a browser says in `Origin` whose page it is,
-and no page can leave that out. The gate reads it, and passes the rest on to the server behind, which listens at an
-address of its own: a random one of the loopback network where the system has more than one.
+and no page can leave that out. The gate reads it, and passes the rest on to a server behind, which listens at an
+address of its own: a random one of the loopback network where the system has more than one. Who shows the token comes
+to the server that takes requests, who shows none to the one that only tells, who shows a wrong one is turned away.
 """
 
 import contextlib
+import hmac
 import secrets
 import selectors
 import socket
 import socketserver
 import sys
 import threading
-from collections.abc import Collection
-from urllib.parse import urlsplit
+from collections.abc import Callable, Collection
+from urllib.parse import parse_qs, urlsplit
 
 ORIGINS = ("https://app.foxglove.dev", "https://studio.foxglove.dev")  # pages of Foxglove itself
 OWN_HOSTS = ("localhost", "127.0.0.1", "::1")  # a page that this machine serves
@@ -32,17 +34,30 @@ def allowed(origin: str | None, origins: Collection[str] = ORIGINS) -> bool:
     """Tell whether a connection with this `Origin` (None: it has none, so it is no page of a browser) may come in."""
     if origin is None or origin in origins or origin.startswith(("file://", "app://")):  # an application of the user's
         return True
-    parts = urlsplit(origin)
+    try:
+        parts = urlsplit(origin)
+    except ValueError:  # no address at all
+        return False
     return parts.scheme in ("http", "https") and parts.hostname in OWN_HOSTS
 
 
 class Gate:
-    """Listen at `host`:`port` and pass what may come in to `inner` (host, port); `close` ends it. Raises OSError."""
+    """Listen at `host`:`port` and pass what may come in to `inner` (host, port), or with `token` in its address,
+    ws://host:port/?token=..., to `steered`; `close` ends it. Raises OSError.
+    """
 
-    def __init__(self, host: str, port: int, inner: tuple[str, int]):
+    def __init__(
+        self, host: str, port: int, inner: tuple[str, int], steered: tuple[str, int] | None = None, token: str = ""
+    ):
+        def behind(head: bytes) -> tuple[str, int] | None:
+            shown = _token(head)
+            if shown is None or steered is None:
+                return inner
+            return steered if hmac.compare_digest(shown.encode(), token.encode()) else None
+
         class Handler(socketserver.BaseRequestHandler):
             def handle(self) -> None:
-                _pass_on(self.request, inner)
+                _pass_on(self.request, behind)
 
         socketserver.ThreadingTCPServer.allow_reuse_address = True
         self._server = socketserver.ThreadingTCPServer((host, port), Handler)
@@ -56,9 +71,10 @@ class Gate:
         self._server.server_close()
 
 
-def _pass_on(client: socket.socket, inner: tuple[str, int]) -> None:
+def _pass_on(client: socket.socket, behind: Callable[[bytes], tuple[str, int] | None]) -> None:
     head = _head(client)
-    if head is None or not allowed(_origin(head)):
+    inner = behind(head) if head is not None and allowed(_origin(head)) else None
+    if head is None or inner is None:
         with contextlib.suppress(OSError):
             client.sendall(b"HTTP/1.1 403 Forbidden\r\nContent-Length: 0\r\nConnection: close\r\n\r\n")
         return
@@ -90,6 +106,16 @@ def _head(client: socket.socket) -> bytes | None:
         return None
     client.settimeout(None)
     return data
+
+
+def _token(head: bytes) -> str | None:
+    """Return the token in the address of a request, None without one."""
+    target = head.split(b"\r\n")[0].decode("latin-1").split(" ")[1:2]
+    try:
+        found = parse_qs(urlsplit(target[0]).query, keep_blank_values=True).get("token") if target else None
+    except ValueError:
+        return ""
+    return found[0] if found else None
 
 
 def _origin(head: bytes) -> str | None:

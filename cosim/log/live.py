@@ -1,29 +1,61 @@
-"""Show a flight while it is flown: the log's own topics over a WebSocket for Foxglove, at the speed of the clock.
+"""Show a flight while it is flown: the log's own topics over a WebSocket for Foxglove, and let viewers break it.
 
-Nothing of it enters the log: a watched flight leaves the same bytes as one that nobody sees.
+Nothing of the watching enters the log: a watched flight leaves the same bytes as one that nobody sees. Whoever has the
+address with its token may also call the services and set the parameters that the flight offers; they run in the
+flight's own thread, between two ticks.
 """
 
+import json
+import queue
+import secrets
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
 from typing import Any
 
 import numpy as np
 
-from cosim.errors import OutputError
+from cosim.errors import CosimError, OutputError
+from cosim.texts import from_json
 
-from . import foxglove, gate
-from .chunk import HEAD, empty_message
-from .format import channel_metadata, schema_data, schema_name
+from . import gate
+from .shown import Shown, library
 
-RATE = 50.0  # of the samples that are shown [Hz]: about what a screen draws
 HOST = "127.0.0.1"
+PATIENCE_S = 120.0  # that a service waits for the flight
+LAG_S = 0.2  # a flight that is later than that behind the clock goes on from where it is
+LARGEST = 20_000  # bytes of a request
+Control = Callable[[dict], Mapping[str, Any]]
+
+
+class Pace:
+    """Keep ticks of `dt` [s] at `speed` times that of the clock."""
+
+    def __init__(self, dt: float, speed: float = 1.0):
+        self.dt, self.speed, self._since = dt, speed, (0, 0.0)
+
+    def change(self, speed: float, k: int) -> None:
+        """Go at another speed from tick `k` on."""
+        self.speed, self._since = speed, (k, time.perf_counter())
+
+    def wait(self, k: int) -> None:
+        """Wait until the clock has come as far as the end of tick `k`."""
+        start, begin = self._since
+        now = time.perf_counter()
+        ahead = begin + (k + 1 - start) * self.dt / self.speed - now
+        if begin == 0.0 or ahead < -LAG_S:
+            self._since = k + 1, now
+        elif ahead > 0:
+            time.sleep(ahead)
 
 
 class Live:
-    """Serve the ticks of a flight; use it as a context manager, `append(v)` after each tick.
+    """Serve the ticks of a flight; use it as a context manager, `append(v)` after each tick, then `serve()`.
 
-    `topics`, `dt_ns` and `pose` are those of the LogWriter. `port` 0 takes a free one. `context` is a
-    foxglove.Context, by default its own. Raises OutputError when the library is missing or the port is taken.
+    `topics`, `dt_ns` and `pose` are those of the LogWriter. `port` 0 takes a free one. `speed` is that of the flight
+    against the clock. `controls` {name: function} are what viewers with the token may do: each takes the keys of a
+    request and returns those of the answer, a CosimError is answered as a refusal. `context` is a foxglove.Context, by
+    default its own. Raises OutputError when the library is missing or the port is taken.
     """
 
     def __init__(
@@ -35,75 +67,134 @@ class Live:
         port: int,
         name: str = "cosim",
         context: Any = None,
+        speed: float = 1.0,
+        controls: Mapping[str, Control] | None = None,
+        more: Mapping[str, Any] | None = None,
     ):
-        sdk = _library()
-        self.dt_ns, self._pose = dt_ns, pose
-        self._stride = max(1, round(1e9 / RATE / dt_ns))
-        self._context = context = context or sdk.Context()  # kept: with it the channels would close
-        self._channels = []
-        for t in topics:
-            if t.every == 1:
-                schema = sdk.Schema(name=schema_name(t.name), encoding="protobuf", data=schema_data(t.name, t.fields))
-                body, runs = empty_message(len(t.fields))
-                at = np.concatenate([start - HEAD.itemsize + step * np.arange(run.stop - run.start)
-                                     for run, start, step in runs])  # fmt: skip
-                channel = sdk.Channel(t.name, schema=schema, message_encoding="protobuf", context=context,
-                                      metadata=channel_metadata(t))  # fmt: skip
-                self._channels.append(
-                    (channel, t.index, np.frombuffer(body, "u1").copy(), at[:, None] + np.arange(8))
-                )
-        self._places = {}
-        for topic in ("/tf", "/fix") if pose is not None else ():
-            message, data = foxglove.TOPICS[topic]
-            schema = sdk.Schema(name=message, encoding="protobuf", data=data())
-            self._places[topic] = sdk.Channel(topic, schema=schema, message_encoding="protobuf", context=context)
+        sdk = library()
+        context = context or sdk.Context()
+        self.shown, self.pace = Shown(topics, pose, dt_ns, context), Pace(dt_ns * 1e-9, speed)
+        self.shown.speed = speed
+        self._controls, self._waiting = dict(controls or {}), queue.SimpleQueue()
+        self.parameters: dict[str, Any] = {}  # what viewers see of it, beside the controls
+        self.token = secrets.token_urlsafe(18) if controls else ""
+        self.servers: list[Any] = []
+        inner = gate.hidden_host()
+
+        def start(**how):
+            self.servers.append(sdk.start_server(name=name, host=inner, port=0, context=context, **how))
+            return inner, self.servers[-1].port
+
         try:
-            inner = gate.hidden_host()
-            self._server = sdk.start_server(name=name, host=inner, port=0, context=context)
+            watched = start(**(more or {}))
+            steered = start(**self._offer(sdk)) if controls else None
         except Exception as error:  # the library has no narrower one
             raise OutputError(f"cannot be served: {error}", place=inner) from None
         try:
-            self._gate = gate.Gate(HOST, port, (inner, self._server.port))
+            self._gate = gate.Gate(HOST, port, watched, steered, self.token)
         except OSError as error:
-            self._server.stop()
+            self._stop()
             said = f"cannot be served: {error.strerror}"
             raise OutputError(said, place=f"{HOST}:{port}", remedy="Free the port, or choose another") from None
         self.url = f"ws://{HOST}:{self._gate.port}"
-        self._k, self._start = 0, 0.0
+        self.steer_url = f"{self.url}/?token={self.token}" if controls else ""
+        self._k = 0
 
-    def append(self, v: np.ndarray) -> Any:
+    def append(self, v: np.ndarray) -> None:
         """Show the vector v of the next tick, then wait until the clock has come as far as the flight."""
         k, self._k = self._k, self._k + 1
-        self._start = self._start or time.perf_counter()
-        if k % self._stride == 0:
-            self._show(k, v)
-        ahead = self._start + self._k * self.dt_ns * 1e-9 - time.perf_counter()
-        if ahead > 0:
-            time.sleep(ahead)
+        if k % self.shown.stride == 0:
+            self.shown.send(k, v)
+        self.pace.wait(k)
 
-    def _show(self, k, v):
-        ns = k * self.dt_ns
-        for channel, index, body, at in self._channels:
-            body[at] = np.ascontiguousarray(v[index]).view("u1").reshape(-1, 8)
-            channel.log(body.tobytes(), log_time=ns)
-        if self._pose is not None:
-            for _, name, data in self._pose.messages(v[list(self._pose.index)][None], k, self.dt_ns):
-                self._places[name].log(data, log_time=ns)
+    def serve(self) -> None:
+        """Do what viewers have asked for since, here and now."""
+        while not self._waiting.empty():
+            name, given, answer = self._waiting.get()
+            try:
+                said = {"ok": True, **self._controls[name](given)}
+            except (CosimError, TypeError, ValueError, KeyError) as error:  # a request may hold anything
+                said = {"ok": False, "error": str(error)}
+            answer.set_result(said)
+            self.parameters["answer"] = json.dumps(said)
+            self.publish()
+
+    def publish(self) -> None:
+        """Tell every viewer the parameters as they are now."""
+        for server in self.servers[1:]:
+            server.publish_parameter_values(self._values())
+
+    def _ask(self, name, given):
+        """Return the answer to a request of a viewer, from the flight's thread."""
+        answer: Future = Future()
+        self._waiting.put((name, given, answer))
+        return answer
+
+    def _offer(self, sdk):
+        """Return the services and parameters of the controls, as arguments of the server."""
+        ws = sdk.websocket
+        return {
+            "capabilities": [ws.Capability.Parameters, ws.Capability.Services],
+            "supported_encodings": ["json"],
+            "services": [self._service(sdk, name) for name in self._controls],
+            "server_listener": _listener(sdk, self),
+        }
+
+    def _service(self, sdk, name):
+        def called(request):
+            try:
+                given = from_json(request.payload, place=f"/{name}", largest=LARGEST)
+                if not isinstance(given, dict):
+                    raise CosimError("is no object of keys and values", place=f"/{name}")
+                said = self._ask(name, given).result(PATIENCE_S)
+            except (CosimError, TimeoutError) as error:
+                said = {"ok": False, "error": str(error) or "the flight does not answer"}
+            return json.dumps(said).encode()
+
+        about = sdk.Schema(name=name, encoding="jsonschema", data=b'{"type": "object"}')
+        either = sdk.websocket.MessageSchema(encoding="json", schema=about)
+        schema = sdk.websocket.ServiceSchema(f"cosim/{name}", request=either, response=either)
+        return sdk.websocket.Service(name=f"/{name}", schema=schema, handler=called)
+
+    def _values(self, names=()):
+        """Return the parameters: an empty text for each control, and what the flight tells."""
+        sdk, told = library(), {**dict.fromkeys(self._controls, ""), **self.parameters}
+        return [sdk.websocket.Parameter(n, value=v) for n, v in told.items() if not names or n in names]
+
+    def _set(self, name, value):
+        """Ask for what a viewer wrote into a parameter: keys and values as JSON."""
+        try:
+            given = from_json(value, place=name, largest=LARGEST) if isinstance(value, str) else value
+        except CosimError as error:
+            self.parameters["answer"] = json.dumps({"ok": False, "error": str(error)})
+            return
+        if name in self._controls and given != "":
+            self._ask(name, given if isinstance(given, dict) else {"value": given})
 
     def __enter__(self):
         return self
 
     def __exit__(self, *_):
         self._gate.close()
-        self._server.stop()
+        self._stop()
+
+    def _stop(self):
+        for server in self.servers:
+            server.stop()
 
 
-def _library():
-    try:
-        import foxglove as sdk
-    except ImportError:
-        raise OutputError(
-            "showing a flight live needs foxglove-sdk, which is not installed",
-            remedy="Install it: pip install 'cosim-fdi[live]'",
-        ) from None
-    return sdk
+def _listener(sdk, live):
+    """Return what the SDK calls when viewers read and write parameters."""
+
+    class Listener(sdk.websocket.ServerListener):  # type: ignore[name-defined]
+        def on_get_parameters(self, client: Any, names: list[str], request: str | None = None) -> list[Any]:
+            return live._values(names)
+
+        def on_set_parameters(self, client: Any, parameters: list[Any], request: str | None = None) -> list[Any]:
+            for p in parameters:
+                value = p.get_value()
+                if value not in (None, ""):
+                    live._set(p.name, value)
+            return live._values([p.name for p in parameters])
+
+    return Listener()

@@ -1,0 +1,135 @@
+"""Show a log as if it were flown now: played, paused, scrubbed from Foxglove, by `cosim replay LOG --live`.
+
+Foxglove's own playback bar steers it; a viewer without one sees it played once at the speed of the command. Whoever
+comes in may scrub, nothing else: a log is only read.
+"""
+
+import os
+import queue
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from cosim.errors import LogError
+from cosim.log import Log, Pose, Topic, open_log
+from cosim.log.live import Live
+from cosim.log.shown import library
+
+TRUTH = "/truth/aircraft"
+IDLE_S = 0.02  # between looks at what viewers ask for, while nothing plays
+
+
+class Reel:
+    """The ticks of a log as one vector each: `topics` and `pose` say what stands where in it."""
+
+    def __init__(self, log: Log):
+        self._log, at = log, 0
+        self.topics: list[Topic] = []
+        for t in log.topics.values():
+            if t.every == 1:
+                index = np.arange(at, at + len(t.fields))
+                self.topics.append(Topic(t.name, t.fields, t.units, index, group=t.group))
+                at += len(t.fields)
+        places = {f: int(i) for t in self.topics if t.name == TRUTH for f, i in zip(t.fields, t.index)}
+        names = ("lat", "lon", "h", "phi", "theta", "psi")
+        self.pose = Pose(**{n: places[n] for n in names}) if places.keys() >= set(names) else None
+        self.ticks = sum(n for _, n in log.spans)
+        self._span, self._values = range(0), np.empty((0, at))
+
+    def __getitem__(self, k: int) -> np.ndarray:
+        """Return the vector of tick `k`; a chunk of the log is read at a time."""
+        if k not in self._span:
+            first, n = next(span for span in self._log.spans if span[0] <= k < sum(span))
+            found = self._log.arrays([t.name for t in self.topics], first, first + n)
+            self._span, self._values = range(first, first + n), np.concatenate(list(found.values()), axis=1)
+        return self._values[k - self._span.start]
+
+
+def show(
+    path: str | os.PathLike,
+    *,
+    port: int,
+    speed: float = 1.0,
+    start_s: float = 0.0,
+    ready: Callable[[Any], None] | None = None,
+    ended: threading.Event | None = None,
+) -> None:
+    """Serve the log at `path` on `port` of this machine, from `start_s` at `speed`, until Ctrl-C or `ended` is set.
+
+    `ready(server)` is called when viewers may come. Raises LogError for a log that cannot be read or has no ticks,
+    OutputError when it cannot be served.
+    """
+    log = open_log(os.fspath(path))
+    reel, dt_ns, sdk = Reel(log), log.dt_ns, library()
+    first = min(round(start_s * 1e9 / dt_ns), reel.ticks)
+    if reel.ticks < 1 or (len(log.spans) != 1 and log.spans[0][0] + reel.ticks != sum(log.spans[-1])):
+        raise LogError("has no ticks, or gaps between them", place=str(path), remedy="cosim recover makes it whole")
+    player = _Player(sdk, first, reel.ticks, dt_ns, speed)
+    more = {"playback_time_range": (0, reel.ticks * dt_ns), "server_listener": player.listener()}
+    name = os.path.basename(os.fspath(path))
+    with Live(reel.topics, dt_ns=dt_ns, pose=reel.pose, port=port, name=name, speed=speed, more=more) as live:
+        if ready:
+            ready(live)
+        player.play(live, reel, ended or threading.Event())
+
+
+class _Player:
+    """Where the log is, and how it goes on."""
+
+    def __init__(self, sdk, k, n, dt_ns, speed):
+        self._sdk, self.k, self._n, self._dt_ns, self.speed = sdk, k, n, dt_ns, speed
+        self.playing = True
+        self._asked: queue.SimpleQueue = queue.SimpleQueue()
+
+    def listener(self):
+        """Return what the SDK calls when a viewer moves the playback bar."""
+        player, ws = self, self._sdk.websocket
+
+        class Listener(ws.ServerListener):  # type: ignore[name-defined]
+            def on_playback_control_request(self, request):
+                player._asked.put(request)
+                playing = request.playback_command == ws.PlaybackCommand.Play
+                at = player.k * player._dt_ns if request.seek_time is None else request.seek_time
+                return player.state(playing, at, request.playback_speed, request.seek_time is not None, request)
+
+        return Listener()
+
+    def state(self, playing, at, speed, sought=False, request=None):
+        """Return a PlaybackState."""
+        ws = self._sdk.websocket
+        status = ws.PlaybackStatus.Playing if playing else ws.PlaybackStatus.Paused
+        if not playing and at >= self._n * self._dt_ns:
+            status = ws.PlaybackStatus.Ended
+        return ws.PlaybackState(status, int(at), speed, sought, request.request_id if request else "")
+
+    def play(self, live, reel, ended):
+        """Show ticks until `ended` is set."""
+        server = live.servers[0]
+        while not ended.is_set():
+            self._follow(live, reel)
+            if not self.playing:
+                ended.wait(IDLE_S)
+                continue
+            live.shown.send(self.k, reel[self.k])
+            step = min(live.shown.stride, self._n - self.k)
+            self.k += step
+            live.pace.wait(self.k - 1)
+            if self.k >= self._n:
+                self.playing = False
+                server.broadcast_playback_state(self.state(False, self.k * self._dt_ns, self.speed))
+
+    def _follow(self, live, reel):
+        """Do what viewers have asked for."""
+        while not self._asked.empty():
+            request = self._asked.get()
+            self.playing = request.playback_command == self._sdk.websocket.PlaybackCommand.Play
+            if 0.01 <= request.playback_speed <= 1000.0:
+                self.speed = live.shown.speed = request.playback_speed
+            if request.seek_time is not None:
+                self.k = min(max(0, round(request.seek_time / self._dt_ns)), self._n - 1)
+                live.shown.send(self.k, reel[self.k])
+            if self.playing and self.k >= self._n:
+                self.k = 0
+            live.pace.change(self.speed, self.k)

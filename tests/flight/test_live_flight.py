@@ -1,0 +1,138 @@
+"""`cosim run --live`: a WebSocket client watches, injects, heals; the log holds it and replays bit for bit."""
+
+import json
+import threading
+
+import pytest
+from flown import deg
+
+import cosim
+from cosim.errors import CosimError
+from cosim.flight.live import fly_live
+from cosim.log import open_log
+from cosim.replay import replay
+
+pytest.importorskip("foxglove", reason="foxglove-sdk is an extra (live)")
+pytest.importorskip("websockets")
+from foxglove_client import Viewer
+from websockets.exceptions import InvalidStatus
+
+KEYS = ["detectors.enabled=['iotsekf', 'position_monitor']", "flight.turbulence=light"]
+OFC = {"target": "elevator.left_inner", "kind": "ofc_liquid", "amplitude_mm": 8.0, "frequency_hz": 2.0}
+
+
+def hands(scenario, path, act, speed=4.0):
+    """Fly live while `act(server)` runs in a thread of its own; return (result, what it returned)."""
+    seen = {}
+
+    def ready(server):
+        def run():
+            try:
+                seen["done"] = act(server)
+            except BaseException as error:  # told in the test's own thread
+                seen["error"] = error
+
+        seen["thread"] = threading.Thread(target=run, daemon=True)
+        seen["thread"].start()
+
+    result = fly_live(scenario, port=0, log=path, speed=speed, ready=ready)
+    seen["thread"].join(30.0)
+    if "error" in seen:
+        raise seen["error"]
+    return result, seen["done"]
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    """A client watches, breaks an elevator, asks for nonsense, mends the elevator by a parameter, and goes faster."""
+    path = tmp_path_factory.mktemp("live") / "flight.mcap"
+
+    def act(server):
+        with Viewer(server.steer_url) as v:
+            v.watch("/truth/aircraft")
+            v.until(lambda: v.samples.get("/truth/aircraft"))
+            broken = v.call("inject", **OFC)
+            v.watch("/faults/f0_left_inner")
+            v.until(lambda: len(v.samples.get("/faults/f0_left_inner", ())) > 20)
+            wrong = [
+                v.call("inject", target="elevator.left_inner", kind="jam_sollid"),
+                v.call("inject", **{**OFC, "self": 1}), v.call("inject"), v.call("inject", **{**OFC, "start_s": 0.0}),
+                v.call("heal", fault=7), v.call("heal", fault="x"), v.call("speed", value=-1),
+            ]  # fmt: skip
+            v.ask("faults", "answer", "heal")
+            v.write("heal", json.dumps({"fault": 0}))
+            v.until(lambda: json.loads(v.parameters.get("answer") or "{}").get("ok") is True)
+            healed = json.loads(v.parameters["answer"])
+            quick = v.call("speed", value=50)
+            with Viewer(server.url) as w:
+                w.watch("/truth/aircraft")
+                w.until(lambda: w.samples.get("/truth/aircraft"))
+                watcher = w.services, w.info["capabilities"]
+            return {"broken": broken, "wrong": wrong, "healed": healed, "quick": quick, "watcher": watcher,
+                    "samples": v.samples, "parameters": v.parameters, "url": server.url}  # fmt: skip
+
+    s = cosim.load_scenario("cruise", [*KEYS, "duration_s=40"])
+    result, seen = hands(s, path, act)
+    return path, result, seen
+
+
+def test_what_a_viewer_injects_is_in_the_log_with_its_tick_and_replays(flown):
+    path, result, seen = flown
+    assert seen["broken"]["ok"] and seen["healed"]["ok"] and seen["quick"]["ok"], seen
+    first, last = seen["broken"]["tick"], seen["healed"]["tick"]
+    log = open_log(path)
+    active = log.frame("/faults/f0_left_inner")["active"].to_numpy()
+    assert 0 < first < last < len(active) == 8000
+    assert set(active[:first]) == {0.0} and set(active[first:last]) == {1.0} and set(active[last:]) == {0.0}
+    assert result.faults[0]["start_s"] == first * 0.005 and result.status == "completed"
+    assert any(d["detection_delay_s"] is not None for d in result.detectors if d["id"] == "iotsekf")
+    assert replay(path).exact
+
+
+def test_the_log_is_that_of_its_scenario_flown_alone(flown, tmp_path):
+    (tmp_path / "again.toml").write_bytes(open_log(flown[0]).attachments["scenario.toml"])
+    cosim.simulate(tmp_path / "again.toml", log=tmp_path / "again.mcap", timed=False, achieved=True)
+    assert (tmp_path / "again.mcap").read_bytes() == flown[0].read_bytes()
+
+
+def test_a_viewer_sees_what_the_log_holds_before_and_after_the_fault(flown):
+    path, _, seen = flown
+    frame = open_log(path).frame("/truth/aircraft")
+    samples = seen["samples"]["/truth/aircraft"]
+    ticks = [ns // 5_000_000 for ns, _ in samples]
+    assert ticks == sorted(ticks) and ticks[0] < seen["broken"]["tick"] < ticks[-1]
+    for k, payload in zip(ticks, (p for _, p in samples)):
+        assert frame["alpha"].iloc[k].tobytes() in payload and frame["de_li"].iloc[k].tobytes() in payload
+    assert deg(frame["de_li"].to_numpy()).max() > 1.0
+
+
+def test_nonsense_is_answered_and_nothing_else_happens(flown):
+    said = [answer["error"] for answer in flown[2]["wrong"]]
+    assert not any(answer["ok"] for answer in flown[2]["wrong"])
+    assert "Did you mean 'jam_solid'" in said[0] and "has passed" in said[3] and "no fault of this number" in said[4]
+    assert "is no number of a fault" in said[5] and "is no speed" in said[6]
+    assert "ofc_liquid on elevator.left_inner" in flown[2]["parameters"]["faults"]
+
+
+def test_without_the_token_one_only_watches_and_with_a_wrong_one_nothing(flown):
+    services, capabilities = flown[2]["watcher"]
+    assert not services and not {"services", "parameters"} & set(capabilities)
+
+    def act(server):
+        turned_away = []
+        for tail, origin in (("?token=guess", None), ("?token=", None), (f"?token={server.token}", "https://evil.example")):
+            try:
+                Viewer(f"{server.url}/{tail}", origin).__exit__()
+            except InvalidStatus as error:
+                turned_away.append(error.response.status_code)
+        with Viewer(server.steer_url, "https://app.foxglove.dev") as v:
+            turned_away.append(v.call("speed", value=1000)["ok"])
+        return turned_away
+
+    s = cosim.load_scenario("cruise", [*KEYS, "duration_s=2"])
+    assert hands(s, None, act, speed=0.5)[1] == [403, 403, 403, True]
+
+
+def test_a_speed_that_is_none_is_refused():
+    with pytest.raises(CosimError, match=r"0\.0 is no speed; allowed: 0\.01 to 1000"):
+        fly_live(cosim.load_scenario("cruise", KEYS), port=0, speed=0.0)
