@@ -163,22 +163,22 @@ def run(
     path = output or Path("logs") / f"{log_name(scenario, variant)}.mcap"
     reserve(path, taken=scenario)
     overwritten = path.is_file()
-    for line in flown.warnings():
-        err.print(f"[yellow]note:[/] {tables.escape(line)}", soft_wrap=True, highlight=False)
     from cosim.flight.compiling import prepare
+    from cosim.flight.conditions import resolved
     from cosim.flight.detectors import left_out
     from cosim.flight.simulate import simulate
 
-    for name, why in left_out(flown).items():
-        err.print(f"[yellow]note:[/] {name} does not run: {why}", soft_wrap=True, highlight=False)
     with named(scenario), tables.compiling(err) as tell:
         prepare(flown, tell)
+    with named(scenario):
+        flown = resolved(flown)
+    _notes([*flown.warnings(), *(f"{name} does not run: {why}" for name, why in left_out(flown).items())])
     with named(scenario), tables.progress(err, f"flying {Path(scenario).stem}", waiting="preparing") as progress:
         if live:
             from cosim.flight.live import fly_live
 
             where = LIVE_PORT if port is None else port
-            result = fly_live(flown, log=path, progress=progress, ready=_served, port=where, speed=speed or 1.0)
+            result, flown = fly_live(flown, log=path, progress=progress, ready=_served, port=where, speed=speed or 1.0)
         else:
             result = simulate(flown, log=path, progress=progress, achieved=True)
     found = result.to_dict() | {"overwritten": overwritten}

@@ -25,8 +25,9 @@ def lines(scenario: Any, achieved: Any) -> Any:
         until = "" if f.end_s is None else f" to {f.end_s:g} s"
         at = f.entry(scenario.elevator.technology)
         where = "".join(f" {w} {v}" for w, v in (("at", at), ("path", f.path)) if v)
-        text = f"{f.kind} on {f.target}{where}, from {f.start_s:g} s{until}"
         began = f.start_s < scenario.duration_s
+        onset = f"from {f.start_s:g} s{until}" if began or f.when is None else "which never began"
+        text = f"{f.kind} on {f.target}{where}, {onset}{'' if f.when is None else f', when {f.when}'}"
         moved = {n: (achieved or {})[n] for n in _segments(f) if began and n in (achieved or {})}
         reached, note = _achieved(scenario, i, moved) if moved else ("", "")
         name = f"fault {i}  " if len(scenario.faults) > 1 else "fault  "  # as in --set faults.1.kind

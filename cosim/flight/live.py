@@ -37,8 +37,9 @@ def fly_live(
     speed: float = 1.0,
     ready: Callable[[Any], None] | None = None,
     progress: Callable[[float, float], None] | None = None,
-) -> Result:
-    """Fly `scenario` at `speed` times the clock's, served on `port` of this machine, and return what `simulate` does.
+) -> tuple[Result, Scenario]:
+    """Fly `scenario` at `speed` times the clock's, served on `port` of this machine, and return what `simulate` does,
+    and the scenario that the flight came to.
 
     `ready(server)` is called when viewers may come (`server.url`, `server.steer_url` with the token). Ctrl-C ends the
     flight there; its log is whole, its status "interrupted". Raises OutputError when it cannot be served, TrimError and
@@ -86,7 +87,8 @@ def fly_live(
             ended = True
     if not flight.tick:
         raise KeyboardInterrupt
-    result = simulate(flight.flown(), log=log, achieved=True, progress=progress)
+    flown = flight.flown()
+    result = simulate(flown, log=log, achieved=True, progress=progress)
     if ended and result.status == "completed":
         result.status, result.reason = "interrupted", f"at {flight.time:.2f} s by the user"
-    return result
+    return result, flown

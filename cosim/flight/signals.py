@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from actuators.block import unit
-from cosim.errors import ScenarioError, did_you_mean
+from cosim.errors import ScenarioError
 from cosim.flight.build import build
-from cosim.flight.conditions import resolved
+from cosim.flight.conditions import known, resolved
 from cosim.flight.fly import record
 from cosim.scenario import Scenario, load_scenario
 from cosim.scenario.vocabulary import find, words
@@ -46,7 +46,7 @@ def fly(
     names = list(dict.fromkeys(signals))
     sources = [_source(name) for name in names]
     for name in sources:
-        _known(setup.loop.bus, name)
+        known(setup.loop.bus, name)
     rows, status, reason = record(setup, sources)
     dt = setup.loop.dt
     frame = pd.DataFrame(rows, index=pd.Index(np.arange(len(rows)) * dt, name="t"), columns=names, copy=False)
@@ -107,16 +107,6 @@ def _source(name):
     if found.technologies and "." not in name:
         raise ScenarioError(f"{name!r} is a signal of each elevator segment", remedy=f"Name one: left_inner.{name}")
     return found.source
-
-
-def _known(bus, name):
-    """Raise ScenarioError unless the bus has the signal."""
-    section, _, rest = name.partition(".")
-    lane, _, field = rest.partition(".")
-    for asked, known in ((section, bus.lanes), (lane, bus.lanes.get(section)), (field, None)):
-        known = [n for n, _ in bus.columns(section, lane)] if known is None else list(known)
-        if asked not in known:
-            raise ScenarioError(f"no signal {name!r}", allowed=", ".join(known), remedy=did_you_mean(asked, known))
 
 
 def _unit(bus, name):

@@ -35,6 +35,7 @@ def fault(f: Fault) -> Markup:
     own = ", ".join(f"{k} {v:g}" for k, v in (f.model_extra or {}).items() if not (k == "phase_deg" and v == 0.0))
     until = "" if f.end_s is None else f" to {f.end_s:g} s"
     where = f" at the {f.at}" if f.at else f" ({f.path})" if f.path else ""
+    until += "" if f.when is None else f", when {f.when}"
     return bold(words(f.kind)) + f" on {words(f.target)}{where} from {f.start_s:g} s{until}{f' ({own})' if own else ''}"
 
 

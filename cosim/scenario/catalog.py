@@ -219,9 +219,27 @@ def sensor_kinds(units: Any) -> dict[str, Kind]:
 
 
 KEYS = {  # table of a scenario -> {key: what it means}; a kind's own numbers stand in its Kind
+    "[flight], at the start": {
+        "climb_fpm": "vertical speed, descent -; or gamma_deg, the angle of the path; left out: level",
+        "bank_deg": "of a steady turn, right +; or turn_deg_s, the rate of the heading; left out: straight",
+    },
+    '[manoeuvre] kind = "inputs"': {
+        "file": "a CSV with these columns, in place of lists here; the log holds its numbers",
+        "time_s": "rising; before the first and after the last row those hold",
+        "stick": "share of its travel, 2 g at the stop, + pulls; or nz_g; 0 is free",
+        "bank_deg": "demanded bank; or heading_deg, the change of heading",
+        "elevator_deg": "added to the elevator command",
+        "throttle": "0 to 1, of all engines; or throttle_change, from the trim",
+        "stabiliser_deg": "trailing edge down +; or stabiliser_change_deg, from the trim; the automatic trim is off",
+        "between": "linear | hold: between two rows",
+        "hold_altitude": "true: while the stick is free the altitude is held, not the path",
+        "hold_speed": "true: the throttles hold the speed",
+    },
     "[[faults]], every kind": {
         "start_s": "onset",
-        "when": "in place of start_s: the tick after this first holds, 'n_z > 1.2 and t > 5'; and, or, ( ); SI units",
+        "when": "in place of start_s: the tick after this first holds, 'n_z > 1.2 and t > 5'; and, or, ( ); SI units; "
+        "fault.0.active, fault.0.since: of another fault",
+        "lasts_s": "of one with a condition: healed after so long",
         "end_s": "healed; left out: until the end",
         "ramp_s": "grows from nothing over so long; not for what is switched at once",
         "at": "where it enters; default: the first that the kind names",

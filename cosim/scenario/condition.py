@@ -3,8 +3,10 @@
     condition   = comparison, joined by `and` and `or`; `and` binds first, parentheses group
     comparison  = signal (< | <= | > | >=) number
 
-A signal is `t` [s], a word of `cosim list signals` ("n_z", "left_inner.rod": what is measured), or a name of the bus
-("truth.aircraft.nz"); SI units and radians. A signal that is not valid fulfils nothing.
+A signal is `t` [s], a word of `cosim list signals` ("n_z", "left_inner.rod": what is measured), a name of the bus
+("truth.aircraft.nz", "iotsekf.left_inner.alarm"), or another fault's: `fault.0.active` is 1 while fault 0 is there,
+`fault.0.since` the seconds since it began. SI units and radians. A signal that is not valid fulfils nothing, nor does
+a fault that has not begun.
 """
 
 import functools
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 TIME = "t"
+OF_FAULT = re.compile(r"fault\.(\d{1,4})\.(active|since)")
 COMPARE: dict[str, Callable] = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
 _TOKEN = re.compile(r"\s*(?:(<=|>=|<|>|\(|\))|([A-Za-z_][\w.\[\]]*)|([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?))")
 
@@ -69,7 +72,8 @@ def condition(text: str) -> Condition:
         found = _TOKEN.match(text, at)
         if not found:
             raise _wrong(text, f"{text[at:].strip()[:20]!r} is not understood")
-        tokens.append(found.group().strip())
+        word = found.group().strip()
+        tokens.append(word.lower() if word in ("AND", "OR") else word)
         at = found.end()
     made, rest = _joined("or", tokens, text)
     if rest:
@@ -104,6 +108,8 @@ def _single(tokens, text):
 
 
 def _signal(name, text):
+    if name.startswith("fault.") and not OF_FAULT.fullmatch(name):
+        raise _wrong(text, f"{name!r} is no signal", "Say fault.0.active or fault.0.since")
     if name == TIME or name.count(".") > 1:
         return name
     try:
@@ -114,6 +120,12 @@ def _signal(name, text):
     if vocabulary.words()[name.rpartition(".")[2]].technologies and "." not in name:
         raise _wrong(text, f"{name!r} is of which segment?", f"Say left_inner.{name}, or another segment")
     return name
+
+
+def other_fault(name: str) -> int | None:
+    """Return the number of the fault that a condition's signal is of, None for other signals."""
+    found = OF_FAULT.fullmatch(name)
+    return int(found[1]) if found else None
 
 
 def source(name: str) -> str:

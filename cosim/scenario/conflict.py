@@ -7,12 +7,14 @@ from cosim.scenario.problem import problem
 
 
 def check(faults: Any, technology: Any) -> None:
-    """Raise for the first fault that its actuator cannot have, or that overlaps another in what it takes over."""
+    """Raise for the first fault that its actuator cannot have, or that overlaps another in what it takes over; when one
+    that waits for its condition will do so is not known yet.
+    """
     taken: list = []
     for i, fault in enumerate(faults):
         _possible(i, fault, technology)
         what = fault.spec.exclusive
-        if not what:
+        if not what or fault.waits:
             continue
         if what == "at":  # a runaway to a limit moves the command, whatever it starts from (cosim/flight/inject.py)
             what = "command" if "limit_deg" in (fault.model_extra or {}) else fault.at

@@ -9,11 +9,11 @@ from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationInfo, 
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.scenario import catalog as c
 from cosim.scenario.aircraft import Aircraft, load_aircraft, of
-from cosim.scenario.condition import condition
+from cosim.scenario.condition import condition, other_fault
 from cosim.scenario.problem import choice, problem
 from cosim.scenario.target import parse_target
 
-COMMON = ("target", "kind", "start_s", "when", "end_s", "ramp_s")
+COMMON = ("target", "kind", "start_s", "when", "lasts_s", "end_s", "ramp_s")
 NEVER_S = 36000.0  # the onset of a fault that waits for its condition
 Seconds = Annotated[float, Field(ge=0.0, le=36000.0)]
 
@@ -55,6 +55,7 @@ class Fault(BaseModel):
     kind: str
     start_s: Seconds
     when: str | None = None
+    lasts_s: Annotated[float, Field(gt=0.0, le=36000.0)] | None = None  # of one with a condition, until it heals
     end_s: Seconds | None = None
     ramp_s: Seconds = 0.0
     at: Literal["valve", "command", "sensor"] | None = None
@@ -89,7 +90,8 @@ class Fault(BaseModel):
 
     def at_time(self, start_s: float) -> "Fault":
         """Return this fault with its onset at `start_s` [s]."""
-        return self.model_copy(update={"start_s": start_s})
+        ends = {} if self.lasts_s is None else {"end_s": start_s + self.lasts_s}
+        return self.model_copy(update={"start_s": start_s, **ends})
 
     @model_validator(mode="after")
     def _condition(self):
@@ -99,8 +101,15 @@ class Fault(BaseModel):
             except ScenarioError as error:
                 raise problem(error.problem, key="when", allowed=error.allowed, remedy=error.remedy) from None
             if self.waits and self.end_s is not None:
-                raise problem("a fault that waits has no end yet", key="end_s", remedy="Leave end_s out")
+                raise problem("a fault that waits has no end yet", key="end_s", remedy="Say lasts_s")
+        elif self.lasts_s is not None:
+            raise problem("is for a fault with a condition", key="lasts_s", remedy="Say end_s")
         return self
+
+    def others(self) -> list[int]:
+        """Return the numbers of the faults that its condition looks at."""
+        seen = (other_fault(name) for name in condition(self.when).signals()) if self.when is not None else ()
+        return [number for number in seen if number is not None]
 
     @model_validator(mode="after")
     def _times(self):

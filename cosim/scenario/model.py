@@ -427,6 +427,12 @@ class Scenario(_Table):
             said = f"is less than a tick at {self.rate_hz} Hz"
             raise problem(said, key="duration_s", allowed=f"{self.dt:g} to 36000")
         conflict.check(self.faults, self.elevator.technology)
+        for i, fault in enumerate(self.faults):
+            for other in fault.others():
+                if other == i or other >= len(self.faults):
+                    said = "a fault cannot wait for itself" if other == i else f"there is no fault {other}"
+                    allowed = ", ".join(f"fault.{k}" for k in range(len(self.faults)) if k != i)
+                    raise problem(said, key=f"faults.{i}.when", allowed=allowed)
         return self
 
     @property
@@ -466,9 +472,11 @@ class Scenario(_Table):
 
     def warnings(self) -> list[str]:
         """Return lines about what is legal and probably not meant."""
-        late = [(i, f) for i, f in enumerate(self.faults) if f.start_s >= self.duration_s]
+        late = [(i, f) for i, f in enumerate(self.faults) if f.start_s >= self.duration_s and not f.waits]
         lines = [
             f"faults.{i} ({f.kind}) starts at {f.start_s:g} s, after the flight's end at {self.duration_s:g} s"
+            if f.when is None
+            else f"faults.{i} ({f.kind}) never began: {f.when} did not come true"
             for i, f in late
         ]
         coarse = [name for name in NEED_MORE if name in self.running]

@@ -71,3 +71,72 @@ def test_one_fault_can_bring_about_the_next():
     scenario = cosim.load_scenario("cruise", [*first, 'faults.0.when="t > 1"', *second, "duration_s=3"])
     a, b = (f.start_s for f in resolved(scenario).faults)
     assert a == pytest.approx(1.01) and 1.1 < b < 2.0
+
+
+RUDDER = ["faults.1.target=rudder", "faults.1.kind=jam"]
+AT_1 = [*JAM, 'faults.0.when="t > 1"', "duration_s=4", "detectors.enabled=['iotsekf']"]
+
+
+@pytest.mark.parametrize(("when", "starts"), [
+    ("fault.0.active > 0", 1.02),
+    ("fault.0.since >= 0.5", 1.515),
+    ("fault.0.since > 0.5 AND t < 1.2 or t > 3", 3.01),
+    ("fault.0.active > 0 and t > 1.5", 4.0),  # mended by then: never
+    ("iotsekf.left_inner.r > -1 and fault.0.since > 1", 2.02),
+])  # fmt: skip
+def test_a_fault_begins_after_another_one(when, starts):
+    scenario = cosim.load_scenario("cruise", [*AT_1, "faults.0.lasts_s=0.3", *RUDDER, f'faults.1.when="{when}"'])
+    first, second = resolved(scenario).faults
+    assert (first.start_s, first.end_s) == (1.01, 1.31)
+    assert second.start_s == pytest.approx(starts, abs=0.0051)
+
+
+def test_what_a_fault_waits_for_is_checked_and_what_never_comes_is_told():
+    for when, says in (("fault.1.active > 0", "cannot wait for itself"), ("fault.2.active > 0", "there is no fault 2"),
+                       ("fault.0 > 0", "Say fault.0.active or fault.0.since")):  # fmt: skip
+        with pytest.raises(ScenarioError, match=says):
+            cosim.load_scenario("cruise", [*AT_1, *RUDDER, f'faults.1.when="{when}"'])
+    for name, says in (("truth.aircraft.nzz", "Did you mean 'nz'"), ("faults.0_rudder.active", "no signal 'faults.0"),
+                       ("nowhere.at.all", "no signal 'nowhere.at.all'")):  # fmt: skip
+        with pytest.raises(ScenarioError, match=says):
+            resolved(cosim.load_scenario("cruise", [*AT_1, *RUDDER, f'faults.1.when="{name} > 1"']))
+    with pytest.raises(ScenarioError, match=r"lasts_s.*Say end_s"):
+        cosim.load_scenario("cruise", [*JAM, "faults.0.start_s=1", "faults.0.lasts_s=1"])
+    never = cosim.load_scenario("cruise", [*JAM, 'faults.0.when="n_z > 3"', "duration_s=0.5"])
+    assert never.warnings() == []
+    assert resolved(never).warnings() == ["faults.0 (jam_solid) never began: n_z > 3 did not come true"]
+
+
+def test_two_jams_of_one_surface_may_follow_one_another_but_not_meet():
+    twice = [*AT_1, *(key.replace("faults.0", "faults.1") for key in JAM), 'faults.1.when="t > 2"']
+    assert resolved(cosim.load_scenario("cruise", [*twice, "faults.0.lasts_s=0.5"])).faults[1].start_s == 2.01
+    with pytest.raises(ScenarioError, match="at the same time"):
+        resolved(cosim.load_scenario("cruise", twice))
+
+
+def test_by_hand_a_condition_waits_and_what_is_injected_can_fulfil_it():
+    scenario = cosim.load_scenario("cruise", [*JAM, 'faults.0.when="fault.1.since > 0.2"', *RUDDER, "duration_s=4",
+                                              'faults.1.when="t > 3.5"', "detectors.enabled=[]"])  # fmt: skip
+    flight = cosim.Flight(scenario)
+    flight.step(100)
+    number = flight.inject(target="aileron.left", kind="jam", when="t > 1")
+    with pytest.raises(ScenarioError, match="has not begun"):
+        flight.heal(number)
+    flight.step(300)
+    flight.heal(number)
+    flight.step(10_000)
+    jam, rudder, aileron = flight.flown().faults
+    assert (aileron.start_s, aileron.end_s) == (1.01, 2.0) and rudder.start_s == 3.51
+    assert jam.start_s == pytest.approx(3.72, abs=0.0051) and flight.status == "completed"
+
+
+def test_the_terminal_says_when_it_began(tmp_path):
+    from typer.testing import CliRunner
+
+    from cosim.cli import commands as cli
+
+    keys = [*AT_1, *RUDDER, 'faults.1.when="fault.0.since > 99"', "duration_s=1.5"]
+    args = ["run", "cruise", "-o", str(tmp_path / "a.mcap"), *(a for k in keys for a in ("--set", k))]
+    done = CliRunner().invoke(cli.app, args)
+    assert "from 1.01 s, when t > 1" in done.stdout and "which never began, when fault.0.since > 99" in done.stdout
+    assert "never began: fault.0.since > 99 did not come true" in done.stderr and "36000" not in done.output

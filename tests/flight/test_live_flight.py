@@ -35,7 +35,7 @@ def hands(scenario, path, act, speed=4.0):
         seen["thread"] = threading.Thread(target=run, daemon=True)
         seen["thread"].start()
 
-    result = fly_live(scenario, port=0, log=path, speed=speed, ready=ready)
+    result, _ = fly_live(scenario, port=0, log=path, speed=speed, ready=ready)
     seen["thread"].join(30.0)
     if "error" in seen:
         raise seen["error"]
