@@ -21,6 +21,7 @@ from scipy.optimize import differential_evolution
 from cosim.campaign import run_many
 from cosim.campaign.draw import unit_cube
 from cosim.campaign.pool import cores, pool
+from cosim.campaign.space import Space
 from cosim.campaign.spec import load_campaign
 from cosim.campaign.store import CampaignError
 from cosim.campaign.worker import run_id
@@ -70,7 +71,9 @@ def search(
     if not 2 * POPULATION <= flights <= MOST_FLIGHTS:
         raise CampaignError(f"{flights} flights", place="search", allowed=f"{2 * POPULATION} to {MOST_FLIGHTS}")
     made = load_campaign(campaign)
-    space = _Space(made, detector)
+    space = Space(made, first_seed=SEARCH_SEED, seeds=SEEDS, detectors=(detector,))
+    if space.faults:
+        raise CampaignError("has faults", place=made.name, remedy="Search a campaign of fault-free flights")
     generations = flights // POPULATION
     with pool(workers or cores()) as executor:
         evaluate = _Evaluate(space, detector, executor, progress, generations * POPULATION)
@@ -91,31 +94,6 @@ def search(
     title = f"Worst case of {detector} without a fault: |r| reaches {worst['r']:.2f} of its threshold ({made.name})"
     scenario = scenario.model_copy(update={"title": title})
     return Found(scenario, float(worst["r"]), int(worst["false_alarms"]), table, _write(out, scenario))
-
-
-class _Space:
-    """Turn a point of the unit cube into a scenario: grid keys, draws, seed, in this order."""
-
-    def __init__(self, made, detector):
-        if len(made.parts) != 1:
-            raise CampaignError("has parts", place=made.name, remedy="Search a campaign without [[part]]")
-        self.campaign, self.part = made, made.parts[0]
-        self.size = len(self.part.grid) + len(self.part.draw) + 1
-        self.detector = detector
-        first = self(np.full(self.size, 0.5))
-        if first.faults:
-            raise CampaignError("has faults", place=made.name, remedy="Search a campaign of fault-free flights")
-
-    def __call__(self, u):
-        from cosim.campaign.spec import scenario_of
-
-        u = np.clip(u, 0.0, np.nextafter(1.0, 0.0))
-        keys = {key: values[int(q * len(values))] for (key, values), q in zip(self.part.grid.items(), u)}
-        keys |= {key: draw(q) for (key, draw), q in zip(self.part.draw.items(), u[len(self.part.grid) :])}
-        keys["seed"] = SEARCH_SEED + int(u[-1] * SEEDS)
-        scenario, _ = scenario_of(self.part.base, keys, f"{self.campaign.name}, search")
-        alone = scenario.detectors.model_copy(update={"enabled": (self.detector,)})
-        return scenario.model_copy(update={"detectors": alone})
 
 
 class _Evaluate:

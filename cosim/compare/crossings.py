@@ -1,4 +1,4 @@
-"""Where a residual is stationary and Gaussian, how often it crosses a level follows from two numbers: the bound of Rice.
+"""How often a stationary Gaussian residual crosses a level follows from two numbers: the bound of Rice.
 
     found = gaussian(Moments.of(flight) for every flight)       # by test, else `found.note` says what is against it
     found.rate(c)                                               # crossings of |r| = c from below, per hour
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
-from cosim.compare.metrics import Share
+from cosim.compare.metrics import UNKNOWN, Share
 
 LEVEL = 0.01  # of each test
 LEAST = 100.0  # independent samples, below which a residual is not called Gaussian
@@ -63,7 +63,7 @@ class Gaussian:
     """A Gaussian residual, or a `note` with what is against it."""
 
     dt: float
-    sigma: Share = Share(math.nan, math.nan, math.nan)
+    sigma: Share = UNKNOWN
     rho: float = math.nan  # correlation of neighbouring samples
     note: str = ""
     p: tuple = ()  # probabilities of the tests: mean, skewness, kurtosis, one variance

@@ -25,6 +25,9 @@ class Share(NamedTuple):
     high: float
 
 
+UNKNOWN = Share(math.nan, math.nan, math.nan)
+
+
 def proportion(k: int, n: int, confidence: float = 0.95) -> Share:
     """Return the Share k/n with the exact interval of Clopper and Pearson; (nan, 0, 1) for n = 0.
 

@@ -29,7 +29,7 @@ from scipy import special, stats
 from scipy.ndimage import maximum_filter1d
 from scipy.optimize import brentq
 
-from cosim.compare.metrics import Share, rate
+from cosim.compare.metrics import UNKNOWN, Share, rate
 
 PEAKS = 100  # highest peaks that are fitted
 SHARE = 0.2  # of all peaks at most: below lies the body of the distribution, not its tail
@@ -41,9 +41,9 @@ MEMORY = 0.2  # correlation of two windows at which they count as unrelated
 FLIGHTS = 12  # that the highest peaks must come from, unless there are hardly more: else a rare condition makes them
 TIES = 0.1  # share of equal peaks from which the statistic saturates
 FAR = 1e7  # mean excesses: beyond this no level is looked for
-# 1 % points of the Anderson-Darling statistic of 100 peaks of shape xi, both parameters fitted (derived: 4,000 samples)
+# 1 % points of the Anderson-Darling statistic of 100 peaks of shape xi, both fitted (derived: 1,500 samples each)
 SHAPE_OF_AD = (-0.4, -0.2, 0.0, 0.2, 0.4, 0.7, 1.0)
-AD_1_PCT = (1.78, 1.42, 1.38, 1.24, 1.21, 1.2, 1.2)
+AD_1_PCT = (1.78, 1.42, 1.38, 1.24, 1.21, 1.13, 1.10)
 
 
 def memory(windows: ArrayLike, flights: ArrayLike) -> int:
@@ -95,7 +95,7 @@ class Tail:
     k: int = 0  # peaks above u
     u: float = math.nan  # the highest peak that is not among them
     sigma: float = math.nan
-    shape: Share = Share(math.nan, math.nan, math.nan)
+    shape: Share = UNKNOWN
     ad: float = math.nan  # Anderson-Darling statistic of the k excesses
     note: str = ""
     excess: NDArray = field(default_factory=lambda: np.empty(0), repr=False)  # (k,)

@@ -1,0 +1,298 @@
+"""False alarms per flight hour as a curve over the threshold, of every detector, down to 1e-9, three ways.
+
+    found = false_alarms(hours=100.0, folder="logs/false-alarms")       # flies on where it was left
+
+A flight of a fault-free campaign becomes, per detector, the maxima of its statistic |r| per second, over its lanes and
+where it judges; nothing else of it is kept. Level c stands for all thresholds of the detector times c: c = 1 is the
+detector as it ships. Where |r| has to stay beyond 1 for a time, and that is the whole decision, the least of that time
+counts; else every crossing does, which bounds the alarms. One peak per flight: flights are independent.
+
+    counted     peaks at or beyond c, exact Poisson interval
+    extremes    generalised Pareto tail of the highest peaks (cosim/compare/tails.py)
+    crossings   where the residual is stationary and Gaussian by test (cosim/compare/crossings.py)
+
+The tail is also fitted to every other flight and held against the count of the rest. All of it is of this model: of
+this aircraft, these sensors, gusts and tolerances, in this mix of flights.
+"""
+
+import base64
+import functools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
+
+from cosim.campaign.jobs import work
+from cosim.campaign.space import Space
+from cosim.campaign.spec import load_campaign
+from cosim.campaign.store import CampaignError
+from cosim.compare import tails
+from cosim.compare.crossings import Moments, gaussian
+from cosim.compare.metrics import rate
+from fdi import registry
+
+FIRST_SEED = 6_000_000  # of the flights: none of training, nor of another campaign
+WINDOW_S = 1.0
+HELD_OUT = (1.0, 0.3, 0.1)  # per hour: where the fit of every other flight is held against the count of the rest
+WANTED = 1e-9  # per hour: what a failure condition of the worst class is allowed
+LEVELS = 60  # of a curve
+# detectors whose whole decision is |r| >= 1 for a time: the parameter that holds it [s]
+CONFIRMED = {"position_monitor": "t_confirm", "rtsekf": "t_confirm", "rtsekf_flight": "pair_confirm"}
+LIMITS = {  # detectors whose threshold is no number: what it grows with
+    "rfafe": "the command",
+    "rfafe_airframe": "the command",
+    "lpv_smo": "the distance from trim and the gusts",
+    "control_redundancy": "what moves its rows",
+    "kinematic": "roll and yaw rate",
+    "iotsekf": "the command and the load",
+    "ema_kalman_flight": "the motor's speed and effort",
+}
+
+
+def false_alarms(
+    *,
+    hours: float = 100.0,
+    campaign: str = "fault-free",
+    detectors: Sequence[str] = (),
+    folder: str | Path | None = None,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> dict:
+    """Fly `hours` of a fault-free campaign and return plain data: hours, flights, and an entry per detector.
+
+    `folder` keeps what is flown, so that a killed or shorter measurement goes on; `detectors` are ids, by default all
+    that ship. Raises CampaignError for a campaign with faults or parts.
+    """
+    made = Space(load_campaign(campaign), first_seed=FIRST_SEED)
+    if made.faults:
+        raise CampaignError("has faults", place=campaign, remedy="Take a campaign of fault-free flights")
+    flights = max(1, math.ceil(hours * 3600.0 / made.number(0).duration_s))
+    jobs = [(fly, {"campaign": campaign, "number": n}) for n in range(flights)]
+    flown = [Flight.read(f) for f in work(jobs, folder=folder, workers=workers, progress=progress)]
+    return summary(flown, campaign, detectors or tuple(registry.SHIPPED))
+
+
+@dataclass(frozen=True)
+class Lane:
+    """What a flight keeps of one detector."""
+
+    peaks: NDArray  # (windows,) maxima of its statistic over its lanes, 0 where none judges
+    valid_s: float  # time in which any of its lanes judges
+    alarms: int  # that rose
+    silent: int  # of these flights, 1: it alarmed though the statistic stayed below 1
+    moments: tuple  # of each lane with a signed residual
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A flown flight."""
+
+    seconds: float
+    dt: float
+    status: str
+    lanes: dict[str, Lane]
+
+    @classmethod
+    def read(cls, told: dict) -> "Flight":
+        """Return the Flight of what `fly` returned."""
+        lanes = {
+            name: Lane(np.frombuffer(base64.b64decode(one["peaks"]), "<f4"), one["valid_s"], one["alarms"],
+                       one["silent"], tuple(Moments(*m) for m in one["moments"]))
+            for name, one in told["lanes"].items()
+        }  # fmt: skip
+        return cls(told["seconds"], told["dt"], told["status"], lanes)
+
+
+@functools.cache
+def _space(campaign):
+    return Space(load_campaign(campaign), first_seed=FIRST_SEED)
+
+
+def fly(campaign: str, number: int) -> dict:
+    """Fly one flight and return what is kept of it, as plain data."""
+    from cosim.errors import TrimError
+    from cosim.flight.build import build
+    from cosim.flight.conditions import resolved
+    from cosim.flight.fly import fly as flown
+
+    try:
+        setup = build(resolved(_space(campaign).number(number)))
+    except TrimError:
+        return {"seconds": 0.0, "dt": 0.0, "status": "infeasible", "lanes": {}}
+    history, status, _ = flown(setup)
+    if status == "interrupted":
+        raise KeyboardInterrupt
+    dt, watches = setup.loop.dt, setup.watches()
+    p = {b.name: b.p for b in setup.loop.detectors}
+    lanes = {}
+    for name in dict.fromkeys(w.id for w in watches):
+        own = [w for w in watches if w.id == name and w.r is not None]
+        if own:
+            lanes[name] = _kept(history, own, p.get(name), dt)
+    return {"seconds": len(history) * dt, "dt": dt, "status": status, "lanes": lanes}
+
+
+def _kept(history, own, p, dt):
+    """Return what is kept of one detector's lanes."""
+    per = round(WINDOW_S / dt)
+    most = np.zeros(-(-len(history) // per) * per)
+    judged, alarms, moments = np.zeros(len(history), bool), 0, []
+    parameter = CONFIRMED.get(own[0].id)
+    for i, watch in enumerate(own):
+        valid = np.ones(len(history), bool) if watch.valid is None else history[:, watch.valid] > 0.5
+        r = np.where(valid & np.isfinite(history[:, watch.r]), history[:, watch.r].astype(float), 0.0)
+        if r.min() < 0.0 < r.max():
+            moments.append([*asdict(Moments.of(r[valid])).values()])
+        size = np.abs(r)
+        if parameter:
+            n = max(1, round(float(p[i][parameter]) / dt))
+            size = minimum_filter1d(size, n, mode="constant", origin=(n - 1) // 2)
+        most[: len(size)] = np.maximum(most[: len(size)], size)
+        judged |= valid
+        alarm = history[:, watch.alarm] > 0.5
+        alarms += int(np.count_nonzero(alarm[1:] & ~alarm[:-1]) + alarm[0])
+    peaks = most.reshape(-1, per).max(axis=1)
+    return {
+        "peaks": base64.b64encode(peaks.astype("<f4").tobytes()).decode(),
+        "valid_s": float(judged.sum() * dt),
+        "alarms": alarms,
+        "silent": int(alarms > 0 and peaks.max() < 1.0),
+        "moments": moments,
+    }
+
+
+def summary(flown: Sequence[Flight], campaign: str, detectors: Sequence[str]) -> dict:
+    """Return the plain data of a measurement: what was flown, and `curve` of every detector that was there."""
+    done = [f for f in flown if f.lanes]
+    there = [name for name in detectors if any(name in f.lanes for f in done)]
+    return {
+        "campaign": campaign,
+        "flights": len(done),
+        "hours": sum(f.seconds for f in done) / 3600.0,
+        "infeasible": sum(f.status == "infeasible" for f in flown),
+        "departed": sum(f.status not in ("completed", "infeasible") for f in flown),
+        "window_s": WINDOW_S,
+        "detectors": [curve(name, done) for name in there],
+    }
+
+
+def curve(name: str, flown: Sequence[Flight]) -> dict:
+    """Return the plain data of one detector: the curve, what it rests on, and what is against it."""
+    lanes = [f.lanes[name] for f in flown if name in f.lanes]
+    hours = sum(lane.valid_s for lane in lanes) / 3600.0
+    peak = np.array([lane.peaks.max() for lane in lanes])
+    flight = np.repeat(np.arange(len(lanes)), [len(lane.peaks) for lane in lanes])
+    windows = np.concatenate([lane.peaks for lane in lanes])
+    alarms = sum(lane.alarms for lane in lanes)
+    tail = tails.fit(peak, hours) if hours else tails.Tail(0.0, note="never judges")
+    exact = gaussian([m for lane in lanes for m in lane.moments], flown[0].dt)
+    levels = _levels(peak, tail)
+    out = {
+        "id": name,
+        "level": registry.record(name).level,
+        "hours": hours,
+        "flights": len(lanes),
+        "alarms": alarms,
+        "alarms_per_hour": _plain(rate(alarms, hours)) if hours else None,
+        "largest": float(peak.max()),
+        "fit": _fit(tail),
+        "gaussian": exact.note or None,
+        "stability": tails.stability(peak, hours) if hours else [],
+        "extremal_index": [
+            {"run_s": n * WINDOW_S, "index": tails.extremal_index(windows, flight, np.quantile(windows, 0.99), n)}
+            for n in (1, 2, 5, 10, 20)
+        ],
+        "curve": _curve(levels, peak, hours, tail, exact),
+        "held_out": _held_out(lanes),
+    }
+    out["at_threshold"] = _at(1.0, peak, hours, tail)
+    out["needed"] = None if tail.note else _plain(tail.level(WANTED))
+    out["against"] = against(name, out, sum(lane.silent for lane in lanes))
+    out["certified"] = not out["against"]
+    return out
+
+
+def against(name: str, found: dict, silent: int) -> list[str]:
+    """Return what is against calling WANTED per hour shown, in words; nothing: it is."""
+    out, now = [], found["at_threshold"]
+    if found["fit"]["note"]:
+        out.append(f"no curve beyond the count: {found['fit']['note']}")
+    if limit := LIMITS.get(name):
+        out.append(f"its threshold grows with {limit}: the curve is of this mix of flights only")
+    if silent:
+        out.append(f"it alarmed in {silent} flights in which its statistic stayed below 1")
+    if [h for h in found["held_out"] if not h["agree"]]:
+        out.append("the fit to half of the flights does not agree with the count of the others")
+    if now is None or not now["high"] <= WANTED:
+        bound = "no bound" if now is None else f"at most {now['high']:.2g} per hour"
+        out.append(f"with its threshold as it ships, {bound}")
+    return out
+
+
+def _plain(share):
+    return {"value": float(share.value), "low": float(share.low), "high": float(share.high)}
+
+
+def _fit(tail):
+    return {"note": tail.note, "peaks": tail.k, "from": tail.u, "sigma": tail.sigma, "shape": _plain(tail.shape),
+            "anderson_darling": tail.ad}  # fmt: skip
+
+
+def _at(c, peak, hours, tail):
+    """Return the rate at one level: by the tail where it holds, else counted."""
+    if not hours:
+        return None
+    if not tail.note and c >= tail.u:
+        return {**_plain(type(tail.shape)(*(x[0] for x in tail.rate(c)))), "by": "extremes"}
+    return {**_plain(type(tail.shape)(*(x[0] for x in tails.counted(peak, hours, c)))), "by": "counted"}
+
+
+def _levels(peak, tail):
+    """Return the levels of a curve: from where one flight in two reaches to where the tail is at WANTED."""
+    low, high = float(np.median(peak)), float(peak.max())
+    if not tail.note:
+        far = tail.level(WANTED)
+        high = max(high, min(far.high, 50.0 * max(high, 1.0)))
+    low = max(low, 1e-3 * high, 1e-6)
+    return np.geomspace(low, max(1.2 * high, 1.2 * low, 1.2), LEVELS)
+
+
+def _curve(levels, peak, hours, tail, exact):
+    out: dict[str, Any] = {"c": levels.tolist()}
+    if not hours:
+        return out
+    out["counted"] = {k: v.tolist() for k, v in tails.counted(peak, hours, levels)._asdict().items()}
+    if not tail.note:
+        on = levels >= tail.u
+        found = tail.rate(levels[on])
+        out["extremes"] = {k: [None] * int((~on).sum()) + v.tolist() for k, v in found._asdict().items()}
+    if not exact.note:
+        out["crossings"] = {k: v.tolist() for k, v in exact.rate(levels)._asdict().items()}
+    return out
+
+
+def _held_out(lanes):
+    """Fit to the even flights, count in the odd ones; they agree where the two intervals meet."""
+    fitted, rest = lanes[::2], lanes[1::2]
+    hours = [sum(lane.valid_s for lane in half) / 3600.0 for half in (fitted, rest)]
+    if not all(hours):
+        return []
+    peak = [np.array([lane.peaks.max() for lane in half]) for half in (fitted, rest)]
+    tail = tails.fit(peak[0], hours[0])
+    out = []
+    for wanted in HELD_OUT:
+        if tail.note or wanted > tail.k / tail.hours:
+            continue
+        c = tail.level(wanted).value
+        predicted, seen = tail.rate(c), tails.counted(peak[1], hours[1], c)
+        agree = bool(predicted.low[0] <= seen.high[0] and seen.low[0] <= predicted.high[0])
+        count = round(float(seen.value[0]) * hours[1])
+        out.append({"rate": wanted, "level": c, "low": float(predicted.low[0]), "high": float(predicted.high[0]),
+                    "counted": count, "hours": hours[1], "counted_low": float(seen.low[0]),
+                    "counted_high": float(seen.high[0]), "agree": agree})  # fmt: skip
+    return out

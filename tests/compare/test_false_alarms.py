@@ -1,0 +1,91 @@
+"""False alarms per hour: what a flight keeps, what a curve says, what stands against it; a measurement goes on."""
+
+import json
+
+import numpy as np
+import pytest
+
+from cosim.campaign.space import Space
+from cosim.campaign.spec import load_campaign
+from cosim.compare import false_alarms as work
+from cosim.errors import CosimError
+from cosim.judge.result import plain
+
+CAMPAIGN = """
+base = "cruise"
+[set]
+duration_s = 3.0
+[grid]
+manoeuvre = [{ "manoeuvre.kind" = "cruise" }, { "manoeuvre.kind" = "nz_doublet", "manoeuvre.start_s" = 1.0 }]
+[draw]
+"flight.mass_t" = { low = 240.0, high = 300.0 }
+"""
+
+
+def flown(draw, flights=3000, name="position_monitor", alarms=0, silent=0, seed=1):
+    """Return Flights of a minute whose windows are `draw(rng, n)`."""
+    rng = np.random.default_rng(seed)
+    lane = lambda: work.Lane(draw(rng, 60).astype("f4"), 60.0, alarms, silent, ())  # noqa: E731
+    return [work.Flight(60.0, 0.005, "completed", {name: lane()}) for _ in range(flights)]
+
+
+def test_a_curve_of_three_ways_agrees_with_itself_and_with_the_count():
+    found = work.curve("position_monitor", flown(lambda rng, n: 0.02 * rng.exponential(size=n)))
+    c, counted, tail = found["curve"]["c"], found["curve"]["counted"], found["curve"]["extremes"]
+    assert found["hours"] == pytest.approx(50.0) and found["fit"]["note"] == ""
+    both = [i for i, v in enumerate(tail["value"]) if v is not None and counted["value"][i] > 0.0]
+    assert len(both) > 5
+    assert all(tail["low"][i] <= counted["high"][i] and counted["low"][i] <= tail["high"][i] for i in both)
+    exact = 3600.0 * np.exp(-np.array(c) / 0.02)
+    assert all(tail["low"][i] <= exact[i] <= tail["high"][i] for i, v in enumerate(tail["value"]) if v is not None)
+    assert [h["rate"] for h in found["held_out"]] == [1.0, 0.3, 0.1] and all(h["agree"] for h in found["held_out"])
+    assert found["at_threshold"]["by"] == "extremes" and found["at_threshold"]["high"] < 1e-3
+    assert found["extremal_index"][0]["index"] > 0.9
+    json.dumps(plain(found), allow_nan=False)
+
+
+def test_a_detector_far_below_its_threshold_is_certified_and_one_near_it_is_not():
+    far = work.curve("position_monitor", flown(lambda rng, n: 0.002 * np.abs(rng.normal(size=n))))
+    assert far["against"] == [] and far["certified"] and far["needed"]["high"] < 1.0
+    near = work.curve("position_monitor", flown(lambda rng, n: 0.2 * rng.exponential(size=n), alarms=1))
+    assert not near["certified"] and "as it ships" in near["against"][0] and near["needed"]["value"] > 1.0
+    assert near["at_threshold"]["by"] == "counted" and near["at_threshold"]["low"] > 1.0
+
+
+def test_what_is_against_a_curve_is_said():
+    small = lambda rng, n: 1e-4 * rng.exponential(size=n)  # noqa: E731
+    assert "grows with the command" in work.curve("rfafe", flown(small, name="rfafe"))["against"][0]
+    silent = work.curve("ofc_monitor", flown(small, name="ofc_monitor", alarms=1, silent=1))
+    assert "stayed below 1" in silent["against"][0]
+    stuck = work.curve(
+        "ofc_monitor", flown(lambda rng, n: np.minimum(rng.exponential(size=n), 0.99), name="ofc_monitor")
+    )
+    assert "saturates" in stuck["against"][0] and stuck["needed"] is None and "extremes" not in stuck["curve"]
+
+
+def test_flights_go_on_where_they_were_left_and_keep_what_they_were(tmp_path):
+    file = tmp_path / "c.toml"
+    file.write_text(CAMPAIGN)
+    how = {"campaign": str(file), "folder": tmp_path / "flown", "workers": 0}
+    told = []
+    work.false_alarms(hours=2.0 / 1200.0, **how)
+    more = work.false_alarms(hours=3.0 / 1200.0, **how, progress=lambda done, total: told.append((done, total)))
+    assert told[0] == (2, 3) and told[-1] == (3, 3)
+    assert more["flights"] == 3 and more["hours"] == pytest.approx(3.0 / 1200.0)
+    one = next(d for d in more["detectors"] if d["id"] == "position_monitor")
+    assert 0.0 < one["largest"] < 1.0 and one["alarms"] == 0 and "peaks" in one["against"][0]
+    lane = work.Flight.read(work.fly(str(file), 1)).lanes["position_monitor"]
+    assert len(lane.peaks) == 3 and len(lane.moments) == 4  # windows of a second; four signed residuals
+    file.write_text(CAMPAIGN.replace("cruise", "liquid-ofc", 1))
+    with pytest.raises(CosimError, match="has faults"):
+        work.false_alarms(hours=0.01, campaign=str(file))
+
+
+def test_a_flight_of_an_endless_campaign_does_not_depend_on_how_many_there_are(tmp_path):
+    file = tmp_path / "c.toml"
+    file.write_text(CAMPAIGN)
+    space = Space(load_campaign(file), first_seed=7)
+    first, second, third = (space.number(n) for n in (0, 1, 2))
+    assert (first.manoeuvre.kind, second.manoeuvre.kind, third.manoeuvre.kind) == ("cruise", "nz_doublet", "cruise")
+    assert len({s.flight.mass_t for s in (first, second, third)}) == 3 and third.seed == 9
+    assert space.number(2) == third
