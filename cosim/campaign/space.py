@@ -31,8 +31,8 @@ class Space:
 
     def __call__(self, u: ArrayLike) -> Scenario:
         """Return the Scenario at u (size,)."""
-        u = np.clip(np.asarray(u, float), 0.0, np.nextafter(1.0, 0.0))
-        return self._scenario(u, self.first_seed + int(u[-1] * self.seeds))
+        at = np.clip(np.asarray(u, float), 0.0, np.nextafter(1.0, 0.0))
+        return self._scenario(at, self.first_seed + int(at[-1] * self.seeds))
 
     def number(self, n: int) -> Scenario:
         """Return flight `n` >= 0 of an endless campaign: the grid in turn, draws and seed its own."""

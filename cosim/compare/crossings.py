@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
-from cosim.compare.metrics import UNKNOWN, Share
+from cosim.compare.metrics import UNKNOWN, Band, Share
 
 LEVEL = 0.01  # of each test
 LEAST = 100.0  # independent samples, below which a residual is not called Gaussian
@@ -43,8 +43,8 @@ class Moments:
     def of(cls, r: ArrayLike) -> "Moments":
         """Return the Moments of a flight's residual (ticks,)."""
         r = np.asarray(r, float)
-        sums = (float((r**j).sum()) for j in (1, 2, 3, 4))
-        return cls(len(r), *sums, float(r[1:] @ r[:-1]), *_memory(r))
+        s1, s2, s3, s4 = (float((r**j).sum()) for j in (1, 2, 3, 4))
+        return cls(len(r), s1, s2, s3, s4, float(r[1:] @ r[:-1]), *_memory(r))
 
 
 def _memory(r):
@@ -68,12 +68,12 @@ class Gaussian:
     note: str = ""
     p: tuple = ()  # probabilities of the tests: mean, skewness, kurtosis, one variance
 
-    def rate(self, level: ArrayLike) -> Share:
-        """Return the Share of arrays: crossings of |r| = level from below, 1/h; the interval is that of sigma."""
+    def rate(self, level: ArrayLike) -> Band:
+        """Return the crossings of |r| = level from below, 1/h; the interval is that of sigma."""
         if self.note:
             raise ValueError(self.note)
         c = np.atleast_1d(np.asarray(level, float))
-        return Share(*(crossing(c / s, self.rho) * 3600.0 / self.dt for s in self.sigma))
+        return Band(*(crossing(c / s, self.rho) * 3600.0 / self.dt for s in self.sigma))
 
 
 def crossing(c: NDArray, rho: float) -> NDArray:

@@ -247,9 +247,9 @@ def _at(c, peak, hours, tail):
     """Return the rate at one level: by the tail where it holds, else counted."""
     if not hours:
         return None
-    if not tail.note and c >= tail.u:
-        return {**_plain(type(tail.shape)(*(x[0] for x in tail.rate(c)))), "by": "extremes"}
-    return {**_plain(type(tail.shape)(*(x[0] for x in tails.counted(peak, hours, c)))), "by": "counted"}
+    far = not tail.note and c >= tail.u
+    found = tail.rate(c) if far else tails.counted(peak, hours, c)
+    return {k: float(v[0]) for k, v in found._asdict().items()} | {"by": "extremes" if far else "counted"}
 
 
 def _levels(peak, tail):

@@ -28,6 +28,14 @@ class Share(NamedTuple):
 UNKNOWN = Share(math.nan, math.nan, math.nan)
 
 
+class Band(NamedTuple):
+    """A curve with its two-sided interval at each place."""
+
+    value: NDArray
+    low: NDArray
+    high: NDArray
+
+
 def proportion(k: int, n: int, confidence: float = 0.95) -> Share:
     """Return the Share k/n with the exact interval of Clopper and Pearson; (nan, 0, 1) for n = 0.
 

@@ -29,7 +29,7 @@ from scipy import special, stats
 from scipy.ndimage import maximum_filter1d
 from scipy.optimize import brentq
 
-from cosim.compare.metrics import UNKNOWN, Share, rate
+from cosim.compare.metrics import UNKNOWN, Band, Share, rate
 
 PEAKS = 100  # highest peaks that are fitted
 SHARE = 0.2  # of all peaks at most: below lies the body of the distribution, not its tail
@@ -101,8 +101,8 @@ class Tail:
     excess: NDArray = field(default_factory=lambda: np.empty(0), repr=False)  # (k,)
     region: tuple = field(default=(), repr=False)  # xi, sigma, log rate at u: low, high
 
-    def rate(self, level: ArrayLike) -> Share:
-        """Return the Share of arrays: rate at each level, 1/h. Raises ValueError below u, or without a fit."""
+    def rate(self, level: ArrayLike) -> Band:
+        """Return the rate at each level, 1/h. Raises ValueError below u, or without a fit."""
         c = np.atleast_1d(np.asarray(level, float)) - self.u
         if self.note or (c < 0.0).any():
             raise ValueError(self.note or f"the fit holds from {self.u:g} on")
@@ -111,7 +111,7 @@ class Tail:
         nu = math.log(self.k / self.hours)
         value = nu + log_survival(c, self.shape.value, self.sigma)
         most = np.maximum((high + above).max(axis=1), nu - c / self.excess.mean())
-        return Share(*(np.exp(x) for x in (value, (low + above).min(axis=1), most)))
+        return Band(np.exp(value), np.exp((low + above).min(axis=1)), np.exp(most))
 
     def level(self, wanted: float) -> Share:
         """Return the Share of the level at which the rate is `wanted` [1/h]; inf for a bound that no level keeps."""
@@ -213,8 +213,8 @@ def stability(peak: ArrayLike, hours: float, ks: Sequence[int] = (50, 70, 100, 1
             if len(t.region)]  # fmt: skip
 
 
-def counted(peak: ArrayLike, hours: float, level: ArrayLike) -> Share:
-    """Return the Share of arrays: peaks at or beyond each level, 1/h, with exact Poisson intervals (Garwood 1936)."""
+def counted(peak: ArrayLike, hours: float, level: ArrayLike) -> Band:
+    """Return peaks at or beyond each level, 1/h, with exact Poisson intervals (Garwood 1936)."""
     p = np.sort(np.asarray(peak, float))
     found = [rate(int(len(p) - np.searchsorted(p, c)), hours) for c in np.atleast_1d(level)]
-    return Share(*(np.array(x) for x in zip(*found)))
+    return Band(*(np.array(x) for x in zip(*found)))
