@@ -47,6 +47,10 @@ def add(app: Any, out: Any, err: Any) -> None:
             Path | None,
             typer.Option("--verify", metavar="TABLE", help="Repeat rows of a score.json.", show_default=False),
         ] = None,
+        readme: Annotated[
+            Path | None,
+            typer.Option("--readme", metavar="FILE", help="Write the tables into it, too.", show_default=False),
+        ] = None,
         workers: WorkersOption = None,
         json_: JsonOption = False,
     ):
@@ -58,11 +62,11 @@ def add(app: Any, out: Any, err: Any) -> None:
         from cosim.compare.score import stored
         from cosim.compare.score.flights import QUICK
         from cosim.compare.score.table import differences
-        from cosim.files import replace_text
 
         chosen = list(detectors or ())
         held = stored(verify, chosen, seeds) if verify else None
-        reserve(output / "score.json")
+        if not held:
+            reserve(output / "score.json")
         limit = held.limit if held else QUICK if quick and limit is None else limit
         with tables.progress(err, "flying the benchmark, once on a machine", "flights", "preparing") as flying:
             with tables.progress(err, "scoring", "flights", "reading") as running:
@@ -78,8 +82,12 @@ def add(app: Any, out: Any, err: Any) -> None:
                 said = [tables.escape(line) for line in wrong] or ["every row repeats"]
                 out.print("\n".join(said), soft_wrap=True, highlight=False)
             raise typer.Exit(1 if wrong else 0)
-        made.table["table"] = str(output / "score.json")
-        replace_text(output / "score.json", json.dumps(made.table, indent=1, allow_nan=False))
+        from cosim.report import write_score
+        from cosim.report.score_page import write_readme
+
+        write_score(made.table, made.found.rows, output)
+        if readme:
+            write_readme(made.table, readme)
         print(json.dumps(made.table, allow_nan=False)) if json_ else out.print(shown(made.table))
 
 
@@ -104,7 +112,7 @@ def shown(found: dict) -> Group:
     pairs = [_pairs(found["pairs"])] if found["pairs"] else []
     flown = f"{found['benchmark']}: {found['flights']} flights, content {found['content']}"
     clock = f"flown or found in {found['flying_s']:.0f} s, scored in {found['scoring_s']:.0f} s"
-    lines = [Text(f"table  {found['table']}")] if "table" in found else []
+    lines = [Text(f"{key:<7}{found[key]}") for key in ("report", "table") if key in found]
     return Group(Text(flown), t, *families, *pairs, Text(clock), *lines)
 
 

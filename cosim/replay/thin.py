@@ -88,7 +88,7 @@ def record(scenario: Scenario, path: str | Path) -> dict:
         "achieved": achieved,
         "consequences": setup.history.consequences(scenario, history), "scenario": scenario.expanded_toml(),
     }  # fmt: skip
-    content = hashlib.sha256(json.dumps(about, sort_keys=True).encode())
+    content = hashlib.sha256(json.dumps(about | {"scenario": ""}, sort_keys=True).encode())
     for name, column in table.items():
         content.update(name.encode() + b"\0" + column.tobytes())
     made = pa.table(table).replace_schema_metadata({ABOUT: json.dumps(about)})

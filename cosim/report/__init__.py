@@ -6,6 +6,7 @@ from cosim.report.envelope_page import envelope_report
 from cosim.report.envelope_picture import envelope_picture
 from cosim.report.flight_page import flight_report
 from cosim.report.reproduce_page import reproduction_report
+from cosim.report.score_page import score_report, write_score
 
 __all__ = [
     "comparison_report",
@@ -14,5 +15,7 @@ __all__ = [
     "envelope_report",
     "flight_report",
     "reproduction_report",
+    "score_report",
     "write_comparison",
+    "write_score",
 ]

@@ -10,7 +10,7 @@ from cosim.report.page import Row, Table, bold, code, mark
 
 def detectors(each: list[dict]) -> Table:
     """Return the Table of all detectors, over what each was designed for."""
-    rows = [Row((bold(d["id"]), coverage.group(d["id"], d["level"]), *_scored(d)), {"data-detector": d["id"]})
+    rows = [Row((bold(d["id"]), coverage.group(d["id"], d["level"]), *scored(d)), {"data-detector": d["id"]})
             for d in each]  # fmt: skip
     note = (
         "Over the faults that it was designed for, on parts that it watches; right, ambiguous, wrong, not valid, not "
@@ -74,7 +74,7 @@ SCORED = (
 )
 
 
-def _scored(d, moves=False):
+def scored(d: dict, moves: bool = False) -> tuple:
     """Return the cells of SCORED from a score of cosim/compare/stats.py; `moves` adds the time from motion on."""
     if not d["designed"]:
         return ("–",) * len(SCORED)
@@ -99,7 +99,7 @@ def families(found: list[dict]) -> Table:
     out, last = [], None
     for d in found:
         head = bold(d["family"]) if d["family"] != last else ""
-        rows = (head, d["id"], *_scored(d, moves=d["family"] == "jam or runaway"))
+        rows = (head, d["id"], *scored(d, moves=d["family"] == "jam or runaway"))
         last = d["family"]
         out.append(Row(rows, {"data-detector": d["id"]}))
     note = (

@@ -21,6 +21,8 @@ from cosim.flight.guests import with_detectors
 from cosim.judge.probability import UNSAID, log_score
 from cosim.judge.row import rows
 from cosim.replay import thin
+from cosim.report import score_report
+from cosim.report.score_page import write_readme
 from cosim.scenario import load_scenario
 from fdi.registry import SHIPPED
 
@@ -114,6 +116,12 @@ def test_the_benchmark_resumes_scores_and_repeats(recordings, tmp_path, monkeypa
     line = ["score", "--verify", str(table), "iotsekf", guest, "--recordings", str(recordings)]
     said = CliRunner().invoke(cli.app, [*line, "-o", str(tmp_path)])
     assert (said.exit_code, said.output) == (0, "every row repeats\n")
+    page = score_report(found, tmp_path / "score.html").read_text(encoding="utf-8")
+    assert all(f"<b>{name}</b>" in page for name in ("iotsekf", "rough")) and found["content"] in page
+    readme = tmp_path / "README.md"
+    readme.write_text("<!-- score: begin -->\n<!-- score: end -->\n")
+    write_readme(found, readme)
+    assert "| `rough` | local level | " in readme.read_text(encoding="utf-8")
     other = json.loads(table.read_text())
     other["detectors"][0]["families"][0]["flights"] = 99
     assert differences(other, found, ["iotsekf"]) == ["iotsekf: families[0].flights = 99 stored, 1 here"]

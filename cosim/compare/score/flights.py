@@ -4,10 +4,11 @@ import functools
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from actuators.sources import closure, private
 from cosim.campaign.jobs import work
@@ -133,13 +134,21 @@ def flown(
     A killed run goes on where it was. Raises OutputError, CampaignError.
     """
     home = Path(folder) if folder else cache(seeds)
-    todo = chosen(scenarios(seeds), limit)
-    jobs = [(recorded, {"toml_text": text, "name": f"{run}.parquet", "folder": str(home.resolve())})
-            for run, _, text in todo]  # fmt: skip
-    told = work(jobs, folder=home, code=code(), workers=workers, progress=progress)
-    out = [Flight(run, family, text, home / f"{run}.parquet", dict(t)) for (run, family, text), t in zip(todo, told)]
+    out = fly_into(home, chosen(scenarios(seeds), limit), workers=workers, progress=progress)
     replace_text(home / MANIFEST, json.dumps(manifest(seeds, out), indent=1))
     return out
+
+
+def fly_into(home: Path, flights: Iterable[tuple[str, str, str]], **how: Any) -> list[Flight]:
+    """Return the Flights (run, family, TOML), recorded in folder `home` where they are not yet.
+
+    `how`: see `cosim.campaign.jobs.work`.
+    """
+    todo = list(flights)
+    jobs = [(recorded, {"toml_text": text, "name": f"{run}.parquet", "folder": str(home.resolve())})
+            for run, _, text in todo]  # fmt: skip
+    told = work(jobs, **{**how, "folder": home, "code": code()})
+    return [Flight(run, family, text, home / f"{run}.parquet", dict(t)) for (run, family, text), t in zip(todo, told)]
 
 
 def recorded(toml_text: str, name: str, folder: str) -> dict:
@@ -155,7 +164,7 @@ def manifest(seeds: Seeds, flights: list[Flight]) -> dict:
 
     `content` is one digest over the values of all flights, whatever the version of the library that wrote the files.
     """
-    whole = hashlib.sha256("".join(f.run + f.told.get("content", "") for f in flights).encode())
+    whole = hashlib.sha256("".join(f.told.get("content", "none") for f in flights).encode())
     given = {"digest": seeds.digest} if seeds.sealed else {"seed": seeds.draws, "first_seed": seeds.first}
     return {
         "benchmark": NAME, "flights": len(flights), "seeds": given, "content": whole.hexdigest()[:16],
