@@ -16,6 +16,7 @@ import functools
 import math
 import struct
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import jsbsim
@@ -275,6 +276,25 @@ def _in_gusts(run, air, get, put):
     run()
 
 
+def bare_model(path: Path, dt: float, start: dict[str, float]) -> tuple[Callable[[], bool], Port]:
+    """Return (step, Port) of a bare JSBSim model at `path`, from `start`: {property: value in the unit of JSBSim}.
+
+    Raises RuntimeError when JSBSim cannot load it.
+    """
+    jsbsim.set_logger(_REFERENCE_LOGGER)
+    fdm = jsbsim.FGFDMExec(None)
+    fdm.set_aircraft_path(str(path.parent.parent))
+    fdm.set_dt(dt)
+    if not fdm.load_model(path.stem):
+        raise RuntimeError(f"JSBSim cannot load {path}: {'; '.join(_REFERENCE_LOGGER.errors)}")
+    fdm.disable_output()
+    port = Port(fdm)
+    for name, value in start.items():
+        port.setter(name)(value)
+    fdm.run_ic()
+    return fdm.run, port
+
+
 _REFERENCE_LOGGER = _Quiet()  # kept here: JSBSim does not own it
 
 
@@ -296,4 +316,4 @@ def reference_run(dt: float = 0.005) -> Any:
     return fdm.run
 
 
-__all__ = ["POINTS", "FlightPoint", "Plant", "Port", "TrimError", "loading", "reference_run"]
+__all__ = ["POINTS", "FlightPoint", "Plant", "Port", "TrimError", "bare_model", "loading", "reference_run"]

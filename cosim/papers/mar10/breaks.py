@@ -25,6 +25,27 @@ def _weights(combination):
     return other
 
 
+VEHICLE_FLIGHTS, ISOLATION = "cosim.papers.mar10.vehicle", "cosim.papers.mar10.isolation"
+
+
+def _lifted(equations):
+    """Take the pitch fins' force for one of the other sign."""
+
+    def other(flown, of):
+        known, G = equations(flown, of)
+        return known, G * np.array([1.0, 1.0, -1.0])[:, None]
+
+    return other
+
+
+def _weak(equations):
+    def other(flown, of):
+        known, G = equations(flown, of)
+        return known, G * np.array([1.0, 1.0, 1.0, 1.0 / 3.0])
+
+    return other
+
+
 def _columns(vehicle):
     return vehicle * np.array([1.0, 1.0, 1.0, 0.01])
 
@@ -54,6 +75,28 @@ BREAKS = (
                 for label in LABELS
             ),
         ),
+    ),
+    Break(
+        "the vehicle's pitch fins push the other way than its equations say",
+        lambda: swap(ISOLATION, wrap_equations=_lifted),
+        (
+            "flying vehicle: families that fire though blind",
+            "vehicle, scenario 1 (",
+            "vehicle, scenario 2 (",
+            "vehicle, scenario 3 (",
+            "vehicle without a fault",
+            "raw samples, no mean",
+        ),
+    ),
+    Break(
+        "the motor's share of the thrust is a third of what it is",
+        lambda: swap(ISOLATION, wrap_equations=_weak),
+        ("vehicle, scenario 1, identified thrust loss",),
+    ),
+    Break(
+        "the roll fins make no side force",
+        lambda: swap(VEHICLE_FLIGHTS, wrap_numbers=lambda numbers: lambda: numbers() | {"cyl": 0.0}),
+        ("flying vehicle: residuals that exist",),
     ),
     Break("g_14 is a hundredth", lambda: swap(ROWS, wrap_VEHICLE=_columns), ("as a share of throttle",)),
 )

@@ -4,7 +4,7 @@ import numpy as np
 
 from cosim.flight.plant.force_model import force_model
 from cosim.papers.drawing import Curve, Drawing, Panel, Table
-from cosim.papers.mar10 import flights
+from cosim.papers.mar10 import flights, vehicle_rows
 from cosim.papers.mar10.rows import VEHICLE
 from fdi.control_redundancy import control_redundancy
 from fdi.control_redundancy import structure as redundancy_structure
@@ -18,8 +18,8 @@ TITLES = {
 
 
 def drawings() -> list[Drawing]:
-    """Return the six Drawings."""
-    return [_table(), _own_table(), *(_scenario(n) for n in TITLES), _robustness()]
+    """Return the nine Drawings."""
+    return [_table(), _own_table(), *(_scenario(n) for n in TITLES), *vehicle_rows.drawings(), _robustness()]
 
 
 def _signatures(structure, inputs):

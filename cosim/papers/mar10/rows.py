@@ -12,7 +12,7 @@ from scipy.stats import binomtest
 from actuators.constants import RAD_PER_DEG
 from cosim.flight.plant.force_model import force_model
 from cosim.flight.signals import fly
-from cosim.papers.mar10 import flights
+from cosim.papers.mar10 import flights, vehicle_rows
 from cosim.papers.mar10 import selection as mar10_selection
 from cosim.papers.row import Of
 from fdi.control_redundancy import structure as redundancy_structure
@@ -50,7 +50,8 @@ WHY = (
 
 def plan() -> list[Any]:
     """Return what is asked of [Mar10]."""
-    return [*_structure(), *_aircraft(), *mar10_selection.plan(of), *_scenarios(), *_robustness(), *_smallest()]
+    flown = (*_scenarios(), *vehicle_rows.plan(of))
+    return [*_structure(), *_aircraft(), *mar10_selection.plan(of), *flown, *_robustness(), *_smallest()]
 
 
 def _table(signatures):
