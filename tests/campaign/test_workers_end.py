@@ -1,0 +1,44 @@
+"""Workers end with the process that started them, however it ends."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+PARENT = """
+import os, time
+from cosim.campaign.pool import pool
+if __name__ == "__main__":
+    with pool(2) as workers:
+        held = [workers.submit(time.sleep, 600 if {busy} else 0.5) for _ in range(2)]
+        while len(workers._processes) < 2:
+            time.sleep(0.01)
+        print(*workers._processes, flush=True)
+        time.sleep(600)
+"""
+
+
+def _alive(pid):
+    try:
+        with open(f"/proc/{pid}/stat") as file:
+            return file.read().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc; elsewhere by the same code, not shown")
+@pytest.mark.parametrize("busy", [True, False])
+def test_workers_of_a_killed_campaign_end_at_once(busy, tmp_path):
+    (tmp_path / "parent.py").write_text(PARENT.format(busy=busy))
+    with subprocess.Popen([sys.executable, tmp_path / "parent.py"], stdout=subprocess.PIPE, text=True) as parent:
+        workers = [int(pid) for pid in parent.stdout.readline().split()]
+        time.sleep(2.0)  # until they have begun to work, or wait for work again
+        assert len(workers) == 2 and all(map(_alive, workers))
+        os.kill(parent.pid, signal.SIGKILL)
+    end = time.monotonic() + 20
+    while any(map(_alive, workers)) and time.monotonic() < end:
+        time.sleep(0.05)
+    assert not any(map(_alive, workers))
