@@ -1,15 +1,17 @@
 """Files of the user's: each is there as it was or as it should be, never half of it, and has one writer at a time."""
 
 import contextlib
+import errno
 import os
+import re
 import stat
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from cosim.errors import OutputError
+from cosim.errors import CosimError, OutputError
 
 try:
     import fcntl
@@ -17,21 +19,35 @@ except ImportError:  # where there are no such locks, nobody is kept out
     fcntl = None  # type: ignore[assignment]
 
 
-def replace(path: str | Path, make: Callable[..., Any]) -> Any:
-    """Let `make(part)` write a file beside `path`, then put it in its place; what is there stays until it is whole.
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
-    Raises OutputError when it cannot be written; nothing is left beside `path` then.
+
+def replace(path: str | Path, make: Callable[..., Any]) -> Any:
+    """Let `make(part)` write a file beside `path`, then put it in its place; see `beside`."""
+    with beside(path) as part:
+        return make(part)
+
+
+@contextlib.contextmanager
+def beside(path: str | Path) -> Iterator[Path]:
+    """Give the name of a file beside `path` to be written, and put it in its place when it is whole.
+
+    What is there stays until then. Raises OutputError when it cannot be written, or another run writes it; nothing is
+    left beside `path` then.
     """
     path = Path(path).resolve()  # behind a link stands the file that is meant
+    part = path
     try:
         if path.exists() and not path.is_file():  # a device or a pipe: nothing of it can be lost, nor put in its place
-            return make(path)
+            yield path
+            return
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=path.suffix, dir=path.parent)
+        _alone(path)
+        handle, name = tempfile.mkstemp(prefix=f".{path.name[:100]}.", suffix=path.suffix, dir=path.parent)
         os.close(handle)
         part = Path(name)
         try:
-            make(part)
+            yield part
             with part.open("rb+") as file:
                 os.fsync(file.fileno())
             part.chmod(path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_umask())
@@ -40,9 +56,19 @@ def replace(path: str | Path, make: Callable[..., Any]) -> Any:
             with contextlib.suppress(OSError):
                 part.unlink()
             raise
+    except CosimError as error:
+        error.place = error.place.replace(str(part), str(path))
+        raise
     except OSError as error:
-        remedy = "Free space there, or choose another place"
+        remedy = "Free space there, or choose another place" if error.errno in FULL else "Choose another place"
         raise OutputError(f"cannot be written: {error.strerror or error}", place=str(path), remedy=remedy) from None
+
+
+def _alone(path):
+    """Raise OutputError while another run writes `path`."""
+    with contextlib.suppress(OSError), path.open("rb") as file:
+        if not locked(file):
+            raise OutputError(TAKEN, place=str(path), remedy=OTHER)
 
 
 def regular(path: str | Path, error: Any) -> None:
@@ -71,7 +97,33 @@ def _umask():
 
 TAKEN = "is being written by another run"
 OTHER = "Choose another -o, or wait for it"
+_PART = re.compile(r"\..+\.[a-z0-9_]{8}(\.\w+)?")  # as tempfile names what `beside` writes
 _WAIT_S, _TRIES = 0.05, 4  # `reserve` of another run holds the lock for less
+
+
+def sweep(folder: Path) -> None:
+    """Remove what `beside` of killed processes has left in `folder`, where nobody else writes."""
+    for path in folder.glob(".*"):
+        if _PART.fullmatch(path.name) and path.is_file():
+            path.unlink()
+
+
+@contextlib.contextmanager
+def held(folder: Path) -> Iterator[None]:
+    """Keep other processes out of a folder that they would hold as well. Raises OutputError when one has it."""
+    if fcntl is None:
+        yield
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        with contextlib.suppress(OSError):  # a file system that has no locks lets everybody in
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise OutputError(TAKEN, place=str(folder), remedy=OTHER) from None
+        yield
+    finally:
+        os.close(handle)
 
 
 def locked(file: Any) -> bool:

@@ -1,191 +1,252 @@
-"""Every door under fire: mutated and forged logs, scenarios, maps, campaign files, recordings. One line or a result, in
-bounded time; never a traceback. COSIM_CASES cases of each kind, printed (`pytest -m slow -s tests/test_doors.py`).
+"""Every door under fire: mutated and forged logs, scenarios, maps, campaign files and folders, recordings.
+
+One line or a result, in bounded time and memory; never a traceback.
+
+COSIM_CASES cases of each kind from COSIM_SEED on, printed (`pytest -m slow -s tests/test_doors.py`).
 """
 
 import json
 import os
 import random
+import resource
+import shutil
+import signal
 import time
+import traceback
 from importlib.resources import files
 from pathlib import Path
 
-import numpy as np
+import hostile_recordings
+import pyarrow.parquet as pq
 import pytest
-from forged import forge
-from log_samples import reseal
+from hostile_logs import Logs
+from hostile_texts import WORDS, encoded, mangled
 
 import cosim
+from cosim.campaign.run import run_campaign
 from cosim.campaign.spec import load_campaign
+from cosim.cli.bench import compared, read_bench
+from cosim.compare import compare
 from cosim.errors import CosimError
-from cosim.log import open_log, recover
+from cosim.flight.guests import with_detectors
+from cosim.log import recover
 from cosim.log.info import log_info
 from cosim.replay import replay
 from cosim.replay.map import diagnose
 from cosim.replay.map_file import load_map
-from cosim.report import flight_report
+from cosim.report import comparison_report, flight_report
 
-CASES = int(os.environ.get("COSIM_CASES", "1000"))
-SLOWEST_S = 20.0
-WORDS = ["0", "-1", "1e308", "-1e308", "nan", "inf", "true", "[]", "{}", "[[]]", "''", '"x"', "2020-01-01", "10:00:00",
-         "[{}]", "9" * 400, "1e-320", "0x7fffffffffffffff", "1_0", '"\\u0000"', '"elevator.left"', "1.5", "[1, 'a']",
-         "{a = 1}", "99999999999999999999", '"' + "x" * 3000 + '"', "=", "", "#", '"../../etc/passwd"']  # fmt: skip
-
-
+CASES, SEED = int(os.environ.get("COSIM_CASES", "1000")), int(os.environ.get("COSIM_SEED", "0"))
+LONGEST_S, LARGEST = 20, 1 << 30
 KEYS = ("duration_s", "seed", "rate_hz", "flight.mass_t", "flight.mach", "manoeuvre.kind", "faults.0", "faults.0.kind",
         "elevator.feedback", "sensors.alpha.bias_deg", "detectors.enabled", "title", "tolerances.aero.Cm_q",
-        "faults.99.kind", "x.y.z", "faults.0.target")  # fmt: skip
-STRANGE = (None, -1, 1e308, "x", [], {}, [[]], 10**30, True, "é" * 500)
-NUMBERS = (np.nan, np.inf, -np.inf, 1e300, -1e18, 1e18, -1.0, 0.5)
+        "faults.99.kind", "x.y.z", "faults.0.target", "manoeuvre", "faults", "detectors.iotsekf", "aircraft",
+        "elevator.left_inner", "faults.0.start_s", "faults.0.frequency_hz", "detectors.files", "flight")  # fmt: skip
 
 
 def tried(kind, n, make, doors):
     """Send `n` cases of `make(rng)` through every door; print what came of them."""
-    rng = random.Random(f"{kind} {CASES}")
     taken = refused = 0
     slowest = 0.0
-    for _ in range(n):
-        case = make(rng)
+    failed = {}
+    for number in (signal.SIGALRM, signal.SIGPROF):
+        signal.signal(number, _too_long)
+    for number in range(SEED, SEED + n):
+        case = make(random.Random(f"{kind} {number}"))
         for door in doors:
             begun = time.monotonic()
+            signal.setitimer(signal.ITIMER_PROF, LONGEST_S)  # of this process: others may keep the machine busy
+            signal.alarm(6 * LONGEST_S)
             try:
                 door(case)
                 taken += 1
             except CosimError as error:
                 refused += 1
                 assert "\n" not in str(error)
-            slowest = max(slowest, time.monotonic() - begun)
-            assert slowest < SLOWEST_S
-    print(f"\n{kind}: {n} cases, {taken} taken, {refused} refused, slowest {slowest:.2f} s")
+            except (Exception, TooLongError) as error:  # one of each place is told
+                where = traceback.extract_tb(error.__traceback__)
+                last = [f"{Path(f.filename).name}:{f.lineno}" for f in where if "/cosim/" in f.filename][-1:]
+                failed.setdefault((type(error).__name__, *last), f"{kind} {number}: {error!r:.300}")
+            finally:
+                signal.setitimer(signal.ITIMER_PROF, 0)
+                signal.alarm(0)
+            took = time.monotonic() - begun
+            slowest = max(slowest, took)
+        largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+        assert largest < LARGEST, f"{kind} {number}"
+    told = f"{taken} taken, {refused} refused, slowest {slowest:.2f} s, largest {largest / 1e6:.0f} MB"
+    print(f"\n{kind}: {n} cases, {told}")
+    assert not failed, "\n".join(f"{' '.join(place)}: {told}" for place, told in failed.items())
 
 
-def mangled(rng, text):
-    """Return TOML text with a few of its values, keys or lines changed."""
-    lines = text.splitlines()
-    for _ in range(rng.randint(1, 3)):
-        k = rng.randrange(len(lines))
-        what = rng.random()
-        if what < 0.6 and "=" in lines[k]:
-            lines[k] = f"{lines[k].split('=')[0]}= {rng.choice(WORDS)}"
-        elif what < 0.7:
-            lines.insert(k, rng.choice(lines))
-        elif what < 0.8:
-            lines[k] = lines[k].replace(rng.choice("aeiou.[="), rng.choice("xyz.[]{}=\"'"), 1)
-        elif what < 0.9:
-            del lines[k]
-            lines = lines or ["x"]
-        else:
-            at = rng.randrange(len(lines[k]) + 1)
-            lines[k] = lines[k][:at] + rng.choice("\x00\n\\\"'[]{}=.,é�") + lines[k][at:]
-    return "\n".join(lines)
+class TooLongError(BaseException):
+    """What no reader catches."""
+
+
+def _too_long(*_):
+    raise TooLongError(f"takes longer than {LONGEST_S} s")
+
+
+def texts(folder, ending=".toml"):
+    """Return the texts of the built-in files of a folder."""
+    return [p.read_text() for p in files("cosim").joinpath(folder).iterdir() if p.name.endswith(ending)]
+
+
+def written(path, originals):
+    """Return what writes a mangled one of `originals` to `path`."""
+
+    def make(rng):
+        path.write_bytes(encoded(rng, mangled(rng, rng.choice(originals))))
+        return path
+
+    return make
 
 
 @pytest.mark.slow
-def test_scenarios_maps_and_campaign_files(tmp_path):
-    scenarios = [p.read_text() for p in files("cosim").joinpath("scenarios").iterdir() if p.name.endswith(".toml")]
-    campaigns = [p.read_text() for p in files("cosim").joinpath("campaigns").iterdir() if p.name.endswith(".toml")]
+def test_scenarios_and_overrides(tmp_path):
+    def override(rng):
+        return [f"{rng.choice(KEYS)}={rng.choice(WORDS)}" for _ in range(rng.choice((1, 1, 2)))]
+
+    tried("scenarios", CASES, written(tmp_path / "case.toml", texts("scenarios")), [cosim.load_scenario])
+    tried("overrides", CASES, override, [lambda given: cosim.load_scenario("liquid-ofc", given)])
+
+
+@pytest.mark.slow
+def test_maps_and_campaign_files(tmp_path):
     for p in files("cosim").joinpath("campaigns").iterdir():
         if p.name.endswith(".csv"):
             (tmp_path / p.name).write_bytes(p.read_bytes())
-    maps = [(Path(__file__).parent / "data" / "foreign_map.toml").read_text()]
-    path = tmp_path / "case.toml"
+    maps = [(Path(__file__).parent / "data" / "foreign_map.toml").read_text(), hostile_recordings.MAP.format("")]
+    tried("campaign files", CASES, written(tmp_path / "case.toml", texts("campaigns")), [drawn])
+    hostile_recordings.write_whole(tmp_path / "whole.csv")
+    doors = [load_map, lambda path: diagnose(tmp_path / "whole.csv", path)]
+    tried("maps", CASES, written(tmp_path / "map.toml", maps), doors)
 
-    def written(texts):
-        def make(rng):
-            path.write_text(mangled(rng, rng.choice(texts)), encoding="utf-8", errors="surrogatepass")
-            return path
 
-        return make
-
-    def override(rng):
-        return f"{rng.choice(KEYS)}={rng.choice(WORDS)}"
-
-    tried("scenarios", CASES, written(scenarios), [cosim.load_scenario])
-    tried("overrides", CASES, override, [lambda text: cosim.load_scenario("liquid-ofc", [text])])
-    tried("campaign files", CASES, written(campaigns), [load_campaign])
-    tried("maps", CASES, written(maps), [load_map])
+def drawn(path):
+    """Load a campaign, and make its scenarios where they are few."""
+    made = load_campaign(path)
+    if len(made) <= 200:
+        made.scenarios()
 
 
 @pytest.fixture(scope="module")
-def flight(tmp_path_factory):
-    path = tmp_path_factory.mktemp("doors") / "flight.mcap"
-    short = ["duration_s=0.5", "faults.0.start_s=0.2", "detectors.enabled=['iotsekf']", "elevator.feedback=measured"]
-    cosim.simulate(cosim.load_scenario("liquid-ofc", short), log=path, timed=False)
-    return path
+def flights(tmp_path_factory):
+    """Return logs of short flights: hydraulic, electric with detectors of the aircraft, and a detector of one's own."""
+    home = tmp_path_factory.mktemp("doors")
+    short = ["duration_s=0.5", "faults.0.start_s=0.2", "elevator.feedback=measured"]
+    guest = Path(__file__).parent / "data" / "guests" / "counting.py"
+    flown = [
+        cosim.load_scenario("liquid-ofc", [*short, "detectors.enabled=['iotsekf']"]),
+        cosim.load_scenario("cruise", [short[0], "detectors.enabled=['ema_kalman', 'kinematic', 'ofc_monitor']"]),
+        with_detectors(cosim.load_scenario("liquid-ofc", [*short, "detectors.enabled=['position_monitor']"]), [guest]),
+    ]
+    for k, scenario in enumerate(flown):
+        cosim.simulate(scenario, log=home / f"{k}.mcap", timed=False)
+    return [home / f"{k}.mcap" for k in range(len(flown))]
 
 
 @pytest.mark.slow
-def test_logs_mutated_and_forged(flight, tmp_path):
-    data, log = flight.read_bytes(), open_log(flight)
-    texts = {n: v for n, v in log.attachments.items() if n in ("scenario.toml", "detectors.json")}
-    arrays = [n for n in log.attachments if n.endswith(".npy")]
-    path = tmp_path / "case.mcap"
-
-    def mutated(rng):
-        out = bytearray(data)
-        for _ in range(rng.choice((1, 1, 2, 5))):
-            at, n = rng.randrange(len(out)), rng.choice((1, 1, 8, 100))
-            if rng.random() < 0.7:
-                out[at : at + n] = rng.randbytes(n)
-            elif rng.random() < 0.5:
-                del out[at : at + n]
-            else:
-                out[at:at] = rng.randbytes(n)
-        path.write_bytes(reseal(bytes(out)) if rng.random() < 0.7 else bytes(out))
-        return path
-
-    def forged(rng):
-        what = rng.random()
-        if what < 0.35:
-            name = rng.choice(list(texts))
-            text = texts[name].decode()
-            if name.endswith(".toml"):
-                change = {name: mangled(rng, text).encode("utf-8", "surrogatepass")}
-            else:
-                found = json.loads(text)
-                entry = rng.choice(found)
-                entry[rng.choice(list(entry))] = rng.choice(STRANGE)
-                change = {name: json.dumps(rng.choice([found, entry, found * 2, None, [entry]])).encode()}
-            return forge(log, path, attachments=change)
-        if what < 0.7:
-            name = rng.choice(arrays)
-            raw = bytearray(log.attachments[name])
-            for _ in range(3):
-                at = rng.randrange(len(raw))
-                raw[at : at + 8] = rng.choice([rng.randbytes(8), np.float64(rng.choice(NUMBERS)).tobytes()])
-            cut = len(raw) if rng.random() < 0.8 else rng.randrange(200)
-            return forge(log, path, attachments={name: bytes(raw[:cut])})
-        if what < 0.9:
-            topic = rng.choice(list(log.topics.values()))
-            return forge(log, path, samples=[(topic.name, rng.choice(topic.fields), rng.choice(NUMBERS))])
-        key = rng.choice(["detectors", "achieved", "status", "reason", "sim_time_s"])
-        return forge(log, path, result={key: rng.choice(["null", "[", "9" * 500, "{}", "nan", "é"])})
-
+@pytest.mark.parametrize("kind", ["contents", "records", "mutated"])
+def test_logs(kind, flights, tmp_path):
+    logs = Logs(flights, tmp_path / "case.mcap")
     doors = [log_info, replay, lambda p: flight_report(p, tmp_path / "page.html")]
-    tried("forged logs", CASES, forged, doors)
-    tried("mutated logs", CASES, mutated, [*doors, lambda p: recover(p, tmp_path / "recovered.mcap")])
+    doors += [lambda p: recover(p, tmp_path / "recovered.mcap"), lambda p: replay(p, output=tmp_path / "again.mcap")]
+    tried(f"logs, {kind}", CASES, getattr(logs, kind), doors)
 
 
 @pytest.mark.slow
-def test_recordings(tmp_path):
-    (tmp_path / "map.toml").write_text(
-        "rate_hz = 200\n[flight]\nmass_t = 200.0\ncg_pct = 30.0\naltitude_ft = 20000.0\ncas_kt = 290.0\n[signals]\n"
-        'de_cmd = { channel = "cmd", unit = "deg" }\n"left_inner.surface" = { channel = "surf", unit = "deg" }\n'
-    )
-    rows = [f"{k * 0.005:.3f},{np.sin(k / 50):.4f},{np.cos(k / 50):.4f}" for k in range(400)]
-    path = tmp_path / "case.csv"
+@pytest.mark.parametrize("kind", ["csv", "parquet", "mcap"])
+def test_recordings(kind, tmp_path):
+    hostile_recordings.write_maps(tmp_path)
+    make = getattr(hostile_recordings, kind)
+
+    def read(case):
+        path, how = case
+        map_ = "bus.toml" if kind == "mcap" else "map.toml"
+        diagnose(path, tmp_path / map_, on_reset=how, output=tmp_path / "out.mcap")
 
     def made(rng):
-        lines = ["t_s,cmd,surf", *rows]
-        for _ in range(rng.randint(1, 4)):
-            k = rng.randrange(len(lines))
-            cells = lines[k].split(",")
-            cells[rng.randrange(len(cells))] = rng.choice([*WORDS[:8], "", "-", "é", "1e400", "0.1", ";", '"', "\x00"])
-            lines[k] = rng.choice([",".join(cells), lines[0], "", lines[-1], ",,,,,,,", ",".join(cells)])
-        if rng.random() < 0.1:
-            lines = lines[: rng.randrange(5)]
-        path.write_text("\n".join(lines), encoding="utf-8")
-        return path
+        return make(rng, tmp_path), rng.choice([None, "split", "offset"])
 
-    how = lambda rng: rng.choice([None, "split", "offset"])  # noqa: E731
-    rng = random.Random(7)
-    tried("recordings", max(200, CASES // 10), made, [lambda p: diagnose(p, tmp_path / "map.toml", on_reset=how(rng))])
+    tried(f"recordings, {kind}", max(200, CASES // 10), made, [read])
+
+
+FILE = """
+base = "cruise"
+runs = 2
+seed = 3
+[set]
+duration_s = 0.3
+"detectors.enabled" = ["position_monitor"]
+"elevator.feedback" = "measured"
+[draw]
+"flight.mass_t" = { low = 200.0, high = 300.0 }
+"""
+
+
+@pytest.mark.slow
+def test_campaign_folders(tmp_path):
+    (tmp_path / "few.toml").write_text(FILE)
+    assert run_campaign(tmp_path / "few.toml", out=tmp_path / "whole", workers=0).done == 2
+    (tmp_path / "whole" / "guests.json").write_text("[]")
+
+    def made(rng):
+        out = tmp_path / "out"
+        shutil.rmtree(out, ignore_errors=True)
+        shutil.copytree(tmp_path / "whole", out)
+        for _ in range(rng.choice((1, 1, 2))):
+            _damaged(rng, rng.choice([p for p in sorted(out.rglob("*")) if p.is_file()]))
+        return out
+
+    def page(out):
+        comparison_report(compare([out]), tmp_path / "page.html")
+
+    def resumed(out):
+        run_campaign(tmp_path / "few.toml", out=out, workers=0, resume=True)
+
+    tried("campaign folders", max(200, CASES // 10), made, [page, resumed, page])
+
+
+def _damaged(rng, path):
+    what = rng.random()
+    if path.suffix == ".parquet" and what < 0.5:
+        try:
+            table = pq.read_table(path)
+        except Exception:  # damaged before
+            return
+        k = rng.randrange(table.num_columns)
+        name, column = table.column_names[k], table.column(k)
+        if rng.random() < 0.5:
+            nulls = hostile_recordings.pa.nulls(table.num_rows, column.type)
+            table = table.set_column(k, name, rng.choice((nulls, hostile_recordings.of(rng, table.num_rows))))
+        else:
+            table = rng.choice((table.drop_columns([name]), table.slice(0, 0), table.append_column(name, column)))
+        pq.write_table(table, path)
+    elif path.suffix == ".json" and what < 0.7:
+        values = (None, [], {}, [{}], [1], "x", [{"id": 3}], [{"id": "x", "level": "local", "every": 1, "guest": {}}])
+        path.write_text(json.dumps(rng.choice(values)))
+    elif what < 0.8:
+        raw = bytearray(path.read_bytes() or b"x")
+        raw[rng.randrange(len(raw))] = rng.randrange(256)
+        path.write_bytes(raw[: rng.randrange(len(raw))] if rng.random() < 0.3 else raw)
+    elif what < 0.9:
+        path.unlink()
+    else:
+        path.unlink()
+        path.mkdir() if rng.random() < 0.5 else os.mkfifo(path)
+
+
+@pytest.mark.slow
+def test_outcomes_of_bench(tmp_path):
+    whole = {"cases": [{"name": "x", "against": "y", "ratio": 1.0}], "startup": {"import_s": 1.0}, "peak_mb": 3.0,
+             "detectors": [{"id": "x", "batch_us": 1.0}]}  # fmt: skip
+
+    def made(rng):
+        found = json.loads(json.dumps(whole))
+        node = rng.choice([found, found["cases"][0], found["startup"], found["detectors"][0]])
+        node[rng.choice(list(node))] = rng.choice([None, [], {}, "x", [1], 1e308, True, [{}], {"x": "y"}])
+        (tmp_path / "case.json").write_bytes(encoded(rng, json.dumps(found)))
+        return tmp_path / "case.json"
+
+    tried("outcomes of bench", CASES // 10, made, [lambda p: compared(read_bench(p), whole)])

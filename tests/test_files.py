@@ -12,8 +12,9 @@ from pathlib import Path
 
 import pytest
 
+from cosim.cli.output import reserve
 from cosim.errors import OutputError
-from cosim.files import replace_text
+from cosim.files import beside, held, replace_text, sweep
 
 ROOT = Path(__file__).resolve().parent.parent
 DIGESTS = """
@@ -139,3 +140,29 @@ def test_a_readme_that_is_not_utf_8_is_told_so_and_stays(tmp_path):
     with pytest.raises(OutputError, match="not UTF-8 at byte 0"):
         replace(path, "compare", "new")
     assert path.read_bytes().startswith(b"\xff")
+
+
+def test_what_a_killed_writer_left_is_swept_and_nothing_else(tmp_path):
+    with pytest.raises(KeyboardInterrupt), beside(tmp_path / "a.parquet"):
+        raise KeyboardInterrupt
+    assert not list(tmp_path.iterdir())
+    writing = beside(tmp_path / "a.parquet")
+    left = writing.__enter__()
+    mine = [tmp_path / name for name in (".hidden", "a.parquet", ".git", ".a.toml")]
+    for path in mine:
+        path.write_text("")
+    sweep(tmp_path)
+    assert not left.exists() and all(path.exists() for path in mine)
+
+
+def test_a_folder_that_is_held_lets_nobody_else_in(tmp_path):
+    with held(tmp_path), pytest.raises(OutputError, match="another run"), held(tmp_path):
+        pass
+    with held(tmp_path):
+        pass
+
+
+def test_an_output_that_nobody_reads_is_refused_at_once(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(OutputError, match="pipe: cannot be written"):
+        reserve(tmp_path / "pipe")

@@ -43,10 +43,12 @@ timing.parquet holds what a clock measured, and never repeats: run, id, wall_tim
 on: a campaign's seeds start there unless it says otherwise.
 """
 
+import functools
 import json
 import time
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Executor
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -54,9 +56,10 @@ from typing import Any
 import pandas as pd
 
 from cosim.campaign.pool import outcomes
-from cosim.campaign.store import CampaignError, Store
+from cosim.campaign.store import CampaignError, Store, folder
 from cosim.campaign.worker import run_id
-from cosim.files import replace_text
+from cosim.errors import LogError, OutputError
+from cosim.files import regular, replace, replace_text
 from cosim.scenario import Scenario
 from fdi import registry
 
@@ -112,18 +115,19 @@ def run_many(
     OutputError; an error of a flight is a row.
     """
     runs, named = _runs(scenarios, labels)
-    store = Store(out, table(runs, named), resume=resume)
-    resumed = len(store.finished)
-    _tell_guests(runs.values(), store.out)
-    todo = [(run, scenario) for run, scenario in runs.items() if run not in store.finished]
-    _fly(todo, store, progress, len(runs), workers=workers, executor=executor, achieved=achieved)
-    frame = store.rows()
-    frame["kept"] = _kept(frame, keep, runs, store.out)
-    parquet = store.consolidate(frame)
-    if store.out:
-        from cosim.campaign import manifest
+    with folder(out) if out else nullcontext():
+        store = Store(out, table(runs, named), resume=resume)
+        resumed = len(store.finished)
+        _tell_guests(runs.values(), store.out)
+        todo = [(run, scenario) for run, scenario in runs.items() if run not in store.finished]
+        _fly(todo, store, progress, len(runs), workers=workers, executor=executor, achieved=achieved)
+        frame = store.rows()
+        frame["kept"] = _kept(frame, keep, runs, store.out)
+        parquet = store.consolidate(frame)
+        if store.out:
+            from cosim.campaign import manifest
 
-        manifest.write(store.out, frame)
+            manifest.write(store.out, frame)
     by_run = frame.drop_duplicates("run")
     failed = int(by_run["status"].isin(("infeasible", "error", "crashed")).sum())
     return CampaignResult(frame, store.timing(), parquet, len(by_run), failed, resumed, tuple(store.damaged))
@@ -141,6 +145,7 @@ def _tell_guests(scenarios, out):
         about = guests.about(registry.module(name))
         entries.append({"id": name, "level": own.level, "every": own.every, "guest": about})
     if entries and out:
+        regular(out / "guests.json", OutputError)
         replace_text(out / "guests.json", json.dumps(entries, indent=1))
 
 
@@ -180,17 +185,26 @@ def _kept(frame, keep, runs, out):
     if not keep or out is None:
         return ""
     from cosim.campaign.keep import choose
-    from cosim.flight.simulate import simulate
 
     chosen = choose(frame, keep)
     (out / "logs").mkdir(exist_ok=True)
     for run in chosen:
         path = out / "logs" / f"{run}.mcap"
         if not path.exists():
-            part = path.with_suffix(".part")
-            simulate(runs[run], log=part, timed=False)
-            part.replace(path)
+            replace(path, functools.partial(_logged, runs[run], path))
     return frame["run"].map(lambda run: ",".join(chosen.get(run, ())))
+
+
+def _logged(scenario, path, part):
+    """Fly `scenario` with a log at `part`, which is to become `path`."""
+    from cosim.flight.simulate import simulate
+
+    try:
+        done = simulate(scenario, log=part, timed=False)
+    except LogError as error:
+        raise OutputError(error.problem, place=str(path), remedy="Free space there, then go on with --resume") from None
+    if done.status == "interrupted":
+        raise KeyboardInterrupt
 
 
 def table(runs: Mapping[str, Scenario], labels: Iterable[dict] | None = None) -> pd.DataFrame:

@@ -16,7 +16,8 @@ from typing import Any
 from actuators.sources import closure
 from cosim.campaign.pool import finished
 from cosim.campaign.store import fingerprint
-from cosim.files import replace_text
+from cosim.errors import OutputError
+from cosim.files import regular, replace_text
 
 FILE = "results.jsonl"
 Job = tuple[Callable, dict]
@@ -67,14 +68,15 @@ class _Results:
         if self.path is None:
             return
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        lines = self.path.read_text(encoding="utf-8").splitlines() if self.path.exists() else []
+        regular(self.path, OutputError)
+        lines = self.path.read_text(encoding="utf-8", errors="replace").splitlines() if self.path.exists() else []
         if lines and lines[0] == json.dumps({"code": digest}):
             for line in lines[1:]:
                 try:
                     key, value = json.loads(line)
-                except ValueError:  # the line that a kill cut short
+                    self.values[str(key)] = value
+                except (ValueError, TypeError, RecursionError):  # the line that a kill cut short, or damage
                     continue
-                self.values[key] = value
         kept = [json.dumps({"code": digest}), *(json.dumps([k, v]) for k, v in self.values.items())]
         replace_text(self.path, "".join(f"{line}\n" for line in kept))
 

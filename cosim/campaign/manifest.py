@@ -9,7 +9,8 @@ from pathlib import Path
 import pandas as pd
 
 from cosim.campaign.store import fingerprint
-from cosim.files import replace_text
+from cosim.errors import OutputError
+from cosim.files import regular, replace_text
 
 FILE = "manifest.json"
 ROOT = Path(__file__).resolve().parents[2]
@@ -44,6 +45,7 @@ def write(out: Path, frame: pd.DataFrame) -> None:
         **about_the_code(),
         "sha256": {name: sha256(out / name) for name in ("scenarios.parquet", "runs.parquet")},
     }
+    regular(out / FILE, OutputError)
     replace_text(out / FILE, json.dumps(about, indent=1))
 
 

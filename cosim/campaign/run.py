@@ -10,6 +10,7 @@ when the code is. Rows go through the machine that flies the campaign; nothing i
 """
 
 import math
+import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -58,7 +59,7 @@ def run_campaign(
 
 def _with(scenarios, guests):
     """Return the scenarios with guests, by files that every process finds."""
-    files = [Path(g).resolve() if Path(g).is_file() else g for g in guests]
+    files = [Path(g).resolve() if os.path.isfile(g) else g for g in guests]
     return [with_detectors(s, files) for s in scenarios]
 
 

@@ -28,6 +28,7 @@ Keys are those of a scenario, as with --set. A table's `name` becomes the column
 import csv
 import itertools
 import math
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from importlib import resources
@@ -199,8 +200,8 @@ def _listed(table, folder, place):
         return table
     path = folder / name if folder else resources.files("cosim").joinpath("campaigns", name)
     try:
-        rows = list(csv.DictReader(path.read_text(encoding="utf-8-sig").splitlines()))
-    except (OSError, UnicodeDecodeError):
+        rows = list(csv.DictReader(read(str(path)).splitlines()))
+    except (CosimError, OSError, csv.Error):
         raise CampaignError(f"{name} is no CSV file that can be read", place=place) from None
     return {**table, "choice": [{key: _value(text) for key, text in row.items()} for row in rows]}
 
@@ -226,9 +227,9 @@ def _every(key, place):
 def _base(base, folder):
     """Return the tables of the base scenario as written, so that defaults that follow from other keys still follow."""
     beside = folder / base if folder else Path(base)
-    found = beside if beside.is_file() else Path(base)
+    found = beside if os.path.isfile(beside) else Path(base)
     load_scenario(str(found))  # says what is wrong with the base itself
-    if found.is_file():
+    if os.path.isfile(found):
         return located(toml(read(found), place=str(found)), found)
     own = resources.files("cosim").joinpath("scenarios", f"{base}.toml")
     return toml(own.read_text(encoding="utf-8"), place=str(base))

@@ -10,9 +10,11 @@
 Rows come in any order and may be there twice when a campaign was killed between two files; `rows()` drops the second.
 """
 
+import contextlib
 import functools
 import hashlib
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import pandas as pd
@@ -21,7 +23,7 @@ import pyarrow.parquet as pq
 
 from actuators.sources import closure
 from cosim.errors import CosimError, OutputError
-from cosim.files import replace, replace_text
+from cosim.files import FULL, held, regular, replace, replace_text, sweep
 from cosim.judge.consequences import NAMES as CONSEQUENCES
 from cosim.texts import from_json, read
 
@@ -83,6 +85,7 @@ TIMING = pa.schema(
         ("step_us", pa.float64()),
     ]
 )
+SCENARIOS = pa.schema([("run", pa.string()), ("order", pa.int64()), ("toml", pa.string())])  # and what varies
 FLYING = ("actuators", "fdi", "aircraft")  # with what a worker imports of cosim: what decides about a row
 DECIDING = (".py", ".json", ".npz", ".toml", ".xml")
 
@@ -108,6 +111,24 @@ def fingerprint() -> dict:
     return {"digest": digest.hexdigest()[:16], "versions": versions}
 
 
+@contextlib.contextmanager
+def folder(out: str | Path) -> Iterator[None]:
+    """Make the folder of a campaign and keep other campaigns out of it; remove what killed ones have left half done.
+
+    Raises OutputError, with what to do, when it cannot be written, now or later, or another campaign has it.
+    """
+    out = Path(out)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with held(out):
+            for part in (out, out / "parts", out / "logs"):
+                sweep(part)
+            yield
+    except OSError as error:
+        remedy = "Free space there, then go on with --resume" if error.errno in FULL else "Choose another place with -o"
+        raise OutputError(f"cannot be written: {error.strerror}", place=str(out), remedy=remedy) from None
+
+
 class Store:
     """Rows of a campaign in memory, and in a folder when there is one."""
 
@@ -129,12 +150,8 @@ class Store:
     def _open(self, out, resume):
         here = fingerprint()
         about = out / "campaign.json"
-        try:
-            (out / "parts").mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(
-                f"cannot be written: {error.strerror}", place=str(out), remedy="Choose another place with -o"
-            ) from None
+        regular(about, OutputError)
+        (out / "parts").mkdir(parents=True, exist_ok=True)
         found = _read(out, "rows", self.damaged)
         if found is not None and not resume:
             raise CampaignError(
@@ -229,17 +246,30 @@ def _read(out, kind, damaged=None):
 
 def _part(path, schema):
     """Return the table of a part with the columns of `schema`, null where it has none; None when it is damaged."""
+    table = _whole(path, schema, [name for name in ("run", "status") if name in schema.names])
+    return None if table is None else table.select(schema.names)
+
+
+def _whole(path, schema, keys):
+    """Return a Parquet file as a table, the columns of `schema` with their types, null where it has none; None when it
+    cannot be read, or lacks one of the columns `keys` or a value of them.
+    """
+    if not path.is_file():  # a pipe would wait for ever
+        return None
     try:
         table = pq.read_table(path)
-        rows = table.num_rows
+        table.validate(full=True)
         held = table.column_names
-        columns = [table[f.name].cast(f.type) if f.name in held else pa.nulls(rows, f.type) for f in schema]
+        if len(set(held)) != len(held) or any(name not in held or table[name].null_count for name in keys):
+            return None
+        for f in schema:
+            if f.name in held:
+                table = table.set_column(held.index(f.name), f, table[f.name].cast(f.type))
+            else:
+                table = table.append_column(f, pa.nulls(table.num_rows, f.type))
+        return table
     except (pa.ArrowException, OSError, ValueError, KeyError):
         return None
-    keys = [name for name in ("run", "status") if name in schema.names]
-    if any(name not in table.column_names or table[name].null_count for name in keys):
-        return None
-    return pa.table(columns, schema=schema)
 
 
 def _table(frame):
@@ -254,6 +284,7 @@ def _table(frame):
 
 def write(path: Path, table: pa.Table) -> None:
     """Write a Parquet file that is there completely or not at all."""
+    regular(path, OutputError)
     replace(path, lambda p: pq.write_table(table, p, compression="zstd"))
 
 
@@ -264,19 +295,19 @@ def load(folder: str | Path) -> tuple[pd.DataFrame, pd.DataFrame | None]:
     """
     folder = Path(folder)
     damaged = []
-    if (folder / "runs.parquet").is_file():
-        frame = _whole(folder / "runs.parquet", {"run", "order", "lane", "status", "id"})
-        if frame is not None:
-            timing = folder / "timing.parquet"
-            return frame, _whole(timing, {"run", "id"}) if timing.is_file() else None
+    if (folder / "runs.parquet").exists():
+        table = _whole(folder / "runs.parquet", ROWS, ("run", "order", "lane", "status"))
+        told = _whole(folder / "scenarios.parquet", SCENARIOS, SCENARIOS.names)
+        if table is not None and (told is None or not {*table["run"].to_pylist()} - {*told["run"].to_pylist()}):
+            timing = _whole(folder / "timing.parquet", TIMING, ("run",))
+            return table.to_pandas(), None if timing is None else timing.to_pandas()
         damaged.append(str(folder / "runs.parquet"))
     found = _read(folder, "rows", damaged)
     if found is None:
         named = f"; damaged: {', '.join(damaged)}" if damaged else ""
         remedy = "`cosim campaign` makes one, --resume flies again what is lost"
         raise CampaignError(f"holds no whole run of a campaign{named}", place=str(folder), remedy=remedy)
-    scenarios = _scenarios(folder)
-    frame = _joined(scenarios, found).assign(kept="")
+    frame = _joined(_scenarios(folder), found).assign(kept="")
     frame.attrs["damaged"] = damaged
     return frame, _read(folder, "timing")
 
@@ -288,17 +319,8 @@ def scenario_texts(folder: str | Path) -> dict[str, str]:
 
 
 def _scenarios(folder):
-    found = _whole(folder / "scenarios.parquet", {"run", "order", "toml"})
+    found = _whole(folder / "scenarios.parquet", SCENARIOS, SCENARIOS.names)
     if found is None:
         remedy = "`cosim campaign --resume` writes it anew"
         raise CampaignError("is damaged or missing", place=str(folder / "scenarios.parquet"), remedy=remedy)
-    return found
-
-
-def _whole(path, columns):
-    """Return a Parquet file as a frame, None when it cannot be read or lacks one of `columns`."""
-    try:
-        frame = pq.read_table(path).to_pandas()
-    except (pa.ArrowException, OSError, ValueError, KeyError):
-        return None
-    return frame if columns <= set(frame.columns) else None
+    return found.to_pandas()

@@ -1,6 +1,5 @@
 """Two states of the code beside each other, by what `cosim bench --json` measured of each."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,14 +8,16 @@ from rich.table import Table
 
 from cosim.cli.tables import NOTHING, number, table
 from cosim.errors import CosimError
+from cosim.texts import from_json, read
 
 
 def read_bench(path: Path) -> dict[str, Any]:
     """Return what `cosim bench --json` wrote to a file. Raises CosimError for another file."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-        _ = [(row["name"], row["ratio"]) for row in found["cases"]], found["startup"], found["detectors"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        found = from_json(read(path), place=str(path))
+        if not all(value is None or isinstance(value, int | float) for value in _numbers(found).values()):
+            raise TypeError
+    except (CosimError, OSError, KeyError, TypeError, AttributeError) as error:
         remedy = "Write one: cosim bench --json > before.json"
         raise CosimError("is no outcome of `cosim bench --json`", place=str(path), remedy=remedy) from error
     return found

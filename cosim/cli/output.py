@@ -1,6 +1,7 @@
 """What commands share: --json, --workers, and finding out before a flight that its log cannot be written."""
 
 import hashlib
+import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -33,7 +34,7 @@ def reserve(path: str | Path, *, taken: Any = None, endings: Sequence[Any] = (),
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         existed = path.exists()
-        with path.open("ab") as file:
+        with open(path, "ab", opener=_at_once) as file:
             free = locked(file)
             if free and not existed:
                 path.unlink()  # while it is locked: a run that has opened it meanwhile looks whether it is still there
@@ -45,6 +46,10 @@ def reserve(path: str | Path, *, taken: Any = None, endings: Sequence[Any] = (),
         ) from None
     if not free:
         raise OutputError(TAKEN, place=str(path), remedy=OTHER)
+
+
+def _at_once(path, flags):
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0), 0o666)  # a pipe that nobody reads is an error
 
 
 def log_name(scenario: str, overrides: Iterable[str] = ()) -> str:

@@ -32,9 +32,10 @@ from cosim.judge import coverage
 from cosim.judge import row as judged
 from cosim.judge.achieved import NAMES as ACHIEVED
 from cosim.judge.naming import outcome
+from cosim.replay import door
 from cosim.replay.guest import tell
 from cosim.scenario import Scenario, parse
-from cosim.texts import from_json, toml
+from cosim.texts import toml
 
 FAMILIES = (
     *("liquid OFC, one segment", "liquid OFC, several", "solid OFC, one segment", "solid OFC, several"),
@@ -204,7 +205,8 @@ def of_logs(
     """Return (rows per lane with the columns of a campaign, {run: TOML}) of logs written by `cosim run`.
 
     The judgement is made again from what the detectors put out; achieved amplitudes need the flight and its twin flown
-    again, where a fault acts on an elevator. `guests` are made guests, run on each flight. Raises LogError.
+    again, where a fault acts on an elevator; where files of somebody else's flew they are what the log says. `guests`
+    are made guests, run on each flight. Raises LogError.
     """
     from cosim.flight.twin import achieved, faulted
     from cosim.replay.recording import Flown
@@ -216,7 +218,8 @@ def of_logs(
         while run in tomls:  # the same flight twice, or another version's
             run += "'"
         tomls[run] = flown.toml
-        flown.achieved = achieved(flown.scenario) if faulted(flown.scenario) else None
+        if not flown.scenario.brought:  # a log says which code flew, but never has any run
+            flown.achieved = achieved(flown.scenario) if faulted(flown.scenario) else None
         result = {
             "status": (flown.log.result or {}).get("status", "cut"),
             "reason": "",
@@ -236,7 +239,7 @@ def of_campaign(folder: str | Path) -> tuple:
 
     frame, timing = load(folder)
     told = Path(folder) / "guests.json"
-    for entry in from_json(told.read_bytes(), place=str(told)) if told.is_file() else ():
+    for entry in door.guests(told.read_bytes(), str(told)) if told.is_file() else ():
         tell(entry)
     return frame, timing, scenario_texts(folder)
 

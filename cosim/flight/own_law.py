@@ -13,6 +13,7 @@ what a law may read, `SURFACES` what it may command, `DEMANDS` what the manoeuvr
 """
 
 import math
+import os
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -59,7 +60,7 @@ def block(scenario: Scenario) -> ModuleType | Any:
     """Return the block of the scenario's law: the shipped one, or that of its file. Raises ScenarioError."""
     if scenario.law.file is None:
         return law
-    path = Path(scenario.law.file).expanduser()
+    path = Path(os.path.expanduser(scenario.law.file))
     try:
         made = of_file(path)
     except Exception as error:  # whatever somebody's file raises

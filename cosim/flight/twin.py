@@ -7,9 +7,11 @@ copied the twin flies all of it. The last twins are kept, so that runs that diff
 What is measured of the difference stands in cosim/judge/achieved.py.
 """
 
+import ctypes
 import gc
 import mmap
 import os
+import signal
 import sys
 import threading
 import tomllib
@@ -28,6 +30,7 @@ from cosim.judge.achieved import moved as of_segment
 from cosim.scenario import Scenario, parse
 
 KEPT = 16  # twins
+_PR_SET_PDEATHSIG = 1  # of Linux: which signal a process gets when the one that started it ends
 _positions: OrderedDict[str, NDArray[np.float32]] = OrderedDict()  # TOML of a flight without faults -> `positions`
 
 
@@ -73,6 +76,7 @@ class Twin:
         self._first, self._child = k, os.fork()
         if not self._child:
             try:
+                _end_with_parent()
                 gc.disable()  # what is not written to is not copied
                 self._flown[:] = _quietly(self._setup, k, self._setup.history.index[columns], self._rows)
                 os._exit(0)
@@ -110,6 +114,11 @@ class Twin:
             os.kill(self._child, 9)
             os.waitpid(self._child, 0)
             self._child = 0
+
+
+def _end_with_parent():
+    """Let the system end this process, a copy, when the one that it was copied from is gone, killed perhaps."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def _copies():

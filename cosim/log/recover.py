@@ -5,6 +5,8 @@ import os
 from pathlib import Path
 from typing import Any
 
+from cosim.files import beside
+
 from .chunk import HEAD
 from .format import Limits, LogError, log_error
 from .reader import drop_damaged_chunks, load_chunk, open_log
@@ -18,7 +20,8 @@ def recover(path: str | Path, out: str | Path, *, limits: Any = None) -> dict[st
 
     The report: `out`, `chunks`, `ticks`, `duration_s`, `complete` (nothing of the run was lost), `parameters_intact`
     (all before the first tick is as written), and `lost`, a list of {offset, bytes, reason}. The new log holds it as
-    metadata `recovered`. Raises LogError when nothing can be read, or `out` is the log itself or cannot be written.
+    metadata `recovered`. Raises LogError when nothing can be read, or `out` is the log itself; OutputError or LogError
+    when it cannot be written, and what was there stays.
     """
     if os.path.exists(out) and os.path.exists(path) and os.path.samefile(path, out):
         raise log_error("a log cannot be recovered onto itself", os.fspath(out), remedy="Give another place (-o).")
@@ -31,7 +34,8 @@ def recover(path: str | Path, out: str | Path, *, limits: Any = None) -> dict[st
     lost = [{"offset": d.offset, "bytes": d.length, "reason": d.reason} for d in found.damage]
     texts = {"ticks": str(ticks), "parameters_intact": str(found.trusted).lower()}
     texts |= {f"lost {i}": f"{d.length} bytes at {d.offset}: {d.reason}" for i, d in enumerate(found.damage)}
-    _rewrite(found, out, {**metadata, "recovered": texts}, result)
+    with beside(out) as part:
+        _rewrite(found, part, {**metadata, "recovered": texts}, result)
     end = (found.chunks[-1].end_ns + found.dt_ns) / 1e9 if found.chunks else 0.0
     return {
         "out": os.fspath(out),
@@ -48,7 +52,7 @@ def _rewrite(found, out, metadata, result):
     """Write a log of what was found; compressed chunks are copied, their indexes made anew."""
     declared = [(c.topic, s.name, s.data, c.metadata) for s, c in zip(found.schemas, found.channels)]
     attachments = {r.name: (r.media_type, r.data) for _, _, r in found.attachments}
-    sink = Sink(out)
+    sink = Sink(out, kept=False)
     try:
         with open(found.path, "rb") as file:
             sink.preamble(declared, metadata, attachments)

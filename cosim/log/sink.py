@@ -1,8 +1,8 @@
 """Write the records of a log to a file, and keep count of what its end must say; for the writer and for recover."""
 
-import errno
 import hashlib
 import os
+import stat
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -10,20 +10,22 @@ from isal.isal_zlib import crc32
 from mcap.data_stream import RecordBuilder
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
-from cosim.files import OTHER, TAKEN, open_alone
+from cosim.files import FULL, OTHER, TAKEN, open_alone
 
 from .format import LIBRARY, log_error
 from .records import MAGIC, closing
 
 _ELSEWHERE = "Choose another place (-o)."
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class Sink:
-    """Hold one file being written; `ids` maps topics to channel ids. Methods raise LogError when writing fails."""
+    """Hold one file being written; `ids` maps topics to channel ids. Methods raise LogError when writing fails.
 
-    def __init__(self, path: Any):
-        self.path = os.fspath(path)
+    What has been written then stays for `recover`, where it holds a tick and is to be `kept`.
+    """
+
+    def __init__(self, path: Any, *, kept: bool = True):
+        self.path, self._kept = os.fspath(path), kept
         self.offset = self.crc = 0
         self.schemas, self.channels, self.ids = [], [], {}
         self.chunks, self._metadata, self._attachments = [], [], []
@@ -114,10 +116,13 @@ class Sink:
             raise self._failed(error) from error
 
     def _failed(self, error):
+        remedy = f"{'Free some space or choose' if error.errno in FULL else 'Choose'} another place (-o)."
+        if self._kept and self.chunks:
+            end = self.chunks[-1].end_ns / 1e9
+            remedy += f" What was written up to {end} s is whole: `cosim recover` makes it readable."
+        elif self._kept and stat.S_ISREG(os.fstat(self._file.fileno()).st_mode):
+            os.unlink(self.path)
         self.drop()
-        kept = f"up to {self.chunks[-1].end_ns / 1e9} s" if self.chunks else "before the first tick"
-        free = "Free some space or choose" if error.errno in _FULL else "Choose"
-        remedy = f"{free} another place (-o). What was written {kept} is whole: `cosim recover` makes it readable."
         return log_error(f"cannot write the log: {error.strerror}", self.path, self.offset, remedy)
 
     @property

@@ -38,7 +38,8 @@ class LogWriter:
 
     `topics` are the sampled channels (at least one of them at every tick), `n_values` the length of the tick vector,
     `dt_ns` the tick [ns], `metadata` {name: {str: str}} and `attachments` {name: (media type, bytes)} go in first;
-    `compression` is a name of cosim/log/compression.py; `pose` adds /tf and /fix for viewers. Leaving the context
+    `compression` is a name of cosim/log/compression.py; `pose` adds /tf and /fix for viewers; `kept` is false where the
+    caller removes a log that a full disk has cut. Leaving the context
     without `close(result=...)`, as Ctrl-C does, gives a readable log that counts as incomplete.
     Raises ValueError for topics that do not fit together, LogError when the file cannot be written.
     """
@@ -55,6 +56,7 @@ class LogWriter:
         rows_per_chunk: Any = ROWS,
         compression: Any = "lz4",
         pose: Any = None,
+        kept: bool = True,
     ):
         self.dt_ns, self._topics, self._pose = int(dt_ns), list(topics), pose
         _check(self._topics, n_values, self.dt_ns, metadata or {}, rows_per_chunk)
@@ -65,7 +67,7 @@ class LogWriter:
             (t.name, schema_name(t.name), schema_data(t.name, t.fields), channel_metadata(t)) for t in self._topics
         ]
         declared += [(name, message, data(), {}) for name, (message, data) in foxglove.TOPICS.items()]
-        self._sink = Sink(path)
+        self._sink = Sink(path, kept=kept)
         try:
             self._sink.preamble(declared, {"log": {"dt_ns": str(self.dt_ns)}, **(metadata or {})}, attachments or {})
         except BaseException:

@@ -7,12 +7,13 @@ tells, and writes, what would have been.
 
 import math
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from cosim.files import beside
 from cosim.flight.guests import load
 from cosim.flight.guests.plain import SLOW
 from cosim.judge.noticed import columns, watch_of
@@ -119,7 +120,8 @@ def replay(
     wired = describe(log, detectors, overrides) if flew or not fresh else []
     members = [_Member(log, w) for w in wired]
     tick = max(0, round(start_s * 1e9 / log.dt_ns))
-    with Overlay(log, wired, output) if output else nullcontext() as overlay:
+    with ExitStack() as stack:
+        overlay = stack.enter_context(Overlay(log, wired, stack.enter_context(beside(output)))) if output else None
         for a, b in _spans(log, wired, tick):
             read = log.arrays(None if overlay else topics(log, wired), a, b)
             new = [m.replay(lane, tick) for m, lane in zip(members, fill(log, wired, a, b, read))]

@@ -60,17 +60,22 @@ class _Guest(BaseModel):
     record: _Record
 
 
-class _Detector(BaseModel):
-    """One detector of a log: its lanes and, per lane, which field of which topic each of its inputs is."""
+class _Flew(BaseModel):
+    """A detector, and what is told of it where it is a guest."""
 
     model_config = ConfigDict(strict=True)
 
     id: _Name
     level: Literal["local", "aircraft"]
-    lanes: Annotated[list[_Name], Field(min_length=1, max_length=64)]
     every: Annotated[int, Field(ge=1, le=1_000_000)]
-    inputs: dict[_Name, list[Annotated[list[str], Field(min_length=3, max_length=3)]]]
     guest: _Guest | None = None
+
+
+class _Detector(_Flew):
+    """One detector of a log: its lanes and, per lane, which field of which topic each of its inputs is."""
+
+    lanes: Annotated[list[_Name], Field(min_length=1, max_length=64)]
+    inputs: dict[_Name, list[Annotated[list[str], Field(min_length=3, max_length=3)]]]
 
 
 def detectors(log: Log) -> list[dict[str, Any]]:
@@ -80,15 +85,7 @@ def detectors(log: Log) -> list[dict[str, Any]]:
         raise LogError("the log describes no detectors", place=str(log.path), remedy=remedy)
     place = f"{log.path}: detectors.json"
     found = from_json(log.attachments["detectors.json"], place=place, error=LogError)
-    if not isinstance(found, list) or not all(isinstance(d, dict) for d in found):
-        raise LogError("is not a list of detectors", place=place)
-    for entry in found:
-        try:
-            d = _Detector.model_validate(entry)
-        except ValidationError as wrong:
-            first = wrong.errors()[0]
-            where = ".".join(map(str, first["loc"]))
-            raise LogError(f"is damaged: {where}: {first['msg']}", place=place) from None
+    for d in _checked(found, _Detector, place):
         if sorted(d.inputs) != sorted(set(d.lanes)) or len(set(d.lanes)) != len(d.lanes):
             raise LogError(f"is damaged: inputs of {d.id} are not those of its lanes", place=place)
         for lane, inputs in d.inputs.items():
@@ -100,10 +97,29 @@ def detectors(log: Log) -> list[dict[str, Any]]:
                 raise LogError(f"is damaged: {d.id} runs every {d.every} ticks, its topic {own.every}", place=place)
             if d.guest and own is not None and (lacking := _JUDGED - set(own.fields)):
                 raise LogError(f"is damaged: {own.name} lacks {', '.join(sorted(lacking))}", place=place)
-    ids = [entry["id"] for entry in found]
-    if len(set(ids)) != len(ids):
-        raise LogError("is damaged: a detector is there twice", place=place)
     return found
+
+
+def guests(text: bytes, place: str) -> list[dict[str, Any]]:
+    """Return what a campaign's guests.json says, {id, level, every, guest} per detector, or raise."""
+    found = from_json(text, place=place, error=LogError)
+    _checked(found, _Flew, place)
+    return found
+
+
+def _checked(found, kind, place):
+    """Return the entries of a list of detectors as models of `kind`; each is there once."""
+    if not isinstance(found, list):
+        raise LogError("is not a list of detectors", place=place)
+    try:
+        made = [kind.model_validate(entry) for entry in found]
+    except ValidationError as wrong:
+        first = wrong.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        raise LogError(f"is damaged: {where}: {first['msg']}", place=place) from None
+    if len({d.id for d in made}) != len(made):
+        raise LogError("is damaged: a detector is there twice", place=place)
+    return made
 
 
 def scenario(log: Log) -> Scenario:

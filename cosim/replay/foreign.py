@@ -1,5 +1,6 @@
 """Read other people's recordings (CSV, Parquet, MCAP) as tables over time, for diagnosis by our detectors."""
 
+import contextlib
 import os
 import re
 from pathlib import Path
@@ -7,14 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from cosim.errors import LogError
+from cosim.errors import CosimError, LogError
 from cosim.files import regular
 from cosim.log.foreign import read_mcap
 from cosim.log.format import LIBRARY, log_error
 from cosim.log.reader import open_log
+from cosim.log.scan import BAD
 from cosim.replay import clock
+from cosim.texts import from_json
 
 TIME_NAMES = ("t_s", "t", "time", "time_s", "timestamp", "t_ns", "time_ns", "timestamp_ns")  # looked for in this order
+MOST_VALUES = 50_000_000  # of a Parquet file, which may hold as many in a few bytes
 _SCALES = {"_ns": 1e-9, "_us": 1e-6, "_ms": 1e-3, "_s": 1.0}
 
 
@@ -68,7 +72,10 @@ def columns_of(path: str | Path) -> list[str]:
     """Return the columns of a CSV or Parquet file, none of another. Raises LogError."""
     path = Path(os.fspath(path))
     kind = path.suffix.lower()
-    return [str(c) for c in _frame(path, kind, rows=0).columns] if kind in (".csv", ".parquet") else []
+    if kind not in (".csv", ".parquet"):
+        return []
+    frame = _frame(path, kind, rows=0)
+    return [*map(str, frame.columns), *frame.attrs.get("texts", ())]
 
 
 def _frame(path, kind, rows=None):
@@ -78,10 +85,10 @@ def _frame(path, kind, rows=None):
     try:
         if kind == ".csv":
             return pd.read_csv(path, nrows=rows, **_exactly(), **_dialect(path))
-        return pd.read_parquet(path)
+        return _parquet(path)
     except OSError as error:
         raise log_error(f"cannot read the file: {error.strerror or error}", path) from error
-    except ValueError as error:  # pandas' and pyarrow's parser errors are ValueErrors
+    except BAD as error:  # pandas' and pyarrow's parser errors are ValueErrors and the like
         raise log_error(f"cannot be read as {kind[1:]}: {error}", path) from error
 
 
@@ -89,21 +96,44 @@ def _table(path, kind, time, on_reset, part):
     import pandas as pd
 
     frame = _frame(path, kind)
-    name = time or next((n for n in TIME_NAMES if n in frame.columns), None)
-    if name is None and frame.index.name is not None:
-        name, frame = frame.index.name, frame.reset_index()
+    name = time or next((n for n in (*TIME_NAMES, frame.attrs.get("index")) if n in frame.columns), None)
     if name is None or name not in frame.columns:
         columns = ", ".join(map(str, frame.columns[:20]))
         raise LogError(
             f"no time column {name or ''}".rstrip(), place=str(path), allowed=f"one of its columns: {columns}"
         )
     t = _seconds(frame[name], name, path)
-    numbers = frame.drop(columns=name).select_dtypes(["number", "bool"]).astype(np.float64)
-    numbers.attrs["texts"] = [str(c) for c in frame.columns if c != name and c not in numbers.columns]
+    numbers = frame.drop(columns=name).select_dtypes(["number", "bool"], exclude="timedelta").astype(np.float64)
+    texts = [str(c) for c in frame.columns if c != name and c not in numbers.columns]
+    numbers.attrs = {"texts": [*texts, *frame.attrs.get("texts", ())]}
     clock.finite(t, f"column {name!r}", path)
     t, rows = clock.rising(t, path, on_reset, part)
     frame = numbers.iloc[rows].set_axis(pd.Index(t, name="t_s"))
     frame.attrs = numbers.attrs | {"oddities": clock.oddities(t, path.stem)}
+    return frame
+
+
+def _parquet(path):
+    """Return the columns of numbers and times of a Parquet file; `attrs` name the others, and the column of its index.
+
+    Nothing else is decoded: a text of a few bytes may stand for gigabytes.
+    """
+    import pyarrow.parquet as pq
+    from pyarrow import types
+
+    with pq.ParquetFile(path) as file:
+        schema, about = file.schema_arrow, file.metadata
+        if len(set(schema.names)) != len(schema.names):
+            raise ValueError("a column is there twice")
+        kinds = (types.is_integer, types.is_floating, types.is_boolean, types.is_timestamp, types.is_duration)
+        taken = [f.name for f in schema if any(is_kind(f.type) for is_kind in kinds)]
+        if about.num_rows * len(taken) > MOST_VALUES:
+            raise ValueError(f"more than {MOST_VALUES} values; keep fewer columns or cut the file")
+        frame = file.read(taken).to_pandas(ignore_metadata=True)
+    frame.attrs = {"texts": [n for n in schema.names if n not in taken]}
+    own = (schema.metadata or {}).get(b"pandas", b"{}")
+    with contextlib.suppress(CosimError, AttributeError, LookupError, TypeError):
+        frame.attrs["index"] = str(from_json(own, place=str(path))["index_columns"][0])
     return frame
 
 
@@ -117,10 +147,11 @@ def _dialect(path):
 
 
 def _exactly():
-    """Return the options with which read_csv gives back written doubles bit for bit, the default since pandas 3."""
+    """Return the options with which read_csv reads doubles bit for bit, as pandas 3 does anyway, and whole columns."""
     import pandas as pd
 
-    return {} if int(pd.__version__.split(".")[0]) >= 3 else {"float_precision": "round_trip"}
+    exact = {} if int(pd.__version__.split(".")[0]) >= 3 else {"float_precision": "round_trip"}
+    return {"low_memory": False, **exact}  # a column has one type, whatever its length
 
 
 def _seconds(column, name, path):

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from actuators.block import unit
+from cosim.files import replace as replace_file
 from cosim.flight import detectors as table
 from cosim.flight.guests import load, with_detectors
 from cosim.judge.noticed import watch_of
@@ -135,7 +136,7 @@ def diagnose(
         raise ReplayError("no detector has all its inputs", place=str(map_path), remedy=f"Missing: {lacking}")
     out.detectors = [_verdict(d, lane, again, dt, t_0) for d, lane, _, again in done]
     if output:
-        _write(output, done, out, text, dt)
+        replace_file(output, lambda part: _write(part, done, out, text, dt))
     return out
 
 
@@ -249,9 +250,8 @@ def _write(path, done, out, text, dt):
             at += len(fields)
     attachments = {"map.toml": ("application/toml", text.encode()), **viewer_layouts(topics)}
     metadata = {"run": {"title": f"diagnosis of {Path(out.recording).name}", "start_s": repr(out.start_s)}}
-    with LogWriter(
-        path, topics, n_values=at, dt_ns=round(dt * 1e9), metadata=metadata, attachments=attachments, rows_per_chunk=500
-    ) as log:
+    about = {"metadata": metadata, "attachments": attachments}
+    with LogWriter(path, topics, n_values=at, dt_ns=round(dt * 1e9), **about, rows_per_chunk=500, kept=False) as log:
         for row in np.concatenate(parts, axis=1):
             log.append(row)
         log.close(result={"status": "diagnosed", "detectors": json.dumps(plain(out.detectors), sort_keys=True)})

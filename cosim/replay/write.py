@@ -42,6 +42,7 @@ class Overlay:
             attachments=attachments,
             rows_per_chunk=500,
             pose=self._pose(),
+            kept=False,
         )
         for k, event in log.messages("/events"):
             end = event.end_time.ToNanoseconds() // log.dt_ns if event.HasField("end_time") else None

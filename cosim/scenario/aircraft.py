@@ -5,7 +5,7 @@ The contract of a folder is aircraft/README.md. A bundled aircraft is named, ano
 
 import functools
 import math
-import tomllib
+import os
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationIn
 
 from actuators.constants import M_PER_FT, RAD_PER_DEG
 from cosim.errors import ScenarioError, did_you_mean
+from cosim.texts import read, toml
 
 FOLDER = Path(__file__).resolve().parents[2] / "aircraft"
 RECORD = "aircraft.toml"
@@ -215,12 +216,12 @@ def bundled() -> list[str]:
 
 def load_aircraft(name: str = DEFAULT) -> Aircraft:
     """Return the record of a bundled aircraft, or of the folder `name`; raises ScenarioError."""
-    if name.isidentifier() and (FOLDER / name / RECORD).is_file():
+    if name.isidentifier() and os.path.isfile(FOLDER / name / RECORD):
         return _read(FOLDER / name)
     known = bundled()
-    folder = FOLDER / name if name in known else Path(name).expanduser()
-    if not (folder / RECORD).is_file():
-        said = f"{name!r} is no aircraft" if not folder.is_dir() else f"the folder has no {RECORD}"
+    folder = FOLDER / name if name in known else Path(os.path.expanduser(name))
+    if not os.path.isfile(folder / RECORD):
+        said = f"{name!r} is no aircraft" if not os.path.isdir(folder) else f"the folder has no {RECORD}"
         raise ScenarioError(
             said, place=f"flight.aircraft = {name}", allowed=f"{', '.join(known)}, or a folder with {RECORD}",
             remedy=did_you_mean(name, known),
@@ -237,10 +238,8 @@ def of(info: ValidationInfo) -> Aircraft:
 def _read(folder: Path) -> Aircraft:
     path = folder / RECORD
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = toml(read(path, error=ScenarioError), place=f"{folder.name}/{RECORD}", error=ScenarioError)
         made = Aircraft.model_validate({**table, "name": folder.name, "folder": folder})
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ScenarioError(f"not valid TOML: {error}", place=f"{folder.name}/{RECORD}") from None
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
@@ -254,5 +253,6 @@ def _read(folder: Path) -> Aircraft:
 def _multipliers(folder: Path) -> tuple[str, ...]:
     import re
 
-    found = (re.findall(r"aero/mult/(\w+)", p.read_text(encoding="utf-8")) for p in sorted(folder.rglob("*.xml")))
+    texts = (path.read_text(encoding="utf-8", errors="replace") for path in sorted(folder.rglob("*.xml")))
+    found = (re.findall(r"aero/mult/(\w+)", text) for text in texts)
     return tuple(dict.fromkeys(name for names in found for name in names))

@@ -5,6 +5,7 @@ The file is found and its digest written beside it, so that a scenario says whic
 
 import ast
 import hashlib
+import os
 from pathlib import Path
 
 from cosim.errors import ScenarioError
@@ -29,7 +30,7 @@ def digest(path: Path) -> str:
         except OSError as error:
             raise ScenarioError(f"cannot be read: {error.strerror}", place=str(here)) from None
         if here.suffix == ".py":
-            todo += [p for name in _named(found[here]) if (p := here.parent / name).is_file()]
+            todo += [p for name in _named(found[here]) if os.path.isfile(p := here.parent / name)]
     out = hashlib.sha256()
     for here in sorted(found):
         out.update(here.name.encode() + b"\0" + found[here])
@@ -64,10 +65,10 @@ def locate(tables: dict, folder: Path | None, place: str) -> dict:
     made = dict(detectors)
     for name, own in detectors.items():
         if isinstance(own, dict) and isinstance(own.get("file"), str) and own["file"]:
-            path = Path(own["file"]).expanduser()
+            path = Path(os.path.expanduser(own["file"]))
             beside = folder / path if folder else path
-            path = beside if beside.is_file() else path
-            if not path.is_file():
+            path = beside if os.path.isfile(beside) else path
+            if not os.path.isfile(path):
                 raise ScenarioError(NOT_FOUND, place=f"{place}: detectors.{name}.file = {own['file']}")
             found = digest(path)
             if own.get("sha256", found) != found:

@@ -11,6 +11,7 @@ A file is read once, when the scenario is: the scenario then holds its numbers, 
 
 import csv
 import math
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -132,9 +133,9 @@ def located(table: dict, folder: Path | None, place: str) -> dict:
     own = table.get("manoeuvre")
     if not (isinstance(own, dict) and own.get("kind") == "inputs" and isinstance(own.get("file"), str)):
         return table
-    path = Path(own["file"]).expanduser()
+    path = Path(os.path.expanduser(own["file"]))
     beside = folder / path if folder else path
-    path = beside if beside.is_file() else path
+    path = beside if os.path.isfile(beside) else path
     where = f"{place}: manoeuvre.file = {own['file']}"
     twice = [name for name in RANGES if name in own]
     if twice:
@@ -151,7 +152,10 @@ def _columns(text, place):
     """Return {column: [numbers]} of a CSV text; with semicolons a comma is a decimal point."""
     lines = text.splitlines()
     semicolons = bool(lines) and ";" in lines[0]
-    rows = [(i, row) for i, row in enumerate(csv.reader(lines, delimiter=";" if semicolons else ","), start=1) if row]
+    try:
+        rows = [(i, row) for i, row in enumerate(csv.reader(lines, delimiter=";" if semicolons else ","), 1) if row]
+    except csv.Error as wrong:
+        raise ScenarioError(f"is no table: {wrong}", place=place) from None
     names = [name.strip() for name in rows[0][1]] if rows else []
     for name in names:
         if name not in RANGES or names.count(name) > 1:

@@ -1,5 +1,6 @@
 """Read a scenario: a built-in name or a path, overrides on top; every mistake is a ScenarioError with file and key."""
 
+import os
 from importlib import resources
 from pathlib import Path
 from typing import Any, get_args, get_origin
@@ -54,7 +55,7 @@ def located(table: Any, name: str | Path) -> Any:
     its inputs read.
     """
     path = Path(str(name))
-    folder = path.parent if path.is_file() else None
+    folder = path.parent if os.path.isfile(path) else None
     found = own_actuator.locate(locate(table, folder, str(name)), folder, str(name))
     return inputs.located(found, folder, str(name))
 

@@ -10,7 +10,7 @@ from actuators.constants import M_PER_FT, M_S_PER_KT
 from cosim.errors import did_you_mean
 from cosim.scenario import catalog as c
 from cosim.scenario import conflict, tolerance, toml
-from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft, of
+from cosim.scenario.aircraft import DEFAULT, Aircraft, bundled, load_aircraft, of
 from cosim.scenario.fault import Fault
 from cosim.scenario.manoeuvre import Cruise, Manoeuvre
 from cosim.scenario.own_actuator import OwnActuator
@@ -450,6 +450,13 @@ class Scenario(_Table):
         if self.sensors.reconstructed:
             closed.append("lpv_smo")
         return tuple(dict.fromkeys([*self.detectors.enabled, *closed]))
+
+    @property
+    def brought(self) -> tuple[str, ...]:
+        """Return the files and folders of aircraft, law and actuators that are not shipped: to fly is to run them."""
+        own = [self.flight.aircraft] if self.flight.aircraft not in bundled() else []
+        own += [a.file or a.fmu or "" for a in self.actuators.values()]
+        return (*own, self.law.file) if self.law.file else tuple(own)
 
     @property
     def aircraft(self) -> Aircraft:

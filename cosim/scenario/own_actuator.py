@@ -9,6 +9,7 @@
     parameters = { P_s = 1.4e7 }                         # start values, in the FMU's own units
 """
 
+import os
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -82,7 +83,7 @@ class OwnActuator(_Table):
     @property
     def path(self) -> Path:
         """Return the file."""
-        return Path(self.file or self.fmu or "").expanduser()
+        return Path(os.path.expanduser(self.file or self.fmu or ""))
 
 
 def register(actuators: dict[str, OwnActuator]) -> None:
@@ -142,10 +143,10 @@ def _found(raw, folder, place):
     """Return the table `raw` with its file, if it names one, as a path from here."""
     for key in ("file", "fmu"):
         if _is(raw) and isinstance(raw.get(key), str):
-            path = Path(raw[key]).expanduser()
+            path = Path(os.path.expanduser(raw[key]))
             beside = folder / path if folder else path
-            path = beside if beside.is_file() else path
-            if not path.is_file():
+            path = beside if os.path.isfile(beside) else path
+            if not os.path.isfile(path):
                 raise ScenarioError("no such file", place=f"{place}.{key} = {raw[key]}")
             raw = {**raw, key: str(path)}
     return raw

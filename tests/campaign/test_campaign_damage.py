@@ -1,8 +1,10 @@
 """A damaged campaign folder: what is whole is used, what is not is named and flown again, nothing is a traceback."""
 
+import os
 import shutil
 
 import pandas as pd
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
@@ -44,6 +46,22 @@ def _drop(path):
     pq.write_table(pq.read_table(path).drop_columns(["run"]), path)
 
 
+def _rows(out):
+    return pq.read_metadata(out / "runs.parquet").num_rows
+
+
+def _set(path, name, values):
+    table = pq.read_table(path)
+    pq.write_table(table.set_column(table.column_names.index(name), name, values), path)
+
+
+def _bytes(path):
+    """Let its texts hold bytes that are no text."""
+    table = pq.read_table(path)
+    bad = pa.Array.from_buffers(pa.string(), 1, pa.array([b"\xff\xfe"]).buffers())
+    _set(path, "status", pa.chunked_array([bad] * table.num_rows))
+
+
 DAMAGE = {
     "campaign.json empty": lambda out: (out / "campaign.json").write_text(""),
     "campaign.json null": lambda out: (out / "campaign.json").write_text("null"),
@@ -55,6 +73,13 @@ DAMAGE = {
     "runs empty": lambda out: (out / "runs.parquet").write_bytes(b""),
     "scenarios cut": lambda out: _cut(out / "scenarios.parquet"),
     "timing cut": lambda out: _cut(out / "timing.parquet"),
+    "runs of another kind": lambda out: _set(out / "runs.parquet", "r_max_before", pa.array(["x"] * _rows(out))),
+    "runs of nobody": lambda out: _set(out / "runs.parquet", "run", pa.array(["nobody"] * _rows(out))),
+    "runs not UTF-8": lambda out: _bytes(out / "runs.parquet"),
+    "scenarios of numbers": lambda out: _set(out / "scenarios.parquet", "toml", pa.array([1.0, None])),
+    "runs a folder": lambda out: [(out / "runs.parquet").unlink(), (out / "runs.parquet").mkdir()],
+    "a part a pipe": lambda out: os.mkfifo(out / "parts" / "rows-0000.parquet"),
+    "guests of nonsense": lambda out: (out / "guests.json").write_text('[{"guest": {}}]'),
     "all gone but the parts": lambda out: [p.unlink() for p in out.glob("*.parquet")],
 }
 
@@ -71,6 +96,10 @@ def test_damage_is_named_and_mended_by_resuming(name, flown, tmp_path):
         with pytest.raises(CosimError, match=r"campaign|other code"):
             run_campaign(flown / "few.toml", out=tmp_path / "out", workers=0, resume=True)
         return
+    if name == "runs a folder":  # not ours to remove
+        with pytest.raises(CosimError, match="is a folder"):
+            run_campaign(flown / "few.toml", out=tmp_path / "out", workers=0, resume=True)
+        return
     again = run_campaign(flown / "few.toml", out=tmp_path / "out", workers=0, resume=True)
-    assert again.failed == 0 and bool(again.damaged) == (name in ("a part cut", "a part without its runs"))
+    assert again.failed == 0 and bool(again.damaged) == name.startswith("a part")
     pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "out" / "runs.parquet"), whole)

@@ -5,8 +5,11 @@ import numpy as np
 from cosim.log import LogWriter, Topic
 
 
-def forge(log, path, *, attachments=None, samples=(), metadata=None, result=None):
-    """Write an open log to `path` with attachments {name: bytes or None} and samples (topic, field, value) changed."""
+def forge(log, path, *, attachments=None, samples=(), metadata=None, result=None, gap=0, dt_ns=None):
+    """Write an open log to `path` with attachments {name: bytes or None} and samples (topic, field, value) changed.
+
+    `gap` is a number of ticks that are missing after the first 50, `dt_ns` another tick.
+    """
     topics, columns, at = [], [], 0
     for info in log.topics.values():
         index = np.arange(len(info.fields)) + at
@@ -21,10 +24,13 @@ def forge(log, path, *, attachments=None, samples=(), metadata=None, result=None
         at += values.shape[1]
     held = {k: v for k, v in (log.attachments | (attachments or {})).items() if v is not None}
     kept = {n: log.metadata[n] for n in ("run", "libraries") if n in log.metadata} | (metadata or {})
-    made = LogWriter(path, topics, n_values=at, dt_ns=log.dt_ns, metadata=kept, rows_per_chunk=500,
-                     attachments={k: ("application/octet-stream", v) for k, v in held.items()})  # fmt: skip
+    held = {k: ("application/octet-stream", v) for k, v in held.items()}
+    how = {"dt_ns": dt_ns or log.dt_ns, "rows_per_chunk": 50 if gap else 500}
+    made = LogWriter(path, topics, n_values=at, metadata=kept, attachments=held, **how)
     with made as w:
-        for row in np.concatenate(columns, axis=1):
+        for k, row in enumerate(np.concatenate(columns, axis=1)):
+            if gap and k == 50:
+                w._aim(k + gap)
             w.append(row)
         w.close(result={k: v for k, v in log.result.items() if k != "content"} | (result or {}))
     return path

@@ -2,14 +2,17 @@
 
 import io
 import json
+import resource
+import signal
 
 import numpy as np
 import pytest
 from forged import forge
 
 import cosim
+from cosim.compare import compare
 from cosim.errors import CosimError
-from cosim.log import open_log
+from cosim.log import open_log, recover
 from cosim.log.info import log_info
 from cosim.replay import replay
 from cosim.report import flight_report
@@ -128,3 +131,32 @@ def test_every_door_says_it_in_one_line(name, log, tmp_path):
     one = "array" in name or "nobody" in name  # the report needs no parameters, and shows what others' detectors said
     expected = 0 if "sample" in name or "result" in name or name == "rate" else 1 if one else 2
     assert refused >= expected, "taken as it is"
+
+
+@pytest.mark.parametrize("table", ["law", "actuators.rig"])
+def test_no_code_that_a_log_names_is_run(table, log, tmp_path):
+    own = tmp_path / "own.py"
+    own.write_text(f"open({str(tmp_path / 'ran')!r}, 'w')")
+    text = log.attachments["scenario.toml"].decode().replace("[law]\n", "")
+    told = f"{text}\n[{table}]\nfile = {str(own)!r}\n".encode()
+    path = forge(log, tmp_path / "forged.mcap", attachments={"scenario.toml": told})
+    for door in (log_info, replay, lambda p: flight_report(p, tmp_path / "page.html"), lambda p: compare([p])):
+        door(path)
+    assert not (tmp_path / "ran").exists()
+
+
+def test_a_result_that_cannot_be_written_leaves_what_was_there(log, tmp_path):
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    out = tmp_path / "mine.mcap"
+    out.write_text("mine")
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, before[1]))
+    try:
+        for work in (lambda: replay(log.path, output=out), lambda: recover(log.path, out)):
+            with pytest.raises(CosimError, match=r"mine\.mcap.*cannot write the log") as told:
+                work()
+            assert "recover" not in str(told.value)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, ignored)
+    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("mine.mcap", "mine")]

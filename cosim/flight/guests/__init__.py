@@ -53,8 +53,8 @@ def load(name: str | os.PathLike) -> Any:
 
     Raises GuestError for a file that is not there, does not run, or holds no detector or several.
     """
-    path = Path(name).expanduser()
-    if not path.is_file():
+    path = Path(os.path.expanduser(name))
+    if not os.path.isfile(path):
         return _entry_point(str(name))
     key = str(path.resolve()), digest(path)
     if key not in _loaded:
@@ -92,7 +92,7 @@ def with_detectors(scenario: Scenario, files: Iterable[str | os.PathLike]) -> Sc
     for file in files:
         guest = load(file)
         name = guest.DETECTOR.id
-        about = {"file": str(Path(file)), "sha256": guest.sha256} if Path(file).is_file() else {}
+        about = {"file": str(Path(file)), "sha256": guest.sha256} if os.path.isfile(file) else {}
         if about or name in own:
             own[name] = {**own.get(name, {}), **about}
         own["enabled"] = list(dict.fromkeys([*own.get("enabled", scenario.detectors.enabled), name]))
