@@ -38,7 +38,7 @@ GRID = 45  # values of each parameter in a pass over the likelihood; twice as ma
 FOR_BIAS = 0.6  # of the doubt is that of the sample; the rest pays for the law being one of the limit only
 SHAPES, SCALES = (-0.5, 1.5), (-1.6, 1.8)  # where it is looked for: xi, log(sigma / median excess)
 MEMORY = 0.2  # correlation of two windows at which they count as unrelated
-FLIGHTS = 12  # that the highest peaks must come from, unless there are hardly more: else a rare condition makes them
+CROWDED = 0.25  # of the flights that they would come from by chance: below, a rare condition makes the highest peaks
 TIES = 0.1  # share of equal peaks from which the statistic saturates
 FAR = 1e7  # mean excesses: beyond this no level is looked for
 # 1 % points of the Anderson-Darling statistic of 100 peaks of shape xi, both fitted (derived: 1,500 samples each)
@@ -168,12 +168,11 @@ def fit(
 
 
 def _crowded(flights, highest):
-    """Return the number of flights that the highest peaks come from (1 over the sum of squared shares) where that is
-    below FLIGHTS and much less than it would be by chance, else 0."""
+    """Return how many flights the highest peaks come from (1 over the sum of squared shares), 0 where that is enough."""
     share = np.unique(flights[highest], return_counts=True)[1] / len(highest)
     every = len(np.unique(flights))
     found, chance = 1.0 / float(share @ share), len(highest) * every / (len(highest) + every)
-    return found if found < min(FLIGHTS, 0.5 * chance) else 0.0
+    return found if found < CROWDED * chance else 0.0
 
 
 def _likelihood(x, most):

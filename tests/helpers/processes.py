@@ -13,7 +13,7 @@ from scipy import stats
 from scipy.optimize import brentq
 from scipy.signal import lfilter
 
-DT = 0.5  # [s] from sample to sample
+DT = 1.0  # [s] from sample to sample
 
 
 @dataclass(frozen=True)
