@@ -20,6 +20,7 @@ from typer.core import TyperGroup
 from cosim.cli import aircraft as cli_aircraft
 from cosim.cli import campaigns as cli_many
 from cosim.cli import envelope as cli_envelope
+from cosim.cli import false_alarms as cli_false_alarms
 from cosim.cli import guests as cli_guests
 from cosim.cli import score as cli_score
 from cosim.cli import study as cli_study
@@ -471,7 +472,7 @@ def recover(
         out.print(cli_replay.recover(found))
 
 
-for part in (cli_envelope, cli_study, cli_many, cli_score, cli_guests, cli_aircraft):
+for part in (cli_envelope, cli_study, cli_many, cli_score, cli_false_alarms, cli_guests, cli_aircraft):
     part.add(app, out, err)
 
 

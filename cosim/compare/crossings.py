@@ -19,43 +19,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
+from cosim.campaign.quiet import Moments
 from cosim.compare.metrics import UNKNOWN, Band, Share
 
 LEVEL = 0.01  # of each test
 LEAST = 100.0  # independent samples, below which a residual is not called Gaussian
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(200)
-
-
-@dataclass(frozen=True)
-class Moments:
-    """What one flight of a residual comes to: sums over its samples, none of which is kept."""
-
-    n: int
-    s1: float  # sum of r
-    s2: float
-    s3: float
-    s4: float
-    lag1: float  # sum of r_k r_k+1
-    memory: float  # samples that stand for one independent sample, of the mean
-    memory2: float  # of the variance
-
-    @classmethod
-    def of(cls, r: ArrayLike) -> "Moments":
-        """Return the Moments of a flight's residual (ticks,)."""
-        r = np.asarray(r, float)
-        s1, s2, s3, s4 = (float((r**j).sum()) for j in (1, 2, 3, 4))
-        return cls(len(r), s1, s2, s3, s4, float(r[1:] @ r[:-1]), *_memory(r))
-
-
-def _memory(r):
-    """Return 1 + 2 sum rho_j and 1 + 2 sum rho_j^2 over lags up to a tenth of r (Bartlett 1946)."""
-    n = len(r)
-    d = r - r.mean()
-    c = np.fft.irfft(np.abs(np.fft.rfft(d, 2 * n)) ** 2)[: max(n // 10, 2)]
-    if not c[0] > 0.0:
-        return float(n), float(n)
-    rho = c[1:] / c[0]
-    return max(1.0, float(1.0 + 2.0 * rho.sum())), float(1.0 + 2.0 * (rho @ rho))
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,9 @@
 
     found = false_alarms(hours=100.0, folder="logs/false-alarms")       # flies on where it was left
 
-A flight of a fault-free campaign becomes, per detector, the maxima of its statistic |r| per second, over its lanes and
-where it judges; nothing else of it is kept. Level c stands for all thresholds of the detector times c: c = 1 is the
-detector as it ships. Where |r| has to stay beyond 1 for a time, and that is the whole decision, the least of that time
-counts; else every crossing does, which bounds the alarms. One peak per flight: flights are independent.
+Of a flight without a fault the maxima of every detector's statistic are kept (cosim/campaign/quiet.py). Level c stands
+for all thresholds of the detector times c: c = 1 is the detector as it ships. One peak per flight: flights are
+independent, what happens in one is not.
 
     counted     peaks at or beyond c, exact Poisson interval
     extremes    generalised Pareto tail of the highest peaks (cosim/compare/tails.py)
@@ -15,34 +14,26 @@ The tail is also fitted to every other flight and held against the count of the 
 this aircraft, these sensors, gusts and tolerances, in this mix of flights.
 """
 
-import base64
-import functools
+import hashlib
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.ndimage import minimum_filter1d
 
 from cosim.campaign.jobs import work
-from cosim.campaign.space import Space
-from cosim.campaign.spec import load_campaign
+from cosim.campaign.quiet import WINDOW_S, Flight, fly, space
 from cosim.campaign.store import CampaignError
 from cosim.compare import tails
-from cosim.compare.crossings import Moments, gaussian
+from cosim.compare.crossings import gaussian
 from cosim.compare.metrics import rate
+from cosim.errors import did_you_mean
 from fdi import registry
 
-FIRST_SEED = 6_000_000  # of the flights: none of training, nor of another campaign
-WINDOW_S = 1.0
 HELD_OUT = (1.0, 0.3, 0.1)  # per hour: where the fit of every other flight is held against the count of the rest
 WANTED = 1e-9  # per hour: what a failure condition of the worst class is allowed
 LEVELS = 60  # of a curve
-# detectors whose whole decision is |r| >= 1 for a time: the parameter that holds it [s]
-CONFIRMED = {"position_monitor": "t_confirm", "rtsekf": "t_confirm", "rtsekf_flight": "pair_confirm"}
 LIMITS = {  # detectors whose threshold is no number: what it grows with
     "rfafe": "the command",
     "rfafe_airframe": "the command",
@@ -66,104 +57,20 @@ def false_alarms(
     """Fly `hours` of a fault-free campaign and return plain data: hours, flights, and an entry per detector.
 
     `folder` keeps what is flown, so that a killed or shorter measurement goes on; `detectors` are ids, by default all
-    that ship. Raises CampaignError for a campaign with faults or parts.
+    that ship. Raises CampaignError for an unknown detector, or a campaign with faults or parts.
     """
-    made = Space(load_campaign(campaign), first_seed=FIRST_SEED)
+    for name in detectors:
+        if name not in registry.SHIPPED:
+            near = did_you_mean(name, registry.SHIPPED)
+            raise CampaignError(f"{name!r} is no detector", allowed=", ".join(registry.SHIPPED), remedy=near)
+    made = space(campaign)
     if made.faults:
         raise CampaignError("has faults", place=campaign, remedy="Take a campaign of fault-free flights")
     flights = max(1, math.ceil(hours * 3600.0 / made.number(0).duration_s))
-    jobs = [(fly, {"campaign": campaign, "number": n}) for n in range(flights)]
+    digest = hashlib.sha256(repr(made.campaign).encode()).hexdigest()[:16]
+    jobs = [(fly, {"campaign": campaign, "number": n, "digest": digest}) for n in range(flights)]
     flown = [Flight.read(f) for f in work(jobs, folder=folder, workers=workers, progress=progress)]
     return summary(flown, campaign, detectors or tuple(registry.SHIPPED))
-
-
-@dataclass(frozen=True)
-class Lane:
-    """What a flight keeps of one detector."""
-
-    peaks: NDArray  # (windows,) maxima of its statistic over its lanes, 0 where none judges
-    valid_s: float  # time in which any of its lanes judges
-    alarms: int  # that rose
-    silent: int  # of these flights, 1: it alarmed though the statistic stayed below 1
-    moments: tuple  # of each lane with a signed residual
-
-
-@dataclass(frozen=True)
-class Flight:
-    """A flown flight."""
-
-    seconds: float
-    dt: float
-    status: str
-    lanes: dict[str, Lane]
-
-    @classmethod
-    def read(cls, told: dict) -> "Flight":
-        """Return the Flight of what `fly` returned."""
-        lanes = {
-            name: Lane(np.frombuffer(base64.b64decode(one["peaks"]), "<f4"), one["valid_s"], one["alarms"],
-                       one["silent"], tuple(Moments(*m) for m in one["moments"]))
-            for name, one in told["lanes"].items()
-        }  # fmt: skip
-        return cls(told["seconds"], told["dt"], told["status"], lanes)
-
-
-@functools.cache
-def _space(campaign):
-    return Space(load_campaign(campaign), first_seed=FIRST_SEED)
-
-
-def fly(campaign: str, number: int) -> dict:
-    """Fly one flight and return what is kept of it, as plain data."""
-    from cosim.errors import TrimError
-    from cosim.flight.build import build
-    from cosim.flight.conditions import resolved
-    from cosim.flight.fly import fly as flown
-
-    try:
-        setup = build(resolved(_space(campaign).number(number)))
-    except TrimError:
-        return {"seconds": 0.0, "dt": 0.0, "status": "infeasible", "lanes": {}}
-    history, status, _ = flown(setup)
-    if status == "interrupted":
-        raise KeyboardInterrupt
-    dt, watches = setup.loop.dt, setup.watches()
-    p = {b.name: b.p for b in setup.loop.detectors}
-    lanes = {}
-    for name in dict.fromkeys(w.id for w in watches):
-        own = [w for w in watches if w.id == name and w.r is not None]
-        if own:
-            lanes[name] = _kept(history, own, p.get(name), dt)
-    return {"seconds": len(history) * dt, "dt": dt, "status": status, "lanes": lanes}
-
-
-def _kept(history, own, p, dt):
-    """Return what is kept of one detector's lanes."""
-    per = round(WINDOW_S / dt)
-    most = np.zeros(-(-len(history) // per) * per)
-    judged, alarms, moments = np.zeros(len(history), bool), 0, []
-    parameter = CONFIRMED.get(own[0].id)
-    for i, watch in enumerate(own):
-        valid = np.ones(len(history), bool) if watch.valid is None else history[:, watch.valid] > 0.5
-        r = np.where(valid & np.isfinite(history[:, watch.r]), history[:, watch.r].astype(float), 0.0)
-        if r.min() < 0.0 < r.max():
-            moments.append([*asdict(Moments.of(r[valid])).values()])
-        size = np.abs(r)
-        if parameter:
-            n = max(1, round(float(p[i][parameter]) / dt))
-            size = minimum_filter1d(size, n, mode="constant", origin=(n - 1) // 2)
-        most[: len(size)] = np.maximum(most[: len(size)], size)
-        judged |= valid
-        alarm = history[:, watch.alarm] > 0.5
-        alarms += int(np.count_nonzero(alarm[1:] & ~alarm[:-1]) + alarm[0])
-    peaks = most.reshape(-1, per).max(axis=1)
-    return {
-        "peaks": base64.b64encode(peaks.astype("<f4").tobytes()).decode(),
-        "valid_s": float(judged.sum() * dt),
-        "alarms": alarms,
-        "silent": int(alarms > 0 and peaks.max() < 1.0),
-        "moments": moments,
-    }
 
 
 def summary(flown: Sequence[Flight], campaign: str, detectors: Sequence[str]) -> dict:
@@ -200,6 +107,7 @@ def curve(name: str, flown: Sequence[Flight]) -> dict:
         "alarms": alarms,
         "alarms_per_hour": _plain(rate(alarms, hours)) if hours else None,
         "largest": float(peak.max()),
+        "highest": np.sort(peak)[::-1][: 2 * tails.PEAKS].round(6).tolist(),
         "fit": _fit(tail),
         "gaussian": exact.note or None,
         "stability": tails.stability(peak, hours) if hours else [],
@@ -221,16 +129,15 @@ def against(name: str, found: dict, silent: int) -> list[str]:
     """Return what is against calling WANTED per hour shown, in words; nothing: it is."""
     out, now = [], found["at_threshold"]
     if found["fit"]["note"]:
-        out.append(f"no curve beyond the count: {found['fit']['note']}")
+        out.append(f"no curve: {found['fit']['note']}")
     if limit := LIMITS.get(name):
-        out.append(f"its threshold grows with {limit}: the curve is of this mix of flights only")
+        out.append(f"its threshold grows with {limit}")
     if silent:
-        out.append(f"it alarmed in {silent} flights in which its statistic stayed below 1")
+        out.append(f"alarmed in {silent} flights with its statistic below 1")
     if [h for h in found["held_out"] if not h["agree"]]:
-        out.append("the fit to half of the flights does not agree with the count of the others")
+        out.append("half of the flights do not predict the others")
     if now is None or not now["high"] <= WANTED:
-        bound = "no bound" if now is None else f"at most {now['high']:.2g} per hour"
-        out.append(f"with its threshold as it ships, {bound}")
+        out.append("never judges" if now is None else f"{WANTED:.0e} per hour is not shown".replace("e-0", "e-"))
     return out
 
 

@@ -168,7 +168,7 @@ def fit(
 
 
 def _crowded(flights, highest):
-    """Return how many flights the highest peaks come from (1 over the sum of squared shares), 0 where that is enough."""
+    """Return how many flights the highest peaks come from, 1 over the sum of squared shares; 0 where that is enough."""
     share = np.unique(flights[highest], return_counts=True)[1] / len(highest)
     every = len(np.unique(flights))
     found, chance = 1.0 / float(share @ share), len(highest) * every / (len(highest) + every)

@@ -8,8 +8,9 @@ import pytest
 from processes import DT, Process
 from scipy import stats
 
+from cosim.campaign.quiet import Moments
 from cosim.compare import tails
-from cosim.compare.crossings import Moments, crossing, gaussian
+from cosim.compare.crossings import crossing, gaussian
 
 RATES = (1e-2, 1e-5, 1e-9)  # per hour
 HOURS, REPLICATES = 100.0, 1000

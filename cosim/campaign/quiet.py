@@ -1,0 +1,146 @@
+"""Flights without a fault, as many as one wants, of which only the maxima of every detector's statistic are kept.
+
+    told = fly("fault-free", 17)        # plain data of flight 17; Flight.read(told) gives it back
+
+A flight becomes, per detector, the maxima of |r| per second, over its lanes and where it judges. Where |r| has to stay
+beyond 1 for a time, and that is the whole decision, the least of that time counts; else every crossing does, which
+bounds the alarms.
+"""
+
+import base64
+import functools
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import minimum_filter1d
+
+from cosim.campaign.space import Space
+from cosim.campaign.spec import load_campaign
+from cosim.errors import TrimError
+
+FIRST_SEED = 6_000_000  # of the flights: none of training, nor of another campaign
+WINDOW_S = 1.0
+# detectors whose whole decision is |r| >= 1 for a time: the parameter that holds it [s]
+CONFIRMED = {"position_monitor": "t_confirm", "rtsekf": "t_confirm", "rtsekf_flight": "pair_confirm"}
+
+
+@dataclass(frozen=True)
+class Moments:
+    """What one flight of a residual comes to: sums over its samples, none of which is kept."""
+
+    n: int
+    s1: float  # sum of r
+    s2: float
+    s3: float
+    s4: float
+    lag1: float  # sum of r_k r_k+1
+    memory: float  # samples that stand for one independent sample, of the mean
+    memory2: float  # of the variance
+
+    @classmethod
+    def of(cls, r: ArrayLike) -> "Moments":
+        """Return the Moments of a flight's residual (ticks,)."""
+        r = np.asarray(r, float)
+        s1, s2, s3, s4 = (float((r**j).sum()) for j in (1, 2, 3, 4))
+        return cls(len(r), s1, s2, s3, s4, float(r[1:] @ r[:-1]), *_memory(r))
+
+
+def _memory(r):
+    """Return 1 + 2 sum rho_j and 1 + 2 sum rho_j^2 over lags up to a tenth of r (Bartlett 1946)."""
+    n = len(r)
+    d = r - r.mean()
+    c = np.fft.irfft(np.abs(np.fft.rfft(d, 2 * n)) ** 2)[: max(n // 10, 2)]
+    if not c[0] > 0.0:
+        return float(n), float(n)
+    rho = c[1:] / c[0]
+    return max(1.0, float(1.0 + 2.0 * rho.sum())), float(1.0 + 2.0 * (rho @ rho))
+
+
+@dataclass(frozen=True)
+class Lane:
+    """What a flight keeps of one detector."""
+
+    peaks: NDArray  # (windows,) maxima of its statistic over its lanes, 0 where none judges
+    valid_s: float  # time in which any of its lanes judges
+    alarms: int  # that rose
+    silent: int  # of these flights, 1: it alarmed though the statistic stayed below 1
+    moments: tuple  # of each lane with a signed residual
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A flown flight."""
+
+    seconds: float
+    dt: float
+    status: str
+    lanes: dict[str, Lane]
+
+    @classmethod
+    def read(cls, told: dict) -> "Flight":
+        """Return the Flight of what `fly` returned."""
+        lanes = {
+            name: Lane(np.frombuffer(base64.b64decode(one["peaks"]), "<f4"), one["valid_s"], one["alarms"],
+                       one["silent"], tuple(Moments(*m) for m in one["moments"]))
+            for name, one in told["lanes"].items()
+        }  # fmt: skip
+        return cls(told["seconds"], told["dt"], told["status"], lanes)
+
+
+@functools.cache
+def space(campaign: str) -> Space:
+    """Return the space that a campaign's flights are taken from."""
+    return Space(load_campaign(campaign), first_seed=FIRST_SEED)
+
+
+def fly(campaign: str, number: int, digest: str = "") -> dict:
+    """Fly one flight and return what is kept of it, as plain data; `digest` tells files of one name apart."""
+    from cosim.flight.build import build
+    from cosim.flight.conditions import resolved
+    from cosim.flight.fly import fly as flown
+
+    try:
+        setup = build(resolved(space(campaign).number(number)))
+    except TrimError:
+        return {"seconds": 0.0, "dt": 0.0, "status": "infeasible", "lanes": {}}
+    history, status, _ = flown(setup)
+    if status == "interrupted":
+        raise KeyboardInterrupt
+    dt, watches = setup.loop.dt, setup.watches()
+    p = {b.name: b.p for b in setup.loop.detectors}
+    lanes = {}
+    for name in dict.fromkeys(w.id for w in watches):
+        own = [w for w in watches if w.id == name and w.r is not None]
+        if own:
+            lanes[name] = _kept(history, own, p.get(name), dt)
+    return {"seconds": len(history) * dt, "dt": dt, "status": status, "lanes": lanes}
+
+
+def _kept(history, own, p, dt):
+    """Return what is kept of one detector's lanes."""
+    per = round(WINDOW_S / dt)
+    most = np.zeros(-(-len(history) // per) * per)
+    judged, alarms, moments = np.zeros(len(history), bool), 0, []
+    parameter = CONFIRMED.get(own[0].id)
+    for i, watch in enumerate(own):
+        valid = np.ones(len(history), bool) if watch.valid is None else history[:, watch.valid] > 0.5
+        r = np.where(valid & np.isfinite(history[:, watch.r]), history[:, watch.r].astype(float), 0.0)
+        if r.min() < 0.0 < r.max():
+            moments.append([*asdict(Moments.of(r[valid])).values()])
+        size = np.abs(r)
+        if parameter:
+            n = max(1, round(float(p[i][parameter]) / dt))
+            size = minimum_filter1d(size, n, mode="constant", origin=(n - 1) // 2)
+        most[: len(size)] = np.maximum(most[: len(size)], size)
+        judged |= valid
+        alarm = history[:, watch.alarm] > 0.5
+        alarms += int(np.count_nonzero(alarm[1:] & ~alarm[:-1]) + alarm[0])
+    peaks = most.reshape(-1, per).max(axis=1)
+    return {
+        "peaks": base64.b64encode(peaks.astype("<f4").tobytes()).decode(),
+        "valid_s": float(judged.sum() * dt),
+        "alarms": alarms,
+        "silent": int(alarms > 0 and peaks.max() < 1.0),
+        "moments": moments,
+    }

@@ -1,0 +1,73 @@
+"""The command that measures false alarms per hour over the threshold, and its table."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Group
+from rich.text import Text
+
+from cosim.cli import tables
+from cosim.cli.output import JsonOption, WorkersOption, reserve
+
+
+def add(app: Any, out: Any, err: Any) -> None:
+    """Add `false-alarms` to the command line `app`; `out` and `err` are its consoles."""
+
+    @app.command(name="false-alarms")
+    def false_alarms(
+        detectors: Annotated[
+            list[str] | None,
+            typer.Argument(metavar="[DETECTOR…]", help="Detectors that ship. Default: all.", show_default=False),
+        ] = None,
+        hours: Annotated[float, typer.Option("--hours", min=0.0, help="Flight hours; more go on from there.")] = 100.0,
+        campaign: Annotated[
+            str, typer.Option("--campaign", metavar="NAME", help="Fault-free campaign to fly: built-in name or file.")
+        ] = "fault-free",
+        output: Annotated[
+            Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of flights, page and table.")
+        ] = Path("logs/false-alarms"),
+        workers: WorkersOption = None,
+        json_: JsonOption = False,
+    ):
+        """Count false alarms per flight hour over the threshold, and say how far down the curve is shown.
+
+        Flights are kept in DIR: a killed measurement goes on, and more --hours add to it.
+        """
+        from cosim.compare.false_alarms import false_alarms as work
+        from cosim.files import replace_text
+        from cosim.judge.result import plain
+        from cosim.report import false_alarms_report
+
+        paths = {"report": output / "false-alarms.html", "table": output / "false-alarms.json"}
+        for path in paths.values():
+            reserve(path)
+        with tables.progress(err, "flying", unit="flights", waiting="preparing the workers") as progress:
+            found = work(hours=hours, campaign=campaign, detectors=detectors or (), folder=output, workers=workers,
+                         progress=progress)  # fmt: skip
+        false_alarms_report(found, paths["report"])
+        replace_text(paths["table"], json.dumps(plain(found), allow_nan=False) + "\n")
+        told = {key: str(path) for key, path in paths.items()}
+        if json_:
+            print(json.dumps(plain(found | told), allow_nan=False))
+        else:
+            out.print(shown(found, told))
+
+
+def shown(found: dict, files: dict) -> Group:
+    """Return the table of a measurement from its plain data."""
+    t = tables.table("", "detector", "hours>", "alarms>", "as it ships, per hour>", "at most>", "c for 1e-9>",
+                     "at most>", "what is against it")  # fmt: skip
+    for d in found["detectors"]:
+        at, needed = d["at_threshold"] or {}, d["needed"] or {}
+        cells = (at.get("value"), at.get("high"), needed.get("value"), needed.get("high"))
+        why = "\n".join(d["against"]) or "nothing"
+        t.add_row(d["id"], f"{d['hours']:.1f}", str(d["alarms"]), *(_number(x) for x in cells), tables.escape(why))
+    flown = f"{found['flights']} flights, {found['hours']:.1f} h of {found['campaign']}"
+    said = f"{flown}; bounds at 95 %, of this model; c: all thresholds times this"
+    return Group(t, Text(said, style="dim"), *(Text(f"{key:<8}{path}") for key, path in files.items()))
+
+
+def _number(x):
+    return "-" if x is None else "none" if x > 1e99 else f"{x:.2g}"

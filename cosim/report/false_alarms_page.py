@@ -1,0 +1,137 @@
+"""The page of false alarms per hour: the curve of every detector, three ways, what it rests on, what is against it."""
+
+import math
+from pathlib import Path
+
+from markupsafe import Markup
+
+from cosim.report.figure import Figure, axis, base, grid, place
+from cosim.report.page import Row, Table, page, write
+
+LEAST = 1e-12  # per hour: below, nothing is drawn
+TITLES = ("false alarms over the threshold", "return levels: the highest peaks", "shape over the number of peaks")
+WAYS = (("counted", "counted", "--blue", "solid"), ("extremes", "extremes", "--red", "solid"),
+        ("crossings", "Gaussian crossings", "--green", "dash"))  # fmt: skip
+
+
+def false_alarms_report(found: dict, output: str | Path) -> Path:
+    """Write the page of what `cosim.compare.false_alarms.false_alarms` found to the file `output`; returns its Path.
+
+    Raises OutputError.
+    """
+    return write(output, render(found))
+
+
+def render(found: dict) -> str:
+    """Return the page as HTML text."""
+    drawn = [({"id": d["id"], "said": _said(d)}, _figure(d)) for d in found["detectors"]]
+    return page(
+        "false_alarms.html",
+        title="False alarms per flight hour",
+        subtitle=f"{len(found['detectors'])} detectors over {found['hours']:.1f} flight hours of {found['campaign']}",
+        figures=[figure for _, figure in drawn],
+        figures_of=drawn,
+        found=found,
+        certified=sum(d["certified"] for d in found["detectors"]),
+        rates=_rates(found),
+        held_out=_held_out(found),
+        index=_index(found),
+    )
+
+
+def number(x: float | None) -> str:
+    """Return a rate or level in three digits, a word for what is endless."""
+    if x is None or math.isnan(x):
+        return "–"
+    return "no level" if math.isinf(x) else "0" if x < 1e-99 else f"{x:.3g}"
+
+
+def _interval(share):
+    return "–" if share is None else f"{number(share['value'])} ({number(share['low'])} to {number(share['high'])})"
+
+
+def _rates(found):
+    columns = ("detector", "hours>", "alarms>", "alarms per hour>", "as it ships, per hour>", "by",
+               "c for 1e-9 per hour>", "shape>", "what is against it")  # fmt: skip
+    rows = []
+    for d in found["detectors"]:
+        why = Markup("<br>").join(d["against"]) if d["against"] else Markup('<span class="good">nothing</span>')
+        at = d["at_threshold"]
+        shape = None if d["fit"]["note"] else d["fit"]["shape"]
+        rows.append(Row((d["id"], f"{d['hours']:.1f}", d["alarms"], _interval(d["alarms_per_hour"]), _interval(at),
+                         at["by"] if at else "–", _interval(d["needed"]), _interval(shape), why)))  # fmt: skip
+    return Table(columns, rows)
+
+
+def _held_out(found):
+    rows = []
+    for d in found["detectors"]:
+        for h in d["held_out"]:
+            fit = f"{number(h['rate'])} ({number(h['low'])} to {number(h['high'])})"
+            seen = f"{number(h['counted'] / h['hours'])} ({number(h['counted_low'])} to {number(h['counted_high'])})"
+            agree = Markup('<span class="{}">{}</span>').format(*(("good", "yes") if h["agree"] else ("bad", "no")))
+            rows.append(Row((d["id"], number(h["level"]), fit, h["counted"], f"{h['hours']:.1f}", seen, agree)))
+    return Table(("detector", "c>", "fitted, per hour>", "counted>", "in hours>", "per hour>", "agree"), rows)
+
+
+def _index(found):
+    runs = [f"run {i['run_s']:g} s>" for i in found["detectors"][0]["extremal_index"]] if found["detectors"] else []
+    cells = lambda d: [number(i["index"]) for i in d["extremal_index"]]  # noqa: E731
+    return Table(("detector", *runs), [Row((d["id"], *cells(d))) for d in found["detectors"]])
+
+
+def _said(d):
+    fit = d["fit"]
+    if fit["note"]:
+        said = f"The curve ends with the count: {fit['note']}."
+    else:
+        said = (f"The {fit['peaks']} highest of {d['flights']} peaks, above c = {number(fit['from'])}; shape "
+                f"{_interval(fit['shape'])}, Anderson-Darling {fit['anderson_darling']:.2f}.")  # fmt: skip
+    return said + (f" No crossing bound: its residual {d['gaussian']}." if d["gaussian"] else "")
+
+
+def _figure(d):
+    figure = Figure(f"curve-{d['id']}", "", 330, time=False)
+    figure.layout = base(figure.height) | {"hovermode": "closest"}
+    grid(figure.layout, TITLES, ["per hour", "c", "shape"], 3, time=False, gap=0.07)
+    words = ("c: all thresholds times this", "hours between two", "peaks fitted")
+    for panel, (x, y) in enumerate((("log", "log"), ("log", "log"), ("log", "linear")), 1):
+        figure.layout[axis("xaxis", panel)] |= {"type": x}
+        figure.layout[axis("xaxis", panel)]["title"]["text"] = words[panel - 1]
+        figure.layout[axis("yaxis", panel)]["type"] = y
+    c = d["curve"]["c"]
+    for key, name, colour, dash in WAYS:
+        if key in d["curve"]:
+            figure.data += _band(c, d["curve"][key], name, colour, dash)
+            figure.data += _band(c, d["curve"][key], name, colour, dash, turned=True) if key == "extremes" else []
+    figure.layout["yaxis"]["range"] = [math.log10(LEAST), 2.0]
+    figure.layout["shapes"].append({"type": "line", "xref": "x", "yref": "y domain", "x0": 1, "x1": 1, "y0": 0, "y1": 1,
+                                    "line": {"color": "--fault", "width": 1.2, "dash": "dash"}})  # fmt: skip
+    top, rows = d["highest"], d["stability"]
+    figure.data.append(_dots([d["hours"] / (i + 1) for i in range(len(top))], top, "--blue", 2))
+    if rows:
+        error = {"type": "data", "symmetric": False, "array": [r["high"] - r["shape"] for r in rows],
+                 "arrayminus": [r["shape"] - r["low"] for r in rows], "color": "--red"}  # fmt: skip
+        shapes = _dots([r["k"] for r in rows], [r["shape"] for r in rows], "--red", 3)
+        figure.data.append(shapes | {"error_y": error})
+    return figure
+
+
+def _dots(x, y, colour, panel):
+    return {"type": "scatter", "mode": "markers", "x": x, "y": y, "marker": {"color": colour, "size": 5},
+            "showlegend": False, "hovertemplate": "%{x:.3g}, %{y:.3g}<extra></extra>", **place(panel)}  # fmt: skip
+
+
+def _band(c, ways, name, colour, dash, turned=False):
+    """Return the traces of a curve and the ends of its interval, or of return levels over hours."""
+    out = []
+    for key, width in (("value", 1.8), ("low", 0.8), ("high", 0.8)):
+        kept = [(x, y) for x, y in zip(c, ways[key]) if y is not None and y > LEAST]
+        at = [(1.0 / y, x) for x, y in kept] if turned else kept
+        out.append({
+            "type": "scatter", "mode": "lines", "name": name, "legendgroup": name, "x": [x for x, _ in at],
+            "y": [y for _, y in at], "showlegend": key == "value" and not turned, **place(2 if turned else 1),
+            "line": {"color": colour, "width": width, "dash": dash if key == "value" else "dot"},
+            "hovertemplate": "%{x:.3g}, %{y:.3g}",
+        })  # fmt: skip
+    return out
