@@ -30,7 +30,8 @@ def _design(own):
         gains={"position": v["lead"]},  # screw travel per radian of motor [m/rad]
         # no-load rate of the surface: 45 deg/s
         shares={"of no-load speed": math.radians(45.0) * v["arm"] / v["lead"], "of stall current": amperes},
-        factors={"friction": torque},  # a share of the stall torque, at the motor
+        # friction is a share of the stall torque, at the motor; a hardover one of the largest current
+        factors={"friction": torque, "hardover": amperes},
     )  # fmt: skip
 
 
@@ -101,6 +102,7 @@ TECHNOLOGY = Technology(
         "winding_resistance": Effect("r_add"),
         "magnet_loss": Effect("magnet_loss"),
         "jam": Effect("jam_screw"),
+        "hardover": Effect("f_u", share="s_u"),
     },
     kinds={
         "winding_resistance": Kind(
@@ -109,6 +111,11 @@ TECHNOLOGY = Technology(
             exclusive="winding",
         ),
         "magnet_loss": Kind("torque and back-EMF constant fall by a share", LOSS, exclusive="magnet"),
+        "hardover": Kind(
+            "the drive is stuck at a share of its largest current",
+            (Key("drive_pct", -100.0, 100.0, 0.01, "fraction", healthy=0.0),),
+            exclusive="valve",
+        ),
         "jam": Kind("the screw seizes, the motor stalls", switched=True, exclusive="motion"),
     },
     hinge_error=0.3,

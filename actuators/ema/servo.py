@@ -41,6 +41,7 @@ PARAMS = dtype(
         ("k_i", "f8"),  # integral [1/s^3]
         ("dead", "f8"),  # error that the integrator leaves [rad]
         ("amps", "f8"),  # current per acceleration, J N / (K_T l) [A s^2/rad]
+        ("v_run", "f8"),  # largest rate of a demand that runs away: the drive's limits are left to end it [rad/s]
         ("I_max", "f8"),  # current limit [A]
         ("g_i", "f8"),  # demand per current, (K_ic + R) / K_gi [unit of u/A]
         ("g_w", "f8"),  # demand per motor rate, K_B / K_gi [unit of u s/rad]
@@ -111,6 +112,7 @@ def params(
     fields = {
         **reference.gains(omega=omega, zeta=zeta, dt=dt),
         "v_max": math.radians(40.0),
+        "v_run": math.radians(60.0),
         "a_max": 0.5 * I_max / amps,
         "j_max": 0.5 * I_max / amps * omega,  # half the stall within 1 / omega
         "arm": v["arm"],
@@ -172,7 +174,7 @@ def _refer(x, u, p, dt):
     if u.s_rate != 0.0 or u.f_rate != 0.0:
         rate = (1.0 - u.s_rate) * x.rd + u.f_rate
         if abs(rate) < 1e6:
-            x.rd = clip(rate, -p.v_max, p.v_max)
+            x.rd = clip(rate, -p.v_run, p.v_run)
         x.rdd, x.rddd = 0.0, 0.0
 
 

@@ -138,7 +138,8 @@ def _moving(j, name, technology, part, scenario):
         factor = design.factors.get(kind, 1.0)
         if effect.unit and j.unit != effect.unit:
             factor = design.arm if effect.unit == "m" else 1.0 / design.arm
-        return _constant(j, name, j.magnitude * factor, (f"{own}.{effect.input}", "f_inj"))
+        places = [(f"{own}.{effect.input}", "f_inj"), *([(f"{own}.{effect.share}", "g")] if effect.share else [])]
+        return _constant(j, name, j.magnitude * factor, *places)
     if kind == "runaway":
         return _runaway(j, name, technology, design, own, command, f"{technology.name}.{part}.delta")
     solid = kind == "ofc_solid"

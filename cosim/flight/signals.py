@@ -100,6 +100,8 @@ def detect(
 
 def _source(name):
     """Return the bus name of a signal: of a word of the vocabulary its place, else the name itself."""
+    if name.count(".") > 1:  # "hinge_model.left_inner.hm0" ends in a word, and is none
+        return name
     try:
         found = find(name)
     except KeyError:

@@ -62,7 +62,8 @@ AMPLITUDES_AT = {  # the keys that have a meaning where the oscillation enters
     "sensor": ("amplitude_mm", "amplitude_deg", "amplitude_travel"),
 }
 
-_runaway = (Key("rate_deg_s", -45.0, 45.0, RAD_PER_DEG, "rad/s", healthy=0.0),)  # the fastest actuators, without load
+# an actuator moves as fast as its valve or drive lets it: 45 deg/s without load, more with the load behind it
+_runaway = (Key("rate_deg_s", -60.0, 60.0, RAD_PER_DEG, "rad/s", healthy=0.0),)
 # What every elevator actuator can suffer, as far as it has what the kind needs; a technology's record adds its own
 _COMMON = {
     "ofc_liquid": Kind("oscillation added to the signal", _amplitudes(True), _sine, ("valve", "command", "sensor")),
