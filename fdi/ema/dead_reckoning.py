@@ -13,8 +13,10 @@ from typing import Any
 from actuators.block import kernel
 from actuators.ema.jay import PERIOD
 from fdi.common.decision import usable
-from fdi.ema.ema_kalman import VELOCITY, N
+from fdi.ema.ema_kalman import POSITION, VELOCITY, N
 
+T_SURFACE = 2.0  # a position that is lost is tied to the surface's within [s]
+DOUBT = 0.5  # of a threshold, from which on nothing is learned
 LAG, MEAN = 20, 5  # R1's jump: mean of the last 5 slots against that of the 5 slots 0.1 s ago
 
 
@@ -72,8 +74,12 @@ def _slot(x, p, h):
     _jump(x, p, mean, h)
     if seen and x.culprit == VELOCITY:
         x.c += h * x.R1  # follow the position, a second late: what is left in R1 says whether the velocity has healed
+    elif x.culprit == POSITION and x.age_surface == 0.0:
+        x.c += h / T_SURFACE * (x.y_arm + x.rigging - x.reckon - x.c)
+        x.P_cc += h / T_SURFACE * (p.sigma_rig * p.sigma_rig - x.P_cc)
+        x.P_cb = 0.0
     elif seen and x.age_vel == 0.0 and x.alarm < 0.5:
-        if max(x.r_velocity, x.r_jump) < 1.0 and math.fabs(x.R1) < p.th_R1:
+        if max(x.r_velocity, x.r_jump) < 1.0 and math.fabs(x.R1) < p.th_R1 and max(x.r_pair, x.r_speed) < DOUBT:
             _tie(x, p)
 
 

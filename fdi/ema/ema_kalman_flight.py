@@ -1,29 +1,28 @@
-"""Sensor faults of an electromechanical elevator actuator from one Kalman filter on the motor velocity, fit for flight.
+"""Faults of an electromechanical elevator actuator from one Kalman filter on the motor velocity, fit for flight.
 
 [Jay]'s filter with what an elevator adds to the bench: the hinge moment HM0 + HM_delta x1 of a model enters the
 prediction, its stiffness stands inside A, and what that model misses is a bounded load d (first-order Gauss-Markov).
 
     x = [x1 surface, x2 rate, x3 motor angle, x4 rate, x5 current, d],   x+ = Phi(HM_delta) x + G u + G_h HM0 + K gamma
 
-Three relations, and the table that they make; each sensor fault breaks its own set:
+| relation | broken by | in |
+|---|---|---|
+| position - surface - velocity's integral | a sensor, named by the other two; play of the screw | `witness` |
+| current - demand | the drive, or the current sensor: what the motor has felt tells which | `drive` |
+| torque - motion | what holds the surface: a load that no hinge explains | `vote` |
 
-    velocity-torque   mean innovation of the last 50 ms, against a share of the motor's impulse: loads do not jump so
-    position-velocity jump of R1 = y_position - pos_hat over 0.1 s: kinematics alone, no load enters
-    current-demand    R2 = y_current - x5: the current loop is stiff, no load enters
+On a verdict on the position sensor `reconf` asks to close the loop on pos_hat. With a lost sensor the rest goes on:
 
-    torque  kinematics  current  verdict
-      x         x                velocity sensor
-      -         x                position sensor: `reconf`, close the loop on pos_hat
-      -         -          x     current sensor
-      x         -          x     EFFECTIVENESS: the current that differs is real, the drive does not obey
-      -         ramp             AMBIGUOUS: a small velocity bias or a drifting position; the loop stays where it is
-      x         -                no sensor; a load that no hinge explains is JAM_SOLID at rest, EFFECTIVENESS in motion
-
-"x" is a matter of proportion: a jump of R1 is the velocity sensor's when the innovations took in at least `share_hi` of
-the velocity error that R1's motion needs, the position's when they took less than `share_lo`.
+| lost | what is left |
+|---|---|
+| surface | position by the jump of R1 over 0.1 s and the share that the innovations took in; a ramp is AMBIGUOUS |
+| position | the velocity against the surface, AMBIGUOUS; drive and jam as ever; pos_hat |
+| velocity | the position takes its place in the filter; position against surface, drive: AMBIGUOUS; jam |
+| current | sensors and jam as ever; a torque that nothing explains is AMBIGUOUS |
 
 While all is well, pos_hat is tied to the position sensor by a slow second Kalman filter on (offset c, rate b): it
-learns the velocity sensor's small bias. From the first suspicion on it runs free, and its covariance is pos_sigma.
+learns the velocity sensor's small bias. From the first suspicion on it runs free, and its covariance is pos_sigma; once
+the position sensor is named it is tied to the surface's.
 
 Windows are seconds. They are kept in slots, means over `n_sub` ticks and at least 5 ms long, and a test changes when a
 slot ends; at 200 Hz a slot is a tick. At any rate the demand is as late as the sensors, and the continuous filter, its
@@ -36,17 +35,21 @@ from typing import Any
 import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
+from actuators.common import linkage
 from actuators.constants import RAD_PER_DEG
 from actuators.ema import jay
 from fdi.common.decision import usable
 from fdi.common.record import Detector, Estimate
+from fdi.ema import drive, witness
 from fdi.ema.dead_reckoning import LAG, reckon_position, slots
-from fdi.ema.ema_kalman import CULPRITS, VELOCITY, N
+from fdi.ema.ema_kalman import VELOCITY, N
 from fdi.ema.model import designed, limits
-from fdi.ema.vote import decide, heal, size
+from fdi.ema.vote import CULPRITS, decide, size
 
 __all__ = ["CULPRITS", "INPUTS", "OUTPUTS", "PARAMS", "STATE", "init", "params", "rollout", "step"]
 
+IMPACT = 0.45  # of `gate`, which the stall current does not reach in a tick
+T_IMPACT = 0.05  # [s]
 HISTORY = 10  # ticks of demand kept for the delay: 5 ms at 2 kHz
 
 PARAMS = dtype([
@@ -87,11 +90,12 @@ PARAMS = dtype([
     ("th_both", "f8", "m"),   # smaller jump that confirms a velocity fault
     ("th_R1", "f8", "m"),     # ramp of R1
     ("th_load", "f8", "N m"),  # load that no hinge explains
+    ("stop_low", "f8", "m"),  # rod at the stops, less a margin: a drive that presses there is not jammed
+    ("stop_high", "f8", "m"),
     ("load_max", "f8", "N m"),  # limit of the load estimate
     ("gate", "f8", "rad/s"),  # innovation, and step from sample to sample, beyond which it is a spike
     ("share_hi", "f8", "-"),  # a jump of which the innovations explain more is the velocity's
     ("share_lo", "f8"),       # less: the position's; between: ambiguous
-    ("share_real", "f8"),     # an R2 of which the innovations explain more is real: the drive's fault, not the sensor's
     ("th_need", "f8", "rad/s"),  # a velocity error that would have grown more slowly might have passed unseen
     ("sigma_max", "f8", "m"),  # pos_sigma above which the estimate is not valid
     ("t_vel", "f8", "s"),     # confirmation times
@@ -102,8 +106,10 @@ PARAMS = dtype([
     ("t_hold", "f8", "s"),    # the innovations are remembered for
     ("t_bad", "f8", "s"),     # velocity samples missing or rejected for longer: start again, or a fault
     ("t_start", "f8", "s"),   # after engage: the load estimate settles, no test counts
-    ("t_heal", "f8", "s"),    # agreement that ends an alarm
-    ("heal_travel", "f8", "m"),  # and the rod travel that it must have seen
+    ("t_doubt", "f8", "s"),   # a velocity sensor that was wrong tells nothing of the magnets for so long
+    ("t_name", "f8", "s"),    # an alarm is AMBIGUOUS for so long at least, but for what is sure at once
+    *witness.PARAMS,
+    *drive.PARAMS,
 ])
 INPUTS = dtype([
     ("u", "f8", "A"),         # demanded current held over the tick that ends at this sample
@@ -113,6 +119,8 @@ INPUTS = dtype([
     ("velocity_valid", "f8", "-"),
     ("position_valid", "f8", "-"),
     ("current_valid", "f8", "-"),
+    ("y_surface", "f8", "rad"),  # surface, trailing edge down +
+    ("surface_valid", "f8", "-"),
     ("hm0_model", "f8", "N m"),  # hinge moment at zero deflection, + trailing edge down, by the model
     ("hmd_model", "f8", "N m/rad"),  # its slope, negative where it centres
 ])
@@ -141,6 +149,7 @@ STATE = dtype([
     ("age", "f8", "s"),       # since engage
     ("age_vel", "f8", "s"),   # since the last velocity sample that was used
     ("raw_last", "f8", "rad/s"),  # last velocity sample, spike or not
+    ("age_cur", "f8", "s"),   # and of the current
     ("age_hot", "f8", "s"),   # since the velocity test was last beyond its threshold
     ("hi", "f8", "rad/s"),    # what the filter took from the velocity sensor within the window: fading peaks
     ("lo", "f8", "rad/s"),
@@ -148,7 +157,6 @@ STATE = dtype([
     ("need_lo", "f8", "rad/s"),
     ("need", "f8", "rad/s"),  # that of the jump's sign
     ("share", "f8", "-"),     # part of it that was taken
-    ("felt", "f8", "-"),      # part of the acceleration that R2 would mean, were the current real, that was taken
     ("u_old", "f8", (HISTORY + 1,), "A"),  # demands held over the last ticks, newest first
     ("at_limit", "f8", "-"),       # 1: the amplifier is at its voltage limit
     ("hm0", "f8", "N m"),            # last finite values [N m], [N m/rad]
@@ -172,9 +180,11 @@ STATE = dtype([
     ("hot_jump", "f8", "-"),
     ("hot_ramp", "f8", "-"),
     ("hot_load", "f8", "-"),
-    ("agree", "f8", "s"),     # time without any test beyond its threshold
-    ("low", "f8", "m"),       # and the span of pos_hat in that time
-    ("high", "f8", "m"),
+    ("quiet_timer", "f8", "s"),  # since there was no sign of the fault
+    ("alarm_age", "f8", "s"),  # since the alarm
+    ("age_doubt", "f8", "s"), # since the velocity was last said to be wrong
+    ("impact", "f8", "s"),    # time left after the rate has jumped as it does where a stop is hit
+    ("shift", "f8", "rad"),   # motor angle less the position sensor's, where that stands for a lost velocity
     ("count", "f8", "-"),          # ticks of the slot that is open, 0 where one has just ended
     ("sum_gamma", "f8", "rad/s"),  # its sums: innovations
     ("sum_effort", "f8", "rad/s"),  # size of the motor's impulse per tick
@@ -189,6 +199,8 @@ STATE = dtype([
     ("drifts", "f8", (LAG,), "m"), # `drift`
     ("jumps", "f8", (N,), "m"),  # and of `jump`
     ("work", "f8", (6,)),     # scratch
+    *witness.STATE,
+    *drive.STATE,
 ])
 OUTPUTS = (
     "r", "alarm", "verdict", "culprit", "valid", "reconf", "pos_hat", "pos_sigma", "f_hat", "f_sigma", "eta", "eta_bar",
@@ -197,23 +209,26 @@ OUTPUTS = (
 DETECTOR = Detector(
     id="ema_kalman_flight",
     level="local",
-    summary="the same with hinge load and process noise",
+    summary="the same with hinge load, process noise and surface sensor: sensors, drive and jam",
     technologies=("ema",),
     inputs={
         "u": "current_command", "y_velocity": "velocity", "y_position": "position", "y_current": "current",
-        "hm0_model": "hm0", "hmd_model": "hmd",
+        "y_surface": "surface", "hm0_model": "hm0", "hmd_model": "hmd",
     },
     group="actuator filters",
     designed_for={
         **dict.fromkeys((
-            "ema.velocity", "ema.position", "ema.jam_liquid", "ema.current", "ema.ofc_liquid@sensor",
+            "ema.velocity", "ema.position", "ema.jam_liquid", "ema.current", "ema.surface", "ema.ofc_liquid@sensor",
         ), ("sensor",)),
+        "ema.ofc_liquid": ("ofc_liquid",),
+        "ema.ofc_solid": ("ofc_solid",),
+        "ema.hardover": ("runaway",),
+        "ema.jam*": ("jam_solid",),
+        **dict.fromkeys(("ema.loss_of_effectiveness", "ema.magnet_loss"), ("effectiveness",)),
     },
     may_see={
-        "ema.jam*": ("jam_solid",),
         **dict.fromkeys((
-            "ema.ofc_liquid", "ema.ofc_solid", "ema.free_float", "ema.loss_of_effectiveness", "ema.magnet_loss",
-            "ema.winding_resistance", "ema.friction",
+            "ema.free_float", "ema.winding_resistance", "ema.backlash", "ema.friction",
         ), ("effectiveness", "ambiguous")),
     },
     blind="compares the sensors of one electromechanical drive with the model of its own demand: a fault before "
@@ -225,7 +240,7 @@ DETECTOR = Detector(
     looks_back={"delay": "u_old"},
     sizes={"n_sub": 1, "n_window": 1, "n_lag": 1, "n_mean": 1},
     places={"head": ("window", 0), "tail": ("drifts", 0)},
-    fit=lambda site: params(dt=site.dt, **site.actuator),
+    fit=lambda site: params(dt=site.dt, travel=site.travel, **site.actuator),
 )  # fmt: skip
 
 
@@ -237,6 +252,7 @@ def params(
     delay_s: float = 0.005,
     sigma_velocity: float = 1.0,
     sigma_position: float = 1e-4,
+    travel: tuple[float, float] | None = None,
     **symbols: Any,
 ) -> np.ndarray:
     """Return PARAMS with threshold set `which` of fdi/thresholds/ema_kalman_flight.json.
@@ -247,6 +263,7 @@ def params(
     and torque error. Raises ValueError for unknown names.
     """
     v = jay.values("elevator", **symbols)
+    travel = travel or linkage.TRAVEL
     made = designed(v, dt, sigma_velocity)
     noise = math.sqrt(jay.PERIOD / dt)
     n_sub, n_window, n_lag, n_mean = slots(dt)
@@ -282,6 +299,15 @@ def params(
         gate=0.3 * no_load,  # twice what the stall current does in 5 ms
         load_max=2.0 * amperes * v["K_T"] * arm / lead,
         th_load=0.6 * amperes * v["K_T"] * arm / lead,  # 60 % of the stall moment
+        arm=arm,
+        stop_low=arm * (travel[0] + 0.5 * RAD_PER_DEG),
+        stop_high=arm * (travel[1] - 0.5 * RAD_PER_DEG),
+        wind=v["K_T"] / (lead * v["K_s"]),
+        t_lost=0.1,
+        even=float(max(round(drive.EVEN_S / dt), 1)),
+        phi_load=dt * (lead / arm) / (v["J_M"] + v["J_N"] * (lead / arm) ** 2),
+        leak=made["Phi"][5, 5],
+        b_motor=v["K_B"] / (v["K_ic"] + v["R"]),
         **limits(which, v, made["K"][3], dt, sigma_velocity),
     )
 
@@ -304,6 +330,7 @@ def _engage(x, u, p):
     x.P_bb = (p.lead * p.sigma_b) * (p.lead * p.sigma_b)
     x.started = 1.0
     x.age_hot = p.t_hold
+    x.age_doubt = p.t_doubt
 
 
 @kernel
@@ -353,6 +380,20 @@ def _window(x, p, h):
 
 
 @kernel
+def _follow(x, y, p, dt):
+    """Correct by the position sample `y` [m] in the place of a velocity that is lost."""
+    if x.age_vel - dt <= p.t_bad:
+        x.shift = x.x_hat[2] - y / p.lead
+    e = y / p.lead + x.shift - x.x_hat[2]
+    x.x_hat[2] += drive.ALPHA * e
+    x.x_hat[0] += p.ratio * drive.ALPHA * e
+    w = drive.BETA * e / dt
+    x.x_hat[3] += w
+    x.x_hat[1] += p.ratio * w
+    x.x_hat[5] = min(max(x.x_hat[5] + p.K[5] / p.K[3] * w, -p.load_max), p.load_max)
+
+
+@kernel
 def _velocity(x, u, p, dt):
     """Correct by the velocity sample, unless it is missing or impossible, and form its test."""
     gamma = 0.0
@@ -361,6 +402,7 @@ def _velocity(x, u, p, dt):
         gamma = u.y_velocity - x.x_hat[3]
         # a spike is far from the model and from the sample before it
         seen = math.fabs(gamma) < p.gate or math.fabs(u.y_velocity - x.raw_last) < p.gate
+        x.impact = T_IMPACT if math.fabs(u.y_velocity - x.raw_last) >= IMPACT * p.gate else max(x.impact - dt, 0.0)
         x.raw_last = u.y_velocity
     if seen:
         x.age_vel = 0.0
@@ -370,8 +412,11 @@ def _velocity(x, u, p, dt):
     else:
         x.age_vel += dt
         gamma = 0.0
+        if x.age_vel > p.t_bad and usable(u.y_position, u.position_valid) > 0.5:
+            _follow(x, u.y_position, p, dt)
     w = u.y_velocity if x.age_vel == 0.0 else x.x_hat[3]
-    x.reckon += 0.5 * p.lead * dt * (w + x.w_last)
+    mean = 0.5 * (w + x.w_last)
+    x.reckon += p.lead * dt * mean
     x.w_last = w
     x.w_slow += dt / p.t_hold * (w - x.w_slow)
     x.eta = gamma / p.S_root
@@ -380,17 +425,15 @@ def _velocity(x, u, p, dt):
     x.sum_effort += p.impulse * math.fabs(x.x_hat[4])
     if x.count == 0.0:
         _window(x, p, p.n_sub * dt)
+    return w, mean, gamma
 
 
 @kernel
 def _current(x, p):
-    """Form the test of R2, and whether the motor has felt it."""
+    """Form the test of R2."""
     # a velocity error reaches x5 through the back electromotive force; 0.7: the part of it that `hi` still remembers
     back = 0.7 * p.K_B / p.R_loop * max(x.hi, -x.lo)
     x.r_current = math.fabs(x.R2) / (p.th_cur + p.rho_cur * math.fabs(x.x_hat[3]) + back)
-    ticks = p.n_window * p.n_sub
-    gained = math.copysign(ticks * x.eta_bar * p.S_root * p.K[3], x.R2 * x.eta_bar)  # + where it is of the sign of R2
-    x.felt = min(gained / max(math.fabs(x.R2) * p.impulse * ticks, 1e-3), 9.9)
 
 
 @kernel
@@ -412,8 +455,10 @@ def step(x, u, p, dt):
     if x.count >= p.n_sub:
         x.count = 0.0
     _predict(x, x.u_old[int(p.delay)], p)
-    _velocity(x, u, p, dt)
-    if usable(u.y_current, u.current_valid) > 0.5:
+    w, mean, gamma = _velocity(x, u, p, dt)
+    current = usable(u.y_current, u.current_valid) > 0.5
+    x.age_cur = 0.0 if current else x.age_cur + dt
+    if current:
         x.sum_R2 += u.y_current - x.x_hat[4]
         x.n_current += 1.0
     if x.count == 0.0 and x.n_current > 0.0:
@@ -421,8 +466,11 @@ def step(x, u, p, dt):
         x.sum_R2 = x.n_current = 0.0
     _current(x, p)
     reckon_position(x, u, p, dt, gap and x.age_vel == 0.0 and x.alarm < 0.5)
+    witness.hear(x, u, mean, p, dt)
+    x.age_doubt = 0.0 if x.culprit == VELOCITY else x.age_doubt + dt
+    believed = x.age_vel == 0.0 and x.r_speed < 0.5 and x.age_doubt > p.t_doubt
+    drive.watch(x, u.y_current, current, x.u_old[int(p.delay)], w, believed, gamma, p, dt)
     decide(x, p, dt)
-    heal(x, p, dt)
     size(x, p, (p.n_lag - p.n_mean) * p.n_sub * dt)
     x.load_hat = x.x_hat[5]
     fresh = x.age_vel < 0.2 and x.culprit != VELOCITY

@@ -1,62 +1,127 @@
-"""The vote of `ema_kalman_flight`: from its tests to the name of a sensor, and back to health."""
+"""The vote of `ema_kalman_flight`: from its tests to a name, and back to health.
+
+A sensor that two others contradict is named first, then what the drive does, then what holds the surface. An alarm is
+AMBIGUOUS until one is sure; a name, once given, stays until the alarm ends. Without its surface sensor the position is
+judged by the jump of R1 and the share of it that the innovations took in, as said in `ema_kalman_flight`.
+"""
 
 import math
 
 from actuators.block import kernel
 from fdi.common.decision import confirm
 from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, SENSOR
+from fdi.ema import drive
 from fdi.ema.dead_reckoning import MEAN
+from fdi.ema.ema_kalman import CULPRITS as PUBLISHED
 from fdi.ema.ema_kalman import CURRENT, POSITION, VELOCITY
+
+CULPRITS = (*PUBLISHED, "surface")
+SURFACE = 4.0
+FROZEN = 20.0  # equal samples of a position sensor: noise does not repeat itself
+WEAK_LEFT = 0.4  # weaker magnets leave more of what a current sensor does
+SURE = 120.0  # information about what the motor has felt [rad2/s2]: the share is known to a tenth
+
+
+@kernel
+def _blame(x, p):
+    """Return the sensor that the others contradict, or 0."""
+    if x.hot_speed > 0.5 and x.r_pair < 0.7 and x.age_pos < p.t_lost and x.age_surface < p.t_lost:
+        return VELOCITY
+    if x.hot_f > 0.5 or x.age_vel > p.t_bad:  # no position can move the current; two witnesses are no vote
+        return 0.0
+    if x.sensor > 0.5 and x.blame == 1.0:
+        return POSITION
+    if x.sensor > 0.5 and x.blame == 2.0 and x.play < 0.5:
+        return SURFACE
+    return 0.0
+
+
+@kernel
+def _alone(x, p, dt):
+    """Return the sensor that jumps against the rest, without a surface sensor, or 0."""
+    counts = x.age >= p.t_start
+    hot = x.age_hot < p.t_hold and x.share >= p.share_hi
+    both = hot and math.fabs(x.jump) >= p.th_both
+    x.timer_vel, x.hot_vel = confirm(x.timer_vel, x.hot_vel, counts and both, dt, p.t_vel, 0.0)
+    x.timer_jump, x.hot_jump = confirm(x.timer_jump, x.hot_jump, counts and x.r_jump >= 1.0, dt, p.t_jump, 0.0)
+    sharp = x.hot_jump > 0.5 and x.need >= p.th_need
+    if x.hot_vel > 0.5 or (sharp and x.share >= p.share_hi):
+        return VELOCITY
+    return POSITION if sharp and x.share <= p.share_lo else 0.0
+
+
+@kernel
+def _drive(x, p):
+    """Return (class, culprit) of what the current says, NONE while it is not sure."""
+    if x.drive_name == drive.WEAK:
+        return EFFECTIVENESS, 0.0
+    if x.felt_den >= SURE:
+        constant = x.left[4] <= drive.PURE  # which no fault of the drive adds
+        shaped = min(x.left[0], min(x.left[3], x.left[4]))  # a sine, a scale, a bias
+        if x.left[5] > WEAK_LEFT and shaped < 0.5 * x.left[5] and x.felt <= (p.felt_least if constant else p.felt_most):
+            return SENSOR, CURRENT
+        if x.felt >= p.felt_least and x.drive_name != NONE:
+            return x.drive_name, 0.0
+    if x.hot_gain > 0.5 and x.weak > 0.5:
+        return EFFECTIVENESS, 0.0
+    return NONE, 0.0
 
 
 @kernel
 def decide(x, p, dt):
-    """Confirm the tests and read the table; a sensor once named stays named until it heals."""
+    """Confirm the tests, raise the alarm, name the fault, and withdraw it."""
     counts = x.age >= p.t_start
     ramp = math.fabs(x.R1) / p.th_R1
-    hot = x.age_hot < p.t_hold and x.share >= p.share_hi
-    both = hot and math.fabs(x.jump) >= p.th_both
     x.age_hot = 0.0 if x.r_velocity >= 1.0 else x.age_hot + dt
-    lone = x.r_current if math.fabs(x.jump) < p.th_both else 0.0
-    x.timer_vel, x.hot_vel = confirm(x.timer_vel, x.hot_vel, counts and both, dt, p.t_vel, 0.0)
-    x.timer_jump, x.hot_jump = confirm(x.timer_jump, x.hot_jump, counts and x.r_jump >= 1.0, dt, p.t_jump, 0.0)
-    x.timer_cur, x.hot_cur = confirm(x.timer_cur, x.hot_cur, counts and lone >= 1.0, dt, p.t_cur, 0.0)
-    x.timer_ramp, x.hot_ramp = confirm(x.timer_ramp, x.hot_ramp, counts and ramp >= 1.0, dt, p.t_ramp, 0.0)
-    heavy = counts and math.fabs(x.x_hat[5]) >= p.th_load
-    x.timer_load, x.hot_load = confirm(x.timer_load, x.hot_load, heavy, dt, p.t_load, 0.0)
-    x.r = max(max(x.r_velocity, x.r_current), max(x.r_jump, ramp))
-    if x.culprit == VELOCITY or x.culprit == POSITION:
-        return
-    sharp = x.hot_jump > 0.5 and x.need >= p.th_need
-    if x.hot_vel > 0.5 or (sharp and x.share >= p.share_hi):
-        x.culprit, x.verdict, x.alarm = VELOCITY, SENSOR, 1.0
-    elif sharp and x.share <= p.share_lo:
-        x.culprit, x.verdict, x.alarm, x.reconf = POSITION, SENSOR, 1.0, 1.0
-    elif x.alarm < 0.5:
-        if x.hot_cur > 0.5 and x.felt >= p.share_real:
-            x.verdict, x.alarm = EFFECTIVENESS, 1.0
-        elif x.hot_cur > 0.5 and x.age_hot > p.t_hold:
-            x.culprit, x.verdict, x.alarm = CURRENT, SENSOR, 1.0
-        elif x.hot_load > 0.5:
-            x.verdict, x.alarm = JAM_SOLID if math.fabs(x.w_slow) < 0.1 * p.gate else EFFECTIVENESS, 1.0
-        elif x.hot_ramp > 0.5:
-            x.verdict, x.alarm = AMBIGUOUS, 1.0
-
-
-@kernel
-def heal(x, p, dt):
-    """End an alarm after agreement over both time and travel: a frozen sensor agrees as long as nothing moves."""
-    apart = max(x.r_velocity, x.r_current) >= 1.0 or math.fabs(x.R1) >= 0.5 * p.th_R1 or x.hot_load > 0.5
-    if x.alarm < 0.5 or apart:
-        x.agree = 0.0
-        x.low = x.high = x.pos_hat
-        return
-    x.agree += dt
-    x.low = min(x.low, x.pos_hat)
-    x.high = max(x.high, x.pos_hat)
-    if x.agree >= p.t_heal and x.high - x.low >= p.heal_travel:
-        x.alarm = x.reconf = x.culprit = x.agree = 0.0
+    inside = p.stop_low < x.pos_hat < p.stop_high
+    heavy = counts and math.fabs(x.x_hat[5]) >= p.th_load and inside
+    x.timer_load, x.hot_load = confirm(x.timer_load, x.hot_load, heavy, dt, p.t_load, p.t_release)
+    lost_surface, lost_current = x.age_surface > p.t_lost, x.age_cur > p.t_lost
+    alone = 0.0
+    torque = lost_surface or lost_current
+    if lost_surface:
+        alone = _alone(x, p, dt)
+    x.timer_ramp, x.hot_ramp = confirm(x.timer_ramp, x.hot_ramp, counts and lost_surface and ramp >= 1.0, dt, p.t_ramp,
+                                       p.t_release)  # fmt: skip
+    hot = counts and lost_current and x.r_velocity >= 1.0
+    x.timer_cur, x.hot_cur = confirm(x.timer_cur, x.hot_cur, hot, dt, p.t_cur, p.t_release)
+    x.r = max(max(x.r_pair, x.r_speed), max(x.r_f, x.r_gain))
+    x.r = max(x.r, math.fabs(x.x_hat[5]) / p.th_load)
+    if torque:
+        x.r = max(x.r, max(x.r_velocity, max(x.r_jump, ramp)))
+    sign = x.sensor > 0.5 or x.hot_speed > 0.5 or x.hot_f > 0.5 or x.hot_gain > 0.5 or x.hot_load > 0.5
+    sign = sign or x.hot_ramp > 0.5 or x.hot_cur > 0.5 or alone > 0.5
+    if x.culprit == POSITION and x.same_pos >= FROZEN:
+        sign = True
+    if alone > 0.5 or (lost_surface and x.alarm > 0.5 and ramp >= 0.5):
+        x.quiet_timer = 0.0
+    elif sign:
+        x.quiet_timer = p.t_release
+    else:
+        x.quiet_timer += dt
+    if not (sign or (x.alarm > 0.5 and x.quiet_timer < p.t_release)):
+        x.alarm = x.culprit = x.reconf = x.alarm_age = 0.0
         x.verdict = NONE
+        return
+    if x.alarm < 0.5:
+        x.alarm, x.verdict = 1.0, AMBIGUOUS
+    x.alarm_age += dt
+    if x.verdict != AMBIGUOUS:
+        return
+    who = _blame(x, p) if not lost_surface else alone
+    if who > 0.5:
+        x.verdict, x.culprit = SENSOR, who
+        if who == POSITION:
+            x.reconf = 1.0
+        return
+    calm = x.sensor < 0.5 and x.r_speed < 0.7 and x.r_pair < 1.0
+    if calm and x.alarm_age >= p.t_name and x.age_vel == 0.0:
+        said, who = _drive(x, p)
+        if said != NONE:
+            x.verdict, x.culprit = said, who
+            return
+    if x.hot_load > 0.5 and x.hot_f < 0.5 and calm:
+        x.verdict = JAM_SOLID if math.fabs(x.w_slow) < 0.1 * p.gate else EFFECTIVENESS
 
 
 @kernel

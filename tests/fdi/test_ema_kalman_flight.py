@@ -27,7 +27,7 @@ from cosim.papers.studies.ema_draws import (
     reconfigured,
     smallest,
 )
-from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID
+from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, SENSOR
 from fdi.ema import ema_kalman_flight as flight
 from fdi.ema import model as ema_design
 
@@ -104,16 +104,16 @@ def test_fault_free_tests_stay_below_their_thresholds_as_stored():
 
 
 def test_smallest_fault_that_is_found():
-    """On 20 draws: 0.4 deg of position and 6 % of the stall current are found, a fifth of that is not."""
+    """On 20 draws: 0.4 deg of position and 8 % of the stall current are found, a fifth of that is not."""
     seeds = range(2000, 2020)
     degree = RAD_PER_DEG * ARM
     assert smallest("position + 1 deg", np.array([0.08, 0.4]) * degree, seeds) == pytest.approx(0.4 * degree)
-    assert smallest("current + 10 % of stall", np.array([0.01, 0.06]) * STALL, seeds) == pytest.approx(0.06 * STALL)
+    assert smallest("current + 10 % of stall", np.array([0.01, 0.08]) * STALL, seeds) == pytest.approx(0.08 * STALL)
 
 
 @pytest.mark.parametrize("share", [0.002, 0.005, 0.01, 0.03, 0.05, 0.07, 0.1])
 def test_a_velocity_bias_never_reconfigures(share):
-    """In a 3-2-1-1, in a slow sine and at rest; small ones are ambiguous at most."""
+    """In a 3-2-1-1, in a slow sine and at rest; from 0.5 % on it is named, and no other sensor ever is."""
     commands = (None, lambda t: 10 * RAD_PER_DEG * np.sin(2 * np.pi * 0.3 * t), lambda t: 0.0 * t)
     for command in commands:
         for sign in (1.0, -1.0):
@@ -121,8 +121,7 @@ def test_a_velocity_bias_never_reconfigures(share):
                 "velocity + 10 % of no-load", range(2000, 2008), size=sign * share * NO_LOAD, command=command
             )
             assert not any(o.reconfigured for o in found)
-            if share <= 0.03:
-                assert {o.named for o in found} <= {"none", "ambiguous"}
+            assert {o.named for o in found} <= ({"velocity"} if share >= 0.005 else {"none", "velocity"})
 
 
 @pytest.mark.parametrize("scale", [-0.25, -0.15, 0.15, 0.25])
@@ -135,12 +134,22 @@ def test_a_velocity_scale_in_slow_motion_is_not_blamed_on_the_position(scale):
         assert "position" not in {o.named for o in found}
 
 
-def test_position_drift_at_rest_is_ambiguous():
-    tick = script(20.0)
-    t = np.arange(len(tick)) * DT
-    tick["f_p"] = np.clip(t - 5.0, 0.0, None) * 0.3 * RAD_PER_DEG * ARM
-    log = fly_bench(tick).log
-    assert log["verdict"][-1] == AMBIGUOUS and not log["reconf"].any()
+@pytest.mark.parametrize("rate", [0.02, 0.1, 0.5])
+def test_a_drift_of_the_position_is_named_and_reconfigured_before_a_degree(rate):
+    """At rest; without the surface sensor it is ambiguous: a velocity bias looks the same."""
+    for seen in (1.0, 0.0):
+        tick = script(60.0)
+        t = np.arange(len(tick)) * DT
+        tick["f_p"] = np.clip(t - 5.0, 0.0, None) * rate * RAD_PER_DEG * ARM
+        tick["ok_s"] = seen
+        log = fly_bench(tick).log
+        if seen:
+            first = np.argmax(log["reconf"] > 0.5)
+            assert log["culprit"][first] == flight.CULPRITS.index("position")
+            assert 0.0 < tick["f_p"][first] < 0.3 * RAD_PER_DEG * ARM
+            assert log["alarm"][first:].mean() > 0.95
+        else:
+            assert not log["reconf"].any() and set(np.unique(log["verdict"])) <= {NONE, AMBIGUOUS}
 
 
 def test_a_jam_is_no_sensor_fault():
@@ -149,14 +158,14 @@ def test_a_jam_is_no_sensor_fault():
         tick, kwargs, begin = draw(seed)
         tick["jam"][np.arange(len(tick)) * DT >= begin] = 1.0
         flown = fly_bench(tick, **kwargs)
-        names.append(outcome(flown, begin).named)
+        names.append(flown.log["verdict"][-1])
         assert not flown.log["culprit"].any() and not flown.log["reconf"].any()
-        assert set(np.unique(flown.log["verdict"])) <= {0.0, JAM_SOLID, EFFECTIVENESS}
-    assert names.count("jam_solid") >= 10
+        assert set(np.unique(flown.log["verdict"])) <= {NONE, AMBIGUOUS, JAM_SOLID, EFFECTIVENESS}
+    assert names.count(JAM_SOLID) >= 10
 
 
 def test_current_fault_inside_the_loop_never_reconfigures():
-    """Loop only: the true current is off, the monitor's copy right. Both copies: nothing to see but a load."""
+    """Loop only: the true current is off, the monitor's copy right. Both copies: hardly anything to see but a load."""
     for both in (False, True):
         for seed in range(2000, 2015):
             tick, kwargs, begin = draw(seed)
@@ -166,8 +175,8 @@ def test_current_fault_inside_the_loop_never_reconfigures():
             log = fly_bench(tick, **kwargs).log
             assert not log["reconf"].any()
             assert not np.isin(log["culprit"], (1.0, 2.0)).any()
-            if both:
-                assert not log["alarm"].any()
+            if both:  # the loop's own droop shows at most
+                assert set(np.unique(log["verdict"])) <= {NONE, AMBIGUOUS, SENSOR}
 
 
 # --- reconfiguration
@@ -189,7 +198,7 @@ def test_surface_stays_below_half_a_degree_for_60_s_after_reconfiguration(fault,
 
 
 def test_pos_sigma_covers_the_error_and_validity_is_withdrawn():
-    """Its error over its sigma after 60 s stays below 3 in ten runs; with no position sensor for long, valid falls."""
+    """Its error over its sigma after 60 s stays below 3 in ten runs; with neither position for long, valid falls."""
     ratio = []
     for seed in range(2000, 2010):
         flown, _ = reconfigured("f_p", 5 * RAD_PER_DEG * ARM, bias=0.0, seed=seed)
@@ -197,19 +206,21 @@ def test_pos_sigma_covers_the_error_and_validity_is_withdrawn():
     assert np.abs(ratio).max() < 3.0
     tick = script(400.0)
     tick["f_p"][round(5.0 / DT) :] = 5 * RAD_PER_DEG * ARM
+    tick["ok_s"] = 0.0
     log = fly_bench(tick).log
     gone = log["pos_sigma"] > 0.5 * RAD_PER_DEG * ARM
     assert gone.any() and not gone[: round(60.0 / DT)].any()
     np.testing.assert_array_equal(log["valid"][1:], np.where(gone, 0.0, 1.0)[1:])
 
 
-def test_a_healed_position_sensor_is_taken_back_after_motion():
+def test_a_healed_position_sensor_is_taken_back_and_a_frozen_one_is_not():
     t = np.arange(round(40.0 / DT)) * DT
-    tick = script(40.0, command=three_two_one_one(t, start=15.0))
-    tick["f_p"][(t >= 5.0) & (t < 10.0)] = 2 * RAD_PER_DEG * ARM
-    log = fly_bench(tick).log
-    assert log["reconf"][round(14.9 / DT)] == 1.0  # agreement at rest proves nothing
-    assert log["alarm"][-1] == 0.0 and log["reconf"][-1] == 0.0
+    for field, size in (("f_p", 2 * RAD_PER_DEG * ARM), ("z_p", 1.0)):
+        tick = script(40.0, command=three_two_one_one(t, start=5.0))
+        tick[field][(t >= 5.2) & (t < (10.0 if field == "f_p" else 40.0))] = size
+        log = fly_bench(tick).log
+        assert log["reconf"][round(9.9 / DT)] == 1.0
+        assert log["alarm"][round(13.0 / DT)] == (field == "z_p")  # it agrees as long as nothing moves: not healed
 
 
 # --- a long healthy flight, and bad samples

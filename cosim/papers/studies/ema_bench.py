@@ -21,6 +21,7 @@ DT = 0.005
 ARM = jay.values()["arm"]
 NO_LOAD = jay.LIMITS["elevator"][1] / jay.values()["K_B"]  # [rad/s]
 STALL = jay.LIMITS["elevator"][0]  # [A]
+SURFACE = 0.02 * RAD_PER_DEG  # noise of the surface sensor [rad]
 SIGMA = (1.0, 1e-4, 0.1)  # velocity [rad/s], position [m], current [A] per sample; [Jay] section 4 as 1 sigma
 
 TICK = dtype([
@@ -44,6 +45,8 @@ TICK = dtype([
     ("ok_v", "f8"),     # valid flags
     ("ok_p", "f8"),
     ("ok_c", "f8"),
+    ("n_s", "f8"),      # surface sensor: noise, its flag [rad]
+    ("ok_s", "f8"),
     ("jam", "f8"),      # faults of the actuator and of the loop's current sensor
     ("f_i", "f8"),
     ("s_i", "f8"),
@@ -58,7 +61,7 @@ def _faulty(true, noise, add, scale, frozen, last):
 @kernel
 def fly(tick, px, ps, pf, x, s, f, ux, us, uf, reconfigure, out, surface):
     """Fly every tick; out: flight.STATE per tick, surface: true angle x1 and N x3 / l, reference, [rad]."""
-    w, y, c = x.motor_d, px.lead * x.motor, x.i
+    w, y, c, delta = x.motor_d, px.lead * x.motor, x.i, x.delta
     last_v, last_p, last_c = w, y, c
     for k in range(tick.shape[0]):
         t = tick[k]
@@ -66,7 +69,9 @@ def fly(tick, px, ps, pf, x, s, f, ux, us, uf, reconfigure, out, surface):
         last_v = _faulty(w, t.n_v, t.f_v, t.s_v, t.z_v, last_v)
         last_p = _faulty(y, t.n_p, t.f_p, t.s_p, t.z_p, last_p)
         last_c = _faulty(c, t.n_c, t.f_c, t.s_c, t.z_c, last_c)
-        w, y, c = x.motor_d, px.lead * x.motor, x.i
+        uf.y_surface = delta + t.n_s if t.ok_s > 0.5 else math.nan
+        uf.surface_valid = t.ok_s
+        w, y, c, delta = x.motor_d, px.lead * x.motor, x.i, x.delta
         uf.u = s.u
         uf.y_velocity = last_v if t.ok_v > 0.5 else math.nan
         uf.y_position = last_p if t.ok_p > 0.5 else math.nan
@@ -114,7 +119,8 @@ def script(
     for name, one in zip(("n_v", "n_p", "n_c"), sigma):
         tick[name] = one * rng.standard_normal(n)
     tick["n_v"] += bias
-    for name in ("ok_v", "ok_p", "ok_c"):
+    tick["n_s"] = SURFACE * sigma[1] / SIGMA[1] * rng.standard_normal(n)
+    for name in ("ok_v", "ok_p", "ok_c", "ok_s"):
         tick[name] = 1.0
     return tick
 

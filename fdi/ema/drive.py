@@ -1,0 +1,351 @@
+"""What did the drive do? The current against its demand, and whether the motor has felt the difference.
+
+f is the measured current less that of the model, w the motor's rate, d the current that the model has at rest (it
+droops by K_B w / R_loop), in means of EVEN_S; c = f + d is what the drive was told in fact. The current loop settles in
+0.3 ms and no load enters, so that a fault of the drive is in f whole and at once. What is left of f or c since the
+fault began says which it is:
+
+| hypothesis | model | name |
+|---|---|---|
+| oscillation added | f = a cos + b sin | OFC_LIQUID |
+| oscillation in place | c = a cos + b sin | OFC_SOLID |
+| stuck at a current | c = const, large | RUNAWAY |
+| less than demanded | f = -t d | EFFECTIVENESS |
+| weaker magnets | f = t w: the voltage that the motor makes is missing | EFFECTIVENESS |
+| a warm or broken winding | f = -t d, small | AMBIGUOUS: the current sensor's scale may be off as little |
+
+A difference that the motor has not felt is the current sensor's. `felt` compares the innovations of the velocity with
+those that f would have caused, were it real: e+ = (1 - K4) e + impulse f + share of the load, by the filter's own gain.
+A name is given when one hypothesis leaves what noise leaves and the others several times as much.
+"""
+
+import math
+
+from actuators.block import kernel
+from fdi.common.decision import confirm
+from fdi.common.verdict import EFFECTIVENESS, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY
+
+RING = 100  # samples of each ring
+EVEN_S, SLOW = 0.02, 10  # a sample of the fast ring [s]; of the slow one [samples of the fast]
+TAU_POWER, SPIKE = 0.1, 0.8  # lag of the power of f [s]; share of its threshold that one sample may fill
+LOW_HZ, HIGH_HZ, RATIO = 0.09, 11.0, 1.18  # frequencies of an oscillation [Hz]
+PERIODS = 1.0  # that a window must hold
+LEAST = 8  # samples before a name
+PURE, CLEAR = 0.04, 5.0  # share that a hypothesis leaves where it explains; the next leaves so many times as much
+FIRM = 6.0  # an energy of so many times the noise's own is enough for a name
+NEAR = 0.93  # of the voltage limit: from there on 5 % of K_B is worth more than the stall current
+LOSS_SAMPLES = 30  # before a loss is told from what is slow
+JUMP, STAYS, EVEN = 3.0, 8.0, 0.15  # samples after which a jump of c is seen, and has stayed; how even it must be
+WEAK = -2.0  # weaker magnets, beside the class codes: what the motor feels says nothing then
+VOTES = 3.0  # evaluations in a row that must agree
+STUCK = 0.3  # of the largest current: less is a loss of the drive
+LOSS_LEAST = 0.1  # less of a loss is a gain error
+SENSOR = -1.0  # the current sensor, beside the class codes
+ALPHA, BETA = 0.2, 0.02  # position in the place of a lost velocity: corrections of angle and rate
+TAU_GAIN, TAU_NOW = 8.0, 0.6  # memory of the gains [s]
+
+PARAMS = [
+    ("even", "f8", "-"),  # ticks of a sample
+    ("sigma_f", "f8", "A"),  # noise of a sample of f
+    ("th_f", "f8", "A"),  # rms of f, fixed part
+    ("rho_f", "f8", "A s/rad"),  # and of the rate
+    ("t_f", "f8", "s"),  # confirmation
+    ("phi_load", "f8", "rad/s/N m"),  # rate from the load state over a tick
+    ("leak", "f8", "-"),  # of the load state over a tick
+    ("felt_least", "f8", "-"),  # share of f that the motor must have felt
+    ("felt_most", "f8", "-"),  # and may have, where it is the sensor's
+    ("b_motor", "f8", "A s/rad"),  # current per rate that weaker magnets would cause, all lost
+    ("th_a", "f8", "-"),  # gain error of the current
+    ("th_b", "f8", "-"),  # share of the magnets
+    ("z_gain", "f8", "-"),  # by so many deviations beyond it
+]
+STATE = [
+    ("f_now", "f8", "A"),  # measured current less the model's
+    ("f_lag", "f8", "A"),  # lagged
+    ("f_power", "f8", "A2"),  # its square, lagged
+    ("w_power", "f8", "rad2/s2"),
+    ("r_f", "f8", "-"),  # over its threshold
+    ("f_timer", "f8", "s"),
+    ("hot_f", "f8", "-"),  # confirmed
+    ("f_age", "f8", "-"),  # samples since it began, 0 while there is nothing
+    ("even_sum", "f8", (3,)),  # f, d, w
+    ("even_ticks", "f8", "-"),
+    ("even_lost", "f8", "-"),  # ticks of the sample that say nothing
+    ("even_head", "f8", "-"),
+    ("even_ring", "f8", (3, RING)),
+    ("slow_sum", "f8", (3,)),
+    ("slow_count", "f8", "-"),
+    ("slow_head", "f8", "-"),
+    ("slow_ring", "f8", (3, RING)),
+    ("twin", "f8", (2,)),  # error of rate [rad/s] and load [N m] that f would have caused
+    ("felt_num", "f8"),
+    ("felt_den", "f8"),
+    ("felt", "f8", "-"),  # share of f that the motor has felt
+    ("gain_sum", "f8", (6,)),  # ff, fd, fw, dd, dw, ww over TAU_GAIN
+    ("gain_now", "f8", (6,)),  # over TAU_NOW
+    ("gain_a", "f8", "-"),  # f = a d + b w
+    ("gain_b", "f8", "-"),  # b over b_motor
+    ("r_gain", "f8", "-"),  # the larger over its threshold
+    ("gain_timer", "f8", "s"),
+    ("hot_gain", "f8", "-"),  # 1 while a gain is off
+    ("weak", "f8", "-"),  # 1 where it is the magnets'
+    ("drive_name", "f8", "-"),  # class of the hypothesis that explains, SENSOR, or NONE
+    ("drive_vote", "f8", "-"),  # class that explains now
+    ("drive_votes", "f8", "-"),  # evaluations in a row that it has
+    ("drive_hz", "f8", "Hz"),  # frequency of the oscillation
+    ("left", "f8", (6,), "-"),  # what each leaves over what there is: added, in place, stuck, loss, bias, magnets
+    ("jumped", "f8", "-"),  # side to which the current jumped and stays, 0 where it did not
+]
+
+
+@kernel
+def demanded(u, w, p):
+    """Return (current that a healthy drive makes of the demand `u` [A] at the rate `w` [rad/s], near its voltage)."""
+    back = p.K_B * w
+    i = min(max((p.K_gi * u - back) / p.R_loop, -p.I_max), p.I_max)
+    return i, math.fabs(p.R * i + back) > NEAR * p.V_max
+
+
+@kernel
+def sample(x, slow, s, i):
+    """Return signal `s` (0 f, 1 d, 2 w) of sample `i` of a ring."""
+    return x.slow_ring[s, i] if slow else x.even_ring[s, i]
+
+
+@kernel
+def sine(x, slow, n, hz, share):
+    """Return the energy that a sine of `hz` leaves of f + share d over the last `n` samples."""
+    h = EVEN_S * SLOW if slow else EVEN_S
+    i = int(x.slow_head if slow else x.even_head) - n
+    i = i + RING if i < 0 else i
+    angle = 6.283185307179586 * hz * h
+    c, s = math.cos(0.5 * (1 - n) * angle), math.sin(0.5 * (1 - n) * angle)
+    turn_c, turn_s = math.cos(angle), math.sin(angle)
+    yy, yc, ys, cc, cs, ss = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for _ in range(n):
+        y = sample(x, slow, 0, i) + share * sample(x, slow, 1, i)
+        yy += y * y
+        yc += y * c
+        ys += y * s
+        cc += c * c
+        cs += c * s
+        ss += s * s
+        i = 0 if i == RING - 1 else i + 1
+        c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
+    det = cc * ss - cs * cs
+    if det <= 1e-9 * n * n:
+        return yy
+    a, b = (yc * ss - ys * cs) / det, (ys * cc - yc * cs) / det
+    return max(yy - a * yc - b * ys, 0.0)
+
+
+@kernel
+def best_sine(x, slow, n, share):
+    """Return (least energy that a sine leaves of f + share d over the last `n` samples, its frequency [Hz])."""
+    h = EVEN_S * SLOW if slow else EVEN_S
+    least, at = 1e300, 0.0
+    hz = max(0.5 / (n * h), LOW_HZ)
+    top = min(HIGH_HZ, 0.4 / h)
+    while hz <= top:
+        e = sine(x, slow, n, hz, share)
+        if e < least:
+            least, at = e, hz
+        hz *= RATIO
+    step = 0.5 * (RATIO - 1.0)
+    for _ in range(5):  # halve the step about the best
+        for side in range(2):
+            hz = at * (1.0 + step) if side == 0 else at * (1.0 - step)
+            e = sine(x, slow, n, hz, share)
+            if e < least:
+                least, at = e, hz
+                break
+        step *= 0.5
+    return least, at
+
+
+@kernel
+def explain(x, p, slow):
+    """Weigh the hypotheses over the samples since f began, of one ring; write `drive_name` where one is sure."""
+    n = min(int(x.f_age / SLOW) if slow else int(x.f_age), RING)
+    i = int(x.slow_head if slow else x.even_head) - n
+    i = i + RING if i < 0 else i
+    ff, fd, dd, f1, c1, ww, fw = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for _ in range(n):
+        f, d, w = sample(x, slow, 0, i), sample(x, slow, 1, i), sample(x, slow, 2, i)
+        ff += f * f
+        fd += f * d
+        dd += d * d
+        f1 += f
+        c1 += f + d
+        ww += w * w
+        fw += f * w
+        i = 0 if i == RING - 1 else i + 1
+    wide = p.sigma_f / math.sqrt(SLOW) if slow else p.sigma_f
+    tolerance = 0.06 * p.b_motor
+    noise = n * wide * wide + tolerance * tolerance * ww + 4e-6 * dd
+    cc = ff + 2.0 * fd + dd
+    if ff < FIRM * noise:
+        return
+    added, hz_added = best_sine(x, slow, n, 0.0)
+    instead, hz_instead = best_sine(x, slow, n, 1.0)
+    stuck = max(cc - c1 * c1 / n, 0.0)
+    bias = max(ff - f1 * f1 / n, 0.0)
+    t = -fd / dd if dd > 0.0 else 0.0
+    loss = max(ff - t * t * dd, 0.0) if t > LOSS_LEAST else ff
+    weak = max(ff - fw * fw / ww, 0.0) if fw > 0.0 else ff
+    x.left[0], x.left[1], x.left[2], x.left[3], x.left[4] = added / ff, instead / ff, stuck / ff, loss / ff, bias / ff
+    x.left[5] = weak / ff
+    most = PURE * ff + 2.0 * noise
+    least, second, which = 1e300, 1e300, -1
+    for k in range(6):
+        e = x.left[k] * ff
+        if e < least:
+            least, second, which = e, least, k
+        else:
+            second = min(second, e)
+    said = NONE
+    if least <= most and second >= CLEAR * (least + noise):
+        hz = hz_added if which == 0 else hz_instead
+        if which < 2 and hz * n * (EVEN_S * SLOW if slow else EVEN_S) >= PERIODS:
+            said, x.drive_hz = OFC_LIQUID if which == 0 else OFC_SOLID, hz
+        elif which == 2 and math.fabs(c1) > STUCK * p.I_max * n:
+            said = RUNAWAY
+        elif (which == 3 or which == 2) and x.f_age >= LOSS_SAMPLES:
+            said = EFFECTIVENESS
+        elif which == 5:
+            said = WEAK
+    x.drive_votes = x.drive_votes + 1.0 if said != NONE and said == x.drive_vote else 1.0
+    x.drive_vote = said
+    if said != NONE and x.drive_votes >= VOTES:
+        x.drive_name = said
+
+
+@kernel
+def solve(s, noise):
+    """Return (a, b, deviation of a, of b) of f = a d + b w from sums `s` with noise of deviation `noise`."""
+    det = s[3] * s[5] - s[4] * s[4]
+    if det <= 1e-6 * s[3] * s[5] or det <= 0.0:
+        return 0.0, 0.0, 1e3, 1e3
+    a, b = (s[1] * s[5] - s[2] * s[4]) / det, (s[2] * s[3] - s[1] * s[4]) / det
+    return a, b, noise * math.sqrt(s[5] / det), noise * math.sqrt(s[3] / det)
+
+
+@kernel
+def gains(x, p, f, d, w, dt):
+    """Take a sample into the gains of current and magnets, and test them."""
+    for k in range(2):
+        keep = 1.0 - p.even * dt / (TAU_GAIN if k == 0 else TAU_NOW)
+        s = x.gain_sum if k == 0 else x.gain_now
+        s[0] = keep * s[0] + f * f
+        s[1] = keep * s[1] + f * d
+        s[2] = keep * s[2] + f * w
+        s[3] = keep * s[3] + d * d
+        s[4] = keep * s[4] + d * w
+        s[5] = keep * s[5] + w * w
+    a, b, da, db = solve(x.gain_sum, p.sigma_f)
+    x.gain_a, x.gain_b = a, b / p.b_motor
+    db /= p.b_motor
+    over_a = math.fabs(a) - p.z_gain * da
+    over_b = math.fabs(x.gain_b) - p.z_gain * db
+    x.r_gain = max(over_a / p.th_a, over_b / p.th_b)
+    if x.hot_gain > 0.5:  # what stands must show in the last second
+        a, b, da, db = solve(x.gain_now, p.sigma_f)
+        over = math.fabs(b) / p.b_motor - 2.0 * db / p.b_motor if x.weak > 0.5 else math.fabs(a) - 2.0 * da
+        shows = over > 0.7 * (p.th_b if x.weak > 0.5 else p.th_a)
+    else:
+        shows = x.r_gain >= 1.0
+        if shows:
+            x.weak = 1.0 if over_b / p.th_b > over_a / p.th_a else 0.0
+    before = x.hot_gain
+    x.gain_timer, x.hot_gain = confirm(x.gain_timer, x.hot_gain, shows, p.even * dt, 0.2, p.t_release)
+    if before > 0.5 and x.hot_gain < 0.5:  # healed: what came before is of the fault
+        for k in range(6):
+            x.gain_sum[k] = x.gain_now[k]
+
+
+@kernel
+def begin(x):
+    """Start anew: nothing is wrong with the drive."""
+    x.f_age = 0.0
+    x.drive_name = x.drive_vote = NONE
+    x.drive_hz = x.drive_votes = x.jumped = 0.0
+    for k in range(6):
+        x.left[k] = 1.0
+
+
+@kernel
+def watch(x, y, current, u, w, measured, gamma, p, dt):
+    """Take a tick: current `y` [A] where it is usable, demand `u` [A], rate `w`, which may be believed
+    where it is `measured`, and its innovation `gamma` [rad/s].
+    """
+    d, limit = demanded(u, w, p)
+    seen = current and not limit
+    f = y - d if seen else 0.0
+    x.f_now = f
+    x.f_lag += min(dt / 0.03, 1.0) * (f - x.f_lag)
+    if seen:
+        least = p.th_f + p.rho_f * math.sqrt(x.w_power)
+        most = SPIKE * least * least * TAU_POWER / dt  # one sample alone is no fault
+        x.f_power += dt / TAU_POWER * (min(f * f, most) - x.f_power)
+        x.w_power += dt / TAU_POWER * (w * w - x.w_power)
+        x.r_f = math.sqrt(x.f_power) / (p.th_f + p.rho_f * math.sqrt(x.w_power))
+    beyond = seen and x.r_f >= 1.0 and x.age >= p.t_start
+    x.f_timer, x.hot_f = confirm(x.f_timer, x.hot_f, beyond, dt, p.t_f, p.t_release)
+    if not seen:
+        x.even_lost += 1.0
+    # what the innovation would be, were f real
+    load = x.twin[1] - p.K[5] * x.twin[0]
+    x.twin[0] = (1.0 - p.K[3]) * x.twin[0] + p.impulse * f + p.phi_load * load
+    x.twin[1] = p.leak * load
+    if x.f_timer <= 0.0:  # what came shortly before an alarm is of its onset
+        x.felt_num -= min(dt / TAU_POWER, 1.0) * x.felt_num
+        x.felt_den -= min(dt / TAU_POWER, 1.0) * x.felt_den
+    if current:
+        x.felt_num += gamma * x.twin[0]
+        x.felt_den += x.twin[0] * x.twin[0]
+        x.felt = x.felt_num / max(x.felt_den, 1e-9)
+    x.even_sum[0] += f
+    x.even_sum[1] += d + p.b_motor * w
+    x.even_sum[2] += w
+    x.even_ticks += 1.0
+    if x.even_ticks < p.even:
+        return
+    head = int(x.even_head)
+    for s in range(3):
+        x.even_ring[s, head] = x.even_sum[s] / p.even
+        x.slow_sum[s] += x.even_sum[s] / p.even
+        x.even_sum[s] = 0.0
+    x.even_head = 0.0 if head == RING - 1 else head + 1.0
+    x.even_ticks = 0.0
+    x.slow_count += 1.0
+    if x.slow_count >= SLOW:
+        slow = int(x.slow_head)
+        for s in range(3):
+            x.slow_ring[s, slow] = x.slow_sum[s] / SLOW
+            x.slow_sum[s] = 0.0
+        x.slow_head = 0.0 if slow == RING - 1 else slow + 1.0
+        x.slow_count = 0.0
+    whole = x.even_lost < 0.5
+    x.even_lost = 0.0
+    f, d, w = x.even_ring[0, head], x.even_ring[1, head], x.even_ring[2, head]
+    if whole and measured and x.f_timer <= 0.0 and math.fabs(f) < 3.0 * (p.th_f + p.rho_f * math.fabs(w)):
+        gains(x, p, f, d, w, dt)
+    if x.hot_f < 0.5 and x.f_timer <= 0.0:
+        if x.f_age > 0.0:
+            begin(x)
+        return
+    x.f_age += 1.0
+    c = f + d
+    large = STUCK * p.I_max
+    before = RING - 1 if head == 0 else head - 1
+    change = c - x.even_ring[0, before] - x.even_ring[1, before]
+    if x.f_age == JUMP and min(f * c, min(c * c, f * f)) >= large * large and math.fabs(change) < EVEN * math.fabs(c):
+        x.jumped = 1.0 if c > 0.0 else -1.0
+    elif f * x.jumped < 0.0 and c * x.jumped < 0.0:
+        x.jumped = 0.0
+    if x.f_age >= STAYS and x.jumped != 0.0 and x.drive_name == NONE:
+        x.drive_name = RUNAWAY
+    if x.hot_f > 0.5 and x.f_age >= LEAST and x.drive_name == NONE and int(x.f_age) % 2 == 0:
+        explain(x, p, False)
+        if x.drive_name == NONE and x.f_age > RING and x.slow_count == 0.0:
+            explain(x, p, True)

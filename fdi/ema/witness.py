@@ -1,0 +1,90 @@
+"""Where is the rod? Three witnesses: the position sensor, the surface sensor, and the velocity sensor's integral.
+
+    rod = y_position,   rod = arm y_surface + windup - rigging,   rod = lead times the integral of y_velocity + const
+
+`windup` is what torque winds screw and mount up, by the filter. Two that agree against the third name it
+(`fdi.common.decision.pair_test`): position against surface, each against the velocity's integral, whose constant
+follows in `pair_wash`. Where both positions leave the integral together, the velocity is wrong. A surface that has
+moved the way in which its load drives it, no further than a worn screw lets it, may be loose: AMBIGUOUS.
+"""
+
+import math
+
+from actuators.block import kernel
+from fdi.common import decision
+from fdi.common.decision import clipped, confirm, usable
+from fdi.ema.ema_kalman import VELOCITY
+
+BLAMED = 0.6  # of the threshold: so far a position has left the integral before it is blamed
+HALF = 0.5  # of `load_max` is the stall moment
+WASH_FAULT = 0.3  # while the velocity is wrong, the integral's constant follows in [s]
+STANDS = 0.4  # of the threshold: so much of it keeps the alarm
+
+PARAMS = [
+    *decision.PAIR_PARAMS,
+    ("arm", "f8", "m"),  # lever of the surface
+    ("wind", "f8", "m/A"),  # windup of the screw per ampere that the demand does not explain
+    ("th_speed", "f8", "m"),  # both positions less the velocity's integral
+    ("rho_speed", "f8", "m s/rad"),  # and of the rate
+    ("t_speed", "f8", "s"),
+    ("t_release", "f8", "s"),  # an alarm outlives its cause by this
+    ("t_lost", "f8", "s"),  # a sensor that is missing for longer is lost
+]
+STATE = [
+    *decision.PAIR_STATE,
+    ("age_pos", "f8", "s"),  # since the last usable sample of the position
+    ("age_surface", "f8", "s"),  # and of the surface
+    ("y_arm", "f8", "m"),  # what the surface sensor says of the rod
+    ("same_pos", "f8", "-"),  # how often the position has repeated itself
+    ("last_pos", "f8", "m"),
+    ("r_pair", "f8", "-"),  # position against surface, over its threshold
+    ("r_speed", "f8", "-"),  # both against the velocity, over its threshold
+    ("speed_timer", "f8", "s"),
+    ("hot_speed", "f8", "-"),  # confirmed
+]
+
+
+@kernel
+def hear(x, u, w, p, dt):
+    """Compare the three; `w` is the motor's mean rate of the tick, as measured or what stands for it [rad/s]."""
+    position, surface = usable(u.y_position, u.position_valid), usable(u.y_surface, u.surface_valid)
+    x.age_pos = 0.0 if position > 0.5 else x.age_pos + dt
+    x.age_surface = 0.0 if surface > 0.5 else x.age_surface + dt
+    if surface > 0.5:
+        with_load = p.lead * x.x_hat[2] - p.arm * x.x_hat[0]
+        without = with_load + p.arm / p.spring * x.x_hat[5]  # a motor that is held does not wind up the screw
+        other = with_load + p.wind * x.f_lag
+        low, high = min(with_load, min(without, other)), max(with_load, max(without, other))
+        y = p.arm * u.y_surface
+        x.y_arm = y + with_load
+        if position > 0.5 and x.pair_time >= p.pair_settle:  # torque says it no better: between the three
+            x.y_arm = y + min(max(u.y_position - x.rigging - y, low), high)
+    load = (x.hm0 + x.hmd * x.x_hat[0] + x.x_hat[5]) / (p.load_max * HALF)
+    bias = x.model_bias
+    decision.pair_test(x, u.y_position, position, x.y_arm, surface, p.lead * w, load, p, dt)
+    if x.culprit == 0.0 and max(math.fabs(x.e_rod), math.fabs(x.e_surface)) < BLAMED * p.pair_threshold:
+        x.blame = 0.0  # which of them has left the integral cannot be seen yet
+    if position > 0.5:
+        x.same_pos = x.same_pos + 1.0 if u.y_position == x.last_pos else 0.0
+        x.last_pos = u.y_position
+    if x.impact > 0.0:  # within a tick the integral is not known
+        x.base_rod += x.e_rod
+        x.base_surface += x.e_surface
+        x.e_rod = x.e_surface = 0.0
+    if x.culprit == VELOCITY:  # the integral's constant follows at once: what is left tells of the velocity as it is
+        x.base_rod += min(dt / WASH_FAULT, 1.0) * x.e_rod
+        x.base_surface += min(dt / WASH_FAULT, 1.0) * x.e_surface
+    x.r_pair = math.fabs(x.pair_d) / p.pair_threshold
+    e = 0.0
+    if x.e_rod * x.e_surface > 0.0:  # what both say is learned, as far as a healthy velocity sensor may be off
+        e = x.e_rod if math.fabs(x.e_rod) < math.fabs(x.e_surface) else x.e_surface
+    x.model_bias = clipped(bias + e * dt / (3.0 * p.pair_wash * p.pair_wash), p.b_max * p.lead)
+    if x.age_pos > p.t_lost:
+        e = x.e_surface
+    elif x.age_surface > p.t_lost:
+        e = x.e_rod
+    if x.age_vel > 0.0 or (x.age_pos > p.t_lost and x.age_surface > p.t_lost):
+        e = 0.0
+    x.r_speed = math.fabs(e) / (p.th_speed + p.rho_speed * math.fabs(w))
+    beyond = x.r_speed >= (STANDS if x.culprit == VELOCITY else 1.0) and x.age >= p.t_start
+    x.speed_timer, x.hot_speed = confirm(x.speed_timer, x.hot_speed, beyond, dt, p.t_speed, p.t_release)
