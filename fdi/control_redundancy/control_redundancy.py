@@ -18,8 +18,9 @@ one value of its fault leaves every |r - S f| below tau; so a residual that the 
 ("don't care"), and one that moves without reason votes against. Declared when it is the only explanation for
 `t_confirm`; afterwards only families blind to it are used for the next one. More than one explanation is AMBIGUOUS.
 
-Forces alone take an accelerometer's error for an effector: one along x for thrust. Where angle of attack and speed over
-the ground are measured, kinematics find it (`core.accelerometers`), and n_x or n_z is named instead. Other sensors and
+Forces alone take an accelerometer's error for an effector: one along x for thrust, and one of the vane for an elevator.
+Where angle of attack and speed over the ground are measured, kinematics find them (`core.accelerometers`, `core.vane`),
+and n_x, n_z or alpha is named instead; gusts hide an error of the vane, and then nothing is named. Other sensors and
 a stabiliser that runs away (the law moves the elevators against it) are still named as the effector that acts alike.
 
 `rows = "force+moment"` adds three rows with measured angular acceleration (a documented sensor), and single engines.
@@ -47,6 +48,7 @@ from fdi.control_redundancy.core import (
     NH,
     NR,
     NX,
+    PITCH,
     accelerometers,
     accumulate,
     complete,
@@ -56,13 +58,17 @@ from fdi.control_redundancy.core import (
     learn,
     row_errors,
     sliding_mean,
+    vane,
 )
 from fdi.control_redundancy.force_model import params_dtype
 
 EFFECTORS = ("elevator", "aileron", "rudder", "engine", "engine_1", "engine_2", "engine_3", "engine_4")
-CULPRITS = ("", *EFFECTORS, "n_x", "n_z")
+CULPRITS = ("", *EFFECTORS, "n_x", "n_z", "alpha")
 FIRING = 0.8  # of a row's threshold: with less it says nothing of its accelerometer
 DOUBT = 0.5  # of bias_share: with so much no effector is declared
+MAYBE = 0.35  # of the error that lift asks for: with so much in the vane, slowly or of late, no effector is declared
+TURN, TURN_0 = 0.6, 0.02  # how far, in share and in [rad/s2], the pitching may be from what an elevator would do
+NEAR = 0.35  # so far the vane's error by kinematics is from the one that lift asks for, when it is named
 LEARN = 8.0  # in flight, as the other observers of the aircraft [s]
 STRIDE = 0.005  # [s] from one command kept to the next, at least
 LAG = (0.06, 0.06, 0.09, 0.0)  # [s]: servos near 30 rad/s, the rudder's 20 rad/s, damping 0.9; the stabiliser creeps
@@ -91,6 +97,7 @@ PARAMS = params_dtype(
         ("t_release", "f8", "s"),
         ("t_kin", "f8", "s"),  # time constant of the kinematic observers of the accelerometers
         ("t_bias", "f8", "g"),  # errors of the accelerometers below this are none
+        ("t_vane", "f8", "rad"),  # errors of the vane below this are none
         ("bias_share", "f8", "-"),  # so much of a row's residual in its accelerometer makes it the accelerometer's
         ("t_invalid", "f8", "s"),  # averages start again after so long without data
     ]
@@ -176,7 +183,18 @@ STATE = dtype(
         ("bias_0", "f8", (2,), "g"),  # learned
         ("velocity", "f8", (2,), "m/s"),  # models of the velocity over the ground: forward, down
         ("moving", "f8", "-"),  # 1 once they have started
-        ("blamed", "f8", "-"),  # accelerometer that is declared: 0, 1 n_x, 2 n_z
+        ("vane", "f8", (3,), "rad"),  # angle of attack less that over the ground, less what was learned, by lag
+        ("vane_0", "f8", "rad"),
+        ("rough", "f8", "rad2"),  # mean square of the gusts in it
+        ("lift", "f8", "g/rad"),  # Z row per angle of attack
+        ("pitch", "f8", "rad/s2"),  # computed moment, negative; its value while learning; growth of the pitch rate
+        ("pitch_0", "f8", "rad/s2"),
+        ("grown", "f8", "rad/s"),
+        ("q_last", "f8", "rad/s"),
+        ("pitch_e", "f8", "1/s2"),  # what an elevator does to it
+        ("part_a", "f8", (force_model.NK,)),
+        ("slope_a", "f8", (6, 3)),
+        ("blamed", "f8", "-"),  # sensor that is declared: 0, 1 n_x, 2 n_z, 3 alpha
         ("timer_bias", "f8", "s"),  # its confirmation
         ("on_bias", "f8", "-"),
         ("on", "f8", "-"),  # ambiguous alarm
@@ -208,14 +226,14 @@ DETECTOR = Detector(
         "*.ofc_*": ("ambiguous",),
         **dict.fromkeys(("*.rod", "*.position"), ("jam_solid", "ambiguous")),
         **dict.fromkeys((
-            "stabiliser", "sensor.n_y", "sensor.alpha", "sensor.beta", "sensor.p",
+            "stabiliser", "sensor.n_y", "sensor.beta", "sensor.p",
             "sensor.q", "sensor.r", "sensor.cas", "sensor.tas", "sensor.mach", "sensor.mass", "sensor.cg",
             "sensor.n1_*",
         ), ("ambiguous",)),
-        **dict.fromkeys(("sensor.n_x", "sensor.n_z"), ("sensor", "ambiguous")),
+        **dict.fromkeys(("sensor.n_x", "sensor.n_z", "sensor.alpha"), ("sensor", "ambiguous")),
     },
     blind="static force equations: faults inside an actuator move no force, and a transport's aileron shows in none",
-    remark="a sensor other than n_x and n_z, or a stabiliser, that acts like an effector is named as that effector",
+    remark="a sensor other than n_x, n_z, alpha, or a stabiliser, that acts like an effector is named as that effector",
     estimates=(Estimate("elevator", "f_hat_elevator", "rad"), Estimate("thrust", "f_hat_thrust", "fraction")),
     looks_back={"late": "line"},
     sizes={
@@ -305,13 +323,21 @@ def _in_use(x, p):
 
 
 @kernel
+def _turns(x, p, value):
+    """Return 1.0 when the aircraft turns as an elevator off by `value` turns it; moment rows ask that themselves."""
+    asked = x.avg[PITCH + 1] * value
+    return 1.0 if p.n_rows > 3.0 or math.fabs(x.avg[PITCH] - asked) <= TURN * math.fabs(asked) + TURN_0 else 0.0
+
+
+@kernel
 def _explain(x, p):
     """Return (number of hypotheses that explain the residuals, the best of them + 1); set their bits."""
     x.candidates, count, best, least, bit = 0.0, 0, 0, math.inf, 1.0
     for h in range(int(p.n_hypotheses)):
         if x.declared[h] < 0.5:
             value, worst = fit_hypothesis(x, p, h)
-            if worst < 1.0 and math.fabs(value) <= p.limit[h]:
+            fits = worst < 1.0 and math.fabs(value) <= p.limit[h]
+            if fits and (h > 0 or _turns(x, p, value) > 0.5):
                 x.candidates += bit
                 count += 1
                 if worst < least:
@@ -347,6 +373,24 @@ def _accelerometer(x, p, share):
 
 
 @kernel
+def _vane(x, p):
+    """Return how the vane explains the Z row: 2.0 kinematics find that error, 1.0 they may, 0.0 it is another's."""
+    e, tau = x.avg[2], p.threshold[2] + p.rel * x.avg[NR + 2]
+    if math.fabs(e) < FIRING * tau or x.lift >= 0.0:
+        return 0.0
+    error = -e / x.lift
+    if math.fabs(error) < p.t_vane:
+        return 0.0
+    slow = x.vane[2]
+    if math.fabs(slow - error) <= NEAR * math.fabs(error) and slow * slow > max(p.t_vane * p.t_vane, x.rough):
+        return 2.0
+    sign = math.copysign(1.0, error)
+    most = max(x.vane[0] - slow, max(x.vane[1], slow)) if error > 0.0 else min(x.vane[0] - slow, min(x.vane[1], slow))
+    most = max(sign * most, sign * x.vane[0])
+    return 1.0 if most >= MAYBE * math.fabs(error) else 0.0
+
+
+@kernel
 def _decide(x, p, dt):
     """Declare the single explanation that lasts, release what has been quiet, name the class."""
     x.r = _in_use(x, p)
@@ -354,6 +398,9 @@ def _decide(x, p, dt):
         x.alarm, x.verdict = 1.0, AMBIGUOUS
         return
     wrong = _accelerometer(x, p, p.bias_share) if x.r >= 1.0 else 0.0
+    wind = _vane(x, p) if x.r >= 1.0 else 0.0
+    if wind > 1.5 and wrong < 0.5:
+        wrong = 3.0
     x.timer_bias, x.on_bias = confirm(x.timer_bias, x.on_bias, wrong > 0.5, dt, p.t_confirm, p.t_release)
     x.blamed = wrong if wrong > 0.5 else (x.blamed if x.on_bias > 0.5 else 0.0)
     if wrong > 0.5 or x.on_bias > 0.5:  # its rows say nothing about effectors
@@ -364,7 +411,7 @@ def _decide(x, p, dt):
     if x.culprit > NH:
         x.culprit = 0.0
     count, best = _explain(x, p) if x.r >= 1.0 else (0, 0)
-    if count == 1 and _accelerometer(x, p, DOUBT * p.bias_share) > 0.5:
+    if count == 1 and (wind > 0.5 or _accelerometer(x, p, DOUBT * p.bias_share) > 0.5):
         count = 2  # it may still turn out to be the sensor
     if count != 1 or best != x.last:
         x.timer = 0.0
@@ -444,6 +491,7 @@ def step(x, u, p, dt):
     x.gone = 0.0
     row_errors(x, u, p)
     accelerometers(x, u, p, dt)
+    vane(x, u, p, dt)
     if x.learned < 0.5:
         learn(x, p, dt)
         x.valid, x.why = 0.0, NOT_READY

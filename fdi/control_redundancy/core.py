@@ -12,8 +12,12 @@ from fdi.control_redundancy.force_model import air_data, contributions, thrust_p
 NR, NF, NH = 6, 16, 8  # most rows, families, fault hypotheses (elevator aileron rudder engines engine_1 ... engine_4)
 NC, DELAY = 8, 48  # commands (4 elevators, 2 ailerons, rudder, stabiliser); those kept of each, `stride` ticks apart
 TAU_BIAS = 0.15  # lag of what accelerometers have wrong [s]
+TAU_VANE = (0.3, 1.0, 3.0)  # and of what the vane reads beyond the angle over the ground: gusts and its error [s]
+TAU_ROUGH = 8.0  # memory of the gusts in it [s]
+STEP = 0.01  # of the angle of attack, for the slope of the lift [rad]
 BLOCKS = 10  # pieces of the sliding mean
-NX = 3 * NR  # averaged: row errors, activities, three commanded effectors, spool speed, spare
+NX = 3 * NR  # averaged: row errors, activities, three commanded effectors, spool speed, pitching
+PITCH = 2 * NR + 4  # where the last begins
 
 
 @kernel
@@ -171,6 +175,20 @@ def row_errors(x, u, p):
     x.e[0], x.e[1], x.e[2] = u.n_x - x.rows[0], u.n_y - x.rows[1], -u.n_z - x.rows[2]
     if p.n_rows > 3.0:
         _angular(x, u, p)
+    else:
+        _pitching(x, u, p)
+
+
+@kernel
+def _pitching(x, u, p):
+    """Set x.pitch, by how much the pitch rate grew in this tick beyond the computed moment [rad/s2 once averaged], and
+    x.pitch_e, the same per elevator: an elevator that is off by so much turns the aircraft."""
+    ixx, iyy, izz, ixz = p.gyration2[0], p.gyration2[1], p.gyration2[2], p.gyration2[3]
+    gyro = (izz - ixx) * u.p * u.r - ixz * (u.p * u.p - u.r * u.r)
+    x.grown = u.q - x.q_last if x.n_learn > 0.5 or x.learned > 0.5 else 0.0
+    x.q_last = u.q
+    x.pitch = (-x.rows[4] / u.mass - gyro) / iyy
+    x.pitch_e = x.G[4, 0] / (u.mass * iyy)
 
 
 @kernel
@@ -204,6 +222,7 @@ def learn(x, p, dt):
         x.learned = 1.0
         return
     x.n_learn += 1.0
+    x.pitch_0 += (x.pitch + x.grown / dt - x.pitch_0) / x.n_learn
     for i in range(NR):
         x.offset[i] += (x.e[i] - x.offset[i]) / x.n_learn
         x.full[i] += (x.act[i] - x.full[i]) / x.n_learn
@@ -245,6 +264,31 @@ def accelerometers(x, u, p, dt):
 
 
 @kernel
+def vane(x, u, p, dt):
+    """Keep x.vane, angle of attack less that over the ground, through lags [rad], and x.lift, the Z row per rad [g]."""
+    if usable(u.alpha_ground, u.alpha_ground_valid) < 0.5:
+        return
+    d = u.alpha - u.alpha_ground
+    if x.learned < 0.5:
+        x.vane_0 += (d - x.vane_0) / (x.n_learn + 1.0)
+        return
+    d -= x.vane_0
+    for i in range(3):
+        x.vane[i] += (1.0 - math.exp(-dt / TAU_VANE[i])) * (d - x.vane[i])
+    rough = x.vane[0] - x.vane[2]
+    x.rough += (1.0 - math.exp(-dt / TAU_ROUGH)) * (rough * rough - x.rough)
+    if x.n_block[int(x.block)] > 1.5:  # once in a block
+        return
+    _, qbar = air_data(u.cas, u.mach)
+    contributions(p, u.alpha + STEP, u.mach, qbar, x.variable, x.part_a, x.slope_a)
+    more = 0.0
+    for k in range(int(p.n_k)):
+        if p.axis[k] < 0.5:
+            more += x.part_a[k] * qbar * p.area - x.part[k]
+    x.lift = -more / STEP * math.cos(u.alpha) / (u.mass * G0)
+
+
+@kernel
 def accumulate(x, p, dt):
     """Add this tick to the block being filled; return 1.0 when that block is full and BLOCKS of them make the window.
 
@@ -266,6 +310,8 @@ def accumulate(x, p, dt):
     x.total[b, 2 * NR + 1] += 0.5 * (x.cmd[4] + x.cmd[5])
     x.total[b, 2 * NR + 2] += x.cmd[6]
     x.total[b, 2 * NR + 3] += x.spool
+    x.total[b, PITCH] += x.pitch + x.grown / dt - x.pitch_0
+    x.total[b, PITCH + 1] += x.pitch_e
     return 1.0 if x.n_block[b] >= per - 1e-6 else 0.0
 
 

@@ -21,7 +21,10 @@ A row that integrates is a first-order observer, x_hat' = f + (x - x_hat) / tau,
 residual: a step of x gives a jump that dies in tau, a constant error b of f gives -b tau for good. Offsets (rotation of
 the earth, gravity) are learned in the first `t_learn`. Rows that fire within `t_collect` of the first one belong to one
 fault, and name the sensor: the only one whose rows contain all that fired, of which every row that must fire did, and
-whose first row jumped or did not. More than one, or none, is AMBIGUOUS.
+whose first row jumped or did not; one that gusts would hide need not fire. More than one, or none, is AMBIGUOUS.
+
+Climb, turn and speed take the lateral velocity from the vane, which has the gusts in it: their thresholds grow with the
+rms of those, as the vane has it about its mean, and with the lateral motion through which they act.
 
 Noise and frozen readings show in the second difference of the reading alone, y_k - 2 y_k-1 + y_k-2 of variance 6
 sigma^2, in which motion at the sampling rate is nothing.
@@ -73,6 +76,8 @@ SIGNATURES: tuple[Any, ...] = (
 )
 NC = len(SIGNATURES)
 CULPRITS = ("", *SENSORS)
+HIDDEN = 1.25  # of a threshold: an error that shows larger should have fired
+EARTH = 6.356766e6  # radius that makes a geometric altitude one of the standard atmosphere [m]
 
 
 def _table(*columns):
@@ -83,12 +88,20 @@ MUST, MAY = _table(1), _table(1, 2)
 JUMPS = np.array([{None: 0.0, True: 1.0, False: -1.0}[c[3]] for c in SIGNATURES])
 FIRST = np.array([ROWS.index(c[1][0]) for c in SIGNATURES])
 OF = np.array([SENSORS.index(c[0]) for c in SIGNATURES])
+# how large an error of this size in the first row is in a row whose threshold gusts raise; times the speed where FAST
+_SHOWN = {("q", "turn"): (1.0, True), ("alpha_ground", "climb"): (1.0, False), ("hdot", "climb"): (0.5, False)}
+SHOWS, FAST = (
+    np.array([[float(_SHOWN.get((c[0], row), (0.0, False))[k]) for row in ROWS] for c in SIGNATURES]) for k in (0, 1)
+)
 
 PARAMS = dtype(
     [
         ("threshold", "f8", (NR,)),  # of the rows: rad (3), m/s (3), m, m/s, relative, m
         ("jump", "f8", (NR,)),  # a change from tick to tick beyond it is one; the same units
-        ("side", "f8", "rad"),  # growth of climb, turn and speed with lateral motion: the error of sideslip
+        ("gust", "f8", (NR,)),  # growth of the thresholds with the rms of lateral gusts; their units per m/s
+        ("side", "f8", (NR,), "rad"),  # of climb, turn and speed with lateral motion: the error of sideslip
+        ("side_gust", "f8", (NR,), "-"),  # of which gusts make so many times their rms
+        ("tau_gust", "f8", "s"),  # memory of that rms
         ("noise_ratio", "f8", "-"),  # second differences so many times their learned mean square are noise
         ("frozen_ratio", "f8", "-"),  # and so few times are a reading that repeats
         ("tau", "f8", "s"),  # of the rows that integrate
@@ -123,6 +136,10 @@ STATE = dtype(
         ("seen", "f8", (NR,)),  # 1 where the tick before had one
         ("model", "f8", (NR,)),  # states of the rows that integrate
         ("live", "f8", (NR,)),  # 1 where all sensors of a row are usable
+        ("lateral", "f8", (NR,), "-"),  # share of an error of the lateral velocity that a row may show
+        ("sideslip", "f8", "rad"),  # its mean and mean square, as the vane has it
+        ("square", "f8", "rad2"),
+        ("rough", "f8", "m/s"),  # rms of lateral gusts
         ("offset", "f8", (NR,)),
         ("limit", "f8", (NR,)),  # thresholds now
         ("y", "f8", (NS,)),  # readings
@@ -234,7 +251,7 @@ def _rows(x, p, dt):
     _integrated(x, p, SPEED, u, yaw * v - pitch * w + G0 * (y[6] - st), path * body * ok[6], dt, 0.0)
     _integrated(x, p, HEIGHT, y[9], y[8], ok[8] * ok[9], dt, 0.0)
     x.live[SOUND] = ok[11] * ok[13] * ok[9]
-    kelvin = max(288.15 - 0.0065 * y[9], 216.65)
+    kelvin = kelvin_at(y[9] / (1.0 + y[9] / EARTH))
     x.raw[SOUND] = y[11] - y[13] * math.sqrt(1.4 * 287.05287 * kelvin)
     x.live[IMPACT] = ok[12] * ok[13] * ok[10]
     cas, mach = 0.2 * (y[12] / 340.294) * (y[12] / 340.294), 0.2 * y[13] * y[13]
@@ -245,12 +262,19 @@ def _rows(x, p, dt):
     x.raw[IMPACT] = impact / (static * (math.exp(3.5 * math.log(1.0 + mach)) - 1.0)) - 1.0
     x.live[BARO] = ok[9] * ok[10]
     x.raw[BARO] = y[10] - y[9]
+    if ok[17] > 0.5:
+        c = 1.0 - math.exp(-dt / p.tau_gust) if x.age > 0.0 else 1.0
+        x.sideslip += c * (y[17] - x.sideslip)
+        x.square += c * (y[17] * y[17] - x.square)
+        x.rough = y[15] * math.sqrt(max(x.square - x.sideslip * x.sideslip, 0.0))
+    # the rows take the lateral velocity from the sideslip in the air: in a bank, rolling and yawing gusts show in them
+    fade = dt / p.tau
+    x.lateral[CLIMB] = math.fabs(sp)
+    x.lateral[TURN] += fade * (p.tau * math.fabs(roll) - x.lateral[TURN])
+    x.lateral[SPEED] += fade * (p.tau * math.fabs(yaw) - x.lateral[SPEED])
     for i in range(NR):
-        x.limit[i] = p.threshold[i]
-    gust = p.side * y[15]
-    x.limit[CLIMB] += gust * math.fabs(sp)
-    x.limit[TURN] += gust * p.tau * math.fabs(roll)
-    x.limit[SPEED] += gust * p.tau * math.fabs(yaw)
+        x.limit[i] = p.threshold[i] + p.gust[i] * x.rough
+        x.limit[i] += x.lateral[i] * (p.side[i] * y[15] + p.side_gust[i] * x.rough)
 
 
 @kernel
@@ -320,7 +344,12 @@ def _named(x):
         fits = True
         for i in range(NR):
             on = x.fired[i] > 0.0
-            if (on and MAY[s, i] < 0.5) or (not on and MUST[s, i] > 0.5):
+            missing = not on and MUST[s, i] > 0.5
+            if missing and i != FIRST[s] and x.fired[FIRST[s]] > 0.0 and SHOWS[s, i] > 0.0:
+                # gusts may hide it there
+                size = math.fabs(x.res[FIRST[s]]) * SHOWS[s, i] * (x.y[15] if FAST[s, i] > 0.5 else 1.0)
+                missing = size > HIDDEN * x.limit[i]
+            if missing or (on and MAY[s, i] < 0.5):
                 fits = False
         jumped = x.jumped[FIRST[s]] > 0.0
         if (JUMPS[s] > 0.5 and not jumped) or (JUMPS[s] < -0.5 and jumped):

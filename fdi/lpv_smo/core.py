@@ -291,6 +291,8 @@ def reconstruct(x, u, p, dt):
         f_e = x.f[0] - (x.A[4, 3] * x.wind + p.thrust * thrust) / E - k_e * (xi / x.A[0, 0] - x.slip)
         f_e /= 1.0 - k_e * x.B[0, 0] / x.A[0, 0]
         a = (xi - x.B[0, 0] * f_e) / x.A[0, 0]
+        # it grows along the body as it passes: a' acts as a rate of pitch of the other sign
+        f_e += p.gradient * x.A[4, 4] / E * (a - x.gust_hat / RAD_PER_DEG) / p.tau_g
         d = 1.0 - math.exp(-dt / p.tau_g)
         x.free[0] += d * (f_e - x.free[0])
         x.free[1] += d * (x.f[1] - D51 * f_e - k * (a - x.slip) - k_v * x.wind - x.free[1])

@@ -33,7 +33,8 @@ In flight three things go beyond the paper, all off by default (`fitted` switche
 - Gusts. The states are those of the path over the ground (tables 2, 3), the forces those of the air. A gust of angle a
   turns the path by xi = A_11 a, which the measured angle over the ground shows (`core.gust`) and which no fault of n_z
   or of the vane moves; what a does to the three estimates is taken out of them, and likewise what the air's own speed
-  does (airspeed less ground speed). Thrust acts on pitch through the engines' arm: nu of the speed channel says how
+  does (airspeed less ground speed). The tail meets it later than the wing, which is what a rate of pitch of -a' would
+  do. Thrust acts on pitch through the engines' arm: nu of the speed channel says how
   much.
 - Each estimate is judged by itself, against a threshold that grows with the rms of a: a fault does not raise it.
 
@@ -61,6 +62,7 @@ from fdi.lpv_smo.synthesis import Design, canonical, design, load, save, verify 
 
 LEARN = 8.0  # in flight: the paper's faults come at 10 s [s]
 ADOT = 0.3  # of a transport: Cm_alphadot over Cm_q + Cm_alphadot
+GRADIENT = 0.6  # of the damping in pitch: what a gust that grows along the body does, by training flights
 CULPRITS = ("", "elevator", "n_z", "alpha")
 
 PARAMS = dtype(
@@ -91,6 +93,7 @@ PARAMS = dtype(
         ("sigma_q", "f8", "rad/s"),  # noise of q per sample, for f_sigma
         ("bank", "f8", "-"),  # 1: bank and lateral rates are taken into account
         ("adot", "f8", "-"),  # share of the damping in pitch that is due to the rate of the angle of attack
+        ("gradient", "f8", "-"),  # share of the damping in pitch that answers to a gust's rate along the body
         ("thrust", "f8", "deg/s2 per m/s2"),  # what thrust does to pitch, over what it does to speed
         ("inertia", "f8", (2,)),  # (Izz - Ixx) / Iyy, Ixz / Iyy
         ("to_x", "f8", (NB, N, 5)),  # state of the paper to canonical state
@@ -271,8 +274,8 @@ def params(
     designs: Sequence[tuple[LpvModel, Design | None]] | None = None, K: float = 30.0, delta: float = 1e-4,
     tau_f: float = 0.2, tau_g: float = 0.1, tau_v: float = 0.2, tau_rho: float = 0.5, omega_a: float = 0.0,
     delay: float = 0, bank: bool = True, gust: bool = False, inertia: tuple[float, float] = (0.0, 0.0),
-    adot: float = 0.0, thrust: float = 0.0, sigma_q: float = 0.02 * RAD_PER_DEG, t_settle: float = 2.0,
-    t_learn: float = 0.0,
+    adot: float = 0.0, thrust: float = 0.0, gradient: float = 0.0, sigma_q: float = 0.02 * RAD_PER_DEG,
+    t_settle: float = 2.0, t_learn: float = 0.0,
 ) -> np.ndarray:  # fmt: skip
     """Return PARAMS of an `LpvModel` and its `Design`, by default the paper's box, stored for this aircraft.
 
@@ -288,7 +291,7 @@ def params(
     p = record(
         PARAMS, K=K, delta=delta, tau_f=tau_f, tau_g=tau_g, tau_v=tau_v, tau_rho=tau_rho, omega_a=omega_a, delay=delay,
         sigma_q=sigma_q, t_settle=t_settle, t_learn=t_learn, gust=float(gust), inertia=inertia, adot=adot,
-        thrust=thrust, bank=float(bank),
+        thrust=thrust, gradient=gradient, bank=float(bank),
         n_box=len(designs), **thresholds("lpv_smo", which),
     )  # fmt: skip
     for k, (one, its) in enumerate(designs):
@@ -332,6 +335,7 @@ def fitted(site: Site, paper: bool = False) -> np.ndarray:
         designs=None if paper else load_boxes(), gust=not paper, t_learn=LEARN,
         delay=site.ticks("q"), omega_a=1.0 / about.delays[0],
         inertia=((zz - xx) / yy, xz / yy), adot=0.0 if paper else ADOT,
+        gradient=0.0 if paper else GRADIENT,
         thrust=(rz * tx - rx * tz) / tx / yy / RAD_PER_DEG,
     )  # fmt: skip
 
@@ -419,7 +423,8 @@ def step(x, u, p, dt):
     x.path += (1.0 - math.exp(-dt / p.tau_f)) * (x.alpha_hat - x.path)
     x.away = x.path - x.eq[0] * RAD_PER_DEG
     reconstruct(x, u, p, dt)
-    steep = max(x.path, x.eq[0] * RAD_PER_DEG) > p.alpha_max or -x.A[0, 0] < p.lift_min
+    air = x.path + x.gust_hat  # without the vane, whose fault is no stall
+    steep = max(max(x.path, air), x.eq[0] * RAD_PER_DEG) > p.alpha_max or -x.A[0, 0] < p.lift_min
     linear = math.fabs(x.away) <= p.away_max and not steep
     x.calm = x.calm + dt if linear else 0.0
     if why == VALID:

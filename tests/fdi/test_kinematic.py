@@ -82,3 +82,14 @@ def test_without_inertial_sensors_it_says_that_they_are_lost(flown):
         frame.loc[START:, f"sensors.{name}.valid_obs"] = 0.0
     log = detect(frame, kinematic, WIRES)
     assert (log["why"][frame.index > START + 0.01] == why.LOST_SENSOR).all() and not log["alarm"].any()
+
+
+def test_severe_gusts_in_a_turn_are_no_sensor_and_hide_none():
+    given = ["duration_s=24", "flight.turbulence=severe", "detectors.enabled=[]", "manoeuvre.kind=coordinated_turn",
+             "manoeuvre.duration_s=20", "seed=5"]  # fmt: skip
+    wires = sources("kinematic")
+    flown = fly(load_scenario("cruise", given), wires.values())
+    assert not detect(flown, kinematic, wires)["alarm"].any()
+    flown["sensors.theta.y_obs"] += np.where(flown.index >= 18.0, np.radians(1.0), 0.0)
+    log = detect(flown, kinematic, wires)
+    assert {kinematic.CULPRITS[int(c)] for c in log["culprit"][log["alarm"] > 0]} == {"theta"}
