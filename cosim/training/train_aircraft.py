@@ -60,13 +60,13 @@ def arguments(index: int, first_seed: int = TRAINING) -> dict:
     """Return the arguments of `flights.scenario` of training flight `index`, at a point that trims with throttle below
     95 % and angle of attack below 10.5 deg."""
     rng = np.random.default_rng([first_seed, index])
-    fixed = {
+    fixed: dict[str, Any] = {
         "duration": 60.0, "manoeuvre": KINDS[index % 8], "seed": first_seed + index,
         "technology": ELEVATORS[index // 32 % 2], "sensors": {"noise_scale": NOISE_SCALE},
         "tolerances": {"aero": {n: float(1 + TOLERANCE * rng.choice((-1, 1))) for n in toleranced("aero")}},
     }  # fmt: skip
     while True:
-        flight = fixed | {"flight": point(rng) | {"turbulence": TURBULENCE[index // 8 % 4]}}
+        flight: dict[str, Any] = fixed | {"flight": point(rng) | {"turbulence": TURBULENCE[index // 8 % 4]}}
         try:
             setup = build(scenario(**flight))
         except TrimError:
