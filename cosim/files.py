@@ -20,6 +20,7 @@ except ImportError:  # where there are no such locks, nobody is kept out
 
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+SPACE = "Free space there, or choose another place"
 
 
 def replace(path: str | Path, make: Callable[..., Any]) -> Any:
@@ -60,7 +61,7 @@ def beside(path: str | Path) -> Iterator[Path]:
         error.place = error.place.replace(str(part), str(path))
         raise
     except OSError as error:
-        remedy = "Free space there, or choose another place" if error.errno in FULL else "Choose another place"
+        remedy = SPACE if error.errno in FULL else "Choose another place"
         raise OutputError(f"cannot be written: {error.strerror or error}", place=str(path), remedy=remedy) from None
 
 

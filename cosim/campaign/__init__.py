@@ -56,7 +56,7 @@ from typing import Any
 import pandas as pd
 
 from cosim.campaign.pool import outcomes
-from cosim.campaign.store import CampaignError, Store, folder
+from cosim.campaign.store import GO_ON, CampaignError, Store, folder
 from cosim.campaign.worker import run_id
 from cosim.errors import LogError, OutputError
 from cosim.files import regular, replace, replace_text
@@ -202,7 +202,7 @@ def _logged(scenario, path, part):
     try:
         done = simulate(scenario, log=part, timed=False)
     except LogError as error:
-        raise OutputError(error.problem, place=str(path), remedy="Free space there, then go on with --resume") from None
+        raise OutputError(error.problem, place=str(path), remedy=GO_ON) from None
     if done.status == "interrupted":
         raise KeyboardInterrupt
 

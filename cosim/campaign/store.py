@@ -23,7 +23,7 @@ import pyarrow.parquet as pq
 
 from actuators.sources import closure
 from cosim.errors import CosimError, OutputError
-from cosim.files import FULL, held, regular, replace, replace_text, sweep
+from cosim.files import FULL, SPACE, held, regular, replace, replace_text, sweep
 from cosim.judge.consequences import NAMES as CONSEQUENCES
 from cosim.texts import from_json, read
 
@@ -90,6 +90,7 @@ FLYING = ("actuators", "fdi", "aircraft")  # with what a worker imports of cosim
 DECIDING = (".py", ".json", ".npz", ".toml", ".xml")
 
 
+GO_ON = "Free space there, then go on with --resume"
 AGAIN = ("error", "crashed")  # statuses of runs that are flown again on resuming: a full disk or a kill may have passed
 
 
@@ -124,8 +125,11 @@ def folder(out: str | Path) -> Iterator[None]:
             for part in (out, out / "parts", out / "logs"):
                 sweep(part)
             yield
+    except OutputError as error:
+        error.remedy = GO_ON if error.remedy == SPACE else error.remedy
+        raise
     except OSError as error:
-        remedy = "Free space there, then go on with --resume" if error.errno in FULL else "Choose another place with -o"
+        remedy = GO_ON if error.errno in FULL else "Choose another place with -o"
         raise OutputError(f"cannot be written: {error.strerror}", place=str(out), remedy=remedy) from None
 
 

@@ -28,8 +28,9 @@ def write(found: Comparison, path: str | Path) -> None:
 
     picture, details = Path(path).parent / PICTURE, Path(path).parent / DETAILS
     equal = stats.equal_thresholds(found.rows)
-    replace_text(picture, render(_one_segment(found.rows), equal))
+    drawn = render(_one_segment(found.rows), equal)
     readme.replace(path, "compare", markdown(found))
+    replace_text(picture, drawn)
     if details.is_file():
         readme.replace(details, "smallest", smallest(found))
 

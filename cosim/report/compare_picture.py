@@ -24,7 +24,7 @@ def render(rows: pd.DataFrame, thresholds: dict) -> str:
     names = [n for n in rows["id"].unique() if (ofc["id"] == n).any()]
     hz = sorted(ofc["frequency_hz"].unique())
     bins = np.round(np.log2(ofc["amplitude_mm"])).astype(int).clip(lower=LEAST)
-    low, high = int(bins.min()), int(bins.max())
+    low, high = (int(bins.min()), int(bins.max())) if len(bins) else (LEAST, LEAST)
     lines = -(-len(names) // COLUMNS)
     width = LEFT + COLUMNS * WIDE + (COLUMNS - 1) * GAP_X + 10
     height = TOP + lines * (HIGH + GAP_Y) - GAP_Y + 38

@@ -2,6 +2,7 @@
 
 import xml.etree.ElementTree as ElementTree
 
+import pandas as pd
 import pytest
 from test_compare import hand_made
 
@@ -64,3 +65,10 @@ def test_file_without_the_markers_is_left_alone(found, tmp_path, text):
     assert path.read_text() == text
     with pytest.raises(OutputError, match="cannot be read"):
         readme.replace(tmp_path / "none.md", "compare", "x")
+
+
+def test_a_picture_without_an_oscillation_is_empty():
+    from cosim.report.compare_picture import render
+
+    rows = {"frequency_hz": [float("nan")], "amplitude_mm": [1.0], "concerned": [True], "id": ["iotsekf"]}
+    assert render(pd.DataFrame(rows), {}).startswith("<svg")

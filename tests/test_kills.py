@@ -1,0 +1,127 @@
+"""Commands killed at random moments, by SIGKILL and SIGTERM: nothing of the user's is lost, resumes give the same rows.
+
+COSIM_KILLS kills, printed by command (`pytest -m slow -s tests/test_kills.py`).
+"""
+
+import hashlib
+import os
+import random
+import shutil
+import signal
+from collections import Counter
+
+import hostile_recordings
+import pytest
+from commands import commands
+
+from cosim.log import open_log, recover
+
+KILLS = int(os.environ.get("COSIM_KILLS", "100"))
+SHORT = ["-s", "duration_s=3", "-s", "faults.0.start_s=1", "-s", "detectors.enabled=['iotsekf','position_monitor']",
+         "-s", "elevator.feedback=measured"]  # fmt: skip
+FILE = """
+base = "liquid-ofc"
+runs = 12
+seed = 3
+[set]
+duration_s = 2.0
+"faults.0.start_s" = 1.0
+"detectors.enabled" = ["iotsekf"]
+"elevator.feedback" = "measured"
+[draw]
+"flight.mass_t" = { low = 200.0, high = 240.0 }
+[keep]
+late = 1
+"""
+README = "mine\n<!-- compare: begin -->\nold\n<!-- compare: end -->\nmine too\n" + "x" * 50_000
+
+
+def _sum(path):
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@pytest.fixture
+def work(tmp_path):
+    """Return a folder with inputs and what each command makes of them without being killed, and the commands."""
+    hostile_recordings.write_maps(tmp_path)
+    hostile_recordings.write_whole(tmp_path / "rec.csv")
+    (tmp_path / "few.toml").write_text(FILE)
+    (tmp_path / "README.md").write_text(README)
+    with commands(tmp_path) as command:
+        yield tmp_path, command
+
+
+# of each command: its arguments, and the file or folder that it makes
+COMMANDS = {
+    "run": (["run", "liquid-ofc", *SHORT, "-o", "run.mcap"], "run.mcap"),
+    "report": (["report", "flight.mcap", "-o", "page.html"], "page.html"),
+    "replay": (["replay", "flight.mcap", "-o", "again.mcap"], "again.mcap"),
+    "map": (["replay", "rec.csv", "--map", "map.toml", "-o", "diagnosis.mcap"], "diagnosis.mcap"),
+    "recover": (["recover", "cut.mcap", "-o", "recovered.mcap"], "recovered.mcap"),
+    "compare": (["compare", "rows", "-o", "page", "--readme", "README.md"], "README.md"),
+    "campaign": (["campaign", "few.toml", "--workers", "1", "-o", "campaign"], "campaign"),
+    "resume": (["campaign", "few.toml", "--workers", "1", "-o", "campaign", "--resume"], "campaign"),
+}
+SHARE = {"run": 20, "report": 12, "replay": 12, "map": 12, "recover": 12, "compare": 12, "campaign": 10, "resume": 10}
+
+
+@pytest.mark.slow
+def test_commands_killed_at_random_moments(work):
+    home, command = work
+    assert command("run", "liquid-ofc", *SHORT, "-o", "flight.mcap").status == 0
+    whole = (home / "flight.mcap").read_bytes()
+    (home / "cut.mcap").write_bytes(whole[: len(whole) * 2 // 3])
+    assert command("campaign", "few.toml", "--workers", "1", "-o", "rows").status == 0
+    inputs = {name: _sum(home / name) for name in ("flight.mcap", "cut.mcap", "rec.csv", "map.toml", "few.toml")}
+    rows = _sum(home / "rows" / "runs.parquet")
+    took, new = {}, {}
+    for name, (args, made) in COMMANDS.items():
+        done = command(*args)
+        assert done.status in (0, 1), (name, done)
+        took[name] = done.wall_s
+        new[name] = home / made if (home / made).is_dir() else (home / made).read_bytes()
+    content = open_log(home / "run.mcap").result["content"]
+    rng, ended, lost = random.Random(5), Counter(), Counter()
+    for name in (name for name, n in SHARE.items() for _ in range(round(n * KILLS / 100))):
+        args, made = COMMANDS[name]
+        path = home / made
+        if name == "campaign":
+            shutil.rmtree(path, ignore_errors=True)
+        elif name == "compare":
+            path.write_text(README)
+        elif name != "resume":
+            path.write_bytes(b"mine")
+        number = rng.choice((signal.SIGKILL, signal.SIGTERM))
+        done = command(*args, kill=(number, rng.uniform(0.0, took[name])))
+        ended[name, done.status] += 1
+        assert "Traceback" not in done.said, (name, done)
+        assert number == signal.SIGKILL or done.status in (0, 1, 130), (name, done)
+        if number == signal.SIGTERM:
+            assert not [p.name for p in home.glob(".*") if p.name != ".said"], name
+        for p in home.glob(".*.*"):  # what SIGKILL leaves beside
+            lost[name] += 1
+            p.unlink()
+        assert inputs == {file: _sum(home / file) for file in inputs}, name
+        if name in ("campaign", "resume"):
+            assert command(*COMMANDS["resume"][0]).status == 0
+            assert _sum(path / "runs.parquet") == rows, name
+            if rng.random() < 0.5:  # the next resume has something to do
+                for part in [*(path / "parts").glob("*.parquet"), path / "runs.parquet"]:
+                    part.unlink()
+        elif name == "run":
+            _run(path, done, content, home)
+        elif name == "compare":
+            assert path.read_bytes() in (README.encode(), new[name])
+        else:  # as it was, or whole
+            assert path.read_bytes() in (b"mine", new[name]), name
+    print(f"\n{sum(ended.values())} kills: {dict(ended)}; temporary files left by SIGKILL: {dict(lost)}")
+
+
+def _run(path, done, content, home):
+    """A killed flight: its old file, or a log that comes back; a whole one has the same samples."""
+    if path.read_bytes() == b"mine":
+        return
+    if done.status == 0:
+        assert open_log(path).result["content"] == content
+    elif path.stat().st_size > 1_000_000:
+        assert recover(path, home / "out.mcap")["parameters_intact"]
