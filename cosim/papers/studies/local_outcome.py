@@ -18,6 +18,7 @@ EXCITED = 1e-3  # [m]
 RIGHT = {  # first word of a case's name -> (class, culprit)
     "liquid": (v.OFC_LIQUID, ""), "slow_liquid": (v.OFC_LIQUID, ""),
     "solid": (v.OFC_SOLID, ""), "slow_solid": (v.OFC_SOLID, ""),
+    "large_liquid": (v.OFC_LIQUID, ""), "large_solid": (v.OFC_SOLID, ""),
     "sensor_ofc": (v.SENSOR, "rod"), "runaway": (v.RUNAWAY, ""), "jam": (v.JAM_SOLID, ""),
     "rod": (v.SENSOR, "rod"), "surface": (v.SENSOR, "surface"),
     "rod_noise": (v.SENSOR, "rod"), "pressure_noise": (v.SENSOR, "pressure"),
