@@ -22,8 +22,8 @@ from typing import Any
 from actuators.block import kernel
 from fdi.common import bank, decision
 from fdi.common.decision import clipped
-from fdi.hydraulic import obeys
 from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY, SENSOR
+from fdi.hydraulic import obeys
 
 N = bank.N
 SLOW = bank.LEVELS  # index of the slow ring
@@ -287,7 +287,10 @@ def oscillates(x, p, j, n, angle):
 
 @kernel
 def swing(x, j, n, angle):
-    """Fit w to (1, cos, sin) over the last `n` samples of ring `j`; return (energy about the mean, what is left, mean)."""
+    """Fit w to (1, cos, sin) over the last `n` samples of ring `j`.
+
+    Return (energy about the mean, what is left of it, mean).
+    """
     i = begin(x, j, n)
     start = -0.5 * (n - 1) * angle
     c, s = math.cos(start), math.sin(start)
@@ -318,11 +321,13 @@ def swing(x, j, n, angle):
 
 
 @kernel
-def replaced(x, p, j, n, h, hz, angle, variance):
+def replaced(x, p, j, n, h, hz):
     """Vote for an oscillation in place of the command where w swings about a mean; the command is not obeyed.
 
     `h` [s] is a sample of the ring. What a soft or lossy actuator leaves over, and one let go, must be more.
     """
+    angle = 6.283185307179586 * hz * h
+    variance = x.coarse * x.coarse * p.sigma[j] * p.sigma[j]
     M, R, mean = swing(x, j, n, angle)
     x.left[1] = R / max(M, 1e-300)
     if n * mean * mean > OFFSET * M:
@@ -542,7 +547,7 @@ def look(x, p, j, period, hz, h, r, b):
         if n >= seen or (length == SHORT and hz > SHORT_HZ):
             continue
         if no:
-            one, at_w = replaced(x, p, j, n, h, hz, 6.283185307179586 / period, x.coarse * x.coarse * p.sigma[j] * p.sigma[j])
+            one, at_w = replaced(x, p, j, n, h, hz)
             if one:
                 found, at = True, at_w
             continue

@@ -1,8 +1,8 @@
 """Does the valve obey? The fast part of its command, mostly noise of the servo's sensors, comes through or does not.
 
 An oscillation added to the valve command and one in its place look the same while nothing else is commanded: f is a
-sine, and so is w = f + d. What the servo's sensors put into the command above CORNER is always there. It is too fast for
-the estimate of the input fault, so that where the valve does not do it the pressure misses its prediction by
+sine, and so is w = f + d. What the servo's sensors put into the command above CORNER is always there. It is too fast
+for the estimate of the input fault, so that where the valve does not do it the pressure misses its prediction by
 
     e = -deaf G_3 u,   deaf 0: the valve does all of its command, 1: nothing of it,
 

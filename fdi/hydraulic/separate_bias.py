@@ -31,8 +31,8 @@ from fdi.hydraulic import noise, pressure_test
 ITERATIONS = 4  # bound of (21)-(24)
 GATE_NONE = 1e9
 P_MOST = 1e-4  # of the rod: what a refused sample adds to its variance at most [m^2]
-# beyond these the filter has run away: pressures and forces over the stall force, valve command; V; covariances. Healthy
-# ones stay below 0.4, 8 and 0.02
+# Beyond these the filter has run away: pressures and forces over the stall force, valve command; V; covariances.
+# Healthy ones stay below 0.4, 8 and 0.02
 X_SANE, V_SANE, P_SANE = 5.0, 1e3, 10.0
 HISTORY = 10  # ticks of valve command kept for the delay: 5 ms at 2 kHz
 
