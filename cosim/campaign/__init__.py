@@ -37,7 +37,8 @@ without a result has one row. What is of the lane, not of a fault, stands on the
     amplitude_mm, amplitude_deg          achieved amplitude of an oscillation, by least squares (cosim/flight/twin.py)
     kept                    rules by which the run's log was kept (logs/<run>.mcap), comma-separated, or empty
 
-timing.parquet holds what a clock measured, and never repeats: run, id, wall_time_s, startup_s, step_us.
+timing.parquet holds what a clock measured, and never repeats: run, id, wall_time_s, startup_s, core_s (processor time
+of the whole run, its twin and judgement), step_us.
 
 **Seeds.** Thresholds are trained on seeds below EVALUATION_SEED, everything that is reported flies on seeds from there
 on: a campaign's seeds start there unless it says otherwise.
@@ -127,7 +128,7 @@ def run_many(
         if store.out:
             from cosim.campaign import manifest
 
-            manifest.write(store.out, frame)
+            manifest.write(store.out, frame, store.timing())
     by_run = frame.drop_duplicates("run")
     failed = int(by_run["status"].isin(("infeasible", "error", "crashed")).sum())
     return CampaignResult(frame, store.timing(), parquet, len(by_run), failed, resumed, tuple(store.damaged))

@@ -34,13 +34,14 @@ def _git(*words):
     return told.stdout.strip()
 
 
-def write(out: Path, frame: pd.DataFrame) -> None:
-    """Write the manifest of a finished campaign into its folder `out`, from its rows."""
-    runs = frame.drop_duplicates("run")
+def write(out: Path, frame: pd.DataFrame, timing: pd.DataFrame) -> None:
+    """Write the manifest of a finished campaign into its folder `out`, from its rows and what the clock measured."""
+    runs, took = frame.drop_duplicates("run"), timing["core_s"].dropna()
     about = {
         "runs": len(runs),
         "rows": len(frame),
         "seeds": [int(runs["seed"].min()), int(runs["seed"].max())] if "seed" in runs else None,
+        "flights_per_core_s": len(took) / float(took.sum()) if took.sum() > 0.0 else None,
         "digest": fingerprint()["digest"],
         **about_the_code(),
         "sha256": {name: sha256(out / name) for name in ("scenarios.parquet", "runs.parquet")},

@@ -55,24 +55,31 @@ def finished(calls: Any, *, workers: int | None = None, executor: Any = None, cr
 
 
 def _elsewhere(executor, calls, window, crashed):
-    todo = deque(calls)
-    flying: dict[cf.Future, object] = {}
+    """Work on an executor. A call that it gives up because workers died under it may have had bad luck, as Dask blames
+    every call that waited there: it is tried once more when nothing else is under way."""
+    todo, suspects, tried = deque(calls), deque(), set()
+    flying: dict[cf.Future, tuple] = {}
     try:
-        while todo or flying:
+        while todo or flying or suspects:
+            if not todo and not flying:
+                todo.append(suspects.popleft())
             while todo and len(flying) < window:
-                key, function, arguments = todo.popleft()
-                flying[executor.submit(function, *arguments)] = key
+                call = todo.popleft()
+                flying[executor.submit(call[1], *call[2])] = call
             for future in cf.wait(flying, return_when=cf.FIRST_COMPLETED).done:
-                key = flying.pop(future)
+                call = flying.pop(future)
                 error = None if future.cancelled() else future.exception()
                 if future.cancelled() or isinstance(error, cf.BrokenExecutor):
                     raise CampaignError("the workers went away", place="campaign", remedy="Continue with --resume")
                 if error is None:
-                    yield key, future.result()
+                    yield call[0], future.result()
+                elif type(error).__name__ == "KilledWorker" and call[0] not in tried:
+                    tried.add(call[0])
+                    suspects.append(call)
                 elif crashed is None:
                     raise error
                 else:  # a worker that died under this call every time it was tried
-                    yield key, crashed(key, f"{type(error).__name__}: {error}")
+                    yield call[0], crashed(call[0], f"{type(error).__name__}: {error}")
     finally:
         for future in flying:
             future.cancel()

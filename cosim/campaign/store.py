@@ -82,6 +82,7 @@ TIMING = pa.schema(
         ("id", pa.string()),
         ("wall_time_s", pa.float64()),
         ("startup_s", pa.float64()),
+        ("core_s", pa.float64()),
         ("step_us", pa.float64()),
     ]
 )
@@ -191,7 +192,7 @@ class Store:
         return _joined(self.scenarios, ROWS.empty_table().to_pandas() if found is None else found)
 
     def timing(self) -> pd.DataFrame:
-        """Return what the clock measured: run, id (null for the whole run), wall_time_s, startup_s, step_us."""
+        """Return what the clock measured: run, id (null for the whole run), wall_time_s, startup_s, core_s, step_us."""
         found = _read(self.out, "timing") if self.out else pa.Table.from_pylist(self._timing, TIMING).to_pandas()
         return (TIMING.empty_table().to_pandas() if found is None else found).drop_duplicates(["run", "id"])
 

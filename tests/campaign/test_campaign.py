@@ -1,6 +1,8 @@
 """Campaigns: a row per run and lane, nothing lost or flown twice, whoever flies them, whatever is killed."""
 
 import concurrent.futures as cf
+import hashlib
+import json
 import os
 import shutil
 import signal
@@ -12,10 +14,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cosim.campaign import flatten, run_many
+from cosim.campaign import flatten, manifest, run_many
 from cosim.campaign import pool as campaign_pool
 from cosim.campaign.keep import choose
-from cosim.campaign.store import CampaignError, Store, load
+from cosim.campaign.store import CampaignError, Store, fingerprint, load
 from cosim.campaign.worker import failed, run_id
 from cosim.scenario import load_scenario
 
@@ -218,6 +220,16 @@ def test_load_reads_a_campaign_finished_or_not(tmp_path, flown):
     pd.testing.assert_frame_equal(load(tmp_path / "killed")[0], rows, check_dtype=False)
 
 
+def test_a_manifest_says_what_was_flown_with_what_and_what_it_took(flown):
+    rows, timing = load(flown[1])
+    told = json.loads((flown[1] / manifest.FILE).read_text(encoding="utf-8"))
+    assert (told["runs"], told["rows"]) == (rows["run"].nunique(), len(rows))
+    assert told["seeds"] == [rows["seed"].min(), rows["seed"].max()] and told["digest"] == fingerprint()["digest"]
+    assert told["sha256"]["runs.parquet"] == hashlib.sha256((flown[1] / "runs.parquet").read_bytes()).hexdigest()
+    took = timing["core_s"].dropna()
+    assert told["flights_per_core_s"] == pytest.approx(len(took) / took.sum()) and 0.01 < took.median() < 60.0
+
+
 def test_rows_survive_being_there_twice(tmp_path):
     scenarios = pd.DataFrame({"run": ["a", "b"], "order": [0, 1], "toml": ["", ""]})
     store = Store(tmp_path, scenarios)
@@ -254,3 +266,29 @@ def test_two_workers_are_at_least_1_8_times_as_fast_as_one():
             run_many(scenarios, executor=executor, workers=workers)
             took[workers] = time.perf_counter() - begin
     assert took[1] / took[2] >= 1.8, took
+
+
+def test_a_run_that_a_cluster_gives_up_is_tried_once_more_alone():
+    class KilledWorker(Exception):
+        """What Dask raises for a call whose workers died."""
+
+    class Unlucky(cf.Executor):
+        """Loses a call the first time, another one always."""
+
+        def __init__(self):
+            self.lost = []
+
+        def submit(self, function, /, *arguments, **more):
+            future: cf.Future = cf.Future()
+            key = arguments[0]
+            if key == "bad" or (key == "unlucky" and key not in self.lost):
+                self.lost.append(key)
+                future.set_exception(KilledWorker("its worker died"))
+            else:
+                future.set_result(function(*arguments))
+            return future
+
+    calls = [(key, str.upper, (key,)) for key in ("a", "unlucky", "bad", "b")]
+    found = list(campaign_pool.finished(calls, executor=Unlucky(), crashed=lambda key, text: f"crashed: {text}"))
+    told = {"a": "A", "b": "B", "unlucky": "UNLUCKY", "bad": "crashed: KilledWorker: its worker died"}
+    assert len(found) == 4 and dict(found) == told

@@ -15,7 +15,7 @@ from cosim.campaign.jobs import work
 from cosim.campaign.manifest import about_the_code
 from cosim.campaign.spec import load_campaign
 from cosim.campaign.store import DECIDING, CampaignError
-from cosim.campaign.worker import run_id
+from cosim.campaign.worker import core_s, run_id
 from cosim.errors import OutputError, TrimError
 from cosim.files import replace_text
 from cosim.replay import thin
@@ -153,10 +153,12 @@ def fly_into(home: Path, flights: Iterable[tuple[str, str, str]], **how: Any) ->
 
 def recorded(toml_text: str, name: str, folder: str) -> dict:
     """Fly one scenario into `folder`/`name`; return what is told of the recording."""
+    begin = core_s()
     try:
-        return thin.record(parse(toml(toml_text, place=name)), Path(folder) / name)
+        told = thin.record(parse(toml(toml_text, place=name)), Path(folder) / name)
     except TrimError as error:
         return {"status": "infeasible", "reason": str(error)}
+    return {**told, "core_s": core_s() - begin}
 
 
 def manifest(seeds: Seeds, flights: list[Flight]) -> dict:
@@ -168,6 +170,7 @@ def manifest(seeds: Seeds, flights: list[Flight]) -> dict:
     given = {"digest": seeds.digest} if seeds.sealed else {"seed": seeds.draws, "first_seed": seeds.first}
     return {
         "benchmark": NAME, "flights": len(flights), "seeds": given, "content": whole.hexdigest()[:16],
-        "bytes": sum(f.told.get("bytes", 0) for f in flights), "digest": code(), **about_the_code(),
+        "bytes": sum(f.told.get("bytes", 0) for f in flights),
+        "flown_core_s": sum(f.told.get("core_s", 0.0) for f in flights), "digest": code(), **about_the_code(),
         "sha256": {} if seeds.sealed else {f.path.name: f.told.get("sha256") for f in flights},
     }  # fmt: skip
