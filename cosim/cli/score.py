@@ -13,6 +13,7 @@ from cosim.cli.output import JsonOption, WorkersOption, reserve
 from cosim.cli.tables import NOTHING, number, table
 
 FEW = 3  # detectors, up to which every family is shown
+MOST = 12  # pairs that are shown
 
 
 def add(app: Any, out: Any, err: Any) -> None:
@@ -45,7 +46,9 @@ def add(app: Any, out: Any, err: Any) -> None:
         ] = None,
         verify: Annotated[
             Path | None,
-            typer.Option("--verify", metavar="TABLE", help="Repeat rows of a score.json.", show_default=False),
+            typer.Option(
+                "--verify", metavar="TABLE", help="Repeat rows of a score.json, or benchmark-1.", show_default=False
+            ),
         ] = None,
         readme: Annotated[
             Path | None,
@@ -58,8 +61,8 @@ def add(app: Any, out: Any, err: Any) -> None:
 
         With --verify exit status 1 when a row does not repeat.
         """
+        from cosim.compare.score import board, stored
         from cosim.compare.score import score as work
-        from cosim.compare.score import stored
         from cosim.compare.score.flights import QUICK
         from cosim.compare.score.table import differences
 
@@ -75,7 +78,7 @@ def add(app: Any, out: Any, err: Any) -> None:
                     workers=workers, flying=flying, running=running,
                 )  # fmt: skip
         if held:
-            wrong = differences(held.table, made.table, [d["id"] for d in made.table["detectors"]])
+            wrong = differences(held.table, made.table, ids(made.table))
             if json_:
                 print(json.dumps({"repeats": not wrong, "differences": wrong}))
             else:
@@ -85,10 +88,16 @@ def add(app: Any, out: Any, err: Any) -> None:
         from cosim.report import write_score
         from cosim.report.score_page import write_readme
 
-        write_score(made.table, made.found.rows, output)
+        beside = [] if seeds else [d for d in board(made.table["content"]) if d["id"] not in ids(made.table)]
+        write_score(made.table, made.found.rows, output, beside)
         if readme:
             write_readme(made.table, readme)
         print(json.dumps(made.table, allow_nan=False)) if json_ else out.print(shown(made.table))
+
+
+def ids(found: dict) -> list[str]:
+    """Return the ids of the detectors of a score's JSON."""
+    return [d["id"] for d in found["detectors"]]
 
 
 def shown(found: dict) -> Group:
@@ -109,7 +118,7 @@ def shown(found: dict) -> Group:
         "free: fault-free flights with one; ln p: mean log of what it gave to the truth while the fault lasted"
     )
     families = [_families(d) for d in found["detectors"]] if len(found["detectors"]) <= FEW else []
-    pairs = [_pairs(found["pairs"])] if found["pairs"] else []
+    pairs = [_pairs(found["pairs"])] if 0 < len(found["pairs"]) <= MOST else []
     flown = f"{found['benchmark']}: {found['flights']} flights, content {found['content']}"
     clock = f"flown or found in {found['flying_s']:.0f} s, scored in {found['scoring_s']:.0f} s"
     lines = [Text(f"{key:<7}{found[key]}") for key in ("report", "table") if key in found]

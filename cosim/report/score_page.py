@@ -1,6 +1,7 @@
 """The page of a score: detectors over all faults, by family, without a fault, against each other; from its JSON."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -18,23 +19,27 @@ OPEN = (
 )
 
 
-def score_report(found: dict, output: str | Path) -> Path:
-    """Write the page of a score, `found` being its JSON, to the file `output`; returns its Path. Raises OutputError."""
-    return write(output, render(found))
+def score_report(found: dict, output: str | Path, beside: Sequence[dict] = ()) -> Path:
+    """Write the page of a score, `found` being its JSON, to the file `output`; returns its Path. Raises OutputError.
+
+    `beside` are rows of further detectors on the same recordings, from a stored table.
+    """
+    return write(output, render(found, beside))
 
 
-def render(found: dict) -> str:
+def render(found: dict, beside: Sequence[dict] = ()) -> str:
     """Return the page as HTML text."""
-    each = found["detectors"]
+    each = [*found["detectors"], *beside]
     figure = front(each)
     lost = f"; {found['infeasible']} points do not trim" if found["infeasible"] else ""
     return page(
         "score.html",
-        title=f"Score of {len(each)} detector{'s' * (len(each) != 1)} on {found['benchmark']}",
+        title=f"Score of {_some(found)} on {found['benchmark']}",
         subtitle=f"{found['flights']} recorded flights, the same for all{lost}",
         figures=[figure],
         chips=[(d["id"], d["level"], d["detected"] > 0) for d in each],
         found=found,
+        beside=[d["id"] for d in beside],
         seeds=", ".join(f"{k.replace('_', ' ')} {v}" for k, v in found["seeds"].items()),
         front=figure,
         detectors=detectors(each),
@@ -45,6 +50,11 @@ def render(found: dict) -> str:
         pairs=pairs(found["pairs"]),
         remarks=[(d["id"], d["remark"]) for d in each if d["remark"]],
     )
+
+
+def _some(found):
+    names = [d["id"] for d in found["detectors"]]
+    return f"{len(names)} detectors" if len(names) > 3 else ", ".join(names)
 
 
 def detectors(each: list[dict]) -> Table:
@@ -190,13 +200,13 @@ def _short(x):
     return "–" if x is None else f"{x:.2g}"
 
 
-def write_score(found: dict, rows: pd.DataFrame, out: str | Path) -> None:
+def write_score(found: dict, rows: pd.DataFrame, out: str | Path, beside: Sequence[dict] = ()) -> None:
     """Write a score into folder `out`: score.json, score.html and, of public seeds, score.parquet, the rows behind it.
 
     Notes the paths in `found`. Raises OutputError.
     """
     out = Path(out)
-    found["table"], found["report"] = str(out / "score.json"), str(score_report(found, out / "score.html"))
+    found["table"], found["report"] = str(out / "score.json"), str(score_report(found, out / "score.html", beside))
     if "digest" not in found["seeds"]:
         replace(out / "score.parquet", lambda part: rows.to_parquet(part, index=False))
     replace_text(out / "score.json", json.dumps(found, indent=1, allow_nan=False))

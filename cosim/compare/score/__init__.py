@@ -6,6 +6,7 @@ found = score(["iotsekf", "mine.py"])        # the recordings are flown where th
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib import util
 from itertools import combinations
 from pathlib import Path
 
@@ -22,7 +23,9 @@ from cosim.texts import from_json, read
 from fdi import registry
 from fdi.registry import SHIPPED
 
-PAIRS = 6  # detectors, up to which every one is compared with every other
+LEARNED = Path(__file__).resolve().parents[2] / "learned"
+BOARD = Path(__file__).with_name(f"{benchmark.NAME}.json")  # the table of all that ship, as it was last made
+PAIRS = 6  # detectors, up to which every one is compared with every other; of more those of the same level
 
 
 @dataclass
@@ -43,7 +46,8 @@ def score(
     flying: Callable[[int, int], None] | None = None,
     running: Callable[[int, int], None] | None = None,
 ) -> Score:
-    """Score `detectors`, ids of those that ship or files (cosim/flight/guests), by default every one that ships.
+    """Score `detectors`, ids of those that ship or files (cosim/flight/guests), by default all that ship and the
+    learned ones.
 
     `seeds` is a file of a sealed set, `limit` takes some flights only, `recordings` is their folder. `flying` and
     `running` are told (done, total) flights. Raises CampaignError, GuestError, LogError, OutputError.
@@ -59,11 +63,13 @@ def score(
     each = [detector(found, name, flights) for name in names]
     ends = found.lanes.drop_duplicates("run").set_index("run")
     onset = ends.filter(regex=r"^faults\.\d+\.start_s$").min(axis=1)
-    pairs = [p for a, b in combinations(names, 2) for p in pair(found.rows, a, b, ends["sim_time_s"] - onset)]
+    level = {d["id"]: d["level"] for d in each}
+    matched = [(a, b) for a, b in combinations(names, 2) if len(names) <= PAIRS or level[a] == level[b]]
+    pairs = [p for a, b in matched for p in pair(found.rows, a, b, ends["sim_time_s"] - onset)]
     about = {k: v for k, v in benchmark.manifest(seed, flights).items() if k != "sha256"}
     lost = sum("sha256" not in f.told for f in flights)
     took = {"flying_s": flown_s, "scoring_s": ran_s}
-    listed = [vars(p) for p in pairs] if len(names) <= PAIRS else []
+    listed = [vars(p) for p in pairs]
     return Score(plain({**about, "infeasible": lost, **took, "detectors": each, "pairs": listed}), found)
 
 
@@ -77,8 +83,11 @@ class Stored:
 
 
 def stored(path: str | Path, detectors: Sequence[str] = (), seeds: str | Path | None = None) -> Stored:
-    """Return the table at `path` and its `detectors` (default: those that ship). Raises CampaignError where a row
-    is not there, or was flown on a sealed set that is not at hand."""
+    """Return the table at `path` ("benchmark-1": the one that ships) and its `detectors` (default: those that ship).
+
+    Raises CampaignError where a row is not there, or was flown on a sealed set that is not at hand.
+    """
+    path = BOARD if str(path) == benchmark.NAME else path
     table = from_json(read(path, error=CampaignError), place=str(path), error=CampaignError)
     try:
         rows, flights = [d["id"] for d in table["detectors"]], table["flights"]
@@ -87,7 +96,7 @@ def stored(path: str | Path, detectors: Sequence[str] = (), seeds: str | Path | 
         raise CampaignError("is no table of `cosim score`", place=str(path)) from None
     if sealed and seeds is None:
         raise CampaignError("was made on a sealed set", place=str(path), remedy="Give its file: --seeds FILE")
-    ids, files = named(detectors or [r for r in rows if r in SHIPPED])
+    ids, files = named(detectors or [r for r in rows if r in SHIPPED or r in learned()])
     asked = [*ids, *(load(f).DETECTOR.id for f in files)]
     if lost := [name for name in asked if name not in rows]:
         raise CampaignError(f"has no row of {lost[0]}", place=str(path), allowed=", ".join(rows))
@@ -97,13 +106,28 @@ def stored(path: str | Path, detectors: Sequence[str] = (), seeds: str | Path | 
     return Stored(table, [*ids, *files], None if flights >= whole else flights)
 
 
+def learned() -> dict[str, str]:
+    """Return {id: file} of the learned detectors, {} where what runs them is not installed (cosim-fdi[learn])."""
+    found = {p.stem: str(p) for p in sorted(LEARNED.glob("learned_*.py")) if p.with_suffix(".onnx").is_file()}
+    return found if util.find_spec("onnxruntime") else {}
+
+
+def board(content: str) -> list[dict]:
+    """Return the rows of the stored table of all detectors, of recordings with this `content`; [] of others."""
+    if not BOARD.is_file():
+        return []
+    table = from_json(BOARD.read_bytes(), place=str(BOARD))
+    return table["detectors"] if table["content"] == content else []
+
+
 def named(detectors: Sequence[str]) -> tuple[list[str], list[str]]:
     """Return (ids of detectors that ship, files or entry points of others). Raises CampaignError, GuestError."""
     ids = [d for d in detectors if d in SHIPPED] if detectors else list(SHIPPED)
-    files = [d for d in detectors if d not in SHIPPED]
+    own = learned()
+    files = [own.get(d, d) for d in detectors or own if d not in SHIPPED]
     for file in files:
         if not Path(file).is_file() and "/" not in file and not file.endswith(".py") and not registry.known(file):
-            near = did_you_mean(file, SHIPPED)
+            near = did_you_mean(file, [*SHIPPED, *own])
             if near:
                 raise CampaignError("no detector of this name", place=file, remedy=near)
         load(file)
