@@ -55,7 +55,8 @@ class Setup:
     def notes(self) -> list[Any]:
         """Return sentences about guests that did not do what a detector does."""
         runners = [d.runner for d in self.guests]
-        return [line for r in runners for line in (*r.notes, *([r.problem] if r.problem else []))]
+        own = [line for r in runners for line in (*r.notes, *([r.problem] if r.problem else []))]
+        return own + [line for d in self.loop.detectors for line in getattr(d.module, "problems", ())]
 
     @property
     def guests(self) -> list[GuestBlock]:
@@ -227,4 +228,6 @@ def build(scenario: Any) -> Any:
     bus.v[told] = bus.v[command]
     members = [(d.id, d.level, d.target(lane), d.module.CULPRITS, d.id, lane) for d in chosen for lane in d.lanes]
     history = History(scenario, bus, members)
+    for d in loop.detectors:
+        getattr(d.module, "problems", []).clear()  # of an earlier flight
     return Setup(scenario=scenario, loop=loop, trim=trim, lanes=fault_lanes, members=members, history=history)

@@ -154,13 +154,16 @@ def flown(how, tmp_path):
 @pytest.mark.parametrize(
     ("how", "status", "said"),
     [
-        (1, RAISED, "is dropped on left_outer at 1.000 s: ZeroDivisionError: on purpose (misbehaving.py:26)"),
+        (1, RAISED, "is dropped on left_outer at 1.000 s: ZeroDivisionError: on purpose (misbehaving.py:33)"),
         (3, NONSENSE, "is dropped on left_outer at 1.000 s: verdict 'gremlins'; allowed: none, ofc_liquid"),
         (4, NONSENSE, "is dropped on left_outer at 1.000 s: update returned 'an alarm'; allowed: a dict of"),
         (5, RAISED, "is dropped on left_outer at 1.000 s: AttributeError: can't set attribute"),
         (6, SLOW, "is dropped on left_outer at 1.000 s: a step took 0."),
         (7, RAISED, "is dropped on left_outer at 1.000 s: SystemExit: 3"),
         (8, NONSENSE, "is dropped on left_outer at 1.000 s: alarm = 'perhaps' is no number"),
+        (11, RAISED, "is dropped on left_outer at 1.000 s: GeneratorExit: on purpose"),
+        (12, RAISED, "is dropped on left_outer at 1.000 s: Mute (misbehaving.py:"),
+        (13, NONSENSE, "is dropped on left_outer at 1.000 s: r = ["),
     ],
 )
 def test_what_misbehaves_is_dropped_with_a_line_and_touches_nothing(how, status, said, tmp_path):
@@ -177,6 +180,28 @@ def test_what_misbehaves_is_dropped_with_a_line_and_touches_nothing(how, status,
     whole = open_log(tmp_path / "0.mcap")
     for topic in ("/detectors/ofc_monitor/left_inner", "/truth/aircraft", "/sensors/left_inner", "/law"):
         assert (whole.array(topic).view(np.int64) == log.array(topic).view(np.int64)).all(), topic
+
+
+RAISES = """
+
+def rollout(x, u, p, dt, log=None):
+    if u["rod"].max() > -9.0:
+        raise RuntimeError("on purpose")
+"""
+
+
+def test_a_block_in_plain_python_that_raises_says_nothing_and_one_that_does_not_compile_is_refused(tmp_path):
+    own = tmp_path / "own.py"
+    own.write_text(BLOCK.read_text() + RAISES)
+    path = tmp_path / "raises.mcap"
+    result = cosim.simulate(with_detectors(cosim.load_scenario("cruise", [*SHORT, "duration_s=1"]), [own]), log=path)
+    line = len(own.read_text().splitlines())
+    assert result.extra["notes"] == [f"template says nothing where it raises RuntimeError: on purpose (own.py:{line})"]
+    assert open_log(path).complete and not open_log(path).array("/detectors/template/left_inner").any()
+    assert replay(path, guests=[own]).exact
+    own.write_text(BLOCK.read_text().replace("x.culprit = x.alarm", "x.nowhere = x.alarm"))
+    with pytest.raises(CosimError, match=r"own\.py: does not compile: KeyError: 'nowhere'"):
+        load(own)
 
 
 def test_one_lane_that_raises_leaves_the_others_alone(tmp_path):

@@ -18,6 +18,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
+
+from actuators.block import Entry
+from actuators.native import PLAIN
 from cosim.errors import CosimError, ScenarioError, did_you_mean
 from cosim.flight.guests.contract import GuestError, is_block, is_guest
 from cosim.flight.guests.plain import PlainDetector
@@ -141,7 +145,10 @@ def where(error: BaseException, path: Path | None = None) -> str:
     """Return an exception as one line with the last line of the guest's own that it passed."""
     import traceback
 
-    said = " ".join(f"{type(error).__name__}: {error}".split())
+    try:
+        said = " ".join(f"{type(error).__name__}: {error}".split())
+    except Exception:  # its own text is somebody's code, too
+        said = type(error).__name__
     if isinstance(error, SyntaxError):
         return f"{said}"
     here = [f for f in traceback.extract_tb(error.__traceback__) if path is None or Path(f.filename).name == path.name]
@@ -186,9 +193,37 @@ class BlockDetector:
                 vocabulary.find(word)
             except KeyError as error:
                 raise GuestError(str(error.args[0]), place=f"{file}: inputs", remedy="`cosim list signals`") from None
+        self.problems: list[str] = []
+        self.own_rollout = module.rollout
+        if not isinstance(module.rollout, Entry):
+            self.rollout = self._careful
+        elif not PLAIN:
+            try:
+                _ = module.rollout.native.address
+            except Exception as error:  # the compiler has dozens of kinds
+                said = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+                raise GuestError(f"does not compile: {said}", place=file) from None
         lacking = {"r", "alarm", "verdict", "culprit", "valid"} - set(module.OUTPUTS)
         if lacking:
             raise GuestError(f"OUTPUTS lacks {', '.join(sorted(lacking))}", place=file)
+
+    def _careful(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float, log: Any = None) -> None:
+        """Step by a rollout in plain Python; a tick at which it raises says nothing."""
+        for k in range(u.shape[1]):
+            try:
+                self._module.rollout(x, u[:, k : k + 1].copy(), p, dt, None if log is None else log[:, k : k + 1])
+                continue
+            except Exception as error:  # whatever somebody's code raises
+                if not self.problems:
+                    self.problems.append(f"{self.DETECTOR.id} says nothing where it raises {where(error, self._path)}")
+            for name in self._module.OUTPUTS:
+                x[name] = 0.0
+            if log is not None:
+                log[:, k] = x
+
+    @property
+    def _path(self):
+        return Path(self.file) if self.file else None
 
     def __getattr__(self, name):
         return getattr(self._module, name)

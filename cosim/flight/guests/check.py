@@ -71,7 +71,7 @@ def _flown(guest):
 
 def _run(guest, u, p, dt, pieces=()):
     """Return (outputs (ticks, n), problem, notes) of a fresh lane on `u`, in pieces that end at the ticks given."""
-    rollout = guest.runner() if isinstance(guest, PlainDetector) else guest.rollout
+    rollout = guest.runner() if isinstance(guest, PlainDetector) else guest.own_rollout
     x, log = guest.init(p), np.zeros(u.shape, guest.STATE)
     for a, b in zip((0, *pieces), (*pieces, u.shape[1])):
         rollout(x, u[:, a:b], p, dt, log[:, a:b])

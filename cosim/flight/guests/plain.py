@@ -122,7 +122,9 @@ class Runner:
             self._updates.append(None)
             try:
                 self._updates[i] = self.guest.cls(dt, **{n: float(own[n]) for n in names}).update
-            except (Exception, SystemExit) as error:
+            except KeyboardInterrupt:
+                raise
+            except BaseException as error:  # whatever somebody's code raises
                 self._drop(i, RAISED, self._said(error), "at its start")
 
     def _step(self, i, row, values, dt):
@@ -137,7 +139,9 @@ class Runner:
             self.seconds += took
             if said is not None:
                 row[:] = self._answer(said, i, t)
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # whatever somebody's code raises
             self._drop(i, NONSENSE if isinstance(error, Nonsense) else RAISED, self._said(error), f"at {t:.3f} s")
             row[:] = (*QUIET, self._status[i])
             return

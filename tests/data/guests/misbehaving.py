@@ -5,6 +5,13 @@ import sys
 import time
 
 
+class Mute(Exception):
+    """an exception that cannot even be told"""
+
+    def __str__(self):
+        return 1 / 0
+
+
 class Misbehaving:
     """does what it must not, from one second on"""
 
@@ -38,6 +45,12 @@ class Misbehaving:
             sys.exit(3)
         if self.how == 8:
             return {"r": r, "alarm": "perhaps"}
+        if self.how == 11:
+            raise GeneratorExit("on purpose")
+        if self.how == 12:
+            raise Mute
+        if self.how == 13:
+            return {"r": [r, r]}
         if self.how == 10 and self.second:
             return {"r": r / 0.0}
         if self.how == 9:
