@@ -184,7 +184,7 @@ STATE = dtype(
         ("velocity", "f8", (2,), "m/s"),  # models of the velocity over the ground: forward, down
         ("moving", "f8", "-"),  # 1 once they have started
         ("vane", "f8", (3,), "rad"),  # angle of attack less that over the ground, less what was learned, by lag
-        ("vane_0", "f8", "rad"),
+        ("vane_mean", "f8", "rad"),  # of it, learned
         ("rough", "f8", "rad2"),  # mean square of the gusts in it
         ("lift", "f8", "g/rad"),  # Z row per angle of attack
         ("pitch", "f8", "rad/s2"),  # computed moment, negative; its value while learning; growth of the pitch rate

@@ -270,9 +270,9 @@ def vane(x, u, p, dt):
         return
     d = u.alpha - u.alpha_ground
     if x.learned < 0.5:
-        x.vane_0 += (d - x.vane_0) / (x.n_learn + 1.0)
+        x.vane_mean += (d - x.vane_mean) / (x.n_learn + 1.0)
         return
-    d -= x.vane_0
+    d -= x.vane_mean
     for i in range(3):
         x.vane[i] += (1.0 - math.exp(-dt / TAU_VANE[i])) * (d - x.vane[i])
     rough = x.vane[0] - x.vane[2]
