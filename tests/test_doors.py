@@ -13,12 +13,14 @@ import shutil
 import signal
 import time
 import traceback
+from collections import Counter
 from importlib.resources import files
 from pathlib import Path
 
 import hostile_recordings
 import pyarrow.parquet as pq
 import pytest
+from commands import commands
 from hostile_logs import Logs
 from hostile_texts import WORDS, encoded, mangled
 
@@ -250,3 +252,46 @@ def test_outcomes_of_bench(tmp_path):
         return tmp_path / "case.json"
 
     tried("outcomes of bench", CASES // 10, made, [lambda p: compared(read_bench(p), whole)])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["logs", "scenarios", "maps", "campaign files", "recordings"])
+def test_through_the_command(kind, flights, tmp_path):
+    """The same, as a command in a process of its own: exit status 0, 1 or 2, no traceback, one line of an error."""
+    logs = Logs(flights, tmp_path / "case.mcap")
+    hostile_recordings.write_maps(tmp_path)
+    hostile_recordings.write_whole(tmp_path / "whole.csv")
+    scenario, campaign, map_ = (
+        written(tmp_path / "case.toml", made)
+        for made in (texts("scenarios"), texts("campaigns"), [hostile_recordings.MAP.format("")])
+    )
+
+    def log(rng):
+        path = getattr(logs, rng.choice(("contents", "records", "mutated")))(rng)
+        return rng.choice((["info", path], ["info", path, "--json"], ["report", path, "-o", "x.html"], ["replay", path],
+                           ["replay", path, "-o", "x.mcap"], ["recover", path, "-o", "y.mcap"]))  # fmt: skip
+
+    def recording(rng):
+        name = rng.choice(("csv", "parquet", "mcap"))
+        path = getattr(hostile_recordings, name)(rng, tmp_path)
+        return ["replay", path, "--map", "bus.toml" if name == "mcap" else "map.toml", "-o", "x.mcap"]
+
+    make = {
+        "logs": log,
+        "scenarios": lambda rng: ["run", scenario(rng), "-s", "duration_s=0.1", "-o", "x.mcap"],
+        "maps": lambda rng: ["replay", "whole.csv", "--map", map_(rng)],
+        "campaign files": lambda rng: ["campaign", campaign(rng), "--rerun", "none"],
+        "recordings": recording,
+    }[kind]
+    ended, slowest, largest = Counter(), 0.0, 0
+    with commands(tmp_path) as command:
+        for number in range(SEED, SEED + max(20, CASES // 2)):
+            args = make(random.Random(f"command {kind} {number}"))
+            done = command(*args)
+            ended[done.status] += 1
+            slowest, largest = max(slowest, done.cpu_s), max(largest, done.largest)
+            assert done.status in (0, 1, 2) and "Traceback" not in done.said, (kind, number, args, done)
+            assert done.status != 2 or done.said.splitlines()[-1].startswith("error:"), (kind, number, args, done)
+            assert done.cpu_s < LONGEST_S and done.largest < LARGEST, (kind, number, args, done)
+    print(f"\ncommands, {kind}: {sum(ended.values())} cases, {dict(ended)}, slowest {slowest:.2f} s, largest "
+          f"{largest / 1e6:.0f} MB")  # fmt: skip

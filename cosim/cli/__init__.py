@@ -11,14 +11,15 @@ _PLAIN = {"µ": "u", "–": "-", "—": "-", "…": "...", "×": "x", "·": "*",
 
 
 def main() -> None:
-    """Run the command line; Ctrl-C ends it with 130, while its modules load as well, and SIGTERM like it."""
+    """Run the command line; Ctrl-C ends it with 130 at any moment, and SIGTERM like it."""
     try:
         signal.signal(signal.SIGTERM, _interrupt)
         _streams()
         from cosim.cli.commands import main as run
+
+        run()
     except KeyboardInterrupt:
         sys.exit(130)
-    run()
 
 
 def _interrupt(*_: object) -> None:
