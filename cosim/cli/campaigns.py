@@ -37,6 +37,11 @@ def add(app: Any, out: Any, err: Any) -> Any:
             str | None,
             typer.Option("--worst", metavar="DETECTOR", help="Provoke a false alarm, fault-free (300 flights)."),
         ] = None,
+        likeliest: Annotated[
+            str | None,
+            typer.Option("--likeliest", metavar="DETECTOR", help="The likeliest flight in which it fails."),
+        ] = None,
+        part: Annotated[str, typer.Option("--part", metavar="NAME", help="With --likeliest: the part to search.")] = "",
         detector: DetectorOption = None,
         json_: JsonOption = False,
     ):
@@ -57,6 +62,18 @@ def add(app: Any, out: Any, err: Any) -> Any:
             else:
                 gain = f"|r| {found['r']:.2f} of the threshold, {found['first_r']:.2f} in the first generation"
                 out.print(f"{gain}; {found['false_alarms']} false alarms in {found['flights']} flights\n{path}")
+            return
+
+        if likeliest:
+            from cosim.campaign.likeliest import likeliest as seek
+
+            path = (output or folder(campaign)) / f"likeliest-{likeliest}.toml"
+            with tables.progress(err, f"seeking {likeliest}'s failure", "flights", "preparing the workers") as progress:
+                likely = seek(campaign, likeliest, part=part, workers=workers, out=path, progress=progress).to_dict()
+            if json_:
+                print(json.dumps(likely, allow_nan=False))
+            else:
+                out.print(tables.whole(failures(likely)))
             return
 
         if again:
@@ -200,3 +217,15 @@ def add(app: Any, out: Any, err: Any) -> Any:
             print(json.dumps(found, allow_nan=False))
         else:
             out.print(table(found))
+
+
+def failures(found: dict) -> str:
+    """Return what a search for the likeliest failure came to, as lines."""
+    if not found["failures"]:
+        return f"none in {found['flights']} flights; |r| came to {found['nearest']:.2f} of the threshold"
+    lines = []
+    for f in found["failures"]:
+        away = ", ".join(f"{key} {z:+.1f} sigma" for key, z in list(f["away"].items())[:4]) or "every draw at its mean"
+        seeds = f"with {f['failed']} of {f['flown']} other seeds"
+        lines.append(f"{found['failure']}: log P {f['log_p']:.1f}, {away}; {seeds}")
+    return "\n".join([*lines, f"{found['flights']} flights", found["scenario"]])
