@@ -30,6 +30,8 @@ MANOEUVRES = ("cruise", "aoa_protection", "nose_up", "pitch_protection", "coordi
 FLIGHT_S = 60.0
 TOLERANCE = 0.05
 MODEL = ("A_p", "B", "M", "P_s", "phi_n", "V_m", "E", "L", "F_c", "F_s")  # of the hydraulic actuator, off by up to 5 %
+SYMBOLS = ("K_T", "K_B", "R", "J_M", "J_N", "B_M")  # of the electromechanical one
+EMA = ("ema_kalman_flight", "position_monitor")  # its detectors that know its load
 COMMAND = "law.law.de_cmd"
 MODULES = {"rfafe": rfafe, "rfafe_airframe": rfafe_airframe}
 SURFACES = tuple(f"truth.aircraft.{s}" for s in ("de_lo", "de_li", "de_ri", "de_ro"))
@@ -98,12 +100,20 @@ def fly_hydraulic(**arguments: Any) -> pd.DataFrame:
     return fly(scenario(**arguments), [*(path.format(s) for s in SEGMENTS for path in HYDRAULIC), COMMAND])
 
 
+def ema_wires(name: str, lane: str) -> dict[str, str]:
+    """Return {input field: signal} of a detector on a segment: what it reads in the loop."""
+    return {field: f"{name}_in.{lane}.{field}" for field in sources(name, lane)}
+
+
+def ema_signals() -> list[str]:
+    """Return what the detectors of four electromechanical segments read."""
+    return [path for lane in SEGMENTS for name in EMA for path in ema_wires(name, lane).values()]
+
+
 def fly_ema(**arguments: Any) -> pd.DataFrame:
-    """Fly four electromechanical segments; return what `position_monitor` reads, under its names at hydraulic ones."""
-    names = {f"sensors.{s}_surface.{field}_obs": f"iotsekf_in.{s}.{name}" for s in SEGMENTS
-             for field, name in (("y", "y_surface"), ("valid", "y_surface_valid"))}  # fmt: skip
-    arguments |= {"technology": ("ema",) * 4, "tolerances": {"aero": arguments["tolerances"]["aero"]}}
-    return fly(scenario(**arguments), [*names, COMMAND]).rename(columns=names)
+    """Fly `scenario(**arguments)` with four electromechanical segments; return what their detectors read."""
+    own = {"technology": ("ema",) * 4, "detectors": {"enabled": list(EMA)}}
+    return fly(scenario(**{**arguments, **own}), ema_signals())
 
 
 def wires(module: ModuleType, segment: str) -> dict[str, str]:

@@ -3,8 +3,8 @@
 The flights, FLIGHTS of 60 s, are at points drawn over the envelope: eight manoeuvres, also such that move the elevator
 in steps, three levels of turbulence, aircraft and actuator up to 5 % off, noise NOISE_SCALE, four segments each. A
 threshold is MARGIN times the largest statistic of any segment in any flight, what scales with the drive left out;
-one that needs several samples to agree takes the largest that they agree on. The position monitor
-also watches electromechanical segments, which follow hard commands less closely: for it all flights are flown again.
+one that needs several samples to agree takes the largest that they agree on. What watches electromechanical segments
+is trained by `train_ema`.
 
     cosim train hydraulic --check      fly the training set, say what would change
     cosim train hydraulic              and write fdi/thresholds/*.json
@@ -29,7 +29,6 @@ from cosim.training.flights import (
     TURBULENCE,
     draw,
     envelope,
-    fly_ema,
     fly_hydraulic,
     watch,
     wires,
@@ -137,20 +136,14 @@ def surveyed(**flight: Any) -> dict[str, Any]:
     return {name: {key: np.asarray(v).tolist() for key, v in values.items()} for name, values in found.items()}
 
 
-def surveyed_ema(**flight: Any) -> dict[str, dict[str, float]]:
-    """Return the largest deviation that `position_monitor` sees for long on electromechanical segments, like that."""
-    return {"position_monitor_ema": {"threshold": survey_position_monitor(fitting(fly_ema, flight))}}
-
-
 def train(*, first_seed: int = TRAINING, number: int = FLIGHTS, **how: Any) -> dict:
     """Fly the training set; return {"largest": {set: {name: largest}}, "flights": number, "first_seed"}.
 
     `how`: see `cosim.campaign.jobs.work`.
     """
     hydraulic = training(first_seed, number)
-    jobs = [(surveyed, flight) for flight in hydraulic]
     most: dict = {}
-    for flown in work(jobs + [(surveyed_ema, flight) for flight in hydraulic], **how):
+    for flown in work([(surveyed, flight) for flight in hydraulic], **how):
         for name, values in flown.items():
             kept = most.setdefault(name, {})
             for key, value in values.items():
@@ -160,7 +153,7 @@ def train(*, first_seed: int = TRAINING, number: int = FLIGHTS, **how: Any) -> d
 
 def stored_as(name: str) -> Any:
     """Return the threshold set of what training calls `name`."""
-    return name if name.startswith("flight") else "flight_ema" if name.endswith("_ema") else "flight"
+    return name if name.startswith("flight") else "flight"
 
 
 def store(found: dict) -> None:
@@ -170,7 +163,7 @@ def store(found: dict) -> None:
            "segments": 4}  # fmt: skip
     quiet = {k: quiet_floor(k) for k in (0, 1, 2)}
     for file, names in (("iotsekf", [f"flight_load{k}" for k in (0, 1, 2)]), ("ofc_monitor", ["ofc_monitor"]),
-                        ("position_monitor", ["position_monitor", "position_monitor_ema"])):
+                        ("position_monitor", ["position_monitor"])):
         path = FOLDER / f"{file}.json"
         data = json.loads(path.read_text(encoding="utf-8"))
         for name in names:
@@ -183,7 +176,7 @@ def store(found: dict) -> None:
             if file == "iotsekf":
                 target["sum_threshold"] = quiet[int(name[-1])]["sum_threshold"]
         largest = {n: {k: np.round(v, 7).tolist() for k, v in most[n].items()} for n in names}
-        chosen = {k: v for k, v in data["training"].items() if k == "chosen"}  # what no training finds, and on what
+        chosen = {k: v for k, v in data["training"].items() if k in ("chosen", "ema")}  # what others find
         data["training"] = {**how, "largest": largest, **chosen}
         replace_text(path, compact.text(data))
 
@@ -214,7 +207,7 @@ def changes(found: dict) -> list[tuple]:
     """Return [(file, set, field, stored, trained)] of every threshold that `store` would write, largest of a row."""
     out = []
     for name, values in found["largest"].items():
-        file = name.removesuffix("_ema") if "monitor" in name else "iotsekf"
+        file = name if "monitor" in name else "iotsekf"
         held = json.loads((FOLDER / f"{file}.json").read_text(encoding="utf-8"))
         for key, value in values.items():
             stored = np.asarray(held[stored_as(name)][key])

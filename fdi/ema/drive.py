@@ -27,6 +27,7 @@ from fdi.common.verdict import EFFECTIVENESS, NONE, OFC_LIQUID, OFC_SOLID, RUNAW
 
 RING = 100  # samples of each ring
 EVEN_S, SLOW = 0.02, 10  # a sample of the fast ring [s]; of the slow one [samples of the fast]
+BLIND = 2.5  # threshold of f without the velocity sensor, over that with it
 TAU_POWER, SPIKE = 0.1, 0.8  # lag of the power of f [s]; share of its threshold that one sample may fill
 LOW_HZ, HIGH_HZ, RATIO = 0.09, 11.0, 1.18  # frequencies of an oscillation [Hz]
 PERIODS = 1.0  # that a window must hold
@@ -36,6 +37,7 @@ FIRM = 6.0  # an energy of so many times the noise's own is enough for a name
 NEAR = 0.93  # of the voltage limit: from there on 5 % of K_B is worth more than the stall current
 LOSS_SAMPLES = 30  # before a loss is told from what is slow
 JUMP, STAYS, EVEN = 3.0, 8.0, 0.15  # samples after which a jump of c is seen, and has stayed; how even it must be
+FAST = 0.5  # of the rate without load, from where on the voltage limits c
 WEAK = -2.0  # weaker magnets, beside the class codes: what the motor feels says nothing then
 VOTES = 3.0  # evaluations in a row that must agree
 STUCK = 0.3  # of the largest current: less is a loss of the drive
@@ -284,11 +286,11 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     x.f_now = f
     x.f_lag += min(dt / 0.03, 1.0) * (f - x.f_lag)
     if seen:
-        least = p.th_f + p.rho_f * math.sqrt(x.w_power)
+        least = (p.th_f + p.rho_f * math.sqrt(x.w_power)) * (1.0 if x.age_vel <= p.t_bad else BLIND)
         most = SPIKE * least * least * TAU_POWER / dt  # one sample alone is no fault
         x.f_power += dt / TAU_POWER * (min(f * f, most) - x.f_power)
         x.w_power += dt / TAU_POWER * (w * w - x.w_power)
-        x.r_f = math.sqrt(x.f_power) / (p.th_f + p.rho_f * math.sqrt(x.w_power))
+        x.r_f = math.sqrt(x.f_power) / least
     beyond = seen and x.r_f >= 1.0 and x.age >= p.t_start
     x.f_timer, x.hot_f = confirm(x.f_timer, x.hot_f, beyond, dt, p.t_f, p.t_release)
     if not seen:
@@ -341,7 +343,7 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     change = c - x.even_ring[0, before] - x.even_ring[1, before]
     if x.f_age == JUMP and min(f * c, min(c * c, f * f)) >= large * large and math.fabs(change) < EVEN * math.fabs(c):
         x.jumped = 1.0 if c > 0.0 else -1.0
-    elif f * x.jumped < 0.0 and c * x.jumped < 0.0:
+    elif c * x.jumped < 0.0 and math.fabs(w) < FAST * p.V_max / p.K_B:
         x.jumped = 0.0
     if x.f_age >= STAYS and x.jumped != 0.0 and x.drive_name == NONE:
         x.drive_name = RUNAWAY

@@ -181,6 +181,8 @@ STATE = dtype([
     ("hot_ramp", "f8", "-"),
     ("hot_load", "f8", "-"),
     ("quiet_timer", "f8", "s"),  # since there was no sign of the fault
+    ("hold", "f8", "s"),      # by which the alarm outlives its last sign
+    ("hold_age", "f8", "s"),  # since the last alarm, 0 before the first
     ("alarm_age", "f8", "s"),  # since the alarm
     ("age_doubt", "f8", "s"), # since the velocity was last said to be wrong
     ("impact", "f8", "s"),    # time left after the rate has jumped as it does where a stop is hit

@@ -17,6 +17,7 @@ from fdi.ema.ema_kalman import CURRENT, POSITION, VELOCITY
 
 CULPRITS = (*PUBLISHED, "surface")
 SURFACE = 4.0
+T_AGAIN, HOLD_MOST = 20.0, 9.0  # an alarm that comes back within that time is held up to so long [s]
 FROZEN = 20.0  # equal samples of a position sensor: noise does not repeat itself
 WEAK_LEFT = 0.4  # weaker magnets leave more of what a current sensor does
 SURE = 120.0  # information about what the motor has felt [rad2/s2]: the share is known to a tenth
@@ -93,18 +94,18 @@ def decide(x, p, dt):
     sign = sign or x.hot_ramp > 0.5 or x.hot_cur > 0.5 or alone > 0.5
     if x.culprit == POSITION and x.same_pos >= FROZEN:
         sign = True
-    if alone > 0.5 or (lost_surface and x.alarm > 0.5 and ramp >= 0.5):
-        x.quiet_timer = 0.0
-    elif sign:
-        x.quiet_timer = p.t_release
-    else:
-        x.quiet_timer += dt
-    if not (sign or (x.alarm > 0.5 and x.quiet_timer < p.t_release)):
+    sign = sign or (lost_surface and x.alarm > 0.5 and ramp >= 0.5)
+    x.quiet_timer = 0.0 if sign else x.quiet_timer + dt
+    x.hold_age = x.hold_age + dt if x.hold_age > 0.0 else 0.0
+    if not sign and (x.alarm < 0.5 or x.quiet_timer >= x.hold):
         x.alarm = x.culprit = x.reconf = x.alarm_age = 0.0
         x.verdict = NONE
         return
     if x.alarm < 0.5:
         x.alarm, x.verdict = 1.0, AMBIGUOUS
+        again = 0.0 < x.hold_age < T_AGAIN  # what comes back has not healed: it is held for longer
+        x.hold = min(max(3.0 * x.hold, p.t_release), HOLD_MOST) if again else 0.0
+    x.hold_age = dt
     x.alarm_age += dt
     if x.verdict != AMBIGUOUS:
         return
@@ -120,7 +121,7 @@ def decide(x, p, dt):
         if said != NONE:
             x.verdict, x.culprit = said, who
             return
-    if x.hot_load > 0.5 and x.hot_f < 0.5 and calm:
+    if x.hot_load > 0.5 and x.hot_f < 0.5 and x.hot_speed < 0.5 and x.blame < 0.5:
         x.verdict = JAM_SOLID if math.fabs(x.w_slow) < 0.1 * p.gate else EFFECTIVENESS
 
 

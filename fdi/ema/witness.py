@@ -18,7 +18,7 @@ from fdi.ema.ema_kalman import VELOCITY
 BLAMED = 0.6  # of the threshold: so far a position has left the integral before it is blamed
 HALF = 0.5  # of `load_max` is the stall moment
 WASH_FAULT = 0.3  # while the velocity is wrong, the integral's constant follows in [s]
-STANDS = 0.4  # of the threshold: so much of it keeps the alarm
+STANDS = 0.55  # of the threshold: so much of it keeps the alarm
 
 PARAMS = [
     *decision.PAIR_PARAMS,

@@ -1,6 +1,9 @@
 """Position monitor: the common in-service check of a surface against its command, for either actuator technology.
 
-    m' = the command through a rate limit and three equal lags,   r = (surface - m) / threshold
+    m' = the command through a rate limit and three equal lags,   r = (surface - m) / (threshold + share lag)
+
+lag is how far the model is behind its command, a peak that fades: a servo that follows hard commands less closely than
+the model is allowed a share of it (electromechanical segments; the share of hydraulic ones is zero).
 
 A deviation beyond the threshold for the confirmation time is an alarm. The monitor does not know why a surface is not
 where it should be. Its class follows from the motion at that moment, and only where that is clear: at rest while
@@ -27,10 +30,14 @@ PARAMS = dtype(
         ("limit_low", "f8", "rad"),  # travel, trailing edge up
         ("limit_high", "f8", "rad"),  # travel, trailing edge down
         ("threshold", "f8", "rad"),  # deviation
+        ("share", "f8", "-"),  # and share of the model's lag
+        ("t_lag", "f8", "s"),  # for which a peak of the lag is remembered
         ("t_confirm", "f8", "s"),
         ("t_release", "f8", "s"),
         ("tau_rate", "f8", "s"),  # lag of the surface rate that names the class
         ("rate_still", "f8", "rad/s"),  # below this the surface is at rest
+        ("rate_run", "f8", "rad/s"),  # from this on it may run away
+        ("jam_share", "f8", "-"),  # of the deviation that the model has moved while the surface was at rest: a jam
         ("t_invalid", "f8", "s"),  # without a measurement for longer the estimate is not valid
     ]
 )
@@ -50,6 +57,9 @@ STATE = dtype(
         ("m2", "f8", "rad"),  # first lag
         ("m3", "f8", "rad"),  # second lag
         ("model", "f8", "rad"),  # where the surface should be
+        ("lag", "f8", "rad"),  # fading peak of command less model
+        ("rest", "f8", "rad"),  # where the surface was when it last moved
+        ("rest_model", "f8", "rad"),  # and the model
         ("slow", "f8", "rad"),  # lagged surface
         ("rate", "f8", "rad/s"),  # filtered surface rate
         ("timer", "f8", "s"),  # confirmation
@@ -87,6 +97,7 @@ DETECTOR = Detector(
 )
 
 
+MOVED = math.radians(0.15)  # a surface that has moved further is not at rest: seven sigma of its sensor
 RATE_LIMIT = math.radians(40.0)  # of the servos' reference, both technologies (actuators/hydraulic/servo.py) [rad/s]
 TRAVEL = (math.radians(-23.0), math.radians(17.0))  # of the elevator [rad]
 
@@ -118,7 +129,8 @@ def step(x, u, p, dt):
             return
         x.started = 1.0
         x.m1 = x.m2 = x.m3 = x.model = x.command
-        x.slow = x.surface
+        x.slow = x.rest = x.surface
+        x.rest_model = x.command
     # model: exact lags over the tick with their input held
     most = p.rate_limit * dt
     x.m1 += min(max(x.command - x.m1, -most), most)
@@ -126,6 +138,7 @@ def step(x, u, p, dt):
     x.model += a * (x.m3 - x.model)
     x.m3 += a * (x.m2 - x.m3)
     x.m2 += a * (x.m1 - x.m2)
+    x.lag = max(math.fabs(x.m1 - x.model), x.lag * (1.0 - min(dt / p.t_lag, 1.0)))
     x.age = 0.0 if good > 0.5 else x.age + dt
     x.valid = 1.0 if x.age <= p.t_invalid else 0.0
     if good < 0.5:
@@ -133,16 +146,19 @@ def step(x, u, p, dt):
     b = 1.0 - math.exp(-dt / p.tau_rate)
     x.rate = (x.surface - x.slow) / p.tau_rate
     x.slow += b * (x.surface - x.slow)
+    if math.fabs(x.slow - x.rest) > MOVED:
+        x.rest, x.rest_model = x.slow, x.model
     deviation = x.surface - x.model
-    x.r = deviation / p.threshold
+    x.r = deviation / (p.threshold + p.share * x.lag)
     before = x.alarm
     x.timer, x.alarm = confirm(x.timer, x.alarm, math.fabs(x.r) >= 1.0, dt, p.t_confirm, p.t_release)
     if x.alarm < 0.5:
         x.verdict = NONE
     elif before < 0.5:  # the class is that of the moment of the alarm: a runaway at its stop is still one
-        if math.fabs(x.rate) < p.rate_still:
+        jammed = math.fabs(x.model - x.rest_model) >= p.jam_share * math.fabs(deviation)
+        if math.fabs(x.rate) < p.rate_still and jammed:
             x.verdict = JAM_SOLID
-        elif x.rate * deviation > 0.0:
+        elif x.rate * deviation > 0.0 and math.fabs(x.rate) >= p.rate_run:
             x.verdict = RUNAWAY
         else:
             x.verdict = AMBIGUOUS

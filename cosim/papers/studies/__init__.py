@@ -14,7 +14,7 @@ from typing import NamedTuple
 from cosim.campaign.jobs import code_of, work
 from cosim.errors import CosimError, did_you_mean
 
-NAMES = ("aircraft_level", "ema", "hydraulic", "local", "manoeuvres")
+NAMES = ("aircraft_level", "ema", "ema_names", "hydraulic", "local", "manoeuvres")
 
 
 @dataclass(frozen=True)

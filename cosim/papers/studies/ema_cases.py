@@ -12,17 +12,14 @@ import numpy as np
 from actuators.ema import jay
 from actuators.ema.record import TECHNOLOGY
 from cosim.errors import TrimError
-from cosim.flight.detectors import sources
 from cosim.flight.gains import liquid_gain
 from cosim.flight.signals import fly
 from cosim.papers.studies.local_flights import AIR, FREE_S, HANDS, MOVING, NOISE_SCALE, ONSET, TOLERANCE
 from cosim.scenario import parse
 from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.tolerance import toleranced
-from cosim.training.flights import COMMAND, DT, envelope
+from cosim.training.flights import COMMAND, DT, EMA, SYMBOLS, ema_signals, envelope
 
-WATCHING = ("ema_kalman_flight", "position_monitor")
-SYMBOLS = ("K_T", "K_B", "R", "J_M", "J_N", "B_M")
 DESIGN = TECHNOLOGY.design(())
 # true screw [rad] and surface [rad], reference of the servo [rad] of each segment
 TRUE = ("ema.{}.motor", "ema.{}.delta", "ema_servo.{}.r")
@@ -132,14 +129,37 @@ def _free(rng, k):
     return [{"name": "none", "healed": False, "faults": []} for _ in SEGMENTS], FREE_S, HANDS
 
 
+SIZED = {  # fault -> (key, least, largest size), for probabilities of detection
+    "resistance": ("increase_pct", 20.0, 200.0), "magnets": ("loss_pct", 5.0, 60.0),
+    "backlash": ("backlash_mm", 0.2, 4.0), "drive_loss": ("loss_pct", 5.0, 100.0),
+    "liquid": ("amplitude_mm", 0.01, 1.0), "velocity": ("bias_pct", 0.05, 4.0), "scale": ("scale", 0.02, 0.5),
+    "position": ("bias_deg", 0.02, 1.0),
+}  # fmt: skip
+
+
+def swept(name: str, rng: Any, k: int) -> tuple[list[dict], float, Any]:
+    """Return a fault `name` of one size on each of four segments; a scale's size is its factor less 1."""
+    key, low, high = SIZED[name]
+    out = []
+    for _ in range(4):
+        lane, size = _fault(rng, name), _log(rng, low, high)
+        most = lane["faults"][0].get(key, np.inf) if name == "liquid" else np.inf  # what the drive can do
+        lane["faults"][0][key] = 1.0 + size if name == "scale" else min(size, most)
+        out.append({**lane, "size": min(size, most)})
+    return out, 30.0, HANDS
+
+
 FAMILIES = {"drive": _drive, "wear": _wear, "moved": _moved, "sensor": _sensor, "monitor": _monitor, "lost": _lost,
             "free": _free}  # fmt: skip
 
 
 def drawn(family: str, k: int, seed: int) -> tuple[Any, ...]:
-    """Return (scenario parts of flight `k` of a family, [segment: name, healed, faults], rng); `seed` decides all."""
-    rng = np.random.default_rng([seed, list(FAMILIES).index(family), k])
-    lanes, duration, hands = FAMILIES[family](rng, k)
+    """Return (scenario parts of flight `k` of a family, [segment: name, healed, faults], rng); `seed` decides all.
+
+    A family is a word of FAMILIES, or a fault of SIZED.
+    """
+    rng = np.random.default_rng([seed, [*FAMILIES, *SIZED].index(family), k])
+    lanes, duration, hands = FAMILIES[family](rng, k) if family in FAMILIES else swept(family, rng, k)
     lanes = [lanes[i] for i in rng.permutation(4)]
     manoeuvre = {**hands[rng.integers(len(hands))]}
     if manoeuvre["kind"] != "cruise":
@@ -156,24 +176,21 @@ def drawn(family: str, k: int, seed: int) -> tuple[Any, ...]:
     return flight, lanes, rng
 
 
-def wires(name: str, lane: str) -> dict[str, str]:
-    """Return {input field: signal} of a detector on a segment: what it read in the loop."""
-    return {field: f"{name}_in.{lane}.{field}" for field in sources(name, lane)}
-
-
 def signals() -> list[str]:
     """Return what the detectors of four segments read, and what is true there."""
-    read = [path for lane in SEGMENTS for name in WATCHING for path in wires(name, lane).values()]
-    return list(dict.fromkeys([*read, COMMAND, *(path.format(lane) for lane in SEGMENTS for path in TRUE)]))
+    return list(dict.fromkeys([*ema_signals(), COMMAND, *(path.format(lane) for lane in SEGMENTS for path in TRUE)]))
 
 
-def flown(family: str, k: int, seed: int, reconfigure: bool = False, names: Any = ()) -> tuple[Any, ...]:
+def flown(
+    family: str, k: int, seed: int, reconfigure: bool = False, air: str | None = None
+) -> tuple[Any, list[dict], str]:
     """Fly it; return (table of what the detectors read, segments, the air); points that do not trim are drawn anew."""
     flight, lanes, rng = drawn(family, k, seed)
+    flight["flight"]["turbulence"] = air or flight["flight"]["turbulence"]
     elevator = {**dict.fromkeys(SEGMENTS, "ema"), "reconfigure": reconfigure}
     while True:
-        made = parse({"title": family, **flight, "elevator": elevator, "detectors": {"enabled": list(WATCHING)}})
+        made = parse({"title": family, **flight, "elevator": elevator, "detectors": {"enabled": list(EMA)}})
         try:
-            return fly(made, [*signals(), *names]), lanes, flight["flight"]["turbulence"]
+            return fly(made, signals()), lanes, flight["flight"]["turbulence"]
         except TrimError:
             flight["flight"] |= envelope(rng)
