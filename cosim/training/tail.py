@@ -31,9 +31,12 @@ def quantile(y: np.ndarray, x: np.ndarray, level: float) -> np.ndarray:
 def exceeded(largest: np.ndarray, probability: float) -> float:
     """Return what the largest of a flight exceeds with `probability`; never less than the largest that was seen.
 
-    `largest` (flights,): above their quantile UPPER they are taken to be exponential (peaks over a threshold).
+    `largest` (flights,): above the quantile UPPER of those that are not 0 they are taken to be exponential (peaks over
+    a threshold).
     """
-    u = float(np.quantile(largest, UPPER))
+    if not largest.any():
+        return 0.0
+    u = float(np.quantile(largest[largest > 0.0], UPPER))
     over = largest[largest > u] - u
     if not len(over):
         return float(largest.max())

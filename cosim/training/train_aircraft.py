@@ -36,6 +36,7 @@ TURBULENCE = ("none", "light", "moderate", "severe")
 AIR = {"kinematic": TURBULENCE, "lpv_smo": TURBULENCE[:3], "control_redundancy": TURBULENCE[:3]}
 PROBABILITY = 1e-3  # of a false alarm in a flight of 60 s
 BLOCK_S = 1.0
+LPV_PARTS = ("elevator", "n_z", "alpha")
 LPV = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha", "gust", "path", "alpha_0", "valid")
 HELD = 0.8  # of its confirmation time: a statistic that lasts so long counts as one that alarms
 KINDS: tuple[dict, ...] = (
@@ -98,9 +99,14 @@ def survey_lpv_smo(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
     """Return the blocks of the three estimates: 1, rms of gusts, distance from where offsets were learned."""
     log = watched(frame, "lpv_smo", p, LPV)
     features = [1.0, np.sqrt(log["gust"]), np.abs(log["path"] - log["alpha_0"])]
-    hold = HELD * float(p["t_confirm"][0])
-    return {part: blocks(np.abs(log[f"f_hat_{part}"]), features, log["valid"] > 0.5, frame.attrs["dt"], hold)
-            for part in ("elevator", "n_z", "alpha")}  # fmt: skip
+    hold, valid, dt = HELD * float(p["t_confirm"][0]), log["valid"] > 0.5, frame.attrs["dt"]
+    out = {part: blocks(np.abs(log[f"f_hat_{part}"]), features, valid, dt, hold) for part in LPV_PARTS}
+    q = p.copy()
+    q["swing_threshold"], q["swing_gust"] = 0.0, 0.0  # the shape of an oscillation is asked, its size is what is found
+    fits = watched(frame, "lpv_smo", q, ("bank_cos", "bank_sin", "bank_new", "hit"))
+    size = np.hypot(fits["bank_cos"][:, 0], fits["bank_sin"][:, 0])
+    size = np.where((fits["hit"] >= p["hits"][0] - 1.0) & (fits["bank_new"] > 0.5), size, 0.0)
+    return out | {f"swing {k}": blocks(size[:, k], features[:2], valid, dt) for k in range(size.shape[1])}
 
 
 def survey_kinematic(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
@@ -165,9 +171,10 @@ def limits(values: list[dict]) -> dict:
     out: dict = {"limits": {}, "found": {}}
     for name in SURVEYS:
         own = [v[name] for v in values if v.get(name)]
-        for part in own[0]:
+        tests = [part.split()[0] for part in own[0]]  # "swing 3" is of the test "swing"
+        for part, test in zip(own[0], tests, strict=True):
             rows = [np.array(v[part]) for v in own]
-            w, found = limit(rows, PROBABILITY / len(own[0]))
+            w, found = limit(rows, PROBABILITY / len(set(tests)) / tests.count(test))
             out["limits"].setdefault(name, {})[part] = w.tolist()
             out["found"].setdefault(name, {})[part] = found
     return out
@@ -176,7 +183,9 @@ def limits(values: list[dict]) -> dict:
 def fields(name: str, made: dict[str, list]) -> dict[str, Any]:
     """Return the PARAMS fields of detector `name` that the limits `made` of its parts stand for."""
     if name == "lpv_smo":
-        return {f"{letter}_{part}": w[i] for part, w in made.items() for i, letter in enumerate("tgs")}
+        level = {f"{letter}_{part}": made[part][i] for part in LPV_PARTS for i, letter in enumerate("tgs")}
+        swing = [made[part] for part in made if part not in LPV_PARTS]
+        return level | {"swing_threshold": [w[0] for w in swing], "swing_gust": [w[1] for w in swing]}
     if name == "control_redundancy":
         return {part: w[0] for part, w in made.items()}
     rows = [(made[row] + [0.0] * 4)[:4] for row in kinematic.ROWS]

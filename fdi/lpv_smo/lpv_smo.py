@@ -50,6 +50,7 @@ import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
 from actuators.constants import RAD_PER_DEG
+from fdi.common import bank as frequencies
 from fdi.common.decision import confirm, usable
 from fdi.common.record import Detector, Estimate, Site
 from fdi.common.tuning import thresholds
@@ -64,6 +65,7 @@ LEARN = 8.0  # in flight: the paper's faults come at 10 s [s]
 ADOT = 0.3  # of a transport: Cm_alphadot over Cm_q + Cm_alphadot
 GRADIENT = 0.6  # of the damping in pitch: what a gust that grows along the body does, by training flights
 CULPRITS = ("", "elevator", "n_z", "alpha")
+HELD = 0.6  # an oscillation is held to be there for so long after the last fit that found it [s]
 
 PARAMS = dtype(
     [
@@ -118,6 +120,12 @@ PARAMS = dtype(
         ("t_release", "f8", "s"),
         ("bank_max", "f8", "rad"),  # bank beyond which nothing is said, 0 for no such bound
         ("t_learn", "f8", "s"),  # offsets are learned up to this time, 0 for none
+        *frequencies.PARAMS,
+        ("swing_threshold", "f8", (frequencies.K,), "rad"),  # amplitude of an oscillation of the elevator's estimate
+        ("swing_gust", "f8", (frequencies.K,), "-"),  # and its growth with the rms of gusts
+        ("coherence", "f8", "-"),  # least agreement of its two periods
+        ("purity", "f8", "-"),  # least share of the window's power that it explains
+        ("hits", "f8", "-"),  # fits in a row that must pass
         ("t_settle", "f8", "s"),  # no decision for so long after a (re)start
     ]
 )
@@ -220,6 +228,9 @@ STATE = dtype(
         ("sign", "f8"),  # of the last threshold crossing of f_hat_elevator
         ("half", "f8"),  # alternating crossings, each within a second of the one before
         ("since", "f8", "s"),  # time since the last of them
+        *frequencies.STATE,
+        ("hit", "f8", (frequencies.K,), "-"),  # fits in a row that passed
+        ("swing", "f8", "s"),  # time for which an oscillation is still held to be there
         ("A", "f8", (N, N)),  # scratch: A(rho), B(rho), trim maps, powers of rho, right side of the implicit step
         ("B", "f8", (N, M)),
         ("eq", "f8", (N + M,)),
@@ -263,8 +274,8 @@ DETECTOR = Detector(
         Estimate("alpha", "f_hat_alpha", "rad"),
     ),
     looks_back={"delay": "line"},
-    sizes={"n_box": 1.0},
-    places={"head": ("line", 0)},
+    sizes={"n_box": 1.0, **frequencies.SIZES},
+    places={"head": ("line", 0), **frequencies.PLACES},
     fit=lambda site: fitted(site),
 )  # fmt: skip
 
@@ -275,7 +286,7 @@ def params(
     tau_f: float = 0.2, tau_g: float = 0.1, tau_v: float = 0.2, tau_rho: float = 0.5, omega_a: float = 0.0,
     delay: float = 0, bank: bool = True, gust: bool = False, inertia: tuple[float, float] = (0.0, 0.0),
     adot: float = 0.0, thrust: float = 0.0, gradient: float = 0.0, sigma_q: float = 0.02 * RAD_PER_DEG,
-    t_settle: float = 2.0, t_learn: float = 0.0,
+    t_settle: float = 2.0, t_learn: float = 0.0, dt: float = 0.005,
 ) -> np.ndarray:  # fmt: skip
     """Return PARAMS of an `LpvModel` and its `Design`, by default the paper's box, stored for this aircraft.
 
@@ -292,7 +303,7 @@ def params(
         PARAMS, K=K, delta=delta, tau_f=tau_f, tau_g=tau_g, tau_v=tau_v, tau_rho=tau_rho, omega_a=omega_a, delay=delay,
         sigma_q=sigma_q, t_settle=t_settle, t_learn=t_learn, gust=float(gust), inertia=inertia, adot=adot,
         thrust=thrust, gradient=gradient, bank=float(bank),
-        n_box=len(designs), **thresholds("lpv_smo", which),
+        n_box=len(designs), **frequencies.design(dt), **thresholds("lpv_smo", which),
     )  # fmt: skip
     for k, (one, its) in enumerate(designs):
         for name, value in _box(one, its).items():
@@ -335,7 +346,7 @@ def fitted(site: Site, paper: bool = False) -> np.ndarray:
         designs=None if paper else load_boxes(), gust=not paper, t_learn=LEARN,
         delay=site.ticks("q"), omega_a=1.0 / about.delays[0],
         inertia=((zz - xx) / yy, xz / yy), adot=0.0 if paper else ADOT,
-        gradient=0.0 if paper else GRADIENT,
+        gradient=0.0 if paper else GRADIENT, dt=site.dt,
         thrust=(rz * tx - rx * tz) / tx / yy / RAD_PER_DEG,
     )  # fmt: skip
 
@@ -355,11 +366,29 @@ def _declare(x, p, i, f, most, dt):
             x.half = x.half + 1.0 if x.since < 1.0 else 1.0
             x.sign, x.since = math.copysign(1.0, f), 0.0
         # an oscillation is beyond its threshold for less than the confirmation time at once: it counts half periods
-        beyond = beyond or (x.half >= 3.0 and x.since < 1.0)
+        beyond = beyond or (x.half >= 3.0 and x.since < 1.0) or x.swing > 0.0
     on = 1.0 if x.held[i] > 0.0 else 0.0
     x.timer[i], on = confirm(x.timer[i], on, beyond, dt, p.t_confirm, p.t_release)
     x.held[i] = x.held[i] + dt if on > 0.5 else 0.0
     return score, on
+
+
+@kernel
+def _oscillation(x, p, gust, dt):
+    """Hold an oscillation of the elevator's estimate that keeps its phase over two periods, for HELD."""
+    frequencies.push(x, p, x.f_hat_elevator, 0.0)
+    x.swing = max(x.swing - dt, 0.0)
+    for k in range(frequencies.K):
+        if x.bank_new[k] < 0.5:
+            continue
+        most = p.swing_threshold[k] + p.swing_gust[k] * gust
+        good = frequencies.mixed(x, k, 1.0, 0.0) >= most * most
+        if good:
+            agreement, purity, _ = frequencies.character(x, p, k, 1.0, 0.0)
+            good = agreement >= p.coherence and purity >= p.purity
+        x.hit[k] = x.hit[k] + 1.0 if good else 0.0
+        if x.hit[k] >= p.hits:
+            x.swing = HELD
 
 
 @kernel
@@ -370,6 +399,7 @@ def _decide(x, p, dt):
     x.gust += (1.0 - math.exp(-dt / p.tau_gust)) * (x.gust_hat * x.gust_hat - x.gust)
     gust = math.sqrt(x.gust)
     x.since += dt
+    _oscillation(x, p, gust, dt)
     a, x.alarm_elevator = _declare(x, p, 0, x.f_hat_elevator, p.t_elevator + p.s_elevator * away + p.g_elevator * gust,
                                    dt)  # fmt: skip
     b, x.alarm_n_z = _declare(x, p, 1, x.f_hat_n_z, p.t_n_z + p.s_n_z * away + p.g_n_z * gust, dt)
@@ -383,7 +413,7 @@ def _decide(x, p, dt):
     if x.culprit > 1.5:
         x.verdict = SENSOR
     elif x.culprit > 0.5:
-        x.verdict = OFC_LIQUID if x.half >= 3.0 and x.since < 1.0 else AMBIGUOUS
+        x.verdict = OFC_LIQUID if (x.half >= 3.0 and x.since < 1.0) or x.swing > 0.0 else AMBIGUOUS
     else:
         x.verdict = NONE
 
@@ -396,6 +426,11 @@ def _silent(x, why):
     x.alarm_elevator, x.alarm_n_z, x.alarm_alpha = 0.0, 0.0, 0.0
     for i in range(3):
         x.held[i], x.timer[i] = 0.0, 0.0
+    x.swing = 0.0
+    for j in range(frequencies.LEVELS):
+        x.bank_seen[j] = 0.0
+    for k in range(frequencies.K):
+        x.hit[k] = 0.0
 
 
 @kernel
