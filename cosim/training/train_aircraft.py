@@ -26,7 +26,7 @@ from cosim.scenario.tolerance import toleranced
 from cosim.training.flights import DT, scenario
 from cosim.training.tail import limit
 from fdi import registry
-from fdi.common import compact, tuning
+from fdi.common import bank, compact, tuning
 from fdi.control_redundancy.core import NR
 from fdi.kinematic import kinematic
 
@@ -106,7 +106,8 @@ def survey_lpv_smo(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
     fits = watched(frame, "lpv_smo", q, ("bank_cos", "bank_sin", "bank_new", "hit"))
     size = np.hypot(fits["bank_cos"][:, 0], fits["bank_sin"][:, 0])
     size = np.where((fits["hit"] >= p["hits"][0] - 1.0) & (fits["bank_new"] > 0.5), size, 0.0)
-    return out | {f"swing {k}": blocks(size[:, k], features[:2], valid, dt) for k in range(size.shape[1])}
+    swings = [blocks(size[:, k], features[:2], valid, dt) for k in range(size.shape[1])]
+    return out | {"swing": np.concatenate(swings)}  # one limit for all frequencies: few flights pass the shape of each
 
 
 def survey_kinematic(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
@@ -184,8 +185,7 @@ def fields(name: str, made: dict[str, list]) -> dict[str, Any]:
     """Return the PARAMS fields of detector `name` that the limits `made` of its parts stand for."""
     if name == "lpv_smo":
         level = {f"{letter}_{part}": made[part][i] for part in LPV_PARTS for i, letter in enumerate("tgs")}
-        swing = [made[part] for part in made if part not in LPV_PARTS]
-        return level | {"swing_threshold": [w[0] for w in swing], "swing_gust": [w[1] for w in swing]}
+        return level | {f"swing_{n}": [w] * bank.K for n, w in zip(("threshold", "gust"), made["swing"], strict=True)}
     if name == "control_redundancy":
         return {part: w[0] for part, w in made.items()}
     rows = [(made[row] + [0.0] * 4)[:4] for row in kinematic.ROWS]
