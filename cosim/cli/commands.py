@@ -148,13 +148,17 @@ def run(
     ] = False,
     speed: SpeedOption = None,
     port: PortOption = None,
+    flightgear: Annotated[
+        int | None,
+        typer.Option("--flightgear", metavar="PORT", min=1, max=65535, help="With --live: show it in FlightGear, too."),
+    ] = None,
     detector: DetectorOption = None,
     json_: JsonOption = False,
 ) -> Any:
     """Fly a scenario, log everything, and show who alarmed, when, and what it isolated."""
     from cosim.scenario import load_scenario
 
-    _only_live(live, speed=speed, port=port)
+    _only_live(live, speed=speed, port=port, flightgear=flightgear)
     flown = load_scenario(scenario, set_ or ())
     if detector:
         from cosim.flight.guests import with_detectors
@@ -179,7 +183,8 @@ def run(
             from cosim.flight.live import fly_live
 
             where = LIVE_PORT if port is None else port
-            result, flown = fly_live(flown, log=path, progress=progress, ready=_served, port=where, speed=speed or 1.0)
+            told: Any = {"progress": progress, "ready": _served}
+            result, flown = fly_live(flown, log=path, port=where, speed=speed or 1.0, flightgear=flightgear, **told)
         else:
             result = simulate(flown, log=path, progress=progress, achieved=True)
     found = result.to_dict() | {"overwritten": overwritten}

@@ -124,12 +124,15 @@ def _linear(point):
     return _LINEAR[key]
 
 
-def build(scenario: Any) -> Any:
-    """Return the Setup of `scenario`. Raises TrimError when the flight point cannot be flown."""
+def build(scenario: Any, flightgear: int | None = None) -> Any:
+    """Return the Setup of `scenario`. Raises TrimError when the flight point cannot be flown.
+
+    `flightgear` is the UDP port of this machine at which FlightGear is told of the flight, once `plant.show` says so.
+    """
     register(scenario.actuators)  # another scenario may have brought others of the same names
     prepare(scenario)
     dt, point = scenario.dt, FlightPoint.of(scenario)
-    plant = Plant(point, dt=dt)
+    plant = Plant(point, dt=dt, flightgear=flightgear)
     trim = plant.trim()
     aircraft = scenario.aircraft
     surface = dtype([(name, "f8", "-" if name.startswith("thr") else "rad") for name in plant.border.inputs])

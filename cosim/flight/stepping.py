@@ -68,15 +68,24 @@ class Flight:
     """Fly a scenario tick by tick; faults are injected and healed while it flies.
 
     `scenario` is a Scenario or what `cosim.load_scenario` takes, `log` the path of the log that is written when the
-    flight is closed, or None. `scenario` of the flight holds what was injected, `tick` and `time` [s] count what was
-    flown, `status` is "flying", "completed", "departed" or "diverged". Raises TrimError when the point cannot be flown.
+    flight is closed, or None, `flightgear` a UDP port of this machine where FlightGear shows the flight. `scenario` of
+    the flight holds what was injected, `tick` and `time` [s] count what was flown, `status` is "flying", "completed",
+    "departed" or "diverged". Raises TrimError when the point cannot be flown.
     """
 
-    def __init__(self, scenario: Scenario | str | os.PathLike, *, log: str | os.PathLike | None = None):
+    def __init__(
+        self,
+        scenario: Scenario | str | os.PathLike,
+        *,
+        log: str | os.PathLike | None = None,
+        flightgear: int | None = None,
+    ):
         self.scenario = resolved(scenario if isinstance(scenario, Scenario) else load_scenario(scenario))
         self.log = log
         self.tick, self.status, self.reason = 0, "flying", ""
-        self._setup = build(self.scenario)
+        self._flightgear = flightgear
+        self._setup = build(self.scenario, flightgear)
+        self._setup.loop.plant.show()
         self._last, self._sink = self._setup.loop.v.copy(), self._keep
         self._result: tuple[int, Result] | None = None
 
@@ -177,12 +186,13 @@ class Flight:
             raise ScenarioError(f"the flight is {self.status}", place=f"at {self.time:g} s")
         table = self.scenario.model_dump(mode="json", exclude_none=True)
         changed = resolved(parse({**table, "faults": faults}, place="inject"))
-        setup = build(changed)
+        setup = build(changed, self._flightgear)
         before = self._setup.loop
         for k in range(self.tick):
             setup.loop.tape(self._sink).run(k)
         if setup.loop.truth.tobytes() != before.truth.tobytes():  # cannot be: a fault that is to come changes nothing
             raise RuntimeError("the flight to here is not the same with this fault")
+        setup.loop.plant.show()
         self.scenario, self._setup = changed, setup
         self._result = None
 

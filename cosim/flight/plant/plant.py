@@ -25,7 +25,7 @@ import numpy as np
 from actuators.block import briefly
 from actuators.constants import M_PER_FT, M_S_PER_KT
 from cosim.errors import TrimError
-from cosim.flight.plant import gusts
+from cosim.flight.plant import gusts, viewers
 from cosim.flight.plant.border import border, to_si
 from cosim.flight.plant.crossing import crossing
 from cosim.flight.plant.point import POINTS, FlightPoint, loading
@@ -78,8 +78,11 @@ class Port:
 class Plant:
     """One flight of an aircraft, stepped by `run`."""
 
-    def __init__(self, flight: Any, dt: float = 0.005):
-        """Load the aircraft at `flight`'s mass, CG and multipliers; nothing flies before `trim` or `place`."""
+    def __init__(self, flight: Any, dt: float = 0.005, flightgear: int | None = None):
+        """Load the aircraft at `flight`'s mass, CG and multipliers; nothing flies before `trim` or `place`.
+
+        `flightgear` is a UDP port of this machine where FlightGear listens; it is told of the flight after `show`.
+        """
         self.flight, self.dt, self.aircraft = flight, dt, flight.record
         self.border = border(self.aircraft)
         read, geometry = self.border.read, self.aircraft.geometry
@@ -88,6 +91,10 @@ class Plant:
         fdm = self._fdm = jsbsim.FGFDMExec(None)
         fdm.set_aircraft_path(str(self.aircraft.folder.parent))
         fdm.set_dt(dt)
+        if flightgear is not None:
+            with viewers.directive(flightgear) as path:
+                fdm.set_output_directive(path)
+        fdm.disable_output()
         if not fdm.load_model(self.aircraft.name):
             raise RuntimeError("JSBSim cannot load the aircraft: " + "; ".join(self._logger.errors))
         self.port = Port(fdm)
@@ -235,6 +242,10 @@ class Plant:
             tape.call(lambda k: self.write(vector))
         else:
             tape.put(how.nodes(self.writes), how.put, vector)
+
+    def show(self) -> None:
+        """Tell FlightGear of every frame from now on, where the plant was made with its port."""
+        self._fdm.enable_output()
 
     def run(self) -> Any:
         """Advance by one step, through this flight's gusts."""
