@@ -33,8 +33,9 @@ SLOW_S, EVEN_S = 0.5, 0.04  # samples of the slow ring and of the even one [s]
 SHORT, LONG = 1.25, 2.0  # windows of an oscillation [periods]
 GAIN_ERROR = 0.06  # of the learned gain
 BESIDE, CLEAR = 2.0, 3.0  # an energy of so many times the noise's own is no noise; is enough for a name
-STEP = 0.13  # of its frequency: a neighbour in the bank is 0.27 away
-OWN_FAST = 0.2  # above OWN_HZ
+STEP, WIDE = 0.1, 0.13  # of its frequency, before an alarm and after it; a neighbour in the bank is 0.27 away
+OWN_FAST = 0.35  # above OWN_HZ
+BEHIND = 0.6  # periods since the alarm rose before an oscillation in place is voted for
 OWN, OWN_HZ = 0.6, 2.0  # f is w - d, and d in quadrature to w: up to OWN_HZ f has no less than this of the energy of w
 OFFSET = 0.3  # energy of the mean over that about it
 PART = 0.35  # share that an oscillation about a mean may leave before its frequency is looked for
@@ -87,6 +88,7 @@ STATE = [
     ("slow_hit", "f8", (SLOW_K,)),  # windows in a row that show it
     ("sure", "f8", (3,)),  # of added and in place: periods of agreement; of less than commanded: samples
     ("clock", "f8"),  # time [s]
+    ("rose", "f8"),  # when the alarm rose [s]
     ("vote_hz", "f8", (2,)),  # frequency of the last vote, added and in place [Hz]
     ("vote_first", "f8", (2,)),  # since when votes have agreed [s]
     ("vote_last", "f8", (2,)),  # time of the last [s]
@@ -264,7 +266,7 @@ def oscillates(x, p, j, n, angle):
     W is the energy of w; `allowed` that of noise and of what the gain does not explain. Each sine is fitted at its own
     best frequency about `angle`.
     """
-    step = STEP
+    step = STEP if x.alarm < 0.5 else WIDE
     ff, fd, dd, f0, m0, d0, a, still = tone(x, p, j, n, angle)
     H, W = least(ff, fd, dd, x.gain), max(ff + 2.0 * fd + dd, 0.0)
     L, S = least(f0, m0, d0, x.gain), max(f0 + 2.0 * m0 + d0, 0.0)
@@ -330,7 +332,7 @@ def replaced(x, p, j, n, h, hz):
     variance = x.coarse * x.coarse * p.sigma[j] * p.sigma[j]
     M, R, mean = swing(x, j, n, angle)
     x.left[1] = R / max(M, 1e-300)
-    if n * mean * mean > OFFSET * M:
+    if n * mean * mean > OFFSET * M or (x.clock - x.rose) * hz < BEHIND:
         return False, hz
     m = max(min(int(n * h / EVEN_S + 0.5), N), LEAST_EVEN)
     if m <= x.even_seen:
@@ -339,10 +341,10 @@ def replaced(x, p, j, n, h, hz):
             return False, hz
     if M < CLEAR * n * variance or R > PART * M + NOISY * n * variance:
         return False, hz
-    _, below, _ = swing(x, j, n, angle * (1.0 - STEP))
-    _, above, _ = swing(x, j, n, angle * (1.0 + STEP))
-    move = lowest(below, R, above, STEP)
-    if math.fabs(move) > 0.999 * STEP:
+    _, below, _ = swing(x, j, n, angle * (1.0 - WIDE))
+    _, above, _ = swing(x, j, n, angle * (1.0 + WIDE))
+    move = lowest(below, R, above, WIDE)
+    if math.fabs(move) > 0.999 * WIDE:
         return False, hz
     _, R, _ = swing(x, j, n, angle * (1.0 + move))
     hz *= 1.0 + move
@@ -565,8 +567,9 @@ def look(x, p, j, period, hz, h, r, b):
             at, amplitude = hz * (at_L if better else at_S), a
         bonus = PERIODS - 0.4 if j == SLOW else PERIODS
         plain, stands = r >= 1.0 and now > 0.1, b >= 1.0 and now > 0.03
-        plain = plain and math.fabs(at_L - 1.0) < 0.999 * STEP
-        stands = stands and math.fabs(at_S - 1.0) < 0.999 * STEP
+        if x.alarm > 0.5:  # another frequency's shadow is no vote
+            plain = plain and math.fabs(at_L - 1.0) < 0.999 * WIDE
+            stands = stands and math.fabs(at_S - 1.0) < 0.999 * WIDE
         compare(x, p, H, L, W, S, B, n, h, allowed / n, hz * at_L, hz * at_S, plain, stands, bonus)
     return found, at, amplitude
 
@@ -660,6 +663,7 @@ def conclude(x, jam, run):
     """
     x.alarm = 1.0 if x.sensor > 0.5 or jam or run or x.ofc_timer > 0.0 or x.eff_timer > 0.0 else 0.0
     if x.alarm < 0.5:
+        x.rose = x.clock
         x.verdict, x.culprit, x.named = NONE, 0.0, NONE
         for i in range(3):
             x.sure[i] = 0.0

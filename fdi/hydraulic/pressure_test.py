@@ -27,7 +27,7 @@ from fdi.common.decision import usable
 # instead finds 5 % three times in four and not two, and takes one runaway in twelve for a sensor: not worth it
 # The crest of an oscillation is as flat, but begins before: by more than STEP_BEFORE of it in the sample before. A
 # pulse of the valve of one tick that is not obeyed is as sudden and stays: up to STEP_VALVE of it is the valve's
-STEP_SIGMA, STEP_LEAST, STEP_WAIT, STEP_STAYS, STEP_BEFORE, STEP_VALVE = 5.0, 0.04, 5, 0.3, 0.5, 1.5
+STEP_SIGMA, STEP_LEAST, STEP_WAIT, STEP_STAYS, STEP_BEFORE, STEP_VALVE = 5.0, 0.045, 5, 0.3, 0.5, 1.5
 # The noise is that of the last MEMORY samples where it is more than the filter's; one of them counts for NIS_MOST at
 # most. At the start, before it is known, it may be twice the filter's
 MEMORY, NIS_MOST, NIS_FIRST = 200.0, 25.0, 4.0
