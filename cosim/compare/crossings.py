@@ -71,12 +71,17 @@ def gaussian(flights: Iterable[Moments], dt: float, confidence: float = 0.95) ->
     N1, N = (float(total * len(m) / sum(getattr(f, x) for f in m)) for x in ("memory", "memory2"))
     variance = float(s2.sum() / total)
     if N < LEAST or not variance > 0.0:
-        return Gaussian(dt, note="too few independent samples" if variance > 0.0 else "does not move")
+        return Gaussian(dt, note="too few independent samples" if variance > 0.0 else "its residual does not move")
     mean, third, fourth = (float(s.sum() / total) / variance**j for s, j in ((s1, 0.5), (s3, 1.5), (s4, 2.0)))
     # Hermite polynomials of a Gaussian are uncorrelated: H3 has variance 6, H4 has 24
     away = mean * math.sqrt(N1), (third - 3.0 * mean) * math.sqrt(N / 6.0), (fourth - 3.0) * math.sqrt(N / 24.0)
     tests = [*(2.0 * float(stats.norm.sf(abs(z))) for z in away), _one_variance(s2 / n, n / total * N)]
-    names = ("has a mean", "is skewed", "has other tails than a Gaussian", "has another variance in every flight")
+    names = (
+        "its residual has a mean",
+        "it is skewed",
+        "it has other tails than a Gaussian",
+        "its variance differs from flight to flight",
+    )
     note = "; ".join(name for name, p in zip(names, tests) if p < LEVEL)
     a = 0.5 - confidence / 2.0
     low, high = (math.sqrt(variance * N / stats.chi2.ppf(q, N)) for q in (1.0 - a, a))

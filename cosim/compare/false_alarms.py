@@ -26,7 +26,7 @@ from cosim.campaign.jobs import work
 from cosim.campaign.quiet import WINDOW_S, Flight, fly, space
 from cosim.campaign.store import CampaignError
 from cosim.compare import tails
-from cosim.compare.crossings import gaussian
+from cosim.compare.crossings import Gaussian, gaussian
 from cosim.compare.metrics import rate
 from cosim.errors import did_you_mean
 from fdi import registry
@@ -97,7 +97,8 @@ def curve(name: str, flown: Sequence[Flight]) -> dict:
     windows = np.concatenate([lane.peaks for lane in lanes])
     alarms = sum(lane.alarms for lane in lanes)
     tail = tails.fit(peak, hours) if hours else tails.Tail(0.0, note="never judges")
-    exact = gaussian([m for lane in lanes for m in lane.moments], flown[0].dt)
+    moments = [m for lane in lanes for m in lane.moments]
+    exact = gaussian(moments, flown[0].dt) if moments else Gaussian(flown[0].dt, note="its statistic has no sign")
     levels = _levels(peak, tail)
     out = {
         "id": name,
@@ -118,6 +119,7 @@ def curve(name: str, flown: Sequence[Flight]) -> dict:
         "curve": _curve(levels, peak, hours, tail, exact),
         "held_out": _held_out(lanes),
     }
+    out["agree"] = _agree(out["curve"], float(peak.max()))
     out["at_threshold"] = _at(1.0, peak, hours, tail)
     out["needed"] = None if tail.note else _plain(tail.level(WANTED))
     out["against"] = against(name, out, sum(lane.silent for lane in lanes))
@@ -134,6 +136,7 @@ def against(name: str, found: dict, silent: int) -> list[str]:
         out.append(f"its threshold grows with {limit}")
     if silent:
         out.append(f"alarmed in {silent} flights with its statistic below 1")
+    out += [f"{pair} do not agree" for pair, agree in found["agree"].items() if not agree]
     if [h for h in found["held_out"] if not h["agree"]]:
         out.append("half of the flights do not predict the others")
     if now is None or not now["high"] <= WANTED:
@@ -180,6 +183,22 @@ def _curve(levels, peak, hours, tail, exact):
         out["extremes"] = {k: [None] * int((~on).sum()) + v.tolist() for k, v in found._asdict().items()}
     if not exact.note:
         out["crossings"] = {k: v.tolist() for k, v in exact.rate(levels)._asdict().items()}
+    return out
+
+
+def _agree(curve, largest):
+    """Return {ways: whether they agree}: intervals meet up to the largest peak; a bound is not below the extremes."""
+    tail, out = curve.get("extremes"), {}
+    on = [i for i, v in enumerate(tail["value"]) if v is not None] if tail else []
+    if on:
+        seen = curve["counted"]
+        out["counted and extremes"] = all(
+            tail["low"][i] <= seen["high"][i] and seen["low"][i] <= tail["high"][i]
+            for i in on
+            if curve["c"][i] <= largest
+        )
+    if on and (bound := curve.get("crossings")):
+        out["crossings and extremes"] = all(bound["high"][i] >= tail["low"][i] for i in on)
     return out
 
 

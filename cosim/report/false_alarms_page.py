@@ -43,7 +43,7 @@ def number(x: float | None) -> str:
     """Return a rate or level in three digits, a word for what is endless."""
     if x is None or math.isnan(x):
         return "–"
-    return "no level" if math.isinf(x) else "0" if x < 1e-99 else f"{x:.3g}"
+    return "no level" if math.isinf(x) else "0" if abs(x) < 1e-99 else f"{x:.3g}"
 
 
 def _interval(share):
@@ -87,12 +87,14 @@ def _said(d):
     else:
         said = (f"The {fit['peaks']} highest of {d['flights']} peaks, above c = {number(fit['from'])}; shape "
                 f"{_interval(fit['shape'])}, Anderson-Darling {fit['anderson_darling']:.2f}.")  # fmt: skip
-    return said + (f" No crossing bound: its residual {d['gaussian']}." if d["gaussian"] else "")
+    return said + (f" No crossing bound: {d['gaussian']}." if d["gaussian"] else "")
 
 
 def _figure(d):
     figure = Figure(f"curve-{d['id']}", "", 330, time=False)
     figure.layout = base(figure.height) | {"hovermode": "closest"}
+    figure.layout["margin"] |= {"t": 56}
+    figure.layout["legend"]["y"] = 1.08
     grid(figure.layout, TITLES, ["per hour", "c", "shape"], 3, time=False, gap=0.07)
     words = ("c: all thresholds times this", "hours between two", "peaks fitted")
     for panel, (x, y) in enumerate((("log", "log"), ("log", "log"), ("log", "linear")), 1):

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from cosim.campaign.quiet import Flight, Lane, fly
+from cosim.campaign.quiet import Flight, Lane, Moments, fly
 from cosim.campaign.space import Space
 from cosim.campaign.spec import load_campaign
 from cosim.compare import false_alarms as work
@@ -41,8 +41,23 @@ def test_a_curve_of_three_ways_agrees_with_itself_and_with_the_count():
     assert all(tail["low"][i] <= exact[i] <= tail["high"][i] for i, v in enumerate(tail["value"]) if v is not None)
     assert [h["rate"] for h in found["held_out"]] == [1.0, 0.3, 0.1] and all(h["agree"] for h in found["held_out"])
     assert found["at_threshold"]["by"] == "extremes" and found["at_threshold"]["high"] < 1e-3
-    assert found["extremal_index"][0]["index"] > 0.9
+    assert found["extremal_index"][0]["index"] > 0.9 and found["agree"] == {"counted and extremes": True}
     json.dumps(plain(found), allow_nan=False)
+
+
+def test_a_gaussian_residual_has_a_crossing_bound_that_agrees_with_the_extremes():
+    from scipy.signal import lfilter
+
+    rng, flights = np.random.default_rng(4), []
+    for _ in range(1500):
+        r = lfilter([0.1 * np.sqrt(0.19)], [1.0, -0.9], rng.normal(size=700))[100:]
+        lane = Lane(np.abs(r).reshape(60, 10).max(axis=1).astype("f4"), 60.0, 0, 0, (Moments.of(r),))
+        flights.append(Flight(60.0, 0.1, "completed", {"position_monitor": lane}))
+    found = work.curve("position_monitor", flights)
+    assert found["gaussian"] is None
+    assert found["agree"] == {"counted and extremes": True, "crossings and extremes": True}
+    at = np.interp(1.0, found["curve"]["c"], np.log10(np.maximum(found["curve"]["crossings"]["high"], 1e-99)))
+    assert at < -15.0  # ten sigma
 
 
 def test_a_detector_far_below_its_threshold_is_certified_and_one_near_it_is_not():
