@@ -74,11 +74,11 @@ class Native:
 
     def _file(self):
         folder = cache_dir(self._source)
-        return folder and Path(folder) / f"{self.name}-{_processor()}.o"
+        return folder and Path(folder) / f"{self.name}-{processor()}.o"
 
 
 @functools.cache
-def _processor():
+def processor() -> str:
     """Return a digest of what machine code depends on beside its sources: processor, system, compiler."""
     import llvmlite
     import llvmlite.binding as llvm

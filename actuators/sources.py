@@ -14,11 +14,17 @@ from typing import Any
 
 _ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("actuators", "fdi", "cosim")
+MOST = 600  # sources whose imports are remembered: some versions of all of ours
 
 
-@functools.lru_cache
+@functools.cache
 def _source(path):
     return path.read_bytes()
+
+
+@functools.cache
+def _digest(path):
+    return hashlib.sha256(_source(path)).digest()
 
 
 def _imports(path):
@@ -36,28 +42,32 @@ def _imports(path):
     return sorted(name for name in out if outside or name.partition(".")[0] in PACKAGES)
 
 
+@functools.cache
 def _files(name):
-    """Return the files of ours that importing `name` runs: its module or package, and the packages around it."""
+    """Return our files that importing `name` runs: its module or package, and the packages around it."""
     parts = name.split(".")
-    for i in range(1, len(parts) + 1):
-        stem = _ROOT.joinpath(*parts[:i])
-        yield from (stem.with_suffix(".py"), stem / "__init__.py")
+    stems = [os.path.join(_ROOT, *parts[:i]) for i in range(1, len(parts) + 1)]
+    return tuple(Path(f) for s in stems for f in (f"{s}.py", os.path.join(s, "__init__.py")) if os.path.isfile(f))
 
 
-_there = functools.cache(Path.is_file)
+@functools.cache
+def installed(name: str) -> str:
+    """Return the version of an installed library."""
+    return version(name)
 
 
 @functools.cache
 def _links(path):
     """Return our files that the source at `path` imports; what it imports is remembered by its content."""
     known = _remembered()
-    key = hashlib.sha256(str(path.parent).encode() + _source(path)).hexdigest()
+    key = hashlib.sha256(str(path.parent).encode() + _digest(path)).hexdigest()
     if key not in known:
         _remember(key, _imports(path))
     found = [file for name in known[key] for file in _files(name)]
     if not path.is_relative_to(_ROOT):
-        found += [path.parent.joinpath(*name.split(".")).with_suffix(".py") for name in known[key]]
-    return tuple(file for file in found if _there(file))
+        beside = (path.parent.joinpath(*name.split(".")).with_suffix(".py") for name in known[key])
+        found += [file for file in beside if file.is_file()]
+    return tuple(dict.fromkeys(found))
 
 
 @functools.cache
@@ -75,12 +85,15 @@ def _memory():
 
 
 def _remember(key, names):
-    _remembered()[key] = names
+    known = _remembered()
+    known[key] = names
+    for old in list(known)[: max(0, len(known) - MOST)]:  # of versions that are gone
+        del known[old]
     if file := _memory():
         with contextlib.suppress(OSError):
             handle, beside = tempfile.mkstemp(dir=file.parent, suffix=".part")
             with os.fdopen(handle, "w") as out:
-                json.dump(_remembered(), out)
+                json.dump(known, out)
             os.replace(beside, file)
 
 
@@ -134,9 +147,9 @@ def cache_root() -> Path | None:
 @functools.cache
 def cache_dir(path: str | Path) -> str | None:
     """Name a cache folder by the sources a kernel is compiled from: Numba itself misses a change in a callee's file."""
-    digest = hashlib.sha256(version("numba").encode())
-    for source in sorted(closure(path)):
-        digest.update(_source(source))
+    digest = hashlib.sha256(installed("numba").encode())
+    for source in sorted(closure(path), key=str):
+        digest.update(_digest(source))
     root = cache_root()
     folder = root and root / digest.hexdigest()[:16]
     return str(folder) if folder and private(folder) and _all_private(folder) else None

@@ -25,7 +25,8 @@ import cosim.campaign.store as store
 from cosim.flight.blocks import law
 
 def digests():
-    for cached in (store.fingerprint, sources.closure, sources._links, sources._source, sources.cache_dir):
+    for cached in (store.fingerprint, sources.closure, sources._links, sources._source, sources._digest,
+                   sources.cache_dir):
         cached.cache_clear()
     return store.fingerprint()["digest"], sources.cache_dir(Path(law.__file__).resolve())
 

@@ -25,7 +25,8 @@ within their last digit. The printed A has the lever arm l in the wrong places; 
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import expm
+
+from actuators.kept import kept
 
 # [Jay] section 4, T = 5 ms, as printed
 PHI = np.array(
@@ -164,5 +165,11 @@ def discretise(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[Any, ...]:
     B = np.asarray(B).reshape(n, -1)
     both = np.zeros((n + B.shape[1],) * 2)
     both[:n, :n], both[:n, n:] = A, B
-    e = expm(both * dt)
+    e = kept((both.tolist(), dt), float, lambda: _exponential(both * dt), __file__).reshape(both.shape)
     return e[:n, :n], e[:n, n:]
+
+
+def _exponential(matrix):
+    from scipy.linalg import expm  # a tenth of a second that a start need not wait for
+
+    return expm(matrix).ravel()

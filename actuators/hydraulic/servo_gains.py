@@ -4,12 +4,12 @@ import functools
 from typing import Any
 
 import numpy as np
-from scipy.linalg import expm, solve_discrete_are
 
 from actuators.block import briefly
 from actuators.common.ackermann import place
 from actuators.ema import jay
 from actuators.hydraulic import lu17
+from actuators.kept import kept
 
 # sensor set `transport` (1 sigma per sample), and how fast the unknown may move
 SIGMA_ROD, SIGMA_PRESSURE = 1e-4, 0.005  # [m], [1]
@@ -38,12 +38,21 @@ def error_gains(model: Any, *, pole: Any, dt: Any) -> dict[str, Any]:
 
 def observer_gains(model: Any, *, dt: float) -> list[Any]:
     """Return (K, K_rod), shapes (4, 2), (4,): steady Kalman gains of (q, q', x3, F), linear at rest and centre."""
-    return [gain.copy() for gain in _observer_gains(model.dtype, model.tobytes(), dt)]
+    both = _gains(model.dtype, model.tobytes(), dt)
+    return [both[:8].reshape(4, 2).copy(), both[8:].copy()]
 
 
 @functools.lru_cache(maxsize=64)
-def _observer_gains(kind, numbers, dt):
+def _gains(kind, numbers, dt):
+    """Return both of `observer_gains`, one behind the other."""
     model = np.frombuffer(numbers, kind)[0]
+    given = kind.descr, model.tolist(), dt
+    return kept(given, float, lambda: np.concatenate(_observer_gains(model, dt)), __file__)
+
+
+def _observer_gains(model, dt):
+    from scipy.linalg import expm, solve_discrete_are  # a tenth of a second that a start need not wait for
+
     A3, _ = _linear(model)
     A = np.zeros((4, 4))
     A[:3, :3] = A3
@@ -59,4 +68,4 @@ def _observer_gains(kind, numbers, dt):
         P = solve_discrete_are((inverse @ Phi @ scale).T, (H @ scale).T, inverse @ Q @ inverse, R)
         P = scale @ P @ scale
         out.append(P @ H.T @ np.linalg.inv(H @ P @ H.T + R))
-    return out[0], out[1][:, 0]
+    return out[0].ravel(), out[1][:, 0]

@@ -12,9 +12,6 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from cosim.cli import faults, headline
-from cosim.judge.coverage import remark
-
 STATUS = {"completed": "green", "departed": "yellow", "diverged": "red", "interrupted": "yellow"}
 NOTHING = Text("-", style="dim")
 
@@ -101,6 +98,8 @@ def plain(made: Any) -> Any:
 
 def run(found: Any, scenario: Any) -> Any:
     """Return the outcome of a run: who noticed in a sentence, the flight, its faults, every alarm, where the log is."""
+    from cosim.cli import faults, headline  # `--help` needs no scenario
+
     said = [Text(text, style="bold") for text in headline.sentences(found, scenario)]
     head = Text.assemble(*(["\n"] if said else []), scenario.title or "flight", "\n", _point(scenario))
     shown = [d for d in found["detectors"] if d["id"] not in headline.APART]
@@ -129,6 +128,8 @@ def _point(scenario):
 
 
 def _detectors(rows):
+    from cosim.judge.coverage import remark
+
     shown = [r for r in rows if r["alarm"] or r.get("concerned", True)]
     quiet = len(rows) - len(shown)
     if not shown and rows:

@@ -1,6 +1,5 @@
 """Build a flight from its scenario: trim the aircraft, lay out the bus, put every block into equilibrium, wire them."""
 
-import dataclasses
 import math
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,17 +10,16 @@ from actuators.block import dtype
 from cosim.errors import ScenarioError
 from cosim.flight import actuation, detectors, inject, own_law, wiring
 from cosim.flight.blocks import faults, hinge_model, manoeuvre, sensors
-from cosim.flight.blocks.law import design as law_design
 from cosim.flight.blocks.pilot import steps
 from cosim.flight.bus import Bus
 from cosim.flight.compiling import prepare
 from cosim.flight.corrections import corrections
 from cosim.flight.cost import cost
+from cosim.flight.designed import designed
 from cosim.flight.gains import SENSOR_DELAY
 from cosim.flight.guests.plain import GuestBlock, PlainDetector
 from cosim.flight.noise import Draw
 from cosim.flight.own_inputs import own_inputs
-from cosim.flight.plant.linearize import LinearModel, linearize
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
 from cosim.flight.plant.trim import Trim
@@ -109,21 +107,6 @@ def _sensor_lanes(scenario, rng, dt):
     return tuple(names), np.concatenate(rows)
 
 
-_LINEAR: dict[str, LinearModel] = {}  # of the last flight points: a flight and its twin share one
-
-
-def _linear(point):
-    """Return the linear model of a bundled aircraft's flight point, made once."""
-    if not point.aircraft.isidentifier():
-        return linearize(point)
-    key = repr(dataclasses.replace(point, seed=0))  # still air is the same for every seed
-    if key not in _LINEAR:
-        if len(_LINEAR) >= 8:
-            _LINEAR.clear()
-        _LINEAR[key] = linearize(point)
-    return _LINEAR[key]
-
-
 def build(scenario: Any, flightgear: int | None = None) -> Any:
     """Return the Setup of `scenario`. Raises TrimError when the flight point cannot be flown.
 
@@ -146,14 +129,11 @@ def build(scenario: Any, flightgear: int | None = None) -> Any:
     others = {name: t[wiring.SURFACE_OF[name]] for name in wiring.OTHERS}
     built = actuation.blocks(scenario, loads, others, dt)
     pilot_p = manoeuvre.params(**steps(scenario.manoeuvre, trim))
-    sketch = Plant(point, dt=dt)  # moved about to take derivatives
-    level = _linear(point.level)
-    stall = law_design.alpha_limit(sketch, trim if trim.level else level.trim)
-    law_p = law_design.design(level, stall, aircraft, None if trim.level else trim)
+    law_p, slopes = designed(point, trim, dt)
     law_p, law = own_law.tuned(scenario, law_p), own_law.block(scenario)
     errors = [TECHNOLOGIES[tech].hinge_error for tech in scenario.elevator.technology.values()]
     factors = [1.0 + error * rng_errors.uniform(-1.0, 1.0) for error in errors]
-    hinge_p = hinge_model.design(sketch, trim, t, aircraft.short.values(), factors)
+    hinge_p = hinge_model.design(slopes, trim, t, aircraft.short.values(), factors)
     chosen = detectors.chosen(scenario)
     fault_lanes = inject.lanes(scenario)
 

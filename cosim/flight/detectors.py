@@ -4,6 +4,7 @@ A detector's inputs are copies of logged signals, named by the words of its reco
 into the log, so that replay needs nothing but the file.
 """
 
+import functools
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import fdi
+from actuators.kept import contents, kept
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.flight import guests
 from cosim.flight.blocks.sensors import fitted
@@ -61,6 +63,7 @@ def sources(name: str, lane: str = "") -> dict[str, Any]:
 
 _FITS: dict[tuple, np.ndarray] = {}  # of shipped detectors, by all that their designs depend on
 MOST_FITS = 256
+_SITE = Path(__file__).with_name("site.py")
 
 
 def _fit(detector, site, own, words):
@@ -72,7 +75,10 @@ def _fit(detector, site, own, words):
     if key not in _FITS:
         if len(_FITS) >= MOST_FITS:
             _FITS.clear()
-        _FITS[key] = detector.record.fit(site, **words)
+        about = detector.id, place, contents(own.folder), *sorted(words.items()), _stored()
+        made = functools.partial(detector.record.fit, site, **words)
+        module = detector.module
+        _FITS[key] = kept(about, module.PARAMS, made, module.__file__, _SITE)
     return _FITS[key]
 
 

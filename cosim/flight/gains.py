@@ -1,11 +1,13 @@
 """What a fault amplitude in millimetres means at the valve or the drive: the gain of the closed servo loop, flown."""
 
 import functools
+import inspect
 import math
 
 import numpy as np
 
 from actuators.common import linkage
+from actuators.kept import kept
 from actuators.technology import Own
 from cosim.scenario.catalog import TECHNOLOGIES
 
@@ -22,6 +24,12 @@ def liquid_gain(technology: str, omega: float, dt: float, own: Own = ()) -> floa
     """Return position amplitude [m] per unit added at the valve [1] or drive [A], servo closed, no load, no friction:
     by flying it at `omega` [rad/s]. `own` is what an aircraft's actuators differ in.
     """
+    given = technology, float(omega), float(dt), tuple(own)
+    source = inspect.getfile(TECHNOLOGIES[technology].build)  # type: ignore[arg-type]
+    return float(kept(given, float, lambda: np.array([_flown(*given)]), __file__, source)[0])
+
+
+def _flown(technology, omega, dt, own):
     record = TECHNOLOGIES[technology]
     design, (live, smooth), rest = record.design(own), record.smooth, np.zeros((3, 1))
     assert record.build  # what has a valve or a drive has a servo

@@ -7,7 +7,6 @@ units.
 from typing import Any
 
 import numpy as np
-from scipy.linalg import null_space, subspace_angles
 
 RANK = 1e-9  # singular values below this count as zero
 
@@ -92,6 +91,8 @@ def fixed_modes(A1: np.ndarray, C: np.ndarray, TF: np.ndarray) -> Any:
 
 def unobservable_modes(A: np.ndarray, C: np.ndarray) -> Any:
     """Return the eigenvalues of A on the largest A-invariant subspace in null(C): V <- V intersected with A^-1 V."""
+    from scipy.linalg import null_space  # a tenth of a second that a start need not wait for
+
     Z = null_space(C, rcond=RANK)
     for _ in range(A.shape[0]):
         if Z.shape[1] == 0:
@@ -163,6 +164,8 @@ def basis(E: np.ndarray) -> np.ndarray:
 
 def angle_deg(E: np.ndarray, F: np.ndarray) -> float:
     """Return the smallest principal angle between the ranges of E and F [deg]; 90 when E has no column."""
+    from scipy.linalg import subspace_angles
+
     return 90.0 if E.shape[1] == 0 else float(np.degrees(np.min(subspace_angles(E, F))))
 
 

@@ -4,7 +4,6 @@ import math
 from typing import Any
 
 import numpy as np
-from scipy.linalg import expm_frechet, solve_discrete_are
 
 from actuators.ema import jay
 from fdi.common.tuning import thresholds
@@ -18,6 +17,8 @@ def model(values: Any, dt: float, tau_load: float) -> tuple[Any, ...]:
     Phi_h = d Phi / d HM_delta at zero stiffness: over 5 ms and at -40 kN m/rad the second order is below 1e-4 of each
     row, 0.002 rad/s per tick at 4 deg. Raises ValueError for a set with a compensator, which the flying drive has not.
     """
+    from scipy.linalg import expm_frechet  # a tenth of a second that a start need not wait for
+
     if values["a"] != values["b"]:
         raise ValueError("the flight filter has no compensator state: a = b")
     whole = jay.continuous("elevator", **values)
@@ -34,6 +35,8 @@ def model(values: Any, dt: float, tau_load: float) -> tuple[Any, ...]:
 
 def gain(Phi: np.ndarray, sigma_load: Any, tau_load: float, q_vel: Any, sigma_vel: Any, dt: float) -> tuple[Any, ...]:
     """Return (K, sqrt S): the steady gain of the velocity sample y = x4 + v, and the innovation's deviation."""
+    from scipy.linalg import solve_discrete_are
+
     H = np.zeros((1, 6))
     H[0, 3] = 1.0
     Q = np.zeros((6, 6))

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.linalg import expm, solve_discrete_lyapunov
 
 
 @dataclass(frozen=True)
@@ -40,6 +39,8 @@ class Discrete:
 
 def first_order_hold(A: np.ndarray, By: Any, Bu: Any, dt: float) -> tuple[Any, ...]:
     """Return Phi, Gu, Gy0, Gy1 of s' = A s + By y + Bu u with y linear and u constant between samples."""
+    from scipy.linalg import expm  # a tenth of a second that a start need not wait for
+
     n, m, r = A.shape[0], By.shape[1], Bu.shape[1]
     big = np.zeros((n + 2 * m + r, n + 2 * m + r))
     big[:n, :n], big[:n, n : n + m], big[:n, n + 2 * m :] = A * dt, By * dt, Bu * dt
@@ -82,6 +83,8 @@ def discretise(
 
 def noise(discrete: Any, sigma: float) -> np.ndarray:
     """Return the standard deviation (l,) of f_hat from white noise `sigma` (m,) on the samples of y, after settling."""
+    from scipy.linalg import solve_discrete_lyapunov
+
     d, R = discrete, np.diag(np.asarray(sigma, float) ** 2)
     # w = s - Gy1 y is independent of the sample y:  w+ = Phi w + (Phi Gy1 + Gy0) y
     G = d.Phi @ d.Gy1 + d.Gy0

@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.linalg import null_space
 
 from fdi.common import lmi
 from fdi.common.conditions import (
@@ -305,6 +304,8 @@ def _attempt(A1, C, TF, region, alpha, margin, which):
 
 def _symmetric_basis(TF, Cr, n):
     """Return columns vec(P_i) that span {P = P' : (TF)' P null(C) = 0}."""
+    from scipy.linalg import null_space  # imports of SciPy cost a start a tenth of a second
+
     units = []
     for i in range(n):
         for j in range(i, n):

@@ -72,9 +72,9 @@ def step(x, u, p, dt):
 rollout = entry(step, STATE, INPUTS, PARAMS)
 
 
-def design(plant: Any, trim: Any, truth: Any, names: Any, factors: Any) -> Any:
-    """Return PARAMS of the lanes `names` (suffixes of TRUTH's hinge fields) by central differences about `trim`;
-    `plant` is moved about.
+def slopes(plant: Any, trim: Any, names: Any) -> np.ndarray:
+    """Return (m_alpha, m_q) of the lanes `names` (suffixes of TRUTH's hinge fields), shape (lanes, 2), by central
+    differences about `trim`; `plant` is moved about.
     """
     h = 1e-3
 
@@ -89,19 +89,16 @@ def design(plant: Any, trim: Any, truth: Any, names: Any, factors: Any) -> Any:
         )
         return plant.truth()[0]
 
-    q_0 = 0.0 if trim.level else trim.q  # of a turn, which is not in the moment at rest
     up, down, fast, slow = at(h), at(-h), at(0.0, h), at(0.0, -h)
+    fields = [f"hm0_{name}" for name in names]
+    return np.array([((up[f] - down[f]) / (2 * h), (fast[f] - slow[f]) / (2 * h)) for f in fields])
+
+
+def design(slopes: np.ndarray, trim: Any, truth: Any, names: Any, factors: Any) -> Any:
+    """Return PARAMS of the lanes `names` from their `slopes` and the truth at `trim`, wrong by `factors`."""
+    q_0 = 0.0 if trim.level else trim.q  # of a turn, which is not in the moment at rest
     p = np.zeros(len(names), PARAMS)
-    for i, (name, k) in enumerate(zip(names, factors)):
-        f = f"hm0_{name}"
-        m_q = (fast[f] - slow[f]) / (2 * h)
-        p[i] = (
-            k,
-            truth[f] - m_q * q_0,
-            (up[f] - down[f]) / (2 * h),
-            m_q,
-            truth[f"hmd_{name}"],
-            truth.alpha,
-            truth.cas,
-        )
+    for i, (name, k, (m_alpha, m_q)) in enumerate(zip(names, factors, slopes)):
+        m_0 = truth[f"hm0_{name}"] - m_q * q_0
+        p[i] = (k, m_0, m_alpha, m_q, truth[f"hmd_{name}"], truth.alpha, truth.cas)
     return p

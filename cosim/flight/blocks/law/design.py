@@ -4,7 +4,6 @@ import math
 from typing import Any
 
 import numpy as np
-from scipy.linalg import solve_continuous_are
 
 from actuators.block import record
 from actuators.constants import G0
@@ -28,6 +27,8 @@ def pitch_gains(A: np.ndarray, B: np.ndarray, nz_alpha: Any, nz_de: Any) -> tupl
     Design state (alpha, q, delta, xi); alpha becomes n/nz_alpha, the feedback of delta is dropped
     (`cosim.flight.blocks.law.margins` shows what is left).
     """
+    from scipy.linalg import solve_continuous_are  # a tenth of a second that a start need not wait for
+
     Az = np.zeros((4, 4))
     Az[:2, :2], Az[:2, 2], Az[2, 2] = A, B, -1.0 / LAG_S
     Az[3, 0], Az[3, 2] = nz_alpha, nz_de
