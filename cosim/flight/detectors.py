@@ -231,10 +231,11 @@ def feedback_wires(scenario: Any) -> Any:
             # `blame` is 0 while neither position sensor, or none for sure, is wrong
             pairs += [(f"servo_in.{lane}.{to}", f"rtsekf_flight.{lane}.{'blame' if field == 'valid' else field}")
                       for to, field in _ESTIMATE.items()]
-        if tech == "ema" and scenario.elevator.reconfigure and "ema_kalman_flight" in running:
+        own = scenario.elevator.ema_estimate
+        if tech == "ema" and scenario.elevator.reconfigure and own in running:
             pairs += [
-                (f"ema_servo_in.{lane}.pos_fb", f"ema_kalman_flight.{lane}.pos_hat"),
-                (f"ema_servo_in.{lane}.pos_use", f"ema_kalman_flight.{lane}.reconf"),
+                (f"ema_servo_in.{lane}.pos_fb", f"{own}.{lane}.pos_hat"),
+                (f"ema_servo_in.{lane}.pos_use", f"{own}.{lane}.reconf"),
             ]
     return pairs
 

@@ -257,7 +257,8 @@ KEYS = {  # table of a scenario -> {key: what it means}; a kind's own numbers st
         "feedback": f"{' | '.join(FEEDBACKS)}: what hydraulic servos close on, or a table by segment",
         "parameters": "segment -> .truth and .model: parameters of its actuator [SI]; also written "
         "[elevator.<segment>.<technology>]",
-        "reconfigure": "true: on a sensor verdict a servo that closes on its measurement takes the healthy estimate",
+        "reconfigure": "true: on a sensor verdict a servo that closes on its measurement takes the healthy estimate; "
+        "'published': an EMA's takes that of ema_kalman, which knows no load",
         "compensate": "true: while iotsekf alarms, its estimate of the input fault is taken off the valve command",
     },
     "[sensors], a table per sensor": {

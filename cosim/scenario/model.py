@@ -148,7 +148,8 @@ class Elevator(_Table):
 
     # what each segment's servo closes on; a word is for every hydraulic segment, iotsekf where nothing is said
     feedback: dict[str, Feedback]
-    reconfigure: bool = False  # on a sensor verdict the loop closes on the healthy estimate
+    # on a sensor verdict the loop closes on the healthy estimate; "published": an EMA's on that of [Jay] as published
+    reconfigure: bool | Literal["published"] = False
     compensate: bool = False  # while iotsekf alarms its estimate of the input fault is taken off the valve command
     # segment -> its own parameters; also written [elevator.<segment>.<technology>] name = value, or .truth and .model
     parameters: dict[str, Settings] = {}
@@ -177,6 +178,11 @@ class Elevator(_Table):
             filled |= given
         _check_settings(raw["parameters"], technology, aircraft)
         return {**technology, **raw, "feedback": filled}
+
+    @property
+    def ema_estimate(self) -> str:
+        """Return the detector on whose estimate a reconfigured EMA closes."""
+        return "ema_kalman" if self.reconfigure == "published" else "ema_kalman_flight"
 
     @model_validator(mode="after")
     def _filters_are_hydraulic(self):
@@ -441,7 +447,7 @@ class Scenario(_Table):
         feedback = dict.fromkeys(self.elevator.feedback.values())
         closed: list[str] = [name for name in feedback if name != "measured"]
         if self.elevator.reconfigure and "ema" in self.elevator.technology.values():
-            closed.append("ema_kalman_flight")
+            closed.append(self.elevator.ema_estimate)
         hydraulic = [n for n, t in self.elevator.technology.items() if t == "hydraulic"]
         if self.elevator.reconfigure and any(self.elevator.feedback[n] == "measured" for n in hydraulic):
             closed.append("rtsekf_flight")

@@ -65,7 +65,7 @@ BREAKS = (
     ),
     Break(
         "the loop stays closed on the faulty sensor",
-        lambda: swap(FLOWN, wrap__kept=lambda kept: lambda _: kept(False)),
+        lambda: swap(FLOWN, wrap__kept=lambda kept: lambda _: kept("false")),
         ("5 deg, reconfigured",),
     ),
 )

@@ -50,6 +50,11 @@ TICK = dtype([
     ("jam", "f8"),      # faults of the actuator and of the loop's current sensor
     ("f_i", "f8"),
     ("s_i", "f8"),
+    ("f_u", "f8"),      # of the drive, as in actuators.ema.actuator [A]
+    ("s_u", "f8"),
+    ("loss", "f8"),
+    ("magnet_loss", "f8"),
+    ("backlash_add", "f8"),
 ])
 
 
@@ -86,6 +91,7 @@ def fly(tick, px, ps, pf, x, s, f, ux, us, uf, reconfigure, out, surface):
         ema_servo.step(s, us, ps, DT)
         surface[k, 0], surface[k, 1], surface[k, 2], surface[k, 3] = x.delta, px.lead * x.motor / px.arm, s.r, x.i
         ux.u, ux.hm0, ux.hmd, ux.jam, ux.f_i, ux.s_i = s.u, t.hm0, t.hmd, t.jam, t.f_i, t.s_i
+        ux.f_u, ux.s_u, ux.loss, ux.magnet_loss, ux.backlash_add = t.f_u, t.s_u, t.loss, t.magnet_loss, t.backlash_add
         ema.step(x, ux, px, DT)
 
 

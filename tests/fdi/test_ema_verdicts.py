@@ -1,0 +1,132 @@
+"""`ema_kalman_flight`: what it says of the drive, how its alarm begins and ends, and what is left without a sensor.
+
+On the bench of `cosim.papers.studies.ema_bench`, in a 3-2-1-1 with a load, gusts and sensor noise.
+"""
+
+import numpy as np
+import pytest
+
+from actuators.constants import RAD_PER_DEG
+from cosim.papers.studies.ema_bench import ARM, DT, NO_LOAD, STALL, fly_bench, script, three_two_one_one
+from fdi.common import verdict as v
+from fdi.ema.ema_kalman_flight import CULPRITS
+from fdi.monitors import position_monitor
+
+SECONDS, START, END = 16.0, 5.0, 10.0
+T = np.arange(round(SECONDS / DT)) * DT
+ON = (T >= START) & (T < END)
+
+
+def flown(seed=7, *, reconfigure=False, **fields):
+    """Fly the bench with `fields` of the script between START and END, numbers or functions of the time since START."""
+    command = three_two_one_one(T, start=START - 0.4) + three_two_one_one(T, start=END + 0.5, amplitude=2 * RAD_PER_DEG)
+    tick = script(SECONDS, command=command, hm0=1500.0, hmd=-20e3, factor=(1.3, 0.7), rng=np.random.default_rng(seed))
+    for name, value in fields.items():
+        tick[name][ON] = value(T[ON] - START) if callable(value) else value
+    return fly_bench(tick, reconfigure=reconfigure)
+
+
+def said(log):
+    """Return the names while the fault is there, without repetitions."""
+    names = [v.name(c) + (f" {CULPRITS[int(w)]}" if w else "") for c, w in zip(log["verdict"][ON], log["culprit"][ON])]
+    return [b for a, b in zip([None, *names], names) if a != b and b != "none"]
+
+
+def sine(size, hz):
+    return lambda t: size * np.sin(2 * np.pi * hz * t)
+
+
+FAULTS = [
+    ("ofc_liquid", {"f_u": sine(6.0, 1.0)}),
+    ("ofc_liquid", {"f_u": sine(6.0, 4.0)}),
+    ("ofc_solid", {"f_u": sine(10.0, 1.5), "s_u": 1.0}),
+    ("ofc_solid", {"f_u": sine(15.0, 5.0), "s_u": 1.0}),
+    ("runaway", {"f_u": 0.8 * STALL, "s_u": 1.0}),
+    ("runaway", {"f_u": -0.7 * STALL, "s_u": 1.0}),
+    ("effectiveness", {"loss": 0.6}),
+    ("sensor current", {"f_c": sine(6.0, 1.0)}),
+    ("sensor current", {"f_c": 0.1 * STALL}),
+    ("sensor velocity", {"f_v": 0.02 * NO_LOAD}),
+    ("sensor position", {"f_p": 0.5 * RAD_PER_DEG * ARM}),
+]
+
+
+@pytest.mark.parametrize("name, fault", FAULTS, ids=str)
+def test_a_fault_is_ambiguous_until_its_one_name_and_withdrawn_when_it_heals(name, fault):
+    for seed in (7, 8):
+        log = flown(seed, **fault).log
+        assert not log["alarm"][round(1.0 / DT) : round(START / DT)].any()
+        names = said(log)
+        assert names in ([name], ["ambiguous", name]), (seed, names)
+        late = log["alarm"][round((END + 3.0) / DT) :]
+        assert not late.any(), (seed, np.argmin(late) * DT)
+
+
+def test_weaker_magnets_are_named_and_a_tolerance_is_not():
+    t = np.arange(round(30.0 / DT)) * DT
+    command = RAD_PER_DEG * np.sin(2 * np.pi * 0.3 * t)
+    for loss, names in ((0.4, {"ambiguous", "effectiveness"}), (0.05, set())):
+        tick = script(30.0, command=command, hmd=-20e3, rng=np.random.default_rng(3))
+        tick["magnet_loss"][t >= 12.0] = loss
+        log = fly_bench(tick, reconfigure=False).log
+        assert {v.name(c) for c in np.unique(log["verdict"])} - {"none"} == names and not log["culprit"].any()
+
+
+def test_play_of_the_screw_is_no_sensor():
+    for seed in range(7, 12):
+        names = said(flown(seed, backlash_add=2e-3).log)
+        assert set(names) <= {"ambiguous", "effectiveness"} and names
+
+
+LOST = {
+    "ok_s": ({"f_u": sine(6.0, 1.0)}, "ofc_liquid"),
+    "ok_p": ({"f_u": sine(6.0, 1.0)}, "ofc_liquid"),
+    "ok_c": ({"f_p": 1.0 * RAD_PER_DEG * ARM}, "sensor position"),
+    "ok_v": ({"f_u": sine(10.0, 1.0)}, "ambiguous"),
+}
+
+
+@pytest.mark.parametrize("flag", LOST)
+def test_without_a_sensor_the_rest_goes_on(flag):
+    """Lost from 2 s on: no alarm of that, and a fault is found; without the velocity it has no name."""
+    fault, name = LOST[flag]
+    tick = script(SECONDS, command=three_two_one_one(T, start=START - 0.4), hmd=-20e3, rng=np.random.default_rng(3))
+    tick[flag][T >= 2.0] = 0.0
+    healthy = fly_bench(tick, reconfigure=False).log
+    assert not healthy["alarm"][round(1.0 / DT) :].any()
+    for field, value in fault.items():
+        tick[field][ON] = value(T[ON] - START) if callable(value) else value
+    names = said(fly_bench(tick, reconfigure=False).log)
+    assert names and names[-1] == name, names
+
+
+def test_an_alarm_that_comes_back_is_held_for_longer():
+    """A position that reads 25 % too much shows only away from zero: the loop does not change hands at every pulse."""
+    tick = script(60.0, command=np.sin(2 * np.pi * 0.15 * np.arange(round(60.0 / DT)) * DT) * 4 * RAD_PER_DEG)
+    tick["s_p"][round(START / DT) :] = 0.25
+    log = fly_bench(tick, reconfigure=False).log
+    rises = np.flatnonzero(np.diff(log["alarm"]) > 0)
+    assert 1 <= len(rises) <= 4
+    assert (log["alarm"][round(25.0 / DT) :] > 0.5).mean() > 0.95
+
+
+def watched(command, surface):
+    """Return the log of the position monitor of an EMA for tables of command and surface [rad]."""
+    u = np.zeros((1, len(command)), position_monitor.INPUTS)
+    u["command"], u["surface"], u["surface_valid"] = command, surface, 1.0
+    p = position_monitor.params("flight_ema")
+    log = np.zeros((1, len(command)), position_monitor.STATE)
+    position_monitor.rollout(position_monitor.init(p), u, p, DT, log)
+    return log[0]
+
+
+def test_position_monitor_of_an_ema_sees_a_loss_of_command_and_says_jam_only_at_rest():
+    t = np.arange(round(8.0 / DT)) * DT
+    command = three_two_one_one(t, start=2.0, unit=1.0)
+    healthy = watched(command, command * 0.0)["model"]
+    assert not watched(command, healthy)["alarm"].any()
+    lossy = watched(command, 0.4 * healthy)
+    assert lossy["alarm"].any() and set(np.unique(lossy["verdict"])) <= {v.NONE, v.AMBIGUOUS}
+    assert v.JAM_SOLID in watched(command, np.zeros_like(t))["verdict"]
+    drifting = watched(0.0 * t, np.clip(t - 2.0, 0.0, None) * RAD_PER_DEG)
+    assert drifting["alarm"].any() and v.JAM_SOLID not in drifting["verdict"]
