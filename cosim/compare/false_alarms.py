@@ -10,8 +10,8 @@ independent, what happens in one is not.
     extremes    generalised Pareto tail of the highest peaks (cosim/compare/tails.py)
     crossings   where the residual is stationary and Gaussian by test (cosim/compare/crossings.py)
 
-The tail is also fitted to every other flight and held against the count of the rest. All of it is of this model: of
-this aircraft, these sensors, gusts and tolerances, in this mix of flights.
+The tail is also fitted to half of the flights, drawn, and held against the count of the rest. All of it is of this
+model: of this aircraft, these sensors, gusts and tolerances, in this mix of flights.
 """
 
 import hashlib
@@ -31,7 +31,7 @@ from cosim.compare.metrics import rate
 from cosim.errors import did_you_mean
 from fdi import registry
 
-HELD_OUT = (1.0, 0.3, 0.1)  # per hour: where the fit of every other flight is held against the count of the rest
+HELD_OUT = (1.0, 0.3, 0.1)  # per hour: where the fit of half of the flights is held against the count of the rest
 WANTED = 1e-9  # per hour: what a failure condition of the worst class is allowed
 LEVELS = 60  # of a curve
 LIMITS = {  # detectors whose threshold is no number: what it grows with
@@ -203,8 +203,9 @@ def _agree(curve, largest):
 
 
 def _held_out(lanes):
-    """Fit to the even flights, count in the odd ones; they agree where the two intervals meet."""
-    fitted, rest = lanes[::2], lanes[1::2]
+    """Fit to half of the flights, count in the others; they agree where the two intervals meet."""
+    order = np.random.default_rng(0).permutation(len(lanes))  # every other flight would part the manoeuvres
+    fitted, rest = ([lanes[i] for i in half] for half in (order[::2], order[1::2]))
     hours = [sum(lane.valid_s for lane in half) / 3600.0 for half in (fitted, rest)]
     if not all(hours):
         return []

@@ -121,3 +121,21 @@ def test_the_page_shows_every_detector_with_what_is_against_it():
     assert "20.0 h in 1200 flights" in html and "1 draws do not trim" in html
     assert "saturates" in html and "grows with the command" in html and "of this model" in html
     assert html.count('class="plot"') == 2 and "Anderson-Darling" in html
+
+
+def test_the_command_writes_page_and_table_and_prints_what_is_against_each(tmp_path):
+    from typer.testing import CliRunner
+
+    from cosim.cli.commands import app
+
+    file = tmp_path / "c.toml"
+    file.write_text(CAMPAIGN)
+    words = ["false-alarms", "position_monitor", "--hours", 0.001, "--campaign", file, "-o", tmp_path / "out"]
+    words = [*map(str, words), "--workers", "1"]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0 and "position_monitor" in done.output and "2 flights" in done.output
+    told = json.loads((tmp_path / "out" / "false-alarms.json").read_text())
+    assert [d["id"] for d in told["detectors"]] == ["position_monitor"]
+    assert "of this model" in (tmp_path / "out" / "false-alarms.html").read_text()
+    again = CliRunner().invoke(app, [*words, "--json"])  # from what was flown
+    assert json.loads(again.output)["detectors"] == told["detectors"]
