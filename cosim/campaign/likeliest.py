@@ -16,6 +16,7 @@ while flights are left, and the failure with the largest log P is kept.
 """
 
 from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -132,7 +133,15 @@ def likeliest(
 class Flights:
     """Fly points of a space, each once, and remember the likeliest that failed."""
 
-    def __init__(self, space, detector, executor, most, progress):
+    def __init__(
+        self,
+        space: Space,
+        detector: str,
+        executor: Executor,
+        most: int,
+        progress: Callable[[int, int], None] | None,
+    ):
+        """Fly at most `most` points of `space` with `detector` alone, on the processes of `executor`."""
         self.space, self.detector, self.executor = space, detector, executor
         self.most, self.progress = most, progress
         self.rows: list[dict] = []
