@@ -221,7 +221,7 @@ def put_back(fly: Flights, rng: np.random.Generator) -> None:
             chosen = rng.random(len(away)) < share
             chosen[rng.integers(len(away))] = True
             nearer = 0.0 if i % 2 == 0 else rng.uniform(0.3, 0.9)
-            trials.append(fly.space.nearer(start, np.array(away)[chosen], nearer))
+            trials.append(fly.space.nearer(start, np.array(away)[chosen].tolist(), nearer))
         fly(np.array(trials))
         share = min(1.0, 1.4 * share) if fly.best is not start else 0.5 * share
         if share < 0.5 / len(away):
