@@ -2,6 +2,7 @@
 
 import json
 import math
+import shutil
 
 import numpy as np
 import pandas as pd
@@ -125,6 +126,18 @@ def test_the_benchmark_resumes_scores_and_repeats(recordings, tmp_path, monkeypa
     other = json.loads(table.read_text())
     other["detectors"][0]["families"][0]["flights"] = 99
     assert differences(other, found, ["iotsekf"]) == ["iotsekf: families[0].flights = 99 stored, 1 here"]
+
+
+def test_recordings_of_other_code_are_taken_over_where_they_repeat(recordings, tmp_path):
+    home, todo = tmp_path / "other", benchmark.chosen(benchmark.scenarios(benchmark.seeds_of()), 4)
+    shutil.copytree(recordings, home)
+    held = (home / "results.jsonl").read_text().splitlines()
+    assert benchmark.adopt(home, todo) is None
+    (home / "results.jsonl").write_text("\n".join(['{"code": "older"}', *held[1:]]) + "\n")
+    assert benchmark.adopt(home, todo) is True and (home / "results.jsonl").read_text().splitlines() == held
+    changed = [line.replace('"content": "', '"content": "0') for line in held[1:]]
+    (home / "results.jsonl").write_text("\n".join(['{"code": "older"}', *changed]) + "\n")
+    assert benchmark.adopt(home, todo) is False
 
 
 def test_sealed_seeds_make_other_flights_and_are_not_told(tmp_path):

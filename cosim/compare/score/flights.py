@@ -4,6 +4,7 @@ import functools
 import hashlib
 import json
 import os
+import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from actuators.sources import closure, private
-from cosim.campaign.jobs import work
+from cosim.campaign.jobs import FILE, work
 from cosim.campaign.manifest import about_the_code
 from cosim.campaign.spec import load_campaign
 from cosim.campaign.store import DECIDING, CampaignError
@@ -111,9 +112,8 @@ def _roots() -> Iterator[Path]:
 
 
 def cache(seeds: Seeds) -> Path:
-    """Return the folder of the recordings in the user's cache, a folder per code that flew them: nobody else may write
-    to it. Raises OutputError."""
-    name = f"{NAME}-{seeds.digest}-{code()}"
+    """Return the folder of the recordings in the user's cache, to which nobody else may write. Raises OutputError."""
+    name = f"{NAME}-{seeds.digest}"
     for root in _roots():
         folder = root / "cosim-recordings"
         if private(folder) and private(folder / name) and os.access(folder / name, os.W_OK):
@@ -131,12 +131,39 @@ def flown(
 ) -> list[Flight]:
     """Return the flights, flown where `folder` (default: the user's cache) does not hold them yet.
 
-    A killed run goes on where it was. Raises OutputError, CampaignError.
+    A killed run goes on where it was; recordings of other code are taken over where they repeat (`adopt`). Raises
+    OutputError, CampaignError.
     """
     home = Path(folder) if folder else cache(seeds)
-    out = fly_into(home, chosen(scenarios(seeds), limit), workers=workers, progress=progress)
+    todo = chosen(scenarios(seeds), limit)
+    adopt(home, todo)
+    out = fly_into(home, todo, workers=workers, progress=progress)
     replace_text(home / MANIFEST, json.dumps(manifest(seeds, out), indent=1))
     return out
+
+
+def adopt(home: Path, flights: Iterable[tuple[str, str, str]]) -> bool | None:
+    """Take over the recordings in `home` that other code flew, where one flight of each family repeats to the bit.
+
+    Returns whether they do, None where there is nothing to ask. Those that do not are flown again by `fly_into`.
+    """
+    path = home / FILE
+    lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
+    if not lines or lines[0] == json.dumps({"code": code()}):
+        return None
+    held = {}
+    for line in lines[1:]:
+        with suppress(ValueError):  # the line that a kill cut short
+            key, told = json.loads(line)
+            held[json.loads(key)[1]["toml_text"]] = told.get("content")
+    sample = {family: text for _, family, text in flights if held.get(text)}
+    with tempfile.TemporaryDirectory() as aside:
+        for text in sample.values():
+            if recorded(text, "again.parquet", aside).get("content") != held[text]:
+                return False
+    if sample:
+        replace_text(path, "\n".join([json.dumps({"code": code()}), *lines[1:]]) + "\n")
+    return bool(sample)
 
 
 def fly_into(home: Path, flights: Iterable[tuple[str, str, str]], **how: Any) -> list[Flight]:
