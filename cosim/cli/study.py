@@ -141,7 +141,7 @@ def add(app: Any, out: Any, err: Any) -> Any:
 
     @app.command()
     def train(
-        name: Annotated[str, typer.Argument(metavar="NAME", help="hydraulic, aircraft, ema or rfafe.")],
+        name: Annotated[str, typer.Argument(metavar="NAME", help="hydraulic, aircraft, ema, rfafe or learned.")],
         check: Annotated[bool, typer.Option("--check", help="Write nothing.")] = False,
         first_seed: Annotated[
             int | None, typer.Option("--first-seed", min=0, help="Of the training flights.", show_default=False)

@@ -10,6 +10,7 @@ TRAINERS = {  # name -> (module, what it trains)
     "aircraft": ("cosim.training.train_aircraft", "lpv_smo, control_redundancy, kinematic; 15 min on two cores"),
     "ema": ("cosim.training.train_ema", "ema_kalman_flight, position_monitor on EMAs; 5 min on two cores"),
     "rfafe": ("cosim.training.train_rfafe", "rfafe, rfafe_airframe; 15 min on two cores"),
+    "learned": ("cosim.training.learned", "the learned detectors of `cosim score`; 10 min on two cores"),
 }
 
 

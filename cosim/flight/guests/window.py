@@ -37,12 +37,14 @@ def window_model(
 
     `model` is a fitted object with predict_proba or predict, a function of (1, features) that returns (1, classes), or
     a file of one (.onnx by onnxruntime; .joblib or .pkl, which run code when they are read) in the folder of `near`:
-    pass __file__. `classes` are the model's outputs in order, words of verdicts; the first is "none". r is the
-    probability of anything else over `threshold`. Local with `technologies`, else at aircraft level.
+    pass __file__. `classes` are the model's outputs in order, words of verdicts; the first is "none", and "sensor.rod"
+    names the part as well. r is the probability of anything else over `threshold`. Local with `technologies`, else at
+    aircraft level.
     """
     words = tuple(classes)
     if not words or words[0] != "none":
         raise GuestError(f"classes = {words!r}", place=id, allowed='"none" first, then classes of verdicts')
+    kinds, parts = zip(*((kind, part) for kind, _, part in (word.partition(".") for word in words)))
     ask = _asked(model, Path(near).parent if Path(near).is_file() else Path(near), id)
     names = tuple(name.replace(".", "_") for name in inputs)
 
@@ -66,12 +68,17 @@ def window_model(
                 return {"valid": False} if k % self._between == 0 else None
             p = ask(np.asarray(features(self._ring.copy()), np.float32).reshape(1, -1), len(words))
             other = 1.0 - float(p[0])
-            said = {name: float(value) for name, value in zip(words, p)}
-            return {"r": other / self._threshold, "alarm": other >= self._threshold, "verdict": said}
+            said = dict.fromkeys(kinds, 0.0)
+            for kind, value in zip(kinds, p):
+                said[kind] += float(value)
+            best = max(said, key=lambda kind: said[kind])
+            part = max((float(v), name) for v, kind, name in zip(p, kinds, parts) if kind == best)[1]
+            return {"r": other / self._threshold, "alarm": other >= self._threshold, "verdict": said, "culprit": part}
 
     own: Any = WindowModel
     own.id, own.inputs, own.designed_for = id, tuple(inputs), tuple(designed_for)
     own.level, own.technologies = ("local" if technologies else "aircraft"), tuple(technologies)
+    own.culprits = tuple(dict.fromkeys(part for part in parts if part))
     own.__module__ = _caller()
     return own
 
