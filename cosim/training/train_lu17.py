@@ -34,7 +34,7 @@ from cosim.training.flights import (
     wires,
 )
 from fdi.common import bank, compact
-from fdi.hydraulic import hypotheses, iotsekf
+from fdi.hydraulic import iotsekf, windows
 from fdi.monitors import ofc_monitor, position_monitor
 
 MARGIN = 1.25  # 1.2 times the maximum of 40 flights left 1 alarm in 300
@@ -46,7 +46,7 @@ FOLDER = Path(fdi.__file__).parent / "thresholds"
 # What noise alone asks for in still air: below it more flights would only find it again [unit of the valve command]
 NOISE_SIGMA, FLOOR_SIGMA = 3.6, 3.0  # as stored; where the search for the largest begins
 # amplitude noise of a fit over noise of a sample: sqrt(2 / n) with n samples in two periods
-SLOW_WINDOW = hypotheses.SLOW_S * np.array(hypotheses.SLOW_HZ)
+SLOW_WINDOW = windows.SLOW_S * np.array(windows.SLOW_HZ)
 GRID = np.geomspace(0.2e-3, 8e-3, 24)  # thresholds tried for the crossing counter [m]
 
 
@@ -198,7 +198,7 @@ def quiet_floor(load: Any, seed: int = 1) -> dict[str, Any]:
     residual = np.sqrt((c[:, :, 0] ** 2 + s[:, :, 0] ** 2).mean(axis=(0, 1)))
     both = np.sqrt((c.sum(axis=2) ** 2 + s.sum(axis=2) ** 2).mean(axis=(0, 1)))
     assert residual.shape == (bank.K,)
-    slow = hypotheses.SIGMA[hypotheses.SLOW] * hypotheses.ROUGHER[load] * np.sqrt(SLOW_WINDOW)
+    slow = windows.SIGMA[windows.SLOW] * windows.ROUGHER[load] * np.sqrt(SLOW_WINDOW)
     return {"bank_threshold": NOISE_SIGMA * residual, "slow_threshold": NOISE_SIGMA * slow,
             "sum_threshold": np.round(3.0 * both, 7).tolist()}  # fmt: skip
 

@@ -31,7 +31,7 @@ from fdi.common.decision import confirm, usable
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import NONE, RUNAWAY, SENSOR
-from fdi.hydraulic import hypotheses, noise, obeys, pressure_test
+from fdi.hydraulic import hypotheses, noise, obeys, opened, pressure_test, windows
 from fdi.hydraulic import separate_bias as two_stage
 
 CULPRITS = ("", "rod", "surface", "pressure")
@@ -41,7 +41,7 @@ PARAMS = dtype(
         *two_stage.PARAMS,
         *decision.PAIR_PARAMS,
         *decision.OFC_PARAMS,
-        *hypotheses.PARAMS,
+        *windows.PARAMS,
         *obeys.PARAMS,
         *pressure_test.PARAMS,
         ("lag_omega", "f8", "rad/s"),  # f_hat follows f as a second-order lag: corner
@@ -75,6 +75,7 @@ STATE = dtype(
         *two_stage.STATE,
         *decision.PAIR_STATE,
         *decision.OFC_STATE,
+        *windows.STATE,
         *hypotheses.STATE,
         *obeys.STATE,
         ("jump_e", "f8", "m"),  # last innovation of the only position sensor
@@ -182,7 +183,7 @@ def params(
     that of the load form; `values` replace any field.
     """
     chosen = thresholds("iotsekf", which or f"flight_load{load}")
-    v = {**lu17.NOMINAL, **NOISE, **LAG[load], **bank.design(dt), **hypotheses.design(dt, load),
+    v = {**lu17.NOMINAL, **NOISE, **LAG[load], **bank.design(dt), **windows.design(dt, load),
          **obeys.design(dt), **chosen}
     for name in ("r_rod", "r_dp", "r_spare"):
         v[name] *= PERIOD / dt
@@ -263,7 +264,7 @@ def decide(x, u, p, dt):
     renewed = bank.push(x, p, x.f_hat, x.drive)
     x.load_d += dt * p.lag_omega * (p.lag_omega * (x.x_hat[2] - x.load_lag) - 2.0 * p.lag_zeta * x.load_d)
     x.load_lag += dt * x.load_d
-    fresh = hypotheses.push(x, p, x.f_hat, x.drive, x.load_lag, x.load_d)
+    fresh = windows.push(x, p, x.f_hat, x.drive, x.load_lag, x.load_d)
     other = x.jam > 0.5 or (x.swings < 1.5 and (x.run > 0.5 or x.r_run >= 1.0))
     hypotheses.search(x, p, renewed, fresh, disturbed, not disturbed and x.alarm < 0.5, other, dt)
     a = 1.0 - math.exp(-dt / p.run_tau)
@@ -300,7 +301,7 @@ def decide(x, u, p, dt):
     x.jam_timer, x.jam = confirm(x.jam_timer, x.jam, jammed, dt, p.jam_confirm, p.t_release)
     if renewed > 0.5:
         one = x.run > 0.5 and x.swings < 1.5 and x.proof < 0.5 * obeys.SURE and not (lost and still)
-        x.opens = 1.0 if one and hypotheses.opened_since(x, p, dt) else 0.0
+        x.opens = 1.0 if one and opened.opened_since(x, p, dt) else 0.0
     before = x.alarm
     if x.swings > 1.5 and x.named == RUNAWAY and not obeys.refuses(x):
         x.named = NONE

@@ -1,0 +1,100 @@
+"""What a loss explains: f = t d of valve or supply, t z of a leakage, t z' of soft oil, w = t z of one let go.
+
+f is the input fault, d the command behind the same lag, w = f + d, z the pressure and z' its derivative.
+"""
+
+from actuators.block import kernel
+from fdi.hydraulic.windows import EVEN_S, SLOW, N
+
+GAIN_ERROR = 0.06  # of the learned gain
+RECENT = 10  # even samples that must still show it
+DEAD = 0.85  # a valve that loses more may as well be where something slow holds it
+LOSS_LEAST, LEAK_LEAST, AIR_LEAST = 0.15, 0.05, 0.002  # of flow [1], pressure [1], its rate [s]
+LEAK_MOST, AIR_MOST = 1.2, 0.2
+LEAST_EVEN = 10  # even samples that a loss is fitted to
+FAIR, PLAIN = 0.5, 0.2  # share that a loss leaves where it may explain, where it does
+FAR, NOISY, STILL = 8.0, 1.3, 3.0  # times what noise leaves: there is something; nothing; it shows in the newest part
+
+
+@kernel
+def least(ff, fd, dd, gain):
+    """Return what f = t d leaves of f, the least over t within GAIN_ERROR of `gain`."""
+    t = gain
+    if dd > 0.0:
+        t = min(max(fd / dd, gain - GAIN_ERROR), gain + GAIN_ERROR)
+    return max(ff - 2.0 * t * fd + t * t * dd, 0.0)
+
+
+@kernel
+def loss(x, p, n):
+    """Return (H, least energy that a loss leaves, sum of d d) of the newest `n` even samples; see `losses`."""
+    H, E, _, dd = losses(x, n)
+    return H, E, dd
+
+
+@kernel
+def losses(x, n):
+    """Fit each loss alone to the newest `n` even samples: f = t d, t z or t z', and w = t z of one let go.
+
+    Return (H, least energy of the first three, energy of the last, sum of d d).
+
+    A valve that passes less, or a lower supply: t d; leakage: t z; soft oil: t z'. All take away: t is negative.
+    """
+    i = int(x.even_head) - n
+    if i < 0:
+        i += N
+    ff, fd, dd, fz, zz, fr, rr, dz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for _ in range(n):
+        f, d, z, r = x.even_ring[0, i], x.even_ring[1, i], x.even_ring[2, i], x.even_ring[3, i]
+        ff += f * f
+        fd += f * d
+        dd += d * d
+        fz += f * z
+        zz += z * z
+        dz += d * z
+        fr += f * r
+        rr += r * r
+        i = 0 if i == N - 1 else i + 1
+    H = least(ff, fd, dd, x.gain)
+    E = H
+    if dd > 0.0 and -DEAD < fd / dd < -LOSS_LEAST:
+        E = min(E, ff - fd * fd / dd)
+    if zz > 0.0 and -LEAK_MOST < fz / zz < -LEAK_LEAST:
+        E = min(E, ff - fz * fz / zz)
+    if rr > 0.0 and -AIR_MOST < fr / rr < -AIR_LEAST:
+        E = min(E, ff - fr * fr / rr)
+    W = ff + 2.0 * fd + dd
+    if zz > 0.0 and fz + dz < 0.0:
+        W -= (fz + dz) * (fz + dz) / zz
+    return H, max(E, 0.0), max(W, 0.0), dd
+
+
+@kernel
+def even_window(n, h):
+    """Return how many even samples span `n` of `h` seconds."""
+    return max(min(int(n * h / EVEN_S + 0.5), N), LEAST_EVEN)
+
+
+@kernel
+def effective(x, p):
+    """Count even samples after which a loss explains the whole even ring, and shows in its newest part."""
+    n = N if x.even_seen >= N else int(x.even_seen)
+    if n < N // 2:
+        return
+    variance = p.sigma[SLOW + 1] * p.sigma[SLOW + 1]
+    H, E, dd = loss(x, p, n)
+    allowed = n * variance + p.bank_share * p.bank_share * dd
+    x.left[2] = E / max(H, 1e-300)
+    if H < FAR * allowed:
+        x.eff_hit = 0.0
+        return
+    if E > max(FAIR * H, 1.5 * n * variance):
+        x.eff_hit = 0.0
+        x.sure[2] = 0.0
+        return
+    now, _, _ = loss(x, p, RECENT)
+    if now < STILL * RECENT * variance:
+        return
+    x.eff_hit += 1.0
+    if E <= PLAIN * H + NOISY * n * variance and x.left[2] < 0.5 * min(x.left[0], x.left[1]):
+        x.sure[2] += 1.0
