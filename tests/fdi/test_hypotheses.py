@@ -1,0 +1,142 @@
+"""What a window of samples leaves of each hypothesis, names that take their time, and noise that is heard."""
+
+import numpy as np
+import pytest
+
+from fdi.common import verdict
+from fdi.hydraulic import hypotheses, iotsekf, losses, noise, opened, windows
+
+P = iotsekf.params()[0]
+N = windows.N
+
+
+def state(**fields):
+    x = iotsekf.init(iotsekf.params())[0]
+    for name, value in fields.items():
+        x[name] = value
+    return x
+
+
+def filled(f, d, level=2):
+    """Return a state whose ring of `level` holds N samples of f and d, oldest first."""
+    x = state()
+    x["bank_ring"][0, level], x["bank_ring"][1, level] = f, d
+    x["bank_seen"][level] = N
+    return x
+
+
+@pytest.mark.parametrize("cycles", [1.25, 2.0, 3.3])
+def test_a_swing_about_a_mean_leaves_nothing_at_its_frequency_and_much_beside_it(cycles):
+    angle = 2.0 * np.pi * cycles / N
+    w = 0.02 * np.sin(angle * np.arange(N) + 0.4) + 0.003
+    x = filled(w, np.zeros(N))
+    about, left, mean = windows.swing(x, 2, N, angle)
+    assert left < 1e-9 * about and mean == pytest.approx(w.mean())
+    _, beside, _ = windows.swing(x, 2, N, 1.4 * angle)
+    assert beside > 0.02 * about
+
+
+def test_a_sine_in_the_command_is_not_one_in_the_fault():
+    angle = 2.0 * np.pi * 2.0 / N
+    d = 0.05 * np.sin(angle * np.arange(N))
+    ff, fd, dd, f0, _, d0, a, _ = windows.tone(filled(0.0 * d, d), P, 2, N, angle)
+    assert ff == fd == f0 == a == 0.0 and d0 < 1e-9 * dd
+
+
+@pytest.mark.parametrize(("of", "share"), [("d", -0.5), ("z", -0.3), ("rate", -0.02)])
+def test_a_loss_explains_its_own_motion(of, share):
+    rng = np.random.default_rng(2)
+    d, z, rate = 0.05 * rng.standard_normal((3, N))
+    x = state(even_seen=N)
+    x["even_ring"][:] = share * {"d": d, "z": z, "rate": rate}[of], d, z, rate
+    H, E, W, _ = losses.losses(x, N)
+    assert E < 1e-9 * H and W > 0.1 * H
+    x["even_ring"][0] *= -1.0  # what adds to the command is no loss
+    H, E, _, _ = losses.losses(x, N)
+    assert E > 0.9 * H
+
+
+def test_one_let_go_moves_as_its_load_drives_it():
+    rng = np.random.default_rng(4)
+    d, z = 0.05 * rng.standard_normal((2, N))
+    x = state(even_seen=N)
+    x["even_ring"][:] = -d - 0.4 * z, d, z, np.zeros(N)
+    _, E, W, _ = losses.losses(x, N)
+    assert W < 1e-9 * E
+
+
+def stands(shape):
+    """Return whether the fastest ring with w of `shape`, against a servo that fights it, shows an open valve."""
+    d = np.where(np.abs(shape) > 1e-3, -0.5 * np.sign(shape[-1]) * np.abs(shape).max(), 0.0)
+    return opened.opened(filled(shape - d, d, 0), P, 0, 12, 0.01, 0.0)
+
+
+def test_a_valve_that_jumps_and_stays_stands_open_and_the_crest_of_a_sine_does_not():
+    t = np.arange(N) * 0.01
+    assert stands(np.where(t > 0.2, 0.08, 0.0))
+    for hz in (0.7, 1.0, 1.4, 2.0):
+        crest = 0.04 * np.sin(2.0 * np.pi * hz * (t - t[-1]) + np.pi / 2.0)
+        assert not stands(np.where(t > t[-1] - 0.25 / hz, crest, 0.0))
+
+
+def test_votes_of_one_frequency_make_a_name_and_others_begin_anew():
+    x = state(alarm=1.0)
+    for clock, hz in ((1.0, 1.0), (2.0, 1.02), (4.5, 1.0)):
+        x.clock = clock
+        hypotheses.vote(x, 0, hz, 0.0, 0.0)
+    assert x.sure[0] == 0.0  # more than a period and a half without one
+    x.clock = 5.5
+    hypotheses.vote(x, 0, 1.0, 1.0, 3.0)
+    assert x.sure[0] == pytest.approx(1.0)
+    hypotheses.vote(x, 0, 1.0, 1.0, 3.0)
+    assert x.sure[0] == pytest.approx(4.0)
+    hypotheses.vote(x, 1, 1.0, 0.0, 0.0)
+    assert x.sure[0] == 0.0
+
+
+def concluded(**fields):
+    x = state(ofc_timer=1.0, **fields)
+    hypotheses.conclude(x, False, False)
+    return x
+
+
+def test_an_alarm_is_ambiguous_until_a_name_is_sure_and_keeps_it():
+    assert concluded().verdict == verdict.AMBIGUOUS
+    x = concluded(sure=(3.0, 0.0, 0.0))
+    assert x.verdict == verdict.OFC_LIQUID
+    x.sure[:] = 0.0, 4.0, 0.0
+    hypotheses.conclude(x, False, False)
+    assert x.verdict == verdict.OFC_LIQUID
+    x.sure[:] = 0.0, 9.0, 0.0
+    hypotheses.conclude(x, False, False)
+    assert x.verdict == verdict.OFC_SOLID
+    x.ofc_timer = 0.0
+    hypotheses.conclude(x, False, False)
+    assert x.alarm == 0.0 and x.verdict == verdict.NONE
+
+
+@pytest.mark.parametrize("times", [1.0, 2.0, 6.0])
+def test_a_rods_noise_is_heard_and_its_motion_is_not(times):
+    rng, dt = np.random.default_rng(5), 0.005
+    x, loud = state(), []
+    for k in range(400):
+        q = 0.03 * np.sin(2.0 * np.pi * 3.0 * k * dt) + times * 1e-4 * rng.standard_normal()
+        noise.listen(x, 1.0, q, 0.0, 0.0, 0.0, P, dt)
+        loud.append(float(x.rod_noisy))
+    assert np.mean(loud[200:]) == (1.0 if times > 4.0 else 0.0)
+
+
+@pytest.mark.parametrize("hz", [3.0, 9.0])
+def test_a_fast_oscillation_of_the_pressure_is_no_noise(hz):
+    rng, dt, x = np.random.default_rng(6), 0.005, state()
+    for k in range(400):
+        z = 0.8 * np.sin(2.0 * np.pi * hz * k * dt) + 0.005 * rng.standard_normal()
+        noise.listen(x, 0.0, 0.0, 1.0, z, z, P, dt)
+    assert x.dp_noisy == 0.0
+
+
+def test_one_spike_is_no_noise():
+    x = state()
+    for k in range(400):
+        noise.listen(x, 1.0, 0.02 if k == 300 else 0.0, 0.0, 0.0, 0.0, P, 0.005)
+        assert x.rod_noisy == 0.0 and x.rod_wild < noise.WILD * P.r_rod
