@@ -17,6 +17,7 @@ from cosim.flight.corrections import corrections
 from cosim.flight.cost import cost
 from cosim.flight.designed import designed
 from cosim.flight.gains import SENSOR_DELAY
+from cosim.flight.guests import BlockDetector
 from cosim.flight.guests.plain import GuestBlock, PlainDetector
 from cosim.flight.noise import Draw
 from cosim.flight.own_inputs import own_inputs
@@ -60,6 +61,11 @@ class Setup:
     def guests(self) -> list[GuestBlock]:
         """Return the guests that are plain classes."""
         return [d for d in self.loop.detectors if isinstance(d, GuestBlock)]
+
+    @property
+    def foreign(self) -> bool:
+        """Tell whether a guest is compiled code, which may never return."""
+        return any(isinstance(d.module, BlockDetector) for d in self.loop.detectors)
 
     def watches(self) -> Any:
         """Return the Watch of every detector lane."""

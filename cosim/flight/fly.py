@@ -74,7 +74,7 @@ def fly(setup: Any, *logs: Any, progress: Any = None, keep: Any = None, pause: A
     loop, n = setup.loop, setup.ticks
     index, kind = keep or (setup.history.index, np.float32)
     history = np.empty((n, len(index)), kind)  # pages are taken as the flight goes on
-    tape = Tape(loop.v, loop.dt)
+    tape = Tape(loop.v, loop.dt, free=setup.foreign)
     order(loop, tape, *logs, keep=(index, history))
     stop, call = pause or (n, None)
     flown, status, reason = onwards(loop, tape, range(stop), progress, n)

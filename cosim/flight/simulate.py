@@ -5,13 +5,15 @@ import time
 from collections.abc import Callable
 from contextlib import nullcontext
 
-from cosim.flight.build import build
+from cosim.flight.build import Setup, build
 from cosim.flight.conditions import resolved
 from cosim.flight.fly import fly
 from cosim.flight.guests import aside
+from cosim.flight.guests.stuck import ended_by_force
 from cosim.flight.recorder import open_writer, result_texts
 from cosim.flight.twin import Twin
 from cosim.judge.result import Result, judge, judged
+from cosim.log import LogWriter
 from cosim.scenario import Scenario, load_scenario
 
 
@@ -45,7 +47,8 @@ def simulate(
     ):
         sinks = [writer] if writer else []
         flown = time.perf_counter()
-        with aside() if setup.guests else nullcontext():
+        hangs = ended_by_force(lambda: _cut_off(writer, setup)) if setup.foreign else nullcontext()
+        with aside() if setup.guests else nullcontext(), hangs:
             history, status, reason = fly(setup, *sinks, progress=progress, pause=twin and twin.pause)
         wall = time.perf_counter() - flown
         result = Result(
@@ -66,4 +69,14 @@ def simulate(
         if writer:
             writer.close(result=result_texts(result))
     return result
+
+
+def _cut_off(writer: LogWriter | None, setup: Setup) -> str:
+    """Close the log of a flight that hangs in compiled code, and return what is to be said."""
+    t = float(setup.loop.bus["clock"]["t"][0])
+    why = f"at {t:.2f} s by the user, in a guest that did not return"
+    if writer:
+        cut = Result(log=str(writer.path), status="interrupted", reason=why, sim_time_s=t, wall_time_s=0.0, faults=[])
+        writer.close(result=result_texts(cut))
+    return f"interrupted {why}"
 

@@ -7,6 +7,7 @@ the tape.
 """
 
 import ctypes
+import functools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from actuators.block import Entry
-from actuators.native import PLAIN, Native
+from actuators.native import NOTHING, PLAIN, Native
 from cosim.flight.plant.border import to_si
 
 CLOCK, COPY, ADD, TRUTH, NOISE, STEP, KEEP, LOG, GET, PUT, SCALE = range(11)
@@ -36,6 +37,12 @@ WALK = Native(
 )
 
 
+def _unlocked():
+    """Return WALK's function, during which other threads of Python run on."""
+    kinds = ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64
+    return functools.partial(ctypes.CFUNCTYPE(ctypes.c_int, *kinds)(WALK.address), *NOTHING)
+
+
 class Block:
     """A block in the loop: its module's `rollout` on its lanes in the bus; `advance()` steps every lane by one of its
     ticks, in place.
@@ -54,9 +61,9 @@ class Block:
 class Tape:
     """Record what a tick does to the bus vector `v` (n,), then `run` it tick by tick."""
 
-    def __init__(self, v: Any, dt: Any, *, plain: Any = PLAIN):
-        """`plain` walks the table in Python, as NUMBA_DISABLE_JIT=1 does."""
-        self.v, self.dt, self._plain = v, dt, plain
+    def __init__(self, v: Any, dt: Any, *, plain: Any = PLAIN, free: bool = False):
+        """`plain` walks the table in Python, as NUMBA_DISABLE_JIT=1 does; `free` lets other threads run meanwhile."""
+        self.v, self.dt, self._plain, self._free = v, dt, plain, free
         self._kept = [v]  # every array that a row points to
         self._entries = {}  # address, or number without a compiler, -> entry of a block, store of a log
         self._rows = []
@@ -160,7 +167,7 @@ class Tape:
             self.parts.append(self._plainly(table) if self._plain else self._compiled(table))
 
     def _compiled(self, table):
-        walk, rows, n, v = WALK.call, self._at(table), len(table), self._at(self.v)
+        walk, rows, n, v = _unlocked() if self._free else WALK.call, self._at(table), len(table), self._at(self.v)
         return lambda k: walk(rows, n, v, k)
 
     def _plainly(self, table):

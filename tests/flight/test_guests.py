@@ -246,6 +246,40 @@ def test_one_that_never_returns_ends_by_ctrl_c_with_a_whole_log(tmp_path):
     assert len(log.frame("/detectors/misbehaving/left_inner")) == 200
 
 
+HANGS = (
+    ('("timer", "f8", "s"),', '("n", "f8", "-"), ("timer", "f8", "s"),'),
+    ("x.culprit = x.alarm", "x.n = x.n + 1.0\n    while x.n > 150.0:\n        x.n = x.n + 1.0"),
+)
+
+
+@pytest.mark.slow
+def test_compiled_code_that_never_returns_ends_by_ctrl_c_with_a_whole_log(tmp_path):
+    text = BLOCK.read_text()
+    for old, new in HANGS:
+        text = text.replace(old, new)
+    (tmp_path / "hangs.py").write_text(text)
+    program = f"""
+        import cosim, signal
+        from cosim.flight.guests import with_detectors
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        scenario = with_detectors(cosim.load_scenario("cruise", {["duration_s=2", *SHORT[1:]]!r}), ["hangs.py"])
+        cosim.simulate(scenario, log="stuck.mcap", timed=False)
+    """
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    with subprocess.Popen([sys.executable, "-c", textwrap.dedent(program)], cwd=tmp_path, env=environment,
+                          stderr=subprocess.PIPE, text=True) as process:  # fmt: skip
+        path, deadline = tmp_path / "stuck.mcap", time.monotonic() + 120.0
+        while time.monotonic() < deadline and not (path.exists() and path.stat().st_size > 10_000):
+            time.sleep(0.2)
+        time.sleep(5.0)  # it is in the guest's loop now
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=30.0) == 130
+        assert "interrupted at 0.75 s by the user, in a guest that did not return" in process.stderr.read()
+    log = open_log(path)
+    assert log.complete and log.n_ticks == 150 and log.result["status"] == "interrupted"
+    assert replay(path).exact
+
+
 def test_check_detector_says_what_keeps_the_contract_and_what_does_not(parity):
     found = check(parity)
     assert found["keeps"] and {line["result"] for line in found["checks"]} == {"good"} and len(found["checks"]) == 9
