@@ -23,7 +23,7 @@ def parts() -> list[Any]:
              uncertain.tables, 20),
         Part("corners", "all: the same faults at the design point and at corners of the envelope (5 min)",
              corners.jobs, corners.tables, 2),
-        Part("envelope", "lpv_smo, control_redundancy, kinematic: points and seeds that training never saw (8 min)",
+        Part("envelope", "all but rfafe, over the envelope: points and seeds that training never saw (15 min)",
              envelope.jobs, envelope.tables, 16),
         Part("smallest", "control_redundancy: smallest lock and thrust loss found per effector (25 min)",
              smallest.jobs, smallest.tables, 10),
