@@ -1,7 +1,8 @@
-"""[Alwi14] in motion: the scheduling parameters change while the faults are on. Scenario `alwi14-deceleration`.
+"""[Alwi14] in motion: the scheduling parameters change while the faults are on, and one box follows the other.
 
-Point E with 60 % of the thrust gone from 4 s on: the aircraft slows down across the box while the law holds the load
-factor; the three faults come at 10 s. Nothing of it is in the paper, whose five flights are at constant parameters.
+Scenario `alwi14-deceleration`: the aircraft of point E with 90 % of the thrust gone from 4 s on slows down while the
+law holds the load factor. Scenario `alwi14-descent`: it sinks at 2,500 ft/min for four minutes and gathers speed. The
+three faults come at 10 s. Nothing of it is in the paper, whose five flights are at constant parameters.
 """
 
 import functools
@@ -24,23 +25,25 @@ SPEED, MACH = "sensors.cas.y_obs", "sensors.mach.y_obs"
 
 
 @functools.cache
-def slowing() -> tuple[Any, ...]:
-    """Return (table, log) of the deceleration with its faults."""
-    flown = fly(load_scenario("alwi14-deceleration"), [*sources("lpv_smo").values(), SPEED, "truth.aircraft.h"])
+def moving(kind: str) -> tuple[Any, ...]:
+    """Return (table, log) of the "deceleration" or the "descent" with its faults."""
+    flown = fly(load_scenario(f"alwi14-{kind}"), [*sources("lpv_smo").values(), SPEED, "truth.aircraft.h"])
     p = lpv_smo.fitted(site(flown.attrs["dt"]))
     p["t_learn"] = 0.0
     return flown, detect(flown, lpv_smo, sources("lpv_smo"), p)
 
 
-def _error(i):
-    """Return (largest error of the estimate's mean over 2 s [%] from 5 s after the onset on, how far it slowed)."""
-    flown, log = slowing()
+def _error(kind, i):
+    """Return (largest error of the estimate's mean over 2 s [%] from 5 s after the onset on, what it went through)."""
+    flown, log = moving(kind)
     key, size = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha")[i], SENSIBLE[i] * UNITS[i]
     n = round(2.0 / flown.attrs["dt"])
     mean = np.convolve(log[key], np.full(n, 1.0 / n), "valid")
     late = mean[round((ONSET + 5.0) / flown.attrs["dt"]) :]
     cas, h = flown[SPEED].to_numpy() / M_S_PER_KT, flown["truth.aircraft.h"].to_numpy()
-    return 100.0 * np.abs(late / size - 1.0).max(), f"{cas[0]:.0f} to {cas[-1]:.0f} kt, {h[-1] - h[0]:+.0f} m"
+    boxes = 1 + np.count_nonzero(np.diff(log["box"]))
+    through = f"{cas[0]:.0f} to {cas[-1]:.0f} kt, {h[-1] - h[0]:+.0f} m, {boxes} boxes"
+    return 100.0 * np.abs(late / size - 1.0).max(), through
 
 
 @functools.cache
@@ -93,7 +96,8 @@ def plan(of: Of) -> list[Any]:
             _declared,
         ),
         *(
-            of.beyond(f"in a deceleration at E, the form that flies: error of {name} [%]", says, lambda i=i: _error(i))
+            of.beyond(f"in a {kind}, the form that flies: error of {name} [%]", says, lambda i=i, k=kind: _error(k, i))
+            for kind in ("deceleration", "descent")
             for i, name in enumerate(NAMES)
         ),
     ]
