@@ -27,6 +27,7 @@ from fdi.common.verdict import EFFECTIVENESS, NONE, OFC_LIQUID, OFC_SOLID, RUNAW
 
 RING = 100  # samples of each ring
 EVEN_S, SLOW = 0.02, 10  # a sample of the fast ring [s]; of the slow one [samples of the fast]
+NO_CURRENT = 2.5  # of the largest: what a drive and a biased sensor together do not read
 BLIND = 2.5  # threshold of f without the velocity sensor, over that with it
 TAU_POWER, SPIKE = 0.1, 0.8  # lag of the power of f [s]; share of its threshold that one sample may fill
 LOW_HZ, HIGH_HZ, RATIO = 0.09, 11.0, 1.18  # frequencies of an oscillation [Hz]
@@ -64,6 +65,8 @@ PARAMS = [
 STATE = [
     ("f_now", "f8", "A"),  # measured current less the model's
     ("f_lag", "f8", "A"),  # lagged
+    ("slot_f", "f8", "A"),  # sum of a slot, and its ticks
+    ("slot_n", "f8", "-"),
     ("f_power", "f8", "A2"),  # its square, lagged
     ("w_power", "f8", "rad2/s2"),
     ("r_f", "f8", "-"),  # over its threshold
@@ -281,15 +284,20 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     where it is `measured`, and its innovation `gamma` [rad/s].
     """
     d, limit = demanded(u, w, p)
-    seen = current and not limit
+    seen = current and not limit and math.fabs(y) < NO_CURRENT * p.I_max
     f = y - d if seen else 0.0
     x.f_now = f
     x.f_lag += min(dt / 0.03, 1.0) * (f - x.f_lag)
     if seen:
+        x.slot_f += f
+        x.slot_n += 1.0
+    if x.count == 0.0 and x.slot_n > 0.0:  # of a slot, so that noise weighs the same at every rate
+        h, g = p.n_sub * dt, x.slot_f / x.slot_n
+        x.slot_f = x.slot_n = 0.0
         least = (p.th_f + p.rho_f * math.sqrt(x.w_power)) * (1.0 if x.age_vel <= p.t_bad else BLIND)
-        most = SPIKE * least * least * TAU_POWER / dt  # one sample alone is no fault
-        x.f_power += dt / TAU_POWER * (min(f * f, most) - x.f_power)
-        x.w_power += dt / TAU_POWER * (w * w - x.w_power)
+        most = SPIKE * least * least * TAU_POWER / h  # one sample alone is no fault
+        x.f_power += h / TAU_POWER * (min(g * g, most) - x.f_power)
+        x.w_power += h / TAU_POWER * (w * w - x.w_power)
         x.r_f = math.sqrt(x.f_power) / least
     beyond = seen and x.r_f >= 1.0 and x.age >= p.t_start
     x.f_timer, x.hot_f = confirm(x.f_timer, x.hot_f, beyond, dt, p.t_f, p.t_release)
