@@ -17,6 +17,9 @@ fault began says which it is:
 A difference that the motor has not felt is the current sensor's. `felt` compares the innovations of the velocity with
 those that f would have caused, were it real: e+ = (1 - K4) e + impulse f + share of the load, by the filter's own gain.
 A name is given when one hypothesis leaves what noise leaves and the others several times as much.
+
+Amplifier and winding of a healthy drive are a few per cent off their nominal values, as much as a warm winding is. The
+gain that a drive has in its first LEARN seconds is taken for its own, up to TOLERANCE; what changes later is a fault.
 """
 
 import math
@@ -46,6 +49,9 @@ LOSS_LEAST = 0.1  # less of a loss is a gain error
 SENSOR = -1.0  # the current sensor, beside the class codes
 ALPHA, BETA = 0.2, 0.02  # position in the place of a lost velocity: corrections of angle and rate
 TAU_GAIN, TAU_NOW = 8.0, 0.6  # memory of the gains [s]
+TOLERANCE = 0.08  # of the current's gain, before it is learned
+LEARN = (2.0, 4.0, 10.0)  # times at which what the gain is off becomes the drive's own [s]
+SURE = 0.01  # deviation of the gain with which it can be learned
 
 PARAMS = [
     ("even", "f8", "-"),  # ticks of a sample
@@ -88,6 +94,10 @@ STATE = [
     ("felt", "f8", "-"),  # share of f that the motor has felt
     ("gain_sum", "f8", (6,)),  # ff, fd, fw, dd, dw, ww over TAU_GAIN
     ("gain_now", "f8", (6,)),  # over TAU_NOW
+    ("gain_own", "f8", "-"),  # of this drive, less one
+    ("gain_doubt", "f8", "-"),  # how far it may be off, once learned
+    ("gain_learned", "f8", "-"),  # times
+    ("d_power", "f8", "A2"),
     ("gain_a", "f8", "-"),  # f = a d + b w
     ("gain_b", "f8", "-"),  # b over b_motor
     ("r_gain", "f8", "-"),  # the larger over its threshold
@@ -187,7 +197,8 @@ def explain(x, p, slow):
         i = 0 if i == RING - 1 else i + 1
     wide = p.sigma_f / math.sqrt(SLOW) if slow else p.sigma_f
     tolerance = 0.06 * p.b_motor
-    noise = n * wide * wide + tolerance * tolerance * ww + 4e-6 * dd
+    own = doubt(x)
+    noise = n * wide * wide + tolerance * tolerance * ww + max(4e-6, own * own) * dd
     cc = ff + 2.0 * fd + dd
     if ff < FIRM * noise:
         return
@@ -226,6 +237,27 @@ def explain(x, p, slow):
 
 
 @kernel
+def doubt(x):
+    """Return how far the gain of this drive's current may be off."""
+    return TOLERANCE if x.gain_learned < 0.5 else x.gain_doubt
+
+
+@kernel
+def learn(x, a, da):
+    """Take what the gain is off, `a` with deviation `da`, for the drive's own at the times of LEARN."""
+    k = int(x.gain_learned)
+    if k >= 3 or x.age < LEARN[k] or da > SURE or math.fabs(x.gain_own + a) > TOLERANCE:
+        return
+    x.gain_own += a
+    x.gain_doubt = 2.0 * da + 1e-3
+    x.gain_learned += 1.0
+    for s in (x.gain_sum, x.gain_now):
+        s[0] += a * a * s[3] - 2.0 * a * s[1]
+        s[1] -= a * s[3]
+        s[2] -= a * s[4]
+
+
+@kernel
 def solve(s, noise):
     """Return (a, b, deviation of a, of b) of f = a d + b w from sums `s` with noise of deviation `noise`."""
     det = s[3] * s[5] - s[4] * s[4]
@@ -250,7 +282,7 @@ def gains(x, p, f, d, w, dt):
     a, b, da, db = solve(x.gain_sum, p.sigma_f)
     x.gain_a, x.gain_b = a, b / p.b_motor
     db /= p.b_motor
-    over_a = math.fabs(a) - p.z_gain * da
+    over_a = math.fabs(a) - p.z_gain * da - doubt(x)
     over_b = math.fabs(x.gain_b) - p.z_gain * db
     x.r_gain = max(over_a / p.th_a, over_b / p.th_b)
     if x.hot_gain > 0.5:  # what stands must show in the last second
@@ -258,6 +290,8 @@ def gains(x, p, f, d, w, dt):
         over = math.fabs(b) / p.b_motor - 2.0 * db / p.b_motor if x.weak > 0.5 else math.fabs(a) - 2.0 * da
         shows = over > 0.7 * (p.th_b if x.weak > 0.5 else p.th_a)
     else:
+        if x.r_gain < 1.0:
+            learn(x, a, da)
         shows = x.r_gain >= 1.0
         if shows:
             x.weak = 1.0 if over_b / p.th_b > over_a / p.th_a else 0.0
@@ -285,7 +319,8 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     """
     d, limit = demanded(u, w, p)
     seen = current and not limit and math.fabs(y) < NO_CURRENT * p.I_max
-    f = y - d if seen else 0.0
+    rest = d + p.b_motor * w
+    f = y - d - x.gain_own * rest if seen else 0.0
     x.f_now = f
     x.f_lag += min(dt / 0.03, 1.0) * (f - x.f_lag)
     if seen:
@@ -294,7 +329,9 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     if x.count == 0.0 and x.slot_n > 0.0:  # of a slot, so that noise weighs the same at every rate
         h, g = p.n_sub * dt, x.slot_f / x.slot_n
         x.slot_f = x.slot_n = 0.0
-        least = (p.th_f + p.rho_f * math.sqrt(x.w_power)) * (1.0 if x.age_vel <= p.t_bad else BLIND)
+        x.d_power += h / TAU_POWER * (rest * rest - x.d_power)
+        fixed = p.th_f + p.rho_f * math.sqrt(x.w_power) + doubt(x) * math.sqrt(x.d_power)
+        least = fixed * (1.0 if x.age_vel <= p.t_bad else BLIND)
         most = SPIKE * least * least * TAU_POWER / h  # one sample alone is no fault
         x.f_power += h / TAU_POWER * (min(g * g, most) - x.f_power)
         x.w_power += h / TAU_POWER * (w * w - x.w_power)
@@ -315,7 +352,7 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
         x.felt_den += x.twin[0] * x.twin[0]
         x.felt = x.felt_num / max(x.felt_den, 1e-9)
     x.even_sum[0] += f
-    x.even_sum[1] += d + p.b_motor * w
+    x.even_sum[1] += rest
     x.even_sum[2] += w
     x.even_ticks += 1.0
     if x.even_ticks < p.even:
@@ -338,7 +375,8 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     whole = x.even_lost < 0.5
     x.even_lost = 0.0
     f, d, w = x.even_ring[0, head], x.even_ring[1, head], x.even_ring[2, head]
-    if whole and measured and x.f_timer <= 0.0 and math.fabs(f) < 3.0 * (p.th_f + p.rho_f * math.fabs(w)):
+    usual = p.th_f + p.rho_f * math.fabs(w) + doubt(x) * math.fabs(d)
+    if whole and measured and x.f_timer <= 0.0 and math.fabs(f) < 3.0 * usual:
         gains(x, p, f, d, w, dt)
     if x.hot_f < 0.5 and x.f_timer <= 0.0:
         if x.f_age > 0.0:

@@ -5,9 +5,10 @@ import math
 
 import numpy as np
 import pytest
-from rfafe_aircraft import DEG, E_SPEED, amplitude, global_of, heffley_jewell, sampled
+from rfafe_aircraft import E_SPEED, amplitude, global_of, heffley_jewell, sampled
 from scipy.linalg import expm
 
+from actuators.constants import RAD_PER_DEG
 from fdi.common import verdict
 from fdi.rfafe import rfafe, rfafe_airframe
 from fdi.rfafe.discrete import noise
@@ -31,11 +32,11 @@ def published():
 def measured(module, y, command=0.0):
     """Return INPUTS (1, n) of y (n, m) [m/s, deg ...] and commands (n, sides) [deg], both from the trimmed flight."""
     u = np.zeros((1, len(y)), module.INPUTS)
-    u["tas"], u["alpha"] = TRIM["tas"] + y[:, 0], TRIM["alpha"] + y[:, 1] * DEG
-    u["q"], u["theta"] = y[:, 2] * DEG, TRIM["theta"] + y[:, 3] * DEG
+    u["tas"], u["alpha"] = TRIM["tas"] + y[:, 0], TRIM["alpha"] + y[:, 1] * RAD_PER_DEG
+    u["q"], u["theta"] = y[:, 2] * RAD_PER_DEG, TRIM["theta"] + y[:, 3] * RAD_PER_DEG
     if "surface" in module.INPUTS.names:
-        u["surface"] = TRIM["elevator"] + np.repeat(y[:, 4:], 2, axis=1) * DEG  # two segments a side
-    u["command"] = TRIM["elevator"] + command * DEG
+        u["surface"] = TRIM["elevator"] + np.repeat(y[:, 4:], 2, axis=1) * RAD_PER_DEG  # two segments a side
+    u["command"] = TRIM["elevator"] + command * RAD_PER_DEG
     for name in module.INPUTS.names:
         if name.endswith("_valid"):
             u[name] = 1.0
@@ -106,8 +107,8 @@ def test_block_estimates_and_alarms_on_the_right_side(published, side):
     t = np.arange(2400) * 0.005
     late = t > 4.0
     name = ("f_hat_left", "f_hat_right")
-    assert amplitude(t[late], log[name[side]][late], 2 * math.pi) == pytest.approx(0.64 * DEG, rel=0.05)
-    assert amplitude(t[late], log[name[1 - side]][late], 2 * math.pi) < 0.02 * 0.64 * DEG
+    assert amplitude(t[late], log[name[side]][late], 2 * math.pi) == pytest.approx(0.64 * RAD_PER_DEG, rel=0.05)
+    assert amplitude(t[late], log[name[1 - side]][late], 2 * math.pi) < 0.02 * 0.64 * RAD_PER_DEG
     assert log["alarm"][-1] == 1.0
     assert rfafe.CULPRITS[int(log["culprit"][-1])] == ("elevator_left", "elevator_right")[side]
     first = t[np.argmax(log["alarm"] > 0.5)]
@@ -122,8 +123,8 @@ def test_a_delayed_actuator_is_no_fault_when_the_command_is_delayed_alike(publis
     inputs = measured(rfafe, y, np.stack([u, u], 1))
     kept = stored(published)
     right, wrong = ({"designs": {"hydraulic": kept["designs"]["hydraulic"] | {"u_delay_s": d}}} for d in (0.025, 0.0))
-    assert abs(fly(rfafe, rfafe.params(stored=right, trim=TRIM), inputs)["f_hat"]).max() < 1e-3 * DEG
-    assert abs(fly(rfafe, rfafe.params(stored=wrong, trim=TRIM), inputs)["f_hat"]).max() > 0.1 * DEG
+    assert abs(fly(rfafe, rfafe.params(stored=right, trim=TRIM), inputs)["f_hat"]).max() < 1e-3 * RAD_PER_DEG
+    assert abs(fly(rfafe, rfafe.params(stored=wrong, trim=TRIM), inputs)["f_hat"]).max() > 0.1 * RAD_PER_DEG
 
 
 @pytest.mark.parametrize("kind", ["ofc_liquid", "ofc_solid", "ambiguous"])
@@ -157,7 +158,7 @@ def test_healthy_flight_is_quiet_and_a_dropout_leaves_no_trace(published):
 def test_trim_is_learned_when_it_is_not_given(published):
     p = rfafe.params(stored=stored(published))
     u = flight(published, 1.0, 0.0, 1000)
-    u["surface"][..., :2] += 0.08 * DEG  # rigging
+    u["surface"][..., :2] += 0.08 * RAD_PER_DEG  # rigging
     log = fly(rfafe, p, u)
     assert log["valid"][-1] == 1.0 and abs(log["f_hat"]).max() < 1e-9
 
@@ -190,8 +191,8 @@ def test_dropout_in_an_oscillation_is_bridged(published):
     log = fly(rfafe, p, u)
     t = np.arange(3000) * 0.005
     late = t > 9.0
-    assert amplitude(t[late], log["f_hat_left"][late], 2 * math.pi) == pytest.approx(0.64 * DEG, rel=0.05)
-    assert abs(log["f_hat_left"]).max() < 1.05 * 0.64 * DEG
+    assert amplitude(t[late], log["f_hat_left"][late], 2 * math.pi) == pytest.approx(0.64 * RAD_PER_DEG, rel=0.05)
+    assert abs(log["f_hat_left"]).max() < 1.05 * 0.64 * RAD_PER_DEG
     on = int(np.argmax(log["alarm"] > 0.5))
     assert on < 1500 and log["alarm"][on:].min() == 1.0  # it has the time to be found again
 
@@ -232,7 +233,7 @@ def test_airframe_block_sees_the_same_oscillation():
     log = fly(rfafe_airframe, p, measured(rfafe_airframe, sampled(Ag, F, Cg[:4], (3.0, 2 * math.pi), 0.005, 2400)))
     t = np.arange(2400) * 0.005
     late = t > 4.0
-    assert amplitude(t[late], log["f_hat"][late], 2 * math.pi) == pytest.approx(3.0 * DEG, rel=0.05)
+    assert amplitude(t[late], log["f_hat"][late], 2 * math.pi) == pytest.approx(3.0 * RAD_PER_DEG, rel=0.05)
     assert log["alarm"][-1] == 1.0
 
 
@@ -243,7 +244,7 @@ def test_without_any_sensor_of_the_airframe_the_positions_go_on(published):
         u[name][0, 900:], u[f"{name}_valid"][0, 900:] = np.nan, 0.0
     log = fly(rfafe, rfafe.params(stored=stored(published), trim=TRIM), u)
     assert log["valid"][-1] == 1.0 and log["alarm"][-1] == 1.0
-    assert np.abs(log["f_hat_left"] - whole["f_hat_left"]).max() < 0.02 * 0.64 * DEG
+    assert np.abs(log["f_hat_left"] - whole["f_hat_left"]).max() < 0.02 * 0.64 * RAD_PER_DEG
 
 
 def test_both_sides_are_named_when_both_oscillate(published):

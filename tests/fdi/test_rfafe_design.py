@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rfafe_aircraft import DEG, E_SPEED, FIGHTER, NAVION, TABLE, global_of, heffley_jewell
+from rfafe_aircraft import E_SPEED, FIGHTER, NAVION, TABLE, global_of, heffley_jewell
 
+from actuators.constants import RAD_PER_DEG
 from fdi.common import lmi
 from fdi.common.conditions import undetectability
 from fdi.rfafe import rfafe
@@ -84,7 +85,7 @@ def test_as_published_the_whole_gain_is_on_the_position():
     assert np.delete(M, 4).max() < 1e-6
 
 
-@pytest.mark.parametrize("units", [(1.0, 1.0, 1.0, 1.0), (1.0, DEG, DEG, DEG), (0.001, 1e3, 1e2, 57.0)])
+@pytest.mark.parametrize("units", [(1.0,) * 4, (1.0, *(RAD_PER_DEG,) * 3), (0.001, 1e3, 1e2, 57.0)])
 @pytest.mark.parametrize("plant", ["navion", "6", "9"])
 def test_airframe_form_in_any_units(plant, units):
     A, B = NAVION if plant == "navion" else heffley_jewell(plant)

@@ -8,8 +8,9 @@ import math
 
 import numpy as np
 import pytest
-from flown import KT, deg, fault, fly, scenario
+from flown import deg, fault, fly, scenario
 
+from actuators.constants import M_S_PER_KT
 from actuators.ema import jay
 from cosim.errors import ScenarioError
 from cosim.flight import inject
@@ -123,6 +124,11 @@ def has_play(s):
     assert 0.4 < 0.5 * np.ptp(np.quantile(gap, [0.03, 0.97])) < 0.8  # 1 deg of full width, and what the structure gives
 
 
+def runs_to_a_stop(s):
+    """60 % of the stall current against the hinge moment: to the stop, as fast as the drive can."""
+    assert abs(s.end) > 10.0 and np.ptp(np.diff(s.own[-100:])) < 0.01
+
+
 def draws_more_current(s):
     assert np.sqrt(np.mean(s.f.right_inner_i[s.on] ** 2)) > 1.5 * np.sqrt(np.mean(s.f.right_outer_i[s.on] ** 2))
 
@@ -170,6 +176,7 @@ ELEVATOR = {
     "backlash": ({"backlash_deg": 1.0}, has_play),
     "winding_resistance": ({"increase_pct": 1000.0}, is_a_little_slower),
     "magnet_loss": ({"loss_pct": 70.0}, draws_more_current),
+    "hardover": ({"drive_pct": 60.0}, runs_to_a_stop),
 }  # fmt: skip
 
 
@@ -244,7 +251,7 @@ def test_thrust_loss_takes_thrust_and_gives_it_back():
     np.testing.assert_allclose(one[on] / two[on], 0.4, atol=0.02)
     assert np.abs(four[on]).max() < 0.02 * two[on].min()
     np.testing.assert_allclose(four[f.t > 17.0] / two[f.t > 17.0], 1.0, atol=0.02)
-    assert f.cas[f.t < 15.0].min() < f.cas[0] - 2 * KT
+    assert f.cas[f.t < 15.0].min() < f.cas[0] - 2 * M_S_PER_KT
     assert f.status == "completed" and deg(np.abs(f.phi[f.t > 28.0]).max()) < 1.0
 
 
@@ -266,7 +273,8 @@ def test_all_at_once_in_sequence_on_one_flight():
 @pytest.mark.parametrize("first", sorted(k for k, v in c.ELEVATOR_KINDS.items() if v.exclusive not in ("", "at")))
 def test_two_faults_that_take_over_the_same_thing_are_refused(first):
     """Every pair of kinds that needs the same part of one actuator, on any technology that has both."""
-    numbers = {"loss_pct": 10.0, "leakage_pct": 10.0, "friction_pct": 10.0, "backlash_mm": 1.0, "increase_pct": 10.0}
+    numbers = {"drive_pct": 50.0, "loss_pct": 10.0}
+    numbers |= {"leakage_pct": 10.0, "friction_pct": 10.0, "backlash_mm": 1.0, "increase_pct": 10.0}
     one = c.ELEVATOR_KINDS[first]
     for second, other in c.ELEVATOR_KINDS.items():
         both = [t for t in one.technologies if t in other.technologies]

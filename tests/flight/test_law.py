@@ -5,8 +5,9 @@ import math
 
 import numpy as np
 import pytest
-from flown import FT, deg, fly, scenario
+from flown import deg, fly, scenario
 
+from actuators.constants import M_PER_FT
 from cosim.flight.blocks import law
 from cosim.flight.blocks.law import design as law_design
 from cosim.flight.blocks.law import margins
@@ -169,7 +170,7 @@ def test_signal_lost_for_a_tenth_of_a_second_for_a_second_and_for_good(name):
     assert np.abs(lost.theta - whole.theta)[lost.t < 15.0].max() < math.radians(1.0)
     assert np.abs(lost.phi - whole.phi)[lost.t < 15.0].max() < math.radians(2.0)
     assert np.abs(lost.phi - whole.phi).max() < math.radians(8.0)
-    assert np.abs(lost.h - whole.h).max() < 300 * FT
+    assert np.abs(lost.h - whole.h).max() < 300 * M_PER_FT
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,9 @@ import math
 
 import numpy as np
 import pytest
-from flown import FT, KT, deg, fly, scenario, wrapped
+from flown import deg, fly, scenario, wrapped
 
+from actuators.constants import M_PER_FT, M_S_PER_KT
 from cosim.papers.studies import manoeuvres as manoeuvre_study
 from cosim.papers.studies.manoeuvres import CORNERS, KINDS, POINTS, SIX, SLOW_KT
 
@@ -67,8 +68,8 @@ def banked(point, seed, turbulence="light"):
 def stays(f, feet):
     turning = (f.t > 15.0) & (f.t < 65.0)
     assert f.status == "completed"
-    assert np.abs(f.h - f.h[0]).max() < feet * FT
-    assert np.abs(f.cas - f.cas[0])[turning].mean() < 5.0 * KT
+    assert np.abs(f.h - f.h[0]).max() < feet * M_PER_FT
+    assert np.abs(f.cas - f.cas[0])[turning].mean() < 5.0 * M_S_PER_KT
     assert abs(deg(f.phi[turning].mean()) - 30.0) < 1.0
 
 
@@ -83,7 +84,8 @@ def test_ten_turns_at_30_degrees_in_light_turbulence_keep_their_altitude(point):
     for seed in range(10):
         f = banked(point, seed)
         stays(f, 50.0)
-        print(f"{point} seed {seed}: {(f.h.min() - f.h[0]) / FT:+.0f} to {(f.h.max() - f.h[0]) / FT:+.0f} ft")
+        low, high = ((h - f.h[0]) / M_PER_FT for h in (f.h.min(), f.h.max()))
+        print(f"{point} seed {seed}: {low:+.0f} to {high:+.0f} ft")
 
 
 @pytest.mark.parametrize("point", ["sun13", "A", "C"])
@@ -91,7 +93,7 @@ def test_bank_is_reached_without_overshoot_and_without_sideslip(point):
     f = fly(scenario(point, "coordinated_turn", sensors__noise_scale=0.0))
     assert 29.0 < deg(f.phi.max()) < 30.6
     assert deg(np.abs(f.beta).max()) < 0.3
-    assert np.abs(f.h - f.h[0]).max() < 25 * FT
+    assert np.abs(f.h - f.h[0]).max() < 25 * M_PER_FT
 
 
 @pytest.mark.parametrize(("point", "heading"), [("B", 10.0), ("C", -10.0), ("sun13", -170.0)])
@@ -102,7 +104,7 @@ def test_heading_is_captured_across_north_without_overshoot(point, heading):
     assert abs(psi[-1] - abs(heading)) < 0.3
     assert psi.max() < abs(heading) + 0.3 and psi.min() > -0.3
     assert deg(np.abs(f.phi).max()) < 26.5
-    assert np.abs(f.h - f.h[0]).max() < 25 * FT and np.abs(f.cas - f.cas[0]).max() < 4 * KT
+    assert np.abs(f.h - f.h[0]).max() < 25 * M_PER_FT and np.abs(f.cas - f.cas[0]).max() < 4 * M_S_PER_KT
 
 
 def test_bank_that_ailerons_or_wing_cannot_hold_is_not_flown():
@@ -111,7 +113,7 @@ def test_bank_that_ailerons_or_wing_cannot_hold_is_not_flown():
     for f, most in ((slow, 16.0), (steep, 39.0)):
         assert f.status == "completed"
         assert deg(f.phi.max()) < most
-        assert np.abs(f.h - f.h[0]).max() < 50 * FT
+        assert np.abs(f.h - f.h[0]).max() < 50 * M_PER_FT
 
 
 def test_pitch_protection_stops_the_nose_at_30_degrees():
@@ -123,8 +125,8 @@ def test_pitch_protection_stops_the_nose_at_30_degrees():
 def test_speed_and_altitude_holds_keep_a_long_turn():
     f = fly(scenario("D", "coordinated_turn", duration_s=120.0, manoeuvre__duration_s=100.0))
     turning = (f.t > 50.0) & (f.t < 100.0)
-    assert np.abs(f.cas - f.cas[0])[turning].max() < 1.0 * KT
-    assert np.abs(f.h - f.h[0])[turning].max() < 10 * FT  # proportional hold: 0.01 g of the turn's model are 6 ft
+    assert np.abs(f.cas - f.cas[0])[turning].max() < 1.0 * M_S_PER_KT
+    assert np.abs(f.h - f.h[0])[turning].max() < 10 * M_PER_FT  # proportional hold: 0.01 g of the turn's model are 6 ft
     assert np.ptp(f.throttle_cmd[turning]) < 0.03
 
 

@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from cosim.flight import twin
 from cosim.flight.simulate import simulate
-from cosim.flight.twin import achieved, moved, positions
+from cosim.flight.twin import achieved
 from cosim.judge.estimation import Estimate
 from cosim.judge.result import Watch, judge
 from cosim.scenario import load_scenario
@@ -168,18 +169,18 @@ def test_amplitude_is_told_apart_from_gusts_that_are_larger():
 
 
 def test_a_fault_that_touches_no_elevator_moves_none_and_flies_no_twin():
-    positions.cache_clear()
+    twin._positions.clear()
     s = flight("thrust-loss", duration_s=2, **{"faults.0.start_s": 1})
-    assert achieved(s) == {} and positions.cache_info().misses == 0
+    assert achieved(s) == {} and not twin._positions
 
 
 def test_runs_that_differ_in_their_fault_share_their_twin():
-    positions.cache_clear()
+    twin._positions.clear()
     for hz in (1, 2):
         achieved(flight("liquid-ofc", duration_s=2, **{"faults.0.start_s": 1, "faults.0.frequency_hz": hz}))
-    assert positions.cache_info().misses == 1
+    assert len(twin._positions) == 1
 
 
 def test_a_monitor_s_fault_has_no_achieved_amplitude():
     s = flight("ema-current-bias", duration_s=2, **{"faults.0.start_s": 1})
-    assert moved(s, None, None) == {}
+    assert achieved(s) == {}
