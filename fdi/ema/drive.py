@@ -95,7 +95,7 @@ STATE = [
     ("gain_sum", "f8", (6,)),  # ff, fd, fw, dd, dw, ww over TAU_GAIN
     ("gain_now", "f8", (6,)),  # over TAU_NOW
     ("gain_own", "f8", "-"),  # of this drive, less one
-    ("gain_doubt", "f8", "-"),  # how far it may be off, once learned
+    ("gain_doubt", "f8", "-"),  # deviation with which it was learned
     ("gain_learned", "f8", "-"),  # times
     ("d_power", "f8", "A2"),
     ("gain_a", "f8", "-"),  # f = a d + b w
@@ -239,7 +239,7 @@ def explain(x, p, slow):
 @kernel
 def doubt(x):
     """Return how far the gain of this drive's current may be off."""
-    return TOLERANCE if x.gain_learned < 0.5 else x.gain_doubt
+    return TOLERANCE if x.gain_learned < 0.5 else 2.0 * x.gain_doubt + 1e-3
 
 
 @kernel
@@ -249,7 +249,7 @@ def learn(x, a, da):
     if k >= 3 or x.age < LEARN[k] or da > SURE or math.fabs(x.gain_own + a) > TOLERANCE:
         return
     x.gain_own += a
-    x.gain_doubt = 2.0 * da + 1e-3
+    x.gain_doubt = da
     x.gain_learned += 1.0
     for s in (x.gain_sum, x.gain_now):
         s[0] += a * a * s[3] - 2.0 * a * s[1]
@@ -282,7 +282,9 @@ def gains(x, p, f, d, w, dt):
     a, b, da, db = solve(x.gain_sum, p.sigma_f)
     x.gain_a, x.gain_b = a, b / p.b_motor
     db /= p.b_motor
-    over_a = math.fabs(a) - p.z_gain * da - doubt(x)
+    over_a = math.fabs(a) - p.z_gain * math.sqrt(da * da + x.gain_doubt * x.gain_doubt)
+    if x.gain_learned < 0.5:
+        over_a -= TOLERANCE
     over_b = math.fabs(x.gain_b) - p.z_gain * db
     x.r_gain = max(over_a / p.th_a, over_b / p.th_b)
     if x.hot_gain > 0.5:  # what stands must show in the last second

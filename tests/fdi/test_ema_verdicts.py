@@ -6,6 +6,7 @@ On the bench of `cosim.papers.studies.ema_bench`, in a 3-2-1-1 with a load, gust
 import numpy as np
 import pytest
 
+import cosim
 from actuators.constants import RAD_PER_DEG
 from cosim.papers.studies.ema_bench import ARM, DT, NO_LOAD, STALL, fly_bench, script, three_two_one_one
 from fdi.common import verdict as v
@@ -51,7 +52,7 @@ FAULTS = [
 ]
 
 
-@pytest.mark.parametrize("name, fault", FAULTS, ids=str)
+@pytest.mark.parametrize("name, fault", sorted(FAULTS, key=str), ids=str)
 def test_a_fault_is_ambiguous_until_its_one_name_and_withdrawn_when_it_heals(name, fault):
     for seed in (7, 8):
         log = flown(seed, **fault).log
@@ -130,3 +131,14 @@ def test_position_monitor_of_an_ema_sees_a_loss_of_command_and_says_jam_only_at_
     assert v.JAM_SOLID in watched(command, np.zeros_like(t))["verdict"]
     drifting = watched(0.0 * t, np.clip(t - 2.0, 0.0, None) * RAD_PER_DEG)
     assert drifting["alarm"].any() and v.JAM_SOLID not in drifting["verdict"]
+
+
+@pytest.mark.parametrize("parameter", ["K_ic", "K_gi", "a", "b"])
+@pytest.mark.parametrize("factor", [0.95, 1.05])
+def test_a_drive_five_per_cent_off_its_nominal_gain_is_healthy(parameter, factor):
+    """What amplifier and winding are off by, the filter takes for the gain of this drive."""
+    off = [f"tolerances.ema.{parameter}={factor}", "duration_s=25", "detectors.enabled=['ema_kalman_flight']",
+           "flight.turbulence=light"]  # fmt: skip
+    lanes = cosim.simulate(cosim.load_scenario("cruise", off), timed=False).to_dict()["detectors"]
+    own = [lane for lane in lanes if lane["id"] == "ema_kalman_flight"]
+    assert own and not any(lane["alarm"] for lane in own)
