@@ -52,7 +52,7 @@ FAULTS = [
 ]
 
 
-@pytest.mark.parametrize("name, fault", sorted(FAULTS, key=str), ids=str)
+@pytest.mark.parametrize("name, fault", FAULTS, ids=[f"{k} {name}" for k, (name, _) in enumerate(FAULTS)])
 def test_a_fault_is_ambiguous_until_its_one_name_and_withdrawn_when_it_heals(name, fault):
     for seed in (7, 8):
         log = flown(seed, **fault).log
