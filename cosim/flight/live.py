@@ -8,9 +8,11 @@ the flight came to. `answer` and `faults` among the parameters tell what came of
 
 import os
 from collections.abc import Callable
+from contextlib import nullcontext
 from typing import Any
 
 from cosim.errors import CosimError
+from cosim.flight.guests import aside
 from cosim.flight.recorder import pose, topics
 from cosim.flight.simulate import simulate
 from cosim.flight.stepping import Flight
@@ -80,11 +82,12 @@ def fly_live(
         if ready:
             ready(live)
         try:
-            while flight.step():
-                live.append(flight.values)
-                live.serve()
-                if progress and flight.tick % EVERY == 0:
-                    progress(flight.time, scenario.duration_s)
+            with aside() if flight.setup.guests else nullcontext():
+                while flight.step():
+                    live.append(flight.values)
+                    live.serve()
+                    if progress and flight.tick % EVERY == 0:
+                        progress(flight.time, scenario.duration_s)
         except KeyboardInterrupt:
             ended = True
     if not flight.tick:

@@ -136,3 +136,28 @@ def test_without_the_token_one_only_watches_and_with_a_wrong_one_nothing(flown):
 def test_a_speed_that_is_none_is_refused():
     with pytest.raises(CosimError, match=r"0\.0 is no speed; allowed: 0\.01 to 1000"):
         fly_live(cosim.load_scenario("cruise", KEYS), port=0, speed=0.0)
+
+
+CHATTY = """
+class Chatty:
+    id, level, technologies, inputs = "chatty", "local", ("hydraulic",), ("rod",)
+    def __init__(self, dt): pass
+    def update(self, t, y):
+        print("rod is", y.rod)
+        if t > 0.3:
+            raise KeyboardInterrupt
+"""
+
+
+def test_ctrl_c_ends_it_with_a_whole_log_and_what_a_guest_prints_stays_apart(tmp_path, capsys):
+    from cosim.flight.guests import with_detectors
+    from fdi import registry
+
+    (tmp_path / "chatty.py").write_text(CHATTY)
+    s = with_detectors(cosim.load_scenario("cruise", [*KEYS, "duration_s=2"]), [tmp_path / "chatty.py"])
+    result, flown = fly_live(s, port=0, log=tmp_path / "cut.mcap", speed=1000.0)
+    registry.GUESTS.clear()
+    assert result.status == "interrupted" and flown.ticks == 61
+    assert open_log(tmp_path / "cut.mcap").complete and open_log(tmp_path / "cut.mcap").n_ticks == 61
+    out, err = capsys.readouterr()
+    assert out == "" and "rod is" in err
