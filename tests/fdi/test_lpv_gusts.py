@@ -1,0 +1,46 @@
+"""lpv_smo in moderate gusts: what one does along the body is taken out, and an oscillation below it is found."""
+
+import numpy as np
+import pytest
+
+from cosim.flight.detectors import sources
+from cosim.flight.signals import detect, fly
+from cosim.flight.site import site
+from cosim.scenario import load_scenario
+from fdi.common.verdict import OFC_LIQUID
+from fdi.lpv_smo import lpv_smo
+
+ONSET, WIRES = 14.0, sources("lpv_smo")
+FIELDS = ("f_hat_elevator", "alarm_elevator", "verdict", "valid")
+
+
+@pytest.fixture(scope="module")
+def flown():
+    fault = {"target": "elevator.all", "kind": "ofc_liquid", "at": "command", "amplitude_deg": 1.0, "frequency_hz": 1.0,
+             "start_s": ONSET}  # fmt: skip
+    given = ["duration_s=19", "flight.turbulence=moderate", "detectors.enabled=[]"]
+    given += [f"faults.0.{k}={v}" for k, v in fault.items()]
+    return fly(load_scenario("cruise", given), WIRES.values())
+
+
+def watched(flown, **changes):
+    p = lpv_smo.fitted(site(flown.attrs["dt"]))
+    for name, value in changes.items():
+        p[name] = value
+    return detect(flown, lpv_smo, WIRES, p, FIELDS)
+
+
+def test_an_oscillation_far_below_the_threshold_of_a_step_is_found_within_four_periods(flown):
+    t, log = flown.index.to_numpy(), watched(flown)
+    assert not log["alarm_elevator"][t < ONSET].any()
+    on = t[(log["alarm_elevator"] > 0.5) & (t >= ONSET)]
+    assert len(on) and on[0] - ONSET < 4.0
+    assert (log["verdict"][(log["alarm_elevator"] > 0.5)] == OFC_LIQUID).any()
+    deaf = watched(flown, swing_threshold=1000.0)
+    assert not deaf["alarm_elevator"].any()
+
+
+def test_what_a_gust_does_along_the_body_is_taken_out_of_the_elevators_estimate(flown):
+    quiet = (flown.index > 9.0) & (flown.index < ONSET)
+    with_it, without = (watched(flown, **c)["f_hat_elevator"][quiet] for c in ({}, {"gradient": 0.0}))
+    assert np.std(with_it) < 0.8 * np.std(without)
