@@ -41,6 +41,7 @@ LIMITS = {  # detectors whose threshold is no number: what it grows with
     "control_redundancy": "what moves its rows",
     "kinematic": "roll and yaw rate",
     "iotsekf": "the command and the load",
+    "position_monitor": "the model's lag",
     "ema_kalman_flight": "the motor's speed and effort",
 }
 

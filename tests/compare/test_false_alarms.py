@@ -61,9 +61,10 @@ def test_a_gaussian_residual_has_a_crossing_bound_that_agrees_with_the_extremes(
 
 
 def test_a_detector_far_below_its_threshold_is_certified_and_one_near_it_is_not():
-    far = work.curve("position_monitor", flown(lambda rng, n: 0.002 * np.abs(rng.normal(size=n))))
+    name = "rtsekf_flight"
+    far = work.curve(name, flown(lambda rng, n: 0.002 * np.abs(rng.normal(size=n)), name=name))
     assert far["against"] == [] and far["certified"] and far["needed"]["high"] < 1.0
-    near = work.curve("position_monitor", flown(lambda rng, n: 0.2 * rng.exponential(size=n), alarms=1))
+    near = work.curve(name, flown(lambda rng, n: 0.2 * rng.exponential(size=n), alarms=1, name=name))
     assert not near["certified"] and "1e-9 per hour" in near["against"][0] and near["needed"]["value"] > 1.0
     assert near["at_threshold"]["by"] == "counted" and near["at_threshold"]["low"] > 1.0
 
@@ -89,7 +90,7 @@ def test_flights_go_on_where_they_were_left_and_keep_what_they_were(tmp_path):
     assert told[0] == (2, 3) and told[-1] == (3, 3)
     assert more["flights"] == 3 and more["hours"] == pytest.approx(3.0 / 1200.0)
     one = next(d for d in more["detectors"] if d["id"] == "position_monitor")
-    assert 0.0 < one["largest"] < 1.0 and one["alarms"] == 0 and "peaks" in one["against"][0]
+    assert 0.0 < one["largest"] < 1.0 and one["alarms"] == 0 and "3 peaks" in one["against"][0]
     lane = Flight.read(fly(str(file), 1)).lanes["position_monitor"]
     assert len(lane.peaks) == 3 and len(lane.moments) == 4  # windows of a second; four signed residuals
     faulty = tmp_path / "faulty.toml"
