@@ -240,6 +240,7 @@ def _signature(value: object) -> str:
     if inspect.isclass(value) and (issubclass(value, Exception) or hasattr(value, "model_fields")):
         return ""
     text = str(inspect.signature(value))  # type: ignore[arg-type]
+    text = re.sub(r"<function .*? at 0x[0-9a-f]+>", "...", text)  # Site.<lambda> has brackets of its own
     return re.sub(r"<(\w+ [^>]*|factory)>", "...", text).replace("typing.", "").replace("pathlib.", "").replace("'", "")
 
 
