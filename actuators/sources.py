@@ -84,16 +84,25 @@ def _memory():
     return root and root / "imports.json"
 
 
+_new: list[str] = []  # what was found since it was written down
+
+
 def _remember(key, names):
     known = _remembered()
     known[key] = names
+    _new.append(key)
     for old in list(known)[: max(0, len(known) - MOST)]:  # of versions that are gone
         del known[old]
+
+
+def _write_down():
+    """Keep what was remembered for the next process."""
+    _new.clear()
     if file := _memory():
         with contextlib.suppress(OSError):
             handle, beside = tempfile.mkstemp(dir=file.parent, suffix=".part")
             with os.fdopen(handle, "w") as out:
-                json.dump(known, out)
+                json.dump(_remembered(), out)
             os.replace(beside, file)
 
 
@@ -106,6 +115,8 @@ def closure(path: Any) -> Any:
         if here not in seen:
             seen.add(here)
             todo += _links(here)
+    if _new:
+        _write_down()
     return seen
 
 

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from cosim.bench.growth import growth, worker_mb
 from cosim.bench.log import log_costs
 from cosim.bench.ticks import measure
 from cosim.flight.plant.crossing import crossing
@@ -34,11 +35,12 @@ def bench(
 ) -> dict[str, Any]:
     """Return {cases: [{name, us_per_tick, against, ratio, spread}], realtime_factor, detectors, startup_s, peak_mb}.
 
-    `recorded` are the costs of the ten-minute log (cosim.bench.log). `memory=False` leaves that flight out (both
-    None). `progress(done, total)` is called between the parts.
+    `recorded` are the costs of the ten-minute log (cosim.bench.log), `growth` those over blocks, rate and length
+    (cosim.bench.growth), `worker_mb` the memory of a campaign's worker. `memory=False` leaves out that flight and the
+    worker's (None). `progress(done, total)` is called between the parts.
     """
     done = progress or (lambda done, total: None)
-    total = rounds + 3
+    total = rounds + 4
     with tempfile.TemporaryDirectory() as folder:
         scenario = load_scenario("liquid-ofc")
         cases, rate = measure(Path(folder), rounds, lambda k: done(k, total))
@@ -48,6 +50,8 @@ def bench(
         done(rounds + 2, total)
         peak = _peak_mb(folder) if memory else None
         recorded = log_costs(Path(folder) / LONG) if memory else None
+        done(rounds + 3, total)
+        lines, worker = growth(), worker_mb() if memory else None
         done(total, total)
     return {
         "cases": cases,
@@ -57,6 +61,8 @@ def bench(
         "startup_s": startup["run_s"],
         "startup": startup,
         "peak_mb": peak,
+        "worker_mb": worker,
+        "growth": lines,
         "recorded": recorded,
         "memory_flight_s": MEMORY_FLIGHT_S,
         "cores": os.cpu_count(),

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,13 +17,18 @@ from cosim.log.writer import ROWS
 from cosim.scenario import load_scenario
 
 TURNS = 5  # of a round: 5 s of flight of every case
-CASES = (  # name, detectors, log
-    ("lockstep", False, False),  # four actuators, sensors, law
-    ("lockstep, log", False, True),
-    ("detectors", True, False),  # the same with every detector
-    ("detectors, log", True, True),
+ELEVEN = (  # what "all detectors" means, whatever is added
+    *("rfafe", "rfafe_airframe", "lpv_smo", "control_redundancy", "iotsekf", "rtsekf", "rtsekf_flight"),
+    *("ema_kalman", "ema_kalman_flight", "position_monitor", "ofc_monitor"),
 )
 QUIET = ("detectors.enabled=[]", "elevator.feedback=measured")
+CASES = (  # name, what is set, log
+    ("lockstep", QUIET, False),  # four actuators, sensors, law
+    ("lockstep, log", QUIET, True),
+    ("detectors", (f"detectors.enabled={list(ELEVEN)}",), False),  # the eleven
+    ("detectors, log", (f"detectors.enabled={list(ELEVEN)}",), True),
+    ("every shipped detector", (), False),
+)
 
 
 def measure(folder: Path, rounds: int, progress: Callable[[int], None]) -> tuple[list[dict], dict[str, float]]:
@@ -42,16 +48,15 @@ def measure(folder: Path, rounds: int, progress: Callable[[int], None]) -> tuple
             ("B747", reference_run(scenario.dt), None),  # the one that the jsbsim wheel ships, run() only
             ("bare", flown.run, 0),  # our aircraft, run() only
         ]
-        for name, detectors, logged in CASES:
-            given = load_scenario("liquid-ofc", [length, *(() if detectors else QUIET)])
+        for name, given, logged in CASES:
             path = folder / f"{len(cases)}.mcap" if logged else None
-            cases.append((name, _flying(given, path, open_logs), 1))
+            cases.append((name, flying(load_scenario("liquid-ofc", [length, *given]), path, open_logs)[0], 1))
         for _, call, _ in cases:  # caches warm, kernels loaded
-            _time(call)
+            timed(call)
         times = np.empty((rounds * TURNS, len(cases)))
         for k in range(len(times)):
             for i, (_, call, _) in enumerate(cases):
-                times[k, i] = _time(call)
+                times[k, i] = timed(call)
             if k % TURNS == TURNS - 1:
                 progress(k // TURNS + 1)
     rows = [_row(name, times, i, against, cases) for i, (name, _, against) in enumerate(cases)]
@@ -60,18 +65,18 @@ def measure(folder: Path, rounds: int, progress: Callable[[int], None]) -> tuple
     return rows, {key: scenario.dt * 1e6 / cost[name] for key, name in named.items()}
 
 
-def _flying(scenario, path, open_logs):
-    """Return what flies one tick of a scenario, logged to `path` unless that is None."""
+def flying(scenario: Any, path: Path | None = None, open_logs: Any = None) -> tuple[Callable[[], None], Any]:
+    """Return (what flies one tick of a scenario, its loop), logged to `path` unless that is None."""
     from cosim.flight.build import build
     from cosim.flight.recorder import open_writer
 
     setup = build(scenario)
     tape = setup.loop.tape(*([open_logs.enter_context(open_writer(setup, path))] if path else []))
     count = iter(range(10**9))
-    return lambda: tape.run(next(count))
+    return lambda: tape.run(next(count)), setup.loop
 
 
-def _time(call):
+def timed(call: Callable[[], None]) -> float:
     """Return microseconds of the processor per call, over one chunk of the log."""
     begin = time.thread_time()
     for _ in range(ROWS):

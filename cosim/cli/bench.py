@@ -38,8 +38,10 @@ def _numbers(found):
     out = {f"{row['name']}, ratio to {row['against']}": row["ratio"] for row in found["cases"] if row["ratio"]}
     out |= {f"{row['id']}, batch [us per step]": row["batch_us"] for row in found["detectors"]}
     out |= {f"start: {name.removesuffix('_s')} [s]": value for name, value in found["startup"].items()}
-    if found.get("peak_mb"):
-        out["peak memory [MB]"] = found["peak_mb"]
+    for name, what in (("peak_mb", "peak memory [MB]"), ("worker_mb", "memory of a worker [MB]")):
+        if found.get(name):
+            out[what] = found[name]
+    out |= {f"growth over {line['over']} [{line['unit']} each]": line["slope"] for line in found.get("growth", ())}
     for name in ("open_s", "frames_s", "topic_s", "replay_s"):
         if found.get("recorded"):
             out[f"log: {name.removesuffix('_s')} [s]"] = found["recorded"][name]

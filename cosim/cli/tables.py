@@ -243,9 +243,10 @@ def bench(found: Any) -> Any:
     rate, start = found["realtime_factor"], found["startup"]
     all_, minutes = f"{rate['with_detectors']:.0f} x", found["memory_flight_s"] / 60
     lines = [
-        f"real time      {rate['lockstep']:.0f} x, with every detector {all_}, on one of {found['cores']} cores",
+        f"real time      {rate['lockstep']:.0f} x, with all eleven detectors {all_}, on one of {found['cores']} cores",
         f"warm start     {start['run_s']:.2f} s for a run of 1 s; help {start['help_s']:.2f} s",
-        f"peak memory    {number(found['peak_mb'], 0)} MB in a flight of {minutes:.0f} minutes",
+        f"peak memory    {number(found['peak_mb'], 0)} MB in a flight of {minutes:.0f} minutes; a campaign's "
+        f"worker {number(found['worker_mb'], 0)} MB",
     ]
     if recorded:
         r = recorded
@@ -255,7 +256,12 @@ def bench(found: Any) -> Any:
             f"replay         {r['detectors_realtime']:.0f} x real time for every detector, "
             f"{r['replay_realtime']:.0f} x with reading and comparing",
         ]
-    return Group(t, d, Text("\n".join(lines)))
+    g = table("Growth", "over", "cost in", "fixed>", "each>", "off the line>", "measured")
+    for line in found["growth"]:
+        points = ", ".join(f"{x:g}: {y:.3g}" for x, y in line["points"])
+        off = f"{100 * line['off']:.0f} %"
+        g.add_row(line["over"], line["unit"], number(line["offset"], 3), number(line["slope"], 4), off, points)
+    return Group(t, d, g, Text("\n".join(lines)))
 
 
 def inventory(found: Any, topic: Any = None) -> Any:

@@ -28,10 +28,11 @@ def _walk():
     return walk, KINDS
 
 
+_GIVEN = ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64  # to `walk`
 WALK = Native(
     "walk",
     Path(__file__).with_name("walk.py"),
-    (ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64),
+    _GIVEN,
     _walk,
     "cosim.flight.tape:WALK",
 )
@@ -39,7 +40,7 @@ WALK = Native(
 
 def _unlocked():
     """Return WALK's function, during which other threads of Python run on."""
-    kinds = ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64
+    kinds = ctypes.c_void_p, ctypes.c_void_p, *_GIVEN
     return functools.partial(ctypes.CFUNCTYPE(ctypes.c_int, *kinds)(WALK.address), *NOTHING)
 
 
@@ -68,6 +69,7 @@ class Tape:
         self._entries = {}  # address, or number without a compiler, -> entry of a block, store of a log
         self._rows = []
         self.parts = []  # of a tick: callables that take k
+        self._whole: Callable[[int, int], Any] | None = None  # the last segment over many ticks
 
     def call(self, function: Callable[..., Any]) -> None:
         """Call `function(k)` in Python."""
@@ -149,12 +151,22 @@ class Tape:
         for part in self.parts:
             part(k)
 
+    def through(self, first: int, stop: int) -> None:
+        """Do all of the ticks first <= k < stop, without Python in between where there is none in a tick."""
+        if self._rows:
+            self._cut()
+        if len(self.parts) == 1 and self._whole is not None:
+            self._whole(first, stop)
+        else:
+            for k in range(first, stop):
+                self.run(k)
+
     def _at(self, array):
         """Return the address of an array without gaps, which is kept from now on."""
         if not array.flags.c_contiguous:
             raise ValueError("a tape points only to arrays without gaps")
         self._kept.append(array)
-        return array.__array_interface__["data"][0]
+        return array.ctypes.data
 
     def _row(self, *values):
         self._rows.append(values + (0,) * (WIDTH - len(values)))
@@ -168,7 +180,8 @@ class Tape:
 
     def _compiled(self, table):
         walk, rows, n, v = _unlocked() if self._free else WALK.call, self._at(table), len(table), self._at(self.v)
-        return lambda k: walk(rows, n, v, k)
+        self._whole = lambda first, stop: walk(rows, n, v, first, stop)
+        return lambda k: walk(rows, n, v, k, k + 1)
 
     def _plainly(self, table):
         return lambda k: plainly(table.tolist(), self.v, k, self._entries)

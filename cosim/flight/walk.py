@@ -10,7 +10,7 @@ from cosim.flight.plant.border import to_si
 from cosim.flight.tape import ADD, CLOCK, COPY, GET, KEEP, LOG, NOISE, PUT, SCALE, STEP, TRUTH, WIDTH
 from cosim.log.store import store
 
-KINDS = (types.int64, types.int64, types.int64, types.int64)
+KINDS = (types.int64,) * 5
 
 enter: Any = pointers.enter  # Numba gives them the context
 ask: Any = pointers.ask
@@ -23,54 +23,55 @@ def _copy(n, to, source, v):
         v[to[i]] = v[source[i]]
 
 
-def walk(table: Any, n: int, bus: Any, k: int) -> None:
-    """Do the `n` rows at address `table` on the bus vector at address `bus` for tick `k`."""
+def walk(table: Any, n: int, bus: Any, first: int, stop: int) -> None:
+    """Do the `n` rows at address `table` on the bus vector at address `bus` for the ticks first <= k < stop."""
     rows, v = carray(wholes(table), n * WIDTH), reals(bus)
-    for i in range(n):
-        row = rows[i * WIDTH : (i + 1) * WIDTH]
-        operation, a = row[0], row[1]
-        if operation == STEP:
-            if k % row[7] == 0:
-                enter(a, row[2], row[3], row[4], reals(row[5])[0], row[6], 0)
-        elif operation == COPY:
-            _copy(a, wholes(row[2]), wholes(row[3]), v)
-        elif operation == KEEP:
-            index = wholes(row[2])
-            if row[4] == 4:
-                out = singles(row[3] + 4 * a * k)
+    for k in range(first, stop):
+        for i in range(n):
+            row = rows[i * WIDTH : (i + 1) * WIDTH]
+            operation, a = row[0], row[1]
+            if operation == STEP:
+                if k % row[7] == 0:
+                    enter(a, row[2], row[3], row[4], reals(row[5])[0], row[6], 0)
+            elif operation == COPY:
+                _copy(a, wholes(row[2]), wholes(row[3]), v)
+            elif operation == KEEP:
+                index = wholes(row[2])
+                if row[4] == 4:
+                    out = singles(row[3] + 4 * a * k)
+                    for j in range(a):
+                        out[j] = types.float32(v[index[j]])
+                else:
+                    kept = reals(row[3] + 8 * a * k)
+                    for j in range(a):
+                        kept[j] = v[index[j]]
+            elif operation == NOISE:
+                to, block = wholes(row[2]), reals(row[3] + 8 * a * (k % row[4]))
+                vector = reals(row[5])
                 for j in range(a):
-                    out[j] = types.float32(v[index[j]])
-            else:
-                kept = reals(row[3] + 8 * a * k)
+                    vector[to[j]] = block[j]
+            elif operation == ADD:
+                clear, to, source = wholes(row[2]), wholes(row[4]), wholes(row[5])
                 for j in range(a):
-                    kept[j] = v[index[j]]
-        elif operation == NOISE:
-            to, block = wholes(row[2]), reals(row[3] + 8 * a * (k % row[4]))
-            vector = reals(row[5])
-            for j in range(a):
-                vector[to[j]] = block[j]
-        elif operation == ADD:
-            clear, to, source = wholes(row[2]), wholes(row[4]), wholes(row[5])
-            for j in range(a):
-                v[clear[j]] = 0.0
-            for j in range(row[3]):
-                v[to[j]] += v[source[j]]
-        elif operation == TRUTH:
-            frame, out = reals(row[5]), carray(reals(bus + 8 * row[4]), a)
-            to_si(carray(reals(row[2]), a), carray(reals(row[3]), a), out, frame[0], frame[1], frame[2])
-        elif operation == GET:
-            nodes, raw = wholes(row[2]), reals(row[4])
-            for j in range(a):
-                raw[j] = ask(row[3], nodes[j])
-        elif operation == PUT:
-            nodes, values = wholes(row[2]), reals(row[4])
-            for j in range(a):
-                tell(row[3], nodes[j], values[j])
-        elif operation == SCALE:
-            given, factors, divisors, scaled = reals(row[2]), reals(row[3]), reals(row[4]), reals(row[5])
-            for j in range(a):
-                scaled[j] = given[j] * factors[j] / divisors[j]
-        elif operation == LOG:
-            store(a, bus)
-        elif operation == CLOCK:
-            v[a] = k * reals(row[2])[0]
+                    v[clear[j]] = 0.0
+                for j in range(row[3]):
+                    v[to[j]] += v[source[j]]
+            elif operation == TRUTH:
+                frame, out = reals(row[5]), carray(reals(bus + 8 * row[4]), a)
+                to_si(carray(reals(row[2]), a), carray(reals(row[3]), a), out, frame[0], frame[1], frame[2])
+            elif operation == GET:
+                nodes, raw = wholes(row[2]), reals(row[4])
+                for j in range(a):
+                    raw[j] = ask(row[3], nodes[j])
+            elif operation == PUT:
+                nodes, values = wholes(row[2]), reals(row[4])
+                for j in range(a):
+                    tell(row[3], nodes[j], values[j])
+            elif operation == SCALE:
+                given, factors, divisors, scaled = reals(row[2]), reals(row[3]), reals(row[4]), reals(row[5])
+                for j in range(a):
+                    scaled[j] = given[j] * factors[j] / divisors[j]
+            elif operation == LOG:
+                store(a, bus)
+            elif operation == CLOCK:
+                v[a] = k * reals(row[2])[0]

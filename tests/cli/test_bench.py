@@ -5,9 +5,11 @@ import json
 import pytest
 from rich.console import Console
 
-from cosim.bench.ticks import measure
+from cosim.bench.growth import _line
+from cosim.bench.ticks import ELEVEN, measure
 from cosim.cli.bench import compared, read_bench
 from cosim.errors import CosimError
+from fdi import registry
 
 
 def test_the_cases_are_ratios_to_one_flight_without_anything(tmp_path):
@@ -17,6 +19,7 @@ def test_the_cases_are_ratios_to_one_flight_without_anything(tmp_path):
     by = {row["name"]: row for row in rows}
     assert by["bare"]["against"] == "B747" and by["lockstep"]["against"] == "bare"
     assert 1.0 < by["lockstep"]["ratio"] < by["detectors"]["ratio"]
+    assert set(ELEVEN) < set(registry.SHIPPED) and len(ELEVEN) == 11
     assert rate["lockstep"] > rate["with_detectors"] > 0
 
 
@@ -32,6 +35,12 @@ def test_two_states_stand_beside_each_other(tmp_path):
         console.print(compared(read_bench(path), outcome(3.0)))
     line = next(x for x in shown.get().splitlines() if "lockstep" in x)
     assert [x for x in line.split() if x[0].isdigit()] == ["6.00", "3.00", "0.50"]
+
+
+def test_growth_is_the_straight_line_through_its_points_and_says_how_far_they_are_off():
+    line = _line("x", "s", [(0, 1.0), (1, 3.0), (2, 5.0)])
+    assert line["offset"] == pytest.approx(1.0) and line["slope"] == pytest.approx(2.0) and line["off"] < 1e-12
+    assert _line("x", "s", [(0, 0.0), (1, 2.0), (2, 1.0)])["off"] == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"cases": 1}'])

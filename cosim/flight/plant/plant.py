@@ -247,6 +247,10 @@ class Plant:
         """Tell FlightGear of every frame from now on, where the plant was made with its port."""
         self._fdm.enable_output()
 
+    def hide(self) -> None:
+        """Tell FlightGear no more."""
+        self._fdm.disable_output()
+
     def run(self) -> Any:
         """Advance by one step, through this flight's gusts."""
         self._advance()
