@@ -171,7 +171,7 @@ def markdown(found: dict) -> str:
     """Return the table of all detectors as Markdown."""
     columns = ("detector", "draws on", "faults", "seen", "right name", "wrong name", "not valid", "first alarm, s",
                "right name, s", "false alarms per hour (95 %)", "valid", "µs per step", "ln p")  # fmt: skip
-    told = f"`{found['benchmark']}`, {found['flights']} flights, content `{found['content']}`:"
+    told = f"`{found['benchmark']}`, {found['flights']} of its flights, content `{found['content']}`:"
     lines = [told, "", f"| {' | '.join(columns)} |", f"|{'---|' * len(columns)}"]
     for d in found["detectors"]:
         counts = [str(d[k]) if d["designed"] else "–" for k in ("designed", "detected", "named", "misnamed", "idle")]
