@@ -154,7 +154,11 @@ def test_logs(kind, flights, tmp_path):
     logs = Logs(flights, tmp_path / "case.mcap")
     doors = [log_info, replay, lambda p: flight_report(p, tmp_path / "page.html")]
     doors += [lambda p: recover(p, tmp_path / "recovered.mcap"), lambda p: replay(p, output=tmp_path / "again.mcap")]
-    tried(f"logs, {kind}", CASES, getattr(logs, kind), doors)
+
+    def made(rng):
+        return getattr(logs, kind)(rng), rng.sample(doors, 2)  # of five
+
+    tried(f"logs, {kind}", CASES, made, [lambda case: case[1][0](case[0]), lambda case: case[1][1](case[0])])
 
 
 @pytest.mark.slow
