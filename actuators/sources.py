@@ -144,7 +144,8 @@ def _cache_roots():
         if os.environ.get(name):
             yield Path(os.environ[name]) / "cosim-kernels"
     with contextlib.suppress(RuntimeError):  # a user without a home
-        yield Path.home() / ".cache" / "cosim-kernels"
+        if Path.home().is_absolute():
+            yield Path.home() / ".cache" / "cosim-kernels"
     if hasattr(os, "getuid"):
         yield Path(tempfile.gettempdir()) / f"cosim-kernels-{os.getuid()}"
 

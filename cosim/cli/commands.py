@@ -28,7 +28,10 @@ from cosim.cli import tables
 from cosim.cli.output import DetectorOption, JsonOption, log_name, named, reserve
 from cosim.errors import CosimError, did_you_mean
 
-WIDE = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 110  # a pipe has no width: do not fold its tables
+TOLD = os.environ.get("COLUMNS", "").isdecimal() and int(os.environ["COLUMNS"]) > 0  # 0 would print nothing at all
+if not TOLD:
+    os.environ.pop("COLUMNS", None)
+WIDE = None if sys.stdout.isatty() or TOLD else 110  # a pipe has no width: do not fold its tables
 out, err = Console(width=WIDE), Console(stderr=True)
 
 
@@ -58,11 +61,20 @@ class _Group(TyperGroup):
             raise  # the reader of a pipe went away: click ends quietly
         except OSError as error:
             text = f"{error.filename}: {error.strerror}" if error.filename else str(error.strerror or error)
+            text = text if _somewhere() else "the current folder has been removed. Change to another one"
         except KeyboardInterrupt:
             err.print("[yellow]interrupted[/]")
             ctx.exit(130)
         _say(text)
         ctx.exit(2)
+
+
+def _somewhere():
+    """Tell whether there is a current folder: it may have been removed under the command."""
+    try:
+        return bool(os.getcwd())
+    except OSError:
+        return False
 
 
 def _usage(error):

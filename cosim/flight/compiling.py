@@ -5,7 +5,7 @@ from types import ModuleType
 
 from actuators.ahead import compile_ahead
 from actuators.block import Entry
-from actuators.native import Native
+from actuators.native import PLAIN, Native
 from cosim.flight import detectors, tape
 from cosim.flight.blocks import faults, hinge_model, law, manoeuvre, sensors
 from cosim.scenario import Scenario
@@ -13,7 +13,11 @@ from cosim.scenario.catalog import TECHNOLOGIES
 
 
 def functions(scenario: Scenario) -> dict[str, Native]:
-    """Return {module: its compiled function} of every block that a flight of `scenario` steps, and of its tape."""
+    """Return {module: its compiled function} of every block that a flight of `scenario` steps, and of its tape; none
+    where nothing is compiled (NUMBA_DISABLE_JIT=1).
+    """
+    if PLAIN:
+        return {}
     used = dict.fromkeys((*scenario.elevator.technology.values(), "simple"))
     own = [d.module for d in detectors.chosen(scenario)]
     modules = [m for m in own if isinstance(m, ModuleType)]  # what takes longest comes first; guests elsewhere
