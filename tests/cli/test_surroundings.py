@@ -73,3 +73,14 @@ def test_what_is_no_regular_file_is_refused_at_once(tmp_path):
                  ["replay", fifo], ["info", "/dev/zero"]):  # fmt: skip
         told = run(*map(str, args), timeout=60)
         assert told.returncode == 2 and told.stderr.count(b"\n") == 1, (args, told.stderr.decode())
+
+
+def test_poor_surroundings_are_told_or_borne(tmp_path):
+    for poor in ({"COLUMNS": "0"}, {"COLUMNS": "-5"}, {"NUMBA_DISABLE_JIT": "1"}):
+        told = run(*SHORT, "-o", str(tmp_path / "a.mcap"), env=os.environ | poor)
+        assert told.returncode == 0 and b"a.mcap" in told.stdout, (poor, told)
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    command = f"cd {gone}; rmdir {gone}; {' '.join(COSIM)} {' '.join(SHORT)} -o {tmp_path / 'b.mcap'}"
+    told = subprocess.run(["sh", "-c", command], capture_output=True, env=os.environ | {"PYTHONPATH": os.getcwd()})
+    assert told.returncode == 2 and b"current folder" in told.stderr.splitlines()[-1], told
