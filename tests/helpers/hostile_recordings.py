@@ -127,7 +127,7 @@ def parquet(rng, folder):
             columns[name] = pa.nulls(ROWS)
         elif what < 0.8:
             values = columns[name].to_pylist()
-            values[rng.randrange(ROWS)] = rng.choice((None, 0.0)) if not isinstance(values[0], str) else None
+            values[rng.randrange(ROWS)] = None
             columns[name] = pa.array(values, columns[name].type)
         elif what < 0.9:
             columns[rng.choice(("", "x" * 5000, "é\n", "__index_level_0__", "T_S"))] = columns.pop(name)
