@@ -49,7 +49,7 @@ LOSS_LEAST = 0.1  # less of a loss is a gain error
 SENSOR = -1.0  # the current sensor, beside the class codes
 ALPHA, BETA = 0.2, 0.02  # position in the place of a lost velocity: corrections of angle and rate
 TAU_GAIN, TAU_NOW = 8.0, 0.6  # memory of the gains [s]
-TOLERANCE = 0.08  # of the current's gain, before it is learned
+TOLERANCE = 0.2  # of the current's gain before it is learned: four numbers of 5 % each
 LEARN = (2.0, 4.0, 10.0)  # times at which what the gain is off becomes the drive's own [s]
 SURE = 0.01  # deviation of the gain with which it can be learned
 
