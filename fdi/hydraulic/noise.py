@@ -12,6 +12,7 @@ from actuators.block import kernel
 
 LOUD, CALM, MOST = 12.0, 5.0, 50.0  # of the variance that the filter assumes
 USUAL = 1.7  # up to here it is what flights are trained with
+SHORT_TICK = 0.0075  # over longer ones the valve's own steps fill a fourth difference [s]
 FOURTH = math.sqrt(6.0 / 70.0)  # of white noise: size of a second difference over that of a fourth
 # from so many times on nothing that rests on the rod is worth anything; one sample counts for no more than WILD_MOST
 WILD, WILD_MOST = 900.0, 5000.0
@@ -61,7 +62,11 @@ def listen(x, rod_good, y_rod, dp_good, y_dp, e_dp, p, dt):
         x.rod_last[1], x.rod_last[0] = x.rod_last[0], y_rod
         x.rod_noisy = noisy(x.rod_noisy, x.rod_rough, p.r_rod)
     if dp_good > 0.5:
-        d = fourth(x.dp_before_last, y_dp)
-        e = fourth(x.dp_innovation, e_dp)
-        x.dp_noise = variance(x.dp_noise, FOURTH * min(math.fabs(d), math.fabs(e)), p.r_dp, MOST, dt)
+        d2 = y_dp - 2.0 * x.dp_before_last[0] + x.dp_before_last[1]
+        e2 = e_dp - 2.0 * x.dp_innovation[0] + x.dp_innovation[1]
+        d = FOURTH * fourth(x.dp_before_last, y_dp)
+        e = FOURTH * fourth(x.dp_innovation, e_dp)
+        if dt > SHORT_TICK:
+            d, e = d2, e2
+        x.dp_noise = variance(x.dp_noise, min(math.fabs(d), math.fabs(e)), p.r_dp, MOST, dt)
         x.dp_noisy = noisy(x.dp_noisy, x.dp_noise, p.r_dp)
