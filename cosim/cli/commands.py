@@ -32,7 +32,16 @@ TOLD = os.environ.get("COLUMNS", "").isdecimal() and int(os.environ["COLUMNS"]) 
 if not TOLD:
     os.environ.pop("COLUMNS", None)
 WIDE = None if sys.stdout.isatty() or TOLD else 110  # a pipe has no width: do not fold its tables
-out, err = Console(width=WIDE), Console(stderr=True)
+
+
+class _Whole(Console):
+    """A console that cuts nothing off: a path or a command that is longer than the terminal stays whole."""
+
+    def print(self, *objects, **how):
+        super().print(*objects, **{"crop": False, **how})
+
+
+out, err = _Whole(width=WIDE), _Whole(stderr=True)
 
 
 _Usage = cast(type[Exception], typer.BadParameter.__mro__[2])  # of all that typer refuses; it exports no name for it

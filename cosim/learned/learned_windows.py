@@ -15,7 +15,7 @@ ARM, STALL_NM, G = 0.30, 10_500.0, 9.81  # of the rod [m], stall moment [N m]
 HZ = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 
 
-def channels(window):
+def channels(window: np.ndarray) -> np.ndarray:
     """Return (5, samples) of a local window: rod against surface, rod against what the valve let through [mm], load
     against pressure, valve command, rod about its mean; each of the order of one when something is wrong."""
     rod, surface, pressure, valve, hm0, hmd = window
@@ -27,7 +27,7 @@ def channels(window):
     ])  # fmt: skip
 
 
-def local(window):
+def local(window: np.ndarray) -> np.ndarray:
     """Return the features of a local window: level, swing and roughness of each channel, early and late, and swings at
     frequencies."""
     c = channels(window)
@@ -37,12 +37,12 @@ def local(window):
     return np.concatenate([*parts, *(_swings(c[i], DT) for i in (0, 1, 2, 3, 4)), _slope(c[1], c[3])])
 
 
-def raw(window):
+def raw(window: np.ndarray) -> np.ndarray:
     """Return the channels of a local window in a row, within +-20."""
     return np.clip(channels(window), -20.0, 20.0).ravel()
 
 
-def aircraft(window):
+def aircraft(window: np.ndarray) -> np.ndarray:
     """Return the features of an aircraft's window: what sensors of the same say of one another, motion, thrust."""
     y = dict(zip(AIRCRAFT, window))
     pairs = [

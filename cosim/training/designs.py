@@ -106,7 +106,9 @@ def source() -> str:
         for number in _numbers(ET.parse(path).getroot()):
             digest.update(number.encode())
     for module in (hydraulic, servo, ema, ema_servo):
-        for value in np.ascontiguousarray(module.params()).view(np.float64).ravel():
+        p = module.params()
+        # v_run is how fast a runaway fault may be: of no healthy motion
+        for value in np.concatenate([np.ravel(p[name]) for name in p.dtype.names if name != "v_run"]):
             digest.update(f"{value:.6e};".encode())  # gains come from linear algebra: last digits are the processor's
     numbers = aircraft.model_dump(mode="json", exclude={"folder", "name", "title", "points"})
     digest.update(json.dumps(numbers, sort_keys=True).encode())

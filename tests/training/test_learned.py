@@ -49,7 +49,7 @@ def test_in_flight_a_model_is_asked_what_it_was_fitted_to(learner, tmp_path):
     assert len(model) <= 1e6
     told = json.loads((LEARNED / "learned.json").read_text(encoding="utf-8"))[learner.id]
     assert tuple(told["classes"]) == learner.classes
-    given = ["duration_s=7", "faults.0.start_s=3", "elevator.feedback='measured'"]
+    given = ["duration_s=10", "faults.0.start_s=6", "elevator.feedback='measured'"]
     thin.record(load_scenario("liquid-ofc", given), tmp_path / "x.parquet")
     recording = thin.Recording(tmp_path / "x.parquet")
     lanes = list(thin.judgement(recording, thin.flown_with(recording, (), [file])))

@@ -18,6 +18,11 @@ def _unseen():
     return swap(ROWS, wrap_bench=lambda bench: lambda figure=None, **more: bench(**more))
 
 
+def _blind(flight):
+    own = [f"detectors.ema_kalman_flight.{name}=0.02" for name in ("pair_threshold", "th_speed", "th_both", "th_jump")]
+    return lambda name, *changes: flight(name, *changes, *own)
+
+
 def _loose(flight):
     return lambda name, *changes: flight(name, "tolerances.ema.K_B=0.8", "tolerances.ema.K_T=0.8", *changes)
 
@@ -67,5 +72,10 @@ BREAKS = (
         "the loop stays closed on the faulty sensor",
         lambda: swap(FLOWN, wrap__kept=lambda kept: lambda _: kept("false")),
         ("5 deg, reconfigured",),
+    ),
+    Break(
+        "position and surface are compared only from 20 mm apart",
+        lambda: swap(FLOWN, wrap_flight=_blind),
+        ("drifts of 0.02 to 0.5 deg/s of the position sensor",),
     ),
 )
