@@ -35,7 +35,8 @@ def write(found: Comparison, path: str | Path) -> None:
     replace_text(picture, drawn)
     if details.is_file():
         readme.replace(details, "smallest", smallest(found))
-        readme.replace(details, "compare", markdown(found).partition("\n\n")[2])
+        if "<!-- compare: begin -->" in details.read_text(encoding="utf-8"):
+            readme.replace(details, "compare", markdown(found).partition("\n\n")[2])
 
 
 def markdown(found: Comparison, columns: Sequence[str] = COLUMNS) -> str:
