@@ -66,7 +66,7 @@ def shown(found: dict, files: dict) -> Group:
         t.add_row(d["id"], f"{d['hours']:.1f}", str(d["alarms"]), *(_number(x) for x in cells), tables.escape(why))
     flown = f"{found['flights']} flights, {found['hours']:.1f} h of {found['campaign']}"
     said = f"{flown}; bounds at 95 %, of this model; c: all thresholds times this"
-    return Group(t, Text(said, style="dim"), *(Text(f"{key:<8}{path}") for key, path in files.items()))
+    return Group(t, Text(said, style="dim"), *(tables.whole(f"{key:<8}{path}") for key, path in files.items()))
 
 
 def _number(x):
