@@ -15,7 +15,6 @@ from scipy import stats
 from scipy.optimize import brentq
 
 LEAST = 12  # flights, below which no curve is fitted
-SPAN = math.log(1e3)  # how far beyond a90 a bound is looked for
 
 
 @dataclass(frozen=True)
@@ -34,7 +33,8 @@ def fit(size: ArrayLike, seen: ArrayLike, share: float = 0.9, confidence: float 
     """Return the Pod of flights with `size` (n,), above 0, and `seen` (n,), bool.
 
     There is no curve where all or none are seen, or where one size parts the seen from the missed: then the note says
-    between which sizes the answer lies.
+    between which sizes the answer lies. Nothing is said beyond the sizes that were flown: a90 or a bound that the curve
+    would only reach there is None, and the note says on which side it lies.
     """
     from statsmodels.api import GLM, add_constant
     from statsmodels.genmod.families import Binomial
@@ -55,14 +55,17 @@ def fit(size: ArrayLike, seen: ArrayLike, share: float = 0.9, confidence: float 
         return Pod(n, k, note="does not grow with size")
     wanted, z = math.log(share / (1.0 - share)), float(stats.norm.ppf(confidence))
     at = (wanted - b0) / b1
+    first, last = math.log(a.min()), math.log(a.max())
+    if not first <= at <= last:
+        return Pod(n, k, note=f"beyond {a.max():.2g}" if at > last else f"below {a.min():.2g}")
 
     def bound(x: float, sign: float) -> float:
         spread = math.sqrt(cov[0, 0] + 2.0 * x * cov[0, 1] + x * x * cov[1, 1])
         return b0 + b1 * x + sign * z * spread - wanted
 
-    high = brentq(bound, at, at + SPAN, args=(-1.0,)) if bound(at + SPAN, -1.0) > 0.0 else None
-    low = brentq(bound, at - SPAN, at, args=(1.0,)) if bound(at - SPAN, 1.0) < 0.0 else None
+    high = brentq(bound, at, last, args=(-1.0,)) if bound(last, -1.0) > 0.0 else None
+    low = brentq(bound, first, at, args=(1.0,)) if bound(first, 1.0) < 0.0 else None
     return Pod(
         n, k, math.exp(at), None if low is None else math.exp(low), None if high is None else math.exp(high),
-        "" if high is not None else "no bound: too few near it",
+        "" if high is not None else f"bound beyond {a.max():.2g}",
     )  # fmt: skip

@@ -74,7 +74,8 @@ def smallest(found: Comparison) -> str:
         own = [d for d in sized if d["family"] == family]
         hz = sorted({d["frequency_hz"] for d in own})
         cells = {(d["group"], d["frequency_hz"]): size(d) for d in own}
-        lines += ["", f"{family}: mm of rod at which 90 % are seen, its lower bound and a90/95", ""]
+        what = "mm of rod at which 90 % are seen, its lower bound and a90/95; ?: outside the sizes flown"
+        lines += ["", f"{family}: {what}", ""]
         lines += [f"| draws on | {' | '.join(f'{f:g} Hz' for f in hz)} |", f"|---|{'---|' * len(hz)}"]
         lines += [f"| {g} | {' | '.join(cells.get((g, f), '–') for f in hz)} |"
                   for g in dict.fromkeys(d["group"] for d in own)]  # fmt: skip

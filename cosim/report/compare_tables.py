@@ -120,7 +120,8 @@ def sizes(found: list[dict]) -> Table:
         out.append(Row((head, name, *(_size(cells.get((family, name, f))) for f in hz))))
     note = (
         "Achieved amplitude, mm of rod, at which 90 % are seen (binomial regression on its logarithm), in brackets its "
-        "lower bound and a90/95, with which one is on the safe side at 95 %. Where no curve can be fitted, what the "
+        "lower bound and a90/95, with which one is on the safe side at 95 %; "
+        "?: outside the sizes flown. Where no curve can be fitted, what the "
         "flights say. Flights in which no detector of the group could judge are not in the fit; their number stands "
         "behind it. Bound: of physics, what the best detector of that level could see with 90 % at best (median of the "
         "flights, cosim/compare/bound.py); flights below it stay in."

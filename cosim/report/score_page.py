@@ -87,7 +87,8 @@ def sizes(each: list[dict]) -> Table:
         rows.append(Row((bold(head) if bound is None else bold(head) + f" (bound {bound:.2g})", *shown)))
     note = (
         "Size at which 90 % are seen, in brackets its lower bound and a90/95, with which one is on the safe side at "
-        "95 % (binomial regression on its logarithm; not valid counts as missed). Oscillations: achieved amplitude; "
+        "95 % (binomial regression on its logarithm; not valid counts as missed; "
+        "?: outside the sizes flown). Oscillations: achieved amplitude; "
         "jams: how far the rod was kept from where it would be; sensors: bias in standard deviations of that sensor's "
         "noise per sample. Without a curve: what the flights say, and seen of flights."
     )

@@ -40,3 +40,13 @@ def test_what_has_no_curve_says_so(seen, note):
     found = fit(a, seen(a))
     assert found.a90_95 is None and note in found.note
     assert fit(a[:5], seen(a[:5])).note == "too few flights"
+
+
+def test_nothing_is_said_beyond_the_sizes_flown():
+    rng = np.random.default_rng(3)
+    a, seen = sample(rng, 400, a50=8.0)  # 0.9 is reached at 16.6, the largest flown is 10
+    found = fit(a, seen)
+    assert found.a90 is None and found.note == "beyond 10"
+    assert fit(*sample(rng, 4000, a50=0.03)).note == "below 0.1"  # reached at 0.06
+    near = fit(*sample(rng, 60, a50=3.0))  # at 6.2: within, its bound is not
+    assert near.low < near.a90 < 10.0 and near.a90_95 is None and near.note.startswith("bound beyond")
