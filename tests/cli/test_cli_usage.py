@@ -1,5 +1,8 @@
 """What typer refuses by itself is one line on standard error and exit status 2, as every other bad input."""
 
+import subprocess
+import sys
+
 import pytest
 from typer.testing import CliRunner
 
@@ -27,3 +30,10 @@ def test_a_mistake_in_the_call_is_one_line(words, told):
 def test_no_command_shows_the_help():
     found = CliRunner().invoke(cli.app, [], prog_name="cosim")
     assert "Usage: cosim" in found.output and "error" not in found.output
+
+
+@pytest.mark.parametrize(("words", "status"), [("--version", 0), ("rum", 2)])
+def test_the_module_is_the_command(words, status):
+    said = subprocess.run([sys.executable, "-m", "cosim", words], capture_output=True, text=True)
+    same = CliRunner().invoke(cli.app, [words], prog_name="cosim")
+    assert (said.returncode, said.stdout) == (status, same.stdout)
