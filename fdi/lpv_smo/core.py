@@ -92,11 +92,16 @@ def inputs(x, u, p, dt):
         x.line[head, j] = value
     x.head = (head + 1) % DELAY
     x.u_s = x.line[before, 1]
+    asked = x.line[before, 0]
+    if x.age == 0.0 or p.rate_a <= 0.0:
+        x.u_r = asked
+    else:
+        x.u_r = min(max(asked, x.u_r - p.rate_a * dt), x.u_r + p.rate_a * dt)
     if x.age == 0.0 or p.omega_a <= 0.0:
-        x.u_0 = x.u_e = x.line[before, 0]
+        x.u_0 = x.u_e = x.u_r
     else:
         x.u_0 = x.u_e
-        x.u_e += (1.0 - math.exp(-p.omega_a * dt)) * (x.line[before, 0] - x.u_e)
+        x.u_e += (1.0 - math.exp(-p.omega_a * dt)) * (x.u_r - x.u_e)
     c = 1.0 if x.age == 0.0 or p.tau_v <= 0.0 else 1.0 - math.exp(-dt / p.tau_v)
     x.v_s += c * (u.V - x.v_s)
     return why

@@ -21,10 +21,10 @@ K P_o / delta = 1.5e4 1/s, so e_y takes a backward-Euler step: (1 - h a_i + h K 
 with m = |P_o e| is one monotone scalar equation. An explicit step is stable only below 135 us, and looks plausible
 while it is wrong.
 
-u is what a healthy elevator would do: the mean of the four commands through a lag of `omega_a`, delayed as the
-measurements are; a measured surface would hide the fault. V is the speed that carries Z' = V sin(theta - alpha); true
-airspeed, smoothed by `tau_v`, because 0.05 m/s of noise at 5 ms is 14 m/s2 and would saturate K. Feed the inertial,
-not the barometric altitude, for the same reason.
+u is what a healthy elevator would do: the mean of the four commands, followed at `rate_a` at most, through a lag of
+`omega_a`, delayed as the measurements are; a measured surface would hide the fault. V is the speed that carries
+Z' = V sin(theta - alpha); true airspeed, smoothed by `tau_v`, because 0.05 m/s of noise at 5 ms is 14 m/s2 and would
+saturate K. Feed the inertial, not the barometric altitude, for the same reason.
 
 In flight three things go beyond the paper, all off by default (`fitted` switches them on):
 
@@ -91,6 +91,7 @@ PARAMS = dtype(
         ("tau_v", "f8", "s"),  # smoothing of V, 0 for none
         ("tau_rho", "f8", "s"),  # smoothing of rho, 0 for none
         ("omega_a", "f8", "rad/s"),  # healthy elevator as a lag of its command, 0 for none
+        ("rate_a", "f8", "deg/s"),  # at most so fast is the command followed, 0 for no limit
         ("delay", "f8", "-"),  # of the commands, as long as that of q
         ("sigma_q", "f8", "rad/s"),  # noise of q per sample, for f_sigma
         ("bank", "f8", "-"),  # 1: bank and lateral rates are taken into account
@@ -220,6 +221,7 @@ STATE = dtype(
         ("head", "f8", "-"),
         ("u_0", "f8", "deg"),  # healthy elevator at the start and the end of the tick that ends now
         ("u_e", "f8", "deg"),
+        ("u_r", "f8", "deg"),  # the command as far as the rate limit lets it be followed
         ("u_s", "f8", "deg"),  # stabiliser
         ("v_s", "f8", "m/s"),  # smoothed V
         ("age", "f8", "s"),  # time since the (re)start; 0: not started
@@ -284,9 +286,9 @@ def params(
     which: str = "flight", *, model: LpvModel | None = None, made: Design | None = None,
     designs: Sequence[tuple[LpvModel, Design | None]] | None = None, K: float = 30.0, delta: float = 1e-4,
     tau_f: float = 0.2, tau_g: float = 0.1, tau_v: float = 0.2, tau_rho: float = 0.5, omega_a: float = 0.0,
-    delay: float = 0, bank: bool = True, gust: bool = False, inertia: tuple[float, float] = (0.0, 0.0),
-    adot: float = 0.0, thrust: float = 0.0, gradient: float = 0.0, sigma_q: float = 0.02 * RAD_PER_DEG,
-    t_settle: float = 2.0, t_learn: float = 0.0, dt: float = 0.005,
+    rate_a: float = 0.0, delay: float = 0, bank: bool = True, gust: bool = False,
+    inertia: tuple[float, float] = (0.0, 0.0), adot: float = 0.0, thrust: float = 0.0, gradient: float = 0.0,
+    sigma_q: float = 0.02 * RAD_PER_DEG, t_settle: float = 2.0, t_learn: float = 0.0, dt: float = 0.005,
 ) -> np.ndarray:  # fmt: skip
     """Return PARAMS of an `LpvModel` and its `Design`, by default the paper's box, stored for this aircraft.
 
@@ -300,9 +302,9 @@ def params(
     if not 0 < len(designs) <= NB:
         raise ValueError(f"{len(designs)} boxes; from 1 to {NB} fit")
     p = record(
-        PARAMS, K=K, delta=delta, tau_f=tau_f, tau_g=tau_g, tau_v=tau_v, tau_rho=tau_rho, omega_a=omega_a, delay=delay,
-        sigma_q=sigma_q, t_settle=t_settle, t_learn=t_learn, gust=float(gust), inertia=inertia, adot=adot,
-        thrust=thrust, gradient=gradient, bank=float(bank),
+        PARAMS, K=K, delta=delta, tau_f=tau_f, tau_g=tau_g, tau_v=tau_v, tau_rho=tau_rho, omega_a=omega_a,
+        rate_a=rate_a, delay=delay, sigma_q=sigma_q, t_settle=t_settle, t_learn=t_learn, gust=float(gust),
+        inertia=inertia, adot=adot, thrust=thrust, gradient=gradient, bank=float(bank),
         n_box=len(designs), **frequencies.design(dt), **thresholds("lpv_smo", which),
     )  # fmt: skip
     for k, (one, its) in enumerate(designs):
@@ -345,6 +347,7 @@ def fitted(site: Site, paper: bool = False) -> np.ndarray:
     return params(
         designs=None if paper else load_boxes(), gust=not paper, t_learn=LEARN,
         delay=site.ticks("q"), omega_a=1.0 / about.delays[0],
+        rate_a=0.0 if paper else about.rates[0] / RAD_PER_DEG,
         inertia=((zz - xx) / yy, xz / yy), adot=0.0 if paper else ADOT,
         gradient=0.0 if paper else GRADIENT, dt=site.dt,
         thrust=(rz * tx - rx * tz) / tx / yy / RAD_PER_DEG,
