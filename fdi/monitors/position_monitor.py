@@ -6,8 +6,10 @@ lag is how far the model is behind its command, a peak that fades: a servo that 
 the model is allowed a share of it (electromechanical segments; the share of hydraulic ones is zero).
 
 A deviation beyond the threshold for the confirmation time is an alarm. The monitor does not know why a surface is not
-where it should be. Its class follows from the motion at that moment, and only where that is clear: at rest while
-the model moved is JAM_SOLID, moving away from the model is RUNAWAY, anything else is AMBIGUOUS.
+where it should be, so the alarm is AMBIGUOUS until the motion tells: JAM_SOLID after `t_rest` at rest while the model
+moved, RUNAWAY after `travel_run` in one direction away from the model. That class then stays as long as the alarm. An
+oscillation whose strokes are longer than `travel_run` is taken for a runaway, one too small to be told from rest for a
+jam.
 """
 
 import math
@@ -34,10 +36,10 @@ PARAMS = dtype(
         ("t_lag", "f8", "s"),  # for which a peak of the lag is remembered
         ("t_confirm", "f8", "s"),
         ("t_release", "f8", "s"),
-        ("tau_rate", "f8", "s"),  # lag of the surface rate that names the class
-        ("rate_still", "f8", "rad/s"),  # below this the surface is at rest
-        ("rate_run", "f8", "rad/s"),  # from this on it may run away
-        ("jam_share", "f8", "-"),  # of the deviation that the model has moved while the surface was at rest: a jam
+        ("tau_motion", "f8", "s"),  # lag of the surface whose motion names the class
+        ("t_rest", "f8", "s"),  # at rest for so long, while the model moved: a jam
+        ("jam_share", "f8", "-"),  # of the deviation that the model has moved meanwhile
+        ("travel_run", "f8", "rad"),  # in one direction, away from the model: a runaway
         ("t_invalid", "f8", "s"),  # without a measurement for longer the estimate is not valid
     ]
 )
@@ -58,10 +60,13 @@ STATE = dtype(
         ("m3", "f8", "rad"),  # second lag
         ("model", "f8", "rad"),  # where the surface should be
         ("lag", "f8", "rad"),  # fading peak of command less model
+        ("slow", "f8", "rad"),  # lagged surface
         ("rest", "f8", "rad"),  # where the surface was when it last moved
         ("rest_model", "f8", "rad"),  # and the model
-        ("slow", "f8", "rad"),  # lagged surface
-        ("rate", "f8", "rad/s"),  # filtered surface rate
+        ("rest_time", "f8", "s"),  # since then
+        ("leave", "f8", "rad"),  # where the surface began to run away from the model
+        ("far", "f8", "rad"),  # how far it came
+        ("rate", "f8", "rad/s"),  # of the lagged surface
         ("timer", "f8", "s"),  # confirmation
         ("age", "f8", "s"),  # time since the last usable measurement
         ("r", "f8", "-"),  # deviation over threshold, signed
@@ -97,7 +102,8 @@ DETECTOR = Detector(
 )
 
 
-MOVED = math.radians(0.15)  # a surface that has moved further is not at rest: seven sigma of its sensor
+MOVED = math.radians(0.08)  # a surface that has moved further is not at rest: ten sigma of its sensor after the lag
+AWAY = 0.25  # of the threshold: a smaller deviation is none
 RATE_LIMIT = math.radians(40.0)  # of the servos' reference, both technologies (actuators/hydraulic/servo.py) [rad/s]
 TRAVEL = (math.radians(-23.0), math.radians(17.0))  # of the elevator [rad]
 
@@ -129,7 +135,7 @@ def step(x, u, p, dt):
             return
         x.started = 1.0
         x.m1 = x.m2 = x.m3 = x.model = x.command
-        x.slow = x.rest = x.surface
+        x.slow = x.rest = x.leave = x.far = x.surface
         x.rest_model = x.command
     # model: exact lags over the tick with their input held
     most = p.rate_limit * dt
@@ -143,23 +149,27 @@ def step(x, u, p, dt):
     x.valid = 1.0 if x.age <= p.t_invalid else 0.0
     if good < 0.5:
         return
-    b = 1.0 - math.exp(-dt / p.tau_rate)
-    x.rate = (x.surface - x.slow) / p.tau_rate
-    x.slow += b * (x.surface - x.slow)
+    x.rate = (x.surface - x.slow) / p.tau_motion
+    x.slow += (1.0 - math.exp(-dt / p.tau_motion)) * (x.surface - x.slow)
+    x.rest_time += dt
     if math.fabs(x.slow - x.rest) > MOVED:
-        x.rest, x.rest_model = x.slow, x.model
+        x.rest, x.rest_model, x.rest_time = x.slow, x.model, 0.0
     deviation = x.surface - x.model
     x.r = deviation / (p.threshold + p.share * x.lag)
-    before = x.alarm
+    away = math.copysign(1.0, deviation)  # the way back, or a surface where it should be, ends a run
+    if math.fabs(x.r) < AWAY or (x.slow - x.leave) * away < 0.0 or (x.far - x.slow) * away > MOVED:
+        x.leave = x.far = x.slow
+    elif (x.slow - x.far) * away > 0.0:
+        x.far = x.slow
     x.timer, x.alarm = confirm(x.timer, x.alarm, math.fabs(x.r) >= 1.0, dt, p.t_confirm, p.t_release)
     if x.alarm < 0.5:
         x.verdict = NONE
-    elif before < 0.5:  # the class is that of the moment of the alarm: a runaway at its stop is still one
-        jammed = math.fabs(x.model - x.rest_model) >= p.jam_share * math.fabs(deviation)
-        if math.fabs(x.rate) < p.rate_still and jammed:
-            x.verdict = JAM_SOLID
-        elif x.rate * deviation > 0.0 and math.fabs(x.rate) >= p.rate_run:
+    elif x.verdict == NONE or x.verdict == AMBIGUOUS:
+        moved = math.fabs(x.model - x.rest_model) >= p.jam_share * math.fabs(deviation)
+        if math.fabs(x.far - x.leave) >= p.travel_run:
             x.verdict = RUNAWAY
+        elif x.rest_time >= p.t_rest and moved and math.fabs(x.r) >= 1.0:
+            x.verdict = JAM_SOLID
         else:
             x.verdict = AMBIGUOUS
 
