@@ -1,12 +1,17 @@
 """Flights that many tests look at, flown once per session and process."""
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 import cosim
+from cosim.campaign.pool import THREADS, finished
 from fdi import registry
+
+for _name in THREADS:  # read by the processes that pytest starts: each is a core's already
+    os.environ.setdefault(_name, "1")
 
 
 @pytest.fixture(autouse=True)
@@ -14,6 +19,12 @@ def no_guests() -> Iterator[None]:
     """Forget the detectors that a test registers: they are the process's, and would fly in the next test."""
     yield
     registry.GUESTS.clear()
+
+
+@pytest.fixture
+def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let commands fly their campaigns in this process: to start a worker costs more than a few short flights."""
+    monkeypatch.setattr("cosim.campaign.pool._local", lambda todo, workers, crashed: finished(todo, workers=0))
 
 
 @pytest.fixture(scope="session")

@@ -20,6 +20,7 @@ from pathlib import Path
 import hostile_recordings
 import pyarrow.parquet as pq
 import pytest
+from campaign_texts import two_flights
 from commands import commands
 from hostile_logs import Logs
 from hostile_texts import WORDS, encoded, mangled
@@ -178,22 +179,9 @@ def test_recordings(kind, tmp_path):
     tried(f"recordings, {kind}", max(200, CASES // 10), made, [read])
 
 
-FILE = """
-base = "cruise"
-runs = 2
-seed = 3
-[set]
-duration_s = 0.3
-"detectors.enabled" = ["position_monitor"]
-"elevator.feedback" = "measured"
-[draw]
-"flight.mass_t" = { low = 200.0, high = 300.0 }
-"""
-
-
 @pytest.mark.slow
 def test_campaign_folders(tmp_path):
-    (tmp_path / "few.toml").write_text(FILE)
+    (tmp_path / "few.toml").write_text(two_flights(0.3))
     assert run_campaign(tmp_path / "few.toml", out=tmp_path / "whole", workers=0).done == 2
     (tmp_path / "whole" / "guests.json").write_text("[]")
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import pandas as pd
 
-from cosim.campaign.pool import cores, pool
+from cosim.campaign.pool import pool
 from cosim.errors import TrimError
 from cosim.flight.plant.plant import FlightPoint, Plant
 from cosim.scenario.aircraft import load_aircraft
@@ -40,7 +40,7 @@ def trim_map(
     altitudes_ft: tuple[float, ...] = ALTITUDES_FT,
     cas_kt: tuple[float, ...] = SPEEDS_KT,
     *,
-    workers: Any = 0,
+    workers: int | None = 0,
     progress: Callable[..., Any] | None = None,
 ) -> Any:
     """Return a table of every combination of the four.
@@ -58,13 +58,9 @@ def trim_map(
         if progress:
             progress(len(rows), total)
 
-    if workers == 0:
-        for job in jobs:
-            took(_row(job))
-    else:
-        with pool(workers or cores()) as here:
-            for future in cf.as_completed([here.submit(_row, job) for job in jobs]):
-                took(future.result())
+    with pool(workers) as here:
+        for future in cf.as_completed([here.submit(_row, job) for job in jobs]):
+            took(future.result())
     order = ["mass_t", "cg_pct", "altitude_ft", "cas_kt"]
     return pd.DataFrame(rows).sort_values(order, ignore_index=True)
 

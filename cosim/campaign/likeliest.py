@@ -26,7 +26,7 @@ from scipy.optimize import differential_evolution
 
 from cosim.campaign import run_many
 from cosim.campaign.draw import unit_cube
-from cosim.campaign.pool import cores, pool
+from cosim.campaign.pool import pool
 from cosim.campaign.space import Space
 from cosim.campaign.spec import load_campaign
 from cosim.campaign.store import CampaignError
@@ -108,7 +108,7 @@ def likeliest(
         raise CampaignError(f"{flights} flights", place="search", allowed=f"{LEAST} to {MOST}")
     space = Space(load_campaign(campaign), first_seed=FIRST_SEED, seeds=SEEDS, detectors=(detector,), part=part)
     rng, found = np.random.default_rng(seed), []
-    with pool(workers or cores()) as executor:
+    with pool(workers) as executor:
         fly = Flights(space, detector, executor, flights, progress)
         while fly.left >= 2 * POPULATION:
             fly.forget()

@@ -121,8 +121,15 @@ def _alone(call, crashed):
 
 
 @contextlib.contextmanager
-def pool(workers: int | None) -> Iterator[Any]:
-    """Open a pool of fresh processes with one thread each; an error or Ctrl-C in this process ends them."""
+def pool(workers: int | None) -> Iterator[cf.Executor]:
+    """Open a pool of `workers` fresh processes with one thread each, None for one per core, 0 for a thread of this
+    process; an error or Ctrl-C in this process ends them.
+    """
+    if workers == 0:
+        with cf.ThreadPoolExecutor(1) as thread:
+            yield thread
+        return
+    workers = cores() if workers is None else workers
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     made = cf.ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_start)

@@ -20,7 +20,7 @@ from scipy.optimize import differential_evolution
 
 from cosim.campaign import run_many
 from cosim.campaign.draw import unit_cube
-from cosim.campaign.pool import cores, pool
+from cosim.campaign.pool import pool
 from cosim.campaign.space import Space
 from cosim.campaign.spec import load_campaign
 from cosim.campaign.store import CampaignError
@@ -75,7 +75,7 @@ def search(
     if space.faults:
         raise CampaignError("has faults", place=made.name, remedy="Search a campaign of fault-free flights")
     generations = flights // POPULATION
-    with pool(workers or cores()) as executor:
+    with pool(workers) as executor:
         evaluate = _Evaluate(space, detector, executor, progress, generations * POPULATION)
         differential_evolution(
             evaluate,

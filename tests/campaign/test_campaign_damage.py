@@ -7,23 +7,12 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from campaign_texts import two_flights
 from typer.testing import CliRunner
 
 from cosim.campaign.run import run_campaign
 from cosim.cli.commands import app
 from cosim.errors import CosimError
-
-FILE = """
-base = "cruise"
-runs = 2
-seed = 3
-[set]
-duration_s = 0.5
-"detectors.enabled" = ["position_monitor"]
-"elevator.feedback" = "measured"
-[draw]
-"flight.mass_t" = { low = 200.0, high = 300.0 }
-"""
 
 
 def cosim(*args):
@@ -33,7 +22,7 @@ def cosim(*args):
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory):
     home = tmp_path_factory.mktemp("campaign")
-    (home / "few.toml").write_text(FILE)
+    (home / "few.toml").write_text(two_flights())
     assert run_campaign(home / "few.toml", out=home / "out", workers=0).done == 2
     return home
 

@@ -1,5 +1,6 @@
 """The campaign file: what a grid and draws make of a scenario, what is refused and how, and the command around it."""
 
+import functools
 import io
 import json
 import os
@@ -163,17 +164,23 @@ def test_distributions_are_what_they_are_called():
     assert [draw({"choice": ["a", "b"]}, "")(q) for q in (0.0, 0.49, 0.51, 0.999)] == ["a", "a", "b", "b"]
 
 
+@functools.cache
+def built_in(name):
+    """Return a built-in campaign and its scenarios."""
+    made = load_campaign(name)
+    return made, made.scenarios()[0]
+
+
 @pytest.mark.parametrize("name", builtin_campaigns())
 def test_built_in_campaigns_can_be_flown_and_keep_off_training_seeds(name):
-    made = load_campaign(name)
-    scenarios, _ = made.scenarios()
+    made, scenarios = built_in(name)
     assert len(scenarios) == len(made) and made.title
     assert min(s.seed for s in scenarios) >= EVALUATION_SEED
     assert not any(s.warnings() for s in scenarios)
 
 
 def test_sizes_of_the_built_in_campaigns():
-    flights = {name: load_campaign(name).scenarios()[0] for name in builtin_campaigns()}
+    flights = {name: built_in(name)[1] for name in builtin_campaigns()}
     quiet, severe, faulty = (flights[n] for n in ("fault-free", "fault-free-severe", "aircraft-vs-local"))
     assert (len(quiet), len(severe)) == (600, 200) and len(faulty) >= 2000
     for own in flights.values():  # independent flights over the envelope, not the points of training
@@ -238,7 +245,7 @@ NO_TRIM = '{ "flight.mass_t" = 405, "flight.cas_kt" = 101 }'
         (DRIVE.replace("\n", " ") + ", { seed = 5 }", 1, ("2 runs: ", "1 x error: ", "iotsekf")),
     ],
 )
-def test_runs_that_fail_are_told_and_decide_the_exit_status(flights, status, told, written, tmp_path):
+def test_runs_that_fail_are_told_and_decide_the_exit_status(flights, status, told, written, tmp_path, one_process):
     path = written(BEYOND.replace("FLIGHTS", flights))
     found = cosim("campaign", path, "-o", tmp_path / "out", "--workers", 1)
     assert found.exit_code == status, found.output
@@ -254,7 +261,7 @@ def test_the_median_delay_counts_a_missed_fault_as_endless():
     assert _median(pd.Series([0.1, np.nan, np.nan])) is None and _median(pd.Series([], dtype=float)) is None
 
 
-def test_without_faults_the_flights_nearest_to_an_alarm_are_told(written, tmp_path):
+def test_without_faults_the_flights_nearest_to_an_alarm_are_told(written, tmp_path, one_process):
     path = written('base = "cruise"\nruns = 2\n[set]\nduration_s = 3\n"detectors.enabled" = ["iotsekf"]\n')
     told = cosim("campaign", path, "-o", tmp_path / "out", "--workers", 1)
     assert told.exit_code == 0 and "nearest" in told.stdout, told.output

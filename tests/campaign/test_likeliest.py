@@ -39,7 +39,7 @@ def cries(tmp_path_factory):
     """A surface sensor whose bias is what makes the position monitor cry."""
     folder = tmp_path_factory.mktemp("likeliest")
     (folder / "space.toml").write_text(SPACE)
-    return likeliest(folder / "space.toml", "position_monitor", flights=80, out=folder / "found.toml", workers=1)
+    return likeliest(folder / "space.toml", "position_monitor", flights=80, out=folder / "found.toml", workers=0)
 
 
 def test_the_failure_needs_just_what_it_needs(cries):
@@ -60,7 +60,7 @@ def test_it_is_a_scenario_that_fails_when_it_is_flown(cries):
 
 def test_a_fault_that_is_missed_is_found_by_what_the_campaign_draws(tmp_path):
     (tmp_path / "missed.toml").write_text(MISSED)
-    found = likeliest(tmp_path / "missed.toml", "position_monitor", flights=100, workers=1)
+    found = likeliest(tmp_path / "missed.toml", "position_monitor", flights=100, workers=0)
     assert found.failure == "misses"
     away = found.failures[0].away
     assert next(iter(away)) == "faults.0.bias_deg" and away["faults.0.bias_deg"] < -0.5
@@ -70,7 +70,7 @@ def test_a_fault_that_is_missed_is_found_by_what_the_campaign_draws(tmp_path):
 def test_where_nothing_fails_it_says_how_near_it_came(tmp_path):
     file = tmp_path / "quiet.toml"
     file.write_text(SPACE.replace("sigma = 0.4", "sigma = 0.01"))
-    found = likeliest(file, "position_monitor", flights=60, workers=1, out=tmp_path / "none.toml")
+    found = likeliest(file, "position_monitor", flights=60, workers=0, out=tmp_path / "none.toml")
     assert found.scenario is None and found.failures == () and not (tmp_path / "none.toml").exists()
     assert 0.0 < found.to_dict()["nearest"] < 1.0
     with pytest.raises(CosimError, match="60 to"):

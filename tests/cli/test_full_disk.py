@@ -4,23 +4,13 @@ import shutil
 import subprocess
 
 import pytest
+from campaign_texts import two_flights
 from typer.testing import CliRunner
 
 import cosim
 from cosim.cli.commands import app
 from cosim.log import open_log, recover
 
-FILE = """
-base = "cruise"
-runs = 2
-seed = 3
-[set]
-duration_s = 0.5
-"detectors.enabled" = ["position_monitor"]
-"elevator.feedback" = "measured"
-[draw]
-"flight.mass_t" = { low = 200.0, high = 300.0 }
-"""
 SHORT = ["duration_s=3", "faults.0.start_s=1", "detectors.enabled=['iotsekf']", "elevator.feedback=measured"]
 
 
@@ -92,8 +82,8 @@ def test_a_flight_keeps_its_ticks_or_nothing(disk, full, tmp_path):
 
 
 @pytest.mark.parametrize("free", [0, 12_288, 40_960, 100_000])
-def test_a_campaign_goes_on_when_there_is_space_again(free, disk, full, tmp_path):
-    (tmp_path / "few.toml").write_text(FILE + "[keep]\nresidual = 1\n")
+def test_a_campaign_goes_on_when_there_is_space_again(free, disk, full, tmp_path, one_process):
+    (tmp_path / "few.toml").write_text(two_flights() + "[keep]\nresidual = 1\n")
     full(free)
     out = disk / "out"
     assert "resume" in told(command("campaign", tmp_path / "few.toml", "--workers", "1", "-o", out), out)

@@ -39,7 +39,7 @@ class Misbehaving:
             return "an alarm"
         if self.how == 5:
             y.rod = 0.0
-        if self.how == 6 and t < 1.1:  # a replay, which drops nothing, goes through every step
+        if self.how == 6 and t < 1.01:  # a replay, which drops nothing, goes through every step
             time.sleep(0.15)
         if self.how == 7:
             sys.exit(3)
