@@ -13,6 +13,7 @@ base = "cruise"
 [set]
 duration_s = 4.0
 "flight.turbulence" = "none"
+"sensors.noise_scale" = 0.0  # a seed's own noise would move r as far as a fifth of the bias
 [grid]
 manoeuvre = [{ "manoeuvre.kind" = "cruise" }, { "manoeuvre.kind" = "nz_doublet", "manoeuvre.start_s" = 1.0 }]
 [draw]
@@ -26,14 +27,14 @@ def found(tmp_path_factory):
     folder = tmp_path_factory.mktemp("search")
     (folder / "space.toml").write_text(SPACE)
     return search(
-        folder / "space.toml", "position_monitor", flights=2 * POPULATION, out=folder / "worst.toml", workers=1
+        folder / "space.toml", "position_monitor", flights=2 * POPULATION, out=folder / "worst.toml", workers=0
     )
 
 
 def test_search_finds_the_corner_that_random_flights_do_not(found):
     first = found.flights["r"].iloc[:POPULATION]
     assert found.r == found.flights["r"].max() >= first.max() > first.median()
-    assert found.scenario.sensors.setting("surface").bias > 0.8 * 3.14159 / 180
+    assert found.scenario.sensors.setting("surface").bias > 0.9 * 3.14159 / 180
     assert found.scenario.seed >= SEARCH_SEED and len(found.flights) == 2 * POPULATION
 
 

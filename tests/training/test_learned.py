@@ -42,16 +42,22 @@ def test_the_convolution_learns_an_oscillation():
     assert np.mean(found.argmax(axis=1) == y[3000:]) > 0.9 and found[:, 2].max() < 1e-6
 
 
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    """Return a recording of ten seconds; its fault begins when the longest window, of 4 s, has long been full."""
+    path = tmp_path_factory.mktemp("learned") / "x.parquet"
+    given = ["duration_s=10", "faults.0.start_s=6", "elevator.feedback='measured'"]
+    thin.record(load_scenario("liquid-ofc", given), path)
+    return thin.Recording(path)
+
+
 @pytest.mark.parametrize("learner", training.LEARNERS, ids=lambda x: x.id)
-def test_in_flight_a_model_is_asked_what_it_was_fitted_to(learner, tmp_path):
+def test_in_flight_a_model_is_asked_what_it_was_fitted_to(learner, recording):
     file = learned()[learner.id]
     model = (LEARNED / f"{learner.id}.onnx").read_bytes()
     assert len(model) <= 1e6
     told = json.loads((LEARNED / "learned.json").read_text(encoding="utf-8"))[learner.id]
     assert tuple(told["classes"]) == learner.classes
-    given = ["duration_s=10", "faults.0.start_s=6", "elevator.feedback='measured'"]
-    thin.record(load_scenario("liquid-ofc", given), tmp_path / "x.parquet")
-    recording = thin.Recording(tmp_path / "x.parquet")
     lanes = list(thin.judgement(recording, thin.flown_with(recording, (), [file])))
     step = 0.1 if learner.window_s == 2.0 else 0.2
     x, y, lane = training.windows_of(recording, learner, step)
