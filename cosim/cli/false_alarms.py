@@ -9,7 +9,7 @@ from rich.console import Group
 from rich.text import Text
 
 from cosim.cli import tables
-from cosim.cli.output import JsonOption, WorkersOption, reserve
+from cosim.cli.output import JsonOption, WorkersOption, output_option, reserve
 
 
 def add(app: Any, out: Any, err: Any) -> None:
@@ -25,9 +25,7 @@ def add(app: Any, out: Any, err: Any) -> None:
         campaign: Annotated[
             str, typer.Option("--campaign", metavar="NAME", help="Fault-free campaign to fly: built-in name or file.")
         ] = "fault-free",
-        output: Annotated[
-            Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of flights, page and table.")
-        ] = Path("logs/false-alarms"),
+        output: Annotated[Path, output_option("DIR", "Folder of flights, page and table.")] = Path("logs/false-alarms"),
         workers: WorkersOption = None,
         json_: JsonOption = False,
     ):
@@ -57,16 +55,16 @@ def add(app: Any, out: Any, err: Any) -> None:
 
 def shown(found: dict, files: dict) -> Group:
     """Return the table of a measurement from its plain data."""
-    t = tables.table("", "detector", "hours>", "alarms>", "as it ships, per hour>", "at most>", "c for 1e-9>",
-                     "at most>", "what is against it")  # fmt: skip
+    t = tables.table("", "detector", "hours>", "alarms>", "per hour>", "at most>", "c for 1e-9>", "at most>")
     for d in found["detectors"]:
         at, needed = d["at_threshold"] or {}, d["needed"] or {}
         cells = (at.get("value"), at.get("high"), needed.get("value"), needed.get("high"))
-        why = "\n".join(d["against"]) or "nothing"
-        t.add_row(d["id"], f"{d['hours']:.1f}", str(d["alarms"]), *(_number(x) for x in cells), tables.escape(why))
+        t.add_row(d["id"], f"{d['hours']:.1f}", str(d["alarms"]), *(_number(x) for x in cells))
     flown = f"{found['flights']} flights, {found['hours']:.1f} h of {found['campaign']}"
     said = f"{flown}; bounds at 95 %, of this model; c: all thresholds times this"
-    return Group(t, Text(said, style="dim"), *(tables.whole(f"{key:<8}{path}") for key, path in files.items()))
+    against = [Text(f"{d['id']}: {'; '.join(d['against'])}") for d in found["detectors"] if d["against"]]
+    lines = (tables.whole(f"{key:<8}{path}") for key, path in files.items())
+    return Group(t, Text(said, style="dim"), *against, *lines)
 
 
 def _number(x):

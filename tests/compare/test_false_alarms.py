@@ -1,13 +1,16 @@
 """False alarms per hour: what a flight keeps, what a curve says, what stands against it; a measurement goes on."""
 
+import io
 import json
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from cosim.campaign.quiet import Flight, Lane, Moments, fly
 from cosim.campaign.space import Space
 from cosim.campaign.spec import load_campaign
+from cosim.cli.false_alarms import shown
 from cosim.compare import false_alarms as work
 from cosim.errors import CosimError
 from cosim.judge.result import plain
@@ -122,9 +125,14 @@ def test_the_page_shows_every_detector_with_what_is_against_it():
     assert "20.0 h in 1200 flights" in html and "1 draws do not trim" in html
     assert "saturates" in html and "grows with the command" in html and "of this model" in html
     assert html.count('class="plot"') == 2 and "Anderson-Darling" in html
+    text = io.StringIO()
+    Console(file=text, width=80).print(shown(plain(found), {}))
+    (row,) = (line.split() for line in text.getvalue().splitlines() if line.split()[:1] == ["position_monitor"])
+    assert row[1:4] == ["20.0", "0", f"{found['detectors'][0]['at_threshold']['value']:.2g}"] and len(row) == 7
+    assert "rfafe: no curve: saturates" in " ".join(text.getvalue().split())
 
 
-def test_the_command_writes_page_and_table_and_prints_what_is_against_each(tmp_path):
+def test_the_command_writes_page_and_table_and_prints_what_is_against_each(tmp_path, one_process):
     from typer.testing import CliRunner
 
     from cosim.cli.commands import app
@@ -134,7 +142,7 @@ def test_the_command_writes_page_and_table_and_prints_what_is_against_each(tmp_p
     words = ["false-alarms", "position_monitor", "--hours", 0.001, "--campaign", file, "-o", tmp_path / "out"]
     words = [*map(str, words), "--workers", "1"]
     done = CliRunner().invoke(app, words)
-    assert done.exit_code == 0 and "2 flights" in done.output  # names are cut in a narrow terminal's table
+    assert done.exit_code == 0 and "position_monitor" in done.output and "2 flights" in done.output
     told = json.loads((tmp_path / "out" / "false-alarms.json").read_text())
     assert [d["id"] for d in told["detectors"]] == ["position_monitor"]
     assert "of this model" in (tmp_path / "out" / "false-alarms.html").read_text()
