@@ -8,7 +8,7 @@ from actuators.simple import actuator as simple
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.flight.gains import sensor_age
 from cosim.scenario.catalog import TECHNOLOGIES
-from cosim.scenario.model import Settings
+from cosim.scenario.elevator import Settings
 
 
 def _scaled(technology, own, multipliers):

@@ -13,8 +13,9 @@ from cosim.campaign.inventory import inventory
 from cosim.campaign.store import ROWS
 from cosim.scenario import builtin_names, load_scenario, parse
 from cosim.scenario import catalog as c
+from cosim.scenario.elevator import Elevator
 from cosim.scenario.fault import Fault
-from cosim.scenario.model import Elevator, Sensors
+from cosim.scenario.sensors import Sensors
 from fdi.registry import SHIPPED
 
 
