@@ -1,14 +1,58 @@
-"""Two states of the code beside each other, by what `cosim bench --json` measured of each."""
+"""The command that measures what everything costs, its tables, and two states of the code beside each other."""
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import typer
+from rich.console import Group
 from rich.table import Table
+from rich.text import Text
 
+from cosim.cli.output import JsonOption
 from cosim.cli.tables import NOTHING, number, table
+from cosim.cli.tables import progress as bar
 from cosim.errors import CosimError
 from cosim.texts import from_json, read
+
+
+def add(app: Any, out: Any, err: Any) -> None:
+    """Add `bench` to the command line `app`; `out` and `err` are its consoles."""
+
+    @app.command()
+    def bench(
+        rounds: Annotated[int, typer.Option("--rounds", min=3, help="Rounds of interleaved timing.")] = 15,
+        memory: Annotated[
+            bool, typer.Option("--memory/--no-memory", help="Fly ten minutes for the peak memory.")
+        ] = True,
+        campaign: Annotated[
+            str | None,
+            typer.Option("--campaign", metavar="NAME", help="Instead fly a campaign, twice.", show_default=False),
+        ] = None,
+        beside: Annotated[
+            Path | None,
+            typer.Option("--compare", metavar="FILE", help="Beside what --json wrote to FILE.", show_default=False),
+        ] = None,
+        json_: JsonOption = False,
+    ):
+        """Measure what a tick costs, how fast a run starts and how much memory it takes."""
+        from cosim.bench import bench as work
+
+        if campaign is not None:
+            from cosim.bench.campaign import compare
+
+            with bar(err, campaign, "flights", "preparing the workers") as progress:
+                done = compare(campaign, progress=progress)
+            print(json.dumps(done)) if json_ else out.print(campaign_speed(done))
+            raise typer.Exit(0 if done["equal"] and not done["crashed"] else 1)
+        before = read_bench(beside) if beside else None
+        with bar(err, "measuring", unit="") as progress:
+            found = work(rounds=rounds, memory=memory, progress=progress)
+        if json_:
+            print(json.dumps(found, allow_nan=False))
+        else:
+            out.print(compared(before, found) if before else shown(found))
 
 
 def read_bench(path: Path) -> dict[str, Any]:
@@ -46,3 +90,51 @@ def _numbers(found):
         if found.get("recorded"):
             out[f"log: {name.removesuffix('_s')} [s]"] = found["recorded"][name]
     return out
+
+
+def shown(found: Any) -> Any:
+    """Return the tables of `cosim bench`."""
+    t = table("Cost per tick", "case", "µs/tick>", "ratio>", "spread>", "to")
+    for r in found["cases"]:
+        spread = NOTHING if r["spread"] is None else f"{100 * r['spread']:.0f} %"
+        t.add_row(r["name"], number(r["us_per_tick"]), number(r["ratio"]), spread, r["against"] or "")
+    recorded = found.get("recorded")
+    again = recorded["replay_us"] if recorded else {}
+    d = table("Detectors, per step and lane", "detector", "lanes>", "live µs>", "batch µs>", "replay µs>")
+    for r in found["detectors"]:
+        costs = (r["live_us"], r["batch_us"], again.get(r["id"]))
+        d.add_row(r["id"], str(r["lanes"]), *map(number, costs))
+    rate, start = found["realtime_factor"], found["startup"]
+    all_, minutes = f"{rate['with_detectors']:.0f} x", found["memory_flight_s"] / 60
+    lines = [
+        f"real time      {rate['lockstep']:.0f} x, with all eleven detectors {all_}, on one of {found['cores']} cores",
+        f"warm start     {start['run_s']:.2f} s for a run of 1 s; help {start['help_s']:.2f} s",
+        f"peak memory    {number(found['peak_mb'], 0)} MB in a flight of {minutes:.0f} minutes; a campaign's "
+        f"worker {number(found['worker_mb'], 0)} MB",
+    ]
+    if recorded:
+        r = recorded
+        lines += [
+            f"reading        {r['open_s'] + r['frames_s']:.2f} s for {r['minutes']:.0f} minutes of every signal "
+            f"({r['values_mb']:.0f} MB of numbers) into pandas, one topic {r['topic_s']:.2f} s",
+            f"replay         {r['detectors_realtime']:.0f} x real time for every detector, "
+            f"{r['replay_realtime']:.0f} x with reading and comparing",
+        ]
+    g = table("Growth", "over", "cost in", "fixed>", "each>", "off the line>", "measured")
+    for line in found["growth"]:
+        points = ", ".join(f"{x:g}: {y:.3g}" for x, y in line["points"])
+        off = f"{100 * line['off']:.0f} %"
+        g.add_row(line["over"], line["unit"], number(line["offset"], 3), number(line["slope"], 4), off, points)
+    return Group(t, d, g, Text("\n".join(lines)))
+
+
+def campaign_speed(found: Any) -> Any:
+    """Return what `cosim bench --campaign` measured."""
+    shown = table(found["campaign"], "processes", "flights>", "wall s>", "flights/min>", "x real time>", "outcomes")
+    for case in found["cases"]:
+        wall, times = f"{case['wall_s']:.1f}", f"{case['flown_s'] / case['wall_s']:.0f}"
+        outcomes = ", ".join(f"{n} {name}" for name, n in case["outcomes"].items())
+        rate = f"{60 * case['flights'] / case['wall_s']:.0f}"
+        shown.add_row(str(case["workers"]), str(case["flights"]), wall, rate, times, outcomes)
+    rows = "rows equal" if found["equal"] else "rows differ"
+    return Group(shown, f"{found['ratio']:.2f} times as fast as one process; {rows}; {found['crashed']} crashed")

@@ -6,8 +6,16 @@ from typing import Annotated, Any
 
 import typer
 
-from cosim.cli import tables
-from cosim.cli.output import DetectorOption, JsonOption, WorkersOption, reserve
+from cosim.cli import flight, tables
+from cosim.cli.output import (
+    CampaignArg,
+    DetectorOption,
+    JsonOption,
+    ReadmeOption,
+    WorkersOption,
+    output_option,
+    reserve,
+)
 
 
 def add(app: Any, out: Any, err: Any) -> Any:
@@ -19,16 +27,13 @@ def add(app: Any, out: Any, err: Any) -> Any:
 
     @app.command()
     def campaign(
-        campaign: Annotated[str, typer.Argument(metavar="CAMPAIGN", help="Built-in name or file.", show_default=False)],
+        campaign: CampaignArg,
         workers: WorkersOption = None,
         scheduler: Annotated[
             str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Fly on a Dask cluster: tcp://host:8786.")
         ] = None,
         resume: Annotated[bool, typer.Option("--resume", help="Go on in this folder; failed runs fly again.")] = False,
-        output: Annotated[
-            Path | None,
-            typer.Option("--output", "-o", metavar="DIR", help="Default: logs/<campaign>.", show_default=False),
-        ] = None,
+        output: Annotated[Path | None, output_option("DIR", "Default: logs/<campaign>.")] = None,
         again: Annotated[
             str | None,
             typer.Option("--rerun", metavar="ID", help="Fly one run again, with a log, and compare its row."),
@@ -82,7 +87,7 @@ def add(app: Any, out: Any, err: Any) -> Any:
             if json_:
                 print(json.dumps(found, allow_nan=False))
             else:
-                out.print(tables.run(found, flown))
+                out.print(flight.shown(found, flown))
                 if repeats is not None:
                     other = "" if same_code else ": the campaign was flown with other code, designs or libraries"
                     out.print("its row repeats exactly" if repeats else f"[bold red]its row does not repeat[/]{other}")
@@ -108,11 +113,8 @@ def add(app: Any, out: Any, err: Any) -> Any:
 
     @app.command()
     def dataset(
-        campaign: Annotated[str, typer.Argument(metavar="CAMPAIGN", help="Built-in name or file.", show_default=False)],
-        output: Annotated[
-            Path | None,
-            typer.Option("--output", "-o", metavar="DIR", help="Default: logs/<campaign>-dataset.", show_default=False),
-        ] = None,
+        campaign: CampaignArg,
+        output: Annotated[Path | None, output_option("DIR", "Default: logs/<campaign>-dataset.")] = None,
         signal: Annotated[
             list[str] | None,
             typer.Option("--signal", metavar="WORD", help="`cosim list signals`. Default: all.", show_default=False),
@@ -147,10 +149,7 @@ def add(app: Any, out: Any, err: Any) -> Any:
             Path,
             typer.Argument(metavar="LOG|DIR", help="A log; a campaign's folder, or one of logs.", show_default=False),
         ],
-        output: Annotated[
-            Path | None,
-            typer.Option("--output", "-o", metavar="HTML", help="Default: beside the log.", show_default=False),
-        ] = None,
+        output: Annotated[Path | None, output_option("HTML", "Default: beside the log.")] = None,
         json_: JsonOption = False,
     ):
         """Write one self-contained HTML page that shows a flight, what `cosim replay --map -o` made of a recording, or
@@ -185,14 +184,9 @@ def add(app: Any, out: Any, err: Any) -> Any:
                 show_default=False,
             ),
         ] = None,
-        output: Annotated[
-            Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of report and table.")
-        ] = Path("logs/compare"),
+        output: Annotated[Path, output_option("DIR", "Folder of report and table.")] = Path("logs/compare"),
         workers: WorkersOption = None,
-        readme: Annotated[
-            Path | None,
-            typer.Option("--readme", metavar="FILE", help="Write table and picture into it, too.", show_default=False),
-        ] = None,
+        readme: ReadmeOption = None,
         detector: DetectorOption = None,
         json_: JsonOption = False,
     ):

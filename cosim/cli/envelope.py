@@ -4,12 +4,11 @@ import json
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
 from rich.console import Group
 from rich.text import Text
 
 from cosim.cli import tables
-from cosim.cli.output import JsonOption, WorkersOption, reserve
+from cosim.cli.output import JsonOption, WorkersOption, output_option, reserve
 from cosim.files import replace
 
 
@@ -18,9 +17,7 @@ def add(app: Any, out: Any, err: Any) -> None:
 
     @app.command()
     def envelope(
-        output: Annotated[
-            Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of page, picture and table.")
-        ] = Path("logs/envelope"),
+        output: Annotated[Path, output_option("DIR", "Folder of page, picture and table.")] = Path("logs/envelope"),
         workers: WorkersOption = None,
         json_: JsonOption = False,
     ):

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from cosim.cli import tables
-from cosim.cli.output import JsonOption, reserve
+from cosim.cli.output import JsonOption, output_option, reserve
 from cosim.errors import CosimError
 
 KINDS = ("detector",)
@@ -20,9 +20,7 @@ def add(app: Any, out: Any, err: Any) -> Any:
     def new(
         what: Annotated[str, typer.Argument(metavar="detector", help="What to write: detector.", show_default=False)],
         name: Annotated[str, typer.Argument(metavar="NAME", help="Lower-case letters, digits and _.")],
-        output: Annotated[
-            Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of the two files.")
-        ] = Path("."),
+        output: Annotated[Path, output_option("DIR", "Folder of the two files.")] = Path("."),
         json_: JsonOption = False,
     ):
         """Write a detector of your own that runs, and its test: NAME.py and test_NAME.py."""
@@ -49,10 +47,7 @@ def add(app: Any, out: Any, err: Any) -> Any:
     @app.command("map")
     def map_(
         recording: Annotated[Path, typer.Argument(metavar="FILE", help="CSV, Parquet or MCAP.", show_default=False)],
-        output: Annotated[
-            Path | None,
-            typer.Option("--output", "-o", metavar="MAP.toml", help="Default: print it.", show_default=False),
-        ] = None,
+        output: Annotated[Path | None, output_option("MAP.toml", "Default: print it.")] = None,
         json_: JsonOption = False,
     ):
         """Draft a map for a recording by its columns' names and ranges; check signs and units before you believe it."""

@@ -73,10 +73,20 @@ def named(scenario: Any) -> Iterator[Any]:
         raise
 
 
+def output_option(metavar: str, about: str) -> Any:
+    """Return the option -o of a command: the file or folder that it writes."""
+    return typer.Option("--output", "-o", metavar=metavar, help=about)
+
+
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 WorkersOption = Annotated[
     int | None, typer.Option("--workers", min=1, help="Processes. Default: one per core.", show_default=False)
 ]
+ReadmeOption = Annotated[
+    Path | None,
+    typer.Option("--readme", metavar="FILE", help="Write the tables between its markers, too.", show_default=False),
+]
+CampaignArg = Annotated[str, typer.Argument(metavar="CAMPAIGN", help="Built-in name or file.", show_default=False)]
 DetectorOption = Annotated[
     list[Path] | None,
     typer.Option(

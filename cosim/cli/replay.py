@@ -1,18 +1,138 @@
-"""What `cosim replay` and `cosim recover` show: tables built from the same plain data that `--json` prints."""
+"""The commands `replay` and `recover`, and their tables, from the same plain data that `--json` prints."""
 
-from typing import Any
+import contextlib
+import itertools
+import json
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
+import typer
 from rich.console import Group
 from rich.markup import escape
 from rich.text import Text
 
+from cosim.cli.app import LIVE_PORT, LogArg, PortOption, SpeedOption, notes, only_live, served
+from cosim.cli.output import DetectorOption, JsonOption, output_option, reserve
 from cosim.cli.tables import NOTHING, number, table
+from cosim.cli.tables import progress as bar
 
 SHOWN = 12  # differences in the table; all of them are in --json
 MISSING = 6  # signals of a detector that was not run
 
 
-def replay(found: Any, detection: Any) -> Any:
+def add(app: Any, out: Any, err: Any) -> None:
+    """Add `replay` and `recover` to the command line `app`; `out` and `err` are its consoles."""
+
+    @app.command()
+    def replay(
+        log: LogArg,
+        detectors: Annotated[
+            str | None, typer.Option("--detectors", metavar="A,B", help="Only these detectors.", show_default=False)
+        ] = None,
+        set_: Annotated[
+            list[str] | None,
+            typer.Option(
+                "--set", "-s", metavar="DETECTOR.PARAMETER=VALUE", help="What if: change a parameter. Repeatable."
+            ),
+        ] = None,
+        start: Annotated[
+            float, typer.Option("--from", metavar="T", min=0.0, help="Start in the middle, at T seconds.")
+        ] = 0.0,
+        map_: Annotated[
+            Path | None,
+            typer.Option(
+                "--map", metavar="MAP.toml", help="Diagnose a foreign CSV, Parquet or MCAP by this map (README)."
+            ),
+        ] = None,
+        on_reset: Annotated[
+            Literal["split", "offset"] | None,
+            typer.Option("--on-reset", help="With --map: where the clock goes back, stretches apart or joined."),
+        ] = None,
+        output: Annotated[Path | None, output_option("LOG", "Write old and new outputs to a log.")] = None,
+        live: Annotated[
+            bool, typer.Option("--live", help="Run nothing: show the log in Foxglove, played and scrubbed (README).")
+        ] = False,
+        speed: SpeedOption = None,
+        port: PortOption = None,
+        detector: DetectorOption = None,
+        json_: JsonOption = False,
+    ):
+        """Run the detectors of a log again and compare bit for bit. Exit status 0: exact, 1: different.
+
+        A detector of your own that was not part of the flight is run on it as it was logged.
+        """
+
+        only_live(live, speed=speed, port=port)
+        if live:
+            from cosim.replay.live import show
+
+            where = LIVE_PORT if port is None else port
+            with contextlib.suppress(KeyboardInterrupt):  # that is how it ends
+                show(log, port=where, speed=speed or 1.0, start_s=start, ready=served)
+            return
+        chosen = [name.strip() for name in detectors.split(",") if name.strip()] if detectors is not None else None
+        if output:
+            reserve(output, taken=log, what="the log")
+        from cosim.replay.params import overrides
+
+        if map_:
+            from cosim.replay.map import diagnose
+
+            how = {"detectors": chosen, "overrides": overrides(set_ or ()), "start_s": start, "on_reset": on_reset}
+            how["guests"] = detector or ()
+            stretches = []
+            for part in itertools.count():
+                path = output.with_stem(f"{output.stem}-{part + 1}") if output and part else output
+                try:
+                    stretches.append(diagnose(log, map_, output=path, part=part, **how).to_dict())
+                except IndexError:
+                    break
+                if on_reset != "split":
+                    break
+            if json_:
+                print(json.dumps(stretches[0] if len(stretches) == 1 else {"stretches": stretches}, allow_nan=False))
+            else:
+                for told in stretches:
+                    out.print(diagnosis(told))
+            return
+        from cosim.replay import replay as work
+
+        with bar(err, "replaying") as progress:
+            found = work(
+                log,
+                detectors=chosen,
+                overrides=overrides(set_ or ()),
+                start_s=start,
+                output=output,
+                progress=progress,
+                guests=detector or (),
+            )
+        notes(found.notes)
+        if json_:
+            print(json.dumps(found.to_dict(), allow_nan=False))
+        else:
+            out.print(shown(found.to_dict(), detection=chosen is not None or bool(set_ or detector)))
+        raise typer.Exit(0 if found.exact or (detector and not found.values) else 1)
+
+    @app.command()
+    def recover(
+        log: LogArg,
+        output: Annotated[Path | None, output_option("LOG", "Default: LOG with .recovered before its ending.")] = None,
+        json_: JsonOption = False,
+    ):
+        """Make a readable log of what a kill, a full disk or a damaged disk has left of one, and say what is lost."""
+        from cosim.log import recover as work
+
+        path = output or log.with_suffix(f".recovered{log.suffix}")
+        reserve(path, taken=log, what="the log")
+        found = work(log, path)
+        if json_:
+            print(json.dumps(found, allow_nan=False))
+        else:
+            out.print(recovered(found))
+
+
+def shown(found: Any, detection: Any) -> Any:
     """Return the outcome of a replay: what differs, how much was compared; with `detection`, who alarmed when."""
     parts = [_differences(found)] if found["differences"] else []
     parts.append(_verdict(found))
@@ -115,7 +235,7 @@ def _not_run(rows, named):
     return lack
 
 
-def recover(found: Any) -> Any:
+def recovered(found: Any) -> Any:
     """Return what came back of a damaged log, and what is lost."""
     head = Text.assemble(
         (f"{found['ticks']:,} ticks", "bold"), f" ({found['duration_s']:g} s) in {found['chunks']} whole chunks\n"

@@ -9,7 +9,7 @@ from rich.console import Group
 from rich.text import Text
 
 from cosim.cli import tables
-from cosim.cli.output import JsonOption, WorkersOption, reserve
+from cosim.cli.output import JsonOption, ReadmeOption, WorkersOption, output_option, reserve
 from cosim.cli.tables import NOTHING, number, table
 
 FEW = 3  # detectors, up to which every family is shown
@@ -29,9 +29,7 @@ def add(app: Any, out: Any, err: Any) -> None:
                 show_default=False,
             ),
         ] = None,
-        output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of page and table.")] = Path(
-            "logs/score"
-        ),
+        output: Annotated[Path, output_option("DIR", "Folder of page and table.")] = Path("logs/score"),
         seeds: Annotated[
             Path | None,
             typer.Option("--seeds", metavar="FILE", help="A sealed set: seed, first_seed.", show_default=False),
@@ -50,10 +48,7 @@ def add(app: Any, out: Any, err: Any) -> None:
                 "--verify", metavar="TABLE", help="Repeat rows of a score.json, or benchmark-1.", show_default=False
             ),
         ] = None,
-        readme: Annotated[
-            Path | None,
-            typer.Option("--readme", metavar="FILE", help="Write the tables into it, too.", show_default=False),
-        ] = None,
+        readme: ReadmeOption = None,
         workers: WorkersOption = None,
         json_: JsonOption = False,
     ):

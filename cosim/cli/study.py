@@ -6,9 +6,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.console import Group
 
 from cosim.cli import tables
-from cosim.cli.output import JsonOption, WorkersOption, reserve
+from cosim.cli.output import JsonOption, ReadmeOption, WorkersOption, output_option, reserve
+from cosim.cli.tables import escape, table
 from cosim.files import replace
 
 
@@ -20,13 +22,8 @@ def add(app: Any, out: Any, err: Any) -> Any:
         paper: Annotated[
             str, typer.Argument(metavar="[PAPER]", help="lu17, jay, sun13, mar10, alwi14 or all.")
         ] = "all",
-        output: Annotated[
-            Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of page and rows.")
-        ] = Path("logs"),
-        readme: Annotated[
-            Path | None,
-            typer.Option("--readme", metavar="FILE", help="Write the table between its markers.", show_default=False),
-        ] = None,
+        output: Annotated[Path, output_option("DIR", "Folder of page and rows.")] = Path("logs"),
+        readme: ReadmeOption = None,
         break_: Annotated[
             bool, typer.Option("--break", help="Instead break the methods and see which rows notice.")
         ] = False,
@@ -48,7 +45,7 @@ def add(app: Any, out: Any, err: Any) -> Any:
 
                 write_proof(readme, seen)
             listed = [asdict(b) for b in seen]
-            print(json.dumps({"broken": listed})) if json_ else out.print(tables.proof(listed))
+            print(json.dumps({"broken": listed})) if json_ else out.print(noticed(listed))
             raise typer.Exit(0 if all(b.seen for b in seen) else 1)
         page, table = (output / f"reproduce-{paper}.{ending}" for ending in ("html", "csv"))
         for path in (page, table):
@@ -69,7 +66,7 @@ def add(app: Any, out: Any, err: Any) -> Any:
         if json_:
             print(json.dumps(found, allow_nan=False))
         else:
-            out.print(tables.reproduced(found))
+            out.print(reproduced(found))
             out.print(f"report {tables.escape(found['report'])}", soft_wrap=True, highlight=False)
         if found["counts"]["differs"]:
             raise typer.Exit(1)
@@ -97,7 +94,7 @@ def add(app: Any, out: Any, err: Any) -> Any:
         if json_:
             print(json.dumps({"designs": found, "ok": not any(found.values())}))
         else:
-            out.print(tables.designs({name: (work.DESIGNS[name].what, problem) for name, problem in found.items()}))
+            out.print(designs({name: (work.DESIGNS[name].what, problem) for name, problem in found.items()}))
         if any(found.values()):
             raise typer.Exit(1)
 
@@ -109,10 +106,7 @@ def add(app: Any, out: Any, err: Any) -> Any:
             int | None, typer.Option("--seeds", min=1, help="Flights of each case.", show_default=False)
         ] = None,
         noise: Annotated[float, typer.Option(min=0.0, max=100.0, help="Sensor noise over that of the set.")] = 1.0,
-        output: Annotated[
-            Path | None,
-            typer.Option("--output", "-o", metavar="FOLDER", help="Of results; goes on there.", show_default=False),
-        ] = None,
+        output: Annotated[Path | None, output_option("FOLDER", "Of results; goes on there.")] = None,
         list_: Annotated[bool, typer.Option("--list", help="Only say what its parts are.")] = False,
         workers: WorkersOption = None,
         json_: JsonOption = False,
@@ -146,10 +140,7 @@ def add(app: Any, out: Any, err: Any) -> Any:
         first_seed: Annotated[
             int | None, typer.Option("--first-seed", min=0, help="Of the training flights.", show_default=False)
         ] = None,
-        output: Annotated[
-            Path | None,
-            typer.Option("--output", "-o", metavar="FOLDER", help="Of results; goes on there.", show_default=False),
-        ] = None,
+        output: Annotated[Path | None, output_option("FOLDER", "Of results; goes on there.")] = None,
         workers: WorkersOption = None,
     ):
         """Fly the fault-free training set of some detectors' thresholds and store what it finds."""
@@ -167,3 +158,37 @@ def add(app: Any, out: Any, err: Any) -> Any:
         out.print(shown)
         if not check:
             module.store(made)
+
+
+def reproduced(found: Any) -> Any:
+    """Return the rows of the papers' experiments, the counts of the verdicts first."""
+    colours = {"agrees": "green", "differs_explained": "yellow", "differs": "red", "ours": "dim", "beyond": "cyan"}
+    words = {v: v.replace("_", ", ") for v in colours}
+    words |= {"ours": "ours (the paper gives no number)", "beyond": "beyond the paper"}
+    total = "   ".join(f"[{colours[v]}]{n} {words[v]}[/]" for v, n in found["counts"].items())
+    t = table("Paper says, we get", "paper", "item", "paper says", "we get>", "band", "verdict")
+    for r in found["rows"]:
+        verdict = f"[{colours[r['verdict']]}]{r['verdict'].replace('_', ', ')}[/]"
+        item = f"{r['item']} ({r['note']})" if r["note"] else r["item"]
+        t.add_row(r["paper"], escape(item), escape(r["says"]), f"{r['got']:.4g}", r["tolerance"], verdict)
+    why = [
+        f"{escape(r['item'])}: {escape(r['reason'])} ({escape(r['evidence'])})" for r in found["rows"] if r["reason"]
+    ]
+    return Group(total, t, *why)
+
+
+def noticed(found: Any) -> Any:
+    """Return what rows show with the method broken."""
+    t = table("The method broken in one place", "paper", "row", "what is broken", "value then>", "band", "seen")
+    for b in found:
+        t.add_row(b["paper"], escape(b["item"]), escape(b["what"]), f"{b['got']:.4g}", b["band"],
+                  "[green]yes[/]" if b["seen"] else "[red]no[/]")  # fmt: skip
+    return t
+
+
+def designs(found: Any) -> Any:
+    """Return a table of {design: (what it is, problem or "")}."""
+    t = table("Stored designs", "design", "what", "state")
+    for name, (what, problem) in found.items():
+        t.add_row(name, what, f"[red]{escape(problem)}[/]" if problem else "[green]belongs to this aircraft[/]")
+    return t

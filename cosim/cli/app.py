@@ -1,0 +1,158 @@
+"""The command line without its commands: consoles, what becomes of errors, options that commands share.
+
+Exit status: 0 good (an alarm or a departed flight is a result), 1 a difference or a failed criterion, 2 bad input,
+130 interrupted.
+With --json one JSON object goes to standard output and nothing else; what goes wrong is one line on standard error.
+"""
+
+import os
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any, cast
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from typer.core import TyperGroup
+
+from cosim.errors import CosimError
+
+TOLD = os.environ.get("COLUMNS", "").isdecimal() and int(os.environ["COLUMNS"]) > 0  # 0 would print nothing at all
+if not TOLD:
+    os.environ.pop("COLUMNS", None)
+WIDE = None if sys.stdout.isatty() or TOLD else 110  # a pipe has no width: do not fold its tables
+
+
+class _Whole(Console):
+    """A console that cuts nothing off: a path or a command that is longer than the terminal stays whole."""
+
+    def print(self, *objects, **how):
+        super().print(*objects, **{"crop": False, **how})
+
+
+out, err = _Whole(width=WIDE), _Whole(stderr=True)
+
+
+_Usage = cast(type[Exception], typer.BadParameter.__mro__[2])  # of all that typer refuses; it exports no name for it
+
+
+class _Group(TyperGroup):
+    """Every error of a user becomes one line on standard error and exit status 2; Ctrl-C becomes 130."""
+
+    def make_context(self, *args, **extra):
+        try:
+            return super().make_context(*args, **extra)
+        except _Usage as error:
+            if type(error).__name__ == "NoArgsIsHelpError":
+                raise
+            _say(_usage(error))
+            raise typer.Exit(2) from None
+
+    def invoke(self, ctx):
+        try:
+            return super().invoke(ctx)
+        except _Usage as error:
+            text = _usage(error)
+        except CosimError as error:
+            text = str(error)
+        except BrokenPipeError:
+            raise  # the reader of a pipe went away: click ends quietly
+        except OSError as error:
+            text = f"{error.filename}: {error.strerror}" if error.filename else str(error.strerror or error)
+            text = text if _somewhere() else "the current folder has been removed. Change to another one"
+        except KeyboardInterrupt:
+            err.print("[yellow]interrupted[/]")
+            ctx.exit(130)
+        _say(text)
+        ctx.exit(2)
+
+
+def _somewhere():
+    """Tell whether there is a current folder: it may have been removed under the command."""
+    try:
+        return bool(os.getcwd())
+    except OSError:
+        return False
+
+
+def _usage(error):
+    """Return one line of what typer refuses: an unknown option, a value out of its range, an argument missing."""
+    ctx = getattr(error, "ctx", None)
+    path = ctx.command_path if ctx else "cosim"
+    said = " ".join(error.format_message().split()).rstrip(".")
+    stop = "" if said.endswith("?") else "."
+    return f"{path}: {said.replace('Input should be', 'must be')}{stop} `{path} -h` says what there is"
+
+
+def _say(text):
+    err.print(f"[bold red]error:[/] {escape(text)}", soft_wrap=True, highlight=False)
+
+
+app = typer.Typer(
+    cls=_Group,
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+ScenarioArg = Annotated[
+    str, typer.Argument(metavar="[SCENARIO]", help="Built-in name (see [b]cosim list[/]) or TOML file.")
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", "-s", metavar="KEY=VALUE", help="Change a key: [b]--set faults.0.frequency_hz=3[/]. Repeatable."
+    ),
+]
+SpeedOption = Annotated[
+    float | None,
+    typer.Option("--speed", metavar="N", min=0.01, max=1000.0, help="With --live: N times the clock's. Default: 1."),
+]
+PortOption = Annotated[
+    int | None,
+    typer.Option("--port", metavar="PORT", min=0, max=65535, help="With --live: default 8765, 0 takes a free one."),
+]
+LogArg = Annotated[Path, typer.Argument(metavar="LOG", help="A log of [b]cosim run[/].", show_default=False)]
+LIVE_PORT = 8765  # that Foxglove asks for by default
+
+
+def _version(wanted: bool):
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"cosim {version('cosim-fdi')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+):
+    """Fly a transport aircraft with physical elevator actuators, break something, and see which fault detector notices.
+
+    Start with [b]cosim run[/]; [b]cosim list[/] shows what there is to fly.
+    """
+
+
+def served(server: Any) -> None:
+    """Say where Foxglove finds a flight."""
+    err.print(f"in Foxglove: Open connection, {server.steer_url or server.url}", highlight=False, soft_wrap=True)
+    if server.steer_url:
+        err.print(f"to watch only: {server.url}", highlight=False, soft_wrap=True)
+
+
+def only_live(live: bool, **options: Any) -> None:
+    """Refuse options of a flight by the clock without --live."""
+    for name, value in options.items():
+        if value is not None and not live:
+            raise CosimError("is for a flight by the clock", place=f"--{name}", remedy="Add --live")
+
+
+def notes(lines: Iterable[str]) -> None:
+    """Print lines that are worth knowing and no errors."""
+    for line in lines:
+        err.print(f"[yellow]note:[/] {escape(line)}", soft_wrap=True, highlight=False)
