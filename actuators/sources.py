@@ -14,7 +14,8 @@ from typing import Any
 
 _ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("actuators", "fdi", "cosim")
-MOST = 600  # sources whose imports are remembered: some versions of all of ours
+MOST = 600  # sources whose imports are remembered: all of a tree's, and some of their older versions
+TREES = 40  # trees of sources whose tables are kept: those written last
 
 
 @functools.cache
@@ -72,7 +73,7 @@ def _links(path):
 
 @functools.cache
 def _remembered():
-    """Return what sources import, {digest: names}, as a file of the cache has it: parsing them costs half a second."""
+    """Return what sources import, {digest: names}, as this tree's table has it: parsing them costs half a second."""
     file = _memory()
     with contextlib.suppress(OSError, ValueError):
         return json.loads(file.read_bytes()) if file else {}
@@ -80,8 +81,9 @@ def _remembered():
 
 
 def _memory():
+    """Return the file of this tree's table: trees that share one would push each other's sources out."""
     root = cache_root()
-    return root and root / "imports.json"
+    return root and root / f"imports-{hashlib.sha256(str(_ROOT).encode()).hexdigest()[:12]}.json"
 
 
 _new: list[str] = []  # what was found since it was written down
@@ -104,6 +106,8 @@ def _write_down():
             with os.fdopen(handle, "w") as out:
                 json.dump(_remembered(), out)
             os.replace(beside, file)
+            for old in sorted(file.parent.glob("imports-*.json"), key=lambda f: f.stat().st_mtime)[:-TREES]:
+                old.unlink()
 
 
 @functools.cache
