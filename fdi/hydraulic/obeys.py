@@ -14,9 +14,10 @@ share. `proof` is the logarithm of the ratio of the likelihoods of "obeys" and "
 import math
 from typing import Any
 
-from scipy.signal import butter
+import numpy as np
 
 from actuators.block import kernel
+from actuators.kept import kept
 from fdi.common.decision import clipped
 
 ORDER, CORNER = 4, 20.0  # of the high-pass, Butterworth [Hz]: oscillations of up to 10 Hz stay below
@@ -46,8 +47,15 @@ STATE = [
 def design(dt: float) -> dict[str, Any]:
     """Return the PARAMS fields for ticks of `dt` seconds."""
     on = dt <= DT_MOST
-    sos = butter(ORDER, CORNER, "high", fs=1.0 / dt if on else 200.0, output="sos")
+    rate = 1.0 / dt if on else 200.0
+    sos = kept(("obeys", rate), float, lambda: _sections(rate).ravel(), __file__).reshape(SECTIONS, 6)
     return {"deaf_b": sos[:, :3], "deaf_a": sos[:, 4:], "deaf_on": 1.0 if on else 0.0}
+
+
+def _sections(rate: float) -> np.ndarray:
+    from scipy.signal import butter  # half a second, which a start does not wait for
+
+    return butter(ORDER, CORNER, "high", fs=rate, output="sos")
 
 
 @kernel
