@@ -161,7 +161,9 @@ def _right(watch, s, fault, ticks):
     """Return (len(ticks),): whether what is said at each of `ticks` is the right name of `fault`."""
     codes, parts = s.verdict[ticks], s.part[ticks]
     good = np.zeros(len(ticks), bool)
-    for c, p in {(float(c), float(p)) for c, p in zip(codes, parts) if c > 0.5}:
+    changes = np.concatenate([[0], 1 + np.flatnonzero((np.diff(codes) != 0.0) | (np.diff(parts) != 0.0))])
+    said = zip(codes[changes].tolist(), parts[changes].tolist()) if len(codes) else ()
+    for c, p in {(c, p) for c, p in said if c > 0.5}:
         part = s.parts[int(p)] if 0 <= p < len(s.parts) else ""
         if right(watch.id, fault.get("case", ""), fault["targets"], watch.level, code.class_name(c), part):
             good |= (codes == c) & (parts == p)
