@@ -124,6 +124,15 @@ def entry(step: Any, STATE: np.dtype, INPUTS: np.dtype, PARAMS: np.dtype) -> "En
     return Entry(step, STATE, INPUTS, PARAMS)
 
 
+def _sweep():
+    from actuators.sweep import KINDS, sweep
+
+    return sweep, KINDS
+
+
+SWEEP = Native("sweep", Path(__file__).with_name("sweep.py"), (ctypes.c_void_p,), _sweep, f"{__name__}:SWEEP")
+
+
 class Entry:
     """Advance every lane of a block through every tick: `rollout(x, u, p, dt, log)`.
 
@@ -168,6 +177,33 @@ class Entry:
             raise ValueError("bound arrays of a block stand without gaps")
         call, given = self.native.call, (_at(x), _at(u), _at(p), dt, *u.shape, None)
         return functools.partial(_call, call, given, (x, u, p))
+
+    def sweep(
+        self, x: Any, u: np.ndarray, p: Any, dt: float, index: np.ndarray, at: np.ndarray, others: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Advance one lane, x and p (1,), through the ticks of u (1, tick); other threads of Python run on meanwhile.
+
+        Returns, of the state seen as float64, the values at positions `index` after every tick, (tick, n), and those at
+        `others` after the rising ticks `at` (m,), (m, others).
+        """
+        self._check(x, u, p, None)
+        ticks, states = u.shape[1], x.view(np.float64)
+        kept, held = np.empty((ticks, len(index))), np.empty((len(at), len(others)))
+        if PLAIN:
+            rows = {k: i for i, k in enumerate(at.tolist())}
+            for k in range(ticks):
+                self.step(x[0], u[0, k], p[0], dt)
+                kept[k] = states[index]
+                if k in rows:
+                    held[rows[k]] = states[others]
+            return kept, held
+        u, p, step = np.ascontiguousarray(u), np.ascontiguousarray(p), np.array([dt])
+        index, others, marks = (np.ascontiguousarray(a, np.int64) for a in (index, others, [*at, -1]))
+        about = [self.native.address, *map(_at, (states, u)), u.itemsize, *map(_at, (p, step)), ticks]
+        about += [_at(index), len(index), _at(kept), _at(marks), _at(others), len(others), _at(held)]
+        given = np.array(about, np.int64)
+        SWEEP.free(_at(given))
+        return kept, held
 
     def _lane(self, x, u, p, dt, log):
         u = np.ascontiguousarray(u)

@@ -53,6 +53,25 @@ def put(context: Any, address: Any, value: Any) -> Any:
     return types.void(types.int64, types.float64), code
 
 
+def _reader(kind, made):
+    @intrinsic
+    def at(context, address):
+        def code(context, builder, signature, args):
+            value = builder.load(builder.inttoptr(args[0], made.as_pointer()), align=1)
+            return value if made == _REAL else builder.zext(value, _WORD) if made != _WORD else value
+
+        return kind(types.int64), code
+
+    return at
+
+
+# what stands at any address, aligned or not: a double, or whole numbers without a sign of 1, 2, 4 and 8 bytes
+real, byte, pair, quad, word = (
+    _reader(kind, made)
+    for kind, made in ((types.float64, _REAL), *((types.int64, ir.IntType(bits)) for bits in (8, 16, 32, 64)))
+)
+
+
 @intrinsic
 def ask(context: Any, function: Callable[..., Any], this: Any) -> Any:
     """Call a getter of C++ at an address, double f(this)."""

@@ -7,7 +7,6 @@ the tape.
 """
 
 import ctypes
-import functools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from actuators.block import Entry
-from actuators.native import NOTHING, PLAIN, Native
+from actuators.native import PLAIN, Native
 from cosim.flight.plant.border import to_si
 
 CLOCK, COPY, ADD, TRUTH, NOISE, STEP, KEEP, LOG, GET, PUT, SCALE = range(11)
@@ -29,19 +28,7 @@ def _walk():
 
 
 _GIVEN = ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64  # to `walk`
-WALK = Native(
-    "walk",
-    Path(__file__).with_name("walk.py"),
-    _GIVEN,
-    _walk,
-    "cosim.flight.tape:WALK",
-)
-
-
-def _unlocked():
-    """Return WALK's function, during which other threads of Python run on."""
-    kinds = ctypes.c_void_p, ctypes.c_void_p, *_GIVEN
-    return functools.partial(ctypes.CFUNCTYPE(ctypes.c_int, *kinds)(WALK.address), *NOTHING)
+WALK = Native("walk", Path(__file__).with_name("walk.py"), _GIVEN, _walk, "cosim.flight.tape:WALK")
 
 
 class Block:
@@ -179,7 +166,7 @@ class Tape:
             self.parts.append(self._plainly(table) if self._plain else self._compiled(table))
 
     def _compiled(self, table):
-        walk, rows, n, v = _unlocked() if self._free else WALK.call, self._at(table), len(table), self._at(self.v)
+        walk, rows, n, v = WALK.free if self._free else WALK.call, self._at(table), len(table), self._at(self.v)
         self._whole = lambda first, stop: walk(rows, n, v, first, stop)
         return lambda k: walk(rows, n, v, k, k + 1)
 

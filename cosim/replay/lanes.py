@@ -7,6 +7,7 @@ starts at its first whole state.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -16,7 +17,6 @@ from actuators.block import Entry
 from cosim.errors import LogError, did_you_mean
 from cosim.flight.guests.plain import PlainDetector
 from cosim.flight.parameters import wrong_state
-from cosim.flight.tape import Tape
 from cosim.replay import door
 from cosim.replay.params import ReplayError, attached, chosen_overrides, older, override, trusted
 from fdi import registry
@@ -177,6 +177,7 @@ def columns(kind: Any, names: Sequence[Any]) -> Any:
     return np.array(out, np.int64)
 
 
+@lru_cache(maxsize=64)
 def split(module: Any) -> Any:
     """Return the positions of a detector's (outputs, hidden state) in its STATE."""
     outputs = columns(module.STATE, module.OUTPUTS)
@@ -237,22 +238,13 @@ def run(lane: Any, dt: Any) -> Any:
     module, n = lane.module, len(lane.ticks)
     outputs, hidden = split(module)
     rollout, x, p = lane.rollout or stepper(module), lane.x.copy(), lane.p.copy()
-    out, given = np.empty((n, len(outputs))), flat(np.ascontiguousarray(lane.u))
     wanted = np.intersect1d(lane.states[0], lane.ticks, assume_unique=True)
-    at, held, done = np.searchsorted(lane.ticks, wanted), np.empty((len(wanted), len(hidden))), 0
+    at = np.searchsorted(lane.ticks, wanted)
     if isinstance(rollout, Entry):
-        v = np.concatenate([np.zeros(given.shape[-1]), flat(x)[0]])  # its inputs, then its state
-        u, x = v[: given.shape[-1]].view(module.INPUTS).reshape(1, 1), v[given.shape[-1] :].view(module.STATE)
-        tape = Tape(v, dt)
-        tape.noise(np.arange(u.nbytes // 8), given[0])
-        tape.advance(rollout, x, u, p, dt * lane.every)
-        tape.keep(u.nbytes // 8 + outputs, out)
-        for i, row in enumerate([*at.tolist(), n - 1]):
-            tape.through(done, row + 1)
-            done = row + 1
-            if i < len(at):
-                held[i] = flat(x)[0, hidden]
-        return out, (wanted, held), x.copy()
+        out, held = rollout.sweep(x, lane.u, p, dt * lane.every, outputs, at, hidden)
+        return out, (wanted, held), x
+    out, held, done = np.empty((n, len(outputs))), np.empty((len(wanted), len(hidden))), 0
+    given = flat(np.ascontiguousarray(lane.u))
     block = max(1, min(n, BLOCK_BYTES // module.STATE.itemsize))
     u, states = np.zeros((1, block), module.INPUTS), np.zeros((1, block), module.STATE)
     for a in range(0, n, block):

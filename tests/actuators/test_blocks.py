@@ -164,6 +164,22 @@ def test_live_is_batch_is_plain_python(name, plain):
     assert _same(log, plain[name].view(module.STATE).reshape(log.shape)) == []
 
 
+@pytest.mark.parametrize("name", [n for n in blocks() if hasattr(importlib.import_module(n), "OUTPUTS")])
+def test_a_lane_alone_leaves_what_the_batch_leaves(name):
+    module = importlib.import_module(name)
+    log, last = batch(module)
+    p, u = parameters(module), inputs(module)
+    x, n = module.init(p), module.STATE.itemsize // 8
+    index, others, at = np.arange(n)[::3], np.arange(n)[::-2], np.array([0, 1, 7, TICKS - 1])
+    for i in range(LANES):
+        state = x[i : i + 1].copy()
+        kept, held = module.rollout.sweep(state, u[i : i + 1], p[i : i + 1], DT, index, at, others)
+        whole = np.ascontiguousarray(log[i]).view(np.int64).reshape(TICKS, n)
+        assert np.array_equal(kept.view(np.int64), whole[:, index])
+        assert np.array_equal(held.view(np.int64), whole[at][:, others])
+        assert np.array_equal(state.view(np.int64), last[i : i + 1].view(np.int64))
+
+
 @pytest.mark.parametrize("name", blocks())
 def test_the_signals_move_the_block(name):
     """Guard the test above: a log that never changes would prove nothing."""
