@@ -6,11 +6,16 @@ strided view: (message, field) -> the eight bytes of a double. All else is known
 the number of ticks; the reader compares that part byte for byte.
 """
 
+import ctypes
+import struct
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+
+from actuators.native import Native
 
 # a message record up to its payload (MCAP specification, Message): opcode 5, length, head of 22 bytes
 HEAD = np.dtype(
@@ -18,16 +23,32 @@ HEAD = np.dtype(
 )
 # a MessageIndex record up to its entries: opcode 7, length, channel, bytes of entries; an entry is (log time, offset)
 INDEX_HEAD = np.dtype([("op", "u1"), ("length", "<u8"), ("channel", "<u2"), ("bytes", "<u4")])
-_SHORT = 15  # fields 1..15 have one-byte tags, later ones two bytes
+ABOUT = 11  # whole numbers that `gather` needs to know of a topic
+SHORT = 15  # fields 1..15 have one-byte tags, later ones two bytes
+
+
+def _compiled():
+    from .gather import KINDS, gather
+
+    return gather, KINDS
+
+
+GATHER = Native(
+    "gather",
+    Path(__file__).with_name("gather.py"),
+    (ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p),
+    _compiled,
+    f"{__name__}:GATHER",
+)
 
 
 def empty_message(count: int) -> tuple[bytes, list[tuple[slice, int, int]]]:
     """Return the bytes of a message of `count` zero doubles, and the (fields, offset, stride) of equal tag size."""
-    short = min(count, _SHORT)
+    short = min(count, SHORT)
     body = bytearray()
     for number in range(1, count + 1):
         tag = number << 3 | 1  # wire type 1: eight bytes, little endian
-        body += bytes([tag]) if number <= _SHORT else bytes([tag & 0x7F | 0x80, tag >> 7])
+        body += bytes([tag]) if number <= SHORT else bytes([tag & 0x7F | 0x80, tag >> 7])
         body += bytes(8)
     runs = [(slice(0, short), HEAD.itemsize + 1, 9)]
     if count > short:
@@ -129,6 +150,7 @@ class Plan:
         self.size = size
         self._fixed: np.ndarray | None = None
         self._read: np.ndarray | None = None
+        self._about: np.ndarray | None = None
         self._index = np.concatenate(index)
         self._index_times = [
             (b.every, np.ndarray((b.rows,), "<u8", self._index, b.entries, (16,))) for b in self.blocks.values()
@@ -204,6 +226,32 @@ class Plan:
         for part in map(self._slice, numbers) if 3 * len(numbers) < len(self.blocks) else [slice(0, self.size)]:
             self._read[part] = content[part]
         return self._read_slots
+
+    def gather(self, content: np.ndarray, k0: int, wanted: Mapping[int, tuple[int, int, int]], only: bool) -> bool:
+        """Put the values of topics where they belong, and return whether all bytes are as they must be.
+
+        `wanted` is {number: (address, low, high)}: the rows low <= i < high of the topic go there, as (rows, fields) of
+        float64. With `only`, no other topics are looked at. `differs` tells the first byte that is not as it must be.
+        """
+        if self._about is None:
+            self._about = np.array([self._told(block) for block in self.blocks.values()], np.int64)
+            self._row = {number: i for i, number in enumerate(self.blocks)}
+        about, wrong = self._about.copy(), np.zeros(1, np.int64)
+        rows = {self._row[number]: where for number, where in wanted.items() if number in self._row}
+        for row, where in rows.items():
+            about[row, 8:] = where
+        if only:
+            about = about[list(rows)]
+        GATHER.free(about.ctypes.data, len(about), content.ctypes.data, k0, self.dt_ns, wrong.ctypes.data)
+        return not wrong[0]
+
+    def _told(self, block):
+        """Return what `gather` reads of a topic, cosim/log/gather.py; nobody wants its values yet."""
+        head = self.content[block.start : block.start + HEAD.itemsize].tobytes()
+        count = sum(fields.stop - fields.start for fields, _, _ in block.runs)
+        first = int(self._rates[block.every][0])
+        (begin,), (end,) = struct.unpack_from("<q", head), struct.unpack_from("<I", head, 7)
+        return [block.start, block.stride, block.rows, count, first, block.every, begin, end, 0, 0, 0]
 
     def differs(self, content: np.ndarray, k0: int, numbers: Iterable[int] | None = None) -> int | None:
         """Return the offset of the first byte of `content` that is no value and not as it must be, or None.
