@@ -7,9 +7,9 @@ from cosim.errors import DesignError, did_you_mean
 
 TRAINERS = {  # name -> (module, what it trains)
     "hydraulic": ("cosim.training.train_lu17", "iotsekf, ofc_monitor, position_monitor; 5 min on two cores"),
-    "aircraft": ("cosim.training.train_aircraft", "lpv_smo, control_redundancy, kinematic; 15 min on two cores"),
+    "aircraft": ("cosim.training.train_aircraft", "lpv_smo, control_redundancy, kinematic, rfafe_airframe; 10 min"),
     "ema": ("cosim.training.train_ema", "ema_kalman_flight, position_monitor on EMAs; 5 min on two cores"),
-    "rfafe": ("cosim.training.train_rfafe", "rfafe, rfafe_airframe; 15 min on two cores"),
+    "rfafe": ("cosim.training.train_rfafe", "rfafe, rfafe_airframe at its design point; 15 min on two cores"),
     "learned": ("cosim.training.learned", "the learned detectors of `cosim score`; 10 min on two cores"),
 }
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import minimum_filter1d
 
 import fdi
@@ -22,6 +23,7 @@ from cosim.flight.build import build
 from cosim.flight.detectors import sources
 from cosim.flight.signals import detect, fly
 from cosim.flight.site import site
+from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.tolerance import toleranced
 from cosim.training.flights import DT, scenario
 from cosim.training.tail import limit
@@ -33,10 +35,16 @@ from fdi.kinematic import kinematic
 DETECTORS = ("lpv_smo", "control_redundancy", "kinematic", "rfafe", "rfafe_airframe")
 TURBULENCE = ("none", "light", "moderate", "severe")
 # what each is trained in; the others' estimates are not made for severe air
-AIR = {"kinematic": TURBULENCE, "lpv_smo": TURBULENCE[:3], "control_redundancy": TURBULENCE[:3]}
+AIR = {"kinematic": TURBULENCE, **dict.fromkeys(("lpv_smo", "control_redundancy", "rfafe_airframe"), TURBULENCE[:3])}
 PROBABILITY = 1e-3  # of a false alarm in a flight of 60 s
 BLOCK_S = 1.0
 LPV_PARTS = ("elevator", "n_z", "alpha")
+BANDS = ((0, 4), (4, 7), (7, 10), (10, 14))  # of rfafe_airframe's frequencies: one limit from 0.5 to 1 Hz, to 2, 4, 11
+SPARE = 2  # fits in a row fewer than an alarm takes count as one: no limit hangs on the shape alone
+BANK = ("bank_threshold", "bank_doubt", "bank_stir")
+TAUGHT_S, ALIKE_S = 50.0, 0.25  # to learn what the airframe has in rfafe_airframe's estimate; it is alike for so long
+DOUBLE = 2.0  # of the deviations over the training flights
+DIGITS = {"rfafe_airframe": 12}  # behind the point, where 7 do not do: its noise is some 1e-7 rad2 s
 LPV = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha", "gust", "path", "alpha_0", "valid")
 HELD = 0.8  # of its confirmation time: a statistic that lasts so long counts as one that alarms
 KINDS: tuple[dict, ...] = (
@@ -63,7 +71,7 @@ def arguments(index: int, first_seed: int = TRAINING) -> dict:
     rng = np.random.default_rng([first_seed, index])
     fixed: dict[str, Any] = {
         "duration": 60.0, "manoeuvre": KINDS[index % 8], "seed": first_seed + index,
-        "technology": ELEVATORS[index // 32 % 2], "sensors": {"noise_scale": NOISE_SCALE},
+        "technology": elevators(index), "sensors": {"noise_scale": NOISE_SCALE},
         "tolerances": {"aero": {n: float(1 + TOLERANCE * rng.choice((-1, 1))) for n in toleranced("aero")}},
     }  # fmt: skip
     while True:
@@ -138,8 +146,51 @@ def survey_control_redundancy(frame: pd.DataFrame, p: np.ndarray) -> dict[str, n
     return out
 
 
+def learned(frame: pd.DataFrame, p: np.ndarray) -> list[float]:
+    """Return what the airframe has in rfafe_airframe's estimate over TAUGHT_S (3,), and the noise that is left in it
+    times the time for which it is alike [rad2 s]."""
+    q = p.copy()
+    q["prior"], q["spread"], q["t_learn"] = 0.0, 100.0, TAUGHT_S
+    log = watched(frame, "rfafe_airframe", q, ("theta", "lagged", "low", "f", "taught"))
+    if log["taught"][-1] < TAUGHT_S:
+        return []
+    rest = log["f"][:, 0] - log["low"][:, -1] - ((log["lagged"] - log["low"])[:, :-1] * log["theta"][-1]).sum(axis=1)
+    n = round(ALIKE_S / frame.attrs["dt"])
+    means = rest[-len(rest) // n * n // 2 :][: len(rest) // 2 // n * n].reshape(-1, n).mean(axis=1)
+    return [*log["theta"][-1].tolist(), float(means.var() * ALIKE_S)]
+
+
+def survey_rfafe_airframe(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the blocks of oscillations in BANDS, each the least of a row of fits of that shape: 1, doubt of the
+    correction, rms of the angle of attack; and of the slow part: 1, distance from where the correction was learned."""
+    q = p.copy()
+    for field in (*BANK[1:], "bank_share"):
+        q[field] = 0.0
+    q["bank_threshold"], q["hits"] = 1e-9, 1e9  # the shape is asked, the size is what is found
+    log = watched(frame, "rfafe_airframe", q, ("bank_cos", "bank_sin", "bank_new", "hit", "doubt", "stir", "away",
+                                               "slow", "u_si", "valid"))  # fmt: skip
+    valid, dt, few = log["valid"] > 0.5, frame.attrs["dt"], int(p["hits"][0]) - SPARE
+    features = [1.0, np.sqrt(log["doubt"]), np.sqrt(log["stir"])]
+    size = np.hypot(log["bank_cos"][:, 0], log["bank_sin"][:, 0])
+    out = {}
+    for i, (first, last) in enumerate(BANDS):
+        rows = []
+        for k in range(first, last):
+            at = np.flatnonzero(log["bank_new"][:, k] > 0.5)
+            lasting = np.zeros(len(frame))
+            if len(at) >= few:
+                shaped = np.where(log["hit"][at, k] > 0.5, size[at, k], 0.0)
+                lasting[at[few - 1 :]] = sliding_window_view(shaped, few).min(axis=1)
+            rows.append(blocks(lasting, features, valid, dt))
+        out[f"band{i}"] = np.concatenate(rows)
+    slow = np.abs(log["slow"][:, 0]) - p["static_share"][0] * np.abs(log["u_si"][:, 0])
+    out["slow"] = blocks(np.maximum(slow, 1e-6), [1.0, log["away"]], valid, dt, HELD * float(p["t_static"][0]))
+    return out
+
+
 SURVEYS: dict[str, Any] = {
     "lpv_smo": survey_lpv_smo, "kinematic": survey_kinematic, "control_redundancy": survey_control_redundancy,
+    "rfafe_airframe": survey_rfafe_airframe,
 }  # fmt: skip
 
 
@@ -148,23 +199,52 @@ def watched(frame: pd.DataFrame, name: str, p: np.ndarray, fields: tuple[str, ..
     return detect(frame, registry.module(name), sources(name), p, fields)
 
 
-def surveyed(index: int, first_seed: int = TRAINING) -> dict[str, dict[str, list]]:
-    """Return what the surveys find in one training flight, plain data; of detectors not trained in its air nothing."""
+def surveyed(index: int, first_seed: int = TRAINING, prior: dict | None = None) -> dict[str, dict[str, list]]:
+    """Return what the surveys find in one training flight, plain data; of detectors not trained in its air nothing.
+
+    `prior` are the fields that `known` found, by default those stored.
+    """
     frame, air = flown(index, first_seed), TURBULENCE[index // 8 % 4]
-    return {name: {part: rows.tolist() for part, rows in survey(frame, fitted(name)).items()}
-            for name, survey in SURVEYS.items() if air in AIR[name]}  # fmt: skip
+    out = {}
+    for name, survey in SURVEYS.items():
+        if air in AIR[name]:
+            p = fitted(name, index)
+            for field, value in (prior or {}).items() if name == "rfafe_airframe" else ():
+                p[field] = value
+            out[name] = {part: rows.tolist() for part, rows in survey(frame, p).items()}
+    return out
 
 
-def fitted(name: str) -> np.ndarray:
-    """Return the parameters with which detector `name` flies."""
-    return registry.record(name).fit(site(DT))
+def taught(index: int, first_seed: int = TRAINING) -> list[float]:
+    """Return what `learned` finds in one training flight."""
+    return learned(flown(index, first_seed), fitted("rfafe_airframe", index))
+
+
+def known(rows: list[list[float]]) -> dict:
+    """Return the fields of rfafe_airframe's correction from what `taught` found: before learning theta is taken to be
+    as over these flights, with DOUBLE their deviations, since points beyond 5 % of them are flown, too."""
+    found = np.array([row for row in rows if row])
+    return {"prior": found[:, :-1].mean(axis=0).tolist(), "spread": (DOUBLE * found[:, :-1].std(axis=0)).tolist(),
+            "noise": float(np.median(found[:, -1]))}  # fmt: skip
+
+
+def fitted(name: str, index: int = 0) -> np.ndarray:
+    """Return the parameters with which detector `name` flies in training flight `index`."""
+    return registry.record(name).fit(site(DT, "", dict(zip(SEGMENTS, elevators(index), strict=True))))
+
+
+def elevators(index: int) -> tuple[str, ...]:
+    """Return the technologies of the four segments in training flight `index`."""
+    return ELEVATORS[index // 32 % 2]
 
 
 def train(*, first_seed: int = TRAINING, number: int = FLIGHTS, **how: Any) -> dict:
     """Fly the training set; return {"limits": {detector: {part: weights}}, "how": ...}; `how` as in
     `cosim.campaign.jobs.work`."""
-    values = work([(surveyed, {"index": k, "first_seed": first_seed}) for k in range(number)], **how)
-    return limits(values) | {"flights": number, "first_seed": first_seed}
+    rough = [k for k in range(number) if TURBULENCE[k // 8 % 4] in ("light", "moderate")]  # gusts teach
+    prior = known(work([(taught, {"index": k, "first_seed": first_seed}) for k in rough], **how))
+    jobs = [(surveyed, {"index": k, "first_seed": first_seed, "prior": prior}) for k in range(number)]
+    return limits(work(jobs, **how)) | {"flights": number, "first_seed": first_seed, "prior": prior}
 
 
 def limits(values: list[dict]) -> dict:
@@ -188,6 +268,11 @@ def fields(name: str, made: dict[str, list]) -> dict[str, Any]:
         return level | {f"swing_{n}": [w] * bank.K for n, w in zip(("threshold", "gust"), made["swing"], strict=True)}
     if name == "control_redundancy":
         return {part: w[0] for part, w in made.items()}
+    if name == "rfafe_airframe":
+        of_band = {field: [made[f"band{i}"][j] for i, (first, last) in enumerate(BANDS) for _ in range(first, last)]
+                   for j, field in enumerate(BANK)}  # fmt: skip
+        slow = dict(zip(("th_static", "static_away"), made["slow"], strict=True))
+        return of_band | slow | {"bank_share": [0.0] * bank.K}  # the command is part of the correction
     rows = [(made[row] + [0.0] * 4)[:4] for row in kinematic.ROWS]
     threshold, gust, side, side_gust = (list(column) for column in zip(*rows))
     return {"threshold": threshold, "gust": gust, "side": side, "side_gust": side_gust,
@@ -197,10 +282,10 @@ def fields(name: str, made: dict[str, list]) -> dict[str, Any]:
 def changes(found: dict) -> list[tuple]:
     """Return [(file, set, field, stored, trained)] of every threshold that `store` would write, largest of a row."""
     out = []
-    for name, made in found["limits"].items():
+    for name in found["limits"]:
         held = json.loads(_path(name).read_text(encoding="utf-8"))["flight"]
-        for key, value in fields(name, made).items():
-            stored, trained = np.atleast_1d(held[key]), np.atleast_1d(value)
+        for key, value in _made(found, name).items():
+            stored, trained = np.atleast_1d(held.get(key, np.zeros_like(value))), np.atleast_1d(value)
             k = int(np.argmax(np.abs(trained - stored)))
             out.append((name, "flight", key, float(stored[k]), float(trained[k])))
     return out
@@ -208,16 +293,21 @@ def changes(found: dict) -> list[tuple]:
 
 def store(found: dict) -> None:
     """Write what `train` found into `fdi/thresholds/<detector>.json`, with how it was found."""
-    for name, made in found["limits"].items():
+    for name in found["limits"]:
         held = json.loads(_path(name).read_text(encoding="utf-8"))
-        held["flight"] |= {k: np.round(v, 7).tolist() for k, v in fields(name, made).items()}
-        held["training"] = {
+        held["flight"] |= {k: np.round(v, DIGITS.get(name, 7)).tolist() for k, v in _made(found, name).items()}
+        others = {k: v for k, v in held.get("training", {}).items() if k in held and k != "flight"}  # of other sets
+        held["training"] = others | {
             "command": "cosim train aircraft", "probability_per_flight": PROBABILITY, "flight_s": 60.0,
             "flights": found["flights"], "first_seed": found["first_seed"], "air": list(AIR[name]),
             "noise_scale": NOISE_SCALE, "tolerance": TOLERANCE, "found": found["found"][name],
         }  # fmt: skip
         replace_text(_path(name), compact.text(held))
     tuning.forget()
+
+
+def _made(found, name):
+    return fields(name, found["limits"][name]) | (found["prior"] if name == "rfafe_airframe" else {})
 
 
 def _path(name):

@@ -5,7 +5,7 @@ Every flight is one of six points (that of Sun13, A to E of Alwi14), six manoeuv
 long, each aerodynamic coefficient up to 5 % off; in turn all elevators are hydraulic, or the right ones
 electromechanical. A threshold is MARGIN times the largest amplitude of f_hat, less the command's share, that any flight
 holds for nearly as many fits in a row as make an alarm, each of the shape that passes for an oscillation. Set "flight"
-is for all points, "design_point" for that of Sun13 alone.
+is for all points, "design_point" for that of Sun13 alone; rfafe_airframe's set "flight" is `train_aircraft`'s.
 """
 
 import functools
@@ -177,12 +177,12 @@ def fields(name: str, collected: list) -> tuple[dict, dict]:
 
 
 def train(*, first_seed: int = TRAINING, **how: Any) -> dict:
-    """Fly the training set; return {(estimator, set): (trained fields, how they were found)}, sets "flight" and
-    "design_point"; `how`: see `cosim.campaign.jobs.work`."""
+    """Fly the training set; return {(estimator, set): (trained fields, how they were found)}, of rfafe "flight", of
+    both "design_point"; `how`: see `cosim.campaign.jobs.work`."""
     collected = collect(first_seed, **how)
     here = [c for c in collected if all(c[0]["flight"][k] == v for k, v in POINT.items())]
-    sets = (("flight", collected), ("design_point", here))
-    return {(name, which): fields(name, chosen) for name in MODULES for which, chosen in sets}
+    sets = (("rfafe", "flight", collected), *((name, "design_point", here) for name in MODULES))
+    return {(name, which): fields(name, chosen) for name, which, chosen in sets}
 
 
 def changes(found: dict) -> list[tuple]:
@@ -198,11 +198,11 @@ def changes(found: dict) -> list[tuple]:
 
 
 def store(found: dict) -> None:
-    """Write what `train` found into `fdi/thresholds/<estimator>.json`; other fields of a set are those of "flight"."""
+    """Write what `train` found into `fdi/thresholds/<estimator>.json`, beside the other fields of each set."""
     for (name, which), (made, how) in found.items():
         held = json.loads(_path(name).read_text(encoding="utf-8"))
-        held[which] = held["flight"] | made
-        held["training"] = {k: v for k, v in held.get("training", {}).items() if k in held} | {which: how}
+        held[which] |= made
+        held["training"] = held.get("training", {}) | {which: how}
         replace_text(_path(name), compact.text(held))
     tuning.forget()
 

@@ -18,7 +18,8 @@ import numpy as np
 from actuators.block import kernel
 from actuators.constants import RAD_PER_DEG
 from fdi.common.decision import usable
-from fdi.common.why import LOST_SENSOR, NOT_READY, RATE, VALID
+from fdi.common.why import BOX_ALPHA, LOST_SENSOR, NOT_READY, RATE, VALID
+from fdi.rfafe import correction
 from fdi.rfafe import decision as rfafe_decision
 
 AIRFRAME = 4  # outputs of the airframe, before those of elevators
@@ -50,6 +51,7 @@ PARAMS = [
     ("ahead_max", "f8", "deg"),  # mean command beyond what the rate limit follows, above which nothing is trusted
     ("unit", "f8"),              # SI per unit of f_hat
     ("t_settle", "f8", "s"),     # after a start the estimate is not trusted
+    *correction.PARAMS,
     *rfafe_decision.PARAMS,
 ]
 
@@ -66,6 +68,8 @@ STATE = [
     ("started", "f8", "-"),            # 1 while the estimator runs
     ("fresh", "f8", "-"),              # 0 before the first input
     ("age", "f8", "s"),           # since the start
+    ("free", "f8", (NF,), "rad"),  # f less what is no fault in it: what is judged
+    *correction.STATE,
     *rfafe_decision.state(NF),
     ("r", "f8", "-"), ("alarm", "f8", "-"), ("verdict", "f8", "-"), ("culprit", "f8", "-"), ("valid", "f8", "-"),
     ("why", "f8", "-"),  # code of fdi.common.why, 0 while valid
@@ -193,6 +197,9 @@ def advance(x, p, good, dt):
     if good > 0.5:
         for i in range(nf):
             x.f[i] = p.unit * _row(p.S[i], p.Sy[i], p.Su[i], x, ns, ny, nu)
+            x.free[i] = x.f[i]
+        if p.t_learn > 0.0:
+            correction.correct(x, p, dt)
         for j in range(ny):
             x.y_old[j] = x.y[j]
     for j in range(nu):
@@ -200,16 +207,20 @@ def advance(x, p, good, dt):
     x.head = 0.0 if x.head >= NL - 1 else x.head + 1.0
     # a command that keeps running ahead of the rate limit makes the linear actuator's model worthless
     x.valid = 1.0 if x.started > 0.5 and x.age >= p.t_settle and x.ahead <= p.ahead_max else 0.0
-    if x.valid > 0.5:
+    if x.taught < p.t_learn and x.valid > 0.5:
+        x.valid, x.why = 0.0, NOT_READY
+    elif x.steep > 0.0 and x.valid > 0.5:
+        x.valid, x.why = 0.0, BOX_ALPHA
+    elif x.valid > 0.5:
         x.why = VALID
     elif good > 0.5 and x.age >= p.t_settle:
         x.why = RATE
     if x.valid > 0.5:
         for j in range(nu):
             x.u_si[j] = p.unit * x.u[j]
-        rfafe_decision.decide(x, p, x.f, x.u_si, nf, nu, dt)
+        rfafe_decision.decide(x, p, x.free, x.u_si, nf, nu, dt)
     else:
-        rfafe_decision.forget(x, p, x.f, nf, dt)
+        rfafe_decision.forget(x, p, x.free, nf, dt)
 
 
 @kernel

@@ -3,7 +3,8 @@
 Of several estimates the one with the most energy lately is suspect, and only it goes through the bank: f_hat beside the
 command (fdi/common/bank.py). An oscillation is an amplitude beyond threshold + share |command| that keeps its phase
 over both periods and explains its window, of f_hat or of f_hat + u, for several fits in a row. The slow part must stay
-beyond its own threshold + share |command| for a confirmation time.
+beyond its own threshold + share |command| for a confirmation time. Where f_hat is corrected (fdi/rfafe/correction.py),
+thresholds grow with what the correction may be wrong by and with gusts.
 
 The bank goes from 0.5 to 10.6 Hz: a slower oscillation is found only by what its slow part exceeds. When both sides
 oscillate, the one with more energy is the suspect; the other is declared with it (`both`) when its own amplitude is
@@ -32,6 +33,8 @@ PARAMS = [
     *bank.PARAMS,
     ("bank_threshold", "f8", (bank.K,)),  # amplitude of f_hat in health [SI unit of f_hat]
     ("bank_share", "f8", (bank.K,), "-"),  # ... plus this share of the command's amplitude
+    ("bank_doubt", "f8", (bank.K,), "-"),  # ... of what the correction may be wrong by (fdi/rfafe/correction.py)
+    ("bank_stir", "f8", (bank.K,), "-"),  # ... of the rms of the angle of attack
     ("coherence", "f8", "-"),  # least agreement of the two periods
     ("purity", "f8", "-"),  # least share of the window's power that the oscillation explains
     ("hits", "f8", "-"),  # fits in a row that must pass
@@ -41,6 +44,7 @@ PARAMS = [
     ("tau_slow", "f8", "s"),  # lag of the slow part
     ("th_static", "f8"),  # slow part [SI unit of f_hat]
     ("static_share", "f8", "-"),  # ... plus this share of the command's deviation
+    ("static_away", "f8", "-"),  # ... and of the angle of attack's distance from where the correction was learned
     ("t_static", "f8", "s"),
 ]
 
@@ -103,7 +107,7 @@ def decide(x, p, f, u, nf, nu, dt):
         x.slow[i] += a * (f[i] - x.slow[i])
         e = f[i] - x.slow[i]
         x.energy[i] += b * (e * e - x.energy[i])
-        r = x.slow[i] / (p.th_static + p.static_share * math.fabs(u[min(i, nu - 1)]))
+        r = x.slow[i] / (p.th_static + p.static_share * math.fabs(u[min(i, nu - 1)]) + p.static_away * x.away)
         if math.fabs(r) > math.fabs(still):
             still = r
             worst = i
@@ -149,10 +153,12 @@ def oscillation(x, p):
     """Test the renewed fits; hold an oscillation for `t_release` and name its class."""
     x.r_ofc = 0.0
     found, best, level = -1, 0.0, 0.0
+    doubt, stir = math.sqrt(x.doubt), math.sqrt(x.stir)
     for k in range(bank.K):
         if x.bank_seen[int(p.bank_level[k])] <= p.bank_n[k]:
             continue  # its window is not full since the start
         most = p.bank_threshold[k] + p.bank_share[k] * math.sqrt(bank.mixed(x, k, 0.0, 1.0))
+        most += p.bank_doubt[k] * doubt + p.bank_stir[k] * stir
         r = math.sqrt(bank.mixed(x, k, 1.0, 0.0)) / most
         good = r >= 1.0 and (shaped(x, p, k, 0.0) or shaped(x, p, k, 1.0))
         x.r_ofc = max(x.r_ofc, r if good else min(r, BELOW))

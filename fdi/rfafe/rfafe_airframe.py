@@ -4,6 +4,9 @@
     f = deviation of the mean elevator from what the command asks for; left and right are parallel columns, so the
     side is not to be had
 
+What f_hat holds of an airframe that is not that of the design's flight point is learned in the first seconds and taken
+out of what is judged (fdi/rfafe/correction.py); `f_hat` itself is as published.
+
 A solid OFC of one side is half of s - u in the mean, so that neither f_hat nor f_hat + u is a sine: the class is not
 to be had either, and the margin of the decision is set so that it is never named. The command goes through the
 actuator's model, never the measured surface. V in m/s, angles in deg, q in deg/s inside.
@@ -63,11 +66,18 @@ DETECTOR = Detector(
 
 
 def params(
-    which: str = "flight", *, stored: Any = None, technology: str = "hydraulic", trim: Any = None, dt: float = DT
+    which: str = "", *, stored: Any = None, technology: str = "hydraulic", trim: Any = None, dt: float = DT
 ) -> np.ndarray:
-    """Return PARAMS from the stored design and threshold set `which`; arguments as in `fdi.rfafe.rfafe.params`."""
+    """Return PARAMS from the stored design and threshold set `which`; arguments as in `fdi.rfafe.rfafe.params`.
+
+    Default is the set "flight", with the correction of `fdi.rfafe.correction`; for a `stored` design of one's own
+    "design_point", without it: what the correction starts from is known for the shipped design only.
+    """
+    which = which or ("flight" if stored is None else "design_point")
     design, chosen = choose("rfafe_airframe" if stored is None else stored, technology, dt)
-    p = record(PARAMS, **bank.design(dt), **thresholds("rfafe_airframe", which))
+    own = (design.A[2, 1] / design.F[2, 0], design.A[2, 2] / design.F[2, 0], 1.0, 0.0)
+    p = record(PARAMS, **bank.design(dt), **thresholds("rfafe_airframe", which), own=own,
+               omega_f=design.report.bandwidth[0])  # fmt: skip
     t = None
     if trim is not None:
         alpha, theta, elevator = (trim[name] / RAD_PER_DEG for name in ("alpha", "theta", "elevator"))
