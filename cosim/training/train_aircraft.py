@@ -43,6 +43,7 @@ BANDS = ((0, 4), (4, 7), (7, 10), (10, 14))  # of rfafe_airframe's frequencies: 
 SPARE = 2  # fits in a row fewer than an alarm takes count as one: no limit hangs on the shape alone
 BANK = ("bank_threshold", "bank_doubt", "bank_stir")
 TAUGHT_S, ALIKE_S = 50.0, 0.25  # to learn what the airframe has in rfafe_airframe's estimate; it is alike for so long
+LARGEST = {"gust_max"}
 DOUBLE = 2.0  # of the deviations over the training flights
 DIGITS = {"rfafe_airframe": 12}  # behind the point, where 7 do not do: its noise is some 1e-7 rad2 s
 LPV = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha", "gust", "path", "alpha_0", "valid")
@@ -136,14 +137,17 @@ def survey_kinematic(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray
 
 
 def survey_control_redundancy(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the blocks of the force rows, beyond what wrong coefficients and thrust can do."""
-    log = watched(frame, "control_redundancy", p, ("avg", "valid"))
+    """Return the blocks of the force rows, beyond what wrong coefficients and thrust can do, and of the gusts [m/s]."""
+    p = p.copy()
+    p["gust_max"] = 0.0
+    log = watched(frame, "control_redundancy", p, ("avg", "valid", "rough"))
     valid, dt, hold = log["valid"] > 0.5, frame.attrs["dt"], HELD * float(p["t_confirm"][0])
     out = {}
     for i, row in enumerate(("x", "y", "z")):
         over = np.abs(log["avg"][:, i]) - p["rel"][0] * log["avg"][:, NR + i]
         out[f"t_{row}"] = blocks(np.maximum(over, 1e-6), [1.0], valid, dt, hold)
-    return out
+    speed = frame[sources("control_redundancy")["v_ground"]].to_numpy()
+    return out | {"gust_max": blocks(speed * np.sqrt(log["rough"]), [1.0], valid, dt)}
 
 
 def learned(frame: pd.DataFrame, p: np.ndarray) -> list[float]:
@@ -248,12 +252,20 @@ def train(*, first_seed: int = TRAINING, number: int = FLIGHTS, **how: Any) -> d
 
 
 def limits(values: list[dict]) -> dict:
-    """Return the limits of every part, at PROBABILITY per flight and detector, shared among its parts."""
+    """Return the limits of every part, at PROBABILITY per flight and detector, shared among its parts.
+
+    Where a part stands in LARGEST, its limit is the largest that was seen: beyond it nothing is said.
+    """
     out: dict = {"limits": {}, "found": {}}
     for name in SURVEYS:
         own = [v[name] for v in values if v.get(name)]
-        tests = [part.split()[0] for part in own[0]]  # "swing 3" is of the test "swing"
-        for part, test in zip(own[0], tests, strict=True):
+        parts = [part for part in own[0] if part not in LARGEST]
+        tests = [part.split()[0] for part in parts]  # "swing 3" is of the test "swing"
+        for part in LARGEST & own[0].keys():
+            seen = max(float(np.array(v[part])[:, 0].max()) for v in own if len(v[part]))
+            out["limits"].setdefault(name, {})[part] = [seen]
+            out["found"].setdefault(name, {})[part] = {"largest": seen}
+        for part, test in zip(parts, tests, strict=True):
             rows = [np.array(v[part]) for v in own]
             w, found = limit(rows, PROBABILITY / len(set(tests)) / tests.count(test))
             out["limits"].setdefault(name, {})[part] = w.tolist()

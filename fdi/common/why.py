@@ -14,6 +14,7 @@ BOX_MACH = 6.0  # Mach number
 BOX_ALPHA = 7.0  # angle of attack too far from trim for a linear model
 BANK = 8.0  # bank angle beyond what its equations hold for
 RATE = 9.0  # the command runs ahead of the actuators' rate limit
+GUSTS = 10.0  # gusts larger than any of the flights that its thresholds come from
 
 WORDS = (
     "valid",
@@ -26,6 +27,7 @@ WORDS = (
     "outside its box (angle of attack)",
     "bank angle",
     "command beyond the rate limit",
+    "gusts beyond its training",
 )
 
 

@@ -37,7 +37,7 @@ from fdi.common.decision import T_HOLD, confirm
 from fdi.common.record import Detector, Estimate, Site
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, NONE, SENSOR, THRUST
-from fdi.common.why import LOST_SENSOR, NOT_READY, VALID
+from fdi.common.why import GUSTS, LOST_SENSOR, NOT_READY, VALID
 from fdi.control_redundancy import force_model
 from fdi.control_redundancy import structure as redundancy_structure
 from fdi.control_redundancy.core import (
@@ -98,6 +98,7 @@ PARAMS = params_dtype(
         ("t_kin", "f8", "s"),  # time constant of the kinematic observers of the accelerometers
         ("t_bias", "f8", "g"),  # errors of the accelerometers below this are none
         ("t_vane", "f8", "rad"),  # errors of the vane below this are none
+        ("gust_max", "f8", "m/s"),  # rms of gusts beyond which nothing is said nor learned, 0 for no such bound
         ("bias_share", "f8", "-"),  # so much of a row's residual in its accelerometer makes it the accelerometer's
         ("t_invalid", "f8", "s"),  # averages start again after so long without data
     ]
@@ -174,6 +175,7 @@ STATE = dtype(
         ("avg", "f8", (NX,)),
         ("spool", "f8", "-"),  # mean normalised N1
         ("gone", "f8", "s"),  # time without data
+        ("rougher", "f8", "s"),  # time for which gusts have been beyond gust_max
         ("last", "f8", "-"),  # hypothesis that is being confirmed, 0 for none
         ("timer", "f8", "s"),
         ("timer_any", "f8", "s"),
@@ -494,11 +496,19 @@ def step(x, u, p, dt):
     row_errors(x, u, p)
     accelerometers(x, u, p, dt)
     vane(x, u, p, dt)
+    rough = p.gust_max > 0.0 and x.rough * u.v_ground * u.v_ground > p.gust_max * p.gust_max
+    x.rougher = x.rougher + dt if rough else 0.0
     if x.learned < 0.5:
-        learn(x, p, dt)
-        x.valid, x.why = 0.0, NOT_READY
+        if not rough:
+            learn(x, p, dt)
+        x.valid, x.why = 0.0, GUSTS if rough else NOT_READY
         return
-    if accumulate(x, p, dt) > 0.5:
+    full = accumulate(x, p, dt) > 0.5
+    if rough:
+        x.valid, x.why = 0.0, GUSTS
+        if x.rougher > T_HOLD:
+            _withdraw(x, p)
+    elif full:
         x.valid = sliding_mean(x, p)
         x.why = VALID if x.valid > 0.5 else NOT_READY
         if x.valid > 0.5:

@@ -271,13 +271,12 @@ def vane(x, u, p, dt):
     d = u.alpha - u.alpha_ground
     if x.learned < 0.5:
         x.vane_mean += (d - x.vane_mean) / (x.n_learn + 1.0)
-        return
     d -= x.vane_mean
     for i in range(3):
         x.vane[i] += (1.0 - math.exp(-dt / TAU_VANE[i])) * (d - x.vane[i])
     rough = x.vane[0] - x.vane[2]
     x.rough += (1.0 - math.exp(-dt / TAU_ROUGH)) * (rough * rough - x.rough)
-    if x.n_block[int(x.block)] > 1.5:  # once in a block
+    if x.learned < 0.5 or x.n_block[int(x.block)] > 1.5:  # once in a block
         return
     _, qbar = air_data(u.cas, u.mach)
     contributions(p, u.alpha + STEP, u.mach, qbar, x.variable, x.part_a, x.slope_a)

@@ -1,5 +1,7 @@
 """control_redundancy in flight: ready after eight seconds, an accelerometer's error is no effector's."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,11 @@ from cosim.flight.detectors import sources
 from cosim.flight.signals import detect, fly
 from cosim.flight.site import site
 from cosim.scenario import load_scenario
+from cosim.training.flights import scenario
+from cosim.training.train_aircraft import arguments, fitted
+from fdi import registry
 from fdi.common.verdict import SENSOR
+from fdi.common.why import GUSTS
 from fdi.control_redundancy import control_redundancy
 
 
@@ -26,3 +32,25 @@ def test_a_sensor_is_named_by_kinematics_and_not_an_effector(sensor, error):
     named = log[(log["alarm"] > 0) & (log["culprit"] > 0)]  # before it is sure it names nobody
     assert {control_redundancy.CULPRITS[int(c)] for c in named["culprit"]} == {sensor}
     assert (named["verdict"] == SENSOR).all()
+
+
+def test_in_gusts_beyond_those_of_its_training_it_says_nothing_and_why():
+    frame = fly(load_scenario("cruise", ["duration_s=14", "flight.turbulence=moderate", "detectors.enabled=[]"]),
+                dict.fromkeys(sources("control_redundancy").values()))  # fmt: skip
+    p = registry.record("control_redundancy").fit(site(0.005))
+    fields = ("valid", "why", "alarm", "learned")
+    log = detect(frame, control_redundancy, sources("control_redundancy"), p, fields)
+    assert log["valid"][-1] == 1.0
+    p["gust_max"] = 0.3
+    log = detect(frame, control_redundancy, sources("control_redundancy"), p, fields)
+    assert log["why"][-1] == GUSTS and not log["valid"].any() and not log["alarm"].any() and not log["learned"].any()
+
+
+def test_a_vane_that_is_off_in_a_turn_in_gusts_is_never_called_an_accelerometer():
+    given = arguments(49, 520_000) | {"duration": 40.0}  # kinematics had half of the forward force's residual in n_x
+    frame = fly(scenario(**given), dict.fromkeys(sources("control_redundancy").values()))
+    frame["sensors.alpha.y_obs"] += math.radians(2.0) * (frame.index >= 20.0)
+    log = detect(frame, control_redundancy, sources("control_redundancy"), fitted("control_redundancy", 49),
+                 ("alarm", "culprit"))  # fmt: skip
+    named = set(log["culprit"][log["alarm"] > 0.5])
+    assert control_redundancy.CULPRITS.index("alpha") in named and control_redundancy.CULPRITS.index("n_x") not in named
