@@ -1,15 +1,16 @@
 """Do many small independent jobs in processes of their own; what is done is kept, so that a killed study goes on.
 
 A job is (function, {argument: plain value}): the function stands at the top of a module and returns plain data. Each
-finished job is one line of `results.jsonl`, below a first line with a digest of the code that decides about the values:
-results of two versions never mix.
+finished job is one line of `results.jsonl` with a digest of its own, below a first line with one of the code that
+decides about the values: results of two versions never mix, and what is damaged is done again.
 """
 
+import contextlib
 import functools
 import hashlib
 import inspect
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from actuators.sources import closure
 from cosim.campaign.pool import finished
 from cosim.campaign.store import fingerprint
 from cosim.errors import OutputError
-from cosim.files import regular, replace_text
+from cosim.files import FULL, SPACE, regular, replace_text
 
 FILE = "results.jsonl"
 Job = tuple[Callable, dict]
@@ -30,14 +31,16 @@ def work(
     code: str | None = None,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
+    read: Callable[[Any], Any] = lambda value: value,
 ) -> list[Any]:
     """Return the value of every job, in order, from `folder` where it has been done (None: nothing is kept).
 
-    `code` is the digest that the folder is for, by default that of these jobs; `workers` processes, by default one per
-    core, 0 works in this process; `progress(done, total)` counts. An error in a job ends the work.
+    `read` makes of a value what is returned; what it refuses of the folder (ValueError) is done again. `code` is the
+    digest that the folder is for, by default that of these jobs; `workers` processes, by default one per core, 0 works
+    in this process; `progress(done, total)` counts. An error in a job ends the work.
     """
     jobs = [(function, json.loads(json.dumps(arguments))) for function, arguments in jobs]
-    results = _Results(folder, (code or code_of(jobs)) if folder else "")
+    results = _Results(folder, (code or code_of(jobs)) if folder else "", read)
     keys = [_key(job) for job in jobs]
     todo = {key: job for key, job in zip(keys, jobs) if key not in results.values}
     total = len(set(keys))
@@ -47,7 +50,7 @@ def work(
     for done, (key, value) in enumerate(finished(calls, workers=workers), start=total - len(todo) + 1):
         results.add(key, json.loads(value))
         tell(done, total)
-    return [results.values[key] for key in keys]
+    return [read(results.values[key]) for key in keys]
 
 
 def code_of(jobs: Sequence[Job]) -> str:
@@ -59,33 +62,64 @@ def code_of(jobs: Sequence[Job]) -> str:
     return found.hexdigest()[:16]
 
 
+def stored(folder: str | Path) -> tuple[str, dict[str, Any]]:
+    """Return (digest of the code, {key: value}) of what `folder` holds, without what is damaged; ("", {}) of nothing.
+
+    Raises OutputError for a file of results that cannot be read.
+    """
+    path, found = Path(folder) / FILE, {}
+    regular(path, OutputError)
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines() if path.exists() else []
+    for line in lines[1:]:
+        with contextlib.suppress(ValueError, TypeError, RecursionError):  # the line that a kill cut short, or damage
+            key, value, *told = json.loads(line)  # lines of older versions have no digest
+            if isinstance(key, str) and told in ([], [_digest(key, value)]):
+                found[key] = value
+    with contextlib.suppress(ValueError, TypeError, KeyError, RecursionError):
+        return str(json.loads(lines[0])["code"] if lines else ""), found
+    return "", {}
+
+
+def keep(folder: str | Path, digest: str, values: Mapping[str, Any]) -> None:
+    """Write {key: value} as the results of the code with `digest`; see `stored`."""
+    lines = [json.dumps({"code": digest}), *(_line(key, value) for key, value in values.items())]
+    replace_text(Path(folder) / FILE, "".join(f"{line}\n" for line in lines))
+
+
+def _line(key, value):
+    return json.dumps([key, value, _digest(key, value)])
+
+
+def _digest(key, value):
+    return hashlib.sha256(json.dumps([key, value]).encode()).hexdigest()[:12]
+
+
 class _Results:
     """Values of finished jobs, in memory and in a folder (None: in memory only)."""
 
-    def __init__(self, folder, digest):
+    def __init__(self, folder, digest, read):
         self.values: dict[str, object] = {}
         self.path = Path(folder) / FILE if folder else None
         if self.path is None:
             return
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        regular(self.path, OutputError)
-        lines = self.path.read_text(encoding="utf-8", errors="replace").splitlines() if self.path.exists() else []
-        if lines and lines[0] == json.dumps({"code": digest}):
-            for line in lines[1:]:
-                try:
-                    key, value = json.loads(line)
-                    self.values[str(key)] = value
-                except (ValueError, TypeError, RecursionError):  # the line that a kill cut short, or damage
-                    continue
-        kept = [json.dumps({"code": digest}), *(json.dumps([k, v]) for k, v in self.values.items())]
-        replace_text(self.path, "".join(f"{line}\n" for line in kept))
+        code, found = stored(self.path.parent)
+        for key, value in found.items() if code == digest else ():
+            with contextlib.suppress(ValueError):
+                read(value)
+                self.values[key] = value
+        keep(self.path.parent, digest, self.values)
 
     def add(self, key, value):
         """Keep the value of a job."""
         self.values[key] = value
         if self.path:
-            with open(self.path, "a", encoding="utf-8") as file:
-                file.write(json.dumps([key, value]) + "\n")
+            try:
+                with open(self.path, "a", encoding="utf-8") as file:
+                    file.write(_line(key, value) + "\n")
+            except OSError as error:
+                remedy = SPACE if error.errno in FULL else "What is done is kept: start again"
+                raise OutputError(f"cannot be written: {error.strerror}", place=str(self.path), remedy=remedy) from None
 
 
 def _key(job):

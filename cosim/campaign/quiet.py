@@ -10,9 +10,11 @@ bounds the alarms.
 import base64
 import functools
 from dataclasses import asdict, dataclass
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import BaseModel, ConfigDict, Field
 from scipy.ndimage import minimum_filter1d
 
 from cosim.campaign.space import Space
@@ -78,14 +80,47 @@ class Flight:
     lanes: dict[str, Lane]
 
     @classmethod
-    def read(cls, told: dict) -> "Flight":
-        """Return the Flight of what `fly` returned."""
-        lanes = {
-            name: Lane(np.frombuffer(base64.b64decode(one["peaks"]), "<f4"), one["valid_s"], one["alarms"],
-                       one["silent"], tuple(Moments(*m) for m in one["moments"]))
-            for name, one in told["lanes"].items()
-        }  # fmt: skip
-        return cls(told["seconds"], told["dt"], told["status"], lanes)
+    def read(cls, told: Any) -> "Flight":
+        """Return the Flight of what `fly` returned; raises ValueError for what it never returns."""
+        found = _Told.model_validate(told)
+        lanes = {name: Lane(_peaks(one.peaks), one.valid_s, one.alarms, one.silent,
+                            tuple(Moments(*m) for m in one.moments)) for name, one in found.lanes.items()}  # fmt: skip
+        return cls(found.seconds, found.dt, found.status, lanes)
+
+
+Count, Positive = Annotated[int, Field(ge=0)], Annotated[float, Field(ge=0.0)]
+Samples = Annotated[int, Field(ge=1)]
+Sums = Annotated[tuple[Samples, float, float, float, float, float, float, float], Field(strict=False)]
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
+
+
+class _Lane(_Model):
+    """A Lane as `fly` tells it."""
+
+    peaks: str
+    valid_s: Positive
+    alarms: Count
+    silent: Annotated[int, Field(ge=0, le=1)]
+    moments: list[Sums]
+
+
+class _Told(_Model):
+    """A Flight as `fly` tells it."""
+
+    seconds: Positive
+    dt: Positive
+    status: str
+    lanes: dict[str, _Lane]
+
+
+def _peaks(text):
+    peaks = np.frombuffer(base64.b64decode(text, validate=True), "<f4")
+    if not len(peaks) or not (peaks >= 0.0).all():
+        raise ValueError("peaks that are none")
+    return peaks
 
 
 @functools.cache

@@ -70,7 +70,7 @@ def false_alarms(
     flights = max(1, math.ceil(hours * 3600.0 / made.number(0).duration_s))
     digest = hashlib.sha256(repr(made.campaign).encode()).hexdigest()[:16]
     jobs = [(fly, {"campaign": campaign, "number": n, "digest": digest}) for n in range(flights)]
-    flown = [Flight.read(f) for f in work(jobs, folder=folder, workers=workers, progress=progress)]
+    flown = work(jobs, folder=folder, workers=workers, progress=progress, read=Flight.read)
     return summary(flown, campaign, detectors or tuple(registry.SHIPPED))
 
 

@@ -14,10 +14,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from pydantic import BaseModel, ConfigDict, Field
 
 from cosim.errors import LogError
 from cosim.files import replace
@@ -34,7 +36,7 @@ from cosim.judge.noticed import columns, watch_of
 from cosim.judge.result import judge, judged
 from cosim.replay.lanes import Lane, run
 from cosim.scenario import Scenario, parse, vocabulary
-from cosim.texts import toml
+from cosim.texts import from_json, toml
 
 ABOUT, VALID = b"cosim", "_valid"
 NONE: tuple = (np.empty(0, np.int64), np.empty((0, 0)))  # no whole states, nothing logged
@@ -110,6 +112,19 @@ def _write(path, table):
     )
 
 
+class _About(BaseModel):
+    """What a recording says of its flight, beside what the judgement adds."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
+
+    status: str
+    reason: str
+    sim_time_s: Annotated[float, Field(ge=0.0)]
+    achieved: dict[str, dict[str, float | None]] | None
+    consequences: dict[str, float | None] | None
+    scenario: str
+
+
 class Recording:
     """One thin recording; columns are read when they are asked for."""
 
@@ -121,12 +136,15 @@ class Recording:
             if sha256 and hashlib.sha256(whole).hexdigest() != sha256:
                 raise LogError("is damaged: its digest differs", place=str(path), remedy="Remove it, to be flown again")
             self._file = pq.ParquetFile(io.BytesIO(whole))
-            self.about = json.loads((self._file.schema_arrow.metadata or {})[ABOUT])
+            schema = self._file.schema_arrow
+            self.about = from_json((schema.metadata or {})[ABOUT], place=str(path), error=LogError)
+            _About.model_validate(self.about)
         except (OSError, pa.ArrowException, KeyError, ValueError) as error:
             said = "cannot be read" if isinstance(error, OSError) else "is no thin recording"
             raise LogError(said, place=str(path)) from None
-        self.names = set(self._file.schema_arrow.names)
-        self.ticks = self._file.metadata.num_rows
+        self.names, self.ticks = set(schema.names), self._file.metadata.num_rows
+        if len(self.names) != len(schema) or not all(pa.types.is_floating(t) for t in schema.types) or not self.ticks:
+            raise LogError("is no thin recording: its columns are no numbers", place=str(path))
         self._columns: dict[str, np.ndarray] = {}
 
     @cached_property
@@ -143,7 +161,10 @@ class Recording:
         """Return a signal (ticks,) by its word, or truth by its bus name; a flag that is not there was always 1."""
         if name not in self._columns:
             if name in self.names:
-                self._columns[name] = self._file.read([name]).column(0).to_numpy()
+                try:
+                    self._columns[name] = self._file.read([name]).column(0).to_numpy()
+                except (OSError, pa.ArrowException) as error:
+                    raise LogError(f"{name} is damaged: {error}", place=str(self.path)) from None
             elif name.endswith(VALID) and name.removesuffix(VALID) in self.names:
                 self._columns[name] = np.ones(self.ticks)
             else:

@@ -2,8 +2,13 @@
 
 import json
 import os
+from pathlib import Path
 
+import pytest
+
+from cosim.campaign import jobs
 from cosim.campaign.jobs import work
+from cosim.errors import OutputError
 
 
 def square(x):
@@ -41,3 +46,30 @@ def test_processes_give_the_same_values_in_order():
     found = work(jobs, workers=2)
     assert [v["value"] for v in found] == [0, 1, 4, 9, 16]
     assert os.getpid() not in {v["pid"] for v in found}
+
+
+def test_what_is_damaged_or_forged_is_done_again(tmp_path):
+    """A bit that flipped in a value changes its line's digest; what `read` refuses was never a value."""
+    jobs_, path = [(square, {"x": x}) for x in (2, 3)], tmp_path / "results.jsonl"
+    first = work(jobs_, folder=tmp_path, workers=0)
+    path.write_text(path.read_text().replace('"value": 4', '"value": 5'))
+    assert work(jobs_, folder=tmp_path, workers=0) == first
+    code, values = jobs.stored(tmp_path)
+    jobs.keep(tmp_path, code, {key: {"value": None} for key in values})
+
+    def read(value):
+        if value["value"] is None:
+            raise ValueError
+        return value
+
+    assert work(jobs_, folder=tmp_path, workers=0, read=read) == first
+    for nonsense in ("", "null\nnull", "[]", '{"code": []}', "\xff", "[" * 9000):
+        path.write_text(nonsense)
+        assert work(jobs_, folder=tmp_path, workers=0) == first
+
+
+def test_a_full_disk_is_told_with_the_file(tmp_path, monkeypatch):
+    results = jobs._Results(tmp_path, "x", lambda value: value)
+    results.path = Path("/dev/full")
+    with pytest.raises(OutputError, match=r"/dev/full: cannot be written: No space left.*Free space"):
+        results.add("key", 1)

@@ -6,15 +6,18 @@ import shutil
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
 
+from cosim.campaign import jobs
 from cosim.campaign.store import CampaignError
 from cosim.campaign.worker import fly
 from cosim.cli import commands as cli
 from cosim.compare.paired import bootstrap, pair
+from cosim.compare.score import BOARD, named, score, stored
 from cosim.compare.score import flights as benchmark
-from cosim.compare.score import named, score
 from cosim.compare.score import rows as score_rows
 from cosim.compare.score.table import differences
 from cosim.errors import LogError
@@ -135,9 +138,12 @@ def test_recordings_of_other_code_are_taken_over_where_they_repeat(recordings, t
     assert benchmark.adopt(home, todo) is None
     (home / "results.jsonl").write_text("\n".join(['{"code": "older"}', *held[1:]]) + "\n")
     assert benchmark.adopt(home, todo) is True and (home / "results.jsonl").read_text().splitlines() == held
-    changed = [line.replace('"content": "', '"content": "0') for line in held[1:]]
-    (home / "results.jsonl").write_text("\n".join(['{"code": "older"}', *changed]) + "\n")
+    others = {k: {**v, "content": v["content"][::-1]} if "content" in v else v for k, v in jobs.stored(home)[1].items()}
+    jobs.keep(home, "older", others)
     assert benchmark.adopt(home, todo) is False
+    damaged = [line.replace('"content": "', '"content": "0') for line in held[1:]]
+    (home / "results.jsonl").write_text("\n".join(['{"code": "older"}', *damaged]) + "\n")
+    assert benchmark.adopt(home, todo) is None
 
 
 def test_sealed_seeds_make_other_flights_and_are_not_told(tmp_path):
@@ -197,3 +203,36 @@ def test_the_bootstrap_interval_covers_the_mean():
     rng = np.random.default_rng(5)
     inside = [low <= 0.1 <= high for low, high in (bootstrap(rng.normal(0.1, 1.0, 60)) for _ in range(300))]
     assert 0.91 <= np.mean(inside) <= 0.98
+
+
+def test_a_table_or_a_recording_that_is_none_is_one_line(tmp_path):
+    whole, path = json.loads(BOARD.read_text()), tmp_path / "score.json"
+    nonsense = ({"flights": "x"}, {"flights": 0}, {"detectors": [[]]}, {"detectors": [{"id": []}]}, {"seeds": None})
+    for change in nonsense:
+        path.write_text(json.dumps(whole | change))
+        with pytest.raises(CampaignError, match="is no table"):
+            stored(path)
+    assert stored(BOARD).limit is None
+    about = {
+        "status": "completed",
+        "reason": "",
+        "sim_time_s": 1.0,
+        "achieved": {},
+        "consequences": None,
+        "scenario": "",
+    }
+    column = pa.array([0.0, 1.0])
+    for told, held in (
+        (about | {"achieved": []}, column),
+        (about | {"status": 3}, column),
+        ([], column),
+        (about, pa.array(["a"])),
+    ):
+        table = pa.table({"q": held}).replace_schema_metadata({thin.ABOUT: json.dumps(told)})
+        pq.write_table(table, tmp_path / "x.parquet")
+        with pytest.raises(LogError, match="no thin recording"):
+            thin.Recording(tmp_path / "x.parquet")
+    pq.write_table(
+        pa.table({"q": column}).replace_schema_metadata({thin.ABOUT: json.dumps(about)}), tmp_path / "x.parquet"
+    )
+    assert thin.Recording(tmp_path / "x.parquet").column("q").tolist() == [0.0, 1.0]

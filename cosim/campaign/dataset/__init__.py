@@ -60,7 +60,7 @@ def make(
     folder = _open(Path(out), about)
     todo = [(flight.fly, {"folder": str(folder.resolve()), "run": run, "toml": s.expanded_toml(), "signals": words,
                           "every": flight.every(s, rate_hz)}) for run, (s, _) in pairs]  # fmt: skip
-    done = jobs.work(todo, folder=folder / ".work", workers=workers, progress=progress)
+    done = jobs.work(todo, folder=folder / ".work", workers=workers, progress=progress, read=flight.told)
     done = [d if flight.whole(folder, d) else work(**given) for d, (work, given) in zip(done, todo)]
     rows = [_row(run, s, label, d) for (run, (s, label)), d in zip(pairs, done)]
     rows = [{**row, **split} for row, split in zip(rows, splits(rows))]
@@ -112,4 +112,3 @@ def _row(run: str, scenario: Scenario, label: dict[str, Any], done: dict[str, An
         "turbulence": scenario.flight.turbulence, "manoeuvre": scenario.manoeuvre.kind,
         "scenario": scenario.expanded_toml(),
     }  # fmt: skip
-

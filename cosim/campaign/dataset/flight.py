@@ -3,11 +3,12 @@
 import hashlib
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
+from pydantic import BaseModel, ConfigDict, Field
 
 import cosim.flight.signals
 from cosim.campaign.dataset.columns import achieved, described
@@ -49,6 +50,25 @@ def fly(folder: str, run: str, toml: str, signals: list[str], every: int) -> dic
     held = path.read_bytes()
     return {"file": f"flights/{run}.parquet", "status": flown.attrs["status"], "reason": flown.attrs["reason"],
             "rows": len(table), "bytes": len(held), "sha256": hashlib.sha256(held).hexdigest()}  # fmt: skip
+
+
+class _Told(BaseModel):
+    """What `fly` tells of a file."""
+
+    model_config = ConfigDict(strict=True, extra="forbid")
+
+    file: Annotated[str, Field(pattern=r"^(flights/[0-9a-f]+\.parquet)?$")]
+    status: str
+    reason: str
+    rows: Annotated[int, Field(ge=0)]
+    bytes: Annotated[int, Field(ge=0)]
+    sha256: str
+
+
+def told(value: Any) -> dict[str, Any]:
+    """Return what `fly` told of a file; raises ValueError for anything else."""
+    _Told.model_validate(value)
+    return value
 
 
 def whole(folder: Path, done: dict[str, Any]) -> bool:

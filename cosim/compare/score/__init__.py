@@ -9,6 +9,9 @@ from dataclasses import dataclass
 from importlib import util
 from itertools import combinations
 from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
 
 from cosim.campaign.store import CampaignError
 from cosim.compare import bound
@@ -82,6 +85,20 @@ class Stored:
     limit: int | None
 
 
+class _Row(BaseModel):
+    id: str
+
+
+class _Table(BaseModel):
+    """What must be in a table that is to be repeated."""
+
+    model_config = ConfigDict(strict=True)
+
+    detectors: list[_Row]
+    flights: Annotated[int, Field(ge=1)]
+    seeds: dict[str, str | int]
+
+
 def stored(path: str | Path, detectors: Sequence[str] = (), seeds: str | Path | None = None) -> Stored:
     """Return the table at `path` ("benchmark-1": the one that ships) and its `detectors` (default: those that ship).
 
@@ -90,11 +107,11 @@ def stored(path: str | Path, detectors: Sequence[str] = (), seeds: str | Path | 
     path = BOARD if str(path) == benchmark.NAME else path
     table = from_json(read(path, error=CampaignError), place=str(path), error=CampaignError)
     try:
-        rows, flights = [d["id"] for d in table["detectors"]], table["flights"]
-        sealed = "digest" in table["seeds"]
-    except (KeyError, TypeError):
+        told = _Table.model_validate(table)
+    except ValueError:
         raise CampaignError("is no table of `cosim score`", place=str(path)) from None
-    if sealed and seeds is None:
+    rows, flights = [d.id for d in told.detectors], told.flights
+    if "digest" in told.seeds and seeds is None:
         raise CampaignError("was made on a sealed set", place=str(path), remedy="Give its file: --seeds FILE")
     ids, files = named(detectors or [r for r in rows if r in SHIPPED or r in learned()])
     asked = [*ids, *(load(f).DETECTOR.id for f in files)]

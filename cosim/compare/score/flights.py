@@ -9,10 +9,12 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field
 
 from actuators.sources import closure, private
-from cosim.campaign.jobs import FILE, work
+from cosim.campaign.jobs import keep, stored, work
 from cosim.campaign.manifest import about_the_code
 from cosim.campaign.spec import load_campaign
 from cosim.campaign.store import DECIDING, CampaignError
@@ -40,6 +42,25 @@ class Flight:
     toml: str
     path: Path
     told: dict
+
+
+class _Told(BaseModel):
+    """What a folder of recordings says of one."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
+
+    status: str
+    reason: str
+    sim_time_s: Annotated[float, Field(ge=0.0)] = 0.0
+    sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] = ""
+    content: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] = ""
+    bytes: Annotated[int, Field(ge=0)] = 0
+    core_s: Annotated[float, Field(ge=0.0)] = 0.0
+
+
+def _told(value: Any) -> dict[str, Any]:
+    """Return what a folder says of a recording; raises ValueError where it is none of `recorded`."""
+    return _Told.model_validate(value).model_dump(exclude_unset=True)
 
 
 @dataclass(frozen=True)
@@ -147,22 +168,20 @@ def adopt(home: Path, flights: Iterable[tuple[str, str, str]]) -> bool | None:
 
     Returns whether they do, None where there is nothing to ask. Those that do not are flown again by `fly_into`.
     """
-    path = home / FILE
-    lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
-    if not lines or lines[0] == json.dumps({"code": code()}):
+    flown_by, values = stored(home)
+    if not values or flown_by == code():
         return None
     held = {}
-    for line in lines[1:]:
-        with suppress(ValueError):  # the line that a kill cut short
-            key, told = json.loads(line)
-            held[json.loads(key)[1]["toml_text"]] = told.get("content")
+    for key, told in values.items():
+        with suppress(ValueError, TypeError, KeyError, IndexError):  # what is no recording's
+            held[json.loads(key)[1]["toml_text"]] = _told(told).get("content")
     sample = {family: text for _, family, text in flights if held.get(text)}
     with tempfile.TemporaryDirectory() as aside:
         for text in sample.values():
             if recorded(text, "again.parquet", aside).get("content") != held[text]:
                 return False
     if sample:
-        replace_text(path, "\n".join([json.dumps({"code": code()}), *lines[1:]]) + "\n")
+        keep(home, code(), values)
     return bool(sample)
 
 
@@ -174,8 +193,8 @@ def fly_into(home: Path, flights: Iterable[tuple[str, str, str]], **how: Any) ->
     todo = list(flights)
     jobs = [(recorded, {"toml_text": text, "name": f"{run}.parquet", "folder": str(home.resolve())})
             for run, _, text in todo]  # fmt: skip
-    told = work(jobs, **{**how, "folder": home, "code": code()})
-    return [Flight(run, family, text, home / f"{run}.parquet", dict(t)) for (run, family, text), t in zip(todo, told)]
+    told = work(jobs, **{**how, "folder": home, "code": code(), "read": _told})
+    return [Flight(run, family, text, home / f"{run}.parquet", t) for (run, family, text), t in zip(todo, told)]
 
 
 def recorded(toml_text: str, name: str, folder: str) -> dict:
