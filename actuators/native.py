@@ -20,6 +20,7 @@ from actuators.sources import cache_dir
 
 PLAIN = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")  # nothing is compiled
 _ENTRY = "entry"
+_DIGEST = 32  # bytes before the code: its SHA-256
 _nothing = ctypes.create_string_buffer(16)  # where a function would put its result and its exception: it has neither
 NOTHING = ctypes.addressof(_nothing), ctypes.addressof(_nothing) + 8
 _FREE = "NRT_MemInfo_call_dtor"  # frees an array of Numba's own: kernels make none, what refers to it is never run
@@ -97,10 +98,13 @@ def processor() -> str:
 
 
 def _stored(file):
+    """Return the code in a file, None where there is none or it is not what was written: LLVM would crash on it."""
     try:
-        return file.read_bytes() if file else None
+        held = file.read_bytes() if file else b""
     except OSError:
         return None
+    told, code = held[:_DIGEST], held[_DIGEST:]
+    return code if told == hashlib.sha256(code).digest() else None
 
 
 def _store(file, code):
@@ -108,7 +112,7 @@ def _store(file, code):
     try:
         handle, beside = tempfile.mkstemp(dir=file.parent, suffix=".part")
         with os.fdopen(handle, "wb") as out:
-            out.write(code)
+            out.write(hashlib.sha256(code).digest() + code)
         os.replace(beside, file)
     except OSError:
         pass

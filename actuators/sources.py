@@ -74,10 +74,11 @@ def _links(path):
 @functools.cache
 def _remembered():
     """Return what sources import, {digest: names}, as this tree's table has it: parsing them costs half a second."""
-    file = _memory()
-    with contextlib.suppress(OSError, ValueError):
-        return json.loads(file.read_bytes()) if file else {}
-    return {}
+    file, found = _memory(), {}
+    with contextlib.suppress(OSError, ValueError, RecursionError):
+        found = json.loads(file.read_bytes()) if file else {}
+    whole = isinstance(found, dict) and all(isinstance(names, list) for names in found.values())
+    return found if whole and all(isinstance(n, str) for names in found.values() for n in names) else {}
 
 
 def _memory():
@@ -172,7 +173,10 @@ def cache_dir(path: str | Path) -> str | None:
 
 
 def _all_private(folder):
-    """Tell whether every file in `folder` is this user's: a folder that was once open may hold another's."""
+    """Tell whether every file in `folder` is this user's and closed to others: it may once have been open to them."""
     if not hasattr(os, "getuid"):
         return True
-    return all(file.lstat().st_uid == os.getuid() for file in folder.rglob("*"))
+    reached = folder.lstat().st_mode & (stat.S_IXGRP | stat.S_IXOTH)  # else no other gets to a file, whatever its mode
+    told = [file.lstat() for file in folder.rglob("*")]
+    open_to = stat.S_IWGRP | stat.S_IWOTH if reached else 0
+    return all(t.st_uid == os.getuid() and (stat.S_ISLNK(t.st_mode) or not t.st_mode & open_to) for t in told)

@@ -38,3 +38,25 @@ def test_what_one_process_compiled_another_loads_without_numba(tmp_path):
     for told in (first, second):
         assert told[1:3] == [{"compiled": 0, "loaded": 1}, False]
     assert first[3] == second[3]
+
+
+def test_code_that_is_not_as_written_is_not_loaded(tmp_path):
+    """A power cut leaves files cut or empty, a disk flips bits: LLVM would end the process."""
+    from actuators import native
+
+    file = tmp_path / "x.o"
+    native._store(file, b"code")
+    whole = file.read_bytes()
+    assert native._stored(file) == b"code"
+    for held in (b"", whole[:-1], whole + b"x", whole.replace(b"c", b"d"), bytes(len(whole))):
+        file.write_bytes(held)
+        assert native._stored(file) is None
+
+
+@pytest.mark.parametrize("held", ["", "null", "[]", '{"a": 1}', '{"a": [1]}', "[" * 9000])
+def test_what_is_remembered_of_imports_may_be_damaged(held, tmp_path, monkeypatch):
+    from actuators import sources
+
+    (tmp_path / "imports.json").write_text(held)
+    monkeypatch.setattr(sources, "_memory", lambda: tmp_path / "imports.json")
+    assert sources._remembered.__wrapped__() == {}
