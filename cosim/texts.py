@@ -18,6 +18,7 @@ from cosim.files import regular
 LARGEST = 1_000_000  # bytes of a file of ours: a page of text
 DEPTH = 16  # tables and lists inside one another
 INTEGER = 2**63  # largest magnitude
+_SURROGATE = re.compile("[\ud800-\udfff]")
 _DOTTED = re.compile(rf"(?:[\w\"'-]+[ \t]*\.[ \t]*){{{2 * DEPTH}}}")
 
 
@@ -61,6 +62,11 @@ def read(path: str | Path, *, error: type[CosimError] = CosimError, what: str = 
         raise error(f"cannot be read: {getattr(wrong, 'strerror', None) or wrong}", place=str(path)) from None
 
 
+def half_letter(text: str) -> bool:
+    """Tell whether `text` holds a lone surrogate, as JSON and a command line may: no file can be written with it."""
+    return not text.isascii() and _SURROGATE.search(text) is not None
+
+
 def _bounded(value: Any, place: str, error: type[CosimError]) -> Any:
     """Return `value` when nothing in it is too deep or too large; without recursion, whatever it holds."""
     todo = [(value, 0)]
@@ -69,11 +75,13 @@ def _bounded(value: Any, place: str, error: type[CosimError]) -> Any:
         if depth > DEPTH:
             raise error("is nested too deeply", place=place, allowed=f"{DEPTH} levels")
         if isinstance(node, Mapping):
-            todo += [(item, depth + 1) for item in node.values()]
+            todo += [(item, depth + 1) for pair in node.items() for item in pair]
         elif isinstance(node, list):
             todo += [(item, depth + 1) for item in node]
         elif isinstance(node, datetime.date | datetime.time):
             raise error(f"holds a date or a time, {node}", place=place, remedy="Write it as text, in quotes")
+        elif isinstance(node, str) and half_letter(node):
+            raise error("holds half a letter (a lone surrogate)", place=place, remedy="Write it in UTF-8")
         elif isinstance(node, int) and not -INTEGER <= node < INTEGER:
             raise error("holds an integer beyond 64 bits", place=place, remedy="Write it as a float")
     return value

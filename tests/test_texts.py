@@ -36,7 +36,8 @@ def test_what_is_bad_is_one_line(name, tmp_path):
 
 
 NONSENSE = ("manoeuvre.kind=[{}]", "manoeuvre.kind={}", "faults.0=[[]]", "duration_s=" + "9" * 5000,
-            "seed=" + "[" * 3000, "elevator=" + "{a=" * 100)  # fmt: skip
+            "seed=" + "[" * 3000, "elevator=" + "{a=" * 100,
+            "title=\udcff", "\udcff=1")  # fmt: skip
 
 
 @pytest.mark.parametrize("override", NONSENSE)
@@ -44,6 +45,14 @@ def test_an_override_of_nonsense_is_one_line(override):
     with pytest.raises(CosimError) as caught:
         load_scenario("cruise", [override])
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ['{"a": "x\\ud800"}', '["\\udcff"]', '{"\\ud800": 1}', '"\\udfff"'])
+def test_json_with_half_a_letter_is_one_line(text):
+    """No file can be written with it: what lets it through breaks whoever writes the result."""
+    with pytest.raises(CosimError, match="half a letter"):
+        from_json(text, place="x.json")
+    assert from_json('"\\ud83d\\ude00 µ"', place="x.json") == "😀 µ"
 
 
 SCALARS = st.none() | st.booleans() | st.integers() | st.text() | st.floats()

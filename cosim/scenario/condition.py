@@ -10,6 +10,7 @@ a fault that has not begun.
 """
 
 import functools
+import itertools
 import operator
 import re
 from collections.abc import Callable, Mapping
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 TIME = "t"
 OF_FAULT = re.compile(r"fault\.(\d{1,4})\.(active|since)")
+LONGEST, DEPTH = 2000, 50  # letters; parentheses
 COMPARE: dict[str, Callable] = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
 _TOKEN = re.compile(r"\s*(?:(<=|>=|<|>|\(|\))|([A-Za-z_][\w.\[\]]*)|([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?))")
 
@@ -67,6 +69,9 @@ Condition = Comparison | Joined
 
 def condition(text: str) -> Condition:
     """Return the condition that `text` says. Raises ScenarioError with what is wrong."""
+    if len(text) > LONGEST:
+        place = f"when = {text[:40]!r}..."
+        raise ScenarioError(f"is {len(text)} letters long", place=place, allowed=f"up to {LONGEST}")
     tokens, at = [], 0
     while text[at:].strip():
         found = _TOKEN.match(text, at)
@@ -75,6 +80,9 @@ def condition(text: str) -> Condition:
         word = found.group().strip()
         tokens.append(word.lower() if word in ("AND", "OR") else word)
         at = found.end()
+    steps = itertools.accumulate({"(": 1, ")": -1}.get(token, 0) for token in tokens)
+    if max(steps, default=0) > DEPTH:
+        raise _wrong(text, f"more than {DEPTH} parentheses within each other")
     made, rest = _joined("or", tokens, text)
     if rest:
         raise _wrong(text, f"{rest[0]!r} is one too many")

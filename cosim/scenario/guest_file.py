@@ -41,7 +41,7 @@ def _named(source: bytes) -> set[str]:
     """Return the names that may be of files beside a source: modules imported, and every short text in it."""
     try:
         tree = ast.parse(source)
-    except (SyntaxError, ValueError):
+    except (SyntaxError, ValueError, MemoryError, RecursionError):  # nested without end
         return set()
     out: set[str] = set()
     for node in ast.walk(tree):

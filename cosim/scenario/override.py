@@ -11,7 +11,7 @@ from cosim.errors import CosimError, ScenarioError
 from cosim.scenario.aircraft import DEFAULT, load_aircraft
 from cosim.scenario.inputs import RANGES
 from cosim.scenario.manoeuvre import KINDS
-from cosim.texts import toml
+from cosim.texts import half_letter, toml
 
 LISTS = ("faults",)
 SPEEDS = ("cas_kt", "mach", "tas_kt")
@@ -25,6 +25,8 @@ def apply(table: Any, overrides: Any) -> Any:
     for text in overrides:
         key, equals, value = text.partition("=")
         key = key.strip()
+        if half_letter(text):
+            raise ScenarioError("is not UTF-8", place=f"--set {text}")
         if not equals or not key or not all(key.split(".")):
             raise ScenarioError(
                 "is not of the form key=value", place=f"--set {text}", remedy="Example: --set faults.0.frequency_hz=3"

@@ -140,3 +140,11 @@ def test_the_terminal_says_when_it_began(tmp_path):
     done = CliRunner().invoke(cli.app, args)
     assert "from 1.01 s, when t > 1" in done.stdout and "which never began, when fault.0.since > 99" in done.stdout
     assert "never began: fault.0.since > 99 did not come true" in done.stderr and "36000" not in done.output
+
+
+@pytest.mark.parametrize("text", ["(" * 60 + "t > 1" + ")" * 60, " or ".join(["t > 1"] * 1000), "(" * 100_000])
+def test_a_condition_without_end_is_one_line_at_once(text):
+    with pytest.raises(ScenarioError, match="allowed") as told:
+        condition(text)
+    assert len(str(told.value)) < 3000
+    assert condition("(" * 40 + "t > 1" + ")" * 40) == condition("t > 1")
