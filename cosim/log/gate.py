@@ -14,12 +14,14 @@ import socket
 import socketserver
 import sys
 import threading
+import time
 from collections.abc import Callable, Collection
 from urllib.parse import parse_qs, urlsplit
 
 ORIGINS = ("https://app.foxglove.dev", "https://studio.foxglove.dev")  # pages of Foxglove itself
 OWN_HOSTS = ("localhost", "127.0.0.1", "::1")  # a page that this machine serves
-HEAD_BYTES, HEAD_S = 16384, 5.0  # of the request that opens a connection
+HEAD_BYTES, HEAD_S = 16384, 5.0  # of the request that opens a connection, all of it
+MOST = 64  # connections at a time: each takes a thread and two sockets
 
 
 def hidden_host() -> str:
@@ -55,9 +57,15 @@ class Gate:
                 return inner
             return steered if hmac.compare_digest(shown.encode(), token.encode()) else None
 
+        free = threading.BoundedSemaphore(MOST)
+
         class Handler(socketserver.BaseRequestHandler):
             def handle(self) -> None:
-                _pass_on(self.request, behind)
+                if free.acquire(blocking=False):
+                    try:
+                        _pass_on(self.request, behind)
+                    finally:
+                        free.release()
 
         socketserver.ThreadingTCPServer.allow_reuse_address = True
         self._server = socketserver.ThreadingTCPServer((host, port), Handler)
@@ -94,10 +102,10 @@ def _pass_on(client: socket.socket, behind: Callable[[bytes], tuple[str, int] | 
 
 def _head(client: socket.socket) -> bytes | None:
     """Return what opens the connection, up to the empty line and what follows it; None when it does not come."""
-    client.settimeout(HEAD_S)
-    data = b""
+    data, end = b"", time.monotonic() + HEAD_S
     try:
         while b"\r\n\r\n" not in data:
+            client.settimeout(max(1e-3, end - time.monotonic()))  # bytes one by one keep nobody's place
             more = client.recv(4096)
             if not more or len(data) + len(more) > HEAD_BYTES:
                 return None

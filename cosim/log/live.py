@@ -113,7 +113,7 @@ class Live:
             name, given, answer = self._waiting.get()
             try:
                 said = {"ok": True, **self._controls[name](given)}
-            except (CosimError, TypeError, ValueError, KeyError) as error:  # a request may hold anything
+            except (CosimError, TypeError, ValueError, KeyError, ArithmeticError) as error:  # whatever a request holds
                 said = {"ok": False, "error": str(error)}
             answer.set_result(said)
             self.parameters["answer"] = json.dumps(said)

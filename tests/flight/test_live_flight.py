@@ -120,7 +120,11 @@ def test_without_the_token_one_only_watches_and_with_a_wrong_one_nothing(flown):
 
     def act(server):
         turned_away = []
-        for tail, origin in (("?token=guess", None), ("?token=", None), (f"?token={server.token}", "https://evil.example")):
+        for tail, origin in (
+            ("?token=guess", None),
+            ("?token=", None),
+            (f"?token={server.token}", "https://evil.example"),
+        ):
             try:
                 Viewer(f"{server.url}/{tail}", origin).__exit__()
             except InvalidStatus as error:
@@ -161,3 +165,14 @@ def test_ctrl_c_ends_it_with_a_whole_log_and_what_a_guest_prints_stays_apart(tmp
     assert open_log(tmp_path / "cut.mcap").complete and open_log(tmp_path / "cut.mcap").n_ticks == 61
     out, err = capsys.readouterr()
     assert out == "" and "rod is" in err
+
+
+def test_numbers_that_are_none_are_refused_and_the_flight_goes_on(tmp_path):
+    def act(server):
+        with Viewer(server.steer_url) as v:
+            return [v.call("heal", fault=float("inf")), v.call("heal", fault=float("nan")), v.call("heal", fault=1e300),
+                    v.call("speed", value=float("inf")), v.call("inject", **{**OFC, "frequency_hz": float("inf")}),
+                    v.call("speed", value=900)]  # fmt: skip
+
+    *wrong, good = hands(cosim.load_scenario("cruise", [*KEYS, "duration_s=20"]), None, act)[1]
+    assert good["ok"] and not any(said["ok"] for said in wrong)

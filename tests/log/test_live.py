@@ -1,7 +1,9 @@
 """`cosim run --live`: what a viewer gets is what the log holds, by the clock, and the log stays the same."""
 
+import contextlib
 import socket
 import sys
+import threading
 import time
 
 import numpy as np
@@ -14,7 +16,7 @@ from cosim.flight.fly import fly
 from cosim.flight.live import fly_live
 from cosim.flight.recorder import pose, topics
 from cosim.flight.simulate import simulate
-from cosim.log import open_log
+from cosim.log import gate, open_log
 from cosim.log.live import Live
 
 foxglove = pytest.importorskip("foxglove")
@@ -72,7 +74,14 @@ HELLO = (
     "GET / HTTP/1.1\r\nHost: {host}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
     "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Protocol: foxglove.sdk.v1\r\n{origin}\r\n"
 )
-STRANGE = ("https://evil.example", "null", "", "http://[", "https://app.foxglove.dev.evil.example", "http://localhost.evil.example")
+STRANGE = (
+    "https://evil.example",
+    "null",
+    "",
+    "http://[",
+    "https://app.foxglove.dev.evil.example",
+    "http://localhost.evil.example",
+)
 
 
 def _answer(url, origin):
@@ -90,3 +99,23 @@ def test_only_programs_and_pages_that_show_flights_may_watch():
             assert _answer(server.url, origin) == "HTTP/1.1 101 Switching Protocols", origin
         for origin in (*([o] for o in STRANGE), ["https://app.foxglove.dev", "https://evil.example"]):
             assert _answer(server.url, origin) == "HTTP/1.1 403 Forbidden", origin
+
+
+def test_who_floods_the_gate_keeps_nobody_out_for_long(monkeypatch):
+    """Connections that say nothing, or a byte at a time, are closed; there is a bound on how many there are."""
+    monkeypatch.setattr(gate, "HEAD_S", 0.5)
+    setup = build(cosim.load_scenario("liquid-ofc", SHORT))
+    with Live(topics(setup), port=0) as server:
+        place = "127.0.0.1", int(server.url.rpartition(":")[2])
+        before = threading.active_count()
+        idle = [socket.create_connection(place, timeout=10) for _ in range(2 * gate.MOST)]
+        time.sleep(0.2)
+        assert threading.active_count() - before <= gate.MOST
+        begin = time.monotonic()
+        with socket.create_connection(place, timeout=10) as slow, contextlib.suppress(OSError):
+            while time.monotonic() - begin < 5 and slow.send(b"G"):
+                time.sleep(0.1)
+        assert time.monotonic() - begin < 4
+        for one in idle:
+            one.close()
+        assert _answer(server.url, []) == "HTTP/1.1 101 Switching Protocols"
