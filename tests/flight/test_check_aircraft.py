@@ -4,6 +4,8 @@ import shutil
 
 import pytest
 
+import cosim
+from cosim.errors import ScenarioError
 from cosim.flight.plant.check import check
 from cosim.scenario.aircraft import bundled, load_aircraft
 
@@ -38,3 +40,15 @@ def test_a_reversed_surface_is_named(tmp_path):
     path = folder / "aerodynamics.xml"
     path.write_text(path.read_text().replace("<p> aero/Cn_dr </p>", "<v> -1.0 </v> <p> aero/Cn_dr </p>"))
     assert {f.point for f in check(str(folder)) if not f.good} == {"effector dr"}
+
+
+def test_a_model_that_jsbsim_cannot_read_is_one_line(tmp_path):
+    """JSBSim raises, returns false or ends the process, by what is wrong; none of it ends a flight without a word."""
+    whole = load_aircraft().folder
+    for name, old, new in (("nonsense", "<", "&"), ("cut", "</aerodynamics>", ""), ("property", "aero/", "ae ro/")):
+        folder = shutil.copytree(whole, tmp_path / name)
+        text = (folder / f"{whole.name}.xml").read_text()
+        (folder / f"{name}.xml").write_text(text.replace(old, new) if old in text else "<x>")
+        with pytest.raises(ScenarioError, match=rf"{name}\.xml: JSBSim cannot fly the model") as told:
+            cosim.linearize(cosim.load_scenario("cruise", [f"flight.aircraft={str(folder)!r}"]))
+        assert "\n" not in str(told.value)

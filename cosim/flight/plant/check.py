@@ -1,9 +1,6 @@
 """Does an aircraft's folder keep the contract of aircraft/README.md? One line per point, what is missing first."""
 
 import math
-import re
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -11,6 +8,7 @@ import numpy as np
 
 from actuators.constants import FT_PER_M, G0, KT_PER_M_S
 from cosim.errors import ScenarioError, TrimError
+from cosim.flight.plant.apart import fatal
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
 from cosim.scenario.aircraft import load_aircraft
@@ -42,13 +40,13 @@ def check(name: str) -> list[Finding]:
     except ScenarioError as error:
         return [Finding("record", False, str(error))]
     out = [Finding("record", True, f"{aircraft.title}: {len(aircraft.segments)} segments, {aircraft.engines} engines")]
-    if fatal := _fatal(aircraft):
-        return [*out, Finding("JSBSim model", False, fatal)]
+    if said := fatal(aircraft.folder, aircraft.name):
+        return [*out, Finding("JSBSim model", False, said)]
     point = _middle(name, aircraft)
     try:
         plant = Plant(point)
-    except (RuntimeError, KeyError, ValueError) as error:
-        return [*out, Finding("JSBSim model", False, " ".join(str(error.args[0]).split()))]
+    except ScenarioError as error:
+        return [*out, Finding("JSBSim model", False, error.problem)]
     out.append(Finding("JSBSim model", True, "loads; every property of the contract is there"))
     out += _geometry(plant, aircraft)
     try:
@@ -63,28 +61,6 @@ def check(name: str) -> list[Finding]:
     out += _points(name, aircraft)
     out.append(_multipliers(name, aircraft, point))
     return out
-
-
-_ALONE = """
-import sys
-import jsbsim
-fdm = jsbsim.FGFDMExec(None)
-fdm.set_aircraft_path(sys.argv[1])
-loaded = fdm.load_model(sys.argv[2])
-sys.exit(0 if loaded and fdm.run_ic() else 1)
-"""
-
-
-def _fatal(aircraft):
-    """Return what JSBSim says about a model that it cannot load, or "": in a process of its own, which it may abort."""
-    call = [sys.executable, "-c", _ALONE, str(aircraft.folder.parent), aircraft.name]
-    done = subprocess.run(call, capture_output=True, text=True, timeout=60.0)
-    if done.returncode == 0:
-        return ""
-    said = [line.strip() for line in re.sub(r"\x1b\[[0-9;]*m", "", done.stderr + done.stdout).splitlines()]
-    telling = re.compile(r"error|not found|could not|undefined|does not exist|what\(\)", re.IGNORECASE)
-    reason = [line for line in said if telling.search(line)]
-    return "cannot be loaded: " + ("; ".join(reason[:3]) or f"JSBSim ended with {done.returncode}")
 
 
 def _middle(name, aircraft):

@@ -24,11 +24,13 @@ import numpy as np
 
 from actuators.block import briefly
 from actuators.constants import M_PER_FT, M_S_PER_KT
-from cosim.errors import TrimError
+from cosim.errors import ScenarioError, TrimError
 from cosim.flight.plant import gusts, viewers
+from cosim.flight.plant.apart import fatal
 from cosim.flight.plant.border import border, to_si
 from cosim.flight.plant.crossing import crossing
 from cosim.flight.plant.point import POINTS, FlightPoint, loading
+from cosim.scenario.aircraft import FOLDER
 
 jsbsim.FGJSBBase().debug_lvl = 0  # before the first executive: its banner is not ours to print
 
@@ -84,9 +86,19 @@ class Plant:
         `flightgear` is a UDP port of this machine where FlightGear listens; it is told of the flight after `show`.
         """
         self.flight, self.dt, self.aircraft = flight, dt, flight.record
+        self._logger = _Quiet()
+        try:
+            self._load(flight, dt, flightgear)
+        except (RuntimeError, KeyError, ValueError) as error:
+            said = " ".join([*self._logger.errors, str(error.args[0] if error.args else error)])
+            place = str(self.aircraft.folder / f"{self.aircraft.name}.xml")
+            raise ScenarioError(f"JSBSim cannot fly the model: {said}", place=place) from None
+
+    def _load(self, flight, dt, flightgear):
+        if self.aircraft.folder.parent != FOLDER and (said := fatal(self.aircraft.folder, self.aircraft.name)):
+            raise RuntimeError(said)
         self.border = border(self.aircraft)
         read, geometry = self.border.read, self.aircraft.geometry
-        self._logger = _Quiet()
         jsbsim.set_logger(self._logger)
         fdm = self._fdm = jsbsim.FGFDMExec(None)
         fdm.set_aircraft_path(str(self.aircraft.folder.parent))
@@ -96,7 +108,7 @@ class Plant:
                 fdm.set_output_directive(path)
         fdm.disable_output()
         if not fdm.load_model(self.aircraft.name):
-            raise RuntimeError("JSBSim cannot load the aircraft: " + "; ".join(self._logger.errors))
+            raise RuntimeError("it is not loaded")
         self.port = Port(fdm)
         self.reads = [self.port.node(name) for name, _ in read]  # what crosses the border
         self.writes = [self.port.node(name) for name in self.border.controls.values()]
