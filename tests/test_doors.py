@@ -8,11 +8,7 @@ COSIM_CASES cases of each kind from COSIM_SEED on, printed (`pytest -m slow -s t
 import json
 import os
 import random
-import resource
 import shutil
-import signal
-import time
-import traceback
 from collections import Counter
 from importlib.resources import files
 from pathlib import Path
@@ -22,15 +18,15 @@ import pyarrow.parquet as pq
 import pytest
 from campaign_texts import two_flights
 from commands import commands
+from hostile_doors import CASES, LARGEST, LONGEST_S, SEED, texts, tried, written
 from hostile_logs import Logs
-from hostile_texts import WORDS, encoded, mangled
+from hostile_texts import WORDS, encoded
 
 import cosim
 from cosim.campaign.run import run_campaign
 from cosim.campaign.spec import load_campaign
 from cosim.cli.bench import compared, read_bench
 from cosim.compare import compare
-from cosim.errors import CosimError
 from cosim.flight.guests import with_detectors
 from cosim.log import recover
 from cosim.log.info import log_info
@@ -39,70 +35,10 @@ from cosim.replay.map import diagnose
 from cosim.replay.map_file import load_map
 from cosim.report import comparison_report, flight_report
 
-CASES, SEED = int(os.environ.get("COSIM_CASES", "1000")), int(os.environ.get("COSIM_SEED", "0"))
-LONGEST_S, LARGEST = 20, 1 << 30
 KEYS = ("duration_s", "seed", "rate_hz", "flight.mass_t", "flight.mach", "manoeuvre.kind", "faults.0", "faults.0.kind",
         "elevator.feedback", "sensors.alpha.bias_deg", "detectors.enabled", "title", "tolerances.aero.Cm_q",
         "faults.99.kind", "x.y.z", "faults.0.target", "manoeuvre", "faults", "detectors.iotsekf", "aircraft",
         "elevator.left_inner", "faults.0.start_s", "faults.0.frequency_hz", "detectors.files", "flight")  # fmt: skip
-
-
-def tried(kind, n, make, doors):
-    """Send `n` cases of `make(rng)` through every door; print what came of them."""
-    taken = refused = 0
-    slowest = 0.0
-    failed = {}
-    for number in (signal.SIGALRM, signal.SIGPROF):
-        signal.signal(number, _too_long)
-    for number in range(SEED, SEED + n):
-        case = make(random.Random(f"{kind} {number}"))
-        for door in doors:
-            begun = time.monotonic()
-            signal.setitimer(signal.ITIMER_PROF, LONGEST_S)  # of this process: others may keep the machine busy
-            signal.alarm(6 * LONGEST_S)
-            try:
-                door(case)
-                taken += 1
-            except CosimError as error:
-                refused += 1
-                assert "\n" not in str(error)
-            except (Exception, TooLongError) as error:  # one of each place is told
-                where = traceback.extract_tb(error.__traceback__)
-                last = [f"{Path(f.filename).name}:{f.lineno}" for f in where if "/cosim/" in f.filename][-1:]
-                failed.setdefault((type(error).__name__, *last), f"{kind} {number}: {error!r:.300}")
-            finally:
-                signal.setitimer(signal.ITIMER_PROF, 0)
-                signal.alarm(0)
-            took = time.monotonic() - begun
-            slowest = max(slowest, took)
-        largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-        assert largest < LARGEST, f"{kind} {number}"
-    told = f"{taken} taken, {refused} refused, slowest {slowest:.2f} s, largest {largest / 1e6:.0f} MB"
-    print(f"\n{kind}: {n} cases, {told}")
-    assert not failed, "\n".join(f"{' '.join(place)}: {told}" for place, told in failed.items())
-
-
-class TooLongError(BaseException):
-    """What no reader catches."""
-
-
-def _too_long(*_):
-    raise TooLongError(f"takes longer than {LONGEST_S} s")
-
-
-def texts(folder, ending=".toml"):
-    """Return the texts of the built-in files of a folder."""
-    return [p.read_text() for p in files("cosim").joinpath(folder).iterdir() if p.name.endswith(ending)]
-
-
-def written(path, originals):
-    """Return what writes a mangled one of `originals` to `path`."""
-
-    def make(rng):
-        path.write_bytes(encoded(rng, mangled(rng, rng.choice(originals))))
-        return path
-
-    return make
 
 
 @pytest.mark.slow

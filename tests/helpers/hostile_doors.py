@@ -1,0 +1,75 @@
+"""What the campaigns of hostile cases share: so many cases of a kind through every door, in bounded time and memory."""
+
+import os
+import random
+import resource
+import signal
+import time
+import traceback
+from importlib.resources import files
+from pathlib import Path
+
+from hostile_texts import encoded, mangled
+
+from cosim.errors import CosimError
+
+CASES, SEED = int(os.environ.get("COSIM_CASES", "1000")), int(os.environ.get("COSIM_SEED", "0"))
+LONGEST_S, LARGEST = 20, 1 << 30
+
+
+def tried(kind, n, make, doors):
+    """Send `n` cases of `make(rng)` through every door; print what came of them."""
+    taken = refused = 0
+    slowest = 0.0
+    failed = {}
+    for number in (signal.SIGALRM, signal.SIGPROF):
+        signal.signal(number, _too_long)
+    for number in range(SEED, SEED + n):
+        case = make(random.Random(f"{kind} {number}"))
+        for door in doors:
+            begun = time.monotonic()
+            signal.setitimer(signal.ITIMER_PROF, LONGEST_S)  # of this process: others may keep the machine busy
+            signal.alarm(60 * LONGEST_S)  # for what waits
+            try:
+                door(case)
+                taken += 1
+            except CosimError as error:
+                refused += 1
+                assert "\n" not in str(error)
+            except (Exception, TooLongError) as error:  # one of each place is told
+                where = traceback.extract_tb(error.__traceback__)
+                last = [f"{Path(f.filename).name}:{f.lineno}" for f in where if "/cosim/" in f.filename][-1:]
+                failed.setdefault((type(error).__name__, *last), f"{kind} {number}: {error!r:.300}")
+            finally:
+                signal.setitimer(signal.ITIMER_PROF, 0)
+                signal.alarm(0)
+            took = time.monotonic() - begun
+            slowest = max(slowest, took)
+        largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+        assert largest < LARGEST, f"{kind} {number}"
+    told = f"{taken} taken, {refused} refused, slowest {slowest:.2f} s, largest {largest / 1e6:.0f} MB"
+    print(f"\n{kind}: {n} cases, {told}")
+    assert not failed, "\n".join(f"{' '.join(place)}: {told}" for place, told in failed.items())
+
+
+class TooLongError(BaseException):
+    """What no reader catches."""
+
+
+def _too_long(*_):
+    raise TooLongError(f"takes longer than {LONGEST_S} s")
+
+
+def texts(folder, ending=".toml"):
+    """Return the texts of the built-in files of a folder."""
+    return [p.read_text() for p in files("cosim").joinpath(folder).iterdir() if p.name.endswith(ending)]
+
+
+def written(path, originals):
+    """Return what writes a mangled one of `originals` to `path`."""
+
+    def make(rng):
+        path.write_bytes(encoded(rng, mangled(rng, rng.choice(originals))))
+        return path
+
+    return make
