@@ -159,7 +159,7 @@ def example(
     if json_:
         print(json.dumps({"example": name, "file": str(path)}))
     else:
-        out.print(tables.whole(f"wrote  {path}\nnext   python {path}"))
+        out.print(tables.whole(f"wrote  {path}\nnext   python {tables.word(path)}"))
 
 
 @app.command()

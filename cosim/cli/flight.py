@@ -1,12 +1,11 @@
 """What `cosim run` shows: who noticed, the flight and its faults, every alarm, where the log is."""
 
-import shlex
 from typing import Any
 
 from rich.console import Group
 from rich.text import Text
 
-from cosim.cli.tables import NOTHING, number, table, whole
+from cosim.cli.tables import NOTHING, number, table, whole, word
 
 STATUS = {"completed": "green", "departed": "yellow", "diverged": "red", "interrupted": "yellow"}
 
@@ -108,5 +107,5 @@ def _footer(found):
         return line
     log = str(found["log"])
     before = " (what the file held is overwritten)" if found.get("overwritten") else ""
-    last = Text(f"report {found['report']}") if found.get("report") else Text(f"next   cosim report {shlex.quote(log)}")
+    last = Text(f"report {found['report']}") if found.get("report") else Text(f"next   cosim report {word(log)}")
     return Group(line, whole(f"log    {log}{before}"), whole(last))

@@ -41,7 +41,8 @@ def add(app: Any, out: Any, err: Any) -> Any:
             print(json.dumps({"files": files}))
         else:
             told = [f"wrote  {file}" for file in files]
-            told += [f"next   cosim check-detector {files[0]}", f"       cosim run --detector {files[0]}"]
+            first = tables.word(files[0])
+            told += [f"next   cosim check-detector {first}", f"       cosim run --detector {first}"]
             out.print(tables.whole("\n".join(told)))
 
     @app.command("map")
@@ -63,7 +64,8 @@ def add(app: Any, out: Any, err: Any) -> Any:
         if json_:
             print(json.dumps({"map": str(output) if output else None, "toml": text}))
         elif output:
-            out.print(tables.whole(f"wrote  {output}\nnext   cosim replay {recording} --map {output}"))
+            command = f"cosim replay {tables.word(recording)} --map {tables.word(output)}"
+            out.print(tables.whole(f"wrote  {output}\nnext   {command}"))
         else:
             print(text, end="")
 

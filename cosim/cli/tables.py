@@ -1,6 +1,7 @@
 """What commands share to show their results: tables, progress, numbers as text. Nothing here prints."""
 
 import math
+import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -92,6 +93,12 @@ def plain(made: Any) -> Any:
     for row in made.rows:
         shown.add_row(*map(cell, row))
     return Group(shown, *(Text(note, style="dim") for note in made.notes))
+
+
+def word(path: Any) -> str:
+    """Return a path as it stands in a command: quoted where it must be, one with a leading dash no option."""
+    text = str(path)
+    return shlex.quote(f"./{text}" if text.startswith("-") else text)
 
 
 def whole(text: Any) -> Any:
