@@ -34,7 +34,7 @@ from cosim.training.flights import (
     wires,
 )
 from fdi.common import bank, compact
-from fdi.hydraulic import iotsekf, windows
+from fdi.hydraulic import iotsekf, rtsekf, windows
 from fdi.monitors import ofc_monitor, position_monitor
 
 MARGIN = 1.25  # 1.2 times the maximum of 40 flights left 1 alarm in 300
@@ -67,6 +67,15 @@ def survey_iotsekf(recorded: Any, load: float) -> dict[str, Any]:
             "slow_threshold": passed["slow"] * floor["slow_threshold"], "run_threshold": run.max()}  # fmt: skip
 
 
+def survey_rtsekf(recorded: Any, load: float) -> dict[str, Any]:
+    """Return {name: largest} over one flight: the lagged output fault, and how far it is from what it was [m]."""
+    p = rtsekf.params(load=load)
+    p["threshold"] = p["step"] = 1e3  # no alarm holds what it was
+    log = watch(recorded, rtsekf, p, ("f_slow", "f_was"))[:, round(START_S / DT) :]
+    found = {"threshold": log["f_slow"], "step": log["f_slow"] - log["f_was"]}
+    return {name: float(np.abs(v).max()) for name, v in found.items()}
+
+
 def survey_ofc_monitor(recorded: Any) -> np.ndarray:
     """Return (band,) the largest of GRID at which a band still counts an oscillation in a flight [m], 0 for none."""
     out = np.zeros(ofc_monitor.B)
@@ -95,6 +104,7 @@ def survey_position_monitor(recorded: Any) -> float:
 def survey(recorded: Any) -> Any:
     """Return every detector's largest statistics over one flight, {detector or set: {name: value}}."""
     out = {f"flight_load{k}": survey_iotsekf(recorded, k) for k in (0, 1, 2)}
+    out |= {f"rtsekf_load{k}": survey_rtsekf(recorded, k) for k in (0, 1)}
     out["ofc_monitor"] = {"threshold": survey_ofc_monitor(recorded)}
     out["position_monitor"] = {"threshold": survey_position_monitor(recorded)}
     return out
@@ -153,7 +163,7 @@ def train(*, first_seed: int = TRAINING, number: int = FLIGHTS, **how: Any) -> d
 
 def stored_as(name: str) -> Any:
     """Return the threshold set of what training calls `name`."""
-    return name if name.startswith("flight") else "flight"
+    return f"flight{name.removeprefix('rtsekf').removeprefix('flight')}" if "load" in name else "flight"
 
 
 def store(found: dict) -> None:
@@ -162,7 +172,8 @@ def store(found: dict) -> None:
     how = {"flights": found["flights"], "first_seed": found["first_seed"], "margin": MARGIN, "flight_s": 60.0,
            "segments": 4}  # fmt: skip
     quiet = {k: quiet_floor(k) for k in (0, 1, 2)}
-    for file, names in (("iotsekf", [f"flight_load{k}" for k in (0, 1, 2)]), ("ofc_monitor", ["ofc_monitor"]),
+    for file, names in (("iotsekf", [f"flight_load{k}" for k in (0, 1, 2)]),
+                        ("rtsekf", [f"rtsekf_load{k}" for k in (0, 1)]), ("ofc_monitor", ["ofc_monitor"]),
                         ("position_monitor", ["position_monitor"])):
         path = FOLDER / f"{file}.json"
         data = json.loads(path.read_text(encoding="utf-8"))
@@ -176,7 +187,7 @@ def store(found: dict) -> None:
             if file == "iotsekf":
                 target["sum_threshold"] = quiet[int(name[-1])]["sum_threshold"]
         largest = {n: {k: np.round(v, 7).tolist() for k, v in most[n].items()} for n in names}
-        chosen = {k: v for k, v in data["training"].items() if k in ("chosen", "ema")}  # what others find
+        chosen = {k: v for k, v in data.get("training", {}).items() if k in ("chosen", "ema")}  # what others find
         data["training"] = {**how, "largest": largest, **chosen}
         replace_text(path, compact.text(data))
 
@@ -207,7 +218,7 @@ def changes(found: dict) -> list[tuple]:
     """Return [(file, set, field, stored, trained)] of every threshold that `store` would write, largest of a row."""
     out = []
     for name, values in found["largest"].items():
-        file = name if "monitor" in name else "iotsekf"
+        file = name.partition("_load")[0] if name.startswith("rtsekf") else name if "monitor" in name else "iotsekf"
         held = json.loads((FOLDER / f"{file}.json").read_text(encoding="utf-8"))
         for key, value in values.items():
             stored = np.asarray(held[stored_as(name)][key])

@@ -35,6 +35,11 @@ from fdi.hydraulic import hypotheses, noise, obeys, opened, pressure_test, windo
 from fdi.hydraulic import separate_bias as two_stage
 
 CULPRITS = ("", "rod", "surface", "pressure")
+FORMS: dict[str, dict] = {  # how the load is known: what `params` is told; "published" is (14)-(36) as printed
+    "pressure": {"load": 2},
+    "hinge model": {"load": 1},
+    "published": {"load": 0, "centre": 0.0, "total_sign": 0.0, "gate_rod": two_stage.GATE_NONE},
+}
 
 PARAMS = dtype(
     [
@@ -143,7 +148,8 @@ DETECTOR = Detector(
     looks_back={"delay": "u_old", "lag_ticks": "u_old"},
     sizes=bank.SIZES,
     places=bank.PLACES,
-    fit=lambda site: params(dt=site.dt, **site.known(PARAMS.names)),
+    options={"form": tuple(FORMS)},  # the first is the default
+    fit=lambda site, form="pressure": params(**FORMS[form], dt=site.dt, **site.known(PARAMS.names)),
 )
 NOISE = {
     # process noise densities: what friction, tolerances and an unmodelled load do to q', dP and F

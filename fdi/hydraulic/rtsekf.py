@@ -1,13 +1,15 @@
-"""RTS-EKF of [Lu17] (38)-(48), exactly as published: m = 1 (the rod), p = 1, F = 1. It watches; it does not steer.
+"""RTS-EKF of [Lu17] (38)-(48), its filter as published: m = 1 (the rod), p = 1, F = 1. It watches; it does not steer.
 
     time update       x, P                                   (38)-(39)
     output fault      f = N (y - H x),   N = (F' S^-1 F)^-1 F' S^-1    (40)-(43), (48)
     measurement       x + K (y - H x - F f),   P - K (S - F P^f F') K'  (45)-(47); (47) is printed without the transpose
 
 With m = p = 1 and F = 1 the gain N is 1: all of the innovation is called fault, (46) corrects nothing, and the
-state is the open-loop model: f = y - x1 is unbiased only while the load is exactly known. A fault of the rod
-sensor, a jam and a runaway all show as f; which it is follows from how the *measured* rod moves: fast is RUNAWAY,
-at rest while the model moves is JAM_SOLID, both alike is JAM_LIQUID.
+state is the open-loop model: f = y - x1 is unbiased only while the load is exactly known. Load forms (`form` in a
+scenario): "published" leaves the load out, "hinge model" (default) has a hinge-moment model. A fault of the rod sensor,
+a jam and a runaway all show as f. The decision is ours: f beyond its threshold, or beyond what it was before, as what
+the load's model lacks drifts. Its name follows from the *measured* rod: one that jumps is a sensor's, JAM_LIQUID; fast
+is RUNAWAY; at rest while the model moves is JAM_SOLID; else AMBIGUOUS until it moves.
 
 | symbol | field | meaning |
 |---|---|---|
@@ -29,10 +31,13 @@ from fdi.common.decision import confirm, held, usable
 from fdi.common.linalg import congruence
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
-from fdi.common.verdict import JAM_LIQUID, JAM_SOLID, NONE, RUNAWAY
+from fdi.common.verdict import AMBIGUOUS, JAM_LIQUID, JAM_SOLID, NONE, RUNAWAY
 from fdi.hydraulic.separate_bias import transition
 
 CULPRITS = ("", "rod")
+FORMS = {"hinge model": 1, "published": 0}  # how the load is known: load form
+FASTEST = 0.5  # a rod and its model part by less: each moves at 45 deg/s of surface at most, 0.24 m/s
+JUMP = 1e-3  # in one tick: a sensor's, no rod's; ten sigma of the sensor [m]
 HISTORY = 10  # ticks of valve command kept for the delay: 5 ms at 2 kHz
 
 PARAMS = dtype(
@@ -46,6 +51,8 @@ PARAMS = dtype(
         ("P0", "f8", (3,)),  # initial variances
         ("tau", "f8", "s"),  # lag of fault and rates
         ("threshold", "f8", "m"),  # output fault
+        ("step", "f8", "m"),  # output fault beyond what it was: a jam is sudden, what the load's model lacks drifts
+        ("wash", "f8", "s"),  # how fast "what it was" follows
         ("rate", "f8", "m/s"),  # measured rod faster than this runs away, slower than half of it rests
         ("t_confirm", "f8", "s"),
         ("t_release", "f8", "s"),
@@ -80,6 +87,9 @@ STATE = dtype(
         ("v_now", "f8", "m/s"),  # rod velocity
         ("x3_now", "f8", "-"),  # pressure difference
         ("f_slow", "f8", "m"),  # lagged fault
+        ("f_last", "f8", "m"),  # fault at the tick before
+        ("jump", "f8", "m"),  # largest change of the fault in a tick beyond what a rod can do
+        ("f_was", "f8", "m"),  # what it was: follows by `wash`, held during an alarm
         ("y_slow", "f8", "m"),  # lagged rod
         ("y_rate", "f8", "m/s"),  # lagged rod velocity, measured
         ("v_slow", "f8", "m/s"),  # the same of the model
@@ -116,12 +126,13 @@ DETECTOR = Detector(
     blind="compares one hydraulic rod with the open-loop model of its own valve command",
     estimates=(Estimate("rod", "f_hat", "m"),),
     looks_back={"delay": "u_old"},
-    fit=lambda site: params(dt=site.dt, **site.known(PARAMS.names)),
+    options={"form": tuple(FORMS)},  # the first is the default
+    fit=lambda site, form="hinge model": params(load=FORMS[form], dt=site.dt, **site.known(PARAMS.names)),
 )
 
 
 def params(
-    which: str = "flight",
+    which: str = "",
     *,
     load: float = 1,
     dt: float = 0.005,
@@ -129,7 +140,9 @@ def params(
     arm: float = linkage.ARM,
     **values: Any,
 ) -> np.ndarray:
-    """Return PARAMS for load form 0 (as published) or 1; `values` replace any field."""
+    """Return PARAMS for load form 0 (as published) or 1; `which` names the threshold set, by default that of the load
+    form; `values` replace any field.
+    """
     fields = {
         **lu17.NOMINAL,
         "arm": arm,
@@ -140,7 +153,7 @@ def params(
         "P0": (1e-8, 1e-6, 1e-4),
         "t_invalid": 0.2,
     }
-    return record(PARAMS, **{**fields, **thresholds("rtsekf", which), **values})
+    return record(PARAMS, **{**fields, **thresholds("rtsekf", which or f"flight_load{load:g}"), **values})
 
 
 def init(p: np.ndarray) -> np.ndarray:
@@ -196,7 +209,7 @@ def start(x, u, p):
     x.x_hat[0] = u.y_rod
     x.x_hat[2] = -force(x, u, p) / (p.A_p * p.P_s)
     x.y = x.y_slow = u.y_rod
-    x.f_slow = 0.0
+    x.f_slow = x.f_was = x.f_last = x.jump = 0.0
     x.timer = 0.0
     x.age = 0.0
     x.started = 1.0
@@ -206,22 +219,28 @@ def start(x, u, p):
 def decide(x, p, dt):
     """Confirm the fault and name it by the motion of the measured rod."""
     a = 1.0 - math.exp(-dt / p.tau)
+    x.jump = max(math.fabs(x.f_hat - x.f_last) - FASTEST * dt, x.jump * math.exp(-dt / (4.0 * p.t_confirm)))
+    x.f_last = x.f_hat
     x.f_slow += a * (x.f_hat - x.f_slow)
     x.y_rate = (x.y - x.y_slow) / p.tau
     x.y_slow += a * (x.y - x.y_slow)
     x.v_slow += a * (x.x_hat[1] - x.v_slow)
-    x.r = math.fabs(x.f_slow) / p.threshold
+    x.r = max(math.fabs(x.f_slow) / p.threshold, math.fabs(x.f_slow - x.f_was) / p.step)
+    if x.alarm < 0.5:
+        x.f_was += (1.0 - math.exp(-dt / p.wash)) * (x.f_slow - x.f_was)
     before = x.alarm
     x.timer, x.alarm = confirm(x.timer, x.alarm, x.r >= 1.0, dt, p.t_confirm, p.t_release)
     if x.alarm < 0.5:
         x.verdict = NONE
-    elif before < 0.5:
-        if math.fabs(x.y_rate - x.v_slow) > p.rate and math.fabs(x.y_rate) > p.rate:
+    elif before < 0.5 or x.verdict == AMBIGUOUS:
+        if x.jump > JUMP:
+            x.verdict = JAM_LIQUID
+        elif math.fabs(x.y_rate - x.v_slow) > p.rate and math.fabs(x.y_rate) > p.rate:
             x.verdict = RUNAWAY
         elif math.fabs(x.y_rate) < 0.5 * p.rate < math.fabs(x.v_slow):
             x.verdict = JAM_SOLID
         else:
-            x.verdict = JAM_LIQUID
+            x.verdict = AMBIGUOUS
     x.culprit = 1.0 if x.verdict == JAM_LIQUID else 0.0
 
 
