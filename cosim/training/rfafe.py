@@ -45,7 +45,12 @@ BOUND_HZ = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 @functools.cache
 def linear(point: str = "sun13") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (A, B (4, 4 segments), x0) of V, alpha, q, theta at SIX[point] in the paper's units."""
-    model = linearize(FlightPoint.at(**SIX[point]))
+    return linear_at(FlightPoint.at(**SIX[point]))
+
+
+def linear_at(point: FlightPoint) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (A, B (4, 4 segments), x0) of V, alpha, q, theta at a flight point in the paper's units."""
+    model = linearize(point)
     A, B, _, _ = model.block(STATES, SEGMENTS)
     x0 = np.array([model.x0[list(model.states).index(s)] for s in STATES])
     return UNIT[:, None] * A / UNIT, UNIT[:, None] * B * RAD_PER_DEG, UNIT * x0
@@ -134,12 +139,12 @@ def entry(
     sigma: Any,
     progress: Any,
     *,
-    point: str = "sun13",
+    A: Any = None,
     bandwidth: Any = None,
     **options: Any,
 ) -> dict[str, Any]:
     """Return the stored entry of one technology, or "left/right": design, input delays and what its figures are."""
-    A, _, _ = linear(point)
+    A = linear()[0] if A is None else A
     progress(f"{name}: actuator and LMIs, {technology}")
     sides = Bu.shape[1]
     kinds = technology.split("/") * (sides // len(technology.split("/")))

@@ -2,6 +2,7 @@
 
 import pytest
 
+from cosim.papers.sun13 import airframe, flown
 from cosim.papers.sun13 import rows as sun13
 from cosim.training.flights import estimate
 
@@ -13,11 +14,11 @@ def test_designs_agree():
 
 @pytest.mark.parametrize(("kind", "hz"), [("ofc_liquid", 2.0), ("ofc_solid", 1.0)])
 def test_both_forms_follow_the_left_elevator_in_closed_loop_flight(kind, hz):
-    flown = sun13._faulty(kind, hz, onset=6.0)
-    f = sun13._fault(flown, kind)
-    log = estimate(flown, "rfafe")
-    assert 0.9 < abs(sun13._ratio(flown, log["f_hat_left"], f, hz, 8.0, 3.0 / hz)) < 1.1
-    assert 0.8 < abs(sun13._airframe(flown, hz, 8.0)) < 1.15
-    declared = flown.index[log["alarm"] > 0.5]
+    r = flown.faulty(kind, hz, onset=6.0)
+    log = estimate(r, "rfafe")
+    assert 0.9 < abs(flown.ratio(r, log["f_hat_left"], flown.injected(r, kind), hz, 8.0, 3.0 / hz)) < 1.1
+    blind = estimate(r, "rfafe_airframe")["f_hat"]
+    assert 0.9 < abs(flown.ratio(r, blind, airframe.beyond_command(r), hz, 8.0, 8.0)) < 1.1
+    declared = r.index[log["alarm"] > 0.5]
     assert 6.0 < declared[0] < 6.0 + 3.0 / hz
     assert {1.0} == set(log["culprit"][log["alarm"] > 0.5])

@@ -60,6 +60,27 @@ def _uncompensated(flight):
     return lambda name, *changes: flight(name, *changes, "elevator.compensate=false")
 
 
+def _halved(flown):
+    def halved(*args):
+        frame = flown(*args)
+        return frame.assign(f_hat=0.5 * frame.f_hat)
+
+    return halved
+
+
+def _told(*words):
+    """Return the swap of flights whose scenario has further overrides."""
+
+    def wrap(watching):
+        def told(detector, form):
+            name, own = watching(detector, form)
+            return name, [*own, *words]
+
+        return told
+
+    return lambda: swap(FLOWN, wrap_watching=wrap)
+
+
 BREAKS = (
     Break(
         "the rod sensor reads 2 mm too much",
@@ -106,9 +127,32 @@ BREAKS = (
         ("figure 2(e), F_d by a model", "figure 2(e), F_d unknown"),
     ),
     Break(
-        "the pressure is not read (load form 0)",
-        lambda: swap(FLOWN, wrap_FORMS=lambda forms: forms | {"pressure": 0}),
-        ("pressure form",),
+        "the pressure is not read (published form)",
+        lambda: swap(FLOWN, wrap_watching=lambda own: lambda detector, form: own(detector, "published")),
+        ("figure 2(e) in flight, pressure", "figure 3(e) in flight, pressure", "pressure form, faults 1 and 2"),
+    ),
+    Break(
+        "f_hat of the flight is halved",
+        lambda: swap(FLOWN, wrap_flown=_halved),
+        ("figure 4(e) in flight, pressure", "figure 5(e) in flight, pressure"),
+    ),
+    Break(
+        "the RTS-EKF decides on the level of 20 mm alone",
+        _told("detectors.rtsekf.threshold=0.02", "detectors.rtsekf.step=1"),
+        ("hinge model form, faults 3",),
+    ),
+    Break(
+        "thresholds are a twentieth",
+        _told(
+            "detectors.rtsekf.step=1e-4",
+            "detectors.iotsekf.pair_threshold=1.7e-5",
+            "detectors.rtsekf_flight.pair_threshold=1.7e-5",
+        ),
+        (
+            "pressure form: alarms of iotsekf",
+            "hinge model form: alarms of rtsekf",
+            "pressure form: alarms of rtsekf_flight",
+        ),
     ),
     Break("f_hat is not taken off", lambda: swap(FLOWN, wrap_flight=_uncompensated), ("f_hat taken off the valve",)),
 )

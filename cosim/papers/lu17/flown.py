@@ -1,9 +1,12 @@
-"""[Lu17] in the aircraft: figures 2 to 5 on the left inner segment, with the filter's three ways of knowing the load.
+"""[Lu17] in the aircraft: figures 2 to 7 and table 1 on the left inner segment, with three ways of knowing the load.
 
-The scenarios are `lu17-fault-free`, `lu17-liquid-ofc`, `lu17-solid-ofc`, and `lu17-liquid-jam`: a 3-2-1-1
-of 4 deg from 10 s in light turbulence, faults from 12 s. The filters run on what they read there: "published" leaves
-the load out, "hinge model" has the detectors' own model, which is up to 20 % wrong, "pressure" measures the pressure
-difference and lets the load walk.
+The scenarios are `lu17-fault-free`, `lu17-liquid-ofc`, `lu17-solid-ofc`, `lu17-liquid-jam`, `lu17-solid-jam` and
+`lu17-runaway`: a 3-2-1-1 of 4 deg from 10 s in light turbulence, faults from 12 s. `detectors.iotsekf.form` and
+`detectors.rtsekf.form` are the words: "published" leaves the load out, "hinge model" has the detectors' own model,
+which is up to 20 % wrong, "pressure" measures the pressure difference and lets the load walk; each has thresholds of
+its own. The servo closes on the IOTSEKF of that form, as III.B has it. The RTS-EKF with a pressure is `rtsekf_flight`,
+which has the surface sensor, too. The true f of a jam or a runaway is where the rod is, less where it is in the flight
+without them.
 """
 
 import functools
@@ -11,80 +14,147 @@ from typing import Any
 
 import numpy as np
 
-from cosim.flight.signals import detect, fly
+from cosim.flight.signals import fly
 from cosim.judge.achieved import sine
-from cosim.papers.row import Of
+from cosim.judge.alarms import detection
+from cosim.papers.row import ANY, Of
 from cosim.scenario import load_scenario
-from fdi.hydraulic import iotsekf, rtsekf
+from cosim.scenario.catalog import SEGMENTS
+from fdi.common.verdict import JAM_LIQUID, JAM_SOLID, OFC_LIQUID, OFC_SOLID, RUNAWAY, SENSOR
 
-ONSET, LANE, HZ, BIAS = 12.0, "left_inner", 1.0, 5e-3
-FORMS = {"published": 0, "hinge model": 1, "pressure": 2}
+ONSET, LANE, HZ, BIAS, DT = 12.0, "left_inner", 1.0, 5e-3, 0.005
+FORMS = ("published", "hinge model", "pressure")
 TRUE = ("q_rod", "qd_rod", "x3")
-INPUTS = {n: f"iotsekf_in.{LANE}.{n}" for n in iotsekf.INPUTS.names}
-SIGNALS = (
-    *INPUTS.values(),
-    *(f"hydraulic.{LANE}.{n}" for n in TRUE),
-    f"hydraulic_in.{LANE}.f_u",
-    f"hydraulic_in.{LANE}.s_u",
-    f"hydraulic.{LANE}.delta",
-)
+SCALES, UNITS = (1e3, 1e3, 1.0), ("mm", "mm/s", "of P_s")
+STATES = ("q_now", "v_now", "x3_now")
+FIGURES = {  # scenario -> figure, detector
+    "fault-free": (2, "iotsekf"),
+    "liquid-ofc": (3, "iotsekf"),
+    "solid-ofc": (4, "iotsekf"),
+    "liquid-jam": (5, "rtsekf"),
+    "solid-jam": (6, "rtsekf"),
+    "runaway": (7, "rtsekf"),
+}
+TABLE_1 = {  # fault of table 1 -> (scenario, the verdicts that are right)
+    "1": ("liquid-ofc", (OFC_LIQUID,)),
+    "2": ("solid-ofc", (OFC_SOLID,)),
+    "3": ("liquid-jam", (JAM_LIQUID, SENSOR)),
+    "4": ("solid-jam", (JAM_SOLID,)),
+    "5": ("runaway", (RUNAWAY,)),
+}
+NOT = "not in the paper: a hinge load in gusts"
+
+
+def signals(detector: str) -> dict[str, str]:
+    """Return {short name: signal} of what the rows ask of a detector."""
+    out = {n: f"hydraulic.{LANE}.{n}" for n in TRUE}
+    out |= {"f_u": f"hydraulic_in.{LANE}.f_u", "s_u": f"hydraulic_in.{LANE}.s_u", "u": f"iotsekf_in.{LANE}.u"}
+    return out | {n: f"{detector}.{LANE}.{n}" for n in ("f_hat", "alarm", "verdict", *STATES)}
+
+
+def watching(detector: str, form: str) -> tuple[str, list[str]]:
+    """Return (detector that flies, overrides) for a detector of the paper in one of FORMS."""
+    words = [f'detectors.iotsekf.form="{form}"']
+    if detector == "rtsekf" and form == "pressure":
+        return "rtsekf_flight", words
+    if detector == "rtsekf":
+        words.append(f'detectors.rtsekf.form="{form}"')
+    return detector, words
 
 
 @functools.cache
 def flight(name: str, *changes: Any) -> Any:
-    """Return the flown table of a scenario."""
-    return fly(load_scenario(name, list(changes)), SIGNALS)
+    """Return the table of rods and faults of a scenario, with the signals of all three filters."""
+    asked = {f"{d}:{short}": path for d in ("iotsekf", "rtsekf", "rtsekf_flight") for short, path in signals(d).items()}
+    return fly(load_scenario(name, list(changes)), list(dict.fromkeys(asked.values())))
+
+
+def flown(scenario: str, form: str, detector: str = "", *changes: str) -> Any:
+    """Return the table of a scenario of FIGURES in a form, columns named shortly."""
+    detector, words = watching(detector or FIGURES[scenario][1], form)
+    frame = flight(f"lu17-{scenario}", *words, *changes)
+    return frame[list(signals(detector).values())].set_axis(list(signals(detector)), axis=1)
+
+
+def true_fault(scenario: str, form: str, frame: Any) -> Any:
+    """Return the true fault: what the valve did beyond its command [1], or the rod sensor's or rod's [m], (ticks,)."""
+    if FIGURES[scenario][1] == "iotsekf":
+        u = frame.u.shift(-1, fill_value=0.0)  # the filter reads the command of the last tick
+        return (frame.f_u - frame.s_u * u).to_numpy()
+    late = frame.index.to_numpy() >= ONSET
+    if scenario == "liquid-jam":
+        return BIAS * late
+    twin = flown("fault-free", form, "rtsekf")
+    return np.where(late, (frame.q_rod - twin.q_rod).to_numpy(), 0.0)
+
+
+def late_of(scenario: str, frame: Any) -> Any:
+    """Return where a flight is judged: from 1 s after the onset on, of the one without a fault from 3 s on."""
+    return frame.index.to_numpy() >= (3.0 if scenario == "fault-free" else ONSET + 1.0)
 
 
 @functools.cache
-def filtered(name: str, form: Any) -> tuple[Any, ...]:
-    """Return (table, log) of the IOTSEKF in one of FORMS."""
-    frame = flight(name)
-    fields = ("f_hat", "q_now", "v_now", "x3_now")
-    return frame, detect(frame, iotsekf, INPUTS, iotsekf.params(load=FORMS[form]), fields)
-
-
-def true_fault(frame: Any) -> Any:
-    """Return what the valve did beyond its command [1], (ticks,)."""
-    u = frame[f"iotsekf_in.{LANE}.u"].shift(-1, fill_value=0.0)  # the filter reads the command of the last tick
-    return (frame[f"hydraulic_in.{LANE}.f_u"] - frame[f"hydraulic_in.{LANE}.s_u"] * u).to_numpy()
-
-
-def _states(frame, log, late):
-    """Return the rms errors of q [mm], q' [mm/s] and x3 in words."""
-    pairs = zip(("q_now", "v_now", "x3_now"), TRUE, (1e3, 1e3, 1.0), ("mm", "mm/s", "of P_s"), strict=True)
-    errors = (
-        (s * np.sqrt(np.mean((log[e][1:] - frame[f"hydraulic.{LANE}.{n}"].to_numpy()[:-1])[late[1:]] ** 2)), u)
-        for e, n, s, u in pairs
-    )
-    return "states: " + ", ".join(f"{v:.2g} {u}" for v, u in errors)
-
-
-def _input(name, form, what):
-    """Return (number, rms errors of the states) after the onset (of a fault-free flight: from 3 s on)."""
-    frame, log = filtered(name, form)
-    t, f = frame.index.to_numpy(), true_fault(frame)
-    late = t >= (3.0 if what == "quiet" else ONSET + 1.0)
-    note = _states(frame, log, late)
-    if what == "gain":
+def fault(scenario: str, form: str) -> tuple[float, str]:
+    """Return (number, note) of a figure (e), (f): rms of f_hat without a fault, |f_hat/f| of a liquid OFC, else the rms
+    of the fault's error over that of the fault."""
+    frame = flown(scenario, form)
+    t, f, late, f_hat = frame.index.to_numpy(), true_fault(scenario, form, frame), late_of(scenario, frame), frame.f_hat
+    scale, unit = (1.0, "of u") if FIGURES[scenario][1] == "iotsekf" else (1e3, "mm")
+    rms = scale * float(np.sqrt(np.mean((f_hat[1:].to_numpy() - f[:-1])[late[1:]] ** 2)))
+    size = scale * float(np.sqrt(np.mean(f[late] ** 2)))
+    if scenario == "fault-free":
+        return rms, ""
+    if scenario == "liquid-ofc":
         on = late & (t < ONSET + 9.0)
-        w = 2 * np.pi * HZ
-        return abs(sine(t[on], log["f_hat"][on], w) / sine(t[on], f[on], w)), note
-    error = (log["f_hat"][1:] - f[:-1])[late[1:]]
-    if what == "quiet":
-        return float(np.sqrt(np.mean(log["f_hat"][late] ** 2))), note
-    return float(np.sqrt(np.mean(error**2) / np.mean(f[late] ** 2))), note
+        found, true = (sine(t[on], y[on], 2 * np.pi * HZ) for y in (f_hat.to_numpy(), f))
+        return abs(found / true), f"error {rms:.2g} of {size:.2g} {unit}"
+    return rms / size, f"{rms:.2g} of {size:.2g} {unit}"
 
 
-def _output(name, form):
-    """Return the mean of f_hat of the RTS-EKF over the fault of the rod sensor, from 2 s after it on."""
-    frame = flight(name)
-    load = FORMS[form]
-    wires = {n: INPUTS[n] for n in rtsekf.INPUTS.names}
-    log = detect(frame, rtsekf, wires, rtsekf.params(load=load), ("f_hat", "q_now", "alarm"))
-    late = frame.index.to_numpy() >= ONSET + 2.0
-    before = (frame.index.to_numpy() > 3.0) & (frame.index.to_numpy() < ONSET)
-    return log["f_hat"][late].mean() / BIAS, f"before the fault {1e3 * np.abs(log['f_hat'][before]).max():.0f} mm"
+def states(detector: str, form: str) -> tuple[float, str]:
+    """Return (largest rms error of q [mm] of a detector's figures, all errors in words)."""
+    worst, told = 0.0, []
+    for scenario, (figure, own) in FIGURES.items():
+        if own != detector:
+            continue
+        frame = flown(scenario, form)
+        late = late_of(scenario, frame)
+        errors = [
+            s * np.sqrt(np.mean((frame[e].to_numpy()[1:] - frame[n].to_numpy()[:-1])[late[1:]] ** 2))
+            for e, n, s in zip(STATES, TRUE, SCALES, strict=True)
+        ]
+        worst = max(worst, errors[0])
+        told.append(f"figure {figure} " + ", ".join(f"{v:.2g} {u}" for v, u in zip(errors, UNITS, strict=True)))
+    return worst, "; ".join(told)
+
+
+@functools.cache
+def named(detector: str, form: str) -> tuple[int, str]:
+    """Return (faults of table 1 that a detector names right at the end, what became of each)."""
+    right, told = 0, []
+    for number, (scenario, verdicts) in TABLE_1.items():
+        if FIGURES[scenario][1] != detector:
+            continue
+        for change in ((), ("faults.0.bias_mm=10",)) if scenario == "liquid-jam" else ((),):
+            frame = flown(scenario, form, detector, *change)
+            at = detection(frame.alarm, round(ONSET / DT))
+            last = frame.verdict[frame.alarm > 0.5]
+            good = at is not None and last.iloc[-1] in verdicts
+            right += good
+            when = "not seen" if at is None else f"{'right' if good else 'wrong'} after {at * DT - ONSET:.2f} s"
+            told.append(f"{number}{' (10 mm)' if change else ''} {when}")
+    return right, ", ".join(told)
+
+
+@functools.cache
+def quiet(detector: str, form: str) -> float:
+    """Return the alarms of four segments in a minute of cruise in light turbulence."""
+    own, words = watching(detector, form)
+    lanes = [f"{own}.{lane}.alarm" for lane in SEGMENTS]
+    all_hydraulic = [f'elevator.{lane}="hydraulic"' for lane in SEGMENTS]
+    asked = ["duration_s=60", 'flight.turbulence="light"', *all_hydraulic, *words]
+    frame = fly(load_scenario("cruise", asked), lanes)
+    return float(sum((np.diff(frame[lane].to_numpy(), prepend=0.0) > 0.5).sum() for lane in lanes))
 
 
 @functools.cache
@@ -101,44 +171,60 @@ def _compensated(hz):
     return swing[0] / swing[1], f"{swing[0]:.2f} of {swing[1]:.2f} mm"
 
 
-ASKED = (
-    ("figure 2(e)", "lu17-fault-free", "quiet", "rms of f_hat, without a fault", (0.0, 0.004)),
-    ("figure 3(e)", "lu17-liquid-ofc", "gain", "|f_hat / f| at 1 Hz", (0.95, 1.05)),
-    ("figure 4(f)", "lu17-solid-ofc", "error", "rms of the fault's error over that of the fault", (0.0, 0.42)),
-)
+WORDS = {  # scenario -> what `fault` returns, band of the pressure form
+    "fault-free": ("rms of f_hat, without a fault", (0.0, 0.004)),
+    "liquid-ofc": ("|f_hat / f| at 1 Hz", (0.95, 1.05)),
+    "solid-ofc": ("rms of the fault's error over that of the fault", (0.0, 0.42)),
+    "liquid-jam": ("rms of the fault's error over that of the fault", (0.0, 0.1)),
+    "solid-jam": ("rms of the fault's error over that of the fault", ANY),
+    "runaway": ("rms of the fault's error over that of the fault", ANY),
+}
+ANNOUNCED = 'VI: "can be incorporated into the actuator system"'
+RIGHT = {"iotsekf": {"pressure": 2}, "rtsekf": {"hinge model": 4}}  # of 2 and of 4, the forms that are to name all
+
+
+def _figures(of):
+    for scenario, (words, band) in WORDS.items():
+        figure = FIGURES[scenario][0]
+        for form in FORMS:
+            item = f"figure {figure}(e) in flight, {form} form: {words}"
+            measure = functools.partial(fault, scenario, form)
+            yield of.beyond(item, ANNOUNCED, measure, *band) if form == "pressure" else of.ours(item, measure, says=NOT)
+    for detector, figures in (("iotsekf", "2 to 4"), ("rtsekf", "5 to 7")):
+        for form in FORMS:
+            item = f"figures {figures}(b)-(d) in flight, {form} form: largest rms error of q [mm]"
+            yield of.ours(item, functools.partial(states, detector, form), says=NOT)
+
+
+def _table(of):
+    for detector, faults in (("iotsekf", "faults 1 and 2"), ("rtsekf", "faults 3 (5 and 10 mm), 4 and 5")):
+        for form in FORMS:
+            least, name = RIGHT[detector].get(form), watching(detector, form)[0]
+            yield of.ours(
+                f"table 1 in flight, {form} form, {faults}: named right by {name}",
+                functools.partial(named, detector, form),
+                *((least, least) if least else ANY),
+                says="table 1; the paper reconstructs, it decides nothing",
+            )
+            yield of.ours(
+                f"in flight, a minute of cruise in light turbulence, {form} form: alarms of {name}",
+                functools.partial(quiet, detector, form),
+                *((0, 0) if least or form == "pressure" else ANY),
+                says="not in the paper: it decides nothing",
+            )
 
 
 def plan(of: Of) -> Any:
     """Return the Planned rows of the flights."""
-    out = []
-    for figure, name, what, words, band in ASKED:
-        for form in FORMS:
-            measure = functools.partial(_input, name, form, what)
-            item = f"{figure} in flight, {form} form: {words}"
-            if form == "pressure":
-                out.append(of.beyond(item, 'VI: "can be incorporated into the actuator system"', measure, *band))
-            else:
-                out.append(of.ours(item, measure, says="not in the paper: a hinge load in gusts"))
-    for form in ("published", "hinge model"):
-        out.append(
-            of.ours(
-                f"figure 5(e) in flight, {form} form of the RTS-EKF: mean f_hat over the 5 mm of bias",
-                functools.partial(_output, "lu17-liquid-jam", form),
-                says="not in the paper: the model drifts under what it does not know",
-            )
+    says = f"{ANNOUNCED}; III.B feeds back the state only: our extension"
+    taken = [
+        of.beyond(
+            f"in flight, f_hat taken off the valve: what is left of a liquid OFC of 3 mm at {hz:g} Hz",
+            says,
+            functools.partial(_compensated, hz),
+            0.0,
+            0.2,
         )
-    says = (
-        'VI: the systems "can be incorporated into the actuator system"; III.B feeds back the state only: our extension'
-    )
-    for hz in (0.5, 1.0):
-        measure = functools.partial(_compensated, hz)
-        out.append(
-            of.beyond(
-                f"in flight, f_hat taken off the valve: what is left of a liquid OFC of 3 mm at {hz:g} Hz",
-                says,
-                measure,
-                0.0,
-                0.2,
-            )
-        )
-    return out
+        for hz in (0.5, 1.0)
+    ]
+    return [*_figures(of), *_table(of), *taken]

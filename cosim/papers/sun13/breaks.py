@@ -6,33 +6,33 @@ from cosim.papers.broken import Break, swap
 from cosim.papers.sun13 import variants
 from fdi.rfafe import rfafe, rfafe_airframe
 
-ROWS = "cosim.papers.sun13.rows"
+ROWS, FLOWN = "cosim.papers.sun13.rows", "cosim.papers.sun13.flown"
 
 
 def _design(name, make):
     """Return the swap of the design that an estimator flies with when none is named."""
 
-    def wrap(estimate):
+    def wrap(estimated):
         def other(r, form, p=None):
-            return estimate(r, form, make() if p is None and form == name else p)
+            return estimated(r, form, make() if p is None and form == name else p)
 
         return other
 
-    return lambda: swap(ROWS, wrap_estimate=wrap)
+    return lambda: swap(FLOWN, wrap_estimated=wrap)
 
 
 def _changed(change):
     """Return the swap of estimators whose log is changed in place."""
 
-    def wrap(estimate):
+    def wrap(estimated):
         def other(r, form, p=None):
-            log = estimate(r, form, p).copy()
+            log = estimated(r, form, p).copy()
             change(log)
             return log
 
         return other
 
-    return lambda: swap(ROWS, wrap_estimate=wrap)
+    return lambda: swap(FLOWN, wrap_estimated=wrap)
 
 
 def _scaled(log):
@@ -73,12 +73,12 @@ BREAKS = (
     Break("N of (7) has the wrong sign", lambda: swap(ROWS, wrap_choose=_unstable), ("theorem 2",)),
     Break(
         "the liquid OFC is the solid one, the solid one the liquid",
-        lambda: swap(ROWS, SCENARIO={"ofc_liquid": "sun13-solid-ofc", "ofc_solid": "sun13-liquid-ofc"}),
+        lambda: swap(FLOWN, SCENARIO={"ofc_liquid": "sun13-solid-ofc", "ofc_solid": "sun13-liquid-ofc"}),
         ("figure 3,",),
     ),
     Break(
         "a solid OFC leaves the command on",
-        lambda: swap(ROWS, wrap_load_scenario=_still_commanded),
+        lambda: swap(FLOWN, wrap_load_scenario=_still_commanded),
         ("rest of the left elevator",),
     ),
     Break(
@@ -97,7 +97,7 @@ BREAKS = (
     Break("f_hat is five times too large", _changed(_scaled), ("figures 5 and 6",)),
     Break(
         "the fault oscillates a tenth faster than said",
-        lambda: swap(ROWS, wrap__faulty=lambda fly: lambda kind, hz, *more: fly(kind, 1.1 * hz, *more)),
+        lambda: swap(FLOWN, wrap_faulty=lambda fly: lambda kind, hz, *more: fly(kind, 1.1 * hz, *more)),
         ("figure 6, 0.016 of travel at 1 Hz: frequency", "figure 7, 0.033 of travel at 1 Hz: frequency"),
     ),
     Break(
@@ -112,18 +112,23 @@ BREAKS = (
     ),
     Break(
         "the learning rate stays where it is",
-        lambda: swap(ROWS, wrap__rate=lambda rate: lambda _: rate(40.0)),
+        lambda: swap("cosim.papers.sun13.decoupling", BANDWIDTH=(40.0, 40.0, 40.0)),
         ("learning rate a quarter", "learning rate four times"),
     ),
     Break(
         "the airframe design is that of point E",
         _design("rfafe_airframe", _elsewhere),
-        ("liquid at 0.5 Hz, still air", "liquid at 1 Hz, still air", "liquid at 2 Hz, still air"),
+        ("0.016 of travel, liquid, still air", "0.033 of travel, solid, still air"),
     ),
     Break(
         "every point has the design of Sun13's",
         lambda: swap("cosim.papers.sun13.variants", wrap_airframe=lambda made: lambda point: made()),
-        ("a design for each of points",),
+        ("a design for each point",),
+    ),
+    Break(
+        "the fit over other points is evaluated at the point of Sun13's",
+        lambda: swap("cosim.papers.sun13.variants", wrap__fitted=lambda fitted: lambda point: fitted("sun13")),
+        ("a design scheduled by a fit",),
     ),
     Break("a fifth of the right side's estimate is added to the left one", _changed(_mixed), ("largest share of one",)),
 )

@@ -4,7 +4,8 @@ import numpy as np
 
 from actuators.constants import RAD_PER_DEG
 from cosim.papers.drawing import Curve, Drawing, Panel
-from cosim.papers.sun13 import rows as sun13
+from cosim.papers.sun13 import flown, rows
+from cosim.papers.sun13.airframe import beyond_command
 from cosim.training.flights import COMMAND, estimate, fly_aircraft, side
 
 KINDS = (("ofc_liquid", "liquid", "figure 3", "figure 6", 0.016), ("ofc_solid", "solid", "figure 4", "figure 7", 0.033))
@@ -12,15 +13,15 @@ KINDS = (("ofc_liquid", "liquid", "figure 3", "figure 6", 0.016), ("ofc_solid", 
 
 def drawings() -> list[Drawing]:
     """Return the five Drawings."""
-    clean = fly_aircraft(duration=sun13.ONSET + 10.5, seed=1)
-    span = (sun13.ONSET - 5.0, sun13.ONSET + 10.5)
+    clean = fly_aircraft(duration=flown.ONSET + 10.5, seed=1)
+    span = (flown.ONSET - 5.0, flown.ONSET + 10.5)
 
     def left(r):
         return side(r, "left") / RAD_PER_DEG
 
     out = []
     for kind, word, beside, _, share in KINDS:
-        r = sun13._faulty(kind, 1.0)
+        r = flown.faulty(kind, 1.0)
         said = "the sine rides on what the law commands" if word == "liquid" else "the sine alone is left"
         out.append(
             Drawing(
@@ -36,12 +37,12 @@ def drawings() -> list[Drawing]:
                     ),
                 ),
                 1,
-                onset=sun13.ONSET,
+                onset=flown.ONSET,
                 span=span,
                 row_px=200,
             )
         )
-    noisy = sun13._still()
+    noisy = rows._still()
     out.append(
         Drawing(
             "sun13",
@@ -67,11 +68,11 @@ def drawings() -> list[Drawing]:
         )
     )
     for kind, word, _, beside, share in KINDS:
-        r = sun13._faulty(kind, 1.0)
+        r = flown.faulty(kind, 1.0)
         command = r[COMMAND].to_numpy() if kind == "ofc_solid" else 0.0
-        f = (r[sun13.INJECTED].to_numpy() - command * (r.index.to_numpy() >= sun13.ONSET)) / RAD_PER_DEG
-        mean = 0.5 * (side(r, "left") - side(r, "right")) / RAD_PER_DEG
-        ratio = abs(sun13._published(kind, 1.0))
+        f = (r[flown.INJECTED].to_numpy() - command * (r.index.to_numpy() >= flown.ONSET)) / RAD_PER_DEG
+        mean = beyond_command(r) / RAD_PER_DEG
+        ratio = abs(rows._published(kind, 1.0))
         out.append(
             Drawing(
                 "sun13",
@@ -79,7 +80,7 @@ def drawings() -> list[Drawing]:
                 f"{word.capitalize()} OFC of {share} of travel at 1 Hz, estimated",
                 f"The published form gives {ratio:.2f} of the injected amplitude, but it is a position "
                 "monitor: its whole gain sits on the elevator positions. Right: the form on airframe outputs, "
-                "against half the difference of the sides.",
+                "against the mean elevator less what the actuator's model makes of the command.",
                 (
                     Panel(
                         "published form",
@@ -89,11 +90,11 @@ def drawings() -> list[Drawing]:
                     Panel(
                         "airframe outputs only",
                         "deg",
-                        (Curve("estimate", _f(r, "rfafe_airframe"), "ours"), Curve("achieved", mean, "true", "dot")),
+                        (Curve("estimate", _f(r, "rfafe_airframe"), "ours"), Curve("true", mean, "true", "dot")),
                     ),
                 ),
                 2,
-                onset=sun13.ONSET,
+                onset=flown.ONSET,
                 span=span,
                 row_px=200,
             )

@@ -1,4 +1,4 @@
-"""Designs that [Sun13] is compared with: without E, with E of other flights, other learning rates, other points.
+"""Designs that [Sun13] is compared with: without E, with E of other flights, other learning rates, other points, a fit.
 
 They are solved here when a row asks for them (a tenth of a second each): it takes the extra `design`.
 """
@@ -8,7 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from cosim.errors import TrimError
+from cosim.flight.plant.point import SIX, FlightPoint
 from cosim.training import rfafe as training
+from cosim.training.flights import envelope
 from cosim.training.rfafe import RANK_E
 from fdi.rfafe import rfafe
 
@@ -51,14 +54,31 @@ def published(source: Any = "six flights", bandwidth: Any = None) -> dict[str, A
 
 
 @functools.cache
-def airframe(point: Any = "sun13", decoupled: Any = True) -> Any:
+def airframe(point: Any = "sun13") -> Any:
     """Return the stored form of the airframe design of a point; E of the design point, freed of its part along F."""
-    _, B, _ = training.linear(point)
+    A, B, _ = training.linear(point)
+    return _airframe(A, B, training.unknown_inputs())
+
+
+@functools.cache
+def airframe_with(source: Any = "six flights") -> Any:
+    """Return the stored form of the airframe design of the design point, E from one of SOURCES."""
+    A, B, _ = training.linear()
+    how = SOURCES[source]
+    return _airframe(A, B, None if how is None else training.unknown_inputs(*how))
+
+
+@functools.cache
+def scheduled(point: str) -> Any:
+    """Return the stored form of the airframe design of the model that the fit over other points has at `point`."""
+    return _airframe(*_fitted(point), training.unknown_inputs())
+
+
+def _airframe(A, B, E):
     total = B.sum(1, keepdims=True)
     air, _ = training.sigmas()
-    E = None
-    if decoupled:
-        E = rfafe.separate(training.unknown_inputs(), total, np.eye(4), method="remove")[:, :RANK_E]
+    if E is not None:
+        E = rfafe.separate(E, total, np.eye(4), method="remove")[:, :RANK_E]
         E = np.vstack([E, np.zeros((1, E.shape[1]))])
     made = training.entry(
         "rfafe_airframe",
@@ -69,7 +89,36 @@ def airframe(point: Any = "sun13", decoupled: Any = True) -> Any:
         lambda g: np.vstack([total, [[0.0]]]),
         air,
         _silent,
-        point=point,
+        A=A,
         min_ratio=0.0,
     )
     return {"designs": {"hydraulic": made}}
+
+
+FITTED, FIT_SEED = 60, 13  # points of the fit, drawn over the envelope
+
+
+def _features(mass_t, cg_pct, altitude_ft, cas_kt):
+    """Return what an entry of A or B is linear in: constant, linear and quadratic in the point, scaled to about 1."""
+    z = np.array([1.0, mass_t / 300.0 - 1.0, cg_pct / 30.0 - 1.0, altitude_ft / 20e3 - 1.0, cas_kt / 260.0 - 1.0])
+    return np.outer(z, z)[np.triu_indices(5)]
+
+
+@functools.cache
+def _fit():
+    """Return the coefficients (features, entries) of A and B over FITTED points, none of them of the paper."""
+    rng, rows, entries = np.random.default_rng(FIT_SEED), [], []
+    while len(rows) < FITTED:
+        where = envelope(rng)
+        try:
+            A, B, _ = training.linear_at(FlightPoint.at(**where))
+        except TrimError:
+            continue
+        rows.append(_features(**where))
+        entries.append(np.concatenate([A.ravel(), B.ravel()]))
+    return np.linalg.lstsq(np.array(rows), np.array(entries), rcond=None)[0]
+
+
+def _fitted(point):
+    found = _features(**SIX[point]) @ _fit()
+    return found[:16].reshape(4, 4), found[16:].reshape(4, 4)

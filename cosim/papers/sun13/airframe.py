@@ -1,0 +1,92 @@
+"""The form of [Sun13] on airframe outputs only: its tracking, and its design scheduled over flight points.
+
+f is what (1) and (39) have there: the mean elevator less what the actuator's model makes of the command. Against what
+the fault alone did, half the difference of the sides, which share one command, f_hat is up to 1.13 and down to 0.95: at
+the small amplitudes of what the law answers a real actuator, with friction, is not the first-order lag (37). The note
+has that ratio.
+"""
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from scipy.signal import cont2discrete, lfilter
+
+from cosim.papers.row import Of
+from cosim.papers.sun13 import flown, variants
+from cosim.papers.sun13.flown import HZ, ONSET, SHARE, farthest, ratio
+from cosim.training.flights import COMMAND, DT, side
+from fdi.rfafe import rfafe_airframe
+from fdi.rfafe.store import read
+
+SECONDS = 8.0
+
+
+def beyond_command(r: Any) -> Any:
+    """Return f [rad], (ticks,): the mean elevator less the stored design's model of the actuator under the command."""
+    made = read("rfafe_airframe")["designs"]["hydraulic"]["actuator"]
+    a, gain, late = made["a_rad_s"], made["gain"], round(made["tau_s"] / DT)
+    (b, c, _) = cont2discrete(([gain * a], [1.0, a]), DT)
+    command = r[COMMAND].to_numpy()
+    moved = lfilter(np.ravel(b), c, command - command[0])
+    return 0.5 * (side(r, "left") + side(r, "right")) - np.concatenate([np.zeros(late), moved])[: len(moved)]
+
+
+@functools.cache
+def tracking(kind: str, hz: float, point: str = "sun13", designed: Callable | None = None) -> tuple[complex, complex]:
+    """Return f_hat over f, and over half the difference of the sides; `designed(point)` is the stored design."""
+    r = flown.faulty(kind, hz, point=point)
+    p = None if designed is None else rfafe_airframe.params(stored=designed(point))
+    f_hat = flown.estimated(r, "rfafe_airframe", p)["f_hat"]
+    apart = 0.5 * (side(r, "left") - side(r, "right"))
+    own, half = (ratio(r, f_hat, f, hz, ONSET + 2.0, SECONDS) for f in (beyond_command(r), apart))
+    return own, half
+
+
+def _told(found: dict) -> tuple[float, str]:
+    """Return (|f_hat/f| farthest from 1, all of them) of {what: what `tracking` returns}."""
+    far, told = farthest({what: own for what, (own, _) in found.items()})
+    halves = ", ".join(f"{abs(half):.2f}" for _, half in found.values())
+    return far, f"{told}; over half the difference of the sides {halves}"
+
+
+def _points(designed: Callable | None) -> tuple[float, str]:
+    return _told({point: tracking("ofc_liquid", 1.0, point, designed) for point in "ABCDE"})
+
+
+def plan(of: Of) -> list[Any]:
+    """Return the Planned rows."""
+    out = []
+    for kind, share in SHARE.items():
+        out.append(
+            of.ours(
+                f"airframe outputs only, {share} of travel, {kind.removeprefix('ofc_')}, still air, "
+                f"{HZ[0]:g}, {HZ[1]:g} and {HZ[2]:g} Hz: |f_hat/f| farthest from 1",
+                lambda k=kind: _told({f"{hz:g} Hz": tracking(k, hz) for hz in HZ}),
+                0.9,
+                1.1,
+            )
+        )
+    at = "at points A to E, liquid at 1 Hz: |f_hat/f| farthest from 1"
+    out.append(
+        of.ours(
+            f"airframe outputs only, one design {at}",
+            lambda: _points(None),
+            says="not in the paper: one LTI model, one point",
+        )
+    )
+    for words, designed in (
+        ("a design for each point", variants.airframe),
+        ("a design scheduled by a fit over other points", variants.scheduled),
+    ):
+        out.append(
+            of.beyond(
+                f"airframe outputs only, {words} {at}",
+                "our extension: the design scheduled over flight points",
+                lambda d=designed: _points(d),
+                0.9,
+                1.1,
+            )
+        )
+    return out
