@@ -5,6 +5,7 @@ import pytest
 from cosim.papers.sun13 import airframe, flown
 from cosim.papers.sun13 import rows as sun13
 from cosim.training.flights import estimate
+from fdi.rfafe import rfafe_airframe
 
 
 def test_designs_agree():
@@ -17,7 +18,7 @@ def test_both_forms_follow_the_left_elevator_in_closed_loop_flight(kind, hz):
     r = flown.faulty(kind, hz, onset=6.0)
     log = estimate(r, "rfafe")
     assert 0.9 < abs(flown.ratio(r, log["f_hat_left"], flown.injected(r, kind), hz, 8.0, 3.0 / hz)) < 1.1
-    blind = estimate(r, "rfafe_airframe")["f_hat"]
+    blind = estimate(r, "rfafe_airframe", rfafe_airframe.params("design_point"))["f_hat"]
     assert 0.9 < abs(flown.ratio(r, blind, airframe.beyond_command(r), hz, 8.0, 8.0)) < 1.1
     declared = r.index[log["alarm"] > 0.5]
     assert 6.0 < declared[0] < 6.0 + 3.0 / hz

@@ -7,6 +7,7 @@ from cosim.papers.drawing import Curve, Drawing, Panel
 from cosim.papers.sun13 import flown, rows
 from cosim.papers.sun13.airframe import beyond_command
 from cosim.training.flights import COMMAND, estimate, fly_aircraft, side
+from fdi.rfafe import rfafe_airframe
 
 KINDS = (("ofc_liquid", "liquid", "figure 3", "figure 6", 0.016), ("ofc_solid", "solid", "figure 4", "figure 7", 0.033))
 
@@ -103,5 +104,5 @@ def drawings() -> list[Drawing]:
 
 
 def _f(r, name):
-    log = estimate(r, name)
+    log = estimate(r, name, rfafe_airframe.params("design_point") if name == "rfafe_airframe" else None)
     return np.asarray(log["f_hat_left" if name == "rfafe" else "f_hat"]) / RAD_PER_DEG
