@@ -29,7 +29,7 @@ from cosim.cli.bench import compared, read_bench
 from cosim.compare import compare
 from cosim.flight.guests import with_detectors
 from cosim.log import recover
-from cosim.log.info import log_info
+from cosim.log.overview import log_info
 from cosim.replay import replay
 from cosim.replay.map import diagnose
 from cosim.replay.map_file import load_map

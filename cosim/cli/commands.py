@@ -171,7 +171,7 @@ def info(
     json_: JsonOption = False,
 ) -> None:
     """Say what a log holds and whether it is complete."""
-    from cosim.log.info import log_info
+    from cosim.log.overview import log_info
 
     found = log_info(log)
     if json_:

@@ -13,7 +13,7 @@ import cosim
 from cosim.compare import compare
 from cosim.errors import CosimError
 from cosim.log import open_log, recover
-from cosim.log.info import log_info
+from cosim.log.overview import log_info
 from cosim.replay import replay
 from cosim.report import flight_report
 
