@@ -4,12 +4,12 @@ import hashlib
 import struct
 from typing import Any
 
+import numpy as np
 from isal.isal_zlib import crc32
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
     AttachmentIndex,
-    ChunkIndex,
     DataEnd,
     Footer,
     MessageIndex,
@@ -19,6 +19,8 @@ from mcap.records import (
 )
 
 from .format import ChunkRef
+
+_OFFSETS = np.dtype([("channel", "<u2"), ("offset", "<u8")])
 
 MAGIC = b"\x89MCAP0\r\n"
 
@@ -37,7 +39,7 @@ def closing(offset: Any, crc: Any, schemas: Any, channels: Any, chunks: Any, att
         (Opcode.SCHEMA, schemas),
         (Opcode.CHANNEL, channels),
         (Opcode.STATISTICS, [_statistics(schemas, channels, chunks, attachments, metadata)]),
-        (Opcode.CHUNK_INDEX, map(_chunk_index, chunks)),
+        (Opcode.CHUNK_INDEX, map(_ChunkIndex, chunks)),
         (Opcode.ATTACHMENT_INDEX, [_attachment_index(*a) for a in attachments]),
         (Opcode.METADATA_INDEX, [MetadataIndex(at, length, record.name) for at, length, record in metadata]),
     )
@@ -121,18 +123,19 @@ def _statistics(schemas, channels, chunks, attachments, metadata):
     )
 
 
-def _chunk_index(chunk):
-    return ChunkIndex(
-        chunk_length=chunk.length,
-        chunk_start_offset=chunk.offset,
-        compression=chunk.compression,
-        compressed_size=chunk.data_size,
-        message_end_time=chunk.end_ns,
-        message_index_length=chunk.index_length,
-        message_index_offsets=chunk.index_offsets,
-        message_start_time=chunk.start_ns,
-        uncompressed_size=chunk.size,
-    )
+class _ChunkIndex:
+    """A chunk index record that `write`s its bytes as the library's own would, which takes a hundred calls."""
+
+    def __init__(self, chunk):
+        self._chunk = chunk
+
+    def write(self, builder):
+        chunk, name = self._chunk, self._chunk.compression.encode()
+        offsets = np.fromiter(chunk.index_offsets.items(), _OFFSETS, len(chunk.index_offsets)).tobytes()
+        body = struct.pack("<QQQQI", chunk.start_ns, chunk.end_ns, chunk.offset, chunk.length, len(offsets)) + offsets
+        body += struct.pack("<QI", chunk.index_length, len(name)) + name
+        body += struct.pack("<QQ", chunk.data_size, chunk.size)
+        builder.write(struct.pack("<BQ", Opcode.CHUNK_INDEX, len(body)) + body)
 
 
 def _attachment_index(offset, length, record):
