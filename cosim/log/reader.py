@@ -18,7 +18,7 @@ from actuators.native import PLAIN
 
 from . import foxglove
 from .chunk import GATHER
-from .compression import FrameError, decompress
+from .compression import FrameError, decompress, keep_memory
 from .format import Damage, Limits, LogError, TopicInfo, log_error
 from .scan import scan
 
@@ -34,6 +34,7 @@ def open_log(path: str | Path, *, limits: Any = None, tolerant: bool = False) ->
     `damage` lists what is lost.
     Raises LogError with the place for a file that is missing, cut, damaged, hostile, or not written by this package.
     """
+    keep_memory()
     found = scan(path, limits or Limits(), tolerant)
     if tolerant:
         drop_damaged_chunks(found)

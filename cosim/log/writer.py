@@ -11,7 +11,7 @@ from actuators.native import PLAIN, Native
 
 from . import foxglove
 from .chunk import HEAD, Layout
-from .compression import compressor
+from .compression import compressor, keep_memory
 from .format import LogError, channel_metadata, check_texts, schema_data, schema_name
 from .records import content_hash, pack_chunk
 from .sink import Sink
@@ -62,6 +62,7 @@ class LogWriter:
         _check(self._topics, n_values, self.dt_ns, metadata or {}, rows_per_chunk)
         self._shape, self._rows = (n_values,), rows_per_chunk
         self._pending = []  # (tick, channel id, payload) of irregular messages
+        keep_memory()
         self._compress, self._compression = compressor(compression), compression
         declared = [
             (t.name, schema_name(t.name), schema_data(t.name, t.fields), channel_metadata(t)) for t in self._topics
