@@ -7,18 +7,24 @@ tells, and writes, what would have been.
 
 import math
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
+from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from actuators.ahead import compile_ahead, cores
+from actuators.block import SWEEP, Entry
+from actuators.native import PLAIN
 from cosim.files import beside
 from cosim.flight.guests import load
 from cosim.flight.guests.plain import SLOW
 from cosim.judge.noticed import columns, watch_of
 from cosim.judge.result import judge, judged, plain
 from cosim.log import open_log
+from cosim.log.chunk import GATHER
 from cosim.replay import door, guest
 from cosim.replay.lanes import describe, fill, lanes, manifest, pieces, run, tick_of, topics
 from cosim.replay.params import ReplayError, check_start
@@ -120,11 +126,15 @@ def replay(
     wired = describe(log, detectors, overrides) if flew or not fresh else []
     members = [_Member(log, w) for w in wired]
     tick = max(0, round(start_s * 1e9 / log.dt_ns))
-    with ExitStack() as stack:
+    spans, asked = list(_spans(log, wired, tick)), topics(log, wired) if output is None else None
+    _ready(wired)
+    with ExitStack() as stack, ThreadPoolExecutor(cores()) as pool:
         overlay = stack.enter_context(Overlay(log, wired, stack.enter_context(beside(output)))) if output else None
-        for a, b in _spans(log, wired, tick):
-            read = log.arrays(None if overlay else topics(log, wired), a, b)
-            new = [m.replay(lane, tick) for m, lane in zip(members, fill(log, wired, a, b, read))]
+        coming = pool.submit(log.arrays, asked, *spans[0]) if spans else None
+        for (a, b), following in zip(spans, [*spans[1:], None]):
+            read = coming.result()
+            coming = following and pool.submit(log.arrays, asked, *following)
+            new = _each(members, lambda m, a=a, b=b, read=read: m.replay(*fill(log, [m.w], a, b, read), tick), pool)
             if overlay:
                 overlay.append(read, new, a, b)
             if progress:
@@ -144,6 +154,21 @@ def replay(
     for own in fresh:
         result.detectors += _fresh(log, own, faults)
     return result
+
+
+def _ready(wired):
+    """Compile on every core what is not compiled yet."""
+    entries = [w.module.rollout for w in wired if isinstance(getattr(w.module, "rollout", None), Entry)]
+    if entries and not PLAIN:
+        compile_ahead([GATHER, SWEEP, *(entry.native for entry in entries)])
+        for native in (SWEEP, *(entry.native for entry in entries)):
+            _ = native.address  # before there are threads, of which each would compile it
+
+
+def _each(members, call, pool):
+    """Return call(m) of each member: of compiled ones side by side, of guests with objects of their own one by one."""
+    tasks = [pool.submit(call, m) if isinstance(m.w.module.rollout, Entry) else None for m in members]
+    return [task.result() if task else call(m) for m, task in zip(members, tasks)]
 
 
 def _fresh(log, own, faults):
@@ -193,29 +218,41 @@ class _Member:
         self.names = columns(w.module.CULPRITS, self.fields)
         self.columns = [self.fields.index(n) for n in self.names]
         self.rows = self.values = self.skipped = 0
-        self.history = np.zeros((2, -(-sum(log.spans[-1]) // w.every) if log.spans else 0, len(self.names)), np.float32)
+        ticks = -(-sum(log.spans[-1]) // w.every) if log.spans else 0
+        self.logged = self.again = np.zeros((ticks, len(self.names)), np.float32)  # the same while nothing differs
 
     def replay(self, lane, tick):
         """Return the new outputs (rows, n) of a lane's span; NaN where it could not or should not be replayed."""
-        out, w = np.full(lane.logged.shape, np.nan), self.w
-        places = lane.ticks // w.every
-        self.history[:, places] = lane.logged[:, self.columns]
+        w, out = self.w, None
+        first = int(lane.ticks[0]) // w.every if len(lane.ticks) else 0
+        gapless = len(lane.ticks) and int(lane.ticks[-1]) // w.every - first + 1 == len(lane.ticks)
+        places = np.arange(first, first + len(lane.ticks)) if gapless else lane.ticks // w.every
+        where = slice(first, first + len(places)) if gapless else places
+        self.logged[where] = np.take(lane.logged, self.columns, axis=1)
+        if self.again is not self.logged:
+            self.again[where] = self.logged[where]
         done = 0  # rows from `tick` on
         for piece in pieces(lane, tick):
             again, (at, states), w.x = run(piece, self.dt)
             w.at = int(piece.ticks[-1]) + w.every
             first = int(np.searchsorted(lane.ticks, piece.ticks[0]))
             rows = slice(first, first + len(again))
-            out[rows] = again
-            self.history[1, places[rows]] = again[:, self.columns]
+            if len(again) == len(lane.ticks):
+                out = again
+            else:
+                out = np.full(lane.logged.shape, np.nan) if out is None else out
+                out[rows] = again
             self.rows += len(again)
             n = self._by_clock(piece)
             done += int(np.count_nonzero(piece.ticks[:n] >= tick))
-            self._compare(w.topic, self.fields, piece.ticks[:n], piece.logged[:n], again[:n])
-            held = lane.states[1][np.isin(lane.states[0], at)]
+            equal = self._compare(w.topic, self.fields, piece.ticks[:n], piece.logged[:n], again[:n])
+            if not equal or n < len(again):
+                self.again = self.logged.copy() if self.again is self.logged else self.again
+                self.again[places[rows]] = again[:, self.columns]
+            held = lane.states[1][np.searchsorted(lane.states[0], at)]
             self._compare(w.hidden, self.hidden, at, held, states)
         self.skipped += int(np.count_nonzero(lane.ticks >= tick)) - done
-        return out
+        return np.full(lane.logged.shape, np.nan) if out is None else out
 
     def _by_clock(self, piece):
         """Return the rows up to which a lane can repeat itself: a guest that took too long was dropped by the clock."""
@@ -225,18 +262,22 @@ class _Member:
         return int(slow[0]) if len(slow) else len(piece.ticks)
 
     def _compare(self, name, fields, ticks, logged, again):
+        """Take down where `again` differs from what was logged, and return whether it does not."""
         self.values += again.size
-        for d in compare(name, fields, ticks, logged, again):
+        found = compare(name, fields, ticks, logged, again)
+        for d in found:
             old = self.differences.setdefault(d.field, Difference(d.field, 0, d.first_tick, d.max_abs))
             old.count += d.count
             old.max_abs = float(np.fmax(old.max_abs, d.max_abs))
+        return not found
 
     def judge(self, faults):
         """Return the lane's detection metrics, as logged and as replayed."""
         w = self.w
         at = {n: i for i, n in enumerate(self.names)}
         watch = watch_of(w.id, w.level, w.target, w.module.CULPRITS, at)
-        old, new = (judge(watch, h, self.dt * w.every, faults) for h in self.history)
+        old = judge(watch, self.logged, self.dt * w.every, faults)
+        new = deepcopy(old) if self.again is self.logged else judge(watch, self.again, self.dt * w.every, faults)
         return {"id": w.id, "level": w.level, "target": w.target, "logged": old, "replayed": new}
 
 
