@@ -401,9 +401,12 @@ def _decide(x, p, dt):
         return
     wrong = _accelerometer(x, p, p.bias_share) if x.r >= 1.0 else 0.0
     wind = _vane(x, p) if x.r >= 1.0 else 0.0
+    off = x.vane[2] * x.vane[2] > max(p.t_vane * p.t_vane, x.rough)
     if wind > 1.5 and wrong < 1.5:  # a vane that lift finds wrong as well moves the X row, too
         wrong = 3.0
-    elif wrong == 1.0 and x.vane[2] * x.vane[2] > max(p.t_vane * p.t_vane, x.rough):
+    elif wrong > 0.5 and off and x.blamed > 2.5:
+        wrong = 3.0  # it was named, and still reads as wrong: near the stall lift no longer says by how much
+    elif wrong == 1.0 and off:
         wrong = 0.0  # gusts or the vane
     x.timer_bias, x.on_bias = confirm(x.timer_bias, x.on_bias, wrong > 0.5, dt, p.t_confirm, p.t_release)
     x.blamed = wrong if wrong > 0.5 else (x.blamed if x.on_bias > 0.5 else 0.0)
