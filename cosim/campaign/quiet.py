@@ -88,7 +88,8 @@ class Flight:
         return cls(found.seconds, found.dt, found.status, lanes)
 
 
-Count, Positive = Annotated[int, Field(ge=0)], Annotated[float, Field(ge=0.0)]
+Count = Annotated[int, Field(ge=0)]
+Positive = Annotated[float, Field(ge=0.0)]
 Samples = Annotated[int, Field(ge=1)]
 Sums = Annotated[tuple[Samples, float, float, float, float, float, float, float], Field(strict=False)]
 

@@ -130,10 +130,10 @@ def replay(
     _ready(wired)
     with ExitStack() as stack, ThreadPoolExecutor(cores()) as pool:
         overlay = stack.enter_context(Overlay(log, wired, stack.enter_context(beside(output)))) if output else None
-        coming = pool.submit(log.arrays, asked, *spans[0]) if spans else None
-        for (a, b), following in zip(spans, [*spans[1:], None]):
-            read = coming.result()
-            coming = following and pool.submit(log.arrays, asked, *following)
+        coming = [pool.submit(log.arrays, asked, *span) for span in spans[:1]]
+        for k, (a, b) in enumerate(spans):
+            read = coming.pop().result()
+            coming = [pool.submit(log.arrays, asked, *span) for span in spans[k + 1 : k + 2]]
             new = _each(members, lambda m, a=a, b=b, read=read: m.replay(*fill(log, [m.w], a, b, read), tick), pool)
             if overlay:
                 overlay.append(read, new, a, b)

@@ -238,7 +238,8 @@ def run(lane: Any, dt: Any) -> Any:
     module, n = lane.module, len(lane.ticks)
     outputs, hidden = split(module)
     rollout, x, p = lane.rollout or stepper(module), lane.x.copy(), lane.p.copy()
-    wanted, first, last = lane.states[0], *(lane.ticks[[0, -1]] if n else (0, -1))
+    first, last = lane.ticks[[0, -1]] if n else (0, -1)
+    wanted = lane.states[0]
     wanted = wanted[(wanted >= first) & (wanted <= last) & ((wanted - first) % lane.every == 0)]
     at = np.searchsorted(lane.ticks, wanted)
     if isinstance(rollout, Entry):

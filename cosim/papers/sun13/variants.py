@@ -71,7 +71,8 @@ def airframe_with(source: Any = "six flights") -> Any:
 @functools.cache
 def scheduled(point: str) -> Any:
     """Return the stored form of the airframe design of the model that the fit over other points has at `point`."""
-    return _airframe(*_fitted(point), training.unknown_inputs())
+    A, B = _fitted(point)
+    return _airframe(A, B, training.unknown_inputs())
 
 
 def _airframe(A, B, E):
