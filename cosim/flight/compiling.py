@@ -7,11 +7,29 @@ from actuators import block
 from actuators.ahead import compile_ahead
 from actuators.block import Entry
 from actuators.native import PLAIN, Native
+from actuators.registry import SHIPPED
 from cosim.flight import detectors, tape
 from cosim.flight.blocks import faults, hinge_model, law, manoeuvre, sensors
+from cosim.flight.plant import gusts
 from cosim.log import chunk
 from cosim.scenario import Scenario
 from cosim.scenario.catalog import TECHNOLOGIES
+from fdi import registry
+
+LOOP = (law, faults, sensors, manoeuvre, hinge_model, gusts)  # blocks that are neither detectors nor of an actuator
+
+
+def shipped() -> dict[str, ModuleType]:
+    """Return {module name: module} of every block that ships: of the technologies, the detectors, the loop."""
+    return _blocks([*_actuators(t.name for t in SHIPPED), *map(registry.module, registry.SHIPPED), *LOOP])
+
+
+def _actuators(technologies):
+    return [m for name in technologies if name in TECHNOLOGIES for m in TECHNOLOGIES[name].modules()]
+
+
+def _blocks(modules):
+    return {m.__name__: m for m in modules if isinstance(getattr(m, "rollout", None), Entry)}
 
 
 def functions(scenario: Scenario) -> dict[str, Native]:
@@ -23,11 +41,9 @@ def functions(scenario: Scenario) -> dict[str, Native]:
     used = dict.fromkeys((*scenario.elevator.technology.values(), "simple"))
     own = [d.module for d in detectors.chosen(scenario)]
     modules = [m for m in own if isinstance(m, ModuleType)]  # what takes longest comes first; guests elsewhere
-    modules += [m for name in used if name in TECHNOLOGIES for m in TECHNOLOGIES[name].modules() if m is not None]
-    modules += [law, faults, sensors, manoeuvre, hinge_model]
-    blocks = [m for m in modules if isinstance(getattr(m, "rollout", None), Entry)]
+    blocks = _blocks([*modules, *_actuators(used), *LOOP])
     others = {tape.__name__: tape.WALK, chunk.__name__: chunk.GATHER, block.__name__: block.SWEEP}
-    return {**{m.__name__: m.rollout.native for m in blocks}, **others}
+    return {**{name: m.rollout.native for name, m in blocks.items()}, **others}
 
 
 def prepare(scenario: Scenario, tell: Callable[[int, int], None] | None = None) -> int:

@@ -1,6 +1,5 @@
 """Every block: live (n, 1) equals batch (n, T) equals plain Python, bit for bit."""
 
-import importlib
 import inspect
 import os
 import subprocess
@@ -12,7 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cosim.flight.compiling import shipped
+
 ROOT = Path(__file__).resolve().parents[2]
+BLOCKS = shipped()
 LANES, TICKS, DT = 3, 60, 0.005
 # what a healthy input is about; everything else is about zero, within SMALL
 ABOUT = {
@@ -40,17 +42,6 @@ SIZE = {
     "friction_add": 1.0,
 }
 SMALL = 0.05
-
-
-def blocks():
-    """Return the dotted names of all modules that have STATE and rollout."""
-    found = []
-    for package in ("actuators", "fdi", "cosim"):
-        for path in sorted((ROOT / package).rglob("*.py")):
-            text = path.read_text(encoding="utf-8")
-            if "\nrollout = entry(" in text and "\nSTATE = " in text:
-                found.append(".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"))
-    return found
 
 
 def _generator(name):
@@ -153,9 +144,9 @@ def plain(tmp_path_factory):
     return np.load(out)
 
 
-@pytest.mark.parametrize("name", blocks())
+@pytest.mark.parametrize("name", BLOCKS)
 def test_live_is_batch_is_plain_python(name, plain):
-    module = importlib.import_module(name)
+    module = BLOCKS[name]
     log, x = batch(module)
     log_live, x_live = live(module)
     assert _same(log, log_live) == []
@@ -164,9 +155,9 @@ def test_live_is_batch_is_plain_python(name, plain):
     assert _same(log, plain[name].view(module.STATE).reshape(log.shape)) == []
 
 
-@pytest.mark.parametrize("name", [n for n in blocks() if hasattr(importlib.import_module(n), "OUTPUTS")])
+@pytest.mark.parametrize("name", [n for n in BLOCKS if hasattr(BLOCKS[n], "OUTPUTS")])
 def test_a_lane_alone_leaves_what_the_batch_leaves(name):
-    module = importlib.import_module(name)
+    module = BLOCKS[name]
     log, last = batch(module)
     p, u = parameters(module), inputs(module)
     x, n = module.init(p), module.STATE.itemsize // 8
@@ -180,17 +171,17 @@ def test_a_lane_alone_leaves_what_the_batch_leaves(name):
         assert np.array_equal(state.view(np.int64), last[i : i + 1].view(np.int64))
 
 
-@pytest.mark.parametrize("name", blocks())
+@pytest.mark.parametrize("name", BLOCKS)
 def test_the_signals_move_the_block(name):
     """Guard the test above: a log that never changes would prove nothing."""
-    log, _ = batch(importlib.import_module(name))
+    log, _ = batch(BLOCKS[name])
     moving = [n for n in log.dtype.names if np.unique(log[n][np.isfinite(log[n])]).size > LANES]
     assert moving
 
 
-@pytest.mark.parametrize("name", [n for n in blocks() if not n.startswith("cosim.")])
+@pytest.mark.parametrize("name", [n for n in BLOCKS if not n.startswith("cosim.")])
 def test_no_lost_sample_leaves_a_nan(name):
-    log, x = batch(importlib.import_module(name))
+    log, x = batch(BLOCKS[name])
     bad = [n for n in module_numbers(x) if not np.isfinite(x[n]).all()]
     assert bad == []
     assert np.isfinite(log["alarm"]).all() if "alarm" in log.dtype.names else True
@@ -204,9 +195,9 @@ def module_numbers(x):
 def _main(out):
     """Write the batch log of every block to `out`; a block that cannot run leaves its traceback instead."""
     logs = {}
-    for name in blocks():
+    for name in BLOCKS:
         try:
-            logs[name] = batch(importlib.import_module(name))[0].view(np.float64)
+            logs[name] = batch(BLOCKS[name])[0].view(np.float64)
         except Exception:
             logs[name] = np.array(traceback.format_exc())
     np.savez(out, **logs)
