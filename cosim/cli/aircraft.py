@@ -1,15 +1,16 @@
 """`cosim check-aircraft`: does a folder keep the contract of an aircraft?"""
 
 import json
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
+from rich.console import Console
 from rich.table import Table
 
 from cosim.cli.output import JsonOption
 
 
-def add(app: Any, out: Any, err: Any) -> None:
+def add(app: typer.Typer, out: Console, err: Console) -> None:
     """Register the command on `app`; `out` and `err` are the consoles of standard output and error."""
 
     @app.command("check-aircraft")

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Group
+from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
@@ -17,7 +17,7 @@ from cosim.errors import CosimError
 from cosim.texts import from_json, read
 
 
-def add(app: Any, out: Any, err: Any) -> None:
+def add(app: typer.Typer, out: Console, err: Console) -> None:
     """Add `bench` to the command line `app`; `out` and `err` are its consoles."""
 
     @app.command()
@@ -92,7 +92,7 @@ def _numbers(found):
     return out
 
 
-def shown(found: Any) -> Any:
+def shown(found: dict[str, Any]) -> Group:
     """Return the tables of `cosim bench`."""
     t = table("Cost per tick", "case", "µs/tick>", "ratio>", "spread>", "to")
     for r in found["cases"]:
@@ -128,7 +128,7 @@ def shown(found: Any) -> Any:
     return Group(t, d, g, Text("\n".join(lines)))
 
 
-def campaign_speed(found: Any) -> Any:
+def campaign_speed(found: dict[str, Any]) -> Group:
     """Return what `cosim bench --campaign` measured."""
     shown = table(found["campaign"], "processes", "flights>", "wall s>", "flights/min>", "x real time>", "outcomes")
     for case in found["cases"]:

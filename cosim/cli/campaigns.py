@@ -2,9 +2,10 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
+from rich.console import Console
 
 from cosim.cli import flight, tables
 from cosim.cli.output import (
@@ -18,7 +19,7 @@ from cosim.cli.output import (
 )
 
 
-def add(app: Any, out: Any, err: Any) -> Any:
+def add(app: typer.Typer, out: Console, err: Console) -> None:
     """Add the commands to the command line `app`; `out` and `err` are its consoles."""
 
     def _left_out(damaged, what):

@@ -4,7 +4,7 @@ import json
 import math
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Group
@@ -40,6 +40,9 @@ from cosim.cli.app import (
 from cosim.cli.output import DetectorOption, JsonOption, log_name, named, output_option, reserve
 from cosim.cli.tables import escape, table
 from cosim.errors import CosimError, did_you_mean
+
+if TYPE_CHECKING:  # `--help` needs no scenario
+    from cosim.scenario import Scenario
 
 DEFAULT = "liquid-ofc"
 
@@ -222,7 +225,7 @@ if __name__ == "__main__":
     sys.exit(main())
 
 
-def contents(found: Any) -> Any:
+def contents(found: dict[str, Any]) -> Group:
     """Return the tables of `cosim info`."""
     state = (
         Text("complete", style="green")
@@ -248,7 +251,7 @@ def contents(found: Any) -> Any:
     return Group(head, t, Text(f"attachments: {', '.join(found['attachments']) or 'none'}"))
 
 
-def trim_and_modes(found: Any, scenario: Any) -> Any:
+def trim_and_modes(found: dict[str, Any], scenario: "Scenario") -> Group:
     """Return trim and modes of `cosim linearize`."""
     trim = found["trim"]
     t = table("Trim", "", ">", "", show_header=False)

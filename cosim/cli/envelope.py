@@ -4,7 +4,8 @@ import json
 from pathlib import Path
 from typing import Annotated, Any
 
-from rich.console import Group
+import typer
+from rich.console import Console, Group
 from rich.text import Text
 
 from cosim.cli import tables
@@ -12,7 +13,7 @@ from cosim.cli.output import JsonOption, WorkersOption, output_option, reserve
 from cosim.files import replace
 
 
-def add(app: Any, out: Any, err: Any) -> None:
+def add(app: typer.Typer, out: Console, err: Console) -> None:
     """Add `envelope` to the command line `app`; `out` and `err` are its consoles."""
 
     @app.command()
@@ -43,7 +44,7 @@ def add(app: Any, out: Any, err: Any) -> None:
             out.print(shown(found))
 
 
-def shown(found: Any) -> Any:
+def shown(found: dict[str, Any]) -> Group:
     """Return the table of an envelope from its plain data."""
     columns = ("points", "kt CAS", "Mach", "up to ft", "alpha deg", "stabiliser deg", "throttle %")
     t = tables.table("", "mass", *(f"{name}>" for name in columns))

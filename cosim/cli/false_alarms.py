@@ -2,17 +2,17 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from rich.console import Group
+from rich.console import Console, Group
 from rich.text import Text
 
 from cosim.cli import tables
 from cosim.cli.output import JsonOption, WorkersOption, output_option, reserve
 
 
-def add(app: Any, out: Any, err: Any) -> None:
+def add(app: typer.Typer, out: Console, err: Console) -> None:
     """Add `false-alarms` to the command line `app`; `out` and `err` are its consoles."""
 
     @app.command(name="false-alarms")

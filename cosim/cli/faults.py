@@ -2,9 +2,12 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.text import Text
+
+if TYPE_CHECKING:  # `--help` needs no scenario
+    from cosim.scenario import Scenario
 
 LITTLE, MUCH = 0.8, 1.25  # achieved over asked, beyond which a note says so
 
@@ -15,7 +18,7 @@ WHY = {  # place of entry -> why the elevator moves otherwise
 }
 
 
-def lines(scenario: Any, achieved: Any) -> Any:
+def lines(scenario: "Scenario", achieved: Any) -> Any:
     """Return the Texts about the faults of `scenario`; `achieved` {segment: peaks and amplitudes}, or None."""
     if not scenario.faults:
         return [Text("no fault", style="dim")]

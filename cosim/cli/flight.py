@@ -1,16 +1,19 @@
 """What `cosim run` shows: who noticed, the flight and its faults, every alarm, where the log is."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Group
 from rich.text import Text
 
 from cosim.cli.tables import NOTHING, number, table, whole, word
 
+if TYPE_CHECKING:  # `--help` needs no scenario
+    from cosim.scenario import Scenario
+
 STATUS = {"completed": "green", "departed": "yellow", "diverged": "red", "interrupted": "yellow"}
 
 
-def shown(found: Any, scenario: Any) -> Any:
+def shown(found: dict[str, Any], scenario: "Scenario") -> Group:
     """Return the outcome of a run: who noticed in a sentence, the flight, its faults, every alarm, where the log is."""
     from cosim.cli import faults, headline  # `--help` needs no scenario
 
@@ -29,7 +32,7 @@ def shown(found: Any, scenario: Any) -> Any:
     return Group(*parts, _footer(found))
 
 
-def point(scenario: Any) -> str:
+def point(scenario: "Scenario") -> str:
     """Return where a flight begins, through which air, with which manoeuvre, in words."""
     f, m = scenario.flight, scenario.manoeuvre
     speed = next(

@@ -2,9 +2,10 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
+from rich.console import Console
 
 from cosim.cli import tables
 from cosim.cli.output import JsonOption, output_option, reserve
@@ -13,7 +14,7 @@ from cosim.errors import CosimError
 KINDS = ("detector",)
 
 
-def add(app: Any, out: Any, err: Any) -> Any:
+def add(app: typer.Typer, out: Console, err: Console) -> None:
     """Add the commands to the command line `app`; `out` and `err` are its consoles."""
 
     @app.command()

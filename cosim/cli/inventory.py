@@ -9,7 +9,7 @@ from rich.text import Text
 from cosim.cli.tables import table
 
 
-def shown(found: Any, topic: Any = None) -> Any:
+def shown(found: dict[str, Any], topic: str | None = None) -> Group:
     """Return the entries of a `topic` of `cosim list`, of every one for "all"; which topics there are for None."""
     if topic is None:
         t = table("cosim list TOPIC, or cosim list all", "topic", "how many>", "what it is")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
-from rich.console import Group
+from rich.console import Console, Group
 from rich.markup import escape
 from rich.text import Text
 
@@ -20,7 +20,7 @@ SHOWN = 12  # differences in the table; all of them are in --json
 MISSING = 6  # signals of a detector that was not run
 
 
-def add(app: Any, out: Any, err: Any) -> None:
+def add(app: typer.Typer, out: Console, err: Console) -> None:
     """Add `replay` and `recover` to the command line `app`; `out` and `err` are its consoles."""
 
     @app.command()
@@ -132,7 +132,7 @@ def add(app: Any, out: Any, err: Any) -> None:
             out.print(recovered(found))
 
 
-def shown(found: Any, detection: Any) -> Any:
+def shown(found: dict[str, Any], detection: bool) -> Group:
     """Return the outcome of a replay: what differs, how much was compared; with `detection`, who alarmed when."""
     parts = [_differences(found)] if found["differences"] else []
     parts.append(_verdict(found))
@@ -199,7 +199,7 @@ def _isolated(entry):
     return entry["isolated"]["class"] if entry["isolated"] else NOTHING
 
 
-def diagnosis(found: Any) -> Any:
+def diagnosis(found: dict[str, Any]) -> Group:
     """Return what the detectors say about foreign data, and what the others lack."""
     t = table("Verdicts", "detector", "watches", "first alarm s>", "alarms>", "isolated", "largest |r|>", "valid %>")
     for r in found["detectors"]:
@@ -235,7 +235,7 @@ def _not_run(rows, named):
     return lack
 
 
-def recovered(found: Any) -> Any:
+def recovered(found: dict[str, Any]) -> Group:
     """Return what came back of a damaged log, and what is lost."""
     head = Text.assemble(
         (f"{found['ticks']:,} ticks", "bold"), f" ({found['duration_s']:g} s) in {found['chunks']} whole chunks\n"

@@ -2,10 +2,10 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from rich.console import Group
+from rich.console import Console, Group
 from rich.text import Text
 
 from cosim.cli import tables
@@ -16,7 +16,7 @@ FEW = 3  # detectors, up to which every family is shown
 MOST = 12  # pairs that are shown
 
 
-def add(app: Any, out: Any, err: Any) -> None:
+def add(app: typer.Typer, out: Console, err: Console) -> None:
     """Add `score` to the command line `app`; `out` and `err` are its consoles."""
 
     @app.command()

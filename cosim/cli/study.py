@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Group
+from rich.console import Console, Group
+from rich.table import Table
 
 from cosim.cli import tables
 from cosim.cli.output import JsonOption, ReadmeOption, WorkersOption, output_option, reserve
@@ -14,7 +15,7 @@ from cosim.cli.tables import escape, table
 from cosim.files import replace
 
 
-def add(app: Any, out: Any, err: Any) -> Any:
+def add(app: typer.Typer, out: Console, err: Console) -> None:
     """Add `reproduce`, `study`, `design` and `train` to the command line `app`; `out` and `err` are its consoles."""
 
     @app.command()
@@ -160,7 +161,7 @@ def add(app: Any, out: Any, err: Any) -> Any:
             module.store(made)
 
 
-def reproduced(found: Any) -> Any:
+def reproduced(found: dict[str, Any]) -> Group:
     """Return the rows of the papers' experiments, the counts of the verdicts first."""
     colours = {"agrees": "green", "differs_explained": "yellow", "differs": "red", "ours": "dim", "beyond": "cyan"}
     words = {v: v.replace("_", ", ") for v in colours}
@@ -177,7 +178,7 @@ def reproduced(found: Any) -> Any:
     return Group(total, t, *why)
 
 
-def noticed(found: Any) -> Any:
+def noticed(found: list[dict[str, Any]]) -> Table:
     """Return what rows show with the method broken."""
     t = table("The method broken in one place", "paper", "row", "what is broken", "value then>", "band", "seen")
     for b in found:
@@ -186,7 +187,7 @@ def noticed(found: Any) -> Any:
     return t
 
 
-def designs(found: Any) -> Any:
+def designs(found: dict[str, tuple[str, str]]) -> Table:
     """Return a table of {design: (what it is, problem or "")}."""
     t = table("Stored designs", "design", "what", "state")
     for name, (what, problem) in found.items():

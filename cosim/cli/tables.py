@@ -2,12 +2,12 @@
 
 import math
 import shlex
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from rich import box
-from rich.console import Group
+from rich.console import Console, Group
 from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
@@ -15,7 +15,7 @@ from rich.text import Text
 NOTHING = Text("-", style="dim")
 
 
-def table(title: str, *columns: Any, **options: Any) -> Any:
+def table(title: str, *columns: str, **options: Any) -> Table:
     """Return an empty table in the house style; a column named with a trailing > is right-aligned."""
     heading = Text(f"\n{title}", style="bold") if title else None
     made = Table(
@@ -34,7 +34,9 @@ def table(title: str, *columns: Any, **options: Any) -> Any:
 
 
 @contextmanager
-def progress(console: Any, text: str, unit: str = "s", waiting: str = "") -> Iterator[Any]:
+def progress(
+    console: Console, text: str, unit: str = "s", waiting: str = ""
+) -> Iterator[Callable[[float, float], None]]:
     """Show a bar on a terminal, `waiting` until its callback (done, total) is first called with something done."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -50,7 +52,7 @@ def progress(console: Any, text: str, unit: str = "s", waiting: str = "") -> Ite
 
 
 @contextmanager
-def compiling(console: Any) -> Iterator[Any]:
+def compiling(console: Console) -> Iterator[Callable[[int, int], None]]:
     """Give a callback (i, n) that says "compiling 7 of 30" on a terminal; one line elsewhere."""
     said = False
 
@@ -70,12 +72,12 @@ def compiling(console: Any) -> Iterator[Any]:
         status.stop()
 
 
-def number(value: Any, digits: int = 2) -> Any:
+def number(value: float | None, digits: int = 2) -> Text | str:
     """Return a number as text, or a dash when there is none."""
     return NOTHING if value is None else f"{value:.{digits}f}"
 
 
-def cell(value: Any) -> Any:
+def cell(value: Any) -> str:
     """Return a table cell: short numbers, a dash for nothing."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return "-"
@@ -101,7 +103,7 @@ def word(path: Any) -> str:
     return shlex.quote(f"./{text}" if text.startswith("-") else text)
 
 
-def whole(text: Any) -> Any:
+def whole(text: Text | str) -> Text:
     """Return a line that is not folded: a path or a command that is copied."""
     made = Text(text) if isinstance(text, str) else text
     made.no_wrap, made.overflow = True, "ignore"

@@ -4,6 +4,7 @@ These tables are the only place where that is written: validation, `cosim list`,
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -190,7 +191,7 @@ SENSOR_PATHS = ("all", "observers")  # of an aircraft sensor; the first is the d
 ACTUATOR_PATHS = ("loop", "monitor")  # of an actuator's sensor
 
 
-def sensor_kinds(units: Any) -> dict[str, Kind]:
+def sensor_kinds(units: Iterable[Unit]) -> dict[str, Kind]:
     """Return {kind: Kind} for a sensor whose values may be given in `units`."""
 
     def keys(stem, tail="", signed=True):

@@ -1,12 +1,13 @@
 """Faults that cannot be together, or not on the actuator that flies: refused, never ignored."""
 
-from typing import Any
+from collections.abc import Iterable
 
 from cosim.scenario import catalog as c
+from cosim.scenario.fault import Fault
 from cosim.scenario.problem import problem
 
 
-def check(faults: Any, technology: Any) -> None:
+def check(faults: Iterable[Fault], technology: dict[str, str]) -> None:
     """Raise for the first fault that its actuator cannot have, or that overlaps another in what it takes over; when one
     that waits for its condition will do so is not known yet.
     """

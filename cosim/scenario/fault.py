@@ -152,7 +152,7 @@ class Fault(BaseModel):
         ways = ("valve" if valve and not limited else "command" for valve in held)
         return " or ".join(dict.fromkeys(ways))
 
-    def injections(self, index: Any, technology: Any) -> Any:
+    def injections(self, index: int, technology: dict[str, str]) -> list[Injection]:
         """Return the list of Injection, one per member; `technology` maps segment to its actuator."""
         spec, numbers = self.spec, self.model_extra or {}
         key = next((k for k in spec.one_of if k.name in numbers), None)

@@ -1,13 +1,14 @@
 """Read a scenario: a built-in name or a path, overrides on top; every mistake is a ScenarioError with file and key."""
 
 import os
+from collections.abc import Iterable
 from importlib import resources
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from cosim.errors import ScenarioError, did_you_mean
+from cosim.errors import CosimError, ScenarioError, did_you_mean
 from cosim.scenario import inputs, own_actuator
 from cosim.scenario.aircraft import DEFAULT as DEFAULT_AIRCRAFT
 from cosim.scenario.aircraft import load_aircraft
@@ -34,7 +35,7 @@ def builtin_names() -> list[str]:
     )
 
 
-def load_scenario(name_or_path: Any = DEFAULT, overrides: Any = ()) -> Scenario:
+def load_scenario(name_or_path: str | Path = DEFAULT, overrides: str | Iterable[str] = ()) -> Scenario:
     """Return the Scenario of a built-in name or a TOML file, `overrides` ("faults.0.frequency_hz=3", or a list) on top.
 
     A name without a dot or a slash that is built in wins over a file. Raises ScenarioError.
@@ -50,7 +51,7 @@ def load_scenario(name_or_path: Any = DEFAULT, overrides: Any = ()) -> Scenario:
     return parse(located(apply(table, overrides), name_or_path), place=place)
 
 
-def located(table: Any, name: str | Path) -> Any:
+def located(table: dict[str, Any], name: str | Path) -> dict[str, Any]:
     """Return the tables of scenario `name` with the files of its guests found, beside it or from here, and that of
     its inputs read.
     """
@@ -60,7 +61,7 @@ def located(table: Any, name: str | Path) -> Any:
     return inputs.located(found, folder, str(name))
 
 
-def parse(table: Any, *, place: str = "scenario") -> Scenario:
+def parse(table: dict[str, Any], *, place: str = "scenario") -> Scenario:
     """Return the Scenario of nested dicts; raises ScenarioError that names `place`, key, value and what is allowed."""
     own_actuator.take(table)
     try:
@@ -95,7 +96,13 @@ def _read(name_or_path):
         raise ScenarioError("no built-in scenario and no file of this name", place=name, remedy=near) from None
 
 
-def explained(error: Any, table: Any, place: str, root: Any = Scenario, kind: Any = ScenarioError) -> Any:
+def explained(
+    error: ValidationError,
+    table: dict[str, Any],
+    place: str,
+    root: type[BaseModel] = Scenario,
+    kind: type[CosimError] = ScenarioError,
+) -> CosimError:
     """Return pydantic's `error` about `table`, a file of model `root`, as an error of `kind` for the first mistake; an
     unknown key comes first, it likely causes the others.
     """

@@ -5,6 +5,7 @@ unit. A new `kind` of manoeuvre or fault drops the numbers that belonged to the 
 """
 
 import copy
+from collections.abc import Iterable
 from typing import Any
 
 from cosim.errors import CosimError, ScenarioError
@@ -19,7 +20,7 @@ PATHS = ("climb_fpm", "gamma_deg"), ("bank_deg", "turn_deg_s")
 KEPT = ("target", "kind", "start_s", "end_s", "ramp_s", "path")
 
 
-def apply(table: Any, overrides: Any) -> Any:
+def apply(table: dict[str, Any], overrides: Iterable[str]) -> dict[str, Any]:
     """Return a copy of `table` with every "key=value" applied; raises ScenarioError that names the override."""
     out = copy.deepcopy(table)
     for text in overrides:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 
-def dumps(table: Any, path: Sequence[Any] = ()) -> Any:
+def dumps(table: dict[str, Any], path: Sequence[str] = ()) -> str:
     """Return `table` (nested dicts, lists, str, bool, int, float) as TOML text in its order; None is left out."""
     lines, below = [], []
     for key, value in table.items():
