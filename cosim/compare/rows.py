@@ -209,11 +209,11 @@ def of_logs(
     are made guests, run on each flight. Raises LogError.
     """
     from cosim.flight.twin import achieved, faulted
-    from cosim.replay.recording import Flown
+    from cosim.replay.recording import LoggedFlight
 
     rows, tomls = [], {}
     for i, path in enumerate(paths):
-        flown = Flown(path, guests)
+        flown = LoggedFlight(path, guests)
         run = run_id(flown.scenario)
         while run in tomls:  # the same flight twice, or another version's
             run += "'"

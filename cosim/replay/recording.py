@@ -64,7 +64,7 @@ def words(name: str) -> Any:
     return name.replace("_", " ")
 
 
-class Flown:
+class LoggedFlight:
     """The content of one log, read once. `values(topic, field)` is a column, NaN where there is none."""
 
     knows_faults = True  # else alarms are neither right nor false

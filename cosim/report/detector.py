@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from actuators.constants import DEG_PER_RAD
-from cosim.replay.recording import Flown, Lane, words
+from cosim.replay.recording import Lane, LoggedFlight, words
 from cosim.report.figure import COLOURS, Figure, curve, envelope, least, level, note, packed, peaks, place
 from cosim.report.flight import panels
 
@@ -21,7 +21,7 @@ SHOWN = {  # unit of an estimate -> shown as, factor
 }
 
 
-def detector(flown: Flown, lanes: list[Lane]) -> Figure:
+def detector(flown: LoggedFlight, lanes: list[Lane]) -> Figure:
     """Return the figure of one detector: statistic of every lane over its threshold; estimate with band and truth."""
     estimates = [n for n in lanes[0].fields if n.startswith("f_hat")]
     figure = Figure(f"d-{lanes[0].id}", "", 258, detector=lanes[0].id)

@@ -9,7 +9,7 @@ import numpy as np
 
 from cosim.errors import LogError
 from cosim.log import open_log
-from cosim.replay.recording import Flown, Lane, words
+from cosim.replay.recording import Lane, LoggedFlight, words
 from cosim.report.detector import SHOWN, detector
 from cosim.report.figure import Figure, curve, least
 from cosim.report.flight import panels
@@ -74,7 +74,7 @@ class Watched:
 def diagnosis_report(log: str | Path, output: str | Path) -> Path:
     """Write the page of a diagnosis to the file `output`; returns its Path. Raises LogError, OutputError."""
     watched = Watched(log)
-    flown = cast(Flown, watched)  # for the figures, which read these of its attributes alone
+    flown = cast(LoggedFlight, watched)  # for the figures, which read these of its attributes alone
     line, alarms, _ = timeline(flown)
     ids = list(dict.fromkeys(lane.id for lane in watched.lanes))
     own = {i: detector(flown, [lane for lane in watched.lanes if lane.id == i]) for i in ids}
@@ -132,7 +132,7 @@ def _inputs(watched: Watched) -> Figure:
     read = {n: (*SHOWN.get(unit, (unit, 1.0)), y) for n, (unit, y) in watched.inputs().items()}
     figure = Figure("inputs", "As the detectors read them: resampled to their tick, in our signs; gaps are invalid.",
                     height=90 + 150 * -(-len(read) // 2))  # fmt: skip
-    panels(cast(Flown, watched), figure, list(read), [unit for unit, *_ in read.values()], 2, legend=False)
+    panels(cast(LoggedFlight, watched), figure, list(read), [unit for unit, *_ in read.values()], 2, legend=False)
     for i, (name, (_, factor, y)) in enumerate(read.items(), 1):
         figure.data.append(curve(watched.t0, watched.dt, factor * y, name=name, panel=i, legend=False))
         least(figure.layout, i, [factor * y], 1e-9)

@@ -5,7 +5,7 @@ import numpy as np
 
 from actuators.constants import DEG_PER_RAD, FT_PER_M, KT_PER_M_S
 from cosim.flight import wiring
-from cosim.replay.recording import Flown, words
+from cosim.replay.recording import LoggedFlight, words
 from cosim.report.figure import (
     COLOURS,
     DASHES,
@@ -25,7 +25,7 @@ EARTH = 6_371_000.0  # mean radius [m]: the track is drawn on a local plane
 
 
 def panels(
-    flown: Flown, figure: Figure, titles: list[str], units: list[str], columns: int, legend: bool = True
+    flown: LoggedFlight, figure: Figure, titles: list[str], units: list[str], columns: int, legend: bool = True
 ) -> Figure:
     """Lay out time panels over the whole flight with its faults shaded; returns the figure."""
     figure.layout = base(figure.height, legend)
@@ -34,7 +34,7 @@ def panels(
     return figure
 
 
-def motion(flown: Flown) -> Figure:
+def motion(flown: LoggedFlight) -> Figure:
     """Return altitude, airspeed, load factor, angle of attack, attitude and rates."""
     get = lambda name, factor=1.0: factor * flown.values("/truth/aircraft", name)  # noqa: E731
     shown = [
@@ -100,7 +100,7 @@ def _inline_legend(figure, panel):
         )
 
 
-def track(flown: Flown) -> Figure:
+def track(flown: LoggedFlight) -> Figure:
     """Return the path over ground and in height; the part flown with a fault is drawn in its colour."""
     lat, lon = (flown.values("/truth/aircraft", n) for n in ("lat", "lon"))
     north, east = EARTH * (lat - lat[0]) / 1e3, EARTH * np.cos(lat[0]) * (lon - lon[0]) / 1e3
@@ -147,7 +147,7 @@ def track(flown: Flown) -> Figure:
     return figure
 
 
-def surfaces(flown: Flown) -> tuple[Figure, Figure]:
+def surfaces(flown: LoggedFlight) -> tuple[Figure, Figure]:
     """Return commands against measured and true surfaces: the elevator segments, and the others."""
     command = flown.values("/law", "de_cmd")
     titles = [f"{words(seg)}, {tech}" for seg, tech in flown.scenario.elevator.technology.items()]
@@ -199,7 +199,7 @@ def _surface(flown, figure, panel, curves, legend):
     least(figure.layout, panel, [DEG_PER_RAD * y for _, y in curves], 0.5)
 
 
-def injected(flown: Flown) -> Figure | None:
+def injected(flown: LoggedFlight) -> Figure | None:
     """Return the injected signal of each fault lane, or None without a fault."""
     lanes = flown.injected
     if not lanes:

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from cosim.judge import coverage
-from cosim.replay.recording import Flown, finite, words
+from cosim.replay.recording import LoggedFlight, finite, words
 from cosim.report import flight
 from cosim.report.detector import SHOWN, detector
 from cosim.report.page import Row, Table, bold, code, mark, page, write
@@ -14,12 +14,12 @@ from fdi import registry
 
 def flight_report(log: str | Path, output: str | Path) -> Path:
     """Write the report of the log at `log` to the file `output`; returns its Path. Raises LogError, OutputError."""
-    flown = Flown(log)
+    flown = LoggedFlight(log)
     return write(output, render(flown))
 
 
-def render(flown: Flown) -> str:
-    """Return the page of a Flown as HTML text."""
+def render(flown: LoggedFlight) -> str:
+    """Return the page of a logged flight as HTML text."""
     line, alarms, faults = timeline(flown)
     elevators, others = flight.surfaces(flown)
     injected, motion, track = flight.injected(flown), flight.motion(flown), flight.track(flown)
@@ -55,7 +55,7 @@ def render(flown: Flown) -> str:
     )
 
 
-def metrics(flown: Flown) -> Table:
+def metrics(flown: LoggedFlight) -> Table:
     """Return the table of all lanes, with several faults a row for each that a lane could notice."""
     several = len(flown.faults) > 1
     columns = (

@@ -4,12 +4,12 @@ import numpy as np
 
 from cosim.judge.alarms import faulty
 from cosim.judge.result import concerns
-from cosim.replay.recording import Flown, spans, words
+from cosim.replay.recording import LoggedFlight, spans, words
 from cosim.report.figure import Figure, bands, base, place, style_axis
 from fdi.common.verdict import class_name
 
 
-def timeline(flown: Flown) -> tuple[Figure, list[dict], list[dict]]:
+def timeline(flown: LoggedFlight) -> tuple[Figure, list[dict], list[dict]]:
     """Return all alarms on one time line: a row per lane, thick where it alarms, pale where it cannot judge."""
     hollow, top = ("; hollow bars: false alarms", " The topmost bars: the faults.") if flown.knows_faults else ("", "")
     figure = Figure(

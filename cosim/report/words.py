@@ -7,7 +7,7 @@ from markupsafe import Markup
 from actuators.constants import DEG_PER_RAD
 from cosim.judge import coverage
 from cosim.judge.naming import outcome
-from cosim.replay.recording import Flown, Lane, words
+from cosim.replay.recording import Lane, LoggedFlight, words
 from cosim.report.page import bold, mark
 from cosim.scenario import Scenario
 from cosim.scenario.fault import Fault
@@ -61,12 +61,12 @@ def entries(lane: Lane) -> list[dict]:
     return [{**lane.entry, **part} for part in lane.entry["by_fault"]] or [lane.entry]
 
 
-def case_of(flown: Flown, entry: dict) -> str | None:
+def case_of(flown: LoggedFlight, entry: dict) -> str | None:
     """Return the case of the fault of an entry, or None."""
     return None if entry["fault"] is None else flown.cases[entry["fault"]]
 
 
-def came_of_it(flown: Flown, lane: Lane, entry: dict) -> str | None:
+def came_of_it(flown: LoggedFlight, lane: Lane, entry: dict) -> str | None:
     """Return the outcome of an entry of a lane (cosim/judge/naming.py), or None when no fault concerns it."""
     case = case_of(flown, entry)
     if case is None:
@@ -89,7 +89,7 @@ JUDGED = {
 }
 
 
-def summary(flown: Flown) -> list[tuple[str, list]]:
+def summary(flown: LoggedFlight) -> list[tuple[str, list]]:
     """Return the summary: [(heading, [items])]."""
     s, status = flown.scenario, (flown.log.result or {}).get("status", "incomplete: the log ends early")
     rows = [("Flown", [f"{flown.end - flown.t0 + flown.dt:.1f} s: {point(s)}; {status}"])]
