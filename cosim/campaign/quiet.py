@@ -1,6 +1,6 @@
 """Flights without a fault, as many as one wants, of which only the maxima of every detector's statistic are kept.
 
-    told = fly("fault-free", 17)        # plain data of flight 17; Flight.read(told) gives it back
+    told = fly("fault-free", 17)        # plain data of flight 17; FaultFreeFlight.read(told) gives it back
 
 A flight becomes, per detector, the maxima of |r| per second, over its lanes and where it judges. Where |r| has to stay
 beyond 1 for a time, and that is the whole decision, the least of that time counts; else every crossing does, which
@@ -71,7 +71,7 @@ class Lane:
 
 
 @dataclass(frozen=True)
-class Flight:
+class FaultFreeFlight:
     """A flown flight."""
 
     seconds: float
@@ -80,8 +80,8 @@ class Flight:
     lanes: dict[str, Lane]
 
     @classmethod
-    def read(cls, told: Any) -> "Flight":
-        """Return the Flight of what `fly` returned; raises ValueError for what it never returns."""
+    def read(cls, told: Any) -> "FaultFreeFlight":
+        """Return the FaultFreeFlight of what `fly` returned; raises ValueError for what it never returns."""
         found = _Told.model_validate(told)
         lanes = {name: Lane(_peaks(one.peaks), one.valid_s, one.alarms, one.silent,
                             tuple(Moments(*m) for m in one.moments)) for name, one in found.lanes.items()}  # fmt: skip
@@ -109,7 +109,7 @@ class _Lane(_Model):
 
 
 class _Told(_Model):
-    """A Flight as `fly` tells it."""
+    """A FaultFreeFlight as `fly` tells it."""
 
     seconds: Positive
     dt: Positive

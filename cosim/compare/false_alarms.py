@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from cosim.campaign.jobs import work
-from cosim.campaign.quiet import WINDOW_S, Flight, fly, space
+from cosim.campaign.quiet import WINDOW_S, FaultFreeFlight, fly, space
 from cosim.campaign.store import CampaignError
 from cosim.compare import tails
 from cosim.compare.crossings import Gaussian, gaussian
@@ -70,11 +70,11 @@ def false_alarms(
     flights = max(1, math.ceil(hours * 3600.0 / made.number(0).duration_s))
     digest = hashlib.sha256(repr(made.campaign).encode()).hexdigest()[:16]
     jobs = [(fly, {"campaign": campaign, "number": n, "digest": digest}) for n in range(flights)]
-    flown = work(jobs, folder=folder, workers=workers, progress=progress, read=Flight.read)
+    flown = work(jobs, folder=folder, workers=workers, progress=progress, read=FaultFreeFlight.read)
     return summary(flown, campaign, detectors or tuple(registry.SHIPPED))
 
 
-def summary(flown: Sequence[Flight], campaign: str, detectors: Sequence[str]) -> dict:
+def summary(flown: Sequence[FaultFreeFlight], campaign: str, detectors: Sequence[str]) -> dict:
     """Return the plain data of a measurement: what was flown, and `curve` of every detector that was there."""
     done = [f for f in flown if f.lanes]
     there = [name for name in detectors if any(name in f.lanes for f in done)]
@@ -89,7 +89,7 @@ def summary(flown: Sequence[Flight], campaign: str, detectors: Sequence[str]) ->
     }
 
 
-def curve(name: str, flown: Sequence[Flight]) -> dict:
+def curve(name: str, flown: Sequence[FaultFreeFlight]) -> dict:
     """Return the plain data of one detector: the curve, what it rests on, and what is against it."""
     lanes = [f.lanes[name] for f in flown if name in f.lanes]
     hours = sum(lane.valid_s for lane in lanes) / 3600.0

@@ -25,7 +25,7 @@ import numpy as np
 from cosim.campaign.draw import Draw
 from cosim.campaign.spec import load_campaign
 from cosim.campaign.worker import run_id
-from cosim.compare.score.flights import NAME, Flight, fly_into
+from cosim.compare.score.flights import NAME, RecordedFlight, fly_into
 from cosim.errors import DesignError
 from cosim.files import replace as replace_file
 from cosim.files import replace_text
@@ -80,7 +80,7 @@ def windows() -> Any:
     return module
 
 
-def flights(folder: str | Path, first_seed: int = TRAINING, number: int = NUMBER, **how: Any) -> list[Flight]:
+def flights(folder: str | Path, first_seed: int = TRAINING, number: int = NUMBER, **how: Any) -> list[RecordedFlight]:
     """Fly the training set into `folder`; return its flights. `how`: see `cosim.campaign.jobs.work`."""
     made = load_campaign(NAME)
     drawn = {key: Draw(low, high) for key, (low, high) in POINTS.items()}
@@ -261,7 +261,7 @@ def train(*, first_seed: int = TRAINING, number: int = NUMBER, folder: str | Pat
     return {learner.id: fitted(learner, flown, first_seed) for learner in LEARNERS}
 
 
-def fitted(learner: Learner, flown: list[Flight], first_seed: int) -> dict:
+def fitted(learner: Learner, flown: list[RecordedFlight], first_seed: int) -> dict:
     """Return {told, model} of one learner: fitted to three quarters of the flights, its threshold from the others."""
     import onnxruntime
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from cosim.campaign.quiet import Flight, Lane, Moments, fly
+from cosim.campaign.quiet import FaultFreeFlight, Lane, Moments, fly
 from cosim.campaign.space import Space
 from cosim.campaign.spec import load_campaign
 from cosim.cli.false_alarms import shown
@@ -30,7 +30,7 @@ def flown(draw, flights=3000, name="position_monitor", alarms=0, silent=0, seed=
     """Return Flights of a minute whose windows are `draw(rng, n)`."""
     rng = np.random.default_rng(seed)
     lane = lambda: Lane(draw(rng, 60).astype("f4"), 60.0, alarms, silent, ())  # noqa: E731
-    return [Flight(60.0, 0.005, "completed", {name: lane()}) for _ in range(flights)]
+    return [FaultFreeFlight(60.0, 0.005, "completed", {name: lane()}) for _ in range(flights)]
 
 
 def test_a_curve_of_three_ways_agrees_with_itself_and_with_the_count():
@@ -55,7 +55,7 @@ def test_a_gaussian_residual_has_a_crossing_bound_that_agrees_with_the_extremes(
     for _ in range(1500):
         r = lfilter([0.1 * np.sqrt(0.19)], [1.0, -0.9], rng.normal(size=700))[100:]
         lane = Lane(np.abs(r).reshape(60, 10).max(axis=1).astype("f4"), 60.0, 0, 0, (Moments.of(r),))
-        flights.append(Flight(60.0, 0.1, "completed", {"position_monitor": lane}))
+        flights.append(FaultFreeFlight(60.0, 0.1, "completed", {"position_monitor": lane}))
     found = work.curve("position_monitor", flights)
     assert found["gaussian"] is None
     assert found["agree"] == {"counted and extremes": True, "crossings and extremes": True}
@@ -94,7 +94,7 @@ def test_flights_go_on_where_they_were_left_and_keep_what_they_were(tmp_path):
     assert more["flights"] == 3 and more["hours"] == pytest.approx(3.0 / 1200.0)
     one = next(d for d in more["detectors"] if d["id"] == "position_monitor")
     assert 0.0 < one["largest"] < 1.0 and one["alarms"] == 0 and "3 peaks" in one["against"][0]
-    lane = Flight.read(fly(str(file), 1)).lanes["position_monitor"]
+    lane = FaultFreeFlight.read(fly(str(file), 1)).lanes["position_monitor"]
     assert len(lane.peaks) == 3 and len(lane.moments) == 4  # windows of a second; four signed residuals
     faulty = tmp_path / "faulty.toml"
     faulty.write_text(CAMPAIGN.replace("cruise", "liquid-ofc", 1))
@@ -119,8 +119,9 @@ def test_the_page_shows_every_detector_with_what_is_against_it():
 
     flights = flown(lambda rng, n: 0.02 * rng.exponential(size=n), flights=1200)
     stuck = flown(lambda rng, n: np.minimum(rng.exponential(size=n), 0.99), flights=1200, name="rfafe")
-    both = [Flight(60.0, 0.005, "completed", a.lanes | b.lanes) for a, b in zip(flights, stuck)]
-    found = work.summary([*both, Flight(0.0, 0.0, "infeasible", {})], "fault-free", ("position_monitor", "rfafe"))
+    both = [FaultFreeFlight(60.0, 0.005, "completed", a.lanes | b.lanes) for a, b in zip(flights, stuck)]
+    lost = FaultFreeFlight(0.0, 0.0, "infeasible", {})
+    found = work.summary([*both, lost], "fault-free", ("position_monitor", "rfafe"))
     html = render(plain(found))
     assert "20.0 h in 1200 flights" in html and "1 draws do not trim" in html
     assert "saturates" in html and "grows with the command" in html and "of this model" in html

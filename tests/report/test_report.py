@@ -10,7 +10,7 @@ from report_browser import CHROMIUM, use
 
 from cosim.errors import LogError, OutputError
 from cosim.flight.simulate import simulate
-from cosim.replay.recording import Flown, spans
+from cosim.replay.recording import LoggedFlight, spans
 from cosim.report import flight_report
 from cosim.report.figure import POINTS, envelope, peaks
 from cosim.report.flight_page import render
@@ -77,7 +77,7 @@ def test_every_detector_of_the_log_has_a_figure_a_toggle_and_a_row_on_the_time_l
 
 def test_lanes_are_judged_as_the_run_judged_them(flight):
     log, result = flight
-    lanes = {(lane.id, lane.target): lane.entry for lane in Flown(log).lanes}
+    lanes = {(lane.id, lane.target): lane.entry for lane in LoggedFlight(log).lanes}
     for told in result.detectors:
         entry = lanes[told["id"], told["target"]]
         for key in ("alarm", "detected_at_s", "detection_delay_s", "isolated", "false_alarms"):
@@ -86,7 +86,7 @@ def test_lanes_are_judged_as_the_run_judged_them(flight):
 
 def test_truth_from_the_log_gives_the_estimation_error_of_the_run(flight):
     log, result = flight
-    lanes = {(lane.id, lane.target): lane.entry for lane in Flown(log).lanes}
+    lanes = {(lane.id, lane.target): lane.entry for lane in LoggedFlight(log).lanes}
     compared = 0
     for told in result.detectors:
         if told["estimate_rmse"] is not None:
@@ -112,7 +112,7 @@ def test_sensor_fault_on_the_aircraft_has_its_truth_beside_the_estimate(tmp_path
     log = tmp_path / "alpha.mcap"
     told = load_scenario("alpha-bias", ["duration_s=6", "faults.0.start_s=2", "detectors.enabled=['lpv_smo']"])
     result = simulate(told, log=log)
-    lane = Flown(log).lanes[0]
+    lane = LoggedFlight(log).lanes[0]
     name, truth, unit, *_ = lane.truth
     assert (name, unit) == ("f_hat_alpha", "rad")
     assert truth[-1] == pytest.approx(math.radians(told.faults[0].model_extra["bias_deg"]))
@@ -127,7 +127,7 @@ def test_fault_free_flight_and_one_without_detectors_have_a_report(tmp_path):
     ):
         log = tmp_path / f"{name}.mcap"
         simulate(load_scenario("cruise", ["duration_s=2", *extra]), log=log)
-        text = render(Flown(log))
+        text = render(LoggedFlight(log))
         assert "nothing: every alarm below is a false one" in text
         assert figures(text)
 
@@ -136,7 +136,7 @@ def test_log_that_was_cut_is_shown_as_far_as_it_goes(flight, tmp_path):
     whole = flight[0].read_bytes()
     log = tmp_path / "cut.mcap"
     log.write_bytes(whole[: len(whole) // 2])
-    flown = Flown(log)
+    flown = LoggedFlight(log)
     assert 1.0 < flown.end < 8.0
     text = render(flown)
     assert "incomplete: the log ends early" in text and "Parts of the log are lost" in text
@@ -160,7 +160,7 @@ def test_text_of_a_scenario_cannot_break_the_page(tmp_path):
     )
     (tmp_path / "t.toml").write_text(text)
     simulate(load_scenario(tmp_path / "t.toml", ["detectors.enabled=['position_monitor']"]), log=log)
-    assert "<script>alert" not in render(Flown(log))
+    assert "<script>alert" not in render(LoggedFlight(log))
 
 
 def test_envelope_keeps_every_peak_and_every_gap():

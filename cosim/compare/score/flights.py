@@ -31,7 +31,7 @@ MANIFEST = "manifest.json"
 
 
 @dataclass(frozen=True)
-class Flight:
+class RecordedFlight:
     """One flight of the benchmark: its run, family ("no fault" without one), scenario, and recording when it is flown.
 
     `told` is what `cosim.replay.thin.record` returned, or {status, reason} of a point without a steady flight.
@@ -149,7 +149,7 @@ def flown(
     folder: str | Path | None = None,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> list[Flight]:
+) -> list[RecordedFlight]:
     """Return the flights, flown where `folder` (default: the user's cache) does not hold them yet.
 
     A killed run goes on where it was; recordings of other code are taken over where they repeat (`adopt`). Raises
@@ -185,7 +185,7 @@ def adopt(home: Path, flights: Iterable[tuple[str, str, str]]) -> bool | None:
     return bool(sample)
 
 
-def fly_into(home: Path, flights: Iterable[tuple[str, str, str]], **how: Any) -> list[Flight]:
+def fly_into(home: Path, flights: Iterable[tuple[str, str, str]], **how: Any) -> list[RecordedFlight]:
     """Return the Flights (run, family, TOML), recorded in folder `home` where they are not yet.
 
     `how`: see `cosim.campaign.jobs.work`.
@@ -194,7 +194,7 @@ def fly_into(home: Path, flights: Iterable[tuple[str, str, str]], **how: Any) ->
     jobs = [(recorded, {"toml_text": text, "name": f"{run}.parquet", "folder": str(home.resolve())})
             for run, _, text in todo]  # fmt: skip
     told = work(jobs, **{**how, "folder": home, "code": code(), "read": _told})
-    return [Flight(run, family, text, home / f"{run}.parquet", t) for (run, family, text), t in zip(todo, told)]
+    return [RecordedFlight(run, family, text, home / f"{run}.parquet", t) for (run, family, text), t in zip(todo, told)]
 
 
 def recorded(toml_text: str, name: str, folder: str) -> dict:
@@ -207,7 +207,7 @@ def recorded(toml_text: str, name: str, folder: str) -> dict:
     return {**told, "core_s": core_s() - begin}
 
 
-def manifest(seeds: Seeds, flights: list[Flight]) -> dict:
+def manifest(seeds: Seeds, flights: list[RecordedFlight]) -> dict:
     """Return what says which recordings these are: code, commit, seeds (a sealed set's digest), every file's SHA-256.
 
     `content` is one digest over the values of all flights, whatever the version of the library that wrote the files.

@@ -13,7 +13,7 @@ from cosim.campaign.pool import finished
 from cosim.campaign.store import TIMING, Store
 from cosim.campaign.worker import failed
 from cosim.compare import rows as compare_rows
-from cosim.compare.score.flights import Flight
+from cosim.compare.score.flights import RecordedFlight
 from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.flight.inject import lanes as fault_lanes
 from cosim.judge import coverage
@@ -40,7 +40,7 @@ class Scored:
 
 
 def scored(
-    flights: Sequence[Flight],
+    flights: Sequence[RecordedFlight],
     ids: Sequence[str],
     files: Iterable[str | Path] = (),
     *,

@@ -6,7 +6,7 @@ from dataclasses import asdict
 import pandas as pd
 
 from cosim.compare import pod, stats
-from cosim.compare.score.flights import Flight
+from cosim.compare.score.flights import RecordedFlight
 from cosim.compare.score.rows import Scored
 from cosim.judge import coverage
 from fdi import registry
@@ -20,7 +20,7 @@ WHOLE = (  # of cosim.compare.stats.detectors: over all flights
 )
 
 
-def detector(found: Scored, name: str, flights: Sequence[Flight]) -> dict:
+def detector(found: Scored, name: str, flights: Sequence[RecordedFlight]) -> dict:
     """Return the row of detector `name`: what it made of all faults that it is not blind to, of each family, its false
     alarms, cost and log scores.
 
