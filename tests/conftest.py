@@ -36,6 +36,15 @@ def cruise_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def short_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the log of six seconds with every detector, a doublet, and a fault from 3 s on."""
+    path = tmp_path_factory.mktemp("short") / "flight.mcap"
+    keys = ("duration_s=6", "faults.0.start_s=3", "manoeuvre.kind=nz_doublet", "manoeuvre.start_s=1")
+    cosim.simulate(cosim.load_scenario("liquid-ofc", keys), log=path, timed=False)
+    return path
+
+
+@pytest.fixture(scope="session")
 def liquid_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the log of the built-in scenario `liquid-ofc`: 30 s, from 12 s an oscillation of the left inner valve."""
     path = tmp_path_factory.mktemp("liquid") / "liquid-ofc.mcap"

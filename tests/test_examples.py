@@ -11,7 +11,7 @@ from cosim.cli import commands as cli
 
 
 @pytest.mark.parametrize("name", examples())
-def test_an_example_is_copied_and_runs(name, tmp_path, monkeypatch, capsys):
+def test_an_example_is_copied_and_runs(name, tmp_path, monkeypatch, capsys, one_process):
     copied = CliRunner().invoke(cli.app, ["example", name, "-o", str(tmp_path / f"{name}.py"), "--json"])
     assert copied.exit_code == 0 and json.loads(copied.stdout)["example"] == name
     monkeypatch.chdir(tmp_path)

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from replay_flight import fly
 from typer.testing import CliRunner
 
 from cosim.cli import commands as cli
@@ -14,9 +13,9 @@ from cosim.log import open_log
 EXAMPLE = Path(__file__).parents[1] / "data" / "foreign_map.toml"
 
 
-@pytest.fixture(scope="module")
-def flight(tmp_path_factory):
-    return fly(tmp_path_factory.mktemp("cli") / "flight.mcap")
+@pytest.fixture
+def flight(short_log):
+    return short_log
 
 
 def call(*args):

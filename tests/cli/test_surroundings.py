@@ -1,5 +1,6 @@
 """The command line where the surroundings are poor: no home, no output, few letters, a signal that ends it."""
 
+import json
 import os
 import signal
 import subprocess
@@ -65,14 +66,28 @@ def test_sigterm_ends_a_flight_like_ctrl_c(tmp_path):
     assert found.n_ticks > 100 and found.result["status"] == "interrupted"
 
 
+IN_TURN = """
+import json, sys
+from typer.testing import CliRunner
+from cosim.cli.commands import app
+for args in json.loads(sys.argv[1]):
+    done = CliRunner().invoke(app, args)
+    print(json.dumps([done.exit_code, done.stderr]), flush=True)
+"""
+
+
 def test_what_is_no_regular_file_is_refused_at_once(tmp_path):
     fifo = tmp_path / "fifo.toml"
     os.mkfifo(fifo)
     mapped, recovered = ["replay", fifo, "--map", fifo], ["recover", fifo, "-o", tmp_path / "r.mcap"]
-    for args in (["run", fifo], ["campaign", fifo], ["info", fifo], ["report", fifo], mapped, recovered,
-                 ["replay", fifo], ["info", "/dev/zero"]):  # fmt: skip
-        told = run(*map(str, args), timeout=60)
-        assert told.returncode == 2 and told.stderr.count(b"\n") == 1, (args, told.stderr.decode())
+    commands = [["run", fifo], ["campaign", fifo], ["info", fifo], ["report", fifo], mapped, recovered,
+                ["replay", fifo], ["info", "/dev/zero"]]  # fmt: skip
+    given = json.dumps([[str(word) for word in args] for args in commands])
+    told = subprocess.run([sys.executable, "-c", IN_TURN, given], capture_output=True, timeout=120)
+    ended = [json.loads(line) for line in told.stdout.splitlines()]
+    assert len(ended) == len(commands), told.stderr.decode()
+    for args, (status, said) in zip(commands, ended):
+        assert status == 2 and said.count("\n") == 1, (args, said)
 
 
 def test_poor_surroundings_are_told_or_borne(tmp_path):

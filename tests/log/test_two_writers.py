@@ -11,7 +11,8 @@ from cosim.errors import CosimError
 from cosim.files import TAKEN, open_alone
 
 pytest.importorskip("fcntl")
-RUN = [sys.executable, "-c", "from cosim.cli import main; main()", "run", "cruise"]
+RUN = [sys.executable, "-c", "from cosim.cli import main; main()", "run", "cruise", "-s", "detectors.enabled=[]", "-s",
+       "elevator.feedback=measured"]  # fmt: skip
 HOLD = (
     "import sys; from cosim.log.sink import Sink; s = Sink(sys.argv[1]); s.put(b'first'); print('held', flush=True); "
     "sys.stdin.read()"

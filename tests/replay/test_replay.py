@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from replay_flight import fly
 
 import cosim
 from cosim.bench.log import log_costs
@@ -13,23 +12,28 @@ from cosim.replay.write import Overlay
 
 
 @pytest.fixture(scope="module")
-def flight(tmp_path_factory):
-    """Return the log of a short flight with every detector and a fault."""
-    return fly(tmp_path_factory.mktemp("replay") / "flight.mcap")
+def flight(short_log):
+    return short_log
 
 
-def test_every_detector_replays_bit_for_bit(flight):
-    r = replay(flight)
+@pytest.fixture(scope="module")
+def whole(flight):
+    """Return the replay of all of it."""
+    return replay(flight)
+
+
+def test_every_detector_replays_bit_for_bit(whole):
+    r = whole
     assert r.exact, r.differences
     assert {d["id"] for d in r.detectors} == set(cosim.load_scenario("liquid-ofc").running)
     assert r.values > 1e5
 
 
 @pytest.mark.parametrize("start", [0.4, 2.0, 3.3, 5.9])
-def test_restart_from_the_middle_is_exact(flight, start):
+def test_restart_from_the_middle_is_exact(flight, whole, start):
     r = replay(flight, start_s=start)
     assert r.exact, r.differences
-    assert 0 < r.rows < replay(flight).rows or start < 1.0
+    assert 0 < r.rows < whole.rows or start < 1.0
 
 
 def test_batch_of_all_lanes_equals_live(flight):
@@ -120,7 +124,7 @@ def test_a_cut_log_replays_exactly_after_recovery(flight, tmp_path):
     recover(tmp_path / "cut.mcap", tmp_path / "whole.mcap")
     r = replay(tmp_path / "whole.mcap")
     assert r.exact
-    assert 0 < r.rows < replay(flight).rows
+    assert 0 < r.rows < whole.rows
 
 
 def test_the_costs_of_a_recorded_flight_are_told_for_every_detector(flight):

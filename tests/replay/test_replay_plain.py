@@ -6,7 +6,6 @@ import subprocess
 import sys
 
 import pytest
-from replay_flight import fly
 
 import cosim
 
@@ -40,11 +39,6 @@ print(json.dumps(told))
 """
 
 
-@pytest.fixture(scope="module")
-def flight(tmp_path_factory):
-    return fly(tmp_path_factory.mktemp("plain") / "flight.mcap")
-
-
 def check(flight, first, around):
     plain = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
     args = [sys.executable, "-c", SCRIPT, str(flight), str(first), str(around)]
@@ -57,10 +51,10 @@ def check(flight, first, around):
         assert (wrong, wrong_around) == (0, 0), name
 
 
-def test_plain_python_gives_the_same_bits(flight):
-    check(flight, 150, 20)
+def test_plain_python_gives_the_same_bits(short_log):
+    check(short_log, 150, 20)
 
 
 @pytest.mark.slow
-def test_plain_python_gives_the_same_bits_for_1000_ticks_and_200_around_the_alarm(flight):
-    check(flight, 1000, 100)
+def test_plain_python_gives_the_same_bits_for_1000_ticks_and_200_around_the_alarm(short_log):
+    check(short_log, 1000, 100)
