@@ -44,11 +44,12 @@ def _mutate(data, rng):
     return bytes(out)
 
 
-def test_1200_mutated_logs_are_refused_or_unchanged(whole, tmp_path):
+@pytest.mark.parametrize("number", [400, pytest.param(2400, marks=pytest.mark.slow)])
+def test_mutated_logs_are_refused_or_unchanged(number, whole, tmp_path):
     data, rng = whole.read_bytes(), np.random.default_rng(2026)
     arrays, others = _content(whole)
     refused = 0
-    for _ in range(1200):
+    for _ in range(number):
         changed = _mutate(data, rng)
         (tmp_path / "bad").write_bytes(changed)
         try:
@@ -59,15 +60,16 @@ def test_1200_mutated_logs_are_refused_or_unchanged(whole, tmp_path):
             continue
         assert all(same_bits(got[name], arrays[name]) for name in arrays) and rest == others
         assert changed == data, "a changed file was taken, although every byte of a log is checked"
-    assert refused > 1050
+    assert refused > 0.875 * number
 
 
-def test_700_mutated_logs_with_forged_checksums_neither_crash_nor_change_a_sample(whole, tmp_path):
+@pytest.mark.parametrize("number", [300, pytest.param(1400, marks=pytest.mark.slow)])
+def test_mutated_logs_with_forged_checksums_neither_crash_nor_change_a_sample(number, whole, tmp_path):
     data, rng = whole.read_bytes(), np.random.default_rng(6)
     arrays, _ = _content(whole)
     taken = 0
     with bounded(seconds=120, memory=20 * MIB):
-        for _ in range(700):
+        for _ in range(number):
             (tmp_path / "bad").write_bytes(reseal(_mutate(data, rng)))
             try:
                 got, _ = _content(tmp_path / "bad")
@@ -76,7 +78,8 @@ def test_700_mutated_logs_with_forged_checksums_neither_crash_nor_change_a_sampl
             for name in got:  # what is taken may be forged text, but samples have the chunk's own checksum
                 assert same_bits(got[name], arrays[name])
             taken += 1
-    assert taken >= 3  # forged texts of the result, say; all others are refused, entries of the message index too
+    # forged texts of the result, say; all others are refused, entries of the message index too
+    assert taken > number / 250
 
 
 def test_300_mutated_logs_are_recovered_or_refused_with_true_samples(whole, tmp_path):

@@ -38,19 +38,20 @@ def check(path, out):
     return log.n_ticks
 
 
-def test_twenty_killed_flights_come_back_and_replay_exactly(tmp_path):
+@pytest.mark.parametrize("kills", [8, pytest.param(40, marks=pytest.mark.slow)])
+def test_killed_flights_come_back_and_replay_exactly(kills, tmp_path):
     path, rng, lengths = tmp_path / "killed.mcap", np.random.default_rng(3), []
 
     def wait():
-        grown(path)
+        grown(path, 1_000_000 * (len(lengths) % 2))  # every other one when some chunks are there, however slow it goes
         time.sleep(float(rng.uniform(0.0, 0.3)))
 
     with killer(LOAD, f"cosim.simulate(scenario, log={str(path)!r}, timed=False)") as kill:
-        for _ in range(20):
+        for _ in range(kills):
             kill(wait)
             lengths.append(check(path, tmp_path / "out.mcap"))
             path.unlink()
-    assert sum(n > 0 for n in lengths) >= 10, lengths
+    assert sum(n > 0 for n in lengths) >= kills / 2, lengths
 
 
 def test_a_killed_cosim_run_comes_back_and_replays_exactly(tmp_path):
