@@ -1,6 +1,6 @@
 """The tables of `cosim compare`, built from the same plain data that --json prints. Nothing here prints."""
 
-from rich.console import Group
+from rich.console import Group, RenderableType
 from rich.text import Text
 
 from cosim.cli.tables import NOTHING, number, table
@@ -34,7 +34,7 @@ def compare(found: dict) -> Group:
     flown = f"{found['runs']} flights, {found['source']}" + (
         f"; {found['failed']} could not be flown" if found["failed"] else ""
     )
-    lines = [Text(flown), t, *notes]
+    lines: list[RenderableType] = [Text(flown), t, *notes]
     for key in ("report", "table"):
         if found[key]:
             lines.append(Text(f"{key:<7}{found[key]}"))

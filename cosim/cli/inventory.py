@@ -4,12 +4,13 @@ from typing import Any
 
 from rich.console import Group
 from rich.markup import escape
+from rich.table import Table
 from rich.text import Text
 
 from cosim.cli.tables import table
 
 
-def shown(found: dict[str, Any], topic: str | None = None) -> Group:
+def shown(found: dict[str, Any], topic: str | None = None) -> Group | Table:
     """Return the entries of a `topic` of `cosim list`, of every one for "all"; which topics there are for None."""
     if topic is None:
         t = table("cosim list TOPIC, or cosim list all", "topic", "how many>", "what it is")
