@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
-from rich.console import Console, Group
+from rich.console import Console, Group, RenderableType
 from rich.markup import escape
 from rich.text import Text
 
@@ -209,7 +209,7 @@ def diagnosis(found: dict[str, Any]) -> Group:
         t.add_row(r["id"], where, *alarm, *figures, style="" if r["alarm"] else "dim")
     end = found["start_s"] + found["duration_s"]
     head = Text(f"{found['start_s']:.12g} to {end:.12g} s of {found['recording']} at {found['rate_hz']} Hz")
-    parts = [head, t, *(Text(c, style="yellow") for c in found["caveats"])]
+    parts: list[RenderableType] = [head, t, *(Text(c, style="yellow") for c in found["caveats"])]
     if found["not_run"]:
         parts.append(_not_run(found["not_run"], {s["name"].partition(".")[0] for s in found["signals"]}))
     if found["output"]:
@@ -246,7 +246,7 @@ def recovered(found: dict[str, Any]) -> Group:
         head.append("the run is incomplete: it holds no result", "yellow")
     if not found["parameters_intact"]:
         head.append("\nscenario or parameters are not as they were written: replay may differ", "red")
-    parts = [head]
+    parts: list[RenderableType] = [head]
     if found["lost"]:
         t = table("Lost", "at byte>", "bytes>", "why")
         for d in found["lost"][:SHOWN]:

@@ -143,7 +143,7 @@ class Fault(BaseModel):
         hz = (self.model_extra or {}).get("frequency_hz")
         return 1.0 / hz if hz else None
 
-    def entry(self, technology: str) -> str:
+    def entry(self, technology: dict[str, str]) -> str:
         """Return where it enters, as words: `at`, but the command where a runaway has a limit or no valve."""
         if self.kind != "runaway" or self.at != "valve":
             return self.at or ""

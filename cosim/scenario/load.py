@@ -35,7 +35,7 @@ def builtin_names() -> list[str]:
     )
 
 
-def load_scenario(name_or_path: str | Path = DEFAULT, overrides: str | Iterable[str] = ()) -> Scenario:
+def load_scenario(name_or_path: str | os.PathLike = DEFAULT, overrides: str | Iterable[str] = ()) -> Scenario:
     """Return the Scenario of a built-in name or a TOML file, `overrides` ("faults.0.frequency_hz=3", or a list) on top.
 
     A name without a dot or a slash that is built in wins over a file. Raises ScenarioError.
@@ -51,7 +51,7 @@ def load_scenario(name_or_path: str | Path = DEFAULT, overrides: str | Iterable[
     return parse(located(apply(table, overrides), name_or_path), place=place)
 
 
-def located(table: dict[str, Any], name: str | Path) -> dict[str, Any]:
+def located(table: dict[str, Any], name: str | os.PathLike) -> dict[str, Any]:
     """Return the tables of scenario `name` with the files of its guests found, beside it or from here, and that of
     its inputs read.
     """
