@@ -63,13 +63,12 @@ def test_mutated_logs_are_refused_or_unchanged(number, whole, tmp_path):
     assert refused > 0.875 * number
 
 
-@pytest.mark.parametrize("number", [300, pytest.param(1400, marks=pytest.mark.slow)])
-def test_mutated_logs_with_forged_checksums_neither_crash_nor_change_a_sample(number, whole, tmp_path):
+def test_700_mutated_logs_with_forged_checksums_neither_crash_nor_change_a_sample(whole, tmp_path):
     data, rng = whole.read_bytes(), np.random.default_rng(6)
     arrays, _ = _content(whole)
     taken = 0
     with bounded(seconds=120, memory=20 * MIB):
-        for _ in range(number):
+        for _ in range(700):
             (tmp_path / "bad").write_bytes(reseal(_mutate(data, rng)))
             try:
                 got, _ = _content(tmp_path / "bad")
@@ -78,8 +77,7 @@ def test_mutated_logs_with_forged_checksums_neither_crash_nor_change_a_sample(nu
             for name in got:  # what is taken may be forged text, but samples have the chunk's own checksum
                 assert same_bits(got[name], arrays[name])
             taken += 1
-    # forged texts of the result, say; all others are refused, entries of the message index too
-    assert taken > number / 250
+    assert taken >= 3  # forged texts of the result, say; all others are refused, entries of the message index too
 
 
 def test_300_mutated_logs_are_recovered_or_refused_with_true_samples(whole, tmp_path):

@@ -116,7 +116,7 @@ def test_a_flipped_bit_in_the_file_is_an_error_not_a_difference(flight, tmp_path
         replay(tmp_path / "bad.mcap")
 
 
-def test_a_cut_log_replays_exactly_after_recovery(flight, tmp_path):
+def test_a_cut_log_replays_exactly_after_recovery(flight, whole, tmp_path):
     from cosim.log import recover
 
     data = flight.read_bytes()
