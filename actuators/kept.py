@@ -56,7 +56,8 @@ def _file(said, sources) -> Path | None:
     folders = [cache_dir(Path(source).resolve()) for source in sources]
     if None in folders:
         return None
-    digest = hashlib.sha256("\n".join([said, _machine(), *map(str, folders)]).encode()).hexdigest()
+    told = "\n".join([said, _machine(), *map(str, folders)])
+    digest = hashlib.sha256(told.encode("utf-8", "surrogateescape")).hexdigest()
     return Path(str(folders[0])) / f"{digest[:24]}.kept"
 
 

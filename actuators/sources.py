@@ -61,7 +61,7 @@ def installed(name: str) -> str:
 def _links(path):
     """Return our files that the source at `path` imports; what it imports is remembered by its content."""
     known = _remembered()
-    key = hashlib.sha256(str(path.parent).encode() + _digest(path)).hexdigest()
+    key = hashlib.sha256(os.fsencode(path.parent) + _digest(path)).hexdigest()
     if key not in known:
         _remember(key, _imports(path))
     found = [file for name in known[key] for file in _files(name)]
@@ -84,7 +84,7 @@ def _remembered():
 def _memory():
     """Return the file of this tree's table: trees that share one would push each other's sources out."""
     root = cache_root()
-    return root and root / f"imports-{hashlib.sha256(str(_ROOT).encode()).hexdigest()[:12]}.json"
+    return root and root / f"imports-{hashlib.sha256(os.fsencode(_ROOT)).hexdigest()[:12]}.json"
 
 
 _new: list[str] = []  # what was found since it was written down

@@ -84,8 +84,8 @@ def regular(path: str | Path, error: Any) -> None:
 
 
 def replace_text(path: str | Path, text: str) -> None:
-    """Put `text` into the file at `path`, in UTF-8; see `replace`."""
-    replace(path, lambda part: part.write_text(text, encoding="utf-8"))
+    """Put `text` into the file at `path`, in UTF-8, what a file's name has of other bytes escaped; see `replace`."""
+    replace(path, lambda part: part.write_text(text, encoding="utf-8", errors="backslashreplace"))
 
 
 def _umask():

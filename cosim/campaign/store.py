@@ -23,7 +23,7 @@ import pyarrow.parquet as pq
 
 from actuators.sources import closure
 from cosim.errors import CosimError, OutputError
-from cosim.files import FULL, SPACE, held, regular, replace, replace_text, sweep
+from cosim.files import FULL, SPACE, beside, held, regular, replace_text, sweep
 from cosim.judge.consequences import NAMES as CONSEQUENCES
 from cosim.texts import from_json, read
 
@@ -262,7 +262,8 @@ def _whole(path, schema, keys):
     if not path.is_file():  # a pipe would wait for ever
         return None
     try:
-        table = pq.read_table(path)
+        with path.open("rb") as file:
+            table = pq.read_table(file)
         table.validate(full=True)
         held = table.column_names
         if len(set(held)) != len(held) or any(name not in held or table[name].null_count for name in keys):
@@ -290,7 +291,8 @@ def _table(frame):
 def write(path: Path, table: pa.Table) -> None:
     """Write a Parquet file that is there completely or not at all."""
     regular(path, OutputError)
-    replace(path, lambda p: pq.write_table(table, p, compression="zstd"))
+    with beside(path) as part, part.open("wb") as file:  # Arrow takes no name that is not UTF-8
+        pq.write_table(table, file, compression="zstd")
 
 
 def load(folder: str | Path) -> tuple[pd.DataFrame, pd.DataFrame | None]:

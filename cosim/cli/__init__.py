@@ -11,9 +11,12 @@ _PLAIN = {"µ": "u", "–": "-", "—": "-", "…": "...", "×": "x", "·": "*",
 
 
 def main() -> None:
-    """Run the command line; Ctrl-C ends it with 130 at any moment, and SIGTERM like it."""
+    """Run the command line; Ctrl-C ends it with 130 at any moment, SIGTERM and SIGHUP like it."""
     try:
-        signal.signal(signal.SIGTERM, _interrupt)
+        for name in ("SIGTERM", "SIGHUP"):  # the second where a terminal goes away; under nohup it is ignored
+            number = getattr(signal, name, None)
+            if number is not None and signal.getsignal(number) != signal.SIG_IGN:
+                signal.signal(number, _interrupt)
         _streams()
         from cosim.cli.commands import main as run
 

@@ -6,6 +6,7 @@ With --json one JSON object goes to standard output and nothing else; what goes 
 """
 
 import os
+import re
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -18,7 +19,7 @@ from typer.core import TyperGroup
 
 from cosim.errors import CosimError
 
-TOLD = os.environ.get("COLUMNS", "").isdecimal() and int(os.environ["COLUMNS"]) > 0  # 0 would print nothing at all
+TOLD = re.fullmatch("[1-9][0-9]{0,3}", os.environ.get("COLUMNS", ""))  # 0 would print nothing, 10^20 for ever
 if not TOLD:
     os.environ.pop("COLUMNS", None)
 WIDE = None if sys.stdout.isatty() or TOLD else 110  # a pipe has no width: do not fold its tables

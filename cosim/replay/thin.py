@@ -107,9 +107,9 @@ def _there(bus, signal):
 
 
 def _write(path, table):
-    pq.write_table(
-        table, path, compression="zstd", use_dictionary=False, use_byte_stream_split=True, write_statistics=False
-    )
+    how = {"compression": "zstd", "use_dictionary": False, "write_statistics": False}
+    with Path(path).open("wb") as file:
+        pq.write_table(table, file, use_byte_stream_split=True, **how)
 
 
 class _About(BaseModel):

@@ -33,7 +33,7 @@ def digest(path: Path) -> str:
             todo += [p for name in _named(found[here]) if os.path.isfile(p := here.parent / name)]
     out = hashlib.sha256()
     for here in sorted(found):
-        out.update(here.name.encode() + b"\0" + found[here])
+        out.update(os.fsencode(here.name) + b"\0" + found[here])
     return out.hexdigest()
 
 

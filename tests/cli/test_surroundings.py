@@ -7,8 +7,17 @@ import subprocess
 import sys
 import time
 
+import pyarrow as pa
+import pytest
+
 import cosim
 from actuators.sources import cache_root
+from cosim.campaign import store
+from cosim.flight.guests import GuestError, load
+from cosim.log import recover
+from cosim.replay import replay
+from cosim.replay.map_draft import draft
+from cosim.report import flight_report
 
 COSIM = [sys.executable, "-m", "cosim.cli"]
 SHORT = ["run", "cruise", "-s", "duration_s=0.2", "-s", "detectors.enabled=[]", "-s", "elevator.feedback=measured"]
@@ -52,14 +61,15 @@ def test_a_user_without_name_and_home_flies(tmp_path):
         assert told.returncode == 0, told.stderr.decode()
 
 
-def test_sigterm_ends_a_flight_like_ctrl_c(tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_a_flight_like_ctrl_c(number, tmp_path):
     log = tmp_path / "x.mcap"
     command = [*COSIM, "run", "cruise", "-s", "duration_s=3000", "-o", log]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as flight:
         deadline = time.monotonic() + 120
         while not (log.exists() and log.stat().st_size > 4_000_000) and time.monotonic() < deadline:
             time.sleep(0.05)
-        flight.send_signal(signal.SIGTERM)
+        flight.send_signal(number)
         said = flight.stdout.read().decode()
         assert flight.wait() == 130 and "interrupted" in said
     found = cosim.open_log(log)
@@ -99,3 +109,27 @@ def test_poor_surroundings_are_told_or_borne(tmp_path):
     command = f"cd {gone}; rmdir {gone}; {' '.join(COSIM)} {' '.join(SHORT)} -o {tmp_path / 'b.mcap'}"
     told = subprocess.run(["sh", "-c", command], capture_output=True, env=os.environ | {"PYTHONPATH": os.getcwd()})
     assert told.returncode == 2 and b"current folder" in told.stderr.splitlines()[-1], told
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="elsewhere names are Unicode")
+def test_names_that_are_not_utf8_are_names(tmp_path):
+    """A name is bytes; what cannot take one says so."""
+    strange = os.fsdecode(b"a\xffb")
+    log, table = tmp_path / f"{strange}.mcap", tmp_path / f"{strange}.parquet"
+    short = ["duration_s=0.2", "detectors.enabled=['position_monitor']", "elevator.feedback=measured"]
+    cosim.simulate(cosim.load_scenario("cruise", short), log=log, timed=False)
+    assert replay(log, output=tmp_path / f"{strange}2.mcap").exact
+    recover(log, tmp_path / f"{strange}3.mcap")
+    assert flight_report(log, tmp_path / f"{strange}.html").stat().st_size > 10_000
+    store.write(table, pa.table({"t_s": [0.0, 0.1]}))
+    assert store._whole(table, pa.schema([]), ()).num_rows == 2
+    (tmp_path / f"{strange}.csv").write_text("t_s,n_z\n0,1\n0.1,1\n")
+    assert "n_z" in draft(tmp_path / f"{strange}.csv")
+    with pytest.raises(GuestError, match="not UTF-8"):
+        load(tmp_path / f"{strange}.py")
+
+
+def test_a_width_without_end_is_none():
+    for width in ("9" * 20, "9" * 5000, "-5", "0", "1e9"):
+        told = run("list", "detectors", env=os.environ | {"COLUMNS": width}, timeout=120)
+        assert told.returncode == 0 and b"Traceback" not in told.stderr and len(told.stdout) < 100_000, width

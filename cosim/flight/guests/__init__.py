@@ -27,6 +27,7 @@ from cosim.flight.guests.contract import GuestError, is_block, is_guest
 from cosim.flight.guests.plain import PlainDetector
 from cosim.scenario import Scenario, parse, vocabulary
 from cosim.scenario.guest_file import digest
+from cosim.texts import half_letter
 from fdi import registry
 from fdi.common.record import Detector
 
@@ -58,6 +59,8 @@ def load(name: str | os.PathLike) -> Any:
     Raises GuestError for a file that is not there, does not run, or holds no detector or several.
     """
     path = Path(os.path.expanduser(name))
+    if half_letter(str(path)):
+        raise GuestError("its name is not UTF-8, which a log needs", place=str(path), remedy="Rename it")
     if not os.path.isfile(path):
         return _entry_point(str(name))
     key = str(path.resolve()), digest(path)
