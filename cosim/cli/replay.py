@@ -120,9 +120,24 @@ def add(app: typer.Typer, out: Console, err: Console) -> None:
         output: Annotated[Path | None, output_option("LOG", "Default: LOG with .recovered before its ending.")] = None,
         json_: JsonOption = False,
     ):
-        """Make a readable log of what a kill, a full disk or a damaged disk has left of one, and say what is lost."""
+        """Make a readable log of what a kill, a full disk or a damaged disk has left of one, and say what is lost.
+
+        Of a flight by hand or live that was killed, which writes its log at its end, fly again what it had come to.
+        """
+        from cosim.flight import journal
         from cosim.log import recover as work
 
+        log = Path(str(log).removesuffix(".flown.toml"))
+        if journal.beside(log).is_file():
+            path = output or (log.with_suffix(f".recovered{log.suffix}") if log.exists() else log)
+            reserve(path)
+            with bar(err, f"flying {log.stem} again", waiting="preparing") as progress:
+                again = journal.recover(log, path, progress=progress)
+            if json_:
+                    print(json.dumps(again))
+                else:
+                    out.print(flown_again(again), soft_wrap=True, highlight=False)
+            return
         path = output or log.with_suffix(f".recovered{log.suffix}")
         reserve(path, taken=log, what="the log")
         found = work(log, path)
@@ -233,6 +248,14 @@ def _not_run(rows, named):
         which = ", ".join(lane.replace("_", " ") for lane in away)
         lack.caption, lack.caption_justify = f"nor any of {which}: the map names no signal of theirs", "left"
     return lack
+
+
+def flown_again(found: dict[str, Any]) -> str:
+    """Return what came back of a flight that was killed before it wrote its log."""
+    told = [f"{f['kind']} on {f['target']} from {f['start_s']:g} s" for f in found["faults"]]
+    lines = [f"{found['ticks']:,} ticks ({found['duration_s']:g} s) flown again, {', '.join(told) or 'no fault'}",
+             f"log    {escape(found['out'])}"]  # fmt: skip
+    return "\n".join(lines)
 
 
 def recovered(found: dict[str, Any]) -> Group:

@@ -13,6 +13,7 @@ from typing import Any
 
 from cosim.errors import CosimError
 from cosim.flight.guests import aside
+from cosim.flight.journal import Journal
 from cosim.flight.recorder import pose, topics
 from cosim.flight.simulate import simulate
 from cosim.flight.stepping import Flight
@@ -52,11 +53,13 @@ def fly_live(
     from cosim.log.live import Live
 
     speed, ended = checked_speed(speed), False
-    flight = Flight(scenario, flightgear=flightgear)
+    flight, journal = Flight(scenario, flightgear=flightgear), Journal(log)
 
     def told(**more):
         live.shown.declare(topics(flight.setup), pose(flight.setup.loop.bus))
         live.parameters["faults"] = flight.told()
+        if flight.tick:
+            journal.write(flight.flown, now=True)
         return {**more, "tick": flight.tick, "t": flight.time}
 
     def inject(given):
@@ -85,6 +88,7 @@ def fly_live(
             with aside() if flight.setup.guests else nullcontext():
                 while flight.step():
                     live.append(flight.values)
+                    journal.write(flight.flown)
                     live.serve()
                     if progress and flight.tick % EVERY == 0:
                         progress(flight.time, scenario.duration_s)
@@ -94,6 +98,7 @@ def fly_live(
         raise KeyboardInterrupt
     flown = flight.flown()
     result = simulate(flown, log=log, achieved=True, progress=progress)
+    journal.done()
     if ended and result.status == "completed":
         result.status, result.reason = "interrupted", f"at {flight.time:.2f} s by the user"
     return result, flown

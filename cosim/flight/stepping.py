@@ -26,6 +26,7 @@ from cosim.errors import ScenarioError
 from cosim.flight.build import Setup, build
 from cosim.flight.conditions import resolved
 from cosim.flight.fly import CHECK_EVERY, health
+from cosim.flight.journal import Journal
 from cosim.flight.recorder import topics
 from cosim.flight.simulate import simulate
 from cosim.judge.result import Result
@@ -68,7 +69,7 @@ class Flight:
     """Fly a scenario tick by tick; faults are injected and healed while it flies.
 
     `scenario` is a Scenario or what `cosim.load_scenario` takes, `log` the path of the log that is written when the
-    flight is closed, or None, `flightgear` a UDP port of this machine where FlightGear shows the flight. `scenario` of
+    flight is closed, or None (of one that is killed `cosim recover LOG` makes it), `flightgear` a UDP port of this machine where FlightGear shows the flight. `scenario` of
     the flight holds what was injected, `tick` and `time` [s] count what was flown, `status` is "flying", "completed",
     "departed" or "diverged". Raises TrimError when the point cannot be flown.
     """
@@ -81,7 +82,7 @@ class Flight:
         flightgear: int | None = None,
     ):
         self.scenario = resolved(scenario if isinstance(scenario, Scenario) else load_scenario(scenario))
-        self.log = log
+        self.log, self._journal = log, Journal(log)
         self.tick, self.status, self.reason = 0, "flying", ""
         self._flightgear = flightgear
         self._setup = build(self.scenario, flightgear)
@@ -139,6 +140,8 @@ class Flight:
         self.tick += 1
         if self.tick >= self.scenario.ticks and self.status == "flying":
             self.status = "completed"
+        if self.tick % CHECK_EVERY == 0:
+            self._journal.write(self.flown)
 
     def _keep(self, v):
         self._last = v.copy()
@@ -195,6 +198,8 @@ class Flight:
         setup.loop.plant.show()
         self.scenario, self._setup = changed, setup
         self._result = None
+        if self.tick:
+            self._journal.write(self.flown, now=True)
 
     def flown(self) -> Scenario:
         """Return the scenario of what was flown so far: with every fault, ending now."""
@@ -210,6 +215,7 @@ class Flight:
             raise ScenarioError("nothing was flown yet", remedy="Call step() first")
         if self._result is None or self._result[0] != self.tick:
             self._result = self.tick, simulate(self.flown(), log=self.log, achieved=True, timed=False)
+            self._journal.done()
         return self._result[1]
 
     def close(self) -> None:
