@@ -134,9 +134,9 @@ def add(app: typer.Typer, out: Console, err: Console) -> None:
             with bar(err, f"flying {log.stem} again", waiting="preparing") as progress:
                 again = journal.recover(log, path, progress=progress)
             if json_:
-                    print(json.dumps(again))
-                else:
-                    out.print(flown_again(again), soft_wrap=True, highlight=False)
+                print(json.dumps(again))
+            else:
+                out.print(flown_again(again), soft_wrap=True, highlight=False)
             return
         path = output or log.with_suffix(f".recovered{log.suffix}")
         reserve(path, taken=log, what="the log")

@@ -72,6 +72,22 @@ def add(app: typer.Typer, out: Console, err: Console) -> None:
         if found["counts"]["differs"]:
             raise typer.Exit(1)
 
+    def _own(aircraft, names, check, flights, output, workers):
+        """Make, unless only to be checked, designs and thresholds of another aircraft; return {detector: problem}."""
+        from cosim.errors import DesignError
+        from cosim.scenario.aircraft import load_aircraft
+        from cosim.training import own as work
+
+        if names:
+            raise DesignError("--aircraft makes all of them", place=names[0], remedy="Leave the name out")
+        if not check:
+            folder = output or Path("logs") / f"design-{load_aircraft(aircraft).name}"
+            tell = lambda text: err.print(text, soft_wrap=True, highlight=False)  # noqa: E731
+            with tables.progress(err, "designing", unit="jobs", waiting="preparing") as progress:
+                work.make(aircraft, flights=flights or work.FLIGHTS, folder=folder, workers=workers,
+                          progress=progress, tell=tell)  # fmt: skip
+        return work.check(aircraft)
+
     @app.command()
     def design(
         names: Annotated[
@@ -80,11 +96,29 @@ def add(app: typer.Typer, out: Console, err: Console) -> None:
         check: Annotated[
             bool, typer.Option("--check", help="Only say whether the stored designs belong to this aircraft.")
         ] = False,
+        aircraft: Annotated[
+            str,
+            typer.Option("--aircraft", metavar="NAME|DIR", help="Another aircraft's, and its thresholds."),
+        ] = "",
+        flights: Annotated[
+            int | None, typer.Option("--flights", min=8, help="Fault-free, with --aircraft: 128.", show_default=False)
+        ] = None,
+        output: Annotated[
+            Path | None,
+            typer.Option("--output", "-o", metavar="FOLDER", help="Of results; goes on there.", show_default=False),
+        ] = None,
+        workers: WorkersOption = None,
         json_: JsonOption = False,
     ):
         """Make the detectors' stored designs anew from the aircraft that flies, or check them (exit 1: stale)."""
         from cosim.training import designs as work
 
+        if aircraft:
+            found = _own(aircraft, names, check, flights, output, workers)
+            print(json.dumps({"designs": found, "ok": not any(found.values())})) if json_ else out.print(
+                tables.designs({name: (aircraft, problem) for name, problem in found.items()})
+            )
+            raise typer.Exit(1 if any(found.values()) else 0)
         chosen = names or list(work.DESIGNS)
         for name in chosen:
             work.known(name)

@@ -17,12 +17,13 @@ import numpy as np
 import fdi
 from actuators.kept import contents, kept
 from cosim.errors import ScenarioError, did_you_mean
-from cosim.flight import guests
+from cosim.flight import guests, made
 from cosim.flight.blocks.sensors import fitted
 from cosim.flight.parameters import assign, wrong_parameter
 from cosim.flight.site import site
 from cosim.scenario import vocabulary
-from cosim.scenario.aircraft import DEFAULT, Aircraft
+from cosim.scenario.aircraft import Aircraft, load_aircraft
+from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.guest_file import KEYS
 from fdi import registry
 from fdi.common.record import Detector
@@ -41,12 +42,13 @@ class Wire(NamedTuple):
         return self.signal.flag if self.flag else self.signal.source
 
 
-def wires(record: Any, lane: str = "", module: ModuleType | None = None) -> Any:
+def wires(record: Any, lane: str = "", module: ModuleType | None = None, aircraft: Aircraft | None = None) -> Any:
     """Return the Wires of a detector on segment `lane` ("" at aircraft level); what has a flag brings it, to
-    `<field>_valid` or `<word>_valid` where INPUTS has such a field."""
+    `<field>_valid` or `<word>_valid` where INPUTS has such a field. On another `aircraft` than the default one a
+    segment or an engine of its words is the one in that place (`placed`)."""
     names, out = (module or registry.module(record.id)).INPUTS.names, []
     for field, word in record.inputs.items():
-        signal = vocabulary.find(word, lane)
+        signal = vocabulary.find(placed(word, aircraft) if aircraft else word, lane)
         out.append(Wire(field, signal, False))
         if signal.flag:
             base, bracket, index = field.partition("[")
@@ -56,11 +58,29 @@ def wires(record: Any, lane: str = "", module: ModuleType | None = None) -> Any:
     return out
 
 
-def sources(name: str, lane: str = "") -> dict[str, Any]:
+def placed(word: str, aircraft: Aircraft) -> str:
+    """Return an aircraft's word for one of a shipped detector, which names segments and engines of the default one.
+
+    A side with one segment has it in both places, a twin's engine stands for two. The word itself, which this aircraft
+    then lacks, where nothing is in that place.
+    """
+    segment, _, what = word.rpartition(".")
+    if segment in SEGMENTS and segment not in aircraft.segments:
+        side, place = segment.split("_")
+        own, first = aircraft.groups[side], (place == "outer") == (side == "left")
+        return f"{own[0 if first else -1]}.{what}" if 0 < len(own) < 3 else word
+    if what in N1 and ENGINES % aircraft.engines == 0:
+        return N1[N1.index(what) * aircraft.engines // ENGINES]
+    return word
+
+
+def sources(name: str, lane: str = "", aircraft: Aircraft | None = None) -> dict[str, Any]:
     """Return {input field: name on the bus} of detector `name`."""
-    return {w.field: w.source for w in wires(registry.record(name), lane)}
+    return {w.field: w.source for w in wires(registry.record(name), lane, aircraft=aircraft)}
 
 
+ENGINES = load_aircraft().engines
+N1 = tuple(f"n1_{name}" for name in load_aircraft().engine_names)
 _FITS: dict[tuple, np.ndarray] = {}  # of shipped detectors, by all that their designs depend on
 MOST_FITS = 256
 _SITE = Path(__file__).with_name("site.py")
@@ -71,20 +91,22 @@ def _fit(detector, site, own, words):
     if registry.SHIPPED.get(detector.id) != getattr(detector.module, "__name__", ""):
         return detector.record.fit(site, **words)
     place = site.dt, site.lane, site.technology, *site.technologies.items(), *sorted(site.actuator.items()), site.travel
-    key = detector.id, place, str(own.folder), *sorted(words.items()), _stored()
+    stored = _stored(own.own_designs)
+    key = detector.id, place, str(own.folder), *sorted(words.items()), stored
     if key not in _FITS:
         if len(_FITS) >= MOST_FITS:
             _FITS.clear()
-        about = detector.id, place, contents(own.folder), *sorted(words.items()), _stored()
+        about = detector.id, place, contents(own.folder), *sorted(words.items()), stored
         made = functools.partial(detector.record.fit, site, **words)
         module = detector.module
         _FITS[key] = kept(about, module.PARAMS, made, module.__file__, _SITE)
     return _FITS[key]
 
 
-def _stored():
-    """Return when the stored designs and thresholds were written."""
-    folders = (Path(fdi.__file__).with_name(name) for name in ("designs", "thresholds"))
+def _stored(own):
+    """Return when the stored designs and thresholds were written, those of an aircraft's folder `own` among them."""
+    roots = [Path(fdi.__file__).parent, *([own] if own else [])]
+    folders = [root / name for root in roots for name in ("designs", "thresholds") if (root / name).is_dir()]
     return tuple(file.stat().st_mtime_ns for folder in folders for file in os.scandir(folder))
 
 
@@ -95,6 +117,7 @@ class Installed:
     record: Detector
     module: ModuleType
     lanes: tuple
+    aircraft: Aircraft
 
     @property
     def id(self) -> str:
@@ -142,7 +165,7 @@ class Installed:
 
     def inputs(self, lane: str) -> Any:
         """Return the Wires of a lane."""
-        return wires(self.record, lane if self.level == "local" else "")
+        return wires(self.record, lane if self.level == "local" else "", aircraft=self.aircraft)
 
     def wires(self) -> list[Any]:
         """Return [(input, source)] of all lanes, as names of the bus."""
@@ -167,15 +190,15 @@ def _word(detector, name, value, allowed):
 
 def missing(record: Any, aircraft: Aircraft) -> str:
     """Return why a detector cannot watch an aircraft, or "": an input that it lacks, or no design for it."""
-    for word in record.inputs.values():
+    shipped = record.level == "aircraft" and record.id in registry.SHIPPED
+    for word in (placed(word, aircraft) if shipped else word for word in record.inputs.values()):
         segment, dot, _ = word.rpartition(".")
         if dot and segment not in aircraft.segments:
             return f"no elevator segment {segment}"
         if word.startswith("n1_") and word not in fitted(aircraft):
             return f"no sensor {word}"
-    shipped = record.level == "aircraft" and record.id in registry.SHIPPED
-    if shipped and not record.any_aircraft and aircraft.name != DEFAULT:
-        return f"no design for {aircraft.name}"
+    if shipped and not record.any_aircraft and aircraft.own_designs:
+        return made.lacking(aircraft, record)
     return ""
 
 
@@ -196,7 +219,7 @@ def chosen(scenario: Any) -> Any:
         own = tuple(s for s, t in technology.items() if t in record.technologies)
         lanes = own if record.level == "local" else ("aircraft",)
         if lanes and name not in lost:
-            out.append(Installed(record, registry.module(name), lanes))
+            out.append(Installed(record, registry.module(name), lanes, scenario.aircraft))
     return out
 
 

@@ -45,7 +45,9 @@ def site(
     technology, record = technologies.get(lane, ""), own or load_aircraft()
     actuator = {**dict(record.own(technology)), **(believed or {})}
     known = functools.cache(lambda: aircraft(record))
-    return Site(dt, lane, technology, technologies, _delay, known, actuator, record.travels["elevator"])
+    return Site(
+        dt, lane, technology, technologies, _delay, known, actuator, record.own_designs, record.travels["elevator"]
+    )
 
 
 def _delay(word):

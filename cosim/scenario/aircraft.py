@@ -198,6 +198,11 @@ class Aircraft(_Table):
         return tuple(self.actuators.get(technology, {}).items())
 
     @property
+    def own_designs(self) -> Path | None:
+        """Return the folder of designs and thresholds made for this aircraft, None for that which `fdi` brings them."""
+        return None if self.folder == FOLDER / DEFAULT else self.folder
+
+    @property
     def gusts(self) -> dict[str, float]:
         """Return what a gust meets: span [m], tail arm [m], downwash."""
         g = self.geometry

@@ -16,6 +16,7 @@ from cosim.flight.detectors import sources
 from cosim.flight.plant.point import SIX
 from cosim.flight.signals import detect, fly
 from cosim.scenario import Scenario, parse
+from cosim.scenario.aircraft import DEFAULT, load_aircraft
 from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.tolerance import toleranced
 from fdi.hydraulic import iotsekf
@@ -43,15 +44,18 @@ HYDRAULIC = (*(f"iotsekf_in.{{}}.{name}" for name in iotsekf.INPUTS.names), "hyd
 
 def scenario(
     *, duration: float, manoeuvre: str | dict = "cruise", technology: Sequence[str] = ("hydraulic",) * 4,
-    flight: dict | None = None, **more: Any,
+    flight: dict | None = None, aircraft: str = DEFAULT, **more: Any,
 ) -> Scenario:  # fmt: skip
     """Return a flight of `duration` [s] at POINT without detectors; `flight` changes entries of the point.
 
-    `technology` is that of the four segments; `more` are further tables of the scenario.
+    `technology` is that of the segments; `more` are further tables of the scenario. Of another `aircraft` `flight` is
+    the whole point.
     """
+    own = load_aircraft(aircraft)
+    point = {"aircraft": aircraft} if own.own_designs else POINT
     manoeuvre = manoeuvre if isinstance(manoeuvre, dict) else {"kind": manoeuvre}
-    return parse({"title": "design flight", "duration_s": duration, "flight": {**POINT, **(flight or {})},
-                  "manoeuvre": manoeuvre, "elevator": dict(zip(SEGMENTS, technology)), "detectors": {"enabled": []},
+    return parse({"title": "design flight", "duration_s": duration, "flight": {**point, **(flight or {})},
+                  "manoeuvre": manoeuvre, "elevator": dict(zip(own.segments, technology)), "detectors": {"enabled": []},
                   **more})  # fmt: skip
 
 

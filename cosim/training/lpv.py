@@ -29,7 +29,6 @@ BOX = np.array([[260.0, 405.0], [28.0, 36.0], [210.0, 270.0], [0.40, 0.68]])  # 
 NAMES = ("mass_t", "cg_pct", "cas_kt", "mach")
 STATES = {"alpha": "deg", "h": "m", "theta": "deg", "tas": "m/s", "q": "deg/s"}  # (33)
 OUTPUTS = {"h": "m", "theta": "deg", "tas": "m/s", "q": "deg/s", "nz": "g", "alpha": "deg"}  # (37)
-SEGMENTS = ("de_lo", "de_li", "de_ri", "de_ro")
 THROTTLE_MAX = 0.90  # below it the papers' points trim, and leave some thrust to climb
 GRID = 7  # values per parameter of the grid that is fitted
 SECOND = 4  # and of the grid between whose points the second grid lies, 3^4 points inside the box
@@ -98,14 +97,15 @@ def _one(rho):
 
 def in_paper_units(made: Any) -> tuple[Any, ...]:
     """Return A, B, C, D and [x; u; y] of a `LinearModel` in deg, m, m/s, g, elevators aggregated (34)."""
-    inputs = (*SEGMENTS, "stab")
+    segments = made.named("de_")
+    inputs = (*segments, "stab")
     A, B, C, D = made.block(tuple(STATES), inputs, tuple(OUTPUTS))
     tables = (STATES, OUTPUTS)
     x, y = (np.array([DEG_PER_RAD if unit.startswith("deg") else 1.0 for unit in t.values()]) for t in tables)
-    B, D = (np.column_stack([M[:, :4].sum(1), M[:, 4]]) / DEG_PER_RAD for M in (B, D))
+    B, D = (np.column_stack([M[:, :-1].sum(1), M[:, -1]]) / DEG_PER_RAD for M in (B, D))
     x0 = [made.x0[list(made.states).index(n)] for n in STATES]
     y0 = [made.y0[list(made.outputs).index(n)] for n in OUTPUTS]
-    u0 = [np.mean([made.u0[list(made.inputs).index(n)] for n in SEGMENTS]), made.u0[list(made.inputs).index("stab")]]
+    u0 = [np.mean([made.u0[list(made.inputs).index(n)] for n in segments]), made.u0[list(made.inputs).index("stab")]]
     trim = np.concatenate([x * x0, DEG_PER_RAD * np.array(u0), y * y0])
     return x[:, None] * A / x, x[:, None] * B, y[:, None] * C / x, y[:, None] * D, trim
 

@@ -7,7 +7,7 @@ model fitted to linearisations at Sobol points in and around it, and gains whose
 import itertools
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from cosim.flight.plant.aero.functions import numbers_digest
 from cosim.flight.plant.force_model import FOLDER
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.point import FlightPoint
+from cosim.scenario.aircraft import DEFAULT
 from cosim.training import lpv
 from fdi.lpv_smo import boxes, synthesis
 from fdi.lpv_smo import model as lpv_model
@@ -40,19 +41,36 @@ FEWEST = 12  # points that a box needs
 
 def scattered(draws: int = DRAWS, progress: Callable[..., Any] | None = None) -> Any:
     """Trim and linearise at Sobol points of `SPAN` with steady flights short of stall; returns `lpv.Samples`."""
-    low, high = SPAN.T
+    return samples(steady(points(SPAN, draws), progress=progress))
+
+
+def points(span: np.ndarray, draws: int) -> np.ndarray:
+    """Return Sobol points (draws, 4) of a span (4, 2): t, %, m, kt."""
+    low, high = span.T
+    return low + (high - low) * qmc.Sobol(4, seed=SOBOL_SEED).random(draws)
+
+
+def steady(
+    at: np.ndarray, *, alpha_max: float = ALPHA_MAX, mach_max: float = MACH_MAX, aircraft: str = DEFAULT,
+    progress: Callable[..., Any] | None = None,
+) -> list[tuple]:  # fmt: skip
+    """Return (rho, A, B, C, D, trim) of those points (k, 4) that have a steady flight below `alpha_max` [deg]."""
     kept: list = []
-    for mass, cg, h, cas in low + (high - low) * qmc.Sobol(4, seed=SOBOL_SEED).random(draws):
+    for mass, cg, h, cas in at:
         try:
-            made = linearize(FlightPoint(mass * 1e3, cg / 100.0, h, "cas", cas * M_S_PER_KT))
+            made = linearize(FlightPoint(mass * 1e3, cg / 100.0, h, "cas", cas * M_S_PER_KT, aircraft=aircraft))
         except TrimError:
             continue
         if progress is not None:
             progress()
         mach = mach_at(cas, h)
-        if math.degrees(made.trim.alpha) <= ALPHA_MAX and mach <= MACH_MAX:
-            A, B, C, D, trim = lpv.in_paper_units(made)
-            kept.append((np.array([mass, cg, cas, mach]), A, B, C, D, trim))
+        if math.degrees(made.trim.alpha) <= alpha_max and mach <= mach_max:
+            kept.append((np.array([mass, cg, cas, mach]), *lpv.in_paper_units(made)))
+    return kept
+
+
+def samples(kept: list[tuple]) -> lpv.Samples:
+    """Return `lpv.Samples` of what `steady` found."""
     rho, A, B, C, D, trims = (np.array(column) for column in zip(*kept))
     return lpv.Samples(rho, A, B, C, D, trims, [])
 
@@ -65,11 +83,11 @@ def mach_at(cas_kt: float, h: float) -> float:
     return math.sqrt(5 * ((impact / pressure + 1) ** (1 / 3.5) - 1))
 
 
-def make(samples: Any) -> Any:
-    """Return [(LpvModel, Design)] of every box of `EDGES` with at least `FEWEST` samples in it."""
+def make(samples: Any, edges: Sequence[Sequence[float]] = EDGES) -> Any:
+    """Return [(LpvModel, Design)] of every box of `edges` with at least `FEWEST` samples in it."""
     out = []
-    for edges in itertools.product(*(itertools.pairwise(axis) for axis in EDGES)):
-        box = np.array(edges)
+    for corner in itertools.product(*(itertools.pairwise(axis) for axis in edges)):
+        box = np.array(corner)
         near = np.abs(lpv_model.normalise(samples.rho, box))
         if (near <= 1.0).all(1).sum() >= FEWEST:
             part = (near <= AROUND).all(1)

@@ -1,10 +1,11 @@
 """Models and designs of the Sun13 estimators from the aircraft that flies: linear model, actuators, E of six flights.
 
-The point is that of [Sun13, table I]: 200 t, CG 30 %, 20,000 ft, 290 kt CAS. Units inside: m/s, deg, deg/s, as the
-paper.
+The point is that of [Sun13, table I]: 200 t, CG 30 %, 20,000 ft, 290 kt CAS; of another aircraft it is the first of its
+record. Units inside: m/s, deg, deg/s, as the paper.
 """
 
 import functools
+import itertools
 import math
 from typing import Any
 
@@ -14,17 +15,17 @@ from actuators.constants import RAD_PER_DEG
 from actuators.registry import HYDRAULIC
 from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.flight.plant.linearize import linearize
-from cosim.flight.plant.point import SIX, FlightPoint
+from cosim.flight.plant.point import FlightPoint
 from cosim.flight.signals import fly
 from cosim.judge.achieved import sine
-from cosim.training.flights import COMMAND, DT, MANOEUVRES, POINT, SURFACES, scenario
+from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft
+from cosim.training.flights import COMMAND, DT, MANOEUVRES, POINT, scenario
 from fdi.common import physics_bound as bound
 from fdi.rfafe import rfafe
 from fdi.rfafe.discrete import noise
 from fdi.rfafe.store import to_plain
 
 STATES = ("tas", "alpha", "q", "theta")
-SEGMENTS = ("de_lo", "de_li", "de_ri", "de_ro")
 NAMES = ("left_outer", "left_inner", "right_inner", "right_outer")
 UNIT = np.array([1.0, 1 / RAD_PER_DEG, 1 / RAD_PER_DEG, 1 / RAD_PER_DEG])  # SI to the paper's units
 FLIGHT_S = 40.0
@@ -35,29 +36,51 @@ FIT_DEG = 0.64
 SENSOR_DELAY = TRANSPORT["q"][2]  # of gyro and positions; air data comes one tick later [s]
 # [rad/s] within the useful 27-60; the noise of the airframe form grows with it
 BANDWIDTH = {"rfafe": 40.0, "rfafe_airframe": 27.0}
-TECHNOLOGIES = {"hydraulic": ("hydraulic",) * 4, "ema": ("ema",) * 4, "simple": ("simple",) * 4,
-                "mixed": ("hydraulic", "ema", "ema", "hydraulic")}
+TECHNOLOGIES: dict[str, tuple[str, ...]] = {
+    "hydraulic": ("hydraulic",) * 4, "ema": ("ema",) * 4, "simple": ("simple",) * 4,
+    "mixed": ("hydraulic", "ema", "ema", "hydraulic"),
+}  # fmt: skip
 PAIRS = tuple(f"{a}/{b}" for a in TECHNOLOGIES for b in TECHNOLOGIES if a != b)  # sides that differ
 RATE_DEG_S = 40.0  # of the servos' reference: 40 of the no-load 45 deg/s (actuators/hydraulic/servo.py)
 BOUND_HZ = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 
 
+def point_of(own: Aircraft) -> str:
+    """Return the name of the flight point that the designs of an aircraft are for."""
+    return next(iter(own.points)) if own.own_designs else "sun13"
+
+
+def layouts(own: Aircraft) -> dict[str, tuple[str, ...]]:
+    """Return {kind: technology of each segment}; "mixed" has two kinds on a side, or sides that differ if a side has
+    one segment."""
+    if not own.own_designs:
+        return TECHNOLOGIES
+    n = len(own.segments)
+    mixed = [("hydraulic", "ema")[(i if n < 3 or i < n // 2 else n - 1 - i) % 2] for i in range(n)]
+    return {**{kind: (kind,) * n for kind in ("hydraulic", "ema", "simple")}, "mixed": tuple(mixed)}
+
+
+def surfaces(own: Aircraft) -> tuple[str, ...]:
+    """Return the bus names of the elevator's segments from left to right [rad]."""
+    return tuple(f"truth.aircraft.de_{short}" for short in own.short.values())
+
+
 @functools.cache
-def linear(point: str = "sun13") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (A, B (4, 4 segments), x0) of V, alpha, q, theta at SIX[point] in the paper's units."""
-    return linear_at(FlightPoint.at(**SIX[point]))
+def linear(point: str = "sun13", aircraft: str = DEFAULT) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (A, B (4, segments), x0) of V, alpha, q, theta at a point of the aircraft's record, paper's units."""
+    return linear_at(FlightPoint.at(**load_aircraft(aircraft).points[point], aircraft=aircraft))
 
 
 def linear_at(point: FlightPoint) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (A, B (4, 4 segments), x0) of V, alpha, q, theta at a flight point in the paper's units."""
+    """Return (A, B (4, segments), x0) of V, alpha, q, theta at a flight point in the paper's units."""
     model = linearize(point)
-    A, B, _, _ = model.block(STATES, SEGMENTS)
+    A, B, _, _ = model.block(STATES, model.named("de_"))
     x0 = np.array([model.x0[list(model.states).index(s)] for s in STATES])
     return UNIT[:, None] * A / UNIT, UNIT[:, None] * B * RAD_PER_DEG, UNIT * x0
 
 
 @functools.cache
-def unknown_inputs(turbulence: str = "none", aero: tuple = ()) -> np.ndarray:
+def unknown_inputs(turbulence: str = "none", aero: tuple = (), aircraft: str = DEFAULT) -> np.ndarray:
     """Return E (4, 6): the airframe's unknown input in each of the six fault-free flights. [Sun13] section II.B
 
     In still air, unless `turbulence` says otherwise; `aero` = ((coefficient, factor), ...) that fly but that the model
@@ -66,67 +89,81 @@ def unknown_inputs(turbulence: str = "none", aero: tuple = ()) -> np.ndarray:
     The observer is driven by the true elevator angle, so E holds the airframe's error only; the actuators' rows are
     zero.
     """
-    A, B, x0 = linear()
+    own = load_aircraft(aircraft)
+    A, B, x0 = linear(point_of(own), aircraft)
     states = [f"truth.aircraft.{n}" for n in STATES]
     flights = []
     for kind in MANOEUVRES:
-        flown = scenario(duration=FLIGHT_S, manoeuvre=kind, flight={"turbulence": turbulence},
-                         tolerances={"aero": dict(aero)})
-        v = fly(flown, [*states, *SURFACES])
-        flights.append((UNIT * np.asarray(v[states]) - x0, np.asarray(v[list(SURFACES)]) / RAD_PER_DEG))
+        flown = scenario(duration=FLIGHT_S, manoeuvre=kind, flight={**_flight(own), "turbulence": turbulence},
+                         tolerances={"aero": dict(aero)}, aircraft=aircraft, technology=layouts(own)["hydraulic"])
+        v = fly(flown, [*states, *surfaces(own)])
+        flights.append((UNIT * np.asarray(v[states]) - x0, np.asarray(v[list(surfaces(own))]) / RAD_PER_DEG))
     return rfafe.estimate_E(A, B, np.eye(4), flights, dt=DT)
 
 
+def _flight(own):
+    """Return the point of the designs as keys of a scenario's [flight]."""
+    return own.points[point_of(own)]
+
+
 @functools.cache
-def actuator(technology: str) -> tuple[float, float, float, float]:
+def actuator(technology: str, aircraft: str = DEFAULT) -> tuple[float, float, float, float]:
     """Return (a [rad/s], gain, tau [s], amplitude error at 2 Hz) of the mean elevator of this mix, measured in
     flight."""
-    response = []
+    own, response = load_aircraft(aircraft), []
     for hz in FIT_HZ:
         fault = {"target": "elevator.all", "kind": "ofc_liquid", "at": "command", "start_s": 1.0,
                  "amplitude_deg": FIT_DEG, "frequency_hz": hz}
-        flown = scenario(duration=4.0 + max(4.0, 4.0 / hz), faults=[fault], technology=TECHNOLOGIES[technology])
-        v = fly(flown, [*SURFACES, COMMAND])
+        flown = scenario(duration=4.0 + max(4.0, 4.0 / hz), faults=[fault], technology=layouts(own)[technology],
+                         flight=_flight(own), aircraft=aircraft)
+        v = fly(flown, [*surfaces(own), COMMAND])
         t, w = v.index.to_numpy(), 2 * math.pi * hz
         late = t > 4.0
         asked = v[COMMAND].to_numpy() + FIT_DEG * RAD_PER_DEG * np.sin(w * (t - 1.0))
-        elevator = np.asarray(v[list(SURFACES)]).mean(1)
+        elevator = np.asarray(v[list(surfaces(own))]).mean(1)
         response.append(sine(t[late], elevator[late], w) / sine(t[late], asked[late], w))
     a, gain, tau = rfafe.fit_first_order((np.array(FIT_HZ), np.array(response)))
     s = 2j * math.pi * FIT_HZ[-1]
     return a, gain, tau, float(abs(response[-1] / (gain * a / (s + a))) - 1.0)
 
 
-def sigmas() -> tuple[np.ndarray, float]:
+def sigmas(own: Aircraft | None = None) -> tuple[np.ndarray, float]:
     """Return the noise of V, alpha, q, theta per sample in the paper's units, and of a side's mean position [deg]."""
     surface = HYDRAULIC.sensors["surface"].sigma / RAD_PER_DEG
-    return UNIT * np.array([TRANSPORT[n][1] for n in STATES]), surface / math.sqrt(2.0)
+    side = (own or load_aircraft()).groups["left"]
+    return UNIT * np.array([TRANSPORT[n][1] for n in STATES]), surface / math.sqrt(len(side))
 
 
-def published(progress: Any) -> dict[str, Any]:
+def published(progress: Any, aircraft: str = DEFAULT) -> dict[str, Any]:
     """Return the designs of the published form, both sides, y = [V, alpha, q, theta, left, right], by technology."""
-    _, B, _ = linear()
-    sides = np.stack([B[:, :2].sum(1), B[:, 2:].sum(1)], 1)
-    air, position = sigmas()
+    own = load_aircraft(aircraft)
+    _, B, _ = linear(point_of(own), aircraft)
+    left = len(own.groups["left"])
+    sides = np.stack([B[:, :left].sum(1), B[:, left:].sum(1)], 1)
+    air, position = sigmas(own)
     progress("six fault-free flights")
-    E = np.vstack([rfafe.reduce_E(unknown_inputs(), RANK_E), np.zeros((2, RANK_E))])
+    E = np.vstack([rfafe.reduce_E(unknown_inputs(aircraft=aircraft), RANK_E), np.zeros((2, RANK_E))])
     sigma = [*air, position, position]
-    designs = {t: entry("rfafe", t, sides, E, np.eye(6), lambda g: g[1], sigma, progress)
-               for t in (*TECHNOLOGIES, *PAIRS)}
-    return {"designs": designs, **_made_from()}
+    kinds = [kind for kind in layouts(own) if left > 1 or kind != "mixed"]
+    pairs = PAIRS if not own.own_designs else [f"{a}/{b}" for a, b in itertools.permutations(kinds, 2)]
+    designs = {t: entry("rfafe", t, sides, E, np.eye(6), lambda g: g[1], sigma, progress, aircraft=aircraft)
+               for t in (*kinds, *pairs)}
+    return {"designs": designs, **_made_from(aircraft)}
 
 
-def airframe(progress: Any) -> Any:
+def airframe(progress: Any, aircraft: str = DEFAULT) -> Any:
     """Return the designs of the airframe form, y = [V, alpha, q, theta], E freed of its part along F, by technology."""
-    _, B, _ = linear()
+    own = load_aircraft(aircraft)
+    _, B, _ = linear(point_of(own), aircraft)
     total = B.sum(1, keepdims=True)
     air, _ = sigmas()
     progress("six fault-free flights")
-    E = rfafe.separate(unknown_inputs(), total, np.eye(4), method="remove")[:, :RANK_E]
+    E = rfafe.separate(unknown_inputs(aircraft=aircraft), total, np.eye(4), method="remove")[:, :RANK_E]
     E = np.vstack([E, np.zeros((1, E.shape[1]))])
     C, F = np.eye(5)[:4], np.vstack([total, [[0.0]]])
-    designs = {t: entry("rfafe_airframe", t, total, E, C, lambda g: F, air, progress) for t in TECHNOLOGIES}
-    return {"designs": designs, **_made_from()}
+    designs = {t: entry("rfafe_airframe", t, total, E, C, lambda g: F, air, progress, aircraft=aircraft)
+               for t in layouts(own)}
+    return {"designs": designs, **_made_from(aircraft)}
 
 
 def entry(
@@ -140,15 +177,16 @@ def entry(
     progress: Any,
     *,
     A: Any = None,
+    aircraft: str = DEFAULT,
     bandwidth: Any = None,
     **options: Any,
 ) -> dict[str, Any]:
     """Return the stored entry of one technology, or "left/right": design, input delays and what its figures are."""
-    A = linear()[0] if A is None else A
+    A = linear(point_of(load_aircraft(aircraft)), aircraft)[0] if A is None else A
     progress(f"{name}: actuator and LMIs, {technology}")
     sides = Bu.shape[1]
     kinds = technology.split("/") * (sides // len(technology.split("/")))
-    a, gain, tau, high = (list(column) for column in zip(*(actuator(kind) for kind in kinds)))
+    a, gain, tau, high = (list(column) for column in zip(*(actuator(kind, aircraft) for kind in kinds)))
     late = [round((t + SENSOR_DELAY) / DT) * DT for t in tau]
     if len(set(kinds)) == 1:
         a, gain, tau, high, late = a[0], gain[0], tau[0], high[0], late[0]
@@ -163,17 +201,19 @@ def entry(
     }
 
 
-def _made_from():
-    A, B, x0 = linear()
-    return {"point": POINT, "A": A.tolist(), "B": B.tolist(), "x0": x0.tolist(), "E": unknown_inputs().tolist(),
-            "units": "V m/s, angles deg, q deg/s", "flights": list(MANOEUVRES)}
+def _made_from(aircraft):
+    own = load_aircraft(aircraft)
+    A, B, x0 = linear(point_of(own), aircraft)
+    return {"point": _flight(own), "A": A.tolist(), "B": B.tolist(), "x0": x0.tolist(),
+            "E": unknown_inputs(aircraft=aircraft).tolist(), "units": "V m/s, angles deg, q deg/s",
+            "flights": list(MANOEUVRES)}
 
 
 def physics_bound(progress: Any) -> Any:
     """Return pitch rate [deg/s] and load factor [g] per degree of OFC over frequency at POINT: segments, sides, all."""
     progress("physics bound")
     model = linearize(FlightPoint.at(**POINT))
-    A, B, C, D = model.block(STATES, SEGMENTS, ("q", "nz"))
+    A, B, C, D = model.block(STATES, model.named("de_"), ("q", "nz"))
     groups = {**{n: [i] for i, n in enumerate(NAMES)}, "left": [0, 1], "right": [2, 3], "all": [0, 1, 2, 3]}
     out = {}
     for name, columns in groups.items():

@@ -157,8 +157,8 @@ def answers() -> Any:
     return out
 
 
-def fields(name: str, collected: list) -> tuple[dict, dict]:
-    """Return the trained fields of estimator `name` and the record of how they were found.
+def fields(name: str, collected: list, answer: np.ndarray | None = None) -> tuple[dict, dict]:
+    """Return the trained fields of estimator `name` and the record of how they were found; `answer` as `answers` of it.
 
     A larger share of the command lets the threshold be lower, but the law answers a fault with command: the share is
     taken at which the least oscillation passes, threshold / (1 - share answer).
@@ -166,13 +166,14 @@ def fields(name: str, collected: list) -> tuple[dict, dict]:
     runs, whatever = (np.max([f[name][i] for _, f in collected], axis=0) for i in (0, 1))
     static = max(f[name][2] for _, f in collected)
     threshold = np.maximum(np.maximum(MARGIN * runs, RESERVE * whatever), LEAST)
-    left = 1.0 - SHARES[:, None] * answers()[name]
+    answer = answers()[name] if answer is None else answer
+    left = 1.0 - SHARES[:, None] * answer
     best = np.argmin(np.where(left > 0.05, threshold / np.maximum(left, 0.05), np.inf), axis=0)
     at = (best, np.arange(bank.K))
     made = {"bank_threshold": threshold[at].tolist(), "bank_share": SHARES[best].tolist(), "th_static": MARGIN * static}
     how = {"flights": len(collected), "first_seed": TRAINING, "flight_s": FLIGHT_S, "margin": MARGIN,
            "largest": runs[at].tolist(), "largest_any_shape": whatever[at].tolist(), "largest_static": static,
-           "answer": answers()[name].tolist(), "frequency_hz": bank.frequencies().tolist()}  # fmt: skip
+           "answer": answer.tolist(), "frequency_hz": bank.frequencies().tolist()}  # fmt: skip
     return made, how
 
 

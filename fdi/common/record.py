@@ -25,6 +25,8 @@ class Site:
     aircraft: Callable[[], Any] = lambda: None  # what is known of the aircraft: force model, gyration, its actuators
     # parameters of the watched actuator, as far as they are believed to differ from its technology's design [SI]
     actuator: Mapping[str, float] = field(default_factory=dict)
+    # folder of an aircraft with designs/ and thresholds/ of its own, None: those that `fdi` brings are this aircraft's
+    own: Any = None
     travel: tuple[float, float] | None = None  # stops of the elevator [rad], None: those of the technology's design
 
     def known(self, names: Sequence[Any]) -> dict[str, float]:
@@ -71,5 +73,6 @@ class Detector:
     places: Mapping[str, tuple[str, int]] = field(default_factory=dict)  # state: position -> array of STATE, axis
     options: Mapping[str, tuple] = field(default_factory=dict)  # parameter that a scenario chooses by a word -> words
     any_aircraft: bool = False  # at aircraft level: made without a model of one, so that it flies on every aircraft
+    design: str = ""  # the stored design that it flies with, if any
     every: int = 1  # ticks of the loop from step to step
     fit: Callable = field(default=lambda site, **options: None)  # (site, **options) -> PARAMS of one lane

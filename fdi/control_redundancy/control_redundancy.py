@@ -252,7 +252,7 @@ DETECTOR = Detector(
 def params(
     which: str = "flight", *, model: force_model.ForceModel, dt: float = 0.005, rows: str = "force",
     delay: float = 2, lag: Sequence[float] | None = None, rate: Sequence[float] = (0.0, 0.0, 0.0, 0.0),
-    t_mean: float = 0.5, t_learn: float = 20.0,
+    t_mean: float = 0.5, t_learn: float = 20.0, own: Any = None,
 ) -> np.ndarray:  # fmt: skip
     """Return PARAMS for a `ForceModel`; `rows` is "force" or "force+moment", `t_mean`, `t_learn` 0 switch the aids off.
 
@@ -279,14 +279,14 @@ def params(
     pivots = np.zeros((NF, 2, 2))
     for i, family in enumerate(found):
         pivots[i, : len(family.pivots)] = np.reshape(family.pivots, (-1, 2))
-    own = thresholds("control_redundancy", which)
+    limits = thresholds("control_redundancy", which, own)
     return record(
         PARAMS, **force_model.fields(model), n_rows=n, n_hypotheses=4 if n == 3 else 8, n_families=len(found),
         base_row=_pad([f.base for f in found]), n_pivots=_pad([len(f.pivots) for f in found]),
         pivot_row=pivots[:, :, 0], pivot_input=pivots[:, :, 1], late=late, stride=stride, rate=_each(*rate),
         t_mean=t_mean, t_learn=t_learn,
-        threshold=[own.pop(f"t_{row}") for row in ("x", "y", "z", "l", "m", "n")],
-        limit=[0.8, 0.8, 0.8, 1.2, 1.2, 1.2, 1.2, 1.2], **own,
+        threshold=[limits.pop(f"t_{row}") for row in ("x", "y", "z", "l", "m", "n")],
+        limit=[0.8, 0.8, 0.8, 1.2, 1.2, 1.2, 1.2, 1.2], **limits,
     )  # fmt: skip
 
 
@@ -302,7 +302,7 @@ def fitted(site: Site, **options: Any) -> np.ndarray:
     """Return PARAMS for a loop, on the force model of the aircraft that flies."""
     about = site.aircraft()
     late = {"delay": 1.0 + site.ticks("n_z"), "lag": about.delays, "rate": about.rates}
-    return params(model=about.model, dt=site.dt, t_learn=LEARN, **late, **options)
+    return params(model=about.model, dt=site.dt, t_learn=LEARN, own=site.own, **late, **options)
 
 
 def init(p: np.ndarray) -> np.ndarray:

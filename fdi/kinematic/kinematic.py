@@ -167,13 +167,13 @@ DETECTOR = Detector(
     | {"sensor.alpha": ("sensor", "ambiguous"), "sensor.beta": ("sensor", "ambiguous"), "sensor.n_y": ("sensor",)},
     blind="no force enters: neither effectors nor actuators; of alpha, beta and n_y it sees noise and a frozen reading",
     any_aircraft=True,
-    fit=lambda site: params(),
+    fit=lambda site: params(own=site.own),
 )
 
 
-def params(which: str = "flight", *, t_learn: float = 8.0) -> np.ndarray:
+def params(which: str = "flight", *, t_learn: float = 8.0, own: Any = None) -> np.ndarray:
     """Return PARAMS with the threshold set `which`; offsets and noise are learned over the first `t_learn` seconds."""
-    return record(PARAMS, t_learn=t_learn, **thresholds("kinematic", which))
+    return record(PARAMS, t_learn=t_learn, **thresholds("kinematic", which, own))
 
 
 def init(p: np.ndarray) -> np.ndarray:

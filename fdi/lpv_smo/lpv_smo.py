@@ -45,6 +45,8 @@ In flight three things go beyond the paper, all off by default (`fitted` switche
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -278,6 +280,7 @@ DETECTOR = Detector(
     looks_back={"delay": "line"},
     sizes={"n_box": 1.0, **frequencies.SIZES},
     places={"head": ("line", 0), **frequencies.PLACES},
+    design="lpv_smo_boxes",
     fit=lambda site: fitted(site),
 )  # fmt: skip
 
@@ -289,6 +292,7 @@ def params(
     rate_a: float = 0.0, delay: float = 0, bank: bool = True, gust: bool = False,
     inertia: tuple[float, float] = (0.0, 0.0), adot: float = 0.0, thrust: float = 0.0, gradient: float = 0.0,
     sigma_q: float = 0.02 * RAD_PER_DEG, t_settle: float = 2.0, t_learn: float = 0.0, dt: float = 0.005,
+    own: Any = None,
 ) -> np.ndarray:  # fmt: skip
     """Return PARAMS of an `LpvModel` and its `Design`, by default the paper's box, stored for this aircraft.
 
@@ -305,14 +309,14 @@ def params(
         PARAMS, K=K, delta=delta, tau_f=tau_f, tau_g=tau_g, tau_v=tau_v, tau_rho=tau_rho, omega_a=omega_a,
         rate_a=rate_a, delay=delay, sigma_q=sigma_q, t_settle=t_settle, t_learn=t_learn, gust=float(gust),
         inertia=inertia, adot=adot, thrust=thrust, gradient=gradient, bank=float(bank),
-        n_box=len(designs), **frequencies.design(dt), **thresholds("lpv_smo", which),
+        n_box=len(designs), **frequencies.design(dt), **thresholds("lpv_smo", which, own),
     )  # fmt: skip
     for k, (one, its) in enumerate(designs):
         for name, value in _box(one, its).items():
             p[name][0, k] = value
     nr = len(designs[0][0].A) - 1
-    own = powers(nr)
-    p["powers"][0] = np.pad(own, ((0, T - len(own)), (0, R - nr)))
+    exponents = powers(nr)
+    p["powers"][0] = np.pad(exponents, ((0, T - len(exponents)), (0, R - nr)))
     return p
 
 
@@ -344,8 +348,9 @@ def fitted(site: Site, paper: bool = False) -> np.ndarray:
     model = about.model
     xx, yy, zz, xz = model.gyration2
     (tx, _, tz), (rx, _, rz) = model.thrust_axis, np.mean(model.engine, axis=0)
+    boxes = Path(site.own) / "designs" / "lpv_smo_boxes.json" if site.own else None
     return params(
-        designs=None if paper else load_boxes(), gust=not paper, t_learn=LEARN,
+        designs=None if paper else load_boxes(boxes), own=site.own, gust=not paper, t_learn=LEARN,
         delay=site.ticks("q"), omega_a=1.0 / about.delays[0],
         rate_a=0.0 if paper else about.rates[0] / RAD_PER_DEG,
         inertia=((zz - xx) / yy, xz / yy), adot=0.0 if paper else ADOT,

@@ -25,7 +25,7 @@ from fdi.common.tuning import thresholds
 from fdi.rfafe import core as rfafe_core
 from fdi.rfafe.core import advance, fill_stored, hold_airframe
 from fdi.rfafe.model import estimate_E, first_order, fit_first_order, global_model, reduce_E
-from fdi.rfafe.store import choose, side_kinds
+from fdi.rfafe.store import choose, read, side_kinds
 from fdi.rfafe.synthesis import Design, Region, design
 
 __all__ = ["CULPRITS", "INPUTS", "OUTPUTS", "PARAMS", "STATE", "Design", "DesignError", "Region", "design",
@@ -92,7 +92,9 @@ DETECTOR = Detector(
     looks_back={"u_delay": "line"},
     sizes={"ns": 0, "ny": 0, "nu": 0, "nf": 0, "n_trim": 0, **bank.SIZES},
     places={"head": ("line", 0), **bank.PLACES, "suspect": ("energy", 0)},
-    fit=lambda site: params(technology=side_kinds(site.technologies), dt=site.dt, response=RESPONSE),
+    design="rfafe",
+    fit=lambda site: params(technology=side_kinds(site.technologies), dt=site.dt, response=RESPONSE,
+                            own=site.own),
 )
 
 
@@ -105,18 +107,20 @@ def params(
     dt: Any = DT,
     weight: Sequence[Any] = (0.5, 0.5, 0.5, 0.5),
     response: Any = None,
+    own: Any = None,
 ) -> np.ndarray:
     """Return PARAMS from the stored design for `technology` of the elevators and the threshold set `which`.
 
     `stored` replaces `fdi/designs/rfafe.json` (same keys). `trim` is a mapping with tas [m/s], alpha, theta, elevator
     [rad]; None: learned from the first 0.2 s. `weight` is the share of each segment in its side's effect. `response`
-    maps the kind of a side to the resonance (rad/s, damping) that is taken out of its f_hat, None for none. Raises
-    FileNotFoundError without a stored design, ValueError for a technology that it lacks.
+    maps the kind of a side to the resonance (rad/s, damping) that is taken out of its f_hat, None for none. `own` is
+    the folder of an aircraft with designs of its own. Raises FileNotFoundError without a stored design, ValueError for
+    a technology that it lacks.
     """
-    made, chosen = choose("rfafe" if stored is None else stored, technology, dt)
+    made, chosen = choose(read("rfafe", own) if stored is None else stored, technology, dt)
     sides = (technology.split("/") * 2)[:2]
     even = [_even((response or {}).get(kind), dt) for kind in sides]
-    p = record(PARAMS, weight=weight, even=even, **bank.design(dt), **thresholds("rfafe", which))
+    p = record(PARAMS, weight=weight, even=even, **bank.design(dt), **thresholds("rfafe", which, own))
     t = None
     if trim is not None:
         alpha, theta, elevator = (trim[name] / RAD_PER_DEG for name in ("alpha", "theta", "elevator"))

@@ -24,7 +24,7 @@ from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.rfafe import core as rfafe_core
 from fdi.rfafe.core import advance, airframe_usable, fill_stored, read_airframe
-from fdi.rfafe.store import choose, side_kinds
+from fdi.rfafe.store import choose, read, side_kinds
 
 CULPRITS = ("", "elevator")
 DT = 0.005  # base tick [s]
@@ -61,12 +61,14 @@ DETECTOR = Detector(
     looks_back={"u_delay": "line"},
     sizes={"ns": 0, "ny": 0, "nu": 0, "nf": 0, "n_trim": 0, **bank.SIZES},
     places={"head": ("line", 0), **bank.PLACES, "suspect": ("energy", 0)},
-    fit=lambda site: params(technology=side_kinds(site.technologies), dt=site.dt),
+    design="rfafe_airframe",
+    fit=lambda site: params(technology=side_kinds(site.technologies), dt=site.dt, own=site.own),
 )
 
 
 def params(
-    which: str = "", *, stored: Any = None, technology: str = "hydraulic", trim: Any = None, dt: float = DT
+    which: str = "", *, stored: Any = None, technology: str = "hydraulic", trim: Any = None, dt: float = DT,
+    own: Any = None,
 ) -> np.ndarray:
     """Return PARAMS from the stored design and threshold set `which`; arguments as in `fdi.rfafe.rfafe.params`.
 
@@ -74,9 +76,9 @@ def params(
     "design_point", without it: what the correction starts from is known for the shipped design only.
     """
     which = which or ("flight" if stored is None else "design_point")
-    design, chosen = choose("rfafe_airframe" if stored is None else stored, technology, dt)
-    own = (design.A[2, 1] / design.F[2, 0], design.A[2, 2] / design.F[2, 0], 1.0, 0.0)
-    p = record(PARAMS, **bank.design(dt), **thresholds("rfafe_airframe", which), own=own,
+    design, chosen = choose(read("rfafe_airframe", own) if stored is None else stored, technology, dt)
+    ratios = (design.A[2, 1] / design.F[2, 0], design.A[2, 2] / design.F[2, 0], 1.0, 0.0)
+    p = record(PARAMS, **bank.design(dt), **thresholds("rfafe_airframe", which, own), own=ratios,
                omega_f=design.report.bandwidth[0])  # fmt: skip
     t = None
     if trim is not None:

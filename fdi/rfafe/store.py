@@ -3,6 +3,7 @@
 import json
 from dataclasses import asdict, fields, replace
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -48,9 +49,12 @@ def from_plain(plain: Any) -> Any:
     return _make(Design, {**numbers, **made})
 
 
-def read(name: str) -> Any:
-    """Return the stored file `name`.json as a dict: "designs" by technology, and what they were made from."""
-    file = resources.files("fdi").joinpath("designs", f"{name}.json")
+def read(name: str, own: Any = None) -> Any:
+    """Return the stored file `name`.json as a dict: "designs" by technology, and what they were made from.
+
+    `own` is the folder of an aircraft with designs of its own.
+    """
+    file = (Path(own) if own else resources.files("fdi")).joinpath("designs", f"{name}.json")
     if not file.is_file():
         raise FileNotFoundError(f"there is no stored design {name!r}; make it with `cosim design`")
     return json.loads(file.read_text(encoding="utf-8"))

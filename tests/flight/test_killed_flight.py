@@ -1,4 +1,4 @@
-"""A flight by hand, or live, that is killed before it writes its log: what was flown comes back, with what was injected."""
+"""A flight by hand, or live, killed before it writes its log: what was flown comes back, with what was injected."""
 
 import os
 import signal

@@ -131,8 +131,7 @@ def test_it_flies_with_two_segments_and_two_engines(tmp_path):
     assert own["iotsekf"]["alarm"] and own["iotsekf"]["isolated"]["class"] == "ofc_liquid"
     quiet = [d for d in found.detectors if d["target"] == "elevator.right" and d["id"] != "ema_kalman"]
     assert quiet and not any(d["alarm"] for d in quiet)
-    assert set(left_out(s)) == {"rfafe", "rfafe_airframe", "lpv_smo", "control_redundancy"}
-    assert left_out(s)["lpv_smo"] == "no design for narrowbody"
+    assert left_out(s) == {} and {"rfafe", "rfafe_airframe", "lpv_smo", "control_redundancy"} <= set(own)
 
 
 def test_a_target_of_another_aircraft_is_refused():

@@ -14,7 +14,7 @@ import numpy as np
 
 from actuators.constants import G0, KG_PER_SLUG, M_PER_FT, M_PER_IN, N_PER_LBF, PA_PER_PSF
 from cosim.flight.plant.aero.functions import AeroFunctions, _lookup, _table, find, number
-from cosim.scenario.aircraft import load_aircraft
+from cosim.scenario.aircraft import RECORD, load_aircraft
 from fdi.control_redundancy.force_model import VARIABLES, ForceModel
 
 FOLDER = load_aircraft().folder
@@ -22,11 +22,11 @@ AXES = {"lift": "LIFT", "drag": "DRAG", "side": "SIDE", "roll": "ROLL", "pitch":
 PROPERTY = {
     "alphadot": ("aero/alphadot-from-forces", "aero/alphadot-rad_sec"), "p": ("aero/p-rad_sec",),
     "q": ("aero/q-rad_sec",), "r": ("aero/r-rad_sec",), "beta": ("aero/beta-rad",),
-    "de_lo": ("fcs/elevator-lo-pos-rad",), "de_li": ("fcs/elevator-li-pos-rad",), "de_ri": ("fcs/elevator-ri-pos-rad",),
-    "de_ro": ("fcs/elevator-ro-pos-rad",), "da_l": ("fcs/aileron-left-pos-rad",),
-    "da_r": ("fcs/aileron-right-pos-rad",), "dr": ("fcs/rudder-applied-rad",), "stab": ("fcs/stabilizer-pos-rad",),
+    "da_l": ("fcs/aileron-left-pos-rad",), "da_r": ("fcs/aileron-right-pos-rad",),
+    "dr": ("fcs/rudder-applied-rad",), "stab": ("fcs/stabilizer-pos-rad",),
 }  # fmt: skip
 STABILITY = {"p": ("aero/p-stability-rad_sec",), "r": ("aero/r-stability-rad_sec",)}  # where an aircraft defines them
+PLACES = 4  # of engines in `ForceModel`
 SPEED = 500.0  # any speed [ft/s]: only makes rates of the dimensionless ones
 MULTIPLIER = "aero/mult/"
 TOLERANCE = 1e-9  # of splitting and of linearity, relative to the largest coefficient of the axis
@@ -40,9 +40,10 @@ def force_model(folder: Path = FOLDER) -> ForceModel:
     alpha = _breaks(aero, "aero/alpha-rad", [-0.2, 0.4])
     mach = _breaks(aero, "velocities/mach", [0.2, 0.95])
     qbar = _breaks(aero, "aero/qbar-psf", [10.0, 1000.0])
+    elevators = _elevators(folder)
     found = []
     for axis in AXES:
-        found += _quantities(aero, axis, alpha, mach, qbar)
+        found += _quantities(aero, axis, alpha, mach, qbar, elevators)
     found.sort(key=lambda item: item[2] is None)  # those with alpha first
     return ForceModel(
         area=aero.defaults["metrics/Sw-sqft"] * M_PER_FT**2, span=aero.defaults["metrics/bw-ft"] * M_PER_FT,
@@ -67,12 +68,22 @@ def _breaks(aero, name, ends):
     return np.array(ends) if own is None else own
 
 
-def _quantities(aero, axis, alpha, mach, qbar):
+def _elevators(folder):
+    """Return {variable: properties} of the elevator: the first and the last segment, and beside each the rest of its
+    side."""
+    if not (folder / RECORD).is_file():
+        return {f"de_{s}": (f"fcs/elevator-{s}-pos-rad",) for s in ("lo", "li", "ri", "ro")}
+    own = load_aircraft(str(folder))
+    left, right = ([f"fcs/elevator-{own.short[s]}-pos-rad" for s in own.groups[side]] for side in ("left", "right"))
+    return {"de_lo": tuple(left[:1]), "de_li": tuple(left[1:]), "de_ri": tuple(right[:-1]), "de_ro": tuple(right[-1:])}
+
+
+def _quantities(aero, axis, alpha, mach, qbar, elevators):
     """Return [(axis, variable, t_a or None, t_m)] of the entries that exist."""
     chord, span = aero.defaults["metrics/cbarw-ft"], aero.defaults["metrics/bw-ft"]
     size = {"roll": span, "yaw": span, "pitch": chord}.get(axis, 1.0)
     base = {"aero/alpha-rad": alpha[:, None, None], "velocities/mach": mach[None, :, None], "aero/qbar-psf": qbar}
-    properties = PROPERTY | {k: v for k, v in STABILITY.items() if v[0] in aero.functions}
+    properties = PROPERTY | elevators | {k: v for k, v in STABILITY.items() if v[0] in aero.functions}
     base |= {"velocities/vt-fps": SPEED, **{name: 0.0 for names in properties.values() for name in names}}
     shape = (len(alpha), len(mach), len(qbar))
 
@@ -85,7 +96,7 @@ def _quantities(aero, axis, alpha, mach, qbar):
 
     zero = coefficient()
     tables = {}
-    for variable in PROPERTY:
+    for variable in properties:
         unit = 1.0
         if variable in ("alphadot", "p", "q", "r"):  # rate that makes the dimensionless rate one
             unit = 2 * SPEED / (span if variable in "pr" else chord)
@@ -146,8 +157,12 @@ def _propulsion(root, folder):
         x, y, z = (unit * number(location, k) for k in "xyz")
         positions.append([reference["x"] * M_PER_IN - x, y - reference["y"] * M_PER_IN, reference["z"] * M_PER_IN - z])
     pitch = math.radians(number(engines[0], "thruster/orient/pitch"))
+    if PLACES % len(engines):
+        raise ValueError(f"{len(engines)} engines: 1, 2 or 4 are expected")
+    parts = PLACES // len(engines)  # a twin's engine stands for two of half the thrust
+    places, mil, idle = np.repeat(positions, parts, axis=0), mil / parts, idle / parts
     return {
-        "thrust_mach": mach, "thrust_p": pressure * PA_PER_PSF, "idle": idle, "mil": mil, "engine": np.array(positions),
+        "thrust_mach": mach, "thrust_p": pressure * PA_PER_PSF, "idle": idle, "mil": mil, "engine": places,
         "n1_idle": number(tree, "idlen1"), "n1_max": number(tree, "maxn1"),
         "thrust_axis": (math.cos(pitch), 0.0, -math.sin(pitch)),
     }  # fmt: skip

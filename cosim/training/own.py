@@ -1,0 +1,261 @@
+"""Designs and thresholds of the aircraft-level detectors for another aircraft: `cosim design --aircraft NAME`.
+
+What `cosim design`, `cosim train aircraft` and `cosim train rfafe` do for the transport, by the same code, on another
+aircraft: LPV boxes over its envelope, the Sun13 estimators at the first point of its record, thresholds from fault-free
+flights over its envelope. All of it goes into the aircraft's folder, `designs/` and `thresholds/`.
+"""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from actuators.constants import M_PER_FT
+from cosim.campaign.jobs import work
+from cosim.errors import DesignError, TrimError
+from cosim.files import replace_text
+from cosim.flight import made
+from cosim.flight.blocks.sensors import TRANSPORT
+from cosim.flight.build import build
+from cosim.flight.detectors import sources
+from cosim.flight.signals import fly
+from cosim.flight.site import site
+from cosim.scenario.aircraft import Aircraft, load_aircraft
+from cosim.training import lpv_boxes, rfafe, train_aircraft, train_rfafe
+from cosim.training.flights import COMMAND, DT, MODULES, estimate, scenario
+from fdi import registry
+from fdi.common import bank, compact
+from fdi.lpv_smo import boxes
+from fdi.lpv_smo.core import NB
+
+FLIGHTS, FIRST_SEED = 128, 41_000  # fault-free flights of 60 s, and the first seed
+DRAWS, CHUNKS = 1024, 16  # points tried for the LPV model, and jobs that they are shared among
+ALPHA_MARGIN = 0.97  # of the angle that surely flies: no design beyond
+MACH_EDGES = lpv_boxes.EDGES[3]
+FLOOR = 0.5  # of an accelerometer's noise: five sigma of its mean over half a second, no threshold is lower
+DIGITS = 10  # of the numbers in the files
+WIDEST = {"mass": 1.75, "cas": 1.35, "cg": 25.0}  # of a box: ratio, ratio, per cent of the chord
+
+
+def make(
+    aircraft: str, *, flights: int = FLIGHTS, first_seed: int = FIRST_SEED, folder: str | Path | None = None,
+    workers: int | None = None, progress: Callable[[int, int], None] | None = None,
+    tell: Callable[[str], None] = lambda text: None,
+) -> list[Path]:  # fmt: skip
+    """Make and store designs and thresholds for `aircraft`, a name or a folder; return the files.
+
+    Takes 3 minutes of processor time at 128 `flights`. `folder` keeps what is done, so that a killed run goes on;
+    `tell` hears each stage, `progress(done, total)` its jobs. Raises DesignError for the default aircraft, and
+    where no flight point of the envelope has a steady flight.
+    """
+    own = load_aircraft(aircraft)
+    if own.own_designs is None:
+        raise DesignError("its designs are those of fdi/", place=f"--aircraft {aircraft}",
+                          remedy="`cosim design` and `cosim train` make them")  # fmt: skip
+    name, digest = str(own.folder), made.digest(own)
+    how: dict[str, Any] = {"folder": folder, "workers": workers, "progress": progress}
+
+    def several(function, *each):
+        return work([(function, {"aircraft": name, "digest": digest, **one}) for one in each], **how)
+
+    tell("linear models over the envelope, actuators in flight, LMIs")
+    jobs: list[Any] = [(form, {"aircraft": name, "digest": digest}) for form in (_published, _airframe)]
+    jobs += [(_steady, {"aircraft": name, "digest": digest, "chunk": k}) for k in range(CHUNKS)]
+    published, airframe, *chunks = work(jobs, **how)
+    held = {"rfafe": published, "rfafe_airframe": airframe}
+    written = [_write(own, "designs", one, {"source": digest, **design}) for one, design in held.items()]
+    kept = [tuple(np.array(part) for part in row) for rows in chunks for row in rows]
+    if not kept:
+        raise DesignError("no flight point of its envelope has a steady flight", place=name,
+                          remedy=f"`cosim check-aircraft {aircraft}` says why")  # fmt: skip
+    written.append(_boxes(own, lpv_boxes.samples(kept)))
+
+    tell(f"{flights} fault-free flights")
+    answered = several(_answered, *({"index": k} for k in range(bank.K)))
+    values = several(_surveyed, *({"index": k, "first_seed": first_seed} for k in range(flights)))
+    written += _thresholds(own, values, answered, flights, first_seed)
+    about = {"aircraft_sha256": digest, "flights": flights, "first_seed": first_seed}
+    return [*written, _write(own, "designs", Path(made.FILE).stem, about)]
+
+
+def check(aircraft: str) -> dict[str, str]:
+    """Return {detector: "" or what is wrong} of the designs stored in an aircraft's folder."""
+    own = load_aircraft(aircraft)
+    level = [r for n in registry.SHIPPED if (r := registry.record(n)).level == "aircraft" and not r.any_aircraft]
+    return {record.id: made.lacking(own, record) for record in level}
+
+
+def _write(own, kind, name, content):
+    path = own.folder / kind / f"{name}.json"
+    path.parent.mkdir(exist_ok=True)
+    replace_text(path, compact.text(_short(content)))
+    return path
+
+
+def _short(value):
+    """Return plain data with its numbers to DIGITS significant digits."""
+    if isinstance(value, dict):
+        return {k: _short(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_short(v) for v in value]
+    return float(f"{value:.{DIGITS - 1}e}") if isinstance(value, float) else value
+
+
+def _published(aircraft: str, digest: str) -> dict[str, Any]:
+    return rfafe.published(lambda text: None, aircraft)
+
+
+def _airframe(aircraft: str, digest: str) -> dict[str, Any]:
+    return rfafe.airframe(lambda text: None, aircraft)
+
+
+def _limits(own: Aircraft) -> tuple[np.ndarray, float, float]:
+    """Return what is sampled, (4, 2): t, %, m, kt, and the largest angle of attack [deg] and Mach number."""
+    limits, mass = own.limits, own.mass
+    height = [feet * M_PER_FT for feet in limits.altitude_ft]
+    span = np.array([mass.mass_t, mass.cg_pct, height, limits.cas_kt])
+    alpha = ALPHA_MARGIN * limits.alpha_surely_flies_deg
+    return span, min(alpha, lpv_boxes.ALPHA_MAX), min(limits.mach[1], lpv_boxes.MACH_MAX)
+
+
+def _steady(aircraft: str, digest: str, chunk: int) -> list[Any]:
+    """Return rows of `lpv_boxes.steady` for every CHUNKS-th point, plain data."""
+    span, alpha, mach = _limits(load_aircraft(aircraft))
+    at = lpv_boxes.points(span, DRAWS)[chunk::CHUNKS]
+    kept = lpv_boxes.steady(at, alpha_max=alpha, mach_max=mach, aircraft=aircraft)
+    return [[part.tolist() for part in row] for row in kept]
+
+
+def _boxes(own, samples):
+    """Design the boxes of an envelope's linear models and store them."""
+    low, high = samples.rho.min(axis=0), samples.rho.max(axis=0)
+    mach = [m for m in MACH_EDGES if low[3] < m < high[3]]
+    cas_ratio = WIDEST["cas"]
+    while True:  # wider boxes until the block holds them
+        edges = (_geometric(low[0], high[0], WIDEST["mass"]), _even(low[1], high[1], WIDEST["cg"]),
+                 _geometric(low[2], high[2], cas_ratio), (max(low[3] - 1e-6, 0.0), *mach, high[3]))  # fmt: skip
+        pairs = lpv_boxes.make(samples, edges)
+        if len(pairs) <= NB:
+            break
+        cas_ratio *= 1.15
+    path = own.folder / "designs" / "lpv_smo_boxes.json"
+    boxes.save(pairs, path, aircraft_sha256=made.digest(own), draws=DRAWS, seed=lpv_boxes.SOBOL_SEED)
+    return path
+
+
+def _geometric(low, high, ratio):
+    n = max(math.ceil(math.log(high / low) / math.log(ratio)), 1)
+    return tuple(np.round(np.geomspace(math.floor(low), math.ceil(high), n + 1)).tolist())
+
+
+def _even(low, high, width):
+    n = max(math.ceil((high - low) / width), 1)
+    return tuple(np.linspace(math.floor(low), math.ceil(high), n + 1).tolist())
+
+
+def point(own: Aircraft, rng: np.random.Generator) -> dict[str, float]:
+    """Return a flight point drawn over the aircraft's envelope, in a scenario's keys; not every one trims."""
+    mass, cg = rng.uniform(*own.mass.mass_t), rng.uniform(*own.mass.cg_pct)
+    height, cas = rng.uniform(*own.limits.altitude_ft), rng.uniform(*own.limits.cas_kt)
+    return {"mass_t": mass, "cg_pct": cg, "altitude_ft": max(height, 3000.0), "cas_kt": cas}
+
+
+def arguments(aircraft: str, index: int, first_seed: int) -> dict[str, Any]:
+    """Return the arguments of `flights.scenario` of fault-free flight `index`: air, manoeuvre and layout in turn."""
+    own, rng = load_aircraft(aircraft), np.random.default_rng([first_seed, index])
+    _, alpha, mach = _limits(own)
+    layouts = [tuple(own.technology.values()), ("hydraulic",) * len(own.segments)]
+    off = {n: float(1 + train_aircraft.TOLERANCE * rng.choice((-1, 1))) for n in own.multipliers}
+    fixed: dict[str, Any] = {
+        "duration": 60.0, "manoeuvre": train_aircraft.KINDS[index % 8], "seed": first_seed + index,
+        "technology": layouts[index // 32 % 2], "sensors": {"noise_scale": train_aircraft.NOISE_SCALE},
+        "tolerances": {"aero": off}, "aircraft": aircraft,
+    }  # fmt: skip
+    air = train_aircraft.TURBULENCE[index // 8 % 4]
+    while True:
+        flight: dict[str, Any] = fixed | {"flight": {"aircraft": aircraft, **point(own, rng), "turbulence": air}}
+        try:
+            setup = build(scenario(**flight))
+        except TrimError:
+            continue
+        truth = setup.loop.truth
+        if setup.trim.throttle < 0.9 and math.degrees(setup.trim.alpha) < 0.8 * alpha and truth["mach"] < mach - 0.03:
+            return flight
+
+
+def flown(own: Aircraft, flight: dict[str, Any]) -> pd.DataFrame:
+    """Fly a flight and return what the aircraft-level detectors read, under its names on the default aircraft."""
+    wires = {d: (sources(d), sources(d, aircraft=own)) for d in train_aircraft.DETECTORS}
+    frame = fly(scenario(**flight), dict.fromkeys([COMMAND, *(s for _, its in wires.values() for s in its.values())]))
+    said = {there[field]: frame[its[field]] for there, its in wires.values() for field in its}
+    out = pd.DataFrame({**{c: frame[c] for c in frame}, **said}, copy=False)
+    out.attrs = frame.attrs
+    return out
+
+
+def fitted(own: Aircraft, name: str, technology: dict[str, str]) -> np.ndarray:
+    """Return the parameters with which detector `name` flies on an aircraft."""
+    return registry.record(name).fit(site(DT, "", technology, own))
+
+
+def _surveyed(aircraft: str, digest: str, index: int, first_seed: int) -> dict[str, Any]:
+    """Return what the surveys find in one fault-free flight; of detectors not trained in its air nothing."""
+    own, flight = load_aircraft(aircraft), arguments(aircraft, index, first_seed)
+    frame, air = flown(own, flight), flight["flight"]["turbulence"]
+    technology = dict(zip(own.segments, flight["technology"], strict=True))
+    out: dict[str, Any] = {}
+    for name, survey in train_aircraft.SURVEYS.items():
+        if air in train_aircraft.AIR[name]:
+            found = survey(frame, fitted(own, name, technology))
+            out[name] = {part: rows.tolist() for part, rows in found.items()}
+    for name in MODULES.keys() - train_aircraft.SURVEYS.keys():
+        if air in train_rfafe.TURBULENCE:
+            runs, whatever, slow = train_rfafe.survey(frame, name, fitted(own, name, technology))
+            out[f"{name} fits"] = [runs.tolist(), whatever.tolist(), slow]
+    return out
+
+
+def _answered(aircraft: str, digest: str, index: int) -> dict[str, float]:
+    """Return {estimator: how much command the law answers an oscillation with, over f_hat's amplitude} at one frequency
+    of the bank."""
+    own, hz = load_aircraft(aircraft), float(bank.frequencies()[index])
+    technology = {s: "hydraulic" for s in own.segments}
+    fault = {"target": f"elevator.{own.segments[0]}", "kind": "ofc_liquid", "at": "command", "start_s": 2.0,
+             "amplitude_deg": min(4.0, 30.0 / (2.0 * math.pi * hz)), "frequency_hz": hz}  # fmt: skip
+    flight = {"duration": 2.0 + max(8.0 / hz, 3.0), "faults": [fault], "aircraft": aircraft,
+              "flight": own.points[rfafe.point_of(own)], "technology": tuple(technology.values())}  # fmt: skip
+    frame, out = flown(own, flight), {}
+    for name in MODULES:
+        last = estimate(frame, name, fitted(own, name, technology))[-1]
+        f, u = (math.hypot(last["bank_cos"][i, index], last["bank_sin"][i, index]) for i in (0, 1))
+        out[name] = u / max(f, 1e-12)
+    return out
+
+
+def _thresholds(own, values, answered, flights, first_seed):
+    """Store the thresholds that the surveys ask for; return the files."""
+    limits, written = train_aircraft.limits(values), []
+    how = {
+        "command": f"cosim design --aircraft {own.name}",
+        "flights": flights,
+        "first_seed": first_seed,
+        "flight_s": 60.0,
+    }
+    for name, parts in limits["limits"].items():
+        fields = {k: np.round(v, 7).tolist() for k, v in train_aircraft.fields(name, parts).items()}
+        if name == "lpv_smo":
+            fields["alpha_max"] = math.radians(_limits(own)[1])
+        if name == "control_redundancy":
+            fields = {k: max(v, FLOOR * TRANSPORT[f"n_{k[-1]}"][1]) for k, v in fields.items()}
+        about = {**how, "probability_per_flight": train_aircraft.PROBABILITY, "air": list(train_aircraft.AIR[name])}
+        written.append(_write(own, "thresholds", name, {"flight": fields, "training": about}))
+    for name in MODULES.keys() - train_aircraft.SURVEYS.keys():
+        answer = np.array([found[name] for found in answered])
+        found = [({}, {name: v[f"{name} fits"]}) for v in values if f"{name} fits" in v]
+        fields, _ = train_rfafe.fields(name, found, answer)
+        about = {**how, "margin": train_rfafe.MARGIN, "air": list(train_rfafe.TURBULENCE)}
+        written.append(_write(own, "thresholds", name, {"flight": fields, "training": about}))
+    return written
