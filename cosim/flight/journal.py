@@ -27,7 +27,7 @@ def beside(log: str | os.PathLike) -> Path:
 
 
 class Journal:
-    """Keep what a flight has come to; `log` None: nothing is kept. Raises OutputError when the first cannot be written."""
+    """Keep what a flight has come to; `log` None: nothing is kept. Raises OutputError where it cannot be begun."""
 
     def __init__(self, log: str | os.PathLike | None):
         self._path = None if log is None else beside(log)
@@ -52,7 +52,7 @@ class Journal:
 
 
 def recover(log: str | os.PathLike, out: str | os.PathLike, *, progress: Any = None) -> dict[str, Any]:
-    """Fly again what the journal of `log` says was flown, write its log to `out`, remove the journal; return what it is.
+    """Fly again what the journal of `log` says was flown, write its log to `out`, remove the journal; say what it is.
 
     Raises ScenarioError for a journal that is none, LogError when `out` cannot be written.
     """

@@ -69,9 +69,10 @@ class Flight:
     """Fly a scenario tick by tick; faults are injected and healed while it flies.
 
     `scenario` is a Scenario or what `cosim.load_scenario` takes, `log` the path of the log that is written when the
-    flight is closed, or None (of one that is killed `cosim recover LOG` makes it), `flightgear` a UDP port of this machine where FlightGear shows the flight. `scenario` of
-    the flight holds what was injected, `tick` and `time` [s] count what was flown, `status` is "flying", "completed",
-    "departed" or "diverged". Raises TrimError when the point cannot be flown.
+    flight is closed, or None; of one that is killed `cosim recover LOG` makes it. `flightgear` is a UDP port of
+    this machine where FlightGear shows the flight. `scenario` of the flight holds what was injected, `tick` and
+    `time` [s] count what was flown, `status` is "flying", "completed", "departed" or "diverged". Raises TrimError
+    when the point cannot be flown.
     """
 
     def __init__(

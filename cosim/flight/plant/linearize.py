@@ -84,6 +84,12 @@ class LinearModel:
     y0: np.ndarray
     modes: list
 
+    def __repr__(self) -> str:
+        t, sizes = self.trim, f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
+        modes = (f"  {m.name:<14} {m.wn:8.4f} rad/s, damping {m.zeta:.3f}" for m in self.modes)
+        at = f"alpha {math.degrees(t.alpha):.2f} deg, {t.tas:.1f} m/s, {t.altitude:.0f} m, throttle {t.throttle:.2f}"
+        return "\n".join([f"LinearModel: {sizes}; trim at {at}", *modes])
+
     def named(self, stem: str) -> tuple[str, ...]:
         """Return the inputs whose names begin with `stem`: "de_" the elevator segments, "throttle_" the engines."""
         return tuple(name for name in self.inputs if name.startswith(stem))
