@@ -25,7 +25,7 @@ from cosim.flight.signals import fly
 from cosim.flight.site import site
 from cosim.scenario.aircraft import Aircraft, load_aircraft
 from cosim.training import lpv_boxes, rfafe, train_aircraft, train_rfafe
-from cosim.training.flights import COMMAND, DT, MODULES, estimate, scenario
+from cosim.training.flights import COMMAND, DT, estimate, scenario
 from fdi import registry
 from fdi.common import bank, compact
 from fdi.lpv_smo import boxes
@@ -36,6 +36,7 @@ DRAWS, CHUNKS = 1024, 16  # points tried for the LPV model, and jobs that they a
 ALPHA_MARGIN = 0.97  # of the angle that surely flies: no design beyond
 MACH_EDGES = lpv_boxes.EDGES[3]
 FLOOR = 0.5  # of an accelerometer's noise: five sigma of its mean over half a second, no threshold is lower
+GUSTS = ("light", "moderate")  # of the flights that teach what the airframe has in an estimate
 DIGITS = 10  # of the numbers in the files
 WIDEST = {"mass": 1.75, "cas": 1.35, "cg": 25.0}  # of a box: ratio, ratio, per cent of the chord
 
@@ -74,9 +75,13 @@ def make(
     written.append(_boxes(own, lpv_boxes.samples(kept)))
 
     tell(f"{flights} fault-free flights")
+    for old in (own.folder / "thresholds").glob("*.json"):
+        old.unlink()  # no flight of the training knows what the last one found
+    seeds = [{"index": k, "first_seed": first_seed} for k in range(flights)]
     answered = several(_answered, *({"index": k} for k in range(bank.K)))
-    values = several(_surveyed, *({"index": k, "first_seed": first_seed} for k in range(flights)))
-    written += _thresholds(own, values, answered, flights, first_seed)
+    prior = train_aircraft.known(several(_taught, *(one for one in seeds if _air(one["index"]) in GUSTS)))
+    values = several(_surveyed, *({**one, "prior": prior} for one in seeds))
+    written += _thresholds(own, values, answered, prior, flights, first_seed)
     about = {"aircraft_sha256": digest, "flights": flights, "first_seed": first_seed}
     return [*written, _write(own, "designs", Path(made.FILE).stem, about)]
 
@@ -174,9 +179,10 @@ def arguments(aircraft: str, index: int, first_seed: int) -> dict[str, Any]:
         "technology": layouts[index // 32 % 2], "sensors": {"noise_scale": train_aircraft.NOISE_SCALE},
         "tolerances": {"aero": off}, "aircraft": aircraft,
     }  # fmt: skip
-    air = train_aircraft.TURBULENCE[index // 8 % 4]
     while True:
-        flight: dict[str, Any] = fixed | {"flight": {"aircraft": aircraft, **point(own, rng), "turbulence": air}}
+        flight: dict[str, Any] = fixed | {
+            "flight": {"aircraft": aircraft, **point(own, rng), "turbulence": _air(index)}
+        }
         try:
             setup = build(scenario(**flight))
         except TrimError:
@@ -184,6 +190,11 @@ def arguments(aircraft: str, index: int, first_seed: int) -> dict[str, Any]:
         truth = setup.loop.truth
         if setup.trim.throttle < 0.9 and math.degrees(setup.trim.alpha) < 0.8 * alpha and truth["mach"] < mach - 0.03:
             return flight
+
+
+def _air(index):
+    """Return the turbulence of a training flight."""
+    return train_aircraft.TURBULENCE[index // 8 % 4]
 
 
 def flown(own: Aircraft, flight: dict[str, Any]) -> pd.DataFrame:
@@ -198,64 +209,75 @@ def flown(own: Aircraft, flight: dict[str, Any]) -> pd.DataFrame:
 
 def fitted(own: Aircraft, name: str, technology: dict[str, str]) -> np.ndarray:
     """Return the parameters with which detector `name` flies on an aircraft."""
-    return registry.record(name).fit(site(DT, "", technology, own))
+    p = registry.record(name).fit(site(DT, "", technology, own))
+    if "alpha_max" in p.dtype.names:
+        p["alpha_max"] = math.radians(_limits(own)[1])
+    return p
 
 
-def _surveyed(aircraft: str, digest: str, index: int, first_seed: int) -> dict[str, Any]:
-    """Return what the surveys find in one fault-free flight; of detectors not trained in its air nothing."""
+def _trained(aircraft, index, first_seed):
+    """Return (aircraft, what its detectors read in training flight `index`, technology of each segment)."""
     own, flight = load_aircraft(aircraft), arguments(aircraft, index, first_seed)
-    frame, air = flown(own, flight), flight["flight"]["turbulence"]
-    technology = dict(zip(own.segments, flight["technology"], strict=True))
+    return own, flown(own, flight), dict(zip(own.segments, flight["technology"], strict=True))
+
+
+def _taught(aircraft: str, digest: str, index: int, first_seed: int) -> list[float]:
+    """Return what `train_aircraft.learned` finds in one training flight."""
+    own, frame, technology = _trained(aircraft, index, first_seed)
+    return train_aircraft.learned(frame, fitted(own, "rfafe_airframe", technology))
+
+
+def _surveyed(aircraft: str, digest: str, index: int, first_seed: int, prior: dict[str, Any]) -> dict[str, Any]:
+    """Return what the surveys find in one fault-free flight; of detectors not trained in its air nothing."""
+    own, frame, technology = _trained(aircraft, index, first_seed)
     out: dict[str, Any] = {}
     for name, survey in train_aircraft.SURVEYS.items():
-        if air in train_aircraft.AIR[name]:
-            found = survey(frame, fitted(own, name, technology))
-            out[name] = {part: rows.tolist() for part, rows in found.items()}
-    for name in MODULES.keys() - train_aircraft.SURVEYS.keys():
-        if air in train_rfafe.TURBULENCE:
-            runs, whatever, slow = train_rfafe.survey(frame, name, fitted(own, name, technology))
-            out[f"{name} fits"] = [runs.tolist(), whatever.tolist(), slow]
+        if _air(index) in train_aircraft.AIR[name]:
+            p = fitted(own, name, technology)
+            for field, value in prior.items() if name == "rfafe_airframe" else ():
+                p[field] = value
+            out[name] = {part: rows.tolist() for part, rows in survey(frame, p).items()}
+    if _air(index) in train_rfafe.TURBULENCE:
+        runs, whatever, slow = train_rfafe.survey(frame, "rfafe", fitted(own, "rfafe", technology))
+        out["rfafe"] = [runs.tolist(), whatever.tolist(), slow]
     return out
 
 
-def _answered(aircraft: str, digest: str, index: int) -> dict[str, float]:
-    """Return {estimator: how much command the law answers an oscillation with, over f_hat's amplitude} at one frequency
-    of the bank."""
+def _answered(aircraft: str, digest: str, index: int) -> float:
+    """Return how much command the law answers an oscillation with, over the amplitude of rfafe's estimate, at one
+    frequency of the bank."""
     own, hz = load_aircraft(aircraft), float(bank.frequencies()[index])
     technology = {s: "hydraulic" for s in own.segments}
     fault = {"target": f"elevator.{own.segments[0]}", "kind": "ofc_liquid", "at": "command", "start_s": 2.0,
              "amplitude_deg": min(4.0, 30.0 / (2.0 * math.pi * hz)), "frequency_hz": hz}  # fmt: skip
     flight = {"duration": 2.0 + max(8.0 / hz, 3.0), "faults": [fault], "aircraft": aircraft,
               "flight": own.points[rfafe.point_of(own)], "technology": tuple(technology.values())}  # fmt: skip
-    frame, out = flown(own, flight), {}
-    for name in MODULES:
-        last = estimate(frame, name, fitted(own, name, technology))[-1]
-        f, u = (math.hypot(last["bank_cos"][i, index], last["bank_sin"][i, index]) for i in (0, 1))
-        out[name] = u / max(f, 1e-12)
-    return out
+    last = estimate(flown(own, flight), "rfafe", fitted(own, "rfafe", technology))[-1]
+    f, u = (math.hypot(last["bank_cos"][i, index], last["bank_sin"][i, index]) for i in (0, 1))
+    return u / max(f, 1e-12)
 
 
-def _thresholds(own, values, answered, flights, first_seed):
+def _thresholds(own, values, answered, prior, flights, first_seed):
     """Store the thresholds that the surveys ask for; return the files."""
     limits, written = train_aircraft.limits(values), []
-    how = {
-        "command": f"cosim design --aircraft {own.name}",
-        "flights": flights,
-        "first_seed": first_seed,
-        "flight_s": 60.0,
-    }
+    how = {"command": f"cosim design --aircraft {own.name}", "flights": flights, "first_seed": first_seed,
+           "flight_s": 60.0}  # fmt: skip
     for name, parts in limits["limits"].items():
-        fields = {k: np.round(v, 7).tolist() for k, v in train_aircraft.fields(name, parts).items()}
-        if name == "lpv_smo":
+        fields = train_aircraft.fields(name, parts)
+        if name in ("lpv_smo", "rfafe_airframe"):
             fields["alpha_max"] = math.radians(_limits(own)[1])
+        if name == "rfafe_airframe":
+            fields |= prior
         if name == "control_redundancy":
-            fields = {k: max(v, FLOOR * TRANSPORT[f"n_{k[-1]}"][1]) for k, v in fields.items()}
+            fields |= {f"t_{axis}": max(fields[f"t_{axis}"], FLOOR * TRANSPORT[f"n_{axis}"][1]) for axis in "xyz"}
         about = {**how, "probability_per_flight": train_aircraft.PROBABILITY, "air": list(train_aircraft.AIR[name])}
-        written.append(_write(own, "thresholds", name, {"flight": fields, "training": about}))
-    for name in MODULES.keys() - train_aircraft.SURVEYS.keys():
-        answer = np.array([found[name] for found in answered])
-        found = [({}, {name: v[f"{name} fits"]}) for v in values if f"{name} fits" in v]
-        fields, _ = train_rfafe.fields(name, found, answer)
-        about = {**how, "margin": train_rfafe.MARGIN, "air": list(train_rfafe.TURBULENCE)}
-        written.append(_write(own, "thresholds", name, {"flight": fields, "training": about}))
+        written.append(_write(own, "thresholds", name, {"flight": _plain(fields), "training": about}))
+    found = [({}, {"rfafe": v["rfafe"]}) for v in values if "rfafe" in v]
+    fields, _ = train_rfafe.fields("rfafe", found, np.array(answered))
+    about = {**how, "margin": train_rfafe.MARGIN, "air": list(train_rfafe.TURBULENCE)}
+    written.append(_write(own, "thresholds", "rfafe", {"flight": _plain(fields), "training": about}))
     return written
+
+
+def _plain(fields):
+    return {k: np.asarray(v).tolist() for k, v in fields.items()}
