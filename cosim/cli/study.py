@@ -116,7 +116,7 @@ def add(app: typer.Typer, out: Console, err: Console) -> None:
         if aircraft:
             found = _own(aircraft, names, check, flights, output, workers)
             print(json.dumps({"designs": found, "ok": not any(found.values())})) if json_ else out.print(
-                tables.designs({name: (aircraft, problem) for name, problem in found.items()})
+                designs({name: (aircraft, problem) for name, problem in found.items()})
             )
             raise typer.Exit(1 if any(found.values()) else 0)
         chosen = names or list(work.DESIGNS)
