@@ -1,5 +1,6 @@
 """What a recorded flight costs: reading it into pandas, and running its detectors again."""
 
+import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -15,17 +16,19 @@ TOPIC = "/truth/aircraft"
 
 
 def log_costs(path: str | Path) -> dict[str, Any]:
-    """Return {minutes, values_mb, open_s, frames_s, topic_s, replay_s, replay_realtime, detectors_realtime,
-    replay_us}.
+    """Return {minutes, values_mb, open_s, frames_s, topic_s, parquet_s, replay_s, replay_cpu_s, replay_realtime,
+    detectors_realtime, replay_us}.
 
-    Reading: opening with all checksums, then every signal, or one topic, into pandas. `replay_realtime` is how many
+    Reading: opening with all checksums, then every signal, or one topic, into pandas; `parquet_s` is what pyarrow takes
+    for the same numbers from Parquet, a file per topic. Times of reading are the processor's, so that a busy machine
+    blurs them less; `replay_s` is the clock's, with every core. `replay_realtime` is how many
     times faster than real time a whole replay is, with reading and comparing; `detectors_realtime` is that of the
     detectors' own steps, and `replay_us` {id: microseconds per step and lane}.
     """
     log = open_log(path)
     duration = log.n_ticks * log.dt_ns / 1e9
     size = sum(t.rows * len(t.fields) for t in log.topics.values()) * 8 / 1e6
-    whole = _best(lambda: replay(path))
+    whole, on_all = min(_taken(lambda: replay(path)) for _ in range(ROUNDS))
     steps = _steps(log)
     return {
         "minutes": duration / 60,
@@ -33,7 +36,9 @@ def log_costs(path: str | Path) -> dict[str, Any]:
         "open_s": _best(lambda: open_log(path)),
         "frames_s": _best(log.frames),
         "topic_s": _best(lambda: log.frame(TOPIC)),
+        "parquet_s": _parquet(log),
         "replay_s": whole,
+        "replay_cpu_s": on_all,
         "replay_realtime": duration / whole,
         "detectors_realtime": log.dt_ns / 1e3 / sum(sum(costs) for costs in steps.values()),
         "replay_us": {name: float(np.mean(costs)) for name, costs in steps.items()},
@@ -51,10 +56,27 @@ def _steps(log):
     return out
 
 
+def _parquet(log):
+    """Return the seconds that pyarrow takes to read every topic from Parquet into pandas."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    taken = 0.0
+    with tempfile.TemporaryDirectory() as folder:
+        for name in log.topics:
+            file = Path(folder) / "topic.parquet"
+            pq.write_table(pa.Table.from_pandas(log.frame(name)), file)
+            taken += _best(lambda file=file: pq.read_table(file).to_pandas())
+    return taken
+
+
 def _best(call):
-    seconds = []
-    for _ in range(ROUNDS):
-        begin = time.perf_counter()
-        call()
-        seconds.append(time.perf_counter() - begin)
-    return min(seconds)
+    """Return the least seconds of the processor that a call takes."""
+    return min(_taken(call)[1] for _ in range(ROUNDS))
+
+
+def _taken(call):
+    """Return (seconds of the clock, seconds of the processor in all threads)."""
+    begin, busy = time.perf_counter(), time.process_time()
+    call()
+    return time.perf_counter() - begin, time.process_time() - busy

@@ -59,7 +59,11 @@ def measure(folder: Path, rounds: int, progress: Callable[[int], None]) -> tuple
                 times[k, i] = timed(call)
             if k % TURNS == TURNS - 1:
                 progress(k // TURNS + 1)
-    rows = [_row(name, times, i, against, cases) for i, (name, _, against) in enumerate(cases)]
+    rows = [_row(name, times[:, i], against, times, cases) for i, (name, _, against) in enumerate(cases)]
+    at = {name: i for i, (name, _, _) in enumerate(cases)}
+    for name in ("lockstep", "detectors"):
+        more = times[:, at[f"{name}, log"]] - times[:, at[name]]
+        rows.append(_row(f"the log of {name} alone", more, at["bare"], times, cases))
     cost = {row["name"]: row["us_per_tick"] for row in rows}
     named = {"lockstep": "lockstep, log", "with_detectors": "detectors, log"}
     return rows, {key: scenario.dt * 1e6 / cost[name] for key, name in named.items()}
@@ -84,11 +88,11 @@ def timed(call: Callable[[], None]) -> float:
     return (time.thread_time() - begin) / ROWS * 1e6
 
 
-def _row(name, times, i, against, cases):
-    row = {"name": name, "us_per_tick": float(np.median(times[:, i])), "against": None, "ratio": None, "spread": None}
+def _row(name, taken, against, times, cases):
+    row = {"name": name, "us_per_tick": float(np.median(taken)), "against": None, "ratio": None, "spread": None}
     if against is None:
         return row
-    low, middle, high = np.percentile(times[:, i] / times[:, against], (25, 50, 75))
+    low, middle, high = np.percentile(taken / times[:, against], (25, 50, 75))
     return row | {
         "against": cases[against][0],
         "ratio": float(middle),

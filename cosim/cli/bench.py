@@ -86,8 +86,8 @@ def _numbers(found):
         if found.get(name):
             out[what] = found[name]
     out |= {f"growth over {line['over']} [{line['unit']} each]": line["slope"] for line in found.get("growth", ())}
-    for name in ("open_s", "frames_s", "topic_s", "replay_s"):
-        if found.get("recorded"):
+    for name in ("open_s", "frames_s", "topic_s", "parquet_s", "replay_s", "replay_cpu_s"):
+        if name in (found.get("recorded") or {}):
             out[f"log: {name.removesuffix('_s')} [s]"] = found["recorded"][name]
     return out
 
@@ -108,7 +108,8 @@ def shown(found: dict[str, Any]) -> Group:
     all_, minutes = f"{rate['with_detectors']:.0f} x", found["memory_flight_s"] / 60
     lines = [
         f"real time      {rate['lockstep']:.0f} x, with all eleven detectors {all_}, on one of {found['cores']} cores",
-        f"warm start     {start['run_s']:.2f} s for a run of 1 s; help {start['help_s']:.2f} s",
+        f"warm start     {start['run_cpu_s']:.2f} s of the processor for a run of 1 s, {start['flight_cpu_s']:.2f} s "
+        f"for the default flight and its report; help {start['help_cpu_s']:.2f} s",
         f"peak memory    {number(found['peak_mb'], 0)} MB in a flight of {minutes:.0f} minutes; a campaign's "
         f"worker {number(found['worker_mb'], 0)} MB",
     ]
@@ -116,7 +117,8 @@ def shown(found: dict[str, Any]) -> Group:
         r = recorded
         lines += [
             f"reading        {r['open_s'] + r['frames_s']:.2f} s for {r['minutes']:.0f} minutes of every signal "
-            f"({r['values_mb']:.0f} MB of numbers) into pandas, one topic {r['topic_s']:.2f} s",
+            f"({r['values_mb']:.0f} MB of numbers) into pandas, {(r['open_s'] + r['frames_s']) / r['parquet_s']:.1f} "
+            f"times pyarrow's for the same from Parquet; one topic {r['topic_s']:.2f} s",
             f"replay         {r['detectors_realtime']:.0f} x real time for every detector, "
             f"{r['replay_realtime']:.0f} x with reading and comparing",
         ]

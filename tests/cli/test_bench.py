@@ -19,6 +19,8 @@ def test_the_cases_are_ratios_to_one_flight_without_anything(tmp_path):
     by = {row["name"]: row for row in rows}
     assert by["bare"]["against"] == "B747" and by["lockstep"]["against"] == "bare"
     assert 1.0 < by["lockstep"]["ratio"] < by["detectors"]["ratio"]
+    with_log, without = by["detectors, log"]["ratio"], by["detectors"]["ratio"]
+    assert 0.0 < by["the log of detectors alone"]["ratio"] == pytest.approx(with_log - without, abs=0.5)
     assert set(ELEVEN) < set(registry.SHIPPED) and len(ELEVEN) == 11
     assert rate["lockstep"] > rate["with_detectors"] > 0
 

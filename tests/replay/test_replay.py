@@ -133,3 +133,4 @@ def test_the_costs_of_a_recorded_flight_are_told_for_every_detector(flight):
     assert all(cost > 0.0 for cost in told["replay_us"].values())
     assert told["frames_s"] > 0.0 and told["topic_s"] > 0.0 and told["minutes"] == pytest.approx(0.1)
     assert told["detectors_realtime"] > told["replay_realtime"] > 0.0
+    assert told["parquet_s"] > 0.0 and told["replay_cpu_s"] > 0.0
