@@ -23,6 +23,8 @@ for seed in (1, 2):
     assert rows[0]["status"] == "completed"
 print(max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)))
 """
+# the peak of a process that this one starts would be at least what this one holds: a small one starts it
+_BETWEEN = "import subprocess, sys; subprocess.run([sys.executable, '-c', sys.argv[1]], check=True)"
 
 
 def growth(turns: int = 5) -> list[dict[str, Any]]:
@@ -77,5 +79,6 @@ def worker_mb() -> float | None:
     """Return the peak resident memory [MB] of a campaign's worker after two flights, None where nobody tells."""
     if sys.platform == "win32":
         return None
-    told = subprocess.run([sys.executable, "-c", _WORKER], stdout=subprocess.PIPE, check=True, text=True).stdout
+    args = [sys.executable, "-c", _BETWEEN, _WORKER]
+    told = subprocess.run(args, stdout=subprocess.PIPE, check=True, text=True).stdout
     return int(told) * (1 if sys.platform == "darwin" else 1024) / 1e6

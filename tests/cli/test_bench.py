@@ -1,11 +1,12 @@
 """`cosim bench --compare` puts two states of the code beside each other and refuses what is no outcome of it."""
 
 import json
+import sys
 
 import pytest
 from rich.console import Console
 
-from cosim.bench.growth import _line
+from cosim.bench.growth import _line, worker_mb
 from cosim.bench.ticks import ELEVEN, measure
 from cosim.cli.bench import compared, read_bench
 from cosim.errors import CosimError
@@ -43,6 +44,14 @@ def test_growth_is_the_straight_line_through_its_points_and_says_how_far_they_ar
     line = _line("x", "s", [(0, 1.0), (1, 3.0), (2, 5.0)])
     assert line["offset"] == pytest.approx(1.0) and line["slope"] == pytest.approx(2.0) and line["off"] < 1e-12
     assert _line("x", "s", [(0, 0.0), (1, 2.0), (2, 1.0)])["off"] == pytest.approx(0.5)
+
+
+def test_the_memory_of_a_worker_is_its_own(monkeypatch):
+    small = "import resource; print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+    monkeypatch.setattr(sys.modules[worker_mb.__module__], "_WORKER", small)
+    held = bytearray(400_000_000)
+    held[::4096] = b"x" * len(held[::4096])  # of the process that measures
+    assert 0 < worker_mb() < 100
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"cases": 1}'])
