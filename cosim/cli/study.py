@@ -101,7 +101,7 @@ def add(app: typer.Typer, out: Console, err: Console) -> None:
             typer.Option("--aircraft", metavar="NAME|DIR", help="Another aircraft's, and its thresholds."),
         ] = "",
         flights: Annotated[
-            int | None, typer.Option("--flights", min=8, help="Fault-free, with --aircraft: 128.", show_default=False)
+            int | None, typer.Option("--flights", min=32, help="Fault-free, with --aircraft: 128.", show_default=False)
         ] = None,
         output: Annotated[
             Path | None,

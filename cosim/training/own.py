@@ -32,6 +32,7 @@ from fdi.lpv_smo import boxes
 from fdi.lpv_smo.core import NB
 
 FLIGHTS, FIRST_SEED = 128, 41_000  # fault-free flights of 60 s, and the first seed
+LEAST = 32  # flights: eight manoeuvres in four airs
 DRAWS, CHUNKS = 1024, 16  # points tried for the LPV model, and jobs that they are shared among
 ALPHA_MARGIN = 0.97  # of the angle that surely flies: no design beyond
 MACH_EDGES = lpv_boxes.EDGES[3]
@@ -56,6 +57,10 @@ def make(
     if own.own_designs is None:
         raise DesignError("its designs are those of fdi/", place=f"--aircraft {aircraft}",
                           remedy="`cosim design` and `cosim train` make them")  # fmt: skip
+    if flights < LEAST:
+        raise DesignError(
+            f"{flights} flights", place="--flights", allowed=f"at least {LEAST}: each air, each manoeuvre"
+        )
     name, digest = str(own.folder), made.digest(own)
     how: dict[str, Any] = {"folder": folder, "workers": workers, "progress": progress}
 

@@ -98,6 +98,11 @@ def test_the_default_aircraft_is_refused():
         own.make("transport")
 
 
+def test_too_few_flights_are_refused():
+    with pytest.raises(DesignError, match="allowed: at least 32"):
+        own.make("narrowbody", flights=8)
+
+
 def test_training_flights_are_flights_of_that_aircraft():
     flight = own.arguments(str(TWIN.folder), 5, 7)
     low, high = TWIN.mass.mass_t
