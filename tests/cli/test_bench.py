@@ -29,7 +29,8 @@ def test_the_cases_are_ratios_to_one_flight_without_anything(tmp_path):
 def test_two_states_stand_beside_each_other(tmp_path):
     def outcome(ratio):
         case = {"name": "lockstep", "ratio": ratio, "against": "bare"}
-        return {"cases": [case], "startup": {"run_s": 2.0}, "detectors": [], "peak_mb": None, "recorded": None}
+        detectors = [{"id": "rfafe", "batch_us": 0.3}]
+        return {"cases": [case], "startup": {"run_s": 2.0}, "detectors": detectors, "peak_mb": None, "recorded": None}
 
     path = tmp_path / "before.json"
     path.write_text(json.dumps(outcome(6.0)))
@@ -38,6 +39,7 @@ def test_two_states_stand_beside_each_other(tmp_path):
         console.print(compared(read_bench(path), outcome(3.0)))
     line = next(x for x in shown.get().splitlines() if "lockstep" in x)
     assert [x for x in line.split() if x[0].isdigit()] == ["6.00", "3.00", "0.50"]
+    assert "rfafe, batch [us per step]" in shown.get()  # its unit is no markup
 
 
 def test_growth_is_the_straight_line_through_its_points_and_says_how_far_they_are_off():
