@@ -8,7 +8,8 @@ from fdi.hydraulic.windows import N
 FLAT, RISE, BEND = 0.2, 0.4, 3.0  # a runaway's valve stays so flat, BEND times as long as it took to rise from RISE
 EVEN = 0.05  # ... by its own noise and this share
 LOOSE = 0.6  # ... more of it where the valve is wide open: no oscillation is that fast for so long
-SUDDEN = 0.125  # a runaway's valve has opened within [s]
+SUDDEN = (0.05, 0.125)  # a runaway's valve has opened within [s], by ring: a sine takes a tenth of its period
+AGAINST = 0.4  # ... and has not stood open the other way before, by this share
 WAS = 0.45  # w before the jump, over what it is after it
 TRAVEL = 4e-3  # [m] that way
 
@@ -34,23 +35,27 @@ def opened(x, p, j, least, h, opposed):
     w0 = side * (x.bank_ring[0, j, newest] + x.bank_ring[1, j, newest])
     i = N - 1 if newest == 0 else newest - 1
     w1 = side * (x.bank_ring[0, j, i] + x.bank_ring[1, j, i])
-    flat, rise, jumped = 0, 0, False
+    flat, rise, jumped, against = 0, 0, False, False
     flat_to = min(FLAT * size, (EVEN + LOOSE * size) * size + 1.2 * x.coarse * p.sigma[j])
     for _ in range(N - 2):
         i = N - 1 if i == 0 else i - 1
         w2 = side * (x.bank_ring[0, j, i] + x.bank_ring[1, j, i])
         w = (w0 + w1 + w2) / 3.0
         w0, w1 = w1, w2
-        before = w if j > 0 else side * (x.bank_ring[0, j, i] - x.gain * x.bank_ring[1, j, i])
+        fault = side * (x.bank_ring[0, j, i] - x.gain * x.bank_ring[1, j, i])
+        if jumped:
+            against = against or fault < -AGAINST * size
+            continue
+        before = w if j > 0 else fault
         if before <= RISE * size and w <= WAS * size:
             jumped = True
-            break
+            continue
         if rise == 0 and math.fabs(w - size) <= flat_to:
             flat += 1
         else:
             rise += 1
-    sudden = rise * h <= SUDDEN and flat >= BEND * rise
-    return jumped and flat >= least - 2 and sudden and flat * h * size >= TRAVEL
+    sudden = rise * h <= SUDDEN[j] and flat >= BEND * rise
+    return jumped and not against and flat >= least - 2 and sudden and flat * h * size >= TRAVEL
 
 
 @kernel

@@ -252,7 +252,8 @@ def test_a_runaway_is_found_before_it_has_gone_far(rate, deviation):
         if k * DT >= T_FAULT:
             x["f_u"], x["s_u"] = 0.30 * np.radians(rate), 1.0
 
-    flights = [fly(doublets(13.0), seed=s, faults=write) for s in range(4)]
+    # a slow one against the servo looks like the crest of an oscillation in place of the command for a second or two
+    flights = [fly(doublets(13.0 if rate >= 20.0 else 16.0), seed=s, faults=write) for s in range(4)]
     log = run(iotsekf, flights)
     delay = after(log)
     assert (delay <= 0.205).all()
@@ -262,8 +263,7 @@ def test_a_runaway_is_found_before_it_has_gone_far(rate, deviation):
         assert abs(np.degrees(moved)) <= deviation
     named = log["verdict"][:, -1] == verdict.RUNAWAY
     assert (named | (log["verdict"][:, -1] == verdict.AMBIGUOUS)).all()
-    if rate >= 20.0:  # a slower one against the servo looks like the crest of an oscillation in place of the command
-        assert named.mean() >= 0.75
+    assert named.mean() >= 0.75
 
 
 @pytest.mark.parametrize("step", [0.5, 1.0, 3.0])
