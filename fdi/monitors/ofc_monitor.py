@@ -6,8 +6,12 @@
 
 In each sub-band the crossings of alternately +threshold and -threshold are counted over a sliding window of as
 many half periods of the band's lowest frequency. An alarm needs `half_periods` of them; the frequency is that of
-the counted crossings. The residual cannot tell an oscillation that adds to the servo's signal from one that
-replaces it: the verdict is OFC_LIQUID.
+the counted crossings.
+
+An actuator that has lost flow, pressure or its hold swings as well, with the command or with the gusts. An oscillation
+is called one when COUNT crossings came at equal times, its half waves are alike and larger than what the reference
+itself does in the band; until then the alarm is AMBIGUOUS. The residual cannot tell an oscillation that adds to
+the servo's signal from one that replaces it: the name is OFC_LIQUID.
 """
 
 import math
@@ -22,7 +26,7 @@ from actuators.hydraulic.lu17 import opening
 from fdi.common.decision import clipped, held, usable
 from fdi.common.record import Detector
 from fdi.common.tuning import thresholds
-from fdi.common.verdict import NONE, OFC_LIQUID
+from fdi.common.verdict import AMBIGUOUS, NONE, OFC_LIQUID
 
 CULPRITS = ("",)
 BANDS = ((0.4, 1.3), (1.3, 4.0), (4.0, 12.0))  # [Hz]; 0.5 to 10 Hz is considered
@@ -31,6 +35,9 @@ COUNT = 6  # crossings kept
 HISTORY = 10  # reference positions kept: 5 ms at 2 kHz
 LONG_AGO = 1e3  # [s]
 ROOT_LEAST = servo.ROOT_LEAST
+EVEN, ALIKE = 1.5, 2.5  # longest over shortest half period, largest over smallest half wave of an oscillation
+MEMORY = 2.0  # of the reference's motion, in periods of the band's lower edge
+OWN = 1.0  # its half waves over the largest motion of the reference in the band
 
 PARAMS = dtype(
     [
@@ -74,6 +81,10 @@ STATE = dtype(
         ("e_band", "f8", (B,), "m"),  # residual by band
         ("side", "f8", (B,), "-"),  # side of the last counted crossing
         ("ages", "f8", (B, COUNT), "s"),  # time since the last crossings, newest first
+        ("peaks", "f8", (B, COUNT), "m"),  # largest residual of the half waves that they began, newest first
+        ("ref_high", "f8", (B, 2)),  # filter states of the reference
+        ("ref_low", "f8", (B, 2)),
+        ("ref_peak", "f8", (B,), "m"),  # its largest motion in the band, fading
         ("timer", "f8", "s"),  # time for which the alarm is still held
         ("age", "f8", "s"),  # time since the last usable rod sample
         ("e", "f8", "m"),  # residual
@@ -104,7 +115,7 @@ DETECTOR = Detector(
             "hydraulic.jam*", "hydraulic.free_float", "hydraulic.loss_of_effectiveness*",
             "hydraulic.supply_pressure_drop", "hydraulic.internal_leakage", "hydraulic.air_in_oil",
             "hydraulic.friction", "hydraulic.backlash", "hydraulic.rod",
-        ), ()),
+        ), ("ambiguous",)),
     },
     blind="counts alternating crossings of one hydraulic rod's residual: what does not oscillate is not counted",
     looks_back={"delay": "past"},
@@ -172,7 +183,10 @@ def count(x, p, b, dt):
         x.side[b] = 1.0 if v > 0.0 else -1.0
         for i in range(COUNT - 1, 0, -1):
             x.ages[b, i] = x.ages[b, i - 1]
+            x.peaks[b, i] = x.peaks[b, i - 1]
         x.ages[b, 0] = 0.0
+        x.peaks[b, 0] = 0.0
+    x.peaks[b, 0] = max(x.peaks[b, 0], math.fabs(x.e_band[b]))
     n = int(p.half_periods)
     half = 0.5 / p.f_low[b]
     span = x.ages[b, n - 1] - x.ages[b, 0]
@@ -180,6 +194,21 @@ def count(x, p, b, dt):
         return False
     x.ofc_hz = 0.5 * (n - 1) / span
     return True
+
+
+@kernel
+def steady(x, b):
+    """Return whether band b's crossings are those of an oscillation of its own: evenly spaced, alike, not the
+    reference's.
+    """
+    short, long = LONG_AGO, 0.0
+    low, high = LONG_AGO, 0.0
+    for i in range(COUNT - 1):
+        span = x.ages[b, i + 1] - x.ages[b, i]
+        short, long = min(short, span), max(long, span)
+        peak = x.peaks[b, i + 1]  # whole half waves
+        low, high = min(low, peak), max(high, peak)
+    return long < EVEN * short and high < ALIKE * low and low > OWN * x.ref_peak[b]
 
 
 @kernel
@@ -214,21 +243,29 @@ def step(x, u, p, dt):
             x.past[i] = x.target
         for b in range(B):
             x.high[b, 1] = x.y - x.target  # the high-pass starts in equilibrium
+            x.ref_high[b, 1] = x.target
             for i in range(COUNT):
                 x.ages[b, i] = LONG_AGO
     x.age = 0.0 if good > 0.5 else x.age + dt
     x.valid = 1.0 if x.age <= p.t_invalid else 0.0
     x.e = x.y - x.past[int(p.delay)]
     worst = 0.0
-    found = False
+    found, named = False, x.verdict == OFC_LIQUID
     for b in range(B):
         _, high = filtered(x.high[b], x.e, p.high_a1[b], p.high_g[b])
         x.e_band[b], _ = filtered(x.low[b], high, p.low_a1[b], p.low_g[b])
         worst = max(worst, math.fabs(x.e_band[b]) / p.threshold[b])
-        found = count(x, p, b, dt) or found
+        _, high = filtered(x.ref_high[b], x.past[int(p.delay)], p.high_a1[b], p.high_g[b])
+        moves, _ = filtered(x.ref_low[b], high, p.low_a1[b], p.low_g[b])
+        x.ref_peak[b] = max(math.fabs(moves), x.ref_peak[b] * (1.0 - dt * p.f_low[b] / MEMORY))
+        if count(x, p, b, dt):
+            found = True
+            named = named or steady(x, b)
     x.timer = p.t_release if found and x.valid > 0.5 else max(x.timer - dt, 0.0)
     x.alarm = 1.0 if x.timer > 0.0 else 0.0
-    x.verdict = OFC_LIQUID if x.timer > 0.0 else NONE
+    x.verdict = NONE
+    if x.timer > 0.0:
+        x.verdict = OFC_LIQUID if named else AMBIGUOUS
     x.x3 += 0.2 * (held(u.y_dp, u.y_dp_valid, x.x3) - x.x3)
     x.r = worst
     predict(x, p, dt)

@@ -73,6 +73,29 @@ def test_the_ofc_monitor_counts_a_large_oscillation_and_gives_its_frequency(hz, 
     assert np.abs(log["ofc_hz"][:, -1] / hz - 1).max() < 0.25
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+def test_what_swings_with_the_command_is_no_oscillation(seed):
+    """A weak servo under a 3-2-1-1: the residual alternates as the command does."""
+    t = np.arange(round(30.0 / DT)) * DT
+    command = np.radians(3.0) * np.sign(np.sin(2 * np.pi * 0.6 * t + seed)) * (t > 5.0)
+    healthy = fly(command, seed=seed)
+    u = inputs(ofc_monitor, [healthy])
+    u["y_rod"] *= 0.5  # half of what was asked for
+    log = roll(ofc_monitor, ofc_monitor.params(), u)
+    assert log["alarm"].any()
+    assert set(np.unique(log["verdict"])) == {verdict.NONE, verdict.AMBIGUOUS}
+
+
+def test_an_irregular_residual_is_no_oscillation():
+    u = inputs(ofc_monitor, [fly(np.zeros(8000), seed=4)])
+    rng = np.random.default_rng(5)
+    kicks = np.repeat(rng.choice([-1.0, 1.0], 400) * rng.uniform(4e-3, 12e-3, 400), rng.integers(20, 180, 400))
+    u["y_rod"] += kicks[:8000]
+    log = roll(ofc_monitor, ofc_monitor.params(), u)
+    assert (log["verdict"] == verdict.AMBIGUOUS).any()
+    assert not (log["verdict"] == verdict.OFC_LIQUID).any()
+
+
 def test_the_ofc_monitor_is_quiet_in_manoeuvres_and_at_a_jam():
     flights = [fly(doublets(20.0, degrees=2.0), seed=s) for s in range(3)]
     assert not run(ofc_monitor, flights)["alarm"].any()
