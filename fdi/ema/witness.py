@@ -78,7 +78,10 @@ def hear(x, u, w, p, dt):
     e = 0.0
     if x.e_rod * x.e_surface > 0.0:  # what both say is learned, as far as a healthy velocity sensor may be off
         e = x.e_rod if math.fabs(x.e_rod) < math.fabs(x.e_surface) else x.e_surface
-    x.model_bias = clipped(bias + e * dt / (3.0 * p.pair_wash * p.pair_wash), p.b_max * p.lead)
+    if x.culprit == VELOCITY or x.hot_speed > 0.5:  # of a sensor that is wrong nothing is learned
+        x.model_bias = bias
+    else:
+        x.model_bias = clipped(bias + e * dt / (3.0 * p.pair_wash * p.pair_wash), p.b_max * p.lead)
     if x.age_pos > p.t_lost:
         e = x.e_surface
     elif x.age_surface > p.t_lost:
