@@ -25,6 +25,7 @@ gain that a drive has in its first LEARN seconds is taken for its own, up to TOL
 import math
 
 from actuators.block import kernel
+from fdi.common import decision
 from fdi.common.decision import confirm
 from fdi.common.verdict import EFFECTIVENESS, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY
 
@@ -40,8 +41,8 @@ PURE, CLEAR = 0.04, 5.0  # share that a hypothesis leaves where it explains; the
 FIRM = 6.0  # an energy of so many times the noise's own is enough for a name
 NEAR = 0.93  # of the voltage limit: from there on 5 % of K_B is worth more than the stall current
 LOSS_SAMPLES = 30  # before a loss is told from what is slow
-JUMP, STAYS, EVEN = 3.0, 8.0, 0.15  # samples after which a jump of c is seen, and has stayed; how even it must be
-FAST = 0.5  # of the rate without load, from where on the voltage limits c
+JUMP, STAYS = 3.0, 8.0  # samples after which a jump of c is seen, and has stayed
+EVEN, SWING = 0.15, 0.4  # share by which it may change from one to the next, and while it stays
 WEAK = -2.0  # weaker magnets, beside the class codes: what the motor feels says nothing then
 VOTES = 3.0  # evaluations in a row that must agree
 STUCK = 0.3  # of the largest current: less is a loss of the drive
@@ -49,9 +50,11 @@ LOSS_LEAST = 0.1  # less of a loss is a gain error
 SENSOR = -1.0  # the current sensor, beside the class codes
 ALPHA, BETA = 0.2, 0.02  # position in the place of a lost velocity: corrections of angle and rate
 TAU_GAIN, TAU_NOW = 8.0, 0.6  # memory of the gains [s]
+STANDS, HEALED = 0.7, 2.0  # of a gain's threshold: keeps the alarm; of that: a gain that surely is less has healed
 TOLERANCE = 0.2  # of the current's gain before it is learned: four numbers of 5 % each
 LEARN = (2.0, 4.0, 10.0)  # times at which what the gain is off becomes the drive's own [s]
 SURE = 0.01  # deviation of the gain with which it can be learned
+MAGNETS = 0.05  # deviation of healthy ones
 
 PARAMS = [
     ("even", "f8", "-"),  # ticks of a sample
@@ -109,16 +112,18 @@ STATE = [
     ("drive_votes", "f8", "-"),  # evaluations in a row that it has
     ("drive_hz", "f8", "Hz"),  # frequency of the oscillation
     ("left", "f8", (6,), "-"),  # what each leaves over what there is: added, in place, stuck, loss, bias, magnets
-    ("jumped", "f8", "-"),  # side to which the current jumped and stays, 0 where it did not
+    ("jumped", "f8", "A"),  # what the current jumped to and stays at, 0 where it did not
 ]
 
 
 @kernel
-def demanded(u, w, p):
-    """Return (current that a healthy drive makes of the demand `u` [A] at the rate `w` [rad/s], near its voltage)."""
+def demanded(u, w, own, p):
+    """Return (current that this drive makes of the demand `u` [A] at the rate `w` [rad/s], and would at rest, near its
+    voltage); its gain is off by the share `own`, its limits are not.
+    """
     back = p.K_B * w
-    i = min(max((p.K_gi * u - back) / p.R_loop, -p.I_max), p.I_max)
-    return i, math.fabs(p.R * i + back) > NEAR * p.V_max
+    i = min(max(((1.0 + own) * p.K_gi * u - back) / p.R_loop, -p.I_max), p.I_max)
+    return i, i + back / p.R_loop, math.fabs(p.R * i + back) > NEAR * p.V_max
 
 
 @kernel
@@ -128,20 +133,24 @@ def sample(x, slow, s, i):
 
 
 @kernel
-def sine(x, slow, n, hz, share):
-    """Return the energy that a sine of `hz` leaves of f + share d over the last `n` samples."""
+def sine(x, slow, n, hz):
+    """Return what a sine of `hz` leaves of f f, f d and d d over the last `n` samples."""
     h = EVEN_S * SLOW if slow else EVEN_S
     i = int(x.slow_head if slow else x.even_head) - n
     i = i + RING if i < 0 else i
     angle = 6.283185307179586 * hz * h
     c, s = math.cos(0.5 * (1 - n) * angle), math.sin(0.5 * (1 - n) * angle)
     turn_c, turn_s = math.cos(angle), math.sin(angle)
-    yy, yc, ys, cc, cs, ss = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    ff, fd, dd, fc, fs, dc, ds, cc, cs, ss = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for _ in range(n):
-        y = sample(x, slow, 0, i) + share * sample(x, slow, 1, i)
-        yy += y * y
-        yc += y * c
-        ys += y * s
+        f, d = sample(x, slow, 0, i), sample(x, slow, 1, i)
+        ff += f * f
+        fd += f * d
+        dd += d * d
+        fc += f * c
+        fs += f * s
+        dc += d * c
+        ds += d * s
         cc += c * c
         cs += c * s
         ss += s * s
@@ -149,20 +158,35 @@ def sine(x, slow, n, hz, share):
         c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
     det = cc * ss - cs * cs
     if det <= 1e-9 * n * n:
-        return yy
-    a, b = (yc * ss - ys * cs) / det, (ys * cc - yc * cs) / det
-    return max(yy - a * yc - b * ys, 0.0)
+        return ff, fd, dd
+    f_c, f_s = (fc * ss - fs * cs) / det, (fs * cc - fc * cs) / det
+    d_c, d_s = (dc * ss - ds * cs) / det, (ds * cc - dc * cs) / det
+    return ff - f_c * fc - f_s * fs, fd - f_c * dc - f_s * ds, dd - d_c * dc - d_s * ds
 
 
 @kernel
-def best_sine(x, slow, n, share):
-    """Return (least energy that a sine leaves of f + share d over the last `n` samples, its frequency [Hz])."""
+def apart(ff, fd, dd, most):
+    """Return the least energy of f - g d over gains |g| <= `most` that a healthy drive may be off by."""
+    g = decision.clipped(fd / dd, most) if dd > 1e-12 else 0.0
+    return max(ff - 2.0 * g * fd + g * g * dd, 0.0)
+
+
+@kernel
+def sine_leaves(x, slow, n, hz, instead, most):
+    """Return the energy that a sine leaves: `instead` of f + d, else of f - g d."""
+    ff, fd, dd = sine(x, slow, n, hz)
+    return max(ff + 2.0 * fd + dd, 0.0) if instead else apart(ff, fd, dd, most)
+
+
+@kernel
+def best_sine(x, slow, n, instead, most):
+    """Return (least energy that a sine leaves over the last `n` samples, its frequency [Hz]), see `sine_leaves`."""
     h = EVEN_S * SLOW if slow else EVEN_S
     least, at = 1e300, 0.0
     hz = max(0.5 / (n * h), LOW_HZ)
     top = min(HIGH_HZ, 0.4 / h)
     while hz <= top:
-        e = sine(x, slow, n, hz, share)
+        e = sine_leaves(x, slow, n, hz, instead, most)
         if e < least:
             least, at = e, hz
         hz *= RATIO
@@ -170,7 +194,7 @@ def best_sine(x, slow, n, share):
     for _ in range(5):  # halve the step about the best
         for side in range(2):
             hz = at * (1.0 + step) if side == 0 else at * (1.0 - step)
-            e = sine(x, slow, n, hz, share)
+            e = sine_leaves(x, slow, n, hz, instead, most)
             if e < least:
                 least, at = e, hz
                 break
@@ -184,43 +208,46 @@ def explain(x, p, slow):
     n = min(int(x.f_age / SLOW) if slow else int(x.f_age), RING)
     i = int(x.slow_head if slow else x.even_head) - n
     i = i + RING if i < 0 else i
-    ff, fd, dd, f1, c1, ww, fw = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    ff, fd, dd, f1, d1, ww, fw, dw = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for _ in range(n):
         f, d, w = sample(x, slow, 0, i), sample(x, slow, 1, i), sample(x, slow, 2, i)
         ff += f * f
         fd += f * d
         dd += d * d
         f1 += f
-        c1 += f + d
+        d1 += d
         ww += w * w
         fw += f * w
+        dw += d * w
         i = 0 if i == RING - 1 else i + 1
     wide = p.sigma_f / math.sqrt(SLOW) if slow else p.sigma_f
     tolerance = 0.06 * p.b_motor
     own = doubt(x)
-    noise = n * wide * wide + tolerance * tolerance * ww + max(4e-6, own * own) * dd
-    cc = ff + 2.0 * fd + dd
-    if ff < FIRM * noise:
+    noise_c = n * wide * wide + tolerance * tolerance * ww
+    noise = noise_c + 4e-6 * dd
+    if apart(ff, fd, dd, own) < FIRM * noise:
         return
-    added, hz_added = best_sine(x, slow, n, 0.0)
-    instead, hz_instead = best_sine(x, slow, n, 1.0)
+    c1, cc = f1 + d1, ff + 2.0 * fd + dd
+    added, hz_added = best_sine(x, slow, n, False, own)
+    instead, hz_instead = best_sine(x, slow, n, True, own)
     stuck = max(cc - c1 * c1 / n, 0.0)
-    bias = max(ff - f1 * f1 / n, 0.0)
+    bias = apart(ff - f1 * f1 / n, fd - f1 * d1 / n, dd - d1 * d1 / n, own)
     t = -fd / dd if dd > 0.0 else 0.0
-    loss = max(ff - t * t * dd, 0.0) if t > LOSS_LEAST else ff
-    weak = max(ff - fw * fw / ww, 0.0) if fw > 0.0 else ff
+    loss = max(ff - t * t * dd, 0.0) if t > max(LOSS_LEAST, own) else ff
+    weak = apart(ff - fw * fw / ww, fd - fw * dw / ww, dd - dw * dw / ww, own) if fw > 0.0 else ff
     x.left[0], x.left[1], x.left[2], x.left[3], x.left[4] = added / ff, instead / ff, stuck / ff, loss / ff, bias / ff
     x.left[5] = weak / ff
-    most = PURE * ff + 2.0 * noise
-    least, second, which = 1e300, 1e300, -1
+    least, which = 1e300, -1
     for k in range(6):
-        e = x.left[k] * ff
-        if e < least:
-            least, second, which = e, least, k
-        else:
-            second = min(second, e)
+        if x.left[k] * ff < least:
+            least, which = x.left[k] * ff, k
+    clear = True  # the others leave several times as much, and of what the drive was told more than its noise
+    for k in range(6):
+        clear = clear and (k == which or x.left[k] * ff >= CLEAR * (least + (noise_c if k == 1 or k == 2 else noise)))
+    told = which == 1 or which == 2
+    pure = least <= PURE * (cc if told else ff) + 2.0 * (noise_c if told else noise)
     said = NONE
-    if least <= most and second >= CLEAR * (least + noise):
+    if pure and clear:
         hz = hz_added if which == 0 else hz_instead
         if which < 2 and hz * n * (EVEN_S * SLOW if slow else EVEN_S) >= PERIODS:
             said, x.drive_hz = OFC_LIQUID if which == 0 else OFC_SOLID, hz
@@ -230,6 +257,8 @@ def explain(x, p, slow):
             said = EFFECTIVENESS
         elif which == 5:
             said = WEAK
+    elif cc <= 2.0 * noise_c and x.f_age >= LOSS_SAMPLES and min(added, min(bias, weak)) >= CLEAR * noise:
+        said = EFFECTIVENESS  # nothing at all arrives
     x.drive_votes = x.drive_votes + 1.0 if said != NONE and said == x.drive_vote else 1.0
     x.drive_vote = said
     if said != NONE and x.drive_votes >= VOTES:
@@ -246,25 +275,39 @@ def doubt(x):
 def learn(x, a, da):
     """Take what the gain is off, `a` with deviation `da`, for the drive's own at the times of LEARN."""
     k = int(x.gain_learned)
-    if k >= 3 or x.age < LEARN[k] or da > SURE or math.fabs(x.gain_own + a) > TOLERANCE:
+    if k >= 3 or x.age < LEARN[k] or da > SURE or math.fabs(x.gain_own + a * (1.0 + x.gain_own)) > TOLERANCE:
         return
-    x.gain_own += a
+    x.gain_own += a * (1.0 + x.gain_own)
     x.gain_doubt = da
     x.gain_learned += 1.0
-    for s in (x.gain_sum, x.gain_now):
+    for s in (x.gain_sum, x.gain_now):  # f - a d, (1 + a) d
         s[0] += a * a * s[3] - 2.0 * a * s[1]
-        s[1] -= a * s[3]
+        s[1] = (1.0 + a) * (s[1] - a * s[3])
         s[2] -= a * s[4]
+        s[3] *= (1.0 + a) * (1.0 + a)
+        s[4] *= 1.0 + a
 
 
 @kernel
-def solve(s, noise):
-    """Return (a, b, deviation of a, of b) of f = a d + b w from sums `s` with noise of deviation `noise`."""
-    det = s[3] * s[5] - s[4] * s[4]
-    if det <= 1e-6 * s[3] * s[5] or det <= 0.0:
+def solve(s, noise, sure):
+    """Return (a, b, deviation of a, of b) of f = a d + b w from sums `s` with noise of deviation `noise`; `sure` is
+    what is known beforehand of b, that it is small: (noise over its deviation)^2.
+    """
+    ww = s[5] + sure
+    det = s[3] * ww - s[4] * s[4]
+    if det <= 1e-6 * s[3] * ww or det <= 0.0:
         return 0.0, 0.0, 1e3, 1e3
-    a, b = (s[1] * s[5] - s[2] * s[4]) / det, (s[2] * s[3] - s[1] * s[4]) / det
-    return a, b, noise * math.sqrt(s[5] / det), noise * math.sqrt(s[3] / det)
+    a, b = (s[1] * ww - s[2] * s[4]) / det, (s[2] * s[3] - s[1] * s[4]) / det
+    return a, b, noise * math.sqrt(ww / det), noise * math.sqrt(s[3] / det)
+
+
+@kernel
+def gain_and_magnets(s, p):
+    """Return (a, b, deviation of a, of b), b over b_motor: healthy magnets are off by MAGNETS, which tells of a."""
+    sure = p.sigma_f / (MAGNETS * p.b_motor)
+    a, _, da, _ = solve(s, p.sigma_f, sure * sure)
+    _, b, _, db = solve(s, p.sigma_f, 0.0)
+    return a, b / p.b_motor, da, db / p.b_motor
 
 
 @kernel
@@ -272,6 +315,8 @@ def gains(x, p, f, d, w, dt):
     """Take a sample into the gains of current and magnets, and test them."""
     for k in range(2):
         keep = 1.0 - p.even * dt / (TAU_GAIN if k == 0 else TAU_NOW)
+        if k == 0 and x.age < LEARN[2]:
+            keep = 1.0  # all there is to learn from
         s = x.gain_sum if k == 0 else x.gain_now
         s[0] = keep * s[0] + f * f
         s[1] = keep * s[1] + f * d
@@ -279,18 +324,21 @@ def gains(x, p, f, d, w, dt):
         s[3] = keep * s[3] + d * d
         s[4] = keep * s[4] + d * w
         s[5] = keep * s[5] + w * w
-    a, b, da, db = solve(x.gain_sum, p.sigma_f)
-    x.gain_a, x.gain_b = a, b / p.b_motor
-    db /= p.b_motor
+    a, x.gain_b, da, db = gain_and_magnets(x.gain_sum, p)
+    x.gain_a = a
     over_a = math.fabs(a) - p.z_gain * math.sqrt(da * da + x.gain_doubt * x.gain_doubt)
     if x.gain_learned < 0.5:
         over_a -= TOLERANCE
     over_b = math.fabs(x.gain_b) - p.z_gain * db
     x.r_gain = max(over_a / p.th_a, over_b / p.th_b)
-    if x.hot_gain > 0.5:  # what stands must show in the last second
-        a, b, da, db = solve(x.gain_now, p.sigma_f)
-        over = math.fabs(b) / p.b_motor - 2.0 * db / p.b_motor if x.weak > 0.5 else math.fabs(a) - 2.0 * da
-        shows = over > 0.7 * (p.th_b if x.weak > 0.5 else p.th_a)
+    told = True
+    if x.hot_gain > 0.5:  # the last second tells whether it stands or has healed; where nothing moves, neither
+        a, b, da, db = gain_and_magnets(x.gain_now, p)
+        size, off, least = math.fabs(a), 2.0 * da, STANDS * p.th_a
+        if x.weak > 0.5:
+            size, off, least = math.fabs(b), 2.0 * db, STANDS * p.th_b
+        shows = size - off > least
+        told = shows or size + off < HEALED * least
     else:
         if x.r_gain < 1.0:
             learn(x, a, da)
@@ -298,7 +346,8 @@ def gains(x, p, f, d, w, dt):
         if shows:
             x.weak = 1.0 if over_b / p.th_b > over_a / p.th_a else 0.0
     before = x.hot_gain
-    x.gain_timer, x.hot_gain = confirm(x.gain_timer, x.hot_gain, shows, p.even * dt, 0.2, p.t_release)
+    if told:
+        x.gain_timer, x.hot_gain = confirm(x.gain_timer, x.hot_gain, shows, p.even * dt, 0.2, p.t_release)
     if before > 0.5 and x.hot_gain < 0.5:  # healed: what came before is of the fault
         for k in range(6):
             x.gain_sum[k] = x.gain_now[k]
@@ -319,10 +368,9 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     """Take a tick: current `y` [A] where it is usable, demand `u` [A], rate `w`, which may be believed
     where it is `measured`, and its innovation `gamma` [rad/s].
     """
-    d, limit = demanded(u, w, p)
+    d, rest, limit = demanded(u, w, x.gain_own, p)
     seen = current and not limit and math.fabs(y) < NO_CURRENT * p.I_max
-    rest = d + p.b_motor * w
-    f = y - d - x.gain_own * rest if seen else 0.0
+    f = y - d if seen else 0.0
     x.f_now = f
     x.f_lag += min(dt / 0.03, 1.0) * (f - x.f_lag)
     if seen:
@@ -390,8 +438,8 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     before = RING - 1 if head == 0 else head - 1
     change = c - x.even_ring[0, before] - x.even_ring[1, before]
     if x.f_age == JUMP and min(f * c, min(c * c, f * f)) >= large * large and math.fabs(change) < EVEN * math.fabs(c):
-        x.jumped = 1.0 if c > 0.0 else -1.0
-    elif c * x.jumped < 0.0 and math.fabs(w) < FAST * p.V_max / p.K_B:
+        x.jumped = c
+    elif whole and math.fabs(c - x.jumped) > SWING * math.fabs(x.jumped):  # what the voltage limits says nothing
         x.jumped = 0.0
     if x.f_age >= STAYS and x.jumped != 0.0 and x.drive_name == NONE:
         x.drive_name = RUNAWAY
