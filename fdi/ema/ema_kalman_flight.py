@@ -184,6 +184,7 @@ STATE = dtype([
     ("hold", "f8", "s"),      # by which the alarm outlives its last sign
     ("hold_age", "f8", "s"),  # since the last alarm, 0 before the first
     ("alarm_age", "f8", "s"),  # since the alarm
+    ("loose", "f8", "-"),     # 1 where the surface has looked loose since then
     ("age_doubt", "f8", "s"), # since the velocity was last said to be wrong
     ("impact", "f8", "s"),    # time left after the rate has jumped as it does where a stop is hit
     ("shift", "f8", "rad"),   # motor angle less the position sensor's, where that stands for a lost velocity

@@ -20,6 +20,7 @@ SURFACE = 4.0
 T_AGAIN, HOLD_MOST = 20.0, 9.0  # an alarm that comes back within that time is held up to so long [s]
 FROZEN = 20.0  # equal samples of a position sensor: noise does not repeat itself
 WEAK_LEFT = 0.4  # weaker magnets leave more of what a current sensor does
+HEAVY = 0.4  # of the load that is a jam's: what winds the screw up while the filter has yet to learn it
 SURE = 120.0  # information about what the motor has felt [rad2/s2]: the share is known to a tenth
 
 
@@ -30,9 +31,9 @@ def _blame(x, p):
         return VELOCITY
     if x.hot_f > 0.5 or x.age_vel > p.t_bad:  # no position can move the current; two witnesses are no vote
         return 0.0
-    if x.sensor > 0.5 and x.blame == 1.0:
+    if x.sensor > 0.5 and x.blame == 1.0 and x.loose < 0.5:
         return POSITION
-    if x.sensor > 0.5 and x.blame == 2.0 and x.play < 0.5:
+    if x.sensor > 0.5 and x.blame == 2.0 and x.play < 0.5 and math.fabs(x.x_hat[5]) < HEAVY * p.th_load:
         return SURFACE
     return 0.0
 
@@ -98,7 +99,7 @@ def decide(x, p, dt):
     x.quiet_timer = 0.0 if sign else x.quiet_timer + dt
     x.hold_age = x.hold_age + dt if x.hold_age > 0.0 else 0.0
     if not sign and (x.alarm < 0.5 or x.quiet_timer >= x.hold):
-        x.alarm = x.culprit = x.reconf = x.alarm_age = 0.0
+        x.alarm = x.culprit = x.reconf = x.alarm_age = x.loose = 0.0
         x.verdict = NONE
         return
     if x.alarm < 0.5:
@@ -107,6 +108,8 @@ def decide(x, p, dt):
         x.hold = min(max(3.0 * x.hold, p.t_release), HOLD_MOST) if again else 0.0
     x.hold_age = dt
     x.alarm_age += dt
+    if x.sensor > 0.5 and x.blame == 2.0 and x.play > 0.5:  # what looked like play does not become the position's
+        x.loose = 1.0
     if x.verdict != AMBIGUOUS:
         return
     who = _blame(x, p) if not lost_surface else alone
@@ -121,7 +124,7 @@ def decide(x, p, dt):
         if said != NONE:
             x.verdict, x.culprit = said, who
             return
-    if x.hot_load > 0.5 and x.hot_f < 0.5 and x.hot_speed < 0.5 and x.blame < 0.5:
+    if heavy and x.hot_load > 0.5 and x.hot_f < 0.5 and x.hot_speed < 0.5 and x.blame < 0.5:
         x.verdict = JAM_SOLID if math.fabs(x.w_slow) < 0.1 * p.gate else EFFECTIVENESS
 
 
