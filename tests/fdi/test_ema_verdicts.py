@@ -3,6 +3,8 @@
 On the bench of `cosim.papers.studies.ema_bench`, in a 3-2-1-1 with a load, gusts and sensor noise.
 """
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -18,13 +20,13 @@ T = np.arange(round(SECONDS / DT)) * DT
 ON = (T >= START) & (T < END)
 
 
-def flown(seed=7, *, reconfigure=False, **fields):
+def flown(seed=7, *, reconfigure=False, tolerance=None, **fields):
     """Fly the bench with `fields` of the script between START and END, numbers or functions of the time since START."""
     command = three_two_one_one(T, start=START - 0.4) + three_two_one_one(T, start=END + 0.5, amplitude=2 * RAD_PER_DEG)
     tick = script(SECONDS, command=command, hm0=1500.0, hmd=-20e3, factor=(1.3, 0.7), rng=np.random.default_rng(seed))
     for name, value in fields.items():
         tick[name][ON] = value(T[ON] - START) if callable(value) else value
-    return fly_bench(tick, reconfigure=reconfigure)
+    return fly_bench(tick, reconfigure=reconfigure, tolerance=tolerance)
 
 
 def said(log):
@@ -61,6 +63,50 @@ def test_a_fault_is_ambiguous_until_its_one_name_and_withdrawn_when_it_heals(nam
         assert names in ([name], ["ambiguous", name]), (seed, names)
         late = log["alarm"][round((END + 3.0) / DT) :]
         assert not late.any(), (seed, np.argmin(late) * DT)
+
+
+@pytest.mark.parametrize("off", [{"K_gi": 1.05, "K_ic": 0.97}, {"K_gi": 0.95, "R": 1.05}])
+def test_a_jam_is_none_of_the_current_sensor_where_the_amplifier_is_off(off):
+    """A servo that pushes with all that the drive has is at a limit that the amplifier's gain does not move."""
+    for seed in range(7, 11):
+        names = said(flown(seed, tolerance=off, jam=1.0).log)
+        assert names in (["jam_solid"], ["ambiguous", "jam_solid"]), (seed, names)
+
+
+@pytest.mark.parametrize("off", [{}, {"K_gi": 1.05}, {"K_gi": 0.95}])
+def test_a_small_oscillation_in_place_is_named_while_the_servo_pushes_against_it(off):
+    """The servo sends all it has; what the drive was told is a sine of 3 A."""
+    for hz in (0.7, 1.4):
+        names = said(flown(tolerance=off, f_u=sine(3.0, hz), s_u=1.0).log)
+        assert names in (["ofc_solid"], ["ambiguous", "ofc_solid"]), (hz, names)
+
+
+def test_an_oscillation_that_answers_itself_is_no_hardover():
+    for seed, hz in itertools.product((7, 8), (3.0, 4.0, 5.0)):
+        assert "runaway" not in said(flown(seed, f_u=sine(17.0, hz)).log), (seed, hz)
+
+
+def test_a_velocity_sensor_that_has_healed_stays_healed():
+    """Of the bias that a healthy one may have nothing is learned from one that is wrong."""
+    for share in (0.02, -0.02):
+        tick = script(30.0, hmd=-20e3, rng=np.random.default_rng(5))
+        t = np.arange(len(tick)) * DT
+        tick["f_v"][(t >= START) & (t < END)] = share * NO_LOAD
+        log = fly_bench(tick, reconfigure=False).log
+        assert (log["alarm"][round((START + 0.5) / DT) : round(END / DT)] > 0.5).all()
+        assert not log["alarm"][round((END + 3.0) / DT) :].any()
+
+
+NOISES = {"n_v": (20.0, "velocity"), "n_p": (2e-3, "position"), "n_c": (4.0, "current"), "n_s": (5e-3, "surface")}
+
+
+@pytest.mark.parametrize("field", NOISES)
+def test_noise_of_a_sensor_is_that_sensor_or_ambiguous(field):
+    size, part = NOISES[field]
+    for seed in (7, 8, 9):
+        noise = np.random.default_rng(seed).standard_normal(int(ON.sum()))
+        names = said(flown(seed, **{field: size * noise}).log)
+        assert names and set(names) <= {"ambiguous", f"sensor {part}"}, (seed, names)
 
 
 def test_weaker_magnets_are_named_and_a_tolerance_is_not():
