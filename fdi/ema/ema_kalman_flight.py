@@ -301,7 +301,7 @@ def params(
         sigma_tie=noise / math.sqrt(n_sub) * 1.0 * RAD_PER_DEG * arm,
         gate=0.3 * no_load,  # twice what the stall current does in 5 ms
         load_max=2.0 * amperes * v["K_T"] * arm / lead,
-        th_load=0.6 * amperes * v["K_T"] * arm / lead,  # 60 % of the stall moment
+        th_load=0.4 * amperes * v["K_T"] * arm / lead,  # six times what 20 flights of 40 s in severe air show
         arm=arm,
         stop_low=arm * (travel[0] + 0.5 * RAD_PER_DEG),
         stop_high=arm * (travel[1] - 0.5 * RAD_PER_DEG),

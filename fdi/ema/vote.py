@@ -21,6 +21,8 @@ T_AGAIN, HOLD_MOST = 20.0, 9.0  # an alarm that comes back within that time is h
 FROZEN = 20.0  # equal samples of a position sensor: noise does not repeat itself
 WEAK_LEFT = 0.4  # weaker magnets leave more of what a current sensor does
 HEAVY = 0.4  # of the load that is a jam's: what winds the screw up while the filter has yet to learn it
+JAMMED = 1.5  # of the load that nothing explains: less may be friction
+T_MOVING = 1.0  # after the alarm: what moves under such a load has not just been stopped [s]
 SURE = 120.0  # information about what the motor has felt [rad2/s2]: the share is known to a tenth
 
 
@@ -125,7 +127,10 @@ def decide(x, p, dt):
             x.verdict, x.culprit = said, who
             return
     if heavy and x.hot_load > 0.5 and x.hot_f < 0.5 and x.hot_speed < 0.5 and x.blame < 0.5:
-        x.verdict = JAM_SOLID if math.fabs(x.w_slow) < 0.1 * p.gate else EFFECTIVENESS
+        if math.fabs(x.w_slow) < 0.1 * p.gate:
+            x.verdict = JAM_SOLID if math.fabs(x.x_hat[5]) >= JAMMED * p.th_load else AMBIGUOUS
+        elif x.alarm_age >= T_MOVING:
+            x.verdict = EFFECTIVENESS
 
 
 @kernel
