@@ -17,7 +17,7 @@ from scipy.stats import beta
 from actuators.constants import RAD_PER_DEG
 from actuators.ema import jay
 from cosim.papers.studies import Options, Part, Table
-from cosim.papers.studies.ema_cases import FAMILIES, SIZED, flown
+from cosim.papers.studies.ema_cases import FAMILIES, NOISE, SIZED, flown
 from cosim.papers.studies.local import share
 from cosim.papers.studies.local_outcome import named
 from cosim.scenario.catalog import SEGMENTS
@@ -33,18 +33,28 @@ RIGHT = {
     "screw": "jam_solid", **dict.fromkeys(("drift", "scale", "position", "position_ofc"), "sensor position"),
     **dict.fromkeys(("velocity", "velocity_scale"), "sensor velocity"), "surface": "sensor surface",
     **dict.fromkeys(("current", "current_scale", "current_ofc"), "sensor current"),
+    **{name: f"sensor {name.removesuffix('_noise')}" for name in NOISE},
 }  # fmt: skip
 WEAR = ("resistance", "magnets", "backlash", "drive_loss", "free_float")  # right or ambiguous is what is asked
 AT_COMMAND = ("command_loss", "runaway")  # before the demand: the position monitor's
 MOVING = 4.0 * RAD_PER_DEG  # a segment whose healthy command changes by so much moves
 EXCITED = 0.3 * RAD_PER_DEG  # a position that is off by so much shows a scale; a surface held so far away a jam
+EXCITED_RATE = 0.02 * jay.LIMITS["elevator"][1] / jay.values()["K_B"]  # the bias that is asked for [rad/s]
+EXCITED_CURRENT = 0.5  # five deviations of the current's noise [A]
+LOST_VOLTAGE = jay.values()["K_B"] / (jay.values()["K_ic"] + jay.values()["R"])  # [A s/rad]
 
 
 def _excited(lane, frame, segment, a, b):
-    """Return when the fault shows: a scale by the size of what it scales, a jam by the distance from the reference."""
-    position = LEAD * frame[f"ema.{segment}.motor"].to_numpy()[a:b] / ARM
+    """Return when the fault shows: a scale by the size of what it scales, weaker magnets by the current that their
+    voltage would have kept away, a jam by the distance from the reference."""
+    screw = frame[f"ema.{segment}.motor"].to_numpy()[a:b]
+    position, rate = LEAD * screw / ARM, np.gradient(screw, DT)
     if lane["name"] == "scale":
         return 0.25 * np.abs(position) > EXCITED
+    if lane["name"] == "velocity_scale":
+        return 0.25 * np.abs(rate) > EXCITED_RATE
+    if lane["name"] == "magnets":
+        return 0.4 * LOST_VOLTAGE * np.abs(rate) > EXCITED_CURRENT
     if lane["name"] in ("jam", "screw"):
         return np.abs(frame[f"ema_servo.{segment}.r"].to_numpy()[a:b] - position) > EXCITED
     return np.ones(b - a, bool)
@@ -58,7 +68,10 @@ def outcome(lane: dict[str, Any], log: np.ndarray, frame: Any, segment: str, cul
     alarm = log["alarm"] > 0.5
     out = {"early": bool(alarm[round(SETTLED / DT) : a].any()), "delay": None, "first": "none", "last": "none",
            "right_after": None, "changes": 0, "standing": None, "withdrawn": None, "reconf_after": None,
-           "moves": float(np.ptp(frame["law.law.de_cmd"].to_numpy()[a:b]))}  # fmt: skip
+           "shown_after": None, "moves": float(np.ptp(frame["law.law.de_cmd"].to_numpy()[a:b]))}  # fmt: skip
+    shown = _excited(lane, frame, segment, a, b)
+    if shown.any():
+        out["shown_after"] = float(np.argmax(shown)) * DT
     on = np.flatnonzero(alarm[a:b])
     if not len(on):
         return out
@@ -67,7 +80,7 @@ def outcome(lane: dict[str, Any], log: np.ndarray, frame: Any, segment: str, cul
     wanted = RIGHT.get(lane["name"], "effectiveness")
     k = int(on[0])
     hit = next((int(j) for j, name in zip(on, said) if name == wanted), None)
-    shown = _excited(lane, frame, segment, a, b)[k:]
+    shown = shown[k:]
     out |= {"delay": k * DT, "first": said[0], "last": said[-1], "right_after": None if hit is None else hit * DT,
             "changes": sum(x != y for x, y in pairwise(said)),
             "standing": float(alarm[a + k : b][shown].mean()) if shown.any() else None}  # fmt: skip
@@ -144,10 +157,18 @@ def _names(runs, detector, only):
                      share(sum(o["changes"] <= 1 for o in seen), len(seen)),
                      share(sum(x >= 0.95 for x in standing), len(standing)),
                      *_quantiles([o["delay"] for o in own]), *_quantiles([o["right_after"] for o in own]),
+                     *_quantiles(_after_it_shows(own)),
                      ", ".join(f"{k} {n}" for k, n in Counter(o["last"] for o in own).items())])  # fmt: skip
     return Table(f"{detector}: names", ("fault", "seen", "first right or ambiguous", "last right",
                  "last right or ambiguous", "one change at most", "stands >= 95 % while it shows", "alarm: median [s]>",
-                 "95 %>", "right: median [s]>", "95 %>", "last"), rows)  # fmt: skip
+                 "95 %>", "right: median [s]>", "95 %>", "right after it shows: median [s]>", "95 %>", "last"),
+                 rows)  # fmt: skip
+
+
+def _after_it_shows(own):
+    """Return the times to the right name from when each fault shows, of those that do; None where it is not given."""
+    return [None if o["right_after"] is None else max(o["right_after"] - o["shown_after"], 0.0)
+            for o in own if o["shown_after"] is not None]  # fmt: skip
 
 
 def _withdrawn(runs):
