@@ -10,7 +10,7 @@ from cosim.papers.alwi14 import model as alwi14_model
 from cosim.papers.alwi14 import motion
 from cosim.papers.alwi14 import quiet as alwi14_quiet
 from cosim.papers.alwi14.flights import LITERAL, NAMES, ONSET, POINTS, SENSIBLE, UNITS, fly_point, nonlinear
-from cosim.papers.alwi14.plant import fly
+from cosim.papers.alwi14.plant import Law, fly
 from cosim.papers.row import Of
 from fdi.lpv_smo import lpv_smo
 from fdi.lpv_smo import synthesis as lpv_smo_design
@@ -29,7 +29,7 @@ def plan() -> list[Any]:
 def _plant_run(point, faults):
     model, made = lpv_smo_design.load()
     p = lpv_smo.params(model=model, made=made, bank=False)
-    u = fly(model, np.array(POINTS[point], float), lpv_smo, faults=faults)
+    u = fly(model, np.array(POINTS[point], float), lpv_smo, faults=faults, seconds=30.0, pilot=Law(point))
     log = np.zeros(u.shape, lpv_smo.STATE)
     lpv_smo.rollout(lpv_smo.init(p), u, p, 0.005, log)
     return log[0]
