@@ -62,8 +62,10 @@ def add(app: typer.Typer, out: Console, err: Console) -> None:
         replace(table, lambda part: frame.to_csv(part, index=False))
         if readme:
             from cosim.report.papers_markdown import write
+            from cosim.report.papers_picture import write as pictures
 
             write(readme, rows)
+            pictures(readme.parent, drawings)
         if json_:
             print(json.dumps(found, allow_nan=False))
         else:

@@ -53,3 +53,4 @@ class Drawing:
     onset: float | None = None  # of the fault [s]
     span: tuple | None = None
     row_px: int = 170  # height of a row of panels
+    picture: str = ""  # name of its still picture beside the paper's rows, "" for none

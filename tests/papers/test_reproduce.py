@@ -105,7 +105,7 @@ def jay():
 def test_page_holds_every_row_and_figure_and_nothing_from_elsewhere(jay):
     rows, drawings = jay
     html = render(rows, drawings)
-    assert html.count('<div class="plot"') == 11
+    assert html.count('<div class="plot"') == 12
     assert html.count("<tr") == len(rows) + 1
     assert all(f"figure {n}." in html for n in range(3, 14))
     assert "<title>Jay, reproduced</title>" in html and "Five" not in html

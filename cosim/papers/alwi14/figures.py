@@ -86,4 +86,5 @@ def _drawing(faults, beside, title, caption):
         onset=alwi14.ONSET if any(faults) else None,
         span=(0.0, end),
         row_px=150,
+        picture="figure-2" if any(faults) else "",
     )

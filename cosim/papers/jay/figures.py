@@ -1,6 +1,8 @@
 """Our figures beside figures 3 to 13 of [Jay]: seed 0 of the bench, quoted noise as peak value."""
 
+from actuators.constants import RAD_PER_DEG
 from cosim.papers.drawing import Curve, Drawing, Panel
+from cosim.papers.jay import flown
 from cosim.papers.jay.bench import COMMAND, DT, FAULT, FIGURES, SECONDS, bench
 
 SAY = {
@@ -48,7 +50,7 @@ def _R2(out):
 
 
 def drawings() -> list[Drawing]:
-    """Return the eleven Drawings."""
+    """Return eleven Drawings of the bench, and one of the flights."""
     healthy, sigma = bench(seed=0), bench(seed=0, noise=1.0)
     out = [
         _drawing(
@@ -133,4 +135,43 @@ def drawings() -> list[Drawing]:
             FAULT,
         )
     )
-    return out
+    return [*out, _in_flight()]
+
+
+def _in_flight():
+    """Return the load factor and the elevator with the position sensor off, by what the loop closes on."""
+    words = (
+        ("left on it", "false", "second"),
+        ("published form", "published", "third"),
+        ("flight form", "true", "ours"),
+    )
+    frames = [
+        (word, role, flown.flight("ema-position-bias", f"elevator.reconfigure={on}"))
+        for word, on, role in words
+    ]
+    healthy = flown.flight("ema-position-bias", "elevator.reconfigure=false", "faults=[]")
+    frames.append(("healthy", "true", healthy))
+    return Drawing(
+        "jay",
+        "figure 13",
+        "Position sensor off by 5 deg in flight, by what the loop closes on",
+        "Right inner elevator, electromechanical; the filter as published and the form that knows a load.",
+        tuple(
+            Panel(
+                title,
+                unit,
+                tuple(
+                    Curve(w, scale * f[name].to_numpy(), role, "dot" if w == "healthy" else "solid")
+                    for w, role, f in frames
+                ),
+            )
+            for title, unit, name, scale in (
+                ("load factor", "g", flown.TRUE[0], 1.0),
+                ("right inner elevator", "deg", flown.TRUE[1], 1.0 / RAD_PER_DEG),
+            )
+        ),
+        2,
+        onset=flown.ONSET,
+        span=(8.0, 30.0),
+        picture="in-flight",
+    )

@@ -162,4 +162,5 @@ def _drawing(number: int) -> Drawing:
         onset=vehicle.FAULTS[number][0][1],
         span=(4.0, vehicle.END),
         row_px=140,
+        picture="vehicle" if number == max(NAMES) else "",
     )

@@ -98,6 +98,7 @@ def drawings() -> list[Drawing]:
                 onset=flown.ONSET,
                 span=span,
                 row_px=200,
+                picture="figure-6" if word == "liquid" else "",
             )
         )
     return out
