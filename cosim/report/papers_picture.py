@@ -72,7 +72,7 @@ def _panel(p: Panel, d: Drawing, x0: int, y0: int, most: int) -> list[str]:
     end = max(t[-1] for t, _ in shown) if d.span is None else d.span[1]
     low, high = _limits(p, [y for _, y in shown])
 
-    def at(t, y):
+    def at(t: Any, y: Any) -> tuple[Any, Any]:
         return x0 + (t - start) / (end - start) * WIDE, y0 + HIGH - (np.clip(y, low, high) - low) / (high - low) * HIGH
 
     unit = f", {p.unit}" if p.unit else ""
@@ -94,8 +94,9 @@ def _panel(p: Panel, d: Drawing, x0: int, y0: int, most: int) -> list[str]:
     if d.onset is not None:
         px, _ = at(d.onset, low)
         out.append(f'<line x1="{px:.1f}" x2="{px:.1f}" y1="{y0}" y2="{y0 + HIGH}" stroke="{MUTED}" {_DASHED}/>')
-    for c, (t, y) in zip(p.curves, shown, strict=True):
-        out += [f'<polyline points="{line}" {_look(c)}/>' for line in _lines(*at(t, y), np.isfinite(y))]
+    for c, (when, values) in zip(p.curves, shown, strict=True):
+        place, known = at(when, values), np.isfinite(values)
+        out += [f'<polyline points="{line}" {_look(c)}/>' for line in _lines(place[0], place[1], known)]
     return out
 
 

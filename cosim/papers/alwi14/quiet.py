@@ -211,7 +211,8 @@ def _own_model(point, only=None):
     A, B, C, D, trim = design_lpv.in_paper_units(linearize(FlightPoint.at(**SIX[point])))
     C[:4], D[:4] = np.round(C[:4], 9), 0.0  # these outputs are states
     if only is not None:
-        rho, own = np.array(POINTS[point], float), A[only]
+        rho: Any = np.array(POINTS[point], float)
+        own = A[only]
         A, B, C, D = (lpv_model.at(S, rho) for S in (model.A, model.B, model.C, model.D))
         A[only] = own
         trim = np.concatenate(lpv_model.trim_at(model, rho))
