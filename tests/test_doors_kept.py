@@ -57,6 +57,8 @@ def forget():
 def changed(rng, value):
     """Return plain data with something in it of another kind, or gone."""
     strange = copy.deepcopy(rng.choice(STRANGE))
+    if not isinstance(value, dict | list):
+        return strange
     node = value
     for _ in range(rng.randrange(6)):
         deeper = [v for v in (node.values() if isinstance(node, dict) else node) if isinstance(v, dict | list) and v]
@@ -126,7 +128,9 @@ def folders(whole, out):
         shutil.rmtree(out, ignore_errors=True)
         shutil.copytree(whole, out)
         for _ in range(rng.choice((1, 1, 2))):
-            damaged(rng, rng.choice([p for p in sorted(out.rglob("*")) if p.is_file()]))
+            there = [p for p in sorted(out.rglob("*")) if p.is_file()]
+            if there:
+                damaged(rng, rng.choice(there))
         return out
 
     return made
