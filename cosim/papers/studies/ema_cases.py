@@ -22,7 +22,7 @@ from cosim.scenario.tolerance import toleranced
 from cosim.training.flights import COMMAND, DT, EMA, ema_signals, envelope
 
 EXACT = {"arm": 0.003, "lead": 0.003}  # what is machined is off by less
-DESIGN = TECHNOLOGY.design(())
+NOMINAL = TECHNOLOGY.design(())
 # true screw [rad] and surface [rad], reference of the servo [rad] of each segment
 TRUE = ("ema.{}.motor", "ema.{}.delta", "ema_servo.{}.r")
 DRIVE_LEFT = 0.8  # of the drive's limit, at most, for an oscillation in it
@@ -41,7 +41,7 @@ def _sine(rng, kind, *, mm=(0.5, 2.0), hz=(0.5, 10.0), at="valve"):
     if at == "valve":
         omega = 2.0 * np.pi * f
         gain = TECHNOLOGY.solid_gain(omega, ()) if kind == "ofc_solid" else liquid_gain("ema", omega, DT, ())
-        size = min(size, DRIVE_LEFT * gain * DESIGN.drive * 1e3)
+        size = min(size, DRIVE_LEFT * gain * NOMINAL.drive * 1e3)
     return {"kind": kind, "at": at, "amplitude_mm": size, "frequency_hz": f}
 
 
