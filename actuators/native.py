@@ -83,7 +83,8 @@ class Native:
 
     def _file(self):
         folder = cache_dir(self._source)
-        return folder and Path(folder) / f"{self.name}-{processor()}.o"
+        # not .o: a version that reads no digest before the code would take it for code
+        return folder and Path(folder) / f"{self.name}-{processor()}.code"
 
 
 @functools.cache
