@@ -37,8 +37,7 @@ def beyond_command(r: Any) -> Any:
 def tracking(kind: str, hz: float, point: str = "sun13", designed: Callable | None = None) -> tuple[complex, complex]:
     """Return f_hat over f, and over half the difference of the sides; `designed(point)` is the stored design."""
     r = flown.faulty(kind, hz, point=point)
-    stored = None if designed is None else designed(point)
-    p = None if designed is _shipped else rfafe_airframe.params("design_point", stored=stored)
+    p = rfafe_airframe.params("design_point", stored=None if designed is None else designed(point))
     f_hat = flown.estimated(r, "rfafe_airframe", p)["f_hat"]
     apart = 0.5 * (side(r, "left") - side(r, "right"))
     own, half = (ratio(r, f_hat, f, hz, ONSET + 2.0, SECONDS) for f in (beyond_command(r), apart))
@@ -54,10 +53,6 @@ def _told(found: dict) -> tuple[float, str]:
 
 def _points(designed: Callable | None) -> tuple[float, str]:
     return _told({point: tracking("ofc_liquid", 1.0, point, designed) for point in "ABCDE"})
-
-
-def _shipped(point: str) -> None:
-    """Name the form that flies: one design, and a correction that learns what of its estimate is the airframe's."""
 
 
 def plan(of: Of) -> list[Any]:
@@ -79,13 +74,6 @@ def plan(of: Of) -> list[Any]:
             f"airframe outputs only, one design {at}",
             lambda: _points(None),
             says="not in the paper: one LTI model, one point",
-        )
-    )
-    out.append(
-        of.beyond(
-            f"airframe outputs only, the form that flies, which learns a correction, {at}",
-            "our extension: what of the estimate is the airframe's is learned",
-            lambda: _points(_shipped),
         )
     )
     for words, designed in (
