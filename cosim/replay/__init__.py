@@ -167,7 +167,7 @@ def _ready(wired):
 
 def _each(members, call, pool):
     """Return call(m) of each member: of compiled ones side by side, of guests with objects of their own one by one."""
-    tasks = [pool.submit(call, m) if isinstance(m.w.module.rollout, Entry) else None for m in members]
+    tasks = [pool.submit(call, m) if isinstance(getattr(m.w.module, "rollout", None), Entry) else None for m in members]
     return [task.result() if task else call(m) for m, task in zip(members, tasks)]
 
 
