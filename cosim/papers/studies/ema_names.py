@@ -146,7 +146,7 @@ def _names(runs, detector, only):
     for lane, _, o in runs:
         if "lost" not in lane and only(lane["name"]) and not lane["healed"]:
             found[lane["name"]].append(o[detector])
-    rows = []
+    rows, times = [], []
     for name in sorted(found):
         own, good = found[name], RIGHT.get(name, "effectiveness")
         seen = [o for o in own if o["delay"] is not None]
@@ -154,15 +154,14 @@ def _names(runs, detector, only):
         rows.append([name, share(len(seen), len(own)), share(sum(o["first"] in (good, "ambiguous") for o in seen),
                      len(seen)), share(sum(o["last"] == good for o in seen), len(own)),
                      share(sum(o["last"] in (good, "ambiguous") for o in seen), len(own)),
-                     share(sum(o["changes"] <= 1 for o in seen), len(seen)),
-                     share(sum(x >= 0.95 for x in standing), len(standing)),
-                     *_quantiles([o["delay"] for o in own]), *_quantiles([o["right_after"] for o in own]),
-                     *_quantiles(_after_it_shows(own)),
                      ", ".join(f"{k} {n}" for k, n in Counter(o["last"] for o in own).items())])  # fmt: skip
-    return Table(f"{detector}: names", ("fault", "seen", "first right or ambiguous", "last right",
-                 "last right or ambiguous", "one change at most", "stands >= 95 % while it shows", "alarm: median [s]>",
-                 "95 %>", "right: median [s]>", "95 %>", "right after it shows: median [s]>", "95 %>", "last"),
-                 rows)  # fmt: skip
+        times.append([name, *_quantiles([o["delay"] for o in own]), *_quantiles([o["right_after"] for o in own]),
+                      *_quantiles(_after_it_shows(own)), share(sum(o["changes"] <= 1 for o in seen), len(seen)),
+                      share(sum(x >= 0.95 for x in standing), len(standing))])  # fmt: skip
+    return [Table(f"{detector}: names", ("fault", "seen", "first right or ambiguous", "last right",
+                  "last right or ambiguous", "last"), rows),
+            Table(f"{detector}: times [s], median and 95 %", ("fault", "alarm>", "95 %>", "right name>", "95 %>",
+                  "after it shows>", "95 %>", "one change at most", "stands while it shows"), times)]  # fmt: skip
 
 
 def _after_it_shows(own):
@@ -224,13 +223,13 @@ def _lost(runs):
 
 def _faults(options, values):
     runs = [run for flight in values for run in flight]
-    return [_names(runs, "ema_kalman_flight", lambda name: name not in AT_COMMAND), _withdrawn(runs), _incipient(runs),
-            _command(runs), _names(runs, "position_monitor", lambda name: True), _lost(runs)]  # fmt: skip
+    return [*_names(runs, "ema_kalman_flight", lambda name: name not in AT_COMMAND), _withdrawn(runs), _incipient(runs),
+            _command(runs), *_names(runs, "position_monitor", lambda name: True), _lost(runs)]  # fmt: skip
 
 
 def _reconfigured(options, values):
     runs = [run for flight in values for run in flight]
-    return [_names(runs, "ema_kalman_flight", lambda name: True), _incipient(runs)]
+    return [*_names(runs, "ema_kalman_flight", lambda name: True), _incipient(runs)]
 
 
 def _sizes(options, values):
