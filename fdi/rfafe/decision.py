@@ -13,9 +13,9 @@ beyond the same threshold.
 While the estimate is not trusted an alarm stands, for T_HOLD at most: so long a restart takes. After the restart an
 oscillation has the same time to be found again.
 
-Class. A liquid OFC is f = s(t), a solid one f = s(t) - u: of f_hat and f_hat + u the one that its sine explains better
-tells which, but only if the command moved otherwise than the fault. Where it did not, and for all that is slow, the
-verdict is AMBIGUOUS.
+Class. A liquid OFC is f = s(t), a solid one f = s(t) - u, or half of it where it is in one segment of two: of f_hat,
+f_hat + u / 2 and f_hat + u the one that its sine explains best tells which, but only if the command moved otherwise
+than the fault. Where it did not, and for all that is slow, the verdict is AMBIGUOUS.
 """
 
 import math
@@ -174,7 +174,9 @@ def oscillation(x, p):
         x.ofc_margin = p.margin
     x.ofc_timer, x.most = p.t_release, level
     _, liquid, _ = bank.character(x, p, found, 1.0, 0.0)
-    _, solid, _ = bank.character(x, p, found, 1.0, 1.0)
+    _, half, _ = bank.character(x, p, found, 1.0, 0.5)
+    _, whole, _ = bank.character(x, p, found, 1.0, 1.0)
+    solid = max(half, whole)
     if math.fabs(solid - liquid) > x.ofc_margin:  # the clearest window since the alarm decides
         x.ofc_margin = math.fabs(solid - liquid)
         x.ofc_class = OFC_SOLID if solid > liquid else OFC_LIQUID

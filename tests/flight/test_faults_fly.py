@@ -312,3 +312,12 @@ def test_every_kind_has_a_place_in_the_loop():
     known = {*inject.SENSOR_SHAPES, *(kind for t in c.TECHNOLOGIES.values() for kind in t.effects)}
     own_branch = {"ofc_solid", "runaway", "thrust_loss"}
     assert set(c.ALL_KINDS) - known == own_branch
+
+
+@pytest.mark.parametrize(("hz", "mm"), [(3.0, 6.0), (5.0, 6.0)])
+def test_a_solid_oscillation_of_one_segment_of_two_is_solid_to_the_estimator_of_the_side(hz, mm):
+    fault = f'faults=[{{target="elevator.left_inner", kind="ofc_solid", at="valve", start_s=10, amplitude_mm={mm}, '
+    own = [fault + f"frequency_hz={hz}}}]", "duration_s=20", "manoeuvre.kind=nz_doublet", "elevator.feedback=measured"]
+    scenario = cosim.load_scenario("cruise", [*own, 'detectors.enabled=["rfafe"]'])
+    (found,) = cosim.simulate(scenario, timed=False).detectors
+    assert found["isolated"] == {"class": "ofc_solid", "target": "elevator_left"} and found["time_to_right_s"] < 2.0
