@@ -7,7 +7,8 @@ the model is allowed a share of it (electromechanical segments; the share of hyd
 
 A deviation beyond the threshold for the confirmation time is an alarm. The monitor does not know why a surface is not
 where it should be, so the alarm is AMBIGUOUS until the motion tells: JAM_SOLID after `t_rest` at rest while the model
-moved, RUNAWAY after `travel_run` in one direction away from the model. That class then stays as long as the alarm. An
+moved, RUNAWAY after `travel_run` in one direction away from the model, still on its way after `t_run` or at the end of
+its travel (a step of the command is over sooner). That class then stays as long as the alarm. An
 oscillation whose strokes are longer than `travel_run` is taken for a runaway, one too small to be told from rest for a
 jam.
 """
@@ -39,7 +40,8 @@ PARAMS = dtype(
         ("tau_motion", "f8", "s"),  # lag of the surface whose motion names the class
         ("t_rest", "f8", "s"),  # at rest for so long, while the model moved: a jam
         ("jam_share", "f8", "-"),  # of the deviation that the model has moved meanwhile
-        ("travel_run", "f8", "rad"),  # in one direction, away from the model: a runaway
+        ("travel_run", "f8", "rad"),  # in one direction, away from the model, ...
+        ("t_run", "f8", "s"),  # ... and still moving after this, or at the end of its travel: a runaway
         ("t_invalid", "f8", "s"),  # without a measurement for longer the estimate is not valid
     ]
 )
@@ -66,6 +68,7 @@ STATE = dtype(
         ("rest_time", "f8", "s"),  # since then
         ("leave", "f8", "rad"),  # where the surface began to run away from the model
         ("far", "f8", "rad"),  # how far it came
+        ("run_time", "f8", "s"),  # for how long it moved so
         ("rate", "f8", "rad/s"),  # of the lagged surface
         ("timer", "f8", "s"),  # confirmation
         ("age", "f8", "s"),  # time since the last usable measurement
@@ -103,6 +106,7 @@ DETECTOR = Detector(
 
 
 MOVED = math.radians(0.08)  # a surface that has moved further is not at rest: ten sigma of its sensor after the lag
+END = math.radians(1.0)  # from a limit: the end of the travel
 AWAY = 0.25  # of the threshold: a smaller deviation is none
 RATE_LIMIT = math.radians(40.0)  # of the servos' reference, both technologies (actuators/hydraulic/servo.py) [rad/s]
 TRAVEL = (math.radians(-23.0), math.radians(17.0))  # of the elevator [rad]
@@ -152,6 +156,7 @@ def step(x, u, p, dt):
     x.rate = (x.surface - x.slow) / p.tau_motion
     x.slow += (1.0 - math.exp(-dt / p.tau_motion)) * (x.surface - x.slow)
     x.rest_time += dt
+    since = x.rest_time
     if math.fabs(x.slow - x.rest) > MOVED:
         x.rest, x.rest_model, x.rest_time = x.slow, x.model, 0.0
     deviation = x.surface - x.model
@@ -159,14 +164,18 @@ def step(x, u, p, dt):
     away = math.copysign(1.0, deviation)  # the way back, or a surface where it should be, ends a run
     if math.fabs(x.r) < AWAY or (x.slow - x.leave) * away < 0.0 or (x.far - x.slow) * away > MOVED:
         x.leave = x.far = x.slow
+        x.run_time = 0.0
     elif (x.slow - x.far) * away > 0.0:
         x.far = x.slow
+    if x.rest_time == 0.0:
+        x.run_time += since
     x.timer, x.alarm = confirm(x.timer, x.alarm, math.fabs(x.r) >= 1.0, dt, p.t_confirm, p.t_release)
     if x.alarm < 0.5:
         x.verdict = NONE
     elif x.verdict == NONE or x.verdict == AMBIGUOUS:
         moved = math.fabs(x.model - x.rest_model) >= p.jam_share * math.fabs(deviation)
-        if math.fabs(x.far - x.leave) >= p.travel_run:
+        ended = min(x.slow - p.limit_low, p.limit_high - x.slow) < END
+        if math.fabs(x.far - x.leave) >= p.travel_run and (x.run_time >= p.t_run or ended):
             x.verdict = RUNAWAY
         elif x.rest_time >= p.t_rest and moved and math.fabs(x.r) >= 1.0:
             x.verdict = JAM_SOLID
