@@ -8,8 +8,9 @@ With m = p = 1 and F = 1 the gain N is 1: all of the innovation is called fault,
 state is the open-loop model: f = y - x1 is unbiased only while the load is exactly known. Load forms (`form` in a
 scenario): "published" leaves the load out, "hinge model" (default) has a hinge-moment model. A fault of the rod sensor,
 a jam and a runaway all show as f. The decision is ours: f beyond its threshold, or beyond what it was before, as what
-the load's model lacks drifts. Its name follows from the *measured* rod: one that jumps is a sensor's, JAM_LIQUID; fast
-is RUNAWAY; at rest while the model moves is JAM_SOLID; else AMBIGUOUS until it moves.
+the load's model lacks drifts. Its name follows from the *measured* rod: one that jumps is a sensor's, JAM_LIQUID; one
+that has moved `run` away from the model without turning is RUNAWAY; at rest while the model moves is JAM_SOLID; else
+AMBIGUOUS until it is one of these.
 
 | symbol | field | meaning |
 |---|---|---|
@@ -37,6 +38,7 @@ from fdi.hydraulic.separate_bias import transition
 CULPRITS = ("", "rod")
 FORMS = {"hinge model": 1, "published": 0}  # how the load is known: load form
 FASTEST = 0.5  # a rod and its model part by less: each moves at 45 deg/s of surface at most, 0.24 m/s
+MOVED = 0.3e-3  # a lagged rod that has moved further is not at rest: eight sigma [m]
 JUMP = 1e-3  # in one tick: a sensor's, no rod's; ten sigma of the sensor [m]
 HISTORY = 10  # ticks of valve command kept for the delay: 5 ms at 2 kHz
 
@@ -53,7 +55,9 @@ PARAMS = dtype(
         ("threshold", "f8", "m"),  # output fault
         ("step", "f8", "m"),  # output fault beyond what it was: a jam is sudden, what the load's model lacks drifts
         ("wash", "f8", "s"),  # how fast "what it was" follows
-        ("rate", "f8", "m/s"),  # measured rod faster than this runs away, slower than half of it rests
+        ("run", "f8", "m"),  # measured rod so far away from the model without turning: a runaway
+        ("t_rest", "f8", "s"),  # at rest for so long while the model moves at `rate`: a jam
+        ("rate", "f8", "m/s"),
         ("t_confirm", "f8", "s"),
         ("t_release", "f8", "s"),
         ("t_invalid", "f8", "s"),
@@ -91,8 +95,11 @@ STATE = dtype(
         ("jump", "f8", "m"),  # largest change of the fault in a tick beyond what a rod can do
         ("f_was", "f8", "m"),  # what it was: follows by `wash`, held during an alarm
         ("y_slow", "f8", "m"),  # lagged rod
-        ("y_rate", "f8", "m/s"),  # lagged rod velocity, measured
-        ("v_slow", "f8", "m/s"),  # the same of the model
+        ("rest", "f8", "m"),  # where the lagged rod last moved
+        ("rest_time", "f8", "s"),  # since then
+        ("leave", "f8", "m"),  # where it began to move away from the model
+        ("far", "f8", "m"),  # how far it came
+        ("v_slow", "f8", "m/s"),  # lagged velocity of the model
         ("timer", "f8", "s"),
         ("age", "f8", "s"),
         ("r", "f8", "-"),  # fault over its threshold
@@ -208,7 +215,7 @@ def start(x, u, p):
         x.P[i, i] = p.P0[i]
     x.x_hat[0] = u.y_rod
     x.x_hat[2] = -force(x, u, p) / (p.A_p * p.P_s)
-    x.y = x.y_slow = u.y_rod
+    x.y = x.y_slow = x.rest = x.leave = x.far = u.y_rod
     x.f_slow = x.f_was = x.f_last = x.jump = 0.0
     x.timer = 0.0
     x.age = 0.0
@@ -222,9 +229,16 @@ def decide(x, p, dt):
     x.jump = max(math.fabs(x.f_hat - x.f_last) - FASTEST * dt, x.jump * math.exp(-dt / (4.0 * p.t_confirm)))
     x.f_last = x.f_hat
     x.f_slow += a * (x.f_hat - x.f_slow)
-    x.y_rate = (x.y - x.y_slow) / p.tau
     x.y_slow += a * (x.y - x.y_slow)
     x.v_slow += a * (x.x_hat[1] - x.v_slow)
+    x.rest_time += dt
+    if math.fabs(x.y_slow - x.rest) > MOVED:
+        x.rest, x.rest_time = x.y_slow, 0.0
+    away = math.copysign(1.0, x.f_slow)
+    if (x.y_slow - x.leave) * away < 0.0 or (x.far - x.y_slow) * away > MOVED:
+        x.leave = x.far = x.y_slow
+    elif (x.y_slow - x.far) * away > 0.0:
+        x.far = x.y_slow
     x.r = max(math.fabs(x.f_slow) / p.threshold, math.fabs(x.f_slow - x.f_was) / p.step)
     if x.alarm < 0.5:
         x.f_was += (1.0 - math.exp(-dt / p.wash)) * (x.f_slow - x.f_was)
@@ -235,9 +249,9 @@ def decide(x, p, dt):
     elif before < 0.5 or x.verdict == AMBIGUOUS:
         if x.jump > JUMP:
             x.verdict = JAM_LIQUID
-        elif math.fabs(x.y_rate - x.v_slow) > p.rate and math.fabs(x.y_rate) > p.rate:
+        elif math.fabs(x.far - x.leave) > p.run:
             x.verdict = RUNAWAY
-        elif math.fabs(x.y_rate) < 0.5 * p.rate < math.fabs(x.v_slow):
+        elif x.rest_time >= p.t_rest and math.fabs(x.v_slow) > p.rate:
             x.verdict = JAM_SOLID
         else:
             x.verdict = AMBIGUOUS
