@@ -12,6 +12,7 @@ from flown import deg, fault, fly, scenario
 
 from actuators.constants import M_S_PER_KT
 from actuators.ema import jay
+from cosim import load_scenario, simulate
 from cosim.errors import ScenarioError
 from cosim.flight import inject
 from cosim.scenario import catalog as c
@@ -318,6 +319,6 @@ def test_every_kind_has_a_place_in_the_loop():
 def test_a_solid_oscillation_of_one_segment_of_two_is_solid_to_the_estimator_of_the_side(hz, mm):
     fault = f'faults=[{{target="elevator.left_inner", kind="ofc_solid", at="valve", start_s=10, amplitude_mm={mm}, '
     own = [fault + f"frequency_hz={hz}}}]", "duration_s=20", "manoeuvre.kind=nz_doublet", "elevator.feedback=measured"]
-    scenario = cosim.load_scenario("cruise", [*own, 'detectors.enabled=["rfafe"]'])
-    (found,) = cosim.simulate(scenario, timed=False).detectors
+    chosen = load_scenario("cruise", [*own, 'detectors.enabled=["rfafe"]'])
+    (found,) = simulate(chosen, timed=False).detectors
     assert found["isolated"] == {"class": "ofc_solid", "target": "elevator_left"} and found["time_to_right_s"] < 2.0
