@@ -136,10 +136,12 @@ def pool(workers: int | None) -> Iterator[cf.Executor]:
     try:
         yield made
     except BaseException:
-        processes = list((made._processes or {}).values())
+        processes, manager = list((made._processes or {}).values()), getattr(made, "_executor_manager_thread", None)
         made.shutdown(wait=False, cancel_futures=True)
         for process in processes:
             process.terminate()
+        if manager:  # or it closes a pipe that the interpreter's end still writes to
+            manager.join(10.0)
         raise
     finally:
         made.shutdown(cancel_futures=True)
