@@ -98,8 +98,9 @@ def _local(todo, workers, crashed):
             try:
                 while todo or flying:
                     while todo and len(flying) < AHEAD * workers:
-                        call = todo.popleft()
+                        call = todo[0]  # stays there where the pool is found broken only now
                         flying[here.submit(call[1], *call[2])] = call
+                        todo.popleft()
                     for future in cf.wait(flying, return_when=cf.FIRST_COMPLETED).done:
                         result = future.result()
                         yield flying.pop(future)[0], result

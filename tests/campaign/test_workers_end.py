@@ -1,12 +1,17 @@
-"""Workers end with the process that started them, however it ends."""
+"""Workers end with the process that started them, however it ends; no call is lost when they do."""
 
 import os
 import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import nullcontext
 
 import pytest
+
+from cosim.campaign import pool
 
 PARENT = """
 import os, time
@@ -42,3 +47,25 @@ def test_workers_of_a_killed_campaign_end_at_once(busy, tmp_path):
     while any(map(_alive, workers)) and time.monotonic() < end:
         time.sleep(0.05)
     assert not any(map(_alive, workers))
+
+
+class _Breaks:
+    """A pool whose second call finds it broken, as a worker that was killed between two calls leaves it."""
+
+    def __init__(self, left):
+        self.left = left
+
+    def submit(self, function, *arguments):
+        if self.left == 0:
+            raise BrokenProcessPool("a worker died")
+        self.left -= 1
+        done = Future()
+        done.set_result(function(*arguments))
+        return done
+
+
+def test_a_call_that_finds_the_pool_broken_is_not_lost(monkeypatch):
+    pools = iter([_Breaks(1), _Breaks(0), _Breaks(99)])
+    monkeypatch.setattr(pool, "pool", lambda workers: nullcontext(next(pools)))
+    calls = [(k, abs, (-k,)) for k in range(9)]
+    assert sorted(pool.finished(calls, workers=1)) == [(k, k) for k in range(9)]
