@@ -207,7 +207,7 @@ def write_score(found: dict, rows: pd.DataFrame, out: str | Path, beside: Sequen
     Notes the paths in `found`. Raises OutputError.
     """
     out = Path(out)
-    found["table"], found["report"] = str(out / "score.json"), str(score_report(found, out / "score.html", beside))
+    replace_text(out / "score.json", json.dumps(found, indent=1, allow_nan=False))  # a table to share: without paths
     if "digest" not in found["seeds"]:
         replace(out / "score.parquet", lambda part: rows.to_parquet(part, index=False))
-    replace_text(out / "score.json", json.dumps(found, indent=1, allow_nan=False))
+    found["table"], found["report"] = str(out / "score.json"), str(score_report(found, out / "score.html", beside))

@@ -25,7 +25,7 @@ from cosim.flight.guests import with_detectors
 from cosim.judge.probability import UNSAID, log_score
 from cosim.judge.row import rows
 from cosim.replay import thin
-from cosim.report import score_report
+from cosim.report import score_report, write_score
 from cosim.report.score_page import write_readme
 from cosim.scenario import load_scenario
 from fdi.registry import SHIPPED
@@ -108,7 +108,8 @@ def test_the_benchmark_resumes_scores_and_repeats(recordings, tmp_path, monkeypa
     flown = []
     monkeypatch.setattr(thin, "record", lambda *a: flown.append(a))
     monkeypatch.setattr(score_rows, "finished", lambda calls, workers: ((key, f(*given)) for key, f, given in calls))
-    found = score(["iotsekf", guest], limit=4, recordings=recordings, workers=0).table
+    made = score(["iotsekf", guest], limit=4, recordings=recordings, workers=0)
+    found = made.table
     assert not flown, "what is there is not flown again"
     assert [d["id"] for d in found["detectors"]] == ["iotsekf", "rough"] and found["flights"] == 4
     assert found["bytes"] < 4 * 2e9 / 642
@@ -116,7 +117,8 @@ def test_the_benchmark_resumes_scores_and_repeats(recordings, tmp_path, monkeypa
     assert rough["log_none"] < 0.0 and found["detectors"][0]["log_none"] is None
     assert sum(f["flights"] for f in rough["families"]) >= rough["designed"]
     table = tmp_path / "score.json"
-    table.write_text(json.dumps(found))
+    write_score(found | {}, made.found.rows, tmp_path)
+    assert str(tmp_path) not in table.read_text(), "a table to share says nothing of where it was made"
     line = ["score", "--verify", str(table), "iotsekf", guest, "--recordings", str(recordings)]
     said = CliRunner().invoke(cli.app, [*line, "-o", str(tmp_path)])
     assert (said.exit_code, said.output) == (0, "every row repeats\n")
@@ -212,7 +214,7 @@ def test_a_table_or_a_recording_that_is_none_is_one_line(tmp_path):
         path.write_text(json.dumps(whole | change))
         with pytest.raises(CampaignError, match="is no table"):
             stored(path)
-    assert stored(BOARD).limit is None
+    assert stored(BOARD).limit is None and not {"table", "report"} & set(whole)  # no paths of whoever scored it
     about = {
         "status": "completed",
         "reason": "",
