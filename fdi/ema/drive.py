@@ -27,6 +27,7 @@ import math
 from actuators.block import kernel
 from fdi.common import decision
 from fdi.common.decision import confirm
+from fdi.common.sinusoid import products
 from fdi.common.verdict import EFFECTIVENESS, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY
 
 RING = 100  # samples of each ring
@@ -136,26 +137,10 @@ def sample(x, slow, s, i):
 def sine(x, slow, n, hz):
     """Return what a sine of `hz` leaves of f f, f d and d d over the last `n` samples."""
     h = EVEN_S * SLOW if slow else EVEN_S
-    i = int(x.slow_head if slow else x.even_head) - n
-    i = i + RING if i < 0 else i
-    angle = 6.283185307179586 * hz * h
-    c, s = math.cos(0.5 * (1 - n) * angle), math.sin(0.5 * (1 - n) * angle)
-    turn_c, turn_s = math.cos(angle), math.sin(angle)
-    ff, fd, dd, fc, fs, dc, ds, cc, cs, ss = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for _ in range(n):
-        f, d = sample(x, slow, 0, i), sample(x, slow, 1, i)
-        ff += f * f
-        fd += f * d
-        dd += d * d
-        fc += f * c
-        fs += f * s
-        dc += d * c
-        ds += d * s
-        cc += c * c
-        cs += c * s
-        ss += s * s
-        i = 0 if i == RING - 1 else i + 1
-        c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
+    ring = x.slow_ring if slow else x.even_ring
+    first = int(x.slow_head if slow else x.even_head) - n
+    first = first + RING if first < 0 else first
+    _, _, ff, fd, dd, fc, fs, dc, ds, cc, cs, ss = products(ring[0], ring[1], first, n, 6.283185307179586 * hz * h, 0.0)
     det = cc * ss - cs * cs
     if det <= 1e-9 * n * n:
         return ff, fd, dd

@@ -8,6 +8,7 @@ from typing import Any
 
 from actuators.block import kernel
 from fdi.common import bank
+from fdi.common.sinusoid import products
 
 N = bank.N
 SLOW = bank.LEVELS  # index of the slow ring
@@ -127,28 +128,8 @@ def tone(x, p, j, n, angle):
             mean += sample(x, 0, j, i)
             i = 0 if i == N - 1 else i + 1
         mean /= n
-    start = -0.5 * (n - 1) * angle
-    c, s = math.cos(start), math.sin(start)
-    turn_c, turn_s = math.cos(angle), math.sin(angle)
-    ff, fd, dd, fc, fs, dc, ds, cc, cs, ss = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    f1, d1 = 0.0, 0.0
-    i = first
-    for _ in range(n):
-        f, d = sample(x, 0, j, i) - mean, sample(x, 1, j, i)
-        f1 += f
-        d1 += d
-        ff += f * f
-        fd += f * d
-        dd += d * d
-        fc += f * c
-        fs += f * s
-        dc += d * c
-        ds += d * s
-        cc += c * c
-        cs += c * s
-        ss += s * s
-        i = 0 if i == N - 1 else i + 1
-        c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
+    F, D = (x.slow_ring[0], x.slow_ring[1]) if j == SLOW else (x.bank_ring[0, j], x.bank_ring[1, j])
+    f1, d1, ff, fd, dd, fc, fs, dc, ds, cc, cs, ss = products(F, D, first, n, angle, mean)
     det = max(cc * ss - cs * cs, 1e-12)
     fa, fb = (fc * ss - fs * cs) / det, (fs * cc - fc * cs) / det
     da, db = (dc * ss - ds * cs) / det, (ds * cc - dc * cs) / det

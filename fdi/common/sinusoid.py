@@ -1,0 +1,38 @@
+"""Products of two signals with a sine of a given frequency, over the newest samples of a ring."""
+
+import math
+
+from actuators.block import kernel
+
+
+@kernel
+def products(F, D, first, n, angle, mean):
+    """Return (f1, d1, ff, fd, dd, fc, fs, dc, ds, cc, cs, ss): sums over `n` samples, f less `mean`, of what the names say.
+
+    F, D: rings of one length; `first`: place of the oldest sample; `angle`: the sine's phase per sample [rad]. c and s
+    are its cosine and sine about the middle of the samples, where the two are nearly orthogonal; they turn by a
+    rotation, one multiplication in place of a cosine a sample.
+    """
+    start = -0.5 * (n - 1) * angle
+    c, s = math.cos(start), math.sin(start)
+    turn_c, turn_s = math.cos(angle), math.sin(angle)
+    f1, d1 = 0.0, 0.0
+    ff, fd, dd, fc, fs, dc, ds, cc, cs, ss = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    i = first
+    for _ in range(n):
+        f, d = F[i] - mean, D[i]
+        f1 += f
+        d1 += d
+        ff += f * f
+        fd += f * d
+        dd += d * d
+        fc += f * c
+        fs += f * s
+        dc += d * c
+        ds += d * s
+        cc += c * c
+        cs += c * s
+        ss += s * s
+        i = 0 if i == F.size - 1 else i + 1
+        c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
+    return f1, d1, ff, fd, dd, fc, fs, dc, ds, cc, cs, ss
