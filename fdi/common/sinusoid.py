@@ -7,7 +7,7 @@ from actuators.block import kernel
 
 @kernel
 def products(F, D, first, n, angle, mean):
-    """Return (f1, d1, ff, fd, dd, fc, fs, dc, ds, cc, cs, ss): sums over `n` samples, f less `mean`, of what the names say.
+    """Return (f1, d1, ff, fd, dd, fc, fs, dc, ds, cc, cs, ss): sums over `n` samples, f less `mean`, one a product.
 
     F, D: rings of one length; `first`: place of the oldest sample; `angle`: the sine's phase per sample [rad]. c and s
     are its cosine and sine about the middle of the samples, where the two are nearly orthogonal; they turn by a
