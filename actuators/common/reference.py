@@ -18,6 +18,7 @@ import numpy as np
 from actuators.block import kernel
 from actuators.common.ackermann import place
 from actuators.common.limits import flush, within
+from actuators.portable import rounded
 
 PARAM_FIELDS = [
     ("k1", "f8"),  # position to velocity [1/s]
@@ -39,7 +40,7 @@ def gains(*, omega: float, zeta: float, dt: float) -> dict[str, Any]:
     Phi = np.array([[1, dt, dt**2 / 2], [0, 1, dt], [0, 0, 1]])
     Gamma = np.array([[dt**3 / 6], [dt**2 / 2], [dt]])
     pair = omega * complex(-zeta, np.sqrt(1 - zeta**2))
-    K = place(Phi, Gamma, np.exp(np.array([-omega, pair, np.conj(pair)]) * dt))
+    K = rounded(place(Phi, Gamma, np.exp(np.array([-omega, pair, np.conj(pair)]) * dt)), 10)
     return {"k1": K[0] / K[1], "k2": K[1] / K[2], "k3": K[2]}
 
 

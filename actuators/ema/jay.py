@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from actuators.kept import kept
+from actuators.portable import rounded
 
 # [Jay] section 4, T = 5 ms, as printed
 PHI = np.array(
@@ -172,4 +173,4 @@ def discretise(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[Any, ...]:
 def _exponential(matrix):
     from scipy.linalg import expm  # a tenth of a second that a start need not wait for
 
-    return expm(matrix).ravel()
+    return rounded(expm(matrix).ravel(), 13)

@@ -28,6 +28,7 @@ from actuators.common import linkage, reference
 from actuators.common.ackermann import place
 from actuators.common.limits import clip
 from actuators.ema import jay
+from actuators.portable import rounded
 
 PARAMS = dtype(
     [
@@ -83,7 +84,7 @@ def error_gains(*, pole: Any, dt: Any) -> dict[str, Any]:
     """Return {k_p, k_v, k_i} placing the poles of theta'' = -k_p theta - k_v theta' - k_i int theta, held over `dt`."""
     Phi = np.array([[1, dt, 0], [0, 1, 0], [dt, 0, 1]])
     Gamma = np.array([[dt**2 / 2], [dt], [0]])
-    K = place(Phi, Gamma, np.exp(-pole * dt * np.array([0.97, 1.0, 1.03])))
+    K = rounded(place(Phi, Gamma, np.exp(-pole * dt * np.array([0.97, 1.0, 1.03]))), 10)
     return {"k_p": K[0], "k_v": K[1], "k_i": K[2]}
 
 

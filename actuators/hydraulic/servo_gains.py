@@ -10,6 +10,7 @@ from actuators.common.ackermann import place
 from actuators.ema import jay
 from actuators.hydraulic import lu17
 from actuators.kept import kept
+from actuators.portable import rounded
 
 # sensor set `transport` (1 sigma per sample), and how fast the unknown may move
 SIGMA_ROD, SIGMA_PRESSURE = 1e-4, 0.005  # [m], [1]
@@ -29,7 +30,7 @@ def error_gains(model: Any, *, pole: Any, dt: Any) -> dict[str, Any]:
     """
     A, B = _linear(model)
     Phi, Gamma = jay.discretise(A, B, dt)
-    K = place(Phi, Gamma, np.exp(-pole * dt * np.array([0.97, 1.0, 1.03])))
+    K = rounded(place(Phi, Gamma, np.exp(-pole * dt * np.array([0.97, 1.0, 1.03]))), 10)
     a23, beta, k = A[1, 2], model.B / model.M, -A[2, 1]
     D = a23 * k * model.phi_n / model.A_p  # u to q''' [m/s^3]
     k_a = beta + (K[2] * D / (a23 * k) + model.L) * k
@@ -68,4 +69,4 @@ def _observer_gains(model, dt):
         P = solve_discrete_are((inverse @ Phi @ scale).T, (H @ scale).T, inverse @ Q @ inverse, R)
         P = scale @ P @ scale
         out.append(P @ H.T @ np.linalg.inv(H @ P @ H.T + R))
-    return out[0].ravel(), out[1][:, 0]
+    return rounded(out[0].ravel(), 9), rounded(out[1][:, 0], 9)

@@ -8,6 +8,7 @@ import numpy as np
 
 from actuators.common import linkage
 from actuators.kept import kept
+from actuators.portable import rounded
 from actuators.technology import Own
 from cosim.scenario.catalog import TECHNOLOGIES
 
@@ -60,4 +61,4 @@ def _flown(technology, omega, dt, own):
     late = t > settle
     basis = np.column_stack([np.cos(omega * t), np.sin(omega * t), np.ones(n)])[late]
     c, s, _ = np.linalg.lstsq(basis, position[late], rcond=None)[0]
-    return math.hypot(c, s) / amplitude
+    return float(rounded(np.array(math.hypot(c, s) / amplitude), 9))

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actuators.constants import G0, M_PER_FT
+from actuators.portable import solve
 from cosim.errors import TrimError
 from cosim.flight.plant.trim import EARTH_MERIDIAN, Trim, level, lift_margin, surfaces_at
 
@@ -110,7 +111,7 @@ def _search(path, x):
         for i, d in enumerate(np.diag(STEP)):
             J[:, i] = (path.residual(x + d) - path.residual(x - d)) / (2 * STEP[i])
         try:
-            step = np.linalg.solve(J, -f)
+            step = solve(J, -f)
         except np.linalg.LinAlgError:
             break
         new = x + step / max(1.0, (np.abs(step) / MOST).max())

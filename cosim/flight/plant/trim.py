@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from actuators.constants import G0, M_PER_FT
+from actuators.portable import solve
 from cosim.errors import TrimError
 from cosim.flight.plant.border import Border
 
@@ -93,7 +94,7 @@ def level(plant: Any, elevator: float = 0.0) -> Trim:
         for i, d in enumerate(np.diag(STEP)):
             J[:, i] = (_residual(plant, x + d, elevator) - _residual(plant, x - d, elevator)) / (2 * STEP[i])
         try:
-            step = np.linalg.solve(J, -f)
+            step = solve(J, -f)
         except np.linalg.LinAlgError:
             break
         step *= min(1.0, 0.05 / max(abs(step[0]), abs(step[1]), abs(step[2]) / 5, 1e-12))

@@ -7,6 +7,7 @@ import numpy as np
 
 from actuators.block import record
 from actuators.constants import G0
+from actuators.portable import rounded
 from cosim.errors import TrimError
 from cosim.flight.blocks.law import PARAMS
 from cosim.flight.blocks.law.lateral import bank_limit
@@ -84,7 +85,8 @@ def design(model: Any, stall: Any, aircraft: Aircraft, start: Any = None) -> Any
         "cas_0": model.y0[list(model.outputs).index("cas")], "stab_0": t.stabilizer, "throttle_0": t.throttle,
         "de_0": t.elevator, "phi_0": t.phi, "hdot_0": t.climb, "da_0": t.aileron, "dr_0": t.rudder,
     }  # fmt: skip
-    p = record(PARAMS, **limits, **trim, **_pitch(model), **_lateral(model, stops["aileron"][1]), **_speed(model))
+    gains = {**_pitch(model), **_lateral(model, stops["aileron"][1]), **_speed(model)}
+    p = record(PARAMS, **limits, **trim, **{name: rounded(k, 7) for name, k in gains.items()})
     if start is not None:
         _holds(p[0], start)
     return p
