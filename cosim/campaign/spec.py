@@ -237,9 +237,8 @@ def _base(base, folder):
 
 def _read(name):
     """Return (name, folder of the file or None, text)."""
-    builtin = resources.files("cosim").joinpath("campaigns", f"{name}.toml")
-    if "/" not in name and "." not in name and builtin.is_file():
-        return name, None, builtin.read_text(encoding="utf-8")
+    if name in builtin_campaigns():
+        return name, None, resources.files("cosim").joinpath("campaigns", f"{name}.toml").read_text(encoding="utf-8")
     path = Path(name)
     try:
         return name, path.parent, read(path, error=CampaignError, what="campaign file")

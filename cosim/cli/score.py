@@ -83,7 +83,7 @@ def add(app: typer.Typer, out: Console, err: Console) -> None:
         from cosim.report import write_score
         from cosim.report.score_page import write_readme
 
-        beside = [] if seeds else [d for d in board(made.table["content"]) if d["id"] not in ids(made.table)]
+        beside = [] if seeds else [d for d in board(made.table) if d["id"] not in ids(made.table)]
         write_score(made.table, made.found.rows, output, beside)
         if readme:
             write_readme(made.table, readme)

@@ -86,9 +86,8 @@ def _read(name_or_path):
     name = str(name_or_path)
     if not name:
         raise ScenarioError("no scenario is named", remedy="`cosim list` shows the built-in scenarios")
-    builtin = resources.files("cosim").joinpath("scenarios", f"{name}.toml")
-    if "/" not in name and "." not in name and builtin.is_file():
-        return name, builtin.read_text(encoding="utf-8")
+    if name in builtin_names():
+        return name, resources.files("cosim").joinpath("scenarios", f"{name}.toml").read_text(encoding="utf-8")
     try:
         return name, read(name, error=ScenarioError, what="scenario file")
     except FileNotFoundError:

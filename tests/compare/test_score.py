@@ -16,7 +16,7 @@ from cosim.campaign.store import CampaignError
 from cosim.campaign.worker import fly
 from cosim.cli import commands as cli
 from cosim.compare.paired import bootstrap, pair
-from cosim.compare.score import BOARD, named, score, stored
+from cosim.compare.score import BOARD, board, named, score, stored
 from cosim.compare.score import flights as benchmark
 from cosim.compare.score import rows as score_rows
 from cosim.compare.score.table import differences
@@ -238,3 +238,10 @@ def test_a_table_or_a_recording_that_is_none_is_one_line(tmp_path):
         pa.table({"q": column}).replace_schema_metadata({thin.ABOUT: json.dumps(about)}), tmp_path / "x.parquet"
     )
     assert thin.Recording(tmp_path / "x.parquet").column("q").tolist() == [0.0, 1.0]
+
+
+def test_the_stored_table_stands_beside_flights_of_the_same_code():
+    table = json.loads(BOARD.read_text())
+    made = {key: table[key] for key in ("content", "digest", "flights")}
+    assert board(made) == board({**made, "content": "of another machine"}) == table["detectors"]
+    assert board({**made, "flights": 20}) == board({**made, "content": "other", "digest": "other"}) == []

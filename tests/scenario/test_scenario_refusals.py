@@ -5,6 +5,7 @@ import pickle
 import pytest
 from scenario_tables import OFC, POINT, fault, flight
 
+from cosim.campaign.spec import load_campaign
 from cosim.errors import CosimError, ScenarioError
 from cosim.scenario import load_scenario, parse
 
@@ -206,3 +207,13 @@ def test_bad_path_is_named(tmp_path):
 def test_error_survives_pickling():
     error = pickle.loads(pickle.dumps(ScenarioError("wrong", place="a.toml", allowed="1 to 2", remedy="Mend it")))
     assert isinstance(error, CosimError) and str(error) == "a.toml: wrong; allowed: 1 to 2. Mend it"
+
+
+def test_a_name_longer_than_a_file_name_is_refused_in_a_line(tmp_path):
+    with pytest.raises(ScenarioError, match="scenario"):
+        load_scenario("x" * 300)
+    (tmp_path / "campaign.toml").write_text(f'base = "{"x" * 300}"\nruns = 1\n')
+    with pytest.raises(CosimError):
+        load_campaign(tmp_path / "campaign.toml")
+    with pytest.raises(CosimError):
+        load_campaign("x" * 300)
