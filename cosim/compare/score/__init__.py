@@ -130,7 +130,7 @@ def learned() -> dict[str, str]:
 
 
 def board(made: dict) -> list[dict]:
-    """Return the rows of the stored table of all detectors, where the same code flew as for the table `made`; else []."""
+    """Return the rows of the stored table of all detectors where the same code flew for the table `made`, else []."""
     if not BOARD.is_file():
         return []
     table = from_json(BOARD.read_bytes(), place=str(BOARD))
