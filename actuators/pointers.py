@@ -72,6 +72,34 @@ real, byte, pair, quad, word = (
 )
 
 
+def _layer(bits):
+    @intrinsic
+    def lay(context, address, value):
+        def code(context, builder, signature, args):
+            made = ir.IntType(bits)
+            value = args[1] if made == _WORD else builder.trunc(args[1], made)
+            builder.store(value, builder.inttoptr(args[0], made.as_pointer()), align=1)
+            return context.get_dummy_value()
+
+        return types.void(types.int64, types.int64), code
+
+    return lay
+
+
+# store the lower 1, 2, 4 or 8 bytes of a whole number at any address, aligned or not
+lay_byte, lay_pair, lay_quad, lay_word = map(_layer, (8, 16, 32, 64))
+
+
+@intrinsic
+def leading_zeros(context: Any, value: Any) -> Any:
+    """Return how many of the upper bits of a whole number, not 0, are 0."""
+
+    def code(context, builder, signature, args):
+        return builder.ctlz(args[0], ir.Constant(ir.IntType(1), 1))
+
+    return types.int64(types.int64), code
+
+
 @intrinsic
 def ask(context: Any, function: Callable[..., Any], this: Any) -> Any:
     """Call a getter of C++ at an address, double f(this)."""

@@ -11,7 +11,7 @@ from actuators.registry import SHIPPED
 from cosim.flight import detectors, tape
 from cosim.flight.blocks import faults, hinge_model, law, manoeuvre, sensors
 from cosim.flight.plant import gusts
-from cosim.log import chunk
+from cosim.log import chunk, frame
 from cosim.scenario import Scenario
 from cosim.scenario.catalog import TECHNOLOGIES
 from fdi import registry
@@ -34,7 +34,7 @@ def _blocks(modules):
 
 def functions(scenario: Scenario) -> dict[str, Native]:
     """Return {module: its compiled function} of every block that a flight of `scenario` steps, of its tape, and of
-    what reads its log and replays it; none where nothing is compiled (NUMBA_DISABLE_JIT=1).
+    what writes and reads its log and replays it; none where nothing is compiled (NUMBA_DISABLE_JIT=1).
     """
     if PLAIN:
         return {}
@@ -42,7 +42,8 @@ def functions(scenario: Scenario) -> dict[str, Native]:
     own = [d.module for d in detectors.chosen(scenario)]
     modules = [m for m in own if isinstance(m, ModuleType)]  # what takes longest comes first; guests elsewhere
     blocks = _blocks([*modules, *_actuators(used), *LOOP])
-    others = {tape.__name__: tape.WALK, chunk.__name__: chunk.GATHER, block.__name__: block.SWEEP}
+    others = {tape.__name__: tape.WALK, chunk.__name__: chunk.GATHER, frame.__name__: frame.SQUEEZE}
+    others[block.__name__] = block.SWEEP
     return {**{name: m.rollout.native for name, m in blocks.items()}, **others}
 
 

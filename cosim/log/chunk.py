@@ -17,13 +17,17 @@ import numpy as np
 
 from actuators.native import Native
 
+from .frame import Frame
+
 # a message record up to its payload (MCAP specification, Message): opcode 5, length, head of 22 bytes
 HEAD = np.dtype(
     [("op", "u1"), ("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4"), ("log", "<u8"), ("publish", "<u8")]
 )
+SEQUENCE, LOG_TIME, PUBLISH_TIME = 11, 15, 23  # bytes before these in a message: where it is stamped
 # a MessageIndex record up to its entries: opcode 7, length, channel, bytes of entries; an entry is (log time, offset)
 INDEX_HEAD = np.dtype([("op", "u1"), ("length", "<u8"), ("channel", "<u2"), ("bytes", "<u4")])
 ABOUT = 11  # whole numbers that `gather` needs to know of a topic
+STORE_HEAD, STORE_TARGET = 5, 10  # whole numbers that `store` needs to know, and of each rate
 SHORT = 15  # fields 1..15 have one-byte tags, later ones two bytes
 
 
@@ -155,7 +159,13 @@ class Plan:
         self._index_times = [
             (b.every, np.ndarray((b.rows,), "<u8", self._index, b.entries, (16,))) for b in self.blocks.values()
         ]
-        self.places = {every: self._fields(every) for every in {b.every for b in self.blocks.values()}}
+        rates = {b.every for b in self.blocks.values()}
+        self.places = {every: self._fields(every) for every in rates}
+        self.messages = {
+            every: tuple(np.array([(b.start, b.stride) for b in self.blocks.values() if b.every == every]).T)
+            for every in rates
+        }  # (offset of the first, bytes from one to the next) of each topic of a rate
+        self.frame = Frame(self.blocks)
         self._bind(np.concatenate(content))
 
     def _fields(self, every):
@@ -180,20 +190,24 @@ class Plan:
 
         The array is the plan's own and lasts until the next call: fresh memory would cost more than filling it.
         """
-        if self.content.size < self.size + len(tail):
-            self._bind(np.concatenate([self.content[: self.size], np.zeros(2 * len(tail), "u1")]))
         stamps = {every: self._stamp(rel + k0) for every, rel in self._rates.items()}
         for every, view in self._stamps:
             view[:] = stamps[every]
+        return self.ended(tail)
+
+    def ended(self, tail: bytes) -> np.ndarray:
+        """Return the content (uint8) as it stands, followed by `tail`; see `template`."""
+        if self.content.size < self.size + len(tail):
+            self._bind(np.concatenate([self.content[: self.size], np.zeros(2 * len(tail), "u1")]))
         content = self.content[: self.size + len(tail)]
         content[self.size :] = np.frombuffer(tail, "u1")
         return content
 
     def take(self, other: "Plan") -> None:
-        """Take the values of the first rows of another plan of the same layout and phases."""
+        """Take the first rows of another plan of the same layout and phases."""
         for number, block in self.blocks.items():
-            for (_, to), (_, source) in zip(self.values(self.content, number), other.values(other.content, number)):
-                to[:] = source[: block.rows]
+            begin, size = other.blocks[number].start, block.rows * block.stride
+            self.content[block.start :][:size] = other.content[begin:][:size]
 
     def _stamp(self, ticks):
         """Return sequence = tick, log time = publish time = simulated time [ns] as they stand in a message."""
@@ -201,12 +215,12 @@ class Plan:
         out["sequence"], out["log"], out["publish"] = ticks, ticks * self.dt_ns, ticks * self.dt_ns
         return out.view(_STAMP)
 
-    def index(self, k0: int) -> bytes:
-        """Return the MessageIndex records (bytes) of the ticks from k0."""
+    def index(self, k0: int) -> np.ndarray:
+        """Return the MessageIndex records (uint8) of the ticks from k0, which last until the next call."""
         times = {every: (rel + k0) * self.dt_ns for every, rel in self._rates.items()}
         for every, view in self._index_times:
             view[:] = times[every]
-        return self._index.tobytes()
+        return self._index
 
     def values(self, content: np.ndarray, number: int) -> Iterator[tuple[slice, np.ndarray]]:
         """Yield (slice of fields, (row, field) view of float64) of topic `number` in `content`."""

@@ -189,7 +189,7 @@ class Contents:
         block = np.frombuffer(file.read(size), "u1")
         if len(block) < size or not np.array_equal(block[places], heads):
             return 0
-        if block.tobytes() != self.layout.plan(*self.ticks(chunk)).index(self.ticks(chunk)[0]):
+        if not np.array_equal(block, self.layout.plan(*self.ticks(chunk)).index(self.ticks(chunk)[0])):
             raise log_error("the message indexes point elsewhere than at their messages", self.path, at)
         chunk.index_offsets = {channel: at + offset for channel, offset in offsets.items()}
         chunk.index_counts = dict(self.layout.counts(*self.ticks(chunk))[0])

@@ -70,24 +70,27 @@ def content_hash(chunks: Any) -> str:
 def pack_chunk(
     layout: Any, content: Any, data: Any, compression: str, k0: Any, n: Any, tail: Any, offset: int
 ) -> tuple[Any, ...]:
-    """Return (list of bytes, ChunkRef) of the chunk record at `offset` and its message indexes.
+    """Return (list of bytes, ChunkRef) of the chunk record at `offset` and its message indexes; they last until the
+    next call.
 
-    `data` is the compressed `content` of the ticks k0 <= k < k0 + n; `tail` is {channel id: [(time, offset), ...]}.
+    `data` are the parts of the compressed `content` of the ticks k0 <= k < k0 + n; `tail` is
+    {channel id: [(time, offset), ...]}.
     """
     builder = RecordBuilder()
     start, end, size, crc = k0 * layout.dt_ns, (k0 + n - 1) * layout.dt_ns, len(content), crc32(content)
-    head = _chunk_head(start, end, size, crc, compression, len(data))
-    plan, length = layout.plan(k0, n), len(head) + len(data)
+    held = sum(map(len, data))
+    head = _chunk_head(start, end, size, crc, compression, held)
+    plan, length = layout.plan(k0, n), len(head) + held
     index = plan.index(k0)
     offsets = {channel: offset + length + at for channel, at in plan.index_offsets.items()}
     for channel, entries in tail.items():
         offsets[channel] = offset + length + len(index) + builder.count
         MessageIndex(channel_id=channel, records=entries).write(builder)
-    index += builder.end()
+    more = builder.end()
     counts = {**layout.counts(k0, n)[0], **{channel: len(entries) for channel, entries in tail.items()}}
-    place = offset, length, offset + len(head), len(data)
-    ref = ChunkRef(*place, compression, size, crc, start, end, offsets, counts, len(index))
-    return [head, data, index], ref
+    place = offset, length, offset + len(head), held
+    ref = ChunkRef(*place, compression, size, crc, start, end, offsets, counts, len(index) + len(more))
+    return [head, *data, index, more], ref
 
 
 def _chunk_head(start, end, size, crc, compression, data_size):

@@ -74,7 +74,7 @@ def _repack(found, file, chunk, offset):
         at += HEAD.itemsize + len(data)
     file.seek(chunk.data_offset)
     data = file.read(chunk.data_size)
-    return pack_chunk(found.layout, content, data, chunk.compression, k0, n, entries, offset)
+    return pack_chunk(found.layout, content, [data], chunk.compression, k0, n, entries, offset)
 
 
 def info(path: Any, *, check: Any = False, limits: Any = None) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import numpy as np
 from actuators.native import PLAIN, Native
 
 from . import foxglove
-from .chunk import HEAD, Layout
+from .chunk import HEAD, LOG_TIME, PUBLISH_TIME, SEQUENCE, STORE_HEAD, STORE_TARGET, Layout
 from .compression import compressor, keep_memory
 from .format import LogError, channel_metadata, check_texts, schema_data, schema_name
 from .records import content_hash, pack_chunk
@@ -80,7 +80,7 @@ class LogWriter:
         if pose is not None:
             offsets = 8 * np.arange(len(pose.index))
             self._targets.append((pose.every, np.array(pose.index), offsets, np.full_like(offsets, 8 * len(offsets))))
-        self._head = np.zeros(4 + 7 * len(self._targets), np.int64)
+        self._head = np.zeros(STORE_HEAD + STORE_TARGET * len(self._targets), np.int64)
         self._count = self._head.data  # quicker to ask than the array
         self._aim(0)
         self._done = self._sink.mark(), 0  # what is safely written: place in the file, next tick
@@ -101,22 +101,24 @@ class LogWriter:
     def _aim(self, k0):
         """Let the next row be tick `k0`, the first of a chunk.
 
-        The head says where its values go: row, k0, rows, targets; and of each target every, its first row, values,
-        then four addresses: positions in the vector, base, offset of each value, and stride from row to row [byte]. A
-        row is stored where it will stand in the chunk, whose other bytes are there already.
+        The head says where its values go: row, k0, rows, targets, dt [ns]; and of each target every, its first row,
+        values, then four addresses: positions in the vector, base, offset of each value, and stride from row to row
+        [byte]; then how many topics they make, and two addresses: offset of the first message of each, and from one to
+        the next [byte]. A row is stored where it will stand in the chunk, whose other bytes are there already.
         """
         self._plan = self._layout.plan(k0, self._rows)
         self._kept = [self._plan.content]
-        head = [0, k0, self._rows, len(self._targets)]
+        head = [0, k0, self._rows, len(self._targets), self.dt_ns]
         for i, (every, take, offsets, strides) in enumerate(self._targets):
             posed = self._pose is not None and i == len(self._targets) - 1
             if not posed:
                 offsets, strides = self._plan.places.get(every, (offsets[:0], strides[:0]))
-            given = [np.ascontiguousarray(a, np.int64) for a in (take, offsets, strides)]
+            starts, lengths = ((), ()) if posed else self._plan.messages.get(every, ((), ()))
+            given = [np.ascontiguousarray(a, np.int64) for a in (take, offsets, strides, starts, lengths)]
             base = self._posed if posed else self._plan.content
             self._kept += given
-            take_at, base_at, offsets_at, strides_at = map(_address, (given[0], base, *given[1:]))
-            head += [every, -k0 % every, len(given[1]), take_at, base_at, offsets_at, strides_at]
+            take_at, base_at, *others = map(_address, (given[0], base, *given[1:]))
+            head += [every, -k0 % every, len(given[1]), take_at, base_at, *others[:2], len(given[3]), *others[2:]]
         self._head[:] = head  # at once: Ctrl-C may strike between any two lines
 
     def append(self, v: np.ndarray) -> Any:
@@ -139,15 +141,19 @@ class LogWriter:
 
     def _plainly(self, v):
         """Store a row as cosim/log/store.py does."""
-        row, n = int(self._head[0]), int(self._head[3])
-        for every, first, count, *at in self._head[4:].reshape(n, 7).tolist():
-            if row >= first and (row - first) % every == 0:
-                take, offsets, strides = (
-                    np.ctypeslib.as_array((ctypes.c_int64 * count).from_address(a)) for a in (at[0], *at[2:])
-                )
-                values = v[take].view("V8")
-                for place, value in zip(at[1] + offsets + (row - first) // every * strides, values):
-                    ctypes.memmove(int(place), value.tobytes(), 8)
+        row, tick = int(self._head[0]), int(self._head[1] + self._head[0])
+        stamp, ns = struct.pack("<I", tick & 0xFFFFFFFF), struct.pack("<Q", tick * self.dt_ns)
+        for about in self._head[STORE_HEAD:].reshape(-1, STORE_TARGET).tolist():
+            every, first, count, take_at, base, offsets, strides, topics, starts, lengths = about
+            if row < first or (row - first) % every:
+                continue
+            below = (row - first) // every
+            for here in base + _wholes(starts, topics) + below * _wholes(lengths, topics):
+                for place, data in ((SEQUENCE, stamp), (LOG_TIME, ns), (PUBLISH_TIME, ns)):
+                    ctypes.memmove(int(here) + place, data, len(data))
+            values = v[_wholes(take_at, count)].view("V8")
+            for here, value in zip(base + _wholes(offsets, count) + below * _wholes(strides, count), values):
+                ctypes.memmove(int(here), value.tobytes(), 8)
         self._head[0] = row + 1
 
     def tell(self, tape: Any) -> None:
@@ -173,8 +179,9 @@ class LogWriter:
         if plan is not self._plan:
             plan.take(self._plan)
         tail, entries = self._tail(plan, k0, n)
-        content = plan.template(k0, tail)
-        data = self._compress(content)
+        content = plan.ended(tail)
+        own = self._compression == "lz4" and not PLAIN
+        data = plan.frame.pack(content, tail) if own else [self._compress(content)]
         chunk = pack_chunk(self._layout, content, data, self._compression, k0, n, entries, self._sink.offset)
         self._sink.chunk(*chunk)
         # Ctrl-C may strike between any two lines: `_settle` tells from the first of these three how far it came
@@ -265,6 +272,11 @@ def _targets(topics, plan):
         take = np.concatenate([t.index for t in topics if t.every == every])
         out.append((every, take, *plan.places.get(every, (np.zeros(0, np.int64), np.zeros(0, np.int64)))))
     return out
+
+
+def _wholes(address, count):
+    """Return the whole numbers at an address."""
+    return np.ctypeslib.as_array((ctypes.c_int64 * count).from_address(address))
 
 
 def _address(array):

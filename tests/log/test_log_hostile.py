@@ -43,7 +43,7 @@ class Forge(Sink):
         """Write a chunk with the given content or compressed data, and change its record and index as asked."""
         content = self.content if content is None else content
         data = zstandard.compress(bytes(content)) if data is None else data
-        blobs, ref = pack_chunk(self.layout, content, data, compression, k0, self.n, {}, self.offset)
+        blobs, ref = pack_chunk(self.layout, content, [data], compression, k0, self.n, {}, self.offset)
         head = bytearray(blobs[0])
         for name, (at, kind) in {
             "length": (1, "<Q"),
