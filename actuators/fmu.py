@@ -11,10 +11,10 @@ A fault that enters with the command acts before the FMU; inside it there is non
 author with the user's rights.
 """
 
-
 import math
 import tempfile
 import weakref
+from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import SimpleNamespace
@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from actuators.block import dtype
+from actuators.constants import TO_SI
 
 PARAMS = dtype([("lane", "f8", "-")])  # which instance
 INPUTS = dtype(
@@ -46,14 +47,16 @@ STATE = dtype(
     ]
 )
 OUTPUTS = ("delta", "q_rod", "x3", "status")
+FATAL = 4  # status of a call, FMI 2 and 3
 STATES = {"surface": "delta", "rod": "q_rod", "pressure": "x3"}  # output -> field
 
 
 class Variable(NamedTuple):
-    """A variable of an FMU: its name and the factor from its unit to SI."""
+    """A variable of an FMU: its name, the unit that the scenario gives it ("": none), the SI unit of the word."""
 
     name: str
-    factor: float
+    unit: str
+    si: str
 
 
 class Slaves:
@@ -70,8 +73,8 @@ class Slaves:
         except ImportError:
             raise error("FMUs need the library fmpy (pip install 'cosim-fdi[fmu]')") from None
         self.__name__ = f"fmu {path.name}"
-        self._messages: list[str] = []
-        self._inputs, self._outputs, self._t = dict(inputs), dict(outputs), 0.0
+        self._messages: deque[tuple[int, str]] = deque(maxlen=200)  # how bad, what
+        self._t = 0.0
         self._folder = tempfile.TemporaryDirectory(prefix="cosim-fmu-")
         self._fmus: list[Any] = []
         try:
@@ -79,10 +82,10 @@ class Slaves:
             if self._about.coSimulation is None:
                 raise ValueError("is no co-simulation FMU")
             self._names = {v.name: v for v in self._about.modelVariables}
-            wanted = [v.name for v in (*inputs.values(), *outputs.values())] + list(parameters)
-            if missing := [name for name in wanted if name not in self._names]:
-                known = ", ".join(sorted(self._names))
-                raise ValueError(f"has no variable {missing[0]!r}; it has {known}")
+            for name in parameters:
+                self._known(name)
+            self._inputs = {word: self._scaled(v, "input") for word, v in inputs.items()}
+            self._outputs = {word: self._scaled(v, "output") for word, v in outputs.items()}
             fmpy.extract(str(path), self._folder.name)
             for _ in range(lanes):
                 self._fmus.append(self._instance())
@@ -98,9 +101,8 @@ class Slaves:
             for i, fmu in enumerate(self._fmus):
                 if self._about.fmiVersion.startswith("2"):
                     fmu.setupExperiment(startTime=0.0)
-                variables = {**self._inputs, **begin}
-                given = {v.name: float(first[w][i]) / v.factor for w, v in variables.items() if w in first}
-                self._set(fmu, given)
+                variables = {**self._inputs, **{word: self._scaled(v) for word, v in begin.items()}}
+                self._set(fmu, {name: float(first[w][i]) / factor for w, (name, factor) in variables.items()})
                 fmu.enterInitializationMode()
                 fmu.exitInitializationMode()
                 self._get(fmu, x[i])
@@ -119,12 +121,36 @@ class Slaves:
                 "hinge_0": now.hm0, "hinge_slope": now.hmd, "hinge_moment": hm,
             }  # fmt: skip
             try:
-                self._set(fmu, {v.name: float(given[w]) / v.factor for w, v in self._inputs.items()})
+                self._set(fmu, {name: float(given[w]) / factor for w, (name, factor) in self._inputs.items()})
                 fmu.doStep(currentCommunicationPoint=self._t, communicationStepSize=dt)
                 self._get(fmu, x[i])
             except Exception as said:
                 raise self._error(self._said(said)) from None
         self._t += dt
+
+    def _known(self, name):
+        """Return the FMU's variable of this name, one number."""
+        variable = self._names.get(name)
+        if variable is None:
+            raise ValueError(f"has no variable {name!r}; it has {', '.join(sorted(self._names))}")
+        if variable.type not in ("Real", "Float64") or variable.dimensions:
+            kind = "an array" if variable.dimensions else f"of type {variable.type}"
+            raise ValueError(f"its variable {name!r} is {kind}; allowed: one floating-point number of 64 bits")
+        return variable
+
+    def _scaled(self, variable, causality=""):
+        """Return (name, factor to SI) of a mapped variable."""
+        about = self._known(variable.name)
+        if causality == "input" and about.causality != "input":
+            raise ValueError(f"its variable {variable.name!r} is no input but {about.causality or 'local'}")
+        if causality == "output" and about.causality in ("input", "parameter", "independent"):
+            raise ValueError(f"its variable {variable.name!r} is no output but {about.causality}")
+        factors, declared = TO_SI[variable.si], about.unit or (about.declaredType and about.declaredType.unit)
+        declared = str(declared or "").replace(".", " ").replace("*", " ")
+        said = variable.unit or (declared if declared in factors else variable.si)
+        if declared in factors and factors[declared] != factors[said]:
+            raise ValueError(f"its variable {variable.name!r} is in {declared}, not in {said}")
+        return variable.name, factors[said]
 
     def _instance(self):
         from fmpy.simulation import instantiate_fmu
@@ -132,16 +158,21 @@ class Slaves:
         messages, three = self._messages, self._about.fmiVersion.startswith("3")
 
         def two(environment, instance, status, category, message, *rest):
-            messages.append(message.decode("utf-8", "replace"))
+            messages.append((status, message.decode("utf-8", "replace")))
 
         def version_three(environment, status, category, message):
-            messages.append(message.decode("utf-8", "replace"))
+            messages.append((status, message.decode("utf-8", "replace")))
 
-        return instantiate_fmu(self._folder.name, self._about, "CoSimulation", logger=version_three if three else two)
+        logger = version_three if three else two
+        return instantiate_fmu(self._folder.name, self._about, "CoSimulation", logger=logger, debug_logging=True)
 
     def _said(self, error):
-        """Return the FMU's own messages, and what fmpy says."""
-        return "; ".join([*dict.fromkeys(self._messages[-3:]), " ".join(str(error).split())])
+        """Return the FMU's own messages, the worst ones, and what fmpy says."""
+        if getattr(error, "status", 0) == FATAL:
+            self._fmus.clear()  # FMI: no function of any instance may be called any more
+        worst = max((how for how, _ in self._messages), default=0)
+        last = [text for how, text in self._messages if how == worst][-3:]
+        return "; ".join([*dict.fromkeys(" ".join(text.split()) for text in last), " ".join(str(error).split())])
 
     def _set(self, fmu, values):
         if values:
@@ -149,12 +180,12 @@ class Slaves:
             (fmu.setFloat64 if self._about.fmiVersion.startswith("3") else fmu.setReal)(references, numbers)
 
     def _get(self, fmu, x):
-        references = [self._names[v.name].valueReference for v in self._outputs.values()]
+        references = [self._names[name].valueReference for name, _ in self._outputs.values()]
         found = (fmu.getFloat64 if self._about.fmiVersion.startswith("3") else fmu.getReal)(references)
         x.status = 0.0
-        for (word, variable), value in zip(self._outputs.items(), found):
+        for (word, (_, factor)), value in zip(self._outputs.items(), found):
             if math.isfinite(value):
-                x[STATES[word]] = value * variable.factor
+                x[STATES[word]] = value * factor
             else:
                 x.status = 1.0
 

@@ -15,16 +15,11 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from actuators.constants import M_PER_IN, N_M_PER_LBF_FT, RAD_PER_DEG
+from actuators.constants import TO_SI
 from cosim.errors import ScenarioError
 from cosim.scenario import catalog as c
 from cosim.scenario.problem import choice, problem
 
-UNITS = {  # unit of an FMU's variable -> SI
-    "-": 1.0, "1": 1.0, "%": 0.01, "rad": 1.0, "deg": RAD_PER_DEG, "m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": M_PER_IN,
-    "N m": 1.0, "kN m": 1e3, "lbf ft": N_M_PER_LBF_FT, "N m/rad": 1.0, "kN m/rad": 1e3,
-    "N m/deg": 1.0 / RAD_PER_DEG,
-}  # fmt: skip
 INPUTS = {  # word -> its unit
     "command": "rad", "valve_command": "-", "hinge_0": "N m", "hinge_slope": "N m/rad", "hinge_moment": "N m",
 }  # fmt: skip
@@ -36,16 +31,10 @@ class _Table(BaseModel):
 
 
 class Variable(_Table):
-    """A variable of an FMU and its unit."""
+    """A variable of an FMU and its unit; left out: the one that the FMU declares, else SI."""
 
     variable: Annotated[str, Field(min_length=1)]
-    unit: str = "-"
-
-    @model_validator(mode="after")
-    def _known(self):
-        if self.unit not in UNITS:
-            raise choice(self.unit, UNITS, "unit of an FMU's variable", key="unit")
-        return self
+    unit: str = ""
 
 
 class OwnActuator(_Table):
@@ -65,19 +54,19 @@ class OwnActuator(_Table):
             raise problem("needs one of file, fmu", key="file" if self.file else "fmu", allowed="one of the two")
         if self.file is not None:
             return self
-        given, needs = {"inputs": INPUTS, "outputs": OUTPUTS}, ["surface"]
-        for part, words in (*given.items(), ("start", {**INPUTS, **OUTPUTS})):
-            for word in getattr(self, part):
-                if word not in words:
-                    raise choice(word, words, f"word of {part}", key=f"{part}.{word}")
-        if self.servo:
-            needs += ["rod", "pressure"]
-        for word in needs:
+        own, other = ("valve_command", "command") if self.servo else ("command", "valve_command")
+        inputs = {word: si for word, si in INPUTS.items() if word != other}
+        if own not in self.inputs:
+            raise problem("is missing", key=f"inputs.{own}", allowed="{ variable = ..., unit = ... }")
+        for word in ("surface", "rod", "pressure") if self.servo else ("surface",):
             if word not in self.outputs:
                 raise problem("is missing", key=f"outputs.{word}", allowed="{ variable = ..., unit = ... }")
-        word = "valve_command" if self.servo else "command"
-        if word not in self.inputs:
-            raise problem("is missing", key=f"inputs.{word}", allowed="{ variable = ..., unit = ... }")
+        for part, words in (("inputs", inputs), ("outputs", OUTPUTS), ("start", {"surface": "rad", **inputs})):
+            for word, variable in getattr(self, part).items():
+                if word not in words:
+                    raise choice(word, words, f"word of {part}", key=f"{part}.{word}")
+                if variable.unit and variable.unit not in (known := TO_SI[words[word]]):
+                    raise choice(variable.unit, known, f"unit of {word}", key=f"{part}.{word}.unit")
         return self
 
     @property
@@ -103,8 +92,9 @@ def register(actuators: dict[str, OwnActuator]) -> None:
         if own.file is not None:
             c.register(guest.from_file(name, own.path, own.servo, error))
             continue
+        si = {**INPUTS, **OUTPUTS}
         tables = {
-            part: {w: fmu.Variable(v.variable, UNITS[v.unit]) for w, v in getattr(own, part).items()}
+            part: {w: fmu.Variable(v.variable, v.unit, si[w]) for w, v in getattr(own, part).items()}
             for part in ("inputs", "outputs", "start")
         }
         c.register(guest.from_fmu(name, own.path, own.servo, {**tables, "parameters": own.parameters}, error))

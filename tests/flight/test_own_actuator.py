@@ -2,6 +2,7 @@
 told in the FMU's own words.
 """
 
+import gc
 import textwrap
 
 import fmu_of_hydraulic as rig
@@ -66,6 +67,20 @@ def test_its_own_message_says_what_went_wrong(fmu, tmp_path):
         cosim.simulate(s, log=tmp_path / "rig.mcap")
 
 
+def test_a_fatal_error_is_told_and_the_process_lives(fmu):
+    """FMI: after it no function may be called any more; this FMU ends the process that does."""
+    s = loaded(fmu, "actuators.rig.parameters.breaks_s=0.5", "actuators.rig.parameters.breaks_as=4", "duration_s=1")
+    with pytest.raises(ScenarioError, match=r"actuators\.rig: seal lost at the piston; fmi.DoStep .*fatal"):
+        cosim.fly(s, SEEN)
+    gc.collect()
+
+
+def test_a_unit_left_out_is_the_one_that_the_fmu_declares(fmu):
+    change = "actuators.rig.outputs.rod={variable='rod'}", "duration_s=0.5"
+    want = cosim.fly(loaded(fmu, "duration_s=0.5"), SEEN).to_numpy()
+    np.testing.assert_array_equal(cosim.fly(loaded(fmu, *change), SEEN).to_numpy(), want)
+
+
 def test_a_flight_with_an_fmu_replays(fmu, tmp_path):
     s = loaded(fmu, "detectors.enabled=['position_monitor', 'iotsekf']", "duration_s=4")
     cosim.simulate(s, log=tmp_path / "rig.mcap")
@@ -81,7 +96,13 @@ def test_a_flight_with_an_fmu_replays(fmu, tmp_path):
     ("change", "says"),
     [
         ("actuators.rig.outputs.rod={variable='rood', unit='m'}", "has no variable 'rood'"),
-        ("actuators.rig.outputs.rod={variable='rod', unit='yd'}", "'yd' is no unit of an FMU's variable"),
+        ("actuators.rig.outputs.rod={variable='rod', unit='yd'}", "'yd' is no unit of rod; allowed: m, mm, cm, in"),
+        ("actuators.rig.outputs.surface={variable='delta', unit='N m'}", "'N m' is no unit of surface"),
+        ("actuators.rig.outputs.rod={variable='rod', unit='mm'}", "its variable 'rod' is in m, not in mm"),
+        ("actuators.rig.inputs.valve_command={variable='P_s'}", "'P_s' is no input but parameter"),
+        ("actuators.rig.outputs.rod={variable='u', unit='m'}", "'u' is no output but input"),
+        ("actuators.rig.inputs.command={variable='u'}", "'command' is no word of inputs"),
+        ("actuators.rig.start.rod={variable='delta_0'}", "'rod' is no word of start"),
         ("actuators.rig.inputs.speed={variable='u'}", "'speed' is no word of inputs"),
         ("actuators.rig.servo=''", "inputs.command: is missing"),
     ],

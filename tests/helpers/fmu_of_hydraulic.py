@@ -13,8 +13,8 @@ from fmpy import fmi2, fmi3
 
 SOURCE = Path(__file__).parent / "fmu" / "hydraulic.c"
 COMPILER = shutil.which("cc") or shutil.which("gcc")
-NAMES = ("u", "hm0", "hmd", "delta_0", "P_s", "breaks_s", "delta", "rod", "x3")
-PARAMETERS, RESULTS = ("delta_0", "P_s", "breaks_s"), ("delta", "rod", "x3")
+NAMES = ("u", "hm0", "hmd", "delta_0", "P_s", "breaks_s", "breaks_as", "delta", "rod", "x3")
+PARAMETERS, RESULTS = ("delta_0", "P_s", "breaks_s", "breaks_as"), ("delta", "rod", "x3")
 MAP = {
     "servo": "hydraulic",
     "inputs.valve_command": {"variable": "u"},
@@ -56,7 +56,8 @@ def _kind(name):
     return ('causality="output"', "") if name in RESULTS else ('causality="input"', ' start="0"')
 
 
-_START = {"P_s": ' start="1.4e7"', "breaks_s": ' start="1e9"'}
+_START = {"P_s": ' start="1.4e7"', "breaks_s": ' start="1e9"', "breaks_as": ' start="3"', "rod": ' unit="m"'}
+_UNITS = '<UnitDefinitions><Unit name="m"><BaseUnit m="1"/></Unit></UnitDefinitions>'
 
 
 def _two():
@@ -69,6 +70,7 @@ def _two():
     return f"""<?xml version="1.0"?>
 <fmiModelDescription fmiVersion="2.0" modelName="rig" guid="rig">
 <CoSimulation modelIdentifier="rig" canHandleVariableCommunicationStepSize="true"/>
+{_UNITS}
 <ModelVariables>
 {rows}</ModelVariables>
 <ModelStructure><Outputs>{places}</Outputs><InitialUnknowns>{places}</InitialUnknowns></ModelStructure>
@@ -85,6 +87,7 @@ def _three():
     return f"""<?xml version="1.0"?>
 <fmiModelDescription fmiVersion="3.0" modelName="rig" instantiationToken="rig">
 <CoSimulation modelIdentifier="rig" canHandleVariableCommunicationStepSize="true"/>
+{_UNITS}
 <ModelVariables>
 <Float64 name="time" valueReference="99" causality="independent" variability="continuous"/>
 {rows}</ModelVariables>

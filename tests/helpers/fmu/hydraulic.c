@@ -3,12 +3,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { U, HM0, HMD, DELTA_0, P_S, BREAKS, DELTA, ROD, X3, COUNT };
+enum { U, HM0, HMD, DELTA_0, P_S, BREAKS, BREAKS_AS, DELTA, ROD, X3, COUNT };
 typedef void (*logger2)(void *, const char *, int, const char *, const char *, ...);
 typedef void (*logger3)(void *, int, const char *, const char *);
 typedef struct { logger2 log; } callbacks2;
 typedef struct {
     double y[COUNT], q, v, z, t;
+    int status;
     logger2 log2;
     logger3 log3;
     void *environment;
@@ -81,21 +82,25 @@ static void begin(Model *m) {
 
 static Model *make(void) {
     Model *m = calloc(1, sizeof *m);
-    m->y[P_S] = 1.4e7, m->y[BREAKS] = 1e9;
+    m->y[P_S] = 1.4e7, m->y[BREAKS] = 1e9, m->y[BREAKS_AS] = 3;
     return m;
 }
 
 static int advance(Model *m, double dt) {
     if (m->t > m->y[BREAKS]) {
-        if (m->log2) m->log2(m->environment, "rig", 3, "error", "seal lost at %s", "the piston");
-        if (m->log3) m->log3(m->environment, 3, "error", "seal lost at the piston");
-        return 3;
+        m->status = m->y[BREAKS_AS];
+        if (m->log2) m->log2(m->environment, "rig", m->status, "error", "seal lost at %s", "the piston");
+        if (m->log3) m->log3(m->environment, m->status, "error", "seal lost at the piston");
+        return m->status;
     }
     for (int i = 0; i < 5; i++) substep(m, dt / 5.0);
     m->t += dt;
     out(m);
     return 0;
 }
+
+/* After a fatal error nobody may call anything: whoever does ends. */
+static int end(Model *m) { return m->status == 4 ? (abort(), 4) : 0; }
 
 /* FMI 2 */
 void *fmi2Instantiate(const char *n, int type, const char *guid, const char *r, const callbacks2 *c, int v, int l) {
@@ -106,9 +111,9 @@ void *fmi2Instantiate(const char *n, int type, const char *guid, const char *r, 
 int fmi2SetupExperiment(void *m, int a, double b, double t, int c, double d) { return 0; }
 int fmi2EnterInitializationMode(void *m) { return 0; }
 int fmi2ExitInitializationMode(void *m) { begin(m); return 0; }
-int fmi2Terminate(void *m) { return 0; }
+int fmi2Terminate(void *m) { return end(m); }
 int fmi2Reset(void *m) { return 0; }
-void fmi2FreeInstance(void *m) { free(m); }
+void fmi2FreeInstance(void *m) { end(m), free(m); }
 int fmi2SetReal(void *c, const unsigned r[], size_t n, const double y[]) {
     for (size_t i = 0; i < n; i++) ((Model *)c)->y[r[i]] = y[i];
     return 0;
@@ -130,9 +135,9 @@ void *fmi3InstantiateCoSimulation(const char *n, const char *token, const char *
 }
 int fmi3EnterInitializationMode(void *m, char a, double b, double t, char c, double d) { return 0; }
 int fmi3ExitInitializationMode(void *m) { begin(m); return 0; }
-int fmi3Terminate(void *m) { return 0; }
+int fmi3Terminate(void *m) { return end(m); }
 int fmi3Reset(void *m) { return 0; }
-void fmi3FreeInstance(void *m) { free(m); }
+void fmi3FreeInstance(void *m) { end(m), free(m); }
 int fmi3SetFloat64(void *c, const unsigned r[], size_t n, const double y[], size_t k) { return fmi2SetReal(c, r, n, y); }
 int fmi3GetFloat64(void *c, const unsigned r[], size_t n, double y[], size_t k) { return fmi2GetReal(c, r, n, y); }
 int fmi3DoStep(void *c, double t, double dt, char keep, char *event, char *end, char *early, double *last) {
