@@ -12,11 +12,12 @@ import importlib.util
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 
 from actuators import fmu
+from actuators.block import Entry
 from actuators.registry import HYDRAULIC, SIMPLE
 from actuators.technology import Technology
 
@@ -44,8 +45,8 @@ def from_file(name: str, path: Path, servo: str, error: Callable[[str], Exceptio
     def blocks():
         try:
             made = module(path)
-        except Exception as said:  # whatever somebody's file raises
-            raise error(f"{path.name}: {type(said).__name__}: {said}") from None
+        except (Exception, SystemExit) as said:  # whatever somebody's file raises
+            raise error(f"{path.name}: {told(said)}") from None
         needed = ("INPUTS", "STATE", "OUTPUTS", "params", "init_at", "rollout")
         inputs = ("hm0", "hmd", *(("u", "f_u", "s_u") if servo else ("command", "f_cmd", "s_cmd")))
         states = ("delta", *(("q_rod", "x3") if servo else ()))
@@ -58,11 +59,37 @@ def from_file(name: str, path: Path, servo: str, error: Callable[[str], Exceptio
 
     def build(own, truth, believed, trim, travel, dt, age):
         made = blocks()[1]
-        p = np.concatenate([made.params(**lane) for lane in truth])
-        x = made.init_at(p, *trim)
-        return [*_served(name, servo, own, believed, trim, travel, dt, age), (name, made, p, x)]
+        try:
+            p = np.concatenate([made.params(**lane) for lane in truth])
+            x = made.init_at(p, *trim)
+        except (Exception, SystemExit) as said:
+            raise error(f"{path.name}: {told(said)}") from None
+        return [*_served(name, servo, own, believed, trim, travel, dt, age), (name, _guarded(made, path, error), p, x)]
 
     return _technology(name, servo, blocks, build)
+
+
+def told(error: BaseException) -> str:
+    """Return in one line what somebody's code raised."""
+    said = " ".join(str(error).split())
+    return type(error).__name__ + (f": {said}" if said else "")
+
+
+def _guarded(made, path, error):
+    """Return the block whose plain `rollout` raises error(text) for whatever it raises; a compiled one as it is."""
+    if isinstance(made.rollout, Entry):
+        return made
+    tick = [0]
+
+    def rollout(x, u, p, dt):
+        try:
+            made.rollout(x, u, p, dt)
+        except (Exception, SystemExit) as said:
+            raise error(f"{path.name}: at {tick[0] * dt:.3f} s {told(said)}") from None
+        tick[0] += 1
+
+    own = {word: getattr(made, word) for word in ("INPUTS", "STATE", "OUTPUTS")}
+    return SimpleNamespace(__name__=made.__name__, rollout=rollout, **own)
 
 
 def from_fmu(name: str, path: Path, servo: str, tables: dict, error: Callable[[str], Exception]) -> Technology:

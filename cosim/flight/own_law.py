@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from actuators.guest import module as of_file
+from actuators.guest import told
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.flight.blocks import law
 from cosim.flight.wiring import DEMANDS
@@ -63,8 +64,8 @@ def block(scenario: Scenario) -> ModuleType | Any:
     path = Path(os.path.expanduser(scenario.law.file))
     try:
         made = of_file(path)
-    except Exception as error:  # whatever somebody's file raises
-        raise _wrong(path, f"{type(error).__name__}: {error}") from None
+    except (Exception, SystemExit) as error:  # whatever somebody's file raises
+        raise _wrong(path, told(error)) from None
     about = {"PARAMS": law.PARAMS, "INPUTS": law.INPUTS, "STATE": law.STATE, "OUTPUTS": law.OUTPUTS, "init": law.init}
     if hasattr(made, "rollout"):
         return SimpleNamespace(__name__=made.__name__, rollout=made.rollout, **about)
@@ -80,6 +81,7 @@ def _wrong(path, text):
 def _plain(kind: Callable, path: Path) -> Callable:
     """Return the rollout of a class: one object, made at the first tick."""
     own: list[Any] = []
+    ticks = [0]
 
     def rollout(x, u, p, dt):
         record, now, given = p[0], x[0], u[0, 0]
@@ -87,11 +89,11 @@ def _plain(kind: Callable, path: Path) -> Callable:
             if not own:
                 start = {word: float(record[field]) for word, field in TRIM.items()}
                 own.append(kind(dt, SimpleNamespace(**start)))
-                own.append(0)
             y = {n: float(given.y[i]) if given.valid[i] > 0.0 else math.nan for i, n in enumerate(SENSORS)}
             ask = {name: float(given[name]) for name in DEMANDS}
-            said = own[0].update(own[1] * dt, SimpleNamespace(**y), SimpleNamespace(**ask))
-            own[1] += 1
+            said = own[0].update(ticks[0] * dt, SimpleNamespace(**y), SimpleNamespace(**ask))
+            if not isinstance(said, dict):
+                raise TypeError(f"update answers {type(said).__name__}; allowed: a dictionary of commands")
             for word, value in said.items():
                 if word not in SURFACES:
                     raise KeyError(f"commands {word!r}; a law may command {', '.join(SURFACES)}")
@@ -99,7 +101,8 @@ def _plain(kind: Callable, path: Path) -> Callable:
                 if math.isfinite(value):
                     low, high = ends(record)
                     now[field] = min(max(float(value), low), high)
-        except Exception as error:  # whatever somebody's law raises
-            raise _wrong(path, f"{type(error).__name__}: {error}") from None
+        except (Exception, SystemExit) as error:  # whatever somebody's law raises
+            raise _wrong(path, f"at {ticks[0] * dt:.3f} s {told(error)}") from None
+        ticks[0] += 1
 
     return rollout

@@ -175,3 +175,27 @@ def test_a_file_that_is_no_block_is_told(tmp_path):
     path.write_text("1 / 0")
     with pytest.raises(ScenarioError, match=r"half\.py: ZeroDivisionError"):
         cosim.fly(loaded(path, "faults.0.at=command", "faults.0.amplitude_deg=1.0", key="file", spec={}), SEEN[:2])
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("if u[0, 0].f_cmd > 0: raise ValueError('pump\\nis dry')", r"own\.py: at 2\.\d+ s ValueError: pump is dry$"),
+        ("raise SystemExit(3)", r"own\.py: at 0\.000 s SystemExit: 3"),
+    ],
+)
+def test_a_block_that_raises_or_exits_is_told_with_its_time_and_leaves_a_readable_log(tmp_path, line, says):
+    path = tmp_path / "own.py"
+    path.write_text(textwrap.dedent(BLOCK) + f"        {line}\n")
+    s = loaded(path, "faults.0.at=command", "faults.0.amplitude_deg=1.0", "duration_s=3", key="file", spec={})
+    with pytest.raises(ScenarioError, match=says):
+        cosim.simulate(s, log=tmp_path / "own.mcap")
+    assert cosim.open_log(tmp_path / "own.mcap").frame("/truth/aircraft").index[-1] >= 0.0
+
+
+@pytest.mark.parametrize("where", ["params(tau=0.1):", "init_at(p, delta, hm0, hmd):"])
+def test_a_block_that_cannot_be_made_is_told(tmp_path, where):
+    path = tmp_path / "own.py"
+    path.write_text(textwrap.dedent(BLOCK).replace(where, f"{where}\n    raise RuntimeError('no rig')"))
+    with pytest.raises(ScenarioError, match=r"actuators\.rig: own\.py: RuntimeError: no rig"):
+        cosim.fly(loaded(path, "faults.0.at=command", "faults.0.amplitude_deg=1.0", key="file", spec={}), SEEN[:2])
