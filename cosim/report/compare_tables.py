@@ -1,6 +1,7 @@
 """Tables of a comparison: detectors, what becomes of alarms, kinds of fault, sizes, flights."""
 
 import pandas as pd
+from markupsafe import Markup
 
 from cosim.compare import stats
 from cosim.judge import coverage
@@ -78,7 +79,7 @@ def scored(d: dict, moves: bool = False) -> tuple:
     """Return the cells of SCORED from a score of cosim/compare/stats.py; `moves` adds the time from motion on."""
     if not d["designed"]:
         return ("–",) * len(SCORED)
-    why = f": {d['why_not_valid']}" if d["idle"] and d["why_not_valid"] else ""
+    idle = Markup('<span title="{}">{}</span>').format(d["why_not_valid"] or "", d["idle"])
     return (
         d["designed"],
         d["detected"],
@@ -86,7 +87,7 @@ def scored(d: dict, moves: bool = False) -> tuple:
         d["named"],
         d["ambiguous"] or "",
         mark(d["misnamed"], "bad") if d["misnamed"] else "",
-        f"{d['idle']}{why}" if d["idle"] else "",
+        idle if d["idle"] else "",
         d["not_excited"] or "",
         d["missed"] or "",
         _seconds(d["delay_s"], d),

@@ -9,7 +9,7 @@ import pandas as pd
 from cosim.files import replace, replace_text
 from cosim.report import compare_tables as tables
 from cosim.report import markdown as readme
-from cosim.report.figure import COLOURS, Figure, axis, base
+from cosim.report.figure import Figure, base
 from cosim.report.page import Row, Table, bold, page, write
 
 OPEN = (
@@ -48,7 +48,9 @@ def render(found: dict, beside: Sequence[dict] = ()) -> str:
         families=families(each),
         honest=honest(each),
         pairs=pairs(found["pairs"]),
-        remarks=[(d["id"], d["remark"]) for d in each if d["remark"]],
+        remarks=[(d["id"], d["remark"]) for d in each if d["remark"]] + [
+            (d["id"], f"not valid in {d['idle']}: {d['why_not_valid']}") for d in each if d["why_not_valid"]
+        ],
     )
 
 
@@ -138,19 +140,35 @@ def pairs(found: list[dict]) -> Table | None:
     return Table(columns, rows, note, "wide") if rows else None
 
 
+SHARES = (("right name", "named", "--green"), ("ambiguous", "ambiguous", "--gold"), ("wrong name", "misnamed", "--red"),
+          ("not valid", "idle", "--muted"))  # fmt: skip
+
+
 def front(each: list[dict]) -> Figure:
-    """Return the figure of what is gained against what it costs in false alarms: a mark per detector."""
-    caption = "Right: more false alarms, as the 95 % bound of what was counted; up: more faults named right."
-    figure = Figure("front", caption, 330, time=False)
-    figure.layout = base(figure.height, legend=False) | {"hovermode": "closest"}
-    figure.layout[axis("xaxis", 1)] = {"type": "log", "title": {"text": "false alarms per hour, 95 % bound"}}
-    figure.layout[axis("yaxis", 1)] = {"tickformat": ".0%", "rangemode": "tozero", "title": {"text": "named right"}}
-    for i, d in enumerate(d for d in each if d["designed"]):
+    """Return the figure of what a detector says of faults, and beside it what it costs in false alarms; a line each."""
+    own = [d for d in each if d["designed"]]
+    caption = "Left: share of the faults that it watches; the rest were missed. Right: 95 % bound of what was counted."
+    figure = Figure("front", caption, 90 + 22 * len(own), time=False)
+    figure.layout = base(figure.height) | {"hovermode": "closest", "barmode": "stack", "bargap": 0.35}
+    figure.layout["margin"] |= {"l": 150, "b": 44}
+    figure.layout["yaxis"] = {"categoryarray": [d["id"] for d in reversed(own)], "categoryorder": "array"}
+    figure.layout["xaxis"] = {"domain": [0.0, 0.6], "range": [0.0, 1.0], "tickformat": ".0%",
+                              "title": {"text": "faults"}}  # fmt: skip
+    figure.layout["xaxis2"] = {"domain": [0.66, 1.0], "type": "log", "anchor": "y",
+                               "title": {"text": "false alarms per hour, below"}}  # fmt: skip
+    for d in own:
+        common = {"y": [d["id"]], "meta": {"detector": d["id"]}}
+        for name, key, colour in SHARES:
+            figure.data.append({
+                "type": "bar", "orientation": "h", "name": name, "x": [d[key] / d["designed"]], **common,
+                "marker": {"color": colour}, "showlegend": d is own[0],
+                "hovertemplate": f"{d[key]} of {d['designed']} {name}<extra>{d['id']}</extra>",
+            })  # fmt: skip
         figure.data.append({
-            "type": "scatter", "mode": "markers+text", "name": d["id"], "text": [d["id"]], "textposition": "top center",
-            "x": [d["false_alarms_per_hour_high"]], "y": [d["named"] / d["designed"]], "meta": {"detector": d["id"]},
-            "marker": {"size": 10, "color": COLOURS[i % len(COLOURS)]}, "showlegend": False,
-            "hovertemplate": f"{d['named']} of {d['designed']}, below %{{x:.2g}} per hour<extra>{d['id']}</extra>",
+            "type": "scatter", "mode": "markers", "x": [d["false_alarms_per_hour_high"]], "xaxis": "x2", **common,
+            "marker": {"size": 9, "color": "--ink"}, "showlegend": False,
+            "hovertemplate": f"counted {d['false_alarms_per_hour']:.2g}, below %{{x:.2g}} per hour"
+                             f"<extra>{d['id']}</extra>",
         })  # fmt: skip
     return figure
 
