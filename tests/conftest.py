@@ -8,10 +8,21 @@ import pytest
 
 import cosim
 from cosim.campaign.pool import THREADS, finished
+from cosim.flight import compiling
 from fdi import registry
 
 for _name in THREADS:  # read by the processes that pytest starts: each is a core's already
     os.environ.setdefault(_name, "1")
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # some images set it: each of those processes would compile our sources
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile what the whole suite flies before its processes start: each would compile the same at the same time."""
+    if config.args_source is pytest.Config.ArgsSource.TESTPATHS and not hasattr(config, "workerinput"):
+        compiling.prepare(
+            cosim.load_scenario("cruise", ["elevator.left_outer=ema"]),
+            lambda i, n: print(f"\rcompiling {i} of {n}", end="\n" if i == n else "", flush=True),
+        )
 
 
 @pytest.fixture(autouse=True)

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from scipy.special import ndtr, ndtri
-from scipy.stats import qmc
 
 from cosim.campaign.store import CampaignError
 from cosim.errors import did_you_mean
@@ -95,5 +94,7 @@ def unit_cube(n: int, d: int, *, sampling: str, seed: int) -> np.ndarray:
     """Return (n, d) points in [0, 1): independent, or a Latin hypercube (every column hits each n-th part once)."""
     rng = np.random.default_rng(seed)
     if sampling == "latin_hypercube":
+        from scipy.stats import qmc  # a second: `cosim list` reads campaigns, too
+
         return qmc.LatinHypercube(d, seed=rng).random(n)
     return rng.random((n, d))

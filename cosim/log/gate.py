@@ -67,9 +67,7 @@ class Gate:
                     finally:
                         free.release()
 
-        socketserver.ThreadingTCPServer.allow_reuse_address = True
-        self._server = socketserver.ThreadingTCPServer((host, port), Handler)
-        self._server.daemon_threads = True
+        self._server = _Server((host, port), Handler)
         self.port = int(self._server.server_address[1])
         threading.Thread(target=self._server.serve_forever, name="gate", daemon=True).start()
 
@@ -77,6 +75,11 @@ class Gate:
         """Take no more connections."""
         self._server.shutdown()
         self._server.server_close()
+
+
+class _Server(socketserver.ThreadingTCPServer):
+    allow_reuse_address = daemon_threads = True
+    request_queue_size = 2 * MOST  # of 5 places, the system's choice, a caller beyond waits for seconds to try again
 
 
 def _pass_on(client: socket.socket, behind: Callable[[bytes], tuple[str, int] | None]) -> None:

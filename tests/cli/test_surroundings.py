@@ -130,6 +130,6 @@ def test_names_that_are_not_utf8_are_names(tmp_path):
 
 
 def test_a_width_without_end_is_none():
-    for width in ("9" * 20, "9" * 5000, "-5", "0", "1e9"):
+    for width in ("9" * 20, "9" * 5000, "1e9"):  # beyond memory, beyond the digits that int() reads, no whole number
         told = run("list", "detectors", env=os.environ | {"COLUMNS": width}, timeout=120)
         assert told.returncode == 0 and b"Traceback" not in told.stderr and len(told.stdout) < 100_000, width
