@@ -9,8 +9,8 @@ state is the open-loop model: f = y - x1 is unbiased only while the load is exac
 scenario): "published" leaves the load out, "hinge model" (default) has a hinge-moment model. A fault of the rod sensor,
 a jam and a runaway all show as f. The decision is ours: f beyond its threshold, or beyond what it was before, as what
 the load's model lacks drifts. Its name follows from the *measured* rod: one that jumps is a sensor's, JAM_LIQUID; one
-that has moved `run` away from the model without turning is RUNAWAY; at rest while the model moves is JAM_SOLID; else
-AMBIGUOUS until it is one of these.
+that has moved `run` away from the model without turning is RUNAWAY, until it comes back; one that has not moved since
+the alarm, and rests while the model moves, is JAM_SOLID; else AMBIGUOUS: an oscillation, a rod that creeps.
 
 | symbol | field | meaning |
 |---|---|---|
@@ -38,7 +38,9 @@ from fdi.hydraulic.separate_bias import transition
 CULPRITS = ("", "rod")
 FORMS = {"hinge model": 1, "published": 0}  # how the load is known: load form
 FASTEST = 0.5  # a rod and its model part by less: each moves at 45 deg/s of surface at most, 0.24 m/s
-MOVED = 0.3e-3  # a lagged rod that has moved further is not at rest: eight sigma [m]
+ALONE = 0.4  # a rod that oscillates at 10 Hz by a foreign valve command is slower [m/s]
+MOVED = 0.3e-3  # a lagged rod that has moved further has moved: eight sigma [m]
+STILL = 0.15e-3  # one that has moved less in `t_rest` is at rest [m]
 JUMP = 1e-3  # in one tick: a sensor's, no rod's; ten sigma of the sensor [m]
 HISTORY = 10  # ticks of valve command kept for the delay: 5 ms at 2 kHz
 
@@ -92,6 +94,7 @@ STATE = dtype(
         ("x3_now", "f8", "-"),  # pressure difference
         ("f_slow", "f8", "m"),  # lagged fault
         ("f_last", "f8", "m"),  # fault at the tick before
+        ("y_last", "f8", "m"),  # rod at the tick before
         ("jump", "f8", "m"),  # largest change of the fault in a tick beyond what a rod can do
         ("f_was", "f8", "m"),  # what it was: follows by `wash`, held during an alarm
         ("y_slow", "f8", "m"),  # lagged rod
@@ -100,6 +103,11 @@ STATE = dtype(
         ("leave", "f8", "m"),  # where it began to move away from the model
         ("far", "f8", "m"),  # how far it came
         ("v_slow", "f8", "m/s"),  # lagged velocity of the model
+        ("began", "f8", "m"),  # lagged rod when the alarm rose
+        ("moved", "f8", "-"),  # 1 when it has moved since: no jam
+        ("way", "f8", "-"),  # the side to which a runaway runs, +1 or -1
+        ("end", "f8", "m"),  # how far it came
+        ("turned", "f8", "-"),  # 1 when it came back: no runaway
         ("timer", "f8", "s"),
         ("age", "f8", "s"),
         ("r", "f8", "-"),  # fault over its threshold
@@ -215,7 +223,7 @@ def start(x, u, p):
         x.P[i, i] = p.P0[i]
     x.x_hat[0] = u.y_rod
     x.x_hat[2] = -force(x, u, p) / (p.A_p * p.P_s)
-    x.y = x.y_slow = x.rest = x.leave = x.far = u.y_rod
+    x.y = x.y_last = x.y_slow = x.rest = x.leave = x.far = u.y_rod
     x.f_slow = x.f_was = x.f_last = x.jump = 0.0
     x.timer = 0.0
     x.age = 0.0
@@ -223,16 +231,35 @@ def start(x, u, p):
 
 
 @kernel
+def name(x, away, p):
+    """Name an alarm by the motion of the measured rod since it rose; `away`: the side on which the rod is, +1 or -1."""
+    if math.fabs(x.y_slow - x.began) > MOVED:
+        x.moved = 1.0
+    if x.verdict == RUNAWAY:
+        x.end = x.way * max(x.way * x.end, x.way * x.y_slow)
+        if x.way * (x.end - x.y_slow) > 0.5 * p.run:
+            x.verdict, x.turned = AMBIGUOUS, 1.0
+    elif x.verdict == AMBIGUOUS:
+        if x.jump > JUMP:
+            x.verdict = JAM_LIQUID
+        elif x.turned < 0.5 and math.fabs(x.far - x.leave) > p.run:
+            x.verdict, x.way, x.end = RUNAWAY, away, x.far
+        elif x.moved < 0.5 and x.rest_time >= p.t_rest and math.fabs(x.v_slow) > p.rate:
+            x.verdict = JAM_SOLID
+
+
+@kernel
 def decide(x, p, dt):
     """Confirm the fault and name it by the motion of the measured rod."""
     a = 1.0 - math.exp(-dt / p.tau)
-    x.jump = max(math.fabs(x.f_hat - x.f_last) - FASTEST * dt, x.jump * math.exp(-dt / (4.0 * p.t_confirm)))
-    x.f_last = x.f_hat
+    jump = min(math.fabs(x.f_hat - x.f_last) - FASTEST * dt, math.fabs(x.y - x.y_last) - ALONE * dt)
+    x.jump = max(jump, x.jump * math.exp(-dt / (4.0 * p.t_confirm)))
+    x.f_last, x.y_last = x.f_hat, x.y
     x.f_slow += a * (x.f_hat - x.f_slow)
     x.y_slow += a * (x.y - x.y_slow)
     x.v_slow += a * (x.x_hat[1] - x.v_slow)
     x.rest_time += dt
-    if math.fabs(x.y_slow - x.rest) > MOVED:
+    if math.fabs(x.y_slow - x.rest) > STILL:
         x.rest, x.rest_time = x.y_slow, 0.0
     away = math.copysign(1.0, x.f_slow)
     if (x.y_slow - x.leave) * away < 0.0 or (x.far - x.y_slow) * away > MOVED:
@@ -246,15 +273,10 @@ def decide(x, p, dt):
     x.timer, x.alarm = confirm(x.timer, x.alarm, x.r >= 1.0, dt, p.t_confirm, p.t_release)
     if x.alarm < 0.5:
         x.verdict = NONE
-    elif before < 0.5 or x.verdict == AMBIGUOUS:
-        if x.jump > JUMP:
-            x.verdict = JAM_LIQUID
-        elif math.fabs(x.far - x.leave) > p.run:
-            x.verdict = RUNAWAY
-        elif x.rest_time >= p.t_rest and math.fabs(x.v_slow) > p.rate:
-            x.verdict = JAM_SOLID
-        else:
-            x.verdict = AMBIGUOUS
+    else:
+        if before < 0.5:
+            x.verdict, x.began, x.moved, x.turned = AMBIGUOUS, x.y_slow, 0.0, 0.0
+        name(x, away, p)
     x.culprit = 1.0 if x.verdict == JAM_LIQUID else 0.0
 
 

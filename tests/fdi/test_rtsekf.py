@@ -162,3 +162,24 @@ def test_bad_measurements_do_not_stick(flights, module):
     if module is rtsekf_flight:
         truth = np.array([f["truth"]["q_rod"] for f in flights])
         assert np.abs(log["q_now"] - truth)[:, 1000:].max() < 5e-4
+
+
+def test_an_oscillation_is_no_runaway_and_a_rod_that_creeps_no_jam():
+    def oscillating(k, x, w):
+        if k >= K_FAULT:
+            x["f_u"], x["s_u"] = 0.2 * np.sin(2.0 * np.pi * (k - K_FAULT) * DT), 1.0
+
+    def creeping(k, x, w):
+        if k >= K_FAULT:
+            x["f_u"], x["s_u"] = 0.012, 1.0
+
+    def jam(k, x, w):
+        x["jam"] = float(k >= K_FAULT)
+
+    command = doublets(20.0)
+    faults = (oscillating, creeping, jam)
+    log = run(rtsekf, [fly(command, seed=s, faults=f) for s, f in enumerate(faults)], load=1)
+    said = [set(np.unique(log["verdict"][i, K_FAULT:])) - {verdict.NONE} for i in range(len(faults))]
+    assert log["verdict"][0, -1] == verdict.AMBIGUOUS and verdict.JAM_SOLID not in said[0]
+    assert verdict.AMBIGUOUS in said[1] and verdict.JAM_SOLID not in said[1]
+    assert verdict.JAM_SOLID in said[2] and verdict.RUNAWAY not in said[2]
