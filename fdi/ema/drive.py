@@ -18,8 +18,9 @@ A difference that the motor has not felt is the current sensor's. `felt` compare
 those that f would have caused, were it real: e+ = (1 - K4) e + impulse f + share of the load, by the filter's own gain.
 A name is given when one hypothesis leaves what noise leaves and the others several times as much.
 
-Amplifier and winding of a healthy drive are a few per cent off their nominal values, as much as a warm winding is. The
-gain that a drive has in its first LEARN seconds is taken for its own, up to TOLERANCE; what changes later is a fault.
+Amplifier, winding and magnets of a healthy drive are a few per cent off their nominal values, the first two by as much
+as a warm winding is. What a drive has in its first LEARN seconds is taken for its own, the gain up to TOLERANCE, the
+voltage of its rate up to OFF_B where it has moved enough; what changes later is a fault.
 """
 
 import math
@@ -50,26 +51,30 @@ STUCK = 0.3  # of the largest current: less is a loss of the drive
 LOSS_LEAST = 0.1  # less of a loss is a gain error
 SENSOR = -1.0  # the current sensor, beside the class codes
 ALPHA, BETA = 0.2, 0.02  # position in the place of a lost velocity: corrections of angle and rate
-TAU_GAIN, TAU_NOW = 8.0, 0.6  # memory of the gains [s]
-STANDS, HEALED = 0.7, 2.0  # of a gain's threshold: keeps the alarm; of that: a gain that surely is less has healed
+TAU_MOST, TAU_NOW = 60.0, 0.6  # memory of the gains [s]
+KNOWN_A, KNOWN_B = 0.0015, 0.02  # deviations of gain and magnets: what is told so well of both is forgotten
+STANDS = 0.7  # of a gain's threshold: keeps the alarm
+RELEASE = 0.5  # [s]: what shows it has a memory of its own
+HEALED, HEALED_B = 2.0, 2.5  # of that: a gain, magnets that surely are less have healed
 TOLERANCE = 0.2  # of the current's gain before it is learned: four numbers of 5 % each
 LEARN = (2.0, 4.0, 10.0)  # times at which what the gain is off becomes the drive's own [s]
-SURE = 0.01  # deviation of the gain with which it can be learned
+SURE, SURE_B = 0.01, 0.03  # deviations of gain and magnets with which they can be learned
+OFF_B = 0.15  # of the voltage per rate before it is learned: K_B over K_ic, and what the amplifier makes of it
 MAGNETS = 0.05  # deviation of healthy ones
 
 PARAMS = [
     ("even", "f8", "-"),  # ticks of a sample
-    ("sigma_f", "f8", "A"),  # noise of a sample of f
+    ("sigma_f", "f8", "A"),  # noise of a sample of f: the sensor's 0.1 A over four ticks, and the demand's own
     ("th_f", "f8", "A"),  # rms of f, fixed part
     ("rho_f", "f8", "A s/rad"),  # and of the rate
     ("t_f", "f8", "s"),  # confirmation
     ("phi_load", "f8", "rad/s/N m"),  # rate from the load state over a tick
     ("leak", "f8", "-"),  # of the load state over a tick
-    ("felt_least", "f8", "-"),  # share of f that the motor must have felt
+    ("felt_least", "f8", "-"),  # share of f that the motor must have felt: a drive's is 1, a sensor's 0
     ("felt_most", "f8", "-"),  # and may have, where it is the sensor's
     ("b_motor", "f8", "A s/rad"),  # current per rate that weaker magnets would cause, all lost
-    ("th_a", "f8", "-"),  # gain error of the current
-    ("th_b", "f8", "-"),  # share of the magnets
+    ("th_a", "f8", "-"),  # gain error of the current: a winding 39 % up, 100 K warm, takes .0095, one 80 % up .0195
+    ("th_b", "f8", "-"),  # share of the magnets: beyond two tolerances of 5 %
     ("z_gain", "f8", "-"),  # by so many deviations beyond it
 ]
 STATE = [
@@ -96,12 +101,15 @@ STATE = [
     ("felt_num", "f8"),
     ("felt_den", "f8"),
     ("felt", "f8", "-"),  # share of f that the motor has felt
-    ("gain_sum", "f8", (6,)),  # ff, fd, fw, dd, dw, ww over TAU_GAIN
+    ("gain_sum", "f8", (6,)),  # ff, fd, fw, dd, dw, ww, as long as it takes to know
     ("gain_now", "f8", (6,)),  # over TAU_NOW
     ("gain_own", "f8", "-"),  # of this drive, less one
     ("gain_doubt", "f8", "-"),  # deviation with which it was learned
     ("gain_learned", "f8", "-"),  # times
-    ("d_power", "f8", "A2"),
+    ("magnets_own", "f8", "-"),  # voltage per rate of this drive, less one
+    ("magnets_doubt", "f8", "-"),
+    ("magnets_learned", "f8", "-"),  # 1 where it is
+    ("off_power", "f8", "A2"),  # of what the gain may be off by, lagged as f_power
     ("gain_a", "f8", "-"),  # f = a d + b w
     ("gain_b", "f8", "-"),  # b over b_motor
     ("r_gain", "f8", "-"),  # the larger over its threshold
@@ -118,11 +126,11 @@ STATE = [
 
 
 @kernel
-def demanded(u, w, own, p):
+def demanded(u, w, own, magnets, p):
     """Return (current that this drive makes of the demand `u` [A] at the rate `w` [rad/s], and would at rest, near its
-    voltage); its gain is off by the share `own`, its limits are not.
+    voltage); its gain is off by the share `own`, its magnets by `magnets`, its limits are not.
     """
-    back = p.K_B * w
+    back = (1.0 + magnets) * p.K_B * w
     i = min(max(((1.0 + own) * p.K_gi * u - back) / p.R_loop, -p.I_max), p.I_max)
     return i, i + back / p.R_loop, math.fabs(p.R * i + back) > NEAR * p.V_max
 
@@ -206,7 +214,7 @@ def explain(x, p, slow):
         dw += d * w
         i = 0 if i == RING - 1 else i + 1
     wide = p.sigma_f / math.sqrt(SLOW) if slow else p.sigma_f
-    tolerance = 0.06 * p.b_motor
+    tolerance = min(0.06, doubt_b(x)) * p.b_motor
     own = doubt(x)
     noise_c = n * wide * wide + tolerance * tolerance * ww
     noise = noise_c + 4e-6 * dd
@@ -228,7 +236,7 @@ def explain(x, p, slow):
             least, which = x.left[k] * ff, k
     clear = True  # the others leave several times as much, and of what the drive was told more than its noise
     for k in range(6):
-        clear = clear and (k == which or x.left[k] * ff >= CLEAR * (least + (noise_c if k == 1 or k == 2 else noise)))
+        clear = clear and (k == which or x.left[k] * ff >= CLEAR * max(least, noise_c if k == 1 or k == 2 else noise))
     told = which == 1 or which == 2
     pure = least <= PURE * (cc if told else ff) + 2.0 * (noise_c if told else noise)
     said = NONE
@@ -248,6 +256,11 @@ def explain(x, p, slow):
     x.drive_vote = said
     if said != NONE and x.drive_votes >= VOTES:
         x.drive_name = said
+        if said == WEAK:  # stays until motion tells otherwise: at rest magnets are neither weak nor healed
+            x.hot_gain = x.weak = 1.0
+            x.gain_timer = RELEASE
+            for k in range(6):
+                x.gain_now[k] = 0.0
 
 
 @kernel
@@ -257,18 +270,36 @@ def doubt(x):
 
 
 @kernel
-def learn(x, a, da):
-    """Take what the gain is off, `a` with deviation `da`, for the drive's own at the times of LEARN."""
+def doubt_b(x):
+    """Return how far the voltage that this drive makes of its rate may be off."""
+    return OFF_B if x.magnets_learned < 0.5 else 2.0 * x.magnets_doubt + 5e-3
+
+
+@kernel
+def learn(x, a, da, p):
+    """Take what the gain is off, `a` with deviation `da`, for the drive's own at the times of LEARN; the voltage of its
+    magnets, too, where it has moved enough.
+    """
     k = int(x.gain_learned)
     if k >= 3 or x.age < LEARN[k] or da > SURE or math.fabs(x.gain_own + a * (1.0 + x.gain_own)) > TOLERANCE:
         return
+    both, b, d_both, db = solve(x.gain_sum, p.sigma_f, 0.0)
+    b, db = b / p.b_motor, db / p.b_motor
+    if db <= SURE_B and math.fabs(x.magnets_own - b) <= OFF_B and math.fabs(both) <= TOLERANCE:
+        a, da = both, d_both
+        x.magnets_own -= b
+        x.magnets_doubt = db
+        x.magnets_learned = 1.0
+    else:
+        b = 0.0
     x.gain_own += a * (1.0 + x.gain_own)
     x.gain_doubt = da
     x.gain_learned += 1.0
-    for s in (x.gain_sum, x.gain_now):  # f - a d, (1 + a) d
-        s[0] += a * a * s[3] - 2.0 * a * s[1]
-        s[1] = (1.0 + a) * (s[1] - a * s[3])
-        s[2] -= a * s[4]
+    b *= p.b_motor
+    for s in (x.gain_sum, x.gain_now):  # f - a d - b w, (1 + a) d
+        s[0] += a * a * s[3] + b * b * s[5] - 2.0 * (a * s[1] + b * s[2] - a * b * s[4])
+        s[1] = (1.0 + a) * (s[1] - a * s[3] - b * s[4])
+        s[2] -= a * s[4] + b * s[5]
         s[3] *= (1.0 + a) * (1.0 + a)
         s[4] *= 1.0 + a
 
@@ -299,9 +330,13 @@ def gain_and_magnets(s, p):
 def gains(x, p, f, d, w, dt):
     """Take a sample into the gains of current and magnets, and test them."""
     for k in range(2):
-        keep = 1.0 - p.even * dt / (TAU_GAIN if k == 0 else TAU_NOW)
-        if k == 0 and x.age < LEARN[2]:
-            keep = 1.0  # all there is to learn from
+        h = p.even * dt
+        keep = 1.0 - h / TAU_NOW
+        if k == 0:  # forgets by what the sample tells, so that a drive at work is judged at once, one at rest at all
+            ka, kb = KNOWN_A / p.sigma_f, KNOWN_B * p.b_motor / p.sigma_f
+            keep = max(1.0 - max(min(d * d * ka * ka, w * w * kb * kb), h / TAU_MOST), keep)
+            if x.age < LEARN[2]:
+                keep = 1.0  # all there is to learn from
         s = x.gain_sum if k == 0 else x.gain_now
         s[0] = keep * s[0] + f * f
         s[1] = keep * s[1] + f * d
@@ -314,25 +349,27 @@ def gains(x, p, f, d, w, dt):
     over_a = math.fabs(a) - p.z_gain * math.sqrt(da * da + x.gain_doubt * x.gain_doubt)
     if x.gain_learned < 0.5:
         over_a -= TOLERANCE
-    over_b = math.fabs(x.gain_b) - p.z_gain * db
+    over_b = math.fabs(x.gain_b) - p.z_gain * math.sqrt(db * db + x.magnets_doubt * x.magnets_doubt)
+    if x.magnets_learned < 0.5:
+        over_b -= OFF_B
     x.r_gain = max(over_a / p.th_a, over_b / p.th_b)
     told = True
     if x.hot_gain > 0.5:  # the last second tells whether it stands or has healed; where nothing moves, neither
         a, b, da, db = gain_and_magnets(x.gain_now, p)
-        size, off, least = math.fabs(a), 2.0 * da, STANDS * p.th_a
+        size, off, least, most = math.fabs(a), 2.0 * da, STANDS * p.th_a, HEALED * STANDS * p.th_a
         if x.weak > 0.5:
-            size, off, least = math.fabs(b), 2.0 * db, STANDS * p.th_b
+            size, off, least, most = math.fabs(b), 2.0 * db, STANDS * p.th_b, HEALED_B * STANDS * p.th_b
         shows = size - off > least
-        told = shows or size + off < HEALED * least
+        told = shows or size + off < most
     else:
         if x.r_gain < 1.0:
-            learn(x, a, da)
+            learn(x, a, da, p)
         shows = x.r_gain >= 1.0
         if shows:
             x.weak = 1.0 if over_b / p.th_b > over_a / p.th_a else 0.0
     before = x.hot_gain
     if told:
-        x.gain_timer, x.hot_gain = confirm(x.gain_timer, x.hot_gain, shows, p.even * dt, 0.2, p.t_release)
+        x.gain_timer, x.hot_gain = confirm(x.gain_timer, x.hot_gain, shows, p.even * dt, 0.2, RELEASE)
     if before > 0.5 and x.hot_gain < 0.5:  # healed: what came before is of the fault
         for k in range(6):
             x.gain_sum[k] = x.gain_now[k]
@@ -353,7 +390,7 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     """Take a tick: current `y` [A] where it is usable, demand `u` [A], rate `w`, which may be believed
     where it is `measured`, and its innovation `gamma` [rad/s].
     """
-    d, rest, limit = demanded(u, w, x.gain_own, p)
+    d, rest, limit = demanded(u, w, x.gain_own, x.magnets_own, p)
     seen = current and not limit and math.fabs(y) < NO_CURRENT * p.I_max
     f = y - d if seen else 0.0
     x.f_now = f
@@ -364,8 +401,9 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     if x.count == 0.0 and x.slot_n > 0.0:  # of a slot, so that noise weighs the same at every rate
         h, g = p.n_sub * dt, x.slot_f / x.slot_n
         x.slot_f = x.slot_n = 0.0
-        x.d_power += h / TAU_POWER * (rest * rest - x.d_power)
-        fixed = p.th_f + p.rho_f * math.sqrt(x.w_power) + doubt(x) * math.sqrt(x.d_power)
+        off = doubt(x) * math.fabs(rest) + doubt_b(x) * p.b_motor * math.fabs(w)
+        x.off_power += h / TAU_POWER * (off * off - x.off_power)
+        fixed = p.th_f + p.rho_f * math.sqrt(x.w_power) + math.sqrt(x.off_power)
         least = fixed * (1.0 if x.age_vel <= p.t_bad else BLIND)
         most = SPIKE * least * least * TAU_POWER / h  # one sample alone is no fault
         x.f_power += h / TAU_POWER * (min(g * g, most) - x.f_power)
@@ -410,8 +448,12 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     whole = x.even_lost < 0.5
     x.even_lost = 0.0
     f, d, w = x.even_ring[0, head], x.even_ring[1, head], x.even_ring[2, head]
-    usual = p.th_f + p.rho_f * math.fabs(w) + doubt(x) * math.fabs(d)
-    if whole and measured and x.f_timer <= 0.0 and math.fabs(f) < 3.0 * usual:
+    usual = p.th_f + (p.rho_f + doubt_b(x) * p.b_motor) * math.fabs(w) + doubt(x) * math.fabs(d)
+    known = x.hot_gain > 0.5 and x.weak > 0.5
+    best = min(min(x.left[0], x.left[1]), min(x.left[2], min(x.left[3], x.left[4])))
+    magnets = x.f_age > RING and x.left[5] < 0.5 * best  # what explains best is told by more than one window
+    plain = x.f_timer <= 0.0 or known or magnets
+    if whole and measured and plain and math.fabs(f) < 3.0 * usual:
         gains(x, p, f, d, w, dt)
     if x.hot_f < 0.5 and x.f_timer <= 0.0:
         if x.f_age > 0.0:

@@ -40,7 +40,7 @@ from actuators.constants import RAD_PER_DEG
 from actuators.ema import jay
 from fdi.common.decision import usable
 from fdi.common.record import Detector, Estimate
-from fdi.ema import drive, witness
+from fdi.ema import drive, rough, witness
 from fdi.ema.dead_reckoning import LAG, reckon_position, slots
 from fdi.ema.ema_kalman import VELOCITY, N
 from fdi.ema.model import designed, limits
@@ -94,7 +94,7 @@ PARAMS = dtype([
     ("stop_high", "f8", "m"),
     ("load_max", "f8", "N m"),  # limit of the load estimate
     ("gate", "f8", "rad/s"),  # innovation, and step from sample to sample, beyond which it is a spike
-    ("share_hi", "f8", "-"),  # a jump of which the innovations explain more is the velocity's
+    ("share_hi", "f8", "-"),  # a jump of which the innovations explain more is the velocity's: it is 1 there, else 0
     ("share_lo", "f8"),       # less: the position's; between: ambiguous
     ("th_need", "f8", "rad/s"),  # a velocity error that would have grown more slowly might have passed unseen
     ("sigma_max", "f8", "m"),  # pos_sigma above which the estimate is not valid
@@ -102,7 +102,7 @@ PARAMS = dtype([
     ("t_cur", "f8", "s"),
     ("t_jump", "f8", "s"),
     ("t_ramp", "f8", "s"),
-    ("t_load", "f8", "s"),
+    ("t_load", "f8", "s"),    # a stop that is hit or a gust at stall is over sooner
     ("t_hold", "f8", "s"),    # the innovations are remembered for
     ("t_bad", "f8", "s"),     # velocity samples missing or rejected for longer: start again, or a fault
     ("t_start", "f8", "s"),   # after engage: the load estimate settles, no test counts
@@ -110,6 +110,7 @@ PARAMS = dtype([
     ("t_name", "f8", "s"),    # an alarm is AMBIGUOUS for so long at least, but for what is sure at once
     *witness.PARAMS,
     *drive.PARAMS,
+    *rough.PARAMS,
 ])
 INPUTS = dtype([
     ("u", "f8", "A"),         # demanded current held over the tick that ends at this sample
@@ -204,6 +205,7 @@ STATE = dtype([
     ("work", "f8", (6,)),     # scratch
     *witness.STATE,
     *drive.STATE,
+    *rough.STATE,
 ])
 OUTPUTS = (
     "r", "alarm", "verdict", "culprit", "valid", "reconf", "pos_hat", "pos_sigma", "f_hat", "f_sigma", "eta", "eta_bar",
@@ -301,7 +303,8 @@ def params(
         sigma_tie=noise / math.sqrt(n_sub) * 1.0 * RAD_PER_DEG * arm,
         gate=0.3 * no_load,  # twice what the stall current does in 5 ms
         load_max=2.0 * amperes * v["K_T"] * arm / lead,
-        th_load=0.4 * amperes * v["K_T"] * arm / lead,  # six times what 20 flights of 40 s in severe air show
+        # a jam takes the whole stall moment; healthy drives stay below half of this (fdi/thresholds: found, load)
+        th_load=0.4 * amperes * v["K_T"] * arm / lead,
         arm=arm,
         stop_low=arm * (travel[0] + 0.5 * RAD_PER_DEG),
         stop_high=arm * (travel[1] - 0.5 * RAD_PER_DEG),
@@ -473,6 +476,13 @@ def step(x, u, p, dt):
     x.age_doubt = 0.0 if x.culprit == VELOCITY else x.age_doubt + dt
     believed = x.age_vel == 0.0 and x.r_speed < 0.5 and x.age_doubt > p.t_doubt
     drive.watch(x, u.y_current, current, x.u_old[int(p.delay)], w, believed, gamma, p, dt)
+    rough.take(x, 0, u.y_position, usable(u.y_position, u.position_valid) > 0.5)
+    told = x.age_vel == 0.0 and x.at_limit < 0.5
+    rough.take(x, 1, gamma, told)
+    rough.take(x, 2, p.arm * u.y_surface, usable(u.y_surface, u.surface_valid) > 0.5)
+    rough.take(x, 3, gamma - x.twin[0], told)
+    if x.count == 0.0:
+        rough.judge(x, p, dt)
     decide(x, p, dt)
     size(x, p, (p.n_lag - p.n_mean) * p.n_sub * dt)
     x.load_hat = x.x_hat[5]

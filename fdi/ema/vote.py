@@ -10,13 +10,13 @@ import math
 from actuators.block import kernel
 from fdi.common.decision import confirm
 from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, SENSOR
-from fdi.ema import drive
+from fdi.ema import drive, rough
 from fdi.ema.dead_reckoning import MEAN
 from fdi.ema.ema_kalman import CULPRITS as PUBLISHED
 from fdi.ema.ema_kalman import CURRENT, POSITION, VELOCITY
+from fdi.ema.rough import SURFACE
 
 CULPRITS = (*PUBLISHED, "surface")
-SURFACE = 4.0
 T_AGAIN, HOLD_MOST = 20.0, 9.0  # an alarm that comes back within that time is held up to so long [s]
 FROZEN = 20.0  # equal samples of a position sensor: noise does not repeat itself
 WEAK_LEFT = 0.4  # weaker magnets leave more of what a current sensor does
@@ -29,7 +29,8 @@ SURE = 120.0  # information about what the motor has felt [rad2/s2]: the share i
 @kernel
 def _blame(x, p):
     """Return the sensor that the others contradict, or 0."""
-    if x.hot_speed > 0.5 and x.r_pair < 0.7 and x.age_pos < p.t_lost and x.age_surface < p.t_lost:
+    two = x.r_pair < 0.7 and x.age_pos < p.t_lost and x.age_surface < p.t_lost and x.loose < 0.5
+    if x.hot_speed > 0.5 and two:
         return VELOCITY
     if x.hot_f > 0.5 or x.age_vel > p.t_bad:  # no position can move the current; two witnesses are no vote
         return 0.0
@@ -90,11 +91,12 @@ def decide(x, p, dt):
     hot = counts and lost_current and x.r_velocity >= 1.0
     x.timer_cur, x.hot_cur = confirm(x.timer_cur, x.hot_cur, hot, dt, p.t_cur, p.t_release)
     x.r = max(max(x.r_pair, x.r_speed), max(x.r_f, x.r_gain))
-    x.r = max(x.r, math.fabs(x.x_hat[5]) / p.th_load)
+    x.r = max(max(x.r, x.r_rough), math.fabs(x.x_hat[5]) / p.th_load)
     if torque:
         x.r = max(x.r, max(x.r_velocity, max(x.r_jump, ramp)))
     sign = x.sensor > 0.5 or x.hot_speed > 0.5 or x.hot_f > 0.5 or x.hot_gain > 0.5 or x.hot_load > 0.5
-    sign = sign or x.hot_ramp > 0.5 or x.hot_cur > 0.5 or alone > 0.5
+    noisy = rough.noisy(x)
+    sign = sign or x.hot_ramp > 0.5 or x.hot_cur > 0.5 or alone > 0.5 or noisy != 0.0
     if x.culprit == POSITION and x.same_pos >= FROZEN:
         sign = True
     sign = sign or (lost_surface and x.alarm > 0.5 and ramp >= 0.5)
@@ -115,6 +117,8 @@ def decide(x, p, dt):
     if x.verdict != AMBIGUOUS:
         return
     who = _blame(x, p) if not lost_surface else alone
+    if noisy > 0.5:
+        who = noisy
     if who > 0.5:
         x.verdict, x.culprit = SENSOR, who
         if who == POSITION:

@@ -119,6 +119,46 @@ def test_weaker_magnets_are_named_and_a_tolerance_is_not():
         assert {v.name(c) for c in np.unique(log["verdict"])} - {"none"} == names and not log["culprit"].any()
 
 
+def test_weaker_magnets_stay_named_where_nothing_moves_until_they_have_healed():
+    """A 3-2-1-1 shows them; at rest magnets are neither weak nor healed."""
+    t = np.arange(round(40.0 / DT)) * DT
+    command = three_two_one_one(t, start=12.5) + three_two_one_one(t, start=30.5, amplitude=2 * RAD_PER_DEG)
+    for seed in (3, 4):
+        tick = script(40.0, command=command, hmd=-20e3, rng=np.random.default_rng(seed))
+        tick["magnet_loss"][(t >= 12.0) & (t < 30.0)] = 0.4
+        log = fly_bench(tick, reconfigure=False).log
+        assert not (log["alarm"][round(1.0 / DT) : round(12.0 / DT)] > 0.5).any()
+        assert (log["verdict"][round(15.0 / DT) : round(30.0 / DT)] == v.EFFECTIVENESS).all()
+        assert not log["alarm"][round(35.0 / DT) :].any()
+
+
+@pytest.mark.parametrize("field", NOISES)
+def test_the_alarm_stands_as_long_as_a_sensor_is_noisy(field):
+    """Also in a drive at rest, and at the smallest noise that is asked for: 0.5 mm, 5 rad/s, 0.1 deg."""
+    size = {"n_p": 6e-4, "n_v": 7.0, "n_s": 2.4e-3, "n_c": 2.0}[field]
+    tick = script(20.0, rng=np.random.default_rng(5))
+    t = np.arange(len(tick)) * DT
+    on = (t >= 5.0) & (t < 15.0)
+    tick[field][on] = size * np.random.default_rng(6).standard_normal(int(on.sum()))
+    log = fly_bench(tick, reconfigure=False).log
+    assert not log["alarm"][round(1.0 / DT) : round(5.0 / DT)].any()
+    assert (log["alarm"][round(5.5 / DT) : round(15.0 / DT)] > 0.5).mean() > 0.95
+    assert not log["alarm"][round(18.0 / DT) :].any()
+
+
+@pytest.mark.parametrize("off", [{"K_gi": 1.05, "K_ic": 0.95, "K_B": 1.05}, {"a": 1.05, "b": 0.95, "K_B": 0.95}])
+def test_what_a_drive_is_off_from_the_start_is_its_own_and_no_threshold_allows_for_it(off):
+    """Two tolerances of 5 %: the current's test stays as far below its threshold as in a drive that is exact."""
+    most = {}
+    for tolerance in ({}, off):
+        command = three_two_one_one(T, start=12.0)
+        tick = script(SECONDS, command=command, hm0=1500.0, hmd=-20e3, rng=np.random.default_rng(7))
+        log = fly_bench(tick, reconfigure=False, tolerance=tolerance).log
+        assert not log["alarm"].any()
+        most[bool(tolerance)] = log["r_f"][round(1.0 / DT) :].max()
+    assert most[True] < max(1.3 * most[False], 0.8)
+
+
 def test_play_of_the_screw_is_no_sensor():
     for seed in range(7, 12):
         names = said(flown(seed, backlash_add=2e-3).log)
