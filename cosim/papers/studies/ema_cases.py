@@ -53,6 +53,7 @@ DRAWS: dict[str, Callable[[Any], dict]] = {  # name -> fault table, of the segme
     "jam": lambda r: {"kind": "jam_solid"},
     "screw": lambda r: {"kind": "jam"},
     "resistance": lambda r: {"kind": "winding_resistance", "increase_pct": 80.0},
+    "resistance_160": lambda r: {"kind": "winding_resistance", "increase_pct": 160.0},
     "magnets": lambda r: {"kind": "magnet_loss", "loss_pct": 40.0},
     "backlash": lambda r: {"kind": "backlash", "backlash_mm": float(r.uniform(0.8, 4.0))},
     "drive_loss": lambda r: {"kind": "loss_of_effectiveness", "at": "valve", "loss_pct": float(r.uniform(30.0, 100.0))},
@@ -77,7 +78,7 @@ DRAWS: dict[str, Callable[[Any], dict]] = {  # name -> fault table, of the segme
     "current_noise": lambda r: {"part": "current", "kind": "noise", "path": "monitor", "sigma_a": _log(r, 1.0, 8.0)},
     "surface_noise": lambda r: {"part": "surface", "kind": "noise", "sigma_deg": _log(r, 0.1, 0.6)},
 }  # fmt: skip
-WEAR = ("resistance", "magnets", "backlash", "drive_loss", "free_float")
+WEAR = ("resistance", "magnets", "backlash", "resistance_160", "drive_loss", "free_float")
 NOISE = ("velocity_noise", "position_noise", "current_noise", "surface_noise")
 HEALED = ("liquid", "solid", "drive_loss", "position", "velocity", "current", "hardover", "jam", "magnets")
 LOST = {"velocity": ("liquid", "position", "jam"), "position": ("liquid", "velocity", "jam"),
@@ -106,7 +107,8 @@ def _wear(rng, k):
 def _moved(rng, k):
     """Return what the surface does not follow: at the command, and where it is held."""
     names = ("command_loss", "runaway", ("jam", "screw")[k % 2])
-    return [*(_fault(rng, n) for n in names), _fault(rng, ("jam", "drive_loss")[k % 2], heal=5.0)], 30.0, MOVING
+    heals = ("runaway", "jam", "drive_loss", "command_loss")[k % 4]
+    return [*(_fault(rng, n) for n in names), _fault(rng, heals, heal=5.0)], 30.0, MOVING
 
 
 def _sensor(rng, k):

@@ -35,7 +35,8 @@ RIGHT = {
     **dict.fromkeys(("current", "current_scale", "current_ofc"), "sensor current"),
     **{name: f"sensor {name.removesuffix('_noise')}" for name in NOISE},
 }  # fmt: skip
-WEAR = ("resistance", "magnets", "backlash", "drive_loss", "free_float")  # right or ambiguous is what is asked
+# right or ambiguous is what is asked
+WEAR = ("resistance", "resistance_160", "magnets", "backlash", "drive_loss", "free_float")
 AT_COMMAND = ("command_loss", "runaway")  # before the demand: the position monitor's
 MOVING = 4.0 * RAD_PER_DEG  # a segment whose healthy command changes by so much moves
 EXCITED = 0.3 * RAD_PER_DEG  # a position that is off by so much shows a scale; a surface held so far away a jam
@@ -170,17 +171,17 @@ def _after_it_shows(own):
             for o in own if o["shown_after"] is not None]  # fmt: skip
 
 
-def _withdrawn(runs):
+def _withdrawn(runs, detector="ema_kalman_flight", only=lambda name: name not in AT_COMMAND):
     found = defaultdict(list)
     for lane, air, o in runs:
-        own = o["ema_kalman_flight"]
-        if lane["healed"] and own["delay"] is not None:
+        own = o[detector]
+        if lane["healed"] and only(lane["name"]) and own["delay"] is not None:
             found[lane["name"], air].append(own)
             found["all", ""].append(own)
     rows = [[name, air, share(sum(o["withdrawn"] <= 3.0 for o in own), len(own)),
              float(np.median([o["withdrawn"] for o in own])), float(max(o["withdrawn"] for o in own))]
             for (name, air), own in sorted(found.items())]  # fmt: skip
-    return Table("ema_kalman_flight: alarm withdrawn within 3 s after the fault heals",
+    return Table(f"{detector}: alarm withdrawn within 3 s after the fault heals",
                  ("fault", "air", "in time", "median [s]>", "latest [s]>"), rows)
 
 
@@ -198,7 +199,7 @@ def _incipient(runs):
 def _command(runs):
     rows = []
     for name in AT_COMMAND:
-        own = [o["position_monitor"] for lane, _, o in runs if lane["name"] == name]
+        own = [o["position_monitor"] for lane, _, o in runs if lane["name"] == name and not lane["healed"]]
         moving = [o for o in own if o["moves"] >= MOVING]
         seen = [o for o in moving if o["delay"] is not None]
         rows.append([name, len(own), share(len(seen), len(moving)), *_quantiles([o["delay"] for o in moving]),
@@ -224,7 +225,8 @@ def _lost(runs):
 def _faults(options, values):
     runs = [run for flight in values for run in flight]
     return [*_names(runs, "ema_kalman_flight", lambda name: name not in AT_COMMAND), _withdrawn(runs), _incipient(runs),
-            _command(runs), *_names(runs, "position_monitor", lambda name: True), _lost(runs)]  # fmt: skip
+            _command(runs), _withdrawn(runs, "position_monitor", lambda name: name in AT_COMMAND),
+            *_names(runs, "position_monitor", lambda name: True), _lost(runs)]  # fmt: skip
 
 
 def _reconfigured(options, values):
