@@ -16,7 +16,7 @@ from fdi.ema.ema_kalman import POSITION, VELOCITY
 SURFACE = 4.0  # index into the culprits of `vote`
 WHO = (POSITION, VELOCITY, SURFACE)
 TAU = 0.3  # lag of the power [s]
-SPIKE = 3.0  # thresholds that one sample may fill: three of them stay below the alarm
+SPIKE = 2.0  # thresholds that one sample may fill: a spike is three of them, and twelve a second are no noise
 CONFIRM = 0.1  # [s]
 STANDS = 0.8  # of the threshold: so much of it keeps the alarm
 
