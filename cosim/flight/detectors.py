@@ -196,7 +196,8 @@ def missing(record: Any, aircraft: Aircraft) -> str:
         if dot and segment not in aircraft.segments:
             return f"no elevator segment {segment}"
         if word.startswith("n1_") and word not in fitted(aircraft):
-            return f"no sensor {word}"
+            n = aircraft.engines
+            return f"it reads {word}, the aircraft has {n} engine{'s' * (n > 1)}"
     if shipped and not record.any_aircraft and aircraft.own_designs:
         return made.lacking(aircraft, record)
     return ""
