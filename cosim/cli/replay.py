@@ -224,7 +224,7 @@ def diagnosis(found: dict[str, Any]) -> Group:
         t.add_row(r["id"], where, *alarm, *figures, style="" if r["alarm"] else "dim")
     end = found["start_s"] + found["duration_s"]
     head = Text(f"{found['start_s']:.12g} to {end:.12g} s of {found['recording']} at {found['rate_hz']} Hz")
-    parts: list[RenderableType] = [head, t, *(Text(c, style="yellow") for c in found["caveats"])]
+    parts: list[RenderableType] = [head, *(Text(c, style="yellow") for c in found["caveats"]), t]
     if found["not_run"]:
         parts.append(_not_run(found["not_run"], {s["name"].partition(".")[0] for s in found["signals"]}))
     if found["output"]:

@@ -188,19 +188,25 @@ def _word(detector, name, value, allowed):
     return value
 
 
-def missing(record: Any, aircraft: Aircraft) -> str:
-    """Return why a detector cannot watch an aircraft, or "": an input that it lacks, or no design for it."""
+def unfit(record: Any, aircraft: Aircraft) -> str:
+    """Return which input of a detector an aircraft lacks, or ""."""
     shipped = record.level == "aircraft" and record.id in registry.SHIPPED
     for word in (placed(word, aircraft) if shipped else word for word in record.inputs.values()):
         segment, dot, _ = word.rpartition(".")
         if dot and segment not in aircraft.segments:
             return f"no elevator segment {segment}"
         if word.startswith("n1_") and word not in fitted(aircraft):
-            n = aircraft.engines
-            return f"it reads {word}, the aircraft has {n} engine{'s' * (n > 1)}"
-    if shipped and not record.any_aircraft and aircraft.own_designs:
-        return made.lacking(aircraft, record)
+            return f"it reads {word}, the aircraft has {aircraft.engines} engine{'s' * (aircraft.engines > 1)}"
     return ""
+
+
+def missing(record: Any, aircraft: Aircraft) -> str:
+    """Return why a detector cannot watch an aircraft, or "": an input that it lacks, or no design for it."""
+    shipped = record.level == "aircraft" and record.id in registry.SHIPPED
+    why = unfit(record, aircraft)
+    if not why and shipped and not record.any_aircraft and aircraft.own_designs:
+        return made.lacking(aircraft, record)
+    return why
 
 
 def left_out(scenario: Any) -> dict[str, str]:

@@ -53,6 +53,19 @@ def rising(t: NDArray, path: object, on_reset: str | None, part: int = 0) -> tup
     return out, slice(0, len(t))
 
 
+def restarts(t: NDArray, on_reset: str | None, part: int = 0) -> list[str]:
+    """Return sentences about what became of a clock `t` (rows,) [s] that goes back."""
+    found = parts(t)
+    if len(found) == 1:
+        return []
+    if on_reset == "split":
+        here = found[part]
+        return [f"stretch {part + 1} of {len(found)}, rows {here.start + 1} to {here.stop}"]
+    at = [rows.start for rows in found[1:]]
+    out = [f"row {k + 1}: the clock goes back from {t[k - 1]:.9g} to {t[k]:.9g} s, it is carried on" for k in at[:MOST]]
+    return out + ([f"so it does {len(at) - MOST} times more"] if len(at) > MOST else [])
+
+
 def interval(t: NDArray) -> float:
     """Return the median distance of two samples [s], 0 without two of them."""
     forward = np.diff(t)

@@ -107,9 +107,11 @@ def _table(path, kind, time, on_reset, part):
     texts = [str(c) for c in frame.columns if c != name and c not in numbers.columns]
     numbers.attrs = {"texts": [*texts, *frame.attrs.get("texts", ())]}
     clock.finite(t, f"column {name!r}", path)
-    t, rows = clock.rising(t, path, on_reset, part)
+    as_read = t
+    t, rows = clock.rising(as_read, path, on_reset, part)
     frame = numbers.iloc[rows].set_axis(pd.Index(t, name="t_s"))
-    frame.attrs = numbers.attrs | {"oddities": clock.oddities(t, path.stem)}
+    told = clock.restarts(as_read, on_reset, part) + clock.oddities(t, path.stem)
+    frame.attrs = numbers.attrs | {"oddities": told}
     return frame
 
 

@@ -20,7 +20,7 @@ from cosim.files import replace_text
 from cosim.flight import made
 from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.flight.build import build
-from cosim.flight.detectors import sources
+from cosim.flight.detectors import sources, unfit
 from cosim.flight.signals import fly
 from cosim.flight.site import site
 from cosim.scenario.aircraft import Aircraft, load_aircraft
@@ -67,6 +67,9 @@ def make(
     def several(function, *each):
         return work([(function, {"aircraft": name, "digest": digest, **one}) for one in each], **how)
 
+    for detector in train_aircraft.DETECTORS:
+        if why := unfit(registry.record(detector), own):
+            tell(f"nothing for {detector}: {why}")
     tell("linear models over the envelope, actuators in flight, LMIs")
     jobs: list[Any] = [(form, {"aircraft": name, "digest": digest}) for form in (_published, _airframe)]
     jobs += [(_steady, {"aircraft": name, "digest": digest, "chunk": k}) for k in range(CHUNKS)]
@@ -95,7 +98,12 @@ def check(aircraft: str) -> dict[str, str]:
     """Return {detector: "" or what is wrong} of the designs stored in an aircraft's folder."""
     own = load_aircraft(aircraft)
     level = [r for n in registry.SHIPPED if (r := registry.record(n)).level == "aircraft" and not r.any_aircraft]
-    return {record.id: made.lacking(own, record) for record in level}
+    return {record.id: made.lacking(own, record) for record in level if not unfit(record, own)}
+
+
+def fits(own: Aircraft) -> tuple[str, ...]:
+    """Return the detectors of the aircraft level that have all their inputs on an aircraft."""
+    return tuple(name for name in train_aircraft.DETECTORS if not unfit(registry.record(name), own))
 
 
 def _write(own, kind, name, content):
@@ -204,7 +212,7 @@ def _air(index):
 
 def flown(own: Aircraft, flight: dict[str, Any]) -> pd.DataFrame:
     """Fly a flight and return what the aircraft-level detectors read, under its names on the default aircraft."""
-    wires = {d: (sources(d), sources(d, aircraft=own)) for d in train_aircraft.DETECTORS}
+    wires = {d: (sources(d), sources(d, aircraft=own)) for d in fits(own)}
     frame = fly(scenario(**flight), dict.fromkeys([COMMAND, *(s for _, its in wires.values() for s in its.values())]))
     said = {there[field]: frame[its[field]] for there, its in wires.values() for field in its}
     out = pd.DataFrame({**{c: frame[c] for c in frame}, **said}, copy=False)
@@ -237,7 +245,7 @@ def _surveyed(aircraft: str, digest: str, index: int, first_seed: int, prior: di
     own, frame, technology = _trained(aircraft, index, first_seed)
     out: dict[str, Any] = {}
     for name, survey in train_aircraft.SURVEYS.items():
-        if _air(index) in train_aircraft.AIR[name]:
+        if name in fits(own) and _air(index) in train_aircraft.AIR[name]:
             p = fitted(own, name, technology)
             for field, value in prior.items() if name == "rfafe_airframe" else ():
                 p[field] = value

@@ -257,7 +257,7 @@ def limits(values: list[dict]) -> dict:
     Where a part stands in LARGEST, its limit is the largest that was seen: beyond it nothing is said.
     """
     out: dict = {"limits": {}, "found": {}}
-    for name in SURVEYS:
+    for name in [n for n in SURVEYS if any(n in v for v in values)]:  # an aircraft may lack one's inputs
         own = [v[name] for v in values if v.get(name)]
         parts = [part for part in own[0] if part not in LARGEST]
         tests = [part.split()[0] for part in parts]  # "swing 3" is of the test "swing"

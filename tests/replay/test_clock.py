@@ -70,15 +70,19 @@ def test_a_clock_that_restarts_is_an_error_with_both_values_until_said_otherwise
     assert "--on-reset split" in told.stderr and told.stderr.count("\n") == 1
     joined = json.loads(replay(path, tmp_path, "--on-reset", "offset", "--json").stdout)
     assert joined["duration_s"] == pytest.approx(10.0)
+    assert joined["caveats"][0] == "row 1001: the clock goes back from 4.995 to 0.1 s, it is carried on"
     apart = json.loads(replay(path, tmp_path, "--on-reset", "split", "--json").stdout)["stretches"]
     assert [d["start_s"] for d in apart] == [0.0, 0.1] and {round(d["duration_s"], 2) for d in apart} == {5.0}
+    assert [d["caveats"][0] for d in apart] == ["stretch 1 of 2, rows 1 to 1000", "stretch 2 of 2, rows 1001 to 2000"]
 
 
 def test_gaps_doubled_times_and_rates_stand_before_the_verdicts(tmp_path):
     t = np.concatenate([np.arange(0, 5, 0.005), np.arange(7, 12, 0.005), np.arange(12, 20, 0.01)])
     t[500] = t[499]
-    told = json.loads(replay(recording(tmp_path / "a.csv", t), tmp_path, "--json").stdout)
-    said = " ".join(told["caveats"])
+    path = recording(tmp_path / "a.csv", t)
+    said = " ".join(json.loads(replay(path, tmp_path, "--json").stdout)["caveats"])
+    shown = replay(path, tmp_path).stdout
+    assert shown.index("no sample from") < shown.index("Verdicts")
     assert "no sample from 4.995 to 7 s" in said and "1 times stand twice" in said
     assert "rate changes from 200 to 100 Hz" in said
 

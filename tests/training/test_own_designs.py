@@ -10,6 +10,7 @@ import cosim
 from cosim.errors import DesignError
 from cosim.flight import made
 from cosim.flight.detectors import left_out, placed, sources
+from cosim.flight.plant.aero import estimate
 from cosim.flight.plant.force_model import force_model
 from cosim.flight.site import site
 from cosim.scenario.aircraft import _read, load_aircraft
@@ -108,6 +109,18 @@ def test_training_flights_are_flights_of_that_aircraft():
     low, high = TWIN.mass.mass_t
     assert low <= flight["flight"]["mass_t"] <= high and len(flight["technology"]) == len(TWIN.segments)
     assert flight == own.arguments(str(TWIN.folder), 5, 7)
+
+
+def test_three_engines_leave_out_who_reads_four_and_train_the_others(copied):
+    (copied / "aircraft.toml").write_text((copied / "aircraft.toml").read_text().replace("engines = 2", "engines = 3"))
+    _read.cache_clear()
+    for path, text in estimate.build(load_aircraft(str(copied))).items():
+        path.write_text(text)
+    assert left_out(flown(copied))["control_redundancy"] == "it reads n1_4, the aircraft has 3 engines"
+    three = load_aircraft(str(copied))
+    assert own.fits(three) == ("lpv_smo", "kinematic", "rfafe", "rfafe_airframe")
+    frame = own.flown(three, own.arguments(str(copied), 0, 7) | {"duration": 0.5})
+    assert len(frame) == 100 and "control_redundancy" not in own.check(str(copied))
 
 
 def test_an_oscillation_is_seen_on_the_twin_by_who_sees_it_on_the_transport():

@@ -27,6 +27,8 @@ from typing import Any
 import numpy as np
 
 from actuators.constants import M_PER_FT
+from cosim.errors import CosimError, ScenarioError
+from cosim.files import replace_text
 from cosim.flight.plant.aero.fit import ALPHA, ALPHA_COARSE, MACH_COARSE, stalled
 from cosim.flight.plant.aero.xml import Shape, aerodynamics_xml, engine_xml, multipliers_xml
 from cosim.scenario.aircraft import Aircraft, load_aircraft
@@ -292,14 +294,22 @@ def _surfaces(aircraft):
 
 
 def main() -> None:
-    """Write the files, or compare them with those on disk."""
-    aircraft, stale = load_aircraft(sys.argv[1]), False
-    for path, text in build(aircraft).items():
+    """Write the files, or compare them with those on disk (exit 1: stale)."""
+    try:
+        given = [word for word in sys.argv[1:] if word != "--check"]
+        if len(given) != 1:
+            raise ScenarioError("takes one folder of an aircraft, and --check", place="estimate")
+        aircraft, stale = load_aircraft(given[0]), False
+        files = build(aircraft)
+    except (CosimError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
+    for path, text in files.items():
         if "--check" in sys.argv:
             stale |= not path.is_file() or path.read_text(encoding="utf-8") != text
         else:
             path.parent.mkdir(exist_ok=True)
-            path.write_text(text, encoding="utf-8")
+            replace_text(path, text)
     sys.exit(1 if stale else 0)
 
 
