@@ -30,7 +30,7 @@ from cosim.training.tail import limit
 from fdi import registry
 from fdi.common import bank, compact, tuning
 from fdi.control_redundancy.core import NR
-from fdi.kinematic import kinematic
+from fdi.kinematic import signatures
 
 DETECTORS = ("lpv_smo", "control_redundancy", "kinematic", "rfafe", "rfafe_airframe")
 TURBULENCE = ("none", "light", "moderate", "severe")
@@ -125,7 +125,7 @@ def survey_kinematic(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray
     valid, dt = log["valid"] > 0.5, frame.attrs["dt"]
     speed = frame[sources("kinematic")["v_ground"]].to_numpy()
     out = {}
-    for i, row in enumerate(kinematic.ROWS):
+    for i, row in enumerate(signatures.ROWS):
         features = [1.0, log["rough"]]
         if row in ("climb", "turn", "speed"):
             lateral = log["lateral"][:, i]
@@ -285,10 +285,10 @@ def fields(name: str, made: dict[str, list]) -> dict[str, Any]:
                    for j, field in enumerate(BANK)}  # fmt: skip
         slow = dict(zip(("th_static", "static_away"), made["slow"], strict=True))
         return of_band | slow | {"bank_share": [0.0] * bank.K}  # the command is part of the correction
-    rows = [(made[row] + [0.0] * 4)[:4] for row in kinematic.ROWS]
+    rows = [(made[row] + [0.0] * 4)[:4] for row in signatures.ROWS]
     threshold, gust, side, side_gust = (list(column) for column in zip(*rows))
     return {"threshold": threshold, "gust": gust, "side": side, "side_gust": side_gust,
-            "jump": [made[f"{row} jump"][0] for row in kinematic.ROWS], "noise_ratio": made["noise"][0]}  # fmt: skip
+            "jump": [made[f"{row} jump"][0] for row in signatures.ROWS], "noise_ratio": made["noise"][0]}  # fmt: skip
 
 
 def changes(found: dict) -> list[tuple]:

@@ -1,0 +1,112 @@
+"""The rows of `fdi.kinematic.kinematic` as kernels on its records: readings in, residuals and their thresholds out."""
+
+import math
+
+from actuators.block import kernel
+from actuators.constants import G0
+from fdi.common.decision import usable
+from fdi.kinematic.signatures import BARO, CLIMB, HEIGHT, IMPACT, NR, PHI, PSI, SOUND, SPEED, THETA, TURN
+
+EARTH = 6.356766e6  # radius that makes a geometric altitude one of the standard atmosphere [m]
+
+
+@kernel
+def read(x, u):
+    """Copy the readings and their flags; one that is out repeats its last value."""
+    _one(x, 0, u.p, u.p_valid)
+    _one(x, 1, u.q, u.q_valid)
+    _one(x, 2, u.r, u.r_valid)
+    _one(x, 3, u.phi, u.phi_valid)
+    _one(x, 4, u.theta, u.theta_valid)
+    _one(x, 5, u.psi, u.psi_valid)
+    _one(x, 6, u.n_x, u.n_x_valid)
+    _one(x, 7, u.n_z, u.n_z_valid)
+    _one(x, 8, u.hdot, u.hdot_valid)
+    _one(x, 9, u.h_inertial, u.h_inertial_valid)
+    _one(x, 10, u.h_baro, u.h_baro_valid)
+    _one(x, 11, u.tas, u.tas_valid)
+    _one(x, 12, u.cas, u.cas_valid)
+    _one(x, 13, u.mach, u.mach_valid)
+    _one(x, 14, u.alpha_ground, u.alpha_ground_valid)
+    _one(x, 15, u.v_ground, u.v_ground_valid)
+    _one(x, 16, u.alpha, u.alpha_valid)
+    _one(x, 17, u.beta, u.beta_valid)
+    _one(x, 18, u.n_y, u.n_y_valid)
+
+
+@kernel
+def _one(x, i, value, flag):
+    x.ok[i] = usable(value, flag)
+    if x.ok[i] > 0.5:
+        x.y_2[i], x.y_1[i], x.y[i] = x.y_1[i], x.y[i], value
+        x.ticks[i] = min(x.ticks[i] + 1.0, 3.0)
+    else:
+        x.ticks[i] = 0.0
+
+
+@kernel
+def _integrated(x, p, row, value, rate, live, dt, turn):
+    """Advance a row that integrates: raw = value - model, x_hat' = rate + (x - x_hat) / tau; `turn` wraps at pi."""
+    x.live[row] = live
+    if live < 0.5 or x.seen[row] < 0.5:
+        x.model[row], x.raw[row] = value, 0.0
+        return
+    ahead = x.model[row] + dt * rate
+    e = value - ahead
+    if turn > 0.5:
+        e = math.atan2(math.sin(e), math.cos(e))
+    x.raw[row] = e
+    x.model[row] = ahead + dt / p.tau * e
+
+
+@kernel
+def compare(x, p, dt):
+    """Fill x.raw, x.live and x.limit from the readings."""
+    y, ok = x.y, x.ok
+    roll, pitch, yaw, phi, theta = y[0], y[1], y[2], y[3], y[4]
+    sp, cp, st, ct = math.sin(phi), math.cos(phi), math.sin(theta), math.cos(theta)
+    body = ok[0] * ok[1] * ok[2]
+    rates = body * ok[3] * ok[4]
+    turning = pitch * sp + yaw * cp
+    _integrated(x, p, PHI, phi, roll + st / ct * turning, rates, dt, 1.0)
+    _integrated(x, p, THETA, theta, pitch * cp - yaw * sp, rates, dt, 0.0)
+    _integrated(x, p, PSI, y[5], turning / ct, rates * ok[5], dt, 1.0)
+    u, w = y[15] * math.cos(y[14]), y[15] * math.sin(y[14])
+    v = y[15] * math.sin(y[17]) if ok[17] > 0.5 else 0.0  # gusts are in it, and `side` allows for them
+    path = ok[14] * ok[15] * ok[3] * ok[4]
+    x.live[CLIMB] = path * ok[8]
+    x.raw[CLIMB] = y[8] - (u * st - v * sp * ct - w * cp * ct)
+    _integrated(x, p, TURN, w, pitch * u - roll * v + G0 * (ct * cp - y[7]), path * body * ok[7], dt, 0.0)
+    _integrated(x, p, SPEED, u, yaw * v - pitch * w + G0 * (y[6] - st), path * body * ok[6], dt, 0.0)
+    _integrated(x, p, HEIGHT, y[9], y[8], ok[8] * ok[9], dt, 0.0)
+    x.live[SOUND] = ok[11] * ok[13] * ok[9]
+    kelvin = kelvin_at(y[9] / (1.0 + y[9] / EARTH))
+    x.raw[SOUND] = y[11] - y[13] * math.sqrt(1.4 * 287.05287 * kelvin)
+    x.live[IMPACT] = ok[12] * ok[13] * ok[10]
+    cas, mach = 0.2 * (y[12] / 340.294) * (y[12] / 340.294), 0.2 * y[13] * y[13]
+    impact = math.exp(3.5 * math.log(1.0 + cas)) - 1.0
+    static = math.exp(5.2558797 * math.log(kelvin_at(y[10]) / 288.15))
+    if y[10] > 11000.0:
+        static *= math.exp((11000.0 - y[10]) / 6341.62)
+    x.raw[IMPACT] = impact / (static * (math.exp(3.5 * math.log(1.0 + mach)) - 1.0)) - 1.0
+    x.live[BARO] = ok[9] * ok[10]
+    x.raw[BARO] = y[10] - y[9]
+    if ok[17] > 0.5:
+        c = 1.0 - math.exp(-dt / p.tau_gust) if x.age > 0.0 else 1.0
+        x.sideslip += c * (y[17] - x.sideslip)
+        x.square += c * (y[17] * y[17] - x.square)
+        x.rough = y[15] * math.sqrt(max(x.square - x.sideslip * x.sideslip, 0.0))
+    # the rows take the lateral velocity from the sideslip in the air: in a bank, rolling and yawing gusts show in them
+    fade = dt / p.tau
+    x.lateral[CLIMB] = math.fabs(sp)
+    x.lateral[TURN] += fade * (p.tau * math.fabs(roll) - x.lateral[TURN])
+    x.lateral[SPEED] += fade * (p.tau * math.fabs(yaw) - x.lateral[SPEED])
+    for i in range(NR):
+        x.limit[i] = p.threshold[i] + p.gust[i] * x.rough
+        x.limit[i] += x.lateral[i] * (p.side[i] * y[15] + p.side_gust[i] * x.rough)
+
+
+@kernel
+def kelvin_at(h):
+    """Return the temperature of the standard atmosphere at `h` [m], up to 20 km [K]."""
+    return max(288.15 - 0.0065 * h, 216.65)

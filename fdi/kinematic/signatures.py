@@ -1,0 +1,51 @@
+"""Which rows an error of each sensor moves, and whether the first of them jumps."""
+
+from typing import Any
+
+import numpy as np
+
+SENSORS = (
+    "p", "q", "r", "phi", "theta", "psi", "n_x", "n_z", "hdot", "h_inertial", "h_baro", "tas", "cas", "mach",
+    "alpha_ground", "v_ground", "alpha", "beta", "n_y",
+)  # fmt: skip
+ROWS = ("phi", "theta", "psi", "climb", "turn", "speed", "height", "sound", "impact", "baro")
+NS, NR = len(SENSORS), len(ROWS)
+PHI, THETA, PSI, CLIMB, TURN, SPEED, HEIGHT, SOUND, IMPACT, BARO = range(NR)
+# what an error of a sensor does: sensor, rows that it must move, rows that it may move too, whether the first one jumps
+# (None: either)
+SIGNATURES: tuple[Any, ...] = (
+    ("p", ("phi",), ("turn",), False),
+    ("phi", ("phi",), ("climb", "turn"), True),
+    ("q", ("theta", "turn"), ("psi", "phi"), False),
+    ("theta", ("climb",), ("theta", "speed"), None),
+    ("theta", ("theta",), ("climb", "speed"), True),
+    ("r", ("psi",), ("theta", "phi", "speed"), False),
+    ("psi", ("psi",), (), True),
+    ("n_x", ("speed",), (), False),
+    ("n_z", ("turn",), (), False),
+    ("hdot", ("height", "climb"), ("baro",), False),
+    ("h_inertial", ("height",), ("baro",), True),
+    ("h_inertial", ("height", "baro"), (), None),
+    ("h_baro", ("baro",), ("impact",), None),
+    ("tas", ("sound",), (), None),
+    ("cas", ("impact",), (), None),
+    ("mach", ("sound", "impact"), (), None),
+    ("alpha_ground", ("turn", "climb"), ("speed",), None),
+    ("v_ground", ("speed",), ("climb", "turn"), True),
+)
+NC = len(SIGNATURES)
+
+
+def _table(*columns):
+    return np.array([[float(any(row in c[k] for k in columns)) for row in ROWS] for c in SIGNATURES])
+
+
+MUST, MAY = _table(1), _table(1, 2)
+JUMPS = np.array([{None: 0.0, True: 1.0, False: -1.0}[c[3]] for c in SIGNATURES])
+FIRST = np.array([ROWS.index(c[1][0]) for c in SIGNATURES])
+OF = np.array([SENSORS.index(c[0]) for c in SIGNATURES])
+# how large an error of this size in the first row is in a row whose threshold gusts raise; times the speed where FAST
+_SHOWN = {("q", "turn"): (1.0, True), ("alpha_ground", "climb"): (1.0, False), ("hdot", "climb"): (0.5, False)}
+SHOWS, FAST = (
+    np.array([[float(_SHOWN.get((c[0], row), (0.0, False))[k]) for row in ROWS] for c in SIGNATURES]) for k in (0, 1)
+)
