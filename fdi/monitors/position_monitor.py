@@ -8,9 +8,9 @@ the model is allowed a share of it (electromechanical segments; the share of hyd
 A deviation beyond the threshold for the confirmation time is an alarm. The monitor does not know why a surface is not
 where it should be, so the alarm is AMBIGUOUS until the motion tells: JAM_SOLID after `t_rest` at rest while the model
 moved, RUNAWAY after `travel_run` in one direction away from the model, still on its way after `t_run` or at the end of
-its travel (a step of the command is over sooner). That class then stays as long as the alarm. An
-oscillation whose strokes are longer than `travel_run` is taken for a runaway, one too small to be told from rest for a
-jam.
+its travel (a step of the command is over sooner), while the model does not go the same way (a surface that follows
+with part of its command does). That class then stays as long as the alarm. An oscillation whose strokes are longer
+than `travel_run` is taken for a runaway, one too small to be told from rest for a jam.
 """
 
 import math
@@ -67,6 +67,7 @@ STATE = dtype(
         ("rest_model", "f8", "rad"),  # and the model
         ("rest_time", "f8", "s"),  # since then
         ("leave", "f8", "rad"),  # where the surface began to run away from the model
+        ("leave_model", "f8", "rad"),  # and the model was then
         ("far", "f8", "rad"),  # how far it came
         ("run_time", "f8", "s"),  # for how long it moved so
         ("rate", "f8", "rad/s"),  # of the lagged surface
@@ -108,6 +109,7 @@ DETECTOR = Detector(
 MOVED = math.radians(0.08)  # a surface that has moved further is not at rest: ten sigma of its sensor after the lag
 END = math.radians(1.0)  # from a limit: the end of the travel
 AWAY = 0.25  # of the threshold: a smaller deviation is none
+FOLLOWS = 0.5  # of the travel: where the model goes the same way so far, part of the command is lost
 RATE_LIMIT = math.radians(40.0)  # of the servos' reference, both technologies (actuators/hydraulic/servo.py) [rad/s]
 TRAVEL = (math.radians(-23.0), math.radians(17.0))  # of the elevator [rad]
 
@@ -140,7 +142,7 @@ def step(x, u, p, dt):
         x.started = 1.0
         x.m1 = x.m2 = x.m3 = x.model = x.command
         x.slow = x.rest = x.leave = x.far = x.surface
-        x.rest_model = x.command
+        x.rest_model = x.leave_model = x.command
     # model: exact lags over the tick with their input held
     most = p.rate_limit * dt
     x.m1 += min(max(x.command - x.m1, -most), most)
@@ -164,6 +166,7 @@ def step(x, u, p, dt):
     away = math.copysign(1.0, deviation)  # the way back, or a surface where it should be, ends a run
     if math.fabs(x.r) < AWAY or (x.slow - x.leave) * away < 0.0 or (x.far - x.slow) * away > MOVED:
         x.leave = x.far = x.slow
+        x.leave_model = x.model
         x.run_time = 0.0
     elif (x.slow - x.far) * away > 0.0:
         x.far = x.slow
@@ -175,7 +178,9 @@ def step(x, u, p, dt):
     elif x.verdict == NONE or x.verdict == AMBIGUOUS:
         moved = math.fabs(x.model - x.rest_model) >= p.jam_share * math.fabs(deviation)
         ended = min(x.slow - p.limit_low, p.limit_high - x.slow) < END
-        if math.fabs(x.far - x.leave) >= p.travel_run and (x.run_time >= p.t_run or ended):
+        travel = math.fabs(x.far - x.leave)
+        own = (x.model - x.leave_model) * away <= FOLLOWS * travel
+        if travel >= p.travel_run and (x.run_time >= p.t_run or ended) and own:
             x.verdict = RUNAWAY
         elif x.rest_time >= p.t_rest and moved and math.fabs(x.r) >= 1.0:
             x.verdict = JAM_SOLID

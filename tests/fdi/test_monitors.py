@@ -49,6 +49,23 @@ def test_it_names_a_jam_and_a_runaway_by_how_the_surface_moves():
         assert classes == [right] and (said[600:] == right).all()  # no other name at any time, and it stays
 
 
+@pytest.mark.parametrize("left", [0.3, 0.5])
+@pytest.mark.parametrize("away", [-1.0, 1.0])
+def test_a_surface_that_follows_with_part_of_its_command_is_no_runaway(left, away):
+    """On the way back from a far command the surface of less travel moves away from the model's larger deflection."""
+    t = np.arange(round(20.0 / DT)) * DT
+    command = away * np.radians(np.interp(t, [0.0, 5.0, 6.0, 9.0, 16.0], [0.0, 0.0, 16.0, 16.0, 0.0]))
+    p = position_monitor.params(limits=(-0.4, 0.4))
+    u = np.zeros((1, len(t)), position_monitor.INPUTS)
+    u["command"], u["surface"], u["surface_valid"] = command, left * command, 1.0
+    log = roll(position_monitor, p, u)
+    assert (log["verdict"] == verdict.AMBIGUOUS).any() and not (log["verdict"] == verdict.RUNAWAY).any()
+    stuck = u.copy()
+    stuck["surface"] = np.where(t < 9.0, command, command[round(9.0 / DT)] - away * np.radians(8.0) * (t - 9.0))
+    stuck["command"] = command[round(9.0 / DT)] * (t >= 9.0) + command * (t < 9.0)
+    assert (roll(position_monitor, p, stuck)["verdict"] == verdict.RUNAWAY).any()
+
+
 def test_what_looks_like_a_jam_for_a_moment_is_called_none():
     command = np.where(np.arange(3600) * DT >= 12.0, np.radians(4.0), 0.0)
     flights = [
