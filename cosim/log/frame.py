@@ -3,10 +3,11 @@
 import ctypes
 import functools
 import struct
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
+import lz4.block
 import lz4.frame
 import numpy as np
 
@@ -14,6 +15,7 @@ from actuators.native import Native
 
 MOST = 1 << 18  # [byte] of a block before it is compressed
 _KIND: dict[str, Any] = {"block_size": lz4.frame.BLOCKSIZE_MAX256KB, "block_linked": False}
+_STATED = 6  # bytes of a frame's head that say its kind; the size of the content and a checksum follow
 _SIZE = struct.Struct("<I")
 _RAW = 1 << 31  # of a block's size: it is not compressed
 
@@ -53,6 +55,7 @@ class Frame:
                 cuts.append((b.start + row * b.stride, min(most, b.rows - row), b.stride, fields))
                 self._numbers.append(number)
         self._table = np.array(cuts, np.int64)
+        self._content: np.ndarray | None = None  # where single topics are put
         self._out: np.ndarray | None = None  # where blocks are made
         self._written = np.zeros(1, np.int64)
 
@@ -67,3 +70,34 @@ class Frame:
         pieces = (tail[i : i + MOST] for i in range(0, len(tail), MOST))
         rest = b"".join(_SIZE.pack(len(piece) | _RAW) + piece for piece in pieces)
         return [_head(content.size), out[: int(written[0])], rest + _SIZE.pack(0)]
+
+    def topics(self, file: Any, begin: int, end: int, wanted: Collection[int]) -> np.ndarray | None:
+        """Return the content (uint8) of the frame that stands in a file from byte `begin` to `end`, of which only the
+        topics `wanted` are read; it lasts until the next call. None where the frame is not one of `pack`.
+        """
+        if self._content is None:
+            self._content = np.zeros(int(self._table[-1, 0] + self._table[-1, 1] * self._table[-1, 2]), "u1")
+        file.seek(begin)
+        head = file.read(len(_head(1)))
+        if head[:_STATED] != _head(1)[:_STATED]:
+            return None
+        at = begin + len(head)
+        last = max((i for i, number in enumerate(self._numbers) if number in wanted), default=-1)
+        for number, (start, rows, stride, _) in zip(self._numbers[: last + 1], self._table.tolist()):
+            file.seek(at)
+            held = file.read(_SIZE.size)
+            (told,) = _SIZE.unpack(held) if len(held) == _SIZE.size else (0,)
+            length, size = told & ~_RAW, rows * stride
+            if not 0 < length <= min(size, end - at - _SIZE.size):
+                return None
+            if number in wanted:
+                data = file.read(length)
+                try:
+                    data = data if told & _RAW else lz4.block.decompress(data, uncompressed_size=size)
+                except (lz4.block.LZ4BlockError, MemoryError):
+                    return None
+                if len(data) != size:
+                    return None
+                self._content[start : start + size] = np.frombuffer(data, "u1")
+            at += _SIZE.size + length
+        return self._content

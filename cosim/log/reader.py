@@ -20,7 +20,7 @@ from . import foxglove
 from .chunk import GATHER
 from .compression import FrameError, decompress, keep_memory
 from .format import Damage, Limits, LogError, TopicInfo, log_error
-from .scan import scan
+from .scan import identity, scan
 
 MOST_DRAWN = 4000  # samples of a curve
 
@@ -226,11 +226,19 @@ class Log:
             raise log_error(f"a message on {topic} is no {kind.DESCRIPTOR.full_name}", self.path) from error
 
     def _contents(self, numbers=None, topics=None, take=None):
-        """Yield (plan, content as uint8, tail) of each chunk, or of those numbered, checked; see `load_chunk`."""
+        """Yield (plan, content as uint8, tail) of each chunk, or of those numbered, checked; see `load_chunk`.
+
+        Of `topics` (numbers) alone only their own bytes are read and no tail, where the file is the one whose checksum
+        was compared when it was opened.
+        """
         try:
-            with open(self.path, "rb") as file:
+            with open(self.path, "rb", buffering=0 if topics else -1) as file:
+                some = topics if topics and identity(os.fstat(file.fileno())) == self._scan.identity else None
                 for i in range(len(self.chunks)) if numbers is None else numbers:
-                    yield load_chunk(self._scan, file, self.chunks[i], topics, take and partial(take, i))
+                    call = take and partial(take, i)
+                    yield (some and load_topics(self._scan, file, self.chunks[i], some, call)) or load_chunk(
+                        self._scan, file, self.chunks[i], topics, call
+                    )
         except OSError as error:
             raise log_error(f"cannot read the log: {error.strerror}", self.path) from error
 
@@ -299,6 +307,24 @@ def load_chunk(
     if wrong is not None:
         raise log_error(f"the chunk is not one message per sample (byte {wrong} of it)", found.path, chunk.offset)
     return plan, content, _tail(found, content[plan.size :].tobytes(), chunk)
+
+
+def load_topics(
+    found: Any, file: Any, chunk: Any, topics: Sequence[Any], take: Callable[..., bool] | None
+) -> tuple[Any, ...] | None:
+    """Return (plan, content, ()) of a chunk as `load_chunk`, with these topics alone in the content.
+
+    None where the chunk does not let them be read alone, or something in it is not as it must be: `load_chunk` says
+    what.
+    """
+    if chunk.compression != "lz4":
+        return None
+    k0, n = found.ticks(chunk)
+    plan = found.layout.plan(k0, n)
+    content = plan.frame.topics(file, chunk.data_offset, chunk.data_offset + chunk.data_size, topics)
+    if content is None or (not take(plan, content) if take else plan.differs(content, k0, topics) is not None):
+        return None
+    return plan, content, ()
 
 
 def _tail(found, data, chunk):

@@ -49,12 +49,18 @@ def scan(path: str | Path, limits: Any, tolerant: bool = False) -> Any:
     regular(path, LogError)
     try:
         with open(path, "rb") as file:
-            out = Contents(path, os.fstat(file.fileno()).st_size, limits, tolerant)
+            about = os.fstat(file.fileno())
+            out = Contents(path, about.st_size, limits, tolerant, identity=identity(about))
             if file.read(len(MAGIC)) != MAGIC:
                 raise log_error("not an MCAP file", path, 0, "" if out.size else "It is empty.")
             return _tolerant(out, file) if tolerant else _strict(out, file)
     except OSError as error:
         raise log_error(f"cannot read the log: {error.strerror}", path) from error
+
+
+def identity(about: os.stat_result) -> tuple[int, ...]:
+    """Return what tells a file, and whether it was written to."""
+    return about.st_dev, about.st_ino, about.st_size, about.st_mtime_ns, about.st_ctime_ns
 
 
 def _strict(out, file):

@@ -3,10 +3,10 @@
 import lz4.frame
 import numpy as np
 import pytest
-from helpers.log_samples import AWKWARD, TOPICS, vectors, write
+from helpers.log_samples import AWKWARD, TOPICS, expected, same_bits, vectors, write
 
 from actuators.native import PLAIN
-from cosim.log import open_log
+from cosim.log import LogError, open_log, reader
 from cosim.log.chunk import Layout
 from cosim.log.frame import MOST
 
@@ -82,3 +82,53 @@ def test_without_a_compiler_the_content_is_the_same(tmp_path, monkeypatch):
     one, other = open_log(tmp_path / "a.mcap"), open_log(tmp_path / "b.mcap")
     assert [c.crc for c in one.chunks] == [c.crc for c in other.chunks]
     assert one.array(TOPICS[0].name).tobytes() == np.ascontiguousarray(vectors(230)[:, :20]).tobytes()
+
+
+@pytest.mark.parametrize("compression", ["lz4", "zstd"])
+def test_one_topic_is_read_without_the_others(tmp_path, monkeypatch, compression):
+    rows = write(tmp_path / "a.mcap", pose=True, compression=compression)
+    log = open_log(tmp_path / "a.mcap")
+    whole = []
+    load_chunk = reader.load_chunk
+    monkeypatch.setattr(reader, "load_chunk", lambda *given: whole.append(1) or load_chunk(*given))
+    for topic in TOPICS:
+        assert same_bits(log.array(topic.name), expected(rows, topic))
+        assert same_bits(log.array(topic.name, 70, 129), expected(rows, topic, np.arange(70, 129)))
+    assert bool(whole) == (compression != "lz4")
+    monkeypatch.setattr(reader, "PLAIN", True)
+    assert same_bits(log.array(TOPICS[1].name), expected(rows, TOPICS[1]))
+
+
+def test_a_file_that_was_written_to_since_it_was_opened_is_compared_as_a_whole(tmp_path):
+    path = tmp_path / "a.mcap"
+    write(path)
+    log = open_log(path)
+    held, chunk = bytearray(path.read_bytes()), log.chunks[1]
+    changed = 0
+    for at in range(chunk.data_offset, chunk.data_offset + chunk.data_size, 97):
+        held[at] ^= 1
+        path.write_bytes(held)
+        with pytest.raises(LogError):
+            log.array(TOPICS[1].name)
+        held[at] ^= 1
+        changed += 1
+    path.write_bytes(held)
+    assert changed > 10 and len(log.array(TOPICS[1].name)) == 230
+
+
+def test_a_foreign_or_damaged_frame_raises_nothing_but_is_left_to_who_compares_all(tmp_path):
+    plan, content = _filled([(i + 1, 40, 1) for i in range(7)], 50, _some_stand_still)
+    packed, rng, found = bytearray(_frame(plan, content)), np.random.default_rng(5), 0
+    others = [lz4.frame.compress(content.tobytes(), store_size=True, block_linked=linked) for linked in (True, False)]
+    cut = [bytes(packed[:n]) for n in (0, 3, 7, 15, 18, 2000, len(packed) - 5)]
+    for _ in range(300):
+        wrong = packed.copy()
+        wrong[rng.integers(len(wrong))] ^= 1 << rng.integers(8)
+        cut.append(bytes(wrong))
+    for data in (*others, *cut):
+        (tmp_path / "frame").write_bytes(data)
+        with open(tmp_path / "frame", "rb", buffering=0) as file:
+            some = plan.frame.topics(file, 0, len(data), [3])
+        assert some is None or data in cut
+        found += some is not None
+    assert 0 < found < 300  # what strikes other topics is not seen
