@@ -27,7 +27,7 @@ SEQUENCE, LOG_TIME, PUBLISH_TIME = 11, 15, 23  # bytes before these in a message
 # a MessageIndex record up to its entries: opcode 7, length, channel, bytes of entries; an entry is (log time, offset)
 INDEX_HEAD = np.dtype([("op", "u1"), ("length", "<u8"), ("channel", "<u2"), ("bytes", "<u4")])
 ABOUT = 11  # whole numbers that `gather` needs to know of a topic
-STORE_HEAD, STORE_TARGET = 5, 10  # whole numbers that `store` needs to know, and of each rate
+STORE_HEAD, STORE_TARGET = 5, 7  # whole numbers that `store` needs to know, and of each rate
 SHORT = 15  # fields 1..15 have one-byte tags, later ones two bytes
 
 
@@ -73,6 +73,10 @@ class Block(NamedTuple):
     stride: int
     runs: list
     entries: int
+
+
+def _fields(block):
+    return sum(run.stop - run.start for run, _, _ in block.runs)
 
 
 class Layout:
@@ -159,24 +163,12 @@ class Plan:
         self._index_times = [
             (b.every, np.ndarray((b.rows,), "<u8", self._index, b.entries, (16,))) for b in self.blocks.values()
         ]
-        rates = {b.every for b in self.blocks.values()}
-        self.places = {every: self._fields(every) for every in rates}
-        self.messages = {
-            every: tuple(np.array([(b.start, b.stride) for b in self.blocks.values() if b.every == every]).T)
-            for every in rates
-        }  # (offset of the first, bytes from one to the next) of each topic of a rate
+        self.table = {
+            every: np.array([(b.start, b.stride, _fields(b)) for b in self.blocks.values() if b.every == every])
+            for every in {b.every for b in self.blocks.values()}
+        }  # of each rate: offset of the first message, bytes from one to the next, fields of each topic
         self.frame = Frame(self.blocks)
         self._bind(np.concatenate(content))
-
-    def _fields(self, every):
-        """Return (offset of the first row, stride) [byte] of every field of the topics of a rate."""
-        offsets, strides = [], []
-        for block in self.blocks.values():
-            for fields, offset, step in block.runs if block.every == every else ():
-                at = block.start + offset + step * np.arange(fields.stop - fields.start)
-                offsets.append(at)
-                strides.append(np.full(at.size, block.stride))
-        return np.concatenate(offsets), np.concatenate(strides)
 
     def _bind(self, content):
         """Take an array for the content, and make the views of it that every chunk fills."""
@@ -262,7 +254,7 @@ class Plan:
     def _told(self, block):
         """Return what `gather` reads of a topic, cosim/log/gather.py; nobody wants its values yet."""
         head = self.content[block.start : block.start + HEAD.itemsize].tobytes()
-        count = sum(fields.stop - fields.start for fields, _, _ in block.runs)
+        count = _fields(block)
         first = int(self._rates[block.every][0])
         (begin,), (end,) = struct.unpack_from("<q", head), struct.unpack_from("<I", head, 7)
         return [block.start, block.stride, block.rows, count, first, block.every, begin, end, 0, 0, 0]

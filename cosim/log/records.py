@@ -12,7 +12,6 @@ from mcap.records import (
     AttachmentIndex,
     DataEnd,
     Footer,
-    MessageIndex,
     MetadataIndex,
     Statistics,
     SummaryOffset,
@@ -76,17 +75,16 @@ def pack_chunk(
     `data` are the parts of the compressed `content` of the ticks k0 <= k < k0 + n; `tail` is
     {channel id: [(time, offset), ...]}.
     """
-    builder = RecordBuilder()
     start, end, size, crc = k0 * layout.dt_ns, (k0 + n - 1) * layout.dt_ns, len(content), crc32(content)
     held = sum(map(len, data))
     head = _chunk_head(start, end, size, crc, compression, held)
     plan, length = layout.plan(k0, n), len(head) + held
     index = plan.index(k0)
-    offsets = {channel: offset + length + at for channel, at in plan.index_offsets.items()}
+    begin, more = offset + length, b""
+    offsets = {channel: begin + at for channel, at in plan.index_offsets.items()}
     for channel, entries in tail.items():
-        offsets[channel] = offset + length + len(index) + builder.count
-        MessageIndex(channel_id=channel, records=entries).write(builder)
-    more = builder.end()
+        offsets[channel] = begin + len(index) + len(more)
+        more += _message_index(channel, entries)
     counts = {**layout.counts(k0, n)[0], **{channel: len(entries) for channel, entries in tail.items()}}
     place = offset, length, offset + len(head), held
     ref = ChunkRef(*place, compression, size, crc, start, end, offsets, counts, len(index) + len(more))
@@ -96,16 +94,15 @@ def pack_chunk(
 def _chunk_head(start, end, size, crc, compression, data_size):
     """Return a chunk record up to its data (the library's own would copy the data three times)."""
     name = compression.encode()
-    builder = RecordBuilder()
-    builder.write1(6)
-    builder.write8(40 + len(name) + data_size)
-    for value in (start, end, size):
-        builder.write8(value)
-    builder.write4(crc)
-    builder.write4(len(name))
-    builder.write(name)
-    builder.write8(data_size)
-    return builder.end()
+    head = struct.pack("<BQQQQII", Opcode.CHUNK, 40 + len(name) + data_size, start, end, size, crc, len(name))
+    return head + name + struct.pack("<Q", data_size)
+
+
+def _message_index(channel, entries):
+    """Return a message index record (the library's own takes a call per number)."""
+    size = 16 * len(entries)
+    numbers = [number for entry in entries for number in entry]
+    return struct.pack(f"<BQHI{len(numbers)}Q", Opcode.MESSAGE_INDEX, 6 + size, channel, size, *numbers)
 
 
 def _statistics(schemas, channels, chunks, attachments, metadata):

@@ -6,9 +6,10 @@ from numba import njit, types
 
 from actuators import pointers
 from actuators.pointers import reals, wholes
-from cosim.log.chunk import LOG_TIME, PUBLISH_TIME, SEQUENCE, STORE_HEAD, STORE_TARGET
+from cosim.log.chunk import HEAD, LOG_TIME, PUBLISH_TIME, SEQUENCE, SHORT, STORE_HEAD, STORE_TARGET
 
 KINDS = (types.int64, types.int64)
+HEAD_BYTES = HEAD.itemsize
 put: Any = pointers.put  # Numba gives them the context
 lay_quad: Any = pointers.lay_quad
 lay_word: Any = pointers.lay_word
@@ -18,24 +19,32 @@ lay_word: Any = pointers.lay_word
 def store(address: Any, bus: Any) -> None:
     """Store what the head at `address` asks for of the vector at `bus`, and count the row."""
     head, v = wholes(address), reals(bus)
-    row, n = head[0], head[3]
-    for i in range(n):
+    row, tick = head[0], head[1] + head[0]
+    ns = tick * head[4]
+    for i in range(head[3]):
         about = wholes(address + 8 * (STORE_HEAD + STORE_TARGET * i))
-        every, first, count = about[0], about[1], about[2]
+        every, first, topics = about[0], about[1], about[5]
         if row < first or (row - first) % every:
             continue
-        take, base, offsets, strides = wholes(about[3]), about[4], wholes(about[5]), wholes(about[6])
-        starts, lengths = wholes(about[8]), wholes(about[9])
-        below = (row - first) // every
-        tick = head[1] + row
-        ns = tick * head[4]
-        for j in range(about[7]):
-            here = base + starts[j] + below * lengths[j]
+        below, taken, take = (row - first) // every, 0, wholes(about[3])
+        if topics == 0:  # numbers side by side
+            for j in range(about[2]):
+                put(about[4] + 8 * (below * about[2] + j), v[take[j]])
+        for j in range(topics):
+            topic = wholes(about[6] + 24 * j)
+            here, fields = about[4] + topic[0] + below * topic[1], topic[2]
             lay_quad(here + SEQUENCE, tick)
             lay_word(here + LOG_TIME, ns)
             lay_word(here + PUBLISH_TIME, ns)
-        for j in range(count):
-            put(base + offsets[j] + below * strides[j], v[take[j]])
+            here += HEAD_BYTES + 1
+            for m in range(taken, taken + min(fields, SHORT)):
+                put(here, v[take[m]])
+                here += 9
+            here += 1
+            for m in range(taken + SHORT, taken + fields):
+                put(here, v[take[m]])
+                here += 10
+            taken += fields
     head[0] = row + 1
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from actuators.native import PLAIN, Native
 
 from . import foxglove
-from .chunk import HEAD, LOG_TIME, PUBLISH_TIME, SEQUENCE, STORE_HEAD, STORE_TARGET, Layout
+from .chunk import HEAD, LOG_TIME, PUBLISH_TIME, SEQUENCE, SHORT, STORE_HEAD, STORE_TARGET, Layout
 from .compression import compressor, keep_memory
 from .format import LogError, channel_metadata, check_texts, schema_data, schema_name
 from .records import content_hash, pack_chunk
@@ -19,6 +19,7 @@ from .sink import Sink
 MESSAGE_BYTES = HEAD.itemsize - 9  # of a message record before its data, without opcode and length
 message_head = struct.Struct("<BQHIQQ").pack  # as chunk.HEAD
 ROWS = 200  # of a chunk: one second at 200 Hz, lost when the process is killed; the cost per chunk is that of 30 ticks
+_NONE = np.empty((0, 3), np.int64)
 RESERVED = ("log", "preamble", "result", "late_events", "recovered")  # names of metadata
 
 
@@ -75,12 +76,12 @@ class LogWriter:
             self._sink.drop()
             raise
         self._layout = Layout([(self._sink.ids[t.name], len(t.fields), t.every) for t in self._topics], self.dt_ns)
-        self._targets = _targets(self._topics, self._layout.plan(0, rows_per_chunk))
+        self._targets = _targets(self._topics)
         self._posed = np.zeros((rows_per_chunk, len(pose.index) if pose else 0))  # the chunk's rows of the pose
         if pose is not None:
-            offsets = 8 * np.arange(len(pose.index))
-            self._targets.append((pose.every, np.array(pose.index), offsets, np.full_like(offsets, 8 * len(offsets))))
+            self._targets.append((pose.every, np.array(pose.index, np.int64)))
         self._head = np.zeros(STORE_HEAD + STORE_TARGET * len(self._targets), np.int64)
+        self._aimed: tuple = (0, [])  # see `_aim`
         self._count = self._head.data  # quicker to ask than the array
         self._aim(0)
         self._done = self._sink.mark(), 0  # what is safely written: place in the file, next tick
@@ -102,24 +103,28 @@ class LogWriter:
         """Let the next row be tick `k0`, the first of a chunk.
 
         The head says where its values go: row, k0, rows, targets, dt [ns]; and of each target every, its first row,
-        values, then four addresses: positions in the vector, base, offset of each value, and stride from row to row
-        [byte]; then how many topics they make, and two addresses: offset of the first message of each, and from one to
-        the next [byte]. A row is stored where it will stand in the chunk, whose other bytes are there already.
+        values, the address of their positions in the vector, that of where they go, and how many topics they make with
+        the address of the Plan's table of those; no topics: rows of values. A row is stored where it will stand in the
+        chunk, whose other bytes are there already.
         """
-        self._plan = self._layout.plan(k0, self._rows)
-        self._kept = [self._plan.content]
-        head = [0, k0, self._rows, len(self._targets), self.dt_ns]
-        for i, (every, take, offsets, strides) in enumerate(self._targets):
-            posed = self._pose is not None and i == len(self._targets) - 1
-            if not posed:
-                offsets, strides = self._plan.places.get(every, (offsets[:0], strides[:0]))
-            starts, lengths = ((), ()) if posed else self._plan.messages.get(every, ((), ()))
-            given = [np.ascontiguousarray(a, np.int64) for a in (take, offsets, strides, starts, lengths)]
-            base = self._posed if posed else self._plan.content
-            self._kept += given
-            take_at, base_at, *others = map(_address, (given[0], base, *given[1:]))
-            head += [every, -k0 % every, len(given[1]), take_at, base_at, *others[:2], len(given[3]), *others[2:]]
+        plan, firsts = self._layout.plan(k0, self._rows), [-k0 % every for every, _ in self._targets]
+        if self._aimed[:2] != (plan.content.ctypes.data, firsts):
+            self._aimed = plan.content.ctypes.data, firsts, self._head_of(plan, firsts), plan.content
+        head = self._aimed[2].copy()
+        head[1] = k0
+        self._plan = plan
         self._head[:] = head  # at once: Ctrl-C may strike between any two lines
+
+    def _head_of(self, plan, firsts):
+        """Return the head for a chunk of a plan, from tick 0."""
+        head = [0, 0, self._rows, len(self._targets), self.dt_ns]
+        for i, ((every, take), first) in enumerate(zip(self._targets, firsts)):
+            posed = self._pose is not None and i == len(self._targets) - 1
+            table = _NONE if posed else plan.table.get(every, _NONE)
+            base = self._posed if posed else plan.content
+            count = len(take) if len(table) or posed else 0  # a topic may have no row in this chunk
+            head += [every, first, count, _address(take), _address(base), len(table), _address(table)]
+        return np.array(head, np.int64)
 
     def append(self, v: np.ndarray) -> Any:
         """Log the vector v (n_values,) of the next tick; it is copied. Raises LogError when the disk is full."""
@@ -144,16 +149,18 @@ class LogWriter:
         row, tick = int(self._head[0]), int(self._head[1] + self._head[0])
         stamp, ns = struct.pack("<I", tick & 0xFFFFFFFF), struct.pack("<Q", tick * self.dt_ns)
         for about in self._head[STORE_HEAD:].reshape(-1, STORE_TARGET).tolist():
-            every, first, count, take_at, base, offsets, strides, topics, starts, lengths = about
+            every, first, count, take_at, base, topics, table = about
             if row < first or (row - first) % every:
                 continue
-            below = (row - first) // every
-            for here in base + _wholes(starts, topics) + below * _wholes(lengths, topics):
-                for place, data in ((SEQUENCE, stamp), (LOG_TIME, ns), (PUBLISH_TIME, ns)):
-                    ctypes.memmove(int(here) + place, data, len(data))
-            values = v[_wholes(take_at, count)].view("V8")
-            for here, value in zip(base + _wholes(offsets, count) + below * _wholes(strides, count), values):
-                ctypes.memmove(int(here), value.tobytes(), 8)
+            below, values = (row - first) // every, v[_wholes(take_at, count)].view("V8")
+            places = [base + 8 * (below * count + i) for i in range(0 if topics else count)]
+            for start, stride, fields in _wholes(table, 3 * topics).reshape(-1, 3).tolist():
+                here = base + start + below * stride
+                for at, data in ((SEQUENCE, stamp), (LOG_TIME, ns), (PUBLISH_TIME, ns)):
+                    ctypes.memmove(here + at, data, len(data))
+                places += [here + HEAD.itemsize + 9 * i + 1 + max(0, i + 1 - SHORT) for i in range(fields)]
+            for here, value in zip(places, values):
+                ctypes.memmove(here, value.tobytes(), 8)
         self._head[0] = row + 1
 
     def tell(self, tape: Any) -> None:
@@ -265,13 +272,12 @@ def _check(topics, n_values, dt_ns, metadata, rows_per_chunk):
         raise ValueError("dt_ns and rows_per_chunk must be positive")
 
 
-def _targets(topics, plan):
-    """Return [(every, positions in the vector, offsets, strides)] of each rate, topics side by side."""
-    out = []
-    for every in sorted({t.every for t in topics}):
-        take = np.concatenate([t.index for t in topics if t.every == every])
-        out.append((every, take, *plan.places.get(every, (np.zeros(0, np.int64), np.zeros(0, np.int64)))))
-    return out
+def _targets(topics):
+    """Return [(every, positions in the vector)] of each rate, topics side by side."""
+    return [
+        (every, np.concatenate([t.index for t in topics if t.every == every]).astype(np.int64))
+        for every in sorted({t.every for t in topics})
+    ]
 
 
 def _wholes(address, count):
