@@ -109,8 +109,9 @@ def shown(found: dict[str, Any]) -> Group:
     all_, minutes = f"{rate['with_detectors']:.0f} x", found["memory_flight_s"] / 60
     lines = [
         f"real time      {rate['lockstep']:.0f} x, with all eleven detectors {all_}, on one of {found['cores']} cores",
-        f"warm start     {start['run_cpu_s']:.2f} s of the processor for a run of 1 s, {start['flight_cpu_s']:.2f} s "
-        f"for the default flight and its report; help {start['help_cpu_s']:.2f} s",
+        f"warm start     {start['first_tick_cpu_s']:.2f} s of the processor to the first tick, "
+        f"{start['run_cpu_s']:.2f} s for a run of 1 s, {start['flight_cpu_s']:.2f} s for the default flight and its "
+        f"report; help {start['help_cpu_s']:.2f} s",
         f"peak memory    {number(found['peak_mb'], 0)} MB in a flight of {minutes:.0f} minutes; a campaign's "
         f"worker {number(found['worker_mb'], 0)} MB",
     ]
