@@ -42,6 +42,8 @@ def order(s: Any, tape: Any, *logs: Any, keep: Any = None) -> None:
     tape.copy(*s.wires["demand"])
     tape.step(s.law)  # 3. control law on measurements
     tape.table(*s.inputs.get("law", ()))
+    for correct in s.corrections.get("commands", ()):
+        tape.call(correct)
 
     tape.copy(*s.wires["hinge"])
     tape.step(s.hinge)
@@ -86,7 +88,7 @@ class Loop:
     detectors: list = field(default_factory=list)
     servos: list = field(default_factory=list)
     actuators: list = field(default_factory=list)
-    corrections: dict = field(default_factory=dict)  # stage -> calls after its wires (cosim/flight/corrections.py)
+    corrections: dict = field(default_factory=dict)  # stage -> calls after it (cosim/flight/corrections.py)
     inputs: dict = field(default_factory=dict)  # stage -> a pilot's own table (cosim/flight/own_inputs.py)
 
     def __post_init__(self):

@@ -104,6 +104,11 @@ class Of:
         return Planned(self.paper, item, says, measure, low, high, kind="beyond")
 
 
+def near(found: float, share: float = 0.2) -> tuple[float, float]:
+    """Return the band of a number of ours that holds what was found, `share` of it to either side."""
+    return found - share * abs(found), found + share * abs(found)
+
+
 def counts(rows: Iterable[Row]) -> dict[str, int]:
     """Return {verdict: number of rows} in the order of VERDICTS."""
     rows = list(rows)

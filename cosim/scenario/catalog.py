@@ -262,6 +262,12 @@ KEYS = {  # table of a scenario -> {key: what it means}; a kind's own numbers st
         "'published': an EMA's takes that of ema_kalman, which knows no load",
         "compensate": "true: while iotsekf alarms, its estimate of the input fault is taken off the valve command",
     },
+    "[law]": {
+        "<gain>": "of the shipped law",
+        "file": "a law of one's own",
+        "reallocate": "true: while control_redundancy declares the elevators the stabiliser flies the pitch axis and "
+        "holds the altitude; while it declares an engine the throttles make up for it",
+    },
     "[sensors], a table per sensor": {
         "sigma_<unit>": "noise per sample, one sigma",
         "bias_<unit>": "constant error",

@@ -73,6 +73,7 @@ class Law(Table):
     __pydantic_extra__: dict[str, float]
 
     file: str | None = None
+    reallocate: bool = False  # what control_redundancy isolates is flown around by the effectors that are left
 
     @property
     def gains(self) -> dict[str, float]:
@@ -169,6 +170,8 @@ class Scenario(Table):
             closed.append("iotsekf")
         if self.sensors.reconstructed:
             closed.append("lpv_smo")
+        if self.law.reallocate:
+            closed.append("control_redundancy")
         return tuple(dict.fromkeys([*self.detectors.enabled, *closed]))
 
     @property

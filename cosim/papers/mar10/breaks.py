@@ -5,9 +5,11 @@ import contextlib
 import numpy as np
 
 from cosim.papers.broken import Break, swap
+from cosim.papers.mar10 import flights
 
 ROWS, FLIGHTS, STRUCTURE = "cosim.papers.mar10.rows", "cosim.papers.mar10.flights", "fdi.control_redundancy.structure"
 LABELS = ("mean and learned offset", "mean, no offset", "force and moment rows")
+SCENARIOS = ((1, "engine"), (2, "elevator, then engine"), (3, "engine, then elevator, then rudder"))
 
 
 @contextlib.contextmanager
@@ -50,6 +52,43 @@ def _columns(vehicle):
     return vehicle * np.array([1.0, 1.0, 1.0, 0.01])
 
 
+@contextlib.contextmanager
+def _wide():
+    """Double every threshold of the transport's detector; two draws are enough to see that."""
+
+    def other(made):
+        def detector(**kw):
+            p = made(**kw)
+            p["threshold"] *= 2.0
+            p["rel"] *= 2.0
+            return p
+
+        return detector
+
+    with swap(FLIGHTS, wrap_detector=other), swap(ROWS, DRAWS=2):
+        yield
+
+
+def _slow():
+    return swap(ROWS, wrap__step=lambda step: lambda: (5000.0 * step()[0], ""))
+
+
+def _as_it_is(word):
+    return lambda load: lambda name, changes: load(name, [*changes, f"law.reallocate={word}"])
+
+
+def _rudder(load):
+    """Return a load_scenario in which the rudder runs to its stop when the engine fails."""
+
+    def other(name, changes):
+        held = load(name, changes)
+        start = held.faults[1].start_s
+        own = ("target=rudder", "kind=runaway", "rate_deg_s=5", "limit_deg=15", f"start_s={start}")
+        return load(name, [*changes, *(f"faults.2.{key}" for key in own)])
+
+    return other
+
+
 BREAKS = (
     Break(
         "the aileron moves the z axis too (slide 7)",
@@ -68,12 +107,10 @@ BREAKS = (
             "slide 13, scenario 1",
             "slide 14, scenario 2",
             "slide 15, scenario 3",
-            "identified thrust loss",
-            *(
-                f"scenario {n} ({who}), {label}"
-                for n, who in ((1, "engine"), (2, "elevator, then engine"), (3, "engine, then elevator, then rudder"))
-                for label in LABELS
-            ),
+            "scenario 1, identified thrust loss [%]",
+            *(f"scenario {n} ({who}), {label}" for n, who in SCENARIOS for label in LABELS),
+            f"thresholds {flights.GUSTS:g} times those",
+            "noise of one sample",
         ),
     ),
     Break(
@@ -85,7 +122,8 @@ BREAKS = (
             "vehicle, scenario 2 (",
             "vehicle, scenario 3 (",
             "vehicle without a fault",
-            "raw samples, no mean",
+            "vehicle, a mean of 0.3 s",
+            "vehicle, twice the bound",
         ),
     ),
     Break(
@@ -99,4 +137,40 @@ BREAKS = (
         ("flying vehicle: residuals that exist",),
     ),
     Break("g_14 is a hundredth", lambda: swap(ROWS, wrap_VEHICLE=_columns), ("as a share of throttle",)),
+    Break(
+        "all but one residual are taken for defined",
+        lambda: swap(STRUCTURE, wrap_undefined=lambda undefined: lambda own: undefined(own)[:1]),
+        ("residuals of the 27 that are defined",),
+    ),
+    Break(
+        "the thresholds are twice as wide",
+        _wide,
+        ("mean and learned offset: loss", "mean, no offset: loss", "rows of force: all", "rows of force+moment: all"),
+    ),
+    Break(
+        "a mean, its confirmation and its bound are those of the rows above, whatever is chosen",
+        lambda: swap(ISOLATION, wrap_isolate=lambda isolate: lambda flown, choice=None: isolate(flown)),
+        ("vehicle, a mean of 1 s", "vehicle, one sample confirms", "vehicle, half of the bound"),
+    ),
+    Break(
+        "the thresholds of moments are those for gusts",
+        lambda: swap(FLIGHTS, wrap_detector=lambda made: lambda **kw: made(**kw | {"gusts": True})),
+        ("thresholds of still air",),
+    ),
+    Break("the residuals are computed 5,000 times a tick", _slow, ("a step of the residuals",)),
+    Break(
+        "nothing is reallocated",
+        lambda: swap(ROWS, wrap_load_scenario=_as_it_is("false")),
+        ("reconfigured: farthest from the altitude held [m], six", ),
+    ),
+    Break(
+        "the rudder runs away, too",
+        lambda: swap(ROWS, wrap_load_scenario=_rudder),
+        ("reconfigured: farthest from the heading",),
+    ),
+    Break(
+        "the stabiliser flies on",
+        lambda: swap(ROWS, wrap_load_scenario=_as_it_is("true")),
+        ("the same without reconfiguration",),
+    ),
 )

@@ -19,24 +19,24 @@ from cosim.papers.row import Of, Planned
 from fdi.control_redundancy import structure
 
 DRAWS = 20
-CHOICES = {  # what a user could turn, beside what the rows above have
-    "raw samples, no mean": Choices(mean_s=vehicle.DT),
-    "a mean of 1 s, longer than its confirmation": Choices(mean_s=1.0),
-    "one sample confirms": Choices(confirm_s=vehicle.DT),
-    "half of the bound of slide 11": Choices(share=0.025),
-    "twice the bound of slide 11": Choices(share=0.1),
+RAW = Choices(mean_s=vehicle.DT)  # static residuals, sample by sample
+CHOICES = {  # what a user could turn, and the share that is right [%]
+    "a mean of 1 s, longer than its confirmation": (Choices(mean_s=1.0), (0, 20)),
+    "one sample confirms": (Choices(confirm_s=vehicle.DT), (0, 20)),
+    "half of the bound of slide 11": (Choices(share=0.025), (0, 20)),
+    "twice the bound of slide 11": (Choices(share=0.1), (95, 100)),
 }
 NAMES = {n: ", then ".join(name for name, _ in faults) for n, faults in vehicle.FAULTS.items()}
 
 
 def plan(of: Of) -> Iterator[Planned]:
     """Yield the Planned rows."""
-    yield of.claim(
+    yield of.ours(
         "slide 10, flying vehicle: residuals that exist, by what it flies",
-        '"27 residuals max with 8 different signatures"',
         _exist,
         27,
         27,
+        says='"27 residuals max with 8 different signatures"; the vehicle was built for them',
     )
     yield of.claim(
         "slide 10, flying vehicle: families that fire though blind to the fault, each effector alone",
@@ -47,9 +47,15 @@ def plan(of: Of) -> Iterator[Planned]:
     )
     says = 'slides 13 to 17: isolated, "acceptable robustness" at +-5 % of every coefficient; no share: 95 % is ours'
     for number, names in NAMES.items():
-        item = f"vehicle, scenario {number} ({names}): draws with the right effectors in order [%]"
-        yield dataclasses.replace(of.claim(item, says, lambda n=number: _right(n, Choices()), 95, 100), piece="vehicle")
-    none = of.ours("vehicle without a fault: draws that name an effector [%]", lambda: _false(Choices()), 0, 0)
+        item = f"vehicle, scenario {number} ({names}), raw samples: draws with the right effectors in order [%]"
+        yield dataclasses.replace(of.claim(item, says, lambda n=number: _right(n, RAW), 95, 100), piece="vehicle")
+    none = of.claim(
+        "vehicle without a fault, raw samples: draws that name an effector [%]",
+        'slide 17: "Acceptable robustness to model and measurement uncertainty"; a twentieth is ours',
+        lambda: _false(RAW),
+        0,
+        5,
+    )
     yield dataclasses.replace(none, piece="vehicle")
     yield of.claim(
         "vehicle, scenario 1, identified thrust loss, nominal coefficients [%]",
@@ -58,15 +64,15 @@ def plan(of: Of) -> Iterator[Planned]:
         23,
         27,
     )
-    for label, choice in CHOICES.items():
-        measure = lambda c=choice: _least(c)  # noqa: E731
-        item = f"vehicle, {label}: draws that are right, least of three scenarios and of no fault [%]"
-        if label.startswith("raw"):
-            says = 'slide 17: "static residuals [...] no tuning required"; 95 % is ours'
-            row = of.claim(item, says, measure, 95, 100)
-        else:
-            row = of.ours(item, measure, says='slide 17: "no tuning required"')
-        yield dataclasses.replace(row, piece="vehicle")
+    least = "draws that are right, least of three scenarios and of no fault [%]"
+    says = 'slide 17, future work: "Loosen sensitivity of the static residuals with a sliding window"'
+    window = of.beyond(f"vehicle, a mean of 0.3 s: {least}", says, lambda: _least(Choices()), 95, 100)
+    yield dataclasses.replace(window, piece="vehicle")
+    for label, (choice, band) in CHOICES.items():
+        says = 'slide 17: "no tuning required": neither time nor bound may be chosen at will'
+        yield dataclasses.replace(
+            of.ours(f"vehicle, {label}: {least}", lambda c=choice: _least(c), *band, says=says), piece="vehicle"
+        )
 
 
 @functools.cache
