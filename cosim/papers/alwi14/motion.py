@@ -94,9 +94,13 @@ def plan(of: Of) -> list[Any]:
             "the form that flies: points, of five, at which all three faults are declared within 10 s",
             together,
             _declared,
+            5,
+            5,
         ),
         *(
-            of.beyond(f"in a {kind}, the form that flies: error of {name} [%]", says, lambda i=i, k=kind: _error(k, i))
+            of.beyond(
+                f"in a {kind}, the form that flies: error of {name} [%]", says, lambda i=i, k=kind: _error(k, i), 0, 10
+            )
             for kind in ("deceleration", "descent")
             for i, name in enumerate(NAMES)
         ),

@@ -19,6 +19,7 @@ What the paper leaves open, and what stands here:
 """
 
 import functools
+import math
 from typing import Any
 
 import numpy as np
@@ -83,6 +84,7 @@ OUT = dtype(
 SETUP = dtype(
     [
         ("watch", "f8"),  # 0 IOTSEKF, 1 RTS-EKF
+        ("linear", "f8"),  # 1: the servo inverts (11) without its root
         ("measured", "f8"),  # 1: the servo closes on the measurement, through its own observer
         ("hm0", "f8"),  # truth [N m]
         ("hmd", "f8"),  # [N m/rad]
@@ -136,6 +138,8 @@ def _seed(tick, noise, s, c, pi, pr, x, i, r, us, ui, ur, dt, out):
         o = out[k]
         o.q, o.qd, o.x3, o.q_hat, o.qd_hat, o.x3_hat = q, qd, x3, q_hat, qd_hat, x3_hat
         o.f, o.f_hat, o.surface, o.y, o.r, o.u = f, f_hat, surface, y, x.r, x.u
+        if s.linear > 0.5:
+            x.u *= math.sqrt(max(0.0, 1.0 - math.copysign(x3_hat, x.u * x3_hat)))
         u = x.u
         v = min(max((1.0 - t.s_u) * u + t.f_u, -1.0), 1.0)
         if s.watch < 0.5:
@@ -193,20 +197,22 @@ def fly(
     *,
     seeds: Any = SEEDS,
     measured: Any = False,
+    linear: Any = False,
     quiet: Any = False,
     hmd: Any = HMD,
     **filter_values: Any,
 ) -> Any:
     """Return OUT records (seeds, ticks) of a scenario under a load of MODEL.
 
-    `measured`: the servo closes on the rod sensor instead of the estimate; `quiet`: no noise at all; `hmd`: slope of
+    `measured`: the servo closes on the rod sensor instead of the estimate; `linear`: it does not know the root of (11),
+    the valve's flow under pressure; `quiet`: no noise at all; `hmd`: slope of
     the load [N m/rad]; `filter_values` replace parameters of the filter.
     """
     tick = schedule(scenario)
     known = MODEL[load]
     watch = SCENARIOS[scenario][1]
     s = np.zeros(1, SETUP)
-    s["watch"], s["measured"], s["known"] = watch == "rtsekf", measured, known
+    s["watch"], s["linear"], s["measured"], s["known"] = watch == "rtsekf", linear, measured, known
     if load != "no load":
         s["hm0"], s["hmd"] = HM0, hmd
     s["walk"] = 0.0 if quiet else np.sqrt(np.array(iotsekf.NOISE["q"])[:3] * DT)

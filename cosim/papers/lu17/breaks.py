@@ -4,7 +4,8 @@ import numpy as np
 
 from cosim.papers.broken import Break, swap
 
-BENCH, FLOWN, STATS = (f"cosim.papers.lu17.{name}" for name in ("bench", "flown", "stats"))
+BENCH, FLOWN, LOAD = (f"cosim.papers.lu17.{name}" for name in ("bench", "flown", "load"))
+FORMS = ("published", "hinge model", "pressure")
 
 
 def _biased(column, by):
@@ -68,6 +69,19 @@ def _halved(flown):
     return halved
 
 
+def _times(factor, field):
+    """Return the wrapper of flights in which a field is `factor` times as large."""
+
+    def wrap(flown):
+        def changed(*args):
+            frame = flown(*args)
+            return frame.assign(**{field: factor * frame[field]})
+
+        return changed
+
+    return wrap
+
+
 def _told(*words):
     """Return the swap of flights whose scenario has further overrides."""
 
@@ -124,12 +138,19 @@ BREAKS = (
     Break(
         "the unknown load is five times as large",
         _known(**{"F_d by a model 20 % wrong": 5.0, "F_d unknown": 5.0}),
-        ("figure 2(e), F_d by a model", "figure 2(e), F_d unknown"),
+        ("figure 2(e), F_d by a model", "figure 2(e), F_d unknown", "figure 5(e), F_d by a model"),
     ),
     Break(
         "the pressure is not read (published form)",
         lambda: swap(FLOWN, wrap_watching=lambda own: lambda detector, form: own(detector, "published")),
-        ("figure 2(e) in flight, pressure", "figure 3(e) in flight, pressure", "pressure form, faults 1 and 2"),
+        (
+            "figure 2(e) in flight, pressure",
+            "figure 3(e) in flight, pressure",
+            "figure 6(e) in flight, pressure",
+            "figure 7(e) in flight, pressure",
+            "pressure form, faults 1 and 2",
+            "hinge model form, faults 1 and 2",
+        ),
     ),
     Break(
         "f_hat of the flight is halved",
@@ -148,11 +169,48 @@ BREAKS = (
             "detectors.iotsekf.pair_threshold=1.7e-5",
             "detectors.rtsekf_flight.pair_threshold=1.7e-5",
         ),
-        (
-            "pressure form: alarms of iotsekf",
-            "hinge model form: alarms of rtsekf",
-            "pressure form: alarms of rtsekf_flight",
-        ),
+        (*(f"{form} form: alarms of" for form in FORMS),),
     ),
     Break("f_hat is not taken off", lambda: swap(FLOWN, wrap_flight=_uncompensated), ("f_hat taken off the valve",)),
+    Break(
+        "f_hat of the flight is five times as large",
+        lambda: swap(FLOWN, wrap_flown=_times(5.0, "f_hat")),
+        (*(f"figure {n}(e) in flight, {form}" for n in range(2, 8) for form in FORMS[:2]),),
+    ),
+    Break(
+        "the rod's estimates of the flight are twice as large",
+        lambda: swap(FLOWN, wrap_flown=_times(2.0, "q_now")),
+        ("figures 2 to 4(b)-(d) in flight", "figures 5 to 7(b)-(d) in flight"),
+    ),
+    Break(
+        "every form reads the pressure",
+        lambda: swap(FLOWN, wrap_watching=lambda own: lambda detector, form: own(detector, "pressure")),
+        ("published form, faults 1 and 2",),
+    ),
+    Break(
+        "every form has the hinge model",
+        lambda: swap(FLOWN, wrap_watching=lambda own: lambda detector, form: own(detector, "hinge model")),
+        ("published form, faults 3", "pressure form, faults 3"),
+    ),
+    Break(
+        "the linear servo is the nonlinear one",
+        lambda: swap(BENCH, wrap_fly=lambda fly: lambda *args, linear=False, **more: fly(*args, **more)),
+        ("section III.B, F_d known",),
+    ),
+    Break(
+        "the walk (14) of the two-stage filter is hundred times smaller",
+        _filter(q_f=lambda q: 0.01 * q),
+        ("section IV.B",),
+    ),
+    Break("N of (48) is half of it", lambda: swap(LOAD, wrap_gain=lambda gain: lambda: 0.5 * gain()), ("gain N",)),
+    Break(
+        "each step of the two-stage filter is made ten times",
+        lambda: swap(LOAD, wrap_cost=lambda cost: lambda: (10.0 * cost()[0], "")),
+        ("one step of the IOTSEKF",),
+    ),
+    Break(
+        "the load that is not known is half as large",
+        lambda: swap(BENCH, HM0=-400.0, HMD=-10e3),
+        ("figure 5(e), F_d unknown",),
+    ),
 )

@@ -60,6 +60,27 @@ def _run_two_stage(x, inputs, u, y, p, dt):
         two_stage.estimate(x, inputs, p, dt)
 
 
+@kernel
+def _follow_augmented(x, u, y, p, dt, f):
+    for k in range(u.size):
+        _augmented(x, u[k], y[k], p, dt)
+        f[k] = x.x[3]
+
+
+def optimal() -> tuple[float, str]:
+    """Return (rms error of f_hat over that of an augmented EKF with the same noises on figure 3's runs, both)."""
+    out = bench.fly("liquid OFC", seeds=20)
+    p = iotsekf.params(load=0, dt=bench.DT, delay_s=0.0, centre=0.0, total_sign=0.0, gate_rod=two_stage.GATE_NONE)
+    u = np.concatenate([np.zeros((len(out), 1)), out["u"][:, :-1]], 1)  # a filter reads the command of the last tick
+    f, late = np.zeros(u.shape), slice(round(bench.AFTER[0] / bench.DT), None)
+    for k in range(len(out)):
+        a = np.zeros(1, STATE)
+        a["P"][0] = np.diag([*p["P0"][0, :3], p["P0_f"][0]])
+        _follow_augmented(a[0], u[k], np.ascontiguousarray(out["y"][k]), p[0], bench.DT, f[k])
+    own, other = (float(np.sqrt(np.mean((e - out["f"])[:, late] ** 2))) for e in (out["f_hat"], f))
+    return own / other, f"{own:.2g} and {other:.2g} of u"
+
+
 def cost() -> tuple[float, str]:
     """Return (time of a step of the two-stage filter over that of the augmented one, both in microseconds)."""
     out = bench.fly("liquid OFC", seeds=1)[0][:TICKS]

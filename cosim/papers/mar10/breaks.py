@@ -161,7 +161,7 @@ BREAKS = (
     Break(
         "nothing is reallocated",
         lambda: swap(ROWS, wrap_load_scenario=_as_it_is("false")),
-        ("reconfigured: farthest from the altitude held [m], six", ),
+        ("reconfigured: farthest from the altitude held [m], six",),
     ),
     Break(
         "the rudder runs away, too",

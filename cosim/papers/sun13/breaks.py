@@ -1,12 +1,13 @@
 """What is broken in turn in the estimator of [Sun13] or in what it is shown, and the rows that must see it."""
 
+import copy
 import dataclasses
 
 from cosim.papers.broken import Break, swap
 from cosim.papers.sun13 import variants
 from fdi.rfafe import rfafe, rfafe_airframe
 
-ROWS, FLOWN = "cosim.papers.sun13.rows", "cosim.papers.sun13.flown"
+ROWS, FLOWN, DECOUPLING = (f"cosim.papers.sun13.{name}" for name in ("rows", "flown", "decoupling"))
 
 
 def _design(name, make):
@@ -61,6 +62,40 @@ def _unstable(choose):
     return other
 
 
+def _along(choose):
+    def other(*args):
+        design, entry = choose(*args)
+        return dataclasses.replace(design, E=design.F), entry
+
+    return other
+
+
+def _integral(choose):
+    def other(*args):
+        design, entry = choose(*args)
+        return dataclasses.replace(design, alpha=4.0 * design.alpha), entry
+
+    return other
+
+
+def _mixed_gain(read):
+    def other(form):
+        held = copy.deepcopy(read(form))
+        for row in held["designs"]["hydraulic"]["design"]["M"]:
+            row[0] += 1.0
+        return held
+
+    return other
+
+
+def _slower(published):
+    return lambda source="six flights", bandwidth=None: published(source, None if source == "no E" else 10.0)
+
+
+def _far(made):
+    return lambda source="six flights": made(source) if source == "no E" else variants.airframe("E")
+
+
 def _slow():
     return rfafe.params(stored=variants.published("six flights", 10.0))
 
@@ -95,7 +130,6 @@ BREAKS = (
         _design("rfafe", _slow),
         (
             "figure 5, still air",
-            "figure 5, the same",
             "figure 6, 0.016 of travel at 0.5",
             "figure 6, 0.016 of travel at 1 Hz, light",
             "figure 7, 0.033 of travel at 0.5",
@@ -138,6 +172,34 @@ BREAKS = (
         "the fit over other points is evaluated at the point of Sun13's",
         lambda: swap("cosim.papers.sun13.variants", wrap__fitted=lambda fitted: lambda point: fitted("sun13")),
         ("a design scheduled by a fit",),
+    ),
+    Break("E is F_a", lambda: swap(ROWS, wrap_choose=_along), ("theorem 1",)),
+    Break(
+        "the integral of (28) is four times as strong",
+        lambda: swap(ROWS, wrap_choose=_integral),
+        ("(28), a step",),
+    ),
+    Break("only the largest singular value is kept", lambda: swap(ROWS, RANK_E=1), ("share of its squared",)),
+    Break("the airframe has a share in the published gain", lambda: swap(ROWS, wrap_read=_mixed_gain), ("(17), pub",)),
+    Break(
+        "the design with E has a quarter of the learning rate",
+        lambda: swap(DECOUPLING, wrap_FORMS=lambda f: f | {"rfafe": (rfafe, _slower(variants.published))}),
+        (
+            "published form, coefficients 5 % off: rms of f_hat with E of six g",
+            "published form, coefficients 5 % off: rms of f_hat with E of six flights with",
+        ),
+    ),
+    Break(
+        "the design with E is that of point E",
+        lambda: swap(
+            DECOUPLING, wrap_FORMS=lambda f: f | {"rfafe_airframe": (rfafe_airframe, _far(variants.airframe_with))}
+        ),
+        ("airframe outputs only, coefficients 5 % off",),
+    ),
+    Break(
+        "every point has its own design",
+        lambda: swap("cosim.papers.sun13.airframe", wrap__points=lambda points: lambda _: points(variants.airframe)),
+        ("one design at points A to E",),
     ),
     Break("a fifth of the right side's estimate is added to the left one", _changed(_mixed), ("largest share of one",)),
 )
