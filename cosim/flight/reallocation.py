@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import solve_continuous_are
 
+from actuators.portable import rounded
 from cosim.flight.blocks.law import SENSORS
 from cosim.flight.bus import Bus
 from cosim.flight.plant.linearize import linearize
@@ -43,7 +44,7 @@ def gains(point: FlightPoint, rate: float) -> tuple[np.ndarray, np.ndarray]:
     B = np.eye(6)[:, 5:]
     Q, R = np.diag(1.0 / np.square(LARGE)), np.array([[(3.0 / rate) ** 2]])
     P = solve_continuous_are(A, B, Q, R)
-    return (B.T @ P / R)[0], np.asarray(model.x0)[on]
+    return rounded((B.T @ P / R)[0], 7), np.asarray(model.x0)[on]
 
 
 def reallocation(scenario: Scenario, bus: Bus, dt: float) -> list[Callable[[int], None]]:
@@ -70,7 +71,7 @@ def reallocation(scenario: Scenario, bus: Bus, dt: float) -> list[Callable[[int]
             z[3] = min(max(v[y[3]] - v[h_ref], -FARTHEST), FARTHEST)
             z[4] += dt * z[3]
             z[5] = held - stab_0
-            creep = min(max(-float(K @ z), -surface.rate), surface.rate)
+            creep = min(max(-sum(a * b for a, b in zip(K, z, strict=True)), -surface.rate), surface.rate)
             held = min(max(held + dt * creep, low), high)
             v[stab] = held
         else:
