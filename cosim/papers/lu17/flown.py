@@ -174,7 +174,7 @@ def _compensated(hz):
     return swing[0] / swing[1], f"{swing[0]:.2f} of {swing[1]:.2f} mm"
 
 
-WORDS = {  # scenario -> what `fault` returns, band of the pressure form
+WORDS: dict[str, tuple[str, Any]] = {  # scenario -> what `fault` returns, band of the pressure form
     "fault-free": ("rms of f_hat, without a fault", (0.0, 0.004)),
     "liquid-ofc": ("|f_hat / f| at 1 Hz", (0.95, 1.05)),
     "solid-ofc": ("rms of the fault's error over that of the fault", (0.0, 0.42)),

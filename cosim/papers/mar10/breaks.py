@@ -7,7 +7,8 @@ import numpy as np
 from cosim.papers.broken import Break, swap
 from cosim.papers.mar10 import flights
 
-ROWS, FLIGHTS, STRUCTURE = "cosim.papers.mar10.rows", "cosim.papers.mar10.flights", "fdi.control_redundancy.structure"
+ROWS, FLIGHTS, FURTHER = (f"cosim.papers.mar10.{name}" for name in ("rows", "flights", "further"))
+STRUCTURE = "fdi.control_redundancy.structure"
 LABELS = ("mean and learned offset", "mean, no offset", "force and moment rows")
 SCENARIOS = ((1, "engine"), (2, "elevator, then engine"), (3, "engine, then elevator, then rudder"))
 
@@ -70,7 +71,7 @@ def _wide():
 
 
 def _slow():
-    return swap(ROWS, wrap__step=lambda step: lambda: (5000.0 * step()[0], ""))
+    return swap(FURTHER, wrap__step=lambda step: lambda: (5000.0 * step()[0], ""))
 
 
 def _as_it_is(word):
@@ -160,17 +161,17 @@ BREAKS = (
     Break("the residuals are computed 5,000 times a tick", _slow, ("a step of the residuals",)),
     Break(
         "nothing is reallocated",
-        lambda: swap(ROWS, wrap_load_scenario=_as_it_is("false")),
+        lambda: swap(FURTHER, wrap_load_scenario=_as_it_is("false")),
         ("reconfigured: farthest from the altitude held [m], six",),
     ),
     Break(
         "the rudder runs away, too",
-        lambda: swap(ROWS, wrap_load_scenario=_rudder),
+        lambda: swap(FURTHER, wrap_load_scenario=_rudder),
         ("reconfigured: farthest from the heading",),
     ),
     Break(
         "the stabiliser flies on",
-        lambda: swap(ROWS, wrap_load_scenario=_as_it_is("true")),
+        lambda: swap(FURTHER, wrap_load_scenario=_as_it_is("true")),
         ("the same without reconfiguration",),
     ),
 )

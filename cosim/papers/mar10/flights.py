@@ -99,7 +99,7 @@ def run(flown: Any, p: Any) -> Any:
     return detect(flown, control_redundancy, WIRES, p)
 
 
-def detector(gusts: bool = False, **kw: Any) -> Any:
+def detector(gusts: Any = False, **kw: Any) -> Any:
     """Return PARAMS with commands two steps late, as the measurements are, and the actuators' own delay.
 
     `gusts`: the thresholds of the rows of moments are those for light turbulence.

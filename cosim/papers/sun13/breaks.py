@@ -7,7 +7,9 @@ from cosim.papers.broken import Break, swap
 from cosim.papers.sun13 import variants
 from fdi.rfafe import rfafe, rfafe_airframe
 
-ROWS, FLOWN, DECOUPLING = (f"cosim.papers.sun13.{name}" for name in ("rows", "flown", "decoupling"))
+ROWS, FLOWN, DECOUPLING, DESIGNS = (
+    f"cosim.papers.sun13.{name}" for name in ("rows", "flown", "decoupling", "designs")
+)
 
 
 def _design(name, make):
@@ -114,7 +116,7 @@ def _of_point_e(estimated):
 
 
 BREAKS = (
-    Break("N of (7) has the wrong sign", lambda: swap(ROWS, wrap_choose=_unstable), ("theorem 2",)),
+    Break("N of (7) has the wrong sign", lambda: swap(DESIGNS, wrap_choose=_unstable), ("theorem 2",)),
     Break(
         "the liquid OFC is the solid one, the solid one the liquid",
         lambda: swap(FLOWN, SCENARIO={"ofc_liquid": "sun13-solid-ofc", "ofc_solid": "sun13-liquid-ofc"}),
@@ -173,14 +175,14 @@ BREAKS = (
         lambda: swap("cosim.papers.sun13.variants", wrap__fitted=lambda fitted: lambda point: fitted("sun13")),
         ("a design scheduled by a fit",),
     ),
-    Break("E is F_a", lambda: swap(ROWS, wrap_choose=_along), ("theorem 1",)),
+    Break("E is F_a", lambda: swap(DESIGNS, wrap_choose=_along), ("theorem 1",)),
     Break(
         "the integral of (28) is four times as strong",
-        lambda: swap(ROWS, wrap_choose=_integral),
+        lambda: swap(DESIGNS, wrap_choose=_integral),
         ("(28), a step",),
     ),
-    Break("only the largest singular value is kept", lambda: swap(ROWS, RANK_E=1), ("share of its squared",)),
-    Break("the airframe has a share in the published gain", lambda: swap(ROWS, wrap_read=_mixed_gain), ("(17), pub",)),
+    Break("only the largest singular value is kept", lambda: swap(DESIGNS, RANK_E=1), ("share of its squared",)),
+    Break("the airframe has a share in the gain", lambda: swap(DESIGNS, wrap_read=_mixed_gain), ("(17), pub",)),
     Break(
         "the design with E has a quarter of the learning rate",
         lambda: swap(DECOUPLING, wrap_FORMS=lambda f: f | {"rfafe": (rfafe, _slower(variants.published))}),
