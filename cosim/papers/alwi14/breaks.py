@@ -102,7 +102,6 @@ BREAKS = (
             "5 deg: worst error of elevator",
             "5 deg: worst error of n_z",
             "5 deg: worst error of alpha",
-            "the other reading",
             "offset learned up to",
             "as published, no offset",
         ),
@@ -119,6 +118,11 @@ BREAKS = (
         "airspeeds of table 4 are 5 % larger",
         lambda: swap(MODEL, wrap_PRINTED=lambda t: {p: (1.05 * kt, ft, m) for p, (kt, ft, m) in t.items()}),
         ("table 4, Mach",),
+    ),
+    Break(
+        "the faults are a fifth smaller than said",
+        lambda: swap(ROWS, wrap_nonlinear=_larger(-0.2)),
+        ("the other reading",),
     ),
     Break("only B51 is compared", lambda: swap(MODEL, ENTRIES={"B51": ("B", 4, 0)}), ("section 4.3",)),
     Break(
