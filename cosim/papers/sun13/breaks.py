@@ -72,10 +72,10 @@ def _along(choose):
     return other
 
 
-def _integral(choose):
+def _slow_learning(choose):
     def other(*args):
         design, entry = choose(*args)
-        return dataclasses.replace(design, alpha=4.0 * design.alpha), entry
+        return dataclasses.replace(design, Gamma=0.1 * design.Gamma), entry
 
     return other
 
@@ -177,8 +177,8 @@ BREAKS = (
     ),
     Break("E is F_a", lambda: swap(DESIGNS, wrap_choose=_along), ("theorem 1",)),
     Break(
-        "the integral of (28) is four times as strong",
-        lambda: swap(DESIGNS, wrap_choose=_integral),
+        "the learning rate of (28) is a tenth",
+        lambda: swap(DESIGNS, wrap_choose=_slow_learning),
         ("(28), a step",),
     ),
     Break("only the largest singular value is kept", lambda: swap(DESIGNS, RANK_E=1), ("share of its squared",)),
