@@ -61,7 +61,7 @@ def plan(of: Of) -> list[Any]:
     return [
         of.claim(
             "table 4, Mach number of calibrated airspeed and altitude of A to E: farthest from print",
-            "table 4: two digits of the Mach number, half of the last can be off; standard atmosphere",
+            "section 4.3, table 4: two digits of the Mach number, half of the last can be off; standard atmosphere",
             _mach,
             0,
             0.005,
