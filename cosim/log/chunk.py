@@ -240,8 +240,8 @@ class Plan:
         float64. With `only`, no other topics are looked at. `differs` tells the first byte that is not as it must be.
         """
         if self._about is None:
+            self._row = {number: i for i, number in enumerate(self.blocks)}  # first: other threads look at the next
             self._about = np.array([self._told(block) for block in self.blocks.values()], np.int64)
-            self._row = {number: i for i, number in enumerate(self.blocks)}
         about, wrong = self._about.copy(), np.zeros(1, np.int64)
         rows = {self._row[number]: where for number, where in wanted.items() if number in self._row}
         for row, where in rows.items():

@@ -55,7 +55,6 @@ class Frame:
                 cuts.append((b.start + row * b.stride, min(most, b.rows - row), b.stride, fields))
                 self._numbers.append(number)
         self._table = np.array(cuts, np.int64)
-        self._content: np.ndarray | None = None  # where single topics are put
         self._out: np.ndarray | None = None  # where blocks are made
         self._written = np.zeros(1, np.int64)
 
@@ -71,16 +70,14 @@ class Frame:
         rest = b"".join(_SIZE.pack(len(piece) | _RAW) + piece for piece in pieces)
         return [_head(content.size), out[: int(written[0])], rest + _SIZE.pack(0)]
 
-    def topics(self, file: Any, begin: int, end: int, wanted: Collection[int]) -> np.ndarray | None:
-        """Return the content (uint8) of the frame that stands in a file from byte `begin` to `end`, of which only the
-        topics `wanted` are read; it lasts until the next call. None where the frame is not one of `pack`.
+    def topics(self, file: Any, begin: int, end: int, wanted: Collection[int], content: np.ndarray) -> bool:
+        """Put the topics `wanted` of the frame that stands in a file from byte `begin` to `end` where they stand in the
+        content (uint8). Return False where the frame is not one of `pack`.
         """
-        if self._content is None:
-            self._content = np.zeros(int(self._table[-1, 0] + self._table[-1, 1] * self._table[-1, 2]), "u1")
         file.seek(begin)
         head = file.read(len(_head(1)))
         if head[:_STATED] != _head(1)[:_STATED]:
-            return None
+            return False
         at = begin + len(head)
         last = max((i for i, number in enumerate(self._numbers) if number in wanted), default=-1)
         for number, (start, rows, stride, _) in zip(self._numbers[: last + 1], self._table.tolist()):
@@ -89,15 +86,15 @@ class Frame:
             (told,) = _SIZE.unpack(held) if len(held) == _SIZE.size else (0,)
             length, size = told & ~_RAW, rows * stride
             if not 0 < length <= min(size, end - at - _SIZE.size):
-                return None
+                return False
             if number in wanted:
                 data = file.read(length)
                 try:
                     data = data if told & _RAW else lz4.block.decompress(data, uncompressed_size=size)
                 except (lz4.block.LZ4BlockError, MemoryError):
-                    return None
+                    return False
                 if len(data) != size:
-                    return None
-                self._content[start : start + size] = np.frombuffer(data, "u1")
+                    return False
+                content[start : start + size] = np.frombuffer(data, "u1")
             at += _SIZE.size + length
-        return self._content
+        return True

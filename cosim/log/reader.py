@@ -4,6 +4,7 @@ import difflib
 import html
 import os
 import struct
+import threading
 from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -62,6 +63,7 @@ class Log:
         self.n_ticks = sum(n for _, n in self.spans)
         self._runs = _merged(self.spans)
         self._index: dict = {}  # of frames, by rate
+        self._one = threading.Lock()  # one thread at a time reads without compiled code
         self.topics = {name: self._info(t) for name, t in found.topics.items()}
 
     def __repr__(self) -> str:
@@ -131,12 +133,13 @@ class Log:
             for _ in self._contents(read, few, take):
                 pass
             return out
-        for i, (plan, content, _) in zip(read, self._contents(read, few)):
-            views = plan.views(content, numbers)
-            for number, every, array in todo:
-                done, low, high = parts[i][every]
-                for fields, view in views.get(number, ()):
-                    array[done : done + high - low, fields] = view[low:high]
+        with self._one:  # a plan's views are its own
+            for i, (plan, content, _) in zip(read, self._contents(read, few)):
+                views = plan.views(content, numbers)
+                for number, every, array in todo:
+                    done, low, high = parts[i][every]
+                    for fields, view in views.get(number, ()):
+                        array[done : done + high - low, fields] = view[low:high]
         return out
 
     def _parts(self, read, bounds, rates):
@@ -234,9 +237,10 @@ class Log:
         try:
             with open(self.path, "rb", buffering=0 if topics else -1) as file:
                 some = topics if topics and identity(os.fstat(file.fileno())) == self._scan.identity else None
+                place = np.empty(max((c.size for c in self.chunks), default=0) if some else 0, "u1")  # a thread's own
                 for i in range(len(self.chunks)) if numbers is None else numbers:
                     call = take and partial(take, i)
-                    yield (some and load_topics(self._scan, file, self.chunks[i], some, call)) or load_chunk(
+                    yield (some and load_topics(self._scan, file, self.chunks[i], some, call, place)) or load_chunk(
                         self._scan, file, self.chunks[i], topics, call
                     )
         except OSError as error:
@@ -310,9 +314,9 @@ def load_chunk(
 
 
 def load_topics(
-    found: Any, file: Any, chunk: Any, topics: Sequence[Any], take: Callable[..., bool] | None
+    found: Any, file: Any, chunk: Any, topics: Sequence[Any], take: Callable[..., bool] | None, content: np.ndarray
 ) -> tuple[Any, ...] | None:
-    """Return (plan, content, ()) of a chunk as `load_chunk`, with these topics alone in the content.
+    """Return (plan, content, ()) of a chunk as `load_chunk`, with these topics alone in the `content` that is given.
 
     None where the chunk does not let them be read alone, or something in it is not as it must be: `load_chunk` says
     what.
@@ -321,8 +325,9 @@ def load_topics(
         return None
     k0, n = found.ticks(chunk)
     plan = found.layout.plan(k0, n)
-    content = plan.frame.topics(file, chunk.data_offset, chunk.data_offset + chunk.data_size, topics)
-    if content is None or (not take(plan, content) if take else plan.differs(content, k0, topics) is not None):
+    if not plan.frame.topics(file, chunk.data_offset, chunk.data_offset + chunk.data_size, topics, content):
+        return None
+    if not take(plan, content) if take else plan.differs(content, k0, topics) is not None:
         return None
     return plan, content, ()
 
