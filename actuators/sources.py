@@ -74,7 +74,8 @@ def _links(path):
 @functools.cache
 def _remembered():
     """Return what sources import, {digest: names}, as this tree's table has it: parsing them costs half a second."""
-    file, found = _memory(), {}
+    file = _memory()
+    found: Any = {}
     with contextlib.suppress(OSError, ValueError, RecursionError):
         found = json.loads(file.read_bytes()) if file else {}
     whole = isinstance(found, dict) and all(isinstance(names, list) for names in found.values())

@@ -9,7 +9,7 @@ import numpy as np
 
 from cosim.log import open_log
 from cosim.replay import SPAN, replay
-from cosim.replay.lanes import describe, fill, pieces, run
+from cosim.replay.lanes import describe, fill, pieces, replay_lane
 
 ROUNDS = 3  # the best counts
 TOPIC = "/truth/aircraft"
@@ -51,7 +51,7 @@ def _steps(log):
     out: dict = {}
     for w, lane in zip(wired, fill(log, wired, 0, SPAN)):
         (piece,) = pieces(lane)
-        cost = _best(lambda piece=piece: run(piece, log.dt_ns * 1e-9))
+        cost = _best(lambda piece=piece: replay_lane(piece, log.dt_ns * 1e-9))
         out.setdefault(w.id, []).append(cost / len(lane.ticks) / w.every * 1e6)
     return out
 

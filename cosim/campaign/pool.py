@@ -57,7 +57,8 @@ def finished(calls: Any, *, workers: int | None = None, executor: Any = None, cr
 def _elsewhere(executor, calls, window, crashed):
     """Work on an executor. A call that it gives up because workers died under it may have had bad luck, as Dask blames
     every call that waited there: it is tried once more when nothing else is under way."""
-    todo, suspects, tried = deque(calls), deque(), set()
+    todo, tried = deque(calls), set()
+    suspects: deque[tuple] = deque()
     flying: dict[cf.Future, tuple] = {}
     try:
         while todo or flying or suspects:

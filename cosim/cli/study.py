@@ -161,7 +161,7 @@ def add(app: typer.Typer, out: Console, err: Console) -> None:
         folder, found = output or Path("logs") / f"study-{name}", []
         with tables.progress(err, f"study {name}", unit="jobs", waiting="preparing") as progress:
             tell = lambda _, done, total: progress(done, total)  # noqa: E731
-            for part, made in work.run(
+            for part, made in work.run_study(
                 name, parts or (), seeds=seeds, noise=noise, folder=folder, workers=workers, progress=tell
             ):
                 found.append({"name": part.name, "tables": [t._asdict() for t in made]})

@@ -53,9 +53,9 @@ class Tape:
         """`plain` walks the table in Python, as NUMBA_DISABLE_JIT=1 does; `free` lets other threads run meanwhile."""
         self.v, self.dt, self._plain, self._free = v, dt, plain, free
         self._kept = [v]  # every array that a row points to
-        self._entries = {}  # address, or number without a compiler, -> entry of a block, store of a log
-        self._rows = []
-        self.parts = []  # of a tick: callables that take k
+        self._entries: dict[int, Any] = {}  # address, or number without a compiler, -> entry of a block, store of a log
+        self._rows: list[tuple[int, ...]] = []
+        self.parts: list[Callable[[int], Any]] = []  # of a tick: callables that take k
         self._whole: Callable[[int, int], Any] | None = None  # the last segment over many ticks
 
     def call(self, function: Callable[..., Any]) -> None:

@@ -75,7 +75,8 @@ class Live:
         context = context or sdk.Context()
         self.shown, self.pace = Shown(topics, pose, dt_ns, context), Pace(dt_ns * 1e-9, speed)
         self.shown.speed = speed
-        self._controls, self._waiting = dict(controls or {}), queue.SimpleQueue()
+        self._controls = dict(controls or {})
+        self._waiting: queue.SimpleQueue[tuple[str, Any, Future]] = queue.SimpleQueue()
         self.parameters: dict[str, Any] = {}  # what viewers see of it, beside the controls
         self.token = secrets.token_urlsafe(18) if controls else ""
         self.servers: list[Any] = []

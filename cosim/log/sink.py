@@ -12,7 +12,7 @@ from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
 from cosim.files import FULL, OTHER, TAKEN, open_alone
 
-from .format import LIBRARY, log_error
+from .format import LIBRARY, ChunkRef, log_error
 from .records import MAGIC, closing
 
 _ELSEWHERE = "Choose another place (-o)."
@@ -27,8 +27,12 @@ class Sink:
     def __init__(self, path: Any, *, kept: bool = True):
         self.path, self._kept = os.fspath(path), kept
         self.offset = self.crc = 0
-        self.schemas, self.channels, self.ids = [], [], {}
-        self.chunks, self._metadata, self._attachments = [], [], []
+        self.schemas: list[Schema] = []
+        self.channels: list[Channel] = []
+        self.ids: dict[str, int] = {}
+        self.chunks: list[ChunkRef] = []
+        self._metadata: list[tuple[int, int, Metadata]] = []  # offset, length, record
+        self._attachments: list[tuple[int, int, Attachment]] = []
         self._digest = hashlib.sha256()
         try:
             file = open_alone(self.path)
@@ -74,7 +78,7 @@ class Sink:
         self._preamble(blob)
         self._metadata.append((at, len(blob), record))
 
-    def chunk(self, blobs: Sequence[Any], ref: Any) -> None:
+    def chunk(self, blobs: Sequence[bytes], ref: ChunkRef) -> None:
         """Write a chunk and its message indexes as they come from records.pack_chunk."""
         self.put(*blobs)
         self.chunks.append(ref)

@@ -62,7 +62,7 @@ class LogWriter:
         self.dt_ns, self._topics, self._pose = int(dt_ns), list(topics), pose
         _check(self._topics, n_values, self.dt_ns, metadata or {}, rows_per_chunk)
         self._shape, self._rows = (n_values,), rows_per_chunk
-        self._pending = []  # (tick, channel id, payload) of irregular messages
+        self._pending: list[tuple[int, int, bytes]] = []  # (tick, channel id, payload) of irregular messages
         keep_memory()
         self._compress, self._compression = compressor(compression), compression
         declared = [

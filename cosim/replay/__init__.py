@@ -26,7 +26,7 @@ from cosim.judge.result import judge, judged, plain
 from cosim.log import open_log
 from cosim.log.chunk import GATHER
 from cosim.replay import door, guest
-from cosim.replay.lanes import describe, fill, lanes, manifest, pieces, run, tick_of, topics
+from cosim.replay.lanes import describe, fill, lanes, manifest, pieces, replay_lane, tick_of, topics
 from cosim.replay.params import ReplayError, check_start
 from cosim.replay.write import Overlay
 
@@ -233,7 +233,7 @@ class _Member:
             self.again[where] = self.logged[where]
         done = 0  # rows from `tick` on
         for piece in pieces(lane, tick):
-            again, (at, states), w.x = run(piece, self.dt)
+            again, (at, states), w.x = replay_lane(piece, self.dt)
             w.at = int(piece.ticks[-1]) + w.every
             first = int(np.searchsorted(lane.ticks, piece.ticks[0]))
             rows = slice(first, first + len(again))

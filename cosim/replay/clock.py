@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from cosim.errors import LogError
 
-ON_RESET = ("split", "offset")  # what may be done with a clock that restarts
 LATEST = 1e12  # [s]: 30,000 years
 MOST = 3  # oddities of a kind that are told one by one
 

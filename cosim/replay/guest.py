@@ -10,7 +10,7 @@ import numpy as np
 
 from actuators.block import unit
 from cosim.flight.detectors import wires
-from cosim.replay.lanes import Lane, run, tick_of
+from cosim.replay.lanes import Lane, replay_lane, tick_of
 from cosim.replay.params import ReplayError
 from fdi import registry
 from fdi.common.record import Detector, Estimate
@@ -73,7 +73,7 @@ def outputs(log: Any, guest: Any, technologies: dict[str, str]) -> dict[str, np.
         none = (np.empty(0, np.int64), np.empty((0, 0)))
         ticks = np.arange(log.n_ticks)[::every]
         stretch = Lane(own.id, lane, guest, every, p, guest.init(p), 0, u[:, ::every], ticks, np.empty((0, 0)), none)
-        out[lane] = run(stretch, tick_of(log))[0]
+        out[lane] = replay_lane(stretch, tick_of(log))[0]
     return out
 
 

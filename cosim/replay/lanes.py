@@ -233,7 +233,7 @@ def stepper(module: Any) -> Any:
     return module.runner() if isinstance(module, PlainDetector) else module.rollout
 
 
-def run(lane: Any, dt: Any) -> Any:
+def replay_lane(lane: Any, dt: float) -> Any:
     """Replay one gapless lane; return outputs (rows, n), snapshots (ticks (m,), hidden states (m, h)), last state."""
     module, n = lane.module, len(lane.ticks)
     outputs, hidden = split(module)

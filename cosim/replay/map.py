@@ -21,7 +21,7 @@ from cosim.judge.noticed import watch_of
 from cosim.judge.result import judge, plain
 from cosim.log import LogWriter, Topic, viewer_layouts
 from cosim.replay.foreign import read_channels
-from cosim.replay.lanes import Lane, flat, run
+from cosim.replay.lanes import Lane, flat, replay_lane
 from cosim.replay.map_file import load_map
 from cosim.replay.map_signals import acting, channels_of, check, named, renamed, sampled, shares, slow
 from cosim.replay.params import ReplayError, check_start, chosen_overrides, override
@@ -200,7 +200,7 @@ def _run(d, lane, u, p, dt):
         np.empty((0, 0)),
         none,
     )
-    return run(stretch, dt)[0]
+    return replay_lane(stretch, dt)[0]
 
 
 def _columns(kind, names):

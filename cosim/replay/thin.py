@@ -34,7 +34,7 @@ from cosim.flight.twin import Twin
 from cosim.judge import estimation
 from cosim.judge.noticed import columns, watch_of
 from cosim.judge.result import judge, judged
-from cosim.replay.lanes import Lane, run
+from cosim.replay.lanes import Lane, replay_lane
 from cosim.scenario import Scenario, parse, vocabulary
 from cosim.texts import from_json, toml
 
@@ -211,7 +211,7 @@ def judgement(recording: Recording, detectors: Iterable[Installed], *, timed: bo
                 rollout.keeps = True
             ticks = np.arange(recording.ticks)[:: d.every]
             stretch = Lane(d.id, lane, d.module, d.every, own, d.module.init(own), 0, u, ticks, NONE[1], NONE, rollout)
-            out, _, x = run(stretch, dt)
+            out, _, x = replay_lane(stretch, dt)
             out = np.repeat(out, d.every, axis=0)[: recording.ticks].astype(np.float32)
             us = math.nan
             if rollout:

@@ -285,7 +285,7 @@ def _thresholds(own, values, answered, prior, flights, first_seed):
             fields |= {f"t_{axis}": max(fields[f"t_{axis}"], FLOOR * TRANSPORT[f"n_{axis}"][1]) for axis in "xyz"}
         about = {**how, "probability_per_flight": train_aircraft.PROBABILITY, "air": list(train_aircraft.AIR[name])}
         written.append(_write(own, "thresholds", name, {"flight": _plain(fields), "training": about}))
-    found = [({}, {"rfafe": v["rfafe"]}) for v in values if "rfafe" in v]
+    found: list[tuple[dict, dict]] = [({}, {"rfafe": v["rfafe"]}) for v in values if "rfafe" in v]
     fields, _ = train_rfafe.fields("rfafe", found, np.array(answered))
     about = {**how, "margin": train_rfafe.MARGIN, "air": list(train_rfafe.TURBULENCE)}
     written.append(_write(own, "thresholds", "rfafe", {"flight": _plain(fields), "training": about}))

@@ -121,12 +121,6 @@ def confirm(timer, alarm, beyond, dt, t_confirm, t_release):
 
 
 @kernel
-def cusum(s, residual, drift, most):
-    """Return max(0, s + residual - drift), at most `most` so that it heals: the one-sided sum of Page (1954)."""
-    return min(max(s + residual - drift, 0.0), most)
-
-
-@kernel
 def clipped(v, most):
     """Return v within -most .. most."""
     return min(max(v, -most), most)

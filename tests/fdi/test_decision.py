@@ -38,16 +38,6 @@ def test_an_alarm_needs_the_confirmation_time_and_heals():
     assert (healed - 119) * DT == pytest.approx(0.55, abs=2 * DT)
 
 
-def test_cusum_grows_with_the_excess_and_is_bounded():
-    s = 0.0
-    for _ in range(10):
-        s = decision.cusum(s, 1.5, 1.0, 3.0)
-    assert s == 3.0
-    for _ in range(4):
-        s = decision.cusum(s, 0.0, 1.0, 3.0)
-    assert s == 0.0
-
-
 def test_the_bank_is_least_squares_over_two_periods():
     rng = np.random.default_rng(0)
     y = np.cumsum(rng.standard_normal(1600)) * 1e-3

@@ -16,7 +16,7 @@ import numpy as np
 from numba.core import config
 from cosim.log import open_log
 from cosim.replay import compare
-from cosim.replay.lanes import describe, fill, pieces, run
+from cosim.replay.lanes import describe, fill, pieces, replay_lane
 assert config.DISABLE_JIT
 log, told = open_log(sys.argv[1]), {}
 first, around = int(sys.argv[2]), int(sys.argv[3])
@@ -32,7 +32,7 @@ for w in sorted(describe(log), key=lambda w: not len(alarm(w))):
     for start, stop, tick in ((0, first, 0), (0, middle + around, max(0, middle - around))):
         (lane,) = fill(log, [w], start, stop)
         (piece,) = pieces(lane, tick)
-        out, _, _ = run(piece, log.dt_ns * 1e-9)
+        out, _, _ = replay_lane(piece, log.dt_ns * 1e-9)
         told[w.id] += [int(out.size), len(compare(w.topic, log.topics[w.topic].fields, piece.ticks, piece.logged,
         out))]
 print(json.dumps(told))

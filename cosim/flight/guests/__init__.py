@@ -22,7 +22,7 @@ import numpy as np
 
 from actuators.block import Entry
 from actuators.native import PLAIN
-from cosim.errors import CosimError, ScenarioError, did_you_mean
+from cosim.errors import CosimError, did_you_mean
 from cosim.flight.guests.contract import GuestError, is_block, is_guest
 from cosim.flight.guests.plain import PlainDetector
 from cosim.scenario import Scenario, parse, vocabulary
@@ -249,10 +249,3 @@ def about(guest: Any) -> dict:
     form = "python" if isinstance(guest, PlainDetector) else "block"
     return {"form": form, "file": Path(guest.file).name, "sha256": guest.sha256, "culprits": list(guest.CULPRITS),
             "record": record}  # fmt: skip
-
-
-def check_known(scenario: Scenario) -> None:
-    """Raise ScenarioError for a detector of a scenario that this process cannot run."""
-    for name in scenario.running:
-        if not registry.known(name):
-            raise ScenarioError("is not known in this process", place=f"detectors.{name}", remedy="Give its file")

@@ -77,7 +77,8 @@ def _mean(y, window):
 def isolate(flown: Flown, choice: Choices | None = None, start_s: float = 5.0) -> Said:
     """Return what the residuals of a flight say, from `start_s` on."""
     choice = choice or Choices()
-    u_c, first, found = flown.u_c.copy(), round(start_s / DT), []
+    u_c, first = flown.u_c.copy(), round(start_s / DT)
+    found: list[tuple[float, str]] = []
     locked: list[int] = []
     loss, nominal = np.nan, None
     while True:

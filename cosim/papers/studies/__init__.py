@@ -62,7 +62,7 @@ def chosen(name: str, parts: Sequence[str] = ()) -> list[Part]:
     return [there[part] for part in dict.fromkeys(parts)] or list(there.values())
 
 
-def run(
+def run_study(
     name: str,
     parts: Sequence[str] = (),
     *,

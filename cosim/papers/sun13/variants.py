@@ -108,7 +108,9 @@ def _features(mass_t, cg_pct, altitude_ft, cas_kt):
 @functools.cache
 def _fit():
     """Return the coefficients (features, entries) of A and B over FITTED points, none of them of the paper."""
-    rng, rows, entries = np.random.default_rng(FIT_SEED), [], []
+    rng = np.random.default_rng(FIT_SEED)
+    rows: list[np.ndarray] = []
+    entries: list[np.ndarray] = []
     while len(rows) < FITTED:
         where = envelope(rng)
         try:
