@@ -156,7 +156,7 @@ def flight(number):
 
 def watched(number, **kw):
     flown = flight(number)
-    return flown, mar10_flights.run(flown, mar10_flights.detector(**kw))
+    return flown, mar10_flights.detector_log(flown, mar10_flights.detector(**kw))
 
 
 @pytest.mark.parametrize("number", mar10_flights.TRUTH)

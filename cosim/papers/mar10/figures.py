@@ -102,7 +102,7 @@ def _scenario(number):
     """Draw the residuals of the families over their thresholds, nominal aircraft."""
     flown = flights.fly(number)
     p = flights.detector()
-    log = flights.run(flown, p)
+    log = flights.detector_log(flown, p)
     n = int(p["n_families"][0])
     ratio = log["res"][:, :n] / np.maximum(log["tau"][:, :n], 1e-12)
     ratio[log["tau"][:, :n] <= 0.0] = np.nan

@@ -94,7 +94,7 @@ class _Pedals:
         self._x["dr_cmd"] += np.interp(self._clock["t"][0], self._time, self._angle)
 
 
-def run(flown: Any, p: Any) -> Any:
+def detector_log(flown: Any, p: Any) -> Any:
     """Return the detector's log on a flown table, (ticks,)."""
     return detect(flown, control_redundancy, WIRES, p)
 
@@ -179,6 +179,6 @@ def campaign(number: int, draws: Any, *, options: Sequence[Any] = ({},), extra: 
     for draw in range(draws):
         flown = fly(number, draw, extra)
         for i, p in enumerate(sets):
-            log = run(flown, p)
+            log = detector_log(flown, p)
             out[i].append(dataclasses.replace(judge(number, flown, log), **margins(number, flown, log, p)))
     return out

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.papers.mar10.vehicle import DT, EFFECTORS, NOISE, VANE, Flown, bound, equations, numbers
+from cosim.papers.mar10.vehicle import DT, EFFECTORS, NOISE, VANE, VehicleFlight, bound, equations, numbers
 from fdi.control_redundancy import structure
 
 DEVIATIONS = 4.0  # of the noise that a mean leaves
@@ -42,7 +42,7 @@ class Said:
 
 
 def residuals(
-    flown: Flown, u_c: np.ndarray, choice: Choices
+    flown: VehicleFlight, u_c: np.ndarray, choice: Choices
 ) -> tuple[list, np.ndarray, np.ndarray, np.ndarray]:
     """Return (families, value (T, families), threshold, sensitivity (T, families, 4)) with commands `u_c` (T, 4)."""
     of = numbers()
@@ -74,7 +74,7 @@ def _mean(y, window):
     return (total[k] - total[low]) / (k - low)
 
 
-def isolate(flown: Flown, choice: Choices | None = None, start_s: float = 5.0) -> Said:
+def isolate(flown: VehicleFlight, choice: Choices | None = None, start_s: float = 5.0) -> Said:
     """Return what the residuals of a flight say, from `start_s` on."""
     choice = choice or Choices()
     u_c, first = flown.u_c.copy(), round(start_s / DT)

@@ -180,7 +180,7 @@ def _median(option, field):
 
 def _identified():
     """Return the thrust loss [%] that scenario 1 identifies with the nominal aircraft."""
-    flown, log, _ = mar10_selection.run(1)
+    flown, log, _ = mar10_selection.nominal_flight(1)
     return -100.0 * log["f_hat_thrust"][flown.index > 30.0].mean()
 
 

@@ -19,16 +19,16 @@ INPUTS = ("elevator", "aileron", "rudder", "engine")
 
 
 @functools.cache
-def run(number: Any) -> Any:
+def nominal_flight(number: int) -> Any:
     """Return (flight, detector log, families) of a scenario with nominal aircraft and sensors."""
     flown = flights.fly(number)
-    log = flights.run(flown, flights.detector())
+    log = flights.detector_log(flown, flights.detector())
     return flown, log, redundancy_structure.families(force_model().structure()[:3])
 
 
 def _unmoved(number):
     """Return (families that fire before any fault that moves them, their names), from the learned offset on."""
-    flown, log, families = run(number)
+    flown, log, families = nominal_flight(number)
     wrong = []
     for j, family in enumerate(families):
         moved = [at for name, at in flights.TRUTH[number] if family.signature[INPUTS.index(name)]]
@@ -43,7 +43,7 @@ def _selected(number, k):
 
     Counted until a later fault moves them too.
     """
-    flown, log, families = run(number)
+    flown, log, families = nominal_flight(number)
     truth = flights.TRUTH[number]
     found = []
     for j, family in enumerate(families):

@@ -35,7 +35,7 @@ VANE = 0.03 * RAD_PER_DEG  # noise of the angles of attack and sideslip
 
 
 @dataclass(frozen=True)
-class Flown:
+class VehicleFlight:
     """What is measured, and the commands: arrays over ticks; SI, u_c as EFFECTORS (T, 4), a (T, 3) specific force."""
 
     t: np.ndarray
@@ -59,7 +59,7 @@ def numbers() -> dict[str, float]:
     return out | {"mass": float(mass.text or 0), "area": float(area.text or 0)}
 
 
-def equations(flown: Flown, of: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+def equations(flown: VehicleFlight, of: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
     """Return (known part (T, 3), G (T, 3, 4)) of a_b = known + G u [Mar10] slide 7, by the numbers `of`."""
     k = flown.qbar * of["area"] / of["mass"]
     x = -k * (of["cx0"] + of["cxa"] * flown.alpha) + of["least-n"] / of["mass"]
@@ -72,7 +72,7 @@ def equations(flown: Flown, of: Mapping[str, float]) -> tuple[np.ndarray, np.nda
     return known, G
 
 
-def bound(flown: Flown, of: Mapping[str, float], share: float = 0.05) -> np.ndarray:
+def bound(flown: VehicleFlight, of: Mapping[str, float], share: float = 0.05) -> np.ndarray:
     """Return how far a row may be off without a fault (T, 3) [m/s2], noise apart: the sum of what slide 11 allows.
 
     Every coefficient by `share`, the accelerometer and the dynamic pressure by their errors. Nothing is trained.
@@ -86,12 +86,12 @@ def bound(flown: Flown, of: Mapping[str, float], share: float = 0.05) -> np.ndar
     return (share + QBAR) * (aero + fins) + SCALE * np.abs(flown.a) + BIAS + vane
 
 
-def fly(number: int, draw: int | None = None) -> Flown:
+def fly(number: int, draw: int | None = None) -> VehicleFlight:
     """Fly scenario 1 to 3 (0: no fault) with nominal coefficients and IMU, or those of a draw."""
     return fly_with(FAULTS.get(number, ()), LOSS.get(number, 0.0), (number, 0 if draw is None else draw + 1))
 
 
-def fly_with(faults: tuple[tuple[str, float], ...], lost: float, seed: tuple[int, int] = (0, 0)) -> Flown:
+def fly_with(faults: tuple[tuple[str, float], ...], lost: float, seed: tuple[int, int] = (0, 0)) -> VehicleFlight:
     """Fly with `faults` (effector, onset [s]), `lost` the share of the thrust; the second seed 0: nominal."""
     rng, draw = np.random.default_rng([20101006, *seed]), seed[1] or None
     own = {n: v for n, v in numbers().items() if n in {c for row in ROWS.values() for c in row}}
@@ -123,14 +123,14 @@ def fly_with(faults: tuple[tuple[str, float], ...], lost: float, seed: tuple[int
 
 
 def _measured(t, a, rest, u_c, u, rng, uncertain):
-    """Return the Flown: measurements two steps late, and the commands with them."""
+    """Return the VehicleFlight: measurements two steps late, and the commands with them."""
     noisy = float(uncertain)
     scale = 1 + noisy * SCALE * rng.choice((-1, 1), 3)
     a = a * scale + noisy * BIAS * rng.choice((-1, 1), 3) + NOISE * rng.standard_normal(a.shape)
     alpha, beta = rest[:, 0:2].T + VANE * rng.standard_normal((2, len(t)))
     qbar = rest[:, 2] * PA_PER_PSF * (1 + noisy * QBAR * rng.choice((-1, 1)))
     late = lambda y: np.concatenate([np.repeat(y[:1], DELAY, axis=0), y[:-DELAY]])  # noqa: E731
-    return Flown(t, late(a), late(alpha), late(beta), late(qbar), late(u_c), late(u), rest[:, 3] * M_PER_FT)
+    return VehicleFlight(t, late(a), late(alpha), late(beta), late(qbar), late(u_c), late(u), rest[:, 3] * M_PER_FT)
 
 
 MEASURED = ("fx", "fy", "fz", "alpha", "beta", "qbar", "h")

@@ -76,7 +76,7 @@ def plan(of: Of) -> Iterator[Planned]:
 
 
 @functools.cache
-def _flights(number: int) -> list[vehicle.Flown]:
+def _flights(number: int) -> list[vehicle.VehicleFlight]:
     return [vehicle.fly(number, draw) for draw in range(DRAWS)]
 
 
