@@ -42,6 +42,7 @@ LIMITS = {  # detectors whose threshold is no number: what it grows with
     "kinematic": "roll and yaw rate",
     "iotsekf": "the command and the load",
     "position_monitor": "the model's lag",
+    "ofc_monitor": "the command's motion",
     "ema_kalman_flight": "the motor's speed and effort",
 }
 

@@ -26,7 +26,7 @@ from cosim.flight.site import site
 from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.tolerance import toleranced
 from cosim.training.flights import DT, scenario
-from cosim.training.tail import limit
+from cosim.training.tail import PROBABILITY, limit
 from fdi import registry
 from fdi.common import bank, compact, tuning
 from fdi.control_redundancy.core import NR
@@ -36,7 +36,6 @@ DETECTORS = ("lpv_smo", "control_redundancy", "kinematic", "rfafe", "rfafe_airfr
 TURBULENCE = ("none", "light", "moderate", "severe")
 # what each is trained in; the others' estimates are not made for severe air
 AIR = {"kinematic": TURBULENCE, **dict.fromkeys(("lpv_smo", "control_redundancy", "rfafe_airframe"), TURBULENCE[:3])}
-PROBABILITY = 1e-3  # of a false alarm in a flight of 60 s
 BLOCK_S = 1.0
 LPV_PARTS = ("elevator", "n_z", "alpha")
 BANDS = ((0, 4), (4, 7), (7, 10), (10, 14))  # of rfafe_airframe's frequencies: one limit from 0.5 to 1 Hz, to 2, 4, 11
@@ -67,16 +66,21 @@ def point(rng: np.random.Generator) -> dict:
 
 
 def arguments(index: int, first_seed: int = TRAINING) -> dict:
-    """Return the arguments of `flights.scenario` of training flight `index`, at a point that trims with throttle below
-    95 % and angle of attack below 10.5 deg."""
+    """Return the arguments of `flights.scenario` of training flight `index`."""
     rng = np.random.default_rng([first_seed, index])
     fixed: dict[str, Any] = {
         "duration": 60.0, "manoeuvre": KINDS[index % 8], "seed": first_seed + index,
         "technology": elevators(index), "sensors": {"noise_scale": NOISE_SCALE},
         "tolerances": {"aero": {n: float(1 + TOLERANCE * rng.choice((-1, 1))) for n in toleranced("aero")}},
     }  # fmt: skip
+    return trimming(rng, fixed, {"turbulence": TURBULENCE[index // 8 % 4]})
+
+
+def trimming(rng: np.random.Generator, fixed: dict[str, Any], where: dict[str, Any]) -> dict[str, Any]:
+    """Return the arguments of `flights.scenario` with a point drawn that trims with throttle below 95 % and angle of
+    attack below 10.5 deg; `where` are further entries of its flight."""
     while True:
-        flight: dict[str, Any] = fixed | {"flight": point(rng) | {"turbulence": TURBULENCE[index // 8 % 4]}}
+        flight: dict[str, Any] = fixed | {"flight": point(rng) | where}
         try:
             setup = build(scenario(**flight))
         except TrimError:

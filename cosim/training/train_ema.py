@@ -114,9 +114,8 @@ def survey(recorded: Any) -> dict[str, dict[str, Any]]:
         z = max(z, float(_gain_z(own[::20], p[0]).max()))
     filt = {test: np.concatenate(rows).tolist() for test, rows in found.items()}
     q = position_monitor.params("flight_ema")
-    log = detect(recorded, position_monitor, lanes("position_monitor"), q, ("r", "lag"))[:, round(START_S / DT) :]
-    own = q["share"][0] * log["lag"]
-    deviation = np.abs(log["r"]) * (q["threshold"][0] + own) - own
+    log = detect(recorded, position_monitor, lanes("position_monitor"), q, ("r",))[:, round(START_S / DT) :]
+    deviation = np.abs(log["r"]) * q["threshold"][0]
     n = round(q["t_confirm"][0] / DT)
     windows = np.lib.stride_tricks.sliding_window_view(deviation, n, axis=1)
     lasts = float(windows.min(axis=2).max())

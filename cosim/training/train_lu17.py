@@ -4,7 +4,7 @@ The flights, FLIGHTS of 60 s, are at points drawn over the envelope: eight manoe
 in steps, three levels of turbulence, aircraft and actuator up to 5 % off, noise NOISE_SCALE, four segments each. A
 threshold is MARGIN times the largest statistic of any segment in any flight, what scales with the drive left out;
 one that needs several samples to agree takes the largest that they agree on. What watches electromechanical segments
-is trained by `train_ema`.
+is trained by `train_ema`, the monitors by `train_monitors`.
 
     cosim train hydraulic --check      fly the training set, say what would change
     cosim train hydraulic              and write fdi/thresholds/*.json
@@ -35,7 +35,6 @@ from cosim.training.flights import (
 )
 from fdi.common import bank, compact
 from fdi.hydraulic import iotsekf, rtsekf, windows
-from fdi.monitors import ofc_monitor, position_monitor
 
 MARGIN = 1.25  # 1.2 times the maximum of 40 flights left 1 alarm in 300
 FLIGHTS = 384  # 16 of every manoeuvre in each air
@@ -47,7 +46,6 @@ FOLDER = Path(fdi.__file__).parent / "thresholds"
 NOISE_SIGMA, FLOOR_SIGMA = 3.6, 3.0  # as stored; where the search for the largest begins
 # amplitude noise of a fit over noise of a sample: sqrt(2 / n) with n samples in two periods
 SLOW_WINDOW = windows.SLOW_S * np.array(windows.SLOW_HZ)
-GRID = np.geomspace(0.2e-3, 8e-3, 24)  # thresholds tried for the crossing counter [m]
 
 
 def survey_iotsekf(recorded: Any, load: float) -> dict[str, Any]:
@@ -76,37 +74,10 @@ def survey_rtsekf(recorded: Any, load: float) -> dict[str, Any]:
     return {name: float(np.abs(v).max()) for name, v in found.items()}
 
 
-def survey_ofc_monitor(recorded: Any) -> np.ndarray:
-    """Return (band,) the largest of GRID at which a band still counts an oscillation in a flight [m], 0 for none."""
-    out = np.zeros(ofc_monitor.B)
-    for b in range(ofc_monitor.B):
-        low, high = -1, len(GRID)  # the largest that counts is at or above low, below high
-        while high - low > 1:
-            middle = (low + high) // 2
-            p = ofc_monitor.params()
-            p["threshold"] = 1.0  # the other bands are silent
-            p["threshold"][0, b] = GRID[middle]
-            counts = (watch(recorded, ofc_monitor, p, ("alarm",))["alarm"] > 0.5).any()
-            low, high = (middle, high) if counts else (low, middle)
-        out[b] = GRID[low] if low >= 0 else 0.0
-    return out
-
-
-def survey_position_monitor(recorded: Any) -> float:
-    """Return the largest deviation that lasts for the confirmation time in one flight [rad]."""
-    p = position_monitor.params()
-    log = watch(recorded, position_monitor, p, ("r",))
-    n = round(p["t_confirm"][0] / DT)
-    windows = np.lib.stride_tricks.sliding_window_view(np.abs(log["r"][:, round(START_S / DT) :]), n, axis=1)
-    return float(windows.min(axis=2).max() * p["threshold"][0])
-
-
 def survey(recorded: Any) -> Any:
     """Return every detector's largest statistics over one flight, {detector or set: {name: value}}."""
     out = {f"flight_load{k}": survey_iotsekf(recorded, k) for k in (0, 1, 2)}
     out |= {f"rtsekf_load{k}": survey_rtsekf(recorded, k) for k in (0, 1)}
-    out["ofc_monitor"] = {"threshold": survey_ofc_monitor(recorded)}
-    out["position_monitor"] = {"threshold": survey_position_monitor(recorded)}
     return out
 
 
@@ -163,7 +134,7 @@ def train(*, first_seed: int = TRAINING, number: int = FLIGHTS, **how: Any) -> d
 
 def stored_as(name: str) -> Any:
     """Return the threshold set of what training calls `name`."""
-    return f"flight{name.removeprefix('rtsekf').removeprefix('flight')}" if "load" in name else "flight"
+    return f"flight{name.removeprefix('rtsekf').removeprefix('flight')}"
 
 
 def store(found: dict) -> None:
@@ -173,8 +144,7 @@ def store(found: dict) -> None:
            "segments": 4}  # fmt: skip
     quiet = {k: quiet_floor(k) for k in (0, 1, 2)}
     for file, names in (("iotsekf", [f"flight_load{k}" for k in (0, 1, 2)]),
-                        ("rtsekf", [f"rtsekf_load{k}" for k in (0, 1)]), ("ofc_monitor", ["ofc_monitor"]),
-                        ("position_monitor", ["position_monitor"])):
+                        ("rtsekf", [f"rtsekf_load{k}" for k in (0, 1)])):
         path = FOLDER / f"{file}.json"
         data = json.loads(path.read_text(encoding="utf-8"))
         for name in names:
@@ -187,7 +157,7 @@ def store(found: dict) -> None:
             if file == "iotsekf":
                 target["sum_threshold"] = quiet[int(name[-1])]["sum_threshold"]
         largest = {n: {k: np.round(v, 7).tolist() for k, v in most[n].items()} for n in names}
-        chosen = {k: v for k, v in data.get("training", {}).items() if k in ("chosen", "ema")}  # what others find
+        chosen = {k: v for k, v in data.get("training", {}).items() if k == "chosen"}
         data["training"] = {**how, "largest": largest, **chosen}
         replace_text(path, compact.text(data))
 
@@ -218,7 +188,7 @@ def changes(found: dict) -> list[tuple]:
     """Return [(file, set, field, stored, trained)] of every threshold that `store` would write, largest of a row."""
     out = []
     for name, values in found["largest"].items():
-        file = name.partition("_load")[0] if name.startswith("rtsekf") else name if "monitor" in name else "iotsekf"
+        file = name.partition("_load")[0] if name.startswith("rtsekf") else "iotsekf"
         held = json.loads((FOLDER / f"{file}.json").read_text(encoding="utf-8"))
         for key, value in values.items():
             stored = np.asarray(held[stored_as(name)][key])

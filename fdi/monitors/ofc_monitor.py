@@ -2,11 +2,13 @@
 
     q_est = the command through the servo's own third-order reference model (rod estimate of a healthy actuator)
     e     = y_rod - q_est,  split into sub-bands by second-order high- and low-pass filters
-    r     = largest |e_band| / threshold
+    r     = largest |e_band| / (threshold + share of the reference's motion in the band)
 
 In each sub-band the crossings of alternately +threshold and -threshold are counted over a sliding window of as
 many half periods of the band's lowest frequency. An alarm needs `half_periods` of them; the frequency is that of
 the counted crossings.
+
+A servo with tolerances follows its reference the less exactly the more that moves: the threshold grows with it.
 
 An actuator that has lost flow, pressure or its hold swings as well, with the command or with the gusts. An oscillation
 is called one when COUNT crossings came at equal times, its half waves are alike and larger than what the reference
@@ -37,7 +39,7 @@ LONG_AGO = 1e3  # [s]
 ROOT_LEAST = servo.ROOT_LEAST
 EVEN, ALIKE = 1.5, 2.5  # longest over shortest half period, largest over smallest half wave of an oscillation
 MEMORY = 2.0  # of the reference's motion, in periods of the band's lower edge
-OWN = 1.0  # its half waves over the largest motion of the reference in the band
+OWN = 1.5  # its half waves over the largest motion of the reference in the band
 
 PARAMS = dtype(
     [
@@ -52,6 +54,7 @@ PARAMS = dtype(
         ("low_g", "f8", (B,)),
         ("f_low", "f8", (B,), "Hz"),  # lower edges
         ("threshold", "f8", (B,), "m"),
+        ("share", "f8", (B,), "-"),  # ... plus this share of the reference's largest motion in the band
         ("half_periods", "f8", "-"),  # alternating crossings that make an alarm, at most COUNT
         ("t_release", "f8", "s"),
         ("t_invalid", "f8", "s"),
@@ -174,11 +177,17 @@ def filtered(s, v, a1, g):
 
 
 @kernel
+def limit(x, p, b):
+    """Return what band b's residual has to exceed [m]."""
+    return p.threshold[b] + p.share[b] * x.ref_peak[b]
+
+
+@kernel
 def count(x, p, b, dt):
     """Count band b's alternating crossings; return whether they make an oscillation now."""
     for i in range(COUNT):
         x.ages[b, i] = min(x.ages[b, i] + dt, LONG_AGO)
-    v = x.e_band[b] / p.threshold[b]
+    v = x.e_band[b] / limit(x, p, b)
     if math.fabs(v) >= 1.0 and v * x.side[b] <= 0.0:
         x.side[b] = 1.0 if v > 0.0 else -1.0
         for i in range(COUNT - 1, 0, -1):
@@ -254,10 +263,10 @@ def step(x, u, p, dt):
     for b in range(B):
         _, high = filtered(x.high[b], x.e, p.high_a1[b], p.high_g[b])
         x.e_band[b], _ = filtered(x.low[b], high, p.low_a1[b], p.low_g[b])
-        worst = max(worst, math.fabs(x.e_band[b]) / p.threshold[b])
         _, high = filtered(x.ref_high[b], x.past[int(p.delay)], p.high_a1[b], p.high_g[b])
         moves, _ = filtered(x.ref_low[b], high, p.low_a1[b], p.low_g[b])
         x.ref_peak[b] = max(math.fabs(moves), x.ref_peak[b] * (1.0 - dt * p.f_low[b] / MEMORY))
+        worst = max(worst, math.fabs(x.e_band[b]) / limit(x, p, b))
         if count(x, p, b, dt):
             found = True
             named = named or steady(x, b)

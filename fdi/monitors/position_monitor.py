@@ -1,16 +1,19 @@
 """Position monitor: the common in-service check of a surface against its command, for either actuator technology.
 
-    m' = the command through a rate limit and three equal lags,   r = (surface - m) / (threshold + share lag)
+    m = the command through the servo's own third-order reference model (actuators/common/reference.py),
+    r = (surface - m) / (threshold + share lag),  lag: how far m is behind the command, a peak that fades
 
-lag is how far the model is behind its command, a peak that fades: a servo that follows hard commands less closely than
-the model is allowed a share of it (electromechanical segments; the share of hydraulic ones is zero).
+The reference's limits of rate, acceleration and jerk are what a healthy surface follows: where gusts and a protection
+throw the command from stop to stop, a rate limit with lags behind it is up to 5 deg away from the surface, for longer
+than the confirmation time. Loads and tolerances of a healthy servo show where it has to move: hence the share.
 
 A deviation beyond the threshold for the confirmation time is an alarm. The monitor does not know why a surface is not
 where it should be, so the alarm is AMBIGUOUS until the motion tells: JAM_SOLID after `t_rest` at rest while the model
 moved, RUNAWAY after `travel_run` in one direction away from the model, still on its way after `t_run` or at the end of
-its travel (a step of the command is over sooner), while the model does not go the same way (a surface that follows
-with part of its command does). That class then stays as long as the alarm. An oscillation whose strokes are longer
-than `travel_run` is taken for a runaway, one too small to be told from rest for a jam.
+its travel, the deviation growing all the time (a step of the command is over sooner, and then follows), while the
+model does not go the same way (a surface that follows with part of its command does). That class stays as long as the
+alarm, a jam's unless the surface slides. A surface that is let go and held by its friction looks like a jam until it
+slides; an oscillation whose strokes are longer than `travel_run` is taken for a runaway.
 """
 
 import math
@@ -19,7 +22,10 @@ from typing import Any
 import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
-from fdi.common.decision import confirm, held, usable
+from actuators.common import linkage, reference
+from actuators.ema import servo as ema_servo
+from actuators.hydraulic import servo as hydraulic_servo
+from fdi.common.decision import clipped, confirm, held, usable
 from fdi.common.record import Detector
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, NONE, RUNAWAY
@@ -28,8 +34,8 @@ CULPRITS = ("",)
 
 PARAMS = dtype(
     [
-        ("omega", "f8", "rad/s"),  # corner of each of the three lags
-        ("rate_limit", "f8", "rad/s"),  # no-load surface rate
+        *reference.PARAM_FIELDS,  # of the servo; unit: rad of surface
+        ("late", "f8", "s"),  # age of the measurement
         ("limit_low", "f8", "rad"),  # travel, trailing edge up
         ("limit_high", "f8", "rad"),  # travel, trailing edge down
         ("threshold", "f8", "rad"),  # deviation
@@ -57,19 +63,28 @@ STATE = dtype(
         ("started", "f8", "-"),  # 1 after the first usable measurement
         ("command", "f8", "rad"),  # last finite command
         ("surface", "f8", "rad"),  # last usable measurement
-        ("m1", "f8", "rad"),  # command within the rate limit
-        ("m2", "f8", "rad"),  # first lag
-        ("m3", "f8", "rad"),  # second lag
-        ("model", "f8", "rad"),  # where the surface should be
-        ("lag", "f8", "rad"),  # fading peak of command less model
+        ("m", "f8", "rad"),  # the model now: `actuators.common.reference` by other names, r being the statistic
+        ("md", "f8", "rad/s"),
+        ("mdd", "f8", "rad/s2"),
+        ("model", "f8", "rad"),  # where the surface should have been when it was measured
         ("slow", "f8", "rad"),  # lagged surface
-        ("rest", "f8", "rad"),  # where the surface was when it last moved
+        ("mark", "f8", "rad"),  # where it was when it last moved by MOVED
+        ("mark_time", "f8", "s"),  # since then
+        ("calm", "f8", "rad"),  # surface lagged more
+        ("rest", "f8", "rad"),  # where that was when it last moved by SLID
         ("rest_model", "f8", "rad"),  # and the model
         ("rest_time", "f8", "s"),  # since then
+        ("rest_near", "f8", "s"),  # how long before that the surface had last been where it should be
+        ("near", "f8", "s"),  # time since it was
+        ("slid", "f8", "s"),  # for so long it is held to be loose: it has moved where it should not be
         ("leave", "f8", "rad"),  # where the surface began to run away from the model
         ("leave_model", "f8", "rad"),  # and the model was then
         ("far", "f8", "rad"),  # how far it came
         ("run_time", "f8", "s"),  # for how long it moved so
+        ("lag", "f8", "rad"),  # fading peak of command less model
+        ("gap", "f8", "rad"),  # lagged deviation
+        ("widest", "f8", "rad"),  # its largest since the run began
+        ("still", "f8", "s"),  # since that grew
         ("rate", "f8", "rad/s"),  # of the lagged surface
         ("timer", "f8", "s"),  # confirmation
         ("age", "f8", "s"),  # time since the last usable measurement
@@ -102,25 +117,37 @@ DETECTOR = Detector(
     },
     blind="compares one elevator segment with its command: other effectors, aircraft sensors and monitor-only "
     "sensors move neither",
-    fit=lambda site: params("flight_ema" if site.technology == "ema" else "flight", limits=site.travel),
+    fit=lambda site: params("flight_ema" if site.technology == "ema" else "flight", limits=site.travel, dt=site.dt,
+                            late=site.delay("surface")),
 )
 
 
-MOVED = math.radians(0.08)  # a surface that has moved further is not at rest: ten sigma of its sensor after the lag
+MOVED = math.radians(0.08)  # a surface that has moved further is on its way: ten sigma of its sensor, lagged
+# a surface that stands moves by less than this behind the longer lag, ten sigma of its sensor; one that is let go
+# slides with the air by MOVED
+SLID, TAU_CALM = math.radians(0.035), 0.1
+LOOSE = 30.0  # and sticks in between by its friction: remembered for so long [s]
+NEAR, STOPPED = 0.5, 0.6  # of the threshold, and for how long it may have been further away when it came to rest [s]
 END = math.radians(1.0)  # from a limit: the end of the travel
+GROWS = 0.1  # without a larger deviation for so long, a surface that moves follows its command [s]
 AWAY = 0.25  # of the threshold: a smaller deviation is none
 FOLLOWS = 0.5  # of the travel: where the model goes the same way so far, part of the command is lost
-RATE_LIMIT = math.radians(40.0)  # of the servos' reference, both technologies (actuators/hydraulic/servo.py) [rad/s]
 TRAVEL = (math.radians(-23.0), math.radians(17.0))  # of the elevator [rad]
+STOP = math.radians(0.1)  # commands end so far inside the stops
 
 
-def params(which: str = "flight", *, rate_limit: Any = RATE_LIMIT, limits: Any = None) -> np.ndarray:
-    """Return PARAMS with threshold set `which`, the no-load rate [rad/s] and the travel limits [rad].
+def params(
+    which: str = "flight", *, dt: float = 0.005, late: float = 0.005, limits: Any = None, **values: Any
+) -> np.ndarray:
+    """Return PARAMS with threshold set `which` for ticks of `dt` and measurements `late` old [s], travel `limits`.
 
-    "flight" is for hydraulic segments, "flight_ema" for electromechanical ones, which lag more in hard commands.
+    "flight" is for hydraulic segments, "flight_ema" for electromechanical ones; `values` replace any field.
     """
-    own, limits = thresholds("position_monitor", which), limits or TRAVEL
-    return record(PARAMS, rate_limit=rate_limit, limit_low=limits[0], limit_high=limits[1], **own)
+    ema, limits = which.endswith("_ema"), limits or TRAVEL
+    servo, per = (ema_servo.params(dt=dt)[0], 1.0) if ema else (hydraulic_servo.params(dt=dt)[0], linkage.ARM)
+    own = {name: servo[name] / (per if name.endswith("_max") else 1.0) for name, _ in reference.PARAM_FIELDS}
+    own |= {"late": late, "limit_low": limits[0], "limit_high": limits[1]}
+    return record(PARAMS, **{**own, **thresholds("position_monitor", which), **values})
 
 
 def init(p: np.ndarray) -> np.ndarray:
@@ -129,40 +156,50 @@ def init(p: np.ndarray) -> np.ndarray:
 
 
 @kernel
+def _predict(x, p, dt):
+    """Advance the model to the next tick, with the limits of `actuators.common.reference`."""
+    away = min(max(x.command, p.limit_low + STOP), p.limit_high - STOP) - x.m
+    v = clipped(p.k1 * away, min(p.v_max, math.sqrt(0.8 * p.a_max * math.fabs(away))))
+    a = clipped(p.k2 * (v - x.md), p.a_max)
+    j = clipped(p.k3 * (a - x.mdd), p.j_max)
+    x.lag = max(math.fabs(away), x.lag * (1.0 - min(dt / p.t_lag, 1.0)))
+    x.m += dt * (x.md + dt * (x.mdd / 2.0 + dt * j / 6.0))
+    x.md += dt * (x.mdd + dt * j / 2.0)
+    x.mdd += dt * j
+
+
+@kernel
 def step(x, u, p, dt):
     """Advance the model, compare, confirm, name."""
     good = usable(u.surface, u.surface_valid)
     x.surface = held(u.surface, u.surface_valid, x.surface)
     if math.isfinite(u.command):
-        x.command = min(max(u.command, p.limit_low), p.limit_high)
+        x.command = u.command
     if x.started < 0.5:
         if good < 0.5:
             x.valid = 0.0
             return
         x.started = 1.0
-        x.m1 = x.m2 = x.m3 = x.model = x.command
-        x.slow = x.rest = x.leave = x.far = x.surface
-        x.rest_model = x.leave_model = x.command
-    # model: exact lags over the tick with their input held
-    most = p.rate_limit * dt
-    x.m1 += min(max(x.command - x.m1, -most), most)
-    a = 1.0 - math.exp(-p.omega * dt)
-    x.model += a * (x.m3 - x.model)
-    x.m3 += a * (x.m2 - x.m3)
-    x.m2 += a * (x.m1 - x.m2)
-    x.lag = max(math.fabs(x.m1 - x.model), x.lag * (1.0 - min(dt / p.t_lag, 1.0)))
+        x.m = min(max(x.command, p.limit_low + STOP), p.limit_high - STOP)
+        x.slow = x.mark = x.calm = x.rest = x.leave = x.far = x.surface
+        x.rest_model = x.leave_model = x.m
+    x.model = x.m - p.late * x.md
+    _predict(x, p, dt)
     x.age = 0.0 if good > 0.5 else x.age + dt
     x.valid = 1.0 if x.age <= p.t_invalid else 0.0
     if good < 0.5:
         return
     x.rate = (x.surface - x.slow) / p.tau_motion
     x.slow += (1.0 - math.exp(-dt / p.tau_motion)) * (x.surface - x.slow)
-    x.rest_time += dt
-    since = x.rest_time
-    if math.fabs(x.slow - x.rest) > MOVED:
-        x.rest, x.rest_model, x.rest_time = x.slow, x.model, 0.0
     deviation = x.surface - x.model
     x.r = deviation / (p.threshold + p.share * x.lag)
+    x.near = 0.0 if math.fabs(x.r) < NEAR else x.near + dt
+    x.calm += (1.0 - math.exp(-dt / TAU_CALM)) * (x.surface - x.calm)
+    x.rest_time += dt
+    if math.fabs(x.calm - x.rest) > SLID:
+        x.rest, x.rest_model, x.rest_time, x.rest_near = x.calm, x.model, 0.0, x.near
+    x.slid = max(x.slid - dt, 0.0)
+    x.mark_time += dt
     away = math.copysign(1.0, deviation)  # the way back, or a surface where it should be, ends a run
     if math.fabs(x.r) < AWAY or (x.slow - x.leave) * away < 0.0 or (x.far - x.slow) * away > MOVED:
         x.leave = x.far = x.slow
@@ -170,19 +207,32 @@ def step(x, u, p, dt):
         x.run_time = 0.0
     elif (x.slow - x.far) * away > 0.0:
         x.far = x.slow
-    if x.rest_time == 0.0:
-        x.run_time += since
+    if math.fabs(x.slow - x.mark) > MOVED:
+        x.run_time += min(x.mark_time, 0.5 * p.t_run)
+        x.mark, x.mark_time = x.slow, 0.0
+    x.gap += (1.0 - math.exp(-dt / p.tau_motion)) * (deviation - x.gap)
+    if x.run_time == 0.0:
+        x.widest = 0.0
+    x.still += dt
+    if math.fabs(x.gap) > x.widest + MOVED:
+        x.widest, x.still = math.fabs(x.gap), 0.0
+    if x.mark_time == 0.0 and x.near > STOPPED:
+        x.slid = LOOSE
     x.timer, x.alarm = confirm(x.timer, x.alarm, math.fabs(x.r) >= 1.0, dt, p.t_confirm, p.t_release)
     if x.alarm < 0.5:
         x.verdict = NONE
-    elif x.verdict == NONE or x.verdict == AMBIGUOUS:
+    elif x.verdict == JAM_SOLID:
+        if 0.0 < x.slid < LOOSE - STOPPED and x.near > STOPPED:  # it has slid, and not back to where it should be
+            x.verdict = AMBIGUOUS
+    elif x.verdict != RUNAWAY:
         moved = math.fabs(x.model - x.rest_model) >= p.jam_share * math.fabs(deviation)
         ended = min(x.slow - p.limit_low, p.limit_high - x.slow) < END
         travel = math.fabs(x.far - x.leave)
         own = (x.model - x.leave_model) * away <= FOLLOWS * travel
-        if travel >= p.travel_run and (x.run_time >= p.t_run or ended) and own:
+        runs = ended or (x.run_time >= p.t_run and x.still <= GROWS)
+        if travel >= p.travel_run and runs and own:
             x.verdict = RUNAWAY
-        elif x.rest_time >= p.t_rest and moved and math.fabs(x.r) >= 1.0:
+        elif x.rest_time >= p.t_rest and x.slid <= 0.0 and x.rest_near < STOPPED and moved and math.fabs(x.r) >= 1.0:
             x.verdict = JAM_SOLID
         else:
             x.verdict = AMBIGUOUS

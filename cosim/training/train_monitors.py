@@ -1,0 +1,146 @@
+"""Thresholds of the two monitors of a hydraulic segment from fault-free flights that nothing else uses.
+
+The flights are at points, in manoeuvres as those of `train_aircraft`: FLIGHTS of 60 s, three levels of turbulence,
+aircraft and actuator up to 5 % off, noise NOISE_SCALE, four hydraulic segments each. Each statistic is held against the
+motion that it may grow with, at PROBABILITY of a false alarm per flight and detector (`cosim.training.tail`). The
+position monitor of electromechanical segments is trained by `train_ema`.
+
+    cosim train monitors --check      fly the training set, say what would change
+    cosim train monitors              and write fdi/thresholds/*.json
+"""
+
+import json
+from typing import Any
+
+import numpy as np
+
+from actuators.block import kernel
+from cosim.campaign.jobs import work
+from cosim.files import replace_text
+from cosim.training.flights import DT, POINT, TURBULENCE, draw, fly_hydraulic, watch
+from cosim.training.tail import PROBABILITY, exceeded, limit
+from cosim.training.train_aircraft import KINDS, blocks, trimming
+from cosim.training.train_lu17 import FLIGHTS, FOLDER, NOISE_SCALE, START_S
+from fdi.common import compact
+from fdi.monitors import ofc_monitor, position_monitor
+
+TRAINING = 21_000  # first seed
+GRID = np.geomspace(0.1e-3, 8e-3, 32)  # thresholds tried for the crossing counter [m]
+LEAST = 0.5e-3  # of the crossing counter's threshold: three times the noise of its residual, 0.17 mm at most [m]
+SHARES = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)  # of the reference's motion, tried beside them
+
+
+def survey_ofc_monitor(recorded: Any) -> dict[str, np.ndarray]:
+    """Return of a flight (band, share) the largest threshold of GRID [m] at which a band still counts an oscillation
+    beyond it and each of SHARES of the reference's motion, 0 for none, and (band,) that motion's mean [m].
+    """
+    p, out = ofc_monitor.params(), np.zeros((ofc_monitor.B, len(SHARES)))
+    log = watch(recorded, ofc_monitor, p, ("e_band", "ref_peak"))
+    for b, k in np.ndindex(out.shape):
+        p["share"] = SHARES[k]
+        low, high = -1, len(GRID)  # the largest that counts is at or above low, below high
+        while high - low > 1:
+            middle = (low + high) // 2
+            p["threshold"] = GRID[middle]
+            counts = any(_counts(ofc_monitor.init(p)[0], p[0], b, own["e_band"][:, b], own["ref_peak"][:, b], DT)
+                         for own in log)  # fmt: skip
+            low, high = (middle, high) if counts else (low, middle)
+        out[b, k] = GRID[low] if low >= 0 else 0.0
+    return {"threshold": out, "motion": log["ref_peak"].mean(axis=(0, 1))}
+
+
+@kernel
+def _counts(x, p, b, e, motion, dt):
+    """Return whether a residual (ticks,) beside the reference's `motion` ever makes an oscillation in band `b`."""
+    for i in range(ofc_monitor.COUNT):
+        x.ages[b, i] = ofc_monitor.LONG_AGO
+    for k in range(len(e)):
+        x.e_band[b] = e[k]
+        x.ref_peak[b] = motion[k]
+        if ofc_monitor.count(x, p, b, dt):
+            return True
+    return False
+
+
+def survey_position_monitor(recorded: Any) -> np.ndarray:
+    """Return the blocks of one flight (blocks, 3): of each second the largest deviation [rad] of any segment that lasts
+    for the confirmation time, 1, and the model's lag there [rad]."""
+    p = position_monitor.params(threshold=1.0, share=0.0)
+    log = watch(recorded, position_monitor, p, ("r", "lag"))[:, round(START_S / DT) :]
+    hold, on = float(p["t_confirm"][0]), np.ones(log.shape[1], bool)
+    found = np.stack([blocks(np.maximum(np.abs(own["r"]), 1e-9), [1.0, own["lag"]], on, DT, hold) for own in log])
+    return np.take_along_axis(found, found[:, :, :1].argmax(axis=0)[None], axis=0)[0]
+
+
+def training(first_seed: int = TRAINING, number: int = FLIGHTS) -> list[dict[str, Any]]:
+    """Return the arguments of `flights.scenario` of every training flight but for its point, which `fitting` draws."""
+    return [draw(first_seed + k, point=POINT, manoeuvre=KINDS[k % 8], turbulence=TURBULENCE[k // 8 % 3],
+                 sensors={"noise_scale": NOISE_SCALE}) for k in range(number)]  # fmt: skip
+
+
+def fitting(fly: Any, flight: dict[str, Any]) -> Any:
+    """Return the table of a flight at a point over the envelope, drawn by its seed."""
+    rng = np.random.default_rng([flight["seed"], 2])
+    return fly(**trimming(rng, flight, {"turbulence": flight["flight"]["turbulence"]}))
+
+
+def surveyed(**flight: Any) -> dict[str, Any]:
+    """Return what the surveys find in one flight, as plain data."""
+    recorded = fitting(fly_hydraulic, flight)
+    ofc = {key: value.tolist() for key, value in survey_ofc_monitor(recorded).items()}
+    return {"ofc_monitor": ofc, "position_monitor": survey_position_monitor(recorded).tolist()}
+
+
+def train(*, first_seed: int = TRAINING, number: int = FLIGHTS, **how: Any) -> dict:
+    """Fly the training set; return {"limits": {detector: {field: value}}, "found": ..., "flights", "first_seed"}; `how`
+    as in `cosim.campaign.jobs.work`."""
+    flown = list(work([(surveyed, flight) for flight in training(first_seed, number)], **how))
+    return limits(flown) | {"flights": number, "first_seed": first_seed}
+
+
+def limits(flown: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return {"limits", "found"} at PROBABILITY of what `surveyed` found in every flight."""
+    w, how = limit([np.array(f["position_monitor"]) for f in flown], PROBABILITY)
+    ofc = [{key: np.array(value) for key, value in f["ofc_monitor"].items()} for f in flown]
+    shared = _shared(np.array([f["threshold"] for f in ofc]), np.mean([f["motion"] for f in ofc], axis=0))
+    return {"limits": {"position_monitor": dict(zip(("threshold", "share"), w.tolist(), strict=True)),
+                       "ofc_monitor": {key: shared[key] for key in ("threshold", "share")}},
+            "found": {"position_monitor": how, "ofc_monitor": {"largest": shared["largest"]}}}  # fmt: skip
+
+
+def _shared(found, motion):
+    """Return threshold and share of each band, of SHARES the one with the least limit at the mean `motion` (band,) of
+    the reference, and the largest that was seen there; `found` (flights, band, share)."""
+    each = np.array([[exceeded(found[:, b, k], PROBABILITY / ofc_monitor.B) for k in range(len(SHARES))]
+                     for b in range(ofc_monitor.B)])  # fmt: skip
+    each = np.maximum(each, LEAST)
+    best = (each + np.array(SHARES) * motion[:, None]).argmin(axis=1)
+    band = np.arange(ofc_monitor.B)
+    return {"threshold": each[band, best].tolist(), "share": np.array(SHARES)[best].tolist(),
+            "largest": found.max(axis=0)[band, best].tolist()}  # fmt: skip
+
+
+def store(found: dict) -> None:
+    """Write what `train` found into `fdi/thresholds/<detector>.json`, with how it was found."""
+    for name, fields in found["limits"].items():
+        data = json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8"))
+        data["flight"] |= {key: np.round(value, 7).tolist() for key, value in fields.items()}
+        others = {k: v for k, v in data.get("training", {}).items() if k == "ema"}  # of the other set
+        data["training"] = {
+            "command": "cosim train monitors", "probability_per_flight": PROBABILITY, "flight_s": 60.0, "segments": 4,
+            "flights": found["flights"], "first_seed": found["first_seed"], "noise_scale": NOISE_SCALE,
+            "found": found["found"][name], **others,
+        }  # fmt: skip
+        replace_text(FOLDER / f"{name}.json", compact.text(data))
+
+
+def changes(found: dict) -> list[tuple]:
+    """Return [(file, set, field, stored, trained)] of every threshold that `store` would write, largest of a row."""
+    out = []
+    for name, fields in found["limits"].items():
+        held = json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8"))["flight"]
+        for key, value in fields.items():
+            stored, trained = np.atleast_1d(held[key]), np.atleast_1d(value)
+            k = int(np.argmax(np.abs(trained - stored)))
+            out.append((name, "flight", key, float(stored[k]), float(trained[k])))
+    return out

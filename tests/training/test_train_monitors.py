@@ -1,0 +1,54 @@
+"""Training of the two monitors of a hydraulic segment: the stored thresholds, the procedure, its own flights."""
+
+import json
+
+import numpy as np
+import pytest
+
+from cosim.training import train_ema, train_lu17, train_monitors
+from cosim.training.tail import PROBABILITY
+from fdi.monitors import ofc_monitor, position_monitor
+
+
+@pytest.mark.parametrize(("module", "fields"), [(position_monitor, ("threshold", "share")),
+                                                (ofc_monitor, ("threshold", "share"))])  # fmt: skip
+def test_what_is_stored_tells_how_it_was_found(module, fields):
+    name = module.DETECTOR.id
+    data = json.loads((train_monitors.FOLDER / f"{name}.json").read_text(encoding="utf-8"))
+    how, p = data["training"], module.params()
+    assert how["probability_per_flight"] == PROBABILITY and how["first_seed"] == train_monitors.TRAINING
+    assert how["flights"] == len(train_monitors.training()) >= 300
+    for field in fields:
+        assert np.allclose(p[field][0], data["flight"][field])
+    if name == "ofc_monitor":
+        assert (p["threshold"][0] >= train_monitors.LEAST).all()
+        assert (p["threshold"][0] >= how["found"]["largest"]).all()
+    else:
+        assert how["found"]["largest"] < 1.0  # of the limit, in any flight of the training
+
+
+def test_limits_scale_with_what_the_flights_show():
+    rng = np.random.default_rng(1)
+
+    def flown(size):
+        lag = rng.uniform(0.0, 0.1, (20, 1))
+        y = size * (0.002 + 0.3 * lag) * rng.uniform(0.2, 1.0, (20, 1))
+        found = size * rng.uniform(0.2, 1.0, (3, len(train_monitors.SHARES))) * 2e-3
+        return {"position_monitor": np.hstack([y, np.ones_like(lag), lag]).tolist(),
+                "ofc_monitor": {"threshold": found.tolist(), "motion": [1e-3] * 3}}  # fmt: skip
+
+    one, two = ([flown(size) for _ in range(60)] for size in (1.0, 2.0))
+    a, b = train_monitors.limits(one)["limits"], train_monitors.limits(two)["limits"]
+    for name in a:
+        assert np.mean(b[name]["threshold"]) > 1.5 * np.mean(a[name]["threshold"])
+    worst = max((np.array(f["position_monitor"]) @ [1.0, 0.0, 0.0]
+                 / (np.array(f["position_monitor"])[:, 1:] @ [a["position_monitor"][k] for k in ("threshold", "share")])
+                 ).max() for f in one)  # fmt: skip
+    assert worst <= 1.0
+
+
+def test_flights_of_training_are_nobody_elses():
+    own = {f["seed"] for f in train_monitors.training()}
+    assert len(own) == len(train_monitors.training())
+    assert not own & {f["seed"] for f in train_ema.flights()}
+    assert max(own) < train_lu17.TRAINING + 1000  # below the seeds of evaluation
