@@ -174,6 +174,8 @@ STATE = dtype(
         ("block", "f8", "-"),
         ("avg", "f8", (NX,)),
         ("spool", "f8", "-"),  # mean normalised N1
+        ("turning", "f8", (2,), "-"),  # the same, lagged twice
+        ("calm", "f8", "-"),  # samples learned from, by their weight
         ("gone", "f8", "s"),  # time without data
         ("rougher", "f8", "s"),  # time for which gusts have been beyond gust_max
         ("last", "f8", "-"),  # hypothesis that is being confirmed, 0 for none

@@ -14,6 +14,10 @@ NC, DELAY = 8, 48  # commands (4 elevators, 2 ailerons, rudder, stabiliser); tho
 TAU_BIAS = 0.15  # lag of what accelerometers have wrong [s]
 TAU_VANE = (0.3, 1.0, 3.0)  # and of what the vane reads beyond the angle over the ground: gusts and its error [s]
 TAU_ROUGH = 8.0  # memory of the gusts in it [s]
+# thrust leads N1 by some 0.3 s: where N1's share moves faster than 0.007 per second, 0.005 between two lags of it, that
+# is worth a threshold of the X row
+TAU_SPOOL, TURNING = (0.25, 1.0), 0.005
+CALM_S = 1.0  # of learning with engines that hardly turn up or down, each sample by its weight [s]
 STEP = 0.01  # of the angle of attack, for the slope of the lift [rad]
 BLOCKS = 10  # pieces of the sliding mean
 NX = 3 * NR  # averaged: row errors, activities, three commanded effectors, spool speed, pitching
@@ -216,19 +220,27 @@ def _angular(x, u, p):
 def learn(x, p, dt):
     """Average row errors and contributions over the first `t_learn`; subtract the offset ever after.
 
-    An offset larger than coefficients wrong by `rel` can make is no model error: it says so in x.suspect.
+    That of the X row is averaged with the less weight the faster engines turn up or down, and for longer where they do
+    so all the time: else what thrust leads N1 by would stay in it. An offset larger than coefficients wrong by `rel`
+    can make is no model error: it says so in x.suspect.
     """
     if x.learned > 0.5 or p.t_learn <= 0.0:
         x.learned = 1.0
         return
     x.n_learn += 1.0
+    for i in range(2):
+        x.turning[i] += (1.0 - math.exp(-dt / TAU_SPOOL[i]) if x.n_learn > 1.5 else 1.0) * (x.spool - x.turning[i])
+    turning = (x.turning[0] - x.turning[1]) / TURNING
+    weight = 1.0 / (1.0 + turning * turning)
+    x.calm += weight
     x.pitch_0 += (x.pitch + x.grown / dt - x.pitch_0) / x.n_learn
     for i in range(NR):
-        x.offset[i] += (x.e[i] - x.offset[i]) / x.n_learn
+        share = weight / x.calm if i == 0 else 1.0 / x.n_learn
+        x.offset[i] += share * (x.e[i] - x.offset[i])
         x.full[i] += (x.act[i] - x.full[i]) / x.n_learn
     for k in range(int(p.n_k)):
         x.part_0[k] += (x.part[k] - x.part_0[k]) / x.n_learn
-    if x.n_learn * dt >= p.t_learn - 0.5 * dt:
+    if x.n_learn * dt >= p.t_learn - 0.5 * dt and x.calm * dt >= min(CALM_S, 0.5 * p.t_learn):
         x.learned = 1.0
         for i in range(int(p.n_rows)):
             if math.fabs(x.offset[i]) > p.threshold[i] + p.rel * x.full[i]:
