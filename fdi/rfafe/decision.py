@@ -13,9 +13,12 @@ beyond the same threshold.
 While the estimate is not trusted an alarm stands, for T_HOLD at most: so long a restart takes. After the restart an
 oscillation has the same time to be found again.
 
-Class. A liquid OFC is f = s(t), a solid one f = s(t) - u, or half of it where it is in one segment of two: of f_hat,
-f_hat + u / 2 and f_hat + u the one that its sine explains best tells which, but only if the command moved otherwise
-than the fault. Where it did not, and for all that is slow, the verdict is AMBIGUOUS.
+Class. A liquid OFC is f = s(t), a solid one f = s(t) - u, or half of it where it is in one segment of two. With the
+sine taken out of both, the regression of f_hat on -u is the share of the command that does not come through: 0, 1/2
+or 1. All windows since the alarm count, each by the error of its share, so that the class is told only if the command
+moved otherwise than the fault. From FAST on the sine is not taken out, but averaged away: two periods are too short for
+a command to move in. A servo that a fast liquid OFC drives to its rate limit loses a share of its command as well:
+between the two, and for all that is slow, the verdict is AMBIGUOUS.
 """
 
 import math
@@ -27,6 +30,10 @@ from fdi.common.decision import T_HOLD, confirm
 from fdi.common.verdict import AMBIGUOUS, NONE, OFC_LIQUID, OFC_SOLID
 
 SECOND = 0.4  # of the suspect's amplitude: from there on the other side oscillates as well
+# share of the command between liquid and solid; what windows that overlap and residues that are no noise make of the
+# variance of their mean; how many of its deviations are beyond doubt
+CENTRE, ALIKE, SURE = 0.32, 8.0, 2.0
+FAST, FAST_N = 5.5, 14  # [Hz]; samples of 0.1 s then
 BELOW = 0.99  # r of a fit beyond its threshold that is no oscillation
 
 PARAMS = [
@@ -38,7 +45,7 @@ PARAMS = [
     ("coherence", "f8", "-"),  # least agreement of the two periods
     ("purity", "f8", "-"),  # least share of the window's power that the oscillation explains
     ("hits", "f8", "-"),  # fits in a row that must pass
-    ("margin", "f8", "-"),  # difference of purity that names the class
+    ("margin", "f8", "-"),  # how far from CENTRE the share of the command names the class, beyond its error
     ("t_release", "f8", "s"),  # an alarm outlives its cause by this
     ("tau_energy", "f8", "s"),  # memory of the energy that makes an estimate suspect
     ("tau_slow", "f8", "s"),  # lag of the slow part
@@ -62,7 +69,8 @@ def state(faults: Any) -> list[Any]:
         ("ofc_class", "f8", "-"),  # its class
         ("most", "f8", "rad"),  # its threshold
         ("both", "f8", "-"),  # 1 while the other estimate oscillates beyond it as well
-        ("ofc_margin", "f8", "-"),  # clearest difference of purity so far
+        ("lost_weight", "f8", "-"),  # sum of the weights of the windows so far
+        ("lost_share", "f8", "-"),  # share of the command that does not come through, their mean
         ("timer", "f8", "s"),  # confirmation of the slow test
         ("static", "f8", "-"),  # its alarm
         ("blamed", "f8", "-"),  # index of the estimate that was last beyond it
@@ -171,12 +179,48 @@ def oscillation(x, p):
         return
     if x.ofc_timer == 0.0:
         x.ofc_class = AMBIGUOUS
-        x.ofc_margin = p.margin
+        x.lost_weight = 0.0
     x.ofc_timer, x.most = p.t_release, level
-    _, liquid, _ = bank.character(x, p, found, 1.0, 0.0)
-    _, half, _ = bank.character(x, p, found, 1.0, 0.5)
-    _, whole, _ = bank.character(x, p, found, 1.0, 1.0)
-    solid = max(half, whole)
-    if math.fabs(solid - liquid) > x.ofc_margin:  # the clearest window since the alarm decides
-        x.ofc_margin = math.fabs(solid - liquid)
-        x.ofc_class = OFC_SOLID if solid > liquid else OFC_LIQUID
+    share, weight = missing(x, p, found)
+    x.lost_weight += weight
+    if weight > 0.0:
+        x.lost_share += (share - x.lost_share) * weight / x.lost_weight
+    apart = x.lost_share - CENTRE
+    if x.lost_weight > 0.0 and math.fabs(apart) > p.margin + SURE * math.sqrt(ALIKE / x.lost_weight):
+        x.ofc_class = OFC_SOLID if apart > 0.0 else OFC_LIQUID
+    else:
+        x.ofc_class = AMBIGUOUS
+
+
+@kernel
+def missing(x, p, k):
+    """Return (share of the command that does not come through, 1 / its variance) by the window of frequency k."""
+    fast = p.bank_hz[k] > FAST
+    n, j = (FAST_N, bank.LEVELS - 1) if fast else (int(p.bank_n[k]), int(p.bank_level[k]))
+    if x.bank_seen[j] <= n:
+        return 0.0, 0.0
+    i = int(x.bank_head[j]) - n
+    if i < 0:
+        i += bank.N
+    loss = 0.0 if fast else p.bank_loss[k]
+    turn_c, turn_s = math.cos(p.bank_angle[k]), math.sin(p.bank_angle[k])
+    first = -0.5 * (n - 1) * p.bank_angle[k]
+    c, s = math.cos(first), math.sin(first)
+    f1, u1, ff, fu, uu = 0.0, 0.0, 0.0, 0.0, 0.0
+    for _ in range(n):
+        f = x.bank_ring[0, j, i] - loss * (x.bank_cos[0, k] * c + x.bank_sin[0, k] * s)
+        u = x.bank_ring[1, j, i] - loss * (x.bank_cos[1, k] * c + x.bank_sin[1, k] * s)
+        f1 += f
+        u1 += u
+        ff += f * f
+        fu += f * u
+        uu += u * u
+        i = 0 if i == bank.N - 1 else i + 1
+        c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
+    ff -= f1 * f1 / n
+    fu -= f1 * u1 / n
+    uu -= u1 * u1 / n
+    if uu <= 0.0:
+        return 0.0, 0.0
+    left = max(ff - fu * fu / uu, 0.01 * ff) / (n - 2.0)
+    return -fu / uu, uu / left if left > 0.0 else 0.0
