@@ -15,7 +15,7 @@ base = "cruise"
 duration_s = 2.0
 "flight.turbulence" = "none"
 [draw]
-"sensors.surface.bias_deg" = { mean = 0.0, sigma = 0.4, low = -2.0, high = 2.0 }
+"sensors.surface.bias_deg" = { mean = 0.0, sigma = 0.3, low = -2.0, high = 2.0 }
 "tolerances.aero.CL_ds" = { mean = 1.0, sigma = 0.02 }
 "tolerances.aero.Cn_beta" = { mean = 1.0, sigma = 0.02 }
 """
@@ -28,7 +28,7 @@ duration_s = 2.5
 "faults.0.kind" = "bias"
 "faults.0.start_s" = 1.0
 [draw]
-"faults.0.bias_deg" = { mean = 3.2, sigma = 0.8, low = 0.05, high = 6.0 }
+"faults.0.bias_deg" = { mean = 1.2, sigma = 0.3, low = 0.05, high = 2.0 }
 "tolerances.aero.CL_ds" = { mean = 1.0, sigma = 0.02 }
 "tolerances.aero.Cn_beta" = { mean = 1.0, sigma = 0.02 }
 """
@@ -69,7 +69,7 @@ def test_a_fault_that_is_missed_is_found_by_what_the_campaign_draws(tmp_path):
 
 def test_where_nothing_fails_it_says_how_near_it_came(tmp_path):
     file = tmp_path / "quiet.toml"
-    file.write_text(SPACE.replace("sigma = 0.4", "sigma = 0.01"))
+    file.write_text(SPACE.replace("sigma = 0.3", "sigma = 0.01"))
     found = likeliest(file, "position_monitor", flights=60, workers=0, out=tmp_path / "none.toml")
     assert found.scenario is None and found.failures == () and not (tmp_path / "none.toml").exists()
     assert 0.0 < found.to_dict()["nearest"] < 1.0

@@ -75,10 +75,10 @@ def test_a_detector_far_below_its_threshold_is_certified_and_one_near_it_is_not(
 def test_what_is_against_a_curve_is_said():
     small = lambda rng, n: 1e-4 * rng.exponential(size=n)  # noqa: E731
     assert "grows with the command" in work.curve("rfafe", flown(small, name="rfafe"))["against"][0]
-    silent = work.curve("ofc_monitor", flown(small, name="ofc_monitor", alarms=1, silent=1))
+    silent = work.curve("rtsekf", flown(small, name="rtsekf", alarms=1, silent=1))
     assert "statistic below 1" in silent["against"][0]
     stuck = work.curve(
-        "ofc_monitor", flown(lambda rng, n: np.minimum(rng.exponential(size=n), 0.99), name="ofc_monitor")
+        "rtsekf", flown(lambda rng, n: np.minimum(rng.exponential(size=n), 0.99), name="rtsekf")
     )
     assert "saturates" in stuck["against"][0] and stuck["needed"] is None and "extremes" not in stuck["curve"]
 

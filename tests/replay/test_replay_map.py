@@ -254,7 +254,7 @@ def test_what_is_missing_is_named_per_detector(signals, tmp_path):
 
 def test_parameters_and_the_start_can_be_changed(signals, tmp_path):
     bench_frame(signals, 200).to_csv(tmp_path / "bench.csv", index=False)
-    tight = {"position_monitor": {"threshold": 1e-4}}
+    tight = {"position_monitor": {"threshold": 1e-4, "share": 0.0}}
     told = diagnose(tmp_path / "bench.csv", EXAMPLE, detectors=["position_monitor"], overrides=tight, start_s=1.0)
     (row,) = told.detectors
     assert told.start_s == pytest.approx(1.0) and row["alarm"] and 1.0 <= row["first_alarm_s"] < 2.0
