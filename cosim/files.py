@@ -151,7 +151,12 @@ def open_alone(path: str | Path) -> Any:
         file = open(path, "wb", buffering=0, opener=_untouched)
         try:
             if locked(file) and _still_there(file, path):
-                if os.fstat(file.fileno()).st_size:
+                about = os.fstat(file.fileno())
+                if about.st_nlink > 1:  # under its other name, in somebody's copy of hard links, it stays
+                    os.unlink(os.path.realpath(path))
+                    file.close()
+                    continue
+                if about.st_size:
                     file.truncate(0)
                 return file
         except BaseException:

@@ -25,11 +25,21 @@ if not TOLD:
 WIDE = None if sys.stdout.isatty() or TOLD else 110  # a pipe has no width: do not fold its tables
 
 
+# of a title or a name that somebody else wrote: what would steer the terminal, or turn the direction of reading
+_STEERING = dict.fromkeys({*range(32), *range(127, 160), 0x61C, 0x200E, 0x200F, *range(0x2028, 0x202F),
+                           *range(0x2066, 0x206A)} - {ord("\t"), ord("\n")}, "?")  # fmt: skip
+
+
 class _Whole(Console):
-    """A console that cuts nothing off: a path or a command that is longer than the terminal stays whole."""
+    """A console that cuts nothing off: a path or a command that is longer than the terminal stays whole. What is
+    printed does not steer the terminal, only what rich adds does."""
 
     def print(self, *objects, **how):
         super().print(*objects, **{"crop": False, **how})
+
+    def render(self, renderable, options=None):
+        for part in super().render(renderable, options):
+            yield part if part.control else part._replace(text=part.text.translate(_STEERING))
 
 
 out, err = _Whole(width=WIDE), _Whole(stderr=True)

@@ -33,11 +33,11 @@ def reserve(path: str | Path, *, taken: Any = None, endings: Sequence[Any] = (),
         )
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        existed = path.exists()
+        behind, existed = path.resolve(), path.exists()  # behind a link stands the file that is opened
         with open(path, "ab", opener=_at_once) as file:
             free = locked(file)
             if free and not existed:
-                path.unlink()  # while it is locked: a run that has opened it meanwhile looks whether it is still there
+                behind.unlink()  # while locked: a run that has opened it meanwhile looks whether it is still there
     except (FileExistsError, NotADirectoryError):
         raise OutputError("its folder is a file", place=str(path), remedy="Choose another place with -o") from None
     except OSError as error:

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pyarrow as pa
 import pytest
@@ -41,6 +42,34 @@ def test_a_closed_output_is_no_error(tmp_path):
         command = " ".join([*COSIM, *SHORT, "-o", str(tmp_path / "a.mcap"), closed])
         assert subprocess.run(["sh", "-c", command], capture_output=True).returncode == 0, closed
         assert cosim.open_log(tmp_path / "a.mcap").complete
+
+
+def test_what_lies_in_the_current_folder_is_not_taken_for_a_library(tmp_path):
+    for name in ("numpy", "tomllib", "rich", "json", "jsbsim", "pydantic"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('not asked for')")
+    there = os.environ | {"PYTHONPATH": str(Path(cosim.__file__).parents[1])}
+    command = [sys.executable, "-m", "cosim", *SHORT, "-o", "a.mcap"]
+    told = subprocess.run(command, env=there, cwd=tmp_path, capture_output=True)
+    assert told.returncode == 0, told.stderr.decode()
+
+
+def test_a_name_or_title_of_somebody_elses_does_not_steer_the_terminal(tmp_path):
+    nasty = "title=a\x1b[31mred\x07\x9b2J\u202eback"
+    made = run(*SHORT, "-s", nasty, "-o", str(tmp_path / "a.mcap"))
+    assert made.returncode == 0
+    for told in (made, run("info", str(tmp_path / "a.mcap")), run("info", str(tmp_path / "\x1b]0;mine\x07.mcap"))):
+        said = (told.stdout + told.stderr).decode()
+        assert said and not {"\x1b", "\x07", "\x9b", "\u202e"} & set(said), said
+
+
+def test_a_link_to_a_file_that_is_not_there_yet_is_written_through_and_a_hard_links_other_name_stays(tmp_path):
+    (tmp_path / "link.mcap").symlink_to("behind.mcap")
+    assert run(*SHORT, "-o", str(tmp_path / "link.mcap")).returncode == 0
+    assert (tmp_path / "link.mcap").is_symlink() and cosim.open_log(tmp_path / "behind.mcap").complete
+    (tmp_path / "kept").write_text("of yesterday")
+    os.link(tmp_path / "kept", tmp_path / "b.mcap")
+    assert run(*SHORT, "-o", str(tmp_path / "b.mcap")).returncode == 0
+    assert (tmp_path / "kept").read_text() == "of yesterday" and cosim.open_log(tmp_path / "b.mcap").complete
 
 
 NOBODY = """
