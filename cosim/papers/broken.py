@@ -77,11 +77,14 @@ def proof(paper: str, only: Callable[[Break], bool] = lambda of: True) -> Iterat
     plan = importlib.import_module(f"cosim.papers.{paper}.rows").plan
     for of in filter(only, breaks(paper)):
         forget(paper)
+        held = [p.item for p in plan()]  # what is broken may change the name of a row, too
         try:
             with of.patch():
-                for p in chosen(plan(), of):
+                rows = plan()
+                items = {id(p): item for p, item in zip(rows, held, strict=True)}
+                for p in chosen(rows, of):
                     found = p.measure()
                     got = float(found[0] if isinstance(found, tuple) else found)
-                    yield Broken(paper, p.item, of.what, got, f"{p.low:g} .. {p.high:g}", not p.inside(got))
+                    yield Broken(paper, items[id(p)], of.what, got, f"{p.low:g} .. {p.high:g}", not p.inside(got))
         finally:
             forget(paper)

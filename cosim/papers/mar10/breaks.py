@@ -70,6 +70,12 @@ def _wide():
         yield
 
 
+@contextlib.contextmanager
+def _half():
+    with swap(FLIGHTS, LOSS=dict.fromkeys(flights.LOSS, 0.5)), swap(ROWS, DRAWS=2):
+        yield
+
+
 def _slow():
     return swap(FURTHER, wrap__step=lambda step: lambda: (5000.0 * step()[0], ""))
 
@@ -111,7 +117,6 @@ BREAKS = (
             "scenario 1, identified thrust loss [%]",
             *(f"scenario {n} ({who}), {label}" for n, who in SCENARIOS for label in LABELS),
             f"thresholds {flights.GUSTS:g} times those",
-            "noise of one sample",
         ),
     ),
     Break(
@@ -148,6 +153,7 @@ BREAKS = (
         _wide,
         ("mean and learned offset: loss", "mean, no offset: loss", "rows of force: all", "rows of force+moment: all"),
     ),
+    Break("the loss is taken for half of the thrust", _half, ("noise of one sample",)),
     Break(
         "a mean, its confirmation and its bound are those of the rows above, whatever is chosen",
         lambda: swap(ISOLATION, wrap_isolate=lambda isolate: lambda flown, choice=None: isolate(flown)),
