@@ -26,6 +26,10 @@ def assign(record: Any, module: Any, p: Any, name: str, value: Any, dt: float, *
         known = [*record.options, *(n + "[i]" * bool(p.dtype[n].shape) for n in p.dtype.names)]
         remedy = did_you_mean(base, [*record.options, *p.dtype.names])
         raise error("no such parameter", place=place, allowed=", ".join(known), remedy=remedy)
+    if option := record.belongs.get(base):
+        raise error("is set with the thresholds that belong to it", place=place,
+                    allowed=f"{option} = {', '.join(map(repr, record.options[option]))}",
+                    remedy=f"Set detectors.{record.id}.{option} in the scenario")  # fmt: skip
     shape = p.dtype[base].shape
     span = parameter_range(base, record, module, dt)
     if span is not None and not (span[0] <= value <= span[1] and value == round(value)):

@@ -72,6 +72,7 @@ class Detector:
     sizes: Mapping[str, float] = field(default_factory=dict)  # parameter: size or position -> its least value
     places: Mapping[str, tuple[str, int]] = field(default_factory=dict)  # state: position -> array of STATE, axis
     options: Mapping[str, tuple] = field(default_factory=dict)  # parameter that a scenario chooses by a word -> words
+    belongs: Mapping[str, str] = field(default_factory=dict)  # parameter -> option that sets it, with all that follows
     any_aircraft: bool = False  # at aircraft level: made without a model of one, so that it flies on every aircraft
     design: str = ""  # the stored design that it flies with, if any
     every: int = 1  # ticks of the loop from step to step

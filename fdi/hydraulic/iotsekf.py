@@ -149,6 +149,7 @@ DETECTOR = Detector(
     sizes=bank.SIZES,
     places=bank.PLACES,
     options={"form": tuple(FORMS)},  # the first is the default
+    belongs={"load": "form"},
     fit=lambda site, form="pressure": params(**FORMS[form], dt=site.dt, **site.known(PARAMS.names)),
 )
 NOISE = {

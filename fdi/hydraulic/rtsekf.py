@@ -142,6 +142,7 @@ DETECTOR = Detector(
     estimates=(Estimate("rod", "f_hat", "m"),),
     looks_back={"delay": "u_old"},
     options={"form": tuple(FORMS)},  # the first is the default
+    belongs={"load": "form"},
     fit=lambda site, form="hinge model": params(load=FORMS[form], dt=site.dt, **site.known(PARAMS.names)),
 )
 

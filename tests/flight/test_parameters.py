@@ -77,3 +77,12 @@ def test_what_only_building_finds_names_the_scenario_as_well(change, key, tmp_pa
     words = ["run", "cruise", "-s", "duration_s=1", "-s", change, "-o", str(tmp_path / "a.mcap")]
     found = CliRunner().invoke(cli.app, words)
     assert found.exit_code == 2 and found.stderr.startswith(f"error: cruise: {key}"), found.output
+
+
+@pytest.mark.parametrize("detector", ["iotsekf", "rtsekf"])
+def test_a_load_form_comes_with_its_thresholds_or_is_refused(detector):
+    flight = [f"detectors.enabled=['{detector}']", "duration_s=0.2"]
+    with pytest.raises(ScenarioError, match=r"thresholds that belong to it.*'published'.*form"):
+        build(load_scenario("cruise", [*flight, f"detectors.{detector}.load=0"]))
+    p = build(load_scenario("cruise", [*flight, f"detectors.{detector}.form='published'"])).loop.detectors[0].p
+    assert (p["load"] == 0.0).all()
