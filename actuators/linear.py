@@ -60,7 +60,7 @@ def _jacobian(tick, z0, steps, dt, names):
 
 
 def hydraulic_loop(
-    *, hmd: Any = 0.0, hm0: Any = 0.0, delta: Any = 0.0, dt: Any = 0.005, actuator: Any = None, control: Any = None
+    *, hmd: Any = 0.0, hm0: Any = 0.0, delta: Any = 0.0, dt: float = 0.005, actuator: Any = None, control: Any = None
 ) -> Any:
     """Return the Sampled model of servo and hydraulic actuator, command -> surface angle, at `delta` [rad].
 
@@ -104,7 +104,7 @@ def hydraulic_loop(
 
 
 def ema_loop(
-    *, hmd: Any = 0.0, hm0: Any = 0.0, delta: Any = 0.0, dt: Any = 0.005, actuator: Any = None, control: Any = None
+    *, hmd: Any = 0.0, hm0: Any = 0.0, delta: Any = 0.0, dt: float = 0.005, actuator: Any = None, control: Any = None
 ) -> Sampled:
     """Return the Sampled model of servo and electromechanical actuator; arguments as in `hydraulic_loop`."""
     p = (ema.params() if actuator is None else actuator).copy()

@@ -126,7 +126,7 @@ def closure(path: Any) -> Any:
     return seen
 
 
-def private(folder: Any) -> Any:
+def private(folder: Path) -> Any:
     """Return whether `folder` is a directory of this user's that nobody else may write to, made when it is missing.
 
     Compiled code is loaded by unpickling what lies there: whoever can write to it, or replace it, runs code as us.

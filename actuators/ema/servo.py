@@ -80,7 +80,7 @@ OUTPUTS = ("u", "delta_c", "r", "rd", "theta", "omega", "i_d", "z")
 POLE = 20.0  # [rad/s]
 
 
-def error_gains(*, pole: Any, dt: Any) -> dict[str, Any]:
+def error_gains(*, pole: Any, dt: float) -> dict[str, Any]:
     """Return {k_p, k_v, k_i} placing the poles of theta'' = -k_p theta - k_v theta' - k_i int theta, held over `dt`."""
     Phi = np.array([[1, dt, 0], [0, 1, 0], [dt, 0, 1]])
     Gamma = np.array([[dt**2 / 2], [dt], [0]])

@@ -23,7 +23,7 @@ def _linear(model):
     return np.array([[0, 1, 0], [0, a22, a23], [a31, a32, a33]]), np.array([[0.0], [0.0], [b3]])
 
 
-def error_gains(model: Any, *, pole: Any, dt: Any) -> dict[str, Any]:
+def error_gains(model: Any, *, pole: Any, dt: float) -> dict[str, Any]:
     """Return {k_q, k_v, k_a} for which the sampled linear loop has its poles at -pole, 0.97 pole and 1.03 pole.
 
     (13) in linear form is u = -K (q, q', x3): K follows from pole placement, the gains from comparing coefficients.

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from cosim.log.writer import ROWS
-from cosim.scenario import load_scenario
+from cosim.scenario import Scenario, load_scenario
 
 TURNS = 5  # of a round: 5 s of flight of every case
 ELEVEN = (  # what "all detectors" means, whatever is added
@@ -69,7 +69,7 @@ def measure(folder: Path, rounds: int, progress: Callable[[int], None]) -> tuple
     return rows, {key: scenario.dt * 1e6 / cost[name] for key, name in named.items()}
 
 
-def flying(scenario: Any, path: Path | None = None, open_logs: Any = None) -> tuple[Callable[[], None], Any]:
+def flying(scenario: Scenario, path: Path | None = None, open_logs: Any = None) -> tuple[Callable[[], None], Any]:
     """Return (what flies one tick of a scenario, its loop), logged to `path` unless that is None."""
     from cosim.flight.build import build
     from cosim.flight.recorder import open_writer

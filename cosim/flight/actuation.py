@@ -7,6 +7,7 @@ import numpy as np
 from actuators.simple import actuator as simple
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.flight.gains import sensor_age
+from cosim.scenario import Scenario
 from cosim.scenario.catalog import TECHNOLOGIES
 from cosim.scenario.elevator import Settings
 
@@ -36,7 +37,7 @@ def plain(aircraft: Any, kind: str) -> dict[str, float]:
     return {**bounds, "rate": surface.rate, "omega": surface.omega_rad_s}
 
 
-def blocks(scenario: Any, loads: dict, others: dict, dt: float) -> list[tuple]:
+def blocks(scenario: Scenario, loads: dict, others: dict, dt: float) -> list[tuple]:
     """Return [(section, module, p, x0, lanes)] of all actuators, a servo before its actuator.
 
     `loads` maps segment -> (delta, hm0, hmd) at trim, `others` the remaining surfaces -> their angle [rad]. What flies

@@ -113,7 +113,7 @@ def _sensor_lanes(scenario, rng, dt):
     return tuple(names), np.concatenate(rows)
 
 
-def build(scenario: Any, flightgear: int | None = None) -> Any:
+def build(scenario: Scenario, flightgear: int | None = None) -> Any:
     """Return the Setup of `scenario`. Raises TrimError when the flight point cannot be flown.
 
     `flightgear` is the UDP port of this machine at which FlightGear is told of the flight, once `plant.show` says so.

@@ -21,7 +21,7 @@ from cosim.flight import guests, made
 from cosim.flight.blocks.sensors import fitted
 from cosim.flight.parameters import assign, wrong_parameter
 from cosim.flight.site import site
-from cosim.scenario import vocabulary
+from cosim.scenario import Scenario, vocabulary
 from cosim.scenario.aircraft import Aircraft, load_aircraft
 from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.guest_file import KEYS
@@ -134,7 +134,7 @@ class Installed:
         """Return the ticks of the loop from step to step."""
         return self.record.every
 
-    def params(self, scenario: Any, dt: float) -> Any:
+    def params(self, scenario: Scenario, dt: float) -> Any:
         """Return the PARAMS of all lanes; the scenario's own values replace fields. Raises ScenarioError for one that
         is none.
         """
@@ -209,14 +209,14 @@ def missing(record: Any, aircraft: Aircraft) -> str:
     return why
 
 
-def left_out(scenario: Any) -> dict[str, str]:
+def left_out(scenario: Scenario) -> dict[str, str]:
     """Return {detector: why} of those that the scenario runs and its aircraft cannot have."""
     guests.use(scenario)
     found = {name: missing(registry.record(name), scenario.aircraft) for name in scenario.running}
     return {name: why for name, why in found.items() if why}
 
 
-def chosen(scenario: Any) -> Any:
+def chosen(scenario: Scenario) -> Any:
     """Return the Installed detectors of a scenario, in its order; one without an actuator of its technologies, or that
     its aircraft cannot have, is left out.
     """
@@ -241,7 +241,7 @@ _ESTIMATE = {
 }
 
 
-def feedback_wires(scenario: Any) -> Any:
+def feedback_wires(scenario: Scenario) -> Any:
     """Return the wires by which servos close on a local filter's estimate: where the scenario says so, and on
     reconfiguration.
     """

@@ -6,13 +6,13 @@ substitution (solid OFC, runaway) acts on two fields, its share of the healthy s
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from cosim.errors import ScenarioError
 from cosim.flight.blocks import faults as f
 from cosim.flight.gains import liquid_gain
+from cosim.scenario import Scenario
 from cosim.scenario.aircraft import Aircraft
 from cosim.scenario.catalog import TECHNOLOGIES
 
@@ -39,7 +39,7 @@ class Lane:
     reference: str = ""  # bus name latched at onset, for a runaway
 
 
-def lanes(scenario: Any) -> list[Lane]:
+def lanes(scenario: Scenario) -> list[Lane]:
     """Return the fault lanes of `scenario`; relative units refer to the nominal values of the technologies' records."""
     return [_lane(j, scenario) for j in scenario.injections()]
 

@@ -10,7 +10,7 @@ TICKS = 1000  # of a block
 class Draw:
     """Draw standard normal noise, one number per lane and tick."""
 
-    def __init__(self, rng: Any, lanes: Any):
+    def __init__(self, rng: np.random.Generator, lanes: Any):
         self._rng, self._block = rng, np.zeros((TICKS, lanes))
 
     def tell(self, tape: Any, to: Any) -> None:

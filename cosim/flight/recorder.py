@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -74,7 +75,7 @@ def topics(setup: Any) -> Any:
     return out
 
 
-def open_writer(setup: Any, path: Any) -> LogWriter:
+def open_writer(setup: Any, path: str | os.PathLike) -> LogWriter:
     """Return the LogWriter of a flight's log, with what does not change written: scenario, parameters, wiring."""
     import cosim
 

@@ -49,7 +49,7 @@ class Block:
 class Tape:
     """Record what a tick does to the bus vector `v` (n,), then `run` it tick by tick."""
 
-    def __init__(self, v: Any, dt: Any, *, plain: Any = PLAIN, free: bool = False):
+    def __init__(self, v: Any, dt: float, *, plain: Any = PLAIN, free: bool = False):
         """`plain` walks the table in Python, as NUMBA_DISABLE_JIT=1 does; `free` lets other threads run meanwhile."""
         self.v, self.dt, self._plain, self._free = v, dt, plain, free
         self._kept = [v]  # every array that a row points to

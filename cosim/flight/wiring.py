@@ -9,6 +9,7 @@ from typing import Any
 
 from cosim.flight.blocks import sensors
 from cosim.flight.blocks.law import SENSORS as LAW_SENSORS
+from cosim.scenario import Scenario
 from cosim.scenario.catalog import TECHNOLOGIES
 
 DEMANDS = ("nz_dem", "phi_dem", "psi_dem", "de_add", "hold_psi", "hold_h", "hold_v")
@@ -16,7 +17,7 @@ OTHERS = ("aileron_left", "aileron_right", "rudder", "stabiliser")  # surfaces w
 SURFACE_OF = {"aileron_left": "da_l", "aileron_right": "da_r", "rudder": "dr", "stabiliser": "stab"}
 COMMAND_OF = {"aileron_left": "da_cmd", "aileron_right": "da_cmd", "rudder": "dr_cmd", "stabiliser": "stab_cmd"}
 
-def sensor_wires(scenario: Any) -> list[tuple[str, str]]:
+def sensor_wires(scenario: Scenario) -> list[tuple[str, str]]:
     """Return the wires from truth and actuators to the sensors."""
     fitted = sensors.fitted(scenario.aircraft)
     pairs = [(f"sensors_in.{name}.truth", f"truth.aircraft.{spec[0]}") for name, spec in fitted.items()]
@@ -64,7 +65,7 @@ def servo_wires(technology: Any) -> Any:
     return pairs
 
 
-def actuator_wires(scenario: Any) -> Any:
+def actuator_wires(scenario: Scenario) -> Any:
     """Return the wires from servos, law and hinge moments to the actuators."""
     pairs, short = [], scenario.aircraft.short
     for seg, tech in scenario.elevator.technology.items():
@@ -75,7 +76,7 @@ def actuator_wires(scenario: Any) -> Any:
     return pairs + [(f"simple_in.{name}.command", f"law.law.{COMMAND_OF[name]}") for name in OTHERS]
 
 
-def surface_wires(scenario: Any) -> list[tuple[str, str]]:
+def surface_wires(scenario: Scenario) -> list[tuple[str, str]]:
     """Return the wires from actuators, law and engine faults to the aircraft."""
     short = scenario.aircraft.short
     pairs = [(f"surfaces.aircraft.de_{short[s]}", f"{t}.{s}.delta") for s, t in scenario.elevator.technology.items()]

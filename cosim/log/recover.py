@@ -77,7 +77,7 @@ def _repack(found, file, chunk, offset):
     return pack_chunk(found.layout, content, [data], chunk.compression, k0, n, entries, offset)
 
 
-def info(path: Any, *, check: Any = False, limits: Any = None) -> dict[str, Any]:
+def info(path: str | Path, *, check: Any = False, limits: Any = None) -> dict[str, Any]:
     """Return a dict that describes a log, be it whole or not; raises LogError when there is nothing to describe.
 
     `readable` (the strict reader takes it), `problem` (why not), `complete` (the run ended by itself), `ticks`, `dt_s`,

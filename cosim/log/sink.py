@@ -24,7 +24,7 @@ class Sink:
     What has been written then stays for `recover`, where it holds a tick and is to be `kept`.
     """
 
-    def __init__(self, path: Any, *, kept: bool = True):
+    def __init__(self, path: str | os.PathLike, *, kept: bool = True):
         self.path, self._kept = os.fspath(path), kept
         self.offset = self.crc = 0
         self.schemas: list[Schema] = []

@@ -1,6 +1,7 @@
 """Write a log while a run goes on: a vector per tick, a compressed chunk per second, whole after any end."""
 
 import ctypes
+import os
 import struct
 from pathlib import Path
 from typing import Any
@@ -47,7 +48,7 @@ class LogWriter:
 
     def __init__(
         self,
-        path: Any,
+        path: str | os.PathLike,
         topics: Any,
         *,
         n_values: Any,

@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from copy import deepcopy
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -99,7 +100,7 @@ def compare(name: str, fields: Any, ticks: Any, logged: Any, again: Any) -> Any:
 
 
 def replay(
-    path: Any,
+    path: str | Path,
     *,
     detectors: Any = None,
     overrides: Any = None,

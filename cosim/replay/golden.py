@@ -49,7 +49,7 @@ FLIGHTS = {
 }
 
 
-def fly(name: Any, folder: Any = FOLDER) -> Any:
+def fly(name: str, folder: Path = FOLDER) -> Path:
     """Fly golden flight `name`; write <name>.mcap and its fingerprint <name>.txt, and return the log's path."""
     from cosim.flight.simulate import simulate
     from cosim.scenario import load_scenario
@@ -70,7 +70,7 @@ def fly(name: Any, folder: Any = FOLDER) -> Any:
     return out
 
 
-def thin(path: Any, out: Any) -> Any:
+def thin(path: str | Path, out: Any) -> Any:
     """Copy of a log only what a replay of its detectors reads."""
     log = open_log(path)
     wired = describe(log)

@@ -10,6 +10,7 @@ import numpy as np
 
 from actuators.block import unit
 from cosim.flight.detectors import wires
+from cosim.log import Log
 from cosim.replay.lanes import Lane, replay_lane, tick_of
 from cosim.replay.params import ReplayError
 from fdi import registry
@@ -52,7 +53,7 @@ def other_code(entry: dict) -> str:
     return f"{name} is not the code that flew: digest {here[:12]} here, {about['sha256'][:12]} in the log"
 
 
-def outputs(log: Any, guest: Any, technologies: dict[str, str]) -> dict[str, np.ndarray]:
+def outputs(log: Log, guest: Any, technologies: dict[str, str]) -> dict[str, np.ndarray]:
     """Return {lane: outputs (rows, n)} of a guest run on an open log in which it did not fly, from the first tick on.
 
     Raises ReplayError for a signal that the log lacks, or for a log with gaps.

@@ -17,6 +17,7 @@ from actuators.block import Entry
 from cosim.errors import LogError, did_you_mean
 from cosim.flight.guests.plain import PlainDetector
 from cosim.flight.parameters import wrong_state
+from cosim.log import Log
 from cosim.replay import door
 from cosim.replay.params import ReplayError, attached, chosen_overrides, older, override, trusted
 from fdi import registry
@@ -42,7 +43,7 @@ class Lane:
     rollout: object = None  # of a guest with objects of its own
 
 
-def manifest(log: Any) -> Any:
+def manifest(log: Log) -> Any:
     """Return the list of detectors that a log describes."""
     found = door.detectors(log)
     strange = [d["id"] for d in found if d["id"] not in registry.SHIPPED and "guest" not in d]
@@ -82,7 +83,7 @@ class Wired:
         return f"elevator.{self.lane}" if self.level == "local" else "aircraft"
 
 
-def tick_of(log: Any) -> Any:
+def tick_of(log: Log) -> Any:
     """Return the tick of a log's flight [s]: 1 / rate, which whole nanoseconds are only near to at 333 Hz."""
     rate = log.metadata.get("run", {}).get("rate_hz", "")
     whole = log.dt_ns * 1e-9
@@ -90,7 +91,7 @@ def tick_of(log: Any) -> Any:
     return 1.0 / hertz if hertz and round(1e9 / hertz) == log.dt_ns else whole
 
 
-def describe(log: Any, chosen: Any = None, overrides: Mapping[str, Any] | None = None) -> list[Wired]:
+def describe(log: Log, chosen: Any = None, overrides: Mapping[str, Any] | None = None) -> list[Wired]:
     """Return the Wired lanes of the detectors in `chosen` (all) whose code is here.
 
     `overrides` is {detector: {parameter: value}}.
@@ -137,18 +138,18 @@ def _check(log, wired):
             raise older(log, f"{source}.{column}, which {wired.id} reads as {name},")
 
 
-def lanes(log: Any, chosen: Any = None, overrides: Mapping[str, Any] | None = None) -> list[Lane]:
+def lanes(log: Log, chosen: Any = None, overrides: Mapping[str, Any] | None = None) -> list[Lane]:
     """Return the whole Lane of every detector in `chosen` (all) of an open log; see `describe`."""
     return fill(log, describe(log, chosen, overrides))
 
 
-def topics(log: Any, wired: Any) -> list[Any]:
+def topics(log: Log, wired: Any) -> list[Any]:
     """Return the topics that the lanes read or gave."""
     found = [t for w in wired for t in (w.topic, w.hidden, *(source for _, source, _ in w.inputs))]
     return [t for t in dict.fromkeys(found) if t in log.topics]
 
 
-def fill(log: Any, wired: Any, start: float = 0, stop: Any = None, read: Any = None) -> list[Lane]:
+def fill(log: Log, wired: Any, start: float = 0, stop: Any = None, read: Any = None) -> list[Lane]:
     """Return the Lane of each of `wired` for the ticks start <= k < stop; `read` is what log.arrays gave for them."""
     read = log.arrays(topics(log, wired), start, stop) if read is None else read
     return [_fill(log, w, read, start, stop) for w in wired]

@@ -7,6 +7,7 @@ import numpy as np
 
 from cosim.errors import CosimError, LogError, did_you_mean
 from cosim.flight.parameters import assign, wrong_parameter, wrong_state
+from cosim.log import Log
 from cosim.replay import door
 
 
@@ -14,14 +15,14 @@ class ReplayError(CosimError):
     """A replay that cannot be made, or would compare nothing."""
 
 
-def older(log: Any, what: str) -> LogError:
+def older(log: Log, what: str) -> LogError:
     """Return the LogError for `what` in a log that another version wrote."""
     software = log.metadata.get("run", {}).get("software", "another version")
     remedy = f"The log was written by {software}; replay it with the version that wrote it, or fly it again"
     return LogError(f"{what} is of another layout than this version's", place=str(log.path), remedy=remedy)
 
 
-def attached(log: Any, name: str, kind: Any) -> Any:
+def attached(log: Log, name: str, kind: Any) -> Any:
     """Return the structured array in attachment `name`, of dtype `kind`. Raises LogError for another layout or none."""
     try:
         found = door.array(log, name)
@@ -38,7 +39,7 @@ def attached(log: Any, name: str, kind: Any) -> Any:
     return out
 
 
-def trusted(log: Any, record: Any, module: Any, p: Any, x: np.ndarray, dt: float) -> None:
+def trusted(log: Log, record: Any, module: Any, p: Any, x: np.ndarray, dt: float) -> None:
     """Raise LogError when a number in the parameters or states of a log would index beyond the detector's arrays."""
     for what, wrong in (
         ("parameter", wrong_parameter(record, module, p, dt)),

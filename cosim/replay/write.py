@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import LogError
-from cosim.log import LogWriter, Pose, Topic
+from cosim.log import Log, LogWriter, Pose, Topic
 from cosim.log.writer import RESERVED
 
 POSE = ("lat", "lon", "h", "phi", "theta", "psi")
@@ -15,7 +15,7 @@ POSE = ("lat", "lon", "h", "phi", "theta", "psi")
 class Overlay:
     """Write the log at `path` span after span; use as a context manager. Raises LogError for a log with gaps."""
 
-    def __init__(self, log: Any, wired: Any, path: str | Path):
+    def __init__(self, log: Log, wired: Any, path: str | Path):
         if len(log.spans) == 0 or log.spans[0][0] or sum(log.spans[-1]) != log.n_ticks:
             raise LogError("ticks are missing, and an overlay needs every one", place=str(log.path))
         self._log, self._names, self._n = log, [n for n in log.topics if not n.startswith("/replay/")], 0

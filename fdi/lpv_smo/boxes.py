@@ -32,7 +32,7 @@ def save(pairs: Sequence[Any], path: str | Path, **facts: Any) -> None:
     Path(path).write_text(compact.text({**facts, "boxes": held}), encoding="utf-8")
 
 
-def load(path: Any = None) -> list[tuple[LpvModel, Design]]:
+def load(path: str | Path | None = None) -> list[tuple[LpvModel, Design]]:
     """Return [(LpvModel, Design), ...] of `path`, by default those stored for this aircraft.
 
     Raises FileNotFoundError when there is none, ValueError when a design was made for another model than beside it.

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from actuators.constants import G0, M_PER_FT, M_S_PER_KT, N_PER_LBF
+from cosim.scenario import Scenario
 from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft
 
 
@@ -61,7 +62,7 @@ class FlightPoint:
         )
 
     @classmethod
-    def of(cls, scenario: Any) -> "FlightPoint":
+    def of(cls, scenario: Scenario) -> "FlightPoint":
         """Return the flight point of `scenario`, with its coefficients' multipliers, turbulence and seed."""
         f = scenario.flight
         kind, speed = f.speed

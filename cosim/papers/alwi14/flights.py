@@ -23,7 +23,7 @@ ONSET = 10.0  # [s]
 
 
 @functools.cache
-def fly_point(point: Any, faults: Any, path: Any, draw: Any, noise: Any) -> Any:
+def fly_point(point: str, faults: Any, path: Any, draw: Any, noise: Any) -> Any:
     """Fly a Table 4 point with a doublet of 0.15 g at 12 s; return what the observer reads, and more."""
     changes = [f"flight.{k}={v}" for k, v in SIX[point].items()]
     changes += ["detectors.enabled=[]", f"sensors.noise_scale={noise}"]
@@ -41,7 +41,7 @@ def fly_point(point: Any, faults: Any, path: Any, draw: Any, noise: Any) -> Any:
 
 
 def nonlinear(
-    point: Any, faults: Any, path: str = "observers", draw: Any = None, noise: float = 1.0, t_learn: float = 0.0
+    point: str, faults: Any, path: str = "observers", draw: Any = None, noise: float = 1.0, t_learn: float = 0.0
 ) -> tuple[Any, ...]:
     """Return (flight, detector log), the detector without learned offset unless `t_learn` says so."""
     flown = fly_point(point, faults, path, draw, noise)

@@ -158,7 +158,7 @@ def _fly(tick, noise, s, c, pi, pr, x, i, r, us, ui, ur, dt, out):
         _seed(tick, noise[n], s, c, pi, pr, x[n], i[n], r[n], us, ui, ur, dt, out[n])
 
 
-def schedule(scenario: Any) -> Any:
+def schedule(scenario: str) -> Any:
     """Return the TICK records of a scenario."""
     n = round(SECONDS / DT)
     t = np.arange(n) * DT
@@ -192,7 +192,7 @@ def _noise(seeds):
 
 
 def fly(
-    scenario: Any,
+    scenario: str,
     load: Any = "no load",
     *,
     seeds: Any = SEEDS,

@@ -47,7 +47,7 @@ def _summary(out):
 
 
 @functools.cache
-def case(scenario: Any, load: Any = "no load", seeds: Any = bench.SEEDS, **options: Any) -> Any:
+def case(scenario: str, load: Any = "no load", seeds: Any = bench.SEEDS, **options: Any) -> Any:
     """Return {(number, phase): value} of a scenario under a load; `options` of `bench.fly`.
 
     "state" and "fault" are the mean error over the scatter of one estimate (the largest of q, q', x3).
@@ -62,7 +62,7 @@ def _sine(y):
 
 
 def get(
-    key: str, scenario: Any, load: Any = "no load", phase: str = "after", scale: float = 1.0, **options: Any
+    key: str, scenario: str, load: Any = "no load", phase: str = "after", scale: float = 1.0, **options: Any
 ) -> Any:
     """Return a function that looks up one number of a case."""
     return lambda: scale * case(scenario, load, **options)[key, phase]
@@ -71,7 +71,7 @@ def get(
 def ratio(
     above: Any,
     below: Any,
-    scenario: Any,
+    scenario: str,
     load: str = "no load",
     phases: tuple[str, str] = ("after", "after"),
     **options: Any,

@@ -48,7 +48,7 @@ def pedals(start: float, width: float = 2.5, angle: float = 3 * RAD_PER_DEG) -> 
 PEDALS = (*pedals(24.0), *pedals(34.0))
 
 
-def scenario(number: Any, draw: Any = None, extra: Sequence[Any] = ()) -> Any:
+def scenario(number: int, draw: Any = None, extra: Sequence[Any] = ()) -> Any:
     """Return scenario 1, 2 or 3 with nominal aircraft and sensors (`draw` None) or those of a draw, in still air."""
     changes = ["detectors.enabled=[]", "flight.turbulence=none", *DOUBLET, *extra]
     if number == 1:
@@ -69,7 +69,7 @@ def scenario(number: Any, draw: Any = None, extra: Sequence[Any] = ()) -> Any:
     return load_scenario(NAMES[number], changes)
 
 
-def fly(number: Any, draw: Any = None, extra: Sequence[Any] = ()) -> Any:
+def fly(number: int, draw: Any = None, extra: Sequence[Any] = ()) -> Any:
     """Fly a scenario with the pedals; return what the detector reads."""
 
     def prepare(setup):
@@ -126,7 +126,7 @@ class Outcome:
     shared: float = math.nan  # of the time beyond the thresholds after the loss: engine and single engines explain it
 
 
-def judge(number: Any, flown: Any, log: Any) -> Any:
+def judge(number: int, flown: Any, log: Any) -> Any:
     """Return the `Outcome`: right when the true effectors are the first declared, in order, each after its fault."""
     found = []
     for h, name in enumerate(control_redundancy.EFFECTORS):

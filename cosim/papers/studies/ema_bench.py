@@ -102,13 +102,13 @@ def three_two_one_one(t: Any, *, start: float, amplitude: float = 4 * RAD_PER_DE
 
 
 def script(
-    seconds: Any,
+    seconds: float,
     *,
     command: Any = 0.0,
     hm0: Any = 1500.0,
     hmd: Any = -26e3,
     factor: Any = (1.0, 1.0),
-    rng: Any = None,
+    rng: np.random.Generator | None = None,
     gust: Any = 300.0,
     sigma: Any = SIGMA,
     bias: Any = 0.0,

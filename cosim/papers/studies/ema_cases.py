@@ -28,11 +28,11 @@ TRUE = ("ema.{}.motor", "ema.{}.delta", "ema_servo.{}.r")
 DRIVE_LEFT = 0.8  # of the drive's limit, at most, for an oscillation in it
 
 
-def _log(rng: Any, low: float, high: float) -> float:
+def _log(rng: np.random.Generator, low: float, high: float) -> float:
     return float(low * (high / low) ** rng.uniform())
 
 
-def _either(rng: Any, low: float, high: float) -> float:
+def _either(rng: np.random.Generator, low: float, high: float) -> float:
     return float(rng.choice([-1.0, 1.0]) * rng.uniform(low, high))
 
 
@@ -151,7 +151,7 @@ SIZED = {  # fault -> (key, least, largest size), for probabilities of detection
 }  # fmt: skip
 
 
-def swept(name: str, rng: Any, k: int) -> tuple[list[dict], float, Any]:
+def swept(name: str, rng: np.random.Generator, k: int) -> tuple[list[dict], float, Any]:
     """Return a fault `name` of one size on each of four segments; a scale's size is its factor less 1."""
     key, low, high = SIZED[name]
     out = []

@@ -50,7 +50,7 @@ class Outcome:
 
 
 def draw(
-    seed: Any, fault: Any = "no fault", *, size: Any = None, noise: Any = 1.0, command: Any = None, onset: Any = None
+    seed: int, fault: Any = "no fault", *, size: Any = None, noise: Any = 1.0, command: Any = None, onset: Any = None
 ) -> Any:
     """Return (script, keyword arguments of fly_bench, onset [s]) of one draw; `size` replaces the fault's own."""
     rng = np.random.default_rng(seed)
@@ -133,7 +133,7 @@ def margins(seeds: Sequence[Any]) -> dict[str, float]:
     return worst
 
 
-def reconfigured(field: Any, size: Any, *, bias: Any, seed: Any, seconds: Any = 85.0, onset: Any = 20.0) -> Any:
+def reconfigured(field: Any, size: Any, *, bias: Any, seed: int, seconds: float = 85.0, onset: Any = 20.0) -> Any:
     """Return (Flight, times [s]): a position fault in motion at `onset`, a velocity bias [of no-load], motion later."""
     rng = np.random.default_rng(seed)
     t = np.arange(round(seconds / DT)) * DT

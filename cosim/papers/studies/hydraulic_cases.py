@@ -110,7 +110,7 @@ def cases() -> list[Case]:
     return [*oscillations(), *others()]
 
 
-def arguments(case: Any, seed: Any, noise: Any = 1.0) -> Any:
+def arguments(case: Any, seed: int, noise: Any = 1.0) -> Any:
     """Return the arguments of `scenario` for one seed of a case; a manoeuvre starts 2 to 4 s before the fault."""
     start = T_FAULT - float(np.random.default_rng([seed, 1]).uniform(2.0, 4.0))
     drawn = {"kind": CYCLE[seed % len(CYCLE)], "start_s": start}
@@ -167,7 +167,7 @@ def detectors() -> Any:
     return out | {f"iotsekf load {k}": (iotsekf, iotsekf.params(load=k)) for k in (1, 0)}
 
 
-def fly_case(case: Any, seed: Any, noise: Any = 1.0) -> dict[str, dict[str, bool | float | str]]:
+def fly_case(case: Any, seed: int, noise: Any = 1.0) -> dict[str, dict[str, bool | float | str]]:
     """Return {detector: Outcome as a dict} of one seed of a case, given as a dict."""
     made = Case(**case)
     flight = arguments(made, seed, noise)
@@ -176,7 +176,7 @@ def fly_case(case: Any, seed: Any, noise: Any = 1.0) -> dict[str, dict[str, bool
     return {name: asdict(judge(made, recorded, module, p, twin)) for name, (module, p) in detectors().items()}
 
 
-def achieved(case: Any, seed: Any) -> list[float | None]:
+def achieved(case: Any, seed: int) -> list[float | None]:
     """Return [u injected, rod amplitude [m] that an oscillation achieves against the same flight without the fault]."""
     made = Case(**case)
     flight = arguments(made, seed)

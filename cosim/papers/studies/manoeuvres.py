@@ -37,7 +37,7 @@ TRUTH = ("alpha", "theta", "phi", "nz", "h", "cas", "de_li")
 FIRST_SEED = 3
 
 
-def flown(point: Any, kind: Any, *, seconds: Any, air: Any, seed: Any, **more: Any) -> tuple[Any, ...]:
+def flown(point: str, kind: str, *, seconds: float, air: str, seed: int, **more: Any) -> tuple[Any, ...]:
     """Fly one manoeuvre; return (table of TRUTH, de_cmd and protection, parameters of the law); SI, rad."""
     keys = {
         **{f"flight.{k}": v for k, v in POINTS[point].items()}, "flight.turbulence": air, "manoeuvre.kind": kind,
@@ -54,7 +54,7 @@ def _span(x, unit=1.0):
     return [float(np.min(x) / unit), float(np.max(x) / unit)]
 
 
-def manoeuvre(point: Any, kind: Any, air: float, seed: int) -> dict[str, Any]:
+def manoeuvre(point: str, kind: str, air: str, seed: int) -> dict[str, Any]:
     """Return what happened in 60 s of one manoeuvre: spans of load factor, angles [deg], altitude [ft], speed [kt]."""
     f, p = flown(point, kind, seconds=60.0, air=air, seed=seed)
     deg = RAD_PER_DEG
@@ -65,9 +65,9 @@ def manoeuvre(point: Any, kind: Any, air: float, seed: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def pull(point: Any, air: float, seed: int) -> dict[str, Any]:
+def pull(point: str, air: str, seed: int) -> dict[str, Any]:
     """Return the elevator's work in a pull to alpha_max from a low speed, and in cruise there [deg, deg/s rms]."""
-    keys = {"seconds": 26.0, "air": air, "seed": seed, "flight.cas_kt": SLOW_KT[point]}
+    keys: dict[str, Any] = {"seconds": 26.0, "air": air, "seed": seed, "flight.cas_kt": SLOW_KT[point]}
     f, p = flown(point, "aoa_protection", **keys)
     still, _ = flown(point, "cruise", **keys)
     late = slice(round(8.0 / 0.005), round(25.0 / 0.005))
@@ -83,7 +83,7 @@ def pull(point: Any, air: float, seed: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def turn(point: Any, seed: int) -> dict[str, Any]:
+def turn(point: str, seed: int) -> dict[str, Any]:
     """Return the altitude lost and gained in 60 s at 30 degrees of bank in light turbulence [ft]."""
     f, _ = flown(point, "coordinated_turn", seconds=75.0, air="light", seed=seed)
     return {"status": f.attrs["status"], "h": _span(f["h"] - f["h"].iloc[0], M_PER_FT)}

@@ -15,7 +15,7 @@ from cosim.flight.plant.point import SIX
 from cosim.flight.signals import fly
 from cosim.judge.achieved import sine
 from cosim.judge.alarms import detection
-from cosim.papers.studies import Table
+from cosim.papers.studies import Options, Table
 from cosim.scenario.load import load_scenario
 
 DETECTORS = ("rfafe", "rfafe_airframe", "lpv_smo", "control_redundancy")
@@ -56,7 +56,7 @@ SHOWN = (
 )  # fmt: skip
 
 
-def measure(point: Any, case: Any, turbulence: Any, seed: Any) -> dict[str, list[float | None]]:
+def measure(point: str, case: Any, turbulence: Any, seed: int) -> dict[str, list[float | None]]:
     """Fly one case; return {detector: [delay s or None, estimate over fault or None, largest r, share believed]}.
 
     The estimate of the oscillation is the ratio of sines over 8 s from 2 s after the onset, the fault that of the left
@@ -103,12 +103,12 @@ def _cases(seeds):
             for s in range(seeds)]  # fmt: skip
 
 
-def jobs(options: Any) -> list[Any]:
+def jobs(options: Options) -> list[Any]:
     """Return the flights."""
     return [(measure, dict(zip(("point", "case", "turbulence", "seed"), key))) for key in _cases(options.seeds)]
 
 
-def tables(options: Any, values: Any) -> list[Table]:
+def tables(options: Options, values: Any) -> list[Table]:
     """Return a table per fault: detectors over points."""
     seeds = options.seeds
     got = dict(zip(_cases(seeds), values))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import linprog
 
-from cosim.papers.studies import Table
+from cosim.papers.studies import Options, Table
 from cosim.training import lpv as design_lpv
 from fdi.lpv_smo import model as lpv_model
 
@@ -47,12 +47,12 @@ def entries(model: Any, fixed: Any, samples: Any) -> list[tuple[str, float, str,
     return rows
 
 
-def jobs(options: Any) -> list[Any]:
+def jobs(options: Options) -> list[Any]:
     """Return nothing: the second grid is sampled for the tables (seconds)."""
     return []
 
 
-def tables(options: Any, values: Any) -> Any:
+def tables(options: Options, values: Any) -> Any:
     """Return the tables of the stored fit."""
     held = json.loads(design_lpv.STORED.read_text(encoding="utf-8"))
     fit = held["fit"]

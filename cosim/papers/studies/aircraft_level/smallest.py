@@ -15,7 +15,7 @@ import numpy as np
 from cosim.flight.detectors import sources
 from cosim.flight.signals import detect, fly
 from cosim.papers.mar10 import flights
-from cosim.papers.studies import Table
+from cosim.papers.studies import Options, Table
 from fdi.common.verdict import AMBIGUOUS
 from fdi.control_redundancy import control_redundancy
 
@@ -100,12 +100,12 @@ def _cases(draws):
             for size in sizes for d in range(draws)]  # fmt: skip
 
 
-def jobs(options: Any) -> list[Any]:
+def jobs(options: Options) -> list[Any]:
     """Return the flights."""
     return [(declared, dict(zip(("flight", "target", "size", "draw"), key))) for key in _cases(options.seeds)]
 
 
-def tables(options: Any, values: Any) -> list[Table]:
+def tables(options: Options, values: Any) -> list[Table]:
     """Return the tables: smallest size found, and what came of every size."""
     draws = options.seeds
     got = dict(zip(_cases(draws), values))

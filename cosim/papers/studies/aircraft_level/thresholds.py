@@ -3,18 +3,19 @@
 from typing import Any
 
 from actuators.constants import RAD_PER_DEG
+from cosim.papers.studies import Options
 from cosim.training import train_rfafe
 from fdi.common import bank
 from fdi.common.tuning import thresholds
 
 
-def jobs(options: Any) -> list[Any]:
+def jobs(options: Options) -> list[Any]:
     """Return the flights of the evaluation."""
     first = train_rfafe.EVALUATION
     return [(train_rfafe.look, {"first_seed": first, "index": i}) for i in range(len(list(train_rfafe.flights(first))))]
 
 
-def tables(options: Any, values: Any) -> list[Any]:
+def tables(options: Options, values: Any) -> list[Any]:
     """Return the tables: thresholds over frequency, and alarms."""
     names = list(train_rfafe.MODULES)
     held = {name: thresholds(name) for name in names}

@@ -18,7 +18,7 @@ from cosim.flight.detectors import sources
 from cosim.flight.plant.point import SIX
 from cosim.flight.signals import detect, fly
 from cosim.flight.site import site
-from cosim.papers.studies import Table
+from cosim.papers.studies import Options, Table
 from cosim.scenario.load import load_scenario
 from cosim.scenario.tolerance import toleranced
 from fdi.lpv_smo import lpv_smo
@@ -30,7 +30,7 @@ FAULT = {"f_hat_elevator": np.radians(3.0), "f_hat_n_z": 0.5, "f_hat_alpha": np.
 SHOWN = 0.05  # [%]: coefficients below that are left out
 
 
-def errors(point: Any, coefficient: Any = "", draw: Any = -1) -> Any:
+def errors(point: str, coefficient: Any = "", draw: Any = -1) -> Any:
     """Return the errors [%] of elevator, n_z and alpha and the stabiliser's movement [deg] of one flight.
 
     `coefficient` is 5 % too large, or with `draw` >= 0 every one is 5 % off, up or down at random.
@@ -55,12 +55,12 @@ def _cases(draws):
     return [*single, *((p, "", d) for p in POINTS for d in range(draws))]
 
 
-def jobs(options: Any) -> list[Any]:
+def jobs(options: Options) -> list[Any]:
     """Return the flights: each coefficient alone, and draws of all."""
     return [(errors, dict(zip(("point", "coefficient", "draw"), key))) for key in _cases(options.seeds)]
 
 
-def tables(options: Any, values: Any) -> list[Table]:
+def tables(options: Options, values: Any) -> list[Table]:
     """Return the tables: elevator error by coefficient, and over draws per point."""
     names, draws = toleranced("aero"), options.seeds
     got = dict(zip(_cases(draws), values))
