@@ -31,7 +31,7 @@ from cosim.replay.lanes import describe, fill, lanes, manifest, pieces, replay_l
 from cosim.replay.params import ReplayError, check_start
 from cosim.replay.write import Overlay
 
-__all__ = ["Difference", "Replay", "ReplayError", "compare", "lanes", "pieces", "replay", "run"]
+__all__ = ["Difference", "Replay", "ReplayError", "compare", "lanes", "pieces", "replay", "replay_lane"]
 SPAN = 4000  # ticks read and replayed at once: bounds the memory
 
 

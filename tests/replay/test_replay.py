@@ -7,7 +7,7 @@ import cosim
 from cosim.bench.log import log_costs
 from cosim.errors import LogError
 from cosim.log import open_log
-from cosim.replay import ReplayError, lanes, replay, run
+from cosim.replay import ReplayError, lanes, replay, replay_lane
 from cosim.replay.write import Overlay
 
 
@@ -48,7 +48,7 @@ def test_batch_of_all_lanes_equals_live(flight):
         states = np.zeros((n, u.shape[1]), module.STATE)
         module.rollout(x, u, p, 0.005 * members[0].every, states)
         for i, m in enumerate(members):
-            alone, _, _ = run(m, 0.005)
+            alone, _, _ = replay_lane(m, 0.005)
             names = [name for name in module.STATE.names if name in module.OUTPUTS]
             flat = np.concatenate([states[name][i].reshape(u.shape[1], -1) for name in names], axis=1)
             assert (flat.view(np.int64) == alone.view(np.int64)).all()
