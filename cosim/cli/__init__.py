@@ -23,6 +23,10 @@ def main() -> None:
         run()
     except KeyboardInterrupt:
         sys.exit(130)
+    except Exception as error:  # what Python makes of an interrupt inside an import's `__set_name__`
+        if not isinstance(error.__cause__, KeyboardInterrupt):
+            raise
+        sys.exit(130)
 
 
 def _interrupt(*_: object) -> None:

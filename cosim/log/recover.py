@@ -1,6 +1,8 @@
 """Make a readable log of what a killed run, a full disk or a damaged disk has left, and say what a log holds."""
 
+import dataclasses
 import hashlib
+import io
 import os
 from pathlib import Path
 from typing import Any
@@ -66,15 +68,15 @@ def _rewrite(found, out, metadata, result):
 
 
 def _repack(found, file, chunk, offset):
-    plan, content, tail = load_chunk(found, file, chunk)
+    file.seek(chunk.data_offset)
+    held = file.read(chunk.data_size)  # once: what is checked is what is copied, whatever happens to the log meanwhile
+    plan, content, tail = load_chunk(found, io.BytesIO(held), dataclasses.replace(chunk, data_offset=0))
     entries: dict = {}
     at, (k0, n) = plan.size, found.ticks(chunk)
     for channel, k, data in tail:
         entries.setdefault(channel, []).append((k * found.dt_ns, at))
         at += HEAD.itemsize + len(data)
-    file.seek(chunk.data_offset)
-    data = file.read(chunk.data_size)
-    return pack_chunk(found.layout, content, [data], chunk.compression, k0, n, entries, offset)
+    return pack_chunk(found.layout, content, [held], chunk.compression, k0, n, entries, offset)
 
 
 def info(path: str | Path, *, check: Any = False, limits: Any = None) -> dict[str, Any]:

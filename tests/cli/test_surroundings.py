@@ -44,6 +44,15 @@ def test_a_closed_output_is_no_error(tmp_path):
         assert cosim.open_log(tmp_path / "a.mcap").complete
 
 
+def test_an_interrupt_that_an_import_turns_into_another_error_ends_without_a_word(tmp_path):
+    (tmp_path / "rich.py").write_text(
+        "class Name:\n    def __set_name__(self, *_): raise KeyboardInterrupt\nclass Interrupted:\n    n = Name()\n"
+    )
+    there = os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), *filter(None, sys.path)])}
+    told = run("list", "scenarios", env=there)
+    assert told.returncode == 130 and not told.stderr, told.stderr.decode()
+
+
 def test_what_lies_in_the_current_folder_is_not_taken_for_a_library(tmp_path):
     for name in ("numpy", "tomllib", "rich", "json", "jsbsim", "pydantic"):
         (tmp_path / f"{name}.py").write_text("raise SystemExit('not asked for')")

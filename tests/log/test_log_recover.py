@@ -1,5 +1,6 @@
 """A log that a kill, a full disk or a bad disk has cut gives back every whole chunk."""
 
+import importlib
 import os
 import time
 
@@ -29,6 +30,26 @@ def _check(path, v, ticks):
     for topic in TOPICS:
         assert same_bits(log.array(topic.name), expected(v, topic, ticks))
     return log
+
+
+def test_what_changes_while_it_is_read_is_not_copied_unchecked(whole, tmp_path, monkeypatch):
+    """Another program writes into the log right after a chunk was checked."""
+    rewrite = importlib.import_module("cosim.log.recover")  # the package has a function of that name
+    path, load = tmp_path / "log", rewrite.load_chunk
+    path.write_bytes(whole.read_bytes()[:-200])
+    middle = [c.data_offset + c.data_size // 2 for c in open_log(whole).chunks]
+
+    def checked(*args):
+        found = load(*args)
+        with path.open("r+b") as file:
+            file.seek(middle.pop(0))
+            file.write(b"\xff" * 8)
+        return found
+
+    monkeypatch.setattr(rewrite, "load_chunk", checked)
+    recover(path, tmp_path / "out")
+    monkeypatch.undo()
+    _check(tmp_path / "out", vectors(230), np.arange(230))
 
 
 def test_a_cut_anywhere_keeps_every_whole_chunk(whole, tmp_path):
