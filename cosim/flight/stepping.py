@@ -155,6 +155,8 @@ class Flight:
         """
         if "when" not in fault:
             fault.setdefault("start_s", self.time)
+        elif self.tick and isinstance(fault["when"], str):  # waits from now on, also for what was true before
+            fault["when"] = f"t > {(self.tick - 0.5) * self.dt:.9g} and ({fault['when']})"
         start = fault.get("start_s", self.time)
         if isinstance(start, int | float) and start < self.time - 0.5 * self.dt:
             raise ScenarioError(
@@ -195,7 +197,7 @@ class Flight:
         for k in range(self.tick):
             setup.loop.tape(self._sink).run(k)
         if setup.loop.truth.tobytes() != before.truth.tobytes():  # cannot be: a fault that is to come changes nothing
-            raise RuntimeError("the flight to here is not the same with this fault")
+            raise ScenarioError("the flight to here would be another one with this fault", place="inject")
         setup.loop.plant.show()
         self.scenario, self._setup = changed, setup
         self._result = None

@@ -82,3 +82,11 @@ def test_a_flight_ends_with_its_scenario_and_refuses_what_cannot_be():
     with pytest.raises(ScenarioError, match="completed"):
         flight.inject(**OFC)
     assert "jam on rudder" in repr(flight)
+
+
+def test_a_condition_that_was_true_before_waits_from_now_on():
+    with cosim.Flight(cosim.load_scenario("cruise", ["duration_s=2", "detectors.enabled=[]"])) as flight:
+        flight.step(100)
+        flight.inject(target="elevator.left_inner", kind="jam_solid", when="n_z > 9 or t > 0.2")
+        flight.step(5)
+        assert 0.5 <= flight.scenario.faults[0].start_s <= 0.51
