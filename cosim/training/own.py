@@ -32,6 +32,7 @@ from fdi.lpv_smo import boxes
 from fdi.lpv_smo.core import NB
 
 FLIGHTS, FIRST_SEED = 128, 41_000  # fault-free flights of 60 s, and the first seed
+ENGINES = (1, 2, 4)  # that the four places of the detectors' force model can stand for
 LEAST = 32  # flights: eight manoeuvres in four airs
 DRAWS, CHUNKS = 1024, 16  # points tried for the LPV model, and jobs that they are shared among
 ALPHA_MARGIN = 0.97  # of the angle that surely flies: no design beyond
@@ -57,6 +58,9 @@ def make(
     if own.own_designs is None:
         raise DesignError("its designs are those of fdi/", place=f"--aircraft {aircraft}",
                           remedy="`cosim design` and `cosim train` make them")  # fmt: skip
+    if own.engines not in ENGINES:
+        allowed = "1, 2 or 4: the places of the force model"
+        raise DesignError(f"{own.engines} engines", place=f"--aircraft {aircraft}", allowed=allowed)
     if flights < LEAST:
         raise DesignError(
             f"{flights} flights", place="--flights", allowed=f"at least {LEAST}: each air, each manoeuvre"

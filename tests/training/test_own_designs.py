@@ -120,6 +120,8 @@ def test_three_engines_leave_out_who_reads_four_and_train_the_others(copied):
     three = load_aircraft(str(copied))
     assert own.fits(three) == ("lpv_smo", "kinematic", "rfafe", "rfafe_airframe")
     frame = own.flown(three, own.arguments(str(copied), 0, 7) | {"duration": 0.5})
+    with pytest.raises(DesignError, match=r"3 engines; allowed: 1, 2 or 4"):
+        own.make(str(copied))
     assert len(frame) == 100 and "control_redundancy" not in own.check(str(copied))
 
 
