@@ -187,9 +187,7 @@ def oscillation(x, p):
         x.lost_share += (share - x.lost_share) * weight / x.lost_weight
     apart = x.lost_share - CENTRE
     if x.lost_weight > 0.0 and math.fabs(apart) > p.margin + SURE * math.sqrt(ALIKE / x.lost_weight):
-        x.ofc_class = OFC_SOLID if apart > 0.0 else OFC_LIQUID
-    else:
-        x.ofc_class = AMBIGUOUS
+        x.ofc_class = OFC_SOLID if apart > 0.0 else OFC_LIQUID  # kept until it is as surely the other
 
 
 @kernel
