@@ -26,7 +26,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special, stats
-from scipy.ndimage import maximum_filter1d
 from scipy.optimize import brentq
 
 from cosim.compare.metrics import UNKNOWN, Band, Share, rate
@@ -37,42 +36,12 @@ LEAST = 40  # peaks, below which nothing is fitted
 GRID = 45  # values of each parameter in a pass over the likelihood; twice as many in the last one
 FOR_BIAS = 0.6  # of the doubt is that of the sample; the rest pays for the law being one of the limit only
 SHAPES, SCALES = (-0.5, 1.5), (-1.6, 1.8)  # where it is looked for: xi, log(sigma / median excess)
-MEMORY = 0.2  # correlation of two windows at which they count as unrelated
 CROWDED = 0.25  # of the flights that they would come from by chance: below, a rare condition makes the highest peaks
 TIES = 0.1  # share of equal peaks from which the statistic saturates
 FAR = 1e7  # mean excesses: beyond this no level is looked for
 # 1 % points of the Anderson-Darling statistic of 100 peaks of shape xi, both fitted (derived: 1,500 samples each)
 SHAPE_OF_AD = (-0.4, -0.2, 0.0, 0.2, 0.4, 0.7, 1.0)
 AD_1_PCT = (1.78, 1.42, 1.38, 1.24, 1.21, 1.13, 1.10)
-
-
-def memory(windows: ArrayLike, flights: ArrayLike) -> int:
-    """Return after how many windows the maxima `windows` (n,) are unrelated, each taken against its flight's mean.
-
-    `flights` (n,) are their numbers, rising. At least 1, at most the longest flight.
-    """
-    m, f = np.asarray(windows, float), np.asarray(flights)
-    first = np.flatnonzero(np.diff(f, prepend=f[0] - 1))
-    count = np.diff(first, append=len(f))
-    d = m - np.repeat(np.add.reduceat(m, first) / count, count)
-    power = float(d @ d) / len(d)
-    for lag in range(1, int(count.max())):
-        same = f[lag:] == f[:-lag]
-        if power <= 0.0 or float((d[lag:] * d[:-lag])[same].mean()) < MEMORY * power:
-            return lag
-    return int(count.max())
-
-
-def peaks(windows: ArrayLike, flights: ArrayLike, run: int) -> tuple[NDArray, NDArray]:
-    """Return the maxima that are the largest of the `run` windows before and after them in their flight, and the
-    numbers of their flights.
-    """
-    m, f = np.asarray(windows, float), np.asarray(flights)
-    gaps = np.repeat(np.flatnonzero(np.diff(f)) + 1, run)
-    apart = np.insert(m, gaps, -np.inf)  # a flight does not see its neighbours
-    largest = maximum_filter1d(apart, 2 * run + 1, mode="constant", cval=-np.inf)
-    highest = (apart == largest) & np.isfinite(apart)
-    return apart[highest], np.insert(f, gaps, -1)[highest]
 
 
 def extremal_index(windows: ArrayLike, flights: ArrayLike, u: float, run: int) -> float:

@@ -4,7 +4,7 @@ from .fingerprint import fingerprint
 from .format import Limits, LogError, Topic, TopicInfo
 from .foxglove import Pose
 from .layouts import viewer_layouts
-from .reader import Log, is_log, open_log
+from .reader import Log, open_log
 from .recover import info, recover
 from .writer import LogWriter
 
@@ -18,7 +18,6 @@ __all__ = [
     "TopicInfo",
     "fingerprint",
     "info",
-    "is_log",
     "open_log",
     "recover",
     "viewer_layouts",

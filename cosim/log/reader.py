@@ -358,9 +358,3 @@ def _decompress(found, data, chunk):
         return decompress(data, chunk.size, chunk.compression)
     except FrameError as error:
         raise log_error(str(error), found.path, chunk.offset) from error
-
-
-def is_log(path: str | Path) -> bool:
-    """Tell whether a file begins as an MCAP file does."""
-    with open(os.fspath(path), "rb") as file:
-        return file.read(8) == b"\x89MCAP0\r\n"

@@ -13,7 +13,7 @@ from numba import njit, types
 
 from actuators import pointers
 from actuators.pointers import wholes
-from cosim.log.chunk import HEAD, LOG_TIME, PUBLISH_TIME, SEQUENCE, SHORT
+from cosim.log.chunk import HEAD, LOG_TIME, SEQUENCE, SHORT
 
 KINDS = (types.int64,) * 5
 LEAST = 5
@@ -65,22 +65,15 @@ def _block(begin, rows, stride, fields, out):
                 out = _refer(out, fresh, same, here, stride)
                 fresh = here
             same = here + 4 - ((leading(odd) - 32) >> 3)
-        for here in range(at + LOG_TIME, at + HEAD_BYTES, PUBLISH_TIME - LOG_TIME):
+        here = at + LOG_TIME  # -1, 0: the times of the head; from 1 on the fields, each behind its tag
+        for j in range(-1, fields + 1):
             odd = word(here) ^ word(here - stride)
             if odd != 0:
                 if here - same >= LEAST:
                     out = _refer(out, fresh, same, here, stride)
                     fresh = here
                 same = here + 8 - (leading(odd) >> 3)
-        here = at + HEAD_BYTES + 1
-        for j in range(1, fields + 1):
-            odd = word(here) ^ word(here - stride)
-            if odd != 0:
-                if here - same >= LEAST:
-                    out = _refer(out, fresh, same, here, stride)
-                    fresh = here
-                same = here + 8 - (leading(odd) >> 3)
-            here += 9 if j < SHORT else 10
+            here += 8 if j < 0 else 9 if j < SHORT else 10
     stop = begin + rows * stride
     if stop - LAST - same >= LEAST:
         out = _refer(out, fresh, same, stop - LAST, stride)

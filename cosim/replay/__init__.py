@@ -27,11 +27,11 @@ from cosim.judge.result import judge, judged, plain
 from cosim.log import open_log
 from cosim.log.chunk import GATHER
 from cosim.replay import door, guest
-from cosim.replay.lanes import describe, fill, lanes, manifest, pieces, replay_lane, tick_of, topics
+from cosim.replay.lanes import describe, fill, manifest, pieces, replay_lane, tick_of, topics
 from cosim.replay.params import ReplayError, check_start
 from cosim.replay.write import Overlay
 
-__all__ = ["Difference", "Replay", "ReplayError", "compare", "lanes", "pieces", "replay", "replay_lane"]
+__all__ = ["Difference", "Replay", "ReplayError", "compare", "pieces", "replay", "replay_lane"]
 SPAN = 4000  # ticks read and replayed at once: bounds the memory
 
 

@@ -138,11 +138,6 @@ def _check(log, wired):
             raise older(log, f"{source}.{column}, which {wired.id} reads as {name},")
 
 
-def lanes(log: Log, chosen: Any = None, overrides: Mapping[str, Any] | None = None) -> list[Lane]:
-    """Return the whole Lane of every detector in `chosen` (all) of an open log; see `describe`."""
-    return fill(log, describe(log, chosen, overrides))
-
-
 def topics(log: Log, wired: Any) -> list[Any]:
     """Return the topics that the lanes read or gave."""
     found = [t for w in wired for t in (w.topic, w.hidden, *(source for _, source, _ in w.inputs))]

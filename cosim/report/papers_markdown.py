@@ -21,7 +21,7 @@ def markdown(rows: Iterable[Row], held: str = "") -> str:
     """Return the counts per paper, then every row folded, as Markdown; papers without rows stay as `held` has them."""
     rows = list(rows)
     own = {name: [r for r in rows if r.paper == name] for name in dict.fromkeys(r.paper for r in rows)}
-    _, totals = _parsed(held)
+    _, totals = parsed(held)
     blocks = {name: _block(held, name) for name in totals if name != "all"}
     blocks |= {name: _folded(name, found) for name, found in own.items()}
     totals |= {name: (len(found), *counts(found).values()) for name, found in own.items()}
@@ -65,12 +65,8 @@ def proof(found: Iterable[Broken]) -> str:
     return "\n".join(lines)
 
 
-def identifiers(text: str) -> tuple[dict, dict]:
-    """Return {paper: [row]} of the table between the markers in `text`; and {paper: (rows, five counts)} as second."""
-    return _parsed(readme.part(text, NAME) or "")
-
-
-def _parsed(table):
+def parsed(table: str) -> tuple[dict, dict]:
+    """Return ({paper: [row]}, {paper: (rows, five counts)}) of a written table."""
     found: dict = {}
     totals: dict = {}
     name = None

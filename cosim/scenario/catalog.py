@@ -15,7 +15,7 @@ from cosim.scenario.aircraft import Aircraft, load_aircraft
 
 _TRANSPORT = load_aircraft()
 SEGMENTS = _TRANSPORT.segments  # of the default aircraft
-SHORT, GROUPS = _TRANSPORT.short, _TRANSPORT.groups
+GROUPS = _TRANSPORT.groups
 DEFAULT_TECHNOLOGY: dict[str, Any] = _TRANSPORT.technology
 FEEDBACKS = ("measured", "iotsekf", "rtsekf", "rtsekf_flight")
 SURFACES = ("aileron.left", "aileron.right", "rudder", "stabiliser")

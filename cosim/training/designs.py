@@ -28,7 +28,6 @@ from cosim.scenario.aircraft import load_aircraft
 from fdi.common import compact
 
 FOLDER = Path(fdi.__file__).resolve().parent / "designs"
-REMEDY = "Run `cosim design` (it needs the extra `design`)"
 
 
 @dataclass(frozen=True)
@@ -86,13 +85,6 @@ def check(name: str, *, folder: Any = FOLDER) -> Any:
     except ValueError as error:
         return f"{path.name} cannot be read: {error}"
     return "" if stored == source() else f"{path.name} was made from another aircraft or other actuators"
-
-
-def require(name: str) -> None:
-    """Raise DesignError with the remedy unless the stored design `name` belongs to the aircraft in the tree."""
-    problem = check(name)
-    if problem:
-        raise DesignError(problem, place=f"design {name}", remedy=REMEDY)
 
 
 @functools.cache

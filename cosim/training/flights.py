@@ -31,7 +31,6 @@ MANOEUVRES = ("cruise", "aoa_protection", "nose_up", "pitch_protection", "coordi
 FLIGHT_S = 60.0
 TOLERANCE = 0.05
 MODEL = ("A_p", "B", "M", "P_s", "phi_n", "V_m", "E", "L", "F_c", "F_s")  # of the hydraulic actuator, off by up to 5 %
-SYMBOLS = ("K_T", "K_B", "R", "J_M", "J_N", "B_M")  # of the electromechanical one
 EMA = ("ema_kalman_flight", "position_monitor")  # its detectors that know its load
 COMMAND = "law.law.de_cmd"
 MODULES = {"rfafe": rfafe, "rfafe_airframe": rfafe_airframe}

@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from processes import DT, Process
+from processes import DT, Process, memory, peaks
 from scipy import stats
 
 from cosim.campaign.quiet import Moments
@@ -35,7 +35,7 @@ def coverage(process, replicates, *, seed=10_000, hours=HOURS):
     held, above, ended = [], [], 0
     for i in range(replicates):
         windows, flights = process.windows(hours, seed + i)
-        peak, of = tails.peaks(windows, flights, tails.memory(windows, flights))
+        peak, of = peaks(windows, flights, memory(windows, flights))
         tail = tails.fit(peak, hours, flights=of)
         if tail.note:
             ended += 1
@@ -70,7 +70,7 @@ def test_more_peaks_than_the_tail_has_would_not_cover():
     level, missed = process.level(1e-5), 0
     for i in range(6):
         windows, flights = process.windows(HOURS, i)
-        found = tails.fit(tails.peaks(windows, flights, 4)[0], HOURS, 5 * tails.PEAKS).rate(level)
+        found = tails.fit(peaks(windows, flights, 4)[0], HOURS, 5 * tails.PEAKS).rate(level)
         missed += not found.low[0] <= 1e-5 <= found.high[0]
     assert missed >= 4
 
@@ -79,7 +79,7 @@ def test_the_exact_rates_agree_with_what_can_be_counted_and_with_what_is_known()
     for process in (Process(0.9), Process(0.6, df=4)):
         level = process.level(5.0)
         windows, flights = process.windows(200.0, 3)
-        seen = tails.counted(tails.peaks(windows, flights, tails.memory(windows, flights))[0], 200.0, level)
+        seen = tails.counted(peaks(windows, flights, memory(windows, flights))[0], 200.0, level)
         assert seen.low[0] < 5.0 < seen.high[0]
     fine = Process(0.6).rate(8.0)  # steps forget each other at high levels
     assert fine == pytest.approx(2.0 * stats.norm.sf(8.0) * 3600.0 / DT, rel=1e-3)
@@ -125,7 +125,7 @@ def test_peaks_that_a_rare_condition_makes_are_told():
         process = Process(0.9, levels=levels, shares=(0.998, 0.002), flight_s=600.0)
         for seed in range(4):
             windows, flights = process.windows(HOURS, seed)
-            peak, of = tails.peaks(windows, flights, 4)
+            peak, of = peaks(windows, flights, 4)
             told.append("flights" in tails.fit(peak, HOURS, flights=of).note)
     assert told == [True] * 4 + [False] * 4
 
@@ -133,16 +133,16 @@ def test_peaks_that_a_rare_condition_makes_are_told():
 def test_peaks_stand_apart_and_never_across_flights():
     m = np.array([1.0, 5.0, 2.0, 4.0, 1.0, 1.0, 6.0, 7.0, 1.0])
     flights = np.array([0, 0, 0, 0, 0, 0, 0, 1, 1])
-    heights, of = tails.peaks(m, flights, 2)
+    heights, of = peaks(m, flights, 2)
     assert list(heights) == [5.0, 6.0, 7.0] and list(of) == [0, 0, 1]
-    assert list(tails.peaks(m, flights, 1)[0]) == [5.0, 4.0, 6.0, 7.0]
+    assert list(peaks(m, flights, 1)[0]) == [5.0, 4.0, 6.0, 7.0]
     assert tails.extremal_index(m, flights, 3.5, 1) == 4 / 4
     assert tails.extremal_index(m, flights, 3.5, 2) == 3 / 4
     assert math.isnan(tails.extremal_index(m, flights, 9.0, 2))
 
 
 def test_the_memory_of_a_process_is_found():
-    runs = [tails.memory(*Process(rho).windows(20.0, 1)) for rho in (0.3, 0.9, 0.97)]
+    runs = [memory(*Process(rho).windows(20.0, 1)) for rho in (0.3, 0.9, 0.97)]
     assert runs[0] <= 2 < runs[1] < runs[2] < 40
 
 

@@ -3,6 +3,7 @@
 import functools
 import math
 
+import law_margins
 import numpy as np
 import pytest
 from flown import deg, fly, scenario
@@ -10,7 +11,6 @@ from flown import deg, fly, scenario
 from actuators.constants import M_PER_FT
 from cosim.flight.blocks import law
 from cosim.flight.blocks.law import design as law_design
-from cosim.flight.blocks.law import margins
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.plant import POINTS, FlightPoint, Plant
 from cosim.scenario.aircraft import load_aircraft
@@ -51,19 +51,19 @@ def designed(name):
 
 def return_ratio(name, mix="mixed", gains_of=None):
     model, p, hinge = designed(name)
-    return margins.return_ratio(model, designed(gains_of)[1] if gains_of else p, MIXES[mix], hinge, FREQUENCY)
+    return law_margins.return_ratio(model, designed(gains_of)[1] if gains_of else p, MIXES[mix], hinge, FREQUENCY)
 
 
 @pytest.mark.parametrize("mix", MIXES)
 @pytest.mark.parametrize("name", FLIGHTS)
 def test_pitch_loop_has_6_db_and_45_degrees(name, mix):
-    gain, phase, _ = margins.margins(return_ratio(name, mix), FREQUENCY)
+    gain, phase, _ = law_margins.margins(return_ratio(name, mix), FREQUENCY)
     assert gain > 6.0 and phase > 45.0
 
 
 @pytest.mark.parametrize(("flown", "designed_at"), [("A", "B"), ("B", "A"), ("C", "D"), ("D", "C"), ("E", "sun13")])
 def test_pitch_loop_keeps_6_db_and_45_degrees_with_the_gains_of_another_speed_and_mass(flown, designed_at):
-    gain, phase, _ = margins.margins(return_ratio(flown, gains_of=designed_at), FREQUENCY)
+    gain, phase, _ = law_margins.margins(return_ratio(flown, gains_of=designed_at), FREQUENCY)
     assert gain > 6.0 and phase > 45.0
 
 
@@ -73,8 +73,8 @@ def test_alpha_protection_has_6_db_and_45_degrees_at_the_speeds_where_it_binds(n
     fast = np.geomspace(0.5, 300.0, 2000)
     model, p, hinge = designed(name)
     for mix in MIXES.values():
-        L = margins.return_ratio(model, p, mix, hinge, fast, protected=True)
-        gain, phase, crossover = margins.margins(L, fast)
+        L = law_margins.return_ratio(model, p, mix, hinge, fast, protected=True)
+        gain, phase, crossover = law_margins.margins(L, fast)
         assert gain > 6.0 and phase > 45.0
         assert 1.5 < crossover < 5.0
 
@@ -109,7 +109,7 @@ def test_flight_turns_unstable_at_the_gain_that_the_margin_says(point):
 
 def test_flight_turns_unstable_at_the_delay_that_the_margin_says():
     gain = 2.0  # a louder loop turns at a delay that the sensors' delay lines hold
-    _, phase, crossover = margins.margins(gain * return_ratio("sun13"), FREQUENCY)
+    _, phase, crossover = law_margins.margins(gain * return_ratio("sun13"), FREQUENCY)
     critical = math.radians(phase) / crossover
     assert critical < 0.12
     assert swing("sun13", gain=gain, delay=round(0.8 * critical / 0.005) * 0.005) < 0.1

@@ -10,10 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
+from scipy.ndimage import maximum_filter1d
 from scipy.optimize import brentq
 from scipy.signal import lfilter
 
 DT = 1.0  # [s] from sample to sample
+MEMORY = 0.2  # correlation of two windows at which they count as unrelated
 
 
 @dataclass(frozen=True)
@@ -92,3 +94,32 @@ def _leaving(P, out):
         if done:
             break
     return float(pi @ out)
+
+
+def memory(windows, flights):
+    """Return after how many windows the maxima `windows` (n,) are unrelated, each taken against its flight's mean.
+
+    `flights` (n,) are their numbers, rising. At least 1, at most the longest flight.
+    """
+    m, f = np.asarray(windows, float), np.asarray(flights)
+    first = np.flatnonzero(np.diff(f, prepend=f[0] - 1))
+    count = np.diff(first, append=len(f))
+    d = m - np.repeat(np.add.reduceat(m, first) / count, count)
+    power = float(d @ d) / len(d)
+    for lag in range(1, int(count.max())):
+        same = f[lag:] == f[:-lag]
+        if power <= 0.0 or float((d[lag:] * d[:-lag])[same].mean()) < MEMORY * power:
+            return lag
+    return int(count.max())
+
+
+def peaks(windows, flights, run):
+    """Return the maxima that are the largest of the `run` windows before and after them in their flight, and the
+    numbers of their flights.
+    """
+    m, f = np.asarray(windows, float), np.asarray(flights)
+    gaps = np.repeat(np.flatnonzero(np.diff(f)) + 1, run)
+    apart = np.insert(m, gaps, -np.inf)  # a flight does not see its neighbours
+    largest = maximum_filter1d(apart, 2 * run + 1, mode="constant", cval=-np.inf)
+    highest = (apart == largest) & np.isfinite(apart)
+    return apart[highest], np.insert(f, gaps, -1)[highest]

@@ -10,7 +10,7 @@ from cosim.papers.studies import hydraulic, hydraulic_cases, hydraulic_loop
 from cosim.training import train_lu17
 from cosim.training.flights import POINTS
 
-CASES = {c.name: c for c in hydraulic_cases.cases()}
+CASES = {c.name: c for c in (*hydraulic_cases.oscillations(), *hydraulic_cases.others())}
 
 @pytest.mark.parametrize(
     "name",

@@ -13,7 +13,7 @@ from cosim.errors import CosimError, OutputError
 from cosim.papers.jay import figures as jay_figures
 from cosim.papers.row import Of, Planned
 from cosim.report import papers_markdown as readme
-from cosim.report.markdown import markers
+from cosim.report.markdown import markers, part
 from cosim.report.reproduce_page import render
 
 README = Path(__file__).parents[2] / "cosim" / "papers" / "README.md"
@@ -67,7 +67,7 @@ def test_ours_neither_agrees_nor_is_explained_and_a_derived_band_can_be_missed()
 
 
 def test_readme_table_has_the_rows_of_the_code(plan):
-    found, totals = readme.identifiers(README.read_text(encoding="utf-8"))
+    found, totals = readme.parsed(part(README.read_text(encoding="utf-8"), readme.NAME))
     assert tuple(found) == reproduce.PAPERS
     for paper in found:
         assert found[paper] == [p.item for p in plan if p.paper == paper], paper
@@ -82,9 +82,10 @@ def test_readme_is_written_between_its_markers_only(tmp_path):
     readme.write(path, rows)
     text = path.read_text()
     assert text.startswith("before\n") and text.endswith("\nafter\n") and "old" not in text
-    assert readme.identifiers(text) == ({"jay": ["a | b", "c"]}, {"jay": (2, 1, 0, 1, 0, 0), "all": (2, 1, 0, 1, 0, 0)})
+    totals = {"jay": (2, 1, 0, 1, 0, 0), "all": (2, 1, 0, 1, 0, 0)}
+    assert readme.parsed(part(text, readme.NAME)) == ({"jay": ["a | b", "c"]}, totals)
     readme.write(path, [Of("lu17").claim("d", "s", lambda: 1.0, 0.0, 2.0).judge()])
-    assert readme.identifiers(path.read_text())[1]["all"] == (3, 2, 0, 1, 0, 0)
+    assert readme.parsed(part(path.read_text(), readme.NAME))[1]["all"] == (3, 2, 0, 1, 0, 0)
     path.write_text("no markers")
     with pytest.raises(OutputError, match="markers"):
         readme.write(path, rows)

@@ -7,7 +7,8 @@ import cosim
 from cosim.bench.log import log_costs
 from cosim.errors import LogError
 from cosim.log import open_log
-from cosim.replay import ReplayError, lanes, replay, replay_lane
+from cosim.replay import ReplayError, replay, replay_lane
+from cosim.replay.lanes import describe, fill
 from cosim.replay.write import Overlay
 
 
@@ -39,7 +40,7 @@ def test_restart_from_the_middle_is_exact(flight, whole, start):
 def test_batch_of_all_lanes_equals_live(flight):
     log = open_log(flight)
     by_id = {}
-    for lane in lanes(log):
+    for lane in fill(log, describe(log)):
         by_id.setdefault(lane.id, []).append(lane)
     for members in by_id.values():
         module, n = members[0].module, len(members)

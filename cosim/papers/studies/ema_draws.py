@@ -102,37 +102,6 @@ def outcomes(fault: Any, seeds: Sequence[Any], **options: Any) -> list[Outcome]:
     return out
 
 
-def confusion(seeds: Sequence[Any], faults: tuple[str, ...] = tuple(FAULTS), **options: Any) -> Any:
-    """Return {fault: {named: count}}."""
-    table = {}
-    for fault in faults:
-        names = [o.named for o in outcomes(fault, seeds, **options)]
-        table[fault] = {n: names.count(n) for n in sorted(set(names))}
-    return table
-
-
-def smallest(fault: Any, sizes: Any, seeds: Sequence[Any], share: float = 0.95) -> Any:
-    """Return the smallest of `sizes` from which on the right sensor is named in `share` of the seeds, or nan."""
-    right = FAULTS[fault][2]
-    found = np.nan
-    for size in sorted(sizes, reverse=True):
-        hits = sum(o.named == right for o in outcomes(fault, seeds, size=size))
-        if hits < share * len(seeds):
-            break
-        found = size
-    return found
-
-
-def margins(seeds: Sequence[Any]) -> dict[str, float]:
-    """Return {test: largest value over its threshold} of fault-free draws, without their first second."""
-    worst = dict.fromkeys(("r_pair", "r_speed", "r_f", "r_gain", "r_velocity", "r_jump"), 0.0)
-    for seed in seeds:
-        tick, kwargs, _ = draw(seed)
-        log = fly_bench(tick, **kwargs).log[round(1.0 / DT) :]
-        worst = {name: max(most, float(log[name].max())) for name, most in worst.items()}
-    return worst
-
-
 def reconfigured(field: Any, size: Any, *, bias: Any, seed: int, seconds: float = 85.0, onset: Any = 20.0) -> Any:
     """Return (Flight, times [s]): a position fault in motion at `onset`, a velocity bias [of no-load], motion later."""
     rng = np.random.default_rng(seed)

@@ -105,11 +105,6 @@ def others() -> list[Case]:
     return [*out, Case("no fault", "none", None, 5.0, ("none",))]
 
 
-def cases() -> list[Case]:
-    """Return all Cases at the issue's sizes."""
-    return [*oscillations(), *others()]
-
-
 def arguments(case: Any, seed: int, noise: Any = 1.0) -> Any:
     """Return the arguments of `scenario` for one seed of a case; a manoeuvre starts 2 to 4 s before the fault."""
     start = T_FAULT - float(np.random.default_rng([seed, 1]).uniform(2.0, 4.0))

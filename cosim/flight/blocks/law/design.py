@@ -13,7 +13,7 @@ from cosim.flight.blocks.law import PARAMS
 from cosim.flight.blocks.law.lateral import bank_limit
 from cosim.scenario.aircraft import Aircraft
 
-# actuator, sensor delay and hold in the design: first-order [s]; `cosim.flight.blocks.law.margins` has the real ones
+# actuator, sensor delay and hold in the design: first-order [s]; tests/helpers/law_margins.py has the real ones
 LAG_S = 0.07
 # one standard step of each by Bryson's rule: g s of held error, deg/s of pitch rate, deg of elevator
 WEIGHTS = (0.22, 1.4, 2.5)
@@ -26,7 +26,7 @@ def pitch_gains(A: np.ndarray, B: np.ndarray, nz_alpha: Any, nz_de: Any) -> tupl
 
     A (2, 2), B (2,) belong to (alpha [rad], q [rad/s]) and all elevators together [rad]; nz_alpha, nz_de [g/rad].
     Design state (alpha, q, delta, xi); alpha becomes n/nz_alpha, the feedback of delta is dropped
-    (`cosim.flight.blocks.law.margins` shows what is left).
+    (tests/helpers/law_margins.py shows what is left).
     """
     from scipy.linalg import solve_continuous_are  # a tenth of a second that a start need not wait for
 

@@ -17,7 +17,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-AXES = ("LIFT", "DRAG", "SIDE", "ROLL", "PITCH", "YAW")
 METRICS = {"wingarea": "metrics/Sw-sqft", "wingspan": "metrics/bw-ft", "chord": "metrics/cbarw-ft"}
 _ONE = {"sin": np.sin, "cos": np.cos, "tan": np.tan, "abs": np.abs, "exp": np.exp, "sqrt": np.sqrt, "ln": np.log}
 _MANY: dict = {"product": operator.mul, "sum": operator.add, "min": np.minimum, "max": np.maximum}

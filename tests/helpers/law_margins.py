@@ -6,7 +6,6 @@ stick free, or its angle-of-attack protection, at the speed of the model, which 
 """
 
 import math
-from typing import Any
 
 import numpy as np
 from scipy.linalg import expm
@@ -19,9 +18,7 @@ STATES = ("tas", "alpha", "q", "theta", "h")
 DELAY_S, DELAY_AIR_S = 0.005, 0.010  # of inertial and of air data in sensor set `transport`
 
 
-def return_ratio(
-    model: Any, p: Any, technologies: Any, hinge: Any, frequency: float, dt: float = 0.005, protected: bool = False
-) -> Any:
+def return_ratio(model, p, technologies, hinge, frequency, dt=0.005, protected=False):
     """Return L, complex, at `frequency` [rad/s] (n,).
 
     `model` is a LinearModel, `p` the law's PARAMS (1,), `technologies` one of "hydraulic", "ema" per segment, `hinge`
@@ -48,7 +45,7 @@ def return_ratio(
     return -s * law * act
 
 
-def margins(L: np.ndarray, frequency: Any) -> tuple[Any, ...]:
+def margins(L, frequency):
     """Return (gain margin [dB], phase margin [deg], crossover [rad/s]) of return ratio L at rising `frequency`.
 
     The gain margin is the smallest over both directions at every crossing of -180 deg, the phase margin at every
