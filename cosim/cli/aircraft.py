@@ -4,30 +4,27 @@ import json
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
+from cosim.cli.app import app, out
 from cosim.cli.output import JsonOption
 
 
-def add(app: typer.Typer, out: Console, err: Console) -> None:
-    """Register the command on `app`; `out` and `err` are the consoles of standard output and error."""
+@app.command("check-aircraft")
+def check_aircraft(
+    aircraft: Annotated[str, typer.Argument(metavar="NAME|DIR", help="A bundled aircraft, or a folder.")],
+    json_: JsonOption = False,
+) -> None:
+    """Does an aircraft's folder keep its contract: what is missing, signs, trim, hinge moments, effectors?"""
+    from cosim.flight.plant.check import check
 
-    @app.command("check-aircraft")
-    def check_aircraft(
-        aircraft: Annotated[str, typer.Argument(metavar="NAME|DIR", help="A bundled aircraft, or a folder.")],
-        json_: JsonOption = False,
-    ):
-        """Does an aircraft's folder keep its contract: what is missing, signs, trim, hinge moments, effectors?"""
-        from cosim.flight.plant.check import check
-
-        found = check(aircraft)
-        if json_:
-            print(json.dumps({"aircraft": aircraft, "findings": [vars(f) for f in found]}, allow_nan=False))
-        else:
-            table = Table("", "point", "found", box=None, pad_edge=False)
-            for f in found:
-                table.add_row("[green]good[/]" if f.good else "[red]wrong[/]", f.point, f.found)
-            out.print(table)
-        if not all(f.good for f in found):
-            raise typer.Exit(1)
+    found = check(aircraft)
+    if json_:
+        print(json.dumps({"aircraft": aircraft, "findings": [vars(f) for f in found]}, allow_nan=False))
+    else:
+        table = Table("", "point", "found", box=None, pad_edge=False)
+        for f in found:
+            table.add_row("[green]good[/]" if f.good else "[red]wrong[/]", f.point, f.found)
+        out.print(table)
+    if not all(f.good for f in found):
+        raise typer.Exit(1)

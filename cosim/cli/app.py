@@ -5,10 +5,11 @@ Exit status: 0 good (an alarm or a departed flight is a result), 1 a difference 
 With --json one JSON object goes to standard output and nothing else; what goes wrong is one line on standard error.
 """
 
+import json
 import os
 import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated, Any, cast
 
@@ -147,6 +148,11 @@ def _root(
 
     Start with [b]cosim run[/]; [b]cosim list[/] shows what there is to fly.
     """
+
+
+def answer(json_: bool, found: dict, shown: Callable[[dict], Any]) -> None:
+    """Print `found` as one JSON object, or what `shown` makes of it for a reader."""
+    print(json.dumps(found, allow_nan=False)) if json_ else out.print(shown(found))
 
 
 def served(server: Any) -> None:

@@ -1,16 +1,16 @@
 """The command that measures what everything costs, its tables, and two states of the code beside each other."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console, Group
+from rich.console import Group
 from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from cosim.cli.app import answer, app, err
 from cosim.cli.output import JsonOption
 from cosim.cli.tables import NOTHING, number, table
 from cosim.cli.tables import progress as bar
@@ -18,42 +18,34 @@ from cosim.errors import CosimError
 from cosim.texts import from_json, read
 
 
-def add(app: typer.Typer, out: Console, err: Console) -> None:
-    """Add `bench` to the command line `app`; `out` and `err` are its consoles."""
+@app.command()
+def bench(
+    rounds: Annotated[int, typer.Option("--rounds", min=3, help="Rounds of interleaved timing.")] = 15,
+    memory: Annotated[bool, typer.Option("--memory/--no-memory", help="Fly ten minutes for the peak memory.")] = True,
+    campaign: Annotated[
+        str | None,
+        typer.Option("--campaign", metavar="NAME", help="Instead fly a campaign, twice.", show_default=False),
+    ] = None,
+    beside: Annotated[
+        Path | None,
+        typer.Option("--compare", metavar="FILE", help="Beside what --json wrote to FILE.", show_default=False),
+    ] = None,
+    json_: JsonOption = False,
+) -> None:
+    """Measure what a tick costs, how fast a run starts and how much memory it takes."""
+    from cosim.bench import bench as work
 
-    @app.command()
-    def bench(
-        rounds: Annotated[int, typer.Option("--rounds", min=3, help="Rounds of interleaved timing.")] = 15,
-        memory: Annotated[
-            bool, typer.Option("--memory/--no-memory", help="Fly ten minutes for the peak memory.")
-        ] = True,
-        campaign: Annotated[
-            str | None,
-            typer.Option("--campaign", metavar="NAME", help="Instead fly a campaign, twice.", show_default=False),
-        ] = None,
-        beside: Annotated[
-            Path | None,
-            typer.Option("--compare", metavar="FILE", help="Beside what --json wrote to FILE.", show_default=False),
-        ] = None,
-        json_: JsonOption = False,
-    ):
-        """Measure what a tick costs, how fast a run starts and how much memory it takes."""
-        from cosim.bench import bench as work
+    if campaign is not None:
+        from cosim.bench.campaign import compare
 
-        if campaign is not None:
-            from cosim.bench.campaign import compare
-
-            with bar(err, campaign, "flights", "preparing the workers") as progress:
-                done = compare(campaign, progress=progress)
-            print(json.dumps(done)) if json_ else out.print(campaign_speed(done))
-            raise typer.Exit(0 if done["equal"] and not done["crashed"] else 1)
-        before = read_bench(beside) if beside else None
-        with bar(err, "measuring", unit="") as progress:
-            found = work(rounds=rounds, memory=memory, progress=progress)
-        if json_:
-            print(json.dumps(found, allow_nan=False))
-        else:
-            out.print(compared(before, found) if before else shown(found))
+        with bar(err, campaign, "flights", "preparing the workers") as progress:
+            done = compare(campaign, progress=progress)
+        answer(json_, done, campaign_speed)
+        raise typer.Exit(0 if done["equal"] and not done["crashed"] else 1)
+    before = read_bench(beside) if beside else None
+    with bar(err, "measuring", unit="") as progress:
+        found = work(rounds=rounds, memory=memory, progress=progress)
+    answer(json_, found, lambda _: compared(before, found) if before else shown(found))
 
 
 def read_bench(path: Path) -> dict[str, Any]:

@@ -1,13 +1,12 @@
 """Commands about many flights and their pages: `campaign`, `report`, `compare`."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from cosim.cli import flight, tables
+from cosim.cli.app import answer, app, err, out
 from cosim.cli.output import (
     CampaignArg,
     DetectorOption,
@@ -19,199 +18,187 @@ from cosim.cli.output import (
 )
 
 
-def add(app: typer.Typer, out: Console, err: Console) -> None:
-    """Add the commands to the command line `app`; `out` and `err` are its consoles."""
+def _left_out(damaged, what):
+    for path in damaged:
+        err.print(f"note: damaged and left out: {tables.escape(path)}; {what}", soft_wrap=True, highlight=False)
 
-    def _left_out(damaged, what):
-        for path in damaged:
-            err.print(f"note: damaged and left out: {tables.escape(path)}; {what}", soft_wrap=True, highlight=False)
 
-    @app.command()
-    def campaign(
-        campaign: CampaignArg,
-        workers: WorkersOption = None,
-        scheduler: Annotated[
-            str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Fly on a Dask cluster: tcp://host:8786.")
-        ] = None,
-        resume: Annotated[bool, typer.Option("--resume", help="Go on in this folder; failed runs fly again.")] = False,
-        output: Annotated[Path | None, output_option("DIR", "Default: logs/<campaign>.")] = None,
-        again: Annotated[
-            str | None,
-            typer.Option("--rerun", metavar="ID", help="Fly one run again, with a log, and compare its row."),
-        ] = None,
-        worst: Annotated[
-            str | None,
-            typer.Option("--worst", metavar="DETECTOR", help="Provoke a false alarm, fault-free (300 flights)."),
-        ] = None,
-        likeliest: Annotated[
-            str | None,
-            typer.Option("--likeliest", metavar="DETECTOR", help="The likeliest flight in which it fails."),
-        ] = None,
-        part: Annotated[str, typer.Option("--part", metavar="NAME", help="With --likeliest: the part to search.")] = "",
-        detector: DetectorOption = None,
-        json_: JsonOption = False,
-    ):
-        """Fly many scenarios: grids and draws over any number, one row per run and detector, resumable.
+@app.command()
+def campaign(
+    campaign: CampaignArg,
+    workers: WorkersOption = None,
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Fly on a Dask cluster: tcp://host:8786.")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on in this folder; failed runs fly again.")] = False,
+    output: Annotated[Path | None, output_option("DIR", "Default: logs/<campaign>.")] = None,
+    again: Annotated[
+        str | None,
+        typer.Option("--rerun", metavar="ID", help="Fly one run again, with a log, and compare its row."),
+    ] = None,
+    worst: Annotated[
+        str | None,
+        typer.Option("--worst", metavar="DETECTOR", help="Provoke a false alarm, fault-free (300 flights)."),
+    ] = None,
+    likeliest: Annotated[
+        str | None,
+        typer.Option("--likeliest", metavar="DETECTOR", help="The likeliest flight in which it fails."),
+    ] = None,
+    part: Annotated[str, typer.Option("--part", metavar="NAME", help="With --likeliest: the part to search.")] = "",
+    detector: DetectorOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """Fly many scenarios: grids and draws over any number, one row per run and detector, resumable.
 
-        Exit status 1: a run ended in an error, or none could be flown.
-        """
-        from cosim.campaign.run import folder, rerun, run_campaign
+    Exit status 1: a run ended in an error, or none could be flown.
+    """
+    from cosim.campaign.run import folder, run_campaign
 
-        if worst:
-            from cosim.campaign.search import search
+    if worst or likeliest:
+        path = (output or folder(campaign)) / (f"worst-{worst}.toml" if worst else f"likeliest-{likeliest}.toml")
+        _search(campaign, worst, likeliest, part, json_, workers=workers, out=path)
+        return
+    if again:
+        _rerun(campaign, again, json_, out=output, guests=detector or ())
+    with tables.progress(err, f"flying {Path(campaign).stem}", "runs", "preparing the workers") as progress:
+        done = run_campaign(
+            campaign,
+            workers=workers,
+            scheduler=scheduler,
+            out=output,
+            resume=resume,
+            progress=progress,
+            guests=detector or (),
+        )
+    from cosim.cli import campaign as cli_campaign
 
-            path = (output or folder(campaign)) / f"worst-{worst}.toml"
-            with tables.progress(err, f"provoking {worst}", "flights", "preparing the workers") as progress:
-                found = search(campaign, worst, workers=workers, out=path, progress=progress).to_dict()
-            if json_:
-                print(json.dumps(found))
-            else:
-                gain = f"|r| {found['r']:.2f} of the threshold, {found['first_r']:.2f} in the first generation"
-                out.print(f"{gain}; {found['false_alarms']} false alarms in {found['flights']} flights\n{path}")
-            return
+    _left_out(done.damaged, "their runs were flown again")
+    answer(json_, {**done.to_dict(), "errors": cli_campaign.errors(done.frame)}, lambda _: cli_campaign.campaign(done))
+    raise typer.Exit(cli_campaign.exit_status(done.frame))
 
-        if likeliest:
-            from cosim.campaign.likeliest import likeliest as seek
 
-            path = (output or folder(campaign)) / f"likeliest-{likeliest}.toml"
-            with tables.progress(err, f"seeking {likeliest}'s failure", "flights", "preparing the workers") as progress:
-                likely = seek(campaign, likeliest, part=part, workers=workers, out=path, progress=progress).to_dict()
-            if json_:
-                print(json.dumps(likely, allow_nan=False))
-            else:
-                out.print(tables.whole(failures(likely)))
-            return
+def _search(campaign, worst, likeliest, part, json_, **how):
+    """Seek a false alarm of detector `worst`, or else the likeliest failure of `likeliest`, and print it."""
+    from cosim.campaign.likeliest import likeliest as seek
+    from cosim.campaign.search import search
 
-        if again:
-            flown, result, repeats, same_code = rerun(campaign, again, out=output, guests=detector or ())
-            found = {**result.to_dict(), "run": again, "repeats": repeats, "same_code": same_code}
-            if json_:
-                print(json.dumps(found, allow_nan=False))
-            else:
-                out.print(flight.shown(found, flown))
-                if repeats is not None:
-                    other = "" if same_code else ": the campaign was flown with other code, designs or libraries"
-                    out.print("its row repeats exactly" if repeats else f"[bold red]its row does not repeat[/]{other}")
-            raise typer.Exit(1 if repeats is False else 0)
-        with tables.progress(err, f"flying {Path(campaign).stem}", "runs", "preparing the workers") as progress:
-            done = run_campaign(
-                campaign,
-                workers=workers,
-                scheduler=scheduler,
-                out=output,
-                resume=resume,
-                progress=progress,
-                guests=detector or (),
-            )
-        from cosim.cli import campaign as cli_campaign
+    does = f"provoking {worst}" if worst else f"seeking {likeliest}'s failure"
+    with tables.progress(err, does, "flights", "preparing the workers") as progress:
+        how["progress"] = progress
+        found = (search(campaign, worst, **how) if worst else seek(campaign, likeliest, part=part, **how)).to_dict()
+    answer(json_, found, lambda _: tables.whole(provoked(found, how["out"]) if worst else failures(found)))
 
-        _left_out(done.damaged, "their runs were flown again")
-        if json_:
-            print(json.dumps({**done.to_dict(), "errors": cli_campaign.errors(done.frame)}))
-        else:
-            out.print(cli_campaign.campaign(done))
-        raise typer.Exit(cli_campaign.exit_status(done.frame))
 
-    @app.command()
-    def dataset(
-        campaign: CampaignArg,
-        output: Annotated[Path | None, output_option("DIR", "Default: logs/<campaign>-dataset.")] = None,
-        signal: Annotated[
-            list[str] | None,
-            typer.Option("--signal", metavar="WORD", help="`cosim list signals`. Default: all.", show_default=False),
-        ] = None,
-        rate: Annotated[float, typer.Option("--rate", metavar="HZ", help="Samples a second.")] = 50.0,
-        limit: Annotated[
-            int | None, typer.Option("--limit", min=1, help="The first flights only.", show_default=False)
-        ] = None,
-        workers: WorkersOption = None,
-        json_: JsonOption = False,
-    ):
-        """Fly a campaign into a labelled data set: Parquet, Croissant, splits, a datasheet. Goes on after a kill."""
-        from cosim.campaign.dataset import make
-        from cosim.campaign.run import folder
+def _rerun(campaign, run, json_, **how):
+    """Fly one run again, print it and whether its row repeats, and exit."""
+    from cosim.campaign.run import rerun
 
-        out_dir = output or folder(campaign).with_name(f"{Path(campaign).stem}-dataset")
-        with tables.progress(err, f"flying {Path(campaign).stem}", "flights", "preparing the workers") as progress:
-            made = make(
-                campaign, out_dir, signals=signal or (), rate_hz=rate, limit=limit, workers=workers, progress=progress
-            )
-        if json_:
-            print(json.dumps(made))
-            return
-        lost = f", {made['failed']} without a steady flight" if made["failed"] else ""
-        size = f"{made['bytes'] / 1e6:.1f} MB, {made['bytes_per_flight'] / 1e3:.0f} kB each"
-        out.print(f"{made['flights']} flights{lost}: {made['samples']} samples, {size}")
-        out.print(f"data   {tables.escape(made['folder'])}", soft_wrap=True, highlight=False)
+    flown, result, repeats, same_code = rerun(campaign, run, **how)
+    found = {**result.to_dict(), "run": run, "repeats": repeats, "same_code": same_code}
+    answer(json_, found, lambda _: flight.shown(found, flown))
+    if repeats is not None and not json_:
+        other = "" if same_code else ": the campaign was flown with other code, designs or libraries"
+        out.print("its row repeats exactly" if repeats else f"[bold red]its row does not repeat[/]{other}")
+    raise typer.Exit(1 if repeats is False else 0)
 
-    @app.command()
-    def report(
-        log: Annotated[
-            Path,
-            typer.Argument(metavar="LOG|DIR", help="A log; a campaign's folder, or one of logs.", show_default=False),
-        ],
-        output: Annotated[Path | None, output_option("HTML", "Default: beside the log.")] = None,
-        json_: JsonOption = False,
-    ):
-        """Write one self-contained HTML page that shows a flight, what `cosim replay --map -o` made of a recording, or
-        compares the logs of a folder; opens offline.
-        """
-        path = output or (log / "compare.html" if log.is_dir() else log.with_suffix(".html"))
-        reserve(path, taken=log, endings=(".html", ".htm"), what="the log")
-        if log.is_dir():
-            from cosim.compare import compare as work
-            from cosim.report import comparison_report
 
-            with tables.progress(err, "reading", unit="logs") as progress:
-                made = comparison_report(work([log], progress=progress), path)
-        else:
-            from cosim.log import open_log
-            from cosim.report import diagnosis_report, flight_report
+@app.command()
+def dataset(
+    campaign: CampaignArg,
+    output: Annotated[Path | None, output_option("DIR", "Default: logs/<campaign>-dataset.")] = None,
+    signal: Annotated[
+        list[str] | None,
+        typer.Option("--signal", metavar="WORD", help="`cosim list signals`. Default: all.", show_default=False),
+    ] = None,
+    rate: Annotated[float, typer.Option("--rate", metavar="HZ", help="Samples a second.")] = 50.0,
+    limit: Annotated[
+        int | None, typer.Option("--limit", min=1, help="The first flights only.", show_default=False)
+    ] = None,
+    workers: WorkersOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """Fly a campaign into a labelled data set: Parquet, Croissant, splits, a datasheet. Goes on after a kill."""
+    from cosim.campaign.dataset import make
+    from cosim.campaign.run import folder
 
-            foreign = "map.toml" in open_log(log, tolerant=True).attachments
-            made = (diagnosis_report if foreign else flight_report)(log, path)
-        if json_:
-            print(json.dumps({"report": str(made)}))
-        else:
-            out.print(f"report {tables.escape(str(made))}", soft_wrap=True, highlight=False)
+    out_dir = output or folder(campaign).with_name(f"{Path(campaign).stem}-dataset")
+    with tables.progress(err, f"flying {Path(campaign).stem}", "flights", "preparing the workers") as progress:
+        made = make(
+            campaign, out_dir, signals=signal or (), rate_hz=rate, limit=limit, workers=workers, progress=progress
+        )
+    lost = f", {made['failed']} without a steady flight" if made["failed"] else ""
+    size = f"{made['bytes'] / 1e6:.1f} MB, {made['bytes_per_flight'] / 1e3:.0f} kB each"
+    told = f"{made['flights']} flights{lost}: {made['samples']} samples, {size}\ndata   {made['folder']}"
+    answer(json_, made, lambda _: tables.whole(told))
 
-    @app.command()
-    def compare(
-        sources: Annotated[
-            list[Path] | None,
-            typer.Argument(
-                metavar="[LOGS…|DIR]",
-                help="Logs, or a campaign's folder. Default: a small built-in matrix.",
-                show_default=False,
-            ),
-        ] = None,
-        output: Annotated[Path, output_option("DIR", "Folder of report and table.")] = Path("logs/compare"),
-        workers: WorkersOption = None,
-        readme: ReadmeOption = None,
-        detector: DetectorOption = None,
-        json_: JsonOption = False,
-    ):
-        """Compare aircraft-level and local detectors on the same flights: who sees what, how soon, at what cost."""
-        from cosim.cli.compare import compare as table
+
+@app.command()
+def report(
+    log: Annotated[
+        Path,
+        typer.Argument(metavar="LOG|DIR", help="A log; a campaign's folder, or one of logs.", show_default=False),
+    ],
+    output: Annotated[Path | None, output_option("HTML", "Default: beside the log.")] = None,
+    json_: JsonOption = False,
+) -> None:
+    """Write one self-contained HTML page that shows a flight, what `cosim replay --map -o` made of a recording, or
+    compares the logs of a folder; opens offline.
+    """
+    path = output or (log / "compare.html" if log.is_dir() else log.with_suffix(".html"))
+    reserve(path, taken=log, endings=(".html", ".htm"), what="the log")
+    if log.is_dir():
         from cosim.compare import compare as work
-        from cosim.report import write_comparison
+        from cosim.report import comparison_report
 
-        reserve(output / "compare.html")
-        with tables.progress(
-            err, "flying" if not sources else "reading", unit="flights", waiting="preparing"
-        ) as progress:
-            made = work(sources or (), workers=workers, progress=progress, guests=detector or ())
-            write_comparison(made, output)
-        _left_out(made.damaged, "`cosim campaign --resume` flies their runs again")
-        if readme:
-            from cosim.report.compare_markdown import write
+        with tables.progress(err, "reading", unit="logs") as progress:
+            made = comparison_report(work([log], progress=progress), path)
+    else:
+        from cosim.log import open_log
+        from cosim.report import diagnosis_report, flight_report
 
-            write(made, readme)
-        found = made.to_dict()
-        if json_:
-            print(json.dumps(found, allow_nan=False))
-        else:
-            out.print(table(found))
+        foreign = "map.toml" in open_log(log, tolerant=True).attachments
+        made = (diagnosis_report if foreign else flight_report)(log, path)
+    answer(json_, {"report": str(made)}, lambda _: tables.whole(f"report {made}"))
+
+
+@app.command()
+def compare(
+    sources: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="[LOGS…|DIR]",
+            help="Logs, or a campaign's folder. Default: a small built-in matrix.",
+            show_default=False,
+        ),
+    ] = None,
+    output: Annotated[Path, output_option("DIR", "Folder of report and table.")] = Path("logs/compare"),
+    workers: WorkersOption = None,
+    readme: ReadmeOption = None,
+    detector: DetectorOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """Compare aircraft-level and local detectors on the same flights: who sees what, how soon, at what cost."""
+    from cosim.cli.compare import compare as table
+    from cosim.compare import compare as work
+    from cosim.report import write_comparison
+
+    reserve(output / "compare.html")
+    with tables.progress(err, "flying" if not sources else "reading", unit="flights", waiting="preparing") as progress:
+        made = work(sources or (), workers=workers, progress=progress, guests=detector or ())
+        write_comparison(made, output)
+    _left_out(made.damaged, "`cosim campaign --resume` flies their runs again")
+    if readme:
+        from cosim.report.compare_markdown import write
+
+        write(made, readme)
+    found = made.to_dict()
+    answer(json_, found, table)
+
+
+def provoked(found: dict, path: Path) -> str:
+    """Return what a search for a false alarm came to."""
+    gain = f"|r| {found['r']:.2f} of the threshold, {found['first_r']:.2f} in the first generation"
+    return f"{gain}; {found['false_alarms']} false alarms in {found['flights']} flights\n{path}"
 
 
 def failures(found: dict) -> str:

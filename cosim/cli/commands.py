@@ -1,5 +1,6 @@
 """The commands, each parses, prints, exits. The work is in functions that a notebook can call."""
 
+import importlib
 import json
 import math
 import sys
@@ -10,26 +11,14 @@ import typer
 from rich.console import Group
 from rich.text import Text
 
-from cosim.cli import (
-    aircraft,
-    bench,
-    campaigns,
-    envelope,
-    false_alarms,
-    flight,
-    guests,
-    inventory,
-    replay,
-    score,
-    study,
-    tables,
-)  # fmt: skip
+from cosim.cli import flight, inventory, tables
 from cosim.cli.app import (
     LIVE_PORT,
     PortOption,
     ScenarioArg,
     SetOption,
     SpeedOption,
+    answer,
     app,
     err,
     notes,
@@ -106,10 +95,7 @@ def run(
         from cosim.report import flight_report
 
         found["report"] = str(flight_report(path, path.with_suffix(".html")))
-    if json_:
-        print(json.dumps(found, allow_nan=False))
-    else:
-        out.print(flight.shown(found, flown))
+    answer(json_, found, lambda _: flight.shown(found, flown))
     if found["status"] == "interrupted":
         raise typer.Exit(130)
     if strict and found["status"] != "completed":
@@ -134,10 +120,7 @@ def list_(
             remedy=did_you_mean(topic, inventory.TOPICS),
         )
     found = everything()
-    if json_:
-        print(json.dumps(found if topic in (None, "all") else {topic: found[topic]}))
-    else:
-        out.print(inventory.shown(found, topic))
+    answer(json_, found if topic in (None, "all") else {topic: found[topic]}, lambda _: inventory.shown(found, topic))
 
 
 @app.command()
@@ -159,10 +142,11 @@ def example(
         raise CosimError("is there already", place=str(path), remedy="Name another file with -o")
     reserve(path)
     replace_text(path, text)
-    if json_:
-        print(json.dumps({"example": name, "file": str(path)}))
-    else:
-        out.print(tables.whole(f"wrote  {path}\nnext   python {tables.word(path)}"))
+    answer(
+        json_,
+        {"example": name, "file": str(path)},
+        lambda _: tables.whole(f"wrote  {path}\nnext   python {tables.word(path)}"),
+    )
 
 
 @app.command()
@@ -206,14 +190,12 @@ def linearize(
     if output:
         model.save(output)
     found = {**model.to_dict(), **({"file": str(output)} if output else {})}
-    if json_:
-        print(json.dumps(found, allow_nan=False))
-    else:
-        out.print(trim_and_modes(found, flown))
+    answer(json_, found, lambda _: trim_and_modes(found, flown))
 
 
-for part in (bench, replay, envelope, study, campaigns, score, false_alarms, guests, aircraft):
-    part.add(app, out, err)
+# the commands of these modules, in the order in which `cosim -h` shows them
+for part in ("bench", "replay", "envelope", "study", "campaigns", "score", "false_alarms", "guests", "aircraft"):
+    importlib.import_module(f"cosim.cli.{part}")
 
 
 def main() -> Any:

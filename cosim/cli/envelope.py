@@ -1,47 +1,40 @@
 """The command that maps the envelope."""
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-from rich.console import Console, Group
+from rich.console import Group
 from rich.text import Text
 
 from cosim.cli import tables
+from cosim.cli.app import answer, app, err
 from cosim.cli.output import JsonOption, WorkersOption, output_option, reserve
 from cosim.files import replace
 
 
-def add(app: typer.Typer, out: Console, err: Console) -> None:
-    """Add `envelope` to the command line `app`; `out` and `err` are its consoles."""
+@app.command()
+def envelope(
+    output: Annotated[Path, output_option("DIR", "Folder of page, picture and table.")] = Path("logs/envelope"),
+    workers: WorkersOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """Map where the aircraft trims, over mass, CG, altitude and speed, why not elsewhere, where actuators stall."""
+    from cosim.campaign.envelope import summary, trim_map
 
-    @app.command()
-    def envelope(
-        output: Annotated[Path, output_option("DIR", "Folder of page, picture and table.")] = Path("logs/envelope"),
-        workers: WorkersOption = None,
-        json_: JsonOption = False,
-    ):
-        """Map where the aircraft trims, over mass, CG, altitude and speed, why not elsewhere, where actuators stall."""
-        from cosim.campaign.envelope import summary, trim_map
+    paths = {key: output / f"envelope.{ending}" for key, ending in
+             (("report", "html"), ("picture", "svg"), ("table", "csv"))}  # fmt: skip
+    for path in paths.values():
+        reserve(path)
+    with tables.progress(err, "trimming", unit="points", waiting="preparing the workers") as progress:
+        trims = trim_map(workers=workers, progress=progress)
+    from cosim.report import envelope_picture, envelope_report
 
-        paths = {key: output / f"envelope.{ending}" for key, ending in
-                 (("report", "html"), ("picture", "svg"), ("table", "csv"))}  # fmt: skip
-        for path in paths.values():
-            reserve(path)
-        with tables.progress(err, "trimming", unit="points", waiting="preparing the workers") as progress:
-            trims = trim_map(workers=workers, progress=progress)
-        from cosim.report import envelope_picture, envelope_report
-
-        found = summary(trims)
-        envelope_report(trims, found, paths["report"])
-        envelope_picture(trims, paths["picture"])
-        replace(paths["table"], lambda part: trims.to_csv(part, index=False, float_format="%.6g"))
-        found |= {key: str(path) for key, path in paths.items()}
-        if json_:
-            print(json.dumps(found, allow_nan=False))
-        else:
-            out.print(shown(found))
+    found = summary(trims)
+    envelope_report(trims, found, paths["report"])
+    envelope_picture(trims, paths["picture"])
+    replace(paths["table"], lambda part: trims.to_csv(part, index=False, float_format="%.6g"))
+    found |= {key: str(path) for key, path in paths.items()}
+    answer(json_, found, shown)
 
 
 def shown(found: dict[str, Any]) -> Group:

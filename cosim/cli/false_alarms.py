@@ -5,52 +5,47 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console, Group
+from rich.console import Group
 from rich.text import Text
 
 from cosim.cli import tables
+from cosim.cli.app import answer, app, err
 from cosim.cli.output import JsonOption, WorkersOption, output_option, reserve
 
 
-def add(app: typer.Typer, out: Console, err: Console) -> None:
-    """Add `false-alarms` to the command line `app`; `out` and `err` are its consoles."""
+@app.command(name="false-alarms")
+def false_alarms(
+    detectors: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[DETECTOR…]", help="Detectors that ship. Default: all.", show_default=False),
+    ] = None,
+    hours: Annotated[float, typer.Option("--hours", min=0.0, help="Flight hours; more go on from there.")] = 100.0,
+    campaign: Annotated[
+        str, typer.Option("--campaign", metavar="NAME", help="Fault-free campaign to fly: built-in name or file.")
+    ] = "fault-free",
+    output: Annotated[Path, output_option("DIR", "Folder of flights, page and table.")] = Path("logs/false-alarms"),
+    workers: WorkersOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """Count false alarms per flight hour over the threshold, and say how far down the curve is shown.
 
-    @app.command(name="false-alarms")
-    def false_alarms(
-        detectors: Annotated[
-            list[str] | None,
-            typer.Argument(metavar="[DETECTOR…]", help="Detectors that ship. Default: all.", show_default=False),
-        ] = None,
-        hours: Annotated[float, typer.Option("--hours", min=0.0, help="Flight hours; more go on from there.")] = 100.0,
-        campaign: Annotated[
-            str, typer.Option("--campaign", metavar="NAME", help="Fault-free campaign to fly: built-in name or file.")
-        ] = "fault-free",
-        output: Annotated[Path, output_option("DIR", "Folder of flights, page and table.")] = Path("logs/false-alarms"),
-        workers: WorkersOption = None,
-        json_: JsonOption = False,
-    ):
-        """Count false alarms per flight hour over the threshold, and say how far down the curve is shown.
+    Flights are kept in DIR: a killed measurement goes on, and more --hours add to it.
+    """
+    from cosim.compare.false_alarms import false_alarms as work
+    from cosim.files import replace_text
+    from cosim.judge.result import plain
+    from cosim.report import false_alarms_report
 
-        Flights are kept in DIR: a killed measurement goes on, and more --hours add to it.
-        """
-        from cosim.compare.false_alarms import false_alarms as work
-        from cosim.files import replace_text
-        from cosim.judge.result import plain
-        from cosim.report import false_alarms_report
-
-        paths = {"report": output / "false-alarms.html", "table": output / "false-alarms.json"}
-        for path in paths.values():
-            reserve(path)
-        with tables.progress(err, "flying", unit="flights", waiting="preparing the workers") as progress:
-            found = work(hours=hours, campaign=campaign, detectors=detectors or (), folder=output, workers=workers,
-                         progress=progress)  # fmt: skip
-        false_alarms_report(found, paths["report"])
-        replace_text(paths["table"], json.dumps(plain(found), allow_nan=False) + "\n")
-        told = {key: str(path) for key, path in paths.items()}
-        if json_:
-            print(json.dumps(plain(found | told), allow_nan=False))
-        else:
-            out.print(shown(found, told))
+    paths = {"report": output / "false-alarms.html", "table": output / "false-alarms.json"}
+    for path in paths.values():
+        reserve(path)
+    with tables.progress(err, "flying", unit="flights", waiting="preparing the workers") as progress:
+        found = work(hours=hours, campaign=campaign, detectors=detectors or (), folder=output, workers=workers,
+                     progress=progress)  # fmt: skip
+    false_alarms_report(found, paths["report"])
+    replace_text(paths["table"], json.dumps(plain(found), allow_nan=False) + "\n")
+    told = {key: str(path) for key, path in paths.items()}
+    answer(json_, plain(found | told), lambda _: shown(found, told))
 
 
 def shown(found: dict, files: dict) -> Group:

@@ -5,90 +5,86 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from cosim.cli import tables
+from cosim.cli.app import answer, app, err, out
 from cosim.cli.output import JsonOption, output_option, reserve
 from cosim.errors import CosimError
 
 KINDS = ("detector",)
 
 
-def add(app: typer.Typer, out: Console, err: Console) -> None:
-    """Add the commands to the command line `app`; `out` and `err` are its consoles."""
+@app.command()
+def new(
+    what: Annotated[str, typer.Argument(metavar="detector", help="What to write: detector.", show_default=False)],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Lower-case letters, digits and _.")],
+    output: Annotated[Path, output_option("DIR", "Folder of the two files.")] = Path("."),
+    json_: JsonOption = False,
+) -> None:
+    """Write a detector of your own that runs, and its test: NAME.py and test_NAME.py."""
+    from cosim.files import replace_text
+    from cosim.flight.guests.new import texts
 
-    @app.command()
-    def new(
-        what: Annotated[str, typer.Argument(metavar="detector", help="What to write: detector.", show_default=False)],
-        name: Annotated[str, typer.Argument(metavar="NAME", help="Lower-case letters, digits and _.")],
-        output: Annotated[Path, output_option("DIR", "Folder of the two files.")] = Path("."),
-        json_: JsonOption = False,
-    ):
-        """Write a detector of your own that runs, and its test: NAME.py and test_NAME.py."""
-        from cosim.files import replace_text
-        from cosim.flight.guests.new import texts
+    if what not in KINDS:
+        raise CosimError("is nothing to write", place=f"cosim new {what}", allowed=", ".join(KINDS))
+    made = {output / file: text for file, text in texts(name).items()}
+    for path in made:
+        if path.exists():
+            raise CosimError("is there already", place=str(path), remedy="Choose another name, or a folder with -o")
+        reserve(path)
+    for path, text in made.items():
+        replace_text(path, text)
+    files = [str(path) for path in made]
+    first = tables.word(files[0])
+    told = [f"wrote  {file}" for file in files]
+    told += [f"next   cosim check-detector {first}", f"       cosim run --detector {first}"]
+    answer(json_, {"files": files}, lambda _: tables.whole("\n".join(told)))
 
-        if what not in KINDS:
-            raise CosimError("is nothing to write", place=f"cosim new {what}", allowed=", ".join(KINDS))
-        made = {output / file: text for file, text in texts(name).items()}
-        for path in made:
-            if path.exists():
-                raise CosimError("is there already", place=str(path), remedy="Choose another name, or a folder with -o")
-            reserve(path)
-        for path, text in made.items():
-            replace_text(path, text)
-        files = [str(path) for path in made]
-        if json_:
-            print(json.dumps({"files": files}))
-        else:
-            told = [f"wrote  {file}" for file in files]
-            first = tables.word(files[0])
-            told += [f"next   cosim check-detector {first}", f"       cosim run --detector {first}"]
-            out.print(tables.whole("\n".join(told)))
 
-    @app.command("map")
-    def map_(
-        recording: Annotated[Path, typer.Argument(metavar="FILE", help="CSV, Parquet or MCAP.", show_default=False)],
-        output: Annotated[Path | None, output_option("MAP.toml", "Default: print it.")] = None,
-        json_: JsonOption = False,
-    ):
-        """Draft a map for a recording by its columns' names and ranges; check signs and units before you believe it."""
-        from cosim.files import replace_text
-        from cosim.replay.map_draft import draft
+@app.command("map")
+def map_(
+    recording: Annotated[Path, typer.Argument(metavar="FILE", help="CSV, Parquet or MCAP.", show_default=False)],
+    output: Annotated[Path | None, output_option("MAP.toml", "Default: print it.")] = None,
+    json_: JsonOption = False,
+) -> None:
+    """Draft a map for a recording by its columns' names and ranges; check signs and units before you believe it."""
+    from cosim.files import replace_text
+    from cosim.replay.map_draft import draft
 
-        if output and output.exists():
-            raise CosimError("is there already", place=str(output), remedy="Choose another name with -o")
-        text = draft(recording)
-        if output:
-            reserve(output, endings=(".toml",))
-            replace_text(output, text)
-        if json_:
-            print(json.dumps({"map": str(output) if output else None, "toml": text}))
-        elif output:
-            command = f"cosim replay {tables.word(recording)} --map {tables.word(output)}"
-            out.print(tables.whole(f"wrote  {output}\nnext   {command}"))
-        else:
-            print(text, end="")
+    if output and output.exists():
+        raise CosimError("is there already", place=str(output), remedy="Choose another name with -o")
+    text = draft(recording)
+    if output:
+        reserve(output, endings=(".toml",))
+        replace_text(output, text)
+    if json_:
+        print(json.dumps({"map": str(output) if output else None, "toml": text}))
+    elif output:
+        command = f"cosim replay {tables.word(recording)} --map {tables.word(output)}"
+        out.print(tables.whole(f"wrote  {output}\nnext   {command}"))
+    else:
+        print(text, end="")
 
-    @app.command("check-detector")
-    def check_detector(
-        detector: Annotated[Path, typer.Argument(metavar="FILE.py", help="A detector of your own.")],
-        json_: JsonOption = False,
-    ):
-        """Say whether a detector keeps the contract: causal, deterministic, restartable, bounded, whole on dropouts.
 
-        Exit status 1: it does not.
-        """
-        from cosim.flight.guests.check import check
+@app.command("check-detector")
+def check_detector(
+    detector: Annotated[Path, typer.Argument(metavar="FILE.py", help="A detector of your own.")],
+    json_: JsonOption = False,
+) -> None:
+    """Say whether a detector keeps the contract: causal, deterministic, restartable, bounded, whole on dropouts.
 
-        with tables.progress(err, "checking", unit="") as progress:
-            found = check(detector, progress=progress)
-        if json_:
-            print(json.dumps(found, allow_nan=False))
-        else:
-            t = tables.table(f"{found['id']}, {found['file']}", "", "question", "answer")
-            marks = {"good": "[green]✓[/]", "bad": "[red]✗[/]", "note": "[yellow]![/]"}
-            for line in found["checks"]:
-                t.add_row(marks[line["result"]], line["question"], tables.escape(line["answer"]))
-            out.print(t)
-        raise typer.Exit(0 if found["keeps"] else 1)
+    Exit status 1: it does not.
+    """
+    from cosim.flight.guests.check import check
+
+    with tables.progress(err, "checking", unit="") as progress:
+        found = check(detector, progress=progress)
+    if json_:
+        print(json.dumps(found, allow_nan=False))
+    else:
+        t = tables.table(f"{found['id']}, {found['file']}", "", "question", "answer")
+        marks = {"good": "[green]✓[/]", "bad": "[red]✗[/]", "note": "[yellow]![/]"}
+        for line in found["checks"]:
+            t.add_row(marks[line["result"]], line["question"], tables.escape(line["answer"]))
+        out.print(t)
+    raise typer.Exit(0 if found["keeps"] else 1)

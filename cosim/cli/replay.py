@@ -2,149 +2,123 @@
 
 import contextlib
 import itertools
-import json
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
-from rich.console import Console, Group, RenderableType
+from rich.console import Group, RenderableType
 from rich.markup import escape
 from rich.text import Text
 
-from cosim.cli.app import LIVE_PORT, LogArg, PortOption, SpeedOption, notes, only_live, served
+from cosim.cli.app import LIVE_PORT, LogArg, PortOption, SpeedOption, answer, app, err, notes, only_live, served
 from cosim.cli.output import DetectorOption, JsonOption, output_option, reserve
-from cosim.cli.tables import NOTHING, number, table
+from cosim.cli.tables import NOTHING, number, table, whole
 from cosim.cli.tables import progress as bar
 
 SHOWN = 12  # differences in the table; all of them are in --json
 MISSING = 6  # signals of a detector that was not run
 
 
-def add(app: typer.Typer, out: Console, err: Console) -> None:
-    """Add `replay` and `recover` to the command line `app`; `out` and `err` are its consoles."""
+@app.command()
+def replay(
+    log: LogArg,
+    detectors: Annotated[
+        str | None, typer.Option("--detectors", metavar="A,B", help="Only these detectors.", show_default=False)
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", "-s", metavar="DETECTOR.PARAMETER=VALUE", help="What if: change a parameter. Repeatable."
+        ),
+    ] = None,
+    start: Annotated[
+        float, typer.Option("--from", metavar="T", min=0.0, help="Start in the middle, at T seconds.")
+    ] = 0.0,
+    map_: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="MAP.toml", help="Diagnose a foreign CSV, Parquet or MCAP by this map (README)."),
+    ] = None,
+    on_reset: Annotated[
+        Literal["split", "offset"] | None,
+        typer.Option("--on-reset", help="With --map: where the clock goes back, stretches apart or joined."),
+    ] = None,
+    output: Annotated[Path | None, output_option("LOG", "Write old and new outputs to a log.")] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Run nothing: show the log in Foxglove, played and scrubbed (README).")
+    ] = False,
+    speed: SpeedOption = None,
+    port: PortOption = None,
+    detector: DetectorOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """Run the detectors of a log again and compare bit for bit. Exit status 0: exact, 1: different.
 
-    @app.command()
-    def replay(
-        log: LogArg,
-        detectors: Annotated[
-            str | None, typer.Option("--detectors", metavar="A,B", help="Only these detectors.", show_default=False)
-        ] = None,
-        set_: Annotated[
-            list[str] | None,
-            typer.Option(
-                "--set", "-s", metavar="DETECTOR.PARAMETER=VALUE", help="What if: change a parameter. Repeatable."
-            ),
-        ] = None,
-        start: Annotated[
-            float, typer.Option("--from", metavar="T", min=0.0, help="Start in the middle, at T seconds.")
-        ] = 0.0,
-        map_: Annotated[
-            Path | None,
-            typer.Option(
-                "--map", metavar="MAP.toml", help="Diagnose a foreign CSV, Parquet or MCAP by this map (README)."
-            ),
-        ] = None,
-        on_reset: Annotated[
-            Literal["split", "offset"] | None,
-            typer.Option("--on-reset", help="With --map: where the clock goes back, stretches apart or joined."),
-        ] = None,
-        output: Annotated[Path | None, output_option("LOG", "Write old and new outputs to a log.")] = None,
-        live: Annotated[
-            bool, typer.Option("--live", help="Run nothing: show the log in Foxglove, played and scrubbed (README).")
-        ] = False,
-        speed: SpeedOption = None,
-        port: PortOption = None,
-        detector: DetectorOption = None,
-        json_: JsonOption = False,
-    ):
-        """Run the detectors of a log again and compare bit for bit. Exit status 0: exact, 1: different.
+    A detector of your own that was not part of the flight is run on it as it was logged.
+    """
 
-        A detector of your own that was not part of the flight is run on it as it was logged.
-        """
+    only_live(live, speed=speed, port=port)
+    if live:
+        from cosim.replay.live import show
 
-        only_live(live, speed=speed, port=port)
-        if live:
-            from cosim.replay.live import show
+        where = LIVE_PORT if port is None else port
+        with contextlib.suppress(KeyboardInterrupt):  # that is how it ends
+            show(log, port=where, speed=speed or 1.0, start_s=start, ready=served)
+        return
+    chosen = [name.strip() for name in detectors.split(",") if name.strip()] if detectors is not None else None
+    if output:
+        reserve(output, taken=log, what="the log")
+    from cosim.replay.params import overrides
 
-            where = LIVE_PORT if port is None else port
-            with contextlib.suppress(KeyboardInterrupt):  # that is how it ends
-                show(log, port=where, speed=speed or 1.0, start_s=start, ready=served)
-            return
-        chosen = [name.strip() for name in detectors.split(",") if name.strip()] if detectors is not None else None
-        if output:
-            reserve(output, taken=log, what="the log")
-        from cosim.replay.params import overrides
+    how: dict[str, Any] = {"detectors": chosen, "overrides": overrides(set_ or ()), "start_s": start}
+    how["guests"] = detector or ()
+    if map_:
+        from cosim.replay.map import diagnose
 
-        if map_:
-            from cosim.replay.map import diagnose
+        stretches = []
+        for part in itertools.count() if on_reset == "split" else (0,):
+            path = output.with_stem(f"{output.stem}-{part + 1}") if output and part else output
+            try:
+                stretches.append(diagnose(log, map_, output=path, part=part, on_reset=on_reset, **how).to_dict())
+            except IndexError:
+                break
+        found = stretches[0] if len(stretches) == 1 else {"stretches": stretches}
+        answer(json_, found, lambda _: Group(*map(diagnosis, stretches)))
+        return
+    from cosim.replay import replay as work
 
-            how = {"detectors": chosen, "overrides": overrides(set_ or ()), "start_s": start, "on_reset": on_reset}
-            how["guests"] = detector or ()
-            stretches = []
-            for part in itertools.count():
-                path = output.with_stem(f"{output.stem}-{part + 1}") if output and part else output
-                try:
-                    stretches.append(diagnose(log, map_, output=path, part=part, **how).to_dict())
-                except IndexError:
-                    break
-                if on_reset != "split":
-                    break
-            if json_:
-                print(json.dumps(stretches[0] if len(stretches) == 1 else {"stretches": stretches}, allow_nan=False))
-            else:
-                for told in stretches:
-                    out.print(diagnosis(told))
-            return
-        from cosim.replay import replay as work
+    with bar(err, "replaying") as progress:
+        made = work(log, output=output, progress=progress, **how)
+    notes(made.notes)
+    detection = chosen is not None or bool(set_ or detector)
+    answer(json_, made.to_dict(), lambda found: shown(found, detection))
+    raise typer.Exit(0 if made.exact or (detector and not made.values) else 1)
 
-        with bar(err, "replaying") as progress:
-            found = work(
-                log,
-                detectors=chosen,
-                overrides=overrides(set_ or ()),
-                start_s=start,
-                output=output,
-                progress=progress,
-                guests=detector or (),
-            )
-        notes(found.notes)
-        if json_:
-            print(json.dumps(found.to_dict(), allow_nan=False))
-        else:
-            out.print(shown(found.to_dict(), detection=chosen is not None or bool(set_ or detector)))
-        raise typer.Exit(0 if found.exact or (detector and not found.values) else 1)
 
-    @app.command()
-    def recover(
-        log: LogArg,
-        output: Annotated[Path | None, output_option("LOG", "Default: LOG with .recovered before its ending.")] = None,
-        json_: JsonOption = False,
-    ):
-        """Make a readable log of what a kill, a full disk or a damaged disk has left of one, and say what is lost.
+@app.command()
+def recover(
+    log: LogArg,
+    output: Annotated[Path | None, output_option("LOG", "Default: LOG with .recovered before its ending.")] = None,
+    json_: JsonOption = False,
+) -> None:
+    """Make a readable log of what a kill, a full disk or a damaged disk has left of one, and say what is lost.
 
-        Of a flight by hand or live that was killed, which writes its log at its end, fly again what it had come to.
-        """
-        from cosim.flight import journal
-        from cosim.log import recover as work
+    Of a flight by hand or live that was killed, which writes its log at its end, fly again what it had come to.
+    """
+    from cosim.flight import journal
+    from cosim.log import recover as work
 
-        log = Path(str(log).removesuffix(".flown.toml"))
-        if journal.beside(log).is_file():
-            path = output or (log.with_suffix(f".recovered{log.suffix}") if log.exists() else log)
-            reserve(path)
-            with bar(err, f"flying {log.stem} again", waiting="preparing") as progress:
-                again = journal.recover(log, path, progress=progress)
-            if json_:
-                print(json.dumps(again))
-            else:
-                out.print(flown_again(again), soft_wrap=True, highlight=False)
-            return
-        path = output or log.with_suffix(f".recovered{log.suffix}")
-        reserve(path, taken=log, what="the log")
-        found = work(log, path)
-        if json_:
-            print(json.dumps(found, allow_nan=False))
-        else:
-            out.print(recovered(found))
+    log = Path(str(log).removesuffix(".flown.toml"))
+    if journal.beside(log).is_file():
+        path = output or (log.with_suffix(f".recovered{log.suffix}") if log.exists() else log)
+        reserve(path)
+        with bar(err, f"flying {log.stem} again", waiting="preparing") as progress:
+            again = journal.recover(log, path, progress=progress)
+        answer(json_, again, lambda _: whole(flown_again(again)))
+        return
+    path = output or log.with_suffix(f".recovered{log.suffix}")
+    reserve(path, taken=log, what="the log")
+    found = work(log, path)
+    answer(json_, found, recovered)
 
 
 def shown(found: dict[str, Any], detection: bool) -> Group:
@@ -254,7 +228,7 @@ def flown_again(found: dict[str, Any]) -> str:
     """Return what came back of a flight that was killed before it wrote its log."""
     told = [f"{f['kind']} on {f['target']} from {f['start_s']:g} s" for f in found["faults"]]
     lines = [f"{found['ticks']:,} ticks ({found['duration_s']:g} s) flown again, {', '.join(told) or 'no fault'}",
-             f"log    {escape(found['out'])}"]  # fmt: skip
+             f"log    {found['out']}"]  # fmt: skip
     return "\n".join(lines)
 
 

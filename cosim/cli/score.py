@@ -1,14 +1,14 @@
 """The command that scores detectors on the benchmark, and its tables, from the same plain data that --json prints."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console, Group
+from rich.console import Group
 from rich.text import Text
 
 from cosim.cli import tables
+from cosim.cli.app import answer, app, err
 from cosim.cli.output import JsonOption, ReadmeOption, WorkersOption, output_option, reserve
 from cosim.cli.tables import NOTHING, number, table
 
@@ -16,78 +16,72 @@ FEW = 3  # detectors, up to which every family is shown
 MOST = 12  # pairs that are shown
 
 
-def add(app: typer.Typer, out: Console, err: Console) -> None:
-    """Add `score` to the command line `app`; `out` and `err` are its consoles."""
+@app.command()
+def score(
+    detectors: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[DETECTOR…]",
+            help="Detectors that ship, files of your own, installed ones by name. Default: all that ship.",
+            show_default=False,
+        ),
+    ] = None,
+    output: Annotated[Path, output_option("DIR", "Folder of page and table.")] = Path("logs/score"),
+    seeds: Annotated[
+        Path | None,
+        typer.Option("--seeds", metavar="FILE", help="A sealed set: seed, first_seed.", show_default=False),
+    ] = None,
+    limit: Annotated[
+        int | None, typer.Option("--limit", metavar="N", min=1, help="Only N flights, evenly over the families.")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="A look in a minute: 40 flights.")] = False,
+    recordings: Annotated[
+        Path | None,
+        typer.Option("--recordings", metavar="DIR", help="Default: in your cache.", show_default=False),
+    ] = None,
+    verify: Annotated[
+        Path | None,
+        typer.Option(
+            "--verify", metavar="TABLE", help="Repeat rows of a score.json, or benchmark-1.", show_default=False
+        ),
+    ] = None,
+    readme: ReadmeOption = None,
+    workers: WorkersOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """Score detectors on the same 642 recorded flights, flown on first use; a new one is a replay of minutes.
 
-    @app.command()
-    def score(
-        detectors: Annotated[
-            list[str] | None,
-            typer.Argument(
-                metavar="[DETECTOR…]",
-                help="Detectors that ship, files of your own, installed ones by name. Default: all that ship.",
-                show_default=False,
-            ),
-        ] = None,
-        output: Annotated[Path, output_option("DIR", "Folder of page and table.")] = Path("logs/score"),
-        seeds: Annotated[
-            Path | None,
-            typer.Option("--seeds", metavar="FILE", help="A sealed set: seed, first_seed.", show_default=False),
-        ] = None,
-        limit: Annotated[
-            int | None, typer.Option("--limit", metavar="N", min=1, help="Only N flights, evenly over the families.")
-        ] = None,
-        quick: Annotated[bool, typer.Option("--quick", help="A look in a minute: 40 flights.")] = False,
-        recordings: Annotated[
-            Path | None,
-            typer.Option("--recordings", metavar="DIR", help="Default: in your cache.", show_default=False),
-        ] = None,
-        verify: Annotated[
-            Path | None,
-            typer.Option(
-                "--verify", metavar="TABLE", help="Repeat rows of a score.json, or benchmark-1.", show_default=False
-            ),
-        ] = None,
-        readme: ReadmeOption = None,
-        workers: WorkersOption = None,
-        json_: JsonOption = False,
-    ):
-        """Score detectors on the same 642 recorded flights, flown on first use; a new one is a replay of minutes.
+    With --verify exit status 1 when a row does not repeat.
+    """
+    from cosim.compare.score import board, stored
+    from cosim.compare.score import score as work
+    from cosim.compare.score.flights import QUICK
+    from cosim.compare.score.table import differences
 
-        With --verify exit status 1 when a row does not repeat.
-        """
-        from cosim.compare.score import board, stored
-        from cosim.compare.score import score as work
-        from cosim.compare.score.flights import QUICK
-        from cosim.compare.score.table import differences
+    chosen = list(detectors or ())
+    held = stored(verify, chosen, seeds) if verify else None
+    if not held:
+        reserve(output / "score.json")
+    limit = held.limit if held else QUICK if quick and limit is None else limit
+    with tables.progress(err, "flying the benchmark, once on a machine", "flights", "preparing") as flying:
+        with tables.progress(err, "scoring", "flights", "reading") as running:
+            made = work(
+                held.detectors if held else chosen, seeds=seeds, limit=limit, recordings=recordings,
+                workers=workers, flying=flying, running=running,
+            )  # fmt: skip
+    if held:
+        wrong = differences(held.table, made.table, ids(made.table))
+        told = "\n".join(wrong or ["every row repeats"])
+        answer(json_, {"repeats": not wrong, "differences": wrong}, lambda _: tables.whole(told))
+        raise typer.Exit(1 if wrong else 0)
+    from cosim.report import write_score
+    from cosim.report.score_page import write_readme
 
-        chosen = list(detectors or ())
-        held = stored(verify, chosen, seeds) if verify else None
-        if not held:
-            reserve(output / "score.json")
-        limit = held.limit if held else QUICK if quick and limit is None else limit
-        with tables.progress(err, "flying the benchmark, once on a machine", "flights", "preparing") as flying:
-            with tables.progress(err, "scoring", "flights", "reading") as running:
-                made = work(
-                    held.detectors if held else chosen, seeds=seeds, limit=limit, recordings=recordings,
-                    workers=workers, flying=flying, running=running,
-                )  # fmt: skip
-        if held:
-            wrong = differences(held.table, made.table, ids(made.table))
-            if json_:
-                print(json.dumps({"repeats": not wrong, "differences": wrong}))
-            else:
-                said = [tables.escape(line) for line in wrong] or ["every row repeats"]
-                out.print("\n".join(said), soft_wrap=True, highlight=False)
-            raise typer.Exit(1 if wrong else 0)
-        from cosim.report import write_score
-        from cosim.report.score_page import write_readme
-
-        beside = [] if seeds else [d for d in board(made.table) if d["id"] not in ids(made.table)]
-        write_score(made.table, made.found.rows, output, beside)
-        if readme:
-            write_readme(made.table, readme)
-        print(json.dumps(made.table, allow_nan=False)) if json_ else out.print(shown(made.table))
+    beside = [] if seeds else [d for d in board(made.table) if d["id"] not in ids(made.table)]
+    write_score(made.table, made.found.rows, output, beside)
+    if readme:
+        write_readme(made.table, readme)
+    answer(json_, made.table, shown)
 
 
 def ids(found: dict) -> list[str]:

@@ -6,195 +6,185 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console, Group
+from rich.console import Group
 from rich.table import Table
 
 from cosim.cli import tables
+from cosim.cli.app import answer, app, err, out
 from cosim.cli.output import JsonOption, ReadmeOption, WorkersOption, output_option, reserve
 from cosim.cli.tables import escape, table
 from cosim.files import replace
 
 
-def add(app: typer.Typer, out: Console, err: Console) -> None:
-    """Add `reproduce`, `study`, `design` and `train` to the command line `app`; `out` and `err` are its consoles."""
+@app.command()
+def reproduce(
+    paper: Annotated[str, typer.Argument(metavar="[PAPER]", help="lu17, jay, sun13, mar10, alwi14 or all.")] = "all",
+    output: Annotated[Path, output_option("DIR", "Folder of page and rows.")] = Path("logs"),
+    readme: ReadmeOption = None,
+    break_: Annotated[
+        bool, typer.Option("--break", help="Instead break the methods and see which rows notice.")
+    ] = False,
+    workers: WorkersOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """Repeat the papers' own experiments: paper says, we get, verdict. Exit status 1 when a row differs."""
+    from pandas import DataFrame
 
-    @app.command()
-    def reproduce(
-        paper: Annotated[
-            str, typer.Argument(metavar="[PAPER]", help="lu17, jay, sun13, mar10, alwi14 or all.")
-        ] = "all",
-        output: Annotated[Path, output_option("DIR", "Folder of page and rows.")] = Path("logs"),
-        readme: ReadmeOption = None,
-        break_: Annotated[
-            bool, typer.Option("--break", help="Instead break the methods and see which rows notice.")
-        ] = False,
-        workers: WorkersOption = None,
-        json_: JsonOption = False,
-    ):
-        """Repeat the papers' own experiments: paper says, we get, verdict. Exit status 1 when a row differs."""
-        from pandas import DataFrame
+    from cosim.papers import chosen, counts, proof
+    from cosim.papers import reproduce as work
 
-        from cosim.papers import chosen, counts, proof
-        from cosim.papers import reproduce as work
-
-        chosen(paper)
-        if break_:
-            with tables.progress(err, f"breaking {paper}", unit="papers", waiting="preparing") as progress:
-                seen = proof(paper, progress=progress, workers=workers)
-            if readme:
-                from cosim.report.papers_markdown import write_proof
-
-                write_proof(readme, seen)
-            listed = [asdict(b) for b in seen]
-            print(json.dumps({"broken": listed})) if json_ else out.print(noticed(listed))
-            raise typer.Exit(0 if all(b.seen for b in seen) else 1)
-        page, table = (output / f"reproduce-{paper}.{ending}" for ending in ("html", "csv"))
-        for path in (page, table):
-            reserve(path)
-        with tables.progress(err, f"reproducing {paper}", unit="rows", waiting="preparing") as progress:
-            rows, drawings = work(paper, progress=progress, workers=workers)
-        from cosim.report import reproduction_report
-
-        written = str(reproduction_report(rows, drawings, page))
-        found: dict = {"counts": counts(rows), "report": written, "table": str(table)}
-        found["rows"] = [asdict(r) for r in rows]
-        frame = DataFrame(found["rows"])
-        replace(table, lambda part: frame.to_csv(part, index=False))
+    chosen(paper)
+    if break_:
+        with tables.progress(err, f"breaking {paper}", unit="papers", waiting="preparing") as progress:
+            seen = proof(paper, progress=progress, workers=workers)
         if readme:
-            from cosim.report.papers_markdown import write
-            from cosim.report.papers_picture import write as pictures
+            from cosim.report.papers_markdown import write_proof
 
-            write(readme, rows)
-            pictures(readme.parent, drawings)
-        if json_:
-            print(json.dumps(found, allow_nan=False))
-        else:
-            out.print(reproduced(found))
-            out.print(f"report {tables.escape(found['report'])}", soft_wrap=True, highlight=False)
-        if found["counts"]["differs"]:
-            raise typer.Exit(1)
+            write_proof(readme, seen)
+        listed = [asdict(b) for b in seen]
+        answer(json_, {"broken": listed}, lambda _: noticed(listed))
+        raise typer.Exit(0 if all(b.seen for b in seen) else 1)
+    page, table = (output / f"reproduce-{paper}.{ending}" for ending in ("html", "csv"))
+    for path in (page, table):
+        reserve(path)
+    with tables.progress(err, f"reproducing {paper}", unit="rows", waiting="preparing") as progress:
+        rows, drawings = work(paper, progress=progress, workers=workers)
+    from cosim.report import reproduction_report
 
-    def _own(aircraft, names, check, flights, output, workers):
-        """Make, unless only to be checked, designs and thresholds of another aircraft; return {detector: problem}."""
-        from cosim.errors import DesignError
-        from cosim.scenario.aircraft import load_aircraft
-        from cosim.training import own as work
+    written = str(reproduction_report(rows, drawings, page))
+    found: dict = {"counts": counts(rows), "report": written, "table": str(table)}
+    found["rows"] = [asdict(r) for r in rows]
+    frame = DataFrame(found["rows"])
+    replace(table, lambda part: frame.to_csv(part, index=False))
+    if readme:
+        from cosim.report.papers_markdown import write
+        from cosim.report.papers_picture import write as pictures
 
-        if names:
-            raise DesignError("--aircraft makes all of them", place=names[0], remedy="Leave the name out")
-        if not check:
-            folder = output or Path("logs") / f"design-{load_aircraft(aircraft).name}"
-            tell = lambda text: err.print(text, soft_wrap=True, highlight=False)  # noqa: E731
-            with tables.progress(err, "designing", unit="jobs", waiting="preparing") as progress:
-                work.make(aircraft, flights=flights or work.FLIGHTS, folder=folder, workers=workers,
-                          progress=progress, tell=tell)  # fmt: skip
-        return work.check(aircraft)
+        write(readme, rows)
+        pictures(readme.parent, drawings)
+    answer(json_, found, lambda _: Group(reproduced(found), tables.whole(f"report {found['report']}")))
+    if found["counts"]["differs"]:
+        raise typer.Exit(1)
 
-    @app.command()
-    def design(
-        names: Annotated[
-            list[str] | None, typer.Argument(metavar="[DESIGN]…", help="Designs to make; default: all.")
-        ] = None,
-        check: Annotated[
-            bool, typer.Option("--check", help="Only say whether the stored designs belong to this aircraft.")
-        ] = False,
-        aircraft: Annotated[
-            str,
-            typer.Option("--aircraft", metavar="NAME|DIR", help="Another aircraft's, and its thresholds."),
-        ] = "",
-        flights: Annotated[
-            int | None, typer.Option("--flights", min=32, help="Fault-free, with --aircraft: 128.", show_default=False)
-        ] = None,
-        output: Annotated[
-            Path | None,
-            typer.Option("--output", "-o", metavar="FOLDER", help="Of results; goes on there.", show_default=False),
-        ] = None,
-        workers: WorkersOption = None,
-        json_: JsonOption = False,
-    ):
-        """Make the detectors' stored designs anew from the aircraft that flies, or check them (exit 1: stale)."""
-        from cosim.training import designs as work
 
-        if aircraft:
-            found = _own(aircraft, names, check, flights, output, workers)
-            print(json.dumps({"designs": found, "ok": not any(found.values())})) if json_ else out.print(
-                designs({name: (aircraft, problem) for name, problem in found.items()})
-            )
-            raise typer.Exit(1 if any(found.values()) else 0)
+def _own(aircraft, names, check, flights, output, workers):
+    """Make, unless only to be checked, designs and thresholds of another aircraft; return {detector: problem}."""
+    from cosim.errors import DesignError
+    from cosim.scenario.aircraft import load_aircraft
+    from cosim.training import own as work
+
+    if names:
+        raise DesignError("--aircraft makes all of them", place=names[0], remedy="Leave the name out")
+    if not check:
+        folder = output or Path("logs") / f"design-{load_aircraft(aircraft).name}"
+        tell = lambda text: err.print(text, soft_wrap=True, highlight=False)  # noqa: E731
+        with tables.progress(err, "designing", unit="jobs", waiting="preparing") as progress:
+            work.make(aircraft, flights=flights or work.FLIGHTS, folder=folder, workers=workers,
+                      progress=progress, tell=tell)  # fmt: skip
+    return work.check(aircraft)
+
+
+@app.command()
+def design(
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[DESIGN]…", help="Designs to make; default: all.")
+    ] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Only say whether the stored designs belong to this aircraft.")
+    ] = False,
+    aircraft: Annotated[
+        str,
+        typer.Option("--aircraft", metavar="NAME|DIR", help="Another aircraft's, and its thresholds."),
+    ] = "",
+    flights: Annotated[
+        int | None, typer.Option("--flights", min=32, help="Fault-free, with --aircraft: 128.", show_default=False)
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FOLDER", help="Of results; goes on there.", show_default=False),
+    ] = None,
+    workers: WorkersOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """Make the detectors' stored designs anew from the aircraft that flies, or check them (exit 1: stale)."""
+    from cosim.training import designs as work
+
+    if aircraft:
+        found = _own(aircraft, names, check, flights, output, workers)
+    else:
         chosen = names or list(work.DESIGNS)
         for name in chosen:
             work.known(name)
-        if not check:
-            for name in chosen:
-                work.build(name, progress=lambda text: err.print(text, soft_wrap=True, highlight=False))
+        for name in () if check else chosen:
+            work.build(name, progress=lambda text: err.print(text, soft_wrap=True, highlight=False))
         found = {name: work.check(name) for name in chosen}
-        if json_:
-            print(json.dumps({"designs": found, "ok": not any(found.values())}))
-        else:
-            out.print(designs({name: (work.DESIGNS[name].what, problem) for name, problem in found.items()}))
-        if any(found.values()):
-            raise typer.Exit(1)
+    about = {name: (aircraft or work.DESIGNS[name].what, problem) for name, problem in found.items()}
+    answer(json_, {"designs": found, "ok": not any(found.values())}, lambda _: designs(about))
+    if any(found.values()):
+        raise typer.Exit(1)
 
-    @app.command()
-    def study(
-        name: Annotated[str, typer.Argument(metavar="NAME", help="A study: cosim study lists them.")],
-        parts: Annotated[list[str] | None, typer.Argument(metavar="[PART]…", help="Questions; default: all.")] = None,
-        seeds: Annotated[
-            int | None, typer.Option("--seeds", min=1, help="Flights of each case.", show_default=False)
-        ] = None,
-        noise: Annotated[float, typer.Option(min=0.0, max=100.0, help="Sensor noise over that of the set.")] = 1.0,
-        output: Annotated[Path | None, output_option("FOLDER", "Of results; goes on there.")] = None,
-        list_: Annotated[bool, typer.Option("--list", help="Only say what its parts are.")] = False,
-        workers: WorkersOption = None,
-        json_: JsonOption = False,
-    ):
-        """Answer a question about the detectors by many small flights, and print its tables."""
-        from cosim.papers import studies as work
 
-        chosen = work.chosen(name, parts or ())
-        if list_:
-            shown = tables.table(work.known(name).ABOUT, "part", "asks", "seeds>")
-            for part in chosen:
-                shown.add_row(part.name, tables.escape(part.asks), str(part.seeds))
-            out.print(shown)
-            return
-        folder, found = output or Path("logs") / f"study-{name}", []
-        with tables.progress(err, f"study {name}", unit="jobs", waiting="preparing") as progress:
-            tell = lambda _, done, total: progress(done, total)  # noqa: E731
-            for part, made in work.run_study(
-                name, parts or (), seeds=seeds, noise=noise, folder=folder, workers=workers, progress=tell
-            ):
-                found.append({"name": part.name, "tables": [t._asdict() for t in made]})
-                for t in () if json_ else made:
-                    out.print(tables.plain(t))
-        if json_:
-            print(json.dumps({"study": name, "parts": found}, default=tables.bare))
+@app.command()
+def study(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="A study: cosim study lists them.")],
+    parts: Annotated[list[str] | None, typer.Argument(metavar="[PART]…", help="Questions; default: all.")] = None,
+    seeds: Annotated[
+        int | None, typer.Option("--seeds", min=1, help="Flights of each case.", show_default=False)
+    ] = None,
+    noise: Annotated[float, typer.Option(min=0.0, max=100.0, help="Sensor noise over that of the set.")] = 1.0,
+    output: Annotated[Path | None, output_option("FOLDER", "Of results; goes on there.")] = None,
+    list_: Annotated[bool, typer.Option("--list", help="Only say what its parts are.")] = False,
+    workers: WorkersOption = None,
+    json_: JsonOption = False,
+) -> None:
+    """Answer a question about the detectors by many small flights, and print its tables."""
+    from cosim.papers import studies as work
 
-    @app.command()
-    def train(
-        name: Annotated[str, typer.Argument(metavar="NAME", help="hydraulic, aircraft, ema, rfafe or learned.")],
-        check: Annotated[bool, typer.Option("--check", help="Write nothing.")] = False,
-        first_seed: Annotated[
-            int | None, typer.Option("--first-seed", min=0, help="Of the training flights.", show_default=False)
-        ] = None,
-        output: Annotated[Path | None, output_option("FOLDER", "Of results; goes on there.")] = None,
-        workers: WorkersOption = None,
-    ):
-        """Fly the fault-free training set of some detectors' thresholds and store what it finds."""
-        from cosim.training import trainer
-
-        module = trainer(name)
-        how = {"folder": output or Path("logs") / f"train-{name}", "workers": workers}
-        with tables.progress(err, "training", unit="flights", waiting="preparing") as progress:
-            made = module.train(**how, progress=progress, **({} if first_seed is None else {"first_seed": first_seed}))
-        shown = tables.table(
-            "The entry of each threshold that grows most", "file", "set", "threshold", "stored>", "trained>"
-        )
-        for row in module.changes(made):
-            shown.add_row(*map(tables.cell, row))
+    chosen = work.chosen(name, parts or ())
+    if list_:
+        shown = tables.table(work.known(name).ABOUT, "part", "asks", "seeds>")
+        for part in chosen:
+            shown.add_row(part.name, tables.escape(part.asks), str(part.seeds))
         out.print(shown)
-        if not check:
-            module.store(made)
+        return
+    folder, found = output or Path("logs") / f"study-{name}", []
+    with tables.progress(err, f"study {name}", unit="jobs", waiting="preparing") as progress:
+        tell = lambda _, done, total: progress(done, total)  # noqa: E731
+        for part, made in work.run_study(
+            name, parts or (), seeds=seeds, noise=noise, folder=folder, workers=workers, progress=tell
+        ):
+            found.append({"name": part.name, "tables": [t._asdict() for t in made]})
+            for t in () if json_ else made:
+                out.print(tables.plain(t))
+    if json_:
+        print(json.dumps({"study": name, "parts": found}, default=tables.bare))
+
+
+@app.command()
+def train(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="hydraulic, aircraft, ema, rfafe or learned.")],
+    check: Annotated[bool, typer.Option("--check", help="Write nothing.")] = False,
+    first_seed: Annotated[
+        int | None, typer.Option("--first-seed", min=0, help="Of the training flights.", show_default=False)
+    ] = None,
+    output: Annotated[Path | None, output_option("FOLDER", "Of results; goes on there.")] = None,
+    workers: WorkersOption = None,
+) -> None:
+    """Fly the fault-free training set of some detectors' thresholds and store what it finds."""
+    from cosim.training import trainer
+
+    module = trainer(name)
+    how = {"folder": output or Path("logs") / f"train-{name}", "workers": workers}
+    with tables.progress(err, "training", unit="flights", waiting="preparing") as progress:
+        made = module.train(**how, progress=progress, **({} if first_seed is None else {"first_seed": first_seed}))
+    shown = tables.table(
+        "The entry of each threshold that grows most", "file", "set", "threshold", "stored>", "trained>"
+    )
+    for row in module.changes(made):
+        shown.add_row(*map(tables.cell, row))
+    out.print(shown)
+    if not check:
+        module.store(made)
 
 
 def reproduced(found: dict[str, Any]) -> Group:
