@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
 
 from actuators.native import PLAIN, Native
@@ -43,29 +44,42 @@ def compile_ahead(wanted: Iterable[Native], progress: Callable[[int, int], None]
     for native in sorted(missing, key=lambda native: -native.size()):
         jobs.put(native.place)
     done = [0]
-    threads = [threading.Thread(target=_feed, args=(jobs, done, tell, len(missing))) for _ in range(workers)]
+    running: list[subprocess.Popen] = []
+    threads = [threading.Thread(target=_feed, args=(jobs, running, done, tell, len(missing))) for _ in range(workers)]
     tell(0, len(missing))
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    try:
+        with suppress(RuntimeError):  # no further thread is to be had
+            for thread in threads:
+                thread.start()
+        for thread in threads:
+            while thread.is_alive():
+                thread.join(0.1)  # without an end, a signal just before the wait would be heard after it
+    except BaseException:  # interrupted: nobody waits for the rest
+        _take_all(jobs)
+        for worker in list(running):
+            worker.kill()
+        raise
     return len(missing)
 
 
-def _feed(jobs, done, tell, total):
-    """Give one process after the other job until none is left."""
+def _take_all(jobs):
+    with suppress(queue.Empty):
+        while True:
+            jobs.get_nowait()
+
+
+def _feed(jobs, running, done, tell, total):
+    """Give one process after the other job until none is left, or until no process is to be had."""
     paths = os.pathsep.join([str(_ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
     command, env = [sys.executable, "-c", _WORK], {**os.environ, "PYTHONPATH": paths}
-    with subprocess.Popen(
+    with suppress(queue.Empty, OSError), subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=env, text=True
     ) as worker:
+        running.append(worker)
         assert worker.stdin and worker.stdout
-        try:
-            while True:
-                print(jobs.get_nowait(), file=worker.stdin, flush=True)
-                if not worker.stdout.readline():
-                    return
-                done[0] += 1
-                tell(done[0], total)
-        except (queue.Empty, BrokenPipeError):
-            pass
+        while True:
+            print(jobs.get_nowait(), file=worker.stdin, flush=True)
+            if not worker.stdout.readline():
+                return
+            done[0] += 1
+            tell(done[0], total)

@@ -9,6 +9,7 @@ import json
 import os
 import re
 import sys
+import traceback
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated, Any, cast
@@ -63,7 +64,10 @@ class _Group(TyperGroup):
 
     def invoke(self, ctx):
         try:
-            return super().invoke(ctx)
+            try:
+                return super().invoke(ctx)
+            finally:
+                sys.stdout.flush()  # a full disk behind it is told here, not by the interpreter's end
         except _Usage as error:
             text = _usage(error)
         except CosimError as error:
@@ -71,13 +75,28 @@ class _Group(TyperGroup):
         except BrokenPipeError:
             raise  # the reader of a pipe went away: click ends quietly
         except OSError as error:
-            text = f"{error.filename}: {error.strerror}" if error.filename else str(error.strerror or error)
+            text = f"{error.filename or _stream(error)}: {error.strerror or error}".removeprefix(": ")
             text = text if _somewhere() else "the current folder has been removed. Change to another one"
+        except MemoryError:
+            text = "this machine gives no more memory. Close other programs, or raise the limit (ulimit -v)"
+        except RuntimeError as error:
+            if "start new thread" not in str(error):
+                raise
+            text = "this machine gives no more threads. Close other programs, or raise the limit (ulimit -u)"
         except KeyboardInterrupt:
             err.print("[yellow]interrupted[/]")
             ctx.exit(130)
         _say(text)
         ctx.exit(2)
+
+
+def _stream(error):
+    """Return "standard output" where that is what takes nothing more, and let what is left of it go."""
+    last = Path(traceback.extract_tb(error.__traceback__)[-1].filename)
+    if last.parent != Path(__file__).parent and "rich" not in last.parts:
+        return ""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return "standard output"
 
 
 def _somewhere():

@@ -30,13 +30,18 @@ def attached(log: Log, name: str, kind: Any) -> Any:
         cut = "recovered" in log.metadata and "The original was cut or damaged there: fly the scenario again"
         remedy = cut or "`cosim run` did not write it; see `cosim replay --map`"
         raise LogError(f"the log lacks {name}", place=str(log.path), remedy=remedy) from error
-    if found.dtype.names != kind.names or any(found.dtype[n].shape != kind[n].shape for n in kind.names):
+    if found.dtype.names != kind.names or not all(_alike(found.dtype[n], kind[n]) for n in kind.names):
         changed = ", ".join(sorted(set(kind.names) ^ set(found.dtype.names or ())))
         raise older(log, f"{name} ({changed or 'its arrays'})")
     out = np.zeros(found.shape, kind)
     for n in kind.names:
         out[n] = found[n]
     return out
+
+
+def _alike(found: np.dtype, kind: np.dtype) -> bool:
+    """Tell whether numbers of one field's dtype fit into another's."""
+    return found == kind or (found.shape == kind.shape and found.base.kind in "biuf" and kind.base.kind in "biuf")
 
 
 def trusted(log: Log, record: Any, module: Any, p: Any, x: np.ndarray, dt: float) -> None:

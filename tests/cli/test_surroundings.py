@@ -99,6 +99,62 @@ def test_a_user_without_name_and_home_flies(tmp_path):
         assert told.returncode == 0, told.stderr.decode()
 
 
+def test_a_signal_while_kernels_are_compiled_ends_the_command_and_its_compilers(tmp_path):
+    env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [*COSIM, *SHORT, "-o", str(tmp_path / "a.mcap")]
+    with subprocess.Popen(command, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as flight:
+        children = Path(f"/proc/{flight.pid}/task/{flight.pid}/children")
+        if not children.exists():
+            pytest.skip("needs the list of a process's children")
+        deadline = time.monotonic() + 60
+        while not (compilers := _started_by(flight.pid)) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        assert compilers
+        flight.send_signal(signal.SIGTERM)
+        begun = time.monotonic()
+        said = flight.stderr.read().decode()
+        assert (flight.wait(), "Traceback" in said, "interrupted" in said) == (130, False, True), said
+        assert time.monotonic() - begun < 20  # a kernel alone takes up to a minute, all of them longer
+    left = [Path(f"/proc/{pid}/status").read_text() for pid in compilers if Path(f"/proc/{pid}").exists()]
+    assert not left
+
+
+def _started_by(pid):
+    """Return the processes that the threads of a process have started."""
+    return [int(n) for p in Path(f"/proc/{pid}/task").glob("*/children") for n in p.read_text().split()]
+
+
+NO_THREADS = """
+import sys, threading
+def none_left(self): raise RuntimeError("can't start new thread")
+from cosim.cli import main
+sys.argv = ["cosim", *sys.argv[1:]]
+import cosim.replay
+threading.Thread.start = none_left
+main()
+"""
+
+
+def test_a_machine_without_further_threads_or_memory_says_so_in_one_line(tmp_path):
+    cosim.simulate(cosim.load_scenario("cruise", ["duration_s=0.2"]), log=tmp_path / "a.mcap", timed=False)
+    command = [sys.executable, "-c", NO_THREADS, "replay", str(tmp_path / "a.mcap")]
+    told = subprocess.run(command, capture_output=True)
+    assert told.returncode == 2 and told.stderr.count(b"\n") == 1 and b"ulimit -u" in told.stderr, told.stderr.decode()
+    command[2] = NO_THREADS.replace('RuntimeError("can\'t start new thread")', "MemoryError")
+    told = subprocess.run(command, capture_output=True)
+    assert told.returncode == 2 and told.stderr.count(b"\n") == 1 and b"ulimit -v" in told.stderr, told.stderr.decode()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_an_output_that_takes_nothing_more_is_named():
+    env = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}
+    for how in ([], ["--json"]):
+        with open("/dev/full", "wb") as full:
+            told = subprocess.run([*COSIM, "list", "all", *how], env=env, stdout=full, stderr=subprocess.PIPE)
+        assert told.returncode == 2
+        assert told.stderr.decode() == "error: standard output: No space left on device\n"
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_a_flight_like_ctrl_c(number, tmp_path):
     log = tmp_path / "x.mcap"

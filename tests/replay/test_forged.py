@@ -1,5 +1,6 @@
 """A forged log, its checksums right, is an error of one line at every door, never a traceback."""
 
+import importlib
 import io
 import json
 import resource
@@ -50,6 +51,13 @@ def _objects():
     return out.getvalue()
 
 
+def _fields_of(kind):
+    """Return an array with the names of the detector's own and fields of another kind."""
+    out, module = io.BytesIO(), importlib.import_module("fdi.hydraulic.iotsekf")
+    np.save(out, np.zeros(1, [(n, kind, module.PARAMS[n].shape) for n in module.PARAMS.names]))
+    return out.getvalue()
+
+
 MANIFESTS = {
     "no JSON": b"{",
     "null": b"null",
@@ -89,6 +97,9 @@ ARRAYS = {
     "huge": _npy("{'descr': '<f8', 'fortran_order': False, 'shape': (10000000000000,), }"),
     "negative": _npy("{'descr': '<f8', 'fortran_order': False, 'shape': (-1,), }"),
     "objects": _objects(),
+    "fields of text": _fields_of("S8"),
+    "fields within fields": _fields_of([("x", "f8")]),
+    "fields of times": _fields_of("M8[s]"),
     "odd kind": _npy("{'descr': '|V0', 'fortran_order': False, 'shape': (1,), }"),
     "code for a header": _npy("__import__('os').getpid()"),
     "empty": b"",
