@@ -54,6 +54,7 @@ PARAMS = dtype(
         ("t_recover", "f8", "s"),  # nor for so long after it was
         ("gust_0", "f8", "rad"),  # rms of gusts assumed at the start
         ("tau_gust", "f8", "s"),  # memory of that rms
+        ("tau_blow", "f8", "s"),  # and how soon it follows a gust that is larger
         ("t_confirm", "f8", "s"),
         ("t_release", "f8", "s"),
         ("bank_max", "f8", "rad"),  # bank beyond which nothing is said, 0 for no such bound

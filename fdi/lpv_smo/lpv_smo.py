@@ -230,8 +230,6 @@ def _oscillation(x, p, gust, dt):
 def _decide(x, p, dt):
     """Declare each fault by its own estimate; of those declared the summary names the one that has been so longest."""
     away = math.fabs(x.path - x.alpha_0 if x.learned > 0.5 else x.away)
-    # gust_hat is none of the three estimates, so that no fault of a sensor passes for weather
-    x.gust += (1.0 - math.exp(-dt / p.tau_gust)) * (x.gust_hat * x.gust_hat - x.gust)
     gust = math.sqrt(x.gust)
     x.since += dt
     _oscillation(x, p, gust, dt)
@@ -293,6 +291,10 @@ def step(x, u, p, dt):
     x.path += (1.0 - math.exp(-dt / p.tau_f)) * (x.alpha_hat - x.path)
     x.away = x.path - x.eq[0] * RAD_PER_DEG
     reconstruct(x, u, p, dt)
+    if x.age > p.t_settle:  # also while nothing is said: what comes after is judged by it
+        # gust_hat is none of the three estimates, so that no fault of a sensor passes for weather
+        more = x.gust_hat * x.gust_hat - x.gust
+        x.gust += (1.0 - math.exp(-dt / (p.tau_blow if more > 0.0 else p.tau_gust))) * more
     air = x.path + x.gust_hat  # without the vane, whose fault is no stall
     steep = max(max(x.path, air), x.eq[0] * RAD_PER_DEG) > p.alpha_max or -x.A[0, 0] < p.lift_min
     linear = math.fabs(x.away) <= p.away_max and not steep

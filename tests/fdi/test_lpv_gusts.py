@@ -44,3 +44,23 @@ def test_what_a_gust_does_along_the_body_is_taken_out_of_the_elevators_estimate(
     quiet = (flown.index > 9.0) & (flown.index < ONSET)
     with_it, without = (watched(flown, **c)["f_hat_elevator"][quiet] for c in ({}, {"gradient": 0.0}))
     assert np.std(with_it) < 0.8 * np.std(without)
+
+
+def rms(flown, **changes):
+    p = lpv_smo.fitted(site(flown.attrs["dt"]))
+    for name, value in changes.items():
+        p[name] = value
+    log = detect(flown, lpv_smo, WIRES, p, ("gust", "valid"))
+    return np.sqrt(log["gust"]), log["valid"]
+
+
+def test_gusts_count_while_nothing_is_said(flown):
+    size, valid = rms(flown)
+    unheard, silent = rms(flown, alpha_max=-1.0)
+    assert valid.any() and not silent.any()
+    assert (unheard == size).all() and np.ptp(size[flown.index < 8.0]) > 0.1 * size[0]
+
+
+def test_a_larger_gust_is_followed_sooner_than_it_is_forgotten(flown):
+    early = flown.index < 8.0
+    assert rms(flown)[0][early].max() > 1.2 * rms(flown, tau_blow=8.0)[0][early].max()
