@@ -85,10 +85,7 @@ INPUTS = dtype(
         ("friction_add", "f8"),  # fault: Coulomb torque at the motor [N m]
         ("backlash_add", "f8"),  # fault: gap [m]
         ("f_i", "f8"),  # fault: bias of the loop's current sensor [A]
-        (
-            "s_i",
-            "f8",
-        ),  # fault: share of current that it does not see [1]; -0.25 is a scale of 1.25, 1 with f_i a freeze
+        ("s_i", "f8"),  # fault: share of current that it does not see [1]; -0.25 is a scale of 1.25, 1 a freeze
     ]
 )
 STATE = dtype(

@@ -27,66 +27,26 @@ from cosim.files import FULL, SPACE, beside, held, regular, replace_text, sweep
 from cosim.judge.consequences import NAMES as CONSEQUENCES
 from cosim.texts import from_json, read
 
-ROWS = pa.schema(
-    [
-        ("run", pa.string()),
-        ("lane", pa.int32()),
-        ("status", pa.string()),
-        ("error", pa.string()),
-        ("sim_time_s", pa.float64()),
-        ("id", pa.string()),
-        ("level", pa.string()),
-        ("target", pa.string()),
-        ("concerned", pa.bool_()),
-        ("alarm", pa.bool_()),
-        ("detected_at_s", pa.float64()),
-        ("delay_s", pa.float64()),
-        ("delay_periods", pa.float64()),
-        ("fault", pa.int32()),
-        ("first_verdict", pa.string()),
-        ("isolated_class", pa.string()),
-        ("isolated_target", pa.string()),
-        ("right", pa.bool_()),
-        ("first_right", pa.bool_()),
-        ("time_to_right_s", pa.float64()),
-        ("right_after_motion_s", pa.float64()),
-        ("not_excited", pa.bool_()),
-        ("class_changes", pa.int32()),
-        ("ambiguous_s", pa.float64()),
-        ("alarm_share", pa.float64()),
-        ("withdrawn_after_s", pa.float64()),
-        ("withdrawn", pa.bool_()),
-        ("able", pa.bool_()),
-        ("valid_at_fault", pa.float64()),
-        ("valid_share", pa.float64()),
-        ("why_not_valid", pa.string()),
-        ("false_alarms", pa.int32()),
-        ("standing_s", pa.float64()),
-        ("r_max_before", pa.float64()),
-        ("r_max_after", pa.float64()),
-        ("estimate_rmse", pa.float64()),
-        ("estimate_bias", pa.float64()),
-        ("estimate_max", pa.float64()),
-        ("estimate_unit", pa.string()),
-        ("rod_mm", pa.float64()),
-        ("surface_deg", pa.float64()),
-        ("travel_pct", pa.float64()),
-        ("amplitude_mm", pa.float64()),
-        ("amplitude_deg", pa.float64()),
-        *((name, pa.float64()) for name in CONSEQUENCES),
-    ]
+
+def _schema(fields: str) -> pa.Schema:
+    """Return a schema from "name type, name type"."""
+    return pa.schema([(name, pa.type_for_alias(kind)) for name, kind in (f.split() for f in fields.split(","))])
+
+
+ROWS = _schema(
+    """
+    run string, lane int32, status string, error string, sim_time_s float64, id string, level string, target string,
+    concerned bool, alarm bool, detected_at_s float64, delay_s float64, delay_periods float64, fault int32,
+    first_verdict string, isolated_class string, isolated_target string, right bool, first_right bool,
+    time_to_right_s float64, right_after_motion_s float64, not_excited bool, class_changes int32, ambiguous_s float64,
+    alarm_share float64, withdrawn_after_s float64, withdrawn bool, able bool, valid_at_fault float64,
+    valid_share float64, why_not_valid string, false_alarms int32, standing_s float64, r_max_before float64,
+    r_max_after float64, estimate_rmse float64, estimate_bias float64, estimate_max float64, estimate_unit string,
+    rod_mm float64, surface_deg float64, travel_pct float64, amplitude_mm float64, amplitude_deg float64, """
+    + ", ".join(f"{name} float64" for name in CONSEQUENCES)
 )
-TIMING = pa.schema(
-    [
-        ("run", pa.string()),
-        ("id", pa.string()),
-        ("wall_time_s", pa.float64()),
-        ("startup_s", pa.float64()),
-        ("core_s", pa.float64()),
-        ("step_us", pa.float64()),
-    ]
-)
-SCENARIOS = pa.schema([("run", pa.string()), ("order", pa.int64()), ("toml", pa.string())])  # and what varies
+TIMING = _schema("run string, id string, wall_time_s float64, startup_s float64, core_s float64, step_us float64")
+SCENARIOS = _schema("run string, order int64, toml string")  # and what varies
 FLYING = ("actuators", "fdi", "aircraft")  # with what a worker imports of cosim: what decides about a row
 DECIDING = (".py", ".json", ".npz", ".toml", ".xml")
 

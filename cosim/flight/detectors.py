@@ -231,14 +231,8 @@ def chosen(scenario: Scenario) -> Any:
 
 
 # What a servo takes from a local filter: servo input -> filter output
-_ESTIMATE = {
-    "q_fb": "q_now",
-    "qd_fb": "v_now",
-    "x3_fb": "x3_now",
-    "q_use": "valid",
-    "qd_use": "valid",
-    "x3_use": "valid",
-}
+_ESTIMATE = {"q_fb": "q_now", "qd_fb": "v_now", "x3_fb": "x3_now"}
+_ESTIMATE |= dict.fromkeys(("q_use", "qd_use", "x3_use"), "valid")
 
 
 def feedback_wires(scenario: Scenario) -> Any:
@@ -291,14 +285,7 @@ def manifest(setup: Any, topics: Sequence[Any]) -> Any:
             if bus.index(source) not in place:  # both copies of a sensor are the same bits, and one is logged
                 source = source.removesuffix("_obs")
             inputs[lane].append([field, *place[bus.index(source)]])
-        out.append(
-            {
-                "id": d.id,
-                "level": d.level,
-                "lanes": list(d.lanes),
-                "every": d.every,
-                "inputs": inputs,
-                **({} if d.id in registry.SHIPPED else {"guest": guests.about(d.module)}),
-            }
-        )
+        guest = {} if d.id in registry.SHIPPED else {"guest": guests.about(d.module)}
+        lanes = list(d.lanes)
+        out.append({"id": d.id, "level": d.level, "lanes": lanes, "every": d.every, "inputs": inputs, **guest})
     return out

@@ -3,29 +3,25 @@
 import difflib
 import html
 import os
-import struct
 import threading
-from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from google.protobuf.message import DecodeError
-from isal.isal_zlib import crc32
 
 from actuators.native import PLAIN
 
 from . import foxglove
 from .chunk import GATHER
-from .compression import FrameError, decompress, keep_memory
-from .format import Damage, Limits, LogError, TopicInfo, log_error
+from .compression import keep_memory
+from .format import Limits, TopicInfo, log_error
+from .load import drop_damaged_chunks, load_chunk, load_topics
 from .scan import identity, scan
 
 MOST_DRAWN = 4000  # samples of a curve
-
-_HEAD = struct.Struct("<BQHIQQ")  # a message record up to its payload, as chunk.HEAD
 
 
 def open_log(path: str | Path, *, limits: Any = None, tolerant: bool = False) -> "Log":
@@ -276,85 +272,3 @@ def _part(span, bounds, every):
     first, (a, b) = span[0] + -span[0] % every, bounds
     low = len(range(first, a, every))
     return slice(low, max(low, len(range(first, b, every))))
-
-
-def drop_damaged_chunks(found: Any) -> None:
-    """Leave only the whole chunks in the Contents of a log, and add the others to its damage."""
-    whole = []
-    with open(found.path, "rb") as file:
-        for chunk in found.chunks:
-            try:
-                load_chunk(found, file, chunk)
-                whole.append(chunk)
-            except LogError as error:
-                found.damage.append(Damage(chunk.offset, chunk.length, error.problem))
-    found.whole = found.whole and len(whole) == len(found.chunks)
-    found.chunks = whole
-
-
-def load_chunk(
-    found: Any, file: Any, chunk: Any, topics: Sequence[Any] | None = None, take: Callable[..., bool] | None = None
-) -> tuple[Any, ...]:
-    """Return (plan, content, tail) of a chunk; raises LogError when a single byte is not as it must be.
-
-    The tail is the list of irregular messages (channel id, tick, payload). Beyond the checksum, which covers all, only
-    the samples of `topics` (numbers, default all) are looked at, by `take(plan, content)` where that is given: it
-    returns whether they are as they must be.
-    """
-    file.seek(chunk.data_offset)
-    content = _decompress(found, file.read(chunk.data_size), chunk)
-    if len(content) != chunk.size or crc32(content) != chunk.crc:
-        raise log_error("the chunk is damaged (CRC)", found.path, chunk.offset)
-    k0, n = found.ticks(chunk)
-    plan, content = found.layout.plan(k0, n), np.frombuffer(content, "u1")
-    wrong = None if take and take(plan, content) else plan.differs(content, k0, topics)
-    if wrong is not None:
-        raise log_error(f"the chunk is not one message per sample (byte {wrong} of it)", found.path, chunk.offset)
-    return plan, content, _tail(found, content[plan.size :].tobytes(), chunk)
-
-
-def load_topics(
-    found: Any, file: Any, chunk: Any, topics: Sequence[Any], take: Callable[..., bool] | None, content: np.ndarray
-) -> tuple[Any, ...] | None:
-    """Return (plan, content, ()) of a chunk as `load_chunk`, with these topics alone in the `content` that is given.
-
-    None where the chunk does not let them be read alone, or something in it is not as it must be: `load_chunk` says
-    what.
-    """
-    if chunk.compression != "lz4":
-        return None
-    k0, n = found.ticks(chunk)
-    plan = found.layout.plan(k0, n)
-    if not plan.frame.topics(file, chunk.data_offset, chunk.data_offset + chunk.data_size, topics, content):
-        return None
-    if not take(plan, content) if take else plan.differs(content, k0, topics) is not None:
-        return None
-    return plan, content, ()
-
-
-def _tail(found, data, chunk):
-    """Return the messages after the samples of a chunk; raises LogError unless they are whole and indexed."""
-    irregular = {found.ids[name] for name in found.ids if name not in found.topics}
-    tail, at = [], 0
-    while at < len(data):
-        whole = len(data) - at >= _HEAD.size
-        op, length, channel, k, ns, publish = _HEAD.unpack_from(data, at) if whole else (0,) * 6
-        end = at + 9 + length
-        if not at + _HEAD.size <= end <= len(data) or op != 5 or channel not in irregular:
-            raise log_error(f"byte {at} after the chunk's samples begins no message", found.path, chunk.offset)
-        if not chunk.start_ns <= ns == publish <= chunk.end_ns or ns != k * found.dt_ns:
-            raise log_error("a message has a time outside its chunk", found.path, chunk.offset)
-        tail.append((channel, k, data[at + _HEAD.size : end]))
-        at = end
-    counts = Counter(channel for channel, _, _ in tail)
-    if not found.tolerant and counts != {c: n for c, n in chunk.index_counts.items() if c in irregular}:
-        raise log_error("the message indexes do not count what the chunk holds", found.path, chunk.offset)
-    return tail
-
-
-def _decompress(found, data, chunk):
-    """Return the content; a frame that does not state the chunk's own size is refused before memory is taken."""
-    try:
-        return decompress(data, chunk.size, chunk.compression)
-    except FrameError as error:
-        raise log_error(str(error), found.path, chunk.offset) from error

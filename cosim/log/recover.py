@@ -11,7 +11,8 @@ from cosim.files import beside
 
 from .chunk import HEAD
 from .format import Limits, LogError, log_error
-from .reader import drop_damaged_chunks, load_chunk, open_log
+from .load import drop_damaged_chunks, load_chunk
+from .reader import open_log
 from .records import content_hash, pack_chunk
 from .scan import scan
 from .sink import Sink

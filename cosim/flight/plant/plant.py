@@ -30,6 +30,7 @@ from cosim.flight.plant.apart import fatal
 from cosim.flight.plant.border import border, to_si
 from cosim.flight.plant.crossing import crossing
 from cosim.flight.plant.point import POINTS, FlightPoint, loading
+from cosim.flight.plant.port import Port
 from cosim.scenario.aircraft import FOLDER
 
 jsbsim.FGJSBBase().debug_lvl = 0  # before the first executive: its banner is not ours to print
@@ -54,27 +55,6 @@ class _Quiet(jsbsim.FGLogger):
 
     def file_location(self, filename, line):
         self._text += f"{filename}:{line} "
-
-
-class Port:
-    """Bind JSBSim properties by name, once; an unknown name raises KeyError instead of creating a property."""
-
-    def __init__(self, fdm: Any):
-        self._manager = fdm.get_property_manager()
-
-    def node(self, name: str) -> Any:
-        """Return JSBSim's node of property `name`; raises KeyError for one that there is not."""
-        if not self._manager.hasNode(name):
-            raise KeyError(f"JSBSim has no property {name!r}")
-        return self._manager.get_node(name)
-
-    def getter(self, name: str) -> Callable[[], float]:
-        """Return the call that reads property `name`, in JSBSim's unit."""
-        return self.node(name).get_double_value
-
-    def setter(self, name: str) -> Callable[[float], None]:
-        """Return the call that sets property `name`, in JSBSim's unit."""
-        return self.node(name).set_double_value
 
 
 class Plant:
@@ -127,19 +107,9 @@ class Plant:
             self.port.setter(f"aero/mult/{name}")(value)
         self._ic = [
             self.port.setter(f"ic/{name}")
-            for name in (
-                "h-sl-ft",
-                "psi-true-rad",
-                "theta-rad",
-                "phi-rad",
-                "u-fps",
-                "v-fps",
-                "w-fps",
-                "p-rad_sec",
-                "q-rad_sec",
-                "r-rad_sec",
-            )
-        ]
+            for name in ("h-sl-ft", "psi-true-rad", "theta-rad", "phi-rad", "u-fps", "v-fps", "w-fps",
+                         "p-rad_sec", "q-rad_sec", "r-rad_sec")
+        ]  # fmt: skip
         self._initialise()
 
     def _initialise(self):
@@ -172,20 +142,9 @@ class Plant:
         return get("aero/alpha-rad")(), get("fcs/stabilizer-pos-rad")(), get("fcs/throttle-cmd-norm")()
 
     def place(
-        self,
-        *,
-        tas: float,
-        alpha: float,
-        theta: Any,
-        altitude: float,
-        beta: float = 0.0,
-        phi: float = 0.0,
-        psi: float = 0.0,
-        p: float = 0.0,
-        q: float = 0.0,
-        r: float = 0.0,
-        surfaces: np.ndarray,
-    ) -> None:
+        self, *, tas: float, alpha: float, theta: float, altitude: float, surfaces: np.ndarray, beta: float = 0.0,
+        phi: float = 0.0, psi: float = 0.0, p: float = 0.0, q: float = 0.0, r: float = 0.0,
+    ) -> None:  # fmt: skip
         """Put the aircraft into one state at time 0, surfaces external, engines at their throttle's thrust; SI, rad."""
         self.port.setter("ext/engaged")(1)
         self.write(surfaces)
@@ -306,11 +265,12 @@ def _in_gusts(run, air, get, put):
 def bare_model(path: Path, dt: float, start: dict[str, float]) -> tuple[Callable[[], bool], Port]:
     """Return (step, Port) of a bare JSBSim model at `path`, from `start`: {property: value in the unit of JSBSim}.
 
-    Raises RuntimeError when JSBSim cannot load it.
+    A path without folders is a model that the jsbsim wheel ships. Raises RuntimeError when JSBSim cannot load it.
     """
     jsbsim.set_logger(_REFERENCE_LOGGER)
     fdm = jsbsim.FGFDMExec(None)
-    fdm.set_aircraft_path(str(path.parent.parent))
+    if path.parent.name:
+        fdm.set_aircraft_path(str(path.parent.parent))
     fdm.set_dt(dt)
     if not fdm.load_model(path.stem):
         raise RuntimeError(f"JSBSim cannot load {path}: {'; '.join(_REFERENCE_LOGGER.errors)}")
@@ -325,22 +285,12 @@ def bare_model(path: Path, dt: float, start: dict[str, float]) -> tuple[Callable
 _REFERENCE_LOGGER = _Quiet()  # kept here: JSBSim does not own it
 
 
-def reference_run(dt: float = 0.005) -> Any:
+def reference_run(dt: float = 0.005) -> Callable[[], bool]:
     """Return the step function of the B747 that the jsbsim wheel ships, flying at 20,000 ft: yardstick of `cosim
     bench`.
     """
-    jsbsim.set_logger(_REFERENCE_LOGGER)
-    fdm = jsbsim.FGFDMExec(None)
-    fdm.set_dt(dt)
-    if not fdm.load_model("B747"):
-        raise RuntimeError("the jsbsim wheel has no B747")
-    fdm.disable_output()
-    port = Port(fdm)
     start = {"ic/h-sl-ft": 20000.0, "ic/vc-kts": 290.0, "ic/gamma-deg": 0.0, "propulsion/set-running": -1}
-    for name, value in start.items():
-        port.setter(name)(value)
-    fdm.run_ic()
-    return fdm.run
+    return bare_model(Path("B747"), dt, start)[0]
 
 
 __all__ = ["POINTS", "FlightPoint", "Plant", "Port", "TrimError", "bare_model", "loading", "reference_run"]

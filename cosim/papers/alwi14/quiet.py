@@ -147,14 +147,8 @@ def _on_plant(lift=True, direct=True):
     for point, rho in POINTS.items():
         pilot = Law(point)
         pilot.p["b_n"] *= direct
-        flown = fly(
-            dataclasses.replace(model, D=D),
-            np.array(rho, float),
-            lpv_smo,
-            faults=(0.0, 0.0, 0.0),
-            seconds=PLANT_S,
-            pilot=pilot,
-        )
+        own, at = dataclasses.replace(model, D=D), np.array(rho, float)
+        flown = fly(own, at, lpv_smo, faults=NONE, seconds=PLANT_S, pilot=pilot)
         found.append(float(np.ptp(flown["n_z"][0, 400:])) / 0.3)
     return max(found, key=lambda r: abs(r - 1.0)), _each(found)[1]
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from actuators.constants import M_PER_FT
 from cosim.flight.plant.aero.data import BYPASS, CONSTANT, thrust_ratio
+from cosim.flight.plant.aero.elements import function, product, table, total
 
 MULTIPLIERS = (
     "CL_0", "CL_alpha", "CL_q", "CL_de", "CL_ds", "CD_0", "CD_alpha", "CD_beta",
@@ -56,50 +57,6 @@ TRANSPORT = Shape(
     Cn_da=CONSTANT["Cn_da"],
 )
 RHO_SL_P = 2116.22  # psf
-
-
-def table(lookups: Any, rows: Any, columns: Any, values: Any, indent: int = 8) -> Any:
-    """Return a JSBSim table element; one-dimensional when columns is None."""
-    pad = " " * indent
-    lines = [f"{pad}<table>"]
-    for role, name in zip(("row", "column"), lookups):
-        lines.append(f'{pad}  <independentVar lookup="{role}"> {name} </independentVar>')
-    lines.append(f"{pad}  <tableData>")
-    if columns is not None:
-        lines.append(pad + " " * 14 + "".join(f"{c:12.5f}" for c in columns))
-        lines += [f"{pad}    {r:10.6f}" + "".join(f"{v:12.6f}" for v in row) for r, row in zip(rows, values)]
-    else:
-        lines += [f"{pad}    {r:10.6f}{v:14.6f}" for r, v in zip(rows, values)]
-    return "\n".join([*lines, f"{pad}  </tableData>", f"{pad}</table>"])
-
-
-def function(name: str, body: Any, comment: str | None = None) -> str:
-    """Return a named function element around `body`."""
-    note = f"\n      <description> {comment} </description>" if comment else ""
-    return f'    <function name="{name}">{note}\n{body}\n    </function>'
-
-
-def product(*parts: Any, indent: int = 6) -> str:
-    """Return a product of properties (str), numbers and ready elements."""
-    return _operation("product", parts, indent)
-
-
-def total(*parts: Any, indent: int = 6) -> str:
-    """Return a sum of properties (str), numbers and ready elements."""
-    return _operation("sum", parts, indent)
-
-
-def _operation(kind, parts, indent):
-    pad = " " * indent
-    lines = []
-    for part in parts:
-        if isinstance(part, str) and "<" in part:
-            lines.append(part)
-        elif isinstance(part, str):
-            lines.append(f"{pad}  <p> {part} </p>")
-        else:
-            lines.append(f"{pad}  <v> {part:.8g} </v>")
-    return "\n".join([f"{pad}<{kind}>", *lines, f"{pad}</{kind}>"])
 
 
 def multipliers_xml(shape: Shape = TRANSPORT) -> str:
@@ -152,36 +109,17 @@ def aerodynamics_xml(
     parts = [_common(shape)]
     for name, (grid, (t0, t1)) in tables.items():
         grid = np.round(grid, 6)
-        base, rest = grid[zero], grid - grid[zero][None, :]
-        parts.append(
-            function(
-                f"aero/{name}_0",
-                product(
-                    f"aero/mult/{name}_0",
-                    total(table(("velocities/mach",), mach, None, base), product(t0, _flex(q_ref), indent=8)),
-                ),
-            )
+        base = total(table(("velocities/mach",), mach, None, grid[zero]), product(t0, _flex(q_ref), indent=8))
+        slope = total(
+            table(("aero/alpha-rad", "velocities/mach"), alpha, mach, grid - grid[zero][None, :]),
+            product(t1, _flex(q_ref), "aero/alpha-rad", indent=8),
         )
-        parts.append(
-            function(
-                f"aero/{name}_alpha",
-                product(
-                    f"aero/mult/{name}_alpha",
-                    total(
-                        table(("aero/alpha-rad", "velocities/mach"), alpha, mach, rest),
-                        product(t1, _flex(q_ref), "aero/alpha-rad", indent=8),
-                    ),
-                ),
-            )
-        )
+        for part, body in (("0", base), ("alpha", slope)):
+            parts.append(function(f"aero/{name}_{part}", product(f"aero/mult/{name}_{part}", body)))
     for name, (second, grid, values) in derivatives.items():
         column = {"alpha": "aero/alpha-rad", "qbar": "aero/qbar-psf"}[second]
-        parts.append(
-            function(
-                f"aero/{name}",
-                product(f"aero/mult/{name}", table(("velocities/mach", column), mach_coarse, grid, values)),
-            )
-        )
+        body = table(("velocities/mach", column), mach_coarse, grid, values)
+        parts.append(function(f"aero/{name}", product(f"aero/mult/{name}", body)))
     return "\n".join(
         [_HEAD.format(shape.made_by), *parts, *_sums(shape), *_hinges(shape), *_axes(shape), "</aerodynamics>\n"]
     )
@@ -213,16 +151,8 @@ def _common(shape):
     )
     elevator = function("aero/elevator-mean-rad", mean)
     qS = function("aero/qS-lbs", product("aero/qbar-psf", "metrics/Sw-sqft"))
-    chord = function(
-        "aero/chord-time-sec",
-        _half_time(shape.chord_ft),
-        "c / 2V",
-    )
-    span = function(
-        "aero/span-time-sec",
-        _half_time(shape.span_ft),
-        "b / 2V",
-    )
+    chord = function("aero/chord-time-sec", _half_time(shape.chord_ft), "c / 2V")
+    span = function("aero/span-time-sec", _half_time(shape.span_ft), "b / 2V")
     cosine, sine = "<cos> <p> aero/alpha-rad </p> </cos>", "<sin> <p> aero/alpha-rad </p> </sin>"
     p, r = "<p> aero/p-rad_sec </p>", "<p> aero/r-rad_sec </p>"
     roll = function(
@@ -241,24 +171,15 @@ def _common(shape):
 
 
 def _sums(shape):
-    out = []
-    out.append(
-        function(
-            "aero/CL",
-            total(
-                "aero/CL_0",
-                "aero/CL_alpha",
-                product("aero/CL_q", "aero/chord-time-sec", "aero/q-rad_sec"),
-                product("aero/CL_de", "aero/elevator-mean-rad"),
-                product("aero/mult/CL_ds", shape.CL_ds, "fcs/stabilizer-pos-rad"),
-            ),
-        )
+    lift = total(
+        "aero/CL_0",
+        "aero/CL_alpha",
+        product("aero/CL_q", "aero/chord-time-sec", "aero/q-rad_sec"),
+        product("aero/CL_de", "aero/elevator-mean-rad"),
+        product("aero/mult/CL_ds", shape.CL_ds, "fcs/stabilizer-pos-rad"),
     )
     # alphadot from the forces of this frame (no lag): q + (g cos(theta) cos(phi) - q̄S CL / m) / V
-    out.append(
-        function(
-            "aero/alphadot-from-forces",
-            """      <sum>
+    alphadot = """      <sum>
         <p> velocities/q-aero-rad_sec </p>
         <quotient>
           <difference>
@@ -272,10 +193,8 @@ def _sums(shape):
           </difference>
           <max> <p> velocities/vt-fps </p> <v> 10.0 </v> </max>
         </quotient>
-      </sum>""",
-        )
-    )
-    return out
+      </sum>"""
+    return [function("aero/CL", lift), function("aero/alphadot-from-forces", alphadot)]
 
 
 def _over_speed(arm, rate):
@@ -306,19 +225,9 @@ def _hinges(shape):
         ),
     ]
     for segment, span in shape.segment_span_ft.items():
-        roll = _over_speed(span, "p")
-        out.append(
-            function(
-                f"aero/hinge-0-{segment}-lbsft",
-                product(
-                    size,
-                    "aero/qbar-psf",
-                    "aero/mult/Ch_alpha",
-                    shape.Ch_alpha,
-                    total("aero/tail-alpha-rad", roll, indent=8),
-                ),
-            )
-        )
+        angle = total("aero/tail-alpha-rad", _over_speed(span, "p"), indent=8)
+        moment = product(size, "aero/qbar-psf", "aero/mult/Ch_alpha", shape.Ch_alpha, angle)
+        out.append(function(f"aero/hinge-0-{segment}-lbsft", moment))
     return out
 
 
