@@ -8,19 +8,13 @@ import pandas as pd
 from cosim.compare import metrics, stats
 from cosim.judge.coverage import DESIGNED
 from cosim.replay.recording import finite
-from cosim.report.figure import COLOURS, DASHES, Figure, axis, base, grid, packed, place, style_axis
+from cosim.report.figure import COLOURS, DASHES, Figure, axis, base, grid, packed, points, style_axis, upright
 
 
 def _beside(figure):
     """Put the legend to the right of the panels."""
-    figure.layout["legend"] |= {
-        "orientation": "v",
-        "x": 1.02,
-        "xanchor": "left",
-        "y": 1.0,
-        "yanchor": "top",
-        "tracegroupgap": 0,
-    }
+    at = {"orientation": "v", "x": 1.02, "xanchor": "left", "y": 1.0, "yanchor": "top", "tracegroupgap": 0}
+    figure.layout["legend"] |= at
     figure.layout["margin"]["r"] = 175
 
 
@@ -62,26 +56,13 @@ def delays(rows: pd.DataFrame) -> Figure:
                 d = np.sort(part[column].dropna().to_numpy())
                 x = np.concatenate([[0.01], np.maximum(d, 0.01), [100.0]])
                 y = np.concatenate([[0.0], np.arange(1, len(d) + 1), [len(d)]]) / len(part)
+                line = {"shape": "hv", "width": 2, "color": COLOURS[j % 8], "dash": DASHES[j // 8]}
                 figure.data.append(
-                    {
-                        "type": "scatter",
-                        "mode": "lines",
-                        "x": packed(x),
-                        "y": packed(y),
-                        "name": name,
-                        "legendgroup": name,
-                        "line": {
-                            "shape": "hv",
-                            "width": 2,
-                            "color": COLOURS[j % 8],
-                            "dash": DASHES[j // 8 if j >= 8 else 0],
-                        },
-                        "meta": {"detector": name},
-                        "showlegend": i == 1,
-                        "hovertemplate": f"{name}: %{{y:.0%}} by %{{x:.2g}}<extra></extra>",
-                        **place(i),
-                    }
-                )
+                    points(
+                        i, mode="lines", x=packed(x), y=packed(y), name=name, legendgroup=name, line=line,
+                        detector=name, showlegend=i == 1, hover=f"{name}: %{{y:.0%}} by %{{x:.2g}}<extra></extra>",
+                    )
+                )  # fmt: skip
     return figure
 
 
@@ -111,50 +92,25 @@ def false_alarms(found: list[dict]) -> Figure:
     floor = min([0.5, *(d["false_alarms_per_hour"] / 2 for d in found if d["false_alarms"])])
     figure.layout["xaxis2"] |= _log(floor, max([10.0, *rates]) * 1.3)
     for d in found:
-        for i, keys, told in (
-            (
-                1,
-                ("false_alarm_probability", "false_alarm_low", "false_alarm_high"),
-                f"{d['fault_free_alarmed']} of {d['fault_free_runs']}",
-            ),
-            (
-                2,
-                ("false_alarms_per_hour", "false_alarms_per_hour_low", "false_alarms_per_hour_high"),
-                f"{d['false_alarms']} alarms",
-            ),
+        for i, key, told in (
+            (1, "false_alarm", f"{d['fault_free_alarmed']} of {d['fault_free_runs']}"),
+            (2, "false_alarms_per_hour", f"{d['false_alarms']} alarms"),
         ):
-            p, low, high = (d[k] for k in keys)
+            p, low, high = d["false_alarm_probability" if i == 1 else key], d[f"{key}_low"], d[f"{key}_high"]
             if math.isnan(p) or math.isinf(high):
                 continue
-            at, none = (
-                (p, False) if i == 1 or p else (floor, True)
-            )  # a logarithm has no zero: an open triangle at the edge
+            none = i == 2 and not p  # a logarithm has no zero: an open triangle at the edge
+            at = floor if none else p
+            bar = {"type": "data", "symmetric": False, "color": "--muted", "thickness": 1.4, "width": 4}
+            bar |= {"array": [high - at], "arrayminus": [max(0.0, at - max(low, floor if i == 2 else 0.0))]}
+            symbol = "triangle-left-open" if none else "circle"
             figure.data.append(
-                {
-                    "type": "scatter",
-                    "mode": "markers",
-                    "x": [at],
-                    "y": [d["id"]],
-                    "showlegend": False,
-                    "cliponaxis": False,
-                    "marker": {
-                        "size": 8,
-                        "color": "--fault" if p else "--blue",
-                        "symbol": "triangle-left-open" if none else "circle",
-                    },
-                    "error_x": {
-                        "type": "data",
-                        "symmetric": False,
-                        "array": [high - at],
-                        "arrayminus": [max(0.0, at - max(low, floor if i == 2 else 0.0))],
-                        "color": "--muted",
-                        "thickness": 1.4,
-                        "width": 4,
-                    },
-                    "hovertemplate": f"{d['id']}: {told}, {p:.3g} ({low:.3g} to {high:.3g})<extra></extra>",
-                    **place(i),
-                }
-            )
+                points(
+                    i, x=[at], y=[d["id"]], cliponaxis=False, error_x=bar,
+                    marker={"size": 8, "color": "--fault" if p else "--blue", "symbol": symbol},
+                    hover=f"{d['id']}: {told}, {p:.3g} ({low:.3g} to {high:.3g})<extra></extra>",
+                )
+            )  # fmt: skip
     return figure
 
 
@@ -179,33 +135,12 @@ def sweeps(rows: pd.DataFrame) -> Figure:
         figure.layout[axis("yaxis", i)] |= {"range": [-0.04, 1.04], "tickformat": ".0%", "tickvals": [0, 0.5, 1]}
         if i + columns > len(names):
             figure.layout[axis("xaxis", i)]["title"]["text"] = "threshold × "
-        figure.layout["shapes"].append(
-            {
-                "type": "line",
-                "xref": place(i)["xaxis"],
-                "yref": place(i)["yaxis"] + " domain",
-                "x0": 1,
-                "x1": 1,
-                "y0": 0,
-                "y1": 1,
-                "line": {"color": "--muted", "width": 1},
-            }
-        )
+        upright(figure.layout, i, 1, color="--muted", width=1)
         for y, colour, dash, told in ((hit, "--blue", "solid", "faults"), (free, "--fault", "dot", "fault-free")):
             if not np.isnan(y).all():
-                figure.data.append(
-                    {
-                        "type": "scatter",
-                        "mode": "lines",
-                        "x": packed(c),
-                        "y": packed(y),
-                        "name": told,
-                        "showlegend": False,
-                        "line": {"color": colour, "dash": dash, "width": 2, "shape": "hv"},
-                        "hovertemplate": "%{y:.0%}",
-                        **place(i),
-                    }
-                )
+                line = {"color": colour, "dash": dash, "width": 2, "shape": "hv"}
+                hover = "%{y:.0%}"
+                figure.data.append(points(i, mode="lines", x=packed(c), y=packed(y), name=told, line=line, hover=hover))
     return figure
 
 
@@ -230,33 +165,17 @@ def roc(rows: pd.DataFrame) -> Figure:
         curve = metrics.roc(healthy, faulty)
         shipped = [float(metrics.beyond(x, np.ones(1))[0]) for x in (healthy, faulty)]
         line = {"width": 2, "color": COLOURS[j % 8], "dash": DASHES[j // 8]}
-        figure.data.append(
-            {
-                "type": "scatter",
-                "mode": "lines",
-                "x": packed(curve.false_alarm),
-                "y": packed(curve.detection),
-                "name": name,
-                "legendgroup": name,
-                "line": line,
-                "meta": {"detector": name},
-                "hovertemplate": f"{name}<br>%{{y:.0%}} of faults at %{{x:.0%}}<extra></extra>",
-                **place(1),
-            }
-        )
-        figure.data.append(
-            {
-                "type": "scatter",
-                "mode": "markers",
-                "x": [shipped[0]],
-                "y": [shipped[1]],
-                "showlegend": False,
-                "meta": {"detector": name},
-                "marker": {"size": 9, "color": COLOURS[j % 8]},
-                "hovertemplate": f"{name} as shipped<extra></extra>",
-                **place(1),
-            }
-        )
+        figure.data += [
+            points(
+                1, mode="lines", x=packed(curve.false_alarm), y=packed(curve.detection), name=name, legendgroup=name,
+                line=line, detector=name, showlegend=True,
+                hover=f"{name}<br>%{{y:.0%}} of faults at %{{x:.0%}}<extra></extra>",
+            ),
+            points(
+                1, x=shipped[:1], y=shipped[1:], detector=name, marker={"size": 9, "color": COLOURS[j % 8]},
+                hover=f"{name} as shipped<extra></extra>",
+            ),
+        ]  # fmt: skip
     return figure
 
 
@@ -279,19 +198,10 @@ def cost(found: list[dict]) -> Figure | None:
     }
     for d in timed:
         figure.data.append(
-            {
-                "type": "bar",
-                "orientation": "h",
-                "x": [d["step_us"]],
-                "y": [d["id"]],
-                "marker": {"color": "--blue"},
-                "showlegend": False,
-                "text": [f"{d['step_us']:.2f}"],
-                "textposition": "outside",
-                "cliponaxis": False,
-                "meta": {"detector": d["id"]},
-                "hovertemplate": "%{x:.2f} µs<extra></extra>",
-                **place(1),
-            }
-        )
+            points(
+                1, type="bar", orientation="h", x=[d["step_us"]], y=[d["id"]], marker={"color": "--blue"},
+                text=[f"{d['step_us']:.2f}"], textposition="outside", cliponaxis=False, detector=d["id"],
+                hover="%{x:.2f} µs<extra></extra>",
+            )
+        )  # fmt: skip
     return figure

@@ -6,7 +6,7 @@ import numpy as np
 
 from actuators.constants import DEG_PER_RAD
 from cosim.replay.recording import Lane, LoggedFlight, words
-from cosim.report.figure import COLOURS, Figure, curve, envelope, least, level, note, packed, peaks, place
+from cosim.report.figure import COLOURS, Figure, curve, envelope, least, level, note, packed, peaks, points
 from cosim.report.flight import panels
 
 FLOOR = 1e-3  # |r| below this is drawn here: a logarithm has no zero
@@ -114,17 +114,6 @@ def _band(figure, t0, step, f, half, colour):
     """Shade f +- half: the band must not be narrower than its samples, so its edges are the envelopes' extremes."""
     for y, fill in ((f - half, None), (f + half, "tonexty")):
         values, every = envelope(y)
-        figure.data.append(
-            {
-                "type": "scatter",
-                "mode": "lines",
-                "x0": t0,
-                "dx": step * every,
-                "y": packed(values),
-                "line": {"width": 0, "color": colour},
-                "showlegend": False,
-                "hoverinfo": "skip",
-                **({"fill": fill, "fillcolor": f"{colour}/0.22"} if fill else {}),
-                **place(2),
-            }
-        )
+        shade = {"fill": fill, "fillcolor": f"{colour}/0.22"} if fill else {}
+        line, of = {"width": 0, "color": colour}, {"x0": t0, "dx": step * every, "y": packed(values)}
+        figure.data.append(points(2, mode="lines", line=line, hoverinfo="skip", **of, **shade))

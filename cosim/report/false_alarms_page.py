@@ -5,7 +5,7 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from cosim.report.figure import Figure, axis, base, grid, place
+from cosim.report.figure import Figure, axis, base, grid, points, upright
 from cosim.report.page import Row, Table, page, write
 
 LEAST = 1e-12  # per hour: below, nothing is drawn
@@ -107,8 +107,7 @@ def _figure(d):
             figure.data += _band(c, d["curve"][key], name, colour, dash)
             figure.data += _band(c, d["curve"][key], name, colour, dash, turned=True) if key == "extremes" else []
     figure.layout["yaxis"]["range"] = [math.log10(LEAST), 2.0]
-    figure.layout["shapes"].append({"type": "line", "xref": "x", "yref": "y domain", "x0": 1, "x1": 1, "y0": 0, "y1": 1,
-                                    "line": {"color": "--fault", "width": 1.2, "dash": "dash"}})  # fmt: skip
+    upright(figure.layout, 1, 1, color="--fault", width=1.2, dash="dash")
     top, rows = d["highest"], d["stability"]
     figure.data.append(_dots([d["hours"] / (i + 1) for i in range(len(top))], top, "--blue", 2))
     if rows:
@@ -120,8 +119,8 @@ def _figure(d):
 
 
 def _dots(x, y, colour, panel):
-    return {"type": "scatter", "mode": "markers", "x": x, "y": y, "marker": {"color": colour, "size": 5},
-            "showlegend": False, "hovertemplate": "%{x:.3g}, %{y:.3g}<extra></extra>", **place(panel)}  # fmt: skip
+    marker = {"color": colour, "size": 5}
+    return points(panel, x=x, y=y, marker=marker, hover="%{x:.3g}, %{y:.3g}<extra></extra>")
 
 
 def _band(c, ways, name, colour, dash, turned=False):
@@ -130,10 +129,8 @@ def _band(c, ways, name, colour, dash, turned=False):
     for key, width in (("value", 1.8), ("low", 0.8), ("high", 0.8)):
         kept = [(x, y) for x, y in zip(c, ways[key]) if y is not None and y > LEAST]
         at = [(1.0 / y, x) for x, y in kept] if turned else kept
-        out.append({
-            "type": "scatter", "mode": "lines", "name": name, "legendgroup": name, "x": [x for x, _ in at],
-            "y": [y for _, y in at], "showlegend": key == "value" and not turned, **place(2 if turned else 1),
-            "line": {"color": colour, "width": width, "dash": dash if key == "value" else "dot"},
-            "hovertemplate": "%{x:.3g}, %{y:.3g}",
-        })  # fmt: skip
+        line = {"color": colour, "width": width, "dash": dash if key == "value" else "dot"}
+        named = {"name": name, "legendgroup": name, "showlegend": key == "value" and not turned}
+        x, y = [x for x, _ in at], [y for _, y in at]
+        out.append(points(2 if turned else 1, mode="lines", x=x, y=y, line=line, hover="%{x:.3g}, %{y:.3g}", **named))
     return out

@@ -84,30 +84,30 @@ def curve(
     dash: str = "solid",
     width: float = 1.4,
     panel: int = 1,
-    meta: Any = None,
     legend: bool = True,
     reduce: Any = envelope,
     **more: Any,
 ) -> Any:
     """Return a line trace of the samples y at t0 + k dt in panel number `panel`, reduced by `envelope` or `peaks`."""
     values, every = reduce(y)
-    line = {"color": colour, "width": width, "dash": dash}
-    trace = {
-        "type": "scatter",
-        "mode": "lines",
-        "name": name,
-        "x0": float(t0),
-        "dx": float(dt * every),
-        "y": packed(values),
-        "line": line,
-        **place(panel),
-        "hovertemplate": "%{y:.4g}",
-        "showlegend": legend and bool(name),
-        **more,
-    }
+    trace = points(
+        panel, mode="lines", name=name, x0=float(t0), dx=float(dt * every), y=packed(values), hover="%{y:.4g}",
+        line={"color": colour, "width": width, "dash": dash}, **{"showlegend": legend and bool(name), **more},
+    )  # fmt: skip
     if not legend or name:
         trace["legendgroup"] = name
-    return trace | ({"meta": meta} if meta else {})
+    return trace
+
+
+def points(panel: int, *, hover: str = "", mode: str = "markers", detector: str | None = None, **more: Any) -> dict:
+    """Return a trace in panel number `panel`, not named in the legend: "markers" or "lines", or of a `type` of its own.
+
+    `hover` is the template of what the cursor shows; with `detector` the trace is hidden with that one.
+    """
+    kind = {} if "type" in more else {"type": "scatter", "mode": mode}
+    own: dict = {"hovertemplate": hover} if hover else {}
+    own |= {"meta": {"detector": detector}} if detector else {}
+    return {**kind, "showlegend": False, **own, **place(panel), **more}
 
 
 def place(panel: Any) -> dict[str, str]:
@@ -138,15 +138,8 @@ def base(height: float, legend: bool = True) -> dict[str, Any]:
         },
         "hoverlabel": {"bgcolor": "--card", "bordercolor": "--line", "font": {"color": "--ink", "size": 11}},
         "legend": {
-            "orientation": "h",
-            "x": 1,
-            "xanchor": "right",
-            "y": 1.0,
-            "yanchor": "bottom",
-            "font": {"size": 11},
-            "bgcolor": "rgba(0,0,0,0)",
-            "itemclick": False,
-            "itemdoubleclick": False,
+            **{"orientation": "h", "x": 1, "xanchor": "right", "y": 1.0, "yanchor": "bottom", "font": {"size": 11}},
+            **{"bgcolor": "rgba(0,0,0,0)", "itemclick": False, "itemdoubleclick": False},
         },
         "showlegend": legend,
         "shapes": [],
@@ -179,7 +172,6 @@ def grid(
     y_titles: Any,
     columns: Any,
     span: Any = None,
-    row_px: Any = None,
     time: bool = True,
     gap: float = 0.085,
 ) -> None:
@@ -203,20 +195,13 @@ def grid(
             y_titles[i], domain=[max(0.0, y1 - h), y1], anchor=place(i + 1)["xaxis"]
         )
         if titles[i]:
-            layout["annotations"].append(
-                {
-                    "text": f"<b>{titles[i]}</b>",
-                    "xref": "paper",
-                    "yref": "paper",
-                    "x": x0,
-                    "y": y1,
-                    "xanchor": "left",
-                    "yanchor": "bottom",
-                    "showarrow": False,
-                    "font": {"size": 12, "color": "--ink"},
-                    "yshift": 3,
-                }
-            )
+            label(layout, f"<b>{titles[i]}</b>", x0, y1, xanchor="left", font={"size": 12, "color": "--ink"})
+
+
+def label(layout: dict, text: str, x: float, y: float, **more: Any) -> None:
+    """Write a text just above the place (x, y) of the drawing, in shares of its size. Changes `layout`."""
+    at = {"xref": "paper", "yref": "paper", "x": x, "y": y, "yanchor": "bottom", "yshift": 3, "showarrow": False}
+    layout["annotations"].append({"text": text, **at, **more})
 
 
 def bands(layout: Any, intervals: Any, panels: Any) -> None:
@@ -224,20 +209,9 @@ def bands(layout: Any, intervals: Any, panels: Any) -> None:
     for panel in range(1, panels + 1):
         at = place(panel)
         for a, b in intervals:
-            layout["shapes"].append(
-                {
-                    "type": "rect",
-                    "xref": at["xaxis"],
-                    "yref": at["yaxis"] + " domain",
-                    "x0": a,
-                    "x1": b,
-                    "y0": 0,
-                    "y1": 1,
-                    "fillcolor": "--fault/0.10",
-                    "line": {"width": 0},
-                    "layer": "below",
-                }
-            )
+            ends = {"xref": at["xaxis"], "yref": at["yaxis"] + " domain", "x0": a, "x1": b, "y0": 0, "y1": 1}
+            look = {"fillcolor": "--fault/0.10", "line": {"width": 0}, "layer": "below"}
+            layout["shapes"].append({"type": "rect", **ends, **look})
 
 
 def least(layout: Any, panel: Any, curves: Any, half: float) -> Any:
@@ -251,33 +225,21 @@ def least(layout: Any, panel: Any, curves: Any, half: float) -> Any:
 def note(layout: Any, panel: Any, text: str) -> None:
     """Write a remark into the middle of a panel. Changes `layout`."""
     at = place(panel)
-    layout["annotations"].append(
-        {
-            "text": text,
-            "xref": at["xaxis"] + " domain",
-            "yref": at["yaxis"] + " domain",
-            "x": 0.5,
-            "y": 0.5,
-            "showarrow": False,
-            "font": {"size": 12, "color": "--muted"},
-            "bgcolor": "--page",
-            "borderpad": 3,
-        }
-    )
+    layout["annotations"].append({
+        "text": text, "xref": at["xaxis"] + " domain", "yref": at["yaxis"] + " domain", "x": 0.5, "y": 0.5,
+        "showarrow": False, "font": {"size": 12, "color": "--muted"}, "bgcolor": "--page", "borderpad": 3,
+    })  # fmt: skip
 
 
-def level(layout: Any, panel: Any, y: Any, colour: str = "--fault", dash: str = "dash", width: float = 1.2) -> None:
-    """Draw a horizontal line at `y` through a panel. Changes `layout`."""
+def level(layout: dict, panel: int, y: float) -> None:
+    """Draw a horizontal line at `y` through a panel: a threshold. Changes `layout`."""
+    at, line = place(panel), {"color": "--fault", "width": 1.2, "dash": "dash"}
+    ends = {"xref": at["xaxis"] + " domain", "yref": at["yaxis"], "x0": 0, "x1": 1, "y0": y, "y1": y}
+    layout["shapes"].append({"type": "line", **ends, "line": line})
+
+
+def upright(layout: dict, panel: int, x: float, **line: Any) -> None:
+    """Draw a vertical line at `x` through a panel. Changes `layout`."""
     at = place(panel)
-    layout["shapes"].append(
-        {
-            "type": "line",
-            "xref": at["xaxis"] + " domain",
-            "yref": at["yaxis"],
-            "x0": 0,
-            "x1": 1,
-            "y0": y,
-            "y1": y,
-            "line": {"color": colour, "width": width, "dash": dash},
-        }
-    )
+    ends = {"xref": at["xaxis"], "yref": at["yaxis"] + " domain", "x0": x, "x1": x, "y0": 0, "y1": 1}
+    layout["shapes"].append({"type": "line", **ends, "line": line})

@@ -1,6 +1,5 @@
 """Figures of one flight: path, motion, surfaces, and what was injected."""
 
-
 import numpy as np
 
 from actuators.constants import DEG_PER_RAD, FT_PER_M, KT_PER_M_S
@@ -15,9 +14,11 @@ from cosim.report.figure import (
     base,
     curve,
     grid,
+    label,
     least,
     packed,
     place,
+    points,
 )
 
 RATES = (("yaw", "r"), ("roll", "p"), ("pitch", "q"))  # in the order of drawing, and their fields
@@ -59,20 +60,8 @@ def motion(flown: LoggedFlight) -> Figure:
     panels(flown, figure, [p[0] for p in shown], [p[1] for p in shown], 2, legend=False)
     for i, (_, _, half, curves) in enumerate(shown, 1):
         for j, (name, y) in enumerate(reversed(curves)):
-            figure.data.insert(
-                0,
-                curve(
-                    flown.t0,
-                    flown.dt,
-                    y,
-                    name=name,
-                    colour=COLOURS[(0, 4, 2)[j]],
-                    dash=DASHES[(0, 0, 2)[j]],
-                    width=(1.6, 1.1, 1.4)[j],
-                    panel=i,
-                    legend=False,
-                ),
-            )
+            look: dict = {"colour": COLOURS[(0, 4, 2)[j]], "dash": DASHES[(0, 0, 2)[j]], "width": (1.6, 1.1, 1.4)[j]}
+            figure.data.insert(0, curve(flown.t0, flown.dt, y, name=name, panel=i, legend=False, **look))
         least(figure.layout, i, [y for _, y in curves], half)
         _inline_legend(figure, i)
     return figure
@@ -84,20 +73,8 @@ def _inline_legend(figure, panel):
     at = {"x": figure.layout[axis("xaxis", panel)]["domain"][1], "y": figure.layout[axis("yaxis", panel)]["domain"][1]}
     for k, (line, name) in enumerate(reversed(named)):
         mark = "─" if line["dash"] == "solid" else "┄"
-        figure.layout["annotations"].append(
-            {
-                "text": f"{mark} {name}",
-                "xref": "paper",
-                "yref": "paper",
-                **at,
-                "xanchor": "right",
-                "yanchor": "bottom",
-                "xshift": -84 * k,
-                "yshift": 3,
-                "showarrow": False,
-                "font": {"size": 11, "color": line["color"]},
-            }
-        )
+        look: dict = {"xanchor": "right", "xshift": -84 * k, "font": {"size": 11, "color": line["color"]}}
+        label(figure.layout, f"{mark} {name}", **at, **look)
 
 
 def track(flown: LoggedFlight) -> Figure:
@@ -111,33 +88,16 @@ def track(flown: LoggedFlight) -> Figure:
         broken |= (t >= a) & (t <= b)
     figure = Figure("track", "The dot is where the aircraft is at the time cursor.", 250, time=False)
     figure.layout = base(figure.height, legend=False) | {"hovermode": "closest"}
-    grid(
-        figure.layout,
-        ["Path over ground, seen from above", "Height along the path"],
-        ["north, km", "ft"],
-        2,
-        time=False,
-    )
-    figure.layout["xaxis"]["title"]["text"], figure.layout["xaxis2"]["title"]["text"] = (
-        "east, km",
-        "distance from the start, km",
-    )
+    titles = ["Path over ground, seen from above", "Height along the path"]
+    grid(figure.layout, titles, ["north, km", "ft"], 2, time=False)
+    figure.layout["xaxis"]["title"]["text"] = "east, km"
+    figure.layout["xaxis2"]["title"]["text"] = "distance from the start, km"
     pick = np.unique(np.linspace(0, len(t) - 1, 400).astype(int))
     for i, (x, y) in enumerate(((east, north), (along, height)), 1):
         for mask, colour, width in ((np.ones(len(t), bool), "--blue", 2.0), (broken, "--fault", 3.0)):
             part = np.where(mask, y, np.nan)[pick]
-            figure.data.append(
-                {
-                    "type": "scatter",
-                    "mode": "lines",
-                    "x": packed(x[pick]),
-                    "y": packed(part),
-                    "line": {"color": colour, "width": width},
-                    "showlegend": False,
-                    "hoverinfo": "x+y",
-                    **place(i),
-                }
-            )
+            line, xs, ys = {"color": colour, "width": width}, packed(x[pick]), packed(part)
+            figure.data.append(points(i, mode="lines", x=xs, y=ys, line=line, hoverinfo="x+y"))
     figure.layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
     least(figure.layout, 2, [height], 200.0)
     figure.track = [
@@ -161,28 +121,14 @@ def surfaces(flown: LoggedFlight) -> tuple[Figure, Figure]:
     figure.layout["margin"] |= {"t": 50}
     figure.layout["legend"]["y"] = 1.05
     for i, (seg, short) in enumerate(flown.scenario.aircraft.short.items(), 1):
-        _surface(
-            flown,
-            figure,
-            i,
-            (
-                ("measured", flown.values(f"/sensors/{seg}", "surface")),
-                ("command", command),
-                ("true", flown.values("/truth/aircraft", f"de_{short}")),
-            ),
-            i == 2,
-        )
+        measured, true = flown.values(f"/sensors/{seg}", "surface"), flown.values("/truth/aircraft", f"de_{short}")
+        _surface(flown, figure, i, (("measured", measured), ("command", command), ("true", true)), i == 2)
     others = Figure("others", "Thin: command; blue: true surface.", 230)
     pairs = [(words(n), wiring.COMMAND_OF[n], wiring.SURFACE_OF[n]) for n in wiring.OTHERS]
     panels(flown, others, [p[0] for p in pairs], ["deg"] * 4, 4, legend=False)
     for i, (_, demanded, short) in enumerate(pairs, 1):
-        _surface(
-            flown,
-            others,
-            i,
-            (("command", flown.values("/law", demanded)), ("true", flown.values("/truth/aircraft", short))),
-            False,
-        )
+        asked, true = flown.values("/law", demanded), flown.values("/truth/aircraft", short)
+        _surface(flown, others, i, (("command", asked), ("true", true)), False)
     return figure, others
 
 
@@ -192,8 +138,14 @@ def _surface(flown, figure, panel, curves, legend):
         colour, width = look[name]
         figure.data.append(
             curve(
-                flown.t0, flown.dt, DEG_PER_RAD * y,
-                name=name, colour=colour, width=width, panel=panel, showlegend=legend,
+                flown.t0,
+                flown.dt,
+                DEG_PER_RAD * y,
+                name=name,
+                colour=colour,
+                width=width,
+                panel=panel,
+                showlegend=legend,
             )
         )
     least(figure.layout, panel, [DEG_PER_RAD * y for _, y in curves], 0.5)

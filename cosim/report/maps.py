@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pandas as pd
 
-from cosim.report.figure import Figure, axis, base, grid, note, place
+from cosim.report.figure import Figure, axis, base, grid, note, points
 
 MANY = 150  # oscillations per detector from which on a map shows shares of cells instead of single flights
 CELLS = 6
@@ -77,32 +77,19 @@ def _points(figure, panel, own, seen):
         if not len(part) and panel > 1:
             continue
         marks = ["diamond" if w and symbol == "circle" else symbol for w in wide]
+        told = [
+            [f"{r['frequency_hz']:g} Hz, {r['target']}",
+             "not seen" if not r["detected"] else f"{r['delay_s']:.2f} s, {r['class']}"]
+            for _, r in part.iterrows()
+        ]  # fmt: skip
         figure.data.append(
-            {
-                "type": "scatter",
-                "mode": "markers",
-                "x": (part["frequency_hz"] * np.where(wide, 1.13, 1.0)).tolist(),
-                "y": part["amplitude_mm"].tolist(),
-                "name": name,
-                "legendgroup": name,
-                "showlegend": panel == 1,
-                "marker": {
-                    "symbol": marks or symbol,
-                    "size": 9,
-                    "color": colour,
-                    "line": {"width": 2, "color": colour},
-                },
-                "customdata": [
-                    [
-                        f"{r['frequency_hz']:g} Hz, {r['target']}",
-                        "not seen" if not r["detected"] else f"{r['delay_s']:.2f} s, {r['class']}",
-                    ]
-                    for _, r in part.iterrows()
-                ],
-                "hovertemplate": "%{y:.2f} mm achieved<br>%{customdata[0]}<br>%{customdata[1]}<extra></extra>",
-                **place(panel),
-            }
-        )
+            points(
+                panel, x=(part["frequency_hz"] * np.where(wide, 1.13, 1.0)).tolist(), y=part["amplitude_mm"].tolist(),
+                name=name, legendgroup=name, showlegend=panel == 1, customdata=told,
+                marker={"symbol": marks or symbol, "size": 9, "color": colour, "line": {"width": 2, "color": colour}},
+                hover="%{y:.2f} mm achieved<br>%{customdata[0]}<br>%{customdata[1]}<extra></extra>",
+            )
+        )  # fmt: skip
 
 
 def _cells(figure, panel, own, seen):
@@ -114,20 +101,11 @@ def _cells(figure, panel, own, seen):
     share = np.where(n > 0, k / np.maximum(n, 1), np.nan)
     text = [[f"{int(k[i, j])}/{int(n[i, j])}" if n[i, j] else "" for j in range(CELLS)] for i in range(CELLS)]
     centre = lambda e: (10.0 ** ((e[1:] + e[:-1]) / 2)).tolist()  # noqa: E731
+    shown = [[None if math.isnan(v) else float(v) for v in row] for row in share]
     figure.data.append(
-        {
-            "type": "heatmap",
-            "x": centre(fe),
-            "y": centre(ae),
-            "z": [[None if math.isnan(v) else float(v) for v in row] for row in share],
-            "text": text,
-            "texttemplate": "%{text}",
-            "textfont": {"size": 9},
-            "zmin": 0,
-            "zmax": 1,
-            "colorscale": "Cividis",
-            "showscale": False,
-            "hovertemplate": "%{x:.2g} Hz, %{y:.2g} mm: seen in %{text} flights<extra></extra>",
-            **place(panel),
-        }
-    )
+        points(
+            panel, type="heatmap", x=centre(fe), y=centre(ae), z=shown, text=text, texttemplate="%{text}",
+            textfont={"size": 9}, zmin=0, zmax=1, colorscale="Cividis", showscale=False,
+            hover="%{x:.2g} Hz, %{y:.2g} mm: seen in %{text} flights<extra></extra>",
+        )
+    )  # fmt: skip

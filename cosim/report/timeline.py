@@ -5,7 +5,7 @@ import numpy as np
 from cosim.judge.alarms import faulty
 from cosim.judge.result import concerns
 from cosim.replay.recording import LoggedFlight, spans, words
-from cosim.report.figure import Figure, bands, base, place, style_axis
+from cosim.report.figure import Figure, bands, base, points, style_axis
 from fdi.common.verdict import class_name
 
 
@@ -39,27 +39,17 @@ def timeline(flown: LoggedFlight) -> tuple[Figure, list[dict], list[dict]]:
     return figure, alarms, faults
 
 
-def _bar(figure, row, a, b, colour, width, told, meta=None):
-    trace = {
-        "type": "scatter",
-        "mode": "lines",
-        "x": [a, b],
-        "y": [row, row],
-        "line": {"color": colour, "width": width},
-        "name": told,
-        "showlegend": False,
-        "hovertemplate": f"{told}<br>%{{x:.3f}} s<extra></extra>",
-        **place(1),
-    }
-    figure.data.append(trace | ({"meta": meta} if meta else {}))
+def _bar(figure, row, a, b, colour, width, told, who=None):
+    line, hover = {"color": colour, "width": width}, f"{told}<br>%{{x:.3f}} s<extra></extra>"
+    figure.data.append(points(1, mode="lines", x=[a, b], y=[row] * 2, line=line, name=told, detector=who, hover=hover))
 
 
 def _row(figure, flown, lane):
     """Draw one lane; return its alarms for the cursor's line."""
-    step, meta, out = flown.dt * lane.every, {"detector": lane.id}, []
+    step, out = flown.dt * lane.every, []
     on, verdict, culprit = (lane.fields[n] for n in ("alarm", "verdict", "culprit"))
     for a, b in spans(lane.fields["valid"] > 0.5, flown.t0, step):
-        _bar(figure, lane.name, a, b, "--line", 1.5, f"{lane.name}: watching", meta)
+        _bar(figure, lane.name, a, b, "--line", 1.5, f"{lane.name}: watching", lane.id)
     real, labels = _real(flown, lane, step), []
     found = spans(on > 0.5, flown.t0, step)
     for a, b in found:
@@ -74,9 +64,9 @@ def _row(figure, flown, lane):
             {"from": a, "to": b, "text": f"{lane.name} ({said}{'' if true else ', false'})", "detector": lane.id}
         )
         told = f"{lane.name}: {said}, {a:.3f} to {b:.3f} s{'' if true else ', false alarm'}"
-        _bar(figure, lane.name, a, b, "--fault" if true else "--gold", 11, told, meta)
+        _bar(figure, lane.name, a, b, "--fault" if true else "--gold", 11, told, lane.id)
         if not true:  # hollow: also without colour it is another thing
-            _bar(figure, lane.name, a, b, "--page", 5, told, meta)
+            _bar(figure, lane.name, a, b, "--page", 5, told, lane.id)
         labels.append((a, b, said))
     _labels(figure, flown, lane, labels)
     return out
@@ -89,20 +79,10 @@ def _labels(figure, flown, lane, alarms):
         if last is not None and a - last < room:
             continue
         inside = a - flown.t0 < room
-        figure.layout["annotations"].append(
-            {
-                "text": said,
-                "x": a,
-                "y": lane.name,
-                "xanchor": "left" if inside else "right",
-                "xshift": 12 if inside else -3,
-                "showarrow": False,
-                "font": {"size": 11, "color": "--ink"},
-                "bgcolor": "--page",  # the line of watching runs behind it
-                "borderpad": 1,
-                "detector": lane.id,
-            }
-        )
+        side = {"xanchor": "left", "xshift": 12} if inside else {"xanchor": "right", "xshift": -3}
+        look = {"font": {"size": 11, "color": "--ink"}, "bgcolor": "--page", "borderpad": 1}  # watching runs behind it
+        told = {"text": said, "x": a, "y": lane.name, "showarrow": False, "detector": lane.id}
+        figure.layout["annotations"].append({**told, **side, **look})
         last = a
 
 
