@@ -17,8 +17,9 @@ Class. A liquid OFC is f = s(t), a solid one f = s(t) - u, or half of it where i
 sine taken out of both, the regression of f_hat on -u is the share of the command that does not come through: 0, 1/2
 or 1. All windows since the alarm count, each by the error of its share, so that the class is told only if the command
 moved otherwise than the fault. From FAST on the sine is not taken out, but averaged away: two periods are too short for
-a command to move in. A servo that a fast liquid OFC drives to its rate limit loses a share of its command as well:
-between the two, and for all that is slow, the verdict is AMBIGUOUS.
+a command to move in. A servo that a fast liquid OFC drives far beyond its rate limit loses a share of its command as
+well, of one segment of two up to the half that a solid one takes: such a share is AMBIGUOUS, as is what is slow. A
+class is withdrawn when the share has come to lie on the other's side.
 """
 
 import math
@@ -34,6 +35,8 @@ SECOND = 0.4  # of the suspect's amplitude: from there on the other side oscilla
 # variance of their mean; how many of its deviations are beyond doubt
 CENTRE, ALIKE, SURE = 0.32, 8.0, 2.0
 FAST, FAST_N = 5.5, 14  # [Hz]; samples of 0.1 s then
+BEYOND = 3.0  # times its rate limit: from there on a servo loses a share of its command
+LOADED = (0.2, 0.75)  # share that a liquid OFC may take from it then, and a solid one of one segment takes
 BELOW = 0.99  # r of a fit beyond its threshold that is no oscillation
 
 PARAMS = [
@@ -186,8 +189,15 @@ def oscillation(x, p):
     if weight > 0.0:
         x.lost_share += (share - x.lost_share) * weight / x.lost_weight
     apart = x.lost_share - CENTRE
+    says = OFC_SOLID if apart > 0.0 else OFC_LIQUID
     if x.lost_weight > 0.0 and math.fabs(apart) > p.margin + SURE * math.sqrt(ALIKE / x.lost_weight):
-        x.ofc_class = OFC_SOLID if apart > 0.0 else OFC_LIQUID  # kept until it is as surely the other
+        x.ofc_class = says  # kept while the share lies on its side
+    elif x.ofc_class != says:
+        x.ofc_class = AMBIGUOUS
+    # of one segment of two, whose amplitude is twice that of its side
+    rate = 2.0 * math.sqrt(bank.mixed(x, found, 1.0, 0.0)) * 6.283185307179586 * p.bank_hz[found]
+    if rate > BEYOND * p.act_rate * p.unit > 0.0 and LOADED[0] < x.lost_share < LOADED[1]:
+        x.ofc_class = AMBIGUOUS
 
 
 @kernel

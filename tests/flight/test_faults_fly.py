@@ -322,3 +322,17 @@ def test_a_solid_oscillation_of_one_segment_of_two_is_solid_to_the_estimator_of_
     chosen = load_scenario("cruise", [*own, 'detectors.enabled=["rfafe"]'])
     (found,) = simulate(chosen, timed=False).detectors
     assert found["isolated"] == {"class": "ofc_solid", "target": "elevator_left"} and found["time_to_right_s"] < 2.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "mm", "says"),
+    [("ofc_liquid", 9.0, "ambiguous"), ("ofc_solid", 9.0, "ambiguous"), ("ofc_liquid", 2.5, "ofc_liquid"),
+     ("ofc_solid", 3.0, "ofc_solid")],
+)  # fmt: skip
+def test_far_beyond_the_rate_limit_an_oscillation_of_one_segment_is_neither_liquid_nor_solid(kind, mm, says):
+    """There a servo loses half of the command, whichever it is."""
+    fault = f'faults=[{{target="elevator.left_inner", kind="{kind}", at="valve", start_s=6, amplitude_mm={mm}, '
+    own = [fault + "frequency_hz=10}]", "duration_s=16", "manoeuvre.kind=nz_doublet", "manoeuvre.start_s=8",
+           "manoeuvre.amplitude_g=0.15", "elevator.feedback=measured", 'detectors.enabled=["rfafe"]']  # fmt: skip
+    (found,) = simulate(load_scenario("cruise", own), timed=False).detectors
+    assert found["isolated"]["class"] == says
