@@ -127,33 +127,35 @@ def design(
 @app.command()
 def study(
     name: Annotated[str, typer.Argument(metavar="NAME", help="A study: cosim study lists them.")],
-    parts: Annotated[list[str] | None, typer.Argument(metavar="[PART]…", help="Questions; default: all.")] = None,
+    questions: Annotated[
+        list[str] | None, typer.Argument(metavar="[QUESTION]…", help="Of the study; default: all.")
+    ] = None,
     seeds: Annotated[
         int | None, typer.Option("--seeds", min=1, help="Flights of each case.", show_default=False)
     ] = None,
     noise: Annotated[float, typer.Option(min=0.0, max=100.0, help="Sensor noise over that of the set.")] = 1.0,
     output: Annotated[Path | None, output_option("FOLDER", "Of results; goes on there.")] = None,
-    list_: Annotated[bool, typer.Option("--list", help="Only say what its parts are.")] = False,
+    list_: Annotated[bool, typer.Option("--list", help="Only say what its questions are.")] = False,
     workers: WorkersOption = None,
     json_: JsonOption = False,
 ) -> None:
     """Answer a question about the detectors by many small flights, and print its tables."""
     from cosim.papers import studies as work
 
-    chosen = work.chosen(name, parts or ())
+    chosen = work.chosen(name, questions or ())
     if list_:
-        shown = tables.table(work.known(name).ABOUT, "part", "asks", "seeds>")
-        for part in chosen:
-            shown.add_row(part.name, tables.escape(part.asks), str(part.seeds))
+        shown = tables.table(work.known(name).ABOUT, "question", "asks", "seeds>")
+        for question in chosen:
+            shown.add_row(question.name, tables.escape(question.asks), str(question.seeds))
         out.print(shown)
         return
     folder, found = output or Path("logs") / f"study-{name}", []
     with tables.progress(err, f"study {name}", unit="jobs", waiting="preparing") as progress:
         tell = lambda _, done, total: progress(done, total)  # noqa: E731
-        for part, made in work.run_study(
-            name, parts or (), seeds=seeds, noise=noise, folder=folder, workers=workers, progress=tell
+        for question, made in work.run_study(
+            name, questions or (), seeds=seeds, noise=noise, folder=folder, workers=workers, progress=tell
         ):
-            found.append({"name": part.name, "tables": [t._asdict() for t in made]})
+            found.append({"name": question.name, "tables": [t._asdict() for t in made]})
             for t in () if json_ else made:
                 out.print(tables.plain(t))
     if json_:

@@ -30,7 +30,7 @@ def blames(culprit: str, targets: Iterable[str], level: str) -> bool:
     return all(any(_is(part, target, level) for part in culprit.split(BOTH)) for target in targets)
 
 
-def parts_of(culprits: Iterable[str], targets: Iterable[str], level: str) -> list[str]:
+def members_of(culprits: Iterable[str], targets: Iterable[str], level: str) -> list[str]:
     """Return those of `culprits` that name at least one of `targets`."""
     targets = list(targets)
     return [c for c in culprits if c and any(_is(c, t, level) for t in targets)]

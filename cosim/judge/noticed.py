@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.judge.alarms import GRACE_S, detection, faulty, onsets
-from cosim.judge.naming import BOTH, blames, parts_of, right
+from cosim.judge.naming import BOTH, blames, members_of, right
 from fdi.common import verdict as code
 from fdi.common import why as reason
 
@@ -76,7 +76,7 @@ def said(watch: Watch, history: NDArray, targets: Sequence[str] = ()) -> Said:
     """
     alarm, verdict, part = (history[:, c] for c in (watch.alarm, watch.verdict, watch.culprit))
     own = dict(watch.alarms)
-    mine = parts_of(own, targets, watch.level)
+    mine = members_of(own, targets, watch.level)
     if not mine:
         return Said(alarm > 0.5, verdict, part, watch.culprits)
     each = np.stack([history[:, own[c]] > 0.5 for c in mine])

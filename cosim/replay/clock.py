@@ -20,7 +20,7 @@ def finite(t: NDArray, name: str, path: object) -> None:
         raise LogError(f"{name} holds no time{more}", place=place, remedy="Every row needs a finite time")
 
 
-def parts(t: NDArray) -> list[slice]:
+def stretches(t: NDArray) -> list[slice]:
     """Return the stretches of `t` (rows,) in which the clock does not go back."""
     edges = [0, *(np.flatnonzero(np.diff(t) < 0.0) + 1).tolist(), len(t)]
     return [slice(a, b) for a, b in itertools.pairwise(edges)]
@@ -32,7 +32,7 @@ def rising(t: NDArray, path: object, on_reset: str | None, part: int = 0) -> tup
     Raises LogError where the clock goes back and `on_reset` is None, with the row and both values; IndexError when
     there is no such stretch.
     """
-    found = parts(t)
+    found = stretches(t)
     if len(found) == 1 and part == 0:
         return t, slice(0, len(t))
     if on_reset is None:
@@ -54,7 +54,7 @@ def rising(t: NDArray, path: object, on_reset: str | None, part: int = 0) -> tup
 
 def restarts(t: NDArray, on_reset: str | None, part: int = 0) -> list[str]:
     """Return sentences about what became of a clock `t` (rows,) [s] that goes back."""
-    found = parts(t)
+    found = stretches(t)
     if len(found) == 1:
         return []
     if on_reset == "split":

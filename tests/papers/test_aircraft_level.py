@@ -1,15 +1,16 @@
-"""The quick parts of the study of the aircraft level; the whole is `cosim study aircraft_level`."""
+"""The quick questions of the study of the aircraft level; the whole is `cosim study aircraft_level`."""
 
 import numpy as np
 import pytest
 
-from cosim.papers.studies.aircraft_level import bound, corners, lpv, parts, smallest, uncertain
+from cosim.papers.studies.aircraft_level import bound, corners, lpv, questions, smallest, uncertain
 from cosim.training import train_rfafe
 from fdi.common import bank
 
 
-def test_each_part_has_a_name_of_its_own():
-    assert [p.name for p in parts()] == ["lpv", "bound", "uncertain", "corners", "envelope", "smallest", "thresholds"]
+def test_each_question_has_a_name_of_its_own():
+    names = ["lpv", "bound", "uncertain", "corners", "envelope", "smallest", "thresholds"]
+    assert [q.name for q in questions()] == names
 
 
 def test_the_least_oscillation_in_the_pitch_rate_grows_with_frequency():

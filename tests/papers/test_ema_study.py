@@ -1,11 +1,11 @@
-"""The EMA study: what its flights return, and that its parts make tables of what its jobs return."""
+"""The EMA study: what its flights return, and that its questions make tables of what its jobs return."""
 
 import pytest
 
 from cosim.campaign.jobs import work
 from cosim.papers.studies import Options, ema, ema_flights
 
-PARTS = {p.name: p for p in ema.parts()}
+QUESTIONS = {p.name: p for p in ema.questions()}
 
 
 def test_a_position_fault_in_flight_is_named_and_the_loop_closed_on_the_estimate():
@@ -25,8 +25,8 @@ def test_a_current_bias_never_reconfigures_and_is_named_where_only_the_monitor_h
 @pytest.mark.parametrize("name", ["confusion", "smallest", "bias"])
 def test_bench_parts_make_tables(name):
     options = Options(seeds=1)
-    part = PARTS[name]
-    [(title, columns, rows)] = part.tables(options, work(part.jobs(options), workers=0))
+    question = QUESTIONS[name]
+    [(title, columns, rows)] = question.tables(options, work(question.jobs(options), workers=0))
     assert title and rows and all(len(row) == len(columns) for row in rows)
     if name == "bias":
         assert all(row[2] == 0 for row in rows)  # reconfigured

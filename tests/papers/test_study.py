@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 from cosim.cli import commands as cli
 from cosim.papers import studies
-from cosim.papers.studies import Part
+from cosim.papers.studies import Question
 
 
 def square(x):
@@ -24,8 +24,8 @@ def study(monkeypatch):
         ABOUT = "What is asked."
 
         @staticmethod
-        def parts():
-            return [Part("one", "a question", lambda options: [(square, {"x": options.seeds})], tables, seeds=3)]
+        def questions():
+            return [Question("one", "a question", lambda options: [(square, {"x": options.seeds})], tables, seeds=3)]
 
     monkeypatch.setattr(studies, "known", lambda name: Study)
 
@@ -46,7 +46,7 @@ def test_the_command_prints_tables_and_keeps_results(study, tmp_path):
 def test_the_command_helps_and_refuses(study):
     assert "a question" in asked("--list").stdout
     refused = asked("two")
-    assert refused.exit_code == 2 and "has no part 'two'; allowed: one" in refused.stderr
+    assert refused.exit_code == 2 and "has no question 'two'; allowed: one" in refused.stderr
     assert asked("one", "--seeds", "0").exit_code == 2
 
 

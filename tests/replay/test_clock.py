@@ -101,7 +101,7 @@ def test_joined_times_rise_and_keep_their_distances(stretches):
     t = np.concatenate([np.sort(s) for s in stretches])
     made, rows = clock.rising(t, "x", "offset")
     assert rows == slice(0, len(t)) and np.all(np.diff(made) >= 0.0)
-    for part in clock.parts(t):
+    for part in clock.stretches(t):
         assert np.diff(made[part]) == pytest.approx(np.diff(t[part]), abs=1e-6)
 
 

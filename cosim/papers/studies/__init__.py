@@ -1,7 +1,7 @@
-"""Studies: a question answered by many small independent flights; `cosim study NAME PART…` prints their tables.
+"""Studies: a question answered by many small independent flights; `cosim study NAME QUESTION…` prints their tables.
 
-A study is a module with `ABOUT` and `parts()`. A Part names its jobs (`cosim.campaign.jobs`) and turns their values
-into tables; the jobs of a study share a folder, so that a killed one goes on where it ended.
+A study is a module with `ABOUT` and `questions()`. A Question names its jobs (`cosim.campaign.jobs`) and makes tables
+of their values; the jobs of a study share a folder, so that a killed one goes on where it ended.
 """
 
 import importlib
@@ -35,7 +35,7 @@ class Table(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Part:
+class Question:
     """One question of a study."""
 
     name: str
@@ -52,30 +52,30 @@ def known(name: str) -> ModuleType:
     return importlib.import_module(f"{__name__}.{name}")
 
 
-def chosen(name: str, parts: Sequence[str] = ()) -> list[Part]:
-    """Return the Parts of study `name` that `parts` names, by default all. Raises CosimError for one it lacks."""
-    there = {p.name: p for p in known(name).parts()}
-    for part in parts:
-        if part not in there:
-            raise CosimError(f"study {name} has no part {part!r}", allowed=", ".join(there),
-                             remedy=did_you_mean(part, there))  # fmt: skip
-    return [there[part] for part in dict.fromkeys(parts)] or list(there.values())
+def chosen(name: str, questions: Sequence[str] = ()) -> list[Question]:
+    """Return those of study `name` that `questions` names, by default all. Raises CosimError for one it lacks."""
+    there = {p.name: p for p in known(name).questions()}
+    for question in questions:
+        if question not in there:
+            raise CosimError(f"study {name} has no question {question!r}", allowed=", ".join(there),
+                             remedy=did_you_mean(question, there))  # fmt: skip
+    return [there[question] for question in dict.fromkeys(questions)] or list(there.values())
 
 
 def run_study(
     name: str,
-    parts: Sequence[str] = (),
+    questions: Sequence[str] = (),
     *,
     seeds: int | None = None,
     noise: float = 1.0,
     folder: str | Path | None = None,
     workers: int | None = None,
     progress: Callable[[str, int, int], None] | None = None,
-) -> Iterator[tuple[Part, list[Table]]]:
-    """Yield each of the chosen Parts with its tables as it is done; `progress(part, done, total)` counts its jobs."""
-    asked = [(p, Options(seeds or p.seeds, noise)) for p in chosen(name, parts)]
-    code = code_of([job for p in known(name).parts() for job in p.jobs(Options(1))])
-    for part, options in asked:
-        tell = None if progress is None else lambda done, total, part=part: progress(part.name, done, total)
-        values = work(part.jobs(options), folder=folder, code=code, workers=workers, progress=tell)
-        yield part, [Table(*t) for t in part.tables(options, values)]
+) -> Iterator[tuple[Question, list[Table]]]:
+    """Yield each chosen Question with its tables as it is done; `progress(question, done, total)` counts its jobs."""
+    asked = [(p, Options(seeds or p.seeds, noise)) for p in chosen(name, questions)]
+    code = code_of([job for p in known(name).questions() for job in p.jobs(Options(1))])
+    for question, options in asked:
+        tell = None if progress is None else lambda done, total, question=question: progress(question.name, done, total)
+        values = work(question.jobs(options), folder=folder, code=code, workers=workers, progress=tell)
+        yield question, [Table(*t) for t in question.tables(options, values)]

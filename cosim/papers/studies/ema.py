@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from actuators.constants import RAD_PER_DEG
-from cosim.papers.studies import Part
+from cosim.papers.studies import Question
 from cosim.papers.studies import ema_draws as s
 from cosim.papers.studies import ema_flights as flights
 from cosim.papers.studies.ema_bench import ARM, DT, NO_LOAD, STALL
@@ -193,14 +193,16 @@ def _loop(options, values):
              ("fault", "path", "reconfigured>", "n_z most [g]>", "surface most [deg]>", "verdicts"), rows)]
 
 
-def parts() -> list[Part]:
-    """Return the Parts of the study."""
+def questions() -> list[Question]:
+    """Return the Questions of the study."""
     made = [
-        Part("confusion", "which sensor is named, tolerances, no fault (bench; 1 min)", _confusion_jobs, _confusion),
-        Part("smallest", "smallest fault of each sensor (bench; 1 min)", _smallest_jobs, _smallest),
-        Part("bias", "velocity biases of 0.2 to 10 % never reconfigure (bench; 1 min)", _bias_jobs, _bias),
-        Part("held", "how long the estimate holds after reconfiguration (bench; 1 min)", _held_jobs, _held),
-        Part("flight", "position faults in flight, with and without reconfiguration (4 min)", _flight_jobs, _flight),
-        Part("loop", "current faults in the loop and on the monitor's copy, in flight (3 min)", _loop_jobs, _loop),
+        Question("confusion", "which sensor is named, tolerances, no fault (bench; 1 min)", _confusion_jobs,
+                 _confusion),
+        Question("smallest", "smallest fault of each sensor (bench; 1 min)", _smallest_jobs, _smallest),
+        Question("bias", "velocity biases of 0.2 to 10 % never reconfigure (bench; 1 min)", _bias_jobs, _bias),
+        Question("held", "how long the estimate holds after reconfiguration (bench; 1 min)", _held_jobs, _held),
+        Question("flight", "position faults in flight, with and without reconfiguration (4 min)", _flight_jobs,
+                 _flight),
+        Question("loop", "current faults in the loop and on the monitor's copy, in flight (3 min)", _loop_jobs, _loop),
     ]
-    return [replace(part, seeds=100) for part in made]
+    return [replace(question, seeds=100) for question in made]

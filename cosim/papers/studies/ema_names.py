@@ -12,14 +12,12 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.stats import beta
 
 from actuators.constants import RAD_PER_DEG
 from actuators.ema import jay
-from cosim.papers.studies import Options, Part, Table
+from cosim.papers.studies import Options, Question, Table, naming
 from cosim.papers.studies.ema_cases import FAMILIES, NOISE, SIZED, flown
-from cosim.papers.studies.local import share
-from cosim.papers.studies.local_outcome import named
+from cosim.papers.studies.naming import named, share
 from cosim.scenario.catalog import SEGMENTS
 from cosim.training.flights import DT, EMA, ema_wires
 from fdi import registry
@@ -129,12 +127,7 @@ def fly_size(name: str, k: int, seed: int) -> list[Any]:
 def fly_free(k: int, seed: int, air: str | None = None) -> list[Any]:
     """Fly flight `k` without a fault; return [air, {detector: [names that it gave, seconds of alarm]}]."""
     frame, _, said = flown("free", k, seed, air=air)
-    out = {}
-    for name, log in watched(frame).items():
-        on, culprits = log["alarm"] > 0.5, registry.module(name).CULPRITS
-        names = sorted({named(c, w, culprits) for c, w in zip(log["verdict"][on], log["culprit"][on])})
-        out[name] = [names, float(on.sum() * DT)]
-    return [said, out]
+    return [said, naming.cried(watched(frame))]
 
 
 def _quantiles(values):
@@ -248,15 +241,7 @@ def _sizes(options, values):
 
 
 def _free(options, values):
-    rows = []
-    for name in EMA:
-        bad = [(air, own[name]) for air, own in values if own[name][0]]
-        n, hours = len(values), len(values) * 60.0 / 3600.0
-        most = float(beta.ppf(0.95, len(bad) + 1, n - len(bad)) * n / hours) if len(bad) < n else None
-        told = "; ".join(f"{air}: {' '.join(said)} {s:.1f} s" for air, (said, s) in bad)
-        rows.append([name, share(len(bad), n), most, told])
-    return [Table(f"{len(values)} flights of 60 s without a fault, four segments each",
-                  ("detector", "flights with an alarm", "per hour at most>", "what"), rows)]  # fmt: skip
+    return [naming.free_table(values)]
 
 
 def _jobs(reconfigure, families):
@@ -271,16 +256,16 @@ def _size_jobs(o):
     return [(fly_size, {"name": name, "k": k, "seed": FIRST}) for name in SIZED for k in range(o.seeds)]
 
 
-def parts() -> list[Part]:
-    """Return the Parts of the study."""
+def questions() -> list[Question]:
+    """Return the Questions of the study."""
     faulty = tuple(f for f in FAMILIES if f != "free")
     return [
-        Part("names", "every fault, servos on their measurement (6 min)", _jobs(False, faulty), _faults, seeds=45),
-        Part("estimate", "faults of sensors, the loop reconfigured (1 min)", _jobs(True, ("sensor",)), _reconfigured,
-             seeds=30),
-        Part("sizes", "probability of a right name by size (3 min)", _size_jobs, _sizes, seeds=24),
-        Part("free", "flights without a fault, still air to moderate (3 min)", lambda o: [
+        Question("names", "every fault, servos on their measurement (6 min)", _jobs(False, faulty), _faults, seeds=45),
+        Question("estimate", "faults of sensors, the loop reconfigured (1 min)", _jobs(True, ("sensor",)),
+                 _reconfigured, seeds=30),
+        Question("sizes", "probability of a right name by size (3 min)", _size_jobs, _sizes, seeds=24),
+        Question("free", "flights without a fault, still air to moderate (3 min)", lambda o: [
             (fly_free, {"k": k, "seed": FIRST}) for k in range(o.seeds)], _free, seeds=120),
-        Part("severe", "the same in severe turbulence (1 min)", lambda o: [
+        Question("severe", "the same in severe turbulence (1 min)", lambda o: [
             (fly_free, {"k": k, "seed": FIRST + 500_000, "air": "severe"}) for k in range(o.seeds)], _free, seeds=40),
     ]  # fmt: skip

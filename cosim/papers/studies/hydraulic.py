@@ -8,7 +8,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from cosim.papers.studies import Part
+from cosim.papers.studies import Question
 from cosim.papers.studies import hydraulic_cases as s
 from cosim.papers.studies.hydraulic_loop import FEEDBACKS, feedback_flight, long_flight
 from cosim.training.train_lu17 import EVALUATION
@@ -174,27 +174,28 @@ def _long(options, values):
              ("", *minutes), rows)]
 
 
-def parts() -> list[Part]:
-    """Return the Parts of the study."""
+def questions() -> list[Question]:
+    """Return the Questions of the study."""
     ofc, reach, rest = s.oscillations(), s.oscillations(mm=0.3)[:14], s.others()
     at = [(s.achieved, {"case": asdict(c), "seed": FIRST + k}) for c in ofc[:14] for k in range(3)]
     made = [
-        Part("ofc", "oscillations of 0.6 mm: in time, named, frequency (28 cases; 15 min)",
-             lambda o: _jobs(ofc, o), lambda o, v: _oscillations(ofc, v, o)),
-        Part("reach", "the same of 0.3 mm, in turbulence (14 cases; 7 min)",
-             lambda o: _jobs(reach, o), lambda o, v: _oscillations(reach, v, o)),
-        Part("achieved", "what 0.6 mm is at the valve and at the rod (1 min)",
-             lambda o: at, lambda o, v: _injected(ofc[:14], v)),
-        Part("others", "runaway, jam, sensors of rod, surface, pressure (25 cases; 10 min)",
-             lambda o: _jobs(rest, o), _others),
-        Part("confusion", "verdicts by class, from the flights of ofc and others",
-             lambda o: _jobs([*ofc, *rest], o), _confusion),
-        Part("liquid", "smallest liquid OFC for each frequency, load form and ofc_monitor (15 min)",
-             lambda o: _search(False, o)[1] + _search(False, o)[2], functools.partial(_smallest, False)),
-        Part("solid", "smallest solid OFC (15 min)",
-             lambda o: _search(True, o)[1] + _search(True, o)[2], functools.partial(_smallest, True)),
-        Part("feedback", "the four servo feedbacks with and without a liquid jam (5 min)", _feedback_jobs, _feedback),
-        Part("load", "ten minutes: rtsekf as published drifts, rtsekf_flight does not; ema_kalman against hinge load "
-             "(1 min)", lambda o: [(long_flight, {"seed": FIRST})], _long),
+        Question("ofc", "oscillations of 0.6 mm: in time, named, frequency (28 cases; 15 min)",
+                 lambda o: _jobs(ofc, o), lambda o, v: _oscillations(ofc, v, o)),
+        Question("reach", "the same of 0.3 mm, in turbulence (14 cases; 7 min)",
+                 lambda o: _jobs(reach, o), lambda o, v: _oscillations(reach, v, o)),
+        Question("achieved", "what 0.6 mm is at the valve and at the rod (1 min)",
+                 lambda o: at, lambda o, v: _injected(ofc[:14], v)),
+        Question("others", "runaway, jam, sensors of rod, surface, pressure (25 cases; 10 min)",
+                 lambda o: _jobs(rest, o), _others),
+        Question("confusion", "verdicts by class, from the flights of ofc and others",
+                 lambda o: _jobs([*ofc, *rest], o), _confusion),
+        Question("liquid", "smallest liquid OFC for each frequency, load form and ofc_monitor (15 min)",
+                 lambda o: _search(False, o)[1] + _search(False, o)[2], functools.partial(_smallest, False)),
+        Question("solid", "smallest solid OFC (15 min)",
+                 lambda o: _search(True, o)[1] + _search(True, o)[2], functools.partial(_smallest, True)),
+        Question("feedback", "the four servo feedbacks with and without a liquid jam (5 min)", _feedback_jobs,
+                 _feedback),
+        Question("load", "ten minutes: rtsekf as published drifts, rtsekf_flight does not; ema_kalman against hinge "
+                 "load (1 min)", lambda o: [(long_flight, {"seed": FIRST})], _long),
     ]
-    return [replace(part, seeds=60) for part in made]
+    return [replace(question, seeds=60) for question in made]

@@ -10,12 +10,12 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from scipy.stats import beta
 
-from cosim.papers.studies import Options, Part, Table
+from cosim.papers.studies import Options, Question, Table, naming
 from cosim.papers.studies.local_flights import DEGRADATIONS, NOISES, flown
-from cosim.papers.studies.local_outcome import Outcome, named, outcome, right
-from cosim.training.flights import DT, watch
+from cosim.papers.studies.local_outcome import Outcome, outcome, right
+from cosim.papers.studies.naming import share
+from cosim.training.flights import watch
 from fdi.common import verdict
 from fdi.hydraulic import iotsekf, rtsekf_flight
 from fdi.monitors import ofc_monitor, position_monitor
@@ -41,22 +41,7 @@ def fly_one(family: str, k: int, seed: int, feedback: Any) -> list[Any]:
 def fly_free(k: int, seed: int, feedback: Any) -> list[Any]:
     """Fly flight `k` without a fault; return [air, {detector: [names that it gave, seconds of alarm]}]."""
     frame, _, air = flown("free", k, seed, feedback)
-    out = {}
-    for name, module in WATCHED.items():
-        log = watch(frame, module, module.params(), FIELDS)
-        on = log["alarm"] > 0.5
-        said = sorted({named(v, c, module.CULPRITS) for v, c in zip(log["verdict"][on], log["culprit"][on])})
-        out[name] = [said, float(on.sum() * DT)]
-    return [air, out]
-
-
-def share(k: int, n: int) -> str | None:
-    """Return "k/n = share (low to high)" with the exact 95 % interval, or None where there is no run."""
-    if n == 0:
-        return None
-    low = beta.ppf(0.025, k, n - k + 1) if k else 0.0
-    high = beta.ppf(0.975, k + 1, n - k) if k < n else 1.0
-    return f"{k}/{n} = {k / n:.2f} ({low:.2f} to {high:.2f})"
+    return [air, naming.cried({name: watch(frame, m, m.params(), FIELDS) for name, m in WATCHED.items()})]
 
 
 def _runs(values):
@@ -150,15 +135,7 @@ def _faults(options, values):
 
 
 def _free(options, values):
-    rows = []
-    for name in WATCHED:
-        bad = [own[name] for _, own in values if own[name][0]]
-        hours = len(values) * 60.0 / 3600.0
-        rows.append([name, share(len(bad), len(values)), float(beta.ppf(0.95, len(bad) + 1, len(values)) / hours
-                     * len(values)) if len(bad) < len(values) else None,
-                     "; ".join(f"{' '.join(said)} {s:.1f} s" for said, s in bad)])  # fmt: skip
-    return [Table(f"{len(values)} flights of 60 s without a fault, four segments each", (
-        "detector", "flights with an alarm", "per hour at most>", "what"), rows)]
+    return [naming.free_table(values)]
 
 
 def _jobs(feedback):
@@ -169,12 +146,12 @@ def _jobs(feedback):
     return jobs
 
 
-def parts() -> list[Part]:
-    """Return the Parts of the study."""
+def questions() -> list[Question]:
+    """Return the Questions of the study."""
     return [
-        Part("names", "every fault, servos on their measurement (2 min)", _jobs("measured"), _faults, seeds=120),
-        Part("estimate", "the same flights, servos on the filter's estimate (1 min)", _jobs("iotsekf"), _faults,
-             seeds=48),
-        Part("free", "flights without a fault (2 min)", lambda o: [
+        Question("names", "every fault, servos on their measurement (2 min)", _jobs("measured"), _faults, seeds=120),
+        Question("estimate", "the same flights, servos on the filter's estimate (1 min)", _jobs("iotsekf"), _faults,
+                 seeds=48),
+        Question("free", "flights without a fault (2 min)", lambda o: [
             (fly_free, {"k": k, "seed": FIRST, "feedback": "measured"}) for k in range(o.seeds)], _free, seeds=120),
     ]  # fmt: skip

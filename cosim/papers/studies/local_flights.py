@@ -1,47 +1,23 @@
-"""Flights of the study of names: points over the envelope, and on each hydraulic segment a fault of its own.
+"""Flights of the study of names: on each hydraulic segment a fault of its own.
 
-Points, gusts, noise x 1.2, tolerances of +-5 % and faults all come from the seed of the flight. Segments are judged one
-by one: what they share is the aircraft's motion and its gusts. What is asked of them: `cosim.papers.studies.local`.
+How a flight is drawn: `cosim.papers.studies.naming`; what is asked of it: `cosim.papers.studies.local`.
 """
 
-import math
+import functools
 from typing import Any
 
-import numpy as np
-
-from cosim.errors import TrimError
-from cosim.flight.signals import fly
-from cosim.scenario import parse
+from cosim.papers.studies import naming
+from cosim.papers.studies.naming import HANDS, MOVING, faulty, free, log_uniform, signed
 from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.tolerance import toleranced
-from cosim.training.flights import COMMAND, HYDRAULIC, MODEL, envelope
+from cosim.training.flights import COMMAND, HYDRAULIC, MODEL
 
-ONSET = 12.0  # [s]
 REFERENCE, ROD = "servo.{}.r", "hydraulic.{}.q_rod"  # of each segment, the servo's reference and the true rod [m]
-NOISE_SCALE, TOLERANCE = 1.2, 0.05
-AIR = ("none", "light", "moderate")
-HANDS = (  # from calm to lively
-    {"kind": "cruise"},
-    {"kind": "nz_doublet", "amplitude_g": 0.15},
-    {"kind": "three_two_one_one", "amplitude_deg": 1.5, "unit_s": 1.0},
-    {"kind": "coordinated_turn", "duration_s": 15.0},
-    {"kind": "nose_up", "amplitude_g": 0.15},
-)
-MOVING = HANDS[1:3]  # a jam shows only where the surface is asked to move
-FREE_S = 60.0  # of a flight without faults
-
-
-def _log(rng, low, high):
-    return float(low * (high / low) ** rng.uniform())
 
 
 def _sine(rng, kind, *, mm, hz=(0.5, 10.0), at="valve"):
-    size = mm if isinstance(mm, float) else _log(rng, *mm)
-    return {"kind": kind, "at": at, "amplitude_mm": size, "frequency_hz": _log(rng, *hz)}
-
-
-def _either(rng, low, high):
-    return float(rng.choice([-1.0, 1.0]) * rng.uniform(low, high))
+    size = mm if isinstance(mm, float) else log_uniform(rng, *mm)
+    return {"kind": kind, "at": at, "amplitude_mm": size, "frequency_hz": log_uniform(rng, *hz)}
 
 
 SIZED = (0.5, 2.0)  # [mm]
@@ -57,18 +33,18 @@ DRAWS = {  # name -> (rng) -> fault table, of the segment or, with `part`, of a 
     "slow_solid": lambda r: _sine(r, "ofc_solid", mm=(2.0, 6.0), hz=SLOW_HZ),
     "large_liquid": lambda r: _sine(r, "ofc_liquid", mm=LARGE, hz=(0.1, 10.0)),
     "large_solid": lambda r: _sine(r, "ofc_solid", mm=LARGE, hz=(0.1, 10.0)),
-    "runaway": lambda r: {"kind": "runaway", "rate_deg_s": _either(r, 3.0, 40.0)},
+    "runaway": lambda r: {"kind": "runaway", "rate_deg_s": signed(r, 3.0, 40.0)},
     "jam": lambda r: {"kind": "jam_solid"},
-    "rod": lambda r: {"part": "rod", "kind": "bias", "bias_mm": _either(r, 0.8, 5.0)},
-    "surface": lambda r: {"part": "surface", "kind": "bias", "bias_deg": _either(r, 0.15, 1.0)},
+    "rod": lambda r: {"part": "rod", "kind": "bias", "bias_mm": signed(r, 0.8, 5.0)},
+    "surface": lambda r: {"part": "surface", "kind": "bias", "bias_deg": signed(r, 0.15, 1.0)},
     "air": lambda r: {"kind": "air_in_oil", "loss_pct": float(r.uniform(50.0, 95.0))},
     "leakage": lambda r: {"kind": "internal_leakage", "leakage_pct": float(r.uniform(10.0, 60.0))},
     "supply": lambda r: {"kind": "supply_pressure_drop", "loss_pct": float(r.uniform(30.0, 70.0))},
     "valve_loss": lambda r: {"kind": "loss_of_effectiveness", "at": "valve", "loss_pct": float(r.uniform(30.0, 80.0))},
     "free_float": lambda r: {"kind": "free_float"},
     "backlash": lambda r: {"kind": "backlash", "backlash_mm": float(r.uniform(0.8, 4.0))},
-    "rod_noise": lambda r: {"part": "rod", "kind": "noise", "sigma_mm": _log(r, 0.5, 3.0)},
-    "pressure_noise": lambda r: {"part": "pressure", "kind": "noise", "sigma_pct": _log(r, 3.0, 20.0)},
+    "rod_noise": lambda r: {"part": "rod", "kind": "noise", "sigma_mm": log_uniform(r, 0.5, 3.0)},
+    "pressure_noise": lambda r: {"part": "pressure", "kind": "noise", "sigma_pct": log_uniform(r, 3.0, 20.0)},
 }
 DEGRADATIONS = ("air", "leakage", "supply", "valve_loss", "free_float", "backlash")
 NOISES = ("rod_noise", "pressure_noise")
@@ -77,12 +53,7 @@ FIRST = ("rod", "surface")
 SECOND = ("runaway", "jam", "liquid")
 
 
-def _fault(rng, name, *, heal=None, start=ONSET):
-    fault = {"start_s": start + (0.0 if start != ONSET else float(rng.uniform(0.0, 1.0))), **DRAWS[name](rng)}
-    if heal is not None:
-        periods = 4.0 / fault.get("frequency_hz", math.inf)
-        fault["end_s"] = fault["start_s"] + max(heal, periods)
-    return {"name": name, "healed": heal is not None, "faults": [fault]}
+_fault = functools.partial(faulty, DRAWS)
 
 
 def _mixed(rng, k):
@@ -126,47 +97,21 @@ def _second(rng, k):
     return [*out, _fault(rng, "sensor_ofc")], 26.0, MOVING
 
 
-def _free(rng, k):
-    """Return four healthy segments."""
-    return [{"name": "none", "healed": False, "faults": []} for _ in SEGMENTS], FREE_S, HANDS
-
-
 def _large(rng, k):
     """Return two large oscillations of each kind, over all frequencies; one of them heals."""
     return [_fault(rng, "large_liquid"), _fault(rng, "large_solid"), _fault(rng, "large_solid"),
             _fault(rng, "large_liquid", heal=5.0)], 55.0, HANDS
 
 
-FAMILIES = {"mixed": _mixed, "moved": _moved, "slow": _slow, "lost": _lost, "second": _second, "free": _free,
+FAMILIES = {"mixed": _mixed, "moved": _moved, "slow": _slow, "lost": _lost, "second": _second, "free": free,
             "large": _large}  # the order is part of the seed
+OFF = {"aero": toleranced("aero"), "hydraulic": MODEL}
+SIGNALS = [*(path.format(lane) for lane in SEGMENTS for path in (*HYDRAULIC, REFERENCE)), COMMAND]
 
 
-def drawn(family: str, k: int, seed: int) -> tuple[Any, ...]:
-    """Return (scenario parts of flight `k` of a family, [segment: name, healed, faults]); `seed` decides all."""
-    rng = np.random.default_rng([seed, list(FAMILIES).index(family), k])
-    lanes, duration, hands = FAMILIES[family](rng, k)
-    lanes = [lanes[i] for i in rng.permutation(4)]
-    manoeuvre = {**hands[rng.integers(len(hands))]}
-    if manoeuvre["kind"] != "cruise":
-        manoeuvre["start_s"] = float(rng.uniform(ONSET - 2.0, ONSET + 4.0) if family != "free" else rng.uniform(5, 30))
-    off = {g: {n: float(1 + TOLERANCE * rng.uniform(-1, 1)) for n in names}
-           for g, names in (("aero", toleranced("aero")), ("hydraulic", MODEL))}
-    faults = [{"target": f"elevator.{lane}" + (f".{fault['part']}" if "part" in fault else ""),
-               **{key: v for key, v in fault.items() if key != "part"}}
-              for lane, own in zip(SEGMENTS, lanes) for fault in own["faults"]]
-    flight = {"duration_s": duration, "manoeuvre": manoeuvre, "seed": seed + k, "tolerances": off, "faults": faults,
-              "sensors": {"noise_scale": NOISE_SCALE}, "flight": {**envelope(rng), "turbulence": AIR[k % 3]}}
-    return flight, lanes, rng
-
-
-def flown(family: str, k: int, seed: int, feedback: str = "measured") -> tuple[Any, ...]:
-    """Fly it; return (table of what the detectors read, segments, the air); points that do not trim are drawn anew."""
-    flight, lanes, rng = drawn(family, k, seed)
-    signals = [*(path.format(lane) for lane in SEGMENTS for path in (*HYDRAULIC, REFERENCE)), COMMAND]
-    elevator = {**dict.fromkeys(SEGMENTS, "hydraulic"), "feedback": feedback}
-    while True:
-        made = parse({"title": family, **flight, "elevator": elevator, "detectors": {"enabled": ["iotsekf"]}})
-        try:
-            return fly(made, signals), lanes, flight["flight"]["turbulence"]
-        except TrimError:
-            flight["flight"] |= envelope(rng)
+def flown(family: str, k: int, seed: int, feedback: str = "measured") -> tuple[Any, list[dict], str]:
+    """Fly flight `k` of a family; return (table of what the detectors read, segments, the air)."""
+    flight, lanes, rng = naming.drawn(FAMILIES, family, k, seed, OFF)
+    flight["elevator"] = {**dict.fromkeys(SEGMENTS, "hydraulic"), "feedback": feedback}
+    flight["detectors"] = {"enabled": ["iotsekf"]}
+    return naming.flown(flight, rng, SIGNALS), lanes, flight["flight"]["turbulence"]

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from cosim.papers.studies.local_flights import REFERENCE, ROD
+from cosim.papers.studies.naming import named
 from cosim.scenario.catalog import SEGMENTS
 from cosim.training.flights import DT
 from fdi.common import verdict as v
@@ -48,12 +49,6 @@ class Outcome:
 def right(name: str) -> Any:
     """Return (class, culprit) of the right name of a case."""
     return RIGHT.get(name.split("_0")[0], (v.EFFECTIVENESS, ""))
-
-
-def named(code: Any, culprit: Any, culprits: Any) -> Any:
-    """Return the name of a verdict, a sensor's with its culprit."""
-    said = v.name(code)
-    return f"{said} {culprits[int(culprit)]}" if code == v.SENSOR else said
 
 
 def outcome(lane: Any, log: Any, frame: Any, i: Any, culprits: Any) -> Any:

@@ -13,7 +13,7 @@ import numpy as np
 from actuators.constants import M_PER_FT, M_S_PER_KT, RAD_PER_DEG
 from cosim.flight.plant.point import SIX
 from cosim.flight.signals import fly
-from cosim.papers.studies import Part
+from cosim.papers.studies import Question
 from cosim.scenario import load_scenario
 
 ABOUT = __doc__.splitlines()[0]
@@ -159,12 +159,12 @@ def _turns(options, values):
     return [("30 deg of bank for 60 s in light turbulence", ("point", "completed>", "altitude ft>"), rows)]
 
 
-def parts() -> list[Part]:
-    """Return the Parts of the study."""
+def questions() -> list[Question]:
+    """Return the Questions of the study."""
     return [
-        Part("table", "eight manoeuvres, fifteen points, still and moderate air: 240 flights, 2 min", _table_jobs,
-             _table, 10),
-        Part("protection", "full back-stick at low speed in gusts: what the elevator does, 3 min", _pull_jobs, _pulls,
-             10),
-        Part("turns", "30 deg of bank in light turbulence: altitude kept, 1 min", _turn_jobs, _turns, 10),
+        Question("table", "eight manoeuvres, fifteen points, still and moderate air: 240 flights, 2 min", _table_jobs,
+                 _table, 10),
+        Question("protection", "full back-stick at low speed in gusts: what the elevator does, 3 min", _pull_jobs,
+                 _pulls, 10),
+        Question("turns", "30 deg of bank in light turbulence: altitude kept, 1 min", _turn_jobs, _turns, 10),
     ]  # fmt: skip

@@ -9,24 +9,24 @@ from typing import Any
 ABOUT = "What the aircraft-level detectors can and cannot do, in numbers."
 
 
-def parts() -> list[Any]:
-    """Return the Parts of the study."""
-    from cosim.papers.studies import Part
+def questions() -> list[Any]:
+    """Return the Questions of the study."""
+    from cosim.papers.studies import Question
     from cosim.papers.studies.aircraft_level import bound, corners, envelope, lpv, smallest, thresholds, uncertain
 
     return [
-        Part("lpv", "the affine LPV model on its second grid, beside what any affine model could do (20 s)", lpv.jobs,
-             lpv.tables),
-        Part("bound", "least oscillation that shows in the pitch rate, known aircraft, still air (5 s)", bound.jobs,
-             bound.tables),
-        Part("uncertain", "lpv_smo: what wrong coefficients do to the elevator estimate (5 min)", uncertain.jobs,
-             uncertain.tables, 20),
-        Part("corners", "all: the same faults at the design point and at corners of the envelope (5 min)",
-             corners.jobs, corners.tables, 2),
-        Part("envelope", "all but rfafe, over the envelope: points and seeds that training never saw (15 min)",
-             envelope.jobs, envelope.tables, 16),
-        Part("smallest", "control_redundancy: smallest lock and thrust loss found per effector (25 min)",
-             smallest.jobs, smallest.tables, 10),
-        Part("thresholds", "rfafe, rfafe_airframe: alarms in flights that training never saw (5 min)",
-             thresholds.jobs, thresholds.tables),
+        Question("lpv", "the affine LPV model on its second grid, beside what any affine model could do (20 s)",
+                 lpv.jobs, lpv.tables),
+        Question("bound", "least oscillation that shows in the pitch rate, known aircraft, still air (5 s)", bound.jobs,
+                 bound.tables),
+        Question("uncertain", "lpv_smo: what wrong coefficients do to the elevator estimate (5 min)", uncertain.jobs,
+                 uncertain.tables, 20),
+        Question("corners", "all: the same faults at the design point and at corners of the envelope (5 min)",
+                 corners.jobs, corners.tables, 2),
+        Question("envelope", "all but rfafe, over the envelope: points and seeds that training never saw (15 min)",
+                 envelope.jobs, envelope.tables, 16),
+        Question("smallest", "control_redundancy: smallest lock and thrust loss found per effector (25 min)",
+                 smallest.jobs, smallest.tables, 10),
+        Question("thresholds", "rfafe, rfafe_airframe: alarms in flights that training never saw (5 min)",
+                 thresholds.jobs, thresholds.tables),
     ]  # fmt: skip
