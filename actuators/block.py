@@ -100,12 +100,29 @@ class Kernel:
         before = config.CACHE_DIR
         config.CACHE_DIR = str(Path(folder) / part)
         try:
-            return numba.njit(cache=True, error_model="numpy", **options)(self.py_func)
+            made = numba.njit(error_model="numpy", **options)(self.py_func)
+            made._cache = _cache(self.py_func)
+            return made
         finally:
             config.CACHE_DIR = before
 
     def __call__(self, *args: Any) -> Any:
         return (self.py_func if Kernel.plainly else self.compiled)(*args)
+
+
+def _cache(function):
+    """Return Numba's cache of a function; where a power cut or a full disk left half a file, it is compiled again."""
+    from numba.core.caching import FunctionCache
+
+    class Cache(FunctionCache):
+        def load_overload(self, sig, target_context):
+            try:
+                return super().load_overload(sig, target_context)
+            except Exception:  # whatever unpickling makes of such a file
+                self.flush()
+                return None
+
+    return Cache(function)
 
 
 def briefly(function: Callable[..., Any], *args: Any) -> Any:
