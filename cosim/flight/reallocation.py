@@ -15,7 +15,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from scipy.linalg import solve_continuous_are
 
 from actuators.portable import rounded
 from cosim.flight.blocks.law import SENSORS
@@ -35,6 +34,8 @@ ELEVATOR, ENGINE = 0, 3  # places in `declared`
 
 def gains(point: FlightPoint, rate: float) -> tuple[np.ndarray, np.ndarray]:
     """Return (K (6,), trim of STATES (4,)) at a flight point for a stabiliser of `rate` [rad/s]."""
+    from scipy.linalg import solve_continuous_are  # a quarter of the start of a flight that needs none
+
     model = linearize(point)
     on, inputs = [list(model.states).index(n) for n in STATES], list(model.inputs)
     A = np.zeros((6, 6))
