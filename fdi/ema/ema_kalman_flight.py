@@ -84,12 +84,14 @@ PARAMS = dtype([
     ("th_vel", "f8", "rad/s"),  # innovation mean: fixed part
     ("rho_vel", "f8", "-"),   # and share of the motor's impulse
     ("rho_rate", "f8", "-"),  # and of the motor rate: back electromotive force, friction, load per tick
-    ("th_cur", "f8", "A"),    # R2: fixed part
+    ("th_cur", "f8", "A"),    # R2, told as r_current: no alarm hangs on it, the current's test is that of `drive`
     ("rho_cur", "f8", "A s/rad"),  # and per motor rate
     ("th_jump", "f8", "m"),   # jump of R1
     ("th_both", "f8", "m"),   # smaller jump that confirms a velocity fault
     ("th_R1", "f8", "m"),     # ramp of R1
-    ("th_load", "f8", "N m"),  # load that no hinge explains
+    # load that no hinge explains, as large as a fault is to be: 0.4 of the stall moment, which jams and stops pass. A
+    # false alarm is far below: by `cosim train ema` 0.18 would do (fdi/thresholds: found, load)
+    ("th_load", "f8", "N m"),
     ("stop_low", "f8", "m"),  # rod at the stops, less a margin: a drive that presses there is not jammed
     ("stop_high", "f8", "m"),
     ("load_max", "f8", "N m"),  # limit of the load estimate

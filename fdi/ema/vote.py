@@ -24,6 +24,7 @@ HEAVY = 0.4  # of the load that is a jam's: what winds the screw up while the fi
 JAMMED = 1.5  # of the load that nothing explains: less may be friction
 T_MOVING = 1.0  # after the alarm: what moves under such a load has not just been stopped [s]
 SURE = 120.0  # information about what the motor has felt [rad2/s2]: the share is known to a tenth
+SURE_SINE = 480.0  # before a sine is the sensor's: friction keeps a small one in the drive from the motor at first
 
 
 @kernel
@@ -34,11 +35,12 @@ def _blame(x, p):
         return VELOCITY
     if x.hot_f > 0.5 or x.age_vel > p.t_bad:  # no position can move the current; two witnesses are no vote
         return 0.0
-    if x.sensor > 0.5 and x.blame == 1.0 and x.loose < 0.5:
+    load = math.fabs(x.x_hat[5])  # which winds the screw up, and moves what is loose
+    if x.sensor < 0.5 or x.loose > 0.5:
+        return 0.0
+    if x.blame == 1.0 and load < p.th_load:
         return POSITION
-    if x.sensor > 0.5 and x.blame == 2.0 and x.play < 0.5 and math.fabs(x.x_hat[5]) < HEAVY * p.th_load:
-        return SURFACE
-    return 0.0
+    return SURFACE if x.blame == 2.0 and x.play < 0.5 and load < HEAVY * p.th_load else 0.0
 
 
 @kernel
@@ -63,7 +65,9 @@ def _drive(x, p):
     if x.felt_den >= SURE:
         constant = x.left[4] <= drive.PURE  # which no fault of the drive adds
         shaped = min(x.left[0], min(x.left[3], x.left[4]))  # a sine, a scale, a bias
-        if x.left[5] > WEAK_LEFT and shaped < 0.5 * x.left[5] and x.felt <= (p.felt_least if constant else p.felt_most):
+        most = p.felt_least if constant else p.felt_most
+        told = x.left[0] > drive.PURE or x.felt_den >= SURE_SINE
+        if told and x.left[5] > WEAK_LEFT and shaped < 0.5 * x.left[5] and -p.felt_least <= x.felt <= most:
             return SENSOR, CURRENT
         if x.felt >= p.felt_least and x.drive_name != NONE:
             return x.drive_name, 0.0

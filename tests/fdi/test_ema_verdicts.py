@@ -4,6 +4,8 @@ On the bench of `cosim.papers.studies.ema_bench`, in a 3-2-1-1 with a load, gust
 """
 
 import itertools
+import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +13,11 @@ import pytest
 import cosim
 from actuators.constants import RAD_PER_DEG
 from cosim.papers.studies.ema_bench import ARM, DT, NO_LOAD, STALL, fly_bench, script, three_two_one_one
+from fdi.common import tuning
 from fdi.common import verdict as v
+from fdi.ema import ema_kalman_flight as flight
+from fdi.ema import vote
+from fdi.ema.ema_kalman import CURRENT, POSITION
 from fdi.ema.ema_kalman_flight import CULPRITS
 from fdi.monitors import position_monitor
 
@@ -228,3 +234,37 @@ def test_a_drive_five_per_cent_off_its_nominal_gain_is_healthy(parameter, factor
     lanes = cosim.simulate(cosim.load_scenario("cruise", off), timed=False).to_dict()["detectors"]
     own = [lane for lane in lanes if lane["id"] == "ema_kalman_flight"]
     assert own and not any(lane["alarm"] for lane in own)
+
+
+def test_under_a_load_that_nothing_explains_no_sensor_of_the_rod_is_named():
+    p = flight.params()
+    x = flight.init(p)
+    x["sensor"], x["blame"] = 1.0, 1.0
+    assert vote._blame(x[0], p[0]) == POSITION
+    x["x_hat"][0, 5] = 1.1 * p["th_load"][0]
+    assert vote._blame(x[0], p[0]) == 0.0
+    x["blame"], x["x_hat"][0, 5] = 2.0, 0.0
+    assert vote._blame(x[0], p[0]) == vote.SURFACE
+    x["loose"] = 1.0  # what has looked like play since the alarm
+    assert vote._blame(x[0], p[0]) == 0.0
+
+
+def test_a_current_sensor_is_named_by_what_the_motor_has_not_felt_and_not_by_the_opposite():
+    p = flight.params()
+    x = flight.init(p)
+    x["left"], x["felt_den"] = [0.48, 300.0, 400.0, 1.0, 0.8, 1.0], 150.0
+    x["felt"] = -0.3
+    assert vote._drive(x[0], p[0]) == (v.SENSOR, CURRENT)
+    x["felt"] = -0.7
+    assert vote._drive(x[0], p[0]) == (v.NONE, 0.0)
+    x["felt"], x["left"][0, 0] = 0.1, 0.01  # a sine may be in the drive, and in its friction
+    assert vote._drive(x[0], p[0]) == (v.NONE, 0.0)
+    x["felt_den"] = vote.SURE_SINE
+    assert vote._drive(x[0], p[0]) == (v.SENSOR, CURRENT)
+
+
+def test_sizes_from_which_a_load_or_a_gain_is_a_fault_lie_beyond_what_healthy_drives_pass():
+    trained = Path(tuning.__file__).parents[1] / "thresholds" / "ema_kalman_flight.json"
+    p, found = flight.params(), json.loads(trained.read_text(encoding="utf-8"))["training"]["found"]
+    assert found["load"]["limit"] * 0.5 * p["load_max"][0] < 0.5 * p["th_load"][0]
+    assert found["z_gain"]["largest"] < 0.5 * p["z_gain"][0]
