@@ -16,6 +16,7 @@ lanes, so that one compiled function serves all three and they agree bit for bit
 A kernel is a deterministic function of its arguments: no global state, no I/O, no random numbers, no exceptions.
 """
 
+import contextlib
 import ctypes
 import functools
 import hashlib
@@ -121,6 +122,10 @@ def _cache(function):
             except Exception:  # whatever unpickling makes of such a file
                 self.flush()
                 return None
+
+        def save_overload(self, sig, data):
+            with contextlib.suppress(OSError):  # a disk that is full, a folder that is gone: it works all the same
+                super().save_overload(sig, data)
 
     return Cache(function)
 
