@@ -31,8 +31,9 @@ SHORT, LONG = 1.25, 2.0  # windows of an oscillation [periods]
 BESIDE, CLEAR = 2.0, 3.0  # an energy of so many times the noise's own is no noise; is enough for a name
 STEP, WIDE = 0.1, 0.13  # of its frequency, before an alarm and after it; a neighbour in the bank is 0.27 away
 OWN_FAST = 0.35  # above OWN_HZ
+ASKED = 0.2  # since the alarm rose before one added is voted for, unless the valve is known to obey [s]
 BEHIND = 0.6  # periods since the alarm rose before an oscillation in place is voted for
-OWN, OWN_HZ = 0.6, 2.0  # f is w - d, and d in quadrature to w: up to OWN_HZ f has no less than this of the energy of w
+OWN, OWN_HZ = 0.6, 2.0  # f is w - d, d in quadrature to w: up to OWN_HZ f mostly has no less than this of w's energy
 OFFSET = 0.3  # energy of the mean over that about it
 PART = 0.35  # share that an oscillation about a mean may leave before its frequency is looked for
 PURE_SURE = 0.16  # share that an oscillation added leaves where the valve is known to obey
@@ -42,7 +43,7 @@ DOUBT = 2.0  # proof to the contrary that forbids a name
 LEAD = 12.0  # the next best hypothesis leaves so many variances more (twice the logarithm of the likelihoods' ratio)
 PERIODS, SWITCH = 3.0, 5.0  # periods for which a name must be the best; ... where another has been given
 LOSS_ADDED = 0.6  # a loss leaves more than this of an added oscillation
-LOSS_INSTEAD = 0.2  # ... and of one in place of the command
+LOSS_INSTEAD, LOSS_LITTLE = 0.2, 0.6  # ... and of one in place of the command; where f is little, as of soft oil
 GOOD, FIRM = 0.06, 6.0  # a hypothesis that leaves less than this, of so many times the noise's energy, is good
 SLOW_ONE, SLOW_LEFT = 0.56, 0.3  # a slow one [Hz] is named where the other leaves this share
 SAME_HZ = 0.12  # votes agree on the frequency
@@ -142,7 +143,8 @@ def replaced(x, p, j, n, h, hz):
     m = losses.even_window(n, h)
     if m <= x.even_seen:
         H, E, W, _ = losses.losses(x, m)
-        if E < LOSS_INSTEAD * H or W < LOSS_INSTEAD * M * m / n or H < (OWN if hz < OWN_HZ else OWN_FAST) * M * m / n:
+        little = H < (OWN if hz < OWN_HZ else OWN_FAST) * M * m / n
+        if E < (LOSS_LITTLE if little else LOSS_INSTEAD) * H or W < LOSS_INSTEAD * M * m / n:
             return False, hz
     if M < CLEAR * n * variance or R > PART * M + NOISY * n * variance:
         return False, hz
@@ -193,8 +195,9 @@ def compare(x, p, H, L, W, S, B, n, h, variance, hz_L, hz_S, plain, stands, bonu
         all, E, _ = losses.loss(x, p, m)
         floor = m * p.sigma[SLOW + 1] * p.sigma[SLOW + 1]
         other = max(E - floor, 0.0) / max(all - floor, 1e-300) if all > 2.0 * floor else 1.0
-    yes = obeys.obeys(x)
-    added = plain and other > LOSS_ADDED and L <= (PURE_SURE if yes else PURE) * H + NOISY * noise
+    yes = x.alarm > 0.5 and obeys.obeys(x)  # before the alarm it is mostly the healthy valve that was asked
+    added = plain and (yes or x.clock - x.rose > ASKED) and other > LOSS_ADDED
+    added = added and L <= (PURE_SURE if yes else PURE) * H + NOISY * noise
     least_w = min(W, H)
     explained = S <= PURE * least_w + NOISY * noise and other > LOSS_INSTEAD
     instead = stands and W > CLEAR * noise and explained
@@ -332,8 +335,8 @@ def bank_search(x, p, blocked, teach, suspected, dt):
 def conclude(x, jam, run):
     """Write `alarm`, `verdict` and `culprit` of a hydraulic lane: the name that stands, else the sensor's pair.
 
-    A name is given once, when it is sure; another takes its place only when that has been sure for long. A jam takes
-    the place of any but a runaway.
+    A name is given once, when it is sure; another takes its place only when that has been sure for long, or when the
+    valve has been asked and says otherwise. A jam takes the place of any but a runaway.
     """
     x.alarm = 1.0 if x.sensor > 0.5 or jam or run or x.ofc_timer > 0.0 or x.eff_timer > 0.0 else 0.0
     if x.alarm < 0.5:
@@ -342,6 +345,8 @@ def conclude(x, jam, run):
         for i in range(3):
             x.sure[i] = 0.0
         return
+    if (x.named == OFC_LIQUID and obeys.refuses(x)) or (x.named == OFC_SOLID and obeys.obeys(x)):
+        x.named = NONE
     need = PERIODS if x.named == NONE or x.named == RUNAWAY else PERIODS + SWITCH
     if jam and x.named != RUNAWAY:
         x.named = JAM_SOLID

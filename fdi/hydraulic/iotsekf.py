@@ -166,7 +166,7 @@ NOISE = {
 # 0.6 mm at 10 Hz, 35 ms beyond it, would do for a runaway
 RUN_WEIGHT = 1.25
 WITHOUT_ROD, WITHOUT_PRESSURE = 1.6, 4.0  # noise of f_hat on the surface sensor; on the hinge-moment model
-JUMP = 6e-4  # of a position from one sample to the next, six sigma of the sensor [m]
+JUMP, BEFORE = 6e-4, 0.4  # of a position, six sigma of the sensor [m], and the share that the sample before may have
 PERIOD = 0.005  # of the samples whose variance stands in NOISE [s]
 
 # fitted to the step response of f_hat on the linear model with these noises at 5 ms: off by 1 % rms with the pressure,
@@ -232,7 +232,7 @@ def jumped(x, rod, surface, dt):
         x.jump_of = 0.0
     elif x.pair_time > 0.0 and x.age == 0.0 and x.sensor < 0.5:
         e = math.fabs(x.gamma_rod)
-        if e > JUMP and x.jump_e < 0.4 * JUMP:
+        if e > JUMP and x.jump_e < BEFORE * e and x.alarm < 0.5:  # an oscillation's are as large
             x.jump_ticks = 1.0
         elif x.jump_ticks > 0.0:
             x.jump_ticks = x.jump_ticks + 1.0 if x.gamma_rod * x.jump_side > 0.2 * JUMP * JUMP else 0.0

@@ -20,7 +20,8 @@ from actuators.block import kernel
 from actuators.kept import kept
 from fdi.common.decision import clipped
 
-ORDER, CORNER = 4, 20.0  # of the high-pass, Butterworth [Hz]: oscillations of up to 10 Hz stay below
+# of the high-pass, Butterworth [Hz]: an oscillation of up to 10 Hz and its third harmonic stay below; share of the rate
+ORDER, CORNER, CORNER_MOST = 4, 40.0, 0.3
 SECTIONS = ORDER // 2
 MEMORY = 0.5  # [s]
 DT_MOST = 0.01  # of longer ticks the fast part is gone [s]
@@ -55,7 +56,7 @@ def design(dt: float) -> dict[str, Any]:
 def _sections(rate: float) -> np.ndarray:
     from scipy.signal import butter  # half a second, which a start does not wait for
 
-    return butter(ORDER, CORNER, "high", fs=rate, output="sos")
+    return butter(ORDER, min(CORNER, CORNER_MOST * rate), "high", fs=rate, output="sos")
 
 
 @kernel
