@@ -14,9 +14,9 @@ import json, sys
 import numpy as np
 from actuators import native
 from actuators.ahead import compile_ahead
-from cosim.flight.blocks import faults, manoeuvre
+from cosim.flight.blocks import hinge_model, manoeuvre
 told = []
-asked = [m.rollout.native for m in (faults, manoeuvre)]
+asked = [m.rollout.native for m in (hinge_model, manoeuvre)]
 told.append(compile_ahead(asked, lambda done, total: told.append([done, total])))
 p = np.zeros(2, manoeuvre.PARAMS)
 u, log = np.zeros((2, 3), manoeuvre.INPUTS), np.zeros((2, 3), manoeuvre.STATE)

@@ -102,10 +102,11 @@ def test_rows_of_other_code_do_not_mix(tmp_path):
 SCRIPT = """
 import sys
 sys.path.insert(0, {tests!r})
-from cosim.campaign import run_many
+import cosim.campaign
 from test_campaign import flights
 if __name__ == "__main__":
-    run_many(flights(24), workers=2, out={out!r}, progress=lambda done, total: print(done, flush=True))
+    cosim.campaign.FLUSH_RUNS = 4
+    cosim.campaign.run_many(flights(10), workers=2, out={out!r}, progress=lambda done, total: print(done, flush=True))
 """
 
 
@@ -115,16 +116,16 @@ def test_kill_9_and_resume_equals_an_uninterrupted_campaign(tmp_path, monkeypatc
     script.write_text(SCRIPT.format(tests=os.path.dirname(__file__), out=str(killed)))
     process = subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE, text=True, start_new_session=True)
     for line in process.stdout:  # some files of rows are there, some runs are in flight
-        if int(line) >= 18:
+        if int(line) >= 6:
             break
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
     parts = list((killed / "parts").glob("rows-*.parquet"))
     safe = len(pd.concat(map(pd.read_parquet, parts))["run"].unique())
-    assert 0 < safe < 24 and not (killed / "runs.parquet").exists()
-    resumed = run_many(flights(24), workers=0, out=killed)
+    assert 0 < safe < 10 and not (killed / "runs.parquet").exists()
+    resumed = run_many(flights(10), workers=0, out=killed)
     assert resumed.resumed == safe
-    pd.testing.assert_frame_equal(resumed.frame, run_many(flights(24), workers=0, out=whole).frame)
+    pd.testing.assert_frame_equal(resumed.frame, run_many(flights(10), workers=0, out=whole).frame)
     assert (killed / "runs.parquet").read_bytes() == (whole / "runs.parquet").read_bytes()
 
 
@@ -143,7 +144,7 @@ def test_a_worker_that_dies_loses_no_run(monkeypatch):
 
 def test_a_run_that_kills_every_worker_is_a_row_and_the_others_fly(monkeypatch):
     monkeypatch.setattr(campaign_pool, "fly", die_always)
-    found = {run: rows for run, rows, _ in campaign_pool.outcomes([(f"run{i}", None) for i in range(6)], workers=2)}
+    found = {run: rows for run, rows, _ in campaign_pool.outcomes([(f"run{i}", None) for i in range(6)], workers=1)}
     assert len(found) == 6
     assert [run for run, rows in found.items() if rows[0]["status"] == "crashed"] == ["run2"]
 

@@ -121,7 +121,7 @@ def smallest(plant, s):
     return np.linalg.svd(pencil)[1][-1]
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", [*range(12), *(pytest.param(s, marks=pytest.mark.slow) for s in range(12, 40))])
 def test_any_plant_is_designed_or_refused_with_the_reason(seed):
     plant = random_plant(seed)
     try:

@@ -47,6 +47,7 @@ def test_stall_moments_are_those_of_the_actuators():
     assert 1000.0 - 30000.0 * math.radians(down) > -10500.0 and down == pytest.approx(17.0)
 
 
+@pytest.mark.slow
 def test_processes_give_the_same_map():
     few = ((320.0,), (30.0,), (0.0, 20000.0), (150, 270))
     done = []

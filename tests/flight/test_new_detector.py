@@ -19,9 +19,9 @@ import json, cosim
 from cosim.campaign.inventory import inventory
 from cosim.compare import compare
 from cosim.replay import replay
-only = ["duration_s=6", "detectors.enabled=['template', 'ofc_monitor']", "elevator.feedback=measured",
+only = ["duration_s=4", "detectors.enabled=['template', 'ofc_monitor']", "elevator.feedback=measured",
         "detectors.template.threshold=0.005",
-        "faults.0={target='elevator.left_inner.rod', kind='bias', bias_mm=12, start_s=2, path='monitor'}"]
+        "faults.0={target='elevator.left_inner.rod', kind='bias', bias_mm=12, start_s=1.5, path='monitor'}"]
 run = cosim.simulate(cosim.load_scenario("cruise", only), log="a.mcap", timed=False).to_dict()
 own = next(d for d in run["detectors"] if d["id"] == "template" and d["target"] == "elevator.left_inner")
 again = replay("a.mcap")
@@ -37,7 +37,7 @@ print(json.dumps({
 
 def test_a_detector_is_one_file_and_one_line(tmp_path):
     for name in ("actuators", "fdi", "cosim", "aircraft"):
-        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__", "notebooks"))
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("notebooks"))
     for name, text in TOUCHED.items():
         (tmp_path / name).write_text(text)
     done = subprocess.run([sys.executable, "-c", USE], cwd=tmp_path, capture_output=True, text=True, timeout=300)

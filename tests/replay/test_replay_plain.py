@@ -52,7 +52,7 @@ def check(flight, first, around):
 
 
 def test_plain_python_gives_the_same_bits(short_log):
-    check(short_log, 150, 20)
+    check(short_log, 60, 10)
 
 
 @pytest.mark.slow

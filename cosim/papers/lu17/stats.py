@@ -47,12 +47,12 @@ def _summary(out):
 
 
 @functools.cache
-def case(scenario: str, load: Any = "no load", seeds: Any = bench.SEEDS, **options: Any) -> Any:
-    """Return {(number, phase): value} of a scenario under a load; `options` of `bench.fly`.
+def case(scenario: str, load: Any = "no load", seeds: int | None = None, **options: Any) -> Any:
+    """Return {(number, phase): value} of a scenario under a load; `options` of `bench.fly`, `bench.SEEDS` seeds.
 
     "state" and "fault" are the mean error over the scatter of one estimate (the largest of q, q', x3).
     """
-    return _summary(bench.fly(scenario, load, seeds=seeds, **options))
+    return _summary(bench.fly(scenario, load, seeds=seeds or bench.SEEDS, **options))
 
 
 def _sine(y):
