@@ -158,13 +158,13 @@ def matched():
     truth = np.zeros((seeds, ticks, 5))
     w["u"] = 0.03 * np.sin(3 * DT * np.arange(ticks))
     w["y_rod_valid"] = w["y_dp_valid"] = 1.0
+    area, sigma = r.A_p * r.P_s, np.sqrt(np.array([*r.q, r.q_f]) * DT)
     for i in range(seeds):
         z = np.sqrt([*r.P0, r.P0_f]) * rng.standard_normal(5)
         first = z.copy()
-        for k in range(ticks):
-            u = w["u"][i, k]
-            z[:3] = lu17.rk4(z[0], z[1], z[2], u, u, z[4], r.A_p * r.P_s * z[3], r, DT)
-            z += np.sqrt(np.array([*r.q, r.q_f]) * DT) * rng.standard_normal(5)
+        for k, u in enumerate(w["u"][i].tolist()):
+            z[:3] = lu17.rk4(z[0], z[1], z[2], u, u, z[4], area * z[3], r, DT)
+            z += sigma * rng.standard_normal(5)
             truth[i, k] = z
         w["y_rod"][i] = truth[i, :, 0] + np.sqrt(r.r_rod) * rng.standard_normal(ticks)
         w["y_dp"][i] = truth[i, :, 2] + np.sqrt(r.r_dp) * rng.standard_normal(ticks)
@@ -287,17 +287,26 @@ def test_a_step_of_the_rod_sensor_is_the_sensors_and_not_the_actuators():
     assert [iotsekf.CULPRITS[int(c)] for c in log["culprit"][:, -1]] == ["rod"] * 6
 
 
+@pytest.fixture(scope="module")
+def healthy():
+    return [fly(doublets(30.0, degrees=1 + s), seed=s) for s in range(4)]
+
+
 @pytest.mark.parametrize("load", [0, 1, 2])
-def test_healthy_flights_are_quiet(load):
-    log = run(iotsekf, [fly(doublets(30.0, degrees=1 + s), seed=s) for s in range(4)], load=load)
+def test_healthy_flights_are_quiet(load, healthy):
+    log = run(iotsekf, healthy, load=load)
     assert not log["alarm"].any()
     assert log["valid"][:, 1:].all()
 
 
+@pytest.fixture(scope="module")
+def doublet_flights():
+    return [fly(doublets(16.0), seed=s) for s in range(3)]
+
+
 @pytest.mark.parametrize("bad", ["nan", "dropout", "spikes", "frozen", "command"])
-def test_bad_measurements_do_not_stick(bad):
-    flights = [fly(doublets(16.0), seed=s) for s in range(3)]
-    u = inputs(iotsekf, flights)
+def test_bad_measurements_do_not_stick(bad, doublet_flights):
+    u = inputs(iotsekf, doublet_flights)
     clean = roll(iotsekf, np.repeat(iotsekf.params(), 3), u)
     a, b = 800, 880
     if bad in ("nan", "dropout"):

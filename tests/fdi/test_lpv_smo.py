@@ -201,6 +201,7 @@ def test_what_is_constant_may_be_one_matrix_and_no_feedthrough_none():
     np.testing.assert_allclose(one.L, same.L)
 
 
+@pytest.mark.slow
 def test_a_fifth_parameter_and_other_units_are_designed():
     m = transport.model()
     A = np.concatenate([m.A, 0.02 * m.A[:1]])

@@ -153,13 +153,21 @@ def dropouts(*times, signals):
     return keys
 
 
+LOST_IN = {"manoeuvre__start_s": 3.0, "flight__turbulence": "light", "duration_s": 35.0}
+
+
+@functools.cache
+def whole_flight(manoeuvre):
+    """Fly at point E with every signal; the same flight for every signal that is lost in it."""
+    return fly(scenario("E", manoeuvre, **LOST_IN))
+
+
 @pytest.mark.parametrize("name", law.SENSORS)
 def test_signal_lost_for_a_tenth_of_a_second_for_a_second_and_for_good(name):
     times = ((4.0, 4.1), (8.0, 9.0), (15.0, None))
     held = "coordinated_turn" if name in ("phi", "p", "r", "psi", "h_inertial", "cas", "tas", "beta") else "nz_doublet"
-    more = {"manoeuvre__start_s": 3.0, "flight__turbulence": "light", "duration_s": 35.0}
-    lost = fly(scenario("E", held, **more, **dropouts(*times, signals=[name])))
-    whole = fly(scenario("E", held, **more))
+    lost = fly(scenario("E", held, **LOST_IN, **dropouts(*times, signals=[name])))
+    whole = whole_flight(held)
     assert lost.status == "completed"
     for command, limit in (("de_cmd", 23), ("da_cmd", 20), ("dr_cmd", 25), ("throttle_cmd", 57.3)):
         series = getattr(lost, command)

@@ -51,7 +51,7 @@ def test_alpha_limit_itself_binds_in_a_pull_from_a_lower_speed(point, cas):
 
 
 @pytest.mark.parametrize("seed", [3, pytest.param(4, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("air", ["light", "moderate"])
+@pytest.mark.parametrize("air", [pytest.param("light", marks=pytest.mark.slow), "moderate"])
 @pytest.mark.parametrize("point", SLOW_KT)
 def test_alpha_protection_in_turbulence_does_not_drive_the_elevator_from_stop_to_stop(point, air, seed):
     """The command stays within half the travel, the surface works at most 2.5 times as fast as in cruise there."""
@@ -161,9 +161,9 @@ def test_tables_of_the_study_show_every_flight(monkeypatch):
     monkeypatch.setattr(manoeuvre_study, "TABLE", [("E", "cruise", "none"), ("C", "nose_up", "moderate")])
     monkeypatch.setattr(manoeuvre_study, "PULLS", [("C", "light")])
     shown = {}
-    for part in manoeuvre_study.parts()[:2]:
-        values = [function(**arguments) for function, arguments in part.jobs(Few)]
-        shown[part.name] = part.tables(Few, values)
+    for question in manoeuvre_study.questions()[:2]:
+        values = [function(**arguments) for function, arguments in question.jobs(Few)]
+        shown[question.name] = question.tables(Few, values)
     (_, columns, rows), (_, _, totals) = shown["table"]
     assert [(r[0], r[1], r[-1]) for r in rows] == [("E", "cruise", "completed"), ("C", "nose_up", "completed")]
     assert all(len(r) == len(columns) for r in rows)

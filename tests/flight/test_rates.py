@@ -71,7 +71,9 @@ def _fly(scenario, rate, *changes):
     return flown.detectors
 
 
-@pytest.mark.parametrize("rate", (100, 333, 400, 500, 1000, 2000))
+@pytest.mark.parametrize(
+    "rate", (100, 333, 500, 2000, *(pytest.param(r, marks=pytest.mark.slow) for r in (400, 1000)))
+)
 def test_no_detector_alarms_in_a_hard_manoeuvre_without_a_fault(rate):
     for d in _fly("cruise", rate, "duration_s=11", *HARD, _detectors(*FLIES)):
         assert not d["alarm"] and d["false_alarms"] == 0, (d["id"], d["target"])

@@ -44,7 +44,7 @@ def _mutate(data, rng):
     return bytes(out)
 
 
-@pytest.mark.parametrize("number", [400, pytest.param(2400, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("number", [200, pytest.param(2400, marks=pytest.mark.slow)])
 def test_mutated_logs_are_refused_or_unchanged(number, whole, tmp_path):
     data, rng = whole.read_bytes(), np.random.default_rng(2026)
     arrays, others = _content(whole)
@@ -63,12 +63,13 @@ def test_mutated_logs_are_refused_or_unchanged(number, whole, tmp_path):
     assert refused > 0.875 * number
 
 
-def test_700_mutated_logs_with_forged_checksums_neither_crash_nor_change_a_sample(whole, tmp_path):
+@pytest.mark.parametrize("number", [200, pytest.param(700, marks=pytest.mark.slow)])
+def test_mutated_logs_with_forged_checksums_neither_crash_nor_change_a_sample(number, whole, tmp_path):
     data, rng = whole.read_bytes(), np.random.default_rng(6)
     arrays, _ = _content(whole)
     taken = 0
     with bounded(seconds=120, memory=20 * MIB):
-        for _ in range(700):
+        for _ in range(number):
             (tmp_path / "bad").write_bytes(reseal(_mutate(data, rng)))
             try:
                 got, _ = _content(tmp_path / "bad")
@@ -77,13 +78,14 @@ def test_700_mutated_logs_with_forged_checksums_neither_crash_nor_change_a_sampl
             for name in got:  # what is taken may be forged text, but samples have the chunk's own checksum
                 assert same_bits(got[name], arrays[name])
             taken += 1
-    assert taken >= 3  # forged texts of the result, say; all others are refused, entries of the message index too
+    assert taken >= number // 200  # forged texts of the result, say; others are refused, entries of the index too
 
 
-def test_300_mutated_logs_are_recovered_or_refused_with_true_samples(whole, tmp_path):
+@pytest.mark.parametrize("number", [100, pytest.param(300, marks=pytest.mark.slow)])
+def test_mutated_logs_are_recovered_or_refused_with_true_samples(number, whole, tmp_path):
     data, rng = whole.read_bytes(), np.random.default_rng(11)
     v, ticks = vectors(120), 0
-    for _ in range(300):
+    for _ in range(number):
         (tmp_path / "bad").write_bytes(_mutate(data, rng))
         try:
             recover(tmp_path / "bad", tmp_path / "out")
@@ -93,4 +95,4 @@ def test_300_mutated_logs_are_recovered_or_refused_with_true_samples(whole, tmp_
         for topic in TOPICS:
             assert same_bits(log.array(topic.name), v[log.ticks(topic.name)][:, topic.index])
         ticks += log.n_ticks
-    assert ticks > 300 * 120 / 4  # otherwise little was compared
+    assert ticks > number * 120 / 4  # otherwise little was compared

@@ -39,6 +39,7 @@ def test_model_and_gains_belong_to_the_stored_design():
     assert "differs" not in {r.judge().verdict for r in alwi14_model.plan(alwi14.of)}
 
 
+@pytest.mark.slow
 def test_lpv_plant_gives_back_its_faults():
     assert [p.judge().verdict for p in alwi14._lpv_plant()] == [*["agrees"] * 3, "differs_explained", "agrees"]
 

@@ -34,7 +34,7 @@ def asked(*arguments):
     return CliRunner().invoke(cli.app, ["study", "ema", *arguments])
 
 
-def test_the_command_prints_tables_and_keeps_results(study, tmp_path):
+def test_the_command_prints_tables_and_keeps_results(study, tmp_path, one_process):
     shown = asked("one", "-o", str(tmp_path))
     assert shown.exit_code == 0, shown.output
     assert all(word in shown.stdout for word in ("what [m]", "[a]", "9", "-", "so"))

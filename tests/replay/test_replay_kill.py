@@ -38,7 +38,7 @@ def check(path, out):
     return log.n_ticks
 
 
-@pytest.mark.parametrize("kills", [8, pytest.param(40, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kills", [4, pytest.param(40, marks=pytest.mark.slow)])
 def test_killed_flights_come_back_and_replay_exactly(kills, tmp_path):
     path, rng, lengths = tmp_path / "killed.mcap", np.random.default_rng(3), []
 
