@@ -5,7 +5,7 @@ load equilibrium is taken by central differences, with friction, backlash and th
 and the stops out of reach: what remains is smooth there.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,26 +26,21 @@ class Sampled(NamedTuple):
     names: tuple
 
 
-# state of actuator and servo, delayed measurements, and the size of a small step in each
+# state of actuator and servo, and the size of a small step in each
 _HYDRAULIC = {"q_rod": 1e-6, "qd_rod": 1e-5, "x3": 1e-5}
-_SERVO = {
-    "r": 1e-6,
-    "rd": 1e-5,
-    "rdd": 1e-4,
-    "rddd": 1e-3,
-    "u": 1e-5,
-    "q_hat": 1e-6,
-    "qd_hat": 1e-5,
-    "x3_hat": 1e-5,
-    "load_hat": 1.0,
-}
+_COMMAND = {"r": 1e-6, "rd": 1e-5, "rdd": 1e-4, "rddd": 1e-3}
+_SERVO = {**_COMMAND, "u": 1e-5, "q_hat": 1e-6, "qd_hat": 1e-5, "x3_hat": 1e-5, "load_hat": 1.0}
 _EMA = {"delta": 1e-6, "delta_d": 1e-5, "motor": 1e-4, "motor_d": 1e-3, "i": 1e-3, "comp": 1e-5}
-_EMA_SERVO = {"r": 1e-6, "rd": 1e-5, "rdd": 1e-4, "rddd": 1e-3, "i_d": 1e-3, "z": 1e-3}
-
-
-def _lanes(record, n):
-    """Return n copies of the one lane of `record`."""
-    return np.repeat(record, n)
+_EMA_SERVO = {**_COMMAND, "i_d": 1e-3, "z": 1e-3}
+# what the servo measures: name -> (its inputs: value and flag, step, signal of the actuator's state x and PARAMS p)
+_ROD = {
+    "rod": ("q_meas", "q_valid", 1e-6, lambda x, p: x["q_rod"]),
+    "pressure": ("x3_meas", "x3_valid", 1e-5, lambda x, p: x["x3"]),
+}
+_SCREW = {
+    "position": ("pos_meas", "pos_valid", 1e-7, lambda x, p: p["lead"] * x["motor"]),
+    "velocity": ("vel_meas", "vel_valid", 1e-3, lambda x, p: x["motor_d"]),
+}
 
 
 def _jacobian(tick, z0, steps, dt, names):
@@ -59,9 +54,45 @@ def _jacobian(tick, z0, steps, dt, names):
     return Sampled(J[:, :n], J[:, n:], g[None, :n], g[None, n:], dt, names)
 
 
+def _loop(blocks, kept, sensed, lanes, start, load, dt):
+    """Return the Sampled model of a pair of `blocks`, actuator and servo, with states `kept` of each; `lanes` are
+    (state, PARAMS) of the actuator and of the servo in equilibrium at command `start` under `load` (hm0, hmd).
+    """
+    (actuator, servo_), (own, held), ((x, p), (s, c)) = blocks, kept, lanes
+    late = c["delay"][0] > 0.5
+    signals = [signal for *_, signal in sensed.values()]
+    names = (*own, *(f"servo.{n}" for n in held), *(f"{n}.late" for n in sensed))
+    z0 = np.array([*(x[n][0] for n in own), *(s[n][0] for n in held), *(signal(x, p)[0] for signal in signals)])
+
+    def tick(z, command):
+        m = z.shape[1]
+        X, S, P, K = (np.repeat(record, m) for record in (x, s, p, c))
+        rows = iter(z)
+        for record, names in ((X, own), (S, held)):
+            for name in names:
+                record[name] = next(rows)
+        if "delta" not in own:
+            X["delta"] = X["q_rod"] / P["arm"]
+        here = X["delta"].copy()
+        now = np.array([signal(X, P) for signal in signals])
+        seen = np.array([next(rows) for _ in signals]) if late else now
+        u, w = np.zeros((m, 1), servo_.INPUTS), np.zeros((m, 1), actuator.INPUTS)
+        u["command"][:, 0] = start + command
+        for (value, flag, *_), y in zip(sensed.values(), seen):
+            u[value][:, 0], u[flag] = y, 1.0
+        servo_.rollout(S, u, K, dt, np.zeros((m, 1), servo_.STATE))
+        w["u"][:, 0], (w["hm0"], w["hmd"]) = S["u"], load
+        actuator.rollout(X, w, P, dt, np.zeros((m, 1), actuator.STATE))
+        return np.array([*(X[n] for n in own), *(S[n] for n in held), *now]), here
+
+    steps = [*own.values(), *held.values(), *(step for _, _, step, _ in sensed.values())]
+    return _jacobian(tick, z0, steps, dt, names)
+
+
 def hydraulic_loop(
-    *, hmd: Any = 0.0, hm0: Any = 0.0, delta: Any = 0.0, dt: float = 0.005, actuator: Any = None, control: Any = None
-) -> Any:
+    *, hmd: float = 0.0, hm0: float = 0.0, delta: float = 0.0, dt: float = 0.005, actuator: np.ndarray | None = None,
+    control: np.ndarray | None = None,
+) -> Sampled:  # fmt: skip
     """Return the Sampled model of servo and hydraulic actuator, command -> surface angle, at `delta` [rad].
 
     `hm0` [N m], `hmd` [N m/rad] is the hinge load; `actuator`, `control` are PARAMS of one lane (default: nominal). The
@@ -71,80 +102,27 @@ def hydraulic_loop(
     p["F_c"] = p["F_s"] = p["backlash"] = 0.0
     p["q_lo"], p["q_hi"] = -0.5, 0.5
     c = servo.params(dt=dt) if control is None else control
-    late = c["delay"][0] > 0.5
     x = hydraulic.init_at(p, delta, hm0, hmd)
-    s = servo.init_at(c, delta, x["F_d"])
-    names = (*_HYDRAULIC, *(f"servo.{n}" for n in _SERVO), "rod.late", "pressure.late")
-    z0 = np.array(
-        [*(x[n][0] for n in _HYDRAULIC), *(s[n][0] for n in _SERVO), x["q_rod"][0], x["x3"][0]], dtype=np.float64
-    )
-
-    def tick(z, command):
-        m = z.shape[1]
-        X, S, P, K = _lanes(x, m), _lanes(s, m), _lanes(p, m), _lanes(c, m)
-        rows = iter(z)
-        for name in _HYDRAULIC:
-            X[name] = next(rows)
-        for name in _SERVO:
-            S[name] = next(rows)
-        X["delta"] = X["q_rod"] / P["arm"]
-        here = X["delta"].copy()
-        now = np.array([X["q_rod"], X["x3"]])
-        seen = np.array([next(rows), next(rows)]) if late else now
-        u, w = np.zeros((m, 1), servo.INPUTS), np.zeros((m, 1), hydraulic.INPUTS)
-        u["command"][:, 0] = delta + command
-        u["q_meas"][:, 0], u["x3_meas"][:, 0] = seen
-        u["q_valid"] = u["x3_valid"] = 1.0
-        servo.rollout(S, u, K, dt, np.zeros((m, 1), servo.STATE))
-        w["u"][:, 0], w["hm0"], w["hmd"] = S["u"], hm0, hmd
-        hydraulic.rollout(X, w, P, dt, np.zeros((m, 1), hydraulic.STATE))
-        return np.array([*(X[n] for n in _HYDRAULIC), *(S[n] for n in _SERVO), *now]), here
-
-    return _jacobian(tick, z0, [*_HYDRAULIC.values(), *_SERVO.values(), 1e-6, 1e-5], dt, names)
+    lanes = (x, p), (servo.init_at(c, delta, x["F_d"]), c)
+    return _loop((hydraulic, servo), (_HYDRAULIC, _SERVO), _ROD, lanes, delta, (hm0, hmd), dt)
 
 
 def ema_loop(
-    *, hmd: Any = 0.0, hm0: Any = 0.0, delta: Any = 0.0, dt: float = 0.005, actuator: Any = None, control: Any = None
-) -> Sampled:
+    *, hmd: float = 0.0, hm0: float = 0.0, delta: float = 0.0, dt: float = 0.005, actuator: np.ndarray | None = None,
+    control: np.ndarray | None = None,
+) -> Sampled:  # fmt: skip
     """Return the Sampled model of servo and electromechanical actuator; arguments as in `hydraulic_loop`."""
     p = (ema.params() if actuator is None else actuator).copy()
     p["T_c"] = p["T_s"] = p["backlash"] = 0.0
     p["x3_lo"], p["x3_hi"] = -ema.UNLIMITED, ema.UNLIMITED
     c = (ema_servo.params(dt=dt) if control is None else control).copy()
     c["dead"] = 0.0
-    late = c["delay"][0] > 0.5
     x = ema.init_at(p, delta, hm0, hmd)
     s = ema_servo.init_at(c, p["lead"] * x["motor"], x["i"])
-    start = s["delta_c"][0]
-    names = (*_EMA, *(f"servo.{n}" for n in _EMA_SERVO), "position.late", "velocity.late")
-    z0 = np.array(
-        [*(x[n][0] for n in _EMA), *(s[n][0] for n in _EMA_SERVO), p["lead"][0] * x["motor"][0], 0.0], dtype=np.float64
-    )
-
-    def tick(z, command):
-        m = z.shape[1]
-        X, S, P, K = _lanes(x, m), _lanes(s, m), _lanes(p, m), _lanes(c, m)
-        rows = iter(z)
-        for name in _EMA:
-            X[name] = next(rows)
-        for name in _EMA_SERVO:
-            S[name] = next(rows)
-        here = X["delta"].copy()
-        now = np.array([P["lead"] * X["motor"], X["motor_d"]])
-        seen = np.array([next(rows), next(rows)]) if late else now
-        u, w = np.zeros((m, 1), ema_servo.INPUTS), np.zeros((m, 1), ema.INPUTS)
-        u["command"][:, 0] = start + command
-        u["pos_meas"][:, 0], u["vel_meas"][:, 0] = seen
-        u["pos_valid"] = u["vel_valid"] = 1.0
-        ema_servo.rollout(S, u, K, dt, np.zeros((m, 1), ema_servo.STATE))
-        w["u"][:, 0], w["hm0"], w["hmd"] = S["u"], hm0, hmd
-        ema.rollout(X, w, P, dt, np.zeros((m, 1), ema.STATE))
-        return np.array([*(X[n] for n in _EMA), *(S[n] for n in _EMA_SERVO), *now]), here
-
-    return _jacobian(tick, z0, [*_EMA.values(), *_EMA_SERVO.values(), 1e-7, 1e-3], dt, names)
+    return _loop((ema, ema_servo), (_EMA, _EMA_SERVO), _SCREW, ((x, p), (s, c)), s["delta_c"][0], (hm0, hmd), dt)
 
 
-def response(model: Any, frequency: float) -> Any:
+def response(model: Sampled, frequency: float | np.ndarray) -> np.ndarray:
     """Return the complex response of a Sampled model at `frequency` [rad/s], shape of `frequency`."""
     w = np.atleast_1d(frequency)
     n = len(model.A)
