@@ -1,0 +1,110 @@
+"""Statistics of a comparison over rows by hand."""
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cosim.compare import metrics, stats
+from cosim.compare import rows as compare_rows
+from cosim.judge import coverage
+
+
+def test_bounds_of_nothing_in_n_are_those_of_the_textbook():
+    assert metrics.proportion(0, 24)[1:] == pytest.approx((0.0, 1.0 - 0.025 ** (1 / 24)))
+    assert metrics.proportion(0, 0)[1:] == (0.0, 1.0)
+    assert metrics.proportion(3, 4)[1:] == pytest.approx((0.1941, 0.9937), abs=1e-4)  # Clopper and Pearson's table
+
+
+def hand_made():
+    """Return rows of two detectors: 4 fault-free flights, 3 oscillations of 1, 2 and 4 mm and one engine failure."""
+    out = []
+    none = {"r_fault_free": np.nan, "false_alarms": 0, "delay_s": np.nan, "class": None}
+    for name, level in (("iotsekf", "local"), ("lpv_smo", "aircraft")):
+        local, about = level == "local", none | {"id": name, "level": level}
+        free = about | {"case": None, "r_fault": np.nan, "concerned": False, "word": None, "detected": False,
+                        "outcome": None}  # fmt: skip
+        for i, r in enumerate((0.2, 0.4, 0.6, 0.8) if local else (0.5, 1.5, 0.5, 0.5)):
+            out.append(free | {"run": f"free{i}", "r_fault_free": r, "false_alarms": int(r > 1)})
+        ofc = about | {"case": "hydraulic.ofc_liquid", "concerned": True, "frequency_hz": 1.0,
+                       "word": coverage.expected(name, "hydraulic.ofc_liquid").word}  # fmt: skip
+        seen = {"detected": True, "outcome": "named", "delay_s": 0.5, "class": "ofc_liquid"}
+        for mm, r, found in ((1.0, 0.7, False), (2.0, 3.0, local), (4.0, 9.0, True)):
+            said = seen if found else {"detected": False, "outcome": "missed"}
+            out.append(ofc | {"run": f"ofc{mm:g}", "r_fault": r, "amplitude_mm": mm, **said})
+        engine = {"run": "engine", "case": "engine", "r_fault": 0.1, "word": coverage.expected(name, "engine").word}
+        said = {"outcome": "quiet"} if local else {"outcome": "bonus", "delay_s": 1.0}
+        out.append(about | engine | said | {"concerned": not local, "detected": not local})
+    rows = pd.DataFrame(out)
+    rows["hours"], rows["idle"], rows["target"], rows["manoeuvre_key"] = 0.01, False, "elevator.left_inner", "{}"
+    rows["family"] = rows["case"].map({"hydraulic.ofc_liquid": "liquid OFC, one segment", "engine": "engine"})
+    rows["fault"] = rows["case"].map(lambda c: None if c is None else 0)
+    rows["time_to_right_s"] = 2.0 * rows["delay_s"].where(rows["outcome"] == "named")
+    rows["class_changes"], rows["not_excited"], rows["why_not_valid"], rows["withdrawn"] = 1.0, False, None, None
+    rows["withdrawn_after_s"], rows["standing_s"], rows["valid_share"] = np.nan, 0.0, 1.0
+    rows["bound_mm"], rows["first_right"], rows["alarm_share"], rows["ambiguous_s"] = np.nan, rows["detected"], 1.0, 0.0
+    rows["first_verdict"], rows["right_after_motion_s"] = rows["class"], np.nan
+    return rows
+
+
+def test_detectors_are_counted_over_what_they_were_designed_for():
+    local, aircraft = stats.detectors(hand_made())
+    assert (local["designed"], local["detected"], local["missed"], local["named"]) == (3, 2, 1, 2)
+    assert (local["delay_s"], local["delay_s_p95"], local["delay_s_max"]) == (0.5, math.inf, 0.5)
+    assert (local["fault_free_runs"], local["fault_free_alarmed"], local["false_alarms_per_hour"]) == (4, 0, 0.0)
+    assert (aircraft["detected"], aircraft["fault_free_alarmed"], aircraft["false_alarms"]) == (1, 1, 1)
+    assert aircraft["false_alarms_per_hour"] == pytest.approx(1 / (8 * 0.01))
+
+
+def test_equal_thresholds_leave_the_same_number_of_crossings():
+    rows = hand_made()
+    for alpha, allowed in ((0.0, 0), (0.25, 1)):
+        for name, (c_, k, n, _) in stats.equal_thresholds(rows, alpha).items():
+            own = rows[(rows["id"] == name) & rows["case"].isna()]["r_fault_free"]
+            assert (k, n) == (allowed, 4) and (own >= c_).sum() <= k
+    assert stats.equal_thresholds(rows, 0.0)["iotsekf"][0] == pytest.approx(0.8)
+    assert stats.equal_thresholds(rows, 0.25)["lpv_smo"][0] == pytest.approx(0.5)
+
+
+def test_shares_of_maxima_beyond_a_threshold():
+    free, hit = stats.maxima(hand_made())["iotsekf"]
+    assert sorted(free) == [0.2, 0.4, 0.6, 0.8] and sorted(hit) == [0.7, 3.0, 9.0]
+    assert metrics.beyond(hit, np.array([0.1, 1.0, 10.0])) == pytest.approx([1.0, 2 / 3, 0.0])
+    assert np.isnan(metrics.beyond(np.array([]), np.ones(2))).all()
+
+
+def test_groups_and_the_smallest_oscillation_that_each_sees():
+    rows = hand_made()
+    grouped = stats.by_group(rows, stats.detectors(rows))
+    assert set(grouped["group"]) == {"actuator filters", "airframe motion"}
+    engine = grouped[grouped["case"] == "engine"].set_index("group")
+    assert not engine.loc["actuator filters", "able"]
+
+
+def test_confusion_has_none_and_false_alarms_as_columns():
+    rows = hand_made()
+    counts = stats.confusion(rows, "lpv_smo")
+    assert counts.loc["hydraulic.ofc_liquid", "none"] == 2 and counts.loc["hydraulic.ofc_liquid", "ofc_liquid"] == 1
+    assert counts.loc["no fault", "false alarm"] == 1 and counts.loc["no fault", "none"] == 3
+
+
+def test_alarm_that_the_manoeuvre_raises_alone_is_no_detection():
+    rows = hand_made()
+    rows.loc[(rows["id"] == "lpv_smo") & rows["case"].isna(), "false_alarms"] = 1
+    told = compare_rows.echoes(rows)
+    own = told[(told["id"] == "lpv_smo") & told["case"].notna()]
+    assert not own["detected"].any() and (own["outcome"] == "echo").sum() == 2
+    assert told[told["id"] == "iotsekf"]["detected"].sum() == 2
+
+
+def test_every_flight_stands_in_one_column_and_what_could_not_judge_stays_in_the_denominator():
+    rows = hand_made()
+    mine = (rows["id"] == "lpv_smo") & (rows["case"] == "hydraulic.ofc_liquid")
+    rows.loc[mine & (rows["amplitude_mm"] == 1.0), "idle"] = True
+    rows.loc[mine & (rows["amplitude_mm"] == 1.0), "why_not_valid"] = "outside its box (mass)"
+    d = stats.detectors(rows)[1]
+    assert (d["designed"], d["detected"], d["idle"], d["missed"]) == (3, 1, 1, 1)
+    assert sum(d[word] for word in stats.WORDS) == d["designed"] and d["why_not_valid"] == "outside its box (mass)"
+    assert d["detection_probability"] == pytest.approx(1 / 3)  # not 1/2: leaving it out would flatter
+    assert d["right_s"] == math.inf and stats.detectors(rows)[0]["right_s"] == 1.0

@@ -1,0 +1,14 @@
+"""What the tests of guests share."""
+
+import pytest
+
+from cosim.flight.guests.new import texts
+
+
+@pytest.fixture(scope="module")
+def parity(tmp_path_factory):
+    """Return the file that `cosim new detector parity` writes."""
+    folder = tmp_path_factory.mktemp("guests")
+    for name, text in texts("parity").items():
+        (folder / name).write_text(text)
+    return folder / "parity.py"

@@ -1,0 +1,184 @@
+"""Detectors that raise, lie, hang or say nonsense: they are dropped with a line, and hurt nobody."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cosim
+from cosim.errors import CosimError
+from cosim.flight.guests import load, with_detectors
+from cosim.flight.guests.plain import NONSENSE, RAISED, SLOW
+from cosim.log import open_log
+from cosim.replay import replay
+from cosim.report import flight_report
+
+DATA = Path(__file__).parents[1] / "data"
+BAD = DATA / "guests" / "misbehaving.py"
+BLOCK = DATA / "template_detector.py"
+ROD = "faults.0={target='elevator.left_inner.rod', kind='bias', bias_mm=12, start_s=2.5, path='monitor'}"
+SHORT = ["duration_s=5", "elevator.feedback=measured", "detectors.enabled=['ofc_monitor']"]
+
+
+def flown(how, tmp_path):
+    """Return (result, log) of a flight with the misbehaving guest."""
+    own = [f"detectors.misbehaving.{k}" for k in (f"file={BAD}", f"how={how}", "limit_s=0.1")]
+    chosen = "detectors.enabled=['ofc_monitor', 'misbehaving']"
+    path = tmp_path / f"{how}.mcap"
+    scenario = cosim.load_scenario("cruise", [*SHORT, "duration_s=2", chosen, *own])
+    return cosim.simulate(scenario, log=path, timed=False), open_log(path)
+
+
+@pytest.fixture(scope="module")
+def behaved(tmp_path_factory):
+    """Return the log of the same flight in which the guest does nothing wrong."""
+    result, log = flown(0, tmp_path_factory.mktemp("behaved"))
+    assert result.extra["notes"] == []
+    return log
+
+
+@pytest.mark.parametrize(
+    ("how", "status", "said"),
+    [
+        (1, RAISED, "is dropped on left_outer at 1.000 s: ZeroDivisionError: on purpose (misbehaving.py:33)"),
+        (3, NONSENSE, "is dropped on left_outer at 1.000 s: verdict 'gremlins'; allowed: none, ofc_liquid"),
+        (4, NONSENSE, "is dropped on left_outer at 1.000 s: update returned 'an alarm'; allowed: a dict of"),
+        (5, RAISED, "is dropped on left_outer at 1.000 s: AttributeError: can't set attribute"),
+        (6, SLOW, "is dropped on left_outer at 1.000 s: a step took 0."),
+        (7, RAISED, "is dropped on left_outer at 1.000 s: SystemExit: 3"),
+        (8, NONSENSE, "is dropped on left_outer at 1.000 s: alarm = 'perhaps' is no number"),
+        (11, RAISED, "is dropped on left_outer at 1.000 s: GeneratorExit: on purpose"),
+        (12, RAISED, "is dropped on left_outer at 1.000 s: Mute (misbehaving.py:"),
+        (13, NONSENSE, "is dropped on left_outer at 1.000 s: r = ["),
+    ],
+)
+def test_what_misbehaves_is_dropped_with_a_line_and_touches_nothing(how, status, said, behaved, tmp_path):
+    result, log = flown(how, tmp_path)
+    assert result.status == "completed" and len(result.extra["notes"]) == 1 and said in result.extra["notes"][0]
+    own = log.frame("/detectors/misbehaving/left_inner")
+    assert log.complete and len(own) == 400
+    assert own["status"].iloc[198] == 0.0 and own["status"].iloc[-1] == status and own["valid"].iloc[-1] == 0.0
+    assert json.loads(log.result["notes"]) == result.extra["notes"]
+    again = replay(tmp_path / f"{how}.mcap", guests=[BAD])
+    assert again.exact and bool(again.skipped) == (status == SLOW)
+    for topic in ("/detectors/ofc_monitor/left_inner", "/truth/aircraft", "/sensors/left_inner", "/law"):
+        assert (behaved.array(topic).view(np.int64) == log.array(topic).view(np.int64)).all(), topic
+
+
+RAISES = """
+
+def rollout(x, u, p, dt, log=None):
+    if u["rod"].max() > -9.0:
+        raise RuntimeError("on purpose")
+"""
+
+
+def test_a_block_in_plain_python_that_raises_says_nothing_and_one_that_does_not_compile_is_refused(tmp_path):
+    own = tmp_path / "own.py"
+    own.write_text(BLOCK.read_text() + RAISES)
+    path = tmp_path / "raises.mcap"
+    result = cosim.simulate(with_detectors(cosim.load_scenario("cruise", [*SHORT, "duration_s=1"]), [own]), log=path)
+    line = len(own.read_text().splitlines())
+    assert result.extra["notes"] == [f"template says nothing where it raises RuntimeError: on purpose (own.py:{line})"]
+    assert open_log(path).complete and not open_log(path).array("/detectors/template/left_inner").any()
+    assert replay(path, guests=[own]).exact
+    own.write_text(BLOCK.read_text().replace("x.culprit = x.alarm", "x.nowhere = x.alarm"))
+    with pytest.raises(CosimError, match=r"own\.py: does not compile: KeyError: 'nowhere'"):
+        load(own)
+
+
+def test_one_lane_that_raises_leaves_the_others_alone(tmp_path):
+    result, log = flown(10, tmp_path)
+    assert len(result.extra["notes"]) == 1 and " on left_inner at 1.000 s: ZeroDivision" in result.extra["notes"][0]
+    assert log.frame("/detectors/misbehaving/left_inner")["status"].iloc[-1] == RAISED
+    assert log.frame("/detectors/misbehaving/left_outer")["valid"].iloc[-1] == 1.0
+    assert replay(tmp_path / "10.mcap", guests=[BAD]).exact
+
+
+def test_a_residual_that_is_no_number_is_told_once_and_not_valid(tmp_path):
+    result, log = flown(2, tmp_path)
+    assert result.extra["notes"] == ["misbehaving: r = nan at 1.000 s; it counts as not valid while so"]
+    own = log.frame("/detectors/misbehaving/left_inner")
+    assert np.isfinite(own.to_numpy()).all() and own["valid"].iloc[-1] == 0.0 and own["status"].iloc[-1] == 0.0
+
+
+def test_one_that_never_returns_ends_by_ctrl_c_with_a_whole_log(tmp_path):
+    text = f"""
+        import cosim, tomllib
+        from cosim.flight.guests import with_detectors
+        from cosim.scenario import parse
+        scenario = with_detectors(cosim.load_scenario("cruise", {["duration_s=2", *SHORT[1:]]!r}), [{str(BAD)!r}])
+        table = tomllib.loads(scenario.expanded_toml())
+        table["detectors"]["misbehaving"]["how"] = 9.0
+        print("flying", flush=True)
+        print(cosim.simulate(parse(table), log="stuck.mcap", timed=False).status, flush=True)
+    """
+    code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n" + textwrap.dedent(text)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    with subprocess.Popen([sys.executable, "-c", code], cwd=tmp_path, env=environment, stdout=subprocess.PIPE,
+                          text=True) as process:  # fmt: skip
+        assert process.stdout.readline() == "flying\n"
+        path, deadline = tmp_path / "stuck.mcap", time.monotonic() + 60.0
+        while time.monotonic() < deadline and not (path.exists() and path.stat().st_size > 10_000):
+            time.sleep(0.2)
+        time.sleep(1.0)  # it is somewhere in the guest's loop now
+        process.send_signal(signal.SIGINT)
+        assert process.stdout.readline() == "interrupted\n"
+    log = open_log(path)
+    assert log.complete and log.n_ticks == 200 and log.result["status"] == "interrupted"
+    assert len(log.frame("/detectors/misbehaving/left_inner")) == 200
+
+
+HANGS = (
+    ('("timer", "f8", "s"),', '("n", "f8", "-"), ("timer", "f8", "s"),'),
+    ("x.culprit = x.alarm", "x.n = x.n + 1.0\n    while x.n > 150.0:\n        x.n = x.n + 1.0"),
+)
+
+
+@pytest.mark.slow
+def test_compiled_code_that_never_returns_ends_by_ctrl_c_with_a_whole_log(tmp_path):
+    text = BLOCK.read_text()
+    for old, new in HANGS:
+        text = text.replace(old, new)
+    (tmp_path / "hangs.py").write_text(text)
+    program = f"""
+        import cosim, signal
+        from cosim.flight.guests import with_detectors
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        scenario = with_detectors(cosim.load_scenario("cruise", {["duration_s=2", *SHORT[1:]]!r}), ["hangs.py"])
+        cosim.simulate(scenario, log="stuck.mcap", timed=False)
+    """
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    with subprocess.Popen([sys.executable, "-c", textwrap.dedent(program)], cwd=tmp_path, env=environment,
+                          stderr=subprocess.PIPE, text=True) as process:  # fmt: skip
+        path, deadline = tmp_path / "stuck.mcap", time.monotonic() + 120.0
+        while time.monotonic() < deadline and not (path.exists() and path.stat().st_size > 10_000):
+            time.sleep(0.2)
+        time.sleep(5.0)  # it is in the guest's loop now
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=30.0) == 130
+        assert "interrupted at 0.75 s by the user, in a guest that did not return" in process.stderr.read()
+    log = open_log(path)
+    assert log.complete and log.n_ticks == 150 and log.result["status"] == "interrupted"
+    assert replay(path).exact
+
+
+NONSENSE_BLOCK = "    x.verdict = 42.0 if x.valid > 0.5 else math.nan\n    x.culprit = -7.0\n    x.alarm = 1.0\n"
+
+
+def test_a_compiled_block_that_says_nonsense_ends_no_flight(tmp_path):
+    text = BLOCK.read_text().replace('id="template"', 'id="odd"')
+    end = text.index("\n\nrollout = entry")
+    (tmp_path / "odd.py").write_text(text[:end].rstrip() + "\n" + NONSENSE_BLOCK + text[end:])
+    scenario = with_detectors(cosim.load_scenario("cruise", [*SHORT, "duration_s=2"]), [tmp_path / "odd.py"])
+    result = cosim.simulate(scenario, log=tmp_path / "a.mcap", timed=False).to_dict()
+    own = [d["alarm"] for d in result["detectors"] if d["id"] == "odd"]
+    assert result["status"] == "completed" and all(own) and own and open_log(tmp_path / "a.mcap").complete
+    assert flight_report(tmp_path / "a.mcap", tmp_path / "a.html").exists()
