@@ -40,7 +40,8 @@ def beside(path: str | Path) -> Iterator[Path]:
     part = path
     try:
         if path.exists() and not path.is_file():  # a device or a pipe: nothing of it can be lost, nor put in its place
-            yield path
+            with _heard(path):
+                yield path
             return
         path.parent.mkdir(parents=True, exist_ok=True)
         _alone(path)
@@ -63,6 +64,17 @@ def beside(path: str | Path) -> Iterator[Path]:
     except OSError as error:
         remedy = SPACE if error.errno in FULL else "Choose another place"
         raise OutputError(f"cannot be written: {error.strerror or error}", place=str(path), remedy=remedy) from None
+
+
+@contextlib.contextmanager
+def _heard(path):
+    """Hold a pipe open while it is written; raise OSError where nobody reads it: opening it would wait for ever."""
+    pipe = os.open(path, os.O_WRONLY | os.O_NONBLOCK) if path.is_fifo() else None
+    try:
+        yield
+    finally:
+        if pipe is not None:
+            os.close(pipe)
 
 
 def _alone(path):

@@ -167,3 +167,17 @@ def test_an_output_that_nobody_reads_is_refused_at_once(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(OutputError, match="pipe: cannot be written"):
         reserve(tmp_path / "pipe")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes with names")
+def test_a_pipe_that_nobody_reads_is_refused_and_one_that_is_read_gets_it_whole(tmp_path):
+    pipe = tmp_path / "a.html"
+    os.mkfifo(pipe)
+    with pytest.raises(OutputError, match=r"a\.html: cannot be written: No such device"):
+        replace_text(pipe, "lost")
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        replace_text(pipe, "read")
+        assert os.read(reader, 100) == b"read"
+    finally:
+        os.close(reader)
