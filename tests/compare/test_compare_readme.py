@@ -4,7 +4,7 @@ import xml.etree.ElementTree as ElementTree
 
 import pandas as pd
 import pytest
-from test_compare import hand_made
+from test_stats import hand_made
 
 from cosim.compare import Comparison, stats
 from cosim.errors import OutputError
