@@ -115,6 +115,16 @@ def test_an_alarm_is_ambiguous_until_a_name_is_sure_and_keeps_it():
     assert x.alarm == 0.0 and x.verdict == verdict.NONE
 
 
+@pytest.mark.parametrize(("name", "proof", "deaf"), [(verdict.OFC_LIQUID, -50.0, 1.0), (verdict.OFC_SOLID, 50.0, 0.0)])
+def test_a_name_that_the_valve_contradicts_is_taken_back(name, proof, deaf):
+    x = state(ofc_timer=1.0, named=name)
+    hypotheses.conclude(x, False, False)
+    assert x["verdict"] == name
+    x["proof"], x["deaf"] = proof, deaf
+    hypotheses.conclude(x, False, False)
+    assert x["verdict"] == verdict.AMBIGUOUS and x["alarm"] == 1.0
+
+
 @pytest.mark.parametrize("times", [1.0, 2.0, 6.0])
 def test_a_rods_noise_is_heard_and_its_motion_is_not(times):
     rng, dt = np.random.default_rng(5), 0.005

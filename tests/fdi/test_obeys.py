@@ -29,9 +29,10 @@ def test_the_share_that_does_not_come_through_is_read(deaf):
     assert np.mean([asked(deaf, seed=s).deaf for s in range(8)]) == pytest.approx(deaf, abs=0.12)
 
 
-def test_an_oscillation_below_the_corner_does_not_disturb_it():
-    assert obeys.obeys(asked(0.0, hz=1.0, size=0.1))
-    assert obeys.refuses(asked(1.0, hz=1.0, size=0.1))
+@pytest.mark.parametrize(("hz", "size"), [(1.0, 0.1), (10.0, 0.2)])
+def test_an_oscillation_below_the_corner_does_not_disturb_it(hz, size):
+    assert obeys.obeys(asked(0.0, hz=hz, size=size))
+    assert obeys.refuses(asked(1.0, hz=hz, size=size))
     assert not obeys.obeys(asked(1.0)) and not obeys.refuses(asked(0.0))
 
 
