@@ -1,10 +1,11 @@
 """Thresholds of the hydraulic detectors from fault-free flights that nothing else uses.
 
-The flights, FLIGHTS of 60 s, are at points drawn over the envelope: eight manoeuvres, also such that move the elevator
-in steps, three levels of turbulence, aircraft and actuator up to 5 % off, noise NOISE_SCALE, four segments each. A
-threshold is MARGIN times the largest statistic of any segment in any flight, what scales with the drive left out;
-one that needs several samples to agree takes the largest that they agree on. What watches electromechanical segments
-is trained by `train_ema`, the monitors by `train_monitors`.
+The flights, FLIGHTS of 60 s, are at points drawn over the envelope of `train_aircraft`: eight manoeuvres, also such
+that move the elevator in steps, three levels of turbulence, aircraft and actuator up to 5 % off, noise NOISE_SCALE,
+four segments each. A threshold is what the largest statistic of a flight exceeds with PROBABILITY, shared among the
+detector's TESTS and their frequencies (`cosim.training.tail`), what scales with the drive left out; one that needs
+several samples to agree takes the largest that they agree on. What watches electromechanical segments is trained by
+`train_ema`, the monitors by `train_monitors`.
 
     cosim train hydraulic --check      fly the training set, say what would change
     cosim train hydraulic              and write fdi/thresholds/*.json
@@ -17,6 +18,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.ndimage import minimum_filter1d
 
 import fdi
 from cosim.campaign.jobs import work
@@ -33,36 +35,43 @@ from cosim.training.flights import (
     watch,
     wires,
 )
+from cosim.training.tail import PROBABILITY, exceeded
+from cosim.training.train_aircraft import HELD, trimming
 from fdi.common import bank, compact
 from fdi.hydraulic import iotsekf, rtsekf, windows
 
-MARGIN = 1.25  # 1.2 times the maximum of 40 flights left 1 alarm in 300
 FLIGHTS = 384  # 16 of every manoeuvre in each air
 NOISE_SCALE = 1.2  # of the sensors
 TRAINING, EVALUATION = 21_000, 12_000  # first seeds of the two sets
 START_S = 2.0  # filters settle
 FOLDER = Path(fdi.__file__).parent / "thresholds"
-# What noise alone asks for in still air: below it more flights would only find it again [unit of the valve command]
-NOISE_SIGMA, FLOOR_SIGMA = 3.6, 3.0  # as stored; where the search for the largest begins
+# What noise alone asks for in still air, where the search finds nothing; where it begins. Of the amplitudes that noise
+# alone makes 2.4e-6 are larger; at 1 Hz a flight has 240 fits apart, and two in a row must agree and look like a sine
+NOISE_SIGMA, FLOOR_SIGMA = 3.6, 1.8
+PEAK = 2.0  # times what lasts: the largest single tick of a lagged input fault; from it on more is looked for
+NEVER = 1e9  # fits in a row that no flight has: what is found is no alarm, behind which the filter would look otherwise
+TESTS = {"iotsekf": ("bank_threshold", "slow_threshold", "run_threshold"), "rtsekf": ("threshold", "step")}
 # amplitude noise of a fit over noise of a sample: sqrt(2 / n) with n samples in two periods
 SLOW_WINDOW = windows.SLOW_S * np.array(windows.SLOW_HZ)
 
 
 def survey_iotsekf(recorded: Any, load: float) -> dict[str, Any]:
-    """Return {name: largest} over one flight: of each frequency the amplitude that would pass for an oscillation where
-    noise alone set its threshold, and the largest lagged input fault; the drive's shares left out.
+    """Return {name: largest} over one flight: of each frequency the amplitude that would pass for an oscillation with a
+    threshold of FLOOR_SIGMA, and the largest lagged input fault that lasts; the drive's shares left out.
     """
     p = iotsekf.params(load=load)
     floor = {n: FLOOR_SIGMA / NOISE_SIGMA * np.asarray(v) for n, v in quiet_floor(load).items()}
     p["bank_threshold"], p["slow_threshold"] = floor["bank_threshold"], floor["slow_threshold"]
+    hits, p["hits"] = float(p["hits"][0]), NEVER
     fields = ("ratio", "hit", "slow_ratio", "slow_hit", "f_slow", "u_slow")
     log = watch(recorded, iotsekf, p, fields)[:, round(START_S / DT) :]
     r = p[0]
-    passed = {n: np.where(log[hit] >= r["hits"], log[ratio], 0.0).max(axis=(0, 1))
+    passed = {n: np.where(log[hit] >= hits, log[ratio], 0.0).max(axis=(0, 1))
               for n, ratio, hit in (("bank", "ratio", "hit"), ("slow", "slow_ratio", "slow_hit"))}  # fmt: skip
     run = np.abs(log["f_slow"]) - r["run_share"] * np.abs(log["u_slow"])
+    held = minimum_filter1d(run, max(round(HELD * float(r["run_confirm"]) / DT), 1), axis=1)
     return {"bank_threshold": passed["bank"] * floor["bank_threshold"],
-            "slow_threshold": passed["slow"] * floor["slow_threshold"], "run_threshold": run.max()}  # fmt: skip
+            "slow_threshold": passed["slow"] * floor["slow_threshold"], "run_threshold": held.max()}  # fmt: skip
 
 
 def survey_rtsekf(recorded: Any, load: float) -> dict[str, Any]:
@@ -111,25 +120,50 @@ def fitting(fly: Any, flight: Any) -> Any:
             flight = {**flight, "flight": {**flight["flight"], **envelope(rng)}}
 
 
+def everywhere(flight: dict[str, Any]) -> Any:
+    """Return the table of a flight at a point drawn over the whole envelope by its seed."""
+    rng = np.random.default_rng([flight["seed"], 2])
+    return fly_hydraulic(**trimming(rng, flight, {"turbulence": flight["flight"]["turbulence"]}))
+
+
 def surveyed(**flight: Any) -> dict[str, Any]:
     """Return what `survey` finds in one flight, as plain data."""
-    found = survey(fitting(fly_hydraulic, flight))
+    found = survey(everywhere(flight))
     return {name: {key: np.asarray(v).tolist() for key, v in values.items()} for name, values in found.items()}
 
 
 def train(*, first_seed: int = TRAINING, number: int = FLIGHTS, **how: Any) -> dict:
-    """Fly the training set; return {"largest": {set: {name: largest}}, "flights": number, "first_seed"}.
+    """Fly the training set; return {"limits": {set: {name: threshold}}, "largest": the same, "flights", "first_seed"}.
 
     `how`: see `cosim.campaign.jobs.work`.
     """
-    hydraulic = training(first_seed, number)
-    most: dict = {}
-    for flown in work([(surveyed, flight) for flight in hydraulic], **how):
-        for name, values in flown.items():
-            kept = most.setdefault(name, {})
-            for key, value in values.items():
-                kept[key] = np.maximum(kept.get(key, 0.0), value)
-    return {"largest": most, "flights": len(hydraulic), "first_seed": first_seed}
+    flown = list(work([(surveyed, flight) for flight in training(first_seed, number)], **how))
+    return limits(flown) | {"flights": len(flown), "first_seed": first_seed}
+
+
+def limits(flown: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return {"limits", "largest"} at PROBABILITY of what `surveyed` found in every flight."""
+    out: dict = {"limits": {}, "largest": {}}
+    for name in flown[0]:
+        tests = TESTS["rtsekf" if name.startswith("rtsekf") else "iotsekf"]
+        found = {key: np.array([f[name][key] for f in flown]) for key in tests}
+        limit = {key: each(v, PROBABILITY / len(tests)) for key, v in found.items()}
+        if "run_threshold" in limit:
+            limit["run_threshold"] = PEAK * limit["run_threshold"]
+            for key in ("bank_threshold", "slow_threshold"):
+                limit[key] = np.maximum(limit[key], quiet_floor(int(name[-1]))[key])
+        out["limits"][name] = {key: np.asarray(v).tolist() for key, v in limit.items()}
+        out["largest"][name] = {key: np.max(v, axis=0).tolist() for key, v in found.items()}
+    return out
+
+
+def each(found: np.ndarray, probability: float) -> np.ndarray:
+    """Return the limits (frequencies,) or () that a flight exceeds anywhere with `probability`; `found` (flights, ...).
+
+    Frequencies share it alike; one that no flight shows has the limit 0.
+    """
+    columns = found.reshape(len(found), -1).T
+    return np.array([exceeded(c, probability / len(columns)) for c in columns]).reshape(found.shape[1:])
 
 
 def stored_as(name: str) -> Any:
@@ -139,26 +173,20 @@ def stored_as(name: str) -> Any:
 
 def store(found: dict) -> None:
     """Write what `train` found into the files that the detectors read, each with how it was found."""
-    most = found["largest"]
-    how = {"flights": found["flights"], "first_seed": found["first_seed"], "margin": MARGIN, "flight_s": 60.0,
-           "segments": 4}  # fmt: skip
-    quiet = {k: quiet_floor(k) for k in (0, 1, 2)}
-    for file, names in (("iotsekf", [f"flight_load{k}" for k in (0, 1, 2)]),
-                        ("rtsekf", [f"rtsekf_load{k}" for k in (0, 1)])):
+    for file, tests in TESTS.items():
         path = FOLDER / f"{file}.json"
         data = json.loads(path.read_text(encoding="utf-8"))
+        names = [n for n in found["limits"] if n.startswith("rtsekf") == (file == "rtsekf")]
         for name in names:
             target = data[stored_as(name)]
-            for key, value in most[name].items():
-                new = MARGIN * np.asarray(value)
-                if key in ("bank_threshold", "slow_threshold"):
-                    new = np.maximum(new, quiet[int(name[-1])][key])
-                target[key] = np.round(new, 7).tolist()
+            target |= {key: np.round(found["limits"][name][key], 7).tolist() for key in tests}
             if file == "iotsekf":
-                target["sum_threshold"] = quiet[int(name[-1])]["sum_threshold"]
-        largest = {n: {k: np.round(v, 7).tolist() for k, v in most[n].items()} for n in names}
-        chosen = {k: v for k, v in data.get("training", {}).items() if k == "chosen"}
-        data["training"] = {**how, "largest": largest, **chosen}
+                target["sum_threshold"] = quiet_floor(int(name[-1]))["sum_threshold"]
+        data["training"] = {
+            "command": "cosim train hydraulic", "probability_per_flight": PROBABILITY, "flight_s": 60.0, "segments": 4,
+            "flights": found["flights"], "first_seed": found["first_seed"], "noise_scale": NOISE_SCALE,
+            "largest": {n: {k: np.round(v, 7).tolist() for k, v in found["largest"][n].items()} for n in names},
+        }  # fmt: skip
         replace_text(path, compact.text(data))
 
 
@@ -187,12 +215,11 @@ def quiet_floor(load: Any, seed: int = 1) -> dict[str, Any]:
 def changes(found: dict) -> list[tuple]:
     """Return [(file, set, field, stored, trained)] of every threshold that `store` would write, largest of a row."""
     out = []
-    for name, values in found["largest"].items():
+    for name, values in found["limits"].items():
         file = name.partition("_load")[0] if name.startswith("rtsekf") else "iotsekf"
         held = json.loads((FOLDER / f"{file}.json").read_text(encoding="utf-8"))
         for key, value in values.items():
-            stored = np.asarray(held[stored_as(name)][key])
-            trained = MARGIN * np.asarray(value)
+            stored, trained = np.asarray(held[stored_as(name)][key]), np.asarray(value)
             k = int(np.argmax(trained / stored)) if stored.ndim else 0
             out.append((file, name, key, float(np.ravel(stored)[k]), float(np.ravel(trained)[k])))
     return out

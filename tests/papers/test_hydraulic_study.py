@@ -50,17 +50,29 @@ def test_a_healthy_flight_is_quiet_and_every_segment_is_watched():
 
 
 @pytest.mark.parametrize("detector", ["iotsekf", "rtsekf"])
-def test_stored_thresholds_are_the_margin_times_what_training_saw(detector):
+def test_stored_thresholds_are_beyond_what_training_saw_and_say_at_what_probability(detector):
     data = json.loads((train_lu17.FOLDER / f"{detector}.json").read_text(encoding="utf-8"))
     how = data.pop("training")
-    assert how["margin"] == train_lu17.MARGIN
+    assert how["probability_per_flight"] == train_lu17.PROBABILITY
     assert how["first_seed"] == train_lu17.TRAINING
     assert how["flights"] == len(train_lu17.training())
     for name, largest in how["largest"].items():
         stored = data[train_lu17.stored_as(name)]
+        assert set(largest) == set(train_lu17.TESTS[detector])
         for key, value in largest.items():
-            least = how["margin"] * np.array(value)
-            assert np.all(np.array(stored[key]) >= 0.999 * least), (name, key)
+            assert np.all(np.array(stored[key]) >= 0.999 * np.array(value)), (name, key)
+
+
+def test_every_frequency_has_its_share_of_the_probability_and_one_that_no_flight_shows_the_noise():
+    rng = np.random.default_rng(1)
+    tall = rng.exponential(1.0, (400, 3)) * [1.0, 2.0, 0.0]
+    limit = train_lu17.each(tall, 3e-3)
+    assert limit[:2] == pytest.approx([np.log(1e3), 2.0 * np.log(1e3)], rel=0.25)
+    assert limit[2] == 0.0
+    found = {"bank_threshold": np.zeros(14), "slow_threshold": np.zeros(7), "run_threshold": 1.0}
+    out = train_lu17.limits([{"flight_load2": found}] * 20)["limits"]["flight_load2"]
+    assert out["bank_threshold"] == pytest.approx(train_lu17.quiet_floor(2)["bank_threshold"])
+    assert out["run_threshold"] == train_lu17.PEAK
 
 
 def test_training_and_evaluation_share_no_seed():
