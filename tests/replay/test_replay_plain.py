@@ -39,9 +39,12 @@ print(json.dumps(told))
 """
 
 
-def check(flight, first, around):
+@pytest.mark.slow
+def test_plain_python_gives_the_same_bits_for_1000_ticks_and_200_around_the_alarm(short_log):
+    """Every block on signals by hand is in tests/flight/test_blocks.py; here on those of a flight."""
+    first, around = 1000, 100
     plain = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
-    args = [sys.executable, "-c", SCRIPT, str(flight), str(first), str(around)]
+    args = [sys.executable, "-c", SCRIPT, str(short_log), str(first), str(around)]
     done = subprocess.run(args, capture_output=True, text=True, env=plain)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
@@ -49,12 +52,3 @@ def check(flight, first, around):
     for name, (values, wrong, values_around, wrong_around) in told.items():
         assert values >= first * 5 and values_around >= 2 * around * 5, name
         assert (wrong, wrong_around) == (0, 0), name
-
-
-def test_plain_python_gives_the_same_bits(short_log):
-    check(short_log, 60, 10)
-
-
-@pytest.mark.slow
-def test_plain_python_gives_the_same_bits_for_1000_ticks_and_200_around_the_alarm(short_log):
-    check(short_log, 1000, 100)
