@@ -12,6 +12,7 @@ import math
 from actuators.block import kernel
 
 LOUD, CALM, MOST = 12.0, 5.0, 50.0  # of the variance that the filter assumes
+LOUD_DP = 20.0  # ... of the pressure: a protection that throws the valve from stop to stop makes up to 13.5
 SWUNG = 3.0  # times that for the pressure once an oscillation is held to be there: a valve at its stops is not smooth
 USUAL = 1.7  # up to here it is what flights are trained with
 SHORT_TICK = 0.0075  # over longer ones the valve's own steps fill a sixth difference [s]
@@ -73,4 +74,4 @@ def listen(x, rod_good, y_rod, dp_good, y_dp, e_dp, p, dt):
         if dt > SHORT_TICK:
             d, e = d2, e2
         x.dp_noise = variance(x.dp_noise, min(math.fabs(d), math.fabs(e)), p.r_dp, MOST, dt)
-        x.dp_noisy = noisy(x.dp_noisy, x.dp_noise, p.r_dp, SWUNG * LOUD if x.ofc_timer > 0.0 else LOUD)
+        x.dp_noisy = noisy(x.dp_noisy, x.dp_noise, p.r_dp, SWUNG * LOUD if x.ofc_timer > 0.0 else LOUD_DP)
