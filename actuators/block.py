@@ -48,12 +48,12 @@ def dtype(fields: Any) -> Any:
     return np.dtype(made, metadata={"units": units})
 
 
-def unit(kind: Any, field: str) -> Any:
+def unit(kind: Any, field: str) -> str:
     """Return the unit of `field`, or of an element `field[i]`, of dtype `kind`; "" where its declaration has none."""
     return ((kind.metadata or {}).get("units") or {}).get(field.partition("[")[0], "")
 
 
-def record(kind: Any, **values: Any) -> Any:
+def record(kind: Any, **values: Any) -> np.ndarray:
     """Return a 0-d-like array of shape (1,) of dtype `kind`, zero but for `values`; unknown names raise ValueError."""
     out = np.zeros(1, kind)
     for name, value in values.items():
@@ -176,7 +176,7 @@ class Entry:
             place = f"{step.__module__}:rollout.native"
             self.native = Native(name, step.py_func.__code__.co_filename, given, self._make, place)
 
-    def __call__(self, x: Any, u: np.ndarray, p: Any, dt: float, log: Any = None) -> Any:
+    def __call__(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float, log: np.ndarray | None = None) -> Any:
         self._check(x, u, p, log)
         if PLAIN:
             return self._plain(x, u, p, dt, log)
@@ -190,7 +190,7 @@ class Entry:
                 self._lane(x[i : i + 1], u[i], p[i : i + 1], dt, None if log is None else log[i])
         return None
 
-    def bound(self, x: np.ndarray, u: np.ndarray, p: Any, dt: float) -> Any:
+    def bound(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float) -> Callable:
         """Return a call without arguments on these arrays, without a log: a live tick pays only for its work."""
         self._check(x, u, p, None)
         if PLAIN:
@@ -201,7 +201,14 @@ class Entry:
         return functools.partial(_call, call, given, (x, u, p))
 
     def sweep(
-        self, x: Any, u: np.ndarray, p: Any, dt: float, index: np.ndarray, at: np.ndarray, others: np.ndarray
+        self,
+        x: np.ndarray,
+        u: np.ndarray,
+        p: np.ndarray,
+        dt: float,
+        index: np.ndarray,
+        at: np.ndarray,
+        others: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Advance one lane, x and p (1,), through the ticks of u (1, tick); other threads of Python run on meanwhile.
 

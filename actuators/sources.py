@@ -113,7 +113,7 @@ def _write_down():
 
 
 @functools.cache
-def closure(path: Any) -> Any:
+def closure(path: Path) -> set:
     """Return the set of our source files that `path` imports, directly or not, itself included."""
     seen, todo = set(), [path] if path.is_file() else []
     while todo:
@@ -126,7 +126,7 @@ def closure(path: Any) -> Any:
     return seen
 
 
-def private(folder: Path) -> Any:
+def private(folder: Path) -> bool:
     """Return whether `folder` is a directory of this user's that nobody else may write to, made when it is missing.
 
     Compiled code is loaded by unpickling what lies there: whoever can write to it, or replace it, runs code as us.

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 
-def place(A: np.ndarray, B: np.ndarray, poles: Any) -> Any:
+def place(A: np.ndarray, B: np.ndarray, poles: Any) -> np.ndarray:
     """Return K (n,) for which A - B K has `poles`.
 
     K = (0 ... 0 1) C^-1 phi(A) with the controllability matrix C and the wanted polynomial phi; A (n, n), B (n, 1).

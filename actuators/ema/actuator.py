@@ -156,7 +156,7 @@ def init(p: np.ndarray) -> np.ndarray:
     return init_at(p, 0.0, 0.0, 0.0)
 
 
-def init_at(p: Any, delta: Any, hm0: Any, hmd: float) -> np.ndarray:
+def init_at(p: np.ndarray, delta: Any, hm0: Any, hmd: float) -> np.ndarray:
     """Return the state in load equilibrium: the spring and K_T x5 hold the hinge moment; arguments broadcast over p.
 
     The demand that holds it is `holding(p, x5)`.

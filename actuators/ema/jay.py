@@ -127,7 +127,7 @@ def _elevator():
 LIMITS = {"nozzle": (np.inf, np.inf), "elevator": (43.75, 285.0)}
 
 
-def values(kind: str = "elevator", **overrides: Any) -> Any:
+def values(kind: str = "elevator", **overrides: Any) -> dict:
     """Return the symbols of set `kind` ("nozzle" or "elevator") with `overrides`; unknown names raise ValueError."""
     sets = {"nozzle": _nozzle, "elevator": _elevator}
     if kind not in sets:

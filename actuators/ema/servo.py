@@ -136,7 +136,7 @@ def init(p: np.ndarray) -> np.ndarray:
     return init_at(p, 0.0, 0.0)
 
 
-def init_at(p: Any, position: Any, i: Any) -> np.ndarray:
+def init_at(p: np.ndarray, position: Any, i: Any) -> np.ndarray:
     """Return the state at rest at screw `position` N x3 [m] with the holding current `i` [A]; both broadcast over p."""
     x = np.zeros(p.shape, STATE)
     x["r"] = position / p["arm"]

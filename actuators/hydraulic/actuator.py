@@ -114,7 +114,7 @@ def init(p: np.ndarray) -> np.ndarray:
     return init_at(p, 0.0, 0.0, 0.0)
 
 
-def init_at(p: Any, delta: Any, hm0: Any, hmd: float) -> np.ndarray:
+def init_at(p: np.ndarray, delta: Any, hm0: Any, hmd: float) -> np.ndarray:
     """Return the state in load equilibrium: x3 = -F_d / (A_p P_s); `delta` [rad] and the load pair broadcast over p.
 
     The valve opening that holds it is `holding(p, x3)`.

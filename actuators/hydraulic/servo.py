@@ -133,7 +133,7 @@ def init(p: np.ndarray) -> np.ndarray:
     return init_at(p, 0.0, 0.0)
 
 
-def init_at(p: Any, delta: Any, load: Any) -> np.ndarray:
+def init_at(p: np.ndarray, delta: Any, load: Any) -> np.ndarray:
     """Return the state at rest at surface angle `delta` [rad] against a rod `load` [N]; both broadcast over p."""
     x = np.zeros(p.shape, STATE)
     x["delta_c"] = delta

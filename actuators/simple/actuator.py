@@ -82,7 +82,7 @@ def init(p: np.ndarray) -> np.ndarray:
     return init_at(p, 0.0)
 
 
-def init_at(p: Any, delta: Any) -> np.ndarray:
+def init_at(p: np.ndarray, delta: Any) -> np.ndarray:
     """Return the state at rest at `delta` [rad], which broadcasts over p."""
     x = np.zeros(p.shape, STATE)
     x["delta"] = delta

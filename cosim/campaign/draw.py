@@ -51,7 +51,7 @@ class Draw:
         return (at - a) / (b - a)
 
 
-def draw(table: Any, place: str) -> Draw:
+def draw(table: dict, place: str) -> Draw:
     """Return the Draw of a table of the campaign file; raises CampaignError that says what is wrong at `place`."""
     if not isinstance(table, dict):
         raise CampaignError("is no distribution", place=place, allowed=f"a table of {', '.join(KEYS)}")

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rich.text import Text
 
@@ -18,7 +18,7 @@ WHY = {  # place of entry -> why the elevator moves otherwise
 }
 
 
-def lines(scenario: "Scenario", achieved: Any) -> Any:
+def lines(scenario: "Scenario", achieved: dict | None) -> list:
     """Return the Texts about the faults of `scenario`; `achieved` {segment: peaks and amplitudes}, or None."""
     if not scenario.faults:
         return [Text("no fault", style="dim")]

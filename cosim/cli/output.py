@@ -16,7 +16,9 @@ from cosim.files import OTHER, TAKEN, locked
 LONGEST = 100  # characters of a log's name
 
 
-def reserve(path: str | Path, *, taken: Any = None, endings: Sequence[Any] = (), what: str = "the scenario") -> None:
+def reserve(
+    path: str | Path, *, taken: str | Path | None = None, endings: Sequence[str] = (), what: str = "the scenario"
+) -> None:
     """Make the folder of `path` and open the file for writing once, leaving an existing one as it is.
 
     `taken` is an input that must not be overwritten, called `what`; `endings` the suffixes that are possible. Raises
@@ -63,7 +65,7 @@ def log_name(scenario: str, overrides: Iterable[str] = ()) -> str:
 
 
 @contextmanager
-def named(scenario: Any) -> Iterator[Any]:
+def named(scenario: str) -> Iterator[Any]:
     """Put the scenario's name or file before the place of what is found wrong only when it is built."""
     try:
         yield

@@ -67,7 +67,7 @@ class Setup:
         """Tell whether a guest is compiled code, which may never return."""
         return any(isinstance(d.module, BlockDetector) for d in self.loop.detectors)
 
-    def watches(self) -> Any:
+    def watches(self) -> list:
         """Return the Watch of every detector lane."""
         return self.history.watches(self.step_us)
 
@@ -113,7 +113,7 @@ def _sensor_lanes(scenario, rng, dt):
     return tuple(names), np.concatenate(rows)
 
 
-def build(scenario: Scenario, flightgear: int | None = None) -> Any:
+def build(scenario: Scenario, flightgear: int | None = None) -> Setup:
     """Return the Setup of `scenario`. Raises TrimError when the flight point cannot be flown.
 
     `flightgear` is the UDP port of this machine at which FlightGear is told of the flight, once `plant.show` says so.

@@ -39,7 +39,7 @@ class Bus:
         kind, start = self.kinds[name], self._start[name]
         return self.v[start : start + kind.itemsize // 8 * len(self.lanes[name])].view(kind)
 
-    def index(self, path: Any) -> Any:
+    def index(self, path: str) -> int:
         """Return the position of `section.lane.field`; an element of an array field is `field[3]`. KeyError names what
         is missing.
         """
@@ -51,7 +51,7 @@ class Bus:
             raise KeyError(f"{path}: no such field; there is {', '.join(positions)}")
         return positions[field]
 
-    def columns(self, section: str, lane: str, fields: Any = None) -> Any:
+    def columns(self, section: str, lane: str, fields: Any = None) -> list:
         """Return [(name, position)] of a lane's elements in memory order, of `fields` only when given."""
         kind = self.kinds[section]
         base = self._start[section] + self.lanes[section].index(lane) * (kind.itemsize // 8)

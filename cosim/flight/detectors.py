@@ -42,7 +42,7 @@ class Wire(NamedTuple):
         return self.signal.flag if self.flag else self.signal.source
 
 
-def wires(record: Any, lane: str = "", module: ModuleType | None = None, aircraft: Aircraft | None = None) -> Any:
+def wires(record: Detector, lane: str = "", module: ModuleType | None = None, aircraft: Aircraft | None = None) -> list:
     """Return the Wires of a detector on segment `lane` ("" at aircraft level); what has a flag brings it, to
     `<field>_valid` or `<word>_valid` where INPUTS has such a field. On another `aircraft` than the default one a
     segment or an engine of its words is the one in that place (`placed`)."""
@@ -134,7 +134,7 @@ class Installed:
         """Return the ticks of the loop from step to step."""
         return self.record.every
 
-    def params(self, scenario: Scenario, dt: float) -> Any:
+    def params(self, scenario: Scenario, dt: float) -> np.ndarray:
         """Return the PARAMS of all lanes; the scenario's own values replace fields. Raises ScenarioError for one that
         is none.
         """
@@ -163,7 +163,7 @@ class Installed:
             raise ScenarioError("is no number", place=place, allowed="a number")
         assign(self.record, self.module, p, name, float(value), dt, error=ScenarioError, place=place)
 
-    def inputs(self, lane: str) -> Any:
+    def inputs(self, lane: str) -> list:
         """Return the Wires of a lane."""
         return wires(self.record, lane if self.level == "local" else "", aircraft=self.aircraft)
 
@@ -188,7 +188,7 @@ def _word(detector, name, value, allowed):
     return value
 
 
-def unfit(record: Any, aircraft: Aircraft) -> str:
+def unfit(record: Detector, aircraft: Aircraft) -> str:
     """Return which input of a detector an aircraft lacks, or ""."""
     shipped = record.level == "aircraft" and record.id in registry.SHIPPED
     for word in (placed(word, aircraft) if shipped else word for word in record.inputs.values()):
@@ -200,7 +200,7 @@ def unfit(record: Any, aircraft: Aircraft) -> str:
     return ""
 
 
-def missing(record: Any, aircraft: Aircraft) -> str:
+def missing(record: Detector, aircraft: Aircraft) -> str:
     """Return why a detector cannot watch an aircraft, or "": an input that it lacks, or no design for it."""
     shipped = record.level == "aircraft" and record.id in registry.SHIPPED
     why = unfit(record, aircraft)
@@ -216,7 +216,7 @@ def left_out(scenario: Scenario) -> dict[str, str]:
     return {name: why for name, why in found.items() if why}
 
 
-def chosen(scenario: Scenario) -> Any:
+def chosen(scenario: Scenario) -> list:
     """Return the Installed detectors of a scenario, in its order; one without an actuator of its technologies, or that
     its aircraft cannot have, is left out.
     """
@@ -235,7 +235,7 @@ _ESTIMATE = {"q_fb": "q_now", "qd_fb": "v_now", "x3_fb": "x3_now"}
 _ESTIMATE |= dict.fromkeys(("q_use", "qd_use", "x3_use"), "valid")
 
 
-def feedback_wires(scenario: Scenario) -> Any:
+def feedback_wires(scenario: Scenario) -> list:
     """Return the wires by which servos close on a local filter's estimate: where the scenario says so, and on
     reconfiguration.
     """
@@ -264,7 +264,7 @@ def feedback_wires(scenario: Scenario) -> Any:
     return pairs
 
 
-def manifest(setup: Any, topics: Sequence[Any]) -> Any:
+def manifest(setup: Any, topics: Sequence[Any]) -> list:
     """Return, for the log, each detector's module, lanes, rate and, per lane, where in the log each of its inputs
     stands.
 

@@ -65,7 +65,7 @@ def record(setup: Any, names: Sequence[Any]) -> tuple[np.ndarray, str, str]:
     return rows, status, reason
 
 
-def fly(setup: Any, *logs: Any, progress: Any = None, keep: Any = None, pause: Any = None) -> Any:
+def fly(setup: Any, *logs: Any, progress: Any = None, keep: Any = None, pause: Any = None) -> tuple:
     """Run every tick of a built flight; return (history of the ticks flown, status, reason).
 
     `logs` take the bus of each tick (cosim/flight/tick.py); `keep` says what of it becomes history, (positions, dtype),

@@ -13,7 +13,7 @@ class Draw:
     def __init__(self, rng: np.random.Generator, lanes: Any):
         self._rng, self._block = rng, np.zeros((TICKS, lanes))
 
-    def tell(self, tape: Any, to: Any) -> None:
+    def tell(self, tape: Any, to: np.ndarray) -> None:
         """Tell a tape to put each tick's numbers at the positions `to` of the bus."""
         tape.first(self._next)
         tape.noise(to, self._block)

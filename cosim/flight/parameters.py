@@ -53,7 +53,7 @@ def parameter_range(name: str, record: Any, module: Any, dt: float) -> tuple[Any
     return None
 
 
-def wrong_parameter(record: Any, module: Any, p: Any, dt: float) -> tuple[Any, ...] | None:
+def wrong_parameter(record: Any, module: Any, p: np.ndarray, dt: float) -> tuple[Any, ...] | None:
     """Return (name, value, lowest, highest) of the first index in PARAMS `p` that does not fit; None when all do."""
     for name in module.PARAMS.names:
         span = parameter_range(name, record, module, dt)

@@ -29,7 +29,7 @@ def _sensor_copies(scenario):
     return {"/sensors": ("y", "valid"), **({"/observers": ("y_obs", "valid_obs")} if own else {})}
 
 
-def topics(setup: Any) -> Any:
+def topics(setup: Any) -> list:
     """Return the log's topics: everything of a tick, under names that a reader understands."""
     bus, technology, out = setup.loop.bus, setup.scenario.elevator.technology, []
 

@@ -4,7 +4,6 @@ aircraft (fdi/common/record.py, `Site`)."""
 import functools
 import math
 from dataclasses import dataclass
-from typing import Any
 
 from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.flight.gains import SENSOR_DELAY
@@ -34,7 +33,11 @@ def aircraft(own: Aircraft) -> About:
 
 
 def site(
-    dt: float, lane: str = "", technologies: Any = None, own: Aircraft | None = None, believed: Any = None
+    dt: float,
+    lane: str = "",
+    technologies: dict | None = None,
+    own: Aircraft | None = None,
+    believed: dict | None = None,
 ) -> Site:
     """Return the Site of a detector with tick `dt` [s] on elevator segment `lane` ("" at aircraft level).
 

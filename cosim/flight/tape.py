@@ -36,7 +36,7 @@ class Block:
     ticks, in place.
     """
 
-    def __init__(self, bus: Any, name: str, module: Any, p: Any, x0: np.ndarray, dt: float, every: int = 1):
+    def __init__(self, bus: Any, name: str, module: Any, p: np.ndarray, x0: np.ndarray, dt: float, every: int = 1):
         self.name, self.module, self.p, self.every, self.dt = name, module, p, every, dt * every
         self.x, self.u = bus[name], bus[name + "_in"].reshape(-1, 1)
         self.x[:] = x0
@@ -49,7 +49,7 @@ class Block:
 class Tape:
     """Record what a tick does to the bus vector `v` (n,), then `run` it tick by tick."""
 
-    def __init__(self, v: Any, dt: float, *, plain: Any = PLAIN, free: bool = False):
+    def __init__(self, v: np.ndarray, dt: float, *, plain: bool = PLAIN, free: bool = False):
         """`plain` walks the table in Python, as NUMBA_DISABLE_JIT=1 does; `free` lets other threads run meanwhile."""
         self.v, self.dt, self._plain, self._free = v, dt, plain, free
         self._kept = [v]  # every array that a row points to
@@ -71,29 +71,29 @@ class Tape:
         """v[position] = k dt."""
         self._row(CLOCK, position, self._at(np.array([self.dt])))
 
-    def copy(self, to: Any, source: Any) -> Any:
+    def copy(self, to: np.ndarray, source: np.ndarray) -> Any:
         """v[to] = v[source], in order."""
         if len(to):
             self._row(COPY, len(to), self._at(to), self._at(source))
 
-    def add(self, clear: Any, to: Any, source: Any) -> None:
+    def add(self, clear: np.ndarray, to: np.ndarray, source: np.ndarray) -> None:
         """v[clear] = 0, then v[to] += v[source], in order: several sources may act on one place."""
         if len(clear):
             self._row(ADD, len(clear), self._at(clear), len(to), self._at(to), self._at(source))
 
-    def truth(self, raw: np.ndarray, scale: float, start: float, frame: Any) -> None:
+    def truth(self, raw: np.ndarray, scale: np.ndarray, start: int, frame: np.ndarray) -> None:
         """v[start:] = truth in SI from JSBSim's own units; `frame` (3,) as `to_si` takes it."""
         self._row(TRUTH, len(raw), self._at(raw), self._at(scale), start, self._at(frame))
 
-    def get(self, nodes: Any, getter: Any, out: str | Path) -> None:
+    def get(self, nodes: np.ndarray, getter: Any, out: np.ndarray) -> None:
         """out = what the getter at an address gives for each of the nodes (cosim/flight/plant/crossing.py)."""
         self._row(GET, len(nodes), self._at(nodes), getter, self._at(out))
 
-    def put(self, nodes: Any, setter: Any, values: Any) -> None:
+    def put(self, nodes: np.ndarray, setter: Any, values: np.ndarray) -> None:
         """Give each of the nodes its value by the setter at an address."""
         self._row(PUT, len(nodes), self._at(nodes), setter, self._at(values))
 
-    def noise(self, to: Any, block: Any, vector: np.ndarray | None = None) -> None:
+    def noise(self, to: np.ndarray, block: np.ndarray, vector: np.ndarray | None = None) -> None:
         """vector[to] = block[k % rows], in the bus or another vector."""
         into = self.v if vector is None else vector
         self._row(NOISE, len(to), self._at(to), self._at(block), len(block), self._at(into))
@@ -121,11 +121,11 @@ class Tape:
         self._entries[address] = entry
         self._row(STEP, address, *map(self._at, (x, u, p, np.array([dt]))), len(x), every)
 
-    def keep(self, index: Any, rows: Any) -> None:
+    def keep(self, index: np.ndarray, rows: Any) -> None:
         """rows[k] = v[index], in the precision of `rows` (ticks, n)."""
         self._row(KEEP, len(index), self._at(index), self._at(rows), rows.itemsize)
 
-    def log(self, head: Any, store: Any) -> None:
+    def log(self, head: np.ndarray, store: Callable) -> None:
         """Log v: `store(v)` does it, or compiled code by what `head` says (cosim/log/writer.py)."""
         address = self._at(head)
         self._entries[address] = store

@@ -17,7 +17,7 @@ from cosim.flight.plant.plant import Plant
 from cosim.flight.tape import Block, Tape
 
 
-def order(s: Any, tape: Any, *logs: Any, keep: Any = None) -> None:
+def order(s: "Loop", tape: Tape, *logs: Any, keep: Any = None) -> None:
     """Tell `tape` what a tick of the loop `s` does from t_k to t_k+1.
 
     Each of `logs` takes the bus as it stands at t_k: a call `log(v)`, or a log that tells the tape itself. `keep` is

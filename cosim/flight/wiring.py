@@ -40,7 +40,7 @@ def demand_wires() -> list[tuple[str, str]]:
     return [(f"law_in.law.{name}", f"pilot.pilot.{name}") for name in DEMANDS]
 
 
-def hinge_wires(technology: Any) -> list[tuple[str, str]]:
+def hinge_wires(technology: dict) -> list[tuple[str, str]]:
     """Return the wires of measured air data to the detectors' model of the hinge moment."""
     return [
         (f"hinge_model_in.{seg}.{name}{tail}", f"sensors.{name}.{source}")
@@ -50,7 +50,7 @@ def hinge_wires(technology: Any) -> list[tuple[str, str]]:
     ]
 
 
-def servo_wires(technology: Any) -> Any:
+def servo_wires(technology: dict) -> list:
     """Return the wires of commands and measurements to the servo loops."""
     pairs = []
     for seg, tech in technology.items():
@@ -65,7 +65,7 @@ def servo_wires(technology: Any) -> Any:
     return pairs
 
 
-def actuator_wires(scenario: Scenario) -> Any:
+def actuator_wires(scenario: Scenario) -> list:
     """Return the wires from servos, law and hinge moments to the actuators."""
     pairs, short = [], scenario.aircraft.short
     for seg, tech in scenario.elevator.technology.items():

@@ -197,7 +197,7 @@ class Contents:
         chunk.index_length, self.records = size, self.records + len(offsets)
         return size
 
-    def ticks(self, chunk: Any) -> tuple[Any, ...]:
+    def ticks(self, chunk: ChunkRef) -> tuple[Any, ...]:
         """Return (first tick, number of ticks) of a chunk."""
         return chunk.start_ns // self.dt_ns, (chunk.end_ns - chunk.start_ns) // self.dt_ns + 1
 

@@ -125,13 +125,13 @@ def check_topic(name: str, fields: Any, units: Any, every: int) -> None:
         raise ValueError(f"topic {name}: every must be a whole number of ticks >= 1, not {every}")
 
 
-def check_texts(name: str, texts: Any) -> None:
+def check_texts(name: str, texts: dict) -> None:
     """Raise ValueError unless metadata are {str: str}."""
     if not all(isinstance(text, str) for pair in texts.items() for text in pair):
         raise ValueError(f"metadata {name!r}: keys and values must be str")
 
 
-def schema_name(topic: str) -> Any:
+def schema_name(topic: str) -> str:
     """Return the protobuf message name of a sampled topic: `/a/b` is `cosim.a_b`."""
     return "cosim." + topic.strip("/").replace("/", "_")
 
@@ -152,7 +152,7 @@ def schema_data(topic: str, fields: Any) -> Any:
     return files.SerializeToString(deterministic=True)
 
 
-def channel_metadata(topic: Any) -> Any:
+def channel_metadata(topic: Any) -> dict:
     """Return the text that describes a sampled topic in its channel record."""
     return {
         "every": str(topic.every),

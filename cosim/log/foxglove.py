@@ -123,19 +123,19 @@ def _time(ns):
     return {"seconds": ns // 1_000_000_000, "nanos": ns % 1_000_000_000}
 
 
-def log(ns: int, text: str, level: Any) -> Any:
+def log(ns: int, text: str, level: str) -> Any:
     """Return the bytes of a foxglove.Log of simulated time `ns`; raises ValueError for an unknown level."""
     if level not in LEVELS:
         raise ValueError(f"level {level!r}: one of {', '.join(LEVELS)}")
     return message("Log")(timestamp=_time(ns), level=LEVELS[level], message=text, name="cosim").SerializeToString()
 
 
-def text(data: Any) -> Any:
+def text(data: Any) -> str:
     """Return the text of a foxglove.Log."""
     return message("Log").FromString(data).message
 
 
-def event(start_ns: Any, end_ns: Any, texts: Any) -> Any:
+def event(start_ns: Any, end_ns: Any, texts: dict) -> Any:
     """Return the bytes of a foxglove.Event from start_ns to end_ns (None: open) with `texts` {str: value}."""
     made = message("Event")(start_time=_time(start_ns))
     if end_ns is not None:
@@ -167,7 +167,7 @@ class Pose:
         """Return the positions in the order in which `messages` takes the values."""
         return self.lat, self.lon, self.h, self.phi, self.theta, self.psi
 
-    def messages(self, rows: Any, k0: int, dt_ns: int) -> Any:
+    def messages(self, rows: Any, k0: int, dt_ns: int) -> list:
         """Return [(tick, topic, bytes)] of rows (n, 6) in the order of `index`, the first of tick k0."""
         out = []
         transforms, fix = self._messages

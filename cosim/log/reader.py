@@ -102,7 +102,7 @@ class Log:
         """
         return self.arrays([topic], start, stop)[topic]
 
-    def arrays(self, topics: Sequence[Any] | None = None, start: float = 0, stop: Any = None) -> Any:
+    def arrays(self, topics: Sequence[Any] | None = None, start: float = 0, stop: Any = None) -> dict:
         """Return {topic: (rows, fields)} of several topics (default: all), each chunk read once; see `array`."""
         names = list(self.topics) if topics is None else list(topics)
         numbers = {self._number(name): name for name in names}
@@ -164,7 +164,7 @@ class Log:
         parts = [np.arange(a + -a % every, b, every, dtype=np.int64) for a, b in bounds]
         return np.concatenate(parts) if parts else np.empty(0, np.int64)
 
-    def times_ns(self, topic: str) -> Any:
+    def times_ns(self, topic: str) -> np.ndarray:
         """Return the simulated time of each row of a topic (rows,) as int64 [ns]."""
         return self.ticks(topic) * self.dt_ns
 

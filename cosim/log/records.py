@@ -67,7 +67,7 @@ def content_hash(chunks: Any) -> str:
 
 
 def pack_chunk(
-    layout: Any, content: Any, data: Any, compression: str, k0: Any, n: Any, tail: Any, offset: int
+    layout: Any, content: np.ndarray, data: Any, compression: str, k0: Any, n: Any, tail: dict, offset: int
 ) -> tuple[Any, ...]:
     """Return (list of bytes, ChunkRef) of the chunk record at `offset` and its message indexes; they last until the
     next call.

@@ -40,7 +40,7 @@ BAD = (
 _VITAL = (Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL)  # without each of them no chunk can be read
 
 
-def scan(path: str | Path, limits: Any, tolerant: bool = False) -> Any:
+def scan(path: str | Path, limits: Any, tolerant: bool = False) -> Contents:
     """Return the Contents of a log; raises LogError when it cannot be read, is foreign, damaged or beyond a limit.
 
     With `tolerant`, damage is listed in the Contents instead, as long as there is a log to speak of.

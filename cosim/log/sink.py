@@ -71,7 +71,7 @@ class Sink:
         self._digest.update(blob)
         self.put(blob)
 
-    def metadata(self, name: str, texts: Any) -> None:
+    def metadata(self, name: str, texts: dict) -> None:
         """Write a metadata record."""
         at, record = self.offset, Metadata(name=name, metadata=dict(texts))
         blob = encode(record)

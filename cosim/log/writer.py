@@ -53,10 +53,10 @@ class LogWriter:
         *,
         n_values: Any,
         dt_ns: Any = 5_000_000,
-        metadata: Any = None,
-        attachments: Any = None,
+        metadata: dict | None = None,
+        attachments: dict | None = None,
         rows_per_chunk: Any = ROWS,
-        compression: Any = "lz4",
+        compression: str = "lz4",
         pose: Any = None,
         kept: bool = True,
     ):
@@ -216,7 +216,7 @@ class LogWriter:
             out += message_head(5, MESSAGE_BYTES + len(data), channel, k, ns, ns) + data
         return bytes(out), entries
 
-    def close(self, result: Any = None) -> Any:
+    def close(self, result: dict | None = None) -> Any:
         """Write what is buffered, the result with a hash of all samples, and the summary; no result: incomplete."""
         if not self._sink.open:
             return

@@ -84,7 +84,7 @@ class Replay:
         )
 
 
-def compare(name: str, fields: Any, ticks: Any, logged: Any, again: Any) -> Any:
+def compare(name: str, fields: Any, ticks: np.ndarray, logged: np.ndarray, again: np.ndarray) -> list:
     """Return the Differences of two (rows, fields) arrays, bit for bit."""
     wrong = np.ascontiguousarray(logged).view(np.int64) != np.ascontiguousarray(again).view(np.int64)
     if not wrong.any():

@@ -23,8 +23,8 @@ _SCALES = {"_ns": 1e-9, "_us": 1e-6, "_ms": 1e-3, "_s": 1.0}
 
 
 def read_channels(
-    path: str | Path, *, time: Any = None, on_reset: Any = None, part: int = 0, wanted: Any = None
-) -> Any:
+    path: str | Path, *, time: str | None = None, on_reset: Any = None, part: int = 0, wanted: Any = None
+) -> dict:
     """Return {channel: DataFrame} of a recording; columns are float64, the index is `t_s` [s], ascending.
 
     A CSV or Parquet file is one channel, named by the file's stem; `time` names its time column (default: the first

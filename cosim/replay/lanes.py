@@ -43,7 +43,7 @@ class Lane:
     rollout: object = None  # of a guest with objects of its own
 
 
-def manifest(log: Log) -> Any:
+def manifest(log: Log) -> list:
     """Return the list of detectors that a log describes."""
     found = door.detectors(log)
     strange = [d["id"] for d in found if d["id"] not in registry.SHIPPED and "guest" not in d]
@@ -144,7 +144,7 @@ def topics(log: Log, wired: Any) -> list[Any]:
     return [t for t in dict.fromkeys(found) if t in log.topics]
 
 
-def fill(log: Log, wired: Any, start: float = 0, stop: Any = None, read: Any = None) -> list[Lane]:
+def fill(log: Log, wired: Any, start: float = 0, stop: Any = None, read: dict | None = None) -> list[Lane]:
     """Return the Lane of each of `wired` for the ticks start <= k < stop; `read` is what log.arrays gave for them."""
     read = log.arrays(topics(log, wired), start, stop) if read is None else read
     return [_fill(log, w, read, start, stop) for w in wired]
@@ -163,7 +163,7 @@ def _fill(log, w, read, start, stop):
     return Lane(w.id, w.lane, w.module, w.every, w.p, w.x, w.at, u, ticks, read[w.topic], states, w.rollout)
 
 
-def columns(kind: Any, names: Sequence[Any]) -> Any:
+def columns(kind: Any, names: Sequence[Any]) -> np.ndarray:
     """Return the positions of fields `names` in a record of `kind` seen as float64, in memory order."""
     out: list = []
     for name in kind.names:
@@ -174,18 +174,18 @@ def columns(kind: Any, names: Sequence[Any]) -> Any:
 
 
 @lru_cache(maxsize=64)
-def split(module: Any) -> Any:
+def split(module: Any) -> tuple:
     """Return the positions of a detector's (outputs, hidden state) in its STATE."""
     outputs = columns(module.STATE, module.OUTPUTS)
     return outputs, np.setdiff1d(np.arange(module.STATE.itemsize // 8), outputs)
 
 
-def flat(records: Any) -> Any:
+def flat(records: np.ndarray) -> np.ndarray:
     """Return records as float64, (..., values)."""
     return records.view(np.float64).reshape(*records.shape, -1)
 
 
-def pieces(lane: Any, tick: Any = 0) -> Any:
+def pieces(lane: Lane, tick: Any = 0) -> list:
     """Return the stretches of a lane that can be replayed, each a Lane of its own with the state to start from.
 
     The rows are cut where ticks are missing. A stretch that begins at tick `at` starts from the lane's own state,

@@ -250,8 +250,8 @@ def _write(path, done, out, text, dt):
             at += len(fields)
     attachments = {"map.toml": ("application/toml", text.encode()), **viewer_layouts(topics)}
     metadata = {"run": {"title": f"diagnosis of {Path(out.recording).name}", "start_s": repr(out.start_s)}}
-    about = {"metadata": metadata, "attachments": attachments}
-    with LogWriter(path, topics, n_values=at, dt_ns=round(dt * 1e9), **about, rows_per_chunk=500, kept=False) as log:
+    kept: dict[str, Any] = {"metadata": metadata, "attachments": attachments, "rows_per_chunk": 500, "kept": False}
+    with LogWriter(path, topics, n_values=at, dt_ns=round(dt * 1e9), **kept) as log:
         for row in np.concatenate(parts, axis=1):
             log.append(row)
         log.close(result={"status": "diagnosed", "detectors": json.dumps(plain(out.detectors), sort_keys=True)})

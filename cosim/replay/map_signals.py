@@ -20,7 +20,7 @@ from fdi import registry
 HINGE = ".hinge_moment"  # of a map: hm0, and hmd of zero
 
 
-def renamed(m: Any, technology: Any) -> tuple[Any, ...]:
+def renamed(m: Any, technology: dict) -> tuple[Any, ...]:
     """Return (map, sentences) with signals that it calls by an old name under those of the vocabulary."""
     names, said = {}, []
     for name in m.signals:
@@ -82,7 +82,7 @@ def named(topic: str, channels: Sequence[Any]) -> bool:
     return any(name.startswith(f"{topic}.") or not name.startswith("/") for name in channels)
 
 
-def channels_of(m: Any, tables: Any, path: str | Path, place: Any) -> Any:
+def channels_of(m: Any, tables: dict, path: str | Path, place: Any) -> dict:
     """Return {signal: (times, samples, flags or None)} of the recording."""
     names = {f"{t}.{c}": (t, c) for t, frame in tables.items() for c in frame.columns}
     short = {c: (t, c) for t, frame in tables.items() for c in frame.columns}
@@ -117,7 +117,7 @@ def channels_of(m: Any, tables: Any, path: str | Path, place: Any) -> Any:
     return out
 
 
-def acting(m: Any, sources: Any, channels: Any, dt: float) -> Any:
+def acting(m: Any, sources: dict, channels: dict, dt: float) -> dict:
     """Return `channels` with each command to an actuator as what has acted until a time: sent a tick before, the first
     one from the start; but where the map says that it is held.
 
@@ -141,7 +141,7 @@ def _later(t, y, dt):
     return np.concatenate([t[:1], t + dt]), np.concatenate([y[:1], y])
 
 
-def slow(sources: Any, channels: Sequence[Any], dt: float) -> list[str]:
+def slow(sources: dict, channels: dict, dt: float) -> list[str]:
     """Return a sentence per command of a valve or motor that is sampled at less than the tick's rate."""
     out = []
     for name, source in sources.items():

@@ -22,7 +22,7 @@ def older(log: Log, what: str) -> LogError:
     return LogError(f"{what} is of another layout than this version's", place=str(log.path), remedy=remedy)
 
 
-def attached(log: Log, name: str, kind: Any) -> Any:
+def attached(log: Log, name: str, kind: Any) -> np.ndarray:
     """Return the structured array in attachment `name`, of dtype `kind`. Raises LogError for another layout or none."""
     try:
         found = door.array(log, name)
@@ -44,7 +44,7 @@ def _alike(found: np.dtype, kind: np.dtype) -> bool:
     return found == kind or (found.shape == kind.shape and found.base.kind in "biuf" and kind.base.kind in "biuf")
 
 
-def trusted(log: Log, record: Any, module: Any, p: Any, x: np.ndarray, dt: float) -> None:
+def trusted(log: Log, record: Any, module: Any, p: np.ndarray, x: np.ndarray, dt: float) -> None:
     """Raise LogError when a number in the parameters or states of a log would index beyond the detector's arrays."""
     for what, wrong in (
         ("parameter", wrong_parameter(record, module, p, dt)),
@@ -94,7 +94,7 @@ def overrides(texts: Any) -> Any:
     return out
 
 
-def override(record: Any, module: Any, p: Any, values: Any, dt: float) -> None:
+def override(record: Any, module: Any, p: np.ndarray, values: dict, dt: float) -> None:
     """Set parameters {name: value} of a detector in its PARAMS `p`; `name[i]` is an element. Raises ReplayError."""
     for name, value in values.items():
         assign(record, module, p, name, value, dt, error=ReplayError, place=f"{record.id}.{name} = {value:g}")

@@ -49,7 +49,7 @@ class Lane:
     truth: tuple | None = None  # (field, truth (ticks,), unit, start, end) of the fault that it estimates
 
     @property
-    def able(self) -> Any:
+    def able(self) -> bool:
         """Tell whether it could judge: the fault that its entry is about, or most of the flight."""
         return self.entry["able"]
 
@@ -59,7 +59,7 @@ class Lane:
         return self.id if self.level == "aircraft" else f"{self.id} {words(self.lane)}"
 
 
-def words(name: str) -> Any:
+def words(name: str) -> str:
     """Return a name of a part without underscores."""
     return name.replace("_", " ")
 
@@ -93,7 +93,7 @@ class LoggedFlight:
         """Tell whether the log has field `name` of `topic`."""
         return topic in self._arrays and name in self.log.topics[topic].fields
 
-    def values(self, topic: str, name: str) -> Any:
+    def values(self, topic: str, name: str) -> np.ndarray:
         """Return one logged signal (rows,)."""
         if not self.has(topic, name):
             return np.full(len(self.ticks), np.nan)
@@ -105,7 +105,7 @@ class LoggedFlight:
         return door.achieved(self.log)
 
     @cached_property
-    def faults(self) -> Any:
+    def faults(self) -> list:
         """Return what `judge` takes of the faults."""
         return judged(self.scenario, self.achieved)
 
@@ -182,7 +182,7 @@ class LoggedFlight:
         late = slice(round((start - self.t0) / step), round((min(end, self.end + self.dt) - self.t0) / step))
         return errors(e[late], unit)
 
-    def signal(self, name: Any) -> Any:
+    def signal(self, name: str) -> np.ndarray:
         """Return the bus signal `name` (section.lane.field) at every tick, as far as the log tells it.
 
         An input that nobody logs is what the faults add to it; a sensor's truth is what it is wired to.
@@ -252,7 +252,7 @@ def unit_of(place: str, kind: Any) -> Any:
     return "share"
 
 
-def spans(mask: Any, t0: float, dt: float) -> list[Any]:
+def spans(mask: np.ndarray, t0: float, dt: float) -> list[Any]:
     """Return [(from, to)] during which `mask` holds; a span ends where the next sample no longer holds."""
     high = np.asarray(mask, bool)
     edges = np.flatnonzero(np.diff(np.concatenate(([False], high, [False])).astype(int)))

@@ -15,7 +15,7 @@ def ticks(spans: Any, dt: float, start: float | None = None) -> tuple[Any, ...]:
     return t_0, max(0, int(np.floor((end - t_0) / dt + SNAP)) + 1)
 
 
-def resample(t: Any, y: Any, t_0: Any, dt: float, n: Any, *, linear: Any, max_gap: Any = None) -> Any:
+def resample(t: np.ndarray, y: np.ndarray, t_0: Any, dt: float, n: Any, *, linear: bool, max_gap: Any = None) -> Any:
     """Return (values, valid) (n,) of samples `y` at ascending times `t` [s] on the ticks t_0 + k dt.
 
     A sample within SNAP of a tick is taken as it is. Elsewhere the value is interpolated between its neighbours

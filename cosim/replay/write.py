@@ -57,7 +57,7 @@ class Overlay:
                 return Pose(**{n: int(t.index[t.fields.index(n)]) for n in POSE})
         return None
 
-    def append(self, read: Any, new: Any, start: float, stop: Any) -> Any:
+    def append(self, read: dict, new: Any, start: float, stop: Any) -> Any:
         """Write the ticks start <= k < stop: `read` {topic: (rows, fields)} as logged, `new` (rows, n) of each lane."""
         rows = np.zeros((min(stop, self._log.n_ticks) - start, self._n))
         for t, values in zip(self._topics, (*(read[n] for n in self._names), *new)):

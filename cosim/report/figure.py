@@ -34,7 +34,7 @@ class Figure:
     rows: list | None = None
     track: list | None = None
 
-    def plain(self) -> Any:
+    def plain(self) -> dict:
         """Return what the page's script reads."""
         out = {"id": self.id, "data": self.data, "layout": self.layout, "time": self.time}
         return out | {k: getattr(self, k) for k in ("detector", "rows", "track") if getattr(self, k) is not None}
@@ -87,7 +87,7 @@ def curve(
     legend: bool = True,
     reduce: Any = envelope,
     **more: Any,
-) -> Any:
+) -> dict:
     """Return a line trace of the samples y at t0 + k dt in panel number `panel`, reduced by `envelope` or `peaks`."""
     values, every = reduce(y)
     trace = points(
@@ -116,7 +116,7 @@ def place(panel: Any) -> dict[str, str]:
     return {"xaxis": "x" + tail, "yaxis": "y" + tail}
 
 
-def axis(key: str, panel: Any) -> Any:
+def axis(key: str, panel: Any) -> str:
     """Return the layout's name of an axis: xaxis, xaxis2, ..."""
     return key if panel == 1 else f"{key}{panel}"
 
@@ -167,7 +167,7 @@ def style_axis(title: str = "", **more: Any) -> dict[str, Any]:
 
 
 def grid(
-    layout: Any,
+    layout: dict,
     titles: Sequence[Any],
     y_titles: Any,
     columns: Any,
@@ -204,7 +204,7 @@ def label(layout: dict, text: str, x: float, y: float, **more: Any) -> None:
     layout["annotations"].append({"text": text, **at, **more})
 
 
-def bands(layout: Any, intervals: Any, panels: Any) -> None:
+def bands(layout: dict, intervals: Any, panels: Any) -> None:
     """Shade [(from, to)] in panels 1..`panels`. Changes `layout`."""
     for panel in range(1, panels + 1):
         at = place(panel)
@@ -214,7 +214,7 @@ def bands(layout: Any, intervals: Any, panels: Any) -> None:
             layout["shapes"].append({"type": "rect", **ends, **look})
 
 
-def least(layout: Any, panel: Any, curves: Any, half: float) -> Any:
+def least(layout: dict, panel: Any, curves: Any, half: float) -> Any:
     """Give a panel a vertical range around `curves` of at least +-`half`: noise must not fill it. Changes `layout`."""
     finite = [y[np.isfinite(y)] for y in curves]
     found = np.concatenate([y for y in finite if len(y)] or [np.zeros(1)])

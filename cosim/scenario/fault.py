@@ -138,7 +138,7 @@ class Fault(BaseModel):
         return self.parsed.kinds[self.kind]
 
     @property
-    def period_s(self) -> Any:
+    def period_s(self) -> float | None:
         """Return the period of an oscillation [s], or None."""
         hz = (self.model_extra or {}).get("frequency_hz")
         return 1.0 / hz if hz else None

@@ -115,7 +115,7 @@ class Detectors(Table):
         """Tell whether `name` is a detector, or one whose file the scenario names."""
         return name in SHIPPED or name in GUESTS or "file" in self.table(name)
 
-    def table(self, name: str) -> Any:
+    def table(self, name: str) -> dict:
         """Return {parameter: value} of detector `name` as written; of a guest its file and digest are among them."""
         return dict((self.model_extra or {}).get(name, {}))
 
@@ -196,7 +196,7 @@ class Scenario(Table):
         """Return the number of ticks."""
         return round(self.duration_s * self.rate_hz)
 
-    def injections(self) -> Any:
+    def injections(self) -> tuple:
         """Return the faults as a flat tuple of Injection: one per fault and member of its target, SI."""
         return tuple(j for i, f in enumerate(self.faults) for j in f.injections(i, self.elevator.technology))
 
@@ -220,6 +220,6 @@ class Scenario(Table):
                 lines.append(f"faults.{i} (runaway) {said}")
         return lines
 
-    def expanded_toml(self) -> Any:
+    def expanded_toml(self) -> str:
         """Return the whole scenario with every default as TOML; loading it gives an equal scenario."""
         return toml.dumps(self.model_dump(mode="python", exclude_none=True))

@@ -1,7 +1,6 @@
 """Words that name a part: `elevator.left_inner`, `elevator.right.position`, `rudder`, `engine.2`, `sensor.alpha`."""
 
 from dataclasses import dataclass
-from typing import Any
 
 from cosim.errors import did_you_mean
 from cosim.scenario import catalog as c
@@ -18,7 +17,7 @@ class Target:
     sensor: str = ""
 
     @property
-    def kinds(self) -> Any:
+    def kinds(self) -> dict:
         """Return {kind: Kind} that this place can have."""
         if self.place == "actuator_sensor":
             kinds = c.sensor_kinds(c.ACTUATOR_SENSORS[self.sensor])

@@ -153,7 +153,7 @@ def topic(section: str, lane: str) -> str:
     return place.format(section=section, lane=lane)
 
 
-def column(field: str) -> Any:
+def column(field: str) -> str:
     """Return what the log calls a field of the bus: `x[3]` is `x_3`."""
     return field.replace("[", "_").rstrip("]")
 

@@ -9,7 +9,6 @@ and a bad sample leaves.
 """
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -52,12 +51,12 @@ SIZES = {"bank_level": 0, "bank_n": 1, "bank_stride": 1}  # parameters that are 
 PLACES = {"bank_head": ("bank_ring", 2)}  # states that are positions: array, axis
 
 
-def frequencies() -> Any:
+def frequencies() -> np.ndarray:
     """Return the K frequencies [Hz], in equal ratios of 1.27: a fault between two is read 4 % low at most."""
     return np.geomspace(F_LOW, F_HIGH, K)
 
 
-def design(dt: float) -> Any:
+def design(dt: float) -> dict:
     """Return the bank's PARAMS fields for ticks of `dt` seconds."""
     block = np.maximum(np.rint(np.array(BLOCKS_S) / dt), 1.0)
     hz = frequencies()

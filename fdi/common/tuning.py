@@ -23,7 +23,7 @@ def forget() -> None:
     _read.cache_clear()
 
 
-def thresholds(detector: str, which: str = "flight", own: Any = None) -> Any:
+def thresholds(detector: str, which: str = "flight", own: Any = None) -> dict:
     """Return {PARAMS field: number or row, SI} of set `which`; an unknown set or a bad value raises ValueError.
 
     `own` is the folder of an aircraft with thresholds of its own, None: those of the aircraft of `fdi`.

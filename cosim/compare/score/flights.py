@@ -58,7 +58,7 @@ class _Told(BaseModel):
     core_s: Annotated[float, Field(ge=0.0)] = 0.0
 
 
-def _told(value: Any) -> dict[str, Any]:
+def _told(value: dict) -> dict[str, Any]:
     """Return what a folder says of a recording; raises ValueError where it is none of `recorded`."""
     return _Told.model_validate(value).model_dump(exclude_unset=True)
 

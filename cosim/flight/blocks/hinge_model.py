@@ -94,7 +94,7 @@ def slopes(plant: Any, trim: Any, names: Any) -> np.ndarray:
     return np.array([((up[f] - down[f]) / (2 * h), (fast[f] - slow[f]) / (2 * h)) for f in fields])
 
 
-def design(slopes: np.ndarray, trim: Any, truth: Any, names: Any, factors: Any) -> Any:
+def design(slopes: np.ndarray, trim: Any, truth: Any, names: Any, factors: Any) -> np.ndarray:
     """Return PARAMS of the lanes `names` from their `slopes` and the truth at `trim`, wrong by `factors`."""
     q_0 = 0.0 if trim.level else trim.q  # of a turn, which is not in the moment at rest
     p = np.zeros(len(names), PARAMS)

@@ -99,13 +99,13 @@ def step(x, u, p, dt):
 rollout = entry(step, STATE, INPUTS, PARAMS)
 
 
-def three_two_one_one(start: Any, unit: Any, channel: Any, amplitude: Any) -> list[Any]:
+def three_two_one_one(start: Any, unit: Any, channel: str, amplitude: Any) -> list[Any]:
     """Return the steps of a 3-2-1-1: alternating pulses of 3, 2, 1 and 1 units of time."""
     t = start + unit * np.cumsum([0, 3, 2, 1, 1])
     signs = (1.0, -1.0, 1.0, -1.0, 0.0)
     return [(float(ti), {channel: s * amplitude}) for ti, s in zip(t, signs)]
 
 
-def doublet(start: float, half: float, channel: Any, amplitude: float) -> list[Any]:
+def doublet(start: float, half: float, channel: str, amplitude: float) -> list[Any]:
     """Return the steps of a doublet: one pulse up, one down, each `half` seconds."""
     return [(start, {channel: amplitude}), (start + half, {channel: -amplitude}), (start + 2 * half, {channel: 0.0})]

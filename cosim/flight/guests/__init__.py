@@ -44,7 +44,7 @@ def register(guest: Any) -> Any:
     return guest
 
 
-def install(guest: Any) -> Any:
+def install(guest: PlainDetector) -> PlainDetector:
     """Take a made guest into the registry; raises GuestError for the id of a detector that ships."""
     name = guest.DETECTOR.id
     if name in registry.SHIPPED:
@@ -53,7 +53,7 @@ def install(guest: Any) -> Any:
     return guest
 
 
-def load(name: str | os.PathLike) -> Any:
+def load(name: str | os.PathLike) -> PlainDetector:
     """Return the guest of a Python file, or of an entry point by its name, known to this process from now on.
 
     Raises GuestError for a file that is not there, does not run, or holds no detector or several.

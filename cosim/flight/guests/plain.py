@@ -48,11 +48,11 @@ class PlainDetector:
         self.STATE = dtype([(n, "f8", estimate if n == "estimate" else "-") for n in OUTPUTS])
         self.DETECTOR = contract.Detector(**{**vars(own), "fit": lambda site: self.params()})
 
-    def params(self, **values: Any) -> Any:
+    def params(self, **values: Any) -> np.ndarray:
         """Return PARAMS: the defaults of __init__, `values` instead."""
         return record(self.PARAMS, **{"limit_s": LIMIT_S, **self._defaults, **values})
 
-    def init(self, p: Any) -> Any:
+    def init(self, p: np.ndarray) -> Any:
         """Return STATE of p's shape: nothing said."""
         return np.zeros(p.shape, self.STATE)
 
@@ -81,7 +81,7 @@ class Runner:
         self._make = measured._make
         self._limit = math.inf
 
-    def __call__(self, x: np.ndarray, u: np.ndarray, p: Any, dt: float, log: Any = None) -> None:
+    def __call__(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float, log: np.ndarray | None = None) -> None:
         """Step every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
         self._start(p, dt)
         rows, given = x.view(np.float64).reshape(len(x), -1), u.view(np.float64).reshape(*u.shape, -1)
@@ -93,7 +93,7 @@ class Runner:
                     out[i, k] = row
             self.steps += 1
 
-    def bound(self, x: np.ndarray, u: np.ndarray, p: Any, dt: float) -> Any:
+    def bound(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float) -> Any:
         """Return a call without arguments that advances every lane by one tick."""
         self._start(p, dt)
         rows, given = x.view(np.float64).reshape(len(x), -1), u.view(np.float64).reshape(len(x), -1)
@@ -210,7 +210,9 @@ def _verdict(verdict, alarm):
 class GuestBlock:
     """A plain guest in the loop, as `Block` is (cosim/flight/tick.py): `advance()` steps its lanes by one tick."""
 
-    def __init__(self, bus: Any, name: str, module: Any, p: Any, x0: np.ndarray, dt: float, every: int = 1):
+    def __init__(
+        self, bus: Any, name: str, module: PlainDetector, p: np.ndarray, x0: np.ndarray, dt: float, every: int = 1
+    ):
         self.name, self.module, self.p, self.every, self.dt = name, module, p, every, dt * every
         self.x, self.u = bus[name], bus[name + "_in"].reshape(-1, 1)
         self.x[:] = x0

@@ -71,7 +71,7 @@ def params(intensity: str, dt: float, *, span: float, tail_arm: float, downwash:
     return p
 
 
-def init(p: Any) -> Any:
+def init(p: np.ndarray) -> Any:
     """Return still air."""
     return np.zeros(p.shape, STATE)
 

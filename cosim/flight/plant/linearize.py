@@ -209,7 +209,7 @@ def _slopes(f, z0, steps):
     return tuple(np.column_stack([c[k] for c in columns]) for k in range(2))
 
 
-def modes(A: np.ndarray) -> Any:
+def modes(A: np.ndarray) -> list:
     """Return short_period, phugoid, dutch_roll, roll and spiral of A in the order of STATES, from the four-state
     blocks.
     """

@@ -60,7 +60,7 @@ class _Quiet(jsbsim.FGLogger):
 class Plant:
     """One flight of an aircraft, stepped by `run`."""
 
-    def __init__(self, flight: Any, dt: float = 0.005, flightgear: int | None = None):
+    def __init__(self, flight: FlightPoint, dt: float = 0.005, flightgear: int | None = None):
         """Load the aircraft at `flight`'s mass, CG and multipliers; nothing flies before `trim` or `place`.
 
         `flightgear` is a UDP port of this machine where FlightGear listens; it is told of the flight after `show`.
@@ -184,7 +184,7 @@ class Plant:
         if abs(fdm.get_delta_t() - self.dt) > 1e-12:
             raise RuntimeError("JSBSim lost its step")
 
-    def read(self, record: Any) -> None:
+    def read(self, record: np.ndarray) -> None:
         """Write the truth at t_k into `record`, a record or a (1,) array of the border's truth."""
         self.fetch()
         briefly(to_si, self._raw, self._scale, np.asarray(record).reshape(1).view("f8"), *self._frame)

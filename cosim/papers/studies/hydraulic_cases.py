@@ -54,7 +54,7 @@ class Case:
     air: str = "light"
 
 
-def oscillation(hz: float, *, solid: bool, mm: float = 0.6, air: str = "light", manoeuvre: Any = None) -> Case:
+def oscillation(hz: float, *, solid: bool, mm: float = 0.6, air: str = "light", manoeuvre: dict | None = None) -> Case:
     """Return the Case of an oscillatory failure that moves the rod by `mm`."""
     kind = "ofc_solid" if solid else "ofc_liquid"
     fault = {"target": TARGET, "kind": kind, "at": "valve", "start_s": T_FAULT, "amplitude_mm": mm, "frequency_hz": hz}

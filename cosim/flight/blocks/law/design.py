@@ -61,7 +61,7 @@ def alpha_limit(plant: Any, trim: Any, share: float = 0.96) -> tuple[float, floa
     return float(limit), float(np.interp(limit, angles, n_z))
 
 
-def design(model: Any, stall: Any, aircraft: Aircraft, start: Any = None) -> Any:
+def design(model: Any, stall: Any, aircraft: Aircraft, start: Any = None) -> np.ndarray:
     """Return PARAMS at the flight point of `model` (a linearize.LinearModel); `stall` is what `alpha_limit` gives.
 
     Gains are those of level flight at this speed and altitude, `start` is the Trim that the flight begins in: a climb,

@@ -44,7 +44,7 @@ class AeroFunctions:
         self.breakpoints = _breakpoints(aero)
         self._tables: dict = {}  # element -> [properties, breakpoints, values, arguments and result of the last time]
 
-    def evaluate(self, axis: Any, given: Any) -> float:
+    def evaluate(self, axis: str, given: dict) -> float:
         """Return the sum of an axis' functions, lb or lb ft, at the properties `given`."""
         cache = dict(given)
         return functools.reduce(operator.add, (self._function(f, cache) for f in self.axes.get(axis, [])), 0.0)
