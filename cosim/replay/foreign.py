@@ -19,7 +19,7 @@ from cosim.texts import from_json
 
 TIME_NAMES = ("t_s", "t", "time", "time_s", "timestamp", "t_ns", "time_ns", "timestamp_ns")  # looked for in this order
 MOST_VALUES = 50_000_000  # of a Parquet file, which may hold as many in a few bytes
-_SCALES = {"_ns": 1e-9, "_us": 1e-6, "_ms": 1e-3, "_s": 1.0}
+_SCALES = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3}  # ends of a name: clock_ms, Clock (ms), clock [ms]
 
 
 def read_channels(
@@ -28,8 +28,8 @@ def read_channels(
     """Return {channel: DataFrame} of a recording; columns are float64, the index is `t_s` [s], ascending.
 
     A CSV or Parquet file is one channel, named by the file's stem; `time` names its time column (default: the first
-    of TIME_NAMES, else Parquet's own index). Its name ends in _ns, _us or _ms where it is not in seconds; dates count
-    from the first. An MCAP file has a channel per topic, times from its first message. Columns that hold no numbers
+    of TIME_NAMES, else Parquet's own index). Its name ends in _ns, (us) or [ms], say, where it is not in seconds; dates
+    count from the first. An MCAP file has a channel per topic, times from its first message. Columns without numbers
     are left out and named in `attrs["texts"]`. A clock that goes back is an error, unless `on_reset` says what to do
     ("offset", or "split" for stretch number `part`); `attrs["oddities"]` tells of gaps, doubled times and changes of
     rate. Of an MCAP file only the topics that `wanted(topic)` accepts are decoded. Raises LogError when the file cannot
@@ -167,4 +167,5 @@ def _seconds(column, name, path):
     t = pd.to_numeric(column, errors="coerce").to_numpy(np.float64)
     if not len(t):
         raise log_error("holds no row", path)
-    return t * next((scale for end, scale in _SCALES.items() if name.endswith(end)), 1.0)
+    unit = re.search(r"[\W_]([a-z]+)[)\]]?$", name)
+    return t * _SCALES.get(unit[1] if unit else "", 1.0)

@@ -60,6 +60,7 @@ def test_a_draft_flies_as_it_stands_and_names_what_it_left(tmp_path):
     assert load_map(tmp_path / "map.toml")[0].signals["left_inner.hinge_moment"].constant == 0.0
     told = diagnose(path, tmp_path / "map.toml")
     assert {"iotsekf", "rtsekf_flight"} <= {d["id"] for d in told.detectors}
+    assert told.duration_s == pytest.approx(5.0)  # of a clock in milliseconds
     again = CliRunner().invoke(cli.app, ["map", str(path), "-o", str(tmp_path / "map.toml")])
     assert again.exit_code == 2 and "is there already" in again.stderr
     nothing = CliRunner().invoke(cli.app, ["map", str(bench(tmp_path, a=["x"] * 1000))])
