@@ -101,7 +101,7 @@ def test_rows_of_other_code_do_not_mix(tmp_path):
 
 SCRIPT = """
 import sys
-sys.path.insert(0, {tests!r})
+sys.path[:0] = [{root!r}, {tests!r}]
 import cosim.campaign
 from test_campaign import flights
 if __name__ == "__main__":
@@ -113,7 +113,7 @@ if __name__ == "__main__":
 def test_kill_9_and_resume_equals_an_uninterrupted_campaign(tmp_path, monkeypatch):
     killed, whole = tmp_path / "killed", tmp_path / "whole"
     script = tmp_path / "script.py"
-    script.write_text(SCRIPT.format(tests=os.path.dirname(__file__), out=str(killed)))
+    script.write_text(SCRIPT.format(root=os.getcwd(), tests=os.path.dirname(__file__), out=str(killed)))
     process = subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE, text=True, start_new_session=True)
     for line in process.stdout:  # some files of rows are there, some runs are in flight
         if int(line) >= 6:
