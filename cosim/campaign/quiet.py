@@ -140,7 +140,7 @@ def fly(campaign: str, number: int, digest: str = "") -> dict:
         setup = build(resolved(space(campaign).number(number)))
     except TrimError:
         return {"seconds": 0.0, "dt": 0.0, "status": "infeasible", "lanes": {}}
-    history, status, _ = flown(setup)
+    trace, status, _ = flown(setup)
     if status == "interrupted":
         raise KeyboardInterrupt
     dt, watches = setup.loop.dt, setup.watches()
@@ -149,19 +149,19 @@ def fly(campaign: str, number: int, digest: str = "") -> dict:
     for name in dict.fromkeys(w.id for w in watches):
         own = [w for w in watches if w.id == name and w.r is not None]
         if own:
-            lanes[name] = _kept(history, own, p.get(name), dt)
-    return {"seconds": len(history) * dt, "dt": dt, "status": status, "lanes": lanes}
+            lanes[name] = _kept(trace, own, p.get(name), dt)
+    return {"seconds": len(trace) * dt, "dt": dt, "status": status, "lanes": lanes}
 
 
-def _kept(history, own, p, dt):
+def _kept(trace, own, p, dt):
     """Return what is kept of one detector's lanes."""
     per = round(WINDOW_S / dt)
-    most = np.zeros(-(-len(history) // per) * per)
-    judged, alarms, moments = np.zeros(len(history), bool), 0, []
+    most = np.zeros(-(-len(trace) // per) * per)
+    judged, alarms, moments = np.zeros(len(trace), bool), 0, []
     parameter = CONFIRMED.get(own[0].id)
     for i, watch in enumerate(own):
-        valid = np.ones(len(history), bool) if watch.valid is None else history[:, watch.valid] > 0.5
-        r = np.where(valid & np.isfinite(history[:, watch.r]), history[:, watch.r].astype(float), 0.0)
+        valid = np.ones(len(trace), bool) if watch.valid is None else trace[:, watch.valid] > 0.5
+        r = np.where(valid & np.isfinite(trace[:, watch.r]), trace[:, watch.r].astype(float), 0.0)
         if r.min() < 0.0 < r.max():
             moments.append([*asdict(Moments.of(r[valid])).values()])
         size = np.abs(r)
@@ -170,7 +170,7 @@ def _kept(history, own, p, dt):
             size = minimum_filter1d(size, n, mode="constant", origin=(n - 1) // 2)
         most[: len(size)] = np.maximum(most[: len(size)], size)
         judged |= valid
-        alarm = history[:, watch.alarm] > 0.5
+        alarm = trace[:, watch.alarm] > 0.5
         alarms += int(np.count_nonzero(alarm[1:] & ~alarm[:-1]) + alarm[0])
     peaks = most.reshape(-1, per).max(axis=1)
     return {

@@ -25,7 +25,7 @@ from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
 from cosim.flight.plant.trim import Trim
 from cosim.flight.tick import Block, Loop
-from cosim.flight.trace import History
+from cosim.flight.trace import Trace
 from cosim.scenario import Scenario
 from cosim.scenario.catalog import TECHNOLOGIES
 from cosim.scenario.own_actuator import register
@@ -42,7 +42,7 @@ class Setup:
     trim: Trim
     lanes: list  # fault lanes
     members: list  # (id, level, target, culprits, section, lane) of every detector lane
-    history: History  # what a run keeps of every tick
+    trace: Trace  # what a run keeps of every tick
     step_us: dict = field(default_factory=dict)
 
     @property
@@ -69,7 +69,7 @@ class Setup:
 
     def watches(self) -> list:
         """Return the Watch of every detector lane."""
-        return self.history.watches(self.step_us)
+        return self.trace.watches(self.step_us)
 
     def time_detectors(self, repeats: int = 200) -> None:
         """Measure each detector's cost per step and lane, on copies: a flight's own numbers stay untouched."""
@@ -113,6 +113,50 @@ def _sensor_lanes(scenario, rng, dt):
     return tuple(names), np.concatenate(rows)
 
 
+def _bus(scenario, plant, law, sensor_lanes, fault_lanes, built, chosen):
+    """Return the Bus with a section for everything that a tick holds, in the order of the tick."""
+    surface = dtype([(name, "f8", "-" if name.startswith("thr") else "rad") for name in plant.border.inputs])
+    segments = scenario.aircraft.segments
+    sections = [
+        ("clock", CLOCK, ("clock",)),
+        ("truth", plant.border.truth, ("aircraft",)),
+        ("surfaces", surface, ("aircraft",)),
+        ("sensors_in", sensors.INPUTS, sensor_lanes),
+        ("sensors", sensors.STATE, sensor_lanes),
+        ("pilot_in", manoeuvre.INPUTS, ("pilot",)),
+        ("pilot", manoeuvre.STATE, ("pilot",)),
+        ("law_in", law.INPUTS, ("law",)),
+        ("law", law.STATE, ("law",)),
+        ("hinge_model_in", hinge_model.INPUTS, segments),
+        ("hinge_model", hinge_model.STATE, segments),
+        ("faults_in", faults.INPUTS, tuple(fault_lanes)),
+        ("faults", faults.STATE, tuple(fault_lanes)),
+    ]
+    for name, module, _, _, lanes in built:
+        sections += [(name + "_in", module.INPUTS, lanes), (name, module.STATE, lanes)]
+    for d in chosen:
+        sections += [(d.id + "_in", d.module.INPUTS, d.lanes), (d.id, d.module.STATE, d.lanes)]
+    return Bus(sections)
+
+
+def _wires(scenario, bus, chosen, fault_lanes):
+    """Return {stage of the tick: (to, source)}, positions in the bus."""
+    tech = scenario.elevator.technology
+    stages = {
+        "sensors": wiring.sensor_wires(scenario),
+        "law": wiring.law_wires(),
+        "demand": wiring.demand_wires(),
+        "hinge": wiring.hinge_wires(tech),
+        "servos": wiring.servo_wires(tech) + detectors.feedback_wires(scenario),
+        "actuators": wiring.actuator_wires(scenario),
+        "surfaces": wiring.surface_wires(scenario),
+        "detectors": [w for d in chosen for w in d.wires()],
+        "faults": [(f"faults_in.{lane.name}.t", "clock.clock.t") for lane in fault_lanes]
+        + [(f"faults_in.{lane.name}.ref", lane.reference) for lane in fault_lanes if lane.reference],
+    }
+    return {stage: bus.wires(pairs) for stage, pairs in stages.items()}
+
+
 def build(scenario: Scenario, flightgear: int | None = None) -> Setup:
     """Return the Setup of `scenario`. Raises TrimError when the flight point cannot be flown.
 
@@ -124,7 +168,6 @@ def build(scenario: Scenario, flightgear: int | None = None) -> Setup:
     plant = Plant(point, dt=dt, flightgear=flightgear)
     trim = plant.trim()
     aircraft = scenario.aircraft
-    surface = dtype([(name, "f8", "-" if name.startswith("thr") else "rad") for name in plant.border.inputs])
     truth = plant.truth()
     t = truth[0]
     rng_errors, rng_noise = (
@@ -143,26 +186,7 @@ def build(scenario: Scenario, flightgear: int | None = None) -> Setup:
     chosen = detectors.chosen(scenario)
     fault_lanes = inject.lanes(scenario)
 
-    sections = [
-        ("clock", CLOCK, ("clock",)),
-        ("truth", plant.border.truth, ("aircraft",)),
-        ("surfaces", surface, ("aircraft",)),
-        ("sensors_in", sensors.INPUTS, sensor_lanes),
-        ("sensors", sensors.STATE, sensor_lanes),
-        ("pilot_in", manoeuvre.INPUTS, ("pilot",)),
-        ("pilot", manoeuvre.STATE, ("pilot",)),
-        ("law_in", law.INPUTS, ("law",)),
-        ("law", law.STATE, ("law",)),
-        ("hinge_model_in", hinge_model.INPUTS, aircraft.segments),
-        ("hinge_model", hinge_model.STATE, aircraft.segments),
-    ]
-    names = tuple(lane.name for lane in fault_lanes)
-    sections += [("faults_in", faults.INPUTS, names), ("faults", faults.STATE, names)]
-    for name, module, _, _, lanes in built:
-        sections += [(name + "_in", module.INPUTS, lanes), (name, module.STATE, lanes)]
-    for d in chosen:
-        sections += [(d.id + "_in", d.module.INPUTS, d.lanes), (d.id, d.module.STATE, d.lanes)]
-    bus = Bus(sections)
+    bus = _bus(scenario, plant, law, sensor_lanes, [lane.name for lane in fault_lanes], built, chosen)
     bus["truth"][:] = truth
     bus["surfaces"].view("f8")[:] = trim.surfaces  # until the first tick sends its own
 
@@ -171,22 +195,7 @@ def build(scenario: Scenario, flightgear: int | None = None) -> Setup:
         return kind(bus, name, module, p, x0, dt, every)
 
     actuator_blocks = [block(n, m, p, x) for n, m, p, x, _ in built]
-    tech = scenario.elevator.technology
-    wires = {
-        stage: bus.wires(pairs)
-        for stage, pairs in {
-            "sensors": wiring.sensor_wires(scenario),
-            "law": wiring.law_wires(),
-            "demand": wiring.demand_wires(),
-            "hinge": wiring.hinge_wires(tech),
-            "servos": wiring.servo_wires(tech) + detectors.feedback_wires(scenario),
-            "actuators": wiring.actuator_wires(scenario),
-            "surfaces": wiring.surface_wires(scenario),
-            "detectors": [w for d in chosen for w in d.wires()],
-            "faults": [(f"faults_in.{lane.name}.t", "clock.clock.t") for lane in fault_lanes]
-            + [(f"faults_in.{lane.name}.ref", lane.reference) for lane in fault_lanes if lane.reference],
-        }.items()
-    }
+    wires = _wires(scenario, bus, chosen, fault_lanes)
     places = [(to, f"faults.{lane.name}.{source}") for lane in fault_lanes for to, source in lane.places]
     to, source = bus.wires(places)
     loop = Loop(
@@ -216,7 +225,7 @@ def build(scenario: Scenario, flightgear: int | None = None) -> Setup:
     told, command = wires["actuators"]
     bus.v[told] = bus.v[command]
     members = [(d.id, d.level, d.target(lane), d.module.CULPRITS, d.id, lane) for d in chosen for lane in d.lanes]
-    history = History(scenario, bus, members)
+    trace = Trace(scenario, bus, members)
     for d in loop.detectors:
         getattr(d.module, "problems", []).clear()  # of an earlier flight
-    return Setup(scenario=scenario, loop=loop, trim=trim, lanes=fault_lanes, members=members, history=history)
+    return Setup(scenario=scenario, loop=loop, trim=trim, lanes=fault_lanes, members=members, trace=trace)

@@ -66,22 +66,22 @@ def record(setup: Any, names: Sequence[Any]) -> tuple[np.ndarray, str, str]:
 
 
 def fly(setup: Any, *logs: Any, progress: Any = None, keep: Any = None, pause: Any = None) -> tuple:
-    """Run every tick of a built flight; return (history of the ticks flown, status, reason).
+    """Run every tick of a built flight; return (trace of the ticks flown, status, reason).
 
-    `logs` take the bus of each tick (cosim/flight/tick.py); `keep` says what of it becomes history, (positions, dtype),
-    by default what the judgement needs. `pause` is (tick, call): `call(tick)` before that one is flown.
+    `logs` take the bus of each tick (cosim/flight/tick.py); `keep` says what of it becomes the trace, (positions,
+    dtype), by default what the judgement needs. `pause` is (tick, call): `call(tick)` before that one is flown.
     """
     loop, n = setup.loop, setup.ticks
-    index, kind = keep or (setup.history.index, np.float32)
-    history = np.empty((n, len(index)), kind)  # pages are taken as the flight goes on
+    index, kind = keep or (setup.trace.index, np.float32)
+    trace = np.empty((n, len(index)), kind)  # pages are taken as the flight goes on
     tape = Tape(loop.v, loop.dt, free=setup.foreign)
-    order(loop, tape, *logs, keep=(index, history))
+    order(loop, tape, *logs, keep=(index, trace))
     stop, call = pause or (n, None)
     flown, status, reason = onwards(loop, tape, range(stop), progress, n)
     if not status and call:
         call(stop)
         flown, status, reason = onwards(loop, tape, range(stop, n), progress, n)
-    return history[:flown], status or "completed", reason
+    return trace[:flown], status or "completed", reason
 
 
 def onwards(loop: Loop, tape: Tape, ticks: range, progress: Any = None, n: int = 0) -> tuple[int, str, str]:

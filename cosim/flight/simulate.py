@@ -49,22 +49,22 @@ def simulate(
         flown = time.perf_counter()
         hangs = ended_by_force(lambda: _cut_off(writer, setup)) if setup.foreign else nullcontext()
         with aside() if setup.guests else nullcontext(), hangs:
-            history, status, reason = fly(setup, *sinks, progress=progress, pause=twin and twin.pause)
+            trace, status, reason = fly(setup, *sinks, progress=progress, pause=twin and twin.pause)
         wall = time.perf_counter() - flown
         result = Result(
             log=str(log) if log else None,
             status=status,
             reason=reason,
-            sim_time_s=len(history) * setup.loop.dt,
+            sim_time_s=len(trace) * setup.loop.dt,
             wall_time_s=wall,
             faults=[{"kind": f.kind, "target": f.target, "start_s": f.start_s} for f in scenario.faults],
         )
         if timed:
             setup.time_detectors()
-        swings = twin.moved(history) if twin and status != "interrupted" else None
+        swings = twin.moved(trace) if twin and status != "interrupted" else None
         faults = judged(scenario, swings)
-        result.detectors = [judge(w, history, setup.loop.dt, faults) for w in setup.watches()]
-        done = setup.history.consequences(scenario, history)
+        result.detectors = [judge(w, trace, setup.loop.dt, faults) for w in setup.watches()]
+        done = setup.trace.consequences(scenario, trace)
         result.extra = {"achieved": swings, "consequences": done, "startup_s": flown - started, "notes": setup.notes}
         if writer:
             writer.close(result=result_texts(result))

@@ -29,7 +29,7 @@ def _rod(columns, segment, technology, aircraft):
 
 @dataclass
 class Columns:
-    """Names of the bus and their columns in the history; the same name stands once."""
+    """Names of the bus and their columns in the trace; the same name stands once."""
 
     bus: Bus
     column: dict = field(default_factory=dict)
@@ -44,7 +44,7 @@ class Columns:
         return np.array([self.bus.index(name) for name in self.column], np.int64)
 
 
-class History:
+class Trace:
     """Hold the columns of one flight: `rows[k] = v[index]` at every tick."""
 
     def __init__(self, scenario: Scenario, bus: Bus, members: list[tuple]):

@@ -70,7 +70,7 @@ class Twin:
 
     def _part(self, k):
         """Fly on without the faults from tick `k`, in a copy of this process."""
-        n, columns = self._setup.ticks, _columns(self._setup.history)
+        n, columns = self._setup.ticks, _columns(self._setup.trace)
         self._rows = np.frombuffer(mmap.mmap(-1, 4 * len(columns) * n), np.float32).reshape(n, -1)
         self._flown = np.frombuffer(mmap.mmap(-1, 8), np.int64)
         self._first, self._child = k, os.fork()
@@ -78,7 +78,7 @@ class Twin:
             try:
                 _end_with_parent()
                 gc.disable()  # what is not written to is not copied
-                self._flown[:] = _quietly(self._setup, k, self._setup.history.index[columns], self._rows)
+                self._flown[:] = _quietly(self._setup, k, self._setup.trace.index[columns], self._rows)
                 os._exit(0)
             finally:
                 os._exit(1)
@@ -87,11 +87,11 @@ class Twin:
         """Return what `achieved` returns, from the rows of the flight flown; {} when no fault acts on an elevator."""
         if not self._segments:
             return {}
-        history, scenario = self._setup.history, self._setup.scenario
-        here = _of(history, rows[:, _columns(history)])
+        trace, scenario = self._setup.trace, self._setup.scenario
+        here = _of(trace, rows[:, _columns(trace)])
         twin = self._positions(here)
         n = min(len(here), len(twin))
-        names = list(history.surface)
+        names = list(trace.surface)
         difference = here[:n].astype(float) - twin[:n]
         pair = {seg: difference[:, 2 * names.index(seg) :][:, :2] for seg in self._segments}
         dt, travel = scenario.dt, scenario.aircraft.travel
@@ -102,7 +102,7 @@ class Twin:
         if self._child:
             child, self._child = self._child, 0
             if os.waitpid(child, 0)[1] == 0:
-                rest = _of(self._setup.history, self._rows[self._first : self._flown[0]])
+                rest = _of(self._setup.trace, self._rows[self._first : self._flown[0]])
                 _keep(self._key, np.concatenate([here[: self._first], rest]))
         return positions(self._key)
 
@@ -145,7 +145,7 @@ def positions(scenario_toml: str) -> NDArray[np.float32]:
     if scenario_toml not in _positions:
         setup = build(parse(tomllib.loads(scenario_toml)))
         rows, *_ = fly(setup)
-        _keep(scenario_toml, _of(setup.history, rows[:, _columns(setup.history)]))
+        _keep(scenario_toml, _of(setup.trace, rows[:, _columns(setup.trace)]))
     _positions.move_to_end(scenario_toml)
     return _positions[scenario_toml]
 
@@ -167,17 +167,17 @@ def _without_faults(scenario):
     return _quiet(scenario).expanded_toml()
 
 
-def _columns(history):
-    """Return the columns of the history that `_of` takes: of each segment its rod, where it has one, and surface."""
-    return [c for seg in history.surface for c in (*history.rod.get(seg, ())[:1], history.surface[seg])]
+def _columns(trace):
+    """Return the columns of the trace that `_of` takes: of each segment its rod, where it has one, and surface."""
+    return [c for seg in trace.surface for c in (*trace.rod.get(seg, ())[:1], trace.surface[seg])]
 
 
-def _of(history, rows):
+def _of(trace, rows):
     """Return `positions` from the rows (ticks, columns) of `_columns`."""
-    out = np.full((len(rows), 2 * len(history.surface)), np.nan, np.float32)
+    out = np.full((len(rows), 2 * len(trace.surface)), np.nan, np.float32)
     columns = iter(rows.T)
-    for i, seg in enumerate(history.surface):
-        if seg in history.rod:
-            out[:, 2 * i] = history.rod[seg][1] * next(columns)
+    for i, seg in enumerate(trace.surface):
+        if seg in trace.rod:
+            out[:, 2 * i] = trace.rod[seg][1] * next(columns)
         out[:, 2 * i + 1] = next(columns)
     return out

@@ -36,26 +36,26 @@ SETTLE_S, SETTLE_PERIODS = 2.0, 3.0  # after the onset and its ramp; the longer 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Estimate one fault: its column in the history, those of the truth, how they combine, when it should hold."""
+    """Estimate one fault: its column in the trace, those of the truth, how they combine, when it should hold."""
 
     column: int
     columns: tuple
-    truth: Callable  # (history columns as (n, ticks) float64, dt) -> (ticks,)
+    truth: Callable  # (trace columns as (n, ticks) float64, dt) -> (ticks,)
     unit: str
     start: float  # [s], after settling
     end: float  # [s]
 
-    def error(self, history: np.ndarray, dt: float) -> np.ndarray:
+    def error(self, trace: np.ndarray, dt: float) -> np.ndarray:
         """Return f_hat - f on the settled ticks, empty when there are none."""
-        f = self.truth(history[:, list(self.columns)].T.astype(float), dt)
-        late = slice(round(self.start / dt), round(min(self.end / dt, len(history))))
-        return (history[:, self.column].astype(float) - f)[late]
+        f = self.truth(trace[:, list(self.columns)].T.astype(float), dt)
+        late = slice(round(self.start / dt), round(min(self.end / dt, len(trace))))
+        return (trace[:, self.column].astype(float) - f)[late]
 
 
 def plan(scenario: "Scenario", detector: str, lane: str, columns: Callable[[str], int]) -> Estimate | None:
     """Return the Estimate of the earliest fault that `detector` estimates on `lane`, or None.
 
-    `columns(bus name)` gives a column of the history.
+    `columns(bus name)` gives a column of the trace.
     """
     for j in sorted(scenario.injections(), key=lambda j: j.start):
         found = _found(detector, lane, j, scenario)

@@ -19,7 +19,7 @@ MOVES = ("jam_solid", "jam", "runaway")  # kinds that show only where the rod is
 
 @dataclass(frozen=True)
 class Watch:
-    """One detector lane as the judgement sees it: names, and where its outputs stand in the history's columns."""
+    """One detector lane as the judgement sees it: names, and where its outputs stand in the trace's columns."""
 
     id: str
     level: str  # "local" or "aircraft"
@@ -45,7 +45,7 @@ def columns(culprits: tuple, outputs: Sequence[str]) -> list[str]:
 
 
 def watch_of(name: str, level: str, target: str, culprits: tuple, at: Mapping[str, int], **more: Any) -> Watch:
-    """Return the Watch of a lane; `at` maps its outputs to columns of the history."""
+    """Return the Watch of a lane; `at` maps its outputs to columns of the trace."""
     alarms = tuple((c, at[f]) for c, f in code.alarm_fields(culprits, tuple(at)).items())
     return Watch(name, level, target, culprits, alarms=alarms, **{n: at[n] for n in OUTPUTS if n in at}, **more)
 
@@ -69,17 +69,17 @@ class Said:
         return {"class": code.class_name(self.verdict[k]), "target": target}
 
 
-def said(watch: Watch, history: NDArray, targets: Sequence[str] = ()) -> Said:
-    """Return what a lane says of a fault on `targets`; `history` is (ticks, columns).
+def said(watch: Watch, trace: NDArray, targets: Sequence[str] = ()) -> Said:
+    """Return what a lane says of a fault on `targets`; `trace` is (ticks, columns).
 
     Where the lane has an alarm for each part and those of all the fault's parts are up, it names these parts.
     """
-    alarm, verdict, part = (history[:, c] for c in (watch.alarm, watch.verdict, watch.culprit))
+    alarm, verdict, part = (trace[:, c] for c in (watch.alarm, watch.verdict, watch.culprit))
     own = dict(watch.alarms)
     mine = members_of(own, targets, watch.level)
     if not mine:
         return Said(alarm > 0.5, verdict, part, watch.culprits)
-    each = np.stack([history[:, own[c]] > 0.5 for c in mine])
+    each = np.stack([trace[:, own[c]] > 0.5 for c in mine])
     named = each.all(axis=0) & blames(BOTH.join(mine), targets, watch.level)
     first = np.isin(part, [watch.culprits.index(c) for c in mine])
     kind = {"sensor": code.SENSOR, "engine": code.THRUST}.get(targets[0].split(".")[0], code.AMBIGUOUS)
@@ -89,7 +89,7 @@ def said(watch: Watch, history: NDArray, targets: Sequence[str] = ()) -> Said:
 
 
 def noticed(
-    watch: Watch, history: NDArray, fault: Mapping, until: float, dt: float, earlier: Sequence[Mapping] = ()
+    watch: Watch, trace: NDArray, fault: Mapping, until: float, dt: float, earlier: Sequence[Mapping] = ()
 ) -> dict:
     """Return what the lane made of `fault` before the next one begins at `until` [s]; times [s], None for never.
 
@@ -103,10 +103,10 @@ def noticed(
     seen. `valid_at_fault` is the share of the fault's time in which the lane called itself valid, until it noticed; one
     that missed with less than ABLE could not judge.
     """
-    ticks, start, end = len(history), fault["start_s"], fault["end_s"]
+    ticks, start, end = len(trace), fault["start_s"], fault["end_s"]
     first = round(start / dt)
     healed, last = (_tick(t, dt, ticks) for t in (min(end, until), min(end + GRACE_S, until)))
-    s = said(watch, history, fault["targets"])
+    s = said(watch, trace, fault["targets"])
     renamed = _renamed(watch, s, fault, first, healed, dt, earlier)
     k = min((i for i in (detection(s.alarm, first, last), renamed) if i is not None), default=None)
     out: dict[str, Any] = dict.fromkeys(
@@ -124,7 +124,7 @@ def noticed(
             **_withdrawn(s.alarm, end, k, healed, _tick(until, dt, ticks), dt),
         }
     stop = max(first + 1, healed if k is None else k)
-    out |= _validity(watch, history[first:stop], seen=k is not None)
+    out |= _validity(watch, trace[first:stop], seen=k is not None)
     return {"fault": fault.get("fault"), **out}
 
 
@@ -209,20 +209,20 @@ def _not_excited(watch, fault):
     return None if moved is None or fault.get("kind") not in MOVES else math.isinf(moved)
 
 
-def _validity(watch, history, seen):
-    share, why = validity(watch, history)
+def _validity(watch, trace, seen):
+    share, why = validity(watch, trace)
     able = seen or share >= ABLE
     return {"able": able, "valid_at_fault": share, "why_not_valid": None if able else why}
 
 
-def validity(watch: Watch, history: NDArray) -> tuple[float, str | None]:
+def validity(watch: Watch, trace: NDArray) -> tuple[float, str | None]:
     """Return (share of ticks in which the lane called itself valid, its most frequent reason in the others)."""
-    if watch.valid is None or not len(history):
+    if watch.valid is None or not len(trace):
         return 1.0, None
-    down = ~(history[:, watch.valid] > 0.5)
-    share = 1.0 - float(np.count_nonzero(down)) / len(history)
+    down = ~(trace[:, watch.valid] > 0.5)
+    share = 1.0 - float(np.count_nonzero(down)) / len(trace)
     if watch.why is None or not down.any():
         return share, None
-    codes = history[down, watch.why]
+    codes = trace[down, watch.why]
     codes = codes[codes > 0.5].astype(int)
     return share, reason.words(float(np.bincount(codes).argmax())) if len(codes) else None

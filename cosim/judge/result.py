@@ -141,10 +141,10 @@ def concerns(watch: Watch, fault_targets: Iterable[str]) -> bool:
     return watch.level == "aircraft" or any(mine)
 
 
-def judge(watch: Watch, history: NDArray, dt: float, faults: Sequence[Mapping]) -> dict:
+def judge(watch: Watch, trace: NDArray, dt: float, faults: Sequence[Mapping]) -> dict:
     """Return one detector's entry of the result.
 
-    `history` is (ticks, columns); `faults` are those of `judged`: dicts with `fault` (its number), `case`, `kind`,
+    `trace` is (ticks, columns); `faults` are those of `judged`: dicts with `fault` (its number), `case`, `kind`,
     `targets` (tuple), `start_s`, `end_s`, `period_s` (nan without one) and perhaps `moved_at_s`. `by_fault` has an
     entry (cosim/judge/noticed.py) for each fault that concerns the lane and to which its detector is not blind (to all
     that concern it: for each), between its onset and the next one's. The lane's own figures are those of the fault that
@@ -152,9 +152,9 @@ def judge(watch: Watch, history: NDArray, dt: float, faults: Sequence[Mapping]) 
     `standing_s` is how long its alarm stands there. `valid_share` counts from SETTLE_S on.
     """
     mine = sorted((f for f in faults if concerns(watch, f["targets"])), key=lambda f: f["start_s"])
-    alarm = history[:, watch.alarm]
+    alarm = trace[:, watch.alarm]
     rises, true = onsets(alarm), faulty(mine, len(alarm), dt)
-    share, why = validity(watch, history[min(round(SETTLE_S / dt), len(history) // 2) :])
+    share, why = validity(watch, trace[min(round(SETTLE_S / dt), len(trace) // 2) :])
     entry = {
         "id": watch.id,
         "level": watch.level,
@@ -173,20 +173,20 @@ def judge(watch: Watch, history: NDArray, dt: float, faults: Sequence[Mapping]) 
         "step_us": watch.step_us,
         "estimate_max": None,
         "estimate_unit": None,
-        **largest(watch, history, dt, faults),
+        **largest(watch, trace, dt, faults),
     }
     if watch.estimate:
-        entry |= errors(watch.estimate.error(history, dt), watch.estimate.unit)
+        entry |= errors(watch.estimate.error(trace, dt), watch.estimate.unit)
     if mine:
         sighted = [f for f in mine if coverage.expected(watch.id, f.get("case", "")).word != coverage.BLIND] or mine
         entry["by_fault"] = [
-            noticed(watch, history, f, _next(f, sighted), dt, [g for g in mine if g["start_s"] < f["start_s"]])
+            noticed(watch, trace, f, _next(f, sighted), dt, [g for g in mine if g["start_s"] < f["start_s"]])
             for f in sighted
         ]
         seen = [d for d in entry["by_fault"] if d["detected_at_s"] is not None]
         entry |= min(seen, key=lambda d: d["detected_at_s"], default=entry["by_fault"][0])
     elif len(rises):
-        s = said(watch, history)
+        s = said(watch, trace)
         given = np.flatnonzero(s.alarm & (s.verdict > 0.5))
         entry["detected_at_s"] = int(rises[0]) * dt
         if len(given):
@@ -199,14 +199,14 @@ def _next(fault, faults):
     return min((f["start_s"] for f in faults if f["start_s"] > fault["start_s"]), default=math.inf)
 
 
-def largest(watch: Watch, history: NDArray, dt: float, faults: Sequence[Mapping]) -> dict:
+def largest(watch: Watch, trace: NDArray, dt: float, faults: Sequence[Mapping]) -> dict:
     """Return the largest |r| before the first fault of the flight (all of it without one) and from its onset on.
 
     Each is None where there is none.
     """
     if watch.r is None:
         return {"r_max_before": None, "r_max_after": None}
-    r = np.abs(history[:, watch.r])
+    r = np.abs(trace[:, watch.r])
     onset = min((round(f["start_s"] / dt) for f in faults), default=len(r))
     parts = {"r_max_before": r[:onset], "r_max_after": r[onset:]}
     return {name: float(np.nanmax(part)) if np.isfinite(part).any() else None for name, part in parts.items()}

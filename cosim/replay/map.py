@@ -115,22 +115,7 @@ def diagnose(
     ]
     odd = [text for frame in tables.values() for text in frame.attrs.get("oddities", ())]
     out.caveats = notices + odd + slow(sources, channels, dt)
-    done = []
-    for d in found:
-        missing = {
-            lane: [n for n in dict.fromkeys(w.signal.word for w in wires[d.id, lane]) if n not in values]
-            for lane in d.lanes
-        }
-        out.not_run += [
-            {"id": d.id, "target": d.target(lane), "missing": lack} for lane, lack in missing.items() if lack
-        ]
-        ready = replace(d, lanes=tuple(lane for lane in d.lanes if not missing[lane]))
-        if ready.lanes:
-            p = ready.params(scenario, dt)
-            override(d.record, d.module, p, (overrides or {}).get(d.id, {}), dt)
-            for i, lane in enumerate(ready.lanes):
-                u = _inputs(ready, wires[d.id, lane], values, n)
-                done.append((ready, lane, u, _run(ready, lane, u, p[i : i + 1], dt)))
+    done, out.not_run = _run_all(found, wires, values, scenario, overrides or {}, n, dt)
     if not done:
         lacking = "; ".join(f"{r['id']} of {r['target']}: {', '.join(r['missing'])}" for r in out.not_run[:4])
         raise ReplayError("no detector has all its inputs", place=str(map_path), remedy=f"Missing: {lacking}")
@@ -138,6 +123,23 @@ def diagnose(
     if output:
         replace_file(output, lambda part: _write(part, done, out, text, dt))
     return out
+
+
+def _run_all(found, wires, values, scenario, overrides, n, dt):
+    """Return ([(detector, lane, inputs, outputs)] of the lanes whose inputs are complete, what the others lack)."""
+    done, not_run = [], []
+    for d in found:
+        words = {lane: dict.fromkeys(w.signal.word for w in wires[d.id, lane]) for lane in d.lanes}
+        missing = {lane: [word for word in own if word not in values] for lane, own in words.items()}
+        not_run += [{"id": d.id, "target": d.target(lane), "missing": lack} for lane, lack in missing.items() if lack]
+        ready = replace(d, lanes=tuple(lane for lane in d.lanes if not missing[lane]))
+        if ready.lanes:
+            p = ready.params(scenario, dt)
+            override(d.record, d.module, p, overrides.get(d.id, {}), dt)
+            for i, lane in enumerate(ready.lanes):
+                u = _inputs(ready, wires[d.id, lane], values, n)
+                done.append((ready, lane, u, _run(ready, lane, u, p[i : i + 1], dt)))
+    return done, not_run
 
 
 def _scenario(m, chosen, place):

@@ -63,7 +63,7 @@ def record(scenario: Scenario, path: str | Path) -> dict:
     if chosen(scenario):
         raise LogError("a servo closes on a detector", place=str(path), remedy="elevator.feedback = 'measured'")
     setup = build(scenario)
-    bus, kept = setup.loop.bus, list(setup.history.index)
+    bus, kept = setup.loop.bus, list(setup.trace.index)
     words = {w: s for w, s in readable(scenario).items() if s.source.split(".")[0] in bus.lanes and _there(bus, s)}
     flags = {w + VALID: s.flag for w, s in words.items() if s.flag}
     truth = [n for n in estimation.truths(scenario)]
@@ -74,8 +74,8 @@ def record(scenario: Scenario, path: str | Path) -> dict:
         rows, status, reason = fly(setup, keep=(np.array([*kept, *index], np.int64), np.float64), pause=twin.pause)
         if status == "interrupted":
             raise KeyboardInterrupt
-        history, values = rows[:, : len(kept)].astype(np.float32), rows[:, len(kept) :]
-        achieved = twin.moved(history)
+        trace, values = rows[:, : len(kept)].astype(np.float32), rows[:, len(kept) :]
+        achieved = twin.moved(trace)
     table = {}
     for i, (name, source) in enumerate(zip([*words, *flags, *truth], sources)):
         column = np.ascontiguousarray(values[:, i])
@@ -88,7 +88,7 @@ def record(scenario: Scenario, path: str | Path) -> dict:
     about = {
         "status": status, "reason": reason, "sim_time_s": len(rows) * scenario.dt,
         "achieved": achieved,
-        "consequences": setup.history.consequences(scenario, history), "scenario": scenario.expanded_toml(),
+        "consequences": setup.trace.consequences(scenario, trace), "scenario": scenario.expanded_toml(),
     }  # fmt: skip
     content = hashlib.sha256(json.dumps(about | {"scenario": ""}, sort_keys=True).encode())
     for name, column in table.items():
@@ -237,9 +237,9 @@ def _entry(recording, d, lane, out):
     at = {f: column(f"{d.id}.{lane}.{f}") for f in columns(d.module.CULPRITS, d.module.OUTPUTS)}
     plan = estimation.plan(recording.scenario, d.id, lane, column)
     own = {f"{d.id}.{lane}.{f}": out[:, i] for i, f in enumerate(fields)}
-    history = np.stack([own[n] if n in own else recording.column(n) for n in names], axis=1)
+    trace = np.stack([own[n] if n in own else recording.column(n) for n in names], axis=1)
     watch = watch_of(d.id, d.level, d.target(lane), d.module.CULPRITS, at, estimate=plan)
-    return judge(watch, history, recording.scenario.dt, recording.faults)
+    return judge(watch, trace, recording.scenario.dt, recording.faults)
 
 
 def again(path: str | Path, scenario_toml: str, sha256: str) -> Recording:
