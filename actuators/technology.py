@@ -8,7 +8,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from types import ModuleType
-from typing import Any
 
 from actuators.constants import RAD_PER_DEG
 
@@ -145,7 +144,6 @@ class Technology:
     gain_of: str = ""  # technology whose closed loop turns millimetres into u at the valve; "": its own
     # position amplitude [m] per unit that replaces the valve command or drive demand, over (omega [rad/s], own)
     solid_gain: Callable[[float, Own], float] = lambda omega, own: math.nan
-    loop: Callable[..., Any] = lambda **load: None  # (hm0=, hmd=, dt=) -> the sampled loop of actuators.linear
 
     @property
     def tolerances(self) -> tuple[str, ...]:

@@ -57,12 +57,6 @@ def _solid_gain(omega, own):
     return abs(complex(np.linalg.solve(1j * omega * np.eye(6) - A, B)[2, 0])) * _design(own).gains["position"]
 
 
-def _loop(**load):
-    from actuators.linear import ema_loop
-
-    return ema_loop(**load)
-
-
 TECHNOLOGY = Technology(
     name="ema",
     article="an EMA",
@@ -122,5 +116,4 @@ TECHNOLOGY = Technology(
     # the integrator's dead band is wider than the small motion that gains are measured with
     smooth=({"dead": 0.0}, {"T_c": 0.0, "T_s": 0.0}),
     solid_gain=_solid_gain,
-    loop=_loop,
 )  # fmt: skip

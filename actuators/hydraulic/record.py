@@ -67,12 +67,6 @@ def _solid_gain(omega, own):
     return abs(complex((C @ np.linalg.solve(1j * omega * np.eye(3) - A, B))[0, 0])) * _design(own).arm
 
 
-def _loop(**load):
-    from actuators.linear import hydraulic_loop
-
-    return hydraulic_loop(**load)
-
-
 TECHNOLOGY = Technology(
     name="hydraulic",
     article="a hydraulic",
@@ -123,5 +117,4 @@ TECHNOLOGY = Technology(
     most_delay=1.0,
     smooth=({}, {"F_c": 0.0, "F_s": 0.0}),
     solid_gain=_solid_gain,
-    loop=_loop,
 )  # fmt: skip

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 from actuator_loops import DT, between, fly_ema, liquid, predicted, solid, step, there_and_back
+from servo_loops import ema_loop
 
-from actuators import linear
 from actuators.ema import actuator as ema
 from actuators.ema import jay
 from actuators.ema import servo as ema_servo
@@ -115,7 +115,7 @@ def test_lost_samples_are_bridged():
 
 def test_linear_model_predicts_the_flown_response():
     load = {"hm0": -1000.0, "hmd": -15e3}
-    m = linear.ema_loop(**load)
+    m = ema_loop(**load)
     command = step(0.2, 2.0)
     # at rest the screw is ahead of the surface by the wound spring, and the servo commands the screw
     p = ema.params(**SMOOTH)
@@ -127,7 +127,7 @@ def test_linear_model_predicts_the_flown_response():
 @pytest.mark.parametrize("hmd", [0.0, -15e3, -26e3, 5e3])
 def test_loop_is_stable_over_hinge_stiffness_and_parameters(hmd):
     for off in ({}, {"J_M": 0.003}, {"J_M": 0.002}, {"K_T": 0.4, "K_B": 0.4}, {"K_s": 5e7}, {"R": 0.5}):
-        m = linear.ema_loop(hmd=hmd, hm0=-1000.0, actuator=ema.params(**off))
+        m = ema_loop(hmd=hmd, hm0=-1000.0, actuator=ema.params(**off))
         assert np.abs(np.linalg.eigvals(m.A)).max() < math.exp(-2 * DT)
 
 

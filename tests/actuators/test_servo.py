@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 from actuator_loops import DT, between, fly_hydraulic, liquid, predicted, solid, step, there_and_back
+from servo_loops import hydraulic_loop
 
-from actuators import linear
 from actuators.common import reference
 from actuators.ema import jay
 from actuators.hydraulic import actuator as hydraulic
@@ -180,7 +180,7 @@ def test_liquid_ofc_at_the_valve_moves_the_rod_as_the_error_poles_say():
 def test_linear_model_predicts_the_flown_response():
     """A small step through the sampled linear model and through the smooth nonlinear loop: 1 per cent of the step."""
     load = {"hm0": -1000.0, "hmd": -15e3}
-    m = linear.hydraulic_loop(**load)
+    m = hydraulic_loop(**load)
     command = step(0.2, 2.0)
     log, _ = fly_hydraulic(command, noise=0.0, actuator=hydraulic.params(**SMOOTH), **load)
     assert np.abs(predicted(m, command) - log["delta"]).max() < 0.01 * math.radians(0.2)
@@ -189,7 +189,7 @@ def test_linear_model_predicts_the_flown_response():
 @pytest.mark.parametrize("hmd", [0.0, -15e3, -26e3, 5e3])
 def test_loop_is_stable_over_hinge_stiffness_and_parameters(hmd):
     for off in ({}, {"M": 2400.0}, {"M": 1600.0}, {"E": 5e8}, {"L": 0.1}, {"P_s": 1.1e7}):
-        m = linear.hydraulic_loop(hmd=hmd, hm0=-1000.0, actuator=hydraulic.params(**off))
+        m = hydraulic_loop(hmd=hmd, hm0=-1000.0, actuator=hydraulic.params(**off))
         assert np.abs(np.linalg.eigvals(m.A)).max() < math.exp(-4 * DT)
 
 

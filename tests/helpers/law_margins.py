@@ -9,12 +9,12 @@ import math
 
 import numpy as np
 from scipy.linalg import expm
+from servo_loops import ema_loop, hydraulic_loop, response
 
 from actuators.constants import G0
-from actuators.linear import response
-from cosim.scenario.catalog import TECHNOLOGIES
 
 STATES = ("tas", "alpha", "q", "theta", "h")
+LOOPS = {"hydraulic": hydraulic_loop, "ema": ema_loop}
 DELAY_S, DELAY_AIR_S = 0.005, 0.010  # of inertial and of air data in sensor set `transport`
 
 
@@ -29,7 +29,7 @@ def return_ratio(model, p, technologies, hinge, frequency, dt=0.005, protected=F
     E = expm(np.block([[A, B.sum(1, keepdims=True)], [np.zeros((1, n + 1))]]) * dt)
     Phi, Gamma = E[:n, :n], E[:n, n:]
     z = np.exp(1j * frequency * dt)
-    one = {t: response(TECHNOLOGIES[t].loop(hm0=hinge[0], hmd=hinge[1], dt=dt), frequency) for t in set(technologies)}
+    one = {t: response(LOOPS[t](hm0=hinge[0], hmd=hinge[1], dt=dt), frequency) for t in set(technologies)}
     act = sum(one[t] for t in technologies) / len(technologies)
     y = np.array([(C @ np.linalg.solve(zi * np.eye(n) - Phi, Gamma) + D.sum(1, keepdims=True))[:, 0] for zi in z])
     n_z, q, hdot = (y[:, :3] * (z ** -round(DELAY_S / dt))[:, None]).T
