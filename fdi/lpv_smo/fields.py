@@ -55,6 +55,7 @@ PARAMS = dtype(
         ("gust_0", "f8", "rad"),  # rms of gusts assumed at the start
         ("tau_gust", "f8", "s"),  # memory of that rms
         ("tau_blow", "f8", "s"),  # and how soon it follows a gust that is larger
+        ("gust_max", "f8", "rad"),  # it is counted up to here; near it nothing is said: the model is wrong, not the air
         ("t_confirm", "f8", "s"),
         ("t_release", "f8", "s"),
         ("bank_max", "f8", "rad"),  # bank beyond which nothing is said, 0 for no such bound

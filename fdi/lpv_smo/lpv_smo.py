@@ -68,6 +68,7 @@ LEARN = 8.0  # in flight: the paper's faults come at 10 s [s]
 ADOT = 0.3  # of a transport: Cm_alphadot over Cm_q + Cm_alphadot
 GRADIENT = 0.6  # of the damping in pitch: what a gust that grows along the body does, by training flights
 CULPRITS = ("", "elevator", "n_z", "alpha")
+NEAR = 0.9  # of the largest rms of gusts: beyond it nothing is said
 HELD = 0.6  # an oscillation is held to be there for so long after the last fit that found it [s]
 OUTPUTS = (
     "r", "alarm", "verdict", "culprit", "alarm_elevator", "alarm_n_z", "alarm_alpha", "valid", "why", "box",
@@ -293,7 +294,7 @@ def step(x, u, p, dt):
     reconstruct(x, u, p, dt)
     if x.age > p.t_settle:  # also while nothing is said: what comes after is judged by it
         # gust_hat is none of the three estimates, so that no fault of a sensor passes for weather
-        more = x.gust_hat * x.gust_hat - x.gust
+        more = min(math.fabs(x.gust_hat), p.gust_max) ** 2 - x.gust
         x.gust += (1.0 - math.exp(-dt / (p.tau_blow if more > 0.0 else p.tau_gust))) * more
     air = x.path + x.gust_hat  # without the vane, whose fault is no stall
     steep = max(max(x.path, air), x.eq[0] * RAD_PER_DEG) > p.alpha_max or -x.A[0, 0] < p.lift_min
@@ -304,7 +305,7 @@ def step(x, u, p, dt):
             why = LOST_SENSOR
         elif x.age <= p.t_settle or (x.learned < 0.5 and p.t_learn > 0.0):
             why = NOT_READY
-        elif x.calm < min(x.age, p.t_recover) - 0.5 * dt:
+        elif x.calm < min(x.age, p.t_recover) - 0.5 * dt or x.gust > (NEAR * p.gust_max) ** 2:
             why = BOX_ALPHA
         elif p.bank_max > 0.0 and math.fabs(u.phi) > p.bank_max and usable(u.phi, u.phi_valid) > 0.5:
             why = BANK

@@ -64,3 +64,20 @@ def test_gusts_count_while_nothing_is_said(flown):
 def test_a_larger_gust_is_followed_sooner_than_it_is_forgotten(flown):
     early = flown.index < 8.0
     assert rms(flown)[0][early].max() > 1.2 * rms(flown, tau_blow=8.0)[0][early].max()
+
+
+def test_a_stall_is_no_gust_that_hides_faults_afterwards():
+    """Beyond the linear lift the estimate of gusts is wrong by 20 deg: soon after it faults are found as in cruise."""
+    at = 71.0
+    given = ["duration_s=75", "flight.mass_t=280", "flight.cas_kt=260", "manoeuvre.kind=aoa_protection",
+             "detectors.enabled=[]", "faults.0.target=elevator.all", "faults.0.kind=bias", "faults.0.at=command",
+             "faults.0.bias_deg=3.0", f"faults.0.start_s={at}"]  # fmt: skip
+    slow = fly(load_scenario("cruise", given), WIRES.values())
+    t = slow.index.to_numpy()
+
+    def found(**changes):
+        log = watched(slow, **changes)
+        assert (log["valid"][t > at] > 0.5).all() and not log["alarm_elevator"][t < at].any()
+        return t[(log["alarm_elevator"] > 0.5) & (t > at)][0] - at
+
+    assert found() < 1.0 < 1.5 < found(gust_max=1.0)
