@@ -88,8 +88,10 @@ def _said(name, case, entry):
 
 
 def _word(entry):
-    found = entry["isolated"]
-    return f" ({found['class']})" if found else ""
+    first, last = ((entry.get(key) or {}).get("class") for key in ("first_verdict", "isolated"))
+    if not last:
+        return ""
+    return f" ({last})" if first in (None, last) else f" ({first}, at last {last})"
 
 
 def _peak(lanes, name):

@@ -14,6 +14,7 @@ from cosim.cli.app import answer, app, err, out
 from cosim.cli.output import JsonOption, ReadmeOption, WorkersOption, output_option, reserve
 from cosim.cli.tables import escape, table
 from cosim.files import replace
+from cosim.training import TRAINERS
 
 
 @app.command()
@@ -126,7 +127,7 @@ def design(
 
 @app.command()
 def study(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="A study: cosim study lists them.")],
+    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="A study; left out: lists them.")] = None,
     questions: Annotated[
         list[str] | None, typer.Argument(metavar="[QUESTION]…", help="Of the study; default: all.")
     ] = None,
@@ -142,6 +143,12 @@ def study(
     """Answer a question about the detectors by many small flights, and print its tables."""
     from cosim.papers import studies as work
 
+    if name is None:
+        shown = tables.table("Studies: `cosim study NAME`", "study", "about")
+        for each in work.NAMES:
+            shown.add_row(each, tables.escape(work.known(each).ABOUT))
+        out.print(shown)
+        return
     chosen = work.chosen(name, questions or ())
     if list_:
         shown = tables.table(work.known(name).ABOUT, "question", "asks", "seeds>")
@@ -164,7 +171,7 @@ def study(
 
 @app.command()
 def train(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="hydraulic, aircraft, ema, rfafe or learned.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help=f"{', '.join(TRAINERS)}.")],
     check: Annotated[bool, typer.Option("--check", help="Write nothing.")] = False,
     first_seed: Annotated[
         int | None, typer.Option("--first-seed", min=0, help="Of the training flights.", show_default=False)

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import linprog
 from scipy.sparse import csr_matrix, hstack, identity
 
-PROBABILITY = 1e-3  # of a false alarm of a detector in a flight of 60 s: every threshold is trained to it
+PROBABILITY = 1e-3  # of a false alarm of a detector in a flight of 60 s: what `cosim train` finds is trained to it
 LEVELS = (0.97, 0.99, 0.999, 0.9999)  # of the regression, to choose from
 LEAST = 0.25
 UPPER = 0.8  # from this quantile of the flights on the tail is exponential

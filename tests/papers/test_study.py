@@ -50,6 +50,11 @@ def test_the_command_helps_and_refuses(study):
     assert asked("one", "--seeds", "0").exit_code == 2
 
 
+def test_without_a_name_the_studies_are_listed():
+    told = CliRunner().invoke(cli.app, ["study"])
+    assert told.exit_code == 0 and all(name in told.stdout for name in studies.NAMES)
+
+
 def test_an_unknown_study_is_refused_with_a_proposal():
     refused = CliRunner().invoke(cli.app, ["study", "manoevres"])
     assert refused.exit_code == 2 and "Did you mean 'manoeuvres'" in refused.stderr
