@@ -73,7 +73,7 @@ PARAMS = [
     ("felt_least", "f8", "-"),  # share of f that the motor must have felt: a drive's is 1, a sensor's 0
     ("felt_most", "f8", "-"),  # and may have, where it is the sensor's
     ("b_motor", "f8", "A s/rad"),  # current per rate that weaker magnets would cause, all lost
-    # sizes from which a gain is a fault, between what is healthy and what is not; false alarms are z_gain's
+    # sizes from which a gain is a fault; how often a healthy one alarms is z_gain's
     ("th_a", "f8", "-"),  # gain error of the current: a winding 39 % up, 100 K warm, takes .0095, one 80 % up .0195
     ("th_b", "f8", "-"),  # share of the magnets: beyond two tolerances of 5 %
     ("z_gain", "f8", "-"),  # by so many deviations beyond it, by `cosim train ema`

@@ -24,7 +24,7 @@ HEAVY = 0.4  # of the load that is a jam's: what winds the screw up while the fi
 JAMMED = 1.5  # of the load that nothing explains: less may be friction
 T_MOVING = 1.0  # after the alarm: what moves under such a load has not just been stopped [s]
 SURE = 120.0  # information about what the motor has felt [rad2/s2]: the share is known to a tenth
-SURE_SINE = 480.0  # before a sine is the sensor's: friction keeps a small one in the drive from the motor at first
+SURE_SINE = 4.0 * SURE  # before a sine is the sensor's: friction keeps a small one in the drive from the motor at first
 
 
 @kernel

@@ -232,7 +232,7 @@ def jumped(x, rod, surface, dt):
         x.jump_of = 0.0
     elif x.pair_time > 0.0 and x.age == 0.0 and x.sensor < 0.5:
         e = math.fabs(x.gamma_rod)
-        if e > JUMP and x.jump_e < BEFORE * e and x.alarm < 0.5:  # an oscillation's are as large
+        if e > JUMP and x.jump_e < BEFORE * e and x.alarm < 0.5:  # samples of an oscillation rise one after the other
             x.jump_ticks = 1.0
         elif x.jump_ticks > 0.0:
             x.jump_ticks = x.jump_ticks + 1.0 if x.gamma_rod * x.jump_side > 0.2 * JUMP * JUMP else 0.0

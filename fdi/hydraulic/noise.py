@@ -3,8 +3,9 @@
 sigma^2 = mean (e_k - 2 e_k-1 + e_k-2)^2 / 6 of white samples. The rod's own reading serves as e: no actuator turns
 within two samples. The pressure does, as the valve does: its sixth difference serves, in which the third harmonic of
 an oscillation at 10 Hz is 4 times smaller than in the fourth. Its innovation knows what the valve was told, but not
-what it does instead: the lesser of the two serves. From LOUD times the variance that the filter assumes on
-the sensor is noisy, until it is back below CALM times; one sample counts for no more than MOST, so that a jump is none.
+what it does instead: the lesser of the two serves. From LOUD times the variance that the filter assumes on (the pressure
+from LOUD_DP) the sensor is noisy, until it is back below CALM times; one sample counts for no more than MOST, so that a
+jump is none.
 """
 
 import math
@@ -12,8 +13,8 @@ import math
 from actuators.block import kernel
 
 LOUD, CALM, MOST = 12.0, 5.0, 50.0  # of the variance that the filter assumes
-LOUD_DP = 20.0  # ... of the pressure: a protection that throws the valve from stop to stop makes up to 13.5
-SWUNG = 3.0  # times that for the pressure once an oscillation is held to be there: a valve at its stops is not smooth
+LOUD_DP = 20.0  # ... of the pressure: protections that throw the valve from stop to stop make up to 13.5 (60 flights)
+SWUNG = 3.0  # times LOUD for the pressure once an oscillation is held to be there: a valve at its stops is not smooth
 USUAL = 1.7  # up to here it is what flights are trained with
 SHORT_TICK = 0.0075  # over longer ones the valve's own steps fill a sixth difference [s]
 SIXTH = math.sqrt(6.0 / 924.0)  # of white noise: size of a second difference over that of a sixth

@@ -35,7 +35,7 @@ SECOND = 0.4  # of the suspect's amplitude: from there on the other side oscilla
 # variance of their mean; how many of its deviations are beyond doubt
 CENTRE, ALIKE, SURE = 0.32, 8.0, 2.0
 FAST, FAST_N = 5.5, 14  # [Hz]; samples of 0.1 s then
-BEYOND = 3.0  # times its rate limit: from there on a servo loses a share of its command
+BEYOND = 3.0  # times its rate limit: at the limit a servo then makes a triangle half as large as its command
 LOADED = (0.2, 0.75)  # share that a liquid OFC may take from it then, and a solid one of one segment takes
 BELOW = 0.99  # r of a fit beyond its threshold that is no oscillation
 

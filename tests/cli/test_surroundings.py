@@ -127,12 +127,11 @@ def test_a_signal_while_kernels_are_compiled_ends_the_command_and_its_compilers(
             time.sleep(0.05)
         assert compilers
         flight.send_signal(signal.SIGTERM)
-        begun = time.monotonic()
         said = flight.stderr.read().decode()
         assert (flight.wait(), "Traceback" in said, "interrupted" in said) == (130, False, True), said
-        assert time.monotonic() - begun < 20  # a kernel alone takes up to a minute, all of them longer
     left = [Path(f"/proc/{pid}/status").read_text() for pid in compilers if Path(f"/proc/{pid}").exists()]
     assert all("Z (zombie)" in status for status in left), left  # ended, if not yet taken note of
+    assert len(list(tmp_path.rglob("*.code"))) < 10  # of 19 that it compiles
 
 
 def _started_by(pid):

@@ -107,9 +107,8 @@ ARRAYS = {
     "version": b"\x93NUMPY\x09\x00" + b" " * 100,
 }
 SAMPLES = {
-    f"of every field {value}": tuple(
-        ("/detectors/iotsekf/left_inner", field, value) for field in ("verdict", "culprit", "alarm", "valid", "r")
-    )
+    f"{field} {value}": ((("/detectors/iotsekf/left_inner", field, value),))
+    for field in ("verdict", "culprit", "alarm", "valid", "r")
     for value in (1e18, np.inf, -np.inf, np.nan, -1.0)
 }
 FORGERIES = {
