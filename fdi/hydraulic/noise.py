@@ -3,7 +3,7 @@
 sigma^2 = mean (e_k - 2 e_k-1 + e_k-2)^2 / 6 of white samples. The rod's own reading serves as e: no actuator turns
 within two samples. The pressure does, as the valve does: its sixth difference serves, in which the third harmonic of
 an oscillation at 10 Hz is 4 times smaller than in the fourth. Its innovation knows what the valve was told, but not
-what it does instead: the lesser of the two serves. From LOUD times the variance that the filter assumes on (the pressure
+what it does instead: the lesser of the two serves. From LOUD times the variance that the filter assumes on (of pressure
 from LOUD_DP) the sensor is noisy, until it is back below CALM times; one sample counts for no more than MOST, so that a
 jump is none.
 """
