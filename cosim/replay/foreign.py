@@ -160,12 +160,12 @@ def _seconds(column, name, path):
     """Return a time column in seconds as float64."""
     import pandas as pd
 
+    if not len(column):
+        raise log_error("holds no row", path)
     if isinstance(column.dtype, pd.DatetimeTZDtype) or column.dtype.kind == "M":
         return (column - column.iloc[0]).dt.total_seconds().to_numpy()
     if column.dtype.kind == "m":
         return column.dt.total_seconds().to_numpy()
     t = pd.to_numeric(column, errors="coerce").to_numpy(np.float64)
-    if not len(t):
-        raise log_error("holds no row", path)
     unit = re.search(r"[\W_]([a-z]+)[)\]]?$", name)
     return t * _SCALES.get(unit[1] if unit else "", 1.0)

@@ -62,6 +62,14 @@ def test_nat_in_a_parquet_is_named(tmp_path):
         read_channels(tmp_path / "a.parquet")
 
 
+@pytest.mark.parametrize("kind", ["float64", "datetime64[ns]", "datetime64[ns, UTC]", "timedelta64[ns]"])
+def test_a_table_without_rows_is_told_whatever_its_clock(kind, tmp_path):
+    empty = pd.DataFrame({"time": pd.Series([], dtype=kind), "cmd": pd.Series([], dtype=float)})
+    empty.to_parquet(tmp_path / "a.parquet")
+    with pytest.raises(LogError, match="holds no row"):
+        read_channels(tmp_path / "a.parquet")
+
+
 def test_a_clock_that_restarts_is_an_error_with_both_values_until_said_otherwise(tmp_path):
     t = np.arange(0, 5, 0.005)
     path = recording(tmp_path / "a.csv", np.concatenate([t, t + 0.1]))
