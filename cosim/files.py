@@ -3,7 +3,6 @@
 import contextlib
 import errno
 import os
-import re
 import stat
 import tempfile
 import time
@@ -21,6 +20,7 @@ except ImportError:  # where there are no such locks, nobody is kept out
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 SPACE = "Free space there, or choose another place"
+PART = ".cosim-part-"  # how the name of a file begins that `beside` has not finished
 
 
 def replace(path: str | Path, make: Callable[..., Any]) -> Any:
@@ -45,7 +45,7 @@ def beside(path: str | Path) -> Iterator[Path]:
             return
         path.parent.mkdir(parents=True, exist_ok=True)
         _alone(path)
-        handle, name = tempfile.mkstemp(prefix=f".{path.name[:100]}.", suffix=path.suffix, dir=path.parent)
+        handle, name = tempfile.mkstemp(prefix=PART, suffix=path.suffix, dir=path.parent)
         os.close(handle)
         part = Path(name)
         try:
@@ -110,14 +110,13 @@ def _umask():
 
 TAKEN = "is being written by another run"
 OTHER = "Choose another -o, or wait for it"
-_PART = re.compile(r"\..+\.[a-z0-9_]{8}(\.\w+)?")  # as tempfile names what `beside` writes
 _WAIT_S, _TRIES = 0.05, 4  # `reserve` of another run holds the lock for less
 
 
 def sweep(folder: Path) -> None:
     """Remove what `beside` of killed processes has left in `folder`, where nobody else writes."""
-    for path in folder.glob(".*"):
-        if _PART.fullmatch(path.name) and path.is_file():
+    for path in folder.glob(f"{PART}*"):
+        if path.is_file():
             path.unlink()
 
 

@@ -149,7 +149,7 @@ def test_what_a_killed_writer_left_is_swept_and_nothing_else(tmp_path):
     assert not list(tmp_path.iterdir())
     writing = beside(tmp_path / "a.parquet")
     left = writing.__enter__()
-    mine = [tmp_path / name for name in (".hidden", "a.parquet", ".git", ".a.toml")]
+    mine = [tmp_path / name for name in (".hidden", "a.parquet", ".git", ".env.template", ".app.settings.json")]
     for path in mine:
         path.write_text("")
     sweep(tmp_path)
