@@ -183,13 +183,16 @@ def compare(
     from cosim.report import write_comparison
 
     reserve(output / "compare.html")
+    if readme:
+        from cosim.report.compare_markdown import targets, write
+
+        for path in targets(readme):  # before a flight is flown
+            reserve(path)
     with tables.progress(err, "flying" if not sources else "reading", unit="flights", waiting="preparing") as progress:
         made = work(sources or (), workers=workers, progress=progress, guests=detector or ())
         write_comparison(made, output)
     _left_out(made.damaged, "`cosim campaign --resume` flies their runs again")
     if readme:
-        from cosim.report.compare_markdown import write
-
         write(made, readme)
     found = made.to_dict()
     answer(json_, found, table)

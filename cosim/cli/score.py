@@ -57,11 +57,14 @@ def score(
     from cosim.compare.score import score as work
     from cosim.compare.score.flights import QUICK
     from cosim.compare.score.table import differences
+    from cosim.report import markdown
 
     chosen = list(detectors or ())
     held = stored(verify, chosen, seeds) if verify else None
     if not held:
         reserve(output / "score.json")
+        if readme:
+            markdown.read(readme)
     limit = held.limit if held else QUICK if quick and limit is None else limit
     with tables.progress(err, "flying the benchmark, once on a machine", "flights", "preparing") as flying:
         with tables.progress(err, "scoring", "flights", "reading") as running:

@@ -33,8 +33,11 @@ def reproduce(
 
     from cosim.papers import chosen, counts, proof
     from cosim.papers import reproduce as work
+    from cosim.report import markdown
 
     chosen(paper)
+    if readme:
+        markdown.read(readme)
     if break_:
         with tables.progress(err, f"breaking {paper}", unit="papers", waiting="preparing") as progress:
             seen = proof(paper, progress=progress, workers=workers)

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cosim.compare import Comparison, stats
-from cosim.files import replace_text
+from cosim.errors import OutputError
+from cosim.files import regular, replace_text
 from cosim.judge import coverage
 from cosim.report import markdown as readme
 from cosim.report.compare_tables import size
@@ -24,19 +25,45 @@ IN_DETAIL = ("not valid", "not excited", "standing alarm, s")  # columns of DETA
 
 def write(found: Comparison, path: str | Path) -> None:
     """Write table and picture of a Comparison into the README at `path`, between its markers, and what each level sees
-    of which oscillation into cosim/compare/README.md beside it, where that has its markers. Raises OutputError.
+    of which oscillation into cosim/compare/README.md beside it, where there is one. Raises OutputError, see `targets`.
     """
     from cosim.report.compare_picture import render
 
-    picture, details = Path(path).parent / PICTURE, Path(path).parent / DETAILS
-    equal = stats.equal_thresholds(found.rows)
-    drawn = render(_one_segment(found.rows), equal)
-    readme.replace(path, "compare", markdown(found, [c for c in COLUMNS if c not in IN_DETAIL]))
+    table, picture, *details = targets(path)
+    made = markdown(found, [c for c in COLUMNS if c not in IN_DETAIL])
+    pages = {table: readme.put(readme.read(table), "compare", made, table)}
+    for page in details:
+        text = readme.put(readme.read(page), "smallest", smallest(found), page)
+        if readme.markers("compare")[0] in text:
+            text = readme.put(text, "compare", markdown(found).partition("\n\n")[2], page)
+        pages[page] = text
+    drawn = render(_one_segment(found.rows), stats.equal_thresholds(found.rows))
+    for page, text in pages.items():
+        readme.save(page, text)
     replace_text(picture, drawn)
-    if details.is_file():
-        readme.replace(details, "smallest", smallest(found))
-        if "<!-- compare: begin -->" in details.read_text(encoding="utf-8"):
-            readme.replace(details, "compare", markdown(found).partition("\n\n")[2])
+
+
+def targets(path: str | Path) -> list[Path]:
+    """Return the files that `write` would write: the README at `path`, its picture, and DETAILS where it is there.
+
+    Raises OutputError where one of them lacks its markers, or what stands in the picture's place is none that the
+    README's table shows: it is somebody else's.
+    """
+    path = Path(path)
+    picture, details = path.parent / PICTURE, path.parent / DETAILS
+    text = readme.read(path)
+    readme.put(text, "compare", "", path)
+    regular(picture, OutputError)
+    if picture.exists() and PICTURE not in (readme.part(text, "compare") or ""):
+        raise OutputError(f"is there already and no picture of the table in {path.name}", place=str(picture),
+                          remedy="Move it away")  # fmt: skip
+    if not details.is_file():
+        return [path, picture]
+    text = readme.read(details)
+    readme.put(text, "smallest", "", details)
+    if readme.markers("compare")[0] in text:
+        readme.put(text, "compare", "", details)
+    return [path, picture, details]
 
 
 def markdown(found: Comparison, columns: Sequence[str] = COLUMNS) -> str:

@@ -86,7 +86,7 @@ def parsed(table: str) -> tuple[dict, dict]:
 def write(path: str | Path, rows: Iterable[Row]) -> None:
     """Write rows into the page at `path`, between its markers; papers without rows stay. Raises OutputError."""
     path = Path(path)
-    held = readme.part(path.read_text(encoding="utf-8"), NAME) if path.is_file() else None
+    held = readme.part(readme.read(path), NAME) if path.is_file() else None
     readme.replace(path, NAME, markdown(rows, held or ""))
 
 

@@ -180,7 +180,7 @@ def _number(x):
 def write_readme(found: dict, path: str | Path) -> None:
     """Write the tables of a score between the markers `score` and `score-sizes` of the README at `path`, as far as it
     has them. Raises OutputError."""
-    text = Path(path).read_text(encoding="utf-8")
+    text = readme.read(path)
     for name, made in (("score", markdown(found)), ("score-sizes", markdown_sizes(found))):
         if readme.part(text, name) is not None:
             readme.replace(path, name, made)

@@ -1,11 +1,14 @@
 """What a comparison puts into the README: counts and picture follow from the rows, nothing else in the file changes."""
 
+import os
 import xml.etree.ElementTree as ElementTree
 
 import pandas as pd
 import pytest
 from test_stats import hand_made
+from typer.testing import CliRunner
 
+from cosim.cli import commands as cli
 from cosim.compare import Comparison, stats
 from cosim.errors import OutputError
 from cosim.report import compare_markdown as compare_readme
@@ -58,7 +61,10 @@ def test_picture_counts_flights_beyond_the_common_threshold(found):
     assert set(words) == {"0/1"}
 
 
-@pytest.mark.parametrize("text", ["", "no markers", "<!-- compare: begin -->", "<!-- compare: end -->\n" * 2])
+SWAPPED = "<!-- compare: end --><!-- compare: begin -->"
+
+
+@pytest.mark.parametrize("text", ["", "no markers", "<!-- compare: begin -->", "<!-- compare: end -->\n" * 2, SWAPPED])
 def test_file_without_the_markers_is_left_alone(found, tmp_path, text):
     path = tmp_path / "README.md"
     path.write_text(text)
@@ -74,3 +80,50 @@ def test_a_picture_without_an_oscillation_is_empty():
 
     rows = {"frequency_hz": [float("nan")], "amplitude_mm": [1.0], "concerned": [True], "id": ["iotsekf"]}
     assert render(pd.DataFrame(rows), {}).startswith("<svg")
+
+
+@pytest.mark.parametrize("line", [b"\n", b"\r\n"])
+def test_line_ends_and_a_byte_order_mark_stay(found, tmp_path, line):
+    path, (begin, end) = tmp_path / "README.md", (m.encode() for m in readme.markers("compare"))
+    path.write_bytes(b"\xef\xbb\xbf" + line.join([b"before", begin, b"old", end, b"after", b""]))
+    compare_readme.write(found, path)
+    lines = path.read_bytes().removeprefix(b"\xef\xbb\xbf").split(line)
+    assert lines[0] == b"before" and lines[-2:] == [b"after", b""] and len(lines) > 8
+    assert not any(b"\r" in text or b"\n" in text for text in lines)
+    assert path.read_bytes().startswith(b"\xef\xbb\xbf")
+
+
+def test_a_pipe_is_refused(found, tmp_path):
+    os.mkfifo(tmp_path / "README.md")
+    with pytest.raises(OutputError, match="no regular file"):
+        compare_readme.targets(tmp_path / "README.md")
+    told = CliRunner().invoke(cli.app, ["compare", "none", "-o", str(tmp_path), "--readme", f"{tmp_path}/README.md"])
+    assert told.exit_code == 2 and "no regular file" in told.stderr
+
+
+def test_a_picture_that_the_table_does_not_show_stays(found, tmp_path):
+    path, picture = tmp_path / "README.md", tmp_path / compare_readme.PICTURE
+    path.write_text("\n".join(readme.markers("compare")))
+    picture.parent.mkdir(parents=True)
+    picture.write_text("mine")
+    before = path.read_text()
+    with pytest.raises(OutputError, match="no picture of the table"):
+        compare_readme.write(found, path)
+    assert picture.read_text() == "mine" and path.read_text() == before
+    picture.unlink()
+    for _ in range(2):
+        compare_readme.write(found, path)
+        assert picture.read_text().startswith("<svg")
+
+
+@pytest.mark.parametrize("text", ["no markers", "\n".join(readme.markers("smallest")) + "<!-- compare: begin -->"])
+def test_nothing_is_written_when_one_page_lacks_its_markers(found, tmp_path, text):
+    path, details = tmp_path / "README.md", tmp_path / compare_readme.DETAILS
+    details.parent.mkdir(parents=True)
+    path.write_text("\n".join(readme.markers("compare")))
+    details.write_text(text)
+    before = path.read_text()
+    with pytest.raises(OutputError, match="markers"):
+        compare_readme.write(found, path)
+    assert path.read_text() == before and details.read_text() == text
+    assert not (tmp_path / compare_readme.PICTURE).exists()
