@@ -80,6 +80,21 @@ def stored(folder: str | Path) -> tuple[str, dict[str, Any]]:
     return "", {}
 
 
+def own(path: Path) -> None:
+    """Raise OutputError where a file of results at `path` holds something, and not one line of it is of jobs."""
+    regular(path, OutputError)
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines() if path.exists() else []
+    for line in lines:
+        with contextlib.suppress(ValueError, TypeError, RecursionError):
+            told = json.loads(line)
+            if isinstance(told, dict) and set(told) == {"code"}:
+                return
+            if isinstance(told, list) and len(told) == 3 and told[2] == _digest(*told[:2]):
+                return
+    if any(lines):
+        raise OutputError("holds something else", place=str(path), remedy="Choose another folder")
+
+
 def keep(folder: str | Path, digest: str, values: Mapping[str, Any]) -> None:
     """Write {key: value} as the results of the code with `digest`; see `stored`."""
     lines = [json.dumps({"code": digest}), *(_line(key, value) for key, value in values.items())]
@@ -103,6 +118,7 @@ class _Results:
         if self.path is None:
             return
         self.path.parent.mkdir(parents=True, exist_ok=True)
+        own(self.path)
         code, found = stored(self.path.parent)
         for key, value in found.items() if code == digest else ():
             with contextlib.suppress(ValueError):

@@ -48,6 +48,7 @@ ROWS = _schema(
 TIMING = _schema("run string, id string, wall_time_s float64, startup_s float64, core_s float64, step_us float64")
 SCENARIOS = _schema("run string, order int64, toml string")  # and what varies
 FLYING = ("actuators", "fdi", "aircraft")  # with what a worker imports of cosim: what decides about a row
+FILES = ("campaign.json", "scenarios.parquet", "runs.parquet", "timing.parquet", "manifest.json", "guests.json")
 DECIDING = (".py", ".json", ".npz", ".toml", ".xml")
 
 
@@ -77,13 +78,19 @@ def fingerprint() -> dict:
 def folder(out: str | Path) -> Iterator[None]:
     """Make the folder of a campaign and keep other campaigns out of it; remove what killed ones have left half done.
 
-    Raises OutputError, with what to do, when it cannot be written, now or later, or another campaign has it.
+    Raises OutputError, with what to do, when it cannot be written, now or later, another campaign has it, or it holds a
+    file of somebody's that a campaign would write over.
     """
     out = Path(out)
     try:
+        own = _ours(out)
+        foreign = [] if own else [name for name in FILES if (out / name).is_file()] + _parts(out)
+        if foreign:
+            said = f"holds a {foreign[0]} that no campaign wrote"
+            raise OutputError(said, place=str(out), remedy="Choose another place with -o")
         out.mkdir(parents=True, exist_ok=True)
         with held(out):
-            for part in (out, out / "parts", out / "logs"):
+            for part in (out, out / "parts", out / "logs") if own else ():
                 sweep(part)
             yield
     except OutputError as error:
@@ -92,6 +99,22 @@ def folder(out: str | Path) -> Iterator[None]:
     except OSError as error:
         remedy = GO_ON if error.errno in FULL else "Choose another place with -o"
         raise OutputError(f"cannot be written: {error.strerror}", place=str(out), remedy=remedy) from None
+
+
+def _ours(out):
+    """Tell whether a folder is a campaign's: something in it can only be of one."""
+    with contextlib.suppress(CosimError, FileNotFoundError):
+        about = out / "campaign.json"
+        told = from_json(read(about, error=CampaignError), place=str(about)) if about.is_file() else None
+        if isinstance(told, dict) and set(told) == set(fingerprint()):
+            return True
+    scenarios = _whole(out / "scenarios.parquet", SCENARIOS, SCENARIOS.names)
+    return scenarios is not None or any(_part(out / name, ROWS) for name in _parts(out))
+
+
+def _parts(out):
+    """Return the names of what stands where a campaign merges, and removes, its parts."""
+    return [f"parts/{p.name}" for kind in ("rows", "timing") for p in sorted((out / "parts").glob(f"{kind}-*.parquet"))]
 
 
 class Store:

@@ -17,8 +17,9 @@ import pytest
 from cosim.campaign import flatten, manifest, run_many
 from cosim.campaign import pool as campaign_pool
 from cosim.campaign.keep import choose
-from cosim.campaign.store import CampaignError, Store, fingerprint, load
+from cosim.campaign.store import FILES, CampaignError, Store, fingerprint, load
 from cosim.campaign.worker import failed, run_id
+from cosim.errors import OutputError
 from cosim.scenario import load_scenario
 
 FEW = '["iotsekf", "position_monitor"]'
@@ -97,6 +98,26 @@ def test_rows_of_other_code_do_not_mix(tmp_path):
     about.write_text(about.read_text().replace('"digest": "', '"digest": "x'))
     with pytest.raises(CampaignError, match="other code"):
         run_many(flights(2), workers=0, out=tmp_path)
+
+
+@pytest.mark.parametrize("name", [*FILES, "parts/rows-mine.parquet"])
+def test_a_folder_with_a_file_of_somebody_else_stays_as_it_is(name, tmp_path):
+    held = {name: '{"name": "mine"}', ".env.template": "A=1", ".cosim-part-mine": "B=2"}
+    for file, text in held.items():
+        (tmp_path / file).parent.mkdir(exist_ok=True)
+        (tmp_path / file).write_text(text)
+    with pytest.raises(OutputError, match=f"holds a {name} that no campaign wrote"):
+        run_many(flights(1), workers=0, out=tmp_path)
+    assert {str(p.relative_to(tmp_path)): p.read_text() for p in tmp_path.rglob("*") if p.is_file()} == held
+
+
+def test_a_folder_with_other_files_takes_a_campaign_and_keeps_them(tmp_path):
+    names = [".env.template", ".env.defaults", ".app.settings.json", "notes.md"]
+    for name in names:
+        (tmp_path / name).write_text("mine")
+    for again in (False, True):
+        assert run_many(flights(1), workers=0, out=tmp_path, resume=again).done == 1
+    assert [(tmp_path / name).read_text() for name in names] == ["mine"] * 4
 
 
 SCRIPT = """

@@ -63,9 +63,17 @@ def test_what_is_damaged_or_forged_is_done_again(tmp_path):
         return value
 
     assert work(jobs_, folder=tmp_path, workers=0, read=read) == first
-    for nonsense in ("", "null\nnull", "[]", '{"code": []}', "\xff", "[" * 9000):
+    for nonsense in ("", '{"code": []}', '{"code": "x"}\n\xff' + "[" * 9000):
         path.write_text(nonsense)
         assert work(jobs_, folder=tmp_path, workers=0) == first
+
+
+@pytest.mark.parametrize("text", ["null\nnull", "[]", "\xff", "[" * 9000, '{"code": 1, "mine": 2}', '["mine", 1]'])
+def test_a_file_of_somebody_else_is_not_written_over(text, tmp_path):
+    (tmp_path / "results.jsonl").write_text(text)
+    with pytest.raises(OutputError, match=r"results\.jsonl: holds something else"):
+        work([(square, {"x": 2})], folder=tmp_path, workers=0)
+    assert (tmp_path / "results.jsonl").read_text() == text
 
 
 def test_a_full_disk_is_told_with_the_file(tmp_path, monkeypatch):

@@ -20,7 +20,7 @@ from cosim.compare.score import BOARD, board, named, score, stored
 from cosim.compare.score import flights as benchmark
 from cosim.compare.score import rows as score_rows
 from cosim.compare.score.table import differences
-from cosim.errors import LogError
+from cosim.errors import LogError, OutputError
 from cosim.flight.guests import with_detectors
 from cosim.judge.probability import UNSAID, log_score
 from cosim.judge.row import rows
@@ -54,6 +54,14 @@ FLIGHTS = {  # one for each way in which something enters: valve, command, loop,
     "engine-thrust-loss": ["faults.0.start_s=4"],
     "cruise": [],
 }
+
+
+@pytest.mark.parametrize("name", ["manifest.json", "results.jsonl"])
+def test_recordings_do_not_write_over_a_file_of_somebody_else(name, tmp_path):
+    (tmp_path / name).write_text('{"name": "mine"}')
+    with pytest.raises(OutputError, match=f"{name}: holds something else"):
+        benchmark.flown(benchmark.seeds_of(), limit=1, folder=tmp_path, workers=0)
+    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [(name, '{"name": "mine"}')]
 
 
 @pytest.fixture

@@ -14,16 +14,16 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field
 
 from actuators.sources import closure, private
-from cosim.campaign.jobs import keep, stored, work
+from cosim.campaign.jobs import FILE, keep, own, stored, work
 from cosim.campaign.manifest import about_the_code
 from cosim.campaign.spec import load_campaign
 from cosim.campaign.store import DECIDING, CampaignError
 from cosim.campaign.worker import core_s, run_id
-from cosim.errors import OutputError, TrimError
-from cosim.files import replace_text
+from cosim.errors import CosimError, OutputError, TrimError
+from cosim.files import regular, replace_text
 from cosim.replay import thin
 from cosim.scenario import parse
-from cosim.texts import read, toml
+from cosim.texts import from_json, read, toml
 
 NAME = "benchmark-1"
 QUICK = 40  # flights of a first look
@@ -156,11 +156,24 @@ def flown(
     OutputError, CampaignError.
     """
     home = Path(folder) if folder else cache(seeds)
+    _own(home)
     todo = chosen(scenarios(seeds), limit)
     adopt(home, todo)
     out = fly_into(home, todo, workers=workers, progress=progress)
     replace_text(home / MANIFEST, json.dumps(manifest(seeds, out), indent=1))
     return out
+
+
+def _own(home):
+    """Raise OutputError where a file of somebody's stands under a name of ours."""
+    own(home / FILE)
+    path = home / MANIFEST
+    regular(path, OutputError)
+    told = None
+    with suppress(CosimError, FileNotFoundError):
+        told = from_json(read(path, error=OutputError), place=str(path))
+    if path.exists() and not (isinstance(told, dict) and told.get("benchmark") == NAME):
+        raise OutputError("holds something else", place=str(path), remedy="Choose another folder")
 
 
 def adopt(home: Path, flights: Iterable[tuple[str, str, str]]) -> bool | None:
