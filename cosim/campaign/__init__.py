@@ -88,6 +88,7 @@ class CampaignResult:
     failed: int  # of these, without a flight: infeasible, error or crashed
     resumed: int  # of these, found in the folder
     damaged: tuple[str, ...] = ()  # files of the folder that were no more whole: their runs were flown again
+    notes: tuple[str, ...] = ()  # what is worth knowing and no error
 
     def to_dict(self) -> dict:
         """Return the JSON of `cosim campaign`."""
@@ -131,7 +132,17 @@ def run_many(
             manifest.write(store.out, frame, store.timing())
     by_run = frame.drop_duplicates("run")
     failed = int(by_run["status"].isin(("infeasible", "error", "crashed")).sum())
-    return CampaignResult(frame, store.timing(), parquet, len(by_run), failed, resumed, tuple(store.damaged))
+    timing, damaged = store.timing(), tuple(store.damaged)
+    return CampaignResult(frame, timing, parquet, len(by_run), failed, resumed, damaged, _left_out(store))
+
+
+def _left_out(store):
+    """Return a line about rows of runs that the campaign no longer has, none without any."""
+    n, runs = sum(store.others.values()), len(store.others)
+    if not n:
+        return ()
+    what = f"{n} row{'s' * (n != 1)} of {runs} run{'s' * (runs != 1)} of an earlier version of this campaign"
+    return (f"{what} left out of {store.out / 'runs.parquet'}; they stay in {store.out / 'parts'}",)
 
 
 def _tell_guests(scenarios, out):

@@ -132,6 +132,7 @@ class Store:
         self._timing: list[dict] = []
         self.finished: set[str] = set()
         self.damaged: list[str] = []  # parts of the folder that are left out and flown again
+        self.others: dict[str, int] = {}  # rows in the folder of each run that is none of `scenarios`: left out
         if self.out:
             self._open(self.out, resume)
 
@@ -156,6 +157,8 @@ class Store:
         if found is not None:
             wanted = set(self.scenarios["run"])
             self.finished = set(found.loc[~found["status"].isin(AGAIN), "run"]) & wanted
+            others = found[~found["run"].isin(wanted)].drop_duplicates(["run", "lane", "fault"])
+            self.others = others["run"].value_counts().to_dict()
         replace_text(about, json.dumps(here, indent=1))
         write(out / "scenarios.parquet", pa.Table.from_pandas(self.scenarios, preserve_index=False))
 

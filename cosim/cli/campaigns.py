@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from cosim.cli import flight, tables
-from cosim.cli.app import answer, app, err, out
+from cosim.cli.app import answer, app, err, notes, out
 from cosim.cli.output import (
     CampaignArg,
     DetectorOption,
@@ -73,6 +73,7 @@ def campaign(
     from cosim.cli import campaign as cli_campaign
 
     _left_out(done.damaged, "their runs were flown again")
+    notes(done.notes)
     answer(json_, {**done.to_dict(), "errors": cli_campaign.errors(done.frame)}, lambda _: cli_campaign.campaign(done))
     raise typer.Exit(cli_campaign.exit_status(done.frame))
 

@@ -92,3 +92,19 @@ def test_damage_is_named_and_mended_by_resuming(name, flown, tmp_path):
     again = run_campaign(flown / "few.toml", out=tmp_path / "out", workers=0, resume=True)
     assert again.failed == 0 and bool(again.damaged) == name.startswith("a part")
     pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "out" / "runs.parquet"), whole)
+
+
+def test_an_edited_campaign_says_which_rows_it_leaves_out(flown, tmp_path):
+    out, edited = shutil.copytree(flown / "out", tmp_path / "out"), tmp_path / "few.toml"
+    before = pd.read_parquet(out / "runs.parquet")
+    edited.write_text(two_flights(0.6))
+    told = cosim("campaign", edited, "-o", out, "--resume", "--workers", 1)
+    left = set(before["run"]) - set(pd.read_parquet(out / "runs.parquet")["run"])
+    rows = int(before["run"].isin(left).sum())
+    assert told.exit_code == 0 and len(left) == 2
+    assert f"note: {rows} rows of 2 runs of an earlier version of this campaign left out of {out}" in told.stderr
+    assert f"they stay in {out / 'parts'}" in told.stderr
+    kept = pd.concat(pd.read_parquet(p) for p in (out / "parts").glob("rows-*.parquet"))
+    assert left <= set(kept["run"])
+    again = cosim("campaign", flown / "few.toml", "-o", out, "--resume", "--workers", 1)
+    assert again.exit_code == 0 and set(pd.read_parquet(out / "runs.parquet")["run"]) == set(before["run"])
