@@ -47,7 +47,7 @@ def behaved(tmp_path_factory):
 @pytest.mark.parametrize(
     ("how", "status", "said"),
     [
-        (1, RAISED, "is dropped on left_outer at 1.000 s: ZeroDivisionError: on purpose (misbehaving.py:33)"),
+        (1, RAISED, "is dropped on left_outer at 1.000 s: ZeroDivisionError: on purpose (misbehaving.py:40)"),
         (3, NONSENSE, "is dropped on left_outer at 1.000 s: verdict 'gremlins'; allowed: none, ofc_liquid"),
         (4, NONSENSE, "is dropped on left_outer at 1.000 s: update returned 'an alarm'; allowed: a dict of"),
         (5, RAISED, "is dropped on left_outer at 1.000 s: AttributeError: can't set attribute"),
@@ -56,6 +56,7 @@ def behaved(tmp_path_factory):
         (8, NONSENSE, "is dropped on left_outer at 1.000 s: alarm = 'perhaps' is no number"),
         (11, RAISED, "is dropped on left_outer at 1.000 s: GeneratorExit: on purpose"),
         (12, RAISED, "is dropped on left_outer at 1.000 s: Mute (misbehaving.py:"),
+        (14, RAISED, "is dropped on left_outer at 1.000 s: Muter (misbehaving.py:"),
         (13, NONSENSE, "is dropped on left_outer at 1.000 s: r = ["),
     ],
 )
@@ -92,6 +93,46 @@ def test_a_block_in_plain_python_that_raises_says_nothing_and_one_that_does_not_
     own.write_text(BLOCK.read_text().replace("x.culprit = x.alarm", "x.nowhere = x.alarm"))
     with pytest.raises(CosimError, match=r"own\.py: does not compile: KeyError: 'nowhere'"):
         load(own)
+
+
+def test_a_block_in_plain_python_that_raises_what_is_no_exception_says_nothing(tmp_path):
+    own = tmp_path / "own.py"
+    own.write_text(BLOCK.read_text() + RAISES.replace("RuntimeError", "GeneratorExit"))
+    result = cosim.simulate(with_detectors(cosim.load_scenario("cruise", [*SHORT, "duration_s=1"]), [own]))
+    assert "template says nothing where it raises GeneratorExit: on purpose" in result.extra["notes"][0]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("class Own(BaseException): pass\nraise Own('mine')", "Own: mine (own.py:2)"),
+        ("import pytest\npytest.skip('no', allow_module_level=True)", "Skipped: no (own.py:2)"),
+        ("import asyncio\nraise asyncio.CancelledError", "CancelledError: (own.py:2)"),
+        ("raise SystemExit(3)", "SystemExit: 3 (own.py:1)"),
+        ("import sys\nsys.path.clear()\nraise StopIteration", "StopIteration: (own.py:3)"),
+    ],
+)
+def test_a_file_that_raises_anything_at_its_import_is_refused(text, told, tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    (tmp_path / "own.py").write_text(text)
+    with pytest.raises(CosimError) as refused:
+        load(tmp_path / "own.py")
+    assert str(refused.value) == f"{tmp_path / 'own.py'}: does not run: {told}"
+
+
+def test_ctrl_c_at_the_import_of_a_file_is_ctrl_c(tmp_path):
+    (tmp_path / "own.py").write_text("raise KeyboardInterrupt")
+    with pytest.raises(KeyboardInterrupt):
+        load(tmp_path / "own.py")
+
+
+def test_a_file_that_changes_the_folder_changes_no_path_of_the_user(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "own.py").write_text(f"import os\nos.chdir('elsewhere')\n{BLOCK.read_text()}")
+    before = [*sys.path]
+    assert load("own.py").DETECTOR.id == "template"
+    assert Path.cwd() == tmp_path and sys.path == before
 
 
 def test_one_lane_that_raises_leaves_the_others_alone(tmp_path):

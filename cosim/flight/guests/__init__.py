@@ -13,7 +13,7 @@ import os
 import sys
 import tomllib
 from collections.abc import Iterable
-from contextlib import AbstractContextManager, redirect_stdout
+from contextlib import AbstractContextManager, contextmanager, redirect_stdout, suppress
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -115,28 +115,43 @@ def _entry_point(name):
             return registry.GUESTS[name]
         what = "no such file" if name.endswith(".py") or os.sep in name else "no such file and no installed detector"
         raise GuestError(what, place=name, allowed=", ".join(found), remedy=did_you_mean(name, found))
-    made = found[name].load()
+    with _guarded(name):
+        made = found[name].load()
     return install(_made(made, _source(made)))
 
 
 def _run(path, sha256):
-    """Return the module of a file, run under a name of its own; its neighbours can be imported."""
+    """Return the module of a file, run under a name of its own; its neighbours can be imported, and the current folder
+    stays what it was, since other names that the user gave are relative to it."""
     spec = importlib.util.spec_from_file_location(f"cosim_guest_{path.stem}_{sha256[:12]}", path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
-    sys.path.insert(0, str(path.resolve().parent))
+    here, home = os.getcwd(), str(path.resolve().parent)
+    sys.path.insert(0, home)
+    try:
+        with _guarded(str(path), path):
+            spec.loader.exec_module(module)
+    except BaseException:
+        sys.modules.pop(spec.name, None)
+        raise
+    finally:
+        with suppress(ValueError):  # it may have changed the list
+            sys.path.remove(home)
+        os.chdir(here)
+    return module
+
+
+@contextmanager
+def _guarded(place, path=None):
+    """Run somebody's code: whatever it raises is a GuestError at `place`, but Ctrl-C."""
     try:
         with aside():
-            spec.loader.exec_module(module)
-    except (Exception, SystemExit) as error:
-        del sys.modules[spec.name]
-        if isinstance(error, CosimError):
-            raise
-        raise GuestError(f"does not run: {where(error, path)}", place=str(path)) from error
-    finally:
-        sys.path.remove(str(path.resolve().parent))
-    return module
+            yield
+    except (KeyboardInterrupt, CosimError):
+        raise
+    except BaseException as error:
+        raise GuestError(f"does not run: {where(error, path)}", place=place) from error
 
 
 def aside() -> AbstractContextManager:
@@ -150,7 +165,9 @@ def where(error: BaseException, path: Path | None = None) -> str:
 
     try:
         said = " ".join(f"{type(error).__name__}: {error}".split())
-    except Exception:  # its own text is somebody's code, too
+    except KeyboardInterrupt:
+        raise
+    except BaseException:  # its own text is somebody's code, too
         said = type(error).__name__
     if isinstance(error, SyntaxError):
         return f"{said}"
@@ -216,7 +233,9 @@ class BlockDetector:
             try:
                 self._module.rollout(x, u[:, k : k + 1].copy(), p, dt, None if log is None else log[:, k : k + 1])
                 continue
-            except Exception as error:  # whatever somebody's code raises
+            except KeyboardInterrupt:
+                raise
+            except BaseException as error:  # whatever somebody's code raises
                 if not self.problems:
                     self.problems.append(f"{self.DETECTOR.id} says nothing where it raises {where(error, self._path)}")
             for name in self._module.OUTPUTS:

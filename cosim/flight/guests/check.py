@@ -149,7 +149,9 @@ def _restarts(guest, u, p, dt):
     rollout(x, u[:, :half], p, dt, log[:, :half])
     try:
         again, x = (copy.deepcopy(rollout), x.copy()) if isinstance(guest, PlainDetector) else (rollout, x.copy())
-    except Exception as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # whatever somebody's code raises
         said = f"cannot be copied ({type(error).__name__}): a replay begins with the flight"
         return _line("restartable from a snapshot", False, said, note=True)
     rollout(guest.init(p), u[:, half:], p, dt, np.zeros_like(log[:, half:]))  # the original goes elsewhere

@@ -12,6 +12,13 @@ class Mute(Exception):
         return 1 / 0
 
 
+class Muter(BaseException):
+    """an exception that cannot be told, and is none that `except Exception` meets"""
+
+    def __str__(self):
+        raise Muter
+
+
 class Misbehaving:
     """does what it must not, from one second on"""
 
@@ -49,6 +56,8 @@ class Misbehaving:
             raise GeneratorExit("on purpose")
         if self.how == 12:
             raise Mute
+        if self.how == 14:
+            raise Muter
         if self.how == 13:
             return {"r": [r, r]}
         if self.how == 10 and self.second:
