@@ -33,6 +33,7 @@ duration_s = 2.0
 [keep]
 late = 1
 """
+MINE = b"\x89MCAP0\r\nmine"  # a log that a new one may replace
 README = "mine\n<!-- compare: begin -->\nold\n<!-- compare: end -->\nmine too\n" + "x" * 50_000
 
 
@@ -90,7 +91,7 @@ def test_commands_killed_at_random_moments(work):
         elif name == "compare":
             path.write_text(README)
         elif name != "resume":
-            path.write_bytes(b"mine")
+            path.write_bytes(MINE)
         number = rng.choice((signal.SIGKILL, signal.SIGTERM))
         done = command(*args, kill=(number, rng.uniform(0.0, took[name])))
         ended[name, done.status] += 1
@@ -113,13 +114,13 @@ def test_commands_killed_at_random_moments(work):
         elif name == "compare":
             assert path.read_bytes() in (README.encode(), new[name])
         else:  # as it was, or whole
-            assert path.read_bytes() in (b"mine", new[name]), name
+            assert path.read_bytes() in (MINE, new[name]), name
     print(f"\n{sum(ended.values())} kills: {dict(ended)}; temporary files left by SIGKILL: {dict(lost)}")
 
 
 def _run(path, done, content, home):
     """A killed flight: its old file, or a log that comes back; a whole one has the same samples."""
-    if path.read_bytes() == b"mine":
+    if path.read_bytes() == MINE:
         return
     if done.status == 0:
         assert open_log(path).result["content"] == content

@@ -146,7 +146,7 @@ def report(
     compares the logs of a folder; opens offline.
     """
     path = output or (log / "compare.html" if log.is_dir() else log.with_suffix(".html"))
-    reserve(path, taken=log, endings=(".html", ".htm"), what="the log")
+    reserve(path, taken={"the log": [log]}, endings=(".html", ".htm"))
     if log.is_dir():
         from cosim.compare import compare as work
         from cosim.report import comparison_report

@@ -68,7 +68,7 @@ def run(
         flown = with_detectors(flown, detector)
     variant = [*(set_ or ()), *(f"detector={file.stem}" for file in detector or ())]
     path = output or Path("logs") / f"{log_name(scenario, variant)}.mcap"
-    reserve(path, taken=scenario)
+    reserve(path, taken={"the scenario": [scenario], "a detector": detector or ()}, log=True)
     overwritten = path.is_file()
     from cosim.flight.compiling import prepare
     from cosim.flight.conditions import resolved
@@ -181,7 +181,7 @@ def linearize(
 
     flown = load_scenario(scenario, set_ or ())
     if output:
-        reserve(output, taken=scenario, endings=(".npz", ".mat"))
+        reserve(output, taken={"the scenario": [scenario]}, endings=(".npz", ".mat"))
     from cosim.flight.plant.linearize import linearize as work
     from cosim.flight.plant.point import FlightPoint
 

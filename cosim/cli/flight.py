@@ -109,6 +109,10 @@ def _footer(found):
     if not found.get("log"):
         return line
     log = str(found["log"])
-    before = " (what the file held is overwritten)" if found.get("overwritten") else ""
     last = Text(f"report {found['report']}") if found.get("report") else Text(f"next   cosim report {word(log)}")
-    return Group(line, whole(f"log    {log}{before}"), whole(last))
+    return Group(line, whole(f"log    {log}{before(found)}"), whole(last))
+
+
+def before(found: dict[str, Any]) -> str:
+    """Return what is to be said behind the name of a log that took the place of another."""
+    return " (what the file held is overwritten)" if found.get("overwritten") else ""

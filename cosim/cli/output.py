@@ -3,7 +3,7 @@
 import hashlib
 import os
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,22 +13,28 @@ import typer
 from cosim.errors import OutputError, ScenarioError
 from cosim.files import OTHER, TAKEN, locked
 
+MAGIC = b"\x89MCAP0\r\n"  # how a log begins
 LONGEST = 100  # characters of a log's name
 
 
 def reserve(
-    path: str | Path, *, taken: str | Path | None = None, endings: Sequence[str] = (), what: str = "the scenario"
+    path: str | Path,
+    *,
+    taken: Mapping[str, Iterable[str | Path]] = {},
+    endings: Sequence[str] = (),
+    log: bool = False,
 ) -> None:
     """Make the folder of `path` and open the file for writing once, leaving an existing one as it is.
 
-    `taken` is an input that must not be overwritten, called `what`; `endings` the suffixes that are possible. Raises
-    OutputError.
+    `taken` are inputs that must not be overwritten, {what they are called: files}; `endings` the suffixes that are
+    possible. What is to become a `log` may take the place of a log alone. Raises OutputError.
     """
     path = Path(path)
     if endings and path.suffix not in endings:
         raise OutputError("its ending says no known format", place=str(path), allowed=", ".join(endings))
-    if taken is not None and Path(taken).exists() and path.exists() and path.samefile(taken):
-        raise OutputError(f"is {what} itself, it would be overwritten", place=str(path), remedy="Choose another -o")
+    for what, files in taken.items():
+        if path.exists() and any(Path(file).exists() and path.samefile(file) for file in files):
+            raise OutputError(f"is {what} itself, it would be overwritten", place=str(path), remedy="Choose another -o")
     if path.is_dir():
         raise OutputError(
             "is a folder, not a file", place=str(path), remedy=f"Choose a file: -o {path / 'flight.mcap'}"
@@ -48,6 +54,21 @@ def reserve(
         ) from None
     if not free:
         raise OutputError(TAKEN, place=str(path), remedy=OTHER)
+    if log and _no_log(path):
+        remedy = "Choose another -o, or remove it"
+        raise OutputError("holds something that is no log, it would be overwritten", place=str(path), remedy=remedy)
+
+
+def _no_log(path):
+    """Tell whether a file holds anything but a log, be it whole or not."""
+    if not path.is_file():
+        return False
+    try:
+        with path.open("rb") as file:
+            begin = file.read(len(MAGIC))
+    except OSError:  # may be written, not read: nobody knows
+        return True
+    return begin != MAGIC[: len(begin)]
 
 
 def _at_once(path, flags):

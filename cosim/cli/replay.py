@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.text import Text
 
 from cosim.cli.app import LIVE_PORT, LogArg, PortOption, SpeedOption, answer, app, err, notes, only_live, served
+from cosim.cli.flight import before
 from cosim.cli.output import DetectorOption, JsonOption, output_option, reserve
 from cosim.cli.tables import NOTHING, number, table, whole
 from cosim.cli.tables import progress as bar
@@ -65,8 +66,10 @@ def replay(
             show(log, port=where, speed=speed or 1.0, start_s=start, ready=served)
         return
     chosen = [name.strip() for name in detectors.split(",") if name.strip()] if detectors is not None else None
+    taken = {"the log": [log], "a detector": detector or (), "the map": [map_] if map_ else ()}
     if output:
-        reserve(output, taken=log, what="the log")
+        reserve(output, taken=taken, log=True)
+    overwritten = output is not None and output.is_file()
     from cosim.replay.params import overrides
 
     how: dict[str, Any] = {"detectors": chosen, "overrides": overrides(set_ or ()), "start_s": start}
@@ -77,8 +80,12 @@ def replay(
         stretches = []
         for part in itertools.count() if on_reset == "split" else (0,):
             path = output.with_stem(f"{output.stem}-{part + 1}") if output and part else output
+            if part and path and path.exists():
+                reserve(path, taken=taken, log=True)
+            overwritten = path is not None and path.is_file()
             try:
-                stretches.append(diagnose(log, map_, output=path, part=part, on_reset=on_reset, **how).to_dict())
+                done = diagnose(log, map_, output=path, part=part, on_reset=on_reset, **how).to_dict()
+                stretches.append(done | {"overwritten": overwritten})
             except IndexError:
                 break
         found = stretches[0] if len(stretches) == 1 else {"stretches": stretches}
@@ -90,7 +97,7 @@ def replay(
         made = work(log, output=output, progress=progress, **how)
     notes(made.notes)
     detection = chosen is not None or bool(set_ or detector)
-    answer(json_, made.to_dict(), lambda found: shown(found, detection))
+    answer(json_, made.to_dict() | {"overwritten": overwritten}, lambda found: shown(found, detection))
     raise typer.Exit(0 if made.exact or (detector and not made.values) else 1)
 
 
@@ -110,13 +117,13 @@ def recover(
     log = Path(str(log).removesuffix(".flown.toml"))
     if journal.beside(log).is_file():
         path = output or (log.with_suffix(f".recovered{log.suffix}") if log.exists() else log)
-        reserve(path)
+        reserve(path, log=True)
         with bar(err, f"flying {log.stem} again", waiting="preparing") as progress:
             again = journal.recover(log, path, progress=progress)
         answer(json_, again, lambda _: whole(flown_again(again)))
         return
     path = output or log.with_suffix(f".recovered{log.suffix}")
-    reserve(path, taken=log, what="the log")
+    reserve(path, taken={"the log": [log]}, log=True)
     found = work(log, path)
     answer(json_, found, recovered)
 
@@ -128,7 +135,7 @@ def shown(found: dict[str, Any], detection: bool) -> Group:
     if detection:
         parts.append(_detection(found["detectors"], found["changed"]))
     if found["output"]:
-        parts.append(Text(f"log    {found['output']}: the new outputs stand under /replay"))
+        parts.append(whole(f"log    {found['output']}{before(found)}: the new outputs stand under /replay"))
     return Group(*parts)
 
 
@@ -202,7 +209,8 @@ def diagnosis(found: dict[str, Any]) -> Group:
     if found["not_run"]:
         parts.append(_not_run(found["not_run"], {s["name"].partition(".")[0] for s in found["signals"]}))
     if found["output"]:
-        parts.append(Text(f"log    {found['output']}: inputs stand under /input, outputs under /replay"))
+        told = f"{found['output']}{before(found)}"
+        parts.append(whole(f"log    {told}: inputs stand under /input, outputs under /replay"))
     return Group(*parts)
 
 

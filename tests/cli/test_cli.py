@@ -226,7 +226,7 @@ def test_a_variant_has_a_log_of_its_own_and_overwriting_is_told(flown):
     assert flown.calls[-1][1].parent == Path("logs")
     cosim("run", *[x for i in range(40) for x in ("-s", f"seed={i}")])
     assert len(flown.calls[-1][1].name) < 120
-    Path("logs/liquid-ofc.mcap").write_bytes(b"old")
+    Path("logs/liquid-ofc.mcap").write_bytes(b"\x89MCAP0\r\nold")
     assert "overwritten" in cosim("run").stdout
 
 

@@ -61,11 +61,11 @@ def told(result, path):
 @pytest.mark.parametrize("name", ["report", "replay", "recover"])
 def test_one_result_of_one_log(name, free, disk, full, flight):
     out = disk / ("page.html" if name == "report" else "out.mcap")
-    out.write_text("mine too")
+    out.write_bytes(b"\x89MCAP0\r\nmine too")  # a log of before
     full(free)
     assert "recover" not in told(command(name, flight, "-o", out), out).replace("recovered", "")
     assert sorted(p.name for p in disk.iterdir()) == sorted(["mine", "filler", out.name])
-    assert out.read_text() == "mine too" and (disk / "mine").read_text() == "mine"
+    assert out.read_bytes() == b"\x89MCAP0\r\nmine too" and (disk / "mine").read_text() == "mine"
 
 
 def test_a_flight_keeps_its_ticks_or_nothing(disk, full, tmp_path):

@@ -14,8 +14,8 @@ pytest.importorskip("fcntl")
 RUN = [sys.executable, "-c", "from cosim.cli import main; main()", "run", "cruise", "-s", "detectors.enabled=[]", "-s",
        "elevator.feedback=measured"]  # fmt: skip
 HOLD = (
-    "import sys; from cosim.log.sink import Sink; s = Sink(sys.argv[1]); s.put(b'first'); print('held', flush=True); "
-    "sys.stdin.read()"
+    "import sys; from cosim.log.sink import Sink; s = Sink(sys.argv[1]); s.put(b'\\x89MCAP0\\r\\nfirst'); "
+    "print('held', flush=True); sys.stdin.read()"
 )
 
 
@@ -28,7 +28,7 @@ def test_the_second_of_two_runs_is_refused_before_it_touches_the_file(tmp_path):
         assert f"a.mcap: {TAKEN}" in told.stderr
         with pytest.raises(CosimError, match=TAKEN):  # a run that has come past the command line's own look
             cosim.simulate(cosim.load_scenario("cruise", ["duration_s=0.1"]), log=log, timed=False)
-        assert log.read_bytes() == b"first"
+        assert log.read_bytes() == b"\x89MCAP0\r\nfirst"
         first.kill()
     told = subprocess.run([*RUN, "-s", "duration_s=0.1", "-o", log], capture_output=True, text=True)
     assert told.returncode == 0, told.stderr  # the lock has gone with the process
