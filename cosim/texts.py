@@ -19,7 +19,9 @@ LARGEST = 1_000_000  # bytes of a file of ours: a page of text
 DEPTH = 16  # tables and lists inside one another
 INTEGER = 2**63  # largest magnitude
 _SURROGATE = re.compile("[\ud800-\udfff]")
-_DOTTED = re.compile(rf"(?:[\w\"'-]+[ \t]*\.[ \t]*){{{2 * DEPTH}}}")
+_PART = r"[\w\"'-]"  # of a key
+# it starts where a part does and takes nothing back: a long word is read once, not once from each of its letters
+_DOTTED = re.compile(rf"(?<!{_PART})(?:{_PART}++[ \t]*+\.[ \t]*+){{{2 * DEPTH}}}")
 
 
 def toml(text: str, *, place: str, error: type[CosimError] = CosimError) -> dict[str, Any]:

@@ -1,6 +1,8 @@
 """TOML and JSON of others: whatever the parsers raise or let through becomes one line, quickly."""
 
+import contextlib
 import json
+import time
 
 import pytest
 from hypothesis import given
@@ -8,7 +10,10 @@ from hypothesis import strategies as st
 
 from cosim.errors import CosimError, ScenarioError
 from cosim.scenario import load_scenario
+from cosim.scenario.condition import condition
+from cosim.scenario.toml import dumps
 from cosim.texts import from_json, read, toml
+from cosim.training.designs import _NUMBER
 
 BAD = {
     "deep lists": "x = " + "[" * 5000 + "]" * 5000,
@@ -33,6 +38,50 @@ def test_what_is_bad_is_one_line(name, tmp_path):
     path.write_text(BAD[name])
     with pytest.raises(CosimError):
         load_scenario(str(path))
+
+
+LONG = {
+    "word": lambda n: f"title = '{'x' * n}'",
+    "comment": lambda n: "# " + "x" * n,
+    "key": lambda n: "k" * n + " = 1",
+    "blanks": lambda n: "x" + " \t" * (n // 2) + "= 1",
+    "dots": lambda n: f"# {('x.' * 31 + 'y ') * (n // 64)}",
+    "dots apart": lambda n: "# " + ("x  .  " * 31 + ", ") * (n // 188),
+    "words with dots": lambda n: "# " + ".".join(["x" * (n // 31)] * 31),
+    "escapes": lambda n: 'x = "' + '\\"' * (n // 2) + '"',
+}
+READERS = {name: (lambda text: toml(text, place="file.toml"), text) for name, text in LONG.items()} | {
+    "written": (lambda text: dumps({text: text}), lambda n: '"' * n),
+    "condition": (condition, lambda n: "t" + " " * n + "> 1"),
+    "number": (_NUMBER.findall, lambda n: "9" * n + "x"),
+}
+
+
+def _work(read, text):
+    """Return the least processor time [s] of five readings."""
+    took = []
+    for _ in range(5):
+        start = time.process_time()
+        with contextlib.suppress(CosimError):
+            read(text)
+        took.append(time.process_time() - start)
+    return min(took)
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_a_text_four_times_as_long_takes_about_four_times_as_long(name):
+    read, text = READERS[name]
+    assert _work(read, text(80_000)) < 8.0 * _work(read, text(20_000)) + 1e-3
+
+
+@pytest.mark.parametrize("key", ["a.", "'a' . ", '"a"\t.', "a-b ."])
+@pytest.mark.parametrize("before", ["", "x = 1\n", "x.y = 1\nword "])
+def test_a_key_of_32_dots_is_refused_wherever_it_stands(key, before):
+    with pytest.raises(CosimError, match="too many dots"):
+        toml(f"{before}{key * 32}a = 1", place="file.toml")
+    with pytest.raises(CosimError) as caught:
+        toml(f"{before}{key * 31}a = 1", place="file.toml")
+    assert "too many dots" not in str(caught.value)
 
 
 NONSENSE = ("manoeuvre.kind=[{}]", "manoeuvre.kind={}", "faults.0=[[]]", "duration_s=" + "9" * 5000,
