@@ -70,6 +70,9 @@ def run(
     path = output or Path("logs") / f"{log_name(scenario, variant)}.mcap"
     reserve(path, taken={"the scenario": [scenario], "a detector": detector or ()}, log=True)
     overwritten = path.is_file()
+    from cosim.flight import journal
+
+    journal.absent(path)
     from cosim.flight.compiling import prepare
     from cosim.flight.conditions import resolved
     from cosim.flight.detectors import left_out

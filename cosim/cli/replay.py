@@ -68,7 +68,10 @@ def replay(
     chosen = [name.strip() for name in detectors.split(",") if name.strip()] if detectors is not None else None
     taken = {"the log": [log], "a detector": detector or (), "the map": [map_] if map_ else ()}
     if output:
+        from cosim.flight import journal
+
         reserve(output, taken=taken, log=True)
+        journal.absent(output)
     overwritten = output is not None and output.is_file()
     from cosim.replay.params import overrides
 
@@ -118,12 +121,15 @@ def recover(
     if journal.beside(log).is_file():
         path = output or (log.with_suffix(f".recovered{log.suffix}") if log.exists() else log)
         reserve(path, log=True)
+        if path.resolve() != log.resolve():
+            journal.absent(path)
         with bar(err, f"flying {log.stem} again", waiting="preparing") as progress:
             again = journal.recover(log, path, progress=progress)
         answer(json_, again, lambda _: whole(flown_again(again)))
         return
     path = output or log.with_suffix(f".recovered{log.suffix}")
     reserve(path, taken={"the log": [log]}, log=True)
+    journal.absent(path)
     found = work(log, path)
     answer(json_, found, recovered)
 

@@ -12,9 +12,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from cosim.errors import CosimError
-from cosim.files import replace_text
-from cosim.flight.simulate import simulate
+from cosim.errors import CosimError, OutputError
+from cosim.files import OTHER, TAKEN, locked, replace, replace_text
 from cosim.scenario import load_scenario
 
 EVERY_S = 0.5  # of the wall clock, at least, from one writing to the next
@@ -26,12 +25,34 @@ def beside(log: str | os.PathLike) -> Path:
     return Path(f"{os.fspath(log)}.flown.toml")
 
 
+def absent(log: str | os.PathLike) -> None:
+    """Raise OutputError where a log has a journal: a flight to it is in the air, or was killed there."""
+    _landed(log)
+    if beside(log).is_file():
+        remedy = f"`cosim recover {log}` makes its log; or choose another -o"
+        raise OutputError("a flight that was killed, or not closed, left its journal", place=str(log), remedy=remedy)
+
+
+def _landed(log):
+    """Raise OutputError while the flight whose journal stands beside `log` is in the air."""
+    with suppress(OSError), beside(log).open("rb") as file:
+        if not locked(file):
+            raise OutputError(TAKEN, place=str(log), remedy=OTHER)
+
+
 class Journal:
-    """Keep what a flight has come to; `log` None: nothing is kept. Raises OutputError where it cannot be begun."""
+    """Keep what a flight has come to; `log` None: nothing is kept.
+
+    While it is kept, no other flight goes to the same log. Raises OutputError where it cannot be begun, or another
+    flight's is there.
+    """
 
     def __init__(self, log: str | os.PathLike | None):
         self._path = None if log is None else beside(log)
+        self._lock: Any = None
         self._last = -float("inf")
+        if log is not None:
+            absent(log)
 
     def write(self, flown: Callable[[], Any], *, now: bool = False) -> None:
         """Write the scenario `flown()`, unless that was done within EVERY_S and is not asked for `now`."""
@@ -39,26 +60,57 @@ class Journal:
             return
         text = HEAD.format(log=self._path.name.removesuffix(".flown.toml")) + flown().expanded_toml()
         if self._last < 0.0:
+            absent(str(self._path).removesuffix(".flown.toml"))  # another flight may have begun since
             replace_text(self._path, text)
+            self._hold()
         else:
+            self._release()
             with suppress(CosimError, OSError):  # a disk that is full by now: the flight goes on
                 replace_text(self._path, text)
+            self._hold()
         self._last = time.monotonic()
 
+    def _hold(self):
+        """Lock the file, which is another one after each writing, and goes free with the process."""
+        with suppress(OSError):
+            self._lock = open(str(self._path), "rb")
+            locked(self._lock)
+
+    def __del__(self):
+        self._release()
+
+    def _release(self):
+        if self._lock is not None:
+            self._lock.close()
+            self._lock = None
+
     def done(self) -> None:
-        """Remove it: the log is written."""
-        if self._path is not None:
+        """Remove it: the log is written. One of another flight, or none of which a tick was kept, stays."""
+        if self._path is not None and self._last > 0.0:
             self._path.unlink(missing_ok=True)
+            self._release()
+            self._last = -float("inf")
 
 
 def recover(log: str | os.PathLike, out: str | os.PathLike, *, progress: Any = None) -> dict[str, Any]:
     """Fly again what the journal of `log` says was flown, write its log to `out`, remove the journal; say what it is.
 
-    Raises ScenarioError for a journal that is none, LogError when `out` cannot be written.
+    Interrupted, it raises KeyboardInterrupt: the journal stays, and what is at `out`. Raises ScenarioError for a
+    journal that is none, OutputError or LogError when `out` cannot be written, or the flight is in the air.
     """
     path = beside(log)
+    _landed(log)
     scenario = load_scenario(str(path))
-    result = simulate(scenario, log=out, achieved=True, timed=False, progress=progress)
+    result = replace(os.fspath(out), lambda part: _whole(scenario, part, progress))
     path.unlink(missing_ok=True)
     return {"out": os.fspath(out), "flown_again": True, "duration_s": result.sim_time_s, "status": result.status,
             "ticks": round(result.sim_time_s / scenario.dt), "faults": result.faults}  # fmt: skip
+
+
+def _whole(scenario, part, progress):
+    from cosim.flight.simulate import simulate  # a look for a journal needs no loop
+
+    result = simulate(scenario, log=part, achieved=True, timed=False, progress=progress)
+    if result.status == "interrupted":
+        raise KeyboardInterrupt
+    return result

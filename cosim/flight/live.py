@@ -98,7 +98,8 @@ def fly_live(
         raise KeyboardInterrupt
     flown = flight.flown()
     result = simulate(flown, log=log, achieved=True, progress=progress)
-    journal.done()
+    if result.status != "interrupted":  # while its log was written: `cosim recover` writes it
+        journal.done()
     if ended and result.status == "completed":
         result.status, result.reason = "interrupted", f"at {flight.time:.2f} s by the user"
     return result, flown

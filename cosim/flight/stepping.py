@@ -141,7 +141,7 @@ class Flight:
         self.tick += 1
         if self.tick >= self.scenario.ticks and self.status == "flying":
             self.status = "completed"
-        if self.tick % CHECK_EVERY == 0:
+        if self.tick == 1 or self.tick % CHECK_EVERY == 0:
             self._journal.write(self.flown)
 
     def _keep(self, v):
@@ -218,7 +218,8 @@ class Flight:
             raise ScenarioError("nothing was flown yet", remedy="Call step() first")
         if self._result is None or self._result[0] != self.tick:
             self._result = self.tick, simulate(self.flown(), log=self.log, achieved=True, timed=False)
-            self._journal.done()
+            if self._result[1].status != "interrupted":
+                self._journal.done()
         return self._result[1]
 
     def close(self) -> None:

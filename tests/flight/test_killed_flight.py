@@ -1,5 +1,6 @@
 """A flight by hand, or live, killed before it writes its log: what was flown comes back, with what was injected."""
 
+import functools
 import os
 import signal
 import subprocess
@@ -8,11 +9,15 @@ import time
 import tomllib
 from pathlib import Path
 
+import pytest
 from typer.testing import CliRunner
 
 import cosim
 from cosim.cli.commands import app
-from cosim.flight import journal
+from cosim.errors import OutputError
+from cosim.files import TAKEN
+from cosim.flight import journal, stepping
+from cosim.flight.live import fly_live
 from cosim.replay import replay
 from cosim.scenario import parse
 
@@ -81,3 +86,53 @@ def test_an_earlier_log_of_the_same_name_stays(tmp_path):
     assert runner.invoke(app, ["recover", str(log)]).exit_code == 0
     assert log.read_bytes() == b"of another flight"
     assert len(cosim.open_log(tmp_path / "flight.recovered.mcap").array("/truth/aircraft")) == 100
+
+
+def test_a_journal_that_a_kill_left_is_not_written_over(tmp_path):
+    log = tmp_path / "flight.mcap"
+    cruise = cosim.load_scenario("cruise", ["duration_s=0.5"])
+    journal.beside(log).write_text(cruise.expanded_toml())
+    for more in ([], ["--live", "--port", "0"]):
+        told = runner.invoke(app, ["run", "cruise", *more, "-o", str(log)])
+        assert told.exit_code == 2 and f"`cosim recover {log}`" in told.stderr
+    with pytest.raises(OutputError, match="cosim recover"):
+        cosim.Flight(cruise, log=log)
+    with pytest.raises(OutputError, match="cosim recover"):
+        fly_live(cruise, port=0, log=log)
+    assert journal.beside(log).read_text() == cruise.expanded_toml() and not log.exists()
+
+
+def test_nobody_else_writes_the_log_of_a_flight_in_the_air(tmp_path):
+    log = tmp_path / "flight.mcap"
+    with cosim.Flight(cosim.load_scenario("cruise", ["duration_s=1"]), log=log) as flight:
+        for side in ("left", "right"):
+            flight.step(60)
+            for command in (["run", "cruise", "-o"], ["recover"]):
+                told = runner.invoke(app, [*command, str(log)])
+                assert told.exit_code == 2 and TAKEN in told.stderr
+            with pytest.raises(OutputError, match=TAKEN):
+                cosim.Flight("cruise", log=log)
+            flight.inject(target=f"elevator.{side}_inner", kind="jam_solid")
+    assert os.listdir(tmp_path) == ["flight.mcap"] and len(scenario_of(log).faults) == 2
+
+
+def interrupt(t, whole):
+    if t > 0.2:
+        raise KeyboardInterrupt
+
+
+def test_a_recovery_that_is_interrupted_keeps_the_journal_and_writes_nothing(tmp_path):
+    log = tmp_path / "flight.mcap"
+    journal.beside(log).write_text(cosim.load_scenario("cruise", ["duration_s=20"]).expanded_toml())
+    with pytest.raises(KeyboardInterrupt):
+        journal.recover(log, log, progress=interrupt)
+    assert os.listdir(tmp_path) == ["flight.mcap.flown.toml"]
+
+
+def test_a_flight_whose_log_is_interrupted_keeps_its_journal(tmp_path, monkeypatch):
+    log = tmp_path / "flight.mcap"
+    flight = cosim.Flight(cosim.load_scenario("cruise", ["duration_s=20"]), log=log)
+    flight.step(400)
+    monkeypatch.setattr(stepping, "simulate", functools.partial(stepping.simulate, progress=interrupt))
+    assert flight.result().status == "interrupted"
+    assert journal.beside(log).is_file()
