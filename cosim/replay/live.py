@@ -16,6 +16,7 @@ from cosim.errors import LogError
 from cosim.log import Log, Pose, Topic, open_log
 from cosim.log.live import Live
 from cosim.log.shown import library
+from cosim.replay.params import check_start
 
 TRUTH = "/truth/aircraft"
 IDLE_S = 0.02  # between looks at what viewers ask for, while nothing plays
@@ -59,8 +60,9 @@ def show(
     """Serve the log at `path` on `port` of this machine, from `start_s` at `speed`, until Ctrl-C or `ended` is set.
 
     `ready(server)` is called when viewers may come. Raises LogError for a log that cannot be read or has no ticks,
-    OutputError when it cannot be served.
+    ReplayError for a start that is no time, OutputError when it cannot be served.
     """
+    check_start(start_s)
     log = open_log(os.fspath(path))
     reel, dt_ns, sdk = Reel(log), log.dt_ns, library()
     first = min(round(start_s * 1e9 / dt_ns), reel.ticks)

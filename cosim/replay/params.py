@@ -10,6 +10,7 @@ from cosim.flight.parameters import assign, wrong_parameter, wrong_state
 from cosim.log import Log
 from cosim.replay import door
 
+LATEST_S = 2**63 / 1e9  # a log's time is 64 bits of nanoseconds
 
 class ReplayError(CosimError):
     """A replay that cannot be made, or would compare nothing."""
@@ -61,9 +62,9 @@ def trusted(log: Log, record: Any, module: Any, p: np.ndarray, x: np.ndarray, dt
 
 
 def check_start(start_s: float) -> None:
-    """Raise ReplayError for a start that is no time."""
-    if not math.isfinite(start_s):
-        raise ReplayError(f"{start_s} is no time", place="--from", allowed="seconds")
+    """Raise ReplayError for a start that is no time, or beyond any that a log can hold."""
+    if not abs(start_s) < LATEST_S:
+        raise ReplayError(f"{start_s} is no time", place="--from", allowed=f"seconds, below {LATEST_S:.3g}")
 
 
 def chosen_overrides(chosen: Any, changes: Any) -> None:
