@@ -83,7 +83,7 @@ def compare(
     CampaignError, LogError, GuestError.
     """
     frame, timing, tomls, source = read(sources, workers=workers, progress=progress, guests=guests)
-    rows = compare_rows.tidy(frame, tomls)
+    rows = compare_rows.tidy(frame, tomls, source)
     if rows.empty:
         raise CompareError("no flight has a detector to compare", place=source)
     damaged = tuple(frame.attrs.get("damaged", ()))

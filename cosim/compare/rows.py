@@ -27,6 +27,7 @@ import numpy as np
 import pandas as pd
 
 from cosim.campaign import CampaignResult
+from cosim.campaign.store import CampaignError
 from cosim.campaign.worker import run_id
 from cosim.judge import coverage
 from cosim.judge import row as judged
@@ -62,8 +63,12 @@ def family(kind: str, target: str, segments: tuple) -> str:
     return "jam or runaway" if kind.startswith(("jam", "runaway")) else "other actuator fault"
 
 
-def tidy(frame: pd.DataFrame, tomls: Mapping[str, str]) -> pd.DataFrame:
-    """Return the rows of `frame` (columns of cosim/campaign), `tomls` {run: scenario}; an empty frame without any."""
+def tidy(frame: pd.DataFrame, tomls: Mapping[str, str], place: str = "") -> pd.DataFrame:
+    """Return the rows of `frame` (columns of cosim/campaign), `tomls` {run: scenario}; an empty frame without any.
+
+    Raises CampaignError at `place` for a row that no flight has.
+    """
+    _possible(frame[frame["id"].notna()], place)
     lanes: dict = {}
     for lane in frame[frame["id"].notna()].to_dict("records"):
         lanes.setdefault((lane["run"], lane["id"]), []).append(lane)
@@ -71,12 +76,40 @@ def tidy(frame: pd.DataFrame, tomls: Mapping[str, str]) -> pd.DataFrame:
     out = []
     for (run, detector), found in lanes.items():
         met = sorted({int(lane["fault"]) for lane in found if _given(lane.get("fault"))}) or [about[run]["earliest"]]
+        if met[-1] is not None and not 0 <= met[-1] < about[run]["faults"]:
+            raise _impossible(found[0] | {"fault": met[-1]}, "fault", place, f"below {about[run]['faults']}")
         for i, fault in enumerate(met):
             own = [lane for lane in found if not _given(lane.get("fault")) or int(lane["fault"]) == fault]
             out.append(_row(run, detector, own, found if i == 0 else [], about[run], fault))
     if not out:
         return pd.DataFrame()
     return echoes(pd.DataFrame(out).astype({"concerned": bool, "detected": bool, "idle": bool}))
+
+
+LEVELS = ("local", "aircraft")
+NEVER_BELOW_0 = ("false_alarms", "standing_s", *NUMBERS, *ACHIEVED)
+
+
+def _possible(lanes, place):
+    """Raise CampaignError for the first row of a lane with a figure that no flight has."""
+    checks = [("level", lanes["level"].isin(LEVELS), " or ".join(LEVELS)),
+              ("concerned", lanes["concerned"].notna(), "true or false"),
+              ("sim_time_s", lanes["sim_time_s"].gt(0.0) & lanes["sim_time_s"].lt(np.inf), "above 0"),
+              ("false_alarms", lanes["false_alarms"].notna(), "0 or more")]  # fmt: skip
+    for name in (n for n in NEVER_BELOW_0 if n in lanes):
+        value = pd.to_numeric(lanes[name])
+        checks.append((name, value.isna() | (value.ge(0.0) & value.lt(np.inf)), "0 or more"))
+    for name, good, allowed in checks:
+        if not good.all():
+            raise _impossible(lanes[~good.astype(bool)].iloc[0], name, place, allowed)
+
+
+def _impossible(row, name, place, allowed):
+    """Return the CampaignError for a row that no flight has."""
+    value = f"{row[name]:g}" if isinstance(row[name], float) else str(row[name])
+    remedy = "Something changed the rows; `cosim campaign --resume` writes them anew"
+    what = f"{name} = {value} of {row['id']} in run {row['run']} is impossible"
+    return CampaignError(what, place=place, allowed=allowed, remedy=remedy)
 
 
 def echoes(rows: pd.DataFrame) -> pd.DataFrame:

@@ -108,3 +108,36 @@ def test_an_edited_campaign_says_which_rows_it_leaves_out(flown, tmp_path):
     assert left <= set(kept["run"])
     again = cosim("campaign", flown / "few.toml", "-o", out, "--resume", "--workers", 1)
     assert again.exit_code == 0 and set(pd.read_parquet(out / "runs.parquet")["run"]) == set(before["run"])
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "told"),
+    [
+        ("sim_time_s", 0.0, "sim_time_s = 0 of position_monitor in run"),
+        ("sim_time_s", -1.0, "is impossible; allowed: above 0"),
+        ("sim_time_s", float("inf"), "sim_time_s = inf"),
+        ("sim_time_s", None, "sim_time_s = nan"),
+        ("false_alarms", -5, "false_alarms = -5 of position_monitor in run"),
+        ("false_alarms", None, "false_alarms = nan"),
+        ("standing_s", -1.0, "standing_s = -1"),
+        ("delay_s", -1.0, "delay_s = -1"),
+        ("fault", 99, "fault = 99 of position_monitor in run"),
+        ("fault", -1, "fault = -1 of position_monitor in run"),
+        ("level", "[/x]", "level = [/x] of position_monitor"),
+        ("concerned", None, "concerned = None"),
+    ],
+)
+def test_a_row_that_no_flight_has_is_named(name, value, told, flown, tmp_path):
+    out = shutil.copytree(flown / "out", tmp_path / "out")
+    kind = pq.read_table(out / "runs.parquet").schema.field(name).type
+    _set(out / "runs.parquet", name, pa.array([value] * _rows(out), kind))
+    seen = cosim("compare", out, "-o", tmp_path / "page")
+    assert seen.exit_code == 2 and told in seen.stderr and seen.stderr.count("\n") == 1, seen.stderr
+    assert seen.stderr.startswith(f"error: {out}: ")
+
+
+def test_a_detector_of_any_name_is_shown_by_it(flown, tmp_path):
+    out = shutil.copytree(flown / "out", tmp_path / "out")
+    _set(out / "runs.parquet", "id", pa.array(["[/x]"] * _rows(out)))
+    seen = cosim("compare", out, "-o", tmp_path / "page")
+    assert seen.exit_code == 0 and "[/x]" in seen.stdout
