@@ -3,15 +3,13 @@
 import os
 import queue
 import subprocess
-import sys
 import threading
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from pathlib import Path
 
+from actuators import child
 from actuators.native import PLAIN, Native
 
-_ROOT = Path(__file__).resolve().parent.parent
 _WORK = """
 import importlib, sys
 for line in sys.stdin:
@@ -70,8 +68,7 @@ def _take_all(jobs):
 
 def _feed(jobs, running, done, tell, total):
     """Give one process after the other job until none is left, or until no process is to be had."""
-    paths = os.pathsep.join([str(_ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
-    command, env = [sys.executable, "-c", _WORK], {**os.environ, "PYTHONPATH": paths}
+    command, env = child.command(_WORK), child.surroundings()
     with suppress(queue.Empty, OSError), subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=env, text=True
     ) as worker:

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from actuators import child
 from cosim.bench.growth import growth, worker_mb
 from cosim.bench.log import log_costs
 from cosim.bench.ticks import measure
@@ -136,7 +137,7 @@ def _once(call):
 
 
 def _command(*args):
-    return [sys.executable, "-m", "cosim.cli", *args]
+    return [sys.executable, "-P", "-m", "cosim.cli", *args]
 
 
 # `cosim run`, ended when its first tick is done
@@ -164,14 +165,14 @@ def _startup(folder):
     """
     log = str(Path(folder) / "start.mcap")
     cases = {
-        "python": [sys.executable, "-c", "pass"],
-        "import": [sys.executable, "-c", "import cosim"],
+        "python": child.command("pass"),
+        "import": child.command("import cosim"),
         "help": _command("--help"),
-        "first_tick": [sys.executable, "-c", _FIRST, "-o", log],
+        "first_tick": [*child.command(_FIRST), "-o", log],
         "run": _command("run", "cruise", "--json", "--set", "duration_s=1", "-o", log),
         "flight": _command("run", "-o", log),
     }
-    env = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    env = {name: value for name, value in child.surroundings().items() if name != "PYTHONDONTWRITEBYTECODE"}
     env["PYTHONPYCACHEPREFIX"] = str(Path(folder) / "bytecode")
     told: dict[str, Any] = {}
     for name, args in cases.items():
@@ -206,7 +207,8 @@ def _peak_mb(folder):
         return None
     log = str(Path(folder) / LONG)
     args = _command("run", "cruise", "--json", "--set", f"duration_s={MEMORY_FLIGHT_S}", "-o", log)
-    told = subprocess.run([sys.executable, "-c", _PEAK, *args], stdout=subprocess.PIPE, check=True, text=True).stdout
+    call, env = [*child.command(_PEAK), *args], child.surroundings()
+    told = subprocess.run(call, env=env, stdout=subprocess.PIPE, check=True, text=True).stdout
     outcome, peak = told.splitlines()
     if json.loads(outcome)["status"] != "completed":
         raise RuntimeError("the ten-minute flight did not complete")

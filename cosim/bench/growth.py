@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from actuators import child
 from cosim.bench.ticks import ELEVEN, QUIET, flying, timed
 from cosim.scenario import load_scenario
 
@@ -24,7 +25,7 @@ for seed in (1, 2):
 print(max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)))
 """
 # the peak of a process that this one starts would be at least what this one holds: a small one starts it
-_BETWEEN = "import subprocess, sys; subprocess.run([sys.executable, '-c', sys.argv[1]], check=True)"
+_BETWEEN = "import subprocess, sys; subprocess.run([sys.executable, '-P', '-c', sys.argv[1]], check=True)"
 
 
 def growth(turns: int = 5) -> list[dict[str, Any]]:
@@ -79,6 +80,6 @@ def worker_mb() -> float | None:
     """Return the peak resident memory [MB] of a campaign's worker after two flights, None where nobody tells."""
     if sys.platform == "win32":
         return None
-    args = [sys.executable, "-c", _BETWEEN, _WORKER]
-    told = subprocess.run(args, stdout=subprocess.PIPE, check=True, text=True).stdout
+    args, env = [*child.command(_BETWEEN), _WORKER], child.surroundings()
+    told = subprocess.run(args, env=env, stdout=subprocess.PIPE, check=True, text=True).stdout
     return int(told) * (1 if sys.platform == "darwin" else 1024) / 1e6

@@ -17,6 +17,8 @@ from cosim.campaign.worker import failed, fly
 
 AHEAD = 4  # jobs in flight per worker: none waits for the parent, and little is lost with it
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # a worker is one core
+# what a worker starts with; it gets the path of this process, but would import from the current folder before that
+START = {**dict.fromkeys(THREADS, "1"), "PYTHONSAFEPATH": "1"}
 
 
 def cores() -> int:
@@ -132,8 +134,8 @@ def pool(workers: int | None) -> Iterator[cf.Executor]:
             yield thread
         return
     workers = cores() if workers is None else workers
-    before = {name: os.environ.get(name) for name in THREADS}
-    os.environ.update(dict.fromkeys(THREADS, "1"))
+    before = {name: os.environ.get(name) for name in START}
+    os.environ.update(START)
     made = cf.ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_start)
     try:
         yield made

@@ -11,6 +11,8 @@ from contextlib import nullcontext
 
 import pytest
 
+import cosim
+from actuators import child
 from cosim.campaign import pool
 
 PARENT = """
@@ -69,3 +71,42 @@ def test_a_call_that_finds_the_pool_broken_is_not_lost(monkeypatch):
     monkeypatch.setattr(pool, "pool", lambda workers: nullcontext(next(pools)))
     calls = [(k, abs, (-k,)) for k in range(9)]
     assert sorted(pool.finished(calls, workers=1)) == [(k, k) for k in range(9)]
+
+
+LIBRARIES = ("signal", "threading", "struct", "pickle", "numpy", "importlib", "json", "jsbsim")
+ONE_WORKER = """
+import cosim.campaign.pool as p
+if __name__ == "__main__":
+    with p.pool(1) as workers:
+        print(workers.submit(sum, [1, 2]).result())
+"""
+
+
+def test_a_worker_does_not_import_from_the_current_folder(tmp_path):
+    where = tmp_path / "where"
+    where.mkdir()
+    for name in LIBRARIES:
+        (where / f"{name}.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'a').write({name!r})\nraise SystemExit(1)")
+    (tmp_path / "parent.py").write_text(ONE_WORKER)
+    env = {k: v for k, v in child.surroundings().items() if k != "PYTHONSAFEPATH"}
+    command = [sys.executable, tmp_path / "parent.py"]
+    told = subprocess.run(command, env=env, cwd=where, capture_output=True, text=True, timeout=60)
+    assert not (tmp_path / "ran").exists(), (tmp_path / "ran").read_text()
+    assert told.stdout == "3\n", told.stderr
+
+
+def test_a_process_of_ours_does_not_import_from_the_current_folder(tmp_path):
+    for name in LIBRARIES:
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('not asked for')")
+    code = f"import {', '.join(LIBRARIES)}, cosim; print(cosim.__file__)"
+    told = subprocess.run(child.command(code), env=child.surroundings(), cwd=tmp_path, capture_output=True, text=True)
+    assert told.stdout.strip() == cosim.__file__, told.stderr
+
+
+def test_what_the_parents_path_holds_is_there_for_a_worker(tmp_path, monkeypatch):
+    (tmp_path / "beside_a_detector.py").write_text("def limit(): return 7")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    from beside_a_detector import limit
+
+    with pool.pool(1) as workers:
+        assert workers.submit(limit).result() == 7

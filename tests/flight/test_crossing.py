@@ -41,8 +41,25 @@ def test_python_crosses_after_a_trial_that_failed(found, verdict, monkeypatch):
 
 
 @pytest.mark.parametrize("script", ["import os; os.abort()", "raise SystemExit(1)", "print('no verdict')"])
-def test_a_trial_that_crashes_is_no_proof(script):
-    assert border._tried(script) == {"equal": False}
+def test_a_trial_that_dies_finds_nothing(script):
+    """Not even that the values differ: it may have been killed, and is tried again."""
+    assert border._tried(script) is None
+
+
+def test_a_trial_does_not_import_from_the_current_folder(tmp_path, monkeypatch):
+    (tmp_path / "numpy.py").write_text("raise SystemExit('not asked for')")
+    monkeypatch.chdir(tmp_path)
+    assert border._tried("import numpy, cosim; print('{\"equal\": false}')") == {"equal": False}
+
+
+@pytest.mark.parametrize("text", ["[]", '{"equal": true}', '{"equal": true, "offset": 3}', '{"equal": 1}', "", "\xff",
+                                  '{"equal": true, "offset": [16]}', "[" * 9000, None])  # fmt: skip
+def test_a_damaged_memory_costs_a_trial(text, verdict, monkeypatch):
+    found = {"equal": False}
+    monkeypatch.setattr(border, "_tried", lambda: found)
+    verdict.mkdir() if text is None else verdict.write_text(text, encoding="latin-1")
+    assert border.crossing() is None
+    assert text is None or json.loads(verdict.read_text()) == found
 
 
 def test_both_ways_fly_the_same_bits(monkeypatch):

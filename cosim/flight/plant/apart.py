@@ -3,8 +3,9 @@
 import functools
 import re
 import subprocess
-import sys
 from pathlib import Path
+
+from actuators import child
 
 _ALONE = """
 import sys
@@ -24,9 +25,9 @@ def fatal(folder: Path, name: str) -> str:
 
 @functools.cache
 def _fatal(folder, name, files):
-    call = [sys.executable, "-c", _ALONE, str(folder.parent), name]
+    call, env = [*child.command(_ALONE), str(folder.parent), name], child.surroundings()
     try:
-        done = subprocess.run(call, capture_output=True, text=True, errors="replace", timeout=60.0)
+        done = subprocess.run(call, env=env, capture_output=True, text=True, errors="replace", timeout=60.0)
     except subprocess.TimeoutExpired:
         return "cannot be loaded: JSBSim takes longer than a minute"
     if done.returncode == 0:

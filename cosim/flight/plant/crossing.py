@@ -4,9 +4,11 @@ Python's getters and setters cost half of a tick. The library of the jsbsim whee
 behind a Python object is needed, and that stands where its layout in memory says. This rests on how one wheel was
 built. So a process of its own tries it once for each wheel on each machine: it flies an aircraft twice, by Python's
 calls and by address, and compares every value. What it found is remembered beside the compiled kernels. Without that,
-after a crash of the trial or one value that differs, and with COSIM_BORDER=python, Python crosses.
+after one value that differs, and with COSIM_BORDER=python, Python crosses. A trial that died found nothing, it may have
+been killed or had no memory: Python crosses, and the next process tries again.
 """
 
+import contextlib
 import ctypes
 import functools
 import hashlib
@@ -21,12 +23,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from actuators import child
 from actuators.native import PLAIN
 from actuators.sources import cache_root
+from cosim.errors import CosimError
 from cosim.files import replace_text
+from cosim.texts import from_json
 
 SYMBOLS = "_ZNK14SGPropertyNode14getDoubleValueEv", "_ZN14SGPropertyNode14setDoubleValueEd"
 HEAD = 16  # of every Python object [byte]
+OFFSETS = HEAD, HEAD + 8  # of the node's address that a trial may find
 TICKS, PATIENCE_S = 300, 120.0  # of the trial
 
 
@@ -50,14 +56,33 @@ def crossing() -> Crossing | None:
     file, library = _memory(), _library()
     if file is None or library is None:
         return None
-    try:
-        verdict = json.loads(file.read_bytes())
-    except (OSError, ValueError):
+    verdict = _remembered(file)
+    if verdict is None:
         verdict = _tried()
         if verdict is None:
             return None
-        replace_text(file, json.dumps(verdict) + "\n")
-    return _found(library, verdict["offset"]) if verdict.get("equal") is True else None
+        with contextlib.suppress(OSError, CosimError):  # it is tried again where it cannot be written
+            replace_text(file, json.dumps(verdict) + "\n")
+    return _found(library, int(verdict["offset"])) if verdict["equal"] else None
+
+
+def _remembered(file):
+    """Return the verdict of a file, None when it holds none."""
+    try:
+        return _verdict(file.read_bytes())
+    except OSError:
+        return None
+
+
+def _verdict(text):
+    """Return the verdict that JSON `text` is, None for anything else: an address from elsewhere ends the process."""
+    try:
+        told = from_json(text, place="trial")
+    except CosimError:
+        return None
+    if not isinstance(told, dict) or not isinstance(told.get("equal"), bool):
+        return None
+    return told if not told["equal"] or told.get("offset") in OFFSETS else None
 
 
 def _library():
@@ -79,18 +104,13 @@ TRIAL = f"from {__name__} import trial; trial()"
 
 
 def _tried(script=TRIAL):
-    """Return what a trial in another process finds, None when it does not come to an end."""
-    paths = os.pathsep.join(filter(None, [str(Path(__file__).parents[3]), os.environ.get("PYTHONPATH")]))
-    env: dict[str, Any] = {**os.environ, "COSIM_BORDER": "python", "PYTHONPATH": paths}
-    command = [sys.executable, "-c", script]
+    """Return what a trial in another process finds, None when it does not come to an end of its own."""
+    env = child.surroundings(COSIM_BORDER="python")
     try:
-        done = subprocess.run(command, env=env, capture_output=True, text=True, timeout=PATIENCE_S)
+        done = subprocess.run(child.command(script), env=env, capture_output=True, text=True, timeout=PATIENCE_S)
     except (OSError, subprocess.TimeoutExpired):
         return None
-    try:
-        return json.loads(done.stdout.splitlines()[-1]) if done.returncode == 0 else {"equal": False}
-    except (ValueError, IndexError):
-        return {"equal": False}
+    return _verdict("".join(done.stdout.splitlines()[-1:])) if done.returncode == 0 else None
 
 
 def _found(library, offset):
@@ -118,7 +138,7 @@ def compare() -> dict[str, Any]:
     by_address.trim()
     kind = type(by_calls.port.node("simulation/sim-time-sec"))
     offset, library = kind.__basicsize__ - 8, _library()
-    how = _found(library, offset) if library and kind.__dictoffset__ == 0 and offset in (HEAD, HEAD + 8) else None
+    how = _found(library, offset) if library and kind.__dictoffset__ == 0 and offset in OFFSETS else None
     if how is None:
         return {"equal": False}
     get = ctypes.PYFUNCTYPE(ctypes.c_double, ctypes.c_void_p)(how.get)
