@@ -4,10 +4,11 @@ import json
 from typing import Annotated
 
 import typer
-from rich.table import Table
+from rich.text import Text
 
 from cosim.cli.app import app, out
 from cosim.cli.output import JsonOption
+from cosim.cli.tables import table
 
 
 @app.command("check-aircraft")
@@ -22,9 +23,9 @@ def check_aircraft(
     if json_:
         print(json.dumps({"aircraft": aircraft, "findings": [vars(f) for f in found]}, allow_nan=False))
     else:
-        table = Table("", "point", "found", box=None, pad_edge=False)
+        t = table("", "", "point", "found")
         for f in found:
-            table.add_row("[green]good[/]" if f.good else "[red]wrong[/]", f.point, f.found)
-        out.print(table)
+            t.add_row(Text("good", "green") if f.good else Text("wrong", "red"), f.point, f.found)
+        out.print(t)
     if not all(f.good for f in found):
         raise typer.Exit(1)

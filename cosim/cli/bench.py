@@ -6,7 +6,6 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Group
-from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
@@ -66,7 +65,7 @@ def compared(before: Mapping[str, Any], now: Mapping[str, Any]) -> Table:
     old, new = _numbers(before), _numbers(now)
     for name in dict.fromkeys([*new, *old]):
         a, b = old.get(name), new.get(name)
-        t.add_row(escape(name), number(a), number(b), number(b / a) if a and b else NOTHING)
+        t.add_row(name, number(a), number(b), number(b / a) if a and b else NOTHING)
     return t
 
 

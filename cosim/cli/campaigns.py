@@ -19,8 +19,7 @@ from cosim.cli.output import (
 
 
 def _left_out(damaged, what):
-    for path in damaged:
-        err.print(f"note: damaged and left out: {tables.escape(path)}; {what}", soft_wrap=True, highlight=False)
+    notes(f"damaged and left out: {path}; {what}" for path in damaged)
 
 
 @app.command()

@@ -27,7 +27,7 @@ from cosim.cli.app import (
     served,
 )
 from cosim.cli.output import DetectorOption, JsonOption, log_name, named, output_option, reserve
-from cosim.cli.tables import escape, table
+from cosim.cli.tables import table
 from cosim.errors import CosimError, did_you_mean
 
 if TYPE_CHECKING:  # `--help` needs no scenario
@@ -220,18 +220,18 @@ def contents(found: dict[str, Any]) -> Group:
     head = table(found["log"], "", "", show_header=False)
     for name in ("title", "status", "duration_s", "rate_hz", "ticks", "size_mb"):
         if found.get(name) not in (None, ""):
-            head.add_row(name, escape(str(found[name])))
+            head.add_row(name, str(found[name]))
     head.add_row("log", state)
     for name in ("gaps", "problem"):
         if found.get(name):
-            head.add_row(name, escape(f"{found[name]} ticks are missing" if name == "gaps" else found[name]))
+            head.add_row(name, f"{found[name]} ticks are missing" if name == "gaps" else found[name])
     for name, value in found["versions"].items():
-        head.add_row(name, escape(value))
+        head.add_row(name, value)
     t = table("Topics", "topic", "rows>", "fields>", "every>", "first fields")
     for r in found["topics"]:
         more = ", ..." if len(r["fields"]) > 6 else ""
         t.add_row(
-            r["name"], str(r["rows"]), str(len(r["fields"])), str(r["every"]), escape(", ".join(r["fields"][:6]) + more)
+            r["name"], str(r["rows"]), str(len(r["fields"])), str(r["every"]), ", ".join(r["fields"][:6]) + more
         )
     return Group(head, t, Text(f"attachments: {', '.join(found['attachments']) or 'none'}"))
 

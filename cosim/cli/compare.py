@@ -1,7 +1,6 @@
 """The tables of `cosim compare`, built from the same plain data that --json prints. Nothing here prints."""
 
 from rich.console import Group, RenderableType
-from rich.markup import escape
 from rich.text import Text
 
 from cosim.cli.tables import NOTHING, number, table
@@ -22,7 +21,7 @@ def compare(found: dict) -> Group:
         valid = NOTHING if d["availability"] is None else f"{d['availability']:.0%}"
         times = number(d["delay_s"]), number(d["right_s"]), number(d["standing_s"], 0)
         style = "" if d["detected"] else "dim"
-        t.add_row(escape(d["id"]), valid, *counts, *times, number(d["false_alarms_per_hour"], 1), free, style=style)
+        t.add_row(d["id"], valid, *counts, *times, number(d["false_alarms_per_hour"], 1), free, style=style)
         if d["idle"] and d["why_not_valid"]:
             notes.append(Text(f"{d['id']} not valid: {d['why_not_valid']}", style="dim"))
     t.caption, t.caption_justify = (

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.text import Text
 
 from cosim.cli import tables
 from cosim.cli.app import answer, app, err, out
@@ -83,8 +84,8 @@ def check_detector(
         print(json.dumps(found, allow_nan=False))
     else:
         t = tables.table(f"{found['id']}, {found['file']}", "", "question", "answer")
-        marks = {"good": "[green]✓[/]", "bad": "[red]✗[/]", "note": "[yellow]![/]"}
+        marks = {"good": Text("✓", "green"), "bad": Text("✗", "red"), "note": Text("!", "yellow")}
         for line in found["checks"]:
-            t.add_row(marks[line["result"]], line["question"], tables.escape(line["answer"]))
+            t.add_row(marks[line["result"]], line["question"], line["answer"])
         out.print(t)
     raise typer.Exit(0 if found["keeps"] else 1)

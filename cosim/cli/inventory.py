@@ -3,7 +3,6 @@
 from typing import Any
 
 from rich.console import Group
-from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
@@ -49,14 +48,14 @@ TOPICS = {
 def _scenarios(found):
     s = table("Scenarios: cosim run NAME", "name", "what happens")
     for r in found["scenarios"]:
-        s.add_row(r["name"], escape(r["title"]), style="bold" if r["name"] == found["default"] else "")
+        s.add_row(r["name"], r["title"], style="bold" if r["name"] == found["default"] else "")
     return [s]
 
 
 def _campaigns(found):
     many = table("Campaigns: cosim campaign NAME", "name", "what is flown")
     for r in found["campaigns"]:
-        many.add_row(r["name"], escape(r["title"]))
+        many.add_row(r["name"], r["title"])
     return [many]
 
 
@@ -85,14 +84,14 @@ def _targets(found):
 def _detector_list(found):
     d = table("Detectors: --set 'detectors.enabled=[...]'", "id", "level", "what it is")
     for r in found["detectors"]:
-        d.add_row(r["id"], r["level"], escape(r["summary"]))
+        d.add_row(r["id"], r["level"], r["summary"])
     return [d]
 
 
 def _signals(found):
     t = table("Signals that a detector may read", "signal", "unit", "what it is")
     for r in found["signals"]:
-        t.add_row(r["name"], escape(r["unit"]), escape(r["summary"]))
+        t.add_row(r["name"], r["unit"], r["summary"])
     return [t]
 
 
@@ -102,7 +101,7 @@ def _tolerances(found):
         t = table(f"[tolerances.{group}], a factor from 0.2 to 5 on", "name", "unit", "what it is")
         for r in found["tolerances"]:
             if r["group"] == group:
-                t.add_row(r["name"], escape(r["unit"]), escape(r["summary"]))
+                t.add_row(r["name"], r["unit"], r["summary"])
         out.append(t)
     return out
 
@@ -110,7 +109,7 @@ def _tolerances(found):
 def _examples(found):
     t = table("Examples: cosim example NAME copies one here", "name", "what it does")
     for r in found["examples"]:
-        t.add_row(r["name"], escape(r["summary"]))
+        t.add_row(r["name"], r["summary"])
     return [t]
 
 
@@ -126,7 +125,7 @@ def _keys(name, about):
     t = table(name, "key", "what it means")
     t.columns[0].min_width = 21
     for key, text in about.items():
-        t.add_row(escape(key), escape(text))
+        t.add_row(key, text)
     return t
 
 

@@ -7,7 +7,6 @@ from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import Group, RenderableType
-from rich.markup import escape
 from rich.text import Text
 
 from cosim.cli.app import LIVE_PORT, LogArg, PortOption, SpeedOption, answer, app, err, notes, only_live, served
@@ -150,7 +149,7 @@ def _differences(found):
     for d in found["differences"][:SHOWN]:
         gap = NOTHING if d["max_abs"] is None else f"{d['max_abs']:.3g}"
         t.add_row(
-            escape(d["field"]), str(d["count"]), str(d["first_tick"]), f"{d['first_tick'] * found['dt_s']:.3f}", gap
+            d["field"], str(d["count"]), str(d["first_tick"]), f"{d['first_tick'] * found['dt_s']:.3f}", gap
         )
     if len(found["differences"]) > SHOWN:
         t.caption, t.caption_justify = f"and {len(found['differences']) - SHOWN} fields more (--json has all)", "left"
@@ -231,7 +230,7 @@ def _not_run(rows, named):
             continue
         shown = r["missing"][:MISSING]
         more = f" and {len(r['missing']) - MISSING} more" if len(r["missing"]) > MISSING else ""
-        lack.add_row(r["id"], lane.replace("_", " "), escape(", ".join(shown)) + more)
+        lack.add_row(r["id"], lane.replace("_", " "), ", ".join(shown) + more)
     if away:
         which = ", ".join(lane.replace("_", " ") for lane in away)
         lack.caption, lack.caption_justify = f"nor any of {which}: the map names no signal of theirs", "left"
@@ -261,7 +260,7 @@ def recovered(found: dict[str, Any]) -> Group:
     if found["lost"]:
         t = table("Lost", "at byte>", "bytes>", "why")
         for d in found["lost"][:SHOWN]:
-            t.add_row(str(d["offset"]), str(d["bytes"]), escape(d["reason"]))
+            t.add_row(str(d["offset"]), str(d["bytes"]), d["reason"])
         if len(found["lost"]) > SHOWN:
             t.caption, t.caption_justify = f"and {len(found['lost']) - SHOWN} places more (--json has all)", "left"
         parts.append(t)

@@ -8,11 +8,12 @@ from typing import Annotated, Any
 import typer
 from rich.console import Group
 from rich.table import Table
+from rich.text import Text
 
 from cosim.cli import tables
 from cosim.cli.app import answer, app, err, out
 from cosim.cli.output import JsonOption, ReadmeOption, WorkersOption, output_option, reserve
-from cosim.cli.tables import escape, table
+from cosim.cli.tables import table
 from cosim.files import replace
 from cosim.training import TRAINERS
 
@@ -149,14 +150,14 @@ def study(
     if name is None:
         shown = tables.table("Studies: `cosim study NAME`", "study", "about")
         for each in work.NAMES:
-            shown.add_row(each, tables.escape(work.known(each).ABOUT))
+            shown.add_row(each, work.known(each).ABOUT)
         out.print(shown)
         return
     chosen = work.chosen(name, questions or ())
     if list_:
         shown = tables.table(work.known(name).ABOUT, "question", "asks", "seeds>")
         for question in chosen:
-            shown.add_row(question.name, tables.escape(question.asks), str(question.seeds))
+            shown.add_row(question.name, question.asks, str(question.seeds))
         out.print(shown)
         return
     folder, found = output or Path("logs") / f"study-{name}", []
@@ -207,12 +208,10 @@ def reproduced(found: dict[str, Any]) -> Group:
     total = "   ".join(f"[{colours[v]}]{n} {words[v]}[/]" for v, n in found["counts"].items())
     t = table("Paper says, we get", "paper", "item", "paper says", "we get>", "band", "verdict")
     for r in found["rows"]:
-        verdict = f"[{colours[r['verdict']]}]{r['verdict'].replace('_', ', ')}[/]"
+        verdict = Text(r["verdict"].replace("_", ", "), colours[r["verdict"]])
         item = f"{r['item']} ({r['note']})" if r["note"] else r["item"]
-        t.add_row(r["paper"], escape(item), escape(r["says"]), f"{r['got']:.4g}", r["tolerance"], verdict)
-    why = [
-        f"{escape(r['item'])}: {escape(r['reason'])} ({escape(r['evidence'])})" for r in found["rows"] if r["reason"]
-    ]
+        t.add_row(r["paper"], item, r["says"], f"{r['got']:.4g}", r["tolerance"], verdict)
+    why = [Text(f"{r['item']}: {r['reason']} ({r['evidence']})") for r in found["rows"] if r["reason"]]
     return Group(total, t, *why)
 
 
@@ -220,8 +219,8 @@ def noticed(found: list[dict[str, Any]]) -> Table:
     """Return what rows show with the method broken."""
     t = table("The method broken in one place", "paper", "row", "what is broken", "value then>", "band", "seen")
     for b in found:
-        t.add_row(b["paper"], escape(b["item"]), escape(b["what"]), f"{b['got']:.4g}", b["band"],
-                  "[green]yes[/]" if b["seen"] else "[red]no[/]")  # fmt: skip
+        t.add_row(b["paper"], b["item"], b["what"], f"{b['got']:.4g}", b["band"],
+                  Text("yes", "green") if b["seen"] else Text("no", "red"))  # fmt: skip
     return t
 
 
@@ -229,5 +228,5 @@ def designs(found: dict[str, tuple[str, str]]) -> Table:
     """Return a table of {design: (what it is, problem or "")}."""
     t = table("Stored designs", "design", "what", "state")
     for name, (what, problem) in found.items():
-        t.add_row(name, what, f"[red]{escape(problem)}[/]" if problem else "[green]belongs to this aircraft[/]")
+        t.add_row(name, what, Text(problem, "red") if problem else Text("belongs to this aircraft", "green"))
     return t

@@ -8,17 +8,24 @@ from typing import Any
 
 from rich import box
 from rich.console import Console, Group
-from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
 NOTHING = Text("-", style="dim")
 
 
+class Plain(Table):
+    """A table that shows its cells as they are written: what somebody else named is no markup."""
+
+    def add_row(self, *cells: Any, **how: Any) -> None:
+        """Add a row of texts and renderables."""
+        super().add_row(*(Text(cell) if isinstance(cell, str) else cell for cell in cells), **how)
+
+
 def table(title: str, *columns: str, **options: Any) -> Table:
     """Return an empty table in the house style; a column named with a trailing > is right-aligned."""
     heading = Text(f"\n{title}", style="bold") if title else None
-    made = Table(
+    made = Plain(
         title=heading,
         title_justify="left",
         title_style="",
@@ -29,7 +36,7 @@ def table(title: str, *columns: str, **options: Any) -> Table:
     )
     for i, name in enumerate(columns):
         right = name.endswith(">")
-        made.add_column(name.removesuffix(">"), justify="right" if right else "left", no_wrap=right or i == 0)
+        made.add_column(Text(name.removesuffix(">")), justify="right" if right else "left", no_wrap=right or i == 0)
     return made
 
 
@@ -40,7 +47,8 @@ def progress(
     """Show a bar on a terminal, `waiting` until its callback (done, total) is first called with something done."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[state]}"), TimeRemainingColumn())
+    named, state = TextColumn("{task.description}", markup=False), TextColumn("{task.fields[state]}")
+    columns = (named, BarColumn(), state, TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(waiting or text, total=None, state="")
 
@@ -81,7 +89,7 @@ def cell(value: Any) -> str:
     """Return a table cell: short numbers, a dash for nothing."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return "-"
-    return f"{value:.4g}" if isinstance(value, float) else escape(str(value))
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def bare(value: Any) -> Any:
@@ -91,7 +99,7 @@ def bare(value: Any) -> Any:
 
 def plain(made: Any) -> Any:
     """Return a study's Table with its notes."""
-    shown = table(made.title, *map(escape, made.columns))
+    shown = table(made.title, *made.columns)
     for row in made.rows:
         shown.add_row(*map(cell, row))
     return Group(shown, *(Text(note, style="dim") for note in made.notes))
