@@ -36,7 +36,7 @@ def beside(path: str | Path) -> Iterator[Path]:
     What is there stays until then. Raises OutputError when it cannot be written, or another run writes it; nothing is
     left beside `path` then.
     """
-    path = Path(path).resolve()  # behind a link stands the file that is meant
+    path = Path(os.path.realpath(path))  # behind a link stands the file that is meant
     part = path
     try:
         if path.exists() and not path.is_file():  # a device or a pipe: nothing of it can be lost, nor put in its place

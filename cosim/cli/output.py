@@ -41,7 +41,7 @@ def reserve(
         )
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        behind, existed = path.resolve(), path.exists()  # behind a link stands the file that is opened
+        behind, existed = Path(os.path.realpath(path)), path.exists()  # behind a link stands the file that is opened
         with open(path, "ab", opener=_at_once) as file:
             free = locked(file)
             if free and not existed:

@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 
 from cosim.cli import commands as cli
 from cosim.cli import tables
+from cosim.files import beside
 
 
 def call(*args):
@@ -38,3 +39,12 @@ def test_a_folder_with_brackets_in_its_name_is_checked(tmp_path, monkeypatch):
     told = call("check-aircraft", "ac[/red]")
     assert told.exit_code in (1, 2) and isinstance(told.exception, SystemExit)
     assert "ac[/red]" in (told.stdout + told.stderr).replace("\n", "")
+
+
+def test_a_link_to_itself_is_no_place_for_a_log(tmp_path):
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    told = call("run", "-o", tmp_path / "loop")
+    assert told.exit_code == 2 and told.stderr.count("\n") == 1 and f"{tmp_path / 'loop'}: cannot be " in told.stderr
+    with beside(tmp_path / "loop") as part:
+        part.write_text("whole")
+    assert (tmp_path / "loop").read_text() == "whole"
