@@ -79,7 +79,7 @@ def _sentence(source):
 
 
 def _line(model):
-    return model.__doc__.strip().splitlines()[0].rstrip(".")
+    return (model.__doc__ or "").strip().partition("\n")[0].rstrip(".")  # python -OO keeps none
 
 
 def _fault(place, target, name, kind):

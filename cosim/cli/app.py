@@ -21,9 +21,13 @@ from typer.core import TyperGroup
 
 from cosim.errors import CosimError
 
-TOLD = re.fullmatch("[1-9][0-9]{0,3}", os.environ.get("COLUMNS", ""))  # 0 would print nothing, 10^20 for ever
-if not TOLD:
-    os.environ.pop("COLUMNS", None)
+for _width in ("COLUMNS", "TERMINAL_WIDTH"):  # rich's and typer's; 0 would print nothing, 10^20 for ever
+    if not re.fullmatch("[1-9][0-9]{0,3}", os.environ.get(_width, "")):
+        os.environ.pop(_width, None)
+TOLD = "COLUMNS" in os.environ
+_asked = os.environ.get("COMP_WORDS") and re.fullmatch("[0-9]{1,4}", os.environ.get("COMP_CWORD", ""))
+if os.environ.get("_COSIM_COMPLETE") == "complete_bash" and not _asked:
+    del os.environ["_COSIM_COMPLETE"]  # no shell asks for completions: it would say of which words
 WIDE = None if sys.stdout.isatty() or TOLD else 110  # a pipe has no width: do not fold its tables
 
 

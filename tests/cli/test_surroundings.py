@@ -12,6 +12,7 @@ import pyarrow as pa
 import pytest
 
 import cosim
+from actuators import child
 from actuators.sources import cache_root
 from cosim.campaign import store
 from cosim.flight.guests import GuestError, load
@@ -243,3 +244,19 @@ def test_a_width_without_end_is_none():
     for width, args in (("9" * 20, listed), ("9" * 5000, helped), ("1e9", helped)):
         told = run(*args, env=os.environ | {"COLUMNS": width}, timeout=120)
         assert told.returncode == 0 and b"Traceback" not in told.stderr and len(told.stdout) < 100_000, width
+
+
+COMPLETE = {"_COSIM_COMPLETE": "complete_bash"}
+
+
+@pytest.mark.parametrize("poor", [{"TERMINAL_WIDTH": "abc"}, {"TERMINAL_WIDTH": "0"}, {"TERMINAL_WIDTH": "9" * 5000},
+                                  COMPLETE, COMPLETE | {"COMP_WORDS": "cosim li", "COMP_CWORD": "x"}])  # fmt: skip
+def test_a_variable_of_the_terminal_or_the_shell_that_says_nothing_is_ignored(poor):
+    script = "import sys; sys.argv = ['cosim', '-h']; from cosim.cli import main; main()"
+    told = subprocess.run(child.command(script), env=child.surroundings(**poor), capture_output=True, text=True)
+    assert told.returncode == 0 and "linearize" in told.stdout and "Traceback" not in told.stderr, told.stderr
+
+
+def test_python_without_docstrings_lists_what_there_is():
+    told = run("list", "manoeuvres", "--json", env=os.environ | {"PYTHONOPTIMIZE": "2", "PYTHONDONTWRITEBYTECODE": "1"})
+    assert told.returncode == 0 and b"Traceback" not in told.stderr, told.stderr.decode()

@@ -16,7 +16,7 @@ from cosim.flight.signals import fly
 from cosim.papers.studies import Question
 from cosim.scenario import load_scenario
 
-ABOUT = __doc__.splitlines()[0]
+ABOUT = (__doc__ or "").partition("\n")[0]  # python -OO keeps none
 KEYS = ("mass_t", "cg_pct", "altitude_ft", "cas_kt")
 CORNERS = {  # of mass and CG, and of altitude and speed
     "light fore": dict(zip(KEYS, (200, 25, 20000, 250))),
