@@ -13,7 +13,7 @@ _PLAIN = {"µ": "u", "–": "-", "—": "-", "…": "...", "×": "x", "·": "*",
 def main() -> None:
     """Run the command line; Ctrl-C ends it with 130 at any moment, SIGTERM and SIGHUP like it."""
     try:
-        for name in ("SIGTERM", "SIGHUP"):  # the second where a terminal goes away; under nohup it is ignored
+        for name in ("SIGINT", "SIGTERM", "SIGHUP"):  # the last where a terminal goes away; under nohup it is ignored
             number = getattr(signal, name, None)
             if number is not None and signal.getsignal(number) != signal.SIG_IGN:
                 signal.signal(number, _interrupt)
@@ -30,6 +30,7 @@ def main() -> None:
 
 
 def _interrupt(*_: object) -> None:
+    sys.unraisablehook = lambda _: None  # of what is half made at this moment its end may fail, too
     raise KeyboardInterrupt
 
 

@@ -19,7 +19,7 @@ class ReplayError(CosimError):
 def older(log: Log, what: str) -> LogError:
     """Return the LogError for `what` in a log that another version wrote."""
     software = log.metadata.get("run", {}).get("software", "another version")
-    remedy = f"The log was written by {software}; replay it with the version that wrote it, or fly it again"
+    remedy = f"The log was written by {software}; replay the others with --detectors, all with that version"
     return LogError(f"{what} is of another layout than this version's", place=str(log.path), remedy=remedy)
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pyarrow as pa
 import pytest
+from killed import heeds_ctrl_c
 
 import cosim
 from actuators import child
@@ -67,6 +68,18 @@ def test_an_interrupt_that_an_import_turns_into_another_error_ends_without_a_wor
     )
     there = os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), *filter(None, sys.path)])}
     told = run("list", "scenarios", env=there)
+    assert told.returncode == 130 and not told.stderr, told.stderr.decode()
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_what_an_interrupt_leaves_half_made_says_nothing(name, tmp_path):
+    (tmp_path / "rich.py").write_text(
+        "import os, signal\nclass Half:\n    def __init__(self):\n"
+        f"        os.kill(os.getpid(), signal.{name})\n        [n for n in range(10**6)]\n"
+        "    def __del__(self): self.engine.close()\nHalf()\n"
+    )
+    there = os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), *filter(None, sys.path)])}
+    told = run("list", "scenarios", env=there, preexec_fn=heeds_ctrl_c)
     assert told.returncode == 130 and not told.stderr, told.stderr.decode()
 
 
