@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.judge.alarms import GRACE_S, detection, faulty, onsets
+from cosim.judge.alarms import GRACE_S, faulty, onsets
 from cosim.judge.naming import BOTH, blames, members_of, right
 from fdi.common import verdict as code
 from fdi.common import why as reason
@@ -89,11 +89,13 @@ def said(watch: Watch, trace: NDArray, targets: Sequence[str] = ()) -> Said:
 
 
 def noticed(
-    watch: Watch, trace: NDArray, fault: Mapping, until: float, dt: float, earlier: Sequence[Mapping] = ()
+    watch: Watch, trace: NDArray, fault: Mapping, until: float, dt: float, others: Sequence[Mapping] = ()
 ) -> dict:
     """Return what the lane made of `fault` before the next one begins at `until` [s]; times [s], None for never.
 
-    It noticed when its alarm rose or, while one stands on account of `earlier` faults, took this fault's right name.
+    It noticed when its alarm rose or, while one stands on account of earlier ones of the `others`, took this fault's
+    right name. An alarm that rises while several faults are there is that of the latest, unless it blames a part of
+    an earlier one and none of the latest: then it is the earlier one's, after `until`, too.
 
     `detection_delay_s` and `time_to_right_s` count from the onset, `right_after_motion_s` from when the fault has moved
     the rod 1 mm from where it would be; `not_excited` tells that a fault of MOVES never did. `isolated` is what was
@@ -107,8 +109,17 @@ def noticed(
     first = round(start / dt)
     healed, last = (_tick(t, dt, ticks) for t in (min(end, until), min(end + GRACE_S, until)))
     s = said(watch, trace, fault["targets"])
+    earlier = [f for f in others if f["start_s"] < start]
     renamed = _renamed(watch, s, fault, first, healed, dt, earlier)
-    k = min((i for i in (detection(s.alarm, first, last), renamed) if i is not None), default=None)
+    rises = onsets(s.alarm)
+    own = [i for i in rises[(rises >= first) & (rises < last)] if not _blamed(watch, s, i, earlier, fault, dt)]
+    k = min((i for i in (*own[:1], renamed) if i is not None), default=None)
+    if k is None:
+        later = [f for f in others if f["start_s"] > start]
+        own = [i for i in rises[rises >= max(first, last)] if _late(watch, s, i, fault, later, dt)]
+        if own:
+            k, until = own[0], math.inf
+            healed, last = (_tick(t, dt, ticks) for t in (end, end + GRACE_S))
     out: dict[str, Any] = dict.fromkeys(
         ("detected_at_s", "detection_delay_s", "detection_delay_periods", "isolated", "first_verdict",
          "time_to_right_s", "right_after_motion_s", "alarm_share", "withdrawn_after_s", "withdrawn")
@@ -168,6 +179,21 @@ def _right(watch, s, fault, ticks):
         if right(watch.id, fault.get("case", ""), fault["targets"], watch.level, code.class_name(c), part):
             good |= (codes == c) & (parts == p)
     return good
+
+
+def _blamed(watch, s, k, faults, instead, dt):
+    """Return whether what is said at tick `k` names a part of one of `faults` that is there then, none of `instead`."""
+    part = s.parts[int(s.part[k])] if 0 <= s.part[k] < len(s.parts) else ""
+    if not part or blames(part, instead["targets"], watch.level):
+        return False
+    there = (f for f in faults if faulty([f], len(s.alarm), dt)[k])
+    return any(blames(part, f["targets"], watch.level) for f in there)
+
+
+def _late(watch, s, k, fault, later, dt):
+    """Return whether the alarm that rises at tick `k`, after the onset of `later` faults, is that of `fault` alone."""
+    there = [f for f in later if f["start_s"] <= k * dt]
+    return all(_blamed(watch, s, k, [fault], f, dt) for f in there) if there else False
 
 
 def _renamed(watch, s, fault, first, healed, dt, earlier):

@@ -180,8 +180,7 @@ def judge(watch: Watch, trace: NDArray, dt: float, faults: Sequence[Mapping]) ->
     if mine:
         sighted = [f for f in mine if coverage.expected(watch.id, f.get("case", "")).word != coverage.BLIND] or mine
         entry["by_fault"] = [
-            noticed(watch, trace, f, _next(f, sighted), dt, [g for g in mine if g["start_s"] < f["start_s"]])
-            for f in sighted
+            noticed(watch, trace, f, _next(f, sighted), dt, [g for g in mine if g is not f]) for f in sighted
         ]
         seen = [d for d in entry["by_fault"] if d["detected_at_s"] is not None]
         entry |= min(seen, key=lambda d: d["detected_at_s"], default=entry["by_fault"][0])

@@ -79,6 +79,40 @@ def test_an_alarm_counts_for_the_latest_fault_that_the_lane_could_notice():
     assert [d["fault"] for d in blind["by_fault"]] == [0] and blind["detection_delay_s"] == pytest.approx(2.3)
 
 
+AIRFRAME = Watch("x", "aircraft", "aircraft", ("", "elevator_left", "alpha"), 0, 1, 2, 3)
+
+
+def blamed(part, *spans):
+    history = lane(spans)
+    history[:, 2] = np.where(history[:, 0] > 0.5, part, 0)
+    return history
+
+
+def elevator_then_alpha():
+    targets = ("elevator.left_inner",), ("sensor.alpha",)
+    return [{**f, "targets": t} for f, t in zip(several(1.0, 3.0), targets, strict=True)]
+
+
+def test_an_alarm_that_blames_an_earlier_fault_that_is_still_there_is_that_ones():
+    """Whether it rises again or for the first time; one that has healed for long is there no more."""
+    again = judge(AIRFRAME, blamed(1, (15, 20), (35, 50)), DT, elevator_then_alpha())["by_fault"]
+    assert [d["detection_delay_s"] for d in again] == [pytest.approx(0.5), None]
+    late = judge(AIRFRAME, blamed(1, (35, 50)), DT, elevator_then_alpha())["by_fault"]
+    assert [d["detection_delay_s"] for d in late] == [pytest.approx(2.5), None]
+    assert late[0]["isolated"]["target"] == "elevator_left"
+    short = elevator_then_alpha()
+    short[0]["end_s"] = 1.2
+    healed = judge(AIRFRAME, blamed(1, (35, 50)), DT, short)["by_fault"]
+    assert [d["detection_delay_s"] for d in healed] == [None, pytest.approx(0.5)]
+    assert not healed[1]["right"]
+
+
+def test_an_alarm_that_blames_the_latest_fault_or_no_part_is_the_latest_ones():
+    for part in (2, 0):
+        rows = judge(AIRFRAME, blamed(part, (35, 50)), DT, elevator_then_alpha())["by_fault"]
+        assert [d["detection_delay_s"] for d in rows] == [None, pytest.approx(0.5)]
+
+
 def test_what_is_said_after_a_fault_has_healed_is_not_its_name():
     history = lane([(25, 45)])
     history[40:, 1] = 4.0
