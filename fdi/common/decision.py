@@ -170,6 +170,8 @@ def pair_test(x, y_rod, rod_good, y_surface, surface_good, model_v, load, p, dt)
     before = x.sensor
     beyond = math.fabs(x.pair_d) >= p.pair_threshold
     x.pair_timer, x.sensor = confirm(x.pair_timer, x.sensor, beyond, dt, p.pair_confirm, p.pair_release)
+    if beyond and x.sensor > 0.5:  # an oscillation is beyond it for a part of its period only
+        x.pair_timer = p.pair_confirm + p.pair_release
     x.pair_age = x.pair_age + dt if x.sensor > 0.5 else 0.0
     if x.sensor > 0.5 and x.blame < 0.5 and x.pair_age <= p.pair_judge:
         far, near = math.fabs(x.e_rod), math.fabs(x.e_surface)

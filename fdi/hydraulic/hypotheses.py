@@ -51,6 +51,9 @@ SHORT_HZ = 7.0  # above it any jolt fills the short window [Hz]
 SHORT_RATIO = 1.5  # the short window takes so many thresholds
 LOSS_SURE = 150.0  # even samples for which a loss explains, 6 s: half a period at 0.1 Hz, and more
 LOSS_HITS = 10.0  # even windows in a row that show a loss
+# what of rod - surface is faster than T_STEADY, its mean square over T_APART: noise leaves 0.05 mm rms, a sensor's
+# oscillation of 0.5 mm at 10 Hz, too fast for the pair test behind its lag, 0.16 mm
+T_STEADY, T_APART, APART = 0.1, 0.3, 1e-4  # [s], [s], [m]
 
 STATE = [
     ("slow_ratio", "f8", (SLOW_K,)),  # amplitude over its threshold
@@ -71,6 +74,8 @@ STATE = [
     ("swings", "f8"),  # how often it has been large on the other side since: from twice on it oscillates
     ("eff_timer", "f8"),  # time for which a loss is still held to be there [s]
     ("eff_hit", "f8"),  # windows in a row that show it
+    ("pair_steady", "f8"),  # rod - surface, lagged by T_STEADY [m]
+    ("pair_swing", "f8"),  # mean square of what is faster [m^2]
 ]
 
 
@@ -88,6 +93,14 @@ def forget(x):
     for i in range(3):
         x.sure[i] = 0.0
         x.left[i] = 1.0
+
+
+@kernel
+def swings_apart(x, both, dt):
+    """Take a tick's filtered rod - surface, where `both` are measured: one that swings is a sensor's oscillation."""
+    x.pair_steady += dt / T_STEADY * (x.pair_d - x.pair_steady)
+    swing = x.pair_d - x.pair_steady if both else 0.0
+    x.pair_swing += dt / T_APART * (swing * swing - x.pair_swing)
 
 
 @kernel
@@ -336,7 +349,8 @@ def conclude(x, jam, run):
     """Write `alarm`, `verdict` and `culprit` of a hydraulic lane: the name that stands, else the sensor's pair.
 
     A name is given once, when it is sure; another takes its place only when that has been sure for long, or when the
-    valve has been asked and says otherwise. A jam takes the place of any but a runaway.
+    valve has been asked and says otherwise; an oscillation has none while rod and surface swing apart. A jam takes the
+    place of any but a runaway.
     """
     x.alarm = 1.0 if x.sensor > 0.5 or jam or run or x.ofc_timer > 0.0 or x.eff_timer > 0.0 else 0.0
     if x.alarm < 0.5:
@@ -347,14 +361,17 @@ def conclude(x, jam, run):
         return
     if (x.named == OFC_LIQUID and obeys.refuses(x)) or (x.named == OFC_SOLID and obeys.obeys(x)):
         x.named = NONE
+    apart = x.pair_swing > APART * APART
+    if apart and (x.named == OFC_LIQUID or x.named == OFC_SOLID):
+        x.named = NONE
     need = PERIODS if x.named == NONE or x.named == RUNAWAY else PERIODS + SWITCH
     if jam and x.named != RUNAWAY:
         x.named = JAM_SOLID
     elif x.named == NONE and run and x.opens > 0.5:
         x.named = RUNAWAY
-    elif x.sure[0] >= need:
+    elif x.sure[0] >= need and not apart:
         x.named = OFC_LIQUID
-    elif x.sure[1] >= need:
+    elif x.sure[1] >= need and not apart:
         x.named = OFC_SOLID
     elif x.sure[2] >= LOSS_SURE and x.named != RUNAWAY:
         x.named = EFFECTIVENESS

@@ -252,6 +252,7 @@ def decide(x, u, p, dt):
     bulk = x.x_hat[2] / stiffness(x.x_hat[0], p)  # rod motion that only compresses oil
     y_surface = p.arm * u.y_surface + bulk
     decision.pair_test(x, u.y_rod + bulk, rod, y_surface, surface, model_velocity(x, p), x.x_hat[3], p, dt)
+    hypotheses.swings_apart(x, rod > 0.5 and surface > 0.5, dt)
     pressure = usable(u.y_dp, u.y_dp_valid) if p.load == 2.0 else 0.0
     noise.listen(x, rod, u.y_rod, pressure, u.y_dp, x.dp_e, p, dt)
     lost = p.load == 2.0 and x.age_dp > p.t_invalid

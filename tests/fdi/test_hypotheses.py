@@ -125,6 +125,30 @@ def test_a_name_that_the_valve_contradicts_is_taken_back(name, proof, deaf):
     assert x["verdict"] == verdict.AMBIGUOUS and x["alarm"] == 1.0
 
 
+@pytest.mark.parametrize("name", [verdict.OFC_LIQUID, verdict.OFC_SOLID])
+def test_an_oscillation_has_no_name_while_rod_and_surface_swing_apart(name):
+    sure = (9.0, 0.0, 0.0) if name == verdict.OFC_LIQUID else (0.0, 9.0, 0.0)
+    x = concluded(sure=sure, pair_swing=0.5 * hypotheses.APART**2)
+    assert x.verdict == name
+    x.pair_swing = 2.0 * hypotheses.APART**2
+    hypotheses.conclude(x, False, False)
+    assert x.verdict == verdict.AMBIGUOUS and x.alarm == 1.0
+
+
+def test_a_sensors_oscillation_swings_apart_and_a_gap_does_not():
+    dt, rng = 0.005, np.random.default_rng(7)
+    for size, hz, apart in ((5e-4, 10.0, True), (5e-4, 5.0, True), (3e-3, 0.0, False), (0.0, 1.0, False)):
+        x = state()
+        for k in range(800):
+            d = size * np.cos(2.0 * np.pi * hz * k * dt) + 1.7e-4 * rng.standard_normal()
+            x.pair_d += (1.0 - np.exp(-dt / 0.03)) * (d - x.pair_d)
+            hypotheses.swings_apart(x, True, dt)
+        assert (x.pair_swing > hypotheses.APART**2) == apart
+        for _ in range(800):
+            hypotheses.swings_apart(x, False, dt)
+        assert x.pair_swing < hypotheses.APART**2
+
+
 @pytest.mark.parametrize("times", [1.0, 2.0, 6.0])
 def test_a_rods_noise_is_heard_and_its_motion_is_not(times):
     rng, dt = np.random.default_rng(5), 0.005
