@@ -33,6 +33,7 @@ from typing import Any
 import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
+from fdi.common import gyro
 from fdi.common.decision import T_HOLD, confirm
 from fdi.common.record import Detector, Estimate, Site
 from fdi.common.tuning import thresholds
@@ -202,6 +203,7 @@ STATE = dtype(
         ("timer_bias", "f8", "s"),  # its confirmation
         ("on_bias", "f8", "-"),
         ("on", "f8", "-"),  # ambiguous alarm
+        *gyro.STATE,
     ]
 )
 OUTPUTS = (
@@ -401,7 +403,8 @@ def _decide(x, p, dt):
     if x.suspect > 0.5:
         x.alarm, x.verdict = 1.0, AMBIGUOUS
         return
-    wrong = _accelerometer(x, p, p.bias_share) if x.r >= 1.0 else 0.0
+    turning = x.gyro_off > 0.0  # q is wrong: kinematics take that for an error of n_x or n_z
+    wrong = _accelerometer(x, p, p.bias_share) if x.r >= 1.0 and not turning else 0.0
     wind = _vane(x, p) if x.r >= 1.0 else 0.0
     off = x.vane[2] * x.vane[2] > max(p.t_vane * p.t_vane, x.rough)
     if wind > 1.5 and wrong < 1.5:  # a vane that lift finds wrong as well moves the X row, too
@@ -420,7 +423,7 @@ def _decide(x, p, dt):
     if x.culprit > NH:
         x.culprit = 0.0
     count, best = _explain(x, p) if x.r >= 1.0 else (0, 0)
-    if count == 1 and (wind > 0.5 or _accelerometer(x, p, DOUBT * p.bias_share) > 0.5):
+    if count == 1 and (turning or wind > 0.5 or _accelerometer(x, p, DOUBT * p.bias_share) > 0.5):
         count = 2  # it may still turn out to be the sensor
     if count != 1 or best != x.last:
         x.timer = 0.0
@@ -498,6 +501,7 @@ def step(x, u, p, dt):
             _withdraw(x, p)
         return
     x.gone = 0.0
+    gyro.compare(x, u, dt)
     row_errors(x, u, p)
     accelerometers(x, u, p, dt)
     vane(x, u, p, dt)

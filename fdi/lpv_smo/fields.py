@@ -2,6 +2,7 @@
 
 from actuators.block import dtype
 from fdi.common import bank as frequencies
+from fdi.common import gyro
 from fdi.lpv_smo.core import DELAY, NB, M, N, P, R, T
 
 PARAMS = dtype(
@@ -169,6 +170,7 @@ STATE = dtype(
         ("sign", "f8"),  # of the last threshold crossing of f_hat_elevator
         ("half", "f8"),  # alternating crossings, each within a second of the one before
         ("since", "f8", "s"),  # time since the last of them
+        *gyro.STATE,
         *frequencies.STATE,
         ("hit", "f8", (frequencies.K,), "-"),  # fits in a row that passed
         ("swing", "f8", "s"),  # time for which an oscillation is still held to be there

@@ -53,6 +53,7 @@ import numpy as np
 from actuators.block import entry, kernel, record
 from actuators.constants import RAD_PER_DEG
 from fdi.common import bank as frequencies
+from fdi.common import gyro
 from fdi.common.decision import confirm, usable
 from fdi.common.record import Detector, Estimate, Site
 from fdi.common.tuning import thresholds
@@ -250,6 +251,9 @@ def _decide(x, p, dt):
         x.verdict = OFC_LIQUID if (x.half >= 3.0 and x.since < 1.0) or x.swing > 0.0 else AMBIGUOUS
     else:
         x.verdict = NONE
+    if x.alarm > 0.5 and x.gyro_off > 0.0:  # all three estimates take q for true
+        x.verdict, x.culprit = AMBIGUOUS, 0.0
+        x.alarm_elevator, x.alarm_n_z, x.alarm_alpha = 0.0, 0.0, 0.0
 
 
 @kernel
@@ -279,6 +283,7 @@ def step(x, u, p, dt):
         x.age = 0.0
         _silent(x, LOST_SENSOR)
         return
+    gyro.compare(x, u, dt)
     why = inputs(x, u, p, dt)
     outputs(x, u, p, dt)
     bank(x, u, p)

@@ -10,6 +10,7 @@ from cosim.flight.signals import detect, fly
 from cosim.flight.site import site
 from cosim.scenario import load_scenario
 from fdi.common import why
+from fdi.common.verdict import AMBIGUOUS
 from fdi.lpv_smo import boxes, lpv_smo, synthesis
 
 WIRES = sources("lpv_smo")
@@ -94,3 +95,12 @@ def test_it_says_why_it_is_silent(faulty):
     heavy["sensors.mass.y_obs"] = 500e3
     assert (watched(heavy)["why"] == why.BOX_MASS).all()
     assert (watched(faulty, bank_max=1e-9)["why"][t > 8.1] == why.BANK).all()
+
+
+def test_an_error_of_the_pitch_rate_is_called_neither_n_z_nor_the_vane():
+    frame = flown("flight.turbulence=light")
+    frame["sensors.q.y_obs"] += 3.0 * RAD_PER_DEG * (frame.index >= 12.0)
+    log = watched(frame)
+    said = log[log["alarm"] > 0.5]
+    assert len(said) > 300 and not (log["alarm_n_z"] + log["alarm_alpha"]).any()
+    assert (said["verdict"] == AMBIGUOUS).all() and not said["culprit"].any()

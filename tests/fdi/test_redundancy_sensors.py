@@ -34,6 +34,15 @@ def test_a_sensor_is_named_by_kinematics_and_not_an_effector(sensor, error):
     assert (named["verdict"] == SENSOR).all()
 
 
+def test_an_error_of_the_pitch_rate_is_called_nobodys():
+    wires = sources("control_redundancy")
+    given = ["duration_s=20", "flight.turbulence=light", "detectors.enabled=[]", "manoeuvre.kind=cruise"]
+    flown = fly(load_scenario("cruise", given), wires.values())
+    flown["sensors.q.y_obs"] += math.radians(4.0) * (flown.index >= 12.0)
+    log = detect(flown, control_redundancy, wires, control_redundancy.fitted(site(flown.attrs["dt"])))
+    assert log["alarm"].any() and not log["culprit"].any()
+
+
 def test_in_gusts_beyond_those_of_its_training_it_says_nothing_and_why():
     frame = fly(load_scenario("cruise", ["duration_s=14", "flight.turbulence=moderate", "detectors.enabled=[]"]),
                 dict.fromkeys(sources("control_redundancy").values()))  # fmt: skip
