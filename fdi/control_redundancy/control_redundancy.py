@@ -186,6 +186,7 @@ STATE = dtype(
         ("low", "f8", (2,), "rad"),  # range of commanded and of reconstructed position since the declaration
         ("high", "f8", (2,), "rad"),
         ("bias_0", "f8", (2,), "g"),  # learned
+        ("doubt", "f8", (2,), "g"),  # what gusts from the side may have made of them
         ("velocity", "f8", (2,), "m/s"),  # models of the velocity over the ground: forward, down
         ("moving", "f8", "-"),  # 1 once they have started
         ("vane", "f8", (3,), "rad"),  # angle of attack less that over the ground, less what was learned, by lag
@@ -364,12 +365,15 @@ def _estimate(x, p, h):
 
 
 @kernel
-def _accelerometer(x, p, share):
-    """Return 1.0 or 2.0 when kinematics find `share` of a row's residual in n_x or n_z, else 0.0."""
+def _accelerometer(x, p, share, doubt):
+    """Return 1.0 or 2.0 when kinematics find `share` of a row's residual in n_x or n_z, else 0.0.
+
+    `doubt` 1 asks that they do without what gusts from the side may have made of it; 0: they may.
+    """
     found, most = 0.0, 0.0
     for i in range(2):
         e = x.avg[0] if i == 0 else -x.avg[2]  # a reading that is too large raises X and lowers Z
-        b, row = x.bias[i], 2 * i
+        b, row = math.copysign(max(math.fabs(x.bias[i]) - doubt * x.doubt[i], 0.0), x.bias[i]), 2 * i
         if math.fabs(e) < FIRING * (p.threshold[row] + p.rel * x.avg[NR + row]):
             continue
         if math.fabs(b) > p.t_bias and b * e > 0.0 and math.fabs(b) >= share * math.fabs(e):
@@ -404,10 +408,11 @@ def _decide(x, p, dt):
         x.alarm, x.verdict = 1.0, AMBIGUOUS
         return
     turning = x.gyro_off > 0.0  # q is wrong: kinematics take that for an error of n_x or n_z
-    wrong = _accelerometer(x, p, p.bias_share) if x.r >= 1.0 and not turning else 0.0
+    wrong = _accelerometer(x, p, p.bias_share, 1.0) if x.r >= 1.0 and not turning else 0.0
+    maybe = _accelerometer(x, p, p.bias_share, 0.0) if x.r >= 1.0 and not turning else 0.0
     wind = _vane(x, p) if x.r >= 1.0 else 0.0
     off = x.vane[2] * x.vane[2] > max(p.t_vane * p.t_vane, x.rough)
-    if wind > 1.5 and wrong < 1.5:  # a vane that lift finds wrong as well moves the X row, too
+    if wind > 1.5 and maybe < 1.5:  # a vane that lift finds wrong as well moves the X row, too
         wrong = 3.0
     elif wrong > 0.5 and off and x.blamed > 2.5:
         wrong = 3.0  # it was named, and still reads as wrong: near the stall lift no longer says by how much
@@ -423,7 +428,7 @@ def _decide(x, p, dt):
     if x.culprit > NH:
         x.culprit = 0.0
     count, best = _explain(x, p) if x.r >= 1.0 else (0, 0)
-    if count == 1 and (turning or wind > 0.5 or _accelerometer(x, p, DOUBT * p.bias_share) > 0.5):
+    if count == 1 and (turning or wind > 0.5 or _accelerometer(x, p, DOUBT * p.bias_share, 0.0) > 0.5):
         count = 2  # it may still turn out to be the sensor
     if count != 1 or best != x.last:
         x.timer = 0.0

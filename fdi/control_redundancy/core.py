@@ -14,6 +14,7 @@ NC, DELAY = 8, 48  # commands (4 elevators, 2 ailerons, rudder, stabiliser); tho
 TAU_BIAS = 0.15  # lag of what accelerometers have wrong [s]
 TAU_VANE = (0.3, 1.0, 3.0)  # and of what the vane reads beyond the angle over the ground: gusts and its error [s]
 TAU_ROUGH = 8.0  # memory of the gusts in it [s]
+SIDE = 2.0  # times the rms of gusts is how far the lateral velocity may be from that of the vane of sideslip
 # thrust leads N1 by some 0.3 s: where N1's share moves faster than 0.007 per second, 0.005 between two lags of it, that
 # is worth a threshold of the X row
 TAU_SPOOL, TURNING = (0.25, 1.0), 0.005
@@ -253,6 +254,7 @@ def accelerometers(x, u, p, dt):
 
     u' = g (n_x - sin theta) + r v - q w and w' = g (cos theta cos phi - n_z) + q u - p v hold without any coefficient.
     A first-order observer of u and w with time constant t_kin has the innovation -g t_kin b for an error b of n_x.
+    v is read from the vane of sideslip, which reads gusts as well: x.doubt is what they may make of r v and p v [g].
     """
     if usable(u.alpha_ground, u.alpha_ground_valid) * usable(u.v_ground, u.v_ground_valid) < 0.5:
         x.moving = 0.0
@@ -273,6 +275,8 @@ def accelerometers(x, u, p, dt):
         if x.learned < 0.5:
             x.bias_0[i] += (raw - x.bias_0[i]) / (x.n_learn + 1.0)
         x.bias[i] += (1.0 - math.exp(-dt / TAU_BIAS)) * (raw - x.bias_0[i] - x.bias[i])
+        turned = SIDE * math.sqrt(x.rough) * u.v_ground / G0 * math.fabs(u.r if i == 0 else u.p)
+        x.doubt[i] += dt / p.t_kin * (turned - x.doubt[i])
 
 
 @kernel
