@@ -80,14 +80,15 @@ STATE = [
 
 
 @kernel
-def forget(x):
-    """Empty every ring and what was counted in it."""
-    windows.empty(x)
+def forget(x, slow):
+    """Empty every ring and what was counted in it, the slow ring only where `slow`."""
+    windows.empty(x, slow)
     for k in range(bank.K):
         x.ratio[k] = 0.0
         x.hit[k] = 0.0
-    for k in range(SLOW_K):
-        x.slow_hit[k] = 0.0
+    if slow:
+        for k in range(SLOW_K):
+            x.slow_hit[k] = 0.0
     x.r_ofc = 0.0
     x.eff_hit = 0.0
     for i in range(3):

@@ -266,7 +266,7 @@ def decide(x, u, p, dt):
     x.coarse = form * math.sqrt(max(1.0, max(x.rod_rough / p.r_rod, x.dp_noise / p.r_dp) / noise.USUAL))
     disturbed = x.quiet > 0.0 or x.valid < 0.5
     if disturbed and (x.sensor > 0.5 or loud or x.valid < 0.5 or lost):
-        hypotheses.forget(x)
+        hypotheses.forget(x, True)
     x.drive_d += dt * p.lag_omega * (p.lag_omega * (x.u_old[int(p.lag_ticks)] - x.drive) - 2.0 * p.lag_zeta * x.drive_d)
     x.drive += dt * x.drive_d
     renewed = bank.push(x, p, x.f_hat, x.drive)
@@ -310,12 +310,12 @@ def decide(x, u, p, dt):
     if renewed > 0.5:
         one = x.run > 0.5 and x.swings < 1.5 and x.proof < 0.5 * obeys.SURE and not (lost and still)
         x.opens = 1.0 if one and opened.opened_since(x, p, dt) else 0.0
-    before = x.alarm
+    before, named = x.alarm, x.named
     if x.swings > 1.5 and x.named == RUNAWAY and not obeys.refuses(x):
         x.named = NONE
     hypotheses.conclude(x, x.jam > 0.5, x.run > 0.5)
-    if before > 0.5 and x.alarm < 0.5:
-        hypotheses.forget(x)
+    if before > 0.5 and x.alarm < 0.5:  # half a period of a slow oscillation rises, falls and has no name
+        hypotheses.forget(x, named != NONE)
     if (before > 0.5) != (x.alarm > 0.5) or (ran_before < 0.5 and x.run > 0.5):
         obeys.forget(x)
     left_out = x.dp_out > 0.5 and x.sensor < 0.5

@@ -89,11 +89,13 @@ def push(x, p, f, d, z, r):
 
 
 @kernel
-def empty(x):
-    """Empty every ring: what they hold is of a fault that has healed, or of a sensor that is no longer read."""
+def empty(x, slow):
+    """Empty every ring, the slow one where `slow`: what they hold is of a fault that has healed, or of a sensor that is
+    no longer read."""
     for j in range(bank.LEVELS):
         x.bank_seen[j] = 0.0
-    x.slow_seen = 0.0
+    if slow:
+        x.slow_seen = 0.0
     x.even_seen = 0.0
 
 

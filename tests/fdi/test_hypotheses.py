@@ -94,6 +94,15 @@ def test_votes_of_one_frequency_make_a_name_and_others_begin_anew():
     assert x.sure[0] == 0.0
 
 
+def test_what_a_nameless_alarm_leaves_behind_is_the_slow_ring():
+    for slow in (False, True):
+        x = state(slow_seen=40.0, even_seen=50.0)
+        x.bank_seen[:], x.slow_hit[:], x.hit[:] = 30.0, 2.0, 2.0
+        hypotheses.forget(x, slow)
+        assert not x.bank_seen.any() and not x.hit.any() and x.even_seen == 0.0
+        assert x.slow_seen == (0.0 if slow else 40.0) and (x.slow_hit == (0.0 if slow else 2.0)).all()
+
+
 def concluded(**fields):
     x = state(ofc_timer=1.0, **fields)
     hypotheses.conclude(x, False, False)
