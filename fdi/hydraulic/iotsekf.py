@@ -284,6 +284,9 @@ def decide(x, u, p, dt):
     weighed = dt * min(x.r_run, RUN_WEIGHT) if ran else dt
     ran_before = x.run
     x.run_timer, x.run = confirm(x.run_timer, x.run, ran, weighed, p.run_confirm, p.t_release)
+    x.step_age += dt
+    if x.run > ran_before:
+        pressure_test.take_back(x)
     if x.run < 0.5:
         x.run_side, x.swings = 0.0, 0.0
     elif ran:

@@ -28,6 +28,8 @@ from fdi.common.decision import usable
 # The crest of an oscillation is as flat, but begins before: by more than STEP_BEFORE of it in the sample before. A
 # pulse of the valve of one tick that is not obeyed is as sudden and stays: up to STEP_VALVE of it is the valve's
 STEP_SIGMA, STEP_LEAST, STEP_WAIT, STEP_STAYS, STEP_BEFORE, STEP_VALVE = 5.0, 0.045, 5, 0.3, 0.5, 1.5
+# An input fault declared within STEP_DOUBT of taking a jump made it: the jump is taken back [s]
+STEP_DOUBT = 1.0
 # The noise is that of the last MEMORY samples where it is more than the filter's; one of them counts for NIS_MOST at
 # most. At the start, before it is known, it may be twice the filter's
 MEMORY, NIS_MOST, NIS_FIRST = 200.0, 25.0, 4.0
@@ -45,6 +47,8 @@ PARAMS = [
 ]
 STATE = [
     ("dp_offset", "f8", "-"),  # bias that the pressure sensor was found to have
+    ("step_taken", "f8", "-"),  # what the last jump added to it
+    ("step_age", "f8", "s"),  # since then
     ("step_count", "f8", "-"),  # samples since a jump of the pressure
     ("dp_nis", "f8", "-"),  # squared innovation over its variance, lagged: noise beside what the filter assumes
     ("step_dp", "f8", "-"),  # the jump
@@ -89,13 +93,17 @@ def judge(x, y, p):
 
     A bad sensor jumps from one sample to the next and stays there: that is taken as its offset. A single sample
     is a spike. A valve that is not obeyed makes a ramp, 0.9 of the missing opening with each sample: that is
-    used.
+    used. While an input fault is declared nothing is held back: where it ends, or drives the rod off a stop, which
+    the filter does not know, the pressure leaves its prediction by all of the supply within three samples.
     """
     watch(x, y, p)
     if x.dp_out > 0.5 or (x.dp_same >= SAME and x.dp_changes > CHANGES):
         return y, False
     y -= x.dp_offset
     e = y - x.x_bar[2] - x.V[2] * x.f_hat
+    if x.run > 0.5:
+        x.step_count, x.dp_before = 0.0, e
+        return y, True
     if x.step_count < 0.5:
         s = x.P_bar[2, 2] + x.V[2] * x.P_f * x.V[2] + p.r_dp
         nis = e * e / s
@@ -115,9 +123,18 @@ def judge(x, y, p):
         return y, False
     x.step_count = 0.0
     if x.step_moves < 0.5:
-        x.dp_offset += 0.5 * (e + x.step_dp)
-        return y - 0.5 * (e + x.step_dp), True
+        x.step_taken, x.step_age = 0.5 * (e + x.step_dp), 0.0
+        x.dp_offset += x.step_taken
+        return y - x.step_taken, True
     return y, True
+
+
+@kernel
+def take_back(x):
+    """Take back a jump that was just taken for the sensor's, where an input fault is declared: it is the valve's."""
+    if x.step_age < STEP_DOUBT:
+        x.dp_offset -= x.step_taken
+    x.step_taken = 0.0
 
 
 @kernel

@@ -130,3 +130,27 @@ def test_a_pulse_of_the_valve_that_is_not_obeyed_is_no_jump_of_the_pressure():
     p = np.repeat(iotsekf.params(), 8)
     assert not roll(iotsekf, p, u)["dp_offset"].any()
     assert roll(iotsekf, p, jumped)["dp_offset"][:, -1] == pytest.approx(0.2, abs=0.03)
+
+
+def jumps(run, size=0.4):
+    """Return the state after ten readings `size` above the prediction, an input fault declared (`run` 1) or not."""
+    p, x = iotsekf.params()[0], iotsekf.init(iotsekf.params())[0]
+    x["run"] = run
+    used = [pressure_test.judge(x, size, p)[1] for _ in range(10)]
+    return x, used
+
+
+def test_a_jump_is_the_sensors_unless_an_input_fault_is_declared():
+    x, used = jumps(0.0)
+    assert x["dp_offset"] == pytest.approx(0.4) and not all(used)
+    x, used = jumps(1.0)
+    assert x["dp_offset"] == 0.0 and all(used)
+
+
+def test_a_jump_that_an_input_fault_follows_at_once_is_taken_back_and_an_older_one_stays():
+    for age, offset in ((0.2, 0.0), (pressure_test.STEP_DOUBT, 0.4)):
+        x, _ = jumps(0.0)
+        x["step_age"] = age
+        pressure_test.take_back(x)
+        pressure_test.take_back(x)
+        assert x["dp_offset"] == pytest.approx(offset)

@@ -6,9 +6,11 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
+from cosim.flight.signals import fly
 from cosim.papers.studies import hydraulic, hydraulic_cases, hydraulic_loop
+from cosim.scenario.catalog import SEGMENTS
 from cosim.training import train_lu17
-from cosim.training.flights import POINTS
+from cosim.training.flights import DT, POINTS, scenario
 
 CASES = {c.name: c for c in (*hydraulic_cases.oscillations(), *hydraulic_cases.others())}
 
@@ -98,3 +100,16 @@ def test_long_flights_show_what_drifts(monkeypatch):
     assert worst["rtsekf_flight: |rod estimate - rod| [mm]"] < 1.0
     assert worst["ema_kalman: |R1| [mm], threshold 0.5"] > 50.0
     assert worst["ema_kalman_flight: largest test over its threshold"] < 1.0
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_alarms_of_healed_runaways_end_with_the_servo_on_the_estimate(seed):
+    """They end on a stop: the rod is driven off it by the whole supply, which is no jump of the pressure sensor."""
+    faults = [{"target": f"elevator.{s}", "kind": "runaway", "start_s": 5.0, "end_s": 7.0, "rate_deg_s": rate}
+              for s, rate in zip(SEGMENTS, (22.0, 33.0, -22.0, -33.0))]  # fmt: skip
+    flight = scenario(duration=12.0, seed=seed, manoeuvre="nz_doublet", faults=faults,
+                      detectors={"enabled": ["iotsekf"]},
+                      elevator={**dict.fromkeys(SEGMENTS, "hydraulic"), "feedback": "iotsekf"})  # fmt: skip
+    alarm = fly(flight, [f"iotsekf.{s}.alarm" for s in SEGMENTS]).to_numpy().T
+    assert alarm[:, round(5.3 / DT) : round(7.0 / DT)].all()
+    assert not alarm[:, round(10.0 / DT) :].any()
