@@ -46,6 +46,7 @@ LOSS_ADDED = 0.6  # a loss leaves more than this of an added oscillation
 LOSS_INSTEAD, LOSS_LITTLE = 0.2, 0.6  # ... and of one in place of the command; where f is little, as of soft oil
 GOOD, FIRM = 0.06, 6.0  # a hypothesis that leaves less than this, of so many times the noise's energy, is good
 SLOW_ONE, SLOW_LEFT = 0.56, 0.3  # a slow one [Hz] is named where the other leaves this share
+STAYS, SAME_LEAST = 0.7, 0.6  # an oscillation found stays: least fit over its threshold, and over its amplitude
 SAME_HZ = 0.12  # votes agree on the frequency
 SHORT_HZ = 7.0  # above it any jolt fills the short window [Hz]
 SHORT_RATIO = 1.5  # the short window takes so many thresholds
@@ -343,6 +344,22 @@ def bank_search(x, p, blocked, teach, suspected, dt):
             if k == peak_L or k == peak_S:
                 x.ofc_amplitude = amplitude / p.bank_loss[k]
                 x.ofc_hz = at if x.ofc_hz == 0.0 else x.ofc_hz
+        elif x.alarm > 0.5 and x.ofc_timer > 0.0 and stays(x, p, k):
+            x.ofc_timer = p.t_release
+
+
+@kernel
+def stays(x, p, k):
+    """Tell whether the oscillation that was found is still there at frequency k, as large as it was.
+
+    A manoeuvre leaves so much beside it that no window shows a sine alone; that is no sign that it has ended.
+    """
+    if x.named == RUNAWAY or x.named == JAM_SOLID or x.named == EFFECTIVENESS:
+        return False
+    if math.fabs(p.bank_hz[k] - x.ofc_hz) > WIDE * x.ofc_hz or x.ratio[k] < STAYS:
+        return False
+    a = math.sqrt(bank.mixed(x, k, 1.0, -x.gain)) / p.bank_loss[k]
+    return SAME_LEAST * x.ofc_amplitude < a < x.ofc_amplitude / SAME_LEAST
 
 
 @kernel
