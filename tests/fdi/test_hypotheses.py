@@ -3,6 +3,9 @@
 import numpy as np
 import pytest
 
+from cosim.flight.signals import fly
+from cosim.scenario import load_scenario
+from cosim.training.flights import watch, wires
 from fdi.common import verdict
 from fdi.hydraulic import hypotheses, iotsekf, losses, noise, opened, windows
 
@@ -183,3 +186,38 @@ def test_one_spike_is_no_noise():
     for k in range(400):
         noise.listen(x, 1.0, 0.02 if k == 300 else 0.0, 0.0, 0.0, 0.0, P, 0.005)
         assert x.rod_noisy == 0.0 and x.rod_wild < noise.WILD * P.r_rod
+
+
+def found(k, hz, amplitude, fit):
+    """Return a state that has found `amplitude` at `hz`, and fits `fit` at frequency k now."""
+    x = state(ofc_hz=hz, ofc_amplitude=amplitude)
+    x["bank_cos"][0, k] = fit * P["bank_loss"][k]
+    x["ratio"][k] = fit / P["bank_threshold"][k]
+    return x
+
+
+def test_an_oscillation_stays_while_its_fit_is_as_large_as_it_was():
+    k = 4
+    hz, a = P["bank_hz"][k], 3.0 * P["bank_threshold"][k]
+    assert hypotheses.stays(found(k, hz, a, 0.9 * a), P, k)
+    for gone in (found(k, hz, a, 0.5 * a), found(k, hz, a, 2.0 * a), found(k, 1.3 * hz, a, a)):
+        assert not hypotheses.stays(gone, P, k)
+    small = 0.5 * P["bank_threshold"][k]
+    assert not hypotheses.stays(found(k, hz, small, small), P, k)  # below what quiet air shows
+    moved = found(k, hz, a, a)
+    moved["named"] = verdict.RUNAWAY
+    assert not hypotheses.stays(moved, P, k)
+
+
+def test_a_manoeuvre_does_not_end_the_alarm_of_a_small_oscillation():
+    """While the doublet lasts no window of the residual is a sine alone; the fault goes on."""
+    keys = {"duration_s": 26, "faults.0.start_s": 12, "faults.0.frequency_hz": 0.7, "faults.0.amplitude_mm": 0.8,
+            "manoeuvre.kind": "nz_doublet", "manoeuvre.start_s": 16.7, "manoeuvre.amplitude_g": 0.3,
+            "manoeuvre.width_s": 1.85, "detectors.enabled": '["iotsekf"]'}  # fmt: skip
+    inputs = wires(iotsekf, "left_inner")
+    frame = fly(load_scenario("liquid-ofc", [f"{k}={v}" for k, v in keys.items()]), inputs.values())
+    log = watch(frame, iotsekf, iotsekf.params(), ("alarm", "verdict"), ("left_inner",))[0]
+    on = log["alarm"] > 0.5
+    rose = int(np.argmax(on))
+    assert 12.0 < rose * 0.005 < 15.0 and on[rose:].all()
+    assert set(log["verdict"][rose:]) <= {verdict.AMBIGUOUS, verdict.OFC_LIQUID}
