@@ -12,8 +12,10 @@ where it should be, so the alarm is AMBIGUOUS until the motion tells: JAM_SOLID 
 moved, RUNAWAY after `travel_run` in one direction away from the model, still on its way after `t_run` or at the end of
 its travel, the deviation growing all the time (a step of the command is over sooner, and then follows), while the
 model does not go the same way (a surface that follows with part of its command does). That class stays as long as the
-alarm, a jam's unless the surface slides. A surface that is let go and held by its friction looks like a jam until it
-slides; an oscillation whose strokes are longer than `travel_run` is taken for a runaway.
+alarm, a jam's unless the surface moves: a jam does not at all, and in gusts, where the model passes a surface that
+stands again and again, only one that follows the model farther than that is where it should be (`_moves`). A surface
+that is let go and held by its friction, a runaway too slow to move it and a solid oscillation below 0.03 deg are jams
+to its sensor; an oscillation whose strokes are longer than `travel_run` is taken for a runaway.
 """
 
 import math
@@ -76,6 +78,13 @@ STATE = dtype(
         ("rest_time", "f8", "s"),  # since then
         ("rest_near", "f8", "s"),  # how long before that the surface had last been where it should be
         ("near", "f8", "s"),  # time since it was
+        ("run_low", "f8", "rad"),  # range of the model since the surface was last not where it should be
+        ("run_high", "f8", "rad"),
+        ("run_width", "f8", "rad"),  # largest threshold meanwhile
+        ("off", "f8", "s"),  # time since the first deviation since it last followed
+        ("stand", "f8", "rad"),  # where it stood STOPPED after that
+        ("shake", "f8", "rad2"),  # mean square of its swings about where it stands
+        ("moves", "f8", "s"),  # for how long it is known to have moved from there by itself, until it follows
         ("slid", "f8", "s"),  # for so long it is held to be loose: it has moved where it should not be
         ("leave", "f8", "rad"),  # where the surface began to run away from the model
         ("leave_model", "f8", "rad"),  # and the model was then
@@ -126,6 +135,9 @@ MOVED = math.radians(0.08)  # a surface that has moved further is on its way: te
 # a surface that stands moves by less than this behind the longer lag, ten sigma of its sensor; one that is let go
 # slides with the air by MOVED
 SLID, TAU_CALM = math.radians(0.035), 0.1
+# and swings between the lags by less than this, three sigma of its sensor: 0.03 deg from 1 to 6 Hz; memory of that, and
+# when what is left of its stop is gone from it [s]
+SHAKEN, TAU_SHAKE, STOOD = math.radians(0.0085), 0.5, 1.2
 LOOSE = 30.0  # and sticks in between by its friction: remembered for so long [s]
 NEAR, STOPPED = 0.5, 0.6  # of the threshold, and for how long it may have been further away when it came to rest [s]
 END = math.radians(1.0)  # from a limit: the end of the travel
@@ -169,6 +181,33 @@ def _predict(x, p, dt):
 
 
 @kernel
+def _moves(x, p, dt):
+    """Ask whether the surface has moved by itself since it left the model: a jam does not move at all.
+
+    The model passes a surface that stands as well. One that stayed near it (NEAR) while it moved by more than that has
+    followed, and all before is forgotten.
+    """
+    if math.fabs(x.r) < NEAR:
+        x.run_low, x.run_high = min(x.run_low, x.model), max(x.run_high, x.model)
+        x.run_width = max(x.run_width, p.threshold + p.share * x.lag)
+        if x.run_high - x.run_low > 3.0 * NEAR * x.run_width:  # twice is what passes a surface that stands
+            x.off, x.moves = 0.0, 0.0
+    else:
+        x.run_low = x.run_high = x.model
+        x.run_width = 0.0
+    swing = x.slow - x.calm
+    x.shake += dt / TAU_SHAKE * (min(swing * swing, 4.0 * SHAKEN * SHAKEN) - x.shake)
+    if x.off > 0.0 or math.fabs(x.r) >= 1.0:
+        x.off += dt
+    if x.off < STOPPED:
+        x.stand = x.calm
+    elif x.off > LOOSE and x.alarm < 0.5:
+        x.off, x.moves = 0.0, 0.0
+    elif x.moves > 0.0 or math.fabs(x.calm - x.stand) > SLID or (x.off > STOOD and x.shake > SHAKEN * SHAKEN):
+        x.moves += dt
+
+
+@kernel
 def step(x, u, p, dt):
     """Advance the model, compare, confirm, name."""
     good = usable(u.surface, u.surface_valid)
@@ -182,7 +221,7 @@ def step(x, u, p, dt):
         x.started = 1.0
         x.m = min(max(x.command, p.limit_low + STOP), p.limit_high - STOP)
         x.slow = x.mark = x.calm = x.rest = x.leave = x.far = x.surface
-        x.rest_model = x.leave_model = x.m
+        x.rest_model = x.leave_model = x.run_low = x.run_high = x.m
     x.model = x.m - p.late * x.md
     _predict(x, p, dt)
     x.age = 0.0 if good > 0.5 else x.age + dt
@@ -198,6 +237,7 @@ def step(x, u, p, dt):
     x.rest_time += dt
     if math.fabs(x.calm - x.rest) > SLID:
         x.rest, x.rest_model, x.rest_time, x.rest_near = x.calm, x.model, 0.0, x.near
+    _moves(x, p, dt)
     x.slid = max(x.slid - dt, 0.0)
     x.mark_time += dt
     away = math.copysign(1.0, deviation)  # the way back, or a surface where it should be, ends a run
@@ -222,7 +262,8 @@ def step(x, u, p, dt):
     if x.alarm < 0.5:
         x.verdict = NONE
     elif x.verdict == JAM_SOLID:
-        if 0.0 < x.slid < LOOSE - STOPPED and x.near > STOPPED:  # it has slid, and not back to where it should be
+        slid = 0.0 < x.slid < LOOSE - STOPPED and x.near > STOPPED
+        if slid or x.moves > STOPPED:  # and not back to where it should be
             x.verdict = AMBIGUOUS
     elif x.verdict != RUNAWAY:
         moved = math.fabs(x.model - x.rest_model) >= p.jam_share * math.fabs(deviation)
@@ -232,7 +273,9 @@ def step(x, u, p, dt):
         runs = ended or (x.run_time >= p.t_run and x.still <= GROWS)
         if travel >= p.travel_run and runs and own:
             x.verdict = RUNAWAY
-        elif x.rest_time >= p.t_rest and x.slid <= 0.0 and x.rest_near < STOPPED and moved and math.fabs(x.r) >= 1.0:
+        elif x.rest_time < p.t_rest or x.slid > 0.0 or x.moves > 0.0 or x.rest_near >= STOPPED:
+            x.verdict = AMBIGUOUS
+        elif moved and math.fabs(x.r) >= 1.0:
             x.verdict = JAM_SOLID
         else:
             x.verdict = AMBIGUOUS

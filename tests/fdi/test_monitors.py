@@ -76,6 +76,29 @@ def test_what_looks_like_a_jam_for_a_moment_is_called_none():
     assert log["alarm"].any(axis=1).all() and not (log["verdict"] == verdict.JAM_SOLID).any()
 
 
+@pytest.mark.parametrize("own, jam", [
+    (lambda t: 0.0 * t, True),
+    (lambda t: 0.015 * t, False),  # let go, it creeps with the air
+    (lambda t: 0.05 * np.sin(2 * np.pi * 3.0 * t), False),  # it swings by less than the threshold of a rest
+    (lambda t: 0.06 * np.sin(2 * np.pi * 6.0 * t), False),
+])  # fmt: skip
+def test_a_surface_that_moves_by_itself_is_no_jam_though_its_command_passes_it_all_the_time(own, jam):
+    """In gusts the model passes a surface that stands twice a second, and so is near it again and again [deg]."""
+    t = np.arange(round(30.0 / DT)) * DT
+    command = np.radians(2.0 * np.sin(2 * np.pi * 0.4 * t) + 1.0 * np.sin(2 * np.pi * 0.7 * t))
+    u = np.zeros((1, len(t)), position_monitor.INPUTS)
+    u["command"], u["surface_valid"] = command, 1.0
+    p = position_monitor.params(limits=(-0.4, 0.4))
+    follows = roll(position_monitor, p, u)["model"][0]
+    k = round(12.0 / DT)
+    u["surface"] = np.where(t < 12.0, follows, follows[k] + np.radians(own(t - 12.0)))
+    u["surface"] += np.radians(0.02) * np.random.default_rng(5).standard_normal(len(t))
+    log = roll(position_monitor, p, u)[0]
+    assert not log["alarm"][:k].any() and log["alarm"][-2000:].any()
+    last = log["verdict"][-2000:][log["alarm"][-2000:] > 0.5]
+    assert (last == (verdict.JAM_SOLID if jam else verdict.AMBIGUOUS)).mean() > (0.8 if jam else 0.999)
+
+
 def test_it_cannot_see_what_stays_below_its_threshold():
     small = fly(doublets(15.0), seed=3, faults=write(f_u=lambda t: 0.003 * np.sin(2 * np.pi * t)))
     assert not run(position_monitor, [small])["alarm"].any()
