@@ -37,6 +37,7 @@ CENTRE, ALIKE, SURE = 0.32, 8.0, 2.0
 FAST, FAST_N = 5.5, 14  # [Hz]; samples of 0.1 s then
 BEYOND = 3.0  # times its rate limit: at the limit a servo then makes a triangle half as large as its command
 LOADED = (0.2, 0.75)  # share that a liquid OFC may take from it then, and a solid one of one segment takes
+STAYS, SAME_LEAST = 0.7, 0.6  # an oscillation found stays: least fit over its threshold, and over its amplitude
 BELOW = 0.99  # r of a fit beyond its threshold that is no oscillation
 
 PARAMS = [
@@ -71,6 +72,8 @@ def state(faults: Any) -> list[Any]:
         ("ofc_timer", "f8", "s"),  # time for which an oscillation is still held to be there
         ("ofc_class", "f8", "-"),  # its class
         ("most", "f8", "rad"),  # its threshold
+        ("found_k", "f8", "-"),  # its place in the bank
+        ("found_a", "f8", "rad"),  # its amplitude
         ("both", "f8", "-"),  # 1 while the other estimate oscillates beyond it as well
         ("lost_weight", "f8", "-"),  # sum of the weights of the windows so far
         ("lost_share", "f8", "-"),  # share of the command that does not come through, their mean
@@ -178,12 +181,16 @@ def oscillation(x, p):
         x.hit[k] = x.hit[k] + 1.0 if good else 0.0
         if x.hit[k] >= p.hits and r > best:
             found, best, level = k, r, most
+        # a manoeuvre leaves so much beside it that it explains no window: that is no sign that it has ended
+        alike = SAME_LEAST * x.found_a < r * most < x.found_a / SAME_LEAST
+        if x.ofc_timer > 0.0 and k == x.found_k and r >= STAYS and alike:
+            x.ofc_timer = p.t_release
     if found < 0:
         return
     if x.ofc_timer == 0.0:
         x.ofc_class = AMBIGUOUS
         x.lost_weight = 0.0
-    x.ofc_timer, x.most = p.t_release, level
+    x.ofc_timer, x.most, x.found_k, x.found_a = p.t_release, level, found, best * level
     share, weight = missing(x, p, found)
     x.lost_weight += weight
     if weight > 0.0:

@@ -274,3 +274,19 @@ def test_the_bilinear_transform_has_the_bits_of_scipy():
         b, a, fs = rng.uniform(0.1, 50.0, 3), rng.uniform(0.1, 50.0, 3), rng.uniform(50.0, 2000.0)
         for ours, theirs in zip(rfafe._bilinear(b, a, fs), bilinear(b, a, fs)):
             np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_jolt_in_the_estimate_does_not_end_the_alarm_of_an_oscillation(published, side):
+    """A single swing beside the sine spoils the windows that hold it; the sine goes on, until 16 s."""
+    n, dt = 4000, 0.005
+    t = np.arange(n) * dt
+    u, quiet = flight(published, 1.0, 1.5, n, side), flight(published, 1.0, 0.0, n, side)
+    jolt = 2.5 * RAD_PER_DEG * np.sin(np.pi * (t - 8.0) / 2.5) * ((t > 8.0) & (t < 10.5))
+    u["surface"][0][:, 2 * side : 2 * side + 2] += jolt[:, None]
+    for name in ("surface", "command"):
+        u[name][0, t >= 16.0] = quiet[name][0, t >= 16.0]
+    on = fly(rfafe, rfafe.params(stored=stored(published), trim=TRIM), u)["alarm"] > 0.5
+    rose, fell = int(on.argmax()) * dt, np.flatnonzero(on)[-1] * dt
+    assert rose < 4.0 and on[int(rose / dt) : round(16.0 / dt)].all()
+    assert fell < 16.0 + 2.0 * 1.0 + 2.0
