@@ -70,6 +70,43 @@ def losses(x, n):
 
 
 @kernel
+def soft(x, n):
+    """Return the share of the flow's integral that soft oil leaves, over the newest `n` even samples; 1: none is.
+
+    Oil that gives way swallows A_p q - Q dt = t z: the integral of f is t z, both without what is constant or grows
+    evenly. Unlike f = t z' it asks for no derivative of a measured pressure, whose noise is as large as f.
+    """
+    i = int(x.even_head) - n
+    if i < 0:
+        i += N
+    F = 0.0
+    F1, Ft, FF, z1, zt, zz, Fz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(n):  # both at the end of a sample but for the last
+        t = k - 0.5 * (n - 2)
+        F += x.even_ring[0, i] * EVEN_S
+        here = x.even_ring[2, i]
+        i = 0 if i == N - 1 else i + 1
+        if k == n - 1:
+            break
+        z = 0.5 * (here + x.even_ring[2, i])
+        F1 += F
+        Ft += F * t
+        FF += F * F
+        z1 += z
+        zt += z * t
+        zz += z * z
+        Fz += F * z
+    m = n - 1.0
+    tt = m * (m * m - 1.0) / 12.0
+    FF -= F1 * F1 / m + Ft * Ft / tt
+    zz -= z1 * z1 / m + zt * zt / tt
+    Fz -= F1 * z1 / m + Ft * zt / tt
+    if FF <= 0.0 or zz <= 0.0 or not -AIR_MOST < Fz / zz < -AIR_LEAST:
+        return 1.0
+    return max(1.0 - Fz * Fz / (FF * zz), 0.0)
+
+
+@kernel
 def even_window(n, h):
     """Return how many even samples span `n` of `h` seconds."""
     return max(min(int(n * h / EVEN_S + 0.5), N), LEAST_EVEN)
