@@ -70,6 +70,7 @@ ADOT = 0.3  # of a transport: Cm_alphadot over Cm_q + Cm_alphadot
 GRADIENT = 0.6  # of the damping in pitch: what a gust that grows along the body does, by training flights
 CULPRITS = ("", "elevator", "n_z", "alpha")
 NEAR = 0.9  # of the largest rms of gusts: beyond it nothing is said
+STAYS = 0.7  # of its threshold: above it a fault that is declared has not ended
 HELD = 0.6  # an oscillation is held to be there for so long after the last fit that found it [s]
 OUTPUTS = (
     "r", "alarm", "verdict", "culprit", "alarm_elevator", "alarm_n_z", "alarm_alpha", "valid", "why", "box",
@@ -197,14 +198,14 @@ def init(p: np.ndarray) -> np.ndarray:
 def _declare(x, p, i, f, most, dt):
     """Confirm estimate f of fault i against `most`; return how far it is beyond, and whether it is declared."""
     score = math.fabs(f) / most
-    beyond = score >= 1.0
+    on = 1.0 if x.held[i] > 0.0 else 0.0
+    beyond = score >= (STAYS if on > 0.5 else 1.0)
     if i == 0:
         if beyond and f * x.sign <= 0.0:
             x.half = x.half + 1.0 if x.since < 1.0 else 1.0
             x.sign, x.since = math.copysign(1.0, f), 0.0
         # an oscillation is beyond its threshold for less than the confirmation time at once: it counts half periods
         beyond = beyond or (x.half >= 3.0 and x.since < 1.0) or x.swing > 0.0
-    on = 1.0 if x.held[i] > 0.0 else 0.0
     x.timer[i], on = confirm(x.timer[i], on, beyond, dt, p.t_confirm, p.t_release)
     x.held[i] = x.held[i] + dt if on > 0.5 else 0.0
     return score, on

@@ -374,3 +374,16 @@ def test_a_model_without_scheduling_is_designed_too():
     assert lpv_smo.verify(lpv_smo.design(A, B, C, D))["ok"]
     with pytest.raises(ValueError, match="box of 1"):
         lpv_smo.design(A, B, C, D, box=[[0, 1]])
+
+
+def test_a_declared_fault_stands_until_its_estimate_is_well_below_the_threshold():
+    """An estimate that hovers about its threshold is one fault, not many; one that is gone ends its alarm."""
+    p = lpv_smo.params(model=transport.model(), made=made())[0]
+    x = lpv_smo.init(np.array([p]))[0]
+
+    def declared(f, seconds):
+        return [lpv_smo._declare(x, p, 1, f, 1.0, 0.01)[1] for _ in range(round(seconds / 0.01))]
+
+    assert not any(declared(0.95, 5.0)) and declared(1.05, 5.0)[-1] == 1.0
+    assert all(declared(0.8, 10.0))
+    assert declared(0.6, p["t_confirm"] + p["t_release"] + 0.1)[-1] == 0.0 and not any(declared(0.95, 5.0))
