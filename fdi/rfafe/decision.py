@@ -8,7 +8,8 @@ thresholds grow with what the correction may be wrong by and with gusts.
 
 The bank goes from 0.5 to 10.6 Hz: a slower oscillation is found only by what its slow part exceeds. When both sides
 oscillate, the one with more energy is the suspect; the other is declared with it (`both`) when its own amplitude is
-beyond the same threshold.
+beyond the same threshold. While it is not, but more than SECOND of the suspect's, it is open whether one side
+oscillates or both, and the name is AMBIGUOUS.
 
 While the estimate is not trusted an alarm stands, for T_HOLD at most: so long a restart takes. After the restart an
 oscillation has the same time to be found again.
@@ -17,9 +18,10 @@ Class. A liquid OFC is f = s(t), a solid one f = s(t) - u, or half of it where i
 sine taken out of both, the regression of f_hat on -u is the share of the command that does not come through: 0, 1/2
 or 1. All windows since the alarm count, each by the error of its share, so that the class is told only if the command
 moved otherwise than the fault. From FAST on the sine is not taken out, but averaged away: two periods are too short for
-a command to move in. A servo that a fast liquid OFC drives far beyond its rate limit loses a share of its command as
-well, of one segment of two up to the half that a solid one takes: such a share is AMBIGUOUS, as is what is slow. A
-class is withdrawn when the share has come to lie on the other's side.
+a command to move in; of that longer window only what came after the oscillation was found counts. A servo that a fast
+liquid OFC drives far beyond its rate limit loses a share of its command as well, of one segment of two up to the half
+that a solid one takes: such a share is AMBIGUOUS, as is what is slow. A class is withdrawn when the share has come to
+lie on the other's side.
 """
 
 import math
@@ -34,7 +36,7 @@ SECOND = 0.4  # of the suspect's amplitude: from there on the other side oscilla
 # share of the command between liquid and solid; what windows that overlap and residues that are no noise make of the
 # variance of their mean; how many of its deviations are beyond doubt
 CENTRE, ALIKE, SURE = 0.32, 8.0, 2.0
-FAST, FAST_N = 5.5, 14  # [Hz]; samples of 0.1 s then
+FAST, FAST_N, FAST_S, LEAST = 5.5, 14, 0.1, 5  # [Hz]; samples of 0.1 s then; fewer tell no share
 BEYOND = 3.0  # times its rate limit: at the limit a servo then makes a triangle half as large as its command
 LOADED = (0.2, 0.75)  # share that a liquid OFC may take from it then, and a solid one of one segment takes
 STAYS, SAME_LEAST = 0.7, 0.6  # an oscillation found stays: least fit over its threshold, and over its amplitude
@@ -70,10 +72,13 @@ def state(faults: Any) -> list[Any]:
         ("hit", "f8", (bank.K,), "-"),  # fits in a row that passed
         ("r_ofc", "f8", "-"),  # largest fit over its threshold; below 1 without the shape of an oscillation
         ("ofc_timer", "f8", "s"),  # time for which an oscillation is still held to be there
+        ("ofc_age", "f8", "s"),  # since it was found, pauses of up to T_HOLD counted in
+        ("ofc_gone", "f8", "s"),  # of the pause
         ("ofc_class", "f8", "-"),  # its class
         ("most", "f8", "rad"),  # its threshold
         ("found_k", "f8", "-"),  # its place in the bank
         ("found_a", "f8", "rad"),  # its amplitude
+        ("other", "f8", "-"),  # 1 while the other estimate swings as well, but within it: one side or both
         ("both", "f8", "-"),  # 1 while the other estimate oscillates beyond it as well
         ("lost_weight", "f8", "-"),  # sum of the weights of the windows so far
         ("lost_share", "f8", "-"),  # share of the command that does not come through, their mean
@@ -134,6 +139,8 @@ def decide(x, p, f, u, nf, nu, dt):
         clear(x)
     renewed = bank.push(x, p, f[suspect], u[min(suspect, nu - 1)])
     x.ofc_timer = max(x.ofc_timer - dt, 0.0)
+    x.ofc_gone = 0.0 if x.ofc_timer > 0.0 else x.ofc_gone + dt
+    x.ofc_age = x.ofc_age + dt if x.ofc_gone < T_HOLD and (x.ofc_age > 0.0 or x.ofc_timer > 0.0) else 0.0
     if renewed > 0.5:
         oscillation(x, p)
     if math.fabs(still) >= 1.0:  # what passes zero while its alarm is held is not the other one's fault
@@ -141,17 +148,18 @@ def decide(x, p, f, u, nf, nu, dt):
     x.timer, x.static = confirm(x.timer, x.static, math.fabs(still) >= 1.0, dt, p.t_static, p.t_release)
     ofc = x.ofc_timer > 0.0
     if not ofc:
-        x.both = 0.0
+        x.both, x.other = 0.0, 0.0
     elif nf > 1:
         other = 2.0 * x.energy[1 - suspect]
-        least = max(x.most * x.most, SECOND * SECOND * 2.0 * x.energy[suspect])
-        x.both = 1.0 if other >= least else x.both
+        alike = other >= SECOND * SECOND * 2.0 * x.energy[suspect]
+        x.both = 1.0 if alike and other >= x.most * x.most else x.both
+        x.other = 1.0 if alike and x.both < 0.5 else 0.0
     x.r = max(x.r_ofc, math.fabs(still))
     x.alarm = 1.0 if ofc or x.static > 0.5 else 0.0
     if x.alarm < 0.5:
         x.verdict, x.culprit = NONE, 0.0
     else:
-        x.verdict = x.ofc_class if ofc else AMBIGUOUS
+        x.verdict = x.ofc_class if ofc and x.other < 0.5 else AMBIGUOUS
         x.culprit = 1.0 + (suspect if ofc else x.blamed)
 
 
@@ -191,15 +199,16 @@ def oscillation(x, p):
         x.ofc_class = AMBIGUOUS
         x.lost_weight = 0.0
     x.ofc_timer, x.most, x.found_k, x.found_a = p.t_release, level, found, best * level
-    share, weight = missing(x, p, found)
+    share, weight = missing(x, p, found, x.ofc_age)
     x.lost_weight += weight
     if weight > 0.0:
         x.lost_share += (share - x.lost_share) * weight / x.lost_weight
     apart = x.lost_share - CENTRE
     says = OFC_SOLID if apart > 0.0 else OFC_LIQUID
-    if x.lost_weight > 0.0 and math.fabs(apart) > p.margin + SURE * math.sqrt(ALIKE / x.lost_weight):
+    sane = x.lost_share > -CENTRE  # further below the share of either class nothing is understood
+    if sane and x.lost_weight > 0.0 and math.fabs(apart) > p.margin + SURE * math.sqrt(ALIKE / x.lost_weight):
         x.ofc_class = says  # kept while the share lies on its side
-    elif x.ofc_class != says:
+    elif x.ofc_class != says or not sane:
         x.ofc_class = AMBIGUOUS
     # of one segment of two, whose amplitude is twice that of its side
     rate = 2.0 * math.sqrt(bank.mixed(x, found, 1.0, 0.0)) * 6.283185307179586 * p.bank_hz[found]
@@ -208,11 +217,17 @@ def oscillation(x, p):
 
 
 @kernel
-def missing(x, p, k):
-    """Return (share of the command that does not come through, 1 / its variance) by the window of frequency k."""
+def missing(x, p, k, age):
+    """Return (share of the command that does not come through, 1 / its variance) by the window of frequency k.
+
+    `age` is how long ago the oscillation was found [s]: what the long window of a fast one holds of the time before is
+    of a healthy actuator, which loses nothing.
+    """
     fast = p.bank_hz[k] > FAST
     n, j = (FAST_N, bank.LEVELS - 1) if fast else (int(p.bank_n[k]), int(p.bank_level[k]))
-    if x.bank_seen[j] <= n:
+    if fast:
+        n = min(n, int(age / FAST_S + 1e-6))
+    if x.bank_seen[j] <= n or n < LEAST:
         return 0.0, 0.0
     i = int(x.bank_head[j]) - n
     if i < 0:

@@ -256,6 +256,40 @@ def test_both_sides_are_named_when_both_oscillate(published):
     assert log["alarm_elevator_left"][-1] == 1.0 and log["alarm_elevator_right"][-1] == 1.0
 
 
+def with_command(inputs):
+    """Return the inputs (1, n) with a slow command of both sides beside the oscillation, so that a class is named."""
+    out = inputs.copy()
+    t = np.arange(inputs.shape[1]) * 0.005
+    out["command"] += np.radians(0.4 * np.sin(2 * np.pi * 0.1 * t))[:, None]
+    return out
+
+
+def test_a_side_is_not_called_alone_while_the_other_swings_within_its_threshold(published):
+    one, other, healthy = (flight(published, 1.0, d, 2400, side) for d, side in ((1.2, 0), (0.6, 1), (0.0, 0)))
+    for name in ("surface", "tas", "alpha", "q", "theta"):
+        one[name] += other[name] - healthy[name]
+    p = rfafe.params(stored=stored(published), trim=TRIM)
+    p["bank_threshold"] = np.radians(0.9)  # between the two
+    log = fly(rfafe, p, with_command(one))
+    said = log[log["alarm"] > 0.5]
+    assert len(said) > 1000 and not log["alarm_elevator_right"].any()
+    assert (said["verdict"] == verdict.AMBIGUOUS).all()
+    one["surface"][..., 2:] = healthy["surface"][..., 2:]
+    assert np.isin(fly(rfafe, p, with_command(one))["verdict"], (verdict.OFC_LIQUID, verdict.OFC_SOLID)).any()
+
+
+def test_a_fast_solid_oscillation_is_not_called_liquid_by_what_was_before_it(published):
+    """Its share of the command is read from a window of 1.4 s: just after the onset that holds a healthy actuator."""
+    t = np.arange(4000) * 0.005
+    u = 0.8 * np.sin(2 * np.pi * 0.4 * t) + 0.8 * np.sin(2 * np.pi * 0.9 * t)
+    s = 1.5 * np.sin(2 * np.pi * 7.0 * (t - 9.0))
+    f = np.where(t >= 9.0, s - u, 0.0)
+    inputs = measured(rfafe, held_inputs(published, np.stack([u, u], 1), f), np.stack([u, u], 1))
+    log = fly(rfafe, rfafe.params(stored=stored(published), trim=TRIM), inputs)
+    assert log["alarm"][t < 9.0].max() == 0.0
+    assert {verdict.name(v) for v in log["verdict"][t > 9.0]} - {"none", "ambiguous"} == {"ofc_solid"}
+
+
 @pytest.mark.parametrize("hz", [1.0, 3.0, 6.0])
 def test_a_resonance_that_is_known_is_taken_out_of_the_estimate(published, hz):
     p = rfafe.params(stored=stored(published), trim=TRIM, response={"hydraulic": (35.9, 0.327)})
