@@ -40,6 +40,7 @@ PURE_SURE = 0.16  # share that an oscillation added leaves where the valve is kn
 PURE, FAIR = 0.08, 0.5  # share that a hypothesis leaves where it explains, where it may
 NOISY = 1.3  # and so many times what noise leaves
 DOUBT = 2.0  # proof to the contrary that forbids a name
+CLEARLY, DRIVEN = 1.25, 2.0  # times threshold and share of the command: what shows although noise has more energy
 LEAD = 12.0  # the next best hypothesis leaves so many variances more (twice the logarithm of the likelihoods' ratio)
 PERIODS, SWITCH = 3.0, 5.0  # periods for which a name must be the best; ... where another has been given
 LOSS_ADDED = 0.6  # a loss leaves more than this of an added oscillation
@@ -243,10 +244,12 @@ def compare(x, p, H, L, W, S, B, n, h, variance, hz_L, hz_S, plain, stands, bonu
 
 
 @kernel
-def look(x, p, j, period, hz, h, r, b):
+def look(x, p, j, period, hz, h, r, b, clear):
     """Try both windows of an oscillation at `hz`; return (whether one shows, frequency [Hz], amplitude, kind).
 
     `period` is that of one period in samples of `h` seconds; `r` its amplitude in f over its threshold, `b` in w.
+    Where `r` is `clear` of it, a sine that leaves no more than noise in the long window shows, however little it is
+    beside that noise: of all frequencies together, which one frequency's amplitude does not feel.
     """
     seen = int(x.slow_seen if j == SLOW else x.bank_seen[j])
     found, at, amplitude = False, 0.0, 0.0
@@ -263,12 +266,13 @@ def look(x, p, j, period, hz, h, r, b):
                 found, at = True, at_w
             continue
         H, L, W, S, allowed, at_L, at_S, a, B = oscillates(x, p, j, n, 6.283185307179586 / period)
-        if H < BESIDE * allowed:
+        small = clear and length == LONG and L <= NOISY * allowed
+        if H < BESIDE * allowed and not small:
             continue
         part = 0.25 if j == SLOW else 0.5
         now = windows.recent(x, j, max(int(part * period + 0.5), 2)) * n / H
         least_r = 1.0 if length == LONG else SHORT_RATIO
-        plain = r >= least_r and L <= FAIR * H and now > 0.1
+        plain = r >= least_r and (L <= FAIR * H or small) and now > 0.1
         stands = b >= 1.0 and S <= FAIR * W and S <= FAIR * B and now > 0.03
         if plain or stands:
             found = True
@@ -317,7 +321,7 @@ def search(x, p, renewed, fresh, blocked, teach, other, dt):
                 continue
             x.slow_ratio[k] = r
             x.r_ofc = max(x.r_ofc, r)
-            found, _at, amplitude = look(x, p, SLOW, period, p.slow_hz[k], SLOW_S, r, 1.0 if suspected else 0.0)
+            found, _at, amplitude = look(x, p, SLOW, period, p.slow_hz[k], SLOW_S, r, 1.0 if suspected else 0.0, False)
             x.slow_hit[k] = x.slow_hit[k] + 1.0 if found else 0.0
             if x.slow_hit[k] >= p.hits:
                 x.ofc_timer = p.t_release
@@ -354,7 +358,10 @@ def bank_search(x, p, blocked, teach, suspected, dt):
         j = int(p.bank_level[k])
         h = p.bank_block[j] * dt
         b = math.sqrt(bank.mixed(x, k, 1.0, 1.0)) / (x.coarse * p.sum_threshold[k]) if suspected else 0.0
-        found, at, amplitude = look(x, p, j, 1.0 / (p.bank_hz[k] * h), p.bank_hz[k], h, x.ratio[k], b)
+        drive = part * math.sqrt(bank.mixed(x, k, 0.0, 1.0))
+        noise = x.coarse * p.bank_threshold[k]
+        clear = x.ratio[k] * (noise + drive) >= CLEARLY * noise + DRIVEN * drive
+        found, at, amplitude = look(x, p, j, 1.0 / (p.bank_hz[k] * h), p.bank_hz[k], h, x.ratio[k], b, clear)
         x.hit[k] = x.hit[k] + 1.0 if found else 0.0
         if x.hit[k] >= p.hits:
             x.ofc_timer = p.t_release

@@ -243,3 +243,13 @@ def test_a_manoeuvre_does_not_end_the_alarm_of_a_small_oscillation():
     rose = int(np.argmax(on))
     assert 12.0 < rose * 0.005 < 15.0 and on[rose:].all()
     assert set(log["verdict"][rose:]) <= {verdict.AMBIGUOUS, verdict.OFC_LIQUID}
+
+
+def test_a_sine_that_is_little_beside_the_noise_of_all_frequencies_shows_by_its_own():
+    """0.3 mm at 2.4 Hz in still air: less than half of the window's energy, and twice what its frequency has."""
+    keys = {"duration_s": 14.5, "faults.0.start_s": 12, "faults.0.frequency_hz": 2.4, "faults.0.amplitude_mm": 0.3,
+            "detectors.enabled": '["iotsekf"]'}  # fmt: skip
+    inputs = wires(iotsekf, "left_inner")
+    frame = fly(load_scenario("liquid-ofc", [f"{k}={v}" for k, v in keys.items()]), inputs.values())
+    on = watch(frame, iotsekf, iotsekf.params(), ("alarm",), ("left_inner",))[0]["alarm"] > 0.5
+    assert 12.0 < int(np.argmax(on)) * 0.005 <= 12.0 + 3.0 / 2.4
