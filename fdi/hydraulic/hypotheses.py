@@ -360,14 +360,16 @@ def bank_search(x, p, blocked, teach, suspected, dt):
         b = math.sqrt(bank.mixed(x, k, 1.0, 1.0)) / (x.coarse * p.sum_threshold[k]) if suspected else 0.0
         drive = part * math.sqrt(bank.mixed(x, k, 0.0, 1.0))
         noise = x.coarse * p.bank_threshold[k]
-        clear = x.ratio[k] * (noise + drive) >= CLEARLY * noise + DRIVEN * drive
+        clear = p.load == 2.0 and x.form == 1.0 and x.ratio[k] * (noise + drive) >= CLEARLY * noise + DRIVEN * drive
         found, at, amplitude = look(x, p, j, 1.0 / (p.bank_hz[k] * h), p.bank_hz[k], h, x.ratio[k], b, clear)
         x.hit[k] = x.hit[k] + 1.0 if found else 0.0
         if x.hit[k] >= p.hits:
             x.ofc_timer = p.t_release
             if k == peak_L or k == peak_S:
-                x.ofc_amplitude = amplitude / p.bank_loss[k]
-                x.ofc_hz = at if x.ofc_hz == 0.0 else x.ofc_hz
+                if x.ofc_hz == 0.0 or x.alarm < 0.5:
+                    x.ofc_hz = at
+                if math.fabs(at - x.ofc_hz) <= WIDE * x.ofc_hz:  # what passes at another frequency is another's
+                    x.ofc_amplitude = amplitude / p.bank_loss[k]
         elif x.alarm > 0.5 and x.ofc_timer > 0.0 and stays(x, p, k):
             x.ofc_timer = p.t_release
 
