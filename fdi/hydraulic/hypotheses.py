@@ -66,6 +66,7 @@ STATE = [
     ("slow_hit", "f8", (SLOW_K,)),  # windows in a row that show it
     ("sure", "f8", (3,)),  # of added and in place: periods of agreement; of less than commanded: samples
     ("clock", "f8"),  # time [s]
+    ("whole", "f8"),  # time for which all sensors have been used, undisturbed [s]
     ("rose", "f8"),  # when the alarm rose [s]
     ("vote_hz", "f8", (2,)),  # frequency of the last vote, added and in place [Hz]
     ("vote_first", "f8", (2,)),  # since when votes have agreed [s]
@@ -295,6 +296,7 @@ def search(x, p, renewed, fresh, blocked, teach, other, dt):
     looked for as well.
     """
     x.clock += dt
+    x.whole = 0.0 if blocked or x.form != 1.0 else x.whole + dt
     x.ofc_timer = max(x.ofc_timer - dt, 0.0)
     x.eff_timer = max(x.eff_timer - dt, 0.0)
     suspected = other or x.ofc_timer > 0.0 or x.eff_timer > 0.0
@@ -360,7 +362,8 @@ def bank_search(x, p, blocked, teach, suspected, dt):
         b = math.sqrt(bank.mixed(x, k, 1.0, 1.0)) / (x.coarse * p.sum_threshold[k]) if suspected else 0.0
         drive = part * math.sqrt(bank.mixed(x, k, 0.0, 1.0))
         noise = x.coarse * p.bank_threshold[k]
-        clear = p.load == 2.0 and x.form == 1.0 and x.ratio[k] * (noise + drive) >= CLEARLY * noise + DRIVEN * drive
+        clear = x.ratio[k] * (noise + drive) >= CLEARLY * noise + DRIVEN * drive
+        clear = clear and p.load == 2.0 and x.whole * p.bank_hz[k] > LONG
         found, at, amplitude = look(x, p, j, 1.0 / (p.bank_hz[k] * h), p.bank_hz[k], h, x.ratio[k], b, clear)
         x.hit[k] = x.hit[k] + 1.0 if found else 0.0
         if x.hit[k] >= p.hits:
