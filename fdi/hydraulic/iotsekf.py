@@ -303,6 +303,7 @@ def decide(x, u, p, dt):
         x.excess += a * (x.x_hat[3] - model - x.excess)
         x.r_jam = math.fabs(x.excess) / (p.jam_threshold + p.jam_share * math.fabs(model))
         declared = disturbed or lost or x.run > 0.5 or x.jam > 0.5 or x.ofc_timer > 0.0
+        pressure_test.keep(x, declared, dt)
         share = pressure_test.plausible(x, u, model, x.r_jam >= 1.0, declared, p, dt)
     x.q_fast += a * (x.x_hat[0] - x.q_fast)
     x.q_slow += dt / (2.0 * p.run_tau) * (x.q_fast - x.q_slow)

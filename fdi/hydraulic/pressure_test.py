@@ -12,7 +12,8 @@ model foresees, the valve delivers that flow and f stays zero. Where only the re
 and the filter invents it: f = L e + e' / k. The ratio of f to that flow, both lagged by `share_tau`, is 0 for a load
 and 1 for a sensor. [Lu17] (4)
 
-A step is taken as the sensor's offset and the reading goes on being used. A sensor that is frozen or not plausible
+A step is taken as the sensor's offset and the reading goes on being used. The offset ends with a step back, or when the
+load beyond the model shows that it was none. A sensor that is frozen or not plausible
 is left out: the load then follows the hinge-moment model, and what rests on the pressure is not tested.
 """
 
@@ -30,6 +31,9 @@ from fdi.common.decision import usable
 STEP_SIGMA, STEP_LEAST, STEP_WAIT, STEP_STAYS, STEP_BEFORE, STEP_VALVE = 5.0, 0.045, 5, 0.3, 0.5, 1.5
 # An input fault declared within STEP_DOUBT of taking a jump made it: the jump is taken back [s]
 STEP_DOUBT = 1.0
+# An offset is dropped when the load beyond the model has for DROP_TIME moved by it, to the shares DROP, from its mean
+# over about USUAL_TAU before it was taken: a false offset moves the load by itself, a real one does not [s]
+DROP_TIME, USUAL_TAU, DROP_LEAST, DROP_MOST = 1.0, 20.0, 0.6, 1.5
 # The noise is that of the last MEMORY samples where it is more than the filter's; one of them counts for NIS_MOST at
 # most. At the start, before it is known, it may be twice the filter's
 MEMORY, NIS_MOST, NIS_FIRST = 200.0, 25.0, 4.0
@@ -61,6 +65,8 @@ STATE = [
     ("dp_out", "f8", "-"),  # 1 while the sensor is left out
     ("dp_excess", "f8", "-"),  # while it is left out, what its reading lacks of the estimate without it, lagged
     ("dp_timer", "f8", "s"),  # time for which it has not been plausible, or back in its place
+    ("excess_usual", "f8", "-"),  # load beyond the model, lagged, before an offset was taken
+    ("drop_timer", "f8", "s"),  # time for which the load has moved by the offset
     ("excess_lag", "f8", "-"),  # load beyond the model, lagged
     ("f_lag", "f8", "-"),  # input fault, gain error removed, lagged
 ]
@@ -123,8 +129,11 @@ def judge(x, y, p):
         return y, False
     x.step_count = 0.0
     if x.step_moves < 0.5:
-        x.step_taken, x.step_age = 0.5 * (e + x.step_dp), 0.0
-        x.dp_offset += x.step_taken
+        before = x.dp_offset
+        after = before + 0.5 * (e + x.step_dp)
+        # a step back to less than a step that could be seen is a sensor that is right again
+        x.dp_offset = 0.0 if before != 0.0 and math.fabs(after) < STEP_LEAST else after
+        x.step_taken, x.step_age = x.dp_offset - before, 0.0
         return y - x.step_taken, True
     return y, True
 
@@ -135,6 +144,24 @@ def take_back(x):
     if x.step_age < STEP_DOUBT:
         x.dp_offset -= x.step_taken
     x.step_taken = 0.0
+
+
+@kernel
+def keep(x, other, dt):
+    """Drop an offset that the load shows to be none, and move the estimate with it; `other` faults hide the load."""
+    if x.dp_offset == 0.0:
+        x.drop_timer = 0.0
+        if not other:
+            x.excess_usual += dt / USUAL_TAU * (x.excess - x.excess_usual)
+        return
+    moved = (x.excess - x.excess_usual) / x.dp_offset  # the load is of the opposite sign of the pressure
+    shown = DROP_LEAST < moved < DROP_MOST and not other and x.dp_out < 0.5
+    x.drop_timer = x.drop_timer + dt if shown else max(x.drop_timer - dt, 0.0)
+    if x.drop_timer >= DROP_TIME - 0.5 * dt:
+        x.x_bar[2] += x.dp_offset
+        x.x_bar[3] -= x.dp_offset
+        x.excess -= x.dp_offset
+        x.dp_offset = x.step_taken = x.drop_timer = 0.0
 
 
 @kernel
@@ -155,6 +182,7 @@ def plausible(x, u, model, beyond, other, p, dt):
         x.dp_timer = x.dp_timer + dt if suspect else max(x.dp_timer - dt, 0.0)
         if x.dp_timer >= p.share_confirm - 0.5 * dt:
             x.dp_out, x.dp_timer, x.dp_excess = 1.0, 0.0, x.excess
+            x.dp_offset = 0.0  # what was taken for the offset is not it: the reading itself has to come back
         return share
     if usable(u.y_dp, u.y_dp_valid) > 0.5:
         x.dp_excess += a * (x.x_hat[2] + x.dp_offset - u.y_dp - x.dp_excess)

@@ -154,3 +154,42 @@ def test_a_jump_that_an_input_fault_follows_at_once_is_taken_back_and_an_older_o
         pressure_test.take_back(x)
         pressure_test.take_back(x)
         assert x["dp_offset"] == pytest.approx(offset)
+
+
+def test_a_jump_back_ends_the_offset_also_where_the_two_jumps_are_not_the_same():
+    for back, left in ((-0.43, 0.0), (-0.2, 0.2)):
+        x, _ = jumps(0.0)
+        p = iotsekf.params()[0]
+        used = [pressure_test.judge(x, 0.4 + back, p)[1] for _ in range(10)]
+        assert x["dp_offset"] == pytest.approx(left, abs=1e-12)
+        assert used[-1]
+
+
+@pytest.mark.parametrize(
+    ("moved", "other", "dropped"),
+    [(0.05, False, True), (0.05, True, False), (0.02, False, False), (-0.05, False, False)],
+)
+def test_an_offset_that_moves_the_load_by_itself_is_dropped_and_the_estimate_goes_with_it(moved, other, dropped):
+    x = iotsekf.init(iotsekf.params())[0]
+    x["dp_offset"], x["excess"], x["x_bar"][:] = 0.05, moved, (0.0, 0.0, 0.1, 0.2)
+    for _ in range(round(0.9 * pressure_test.DROP_TIME / DT)):
+        pressure_test.keep(x, other, DT)
+    assert x["dp_offset"] == 0.05
+    for _ in range(round(0.2 * pressure_test.DROP_TIME / DT)):
+        pressure_test.keep(x, other, DT)
+    assert (x["dp_offset"] == 0.0) == dropped
+    assert x["x_bar"][2:] == pytest.approx((0.15, 0.15) if dropped else (0.1, 0.2))
+
+
+def test_a_bias_that_heals_ends_its_alarm(flights):
+    """Also where only the second of its jumps was taken, as on one lane with 8 %, which has no alarm in between."""
+    healed = round(5.0 / DT)
+    size = np.linspace(-0.4, 0.4, LANES)
+
+    def bias(y, flag):
+        y[:, :healed] += size[:, None]
+
+    log = watched(flights, bias)
+    alarm = log["alarm"][:, K:] > 0.5
+    assert alarm[np.abs(size) > 0.1, round(0.2 / DT) : healed].all()
+    assert not alarm[:, healed + round(3.0 / DT) :].any()
