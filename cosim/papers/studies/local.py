@@ -21,7 +21,7 @@ from fdi.hydraulic import iotsekf, rtsekf_flight
 from fdi.monitors import ofc_monitor, position_monitor
 
 ABOUT = "How the hydraulic filters name faults, and when their alarms end; times are for one free core."
-DEVELOPMENT, FIRST = 5_000_000, 7_600_000  # first seeds
+DEVELOPMENT, FIRST = 5_000_000, 21_000_000  # first seeds
 FIELDS = ("alarm", "verdict", "culprit")
 WATCHED = {"iotsekf": iotsekf, "rtsekf_flight": rtsekf_flight, "position_monitor": position_monitor,
            "ofc_monitor": ofc_monitor}  # fmt: skip
