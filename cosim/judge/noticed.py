@@ -112,7 +112,10 @@ def noticed(
     earlier = [f for f in others if f["start_s"] < start]
     renamed = _renamed(watch, s, fault, first, healed, dt, earlier)
     rises = onsets(s.alarm)
-    own = [i for i in rises[(rises >= first) & (rises < last)] if not _blamed(watch, s, i, earlier, fault, dt)]
+    inside = rises[(rises >= first) & (rises < last)]
+    own = [i for i in inside if not _blamed(watch, s, i, earlier, fault, dt)]
+    if len(own) < len(inside) and renamed is None:  # one that rose for an earlier fault may come to this one's name
+        renamed = _first_right(watch, s, fault, int(inside[0]), healed)
     k = min((i for i in (*own[:1], renamed) if i is not None), default=None)
     if k is None:
         later = [f for f in others if f["start_s"] > start]
@@ -120,6 +123,8 @@ def noticed(
         if own:
             k, until = own[0], math.inf
             healed, last = (_tick(t, dt, ticks) for t in (end, end + GRACE_S))
+            changed = (_first_right(watch, s, f, k, healed) for f in later)  # from there on it speaks of that one
+            healed = last = min((i for i in changed if i is not None), default=healed)
     out: dict[str, Any] = dict.fromkeys(
         ("detected_at_s", "detection_delay_s", "detection_delay_periods", "isolated", "first_verdict",
          "time_to_right_s", "right_after_motion_s", "alarm_share", "withdrawn_after_s", "withdrawn")
@@ -206,9 +211,15 @@ def _renamed(watch, s, fault, first, healed, dt, earlier):
     rose = onsets(s.alarm)
     if not faulty(earlier, len(s.alarm), dt)[rose[rose < first][-1]]:
         return None
-    ticks = np.arange(first - 1, max(first, healed))
+    at = _first_right(watch, s, fault, first - 1, healed)
+    return None if at == first - 1 else at
+
+
+def _first_right(watch, s, fault, first, end):
+    """Return the first tick in [first, end) at which an alarm has the right name of `fault`, None without one."""
+    ticks = np.arange(first, max(first, end))
     good = _right(watch, s, fault, ticks) & s.alarm[ticks]
-    return None if good[0] or not good.any() else int(ticks[np.argmax(good)])
+    return int(ticks[np.argmax(good)]) if good.any() else None
 
 
 def _withdrawn(alarm, end_s, k, healed, until, dt):

@@ -494,6 +494,7 @@ def step(x, u, p, dt):
     """Compare measured with computed forces at one tick, average, evaluate the residuals, decide."""
     delayed_commands(x, u, p, dt)
     x.started = 1.0
+    gyro.compare(x, u, dt)
     if complete(u, p) < 0.5:
         x.gone += dt
         x.valid, x.why = 0.0, LOST_SENSOR
@@ -506,7 +507,6 @@ def step(x, u, p, dt):
             _withdraw(x, p)
         return
     x.gone = 0.0
-    gyro.compare(x, u, dt)
     row_errors(x, u, p)
     accelerometers(x, u, p, dt)
     vane(x, u, p, dt)

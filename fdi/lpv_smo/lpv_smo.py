@@ -201,7 +201,7 @@ def _declare(x, p, i, f, most, dt):
     on = 1.0 if x.held[i] > 0.0 else 0.0
     beyond = score >= (STAYS if on > 0.5 else 1.0)
     if i == 0:
-        if beyond and f * x.sign <= 0.0:
+        if score >= 1.0 and f * x.sign <= 0.0:
             x.half = x.half + 1.0 if x.since < 1.0 else 1.0
             x.sign, x.since = math.copysign(1.0, f), 0.0
         # an oscillation is beyond its threshold for less than the confirmation time at once: it counts half periods
@@ -278,13 +278,13 @@ def step(x, u, p, dt):
     good = usable(u.h, u.h_valid) * usable(u.theta, u.theta_valid) * usable(u.V, u.V_valid) * usable(u.q, u.q_valid)
     if p.gust > 0.5:
         good *= usable(u.alpha_ground, u.alpha_ground_valid)
+    gyro.compare(x, u, dt)
     if x.age == 0.0:  # the first tick needs all of them; later n_z and alpha may drop out
         good *= usable(u.n_z, u.n_z_valid) * usable(u.alpha, u.alpha_valid)
     if good < 0.5:  # without a fault-free output there is no e_y: keep the estimates, start again when it is back
         x.age = 0.0
         _silent(x, LOST_SENSOR)
         return
-    gyro.compare(x, u, dt)
     why = inputs(x, u, p, dt)
     outputs(x, u, p, dt)
     bank(x, u, p)

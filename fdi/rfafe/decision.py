@@ -100,7 +100,7 @@ def forget(x, p, f, nf, dt):
     x.r_ofc = 0.0
     x.lost += dt
     if x.lost > T_HOLD:
-        x.ofc_timer, x.timer, x.static = 0.0, 0.0, 0.0
+        x.ofc_timer, x.ofc_age, x.ofc_gone, x.timer, x.static = 0.0, 0.0, 0.0, 0.0, 0.0
         x.alarm, x.verdict, x.culprit, x.both = 0.0, NONE, 0.0, 0.0
 
 

@@ -1,6 +1,7 @@
 """What a run comes to: delays, false alarms, errors of estimates, and how far a fault moved its elevator."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -105,6 +106,16 @@ def test_an_alarm_that_blames_an_earlier_fault_that_is_still_there_is_that_ones(
     healed = judge(AIRFRAME, blamed(1, (35, 50)), DT, short)["by_fault"]
     assert [d["detection_delay_s"] for d in healed] == [None, pytest.approx(0.5)]
     assert not healed[1]["right"]
+
+
+def test_an_alarm_that_rises_for_an_earlier_fault_may_come_to_the_name_of_the_latest():
+    history = blamed(1, (35, 50))
+    history[38:, 1], history[38:, 2] = 6.0, 2  # sensor alpha
+    faults = elevator_then_alpha()
+    faults[0]["case"], faults[1]["case"] = "hydraulic.jam_solid", "sensor.alpha"
+    rows = judge(replace(AIRFRAME, id="lpv_smo"), history, DT, faults)["by_fault"]
+    assert [d["detection_delay_s"] for d in rows] == [pytest.approx(2.5), pytest.approx(0.8)]
+    assert rows[0]["isolated"]["target"] == "elevator_left" and rows[1]["isolated"]["target"] == "alpha"
 
 
 def test_an_alarm_that_blames_the_latest_fault_or_no_part_is_the_latest_ones():
