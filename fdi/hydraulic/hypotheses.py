@@ -387,7 +387,7 @@ def stays(x, p, k):
         return False
     if math.fabs(p.bank_hz[k] - x.ofc_hz) > WIDE * x.ofc_hz or x.ratio[k] < STAYS:
         return False
-    a = math.sqrt(bank.mixed(x, k, 1.0, -x.gain)) / p.bank_loss[k]
+    a = math.sqrt(bank.mixed(x, k, 1.0, -x.gain))  # `bank.design` has made good what the average loses
     return SAME_LEAST * x.ofc_amplitude < a < x.ofc_amplitude / SAME_LEAST
 
 
