@@ -7,12 +7,9 @@ A file with a `TECHNOLOGY` of its own (actuators/technology.py) is taken as it i
 """
 
 import dataclasses
-import hashlib
-import importlib.util
-import sys
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -22,31 +19,13 @@ from actuators.registry import HYDRAULIC, SIMPLE
 from actuators.technology import Technology
 
 
-def module(path: Path) -> ModuleType:
-    """Return the module in a file, run once per content of it."""
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()[:12]
-    name = f"cosim_actuator_{path.stem}_{digest}"
-    if name not in sys.modules:
-        spec = importlib.util.spec_from_file_location(name, path)
-        assert spec and spec.loader
-        made = importlib.util.module_from_spec(spec)
-        sys.modules[name] = made
-        try:
-            spec.loader.exec_module(made)
-        except BaseException:
-            del sys.modules[name]
-            raise
-    return sys.modules[name]
-
-
-def from_file(name: str, path: Path, servo: str, error: Callable[[str], Exception]) -> Technology:
-    """Return the technology of a block in a file; `error(text)` makes what is raised where it is none."""
+def from_file(name: str, path: Path, servo: str, load: Callable, error: Callable[[str], Exception]) -> Technology:
+    """Return the technology of a block in a file, whose module `load(path, error)` gives; `error(text)` makes what is
+    raised where it is none.
+    """
 
     def blocks():
-        try:
-            made = module(path)
-        except (Exception, SystemExit) as said:  # whatever somebody's file raises
-            raise error(f"{path.name}: {told(said)}") from None
+        made = load(path, lambda text: error(f"{path.name}: {text}")).module
         needed = ("INPUTS", "STATE", "OUTPUTS", "params", "init_at", "rollout")
         inputs = ("hm0", "hmd", *(("u", "f_u", "s_u") if servo else ("command", "f_cmd", "s_cmd")))
         states = ("delta", *(("q_rod", "x3") if servo else ()))

@@ -126,6 +126,12 @@ def closure(path: Path) -> set:
     return seen
 
 
+def forget() -> None:
+    """Read the sources again where they are asked for next: one of a user's has changed."""
+    for cached in (_source, _digest, _links, closure, cache_dir):
+        cached.cache_clear()
+
+
 def private(folder: Path) -> bool:
     """Return whether `folder` is a directory of this user's that nobody else may write to, made when it is missing.
 

@@ -62,6 +62,7 @@ from cosim.campaign.worker import run_id
 from cosim.errors import LogError, OutputError
 from cosim.files import regular, replace, replace_text
 from cosim.scenario import Scenario
+from cosim.scenario.brought import identified
 from fdi import registry
 
 EVALUATION_SEED = 1_000_000
@@ -102,6 +103,7 @@ def run_many(
     workers: int | None = None,
     out: str | Path | None = None,
     resume: bool = True,
+    anew: bool = False,
     keep: dict[str, int] | None = None,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -111,14 +113,16 @@ def run_many(
     """Fly `scenarios` (Scenario objects; equal ones once) and return a CampaignResult.
 
     `workers` processes, by default one per core, 0 for this process; or any concurrent.futures `executor`. `out` is the
-    folder of rows; with `resume` what it holds is not flown again. `keep` maps rules of `campaign_keep` to how many
-    logs each may keep per detector. `progress(done, total)` counts runs. `achieved` flies a twin for every run with an
+    folder of rows; with `resume` what it holds is not flown again, and a user's file that has changed since is refused,
+    or with `anew` its runs are flown again. `keep` maps rules of `campaign_keep` to how many logs each may keep per
+    detector. `progress(done, total)` counts runs. `achieved` flies a twin for every run with an
     elevator fault. `labels` is a list of dicts beside the scenarios, for columns label.<name>. Raises CampaignError,
     OutputError; an error of a flight is a row.
     """
-    runs, named = _runs(scenarios, labels)
+    runs, named = _runs(map(identified, scenarios), labels)
+    brought = dict.fromkeys(f for s in runs.values() for f in s.brought.items())
     with folder(out) if out else nullcontext():
-        store = Store(out, table(runs, named), resume=resume)
+        store = Store(out, table(runs, named), resume=resume, anew=anew, files=brought)
         resumed = len(store.finished)
         _tell_guests(runs.values(), store.out)
         todo = [(run, scenario) for run, scenario in runs.items() if run not in store.finished]
@@ -129,7 +133,7 @@ def run_many(
         if store.out:
             from cosim.campaign import manifest
 
-            manifest.write(store.out, frame, store.timing())
+            manifest.write(store.out, frame, store.timing(), brought)
     by_run = frame.drop_duplicates("run")
     failed = int(by_run["status"].isin(("infeasible", "error", "crashed")).sum())
     timing, damaged = store.timing(), tuple(store.damaged)
@@ -225,7 +229,7 @@ def table(runs: Mapping[str, Scenario], labels: Iterable[dict] | None = None) ->
     keys = dict.fromkeys(k for row in flat for k in row)
     varying = [k for k in keys if k in CORE or len({row.get(k) for row in flat}) > 1 or k.startswith("faults.")]
     out = pd.DataFrame(
-        {"run": list(runs), "order": range(len(runs)), "toml": [s.expanded_toml() for s in runs.values()]}
+        {"run": list(runs), "order": range(len(runs)), "toml": [s.portable_toml(aircraft=False) for s in runs.values()]}
     )
     for name in dict.fromkeys(k for row in labels or () for k in row):
         out[f"label.{name}"] = _typed([row.get(name) for row in labels or ()])

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import subprocess
+from collections.abc import Iterable
 from importlib.metadata import version
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pandas as pd
 from cosim.campaign.store import fingerprint
 from cosim.errors import OutputError
 from cosim.files import regular, replace_text
+from cosim.scenario.user_file import UserFile
 
 FILE = "manifest.json"
 ROOT = Path(__file__).resolve().parents[2]
@@ -34,8 +36,10 @@ def _git(*words):
     return told.stdout.strip()
 
 
-def write(out: Path, frame: pd.DataFrame, timing: pd.DataFrame) -> None:
-    """Write the manifest of a finished campaign into its folder `out`, from its rows and what the clock measured."""
+def write(out: Path, frame: pd.DataFrame, timing: pd.DataFrame, brought: Iterable[tuple[str, UserFile]] = ()) -> None:
+    """Write the manifest of a finished campaign into its folder `out`, from its rows, what the clock measured, and the
+    user's files that flew, (key, UserFile).
+    """
     runs, took = frame.drop_duplicates("run"), timing["core_s"].dropna()
     about = {
         "runs": len(runs),
@@ -44,6 +48,7 @@ def write(out: Path, frame: pd.DataFrame, timing: pd.DataFrame) -> None:
         "flights_per_core_s": len(took) / float(took.sum()) if took.sum() > 0.0 else None,
         "digest": fingerprint()["digest"],
         **about_the_code(),
+        "user_files": [{"key": key, **file._asdict()} for key, file in brought],
         "sha256": {name: sha256(out / name) for name in ("scenarios.parquet", "runs.parquet")},
     }
     regular(out / FILE, OutputError)

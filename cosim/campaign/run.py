@@ -22,6 +22,7 @@ from cosim.campaign.store import CampaignError, fingerprint, flown_with, load
 from cosim.campaign.worker import fly, run_id
 from cosim.errors import did_you_mean
 from cosim.flight.guests import with_detectors
+from cosim.scenario.brought import identified
 
 CONNECT_S = 20.0  # to a scheduler, and until it has a worker
 
@@ -33,20 +34,23 @@ def run_campaign(
     scheduler: str | None = None,
     out: str | Path | None = None,
     resume: bool = False,
+    anew: bool = False,
     progress: Callable[[int, int], None] | None = None,
     guests: Iterable[str | Path] = (),
 ) -> CampaignResult:
     """Fly the campaign of a built-in name or file and return a CampaignResult; `out` defaults to logs/<name>.
 
     `scheduler` is the address of a Dask scheduler ("tcp://127.0.0.1:8786"). `guests` are files of further detectors
-    (cosim/flight/guests), which every worker finds under the same name. Raises CampaignError, ScenarioError.
+    (cosim/flight/guests), which every worker finds under the same name. With `resume` it goes on in its folder; `anew`
+    flies again what a file of a user's has flown that has changed since. Raises CampaignError, ScenarioError.
     """
     made = load_campaign(campaign)
     scenarios, labels = made.scenarios()
     scenarios = _with(scenarios, guests)
     options: dict[str, Any] = {
         "out": out or folder(campaign),
-        "resume": resume,
+        "resume": resume or anew,
+        "anew": anew,
         "keep": made.keep,
         "progress": progress,
         "labels": labels,
@@ -60,7 +64,7 @@ def run_campaign(
 def _with(scenarios, guests):
     """Return the scenarios with guests, by files that every process finds."""
     files = [Path(g).resolve() if os.path.isfile(g) else g for g in guests]
-    return [with_detectors(s, files) for s in scenarios]
+    return [identified(with_detectors(s, files)) for s in scenarios]
 
 
 def folder(campaign: str | Path) -> Path:

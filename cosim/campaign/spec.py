@@ -40,6 +40,7 @@ from cosim.campaign.keep import RULES
 from cosim.campaign.store import CampaignError
 from cosim.errors import CosimError, did_you_mean
 from cosim.scenario import Scenario, load_scenario, parse
+from cosim.scenario.brought import identified, locate
 from cosim.scenario.load import located
 from cosim.scenario.override import apply
 from cosim.scenario.tolerance import toleranced
@@ -63,6 +64,7 @@ class Part:
     runs: int = 1
     grid: dict = field(default_factory=dict)
     draw: dict = field(default_factory=dict)
+    folder: Path | None = None  # of the campaign's file: what it names may lie beside it
 
     def values(self, sampling: str, seed: int) -> Iterator[tuple[dict, dict]]:
         """Yield ({key or label: value of the grid or draw}, labels) of every run."""
@@ -103,14 +105,16 @@ class Campaign:
                 n = len(made)
                 if "seed" not in chosen:  # one that is drawn comes after the grid's, and wins
                     chosen = {"seed": self.first_seed + n} | chosen
-                scenario, names = scenario_of(part.base, chosen, f"{self.name}, run {n}")
+                scenario, names = scenario_of(part.base, chosen, f"{self.name}, run {n}", part.folder)
                 made.append(scenario)
                 labels.append(label | names)
         return made, labels
 
 
-def scenario_of(base: dict, chosen: dict, place: str) -> tuple[Scenario, dict]:
-    """Return (Scenario, {label: name}) of `base` with `chosen` keys; a table sets several, and perhaps has a name."""
+def scenario_of(base: dict, chosen: dict, place: str, folder: Path | None = None) -> tuple[Scenario, dict]:
+    """Return (Scenario, {label: name}) of `base` with `chosen` keys; a table sets several, and perhaps has a name. A
+    file of a user's lies beside the campaign (`folder`), or where its path leads from here.
+    """
     pairs: list = []  # in order: a later kind drops the numbers of an earlier one
     names = {}
     for key, value in chosen.items():
@@ -119,7 +123,8 @@ def scenario_of(base: dict, chosen: dict, place: str) -> tuple[Scenario, dict]:
             names[key] = several.pop("name")
         pairs += several.items()
     try:
-        return parse(apply(base, [f"{k}={inline(v)}" for k, v in pairs]), place=place), names
+        table = apply(base, [f"{k}={inline(v)}" for k, v in pairs])
+        return identified(parse(locate(table, folder, place), place=place)), names
     except CosimError as error:
         error.place = error.place if error.place.startswith(place) else f"{place}: {error.place}".replace("--set ", "")
         raise
@@ -190,7 +195,7 @@ def _part(base, table, own, place, folder):
     for key in grid.keys() & drawn.keys():
         raise CampaignError("is drawn and in the grid", place=f"{place}: {key}")
     tables = apply(base, [f"{k}={inline(v)}" for k, v in constant.items()])
-    return Part(tables, own.get("name", ""), runs, grid, drawn)
+    return Part(locate(tables, folder, place), own.get("name", ""), runs, grid, drawn, folder)
 
 
 def _listed(table, folder, place):

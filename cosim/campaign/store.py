@@ -1,5 +1,6 @@
 """The folder of a campaign: rows as they come, one consolidated Parquet file, safe against `kill -9` at any moment.
 
+    user_files.json     name and digest of every file of a user's that flies in them
     scenarios.parquet   run, order, toml and every key that varies: written first
     campaign.json       versions and the digest of everything that flies: rows of two of them never mix
     parts/              rows and timing of a few finished runs per file, each appears by an atomic rename
@@ -14,7 +15,7 @@ import contextlib
 import functools
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pandas as pd
@@ -25,6 +26,8 @@ from actuators.sources import closure
 from cosim.errors import CosimError, OutputError
 from cosim.files import FULL, SPACE, beside, held, regular, replace_text, sweep
 from cosim.judge.consequences import NAMES as CONSEQUENCES
+from cosim.scenario.brought import changed
+from cosim.scenario.user_file import UserFile
 from cosim.texts import from_json, read
 
 
@@ -48,7 +51,9 @@ ROWS = _schema(
 TIMING = _schema("run string, id string, wall_time_s float64, startup_s float64, core_s float64, step_us float64")
 SCENARIOS = _schema("run string, order int64, toml string")  # and what varies
 FLYING = ("actuators", "fdi", "aircraft")  # with what a worker imports of cosim: what decides about a row
-FILES = ("campaign.json", "scenarios.parquet", "runs.parquet", "timing.parquet", "manifest.json", "guests.json")
+USER_FILES = "user_files.json"
+TABLES = ("scenarios.parquet", "runs.parquet", "timing.parquet")
+FILES = ("campaign.json", *TABLES, "manifest.json", "guests.json", USER_FILES)
 DECIDING = (".py", ".json", ".npz", ".toml", ".xml")
 
 
@@ -120,11 +125,20 @@ def _parts(out):
 class Store:
     """Rows of a campaign in memory, and in a folder when there is one."""
 
-    def __init__(self, out: str | Path | None, scenarios: pd.DataFrame, *, resume: bool = True):
-        """Open folder `out` (None for memory only) for `scenarios`, a frame with run, order, toml, ...
+    def __init__(
+        self,
+        out: str | Path | None,
+        scenarios: pd.DataFrame,
+        *,
+        resume: bool = True,
+        anew: bool = False,
+        files: Iterable[tuple[str, UserFile]] = (),
+    ):
+        """Open folder `out` (None for memory only) for `scenarios`, a frame with run, order, toml, ..., in which
+        `files` of a user's fly, (key, UserFile).
 
-        Raises CampaignError when the folder holds rows and `resume` is false, or rows of other code; OutputError when
-        it cannot be written.
+        Raises CampaignError when the folder holds rows and `resume` is false, rows of other code, or of a file that has
+        changed, unless such runs are to fly `anew`; OutputError when it cannot be written.
         """
         self.out: Path | None = Path(out) if out else None
         self.scenarios = scenarios
@@ -134,9 +148,9 @@ class Store:
         self.damaged: list[str] = []  # parts of the folder that are left out and flown again
         self.others: dict[str, int] = {}  # rows in the folder of each run that is none of `scenarios`: left out
         if self.out:
-            self._open(self.out, resume)
+            self._open(self.out, resume, anew, list(files))
 
-    def _open(self, out, resume):
+    def _open(self, out, resume, anew, files):
         here = fingerprint()
         about = out / "campaign.json"
         regular(about, OutputError)
@@ -154,12 +168,19 @@ class Store:
                 place=str(out),
                 remedy="Choose another place with -o",
             )
+        told = out / USER_FILES
+        regular(told, OutputError)
+        if found is not None and not anew and (other := changed(brought_to(out), files)):
+            remedy = "Fly its runs again with --anew, or choose another place with -o"
+            raise CampaignError(other, place=str(out), remedy=remedy)
         if found is not None:
             wanted = set(self.scenarios["run"])
             self.finished = set(found.loc[~found["status"].isin(AGAIN), "run"]) & wanted
             others = found[~found["run"].isin(wanted)].drop_duplicates(["run", "lane", "fault"])
             self.others = others["run"].value_counts().to_dict()
         replace_text(about, json.dumps(here, indent=1))
+        if files or told.exists():
+            replace_text(told, json.dumps([[key, *file] for key, file in files], indent=1))
         write(out / "scenarios.parquet", pa.Table.from_pandas(self.scenarios, preserve_index=False))
 
     def add(self, rows: list[dict], timing: list[dict]) -> None:
@@ -204,6 +225,18 @@ class Store:
                     elif p != merged:
                         p.unlink()
         return self.out / "runs.parquet"
+
+
+def brought_to(folder: Path) -> list[tuple[str, UserFile]]:
+    """Return the (key, UserFile) that fly in the runs of a folder, as it says. Raises CampaignError."""
+    path = folder / USER_FILES
+    if not path.is_file():
+        return []
+    told = from_json(read(path, error=CampaignError), place=str(path), error=CampaignError)
+    whole = isinstance(told, list) and all(isinstance(t, list) and len(t) == 3 for t in told)
+    if not whole or not all(isinstance(word, str) for entry in told for word in entry):
+        raise CampaignError("is damaged", place=str(path), remedy="Choose another place with -o")
+    return [(key, UserFile(name, sha256)) for key, name, sha256 in told]
 
 
 def flown_with(folder: Path) -> object:

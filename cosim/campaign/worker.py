@@ -16,8 +16,8 @@ _timed = False  # whether this process has measured its detectors' cost per step
 
 
 def run_id(scenario: Scenario) -> str:
-    """Return the id of a run: 16 hex digits of the SHA-256 of the expanded scenario."""
-    return hashlib.sha256(scenario.expanded_toml().encode()).hexdigest()[:16]
+    """Return the id of a run: 16 hex digits of the SHA-256 of its scenario, a user's files by name and digest."""
+    return hashlib.sha256(scenario.portable_toml().encode()).hexdigest()[:16]
 
 
 def fly(run: str, scenario: Scenario, achieved: bool) -> tuple[list[dict], list[dict]]:

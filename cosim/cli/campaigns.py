@@ -30,6 +30,9 @@ def campaign(
         str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Fly on a Dask cluster: tcp://host:8786.")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on in this folder; failed runs fly again.")] = False,
+    anew: Annotated[
+        bool, typer.Option("--anew", help="Go on; runs of a file of yours that has changed fly again.")
+    ] = False,
     output: Annotated[Path | None, output_option("DIR", "Default: logs/<campaign>.")] = None,
     again: Annotated[
         str | None,
@@ -66,6 +69,7 @@ def campaign(
             scheduler=scheduler,
             out=output,
             resume=resume,
+            anew=anew,
             progress=progress,
             guests=detector or (),
         )
@@ -114,6 +118,9 @@ def dataset(
     limit: Annotated[
         int | None, typer.Option("--limit", min=1, help="The first flights only.", show_default=False)
     ] = None,
+    anew: Annotated[
+        bool, typer.Option("--anew", help="Fly again what a file of yours flew that has changed since.")
+    ] = False,
     workers: WorkersOption = None,
     json_: JsonOption = False,
 ) -> None:
@@ -124,8 +131,9 @@ def dataset(
     out_dir = output or folder(campaign).with_name(f"{Path(campaign).stem}-dataset")
     with tables.progress(err, f"flying {Path(campaign).stem}", "flights", "preparing the workers") as progress:
         made = make(
-            campaign, out_dir, signals=signal or (), rate_hz=rate, limit=limit, workers=workers, progress=progress
-        )
+            campaign, out_dir, signals=signal or (), rate_hz=rate, limit=limit, anew=anew, workers=workers,
+            progress=progress,
+        )  # fmt: skip
     lost = f", {made['failed']} without a steady flight" if made["failed"] else ""
     size = f"{made['bytes'] / 1e6:.1f} MB, {made['bytes_per_flight'] / 1e3:.0f} kB each"
     told = f"{made['flights']} flights{lost}: {made['samples']} samples, {size}\ndata   {made['folder']}"

@@ -20,6 +20,7 @@ from cosim.compare import stats as compare_stats
 from cosim.errors import CosimError
 from cosim.flight.guests import load, with_detectors
 from cosim.judge.result import plain
+from cosim.scenario.brought import identified
 
 
 class CompareError(CosimError):
@@ -107,7 +108,7 @@ def read(
         from cosim.campaign import run_many
         from cosim.compare.matrix import matrix
 
-        scenarios = [with_detectors(s, guests) for s in matrix()]
+        scenarios = [identified(with_detectors(s, guests)) for s in matrix()]
         result = run_many(scenarios, workers=workers, progress=progress)
         return *compare_rows.of_result(result, scenarios), "built-in matrix"
     folders, own = [s for s in paths if s.is_dir()], [load(g) for g in guests]

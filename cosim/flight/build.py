@@ -27,6 +27,7 @@ from cosim.flight.plant.trim import Trim
 from cosim.flight.tick import Block, Loop
 from cosim.flight.trace import Trace
 from cosim.scenario import Scenario
+from cosim.scenario.brought import identified
 from cosim.scenario.catalog import TECHNOLOGIES
 from cosim.scenario.own_actuator import register
 
@@ -162,6 +163,7 @@ def build(scenario: Scenario, flightgear: int | None = None) -> Setup:
 
     `flightgear` is the UDP port of this machine at which FlightGear is told of the flight, once `plant.show` says so.
     """
+    scenario = identified(scenario)
     register(scenario.actuators)  # another scenario may have brought others of the same names
     prepare(scenario)
     dt, point = scenario.dt, FlightPoint.of(scenario)

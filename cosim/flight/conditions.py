@@ -13,6 +13,7 @@ from cosim.errors import ScenarioError, did_you_mean
 from cosim.flight.build import build
 from cosim.flight.fly import record
 from cosim.scenario import Scenario, conflict
+from cosim.scenario.brought import identified
 from cosim.scenario.condition import condition, other_fault, source
 
 
@@ -22,6 +23,7 @@ def resolved(scenario: Scenario) -> Scenario:
 
     Conditions are met one after the other: what one fault does can make the next one true.
     """
+    scenario = identified(scenario)
     while any(f.waits for f in scenario.faults):
         waiting = {i: condition(f.when or "") for i, f in enumerate(scenario.faults) if f.waits}
         setup = build(_without(scenario, waiting))

@@ -24,7 +24,6 @@ from cosim.flight.site import site
 from cosim.scenario import Scenario, vocabulary
 from cosim.scenario.aircraft import Aircraft, load_aircraft
 from cosim.scenario.catalog import SEGMENTS
-from cosim.scenario.guest_file import KEYS
 from fdi import registry
 from fdi.common.record import Detector
 
@@ -139,7 +138,7 @@ class Installed:
         is none.
         """
         table, options = scenario.detectors.table(self.id), self.record.options
-        table = {name: value for name, value in table.items() if name not in KEYS or self.id in registry.SHIPPED}
+        table = {name: value for name, value in table.items() if name not in guests.KEYS or self.id in registry.SHIPPED}
         words = {n: _word(self.id, n, table.pop(n), allowed) for n, allowed in options.items() if n in table}
         technology, own = scenario.elevator.technology, scenario.aircraft
         lanes, told = self.lanes if self.level == "local" else [""], scenario.elevator.parameters

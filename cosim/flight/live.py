@@ -12,13 +12,13 @@ from contextlib import nullcontext
 from typing import Any
 
 from cosim.errors import CosimError
-from cosim.flight.guests import aside
 from cosim.flight.journal import Journal
 from cosim.flight.recorder import pose, topics
 from cosim.flight.simulate import simulate
 from cosim.flight.stepping import Flight
 from cosim.judge.result import Result
 from cosim.scenario import Scenario
+from cosim.scenario.user_file import aside
 
 SPEEDS = 0.01, 1000.0
 EVERY = 20  # ticks between two words of progress

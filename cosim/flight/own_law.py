@@ -21,12 +21,12 @@ from typing import Any
 
 import numpy as np
 
-from actuators.guest import module as of_file
 from actuators.guest import told
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.flight.blocks import law
 from cosim.flight.wiring import DEMANDS
 from cosim.scenario import Scenario
+from cosim.scenario.user_file import load
 
 SENSORS = law.SENSORS
 SURFACES = {  # command -> (field of the shipped law's state, its least and largest in the parameters)
@@ -62,10 +62,7 @@ def block(scenario: Scenario) -> ModuleType | Any:
     if scenario.law.file is None:
         return law
     path = Path(os.path.expanduser(scenario.law.file))
-    try:
-        made = of_file(path)
-    except (Exception, SystemExit) as error:  # whatever somebody's file raises
-        raise _wrong(path, told(error)) from None
+    made = load(path, lambda text: _wrong(path, text)).module
     about = {"PARAMS": law.PARAMS, "INPUTS": law.INPUTS, "STATE": law.STATE, "OUTPUTS": law.OUTPUTS, "init": law.init}
     if hasattr(made, "rollout"):
         return SimpleNamespace(__name__=made.__name__, rollout=made.rollout, **about)

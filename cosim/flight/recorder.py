@@ -137,10 +137,7 @@ def result_texts(result: Any) -> dict[str, Any]:
 
 def _portable(scenario):
     """Return the scenario as TOML without folders of this machine: a guest is named by its file and its digest."""
-    table = tomllib.loads(scenario.expanded_toml())
-    for own in table.get("detectors", {}).values():
-        if isinstance(own, dict) and "file" in own:
-            own["file"] = Path(own["file"]).name
+    table = tomllib.loads(scenario.portable_toml(aircraft=False))
     for name in scenario.running:
         if name not in registry.SHIPPED:  # registered by a program, and perhaps without a file
             own = table["detectors"].setdefault(name, {"file": Path(registry.module(name).file).name})

@@ -145,7 +145,7 @@ def _run_all(found, wires, values, scenario, overrides, n, dt):
 def _scenario(m, chosen, place):
     """Return the Scenario of which the detectors take lanes and parameters; its tables are those of the map."""
     from cosim.scenario import parse
-    from cosim.scenario.guest_file import locate
+    from cosim.scenario.brought import locate
 
     given = {"enabled": list(chosen)} if chosen else {}
     tables = {

@@ -219,9 +219,14 @@ def bundled() -> list[str]:
     return sorted(p.parent.name for p in FOLDER.glob(f"*/{RECORD}"))
 
 
+def ships(name: str) -> bool:
+    """Tell whether an aircraft of this name ships."""
+    return name.isidentifier() and os.path.isfile(FOLDER / name / RECORD)
+
+
 def load_aircraft(name: str = DEFAULT) -> Aircraft:
     """Return the record of a bundled aircraft, or of the folder `name`; raises ScenarioError."""
-    if name.isidentifier() and os.path.isfile(FOLDER / name / RECORD):
+    if ships(name):
         return _read(FOLDER / name)
     known = bundled()
     folder = FOLDER / name if name in known else Path(os.path.expanduser(name))

@@ -18,6 +18,7 @@ class Flight(Table):
     """The point at which the aircraft is trimmed, and the air it flies through."""
 
     aircraft: str = DEFAULT  # a bundled name, or a folder with aircraft.toml
+    aircraft_sha256: str | None = None  # of that folder
     mass_t: float
     cg_pct: float
     altitude_ft: float

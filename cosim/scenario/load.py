@@ -12,8 +12,8 @@ from cosim.errors import CosimError, ScenarioError, did_you_mean
 from cosim.scenario import inputs, own_actuator
 from cosim.scenario.aircraft import DEFAULT as DEFAULT_AIRCRAFT
 from cosim.scenario.aircraft import load_aircraft
+from cosim.scenario.brought import locate
 from cosim.scenario.fault import Fault
-from cosim.scenario.guest_file import locate
 from cosim.scenario.manoeuvre import KINDS
 from cosim.scenario.model import Scenario
 from cosim.scenario.override import apply
@@ -57,8 +57,7 @@ def located(table: dict[str, Any], name: str | os.PathLike) -> dict[str, Any]:
     """
     path = Path(str(name))
     folder = path.parent if os.path.isfile(path) else None
-    found = own_actuator.locate(locate(table, folder, str(name)), folder, str(name))
-    return inputs.located(found, folder, str(name))
+    return inputs.located(locate(table, folder, str(name)), folder, str(name))
 
 
 def parse(table: dict[str, Any], *, place: str = "scenario") -> Scenario:

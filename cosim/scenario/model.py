@@ -5,9 +5,9 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, ConfigDict, Field, ValidationInfo, model_validator
 
+from cosim.scenario import brought, conflict, toml
 from cosim.scenario import catalog as c
-from cosim.scenario import conflict, toml
-from cosim.scenario.aircraft import Aircraft, bundled, load_aircraft, of
+from cosim.scenario.aircraft import Aircraft, load_aircraft, of
 from cosim.scenario.elevator import Elevator
 from cosim.scenario.fault import Fault
 from cosim.scenario.flight import Flight
@@ -17,6 +17,7 @@ from cosim.scenario.problem import choice, problem
 from cosim.scenario.sensors import Sensors
 from cosim.scenario.table import MULTIPLIER, Table, known_keys
 from cosim.scenario.tolerance import toleranced
+from cosim.scenario.user_file import UserFile
 from fdi.registry import GUESTS, SHIPPED
 
 # Thresholds are trained at 200 Hz. At 50 Hz these two alarm in a hard manoeuvre without a fault, and up to 80 Hz both
@@ -73,6 +74,7 @@ class Law(Table):
     __pydantic_extra__: dict[str, float]
 
     file: str | None = None
+    sha256: str | None = None
     reallocate: bool = False  # what control_redundancy isolates is flown around by the effectors that are left
 
     @property
@@ -175,11 +177,14 @@ class Scenario(Table):
         return tuple(dict.fromkeys([*self.detectors.enabled, *closed]))
 
     @property
-    def brought(self) -> tuple[str, ...]:
-        """Return the files and folders of aircraft, law and actuators that are not shipped: to fly is to run them."""
-        own = [self.flight.aircraft] if self.flight.aircraft not in bundled() else []
-        own += [a.file or a.fmu or "" for a in self.actuators.values()]
-        return (*own, self.law.file) if self.law.file else tuple(own)
+    def brought(self) -> dict[str, UserFile]:
+        """Return {key: UserFile} of every file or folder of a user's that flies."""
+        return brought.files(self.model_dump(mode="python", exclude_none=True))
+
+    @property
+    def code(self) -> tuple[UserFile, ...]:
+        """Return what of `brought` is code; an aircraft is data."""
+        return tuple(file for key, file in self.brought.items() if key != "flight.aircraft")
 
     @property
     def aircraft(self) -> Aircraft:
@@ -223,3 +228,10 @@ class Scenario(Table):
     def expanded_toml(self) -> str:
         """Return the whole scenario with every default as TOML; loading it gives an equal scenario."""
         return toml.dumps(self.model_dump(mode="python", exclude_none=True))
+
+    def portable_toml(self, *, aircraft: bool = True) -> str:
+        """Return `expanded_toml` with the names of a user's files in place of paths: with their digests
+        (`brought.identified`) it says which flight it is on every machine. That of an aircraft, without which a
+        scenario cannot be read, stays a path where `aircraft` is false.
+        """
+        return toml.dumps(brought.portable(self.model_dump(mode="python", exclude_none=True), aircraft=aircraft))

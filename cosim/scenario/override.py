@@ -90,7 +90,9 @@ def _item(items, index, here, place, value=None):
 def _make_room(node, path, key, value):
     """Drop from `node` what `key` replaces."""
     gone: set = set()
-    if path[:-1] == ["flight"] and key in SPEEDS:
+    if path == ["flight", "aircraft"] or (key in ("file", "fmu") and path[0] != "manoeuvre"):
+        gone = {"aircraft_sha256", "sha256"}
+    elif path[:-1] == ["flight"] and key in SPEEDS:
         gone = set(SPEEDS)
     elif path[:-1] == ["flight"] and any(key in pair for pair in PATHS):
         gone = next(set(pair) for pair in PATHS if key in pair)

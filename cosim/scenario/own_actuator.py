@@ -19,6 +19,7 @@ from actuators.constants import TO_SI
 from cosim.errors import ScenarioError
 from cosim.scenario import catalog as c
 from cosim.scenario.problem import choice, problem
+from cosim.scenario.user_file import load
 
 INPUTS = {  # word -> its unit
     "command": "rad", "valve_command": "-", "hinge_0": "N m", "hinge_slope": "N m/rad", "hinge_moment": "N m",
@@ -42,6 +43,7 @@ class OwnActuator(_Table):
 
     file: str | None = None
     fmu: str | None = None
+    sha256: str | None = None
     servo: Literal["", "hydraulic"] = ""
     inputs: dict[str, Variable] = {}
     outputs: dict[str, Variable] = {}
@@ -90,7 +92,7 @@ def register(actuators: dict[str, OwnActuator]) -> None:
             return ScenarioError(text, place=place)
 
         if own.file is not None:
-            c.register(guest.from_file(name, own.path, own.servo, error))
+            c.register(guest.from_file(name, own.path, own.servo, load, error))
             continue
         si = {**INPUTS, **OUTPUTS}
         tables = {
@@ -112,31 +114,3 @@ def take(table: dict) -> None:
         except ValueError:
             continue
     register(made)
-
-
-def locate(table: dict, folder: Path | None, place: str) -> dict:
-    """Return the tables with each file of an actuator or a law found, beside the scenario's own (`folder`) or from
-    here; else ScenarioError.
-    """
-    own = table.get("actuators")
-    if isinstance(own, dict):
-        own = {name: _found(raw, folder, f"{place}: actuators.{name}") for name, raw in own.items()}
-    found = {"actuators": own, "law": _found(table.get("law"), folder, f"{place}: law")}
-    return {**table, **{name: value for name, value in found.items() if name in table}}
-
-
-def _is(table):
-    return isinstance(table, dict)
-
-
-def _found(raw, folder, place):
-    """Return the table `raw` with its file, if it names one, as a path from here."""
-    for key in ("file", "fmu"):
-        if _is(raw) and isinstance(raw.get(key), str):
-            path = Path(os.path.expanduser(raw[key]))
-            beside = folder / path if folder else path
-            path = beside if os.path.isfile(beside) else path
-            if not os.path.isfile(path):
-                raise ScenarioError("no such file", place=f"{place}.{key} = {raw[key]}")
-            raw = {**raw, key: str(path)}
-    return raw

@@ -173,7 +173,7 @@ def test_a_file_that_is_no_block_is_told(tmp_path):
     with pytest.raises(ScenarioError, match=r"half\.py has no INPUTS\.f_cmd"):
         cosim.fly(loaded(path, "faults.0.at=command", "faults.0.amplitude_deg=1.0", key="file", spec={}), SEEN[:2])
     path.write_text("1 / 0")
-    with pytest.raises(ScenarioError, match=r"half\.py: ZeroDivisionError"):
+    with pytest.raises(ScenarioError, match=r"half\.py: does not run: ZeroDivisionError"):
         cosim.fly(loaded(path, "faults.0.at=command", "faults.0.amplitude_deg=1.0", key="file", spec={}), SEEN[:2])
 
 

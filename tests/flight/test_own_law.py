@@ -61,7 +61,7 @@ def test_a_compiled_law_of_the_shipped_records_flies_like_the_shipped_one(tmp_pa
         ("elevator = ", "elevator = 1 / (t < 0.5) + ", r"mine\.py: at 0\.500 s ZeroDivisionError: division by zero"),
         ("return {", "return None and {", r"at 0\.000 s TypeError: update answers NoneType; allowed: a dictionary"),
         ("self.start = start", "raise SystemExit(3)", r"at 0\.000 s SystemExit: 3"),
-        ("class Law", "raise SystemExit\nclass Law", r"mine\.py: SystemExit$"),
+        ("class Law", "raise SystemExit\nclass Law", r"mine\.py: does not run: SystemExit \(mine\.py:2\)$"),
         ("class Law", "class Lore", r"has neither a class Law nor a rollout"),
     ],
 )

@@ -28,6 +28,8 @@ from cosim.campaign.worker import run_id
 from cosim.errors import OutputError
 from cosim.files import replace_text
 from cosim.scenario import Scenario
+from cosim.scenario.brought import changed
+from cosim.scenario.user_file import UserFile
 from cosim.texts import from_json, read
 
 ABOUT = "dataset.json"
@@ -40,13 +42,15 @@ def make(
     signals: Sequence[str] = (),
     rate_hz: float = 50.0,
     limit: int | None = None,
+    anew: bool = False,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> dict[str, Any]:
     """Fly `campaign` into the data set at `out`; return {folder, flights, failed, samples, bytes, bytes_per_flight}.
 
     `signals`: words of `cosim list signals`, one of an actuator for all segments, or `left_inner.rod` for one; by
-    default all. `rate_hz` is the flights' rate or a whole part of it. `limit` takes the first flights only. Raises
+    default all. `rate_hz` is the flights' rate or a whole part of it. `limit` takes the first flights only. A
+    folder that was made with a user's file that has changed since is refused, or with `anew` flown again. Raises
     CampaignError (a word, a rate, no flight), OutputError (a folder of something else, a full disk).
     """
     made = load_campaign(campaign)
@@ -57,7 +61,8 @@ def make(
     words = chosen(flown, signals)
     runs = hashlib.sha256("".join(run for run, _ in pairs).encode()).hexdigest()[:16]
     about: dict[str, Any] = {"campaign": Path(str(campaign)).stem, "runs": runs, "signals": words, "rate_hz": rate_hz}
-    folder = _open(Path(out), about)
+    about["user_files"] = [[key, *f] for key, f in dict.fromkeys(f for s in flown for f in s.brought.items())]
+    folder = _open(Path(out), about, anew)
     home = str(folder.resolve())
     todo: list = [(flight.fly, {"folder": home, "run": run, "toml": s.expanded_toml(), "signals": words,
                                 "every": flight.every(s, rate_hz)}) for run, (s, _) in pairs]  # fmt: skip
@@ -67,6 +72,8 @@ def make(
     rows = [{**row, **split} for row, split in zip(rows, splits(rows))]
     index = pa.Table.from_pylist(rows)
     write(folder / "flights.parquet", index)
+    for path in set((folder / "flights").glob("*.parquet")) - {folder / d["file"] for d in done} if anew else ():
+        path.unlink()
     about |= {"command": _command(campaign, signals, rate_hz, limit), **provenance()}
     columns = described(flown, words)
     replace_text(folder / "croissant.json", croissant(about, index, columns, folder / "flights.parquet"))
@@ -82,8 +89,10 @@ def _command(campaign, signals, rate_hz, limit):
     return " ".join(["cosim dataset", str(campaign), f"--rate {rate_hz:g}", *more, "-o DIR"])
 
 
-def _open(folder: Path, wanted: dict[str, Any]) -> Path:
-    """Return the folder, made where it is not there. Raises OutputError when it holds anything else."""
+def _open(folder: Path, wanted: dict[str, Any], anew: bool) -> Path:
+    """Return the folder, made where it is not there. Raises OutputError when it holds anything else, or was made with a
+    user's file that has changed, unless it is to be flown `anew`.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
         held = {p.name for p in folder.iterdir()}
@@ -92,7 +101,14 @@ def _open(folder: Path, wanted: dict[str, Any]) -> Path:
         raise OutputError(f"cannot be written: {error.strerror}", place=str(folder), remedy=remedy) from None
     if ABOUT in held:
         found = from_json(read(folder / ABOUT, error=OutputError), place=str(folder / ABOUT), error=OutputError)
-        same = isinstance(found, dict) and all(found.get(key) == value for key, value in wanted.items())
+        found = found if isinstance(found, dict) else {}
+        other = changed(_brought(found, folder), _brought(wanted, folder))
+        if other and not anew:
+            remedy = "Fly it again with --anew, or choose another place with -o"
+            raise OutputError(other, place=str(folder), remedy=remedy)
+        kept = wanted.keys() - ({"runs", "user_files"} if other else set())
+        same = all(found.get(key, [] if key == "user_files" else None) == wanted[key] for key in kept)
+        held -= {ABOUT} if same and other else set()
     else:
         same = not held - {".work", "flights"}
     if not same:
@@ -100,6 +116,14 @@ def _open(folder: Path, wanted: dict[str, Any]) -> Path:
     if ABOUT not in held:
         replace_text(folder / ABOUT, json.dumps(wanted, indent=1) + "\n")
     return folder
+
+
+def _brought(about: dict[str, Any], folder: Path) -> list[tuple[str, UserFile]]:
+    """Return the (key, UserFile) that a data set says it was flown with."""
+    try:
+        return [(str(key), UserFile(str(name), str(sha256))) for key, name, sha256 in about.get("user_files", [])]
+    except (TypeError, ValueError):
+        raise OutputError("is damaged: user_files", place=str(folder / ABOUT)) from None
 
 
 def _row(run: str, scenario: Scenario, label: dict[str, Any], done: dict[str, Any]) -> dict[str, Any]:
@@ -111,5 +135,5 @@ def _row(run: str, scenario: Scenario, label: dict[str, Any], done: dict[str, An
         "family": "+".join(sorted({f.kind for f in faults})) or "none",
         "faults": "; ".join(f"{f.kind} on {f.target} from {f.start_s:g} s" for f in faults),
         "turbulence": scenario.flight.turbulence, "manoeuvre": scenario.manoeuvre.kind,
-        "scenario": scenario.expanded_toml(),
+        "scenario": scenario.portable_toml(aircraft=False),
     }  # fmt: skip

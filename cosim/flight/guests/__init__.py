@@ -7,13 +7,10 @@ user's rights: it is run as it stands, and only a file that the user has named i
 """
 
 import hashlib
-import importlib.util
 import inspect
 import os
-import sys
 import tomllib
 from collections.abc import Iterable
-from contextlib import AbstractContextManager, contextmanager, redirect_stdout, suppress
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -22,16 +19,16 @@ import numpy as np
 
 from actuators.block import Entry
 from actuators.native import PLAIN
-from cosim.errors import CosimError, did_you_mean
+from cosim.errors import did_you_mean
 from cosim.flight.guests.contract import GuestError, is_block, is_guest
 from cosim.flight.guests.plain import PlainDetector
-from cosim.scenario import Scenario, parse, vocabulary
-from cosim.scenario.guest_file import digest
+from cosim.scenario import Scenario, parse, user_file, vocabulary
 from cosim.texts import half_letter
 from fdi import registry
 from fdi.common.record import Detector
 
 __all__ = ["GuestError", "install", "load", "register", "use", "with_detectors"]
+KEYS = ("file", "sha256")  # of a guest's table, beside its parameters
 GROUP = "cosim.detectors"  # of entry points
 _loaded: dict[tuple[str, str], Any] = {}  # (file, digest) -> guest
 
@@ -63,9 +60,10 @@ def load(name: str | os.PathLike) -> PlainDetector:
         raise GuestError("its name is not UTF-8, which a log needs", place=str(path), remedy="Rename it")
     if not os.path.isfile(path):
         return _entry_point(str(name))
-    key = str(path.resolve()), digest(path)
+    done = user_file.load(path, lambda text: GuestError(text, place=str(name)))
+    key = str(path.resolve()), done.file.sha256
     if key not in _loaded:
-        _loaded[key] = _only(_run(path, key[1]), str(name), key)
+        _loaded[key] = _only(done.module, str(name), key)
     return install(_loaded[key])
 
 
@@ -85,8 +83,7 @@ def use(scenario: Scenario) -> None:
         if guest.DETECTOR.id != name:
             raise GuestError(f"holds the detector {guest.DETECTOR.id!r}", place=place, allowed=f"one with id {name!r}")
         if wanted and guest.sha256 != wanted:
-            raise GuestError("is not the file that the scenario means: its digest differs", place=place,
-                             remedy="Load the scenario again, or remove its sha256")  # fmt: skip
+            raise GuestError(user_file.CHANGED, place=place, remedy="Load the scenario again, or remove its sha256")
 
 
 def with_detectors(scenario: Scenario, files: Iterable[str | os.PathLike]) -> Scenario:
@@ -115,64 +112,9 @@ def _entry_point(name):
             return registry.GUESTS[name]
         what = "no such file" if name.endswith(".py") or os.sep in name else "no such file and no installed detector"
         raise GuestError(what, place=name, allowed=", ".join(found), remedy=did_you_mean(name, found))
-    with _guarded(name):
+    with user_file.guarded(lambda text: GuestError(text, place=name)):
         made = found[name].load()
     return install(_made(made, _source(made)))
-
-
-def _run(path, sha256):
-    """Return the module of a file, run under a name of its own; its neighbours can be imported, and the current folder
-    stays what it was, since other names that the user gave are relative to it."""
-    spec = importlib.util.spec_from_file_location(f"cosim_guest_{path.stem}_{sha256[:12]}", path)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    here, home = os.getcwd(), str(path.resolve().parent)
-    sys.path.insert(0, home)
-    try:
-        with _guarded(str(path), path):
-            spec.loader.exec_module(module)
-    except BaseException:
-        sys.modules.pop(spec.name, None)
-        raise
-    finally:
-        with suppress(ValueError):  # it may have changed the list
-            sys.path.remove(home)
-        os.chdir(here)
-    return module
-
-
-@contextmanager
-def _guarded(place, path=None):
-    """Run somebody's code: whatever it raises is a GuestError at `place`, but Ctrl-C."""
-    try:
-        with aside():
-            yield
-    except (KeyboardInterrupt, CosimError):
-        raise
-    except BaseException as error:
-        raise GuestError(f"does not run: {where(error, path)}", place=place) from error
-
-
-def aside() -> AbstractContextManager:
-    """Send what a guest prints to standard error: standard output is the program's own."""
-    return redirect_stdout(sys.stderr)
-
-
-def where(error: BaseException, path: Path | None = None) -> str:
-    """Return an exception as one line with the last line of the guest's own that it passed."""
-    import traceback
-
-    try:
-        said = " ".join(f"{type(error).__name__}: {error}".split())
-    except KeyboardInterrupt:
-        raise
-    except BaseException:  # its own text is somebody's code, too
-        said = type(error).__name__
-    if isinstance(error, SyntaxError):
-        return f"{said}"
-    here = [f for f in traceback.extract_tb(error.__traceback__) if path is None or Path(f.filename).name == path.name]
-    return f"{said} ({Path(here[-1].filename).name}:{here[-1].lineno})" if here else said
 
 
 def _only(module, place, key):
@@ -193,7 +135,7 @@ def _source(guest):
     try:
         file = inspect.getsourcefile(guest) or ""
         if file and Path(file).is_file() and getattr(guest, "__module__", "") != "__main__":
-            return file, digest(Path(file))
+            return file, user_file.identity_of_source(Path(file))
         return "", hashlib.sha256(inspect.getsource(guest).encode()).hexdigest()
     except (OSError, TypeError):
         return "", hashlib.sha256(repr(guest).encode()).hexdigest()
@@ -237,7 +179,8 @@ class BlockDetector:
                 raise
             except BaseException as error:  # whatever somebody's code raises
                 if not self.problems:
-                    self.problems.append(f"{self.DETECTOR.id} says nothing where it raises {where(error, self._path)}")
+                    said = user_file.where(error, self._path)
+                    self.problems.append(f"{self.DETECTOR.id} says nothing where it raises {said}")
             for name in self._module.OUTPUTS:
                 x[name] = 0.0
             if log is not None:

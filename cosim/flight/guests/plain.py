@@ -16,6 +16,7 @@ import numpy as np
 from actuators.block import dtype, record
 from cosim.flight.guests import contract
 from cosim.scenario import vocabulary
+from cosim.scenario.user_file import where
 from fdi.common.verdict import AMBIGUOUS, NAMES, NONE
 
 LIMIT_S = 0.5  # for one step, by default; a detector's own parameter limit_s changes it
@@ -176,8 +177,6 @@ class Runner:
         self.problems.append(f"{self.guest.DETECTOR.id} is dropped{where} {when}: {said}")
 
     def _said(self, error):
-        from cosim.flight.guests import where
-
         if isinstance(error, Nonsense):
             return str(error)
         return where(error, Path(self.guest.file) if self.guest.file else None)
