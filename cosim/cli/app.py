@@ -6,6 +6,7 @@ With --json one JSON object goes to standard output and nothing else; what goes 
 """
 
 import json
+import logging
 import os
 import re
 import sys
@@ -54,6 +55,13 @@ out, err = _Whole(width=WIDE), _Whole(stderr=True)
 _Usage = cast(type[Exception], typer.BadParameter.__mro__[2])  # of all that typer refuses; it exports no name for it
 
 
+class _Told(logging.Handler):
+    """Print what the library tells of: whose code runs."""
+
+    def emit(self, record):
+        err.print(escape(record.getMessage()), soft_wrap=True, highlight=False)
+
+
 class _Group(TyperGroup):
     """Every error of a user becomes one line on standard error and exit status 2; Ctrl-C becomes 130."""
 
@@ -67,6 +75,10 @@ class _Group(TyperGroup):
             raise typer.Exit(2) from None
 
     def invoke(self, ctx):
+        log = logging.getLogger("cosim")
+        log.setLevel(logging.INFO)
+        if not any(isinstance(handler, _Told) for handler in log.handlers):
+            log.addHandler(_Told())
         try:
             try:
                 return super().invoke(ctx)

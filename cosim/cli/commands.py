@@ -59,6 +59,7 @@ def run(
 ) -> Any:
     """Fly a scenario, log everything, and show who alarmed, when, and what it isolated."""
     from cosim.scenario import load_scenario
+    from cosim.scenario.brought import identified
 
     only_live(live, speed=speed, port=port, flightgear=flightgear)
     flown = load_scenario(scenario, set_ or ())
@@ -66,6 +67,8 @@ def run(
         from cosim.flight.guests import with_detectors
 
         flown = with_detectors(flown, detector)
+    with named(scenario):
+        flown = identified(flown)
     variant = [*(set_ or ()), *(f"detector={file.stem}" for file in detector or ())]
     path = output or Path("logs") / f"{log_name(scenario, variant)}.mcap"
     reserve(path, taken={"the scenario": [scenario], "a detector": detector or ()}, log=True)

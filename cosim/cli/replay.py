@@ -107,6 +107,9 @@ def replay(
 def recover(
     log: LogArg,
     output: Annotated[Path | None, output_option("LOG", "Default: LOG with .recovered before its ending.")] = None,
+    trust: Annotated[
+        bool, typer.Option("--trust", help="Run the code that the journal of a killed flight names.")
+    ] = False,
     json_: JsonOption = False,
 ) -> None:
     """Make a readable log of what a kill, a full disk or a damaged disk has left of one, and say what is lost.
@@ -123,7 +126,7 @@ def recover(
         if path.resolve() != log.resolve():
             journal.absent(path)
         with bar(err, f"flying {log.stem} again", waiting="preparing") as progress:
-            again = journal.recover(log, path, progress=progress)
+            again = journal.recover(log, path, trust=trust, progress=progress)
         answer(json_, again, lambda _: whole(flown_again(again)))
         return
     path = output or log.with_suffix(f".recovered{log.suffix}")

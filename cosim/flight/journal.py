@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from cosim.errors import CosimError, OutputError
+from cosim.errors import CosimError, OutputError, ScenarioError
 from cosim.files import OTHER, TAKEN, locked, replace, replace_text
 from cosim.scenario import load_scenario
 
@@ -92,15 +92,22 @@ class Journal:
             self._last = -float("inf")
 
 
-def recover(log: str | os.PathLike, out: str | os.PathLike, *, progress: Any = None) -> dict[str, Any]:
+def recover(
+    log: str | os.PathLike, out: str | os.PathLike, *, trust: bool = False, progress: Any = None
+) -> dict[str, Any]:
     """Fly again what the journal of `log` says was flown, write its log to `out`, remove the journal; say what it is.
 
+    Code that it names runs only with `trust`: a journal is found beside a log, and may come with it from somebody else.
     Interrupted, it raises KeyboardInterrupt: the journal stays, and what is at `out`. Raises ScenarioError for a
-    journal that is none, OutputError or LogError when `out` cannot be written, or the flight is in the air.
+    journal that is none, or that names code, OutputError or LogError when `out` cannot be written, or the flight is in
+    the air.
     """
     path = beside(log)
     _landed(log)
     scenario = load_scenario(str(path))
+    if scenario.code and not trust:
+        named = ", ".join(f"{file.name}, sha256 {file.sha256 or 'unknown'}" for file in scenario.code)
+        raise ScenarioError(f"names code: {named}", place=str(path), remedy="Read it, then add --trust")
     result = replace(os.fspath(out), lambda part: _whole(scenario, part, progress))
     path.unlink(missing_ok=True)
     return {"out": os.fspath(out), "flown_again": True, "duration_s": result.sim_time_s, "status": result.status,

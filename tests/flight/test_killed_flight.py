@@ -20,6 +20,7 @@ from cosim.flight import journal, stepping
 from cosim.flight.live import fly_live
 from cosim.replay import replay
 from cosim.scenario import parse
+from cosim.scenario.user_file import identity
 
 BY_HAND = """
 import os, signal, sys, time
@@ -114,6 +115,40 @@ def test_nobody_else_writes_the_log_of_a_flight_in_the_air(tmp_path):
                 cosim.Flight("cruise", log=log)
             flight.inject(target=f"elevator.{side}_inner", kind="jam_solid")
     assert os.listdir(tmp_path) == ["flight.mcap"] and len(scenario_of(log).faults) == 2
+
+
+def test_code_that_a_journal_names_runs_only_with_trust(tmp_path):
+    """It lies beside a log, and may have come with it from somebody else; its name and digest are told."""
+    log, ran = tmp_path / "x.mcap", tmp_path / "ran"
+    code = tmp_path / "law.py"
+    code.write_text(
+        f"open({str(ran)!r}, 'w').close()\n"
+        "class Law:\n    def __init__(self, dt, start): pass\n    def update(self, t, y, ask): return {}\n"
+    )
+    scenario = cosim.load_scenario("cruise", ["duration_s=0.1", f"law.file={code}"])
+    journal.beside(log).write_text(scenario.expanded_toml())
+    told = runner.invoke(app, ["recover", str(log)])
+    assert told.exit_code == 2 and "names code: law.py, sha256 unknown. Read it, then add --trust" in told.stderr
+    assert not ran.exists() and not log.exists()
+    done = runner.invoke(app, ["recover", str(log), "--trust"])
+    assert done.exit_code == 0 and ran.exists() and log.exists()
+    sha256 = identity(code).sha256
+    assert f"runs code: law.py, sha256 {sha256}" in done.stderr.splitlines()[0]
+    ran.unlink()
+    for command in (["info"], ["info", "--scenario"], ["recover", "-o", str(tmp_path / "whole.mcap")], ["replay"]):
+        assert runner.invoke(app, [command[0], str(log), *command[1:]]).exit_code == 0
+    assert not ran.exists() and str(tmp_path).encode() not in log.read_bytes()
+
+
+def test_a_flight_names_the_code_that_it_runs_first(tmp_path):
+    code = tmp_path / "law.py"
+    code.write_text("class Law:\n    def __init__(self, dt, start): pass\n    def update(self, t, y, ask): return {}\n")
+    (tmp_path / "own.toml").write_text(
+        cosim.load_scenario("cruise", ["duration_s=0.1"]).expanded_toml().replace("[law]", '[law]\nfile = "law.py"')
+    )
+    done = runner.invoke(app, ["run", str(tmp_path / "own.toml"), "-o", str(tmp_path / "x.mcap")])
+    assert done.exit_code == 0, done.output
+    assert done.stderr.splitlines()[0] == f"runs code: law.py, sha256 {identity(code).sha256}"
 
 
 def interrupt(t, whole):
