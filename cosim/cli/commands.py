@@ -161,11 +161,17 @@ def info(
     scenario: Annotated[
         bool, typer.Option("--scenario", help="Print the log's scenario as TOML, ready to fly again.")
     ] = False,
+    output: Annotated[
+        Path | None, output_option("DIR", "With --scenario: write it, and the sources attached, to fly there.")
+    ] = None,
     json_: JsonOption = False,
 ) -> None:
     """Say what a log holds and whether it is complete."""
     from cosim.log.overview import log_info
 
+    if output:
+        _write_sources(log, scenario, output)
+        return
     found = log_info(log)
     if json_:
         print(json.dumps(found, allow_nan=False))
@@ -173,6 +179,21 @@ def info(
         print(found["scenario"], end="")
     else:
         out.print(contents(found))
+
+
+def _write_sources(log, scenario, folder):
+    """Write the scenario of a log and what is attached to it; say what is not."""
+    from cosim.log import open_log
+    from cosim.replay import door
+    from cosim.scenario import attached
+
+    if not scenario:
+        raise CosimError("writes the scenario", place=f"-o {folder}", remedy="Add --scenario")
+    found = open_log(log)
+    missing = attached.write(door.scenario_tables(found), found.attachments, folder)
+    notes(f"{key}: the log does not hold its file" for key in missing)
+    path = folder / "scenario.toml"
+    out.print(tables.whole(f"wrote  {path}\nnext   cosim run {tables.word(path)}"))
 
 
 @app.command()

@@ -13,7 +13,7 @@ from actuators.block import unit
 from cosim.flight import detectors
 from cosim.flight.blocks import faults, hinge_model, law, sensors
 from cosim.log import LogWriter, Pose, Topic, viewer_layouts
-from cosim.scenario import toml, vocabulary
+from cosim.scenario import attached, toml, vocabulary
 from cosim.scenario.catalog import TECHNOLOGIES
 from fdi import registry
 
@@ -90,7 +90,7 @@ def open_writer(setup: Any, path: str | os.PathLike) -> LogWriter:
     }
     for b in blocks:
         attachments |= _array(f"{b.name}.params", b.p) | _array(f"{b.name}.initial", b.x)
-    attachments |= viewer_layouts(channels)
+    attachments |= viewer_layouts(channels) | attached.sources(setup.scenario)
     metadata = {
         "run": {
             "title": setup.scenario.title,
@@ -137,7 +137,7 @@ def result_texts(result: Any) -> dict[str, Any]:
 
 def _portable(scenario):
     """Return the scenario as TOML without folders of this machine: a guest is named by its file and its digest."""
-    table = tomllib.loads(scenario.portable_toml(aircraft=False))
+    table = tomllib.loads(scenario.portable_toml())
     for name in scenario.running:
         if name not in registry.SHIPPED:  # registered by a program, and perhaps without a file
             own = table["detectors"].setdefault(name, {"file": Path(registry.module(name).file).name})

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from cosim.errors import CosimError, LogError
 from cosim.log import Log
-from cosim.scenario import Scenario, parse
+from cosim.scenario import Scenario, attached, parse
 from cosim.texts import from_json, toml
 
 ARRAY_BYTES = 1 << 27  # an array that claims more is refused
@@ -124,7 +124,9 @@ def _checked(found, kind, place):
 
 def scenario(log: Log) -> Scenario:
     """Return the scenario of a log, or raise."""
-    return parse(scenario_tables(log), place=f"{log.path}: scenario.toml")
+    tables, place = scenario_tables(log), f"{log.path}: scenario.toml"
+    attached.bring_aircraft(tables, log.attachments, place)
+    return parse(tables, place=place)
 
 
 def scenario_tables(log: Log) -> dict[str, Any]:

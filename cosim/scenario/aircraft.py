@@ -224,10 +224,22 @@ def ships(name: str) -> bool:
     return name.isidentifier() and os.path.isfile(FOLDER / name / RECORD)
 
 
-def load_aircraft(name: str = DEFAULT) -> Aircraft:
-    """Return the record of a bundled aircraft, or of the folder `name`; raises ScenarioError."""
+_placed: dict[str, Path] = {}  # digest -> folder of an aircraft that lies elsewhere than its name says
+
+
+def placed(sha256: str, folder: Path | None = None) -> Path | None:
+    """Return where the aircraft of a digest lies, as a `folder` has told; the same digest is the same aircraft."""
+    return _placed.setdefault(sha256, folder) if folder else _placed.get(sha256)
+
+
+def load_aircraft(name: str = DEFAULT, sha256: str | None = None) -> Aircraft:
+    """Return the record of a bundled aircraft, or of the folder `name`, or of the one that a log has brought with the
+    digest `sha256`; raises ScenarioError.
+    """
     if ships(name):
         return _read(FOLDER / name)
+    if sha256 in _placed:
+        return _read(_placed[sha256])
     known = bundled()
     folder = FOLDER / name if name in known else Path(os.path.expanduser(name))
     if not os.path.isfile(folder / RECORD):

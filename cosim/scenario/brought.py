@@ -35,7 +35,7 @@ def places(tables: dict[str, Any]) -> Iterator[Place]:
     several = [(f"{group}.{n}", t) for group in ("actuators", "detectors") for n, t in _tables(tables.get(group))]
     for name, own in (("law", law), *several):
         for key in ("file", "fmu"):
-            if isinstance(own, dict) and own.get(key):
+            if isinstance(own, dict) and isinstance(own.get(key), str) and own[key]:
                 yield Place(own, key, SHA256, f"{name}.{key}")
 
 
@@ -56,7 +56,7 @@ def locate(tables: dict[str, Any], folder: Path | None, place: str) -> dict[str,
             beside = folder / os.path.expanduser(name) if folder else None
             if beside and os.path.isdir(beside):
                 at.table[at.key] = os.path.abspath(beside)
-        elif isinstance(name, str):
+        else:
             at.table[at.key] = found(name, folder, f"{place}: {at.name}")
     return out
 
@@ -70,9 +70,7 @@ def identified(scenario: Any) -> Any:
     stamped = {}
     for at in places(table):
         where = f"{at.name} = {at.table[at.key]}"
-        group, _, rest = at.name.partition(".")
-        name = rest.rpartition(".")[0]
-        if group == "detectors" and (name not in scenario.running or _known(name, at)):
+        if not flies(scenario, at) or _known(at):
             continue
         sha256 = identity(at.table[at.key], functools.partial(ScenarioError, place=where)).sha256
         if at.table.get(at.digest, sha256) != sha256:
@@ -88,9 +86,20 @@ def identified(scenario: Any) -> Any:
     return scenario.model_copy(update={**update, "detectors": scenario.detectors.model_copy(update=tables)})
 
 
-def _known(name, at):
+def flies(scenario: Any, at: Place) -> bool:
+    """Tell whether what a scenario names flies; a detector may be named and not run."""
+    return _detector(at) is None or _detector(at) in scenario.running
+
+
+def _detector(at):
+    group, _, rest = at.name.partition(".")
+    return rest.rpartition(".")[0] if group == "detectors" else None
+
+
+def _known(at):
     """Tell whether a detector is loaded already, from what the scenario means."""
-    return name in GUESTS and GUESTS[name].sha256 == at.table.get(at.digest)
+    guest = GUESTS.get(_detector(at))
+    return guest is not None and guest.sha256 == at.table.get(at.digest)
 
 
 def files(tables: dict[str, Any]) -> dict[str, UserFile]:

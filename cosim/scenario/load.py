@@ -72,9 +72,11 @@ def parse(table: dict[str, Any], *, place: str = "scenario") -> Scenario:
 def _aircraft(table, place):
     """Return the record of the aircraft that `table` names; what is no name is for the model to refuse."""
     flight = table.get("flight")
-    name = flight.get("aircraft", DEFAULT_AIRCRAFT) if isinstance(flight, dict) else DEFAULT_AIRCRAFT
+    flight = flight if isinstance(flight, dict) else {}
+    name, sha256 = flight.get("aircraft", DEFAULT_AIRCRAFT), flight.get("aircraft_sha256")
     try:
-        return load_aircraft(name if isinstance(name, str) else DEFAULT_AIRCRAFT)
+        known = name if isinstance(name, str) else DEFAULT_AIRCRAFT
+        return load_aircraft(known, sha256 if isinstance(sha256, str) else None)
     except ScenarioError as error:
         raise ScenarioError(
             error.problem, place=f"{place}: {error.place}", allowed=error.allowed, remedy=error.remedy

@@ -101,6 +101,15 @@ def identity(path: str | os.PathLike, error: Callable[[str], Exception] | None =
     return UserFile(path.name, held[1])
 
 
+def contents(path: str | os.PathLike) -> dict[str, Path]:
+    """Return {name: path} of what a file or folder is made of, names from its folder on; a Python file is loaded. What
+    lies elsewhere is left out.
+    """
+    path = Path(os.path.realpath(os.path.expanduser(path)))
+    files = load(path).files if path.suffix == ".py" else _all(path)
+    return {file.relative_to(path.parent).as_posix(): file for file in files if path.parent in file.parents}
+
+
 def load(path: str | os.PathLike, error: Callable[[str], Exception] | None = None) -> Loaded:
     """Run a Python file once per content of all that it is made of; its neighbours can be imported.
 

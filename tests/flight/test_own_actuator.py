@@ -199,3 +199,11 @@ def test_a_block_that_cannot_be_made_is_told(tmp_path, where):
     path.write_text(textwrap.dedent(BLOCK).replace(where, f"{where}\n    raise RuntimeError('no rig')"))
     with pytest.raises(ScenarioError, match=r"actuators\.rig: own\.py: RuntimeError: no rig"):
         cosim.fly(loaded(path, "faults.0.at=command", "faults.0.amplitude_deg=1.0", key="file", spec={}), SEEN[:2])
+
+
+def test_an_actuator_that_was_read_changes_no_other_scenario(tmp_path):
+    """The text of a scenario is its run's id: it must not depend on what this process has read before."""
+    before = cosim.load_scenario("cruise").expanded_toml()
+    (tmp_path / "rig.fmu").touch()
+    loaded(tmp_path / "rig.fmu")
+    assert "rig" in catalog.TECHNOLOGIES and cosim.load_scenario("cruise").expanded_toml() == before
