@@ -43,9 +43,10 @@ class Elevator(Table):
         known_keys(raw, (*default, *cls.model_fields))
         raw = _settings(raw, default)
         technology = {name: raw.get(name, own) for name, own in default.items()}
+        known = c.technologies((info.context or {}).get("actuators", c.TECHNOLOGIES))
         for name, tech in technology.items():
-            if not isinstance(tech, str) or tech not in c.TECHNOLOGIES:
-                raise problem("is not one of the choices", key=name, allowed=", ".join(c.TECHNOLOGIES))
+            if not isinstance(tech, str) or tech not in known:
+                raise problem("is not one of the choices", key=name, allowed=", ".join(known))
         given = raw.get("feedback", {})
         word = given if isinstance(given, str) else "iotsekf"
         if word not in c.FEEDBACKS:

@@ -63,8 +63,9 @@ def located(table: dict[str, Any], name: str | os.PathLike) -> dict[str, Any]:
 def parse(table: dict[str, Any], *, place: str = "scenario") -> Scenario:
     """Return the Scenario of nested dicts; raises ScenarioError that names `place`, key, value and what is allowed."""
     own_actuator.take(table)
+    own = tuple(table["actuators"]) if isinstance(table.get("actuators"), dict) else ()
     try:
-        return Scenario.model_validate(table, context={"aircraft": _aircraft(table, place)})
+        return Scenario.model_validate(table, context={"aircraft": _aircraft(table, place), "actuators": own})
     except ValidationError as error:
         raise explained(error, table, place) from None
 

@@ -41,7 +41,7 @@ class Tolerances(Table):
             return raw
         groups = [name for name, t in c.TECHNOLOGIES.items() if t.servo]
         known_keys(raw, ("aero", *groups))
-        own = [name for name in groups if toleranced(name)]  # a scenario's own actuator has none, also in an older log
+        own = [name for name in groups if name not in c.BROUGHT]  # which have none, but for empty ones in older logs
         return {"aero": {}, **{name: {} for name in own}, **{k: v for k, v in raw.items() if v or k in ("aero", *own)}}
 
     @model_validator(mode="after")
@@ -69,7 +69,7 @@ Parameter = Annotated[Any, BeforeValidator(_parameter)]
 
 
 class Law(Table):
-    """The control law: a file with one's own, or gains of the shipped one (cosim/flight/own_law.py)."""
+    """The control law: a file with one's own, or gains of the shipped one (cosim/flight/plugins/law.py)."""
 
     model_config = ConfigDict(frozen=True, extra="allow", strict=True, allow_inf_nan=False)
     __pydantic_extra__: dict[str, float]

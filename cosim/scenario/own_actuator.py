@@ -92,14 +92,15 @@ def register(actuators: dict[str, OwnActuator]) -> None:
             return ScenarioError(text, place=place)
 
         if own.file is not None:
-            c.register(guest.from_file(name, own.path, own.servo, load, error))
+            c.register(guest.from_file(name, own.path, own.servo, load, error), brought=True)
             continue
         si = {**INPUTS, **OUTPUTS}
         tables = {
             part: {w: fmu.Variable(v.variable, v.unit, si[w]) for w, v in getattr(own, part).items()}
             for part in ("inputs", "outputs", "start")
         }
-        c.register(guest.from_fmu(name, own.path, own.servo, {**tables, "parameters": own.parameters}, error))
+        made = guest.from_fmu(name, own.path, own.servo, {**tables, "parameters": own.parameters}, error)
+        c.register(made, brought=True)
 
 
 def take(table: dict) -> None:

@@ -122,7 +122,7 @@ def test_code_that_a_journal_names_runs_only_with_trust(tmp_path):
     log, ran = tmp_path / "x.mcap", tmp_path / "ran"
     code = tmp_path / "law.py"
     code.write_text(
-        f"open({str(ran)!r}, 'w').close()\n"
+        "from pathlib import Path\nPath(__file__).with_name('ran').touch()\n"
         "class Law:\n    def __init__(self, dt, start): pass\n    def update(self, t, y, ask): return {}\n"
     )
     scenario = cosim.load_scenario("cruise", ["duration_s=0.1", f"law.file={code}"])

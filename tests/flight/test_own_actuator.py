@@ -207,3 +207,5 @@ def test_an_actuator_that_was_read_changes_no_other_scenario(tmp_path):
     (tmp_path / "rig.fmu").touch()
     loaded(tmp_path / "rig.fmu")
     assert "rig" in catalog.TECHNOLOGIES and cosim.load_scenario("cruise").expanded_toml() == before
+    with pytest.raises(ScenarioError, match=r"allowed: hydraulic, ema, simple$"):
+        cosim.load_scenario("cruise", ["elevator.left_inner=rig"])
