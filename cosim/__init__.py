@@ -22,8 +22,8 @@ _PUBLIC = {  # name -> module that defines it
     "fly": "cosim.flight.signals",
     "Flight": "cosim.flight.stepping",
     "open_log": "cosim.log",
-    "register": "cosim.flight.guests",
-    "window_model": "cosim.flight.guests.window",
+    "register": "cosim.flight.plugins",
+    "window_model": "cosim.flight.plugins.window",
     "linearize": "cosim.flight.plant.linearize",
     "CosimError": "cosim.errors",
 }

@@ -27,7 +27,7 @@ from cosim.campaign.run import run_campaign
 from cosim.campaign.spec import load_campaign
 from cosim.cli.bench import compared, read_bench
 from cosim.compare import compare
-from cosim.flight.guests import with_detectors
+from cosim.flight.plugins import with_detectors
 from cosim.log import recover
 from cosim.log.overview import log_info
 from cosim.replay import replay

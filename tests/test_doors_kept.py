@@ -28,7 +28,7 @@ from cosim.compare.false_alarms import false_alarms
 from cosim.compare.score import BOARD, rows, stored
 from cosim.compare.score import flights as benchmark
 from cosim.compare.score.table import differences
-from cosim.flight.guests import load
+from cosim.flight.plugins import load
 from cosim.replay.map_draft import draft
 from cosim.scenario import aircraft, catalog
 from cosim.scenario.condition import condition

@@ -21,7 +21,7 @@ from cosim.campaign.spec import load_campaign
 from cosim.campaign.store import CampaignError, fingerprint, flown_with, load
 from cosim.campaign.worker import fly, run_id
 from cosim.errors import did_you_mean
-from cosim.flight.guests import with_detectors
+from cosim.flight.plugins import with_detectors
 from cosim.scenario.brought import identified
 
 CONNECT_S = 20.0  # to a scheduler, and until it has a worker
@@ -41,7 +41,7 @@ def run_campaign(
     """Fly the campaign of a built-in name or file and return a CampaignResult; `out` defaults to logs/<name>.
 
     `scheduler` is the address of a Dask scheduler ("tcp://127.0.0.1:8786"). `guests` are files of further detectors
-    (cosim/flight/guests), which every worker finds under the same name. With `resume` it goes on in its folder; `anew`
+    (cosim/flight/plugins), which every worker finds under the same name. With `resume` it goes on in its folder; `anew`
     flies again what a file of a user's has flown that has changed since. Raises CampaignError, ScenarioError.
     """
     made = load_campaign(campaign)

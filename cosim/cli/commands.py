@@ -64,7 +64,7 @@ def run(
     only_live(live, speed=speed, port=port, flightgear=flightgear)
     flown = load_scenario(scenario, set_ or ())
     if detector:
-        from cosim.flight.guests import with_detectors
+        from cosim.flight.plugins import with_detectors
 
         flown = with_detectors(flown, detector)
     with named(scenario):

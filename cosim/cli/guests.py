@@ -24,7 +24,7 @@ def new(
 ) -> None:
     """Write a detector of your own that runs, and its test: NAME.py and test_NAME.py."""
     from cosim.files import replace_text
-    from cosim.flight.guests.new import texts
+    from cosim.flight.plugins.new import texts
 
     if what not in KINDS:
         raise CosimError("is nothing to write", place=f"cosim new {what}", allowed=", ".join(KINDS))
@@ -76,7 +76,7 @@ def check_detector(
 
     Exit status 1: it does not.
     """
-    from cosim.flight.guests.check import check
+    from cosim.flight.plugins.check import check
 
     with tables.progress(err, "checking", unit="") as progress:
         found = check(detector, progress=progress)

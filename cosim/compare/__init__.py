@@ -18,7 +18,7 @@ from cosim.compare import bound
 from cosim.compare import rows as compare_rows
 from cosim.compare import stats as compare_stats
 from cosim.errors import CosimError
-from cosim.flight.guests import load, with_detectors
+from cosim.flight.plugins import load, with_detectors
 from cosim.judge.result import plain
 from cosim.scenario.brought import identified
 
@@ -79,7 +79,7 @@ def compare(
 ) -> Comparison:
     """Return the Comparison of logs, of one campaign's folder or folder of logs, or of the built-in matrix.
 
-    `progress(done, total)` counts flights. `guests` are files of further detectors (cosim/flight/guests): they fly in
+    `progress(done, total)` counts flights. `guests` are files of further detectors (cosim/flight/plugins): they fly in
     the built-in matrix, and are run on logs as they were flown. Raises CompareError,
     CampaignError, LogError, GuestError.
     """

@@ -1,6 +1,6 @@
 """Fly a control law of your own, and the shipped one with another gain, beside it.
 
-`cosim.flight.own_law` lists what a law may read (SENSORS), command (SURFACES) and is asked for (DEMANDS).
+`cosim.flight.plugins.law` lists what a law may read (SENSORS), command (SURFACES) and is asked for (DEMANDS).
 """
 
 from pathlib import Path

@@ -8,7 +8,7 @@ import numpy as np
 
 from actuators.block import dtype
 from cosim.errors import ScenarioError
-from cosim.flight import actuation, detectors, inject, own_law, wiring
+from cosim.flight import actuation, detectors, inject, wiring
 from cosim.flight.blocks import faults, hinge_model, manoeuvre, sensors
 from cosim.flight.blocks.pilot import steps
 from cosim.flight.bus import Bus
@@ -17,13 +17,14 @@ from cosim.flight.corrections import corrections
 from cosim.flight.cost import cost
 from cosim.flight.designed import designed
 from cosim.flight.gains import SENSOR_DELAY
-from cosim.flight.guests import BlockDetector
-from cosim.flight.guests.plain import GuestBlock, PlainDetector
 from cosim.flight.noise import Draw
-from cosim.flight.own_inputs import own_inputs
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
 from cosim.flight.plant.trim import Trim
+from cosim.flight.plugins import BlockDetector
+from cosim.flight.plugins import law as user_law
+from cosim.flight.plugins.inputs import user_inputs
+from cosim.flight.plugins.plain import GuestBlock, PlainDetector
 from cosim.flight.tick import Block, Loop
 from cosim.flight.trace import Trace
 from cosim.scenario import Scenario
@@ -181,7 +182,7 @@ def build(scenario: Scenario, flightgear: int | None = None) -> Setup:
     built = actuation.blocks(scenario, loads, others, dt)
     pilot_p = manoeuvre.params(**steps(scenario.manoeuvre, trim))
     law_p, slopes = designed(point, trim, dt)
-    law_p, law = own_law.tuned(scenario, law_p), own_law.block(scenario)
+    law_p, law = user_law.tuned(scenario, law_p), user_law.block(scenario)
     errors = [TECHNOLOGIES[tech].hinge_error for tech in scenario.elevator.technology.values()]
     factors = [1.0 + error * rng_errors.uniform(-1.0, 1.0) for error in errors]
     hinge_p = hinge_model.design(slopes, trim, t, aircraft.short.values(), factors)
@@ -221,7 +222,7 @@ def build(scenario: Scenario, flightgear: int | None = None) -> Setup:
         servos=[b for b in actuator_blocks if b.name not in TECHNOLOGIES],
         actuators=[b for b in actuator_blocks if b.name in TECHNOLOGIES],
         corrections=corrections(scenario, bus),
-        inputs=own_inputs(scenario, bus, trim),
+        inputs=user_inputs(scenario, bus, trim),
     )
     # what the actuators were last told: in equilibrium, the servo's holding command
     told, command = wires["actuators"]

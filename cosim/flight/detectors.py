@@ -17,7 +17,7 @@ import numpy as np
 import fdi
 from actuators.kept import contents, kept
 from cosim.errors import ScenarioError, did_you_mean
-from cosim.flight import guests, made
+from cosim.flight import made, plugins
 from cosim.flight.blocks.sensors import fitted
 from cosim.flight.parameters import assign, wrong_parameter
 from cosim.flight.site import site
@@ -138,7 +138,8 @@ class Installed:
         is none.
         """
         table, options = scenario.detectors.table(self.id), self.record.options
-        table = {name: value for name, value in table.items() if name not in guests.KEYS or self.id in registry.SHIPPED}
+        if self.id not in registry.SHIPPED:
+            table = {name: value for name, value in table.items() if name not in plugins.KEYS}
         words = {n: _word(self.id, n, table.pop(n), allowed) for n, allowed in options.items() if n in table}
         technology, own = scenario.elevator.technology, scenario.aircraft
         lanes, told = self.lanes if self.level == "local" else [""], scenario.elevator.parameters
@@ -210,7 +211,7 @@ def missing(record: Detector, aircraft: Aircraft) -> str:
 
 def left_out(scenario: Scenario) -> dict[str, str]:
     """Return {detector: why} of those that the scenario runs and its aircraft cannot have."""
-    guests.use(scenario)
+    plugins.use(scenario)
     found = {name: missing(registry.record(name), scenario.aircraft) for name in scenario.running}
     return {name: why for name, why in found.items() if why}
 
@@ -284,7 +285,7 @@ def manifest(setup: Any, topics: Sequence[Any]) -> list:
             if bus.index(source) not in place:  # both copies of a sensor are the same bits, and one is logged
                 source = source.removesuffix("_obs")
             inputs[lane].append([field, *place[bus.index(source)]])
-        guest = {} if d.id in registry.SHIPPED else {"guest": guests.about(d.module)}
+        guest = {} if d.id in registry.SHIPPED else {"guest": plugins.about(d.module)}
         lanes = list(d.lanes)
         out.append({"id": d.id, "level": d.level, "lanes": lanes, "every": d.every, "inputs": inputs, **guest})
     return out

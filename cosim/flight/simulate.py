@@ -8,7 +8,7 @@ from contextlib import nullcontext
 from cosim.flight.build import Setup, build
 from cosim.flight.conditions import resolved
 from cosim.flight.fly import fly
-from cosim.flight.guests.stuck import ended_by_force
+from cosim.flight.plugins.stuck import ended_by_force
 from cosim.flight.recorder import open_writer, result_texts
 from cosim.flight.twin import Twin
 from cosim.judge.result import Result, judge, judged

@@ -89,7 +89,7 @@ class Loop:
     servos: list = field(default_factory=list)
     actuators: list = field(default_factory=list)
     corrections: dict = field(default_factory=dict)  # stage -> calls after it (cosim/flight/corrections.py)
-    inputs: dict = field(default_factory=dict)  # stage -> a pilot's own table (cosim/flight/own_inputs.py)
+    inputs: dict = field(default_factory=dict)  # stage -> a pilot's own table (cosim/flight/plugins/inputs.py)
 
     def __post_init__(self):
         self.v = self.bus.v

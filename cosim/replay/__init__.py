@@ -20,8 +20,8 @@ from actuators.ahead import compile_ahead, cores
 from actuators.block import SWEEP, Entry
 from actuators.native import PLAIN
 from cosim.files import beside
-from cosim.flight.guests import load
-from cosim.flight.guests.plain import SLOW
+from cosim.flight.plugins import load
+from cosim.flight.plugins.plain import SLOW
 from cosim.judge.noticed import columns, watch_of
 from cosim.judge.result import judge, judged, plain
 from cosim.log import open_log
@@ -113,7 +113,7 @@ def replay(
 
     `detectors` chooses some; `overrides` {detector: {parameter: value}} asks what would have been; `start_s` begins
     at the last whole state before that time; `output` writes a log with the old topics and, under /replay, the new
-    ones. `guests` are files of detectors (cosim/flight/guests): one that flew is run again, another one is run on the
+    ones. `guests` are files of detectors (cosim/flight/plugins): one that flew is run again, another one is run on the
     flight as it was logged, and has no `logged` among its results. Raises LogError, ReplayError, GuestError.
     """
     given = [load(file) for file in guests]

@@ -32,7 +32,7 @@ _Cases = dict[_Name, Annotated[list[_Name], Field(max_length=20)]]
 
 
 class _Record(BaseModel):
-    """What a log tells of a guest (cosim/flight/guests), so that it is judged without its code."""
+    """What a log tells of a guest (cosim/flight/plugins), so that it is judged without its code."""
 
     model_config = ConfigDict(strict=True, extra="forbid")
 

@@ -1,7 +1,7 @@
 """Guests and logs: whose code flew, whose is here, and a guest on a flight that it was not part of.
 
-A log never runs code. What it tells of a guest (cosim/flight/guests) is enough to judge and to show it; to run it again
-its file is given once more, and the digests are compared.
+A log never runs code. What it tells of a guest (cosim/flight/plugins) is enough to judge and to show it; to run it
+again its file is given once more, and the digests are compared.
 """
 
 from typing import Any

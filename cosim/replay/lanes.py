@@ -15,8 +15,8 @@ import numpy as np
 
 from actuators.block import Entry
 from cosim.errors import LogError, did_you_mean
-from cosim.flight.guests.plain import PlainDetector
 from cosim.flight.parameters import wrong_state
+from cosim.flight.plugins.plain import PlainDetector
 from cosim.log import Log
 from cosim.replay import door
 from cosim.replay.params import ReplayError, attached, chosen_overrides, older, override, trusted

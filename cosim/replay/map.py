@@ -16,7 +16,7 @@ import numpy as np
 from actuators.block import unit
 from cosim.files import replace as replace_file
 from cosim.flight import detectors as table
-from cosim.flight.guests import load, with_detectors
+from cosim.flight.plugins import load, with_detectors
 from cosim.judge.noticed import watch_of
 from cosim.judge.result import judge, plain
 from cosim.log import LogWriter, Topic, viewer_layouts
@@ -67,7 +67,7 @@ def diagnose(
     `detectors` chooses some (default: all), `overrides` {detector: {parameter: value}} changes parameters, `start_s`
     is a time of the recording, `output` the log to write: inputs under /input, outputs under /replay. `on_reset` and
     `part` say what becomes of a clock that goes back (cosim/replay/clock.py), `guests` are files of further detectors
-    (cosim/flight/guests). Raises ReplayError, LogError, ScenarioError, GuestError, and
+    (cosim/flight/plugins). Raises ReplayError, LogError, ScenarioError, GuestError, and
     IndexError when there is no stretch of that number.
     """
     made = [load(g).DETECTOR.id for g in guests]

@@ -23,13 +23,13 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from cosim.errors import LogError
 from cosim.files import replace
-from cosim.flight import guests
+from cosim.flight import plugins
 from cosim.flight.build import build
 from cosim.flight.conditions import resolved
 from cosim.flight.cost import cost
 from cosim.flight.detectors import Installed, chosen
 from cosim.flight.fly import fly
-from cosim.flight.guests.plain import PlainDetector
+from cosim.flight.plugins.plain import PlainDetector
 from cosim.flight.twin import Twin
 from cosim.judge import estimation
 from cosim.judge.noticed import columns, watch_of
@@ -185,7 +185,7 @@ def flown_with(recording: Recording, ids: Iterable[str], files: Iterable[str | P
     """Return the detectors `ids` that ship, and those of `files`, as they fly in the recording's scenario."""
     scenario = recording.scenario
     scenario = scenario.model_copy(update={"detectors": scenario.detectors.model_copy(update={"enabled": tuple(ids)})})
-    scenario = guests.with_detectors(scenario, files)
+    scenario = plugins.with_detectors(scenario, files)
     return chosen(scenario)
 
 

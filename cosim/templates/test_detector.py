@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import cosim
-from cosim.flight.guests import with_detectors
-from cosim.flight.guests.check import check
+from cosim.flight.plugins import with_detectors
+from cosim.flight.plugins.check import check
 
 FILE = Path(__file__).with_name("NAME.py")
 

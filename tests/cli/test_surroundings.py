@@ -16,7 +16,7 @@ import cosim
 from actuators import child
 from actuators.sources import cache_root
 from cosim.campaign import store
-from cosim.flight.guests import GuestError, load
+from cosim.flight.plugins import GuestError, load
 from cosim.log import recover
 from cosim.replay import replay
 from cosim.replay.map_draft import draft

@@ -21,7 +21,7 @@ from cosim.compare.score import flights as benchmark
 from cosim.compare.score import rows as score_rows
 from cosim.compare.score.table import differences
 from cosim.errors import LogError, OutputError
-from cosim.flight.guests import with_detectors
+from cosim.flight.plugins import with_detectors
 from cosim.judge.probability import UNSAID, log_score
 from cosim.judge.row import rows
 from cosim.replay import thin

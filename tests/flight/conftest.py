@@ -2,7 +2,7 @@
 
 import pytest
 
-from cosim.flight.guests.new import texts
+from cosim.flight.plugins.new import texts
 
 
 @pytest.fixture(scope="module")

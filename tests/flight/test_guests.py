@@ -13,7 +13,7 @@ from cosim.campaign.run import run_campaign
 from cosim.cli import commands as cli
 from cosim.compare import compare
 from cosim.errors import CosimError, ScenarioError
-from cosim.flight.guests import load, with_detectors
+from cosim.flight.plugins import load, with_detectors
 from cosim.log import open_log
 from cosim.replay import door, replay
 from cosim.report import flight_report

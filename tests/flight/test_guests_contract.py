@@ -9,9 +9,9 @@ import pytest
 import cosim
 from cosim.errors import CosimError
 from cosim.flight.build import build
-from cosim.flight.guests import with_detectors
-from cosim.flight.guests.check import check
-from cosim.flight.guests.contract import record
+from cosim.flight.plugins import with_detectors
+from cosim.flight.plugins.check import check
+from cosim.flight.plugins.contract import record
 from cosim.judge import coverage
 from cosim.judge.naming import outcome
 from fdi import registry

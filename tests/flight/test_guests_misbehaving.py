@@ -14,8 +14,8 @@ import pytest
 
 import cosim
 from cosim.errors import CosimError
-from cosim.flight.guests import load, with_detectors
-from cosim.flight.guests.plain import NONSENSE, RAISED, SLOW
+from cosim.flight.plugins import load, with_detectors
+from cosim.flight.plugins.plain import NONSENSE, RAISED, SLOW
 from cosim.log import open_log
 from cosim.replay import replay
 from cosim.report import flight_report
@@ -153,7 +153,7 @@ def test_a_residual_that_is_no_number_is_told_once_and_not_valid(tmp_path):
 def test_one_that_never_returns_ends_by_ctrl_c_with_a_whole_log(tmp_path):
     text = f"""
         import cosim, tomllib
-        from cosim.flight.guests import with_detectors
+        from cosim.flight.plugins import with_detectors
         from cosim.scenario import parse
         scenario = with_detectors(cosim.load_scenario("cruise", {["duration_s=2", *SHORT[1:]]!r}), [{str(BAD)!r}])
         table = tomllib.loads(scenario.expanded_toml())
@@ -191,7 +191,7 @@ def test_compiled_code_that_never_returns_ends_by_ctrl_c_with_a_whole_log(tmp_pa
     (tmp_path / "hangs.py").write_text(text)
     program = f"""
         import cosim, signal
-        from cosim.flight.guests import with_detectors
+        from cosim.flight.plugins import with_detectors
         signal.signal(signal.SIGINT, signal.default_int_handler)
         scenario = with_detectors(cosim.load_scenario("cruise", {["duration_s=2", *SHORT[1:]]!r}), ["hangs.py"])
         cosim.simulate(scenario, log="stuck.mcap", timed=False)

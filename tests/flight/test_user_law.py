@@ -7,7 +7,7 @@ import pytest
 
 import cosim
 from cosim.errors import ScenarioError
-from cosim.flight.own_law import SENSORS, SURFACES, gains
+from cosim.flight.plugins.law import SENSORS, SURFACES, gains
 
 SHORT = ["duration_s=6", "detectors.enabled=[]", "elevator.feedback=measured", "manoeuvre.kind=nz_doublet",
          "manoeuvre.start_s=1", "manoeuvre.width_s=1.5", "manoeuvre.amplitude_g=0.2"]  # fmt: skip

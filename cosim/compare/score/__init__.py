@@ -20,7 +20,7 @@ from cosim.compare.score import flights as benchmark
 from cosim.compare.score.rows import Scored, scored
 from cosim.compare.score.table import detector
 from cosim.errors import did_you_mean
-from cosim.flight.guests import load
+from cosim.flight.plugins import load
 from cosim.judge.result import plain
 from cosim.texts import from_json, read
 from fdi import registry
@@ -49,7 +49,7 @@ def score(
     flying: Callable[[int, int], None] | None = None,
     running: Callable[[int, int], None] | None = None,
 ) -> Score:
-    """Score `detectors`, ids of those that ship or files (cosim/flight/guests), by default all that ship and the
+    """Score `detectors`, ids of those that ship or files (cosim/flight/plugins), by default all that ship and the
     learned ones.
 
     `seeds` is a file of a sealed set, `limit` takes some flights only, `recordings` is their folder. `flying` and

@@ -1,9 +1,9 @@
-"""Guests: detectors that somebody else wrote, in the loop beside ours.
+"""Plug-ins: a user's detectors, control law (`law.py`) and tables of inputs (`inputs.py`) in the loop.
 
-A guest is a plain Python class (cosim/flight/guests/contract.py), a block as ours are (actuators/block.py), or a fitted
-model over a window of signals (cosim/flight/guests/window.py). It comes from a file that a scenario or a command line
-names, from an installed package's entry point `cosim.detectors`, or from `cosim.register(Parity)`. Its code has its
-user's rights: it is run as it stands, and only a file that the user has named is run.
+A user's detector, called a guest, is a plain Python class (`contract.py`), a block as ours are (actuators/block.py), or
+a fitted model over a window of signals (`window.py`). It comes from a file that a scenario or a command line names,
+from an installed package's entry point `cosim.detectors`, or from `cosim.register(Parity)`. Its code has its user's
+rights: it is run as it stands, and only a file that the user has named is run (cosim/scenario/user_file.py loads it).
 """
 
 import hashlib
@@ -20,8 +20,8 @@ import numpy as np
 from actuators.block import Entry
 from actuators.native import PLAIN
 from cosim.errors import did_you_mean
-from cosim.flight.guests.contract import GuestError, is_block, is_guest
-from cosim.flight.guests.plain import PlainDetector
+from cosim.flight.plugins.contract import GuestError, is_block, is_guest
+from cosim.flight.plugins.plain import PlainDetector
 from cosim.scenario import Scenario, parse, user_file, vocabulary
 from cosim.texts import half_letter
 from fdi import registry

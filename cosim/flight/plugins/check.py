@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from cosim.flight.detectors import wires
-from cosim.flight.guests import load
-from cosim.flight.guests.plain import PlainDetector
+from cosim.flight.plugins import load
+from cosim.flight.plugins.plain import PlainDetector
 from cosim.flight.signals import fly, inputs
 from cosim.flight.site import site
 from cosim.scenario import Scenario, load_scenario

@@ -42,7 +42,7 @@ def rows(manoeuvre: Inputs, names: Any, ticks: int, dt: float) -> NDArray[np.flo
     return np.array([np.interp(t, times, manoeuvre.columns[name]) for name in names]).T.reshape(ticks, -1)
 
 
-def own_inputs(scenario: Scenario, bus: Bus, trim: Any) -> dict[str, tuple[NDArray, NDArray]]:
+def user_inputs(scenario: Scenario, bus: Bus, trim: Any) -> dict[str, tuple[NDArray, NDArray]]:
     """Return {stage of the tick: (positions in the bus, their values at every tick (ticks, n))}, stages "pilot" and
     "law"; {} where the scenario has no table. Raises ScenarioError where a change leads beyond a stop.
     """

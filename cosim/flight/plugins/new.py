@@ -3,7 +3,7 @@
 import re
 from importlib import resources
 
-from cosim.flight.guests.contract import GuestError
+from cosim.flight.plugins.contract import GuestError
 from fdi import registry
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from actuators.block import dtype, record
-from cosim.flight.guests import contract
+from cosim.flight.plugins import contract
 from cosim.scenario import vocabulary
 from cosim.scenario.user_file import where
 from fdi.common.verdict import AMBIGUOUS, NAMES, NONE

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.flight.guests.contract import GuestError
+from cosim.flight.plugins.contract import GuestError
 from cosim.scenario.user_file import opened
 
 
@@ -34,7 +34,7 @@ def window_model(
     designed_for: Sequence[str] = (),
     near: str | Path = ".",
 ) -> type:
-    """Return the class of a detector (cosim/flight/guests/contract.py) that asks `model` about a window.
+    """Return the class of a detector (cosim/flight/plugins/contract.py) that asks `model` about a window.
 
     `model` is a fitted object with predict_proba or predict, a function of (1, features) that returns (1, classes), or
     a file of one (.onnx by onnxruntime; .joblib or .pkl, which run code when they are read) in the folder of `near`:
