@@ -209,7 +209,7 @@ def _load(path, error):
         _beside.clear()
         _beside.update(new)
         sys.modules.update({n: m for n, m in others.items() if n not in new and n not in _beside})
-    own.used |= {Path(os.path.realpath(m.__file__)) for m in new.values()}
+    own.used |= {Path(os.path.realpath(str(m.__file__))) for m in new.values()}
     files = tuple(sorted(p for p in own.used if p.is_file()))
     return Loaded(module, UserFile(path.name, _digest(files, own.home)), files)
 
