@@ -14,8 +14,8 @@ def timeline(flown: LoggedFlight) -> tuple[Figure, list[dict], list[dict]]:
     hollow, top = ("; hollow bars: false alarms", " The topmost bars: the faults.") if flown.knows_faults else ("", "")
     figure = Figure(
         "timeline",
-        f"Thick bars: alarms, with the last name and when it first came, if later{hollow}. Thin lines: the detector watches and is quiet; gaps: its "
-        f"estimate is not valid.{top} Click a detector in the bar above to hide it.",
+        f"Thick bars: alarms, with the last name and when it first came, if later{hollow}. Thin lines: the detector "
+        f"watches and is quiet; gaps: its estimate is not valid.{top} Click a detector in the bar above to hide it.",
     )
     figure.layout = base(300, legend=False) | {"margin": {"l": 190, "r": 14, "t": 8, "b": 40}, "hovermode": "closest"}
     figure.layout["xaxis"] = style_axis("time, s", range=[flown.t0, flown.end])
