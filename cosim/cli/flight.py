@@ -56,7 +56,8 @@ def _detectors(rows):
         return Text("no detector ran", style="dim")
     several = any(len(r.get("by_fault", ())) > 1 for r in shown)  # a row for each that a lane could notice
     own = ["fault>"] if several else []
-    t = table("", "detector", "watches", *own, "at s>", "delay s>", "periods>", "right s>", "isolated", "false>", "µs>")
+    columns = ("detector", "watches", *own, "at s>", "delay s>", "periods>", "right s>", "isolated", "false>", "µs>")
+    t = table("", *columns, spare=("µs", "periods", "at s"), keys=2)
     for r in [lane | part for lane in shown for part in lane.get("by_fault") or [{}]]:
         late = None if r["detection_delay_s"] is None else r["detection_delay_periods"]
         false = Text(str(r["false_alarms"]), style="red" if r["false_alarms"] else "dim")
