@@ -120,11 +120,14 @@ def progress(
     console: Console, text: str, unit: str = "s", waiting: str = ""
 ) -> Iterator[Callable[[float, float], None]]:
     """Show a bar on a terminal, `waiting` until its callback (done, total) is first called with something done."""
+    if not console.is_terminal:
+        yield lambda done, total: None
+        return
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     named, state = TextColumn("{task.description}", markup=False), TextColumn("{task.fields[state]}")
     columns = (named, BarColumn(), state, TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(waiting or text, total=None, state="")
 
         def move(done, total):

@@ -75,8 +75,8 @@ def _said(lane, verdict, culprit, start, step):
         return "alarm, no name"
     last = given[-1]
     first = given[np.argmax((verdict[given] == verdict[last]) & (culprit[given] == culprit[last]))]
-    blamed = int(culprit[last])
-    part = lane.culprits[blamed] if 0 <= blamed < len(lane.culprits) else ""
+    blamed = culprit[last]
+    part = lane.culprits[int(blamed)] if 0 <= blamed < len(lane.culprits) else ""
     since = f" from {start + first * step:.2f} s" if first else ""
     return f"{words(class_name(verdict[last]))} {words(part)}".strip() + since
 
