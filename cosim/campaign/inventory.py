@@ -12,6 +12,7 @@ from cosim.scenario.aircraft import load_aircraft
 from cosim.scenario.load import DEFAULT, builtin_names, load_scenario
 from cosim.scenario.manoeuvre import KINDS
 from cosim.scenario.tolerance import GROUPS, meanings
+from fdi.common.verdict import MEANINGS
 from fdi.registry import records
 
 EXAMPLES = resources.files("cosim").joinpath("examples")
@@ -47,6 +48,7 @@ def inventory() -> dict[str, Any]:
             "actuator_sensors": {t: list(s) for t, s in c.SENSORS_OF.items()},
             "sensors": list(c.SENSORS),
         },
+        "classes": [{"name": name, "summary": text} for name, text in MEANINGS.items()],
         "signals": vocabulary.inventory(),
         "tolerances": [
             {"group": group, "name": name, "unit": unit, "summary": text}

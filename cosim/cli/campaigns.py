@@ -137,6 +137,7 @@ def dataset(
     lost = f", {made['failed']} without a steady flight" if made["failed"] else ""
     size = f"{made['bytes'] / 1e6:.1f} MB, {made['bytes_per_flight'] / 1e3:.0f} kB each"
     told = f"{made['flights']} flights{lost}: {made['samples']} samples, {size}\ndata   {made['folder']}"
+    notes(made["notes"])
     answer(json_, made, lambda _: tables.whole(told))
 
 

@@ -115,7 +115,7 @@ def list_(
     ] = None,
     json_: JsonOption = False,
 ) -> None:
-    """Show what there is: scenarios, campaigns, manoeuvres, faults, detectors, signals, tolerances, keys, examples."""
+    """Show what there is: scenarios, campaigns, manoeuvres, faults, detectors, classes, signals, and so on."""
     from cosim.campaign.inventory import inventory as everything
 
     if topic not in (None, "all", *inventory.TOPICS):

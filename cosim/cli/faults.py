@@ -9,6 +9,7 @@ from rich.text import Text
 if TYPE_CHECKING:  # `--help` needs no scenario
     from cosim.scenario import Scenario
 
+OTHERS = ", with the other faults"
 LITTLE, MUCH = 0.8, 1.25  # achieved over asked, beyond which a note says so
 
 WHY = {  # place of entry -> why the elevator moves otherwise
@@ -24,7 +25,7 @@ def lines(scenario: "Scenario", achieved: dict | None) -> list:
         return [Text("no fault", style="dim")]
     out = []
     for i, f in enumerate(scenario.faults):
-        own = ", ".join(f"{k} {v:g}" for k, v in (f.model_extra or {}).items() if not (k == "phase_deg" and v == 0.0))
+        own = _own(f)
         until = "" if f.end_s is None else f" to {f.end_s:g} s"
         at = f.entry(scenario.elevator.technology)
         where = "".join(f" {w} {v}" for w, v in (("at", at), ("path", f.path)) if v)
@@ -40,6 +41,15 @@ def lines(scenario: "Scenario", achieved: dict | None) -> list:
     return out
 
 
+def broke(scenario: "Scenario", i: int, achieved: dict | None) -> str:
+    """Return what fault `i` broke, when, and how large it became, or what was asked for where no elevator moved."""
+    f = scenario.faults[i]
+    moved = {n: (achieved or {})[n] for n in _segments(f) if n in (achieved or {})}
+    reached = _achieved(scenario, i, moved)[0] if moved else ""
+    size = reached.removeprefix("; achieved ").removesuffix(OTHERS) or _own(f)
+    return f"{f.kind} on {f.target} from {f.start_s:g} s" + (f", {size}" if size else "")
+
+
 def consequences(found: Mapping[str, float] | None) -> list[Text]:
     """Return the line about what the faults did to the aircraft; none without a fault that began."""
     if not found:
@@ -52,6 +62,12 @@ def consequences(found: Mapping[str, float] | None) -> list[Text]:
         f"hinge {f['hinge_max_nm'] / 1e3:.1f} kN m, {outside}"
     )
     return [Text.assemble(("effect ", "red"), told)]
+
+
+def _own(fault):
+    """Return a fault's own numbers, as they stand in the scenario."""
+    given = (fault.model_extra or {}).items()
+    return ", ".join(f"{k} {v:g}" for k, v in given if not (k == "phase_deg" and v == 0.0))
 
 
 def _segments(fault):
@@ -70,7 +86,7 @@ def _achieved(scenario, i, moved):
     if not found:
         return "", ""
     others = any(set(_segments(g)) & moved.keys() for j, g in enumerate(scenario.faults) if j != i)
-    words = f"; achieved {'' if swings else 'at most '}{', '.join(found)}{', with the other faults' * others}"
+    words = f"; achieved {'' if swings else 'at most '}{', '.join(found)}{OTHERS * others}"
     if not (swings and f.kind.startswith("ofc")):
         return words, ""
     travel = extra["amplitude_travel"] * math.degrees(scenario.aircraft.travel) if "amplitude_travel" in extra else None

@@ -1,4 +1,4 @@
-"""What `cosim run` shows: who noticed, the flight and its faults, every alarm, where the log is."""
+"""What `cosim run` shows: a sentence, every alarm, the flight and its faults, where the log is."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -14,22 +14,20 @@ STATUS = {"completed": "green", "departed": "yellow", "diverged": "red", "interr
 
 
 def shown(found: dict[str, Any], scenario: "Scenario") -> Group:
-    """Return the outcome of a run: who noticed in a sentence, the flight, its faults, every alarm, where the log is."""
+    """Return the outcome of a run: its first sentence, every alarm, the flight and its faults, where the log is."""
     from cosim.cli import faults, headline  # `--help` needs no scenario
 
-    said = [Text(text, style="bold") for text in headline.sentences(found, scenario)]
-    head = Text.assemble(*(["\n"] if said else []), scenario.title or "flight", "\n", point(scenario))
     told = [d for d in found["detectors"] if d["id"] not in headline.APART]
-    apart = [Text(text, style="dim") for text in headline.apart(found)] if told else []
-    parts = [
-        *said,
-        head,
+    beside = [*headline.silent(found, scenario), *(headline.apart(found) if told else [])]
+    return Group(
+        *(Text(text, style="bold") for text in headline.sentences(found, scenario)),
+        _detectors(told or found["detectors"]),
+        *(Text(text, style="dim") for text in beside),
+        Text(f"\n{scenario.title or 'flight'}\n{point(scenario)}"),
         *faults.lines(scenario, found.get("achieved")),
         *faults.consequences(found.get("consequences")),
-        _detectors(told or found["detectors"]),
-        *apart,
-    ]
-    return Group(*parts, _footer(found))
+        _footer(found),
+    )
 
 
 def point(scenario: "Scenario") -> str:
@@ -56,7 +54,8 @@ def _detectors(rows):
         return Text("no detector ran", style="dim")
     several = any(len(r.get("by_fault", ())) > 1 for r in shown)  # a row for each that a lane could notice
     own = ["fault>"] if several else []
-    t = table("", "detector", "watches", *own, "at s>", "delay s>", "periods>", "right s>", "isolated", "false>", "µs>")
+    columns = ("detector", "watches", *own, "at s>", "delay s>", "periods>", "right s>", "isolated", "false>", "µs>")
+    t = table("", *columns, spare=("µs", "periods", "at s"), keys=2)
     for r in [lane | part for lane in shown for part in lane.get("by_fault") or [{}]]:
         late = None if r["detection_delay_s"] is None else r["detection_delay_periods"]
         false = Text(str(r["false_alarms"]), style="red" if r["false_alarms"] else "dim")

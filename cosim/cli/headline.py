@@ -1,32 +1,49 @@
-"""The first words of a run: who noticed the fault, how soon, what was said, who was made for it and did not."""
+"""The first sentence of a run: what broke, the first alarm at each level, the right name; who missed it, and why."""
 
 import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from cosim.cli import faults
 from cosim.judge import coverage
-from cosim.judge.naming import outcome
 from cosim.scenario import Scenario
 
 # As published these alarm in every flight: they stay in log, JSON and tables, and no sentence counts them.
 APART = {"ema_kalman": "alarms always, it knows no load"}
+LEVELS = {"local": "actuator", "aircraft": "aircraft"}
 RISE = 1.05  # a residual that grew by less than this factor is said not to have risen
 
 
 def sentences(found: Mapping[str, Any], scenario: Scenario) -> list[str]:
     """Return a sentence per fault of `scenario` that began within the flight; one about false alarms without any.
 
-    `found` is what Result.to_dict returns.
+    It tells what broke, when and how large, the first alarm and its level, the right name, the first alarm at the other
+    level. `found` is what Result.to_dict returns.
     """
-    lanes = [d for d in found["detectors"] if d["id"] not in APART]
+    lanes = _lanes(found)
+    began = _began(found, scenario)
     if not lanes:
         return []
-    cases = coverage.cases(scenario)
-    began = [i for i, f in enumerate(scenario.faults) if f.start_s < found["sim_time_s"]]
     if not began:
         return [_without_fault(lanes)]
     lead = (lambda i: f"Fault {i}: ") if len(scenario.faults) > 1 else (lambda i: "")
-    return [lead(i) + _about(i, cases[i], lanes) for i in began]
+    return [f"{lead(i)}{faults.broke(scenario, i, found.get('achieved'))}: {_heard(i, lanes)}." for i in began]
+
+
+def silent(found: Mapping[str, Any], scenario: Scenario) -> list[str]:
+    """Return a line per fault about the detectors designed for it that did not alarm, and why; `found` as above."""
+    lanes, cases = _lanes(found), coverage.cases(scenario)
+    lead = (lambda i: f"fault {i}: ") if len(scenario.faults) > 1 else (lambda i: "")
+    told = [(i, _silent(i, cases[i], lanes)) for i in _began(found, scenario)] if lanes else []
+    return [lead(i) + text for i, text in told if text]
+
+
+def _lanes(found):
+    return [d for d in found["detectors"] if d["id"] not in APART]
+
+
+def _began(found, scenario):
+    return [i for i, f in enumerate(scenario.faults) if f.start_s < found["sim_time_s"]]
 
 
 def _without_fault(lanes):
@@ -35,63 +52,55 @@ def _without_fault(lanes):
     return f"No fault, {said}."
 
 
-def _about(i, case, lanes):
-    """Return the sentence about fault `i` of case `case`."""
-    seen: dict[str, dict] = {}
-    for lane in lanes:
-        for entry in lane.get("by_fault") or [lane]:
-            if entry.get("fault", i) == i and entry.get("detection_delay_s") is not None:
-                before = seen.get(lane["id"])
-                if before is None or entry["detection_delay_s"] < before["detection_delay_s"]:
-                    seen[lane["id"]] = entry
-    first, *others = sorted(seen, key=lambda name: seen[name]["detection_delay_s"]) or [""]
+def _entries(i, lanes):
+    """Return (lane, entry of fault `i`) of the lanes that the fault concerns."""
+    mine = ((d, e) for d in lanes if d.get("concerned", True) for e in d.get("by_fault") or [d])
+    return [(d, e) for d, e in mine if e.get("fault", i) == i]
+
+
+def _heard(i, lanes):
+    """Return who noticed fault `i` first, who named it right first, and who was first at the other level."""
+
+    def first(key, level=None):
+        told = [(e[key], d) for d, e in _entries(i, lanes) if e.get(key) is not None and level in (None, d["level"])]
+        return min(told, key=lambda one: one[0], default=(None, None))
+
+    late, lane = first("detection_delay_s")
+    if lane is None:
+        return "no alarm"
+    named, by = first("time_to_right_s")
+    other = "local" if lane["level"] == "aircraft" else "aircraft"
+    then, elsewhere = first("detection_delay_s", other)
+    text = f"first alarm after {late:.2f} s by {lane['id']} ({LEVELS[lane['level']]} level)"
+    text += f", right name after {named:.2f} s" if by else ", no right name"
+    text += f" by {by['id']}" if by and by["id"] != lane["id"] else ""
+    if any(d["level"] == other for d in lanes):
+        at = f"{LEVELS[other]} level"
+        text += f"; {at} after {then:.2f} s by {elsewhere['id']}" if elsewhere else f"; {at} no alarm"
+    return text
+
+
+def _silent(i, case, lanes):
     made = list(dict.fromkeys(d["id"] for d in lanes if coverage.expected(d["id"], case).word == coverage.DESIGNED))
-    if first:
-        text = f"{first} noticed after {seen[first]['detection_delay_s']:.2f} s and {_said(first, case, seen[first])}"
-        if others:
-            text += ", then " + listed(
-                f"{n} after {seen[n]['detection_delay_s']:.2f} s{_word(seen[n])}" for n in others
-            )
-    else:
-        text = "Nobody noticed"
+    if not made:
+        return "no detector in this flight is designed for this fault"
+    seen = {d["id"] for d, e in _entries(i, lanes) if e.get("detection_delay_s") is not None}
     away = {name: why for name in made if name not in seen and (why := _away(i, lanes, name)) is not None}
     reasons: dict[str, list[str]] = {}
     for name in (name for name in made if name not in seen and name not in away):
         reasons.setdefault(_why(*_peak(lanes, name)), []).append(name)
     told = [f"{listed(names)} {why}" for why, names in reasons.items()]
     told += [f"{name} could not judge ({why})" for name, why in away.items()]
-    if told:
-        text += f". Made for this and silent: {'; '.join(told)}"
-    elif not made:
-        text += "; no detector in this flight is made for this fault"
-    return text + "."
+    return f"designed for this fault, no alarm: {'; '.join(told)}" if told else ""
 
 
 def _away(i, lanes, name):
     """Return why detector `name` could not judge fault `i`, in words; None where one of its lanes could."""
-    mine = [e for d in lanes if d["id"] == name and d.get("concerned", True) for e in d.get("by_fault") or [d]]
-    mine = [e for e in mine if e.get("fault", i) == i]
+    mine = [e for d, e in _entries(i, lanes) if d["id"] == name]
     if not mine or any(e.get("able", True) for e in mine):
         return None
     why = next((e["why_not_valid"] for e in mine if e.get("why_not_valid")), None)
     return f"not valid: {why}" if why else "not valid"
-
-
-def _said(name, case, entry):
-    found = entry["isolated"]
-    if not found or found["class"] == "ambiguous":
-        return "did not name it"
-    wrong = outcome(name, case, seen=True, is_right=entry.get("right"), verdict=found["class"]) == "misnamed"
-    late = entry.get("time_to_right_s")
-    when = f" after {late:.2f} s" if late is not None and late > entry["detection_delay_s"] + 0.005 else ""
-    return f"said {found['class']}{when}" + ", which is wrong" * wrong
-
-
-def _word(entry):
-    first, last = ((entry.get(key) or {}).get("class") for key in ("first_verdict", "isolated"))
-    if not last:
-        return ""
-    return f" ({last})" if first in (None, last) else f" ({first}, at last {last})"
 
 
 def _peak(lanes, name):

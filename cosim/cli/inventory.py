@@ -23,6 +23,7 @@ def shown(found: dict[str, Any], topic: str | None = None) -> Group | Table:
         "faults": _faults,
         "targets": _targets,
         "detectors": _detector_list,
+        "classes": _classes,
         "signals": _signals,
         "tolerances": _tolerances,
         "keys": lambda found: [_keys(name, about) for name, about in found["keys"].items()],
@@ -38,6 +39,7 @@ TOPICS = {
     "faults": "kinds of fault, with their numbers",
     "targets": "segments, sensors, surfaces and engines that a fault can be on, with units",
     "detectors": "who watches: detectors.enabled",
+    "classes": "words of a verdict: what a detector says is wrong",
     "signals": "what a detector may read",
     "tolerances": "numbers of the aircraft and its actuators that a scenario may multiply",
     "keys": "tables and keys of a scenario",
@@ -92,6 +94,13 @@ def _signals(found):
     t = table("Signals that a detector may read", "signal", "unit", "what it is")
     for r in found["signals"]:
         t.add_row(r["name"], r["unit"], r["summary"])
+    return [t]
+
+
+def _classes(found):
+    t = table("Classes that a verdict may name", "class", "what is wrong")
+    for r in found["classes"]:
+        t.add_row(r["name"], r["summary"])
     return [t]
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from scipy.stats import binomtest
 
 from cosim.compare import stats
 
@@ -64,13 +65,11 @@ def pair(rows: pd.DataFrame, a: str, b: str, horizon: pd.Series | None = None) -
 
 
 def _pair(a, b, at, seen, late):
-    from statsmodels.stats.contingency_tables import mcnemar
-
     seen_a, seen_b = seen
     n, only_a, only_b = len(seen_a), int(np.sum(seen_a & ~seen_b)), int(np.sum(seen_b & ~seen_a))
     if n < LEAST:
         return Pair(a, b, at, n, only_a, only_b, None)
-    p = float(mcnemar([[0, only_a], [only_b, 0]], exact=True).pvalue) if only_a + only_b else 1.0
+    p = float(binomtest(only_a, only_a + only_b).pvalue) if only_a + only_b else 1.0  # McNemar's exact test
     told = {"difference": (only_a - only_b) / n}
     told["low"], told["high"] = bootstrap(seen_a.astype(float) - seen_b)
     if late is not None:

@@ -6,15 +6,17 @@ and only one sample in twenty would have made it too small (MIL-HDBK-1823A).
 """
 
 import math
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
-from scipy import stats
+from numpy.typing import ArrayLike, NDArray
+from scipy import special, stats
 from scipy.optimize import brentq
 
 LEAST = 12  # flights, below which no curve is fitted
+STEPS = 100  # of Newton's method; a sample that overlaps needs fewer than ten
+SETTLED = 1e-12  # relative change of the deviance at which it ends
+SINGULAR = 1e14  # condition number of the information, beyond which its inverse has no correct digit
 
 
 @dataclass(frozen=True)
@@ -36,21 +38,15 @@ def fit(size: ArrayLike, seen: ArrayLike, share: float = 0.9, confidence: float 
     between which sizes the answer lies. Nothing is said beyond the sizes that were flown: a90 or a bound that the curve
     would only reach there is None, and the note says on which side it lies.
     """
-    from statsmodels.api import GLM, add_constant
-    from statsmodels.genmod.families import Binomial
-
     a, y = np.asarray(size, float), np.asarray(seen, bool)
     n, k = len(a), int(np.sum(y))
     if n < LEAST:
         return Pod(n, k, note="too few flights")
     if k in (0, n):
         return Pod(n, k, note=f"none seen up to {a.max():.2g}" if k == 0 else f"all seen from {a.min():.2g}")
-    if a[~y].max() < a[y].min():
+    if a[~y].max() <= a[y].min():  # also where both are found at one size alone: the likelihood has no maximum
         return Pod(n, k, note=f"between {a[~y].max():.2g} and {a[y].min():.2g}")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of a sample that is nearly parted: its bound below says so
-        found = GLM(y.astype(float), add_constant(np.log(a)), family=Binomial()).fit()
-    (b0, b1), cov = found.params, found.cov_params()
+    (b0, b1), cov = logistic(np.log(a), y)
     if not (np.isfinite(cov).all() and b1 > 0.0):
         return Pod(n, k, note="does not grow with size")
     wanted, z = math.log(share / (1.0 - share)), float(stats.norm.ppf(confidence))
@@ -69,3 +65,23 @@ def fit(size: ArrayLike, seen: ArrayLike, share: float = 0.9, confidence: float 
         n, k, math.exp(at), None if low is None else math.exp(low), None if high is None else math.exp(high),
         "" if high is not None else f"bound beyond {a.max():.2g}",
     )  # fmt: skip
+
+
+def logistic(x: NDArray, y: NDArray[np.bool_]) -> tuple[NDArray, NDArray]:
+    """Return coefficients (2,) and covariance (2, 2) of P(y) = 1 / (1 + exp(-(b0 + b1 x))) by maximum likelihood.
+
+    Newton's method: b <- b + I^-1 X' (y - p) with the information I = X' diag(p (1 - p)) X, whose inverse is the
+    covariance; it ends where the deviance settles, or after STEPS for a sample that is nearly parted, whose covariance
+    is large. NaN where I is singular. `x` and `y` (n,).
+    """
+    design, b, before = np.column_stack([np.ones_like(x), x]), np.zeros(2), math.inf
+    for _ in range(STEPS):
+        p = special.expit(design @ b)
+        information = design.T @ (design * (p * (1.0 - p))[:, None])
+        deviance = -2.0 * float(np.sum(special.log_expit(np.where(y, 1.0, -1.0) * (design @ b))))
+        if np.linalg.cond(information) > SINGULAR:
+            return np.full(2, math.nan), np.full((2, 2), math.nan)
+        if abs(before - deviance) <= SETTLED * (1.0 + deviance):
+            break
+        b, before = b + np.linalg.solve(information, design.T @ (y - p)), deviance
+    return b, np.linalg.inv(information)

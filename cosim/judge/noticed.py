@@ -99,7 +99,8 @@ def noticed(
 
     `detection_delay_s` and `time_to_right_s` count from the onset, `right_after_motion_s` from when the fault has moved
     the rod 1 mm from where it would be; `not_excited` tells that a fault of MOVES never did. `isolated` is what was
-    said last while the fault was there, `first_verdict` what was said first; `right`, `first_right`: they are.
+    said last while the fault was there, `named_at_s` when it was first said, `first_verdict` what was said first;
+    `right`, `first_right`: they are.
     `alarm_share` is the share of the time from the alarm to the end of the fault in which the alarm stands;
     `withdrawn_after_s` the time from the end of the fault to that of its last alarm, `withdrawn` whether that end was
     seen. `valid_at_fault` is the share of the fault's time in which the lane called itself valid, until it noticed; one
@@ -126,7 +127,7 @@ def noticed(
             changed = (_first_right(watch, s, f, k, healed) for f in later)  # from there on it speaks of that one
             healed = last = min((i for i in changed if i is not None), default=healed)
     out: dict[str, Any] = dict.fromkeys(
-        ("detected_at_s", "detection_delay_s", "detection_delay_periods", "isolated", "first_verdict",
+        ("detected_at_s", "detection_delay_s", "detection_delay_periods", "isolated", "named_at_s", "first_verdict",
          "time_to_right_s", "right_after_motion_s", "alarm_share", "withdrawn_after_s", "withdrawn")
     )  # fmt: skip
     out |= {"right": False, "first_right": False, "class_changes": 0, "ambiguous_s": 0.0}
@@ -157,7 +158,7 @@ def _named(watch, s, fault, k, end, dt):
         return out
     codes, good = s.verdict[given], _right(watch, s, fault, given)
     out |= {
-        "isolated": s.name(given[-1], watch),
+        **last_name(s, given, watch, dt),
         "first_verdict": s.name(given[0], watch),
         "class_changes": int(np.count_nonzero(np.diff(codes))),
         "ambiguous_s": float(np.count_nonzero(codes == code.AMBIGUOUS) * dt),
@@ -171,6 +172,12 @@ def _named(watch, s, fault, k, end, dt):
         if moved is not None and math.isfinite(moved):
             out["right_after_motion_s"] = max(0.0, at - moved)
     return out
+
+
+def last_name(s: Said, given: NDArray, watch: Watch, dt: float) -> dict:
+    """Return the name said last at ticks `given` (n,), n > 0, and when the lane first said it [s]."""
+    same = (s.verdict[given] == s.verdict[given[-1]]) & (s.part[given] == s.part[given[-1]])
+    return {"isolated": s.name(given[-1], watch), "named_at_s": float(given[np.argmax(same)] * dt)}
 
 
 def _right(watch, s, fault, ticks):

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from cosim.judge import coverage
 from cosim.judge.alarms import faulty, onsets
-from cosim.judge.noticed import ABLE, Watch, noticed, said, validity
+from cosim.judge.noticed import ABLE, Watch, last_name, noticed, said, validity
 from cosim.scenario import Scenario
 
 __all__ = ["Result", "Watch", "concerns", "errors", "judge", "judged", "largest", "plain"]
 SETTLE_S = 8.0  # from when on every detector should be able to judge, or half of a flight that is shorter than 16 s
 OF_A_FAULT = (  # what an entry says of the fault that its figures are about (cosim/judge/noticed.py)
-    *("fault", "detected_at_s", "detection_delay_s", "detection_delay_periods", "isolated", "first_verdict", "right"),
-    *("first_right", "time_to_right_s", "right_after_motion_s", "not_excited", "class_changes", "ambiguous_s"),
-    *("alarm_share", "withdrawn_after_s", "withdrawn", "valid_at_fault"),
+    *("fault", "detected_at_s", "detection_delay_s", "detection_delay_periods", "isolated", "named_at_s"),
+    *("first_verdict", "right", "first_right", "time_to_right_s", "right_after_motion_s", "not_excited"),
+    *("class_changes", "ambiguous_s", "alarm_share", "withdrawn_after_s", "withdrawn", "valid_at_fault"),
 )
 
 
@@ -37,15 +37,20 @@ class Result:
     extra: dict = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        rows = [f"  {r['id']:20}{r['target']:24}{_told(r)}" for r in self._shown()]
+        rows = [f"  {r['id']:20}{r['target']:24}{'; '.join(filter(None, _told(r)))}" for r in self._shown()]
         quiet = len(self.detectors) - len(rows)
         head = f"Result: {self.status} after {self.sim_time_s:g} s, log {self.log or 'not written'}"
-        return "\n".join([head, *rows, *([f"  {quiet} detector lanes stayed quiet"] if quiet else [])])
+        silent = f"  {quiet} detector lane{'s' * (quiet != 1)} without an alarm"
+        return "\n".join([head, *rows, *([silent] if quiet else [])])
 
     def _repr_html_(self) -> str:
-        rows = (f"<tr><td>{r['id']}<td>{r['target']}<td>{_told(r)}</tr>" for r in self._shown())
+        rows = "".join(
+            "<tr>" + "".join(f"<td>{html.escape(text) or '–'}" for text in (r["id"], r["target"], *_told(r))) + "</tr>"
+            for r in self._shown()
+        )
         head = f"<b>{self.status}</b> after {self.sim_time_s:g} s, log {html.escape(self.log or 'not written')}"
-        return f"<div>{head}<table><tr><th>detector<th>watches<th>alarm</tr>{''.join(rows)}</table></div>"
+        columns = "<tr><th>detector<th>watches<th>alarm<th>name<th>false alarms</tr>"
+        return f"<div>{head}<table>{columns if rows else ''}{rows}</table></div>"
 
     def _shown(self):
         return [r for r in self.detectors if r["alarm"]]
@@ -81,12 +86,15 @@ class Result:
 
 
 def _told(row):
-    """Return what a lane said, as words."""
-    late = row["detection_delay_s"]
-    when = f"{row['detected_at_s']:.2f} s" if row["detected_at_s"] is not None else ""
-    found = row["isolated"]["class"] if row["isolated"] else "no name"
-    false = f", {row['false_alarms']} false" if row["false_alarms"] else ""
-    return f"{found} at {when}" + (f", {late:.2f} s after the fault" if late is not None else "") + false
+    """Return what a lane said, as words: its alarm, its name, each with its own time, and its false alarms."""
+    at, late, named = row["detected_at_s"], row["detection_delay_s"], row["named_at_s"]
+    fault = f"fault {row['fault']}" if len(row["by_fault"]) > 1 else "the fault"
+    alarm = name = ""
+    if at is not None:
+        alarm = f"alarm at {at:.2f} s" + (f", {late:.2f} s after {fault}" if late is not None else "")
+        name = f"{row['isolated']['class']} at {named:.2f} s" if row["isolated"] else "no name given"
+    n = row["false_alarms"]
+    return alarm, name, f"{n} false alarm{'s' * (n > 1)}" if n else ""
 
 
 def _topic(row):
@@ -189,7 +197,7 @@ def judge(watch: Watch, trace: NDArray, dt: float, faults: Sequence[Mapping]) ->
         given = np.flatnonzero(s.alarm & (s.verdict > 0.5))
         entry["detected_at_s"] = int(rises[0]) * dt
         if len(given):
-            entry |= {"first_verdict": s.name(given[0], watch), "isolated": s.name(given[-1], watch)}
+            entry |= {"first_verdict": s.name(given[0], watch), **last_name(s, given, watch, dt)}
     return entry
 
 

@@ -4,9 +4,9 @@ import struct
 from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any, BinaryIO
+from zlib import crc32
 
 import numpy as np
-from isal.isal_zlib import crc32
 
 from .compression import FrameError, decompress
 from .format import Damage, LogError, log_error

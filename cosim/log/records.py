@@ -3,9 +3,9 @@
 import hashlib
 import struct
 from typing import Any
+from zlib import crc32
 
 import numpy as np
-from isal.isal_zlib import crc32
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (

@@ -9,9 +9,9 @@ import os
 import struct
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 from google.protobuf.message import DecodeError
-from isal.isal_zlib import crc32
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import ChunkIndex

@@ -5,8 +5,8 @@ import os
 import stat
 from collections.abc import Mapping, Sequence
 from typing import Any
+from zlib import crc32
 
-from isal.isal_zlib import crc32
 from mcap.data_stream import RecordBuilder
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 

@@ -14,8 +14,8 @@ def timeline(flown: LoggedFlight) -> tuple[Figure, list[dict], list[dict]]:
     hollow, top = ("; hollow bars: false alarms", " The topmost bars: the faults.") if flown.knows_faults else ("", "")
     figure = Figure(
         "timeline",
-        f"Thick bars: alarms, with the verdict{hollow}. Thin lines: the detector watches and is quiet; gaps: its "
-        f"estimate is not valid.{top} Click a detector in the bar above to hide it.",
+        f"Thick bars: alarms, with the last name and when it first came, if later{hollow}. Thin lines: the detector "
+        f"watches and is quiet; gaps: its estimate is not valid.{top} Click a detector in the bar above to hide it.",
     )
     figure.layout = base(300, legend=False) | {"margin": {"l": 190, "r": 14, "t": 8, "b": 40}, "hovermode": "closest"}
     figure.layout["xaxis"] = style_axis("time, s", range=[flown.t0, flown.end])
@@ -54,22 +54,31 @@ def _row(figure, flown, lane):
     found = spans(on > 0.5, flown.t0, step)
     for a, b in found:
         k = slice(round((a - flown.t0) / step), round((b - flown.t0) / step))
-        given = np.flatnonzero(verdict[k] > 0.5)
-        said = class_name(verdict[k][given[-1]]) if len(given) else "alarm"
-        blamed = culprit[k][given[-1]] if len(given) else 0
-        part = lane.culprits[int(blamed)] if 0 <= blamed < len(lane.culprits) else ""
-        said = f"{words(said)} {words(part)}".strip()
+        said = _said(lane, verdict[k], culprit[k], a, step)
         true = real[k.start] if k.start < len(real) else False
         out.append(
             {"from": a, "to": b, "text": f"{lane.name} ({said}{'' if true else ', false'})", "detector": lane.id}
         )
-        told = f"{lane.name}: {said}, {a:.3f} to {b:.3f} s{'' if true else ', false alarm'}"
+        told = f"{lane.name}: alarm {a:.3f} to {b:.3f} s, {said}{'' if true else ', false alarm'}"
         _bar(figure, lane.name, a, b, "--fault" if true else "--gold", 11, told, lane.id)
         if not true:  # hollow: also without colour it is another thing
             _bar(figure, lane.name, a, b, "--page", 5, told, lane.id)
         labels.append((a, b, said))
     _labels(figure, flown, lane, labels)
     return out
+
+
+def _said(lane, verdict, culprit, start, step):
+    """Return the last name of an alarm that begins at `start` [s] and, where it came later, when it first came."""
+    given = np.flatnonzero(verdict > 0.5)
+    if not len(given):
+        return "alarm, no name"
+    last = given[-1]
+    first = given[np.argmax((verdict[given] == verdict[last]) & (culprit[given] == culprit[last]))]
+    blamed = culprit[last]
+    part = lane.culprits[int(blamed)] if 0 <= blamed < len(lane.culprits) else ""
+    since = f" from {start + first * step:.2f} s" if first else ""
+    return f"{words(class_name(verdict[last]))} {words(part)}".strip() + since
 
 
 def _labels(figure, flown, lane, alarms):

@@ -9,28 +9,29 @@ still stand, and `verdict` is its class. Names of a detector without such output
 from typing import Any
 
 NONE = 0.0
-OFC_LIQUID = 1.0  # oscillation added to the servo's signal
-OFC_SOLID = 2.0  # oscillation in place of the servo's signal
-JAM_LIQUID = 3.0  # bias of a position sensor that closes a loop
-JAM_SOLID = 4.0  # the surface does not move
-RUNAWAY = 5.0  # the surface moves uncommanded, to its stop
-SENSOR = 6.0  # a sensor, named by `culprit`
-EFFECTIVENESS = 7.0  # the actuator obeys, but too little
-THRUST = 8.0  # an engine
-AMBIGUOUS = 9.0  # something is wrong; the detector cannot tell what
+OFC_LIQUID = 1.0
+OFC_SOLID = 2.0
+JAM_LIQUID = 3.0
+JAM_SOLID = 4.0
+RUNAWAY = 5.0
+SENSOR = 6.0
+EFFECTIVENESS = 7.0
+THRUST = 8.0
+AMBIGUOUS = 9.0
 
-NAMES = (
-    "none",
-    "ofc_liquid",
-    "ofc_solid",
-    "jam_liquid",
-    "jam_solid",
-    "runaway",
-    "sensor",
-    "effectiveness",
-    "thrust",
-    "ambiguous",
-)
+MEANINGS = {  # of every class, in the order of the codes above
+    "none": "no fault is named",
+    "ofc_liquid": "an oscillation is added to the servo's signal",
+    "ofc_solid": "an oscillation stands in place of the servo's signal",
+    "jam_liquid": "the position that closes a loop has a bias: the surface stands off by it",
+    "jam_solid": "the surface does not move",
+    "runaway": "the surface moves uncommanded, to its stop",
+    "sensor": "a sensor, which the culprit names",
+    "effectiveness": "the actuator obeys, but too little",
+    "thrust": "an engine",
+    "ambiguous": "something is wrong; the detector cannot tell what",
+}
+NAMES = tuple(MEANINGS)
 
 
 def name(code: Any) -> Any:

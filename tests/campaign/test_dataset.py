@@ -10,7 +10,7 @@ import pytest
 
 import cosim
 from cosim.campaign.dataset import make
-from cosim.campaign.dataset.splits import splits
+from cosim.campaign.dataset.splits import empty, splits
 from cosim.campaign.store import CampaignError
 from cosim.errors import OutputError
 
@@ -119,6 +119,16 @@ def test_a_folder_of_something_else_is_left_alone(made, tmp_path):
     with pytest.raises(OutputError, match="holds something else"):
         make(folder.with_suffix(".toml"), tmp_path, signals=["q"], workers=0)
     assert [p.name for p in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_a_split_without_a_flight_says_why_and_what_to_do(made):
+    folder, told = made
+    shares, folds = told["notes"]
+    assert shares.startswith("split_point: no flight in validation, as") and "has 2 of 4 points. Vary flight." in shares
+    assert folds.startswith("fold_family: no flight in fold 2, 3, 4") and "has 2 of 5 families" in folds
+    assert all(f"\n{line}.\n" in (folder / "README.md").read_text() for line in told["notes"])
+    rows = [{"point": f"p{i}", "family": f"f{i % 5}", "run": str(i)} for i in range(20)]
+    assert empty([{**row, **split} for row, split in zip(rows, splits(rows))]) == []
 
 
 def test_splits_do_not_leak():

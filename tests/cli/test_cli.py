@@ -205,7 +205,8 @@ def test_a_tolerance_is_listed_with_what_it_is_and_its_unit():
 
 def test_the_first_sentence_says_who_noticed_and_the_last_line_shows_the_report(flown):
     lines = cosim("run").stdout.splitlines()
-    assert lines[0].startswith("iotsekf noticed after 0.40 s and said ofc_liquid")
+    assert lines[0].startswith("ofc_liquid on elevator.left_inner from 12 s")
+    assert "first alarm after 0.40 s by iotsekf (actuator level)" in " ".join(" ".join(lines[:3]).split())
     assert lines[-1] == "next   cosim report x.mcap"
     assert "overwritten" not in "\n".join(lines)
 

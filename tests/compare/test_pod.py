@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cosim.compare.pod import fit
+from cosim.compare.pod import fit, logistic
 
 
 def sample(rng, n, a50=1.0, slope=3.0):
@@ -17,6 +17,26 @@ def test_a_known_curve_is_found_again():
     found = fit(*sample(np.random.default_rng(1), 4000))
     true = math.exp(math.log(9.0) / 3.0)  # where the logistic reaches 0.9
     assert found.a90 == pytest.approx(true, rel=0.08) and found.low < true < found.a90_95
+
+
+def test_the_fit_zeroes_the_gradient_of_the_likelihood_and_its_covariance_inverts_the_information():
+    a, y = sample(np.random.default_rng(4), 60)
+    x = np.log(a)
+    b, cov = logistic(x, y)
+
+    def gradient(b):
+        left = y - 1.0 / (1.0 + np.exp(-b[0] - b[1] * x))
+        return np.array([left.sum(), left @ x])
+
+    assert gradient(b) == pytest.approx([0.0, 0.0], abs=1e-6)
+    steps = np.eye(2) * 1e-5
+    information = -np.array([(gradient(b + h) - gradient(b - h)) / 2e-5 for h in steps])
+    assert cov @ information == pytest.approx(np.eye(2), abs=1e-6)
+
+
+def test_sizes_that_part_seen_from_missed_but_for_one_that_has_both_have_no_curve():
+    a = np.array([1.0] * 8 + [2.0] * 4 + [4.0] * 8)
+    assert fit(a, np.arange(20) >= 10).note == "between 2 and 2"
 
 
 def test_its_bound_is_beyond_the_truth_in_95_of_100_samples():

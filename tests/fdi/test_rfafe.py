@@ -300,14 +300,14 @@ def test_a_resonance_that_is_known_is_taken_out_of_the_estimate(published, hz):
     assert abs(even * resonance) == pytest.approx(1.0, abs=0.15)
 
 
-def test_the_bilinear_transform_has_the_bits_of_scipy():
+def test_the_bilinear_transform_is_that_of_scipy_to_rounding():
     from scipy.signal import bilinear
 
     rng = np.random.default_rng(1)
     for _ in range(50):
         b, a, fs = rng.uniform(0.1, 50.0, 3), rng.uniform(0.1, 50.0, 3), rng.uniform(50.0, 2000.0)
         for ours, theirs in zip(rfafe._bilinear(b, a, fs), bilinear(b, a, fs)):
-            np.testing.assert_array_equal(ours, theirs)
+            np.testing.assert_array_max_ulp(ours, theirs, maxulp=8)  # versions of SciPy round differently
 
 
 @pytest.mark.parametrize("side", [0, 1])

@@ -25,13 +25,47 @@ SHORT = ["duration_s=5", "elevator.feedback=measured", "detectors.enabled=['ofc_
 
 def test_check_detector_says_what_keeps_the_contract_and_what_does_not(parity):
     found = check(parity)
-    assert found["keeps"] and {line["result"] for line in found["checks"]} == {"good"} and len(found["checks"]) == 9
+    assert found["keeps"] and {line["result"] for line in found["checks"]} == {"good"} and len(found["checks"]) == 10
     bad = check(DATA / "guests" / "counting.py")
     assert not bad["keeps"]
     failed = {line["question"] for line in bad["checks"] if line["result"] == "bad"}
     assert {"deterministic", "live as in replay"} <= failed
     assert {line["question"]: line["result"] for line in bad["checks"]}["lost samples"] == "note"
     assert check(BLOCK)["keeps"]
+
+
+JUDGING = """
+import cosim
+
+@cosim.register
+class Judging:
+    id, level, technologies, inputs = "judging", "local", ("hydraulic",), ("rod", "surface")
+
+    def __init__(self, dt, threshold=LIMIT):
+        self.threshold = threshold
+
+    def update(self, t, y):
+        r = abs(y.rod - 0.30 * y.surface) / self.threshold
+        return {"r": r, "alarm": r > 1.0, "verdict": "WORD" if r > 1.0 else "none"}
+"""
+
+
+@pytest.mark.parametrize(
+    "limit, word, result, says",
+    [
+        (0.01, "sensor", "good", "with a bias of the surface sensor: sensor"),
+        (0.01, "gremlins", "bad", "with a bias of the surface sensor: "),
+        (9.0, "gremlins", "note", "no alarm in 6 flights (an oscillation, a jam, a runaway, a bias of the surface"),
+    ],
+)
+def test_check_detector_flies_faults_until_the_verdict_is_heard_or_says_that_it_was_not(
+    tmp_path, limit, word, result, says
+):
+    (tmp_path / "judging.py").write_text(JUDGING.replace("LIMIT", str(limit)).replace("WORD", word))
+    found = check(tmp_path / "judging.py")
+    told = next(line for line in found["checks"] if line["question"] == "verdict is a class")
+    assert (told["result"], found["keeps"]) == (result, result != "bad") and told["answer"].startswith(says), told
+    assert word == "sensor" or "cosim list classes" in told["answer"] or "ofc_liquid" in told["answer"]
 
 
 PEEK = """

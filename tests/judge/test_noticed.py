@@ -1,6 +1,7 @@
 """What a lane made of a fault, on histories made by hand, and what must hold for any history."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 
 from cosim.judge.alarms import GRACE_S, detection, faulty, onsets
 from cosim.judge.noticed import watch_of
-from cosim.judge.result import judge
+from cosim.judge.result import Result, judge
 from fdi.common import verdict as v
 from fdi.common import why
 
@@ -34,6 +35,22 @@ def test_the_first_name_the_right_name_and_the_last_have_their_own_times():
     assert (e["first_verdict"]["class"], e["isolated"]["class"]) == ("ambiguous", "ofc_liquid")
     assert e["detection_delay_s"] == pytest.approx(0.3) and e["time_to_right_s"] == pytest.approx(2.0)
     assert (e["class_changes"], e["ambiguous_s"], e["right"]) == (2, pytest.approx(0.3), True)
+
+
+def test_a_result_tells_the_time_of_the_alarm_and_that_of_the_name_apart_and_leaves_no_place_empty():
+    named = judge(LANE, flown((23, 26, v.AMBIGUOUS), (26, 100, v.OFC_LIQUID)), DT, [OFC])
+    only_false = judge(LANE, flown((3, 5, v.NONE)), DT, [OFC])
+    healthy = judge(LANE, flown((3, 5, v.NONE), (7, 9, v.JAM_SOLID)), DT, [])
+    shown = Result(None, "completed", "", 10.0, 1.0, detectors=[named, only_false, healthy])
+    told = [line.split("elevator.left_inner")[1].strip() for line in repr(shown).splitlines()[1:]]
+    assert told == [
+        "alarm at 2.30 s, 0.30 s after the fault; ofc_liquid at 2.60 s",
+        "1 false alarm",
+        "alarm at 0.30 s; jam_solid at 0.70 s; 2 false alarms",
+    ]
+    cells = [re.findall("<td>([^<]*)", row)[2:] for row in shown._repr_html_().split("<tr>")[2:]]
+    assert [[c for c in row if c != "–"] for row in cells] == [line.split("; ") for line in told]
+    assert all(text.strip() for row in cells for text in row)
 
 
 def test_ambiguous_is_never_right_and_a_right_name_that_is_given_up_is_not_right_at_the_end():

@@ -208,7 +208,7 @@ def test_redefined_foreign_and_malformed_records_are_refused(tmp_path):
         "units must be texts": (head, schema, Channel(1, "/a", "protobuf", bad_units, 1)),
         "digits": (head, schema, Channel(1, "/a", "protobuf", large_every, 1)),
         "not protobuf": (head, schema, Channel(1, "/a", "json", channel_metadata(topic), 1)),
-        "wire format": (head, Schema(1, b"\x0a\xff\xff\xff", "protobuf", "cosim.a"), channel),
+        "error parsing message": (head, Schema(1, b"\x0a\xff\xff\xff", "protobuf", "cosim.a"), channel),
         "is there twice": (head, schema, channel, log, log),
         "no topic": (head, log),
         "do not give the tick": (head, schema, channel, Metadata("log", {"dt_ns": "-5"})),

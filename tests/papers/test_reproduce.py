@@ -1,6 +1,7 @@
 """`cosim reproduce` as a whole: plans, README table, page; each paper's own rows are tested beside."""
 
 import json
+import re
 from pathlib import Path
 
 import pandas as pd
@@ -106,11 +107,12 @@ def jay():
 def test_page_holds_every_row_and_figure_and_nothing_from_elsewhere(jay):
     rows, drawings = jay
     html = render(rows, drawings)
-    assert html.count('<div class="plot"') == 12
-    assert html.count("<tr") == len(rows) + 1
+    ours = re.sub(r"<script>.*?</script>", "", html, flags=re.S)  # the plotting library's own text differs by version
+    assert ours.count('<div class="plot"') == 12
+    assert ours.count("<tr") == len(rows) + 1
     assert all(f"figure {n}." in html for n in range(3, 14))
     assert "<title>Jay, reproduced</title>" in html and "Five" not in html
-    assert html.count("Plotly.react") >= 1 and 'src="http' not in html and '<link rel="stylesheet' not in html
+    assert html.count("Plotly.react") >= 1 and 'src="http' not in ours and '<link rel="stylesheet' not in html
 
 
 def test_command_writes_page_and_rows_and_fails_on_a_difference(jay, tmp_path, monkeypatch):

@@ -212,7 +212,7 @@ def test_a_command_counts_from_when_it_is_sent(flight, signals, tmp_path):
     (tmp_path / "map.toml").write_text(POINT + "[signals]\n" + "\n".join(lines))
     diagnose(tmp_path / "own.csv", tmp_path / "map.toml", detectors=["iotsekf"], output=tmp_path / "early.mcap")
     early = open_log(tmp_path / "early.mcap").frame(where)
-    assert (early["f_hat"] - again["f_hat"])[200:500].abs().max() > 1e-3  # of u: taken a tick too soon
+    assert (early["f_hat"] - again["f_hat"]).iloc[200:500].abs().max() > 1e-3  # of u: taken a tick too soon
 
 
 def test_half_the_rate_is_interpolated_and_slow_detectors_agree(flight, signals, tmp_path):

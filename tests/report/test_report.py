@@ -75,6 +75,17 @@ def test_every_detector_of_the_log_has_a_figure_a_toggle_and_a_row_on_the_time_l
     assert len([r for r in line["rows"] if r["detector"]]) == len(flight[1].detectors)
 
 
+def test_the_time_line_tells_when_the_name_came_where_it_came_after_the_alarm(flight, page):
+    line = next(f for f in figures(page.read_text(encoding="utf-8")) if f["id"] == "timeline")
+    labels = {a["y"]: a["text"] for a in line["layout"]["annotations"] if "detector" in a}
+    held = [d for d in flight[1].detectors if d["isolated"] and d["alarm_share"] == 1.0 and not d["false_alarms"]]
+    late = [d for d in held if d["named_at_s"] > d["detected_at_s"] + 1e-9]
+    assert late
+    for told in late:
+        label = labels[f"{told['id']} {told['target'].removeprefix('elevator.').replace('_', ' ')}"]
+        assert label.endswith(f" from {told['named_at_s']:.2f} s"), label
+
+
 def test_lanes_are_judged_as_the_run_judged_them(flight):
     log, result = flight
     lanes = {(lane.id, lane.target): lane.entry for lane in LoggedFlight(log).lanes}

@@ -21,7 +21,7 @@ from cosim.campaign import flatten, jobs
 from cosim.campaign.dataset import flight
 from cosim.campaign.dataset.columns import chosen, described
 from cosim.campaign.dataset.metadata import croissant, datasheet, provenance
-from cosim.campaign.dataset.splits import splits
+from cosim.campaign.dataset.splits import empty, splits
 from cosim.campaign.spec import load_campaign
 from cosim.campaign.store import write
 from cosim.campaign.worker import run_id
@@ -46,7 +46,8 @@ def make(
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> dict[str, Any]:
-    """Fly `campaign` into the data set at `out`; return {folder, flights, failed, samples, bytes, bytes_per_flight}.
+    """Fly `campaign` into the data set at `out`; return {folder, flights, failed, samples, bytes, bytes_per_flight,
+    notes}: notes are lines about splits that are empty.
 
     `signals`: words of `cosim list signals`, one of an actuator for all segments, or `left_inner.rod` for one; by
     default all. `rate_hz` is the flights' rate or a whole part of it. `limit` takes the first flights only. A
@@ -81,7 +82,8 @@ def make(
     replace_text(folder / ABOUT, json.dumps(about, indent=1) + "\n")
     size, number = sum(d["bytes"] for d in done), sum(d["file"] != "" for d in done)
     return {"folder": str(folder), "flights": number, "failed": len(done) - number, "bytes": size,
-            "samples": sum(d["rows"] for d in done), "bytes_per_flight": size // max(1, number)}  # fmt: skip
+            "samples": sum(d["rows"] for d in done), "bytes_per_flight": size // max(1, number),
+            "notes": empty(rows)}  # fmt: skip
 
 
 def _command(campaign, signals, rate_hz, limit):

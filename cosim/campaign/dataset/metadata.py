@@ -12,6 +12,7 @@ from typing import Any
 import pyarrow as pa
 
 from cosim.campaign.dataset.columns import Column
+from cosim.campaign.dataset.splits import empty
 from cosim.campaign.store import fingerprint
 
 PARQUET = "application/x-parquet"
@@ -97,7 +98,7 @@ def datasheet(
     flown = [r for r in rows if r["file"]]
     environment = jinja2.Environment(keep_trailing_newline=True, undefined=jinja2.StrictUndefined)
     return environment.from_string((TEMPLATES / "datasheet.md").read_text(encoding="utf-8")).render(
-        about=about, title=title, columns=columns, families=dict(sorted(families.items())),
+        about=about, title=title, columns=columns, families=dict(sorted(families.items())), empty=empty(rows),
         flights=len(flown), failed=len(rows) - len(flown), samples=sum(r["rows"] for r in rows),
         bytes=sum(r["bytes"] for r in rows), seeds=(min(r["seed"] for r in rows), max(r["seed"] for r in rows)),
     )  # fmt: skip

@@ -21,8 +21,16 @@ from cosim.flight.signals import fly, inputs
 from cosim.flight.site import site
 from cosim.scenario import Scenario, load_scenario
 from cosim.scenario.catalog import SEGMENTS
+from fdi.common.verdict import class_name
 
 FAULT_S, FLIGHT_S = 3.0, 6.0
+FAULTS = {  # flown beside the oscillation until a detector alarms: one of every place that a fault can be at
+    "a jam": "target='elevator.left_inner', kind='jam_solid'",
+    "a runaway": "target='elevator.left_inner', kind='runaway', rate_deg_s=20.0",
+    "a bias of the surface sensor": "target='elevator.left_inner.surface', kind='bias', bias_deg=5, path='monitor'",
+    "a bias of the angle of attack": "target='sensor.alpha', kind='bias', path='observers', bias_deg=5.0",
+    "a loss of thrust": "target='engine.1', kind='thrust_loss', loss_pct=80.0",
+}
 SLOW_US = 1000.0  # of a step: from here on it decides how fast a flight is
 
 
@@ -33,7 +41,7 @@ def check(file: str | os.PathLike, *, progress: Callable[[float, float], None] |
     """
     guest = load(file)
     lane, u, p, dt = _flown(guest)
-    questions = (_runs, _same, _causal, _one_by_one, _apart, _restarts, _reads, _loses, _costs)
+    questions = (_runs, _names, _same, _causal, _one_by_one, _apart, _restarts, _reads, _loses, _costs)
     checks = []
     for i, question in enumerate(questions):
         checks.append(question(guest, u, p, dt))
@@ -45,22 +53,28 @@ def check(file: str | os.PathLike, *, progress: Callable[[float, float], None] |
     return {"id": guest.DETECTOR.id, "file": str(Path(file)), "lane": lane, "keeps": keeps, "checks": checks}
 
 
-def _scenario(technology: str) -> Scenario:
-    """Return a short flight on elevators of `technology`, with a doublet, light turbulence and an oscillation."""
+def _oscillation(kind: str) -> str:
+    at, size = ("command", "amplitude_deg=1.0") if kind == "simple" else ("valve", "amplitude_mm=6.0")
+    return f"target='elevator.left_inner', kind='ofc_liquid', at='{at}', frequency_hz=2.0, {size}"
+
+
+def _scenario(technology: str, fault: str = "") -> Scenario:
+    """Return a short flight on elevators of `technology`, with a doublet, light turbulence and a `fault`.
+
+    `fault` is a fault of FAULTS; by default it is an oscillation.
+    """
     kind = technology or "hydraulic"
     own = "{" + ", ".join(f"{s}='{kind}'" for s in SEGMENTS) + "}"
-    at = "command" if kind == "simple" else "valve"
-    fault = f"{{target='elevator.left_inner', kind='ofc_liquid', at='{at}', start_s={FAULT_S}, frequency_hz=2.0"
-    fault += ", amplitude_deg=1.0}" if at == "command" else ", amplitude_mm=6.0}"
+    fault = f"{{start_s={FAULT_S}, {fault or _oscillation(kind)}}}"
     doublet = "manoeuvre={kind='nz_doublet', start_s=1.0, width_s=1.0, amplitude_g=0.1}"
     return load_scenario("cruise", [f"duration_s={FLIGHT_S}", f"elevator={own}", "flight.turbulence=light", doublet,
                                     "detectors.enabled=[]", f"faults.0={fault}"])  # fmt: skip
 
 
-def _flown(guest):
-    """Return (lane, INPUTS (1, ticks) of a flight, PARAMS, dt) for one lane of a guest."""
+def _flown(guest, fault=""):
+    """Return (lane, INPUTS (1, ticks) of a flight with `fault`, PARAMS, dt) for one lane of a guest."""
     own = guest.DETECTOR
-    scenario = _scenario(own.technologies[0] if own.technologies else "")
+    scenario = _scenario(own.technologies[0] if own.technologies else "", fault)
     lane = "left_inner" if own.level == "local" else ""
     read = {w.field: w.source for w in wires(own, lane, guest)}
     frame = fly(scenario, [*read.values()])
@@ -102,6 +116,29 @@ def _runs(guest, u, p, dt):
     alarms = int(np.count_nonzero(np.diff(np.r_[0.0, out[:, names.index("alarm")]]) > 0.5))
     told = f"{len(out)} steps, largest r {r.max():.2g}, {alarms} alarms"
     return _line("runs through a flight", not said, said or told)
+
+
+def _names(guest, u, p, dt):
+    """Fly the faults of FAULTS, one after the other, until an alarm is raised: its verdict is a class then."""
+    question, flown = "verdict is a class", ["an oscillation"]
+    bare = guest.DETECTOR.technologies[:1] == ("simple",)  # a segment without sensors
+    faults = iter([(name, fault) for name, fault in FAULTS.items() if not (bare and "inner.surface" in fault)])
+    while True:
+        out, problem, _ = _run(guest, u, p, dt)
+        on = out[:, list(guest.OUTPUTS).index("alarm")] > 0.5
+        if problem:
+            return _line(question, False, f"with {flown[-1]}: {problem}")
+        if on.any():
+            codes = np.unique(out[on, list(guest.OUTPUTS).index("verdict")])
+            unknown = [f"{c:g}" for c in codes if class_name(c) == "unknown"]
+            said = f"code {', '.join(unknown)} is no class" if unknown else ", ".join(class_name(c) for c in codes)
+            return _line(question, not unknown, f"with {flown[-1]}: {said}")
+        name, fault = next(faults, ("", ""))
+        if not name:
+            said = f"no alarm in {len(flown)} flights ({', '.join(flown)}): the verdict is not checked"
+            return _line(question, False, f"{said}; `cosim list classes` has its words", note=True)
+        flown.append(name)
+        _, u, p, dt = _flown(guest, fault)
 
 
 def _same(guest, u, p, dt):

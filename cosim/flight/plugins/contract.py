@@ -11,8 +11,8 @@
             return {"r": 0.3, "alarm": False}
 
 `update` gets the time [s] and the measurements of that time, as a tuple that nobody can write to, and returns a mapping
-of some of: r (1 at the threshold), alarm, verdict (a class, or {class: probability}), culprit, estimate, valid. None
-says that nothing is new.
+of some of: r (1 at the threshold), alarm, verdict (a class, or {class: probability}; `cosim list classes`), culprit,
+estimate, valid. None says that nothing is new.
 
 A kind of fault (`ofc_liquid`, `rod`) in designed_for, may_see or blind stands for that kind on the detector's own
 technologies; what holds a dot or a * is a case pattern as in cosim/judge/coverage.py. What is not declared is called

@@ -1,0 +1,82 @@
+"""Tables in a terminal: no number and no name is cut, however narrow it is."""
+
+import io
+import re
+
+import pytest
+import structure
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+from typer.testing import CliRunner
+
+import cosim
+from cosim.cli import app, commands, compare, flight, score
+from cosim.cli.tables import table
+
+COUNTS = ("designed", "detected", "named", "ambiguous", "misnamed", "idle", "not_excited", "fault_free_alarmed")
+DETECTOR = {
+    **dict.fromkeys((*COUNTS, "fault_free_runs"), 1480),
+    **dict.fromkeys(("delay_s", "right_s", "standing_s", "false_alarms_per_hour_high", "step_us", "log_fault"), 1234.5),
+    **{"id": "ema_kalman_flight", "availability": 1.0, "false_alarms_per_hour": 236.0, "why_not_valid": None},
+    "families": [
+        {"family": "hydraulic.ofc_liquid", "unit": "mm", "note": "", "a90": 12.34, "a90_95": 23.45, "delay_s": 12.34,
+         "right_s": 23.45, **dict.fromkeys(COUNTS, 1480)},
+    ],
+}  # fmt: skip
+PAIR = {"a": "ema_kalman_flight", "b": "rfafe_airframe", "at": "equal false alarms", "n": 1480, "only_a": 1234,
+        "only_b": 1357, "p": 0.05, "difference": -0.25, "low": -0.31, "high": -0.19, "later_s": -12.34}  # fmt: skip
+COMPARED = {"detectors": [DETECTOR], "runs": 2025, "source": "x", "failed": 0, "report": None, "table": None}
+SCORED = {"detectors": [DETECTOR], "pairs": [PAIR], "benchmark": "b", "flights": 642, "content": "c", "flying_s": 1.0,
+          "scoring_s": 1.0}  # fmt: skip
+
+
+def printed(shown, width):
+    console = Console(file=io.StringIO(), width=width, force_terminal=False)
+    console.print(shown)
+    return console.file.getvalue()
+
+
+cells = st.from_regex(r"-?[0-9]{1,7}(\.[0-9]{1,3})?", fullmatch=True)
+
+
+@given(st.lists(st.lists(cells, min_size=3, max_size=3), min_size=1, max_size=16), st.integers(40, 140))
+def test_every_number_of_any_table_is_whole_at_any_width(columns, width):
+    made = table("title", "name", *(f"column {i}>" for i in range(len(columns))))
+    for k, name in enumerate(("one", "ema_kalman_flight", "three")):
+        made.add_row(name, *(column[k] for column in columns))
+    text = printed(made, width)
+    assert "…" not in text and max(map(len, text.splitlines())) <= width
+    found = re.findall(r"-?\d+(?:\.\d+)?", "\n".join(line for line in text.splitlines() if "column" not in line))
+    assert sorted(found) == sorted(c for column in columns for c in column)
+
+
+@pytest.mark.parametrize("width", [80, 100])
+def test_compare_and_score_show_every_column_whole(width):
+    for shown in (compare.compare(COMPARED), score.shown(SCORED)):
+        text = printed(shown, width)
+        assert "…" not in text and "236.0" in text and "1480/1480" in text and "ema_kalman_flight" in text
+
+
+@pytest.mark.parametrize("width", [80, 100])
+def test_a_run_shows_names_and_delays_whole_and_says_which_columns_are_left_out(width):
+    scenario = cosim.load_scenario("liquid-ofc", ["duration_s=3", "faults.0.start_s=1"])
+    text = printed(flight.shown(cosim.simulate(scenario).to_dict(), scenario), width)
+    assert "…" not in text and re.search(r"iotsekf +left inner .*\d\.\d\d +\S* +ofc_liquid", text)
+    assert ("left out of 80 columns" in text) == (width == 80)
+
+
+@pytest.mark.parametrize("topic", ["all", ""])
+def test_lists_are_whole_at_80_columns(topic, monkeypatch):
+    monkeypatch.setattr(app.out, "_width", 80)
+    told = CliRunner().invoke(commands.app, ["list", *topic.split()]).output
+    assert "…" not in told.replace("[DETECTOR…]", "") and len(told) > 500
+
+
+def test_every_table_of_the_command_line_is_made_by_the_one_function():
+    made = [
+        p.name
+        for p in (structure.ROOT / "cosim/cli").glob("*.py")
+        if re.search(r"\b(Table|Plain)\(", p.read_text("utf-8"))
+    ]
+    assert made == ["tables.py"]
