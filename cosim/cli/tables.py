@@ -26,6 +26,7 @@ class Plain(Table):
     def __init__(self, *heads: Any, spare: Sequence[str] = (), keys: int = 1, **how: Any):
         super().__init__(*heads, **how)
         self.spare, self.keys = spare, keys
+        self.split = False  # a part of a wider table: it is shown as it is, its words folded
 
     def add_row(self, *cells: Any, **how: Any) -> None:
         """Add a row of texts and renderables."""
@@ -35,7 +36,7 @@ class Plain(Table):
         need, room = self._needs(), options.max_width - EDGE
         left_out = self._left_out(need, room)
         parts = _stacked(need, [i for i in range(len(need)) if i not in left_out], self.keys, room)
-        if sum(need) <= room:
+        if self.split or sum(need) <= room:
             yield from super().__rich_console__(console, options)
             return
         for k, part in enumerate(parts):
@@ -64,6 +65,7 @@ class Plain(Table):
         made = Plain(
             title=title, box=self.box, pad_edge=self.pad_edge, padding=self.padding, show_header=self.show_header
         )
+        made.split = True
         made.title_justify, made.title_style = self.title_justify, self.title_style
         for i in columns:
             own = self.columns[i]
