@@ -89,7 +89,7 @@ def _least(column):
 def _stacked(need, shown, keys, width):
     """Return lists of columns `shown`, each as wide as fits and with the first `keys` of them in front."""
     head, rest = shown[:keys], shown[keys:]
-    room, parts = width - sum(need[i] for i in head), [[]]
+    room, parts = width - sum(need[i] for i in head), [head[:0]]
     for i in rest:
         if parts[-1] and sum(need[j] for j in parts[-1]) + need[i] > room:
             parts.append([])

@@ -115,7 +115,7 @@ def honest(each: list[dict]) -> Table | None:
         return None
     rows = [Row((bold(d["id"]), _number(d["log_fault"]), _number(d["log_none"]))) for d in own]
     note = (
-        "Mean over flights of ln p of the truth: of the right class, or ambiguous, while a fault lasts; of none before "
+        "Mean over flights of ln p of the truth: of the right class while a fault lasts; of none before "
         "it and without one. 0 is certain and right; -2.3 is what says nothing at all."
     )
     return Table(("detector", "while a fault lasts>", "without a fault>"), rows, note)

@@ -71,9 +71,9 @@ def came_of_it(flown: LoggedFlight, lane: Lane, entry: dict) -> str | None:
     case = case_of(flown, entry)
     if case is None:
         return None
-    said, seen = entry["isolated"] or {}, entry["detection_delay_s"] is not None
+    seen = entry["detection_delay_s"] is not None
     return outcome(
-        lane.id, case, seen=seen, is_right=bool(entry["right"]), verdict=said.get("class"), able=entry["able"]
+        lane.id, case, seen=seen, class_=entry["class_given"], place=entry["place_given"], able=entry["able"]
     )
 
 
