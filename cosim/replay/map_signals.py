@@ -13,8 +13,9 @@ from cosim.replay.map_file import Signal as Mapped
 from cosim.replay.params import ReplayError
 from cosim.replay.resample import resample
 from cosim.scenario import Scenario
-from cosim.scenario.catalog import SEGMENTS, TECHNOLOGIES
-from cosim.scenario.vocabulary import Signal
+from cosim.scenario.aircraft import Aircraft
+from cosim.scenario.catalog import TECHNOLOGIES
+from cosim.scenario.vocabulary import Signal, words
 from fdi import registry
 
 HINGE = ".hinge_moment"  # of a map: hm0, and hmd of zero
@@ -56,14 +57,11 @@ def shares(scenario: Scenario, name: str, signal: Signal) -> dict[str, float]:
 
 def check(m: Any, place: Any, scenario: Scenario) -> None:
     """Raise ReplayError for a signal of the map that no detector could read, or a unit that does not fit it."""
-    known: dict[str, Signal] = {}
-    for record in registry.records().values():
-        for lane in SEGMENTS if record.level == "local" else ("",):
-            known |= {w.signal.word: w.signal for w in wires(record, lane)}
+    known, segments = readable(scenario.aircraft), scenario.aircraft.segments
     for name, signal in m.signals.items():
         if name not in known:
             raise ReplayError(
-                "no detector reads such a signal",
+                _unread(name, segments),
                 place=f"{place}: signals.{name}",
                 allowed=", ".join(sorted(known)),
                 remedy=did_you_mean(name, known),
@@ -75,6 +73,23 @@ def check(m: Any, place: Any, scenario: Scenario) -> None:
                 f"{signal.unit!r} is no unit of it", place=f"{place}: signals.{name}.unit", allowed=", ".join(allowed),
                 remedy=per if signal.unit in ("V", "mV", "mA") else "",
             )  # fmt: skip
+
+
+def readable(aircraft: Aircraft) -> dict[str, Signal]:
+    """Return {name in a map: Signal} of what some detector reads on an aircraft, in segments of the aircraft's own."""
+    out: dict[str, Signal] = {}
+    for record in registry.records().values():
+        for lane in aircraft.segments if record.level == "local" else ("",):
+            out |= {w.signal.word: w.signal for w in wires(record, lane, aircraft=aircraft)}
+    return {name: s for name, s in out.items() if not s.technologies or name.rpartition(".")[0] in aircraft.segments}
+
+
+def _unread(name, segments):
+    """Return why no detector reads the signal `name`."""
+    segment, dot, word = name.rpartition(".")
+    if dot and word in words() and segment not in segments:
+        return f"the aircraft of the map has no elevator segment {segment!r}; its own are {', '.join(segments)}"
+    return "no detector reads such a signal"
 
 
 def named(topic: str, channels: Sequence[Any]) -> bool:
