@@ -8,10 +8,10 @@ import numpy as np
 
 from cosim.errors import did_you_mean
 from cosim.flight.detectors import wires
-from cosim.replay.map_file import PER, bare, factors
 from cosim.replay.map_file import Signal as Mapped
 from cosim.replay.params import ReplayError
 from cosim.replay.resample import resample
+from cosim.replay.units import PER, bare, factors
 from cosim.scenario import Scenario
 from cosim.scenario.aircraft import Aircraft
 from cosim.scenario.catalog import TECHNOLOGIES
@@ -101,8 +101,8 @@ def channels_of(m: Any, tables: dict, path: str | Path, place: Any) -> dict:
     """Return {signal: (times, samples, flags or None)} of the recording."""
     names = {f"{t}.{c}": (t, c) for t, frame in tables.items() for c in frame.columns}
     short = {c: (t, c) for t, frame in tables.items() for c in frame.columns}
-    if len(tables) == 1:
-        names |= short
+    doubled = {c for c in short if sum(c in frame.columns for frame in tables.values()) > 1}
+    names |= {c: at for c, at in short.items() if c not in doubled}
 
     def column(key, name):
         if name not in names and any(name in frame.attrs.get("texts", ()) for frame in tables.values()):
@@ -175,10 +175,12 @@ def sampled(
     signal: Any, source: Any, channel: Any, t_0: float, dt: float, n: int, shares: Any = None
 ) -> tuple[Any, ...]:
     """Return (values, valid) (n,) of one signal of the map in SI; `source` is that of the vocabulary."""
+    if signal.absent:
+        return np.full(n, np.nan), np.zeros(n)
     if channel is None:
         return np.full(n, signal.constant), np.ones(n)
     t, y, flags = channel
-    factor = signal.factor(source.unit, shares)
+    factor = 1.0 if signal.derivative_of or signal.path_of else signal.factor(source.unit, shares)
     y = y if factor == 1.0 else factor * y
     y = y if signal.offset == 0.0 else y + signal.offset
     linear = (signal.resample or ("linear" if source.kind in ("sensor", "model") else "hold")) == "linear"
