@@ -51,7 +51,7 @@ def test_the_apron_is_out_of_range_and_the_flight_is_judged(tmp_path):
     found = told(tmp_path)
     (row,) = found.detectors
     assert row["id"] == "rfafe_airframe" and 30.0 < row["valid_pct"] < 60.0 and row["r_max"] > 0.0
-    assert any(re.search(r"outside its box \(speed\) for 20(\.0\d*)? s of 60 s, not valid there", c) for c in found.caveats)
+    assert any(re.search(r"outside its box \(speed\) for 20.* s, not valid there", c) for c in found.caveats)
 
 
 @pytest.mark.parametrize(
