@@ -44,7 +44,15 @@ def new(
 
 @app.command("map")
 def map_(
-    recording: Annotated[Path, typer.Argument(metavar="FILE", help="CSV, Parquet or MCAP.", show_default=False)],
+    recording: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Text, MATLAB, Parquet, MCAP, or a folder.", show_default=False)
+    ],
+    time: Annotated[
+        str | None, typer.Option("--time", metavar="COLUMN", help="The time column.", show_default=False)
+    ] = None,
+    aircraft: Annotated[
+        str | None, typer.Option("--aircraft", metavar="NAME", help="Whose detectors judge.", show_default=False)
+    ] = None,
     output: Annotated[Path | None, output_option("MAP.toml", "Default: print it.")] = None,
     json_: JsonOption = False,
 ) -> None:
@@ -54,7 +62,7 @@ def map_(
 
     if output and output.exists():
         raise CosimError("is there already", place=str(output), remedy="Choose another name with -o")
-    text = draft(recording)
+    text = draft(recording, time=time, aircraft=aircraft)
     if output:
         reserve(output, endings=(".toml",))
         replace_text(output, text)

@@ -38,11 +38,14 @@ def replay(
     ] = 0.0,
     map_: Annotated[
         Path | None,
-        typer.Option("--map", metavar="MAP.toml", help="Diagnose a foreign CSV, Parquet or MCAP by this map (README)."),
+        typer.Option("--map", metavar="MAP.toml", help="Diagnose a recording, file or folder, by this map (README)."),
     ] = None,
     on_reset: Annotated[
         Literal["split", "offset"] | None,
         typer.Option("--on-reset", help="With --map: where the clock goes back, stretches apart or joined."),
+    ] = None,
+    time: Annotated[
+        str | None, typer.Option("--time", metavar="COLUMN", help="With --map: the time column.", show_default=False)
     ] = None,
     output: Annotated[Path | None, output_option("LOG", "Write old and new outputs to a log.")] = None,
     live: Annotated[
@@ -94,7 +97,7 @@ def replay(
                 reserve(path, taken=taken, log=True)
             overwritten = path is not None and path.is_file()
             try:
-                done = diagnose(log, map_, output=path, part=part, on_reset=on_reset, **how).to_dict()
+                done = diagnose(log, map_, output=path, part=part, on_reset=on_reset, time=time, **how).to_dict()
                 stretches.append(done | {"overwritten": overwritten})
             except IndexError:
                 break
