@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from actuators.block import unit
-from cosim.files import replace as replace_file
 from cosim.flight import detectors as table
 from cosim.flight.plugins import load, with_detectors
 from cosim.judge.noticed import watch_of
@@ -121,7 +120,7 @@ def diagnose(
         raise ReplayError("no detector has all its inputs", place=str(map_path), remedy=f"Missing: {lacking}")
     out.detectors = [_verdict(d, lane, again, dt, t_0) for d, lane, _, again in done]
     if output:
-        replace_file(output, lambda part: _write(part, done, out, text, dt))
+        _write(output, done, out, text, dt)
     return out
 
 
