@@ -78,7 +78,7 @@ def columns(*names: str) -> Sign:
     return holds
 
 
-def claim(path: str | Path, sign: Sign | None = None) -> None:
+def claim(path: str | os.PathLike, sign: Sign | None = None) -> None:
     """Raise OutputError where nothing may be written to `path`.
 
     That is a folder, a file that another run writes, and, without `overwriting`, a file of which `sign` says that the
@@ -113,7 +113,7 @@ class Part:
     OutputError, see `claim`, and OSError.
     """
 
-    def __init__(self, path: str | Path, sign: Sign | None = None, *, stays: bool = False):
+    def __init__(self, path: str | os.PathLike, sign: Sign | None = None, *, stays: bool = False):
         claim(path, sign)
         self._itself = os.path.exists(path) and not os.path.isfile(path)
         # behind a link stands the file that is meant
@@ -148,7 +148,7 @@ class Part:
         self.file.close()
 
 
-def left_by(path: str | Path) -> Path:
+def left_by(path: str | os.PathLike) -> Path:
     """Return where a killed flight leaves what it has written of the log at `path`."""
     return Path(f"{os.path.realpath(path)}{LEFT}")
 
@@ -233,7 +233,7 @@ def _still_there(file, path):
 
 
 @contextlib.contextmanager
-def beside(path: str | Path, sign: Sign | None = None) -> Iterator[Path]:
+def beside(path: str | os.PathLike, sign: Sign | None = None) -> Iterator[Path]:
     """Give the name of a file beside `path` to be written, and put it in its place when it is whole; see `claim`.
 
     What is there stays until then. Raises OutputError when it cannot be written; nothing is left beside `path` then.
@@ -254,7 +254,7 @@ def beside(path: str | Path, sign: Sign | None = None) -> Iterator[Path]:
         raise failed(error, path) from None
 
 
-def failed(error: OSError, path: str | Path) -> OutputError:
+def failed(error: OSError, path: str | os.PathLike) -> OutputError:
     """Return the OutputError of a file that cannot be written."""
     if isinstance(error, FileExistsError | NotADirectoryError):
         return OutputError("its folder is a file", place=str(path), remedy="Choose another place")
@@ -262,18 +262,18 @@ def failed(error: OSError, path: str | Path) -> OutputError:
     return OutputError(f"cannot be written: {error.strerror or error}", place=str(path), remedy=remedy)
 
 
-def replace(path: str | Path, make: Callable[..., Any], sign: Sign | None = None) -> Any:
+def replace(path: str | os.PathLike, make: Callable[..., Any], sign: Sign | None = None) -> Any:
     """Let `make(part)` write a file beside `path`, then put it in its place; see `beside`."""
     with beside(path, sign) as part:
         return make(part)
 
 
-def replace_text(path: str | Path, text: str, sign: Sign | None = None) -> None:
+def replace_text(path: str | os.PathLike, text: str, sign: Sign | None = None) -> None:
     """Put `text` into the file at `path`, in UTF-8, what a file's name has of other bytes escaped; see `beside`."""
     replace(path, lambda part: part.write_text(text, encoding="utf-8", errors="backslashreplace"), sign)
 
 
-def regular(path: str | Path, error: Any) -> None:
+def regular(path: str | os.PathLike, error: Any) -> None:
     """Raise `error` where `path` is there but no regular file: a pipe waits for ever, a device has no end."""
     path = Path(path)
     try:

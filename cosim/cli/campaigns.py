@@ -202,8 +202,9 @@ def compare(
     from cosim.report import write_comparison
     from cosim.report.compare_page import SIGNS
 
-    for name, sign in SIGNS.items() if output else ():
-        reserve(output / name, sign)
+    if output:
+        for name, sign in SIGNS.items():
+            reserve(output / name, sign)
     if readme:
         from cosim.report.compare_markdown import targets, write
 
