@@ -9,10 +9,15 @@ from rich.text import Text
 
 from cosim.cli import tables
 from cosim.cli.app import answer, app, err, out
-from cosim.cli.output import JsonOption, output_option, reserve
+from cosim.cli.output import JsonOption, OverwriteOption, output_option, reserve
 from cosim.errors import CosimError
 
 KINDS = ("detector",)
+
+
+def edited(path: Path) -> bool:
+    """Tell of no file that it is the project's: what was drafted is there to be edited."""
+    return False
 
 
 @app.command()
@@ -20,6 +25,7 @@ def new(
     what: Annotated[str, typer.Argument(metavar="detector", help="What to write: detector.", show_default=False)],
     name: Annotated[str, typer.Argument(metavar="NAME", help="Lower-case letters, digits and _.")],
     output: Annotated[Path, output_option("DIR", "Folder of the two files.")] = Path("."),
+    overwrite: OverwriteOption = False,
     json_: JsonOption = False,
 ) -> None:
     """Write a detector of your own that runs, and its test: NAME.py and test_NAME.py."""
@@ -30,11 +36,9 @@ def new(
         raise CosimError("is nothing to write", place=f"cosim new {what}", allowed=", ".join(KINDS))
     made = {output / file: text for file, text in texts(name).items()}
     for path in made:
-        if path.exists():
-            raise CosimError("is there already", place=str(path), remedy="Choose another name, or a folder with -o")
-        reserve(path)
+        reserve(path, edited)
     for path, text in made.items():
-        replace_text(path, text)
+        replace_text(path, text, edited)
     files = [str(path) for path in made]
     first = tables.word(files[0])
     told = [f"wrote  {file}" for file in files]
@@ -54,18 +58,18 @@ def map_(
         str | None, typer.Option("--aircraft", metavar="NAME", help="Whose detectors judge.", show_default=False)
     ] = None,
     output: Annotated[Path | None, output_option("MAP.toml", "Default: print it.")] = None,
+    overwrite: OverwriteOption = False,
     json_: JsonOption = False,
 ) -> None:
     """Draft a map for a recording by its columns' names and ranges; check signs and units before you believe it."""
     from cosim.files import replace_text
     from cosim.replay.map_draft import draft
 
-    if output and output.exists():
-        raise CosimError("is there already", place=str(output), remedy="Choose another name with -o")
+    if output:
+        reserve(output, edited, taken={"the recording": [recording]}, endings=(".toml",))
     text = draft(recording, time=time, aircraft=aircraft)
     if output:
-        reserve(output, endings=(".toml",))
-        replace_text(output, text)
+        replace_text(output, text, edited)
     if json_:
         print(json.dumps({"map": str(output) if output else None, "toml": text}))
     elif output:

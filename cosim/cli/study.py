@@ -12,9 +12,9 @@ from rich.text import Text
 
 from cosim.cli import tables
 from cosim.cli.app import answer, app, err, out
-from cosim.cli.output import JsonOption, ReadmeOption, WorkersOption, output_option, reserve
+from cosim.cli.output import JsonOption, OverwriteOption, ReadmeOption, WorkersOption, output_option, reserve
 from cosim.cli.tables import table
-from cosim.files import replace
+from cosim.files import columns, replace
 from cosim.training import TRAINERS
 
 
@@ -22,6 +22,7 @@ from cosim.training import TRAINERS
 def reproduce(
     paper: Annotated[str, typer.Argument(metavar="[PAPER]", help="lu17, jay, sun13, mar10, alwi14 or all.")] = "all",
     output: Annotated[Path, output_option("DIR", "Folder of page and rows.")] = Path("logs"),
+    overwrite: OverwriteOption = False,
     readme: ReadmeOption = None,
     break_: Annotated[
         bool, typer.Option("--break", help="Instead break the methods and see which rows notice.")
@@ -46,12 +47,15 @@ def reproduce(
             from cosim.report.papers_markdown import write_proof
 
             write_proof(readme, seen)
-        listed = [asdict(b) for b in seen]
-        answer(json_, {"broken": listed}, lambda _: noticed(listed))
+        broken = [asdict(b) for b in seen]
+        answer(json_, {"broken": broken}, lambda _: noticed(broken))
         raise typer.Exit(0 if all(b.seen for b in seen) else 1)
     page, table = (output / f"reproduce-{paper}.{ending}" for ending in ("html", "csv"))
-    for path in (page, table):
-        reserve(path)
+    from cosim.report.page import PAGE
+
+    listed = columns("paper", "item", "says")
+    reserve(page, PAGE)
+    reserve(table, listed)
     with tables.progress(err, f"reproducing {paper}", unit="rows", waiting="preparing") as progress:
         rows, drawings = work(paper, progress=progress, workers=workers)
     from cosim.report import reproduction_report
@@ -60,7 +64,7 @@ def reproduce(
     found: dict = {"counts": counts(rows), "report": written, "table": str(table)}
     found["rows"] = [asdict(r) for r in rows]
     frame = DataFrame(found["rows"])
-    replace(table, lambda part: frame.to_csv(part, index=False))
+    replace(table, lambda part: frame.to_csv(part, index=False), listed)
     if readme:
         from cosim.report.papers_markdown import write
         from cosim.report.papers_picture import write as pictures

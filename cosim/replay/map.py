@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from actuators.block import unit
-from cosim.files import replace as replace_file
 from cosim.flight import detectors as table
 from cosim.flight.plugins import load, with_detectors
 from cosim.judge.noticed import watch_of
@@ -125,7 +124,7 @@ def diagnose(
     out.detectors = [_verdict(d, lane, again, dt, t_0) for d, lane, _, again in done]
     out.caveats = notices + odd + slow(sources, channels, dt) + caveats(m, scenario, done, dt, t_0)
     if output:
-        replace_file(output, lambda part: _write(part, done, out, text, dt))
+        _write(output, done, out, text, dt)
     return out
 
 

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import pandas as pd
 
-from cosim.files import replace, replace_text
+from cosim.files import columns, marked, replace, replace_text
 from cosim.report import compare_tables as tables
 from cosim.report import markdown as readme
 from cosim.report.figure import Figure, base
-from cosim.report.page import Row, Table, bold, page, write
+from cosim.report.page import PAGE, Row, Table, bold, page, write
 
+SIGNS = {"score.json": marked(b'{\n "benchmark": "'), "score.parquet": columns("run", "fault"), "score.html": PAGE}
 OPEN = (
     "Over every fault on a part that it watches, but those to which it is blind by its own word; right, ambiguous, "
     "wrong, not valid, not excited and missed add up to the flights. A fault that was missed, or never named right, "
@@ -225,7 +226,8 @@ def write_score(found: dict, rows: pd.DataFrame, out: str | Path, beside: Sequen
     Notes the paths in `found`. Raises OutputError.
     """
     out = Path(out)
-    replace_text(out / "score.json", json.dumps(found, indent=1, allow_nan=False))  # a table to share: without paths
+    # a table to share: without paths
+    replace_text(out / "score.json", json.dumps(found, indent=1, allow_nan=False), SIGNS["score.json"])
     if "digest" not in found["seeds"]:
-        replace(out / "score.parquet", lambda part: rows.to_parquet(part, index=False))
+        replace(out / "score.parquet", lambda part: rows.to_parquet(part, index=False), SIGNS["score.parquet"])
     found["table"], found["report"] = str(out / "score.json"), str(score_report(found, out / "score.html", beside))
