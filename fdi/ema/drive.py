@@ -51,8 +51,9 @@ STUCK = 0.3  # of the largest current: less is a loss of the drive
 LOSS_LEAST = 0.1  # less of a loss is a gain error
 SENSOR = -1.0  # the current sensor, beside the class codes
 ALPHA, BETA = 0.2, 0.02  # position in the place of a lost velocity: corrections of angle and rate
-TAU_MOST, TAU_NOW = 60.0, 0.6  # memory of the gains [s]
+TAU_MOST, TAU_NOW = 60.0, 0.6  # longest and shortest memory of the gains [s]
 KNOWN_A, KNOWN_B = 0.0015, 0.02  # deviations of gain and magnets: what is told so well of both is forgotten
+KNOWN_NOW = 0.0045  # deviation of the gain when it is asked whether it stands or has healed: under half of `th_a`
 STANDS = 0.7  # of a gain's threshold: keeps the alarm
 RELEASE = 0.5  # [s]: what shows it has a memory of its own
 HEALED, HEALED_B = 2.0, 2.5  # of that: a gain, magnets that surely are less have healed
@@ -197,8 +198,10 @@ def best_sine(x, slow, n, instead, most):
 
 
 @kernel
-def explain(x, p, slow):
-    """Weigh the hypotheses over the samples since f began, of one ring; write `drive_name` where one is sure."""
+def explain(x, p, slow, measured):
+    """Weigh the hypotheses over the samples since f began, of one ring; write `drive_name` where one is sure; magnets
+    are weaker only where the rate is `measured`.
+    """
     n = min(int(x.f_age / SLOW) if slow else int(x.f_age), RING)
     i = int(x.slow_head if slow else x.even_head) - n
     i = i + RING if i < 0 else i
@@ -249,7 +252,7 @@ def explain(x, p, slow):
             said = RUNAWAY
         elif (which == 3 or which == 2) and x.f_age >= LOSS_SAMPLES:
             said = EFFECTIVENESS
-        elif which == 5:
+        elif which == 5 and measured:
             said = WEAK
     elif cc <= 2.0 * noise_c and x.f_age >= LOSS_SAMPLES and min(added, min(bias, weak)) >= CLEAR * noise:
         said = EFFECTIVENESS  # nothing at all arrives
@@ -330,14 +333,15 @@ def gain_and_magnets(s, p):
 @kernel
 def gains(x, p, f, d, w, dt):
     """Take a sample into the gains of current and magnets, and test them."""
+    h, ka, kb = p.even * dt, KNOWN_A * d / p.sigma_f, KNOWN_B * p.b_motor * w / p.sigma_f
     for k in range(2):
-        h = p.even * dt
-        keep = 1.0 - h / TAU_NOW
-        if k == 0:  # forgets by what the sample tells, so that a drive at work is judged at once, one at rest at all
-            ka, kb = KNOWN_A / p.sigma_f, KNOWN_B * p.b_motor / p.sigma_f
-            keep = max(1.0 - max(min(d * d * ka * ka, w * w * kb * kb), h / TAU_MOST), keep)
-            if x.age < LEARN[2]:
-                keep = 1.0  # all there is to learn from
+        # forgets by what the sample tells, so that a drive at work is judged at once, one at rest at all
+        told = min(ka * ka, kb * kb)
+        if k == 1:  # magnets at rest are neither weak nor healed
+            told = 1.0 if x.weak > 0.5 else (KNOWN_NOW * d / p.sigma_f) * (KNOWN_NOW * d / p.sigma_f)
+        keep = 1.0 - min(max(told, h / TAU_MOST), h / TAU_NOW)
+        if k == 0 and x.age < LEARN[2]:
+            keep = 1.0  # all there is to learn from
         s = x.gain_sum if k == 0 else x.gain_now
         s[0] = keep * s[0] + f * f
         s[1] = keep * s[1] + f * d
@@ -354,14 +358,14 @@ def gains(x, p, f, d, w, dt):
     if x.magnets_learned < 0.5:
         over_b -= OFF_B
     x.r_gain = max(over_a / p.th_a, over_b / p.th_b)
-    told = True
-    if x.hot_gain > 0.5:  # the last second tells whether it stands or has healed; where nothing moves, neither
+    sure = True
+    if x.hot_gain > 0.5:  # `gain_now` tells whether it stands or has healed; where nothing moves, neither
         a, b, da, db = gain_and_magnets(x.gain_now, p)
         size, off, least, most = math.fabs(a), 2.0 * da, STANDS * p.th_a, HEALED * STANDS * p.th_a
         if x.weak > 0.5:
             size, off, least, most = math.fabs(b), 2.0 * db, STANDS * p.th_b, HEALED_B * STANDS * p.th_b
         shows = size - off > least
-        told = shows or size + off < most
+        sure = shows or size + off < most
     else:
         if x.r_gain < 1.0:
             learn(x, a, da, p)
@@ -369,7 +373,7 @@ def gains(x, p, f, d, w, dt):
         if shows:
             x.weak = 1.0 if over_b / p.th_b > over_a / p.th_a else 0.0
     before = x.hot_gain
-    if told:
+    if sure:
         x.gain_timer, x.hot_gain = confirm(x.gain_timer, x.hot_gain, shows, p.even * dt, 0.2, RELEASE)
     if before > 0.5 and x.hot_gain < 0.5:  # healed: what came before is of the fault
         for k in range(6):
@@ -472,6 +476,6 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     if x.f_age >= STAYS and x.jumped != 0.0 and x.drive_name == NONE:
         x.drive_name = RUNAWAY
     if x.hot_f > 0.5 and x.f_age >= LEAST and x.drive_name == NONE and int(x.f_age) % 2 == 0:
-        explain(x, p, False)
+        explain(x, p, False, measured)
         if x.drive_name == NONE and x.f_age > RING and x.slow_count == 0.0:
-            explain(x, p, True)
+            explain(x, p, True, measured)
