@@ -254,7 +254,10 @@ def decide(x, u, p, dt):
     decision.pair_test(x, u.y_rod + bulk, rod, y_surface, surface, model_velocity(x, p), x.x_hat[3], p, dt)
     hypotheses.swings_apart(x, rod > 0.5 and surface > 0.5, dt)
     pressure = usable(u.y_dp, u.y_dp_valid) if p.load == 2.0 else 0.0
-    noise.listen(x, rod, u.y_rod, pressure, u.y_dp, x.dp_e, p, dt)
+    e_rod = u.y_rod - p.arm * u.y_surface - x.rigging - x.pair_d if surface > 0.5 else x.gamma_rod
+    d = min(int(p.delay), two_stage.HISTORY - 2)
+    steps = decision.GAIN_LIMIT * math.fabs(x.G[2] * (x.u_old[d] - 2.0 * x.u_old[d + 1] + x.u_old[d + 2]))
+    noise.listen(x, rod, u.y_rod, e_rod, pressure, u.y_dp, x.dp_e, steps, p, dt)
     lost = p.load == 2.0 and x.age_dp > p.t_invalid
     form = WITHOUT_PRESSURE if lost else (WITHOUT_ROD if x.blame == 1.0 or x.age_rod > p.t_invalid else 1.0)
     loud = x.rod_noisy > 0.5 or x.dp_noisy > 0.5
