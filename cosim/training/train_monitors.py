@@ -1,8 +1,9 @@
 """Thresholds of the two monitors of a hydraulic segment from fault-free flights that nothing else uses.
 
-The flights are at points, in manoeuvres as those of `train_aircraft`, at SPEEDS: FLIGHTS of 60 s, three levels of
-turbulence, aircraft and actuator up to 5 % off, noise NOISE_SCALE, four hydraulic segments each. In every second flight
-each symbol of the actuator is 5 % off, in half of these the three that matter most as WORST says. Each statistic is held against the
+The flights are at points, in manoeuvres as those of `train_aircraft`: FLIGHTS of 60 s, three levels of turbulence,
+aircraft and actuator up to 5 % off, noise NOISE_SCALE, four hydraulic segments each. Those of the crossing counter are
+at SPEEDS, half of them at corners of the actuator's tolerances, in half of these the three symbols that matter most as
+WORST says. Each statistic is held against the
 motion that it may grow with, at PROBABILITY of a false alarm per flight and detector (`cosim.training.tail`). The
 position monitor of electromechanical segments is trained by `train_ema`.
 
@@ -79,29 +80,35 @@ def survey_position_monitor(recorded: Any) -> np.ndarray:
 
 def training(first_seed: int = TRAINING, number: int = FLIGHTS) -> list[dict[str, Any]]:
     """Return the arguments of `flights.scenario` of every training flight but for its point, which `fitting` draws."""
-    out = [draw(first_seed + k, point=POINT, manoeuvre=KINDS[k % 8], turbulence=TURBULENCE[k // 8 % 3],
-                sensors={"noise_scale": NOISE_SCALE}) for k in range(number)]  # fmt: skip
-    for k, flight in enumerate(out):
-        own, which = flight["tolerances"]["hydraulic"], k // 24 % 4  # 24: every manoeuvre in every air
-        if which % 2:
-            rng = np.random.default_rng([flight["seed"], 3])
-            sign = {name: rng.choice((-1.0, 1.0)) for name in own} | (WORST if which == 3 else {})
-            flight["tolerances"]["hydraulic"] = {name: float(1.0 + TOLERANCE * sign[name]) for name in own}
-    return out
+    return [draw(first_seed + k, point=POINT, manoeuvre=KINDS[k % 8], turbulence=TURBULENCE[k // 8 % 3],
+                 sensors={"noise_scale": NOISE_SCALE}) for k in range(number)]  # fmt: skip
 
 
-def fitting(fly: Any, flight: dict[str, Any]) -> Any:
-    """Return the table of a flight at a point over the envelope, drawn by its seed."""
+def cornered(flight: dict[str, Any], first_seed: int = TRAINING) -> dict[str, Any]:
+    """Return a flight of `training` as the crossing counter's is: every second group of 24, each manoeuvre in each air,
+    at a corner of the actuator's tolerances.
+    """
+    own, which = flight["tolerances"]["hydraulic"], (flight["seed"] - first_seed) // 24 % 4
+    if which % 2 == 0:
+        return flight
+    rng = np.random.default_rng([flight["seed"], 3])
+    sign = {name: rng.choice((-1.0, 1.0)) for name in own} | (WORST if which == 3 else {})
+    corner = {name: float(1.0 + TOLERANCE * sign[name]) for name in own}
+    return flight | {"tolerances": flight["tolerances"] | {"hydraulic": corner}}
+
+
+def fitting(fly: Any, flight: dict[str, Any], speeds: Any = None) -> Any:
+    """Return the table of a flight at a point over the envelope, drawn by its seed; between `speeds` [kt] if given."""
     rng = np.random.default_rng([flight["seed"], 2])
-    where = {"turbulence": flight["flight"]["turbulence"], "cas_kt": rng.uniform(*SPEEDS)}
-    return fly(**trimming(rng, flight, where))
+    where = {"turbulence": flight["flight"]["turbulence"]}
+    return fly(**trimming(rng, flight, where | ({"cas_kt": rng.uniform(*speeds)} if speeds else {})))
 
 
 def surveyed(**flight: Any) -> dict[str, Any]:
     """Return what the surveys find in one flight, as plain data."""
-    recorded = fitting(fly_hydraulic, flight)
-    ofc = {key: value.tolist() for key, value in survey_ofc_monitor(recorded).items()}
-    return {"ofc_monitor": ofc, "position_monitor": survey_position_monitor(recorded).tolist()}
+    counted = survey_ofc_monitor(fitting(fly_hydraulic, cornered(flight), SPEEDS))
+    ofc = {key: value.tolist() for key, value in counted.items()}
+    return {"ofc_monitor": ofc, "position_monitor": survey_position_monitor(fitting(fly_hydraulic, flight)).tolist()}
 
 
 def train(*, first_seed: int = TRAINING, number: int = FLIGHTS, **how: Any) -> dict:
