@@ -3,9 +3,8 @@
 The flights are at points, in manoeuvres as those of `train_aircraft`: FLIGHTS of 60 s, three levels of turbulence,
 aircraft and actuator up to 5 % off, noise NOISE_SCALE, four hydraulic segments each. Those of the crossing counter are
 at SPEEDS, half of them at corners of the actuator's tolerances, in half of these the three symbols that matter most as
-WORST says. Each statistic is held against the
-motion that it may grow with, at PROBABILITY of a false alarm per flight and detector (`cosim.training.tail`). The
-position monitor of electromechanical segments is trained by `train_ema`.
+WORST says. Each statistic is held against the motion that it may grow with, at PROBABILITY of a false alarm per flight
+and detector (`cosim.training.tail`). The position monitor of electromechanical segments is trained by `train_ema`.
 
     cosim train monitors --check      fly the training set, say what would change
     cosim train monitors              and write fdi/thresholds/*.json
