@@ -47,7 +47,7 @@ MEMORY = 2.0  # of the reference's motion, in periods of the band's lower edge
 LEARN = 20.0  # memory of the servo's response: some ten periods of the lowest sub-band [s]
 USUAL = ((-0.07, -0.12), (-0.15, -0.03), (-0.1, 0.1))  # a and c of each band of a nominal servo, 393 t at 310 kt
 PRIOR = 1e-6  # they count as much as two seconds of a motion of 1 mm [m^2 s]
-MOST = 0.6  # of a and of c: what 5 % and 365 kt make is 0.4
+MOST = (0.2, 0.3)  # from them: 5 % and 365 kt make 0.18 in a, 0.3 in c; a servo that lacks half is no healthy one
 OWN = 1.5  # its half waves over the largest motion of the reference in the band
 
 PARAMS = dtype(
@@ -245,8 +245,8 @@ def learn(x, b, e, m, c, dt):
     w[1] = keep * w[1] + dt * c * left
     g0, g2 = G[0] + PRIOR, G[2] + PRIOR
     det = g0 * g2 - G[1] * G[1]  # positive: PRIOR squared at least
-    x.response[b, 0] = clipped(usual[0] + (g2 * w[0] - G[1] * w[1]) / det, MOST)
-    x.response[b, 1] = clipped(usual[1] + (g0 * w[1] - G[1] * w[0]) / det, MOST)
+    x.response[b, 0] = usual[0] + clipped((g2 * w[0] - G[1] * w[1]) / det, MOST[0])
+    x.response[b, 1] = usual[1] + clipped((g0 * w[1] - G[1] * w[0]) / det, MOST[1])
 
 
 @kernel
