@@ -121,9 +121,9 @@ def _head():
         "speaks of the model first, and of thresholds learned in simulation second. An elevator command is nowhere",
         "recorded; the measured deflection stands in for it. No recorded aircraft has sensors inside an actuator, so",
         "that no actuator-local detector can judge. A detector that is in alarm for nearly all of its valid time does",
-        "not fit the recording: its count of alarms says nothing, its share of the time in alarm does. `kinematic` does",
-        "not: it compares inertial with air data, and one stands in for the other here; between samples of 10 to 25 Hz",
-        "that are interpolated to its 200 Hz there is no noise, which it takes for a frozen reading.",
+        "not fit the recording: its count of alarms says nothing, its share of the time in alarm does. `kinematic`",
+        "does not fit: it compares inertial with air data, and one stands in for the other here; between samples of 10 to",
+        "25 Hz that are interpolated to its 200 Hz there is no noise, which it takes for a frozen reading.",
         "",
     ]  # fmt: skip
 
