@@ -34,11 +34,11 @@ class Recordings:
 SETS = (
     Recordings(
         "ATTAS", "attas",
-        (*(f"fAttas{run}.mat" for run in ("Elv1", "Elv2", "Ail1", "Rud1", "AilRud1")), "fAttas_qst01.asc",
-         "fAttas_qst02.asc"),
+        tuple(f"fAttas{run}.mat" for run in ("Elv1", "Elv2", "Ail1", "Rud1", "AilRud1")),
         recipe="github.com/josemiguelbento/UAV-OAT-controlo, RVJategaonkar_codes_2ed/flt_data: companion data of "
         "Jategaonkar, Flight Vehicle System Identification, 2nd edition (author and AIAA)",
     ),
+    Recordings("ATTAS, stalls", "attas_stall", ("fAttas_qst01.asc", "fAttas_qst02.asc"), recipe="the same folder"),
     Recordings("HFB-320", "hfb320", ("hfb320_1_10.asc",), recipe="the same folder"),
     Recordings("Citation II", "citation", marks="vane_AOA.csv",
                recipe="github.com/SybrenBootsma/SVV-flight-dynamics-B22, matlab/ and matlab/Our-data/ (no licence "
@@ -86,7 +86,10 @@ def rows(s: Recordings, path: Path, told: Diagnosis) -> Iterable[str]:
 
 def page(folder: Path) -> str:
     """Return the text of the page. A recording on which nothing judges stands there with what is missing."""
-    lines, failed, valid, notes = [], [], {}, {}
+    lines: list[str] = []
+    failed: list[str] = []
+    valid: dict[str, tuple[float, int]] = {}
+    notes: dict[str, str] = {}
     for s, path in recordings(folder):
         try:
             told = diagnose(path, MAPS / f"{s.map}.toml")
@@ -122,8 +125,8 @@ def _head():
         "recorded; the measured deflection stands in for it. No recorded aircraft has sensors inside an actuator, so",
         "that no actuator-local detector can judge. A detector that is in alarm for nearly all of its valid time does",
         "not fit the recording: its count of alarms says nothing, its share of the time in alarm does. `kinematic`",
-        "does not fit: it compares inertial with air data, and one stands in for the other here; between samples of 10 to",
-        "25 Hz that are interpolated to its 200 Hz there is no noise, which it takes for a frozen reading.",
+        "does not fit: it compares inertial with air data, and one stands in for the other here; between samples of",
+        "10 to 25 Hz that are interpolated to its 200 Hz there is no noise, which it takes for a frozen reading.",
         "",
     ]  # fmt: skip
 
