@@ -73,7 +73,7 @@ def test_a_column_of_no_number_or_a_strange_name_does_no_harm(tmp_path):
     assert found["signals"]["left_inner.rod"] == {"channel": "rod"}
 
 
-def flown(tmp_path, header="{}", angle=1.0, **changes):
+def flown(tmp_path, lies=False, angle=1.0):
     """Write 60 s of made-up flight: Mach, speeds and altitude of one another, gravity, rates of their angles."""
     t = np.arange(0.0, 60.0, 0.04)
     theta, phi = 0.05 + 0.06 * np.sin(0.5 * t), 0.2 * np.sin(0.3 * t)
@@ -84,14 +84,16 @@ def flown(tmp_path, header="{}", angle=1.0, **changes):
     cas = 340.294 * np.sqrt(5.0 * ((1.0 + impact) ** (2 / 7) - 1.0))
     made = {
         "THE": angle * theta, "PHI": angle * phi, "QRGY": angle * np.gradient(theta, t),
-        "PRGX": angle * np.gradient(phi, t), "AXCG": 9.80665 * np.sin(theta) + np.gradient(tas, t), "AZCG": -9.80665 * np.cos(theta),
+        "PRGX": angle * np.gradient(phi, t), "AXCG": 9.80665 * np.sin(theta) + np.gradient(tas, t),
+        "AZCG": -9.80665 * np.cos(theta),
         "MACH": mach, "VTAS": tas, "VCAS": cas / (1852 / 3600), "HQNH": h / 0.3048,
         "altRate": np.gradient(h, t) / 0.3048 * 60.0, "ALCG": angle * (theta + 0.01),
         "DELV": angle * 0.02 * np.sin(2.0 * t), "DLC_R": 3.0 * np.sin(t), "FUELUS": 500.0 + t,
     }  # fmt: skip
     path = tmp_path / "flight.csv"
-    named = {header.format(n) if n in ("THE", "PHI", "QRGY", "PRGX", "ALCG", "DELV") else n: y for n, y in made.items()}
-    pd.DataFrame({"T": t, **named, **changes}).to_csv(path, index=False)
+    per = {**dict.fromkeys(("THE", "PHI", "ALCG", "DELV"), "[DEG]"), **dict.fromkeys(("QRGY", "PRGX"), "[DEG/S]")}
+    named = {f"{n} {per[n]}" if lies and n in per else n: y for n, y in made.items()}
+    pd.DataFrame({"T": t, **named}).to_csv(path, index=False)
     return path
 
 
@@ -110,7 +112,7 @@ def test_units_and_signs_are_proved_by_what_the_columns_say_of_one_another(tmp_p
 
 
 def test_a_name_that_lies_of_its_unit_is_corrected(tmp_path):
-    text = draft(flown(tmp_path, header="{} [DEG]"), aircraft="narrowbody")
+    text = draft(flown(tmp_path, lies=True), aircraft="narrowbody")
     found = tomllib.loads(text)["signals"]
     assert "unit" not in found["theta"] and "unit" not in found["q"] and "though its name says deg" in text
     assert "unit" not in found["phi"] and "unit" not in found["p"] and "unit" not in found["de_cmd"]
