@@ -18,6 +18,7 @@ import numpy as np
 
 from actuators.block import dtype, entry, kernel
 from actuators.constants import M_PER_FT
+from cosim.flight.noise import generator
 
 INTENSITY = {"none": 0.0, "light": 5 * M_PER_FT, "moderate": 10 * M_PER_FT, "severe": 21 * M_PER_FT}  # rms [m/s]
 SCALE_LENGTH = 1750 * M_PER_FT  # [MIL-F-8785C] Dryden form [m]
@@ -143,7 +144,7 @@ class Gusts:
 
     def __init__(self, p: np.ndarray, dt: float, seed: int):
         """`p` PARAMS (1,); the same seed gives the same air."""
-        self._rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(2,))))
+        self._rng = generator(seed, "gusts")
         self._noise, self._k = np.zeros((self.DRAWS, 4)), self.DRAWS
         self.x, self._u, self._p, self._dt = init(p), np.zeros((1, 1), INPUTS), p, dt
         self._in, self._out = self._u.view("f8").reshape(-1), self.x.view("f8")[:6]
