@@ -237,12 +237,12 @@ KEYS = {  # table of a scenario -> {key: what it means}; a kind's own numbers st
     },
     "[flight], the air": {
         "turbulence": "none | light | moderate | severe: Dryden gusts",
-        "air": "[{ start_s, turbulence, ramp_s }]: changes of the turbulence within the flight, ramp_s until reached (5)",
+        "air": "[{ start_s, turbulence, ramp_s }]: changes of the turbulence within the flight, reached after ramp_s",
         "wind_kt": "steady wind at altitude_ft; the trim is against the air",
         "wind_from_deg": "true; the aircraft starts heading north: 0 ahead, 90 from the right",
         "shear_kt_1000ft": "growth of that wind with altitude, from the same direction",
         "gusts": "[{ start_s, axis, speed_fps, gradient_ft, shape }]: discrete gusts; axis vertical | lateral | "
-        "longitudinal, a positive speed raises angle of attack, sideslip or airspeed; gradient_ft (350) is flown from the "
+        "longitudinal, a positive speed raises angle of attack, sideslip or airspeed; gradient_ft is the way from the "
         "beginning to the full speed; shape 1-cosine (CS-25 25.341) | ramp (MIL-F-8785C 3.7.1.3), which stays",
     },
     "[manoeuvre], every kind": {

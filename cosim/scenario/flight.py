@@ -162,9 +162,11 @@ class Flight(Table):
     @property
     def weather(self) -> str:
         """Return in words what the air does: "still air", "light turbulence, wind of 30 kt from 270 deg"."""
-        moves = self.wind_kt or self.shear_kt_1000ft or self.gusts
-        said = [f"{self.turbulence} turbulence" if self.turbulence != "none" else "no turbulence" if moves else "still air"]
-        said += [f"{a.turbulence if a.turbulence != 'none' else 'no'} turbulence from {a.start_s:g} s" for a in self.air]
+        word = {"none": "no turbulence"}
+        said = [word.get(self.turbulence, f"{self.turbulence} turbulence")]
+        if said == ["no turbulence"] and not (self.wind_kt or self.shear_kt_1000ft or self.gusts):
+            said = ["still air"]
+        said += [f"{word.get(a.turbulence, a.turbulence)} from {a.start_s:g} s" for a in self.air]
         if self.wind_kt or self.shear_kt_1000ft:
             said.append(f"wind of {self.wind_kt:g} kt from {self.wind_from_deg:g} deg")
         if self.shear_kt_1000ft:

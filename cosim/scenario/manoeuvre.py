@@ -16,7 +16,7 @@ LoadFactor = Annotated[float, Field(ge=-1.5, le=1.5)]
 class _Manoeuvre(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
-    hold_speed: bool = False  # the speed hold moves the throttles; it does in a climb, a descent or a turn from the start
+    hold_speed: bool = False  # the throttles hold the speed; a climb, descent or turn from the start has it anyway
 
 
 class Cruise(_Manoeuvre):

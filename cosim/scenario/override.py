@@ -53,6 +53,8 @@ def _assign(table, path, value, place):
             node = _item(node, part, here, place)
         else:
             new: list | dict = [] if here in LISTS else {}
+            if path == ["manoeuvre", "hold_speed"]:  # that of the default manoeuvre, which the table leaves out
+                new = {"kind": "cruise"}
             node = node.setdefault(part, new)
         if isinstance(node, str) and here == "elevator.feedback":  # one word for all hydraulic ones becomes a table
             flown = {**_aircraft(table).technology, **table["elevator"]}

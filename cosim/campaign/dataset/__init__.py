@@ -28,8 +28,8 @@ from cosim.campaign.worker import run_id
 from cosim.errors import OutputError
 from cosim.files import replace_text
 from cosim.scenario import Scenario
-from cosim.scenario.flight import AIR
 from cosim.scenario.brought import changed
+from cosim.scenario.flight import AIR
 from cosim.scenario.user_file import UserFile
 from cosim.texts import from_json, read
 

@@ -10,12 +10,12 @@
     ramp       the same up to s = H, U from there on                                  [MIL-F-8785C] 3.7.1.3
     wind       W + (h - h_0) dW/dh from one direction, h_0 the altitude of the start
 
-A gust is the air's velocity over the ground. Turbulence [MIL-F-8785C, above 2,000 ft] is in body axes, forward, right and
-down +, all three components of the same sigma (`INTENSITY`, constant over altitude) and scale length; sigma may change
-within a flight, by straight lines. A discrete gust is along the heading, across it, or vertical, in level axes; a
-positive one raises airspeed, sideslip or angle of attack: it blows from ahead, from the right or upwards. v and w of the
-tail are those of both. q_g and r_g are the body rates that give tail and fin the same local angle; JSBSim's aerodynamics
-add them to its own. Wind and shear have no gradient over the aircraft.
+A gust is the air's velocity over the ground. Turbulence [MIL-F-8785C, above 2,000 ft] is in body axes, forward, right
+and down +, all three components of the same sigma (`INTENSITY`, constant over altitude) and scale length; sigma may
+change within a flight, by straight lines. A discrete gust is along the heading, across it, or vertical, in level axes;
+a positive one raises airspeed, sideslip or angle of attack: it blows from ahead, from the right or upwards. v and w of
+the tail are those of both. q_g and r_g are the body rates that give tail and fin the same local angle; JSBSim's
+aerodynamics add them to its own. Wind and shear have no gradient over the aircraft.
 """
 
 import math
