@@ -41,8 +41,8 @@ class FlightPoint:
     @property
     def calm(self) -> "FlightPoint":
         """Return the same point in air that does not move, for what no weather changes: trim, linear model, design."""
-        still = {"turbulence": "none", "changes": (), "wind": (0.0, 0.0), "shear": (0.0, 0.0), "gusts": ()}
-        return dataclasses.replace(self, **still, seed=0)
+        none = (0.0, 0.0)
+        return dataclasses.replace(self, turbulence="none", changes=(), wind=none, shear=none, gusts=(), seed=0)
 
     @property
     def windless(self) -> bool:
