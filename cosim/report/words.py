@@ -25,9 +25,8 @@ def point(s: Scenario) -> str:
     """Return the flight point and the manoeuvre in words."""
     f = s.flight
     speed = f"{f.cas_kt:g} kt CAS" if f.cas_kt else f"{f.tas_kt:g} kt TAS" if f.tas_kt else f"Mach {f.mach:g}"
-    air = "still air" if f.turbulence == "none" else f"{f.turbulence} turbulence"
     where = f"{f.mass_t:g} t, CG {f.cg_pct:g} %, {f.altitude_ft:,.0f} ft, {speed}"
-    return ", ".join(filter(None, (where, f.path, air, words(s.manoeuvre.kind))))
+    return ", ".join(filter(None, (where, f.path, f.weather, words(s.manoeuvre.kind))))
 
 
 def fault(f: Fault) -> Markup:
