@@ -56,7 +56,7 @@ def test_a_message_is_one_line_as_it_was_written_and_not_endless(tmp_path, monke
     for name in ("root:x:0:0", "a" * 5000, "a\nb"):
         said = call("run", "cruise", "-s", f"title={name}", "-s", f"manoeuvre.kind={name}")
         assert said.exit_code == 2 and said.stderr.count("\n") == 1 and len(said.stderr) < 1100
-    assert "root:x:0:0" in call("check-aircraft", "root:x:0:0").stderr
+    assert "root:x:0:0" in call("info", "root:x:0:0").stderr
     assert call("info", "a\nb.mcap").stderr.count("\n") == 1
 
 
