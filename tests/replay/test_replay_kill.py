@@ -76,3 +76,5 @@ def test_a_killed_cosim_run_leaves_the_old_log_comes_back_and_replays_exactly(tm
     back = CliRunner().invoke(app, ["recover", str(path)])
     assert back.exit_code == 0 and open_log(tmp_path / "killed.recovered.mcap").n_ticks > 0
     assert not left_by(path).exists() and path.read_bytes() == old
+    gone = CliRunner().invoke(app, ["recover", str(left_by(path))])
+    assert gone.exit_code == 2 and "No such file" in gone.stderr
