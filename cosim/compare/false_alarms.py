@@ -1,4 +1,4 @@
-"""False alarms per flight hour as a curve over the threshold, of every detector, down to 1e-9, three ways.
+"""False alarms per valid hour as a curve over the threshold, of every detector, down to 1e-9, three ways.
 
     found = false_alarms(hours=100.0, folder="logs/false-alarms")       # flies on where it was left
 
