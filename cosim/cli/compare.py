@@ -8,7 +8,7 @@ from cosim.cli.tables import NOTHING, number, table
 COUNTS = ("designed", "detected", "named", "ambiguous", "misnamed", "idle", "not_excited")
 
 
-def false_alarms(d: dict) -> tuple[str, str, str]:
+def false_alarms(d: dict) -> tuple[str, Text | str, Text | str]:
     """Return the cells of a detector's false alarms: how many, in how many valid hours, per hour."""
     return str(d["false_alarms"]), number(d["hours"], 1), number(d["false_alarms_per_hour"], 1)
 
