@@ -33,7 +33,7 @@ PARAMS = dtype(
         ("delay", "f8", "-"),  # of the commands, as long as that of q
         ("sigma_q", "f8", "rad/s"),  # noise of q per sample, for f_sigma of the paper's observer
         ("noise", "f8", (NB, 2)),  # sd of two estimates from sensor noise, times |E|, times |A_11| (fdi.lpv_smo.noise)
-        ("floor", "f8", "-"),  # sd of an estimate below which no half period counts and no alpha fault is declared
+        ("floor", "f8", "-"),  # sd of f_hat_elevator below which no half period counts
         ("bank", "f8", "-"),  # 1: bank and lateral rates are taken into account
         ("adot", "f8", "-"),  # share of the damping in pitch that is due to the rate of the angle of attack
         ("gradient", "f8", "-"),  # share of the damping in pitch that answers to a gust's rate along the body

@@ -244,8 +244,7 @@ def _decide(x, p, dt):
     a, x.alarm_elevator = _declare(x, p, 0, x.f_hat_elevator, p.t_elevator + p.s_elevator * away + p.g_elevator * gust,
                                    dt)  # fmt: skip
     b, x.alarm_n_z = _declare(x, p, 1, x.f_hat_n_z, p.t_n_z + p.s_n_z * away + p.g_n_z * gust, dt)
-    least = p.floor * p.noise[int(x.box), 1] / math.fabs(x.A[0, 0])
-    c, x.alarm_alpha = _declare(x, p, 2, x.f_hat_alpha, max(p.t_alpha + p.s_alpha * away + p.g_alpha * gust, least), dt)
+    c, x.alarm_alpha = _declare(x, p, 2, x.f_hat_alpha, p.t_alpha + p.s_alpha * away + p.g_alpha * gust, dt)
     x.r = max(a, max(b, c))
     x.culprit, longest = 0.0, 0.0
     for i in range(3):
