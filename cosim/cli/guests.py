@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.text import Text
 
 from cosim.cli import tables
 from cosim.cli.app import answer, app, err, out
 from cosim.cli.output import JsonOption, output_option, reserve
 from cosim.errors import CosimError
+from cosim.table import Cell, Table
 
 KINDS = ("detector",)
 
@@ -83,9 +83,9 @@ def check_detector(
     if json_:
         print(json.dumps(found, allow_nan=False))
     else:
-        t = tables.table(f"{found['id']}, {found['file']}", "", "question", "answer")
-        marks = {"good": Text("✓", "green"), "bad": Text("✗", "red"), "note": Text("!", "yellow")}
+        t = Table(f"{found['id']}, {found['file']}", "", "question", "answer")
+        marks = {"good": Cell("✓", "good"), "bad": Cell("✗", "bad"), "note": Cell("!", "warn")}
         for line in found["checks"]:
-            t.add_row(marks[line["result"]], line["question"], line["answer"])
+            t.add(marks[line["result"]], line["question"], line["answer"])
         out.print(t)
     raise typer.Exit(0 if found["keeps"] else 1)
