@@ -17,7 +17,9 @@ from cosim.cli.output import JsonOption, WorkersOption, output_option, reserve
 def false_alarms(
     detectors: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[DETECTOR…]", help="Detectors that ship, or files of your own. Default: all that ship.", show_default=False),
+        typer.Argument(
+            metavar="[DETECTOR…]", help="That ship, or files of your own. Default: all that ship.", show_default=False
+        ),
     ] = None,
     hours: Annotated[float, typer.Option("--hours", min=0.0, help="Flight hours; more go on from there.")] = 100.0,
     campaign: Annotated[
@@ -54,4 +56,5 @@ def shown(found: dict, files: dict) -> Group:
 
     flown = Text(f"{found['flights']} flights, {found['hours']:.1f} h of {found['campaign']}", style="dim")
     lines = (tables.whole(f"{key:<8}{path}") for key, path in files.items())
-    return Group(rates(found["detectors"]), flown, *lines)
+    against = [Text(f"{d['id']}: {'; '.join(d['against'])}") for d in found["detectors"] if d["against"]]
+    return Group(rates(found["detectors"], against=False), flown, *against, *lines)

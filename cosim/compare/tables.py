@@ -240,8 +240,8 @@ def with_ends(own: dict | None) -> str:
     return DASH if own is None else f"{_level(own['value'])} ({_level(own['low'])} to {_level(own['high'])})"
 
 
-def rates(each: Iterable[dict]) -> Table:
-    """Return the Table of false alarms per hour, from cosim.compare.false_alarms: what is shown, what is against it."""
+def rates(each: Iterable[dict], against: bool = True) -> Table:
+    """Return the Table of false alarms per hour, from cosim.compare.false_alarms, with what is `against` each."""
     columns = (
         Column("detector", "id", right=False), Column("hours", lambda d: f"{d['hours']:.1f}"), Column("alarms"),
         Column("alarms per hour", lambda d: with_ends(d["alarms_per_hour"]), doc="with 95 % bounds, of this model"),
@@ -252,7 +252,7 @@ def rates(each: Iterable[dict]) -> Table:
         Column("shape", lambda d: with_ends(None if d["fit"]["note"] else d["fit"]["shape"]), rank=5),
         Column("what is against it", lambda d: "\n".join(d["against"]) or Cell("nothing", "good"), rank=4, right=False),
     )  # fmt: skip
-    return of(columns, each)
+    return of(columns if against else columns[:-1], each)
 
 
 def held_out(each: Iterable[dict]) -> Table:

@@ -49,7 +49,7 @@ def entries(lanes: Sequence[Mapping[str, Any]], cases: Sequence[str] = ()) -> li
     for lane in lanes:
         for own in lane.get("by_fault") or [{}]:
             e = {"outcome": None, "case": None, **lane, **own}
-            if cases and e["fault"] is not None:
+            if cases and e.get("fault") is not None:
                 said, seen = e["isolated"] or {}, e["detection_delay_s"] is not None
                 e["case"] = cases[e["fault"]]
                 e["outcome"] = outcome(e["id"], e["case"], seen=seen, is_right=bool(e["right"]),
@@ -84,7 +84,7 @@ def _periods(e):
 COLUMNS = (
     Column("detector", lambda e: Cell(e["id"], "bold"), right=False),
     Column("watches", part, right=False),
-    Column("fault", lambda e: DASH if e["fault"] is None else str(e["fault"])),
+    Column("fault", lambda e: DASH if e.get("fault") is None else str(e["fault"])),
     Column("first alarm", lambda e: seconds(e["detection_delay_s"]), "s", "from the fault's onset on"),
     Column("right name", lambda e: seconds(e.get("time_to_right_s")), "s", "first one, from the onset on"),
     Column("last name", _name, right=False),
@@ -131,4 +131,4 @@ def verdicts(lanes: Sequence[Mapping[str, Any]]) -> Table:
         Column("last name", _blamed, right=False),
         Column("largest |r|", "r_max", doc="1 is the threshold", rank=2), Column("valid", "valid_pct", "%", rank=1),
     )  # fmt: skip
-    return of(columns, lanes, lambda v: "" if v["alarm"] else "muted", keys=2)
+    return of(columns, lanes, lambda v: "" if v["alarm"] else "muted", keys=2, title="Verdicts")
