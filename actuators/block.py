@@ -14,6 +14,10 @@ A block is a module with
 lanes, so that one compiled function serves all three and they agree bit for bit.
 
 A kernel is a deterministic function of its arguments: no global state, no I/O, no random numbers, no exceptions.
+
+A block with the outputs of a detector (`SAYS`) is checked here once for all, in flight, in replay and in a batch: where
+a value of its state is infinite or not a number after a step, it is not valid and does not alarm, and `why`, where it
+has one, is NOT_FINITE; its statistic stays as it came out. It is so for as long as the state is.
 """
 
 import contextlib
@@ -28,6 +32,10 @@ import numpy as np
 
 from actuators.native import PLAIN, Native
 from actuators.sources import cache_dir
+
+SAYS = ("r", "alarm", "verdict", "culprit", "valid")  # outputs of every detector
+NOT_FINITE = 11.0  # among the codes of fdi/common/why.py
+EXPONENT = 0x7FF0000000000000  # all ones in the exponent: infinite or not a number
 
 
 def dtype(fields: Any) -> Any:
@@ -141,6 +149,19 @@ def briefly(function: Callable[..., Any], *args: Any) -> Any:
         Kernel.plainly = before
 
 
+@kernel
+def _spoil(x):
+    """Say nothing."""
+    x.alarm, x.verdict, x.culprit, x.valid = 0.0, 0.0, 0.0, 0.0
+
+
+@kernel
+def _spoil_why(x):
+    """Say nothing, and why."""
+    _spoil(x)
+    x.why = NOT_FINITE
+
+
 def entry(step: Any, STATE: np.dtype, INPUTS: np.dtype, PARAMS: np.dtype) -> "Entry":
     """Return the entry point of the block whose kernel is `step`."""
     return Entry(step, STATE, INPUTS, PARAMS)
@@ -168,6 +189,8 @@ class Entry:
 
     def __init__(self, step: Any, STATE: np.dtype, INPUTS: np.dtype, PARAMS: np.dtype):
         self.step, self.kinds = step, (STATE, INPUTS, PARAMS)
+        names = STATE.names or ()
+        self.spoil = (_spoil_why if "why" in names else _spoil) if set(SAYS) <= set(names) else None
         if not PLAIN:
             said = "\n".join([step.__qualname__, *(repr(kind.descr) for kind in self.kinds)])
             name = f"{step.__module__}.{hashlib.sha256(said.encode()).hexdigest()[:8]}"
@@ -221,7 +244,7 @@ class Entry:
         if PLAIN:
             rows = {k: i for i, k in enumerate(at.tolist())}
             for k in range(ticks):
-                self.step(x[0], u[0, k], p[0], dt)
+                self._step(x, u[0, k], p[0], dt, 0)
                 kept[k] = states[index]
                 if k in rows:
                     held[rows[k]] = states[others]
@@ -249,9 +272,15 @@ class Entry:
     def _plain(self, x, u, p, dt, log):
         for i in range(u.shape[0]):
             for k in range(u.shape[1]):
-                self.step(x[i], u[i, k], p[i], dt)
+                self._step(x, u[i, k], p[i], dt, i)
                 if log is not None:
                     log[i, k] = x[i]
+
+    def _step(self, x, u, p, dt, i):
+        """Advance lane `i` by one tick in plain Python."""
+        self.step(x[i], u, p, dt)
+        if self.spoil and not np.isfinite(x[i : i + 1].view(np.float64)).all():
+            self.spoil(x[i])
 
     def _check(self, x, u, p, log):
         for given, kind in ((x, self.kinds[0]), (u, self.kinds[1]), (p, self.kinds[2]), (log, self.kinds[0])):
@@ -265,7 +294,25 @@ class Entry:
         """Return the function of pointers that Numba compiles, and its types."""
         from numba import carray, from_dtype, types
 
-        step = self.step
+        from actuators.pointers import wholes
+
+        step, spoil, size = self.step, self.spoil, self.kinds[0].itemsize
+
+        def checked(x, u, p, dt, lanes, ticks, log):
+            xs, ps = carray(x, lanes), carray(p, lanes)
+            us, logs = carray(u, (lanes, ticks)), carray(log, (lanes, ticks))
+            kept = logs.ctypes.data != 0
+            for i in range(lanes):
+                bits = wholes(xs.ctypes.data + i * size)
+                for k in range(ticks):
+                    step(xs[i], us[i, k], ps[i], dt)
+                    bad = 0
+                    for j in range(size // 8):
+                        bad |= (bits[j] & EXPONENT) == EXPONENT
+                    if bad:
+                        spoil(xs[i])
+                    if kept:
+                        logs[i, k] = xs[i]
 
         def rollout(x, u, p, dt, lanes, ticks, log):
             xs, ps = carray(x, lanes), carray(p, lanes)
@@ -278,7 +325,7 @@ class Entry:
                         logs[i, k] = xs[i]
 
         state, given, fixed = (types.CPointer(from_dtype(kind)) for kind in self.kinds)
-        return rollout, (state, given, fixed, types.float64, types.int64, types.int64, state)
+        return checked if spoil else rollout, (state, given, fixed, types.float64, types.int64, types.int64, state)
 
 
 def _call(call, given, kept):

@@ -26,5 +26,7 @@ def test_examples_are_listed_and_one_that_is_none_is_refused(tmp_path, monkeypat
     refused = CliRunner().invoke(cli.app, ["example", "fly_and_plott"])
     assert refused.exit_code == 2 and "Did you mean 'fly_and_plot'?" in refused.stderr
     assert CliRunner().invoke(cli.app, ["example", "own_fault"]).exit_code == 0
+    assert CliRunner().invoke(cli.app, ["example", "own_fault"]).exit_code == 0  # as it was
+    (tmp_path / "own_fault.py").write_text("# changed")
     again = CliRunner().invoke(cli.app, ["example", "own_fault"])
     assert again.exit_code == 2 and "is there already" in again.stderr

@@ -14,7 +14,7 @@ import pytest
 
 from cosim.cli.output import reserve
 from cosim.errors import OutputError
-from cosim.files import beside, held, replace_text, sweep
+from cosim.files import Part, _swept, beside, held, replace_text, sweep
 
 ROOT = Path(__file__).resolve().parent.parent
 DIGESTS = """
@@ -147,13 +147,14 @@ def test_what_a_killed_writer_left_is_swept_and_nothing_else(tmp_path):
     with pytest.raises(KeyboardInterrupt), beside(tmp_path / "a.parquet"):
         raise KeyboardInterrupt
     assert not list(tmp_path.iterdir())
-    writing = beside(tmp_path / "a.parquet")
-    left = writing.__enter__()
+    left, held_now = (Part(tmp_path / "a.parquet") for _ in range(2))
+    left.file.close()  # as a kill does
+    _swept.clear()
     mine = [tmp_path / name for name in (".hidden", "a.parquet", ".git", ".env.template", ".app.settings.json")]
     for path in mine:
         path.write_text("")
     sweep(tmp_path)
-    assert not left.exists() and all(path.exists() for path in mine)
+    assert not left.place.exists() and all(path.exists() for path in [*mine, held_now.place])
 
 
 def test_a_folder_that_is_held_lets_nobody_else_in(tmp_path):
@@ -166,7 +167,7 @@ def test_a_folder_that_is_held_lets_nobody_else_in(tmp_path):
 def test_an_output_that_nobody_reads_is_refused_at_once(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(OutputError, match="pipe: cannot be written"):
-        reserve(tmp_path / "pipe")
+        reserve(tmp_path / "pipe", None)
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes with names")

@@ -17,8 +17,10 @@ without a result has one row. What is of the lane, not of a fault, stands on the
     delay_s, delay_periods  from the onset; null when missed or not concerned
     fault                   number of the fault that the figures are about
     first_verdict           class that was said first; first_right: it was right in class and part
-    isolated_class/_target  last verdict while the alarm stood
-    right                   that name is right in class and part (cosim/judge/naming.py)
+    isolated_class/_target  name that stood for half of the last 2 s of the alarm
+    class_given, place_given   right, wrong or not given (cosim/judge/naming.py); place_level: finest level of a right
+                            place: axis, side, segment, channel
+    right                   class and place of that name are right; first_sure_wrong: the first name with a class is not
     time_to_right_s         from the onset to the first right name; ambiguous is none
     right_after_motion_s    the same from when the rod is 1 mm from where it would be without the fault
     not_excited             a jam or runaway that never moved it so far

@@ -32,13 +32,14 @@ from cosim.campaign.spec import load_campaign
 from cosim.campaign.store import CampaignError
 from cosim.campaign.worker import run_id
 from cosim.errors import did_you_mean
-from cosim.files import replace_text
+from cosim.files import marked, replace_text
 from fdi.registry import SHIPPED
 
 FIRST_SEED, SEEDS = 7_000_000, 20  # few seeds: what makes a flight fail is to be found, not a lucky one of thousands
 POPULATION, TRIALS = 20, 10  # flights per generation of the search, of putting back
 AGAIN = 10  # flights of what was found, with other seeds
 LEAST, MOST = 60, 1000  # flights
+FOUND = marked(b"", b'title = "Likeliest failure: ')  # the sign of a scenario that was found
 NEVER = 1e3  # cost of a flight that does not fail, on top of how far it is from that
 
 
@@ -126,7 +127,7 @@ def likeliest(
     title = f"Likeliest failure: {about} {detector} {word}, log P = {found[0].log_p:.1f} ({space.campaign.name})"
     scenario = space(found[0].u).model_copy(update={"title": title})
     if out is not None:
-        replace_text(out, scenario.expanded_toml())
+        replace_text(out, scenario.expanded_toml(), FOUND)
     return Likeliest(word, tuple(found), scenario, table, None if out is None else Path(out))
 
 

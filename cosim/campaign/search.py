@@ -26,7 +26,7 @@ from cosim.campaign.spec import load_campaign
 from cosim.campaign.store import CampaignError
 from cosim.campaign.worker import run_id
 from cosim.errors import did_you_mean
-from cosim.files import replace_text
+from cosim.files import marked, replace_text
 from fdi.registry import SHIPPED
 
 SEARCH_SEED, SEEDS = 2_000_000, 100_000
@@ -120,8 +120,11 @@ class _Evaluate:
         return np.array([-float(r.get(run, 0.0)) for run in ids])
 
 
+FOUND = marked(b"", b'title = "Worst case of')  # the sign of a scenario that was found
+
+
 def _write(out, scenario):
     if out is None:
         return None
-    replace_text(out, scenario.expanded_toml())
+    replace_text(out, scenario.expanded_toml(), FOUND)
     return Path(out)

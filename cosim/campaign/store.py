@@ -41,6 +41,7 @@ ROWS = _schema(
     run string, lane int32, status string, error string, sim_time_s float64, id string, level string, target string,
     concerned bool, alarm bool, detected_at_s float64, delay_s float64, delay_periods float64, fault int32,
     first_verdict string, isolated_class string, isolated_target string, right bool, first_right bool,
+    class_given string, place_given string, place_level string, first_sure_wrong bool,
     time_to_right_s float64, right_after_motion_s float64, not_excited bool, class_changes int32, ambiguous_s float64,
     alarm_share float64, withdrawn_after_s float64, withdrawn bool, able bool, valid_at_fault float64,
     valid_share float64, why_not_valid string, false_alarms int32, standing_s float64, r_max_before float64,

@@ -11,6 +11,7 @@ from cosim.cli.output import (
     CampaignArg,
     DetectorOption,
     JsonOption,
+    OverwriteOption,
     ReadmeOption,
     WorkersOption,
     output_option,
@@ -34,6 +35,7 @@ def campaign(
         bool, typer.Option("--anew", help="Go on; runs of a file of yours that has changed fly again.")
     ] = False,
     output: Annotated[Path | None, output_option("DIR", "Default: logs/<campaign>.")] = None,
+    overwrite: OverwriteOption = False,
     again: Annotated[
         str | None,
         typer.Option("--rerun", metavar="ID", help="Fly one run again, with a log, and compare its row."),
@@ -57,7 +59,11 @@ def campaign(
     from cosim.campaign.run import folder, run_campaign
 
     if worst or likeliest:
+        from cosim.campaign import likeliest as failing
+        from cosim.campaign import search
+
         path = (output or folder(campaign)) / (f"worst-{worst}.toml" if worst else f"likeliest-{likeliest}.toml")
+        reserve(path, search.FOUND if worst else failing.FOUND)
         _search(campaign, worst, likeliest, part, json_, workers=workers, out=path)
         return
     if again:
@@ -148,13 +154,16 @@ def report(
         typer.Argument(metavar="LOG|DIR", help="A log; a campaign's folder, or one of logs.", show_default=False),
     ],
     output: Annotated[Path | None, output_option("HTML", "Default: beside the log.")] = None,
+    overwrite: OverwriteOption = False,
     json_: JsonOption = False,
 ) -> None:
     """Write one self-contained HTML page that shows a flight, what `cosim replay --map -o` made of a recording, or
     compares the logs of a folder; opens offline.
     """
     path = output or (log / "compare.html" if log.is_dir() else log.with_suffix(".html"))
-    reserve(path, taken={"the log": [log]}, endings=(".html", ".htm"))
+    from cosim.report.page import PAGE
+
+    reserve(path, PAGE, taken={"the log": [log]}, endings=(".html", ".htm"))
     if log.is_dir():
         from cosim.compare import compare as work
         from cosim.report import comparison_report
@@ -180,7 +189,8 @@ def compare(
             show_default=False,
         ),
     ] = None,
-    output: Annotated[Path, output_option("DIR", "Folder of report and table.")] = Path("logs/compare"),
+    output: Annotated[Path | None, output_option("DIR", "Write report and tables to this folder.")] = None,
+    overwrite: OverwriteOption = False,
     workers: WorkersOption = None,
     readme: ReadmeOption = None,
     detector: DetectorOption = None,
@@ -190,16 +200,20 @@ def compare(
     from cosim.cli.compare import compare as table
     from cosim.compare import compare as work
     from cosim.report import write_comparison
+    from cosim.report.compare_page import SIGNS
 
-    reserve(output / "compare.html")
+    if output:
+        for name, sign in SIGNS.items():
+            reserve(output / name, sign)
     if readme:
         from cosim.report.compare_markdown import targets, write
 
         for path in targets(readme):  # before a flight is flown
-            reserve(path)
+            reserve(path, None)
     with tables.progress(err, "flying" if not sources else "reading", unit="flights", waiting="preparing") as progress:
         made = work(sources or (), workers=workers, progress=progress, guests=detector or ())
-        write_comparison(made, output)
+        if output:
+            write_comparison(made, output)
     _left_out(made.damaged, "`cosim campaign --resume` flies their runs again")
     if readme:
         write(made, readme)

@@ -26,7 +26,7 @@ from cosim.cli.app import (
     out,
     served,
 )
-from cosim.cli.output import DetectorOption, JsonOption, log_name, named, output_option, reserve
+from cosim.cli.output import DetectorOption, JsonOption, OverwriteOption, log_name, named, output_option, reserve
 from cosim.errors import CosimError, did_you_mean
 from cosim.table import Cell, Table
 
@@ -43,6 +43,7 @@ def run(
     output: Annotated[
         Path | None, output_option("LOG", "Log file. Default: logs/<scenario>[+KEY=VALUE…].mcap.")
     ] = None,
+    overwrite: OverwriteOption = False,
     strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 when the flight departs.")] = False,
     report: Annotated[bool, typer.Option("--report", help="Write an HTML report beside the log.")] = False,
     live: Annotated[
@@ -71,11 +72,16 @@ def run(
         flown = identified(flown)
     variant = [*(set_ or ()), *(f"detector={file.stem}" for file in detector or ())]
     path = output or Path("logs") / f"{log_name(scenario, variant)}.mcap"
-    reserve(path, taken={"the scenario": [scenario], "a detector": detector or ()}, log=True)
-    overwritten = path.is_file()
-    from cosim.flight import journal
+    from cosim.log.format import OURS
 
-    journal.absent(path)
+    taken = {"the scenario": [scenario], "a detector": detector or ()}
+    reserve(path, OURS, taken=taken, log=True)
+    page = path.with_suffix(".html")
+    if report:
+        from cosim.report.page import PAGE
+
+        reserve(page, PAGE, taken=taken)
+    overwritten = path.is_file()
     from cosim.flight.compiling import prepare
     from cosim.flight.conditions import resolved
     from cosim.flight.detectors import left_out
@@ -100,7 +106,7 @@ def run(
     if report:
         from cosim.report import flight_report
 
-        found["report"] = str(flight_report(path, path.with_suffix(".html")))
+        found["report"] = str(flight_report(path, page))
     answer(json_, found, lambda _: flight.shown(found, flown))
     if found["status"] == "interrupted":
         raise typer.Exit(130)
@@ -135,19 +141,19 @@ def example(
         str | None, typer.Argument(metavar="[NAME]", help="Default: list them.", show_default=False)
     ] = None,
     output: Annotated[Path | None, output_option("FILE", "Default: NAME.py here.")] = None,
+    overwrite: OverwriteOption = False,
     json_: JsonOption = False,
 ) -> None:
     """Copy an example program into your folder, ready to run and to change."""
     from cosim.campaign.inventory import example as source
-    from cosim.files import replace_text
+    from cosim.files import marked, replace_text
 
     if name is None:
         return list_("examples", json_)
     text, path = source(name), output or Path(f"{name}.py")
-    if path.exists() and output is None:
-        raise CosimError("is there already", place=str(path), remedy="Name another file with -o")
-    reserve(path)
-    replace_text(path, text)
+    unchanged = marked(text.encode()[:4096].rstrip())  # one that the user has changed is the user's
+    reserve(path, unchanged)
+    replace_text(path, text, unchanged)
     answer(
         json_,
         {"example": name, "file": str(path)},
@@ -201,17 +207,19 @@ def linearize(
     scenario: ScenarioArg = DEFAULT,
     set_: SetOption = None,
     output: Annotated[Path | None, output_option("FILE", "Write A, B, C, D to .npz or .mat.")] = None,
+    overwrite: OverwriteOption = False,
     json_: JsonOption = False,
 ) -> None:
     """Trim at a scenario's flight point and show the modes of the bare airframe; write A, B, C, D."""
     from cosim.scenario import load_scenario
 
     flown = load_scenario(scenario, set_ or ())
-    if output:
-        reserve(output, taken={"the scenario": [scenario]}, endings=(".npz", ".mat"))
     from cosim.flight.plant.linearize import linearize as work
+    from cosim.flight.plant.linearize import model_file
     from cosim.flight.plant.point import FlightPoint
 
+    if output:
+        reserve(output, model_file, taken={"the scenario": [scenario]}, endings=(".npz", ".mat"))
     with named(scenario):
         model = work(FlightPoint.of(flown))
     if output:

@@ -8,13 +8,14 @@ from rich.text import Text
 
 from cosim.cli import tables
 from cosim.cli.app import answer, app, err
-from cosim.cli.output import JsonOption, WorkersOption, output_option, reserve
-from cosim.files import replace
+from cosim.cli.output import JsonOption, OverwriteOption, WorkersOption, output_option, reserve
+from cosim.files import columns, replace
 
 
 @app.command()
 def envelope(
     output: Annotated[Path, output_option("DIR", "Folder of page, picture and table.")] = Path("logs/envelope"),
+    overwrite: OverwriteOption = False,
     workers: WorkersOption = None,
     json_: JsonOption = False,
 ) -> None:
@@ -23,8 +24,11 @@ def envelope(
 
     paths = {key: output / f"envelope.{ending}" for key, ending in
              (("report", "html"), ("picture", "svg"), ("table", "csv"))}  # fmt: skip
-    for path in paths.values():
-        reserve(path)
+    from cosim.report.page import PAGE, PICTURE
+
+    signs = {"report": PAGE, "picture": PICTURE, "table": columns("mass_t", "cg_pct")}
+    for key, path in paths.items():
+        reserve(path, signs[key])
     with tables.progress(err, "trimming", unit="points", waiting="preparing the workers") as progress:
         trims = trim_map(workers=workers, progress=progress)
     from cosim.report import envelope_picture, envelope_report
@@ -32,7 +36,7 @@ def envelope(
     found = summary(trims)
     envelope_report(trims, found, paths["report"])
     envelope_picture(trims, paths["picture"])
-    replace(paths["table"], lambda part: trims.to_csv(part, index=False, float_format="%.6g"))
+    replace(paths["table"], lambda part: trims.to_csv(part, index=False, float_format="%.6g"), signs["table"])
     found |= {key: str(path) for key, path in paths.items()}
     answer(json_, found, shown)
 

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from cosim.cli import tables
 from cosim.cli.app import answer, app, err
-from cosim.cli.output import JsonOption, WorkersOption, output_option, reserve
+from cosim.cli.output import JsonOption, OverwriteOption, WorkersOption, output_option, reserve
 
 
 @app.command(name="false-alarms")
@@ -26,6 +26,7 @@ def false_alarms(
         str, typer.Option("--campaign", metavar="NAME", help="Fault-free campaign to fly: built-in name or file.")
     ] = "fault-free",
     output: Annotated[Path, output_option("DIR", "Folder of flights, page and table.")] = Path("logs/false-alarms"),
+    overwrite: OverwriteOption = False,
     workers: WorkersOption = None,
     json_: JsonOption = False,
 ) -> None:
@@ -34,18 +35,20 @@ def false_alarms(
     Flights are kept in DIR: a killed measurement goes on, and more --hours add to it.
     """
     from cosim.compare.false_alarms import false_alarms as work
-    from cosim.files import replace_text
+    from cosim.files import marked, replace_text
     from cosim.judge.result import plain
     from cosim.report import false_alarms_report
+    from cosim.report.page import PAGE
 
     paths = {"report": output / "false-alarms.html", "table": output / "false-alarms.json"}
-    for path in paths.values():
-        reserve(path)
+    measured = marked(b'{"campaign": ', b'"window_s": ')
+    reserve(paths["report"], PAGE)
+    reserve(paths["table"], measured)
     with tables.progress(err, "flying", unit="flights", waiting="preparing the workers") as progress:
         found = work(hours=hours, campaign=campaign, detectors=detectors or (), folder=output, workers=workers,
                      progress=progress)  # fmt: skip
     false_alarms_report(found, paths["report"])
-    replace_text(paths["table"], json.dumps(plain(found), allow_nan=False) + "\n")
+    replace_text(paths["table"], json.dumps(plain(found), allow_nan=False) + "\n", measured)
     told = {key: str(path) for key, path in paths.items()}
     answer(json_, plain(found | told), lambda _: shown(found, told))
 

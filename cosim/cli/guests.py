@@ -8,9 +8,13 @@ import typer
 
 from cosim.cli import tables
 from cosim.cli.app import answer, app, err, out
-from cosim.cli.output import JsonOption, output_option, reserve
-from cosim.errors import CosimError
+from cosim.cli.output import JsonOption, OverwriteOption, output_option, reserve
 from cosim.table import Cell, Table
+
+
+def edited(path: Path) -> bool:
+    """Tell of no file that it is the project's: what was drafted is there to be edited."""
+    return False
 
 
 @app.command()
@@ -20,6 +24,7 @@ def new(
     ],
     name: Annotated[str, typer.Argument(metavar="NAME", help="Lower-case letters, digits and _.")],
     output: Annotated[Path, output_option("DIR", "Folder of the files.")] = Path("."),
+    overwrite: OverwriteOption = False,
     json_: JsonOption = False,
 ) -> None:
     """Write a detector, law, actuator, aircraft or campaign of your own that runs, and its test: test_NAME.py."""
@@ -28,11 +33,9 @@ def new(
 
     made = {output / file: text for file, text in texts(name, what).items()}
     for path in made:
-        if path.exists():
-            raise CosimError("is there already", place=str(path), remedy="Choose another name, or a folder with -o")
-        reserve(path)
+        reserve(path, edited)
     for path, text in made.items():
-        replace_text(path, text)
+        replace_text(path, text, edited)
     test = output / f"test_{name}.py"
     main = output / name if what == "aircraft" else next(path for path in made if path != test)
     told = [f"wrote  {main}", f"wrote  {test}"]
@@ -43,20 +46,28 @@ def new(
 
 @app.command("map")
 def map_(
-    recording: Annotated[Path, typer.Argument(metavar="FILE", help="CSV, Parquet or MCAP.", show_default=False)],
+    recording: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Text, MATLAB, Parquet, MCAP, or a folder.", show_default=False)
+    ],
+    time: Annotated[
+        str | None, typer.Option("--time", metavar="COLUMN", help="The time column.", show_default=False)
+    ] = None,
+    aircraft: Annotated[
+        str | None, typer.Option("--aircraft", metavar="NAME", help="Whose detectors judge.", show_default=False)
+    ] = None,
     output: Annotated[Path | None, output_option("MAP.toml", "Default: print it.")] = None,
+    overwrite: OverwriteOption = False,
     json_: JsonOption = False,
 ) -> None:
     """Draft a map for a recording by its columns' names and ranges; check signs and units before you believe it."""
     from cosim.files import replace_text
     from cosim.replay.map_draft import draft
 
-    if output and output.exists():
-        raise CosimError("is there already", place=str(output), remedy="Choose another name with -o")
-    text = draft(recording)
     if output:
-        reserve(output, endings=(".toml",))
-        replace_text(output, text)
+        reserve(output, edited, taken={"the recording": [recording]}, endings=(".toml",))
+    text = draft(recording, time=time, aircraft=aircraft)
+    if output:
+        replace_text(output, text, edited)
     if json_:
         print(json.dumps({"map": str(output) if output else None, "toml": text}))
     elif output:

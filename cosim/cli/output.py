@@ -1,7 +1,6 @@
 """What commands share: --json, --workers, and finding out before a flight that its log cannot be written."""
 
 import hashlib
-import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -11,23 +10,24 @@ from typing import Annotated, Any
 import typer
 
 from cosim.errors import OutputError, ScenarioError
-from cosim.files import OTHER, TAKEN, locked
+from cosim.files import Part, Sign, failed, overwriting
 
-MAGIC = b"\x89MCAP0\r\n"  # how a log begins
 LONGEST = 100  # characters of a log's name
 
 
 def reserve(
     path: str | Path,
+    sign: Sign | None,
     *,
     taken: Mapping[str, Iterable[str | Path]] = {},
     endings: Sequence[str] = (),
     log: bool = False,
 ) -> None:
-    """Make the folder of `path` and open the file for writing once, leaving an existing one as it is.
+    """Find out before the work whether `path` can be written, leaving nothing but its folder; see cosim.files.claim.
 
-    `taken` are inputs that must not be overwritten, {what they are called: files}; `endings` the suffixes that are
-    possible. What is to become a `log` may take the place of a log alone. Raises OutputError.
+    `sign` tells the project's own files of this format, `taken` are inputs that must not be overwritten, {what they are
+    called: files}; `endings` the suffixes that are possible. To a `log` no killed flight may have left anything. Raises
+    OutputError.
     """
     path = Path(path)
     if endings and path.suffix not in endings:
@@ -35,44 +35,14 @@ def reserve(
     for what, files in taken.items():
         if path.exists() and any(Path(file).exists() and path.samefile(file) for file in files):
             raise OutputError(f"is {what} itself, it would be overwritten", place=str(path), remedy="Choose another -o")
-    if path.is_dir():
-        raise OutputError(
-            "is a folder, not a file", place=str(path), remedy=f"Choose a file: -o {path / 'flight.mcap'}"
-        )
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        behind, existed = Path(os.path.realpath(path)), path.exists()  # behind a link stands the file that is opened
-        with open(path, "ab", opener=_at_once) as file:
-            free = locked(file)
-            if free and not existed:
-                behind.unlink()  # while locked: a run that has opened it meanwhile looks whether it is still there
-    except (FileExistsError, NotADirectoryError):
-        raise OutputError("its folder is a file", place=str(path), remedy="Choose another place with -o") from None
+        Part(path, sign).drop()
     except OSError as error:
-        raise OutputError(
-            f"cannot be written: {error.strerror}", place=str(path), remedy="Choose another place with -o"
-        ) from None
-    if not free:
-        raise OutputError(TAKEN, place=str(path), remedy=OTHER)
-    if log and _no_log(path):
-        remedy = "Choose another -o, or remove it"
-        raise OutputError("holds something that is no log, it would be overwritten", place=str(path), remedy=remedy)
+        raise failed(error, path) from None
+    if log:
+        from cosim.flight import journal
 
-
-def _no_log(path):
-    """Tell whether a file holds anything but a log, be it whole or not."""
-    if not path.is_file():
-        return False
-    try:
-        with path.open("rb") as file:
-            begin = file.read(len(MAGIC))
-    except OSError:  # may be written, not read: nobody knows
-        return True
-    return begin != MAGIC[: len(begin)]
-
-
-def _at_once(path, flags):
-    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0), 0o666)  # a pipe that nobody reads is an error
+        journal.absent(path)
 
 
 def log_name(scenario: str, overrides: Iterable[str] = ()) -> str:
@@ -101,6 +71,15 @@ def output_option(metavar: str, about: str) -> Any:
     return typer.Option("--output", "-o", metavar=metavar, help=about)
 
 
+def _overwriting(ctx: typer.Context, allowed: bool):
+    """Let the command replace foreign files until it ends."""
+    ctx.with_resource(overwriting(allowed))
+
+
+OverwriteOption = Annotated[
+    bool,
+    typer.Option("--overwrite", callback=_overwriting, help="Replace what is there, even if cosim did not write it."),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 WorkersOption = Annotated[
     int | None, typer.Option("--workers", min=1, help="Processes. Default: one per core.", show_default=False)

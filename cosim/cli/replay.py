@@ -12,9 +12,10 @@ from rich.text import Text
 
 from cosim.cli.app import LIVE_PORT, LogArg, PortOption, SpeedOption, answer, app, err, notes, only_live, served
 from cosim.cli.flight import before
-from cosim.cli.output import DetectorOption, JsonOption, output_option, reserve
+from cosim.cli.output import DetectorOption, JsonOption, OverwriteOption, output_option, reserve
 from cosim.cli.tables import progress as bar
 from cosim.cli.tables import whole
+from cosim.files import LEFT
 from cosim.table import DASH, Table
 
 SHOWN = 12  # differences in the table; all of them are in --json
@@ -39,13 +40,17 @@ def replay(
     ] = 0.0,
     map_: Annotated[
         Path | None,
-        typer.Option("--map", metavar="MAP.toml", help="Diagnose a foreign CSV, Parquet or MCAP by this map (README)."),
+        typer.Option("--map", metavar="MAP.toml", help="Diagnose a recording, file or folder, by this map (README)."),
     ] = None,
     on_reset: Annotated[
         Literal["split", "offset"] | None,
         typer.Option("--on-reset", help="With --map: where the clock goes back, stretches apart or joined."),
     ] = None,
+    time: Annotated[
+        str | None, typer.Option("--time", metavar="COLUMN", help="With --map: the time column.", show_default=False)
+    ] = None,
     output: Annotated[Path | None, output_option("LOG", "Write old and new outputs to a log.")] = None,
+    overwrite: OverwriteOption = False,
     live: Annotated[
         bool, typer.Option("--live", help="Run nothing: show the log in Foxglove, played and scrubbed (README).")
     ] = False,
@@ -76,10 +81,9 @@ def replay(
         detector = [*(detector or ()), *_attached(log, Path(aside))]
     taken = {"the log": [log], "a detector": detector or (), "the map": [map_] if map_ else ()}
     if output:
-        from cosim.flight import journal
+        from cosim.log.format import OURS
 
-        reserve(output, taken=taken, log=True)
-        journal.absent(output)
+        reserve(output, OURS, taken=taken, log=True)
     overwritten = output is not None and output.is_file()
     from cosim.replay.params import overrides
 
@@ -92,10 +96,10 @@ def replay(
         for part in itertools.count() if on_reset == "split" else (0,):
             path = output.with_stem(f"{output.stem}-{part + 1}") if output and part else output
             if part and path and path.exists():
-                reserve(path, taken=taken, log=True)
+                reserve(path, OURS, taken=taken, log=True)
             overwritten = path is not None and path.is_file()
             try:
-                done = diagnose(log, map_, output=path, part=part, on_reset=on_reset, **how).to_dict()
+                done = diagnose(log, map_, output=path, part=part, on_reset=on_reset, time=time, **how).to_dict()
                 stretches.append(done | {"overwritten": overwritten})
             except IndexError:
                 break
@@ -129,7 +133,10 @@ def _attached(log, folder):
 @app.command()
 def recover(
     log: LogArg,
-    output: Annotated[Path | None, output_option("LOG", "Default: LOG with .recovered before its ending.")] = None,
+    output: Annotated[
+        Path | None, output_option("LOG", "Default: LOG, or LOG with .recovered before its ending if there is one.")
+    ] = None,
+    overwrite: OverwriteOption = False,
     trust: Annotated[
         bool, typer.Option("--trust", help="Run the code that the journal of a killed flight names.")
     ] = False,
@@ -139,23 +146,27 @@ def recover(
 
     Of a flight by hand or live that was killed, which writes its log at its end, fly again what it had come to.
     """
+    from cosim.files import left_by
     from cosim.flight import journal
     from cosim.log import recover as work
+    from cosim.log.format import OURS
 
-    log = Path(str(log).removesuffix(".flown.toml"))
+    log = Path(str(log).removesuffix(".flown.toml").removesuffix(LEFT))
+    path = output or (log.with_suffix(f".recovered{log.suffix}") if log.exists() else log)
     if journal.beside(log).is_file():
-        path = output or (log.with_suffix(f".recovered{log.suffix}") if log.exists() else log)
-        reserve(path, log=True)
-        if path.resolve() != log.resolve():
-            journal.absent(path)
+        reserve(path, OURS, log=path.resolve() != log.resolve())
         with bar(err, f"flying {log.stem} again", waiting="preparing") as progress:
             again = journal.recover(log, path, trust=trust, progress=progress)
         answer(json_, again, lambda _: whole(flown_again(again)))
         return
-    path = output or log.with_suffix(f".recovered{log.suffix}")
-    reserve(path, taken={"the log": [log]}, log=True)
-    journal.absent(path)
-    found = work(log, path)
+    left = left_by(log)
+    from_part = left.is_file()
+    if not from_part:
+        path = output or log.with_suffix(f".recovered{log.suffix}")
+    reserve(path, OURS, taken={"the log": [left if from_part else log]}, log=path.resolve() != log.resolve())
+    found = work(left if from_part else log, path)
+    if from_part and len(found["lost"]) < 2:  # all but its open end is in the new log
+        left.unlink()
     answer(json_, found, recovered)
 
 

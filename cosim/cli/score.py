@@ -9,7 +9,7 @@ from rich.text import Text
 
 from cosim.cli import tables
 from cosim.cli.app import answer, app, err
-from cosim.cli.output import JsonOption, ReadmeOption, WorkersOption, output_option, reserve
+from cosim.cli.output import JsonOption, OverwriteOption, ReadmeOption, WorkersOption, output_option, reserve
 
 FEW = 3  # detectors, up to which every family is shown
 MOST = 12  # pairs that are shown
@@ -26,6 +26,7 @@ def score(
         ),
     ] = None,
     output: Annotated[Path, output_option("DIR", "Folder of page and table.")] = Path("logs/score"),
+    overwrite: OverwriteOption = False,
     seeds: Annotated[
         Path | None,
         typer.Option("--seeds", metavar="FILE", help="A sealed set: seed, first_seed.", show_default=False),
@@ -57,11 +58,13 @@ def score(
     from cosim.compare.score.flights import QUICK
     from cosim.compare.score.table import differences
     from cosim.report import markdown
+    from cosim.report.score_page import SIGNS
 
     chosen = list(detectors or ())
     held = stored(verify, chosen, seeds) if verify else None
     if not held:
-        reserve(output / "score.json")
+        for name, sign in SIGNS.items():
+            reserve(output / name, sign)
         if readme:
             markdown.read(readme)
     limit = held.limit if held else QUICK if quick and limit is None else limit

@@ -10,8 +10,8 @@ from rich.console import Group
 
 from cosim.cli import tables
 from cosim.cli.app import answer, app, err, out
-from cosim.cli.output import JsonOption, ReadmeOption, WorkersOption, output_option, reserve
-from cosim.files import replace
+from cosim.cli.output import JsonOption, OverwriteOption, ReadmeOption, WorkersOption, output_option, reserve
+from cosim.files import columns, replace
 from cosim.table import Cell, Row, Table
 from cosim.training import TRAINERS
 
@@ -20,6 +20,7 @@ from cosim.training import TRAINERS
 def reproduce(
     paper: Annotated[str, typer.Argument(metavar="[PAPER]", help="lu17, jay, sun13, mar10, alwi14 or all.")] = "all",
     output: Annotated[Path, output_option("DIR", "Folder of page and rows.")] = Path("logs"),
+    overwrite: OverwriteOption = False,
     readme: ReadmeOption = None,
     break_: Annotated[
         bool, typer.Option("--break", help="Instead break the methods and see which rows notice.")
@@ -49,8 +50,11 @@ def reproduce(
         answer(json_, {"broken": [asdict(b) for b in seen]}, lambda _: made(seen))
         raise typer.Exit(0 if all(b.seen for b in seen) else 1)
     page, table = (output / f"reproduce-{paper}.{ending}" for ending in ("html", "csv"))
-    for path in (page, table):
-        reserve(path)
+    from cosim.report.page import PAGE
+
+    listed = columns("paper", "item", "says")
+    reserve(page, PAGE)
+    reserve(table, listed)
     with tables.progress(err, f"reproducing {paper}", unit="rows", waiting="preparing") as progress:
         rows, drawings = work(paper, progress=progress, workers=workers)
     from cosim.report import reproduction_report
@@ -59,7 +63,7 @@ def reproduce(
     found: dict = {"counts": counts(rows), "report": written, "table": str(table)}
     found["rows"] = [asdict(r) for r in rows]
     frame = DataFrame(found["rows"])
-    replace(table, lambda part: frame.to_csv(part, index=False))
+    replace(table, lambda part: frame.to_csv(part, index=False), listed)
     if readme:
         from cosim.report.papers_markdown import write
         from cosim.report.papers_picture import write as pictures

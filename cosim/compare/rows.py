@@ -11,8 +11,9 @@ concerned                          it has a lane on the faulty part (aircraft le
 idle                               it could not judge: not valid; why_not_valid says why, valid_share how much of a
                                    flight it was valid
 detected, delay_s, delay_periods, class     of the first lane that noticed, and of that lane:
-first_verdict, right, first_right, time_to_right_s, right_after_motion_s, not_excited, class_changes, ambiguous_s,
-alarm_share, withdrawn, withdrawn_after_s       as cosim/judge/noticed.py
+first_verdict, right, class_given, place_given, place_level, first_right, first_sure_wrong, time_to_right_s,
+right_after_motion_s, not_excited, class_changes, ambiguous_s, alarm_share, withdrawn, withdrawn_after_s: as
+cosim/judge/noticed.py
 outcome                            a word of cosim.judge.naming.outcome, or echo: it alarms in this manoeuvre without a
                                    fault as well; null when fault-free
 false_alarms, standing_s           over all lanes
@@ -32,7 +33,7 @@ from cosim.campaign.worker import run_id
 from cosim.judge import coverage
 from cosim.judge import row as judged
 from cosim.judge.achieved import NAMES as ACHIEVED
-from cosim.judge.naming import outcome
+from cosim.judge.naming import NOT_GIVEN, outcome
 from cosim.replay import door
 from cosim.replay.guest import tell
 from cosim.scenario import Scenario, parse
@@ -172,11 +173,11 @@ def _row(run, detector, lanes, whole, about, fault):
     each = about["each"][fault] if fault is not None else _fault(None, None, ())
     able = any(_true(lane.get("able", True)) for lane in mine or lanes)
     said = {k: best[k] if _given(best.get(k)) else None for k in ("isolated_class", "first_verdict", "withdrawn")}
-    right = _true(best.get("right"))
+    given = {k: best[k] if _given(best.get(k)) else NOT_GIVEN for k in ("class_given", "place_given")}
     how = None
     if fault is not None:
-        how = outcome(detector, each["case"], seen=bool(seen), is_right=right, verdict=said["isolated_class"],
-                      able=able)  # fmt: skip
+        how = outcome(detector, each["case"], seen=bool(seen), class_=given["class_given"],
+                      place=given["place_given"], able=able)  # fmt: skip
     estimates = [lane for lane in lanes if _given(lane["estimate_rmse"])]
     return {
         "run": run,
@@ -198,8 +199,11 @@ def _row(run, detector, lanes, whole, about, fault):
         "detected": bool(seen),
         "class": said["isolated_class"],
         "first_verdict": said["first_verdict"],
-        "right": right,
+        "right": _true(best.get("right")),
+        **given,
+        "place_level": best["place_level"] if _given(best.get("place_level")) else "",
         "first_right": _true(best.get("first_right")),
+        "first_sure_wrong": _true(best.get("first_sure_wrong")),
         "not_excited": _true(told.get("not_excited")),
         "withdrawn": said["withdrawn"],
         **{k: _number(best, k) for k in NUMBERS},

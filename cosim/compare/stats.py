@@ -9,6 +9,7 @@ import pandas as pd
 from cosim.compare import metrics, pod
 from cosim.compare.rows import FAMILIES
 from cosim.judge.coverage import BLIND, DESIGNED, MAY, UNDECLARED, group
+from cosim.judge.naming import LEVELS, RIGHT, WRONG
 from fdi.common.record import GROUPS
 from fdi.registry import SHIPPED
 
@@ -47,7 +48,7 @@ WORDS = ("named", "ambiguous", "misnamed", "idle", "not_excited", "missed")
 def score(rows: pd.DataFrame) -> dict:
     """Return what came of the faults `rows`: counts that add up to `designed`, and times [s]; a fault that was missed,
     or never named right, counts as an endless time. Flights in which the detector could not judge stay in.
-    `first_fair`: the first name was right or ambiguous; `held`: the alarm stood HELD of the time or more;
+    `first_fair`: the first name with a class was not wrong; `held`: the alarm stood HELD of the time or more;
     `changed_often`: more than one change of class; `motion_s`: right name, from when the rod had moved 1 mm.
     """
     came, n = came_of_it(rows), len(rows)
@@ -62,7 +63,7 @@ def score(rows: pd.DataFrame) -> dict:
         "detection_low": low,
         "detection_high": high,
         "why_not_valid": why.mode().iloc[0] if len(why) else None,
-        "first_fair": int((rows["first_right"] | (rows["detected"] & (rows["first_verdict"] == "ambiguous"))).sum()),
+        "first_fair": int((rows["detected"] & ~rows["first_sure_wrong"]).sum()),
         "changed_often": int((rows["class_changes"] > 1).sum()),
         "held": int((rows["alarm_share"] >= HELD).sum()),
         "ambiguous_s": float(rows["ambiguous_s"].sum()),
@@ -86,6 +87,22 @@ def designed_for(rows: pd.DataFrame) -> pd.DataFrame:
     return rows[(rows["word"] == DESIGNED) & rows["concerned"]]
 
 
+def names(rows: pd.DataFrame) -> dict:
+    """Return how the faults `rows` that were detected were named, designed for or not: counts of class and place right
+    and wrong, of places right by their finest level, and of names with either wrong."""
+    seen = rows[rows["detected"] & rows["concerned"]]
+    wrong = (seen["class_given"] == WRONG) | (seen["place_given"] == WRONG)
+    return {
+        "alarmed_on": len(seen),
+        "class_right": int((seen["class_given"] == RIGHT).sum()),
+        "class_wrong": int((seen["class_given"] == WRONG).sum()),
+        "place_right": int((seen["place_given"] == RIGHT).sum()),
+        "place_wrong": int((seen["place_given"] == WRONG).sum()),
+        "place_levels": {n: int((seen["place_level"] == n).sum()) for n in LEVELS[1:]},
+        "name_wrong": int(wrong.sum()),
+    }
+
+
 def detectors(rows: pd.DataFrame, timing: pd.DataFrame | None = None) -> list[dict]:
     """Return a dict per detector: `score` over what it was designed for, false alarms and standing alarms over all."""
     cost = {} if timing is None else timing[timing["id"].notna()].groupby("id")["step_us"].median().to_dict()
@@ -101,6 +118,7 @@ def detectors(rows: pd.DataFrame, timing: pd.DataFrame | None = None) -> list[di
                 "id": name,
                 "level": own["level"].iloc[0],
                 **score(designed_for(own)),
+                **names(own),
                 "availability": float(own["valid_share"].mean()),
                 "standing_s": float(own["standing_s"].sum()),
                 "misnamed_all": int((own["outcome"] == "misnamed").sum()),

@@ -196,7 +196,7 @@ def probabilities(each: Iterable[dict]) -> Table:
     columns = (NAME, Column("while a fault lasts", lambda d: number(d["log_fault"])),
                Column("without a fault", lambda d: number(d["log_none"])))  # fmt: skip
     note = (
-        "Mean over flights of ln p of the truth: of the right class, or ambiguous, while a fault lasts; of none before "
+        "Mean over flights of ln p of the truth: of the right class while a fault lasts; of none before "
         "it and without one. 0 is certain and right; -2.3 is what says nothing at all."
     )
     return of(columns, [d for d in each if d["log_fault"] is not None or d["log_none"] is not None], caption=note)

@@ -13,7 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from cosim.errors import CosimError, OutputError, ScenarioError
-from cosim.files import OTHER, TAKEN, locked, replace, replace_text
+from cosim.files import OTHER, TAKEN, claim, locked, replace, replace_text
+from cosim.log.format import OURS
+from cosim.log.sink import free
 from cosim.scenario import load_scenario
 
 EVERY_S = 0.5  # of the wall clock, at least, from one writing to the next
@@ -26,8 +28,10 @@ def beside(log: str | os.PathLike) -> Path:
 
 
 def absent(log: str | os.PathLike) -> None:
-    """Raise OutputError where a log has a journal: a flight to it is in the air, or was killed there."""
+    """Raise OutputError where a log has a journal, or a part: a flight to it is in the air, or was killed there."""
     _landed(log)
+    claim(log, OURS)
+    free(log)
     if beside(log).is_file():
         remedy = f"`cosim recover {log}` makes its log; or choose another -o"
         raise OutputError("a flight that was killed, or not closed, left its journal", place=str(log), remedy=remedy)

@@ -50,14 +50,42 @@ def expected(detector: str, case: str) -> Expected:
     return Expected(UNDECLARED, (true_class(case),))
 
 
-def true_class(case: str) -> str:
-    """Return the verdict class that names a case: its kind where that is a class, "sensor" for a sensor's fault."""
+TRUE = {  # kind of a fault -> verdict classes that name it, the usual one first
+    "jam_liquid": ("jam_liquid", "sensor"),
+    "jam": ("jam_solid",),
+    "hardover": ("runaway",),
+    "bias": ("jam_liquid",),  # of the command: the surface stands off by it
+    "engine": ("thrust",),
+}
+LOOP = ("rod", "position")  # sensors whose offset closes a loop in the wrong place: a liquid jam [Lu17]
+
+
+def true_classes(case: str, kind: str = "") -> tuple[str, ...]:
+    """Return the verdict classes that name a case, the usual one first; the same for every detector.
+
+    An actuator that obeys too little (loss of effectiveness, supply, leakage, soft oil, magnets, winding, friction,
+    backlash, free float) is "effectiveness". `kind` is that of the fault, where the case does not tell: of another
+    surface (jam or runaway) and of a sensor that oscillates in its actuator's loop.
+    """
     group, _, rest = case.partition(".")
-    kind = (rest or group).partition("@")[0]
-    if group == "sensor" or kind in ACTUATOR_SENSORS:
-        return "sensor"
-    others = {"engine": "thrust", "jam": "jam_solid", "rudder": "jam_solid", "aileron": "jam_solid"}
-    return kind if kind in NAMES else others.get(kind, "effectiveness" if rest else "ambiguous")
+    what, _, at = (rest or group).partition("@")
+    if group == "sensor":
+        return ("sensor",)
+    if what in ACTUATOR_SENSORS:
+        swings = ("ofc_liquid",) if kind == "oscillation" else ()
+        return ("sensor", *(("jam_liquid",) if kind in ("", "bias") else ()), *swings) if what in LOOP else ("sensor",)
+    if what == "ofc_liquid" and at == "sensor":
+        return ("ofc_liquid", "sensor")
+    if what == "bias" and at == "sensor":
+        return ("jam_liquid", "sensor")
+    if group in ("aileron", "rudder", "stabiliser"):
+        return {"jam": ("jam_solid",), "runaway": ("runaway",)}.get(kind, ("jam_solid", "runaway"))
+    return TRUE.get(what, (what,) if what in NAMES else ("effectiveness",) if rest else ())
+
+
+def true_class(case: str) -> str:
+    """Return the usual verdict class of a case, "ambiguous" where no class names it."""
+    return next(iter(true_classes(case)), "ambiguous")
 
 
 def group(detector: str, level: str) -> str:

@@ -50,10 +50,9 @@ def entries(lanes: Sequence[Mapping[str, Any]], cases: Sequence[str] = ()) -> li
         for own in lane.get("by_fault") or [{}]:
             e = {"outcome": None, "case": None, **lane, **own}
             if cases and e.get("fault") is not None:
-                said, seen = e["isolated"] or {}, e["detection_delay_s"] is not None
                 e["case"] = cases[e["fault"]]
-                e["outcome"] = outcome(e["id"], e["case"], seen=seen, is_right=bool(e["right"]),
-                                       verdict=said.get("class"), able=e["able"])  # fmt: skip
+                e["outcome"] = outcome(e["id"], e["case"], seen=e["detection_delay_s"] is not None, able=e["able"],
+                                       class_=e["class_given"], place=e["place_given"])  # fmt: skip
             out.append(e)
     return out
 

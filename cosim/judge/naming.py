@@ -1,49 +1,100 @@
-"""Whether what a lane says is the right name of a fault: its class, and the part that it blames.
+"""Whether a name given to a fault is right: its class and its place, each right, wrong or not given.
 
-A name says the class. `ambiguous` is none, with one exception: where a detector cannot tell the class by structure
-(its record expects nothing but `ambiguous`), the part that it blames is the name.
+The truth is the fault's alone (`true_classes`, `true_places`), never a detector's record, so that names compare
+between detectors. `ambiguous` is a class not given. A place counts by what it excludes: an engine or a sensor by its
+number or name (channel), an actuator by segment, side or axis, the finest of which is `level`.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
-from cosim.judge.coverage import BLIND, DESIGNED, expected
+from cosim.judge.coverage import BLIND, DESIGNED, expected, true_classes
+from cosim.scenario.catalog import LOOP_SENSOR
 
 AMBIGUOUS, SENSOR = "ambiguous", "sensor"
+RIGHT, WRONG, NOT_GIVEN = "right", "wrong", "not given"
+AXIS, SIDE, SEGMENT, CHANNEL = "axis", "side", "segment", "channel"  # levels of a place, from coarse to fine
+LEVELS = ("", AXIS, SIDE, SEGMENT, CHANNEL)
 BOTH = " and "  # between parts that are blamed together
 
 
-def right(detector: str, case: str, targets: Iterable[str], level: str, verdict: str, culprit: str) -> bool:
-    """Return whether class `verdict` and part `culprit` ("" for none) are the right name of a fault.
+@dataclass(frozen=True)
+class Name:
+    """How a name stands to a fault."""
 
-    `case` and `targets` are those of the fault (cosim.judge.result.judged).
+    class_: str  # RIGHT, WRONG or NOT_GIVEN
+    place: str  # likewise
+    level: str  # finest level at which the place is right, "" where it is not
+    elsewhere: bool = False  # it names another fault that is there, and not this one
+
+    @property
+    def right(self) -> bool:
+        """Whether both class and place are right."""
+        return self.class_ == RIGHT and self.place == RIGHT
+
+    @property
+    def wrong(self) -> bool:
+        """Whether class or place is wrong."""
+        return WRONG in (self.class_, self.place)
+
+
+def name_of(fault: Mapping, level: str, verdict: str, part: str, others: Sequence[Mapping] = ()) -> Name:
+    """Return how class `verdict` and `part` ("" for none, several with BOTH between) stand to `fault`.
+
+    `fault` has `case`, `kind` and `targets` (cosim.judge.result.judged), `level` is the detector's, "local" on the
+    segment that it watches or "aircraft". Every part blamed must be one of this fault or of the `others`, which are
+    there at the same time: an accused part that is healthy makes the place wrong. What names one of the `others` and
+    not this fault is said of that one.
     """
-    classes = set(expected(detector, case).classes)
-    if verdict == AMBIGUOUS:
-        return classes == {AMBIGUOUS} and culprit != "" and blames(culprit, targets, level)
-    if verdict not in classes:
-        return False
-    return blames(culprit, targets, level) if culprit else verdict != SENSOR
+    mine = _name(fault, level, verdict, part, others)
+    if not mine.right:
+        for f in others:
+            theirs = _name(f, level, verdict, part, (fault,))
+            if theirs.right or (part and theirs.place == RIGHT and mine.place == WRONG):
+                return Name(NOT_GIVEN, NOT_GIVEN, "", elsewhere=True)
+    return mine
 
 
-def blames(culprit: str, targets: Iterable[str], level: str) -> bool:
-    """Return whether every one of `targets` is what `culprit` names, perhaps several parts with " and " between."""
-    return all(any(_is(part, target, level) for part in culprit.split(BOTH)) for target in targets)
+def _name(fault, level, verdict, part, others):
+    """Return the Name of what is said, taken as said of `fault`."""
+    if verdict in ("none", AMBIGUOUS):
+        class_ = NOT_GIVEN
+    else:
+        class_ = RIGHT if verdict in true_classes(fault.get("case") or "", fault.get("kind") or "") else WRONG
+    place, finest = _place(fault, level, [p for p in part.split(BOTH) if p], others)
+    if verdict == SENSOR and not part:  # which sensor is the name
+        place, finest = NOT_GIVEN, ""
+    return Name(class_, place, finest)
 
 
-def members_of(culprits: Iterable[str], targets: Iterable[str], level: str) -> list[str]:
-    """Return those of `culprits` that name at least one of `targets`."""
-    targets = list(targets)
-    return [c for c in culprits if c and any(_is(c, t, level) for t in targets)]
+def blames(part: str, fault: Mapping, level: str) -> bool:
+    """Return whether every place of `fault` is one that `part` names, perhaps several with BOTH between."""
+    parts = [p for p in part.split(BOTH) if p]
+    return bool(parts) and all(any(_level(p, t, level) for p in parts) for t in true_places(fault))
+
+
+def members_of(parts: Iterable[str], fault: Mapping, level: str) -> list[str]:
+    """Return those of `parts` that name at least one place of `fault`."""
+    return [p for p in parts if p and any(_level(p, t, level) for t in true_places(fault))]
+
+
+def true_places(fault: Mapping) -> tuple[str, ...]:
+    """Return where a fault is: its targets, with the sensor that closes the loop where that is what is wrong."""
+    case = fault.get("case") or ""
+    technology, _, kind = case.partition(".")
+    inside = kind == "jam_liquid" or kind.endswith("@sensor")
+    loop = LOOP_SENSOR.get(technology, "") if inside else ""
+    return tuple(f"{t}.{loop}" if loop and t.count(".") == 1 else t for t in fault["targets"])
 
 
 def outcome(
-    detector: str, case: str, *, seen: bool, is_right: bool = False, verdict: str | None = None, able: bool = True
+    detector: str, case: str, *, seen: bool, class_: str = NOT_GIVEN, place: str = NOT_GIVEN, able: bool = True
 ) -> str:
     """Return what came of a case: one word.
 
-    named       seen, and the last name is right
-    ambiguous   seen, and called ambiguous or nothing
-    misnamed    seen under another name
+    named       seen, class and place of the last name right
+    ambiguous   seen, nothing wrong in the name, but class or place not given
+    misnamed    seen, class or place wrong
     missed      designed for it, could judge, and missed it
     quiet       not designed for it, and quiet
     idle        could not judge
@@ -54,17 +105,37 @@ def outcome(
         return "idle" if not able else "missed" if word == DESIGNED else "quiet"
     if word == BLIND:
         return "bonus"
-    if is_right:
-        return "named"
-    return "ambiguous" if verdict in (None, "none", AMBIGUOUS) else "misnamed"
+    given = Name(class_, place, "")
+    return "misnamed" if given.wrong else "named" if given.right else "ambiguous"
 
 
-def _is(part, target, level):
+def _place(fault, level, parts, others):
+    """Return (RIGHT, WRONG or NOT_GIVEN; finest level) of the places `parts` for `fault`."""
+    here = true_places(fault)
+    if not parts:  # a local lane watches one segment: that is its place
+        return (RIGHT, SEGMENT) if level == "local" else (NOT_GIVEN, "")
+    there = [t for f in others for t in true_places(f)]
+    if not all(any(_level(p, t, level) for t in (*here, *there)) for p in parts):
+        return WRONG, ""
+    found = [[_level(p, t, level) for p in parts] for t in here]
+    if not all(any(levels) for levels in found):
+        return WRONG, ""
+    return RIGHT, min((max(levels, key=LEVELS.index) for levels in found), key=LEVELS.index)
+
+
+def _level(part, target, level):
+    """Return at which of LEVELS `part` names `target`, "" where it names another place."""
     place, *rest = target.split(".")
-    if place == "elevator" and level == "local":  # its culprits are sensors; a fault of none may be blamed on any
-        return part == rest[1] if len(rest) > 1 else True
+    if place == "elevator" and level == "local":
+        return CHANNEL if len(rest) > 1 and part == rest[1] else ""
     if place == "elevator":
-        return part in ("elevator", f"elevator_{rest[0].split('_')[0]}", f"elevator_{rest[0]}")
+        side = rest[0].split("_")[0]
+        names = {"elevator": AXIS, f"elevator_{side}": SIDE, f"elevator_{rest[0]}": SEGMENT}
+        return names.get(part, "")
     if place == "engine":
-        return part in ("engine", "thrust", f"engine_{rest[0]}")
-    return part == (rest[0] if place == "sensor" else place)
+        return CHANNEL if rest and part == f"engine_{rest[0]}" else AXIS if part in ("engine", "thrust") else ""
+    if place == "sensor":
+        return CHANNEL if part == rest[0] else ""
+    if part == "_".join((place, *rest)):
+        return CHANNEL
+    return AXIS if part == place else ""

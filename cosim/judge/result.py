@@ -18,7 +18,8 @@ __all__ = ["Result", "Watch", "concerns", "errors", "judge", "judged", "largest"
 SETTLE_S = 8.0  # from when on every detector should be able to judge, or half of a flight that is shorter than 16 s
 OF_A_FAULT = (  # what an entry says of the fault that its figures are about (cosim/judge/noticed.py)
     *("fault", "detected_at_s", "detection_delay_s", "detection_delay_periods", "isolated", "named_at_s"),
-    *("first_verdict", "right", "first_right", "time_to_right_s", "right_after_motion_s", "not_excited"),
+    *("first_verdict", "right", "class_given", "place_given", "place_level", "first_right", "first_sure_wrong"),
+    *("time_to_right_s", "right_after_motion_s", "not_excited"),
     *("class_changes", "ambiguous_s", "alarm_share", "withdrawn_after_s", "withdrawn", "valid_at_fault"),
 )
 

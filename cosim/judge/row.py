@@ -11,7 +11,8 @@ ONCE = {  # on the first of a lane's rows only, so that sums over rows count not
     **dict.fromkeys(("estimate_rmse", "estimate_bias", "estimate_max", "estimate_unit")),
 }
 FAULT = (
-    *("fault", "detected_at_s", "right", "first_right", "time_to_right_s", "right_after_motion_s", "not_excited"),
+    *("fault", "detected_at_s", "right", "class_given", "place_given", "place_level", "first_right"),
+    *("first_sure_wrong", "time_to_right_s", "right_after_motion_s", "not_excited"),
     *("class_changes", "ambiguous_s", "alarm_share", "withdrawn_after_s", "withdrawn", "valid_at_fault"),
 )
 

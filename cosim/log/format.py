@@ -14,9 +14,11 @@ import numpy as np
 from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorSet
 
 from cosim.errors import LogError
+from cosim.files import marked
 
 FORMAT = "1"  # of the rules in this package; a reader refuses any other
 LIBRARY = f"cosim-log {FORMAT}"
+OURS = marked(b"\x89MCAP0", b"cosim-log ")  # the sign of a log that the project wrote, be it whole or not
 MAX_FIELDS = 2047  # the largest field number whose tag still takes two bytes
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 _TOPIC = re.compile(r"(/[A-Za-z0-9_]+)+\Z")

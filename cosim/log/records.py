@@ -75,7 +75,7 @@ def pack_chunk(
     `data` are the parts of the compressed `content` of the ticks k0 <= k < k0 + n; `tail` is
     {channel id: [(time, offset), ...]}.
     """
-    start, end, size, crc = k0 * layout.dt_ns, (k0 + n - 1) * layout.dt_ns, len(content), crc32(content)
+    start, end, size, crc = k0 * layout.dt_ns, (k0 + n - 1) * layout.dt_ns, len(content), crc32(content.data)
     held = sum(map(len, data))
     head = _chunk_head(start, end, size, crc, compression, held)
     plan, length = layout.plan(k0, n), len(head) + held

@@ -7,8 +7,6 @@ import os
 from pathlib import Path
 from typing import Any
 
-from cosim.files import beside
-
 from .chunk import HEAD
 from .format import Limits, LogError, log_error
 from .load import drop_damaged_chunks, load_chunk
@@ -23,8 +21,8 @@ def recover(path: str | Path, out: str | Path, *, limits: Any = None) -> dict[st
 
     The report: `out`, `chunks`, `ticks`, `duration_s`, `complete` (nothing of the run was lost), `parameters_intact`
     (all before the first tick is as written), and `lost`, a list of {offset, bytes, reason}. The new log holds it as
-    metadata `recovered`. Raises LogError when nothing can be read, or `out` is the log itself; OutputError or LogError
-    when it cannot be written, and what was there stays.
+    metadata `recovered`. Raises LogError when nothing can be read, or `out` is the log itself; or when it
+    cannot be written, and what was there stays.
     """
     if os.path.exists(out) and os.path.exists(path) and os.path.samefile(path, out):
         raise log_error("a log cannot be recovered onto itself", os.fspath(out), remedy="Give another place (-o).")
@@ -37,8 +35,7 @@ def recover(path: str | Path, out: str | Path, *, limits: Any = None) -> dict[st
     lost = [{"offset": d.offset, "bytes": d.length, "reason": d.reason} for d in found.damage]
     texts = {"ticks": str(ticks), "parameters_intact": str(found.trusted).lower()}
     texts |= {f"lost {i}": f"{d.length} bytes at {d.offset}: {d.reason}" for i, d in enumerate(found.damage)}
-    with beside(out) as part:
-        _rewrite(found, part, {**metadata, "recovered": texts}, result)
+    _rewrite(found, out, {**metadata, "recovered": texts}, result)
     end = (found.chunks[-1].end_ns + found.dt_ns) / 1e9 if found.chunks else 0.0
     return {
         "out": os.fspath(out),

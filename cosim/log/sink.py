@@ -2,26 +2,30 @@
 
 import hashlib
 import os
-import stat
+import struct
 from collections.abc import Mapping, Sequence
 from typing import Any
 from zlib import crc32
 
 from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
-from cosim.files import FULL, OTHER, TAKEN, open_alone
+from cosim.errors import CosimError, OutputError
+from cosim.files import FULL, Part, claim, left_by, overwrites
 
-from .format import LIBRARY, ChunkRef, log_error
+from .format import LIBRARY, OURS, ChunkRef, log_error
 from .records import MAGIC, closing
 
+_RECORD = struct.Struct("<BQ")  # opcode and length, before the content of a record
 _ELSEWHERE = "Choose another place (-o)."
 
 
 class Sink:
-    """Hold one file being written; `ids` maps topics to channel ids. Methods raise LogError when writing fails.
+    """Hold one log being written; `ids` maps topics to channel ids. Methods raise LogError when writing fails.
 
-    What has been written then stays for `recover`, where it holds a tick and is to be `kept`.
+    It is written beside `path` and takes its place in `finish`. Where it is to be `kept`, a kill or a full disk leaves
+    `path`.part for `recover`, as far as that holds a tick; otherwise nothing.
     """
 
     def __init__(self, path: str | os.PathLike, *, kept: bool = True):
@@ -35,12 +39,14 @@ class Sink:
         self._attachments: list[tuple[int, int, Attachment]] = []
         self._digest = hashlib.sha256()
         try:
-            file = open_alone(self.path)
+            if kept:
+                free(path)
+            self._part = Part(path, OURS, stays=kept)
+        except CosimError as error:
+            raise log_error(error.problem, self.path, remedy=error.remedy) from None
         except OSError as error:
             raise log_error(f"cannot create the log: {error.strerror}", self.path, remedy=_ELSEWHERE) from error
-        if file is None:
-            raise log_error(TAKEN, self.path, remedy=OTHER)
-        self._file = file
+        self._file = self._part.file
 
     def preamble(self, declared: Any, metadata: Mapping[str, Any], attachments: Mapping[str, Any]) -> None:
         """Write all that precedes the first chunk, and a hash of it.
@@ -101,7 +107,10 @@ class Sink:
         """Write the end of the log and close the file."""
         found = self.chunks, self._attachments, self._metadata
         self._write(closing(self.offset, self.crc, self.schemas, self.channels, *found))
-        self.drop()
+        try:
+            self._part.done()
+        except OSError as error:
+            raise self._failed(error) from error
 
     def put(self, *blobs: Any) -> None:
         """Write bytes of the data section and count them."""
@@ -121,12 +130,11 @@ class Sink:
 
     def _failed(self, error):
         remedy = f"{'Free some space or choose' if error.errno in FULL else 'Choose'} another place (-o)."
-        if self._kept and self.chunks:
+        stays = self._kept and bool(self.chunks)
+        if stays:
             end = self.chunks[-1].end_ns / 1e9
-            remedy += f" What was written up to {end} s is whole: `cosim recover` makes it readable."
-        elif self._kept and stat.S_ISREG(os.fstat(self._file.fileno()).st_mode):
-            os.unlink(self.path)
-        self.drop()
+            remedy += f" What was written up to {end} s is whole: `cosim recover {self._part.place}` makes it readable."
+        self._part.drop(stays=stays)
         return log_error(f"cannot write the log: {error.strerror}", self.path, self.offset, remedy)
 
     @property
@@ -135,8 +143,30 @@ class Sink:
         return not self._file.closed
 
     def drop(self) -> None:
-        """Close the file as it is."""
-        self._file.close()
+        """Close the file as it is; unless it is to be kept and holds a chunk, it is removed."""
+        self._part.drop(stays=self._kept and bool(self.chunks))
+
+
+def free(path: str | os.PathLike) -> None:
+    """Raise OutputError where a killed flight has left ticks that a flight to `path` would write over."""
+    left = left_by(path)
+    claim(left, OURS)
+    if left.is_file() and not overwrites() and _holds_chunk(left):
+        raise OutputError(f"a killed flight left {left}", place=os.fspath(path),
+                          remedy=f"`cosim recover {left}` makes it readable; --overwrite lets it go")  # fmt: skip
+
+
+def _holds_chunk(path):
+    """Tell whether a log that was cut anywhere holds a whole chunk."""
+    with open(path, "rb") as file:
+        at, size = len(MAGIC), path.stat().st_size
+        while at + _RECORD.size <= size:
+            file.seek(at)
+            opcode, length = _RECORD.unpack(file.read(_RECORD.size))
+            at += _RECORD.size + length
+            if opcode == Opcode.CHUNK:
+                return at <= size
+    return False
 
 
 def encode(record: Any) -> Any:

@@ -40,9 +40,10 @@ class LogWriter:
 
     `topics` are the sampled channels (at least one of them at every tick), `n_values` the length of the tick vector,
     `dt_ns` the tick [ns], `metadata` {name: {str: str}} and `attachments` {name: (media type, bytes)} go in first;
-    `compression` is a name of cosim/log/compression.py; `pose` adds /tf and /fix for viewers; `kept` is false where the
-    caller removes a log that a full disk has cut. Leaving the context
-    without `close(result=...)`, as Ctrl-C does, gives a readable log that counts as incomplete.
+    `compression` is a name of cosim/log/compression.py; `pose` adds /tf and /fix for viewers. It takes its place
+    when it is closed; what stood there stays until then. A kill or a full disk leaves `path`.part, unless `kept` is
+    false, for what can be made again. Leaving the context without `close(result=...)`, as Ctrl-C does, gives a readable
+    log that counts as incomplete; where it is not `kept`, an error leaves none.
     Raises ValueError for topics that do not fit together, LogError when the file cannot be written.
     """
 
@@ -70,7 +71,7 @@ class LogWriter:
             (t.name, schema_name(t.name), schema_data(t.name, t.fields), channel_metadata(t)) for t in self._topics
         ]
         declared += [(name, message, data(), {}) for name, (message, data) in foxglove.TOPICS.items()]
-        self._sink = Sink(path, kept=kept)
+        self._sink, self._kept = Sink(path, kept=kept), kept
         try:
             self._sink.preamble(declared, {"log": {"dt_ns": str(self.dt_ns)}, **(metadata or {})}, attachments or {})
         except BaseException:
@@ -250,7 +251,7 @@ class LogWriter:
         return self
 
     def __exit__(self, kind, error, trace):
-        if isinstance(error, LogError):
+        if isinstance(error, LogError) or (error and not self._kept):
             self._sink.drop()
         else:
             self.close()

@@ -19,7 +19,6 @@ import numpy as np
 from actuators.ahead import compile_ahead, cores
 from actuators.block import SWEEP, Entry
 from actuators.native import PLAIN
-from cosim.files import beside
 from cosim.flight.plugins import load
 from cosim.flight.plugins.plain import SLOW
 from cosim.judge.noticed import columns, watch_of
@@ -130,7 +129,7 @@ def replay(
     spans, asked = list(_spans(log, wired, tick)), topics(log, wired) if output is None else None
     _ready(wired)
     with ExitStack() as stack, ThreadPoolExecutor(cores()) as pool:
-        overlay = stack.enter_context(Overlay(log, wired, stack.enter_context(beside(output)))) if output else None
+        overlay = stack.enter_context(Overlay(log, wired, output)) if output else None
         coming = [pool.submit(log.arrays, asked, *span) for span in spans[:1]]
         for k, (a, b) in enumerate(spans):
             read = coming.pop().result()

@@ -18,6 +18,7 @@ from cosim.log import Log
 from cosim.scenario import Scenario, attached, parse
 from cosim.texts import from_json, toml
 
+MOST_S = 36_000.0  # the longest flight that a scenario may ask for
 ARRAY_BYTES = 1 << 27  # an array that claims more is refused
 _BAD = (  # what NumPy and zipfile may raise on bytes that are not what they should be
     *(ValueError, EOFError, OSError, SyntaxError, TypeError, OverflowError, MemoryError, RuntimeError),
@@ -85,6 +86,7 @@ def detectors(log: Log) -> list[dict[str, Any]]:
         raise LogError("the log describes no detectors", place=str(log.path), remedy=remedy)
     place = f"{log.path}: detectors.json"
     found = from_json(log.attachments["detectors.json"], place=place, error=LogError)
+    scenario_tables(log)
     for d in _checked(found, _Detector, place):
         if sorted(d.inputs) != sorted(set(d.lanes)) or len(set(d.lanes)) != len(d.lanes):
             raise LogError(f"is damaged: inputs of {d.id} are not those of its lanes", place=place)
@@ -140,9 +142,22 @@ def scenario_tables(log: Log) -> dict[str, Any]:
     except UnicodeDecodeError as wrong:
         raise LogError(f"is not UTF-8 (byte {wrong.start})", place=place) from None
     try:
-        return toml(text, place=place, error=LogError)
+        found = toml(text, place=place, error=LogError)
     except CosimError as wrong:
         raise LogError(wrong.problem, place=place) from None
+    _clock(log, found)
+    return found
+
+
+def _clock(log, tables):
+    """Raise LogError where a log's ticks are not those of its scenario: detectors step by them, arrays are as long."""
+    rate, duration = tables.get("rate_hz", 200), tables.get("duration_s", MOST_S)
+    told = isinstance(rate, int) and isinstance(duration, int | float) and rate > 0
+    if not told or round(1e9 / rate) != log.dt_ns:
+        raise LogError(f"is damaged: its tick of {log.dt_ns} ns is not that of {rate} Hz", place=str(log.path))
+    ticks = sum(log.spans[-1]) if log.spans else 0
+    if not ticks <= min(duration, MOST_S) * rate + 1.0:
+        raise LogError(f"is damaged: it ends at tick {ticks}, its scenario after {duration} s", place=str(log.path))
 
 
 def achieved(log: Log) -> dict[str, dict[str, float | None]] | None:

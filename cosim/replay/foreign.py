@@ -1,4 +1,4 @@
-"""Read other people's recordings (CSV, Parquet, MCAP) as tables over time, for diagnosis by our detectors."""
+"""Read other people's recordings (text, Parquet, MATLAB, MCAP, folders) as tables over time, for our detectors."""
 
 import contextlib
 import os
@@ -15,33 +15,54 @@ from cosim.log.format import LIBRARY, log_error
 from cosim.log.reader import open_log
 from cosim.log.scan import BAD
 from cosim.replay import clock
+from cosim.replay.tables import KINDS, MOST_VALUES, folder, read_table, together
 from cosim.texts import from_json
 
 TIME_NAMES = ("t_s", "t", "time", "time_s", "timestamp", "t_ns", "time_ns", "timestamp_ns")  # looked for in this order
-MOST_VALUES = 50_000_000  # of a Parquet file, which may hold as many in a few bytes
-_SCALES = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3}  # ends of a name: clock_ms, Clock (ms), clock [ms]
+TIME_WORDS = {*"time clock timestamp seconds zeit uhrzeit temps tiempo datum date utc gmt".split()}
+_SCALES = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "min": 60.0, "h": 3600.0}  # ends of a name: clock_ms, Zeit [ms]
 
 
 def read_channels(
-    path: str | Path, *, time: str | None = None, on_reset: Any = None, part: int = 0, wanted: Any = None
+    path: str | Path,
+    *,
+    time: str | None = None,
+    on_reset: Any = None,
+    part: int = 0,
+    wanted: Any = None,
+    columns: tuple[str, ...] = (),
 ) -> dict:
     """Return {channel: DataFrame} of a recording; columns are float64, the index is `t_s` [s], ascending.
 
-    A CSV or Parquet file is one channel, named by the file's stem; `time` names its time column (default: the first
-    of TIME_NAMES, else Parquet's own index). Its name ends in _ns, (us) or [ms], say, where it is not in seconds; dates
-    count from the first. An MCAP file has a channel per topic, times from its first message. Columns without numbers
-    are left out and named in `attrs["texts"]`. A clock that goes back is an error, unless `on_reset` says what to do
-    ("offset", or "split" for stretch number `part`); `attrs["oddities"]` tells of gaps, doubled times and changes of
-    rate. Of an MCAP file only the topics that `wanted(topic)` accepts are decoded. Raises LogError when the file cannot
-    be read or has no usable time, IndexError when there is no stretch of that number.
+    A text, MATLAB or Parquet file is one channel, named by the file's stem; `time` names its time column (default: the
+    first of TIME_NAMES in any case, else one with a word for time in its name, else Parquet's own index). Its name ends
+    in _ns, (us) or [ms], say, where it is not in seconds; dates count from the first. `columns` name those of a file
+    without names. A folder has a channel per table, and one for its files of a single column (cosim/replay/tables.py).
+    An MCAP file has a channel per topic, times from its first message. Columns without numbers are left out and named
+    in `attrs["texts"]`. A clock that goes back is an error, unless `on_reset` says what to do ("offset", or "split" for
+    stretch number `part`); `attrs["oddities"]` tells of gaps, doubled times and changes of rate. Of an MCAP file only
+    the topics that `wanted(topic)` accepts are decoded. Raises LogError when the file cannot be read or has no usable
+    time, IndexError when there is no stretch of that number.
     """
     path = Path(os.fspath(path))
-    kind = path.suffix.lower()
-    if kind == ".mcap":
+    if path.suffix.lower() == ".mcap":
         return _mcap(path, wanted)
-    if kind not in (".csv", ".parquet"):
-        raise LogError(f"unknown kind of file {kind!r}", place=str(path), allowed=".csv, .parquet or .mcap")
-    return {path.stem: _table(path, kind, time, on_reset, part)}
+    frames, told = _frames(path, columns)
+    out = {name: _table(frame, path, name, time, on_reset, part) for name, frame in frames.items()}
+    for frame in list(out.values())[:1]:
+        frame.attrs["oddities"] += told
+    return out
+
+
+def _frames(path, columns=(), rows=None):
+    """Return ({name: DataFrame}, sentences) of a file or a folder."""
+    if path.is_dir():
+        frames, told = together(path, columns)
+        return {**frames, **{f.stem: _frame(f) for f in folder(path) if f.suffix.lower() == ".parquet"}}, told
+    kind = path.suffix.lower()
+    if kind not in KINDS:
+        raise LogError(f"unknown kind of file {kind!r}", place=str(path), allowed=", ".join((*KINDS, ".mcap")))
+    return {path.stem: _frame(path, columns, rows)}, []
 
 
 def _mcap(path, wanted):
@@ -68,49 +89,55 @@ def _is_ours(path):
         raise log_error(f"cannot read the file: {error.strerror}", path) from error
 
 
-def columns_of(path: str | Path) -> list[str]:
-    """Return the columns of a CSV or Parquet file, none of another. Raises LogError."""
+def columns_of(path: str | Path, columns: tuple[str, ...] = ()) -> list[str]:
+    """Return the columns of a file or folder of tables, none of an MCAP file. Raises LogError."""
     path = Path(os.fspath(path))
-    kind = path.suffix.lower()
-    if kind not in (".csv", ".parquet"):
+    if path.suffix.lower() == ".mcap":
         return []
-    frame = _frame(path, kind, rows=0)
-    return [*map(str, frame.columns), *frame.attrs.get("texts", ())]
+    frames, _ = _frames(path, columns, rows=5)
+    return [c for f in frames.values() for c in (*map(str, f.columns), *f.attrs.get("texts", ()))]
 
 
-def _frame(path, kind, rows=None):
-    import pandas as pd
+def time_of(names: Any) -> str | None:
+    """Return which of a table's columns is its time by its name, or None."""
+    small = {re.split(r"\s*[\[(]", str(n).lower())[0]: n for n in reversed(list(names))}
+    exact = next((small[n] for n in TIME_NAMES if n in small), None)
+    return exact or next((n for n in names if set(re.split(r"[^a-z]+", str(n).lower())) & TIME_WORDS), None)
 
+
+def _frame(path, columns=(), rows=None):
+    if path.suffix.lower() != ".parquet":
+        return read_table(path, columns, rows)
     regular(path, LogError)
     try:
-        if kind == ".csv":
-            return pd.read_csv(path, nrows=rows, **_exactly(), **_dialect(path))
         return _parquet(path)
     except OSError as error:
         raise log_error(f"cannot read the file: {error.strerror or error}", path) from error
-    except BAD as error:  # pandas' and pyarrow's parser errors are ValueErrors and the like
-        raise log_error(f"cannot be read as {kind[1:]}: {error}", path) from error
+    except BAD as error:  # pyarrow's parser errors are ValueErrors and the like
+        raise log_error(f"cannot be read as parquet: {error}", path) from error
 
 
-def _table(path, kind, time, on_reset, part):
+def _table(frame, path, stem, time, on_reset, part):
     import pandas as pd
 
-    frame = _frame(path, kind)
-    name = time or next((n for n in (*TIME_NAMES, frame.attrs.get("index")) if n in frame.columns), None)
+    name = time or time_of(frame.columns) or frame.attrs.get("index")
     if name is None or name not in frame.columns:
-        columns = ", ".join(map(str, frame.columns[:20]))
         raise LogError(
-            f"no time column {name or ''}".rstrip(), place=str(path), allowed=f"one of its columns: {columns}"
+            f"no time column {name or ''}".rstrip(),
+            place=str(path),
+            allowed=f"one of its columns: {', '.join(map(str, frame.columns[:20]))}",
+            remedy="--time COLUMN names it",
         )
-    t = _seconds(frame[name], name, path)
+    t = _seconds(frame[name], str(name), path)
     numbers = frame.drop(columns=name).select_dtypes(["number", "bool"], exclude="timedelta").astype(np.float64)
-    texts = [str(c) for c in frame.columns if c != name and c not in numbers.columns]
+    numbers.columns = numbers.columns.map(str)
+    texts = [str(c) for c in frame.columns if c != name and str(c) not in numbers.columns]
     numbers.attrs = {"texts": [*texts, *frame.attrs.get("texts", ())]}
-    clock.finite(t, f"column {name!r}", path)
+    clock.finite(t, f"column {str(name)!r}", path)
     as_read = t
     t, rows = clock.rising(as_read, path, on_reset, part)
     frame = numbers.iloc[rows].set_axis(pd.Index(t, name="t_s"))
-    told = clock.restarts(as_read, on_reset, part) + clock.oddities(t, path.stem)
+    told = clock.restarts(as_read, on_reset, part) + clock.oddities(t, stem)
     frame.attrs = numbers.attrs | {"oddities": told}
     return frame
 
@@ -139,23 +166,6 @@ def _parquet(path):
     return frame
 
 
-def _dialect(path):
-    """Return the options with which read_csv takes what separates the columns, and a decimal comma."""
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
-        lines = [file.readline(100_000) for _ in range(3)]
-    separator = max(";\t,", key=lines[0].count)
-    comma = separator != "," and any(re.search(r"\d,\d", line) for line in lines[1:])
-    return {"sep": separator, "decimal": "," if comma else "."}
-
-
-def _exactly():
-    """Return the options with which read_csv reads doubles bit for bit, as pandas 3 does anyway, and whole columns."""
-    import pandas as pd
-
-    exact = {} if int(pd.__version__.split(".")[0]) >= 3 else {"float_precision": "round_trip"}
-    return {"low_memory": False, **exact}  # a column has one type, whatever its length
-
-
 def _seconds(column, name, path):
     """Return a time column in seconds as float64."""
     import pandas as pd
@@ -167,5 +177,14 @@ def _seconds(column, name, path):
     if column.dtype.kind == "m":
         return column.dt.total_seconds().to_numpy()
     t = pd.to_numeric(column, errors="coerce").to_numpy(np.float64)
-    unit = re.search(r"[\W_]([a-z]+)[)\]]?$", name)
+    if column.dtype.kind not in "iuf" and not np.isfinite(t).any():
+        dates = pd.to_datetime(column, errors="coerce", format="mixed", dayfirst=_day_first(column))
+        return (dates - dates.iloc[0]).dt.total_seconds().to_numpy()
+    unit = re.search(r"[\W_]([a-z]+)[)\]]?$", name.lower())
     return t * _SCALES.get(unit[1] if unit else "", 1.0)
+
+
+def _day_first(column):
+    """Tell whether dates are written 24.11.2026, or 24/11/2026 with days beyond 12 ahead."""
+    heads = [re.match(r"\s*(\d{1,2})([./-])\d{1,2}[./-]\d{4}", str(value)) for value in column.iloc[:1000]]
+    return any(h and (h[2] == "." or int(h[1]) > 12) for h in heads)

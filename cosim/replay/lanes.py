@@ -127,11 +127,13 @@ def describe(log: Log, chosen: Any = None, overrides: Mapping[str, Any] | None =
 
 def _check(log, wired):
     """Raise LogError unless the log's topics are those of this version of the detector."""
-    topic, outputs = wired.topic, split(wired.module)[0]
+    topic, (outputs, hidden) = wired.topic, split(wired.module)
     if topic not in log.topics:
         raise LogError(f"the log lacks {topic}, which its detectors.json names", place=str(log.path))
     if len(outputs) != len(log.topics[topic].fields):
         raise older(log, topic)
+    if len(hidden) != (len(log.topics[wired.hidden].fields) if wired.hidden in log.topics else 0):
+        raise older(log, wired.hidden)
     for name, source, column in wired.inputs:
         there = source in log.topics and column in log.topics[source].fields
         if not there or name.partition("[")[0] not in wired.module.INPUTS.names:

@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 
 from actuators.block import unit
-from cosim.files import replace as replace_file
 from cosim.flight import detectors as table
 from cosim.flight.plugins import load, with_detectors
 from cosim.judge.noticed import watch_of
 from cosim.judge.result import judge, plain
 from cosim.log import LogWriter, Topic, viewer_layouts
+from cosim.replay.caveats import caveats
+from cosim.replay.derived import derived
 from cosim.replay.foreign import read_channels
 from cosim.replay.lanes import Lane, flat, replay_lane
 from cosim.replay.map_file import load_map
@@ -61,14 +62,15 @@ def diagnose(
     on_reset: Any = None,
     part: int = 0,
     guests: Sequence[Any] = (),
+    time: str | None = None,
 ) -> Diagnosis:
-    """Run the detectors on the recording at `path` (CSV, Parquet, MCAP) by the map at `map_path`; return a Diagnosis.
+    """Run the detectors on the recording at `path`, file or folder, by the map at `map_path`; return a Diagnosis.
 
     `detectors` chooses some (default: all), `overrides` {detector: {parameter: value}} changes parameters, `start_s`
     is a time of the recording, `output` the log to write: inputs under /input, outputs under /replay. `on_reset` and
     `part` say what becomes of a clock that goes back (cosim/replay/clock.py), `guests` are files of further detectors
-    (cosim/flight/plugins). Raises ReplayError, LogError, ScenarioError, GuestError, and
-    IndexError when there is no stretch of that number.
+    (cosim/flight/plugins), `time` names the time column in place of the map. Raises ReplayError, LogError,
+    ScenarioError, GuestError, and IndexError when there is no stretch of that number.
     """
     made = [load(g).DETECTOR.id for g in guests]
     check_start(start_s)
@@ -83,8 +85,9 @@ def diagnose(
     sources = {w.signal.word: w.signal for own in wires.values() for w in own}
     check(m, map_path, scenario)
     used = [name for s in m.signals.values() for name in (s.channel, s.valid) if name]
-    tables = read_channels(path, time=m.time, on_reset=on_reset, part=part, wanted=lambda topic: named(topic, used))
-    channels = acting(m, sources, channels_of(m, tables, path, map_path), dt)
+    how: dict[str, Any] = {"time": time or m.time, "columns": m.columns, "on_reset": on_reset, "part": part}
+    tables = read_channels(path, wanted=lambda topic: named(topic, used), **how)
+    channels = acting(m, sources, derived(m, channels_of(m, tables, path, map_path), map_path), dt)
     spans = [(t[0], t[-1]) for t, *_ in channels.values() if len(t)]
     if not spans:
         raise ReplayError("no signal has a channel with samples", place=str(map_path))
@@ -107,21 +110,21 @@ def diagnose(
     out.signals = [
         {
             "name": name,
-            "channel": m.signals[name].channel,
+            "channel": m.signals[name].channel or m.signals[name].stands_on or None,
             "unit": m.signals[name].unit or sources[name].unit,
             "valid_pct": 100.0 * float(valid.mean()),
         }
         for name, (_, valid) in values.items()
     ]
     odd = [text for frame in tables.values() for text in frame.attrs.get("oddities", ())]
-    out.caveats = notices + odd + slow(sources, channels, dt)
     done, out.not_run = _run_all(found, wires, values, scenario, overrides or {}, n, dt)
     if not done:
         lacking = "; ".join(f"{r['id']} of {r['target']}: {', '.join(r['missing'])}" for r in out.not_run[:4])
         raise ReplayError("no detector has all its inputs", place=str(map_path), remedy=f"Missing: {lacking}")
     out.detectors = [_verdict(d, lane, again, dt, t_0) for d, lane, _, again in done]
+    out.caveats = notices + odd + slow(sources, channels, dt) + caveats(m, scenario, done, dt, t_0)
     if output:
-        replace_file(output, lambda part: _write(part, done, out, text, dt))
+        _write(output, done, out, text, dt)
     return out
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.replay.foreign import TIME_NAMES, columns_of, read_channels
-from cosim.replay.map_file import factors
+from cosim.replay.units import factors
 from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.toml import inline
 from cosim.scenario.vocabulary import words
@@ -67,9 +67,9 @@ class Guess:
         return f"{self.lane}.{self.word}" if self.lane else self.word
 
 
-def draft(path: str | Path) -> str:
+def draft(path: str | Path, *, time: str | None = None, aircraft: str | None = None) -> str:
     """Return the text of a map for the recording at `path`. Raises LogError as `read_channels` does."""
-    time = _time(Path(path))
+    time = time or _time(Path(path))
     tables = read_channels(path, time=time, on_reset="split", part=0)
     one = len(tables) == 1
     columns = {c if one else f"{t}.{c}": frame[c].to_numpy() for t, frame in tables.items() for c in frame.columns}

@@ -2,6 +2,8 @@
 
     rate_hz = 200                      # tick of the detectors
     time = "clock_ms"                  # time column of a table (default: found by its name)
+    columns = ["T", "AXCG"]            # names of the columns of a file without a header
+    aircraft = "Citation II"           # that was recorded
 
     [flight]                           # as in a scenario: the point at which the detectors are set
     [elevator]                         # technology of each segment, as in a scenario
@@ -33,6 +35,12 @@ A sample of a command to an actuator is what is sent at its time and held until 
 what has acted until then, the sample before. `held = true` says that the samples are that already, as `u_held` of our
 own logs is; mixed up, a filter is a tick off and alarms for it.
 
+A unit may be written as people do: deg, [deg], °, (inch), M/S**2. A channel that only stands for the signal, as the
+vane's angle does for the one over the ground, is called a proxy: `proxy = "angle of attack by the vane"`.
+
+A detector of which a signal is missing does not run. `beta = { absent = true }` runs it as with a sensor that is lost
+from the start to the end, which many bear.
+
 A channel is a column of the table, or `/topic.field` of an MCAP file. `resample = "linear"` (default of sensors)
 interpolates between samples, "hold" (default of commands) repeats the last one; both give a sample that lies on a
 tick as it is. A value is valid where its samples are finite and no more than `max_gap_s` apart (default: three of the
@@ -46,55 +54,22 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from actuators.constants import G0, M_PER_FT, M_S_PER_KT, N_M_PER_LBF_FT, N_PER_LBF, PA_PER_PSF, RAD_PER_DEG
 from cosim.replay.params import ReplayError
+from cosim.replay.units import bare, factors
 from cosim.scenario.load import explained
 from cosim.texts import read, toml
 
-UNITS = {  # unit -> {SI unit of the signal: factor}
-    "deg": {"rad": RAD_PER_DEG},
-    "deg/s": {"rad/s": RAD_PER_DEG},
-    "deg/s2": {"rad/s2": RAD_PER_DEG},
-    "rpm": {"rad/s": 3.141592653589793 / 30.0},
-    "ft": {"m": M_PER_FT},
-    "mm": {"m": 1e-3},
-    "in": {"m": 0.0254},
-    "ft/s": {"m/s": M_PER_FT},
-    "ft/min": {"m/s": M_PER_FT / 60.0},
-    "kt": {"m/s": M_S_PER_KT},
-    "km/h": {"m/s": 1.0 / 3.6},
-    "m/s2": {"g": 1.0 / G0},
-    "ft/s2": {"g": M_PER_FT / G0},
-    "t": {"kg": 1e3},
-    "lb": {"kg": 0.45359237},
-    "%": {"-": 0.01},
-    "mA": {"A": 1e-3},
-    "lbf ft": {"N m": N_M_PER_LBF_FT, "N m/rad": N_M_PER_LBF_FT},
-    "kPa": {"Pa": 1e3},
-    "bar": {"Pa": 1e5},
-    "MPa": {"Pa": 1e6},
-    "psi": {"Pa": 144.0 * PA_PER_PSF},
-    "kN": {"N": 1e3},
-    "lbf": {"N": N_PER_LBF},
-}
-PER = ("/V", "/mA")  # behind a unit: the channel is in volt or milliampere, `scale` says how much one of them is
-
-
-def factors(si: str, shares: Mapping[str, float] | None = None) -> dict[str, float]:
-    """Return {unit: factor} of a signal of SI unit `si`; `shares`: what one SI unit of something else is of it."""
-    out = {si: 1.0} | {name: to[si] for name, to in UNITS.items() if si in to}
-    for other, share in (shares or {}).items():
-        out |= {name: share * factor for name, factor in factors(other).items()}
-    return out
-
 
 class Signal(BaseModel):
-    """One signal of the map: a channel and how its numbers become SI, or a constant in SI."""
+    """One signal of the map: a channel and how its numbers become SI, a constant in SI, or what it is derived from."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     channel: str | None = None
     constant: float | None = None
+    derivative_of: str | None = None  # signal of the map whose rate of change it is (cosim/replay/derived.py)
+    path_of: str | None = None  # "theta": attitude less the angle of the path
+    absent: bool = False  # no channel of the recording holds it: the detectors read a sensor that is lost all along
     unit: str | None = None  # default: the signal's SI unit
     scale: float = 1.0
     sign: Literal[1, -1] = 1
@@ -103,13 +78,21 @@ class Signal(BaseModel):
     max_gap_s: Annotated[float, Field(gt=0.0)] | None = None
     valid: str | None = None
     held: bool = False  # of a command to an actuator: what acted until the sample's time; else what is sent at it
+    proxy: str = ""  # what the channel is in truth, where it only stands for the signal
     sparse: bool = False  # empty cells are no samples, as in a table of several rates; otherwise they are lost ones
 
     @model_validator(mode="after")
     def _one(self):
-        if (self.channel is None) == (self.constant is None):
-            raise ValueError("needs either a channel or a constant")
+        given = (self.channel, self.constant, self.derivative_of, self.path_of, self.absent or None)
+        if sum(value is not None for value in given) != 1:
+            raise ValueError("needs either a channel or a constant, or what it is derived from")
         return self
+
+    @property
+    def stands_on(self) -> str:
+        """Return what it is in truth where it only stands for the signal, "" where it is the signal."""
+        rate = f"the rate of change of {self.derivative_of}" if self.derivative_of else ""
+        return self.proxy or rate or ("attitude less the angle of the path" if self.path_of else "")
 
     def factor(self, si: str, shares: Mapping[str, float] | None = None) -> float:
         """Return what a number of the channel is multiplied with for the SI unit `si`. Raises KeyError."""
@@ -124,15 +107,12 @@ class Map(BaseModel):
     title: str = ""
     rate_hz: Annotated[int, Field(ge=50, le=2000)] = 200
     time: str | None = None
+    columns: tuple[str, ...] = ()  # names of the columns of a file without any
+    aircraft: str = ""  # that was recorded: of a detector designed for another one the caveats say so
     flight: dict = Field(default_factory=dict)
     elevator: dict = Field(default_factory=dict)
     detectors: dict = Field(default_factory=dict)
     signals: dict[str, Signal]
-
-
-def bare(unit: str) -> str:
-    """Return a unit without what it is given per: mm of mm/V."""
-    return next((unit.removesuffix(end) for end in PER if unit.endswith(end)), unit)
 
 
 def load_map(path: str | Path) -> tuple[Map, str]:

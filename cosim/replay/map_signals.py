@@ -8,13 +8,14 @@ import numpy as np
 
 from cosim.errors import did_you_mean
 from cosim.flight.detectors import wires
-from cosim.replay.map_file import PER, bare, factors
 from cosim.replay.map_file import Signal as Mapped
 from cosim.replay.params import ReplayError
 from cosim.replay.resample import resample
+from cosim.replay.units import PER, bare, factors
 from cosim.scenario import Scenario
-from cosim.scenario.catalog import SEGMENTS, TECHNOLOGIES
-from cosim.scenario.vocabulary import Signal
+from cosim.scenario.aircraft import Aircraft
+from cosim.scenario.catalog import TECHNOLOGIES
+from cosim.scenario.vocabulary import Signal, words
 from fdi import registry
 
 HINGE = ".hinge_moment"  # of a map: hm0, and hmd of zero
@@ -56,14 +57,11 @@ def shares(scenario: Scenario, name: str, signal: Signal) -> dict[str, float]:
 
 def check(m: Any, place: Any, scenario: Scenario) -> None:
     """Raise ReplayError for a signal of the map that no detector could read, or a unit that does not fit it."""
-    known: dict[str, Signal] = {}
-    for record in registry.records().values():
-        for lane in SEGMENTS if record.level == "local" else ("",):
-            known |= {w.signal.word: w.signal for w in wires(record, lane)}
+    known, segments = readable(scenario.aircraft), scenario.aircraft.segments
     for name, signal in m.signals.items():
         if name not in known:
             raise ReplayError(
-                "no detector reads such a signal",
+                _unread(name, segments),
                 place=f"{place}: signals.{name}",
                 allowed=", ".join(sorted(known)),
                 remedy=did_you_mean(name, known),
@@ -77,6 +75,23 @@ def check(m: Any, place: Any, scenario: Scenario) -> None:
             )  # fmt: skip
 
 
+def readable(aircraft: Aircraft) -> dict[str, Signal]:
+    """Return {name in a map: Signal} of what some detector reads on an aircraft, in segments of the aircraft's own."""
+    out: dict[str, Signal] = {}
+    for record in registry.records().values():
+        for lane in aircraft.segments if record.level == "local" else ("",):
+            out |= {w.signal.word: w.signal for w in wires(record, lane, aircraft=aircraft)}
+    return {name: s for name, s in out.items() if not s.technologies or name.rpartition(".")[0] in aircraft.segments}
+
+
+def _unread(name, segments):
+    """Return why no detector reads the signal `name`."""
+    segment, dot, word = name.rpartition(".")
+    if dot and word in words() and segment not in segments:
+        return f"the aircraft of the map has no elevator segment {segment!r}; its own are {', '.join(segments)}"
+    return "no detector reads such a signal"
+
+
 def named(topic: str, channels: Sequence[Any]) -> bool:
     """Tell whether one of `channels`, names of the map, may be a field of `topic`: `/topic.field`, or `field` alone."""
     return any(name.startswith(f"{topic}.") or not name.startswith("/") for name in channels)
@@ -86,8 +101,8 @@ def channels_of(m: Any, tables: dict, path: str | Path, place: Any) -> dict:
     """Return {signal: (times, samples, flags or None)} of the recording."""
     names = {f"{t}.{c}": (t, c) for t, frame in tables.items() for c in frame.columns}
     short = {c: (t, c) for t, frame in tables.items() for c in frame.columns}
-    if len(tables) == 1:
-        names |= short
+    doubled = {c for c in short if sum(c in frame.columns for frame in tables.values()) > 1}
+    names |= {c: at for c, at in short.items() if c not in doubled}
 
     def column(key, name):
         if name not in names and any(name in frame.attrs.get("texts", ()) for frame in tables.values()):
@@ -160,10 +175,12 @@ def sampled(
     signal: Any, source: Any, channel: Any, t_0: float, dt: float, n: int, shares: Any = None
 ) -> tuple[Any, ...]:
     """Return (values, valid) (n,) of one signal of the map in SI; `source` is that of the vocabulary."""
+    if signal.absent:
+        return np.full(n, np.nan), np.zeros(n)
     if channel is None:
         return np.full(n, signal.constant), np.ones(n)
     t, y, flags = channel
-    factor = signal.factor(source.unit, shares)
+    factor = 1.0 if signal.derivative_of or signal.path_of else signal.factor(source.unit, shares)
     y = y if factor == 1.0 else factor * y
     y = y if signal.offset == 0.0 else y + signal.offset
     linear = (signal.resample or ("linear" if source.kind in ("sensor", "model") else "hold")) == "linear"

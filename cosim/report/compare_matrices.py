@@ -134,5 +134,5 @@ def _shade(count, said, case, name):
         return "c-missed" if coverage.expected(name, case).word == coverage.DESIGNED else "c-quiet"
     if said == "false alarm":
         return "c-missed"
-    right = coverage.expected(name, case).classes
+    right = coverage.true_classes(case)
     return "c-seen" if said in right else "c-quiet" if said == "ambiguous" else "c-wrong"

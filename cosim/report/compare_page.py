@@ -5,13 +5,16 @@ from typing import Any
 
 from cosim.compare import Comparison, stats, tables
 from cosim.compare.metrics import proportion
-from cosim.files import replace
+from cosim.files import columns, replace
 from cosim.judge import coverage
 from cosim.report import compare_matrices as matrices
 from cosim.report import compared
 from cosim.report.compare_words import summary
 from cosim.report.maps import MANY, maps
-from cosim.report.page import page, write
+from cosim.report.page import PAGE, page, write
+
+ROWS = columns("run", "fault")  # the sign of tables of ours
+SIGNS = {"compare.parquet": ROWS, "compare.csv": ROWS, "compare.html": PAGE}
 
 
 def comparison_report(found: Comparison, output: str | Path) -> Path:
@@ -25,8 +28,8 @@ def write_comparison(found: Comparison, out: str | Path) -> None:
     Notes the paths in `found`. Raises OutputError.
     """
     out = Path(out)
-    replace(out / "compare.parquet", lambda part: found.rows.to_parquet(part, index=False))
-    replace(out / "compare.csv", lambda part: found.rows.to_csv(part, index=False))
+    replace(out / "compare.parquet", lambda part: found.rows.to_parquet(part, index=False), ROWS)
+    replace(out / "compare.csv", lambda part: found.rows.to_csv(part, index=False), ROWS)
     found.table, found.report = out / "compare.parquet", comparison_report(found, out / "compare.html")
 
 

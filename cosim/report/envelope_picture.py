@@ -7,6 +7,7 @@ from markupsafe import escape
 
 from cosim.files import replace_text
 from cosim.report.envelope_maps import BY_COLUMN, REASON, STOPS, colour
+from cosim.report.page import PICTURE
 
 WIDE, HIGH, GAP_X, GAP_Y, LEFT, TOP = 262, 106, 16, 60, 46, 64  # of a panel, between panels, to the first one [px]
 BAR = 66  # right of the panels, for the colours [px]
@@ -21,7 +22,7 @@ ROWS = (  # column, panels: how (mass, CG) of each follow from the table's value
 
 def envelope_picture(trims: pd.DataFrame, output: str | Path) -> Path:
     """Write the picture of a trim map to `output`; returns its Path. Raises OutputError."""
-    replace_text(output, render(trims))
+    replace_text(output, render(trims), PICTURE)
     return Path(output)
 
 

@@ -14,7 +14,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from cosim.files import replace_text
+from cosim.files import marked, replace_text
 from cosim.judge.result import plain
 
 
@@ -68,7 +68,11 @@ def _own(name):
     return Markup(files(__package__).joinpath(name).read_text(encoding="utf-8"))
 
 
+PAGE = marked(b"<!doctype html", b'<meta name="generator" content="cosim">')  # the signs of our pages and pictures
+PICTURE = marked(b"<svg", b'font-family="system-ui,Segoe UI,Roboto,Liberation Sans,sans-serif"')
+
+
 def write(path: str | Path, content: str) -> Path:
     """Write the page; returns its Path. Raises OutputError when that cannot be done."""
-    replace_text(path, content)
+    replace_text(path, content, PAGE)
     return Path(path)

@@ -10,6 +10,7 @@ from markupsafe import escape
 from cosim.files import replace_text
 from cosim.papers.drawing import Curve, Drawing, Panel
 from cosim.report.figure import envelope
+from cosim.report.page import PICTURE
 
 WIDE, HIGH, LEFT, TOP, GAP_X, GAP_Y = 250, 120, 46, 62, 56, 48  # panel, margins, between panels [px]
 POINTS, ALL = 240, 6000  # most of a curve, of all curves of a picture
@@ -24,7 +25,7 @@ def write(folder: str | Path, drawings: list[Drawing]) -> list[Path]:
     for d in drawings:
         if d.picture:
             path = Path(folder) / d.paper / f"{d.picture}.svg"
-            replace_text(path, render(d))
+            replace_text(path, render(d), PICTURE)
             out.append(path)
     return out
 

@@ -7,11 +7,13 @@ from pathlib import Path
 import pandas as pd
 
 from cosim.compare import tables
-from cosim.files import replace, replace_text
+from cosim.files import columns, marked, replace, replace_text
 from cosim.report import markdown as readme
 from cosim.report.figure import Figure, base
-from cosim.report.page import page, write
+from cosim.report.page import PAGE, page, write
 from cosim.table import DASH, Table
+
+SIGNS = {"score.json": marked(b'{\n "benchmark": "'), "score.parquet": columns("run", "fault"), "score.html": PAGE}
 
 
 def score_report(found: dict, output: str | Path, beside: Sequence[dict] = ()) -> Path:
@@ -120,7 +122,8 @@ def write_score(found: dict, rows: pd.DataFrame, out: str | Path, beside: Sequen
     Notes the paths in `found`. Raises OutputError.
     """
     out = Path(out)
-    replace_text(out / "score.json", json.dumps(found, indent=1, allow_nan=False))  # a table to share: without paths
+    # a table to share: without paths
+    replace_text(out / "score.json", json.dumps(found, indent=1, allow_nan=False), SIGNS["score.json"])
     if "digest" not in found["seeds"]:
-        replace(out / "score.parquet", lambda part: rows.to_parquet(part, index=False))
+        replace(out / "score.parquet", lambda part: rows.to_parquet(part, index=False), SIGNS["score.parquet"])
     found["table"], found["report"] = str(out / "score.json"), str(score_report(found, out / "score.html", beside))

@@ -20,10 +20,6 @@ from cosim.scenario.tolerance import toleranced
 from cosim.scenario.user_file import UserFile
 from fdi.registry import GUESTS, SHIPPED
 
-# Thresholds are trained at 200 Hz. At 50 Hz these two alarm in a hard manoeuvre without a fault, and up to 80 Hz both
-# pass their thresholds
-SLOW_HZ, NEED_MORE = 100, ("rfafe", "ofc_monitor")
-
 
 class Tolerances(Table):
     """Multipliers of what flies against its nominal value: aerodynamic coefficients, actuator parameters."""
@@ -215,10 +211,6 @@ class Scenario(Table):
             else f"faults.{i} ({f.kind}) never began: {f.when} did not come true"
             for i, f in late
         ]
-        coarse = [name for name in NEED_MORE if name in self.running]
-        if self.rate_hz < SLOW_HZ and coarse:
-            said = f"below {SLOW_HZ} {', '.join(coarse)} may alarm in a manoeuvre without a fault"
-            lines.append(f"rate_hz = {self.rate_hz}: {said}")
         for i, f in enumerate(self.faults):
             rate, limit = ((f.model_extra or {}).get(k, 0.0) for k in ("rate_deg_s", "limit_deg"))
             if rate * limit < 0.0 and f.target != "stabiliser":  # the others trim at zero

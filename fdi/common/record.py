@@ -75,5 +75,7 @@ class Detector:
     belongs: Mapping[str, str] = field(default_factory=dict)  # parameter -> option that sets it, with all that follows
     any_aircraft: bool = False  # at aircraft level: made without a model of one, so that it flies on every aircraft
     design: str = ""  # the stored design that it flies with, if any
+    # word of an input -> (least, largest) [SI]: outside it is not valid, learns nothing, and `why` says so
+    range: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     every: int = 1  # ticks of the loop from step to step
     fit: Callable = field(default=lambda site, **options: None)  # (site, **options) -> PARAMS of one lane

@@ -4,17 +4,20 @@ A detector that has `why` in its OUTPUTS says at every tick what its `valid` of 
 holds, in the order below, is given. `valid == (why == 0)`.
 """
 
+from actuators import block
+
 VALID = 0.0
 NOT_READY = 1.0  # not started, settling, or learning its offsets
 LOST_SENSOR = 2.0  # an input that it cannot do without has no valid sample
 BOX_MASS = 3.0  # outside the region for which the observer was designed and verified: mass
 BOX_CG = 4.0  # centre of gravity
-BOX_SPEED = 5.0  # calibrated airspeed
+BOX_SPEED = 5.0  # airspeed
 BOX_MACH = 6.0  # Mach number
 BOX_ALPHA = 7.0  # angle of attack too far from trim for a linear model
 BANK = 8.0  # bank angle beyond what its equations hold for
 RATE = 9.0  # the command runs ahead of the actuators' rate limit
 GUSTS = 10.0  # gusts larger than any of the flights that its thresholds come from
+NOT_FINITE = block.NOT_FINITE  # its numbers have overflowed: a value of its state is infinite or not a number
 
 WORDS = (
     "valid",
@@ -28,6 +31,7 @@ WORDS = (
     "bank angle",
     "command beyond the rate limit",
     "gusts beyond its training",
+    "its state is not finite",
 )
 
 

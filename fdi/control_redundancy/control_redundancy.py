@@ -35,10 +35,11 @@ import numpy as np
 from actuators.block import dtype, entry, kernel, record
 from fdi.common import gyro
 from fdi.common.decision import T_HOLD, confirm
+from fdi.common.envelope import FLYING, outside
 from fdi.common.record import Detector, Estimate, Site
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, NONE, SENSOR, THRUST
-from fdi.common.why import GUSTS, LOST_SENSOR, NOT_READY, VALID
+from fdi.common.why import BOX_SPEED, GUSTS, LOST_SENSOR, NOT_READY, VALID
 from fdi.control_redundancy import force_model
 from fdi.control_redundancy import structure as redundancy_structure
 from fdi.control_redundancy.core import (
@@ -65,6 +66,7 @@ from fdi.control_redundancy.force_model import params_dtype
 
 EFFECTORS = ("elevator", "aileron", "rudder", "engine", "engine_1", "engine_2", "engine_3", "engine_4")
 CULPRITS = ("", *EFFECTORS, "n_x", "n_z", "alpha")
+SLOWEST, FASTEST = FLYING
 FIRING = 0.8  # of a row's threshold: with less it says nothing of its accelerometer
 DOUBT = 0.5  # of bias_share: with so much no effector is declared
 MAYBE = 0.35  # of the error that lift asks for: with so much in the vane, slowly or of late, no effector is declared
@@ -250,6 +252,7 @@ DETECTOR = Detector(
     },
     places={"head": ("line", 0), "block": ("n_block", 0)},
     options={"rows": ("force", "force+moment")},  # the first is the default
+    range={"tas": FLYING},
     fit=lambda site, **options: fitted(site, **options),
 )  # fmt: skip
 
@@ -495,9 +498,10 @@ def step(x, u, p, dt):
     delayed_commands(x, u, p, dt)
     x.started = 1.0
     gyro.compare(x, u, dt)
-    if complete(u, p) < 0.5:
+    slow = outside(u.tas, u.tas_valid, SLOWEST, FASTEST) > 0.5
+    if slow or complete(u, p) < 0.5:
         x.gone += dt
-        x.valid, x.why = 0.0, LOST_SENSOR
+        x.valid, x.why = 0.0, BOX_SPEED if slow else LOST_SENSOR
         if x.gone > p.t_invalid:
             for i in range(BLOCKS):
                 x.n_block[i] = 0.0

@@ -16,6 +16,9 @@ from fdi.common.decision import usable
 from fdi.ema.ema_kalman import POSITION, VELOCITY, N
 
 T_SURFACE = 2.0  # a position that is lost is tied to the surface's within [s]
+# what a wrong velocity has moved follows the position within [s]: settled before the alarm of a healed sensor ends (1 s
+# of release), and slow beside the load estimate, which has to follow the hinge moment of the angle that is corrected
+T_ANCHOR = 0.3
 DOUBT = 0.5  # of a threshold, from which on nothing is learned
 LAG, MEAN = 20, 5  # R1's jump: mean of the last 5 slots against that of the 5 slots 0.1 s ago
 
@@ -65,6 +68,14 @@ def _tie(x, p):
 
 
 @kernel
+def _anchor(x, p, share):
+    """Follow the position by `share` of R1: what a wrong velocity has left in c, and its covariance, leak away."""
+    x.c += share * x.R1
+    x.P_cc += share * (p.sigma_pos * p.sigma_pos - x.P_cc)
+    x.P_cb -= share * x.P_cb
+
+
+@kernel
 def _slot(x, p, h):
     """End a slot of `h` seconds: R1, its jump, and the anchor."""
     mean, seen = x.sum_drift / p.n_sub, x.n_position > 0.0
@@ -72,8 +83,9 @@ def _slot(x, p, h):
     if seen:
         x.R1 = mean - x.c
     _jump(x, p, mean, h)
-    if seen and x.culprit == VELOCITY:
-        x.c += h * x.R1  # follow the position, a second late: what is left in R1 says whether the velocity has healed
+    witnessed = seen and x.age_surface == 0.0 and x.r_pair < DOUBT
+    if (seen and x.culprit == VELOCITY) or (witnessed and x.alarm < 0.5 and math.fabs(x.R1) >= p.th_R1):
+        _anchor(x, p, h / T_ANCHOR)
     elif x.culprit == POSITION and x.age_surface == 0.0:
         x.c += h / T_SURFACE * (x.y_arm + x.rigging - x.reckon - x.c)
         x.P_cc += h / T_SURFACE * (p.sigma_rig * p.sigma_rig - x.P_cc)
@@ -103,4 +115,8 @@ def reckon_position(x, u, p, dt, back):
     if x.count == 0.0:
         _slot(x, p, p.n_sub * dt)
     x.pos_hat = x.reckon + x.c
+    if x.age_vel == 0.0:  # the filter's angle sees the hinge stiffness alone: a velocity error would stay in its load
+        turn = dt / T_ANCHOR * (x.pos_hat / p.lead - x.x_hat[2])
+        x.x_hat[2] += turn
+        x.x_hat[0] += p.ratio * turn
     x.pos_sigma = math.sqrt(p.sigma_rig * p.sigma_rig + x.P_cc)

@@ -51,15 +51,20 @@ STUCK = 0.3  # of the largest current: less is a loss of the drive
 LOSS_LEAST = 0.1  # less of a loss is a gain error
 SENSOR = -1.0  # the current sensor, beside the class codes
 ALPHA, BETA = 0.2, 0.02  # position in the place of a lost velocity: corrections of angle and rate
-TAU_MOST, TAU_NOW = 60.0, 0.6  # memory of the gains [s]
+TAU_MOST, TAU_NOW = 60.0, 0.6  # longest and shortest memory of the gains [s]
 KNOWN_A, KNOWN_B = 0.0015, 0.02  # deviations of gain and magnets: what is told so well of both is forgotten
+KNOWN_NOW = 0.0045  # deviation of the gain when it is asked whether it stands or has healed: under half of `th_a`
 STANDS = 0.7  # of a gain's threshold: keeps the alarm
 RELEASE = 0.5  # [s]: what shows it has a memory of its own
 HEALED, HEALED_B = 2.0, 2.5  # of that: a gain, magnets that surely are less have healed
-TOLERANCE = 0.2  # of the current's gain before it is learned: four numbers of 5 % each
+# by how much the gain of the current may be less, and more, than nominal before it is learned. Two numbers of 5 % over two
+# of 5 %: .82 to 1.22. No fault of a drive makes its current larger, so that there twice the tolerances are allowed: 1.49
+TOLERANCE = (0.2, 0.5)
 LEARN = (2.0, 4.0, 10.0)  # times at which what the gain is off becomes the drive's own [s]
 SURE, SURE_B = 0.01, 0.03  # deviations of gain and magnets with which they can be learned
-OFF_B = 0.15  # of the voltage per rate before it is learned: K_B over K_ic, and what the amplifier makes of it
+# of the current that the rate takes away, as b: K_B over K_ic, .90 to 1.11, twice that where it takes more (b is
+# negative), which weaker magnets do not; and .04 that the amplifier's lag makes of it
+OFF_B = (0.27, 0.15)
 MAGNETS = 0.05  # deviation of healthy ones
 
 PARAMS = [
@@ -160,8 +165,8 @@ def sine(x, slow, n, hz):
 
 @kernel
 def apart(ff, fd, dd, most):
-    """Return the least energy of f - g d over gains |g| <= `most` that a healthy drive may be off by."""
-    g = decision.clipped(fd / dd, most) if dd > 1e-12 else 0.0
+    """Return the least energy of f - g d over gains g, -most[0] to most[1], that a healthy drive may be off by."""
+    g = min(max(fd / dd, -most[0]), most[1]) if dd > 1e-12 else 0.0
     return max(ff - 2.0 * g * fd + g * g * dd, 0.0)
 
 
@@ -197,8 +202,10 @@ def best_sine(x, slow, n, instead, most):
 
 
 @kernel
-def explain(x, p, slow):
-    """Weigh the hypotheses over the samples since f began, of one ring; write `drive_name` where one is sure."""
+def explain(x, p, slow, measured):
+    """Weigh the hypotheses over the samples since f began, of one ring; write `drive_name` where one is sure; magnets
+    are weaker only where the rate is `measured`.
+    """
     n = min(int(x.f_age / SLOW) if slow else int(x.f_age), RING)
     i = int(x.slow_head if slow else x.even_head) - n
     i = i + RING if i < 0 else i
@@ -215,7 +222,7 @@ def explain(x, p, slow):
         dw += d * w
         i = 0 if i == RING - 1 else i + 1
     wide = p.sigma_f / math.sqrt(SLOW) if slow else p.sigma_f
-    tolerance = min(0.06, doubt_b(x)) * p.b_motor
+    tolerance = min(0.06, doubt_b(x)[0]) * p.b_motor
     own = doubt(x)
     noise_c = n * wide * wide + tolerance * tolerance * ww
     noise = noise_c + 4e-6 * dd
@@ -227,7 +234,7 @@ def explain(x, p, slow):
     stuck = max(cc - c1 * c1 / n, 0.0)
     bias = apart(ff - f1 * f1 / n, fd - f1 * d1 / n, dd - d1 * d1 / n, own)
     t = -fd / dd if dd > 0.0 else 0.0
-    loss = max(ff - t * t * dd, 0.0) if t > max(LOSS_LEAST, own) else ff
+    loss = max(ff - t * t * dd, 0.0) if t > max(LOSS_LEAST, own[0]) else ff
     weak = apart(ff - fw * fw / ww, fd - fw * dw / ww, dd - dw * dw / ww, own) if fw > 0.0 else ff
     x.left[0], x.left[1], x.left[2], x.left[3], x.left[4] = added / ff, instead / ff, stuck / ff, loss / ff, bias / ff
     x.left[5] = weak / ff
@@ -249,7 +256,7 @@ def explain(x, p, slow):
             said = RUNAWAY
         elif (which == 3 or which == 2) and x.f_age >= LOSS_SAMPLES:
             said = EFFECTIVENESS
-        elif which == 5:
+        elif which == 5 and measured:
             said = WEAK
     elif cc <= 2.0 * noise_c and x.f_age >= LOSS_SAMPLES and min(added, min(bias, weak)) >= CLEAR * noise:
         said = EFFECTIVENESS  # nothing at all arrives
@@ -266,14 +273,22 @@ def explain(x, p, slow):
 
 @kernel
 def doubt(x):
-    """Return how far the gain of this drive's current may be off."""
-    return TOLERANCE if x.gain_learned < 0.5 else 2.0 * x.gain_doubt + 1e-3
+    """Return by how much the gain of this drive's current may be less, and more, than it is taken for."""
+    off = 2.0 * x.gain_doubt + 1e-3
+    return TOLERANCE if x.gain_learned < 0.5 else (off, off)
 
 
 @kernel
 def doubt_b(x):
-    """Return how far the voltage that this drive makes of its rate may be off."""
-    return OFF_B if x.magnets_learned < 0.5 else 2.0 * x.magnets_doubt + 5e-3
+    """Return by how much the share `b` of this drive may be less, and more, than it is taken for."""
+    off = 2.0 * x.magnets_doubt + 5e-3
+    return OFF_B if x.magnets_learned < 0.5 else (off, off)
+
+
+@kernel
+def outside(v, most):
+    """Return by how much `v` is beyond -most[0] to most[1], negative inside."""
+    return max(-v - most[0], v - most[1])
 
 
 @kernel
@@ -282,11 +297,12 @@ def learn(x, a, da, p):
     magnets, too, where it has moved enough.
     """
     k = int(x.gain_learned)
-    if k >= 3 or x.age < LEARN[k] or da > SURE or math.fabs(x.gain_own + a * (1.0 + x.gain_own)) > TOLERANCE:
+    if k >= 3 or x.age < LEARN[k] or da > SURE or outside(x.gain_own + a * (1.0 + x.gain_own), TOLERANCE) > 0.0:
         return
     both, b, d_both, db = solve(x.gain_sum, p.sigma_f, 0.0)
     b, db = b / p.b_motor, db / p.b_motor
-    if db <= SURE_B and math.fabs(x.magnets_own - b) <= OFF_B and math.fabs(both) <= TOLERANCE:
+    known = db <= SURE_B and outside(b - x.magnets_own, OFF_B) <= 0.0
+    if known and outside(x.gain_own + both * (1.0 + x.gain_own), TOLERANCE) <= 0.0:
         a, da = both, d_both
         x.magnets_own -= b
         x.magnets_doubt = db
@@ -330,14 +346,15 @@ def gain_and_magnets(s, p):
 @kernel
 def gains(x, p, f, d, w, dt):
     """Take a sample into the gains of current and magnets, and test them."""
+    h, ka, kb = p.even * dt, KNOWN_A * d / p.sigma_f, KNOWN_B * p.b_motor * w / p.sigma_f
     for k in range(2):
-        h = p.even * dt
-        keep = 1.0 - h / TAU_NOW
-        if k == 0:  # forgets by what the sample tells, so that a drive at work is judged at once, one at rest at all
-            ka, kb = KNOWN_A / p.sigma_f, KNOWN_B * p.b_motor / p.sigma_f
-            keep = max(1.0 - max(min(d * d * ka * ka, w * w * kb * kb), h / TAU_MOST), keep)
-            if x.age < LEARN[2]:
-                keep = 1.0  # all there is to learn from
+        # forgets by what the sample tells, so that a drive at work is judged at once, one at rest at all
+        told = min(ka * ka, kb * kb)
+        if k == 1:  # magnets at rest are neither weak nor healed
+            told = 1.0 if x.weak > 0.5 else (KNOWN_NOW * d / p.sigma_f) * (KNOWN_NOW * d / p.sigma_f)
+        keep = 1.0 - min(max(told, h / TAU_MOST), h / TAU_NOW)
+        if k == 0 and x.age < LEARN[2]:
+            keep = 1.0  # all there is to learn from
         s = x.gain_sum if k == 0 else x.gain_now
         s[0] = keep * s[0] + f * f
         s[1] = keep * s[1] + f * d
@@ -347,21 +364,19 @@ def gains(x, p, f, d, w, dt):
         s[5] = keep * s[5] + w * w
     a, x.gain_b, da, db = gain_and_magnets(x.gain_sum, p)
     x.gain_a = a
-    over_a = math.fabs(a) - p.z_gain * math.sqrt(da * da + x.gain_doubt * x.gain_doubt)
-    if x.gain_learned < 0.5:
-        over_a -= TOLERANCE
-    over_b = math.fabs(x.gain_b) - p.z_gain * math.sqrt(db * db + x.magnets_doubt * x.magnets_doubt)
-    if x.magnets_learned < 0.5:
-        over_b -= OFF_B
+    over_a = math.fabs(a) if x.gain_learned > 0.5 else outside(a, TOLERANCE)
+    over_a -= p.z_gain * math.sqrt(da * da + x.gain_doubt * x.gain_doubt)
+    over_b = math.fabs(x.gain_b) if x.magnets_learned > 0.5 else outside(x.gain_b, OFF_B)
+    over_b -= p.z_gain * math.sqrt(db * db + x.magnets_doubt * x.magnets_doubt)
     x.r_gain = max(over_a / p.th_a, over_b / p.th_b)
-    told = True
-    if x.hot_gain > 0.5:  # the last second tells whether it stands or has healed; where nothing moves, neither
+    sure = True
+    if x.hot_gain > 0.5:  # `gain_now` tells whether it stands or has healed; where nothing moves, neither
         a, b, da, db = gain_and_magnets(x.gain_now, p)
         size, off, least, most = math.fabs(a), 2.0 * da, STANDS * p.th_a, HEALED * STANDS * p.th_a
         if x.weak > 0.5:
             size, off, least, most = math.fabs(b), 2.0 * db, STANDS * p.th_b, HEALED_B * STANDS * p.th_b
         shows = size - off > least
-        told = shows or size + off < most
+        sure = shows or size + off < most
     else:
         if x.r_gain < 1.0:
             learn(x, a, da, p)
@@ -369,7 +384,7 @@ def gains(x, p, f, d, w, dt):
         if shows:
             x.weak = 1.0 if over_b / p.th_b > over_a / p.th_a else 0.0
     before = x.hot_gain
-    if told:
+    if sure:
         x.gain_timer, x.hot_gain = confirm(x.gain_timer, x.hot_gain, shows, p.even * dt, 0.2, RELEASE)
     if before > 0.5 and x.hot_gain < 0.5:  # healed: what came before is of the fault
         for k in range(6):
@@ -402,7 +417,8 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     if x.count == 0.0 and x.slot_n > 0.0:  # of a slot, so that noise weighs the same at every rate
         h, g = p.n_sub * dt, x.slot_f / x.slot_n
         x.slot_f = x.slot_n = 0.0
-        off = doubt(x) * math.fabs(rest) + doubt_b(x) * p.b_motor * math.fabs(w)
+        off = doubt(x)[1 if g * rest > 0.0 else 0] * math.fabs(rest)
+        off += doubt_b(x)[1 if g * w > 0.0 else 0] * p.b_motor * math.fabs(w)
         x.off_power += h / TAU_POWER * (off * off - x.off_power)
         fixed = p.th_f + p.rho_f * math.sqrt(x.w_power) + math.sqrt(x.off_power)
         least = fixed * (1.0 if x.age_vel <= p.t_bad else BLIND)
@@ -449,7 +465,7 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     whole = x.even_lost < 0.5
     x.even_lost = 0.0
     f, d, w = x.even_ring[0, head], x.even_ring[1, head], x.even_ring[2, head]
-    usual = p.th_f + (p.rho_f + doubt_b(x) * p.b_motor) * math.fabs(w) + doubt(x) * math.fabs(d)
+    usual = p.th_f + (p.rho_f + doubt_b(x)[0] * p.b_motor) * math.fabs(w) + doubt(x)[0] * math.fabs(d)
     known = x.hot_gain > 0.5 and x.weak > 0.5
     best = min(min(x.left[0], x.left[1]), min(x.left[2], min(x.left[3], x.left[4])))
     magnets = x.f_age > RING and x.left[5] < 0.5 * best  # what explains best is told by more than one window
@@ -472,6 +488,6 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     if x.f_age >= STAYS and x.jumped != 0.0 and x.drive_name == NONE:
         x.drive_name = RUNAWAY
     if x.hot_f > 0.5 and x.f_age >= LEAST and x.drive_name == NONE and int(x.f_age) % 2 == 0:
-        explain(x, p, False)
+        explain(x, p, False, measured)
         if x.drive_name == NONE and x.f_age > RING and x.slow_count == 0.0:
-            explain(x, p, True)
+            explain(x, p, True, measured)

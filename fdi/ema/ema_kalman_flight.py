@@ -22,7 +22,8 @@ On a verdict on the position sensor `reconf` asks to close the loop on pos_hat. 
 
 While all is well, pos_hat is tied to the position sensor by a slow second Kalman filter on (offset c, rate b): it
 learns the velocity sensor's small bias. From the first suspicion on it runs free, and its covariance is pos_sigma; once
-the position sensor is named it is tied to the surface's.
+the position sensor is named it is tied to the surface's. The filter's angle follows pos_hat, so that a velocity error
+that has healed is left neither in the angle nor, times the hinge stiffness, in the load.
 
 Windows are seconds. They are kept in slots, means over `n_sub` ticks and at least 5 ms long, and a test changes when a
 slot ends; at 200 Hz a slot is a tick. At any rate the demand is as late as the sensors, and the continuous filter, its

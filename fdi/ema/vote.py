@@ -17,7 +17,7 @@ from fdi.ema.ema_kalman import CURRENT, POSITION, VELOCITY
 from fdi.ema.rough import SURFACE
 
 CULPRITS = (*PUBLISHED, "surface")
-T_AGAIN, HOLD_MOST = 20.0, 9.0  # an alarm that comes back within that time is held up to so long [s]
+T_AGAIN = 20.0  # an alarm that comes back within that time is held twice as long after its last sign [s]
 FROZEN = 20.0  # equal samples of a position sensor: noise does not repeat itself
 WEAK_LEFT = 0.4  # weaker magnets leave more of what a current sensor does
 HEAVY = 0.4  # of the load that is a jam's: what winds the screw up while the filter has yet to learn it
@@ -113,7 +113,7 @@ def decide(x, p, dt):
     if x.alarm < 0.5:
         x.alarm, x.verdict = 1.0, AMBIGUOUS
         again = 0.0 < x.hold_age < T_AGAIN  # what comes back has not healed: it is held for longer
-        x.hold = min(max(3.0 * x.hold, p.t_release), HOLD_MOST) if again else 0.0
+        x.hold = p.t_release if again else 0.0
     x.hold_age = dt
     x.alarm_age += dt
     if x.sensor > 0.5 and x.blame == 2.0 and x.play > 0.5:  # what looked like play does not become the position's

@@ -45,6 +45,12 @@ STATE = [
 
 
 @kernel
+def beyond_clip(d, p):
+    """Return the part of a disagreement `d` [m] that `pair_clip` cuts away."""
+    return d - clipped(d, p.pair_clip)
+
+
+@kernel
 def hear(x, u, w, p, dt):
     """Compare the three; `w` is the motor's mean rate of the tick, as measured or what stands for it [rad/s]."""
     position, surface = usable(u.y_position, u.position_valid), usable(u.y_surface, u.surface_valid)
@@ -62,6 +68,8 @@ def hear(x, u, w, p, dt):
     load = (x.hm0 + x.hmd * x.x_hat[0] + x.x_hat[5]) / (p.load_max * HALF)
     bias = x.model_bias
     decision.pair_test(x, u.y_position, position, x.y_arm, surface, p.lead * w, load, p, dt)
+    if x.sensor > 0.5 and position > 0.5 and surface > 0.5:  # the clip is for spikes before an alarm: 24 mm/s
+        x.pair_d += (1.0 - math.exp(-dt / p.pair_tau)) * beyond_clip(u.y_position - x.y_arm - x.rigging - x.pair_d, p)
     if x.culprit == 0.0 and max(math.fabs(x.e_rod), math.fabs(x.e_surface)) < BLAMED * p.pair_threshold:
         x.blame = 0.0  # which of them has left the integral cannot be seen yet
     if position > 0.5:

@@ -38,14 +38,16 @@ from typing import Any
 import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
+from fdi.common.envelope import FLYING, outside
 from fdi.common.record import Detector
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, SENSOR
-from fdi.common.why import LOST_SENSOR, NOT_READY, VALID
+from fdi.common.why import BOX_SPEED, LOST_SENSOR, NOT_READY, VALID
 from fdi.kinematic.rows import compare, read
 from fdi.kinematic.signatures import FAST, FIRST, JUMPS, MAY, MUST, NC, NR, NS, OF, SENSORS, SHOWS, SIGNATURES
 
 CULPRITS = ("", *SENSORS)
+SLOWEST, FASTEST = FLYING
 HIDDEN = 1.25  # of a threshold: an error that shows larger should have fired
 
 PARAMS = dtype(
@@ -121,6 +123,7 @@ DETECTOR = Detector(
     | {"sensor.alpha": ("sensor", "ambiguous"), "sensor.beta": ("sensor", "ambiguous"), "sensor.n_y": ("sensor",)},
     blind="no force enters: neither effectors nor actuators; of alpha, beta and n_y it sees noise and a frozen reading",
     any_aircraft=True,
+    range={"tas": FLYING},
     fit=lambda site: params(own=site.own),
 )
 
@@ -236,8 +239,28 @@ def _decide(x, p, dt):
 
 
 @kernel
+def _rest(x, p):
+    """Say nothing while out of range; what integrates starts anew afterwards, learning does where it was not done."""
+    for i in range(NS):
+        x.ticks[i] = 0.0
+    for i in range(NR):
+        x.live[i], x.seen[i], x.res[i], x.fired[i], x.jumped[i] = 0.0, 0.0, 0.0, 0.0, 0.0
+        if x.age <= p.t_learn:
+            x.offset[i] = 0.0
+    if x.age <= p.t_learn:
+        x.age, x.n_learn = 0.0, 0.0
+        for i in range(NS):
+            x.level[i] = 0.0
+    x.since, x.noisy, x.quiet, x.valid, x.why = 0.0, 0.0, 0.0, 0.0, BOX_SPEED
+    x.r, x.alarm, x.verdict, x.culprit = 0.0, 0.0, NONE, 0.0
+
+
+@kernel
 def step(x, u, p, dt):
     """Read, compare, decide."""
+    if outside(u.tas, u.tas_valid, SLOWEST, FASTEST) > 0.5:
+        _rest(x, p)
+        return
     read(x, u)
     compare(x, p, dt)
     x.age += dt

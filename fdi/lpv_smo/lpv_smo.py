@@ -51,7 +51,7 @@ from typing import Any
 import numpy as np
 
 from actuators.block import entry, kernel, record
-from actuators.constants import RAD_PER_DEG
+from actuators.constants import M_S_PER_KT, RAD_PER_DEG
 from fdi.common import bank as frequencies
 from fdi.common import gyro
 from fdi.common.decision import confirm, usable
@@ -111,6 +111,10 @@ DETECTOR = Detector(
     sizes={"n_box": 1.0, **frequencies.SIZES},
     places={"head": ("line", 0), **frequencies.PLACES},
     design="lpv_smo_boxes",
+    range={  # around all boxes, with the margin of `core`; which box holds a point is decided there
+        "mass": (176e3, 428e3), "cg": (0.184, 0.436), "cas": (104.4 * M_S_PER_KT, 408.0 * M_S_PER_KT),
+        "mach": (0.12, 0.92),
+    },
     fit=lambda site: fitted(site),
 )  # fmt: skip
 

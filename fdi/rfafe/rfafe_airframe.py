@@ -20,14 +20,17 @@ from actuators.block import dtype, entry, kernel, record
 from actuators.constants import RAD_PER_DEG
 from fdi.common import bank
 from fdi.common.decision import held
+from fdi.common.envelope import FLYING, outside
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
+from fdi.common.why import BOX_SPEED
 from fdi.rfafe import core as rfafe_core
 from fdi.rfafe.core import advance, airframe_usable, fill_stored, read_airframe
 from fdi.rfafe.store import choose, read, side_kinds
 
 CULPRITS = ("", "elevator")
 DT = 0.005  # base tick [s]
+SLOWEST, FASTEST = FLYING
 
 PARAMS = dtype(rfafe_core.PARAMS)
 INPUTS = dtype([
@@ -62,6 +65,7 @@ DETECTOR = Detector(
     sizes={"ns": 0, "ny": 0, "nu": 0, "nf": 0, "n_trim": 0, **bank.SIZES},
     places={"head": ("line", 0), **bank.PLACES, "suspect": ("energy", 0)},
     design="rfafe_airframe",
+    range={"tas": FLYING},  # moments are scaled by (V / V where the correction was learned)^2
     fit=lambda site: params(technology=side_kinds(site.technologies), dt=site.dt, own=site.own),
 )
 
@@ -95,11 +99,14 @@ def init(p: np.ndarray) -> np.ndarray:
 @kernel
 def step(x, u, p, dt):
     """Convert to the paper's units and advance the estimator."""
-    good = airframe_usable(u)
+    beyond = outside(u.tas, u.tas_valid, SLOWEST, FASTEST)
+    good = airframe_usable(u) * (1.0 - beyond)  # out of range nothing is learned, as without a sample
     if good > 0.5:
         read_airframe(x, u, p)
     x.u_in[0] = held(u.command / RAD_PER_DEG - p.u_trim[0], 1.0, x.u_in[0])
     advance(x, p, good, dt)
+    if beyond > 0.5:
+        x.why = BOX_SPEED
     x.f_hat = x.f[0]
 
 

@@ -11,6 +11,7 @@ import cosim
 from cosim.cli.commands import app
 from cosim.log import open_log, recover
 
+GENERATOR = b'<meta name="generator" content="cosim">'
 SHORT = ["duration_s=3", "faults.0.start_s=1", "detectors.enabled=['iotsekf']", "elevator.feedback=measured"]
 
 
@@ -61,24 +62,30 @@ def told(result, path):
 @pytest.mark.parametrize("name", ["report", "replay", "recover"])
 def test_one_result_of_one_log(name, free, disk, full, flight):
     out = disk / ("page.html" if name == "report" else "out.mcap")
-    out.write_bytes(b"\x89MCAP0\r\nmine too")  # a log of before
+    before = b"<!doctype html>" + GENERATOR if name == "report" else flight.read_bytes()[:500]
+    out.write_bytes(before)  # one of before
     full(free)
     assert "recover" not in told(command(name, flight, "-o", out), out).replace("recovered", "")
     assert sorted(p.name for p in disk.iterdir()) == sorted(["mine", "filler", out.name])
-    assert out.read_bytes() == b"\x89MCAP0\r\nmine too" and (disk / "mine").read_text() == "mine"
+    assert out.read_bytes() == before and (disk / "mine").read_text() == "mine"
 
 
-def test_a_flight_keeps_its_ticks_or_nothing(disk, full, tmp_path):
+def test_a_flight_keeps_its_ticks_or_nothing(disk, full, tmp_path, flight):
     keys = [word for key in SHORT for word in ("-s", key)]
+    log, old = disk / "x.mcap", flight.read_bytes()[:100_000]
+    log.write_bytes(old)  # of a flight before
     full(300_000)  # less than what comes before the first tick
-    assert "recover" not in told(command("run", "liquid-ofc", *keys, "-o", disk / "x.mcap"), disk / "x.mcap")
-    assert not (disk / "x.mcap").exists()
+    assert "recover" not in told(command("run", "liquid-ofc", *keys, "-o", log), log)
+    assert sorted(p.name for p in disk.iterdir()) == ["filler", "mine", "x.mcap"]
     (disk / "filler").unlink()
     full(1_600_000)
-    assert "`cosim recover`" in told(command("run", "liquid-ofc", *keys, "-o", disk / "x.mcap"), disk / "x.mcap")
-    recover(disk / "x.mcap", tmp_path / "back.mcap")
+    assert f"`cosim recover {log}.part`" in told(command("run", "liquid-ofc", *keys, "-o", log), log)
+    assert log.read_bytes() == old
+    next_one = command("run", "liquid-ofc", *keys, "-o", log)
+    assert next_one.exit_code == 2 and f"a killed flight left {log}.part" in next_one.stderr
+    recover(disk / "x.mcap.part", tmp_path / "back.mcap")
     assert open_log(tmp_path / "back.mcap").n_ticks > 100
-    assert sorted(p.name for p in disk.iterdir()) == ["filler", "mine", "x.mcap"]
+    assert sorted(p.name for p in disk.iterdir()) == ["filler", "mine", "x.mcap", "x.mcap.part"]
 
 
 @pytest.mark.parametrize("free", [0, 12_288, 40_960, 100_000])

@@ -1,9 +1,16 @@
-"""A command writes over no input of its own, and a log takes the place of a log alone."""
+"""No command and no call of Python writes over a file that the project did not write, nor over an input of its own."""
 
+import contextlib
+import inspect
+
+import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+import cosim
 from cosim.cli.commands import app
+from cosim.errors import CosimError
+from cosim.files import Part, columns, left_by, marked, overwriting, replace_text
 
 OWN = """
 class Mine:
@@ -17,17 +24,141 @@ class Mine:
         return {"r": 0.0, "alarm": False, "verdict": "none"}
 """
 SHORT = ["-s", "duration_s=0.5", "-s", "detectors.enabled=['iotsekf']"]
+CAMPAIGN = 'base = "cruise"\nruns = 1\n[set]\nduration_s = 1.0\n'
+MINE = "run,mine\n1,2\n"
 
 
-def cosim(*words):
+def command(*words):
     return CliRunner().invoke(app, [str(word) for word in words])
 
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory):
     log = tmp_path_factory.mktemp("flown") / "a.mcap"
-    assert cosim("run", "cruise", *SHORT, "-o", log).exit_code == 0
+    assert command("run", "cruise", *SHORT, "-o", log).exit_code == 0
     return log
+
+
+# every command with an output: its words, and the files that it would write; OUT is a folder, LOG a log
+WRITES = {
+    "run": [(["run", "cruise", *SHORT, "-o", "OUT/a.mcap"], ["a.mcap"]),
+            (["run", "cruise", *SHORT, "-o", "OUT/b.mcap", "--report"], ["b.html"])],
+    "example": [(["example", "fly_and_plot", "-o", "OUT/e.py"], ["e.py"])],
+    "info": [(["info", "LOG", "--scenario", "-o", "OUT"], ["scenario.toml"])],
+    "linearize": [(["linearize", "cruise", "-o", f"OUT/m{end}"], [f"m{end}"]) for end in (".npz", ".mat")],
+    "replay": [(["replay", "LOG", "-o", "OUT/r.mcap"], ["r.mcap"])],
+    "recover": [(["recover", "LOG", "-o", "OUT/r.mcap"], ["r.mcap"])],
+    "envelope": [(["envelope", "-o", "OUT"], ["envelope.html", "envelope.svg", "envelope.csv"])],
+    "reproduce": [(["reproduce", "jay", "-o", "OUT"], ["reproduce-jay.html", "reproduce-jay.csv"])],
+    "design": [],  # needs an aircraft of the user's; its folder is that of `study` and `train`
+    "study": [(["study", "manoeuvres", "-o", "OUT"], ["results.jsonl"])],
+    "train": [(["train", "ema", "-o", "OUT"], ["results.jsonl"])],
+    "campaign": [(["campaign", "OUT/few.toml", "-o", "OUT"], ["runs.parquet"]),
+                 (["campaign", "OUT/few.toml", "--worst", "iotsekf", "-o", "OUT"], ["worst-iotsekf.toml"])],
+    "dataset": [(["dataset", "OUT/few.toml", "-o", "OUT"], ["flights.parquet"])],
+    "report": [(["report", "LOG", "-o", "OUT/p.html"], ["p.html"]), (["report", "OUT"], ["compare.html"])],
+    "compare": [(["compare", "LOG", "-o", "OUT"], ["compare.html", "compare.csv", "compare.parquet"])],
+    "score": [(["score", "iotsekf", "-o", "OUT"], ["score.json", "score.html", "score.parquet"])],
+    "false-alarms": [(["false-alarms", "-o", "OUT"], ["false-alarms.html", "false-alarms.json"])],
+    "new": [(["new", "detector", "mine", "-o", "OUT"], ["mine.py", "test_mine.py"])],
+    "map": [(["map", "OUT/few.csv", "-o", "OUT/m.toml"], ["m.toml"])],
+}  # fmt: skip
+CASES = [(words, name) for each in WRITES.values() for words, names in each for name in names]
+
+
+def test_every_command_with_an_output_is_walked():
+    """A new option that takes a path must be an input, or be walked."""
+    reads = {"detector", "seeds", "recordings", "verify", "readme", "map_", "beside"}
+    writing = set()
+    for each in app.registered_commands:
+        name = each.name or each.callback.__name__.rstrip("_")
+        options = {k: p for k, p in inspect.signature(each.callback).parameters.items() if "Option" in str(p.annotation)
+                   and "Path" in str(p.annotation)}  # fmt: skip
+        assert not set(options) - reads - {"output"}, name
+        writing |= {name} if "output" in options else set()
+    assert writing == set(WRITES)
+
+
+@pytest.mark.parametrize(("words", "name"), CASES, ids=[f"{w[0]} {n}" for w, n in CASES])
+def test_a_foreign_file_is_refused_before_anything_is_flown_and_stays(words, name, flown, tmp_path):
+    (tmp_path / "few.toml").write_text(CAMPAIGN)
+    (tmp_path / "few.csv").write_text("t,rod\n0,0\n1,1\n")
+    mine = tmp_path / name
+    mine.write_text(MINE)
+    words = [str(flown) if w == "LOG" else w.replace("OUT", str(tmp_path)) for w in words]
+    if words[:2] == ["report", str(tmp_path)]:
+        (tmp_path / "a.mcap").write_bytes(flown.read_bytes())
+    there = sorted(p.name for p in tmp_path.iterdir())
+    done = command(*words)
+    assert done.exit_code == 2 and str(tmp_path) in done.stderr, done.output
+    assert mine.read_text() == MINE and sorted(p.name for p in tmp_path.iterdir()) == there
+
+
+@pytest.mark.parametrize("words", [["run", "cruise", *SHORT], ["replay", "LOG"], ["recover", "LOG"]])
+def test_overwrite_replaces_it_and_a_log_takes_the_place_of_a_log(words, flown, tmp_path):
+    words = [flown if word == "LOG" else word for word in words]
+    mine = tmp_path / "mine.mcap"
+    mine.write_bytes(b"\x89MCAP0\r\nof another program")
+    assert command(*words, "-o", mine).exit_code == 2
+    assert command(*words, "-o", mine, "--overwrite").exit_code == 0
+    again = command(*words, "-o", mine)
+    assert again.exit_code == 0 and (words[0] == "recover" or "what the file held is overwritten" in again.stdout)
+    mine.write_bytes(b"")
+    assert command(*words, "-o", mine).exit_code == 0
+
+
+def test_what_was_written_is_written_again(flown, tmp_path):
+    page, model = tmp_path / "page.html", tmp_path / "model.mat"
+    calls = ["report", flown, "-o", page], ["linearize", "cruise", "-o", model], ["compare", flown, "-o", tmp_path]
+    for words in calls:
+        for _ in range(2):
+            done = command(*words)
+            assert done.exit_code == 0, done.output
+
+
+def test_compare_writes_nothing_unasked(flown, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert command("compare", flown).exit_code == 0
+    assert not list(tmp_path.iterdir())
+
+
+def _simulate(path, log):
+    cosim.simulate(cosim.load_scenario("cruise", SHORT[1::2]), log=path, timed=False)
+
+
+def _hand(path, log):
+    with cosim.Flight(cosim.load_scenario("cruise", SHORT[1::2]), log=path) as flight:
+        flight.step(10)
+
+
+def _replay(path, log):
+    from cosim.replay import replay
+
+    replay(log, output=path)
+
+
+def _recover(path, log):
+    from cosim.log import recover
+
+    recover(log, path)
+
+
+def _report(path, log):
+    from cosim.report import flight_report
+
+    flight_report(log, path)
+
+
+@pytest.mark.parametrize("call", [_simulate, _hand, _replay, _recover, _report], ids=lambda call: call.__name__)
+def test_python_calls_write_over_no_foreign_file(call, flown, tmp_path):
+    own = tmp_path / "own.py"
+    own.write_text(OWN)
+    with pytest.raises(CosimError, match="is there already"):
+        call(own, flown)
+    assert own.read_text() == OWN and [p.name for p in tmp_path.iterdir()] == ["own.py"]
+    with overwriting():
+        call(own, flown)
+    assert own.read_bytes() != OWN.encode()
 
 
 @pytest.mark.parametrize("words", [["run", "cruise", *SHORT], ["replay", "LOG"]])
@@ -37,27 +168,42 @@ def test_a_detector_of_ones_own_is_not_written_over(words, flown, tmp_path):
     (tmp_path / "link.mcap").symlink_to(own)
     words = [flown if word == "LOG" else word for word in words]
     for out in (own, tmp_path / "link.mcap"):
-        done = cosim(*words, "--detector", own, "-o", out)
+        done = command(*words, "--detector", own, "-o", out, "--overwrite")
         assert done.exit_code == 2 and "is a detector itself, it would be overwritten" in done.stderr
         assert own.read_text() == OWN
 
 
-@pytest.mark.parametrize("words", [["run", "cruise", *SHORT], ["replay", "LOG"], ["recover", "LOG"]])
-def test_a_log_takes_the_place_of_a_log_alone(words, flown, tmp_path):
-    words = [flown if word == "LOG" else word for word in words]
-    mine = tmp_path / "mine.mcap"
-    mine.write_text("mine")
-    done = cosim(*words, "-o", mine)
-    assert done.exit_code == 2 and "is no log, it would be overwritten" in done.stderr and "remove it" in done.stderr
-    assert mine.read_text() == "mine"
-    mine.write_bytes(b"")
-    assert cosim(*words, "-o", mine).exit_code == 0
-    again = cosim(*words, "-o", mine)
-    assert again.exit_code == 0 and (words[0] == "recover" or "what the file held is overwritten" in again.stdout)
-
-
 def test_a_map_is_not_written_over(flown, tmp_path):
     (tmp_path / "map.toml").write_text("mine = 1")
-    done = cosim("replay", flown, "--map", tmp_path / "map.toml", "-o", tmp_path / "map.toml")
+    done = command("replay", flown, "--map", tmp_path / "map.toml", "-o", tmp_path / "map.toml")
     assert done.exit_code == 2 and "is the map itself" in done.stderr
     assert (tmp_path / "map.toml").read_text() == "mine = 1"
+
+
+def test_places_that_are_no_file_are_refused_and_links_are_followed(tmp_path):
+    target, link, sign = tmp_path / "target", tmp_path / "link", marked(b"ours")
+    link.symlink_to(target)
+    replace_text(link, "ours 1", sign)
+    assert link.is_symlink() and target.read_text() == "ours 1"
+    target.write_text("foreign")
+    with pytest.raises(CosimError, match="link: is there already"):
+        replace_text(link, "ours 2", sign)
+    with pytest.raises(CosimError, match="is a folder, not a file"):
+        replace_text(tmp_path, "ours", sign)
+    with pytest.raises(CosimError, match="its folder is a file"):
+        replace_text(target / "below" / "file", "ours", sign)
+    (tmp_path / "a.mcap.part").symlink_to(target)  # planted where a flight would write
+    with pytest.raises((CosimError, OSError)):
+        Part(tmp_path / "a.mcap", sign, stays=True)
+    assert target.read_text() == "foreign" and left_by(tmp_path / "a.mcap").is_symlink()
+
+
+@pytest.mark.parametrize("ending", [".csv", ".parquet"])
+def test_a_table_is_known_by_its_first_columns(ending, tmp_path):
+    path = tmp_path / f"table{ending}"
+    frame = pd.DataFrame({"run": [1], "fault": [2], "more": [3]})
+    frame.to_csv(path, index=False) if ending == ".csv" else frame.to_parquet(path)
+    assert columns("run", "fault")(path) and not columns("fault")(path)
+    path.write_text("text")
+    with contextlib.suppress(OSError):
+        assert not columns("run")(path)

@@ -56,6 +56,14 @@ def test_every_number_of_any_table_is_whole_at_any_width(columns, width):
     assert sorted(found) == sorted(c for column in columns for c in column)
 
 
+@pytest.mark.parametrize("width", [20, 40, 80])
+def test_a_word_that_is_wider_than_the_terminal_is_folded(width):
+    made = Table("", "attachment", "size>")
+    made.add("designs/" + "x" * 200, "123456")
+    text = printed(made, width)
+    assert text.count("x") == 200 and "123456" in text and max(map(len, text.splitlines())) <= width
+
+
 @pytest.mark.parametrize("width", [80, 100])
 def test_compare_and_score_show_every_column_whole(width):
     for shown in (compare.compare(COMPARED), score.shown(SCORED)):

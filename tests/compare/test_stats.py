@@ -44,6 +44,11 @@ def hand_made():
     rows["class_changes"], rows["not_excited"], rows["why_not_valid"], rows["withdrawn"] = 1.0, False, None, None
     rows["withdrawn_after_s"], rows["standing_s"], rows["valid_share"] = np.nan, 0.0, 1.0
     rows["bound_mm"], rows["first_right"], rows["alarm_share"], rows["ambiguous_s"] = np.nan, rows["detected"], 1.0, 0.0
+    rows["class_given"] = rows["outcome"].map({"named": "right", "bonus": "wrong"}).fillna("not given")
+    rows["place_given"] = rows["outcome"].map({"named": "right"}).fillna("not given")
+    finest = np.where(rows["level"] == "local", "segment", "axis")
+    rows["place_level"] = np.where(rows["outcome"] == "named", finest, "")
+    rows["first_sure_wrong"] = rows["outcome"] == "bonus"
     rows["first_verdict"], rows["right_after_motion_s"] = rows["class"], np.nan
     return rows
 
@@ -55,6 +60,15 @@ def test_detectors_are_counted_over_what_they_were_designed_for():
     assert (local["fault_free_runs"], local["fault_free_alarmed"], local["false_alarms_per_hour"]) == (4, 0, 0.0)
     assert (aircraft["detected"], aircraft["fault_free_alarmed"], aircraft["false_alarms"]) == (1, 1, 1)
     assert aircraft["false_alarms_per_hour"] == pytest.approx(1 / (8 * 0.01))
+
+
+def test_names_are_counted_over_every_fault_alarmed_on():
+    local, aircraft = stats.detectors(hand_made())
+    assert (local["alarmed_on"], local["class_right"], local["place_right"], local["name_wrong"]) == (2, 2, 2, 0)
+    assert local["place_levels"] == {"axis": 0, "side": 0, "segment": 2, "channel": 0}
+    assert (aircraft["alarmed_on"], aircraft["class_right"], aircraft["class_wrong"]) == (2, 1, 1)
+    assert aircraft["name_wrong"] == 1
+    assert aircraft["place_levels"] == {"axis": 1, "side": 0, "segment": 0, "channel": 0}
 
 
 def test_equal_thresholds_leave_the_same_number_of_crossings():

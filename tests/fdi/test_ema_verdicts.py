@@ -103,6 +103,35 @@ def test_a_velocity_sensor_that_has_healed_stays_healed():
         assert not log["alarm"][round((END + 3.0) / DT) :].any()
 
 
+HEALED = {  # field of the script, size; a drift ends 16 deg off
+    "velocity bias": ("f_v", lambda t: 0.1 * NO_LOAD + 0 * t), "velocity drift": ("f_v", lambda t: 20.0 * t),
+    "velocity freeze": ("z_v", lambda t: 1.0 + 0 * t), "velocity oscillation": ("f_v", sine(40.0, 0.7)),
+    "position bias": ("f_p", lambda t: 2.0 * RAD_PER_DEG * ARM + 0 * t),
+    "position drift": ("f_p", lambda t: 4.0 * RAD_PER_DEG * ARM * t),
+    "current bias": ("f_c", lambda t: 0.1 * STALL + 0 * t), "drive": ("loss", lambda t: 0.6 + 0 * t),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", HEALED)
+def test_the_alarm_of_a_fault_ends_each_time_that_it_heals(fault):
+    """Four times, 4 s each: alarm, sensor, load estimate and validity are back within 3 s."""
+    t = np.arange(round(50.0 / DT)) * DT
+    onsets = START + 11.0 * np.arange(4)
+    field, shape = HEALED[fault]
+    command = sum(three_two_one_one(t, start=s - 0.4, amplitude=6 * RAD_PER_DEG) for s in onsets)
+    tick = script(50.0, command=command, hm0=1500.0, hmd=-40e3, rng=np.random.default_rng(11))
+    for s in onsets:
+        on = (t >= s) & (t < s + 4.0)
+        tick[field][on] = shape(t[on] - s)
+    log = fly_bench(tick, reconfigure=False).log
+    for s in onsets:
+        on, after = (t >= s) & (t < s + 4.0), (t >= s + 7.0) & (t < s + 11.0)
+        assert log["alarm"][on].any(), s
+        assert not log["alarm"][after].any(), (s, log["verdict"][after].max(), log["load_hat"][after].max())
+        assert (log["valid"][after] == 1.0).all(), s
+        assert np.abs(log["load_hat"][after]).max() < 1000.0, s
+
+
 NOISES = {"n_v": (20.0, "velocity"), "n_p": (2e-3, "position"), "n_c": (4.0, "current"), "n_s": (5e-3, "surface")}
 
 

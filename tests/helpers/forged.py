@@ -5,15 +5,17 @@ import numpy as np
 from cosim.log import LogWriter, Topic
 
 
-def forge(log, path, *, attachments=None, samples=(), metadata=None, result=None, gap=0, dt_ns=None):
+def forge(log, path, *, attachments=None, samples=(), metadata=None, result=None, gap=0, dt_ns=None, renamed=()):
     """Write an open log to `path` with attachments {name: bytes or None} and samples (topic, field, value) changed.
 
-    `gap` is a number of ticks that are missing after the first 50, `dt_ns` another tick.
+    `renamed` are {topic: another name, None to leave it out}, `gap` is a number of ticks that are missing after the
+    first 50, `dt_ns` another tick.
     """
     topics, columns, at = [], [], 0
-    for info in log.topics.values():
+    renamed = dict(renamed)
+    for info in (info for name, info in log.topics.items() if renamed.get(name, name)):
         index = np.arange(len(info.fields)) + at
-        topics.append(Topic(info.name, info.fields, info.units, index, info.every, info.group))
+        topics.append(Topic(renamed.get(info.name, info.name), info.fields, info.units, index, info.every, info.group))
         values = log.array(info.name).copy()
         for topic, field, value in samples:
             if topic == info.name and field in info.fields:

@@ -1,53 +1,93 @@
-"""Which name is right, and what came of a case."""
+"""Which name is right, and what came of a case: truth is the fault's alone, the same for every detector."""
 
 import pytest
 
-from cosim.judge.naming import blames, outcome, right
+from cosim.judge.naming import blames, name_of, outcome
 
-SEGMENT = ("elevator.left_inner",)
+INNER = ("elevator.left_inner",)
+
+
+def fault(case, *targets, kind=""):
+    return {"case": case, "kind": kind, "targets": targets or INNER}
 
 
 @pytest.mark.parametrize(
-    "detector, case, targets, verdict, culprit, good",
+    "case, targets, level, verdict, part, class_, place, finest",
     [
-        ("iotsekf", "hydraulic.ofc_liquid", SEGMENT, "ofc_liquid", "", True),
-        ("iotsekf", "hydraulic.ofc_liquid", SEGMENT, "ofc_solid", "", False),
-        ("iotsekf", "hydraulic.ofc_liquid", SEGMENT, "ambiguous", "", False),
-        ("iotsekf", "hydraulic.rod", ("elevator.left_inner.rod",), "sensor", "rod", True),
-        ("iotsekf", "hydraulic.rod", ("elevator.left_inner.rod",), "sensor", "surface", False),
-        ("iotsekf", "hydraulic.rod", ("elevator.left_inner.rod",), "sensor", "", False),
-        ("iotsekf", "hydraulic.jam_liquid", SEGMENT, "sensor", "rod", True),
-        ("lpv_smo", "sensor.n_z", ("sensor.n_z",), "sensor", "n_z", True),
-        ("lpv_smo", "sensor.n_z", ("sensor.n_z",), "sensor", "alpha", False),
-        # a detector that cannot tell the class names the part, and ambiguous without a part is no name
-        ("lpv_smo", "hydraulic.bias@command", SEGMENT, "ambiguous", "elevator", True),
-        ("lpv_smo", "hydraulic.bias@command", SEGMENT, "ambiguous", "n_z", False),
-        ("position_monitor", "hydraulic.free_float", SEGMENT, "ambiguous", "", False),
+        ("hydraulic.ofc_liquid", INNER, "local", "ofc_liquid", "", "right", "right", "segment"),
+        ("hydraulic.ofc_liquid", INNER, "local", "ofc_solid", "", "wrong", "right", "segment"),
+        ("hydraulic.ofc_liquid", INNER, "local", "ambiguous", "", "not given", "right", "segment"),
+        ("hydraulic.ofc_liquid", INNER, "local", "sensor", "rod", "wrong", "wrong", ""),
+        ("hydraulic.rod", ("elevator.left_inner.rod",), "local", "sensor", "rod", "right", "right", "channel"),
+        ("hydraulic.rod", ("elevator.left_inner.rod",), "local", "sensor", "surface", "right", "wrong", ""),
+        ("hydraulic.rod", ("elevator.left_inner.rod",), "local", "sensor", "", "right", "not given", ""),
+        # the fault sits in the sensor that closes the loop, though its target is the actuator
+        ("hydraulic.jam_liquid", INNER, "local", "sensor", "rod", "right", "right", "channel"),
+        ("hydraulic.jam_liquid", INNER, "local", "sensor", "surface", "right", "wrong", ""),
+        ("ema.ofc_liquid@sensor", INNER, "local", "sensor", "position", "right", "right", "channel"),
+        ("hydraulic.ofc_liquid@sensor", INNER, "local", "ofc_liquid", "", "right", "right", "segment"),
+        # an actuator that obeys too little; friction is no jam
+        ("hydraulic.supply_pressure_drop", INNER, "local", "effectiveness", "", "right", "right", "segment"),
+        ("hydraulic.internal_leakage", INNER, "local", "effectiveness", "", "right", "right", "segment"),
+        ("hydraulic.friction", INNER, "local", "jam_solid", "", "wrong", "right", "segment"),
+        # a place counts by what it excludes
+        ("hydraulic.ofc_liquid", INNER, "aircraft", "ambiguous", "elevator", "not given", "right", "axis"),
+        ("hydraulic.ofc_liquid", INNER, "aircraft", "ofc_liquid", "elevator_left", "right", "right", "side"),
+        ("hydraulic.ofc_liquid", INNER, "aircraft", "ofc_liquid", "elevator_left_inner", "right", "right", "segment"),
+        ("hydraulic.ofc_liquid", INNER, "aircraft", "ofc_liquid", "elevator_right", "right", "wrong", ""),
+        ("hydraulic.ofc_liquid", INNER, "aircraft", "ofc_liquid", "", "right", "not given", ""),
+        ("hydraulic.ofc_solid", INNER, "aircraft", "ofc_liquid", "elevator", "wrong", "right", "axis"),
+        ("sensor.n_z", ("sensor.n_z",), "aircraft", "sensor", "n_z", "right", "right", "channel"),
+        ("sensor.n_z", ("sensor.n_z",), "aircraft", "sensor", "alpha", "right", "wrong", ""),
+        ("engine", ("engine.2",), "aircraft", "thrust", "engine_2", "right", "right", "channel"),
+        ("engine", ("engine.2",), "aircraft", "thrust", "engine_3", "right", "wrong", ""),
+        ("engine", ("engine.2",), "aircraft", "thrust", "engine", "right", "right", "axis"),
+        # a part that is healthy is accused beside the faulty one
+        ("sensor.q", ("sensor.q",), "aircraft", "sensor", "q and theta", "right", "wrong", ""),
     ],
 )
-def test_a_name_is_right_in_class_and_part(detector, case, targets, verdict, culprit, good):
-    level = "aircraft" if detector == "lpv_smo" else "local"
-    assert right(detector, case, targets, level, verdict, culprit) is good
+def test_class_and_place_are_each_right_wrong_or_not_given(case, targets, level, verdict, part, class_, place, finest):
+    found = name_of(fault(case, *targets), level, verdict, part)
+    assert (found.class_, found.place, found.level) == (class_, place, finest)
+    assert found.right is (class_ == place == "right") and found.wrong is ("wrong" in (class_, place))
+
+
+def test_a_name_of_another_fault_that_is_there_is_said_of_that_one():
+    q, theta, rod = fault("sensor.q", "sensor.q"), fault("sensor.theta", "sensor.theta"), fault("hydraulic.ofc_solid")
+    assert name_of(q, "aircraft", "sensor", "q and theta", [theta]).right
+    assert name_of(q, "aircraft", "sensor", "theta", [theta]).elsewhere
+    assert not name_of(q, "aircraft", "sensor", "theta", [rod]).elsewhere
+    assert name_of(rod, "aircraft", "ambiguous", "elevator", [q]).place == "right"
+    assert name_of(q, "aircraft", "ambiguous", "elevator", [rod]).elsewhere
+
+
+def test_a_surface_is_jammed_or_runs_away_by_the_kind_of_its_fault():
+    jam, runs = (fault("rudder", "rudder", kind=k) for k in ("jam", "runaway"))
+    assert name_of(jam, "aircraft", "jam_solid", "rudder").right
+    assert name_of(runs, "aircraft", "jam_solid", "rudder").wrong
+    assert name_of(runs, "aircraft", "runaway", "rudder").right
 
 
 def test_a_side_is_blamed_for_its_own_segments_only():
-    assert blames("elevator_left", ("elevator.left_inner", "elevator.left_outer"), "aircraft")
-    assert not blames("elevator_left", ("elevator.left_inner", "elevator.right_inner"), "aircraft")
-    assert blames("elevator_left and elevator_right", ("elevator.left_inner", "elevator.right_inner"), "aircraft")
-    assert blames("engine_2", ("engine.2",), "aircraft") and not blames("engine_2", ("engine.3",), "aircraft")
+    left = fault("hydraulic.ofc_solid", "elevator.left_inner", "elevator.left_outer")
+    both = fault("hydraulic.ofc_solid", "elevator.left_inner", "elevator.right_inner")
+    assert blames("elevator_left", left, "aircraft") and not blames("elevator_left", both, "aircraft")
+    assert blames("elevator_left and elevator_right", both, "aircraft")
+    assert name_of(both, "aircraft", "ofc_solid", "elevator_left").place == "wrong"  # it excludes the right side
 
 
 @pytest.mark.parametrize(
     "case, given, word",
     [
-        ("hydraulic.ofc_liquid", {"seen": True, "is_right": True, "verdict": "ofc_liquid"}, "named"),
-        ("hydraulic.ofc_liquid", {"seen": True, "verdict": "ambiguous"}, "ambiguous"),
-        ("hydraulic.ofc_liquid", {"seen": True, "verdict": None}, "ambiguous"),
-        ("hydraulic.ofc_liquid", {"seen": True, "verdict": "runaway"}, "misnamed"),
+        ("hydraulic.ofc_liquid", {"seen": True, "class_": "right", "place": "right"}, "named"),
+        ("hydraulic.ofc_liquid", {"seen": True, "class_": "not given", "place": "right"}, "ambiguous"),
+        ("hydraulic.ofc_liquid", {"seen": True, "class_": "right"}, "ambiguous"),
+        ("hydraulic.ofc_liquid", {"seen": True, "class_": "wrong", "place": "right"}, "misnamed"),
+        ("hydraulic.ofc_liquid", {"seen": True, "class_": "right", "place": "wrong"}, "misnamed"),
         ("hydraulic.ofc_liquid", {"seen": False}, "missed"),
         ("hydraulic.ofc_liquid", {"seen": False, "able": False}, "idle"),
         ("hydraulic.friction", {"seen": False}, "quiet"),
-        ("engine", {"seen": True, "verdict": "ofc_liquid"}, "bonus"),
+        ("engine", {"seen": True, "class_": "wrong"}, "bonus"),
     ],
 )
 def test_outcome_of_iotsekf(case, given, word):

@@ -121,8 +121,12 @@ def test_three_simultaneous_faults_are_each_named_by_the_alarm_of_their_part():
         {"fault": 2, "case": "sensor.alpha", "kind": "bias", "targets": ("sensor.alpha",), **at},
     ]
     found = judge(smo, rows, DT, faults)["by_fault"]
-    assert [d["time_to_right_s"] for d in found] == pytest.approx([0.6, 0.4, 0.8])
+    assert [d["detection_delay_s"] for d in found] == pytest.approx([0.6, 0.4, 0.8])
     assert [d["isolated"]["target"] for d in found] == ["elevator", "n_z", "alpha"]
+    assert [(d["class_given"], d["place_given"], d["place_level"]) for d in found] == [
+        ("not given", "right", "axis"), ("right", "right", "channel"), ("right", "right", "channel")]  # fmt: skip
+    alone = judge(smo, rows, DT, faults[1:2])["by_fault"][0]  # elevator and alpha are accused without a fault
+    assert alone["place_given"] == "wrong" and alone["isolated"]["target"] == "elevator and n_z and alpha"
     one_slot = watch_of("lpv_smo", "aircraft", "aircraft", smo.culprits, {n: i for i, n in enumerate(FIELDS)})
     assert [d["right"] for d in judge(one_slot, rows, DT, faults)["by_fault"]] == [False, True, False]
 
@@ -167,3 +171,39 @@ def test_times_are_in_order_whatever_is_said(alarm, codes, start):
     assert right is None or (delay is not None and right >= delay - 1e-9)
     assert not e["right"] or right is not None
     assert e["alarm_share"] is None or 0.0 < e["alarm_share"] <= 1.0
+
+
+def test_a_detector_written_to_be_credited_by_chance_scores_nothing():
+    """A standing alarm that flickers at the onset, names in turn, a class without a part, every part accused."""
+    dt = 0.01
+    flicker = flown(ticks=1000)
+    flicker[:, 0], flicker[:, 1] = np.arange(1000) % 10 < 9, v.OFC_LIQUID  # always up, 10 ms down in every 100
+    fault = {**OFC, "end_s": 8.0}
+    assert judge(LANE, flicker, dt, [fault])["detected_at_s"] is None
+    turn = flown((230, 1000, v.OFC_SOLID), ticks=1000)
+    turn[230:, 1] = 1.0 + np.arange(770) % 8  # every class for 10 ms
+    turn[799, 1] = v.OFC_LIQUID  # and the right one last
+    e = judge(LANE, turn, dt, [fault])
+    assert e["detected_at_s"] is not None and e["time_to_right_s"] is None and not e["right"]
+    fields = (*FIELDS, "alarm_q", "alarm_theta")
+    all_parts = watch_of("own", "aircraft", "aircraft", ("", "q", "theta"), {n: i for i, n in enumerate(fields)})
+    rows = np.zeros((1000, len(fields)))
+    rows[250:, 0], rows[250:, 1], rows[250:, 2], rows[250:, 6:] = 1.0, v.SENSOR, 1.0, 1.0
+    q = {**OFC, "case": "sensor.q", "kind": "bias", "targets": ("sensor.q",)}
+    e = judge(all_parts, rows, dt, [q])
+    assert e["place_given"] == "wrong" and not e["right"]
+    rows[:, 2], rows[:, 6:] = 0.0, 0.0  # a class without a part
+    e = judge(all_parts, rows, dt, [q])
+    assert e["place_given"] == "not given" and not e["right"]
+
+
+def test_a_name_of_one_part_never_stands_in_the_row_of_another_fault():
+    parts = ("", "elevator_left", "engine_2")
+    single = watch_of("own", "aircraft", "aircraft", parts, {n: i for i, n in enumerate(FIELDS)})
+    rows = flown((25, 100, v.THRUST))
+    rows[25:, 2] = 2.0
+    rows[60:, 1], rows[60:, 2] = v.OFC_LIQUID, 1.0
+    engine = {**OFC, "fault": 1, "case": "engine", "kind": "thrust_loss", "targets": ("engine.2",)}
+    found = judge(single, rows, DT, [OFC, engine])["by_fault"]
+    assert [d["isolated"]["target"] for d in found] == ["elevator_left", "engine_2"]
+    assert all(d["right"] for d in found)

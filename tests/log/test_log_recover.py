@@ -162,13 +162,14 @@ with LogWriter({path!r}, TOPICS, n_values=N_VALUES, rows_per_chunk=50) as log:
 @pytest.mark.parametrize("kills", [8, pytest.param(40, marks=pytest.mark.slow)])
 def test_kill_9_at_random_moments_loses_only_the_open_chunk(kills, tmp_path, request):
     v, rng = vectors(1000), np.random.default_rng(7)
-    path, told = tmp_path / "killed.mcap", tmp_path / "killed.mcap.told"
+    path, told = tmp_path / "killed.mcap.part", tmp_path / "killed.mcap.told"
 
     def wait():
         grown(told)  # the first chunk is written
         time.sleep(float(rng.uniform(0.0, 0.05)))
 
-    with killer(PREPARE.format(tests=str(request.path.parents[1] / "helpers")), WRITE.format(path=str(path))) as kill:
+    write = WRITE.format(path=str(tmp_path / "killed.mcap"))
+    with killer(PREPARE.format(tests=str(request.path.parents[1] / "helpers")), write) as kill:
         for _ in range(kills):
             kill(wait)
             passed = int(told.read_text().split("\n")[-2])

@@ -8,7 +8,7 @@ import pytest
 import cosim
 from cosim.cli.output import reserve
 from cosim.errors import CosimError
-from cosim.files import TAKEN, open_alone
+from cosim.files import LEFT, TAKEN, Part
 
 pytest.importorskip("fcntl")
 RUN = [sys.executable, "-c", "from cosim.cli import main; main()", "run", "cruise", "-s", "detectors.enabled=[]", "-s",
@@ -28,8 +28,9 @@ def test_the_second_of_two_runs_is_refused_before_it_touches_the_file(tmp_path):
         assert f"a.mcap: {TAKEN}" in told.stderr
         with pytest.raises(CosimError, match=TAKEN):  # a run that has come past the command line's own look
             cosim.simulate(cosim.load_scenario("cruise", ["duration_s=0.1"]), log=log, timed=False)
-        assert log.read_bytes() == b"\x89MCAP0\r\nfirst"
+        assert (tmp_path / f"a.mcap{LEFT}").read_bytes() == b"\x89MCAP0\r\nfirst" and not log.exists()
         first.kill()
+    (tmp_path / f"a.mcap{LEFT}").write_bytes(b"")
     told = subprocess.run([*RUN, "-s", "duration_s=0.1", "-o", log], capture_output=True, text=True)
     assert told.returncode == 0, told.stderr  # the lock has gone with the process
     assert cosim.open_log(log).complete
@@ -37,12 +38,15 @@ def test_the_second_of_two_runs_is_refused_before_it_touches_the_file(tmp_path):
 
 def test_reserve_leaves_no_file_and_a_removed_one_is_not_written(tmp_path):
     path = tmp_path / "a.mcap"
-    reserve(path)
+    reserve(path, None)
     assert not path.exists()
-    with open_alone(path) as file:
+    part = Part(path, stays=True)
+    for again in (reserve, Part):
         with pytest.raises(CosimError, match=TAKEN):
-            reserve(path)
-        assert open_alone(path) is None
-        path.unlink()
-        with open_alone(path) as other:
-            assert other.fileno() != file.fileno()
+            again(path, None)
+    part.place.unlink()
+    other = Part(path, stays=True)
+    assert other.file.fileno() != part.file.fileno()
+    other.drop(stays=False)
+    part.drop(stays=False)
+    assert not list(tmp_path.iterdir())

@@ -100,7 +100,8 @@ def _honest(recording, lane):
         own = coverage.expected(entry["id"], fault["case"])
         end = recording.ticks if math.isinf(fault["end_s"]) else min(recording.ticks, round(fault["end_s"] / dt))
         if own.word != coverage.BLIND:
-            out["log_fault"] = log_score(lane.told, own.classes, round(fault["start_s"] / dt), end)
+            true = coverage.true_classes(fault["case"], fault["kind"])
+            out["log_fault"] = log_score(lane.told, true, round(fault["start_s"] / dt), end)
     return out
 
 

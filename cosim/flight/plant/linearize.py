@@ -128,16 +128,31 @@ class LinearModel:
         if path.suffix == ".npz":
             rest = {k: v for k, v in self.to_dict().items() if k in ("trim", "modes")}
             arrays: dict = {**data, **names, **units, "summary": np.array(json.dumps(rest))}
-            replace(path, lambda part: np.savez(part, **arrays))
+            replace(path, lambda part: np.savez(part, **arrays), model_file)
         elif path.suffix == ".mat":
             from scipy.io import savemat
 
             cells = {k: v.astype(object) for k, v in {**names, **units}.items()}
             modes = {m.name: {"wn_rad_s": m.wn, "zeta": m.zeta, "eigenvalue": m.eigenvalue} for m in self.modes}
             whole = {**data, **cells, "modes": modes, "trim": self.to_dict()["trim"]}
-            replace(path, lambda part: savemat(part, whole))
+            replace(path, lambda part: savemat(part, whole), model_file)
         else:
             raise ValueError(f"{path.name}: give a name that ends in .npz or .mat")
+
+
+def model_file(path: Path) -> bool:
+    """Tell whether a file is a model that `save` wrote."""
+    try:
+        if path.suffix == ".npz":
+            with np.load(path) as held:
+                names = {*held}
+        else:
+            from scipy.io import whosmat
+
+            names = {name for name, *_ in whosmat(path)}
+    except Exception:  # what these libraries make of other files is not told
+        return False
+    return {"A", "B", "C", "D", "states_units"} <= names
 
 
 def input_units(border: Border) -> dict[str, str]:

@@ -1,0 +1,105 @@
+"""Valid means valid: what is not finite, or out of a detector's range, is never valid, in flight as on a recording."""
+
+import numpy as np
+import pytest
+
+import cosim
+from actuators.block import dtype, entry, kernel, record
+from cosim.log import open_log
+from cosim.replay.lanes import describe, fill
+from fdi import registry
+from fdi.common.why import BOX_SPEED, NOT_FINITE, WORDS
+from fdi.rfafe import rfafe_airframe
+
+PARAMS = dtype([("growth", "f8")])
+INPUTS = dtype([("y", "f8")])
+SAYS = [(n, "f8") for n in ("r", "alarm", "verdict", "culprit", "valid", "why")]
+STATE = dtype([("hidden", "f8", (3,)), *SAYS])
+DT = 0.005
+
+
+@kernel
+def step(x, u, p, dt):
+    """Overflow in a hidden state; where it has, a comparison makes the statistic zero, as it would in a detector."""
+    x.hidden[1] = (x.hidden[1] + u.y) * p.growth
+    x.r = x.hidden[1] if x.hidden[1] - x.hidden[1] == 0.0 else 0.0
+    x.alarm, x.verdict, x.culprit, x.valid, x.why = 1.0, 2.0, 1.0, 1.0, 0.0
+
+
+rollout = entry(step, STATE, INPUTS, PARAMS)
+
+
+def test_a_state_that_is_not_finite_is_never_valid_and_never_alarms():
+    x, p, u = np.zeros(1, STATE), record(PARAMS, growth=1e30), np.ones((1, 20), INPUTS)
+    log = np.zeros((1, 20), STATE)
+    rollout(x, u, p, DT, log)
+    ok = np.isfinite(log["hidden"][0]).all(axis=1)
+    assert 5 < ok.sum() < 20
+    assert (log["valid"][0] == ok).all() and (log["alarm"][0] == ok).all() and (log["verdict"][0] == 2.0 * ok).all()
+    assert (log["why"][0][~ok] == NOT_FINITE).all()
+    again, kept = np.zeros(1, STATE), np.arange(STATE.itemsize // 8)
+    out, _ = rollout.sweep(again, u, p, DT, kept, np.array([]), kept)
+    assert (out == log.view(np.float64).reshape(20, -1)).all(axis=None) or np.array_equal(
+        out.view(np.int64), log.view(np.int64).reshape(20, -1)
+    )
+    live = np.zeros(1, STATE)
+    for k in range(20):  # one tick at a time, as in flight
+        rollout(live, u[:, k : k + 1], p, DT)
+        assert live.tobytes() == log[0, k].tobytes()
+
+
+def parked(n, at_rest):
+    """Return INPUTS (1, n) of an airframe that stands, with a sensor's noise of the last bit, then flies."""
+    u = np.ones((1, n), rfafe_airframe.INPUTS)
+    t, rng = np.arange(n) * DT, np.random.default_rng(3)
+    rest = t < at_rest
+    sway = np.where(rest, 0.0, np.sin(1.3 * t))
+    u["tas"][0] = np.where(rest, -2.6e-304, 150.0 + rng.normal(0.0, 0.05, n))
+    u["alpha"][0] = 0.06 + 0.01 * sway + rng.normal(0.0, 5e-4, n)
+    u["q"][0] = 0.013 * np.where(rest, 0.0, np.cos(1.3 * t)) + rng.normal(0.0, 3e-4, n)
+    u["theta"][0] = 0.06 + 0.01 * sway + rng.normal(0.0, 3e-4, n)
+    u["command"][0] = 0.005 * sway
+    return u
+
+
+def test_a_recording_that_begins_on_the_apron_is_judged_once_it_flies():
+    p, log = rfafe_airframe.params(), np.zeros((1, 8000), rfafe_airframe.STATE)
+    rfafe_airframe.rollout(rfafe_airframe.init(p), parked(8000, 20.0), p, DT, log)
+    rest = np.arange(8000) * DT < 20.0
+    assert not log["valid"][0][rest].any() and (log["why"][0][rest] == BOX_SPEED).all()
+    assert log["speed"][0][-1] == pytest.approx(150.0, abs=1.0)  # learned in flight
+    assert log["valid"][0][-1] == 1.0 and 0.0 < log["r"][0][-1] < 100.0
+    assert np.isfinite(log["r"][0]).all()
+
+
+@pytest.mark.parametrize("name", [n for n, r in registry.records().items() if r.range])
+def test_a_range_names_inputs_of_the_detector_and_has_a_width(name):
+    record_, module = registry.record(name), registry.module(name)
+    for word, (least, largest) in record_.range.items():
+        assert word in record_.inputs.values() and least < largest
+    assert "why" in module.OUTPUTS
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    """Return {detector: Lane} of a healthy flight of 14 s."""
+    path = tmp_path_factory.mktemp("range") / "healthy.mcap"
+    cosim.simulate(cosim.load_scenario("liquid-ofc", ["duration_s=14", "faults=[]"]), log=path, timed=False)
+    log = open_log(path)
+    return {lane.id: lane for lane in fill(log, describe(log))}
+
+
+RANGES = [(name, word, end) for name, r in registry.records().items() for word in r.range for end in (0, 1)]
+
+
+@pytest.mark.parametrize(("name", "word", "end"), RANGES)
+def test_outside_of_a_bound_it_is_not_valid_and_says_of_what(flown, name, word, end):
+    own, module, lane = registry.record(name), registry.module(name), flown[name]
+    bound, field = own.range[word][end], next(f for f, w in own.inputs.items() if w == word)
+    u, p, log = lane.u.copy(), lane.p.copy(), np.zeros(lane.u.shape, module.STATE)
+    if name == "lpv_smo":
+        p["tau_rho"] = 0.0  # its parameters lag behind
+    u[field][:, 2400:] = bound * (1.02 if end else 0.98)
+    module.rollout(lane.x.copy(), u, p, DT, log)
+    assert log["valid"][0][2300:2400].all() and not log["valid"][0][2600:].any()
+    assert WORDS[int(log["why"][0][-1])].startswith("outside its box")
