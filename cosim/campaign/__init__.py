@@ -65,6 +65,7 @@ from cosim.errors import LogError, OutputError
 from cosim.files import regular, replace, replace_text
 from cosim.scenario import Scenario
 from cosim.scenario.brought import identified
+from cosim.table import Table
 from fdi import registry
 
 EVALUATION_SEED = 1_000_000
@@ -92,6 +93,20 @@ class CampaignResult:
     resumed: int  # of these, found in the folder
     damaged: tuple[str, ...] = ()  # files of the folder that were no more whole: their runs were flown again
     notes: tuple[str, ...] = ()  # what is worth knowing and no error
+
+    def __repr__(self) -> str:
+        counts = self.frame.drop_duplicates("run")["status"].value_counts()
+        told = ", ".join(f"{n} {status}" for status, n in counts.items())
+        names = ", ".join(self.frame["id"].dropna().unique())
+        return f"CampaignResult: {self.done} runs ({told}), detectors {names or 'none'}, {self.parquet or 'no folder'}"
+
+    def _repr_html_(self) -> str:
+        lanes = self.frame[self.frame["id"].notna()]
+        made = Table(repr(self), "detector", "level", "faults>", "detected>", "false alarms>", kind="")
+        for (level, name), rows in lanes.groupby(["level", "id"]):
+            mine = rows[rows["concerned"].astype(bool)]
+            made.add(name, level, len(mine), int(mine["delay_s"].notna().sum()), int(rows["false_alarms"].sum()))
+        return made._repr_html_()
 
     def to_dict(self) -> dict:
         """Return the JSON of `cosim campaign`."""
