@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 DASH = "–"
 MORE = 5  # rank from which on a page shows a column on demand
+EASY = 22  # characters of a column of words that are not folded for the sake of a column that can be left out
 EDGE = 1  # character that the box takes left of each column, and one more at the right
 STYLES = {"good": "green", "bad": "red", "warn": "yellow", "muted": "dim", "bold": "bold"}  # tone -> style of rich
 
@@ -82,7 +83,7 @@ class Table:
         """Return the table without the columns above `rank`."""
         kept = [i for i, c in enumerate(self.columns) if c.rank <= rank]
         rows = [Row([r.cells[i] for i in kept], r.tone, r.detector) for r in self.rows]
-        how = {"caption": self.caption, "kind": self.kind, "keys": self.keys, "heads": self.heads}
+        how: dict[str, Any] = {"caption": self.caption, "kind": self.kind, "keys": self.keys, "heads": self.heads}
         return Table(self.title, *(self.columns[i] for i in kept), rows=rows, **how)
 
     def markdown(self) -> str:
@@ -137,9 +138,9 @@ class Table:
         if self.title:
             yield Text(f"\n{self.title}", style="bold")
         room, shown = options.max_width - EDGE, list(range(len(self.columns)))
-        widths = [self._width(i) for i in shown]
+        widths, easy = ([self._width(i, least) for i in shown] for least in (0, EASY))
         for i in sorted(shown, key=lambda i: (-self.columns[i].rank, -i)):
-            if sum(widths[j] for j in shown) <= room or not self.columns[i].rank:
+            if sum(easy[j] for j in shown) <= room or not self.columns[i].rank:
                 break
             shown.remove(i)
         for part in _stacked(widths, shown, self.keys, room):
@@ -150,14 +151,16 @@ class Table:
             left = f"left out of {options.max_width} columns: {', '.join(gone)}; a wider terminal and --json have them"
             yield Text(left, style="dim")
 
-    def _width(self, i):
-        """Return the width at which nothing of a column is cut: its longest cell, of one of words its longest word."""
+    def _width(self, i, easy):
+        """Return the width at which nothing of a column is cut: its longest cell, of one of words its longest word, or
+        up to `easy` characters of a cell without folding it."""
         from rich.cells import cell_len
 
         whole = self.columns[i].right or i == 0
         cells = [str(text(r.cells[i])) for r in self.rows if i < len(r.cells)]
         pieces = [p for t in cells for p in (t.splitlines() if whole else t.split())]
-        return max(map(cell_len, [*pieces, *self._head(i).split()]), default=0) + 1 + EDGE
+        unfolded = max((min(cell_len(t), easy) for t in cells), default=0)
+        return max(unfolded, *map(cell_len, [*pieces, *self._head(i).split(), ""])) + 1 + EDGE
 
     def _head(self, i):
         return self.columns[i].head if self.heads else ""
@@ -247,7 +250,8 @@ def _styled(cell):
 def _stacked(widths, shown, keys, room):
     """Return lists of columns `shown`, each as wide as fits and with the first `keys` of them in front."""
     head, rest = shown[:keys], shown[keys:]
-    free, parts = room - sum(widths[i] for i in head), [[]]
+    free = room - sum(widths[i] for i in head)
+    parts: list[list[int]] = [[]]
     for i in rest:
         if parts[-1] and sum(widths[j] for j in parts[-1]) + widths[i] > free:
             parts.append([])

@@ -7,6 +7,7 @@ and only one sample in twenty would have made it too small (MIL-HDBK-1823A).
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -68,7 +69,7 @@ def fit(size: ArrayLike, seen: ArrayLike, share: float = 0.9, confidence: float 
     (b0, b1), cov = logistic(np.log(a), y)
     if not (np.isfinite(cov).all() and b1 > 0.0):
         return Pod(n, k, note="does not grow with size")
-    curve = {"coefficients": (float(b0), float(b1)), "covariance": tuple(tuple(map(float, row)) for row in cov)}
+    curve: dict[str, Any] = {"coefficients": (float(b0), float(b1)), "covariance": tuple(map(tuple, cov.tolist()))}
     wanted, z = math.log(share / (1.0 - share)), float(stats.norm.ppf(confidence))
     at = (wanted - b0) / b1
     first, last = math.log(a.min()), math.log(a.max())

@@ -92,7 +92,7 @@ def after(each: Iterable[dict]) -> Table:
     healed = lambda key: lambda d: d[key] if d["healed"] else DASH  # noqa: E731
     columns = (
         NAME, Column("seen", "detected"),
-        Column("first name right or ambiguous", "first_fair"), Column("changed often", "changed_often",
+        Column("first name not wrong", "first_fair"), Column("changed often", "changed_often",
                                                                       doc="more than one change of class"),
         Column("ambiguous", lambda d: number(d["ambiguous_s"]), "s"),
         Column("held", "held", doc=f"the alarm stands {stats.HELD:.0%} of the time from its rise to the fault's end"),
