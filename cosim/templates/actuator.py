@@ -15,7 +15,7 @@ OUTPUTS = ("delta",)  # surface angle, trailing edge down + [rad]
 
 
 def params(tau=0.1):
-    """Return PARAMS (1,); a scenario sets them: actuators.NAME.parameters.tau."""
+    """Return PARAMS (1,); tau is the time constant [s]."""
     return np.full(1, tau).view(PARAMS)
 
 
