@@ -190,7 +190,7 @@ class Entry:
     def __init__(self, step: Any, STATE: np.dtype, INPUTS: np.dtype, PARAMS: np.dtype):
         self.step, self.kinds = step, (STATE, INPUTS, PARAMS)
         names = STATE.names or ()
-        self.spoil = (_spoil_why if "why" in names else _spoil) if set(SAYS) <= set(names) else None
+        self.spoil: Any = (_spoil_why if "why" in names else _spoil) if set(SAYS) <= set(names) else None
         if not PLAIN:
             said = "\n".join([step.__qualname__, *(repr(kind.descr) for kind in self.kinds)])
             name = f"{step.__module__}.{hashlib.sha256(said.encode()).hexdigest()[:8]}"

@@ -56,7 +56,8 @@ def _build(own, truth, believed, trim, travel, dt, age):
         arm, edge = told["arm"], math.radians(0.1)
         model = {name: told[name] for name in lu17.NOMINAL}
         ends = {"r_lo": arm * (low + edge), "r_hi": arm * (high - edge), "v_max": arm * math.radians(40.0)}
-        made.append(servo.params(dt=dt, delay=min(age, 1.0), fb_delay=lead, arm=arm, u_max=told["u_max"], **ends, **model))
+        late = {"delay": min(age, 1.0), "fb_delay": lead}
+        made.append(servo.params(dt=dt, **late, arm=arm, u_max=told["u_max"], **ends, **model))
     ps = np.concatenate(made)
     x = actuator.init_at(p, *trim)
     return [("servo", servo, ps, servo.init_at(ps, trim[0], x["F_d"])), ("hydraulic", actuator, p, x)]

@@ -23,6 +23,12 @@ def main() -> None:
         run()
     except KeyboardInterrupt:
         sys.exit(130)
+    except ImportError as error:
+        if not any(word in str(error) for word in ("failed to map segment", "annot allocate memory")):
+            raise
+        print("error: this machine gives no more memory. Close other programs, or raise the limit (ulimit -v)",
+              file=sys.stderr)  # fmt: skip
+        sys.exit(2)
     except Exception as error:  # what Python makes of an interrupt inside an import's `__set_name__`
         if not isinstance(error.__cause__, KeyboardInterrupt):
             raise

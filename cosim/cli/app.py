@@ -42,7 +42,7 @@ class _Whole(Console):
     printed does not steer the terminal, only what rich adds does."""
 
     def print(self, *objects, **how):
-        super().print(*objects, **{"crop": False, **how})
+        super().print(*objects, **{"crop": False, "emoji": False, **how})
 
     def render(self, renderable, options=None):
         for part in super().render(renderable, options):
@@ -59,7 +59,7 @@ class _Told(logging.Handler):
     """Print what the library tells of: whose code runs."""
 
     def emit(self, record):
-        err.print(escape(record.getMessage()), soft_wrap=True, highlight=False)
+        err.print(escape(_line(record.getMessage())), soft_wrap=True, highlight=False)
 
 
 class _Group(TyperGroup):
@@ -133,7 +133,13 @@ def _usage(error):
 
 
 def _say(text):
-    err.print(f"[bold red]error:[/] {escape(text)}", soft_wrap=True, highlight=False)
+    err.print(f"[bold red]error:[/] {escape(_line(text))}", soft_wrap=True, highlight=False)
+
+
+def _line(text):
+    """Return a message as one line of at most LONGEST letters: its beginning, and its end with what to do."""
+    text = text.replace("\r", r"\r").replace("\n", r"\n")
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 300]} … {text[-297:]}"
 
 
 app = typer.Typer(
@@ -162,6 +168,7 @@ PortOption = Annotated[
     typer.Option("--port", metavar="PORT", min=0, max=65535, help="With --live: default 8765, 0 takes a free one."),
 ]
 LogArg = Annotated[Path, typer.Argument(metavar="LOG", help="A log of [b]cosim run[/].", show_default=False)]
+LONGEST = 1000  # letters of a message: a value of a megabyte is not repeated
 LIVE_PORT = 8765  # that Foxglove asks for by default
 
 
@@ -207,4 +214,4 @@ def only_live(live: bool, **options: Any) -> None:
 def notes(lines: Iterable[str]) -> None:
     """Print lines that are worth knowing and no errors."""
     for line in lines:
-        err.print(f"[yellow]note:[/] {escape(line)}", soft_wrap=True, highlight=False)
+        err.print(f"[yellow]note:[/] {escape(_line(line))}", soft_wrap=True, highlight=False)

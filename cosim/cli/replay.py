@@ -151,6 +151,7 @@ def recover(
     from cosim.log import recover as work
     from cosim.log.format import OURS
 
+    asked = str(log).endswith(LEFT)
     log = Path(str(log).removesuffix(".flown.toml").removesuffix(LEFT))
     path = output or (log.with_suffix(f".recovered{log.suffix}") if log.exists() else log)
     if journal.beside(log).is_file():
@@ -160,7 +161,7 @@ def recover(
         answer(json_, again, lambda _: whole(flown_again(again)))
         return
     left = left_by(log)
-    from_part = left.is_file()
+    from_part = asked or left.is_file()
     if not from_part:
         path = output or log.with_suffix(f".recovered{log.suffix}")
     reserve(path, OURS, taken={"the log": [left if from_part else log]}, log=path.resolve() != log.resolve())

@@ -17,7 +17,7 @@ from cosim.flight.corrections import corrections
 from cosim.flight.cost import cost
 from cosim.flight.designed import designed
 from cosim.flight.gains import SENSOR_DELAY
-from cosim.flight.noise import Draw
+from cosim.flight.noise import Draw, generator
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
 from cosim.flight.plant.trim import Trim
@@ -82,8 +82,8 @@ class Setup:
             self.step_us[d.name] = cost(d.module, d.x, d.u, d.p, self.loop.dt * d.every, repeats)
 
 
-def _sensor_lanes(scenario, rng, dt):
-    """Return (lane names, PARAMS) of all sensors; constant errors of actuator sensors are drawn once, from `rng`."""
+def _sensor_lanes(scenario, dt):
+    """Return (lane names, PARAMS) of all sensors; constant errors of actuator sensors are drawn once."""
     scale, root = scenario.sensors.noise_scale, math.sqrt(0.005 / dt)  # sigma is per 5 ms sample
     names, rows = [], []
 
@@ -110,8 +110,9 @@ def _sensor_lanes(scenario, rng, dt):
     for seg, tech in scenario.elevator.technology.items():
         gains = TECHNOLOGIES[tech].design(scenario.aircraft.own(tech)).gains
         for name, sensor in TECHNOLOGIES[tech].sensors.items():
-            bias = scale * sensor.spread * rng.uniform(-1.0, 1.0)
-            add(f"{seg}_{name}", name, sensor.sigma, SENSOR_DELAY, bias=bias, gain=gains.get(name, 1.0), tech=tech)
+            lane = f"{seg}_{name}"
+            bias = scale * sensor.spread * generator(scenario.seed, f"bias.{lane}").uniform(-1.0, 1.0)
+            add(lane, name, sensor.sigma, SENSOR_DELAY, bias=bias, gain=gains.get(name, 1.0), tech=tech)
     return tuple(names), np.concatenate(rows)
 
 
@@ -173,18 +174,17 @@ def build(scenario: Scenario, flightgear: int | None = None) -> Setup:
     aircraft = scenario.aircraft
     truth = plant.truth()
     t = truth[0]
-    rng_errors, rng_noise = (
-        np.random.Generator(np.random.PCG64(s)) for s in np.random.SeedSequence(scenario.seed).spawn(2)
-    )
-    sensor_lanes, sensor_p = _sensor_lanes(scenario, rng_errors, dt)
+    sensor_lanes, sensor_p = _sensor_lanes(scenario, dt)
     loads = {seg: (t[f"de_{s}"], t[f"hm0_{s}"], t[f"hmd_{s}"]) for seg, s in aircraft.short.items()}
     others = {name: t[wiring.SURFACE_OF[name]] for name in wiring.OTHERS}
     built = actuation.blocks(scenario, loads, others, dt)
     pilot_p = manoeuvre.params(**steps(scenario.manoeuvre, trim))
     law_p, slopes = designed(point, trim, dt)
     law_p, law = user_law.tuned(scenario, law_p), user_law.block(scenario)
-    errors = [TECHNOLOGIES[tech].hinge_error for tech in scenario.elevator.technology.values()]
-    factors = [1.0 + error * rng_errors.uniform(-1.0, 1.0) for error in errors]
+    factors = [
+        1.0 + TECHNOLOGIES[tech].hinge_error * generator(scenario.seed, f"hinge.{seg}").uniform(-1.0, 1.0)
+        for seg, tech in scenario.elevator.technology.items()
+    ]
     hinge_p = hinge_model.design(slopes, trim, t, aircraft.short.values(), factors)
     chosen = detectors.chosen(scenario)
     fault_lanes = inject.lanes(scenario)
@@ -205,7 +205,7 @@ def build(scenario: Scenario, flightgear: int | None = None) -> Setup:
         bus=bus,
         plant=plant,
         dt=dt,
-        draw=Draw(rng_noise, len(sensor_lanes)),
+        draw=Draw(scenario.seed, [f"noise.{lane}" for lane in sensor_lanes]),
         wires=wires,
         places=(np.unique(to), to, source),
         faults=block(

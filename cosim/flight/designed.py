@@ -4,7 +4,6 @@ Both take derivatives by moving an aircraft about, and the law solves a Riccati 
 the last points are remembered, nominal ones on disk, too.
 """
 
-import dataclasses
 from collections import OrderedDict
 
 import numpy as np
@@ -27,14 +26,14 @@ def designed(point: FlightPoint, trim: Trim, dt: float) -> tuple[np.ndarray, np.
     `dt` is the loop's tick [s]. Raises TrimError where the point has no level flight.
     """
     n = law.PARAMS.itemsize // 8
-    both = _both(point, trim, dt)
+    both = _both(point.calm, trim, dt)
     return both[:n].copy().view(law.PARAMS), both[n:].reshape(-1, 2).copy()
 
 
 def _both(point, trim, dt):
     if not point.aircraft.isidentifier():  # a folder may change
         return _made(point, trim, dt)
-    key = repr(dataclasses.replace(point, seed=0)), dt  # still air is the same for every seed
+    key = repr(point), dt
     if key not in _known:
         if point.multipliers:  # hardly a second time
             _known[key] = _made(point, trim, dt)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.errors import CosimError, OutputError, ScenarioError
-from cosim.files import OTHER, TAKEN, claim, locked, replace, replace_text
+from cosim.files import OTHER, TAKEN, claim, left_by, locked, replace, replace_text
 from cosim.log.format import OURS
 from cosim.log.sink import free
 from cosim.scenario import load_scenario
@@ -113,7 +113,8 @@ def recover(
         named = ", ".join(f"{file.name}, sha256 {file.sha256 or 'unknown'}" for file in scenario.code)
         raise ScenarioError(f"names code: {named}", place=str(path), remedy="Read it, then add --trust")
     result = replace(os.fspath(out), lambda part: _whole(scenario, part, progress))
-    path.unlink(missing_ok=True)
+    for done in (path, left_by(log)):
+        done.unlink(missing_ok=True)
     return {"out": os.fspath(out), "flown_again": True, "duration_s": result.sim_time_s, "status": result.status,
             "ticks": round(result.sim_time_s / scenario.dt), "faults": result.faults}  # fmt: skip
 

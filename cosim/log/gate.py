@@ -22,6 +22,7 @@ ORIGINS = ("https://app.foxglove.dev", "https://studio.foxglove.dev")  # pages o
 OWN_HOSTS = ("localhost", "127.0.0.1", "::1")  # a page that this machine serves
 HEAD_BYTES, HEAD_S = 16384, 5.0  # of the request that opens a connection, all of it
 MOST = 64  # connections at a time: each takes a thread and two sockets
+KEPT = 8  # of them, for who shows the token: those who only watch keep the owner out of nothing
 
 
 def hidden_host() -> str:
@@ -57,13 +58,13 @@ class Gate:
                 return inner
             return steered if hmac.compare_digest(shown.encode(), token.encode()) else None
 
-        free = threading.BoundedSemaphore(MOST)
+        free, watching = threading.BoundedSemaphore(MOST), threading.BoundedSemaphore(MOST - KEPT)
 
         class Handler(socketserver.BaseRequestHandler):
             def handle(self) -> None:
                 if free.acquire(blocking=False):
                     try:
-                        _pass_on(self.request, behind)
+                        _pass_on(self.request, behind, inner, watching)
                     finally:
                         free.release()
 
@@ -82,13 +83,30 @@ class _Server(socketserver.ThreadingTCPServer):
     request_queue_size = 2 * MOST  # of 5 places, the system's choice, a caller beyond waits for seconds to try again
 
 
-def _pass_on(client: socket.socket, behind: Callable[[bytes], tuple[str, int] | None]) -> None:
+def _pass_on(
+    client: socket.socket,
+    behind: Callable[[bytes], tuple[str, int] | None],
+    watched: tuple[str, int],
+    watching: threading.BoundedSemaphore,
+) -> None:
+    """Pass on what may come in; of those that only watch the server `watched`, as many as have a place."""
     head = _head(client)
     inner = behind(head) if head is not None and allowed(_origin(head)) else None
     if head is None or inner is None:
         with contextlib.suppress(OSError):
             client.sendall(b"HTTP/1.1 403 Forbidden\r\nContent-Length: 0\r\nConnection: close\r\n\r\n")
         return
+    if inner != watched:
+        _between(client, inner, head)
+    elif watching.acquire(blocking=False):
+        try:
+            _between(client, inner, head)
+        finally:
+            watching.release()
+
+
+def _between(client: socket.socket, inner: tuple[str, int], head: bytes) -> None:
+    """Hand `head`, and all that follows on either side, to the other, until one of them closes."""
     with contextlib.suppress(OSError), socket.create_connection(inner, timeout=HEAD_S) as server:
         server.settimeout(None)
         server.sendall(head)

@@ -223,7 +223,7 @@ def _verdict(d, lane, again, dt, t_0):
     names = [n for n, _ in _columns(d.module.STATE, d.module.OUTPUTS)]
     watch = watch_of(d.id, d.level, d.target(lane), d.module.CULPRITS, {n: i for i, n in enumerate(names)})
     found = judge(watch, again, dt * d.every, [])
-    at = found["detected_at_s"]
+    at, valid = found["detected_at_s"], again[:, names.index("valid")] > 0.5
     return {
         "id": d.id,
         "level": d.level,
@@ -233,7 +233,8 @@ def _verdict(d, lane, again, dt, t_0):
         "first_alarm_s": None if at is None else at + t_0,
         "isolated": found["isolated"],
         "r_max": found["r_max_before"],
-        "valid_pct": 100.0 * float(again[:, names.index("valid")].mean()),
+        "valid_pct": 100.0 * float(valid.mean()),
+        "alarm_pct": 100.0 * float((again[valid, names.index("alarm")] > 0.5).mean()) if valid.any() else 0.0,
     }
 
 

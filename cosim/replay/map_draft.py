@@ -1,29 +1,38 @@
 """Draft a map for a recording by looking at its columns: names, units in the names, ranges of the numbers.
 
-A draft is a start, not a finding: numbers show neither signs nor meanings. Every line says what it rests on.
+A draft is a start, not a finding. Every line says how sure it is and what it rests on: the name alone, or what the
+numbers prove together (cosim/replay/map_physics.py). What it is not sure of stands as a comment and does not fly.
 """
 
 import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from cosim.replay.foreign import TIME_NAMES, columns_of, read_channels
-from cosim.replay.units import factors
+from cosim.replay import map_physics as physics
+from cosim.replay.foreign import TIME_NAMES, columns_of, read_channels, time_of
+from cosim.replay.units import factors, known
+from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft
 from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.toml import inline
 from cosim.scenario.vocabulary import words
 
 NAMES = {  # word of the vocabulary -> what people call it, as tokens that a column's name must hold
-    "alpha": ("alpha", "aoa", "angle of attack"), "beta": ("beta", "aos", "sideslip"), "cas": ("cas", "kcas", "ias"),
-    "tas": ("tas", "ktas", "true airspeed"), "mach": ("mach",), "h_inertial": ("h inertial", "inertial altitude"),
-    "h_baro": ("h baro", "baro", "altitude", "alt", "palt"), "hdot": ("hdot", "vertical speed", "climb rate", "vs"),
-    "v_ground": ("v ground", "ground speed", "gs"), "p": ("p", "roll rate"), "q": ("q", "pitch rate"),
-    "r": ("r", "yaw rate"), "phi": ("phi", "bank", "roll"), "theta": ("theta", "pitch"),
-    "psi": ("psi", "heading", "hdg"), "n_x": ("n x", "nx"), "n_y": ("n y", "ny"),
-    "n_z": ("n z", "nz", "load factor"), "mass": ("mass", "gross weight", "gw"), "cg": ("cg",),
+    "alpha": ("alpha", "aoa", "angle of attack", "al", "alf"), "beta": ("beta", "aos", "sideslip", "be", "bet"),
+    "cas": ("cas", "kcas", "ias", "vcas"), "tas": ("tas", "ktas", "vtas", "true airspeed", "va"), "mach": ("mach",),
+    "h_inertial": ("h inertial", "inertial altitude"),
+    "h_baro": ("h baro", "baro", "altitude", "alt", "palt", "hqnh"),
+    "hdot": ("hdot", "vertical speed", "climb rate", "vs", "alt rate"),
+    "v_ground": ("v ground", "ground speed", "gs"), "p": ("p", "roll rate", "prgx"), "q": ("q", "pitch rate", "qrgy"),
+    "r": ("r", "yaw rate", "rrgz"), "phi": ("phi", "bank", "roll"), "theta": ("theta", "pitch", "the"),
+    "psi": ("psi", "heading", "hdg"), "pdot": ("pdot", "p dot", "roll acceleration"),
+    "qdot": ("qdot", "q dot", "pitch acceleration"), "rdot": ("rdot", "r dot", "yaw acceleration"),
+    "n_x": ("n x", "nx", "ax", "long acc"), "n_y": ("n y", "ny", "ay", "lat acc"),
+    "n_z": ("n z", "nz", "load factor", "az", "an", "norm acc"),
+    "mass": ("mass", "gross weight", "gw"), "cg": ("cg",),
+    "deflection": ("delv", "de", "delta e", "elevator"),
     "de_cmd": ("de cmd", "elev cmd", "elevator cmd", "elevator command"),
     "da_cmd": ("da cmd", "ail cmd", "aileron command"), "dr_cmd": ("dr cmd", "rud cmd", "rudder command"),
     "stab_cmd": ("stab cmd", "stabiliser command", "stabilizer command"),
@@ -34,18 +43,22 @@ NAMES = {  # word of the vocabulary -> what people call it, as tokens that a col
     "position": ("position", "screw", "pos"), "current": ("current", "amps", "motor current"),
     "hm0": ("hm0",), "hmd": ("hmd",), "hinge_moment": ("hinge moment", "hinge", "load"),
 }  # fmt: skip
-UNIT = {  # how units stand in names
+UNIT = {  # how units stand in names, beside the writings of cosim/replay/units.py
     "deg": "deg", "degs": "deg/s", "dps": "deg/s", "rad": "rad", "rads": "rad/s", "mm": "mm", "m": "m", "in": "in",
     "ft": "ft", "kt": "kt", "kts": "kt", "kn": "kt", "mps": "m/s", "kmh": "km/h", "fpm": "ft/min", "pct": "%",
     "percent": "%", "bar": "bar", "psi": "psi", "mpa": "MPa", "kpa": "kPa", "ma": "mA", "a": "A", "rpm": "rpm",
     "g": "g", "t": "t", "kg": "kg", "lb": "lb", "lbfft": "lbf ft", "nm": "N m",
 }  # fmt: skip
+FILLERS = re.compile(r"(d?adc|ahrs|irs|ins|vane|air|b|cg)\d*")  # systems and axes: they say nothing of what is measured
+SURE = 0.6  # of a name understood: below it a line is a comment
+SPEEDS = {"tas": "m/s", "cas": "m/s", "h_baro": "m"}  # their units are asked of the Mach number
 WHOLE = {name for names in NAMES.values() for name in names if " " not in name}
 PLACES = {"left": "lh l port", "right": "rh r starboard", "inner": "in inboard ib", "outer": "out outboard ob"}
 SHORT = {"li": "left inner", "lo": "left outer", "ri": "right inner", "ro": "right outer", "lib": "left inner",
          "lob": "left outer", "rib": "right inner", "rob": "right outer"}  # fmt: skip
-LARGEST = {"rad": 1.6, "m": 1.0, "rad/s": 3.0, "-": 1.6}  # of the SI unit, beyond which a column is in another one
-OTHER = {"rad": "deg", "rad/s": "deg/s", "m": "mm", "-": "%"}
+# of the SI unit, beyond which a column is in another one
+LARGEST = {"rad": 1.6, "m": 1.0, "rad/s": 3.0, "rad/s2": 6.0, "-": 1.6}
+OTHER = {"rad": "deg", "rad/s": "deg/s", "rad/s2": "deg/s2", "m": "mm", "-": "%"}
 POINT = {"mass": ("mass_t", 1e-3, 200.0), "cg": ("cg_pct", 100.0, 30.0), "h_baro": ("altitude_ft", 1 / 0.3048, 20000.0),
          "cas": ("cas_kt", 3600 / 1852, 290.0)}  # fmt: skip
 
@@ -60,6 +73,10 @@ class Guess:
     unit: str
     why: str
     fit: float
+    sign: int = 1
+    offset: float = 0.0
+    proxy: str = ""
+    proof: bool = False  # by other columns
 
     @property
     def name(self) -> str:
@@ -68,67 +85,153 @@ class Guess:
 
 
 def draft(path: str | Path, *, time: str | None = None, aircraft: str | None = None) -> str:
-    """Return the text of a map for the recording at `path`. Raises LogError as `read_channels` does."""
+    """Return the text of a map for the recording at `path`, for the detectors of `aircraft` (default: the transport's).
+
+    Raises LogError as `read_channels` does, ScenarioError for an unknown aircraft.
+    """
+    own = load_aircraft(aircraft or DEFAULT)
     time = time or _time(Path(path))
     tables = read_channels(path, time=time, on_reset="split", part=0)
     one = len(tables) == 1
     columns = {c if one else f"{t}.{c}": frame[c].to_numpy() for t, frame in tables.items() for c in frame.columns}
+    clocks = {c if one else f"{t}.{c}": f.index.to_numpy() for t, f in tables.items() for c in f.columns}
     best: dict[str, Guess] = {}
     for channel, y in columns.items():
-        for guess in guesses(channel, y):
+        for guess in guesses(channel, y, own.segments):
             if guess.fit > best[guess.name].fit if guess.name in best else True:
                 best[guess.name] = guess
     taken: dict[str, Guess] = {}
     for guess in sorted(best.values(), key=lambda g: -g.fit):  # a column is one signal
         if guess.channel not in {g.channel for g in taken.values()}:
             taken[guess.name] = guess
-    return _text(Path(path), taken, columns, time)
+    return _text(Path(path), _proved(taken, columns, clocks), columns, time, own)
 
 
-def guesses(channel: str, y: np.ndarray) -> Iterable[Guess]:
+def _proved(taken, columns, clocks):
+    """Return the guesses with what the numbers prove of their units and signs; a deflection stands for a command."""
+    out = dict(taken)
+    moved = out.pop("deflection", None)
+    if moved is not None and "de_cmd" not in out:
+        out["de_cmd"] = replace(moved, word="de_cmd", proxy="the measured deflection")
+    rows = {n: columns[out[n].channel] for n in ("mach", *SPEEDS) if n in out}
+    for name, unit in physics.air(rows).items():
+        said = out[name]
+        against = f", though its name says {said.unit}" if said.why.endswith("name") and said.unit != unit else ""
+        why = f"{said.why.split(',')[0]}, Mach and the others ask for {unit}{against}"
+        out[name] = replace(said, unit=unit, fit=1.0, proof=True, why=why)
+    if "n_z" in out and (found := physics.gravity(columns[out["n_z"].channel])):
+        unit, sign, offset = found
+        why = "gravity is in it" if not offset else "about 0 in level flight: without gravity's 1"
+        out["n_z"] = replace(
+            out["n_z"], unit=unit, sign=sign, offset=offset, fit=1.0, proof=not offset, why=why
+        )
+        for name in ("n_x", "n_y"):
+            if name in out and not out[name].why.endswith("name"):
+                out[name] = replace(out[name], unit=unit, why=f"as {out['n_z'].channel}")
+    _alike(out)
+    same = {n: len(columns[g.channel]) for n, g in out.items()}
+    if {"theta", "n_x", "tas"} <= out.keys() and same["theta"] == same["n_x"] == same["tas"]:
+        pitch, t = out["theta"], clocks[out["theta"].channel]
+        n_x = columns[out["n_x"].channel] * factors("g").get(out["n_x"].unit, 1.0)
+        speed = columns[out["tas"].channel] * factors("m/s").get(out["tas"].unit, 1.0)
+        unit = physics.attitude_unit(t, columns[pitch.channel], n_x, speed)
+        if unit:
+            lies = unit != pitch.unit and pitch.why.endswith("name")
+            against = f", though its name says {pitch.unit}" if lies else ""
+            out["theta"] = replace(pitch, unit=unit, fit=1.0, proof=True, why=f"gravity along the body{against}")
+            if against and unit == "rad":
+                _as_small(out, columns)
+    if "hdot" in out and "h_baro" in out and same["hdot"] == same["h_baro"]:
+        channel = out["hdot"].channel
+        unit = physics.climb_unit(clocks[channel], columns[channel], columns[out["h_baro"].channel], out["h_baro"].unit)
+        if unit or not out["hdot"].why.endswith("name"):
+            why = f"the rate of change of {out['h_baro'].channel}" if unit else out["hdot"].why
+            out["hdot"] = replace(out["hdot"], unit=unit or "m/s", fit=1.0 if unit else 0.3, proof=bool(unit), why=why)
+    for word, angle in (("p", "phi"), ("q", "theta"), ("r", "psi")):
+        if word in out and angle in out and len(columns[out[word].channel]) == len(columns[out[angle].channel]):
+            t, y = clocks[out[word].channel], columns[out[word].channel]
+            unit = physics.rate_unit(t, y, columns[out[angle].channel], out[angle].unit)
+            if unit:
+                back = physics.rate(t, y, columns[out[angle].channel])
+                out[word] = replace(out[word], unit=unit, sign=-1 if back and back[0] < 0 else 1, fit=1.0, proof=True,
+                                    why=f"the rate of change of {out[angle].channel}")  # fmt: skip
+    if "de_cmd" in out and "q" in out and len(columns[out["de_cmd"].channel]) == len(columns[out["q"].channel]):
+        found_sign = out["q"].sign * physics.elevator_sign(
+            clocks[out["q"].channel], columns[out["de_cmd"].channel], columns[out["q"].channel]
+        )
+        if found_sign > 0.3 and not any(g.word == "rod" for g in out.values()):
+            out["de_cmd"] = replace(out["de_cmd"], sign=-1, why=f"{out['de_cmd'].why}, the nose follows it up")
+    return out
+
+
+def _as_small(out, columns):
+    """Take angles and rates that are named in degrees for radians where one of the file is proved to be, and they are
+    as small: a full circle for a heading."""
+    for name, g in out.items():
+        y = columns[g.channel]
+        most = float(np.nanmax(np.abs(y))) if np.isfinite(y).any() else 0.0
+        if g.unit.startswith("deg") and not g.proof and most < (6.3 if name in ("psi", "phi") else 0.5):
+            out[name] = replace(g, unit=g.unit.replace("deg", "rad"), why=f"{g.why}, but another's name is wrong here")
+
+
+def _alike(out):
+    """Give angles, and rates, whose unit nothing says that of the others of the file whose numbers say it."""
+    for si in ("rad", "rad/s", "rad/s2"):
+        own = [n for n, g in out.items() if n in words() and words()[n].unit == si and not g.why.endswith("name")]
+        units = [out[n].unit for n in own if "too large" in out[n].why]
+        for name in own:
+            if units and "too large" not in out[name].why:
+                out[name] = replace(out[name], unit=units[0], why=f"{out[name].why.split(',')[0]}, as the others")
+
+
+def guesses(channel: str, y: np.ndarray, segments: Sequence[str] = SEGMENTS) -> Iterable[Guess]:
     """Yield what a column may be; `y` are its numbers."""
-    tokens = _tokens(channel)
-    unit = next((UNIT[t] for t in reversed(tokens[1:]) if t in UNIT), "")
+    bracket = re.search(r"[\[(]([^\[\]()]*)[\])]\s*$", channel)
+    tokens = _tokens(channel[: bracket.start()] if bracket and known(bracket[1]) else channel) or [""]
+    unit = known(bracket[1]) if bracket else ""
+    unit = unit or next((UNIT[t] for t in reversed(tokens[1:]) if t in UNIT), "")
     rest = [t for t in tokens if UNIT.get(t) != unit or t == tokens[0]] if unit else tokens
     place = [long for long, short in PLACES.items() if set(rest) & {long, *short.split()}]
     said = [t for t in rest if not any(t in (long, *short.split()) for long, short in PLACES.items())]
+    meant = [t for t in rest if not FILLERS.fullmatch(t)] or rest
     for word, names in NAMES.items():
-        local = word == "hinge_moment" or bool(words()[word].technologies)
-        held = said if local else rest
+        local = word == "hinge_moment" or (word in words() and bool(words()[word].technologies))
+        held = said if local else meant
         found = max((n for n in names if set(n.split()) <= set(held)), key=len, default="")
         if not found:
             continue
-        si = "N m" if word == "hinge_moment" else words()[word].unit
-        known = factors(si, {"Pa": 1.0} if word == "pressure" else {"N": 1.0} if word == "hinge_moment" else {})
-        if unit and unit not in known:
+        if len(found) < 3 and len(found.split()) < len(held):  # the R of DLC_R is no yaw rate
+            continue
+        si = {"hinge_moment": "N m", "deflection": "rad"}.get(word) or words()[word].unit
+        allowed = factors(si, {"Pa": 1.0} if word == "pressure" else {"N": 1.0} if word == "hinge_moment" else {})
+        if unit and unit not in allowed:
             continue
         fit = len(found.split()) / max(1, len(held)) + 0.1 * len(found) / 20 + 0.2 * bool(place and local)
-        yield Guess(channel, word, _segment(place) if local else "", *_unit(si, unit, y), fit)
+        yield Guess(channel, word, _segment(place, segments) if local else "", *_unit(si, unit, y), fit)
 
 
 def _time(path: Path) -> str | None:
-    """Return the time column of a table by its name, None where `read_channels` finds it or there is none."""
+    """Return the time column of a table by its name, None where `read_channels` finds it alone or there is none."""
     names = columns_of(path)
-    if set(names) & set(TIME_NAMES):
-        return None
-    return next((n for n in names if set(_tokens(n)) & {"time", "clock", "timestamp", "seconds"}), None)
+    return None if set(names) & set(TIME_NAMES) or path.is_dir() else time_of(names)
 
 
 def _tokens(channel: str) -> list[str]:
     """Return the words of a column's name, in small letters: of NzG, ELEV_CMD_DEG, left-inner rod [mm]."""
     out: list[str] = []
     for token in re.split(r"[^A-Za-z0-9]+", channel.rpartition(".")[2] or channel):
+        token = re.sub(r"(?<=[A-Z]{2})CG$", "", token)
         whole = token.lower() in UNIT or token.lower() in WHOLE
         parts = [token] if whole else re.split(r"(?<=[a-z0-9])(?=[A-Z])", token)
         out += [word for part in parts if part for word in SHORT.get(part.lower(), part.lower()).split()]
     return out
 
 
-def _segment(place: list[str]) -> str:
-    """Return the segment of the places named, the left inner one where nothing is said."""
+def _segment(place: list[str], segments: Sequence[str]) -> str:
+    """Return the segment of the places named, the left inner one, or the left one, where nothing is said."""
     side = next((p for p in place if p in ("left", "right")), "left")
     where = next((p for p in place if p in ("inner", "outer")), "inner")
-    return next((s for s in SEGMENTS if s == f"{side}_{where}"), f"{side}_{where}")
+    return next((s for s in segments if s in (f"{side}_{where}", side)), segments[0])
 
 
 def _against(taken: Mapping[str, Guess], columns: Mapping[str, np.ndarray]) -> set[str]:
@@ -153,34 +256,53 @@ def _unit(si: str, named: str, y: np.ndarray) -> tuple[str, str]:
     if named:
         return named, f"{span}, unit by its name"
     most = max(abs(low), abs(high))
+    if si == "m" and most > 100.0:  # an altitude: what Mach number and speeds do not prove
+        return ("ft", f"{span}, too large for an airliner's metres") if most > 16000.0 else ("m", f"{span}, m or ft")
     if si in LARGEST and most > LARGEST[si]:
-        return OTHER[si], f"{span}, too large for {si}: a guess"
+        return OTHER[si], f"{span}, too large for {si}"
     return si, f"{span}, as if in {si}"
 
 
-def _text(path: Path, taken: Mapping[str, Guess], columns: Mapping[str, np.ndarray], time: str | None) -> str:
+def _point(word: str, value: float, own: Aircraft) -> float:
+    """Return a number of [flight] within what the aircraft's record allows."""
+    low, high = {"mass": own.mass.mass_t, "cg": own.mass.cg_pct, "h_baro": own.limits.altitude_ft,
+                 "cas": own.limits.cas_kt}[word]  # fmt: skip
+    return min(max(value, low), high)
+
+
+def _text(
+    path: Path, taken: Mapping[str, Guess], columns: Mapping[str, np.ndarray], time: str | None, own: Aircraft
+) -> str:
     lines = [f"# Draft of a map for {path.name}: check every unit, sign and meaning.", "rate_hz = 200"]
-    lines += [*([f"time = {inline(time)}"] if time else []), "", "[flight]"]
+    lines += [*([f"time = {inline(time)}"] if time else []), '# aircraft = "NAME"  # that was recorded', "", "[flight]"]
+    if own.name != DEFAULT:
+        lines.append(f"aircraft = {inline(own.name)}")
     for word, (key, factor, usual) in POINT.items():
-        if word in taken:
+        if word in taken and taken[word].fit >= SURE:
             scale = factors(words()[word].unit)[taken[word].unit]
             middle = float(np.nanmedian(columns[taken[word].channel])) * scale * factor
-            lines.append(f"{key} = {middle:.4g}  # median of {taken[word].channel}")
+            value = _point(word, middle, own)
+            bounded = "" if value == middle else ", bounded"
+            lines.append(f"{key} = {value:.4g}  # median of {inline(taken[word].channel)}{bounded}")
         else:
-            lines.append(f"{key} = {usual:g}  # not in the recording")
+            lines.append(f"{key} = {_point(word, usual, own):g}  # not in the recording")
     against = _against(taken, columns)
     lines += ["", "[signals]"]
     for name, g in sorted(taken.items(), key=lambda item: ("." in item[0], item[0])):
         unit = "" if g.unit == ("N m" if g.word == "hinge_moment" else words()[g.word].unit) else f', unit = "{g.unit}"'
         key = f'"{name}"' if "." in name else name
-        sign = ", sign = -1" if name in against else ""
-        why = f"{g.why}{', runs against the rod' if sign else ''}"
-        lines.append(f"{key} = {{ channel = {inline(g.channel)}{unit}{sign} }}  # {why}")
-    lanes = sorted({g.lane for g in taken.values() if g.lane})
+        sign = ", sign = -1" if name in against or g.sign < 0 else ""
+        more = f", offset = {g.offset:g}" if g.offset else ""
+        more += f", proxy = {inline(g.proxy)}" if g.proxy else ""
+        why = f"{g.why}{', runs against the rod' if name in against else ''}"
+        flies = g.fit >= SURE
+        said = "proved" if g.proof else "likely" if flies else "a guess"
+        line = f"{key} = {{ channel = {inline(g.channel)}{unit}{sign}{more} }}  # {said}: {why}"
+        lines.append(line if flies else f"# {line}")
+    lanes = sorted({g.lane for g in taken.values() if g.lane and g.fit >= SURE})
     for lane in lanes:
         if not {f"{lane}.hm0", f"{lane}.hinge_moment"} & taken.keys():
             lines.append(f'"{lane}.hinge_moment" = {{ constant = 0.0 }}  # no column: none, as on a bench without load')
     left = [c for c in columns if c not in {g.channel for g in taken.values()}]
-    lines += ["", *(f"# not used: {c}" for c in left)]
+    lines += ["", *(f"# not used: {inline(c)}" if not c.isprintable() else f"# not used: {c}" for c in left)]
     return "\n".join(lines).rstrip() + "\n"
-

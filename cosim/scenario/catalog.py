@@ -235,6 +235,19 @@ KEYS = {  # table of a scenario -> {key: what it means}; a kind's own numbers st
         "climb_fpm": "vertical speed, descent -; or gamma_deg, the angle of the path; left out: level",
         "bank_deg": "of a steady turn, right +; or turn_deg_s, the rate of the heading; left out: straight",
     },
+    "[flight], the air": {
+        "turbulence": "none | light | moderate | severe: Dryden gusts",
+        "air": "[{ start_s, turbulence, ramp_s }]: changes of the turbulence within the flight, reached after ramp_s",
+        "wind_kt": "steady wind at altitude_ft; the trim is against the air",
+        "wind_from_deg": "true; the aircraft starts heading north: 0 ahead, 90 from the right",
+        "shear_kt_1000ft": "growth of that wind with altitude, from the same direction",
+        "gusts": "[{ start_s, axis, speed_fps, gradient_ft, shape }]: discrete gusts; axis vertical | lateral | "
+        "longitudinal, a positive speed raises angle of attack, sideslip or airspeed; gradient_ft is the way from the "
+        "beginning to the full speed; shape 1-cosine (CS-25 25.341) | ramp (MIL-F-8785C 3.7.1.3), which stays",
+    },
+    "[manoeuvre], every kind": {
+        "hold_speed": "true: the throttles hold the speed; by default in coordinated_turn and yaw_angle",
+    },
     '[manoeuvre] kind = "inputs"': {
         "file": "a CSV with these columns, in place of lists here; the log holds its numbers",
         "time_s": "rising; before the first and after the last row those hold",
@@ -245,7 +258,6 @@ KEYS = {  # table of a scenario -> {key: what it means}; a kind's own numbers st
         "stabiliser_deg": "trailing edge down +; or stabiliser_change_deg, from the trim; the automatic trim is off",
         "between": "linear | hold: between two rows",
         "hold_altitude": "true: while the stick is free the altitude is held, not the path",
-        "hold_speed": "true: the throttles hold the speed",
     },
     "[[faults]], every kind": {
         "start_s": "onset",

@@ -11,7 +11,30 @@ from cosim.scenario.problem import problem
 from cosim.scenario.table import Table
 
 SPEEDS = ("cas_kt", "mach", "tas_kt")
+AIR = ("turbulence", "air", "wind_kt", "wind_from_deg", "shear_kt_1000ft", "gusts")  # keys of what the air does
 PATHS = (("climb_fpm", "gamma_deg"), ("bank_deg", "turn_deg_s"))  # of each pair one, or none
+
+
+Turbulence = Literal["none", "light", "moderate", "severe"]
+Start = Annotated[float, Field(ge=0.0, le=36000.0)]
+
+
+class AirChange(Table):
+    """A change of the turbulence within a flight."""
+
+    start_s: Start
+    turbulence: Turbulence
+    ramp_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 5.0  # until it is reached
+
+
+class Gust(Table):
+    """A discrete gust; a positive speed raises angle of attack, sideslip or airspeed."""
+
+    start_s: Start
+    axis: Literal["vertical", "lateral", "longitudinal"] = "vertical"
+    speed_fps: Annotated[float, Field(ge=-150.0, le=150.0)]  # of the air, true: from below, the right, ahead +
+    gradient_ft: Annotated[float, Field(ge=10.0, le=10000.0)] = 350.0  # flown from its beginning to its full speed
+    shape: Literal["1-cosine", "ramp"] = "1-cosine"  # CS-25 25.341(a), or MIL-F-8785C 3.7.1.3, which stays
 
 
 class Flight(Table):
@@ -29,7 +52,21 @@ class Flight(Table):
     gamma_deg: Annotated[float, Field(ge=-15.0, le=15.0)] | None = None  # angle of the path, in place of climb_fpm
     bank_deg: Annotated[float, Field(ge=-60.0, le=60.0)] | None = None  # of a steady turn, right +
     turn_deg_s: Annotated[float, Field(ge=-6.0, le=6.0)] | None = None  # rate of the heading, in place of bank_deg
-    turbulence: Literal["none", "light", "moderate", "severe"] = "none"
+    turbulence: Turbulence = "none"
+    air: Annotated[tuple[AirChange, ...], Field(strict=False, max_length=16)] = ()  # changes of the turbulence
+    wind_kt: Annotated[float, Field(ge=0.0, le=250.0)] = 0.0  # steady, at altitude_ft
+    wind_from_deg: Annotated[float, Field(ge=0.0, le=360.0)] = 0.0  # true; the aircraft starts heading north
+    shear_kt_1000ft: Annotated[float, Field(ge=-100.0, le=100.0)] = 0.0  # growth of that wind with altitude
+    gusts: Annotated[tuple[Gust, ...], Field(strict=False, max_length=16)] = ()
+
+    @model_validator(mode="after")
+    def _one_after_the_other(self):
+        for i, (before, change) in enumerate(zip(self.air, self.air[1:]), start=1):
+            if change.start_s < before.start_s + before.ramp_s:
+                said = f"begins before air.{i - 1} is reached"
+                allowed = f"{before.start_s + before.ramp_s:g} or later: start_s + ramp_s of air.{i - 1}"
+                raise problem(said, key=f"air.{i}.start_s", allowed=allowed, remedy="Order them by time")
+        return self
 
     @model_validator(mode="after")
     def _one_path(self):
@@ -94,6 +131,51 @@ class Flight(Table):
     def turn(self) -> float | None:
         """Return the turn rate [rad/s], None where none is asked for."""
         return None if self.turn_deg_s is None else math.radians(self.turn_deg_s)
+
+    @property
+    def changes(self) -> tuple[tuple[float, str, float], ...]:
+        """Return (start [s], turbulence, time until it is reached [s]) of each change of the turbulence."""
+        return tuple((a.start_s, a.turbulence, a.ramp_s) for a in self.air)
+
+    @property
+    def wind(self) -> tuple[float, float]:
+        """Return the steady wind at the start, to north and east [m/s]."""
+        return self._along(self.wind_kt * M_S_PER_KT)
+
+    @property
+    def shear(self) -> tuple[float, float]:
+        """Return the growth of the wind with altitude, to north and east [1/s]."""
+        return self._along(self.shear_kt_1000ft * M_S_PER_KT / (1000.0 * M_PER_FT))
+
+    def _along(self, size):
+        """Return what blows with `size` from the wind's direction, to north and east."""
+        angle = math.radians(self.wind_from_deg)
+        return (-size * math.cos(angle), -size * math.sin(angle)) if size else (0.0, 0.0)
+
+    @property
+    def discrete(self) -> tuple[tuple[float, str, float, float, str], ...]:
+        """Return (start [s], axis, speed [m/s], gradient [m], shape) of each discrete gust."""
+        return tuple(
+            (g.start_s, g.axis, g.speed_fps * M_PER_FT, g.gradient_ft * M_PER_FT, g.shape) for g in self.gusts
+        )
+
+    @property
+    def weather(self) -> str:
+        """Return in words what the air does: "still air", "light turbulence, wind of 30 kt from 270 deg"."""
+        word = {"none": "no turbulence"}
+        said = [word.get(self.turbulence, f"{self.turbulence} turbulence")]
+        if said == ["no turbulence"] and not (self.wind_kt or self.shear_kt_1000ft or self.gusts):
+            said = ["still air"]
+        said += [f"{word.get(a.turbulence, a.turbulence)} from {a.start_s:g} s" for a in self.air]
+        if self.wind_kt or self.shear_kt_1000ft:
+            said.append(f"wind of {self.wind_kt:g} kt from {self.wind_from_deg:g} deg")
+        if self.shear_kt_1000ft:
+            said.append(f"shear of {self.shear_kt_1000ft:+g} kt per 1,000 ft")
+        if len(self.gusts) > 2:
+            said.append(f"{len(self.gusts)} gusts")
+        else:
+            said += [f"{g.axis} gust of {g.speed_fps:+g} ft/s at {g.start_s:g} s" for g in self.gusts]
+        return ", ".join(said)
 
     @property
     def path(self) -> str:

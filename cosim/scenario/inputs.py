@@ -157,14 +157,16 @@ def _columns(text, place):
     except csv.Error as wrong:
         raise ScenarioError(f"is no table: {wrong}", place=place) from None
     names = [name.strip() for name in rows[0][1]] if rows else []
+    if TIME not in names:  # whatever file this is: not a word of it is shown
+        said = f"no column {TIME}"
+        raise ScenarioError(said, place=place, allowed=f"a first line with {TIME} and inputs, and rows of numbers")
     for name in names:
         if name not in RANGES or names.count(name) > 1:
             said = "is no input" if name not in RANGES else "stands twice"
             remedy = did_you_mean(name, RANGES)
-            raise ScenarioError(said, place=f"{place}: column {name!r}", allowed=", ".join(RANGES), remedy=remedy)
-    if TIME not in names or len(rows) < 2:
-        said = "there are no rows" if TIME in names else f"no column {TIME}"
-        raise ScenarioError(said, place=place, allowed=f"a first line with {TIME} and inputs, and rows of numbers")
+            raise ScenarioError(said, place=f"{place}: column {name[:40]!r}", allowed=", ".join(RANGES), remedy=remedy)
+    if len(rows) < 2:
+        raise ScenarioError("there are no rows", place=place, allowed="rows of numbers below the first line")
     out: dict[str, list[float]] = {name: [] for name in names}
     for i, row in rows[1:]:
         if len(row) != len(names):

@@ -164,12 +164,12 @@ def _walk(root, loc, table):
             model = KINDS.get(kind) if isinstance(kind, str) else None
         elif part == "faults":
             return Fault, Fault.model_fields.get(loc[-1])
-        elif field is None and i and loc[i - 1] in root.model_fields:
-            continue  # a name of the user's in a table of models
+        elif field is None and i and (loc[i - 1] in root.model_fields or part.isdigit()):
+            continue  # a name of the user's in a table of models, or a place in a list of them
         else:
             inner = field.annotation if field else None
-            if get_origin(inner) is dict:
-                inner = get_args(inner)[1]
+            if get_origin(inner) in (dict, tuple):
+                inner = get_args(inner)[get_origin(inner) is dict]
             model = inner if isinstance(inner, type) and issubclass(inner, BaseModel) else None
     return model, field
 

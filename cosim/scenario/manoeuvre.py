@@ -16,6 +16,8 @@ LoadFactor = Annotated[float, Field(ge=-1.5, le=1.5)]
 class _Manoeuvre(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
+    hold_speed: bool = False  # the throttles hold the speed; a climb, descent or turn from the start has it anyway
+
 
 class Cruise(_Manoeuvre):
     """Hold the trimmed flight, hands off."""
@@ -54,6 +56,7 @@ class CoordinatedTurn(_Manoeuvre):
     """Bank, hold, and roll out."""
 
     kind: Literal["coordinated_turn"]
+    hold_speed: bool = True
     start_s: Start = 5.0
     duration_s: Length = 60.0
     bank_deg: Annotated[float, Field(ge=-60.0, le=60.0)] = 30.0
@@ -63,6 +66,7 @@ class YawAngle(_Manoeuvre):
     """Change the heading by an angle and hold it (heading-hold mode)."""
 
     kind: Literal["yaw_angle"]
+    hold_speed: bool = True
     start_s: Start = 5.0
     heading_deg: Annotated[float, Field(ge=-180.0, le=180.0)] = 10.0
 

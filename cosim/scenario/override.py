@@ -14,7 +14,7 @@ from cosim.scenario.inputs import RANGES
 from cosim.scenario.manoeuvre import KINDS
 from cosim.texts import half_letter, toml
 
-LISTS = ("faults",)
+LISTS = ("faults", "flight.air", "flight.gusts")
 SPEEDS = ("cas_kt", "mach", "tas_kt")
 PATHS = ("climb_fpm", "gamma_deg"), ("bank_deg", "turn_deg_s")
 KEPT = ("target", "kind", "start_s", "end_s", "ramp_s", "path")
@@ -52,7 +52,9 @@ def _assign(table, path, value, place):
         if isinstance(node, list):
             node = _item(node, part, here, place)
         else:
-            new: list | dict = [] if part in LISTS and node is table else {}
+            new: list | dict = [] if here in LISTS else {}
+            if path == ["manoeuvre", "hold_speed"]:  # that of the default manoeuvre, which the table leaves out
+                new = {"kind": "cruise"}
             node = node.setdefault(part, new)
         if isinstance(node, str) and here == "elevator.feedback":  # one word for all hydraulic ones becomes a table
             flown = {**_aircraft(table).technology, **table["elevator"]}
@@ -98,7 +100,8 @@ def _make_room(node, path, key, value):
         gone = next(set(pair) for pair in PATHS if key in pair)
     elif path[:-1] == ["manoeuvre"] and key == "kind" and value != node.get("kind"):
         fields = KINDS[value].model_fields if isinstance(value, str) and value in KINDS else {}
-        gone = {k for k in node if k not in fields or k not in ("start_s", "duration_s")}
+        kept = {"start_s", "duration_s", *(["hold_speed"] if node.get("hold_speed") is True else [])}  # one switched on
+        gone = {k for k in node if k not in fields or k not in kept}
     elif path[:-1] == ["manoeuvre"] and key == "file":
         gone = set(RANGES)
     elif path[:-1] == ["manoeuvre"] and key.startswith("amplitude_"):

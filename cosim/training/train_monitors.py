@@ -1,9 +1,10 @@
 """Thresholds of the two monitors of a hydraulic segment from fault-free flights that nothing else uses.
 
 The flights are at points, in manoeuvres as those of `train_aircraft`: FLIGHTS of 60 s, three levels of turbulence,
-aircraft and actuator up to 5 % off, noise NOISE_SCALE, four hydraulic segments each. Each statistic is held against the
-motion that it may grow with, at PROBABILITY of a false alarm per flight and detector (`cosim.training.tail`). The
-position monitor of electromechanical segments is trained by `train_ema`.
+aircraft and actuator up to 5 % off, noise NOISE_SCALE, four hydraulic segments each. Those of the crossing counter are
+at SPEEDS, half of them at corners of the actuator's tolerances, in half of these the three symbols that matter most as
+WORST says. Each statistic is held against the motion that it may grow with, at PROBABILITY of a false alarm per flight
+and detector (`cosim.training.tail`). The position monitor of electromechanical segments is trained by `train_ema`.
 
     cosim train monitors --check      fly the training set, say what would change
     cosim train monitors              and write fdi/thresholds/*.json
@@ -17,7 +18,7 @@ import numpy as np
 from actuators.block import kernel
 from cosim.campaign.jobs import work
 from cosim.files import replace_text
-from cosim.training.flights import DT, POINT, TURBULENCE, draw, fly_hydraulic, watch
+from cosim.training.flights import DT, POINT, TOLERANCE, TURBULENCE, draw, fly_hydraulic, watch
 from cosim.training.tail import PROBABILITY, exceeded, limit
 from cosim.training.train_aircraft import KINDS, blocks, trimming
 from cosim.training.train_lu17 import FLIGHTS, FOLDER, NOISE_SCALE, START_S
@@ -27,6 +28,10 @@ from fdi.monitors import ofc_monitor, position_monitor
 TRAINING = 21_000  # first seed
 GRID = np.geomspace(0.1e-3, 8e-3, 32)  # thresholds tried for the crossing counter [m]
 LEAST = 0.5e-3  # of the crossing counter's threshold: three times the noise of its residual, 0.17 mm at most [m]
+SPEEDS = (180.0, 365.0)  # calibrated airspeed [kt]
+# The signs for which a servo misses its reference most: each lowers the rod's speed per valve opening, which is
+# phi_n sqrt(P_s) / A_p
+WORST = {"A_p": 1.0, "phi_n": -1.0, "P_s": -1.0}
 SHARES = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)  # of the reference's motion, tried beside them
 
 
@@ -34,7 +39,7 @@ def survey_ofc_monitor(recorded: Any) -> dict[str, np.ndarray]:
     """Return of a flight (band, share) the largest threshold of GRID [m] at which a band still counts an oscillation
     beyond it and each of SHARES of the reference's motion, 0 for none, and (band,) that motion's mean [m].
     """
-    p, out = ofc_monitor.params(), np.zeros((ofc_monitor.B, len(SHARES)))
+    p, out = ofc_monitor.params(threshold=1.0), np.zeros((ofc_monitor.B, len(SHARES)))  # no alarm: it learns throughout
     log = watch(recorded, ofc_monitor, p, ("e_band", "ref_peak"))
     for b, k in np.ndindex(out.shape):
         p["share"] = SHARES[k]
@@ -78,17 +83,31 @@ def training(first_seed: int = TRAINING, number: int = FLIGHTS) -> list[dict[str
                  sensors={"noise_scale": NOISE_SCALE}) for k in range(number)]  # fmt: skip
 
 
-def fitting(fly: Any, flight: dict[str, Any]) -> Any:
-    """Return the table of a flight at a point over the envelope, drawn by its seed."""
+def cornered(flight: dict[str, Any], first_seed: int = TRAINING) -> dict[str, Any]:
+    """Return a flight of `training` as the crossing counter's is: every second group of 24, each manoeuvre in each air,
+    at a corner of the actuator's tolerances.
+    """
+    own, which = flight["tolerances"]["hydraulic"], (flight["seed"] - first_seed) // 24 % 4
+    if which % 2 == 0:
+        return flight
+    rng = np.random.default_rng([flight["seed"], 3])
+    sign = {name: rng.choice((-1.0, 1.0)) for name in own} | (WORST if which == 3 else {})
+    corner = {name: float(1.0 + TOLERANCE * sign[name]) for name in own}
+    return flight | {"tolerances": flight["tolerances"] | {"hydraulic": corner}}
+
+
+def fitting(fly: Any, flight: dict[str, Any], speeds: Any = None) -> Any:
+    """Return the table of a flight at a point over the envelope, drawn by its seed; between `speeds` [kt] if given."""
     rng = np.random.default_rng([flight["seed"], 2])
-    return fly(**trimming(rng, flight, {"turbulence": flight["flight"]["turbulence"]}))
+    where = {"turbulence": flight["flight"]["turbulence"]}
+    return fly(**trimming(rng, flight, where | ({"cas_kt": rng.uniform(*speeds)} if speeds else {})))
 
 
 def surveyed(**flight: Any) -> dict[str, Any]:
     """Return what the surveys find in one flight, as plain data."""
-    recorded = fitting(fly_hydraulic, flight)
-    ofc = {key: value.tolist() for key, value in survey_ofc_monitor(recorded).items()}
-    return {"ofc_monitor": ofc, "position_monitor": survey_position_monitor(recorded).tolist()}
+    counted = survey_ofc_monitor(fitting(fly_hydraulic, cornered(flight), SPEEDS))
+    ofc = {key: value.tolist() for key, value in counted.items()}
+    return {"ofc_monitor": ofc, "position_monitor": survey_position_monitor(fitting(fly_hydraulic, flight)).tolist()}
 
 
 def train(*, first_seed: int = TRAINING, number: int = FLIGHTS, **how: Any) -> dict:

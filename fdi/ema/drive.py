@@ -26,7 +26,6 @@ voltage of its rate up to OFF_B where it has moved enough; what changes later is
 import math
 
 from actuators.block import kernel
-from fdi.common import decision
 from fdi.common.decision import confirm
 from fdi.common.sinusoid import products
 from fdi.common.verdict import EFFECTIVENESS, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY
@@ -57,10 +56,13 @@ KNOWN_NOW = 0.0045  # deviation of the gain when it is asked whether it stands o
 STANDS = 0.7  # of a gain's threshold: keeps the alarm
 RELEASE = 0.5  # [s]: what shows it has a memory of its own
 HEALED, HEALED_B = 2.0, 2.5  # of that: a gain, magnets that surely are less have healed
-# by how much the gain of the current may be less, and more, than nominal before it is learned. Two numbers of 5 % over two
-# of 5 %: .82 to 1.22. No fault of a drive makes its current larger, so that there twice the tolerances are allowed: 1.49
+# by how much the gain of the current may be less, and more, than nominal before it is learned. Two numbers of 5 % over
+# two of 5 %: .82 to 1.22. No fault of a drive makes its current larger, so there twice the tolerances are allowed: 1.49
 TOLERANCE = (0.2, 0.5)
 LEARN = (2.0, 4.0, 10.0)  # times at which what the gain is off becomes the drive's own [s]
+# of what a gain is off half is expected in zero and pole of the amplifier, and missed as far as the demand was fast
+# when it was learned: a fifth of its power, about, in still air
+LAG = 0.1
 SURE, SURE_B = 0.01, 0.03  # deviations of gain and magnets with which they can be learned
 # of the current that the rate takes away, as b: K_B over K_ic, .90 to 1.11, twice that where it takes more (b is
 # negative), which weaker magnets do not; and .04 that the amplifier's lag makes of it
@@ -273,8 +275,11 @@ def explain(x, p, slow, measured):
 
 @kernel
 def doubt(x):
-    """Return by how much the gain of this drive's current may be less, and more, than it is taken for."""
-    off = 2.0 * x.gain_doubt + 1e-3
+    """Return by how much the gain of this drive's current may be less, and more, than it is taken for.
+
+    What is learned of fast demands misses a share of what the amplifier makes of slow ones: that of LAG.
+    """
+    off = 2.0 * x.gain_doubt + LAG * math.fabs(x.gain_own) + 1e-3
     return TOLERANCE if x.gain_learned < 0.5 else (off, off)
 
 

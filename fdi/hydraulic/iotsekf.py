@@ -173,8 +173,8 @@ PERIOD = 0.005  # of the samples whose variance stands in NOISE [s]
 # by 3 % without
 LAG = {2: {"lag_omega": 50.1, "lag_zeta": 0.64, "lag_ticks": 0.0}}
 LAG[0] = LAG[1] = {"lag_omega": 56.0, "lag_zeta": 0.56, "lag_ticks": 5.0}
-# the same with the pressure for ticks from 10 ms on, whose measurements are of this tick: off by 1 % rms. One Euler step
-# is as long as the lag there, and what it errs by is fitted with it; [s], [rad/s], [-]
+# the same with the pressure for ticks from 10 ms on, whose measurements are of this tick: off by 1 % rms. One Euler
+# step is as long as the lag there, and what it errs by is fitted with it; [s], [rad/s], [-]
 SLOW_LAG = (0.01, 0.0125, 1.0 / 60.0, 0.02), (54.2, 51.0, 45.8, 41.9), (0.624, 0.593, 0.558, 0.535)
 
 

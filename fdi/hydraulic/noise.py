@@ -1,11 +1,11 @@
 """Is a sensor noisier than it was? The second difference of its samples knows no motion: what is left of it is noise.
 
 sigma^2 = mean (e_k - 2 e_k-1 + e_k-2)^2 / 6 of white samples. The rod's own reading serves as e: no actuator turns
-within two samples of up to SHORT_TICK; in two of 20 ms it does, and there what the surface does not do serves as well. The pressure does, as the valve does: its sixth difference serves, in which the third harmonic of
-an oscillation at 10 Hz is 4 times smaller than in the fourth. Its innovation knows what the valve was told, but not
-what it does instead: the lesser of the two serves. From LOUD times the variance that the filter assumes on (of pressure
-from LOUD_DP) the sensor is noisy, until it is back below CALM times; one sample counts for no more than MOST, so that a
-jump is none.
+within two samples of up to SHORT_TICK; in two of 20 ms it does, and there what the surface does not do serves as well.
+The pressure does, as the valve does: its sixth difference serves, in which the third harmonic of an oscillation at 10
+Hz is 4 times smaller than in the fourth. Its innovation knows what the valve was told, but not what it does instead:
+the lesser of the two serves. From LOUD times the variance that the filter assumes on (of pressure from LOUD_DP) the
+sensor is noisy, until it is back below CALM times; one sample counts for no more than MOST, so that a jump is none.
 """
 
 import math
@@ -17,8 +17,8 @@ LOUD_DP = 20.0  # ... of the pressure: protections that throw the valve from sto
 SWUNG = 3.0  # times LOUD for the pressure once an oscillation is held to be there: a valve at its stops is not smooth
 USUAL = 1.7  # up to here it is what flights are trained with
 SHORT_TICK = 0.0075  # over longer ones the valve's own steps fill a sixth difference [s]
-# variance of the pressure's innovation over that of the sensor, as the filter has it at 5 ms. At 20 ms it has 60 to 100,
-# as the load may have moved: there the innovation counts by what the filter expects of it
+# variance of the pressure's innovation over that of the sensor, as the filter has it at 5 ms. At 20 ms it has 60 to
+# 100, as the load may have moved: there the innovation counts by what the filter expects of it
 EXPECTED = 3.2
 SECOND = math.sqrt(6.0)  # of white noise: size of a second difference over that of a sample
 SIXTH = math.sqrt(6.0 / 924.0)  # of white noise: size of a second difference over that of a sixth

@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 
 from cosim.cli import commands as cli
 from cosim.errors import LogError, TrimError
+from cosim.files import left_by
 from cosim.judge.result import Result
 from cosim.scenario import builtin_names, load_scenario
 
@@ -227,7 +228,7 @@ def test_a_variant_has_a_log_of_its_own_and_overwriting_is_told(flown):
     assert flown.calls[-1][1].parent == Path("logs")
     cosim("run", *[x for i in range(40) for x in ("-s", f"seed={i}")])
     assert len(flown.calls[-1][1].name) < 120
-    Path("logs/liquid-ofc.mcap").write_bytes(b"\x89MCAP0\r\nold")
+    Path("logs/liquid-ofc.mcap").write_bytes(b"\x89MCAP0\r\n cosim-log 1 old")
     assert "overwritten" in cosim("run").stdout
 
 
@@ -314,7 +315,7 @@ def test_interrupted_flight_leaves_a_readable_log(tmp_path):
     with process("run", "cruise", "-s", "duration_s=3000", "-o", str(log), preexec_fn=heeds_ctrl_c) as flight:
         deadline = time.monotonic() + 120
         # parameters alone are 2 MB
-        while not (log.exists() and log.stat().st_size > 4_000_000) and time.monotonic() < deadline:
+        while not (left_by(log).exists() and left_by(log).stat().st_size > 4_000_000) and time.monotonic() < deadline:
             assert flight.poll() is None, flight.stderr.read()
             time.sleep(0.05)
         flight.send_signal(signal.SIGINT)

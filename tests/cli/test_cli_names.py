@@ -8,7 +8,7 @@ from rich.text import Text
 from typer.testing import CliRunner
 
 from cosim.cli import commands as cli
-from cosim.cli import tables
+from cosim.cli import main, tables
 from cosim.files import beside
 from cosim.table import Table
 
@@ -42,10 +42,30 @@ def test_a_folder_with_brackets_in_its_name_is_checked(tmp_path, monkeypatch):
     assert "ac[/red]" in (told.stdout + told.stderr).replace("\n", "")
 
 
-def test_a_link_to_itself_is_no_place_for_a_log(tmp_path):
+def test_a_link_to_itself_is_replaced(tmp_path):
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
-    told = call("run", "-o", tmp_path / "loop")
-    assert told.exit_code == 2 and told.stderr.count("\n") == 1 and f"{tmp_path / 'loop'}: cannot be " in told.stderr
     with beside(tmp_path / "loop") as part:
         part.write_text("whole")
     assert (tmp_path / "loop").read_text() == "whole"
+
+
+def test_a_message_is_one_line_as_it_was_written_and_not_endless(tmp_path, monkeypatch):
+    (tmp_path / "passwd").write_text("root:x:0:0:secret\n")
+    given = ["-s", "manoeuvre.kind=inputs", "-s", f"manoeuvre.file={tmp_path / 'passwd'}"]
+    said = call("run", "cruise", *given)
+    assert said.exit_code == 2 and "secret" not in said.stderr and said.stderr.count("\n") == 1
+    for name in ("root:x:0:0", "a" * 5000, "a\nb"):
+        said = call("run", "cruise", "-s", f"title={name}", "-s", f"manoeuvre.kind={name}")
+        assert said.exit_code == 2 and said.stderr.count("\n") == 1 and len(said.stderr) < 1100
+    assert "root:x:0:0" in call("info", "root:x:0:0").stderr
+    assert call("info", "a\nb.mcap").stderr.count("\n") == 1
+
+
+def test_a_library_that_finds_no_memory_is_one_line(monkeypatch, capsys):
+    def without_memory():
+        raise ImportError("lib.so: failed to map segment from shared object")
+
+    monkeypatch.setattr(cli, "main", without_memory)
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2 and "no more memory" in capsys.readouterr().err

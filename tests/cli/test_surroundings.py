@@ -16,6 +16,7 @@ import cosim
 from actuators import child
 from actuators.sources import cache_root
 from cosim.campaign import store
+from cosim.files import left_by
 from cosim.flight.plugins import GuestError, load
 from cosim.log import recover
 from cosim.replay import replay
@@ -105,7 +106,7 @@ def test_a_link_to_a_file_that_is_not_there_yet_is_written_through_and_a_hard_li
     (tmp_path / "link.mcap").symlink_to("behind.mcap")
     assert run(*SHORT, "-o", str(tmp_path / "link.mcap")).returncode == 0
     assert (tmp_path / "link.mcap").is_symlink() and cosim.open_log(tmp_path / "behind.mcap").complete
-    (tmp_path / "kept").write_bytes(b"\x89MCAP0\r\nof yesterday")
+    (tmp_path / "kept").write_bytes(b"\x89MCAP0\r\n cosim-log 1 of yesterday")
     os.link(tmp_path / "kept", tmp_path / "b.mcap")
     assert run(*SHORT, "-o", str(tmp_path / "b.mcap")).returncode == 0
     assert (tmp_path / "kept").read_bytes().endswith(b"of yesterday") and cosim.open_log(tmp_path / "b.mcap").complete
@@ -190,7 +191,7 @@ def test_a_signal_ends_a_flight_like_ctrl_c(number, tmp_path):
     command = [*COSIM, "run", "cruise", "-s", "duration_s=3000", "-o", log]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as flight:
         deadline = time.monotonic() + 120
-        while not (log.exists() and log.stat().st_size > 4_000_000) and time.monotonic() < deadline:
+        while not (left_by(log).exists() and left_by(log).stat().st_size > 4_000_000) and time.monotonic() < deadline:
             time.sleep(0.05)
         flight.send_signal(number)
         said = flight.stdout.read().decode()

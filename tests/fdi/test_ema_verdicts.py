@@ -181,9 +181,17 @@ def test_the_alarm_stands_as_long_as_a_sensor_is_noisy(field):
     assert not log["alarm"][round(18.0 / DT) :].any()
 
 
-@pytest.mark.parametrize("off", [{"K_gi": 1.05, "K_ic": 0.95, "K_B": 1.05}, {"a": 1.05, "b": 0.95, "K_B": 0.95}])
+LARGER = {"K_gi": 1.05, "a": 1.05, "K_ic": 0.95, "b": 0.95}  # 22 % more current than nominal
+CORNERS = (
+    {"K_gi": 1.05, "K_ic": 0.95, "K_B": 1.05}, {"a": 1.05, "b": 0.95, "K_B": 0.95},
+    {**LARGER, "J_M": 0.95, "K_T": 1.05, "K_B": 1.05, "R": 1.05}, {**LARGER, "R": 0.95, "K_B": 0.95, "K_T": 0.95},
+    {name: 2.0 - x for name, x in LARGER.items()},
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("off", CORNERS)
 def test_what_a_drive_is_off_from_the_start_is_its_own_and_no_threshold_allows_for_it(off):
-    """Two tolerances of 5 %: the current's test stays as far below its threshold as in a drive that is exact."""
+    """Up to all tolerances of 5 %: the current's test stays as far below its threshold as in an exact drive."""
     most = {}
     for tolerance in ({}, off):
         command = three_two_one_one(T, start=12.0)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from lu17_bench import DT, doublets, fly, inputs, roll, run
 
+from cosim.training.flights import fly_hydraulic, watch
 from fdi.common import verdict
 from fdi.monitors import ofc_monitor, position_monitor
 
@@ -141,6 +142,41 @@ def test_the_ofc_monitor_is_quiet_in_manoeuvres_and_at_a_jam():
     assert not run(ofc_monitor, flights)["alarm"].any()
     step = np.where(np.arange(3000) * DT >= 12.0, np.radians(3.0), 0.0)
     assert not run(ofc_monitor, [fly(step, seed=1, faults=write(jam=1.0))])["alarm"].any()
+
+
+def _missing(share, late, seconds=40.0):
+    """Return INPUTS of a rod that lacks a `share` of its reference's motion and is `late` [ticks] beyond it."""
+    rng = np.random.default_rng(7)
+    n = round(seconds / DT)
+    t = np.arange(n) * DT
+    waves = [(a, f, rng.uniform(0.0, 6.28)) for a, f in ((0.4, 0.5), (0.4, 0.83), (0.35, 1.3), (0.3, 1.9), (0.2, 2.7))]
+    u = np.zeros((1, n), ofc_monitor.INPUTS)
+    u["command"] = np.radians(sum(a * np.sin(2 * np.pi * f * t + phase) for a, f, phase in waves))
+    u["y_rod_valid"] = u["y_dp_valid"] = 1.0
+    q = roll(ofc_monitor, ofc_monitor.params(), u)["q_est"][0]
+    u["y_rod"] = (1.0 - share) * q[np.maximum(np.arange(n) - 2 - late, 0)]
+    return u
+
+
+def test_a_servo_that_misses_a_share_of_its_reference_is_no_oscillation():
+    u = _missing(0.3, 3)
+    log = roll(ofc_monitor, ofc_monitor.params(), u)[0]
+    assert not log["alarm"].any()
+    assert log["response"][-1, 1, 0] == pytest.approx(-0.3, abs=0.1)
+    t = np.arange(u.shape[1]) * DT
+    u["y_rod"][0] += np.where(t > 30.0, 2.5e-3 * np.sin(2 * np.pi * 2.3 * t), 0.0)
+    seen = roll(ofc_monitor, ofc_monitor.params(), u)[0]["alarm"] > 0.5
+    assert not seen[: round(30.0 / DT)].any() and seen[round(32.0 / DT) :].all()
+
+
+@pytest.mark.parametrize("kt", [310.0, 365.0])
+def test_the_ofc_monitor_is_quiet_in_gusts_at_a_corner_of_the_tolerances(kt):
+    """Less flow, less supply, more piston area: the corner at which a servo lacks most of its motion."""
+    flown = fly_hydraulic(
+        duration=40.0, seed=0, tolerances={"hydraulic": {"A_p": 1.05, "phi_n": 0.95, "P_s": 0.95}},
+        flight={"mass_t": 393.0, "cg_pct": 30.0, "altitude_ft": 20000.0, "cas_kt": kt, "turbulence": "moderate"},
+    )  # fmt: skip
+    assert not watch(flown, ofc_monitor, ofc_monitor.params(), ("alarm",))["alarm"].any()
 
 
 @pytest.mark.parametrize("module", [position_monitor, ofc_monitor])

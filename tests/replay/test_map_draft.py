@@ -71,3 +71,65 @@ def test_a_column_of_no_number_or_a_strange_name_does_no_harm(tmp_path):
     path = bench(tmp_path, **{'q"\n[signals]': ROD, "rod": np.full(1000, np.nan), "": T})
     found = tomllib.loads(draft(path))
     assert found["signals"]["left_inner.rod"] == {"channel": "rod"}
+
+
+def flown(tmp_path, lies=False, angle=1.0):
+    """Write 60 s of made-up flight: Mach, speeds and altitude of one another, gravity, rates of their angles."""
+    t = np.arange(0.0, 60.0, 0.04)
+    theta, phi = 0.05 + 0.06 * np.sin(0.5 * t), 0.2 * np.sin(0.3 * t)
+    h, tas = 5000.0 + 20.0 * np.sin(0.2 * t) * t, 150.0 + 8.0 * np.cos(0.25 * t)
+    kelvin = 288.15 - 0.0065 * h
+    mach = tas / (20.0468 * np.sqrt(kelvin))
+    impact = (kelvin / 288.15) ** 5.25588 * ((1.0 + 0.2 * mach**2) ** 3.5 - 1.0)
+    cas = 340.294 * np.sqrt(5.0 * ((1.0 + impact) ** (2 / 7) - 1.0))
+    made = {
+        "THE": angle * theta, "PHI": angle * phi, "QRGY": angle * np.gradient(theta, t),
+        "PRGX": angle * np.gradient(phi, t), "AXCG": 9.80665 * np.sin(theta) + np.gradient(tas, t),
+        "AZCG": -9.80665 * np.cos(theta),
+        "MACH": mach, "VTAS": tas, "VCAS": cas / (1852 / 3600), "HQNH": h / 0.3048,
+        "altRate": np.gradient(h, t) / 0.3048 * 60.0, "ALCG": angle * (theta + 0.01),
+        "DELV": angle * 0.02 * np.sin(2.0 * t), "DLC_R": 3.0 * np.sin(t), "FUELUS": 500.0 + t,
+    }  # fmt: skip
+    path = tmp_path / "flight.csv"
+    per = {**dict.fromkeys(("THE", "PHI", "ALCG", "DELV"), "[DEG]"), **dict.fromkeys(("QRGY", "PRGX"), "[DEG/S]")}
+    named = {f"{n} {per[n]}" if lies and n in per else n: y for n, y in made.items()}
+    pd.DataFrame({"T": t, **named}).to_csv(path, index=False)
+    return path
+
+
+def test_units_and_signs_are_proved_by_what_the_columns_say_of_one_another(tmp_path):
+    text = draft(flown(tmp_path, angle=180.0 / np.pi), aircraft="narrowbody")
+    found = tomllib.loads(text)["signals"]
+    units = {name: s.get("unit") for name, s in found.items()}
+    assert units["tas"] is None and units["cas"] == "kt" and units["h_baro"] == "ft" and units["hdot"] == "ft/min"
+    assert units["n_z"] == units["n_x"] == "m/s2" and found["n_z"]["sign"] == -1
+    assert units["theta"] == units["phi"] == units["alpha"] == units["de_cmd"] == "deg"
+    assert units["q"] == units["p"] == "deg/s"
+    assert "r" not in found and "# not used: DLC_R" in text  # a flap
+    assert "proxy" in found["de_cmd"]
+    proved = {line.split()[0] for line in text.splitlines() if "# proved" in line}
+    assert {"tas", "cas", "h_baro", "hdot", "n_z", "q", "p", "theta"} <= proved
+
+
+def test_a_name_that_lies_of_its_unit_is_corrected(tmp_path):
+    text = draft(flown(tmp_path, lies=True), aircraft="narrowbody")
+    found = tomllib.loads(text)["signals"]
+    assert "unit" not in found["theta"] and "unit" not in found["q"] and "though its name says deg" in text
+    assert "unit" not in found["phi"] and "unit" not in found["p"] and "unit" not in found["de_cmd"]
+
+
+def test_a_draft_for_another_aircraft_runs_unchanged(tmp_path):
+    path = flown(tmp_path, angle=180.0 / np.pi)
+    made = CliRunner().invoke(cli.app, ["map", str(path), "--aircraft", "narrowbody", "-o", str(tmp_path / "map.toml")])
+    assert made.exit_code == 0, made.stderr
+    told = diagnose(path, tmp_path / "map.toml")
+    assert [d["id"] for d in told.detectors] == ["rfafe_airframe"] and told.detectors[0]["valid_pct"] > 50.0
+
+
+def test_an_unknown_time_column_can_be_named(tmp_path):
+    path = tmp_path / "bench.csv"
+    pd.DataFrame({"k": T, "AOA_DEG": ROD}).to_csv(path, index=False)
+    made = CliRunner().invoke(cli.app, ["map", str(path), "--time", "k"])
+    assert made.exit_code == 0 and tomllib.loads(made.stdout)["time"] == "k"
+    refused = CliRunner().invoke(cli.app, ["map", str(path)])
+    assert refused.exit_code != 0

@@ -72,7 +72,7 @@ def test_one_ulp_in_one_logged_input_is_found_and_located(flight, tmp_path):
 
 
 def test_changed_parameters_are_another_flight_and_are_written_beside_the_old(flight, tmp_path):
-    r = replay(flight, overrides={"position_monitor": {"threshold": 0.01}}, output=tmp_path / "w.mcap")
+    r = replay(flight, overrides={"position_monitor": {"threshold": 0.005}}, output=tmp_path / "w.mcap")
     assert not r.exact
     assert r.changed
     old, new = (

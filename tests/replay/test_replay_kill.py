@@ -9,7 +9,11 @@ import time
 import numpy as np
 import pytest
 from killed import grown, killer
+from typer.testing import CliRunner
 
+import cosim
+from cosim.cli.commands import app
+from cosim.files import left_by
 from cosim.log import open_log, recover
 from cosim.log.writer import ROWS
 from cosim.replay import replay
@@ -43,23 +47,34 @@ def test_killed_flights_come_back_and_replay_exactly(kills, tmp_path):
     path, rng, lengths = tmp_path / "killed.mcap", np.random.default_rng(3), []
 
     def wait():
-        grown(path, 1_000_000 * (len(lengths) % 2))  # every other one when some chunks are there, however slow it goes
+        # every other one when some chunks are there, however slow it goes
+        grown(left_by(path), 1_000_000 * (len(lengths) % 2))
         time.sleep(float(rng.uniform(0.0, 0.3)))
 
     with killer(LOAD, f"cosim.simulate(scenario, log={str(path)!r}, timed=False)") as kill:
         for _ in range(kills):
             kill(wait)
-            lengths.append(check(path, tmp_path / "out.mcap"))
-            path.unlink()
+            lengths.append(check(left_by(path), tmp_path / "out.mcap"))
+            left_by(path).unlink()
     assert sum(n > 0 for n in lengths) >= kills / 2, lengths
 
 
-def test_a_killed_cosim_run_comes_back_and_replays_exactly(tmp_path):
+def test_a_killed_cosim_run_leaves_the_old_log_comes_back_and_replays_exactly(tmp_path):
     path = tmp_path / "killed.mcap"
+    cosim.simulate(cosim.load_scenario("cruise", ["duration_s=0.2", ENABLED]), log=path, timed=False)
+    old = path.read_bytes()
     options = ["liquid-ofc", "--set", "duration_s=300", "--set", ENABLED, "-o", str(path)]
     command = [sys.executable, "-m", "cosim.cli", "run", *options]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as run:
-        grown(path, 1_000_000)
+        grown(left_by(path), 3_000_000)
         run.kill()
-    assert run.returncode == -signal.SIGKILL
-    assert check(path, tmp_path / "out.mcap") > 0
+    assert run.returncode == -signal.SIGKILL and path.read_bytes() == old
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["killed.mcap", "killed.mcap.part"]
+    assert check(left_by(path), tmp_path / "out.mcap") > 0
+    again = CliRunner().invoke(app, ["run", *options])
+    assert again.exit_code == 2 and f"a killed flight left {left_by(path)}" in again.stderr
+    back = CliRunner().invoke(app, ["recover", str(path)])
+    assert back.exit_code == 0 and open_log(tmp_path / "killed.recovered.mcap").n_ticks > 0
+    assert not left_by(path).exists() and path.read_bytes() == old
+    gone = CliRunner().invoke(app, ["recover", str(left_by(path))])
+    assert gone.exit_code == 2 and "No such file" in gone.stderr

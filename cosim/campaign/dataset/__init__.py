@@ -29,6 +29,7 @@ from cosim.errors import OutputError
 from cosim.files import replace_text
 from cosim.scenario import Scenario
 from cosim.scenario.brought import changed
+from cosim.scenario.flight import AIR
 from cosim.scenario.user_file import UserFile
 from cosim.texts import from_json, read
 
@@ -131,7 +132,7 @@ def _brought(about: dict[str, Any], folder: Path) -> list[tuple[str, UserFile]]:
 def _row(run: str, scenario: Scenario, label: dict[str, Any], done: dict[str, Any]) -> dict[str, Any]:
     """Return the row of a flight in flights.parquet, without its splits."""
     faults = scenario.faults
-    point = label.get("point") or json.dumps(flatten(scenario.flight.model_dump(exclude={"turbulence"})))
+    point = label.get("point") or json.dumps(flatten(scenario.flight.model_dump(exclude=set(AIR))))
     return {
         "run": run, **done, "seed": scenario.seed, "point": str(point),
         "family": "+".join(sorted({f.kind for f in faults})) or "none",

@@ -20,7 +20,7 @@ def steps(manoeuvre: Any, trim: Any = None) -> dict[str, Any]:
     A `trim` in a climb or a turn is held until the manoeuvre asks for another bank or load factor: its bank, its
     altitude or vertical speed, and its speed by the throttles. A table of own inputs says itself what is held.
     """
-    told = _steps(manoeuvre)
+    told = {**_steps(manoeuvre), "hold_v": manoeuvre.hold_speed}
     if trim is None or trim.level:
         return told
     holds = {} if isinstance(manoeuvre, Inputs) else {"hold_h": trim.gamma == 0.0, "hold_v": True}
@@ -31,7 +31,7 @@ def _steps(manoeuvre):
     k = manoeuvre
     if isinstance(k, Inputs):  # cosim/flight/plugins/inputs.py
         heading = k.heading_deg is not None
-        return {"steps": [], "hold_psi": heading, "hold_h": k.hold_altitude, "hold_v": k.hold_speed}
+        return {"steps": [], "hold_psi": heading, "hold_h": k.hold_altitude}
     if isinstance(k, m.Cruise):
         table = []
     elif isinstance(k, m.AoaProtection):
@@ -40,10 +40,10 @@ def _steps(manoeuvre):
         table = _pulse(k.start_s, k.duration_s, "nz_dem", k.amplitude_g)
     elif isinstance(k, m.CoordinatedTurn):
         table = _pulse(k.start_s, k.duration_s, "phi_dem", math.radians(k.bank_deg))
-        return {"steps": table, "hold_h": True, "hold_v": True}
+        return {"steps": table, "hold_h": True}
     elif isinstance(k, m.YawAngle):
         table = [(k.start_s, {"psi_dem": math.radians(k.heading_deg)})]
-        return {"steps": table, "hold_psi": True, "hold_h": True, "hold_v": True}
+        return {"steps": table, "hold_psi": True, "hold_h": True}
     elif isinstance(k, m.NzDoublet):
         table = doublet(k.start_s, k.width_s, "nz_dem", k.amplitude_g)
     elif k.amplitude_deg is not None:

@@ -189,7 +189,7 @@ def linearize(flight: FlightPoint | Scenario | str, elevator: float = 0.0) -> Li
     """
     if not isinstance(flight, FlightPoint):
         flight = FlightPoint.of(flight if isinstance(flight, Scenario) else load_scenario(flight))
-    plant = Plant(flight)
+    plant = Plant(flight.calm)
     trim = plant.trim(elevator)
     inputs = input_units(plant.border)
     u0 = trim.surfaces[plant.border.column(tuple(inputs))]

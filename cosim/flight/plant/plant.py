@@ -31,7 +31,10 @@ from cosim.flight.plant.border import border, to_si
 from cosim.flight.plant.crossing import crossing
 from cosim.flight.plant.point import POINTS, FlightPoint, loading
 from cosim.flight.plant.port import Port
+from cosim.flight.plant.trim import EARTH_MERIDIAN
 from cosim.scenario.aircraft import FOLDER
+
+WIND_SHARE = 0.8  # of the airspeed that a steady wind may have: the aircraft moves over the ground
 
 jsbsim.FGJSBBase().debug_lvl = 0  # before the first executive: its banner is not ours to print
 
@@ -144,13 +147,18 @@ class Plant:
     def place(
         self, *, tas: float, alpha: float, theta: float, altitude: float, surfaces: np.ndarray, beta: float = 0.0,
         phi: float = 0.0, psi: float = 0.0, p: float = 0.0, q: float = 0.0, r: float = 0.0,
+        wind: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:  # fmt: skip
-        """Put the aircraft into one state at time 0, surfaces external, engines at their throttle's thrust; SI, rad."""
+        """Put the aircraft into one state at time 0, surfaces external, engines at their throttle's thrust; SI, rad.
+
+        Speed and angles are against the air, which moves with `wind` over the ground, forward, right and down in body
+        axes.
+        """
         self.port.setter("ext/engaged")(1)
         self.write(surfaces)
-        u = tas * math.cos(alpha) * math.cos(beta)
-        v = tas * math.sin(beta)
-        w = tas * math.sin(alpha) * math.cos(beta)
+        u = tas * math.cos(alpha) * math.cos(beta) + wind[0]
+        v = tas * math.sin(beta) + wind[1]
+        w = tas * math.sin(alpha) * math.cos(beta) + wind[2]
         state = (altitude / M_PER_FT, psi, theta, phi, u / M_PER_FT, v / M_PER_FT, w / M_PER_FT, p, q, r)
         for put, value in zip(self._ic, state):
             put(value)
@@ -166,21 +174,49 @@ class Plant:
         from cosim.flight.plant.trim import level
 
         trim = level(self, elevator) if self.flight == self.flight.level else steady(self, elevator)
+        if not self.flight.windless:
+            self._into_the_air(trim)
         self._engage()
         return trim
+
+    def _into_the_air(self, trim):
+        """Let the air move, and put the trimmed aircraft into it: trim is against the air."""
+        f = self.flight
+        p = gusts.params(
+            f.turbulence, self.dt, **self.aircraft.gusts, changes=f.changes, wind=f.wind, shear=f.shear,
+            altitude=f.altitude, gusts=f.gusts,
+        )  # fmt: skip
+        air = gusts.Gusts(p, self.dt, f.seed)
+        read, write = ([self.port.node(name) for name in names] for names in (_GUST_READ, GUST_WRITE))
+        get, put = [node.get_double_value for node in read], [node.set_double_value for node in write]
+        self._gusts = air, read, write
+        self._advance = functools.partial(_in_gusts, self._fdm.run, air, get, put)
+        if not any(f.wind):
+            return
+        if math.hypot(*f.wind) > WIND_SHARE * trim.tas:
+            raise ScenarioError(
+                f"the wind is {math.hypot(*f.wind) / M_S_PER_KT:.0f} kt, the aircraft flies at "
+                f"{trim.tas / M_S_PER_KT:.0f} kt",
+                place="flight.wind_kt",
+                allowed=f"at most {WIND_SHARE * trim.tas / M_S_PER_KT:.0f} kt at this flight point",
+                remedy="Lower the wind or fly faster",
+            )
+        _write(put, air.now)
+        (north, east), far = f.wind, EARTH_MERIDIAN + trim.altitude
+        cf, sf, ct, st = math.cos(trim.phi), math.sin(trim.phi), math.cos(trim.theta), math.sin(trim.theta)
+        wind = ct * north, sf * st * north + cf * east, cf * st * north - sf * east
+        over, along = east / far, -north / far  # the horizon turns as the air moves over the curved earth
+        self.place(
+            tas=trim.tas, alpha=trim.alpha, theta=trim.theta, phi=trim.phi, altitude=trim.altitude,
+            p=trim.p + ct * over, q=trim.q + sf * st * over + cf * along, r=trim.r + cf * st * over - sf * along,
+            surfaces=trim.surfaces, wind=wind,
+        )  # fmt: skip
 
     def _engage(self):
         fdm = self._fdm
         fdm.suspend_integration()
         fdm.run()
         fdm.resume_integration()
-        if self.flight.turbulence != "none":
-            p = gusts.params(self.flight.turbulence, self.dt, **self.aircraft.gusts)
-            air = gusts.Gusts(p, self.dt, self.flight.seed)
-            read, write = ([self.port.node(name) for name in names] for names in (_GUST_READ, GUST_WRITE))
-            get, put = [node.get_double_value for node in read], [node.set_double_value for node in write]
-            self._gusts = air, read, write
-            self._advance = functools.partial(_in_gusts, fdm.run, air, get, put)
         if abs(fdm.get_delta_t() - self.dt) > 1e-12:
             raise RuntimeError("JSBSim lost its step")
 
@@ -247,7 +283,8 @@ class Plant:
         return list(self._logger.errors)
 
 
-_GUST_READ = ("velocities/vt-fps", "attitude/phi-rad", "attitude/theta-rad", "attitude/psi-rad")
+_GUST_READ = ("velocities/vt-fps", "attitude/phi-rad", "attitude/theta-rad", "attitude/psi-rad",
+              "position/h-sl-ft")  # fmt: skip
 GUST_WRITE = tuple(f"atmosphere/gust-{axis}-fps" for axis in ("north", "east", "down")) + tuple(
     f"ext/gust-{rate}-rad_sec" for rate in "pqr"
 )
@@ -255,11 +292,16 @@ GUST_WRITE = tuple(f"atmosphere/gust-{axis}-fps" for axis in ("north", "east", "
 
 def _in_gusts(run, air, get, put):
     """Advance by one step with the gusts of its end."""
-    tas, phi, theta, psi = (g() for g in get)
-    north, east, down, *rates = air.next(tas * M_PER_FT, phi, theta, psi)
+    tas, phi, theta, psi, h = (g() for g in get)
+    _write(put, air.next(tas * M_PER_FT, phi, theta, psi, h * M_PER_FT))
+    run()
+
+
+def _write(put, moved):
+    """Give JSBSim the air's velocity over the ground [m/s] and its gradients [rad/s]."""
+    north, east, down, *rates = moved
     for write, value in zip(put, (north / M_PER_FT, east / M_PER_FT, down / M_PER_FT, *rates)):
         write(value)
-    run()
 
 
 def bare_model(path: Path, dt: float, start: dict[str, float]) -> tuple[Callable[[], bool], Port]:

@@ -21,6 +21,10 @@ class FlightPoint:
     speed: float = 290.0 * M_S_PER_KT
     multipliers: dict = field(default_factory=dict)  # coefficient -> factor, e.g. {"Cm_alpha": 0.9}
     turbulence: str = "none"
+    changes: tuple[tuple[float, str, float], ...] = ()  # of the turbulence: (start [s], word, time it takes [s])
+    wind: tuple[float, float] = (0.0, 0.0)  # steady, to north and east, at this altitude [m/s]
+    shear: tuple[float, float] = (0.0, 0.0)  # its growth with altitude [1/s]
+    gusts: tuple[tuple[float, str, float, float, str], ...] = ()  # as cosim/flight/plant/gusts.py takes them
     seed: int = 0
     fuel_freeze: bool = True
     aircraft: str = DEFAULT  # a bundled name or a folder
@@ -33,6 +37,17 @@ class FlightPoint:
     def level(self) -> "FlightPoint":
         """Return the same point in level flight."""
         return dataclasses.replace(self, climb=None, gamma=None, bank=None, turn=None)
+
+    @property
+    def calm(self) -> "FlightPoint":
+        """Return the same point in air that does not move, for what no weather changes: trim, linear model, design."""
+        none = (0.0, 0.0)
+        return dataclasses.replace(self, turbulence="none", changes=(), wind=none, shear=none, gusts=(), seed=0)
+
+    @property
+    def windless(self) -> bool:
+        """Tell whether the air does not move."""
+        return dataclasses.replace(self, seed=0) == self.calm
 
     @property
     def record(self) -> Aircraft:
@@ -63,11 +78,12 @@ class FlightPoint:
 
     @classmethod
     def of(cls, scenario: Scenario) -> "FlightPoint":
-        """Return the flight point of `scenario`, with its coefficients' multipliers, turbulence and seed."""
+        """Return the flight point of `scenario`, with its coefficients' multipliers, air and seed."""
         f = scenario.flight
         kind, speed = f.speed
         return cls(
-            f.mass, f.cg, f.altitude, kind, speed, dict(scenario.tolerances.aero), f.turbulence, scenario.seed,
+            f.mass, f.cg, f.altitude, kind, speed, dict(scenario.tolerances.aero), f.turbulence,
+            changes=f.changes, wind=f.wind, shear=f.shear, gusts=f.discrete, seed=scenario.seed,
             aircraft=f.aircraft, climb=f.climb, gamma=f.gamma, bank=f.bank, turn=f.turn,
         )  # fmt: skip
 

@@ -1,0 +1,129 @@
+"""What the numbers of a recording prove of its units and signs: Mach, speeds and altitude together, gravity in the body
+axes, a rate against the derivative of its angle, the elevator against the pitching motion that follows it."""
+
+import itertools
+from collections.abc import Mapping
+
+import numpy as np
+
+from actuators.constants import G0, M_PER_FT, M_S_PER_KT, RAD_PER_DEG
+
+SPEEDS = {"m/s": 1.0, "kt": M_S_PER_KT, "ft/s": M_PER_FT, "km/h": 1.0 / 3.6}
+HEIGHTS = {"m": 1.0, "ft": M_PER_FT}
+FITS = 0.04  # relative error of the air data up to which units are taken for proved: other air than standard is in it
+CLEAR = 2.0  # so many times worse is the next best that says something else
+GRAVITY = {"g": 1.0, "m/s2": 1.0 / G0, "ft/s2": M_PER_FT / G0}
+
+
+def air(columns: Mapping[str, np.ndarray]) -> dict[str, str]:
+    """Return {mach, tas, cas or h_baro: unit} as far as those that are there prove units together; {} otherwise."""
+    mach = columns.get("mach")
+    speeds = [name for name in ("tas", "cas") if name in columns]
+    if mach is None or not speeds:
+        return {}
+    n = min(len(y) for y in columns.values())
+    rows = np.isfinite(np.array([y[:n] for y in columns.values()])).all(axis=0) & (mach[:n] > 0.1)
+    if rows.sum() < 10:
+        return {}
+    data = {name: y[:n][rows] for name, y in columns.items()}
+    heights = HEIGHTS if "h_baro" in data else {"": 0.0}
+    found = []
+    for units in itertools.product(heights, *(SPEEDS for _ in speeds)):
+        h = data["h_baro"] * heights[units[0]] if units[0] else np.full(rows.sum(), 3000.0)
+        found.append((_error(data, h, dict(zip(speeds, units[1:]))), units))
+    found.sort()
+    error, best = found[0]
+    out = {}
+    for i, name in enumerate(("h_baro", *speeds)):
+        other = next((e for e, units in found if units[i] != best[i]), np.inf)
+        if best[i] and error < (FITS if "h_baro" in data else 3.0 * FITS) and other > CLEAR * error:
+            out[name] = best[i]
+    return out
+
+
+def _error(data, h, units):
+    """Return the median relative error of the speeds that Mach number and altitude `h` [m] ask for."""
+    if not (np.abs(h) < 25e3).all():
+        return np.inf
+    kelvin = np.maximum(288.15 - 0.0065 * h, 216.65)
+    mach, errors = data["mach"], []
+    if "tas" in units:
+        errors.append(data["tas"] * SPEEDS[units["tas"]] / (mach * 20.0468 * np.sqrt(kelvin)) - 1.0)
+    if "cas" in units:
+        static = (kelvin / 288.15) ** 5.25588 * np.exp(-np.maximum(h - 11000.0, 0.0) / 6341.62)
+        impact = static * ((1.0 + 0.2 * mach * mach) ** 3.5 - 1.0)
+        asked = 340.294 * np.sqrt(5.0 * ((1.0 + impact) ** (2.0 / 7.0) - 1.0))
+        errors.append(data["cas"] * SPEEDS[units["cas"]] / asked - 1.0)
+    return float(max(np.median(np.abs(e)) for e in errors))
+
+
+def gravity(y: np.ndarray) -> tuple[str, int, float] | None:
+    """Return (unit, sign, offset) of a load factor along the vertical body axis by the gravity in it, None if none."""
+    middle = float(np.nanmedian(y)) if np.isfinite(y).any() else np.nan
+    for unit, factor in GRAVITY.items():
+        if abs(abs(middle) * factor - 1.0) < 0.12:
+            return unit, 1 if middle > 0.0 else -1, 0.0
+    return ("g", 1, 1.0) if abs(middle) < 0.12 and 0.002 < np.nanstd(y) < 1.0 else None
+
+
+def rate(t: np.ndarray, y: np.ndarray, angle: np.ndarray) -> tuple[float, float] | None:
+    """Return (slope, correlation) of a rate over the derivative of its angle, None where neither moves."""
+    ahead = _smooth(np.gradient(angle, t) if len(t) > 20 and (np.diff(t) > 0.0).all() else np.zeros(len(t)))
+    y = _smooth(y)
+    good = np.isfinite(ahead) & np.isfinite(y)
+    if good.sum() < 20 or not np.std(ahead[good]) or not np.std(y[good]):
+        return None
+    a, b = ahead[good] - ahead[good].mean(), y[good] - y[good].mean()
+    return float(a @ b / (a @ a)), float(np.corrcoef(a, b)[0, 1])
+
+
+def rate_unit(t: np.ndarray, y: np.ndarray, angle: np.ndarray, unit: str) -> str:
+    """Return the unit of a rate whose angle is in `unit`, "" where the numbers prove none."""
+    found = rate(t, y, angle)
+    if found is None or abs(found[1]) < 0.8:
+        return ""
+    scale = {"rad/s": 1.0, "deg/s": 1.0 / RAD_PER_DEG}
+    slope = abs(found[0]) if unit == "rad" else abs(found[0]) / RAD_PER_DEG  # per radian of the angle
+    return next((u for u, s in scale.items() if 0.75 < slope / s < 1.33), "")
+
+
+def climb_unit(t: np.ndarray, y: np.ndarray, h: np.ndarray, unit: str) -> str:
+    """Return the unit of a vertical speed beside an altitude in `unit`, "" where the numbers prove none."""
+    found = rate(t, y, h)
+    if found is None or found[1] < 0.6:
+        return ""
+    slope = found[0] / HEIGHTS[unit]  # of the reading per m/s
+    return next((u for u, s in (("m/s", 1.0), ("ft/s", M_PER_FT), ("ft/min", M_PER_FT / 60.0), ("kt", M_S_PER_KT))
+                 if 0.8 < slope * s < 1.25), "")  # fmt: skip
+
+
+def attitude_unit(t: np.ndarray, theta: np.ndarray, n_x: np.ndarray, speed: np.ndarray) -> str:
+    """Return the unit of the pitch angle by n_x [g] = sin(theta) + V' / g, V = `speed` [m/s]; "" if none is proved."""
+    if len(t) < 50 or not (np.diff(t) > 0.0).all():
+        return ""
+    left = n_x - np.gradient(_smooth(_smooth(speed)), t) / G0
+    n = max(1, int(2.0 / max(float(np.median(np.diff(t))), 1e-3)))
+    a, b = (np.convolve(y, np.ones(n) / n, "valid") for y in (theta, left))
+    good = np.isfinite(a) & np.isfinite(b)
+    if good.sum() < 20 or not a[good].std() or np.corrcoef(a[good], b[good])[0, 1] < 0.8:
+        return ""
+    slope = float(np.polyfit(a[good], b[good], 1)[0])
+    return next((u for u, s in (("rad", 1.0), ("deg", RAD_PER_DEG)) if 0.5 < slope / s < 2.0), "")
+
+
+def elevator_sign(t: np.ndarray, de: np.ndarray, q: np.ndarray) -> float:
+    """Return the correlation of a deflection with the pitch acceleration: negative where trailing edge down is +."""
+    found = np.gradient(q, t) if len(t) > 20 and (np.diff(t) > 0.0).all() else np.zeros(len(t))
+    a, b = _smooth(found), _smooth(de)
+    good = np.isfinite(a) & np.isfinite(b)
+    if good.sum() < 20:
+        return 0.0
+    a, b = a[good], b[good]
+    slow = max(3, int(4.0 / max(float(np.median(np.diff(t))), 1e-3)))
+    b = b - np.convolve(np.pad(b, slow, mode="edge"), np.ones(2 * slow + 1) / (2 * slow + 1), "valid")
+    return float(np.corrcoef(a, b)[0, 1]) if a.std() and b.std() else 0.0
+
+
+def _smooth(y):
+    """Return the mean of five samples."""
+    return np.convolve(np.pad(np.asarray(y, float), 2, mode="edge"), np.ones(5) / 5.0, "valid")
