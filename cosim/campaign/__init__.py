@@ -17,7 +17,7 @@ without a result has one row. What is of the lane, not of a fault, stands on the
     delay_s, delay_periods  from the onset; null when missed or not concerned
     fault                   number of the fault that the figures are about
     first_verdict           class that was said first; first_right: it was right in class and part
-    isolated_class/_target  name that stood for half of the last 2 s of the alarm
+    isolated_class/_target  name that stood for half of the last 1 s of the alarm
     class_given, place_given   right, wrong or not given (cosim/judge/naming.py); place_level: finest level of a right
                             place: axis, side, segment, channel
     right                   class and place of that name are right; first_sure_wrong: the first name with a class is not
@@ -66,6 +66,7 @@ from cosim.errors import LogError, OutputError
 from cosim.files import regular, replace, replace_text
 from cosim.scenario import Scenario
 from cosim.scenario.brought import identified
+from cosim.table import Table
 from fdi import registry
 
 EVALUATION_SEED = 1_000_000
@@ -93,6 +94,20 @@ class CampaignResult:
     resumed: int  # of these, found in the folder
     damaged: tuple[str, ...] = ()  # files of the folder that were no more whole: their runs were flown again
     notes: tuple[str, ...] = ()  # what is worth knowing and no error
+
+    def __repr__(self) -> str:
+        counts = self.frame.drop_duplicates("run")["status"].value_counts()
+        told = ", ".join(f"{n} {status}" for status, n in counts.items())
+        names = ", ".join(self.frame["id"].dropna().unique())
+        return f"CampaignResult: {self.done} runs ({told}), detectors {names or 'none'}, {self.parquet or 'no folder'}"
+
+    def _repr_html_(self) -> str:
+        lanes = self.frame[self.frame["id"].notna()]
+        made = Table(repr(self), "detector", "level", "faults>", "detected>", "false alarms>", kind="")
+        for (level, name), rows in lanes.groupby(["level", "id"]):
+            mine = rows[rows["concerned"].astype(bool)]
+            made.add(name, level, len(mine), int(mine["delay_s"].notna().sum()), int(rows["false_alarms"].sum()))
+        return made._repr_html_()
 
     def to_dict(self) -> dict:
         """Return the JSON of `cosim campaign`."""

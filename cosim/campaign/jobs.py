@@ -139,8 +139,9 @@ class _Results:
 
 
 def _key(job):
-    """Return the text that tells a job from every other."""
+    """Return the text that tells a job from every other; paths of a user's `files` are not in it, their digest is."""
     function, arguments = job
+    arguments = {k: v for k, v in arguments.items() if k != "files"}
     return json.dumps([f"{function.__module__}.{function.__name__}", arguments], sort_keys=True)
 
 

@@ -9,6 +9,7 @@ bounds the alarms.
 
 import base64
 import functools
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Annotated, Any
 
@@ -132,14 +133,17 @@ def space(campaign: str) -> Space:
     return Space(load_campaign(campaign), first_seed=FIRST_SEED)
 
 
-def fly(campaign: str, number: int, digest: str = "") -> dict:
-    """Fly one flight and return what is kept of it, as plain data; `digest` tells files of one name apart."""
+def fly(campaign: str, number: int, digest: str = "", files: Sequence[str] = ()) -> dict:
+    """Fly one flight, also past the user's detectors in `files`, and return what is kept of it, as plain data; `digest`
+    tells files of one name apart."""
     from cosim.flight.build import build
     from cosim.flight.conditions import resolved
     from cosim.flight.fly import fly as flown
+    from cosim.flight.plugins import with_detectors
+    from cosim.scenario.brought import identified
 
     try:
-        setup = build(resolved(space(campaign).number(number)))
+        setup = build(resolved(identified(with_detectors(space(campaign).number(number), files))))
     except TrimError:
         return {"seconds": 0.0, "dt": 0.0, "status": "infeasible", "lanes": {}}
     trace, status, _ = flown(setup)

@@ -29,6 +29,7 @@ import csv
 import itertools
 import math
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from importlib import resources
@@ -127,6 +128,10 @@ def scenario_of(base: dict, chosen: dict, place: str, folder: Path | None = None
         return identified(parse(locate(table, folder, place), place=place)), names
     except CosimError as error:
         error.place = error.place if error.place.startswith(place) else f"{place}: {error.place}".replace("--set ", "")
+        if gone := re.search(r"faults\.(\d+)\.(target|kind)$", error.place):
+            i = gone[1]
+            wins = f"`faults = []` of base, [set] or [grid] wins over what [draw] and [grid] say of faults.{i}"
+            error.remedy = f"{wins}: give it target and kind, or say this in the faulty [[part]] alone"
         raise
 
 

@@ -29,6 +29,7 @@ from cosim.compare import tails
 from cosim.compare.crossings import Gaussian, gaussian
 from cosim.compare.metrics import rate
 from cosim.errors import did_you_mean
+from cosim.flight.plugins import load
 from fdi import registry
 
 HELD_OUT = (1.0, 0.3, 0.1)  # per hour: where the fit of half of the flights is held against the count of the rest
@@ -59,20 +60,28 @@ def false_alarms(
     """Fly `hours` of a fault-free campaign and return plain data: hours, flights, and an entry per detector.
 
     `folder` keeps what is flown, so that a killed or shorter measurement goes on; `detectors` are ids, by default all
-    that ship. Raises CampaignError for an unknown detector, or a campaign with faults or parts.
+    that ship, and files of the user's: another version of a file is flown anew. Of a user's detector every crossing of
+    its threshold counts, also one that it does not confirm. Raises CampaignError for an unknown detector, or a campaign
+    with faults or parts; GuestError for a file without a detector.
     """
-    for name in detectors:
+    files = [str(Path(name).resolve()) for name in detectors if Path(name).suffix == ".py"]
+    guests = [load(file) for file in files]
+    ids = [name for name in detectors if Path(name).suffix != ".py"]
+    for name in ids:
         if name not in registry.SHIPPED:
             near = did_you_mean(name, registry.SHIPPED)
-            raise CampaignError(f"{name!r} is no detector", allowed=", ".join(registry.SHIPPED), remedy=near)
+            allowed = f"{', '.join(registry.SHIPPED)}, or a file of your own"
+            raise CampaignError(f"{name!r} is no detector", allowed=allowed, remedy=near)
     made = space(campaign)
     if made.faults:
         raise CampaignError("has faults", place=campaign, remedy="Take a campaign of fault-free flights")
     flights = _flights(made, hours * 3600.0)
-    digest = hashlib.sha256(repr(made.campaign).encode()).hexdigest()[:16]
-    jobs = [(fly, {"campaign": campaign, "number": n, "digest": digest}) for n in range(flights)]
+    said = "".join([repr(made.campaign), *(g.sha256 for g in guests)])
+    digest = hashlib.sha256(said.encode()).hexdigest()[:16]
+    own = {"files": files} if files else {}
+    jobs = [(fly, {"campaign": campaign, "number": n, "digest": digest, **own}) for n in range(flights)]
     flown = work(jobs, folder=folder, workers=workers, progress=progress, read=FaultFreeFlight.read)
-    return summary(flown, campaign, detectors or tuple(registry.SHIPPED))
+    return summary(flown, campaign, [*ids, *(g.DETECTOR.id for g in guests)] or tuple(registry.SHIPPED))
 
 
 def _flights(made: Space, seconds: float) -> int:

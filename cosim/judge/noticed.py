@@ -13,8 +13,8 @@ from cosim.judge.naming import BOTH, NOT_GIVEN, Name, blames, members_of, name_o
 from fdi.common import verdict as code
 from fdi.common import why as reason
 
-HOLD_S = 0.5  # a name counts as given once it has stood so long, or to the end of what is judged
-LAST_S = 2.0  # the name at the end is the one that stood longest over this last part of the named time
+HOLD_S = 0.5  # a name counts as given once it has stood so long, or where it is the name at the end
+LAST_S = 1.0  # the name at the end is the one that stood longest over this last part of the named time
 GAP_S = 0.5  # an alarm that comes back sooner than this is the same alarm
 ABLE = 0.5  # share of the time in which a lane that missed must have been valid for this to count as a miss
 MOVES = ("jam_solid", "jam", "runaway")  # kinds that show only where the rod is not where it should be
@@ -283,14 +283,13 @@ def _renamed(watch, s, fault, first, healed, dt, others):
 
 
 def _first_right(watch, s, fault, first, end, dt, others):
-    """Return the first tick in [first, end) from which an alarm has the right name of `fault` for HOLD_S, or to the
-    end; None without one."""
+    """Return the first tick in [first, end) from which an alarm has the right name of `fault` for HOLD_S, else None."""
     ticks = np.arange(first, max(first, end))
     names, which = _names(watch, s, fault, ticks, others, dt)
     good = np.array([n.right for n in names], bool)[which] & s.alarm[ticks] & (s.verdict[ticks] > 0.5)
     for begin in onsets(good):
         stop = begin + int(np.argmin(np.append(good[begin:], False)))
-        if (stop - begin) * dt >= HOLD_S - 1e-9 or stop == len(good):
+        if (stop - begin) * dt >= HOLD_S - 1e-9:
             return int(ticks[begin])
     return None
 

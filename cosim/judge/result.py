@@ -1,6 +1,5 @@
 """What a run comes to: who alarmed, when, after how many periods, what it isolated, how well it estimated."""
 
-import html
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,6 +12,7 @@ from cosim.judge import coverage
 from cosim.judge.alarms import exposure_s, faulty, onsets
 from cosim.judge.noticed import ABLE, Watch, last_name, noticed, said, valid, validity
 from cosim.scenario import Scenario
+from cosim.table import DASH, Table
 
 __all__ = ["Result", "Watch", "concerns", "errors", "judge", "judged", "largest", "plain"]
 SETTLE_S = 8.0  # from when on every detector should be able to judge, or half of a flight that is shorter than 16 s
@@ -45,13 +45,11 @@ class Result:
         return "\n".join([head, *rows, *([silent] if quiet else [])])
 
     def _repr_html_(self) -> str:
-        rows = "".join(
-            "<tr>" + "".join(f"<td>{html.escape(text) or '–'}" for text in (r["id"], r["target"], *_told(r))) + "</tr>"
-            for r in self._shown()
-        )
-        head = f"<b>{self.status}</b> after {self.sim_time_s:g} s, log {html.escape(self.log or 'not written')}"
-        columns = "<tr><th>detector<th>watches<th>alarm<th>name<th>false alarms</tr>"
-        return f"<div>{head}<table>{columns if rows else ''}{rows}</table></div>"
+        head = f"{self.status} after {self.sim_time_s:g} s, log {self.log or 'not written'}"
+        made = Table(head, "detector", "watches", "alarm", "name", "false alarms", kind="")
+        for r in self._shown():
+            made.add(r["id"], r["target"], *(text or DASH for text in _told(r)))
+        return made._repr_html_()
 
     def _shown(self):
         return [r for r in self.detectors if r["alarm"]]

@@ -1,7 +1,6 @@
 """Read a log back, bit for bit, into numpy and pandas."""
 
 import difflib
-import html
 import os
 import threading
 from collections.abc import Sequence
@@ -13,6 +12,7 @@ import numpy as np
 from google.protobuf.message import DecodeError
 
 from actuators.native import PLAIN
+from cosim.table import Table
 
 from . import foxglove
 from .chunk import GATHER
@@ -67,10 +67,10 @@ class Log:
         return "\n".join([self._about(), *rows])
 
     def _repr_html_(self) -> str:
-        cells = ((t.name, t.rows, ", ".join(t.fields[:8]) + ", …" * (len(t.fields) > 8)) for t in self.topics.values())
-        rows = "".join(f"<tr>{''.join(f'<td>{html.escape(str(c))}' for c in row)}</tr>" for row in cells)
-        head = html.escape(self._about())
-        return f"<div>{head}<table><tr><th>topic<th>rows<th>fields</tr>{rows}</table></div>"
+        made = Table(self._about(), "topic", "rows>", "fields", kind="")
+        for t in self.topics.values():
+            made.add(t.name, t.rows, ", ".join(t.fields[:8]) + ", …" * (len(t.fields) > 8))
+        return made._repr_html_()
 
     def _about(self):
         state = "complete" if self.complete else "incomplete"

@@ -131,7 +131,7 @@ def test_the_benchmark_resumes_scores_and_repeats(recordings, tmp_path, monkeypa
     said = CliRunner().invoke(cli.app, [*line, "-o", str(tmp_path)])
     assert (said.exit_code, said.output) == (0, "every row repeats\n")
     page = score_report(found, tmp_path / "score.html").read_text(encoding="utf-8")
-    assert all(f"<b>{name}</b>" in page for name in ("iotsekf", "rough")) and found["content"] in page
+    assert all(f"<code>{name}</code>" in page for name in ("iotsekf", "rough")) and found["content"] in page
     readme = tmp_path / "README.md"
     readme.write_text("<!-- score: begin -->\n<!-- score: end -->\n")
     write_readme(found, readme)

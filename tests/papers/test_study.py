@@ -37,7 +37,7 @@ def asked(*arguments):
 def test_the_command_prints_tables_and_keeps_results(study, tmp_path, one_process):
     shown = asked("one", "-o", str(tmp_path))
     assert shown.exit_code == 0, shown.output
-    assert all(word in shown.stdout for word in ("what [m]", "[a]", "9", "-", "so"))
+    assert all(word in shown.stdout for word in ("what [m]", "[a]", "9", "–", "so"))
     assert len((tmp_path / "results.jsonl").read_text().splitlines()) == 2
     found = json.loads(asked("one", "--seeds", "4", "--json", "-o", str(tmp_path)).stdout)
     assert found["parts"][0]["tables"][0]["rows"][0] == ["[a]", 16]

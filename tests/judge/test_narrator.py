@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.text import Text
 
 import cosim
-from cosim.cli.headline import sentences, silent
+from cosim.judge.narrator import sentences, silent
 
 MOVED = {"amplitude_mm": 12.3, "amplitude_deg": 3.4, "rod_mm": 123.4, "surface_deg": 23.4}
 ALL = {f"{side}_{where}": MOVED for side in ("left", "right") for where in ("inner", "outer")}
