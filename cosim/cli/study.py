@@ -1,6 +1,5 @@
-"""Commands about the detectors' grounds: the papers' experiments, studies, stored designs and thresholds."""
+"""Commands about the detectors' grounds: the papers' experiments, stored designs and thresholds."""
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -127,50 +126,6 @@ def design(
     answer(json_, {"designs": found, "ok": not any(found.values())}, lambda _: designs(about))
     if any(found.values()):
         raise typer.Exit(1)
-
-
-@app.command()
-def study(
-    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="A study; left out: lists them.")] = None,
-    questions: Annotated[
-        list[str] | None, typer.Argument(metavar="[QUESTION]…", help="Of the study; default: all.")
-    ] = None,
-    seeds: Annotated[
-        int | None, typer.Option("--seeds", min=1, help="Flights of each case.", show_default=False)
-    ] = None,
-    noise: Annotated[float, typer.Option(min=0.0, max=100.0, help="Sensor noise over that of the set.")] = 1.0,
-    output: Annotated[Path | None, output_option("FOLDER", "Of results; goes on there.")] = None,
-    list_: Annotated[bool, typer.Option("--list", help="Only say what its questions are.")] = False,
-    workers: WorkersOption = None,
-    json_: JsonOption = False,
-) -> None:
-    """Answer a question about the detectors by many small flights, and print its tables."""
-    from cosim.papers import studies as work
-
-    if name is None:
-        shown = tables.table("Studies: `cosim study NAME`", "study", "about")
-        for each in work.NAMES:
-            shown.add_row(each, work.known(each).ABOUT)
-        out.print(shown)
-        return
-    chosen = work.chosen(name, questions or ())
-    if list_:
-        shown = tables.table(work.known(name).ABOUT, "question", "asks", "seeds>")
-        for question in chosen:
-            shown.add_row(question.name, question.asks, str(question.seeds))
-        out.print(shown)
-        return
-    folder, found = output or Path("logs") / f"study-{name}", []
-    with tables.progress(err, f"study {name}", unit="jobs", waiting="preparing") as progress:
-        tell = lambda _, done, total: progress(done, total)  # noqa: E731
-        for question, made in work.run_study(
-            name, questions or (), seeds=seeds, noise=noise, folder=folder, workers=workers, progress=tell
-        ):
-            found.append({"name": question.name, "tables": [t._asdict() for t in made]})
-            for t in () if json_ else made:
-                out.print(tables.plain(t))
-    if json_:
-        print(json.dumps({"study": name, "parts": found}, default=tables.bare))
 
 
 @app.command()

@@ -8,7 +8,7 @@ from typing import Any
 
 from rich import box
 from rich.cells import cell_len
-from rich.console import Console, ConsoleOptions, Group, RenderResult
+from rich.console import Console, ConsoleOptions, RenderResult
 from rich.table import Table
 from rich.text import Text
 
@@ -173,14 +173,6 @@ def cell(value: Any) -> str:
 def bare(value: Any) -> Any:
     """Return a NumPy number as JSON can hold it."""
     return value.item()
-
-
-def plain(made: Any) -> Any:
-    """Return a study's Table with its notes."""
-    shown = table(made.title, *made.columns)
-    for row in made.rows:
-        shown.add_row(*map(cell, row))
-    return Group(shown, *(Text(note, style="dim") for note in made.notes))
 
 
 def word(path: Any) -> str:
