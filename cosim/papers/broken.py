@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from cosim.papers.claims import load
 from cosim.papers.row import Planned
 
 
@@ -74,17 +75,13 @@ def chosen(rows: list[Planned], of: Break) -> list[Planned]:
 
 def proof(paper: str, only: Callable[[Break], bool] = lambda of: True) -> Iterator[Broken]:
     """Yield what each row of `paper` shows under each of its Breaks."""
-    plan = importlib.import_module(f"cosim.papers.{paper}.rows").plan
     for of in filter(only, breaks(paper)):
         forget(paper)
-        held = [p.item for p in plan()]  # what is broken may change the name of a row, too
         try:
             with of.patch():
-                rows = plan()
-                items = {id(p): item for p, item in zip(rows, held, strict=True)}
-                for p in chosen(rows, of):
+                for p in chosen(load(paper), of):
                     found = p.measure()
                     got = float(found[0] if isinstance(found, tuple) else found)
-                    yield Broken(paper, items[id(p)], of.what, got, f"{p.low:g} .. {p.high:g}", not p.inside(got))
+                    yield Broken(paper, p.item, of.what, got, f"{p.low:g} .. {p.high:g}", not p.inside(got))
         finally:
             forget(paper)

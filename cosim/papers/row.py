@@ -48,6 +48,9 @@ class Planned:
     reason: str = ""  # why it may leave the band; the rows that it names are printed by the same command
     kind: str = "claim"
     piece: str = ""  # rows of one piece are measured in one process: they share what they fly
+    found: tuple[float, float] | None = None  # what was found of a claim that leaves its band, as wide as its scatter
+    spread: str = ""  # where that width comes from
+    asks: str = ""  # name of the function that measures it
 
     def __post_init__(self):
         if self.kind not in KINDS:
@@ -81,32 +84,6 @@ class Planned:
         band = f"{self.low:g} .. {self.high:g}" if self.banded else "none"
         why, evidence = ("", "") if inside else (self.reason, f"cosim reproduce {self.paper}" if self.reason else "")
         return Row(self.paper, self.item, self.says, got, band, verdict, why, evidence, note)
-
-
-class Of:
-    """Makes the Planned rows of one paper."""
-
-    def __init__(self, paper: str):
-        self.paper = paper
-
-    def claim(self, item: str, says: str, measure: Callable, low: float, high: float, reason: str = "") -> Planned:
-        """Return the row of a claim: `says` quotes it with its place, `low` .. `high` follow from it."""
-        return Planned(self.paper, item, says, measure, low, high, reason)
-
-    def ours(
-        self, item: str, measure: Callable, low: float = ANY[0], high: float = ANY[1], says: str = "not in the paper"
-    ) -> Planned:
-        """Return the row of a number that the paper does not give; low .. high is derived, or holds what was found."""
-        return Planned(self.paper, item, says, measure, low, high, kind="ours")
-
-    def beyond(self, item: str, says: str, measure: Callable, low: float = ANY[0], high: float = ANY[1]) -> Planned:
-        """Return the row of a step that the paper announces (`says` quotes it), or "our extension"."""
-        return Planned(self.paper, item, says, measure, low, high, kind="beyond")
-
-
-def near(found: float, share: float = 0.2) -> tuple[float, float]:
-    """Return the band of a number of ours that holds what was found, `share` of it to either side."""
-    return found - share * abs(found), found + share * abs(found)
 
 
 def counts(rows: Iterable[Row]) -> dict[str, int]:

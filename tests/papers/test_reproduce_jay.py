@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
+from cosim.papers.claims import load
 from cosim.papers.jay import bench as jay_bench
-from cosim.papers.jay import rows as jay
 from cosim.papers.row import Planned, Row, counts
 
 
 @pytest.fixture(scope="module")
 def rows():
-    return [p.judge() for p in jay.plan() if "in flight" not in p.item]
+    return [p.judge() for p in load("jay") if "in flight" not in p.item]
 
 
 def row(rows, item):

@@ -61,25 +61,6 @@ def _sine(y):
     return complex(2 * (y.mean(axis=0) * np.exp(-2j * np.pi * bench.OFC_HZ * t)).mean())
 
 
-def get(
-    key: str, scenario: str, load: Any = "no load", phase: str = "after", scale: float = 1.0, **options: Any
-) -> Any:
-    """Return a function that looks up one number of a case."""
-    return lambda: scale * case(scenario, load, **options)[key, phase]
-
-
-def ratio(
-    above: Any,
-    below: Any,
-    scenario: str,
-    load: str = "no load",
-    phases: tuple[str, str] = ("after", "after"),
-    **options: Any,
-) -> Any:
-    """Return a function that divides one number of a case by another."""
-    return lambda: case(scenario, load, **options)[above, phases[0]] / case(scenario, load, **options)[below, phases[1]]
-
-
 @functools.cache
 def linear_delay() -> float:
     """Return the delay [ms] of f_hat at the OFC's frequency in a Kalman filter of (4) linearised at rest.
@@ -114,3 +95,18 @@ def relative_degree() -> int:
             return r
         row = row @ A
     return 4
+
+
+def number(
+    key: str, scenario: str, load: Any = "no load", phase: str = "after", scale: float = 1.0, **options: Any
+) -> float:
+    """Return one number of a case."""
+    return scale * case(scenario, load, **options)[key, phase]
+
+
+def ratio(
+    above: str, below: str, scenario: str, load: str = "no load", phases: tuple[str, str] = ("after", "after")
+) -> float:
+    """Return one number of a case over another."""
+    found = case(scenario, load)
+    return found[above, phases[0]] / found[below, phases[1]]

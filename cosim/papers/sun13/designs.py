@@ -1,17 +1,14 @@
 """The stored designs of [Sun13] against its theorems: inequalities, conditions, E, what (28) gains."""
 
-from collections.abc import Iterator
-
 import numpy as np
 from scipy.linalg import expm
 
-from cosim.papers.row import Of, Planned
 from cosim.training.flights import DT
 from cosim.training.rfafe import RANK_E
 from fdi.rfafe.store import choose, read
 
 
-def _lmis():
+def lmis():
     """Return the largest eigenvalue of the left sides of (15), (30), (31) over their size, for the stored design."""
     d = choose("rfafe", "hydraulic", DT)[0]
     PN, TF = d.P @ d.N, d.T @ d.F
@@ -30,7 +27,7 @@ def _lmis():
     return max(found.values()), ", ".join(f"{k} {v:.1g}" for k, v in found.items())
 
 
-def _conditions():
+def conditions():
     """Return (how many conditions of theorem 1 the stored design's matrices do not meet, the ranks)."""
     d, rank = choose("rfafe", "hydraulic", DT)[0], np.linalg.matrix_rank
     A1 = d.A - d.H @ d.C @ d.A
@@ -45,7 +42,7 @@ def _conditions():
     return len(held) - sum(held), f"{d.E.shape[1]} unknown inputs, {d.F.shape[1]} faults, {len(d.C)} outputs"
 
 
-def _speed():
+def speed():
     """Return (settling time of (9), (28) after a step without the proportional part over with it, both [ms])."""
     d, h = choose("rfafe", "hydraulic", DT)[0], 1e-3
     (n, m), F, gain = (len(d.A), len(d.C)), d.T @ d.F, d.Gamma @ d.M
@@ -63,52 +60,12 @@ def _speed():
     return took[0] / took[1], f"{took[0]:.0f} and {took[1]:.0f} ms"
 
 
-def plan(of: Of) -> Iterator[Planned]:
-    """Yield the Planned rows."""
-    yield of.claim(
-        "theorem 2, published form: largest eigenvalue of (15), (30), (31) over their size",
-        "theorem 2, definitions 2 and 3: negative",
-        _lmis,
-        -1.0,
-        1e-6,
-    )
-    yield of.claim(
-        "theorem 1, published form: conditions (i) to (iv) that its A, C, E and F_a do not meet",
-        "theorem 1: necessary and sufficient; section IV: they are to be satisfied first",
-        _conditions,
-        0,
-        0,
-    )
-    yield of.claim(
-        "(28), a step of the fault: time to within 5 % without the proportional part over that with it",
-        'section II.A: "The proportional part enhances the fault estimator dynamic performance giving improved fault '
-        'estimation speed"; a fifth can be seen',
-        _speed,
-        1.2,
-        100.0,
-    )
-    yield of.ours(
-        f"section IV, E of the six fault-free flights: share of its squared singular values that rank {RANK_E} keeps",
-        _rank,
-        0.95,
-        1.0,
-        says="(36): the largest are kept; values not printed",
-    )
-    yield of.ours(
-        "(17), published form: largest entry of M on an airframe output over that on positions",
-        _positions,
-        0.0,
-        1e-6,
-        says="not said; derived: for C = I it is a position monitor",
-    )
-
-
-def _rank():
+def rank():
     sigma = np.linalg.svd(np.array(read("rfafe")["E"]), compute_uv=False)
     words = ", ".join(f"{v:.2g}" for v in sigma)
     return (sigma[:RANK_E] ** 2).sum() / (sigma**2).sum(), f"singular values {words}"
 
 
-def _positions():
+def positions():
     M = np.abs(np.array(read("rfafe")["designs"]["hydraulic"]["design"]["M"]))
     return (M[:, :4].max(1) / M[:, 4:].max(1)).max()
