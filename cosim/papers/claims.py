@@ -7,7 +7,7 @@
     measure = "stats.number"        # module and function in the paper's folder; returns a number, or (number, note)
     with = { scenario = "…" }       # its arguments
     band = [0.95, 1.05]             # what agrees
-    reason = "…"                    # why a claim leaves its band: only there, with
+    reason = "…"                    # why a claim leaves its band: only where it does, with
     found = [0.38, 0.47]            # the second band: what was found, as wide as its scatter
     spread = "10 sets of 10 seeds"  # where that width comes from
     piece = "…"                     # rows of one piece are measured in one process
@@ -53,6 +53,9 @@ def _planned(paper, number, row):
             raise ValueError(f"{where}: {key} is missing")
     if row["kind"] not in KINDS:
         raise ValueError(f"{where}: kind = {row['kind']!r}; allowed: {', '.join(KINDS)}")
+    together = [key in row for key in ("reason", "found", "spread")]
+    if any(together) and not all(together):
+        raise ValueError(f"{where}: reason, found and spread stand together: why it differs, where, and how wide")
     measure = _measure(paper, where, row["measure"], row.get("with", {}))
     low, high = _band(where, "band", row["band"])
     found = _band(where, "found", row["found"]) if "found" in row else None

@@ -164,6 +164,7 @@ band = [1.0, 2.0]
         (("reconfigure", "reconfigured"), "measure = 'rows.settles' with {'reconfigured': True}"),
         (("says =", "say ="), "unknown key say; allowed: kind, item"),
         (('item = "figure 3"', "item = 3"), "item = 3 is no str"),
+        (("band = [1.0, 2.0]", 'band = [1.0, 2.0]\nreason = "r"'), "reason, found and spread stand together"),
     ],
 )
 def test_a_wrong_row_is_refused_with_its_place(change, told):

@@ -32,7 +32,7 @@ def _exact(bench):
 
 
 def _slow():
-    return swap(ROWS, wrap__step=lambda step: lambda: (100.0 * step()[0], ""))
+    return swap(ROWS, wrap_step=lambda step: lambda: (100.0 * step()[0], ""))
 
 
 BREAKS = (
@@ -77,7 +77,7 @@ BREAKS = (
     ),
     Break(
         "the loop stays closed on the faulty sensor",
-        lambda: swap(FLOWN, wrap__kept=lambda kept: lambda _: kept("false")),
+        lambda: swap(FLOWN, wrap_kept=lambda kept: lambda reconfigure: kept("false")),
         ("5 deg, reconfigured",),
     ),
     Break(
@@ -106,7 +106,7 @@ BREAKS = (
     ),
     Break(
         "the flight form reconfigures in every flight",
-        lambda: swap(FLOWN, wrap__kept=lambda kept: lambda _: kept("true")),
+        lambda: swap(FLOWN, wrap_kept=lambda kept: lambda reconfigure: kept("true")),
         ("the same without reconfiguration", "the same reconfigured as published"),
     ),
     Break("a step takes a hundred times as long", _slow, ("a step of filter and tests",)),

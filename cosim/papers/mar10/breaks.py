@@ -77,7 +77,7 @@ def _half():
 
 
 def _slow():
-    return swap(FURTHER, wrap__step=lambda step: lambda: (5000.0 * step()[0], ""))
+    return swap(FURTHER, wrap_step=lambda step: lambda: (5000.0 * step()[0], ""))
 
 
 def _as_it_is(word):

@@ -200,7 +200,7 @@ BREAKS = (
     ),
     Break(
         "every point has its own design",
-        lambda: swap("cosim.papers.sun13.airframe", wrap__points=lambda points: lambda _: points(variants.airframe)),
+        lambda: swap("cosim.papers.sun13.airframe", wrap_points=lambda points: lambda design: points("each")),
         ("one design at points A to E",),
     ),
     Break("a fifth of the right side's estimate is added to the left one", _changed(_mixed), ("largest share of one",)),
