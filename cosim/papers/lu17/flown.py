@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from actuators.common import linkage
 from cosim.flight.signals import fly
 from cosim.judge.achieved import sine
 from cosim.judge.alarms import detection
@@ -167,3 +168,16 @@ def compensated(hz):
         t = f.index.to_numpy()[late]
         swing.append(1e3 * abs(sine(t, f[rod].to_numpy()[late] - twin, 2 * np.pi * hz)))
     return swing[0] / swing[1], f"{swing[0]:.2f} of {swing[1]:.2f} mm"
+
+
+def stuck(scenario: str) -> tuple[float, str]:
+    """Return how far the rod is from where figure 6's fault found it, or from figure 7's stop at the end [mm].
+
+    Of the flight's own actuator, which the jam holds and whose valve the runaway opens.
+    """
+    frame = flown(scenario, "pressure")
+    rod = 1e3 * frame.q_rod.to_numpy()[frame.index.to_numpy() >= ONSET]
+    if scenario == "solid-jam":
+        return float(np.abs(rod - rod[0]).max()), f"stuck at {rod[0]:.1f} mm"
+    limit = 1e3 * linkage.rod(linkage.TRAVEL[1])
+    return float(abs(rod[-1] - np.sign(rod[-1]) * limit)), f"at {rod[-1]:.1f} mm in the end"
