@@ -1,7 +1,7 @@
 """Proof that rows can fail: something is broken in one place, and the row must see it.
 
-Three kinds count apart: the *method* (a sign, gain, constant or equation of it), what is *flown* (faults, flights, draws),
-and an *option* that is swapped for another. No break scales a row's own result.
+Three kinds count apart: the *method* (a sign, gain, constant or equation of it), what is *flown* (faults, flights,
+draws), and an *option* that is swapped for another. No break scales a row's own result.
 """
 
 import contextlib
