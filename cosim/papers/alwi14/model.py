@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from actuators.constants import M_PER_FT
 from cosim.training import lpv as design_lpv
 from fdi.lpv_smo import synthesis as lpv_smo_design
 
@@ -38,21 +37,6 @@ def entries():
         f"{told}; short-period frequency {np.quantile(held['wn_error'], 0.95):.3f} at 95 %, "
         f"damping {max(held['zeta_error']):.3f}",
     )
-
-
-PRINTED = {"A": (210, 12500, 0.40), "B": (270, 12500, 0.51), "C": (210, 27500, 0.54), "D": (270, 27500, 0.68),
-           "E": (240, 20000, 0.53)}  # table 4: airspeed [kt], altitude [ft], Mach number  # fmt: skip
-
-
-def mach():
-    """Return (largest difference of the Mach number at table 4's airspeed and altitude from print, all of them)."""
-    found = {}
-    for point, (kt, ft, _) in PRINTED.items():
-        pressure = (1.0 - 2.25577e-5 * ft * M_PER_FT) ** 5.25588  # over that at sea level, standard atmosphere
-        impact = (1.0 + 0.2 * (kt / 661.479) ** 2) ** 3.5 - 1.0  # over the same; speed of sound there in knots
-        found[point] = float(np.sqrt(5.0 * ((impact / pressure + 1.0) ** (1.0 / 3.5) - 1.0)))
-    told = ", ".join(f"{point} {mach:.4f}" for point, mach in found.items())
-    return max(abs(found[point] - PRINTED[point][2]) for point in found), told
 
 
 def nearest() -> float:

@@ -15,7 +15,7 @@ from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.point import SIX, FlightPoint
 from cosim.flight.signals import detect
 from cosim.flight.site import SERVO, site
-from cosim.papers.alwi14.flights import POINTS, SENSIBLE, UNITS, fly_point, nonlinear
+from cosim.papers.alwi14.flights import MACH, POINTS, SENSIBLE, UNITS, fly_point, nonlinear
 from cosim.papers.alwi14.plant import Law, fly
 from cosim.training import lpv as design_lpv
 from fdi.lpv_smo import lpv_smo
@@ -216,3 +216,10 @@ def own_model() -> tuple[float, str]:
 def own_stiffness() -> tuple[float, str]:
     """Return the fault-free elevator [deg] with only A51 of the affine fit replaced by that of the point."""
     return _each([_own_worst(p, (4, 0)) for p in POINTS])
+
+
+def mach() -> tuple[float, str]:
+    """Return how far the Mach number, flown at table 4's airspeed and altitude, is from print; farthest of A to E."""
+    found = {point: float(_quiet_flight(point)[sources("lpv_smo")["mach"]].iloc[0]) for point in POINTS}
+    told = ", ".join(f"{point} {mach:.4f}" for point, mach in found.items())
+    return max(abs(found[point] - MACH[point]) for point in found), told

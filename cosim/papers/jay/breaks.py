@@ -3,14 +3,7 @@
 from cosim.papers.broken import Break, swap
 
 BENCH, FLOWN, ROWS = (f"cosim.papers.jay.{name}" for name in ("bench", "flown", "rows"))
-HEALTHY = {
-    6: ("velocity", 0.0, 0.0),
-    7: ("velocity", 0.0, 0.0),
-    8: ("position", 0.0, 0.0),
-    9: ("position", 0.0, 0.0),
-    10: ("current", 0.0, 0.0),
-    11: ("current", 0.0, 0.0),
-}
+FILTER = "fdi.ema.ema_kalman"
 
 
 def _unseen():
@@ -35,7 +28,31 @@ def _slow():
     return swap(ROWS, wrap_step=lambda step: lambda: (100.0 * step()[0], ""))
 
 
+def _quieter(params):
+    return lambda kind="nozzle", **more: params(kind, **{"R": 0.00125, **more})
+
+
+def _heavy(nozzle):
+    """Return the nozzle's symbols with a motor that is 1 % heavier."""
+
+    def other():
+        held = nozzle()
+        return held | {"J_M": 1.01 * held["J_M"]}
+
+    return other
+
+
 BREAKS = (
+    Break(
+        "J_M of the filter's model is 1 % too large",
+        lambda: swap("actuators.ema.jay", wrap__nozzle=_heavy),
+        ("Phi, G and H", "(5) to (9)"),
+        "method",
+    ),
+    Break(
+        "the gain K of (5) is zero", lambda: swap(BENCH, FILTER={"P0": lambda P: 0.0 * P}), ("(5) to (9)",), "method"
+    ),
+    Break("R of (5) is halved", lambda: swap(FILTER, wrap_params=_quieter), ("P_0 and R", "(5) to (9)"), "method"),
     Break(
         "the filter's G (5) is 15 % too large",
         lambda: swap(BENCH, FILTER={"G": lambda G: 1.15 * G}),

@@ -7,6 +7,7 @@ import time
 import numpy as np
 
 from actuators.ema import jay
+from cosim.papers.jay import printed as paper
 from cosim.papers.jay.bench import DT, FAULT, FIGURES, SECONDS, SEEDS, bench, under_load
 from fdi.ema import ema_kalman
 
@@ -151,3 +152,33 @@ def smooth() -> float:
 def loaded(test: int) -> tuple[float, str]:
     """Return a test under a hinge moment that the published filter does not know."""
     return _loaded()[test], f"{_loaded(0.5)[test] / _loaded()[test]:.3f} of it with the gain zero from 0.5 s on"
+
+
+def matrices() -> tuple[float, str]:
+    """Return how far the filter's Phi, G and H are from print, farthest entry over half of its last digit."""
+    p = ema_kalman.params("nozzle")[0]
+    H = [0.0, 0.0, 0.0, p["K_v"], 0.0, 0.0]
+    held = np.concatenate([p["Phi"].ravel(), p["G"], H])
+    words = np.array([float(w) for w in f"{paper.PHI} {paper.G} {paper.H}".split()])
+    (print_, half), extra = paper.entries(), np.abs(held[words == 0.0]).max()
+    off = np.abs(held[words != 0.0] - print_) / half
+    told = f"of {len(half)}; where print has zero {extra:.2g}; median {np.median(off):.2f}"
+    return float(off.max()), told
+
+
+def settings() -> int:
+    """Return how many of P_0 and R the filter holds otherwise than printed."""
+    p = ema_kalman.params("nozzle")[0]
+    return int(np.sum(p["P0"] != np.array(paper.P_0))) + int(p["R"] != paper.R)
+
+
+def filtered() -> tuple[float, str]:
+    """Return the largest difference of eta_bar, R1 [mm], R2 [A] from (5) to (9), over the runs of figures 6 to 11."""
+    worst = np.zeros(3)
+    for figure in FIGURES:
+        out = bench(figure=figure)
+        theirs = paper.kalman(*(out[name] for name in ("u", "y_velocity", "y_position", "y_current")))
+        ours = out["eta_bar"], out["R1"], out["R2"]
+        off = [np.abs(a - b).max() for a, b in zip(ours, theirs)]
+        worst = np.maximum(worst, np.array(off) * (1.0, 1e3, 1.0))
+    return float(worst.max()), "eta_bar {:.1g}, R1 {:.1g} mm, R2 {:.1g} A".format(*worst)
