@@ -172,9 +172,9 @@ def reproduced(found: dict[str, Any]) -> Group:
 
 def noticed(found: list[dict[str, Any]]) -> Table:
     """Return what rows show with the method broken."""
-    t = table("The method broken in one place", "paper", "row", "what is broken", "value then>", "band", "seen")
+    t = table("The method broken in one place", "paper", "row", "what is broken", "kind", "value then>", "band", "seen")
     for b in found:
-        t.add_row(b["paper"], b["item"], b["what"], f"{b['got']:.4g}", b["band"],
+        t.add_row(b["paper"], b["item"], b["what"], b["kind"], f"{b['got']:.4g}", b["band"],
                   Text("yes", "green") if b["seen"] else Text("no", "red"))  # fmt: skip
     return t
 

@@ -58,9 +58,9 @@ def _block(text, name):
 def proof(found: Iterable[Broken]) -> str:
     """Return the list of broken methods as Markdown: row, what was broken, value then."""
     unseen = (" (**not seen**)", "")
-    lines = ["| paper | row | what was broken | value then | band |", "|---|---|---|---|---|"]
+    lines = ["| paper | row | what was broken | kind | value then | band |", "|---|---|---|---|---|---|"]
     lines += [
-        f"| {b.paper} | {_cell(b.item)} | {_cell(b.what)} | {b.got:.3g}{unseen[b.seen]} | {b.band} |" for b in found
+        f"| {b.paper} | {_cell(b.item)} | {_cell(b.what)} | {b.kind} | {b.got:.3g}{unseen[b.seen]} | {b.band} |" for b in found
     ]
     return "\n".join(lines)
 

@@ -3,10 +3,13 @@
 import copy
 import dataclasses
 
+import numpy as np
+
 from cosim.papers.broken import Break, swap
 from cosim.papers.sun13 import variants
 from fdi.rfafe import rfafe, rfafe_airframe
 
+VARIANTS = "cosim.papers.sun13.variants"
 ROWS, FLOWN, DECOUPLING, DESIGNS = (f"cosim.papers.sun13.{name}" for name in ("rows", "flown", "decoupling", "designs"))
 
 
@@ -91,7 +94,33 @@ def _of_point_e(estimated):
     return other
 
 
+def _smallest(reduce):
+    """Return (36) with the order of its singular values reversed."""
+
+    def other(E, rank):
+        U, sigma, _ = np.linalg.svd(E, full_matrices=False)
+        return (U * sigma)[:, ::-1][:, :rank]
+
+    return other
+
+
+def _halved(discretise):
+    return lambda *, gain, **more: discretise(gain=0.5 * gain, **more)
+
+
+def _uncoupled(made):
+    return lambda source="six flights", cross=0.7: made(source, 0.0)
+
+
 BREAKS = (
+    Break(
+        "(36) keeps the smallest singular values",
+        lambda: swap("fdi.rfafe.rfafe", wrap_reduce_E=_smallest),
+        ("(36), E",),
+        "method",
+    ),
+    Break("(28) is halved", lambda: swap(DESIGNS, wrap_discretise=_halved), ("(2), (28)",), "method"),
+    Break("P has no cross term", lambda: swap(VARIANTS, wrap_coupled=_uncoupled), ("P couples",), "option"),
     Break("N of (7) has the wrong sign", lambda: swap(DESIGNS, wrap_choose=_unstable), ("theorem 2",), "method"),
     Break(
         "the liquid OFC is the solid one, the solid one the liquid",
