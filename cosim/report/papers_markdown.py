@@ -60,7 +60,8 @@ def proof(found: Iterable[Broken]) -> str:
     unseen = (" (**not seen**)", "")
     lines = ["| paper | row | what was broken | kind | value then | band |", "|---|---|---|---|---|---|"]
     lines += [
-        f"| {b.paper} | {_cell(b.item)} | {_cell(b.what)} | {b.kind} | {b.got:.3g}{unseen[b.seen]} | {b.band} |" for b in found
+        f"| {b.paper} | {_cell(b.item)} | {_cell(b.what)} | {b.kind} | {b.got:.3g}{unseen[b.seen]} | {b.band} |"
+        for b in found
     ]
     return "\n".join(lines)
 

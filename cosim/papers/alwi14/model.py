@@ -28,7 +28,8 @@ def certificate() -> dict[str, float]:
     return lpv_smo_design.verify(lpv_smo_design.load()[1])
 
 
-def entries():
+def entries() -> tuple[float, str]:
+    """Return (largest error of an entry of the affine fit over its largest value, each of them)."""
     held = fit()
     found = {name: np.array(held[m])[i, j] for name, (m, i, j) in ENTRIES.items()}
     told = ", ".join(f"{n} {v:.3f}" for n, v in found.items())

@@ -32,7 +32,7 @@ def moving(kind: str) -> tuple[Any, ...]:
     return flown, detect(flown, lpv_smo, sources("lpv_smo"), p)
 
 
-def error(kind, i):
+def error(kind: str, i: int) -> tuple[float, str]:
     """Return (largest error of the estimate's mean over 2 s [%] from 5 s after the onset on, what it went through)."""
     flown, log = moving(kind)
     key, size = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha")[i], SENSIBLE[i] * UNITS[i]
@@ -53,12 +53,13 @@ def kept(point: Any, *changes: Any) -> float:
     return float(np.abs(h - h[0]).max())
 
 
-def reconstructed():
+def reconstructed() -> tuple[float, str]:
+    """Return the largest change of altitude [m] when the law flies on y - f_hat, of A to E, and each."""
     found = {p: kept(p) for p in POINTS}
     return max(found.values()), ", ".join(f"{p} {v:.0f}" for p, v in found.items())
 
 
-def declared():
+def declared() -> tuple[float, str]:
     """Return (points at which all three faults are declared within 10 s and not before, the delays at each [s])."""
     own = [f"lpv_smo.aircraft.alarm_{name}" for name in NAMES]
     count, told = 0, []

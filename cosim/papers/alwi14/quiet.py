@@ -101,7 +101,7 @@ def _without_lift():
     return _each(found)
 
 
-def shown():
+def shown() -> tuple[float, str]:
     """Return (largest change of the pitch rate by the faults over its range without, least of A to E; each point's)."""
     name, found = sources("lpv_smo")["q"], []
     for point in POINTS:
@@ -110,7 +110,7 @@ def shown():
     return min(found), _each(found)[1]
 
 
-def all_ranges():
+def all_ranges() -> tuple[float, str]:
     """Return (range of the angle of attack [deg], largest of A to E, and those of the other signals)."""
     wires = sources("lpv_smo")
     found = {word: (max(_ranges(wires[name], scale)), unit) for name, word, unit, scale in SHOWN}
@@ -118,7 +118,7 @@ def all_ranges():
     return found["angle of attack"][0], ", ".join(f"{word} {v:.3g} {unit}" for word, (v, unit) in found.items())
 
 
-def tracking():
+def tracking() -> tuple[float, str]:
     """Return (range of the load factor over the doublet's 0.3 g farthest from 1, and its ablation)."""
     settled, without = _settled(), _without_lift()
     far, each = _followed()
@@ -126,7 +126,7 @@ def tracking():
 
 
 @functools.cache
-def on_plant(lift=True, direct=True):
+def on_plant(lift: bool = True, direct: bool = True) -> tuple[float, str]:
     """Return (range of the load factor over 0.3 g on the LPV plant under the law, farthest from 1; each point's).
 
     `lift`: the elevator's own lift is there (D51); `direct`: the law's direct share b_n of the demand is.

@@ -33,7 +33,7 @@ def flight(name: str, *changes: Any) -> Any:
     return fly(load_scenario(name, [both, *changes]), [*OWN, *TRUE, *PUBLISHED])
 
 
-def named(sensor, unit):
+def named(sensor: str, unit: str) -> tuple[float, str]:
     """Return (how many sizes are named after their sensor within 50 s, when each)."""
     name, key, sizes = SIZES[sensor, unit]
     told, count = [], 0
@@ -49,7 +49,7 @@ def named(sensor, unit):
     return count, f"of {len(sizes)} {unit}; " + ", ".join(told)
 
 
-def alarms(*changes):
+def alarms(*changes: str) -> tuple[float, str]:
     """Return (fault-free: largest test over its threshold, that of the published filter)."""
     f = flight("jay-incipient-position", "faults=[]", *changes)
     return (
@@ -59,7 +59,7 @@ def alarms(*changes):
     )
 
 
-def warm():
+def warm() -> tuple[float, str]:
     """Return (largest error of the position estimate [mm], alarms) with the winding 39 % up."""
     f = flight("ema-winding-resistance", "faults.0.increase_pct=39.3")
     error = f[OWN[3]].to_numpy()[2:] - _lead() * f[TRUE[2]].to_numpy()[:-2]
@@ -73,7 +73,7 @@ def _lead():
     return jay.values()["lead"]
 
 
-def off():
+def off() -> tuple[float, str]:
     """Return (largest error of a drifting position when it is reconfigured [deg], when each size is)."""
     (name, key, sizes), told, worst = SIZES["position", "deg/s of drift"], [], 0.0
     for size in sizes:
@@ -85,7 +85,7 @@ def off():
     return worst, "deg at deg/s of drift; " + ", ".join(told)
 
 
-def kept(reconfigure):
+def kept(reconfigure: str) -> float:
     """Return the largest difference of n_z [g] from the healthy flight on its own sensor, 30 s from the onset.
 
     `reconfigure` is "true", "false" or "published", as in a scenario.

@@ -197,8 +197,8 @@ def schedule(scenario: str, rate: float = RATE) -> Any:
 @functools.lru_cache(maxsize=1)
 def _noise(seeds):
     n = round(SECONDS / DT)
-    own = [(np.random.default_rng([key, s]) for s in range(seeds)) for key in (17, 18)]  # 18: of the walk alone
-    return np.stack([np.hstack([a.standard_normal((n, 4)), b.standard_normal((n, 1))]) for a, b in zip(*own)])
+    draws = lambda key, seed, columns: np.random.default_rng([key, seed]).standard_normal((n, columns))  # noqa: E731
+    return np.stack([np.hstack([draws(17, s, 4), draws(18, s, 1)]) for s in range(seeds)])  # 18: of the walk alone
 
 
 def fly(
@@ -227,7 +227,7 @@ def fly(
     if load != "no load":
         s["hm0"], s["hmd"] = HM0, hmd
     s["walk"] = 0.0 if quiet else np.sqrt(np.array(iotsekf.NOISE["q"])[:3] * DT)
-    s["walk_f"] = np.sqrt(iotsekf.NOISE["q_f"] * DT) if scenario == "walk" else 0.0
+    s["walk_f"] = np.sqrt(np.array(iotsekf.NOISE["q_f"]) * DT) if scenario == "walk" else 0.0
     own = dict(filter_values)
     form = {"load": int(known > 0.0), "dt": DT, "delay_s": 0.0}
     as_published = {"centre": 0.0, "total_sign": 0.0, "gate_rod": two_stage.GATE_NONE}

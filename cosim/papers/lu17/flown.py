@@ -157,7 +157,7 @@ def quiet(detector: str, form: str) -> float:
 
 
 @functools.cache
-def compensated(hz):
+def compensated(hz: float) -> tuple[float, str]:
     """Return the rod's oscillation with f_hat taken off the valve over that without, from 4 s after the onset."""
     rod, late = f"hydraulic.{LANE}.q_rod", slice(round((ONSET + 4.0) / 0.005), round((ONSET + 12.0) / 0.005))
     asked = f"faults.0.frequency_hz={hz:g}"

@@ -69,7 +69,7 @@ def biased(scenario: str, load: str) -> tuple[float, str]:
     """Return the share of instants with the mean error of a state beyond its 1 % bound; in the note what mends it."""
     found = case(scenario, load)["state", "after" if scenario != "fault-free" else "whole"]
     if scenario != "fault-free":
-        strong = case(scenario, load, q_f=1e4 * iotsekf.NOISE["q_f"])["state", "after"]
+        strong = case(scenario, load, q_f=1e4 * float(np.array(iotsekf.NOISE["q_f"])))["state", "after"]
         return found, f"with a walk (14) ten thousand times as strong {strong:.3f}"
     if load == "no load":
         return found, ""

@@ -38,7 +38,7 @@ def _table(signatures):
     return sum(signatures.get(k, 0) != TABLE.get(k, 0) for k in {*TABLE, *signatures})
 
 
-def injected():
+def injected() -> tuple[float, str]:
     """Inject a fault of each input into the vehicle: return (entries of 27 x 4 that contradict the table, error of
     the fault that the direct r_ij identify)."""
     u = np.array([0.02, -0.03, 0.01, 0.6])
@@ -65,7 +65,7 @@ def _gusty():
     return flights.campaign(3, DRAWS, options=GUSTY, extra=WIND)
 
 
-def share_right(runs):
+def share_right(runs: list) -> tuple[float, str]:
     """Return (share of draws that are right [%], its interval and what the others declared)."""
     right = sum(o.right for o in runs)
     interval = binomtest(right, len(runs)).proportion_ci(method="wilson")
@@ -92,7 +92,7 @@ def _median(option, field):
     return float(np.median(found)), f"{min(found):.2f} .. {max(found):.2f}"
 
 
-def identified():
+def identified() -> float:
     """Return the thrust loss [%] that scenario 1 identifies with the nominal aircraft."""
     flown, log, _ = mar10_selection.nominal_flight(1)
     return -100.0 * log["f_hat_thrust"][flown.index > 30.0].mean()

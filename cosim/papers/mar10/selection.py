@@ -55,7 +55,7 @@ def _selected(number, k):
     return len(found), ", ".join(found)
 
 
-def chosen(number):
+def chosen(number: int) -> tuple[float, str]:
     """Return (faults of a scenario that no residual of their own shows, or that one shows too early; what fires)."""
     early, names = _unmoved(number)
     shown = [(name, *_selected(number, k)) for k, (name, _) in enumerate(flights.TRUTH[number])]

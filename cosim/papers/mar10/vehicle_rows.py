@@ -33,14 +33,14 @@ def _flights(number: int) -> list[vehicle.VehicleFlight]:
     return [vehicle.fly(number, draw) for draw in range(DRAWS)]
 
 
-def exist():
+def exist() -> tuple[float, str]:
     """Return (residuals of the structure of G as flown, how many signatures)."""
     _, G = vehicle.equations(vehicle.fly(0), vehicle.numbers())
     found = structure.signatures(np.abs(G).min(0) > 0)
     return sum(found.values()), f"{len(found)} signatures"
 
 
-def blind():
+def blind() -> tuple[float, str]:
     """Return (families that fire for a fault that their signature does not have, those that do fire for theirs)."""
     wrong, seen = [], []
     for name in vehicle.EFFECTORS[1:]:  # this autopilot hardly moves the roll fins: a lock of theirs is no fault

@@ -13,15 +13,16 @@ from cosim.training.rfafe import RANK_E
 from fdi.rfafe import rfafe
 from fdi.rfafe.discrete import discretise
 from fdi.rfafe.store import choose, from_plain, read
+from fdi.rfafe.synthesis import Design
 
 
-def lmis():
+def lmis() -> tuple[float, str]:
     """Return the largest eigenvalue of the left sides of (15), (30), (31) over their size, for the stored design."""
     found = left_sides(choose("rfafe", "hydraulic", DT)[0])
     return max(found.values()), ", ".join(f"{k} {v:.1g}" for k, v in found.items())
 
 
-def left_sides(d):
+def left_sides(d: Design) -> dict[str, float]:
     """Return {inequality: largest eigenvalue of its left side over its size} of a Design."""
     PN, TF = d.P @ d.N, d.T @ d.F
     c, r, decay = d.region.centre, d.region.radius, d.region.decay
@@ -38,7 +39,7 @@ def left_sides(d):
     return {k: np.linalg.eigvalsh(M).max() / np.abs(M).max() for k, M in sides.items()}
 
 
-def conditions():
+def conditions() -> tuple[float, str]:
     """Return (how many conditions of theorem 1 the stored design's matrices do not meet, the ranks)."""
     d, rank = choose("rfafe", "hydraulic", DT)[0], np.linalg.matrix_rank
     A1 = d.A - d.H @ d.C @ d.A
@@ -53,7 +54,7 @@ def conditions():
     return len(held) - sum(held), f"{d.E.shape[1]} unknown inputs, {d.F.shape[1]} faults, {len(d.C)} outputs"
 
 
-def speed():
+def speed() -> tuple[float, str]:
     """Return (settling time of (9), (28) after a step without the proportional part over with it, both [ms])."""
     d, h = choose("rfafe", "hydraulic", DT)[0], 1e-3
     (n, m), F, gain = (len(d.A), len(d.C)), d.T @ d.F, d.Gamma @ d.M
@@ -71,13 +72,15 @@ def speed():
     return took[0] / took[1], f"{took[0]:.0f} and {took[1]:.0f} ms"
 
 
-def rank():
+def rank() -> tuple[float, str]:
+    """Return the share of the squared singular values of E that the rank keeps, and the values."""
     sigma = np.linalg.svd(np.array(read("rfafe")["E"]), compute_uv=False)
     words = ", ".join(f"{v:.2g}" for v in sigma)
     return (sigma[:RANK_E] ** 2).sum() / (sigma**2).sum(), f"singular values {words}"
 
 
-def positions():
+def positions() -> float:
+    """Return the largest entry of M on an airframe output over the largest on a position."""
     M = np.abs(np.array(read("rfafe")["designs"]["hydraulic"]["design"]["M"]))
     return (M[:, :4].max(1) / M[:, 4:].max(1)).max()
 

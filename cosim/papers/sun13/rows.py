@@ -27,7 +27,8 @@ from fdi.rfafe.store import read
 LAG = float(read("rfafe")["designs"]["hydraulic"]["actuator"]["a_rad_s"])  # of (37) [rad/s]
 
 
-def published(kind, hz, turbulence="none", stored=None):
+def published(kind: str, hz: float, turbulence: str = "none", stored: dict | None = None) -> complex:
+    """Return f_hat/f of the published form, an OFC at `hz`; `stored`: another design than the stored one."""
     r = flown.faulty(kind, hz, turbulence)
     f_hat = flown.estimated(r, "rfafe", None if stored is None else rfafe.params(stored=stored))["f_hat_left"]
     return ratio(r, f_hat, flown.injected(r, kind), hz, ONSET + 2.0, 3.0 / hz)
@@ -83,7 +84,7 @@ def _moved(kind):
     return a, float(np.std(y - (a * np.exp(2j * math.pi * t)).real))
 
 
-def frequency(kind):
+def frequency(kind: str) -> float:
     """Return the frequency [Hz] at which f_hat of a 1 Hz fault has its largest sine over 8 s."""
     r = flown.faulty(kind, 1.0)
     t = r.index.to_numpy()
@@ -93,7 +94,8 @@ def frequency(kind):
     return tried[np.argmax([abs(sine(t[on], f, 2 * math.pi * hz)) for hz in tried])]
 
 
-def periods(kind):
+def periods(kind: str) -> float:
+    """Return after how many periods of a 1 Hz fault the alarm comes, nan if it does not."""
     at = detection(flown.estimated(flown.faulty(kind, 1.0), "rfafe")["alarm"], 0)
     return at * DT - ONSET if at is not None else math.nan
 
