@@ -59,7 +59,18 @@ def _plant(fly):
 
 NEXT = dict(zip("ABCDE", "CAEBD"))
 
+
+def _half_of_w(lemma):
+    return lambda lib, part, P1, P2, Y, W, *more: lemma(lib, part, P1, P2, Y, 0.5 * W, *more)
+
+
 BREAKS = (
+    Break(
+        "W_1 enters the LMIs with half of its size",
+        lambda: swap("fdi.lpv_smo.synthesis", wrap__lemma=_half_of_w),
+        ("section 3, made anew",),
+        "method",
+    ),
     Break(
         "the model is fitted to the paper's five points alone, alpha and q are exchanged",
         lambda: swap(MODEL, wrap_fit=_five_points),

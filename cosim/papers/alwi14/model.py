@@ -60,3 +60,12 @@ def slowest() -> tuple[float, str]:
 def lmi() -> float:
     """Return the largest eigenvalue of the LMIs with the design substituted back, relative."""
     return certificate()["lmi"]
+
+
+def again() -> tuple[float, str]:
+    """Return how far gamma, L and W, designed anew from the stored model, are from the stored ones, over their size."""
+    model, stored = lpv_smo_design.load()
+    anew = design_lpv.design(model)
+    pairs = {n: (np.asarray(getattr(anew, n)), np.asarray(getattr(stored, n))) for n in ("gamma", "L", "W")}
+    off = {n: float(np.abs(a - b).max() / np.abs(b).max()) for n, (a, b) in pairs.items()}
+    return max(off.values()), ", ".join(f"{n} {v:.1g}" for n, v in off.items())
