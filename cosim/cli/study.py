@@ -1,5 +1,6 @@
 """Commands about the detectors' grounds: the papers' experiments, stored designs and thresholds."""
 
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -46,7 +47,7 @@ def reproduce(
 
             write_proof(readme, seen)
         listed = [asdict(b) for b in seen]
-        answer(json_, {"broken": listed}, lambda _: noticed(listed))
+        answer(json_, {"broken": [_finite(b) for b in listed]}, lambda _: noticed(listed))
         raise typer.Exit(0 if all(b.seen for b in seen) else 1)
     page, table = (output / f"reproduce-{paper}.{ending}" for ending in ("html", "csv"))
     for path in (page, table):
@@ -66,7 +67,8 @@ def reproduce(
 
         write(readme, rows)
         pictures(readme.parent, drawings)
-    answer(json_, found, lambda _: Group(reproduced(found), tables.whole(f"report {found['report']}")))
+    told = {**found, "rows": [_finite(r) for r in found["rows"]]}
+    answer(json_, told, lambda _: Group(reproduced(found), tables.whole(f"report {found['report']}")))
     if found["counts"]["differs"]:
         raise typer.Exit(1)
 
@@ -153,6 +155,11 @@ def train(
     out.print(shown)
     if not check:
         module.store(made)
+
+
+def _finite(row: dict[str, Any]) -> dict[str, Any]:
+    """Return a row with null for a number that JSON cannot hold."""
+    return row if math.isfinite(row["got"]) else {**row, "got": None}
 
 
 def reproduced(found: dict[str, Any]) -> Group:

@@ -41,3 +41,17 @@ def test_the_paper_s_equations_are_seen_broken():
     named = ("without its factor 2", "B ten times", "K_f of (29)", "another piston area", "(13) is 1 %")
     found = list(proof_of("lu17", lambda of: any(word in of.what for word in named)))
     assert len(found) > 10 and [b for b in found if not b.seen] == []
+
+
+def test_a_number_that_json_cannot_hold_is_null(monkeypatch):
+    import json
+
+    from typer.testing import CliRunner
+
+    from cosim import papers
+    from cosim.cli import commands as cli
+
+    found = [papers.Broken("jay", "a", "b", float("inf"), "0 .. 1", True)]
+    monkeypatch.setattr(papers, "proof", lambda *_, **__: found)
+    told = CliRunner().invoke(cli.app, ["reproduce", "jay", "--break", "--json"])
+    assert told.exit_code == 0 and json.loads(told.stdout)["broken"][0]["got"] is None

@@ -160,12 +160,6 @@ BREAKS = (
     ),
     Break("the loss is taken for half of the thrust", _half, ("noise of one sample",)),
     Break(
-        "a mean, its confirmation and its bound are those of the rows above, whatever is chosen",
-        lambda: swap(ISOLATION, wrap_isolate=lambda isolate: lambda flown, choice=None: isolate(flown)),
-        ("vehicle, a mean of 1 s", "vehicle, one sample confirms", "vehicle, half of the bound"),
-        "option",
-    ),
-    Break(
         "the thresholds of moments are those for gusts",
         lambda: swap(FLIGHTS, wrap_detector=lambda made: lambda **kw: made(**kw | {"gusts": True})),
         ("thresholds of still air",),

@@ -55,9 +55,10 @@ def frequencies(kind: str) -> tuple[float, str]:
     return _told({f"{hz:g} Hz": tracking(kind, hz) for hz in HZ})
 
 
-DESIGNS = {"one": None, "each": variants.airframe, "scheduled": variants.scheduled}
+DESIGNS = {"one": "", "each": "airframe", "scheduled": "scheduled"}  # of `variants`
 
 
 def points(design: str) -> tuple[float, str]:
     """Return |f_hat / f| farthest from 1 over points A to E, a design of DESIGNS, liquid at 1 Hz."""
-    return _told({point: tracking("ofc_liquid", 1.0, point, DESIGNS[design]) for point in "ABCDE"})
+    made = getattr(variants, DESIGNS[design]) if DESIGNS[design] else None
+    return _told({point: tracking("ofc_liquid", 1.0, point, made) for point in "ABCDE"})
