@@ -1,4 +1,4 @@
-"""Do many small independent jobs in processes of their own; what is done is kept, so that a killed study goes on.
+"""Do many small independent jobs in processes of their own; what is done is kept, so that a killed one goes on.
 
 A job is (function, {argument: plain value}): the function stands at the top of a module and returns plain data. Each
 finished job is one line of `results.jsonl` with a digest of its own, below a first line with one of the code that

@@ -1,6 +1,6 @@
-"""Commands about the detectors' grounds: the papers' experiments, studies, stored designs and thresholds."""
+"""Commands about the detectors' grounds: the papers' experiments, stored designs and thresholds."""
 
-import json
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -47,7 +47,8 @@ def reproduce(
             write_proof(readme, seen)
         from cosim.papers.tables import proof as made
 
-        answer(json_, {"broken": [asdict(b) for b in seen]}, lambda _: made(seen))
+        listed = [_finite(asdict(b)) for b in seen]
+        answer(json_, {"broken": listed}, lambda _: made(seen))
         raise typer.Exit(0 if all(b.seen for b in seen) else 1)
     page, table = (output / f"reproduce-{paper}.{ending}" for ending in ("html", "csv"))
     from cosim.report.page import PAGE
@@ -70,7 +71,9 @@ def reproduce(
 
         write(readme, rows)
         pictures(readme.parent, drawings)
-    answer(json_, found, lambda _: Group(reproduced(rows, found["counts"]), tables.whole(f"report {found['report']}")))
+    told = {**found, "rows": [_finite(r) for r in found["rows"]]}
+    shown = lambda _: Group(reproduced(rows, found["counts"]), tables.whole(f"report {found['report']}"))  # noqa: E731
+    answer(json_, told, shown)
     if found["counts"]["differs"]:
         raise typer.Exit(1)
 
@@ -133,50 +136,6 @@ def design(
 
 
 @app.command()
-def study(
-    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="A study; left out: lists them.")] = None,
-    questions: Annotated[
-        list[str] | None, typer.Argument(metavar="[QUESTION]…", help="Of the study; default: all.")
-    ] = None,
-    seeds: Annotated[
-        int | None, typer.Option("--seeds", min=1, help="Flights of each case.", show_default=False)
-    ] = None,
-    noise: Annotated[float, typer.Option(min=0.0, max=100.0, help="Sensor noise over that of the set.")] = 1.0,
-    output: Annotated[Path | None, output_option("FOLDER", "Of results; goes on there.")] = None,
-    list_: Annotated[bool, typer.Option("--list", help="Only say what its questions are.")] = False,
-    workers: WorkersOption = None,
-    json_: JsonOption = False,
-) -> None:
-    """Answer a question about the detectors by many small flights, and print its tables."""
-    from cosim.papers import studies as work
-
-    if name is None:
-        shown = Table("Studies: `cosim study NAME`", "study", "about")
-        for each in work.NAMES:
-            shown.add(each, work.known(each).ABOUT)
-        out.print(shown)
-        return
-    chosen = work.chosen(name, questions or ())
-    if list_:
-        shown = Table(work.known(name).ABOUT, "question", "asks", "seeds>")
-        for question in chosen:
-            shown.add(question.name, question.asks, str(question.seeds))
-        out.print(shown)
-        return
-    folder, found = output or Path("logs") / f"study-{name}", []
-    with tables.progress(err, f"study {name}", unit="jobs", waiting="preparing") as progress:
-        tell = lambda _, done, total: progress(done, total)  # noqa: E731
-        for question, made in work.run_study(
-            name, questions or (), seeds=seeds, noise=noise, folder=folder, workers=workers, progress=tell
-        ):
-            found.append({"name": question.name, "tables": [t._asdict() for t in made]})
-            for t in () if json_ else made:
-                out.print(Table(t.title, *t.columns, rows=map(Row, t.rows), caption=" ".join(t.notes)))
-    if json_:
-        print(json.dumps({"study": name, "parts": found}, default=tables.bare))
-
-
-@app.command()
 def train(
     name: Annotated[str, typer.Argument(metavar="NAME", help=f"{', '.join(TRAINERS)}.")],
     check: Annotated[bool, typer.Option("--check", help="Write nothing.")] = False,
@@ -197,6 +156,11 @@ def train(
     out.print(Table("The entry of each threshold that grows most", *heads, rows=map(Row, module.changes(made))))
     if not check:
         module.store(made)
+
+
+def _finite(row: dict[str, Any]) -> dict[str, Any]:
+    """Return a row with null for a number that JSON cannot hold."""
+    return row if math.isfinite(row["got"]) else {**row, "got": None}
 
 
 def reproduced(found: list[Any], counts: dict[str, int]) -> Group:

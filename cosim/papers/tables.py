@@ -39,8 +39,8 @@ def proof(found: Iterable[Broken]) -> Table:
     """Return the Table of what rows show with the method broken."""
     columns = (
         Column("paper", lambda b: b.paper, right=False), Column("row", lambda b: b.item, right=False),
-        Column("what was broken", lambda b: b.what, right=False), Column("value then", lambda b: number(b.got)),
-        Column("band", lambda b: b.band, right=False),
+        Column("what was broken", lambda b: b.what, right=False), Column("kind", lambda b: b.kind, right=False),
+        Column("value then", lambda b: number(b.got)), Column("band", lambda b: b.band, right=False),
         Column("seen", lambda b: Cell("yes", "good") if b.seen else Cell("not seen", "bad"), right=False),
     )  # fmt: skip
     return of(columns, found, kind="")

@@ -1,4 +1,4 @@
-"""Flights of training and of the studies: their scenarios, and the detectors of a flown table.
+"""Flights of training: their scenarios, and the detectors of a flown table.
 
 A flight is flown once without detectors (`cosim.fly`); what they read is in its table, and each runs on it as often as
 needed (`detect`).

@@ -3,7 +3,7 @@
 The left inner segment is at fault from T_FAULT on, in a manoeuvre and light turbulence (a jam: still air), with
 every coefficient of aircraft and actuator up to 5 % off and seeds that training never used. Amplitudes are injected at
 the valve, converted with the nominal loop, and the amplitude achieved is measured against the same flight without the
-fault. What is asked, and the tables, are in `cosim.papers.studies.hydraulic`.
+fault. What is asked, and the tables, are in `test_hydraulic_in_flight`.
 """
 
 import functools

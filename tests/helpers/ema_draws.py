@@ -3,7 +3,7 @@
 Every draw has its own load (constant part, stiffness and gusts), a hinge-moment model that is 30 % wrong in both
 parts, +-5 % on the actuator's symbols, 0.5 to 1.5 times the friction, a velocity bias up to 1e-4 of no-load and an
 onset between 1 s before and 3 s after the manoeuvre starts. Thresholds were chosen on seeds below 1000; take others.
-What is asked, and the tables, are in `cosim.papers.studies.ema`.
+What is asked, and the tables, are in `test_ema_in_flight`.
 """
 
 from collections.abc import Sequence
@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from ema_bench import ARM, DT, NO_LOAD, SIGMA, STALL, Flight, fly_bench, script, three_two_one_one
 
 from actuators.constants import RAD_PER_DEG
 from cosim.judge.alarms import detection
-from cosim.papers.studies.ema_bench import ARM, DT, NO_LOAD, SIGMA, STALL, Flight, fly_bench, script, three_two_one_one
 from fdi.common import verdict
 from fdi.ema.ema_kalman import CULPRITS
 
