@@ -37,7 +37,8 @@ without a result has one row. What is of the lane, not of a fault, stands on the
     r_max_after             largest |r| from that onset on, null when fault-free; |r| >= 1 is beyond the threshold
     estimate_rmse, _bias, _max, _unit    error of the estimate after settling (cosim/judge/estimation.py), or null
     rod_mm, surface_deg, travel_pct      achieved peak against the twin flight, largest of the faulted segments
-    amplitude_mm, amplitude_deg          achieved amplitude of an oscillation, by least squares (cosim/flight/twin.py)
+    amplitude_mm, amplitude_deg          achieved amplitude of an oscillation, by least squares
+    (cosim/flight/faults/fault_free_reference.py)
     kept                    rules by which the run's log was kept (logs/<run>.mcap), comma-separated, or empty
 
 timing.parquet holds what a clock measured, and never repeats: run, id, wall_time_s, startup_s, core_s (processor time
@@ -218,7 +219,7 @@ def _kept(frame, keep, runs, out):
     """Choose runs by the rules `keep`, fly them again with a log in `out`/logs; return the column `kept`."""
     if not keep or out is None:
         return ""
-    from cosim.campaign.keep import choose
+    from cosim.campaign.log_selection import choose
 
     chosen = choose(frame, keep)
     (out / "logs").mkdir(exist_ok=True)

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from actuators.sources import closure
+from actuators.source_hash import closure
 from cosim.campaign.pool import finished
 from cosim.campaign.store import fingerprint
 from cosim.errors import OutputError

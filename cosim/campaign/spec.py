@@ -19,7 +19,7 @@
     name = "jams"                   # column label.part
     set = { "faults.0.kind" = "jam_solid" }
     grid = { ... }                  # also draw, runs
-    [keep]                          # logs of the worst runs per rule and detector: cosim/campaign/keep.py
+    [keep]                          # logs of the worst runs per rule and detector: cosim/campaign/log_selection.py
     missed = 1
 
 Keys are those of a scenario, as with --set. A table's `name` becomes the column label.<key>.
@@ -37,7 +37,7 @@ from pathlib import Path
 
 from cosim.campaign import EVALUATION_SEED
 from cosim.campaign.draw import draw, unit_cube
-from cosim.campaign.keep import RULES
+from cosim.campaign.log_selection import RULES
 from cosim.campaign.store import CampaignError
 from cosim.errors import CosimError, did_you_mean
 from cosim.scenario import Scenario, load_scenario, parse
@@ -173,7 +173,7 @@ def _checked(name, folder, table):
             near = did_you_mean(rule, RULES)
             raise CampaignError("is no rule", place=f"{name}: keep.{rule}", allowed=", ".join(RULES), remedy=near)
         if isinstance(count, bool) or not isinstance(count, int) or not 0 < count <= 100:
-            raise CampaignError(f"{count!r} is no number of logs", place=f"{name}: keep.{rule}", allowed="1 to 100")
+            raise CampaignError(f"number of logs is {count!r}", place=f"{name}: keep.{rule}", allowed="1 to 100")
     base = _base(table.get("base", "cruise"), folder)
     parts = []
     for i, own in enumerate(table.get("part", [{}])):

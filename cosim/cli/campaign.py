@@ -19,7 +19,7 @@ def campaign(result: CampaignResult) -> Group:
     """Return the table of a campaign's outcome."""
     frame = result.frame
     lanes = frame[frame["id"].notna()]
-    counted = [_detector(*pair, rows) for pair, rows in lanes.groupby(["level", "id"], sort=True)]
+    counted = [_detector(level, name, rows) for (level, name), rows in lanes.groupby(["level", "id"], sort=True)]
     columns = (
         Column("detector", right=False), Column("level", rank=3, right=False),
         Column("faults", doc="that concern the detector, per actuator it watches, also those it is not made for "

@@ -82,9 +82,9 @@ def run(
 
         reserve(page, PAGE, taken=taken)
     overwritten = path.is_file()
-    from cosim.flight.compiling import prepare
-    from cosim.flight.conditions import resolved
-    from cosim.flight.detectors import left_out
+    from cosim.flight.detection.detectors import left_out
+    from cosim.flight.faults.conditions import resolved
+    from cosim.flight.loop.compiling import prepare
     from cosim.flight.simulate import simulate
 
     with named(scenario), tables.compiling(err) as tell:
@@ -94,7 +94,7 @@ def run(
     notes([*flown.warnings(), *(f"{name} does not run: {why}" for name, why in left_out(flown).items())])
     with named(scenario), tables.progress(err, f"flying {Path(scenario).stem}", waiting="preparing") as progress:
         if live:
-            from cosim.flight.live import fly_live
+            from cosim.flight.interactive.live import fly_live
 
             where = LIVE_PORT if port is None else port
             told: Any = {"progress": progress, "ready": served}
@@ -190,13 +190,13 @@ def info(
 def _write_sources(log, scenario, folder):
     """Write the scenario of a log and what is attached to it; say what is not."""
     from cosim.log import open_log
-    from cosim.replay import door
+    from cosim.replay import log_schema
     from cosim.scenario import attached
 
     if not scenario:
         raise CosimError("writes the scenario", place=f"-o {folder}", remedy="Add --scenario")
     found = open_log(log)
-    missing = attached.write(door.scenario_tables(found), found.attachments, folder)
+    missing = attached.write(log_schema.scenario_tables(found), found.attachments, folder)
     notes(f"{key}: the log does not hold its file" for key in missing)
     path = folder / "scenario.toml"
     out.print(tables.whole(f"wrote  {path}\nnext   cosim run {tables.word(path)}"))

@@ -119,12 +119,12 @@ def replay(
 def _attached(log, folder):
     """Write the sources of a log into `folder`; return the files of its detectors."""
     from cosim.log import open_log
-    from cosim.replay import door
+    from cosim.replay import log_schema
     from cosim.scenario import attached
     from cosim.scenario.brought import places
 
     found = open_log(log)
-    tables = door.scenario_tables(found)
+    tables = log_schema.scenario_tables(found)
     missing = attached.write(tables, found.attachments, folder)
     own = [at for at in places(tables) if at.name.startswith("detectors.") and at.name not in missing]
     return [folder / at.table[at.key] for at in own]
@@ -147,7 +147,7 @@ def recover(
     Of a flight by hand or live that was killed, which writes its log at its end, fly again what it had come to.
     """
     from cosim.files import left_by
-    from cosim.flight import journal
+    from cosim.flight.interactive import journal
     from cosim.log import recover as work
     from cosim.log.format import OURS
 

@@ -47,8 +47,7 @@ def reproduce(
             write_proof(readme, seen)
         from cosim.papers.tables import proof as made
 
-        listed = [_finite(asdict(b)) for b in seen]
-        answer(json_, {"broken": listed}, lambda _: made(seen))
+        answer(json_, {"broken": [_finite(asdict(b)) for b in seen]}, lambda _: made(seen))
         raise typer.Exit(0 if all(b.seen for b in seen) else 1)
     page, table = (output / f"reproduce-{paper}.{ending}" for ending in ("html", "csv"))
     from cosim.report.page import PAGE
@@ -82,7 +81,7 @@ def _own(aircraft, names, check, flights, output, workers):
     """Make, unless only to be checked, designs and thresholds of another aircraft; return {detector: problem}."""
     from cosim.errors import DesignError
     from cosim.scenario.aircraft import load_aircraft
-    from cosim.training import own as work
+    from cosim.training import aircraft_designs as work
 
     if names:
         raise DesignError("--aircraft makes all of them", place=names[0], remedy="Leave the name out")

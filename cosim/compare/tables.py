@@ -92,13 +92,17 @@ def quiet(each: Iterable[dict]) -> Table:
     return of(columns, each)
 
 
+def _at(level: str) -> Callable:
+    """Return what takes the count of places that are right at `level` and no finer."""
+    return lambda d: str(d["place_levels"][level])
+
+
 def names(each: Iterable[dict]) -> Table:
     """Return the Table of the names given to every fault that a detector alarmed on, designed for or not."""
     columns = (
         NAME, GROUP, Column("alarmed on", "alarmed_on", doc="faults, designed for or not"),
         Column("class right", "class_right"), Column("class wrong", "class_wrong", doc="ambiguous is neither"),
-        *(Column(f"right {level}", lambda d, level=level: str(d["place_levels"][level]), doc="finest level at which "
-                 "the place is right") for level in LEVELS[1:]),
+        *(Column(f"right {level}", _at(level), doc="finest level at which the place is right") for level in LEVELS[1:]),
         Column("place wrong", "place_wrong"), Column("wrong name", "name_wrong", doc="class or place"),
     )  # fmt: skip
     return of(columns, each)

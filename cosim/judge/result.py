@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from cosim.judge import coverage
 from cosim.judge.alarms import exposure_s, faulty, onsets
-from cosim.judge.noticed import ABLE, Watch, last_name, noticed, said, valid, validity
+from cosim.judge.detection import ABLE, Watch, last_name, noticed, said, valid, validity
 from cosim.scenario import Scenario
 from cosim.table import DASH, Table
 
 __all__ = ["Result", "Watch", "concerns", "errors", "judge", "judged", "largest", "plain"]
 SETTLE_S = 8.0  # from when on every detector should be able to judge, or half of a flight that is shorter than 16 s
-OF_A_FAULT = (  # what an entry says of the fault that its figures are about (cosim/judge/noticed.py)
+OF_A_FAULT = (  # what an entry says of the fault that its figures are about (cosim/judge/detection.py)
     *("fault", "detected_at_s", "detection_delay_s", "detection_delay_periods", "isolated", "named_at_s"),
     *("first_verdict", "right", "class_given", "place_given", "place_level", "first_right", "first_sure_wrong"),
     *("time_to_right_s", "right_after_motion_s", "not_excited"),
@@ -117,7 +117,8 @@ def plain(value: Any) -> Any:
 
 def judged(scenario: Scenario, achieved: Mapping[str, Mapping] | None = None) -> list[dict]:
     """Return the faults of a scenario as `judge` wants them, their targets by part, cases as in
-    cosim/judge/coverage.py. `achieved` (cosim/flight/twin.py) tells when each moved its segments; None: nobody looked.
+    cosim/judge/coverage.py. `achieved` (cosim/flight/faults/fault_free_reference.py) tells when each moved its
+    segments; None: nobody looked.
     """
     out = []
     injections, cases = scenario.injections(), coverage.cases(scenario)
@@ -153,11 +154,11 @@ def judge(watch: Watch, trace: NDArray, dt: float, faults: Sequence[Mapping]) ->
 
     `trace` is (ticks, columns); `faults` are those of `judged`: dicts with `fault` (its number), `case`, `kind`,
     `targets` (tuple), `start_s`, `end_s`, `period_s` (nan without one) and perhaps `moved_at_s`. `by_fault` has an
-    entry (cosim/judge/noticed.py) for each fault that concerns the lane and to which its detector is not blind (to all
-    that concern it: for each), between its onset and the next one's. The lane's own figures are those of the fault that
-    it noticed first, else of the earliest. Alarm onsets outside every fault that concerns the lane are false alarms,
-    `standing_s` is how long its alarm stands there, `exposed_s` how long one would count. `valid_share` counts from
-    SETTLE_S on.
+    entry (cosim/judge/detection.py) for each fault that concerns the lane and to which its detector is not blind (to
+    all that concern it: for each), between its onset and the next one's. The lane's own figures are those of the fault
+    that it noticed first, else of the earliest. Alarm onsets outside every fault that concerns the lane are false
+    alarms, `standing_s` is how long its alarm stands there, `exposed_s` how long one would count. `valid_share` counts
+    from SETTLE_S on.
     """
     mine = sorted((f for f in faults if concerns(watch, f["targets"])), key=lambda f: f["start_s"])
     alarm = trace[:, watch.alarm]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from google.protobuf.message import DecodeError
 
-from actuators.native import PLAIN
+from actuators.object_cache import PLAIN
 from cosim.table import Table
 
 from . import foxglove
@@ -19,7 +19,7 @@ from .chunk import GATHER
 from .compression import keep_memory
 from .format import Limits, TopicInfo, log_error
 from .load import drop_damaged_chunks, load_chunk, load_topics
-from .scan import identity, scan
+from .validate import identity, scan
 
 MOST_DRAWN = 4000  # samples of a curve
 
@@ -216,7 +216,7 @@ class Log:
     def messages(self, topic: str) -> list[Any]:
         """Return the well-known messages of /log, /events, /tf or /fix as a list of (tick, protobuf message)."""
         if topic not in foxglove.TOPICS:
-            raise KeyError(f"{topic!r} is none of {', '.join(foxglove.TOPICS)}")
+            raise KeyError(f"unknown topic {topic!r}; known: {', '.join(foxglove.TOPICS)}")
         kind = foxglove.message(foxglove.TOPICS[topic][0].removeprefix("foxglove."))
         wanted = self._scan.ids.get(topic)
         try:

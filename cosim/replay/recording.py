@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import LogError
-from cosim.flight import inject, wiring
+from cosim.flight.faults import inject
+from cosim.flight.loop import wiring
 from cosim.judge import coverage
 from cosim.judge import estimation as estimate
-from cosim.judge.noticed import watch_of
+from cosim.judge.detection import watch_of
 from cosim.judge.result import judge, judged
 from cosim.log import open_log
-from cosim.replay import door, guest
+from cosim.replay import guest, log_schema
 from cosim.scenario.catalog import ACTUATOR_SENSORS, SENSORS
 from cosim.scenario.vocabulary import place
 
@@ -77,8 +78,8 @@ class LoggedFlight:
         """
         self._guests = guests
         self.log = open_log(path, tolerant=True)
-        self.scenario = door.scenario(self.log)
-        self.detectors = door.detectors(self.log)
+        self.scenario = log_schema.scenario(self.log)
+        self.detectors = log_schema.detectors(self.log)
         self.toml = self.log.attachments["scenario.toml"].decode()
         if "/truth/aircraft" not in self.log.topics:
             raise LogError("holds no truth, only what a replay reads", place=str(path), remedy="Fly the scenario again")
@@ -102,8 +103,9 @@ class LoggedFlight:
 
     @cached_property
     def achieved(self) -> dict[str, dict[str, float | None]] | None:
-        """Return how far the faults moved the elevators (cosim/flight/twin.py), None where the log does not say."""
-        return door.achieved(self.log)
+        """Return how far the faults moved the elevators (cosim/flight/faults/fault_free_reference.py), None where the
+        log does not say."""
+        return log_schema.achieved(self.log)
 
     @cached_property
     def faults(self) -> list:

@@ -38,8 +38,8 @@ def write(found: Comparison, path: str | Path) -> None:
 def targets(path: str | Path) -> list[Path]:
     """Return the files that `write` would write: the README at `path`, its picture, and DETAILS where it is there.
 
-    Raises OutputError where one of them lacks its markers, or what stands in the picture's place is none of
-    ours, nor shown by the README's table: it is somebody else's.
+    Raises OutputError where one of them lacks its markers, or what stands in the picture's place is
+    a foreign file: neither ours nor shown by the README's table.
     """
     path = Path(path)
     picture, details = path.parent / PICTURE, path.parent / DETAILS

@@ -15,6 +15,7 @@ ONLY = ["duration_s=3", "detectors.enabled=[]", "elevator.feedback=measured", f"
 def test_a_step_reaches_63_per_cent_after_one_time_constant() -> None:
     """tau = 0.1 s in ticks of 5 ms."""
     spec = importlib.util.spec_from_file_location("NAME", FILE)
+    assert spec is not None and spec.loader is not None
     own = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(own)
     p, u = own.params(tau=0.1), np.zeros((1, 1), own.INPUTS).view(np.recarray)

@@ -30,7 +30,7 @@ from cosim.errors import DesignError
 from cosim.files import replace as replace_file
 from cosim.files import replace_text
 from cosim.judge.coverage import cases, true_class
-from cosim.replay.thin import Recording
+from cosim.replay.benchmark_recording import Recording
 
 TRAINING, NUMBER = 500_000, 400  # first seed, and flights
 FOLDER = Path(__file__).resolve().parents[1] / "learned"

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from cosim.campaign.quiet import FaultFreeFlight, Lane, Moments, fly
-from cosim.campaign.space import Space
+from cosim.campaign.fault_free import FaultFreeFlight, Lane, Moments, fly
 from cosim.campaign.spec import load_campaign
+from cosim.campaign.unit_cube import Space
 from cosim.cli.false_alarms import shown
 from cosim.compare import false_alarms as work
 from cosim.errors import CosimError

@@ -12,7 +12,7 @@ import numpy as np
 
 from actuators.constants import RAD_PER_DEG
 from actuators.ema import jay
-from cosim.flight.signals import fly
+from cosim.flight.loop.signals import fly
 from cosim.scenario.catalog import SEGMENTS
 from cosim.training.flights import DT, POINT, TOLERANCE, draw, scenario
 from fdi.common import verdict

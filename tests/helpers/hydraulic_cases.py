@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from actuators.common.linkage import ARM
-from cosim.judge.achieved import amplitude
 from cosim.judge.alarms import detection
+from cosim.judge.fault_effect import amplitude
 from cosim.scenario.catalog import SEGMENTS
 from cosim.training.flights import DT, POINTS, draw, fly_hydraulic, watch
 from fdi.common import verdict

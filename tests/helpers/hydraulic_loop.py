@@ -6,7 +6,7 @@ import numpy as np
 
 from actuators.common import linkage
 from actuators.constants import RAD_PER_DEG
-from cosim.flight.signals import detect, fly
+from cosim.flight.loop.signals import detect, fly
 from cosim.scenario.catalog import SEGMENTS
 from cosim.training.flights import DT, POINT, draw, scenario, watch
 from fdi.common import verdict

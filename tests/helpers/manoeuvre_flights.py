@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from actuators.constants import M_PER_FT, M_S_PER_KT, RAD_PER_DEG
+from cosim.flight.loop.signals import fly
 from cosim.flight.plant.point import SIX
-from cosim.flight.signals import fly
 from cosim.scenario import load_scenario
 
 KEYS = ("mass_t", "cg_pct", "altitude_ft", "cas_kt")

@@ -18,7 +18,7 @@ import numpy as np
 
 from cosim.errors import CosimError
 from cosim.files import replace
-from cosim.flight.plant.border import Border
+from cosim.flight.plant.jsbsim_signals import Border
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
 from cosim.flight.plant.trim import EARTH_MERIDIAN, Trim

@@ -1,4 +1,4 @@
-"""The files that `cosim new KIND NAME` writes: a thing of the user's that runs, and its test."""
+"""The files that `cosim new KIND NAME` writes: a plug-in, scenario part or campaign that runs, and its test."""
 
 import importlib.machinery
 import keyword

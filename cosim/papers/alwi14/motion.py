@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from actuators.constants import M_S_PER_KT
-from cosim.flight.detectors import sources
+from cosim.flight.detection.detector_context import site
+from cosim.flight.detection.detectors import sources
+from cosim.flight.loop.signals import detect, fly
 from cosim.flight.plant.point import SIX
-from cosim.flight.signals import detect, fly
-from cosim.flight.site import site
 from cosim.judge.alarms import detection
 from cosim.papers.alwi14.flights import NAMES, ONSET, POINTS, SENSIBLE, UNITS
 from cosim.scenario import load_scenario

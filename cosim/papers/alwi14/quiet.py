@@ -10,11 +10,11 @@ from scipy.signal import lfilter
 
 from actuators.constants import RAD_PER_DEG
 from cosim.flight.blocks.sensors import TRANSPORT
-from cosim.flight.detectors import sources
+from cosim.flight.detection.detector_context import SERVO, site
+from cosim.flight.detection.detectors import sources
+from cosim.flight.loop.signals import detect
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.point import SIX, FlightPoint
-from cosim.flight.signals import detect
-from cosim.flight.site import SERVO, site
 from cosim.papers.alwi14.flights import MACH, POINTS, SENSIBLE, UNITS, fly_point, nonlinear
 from cosim.papers.alwi14.plant import Law, fly
 from cosim.training import lpv as design_lpv

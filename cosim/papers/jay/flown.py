@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.flight.signals import fly
+from cosim.flight.loop.signals import fly
 from cosim.judge.alarms import detection
 from cosim.scenario import load_scenario
 from fdi.ema.ema_kalman_flight import CULPRITS

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from actuators.common import linkage
-from cosim.flight.signals import fly
-from cosim.judge.achieved import sine
+from cosim.flight.loop.signals import fly
 from cosim.judge.alarms import detection
+from cosim.judge.fault_effect import sine
 from cosim.scenario import load_scenario
 from cosim.scenario.catalog import SEGMENTS
 from fdi.common.verdict import JAM_LIQUID, JAM_SOLID, OFC_LIQUID, OFC_SOLID, RUNAWAY, SENSOR

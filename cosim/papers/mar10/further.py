@@ -7,8 +7,8 @@ import time
 import numpy as np
 
 from actuators.constants import RAD_PER_DEG
+from cosim.flight.loop.signals import fly
 from cosim.flight.plant.point import SIX
-from cosim.flight.signals import fly
 from cosim.papers.mar10 import flights
 from cosim.scenario import load_scenario
 

@@ -12,9 +12,9 @@ import numpy as np
 from actuators.constants import RAD_PER_DEG
 from actuators.registry import HYDRAULIC
 from cosim.flight.blocks.sensors import TRANSPORT
-from cosim.flight.signals import fly
-from cosim.judge.achieved import sine
+from cosim.flight.loop.signals import fly
 from cosim.judge.alarms import detection
+from cosim.judge.fault_effect import sine
 from cosim.papers.sun13 import flown
 from cosim.papers.sun13.flown import HZ, INJECTED, ONSET, SHARE, TRAVEL, farthest, ratio
 from cosim.scenario import load_scenario

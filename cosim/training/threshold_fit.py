@@ -1,0 +1,64 @@
+"""Fit of a threshold that scales with a measured quantity, at one false-alarm probability per flight.
+
+Each flight gives blocks: the largest statistic y of a piece of time, and beside it the features x that the threshold
+may grow with (1 for its constant part). The weights w >= 0 of the limit x w are a quantile regression (a linear
+program); its scale follows from the largest y / (x w) of every flight: their upper fifth has an exponential tail.
+"""
+
+import numpy as np
+from scipy.optimize import linprog
+from scipy.sparse import csr_matrix, hstack, identity
+
+PROBABILITY = 1e-3  # of a false alarm of a detector in a flight of 60 s: what `cosim train` finds is trained to it
+LEVELS = (0.97, 0.99, 0.999, 0.9999)  # of the regression, to choose from
+LEAST = 0.25
+UPPER = 0.8  # from this quantile of the flights on the tail is exponential
+
+
+def quantile(y: np.ndarray, x: np.ndarray, level: float) -> np.ndarray:
+    """Return weights (features,) >= 0 so that y (n,) stays below x (n, features) @ weights in a share `level`.
+
+    The first is at least LEAST of the median of y: no threshold is nothing where all that it grows with is.
+    """
+    size, most = np.maximum(np.abs(x).max(axis=0), 1e-300), max(float(np.abs(y).max()), 1e-300)
+    scaled, n = x / size, len(y)
+    cost = np.concatenate([(1.0 - level) * scaled.sum(axis=0), np.ones(n)])
+    found = linprog(cost, A_ub=hstack([csr_matrix(-scaled), -identity(n)]).tocsr(), b_ub=-y / most,
+                    bounds=[(LEAST * float(np.median(y)) * size[0] / most, None)] + [(0, None)] * (len(cost) - 1),
+                    method="highs")  # fmt: skip
+    return found.x[: x.shape[1]] * most / size
+
+
+def exceeded(largest: np.ndarray, probability: float) -> float:
+    """Return what the largest of a flight exceeds with `probability`; never less than the largest that was seen.
+
+    `largest` (flights,): above the quantile UPPER of those that are not 0 they are taken to be exponential (peaks over
+    a threshold).
+    """
+    if not largest.any():
+        return 0.0
+    u = float(np.quantile(largest[largest > 0.0], UPPER))
+    over = largest[largest > u] - u
+    if not len(over):
+        return float(largest.max())
+    return float(max(u + over.mean() * max(np.log(len(over) / len(largest) / probability), 0.0), largest.max()))
+
+
+def limit(flights: list[np.ndarray], probability: float) -> tuple[np.ndarray, dict]:
+    """Return (weights (features,), how they were found) of the limit that a flight passes with `probability`.
+
+    `flights` holds (blocks, 1 + features) for each flight, y first; flights without a block count as far below. Of
+    LEVELS the one with the least limit on average is taken.
+    """
+    rows = np.concatenate([f for f in flights if len(f)])
+    best: tuple = (np.inf, np.zeros(rows.shape[1] - 1), {})
+    for level in LEVELS if rows.shape[1] > 2 else (1.0,):
+        w = quantile(rows[:, 0], rows[:, 1:], level) if rows.shape[1] > 2 else np.ones(1)
+        if not (rows[:, 1:] @ w > 0.0).all():
+            continue
+        ratio = np.array([(f[:, 0] / (f[:, 1:] @ w)).max() if len(f) else 0.0 for f in flights])
+        scale = exceeded(ratio, probability)
+        mean = float((rows[:, 1:] @ (w * scale)).mean())
+        if mean < best[0]:
+            best = (mean, w * scale, {"level": level, "scale": scale, "largest": float(ratio.max() / scale)})
+    return best[1], best[2]
