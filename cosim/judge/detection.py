@@ -188,7 +188,7 @@ def _named(watch, s, fault, k, end, dt, others):
     given, which = given[own], which[own]
     if not len(given):
         return out
-    codes, at = s.verdict[given], _last(s, given, dt)
+    codes, at = s.verdict[given], name_at_end(s.verdict, s.part, given, dt)
     last = Name(NOT_GIVEN, NOT_GIVEN, "") if at is None else names[which[at]]
     sure = which[codes != code.AMBIGUOUS]
     out |= {
@@ -214,20 +214,20 @@ def _named(watch, s, fault, k, end, dt, others):
     return out
 
 
-def _last(s, given, dt):
-    """Return the index in `given` of the last tick with the name that stands for at least half of its last LAST_S, None
-    where no name does."""
+def name_at_end(verdict: NDArray, part: NDArray, given: NDArray, dt: float) -> int | None:
+    """Return the index in `given` (ticks with a name, n > 0) of the last tick with the name at the end: the one that
+    stands for at least half of the last LAST_S, None where no name does."""
     tail = given[given > given[-1] - LAST_S / dt]
-    pairs, counts = np.unique(np.stack([s.verdict[tail], s.part[tail]]), axis=1, return_counts=True)
+    pairs, counts = np.unique(np.stack([verdict[tail], part[tail]]), axis=1, return_counts=True)
     if 2 * counts.max() < len(tail):
         return None
     c, p = pairs[:, int(np.argmax(counts))]
-    return int(np.flatnonzero((s.verdict[given] == c) & (s.part[given] == p))[-1])
+    return int(np.flatnonzero((verdict[given] == c) & (part[given] == p))[-1])
 
 
 def last_name(s: Said, given: NDArray, watch: Watch, dt: float) -> dict:
     """Return the name at the end of ticks `given` (n,), n > 0 (LAST_S), and when the lane first said it [s]."""
-    last = _last(s, given, dt)
+    last = name_at_end(s.verdict, s.part, given, dt)
     if last is None:
         return {"isolated": None, "named_at_s": None}
     at = given[last]

@@ -103,7 +103,7 @@ def recover(
 
     Code that it names runs only with `trust`: a journal is found beside a log, and may come from another user.
     Interrupted, it raises KeyboardInterrupt: the journal stays, and what is at `out`. Raises ScenarioError for a
-    journal that is none, or that names code, OutputError or LogError when `out` cannot be written, or the flight is in
+    file that is no journal, or that names code, OutputError or LogError when `out` cannot be written, or the flight is in
     the air.
     """
     path = beside(log)
