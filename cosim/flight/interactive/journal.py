@@ -103,8 +103,8 @@ def recover(
 
     Code that it names runs only with `trust`: a journal is found beside a log, and may come from another user.
     Interrupted, it raises KeyboardInterrupt: the journal stays, and what is at `out`. Raises ScenarioError for a
-    file that is no journal, or that names code, OutputError or LogError when `out` cannot be written, or the flight is in
-    the air.
+    file that is no journal, or that names code, OutputError or LogError when `out` cannot be written, or the flight is
+    in the air.
     """
     path = beside(log)
     _landed(log)
