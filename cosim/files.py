@@ -122,7 +122,8 @@ class Part:
         hidden = self.path.with_name(f"{PART}{secrets.token_hex(4)}{self.path.suffix}")
         self.place = self.path if self._itself else left_by(self.path) if stays else hidden
         if not self._itself:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
+            if not stays:  # a log in a folder that is not there is a slip
+                self.path.parent.mkdir(parents=True, exist_ok=True)
             sweep(self.path.parent)
         file = _open_alone(self.place, 0 if self._itself else getattr(os, "O_NOFOLLOW", 0))
         if file is None:

@@ -21,7 +21,7 @@ told.append(compile_ahead(asked, lambda done, total: told.append([done, total]))
 p = np.zeros(2, manoeuvre.PARAMS)
 u, log = np.zeros((2, 3), manoeuvre.INPUTS), np.zeros((2, 3), manoeuvre.STATE)
 manoeuvre.rollout(manoeuvre.init(p), u, p, 0.005, log)
-print(json.dumps([told, native.counts, "numba" in sys.modules, log.view("f8").ravel().tolist()]))
+print(json.dumps([told, object_cache.counts, "numba" in sys.modules, log.view("f8").ravel().tolist()]))
 """
 
 

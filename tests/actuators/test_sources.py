@@ -14,9 +14,9 @@ from pathlib import Path
 parsed = []
 parse, ast.parse = ast.parse, lambda source, *more, **named: parsed.append(1) or parse(source, *more, **named)
 from actuators import source_hash
-sources.MOST, sources.TREES = 4, 2
-for name in ("block", "native", "kept"):
-    sources.closure(Path(sources.__file__).with_name(name + ".py"))
+source_hash.MOST, source_hash.TREES = 4, 2
+for name in ("block", "object_cache", "disk_cache"):
+    source_hash.closure(Path(source_hash.__file__).with_name(name + ".py"))
 print(len(parsed))
 """
 
@@ -33,11 +33,11 @@ def tree(folder):
     package = folder / "actuators"
     package.mkdir(parents=True)
     (package / "__init__.py").touch()
-    shutil.copy(ROOT / "actuators" / "sources.py", package)
+    shutil.copy(ROOT / "actuators" / "source_hash.py", package)
     for name, line in (
-        ("block", "from actuators import native"),
-        ("native", "import actuators.disk_cache"),
-        ("kept", ""),
+        ("block", "from actuators import object_cache"),
+        ("object_cache", "import actuators.disk_cache"),
+        ("disk_cache", ""),
     ):
         (package / f"{name}.py").write_text(f"{line}\n# {folder.name}\n")
     return folder

@@ -22,8 +22,7 @@ from cosim.campaign.draw import draw, unit_cube
 from cosim.campaign.run import cluster, rerun
 from cosim.campaign.spec import builtin_campaigns, load_campaign
 from cosim.cli import commands as cli
-from cosim.cli.campaign import _median, nearest
-from cosim.compare.metrics import delays
+from cosim.cli.campaign import nearest
 from cosim.errors import CosimError
 from cosim.training.rfafe import MANOEUVRES
 
@@ -256,12 +255,6 @@ def test_runs_that_fail_are_told_and_decide_the_exit_status(flights, status, tol
         assert words in found.stdout
     again = cosim("campaign", path, "-o", tmp_path / "out", "--resume", "--json")
     assert again.exit_code == status and sum(e["runs"] for e in json.loads(again.stdout)["errors"]) == 1
-
-
-def test_the_median_delay_counts_a_missed_fault_as_endless():
-    late = pd.Series([0.1, np.nan, 0.3])
-    assert _median(late) == 0.3 == delays(late).median  # as cosim compare has it
-    assert _median(pd.Series([0.1, np.nan, np.nan])) is None and _median(pd.Series([], dtype=float)) is None
 
 
 def test_without_faults_the_flights_nearest_to_an_alarm_are_told(written, tmp_path, one_process):

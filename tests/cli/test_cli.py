@@ -185,7 +185,7 @@ def test_a_bug_is_not_disguised_as_bad_input(flown):
 
 def test_list_begins_with_its_topics_and_all_names_everything():
     topics = cosim("list")
-    assert topics.exit_code == 0 and len(topics.stdout.splitlines()) < 20
+    assert topics.exit_code == 0 and len(topics.stdout.splitlines()) < 24
     for part in ("scenarios", "tolerances", "signals", "examples"):
         assert part in topics.stdout
     result = cosim("list", "all")

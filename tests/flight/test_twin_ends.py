@@ -19,7 +19,7 @@ def told():
     return child
 os.fork = told
 keys = ["duration_s=36000", "faults.0.start_s=0.1", "detectors.enabled=[]", "elevator.feedback=measured"]
-twin.achieved(cosim.load_scenario("liquid-ofc", keys))
+fault_free_reference.achieved(cosim.load_scenario("liquid-ofc", keys))
 """
 
 

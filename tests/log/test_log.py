@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from log_samples import N_VALUES, TOPICS, expected, same_bits, vectors, write
 
+from cosim.files import left_by
 from cosim.log import LogError, LogWriter, Topic, fingerprint, info, open_log
 
 
@@ -202,7 +203,7 @@ def test_a_full_disk_is_one_clear_error_and_the_log_can_be_recovered(path, tmp_p
         assert "recover" not in told.stdout and not path.exists()
         return
     assert "recover" in told.stdout
-    v, report = vectors(2000), recover(path, tmp_path / "out.mcap")
+    v, report = vectors(2000), recover(left_by(path), tmp_path / "out.mcap")
     log = open_log(tmp_path / "out.mcap")
     assert report["ticks"] == log.n_ticks > 0 and log.n_ticks % 50 == 0 and not log.complete
     for topic in TOPICS:

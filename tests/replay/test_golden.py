@@ -10,7 +10,8 @@ from cosim.log import fingerprint, open_log
 from cosim.replay import replay
 from cosim.replay.golden import FLIGHTS, FOLDER, fly
 
-EARLIER = FOLDER / "earlier"  # of the last release: older noise, the same detectors
+EARLIER = FOLDER / "earlier"  # of the last release: older noise
+CHANGED = {"lpv_smo", "ofc_monitor", "ema_kalman_flight"}  # on purpose since then: another state or other outputs
 flown = pytest.mark.parametrize(
     ("name", "folder"), [(n, f) for f in (FOLDER, EARLIER) for n in FLIGHTS if (f / f"{n}.mcap").is_file()],
     ids=lambda value: getattr(value, "name", value),
@@ -24,15 +25,16 @@ def test_every_golden_flight_is_there():
 
 @flown
 def test_a_golden_flight_replays_bit_for_bit_and_alarms(name, folder):
-    path = folder / f"{name}.mcap"
-    r = replay(path)
+    path, changed = folder / f"{name}.mcap", CHANGED if folder == EARLIER else set()
+    ids = [d for d in FLIGHTS[name].detectors if d not in changed]
+    r = replay(path, detectors=ids)
     assert r.exact, f"{r.differences[:5]}: meant? `python -m cosim.replay.golden` writes them anew"
-    assert {d["id"] for d in r.detectors} == set(FLIGHTS[name].detectors)
+    assert {d["id"] for d in r.detectors} == set(ids)
     for d in r.detectors:
         if d["id"] in FLIGHTS[name].alarmed and d["replayed"]["concerned"]:
             assert d["replayed"]["detected_at_s"] is not None, d["id"]
             assert d["replayed"]["isolated"] is not None, d["id"]
-    assert replay(path, start_s=2.7).exact
+    assert replay(path, detectors=ids, start_s=2.7).exact
 
 
 @flown
