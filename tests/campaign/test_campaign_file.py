@@ -121,7 +121,7 @@ def test_base_may_be_a_file_beside_the_campaign(written):
         ("base = 'liquid-ocf'", "liquid-ofc"),
         ("sampling = 'sobol'", "latin_hypercube"),
         ("[keep]\nmised = 1", "Did you mean 'missed'"),
-        ("[keep]\nmissed = 0", "no number of logs"),
+        ("[keep]\nmissed = 0", "number of logs is 0"),
         ("[grid]\n'flight.mass_t' = 3", "is no list of values"),
         ("[grid]\n'flight.mass_t' = []", "is no list of values"),
         ("[grid]\n'flight.mass' = [200]", "mass_t"),
@@ -265,7 +265,7 @@ def test_without_faults_the_flights_nearest_to_an_alarm_are_told(written, tmp_pa
     shown = io.StringIO()
     Console(file=shown, width=150).print(nearest(rows[rows["id"].notna()]))
     most = rows.groupby("run")["r_max_before"].max().sort_values(ascending=False)
-    assert " ".join(shown.getvalue().split()).count(" ".join(f"{r:.2f}" for r in most)) == 1
+    assert " ".join(shown.getvalue().split()).count(" ".join(f"{r:.3g}" for r in most)) == 1
     assert str(rows.set_index("run").loc[most.index[0], "seed"].iloc[0]) in shown.getvalue()
 
 

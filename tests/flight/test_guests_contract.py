@@ -132,7 +132,7 @@ def test_what_a_guest_declares_is_expected_and_the_rest_is_not_declared():
              ("hydraulic.ofc_liquid@command", "hydraulic.rod", "rudder", "engine")}  # fmt: skip
     assert list(words.values()) == ["designed", "may", "blind", "undeclared"]
     assert coverage.WORDS["undeclared"] == "not declared"
-    assert outcome("own", "engine", seen=True, is_right=True) == "named"
+    assert outcome("own", "engine", seen=True, class_="right", place="right") == "named"
     assert outcome("own", "engine", seen=False) == "quiet" and outcome("own", "rudder", seen=True) == "bonus"
     assert (own.estimates[0].of, own.estimates[0].unit) == ("rod", "m")
 

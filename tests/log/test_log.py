@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from log_samples import N_VALUES, TOPICS, expected, same_bits, vectors, write
 
+from cosim.errors import CosimError
 from cosim.files import left_by
 from cosim.log import LogError, LogWriter, Topic, fingerprint, info, open_log
 
@@ -211,8 +212,9 @@ def test_a_full_disk_is_one_clear_error_and_the_log_can_be_recovered(path, tmp_p
 
 
 def test_places_that_cannot_be_written_or_read_are_one_clear_error(tmp_path):
-    for bad in (tmp_path / "no" / "such" / "folder.mcap", tmp_path):
-        with pytest.raises(LogError, match="cannot create the log") as error:
+    places = (tmp_path / "no" / "such" / "folder.mcap", "cannot create the log"), (tmp_path, "is a folder")
+    for bad, why in places:
+        with pytest.raises(CosimError, match=why) as error:
             LogWriter(bad, TOPICS, n_values=N_VALUES)
         assert str(bad) in str(error.value)
     with pytest.raises(LogError, match="cannot read the log"):

@@ -56,6 +56,7 @@ def shadows(name: str) -> bool:
     """Tell whether a file NAME.py would stand in the place of a module of Python's or of an installed package."""
     path = [p for p in sys.path if p and os.path.abspath(p) != os.getcwd()]
     builtin = name in sys.stdlib_module_names or name in sys.builtin_module_names
+    builtin = builtin or name in ("actuators", "cosim", "fdi")  # also where they are imported from a checkout
     return builtin or importlib.machinery.PathFinder.find_spec(name, path) is not None
 
 
