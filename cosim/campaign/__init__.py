@@ -32,6 +32,7 @@ without a result has one row. What is of the lane, not of a fault, stands on the
     why_not_valid           its most frequent reason for not being valid, where that matters (fdi/common/why.py)
     false_alarms            alarms that rise outside every fault that concerns the lane (and 2 s after its end)
     standing_s              seconds for which the alarm stands there
+    exposed_s               seconds in which one would count: the lane is valid, and no fault is there that concerns it
     r_max_before            largest |r| before the first fault of the flight; over all of it when fault-free
     r_max_after             largest |r| from that onset on, null when fault-free; |r| >= 1 is beyond the threshold
     estimate_rmse, _bias, _max, _unit    error of the estimate after settling (cosim/judge/estimation.py), or null

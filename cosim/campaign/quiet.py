@@ -20,6 +20,8 @@ from scipy.ndimage import minimum_filter1d
 from cosim.campaign.space import Space
 from cosim.campaign.spec import load_campaign
 from cosim.errors import TrimError
+from cosim.judge.alarms import exposure_s, onsets
+from cosim.judge.noticed import valid
 
 FIRST_SEED = 6_000_000  # of the flights: none of training, nor of another campaign
 WINDOW_S = 1.0
@@ -64,7 +66,7 @@ class Lane:
     """What a flight keeps of one detector."""
 
     peaks: NDArray  # (windows,) maxima of its statistic over its lanes, 0 where none judges
-    valid_s: float  # time in which any of its lanes judges
+    valid_s: float  # time in which an alarm would count, mean over its lanes (cosim.judge.alarms.exposure_s)
     alarms: int  # that rose
     silent: int  # of these flights, 1: it alarmed though the statistic stayed below 1
     moments: tuple  # of each lane with a signed residual
@@ -157,25 +159,24 @@ def _kept(trace, own, p, dt):
     """Return what is kept of one detector's lanes."""
     per = round(WINDOW_S / dt)
     most = np.zeros(-(-len(trace) // per) * per)
-    judged, alarms, moments = np.zeros(len(trace), bool), 0, []
+    exposed, alarms, moments = 0.0, 0, []
     parameter = CONFIRMED.get(own[0].id)
     for i, watch in enumerate(own):
-        valid = np.ones(len(trace), bool) if watch.valid is None else trace[:, watch.valid] > 0.5
-        r = np.where(valid & np.isfinite(trace[:, watch.r]), trace[:, watch.r].astype(float), 0.0)
+        able = valid(watch, trace)
+        r = np.where(able & np.isfinite(trace[:, watch.r]), trace[:, watch.r].astype(float), 0.0)
         if r.min() < 0.0 < r.max():
-            moments.append([*asdict(Moments.of(r[valid])).values()])
+            moments.append([*asdict(Moments.of(r[able])).values()])
         size = np.abs(r)
         if parameter:
             n = max(1, round(float(p[i][parameter]) / dt))
             size = minimum_filter1d(size, n, mode="constant", origin=(n - 1) // 2)
         most[: len(size)] = np.maximum(most[: len(size)], size)
-        judged |= valid
-        alarm = trace[:, watch.alarm] > 0.5
-        alarms += int(np.count_nonzero(alarm[1:] & ~alarm[:-1]) + alarm[0])
+        exposed += exposure_s(able, (), dt) / len(own)
+        alarms += len(onsets(trace[:, watch.alarm]))
     peaks = most.reshape(-1, per).max(axis=1)
     return {
         "peaks": base64.b64encode(peaks.astype("<f4").tobytes()).decode(),
-        "valid_s": float(judged.sum() * dt),
+        "valid_s": exposed,
         "alarms": alarms,
         "silent": int(alarms > 0 and peaks.max() < 1.0),
         "moments": moments,

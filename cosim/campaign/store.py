@@ -44,8 +44,9 @@ ROWS = _schema(
     class_given string, place_given string, place_level string, first_sure_wrong bool,
     time_to_right_s float64, right_after_motion_s float64, not_excited bool, class_changes int32, ambiguous_s float64,
     alarm_share float64, withdrawn_after_s float64, withdrawn bool, able bool, valid_at_fault float64,
-    valid_share float64, why_not_valid string, false_alarms int32, standing_s float64, r_max_before float64,
-    r_max_after float64, estimate_rmse float64, estimate_bias float64, estimate_max float64, estimate_unit string,
+    valid_share float64, why_not_valid string, false_alarms int32, standing_s float64, exposed_s float64,
+    r_max_before float64, r_max_after float64, estimate_rmse float64, estimate_bias float64, estimate_max float64,
+    estimate_unit string,
     rod_mm float64, surface_deg float64, travel_pct float64, amplitude_mm float64, amplitude_deg float64, """
     + ", ".join(f"{name} float64" for name in CONSEQUENCES)
 )

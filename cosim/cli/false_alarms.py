@@ -53,7 +53,7 @@ def false_alarms(
 
 def shown(found: dict, files: dict) -> Group:
     """Return the table of a measurement from its plain data."""
-    t = tables.table("", "detector", "hours>", "alarms>", "per hour>", "at most>", "c for 1e-9>", "at most>")
+    t = tables.table("", "detector", "valid h>", "alarms>", "per hour>", "at most>", "c for 1e-9>", "at most>")
     for d in found["detectors"]:
         at, needed = d["at_threshold"] or {}, d["needed"] or {}
         cells = (at.get("value"), at.get("high"), needed.get("value"), needed.get("high"))

@@ -9,6 +9,7 @@ from rich.text import Text
 
 from cosim.cli import tables
 from cosim.cli.app import answer, app, err
+from cosim.cli.compare import false_alarms
 from cosim.cli.output import JsonOption, OverwriteOption, ReadmeOption, WorkersOption, output_option, reserve
 from cosim.cli.tables import NOTHING, number, table
 
@@ -97,19 +98,20 @@ def ids(found: dict) -> list[str]:
 
 def shown(found: dict) -> Group:
     """Return the tables of a score: `found` is its JSON."""
-    t = table("", "detector", "of>", "seen>", "right>", "amb.>", "wrong>", "n. v.>", "alarm s>", "right s>", "per h>",
-              "below>", "free>", "valid>", "us>", "ln p>")  # fmt: skip
+    t = table("", "detector", "of>", "seen>", "right>", "amb.>", "wrong>", "n. v.>", "alarm s>", "right s>", "false>",
+              "in h>", "per h>", "below>", "free>", "valid>", "us>", "ln p>")  # fmt: skip
     for d in found["detectors"]:
         counts = [str(d[k]) if d["designed"] else NOTHING for k in
                   ("designed", "detected", "named", "ambiguous", "misnamed", "idle")]  # fmt: skip
         times = [number(d.get("delay_s")), number(d.get("right_s"))]
-        rate = [number(d["false_alarms_per_hour"], 1), number(d["false_alarms_per_hour_high"], 1)]
+        rate = [*false_alarms(d), number(d["false_alarms_per_hour_high"], 1)]
         t.add_row(d["id"], *counts, *times, *rate, f"{d['fault_free_alarmed']}/{d['fault_free_runs']}",
                   f"{d['availability']:.0%}", number(d["step_us"]), number(d["log_fault"]))  # fmt: skip
     t.caption_justify = "left"
     t.caption = (
         "of: faults on parts that it watches and is not blind to by its own word; alarm, right: median time to the "
-        "first alarm and to the right name, a missed one is endless; per h: false alarms, below: exact 95 % bound; "
+        "first alarm and to the right name, a missed one is endless; false, in h: false alarms, and the hours in which "
+        "one would count (valid, without a fault that concerns it); below: exact 95 % bound per hour; "
         "free: fault-free flights with one; ln p: mean log of what it gave to the truth while the fault lasted"
     )
     families = [_families(d) for d in found["detectors"]] if len(found["detectors"]) <= FEW else []

@@ -1,4 +1,4 @@
-"""False alarms per flight hour as a curve over the threshold, of every detector, down to 1e-9, three ways.
+"""False alarms per valid hour as a curve over the threshold, of every detector, down to 1e-9, three ways.
 
     found = false_alarms(hours=100.0, folder="logs/false-alarms")       # flies on where it was left
 
@@ -15,7 +15,6 @@ model: of this aircraft, these sensors, gusts and tolerances, in this mix of fli
 """
 
 import hashlib
-import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ import numpy as np
 
 from cosim.campaign.jobs import work
 from cosim.campaign.quiet import WINDOW_S, FaultFreeFlight, fly, space
+from cosim.campaign.space import Space
 from cosim.campaign.store import CampaignError
 from cosim.compare import tails
 from cosim.compare.crossings import Gaussian, gaussian
@@ -68,11 +68,20 @@ def false_alarms(
     made = space(campaign)
     if made.faults:
         raise CampaignError("has faults", place=campaign, remedy="Take a campaign of fault-free flights")
-    flights = max(1, math.ceil(hours * 3600.0 / made.number(0).duration_s))
+    flights = _flights(made, hours * 3600.0)
     digest = hashlib.sha256(repr(made.campaign).encode()).hexdigest()[:16]
     jobs = [(fly, {"campaign": campaign, "number": n, "digest": digest}) for n in range(flights)]
     flown = work(jobs, folder=folder, workers=workers, progress=progress, read=FaultFreeFlight.read)
     return summary(flown, campaign, detectors or tuple(registry.SHIPPED))
+
+
+def _flights(made: Space, seconds: float) -> int:
+    """Return how many flights of a space last for `seconds` or more, at least one."""
+    number, left = 0, seconds
+    while number == 0 or left > 1e-6:
+        left -= made.number(number).duration_s
+        number += 1
+    return number
 
 
 def summary(flown: Sequence[FaultFreeFlight], campaign: str, detectors: Sequence[str]) -> dict:

@@ -4,7 +4,8 @@ run, fault                         the flight, and the number of a fault of it; 
 title, case, kind, target          the flight and a fault of it, case as in cosim/judge/coverage.py; null without one
 family                             the kind of fault in the tables: FAMILIES
 frequency_hz, amplitude_mm, rod_mm, surface_deg     of an oscillation; achieved, against the twin flight
-hours                              flown; null on the rows of a flight's further faults
+hours                              in which a false alarm would count (cosim.judge.alarms.exposure_s), mean over its
+                                   lanes; null on the rows of a flight's further faults
 id, level, lanes                   detector; how many actuators it watches
 word                               designed, may, blind: how it stands to the case
 concerned                          it has a lane on the faulty part (aircraft level: always, when there is a fault)
@@ -88,7 +89,7 @@ def tidy(frame: pd.DataFrame, tomls: Mapping[str, str], place: str = "") -> pd.D
 
 
 LEVELS = ("local", "aircraft")
-NEVER_BELOW_0 = ("false_alarms", "standing_s", *NUMBERS, *ACHIEVED)
+NEVER_BELOW_0 = ("false_alarms", "standing_s", "exposed_s", *NUMBERS, *ACHIEVED)
 
 
 def _possible(lanes, place):
@@ -184,7 +185,7 @@ def _row(run, detector, lanes, whole, about, fault):
         "fault": fault,
         **{k: v for k, v in about.items() if k not in ("each", "earliest")},
         **each,
-        "hours": float(first["sim_time_s"]) / 3600.0 if whole else np.nan,
+        "hours": _exposed_h(whole),
         "status": first["status"],
         **{k: _number(first, k) for k in ACHIEVED},
         "id": detector,
@@ -215,6 +216,12 @@ def _row(run, detector, lanes, whole, about, fault):
         "estimate_rmse": _largest(estimates, "estimate_rmse"),
         "estimate_unit": estimates[0]["estimate_unit"] if estimates else None,
     }  # fmt: skip
+
+
+def _exposed_h(whole):
+    """Return the hours in which a false alarm of a detector would count in a flight, from all of its rows there."""
+    lanes = len({lane["lane"] for lane in whole})
+    return sum(_number(lane, "exposed_s") for lane in whole) / lanes / 3600.0 if lanes else np.nan
 
 
 def _true(value):

@@ -104,13 +104,15 @@ def names(rows: pd.DataFrame) -> dict:
 
 
 def detectors(rows: pd.DataFrame, timing: pd.DataFrame | None = None) -> list[dict]:
-    """Return a dict per detector: `score` over what it was designed for, false alarms and standing alarms over all."""
+    """Return a dict per detector: `score` over what it was designed for, false alarms and standing alarms over all;
+    `hours` are those in which a false alarm would count."""
     cost = {} if timing is None else timing[timing["id"].notna()].groupby("id")["step_us"].median().to_dict()
     out = []
     for name, own in rows.groupby("id", sort=False):
         free = own[own["case"].isna()]
         alarmed = int((free["false_alarms"] > 0).sum())
-        per_hour = metrics.rate(int(own["false_alarms"].sum()), float(own["hours"].sum()))
+        alarms, hours = int(own["false_alarms"].sum()), float(own["hours"].sum())
+        per_hour = metrics.rate(alarms, hours) if hours > 0.0 else metrics.UNKNOWN
         pf, f_low, f_high = metrics.proportion(alarmed, len(free))
         may = own[(own["word"] == MAY) & own["concerned"]]
         out.append(
@@ -125,11 +127,11 @@ def detectors(rows: pd.DataFrame, timing: pd.DataFrame | None = None) -> list[di
                 "seen_of_may": int(may["detected"].sum()),
                 "may": len(may),
                 "unexpected": int((own["outcome"] == "bonus").sum()),
-                "false_alarms": int(own["false_alarms"].sum()),
+                "false_alarms": alarms,
                 "false_alarms_per_hour": per_hour[0],
                 "false_alarms_per_hour_low": per_hour[1],
                 "false_alarms_per_hour_high": per_hour[2],
-                "hours": float(own["hours"].sum()),
+                "hours": hours,
                 "fault_free_runs": len(free),
                 "fault_free_alarmed": alarmed,
                 "false_alarm_probability": pf,

@@ -1,4 +1,4 @@
-"""What an alarm counts for: onset, detection and false alarm, each defined once.
+"""What an alarm counts for: onset, detection, false alarm and the time in which there can be one, each defined once.
 
 Arrays are over the ticks of one detector lane, `dt` [s] apart; a fault is a dict with `start_s` and `end_s` [s], the
 latter inf for one that stays.
@@ -38,3 +38,13 @@ def faulty(faults: Iterable[Mapping], ticks: int, dt: float, t0: float = 0.0) ->
         end = ticks if math.isinf(f["end_s"]) else math.ceil((f["end_s"] + GRACE_S - t0) / dt)
         out[max(0, round((f["start_s"] - t0) / dt)) : max(0, end)] = True
     return out
+
+
+def exposure_s(valid: ArrayLike, faults: Iterable[Mapping], dt: float) -> float:
+    """Return for how long an alarm of a lane would count as a false one [s], for "false alarms per valid hour".
+
+    Those are the ticks in which it calls itself valid, `valid` (ticks,) 0 or 1, and none of the `faults` that concern
+    it is there, GRACE_S after its end included. A detector's exposure in a flight is the mean over its lanes.
+    """
+    able = np.asarray(valid) > 0.5
+    return float(np.count_nonzero(able & ~faulty(faults, len(able), dt)) * dt)

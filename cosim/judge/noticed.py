@@ -325,11 +325,16 @@ def _validity(watch, trace, seen):
     return {"able": able, "valid_at_fault": share, "why_not_valid": None if able else why}
 
 
+def valid(watch: Watch, trace: NDArray) -> NDArray[np.bool_]:
+    """Return (ticks,): whether the lane calls itself valid; always, where it does not say."""
+    return np.ones(len(trace), bool) if watch.valid is None else trace[:, watch.valid] > 0.5
+
+
 def validity(watch: Watch, trace: NDArray) -> tuple[float, str | None]:
     """Return (share of ticks in which the lane called itself valid, its most frequent reason in the others)."""
     if watch.valid is None or not len(trace):
         return 1.0, None
-    down = ~(trace[:, watch.valid] > 0.5)
+    down = ~valid(watch, trace)
     share = 1.0 - float(np.count_nonzero(down)) / len(trace)
     if watch.why is None or not down.any():
         return share, None

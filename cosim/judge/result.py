@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.judge import coverage
-from cosim.judge.alarms import faulty, onsets
-from cosim.judge.noticed import ABLE, Watch, last_name, noticed, said, validity
+from cosim.judge.alarms import exposure_s, faulty, onsets
+from cosim.judge.noticed import ABLE, Watch, last_name, noticed, said, valid, validity
 from cosim.scenario import Scenario
 
 __all__ = ["Result", "Watch", "concerns", "errors", "judge", "judged", "largest", "plain"]
@@ -158,7 +158,8 @@ def judge(watch: Watch, trace: NDArray, dt: float, faults: Sequence[Mapping]) ->
     entry (cosim/judge/noticed.py) for each fault that concerns the lane and to which its detector is not blind (to all
     that concern it: for each), between its onset and the next one's. The lane's own figures are those of the fault that
     it noticed first, else of the earliest. Alarm onsets outside every fault that concerns the lane are false alarms,
-    `standing_s` is how long its alarm stands there. `valid_share` counts from SETTLE_S on.
+    `standing_s` is how long its alarm stands there, `exposed_s` how long one would count. `valid_share` counts from
+    SETTLE_S on.
     """
     mine = sorted((f for f in faults if concerns(watch, f["targets"])), key=lambda f: f["start_s"])
     alarm = trace[:, watch.alarm]
@@ -174,6 +175,7 @@ def judge(watch: Watch, trace: NDArray, dt: float, faults: Sequence[Mapping]) ->
         "by_fault": [],
         "false_alarms": int(np.count_nonzero(~true[rises])),
         "standing_s": float(np.count_nonzero((alarm > 0.5) & ~true) * dt),
+        "exposed_s": exposure_s(valid(watch, trace), mine, dt),
         "able": share >= ABLE,
         "valid_share": share,
         "why_not_valid": why,

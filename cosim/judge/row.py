@@ -7,7 +7,7 @@ from cosim.judge.consequences import NAMES as CONSEQUENCES
 
 LANE = ("id", "level", "target", "concerned", "alarm", "valid_share", "why_not_valid", "able")
 ONCE = {  # on the first of a lane's rows only, so that sums over rows count nothing twice -> what stands on the others
-    **{"false_alarms": 0, "standing_s": 0.0, "r_max_before": None, "r_max_after": None},
+    **{"false_alarms": 0, "standing_s": 0.0, "exposed_s": 0.0, "r_max_before": None, "r_max_after": None},
     **dict.fromkeys(("estimate_rmse", "estimate_bias", "estimate_max", "estimate_unit")),
 }
 FAULT = (

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from cosim.compare import Comparison, stats
+from cosim.compare import Comparison, metrics, stats
 from cosim.errors import OutputError
 from cosim.files import regular, replace_text
 from cosim.judge import coverage
@@ -16,7 +16,7 @@ LEGEND = b"share of flights seen"  # by which a picture of ours is known
 
 COLUMNS = (
     *("detector", "draws on", "valid", "flights", "seen", "right name", "ambiguous", "wrong name", "not valid"),
-    *("not excited", "first alarm, s", "right name after, s", "standing alarm, s", "false alarms per hour"),
+    *("not excited", "first alarm, s", "right name after, s", "standing alarm, s", "false alarms"),
     *("fault-free flights with an alarm", "µs per step"),
 )
 DETAILS = "cosim/compare/README.md"
@@ -84,7 +84,8 @@ def markdown(found: Comparison, columns: Sequence[str] = COLUMNS) -> str:
             coverage.group(d["id"], d["level"]),
             f"{d['availability']:.0%}" if d["availability"] == d["availability"] else "–",
             *(str(d[k]) if d["designed"] else "–" for k in many),
-            *(_number(d[k]) for k in ("delay_s", "right_s", "standing_s", "false_alarms_per_hour")),
+            *(_number(d[k]) for k in ("delay_s", "right_s", "standing_s")),
+            metrics.rate_words(d["false_alarms"], d["hours"]),
             f"{d['fault_free_alarmed']}/{d['fault_free_runs']}",
             _number(d["step_us"]),
         ]

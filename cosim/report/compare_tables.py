@@ -25,7 +25,7 @@ def detectors(each: list[dict]) -> Table:
 
 def quiet(each: list[dict]) -> Table:
     """Return the Table of what each detector does without a fault, and what it costs."""
-    columns = ("detector", "valid>", "fault-free flights with an alarm>", "false alarms>", "hours>", "per hour>",
+    columns = ("detector", "valid>", "fault-free flights with an alarm>", "false alarms>", "in valid h>", "per hour>",
                "95 % bounds>", "standing alarm>", "µs>")  # fmt: skip
     out = []
     for d in each:
@@ -43,9 +43,9 @@ def quiet(each: list[dict]) -> Table:
         )
         out.append(Row(cells, {"data-detector": d["id"]}))
     note = (
-        "Valid: share of all flights, from 8 s on, in which it calls itself so. False alarms and hours: of all "
-        "flights, healthy times and parts of faulty ones included. Standing alarm: without a fault, from 2 s "
-        "after it has healed. µs: per step and lane."
+        "Valid: share of all flights, from 8 s on, in which it calls itself so. False alarms: of all flights, per hour "
+        "in which one would count (valid, and no fault there that concerns it; mean over its lanes). Standing alarm: "
+        "without a fault, from 2 s after it has healed. µs: per step and lane."
     )
     return Table(columns, out, note, "wide")
 

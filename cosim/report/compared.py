@@ -73,13 +73,13 @@ def false_alarms(found: list[dict]) -> Figure:
         "false-alarms",
         "Bars: exact 95 % bounds (Clopper and Pearson; Poisson for the rate). Left: share of fault-free "
         "flights with an alarm. Right: "
-        "false alarms per hour of all flights, healthy parts of faulty flights included.",
+        "false alarms per hour in which one would count: valid, without a fault that concerns it.",
         70 + 22 * len(names),
         time=False,
     )
     figure.layout = base(figure.height, legend=False) | {"hovermode": "closest"}
     figure.layout["margin"]["l"] = 150
-    grid(figure.layout, ["Fault-free flights with an alarm", "False alarms per flight hour"], ["", ""], 2, time=False)
+    grid(figure.layout, ["Fault-free flights with an alarm", "False alarms per valid hour"], ["", ""], 2, time=False)
     for i in (1, 2):
         figure.layout[axis("yaxis", i)] |= {
             "type": "category",
@@ -89,7 +89,7 @@ def false_alarms(found: list[dict]) -> Figure:
         }
     figure.layout["xaxis"] |= {"range": [-0.02, 1.02], "tickformat": ".0%"}
     rates = [d["false_alarms_per_hour_high"] for d in found if finite(d["false_alarms_per_hour_high"])]
-    floor = min([0.5, *(d["false_alarms_per_hour"] / 2 for d in found if d["false_alarms"])])
+    floor = min([0.5, *(d["false_alarms_per_hour"] / 2 for d in found if d["false_alarms_per_hour"] > 0.0)])
     figure.layout["xaxis2"] |= _log(floor, max([10.0, *rates]) * 1.3)
     for d in found:
         for i, key, told in (

@@ -27,7 +27,7 @@ def render(found: dict) -> str:
     drawn = [({"id": d["id"], "said": _said(d)}, _figure(d)) for d in found["detectors"]]
     return page(
         "false_alarms.html",
-        title="False alarms per flight hour",
+        title="False alarms per valid hour",
         subtitle=f"{len(found['detectors'])} detectors over {found['hours']:.1f} flight hours of {found['campaign']}",
         figures=[figure for _, figure in drawn],
         figures_of=drawn,
@@ -51,7 +51,7 @@ def _interval(share):
 
 
 def _rates(found):
-    columns = ("detector", "hours>", "alarms>", "alarms per hour>", "as it ships, per hour>", "by",
+    columns = ("detector", "valid hours>", "alarms>", "alarms per hour>", "as it ships, per hour>", "by",
                "c for 1e-9 per hour>", "shape>", "what is against it")  # fmt: skip
     rows = []
     for d in found["detectors"]:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from cosim.compare import metrics
 from cosim.files import columns, marked, replace, replace_text
 from cosim.report import compare_tables as tables
 from cosim.report import markdown as readme
@@ -168,8 +169,7 @@ def front(each: list[dict]) -> Figure:
         figure.data.append({
             "type": "scatter", "mode": "markers", "x": [d["false_alarms_per_hour_high"]], "xaxis": "x2", **common,
             "marker": {"size": 9, "color": "--ink"}, "showlegend": False,
-            "hovertemplate": f"counted {d['false_alarms_per_hour']:.2g}, below %{{x:.2g}} per hour"
-                             f"<extra>{d['id']}</extra>",
+            "hovertemplate": f"{metrics.rate_words(d['false_alarms'], d['hours'])}<extra>{d['id']}</extra>",
         })  # fmt: skip
     return figure
 
@@ -190,12 +190,12 @@ def write_readme(found: dict, path: str | Path) -> None:
 def markdown(found: dict) -> str:
     """Return the table of all detectors as Markdown."""
     columns = ("detector", "draws on", "faults", "seen", "right name", "wrong name", "not valid", "first alarm, s",
-               "right name, s", "false alarms per hour (95 %)", "valid", "µs per step", "ln p")  # fmt: skip
+               "right name, s", "false alarms (95 %)", "valid", "µs per step", "ln p")  # fmt: skip
     told = f"`{found['benchmark']}`, {found['flights']} of its flights, content `{found['content']}`:"
     lines = [told, "", f"| {' | '.join(columns)} |", f"|{'---|' * len(columns)}"]
     for d in found["detectors"]:
         counts = [str(d[k]) if d["designed"] else "–" for k in ("designed", "detected", "named", "misnamed", "idle")]
-        rate = f"{d['false_alarms_per_hour']:.2g} (≤ {d['false_alarms_per_hour_high']:.2g})"
+        rate = metrics.rate_words(d["false_alarms"], d["hours"])
         cells = (f"`{d['id']}`", d["group"], *counts, _short(d.get("delay_s")), _short(d.get("right_s")), rate,
                  f"{d['availability']:.0%}", _short(d["step_us"]), _short(d["log_fault"]))  # fmt: skip
         lines.append(f"| {' | '.join(cells)} |")

@@ -1,12 +1,14 @@
 """Thresholds of the aircraft-level detectors from fault-free flights that nothing else uses: `cosim train aircraft`.
 
 FLIGHTS of 60 s at points drawn over mass, CG, altitude and speed, eight manoeuvres, four airs, every aerodynamic
-coefficient 5 % up or down, noise NOISE_SCALE. Each statistic is held against what it may grow with, all of it measured
-(`cosim.training.tail`), at one PROBABILITY of a false alarm per flight and detector, shared among what it tests.
+coefficient 5 % up or down, noise NOISE_SCALE, and STILL long ones. Each statistic is held against what it may grow
+with, all of it measured (`cosim.training.tail`), at one PROBABILITY of a false alarm per flight and detector, shared
+among what it tests.
 """
 
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -43,9 +45,10 @@ SPARE = 2  # fits in a row fewer than an alarm takes count as one: no limit hang
 BANK = ("bank_threshold", "bank_doubt", "bank_stir")
 TAUGHT_S, ALIKE_S = 50.0, 0.25  # to learn what the airframe has in rfafe_airframe's estimate; it is alike for so long
 LARGEST = {"gust_max"}
+PIECES = {"floor"}  # a row for each PIECE_S of a flight; it has no share in PROBABILITY: other tests need gusts
 DOUBLE = 2.0  # of the deviations over the training flights
 DIGITS = {"rfafe_airframe": 12}  # behind the point, where 7 do not do: its noise is some 1e-7 rad2 s
-LPV = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha", "gust", "path", "alpha_0", "valid")
+LPV = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha", "f_sigma", "gust", "path", "alpha_0", "valid")
 HELD = 0.8  # of its confirmation time: a statistic that lasts so long counts as one that alarms
 KINDS: tuple[dict, ...] = (
     {"kind": "cruise"}, {"kind": "coordinated_turn", "duration_s": 35.0}, {"kind": "yaw_angle"}, {"kind": "nz_doublet"},
@@ -56,6 +59,11 @@ ELEVATORS = (("hydraulic", "hydraulic", "ema", "ema"), ("hydraulic",) * 4)
 NOISE_SCALE = 1.2  # of the sensors
 TOLERANCE = 0.05
 FLIGHTS, TRAINING = 384, 31_000  # how many, and the first seed
+# and for the floor of lpv_smo STILL flights in still air with every coefficient as it is known: then nothing but noise
+# is in its estimates, and its limits, which grow with gusts, come down to it after a minute
+STILL, STILL_S, STILL_ALPHA = 24, 400.0, 12.9
+PIECE_S = 60.0  # of a flight: for so long PROBABILITY is
+HALF_S = 1.0  # between half periods that count together
 
 
 def point(rng: np.random.Generator) -> dict:
@@ -76,23 +84,32 @@ def arguments(index: int, first_seed: int = TRAINING) -> dict:
     return trimming(rng, fixed, {"turbulence": TURBULENCE[index // 8 % 4]})
 
 
-def trimming(rng: np.random.Generator, fixed: dict[str, Any], where: dict[str, Any]) -> dict[str, Any]:
+def still(index: int, first_seed: int = TRAINING) -> dict:
+    """Return the arguments of `flights.scenario` of the still flight `index`, from 0 to STILL."""
+    rng = np.random.default_rng([first_seed, FLIGHTS, index])
+    fixed = {"duration": STILL_S, "seed": first_seed + FLIGHTS + index, "sensors": {"noise_scale": NOISE_SCALE}}
+    return trimming(rng, fixed, {"turbulence": "none"}, STILL_ALPHA)
+
+
+def trimming(
+    rng: np.random.Generator, fixed: dict[str, Any], where: dict[str, Any], alpha: float = 10.5
+) -> dict[str, Any]:
     """Return the arguments of `flights.scenario` with a point drawn that trims with throttle below 95 % and angle of
-    attack below 10.5 deg; `where` are further entries of its flight."""
+    attack below `alpha` [deg]; `where` are further entries of its flight."""
     while True:
         flight: dict[str, Any] = fixed | {"flight": point(rng) | where}
         try:
             setup = build(scenario(**flight))
         except TrimError:
             continue
-        if setup.trim.throttle < 0.95 and math.degrees(setup.trim.alpha) < 10.5:
+        if setup.trim.throttle < 0.95 and math.degrees(setup.trim.alpha) < alpha:
             return flight
 
 
-def flown(index: int, first_seed: int = TRAINING) -> pd.DataFrame:
-    """Fly training flight `index` and return what the detectors of the aircraft level read."""
+def flown(flight: dict) -> pd.DataFrame:
+    """Fly a training flight from its arguments and return what the detectors of the aircraft level read."""
     wires = [name for d in DETECTORS for name in sources(d).values()]
-    return fly(scenario(**arguments(index, first_seed)), dict.fromkeys(wires))
+    return fly(scenario(**flight), dict.fromkeys(wires))
 
 
 def blocks(y: np.ndarray, features: list, valid: np.ndarray, dt: float, hold: float = 0.0) -> np.ndarray:
@@ -120,7 +137,25 @@ def survey_lpv_smo(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
     size = np.hypot(fits["bank_cos"][:, 0], fits["bank_sin"][:, 0])
     size = np.where((fits["hit"] >= p["hits"][0] - 1.0) & (fits["bank_new"] > 0.5), size, 0.0)
     swings = [blocks(size[:, k], features[:2], valid, dt) for k in range(size.shape[1])]
-    return out | {"swing": np.concatenate(swings)}  # one limit for all frequencies: few flights pass the shape of each
+    out["swing"] = np.concatenate(swings)  # one limit for all frequencies: few flights pass the shape of each
+    most = sum(p[f"{letter}_elevator"][0] * x for letter, x in zip("tgs", features, strict=True))
+    swung = np.where(valid & (np.abs(log["f_hat_elevator"]) >= most), log["f_hat_elevator"] / log["f_sigma"], 0.0)
+    n = round(PIECE_S / dt)
+    found = [alternating(swung[k : k + n], dt) for k in range(0, max(len(swung) - n // 2, 1), n)]
+    return out | {"floor": np.array([[level, 1.0] for level in found])}
+
+
+def alternating(y: np.ndarray, dt: float) -> float:
+    """Return the largest level [unit of y (ticks,)] that y passes three times with alternating sign, each within HALF_S
+    of the one before: what lpv_smo counts as an oscillation."""
+    low, high = 0.0, float(np.abs(y).max())
+    while high - low > 1e-3:
+        level = 0.5 * (low + high)
+        at = np.flatnonzero(np.abs(y) >= level)
+        at = at[np.diff(np.sign(y[at]), prepend=0.0) != 0.0]  # where it comes to a side
+        close = np.diff(at) * dt < HALF_S
+        low, high = (level, high) if (close[1:] & close[:-1]).any() else (low, level)
+    return low
 
 
 def survey_kinematic(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
@@ -207,15 +242,17 @@ def watched(frame: pd.DataFrame, name: str, p: np.ndarray, fields: tuple[str, ..
     return detect(frame, registry.module(name), sources(name), p, fields)
 
 
-def surveyed(index: int, first_seed: int = TRAINING, prior: dict | None = None) -> dict[str, dict[str, list]]:
+def surveyed(
+    index: int, first_seed: int = TRAINING, prior: dict | None = None, names: Sequence[str] = tuple(SURVEYS)
+) -> dict[str, dict[str, list]]:
     """Return what the surveys find in one training flight, plain data; of detectors not trained in its air nothing.
 
     `prior` are the fields that `known` found, by default those stored.
     """
-    frame, air = flown(index, first_seed), TURBULENCE[index // 8 % 4]
+    frame, air = flown(arguments(index, first_seed)), TURBULENCE[index // 8 % 4]
     out = {}
     for name, survey in SURVEYS.items():
-        if air in AIR[name]:
+        if air in AIR[name] and name in names:
             p = fitted(name, index)
             for field, value in (prior or {}).items() if name == "rfafe_airframe" else ():
                 p[field] = value
@@ -223,9 +260,15 @@ def surveyed(index: int, first_seed: int = TRAINING, prior: dict | None = None) 
     return out
 
 
+def surveyed_still(index: int, first_seed: int = TRAINING) -> dict[str, dict[str, list]]:
+    """Return what lpv_smo's survey finds for its PIECES in one still flight, plain data."""
+    found = survey_lpv_smo(flown(still(index, first_seed)), fitted("lpv_smo"))
+    return {"lpv_smo": {part: found[part].tolist() for part in PIECES}}
+
+
 def taught(index: int, first_seed: int = TRAINING) -> list[float]:
     """Return what `learned` finds in one training flight."""
-    return learned(flown(index, first_seed), fitted("rfafe_airframe", index))
+    return learned(flown(arguments(index, first_seed)), fitted("rfafe_airframe", index))
 
 
 def known(rows: list[list[float]]) -> dict:
@@ -246,13 +289,22 @@ def elevators(index: int) -> tuple[str, ...]:
     return ELEVATORS[index // 32 % 2]
 
 
-def train(*, first_seed: int = TRAINING, number: int = FLIGHTS, **how: Any) -> dict:
-    """Fly the training set; return {"limits": {detector: {part: weights}}, "how": ...}; `how` as in
-    `cosim.campaign.jobs.work`."""
-    rough = [k for k in range(number) if TURBULENCE[k // 8 % 4] in ("light", "moderate")]  # gusts teach
-    prior = known(work([(taught, {"index": k, "first_seed": first_seed}) for k in rough], **how))
-    jobs = [(surveyed, {"index": k, "first_seed": first_seed, "prior": prior}) for k in range(number)]
-    return limits(work(jobs, **how)) | {"flights": number, "first_seed": first_seed, "prior": prior}
+def train(
+    *, first_seed: int = TRAINING, number: int = FLIGHTS, names: Sequence[str] = tuple(SURVEYS), **how: Any
+) -> dict:
+    """Fly the training set of detectors `names`; return {"limits": {detector: {part: weights}}, "how": ...}; `how` as
+    in `cosim.campaign.jobs.work`."""
+    about: dict[str, Any] = {"flights": number, "first_seed": first_seed}
+    air = {k: TURBULENCE[k // 8 % 4] for k in range(number)}
+    if "rfafe_airframe" in names:
+        rough = [k for k in range(number) if air[k] in ("light", "moderate")]  # gusts teach
+        about["prior"] = known(work([(taught, {"index": k, "first_seed": first_seed}) for k in rough], **how))
+    given = {"first_seed": first_seed, "prior": about.get("prior"), "names": tuple(names)}
+    jobs: list = [(surveyed, {"index": k, **given}) for k in range(number) if any(air[k] in AIR[n] for n in names)]
+    if "lpv_smo" in names:
+        about["still"] = STILL
+        jobs += [(surveyed_still, {"index": k, "first_seed": first_seed}) for k in range(STILL)]
+    return limits(work(jobs, **how)) | about
 
 
 def limits(values: list[dict]) -> dict:
@@ -265,13 +317,16 @@ def limits(values: list[dict]) -> dict:
         own = [v[name] for v in values if v.get(name)]
         parts = [part for part in own[0] if part not in LARGEST]
         tests = [part.split()[0] for part in parts]  # "swing 3" is of the test "swing"
+        share = PROBABILITY / len(set(tests) - PIECES)
         for part in LARGEST & own[0].keys():
             seen = max(float(np.array(v[part])[:, 0].max()) for v in own if len(v[part]))
             out["limits"].setdefault(name, {})[part] = [seen]
             out["found"].setdefault(name, {})[part] = {"largest": seen}
         for part, test in zip(parts, tests, strict=True):
-            rows = [np.array(v[part]) for v in own]
-            w, found = limit(rows, PROBABILITY / len(set(tests)) / tests.count(test))
+            rows = [np.array(v[part]) for v in own if part in v]
+            if part in PIECES:
+                rows = [piece[None] for flight in rows for piece in flight]
+            w, found = limit(rows, share / tests.count(test))
             out["limits"].setdefault(name, {})[part] = w.tolist()
             out["found"].setdefault(name, {})[part] = found
     return out
@@ -281,6 +336,7 @@ def fields(name: str, made: dict[str, list]) -> dict[str, Any]:
     """Return the PARAMS fields of detector `name` that the limits `made` of its parts stand for."""
     if name == "lpv_smo":
         level = {f"{letter}_{part}": made[part][i] for part in LPV_PARTS for i, letter in enumerate("tgs")}
+        level["floor"] = made["floor"][0]
         return level | {f"swing_{n}": [w] * bank.K for n, w in zip(("threshold", "gust"), made["swing"], strict=True)}
     if name == "control_redundancy":
         return {part: w[0] for part, w in made.items()}
@@ -316,6 +372,7 @@ def store(found: dict) -> None:
         held["training"] = others | {
             "command": "cosim train aircraft", "probability_per_flight": PROBABILITY, "flight_s": 60.0,
             "flights": found["flights"], "first_seed": found["first_seed"], "air": list(AIR[name]),
+            **({"still_flights": found["still"], "still_s": STILL_S} if name == "lpv_smo" else {}),
             "noise_scale": NOISE_SCALE, "tolerance": TOLERANCE, "found": found["found"][name],
         }  # fmt: skip
         replace_text(_path(name), compact.text(held))

@@ -313,5 +313,7 @@ def reconstruct(x, u, p, dt):
     x.f_hat_n_z_raw = x.f[1] - x.offset[1] - D51 * x.offset[0]
     x.f_hat_n_z = f_n - x.offset[1]
     x.f_hat_alpha = (f_a - x.offset[2]) * RAD_PER_DEG
-    # white noise of q through a difference and the lag: variance (c / h)^2 (1 + c / (2 - c)) sigma^2
-    x.f_sigma = p.sigma_q * c / dt * math.sqrt(1.0 + c / (2.0 - c)) / math.fabs(E)
+    if p.noise[b, 0] > 0.0:
+        x.f_sigma = p.noise[b, 0] / math.fabs(E)
+    else:  # white noise of q through a difference and the lag: variance (c / h)^2 (1 + c / (2 - c)) sigma^2
+        x.f_sigma = p.sigma_q * c / dt * math.sqrt(1.0 + c / (2.0 - c)) / math.fabs(E)

@@ -31,7 +31,9 @@ PARAMS = dtype(
         ("omega_a", "f8", "rad/s"),  # healthy elevator as a lag of its command, 0 for none
         ("rate_a", "f8", "deg/s"),  # at most so fast is the command followed, 0 for no limit
         ("delay", "f8", "-"),  # of the commands, as long as that of q
-        ("sigma_q", "f8", "rad/s"),  # noise of q per sample, for f_sigma
+        ("sigma_q", "f8", "rad/s"),  # noise of q per sample, for f_sigma of the paper's observer
+        ("noise", "f8", (NB, 2)),  # sd of two estimates from sensor noise, times |E|, times |A_11| (fdi.lpv_smo.noise)
+        ("floor", "f8", "-"),  # sd of f_hat_elevator below which no half period counts
         ("bank", "f8", "-"),  # 1: bank and lateral rates are taken into account
         ("adot", "f8", "-"),  # share of the damping in pitch that is due to the rate of the angle of attack
         ("gradient", "f8", "-"),  # share of the damping in pitch that answers to a gust's rate along the body
@@ -125,7 +127,7 @@ STATE = dtype(
         ("f_hat_n_z", "f8", "g"),  # with the feedthrough correction
         ("f_hat_n_z_raw", "f8", "g"),  # as printed
         ("f_hat_alpha", "f8", "rad"),
-        ("f_sigma", "f8", "rad"),  # one sigma of f_hat_elevator from the noise of q
+        ("f_sigma", "f8", "rad"),  # one sigma of f_hat_elevator from sensor noise; the paper's observer: from q alone
         ("alpha_hat", "f8", "rad"),  # estimate of the unmeasured state
         ("gust_hat", "f8", "rad"),  # angle of the gust that was taken out
         ("e_norm", "f8", "deg, m, m/s, deg/s"),  # |e_y|, paper's units

@@ -63,6 +63,7 @@ from fdi.lpv_smo.boxes import load as load_boxes
 from fdi.lpv_smo.core import NB, M, N, P, R, T, bank, gust, inputs, observe, outputs, reconstruct
 from fdi.lpv_smo.fields import INPUTS, PARAMS, STATE
 from fdi.lpv_smo.model import LpvModel, powers
+from fdi.lpv_smo.noise import deviations
 from fdi.lpv_smo.synthesis import Design, canonical, design, load, save, verify  # noqa: F401 (the public design functions)
 
 LEARN = 8.0  # in flight: the paper's faults come at 10 s [s]
@@ -183,7 +184,7 @@ def fitted(site: Site, paper: bool = False) -> np.ndarray:
     xx, yy, zz, xz = model.gyration2
     (tx, _, tz), (rx, _, rz) = model.thrust_axis, np.mean(model.engine, axis=0)
     boxes = Path(site.own) / "designs" / "lpv_smo_boxes.json" if site.own else None
-    return params(
+    made = params(
         designs=None if paper else load_boxes(boxes), own=site.own, gust=not paper, t_learn=LEARN,
         delay=site.ticks("q"), omega_a=1.0 / about.delays[0],
         rate_a=0.0 if paper else about.rates[0] / RAD_PER_DEG,
@@ -191,6 +192,9 @@ def fitted(site: Site, paper: bool = False) -> np.ndarray:
         gradient=0.0 if paper else GRADIENT, dt=site.dt,
         thrust=(rz * tx - rx * tz) / tx / yy / RAD_PER_DEG,
     )  # fmt: skip
+    if not paper:
+        made["noise"][0, : int(made["n_box"][0])] = deviations(made.tobytes(), site.dt)
+    return made
 
 
 def init(p: np.ndarray) -> np.ndarray:
@@ -205,7 +209,8 @@ def _declare(x, p, i, f, most, dt):
     on = 1.0 if x.held[i] > 0.0 else 0.0
     beyond = score >= (STAYS if on > 0.5 else 1.0)
     if i == 0:
-        if score >= 1.0 and f * x.sign <= 0.0:
+        # a half period is counted by one sample: only where noise alone does not come
+        if math.fabs(f) >= max(most, p.floor * x.f_sigma) and f * x.sign <= 0.0:
             x.half = x.half + 1.0 if x.since < 1.0 else 1.0
             x.sign, x.since = math.copysign(1.0, f), 0.0
         # an oscillation is beyond its threshold for less than the confirmation time at once: it counts half periods
@@ -269,7 +274,7 @@ def _silent(x, why):
     x.alarm_elevator, x.alarm_n_z, x.alarm_alpha = 0.0, 0.0, 0.0
     for i in range(3):
         x.held[i], x.timer[i] = 0.0, 0.0
-    x.swing = 0.0
+    x.swing, x.half = 0.0, 0.0
     for j in range(frequencies.LEVELS):
         x.bank_seen[j] = 0.0
     for k in range(frequencies.K):

@@ -19,6 +19,7 @@ DETECTOR = {
     **dict.fromkeys((*COUNTS, "fault_free_runs"), 1480),
     **dict.fromkeys(("delay_s", "right_s", "standing_s", "false_alarms_per_hour_high", "step_us", "log_fault"), 1234.5),
     **{"id": "ema_kalman_flight", "availability": 1.0, "false_alarms_per_hour": 236.0, "why_not_valid": None},
+    **{"false_alarms": 1480, "hours": 12.5},
     "families": [
         {"family": "hydraulic.ofc_liquid", "unit": "mm", "note": "", "a90": 12.34, "a90_95": 23.45, "delay_s": 12.34,
          "right_s": 23.45, **dict.fromkeys(COUNTS, 1480)},
