@@ -80,7 +80,7 @@ def _own(aircraft, names, check, flights, output, workers):
     """Make, unless only to be checked, designs and thresholds of another aircraft; return {detector: problem}."""
     from cosim.errors import DesignError
     from cosim.scenario.aircraft import load_aircraft
-    from cosim.training import own as work
+    from cosim.training import aircraft_designs as work
 
     if names:
         raise DesignError("--aircraft makes all of them", place=names[0], remedy="Leave the name out")

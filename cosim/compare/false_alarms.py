@@ -7,8 +7,8 @@ for all thresholds of the detector times c: c = 1 is the detector as it ships. O
 independent, what happens in one is not.
 
     counted     peaks at or beyond c, exact Poisson interval
-    extremes    generalised Pareto tail of the highest peaks (cosim/compare/tails.py)
-    crossings   where the residual is stationary and Gaussian by test (cosim/compare/crossings.py)
+    extremes    generalised Pareto tail of the highest peaks (cosim/compare/extreme_value.py)
+    crossings   where the residual is stationary and Gaussian by test (cosim/compare/rice_rate.py)
 
 The tail is also fitted to half of the flights, drawn, and held against the count of the rest. All of it is of this
 model: of this aircraft, these sensors, gusts and tolerances, in this mix of flights.
@@ -25,9 +25,9 @@ from cosim.campaign.jobs import work
 from cosim.campaign.quiet import WINDOW_S, FaultFreeFlight, fly, space
 from cosim.campaign.space import Space
 from cosim.campaign.store import CampaignError
-from cosim.compare import tails
-from cosim.compare.crossings import Gaussian, gaussian
+from cosim.compare import extreme_value
 from cosim.compare.metrics import rate
+from cosim.compare.rice_rate import Gaussian, gaussian
 from cosim.errors import did_you_mean
 from fdi import registry
 
@@ -107,10 +107,10 @@ def curve(name: str, flown: Sequence[FaultFreeFlight]) -> dict:
     flight = np.repeat(np.arange(len(lanes)), [len(lane.peaks) for lane in lanes])
     windows = np.concatenate([lane.peaks for lane in lanes])
     alarms = sum(lane.alarms for lane in lanes)
-    tail = tails.fit(peak, hours) if hours else tails.Tail(0.0, note="never judges")
+    tail = extreme_value.fit(peak, hours) if hours else extreme_value.Tail(0.0, note="never judges")
     moments = [m for lane in lanes for m in lane.moments]
     exact = gaussian(moments, flown[0].dt) if moments else Gaussian(flown[0].dt, note="its statistic has no sign")
-    levels = _levels(peak, tail)
+    levels, upper = _levels(peak, tail), np.quantile(windows, 0.99)
     out = {
         "id": name,
         "level": registry.record(name).level,
@@ -119,12 +119,12 @@ def curve(name: str, flown: Sequence[FaultFreeFlight]) -> dict:
         "alarms": alarms,
         "alarms_per_hour": _plain(rate(alarms, hours)) if hours else None,
         "largest": float(peak.max()),
-        "highest": np.sort(peak)[::-1][: 2 * tails.PEAKS].round(6).tolist(),
+        "highest": np.sort(peak)[::-1][: 2 * extreme_value.PEAKS].round(6).tolist(),
         "fit": _fit(tail),
         "gaussian": exact.note or None,
-        "stability": tails.stability(peak, hours) if hours else [],
+        "stability": extreme_value.stability(peak, hours) if hours else [],
         "extremal_index": [
-            {"run_s": n * WINDOW_S, "index": tails.extremal_index(windows, flight, np.quantile(windows, 0.99), n)}
+            {"run_s": n * WINDOW_S, "index": extreme_value.extremal_index(windows, flight, upper, n)}
             for n in (1, 2, 5, 10, 20)
         ],
         "curve": _curve(levels, peak, hours, tail, exact),
@@ -169,7 +169,7 @@ def _at(c, peak, hours, tail):
     if not hours:
         return None
     far = not tail.note and c >= tail.u
-    found = tail.rate(c) if far else tails.counted(peak, hours, c)
+    found = tail.rate(c) if far else extreme_value.counted(peak, hours, c)
     return {k: float(v[0]) for k, v in found._asdict().items()} | {"by": "extremes" if far else "counted"}
 
 
@@ -187,7 +187,7 @@ def _curve(levels, peak, hours, tail, exact):
     out: dict[str, Any] = {"c": levels.tolist()}
     if not hours:
         return out
-    out["counted"] = {k: v.tolist() for k, v in tails.counted(peak, hours, levels)._asdict().items()}
+    out["counted"] = {k: v.tolist() for k, v in extreme_value.counted(peak, hours, levels)._asdict().items()}
     if not tail.note:
         on = levels >= tail.u
         found = tail.rate(levels[on])
@@ -221,13 +221,13 @@ def _held_out(lanes):
     if not all(hours):
         return []
     peak = [np.array([lane.peaks.max() for lane in half]) for half in (fitted, rest)]
-    tail = tails.fit(peak[0], hours[0])
+    tail = extreme_value.fit(peak[0], hours[0])
     out = []
     for wanted in HELD_OUT:
         if tail.note or wanted > tail.k / tail.hours:
             continue
         c = tail.level(wanted).value
-        predicted, seen = tail.rate(c), tails.counted(peak[1], hours[1], c)
+        predicted, seen = tail.rate(c), extreme_value.counted(peak[1], hours[1], c)
         agree = bool(predicted.low[0] <= seen.high[0] and seen.low[0] <= predicted.high[0])
         count = round(float(seen.value[0]) * hours[1])
         out.append({"rate": wanted, "level": c, "low": float(predicted.low[0]), "high": float(predicted.high[0]),

@@ -1,7 +1,7 @@
 """Designs and thresholds that were made for an aircraft of its own: `designs/` and `thresholds/` in its folder.
 
-`cosim design --aircraft DIR` makes them (cosim/training/own.py). `designs/made.json` says from which numbers: a
-detector whose design is of other numbers than fly is left out, as one without.
+`cosim design --aircraft DIR` makes them (cosim/training/aircraft_designs.py). `designs/made.json` says from which
+numbers: a detector whose design is of other numbers than fly is left out, as one without.
 """
 
 import functools

@@ -2,8 +2,8 @@
 
 FLIGHTS of 60 s at points drawn over mass, CG, altitude and speed, eight manoeuvres, four airs, every aerodynamic
 coefficient 5 % up or down, noise NOISE_SCALE, and STILL long ones. Each statistic is held against what it may grow
-with, all of it measured (`cosim.training.tail`), at one PROBABILITY of a false alarm per flight and detector, shared
-among what it tests.
+with, all of it measured (`cosim.training.threshold_fit`), at one PROBABILITY of a false alarm per flight and detector,
+shared among what it tests.
 """
 
 import json
@@ -28,7 +28,7 @@ from cosim.flight.site import site
 from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.tolerance import toleranced
 from cosim.training.flights import DT, scenario
-from cosim.training.tail import PROBABILITY, limit
+from cosim.training.threshold_fit import PROBABILITY, limit
 from fdi import registry
 from fdi.common import bank, compact, tuning
 from fdi.control_redundancy.core import NR

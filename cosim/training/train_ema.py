@@ -1,8 +1,8 @@
 """Thresholds of the detectors on electromechanical segments from fault-free flights that nothing else uses.
 
-The flights are drawn as those of `train_lu17`, from other seeds, in four levels of turbulence, with four
+The flights are drawn as those of `train_hydraulic`, from other seeds, in four levels of turbulence, with four
 electromechanical segments of which every symbol is off by up to 5 %, arm and lead by up to 0.3 %, and whose velocity
-sensors have the bias that a healthy one may have. The limits follow from `cosim.training.tail`, at the PROBABILITY of
+sensors have the bias that a healthy one may have. The limits follow from `threshold_fit`, at the PROBABILITY of
 a false alarm per flight and detector at which those of the aircraft level are trained, shared among the tests. That of
 the position monitor leaves severe turbulence out, where a surface does not follow its command as closely.
 
@@ -26,9 +26,9 @@ from cosim.flight.signals import detect
 from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.tolerance import toleranced
 from cosim.training.flights import DT, TOLERANCE, ema_wires, fly_ema
-from cosim.training.tail import exceeded, limit
+from cosim.training.threshold_fit import exceeded, limit
 from cosim.training.train_aircraft import PROBABILITY, blocks
-from cosim.training.train_lu17 import FOLDER, NOISE_SCALE, START_S, fitting, training
+from cosim.training.train_hydraulic import FOLDER, NOISE_SCALE, START_S, fitting, training
 from fdi.common import compact, tuning
 from fdi.ema import drive, ema_kalman_flight
 from fdi.monitors import position_monitor

@@ -4,7 +4,7 @@ The flights are at points, in manoeuvres as those of `train_aircraft`: FLIGHTS o
 aircraft and actuator up to 5 % off, noise NOISE_SCALE, four hydraulic segments each. Those of the crossing counter are
 at SPEEDS, half of them at corners of the actuator's tolerances, in half of these the three symbols that matter most as
 WORST says. Each statistic is held against the motion that it may grow with, at PROBABILITY of a false alarm per flight
-and detector (`cosim.training.tail`). The position monitor of electromechanical segments is trained by `train_ema`.
+and detector (`threshold_fit`). The position monitor of electromechanical segments is trained by `train_ema`.
 
     cosim train monitors --check      fly the training set, say what would change
     cosim train monitors              and write fdi/thresholds/*.json
@@ -19,9 +19,9 @@ from actuators.block import kernel
 from cosim.campaign.jobs import work
 from cosim.files import replace_text
 from cosim.training.flights import DT, POINT, TOLERANCE, TURBULENCE, draw, fly_hydraulic, watch
-from cosim.training.tail import PROBABILITY, exceeded, limit
+from cosim.training.threshold_fit import PROBABILITY, exceeded, limit
 from cosim.training.train_aircraft import KINDS, blocks, trimming
-from cosim.training.train_lu17 import FLIGHTS, FOLDER, NOISE_SCALE, START_S
+from cosim.training.train_hydraulic import FLIGHTS, FOLDER, NOISE_SCALE, START_S
 from fdi.common import compact
 from fdi.monitors import ofc_monitor, position_monitor
 

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from cosim.training import train_ema, train_lu17, train_monitors
-from cosim.training.tail import PROBABILITY
+from cosim.training import train_ema, train_hydraulic, train_monitors
+from cosim.training.threshold_fit import PROBABILITY
 from fdi.monitors import ofc_monitor, position_monitor
 
 
@@ -51,4 +51,4 @@ def test_flights_of_training_are_nobody_elses():
     own = {f["seed"] for f in train_monitors.training()}
     assert len(own) == len(train_monitors.training())
     assert not own & {f["seed"] for f in train_ema.flights()}
-    assert max(own) < train_lu17.TRAINING + 1000  # below the seeds of evaluation
+    assert max(own) < train_hydraulic.TRAINING + 1000  # below the seeds of evaluation

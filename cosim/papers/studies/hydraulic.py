@@ -11,7 +11,7 @@ import numpy as np
 from cosim.papers.studies import Question
 from cosim.papers.studies import hydraulic_cases as s
 from cosim.papers.studies.hydraulic_loop import FEEDBACKS, feedback_flight, long_flight
-from cosim.training.train_lu17 import EVALUATION
+from cosim.training.train_hydraulic import EVALUATION
 
 ABOUT = "What the hydraulic detectors see of which fault, how soon, under which name."
 # Seeds of these flights. On 17000 to 17059, 18000 to 18059 and 33000 to 33305 the decision was amended: a signal in

@@ -3,7 +3,7 @@
 The flights, FLIGHTS of 60 s, are at points drawn over the envelope of `train_aircraft`: eight manoeuvres, also such
 that move the elevator in steps, three levels of turbulence, aircraft and actuator up to 5 % off, noise NOISE_SCALE,
 four segments each. A threshold is what the largest statistic of a flight exceeds with PROBABILITY, shared among the
-detector's TESTS and their frequencies (`cosim.training.tail`), what scales with the drive left out; one that needs
+detector's TESTS and their frequencies (`threshold_fit`), what scales with the drive left out; one that needs
 several samples to agree takes the largest that they agree on. What watches electromechanical segments is trained by
 `train_ema`, the monitors by `train_monitors`.
 
@@ -35,7 +35,7 @@ from cosim.training.flights import (
     watch,
     wires,
 )
-from cosim.training.tail import PROBABILITY, exceeded
+from cosim.training.threshold_fit import PROBABILITY, exceeded
 from cosim.training.train_aircraft import HELD, trimming
 from fdi.common import bank, compact
 from fdi.hydraulic import iotsekf, rtsekf, windows

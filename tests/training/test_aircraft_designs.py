@@ -14,7 +14,7 @@ from cosim.flight.plant.aero import estimate
 from cosim.flight.plant.force_model import force_model
 from cosim.flight.site import site
 from cosim.scenario.aircraft import _read, load_aircraft
-from cosim.training import own
+from cosim.training import aircraft_designs
 from fdi import registry
 from fdi.common.tuning import thresholds
 
@@ -37,7 +37,7 @@ def flown(aircraft, *changes):
 
 
 def test_a_folder_with_designs_flies_with_them(copied):
-    assert left_out(flown(copied)) == {} and not any(own.check(str(copied)).values())
+    assert left_out(flown(copied)) == {} and not any(aircraft_designs.check(str(copied)).values())
 
 
 def test_a_folder_without_says_so_with_the_command(copied):
@@ -96,19 +96,19 @@ def test_a_threshold_that_no_detector_has_is_refused(copied):
 
 def test_the_default_aircraft_is_refused():
     with pytest.raises(DesignError, match="its designs are those of fdi/"):
-        own.make("transport")
+        aircraft_designs.make("transport")
 
 
 def test_too_few_flights_are_refused():
     with pytest.raises(DesignError, match="allowed: at least 32"):
-        own.make("narrowbody", flights=8)
+        aircraft_designs.make("narrowbody", flights=8)
 
 
 def test_training_flights_are_flights_of_that_aircraft():
-    flight = own.arguments(str(TWIN.folder), 5, 7)
+    flight = aircraft_designs.arguments(str(TWIN.folder), 5, 7)
     low, high = TWIN.mass.mass_t
     assert low <= flight["flight"]["mass_t"] <= high and len(flight["technology"]) == len(TWIN.segments)
-    assert flight == own.arguments(str(TWIN.folder), 5, 7)
+    assert flight == aircraft_designs.arguments(str(TWIN.folder), 5, 7)
 
 
 def test_three_engines_leave_out_who_reads_four_and_train_the_others(copied):
@@ -118,11 +118,11 @@ def test_three_engines_leave_out_who_reads_four_and_train_the_others(copied):
         path.write_text(text)
     assert left_out(flown(copied))["control_redundancy"] == "it reads n1_4, the aircraft has 3 engines"
     three = load_aircraft(str(copied))
-    assert own.fits(three) == ("lpv_smo", "kinematic", "rfafe", "rfafe_airframe")
-    frame = own.flown(three, own.arguments(str(copied), 0, 7) | {"duration": 0.5})
+    assert aircraft_designs.fits(three) == ("lpv_smo", "kinematic", "rfafe", "rfafe_airframe")
+    frame = aircraft_designs.flown(three, aircraft_designs.arguments(str(copied), 0, 7) | {"duration": 0.5})
     with pytest.raises(DesignError, match=r"3 engines; allowed: 1, 2 or 4"):
-        own.make(str(copied))
-    assert len(frame) == 100 and "control_redundancy" not in own.check(str(copied))
+        aircraft_designs.make(str(copied))
+    assert len(frame) == 100 and "control_redundancy" not in aircraft_designs.check(str(copied))
 
 
 def test_an_oscillation_is_seen_on_the_twin_by_who_sees_it_on_the_transport():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cosim.training.tail import exceeded, limit, quantile
+from cosim.training.threshold_fit import exceeded, limit, quantile
 from cosim.training.train_aircraft import alternating
 
 

@@ -9,8 +9,8 @@ from processes import DT, Process, memory, peaks
 from scipy import stats
 
 from cosim.campaign.quiet import Moments
-from cosim.compare import tails
-from cosim.compare.crossings import crossing, gaussian
+from cosim.compare import extreme_value
+from cosim.compare.rice_rate import crossing, gaussian
 
 RATES = (1e-2, 1e-5, 1e-9)  # per hour
 HOURS, REPLICATES = 100.0, 1000
@@ -36,7 +36,7 @@ def coverage(process, replicates, *, seed=10_000, hours=HOURS):
     for i in range(replicates):
         windows, flights = process.windows(hours, seed + i)
         peak, of = peaks(windows, flights, memory(windows, flights))
-        tail = tails.fit(peak, hours, flights=of)
+        tail = extreme_value.fit(peak, hours, flights=of)
         if tail.note:
             ended += 1
             continue
@@ -70,7 +70,7 @@ def test_more_peaks_than_the_tail_has_would_not_cover():
     level, missed = process.level(1e-5), 0
     for i in range(6):
         windows, flights = process.windows(HOURS, i)
-        found = tails.fit(peaks(windows, flights, 4)[0], HOURS, 5 * tails.PEAKS).rate(level)
+        found = extreme_value.fit(peaks(windows, flights, 4)[0], HOURS, 5 * extreme_value.PEAKS).rate(level)
         missed += not found.low[0] <= 1e-5 <= found.high[0]
     assert missed >= 4
 
@@ -79,7 +79,7 @@ def test_the_exact_rates_agree_with_what_can_be_counted_and_with_what_is_known()
     for process in (Process(0.9), Process(0.6, df=4)):
         level = process.level(5.0)
         windows, flights = process.windows(200.0, 3)
-        seen = tails.counted(peaks(windows, flights, memory(windows, flights))[0], 200.0, level)
+        seen = extreme_value.counted(peaks(windows, flights, memory(windows, flights))[0], 200.0, level)
         assert seen.low[0] < 5.0 < seen.high[0]
     fine = Process(0.6).rate(8.0)  # steps forget each other at high levels
     assert fine == pytest.approx(2.0 * stats.norm.sf(8.0) * 3600.0 / DT, rel=1e-3)
@@ -89,7 +89,7 @@ def test_the_exact_rates_agree_with_what_can_be_counted_and_with_what_is_known()
 def test_a_fit_gives_back_what_it_was_drawn_from_and_its_interval_shrinks():
     rng = np.random.default_rng(1)
     peak = 2.0 + stats.genpareto.rvs(0.1, scale=0.5, size=4000, random_state=rng)
-    few, many = tails.fit(peak[:500], 10.0), tails.fit(peak, 80.0, 800)
+    few, many = extreme_value.fit(peak[:500], 10.0), extreme_value.fit(peak, 80.0, 800)
     for tail in (few, many):
         exact = 50.0 * stats.genpareto.sf(6.0 - 2.0, 0.1, scale=0.5)
         found = tail.rate(6.0)
@@ -106,14 +106,14 @@ def test_a_fit_gives_back_what_it_was_drawn_from_and_its_interval_shrinks():
 
 def test_where_there_is_no_tail_the_curve_ends_and_says_why():
     rng = np.random.default_rng(2)
-    assert "peaks" in tails.fit(rng.normal(size=100), 1.0).note
-    assert "saturates" in tails.fit(np.minimum(rng.exponential(size=5000), 2.0), 1.0).note
+    assert "peaks" in extreme_value.fit(rng.normal(size=100), 1.0).note
+    assert "saturates" in extreme_value.fit(np.minimum(rng.exponential(size=5000), 2.0), 1.0).note
     two = np.concatenate([rng.normal(0.0, 0.01, 900), rng.normal(10.0, 0.01, 60)])
-    ended = tails.fit(two, 1.0)
+    ended = extreme_value.fit(two, 1.0)
     assert "Pareto" in ended.note
     with pytest.raises(ValueError, match="Pareto"):
         ended.rate(11.0)
-    good = tails.fit(rng.exponential(size=5000), 1.0)
+    good = extreme_value.fit(rng.exponential(size=5000), 1.0)
     with pytest.raises(ValueError, match="holds from"):
         good.rate(good.u - 0.1)
 
@@ -126,7 +126,7 @@ def test_peaks_that_a_rare_condition_makes_are_told():
         for seed in range(4):
             windows, flights = process.windows(HOURS, seed)
             peak, of = peaks(windows, flights, 4)
-            told.append("flights" in tails.fit(peak, HOURS, flights=of).note)
+            told.append("flights" in extreme_value.fit(peak, HOURS, flights=of).note)
     assert told == [True] * 4 + [False] * 4
 
 
@@ -136,9 +136,9 @@ def test_peaks_stand_apart_and_never_across_flights():
     heights, of = peaks(m, flights, 2)
     assert list(heights) == [5.0, 6.0, 7.0] and list(of) == [0, 0, 1]
     assert list(peaks(m, flights, 1)[0]) == [5.0, 4.0, 6.0, 7.0]
-    assert tails.extremal_index(m, flights, 3.5, 1) == 4 / 4
-    assert tails.extremal_index(m, flights, 3.5, 2) == 3 / 4
-    assert math.isnan(tails.extremal_index(m, flights, 9.0, 2))
+    assert extreme_value.extremal_index(m, flights, 3.5, 1) == 4 / 4
+    assert extreme_value.extremal_index(m, flights, 3.5, 2) == 3 / 4
+    assert math.isnan(extreme_value.extremal_index(m, flights, 9.0, 2))
 
 
 def test_the_memory_of_a_process_is_found():
