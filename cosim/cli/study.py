@@ -190,18 +190,18 @@ def train(
     """Fly the fault-free training set of some detectors' thresholds and store what it finds."""
     from cosim.training import trainer
 
-    module = trainer(name)
+    training = trainer(name)
     how = {"folder": output or Path("logs") / f"train-{name}", "workers": workers}
     with tables.progress(err, "training", unit="flights", waiting="preparing") as progress:
-        made = module.train(**how, progress=progress, **({} if first_seed is None else {"first_seed": first_seed}))
+        made = training.train(**how, progress=progress, **({} if first_seed is None else {"first_seed": first_seed}))
     shown = tables.table(
-        "The entry of each threshold that grows most", "file", "set", "threshold", "stored>", "trained>"
+        "The entry of each threshold that changes most", "file", "set", "threshold", "stored>", "trained>"
     )
-    for row in module.changes(made):
+    for row in training.changes(made):
         shown.add_row(*map(tables.cell, row))
     out.print(shown)
     if not check:
-        module.store(made)
+        training.store(made)
 
 
 def reproduced(found: dict[str, Any]) -> Group:

@@ -6,13 +6,29 @@ program); its scale follows from the largest y / (x w) of every flight: their up
 """
 
 import numpy as np
+from scipy.ndimage import minimum_filter1d
 from scipy.optimize import linprog
 from scipy.sparse import csr_matrix, hstack, identity
 
 PROBABILITY = 1e-3  # of a false alarm of a detector in a flight of 60 s: what `cosim train` finds is trained to it
 LEVELS = (0.97, 0.99, 0.999, 0.9999)  # of the regression, to choose from
 LEAST = 0.25
+BLOCK_S = 1.0
+HELD = 0.8  # of its confirmation time: a statistic that lasts so long counts as one that alarms
 UPPER = 0.8  # from this quantile of the flights on the tail is exponential
+
+
+def blocks(y: np.ndarray, features: list, valid: np.ndarray, dt: float, hold: float = 0.0) -> np.ndarray:
+    """Return (blocks, 1 + features): of each second the largest y (ticks,) that lasted for `hold` [s], and the
+    features (ticks,) or numbers there. Blocks without one are left out."""
+    y = np.where(valid, y, 0.0)
+    if hold > 0.0:
+        y = minimum_filter1d(y, max(round(hold / dt), 1))
+    n = round(BLOCK_S / dt)
+    at = np.arange(0, len(y) - n + 1, n)
+    at = at + y[: len(at) * n].reshape(-1, n).argmax(axis=1)
+    at = at[y[at] > 0.0]
+    return np.stack([y[at], *(np.broadcast_to(f, len(y))[at] for f in features)], axis=1)
 
 
 def quantile(y: np.ndarray, x: np.ndarray, level: float) -> np.ndarray:
