@@ -284,7 +284,7 @@ def limits(values: list[dict], prior: dict) -> list[Trained]:
             rows = [np.array(v[part]) for v in own if part in v]
             if part in PIECES:
                 rows = [piece[None] for flight in rows for piece in flight]
-            w, found[part] = limit(rows, share / tests.count(test))
+            w, found[part] = limit(rows, share / tests.count(test), f"{name}, {part}")
             made[part] = w.tolist()
         about: dict[str, Any] = {"air": list(TRAINED_IN[name]), "found": found}
         rounded = decimals
