@@ -30,8 +30,8 @@ from typing import Any
 
 import numpy as np
 
-from actuators.native import PLAIN, Native
-from actuators.sources import cache_dir
+from actuators.object_cache import PLAIN, Native
+from actuators.source_hash import cache_dir
 
 SAYS = ("r", "alarm", "verdict", "culprit", "valid")  # outputs of every detector
 NOT_FINITE = 11.0  # among the codes of fdi/common/why.py
@@ -168,12 +168,12 @@ def entry(step: Any, STATE: np.dtype, INPUTS: np.dtype, PARAMS: np.dtype) -> "En
 
 
 def _sweep():
-    from actuators.sweep import KINDS, sweep
+    from actuators.rollout_kernel import KINDS, sweep
 
     return sweep, KINDS
 
 
-SWEEP = Native("sweep", Path(__file__).with_name("sweep.py"), (ctypes.c_void_p,), _sweep, f"{__name__}:SWEEP")
+SWEEP = Native("sweep", Path(__file__).with_name("rollout_kernel.py"), (ctypes.c_void_p,), _sweep, f"{__name__}:SWEEP")
 
 
 class Entry:
@@ -294,7 +294,7 @@ class Entry:
         """Return the function of pointers that Numba compiles, and its types."""
         from numba import carray, from_dtype, types
 
-        from actuators.pointers import wholes
+        from actuators.numba_intrinsics import wholes
 
         step, spoil, size = self.step, self.spoil, self.kinds[0].itemsize
 

@@ -7,7 +7,7 @@ What it gets and gives stands in words with units, a table of the scenario maps 
     outputs   surface; rod, pressure (share of supply) where there are such sensors
     start     surface, and the inputs, before the first tick: in load equilibrium
 
-A fault that enters with the command acts before the FMU; inside it there is none of ours. An FMU runs code of its
+A fault that enters with the command acts before the FMU; inside it no fault of ours acts. An FMU runs code of its
 author with the user's rights.
 """
 

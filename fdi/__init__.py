@@ -6,8 +6,8 @@
     detector.rollout(x, u, p, dt, log)             # u: (lanes, ticks) of INPUTS; log: (lanes, ticks) of STATE, filled
     fdi.record("ema_kalman_flight").estimates      # what it declares: inputs, technologies, faults, units
 
-`cosim.fly` flies the signals that a detector reads, `cosim.flight.signals.detect` runs it over them. The names below
-are imported when they are first used.
+`cosim.fly` flies the signals that a detector reads, `cosim.flight.loop.signals.detect` runs it over them. The names
+below are imported when they are first used.
 """
 
 import importlib

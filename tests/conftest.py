@@ -8,7 +8,7 @@ import pytest
 
 import cosim
 from cosim.campaign.pool import THREADS, finished
-from cosim.flight import compiling
+from cosim.flight.loop import compiling
 from fdi import registry
 
 for _name in THREADS:  # read by the processes that pytest starts: each is a core's already

@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parent.parent
 DIGESTS = """
 import json, sys
 from pathlib import Path
-from actuators import sources
+from actuators import source_hash
 import cosim.campaign.store as store
 from cosim.flight.blocks import law
 
@@ -75,37 +75,37 @@ def test_every_file_that_can_change_a_row_or_a_kernel_changes_its_digest(tmp_pat
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="owners are a matter of POSIX")
 def test_a_cache_that_others_can_write_to_is_not_used(tmp_path, monkeypatch):
-    from actuators import sources
+    from actuators import source_hash
 
     for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("HOME", str(tmp_path / "home" / "gone"))
-    monkeypatch.setattr(sources.tempfile, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr(source_hash.tempfile, "gettempdir", lambda: str(tmp_path))
     (tmp_path / "home").write_text("")  # a home that cannot be written
-    sources.cache_root.cache_clear()
+    source_hash.cache_root.cache_clear()
     own = tmp_path / f"cosim-kernels-{os.getuid()}"
-    assert sources.cache_root() == own and own.stat().st_mode & 0o777 == 0o700
+    assert source_hash.cache_root() == own and own.stat().st_mode & 0o777 == 0o700
     own.chmod(0o777)
-    sources.cache_root.cache_clear()
-    assert sources.cache_root() is None
+    source_hash.cache_root.cache_clear()
+    assert source_hash.cache_root() is None
     own.rmdir()
     (tmp_path / "elsewhere").mkdir()
     own.symlink_to(tmp_path / "elsewhere")
-    sources.cache_root.cache_clear()
-    assert sources.cache_root() is None
-    sources.cache_root.cache_clear()
+    source_hash.cache_root.cache_clear()
+    assert source_hash.cache_root() is None
+    source_hash.cache_root.cache_clear()
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid") or os.getuid() != 0, reason="only root can plant another's file")
 def test_a_planted_file_of_another_user_is_never_unpickled(tmp_path):
-    from actuators import sources
+    from actuators import source_hash
 
-    assert sources.private(tmp_path / "cache")
+    assert source_hash.private(tmp_path / "cache")
     planted = tmp_path / "cache" / "x.nbi"
     planted.write_bytes(pickle.dumps(os.getcwd))
-    assert sources._all_private(tmp_path / "cache")
+    assert source_hash._all_private(tmp_path / "cache")
     os.chown(planted, 12345, 12345)
-    assert not sources._all_private(tmp_path / "cache")
+    assert not source_hash._all_private(tmp_path / "cache")
 
 
 def test_a_file_that_cannot_be_written_whole_stays_as_it_was(tmp_path):

@@ -1,4 +1,4 @@
-"""Commands killed at random moments, by SIGKILL and SIGTERM: nothing of the user's is lost, resumes give the same rows.
+"""Commands killed at random moments, by SIGKILL and SIGTERM: no user file is lost, resumes give the same rows.
 
 COSIM_KILLS kills, printed by command (`pytest -m slow -s tests/test_kills.py`).
 """

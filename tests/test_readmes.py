@@ -48,7 +48,7 @@ def test_toml_of_a_page_loads(page, text, tmp_path):
     table = tomllib.loads(text)
     if "signals" in table:
         assert {"de_cmd", "alpha", "left_inner.rod"} <= set(load_map(tmp_path / "file.toml")[0].signals)
-    elif "grid" in table:
+    elif "base" in table:
         assert len(load_campaign(tmp_path / "file.toml").scenarios()[0]) > 1
     else:
         assert parse(table).warnings() == []

@@ -18,7 +18,7 @@ import numpy as np
 from actuators.block import kernel
 from actuators.common.ackermann import place
 from actuators.common.limits import flush, within
-from actuators.portable import rounded
+from actuators.deterministic_linalg import rounded
 
 PARAM_FIELDS = [
     ("k1", "f8"),  # position to velocity [1/s]

@@ -26,8 +26,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from actuators.kept import kept
-from actuators.portable import rounded
+from actuators.deterministic_linalg import rounded
+from actuators.disk_cache import kept
 
 # [Jay] section 4, T = 5 ms, as printed
 PHI = np.array(

@@ -27,8 +27,8 @@ from actuators.block import dtype, entry, kernel, record
 from actuators.common import linkage, reference
 from actuators.common.ackermann import place
 from actuators.common.limits import clip
+from actuators.deterministic_linalg import rounded
 from actuators.ema import jay
-from actuators.portable import rounded
 
 PARAMS = dtype(
     [

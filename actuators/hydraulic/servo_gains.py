@@ -7,10 +7,10 @@ import numpy as np
 
 from actuators.block import briefly
 from actuators.common.ackermann import place
+from actuators.deterministic_linalg import rounded
+from actuators.disk_cache import kept
 from actuators.ema import jay
 from actuators.hydraulic import lu17
-from actuators.kept import kept
-from actuators.portable import rounded
 
 # sensor set `transport` (1 sigma per sample), and how fast the unknown may move
 SIGMA_ROD, SIGMA_PRESSURE = 1e-4, 0.005  # [m], [1]

@@ -22,7 +22,7 @@ TECHNOLOGY = Technology(
     article="a simple",
     modules=_modules,
     design=_design,
-    build=None,  # with the other surfaces that have plain actuators, in one block (cosim/flight/actuation.py)
+    build=None,  # with the other surfaces that have plain actuators, in one block (cosim/flight/blocks/actuation.py)
     sensors={
         "surface": Sensor(
             "delta", "surface position, trailing edge down +", (SURFACE_DEG,),

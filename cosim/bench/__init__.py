@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from actuators import child
+from actuators import subprocess_env
 from cosim.bench.growth import growth, worker_mb
 from cosim.bench.log import log_costs
 from cosim.bench.ticks import measure
-from cosim.flight.plant.crossing import crossing
-from cosim.replay.lanes import BLOCK_BYTES
+from cosim.flight.plant.property_pointers import crossing
+from cosim.replay.detector_replay import BLOCK_BYTES
 from cosim.scenario import load_scenario
 
 ROUNDS = 15
@@ -143,7 +143,7 @@ def _command(*args):
 # `cosim run`, ended when its first tick is done
 _FIRST = """
 import os, sys
-from cosim.flight.tape import Tape
+from cosim.flight.loop.schedule import Tape
 run = Tape.run
 def first(tape, k):
     run(tape, k)
@@ -165,14 +165,14 @@ def _startup(folder):
     """
     log = str(Path(folder) / "start.mcap")
     cases = {
-        "python": child.command("pass"),
-        "import": child.command("import cosim"),
+        "python": subprocess_env.command("pass"),
+        "import": subprocess_env.command("import cosim"),
         "help": _command("--help"),
-        "first_tick": [*child.command(_FIRST), "-o", log],
+        "first_tick": [*subprocess_env.command(_FIRST), "-o", log],
         "run": _command("run", "cruise", "--json", "--set", "duration_s=1", "-o", log),
         "flight": _command("run", "-o", log),
     }
-    env = {name: value for name, value in child.surroundings().items() if name != "PYTHONDONTWRITEBYTECODE"}
+    env = {name: value for name, value in subprocess_env.surroundings().items() if name != "PYTHONDONTWRITEBYTECODE"}
     env["PYTHONPYCACHEPREFIX"] = str(Path(folder) / "bytecode")
     told: dict[str, Any] = {}
     for name, args in cases.items():
@@ -207,7 +207,7 @@ def _peak_mb(folder):
         return None
     log = str(Path(folder) / LONG)
     args = _command("run", "cruise", "--json", "--set", f"duration_s={MEMORY_FLIGHT_S}", "-o", log)
-    call, env = [*child.command(_PEAK), *args], child.surroundings()
+    call, env = [*subprocess_env.command(_PEAK), *args], subprocess_env.surroundings()
     told = subprocess.run(call, env=env, stdout=subprocess.PIPE, check=True, text=True).stdout
     outcome, peak = told.splitlines()
     if json.loads(outcome)["status"] != "completed":

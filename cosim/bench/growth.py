@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators import child
+from actuators import subprocess_env
 from cosim.bench.ticks import ELEVEN, QUIET, flying, timed
 from cosim.scenario import load_scenario
 
@@ -80,6 +80,6 @@ def worker_mb() -> float | None:
     """Return the peak resident memory [MB] of a campaign's worker after two flights, None where nobody tells."""
     if sys.platform == "win32":
         return None
-    args, env = [*child.command(_BETWEEN), _WORKER], child.surroundings()
+    args, env = [*subprocess_env.command(_BETWEEN), _WORKER], subprocess_env.surroundings()
     told = subprocess.run(args, env=env, stdout=subprocess.PIPE, check=True, text=True).stdout
     return int(told) * (1 if sys.platform == "darwin" else 1024) / 1e6

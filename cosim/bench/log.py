@@ -9,7 +9,7 @@ import numpy as np
 
 from cosim.log import open_log
 from cosim.replay import SPAN, replay
-from cosim.replay.lanes import describe, fill, pieces, replay_lane
+from cosim.replay.detector_replay import describe, fill, pieces, replay_lane
 
 ROUNDS = 3  # the best counts
 TOPIC = "/truth/aircraft"

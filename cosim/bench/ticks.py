@@ -72,7 +72,7 @@ def measure(folder: Path, rounds: int, progress: Callable[[int], None]) -> tuple
 def flying(scenario: Scenario, path: Path | None = None, open_logs: Any = None) -> tuple[Callable[[], None], Any]:
     """Return (what flies one tick of a scenario, its loop), logged to `path` unless that is None."""
     from cosim.flight.build import build
-    from cosim.flight.recorder import open_writer
+    from cosim.flight.loop.recorder import open_writer
 
     setup = build(scenario)
     tape = setup.loop.tape(*([open_logs.enter_context(open_writer(setup, path))] if path else []))

@@ -17,7 +17,7 @@ without a result has one row. What is of the lane, not of a fault, stands on the
     delay_s, delay_periods  from the onset; null when missed or not concerned
     fault                   number of the fault that the figures are about
     first_verdict           class that was said first; first_right: it was right in class and part
-    isolated_class/_target  name that stood for half of the last 2 s of the alarm
+    isolated_class/_target  name that stood for half of the last 1 s of the alarm
     class_given, place_given   right, wrong or not given (cosim/judge/naming.py); place_level: finest level of a right
                             place: axis, side, segment, channel
     right                   class and place of that name are right; first_sure_wrong: the first name with a class is not
@@ -37,7 +37,8 @@ without a result has one row. What is of the lane, not of a fault, stands on the
     r_max_after             largest |r| from that onset on, null when fault-free; |r| >= 1 is beyond the threshold
     estimate_rmse, _bias, _max, _unit    error of the estimate after settling (cosim/judge/estimation.py), or null
     rod_mm, surface_deg, travel_pct      achieved peak against the twin flight, largest of the faulted segments
-    amplitude_mm, amplitude_deg          achieved amplitude of an oscillation, by least squares (cosim/flight/twin.py)
+    amplitude_mm, amplitude_deg          achieved amplitude of an oscillation, by least squares
+    (cosim/flight/faults/fault_free_reference.py)
     kept                    rules by which the run's log was kept (logs/<run>.mcap), comma-separated, or empty
 
 timing.parquet holds what a clock measured, and never repeats: run, id, wall_time_s, startup_s, core_s (processor time
@@ -66,6 +67,7 @@ from cosim.errors import LogError, OutputError
 from cosim.files import regular, replace, replace_text
 from cosim.scenario import Scenario
 from cosim.scenario.brought import identified
+from cosim.table import Table
 from fdi import registry
 
 EVALUATION_SEED = 1_000_000
@@ -93,6 +95,20 @@ class CampaignResult:
     resumed: int  # of these, found in the folder
     damaged: tuple[str, ...] = ()  # files of the folder that were no more whole: their runs were flown again
     notes: tuple[str, ...] = ()  # what is worth knowing and no error
+
+    def __repr__(self) -> str:
+        counts = self.frame.drop_duplicates("run")["status"].value_counts()
+        told = ", ".join(f"{n} {status}" for status, n in counts.items())
+        names = ", ".join(self.frame["id"].dropna().unique())
+        return f"CampaignResult: {self.done} runs ({told}), detectors {names or 'none'}, {self.parquet or 'no folder'}"
+
+    def _repr_html_(self) -> str:
+        lanes = self.frame[self.frame["id"].notna()]
+        made = Table(repr(self), "detector", "level", "faults>", "detected>", "false alarms>", kind="")
+        for (level, name), rows in lanes.groupby(["level", "id"]):
+            mine = rows[rows["concerned"].astype(bool)]
+            made.add(name, level, len(mine), int(mine["delay_s"].notna().sum()), int(rows["false_alarms"].sum()))
+        return made._repr_html_()
 
     def to_dict(self) -> dict:
         """Return the JSON of `cosim campaign`."""
@@ -203,7 +219,7 @@ def _kept(frame, keep, runs, out):
     """Choose runs by the rules `keep`, fly them again with a log in `out`/logs; return the column `kept`."""
     if not keep or out is None:
         return ""
-    from cosim.campaign.keep import choose
+    from cosim.campaign.log_selection import choose
 
     chosen = choose(frame, keep)
     (out / "logs").mkdir(exist_ok=True)

@@ -18,6 +18,7 @@ from cosim.errors import TrimError
 from cosim.flight.plant.plant import FlightPoint, Plant
 from cosim.scenario.aircraft import load_aircraft
 from cosim.scenario.catalog import TECHNOLOGIES
+from cosim.table import Column, Table, of
 
 REASONS = {  # the first word of a TrimError -> what it means on a map
     "stall": "stall: the wing gives less lift than level flight needs",
@@ -129,3 +130,19 @@ def _mass(mass, part):
     spans = {name: [float(part[name].min()), float(part[name].max())]
              for name in ("cas_kt", "mach", "alpha_deg", "stabilizer_deg", "throttle")}  # fmt: skip
     return {"mass_t": float(mass), "trimmed": len(part), "highest_ft": float(part["altitude_ft"].max()), **spans}
+
+
+def masses(found: dict[str, Any]) -> Table:
+    """Return the Table of `summary` by mass: what is flown."""
+
+    def span(key, digits, factor=1.0):
+        return lambda m: " to ".join(f"{factor * v:.{digits}f}" for v in m[key])
+
+    columns = (
+        Column("mass", lambda m: f"{m['mass_t']:.0f}", "t"), Column("points", "trimmed"),
+        Column("speed", span("cas_kt", 0), "kt CAS"), Column("Mach", span("mach", 2)),
+        Column("highest", lambda m: f"{m['highest_ft']:,.0f}", "ft"),
+        Column("angle of attack", span("alpha_deg", 1), "deg"), Column("stabiliser", span("stabilizer_deg", 1), "deg"),
+        Column("throttle", span("throttle", 0, 100.0), "%"),
+    )  # fmt: skip
+    return of(columns, found["masses"])

@@ -1,4 +1,4 @@
-"""Do many small independent jobs in processes of their own; what is done is kept, so that a killed study goes on.
+"""Do many small independent jobs in processes of their own; what is done is kept, so that a killed one goes on.
 
 A job is (function, {argument: plain value}): the function stands at the top of a module and returns plain data. Each
 finished job is one line of `results.jsonl` with a digest of its own, below a first line with one of the code that
@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from actuators.sources import closure
+from actuators.source_hash import closure
 from cosim.campaign.pool import finished
 from cosim.campaign.store import fingerprint
 from cosim.errors import OutputError
@@ -139,8 +139,9 @@ class _Results:
 
 
 def _key(job):
-    """Return the text that tells a job from every other."""
+    """Return the text that tells a job from every other; paths of a user's `files` are not in it, their digest is."""
     function, arguments = job
+    arguments = {k: v for k, v in arguments.items() if k != "files"}
     return json.dumps([f"{function.__module__}.{function.__name__}", arguments], sort_keys=True)
 
 

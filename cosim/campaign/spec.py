@@ -19,7 +19,7 @@
     name = "jams"                   # column label.part
     set = { "faults.0.kind" = "jam_solid" }
     grid = { ... }                  # also draw, runs
-    [keep]                          # logs of the worst runs per rule and detector: cosim/campaign/keep.py
+    [keep]                          # logs of the worst runs per rule and detector: cosim/campaign/log_selection.py
     missed = 1
 
 Keys are those of a scenario, as with --set. A table's `name` becomes the column label.<key>.
@@ -29,6 +29,7 @@ import csv
 import itertools
 import math
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from importlib import resources
@@ -36,7 +37,7 @@ from pathlib import Path
 
 from cosim.campaign import EVALUATION_SEED
 from cosim.campaign.draw import draw, unit_cube
-from cosim.campaign.keep import RULES
+from cosim.campaign.log_selection import RULES
 from cosim.campaign.store import CampaignError
 from cosim.errors import CosimError, did_you_mean
 from cosim.scenario import Scenario, load_scenario, parse
@@ -127,6 +128,10 @@ def scenario_of(base: dict, chosen: dict, place: str, folder: Path | None = None
         return identified(parse(locate(table, folder, place), place=place)), names
     except CosimError as error:
         error.place = error.place if error.place.startswith(place) else f"{place}: {error.place}".replace("--set ", "")
+        if gone := re.search(r"faults\.(\d+)\.(target|kind)$", error.place):
+            i = gone[1]
+            wins = f"`faults = []` of base, [set] or [grid] wins over what [draw] and [grid] say of faults.{i}"
+            error.remedy = f"{wins}: give it target and kind, or say this in the faulty [[part]] alone"
         raise
 
 
@@ -168,7 +173,7 @@ def _checked(name, folder, table):
             near = did_you_mean(rule, RULES)
             raise CampaignError("is no rule", place=f"{name}: keep.{rule}", allowed=", ".join(RULES), remedy=near)
         if isinstance(count, bool) or not isinstance(count, int) or not 0 < count <= 100:
-            raise CampaignError(f"{count!r} is no number of logs", place=f"{name}: keep.{rule}", allowed="1 to 100")
+            raise CampaignError(f"number of logs is {count!r}", place=f"{name}: keep.{rule}", allowed="1 to 100")
     base = _base(table.get("base", "cruise"), folder)
     parts = []
     for i, own in enumerate(table.get("part", [{}])):

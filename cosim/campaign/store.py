@@ -22,7 +22,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from actuators.sources import closure
+from actuators.source_hash import closure
 from cosim.errors import CosimError, OutputError
 from cosim.files import FULL, SPACE, beside, held, regular, replace_text, sweep
 from cosim.judge.consequences import NAMES as CONSEQUENCES
@@ -86,7 +86,7 @@ def folder(out: str | Path) -> Iterator[None]:
     """Make the folder of a campaign and keep other campaigns out of it; remove what killed ones have left half done.
 
     Raises OutputError, with what to do, when it cannot be written, now or later, another campaign has it, or it holds a
-    file of somebody's that a campaign would write over.
+    foreign file that a campaign would overwrite.
     """
     out = Path(out)
     try:
@@ -148,7 +148,7 @@ class Store:
         self._timing: list[dict] = []
         self.finished: set[str] = set()
         self.damaged: list[str] = []  # parts of the folder that are left out and flown again
-        self.others: dict[str, int] = {}  # rows in the folder of each run that is none of `scenarios`: left out
+        self.others: dict[str, int] = {}  # rows in the folder of each run that is not in `scenarios`: left out
         if self.out:
             self._open(self.out, resume, anew, list(files))
 

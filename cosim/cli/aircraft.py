@@ -4,11 +4,10 @@ import json
 from typing import Annotated
 
 import typer
-from rich.text import Text
 
 from cosim.cli.app import app, out
 from cosim.cli.output import JsonOption
-from cosim.cli.tables import table
+from cosim.table import Cell, Table
 
 
 @app.command("check-aircraft")
@@ -23,9 +22,9 @@ def check_aircraft(
     if json_:
         print(json.dumps({"aircraft": aircraft, "findings": [vars(f) for f in found]}, allow_nan=False))
     else:
-        t = table("", "", "point", "found")
+        t = Table("", "", "point", "found")
         for f in found:
-            t.add_row(Text("good", "green") if f.good else Text("wrong", "red"), f.point, f.found)
+            t.add(Cell("good", "good") if f.good else Cell("wrong", "bad"), f.point, f.found)
         out.print(t)
     if not all(f.good for f in found):
         raise typer.Exit(1)

@@ -32,7 +32,7 @@ if os.environ.get("_COSIM_COMPLETE") == "complete_bash" and not _asked:
 WIDE = None if sys.stdout.isatty() or TOLD else 110  # a pipe has no width: do not fold its tables
 
 
-# of a title or a name that somebody else wrote: what would steer the terminal, or turn the direction of reading
+# of a title or a name from a foreign file: what would steer the terminal, or turn the direction of reading
 _STEERING = dict.fromkeys({*range(32), *range(127, 160), 0x61C, 0x200E, 0x200F, *range(0x2028, 0x202F),
                            *range(0x2066, 0x206A)} - {ord("\t"), ord("\n")}, "?")  # fmt: skip
 

@@ -6,14 +6,13 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Group
-from rich.table import Table
 from rich.text import Text
 
 from cosim.cli.app import answer, app, err
 from cosim.cli.output import JsonOption
-from cosim.cli.tables import NOTHING, number, table
 from cosim.cli.tables import progress as bar
 from cosim.errors import CosimError
+from cosim.table import DASH, Table, number
 from cosim.texts import from_json, read
 
 
@@ -61,11 +60,11 @@ def read_bench(path: Path) -> dict[str, Any]:
 
 def compared(before: Mapping[str, Any], now: Mapping[str, Any]) -> Table:
     """Return the table of both: ratios to a yardstick of their own run, seconds, and the quotient now / before."""
-    t = table("Before and now", "what", "before>", "now>", "now / before>")
+    t = Table("Before and now", "what", "before>", "now>", "now / before>")
     old, new = _numbers(before), _numbers(now)
     for name in dict.fromkeys([*new, *old]):
         a, b = old.get(name), new.get(name)
-        t.add_row(name, number(a), number(b), number(b / a) if a and b else NOTHING)
+        t.add(name, number(a), number(b), number(b / a) if a and b else DASH)
     return t
 
 
@@ -86,16 +85,16 @@ def _numbers(found):
 
 def shown(found: dict[str, Any]) -> Group:
     """Return the tables of `cosim bench`."""
-    t = table("Cost per tick", "case", "µs/tick>", "ratio>", "spread>", "to")
+    t = Table("Cost per tick", "case", "µs/tick>", "ratio>", "spread>", "to")
     for r in found["cases"]:
-        spread = NOTHING if r["spread"] is None else f"{100 * r['spread']:.0f} %"
-        t.add_row(r["name"], number(r["us_per_tick"]), number(r["ratio"]), spread, r["against"] or "")
+        spread = DASH if r["spread"] is None else f"{100 * r['spread']:.0f} %"
+        t.add(r["name"], number(r["us_per_tick"]), number(r["ratio"]), spread, r["against"] or "")
     recorded = found.get("recorded")
     again = recorded["replay_us"] if recorded else {}
-    d = table("Detectors, per step and lane", "detector", "lanes>", "live µs>", "batch µs>", "replay µs>")
+    d = Table("Detectors, per step and lane", "detector", "lanes>", "live µs>", "batch µs>", "replay µs>")
     for r in found["detectors"]:
         costs = (r["live_us"], r["batch_us"], again.get(r["id"]))
-        d.add_row(r["id"], str(r["lanes"]), *map(number, costs))
+        d.add(r["id"], str(r["lanes"]), *map(number, costs))
     rate, start = found["realtime_factor"], found["startup"]
     all_, minutes = f"{rate['with_detectors']:.0f} x", found["memory_flight_s"] / 60
     lines = [
@@ -103,8 +102,8 @@ def shown(found: dict[str, Any]) -> Group:
         f"warm start     {start['first_tick_cpu_s']:.2f} s of the processor to the first tick, "
         f"{start['run_cpu_s']:.2f} s for a run of 1 s, {start['flight_cpu_s']:.2f} s for the default flight and its "
         f"report; help {start['help_cpu_s']:.2f} s",
-        f"peak memory    {number(found['peak_mb'], 0)} MB in a flight of {minutes:.0f} minutes; a campaign's "
-        f"worker {number(found['worker_mb'], 0)} MB",
+        f"peak memory    {number(found['peak_mb'])} MB in a flight of {minutes:.0f} minutes; a campaign's "
+        f"worker {number(found['worker_mb'])} MB",
     ]
     if recorded:
         r = recorded
@@ -115,21 +114,21 @@ def shown(found: dict[str, Any]) -> Group:
             f"replay         {r['detectors_realtime']:.0f} x real time for every detector, "
             f"{r['replay_realtime']:.0f} x with reading and comparing",
         ]
-    g = table("Growth", "over", "cost in", "fixed>", "each>", "off the line>", "measured")
+    g = Table("Growth", "over", "cost in", "fixed>", "each>", "off the line>", "measured")
     for line in found["growth"]:
         points = ", ".join(f"{x:g}: {y:.3g}" for x, y in line["points"])
         off = f"{100 * line['off']:.0f} %"
-        g.add_row(line["over"], line["unit"], number(line["offset"], 3), number(line["slope"], 4), off, points)
+        g.add(line["over"], line["unit"], number(line["offset"]), number(line["slope"], 4), off, points)
     return Group(t, d, g, Text("\n".join(lines)))
 
 
 def campaign_speed(found: dict[str, Any]) -> Group:
     """Return what `cosim bench --campaign` measured."""
-    shown = table(found["campaign"], "processes", "flights>", "wall s>", "flights/min>", "x real time>", "outcomes")
+    shown = Table(found["campaign"], "processes", "flights>", "wall s>", "flights/min>", "x real time>", "outcomes")
     for case in found["cases"]:
         wall, times = f"{case['wall_s']:.1f}", f"{case['flown_s'] / case['wall_s']:.0f}"
         outcomes = ", ".join(f"{n} {name}" for name, n in case["outcomes"].items())
         rate = f"{60 * case['flights'] / case['wall_s']:.0f}"
-        shown.add_row(str(case["workers"]), str(case["flights"]), wall, rate, times, outcomes)
+        shown.add(str(case["workers"]), str(case["flights"]), wall, rate, times, outcomes)
     rows = "rows equal" if found["equal"] else "rows differ"
     return Group(shown, f"{found['ratio']:.2f} times as fast as one process; {rows}; {found['crashed']} crashed")

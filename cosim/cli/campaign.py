@@ -2,16 +2,14 @@
 near each detector came to an alarm.
 """
 
-import math
-
 import pandas as pd
 from rich.console import Group
-from rich.table import Table as RichTable
 from rich.text import Text
 
 from cosim.campaign import CampaignResult
-from cosim.cli.tables import number, table
 from cosim.compare.metrics import delays, proportion
+from cosim.judge.lanes import seconds
+from cosim.table import Column, Table, number, of, share
 
 FAILED = ("infeasible", "error", "crashed")
 TEXTS = 5  # different errors that are printed
@@ -21,25 +19,18 @@ def campaign(result: CampaignResult) -> Group:
     """Return the table of a campaign's outcome."""
     frame = result.frame
     lanes = frame[frame["id"].notna()]
-    t = table(
-        "", "detector", "level", "faults>", "detected>", "median delay s>", "periods>", "false flights>", "95 % bound>"
-    )
-    for (level, name), rows in lanes.groupby(["level", "id"], sort=True):
-        mine = rows[rows["concerned"].astype(bool)]
-        false = rows.groupby("run")["false_alarms"].max() > 0
-        bound = proportion(int(false.sum()), len(false)).high
-        found = mine["delay_s"].dropna()
-        median = [_median(mine[key]) for key in ("delay_s", "delay_periods")]
-        t.add_row(
-            name, level, str(len(mine)), str(len(found)), number(median[0]), number(median[1]),
-            f"{int(false.sum())}/{len(false)}", f"{100 * bound:.1f} %",
-        )  # fmt: skip
-    t.caption_justify = "left"
-    t.caption = (
-        "faults: that concern the detector, per actuator it watches, also those it is not made for (`cosim compare` "
-        "counts those it is, once per flight); median delay: a missed fault is endless, - where half are missed; "
-        "false flights: with a false alarm; bound: Clopper-Pearson, per flight"
-    )
+    counted = [_detector(level, name, rows) for (level, name), rows in lanes.groupby(["level", "id"], sort=True)]
+    columns = (
+        Column("detector", right=False), Column("level", rank=3, right=False),
+        Column("faults", doc="that concern the detector, per actuator it watches, also those it is not made for "
+               "(`cosim compare` counts those it is, once per flight)"),
+        Column("detected"),
+        Column("first alarm", unit="s", doc="median from the onset on, a missed fault counts as endless"),
+        Column("delay", unit="periods", rank=2),
+        Column("false flights", doc="flights with a false alarm"),
+        Column("95 % bound", doc="of its probability, per flight", rank=1),
+    )  # fmt: skip
+    t = of(columns, counted)
     status = frame.drop_duplicates("run")["status"].value_counts()
     line = ", ".join(f"{n} {name}" for name, n in status.items())
     text = f"{result.done} runs: {line}" + (f"; {result.resumed} were there already" if result.resumed else "")
@@ -48,10 +39,16 @@ def campaign(result: CampaignResult) -> Group:
     return Group(*shown, *more, Text(text), *_told(errors(frame)), Text(f"rows   {result.parquet}"))
 
 
-def _median(late):
-    """Return the median of delays of which a missed one (NaN) is endless; None when that is the median, or no fault."""
-    found = delays(late.to_numpy()).median if len(late) else math.inf
-    return found if math.isfinite(found) else None
+def _detector(level, name, rows):
+    """Return the record of one detector from its rows."""
+    mine, false = rows[rows["concerned"].astype(bool)], rows.groupby("run")["false_alarms"].max() > 0
+    late = {key: delays(mine[key].to_numpy()).median if len(mine) else None for key in ("delay_s", "delay_periods")}
+    return {
+        "detector": name, "level": level, "faults": len(mine), "detected": int(mine["delay_s"].notna().sum()),
+        "first alarm": seconds(late["delay_s"]), "delay": number(late["delay_periods"], 2),
+        "false flights": f"{int(false.sum())}/{len(false)}",
+        "95 % bound": share(proportion(int(false.sum()), len(false)).high),
+    }  # fmt: skip
 
 
 def errors(frame: pd.DataFrame) -> list[dict]:
@@ -79,18 +76,17 @@ def exit_status(frame: pd.DataFrame) -> int:
 MOST = 5
 
 
-def nearest(lanes: pd.DataFrame) -> RichTable:
+def nearest(lanes: pd.DataFrame) -> Table:
     """Return the table of the MOST largest |r| over its threshold of each detector, one per flight, and where it was.
 
     A statistic beyond its threshold is an alarm only after its confirmation.
     """
-    t = table(f"the {MOST} flights in which each came nearest to an alarm: largest |r|, 1 is the threshold", "detector",
+    t = Table(f"the {MOST} flights in which each came nearest to an alarm: largest |r|, 1 is the threshold", "detector",
               *(f"{i + 1}>" for i in range(MOST)), "the first: seed, manoeuvre, turbulence")
-    t.caption, t.caption_justify = "beyond 1 without an alarm: not for the confirmation time", "left"
+    t.caption = "beyond 1 without an alarm: not for the confirmation time"
     for (_, name), rows in lanes.groupby(["level", "id"], sort=True):
         by_run = rows.sort_values("r_max_before", ascending=False).drop_duplicates("run").head(MOST)
         first = by_run.iloc[0]
         where = [str(first[k]) for k in ("seed", "manoeuvre.kind", "flight.turbulence", "target") if k in by_run]
-        most = [number(None if v != v else v) for v in by_run["r_max_before"]]
-        t.add_row(name, *most, *[number(None)] * (MOST - len(most)), " ".join(where))
+        t.add(name, *by_run["r_max_before"], *[None] * (MOST - len(by_run)), " ".join(where))
     return t

@@ -59,7 +59,7 @@ def campaign(
     from cosim.campaign.run import folder, run_campaign
 
     if worst or likeliest:
-        from cosim.campaign import likeliest as failing
+        from cosim.campaign import design_point_search as failing
         from cosim.campaign import search
 
         path = (output or folder(campaign)) / (f"worst-{worst}.toml" if worst else f"likeliest-{likeliest}.toml")
@@ -89,7 +89,7 @@ def campaign(
 
 def _search(campaign, worst, likeliest, part, json_, **how):
     """Seek a false alarm of detector `worst`, or else the likeliest failure of `likeliest`, and print it."""
-    from cosim.campaign.likeliest import likeliest as seek
+    from cosim.campaign.design_point_search import likeliest as seek
     from cosim.campaign.search import search
 
     does = f"provoking {worst}" if worst else f"seeking {likeliest}'s failure"

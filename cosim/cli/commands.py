@@ -27,8 +27,8 @@ from cosim.cli.app import (
     served,
 )
 from cosim.cli.output import DetectorOption, JsonOption, OverwriteOption, log_name, named, output_option, reserve
-from cosim.cli.tables import table
 from cosim.errors import CosimError, did_you_mean
+from cosim.table import Cell, Table
 
 if TYPE_CHECKING:  # `--help` needs no scenario
     from cosim.scenario import Scenario
@@ -82,9 +82,9 @@ def run(
 
         reserve(page, PAGE, taken=taken)
     overwritten = path.is_file()
-    from cosim.flight.compiling import prepare
-    from cosim.flight.conditions import resolved
-    from cosim.flight.detectors import left_out
+    from cosim.flight.detection.detectors import left_out
+    from cosim.flight.faults.conditions import resolved
+    from cosim.flight.loop.compiling import prepare
     from cosim.flight.simulate import simulate
 
     with named(scenario), tables.compiling(err) as tell:
@@ -94,7 +94,7 @@ def run(
     notes([*flown.warnings(), *(f"{name} does not run: {why}" for name, why in left_out(flown).items())])
     with named(scenario), tables.progress(err, f"flying {Path(scenario).stem}", waiting="preparing") as progress:
         if live:
-            from cosim.flight.live import fly_live
+            from cosim.flight.interactive.live import fly_live
 
             where = LIVE_PORT if port is None else port
             told: Any = {"progress": progress, "ready": served}
@@ -190,13 +190,13 @@ def info(
 def _write_sources(log, scenario, folder):
     """Write the scenario of a log and what is attached to it; say what is not."""
     from cosim.log import open_log
-    from cosim.replay import door
+    from cosim.replay import log_schema
     from cosim.scenario import attached
 
     if not scenario:
         raise CosimError("writes the scenario", place=f"-o {folder}", remedy="Add --scenario")
     found = open_log(log)
-    missing = attached.write(door.scenario_tables(found), found.attachments, folder)
+    missing = attached.write(log_schema.scenario_tables(found), found.attachments, folder)
     notes(f"{key}: the log does not hold its file" for key in missing)
     path = folder / "scenario.toml"
     out.print(tables.whole(f"wrote  {path}\nnext   cosim run {tables.word(path)}"))
@@ -244,50 +244,40 @@ if __name__ == "__main__":
 
 def contents(found: dict[str, Any]) -> Group:
     """Return the tables of `cosim info`."""
-    state = (
-        Text("complete", style="green")
-        if found["complete"]
-        else Text("incomplete: the run did not end by itself", style="yellow")
-    )
-    head = table(found["log"], "", "", show_header=False)
+    state = Cell("complete", "good") if found["complete"] else Cell("incomplete: the run did not end by itself", "warn")
+    head = Table(found["log"], "", "", heads=False)
     for name in ("title", "status", "duration_s", "rate_hz", "ticks", "size_mb"):
         if found.get(name) not in (None, ""):
-            head.add_row(name, str(found[name]))
-    head.add_row("log", state)
+            head.add(name, str(found[name]))
+    head.add("log", state)
     for name in ("gaps", "problem"):
         if found.get(name):
-            head.add_row(name, f"{found[name]} ticks are missing" if name == "gaps" else found[name])
+            head.add(name, f"{found[name]} ticks are missing" if name == "gaps" else found[name])
     for name, value in found["versions"].items():
-        head.add_row(name, value)
-    t = table("Topics", "topic", "rows>", "fields>", "every>", "first fields")
+        head.add(name, value)
+    t = Table("Topics", "topic", "rows>", "fields>", "every>", "first fields")
     for r in found["topics"]:
         more = ", ..." if len(r["fields"]) > 6 else ""
-        t.add_row(
-            r["name"], str(r["rows"]), str(len(r["fields"])), str(r["every"]), ", ".join(r["fields"][:6]) + more
-        )
+        t.add(r["name"], r["rows"], len(r["fields"]), r["every"], ", ".join(r["fields"][:6]) + more)
     return Group(head, t, Text(f"attachments: {', '.join(found['attachments']) or 'none'}"))
 
 
 def trim_and_modes(found: dict[str, Any], scenario: "Scenario") -> Group:
     """Return trim and modes of `cosim linearize`."""
+    from cosim.judge.narrator import point
+
     trim = found["trim"]
-    t = table("Trim", "", ">", "", show_header=False)
+    t = Table("Trim", "", ">", "", heads=False)
     for name, unit in (("alpha_deg", "deg"), ("stabilizer_deg", "deg"), ("throttle", ""), ("residual", "m/s², rad/s²")):
-        t.add_row(name.removesuffix("_deg"), f"{trim[name]:.3g}" if name == "residual" else f"{trim[name]:.4f}", unit)
-    m = table(
-        "Modes of the bare airframe",
-        "mode",
-        "wn, rad/s>",
-        "damping>",
-        "period or tau, s>",
-        "eigenvalue 1/s>",
-    )
+        t.add(name.removesuffix("_deg"), f"{trim[name]:.3g}" if name == "residual" else f"{trim[name]:.4f}", unit)
+    heads = ("wn, rad/s>", "damping>", "period or tau, s>", "eigenvalue, 1/s>")
+    m = Table("Modes of the bare airframe", "mode", *heads)
     for r in found["modes"]:
         real, imag = r["eigenvalue"]
         swings = abs(imag) > 1e-9
         time = 2 * math.pi / abs(imag) if swings else 1 / abs(real)
         value = f"{real:.4f}" + (f" ± {abs(imag):.4f}i" if swings else "")
-        m.add_row(r["name"].replace("_", " "), f"{r['wn_rad_s']:.4f}", f"{r['zeta']:.3f}", f"{time:.2f}", value)
+        m.add(r["name"].replace("_", " "), f"{r['wn_rad_s']:.4f}", f"{r['zeta']:.3f}", f"{time:.2f}", value)
     size = f"{len(found['states'])} states, {len(found['inputs'])} inputs, {len(found['outputs'])} outputs"
     where = f"\nA, B, C, D in {found['file']}" if "file" in found else "; write A, B, C, D with -o model.npz or .mat"
-    return Group(Text(flight.point(scenario)), t, m, Text(size + where))
+    return Group(Text(point(scenario)), t, m, Text(size + where))

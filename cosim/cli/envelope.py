@@ -43,14 +43,8 @@ def envelope(
 
 def shown(found: dict[str, Any]) -> Group:
     """Return the table of an envelope from its plain data."""
-    columns = ("points", "kt CAS", "Mach", "up to ft", "alpha deg", "stabiliser deg", "throttle %")
-    t = tables.table("", "mass", *(f"{name}>" for name in columns))
-    for m in found["masses"]:
-        t.add_row(
-            f"{m['mass_t']:.0f} t", str(m["trimmed"]), _span(m["cas_kt"], 0), _span(m["mach"], 2),
-            f"{m['highest_ft']:.0f}", _span(m["alpha_deg"], 1), _span(m["stabilizer_deg"], 1),
-            _span([100.0 * v for v in m["throttle"]], 0),
-        )  # fmt: skip
+    from cosim.campaign.envelope import masses
+
     why = ", ".join(f"{n} {name}" for name, n in found["reasons"].items())
     lines = [f"{found['trimmed']} of {found['points']} points trim; the others: {why}"]
     for technology, ways in found["stalls"].items():
@@ -59,8 +53,5 @@ def shown(found: dict[str, Any]) -> Group:
                 for way, at in ways.items()]  # fmt: skip
         lines.append(f"{technology}: full elevator {', '.join(said)}")
     lines += [f"{key:<8}{found[key]}" for key in ("report", "picture", "table")]
-    return Group(t, *(Text(line) for line in lines))
+    return Group(masses(found), *(Text(line) for line in lines))
 
-
-def _span(values, digits):
-    return f"{values[0]:.{digits}f} to {values[1]:.{digits}f}"

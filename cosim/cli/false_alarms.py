@@ -17,7 +17,9 @@ from cosim.cli.output import JsonOption, OverwriteOption, WorkersOption, output_
 def false_alarms(
     detectors: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[DETECTOR…]", help="Detectors that ship. Default: all.", show_default=False),
+        typer.Argument(
+            metavar="[DETECTOR…]", help="That ship, or files of your own. Default: all that ship.", show_default=False
+        ),
     ] = None,
     hours: Annotated[float, typer.Option("--hours", min=0.0, help="Flight hours; more go on from there.")] = 100.0,
     campaign: Annotated[
@@ -53,17 +55,9 @@ def false_alarms(
 
 def shown(found: dict, files: dict) -> Group:
     """Return the table of a measurement from its plain data."""
-    t = tables.table("", "detector", "valid h>", "alarms>", "per hour>", "at most>", "c for 1e-9>", "at most>")
-    for d in found["detectors"]:
-        at, needed = d["at_threshold"] or {}, d["needed"] or {}
-        cells = (at.get("value"), at.get("high"), needed.get("value"), needed.get("high"))
-        t.add_row(d["id"], f"{d['hours']:.1f}", str(d["alarms"]), *(_number(x) for x in cells))
-    flown = f"{found['flights']} flights, {found['hours']:.1f} h of {found['campaign']}"
-    said = f"{flown}; bounds at 95 %, of this model; c: all thresholds times this"
-    against = [Text(f"{d['id']}: {'; '.join(d['against'])}") for d in found["detectors"] if d["against"]]
+    from cosim.compare.tables import rates
+
+    flown = Text(f"{found['flights']} flights, {found['hours']:.1f} h of {found['campaign']}", style="dim")
     lines = (tables.whole(f"{key:<8}{path}") for key, path in files.items())
-    return Group(t, Text(said, style="dim"), *against, *lines)
-
-
-def _number(x):
-    return "-" if x is None else "none" if x > 1e99 else f"{x:.2g}"
+    against = [Text(f"{d['id']}: {'; '.join(d['against'])}") for d in found["detectors"] if d["against"]]
+    return Group(rates(found["detectors"], against=False), flown, *against, *lines)

@@ -5,14 +5,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.text import Text
 
 from cosim.cli import tables
 from cosim.cli.app import answer, app, err, out
 from cosim.cli.output import JsonOption, OverwriteOption, output_option, reserve
-from cosim.errors import CosimError
-
-KINDS = ("detector",)
+from cosim.table import Cell, Table
 
 
 def edited(path: Path) -> bool:
@@ -22,28 +19,29 @@ def edited(path: Path) -> bool:
 
 @app.command()
 def new(
-    what: Annotated[str, typer.Argument(metavar="detector", help="What to write: detector.", show_default=False)],
+    what: Annotated[
+        str, typer.Argument(metavar="KIND", help="detector, law, actuator, aircraft or campaign.", show_default=False)
+    ],
     name: Annotated[str, typer.Argument(metavar="NAME", help="Lower-case letters, digits and _.")],
-    output: Annotated[Path, output_option("DIR", "Folder of the two files.")] = Path("."),
+    output: Annotated[Path, output_option("DIR", "Folder of the files.")] = Path("."),
     overwrite: OverwriteOption = False,
     json_: JsonOption = False,
 ) -> None:
-    """Write a detector of your own that runs, and its test: NAME.py and test_NAME.py."""
+    """Write a detector, law, actuator, aircraft or campaign of your own that runs, and its test: test_NAME.py."""
     from cosim.files import replace_text
-    from cosim.flight.plugins.new import texts
+    from cosim.flight.plugins.new import KINDS, texts
 
-    if what not in KINDS:
-        raise CosimError("is nothing to write", place=f"cosim new {what}", allowed=", ".join(KINDS))
-    made = {output / file: text for file, text in texts(name).items()}
+    made = {output / file: text for file, text in texts(name, what).items()}
     for path in made:
         reserve(path, edited)
     for path, text in made.items():
         replace_text(path, text, edited)
-    files = [str(path) for path in made]
-    first = tables.word(files[0])
-    told = [f"wrote  {file}" for file in files]
-    told += [f"next   cosim check-detector {first}", f"       cosim run --detector {first}"]
-    answer(json_, {"files": files}, lambda _: tables.whole("\n".join(told)))
+    test = output / f"test_{name}.py"
+    main = output / name if what == "aircraft" else next(path for path in made if path != test)
+    told = [f"wrote  {main}", f"wrote  {test}"]
+    steps = [step.format(file=tables.word(main), name=name) for step in (*KINDS[what], f"pytest {tables.word(test)}")]
+    told += [f"{'      ' if i else 'next  '} {step}" for i, step in enumerate(steps)]
+    answer(json_, {"files": [str(path) for path in made]}, lambda _: tables.whole("\n".join(told)))
 
 
 @app.command("map")
@@ -95,9 +93,9 @@ def check_detector(
     if json_:
         print(json.dumps(found, allow_nan=False))
     else:
-        t = tables.table(f"{found['id']}, {found['file']}", "", "question", "answer")
-        marks = {"good": Text("✓", "green"), "bad": Text("✗", "red"), "note": Text("!", "yellow")}
+        t = Table(f"{found['id']}, {found['file']}", "", "question", "answer")
+        marks = {"good": Cell("✓", "good"), "bad": Cell("✗", "bad"), "note": Cell("!", "warn")}
         for line in found["checks"]:
-            t.add_row(marks[line["result"]], line["question"], line["answer"])
+            t.add(marks[line["result"]], line["question"], line["answer"])
         out.print(t)
     raise typer.Exit(0 if found["keeps"] else 1)

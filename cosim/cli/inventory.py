@@ -3,33 +3,20 @@
 from typing import Any
 
 from rich.console import Group
-from rich.table import Table
 from rich.text import Text
 
-from cosim.cli.tables import table
+from cosim.table import Column, Row, Table, of
 
 
 def shown(found: dict[str, Any], topic: str | None = None) -> Group | Table:
     """Return the entries of a `topic` of `cosim list`, of every one for "all"; which topics there are for None."""
     if topic is None:
-        t = table("cosim list TOPIC, or cosim list all", "topic", "how many>", "what it is")
+        t = Table("cosim list TOPIC, or cosim list all", "topic", "how many>", "what it is")
         for name, about in TOPICS.items():
-            t.add_row(name, str(len(found[name])), about)
+            t.add(name, str(len(found[name])), about)
         return t
-    tables = {
-        "scenarios": _scenarios,
-        "campaigns": _campaigns,
-        "manoeuvres": _manoeuvres,
-        "faults": _faults,
-        "targets": _targets,
-        "detectors": _detector_list,
-        "classes": _classes,
-        "signals": _signals,
-        "tolerances": _tolerances,
-        "keys": lambda found: [_keys(name, about) for name, about in found["keys"].items()],
-        "examples": _examples,
-    }
-    return Group(*(part for name in (tables if topic == "all" else (topic,)) for part in tables[name](found)))
+    names = TOPICS if topic == "all" else (topic,)
+    return Group(*(part for name in names for part in OWN.get(name, _plain)(found, name)))
 
 
 TOPICS = {
@@ -47,33 +34,32 @@ TOPICS = {
 }
 
 
-def _scenarios(found):
-    s = table("Scenarios: cosim run NAME", "name", "what happens")
-    for r in found["scenarios"]:
-        s.add_row(r["name"], r["title"], style="bold" if r["name"] == found["default"] else "")
-    return [s]
+LISTS = {  # topic -> title, columns of its table
+    "scenarios": ("Scenarios: cosim run NAME", ("name", "what happens:title")),
+    "campaigns": ("Campaigns: cosim campaign NAME", ("name", "what is flown:title")),
+    "manoeuvres": ("Manoeuvres: --set manoeuvre.kind=KIND", ("kind", "what it does:summary", "keys")),
+    "detectors": ("Detectors: --set 'detectors.enabled=[...]'", ("id", "level", "what it is:summary")),
+    "classes": ("Classes that a verdict may name", ("class:name", "what is wrong:summary")),
+    "signals": ("Signals that a detector may read", ("signal:name", "unit", "what it is:summary")),
+    "examples": ("Examples: cosim example NAME copies one here", ("name", "what it does:summary")),
+}
 
 
-def _campaigns(found):
-    many = table("Campaigns: cosim campaign NAME", "name", "what is flown")
-    for r in found["campaigns"]:
-        many.add_row(r["name"], r["title"])
-    return [many]
+def _plain(found, topic):
+    """Return the table of a topic whose entries are records."""
+    title, heads = LISTS[topic]
+    columns = [Column(head, key or head, right=False) for head, _, key in (h.partition(":") for h in heads)]
+    records = [{k: ", ".join(v) if isinstance(v, list | tuple) else v for k, v in r.items()} for r in found[topic]]
+    first = lambda r: "bold" if topic == "scenarios" and r["name"] == found["default"] else ""  # noqa: E731
+    return [of(columns, records, first, title=title)]
 
 
-def _manoeuvres(found):
-    m = table("Manoeuvres: --set manoeuvre.kind=KIND", "kind", "what it does", "keys")
-    for r in found["manoeuvres"]:
-        m.add_row(r["kind"], r["summary"], ", ".join(r["keys"]))
-    return [m]
-
-
-def _faults(found):
+def _faults(found, _):
     places = dict.fromkeys(r["target"] for r in found["faults"])
-    return [*(_faults_on(t, [r for r in found["faults"] if r["target"] == t]) for t in places), *_targets(found)]
+    return [*(_faults_on(t, [r for r in found["faults"] if r["target"] == t]) for t in places), *_targets(found, _)]
 
 
-def _targets(found):
+def _targets(found, _):
     names = found["targets"]
     return [
         Text(f"<segment>  {', '.join(names['segments'])}; groups {', '.join(names['groups'])}"),
@@ -83,43 +69,15 @@ def _targets(found):
     ]
 
 
-def _detector_list(found):
-    d = table("Detectors: --set 'detectors.enabled=[...]'", "id", "level", "what it is")
-    for r in found["detectors"]:
-        d.add_row(r["id"], r["level"], r["summary"])
-    return [d]
+def _tolerances(found, _):
+    groups = dict.fromkeys(r["group"] for r in found["tolerances"])
+    columns = [Column("name", right=False), Column("unit", right=False), Column("what it is", "summary", right=False)]
+    own = {g: [r for r in found["tolerances"] if r["group"] == g] for g in groups}
+    return [of(columns, rows, title=f"[tolerances.{g}], a factor from 0.2 to 5 on") for g, rows in own.items()]
 
 
-def _signals(found):
-    t = table("Signals that a detector may read", "signal", "unit", "what it is")
-    for r in found["signals"]:
-        t.add_row(r["name"], r["unit"], r["summary"])
-    return [t]
-
-
-def _classes(found):
-    t = table("Classes that a verdict may name", "class", "what is wrong")
-    for r in found["classes"]:
-        t.add_row(r["name"], r["summary"])
-    return [t]
-
-
-def _tolerances(found):
-    out = []
-    for group in dict.fromkeys(r["group"] for r in found["tolerances"]):
-        t = table(f"[tolerances.{group}], a factor from 0.2 to 5 on", "name", "unit", "what it is")
-        for r in found["tolerances"]:
-            if r["group"] == group:
-                t.add_row(r["name"], r["unit"], r["summary"])
-        out.append(t)
-    return out
-
-
-def _examples(found):
-    t = table("Examples: cosim example NAME copies one here", "name", "what it does")
-    for r in found["examples"]:
-        t.add_row(r["name"], r["summary"])
-    return [t]
+def _keys(found, _):
+    return [Table(name, "key", "what it means", rows=map(Row, about.items())) for name, about in found["keys"].items()]
 
 
 def _units(units):
@@ -130,20 +88,14 @@ def _units(units):
     return "; ".join(f"{own}: {', '.join(names)}" for own, names in by.items())
 
 
-def _keys(name, about):
-    t = table(name, "key", "what it means")
-    t.columns[0].min_width = 21
-    for key, text in about.items():
-        t.add_row(key, text)
-    return t
-
-
 def _faults_on(target, rows):
-    f = table(f"Faults on {target}", "kind", "what it does", "keys")
-    f.columns[0].min_width, f.columns[1].ratio, f.columns[2].ratio, f.expand = 21, 1, 1, True
+    f = Table(f"Faults on {target}", "kind", "what it does", "keys")
     for r in rows:
         keys = " | ".join(r["one_of"]) + "".join(f", {k}" for k in r["keys"])
         at = f"at = {' | '.join(r['at'])}" if r["at"] else ""
         only = f" ({' and '.join(r['only'])} only)" if r["only"] else ""
-        f.add_row(r["kind"], r["summary"] + only, "; ".join(x for x in (keys, at) if x))
+        f.add(r["kind"], r["summary"] + only, "; ".join(x for x in (keys, at) if x))
     return f
+
+
+OWN = {"faults": _faults, "targets": _targets, "tolerances": _tolerances, "keys": _keys}

@@ -40,7 +40,7 @@ def reserve(
     except OSError as error:
         raise failed(error, path) from None
     if log:
-        from cosim.flight import journal
+        from cosim.flight.interactive import journal
 
         journal.absent(path)
 

@@ -13,9 +13,10 @@ from rich.text import Text
 from cosim.cli.app import LIVE_PORT, LogArg, PortOption, SpeedOption, answer, app, err, notes, only_live, served
 from cosim.cli.flight import before
 from cosim.cli.output import DetectorOption, JsonOption, OverwriteOption, output_option, reserve
-from cosim.cli.tables import NOTHING, number, table, whole
 from cosim.cli.tables import progress as bar
+from cosim.cli.tables import whole
 from cosim.files import LEFT
+from cosim.table import DASH, Table
 
 SHOWN = 12  # differences in the table; all of them are in --json
 MISSING = 6  # signals of a detector that was not run
@@ -118,12 +119,12 @@ def replay(
 def _attached(log, folder):
     """Write the sources of a log into `folder`; return the files of its detectors."""
     from cosim.log import open_log
-    from cosim.replay import door
+    from cosim.replay import log_schema
     from cosim.scenario import attached
     from cosim.scenario.brought import places
 
     found = open_log(log)
-    tables = door.scenario_tables(found)
+    tables = log_schema.scenario_tables(found)
     missing = attached.write(tables, found.attachments, folder)
     own = [at for at in places(tables) if at.name.startswith("detectors.") and at.name not in missing]
     return [folder / at.table[at.key] for at in own]
@@ -146,7 +147,7 @@ def recover(
     Of a flight by hand or live that was killed, which writes its log at its end, fly again what it had come to.
     """
     from cosim.files import left_by
-    from cosim.flight import journal
+    from cosim.flight.interactive import journal
     from cosim.log import recover as work
     from cosim.log.format import OURS
 
@@ -182,14 +183,12 @@ def shown(found: dict[str, Any], detection: bool) -> Group:
 
 
 def _differences(found):
-    t = table("Differences, bit for bit", "field", "differ>", "first tick>", "at s>", "largest>")
+    t = Table("Differences, bit for bit", "field", "differ>", "first tick>", "at s>", "largest>")
     for d in found["differences"][:SHOWN]:
-        gap = NOTHING if d["max_abs"] is None else f"{d['max_abs']:.3g}"
-        t.add_row(
-            d["field"], str(d["count"]), str(d["first_tick"]), f"{d['first_tick'] * found['dt_s']:.3f}", gap
-        )
+        at = f"{d['first_tick'] * found['dt_s']:.3f}"
+        t.add(d["field"], d["count"], d["first_tick"], at, d["max_abs"])
     if len(found["differences"]) > SHOWN:
-        t.caption, t.caption_justify = f"and {len(found['differences']) - SHOWN} fields more (--json has all)", "left"
+        t.caption = f"and {len(found['differences']) - SHOWN} fields more (--json has all)"
     return t
 
 
@@ -205,46 +204,30 @@ def _verdict(found):
 
 
 def _detection(rows, changed):
-    shown = [r for r in rows if not changed or r["id"] in changed]
-    t = table(
-        "Detection, as logged and as replayed",
-        "detector",
-        "watches",
-        "at s>",
-        "now>",
-        "isolated",
-        "now",
-        "false>",
-        "now>",
-    )
-    for r in shown:
+    """Return the table of lanes as logged and as replayed, a line each."""
+    from cosim.judge.lanes import part, seconds
+
+    t = Table("Detection, as logged and as replayed", "detector", "watches", "at, s>", "now, s>", "isolated", "now",
+              "false alarms>", "now>", keys=2)  # fmt: skip
+    for r in (r for r in rows if not changed or r["id"] in changed):
         old, new = r["logged"], r["replayed"]
-        t.add_row(
-            r["id"],
-            r["target"].removeprefix("elevator.").replace("_", " "),
-            number(old["detected_at_s"]) if old else NOTHING,
-            number(new["detected_at_s"]),
-            _isolated(old) if old else "was not there",
-            _isolated(new),
-            str(old["false_alarms"]) if old else NOTHING,
-            str(new["false_alarms"]),
-            style="" if (old and old["alarm"]) or new["alarm"] else "dim",
-        )
+        was = (seconds(old["detected_at_s"]), _isolated(old), old["false_alarms"]) if old else (
+            DASH, "was not there", DASH)  # fmt: skip
+        tone = "" if (old and old["alarm"]) or new["alarm"] else "muted"
+        t.add(r["id"], part(r), was[0], seconds(new["detected_at_s"]), was[1], _isolated(new), was[2],
+              new["false_alarms"], tone=tone)  # fmt: skip
     return t
 
 
 def _isolated(entry):
-    return entry["isolated"]["class"] if entry["isolated"] else NOTHING
+    return entry["isolated"]["class"] if entry["isolated"] else DASH
 
 
 def diagnosis(found: dict[str, Any]) -> Group:
     """Return what the detectors say about foreign data, and what the others lack."""
-    t = table("Verdicts", "detector", "watches", "first alarm s>", "alarms>", "isolated", "largest |r|>", "valid %>")
-    for r in found["detectors"]:
-        where = r["target"].removeprefix("elevator.").replace("_", " ")
-        figures = number(r["r_max"]), number(r["valid_pct"], 0)
-        alarm = number(r["first_alarm_s"]), str(r["alarms"]), _isolated(r)
-        t.add_row(r["id"], where, *alarm, *figures, style="" if r["alarm"] else "dim")
+    from cosim.judge.lanes import verdicts  # `--help` needs no detectors
+
+    t = verdicts(found["detectors"])
     end = found["start_s"] + found["duration_s"]
     head = Text(f"{found['start_s']:.12g} to {end:.12g} s of {found['recording']} at {found['rate_hz']} Hz")
     parts: list[RenderableType] = [head, *(Text(c, style="yellow") for c in found["caveats"]), t]
@@ -258,7 +241,7 @@ def diagnosis(found: dict[str, Any]) -> Group:
 
 def _not_run(rows, named):
     """Return what lacks signals: of segments that the map names nothing of a word, of the others what is missing."""
-    lack = table("Not run", "detector", "watches", "signals that the map lacks")
+    lack = Table("Not run", "detector", "watches", "signals that the map lacks")
     away: dict[str, list] = {}
     for r in rows:
         lane = r["target"].removeprefix("elevator.")
@@ -267,10 +250,10 @@ def _not_run(rows, named):
             continue
         shown = r["missing"][:MISSING]
         more = f" and {len(r['missing']) - MISSING} more" if len(r["missing"]) > MISSING else ""
-        lack.add_row(r["id"], lane.replace("_", " "), ", ".join(shown) + more)
+        lack.add(r["id"], lane.replace("_", " "), ", ".join(shown) + more)
     if away:
         which = ", ".join(lane.replace("_", " ") for lane in away)
-        lack.caption, lack.caption_justify = f"nor any of {which}: the map names no signal of theirs", "left"
+        lack.caption = f"nor any of {which}: the map names no signal of theirs"
     return lack
 
 
@@ -295,10 +278,10 @@ def recovered(found: dict[str, Any]) -> Group:
         head.append("\nscenario or parameters are not as they were written: replay may differ", "red")
     parts: list[RenderableType] = [head]
     if found["lost"]:
-        t = table("Lost", "at byte>", "bytes>", "why")
+        t = Table("Lost", "at byte>", "bytes>", "why")
         for d in found["lost"][:SHOWN]:
-            t.add_row(str(d["offset"]), str(d["bytes"]), d["reason"])
+            t.add(d["offset"], d["bytes"], d["reason"])
         if len(found["lost"]) > SHOWN:
-            t.caption, t.caption_justify = f"and {len(found['lost']) - SHOWN} places more (--json has all)", "left"
+            t.caption = f"and {len(found['lost']) - SHOWN} places more (--json has all)"
         parts.append(t)
     return Group(*parts, Text(f"log    {found['out']}"))

@@ -9,9 +9,7 @@ from rich.text import Text
 
 from cosim.cli import tables
 from cosim.cli.app import answer, app, err
-from cosim.cli.compare import false_alarms
 from cosim.cli.output import JsonOption, OverwriteOption, ReadmeOption, WorkersOption, output_option, reserve
-from cosim.cli.tables import NOTHING, number, table
 
 FEW = 3  # detectors, up to which every family is shown
 MOST = 12  # pairs that are shown
@@ -98,48 +96,11 @@ def ids(found: dict) -> list[str]:
 
 def shown(found: dict) -> Group:
     """Return the tables of a score: `found` is its JSON."""
-    t = table("", "detector", "of>", "seen>", "right>", "amb.>", "wrong>", "n. v.>", "alarm s>", "right s>", "false>",
-              "in h>", "per h>", "below>", "free>", "valid>", "us>", "ln p>")  # fmt: skip
-    for d in found["detectors"]:
-        counts = [str(d[k]) if d["designed"] else NOTHING for k in
-                  ("designed", "detected", "named", "ambiguous", "misnamed", "idle")]  # fmt: skip
-        times = [number(d.get("delay_s")), number(d.get("right_s"))]
-        rate = [*false_alarms(d), number(d["false_alarms_per_hour_high"], 1)]
-        t.add_row(d["id"], *counts, *times, *rate, f"{d['fault_free_alarmed']}/{d['fault_free_runs']}",
-                  f"{d['availability']:.0%}", number(d["step_us"]), number(d["log_fault"]))  # fmt: skip
-    t.caption_justify = "left"
-    t.caption = (
-        "of: faults on parts that it watches and is not blind to by its own word; alarm, right: median time to the "
-        "first alarm and to the right name, a missed one is endless; false, in h: false alarms, and the hours in which "
-        "one would count (valid, without a fault that concerns it); below: exact 95 % bound per hour; "
-        "free: fault-free flights with one; ln p: mean log of what it gave to the truth while the fault lasted"
-    )
-    families = [_families(d) for d in found["detectors"]] if len(found["detectors"]) <= FEW else []
-    pairs = [_pairs(found["pairs"])] if 0 < len(found["pairs"]) <= MOST else []
+    from cosim.compare import tables as made
+
+    each, lines = found["detectors"], [Text(f"{key:<7}{found[key]}") for key in ("report", "table") if key in found]
+    families = [made.scored_families(each)] if len(each) <= FEW else []
+    pairs = [made.pairs(found["pairs"])] if 0 < len(found["pairs"]) <= MOST else []
     flown = f"{found['benchmark']}: {found['flights']} flights, content {found['content']}"
     clock = f"flown or found in {found['flying_s']:.0f} s, scored in {found['scoring_s']:.0f} s"
-    lines = [Text(f"{key:<7}{found[key]}") for key in ("report", "table") if key in found]
-    return Group(Text(flown), t, *families, *pairs, Text(clock), *lines)
-
-
-def _families(d):
-    t = table(d["id"], "family", "of>", "seen>", "right>", "amb.>", "wrong>", "a90>", "a90/95>", "unit", "alarm s>",
-              "right s>")  # fmt: skip
-    blind = [f["family"] for f in d["families"] if not f["designed"]]
-    t.caption_justify, t.caption = "left", f"blind to, or without a part to watch: {', '.join(blind) or 'none'}"
-    for f in (f for f in d["families"] if f["designed"]):
-        size = [number(f["a90"]), number(f["a90_95"])] if f["a90"] else [NOTHING, NOTHING]
-        counts = [str(f[k]) for k in ("designed", "detected", "named", "ambiguous", "misnamed")]
-        unit = f["unit"] if f["a90"] else f["note"]
-        t.add_row(f["family"], *counts, *size, unit, number(f["delay_s"]), number(f["right_s"]))
-    return t
-
-
-def _pairs(pairs):
-    columns = ("a", "b", "at", "flights>", "a alone>", "b alone>", "p>", "a sees more>", "later s>")
-    t = table("Two on the same flights", *columns)
-    for p in pairs:
-        more = NOTHING if p["difference"] is None else f"{p['difference']:+.2f} ({p['low']:+.2f} to {p['high']:+.2f})"
-        late = NOTHING if p["later_s"] is None else f"{p['later_s']:+.2f}"
-        t.add_row(p["a"], p["b"], p["at"], str(p["n"]), str(p["only_a"]), str(p["only_b"]), number(p["p"]), more, late)
-    return t
+    return Group(Text(flown), made.detectors(each, scored=True), *families, *pairs, Text(clock), *lines)

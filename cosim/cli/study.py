@@ -1,20 +1,18 @@
-"""Commands about the detectors' grounds: the papers' experiments, studies, stored designs and thresholds."""
+"""Commands about the detectors' grounds: the papers' experiments, stored designs and thresholds."""
 
-import json
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.console import Group
-from rich.table import Table
-from rich.text import Text
 
 from cosim.cli import tables
 from cosim.cli.app import answer, app, err, out
 from cosim.cli.output import JsonOption, OverwriteOption, ReadmeOption, WorkersOption, output_option, reserve
-from cosim.cli.tables import table
 from cosim.files import columns, replace
+from cosim.table import Cell, Row, Table
 from cosim.training import TRAINERS
 
 
@@ -47,8 +45,9 @@ def reproduce(
             from cosim.report.papers_markdown import write_proof
 
             write_proof(readme, seen)
-        broken = [asdict(b) for b in seen]
-        answer(json_, {"broken": broken}, lambda _: noticed(broken))
+        from cosim.papers.tables import proof as made
+
+        answer(json_, {"broken": [_finite(asdict(b)) for b in seen]}, lambda _: made(seen))
         raise typer.Exit(0 if all(b.seen for b in seen) else 1)
     page, table = (output / f"reproduce-{paper}.{ending}" for ending in ("html", "csv"))
     from cosim.report.page import PAGE
@@ -71,7 +70,9 @@ def reproduce(
 
         write(readme, rows)
         pictures(readme.parent, drawings)
-    answer(json_, found, lambda _: Group(reproduced(found), tables.whole(f"report {found['report']}")))
+    told = {**found, "rows": [_finite(r) for r in found["rows"]]}
+    shown = lambda _: Group(reproduced(rows, found["counts"]), tables.whole(f"report {found['report']}"))  # noqa: E731
+    answer(json_, told, shown)
     if found["counts"]["differs"]:
         raise typer.Exit(1)
 
@@ -134,50 +135,6 @@ def design(
 
 
 @app.command()
-def study(
-    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="A study; left out: lists them.")] = None,
-    questions: Annotated[
-        list[str] | None, typer.Argument(metavar="[QUESTION]…", help="Of the study; default: all.")
-    ] = None,
-    seeds: Annotated[
-        int | None, typer.Option("--seeds", min=1, help="Flights of each case.", show_default=False)
-    ] = None,
-    noise: Annotated[float, typer.Option(min=0.0, max=100.0, help="Sensor noise over that of the set.")] = 1.0,
-    output: Annotated[Path | None, output_option("FOLDER", "Of results; goes on there.")] = None,
-    list_: Annotated[bool, typer.Option("--list", help="Only say what its questions are.")] = False,
-    workers: WorkersOption = None,
-    json_: JsonOption = False,
-) -> None:
-    """Answer a question about the detectors by many small flights, and print its tables."""
-    from cosim.papers import studies as work
-
-    if name is None:
-        shown = tables.table("Studies: `cosim study NAME`", "study", "about")
-        for each in work.NAMES:
-            shown.add_row(each, work.known(each).ABOUT)
-        out.print(shown)
-        return
-    chosen = work.chosen(name, questions or ())
-    if list_:
-        shown = tables.table(work.known(name).ABOUT, "question", "asks", "seeds>")
-        for question in chosen:
-            shown.add_row(question.name, question.asks, str(question.seeds))
-        out.print(shown)
-        return
-    folder, found = output or Path("logs") / f"study-{name}", []
-    with tables.progress(err, f"study {name}", unit="jobs", waiting="preparing") as progress:
-        tell = lambda _, done, total: progress(done, total)  # noqa: E731
-        for question, made in work.run_study(
-            name, questions or (), seeds=seeds, noise=noise, folder=folder, workers=workers, progress=tell
-        ):
-            found.append({"name": question.name, "tables": [t._asdict() for t in made]})
-            for t in () if json_ else made:
-                out.print(tables.plain(t))
-    if json_:
-        print(json.dumps({"study": name, "parts": found}, default=tables.bare))
-
-
-@app.command()
 def train(
     name: Annotated[str, typer.Argument(metavar="NAME", help=f"{', '.join(TRAINERS)}.")],
     check: Annotated[bool, typer.Option("--check", help="Write nothing.")] = False,
@@ -188,49 +145,35 @@ def train(
     workers: WorkersOption = None,
 ) -> None:
     """Fly the fault-free training set of some detectors' thresholds and store what it finds."""
-    from cosim.training import trainer
+    from cosim.training import load
 
-    training = trainer(name)
+    training = load(name)
     how = {"folder": output or Path("logs") / f"train-{name}", "workers": workers}
     with tables.progress(err, "training", unit="flights", waiting="preparing") as progress:
         made = training.train(**how, progress=progress, **({} if first_seed is None else {"first_seed": first_seed}))
-    shown = tables.table(
-        "The entry of each threshold that changes most", "file", "set", "threshold", "stored>", "trained>"
-    )
-    for row in training.changes(made):
-        shown.add_row(*map(tables.cell, row))
-    out.print(shown)
+    heads = ("file", "set", "threshold", "stored>", "trained>")
+    out.print(Table("The entry of each threshold that changes most", *heads, rows=map(Row, training.changes(made))))
     if not check:
         training.store(made)
 
 
-def reproduced(found: dict[str, Any]) -> Group:
+def _finite(row: dict[str, Any]) -> dict[str, Any]:
+    """Return a row with null for a number that JSON cannot hold."""
+    return row if math.isfinite(row["got"]) else {**row, "got": None}
+
+
+def reproduced(found: list[Any], counts: dict[str, int]) -> Group:
     """Return the rows of the papers' experiments, the counts of the verdicts first."""
-    colours = {"agrees": "green", "differs_explained": "yellow", "differs": "red", "ours": "dim", "beyond": "cyan"}
-    words = {v: v.replace("_", ", ") for v in colours}
-    words |= {"ours": "ours (the paper gives no number)", "beyond": "beyond the paper"}
-    total = "   ".join(f"[{colours[v]}]{n} {words[v]}[/]" for v, n in found["counts"].items())
-    t = table("Paper says, we get", "paper", "item", "paper says", "we get>", "band", "verdict")
-    for r in found["rows"]:
-        verdict = Text(r["verdict"].replace("_", ", "), colours[r["verdict"]])
-        item = f"{r['item']} ({r['note']})" if r["note"] else r["item"]
-        t.add_row(r["paper"], item, r["says"], f"{r['got']:.4g}", r["tolerance"], verdict)
-    why = [Text(f"{r['item']}: {r['reason']} ({r['evidence']})") for r in found["rows"] if r["reason"]]
-    return Group(total, t, *why)
+    from cosim.papers import tables as made
 
-
-def noticed(found: list[dict[str, Any]]) -> Table:
-    """Return what rows show with the method broken."""
-    t = table("The method broken in one place", "paper", "row", "what is broken", "value then>", "band", "seen")
-    for b in found:
-        t.add_row(b["paper"], b["item"], b["what"], f"{b['got']:.4g}", b["band"],
-                  Text("yes", "green") if b["seen"] else Text("no", "red"))  # fmt: skip
-    return t
+    words = {"ours": "ours (the paper gives no number)", "beyond": "beyond the paper"}
+    total = "   ".join(f"{n} {words.get(v, made.VERDICTS[v][0])}" for v, n in counts.items())
+    return Group(total, made.rows(found, several=True))
 
 
 def designs(found: dict[str, tuple[str, str]]) -> Table:
     """Return a table of {design: (what it is, problem or "")}."""
-    t = table("Stored designs", "design", "what", "state")
+    t = Table("Stored designs", "design", "what", "state")
     for name, (what, problem) in found.items():
-        t.add_row(name, what, Text(problem, "red") if problem else Text("belongs to this aircraft", "green"))
+        t.add(name, what, Cell(problem, "bad") if problem else Cell("belongs to this aircraft", "good"))
     return t

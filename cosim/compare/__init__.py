@@ -7,14 +7,15 @@ found = compare(["a.mcap", "b.mcap"])    # logs
 found = compare(["logs/my-campaign"])    # a campaign's folder
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
-from cosim.compare import bound
+from cosim.compare import bound, figures, tables
 from cosim.compare import rows as compare_rows
 from cosim.compare import stats as compare_stats
 from cosim.errors import CosimError
@@ -45,9 +46,7 @@ class Comparison:
         return "\n".join([f"Comparison: {self.runs} flights, {self.source}", *rows])
 
     def _repr_html_(self) -> str:
-        keys = ("id", "level", "designed", "detected", "named", "delay_s", "fault_free_alarmed", "fault_free_runs")
-        table = pd.DataFrame(self.detectors)
-        return table[[k for k in keys if k in table]].to_html(index=False, float_format="%.3g", na_rep="–")
+        return tables.detectors(self.detectors).upto(4)._repr_html_()
 
     @cached_property
     def families(self) -> list[dict]:
@@ -58,6 +57,22 @@ class Comparison:
     def sizes(self) -> list[dict]:
         """Return how large an oscillation must be for each level (cosim.compare.stats.sizes)."""
         return compare_stats.sizes(compare_stats.by_group(self.rows, self.detectors))
+
+    def roc(self, detectors: Sequence[str] = ()) -> pd.DataFrame:
+        """Return the operating points of `detectors` (default: all), a row per threshold, with exact 95 % intervals
+        (cosim.compare.figures.roc). Raises CosimError without fault-free flights or faults."""
+        return figures.roc(self.rows, detectors)
+
+    def pod(self, detectors: Sequence[str] = ()) -> pd.DataFrame:
+        """Return probability of detection over achieved amplitude [mm of rod] with bounds, by kind of oscillation and
+        frequency, of each level or of `detectors` (cosim.compare.figures.curves)."""
+        return figures.curves(self.rows, self.detectors, detectors)
+
+    def figure(self, kind: str, detectors: Sequence[str] = ()) -> Any:
+        """Return the matplotlib Figure "roc" or "pod" with its bounds, one column of a journal wide.
+
+        `figure("roc").savefig("roc.pdf")` writes vectors. Needs the extra `plot`; raises CosimError without it."""
+        return figures.figure(kind, self.rows, self.detectors, detectors)
 
     def to_dict(self) -> dict:
         """Return the JSON of `cosim compare`."""

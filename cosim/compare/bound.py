@@ -21,7 +21,7 @@ from scipy import stats
 
 from cosim.compare.rows import flown
 from cosim.flight.blocks.sensors import TRANSPORT
-from cosim.flight.gains import liquid_gain
+from cosim.flight.blocks.servo_gain import liquid_gain
 from cosim.flight.plant.gusts import INTENSITY, SCALE_LENGTH
 from cosim.flight.plant.linearize import LinearModel, linearize
 from cosim.flight.plant.point import FlightPoint

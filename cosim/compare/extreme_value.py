@@ -1,4 +1,4 @@
-"""How often a statistic exceeds a level that the flights never reached: peaks over threshold, with honest intervals.
+"""Extreme-value fit: peaks over threshold, rates beyond the largest value flown, with intervals.
 
     height, of = peaks(windows, flights, run)               # of the maxima per window
     tail = fit(height, hours, flights=of)

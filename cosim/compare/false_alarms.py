@@ -2,8 +2,8 @@
 
     found = false_alarms(hours=100.0, folder="logs/false-alarms")       # flies on where it was left
 
-Of a flight without a fault the maxima of every detector's statistic are kept (cosim/campaign/quiet.py). Level c stands
-for all thresholds of the detector times c: c = 1 is the detector as it ships. One peak per flight: flights are
+Of a flight without a fault the maxima of every detector's statistic are kept (cosim/campaign/fault_free.py). Level c
+stands for all thresholds of the detector times c: c = 1 is the detector as it ships. One peak per flight: flights are
 independent, what happens in one is not.
 
     counted     peaks at or beyond c, exact Poisson interval
@@ -21,14 +21,15 @@ from typing import Any
 
 import numpy as np
 
+from cosim.campaign.fault_free import WINDOW_S, FaultFreeFlight, fly, space
 from cosim.campaign.jobs import work
-from cosim.campaign.quiet import WINDOW_S, FaultFreeFlight, fly, space
-from cosim.campaign.space import Space
 from cosim.campaign.store import CampaignError
+from cosim.campaign.unit_cube import Space
 from cosim.compare import extreme_value
 from cosim.compare.metrics import rate
 from cosim.compare.rice_rate import Gaussian, gaussian
 from cosim.errors import did_you_mean
+from cosim.flight.plugins import load
 from fdi import registry
 
 HELD_OUT = (1.0, 0.3, 0.1)  # per hour: where the fit of half of the flights is held against the count of the rest
@@ -59,20 +60,28 @@ def false_alarms(
     """Fly `hours` of a fault-free campaign and return plain data: hours, flights, and an entry per detector.
 
     `folder` keeps what is flown, so that a killed or shorter measurement goes on; `detectors` are ids, by default all
-    that ship. Raises CampaignError for an unknown detector, or a campaign with faults or parts.
+    that ship, and user files: another version of a file is flown anew. Of a user's detector every crossing of
+    its threshold counts, also one that it does not confirm. Raises CampaignError for an unknown detector, or a campaign
+    with faults or parts; GuestError for a file without a detector.
     """
-    for name in detectors:
+    files = [str(Path(name).resolve()) for name in detectors if Path(name).suffix == ".py"]
+    guests = [load(file) for file in files]
+    ids = [name for name in detectors if Path(name).suffix != ".py"]
+    for name in ids:
         if name not in registry.SHIPPED:
             near = did_you_mean(name, registry.SHIPPED)
-            raise CampaignError(f"{name!r} is no detector", allowed=", ".join(registry.SHIPPED), remedy=near)
+            allowed = f"{', '.join(registry.SHIPPED)}, or a file of your own"
+            raise CampaignError(f"{name!r} is no detector", allowed=allowed, remedy=near)
     made = space(campaign)
     if made.faults:
         raise CampaignError("has faults", place=campaign, remedy="Take a campaign of fault-free flights")
     flights = _flights(made, hours * 3600.0)
-    digest = hashlib.sha256(repr(made.campaign).encode()).hexdigest()[:16]
-    jobs = [(fly, {"campaign": campaign, "number": n, "digest": digest}) for n in range(flights)]
+    said = "".join([repr(made.campaign), *(g.sha256 for g in guests)])
+    digest = hashlib.sha256(said.encode()).hexdigest()[:16]
+    own = {"files": files} if files else {}
+    jobs = [(fly, {"campaign": campaign, "number": n, "digest": digest, **own}) for n in range(flights)]
     flown = work(jobs, folder=folder, workers=workers, progress=progress, read=FaultFreeFlight.read)
-    return summary(flown, campaign, detectors or tuple(registry.SHIPPED))
+    return summary(flown, campaign, [*ids, *(g.DETECTOR.id for g in guests)] or tuple(registry.SHIPPED))
 
 
 def _flights(made: Space, seconds: float) -> int:
@@ -110,7 +119,7 @@ def curve(name: str, flown: Sequence[FaultFreeFlight]) -> dict:
     tail = extreme_value.fit(peak, hours) if hours else extreme_value.Tail(0.0, note="never judges")
     moments = [m for lane in lanes for m in lane.moments]
     exact = gaussian(moments, flown[0].dt) if moments else Gaussian(flown[0].dt, note="its statistic has no sign")
-    levels, upper = _levels(peak, tail), np.quantile(windows, 0.99)
+    levels = _levels(peak, tail)
     out = {
         "id": name,
         "level": registry.record(name).level,
@@ -124,7 +133,10 @@ def curve(name: str, flown: Sequence[FaultFreeFlight]) -> dict:
         "gaussian": exact.note or None,
         "stability": extreme_value.stability(peak, hours) if hours else [],
         "extremal_index": [
-            {"run_s": n * WINDOW_S, "index": extreme_value.extremal_index(windows, flight, upper, n)}
+            {
+                "run_s": n * WINDOW_S,
+                "index": extreme_value.extremal_index(windows, flight, np.quantile(windows, 0.99), n),
+            }
             for n in (1, 2, 5, 10, 20)
         ],
         "curve": _curve(levels, peak, hours, tail, exact),

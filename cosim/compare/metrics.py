@@ -56,15 +56,6 @@ def rate(k: int, hours: float, confidence: float = 0.95) -> Share:
     return Share(k / hours, float(low) / hours, float(high) / hours)
 
 
-def rate_words(k: int, hours: float) -> str:
-    """Return a rate with what it rests on: "0 in 12.3 valid h, ≤ 0.30 per hour"; more than 0 with the interval."""
-    over = f"{k} in {hours:.3g} valid h"
-    if not hours > 0.0:
-        return over
-    value, low, high = rate(k, hours)
-    return f"{over}, {value:.2g} ({low:.2g} to {high:.2g}) per hour" if k else f"{over}, ≤ {high:.2g} per hour"
-
-
 class Delays(NamedTuple):
     """Delay over runs; quantiles take missed runs as later than all others: inf when they reach them."""
 

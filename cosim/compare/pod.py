@@ -7,6 +7,7 @@ and only one sample in twenty would have made it too small (MIL-HDBK-1823A).
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,7 +22,11 @@ SINGULAR = 1e14  # condition number of the information, beyond which its inverse
 
 @dataclass(frozen=True)
 class Pod:
-    """What a sample says: a90 with its bounds (low, a90_95), in the unit of the sizes; None: `note` says why."""
+    """What a sample says: a90 with its bounds (low, a90_95), in the unit of the sizes; None: `note` says why.
+
+    `coefficients` (b0, b1) and their `covariance` ((b0 b0, b0 b1), (b1 b0, b1 b1)) of ln a in the sizes' unit; None
+    without a curve.
+    """
 
     n: int
     seen: int
@@ -29,6 +34,21 @@ class Pod:
     low: float | None = None
     a90_95: float | None = None
     note: str = ""
+    coefficients: tuple[float, float] | None = None
+    covariance: tuple[tuple[float, float], tuple[float, float]] | None = None
+
+    def at(self, size: ArrayLike, confidence: float = 0.95) -> tuple[NDArray, NDArray, NDArray]:
+        """Return (POD, lower, upper bound), each (n,), at `size` (n,), above 0; each bound holds with `confidence`.
+
+        The bounds are those of the linear predictor (delta method), as of a90. Raises ValueError without a curve.
+        """
+        if self.coefficients is None or self.covariance is None:
+            raise ValueError(f"no curve: {self.note}")
+        x, (b0, b1), (row0, row1) = np.log(np.asarray(size, float)), self.coefficients, self.covariance
+        middle, spread = b0 + b1 * x, np.sqrt(row0[0] + 2.0 * x * row0[1] + x * x * row1[1])
+        z = float(stats.norm.ppf(confidence))
+        low, high = special.expit(middle - z * spread), special.expit(middle + z * spread)
+        return special.expit(middle), low, high
 
 
 def fit(size: ArrayLike, seen: ArrayLike, share: float = 0.9, confidence: float = 0.95) -> Pod:
@@ -49,11 +69,12 @@ def fit(size: ArrayLike, seen: ArrayLike, share: float = 0.9, confidence: float 
     (b0, b1), cov = logistic(np.log(a), y)
     if not (np.isfinite(cov).all() and b1 > 0.0):
         return Pod(n, k, note="does not grow with size")
+    curve: dict[str, Any] = {"coefficients": (float(b0), float(b1)), "covariance": tuple(map(tuple, cov.tolist()))}
     wanted, z = math.log(share / (1.0 - share)), float(stats.norm.ppf(confidence))
     at = (wanted - b0) / b1
     first, last = math.log(a.min()), math.log(a.max())
     if not first <= at <= last:
-        return Pod(n, k, note=f"beyond {a.max():.2g}" if at > last else f"below {a.min():.2g}")
+        return Pod(n, k, note=f"beyond {a.max():.2g}" if at > last else f"below {a.min():.2g}", **curve)
 
     def bound(x: float, sign: float) -> float:
         spread = math.sqrt(cov[0, 0] + 2.0 * x * cov[0, 1] + x * x * cov[1, 1])
@@ -63,7 +84,7 @@ def fit(size: ArrayLike, seen: ArrayLike, share: float = 0.9, confidence: float 
     low = brentq(bound, first, at, args=(1.0,)) if bound(first, 1.0) < 0.0 else None
     return Pod(
         n, k, math.exp(at), None if low is None else math.exp(low), None if high is None else math.exp(high),
-        "" if high is not None else f"bound beyond {a.max():.2g}",
+        "" if high is not None else f"bound beyond {a.max():.2g}", **curve,
     )  # fmt: skip
 
 

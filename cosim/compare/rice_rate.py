@@ -1,4 +1,4 @@
-"""How often a stationary Gaussian residual crosses a level follows from two numbers: the bound of Rice.
+"""Rice's rate: how often a stationary Gaussian residual crosses a level.
 
     found = gaussian(Moments.of(flight) for every flight)       # by test, else `found.note` says what is against it
     found.rate(c)                                               # crossings of |r| = c from below, per hour
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
-from cosim.campaign.quiet import Moments
+from cosim.campaign.fault_free import Moments
 from cosim.compare.metrics import UNKNOWN, Band, Share
 
 LEVEL = 0.01  # of each test

@@ -14,7 +14,7 @@ idle                               it could not judge: not valid; why_not_valid 
 detected, delay_s, delay_periods, class     of the first lane that noticed, and of that lane:
 first_verdict, right, class_given, place_given, place_level, first_right, first_sure_wrong, time_to_right_s,
 right_after_motion_s, not_excited, class_changes, ambiguous_s, alarm_share, withdrawn, withdrawn_after_s: as
-cosim/judge/noticed.py
+cosim/judge/detection.py
 outcome                            a word of cosim.judge.naming.outcome, or echo: it alarms in this manoeuvre without a
                                    fault as well; null when fault-free
 false_alarms, standing_s           over all lanes
@@ -33,9 +33,9 @@ from cosim.campaign.store import CampaignError
 from cosim.campaign.worker import run_id
 from cosim.judge import coverage
 from cosim.judge import row as judged
-from cosim.judge.achieved import NAMES as ACHIEVED
+from cosim.judge.fault_effect import NAMES as ACHIEVED
 from cosim.judge.naming import NOT_GIVEN, outcome
-from cosim.replay import door
+from cosim.replay import log_schema
 from cosim.replay.guest import tell
 from cosim.scenario import Scenario, parse
 from cosim.texts import toml
@@ -249,10 +249,10 @@ def of_logs(
     """Return (rows per lane with the columns of a campaign, {run: TOML}) of logs written by `cosim run`.
 
     The judgement is made again from what the detectors put out; achieved amplitudes need the flight and its twin flown
-    again, where a fault acts on an elevator; where files of somebody else's flew they are what the log says. `guests`
+    again, where a fault acts on an elevator; where user files flew they are what the log says. `guests`
     are made guests, run on each flight. Raises LogError.
     """
-    from cosim.flight.twin import achieved, faulted
+    from cosim.flight.faults.fault_free_reference import achieved, faulted
     from cosim.replay.recording import LoggedFlight
 
     rows, tomls = [], {}
@@ -283,7 +283,7 @@ def of_campaign(folder: str | Path) -> tuple:
 
     frame, timing = load(folder)
     told = Path(folder) / "guests.json"
-    for entry in door.guests(told.read_bytes(), str(told)) if told.is_file() else ():
+    for entry in log_schema.guests(told.read_bytes(), str(told)) if told.is_file() else ():
         tell(entry)
     return frame, timing, scenario_texts(folder)
 

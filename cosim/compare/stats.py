@@ -249,6 +249,11 @@ def _of_group(name, own, credible):
     }
 
 
+def bands(hz: pd.Series) -> pd.Series:
+    """Return frequencies [Hz] as they are, those of more than FREQUENCIES as octaves around 0.5, 1, 2, ... Hz."""
+    return hz if hz.nunique() <= FREQUENCIES else 2.0 ** np.round(np.log2(hz))
+
+
 def sizes(grouped: pd.DataFrame) -> list[dict]:
     """Return {group, family, frequency_hz, idle, bound_mm, below, **Pod} by group, kind and frequency [mm of rod].
 
@@ -257,9 +262,7 @@ def sizes(grouped: pd.DataFrame) -> list[dict]:
     than FREQUENCIES different frequencies are taken together in octaves around 0.5, 1, 2, ... Hz.
     """
     own = grouped[grouped["frequency_hz"].notna() & (grouped["amplitude_mm"] > 0.0)]
-    hz = own["frequency_hz"].astype(float)
-    if hz.nunique() > FREQUENCIES:
-        hz = 2.0 ** np.round(np.log2(hz))
+    hz = bands(own["frequency_hz"].astype(float))
     out = []
     for (family, group_, band), part in own.groupby([own["family"], own["group"], hz], sort=True):
         could = part[part["able"]]

@@ -1,6 +1,6 @@
 """Flights that begin in a climb, a descent or a turn, and a fault that waits for something.
 
-The trim is steady: bank, vertical speed and airspeed stay as they begin, until somebody asks for more.
+The trim is steady: bank, vertical speed and airspeed stay as they begin, until a demand changes.
 """
 
 import math

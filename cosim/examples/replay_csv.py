@@ -1,4 +1,4 @@
-"""Run the detectors on a table that somebody else recorded: a CSV in bench units, and the map that explains it.
+"""Run the detectors on a foreign recording: a CSV in bench units, and the map that explains it.
 
 The table is made here from a flight, as a bench would log it: milliseconds, and degrees with the opposite sign.
 """

@@ -8,16 +8,19 @@ import numpy as np
 
 from actuators.block import dtype
 from cosim.errors import ScenarioError
-from cosim.flight import actuation, detectors, inject, wiring
-from cosim.flight.blocks import faults, hinge_model, manoeuvre, sensors
+from cosim.flight.blocks import actuation, faults, hinge_model, manoeuvre, sensors
+from cosim.flight.blocks.corrections import corrections
+from cosim.flight.blocks.noise import Draw, generator
 from cosim.flight.blocks.pilot import steps
-from cosim.flight.bus import Bus
-from cosim.flight.compiling import prepare
-from cosim.flight.corrections import corrections
-from cosim.flight.cost import cost
-from cosim.flight.designed import designed
-from cosim.flight.gains import SENSOR_DELAY
-from cosim.flight.noise import Draw, generator
+from cosim.flight.blocks.servo_gain import SENSOR_DELAY
+from cosim.flight.detection import detectors
+from cosim.flight.detection.cost import cost
+from cosim.flight.faults import inject
+from cosim.flight.loop import wiring
+from cosim.flight.loop.bus import Bus
+from cosim.flight.loop.compiling import prepare
+from cosim.flight.loop.trace import Trace
+from cosim.flight.plant.operating_point import designed
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
 from cosim.flight.plant.trim import Trim
@@ -26,7 +29,6 @@ from cosim.flight.plugins import law as user_law
 from cosim.flight.plugins.inputs import user_inputs
 from cosim.flight.plugins.plain import GuestBlock, PlainDetector
 from cosim.flight.tick import Block, Loop
-from cosim.flight.trace import Trace
 from cosim.scenario import Scenario
 from cosim.scenario.brought import identified
 from cosim.scenario.catalog import TECHNOLOGIES

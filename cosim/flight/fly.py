@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.flight.tape import Tape
+from cosim.flight.loop.schedule import Tape
 from cosim.flight.tick import Loop, order
 
 CHECK_EVERY = 10  # ticks between looks at the flight's health: 50 ms

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from contextlib import nullcontext
 
 from cosim.flight.build import Setup, build
-from cosim.flight.conditions import resolved
+from cosim.flight.faults.conditions import resolved
+from cosim.flight.faults.fault_free_reference import Twin
 from cosim.flight.fly import fly
-from cosim.flight.plugins.stuck import ended_by_force
-from cosim.flight.recorder import open_writer, result_texts
-from cosim.flight.twin import Twin
+from cosim.flight.loop.recorder import open_writer, result_texts
+from cosim.flight.plugins.watchdog import ended_by_force
 from cosim.judge.result import Result, judge, judged
 from cosim.log import LogWriter
 from cosim.scenario import Scenario, load_scenario
@@ -29,9 +29,10 @@ def simulate(
 
     `log` is the path of the MCAP file to write, or None. `progress(t, duration)` is called now and then. Ctrl-C ends
     the flight with status "interrupted" and a readable log. With `achieved` the same flight is flown again without its
-    faults, and the result says how far the faults moved the elevators (cosim/flight/twin.py); without
-    `timed` the detectors' cost per step is not measured. Raises TrimError when the flight point cannot be flown,
-    LogError when the log cannot be written. The wall clock is read for the result only; nothing of it enters the log.
+    faults, and the result says how far the faults moved the elevators (cosim/flight/faults/fault_free_reference.py);
+    without `timed` the detectors' cost per step is not measured. Raises TrimError when the flight point cannot be
+    flown, LogError when the log cannot be written. The wall clock is read for the result only; nothing of it enters the
+    log.
     """
     started = time.perf_counter()
     if not isinstance(scenario, Scenario):

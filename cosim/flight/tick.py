@@ -1,9 +1,9 @@
 """One tick of the lockstep: read this first.
 
-Everything of a tick is in one vector (cosim/flight/bus.py). Each block below reads its own inputs there and leaves its
-state there; between blocks, wires copy (cosim/flight/wiring.py). JSBSim is at t_k when the tick begins and at t_k+1
-when it ends. `order` says once, to a tape, what every tick does; the tape does it without Python between the blocks
-(cosim/flight/tape.py).
+Everything of a tick is in one vector (cosim/flight/loop/bus.py). Each block below reads its own inputs there and leaves
+its state there; between blocks, wires copy (cosim/flight/loop/wiring.py). JSBSim is at t_k when the tick begins and at
+t_k+1 when it ends. `order` says once, to a tape, what every tick does; the tape does it without Python between the
+blocks (cosim/flight/loop/schedule.py).
 """
 
 from dataclasses import dataclass, field
@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from cosim.flight.bus import Bus
-from cosim.flight.noise import Draw
+from cosim.flight.blocks.noise import Draw
+from cosim.flight.loop.bus import Bus
+from cosim.flight.loop.schedule import Block, Tape
 from cosim.flight.plant.plant import Plant
-from cosim.flight.tape import Block, Tape
 
 
 def order(s: "Loop", tape: Tape, *logs: Any, keep: Any = None) -> None:
@@ -88,7 +88,7 @@ class Loop:
     detectors: list = field(default_factory=list)
     servos: list = field(default_factory=list)
     actuators: list = field(default_factory=list)
-    corrections: dict = field(default_factory=dict)  # stage -> calls after it (cosim/flight/corrections.py)
+    corrections: dict = field(default_factory=dict)  # stage -> calls after it (cosim/flight/blocks/corrections.py)
     inputs: dict = field(default_factory=dict)  # stage -> a pilot's own table (cosim/flight/plugins/inputs.py)
 
     def __post_init__(self):

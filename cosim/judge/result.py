@@ -1,6 +1,5 @@
 """What a run comes to: who alarmed, when, after how many periods, what it isolated, how well it estimated."""
 
-import html
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,12 +10,13 @@ from numpy.typing import NDArray
 
 from cosim.judge import coverage
 from cosim.judge.alarms import exposure_s, faulty, onsets
-from cosim.judge.noticed import ABLE, Watch, last_name, noticed, said, valid, validity
+from cosim.judge.detection import ABLE, Watch, last_name, noticed, said, valid, validity
 from cosim.scenario import Scenario
+from cosim.table import DASH, Table
 
 __all__ = ["Result", "Watch", "concerns", "errors", "judge", "judged", "largest", "plain"]
 SETTLE_S = 8.0  # from when on every detector should be able to judge, or half of a flight that is shorter than 16 s
-OF_A_FAULT = (  # what an entry says of the fault that its figures are about (cosim/judge/noticed.py)
+OF_A_FAULT = (  # what an entry says of the fault that its figures are about (cosim/judge/detection.py)
     *("fault", "detected_at_s", "detection_delay_s", "detection_delay_periods", "isolated", "named_at_s"),
     *("first_verdict", "right", "class_given", "place_given", "place_level", "first_right", "first_sure_wrong"),
     *("time_to_right_s", "right_after_motion_s", "not_excited"),
@@ -45,13 +45,11 @@ class Result:
         return "\n".join([head, *rows, *([silent] if quiet else [])])
 
     def _repr_html_(self) -> str:
-        rows = "".join(
-            "<tr>" + "".join(f"<td>{html.escape(text) or '–'}" for text in (r["id"], r["target"], *_told(r))) + "</tr>"
-            for r in self._shown()
-        )
-        head = f"<b>{self.status}</b> after {self.sim_time_s:g} s, log {html.escape(self.log or 'not written')}"
-        columns = "<tr><th>detector<th>watches<th>alarm<th>name<th>false alarms</tr>"
-        return f"<div>{head}<table>{columns if rows else ''}{rows}</table></div>"
+        head = f"{self.status} after {self.sim_time_s:g} s, log {self.log or 'not written'}"
+        made = Table(head, "detector", "watches", "alarm", "name", "false alarms", kind="")
+        for r in self._shown():
+            made.add(r["id"], r["target"], *(text or DASH for text in _told(r)))
+        return made._repr_html_()
 
     def _shown(self):
         return [r for r in self.detectors if r["alarm"]]
@@ -119,7 +117,8 @@ def plain(value: Any) -> Any:
 
 def judged(scenario: Scenario, achieved: Mapping[str, Mapping] | None = None) -> list[dict]:
     """Return the faults of a scenario as `judge` wants them, their targets by part, cases as in
-    cosim/judge/coverage.py. `achieved` (cosim/flight/twin.py) tells when each moved its segments; None: nobody looked.
+    cosim/judge/coverage.py. `achieved` (cosim/flight/faults/fault_free_reference.py) tells when each moved its
+    segments; None: nobody looked.
     """
     out = []
     injections, cases = scenario.injections(), coverage.cases(scenario)
@@ -155,11 +154,11 @@ def judge(watch: Watch, trace: NDArray, dt: float, faults: Sequence[Mapping]) ->
 
     `trace` is (ticks, columns); `faults` are those of `judged`: dicts with `fault` (its number), `case`, `kind`,
     `targets` (tuple), `start_s`, `end_s`, `period_s` (nan without one) and perhaps `moved_at_s`. `by_fault` has an
-    entry (cosim/judge/noticed.py) for each fault that concerns the lane and to which its detector is not blind (to all
-    that concern it: for each), between its onset and the next one's. The lane's own figures are those of the fault that
-    it noticed first, else of the earliest. Alarm onsets outside every fault that concerns the lane are false alarms,
-    `standing_s` is how long its alarm stands there, `exposed_s` how long one would count. `valid_share` counts from
-    SETTLE_S on.
+    entry (cosim/judge/detection.py) for each fault that concerns the lane and to which its detector is not blind (to
+    all that concern it: for each), between its onset and the next one's. The lane's own figures are those of the fault
+    that it noticed first, else of the earliest. Alarm onsets outside every fault that concerns the lane are false
+    alarms, `standing_s` is how long its alarm stands there, `exposed_s` how long one would count. `valid_share` counts
+    from SETTLE_S on.
     """
     mine = sorted((f for f in faults if concerns(watch, f["targets"])), key=lambda f: f["start_s"])
     alarm = trace[:, watch.alarm]

@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 
-from cosim.judge.achieved import largest
 from cosim.judge.consequences import NAMES as CONSEQUENCES
+from cosim.judge.fault_effect import largest
 
 LANE = ("id", "level", "target", "concerned", "alarm", "valid_share", "why_not_valid", "able")
 ONCE = {  # on the first of a lane's rows only, so that sums over rows count nothing twice -> what stands on the others

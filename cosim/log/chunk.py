@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from actuators.native import Native
+from actuators.object_cache import Native
 
 from .frame import Frame
 
@@ -32,14 +32,14 @@ SHORT = 15  # fields 1..15 have one-byte tags, later ones two bytes
 
 
 def _compiled():
-    from .gather import KINDS, gather
+    from .chunk_decoder import KINDS, gather
 
     return gather, KINDS
 
 
 GATHER = Native(
     "gather",
-    Path(__file__).with_name("gather.py"),
+    Path(__file__).with_name("chunk_decoder.py"),
     (ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p),
     _compiled,
     f"{__name__}:GATHER",
@@ -252,7 +252,7 @@ class Plan:
         return not wrong[0]
 
     def _told(self, block):
-        """Return what `gather` reads of a topic, cosim/log/gather.py; nobody wants its values yet."""
+        """Return what `gather` reads of a topic, cosim/log/chunk_decoder.py; nobody wants its values yet."""
         head = self.content[block.start : block.start + HEAD.itemsize].tobytes()
         count = _fields(block)
         first = int(self._rates[block.every][0])

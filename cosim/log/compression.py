@@ -11,8 +11,8 @@ import zstandard
 # Measured on chunks of a flight with 7030 bytes/tick, other processes on both cores [us/tick, bytes/tick]: lz4 at
 # acceleration 10 in one piece 4.1, 4188; in independent blocks of 64 kB, whose tables are half as large, 15 2.7, 4563;
 # 20 2.6, 4643; 40 2.1, 4935. zstd level -3 6.2, 3553; -20 3.6, 4502. The rows of a flight are mostly noise in the last
-# bits of doubles: the slower ones search for what is not there. What cosim/log/squeeze.py makes, which the writer takes
-# where it has compiled code, takes 1.7 where lz4 at acceleration 15 takes 2.5, with as many bytes.
+# bits of doubles: the slower ones search for what is not there. What cosim/log/lz4_rows.py makes, which the writer
+# takes where it has compiled code, takes 1.7 where lz4 at acceleration 15 takes 2.5, with as many bytes.
 _ACCELERATION, _BLOCK = 15, lz4.frame.BLOCKSIZE_MAX64KB
 _FAST: dict[str, Any] = {"compression_level": -_ACCELERATION, "block_size": _BLOCK, "block_linked": False}
 _ZSTD_LEVEL = 19  # for archives: a hundred times slower

@@ -42,7 +42,7 @@ class Contents:
     size: int
     limits: Limits
     tolerant: bool = False
-    identity: tuple = ()  # of the file, cosim/log/scan.py
+    identity: tuple = ()  # of the file, cosim/log/validate.py
     schemas: list = field(default_factory=list)
     channels: list = field(default_factory=list)
     metadata: list = field(default_factory=list)

@@ -25,7 +25,7 @@ from cosim.errors import LogError
 from cosim.files import regular
 
 from .format import Limits, log_error
-from .scan import BAD
+from .validate import BAD
 
 _F = descriptor_pb2.FieldDescriptorProto
 _NUMBERS = set(range(_F.TYPE_DOUBLE, _F.TYPE_SINT64 + 1)) - {

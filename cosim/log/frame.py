@@ -11,7 +11,7 @@ import lz4.block
 import lz4.frame
 import numpy as np
 
-from actuators.native import Native
+from actuators.object_cache import Native
 
 MOST = 1 << 18  # [byte] of a block before it is compressed
 _KIND: dict[str, Any] = {"block_size": lz4.frame.BLOCKSIZE_MAX256KB, "block_linked": False}
@@ -21,14 +21,14 @@ _RAW = 1 << 31  # of a block's size: it is not compressed
 
 
 def _compiled():
-    from .squeeze import KINDS, squeeze
+    from .lz4_rows import KINDS, squeeze
 
     return squeeze, KINDS
 
 
 SQUEEZE = Native(
     "squeeze",
-    Path(__file__).with_name("squeeze.py"),
+    Path(__file__).with_name("lz4_rows.py"),
     (ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p),
     _compiled,
     f"{__name__}:SQUEEZE",

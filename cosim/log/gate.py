@@ -35,7 +35,7 @@ def hidden_host() -> str:
 
 def allowed(origin: str | None, origins: Collection[str] = ORIGINS) -> bool:
     """Tell whether a connection with this `Origin` (None: it has none, so it is no page of a browser) may come in."""
-    if origin is None or origin in origins or origin.startswith(("file://", "app://")):  # an application of the user's
+    if origin is None or origin in origins or origin.startswith(("file://", "app://")):  # the user's application
         return True
     try:
         parts = urlsplit(origin)

@@ -19,7 +19,7 @@ from cosim.errors import CosimError, OutputError
 from cosim.texts import from_json
 
 from . import gate
-from .shown import Shown, library
+from .live_channels import Shown, library
 
 HOST = "127.0.0.1"
 PATIENCE_S = 120.0  # that a service waits for the flight

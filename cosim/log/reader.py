@@ -1,7 +1,6 @@
 """Read a log back, bit for bit, into numpy and pandas."""
 
 import difflib
-import html
 import os
 import threading
 from collections.abc import Sequence
@@ -12,14 +11,15 @@ from typing import Any
 import numpy as np
 from google.protobuf.message import DecodeError
 
-from actuators.native import PLAIN
+from actuators.object_cache import PLAIN
+from cosim.table import Table
 
 from . import foxglove
 from .chunk import GATHER
 from .compression import keep_memory
 from .format import Limits, TopicInfo, log_error
 from .load import drop_damaged_chunks, load_chunk, load_topics
-from .scan import identity, scan
+from .validate import identity, scan
 
 MOST_DRAWN = 4000  # samples of a curve
 
@@ -67,10 +67,10 @@ class Log:
         return "\n".join([self._about(), *rows])
 
     def _repr_html_(self) -> str:
-        cells = ((t.name, t.rows, ", ".join(t.fields[:8]) + ", …" * (len(t.fields) > 8)) for t in self.topics.values())
-        rows = "".join(f"<tr>{''.join(f'<td>{html.escape(str(c))}' for c in row)}</tr>" for row in cells)
-        head = html.escape(self._about())
-        return f"<div>{head}<table><tr><th>topic<th>rows<th>fields</tr>{rows}</table></div>"
+        made = Table(self._about(), "topic", "rows>", "fields", kind="")
+        for t in self.topics.values():
+            made.add(t.name, t.rows, ", ".join(t.fields[:8]) + ", …" * (len(t.fields) > 8))
+        return made._repr_html_()
 
     def _about(self):
         state = "complete" if self.complete else "incomplete"
@@ -216,7 +216,7 @@ class Log:
     def messages(self, topic: str) -> list[Any]:
         """Return the well-known messages of /log, /events, /tf or /fix as a list of (tick, protobuf message)."""
         if topic not in foxglove.TOPICS:
-            raise KeyError(f"{topic!r} is none of {', '.join(foxglove.TOPICS)}")
+            raise KeyError(f"unknown topic {topic!r}; known: {', '.join(foxglove.TOPICS)}")
         kind = foxglove.message(foxglove.TOPICS[topic][0].removeprefix("foxglove."))
         wanted = self._scan.ids.get(topic)
         try:

@@ -11,9 +11,9 @@ from .chunk import HEAD
 from .format import Limits, LogError, log_error
 from .load import drop_damaged_chunks, load_chunk
 from .reader import open_log
+from .record_writer import Sink
 from .records import content_hash, pack_chunk
-from .scan import scan
-from .sink import Sink
+from .validate import scan
 
 
 def recover(path: str | Path, out: str | Path, *, limits: Any = None) -> dict[str, Any]:

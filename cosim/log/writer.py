@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from actuators.native import PLAIN, Native
+from actuators.object_cache import PLAIN, Native
 
 from . import foxglove
 from .chunk import HEAD, LOG_TIME, PUBLISH_TIME, SEQUENCE, SHORT, STORE_HEAD, STORE_TARGET, Layout
 from .compression import compressor, keep_memory
 from .format import LogError, channel_metadata, check_texts, schema_data, schema_name
+from .record_writer import Sink
 from .records import content_hash, pack_chunk
-from .sink import Sink
 
 MESSAGE_BYTES = HEAD.itemsize - 9  # of a message record before its data, without opcode and length
 message_head = struct.Struct("<BQHIQQ").pack  # as chunk.HEAD
@@ -25,13 +25,17 @@ RESERVED = ("log", "preamble", "result", "late_events", "recovered")  # names of
 
 
 def _compiled():
-    from .store import KINDS, entry
+    from .row_writer import KINDS, entry
 
     return entry, KINDS
 
 
 _STORE = Native(
-    "store", Path(__file__).with_name("store.py"), (ctypes.c_void_p, ctypes.c_void_p), _compiled, f"{__name__}:_STORE"
+    "store",
+    Path(__file__).with_name("row_writer.py"),
+    (ctypes.c_void_p, ctypes.c_void_p),
+    _compiled,
+    f"{__name__}:_STORE",
 )
 
 
@@ -147,7 +151,7 @@ class LogWriter:
             _STORE.call(_address(self._head), _address(v))
 
     def _plainly(self, v):
-        """Store a row as cosim/log/store.py does."""
+        """Store a row as cosim/log/row_writer.py does."""
         row, tick = int(self._head[0]), int(self._head[1] + self._head[0])
         stamp, ns = struct.pack("<I", tick & 0xFFFFFFFF), struct.pack("<Q", tick * self.dt_ns)
         for about in self._head[STORE_HEAD:].reshape(-1, STORE_TARGET).tolist():

@@ -1,7 +1,8 @@
 """The papers' own experiments, row by row: what a paper says, what we get, and whether they agree.
 
-Each paper is a package: `rows.plan()` lists what is asked, with its bands; `figures.drawings()` makes our figures;
-`breaks.BREAKS` says what is broken in turn to prove that rows can fail. No row is left out because it disagrees.
+Each paper is a package: `claims.toml` lists what is asked, with its bands (`cosim.papers.claims` reads it), beside the
+functions that measure it; `figures.drawings()` makes our figures; `breaks.BREAKS` says what is broken in turn. No row
+is left out because it disagrees.
 """
 
 import importlib
@@ -10,6 +11,7 @@ from typing import Any
 
 from cosim.campaign.pool import finished
 from cosim.errors import CosimError, did_you_mean
+from cosim.papers import claims
 from cosim.papers.broken import Broken
 from cosim.papers.broken import proof as proof_of
 from cosim.papers.row import VERDICTS, Planned, Row, counts
@@ -92,7 +94,7 @@ def _proof(paper):
 
 
 def _plan(paper):
-    return importlib.import_module(f"cosim.papers.{paper}.rows").plan()
+    return claims.load(paper)
 
 
 __all__ = ["PAPERS", "VERDICTS", "Broken", "Row", "counts", "plan", "proof", "reproduce"]

@@ -1,4 +1,8 @@
-"""Proof that rows can fail: the method is broken in one place (sign, gain, one equation), and the row must see it."""
+"""Proof that rows can fail: something is broken in one place, and the row must see it.
+
+Three kinds count apart: the *method* (a sign, gain, constant or equation of it), what is *flown* (faults, flights,
+draws), and an *option* that is swapped for another. No break scales a row's own result.
+"""
 
 import contextlib
 import importlib
@@ -7,7 +11,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from cosim.papers.claims import load
 from cosim.papers.row import Planned
+
+KINDS = ("method", "flown", "option")
 
 
 @dataclass(frozen=True)
@@ -17,6 +24,11 @@ class Break:
     what: str
     patch: Callable[[], contextlib.AbstractContextManager]
     rows: tuple[str, ...]
+    kind: str = "flown"  # one of KINDS
+
+    def __post_init__(self):
+        if self.kind not in KINDS:
+            raise ValueError(f"{self.what}: kind {self.kind!r} is not one of {', '.join(KINDS)}")
 
 
 @dataclass(frozen=True)
@@ -28,7 +40,8 @@ class Broken:
     what: str
     got: float
     band: str
-    seen: bool  # outside the band
+    seen: bool  # outside the band, and outside what was found of a row that differs for a reason
+    kind: str = "flown"
 
 
 @contextlib.contextmanager
@@ -74,17 +87,13 @@ def chosen(rows: list[Planned], of: Break) -> list[Planned]:
 
 def proof(paper: str, only: Callable[[Break], bool] = lambda of: True) -> Iterator[Broken]:
     """Yield what each row of `paper` shows under each of its Breaks."""
-    plan = importlib.import_module(f"cosim.papers.{paper}.rows").plan
     for of in filter(only, breaks(paper)):
         forget(paper)
-        held = [p.item for p in plan()]  # what is broken may change the name of a row, too
         try:
             with of.patch():
-                rows = plan()
-                items = {id(p): item for p, item in zip(rows, held, strict=True)}
-                for p in chosen(rows, of):
-                    found = p.measure()
-                    got = float(found[0] if isinstance(found, tuple) else found)
-                    yield Broken(paper, items[id(p)], of.what, got, f"{p.low:g} .. {p.high:g}", not p.inside(got))
+                for p in chosen(load(paper), of):
+                    row = p.judge()
+                    seen = row.verdict == "differs"
+                    yield Broken(paper, p.item, of.what, row.got, row.tolerance, seen, of.kind)
         finally:
             forget(paper)

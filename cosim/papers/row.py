@@ -1,8 +1,10 @@
 """One row of `cosim reproduce`: what a paper says, what we get, and whether they agree.
 
 A row of kind "claim" holds one claim of the paper to a band that the paper states, or that follows from what its figure
-can show. A number that the paper does not give is "ours"; what its authors announce, or we add, is "beyond". Those two
-count apart: they can neither agree nor disagree with the paper, but one with a band `differs` when it leaves it.
+can show. One that leaves it for a known reason has a second band, what was found, as wide as its scatter: outside both
+it differs, whatever the reason. A number that the paper does not give is "ours"; what its authors announce, or we add,
+is "beyond". Those two count apart: they can neither agree nor disagree with the paper, but one with a band `differs`
+when it leaves it.
 """
 
 import math
@@ -45,9 +47,12 @@ class Planned:
     measure: Callable
     low: float = ANY[0]
     high: float = ANY[1]
-    reason: str = ""  # why it may leave the band; the rows that it names are printed by the same command
+    reason: str = ""  # why it is in `found` and not in the band; the rows that it names are printed by the same command
     kind: str = "claim"
     piece: str = ""  # rows of one piece are measured in one process: they share what they fly
+    found: tuple[float, float] | None = None  # what was found of a claim that leaves its band, as wide as its scatter
+    spread: str = ""  # where that width comes from
+    asks: str = ""  # name of the function that measures it
 
     def __post_init__(self):
         if self.kind not in KINDS:
@@ -69,44 +74,20 @@ class Planned:
     def judge(self) -> Row:
         """Measure and return the Row.
 
-        A claim outside its band is `differs_explained` when a reason was committed and the number is finite.
+        A claim outside its band is `differs_explained` when it is within `found`, for which a reason was committed.
         """
         found = self.measure()
         got, note = found if isinstance(found, tuple) else (found, "")
         got = float(got)
         inside = self.inside(got)
-        explained = bool(self.reason) and math.isfinite(got)
+        explained = bool(self.reason) and self.found is not None and self.found[0] <= got <= self.found[1]
         good = "agrees" if self.kind == "claim" else self.kind
         verdict = good if inside else "differs_explained" if explained else "differs"
         band = f"{self.low:g} .. {self.high:g}" if self.banded else "none"
-        why, evidence = ("", "") if inside else (self.reason, f"cosim reproduce {self.paper}" if self.reason else "")
+        if self.found is not None:
+            band += f"; found {self.found[0]:g} .. {self.found[1]:g}"
+        why, evidence = (self.reason, f"cosim reproduce {self.paper}") if verdict == "differs_explained" else ("", "")
         return Row(self.paper, self.item, self.says, got, band, verdict, why, evidence, note)
-
-
-class Of:
-    """Makes the Planned rows of one paper."""
-
-    def __init__(self, paper: str):
-        self.paper = paper
-
-    def claim(self, item: str, says: str, measure: Callable, low: float, high: float, reason: str = "") -> Planned:
-        """Return the row of a claim: `says` quotes it with its place, `low` .. `high` follow from it."""
-        return Planned(self.paper, item, says, measure, low, high, reason)
-
-    def ours(
-        self, item: str, measure: Callable, low: float = ANY[0], high: float = ANY[1], says: str = "not in the paper"
-    ) -> Planned:
-        """Return the row of a number that the paper does not give; low .. high is derived, or holds what was found."""
-        return Planned(self.paper, item, says, measure, low, high, kind="ours")
-
-    def beyond(self, item: str, says: str, measure: Callable, low: float = ANY[0], high: float = ANY[1]) -> Planned:
-        """Return the row of a step that the paper announces (`says` quotes it), or "our extension"."""
-        return Planned(self.paper, item, says, measure, low, high, kind="beyond")
-
-
-def near(found: float, share: float = 0.2) -> tuple[float, float]:
-    """Return the band of a number of ours that holds what was found, `share` of it to either side."""
-    return found - share * abs(found), found + share * abs(found)
 
 
 def counts(rows: Iterable[Row]) -> dict[str, int]:

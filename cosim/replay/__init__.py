@@ -1,7 +1,7 @@
 """Run the detectors of a log again, from nothing but the file, and compare bit for bit.
 
-What each detector consumed is in the log (cosim/replay/lanes.py). Replay feeds it through the same `rollout` and
-compares every logged value as integers, so that NaN equals itself and -0 differs from 0. With changed parameters it
+What each detector consumed is in the log (cosim/replay/detector_replay.py). Replay feeds it through the same `rollout`
+and compares every logged value as integers, so that NaN equals itself and -0 differs from 0. With changed parameters it
 tells, and writes, what would have been.
 """
 
@@ -16,17 +16,17 @@ from typing import Any
 
 import numpy as np
 
-from actuators.ahead import compile_ahead, cores
 from actuators.block import SWEEP, Entry
-from actuators.native import PLAIN
+from actuators.object_cache import PLAIN
+from actuators.precompile import compile_ahead, cores
 from cosim.flight.plugins import load
 from cosim.flight.plugins.plain import SLOW
-from cosim.judge.noticed import columns, watch_of
+from cosim.judge.detection import columns, watch_of
 from cosim.judge.result import judge, judged, plain
 from cosim.log import open_log
 from cosim.log.chunk import GATHER
-from cosim.replay import door, guest
-from cosim.replay.lanes import describe, fill, manifest, pieces, replay_lane, tick_of, topics
+from cosim.replay import guest, log_schema
+from cosim.replay.detector_replay import describe, fill, manifest, pieces, replay_lane, tick_of, topics
 from cosim.replay.params import ReplayError, check_start
 from cosim.replay.write import Overlay
 
@@ -173,7 +173,7 @@ def _each(members, call, pool):
 
 def _fresh(log, own, faults):
     """Return the results of a guest on a flight that it was not part of."""
-    technologies, out = door.scenario(log).elevator.technology, []
+    technologies, out = log_schema.scenario(log).elevator.technology, []
     names = [n for n, _ in guest.fields(own)]
     for lane, rows in guest.outputs(log, own, technologies).items():
         record = own.DETECTOR
@@ -283,4 +283,4 @@ class _Member:
 
 def _faults(log):
     """Return the faults of the flight as `judge` wants them."""
-    return judged(door.scenario(log))
+    return judged(log_schema.scenario(log))

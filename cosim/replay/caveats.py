@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.replay.lanes import columns
+from cosim.replay.detector_replay import columns
 from fdi import registry
 from fdi.common import why as reason
 

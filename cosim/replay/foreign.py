@@ -13,7 +13,7 @@ from cosim.files import regular
 from cosim.log.foreign import read_mcap
 from cosim.log.format import LIBRARY, log_error
 from cosim.log.reader import open_log
-from cosim.log.scan import BAD
+from cosim.log.validate import BAD
 from cosim.replay import clock
 from cosim.replay.tables import KINDS, MOST_VALUES, folder, read_table, together
 from cosim.texts import from_json

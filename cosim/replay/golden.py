@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from cosim.log import LogWriter, Topic, fingerprint, open_log
-from cosim.replay.lanes import describe
+from cosim.replay.detector_replay import describe
 
 FOLDER = Path(__file__).resolve().parents[2] / "logs" / "golden"
 HYDRAULIC = ("iotsekf", "rtsekf", "rtsekf_flight", "position_monitor", "ofc_monitor")

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from actuators.block import unit
-from cosim.flight.detectors import wires
+from cosim.flight.detection.detectors import wires
 from cosim.log import Log
-from cosim.replay.lanes import Lane, replay_lane, tick_of
+from cosim.replay.detector_replay import Lane, replay_lane, tick_of
 from cosim.replay.params import ReplayError
 from fdi import registry
 from fdi.common.record import Detector, Estimate
@@ -87,7 +87,7 @@ def _column(log, topic, field):
 
 
 def _params(log, guest, lane, technologies):
-    from cosim.flight.site import site
+    from cosim.flight.detection.detector_context import site
 
     return guest.DETECTOR.fit(site(tick_of(log), "" if lane == "aircraft" else lane, technologies))
 

@@ -1,8 +1,8 @@
 """Diagnose foreign data: map its channels to the detectors' inputs, run every detector whose inputs are complete,
 name what is missing.
 
-A detector's inputs are wired to names of our bus (cosim/flight/detectors.py); a map file (cosim/replay/map_file.py)
-says which channel stands for each.
+A detector's inputs are wired to names of our bus (cosim/flight/detection/detectors.py); a map file
+(cosim/replay/map_file.py) says which channel stands for each.
 """
 
 import json
@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 
 from actuators.block import unit
-from cosim.flight import detectors as table
+from cosim.flight.detection import detectors as table
 from cosim.flight.plugins import load, with_detectors
-from cosim.judge.noticed import watch_of
+from cosim.judge.detection import watch_of
 from cosim.judge.result import judge, plain
 from cosim.log import LogWriter, Topic, viewer_layouts
 from cosim.replay.caveats import caveats
 from cosim.replay.derived import derived
+from cosim.replay.detector_replay import Lane, flat, replay_lane
 from cosim.replay.foreign import read_channels
-from cosim.replay.lanes import Lane, flat, replay_lane
 from cosim.replay.map_file import load_map
 from cosim.replay.map_signals import acting, channels_of, check, named, renamed, sampled, shares, slow
 from cosim.replay.params import ReplayError, check_start, chosen_overrides, override

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import did_you_mean
-from cosim.flight.detectors import wires
+from cosim.flight.detection.detectors import wires
 from cosim.replay.map_file import Signal as Mapped
 from cosim.replay.params import ReplayError
 from cosim.replay.resample import resample

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import CosimError, LogError, did_you_mean
-from cosim.flight.parameters import assign, wrong_parameter, wrong_state
+from cosim.flight.detection.parameters import assign, wrong_parameter, wrong_state
 from cosim.log import Log
-from cosim.replay import door
+from cosim.replay import log_schema
 
 LATEST_S = 2**63 / 1e9  # a log's time is 64 bits of nanoseconds
 
@@ -26,7 +26,7 @@ def older(log: Log, what: str) -> LogError:
 def attached(log: Log, name: str, kind: Any) -> np.ndarray:
     """Return the structured array in attachment `name`, of dtype `kind`. Raises LogError for another layout or none."""
     try:
-        found = door.array(log, name)
+        found = log_schema.array(log, name)
     except KeyError as error:
         cut = "recovered" in log.metadata and "The original was cut or damaged there: fly the scenario again"
         remedy = cut or "`cosim run` did not write it; see `cosim replay --map`"

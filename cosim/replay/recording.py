@@ -1,9 +1,8 @@
 """A flight as its log tells it: scenario, signals, detector lanes with their judgement, and what they estimate."""
 
 import math
-import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -11,13 +10,15 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import LogError
-from cosim.flight import inject, wiring
+from cosim.flight.faults import inject
+from cosim.flight.loop import wiring
 from cosim.judge import coverage
 from cosim.judge import estimation as estimate
-from cosim.judge.noticed import watch_of
+from cosim.judge.detection import watch_of
 from cosim.judge.result import judge, judged
 from cosim.log import open_log
-from cosim.replay import door, guest
+from cosim.replay import guest, log_schema
+from cosim.scenario.catalog import ACTUATOR_SENSORS, SENSORS
 from cosim.scenario.vocabulary import place
 
 NEEDED = (
@@ -46,6 +47,7 @@ class Lane:
     every: int
     fields: dict
     entry: dict
+    units: dict = field(default_factory=dict)  # of the fields, as the log has them
     truth: tuple | None = None  # (field, truth (ticks,), unit, start, end) of the fault that it estimates
 
     @property
@@ -76,8 +78,8 @@ class LoggedFlight:
         """
         self._guests = guests
         self.log = open_log(path, tolerant=True)
-        self.scenario = door.scenario(self.log)
-        self.detectors = door.detectors(self.log)
+        self.scenario = log_schema.scenario(self.log)
+        self.detectors = log_schema.detectors(self.log)
         self.toml = self.log.attachments["scenario.toml"].decode()
         if "/truth/aircraft" not in self.log.topics:
             raise LogError("holds no truth, only what a replay reads", place=str(path), remedy="Fly the scenario again")
@@ -101,8 +103,9 @@ class LoggedFlight:
 
     @cached_property
     def achieved(self) -> dict[str, dict[str, float | None]] | None:
-        """Return how far the faults moved the elevators (cosim/flight/twin.py), None where the log does not say."""
-        return door.achieved(self.log)
+        """Return how far the faults moved the elevators (cosim/flight/faults/fault_free_reference.py), None where the
+        log does not say."""
+        return log_schema.achieved(self.log)
 
     @cached_property
     def faults(self) -> list:
@@ -135,20 +138,23 @@ class LoggedFlight:
             for lane in d["lanes"]:
                 topic = f"/detectors/{d['id']}/{lane}"
                 if topic in self._arrays:
-                    out.append(self._lane(d, lane, self.log.topics[topic].fields, self._arrays[topic]))
+                    out.append(self._lane(d, lane, dict(zip(*self._named(topic))), self._arrays[topic]))
         flew = {lane.id for lane in out}
         for own in (g for g in self._guests if g.DETECTOR.id not in flew):
             about = {"id": own.DETECTOR.id, "level": own.DETECTOR.level, "every": own.DETECTOR.every}
-            names = [name for name, _ in guest.fields(own)]
+            names = dict(guest.fields(own))
             for lane, rows in guest.outputs(self.log, own, self.scenario.elevator.technology).items():
                 out.append(self._lane(about, lane, names, rows))
         return sorted(out, key=lambda lane: lane.level != "aircraft")
 
-    def _lane(self, d, lane, fields, rows):
+    def _named(self, topic):
+        return self.log.topics[topic].fields, self.log.topics[topic].units
+
+    def _lane(self, d, lane, units, rows):
         target = f"elevator.{lane}" if d["level"] == "local" else "aircraft"
-        culprits, fields = guest.culprits(d), list(fields)
+        culprits, fields = guest.culprits(d), list(units)
         made = Lane(
-            d["id"], d["level"], lane, target, culprits, d["every"], dict(zip(fields, rows.T)), {}
+            d["id"], d["level"], lane, target, culprits, d["every"], dict(zip(fields, rows.T)), {}, units
         )
         made.truth = self._truth(d["id"], lane)
         watch = watch_of(d["id"], d["level"], target, culprits, {n: i for i, n in enumerate(fields)})
@@ -236,19 +242,29 @@ class LoggedFlight:
         return out
 
 
+def _sensor_unit(place):
+    """Return the SI unit of the sensor at bus name `place`, of an actuator ("left_inner_rod") or of the aircraft."""
+    name = place.split(".")[1]
+    known = {**ACTUATOR_SENSORS, **SENSORS}
+    own = max((n for n in known if name == n or name.endswith(f"_{n}")), key=len, default="")
+    return known[own][0].si if own else ""
+
+
 def unit_of(place: str, kind: Any) -> Any:
     """Return the unit in which a fault enters at bus name `place`."""
     section, _, field = place.split(".", 2)
     if section == "sensors_in":
-        return "share" if "scale" in field else "sensor's SI unit"
+        return "share" if "scale" in field else _sensor_unit(place)
     if field in ("f_u", "s_u"):
         return "A" if section == "ema_in" else "valve, 1 = full"
     if field in ("f_cmd", "s_cmd"):
         return "rad"
     if field == "f_rate":
         return "rad/s"
-    if re.match(r"friction|backlash", kind):
-        return "SI"
+    if kind == "backlash":
+        return "m of screw travel" if section == "ema_in" else "rad of surface"
+    if kind == "friction":
+        return "N m at the motor" if section == "ema_in" else "share of the brake's force"
     return "share"
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from cosim.errors import LogError
 from cosim.files import regular
 from cosim.log.format import log_error
-from cosim.log.scan import BAD
+from cosim.log.validate import BAD
 from cosim.replay.units import is_unit, known
 
 TEXT = (".csv", ".tsv", ".txt", ".asc", ".dat")

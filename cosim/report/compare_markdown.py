@@ -1,26 +1,18 @@
 """The results of a campaign as a table and a picture for README.md."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
-from cosim.compare import Comparison, metrics, stats
+from cosim.compare import Comparison, stats, tables
 from cosim.errors import OutputError
 from cosim.files import regular, replace_text
-from cosim.judge import coverage
 from cosim.report import markdown as readme
-from cosim.report.compare_tables import size
 from cosim.scenario.catalog import SEGMENTS
 
 PICTURE = "cosim/campaigns/aircraft-vs-local.svg"
 LEGEND = b"share of flights seen"  # by which a picture of ours is known
 
-COLUMNS = (
-    *("detector", "draws on", "valid", "flights", "seen", "right name", "ambiguous", "wrong name", "not valid"),
-    *("not excited", "first alarm, s", "right name after, s", "standing alarm, s", "false alarms"),
-    *("fault-free flights with an alarm", "µs per step"),
-)
 DETAILS = "cosim/compare/README.md"
-IN_DETAIL = ("not valid", "not excited", "standing alarm, s")  # columns of DETAILS alone
+FRONT = 5  # rank of the columns of the front page; DETAILS has all
 
 
 def write(found: Comparison, path: str | Path) -> None:
@@ -30,7 +22,7 @@ def write(found: Comparison, path: str | Path) -> None:
     from cosim.report.compare_picture import render
 
     table, picture, *details = targets(path)
-    made = markdown(found, [c for c in COLUMNS if c not in IN_DETAIL])
+    made = markdown(found, FRONT)
     pages = {table: readme.put(readme.read(table), "compare", made, table)}
     for page in details:
         text = readme.put(readme.read(page), "smallest", smallest(found), page)
@@ -46,8 +38,8 @@ def write(found: Comparison, path: str | Path) -> None:
 def targets(path: str | Path) -> list[Path]:
     """Return the files that `write` would write: the README at `path`, its picture, and DETAILS where it is there.
 
-    Raises OutputError where one of them lacks its markers, or what stands in the picture's place is none of
-    ours, nor shown by the README's table: it is somebody else's.
+    Raises OutputError where one of them lacks its markers, or what stands in the picture's place is
+    a foreign file: neither ours nor shown by the README's table.
     """
     path = Path(path)
     picture, details = path.parent / PICTURE, path.parent / DETAILS
@@ -67,53 +59,23 @@ def targets(path: str | Path) -> list[Path]:
     return [path, picture, details]
 
 
-def markdown(found: Comparison, columns: Sequence[str] = COLUMNS) -> str:
-    """Return the counts of every detector as Markdown, the picture above them."""
+def markdown(found: Comparison, rank: int = 9) -> str:
+    """Return the counts of every detector as Markdown, columns up to `rank`, the picture above them."""
     rows = found.rows
-    lines = [
+    head = (
         f"{found.runs} flights, {int(rows[rows['case'].isna()]['run'].nunique())} of them without a fault. "
-        f"![Share of oscillations seen over achieved amplitude and frequency]({PICTURE})",
-        "",
-        f"| {' | '.join(columns)} |",
-        f"|{'---|' * len(columns)}",
-    ]
-    for d in found.detectors:
-        many = "designed", "detected", "named", "ambiguous", "misnamed", "idle", "not_excited"
-        cells = [
-            f"`{d['id']}`",
-            coverage.group(d["id"], d["level"]),
-            f"{d['availability']:.0%}" if d["availability"] == d["availability"] else "–",
-            *(str(d[k]) if d["designed"] else "–" for k in many),
-            *(_number(d[k]) for k in ("delay_s", "right_s", "standing_s")),
-            metrics.rate_words(d["false_alarms"], d["hours"]),
-            f"{d['fault_free_alarmed']}/{d['fault_free_runs']}",
-            _number(d["step_us"]),
-        ]
-        told = dict(zip(COLUMNS, cells, strict=True))
-        lines.append(f"| {' | '.join(told[c] for c in columns)} |")
-    return "\n".join(lines)
+        f"![Share of oscillations seen over achieved amplitude and frequency]({PICTURE})"
+    )
+    return f"{head}\n\n{tables.detectors(found.detectors).upto(rank).markdown()}"
 
 
 def smallest(found: Comparison) -> str:
     """Return how large an oscillation must be for each level, liquid and solid, of one segment and several, as
     Markdown."""
-    sized = found.sizes
-    lines = []
-    for family in dict.fromkeys(d["family"] for d in sized):
-        own = [d for d in sized if d["family"] == family]
-        hz = sorted({d["frequency_hz"] for d in own})
-        cells = {(d["group"], d["frequency_hz"]): size(d) for d in own}
-        what = "mm of rod at which 90 % are seen, its lower bound and a90/95; ?: outside the sizes flown"
-        lines += ["", f"{family}: {what}", ""]
-        lines += [f"| draws on | {' | '.join(f'{f:g} Hz' for f in hz)} |", f"|---|{'---|' * len(hz)}"]
-        lines += [f"| {g} | {' | '.join(cells.get((g, f), '–') for f in hz)} |"
-                  for g in dict.fromkeys(d["group"] for d in own)]  # fmt: skip
-    return "\n".join(lines).strip("\n")
+    what = "mm of rod at which 90 % are seen, its lower bound and a90/95; ?: outside the sizes flown"
+    return "\n\n".join(f"{family}: {what}\n\n{made.markdown()}" for family, made in tables.sizes(found.sizes).items())
 
 
 def _one_segment(rows):
     return rows[rows["target"].fillna("").str.removeprefix("elevator.").isin(SEGMENTS)]
 
-
-def _number(value):
-    return "–" if value is None or value != value or value == float("inf") else f"{value:.2g}"

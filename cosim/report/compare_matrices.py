@@ -2,47 +2,52 @@
 
 import pandas as pd
 
-from cosim.compare import stats
+from cosim.compare import metrics, stats
 from cosim.judge import coverage
+from cosim.judge.lanes import seconds
+from cosim.table import Cell, Column, Table
 
-SYMBOL = {
-    "named": "●",
-    "ambiguous": "◐",
-    "misnamed": "≠",
-    "missed": "✕",
-    "quiet": "·",
-    "bonus": "!",
-    "idle": "–",
-    "echo": "~",
+OUTCOMES = {  # outcome -> symbol, class, meaning
+    "named": ("●", "c-seen", "seen and named right"),
+    "ambiguous": ("◐", "c-part", "seen, called ambiguous"),
+    "misnamed": ("≠", "c-wrong", "seen under another name"),
+    "missed": ("✕", "c-missed", "designed for it, and missed"),
+    "quiet": ("·", "c-quiet", "may see it, no alarm"),
+    "bonus": ("!", "c-bonus", "alarm though blind: not of the fault itself"),
+    "echo": ("~", "c-bonus", "alarm that the manoeuvre raises without a fault as well"),
+    "idle": ("–", "c-quiet", "not valid: it could not judge"),
 }
-CLASS = {
-    "named": "c-seen",
-    "ambiguous": "c-part",
-    "misnamed": "c-part",
-    "missed": "c-missed",
-    "quiet": "c-quiet",
-    "bonus": "c-bonus",
-    "idle": "c-quiet",
-    "echo": "c-bonus",
-}
+KEY = [(look, symbol, told) for symbol, look, told in OUTCOMES.values()]
+LEVELS_KEY = (("c-seen", "n/n", "all seen"), ("c-part", "k/n", "some seen"), ("c-missed", "0/n", "none seen"),
+              ("c-none", "blind", "cannot see it, or none judged"))  # fmt: skip
+NAMES_KEY = (("c-seen", "n", "right name"), ("c-quiet", "n", "ambiguous, or no alarm though not designed for it"),
+             ("c-wrong", "n", "another name"),
+             ("c-missed", "n", "missed though designed for it, or a false alarm"))  # fmt: skip
+
+LEVELS_TOLD = (
+    "Flights in which a detector of the group saw the fault, and the median time to its first alarm, a missed fault "
+    "counts as endless. Detectors that alarm in more than half of the fault-free flights do not count."
+)
 
 
-def levels(grouped: pd.DataFrame) -> dict | None:
-    """Return {names, rows} of case x group: flights in which the group saw the fault, and how soon; None without."""
+def levels(grouped: pd.DataFrame) -> Table | None:
+    """Return the Table of case x group: flights in which the group saw the fault, and how soon; None without."""
     if grouped.empty:
         return None
     names = list(dict.fromkeys(grouped["group"]))
-    out = []
+    made = Table("", "fault", *(Column(n, right=False) for n in names), kind="matrix", caption=LEVELS_TOLD)
     for case, own in sorted(grouped.groupby("case", sort=False), key=lambda pair: _order(pair[0])):
         cells = []
         for g in names:
             part = own[own["group"] == g]
             seen, able = int(part["seen"].sum()), bool(part["able"].any())
-            told = f"{seen}/{len(part)}" + (f", {part['delay_s'].min():.2f} s" if seen else "")
+            late = seconds(metrics.delays(part["delay_s"].to_numpy(float)).median) if seen else ""
+            told = f"{seen}/{len(part)}" + (f", {late}{' s' * (late != 'never')}" if seen else "")
             look = "c-none" if not able else "c-seen" if seen == len(part) else "c-part" if seen else "c-missed"
-            cells.append((look, ", ".join(sorted(set(part["first"].dropna()))), told if able else "blind"))
-        out.append((coverage.label(case), cells))
-    return {"names": names, "rows": out}
+            who = ", ".join(sorted(set(part["first"].dropna())))
+            cells.append(Cell(told if able else "blind", look, f"first: {who}" if who else ""))
+        made.add(coverage.label(case), *cells)
+    return made
 
 
 def _order(case):
@@ -51,61 +56,50 @@ def _order(case):
     return heads.index(head) if head in heads else len(heads), case
 
 
-KEY = (
-    ("c-seen", "●", "seen and named right"),
-    ("c-part", "◐", "seen, called ambiguous"),
-    ("c-part", "≠", "seen under another name"),
-    ("c-missed", "✕", "designed for it, and missed"),
-    ("c-quiet", "·", "may see it, stayed quiet"),
-    ("c-none", "", "blind by structure, and quiet"),
-    ("c-bonus", "!", "alarm though blind: not of the fault itself"),
-    ("c-bonus", "~", "alarm that the manoeuvre raises without a fault as well"),
-    ("c-quiet", "–", "not valid: it could not judge"),
-)
-
-
-def matrix(rows: pd.DataFrame) -> dict | None:
-    """Return {names, key, groups} of the coverage matrix: what was expected, what happened; None without a fault."""
+def matrix(rows: pd.DataFrame) -> Table | None:
+    """Return the coverage matrix: what was expected, what happened; None without a fault."""
     found = stats.coverage_matrix(rows)
     names = [n for group in stats.groups(rows).values() for n in group]
     if not found:
         return None
+    made = Table("", "fault", *(Column(n, right=False, detector=n) for n in names), kind="matrix coverage",
+                 caption="k/n: flights seen of flights flown; where outcomes differ, the number of each. Bordered: "
+                 "designed for. The expectation stands in the record of each detector in fdi/ and was written from the "
+                 "equations, not from these flights.")  # fmt: skip
     groups: dict = {}
     for case in sorted(found, key=_order):
         head = coverage.label(case).split(":")[0] if "." in case else "other effectors"
         head = "aircraft sensors" if case.startswith("sensor") else head
         row = [_cell(n, found[case].get(n)) for n in names]
-        groups.setdefault(head, []).append((coverage.label(case).split(": ")[-1], row))
-    return {"names": names, "key": KEY, "groups": groups.items()}
+        groups.setdefault(head, []).append((coverage.label(case).split(": ")[-1], *row))
+    for head, lines in groups.items():
+        made.add(head)
+        for line in lines:
+            made.add(*line)
+    return made
 
 
 def _cell(name, cell):
-    """Return (class, title, words) of one detector and case."""
+    """Return the Cell of one detector and case."""
     if cell is None:
-        return "", "", ""
+        return Cell("", "c-none")
     found = sorted(cell["outcomes"].items(), key=lambda pair: -pair[1])
-    good, kinds = {"named"}, {o for o, _ in found}
+    kinds, first = {o for o, _ in found}, OUTCOMES[found[0][0]]
     if cell["word"] == coverage.BLIND and kinds <= {"quiet", "idle"}:
         look, told = "c-none", ""
     elif len(found) == 1:
-        outcome = found[0][0]
-        look, told = (
-            CLASS[outcome],
-            f"{SYMBOL[outcome]} {cell['detected']}/{cell['runs']}"
-            if outcome not in ("quiet", "idle")
-            else SYMBOL[outcome],
-        )
+        look = first[1]
+        told = first[0] if kinds <= {"quiet", "idle"} else f"{first[0]} {cell['detected']}/{cell['runs']}"
     else:
-        part = kinds & {"named", "ambiguous", "misnamed"}
-        look = "c-seen" if kinds <= good else "c-part" if part else CLASS[found[0][0]]
-        told = " ".join(f"{SYMBOL[o]}{n}" for o, n in found)
+        look = "c-part" if kinds & {"named", "ambiguous", "misnamed"} else first[1]
+        told = " ".join(f"{OUTCOMES[o][0]}{n}" for o, n in found)
     border = " designed" * (cell["word"] == coverage.DESIGNED and cell["lane"])
-    more = f"{coverage.WORDS[cell['word']]}; " + ", ".join(f"{n} {o}" for o, n in found)
-    return look + border, f"{name}: {more}", told
+    more = f"{coverage.WORDS[cell['word']]}; " + ", ".join(f"{n} {OUTCOMES[o][2]}" for o, n in found)
+    return Cell(told, look + border, f"{name}: {more}")
 
 
-def confusions(rows: pd.DataFrame) -> list[dict]:
-    """Return [{name, columns, rows, rest}]: one confusion matrix per detector."""
+def confusions(rows: pd.DataFrame) -> list[tuple[str, Table]]:
+    """Return [(detector, Table)]: one confusion matrix per detector; rows are faults, columns what it said last."""
     out = []
     for name in dict.fromkeys(rows["id"]):
         counts = stats.confusion(rows, name)
@@ -122,16 +116,14 @@ def confusions(rows: pd.DataFrame) -> list[dict]:
         counts = counts.loc[:, counts.sum() > 0]
         last = [c for c in ("ambiguous", "none", "false alarm") if c in counts.columns]
         columns = [c for c in counts.columns if c not in last] + last
-        out.append({
-            "name": name,
-            "columns": [c.replace("_", " ") for c in columns],
-            "rest": rest,
-            "rows": [
-                (case if case == "no fault" else coverage.label(case),
-                 [(_shade(n := int(counts.loc[case, c]), c, case, name), "", n or "") for c in columns])
-                for case in sorted(counts.index, key=lambda c: _order(c) if c != "no fault" else (99, ""))
-            ],
-        })  # fmt: skip
+        heads = (Column({"none": "no alarm"}.get(c, c.replace("_", " ")), right=False) for c in columns)
+        made = Table("", "fault", *heads, kind="matrix")
+        made.caption = f"{rest} further kinds of fault: never an alarm." if rest else ""
+        for case in sorted(counts.index, key=lambda c: _order(c) if c != "no fault" else (99, "")):
+            cells = [(int(counts.loc[case, c]), c) for c in columns]
+            made.add(case if case == "no fault" else coverage.label(case),
+                     *(Cell(n or "", _shade(n, c, case, name)) for n, c in cells))  # fmt: skip
+        out.append((name, made))
     return out
 
 
@@ -143,4 +135,4 @@ def _shade(count, said, case, name):
     if said == "false alarm":
         return "c-missed"
     right = coverage.true_classes(case)
-    return "c-seen" if said in right else "c-quiet" if said == "ambiguous" else "c-part"
+    return "c-seen" if said in right else "c-quiet" if said == "ambiguous" else "c-wrong"

@@ -3,12 +3,11 @@
 from pathlib import Path
 from typing import Any
 
-from cosim.compare import Comparison, stats
+from cosim.compare import Comparison, stats, tables
 from cosim.compare.metrics import proportion
 from cosim.files import columns, replace
 from cosim.judge import coverage
 from cosim.report import compare_matrices as matrices
-from cosim.report import compare_tables as tables
 from cosim.report import compared
 from cosim.report.compare_words import summary
 from cosim.report.maps import MANY, maps
@@ -60,9 +59,14 @@ def render(found: Comparison) -> str:
         levels=matrices.levels(grouped),
         detectors=tables.detectors(each),
         quiet=tables.quiet(each),
+        names=tables.names(each),
         after=tables.after(each),
         families=tables.families(found.families),
         sizes=tables.sizes(sized),
+        sizes_told=tables.SIZES,
+        levels_key=matrices.LEVELS_KEY,
+        matrix_key=matrices.KEY,
+        names_key=matrices.NAMES_KEY,
         remarks=[(d["id"], coverage.remark(d["id"])) for d in each if coverage.remark(d["id"])],
         matrix=matrices.matrix(rows),
         confusions=matrices.confusions(rows),

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pandas as pd
-from markupsafe import Markup
 
-from cosim.compare import stats
+from cosim.compare import metrics, stats
 from cosim.compare.metrics import proportion
 from cosim.judge import coverage
-from cosim.report.page import bold, code, mark
-from cosim.report.words import article
+from cosim.judge.lanes import seconds
+from cosim.judge.narrator import listed
 
 
 def summary(rows: pd.DataFrame, each: list[dict], grouped: pd.DataFrame, sized: list[dict]) -> list[tuple[str, list]]:
@@ -31,13 +30,14 @@ def _sees(grouped, members):
     for g, own in grouped.groupby("group", sort=False):
         able = own[own["able"]]
         if not len(able):
-            out.append(bold(g) + ": nothing in these flights that it could see")
+            out.append(g + ": nothing in these flights that it could see")
             continue
         seen = able[able["seen"]]
-        soon = f", median {np.median(seen['delay_s']):.2f} s after the onset" if len(seen) else ""
+        late = metrics.delays(able["delay_s"].to_numpy(float)).median
+        soon = f", first alarm after {seconds(late)} s (median)" if np.isfinite(late) else ", less than half of them"
         only = _only(grouped, g)
         alone = f"; alone in {only}" if only else ""
-        who = bold(g) + " " + mark(f"({', '.join(members[g])})", "muted")
+        who = f"{g} ({', '.join(members[g])})"
         out.append(who + f": {len(seen)} of the {len(able)} faulty flights that it can see by structure{soon}{alone}")
     return out
 
@@ -56,9 +56,9 @@ def _oscillations(sized):
         told = [f"{d['a90_95']:.2g} mm at {d['frequency_hz']:g} Hz" for d in own if d["a90_95"] is not None]
         never = [f"{d['frequency_hz']:g}" for d in own if d["n"] and not d["seen"]]
         if never:
-            told.append(f"none seen at {article(never)} Hz")
+            told.append(f"none seen at {listed(never)} Hz")
         if told:
-            out.append(bold(g) + f": {', '.join(told)}")
+            out.append(g + f": {', '.join(told)}")
     if out:
         out.insert(0, "a90/95 of a liquid one on one segment, achieved at the rod; the others stand in the table")
     return out
@@ -76,16 +76,16 @@ def _blind(grouped):
         if missed:
             said.append(f"could have seen, but did not: {_short(missed)}")
         if said:
-            out.append(bold(g) + f": {'; '.join(said)}")
+            out.append(g + f": {'; '.join(said)}")
     nobody = [c for c, part in grouped.groupby("case", sort=False) if not part["seen"].any()]
     if nobody:
-        out.append(mark("seen by nobody", "bad") + f": {_short(nobody)}")
+        out.append(f"seen by nobody: {_short(nobody)}")
     return out
 
 
 def _short(cases, most=5):
     names = [coverage.label(c).replace("hydraulic: ", "hydraulic ").replace("ema: ", "EMA ") for c in cases]
-    return article(names) if len(names) <= most else f"{', '.join(names[:most])} and {len(names) - most} more"
+    return listed(names) if len(names) <= most else f"{', '.join(names[:most])} and {len(names) - most} more"
 
 
 def _names(rows):
@@ -105,7 +105,7 @@ def _names(rows):
     if len(severe):
         who = ", ".join(f"{n} {k}" for n, k in severe["id"].value_counts().items())
         severely = f"in {len(severe)} a sensor fault was called an actuator's, or the reverse"
-        return [Markup("{}; {} ({})").format(told, mark(severely, "bad"), who)]
+        return [f"{told}; {severely} ({who})"]
     return [told]
 
 
@@ -125,8 +125,7 @@ def _false(rows, each):
         f"{quiet} of {len(each)} detectors were quiet in all {free} fault-free flights (below {high:.0%} "
         f"per flight, 95 %)"
     )
-    cried = [mark(d["id"], "bad") + f" cried in {d['fault_free_alarmed']}" for d in loud]
-    return [Markup("; ").join([told, *cried])]
+    return ["; ".join([told, *(f"{d['id']} alarmed in {d['fault_free_alarmed']}" for d in loud)])]
 
 
 def _care(rows, each):
@@ -134,9 +133,8 @@ def _care(rows, each):
     runs = rows["run"].nunique()
     if runs < 300:
         out.append(
-            f"{runs} flights are a look, not a proof: most kinds of fault flew once, at one size. "
-            + code("cosim campaign")
-            + " flies thousands."
+            f"{runs} flights are a look, not a proof: most kinds of fault flew once, at one size. `cosim campaign` "
+            "flies thousands."
         )
     echo = rows[rows["outcome"] == "echo"]["id"].value_counts()
     if len(echo):
@@ -144,15 +142,15 @@ def _care(rows, each):
         out.append(f"Alarms that the same manoeuvre raises without a fault are no detections: {told}.")
     for d in each:
         if d.get("beyond_physics"):
-            out.append(mark(d["id"], "bad") + " sees more small oscillations than physics allows: it reads "
-                       "something that it should not, or the bound is wrong.")  # fmt: skip
+            out.append(f"{d['id']} sees more small oscillations than physics allows: it reads something that it should "
+                       "not, or the bound is wrong.")  # fmt: skip
         if d["idle"]:
             why = f": {d['why_not_valid']}" if d["why_not_valid"] else ""
             out.append(f"{d['id']} could not judge {d['idle']} of the {d['designed']} faults that it was designed for "
                        f"(not valid{why}): they stay in its counts.")  # fmt: skip
     dull = [d["id"] for d in each if not d["credible"]]
     if dull:
-        out.append(f"{article(dull)}: alarms all the time and therefore tells nothing; left out of the levels.")
+        out.append(f"{listed(dull)}: alarms all the time and therefore tells nothing; left out of the levels.")
     out += [
         f"{d['id']}: {coverage.remark(d['id'])}."
         for d in each

@@ -4,29 +4,30 @@ import math
 
 import numpy as np
 
-from actuators.constants import DEG_PER_RAD
+from cosim.judge.lanes import SHOWN
 from cosim.replay.recording import Lane, LoggedFlight, words
-from cosim.report.figure import COLOURS, Figure, curve, envelope, least, level, note, packed, peaks, points
+from cosim.report.figure import COLOURS, Figure, curve, envelope, least, level, packed, peaks, points
 from cosim.report.flight import panels
 
 FLOOR = 1e-3  # |r| below this is drawn here: a logarithm has no zero
-SHOWN = {  # unit of an estimate -> shown as, factor
-    "u": ("u, share of the valve", 1.0),
-    "rad": ("deg", DEG_PER_RAD),
-    "m": ("mm", 1e3),
-    "g": ("g", 1.0),
-    "rad/s": ("rad/s", 1.0),
-    "A": ("A", 1.0),
-    "fraction": ("%", 100.0),
-}
 
 
-def detector(flown: LoggedFlight, lanes: list[Lane]) -> Figure:
-    """Return the figure of one detector: statistic of every lane over its threshold; estimate with band and truth."""
+def detector(flown: LoggedFlight, lanes: list[Lane]) -> Figure | None:
+    """Return the figure of one detector: statistic of every lane over its threshold; estimate with band and truth.
+
+    None where it never judged: there is nothing to draw.
+    """
+    if not any((np.abs(lane.fields["r"]) > 0.0).any() for lane in lanes):
+        return None
     estimates = [n for n in lanes[0].fields if n.startswith("f_hat")]
     figure = Figure(f"d-{lanes[0].id}", "", 258, detector=lanes[0].id)
     main = next((lane.truth[0] for lane in lanes if lane.truth), estimates[0] if estimates else None)
+    mine = [lane for lane in lanes if lane.truth] or lanes
+    untold = "It gives no fault estimate." if not estimates else "Its estimate declared no fault in this flight."
+    if not any(_estimates(lane, main) for lane in mine):
+        main = None
     unit, factor = _unit(lanes, main)
+    figure.caption = "" if main else untold
     titles = ["Statistic |r|"] + ([f"Estimate {main}"] if main else [])
     panels(flown, figure, titles, ["|r|, threshold 1", unit][: len(titles)], len(titles))
     figure.layout["margin"] |= {"t": 44}
@@ -38,9 +39,16 @@ def detector(flown: LoggedFlight, lanes: list[Lane]) -> Figure:
 
 
 def _unit(lanes, main):
-    """Return (unit to show, factor) of an estimate: that of the truth, else none."""
-    known = next((lane.truth[2] for lane in lanes if lane.truth), "")
-    return SHOWN.get(known, (known or "SI unit", 1.0)) if main else ("", 1.0)
+    """Return (unit to show, factor) of an estimate: that of the truth, else the one that the log has."""
+    if not main:
+        return "", 1.0
+    known = next((lane.truth[2] for lane in lanes if lane.truth), lanes[0].units.get(main, ""))
+    return SHOWN.get(known, ("share" if known == "-" else known, 1.0))
+
+
+def _estimates(lane, main):
+    """Tell whether a lane estimated anything: an estimate that is zero throughout has no panel."""
+    return bool(main and np.any((lane.fields[main] != 0.0) & (lane.fields["valid"] > 0.5)))
 
 
 def _statistic(figure, flown, lanes):
@@ -66,8 +74,6 @@ def _statistic(figure, flown, lanes):
                 reduce=peaks,
             )
         )
-    if not any((r > 0.0).any() for r in sizes):
-        note(figure.layout, 1, "never judged in this flight: its validity flag stayed down")
 
 
 def _estimate(figure, flown, lanes, main, factor):
@@ -103,11 +109,6 @@ def _estimate(figure, flown, lanes, main, factor):
         )
     seen = [lane.fields[main] * factor for lane in mine if lane.able] or [lane.fields[main] * factor for lane in mine]
     least(figure.layout, 2, seen + ([truth] if truth is not None else []), 1e-6)
-    if not any(np.any(y != 0.0) for y in seen):
-        figure.layout["yaxis2"]["range"] = [-1.0, 1.0]
-        note(figure.layout, 2, "zero throughout: it declared no fault")
-    elif not any((lane.fields["valid"] > 0.5).any() for lane in mine):
-        note(figure.layout, 2, "not valid in this flight, by its own flag")
 
 
 def _band(figure, t0, step, f, half, colour):

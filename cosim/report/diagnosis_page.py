@@ -8,13 +8,13 @@ from typing import Any, cast
 import numpy as np
 
 from cosim.errors import LogError
+from cosim.judge.lanes import SHOWN, verdicts
 from cosim.log import open_log
 from cosim.replay.recording import Lane, LoggedFlight, words
-from cosim.report.detector import SHOWN, detector
+from cosim.report.detector import detector
 from cosim.report.figure import Figure, curve, least
 from cosim.report.flight import panels
-from cosim.report.flight_page import number
-from cosim.report.page import Row, Table, bold, page, write
+from cosim.report.page import page, write
 from cosim.report.timeline import timeline
 from cosim.scenario import vocabulary
 from fdi import registry
@@ -54,8 +54,8 @@ class Watched:
         target = "aircraft" if level == "aircraft" else f"elevator.{lane}"
         told = self.verdicts.get((name, target), {})
         entry = {"concerned": bool(told.get("alarm")), "able": True, "alarm": bool(told.get("alarm"))}
-        fields = dict(zip(info.fields, self._arrays[topic].T))
-        return Lane(name, level, lane, target, getattr(module, "culprits", ()), info.every, fields, entry)
+        fields, units = dict(zip(info.fields, self._arrays[topic].T)), dict(zip(info.fields, info.units))
+        return Lane(name, level, lane, target, getattr(module, "culprits", ()), info.every, fields, entry, units)
 
     def inputs(self) -> dict[str, tuple[str, np.ndarray]]:
         """Return {signal: (unit, samples)} of what was read, each once."""
@@ -88,7 +88,7 @@ def diagnosis_report(log: str | Path, output: str | Path) -> Path:
             subtitle=f"{watched.t0:.6g} to {watched.end:.6g} s of the recording, at {1 / watched.dt:.6g} Hz",
             summary=_summary(watched),
             line=line,
-            lanes=_verdicts(watched),
+            lanes=verdicts(list(watched.verdicts.values())),
             detectors=[(own[i], f"{i}: {getattr(registry.find(i), 'summary', '')}") for i in ids],
             read=read,
             map=watched.map,
@@ -110,21 +110,6 @@ def _summary(watched: Watched) -> list[tuple[str, list[Any]]]:
             for name in first]  # fmt: skip
     quiet = [lane.name for lane in watched.lanes if not lane.entry["alarm"]]
     return [("noticed", said or ["nobody"]), ("quiet", [", ".join(quiet)] if quiet else [])]
-
-
-def _verdicts(watched: Watched) -> Table:
-    rows = []
-    for lane in watched.lanes:
-        v: dict[str, Any] = watched.verdicts.get((lane.id, lane.target), {})
-        said = v.get("isolated") or {}
-        part = f" {words(said.get('culprit') or '')}".rstrip()
-        cells = (bold(lane.id), words(lane.target.removeprefix("elevator.")), number(v.get("first_alarm_s"), 6),
-                 v.get("alarms", "–"), f"{said.get('class', '–')}{part}", number(v.get("r_max")),
-                 f"{v.get('valid_pct', 0.0):.0f} %")  # fmt: skip
-        rows.append(Row(cells, {"class": None if v.get("alarm") else "quiet", "data-detector": lane.id}))
-    columns = ("detector", "watches", "first alarm, s>", "alarms>", "last said", "largest |r|>", "valid>")
-    note = "Times are the recording's. Whether an alarm is right, a recording cannot say. |r|: 1 is the threshold."
-    return Table(columns, rows, note, "wide")
 
 
 def _inputs(watched: Watched) -> Figure:

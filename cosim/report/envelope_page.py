@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pandas as pd
 
-from cosim.campaign.envelope import REASONS
+from cosim.campaign.envelope import REASONS, masses
 from cosim.report.envelope_maps import QUANTITIES, REASON, scale
 from cosim.report.figure import Figure, axis, base, grid, place
-from cosim.report.page import Row, Table, page, write
+from cosim.report.page import page, write
 
 COLUMNS_PX = 175  # of a row of panels
 NAMES = {"hydraulic": "hydraulic", "ema": "electromechanical"}
@@ -36,7 +36,7 @@ def render(trims: pd.DataFrame, found: dict) -> str:
         stalls=[(NAMES[technology], _stalls(ways)) for technology, ways in found["stalls"].items()],
         key=[(*REASON[name][:2], REASONS.get(name, name)) for name in found["reasons"]],
         maps=[(q.heading, _told(q, trims), figure) for q, figure in zip(shown, figures)],
-        masses=_masses(found),
+        masses=masses(found),
     )
 
 
@@ -55,22 +55,6 @@ def _stalls(ways):
         said.append(f"{way} never short of its travel" if at["from_kt"] is None
                     else f"{way} from {at['from_kt']:.0f} kt CAS on ({worst})")  # fmt: skip
     return said
-
-
-def _masses(found):
-    def span(values, digits):
-        return f"{values[0]:.{digits}f} to {values[1]:.{digits}f}"
-
-    rows = [
-        Row(
-            (f"{m['mass_t']:.0f} t", str(m["trimmed"]), span(m["cas_kt"], 0), span(m["mach"], 2),
-             f"{m['highest_ft']:,.0f}", span(m["alpha_deg"], 1), span(m["stabilizer_deg"], 1),
-             span([100 * v for v in m["throttle"]], 0))
-        )
-        for m in found["masses"]
-    ]  # fmt: skip
-    columns = ("mass", "points>", "kt CAS>", "Mach>", "highest ft>", "alpha deg>", "stabiliser deg>", "throttle %>")
-    return Table(columns, rows)
 
 
 def _figure(trims, q):

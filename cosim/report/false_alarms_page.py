@@ -3,10 +3,10 @@
 import math
 from pathlib import Path
 
-from markupsafe import Markup
-
+from cosim.compare import tables
 from cosim.report.figure import Figure, axis, base, grid, points, upright
-from cosim.report.page import Row, Table, page, write
+from cosim.report.page import page, write
+from cosim.table import number
 
 LEAST = 1e-12  # per hour: below, nothing is drawn
 TITLES = ("false alarms over the threshold", "return levels: the highest peaks", "shape over the number of peaks")
@@ -27,57 +27,16 @@ def render(found: dict) -> str:
     drawn = [({"id": d["id"], "said": _said(d)}, _figure(d)) for d in found["detectors"]]
     return page(
         "false_alarms.html",
-        title="False alarms per valid hour",
+        title="False alarms per flight hour",
         subtitle=f"{len(found['detectors'])} detectors over {found['hours']:.1f} flight hours of {found['campaign']}",
         figures=[figure for _, figure in drawn],
         figures_of=drawn,
         found=found,
         certified=sum(d["certified"] for d in found["detectors"]),
-        rates=_rates(found),
-        held_out=_held_out(found),
-        index=_index(found),
+        rates=tables.rates(found["detectors"]),
+        held_out=tables.held_out(found["detectors"]),
+        index=tables.clusters(found["detectors"]),
     )
-
-
-def number(x: float | None) -> str:
-    """Return a rate or level in three digits, a word for what is endless."""
-    if x is None or math.isnan(x):
-        return "–"
-    return "no level" if math.isinf(x) else "0" if abs(x) < 1e-99 else f"{x:.3g}"
-
-
-def _interval(share):
-    return "–" if share is None else f"{number(share['value'])} ({number(share['low'])} to {number(share['high'])})"
-
-
-def _rates(found):
-    columns = ("detector", "valid hours>", "alarms>", "alarms per hour>", "as it ships, per hour>", "by",
-               "c for 1e-9 per hour>", "shape>", "what is against it")  # fmt: skip
-    rows = []
-    for d in found["detectors"]:
-        why = Markup("<br>").join(d["against"]) if d["against"] else Markup('<span class="good">nothing</span>')
-        at = d["at_threshold"]
-        shape = None if d["fit"]["note"] else d["fit"]["shape"]
-        rows.append(Row((d["id"], f"{d['hours']:.1f}", d["alarms"], _interval(d["alarms_per_hour"]), _interval(at),
-                         at["by"] if at else "–", _interval(d["needed"]), _interval(shape), why)))  # fmt: skip
-    return Table(columns, rows)
-
-
-def _held_out(found):
-    rows = []
-    for d in found["detectors"]:
-        for h in d["held_out"]:
-            fit = f"{number(h['rate'])} ({number(h['low'])} to {number(h['high'])})"
-            seen = f"{number(h['counted'] / h['hours'])} ({number(h['counted_low'])} to {number(h['counted_high'])})"
-            agree = Markup('<span class="{}">{}</span>').format(*(("good", "yes") if h["agree"] else ("bad", "no")))
-            rows.append(Row((d["id"], number(h["level"]), fit, h["counted"], f"{h['hours']:.1f}", seen, agree)))
-    return Table(("detector", "c>", "fitted, per hour>", "counted>", "in hours>", "per hour>", "agree"), rows)
-
-
-def _index(found):
-    runs = [f"run {i['run_s']:g} s>" for i in found["detectors"][0]["extremal_index"]] if found["detectors"] else []
-    cells = lambda d: [number(i["index"]) for i in d["extremal_index"]]  # noqa: E731
-    return Table(("detector", *runs), [Row((d["id"], *cells(d))) for d in found["detectors"]])
 
 
 def _said(d):
@@ -86,7 +45,7 @@ def _said(d):
         said = f"The curve ends with the count: {fit['note']}."
     else:
         said = (f"The {fit['peaks']} highest of {d['flights']} peaks, above c = {number(fit['from'])}; shape "
-                f"{_interval(fit['shape'])}, Anderson-Darling {fit['anderson_darling']:.2f}.")  # fmt: skip
+                f"{tables.with_ends(fit['shape'])}, Anderson-Darling {fit['anderson_darling']:.2f}.")  # fmt: skip
     return said + (f" No crossing bound: {d['gaussian']}." if d["gaussian"] else "")
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from actuators.constants import DEG_PER_RAD, FT_PER_M, KT_PER_M_S
-from cosim.flight import wiring
+from cosim.flight.loop import wiring
 from cosim.replay.recording import LoggedFlight, words
 from cosim.report.figure import (
     COLOURS,

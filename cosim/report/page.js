@@ -150,14 +150,25 @@ for (const chip of document.querySelectorAll("button.chip")) {
     placeCursor();
   });
 }
-let before = null;
+for (const button of document.querySelectorAll("button.more")) {
+  const words = button.textContent;
+  button.addEventListener("click", () => {
+    const all = button.parentElement.classList.toggle("all");
+    button.setAttribute("aria-expanded", String(all));
+    button.textContent = all ? "fewer columns" : words;
+  });
+}
+let before = null, opened = [];
 window.addEventListener("beforeprint", () => {  // paper is white and narrow
   before = root.dataset.theme;
   root.dataset.theme = "light";
+  opened = [...document.querySelectorAll("details:not([open])")];
+  for (const d of opened) d.open = true;
   for (const fig of figures) { $(fig.id).style.width = "690px"; draw(fig, zoom); Plotly.relayout($(fig.id), { width: 690 }); }
 });
 window.addEventListener("afterprint", () => {
   root.dataset.theme = before;
+  for (const d of opened) d.open = false;
   for (const fig of figures) { $(fig.id).style.width = ""; draw(fig, zoom); }
 });
 window.addEventListener("resize", () => setTimeout(placeCursor, 200));

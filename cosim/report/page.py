@@ -1,11 +1,10 @@
 """One self-contained HTML page: style, figures, plotly.js and a script in one file that opens offline.
 
-What a page says stands in its template (cosim/report/templates), which escapes every value; a piece of markup that a
-module makes is a Markup, whose `format` escapes too.
+What a page says stands in its template (cosim/report/templates), which escapes every value; tables
+(cosim/table.py) escape their cells themselves.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -17,24 +16,6 @@ from plotly.offline import get_plotlyjs
 
 from cosim.files import marked, replace_text
 from cosim.judge.result import plain
-
-
-@dataclass
-class Row:
-    """One line of a Table: cells, which are plain values or Markup, and attributes of the line."""
-
-    cells: tuple
-    attributes: dict = field(default_factory=dict)
-
-
-@dataclass
-class Table:
-    """A table of a page. A column that ends in > is numeric."""
-
-    columns: tuple
-    rows: list[Row]
-    caption: str = ""
-    classes: str = ""
 
 
 @cache
@@ -81,21 +62,6 @@ def page(
     made = environment().get_template(template)
     told = {"summary": (), **content, **fixed, "title": title, "subtitle": subtitle, "chips": chips, "span": span}
     return made.render(data=plain(drawn), **told).lstrip() + "\n"
-
-
-def mark(value: Any, css: str = "") -> Markup:
-    """Return `value`, escaped, in a span of class `css`."""
-    return Markup('<span class="{}">{}</span>').format(css, value)
-
-
-def bold(value: Any) -> Markup:
-    """Return `value`, escaped, in bold."""
-    return Markup("<b>{}</b>").format(value)
-
-
-def code(value: Any) -> Markup:
-    """Return `value`, escaped, as code."""
-    return Markup("<code>{}</code>").format(value)
 
 
 def _own(name):

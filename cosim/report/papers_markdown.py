@@ -5,64 +5,36 @@ from pathlib import Path
 
 from cosim.papers.broken import Broken
 from cosim.papers.row import Row, counts
+from cosim.papers.tables import proof, rows
 from cosim.report import markdown as readme
+from cosim.table import Table
 
 NAME, PROOF = "reproduce", "broken"  # of the markers
-WORDS = {
-    "agrees": "agrees",
-    "differs_explained": "explained",
-    "differs": "**differs**",
-    "ours": "ours",
-    "beyond": "beyond",
-}
-
-
-def markdown(rows: Iterable[Row], held: str = "") -> str:
+def markdown(found: Iterable[Row], held: str = "") -> str:
     """Return the counts per paper, then every row folded, as Markdown; papers without rows stay as `held` has them."""
-    rows = list(rows)
-    own = {name: [r for r in rows if r.paper == name] for name in dict.fromkeys(r.paper for r in rows)}
+    found = list(found)
+    own = {name: [r for r in found if r.paper == name] for name in dict.fromkeys(r.paper for r in found)}
     _, totals = parsed(held)
     blocks = {name: _block(held, name) for name in totals if name != "all"}
-    blocks |= {name: _folded(name, found) for name, found in own.items()}
-    totals |= {name: (len(found), *counts(found).values()) for name, found in own.items()}
+    blocks |= {name: _folded(name, each) for name, each in own.items()}
+    totals |= {name: (len(each), *counts(each).values()) for name, each in own.items()}
     totals["all"] = tuple(sum(column) for column in zip(*(totals[name] for name in blocks)))
-    lines = [
-        "| paper | rows | agree | differ, explained | differ | ours, no claim | beyond |",
-        "|---|---|---|---|---|---|---|",
-        *(f"| {name} | {' | '.join(map(str, totals[name]))} |" for name in (*blocks, "all")),
-    ]
-    return "\n".join([*lines, *("\n" + block for block in blocks.values())])
+    made = Table("", "paper", "rows", "agree", "differ, explained", "differ", "ours, no claim", "beyond")
+    for name in (*blocks, "all"):
+        made.add(name, *totals[name])
+    return "\n".join([made.markdown(), *("\n" + block for block in blocks.values())])
 
 
-def _folded(name, rows):
+def _folded(name, found):
     """Return the rows of a paper, folded."""
-    lines = [f"<details><summary>{name}, row by row</summary>", ""]
-    lines += [
-        "| what | paper says | we get | band | verdict | why, and what came with it |",
-        "|---|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {_cell(r.item)} | {_cell(r.says)} | {r.got:.3g} | {r.tolerance} | {WORDS[r.verdict]} | "
-        f"{_cell('; '.join(filter(None, (r.reason, r.note))))} |"
-        for r in rows
-    ]
-    return "\n".join([*lines, "", "</details>"])
+    made = rows(found).markdown()
+    return f"<details><summary>{name}, row by row</summary>\n\n{made}\n\n</details>"
 
 
 def _block(text, name):
     """Return the folded rows of a paper as they stand in a written table."""
     start = text.index(f"<details><summary>{name}, row by row")
     return text[start : text.index("</details>", start) + len("</details>")]
-
-
-def proof(found: Iterable[Broken]) -> str:
-    """Return the list of broken methods as Markdown: row, what was broken, value then."""
-    unseen = (" (**not seen**)", "")
-    lines = ["| paper | row | what was broken | value then | band |", "|---|---|---|---|---|"]
-    lines += [
-        f"| {b.paper} | {_cell(b.item)} | {_cell(b.what)} | {b.got:.3g}{unseen[b.seen]} | {b.band} |" for b in found
-    ]
-    return "\n".join(lines)
 
 
 def parsed(table: str) -> tuple[dict, dict]:
@@ -83,17 +55,13 @@ def parsed(table: str) -> tuple[dict, dict]:
     return found, totals
 
 
-def write(path: str | Path, rows: Iterable[Row]) -> None:
-    """Write rows into the page at `path`, between its markers; papers without rows stay. Raises OutputError."""
+def write(path: str | Path, found: Iterable[Row]) -> None:
+    """Write rows `found` into the page at `path`, between its markers; papers without rows stay. Raises OutputError."""
     path = Path(path)
     held = readme.part(readme.read(path), NAME) if path.is_file() else None
-    readme.replace(path, NAME, markdown(rows, held or ""))
+    readme.replace(path, NAME, markdown(found, held or ""))
 
 
 def write_proof(path: str | Path, found: Iterable[Broken]) -> None:
     """Write the list of broken methods into the page at `path`, between its markers. Raises OutputError."""
-    readme.replace(path, PROOF, proof(found))
-
-
-def _cell(text):
-    return text.replace("|", "\\|")
+    readme.replace(path, PROOF, proof(found).markdown())

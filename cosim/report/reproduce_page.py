@@ -3,9 +3,11 @@
 import math
 from pathlib import Path
 
+from cosim.papers import tables
 from cosim.papers.row import Row as PaperRow
 from cosim.report.figure import Figure, axis, bands, base, curve, envelope, grid, least, level
-from cosim.report.page import Row, Table, mark, page, write
+from cosim.report.page import page, write
+from cosim.table import Cell, Table
 
 TITLES = {
     "lu17": "Lu17: hydraulic actuator, two-stage and three-step filters",
@@ -15,15 +17,7 @@ TITLES = {
     "alwi14": "Alwi14: sliding-mode observer over the flight envelope",
 }
 ROLES = {"ours": "--blue", "true": "--ink", "quiet": "--muted", "second": "--orange", "third": "--green"}
-WORDS = {
-    "agrees": "agrees",
-    "differs_explained": "differs, explained",
-    "differs": "differs",
-    "ours": "ours",
-    "beyond": "beyond",
-}
 NARROW = {1: 320, 2: 560, 3: 780}  # least width of a figure [px] by its columns of panels
-MARKS = {"agrees": "good", "differs_explained": "", "differs": "bad", "ours": "muted", "beyond": ""}
 
 
 def reproduction_report(rows: list[PaperRow], drawings: list, output: str | Path) -> Path:
@@ -49,8 +43,9 @@ def render(rows: list[PaperRow], drawings: list) -> str:
                 "narrow": NARROW[min(d.columns, len(d.panels))] if figure else None,
             })  # fmt: skip
         about = {"name": name, "key": paper_key(name), "title": TITLES[name]}
-        papers.append({**about, "rows": own, "counts": _count(own), "drawings": shown})
-    said = (*list(WORDS.values())[:3], "ours, the paper gives no number", "beyond the paper")
+        papers.append({**about, "table": tables.rows(own), "rows": len(own), "counts": _count(own), "drawings": shown})
+    words = [word for word, _ in tables.VERDICTS.values()]
+    said = (*words[:3], "ours, the paper gives no number", "beyond the paper")
     return page(
         "reproduce.html",
         title=f"{_papers(names)}, reproduced",
@@ -59,8 +54,7 @@ def render(rows: list[PaperRow], drawings: list) -> str:
         total=len(rows),
         counts=list(zip(_count(rows), said)),
         papers=papers,
-        words=WORDS,
-        marks=MARKS,
+        meaning=tables.MEANING,
     )
 
 
@@ -78,13 +72,15 @@ def paper_key(paper: str) -> str:
 
 
 def _count(rows):
-    return [sum(r.verdict == v for r in rows) for v in WORDS]
+    return [sum(r.verdict == v for r in rows) for v in tables.VERDICTS]
 
 
 def _table(t, caption):
     """Return the page's Table of a drawing that holds a table; a + before a value marks it as good."""
-    rows = [Row(tuple(mark(v[1:], "good") if v.startswith("+") else v for v in row)) for row in t.rows]
-    return Table(t.columns, rows, caption)
+    made = Table("", *t.columns, caption=caption, kind="")
+    for row in t.rows:
+        made.add(*(Cell(v[1:], "good") if v.startswith("+") else v for v in row))
+    return made
 
 
 def _figure(d, name, caption):

@@ -3,6 +3,7 @@
 import numpy as np
 
 from cosim.judge.alarms import faulty
+from cosim.judge.detection import name_at_end
 from cosim.judge.result import concerns
 from cosim.replay.recording import LoggedFlight, spans, words
 from cosim.report.figure import Figure, bands, base, points, style_axis
@@ -69,11 +70,14 @@ def _row(figure, flown, lane):
 
 
 def _said(lane, verdict, culprit, start, step):
-    """Return the last name of an alarm that begins at `start` [s] and, where it came later, when it first came."""
+    """Return the name at the end of an alarm that begins at `start` [s] and, where it came later, since when."""
     given = np.flatnonzero(verdict > 0.5)
     if not len(given):
         return "alarm, no name"
-    last = given[-1]
+    end = name_at_end(verdict, culprit, given, step)
+    if end is None:
+        return "alarm, names in turn"
+    last = given[end]
     first = given[np.argmax((verdict[given] == verdict[last]) & (culprit[given] == culprit[last]))]
     blamed = culprit[last]
     part = lane.culprits[int(blamed)] if 0 <= blamed < len(lane.culprits) else ""

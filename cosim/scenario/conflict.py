@@ -17,7 +17,9 @@ def check(faults: Iterable[Fault], technology: dict[str, str]) -> None:
         what = fault.spec.exclusive
         if not what or fault.waits:
             continue
-        if what == "at":  # a runaway to a limit moves the command, whatever it starts from (cosim/flight/inject.py)
+        if (
+            what == "at"
+        ):  # a runaway to a limit moves the command, whatever it starts from (cosim/flight/faults/inject.py)
             what = "command" if "limit_deg" in (fault.model_extra or {}) else fault.at
         for name in fault.parsed.names:
             for other, claim, index in taken:

@@ -165,7 +165,7 @@ def _walk(root, loc, table):
         elif part == "faults":
             return Fault, Fault.model_fields.get(loc[-1])
         elif field is None and i and (loc[i - 1] in root.model_fields or part.isdigit()):
-            continue  # a name of the user's in a table of models, or a place in a list of them
+            continue  # a user-given name in a table of models, or a place in a list of them
         else:
             inner = field.annotation if field else None
             if get_origin(inner) in (dict, tuple):

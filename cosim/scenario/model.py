@@ -18,6 +18,7 @@ from cosim.scenario.sensors import Sensors
 from cosim.scenario.table import MULTIPLIER, Table, known_keys
 from cosim.scenario.tolerance import toleranced
 from cosim.scenario.user_file import UserFile
+from cosim.table import Table as Drawn
 from fdi.registry import GUESTS, SHIPPED
 
 
@@ -197,6 +198,30 @@ class Scenario(Table):
     def ticks(self) -> int:
         """Return the number of ticks."""
         return round(self.duration_s * self.rate_hz)
+
+    def __str__(self) -> str:
+        lines = (f"  {name:<10} {said}" for name, said in self._about())
+        return "\n".join([f"Scenario: {self.title or 'without a title'}", *lines])
+
+    def _repr_html_(self) -> str:
+        made = Drawn(f"Scenario: {self.title or 'without a title'}", "", "", kind="", heads=False)
+        for name, said in self._about():
+            made.add(name, said)
+        return made._repr_html_()
+
+    def _about(self):
+        """Return [(what, in words)] of what differs from flight to flight; `expanded_toml` has all of it."""
+        f = self.flight
+        keys = (("cas_kt", "kt CAS"), ("mach", "Mach"), ("tas_kt", "kt TAS"))
+        speed = ", ".join(f"{getattr(f, k):g} {unit}" for k, unit in keys if getattr(f, k))
+        point = f"{f.aircraft}, {f.mass_t:g} t, CG {f.cg_pct:g} %, {f.altitude_ft:,.0f} ft, {speed}, {f.weather}"
+        long = f"{self.duration_s:g} s at {self.rate_hz} Hz"
+        out = [("flight", f"{long}: {point}, {self.manoeuvre.kind}, seed {self.seed}")]
+        out += [("elevator", ", ".join(f"{seg} {t}" for seg, t in self.elevator.technology.items()))]
+        for i, x in enumerate(self.faults):
+            own = ", ".join(f"{k} {v:g}" for k, v in (x.model_extra or {}).items())
+            out.append((f"fault {i}", f"{x.kind} on {x.target} from {x.start_s:g} s{f' ({own})' if own else ''}"))
+        return [*out, ("detectors", ", ".join(self.running) or "none")]
 
     def injections(self) -> tuple:
         """Return the faults as a flat tuple of Injection: one per fault and member of its target, SI."""

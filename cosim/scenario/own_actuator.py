@@ -79,7 +79,7 @@ class OwnActuator(_Table):
 
 def register(actuators: dict[str, OwnActuator]) -> None:
     """Let scenarios name these technologies; a shipped one keeps its name."""
-    from actuators import fmu, guest
+    from actuators import fmu, user_actuator
 
     for name, own in actuators.items():
         place = f"actuators.{name}"
@@ -92,14 +92,14 @@ def register(actuators: dict[str, OwnActuator]) -> None:
             return ScenarioError(text, place=place)
 
         if own.file is not None:
-            c.register(guest.from_file(name, own.path, own.servo, load, error), brought=True)
+            c.register(user_actuator.from_file(name, own.path, own.servo, load, error), brought=True)
             continue
         si = {**INPUTS, **OUTPUTS}
         tables = {
             part: {w: fmu.Variable(v.variable, v.unit, si[w]) for w, v in getattr(own, part).items()}
             for part in ("inputs", "outputs", "start")
         }
-        made = guest.from_fmu(name, own.path, own.servo, {**tables, "parameters": own.parameters}, error)
+        made = user_actuator.from_fmu(name, own.path, own.servo, {**tables, "parameters": own.parameters}, error)
         c.register(made, brought=True)
 
 

@@ -27,7 +27,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from actuators.sources import cache_root, closure, forget
+from actuators.source_hash import cache_root, closure, forget
 from cosim.errors import CosimError, ScenarioError
 
 BLOCK = 1 << 20  # [byte] read at a time
@@ -150,7 +150,7 @@ def aside() -> AbstractContextManager:
 
 
 def where(error: BaseException, path: Path | None = None) -> str:
-    """Return an exception as one line with the last line of the user's own that it passed."""
+    """Return an exception as one line with the last line of user code that it passed."""
     import traceback
 
     try:

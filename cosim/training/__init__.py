@@ -15,7 +15,7 @@ TRAINERS = {  # name -> (module, what it trains)
 }
 
 
-def trainer(name: str) -> Any:
+def load(name: str) -> Any:
     """Return the training `name`: train(), changes(), store(). Raises DesignError if unknown."""
     if name not in TRAINERS:
         raise DesignError(f"unknown training {name!r}", allowed=", ".join(TRAINERS),

@@ -17,12 +17,12 @@ from actuators.constants import M_PER_FT
 from cosim.campaign.jobs import work
 from cosim.errors import DesignError, TrimError
 from cosim.files import replace_text
-from cosim.flight import made
 from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.flight.build import build
-from cosim.flight.detectors import sources, unfit
-from cosim.flight.signals import fly
-from cosim.flight.site import site
+from cosim.flight.detection import stored_designs
+from cosim.flight.detection.detector_context import site
+from cosim.flight.detection.detectors import sources, unfit
+from cosim.flight.loop.signals import fly
 from cosim.scenario.aircraft import Aircraft, load_aircraft
 from cosim.training import lpv_boxes, rfafe, train_aircraft, train_rfafe
 from cosim.training.flights import COMMAND, DT, KINDS, NOISE_SCALE, TOLERANCE, estimate, scenario
@@ -66,7 +66,7 @@ def make(
         raise DesignError(
             f"{flights} flights", place="--flights", allowed=f"at least {LEAST}: each air, each manoeuvre"
         )
-    name, digest = str(own.folder), made.digest(own)
+    name, digest = str(own.folder), stored_designs.digest(own)
     how: dict[str, Any] = {"folder": folder, "workers": workers, "progress": progress}
 
     def several(function, *each):
@@ -96,14 +96,14 @@ def make(
     values = several(_surveyed, *({**one, "prior": prior} for one in seeds))
     written += _thresholds(own, values, answered, prior, flights, first_seed)
     about = {"aircraft_sha256": digest, "flights": flights, "first_seed": first_seed}
-    return [*written, _write(own, "designs", Path(made.FILE).stem, about)]
+    return [*written, _write(own, "designs", Path(stored_designs.FILE).stem, about)]
 
 
 def check(aircraft: str) -> dict[str, str]:
     """Return {detector: "" or what is wrong} of the designs stored in an aircraft's folder."""
     own = load_aircraft(aircraft)
     level = [r for n in registry.SHIPPED if (r := registry.record(n)).level == "aircraft" and not r.any_aircraft]
-    return {record.id: made.lacking(own, record) for record in level if not unfit(record, own)}
+    return {record.id: stored_designs.lacking(own, record) for record in level if not unfit(record, own)}
 
 
 def fits(own: Aircraft) -> tuple[str, ...]:
@@ -165,7 +165,7 @@ def _boxes(own, samples):
             break
         cas_ratio *= 1.15
     path = own.folder / "designs" / "lpv_smo_boxes.json"
-    boxes.save(pairs, path, aircraft_sha256=made.digest(own), draws=DRAWS, seed=lpv_boxes.SOBOL_SEED)
+    boxes.save(pairs, path, aircraft_sha256=stored_designs.digest(own), draws=DRAWS, seed=lpv_boxes.SOBOL_SEED)
     return path
 
 

@@ -14,9 +14,9 @@ import pandas as pd
 
 from cosim.errors import TrimError
 from cosim.flight.build import build
-from cosim.flight.detectors import sources
+from cosim.flight.detection.detectors import sources
+from cosim.flight.loop.signals import detect, fly
 from cosim.flight.plant.point import SIX
-from cosim.flight.signals import detect, fly
 from cosim.scenario import Scenario, parse
 from cosim.scenario.aircraft import DEFAULT, load_aircraft
 from cosim.scenario.catalog import SEGMENTS

@@ -14,10 +14,10 @@ import numpy as np
 from actuators.constants import RAD_PER_DEG
 from actuators.registry import HYDRAULIC
 from cosim.flight.blocks.sensors import TRANSPORT
+from cosim.flight.loop.signals import fly
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.point import FlightPoint
-from cosim.flight.signals import fly
-from cosim.judge.achieved import sine
+from cosim.judge.fault_effect import sine
 from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft
 from cosim.training.flights import COMMAND, DT, MANOEUVRES, POINT, scenario
 from fdi.common import physics_bound as bound

@@ -1,4 +1,4 @@
-"""A threshold that scales with what is measured, from fault-free flights, at one false-alarm probability per flight.
+"""Fit of a threshold that scales with a measured quantity, at one false-alarm probability per flight.
 
 Each flight gives blocks: the largest statistic y of a piece of time, and beside it the features x that the threshold
 may grow with (1 for its constant part). The weights w >= 0 of the limit x w are a quantile regression (a linear

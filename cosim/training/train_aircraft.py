@@ -14,9 +14,9 @@ import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
-from cosim.flight.detectors import sources
-from cosim.flight.signals import detect, fly
-from cosim.flight.site import site
+from cosim.flight.detection.detector_context import site
+from cosim.flight.detection.detectors import sources
+from cosim.flight.loop.signals import detect, fly
 from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.tolerance import toleranced
 from cosim.training.flights import AIR, DT, FLIGHT_S, KINDS, NOISE_SCALE, TOLERANCE, scenario, trimming

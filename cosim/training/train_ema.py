@@ -21,7 +21,7 @@ import numpy as np
 
 from actuators.constants import RAD_PER_DEG
 from cosim.errors import TrimError
-from cosim.flight.signals import detect
+from cosim.flight.loop.signals import detect
 from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.tolerance import toleranced
 from cosim.training.flights import (

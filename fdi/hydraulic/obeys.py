@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from actuators.block import kernel
-from actuators.kept import kept
+from actuators.disk_cache import kept
 from fdi.common.decision import clipped
 
 # of the high-pass, Butterworth [Hz]: an oscillation of up to 10 Hz and its third harmonic stay below; share of the rate

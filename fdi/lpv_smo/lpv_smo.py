@@ -308,7 +308,7 @@ def step(x, u, p, dt):
     x.away = x.path - x.eq[0] * RAD_PER_DEG
     reconstruct(x, u, p, dt)
     if x.age > p.t_settle:  # also while nothing is said: what comes after is judged by it
-        # gust_hat is none of the three estimates, so that no fault of a sensor passes for weather
+        # gust_hat is not one of the three estimates, so that no fault of a sensor passes for weather
         more = min(math.fabs(x.gust_hat), p.gust_max) ** 2 - x.gust
         x.gust += (1.0 - math.exp(-dt / (p.tau_blow if more > 0.0 else p.tau_gust))) * more
     air = x.path + x.gust_hat  # without the vane, whose fault is no stall

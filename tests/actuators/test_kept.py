@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from actuators import kept as kept_module
-from actuators.kept import contents, kept
+from actuators import disk_cache as kept_module
+from actuators.disk_cache import contents, kept
 
 
 @pytest.fixture

@@ -12,8 +12,8 @@ ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = """
 import json, sys
 import numpy as np
-from actuators import native
-from actuators.ahead import compile_ahead
+from actuators import object_cache
+from actuators.precompile import compile_ahead
 from cosim.flight.blocks import hinge_model, manoeuvre
 told = []
 asked = [m.rollout.native for m in (hinge_model, manoeuvre)]
@@ -42,24 +42,24 @@ def test_what_one_process_compiled_another_loads_without_numba(tmp_path):
 
 def test_code_that_is_not_as_written_is_not_loaded(tmp_path):
     """A power cut leaves files cut or empty, a disk flips bits: LLVM would end the process."""
-    from actuators import native
+    from actuators import object_cache
 
     file = tmp_path / "x.o"
-    native._store(file, b"code")
+    object_cache._store(file, b"code")
     whole = file.read_bytes()
-    assert native._stored(file) == b"code"
+    assert object_cache._stored(file) == b"code"
     for held in (b"", whole[:-1], whole + b"x", whole.replace(b"c", b"d"), bytes(len(whole))):
         file.write_bytes(held)
-        assert native._stored(file) is None
+        assert object_cache._stored(file) is None
 
 
 @pytest.mark.parametrize("held", ["", "null", "[]", '{"a": 1}', '{"a": [1]}', "[" * 9000])
 def test_what_is_remembered_of_imports_may_be_damaged(held, tmp_path, monkeypatch):
-    from actuators import sources
+    from actuators import source_hash
 
     (tmp_path / "imports.json").write_text(held)
-    monkeypatch.setattr(sources, "_memory", lambda: tmp_path / "imports.json")
-    assert sources._remembered.__wrapped__() == {}
+    monkeypatch.setattr(source_hash, "_memory", lambda: tmp_path / "imports.json")
+    assert source_hash._remembered.__wrapped__() == {}
 
 
 def twice(x):

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from actuators.portable import rounded, solve
+from actuators.deterministic_linalg import rounded, solve
 
 
 def test_what_kernels_differ_in_is_rounded_away():

@@ -13,7 +13,7 @@ import ast, sys
 from pathlib import Path
 parsed = []
 parse, ast.parse = ast.parse, lambda source, *more, **named: parsed.append(1) or parse(source, *more, **named)
-from actuators import sources
+from actuators import source_hash
 sources.MOST, sources.TREES = 4, 2
 for name in ("block", "native", "kept"):
     sources.closure(Path(sources.__file__).with_name(name + ".py"))
@@ -34,7 +34,11 @@ def tree(folder):
     package.mkdir(parents=True)
     (package / "__init__.py").touch()
     shutil.copy(ROOT / "actuators" / "sources.py", package)
-    for name, line in (("block", "from actuators import native"), ("native", "import actuators.kept"), ("kept", "")):
+    for name, line in (
+        ("block", "from actuators import native"),
+        ("native", "import actuators.disk_cache"),
+        ("kept", ""),
+    ):
         (package / f"{name}.py").write_text(f"{line}\n# {folder.name}\n")
     return folder
 

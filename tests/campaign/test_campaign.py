@@ -16,7 +16,7 @@ import pytest
 
 from cosim.campaign import flatten, manifest, run_many
 from cosim.campaign import pool as campaign_pool
-from cosim.campaign.keep import choose
+from cosim.campaign.log_selection import choose
 from cosim.campaign.store import FILES, CampaignError, Store, fingerprint, load
 from cosim.campaign.worker import failed, run_id
 from cosim.errors import OutputError
@@ -101,7 +101,7 @@ def test_rows_of_other_code_do_not_mix(tmp_path):
 
 
 @pytest.mark.parametrize("name", [*FILES, "parts/rows-mine.parquet"])
-def test_a_folder_with_a_file_of_somebody_else_stays_as_it_is(name, tmp_path):
+def test_a_folder_with_a_foreign_file_stays_as_it_is(name, tmp_path):
     held = {name: '{"name": "mine"}', ".env.template": "A=1", ".cosim-part-mine": "B=2"}
     for file, text in held.items():
         (tmp_path / file).parent.mkdir(exist_ok=True)

@@ -69,7 +69,7 @@ def test_what_is_damaged_or_forged_is_done_again(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["null\nnull", "[]", "\xff", "[" * 9000, '{"code": 1, "mine": 2}', '["mine", 1]'])
-def test_a_file_of_somebody_else_is_not_written_over(text, tmp_path):
+def test_a_foreign_file_is_not_overwritten(text, tmp_path):
     (tmp_path / "results.jsonl").write_text(text)
     with pytest.raises(OutputError, match=r"results\.jsonl: holds something else"):
         work([(square, {"x": 2})], folder=tmp_path, workers=0)

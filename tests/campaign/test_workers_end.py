@@ -12,7 +12,7 @@ from contextlib import nullcontext
 import pytest
 
 import cosim
-from actuators import child
+from actuators import subprocess_env
 from cosim.campaign import pool
 
 PARENT = """
@@ -88,7 +88,7 @@ def test_a_worker_does_not_import_from_the_current_folder(tmp_path):
     for name in LIBRARIES:
         (where / f"{name}.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'a').write({name!r})\nraise SystemExit(1)")
     (tmp_path / "parent.py").write_text(ONE_WORKER)
-    env = {k: v for k, v in child.surroundings().items() if k != "PYTHONSAFEPATH"}
+    env = {k: v for k, v in subprocess_env.surroundings().items() if k != "PYTHONSAFEPATH"}
     command = [sys.executable, tmp_path / "parent.py"]
     told = subprocess.run(command, env=env, cwd=where, capture_output=True, text=True, timeout=60)
     assert not (tmp_path / "ran").exists(), (tmp_path / "ran").read_text()
@@ -99,7 +99,9 @@ def test_a_process_of_ours_does_not_import_from_the_current_folder(tmp_path):
     for name in LIBRARIES:
         (tmp_path / f"{name}.py").write_text("raise SystemExit('not asked for')")
     code = f"import {', '.join(LIBRARIES)}, cosim; print(cosim.__file__)"
-    told = subprocess.run(child.command(code), env=child.surroundings(), cwd=tmp_path, capture_output=True, text=True)
+    told = subprocess.run(
+        subprocess_env.command(code), env=subprocess_env.surroundings(), cwd=tmp_path, capture_output=True, text=True
+    )
     assert told.stdout.strip() == cosim.__file__, told.stderr
 
 

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 from cosim.cli import commands as cli
 from cosim.cli import main, tables
 from cosim.files import beside
+from cosim.table import Table
 
 
 def call(*args):
@@ -18,8 +19,8 @@ def call(*args):
 
 @pytest.mark.parametrize("name", ["[/red]", "[red]", ":smile:", "[link=x]"])
 def test_a_table_shows_cells_headings_and_title_as_they_are(name):
-    t = tables.table(name, f"h{name}", "right>")
-    t.add_row(f"c{name}", Text(f"t{name}"))
+    t = Table(name, f"h{name}", "right>")
+    t.add(f"c{name}", Text(f"t{name}"))
     console = Console(file=io.StringIO(), width=100)
     console.print(t)
     assert all(f"{part}{name}" in console.file.getvalue() for part in ("h", "c", "t", ""))

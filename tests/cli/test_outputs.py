@@ -50,8 +50,7 @@ WRITES = {
     "recover": [(["recover", "LOG", "-o", "OUT/r.mcap"], ["r.mcap"])],
     "envelope": [(["envelope", "-o", "OUT"], ["envelope.html", "envelope.svg", "envelope.csv"])],
     "reproduce": [(["reproduce", "jay", "-o", "OUT"], ["reproduce-jay.html", "reproduce-jay.csv"])],
-    "design": [],  # needs an aircraft of the user's; its folder is that of `study` and `train`
-    "study": [(["study", "manoeuvres", "-o", "OUT"], ["results.jsonl"])],
+    "design": [],  # needs a user's aircraft; its folder is that of `train`
     "train": [(["train", "ema", "-o", "OUT"], ["results.jsonl"])],
     "campaign": [(["campaign", "OUT/few.toml", "-o", "OUT"], ["runs.parquet"]),
                  (["campaign", "OUT/few.toml", "--worst", "iotsekf", "-o", "OUT"], ["worst-iotsekf.toml"])],

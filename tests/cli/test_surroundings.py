@@ -13,8 +13,8 @@ import pytest
 from killed import heeds_ctrl_c
 
 import cosim
-from actuators import child
-from actuators.sources import cache_root
+from actuators import subprocess_env
+from actuators.source_hash import cache_root
 from cosim.campaign import store
 from cosim.files import left_by
 from cosim.flight.plugins import GuestError, load
@@ -93,7 +93,7 @@ def test_what_lies_in_the_current_folder_is_not_taken_for_a_library(tmp_path):
     assert told.returncode == 0, told.stderr.decode()
 
 
-def test_a_name_or_title_of_somebody_elses_does_not_steer_the_terminal(tmp_path):
+def test_a_foreign_name_or_title_does_not_steer_the_terminal(tmp_path):
     nasty = "title=a\x1b[31mred\x07\x9b2J\u202eback"
     made = run(*SHORT, "-s", nasty, "-o", str(tmp_path / "a.mcap"))
     assert made.returncode == 0
@@ -267,7 +267,9 @@ COMPLETE = {"_COSIM_COMPLETE": "complete_bash"}
                                   COMPLETE, COMPLETE | {"COMP_WORDS": "cosim li", "COMP_CWORD": "x"}])  # fmt: skip
 def test_a_variable_of_the_terminal_or_the_shell_that_says_nothing_is_ignored(poor):
     script = "import sys; sys.argv = ['cosim', '-h']; from cosim.cli import main; main()"
-    told = subprocess.run(child.command(script), env=child.surroundings(**poor), capture_output=True, text=True)
+    told = subprocess.run(
+        subprocess_env.command(script), env=subprocess_env.surroundings(**poor), capture_output=True, text=True
+    )
     assert told.returncode == 0 and "linearize" in told.stdout and "Traceback" not in told.stderr, told.stderr
 
 

@@ -12,9 +12,10 @@ from typer.testing import CliRunner
 
 import cosim
 from cosim.cli import app, commands, compare, flight, score
-from cosim.cli.tables import table
+from cosim.table import Table
 
 COUNTS = ("designed", "detected", "named", "ambiguous", "misnamed", "idle", "not_excited", "fault_free_alarmed")
+FIGURES = {"missed": 0, "motion_s": None, "detection_low": 0.1, "detection_high": 0.9, "why_not_valid": None}
 DETECTOR = {
     **dict.fromkeys((*COUNTS, "fault_free_runs"), 1480),
     **dict.fromkeys(("delay_s", "right_s", "standing_s", "false_alarms_per_hour_high", "step_us", "log_fault"), 1234.5),
@@ -22,11 +23,15 @@ DETECTOR = {
     **{"false_alarms": 1480, "hours": 12.5},
     "families": [
         {"family": "hydraulic.ofc_liquid", "unit": "mm", "note": "", "a90": 12.34, "a90_95": 23.45, "delay_s": 12.34,
-         "right_s": 23.45, **dict.fromkeys(COUNTS, 1480)},
+         "right_s": 23.45, **dict.fromkeys(COUNTS, 1480),
+         **FIGURES},
     ],
+    **FIGURES,
+    "level": "local",
 }  # fmt: skip
 PAIR = {"a": "ema_kalman_flight", "b": "rfafe_airframe", "at": "equal false alarms", "n": 1480, "only_a": 1234,
-        "only_b": 1357, "p": 0.05, "difference": -0.25, "low": -0.31, "high": -0.19, "later_s": -12.34}  # fmt: skip
+        "only_b": 1357, "p": 0.05, "difference": -0.25, "low": -0.31, "high": -0.19, "later_s": -12.34,
+        "later_low_s": -13.0, "later_high_s": -12.0}  # fmt: skip
 COMPARED = {"detectors": [DETECTOR], "runs": 2025, "source": "x", "failed": 0, "report": None, "table": None}
 SCORED = {"detectors": [DETECTOR], "pairs": [PAIR], "benchmark": "b", "flights": 642, "content": "c", "flying_s": 1.0,
           "scoring_s": 1.0}  # fmt: skip
@@ -43,19 +48,19 @@ cells = st.from_regex(r"-?[0-9]{1,7}(\.[0-9]{1,3})?", fullmatch=True)
 
 @given(st.lists(st.lists(cells, min_size=3, max_size=3), min_size=1, max_size=16), st.integers(40, 140))
 def test_every_number_of_any_table_is_whole_at_any_width(columns, width):
-    made = table("title", "name", *(f"column {i}>" for i in range(len(columns))))
+    made = Table("title", "name", *(f"column {chr(97 + i)}>" for i in range(len(columns))))
     for k, name in enumerate(("one", "ema_kalman_flight", "three")):
-        made.add_row(name, *(column[k] for column in columns))
+        made.add(name, *(column[k] for column in columns))
     text = printed(made, width)
     assert "…" not in text and max(map(len, text.splitlines())) <= width
-    found = re.findall(r"-?\d+(?:\.\d+)?", "\n".join(line for line in text.splitlines() if "column" not in line))
+    found = re.findall(r"-?\d+(?:\.\d+)?", text)
     assert sorted(found) == sorted(c for column in columns for c in column)
 
 
 @pytest.mark.parametrize("width", [20, 40, 80])
 def test_a_word_that_is_wider_than_the_terminal_is_folded(width):
-    made = table("", "attachment", "size>")
-    made.add_row("designs/" + "x" * 200, "123456")
+    made = Table("", "attachment", "size>")
+    made.add("designs/" + "x" * 200, "123456")
     text = printed(made, width)
     assert text.count("x") == 200 and "123456" in text and max(map(len, text.splitlines())) <= width
 
@@ -64,15 +69,16 @@ def test_a_word_that_is_wider_than_the_terminal_is_folded(width):
 def test_compare_and_score_show_every_column_whole(width):
     for shown in (compare.compare(COMPARED), score.shown(SCORED)):
         text = printed(shown, width)
-        assert "…" not in text and "236.0" in text and "1480/1480" in text and "ema_kalman_flight" in text
+        assert "…" not in text and "236" in text and "ema_kalman_flight" in text
+        assert ("1480/1480" in text) == (width > 80)
 
 
 @pytest.mark.parametrize("width", [80, 100])
 def test_a_run_shows_names_and_delays_whole_and_says_which_columns_are_left_out(width):
     scenario = cosim.load_scenario("liquid-ofc", ["duration_s=3", "faults.0.start_s=1"])
     text = printed(flight.shown(cosim.simulate(scenario).to_dict(), scenario), width)
-    assert "…" not in text and re.search(r"iotsekf +left inner .*\d\.\d\d +\S* +ofc_liquid", text)
-    assert ("left out of 80 columns" in text) == (width == 80)
+    assert "…" not in text and re.search(r"iotsekf +left inner +\d\.\d\d +\d\.\d\d", text)
+    assert f"left out of {width} columns" in text
 
 
 @pytest.mark.parametrize("topic", ["all", ""])
@@ -82,10 +88,8 @@ def test_lists_are_whole_at_80_columns(topic, monkeypatch):
     assert "…" not in told.replace("[DETECTOR…]", "") and len(told) > 500
 
 
-def test_every_table_of_the_command_line_is_made_by_the_one_function():
-    made = [
-        p.name
-        for p in (structure.ROOT / "cosim/cli").glob("*.py")
-        if re.search(r"\b(Table|Plain)\(", p.read_text("utf-8"))
-    ]
-    assert made == ["tables.py"]
+def test_one_class_makes_every_table_of_terminal_page_and_readme():
+    other = re.compile(r'rich\.table|<t[dr][ >]|"\|-|to_html\(')
+    later = {"real.py"}  # writes its page by hand; to be moved to Table
+    found = {p.name for p in structure.sources("cosim") if other.search(p.read_text("utf-8"))}
+    assert found - later == {"table.py"}

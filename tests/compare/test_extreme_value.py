@@ -8,7 +8,7 @@ import pytest
 from processes import DT, Process, memory, peaks
 from scipy import stats
 
-from cosim.campaign.quiet import Moments
+from cosim.campaign.fault_free import Moments
 from cosim.compare import extreme_value
 from cosim.compare.rice_rate import crossing, gaussian
 

@@ -24,7 +24,7 @@ from cosim.errors import LogError, OutputError
 from cosim.flight.plugins import with_detectors
 from cosim.judge.probability import UNSAID, log_score
 from cosim.judge.row import rows
-from cosim.replay import thin
+from cosim.replay import benchmark_recording
 from cosim.report import score_report, write_score
 from cosim.report.score_page import write_readme
 from cosim.scenario import load_scenario
@@ -57,7 +57,7 @@ FLIGHTS = {  # one for each way in which something enters: valve, command, loop,
 
 
 @pytest.mark.parametrize("name", ["manifest.json", "results.jsonl"])
-def test_recordings_do_not_write_over_a_file_of_somebody_else(name, tmp_path):
+def test_recordings_do_not_overwrite_a_foreign_file(name, tmp_path):
     (tmp_path / name).write_text('{"name": "mine"}')
     with pytest.raises(OutputError, match=f"{name}: holds something else"):
         benchmark.flown(benchmark.seeds_of(), limit=1, folder=tmp_path, workers=0)
@@ -82,9 +82,13 @@ def test_on_a_recording_a_detector_gives_the_rows_of_the_flight(name, tmp_path, 
     scenario = load_scenario(name, given)
     every = scenario.model_copy(update={"detectors": scenario.detectors.model_copy(update={"enabled": tuple(SHIPPED)})})
     in_flight, _ = fly("x", with_detectors(every, [guest]), True)
-    told = thin.record(scenario, tmp_path / "x.parquet")
-    recording = thin.Recording(tmp_path / "x.parquet", told["sha256"])
-    lanes = list(thin.judgement(recording, thin.flown_with(recording, SHIPPED, [guest]), timed=False))
+    told = benchmark_recording.record(scenario, tmp_path / "x.parquet")
+    recording = benchmark_recording.Recording(tmp_path / "x.parquet", told["sha256"])
+    lanes = list(
+        benchmark_recording.judgement(
+            recording, benchmark_recording.flown_with(recording, SHIPPED, [guest]), timed=False
+        )
+    )
     here = rows("x", {**recording.about, "detectors": [lane.entry for lane in lanes]})
     assert len(here) == len(in_flight) >= len(SHIPPED)
     pairs = [(r["id"], r["target"], k, r[k], f[k]) for r, f in zip(here, in_flight) for k in f]
@@ -95,14 +99,14 @@ def test_on_a_recording_a_detector_gives_the_rows_of_the_flight(name, tmp_path, 
 def test_a_recording_repeats_and_a_damaged_one_is_flown_again(tmp_path):
     scenario = load_scenario("cruise", ["duration_s=3", "elevator.feedback='measured'"])
     path = tmp_path / "x.parquet"
-    told = thin.record(scenario, path)
-    assert thin.record(scenario, tmp_path / "y.parquet")["content"] == told["content"]
+    told = benchmark_recording.record(scenario, path)
+    assert benchmark_recording.record(scenario, tmp_path / "y.parquet")["content"] == told["content"]
     path.write_bytes(path.read_bytes()[:-100])
     with pytest.raises(LogError, match="digest differs"):
-        thin.Recording(path, told["sha256"])
-    assert thin.again(path, scenario.expanded_toml(), told["sha256"]).ticks == 600
+        benchmark_recording.Recording(path, told["sha256"])
+    assert benchmark_recording.again(path, scenario.expanded_toml(), told["sha256"]).ticks == 600
     with pytest.raises(LogError, match="closes on a detector"):
-        thin.record(load_scenario("cruise", ["elevator.feedback='iotsekf'"]), path)
+        benchmark_recording.record(load_scenario("cruise", ["elevator.feedback='iotsekf'"]), path)
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +118,7 @@ def recordings(tmp_path_factory):
 
 def test_the_benchmark_resumes_scores_and_repeats(recordings, tmp_path, monkeypatch, guest):
     flown = []
-    monkeypatch.setattr(thin, "record", lambda *a: flown.append(a))
+    monkeypatch.setattr(benchmark_recording, "record", lambda *a: flown.append(a))
     monkeypatch.setattr(score_rows, "finished", lambda calls, workers: ((key, f(*given)) for key, f, given in calls))
     made = score(["iotsekf", guest], limit=4, recordings=recordings, workers=0)
     found = made.table
@@ -131,7 +135,7 @@ def test_the_benchmark_resumes_scores_and_repeats(recordings, tmp_path, monkeypa
     said = CliRunner().invoke(cli.app, [*line, "-o", str(tmp_path)])
     assert (said.exit_code, said.output) == (0, "every row repeats\n")
     page = score_report(found, tmp_path / "score.html").read_text(encoding="utf-8")
-    assert all(f"<b>{name}</b>" in page for name in ("iotsekf", "rough")) and found["content"] in page
+    assert all(f"<code>{name}</code>" in page for name in ("iotsekf", "rough")) and found["content"] in page
     readme = tmp_path / "README.md"
     readme.write_text("<!-- score: begin -->\n<!-- score: end -->\n")
     write_readme(found, readme)
@@ -238,14 +242,15 @@ def test_a_table_or_a_recording_that_is_none_is_one_line(tmp_path):
         ([], column),
         (about, pa.array(["a"])),
     ):
-        table = pa.table({"q": held}).replace_schema_metadata({thin.ABOUT: json.dumps(told)})
+        table = pa.table({"q": held}).replace_schema_metadata({benchmark_recording.ABOUT: json.dumps(told)})
         pq.write_table(table, tmp_path / "x.parquet")
         with pytest.raises(LogError, match="no thin recording"):
-            thin.Recording(tmp_path / "x.parquet")
+            benchmark_recording.Recording(tmp_path / "x.parquet")
     pq.write_table(
-        pa.table({"q": column}).replace_schema_metadata({thin.ABOUT: json.dumps(about)}), tmp_path / "x.parquet"
+        pa.table({"q": column}).replace_schema_metadata({benchmark_recording.ABOUT: json.dumps(about)}),
+        tmp_path / "x.parquet",
     )
-    assert thin.Recording(tmp_path / "x.parquet").column("q").tolist() == [0.0, 1.0]
+    assert benchmark_recording.Recording(tmp_path / "x.parquet").column("q").tolist() == [0.0, 1.0]
 
 
 def test_the_stored_table_stands_beside_flights_of_the_same_code():

@@ -6,10 +6,10 @@ back, valid, and no alarm stays.
 
 import numpy as np
 import pytest
+from ema_bench import fly_bench, script, three_two_one_one
 from lu17_bench import DT, doublets, fly, inputs, roll
 
 from actuators.constants import RAD_PER_DEG
-from cosim.papers.studies.ema_bench import fly_bench, script, three_two_one_one
 from fdi.ema import ema_kalman, ema_kalman_flight
 from fdi.hydraulic import iotsekf, rtsekf, rtsekf_flight
 from fdi.monitors import ofc_monitor, position_monitor

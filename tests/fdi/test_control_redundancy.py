@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from actuators.constants import RAD_PER_DEG
+from cosim.flight.loop.signals import inputs
 from cosim.flight.plant.aero.functions import AeroFunctions, numbers_digest
 from cosim.flight.plant.force_model import FOLDER, force_model
 from cosim.flight.plant.plant import POINTS, Plant
-from cosim.flight.signals import inputs
 from cosim.papers.mar10 import flights as mar10_flights
 from cosim.papers.mar10 import rows as mar10
 from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, THRUST

@@ -1,6 +1,6 @@
 """`ema_kalman_flight`: which sensor, how soon, and what happens when the loop closes on the estimate.
 
-The bench and its draws are `cosim.papers.studies.ema_bench` and `cosim.papers.studies.ema_draws`; thresholds were
+The bench and its draws are `ema_bench` and `ema_draws`; thresholds were
 chosen on seeds below 1000.
 """
 
@@ -10,12 +10,8 @@ from importlib import resources
 
 import numpy as np
 import pytest
-from scipy.linalg import solve_discrete_lyapunov
-
-from actuators.constants import RAD_PER_DEG
-from actuators.ema import jay
-from cosim.papers.studies.ema_bench import ARM, DT, NO_LOAD, STALL, fly_bench, script, three_two_one_one
-from cosim.papers.studies.ema_draws import (
+from ema_bench import ARM, DT, NO_LOAD, STALL, fly_bench, script, three_two_one_one
+from ema_draws import (
     FAULTS,
     SECONDS,
     START,
@@ -24,6 +20,10 @@ from cosim.papers.studies.ema_draws import (
     outcomes,
     reconfigured,
 )
+from scipy.linalg import solve_discrete_lyapunov
+
+from actuators.constants import RAD_PER_DEG
+from actuators.ema import jay
 from cosim.training import train_ema
 from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, SENSOR
 from fdi.ema import ema_kalman_flight as flight

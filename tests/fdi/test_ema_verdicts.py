@@ -1,6 +1,6 @@
 """`ema_kalman_flight`: what it says of the drive, how its alarm begins and ends, and what is left without a sensor.
 
-On the bench of `cosim.papers.studies.ema_bench`, in a 3-2-1-1 with a load, gusts and sensor noise.
+On the bench of `ema_bench`, in a 3-2-1-1 with a load, gusts and sensor noise.
 """
 
 import itertools
@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ema_bench import ARM, DT, NO_LOAD, STALL, fly_bench, script, three_two_one_one
 
 import cosim
 from actuators.constants import RAD_PER_DEG
-from cosim.papers.studies.ema_bench import ARM, DT, NO_LOAD, STALL, fly_bench, script, three_two_one_one
 from fdi.common import tuning
 from fdi.common import verdict as v
 from fdi.ema import ema_kalman_flight as flight

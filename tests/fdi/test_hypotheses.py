@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cosim.flight.signals import fly
+from cosim.flight.loop.signals import fly
 from cosim.scenario import load_scenario
 from cosim.training.flights import watch, wires
 from fdi.common import bank, verdict

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from cosim.flight.detectors import sources
-from cosim.flight.signals import detect, fly
+from cosim.flight.detection.detectors import sources
+from cosim.flight.loop.signals import detect, fly
 from cosim.scenario import load_scenario
 from fdi.common import why
 from fdi.common.verdict import SENSOR

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from cosim.flight.detectors import sources
-from cosim.flight.signals import detect, fly
-from cosim.flight.site import site
+from cosim.flight.detection.detector_context import site
+from cosim.flight.detection.detectors import sources
+from cosim.flight.loop.signals import detect, fly
 from cosim.scenario import load_scenario
 from fdi.common.verdict import OFC_LIQUID
 from fdi.lpv_smo import lpv_smo

@@ -5,9 +5,9 @@ import pytest
 
 from actuators.constants import RAD_PER_DEG
 from cosim.flight.blocks.sensors import TRANSPORT
-from cosim.flight.detectors import sources
-from cosim.flight.signals import detect, fly
-from cosim.flight.site import site
+from cosim.flight.detection.detector_context import site
+from cosim.flight.detection.detectors import sources
+from cosim.flight.loop.signals import detect, fly
 from cosim.scenario import load_scenario
 from fdi.lpv_smo import lpv_smo, noise
 

@@ -326,7 +326,7 @@ def test_the_stored_design_belongs_to_the_aircraft_and_holds_the_fit_to_its_boun
     assert design_lpv.check() == ""
     held = json.loads(design_lpv.STORED.read_text())
     fit, fixed = held["fit"], held["fixed"]
-    # speed over alpha and speed; dM/dV: cosim.papers.studies.aircraft_level
+    # speed over alpha and speed, and dM/dV: no affine function reaches them
     reported = {("A", 3, 0), ("A", 3, 3), ("A", 4, 3)}
     for name in "ABCD":
         for place, error in np.ndenumerate(np.array(fit[name])):

@@ -6,7 +6,7 @@ import pytest
 import cosim
 from actuators.block import dtype, entry, kernel, record
 from cosim.log import open_log
-from cosim.replay.lanes import describe, fill
+from cosim.replay.detector_replay import describe, fill
 from fdi import registry
 from fdi.common.why import BOX_SPEED, NOT_FINITE, WORDS
 from fdi.rfafe import rfafe_airframe

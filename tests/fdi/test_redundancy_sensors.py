@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from cosim.flight.detectors import sources
-from cosim.flight.signals import detect, fly
-from cosim.flight.site import site
+from cosim.flight.detection.detector_context import site
+from cosim.flight.detection.detectors import sources
+from cosim.flight.loop.signals import detect, fly
 from cosim.scenario import load_scenario
 from cosim.training.flights import scenario
 from cosim.training.train_aircraft import arguments, fitted

@@ -5,9 +5,9 @@ import pytest
 
 from actuators.constants import RAD_PER_DEG
 from cosim import load_scenario
-from cosim.flight.detectors import sources
-from cosim.flight.signals import detect, fly
-from cosim.flight.site import site
+from cosim.flight.detection.detector_context import site
+from cosim.flight.detection.detectors import sources
+from cosim.flight.loop.signals import detect, fly
 from fdi.common.why import BOX_ALPHA, NOT_READY
 from fdi.rfafe import rfafe_airframe
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.flight.compiling import shipped
+from cosim.flight.loop.compiling import shipped
 
 ROOT = Path(__file__).resolve().parents[2]
 BLOCKS = shipped()

@@ -5,7 +5,7 @@ import pytest
 
 import cosim
 from cosim.errors import ScenarioError
-from cosim.flight.conditions import resolved
+from cosim.flight.faults.conditions import resolved
 from cosim.scenario.condition import condition
 
 DOUBLET = ["manoeuvre.kind=nz_doublet", "manoeuvre.start_s=1", "manoeuvre.width_s=2", "duration_s=6"]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cosim.flight.build import build
-from cosim.flight.plant import crossing as border
 from cosim.flight.plant import plant
+from cosim.flight.plant import property_pointers as border
 from cosim.scenario import load_scenario
 
 

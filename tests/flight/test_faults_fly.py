@@ -14,7 +14,7 @@ from actuators.constants import M_S_PER_KT
 from actuators.ema import jay
 from cosim import load_scenario, simulate
 from cosim.errors import ScenarioError
-from cosim.flight import inject
+from cosim.flight.faults import inject
 from cosim.scenario import catalog as c
 
 START, END, LAST = 1.6, 5.0, 9.0  # [s] the first pulse of the 3-2-1-1 is under way, the second one too

@@ -1,4 +1,4 @@
-"""Detectors that somebody else wrote: they fly beside ours, are logged, replayed and judged, and can hurt nobody."""
+"""User-supplied detectors: they fly beside ours, are logged, replayed and judged, and can hurt nobody."""
 
 import json
 from pathlib import Path
@@ -8,14 +8,14 @@ import pytest
 from typer.testing import CliRunner
 
 import cosim
-from actuators.sources import closure
+from actuators.source_hash import closure
 from cosim.campaign.run import run_campaign
 from cosim.cli import commands as cli
 from cosim.compare import compare
 from cosim.errors import CosimError, ScenarioError
 from cosim.flight.plugins import load, with_detectors
 from cosim.log import open_log
-from cosim.replay import door, replay
+from cosim.replay import log_schema, replay
 from cosim.report import flight_report
 from cosim.scenario.brought import identified
 from fdi import registry
@@ -86,7 +86,7 @@ def test_what_a_log_tells_of_a_guest_is_checked_at_the_door(flight, change, said
     guest |= {k: {**guest[k], **v} if isinstance(v, dict) else v for k, v in change.items()}
     log.attachments["detectors.json"] = json.dumps(entries).encode()
     with pytest.raises(CosimError, match=said):
-        door.detectors(log)
+        log_schema.detectors(log)
 
 
 def test_attached_code_replays_only_when_it_is_trusted(flight, tmp_path, monkeypatch):

@@ -9,11 +9,11 @@ import pytest
 
 from cosim.cli import commands as cli
 from cosim.errors import LogError, ScenarioError
-from cosim.flight import detectors
-from cosim.flight import parameters as indices
+from cosim.flight.detection import detectors
+from cosim.flight.detection import parameters as indices
 from cosim.log import LogWriter, Topic, open_log
 from cosim.replay import replay
-from cosim.replay.lanes import describe, manifest
+from cosim.replay.detector_replay import describe, manifest
 from cosim.scenario import load_scenario
 from cosim.scenario.load import DEFAULT
 from fdi import registry

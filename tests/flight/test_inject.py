@@ -11,9 +11,9 @@ from actuators.ema import actuator as ema
 from actuators.ema import jay
 from actuators.ema import servo as ema_servo
 from cosim.errors import ScenarioError
+from cosim.flight.blocks.servo_gain import liquid_gain
 from cosim.flight.build import build
-from cosim.flight.gains import liquid_gain
-from cosim.flight.twin import achieved
+from cosim.flight.faults.fault_free_reference import achieved
 from cosim.scenario import load_scenario
 from cosim.scenario.aircraft import load_aircraft
 

@@ -16,8 +16,8 @@ import cosim
 from cosim.cli.commands import app
 from cosim.errors import OutputError
 from cosim.files import TAKEN
-from cosim.flight import journal, stepping
-from cosim.flight.live import fly_live
+from cosim.flight.interactive import journal, stepping
+from cosim.flight.interactive.live import fly_live
 from cosim.replay import replay
 from cosim.scenario import parse
 from cosim.scenario.user_file import identity
@@ -118,7 +118,7 @@ def test_nobody_else_writes_the_log_of_a_flight_in_the_air(tmp_path):
 
 
 def test_code_that_a_journal_names_runs_only_with_trust(tmp_path):
-    """It lies beside a log, and may have come with it from somebody else; its name and digest are told."""
+    """It lies beside a log, and may come from another user; its name and digest are told."""
     log, ran = tmp_path / "x.mcap", tmp_path / "ran"
     code = tmp_path / "law.py"
     code.write_text(

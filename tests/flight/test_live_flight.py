@@ -8,7 +8,7 @@ from flown import deg
 
 import cosim
 from cosim.errors import CosimError
-from cosim.flight.live import fly_live
+from cosim.flight.interactive.live import fly_live
 from cosim.log import open_log
 from cosim.replay import replay
 
@@ -110,7 +110,7 @@ def test_nonsense_is_answered_and_nothing_else_happens(flown):
     said = [answer["error"] for answer in flown[2]["wrong"]]
     assert not any(answer["ok"] for answer in flown[2]["wrong"])
     assert "Did you mean 'jam_solid'" in said[0] and "has passed" in said[3] and "no fault of this number" in said[4]
-    assert "is no number of a fault" in said[5] and "is no speed" in said[6]
+    assert "fault must be an index" in said[5] and "is no speed" in said[6]
     assert "ofc_liquid on elevator.left_inner" in flown[2]["parameters"]["faults"]
 
 

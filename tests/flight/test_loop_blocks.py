@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from actuators.block import dtype, record
 from cosim.flight.blocks import faults, manoeuvre, sensors
-from cosim.flight.bus import Bus
-from cosim.flight.tape import Tape
+from cosim.flight.loop.bus import Bus
+from cosim.flight.loop.schedule import Tape
 
 PAIR = dtype([("a", "f8"), ("b", "f8", (3,))])
 

@@ -1,17 +1,13 @@
-"""Manoeuvres: what each is for happens, at every point, and nothing departs without a fault.
-
-`cosim study manoeuvres` prints the tables of all of them.
-"""
+"""Manoeuvres: what each is for happens, at every point, and nothing departs without a fault."""
 
 import math
 
 import numpy as np
 import pytest
 from flown import deg, fly, scenario, wrapped
+from manoeuvre_flights import CORNERS, KINDS, POINTS, SIX, SLOW_KT, manoeuvre, pull
 
 from actuators.constants import M_PER_FT, M_S_PER_KT
-from cosim.papers.studies import manoeuvres as manoeuvre_study
-from cosim.papers.studies.manoeuvres import CORNERS, KINDS, POINTS, SIX, SLOW_KT
 
 
 def pulled(point, **more):
@@ -55,7 +51,7 @@ def test_alpha_limit_itself_binds_in_a_pull_from_a_lower_speed(point, cas):
 @pytest.mark.parametrize("point", SLOW_KT)
 def test_alpha_protection_in_turbulence_does_not_drive_the_elevator_from_stop_to_stop(point, air, seed):
     """The command stays within half the travel, the surface works at most 2.5 times as fast as in cruise there."""
-    done = manoeuvre_study.pull(point, air, seed)
+    done = pull(point, air, seed)
     assert done["status"] == "completed" and done["protected"] > 0.4, done
     assert -11.5 < done["command"][0] and done["command"][1] < 8.5, done
     assert done["rate"] < 2.5 * done["cruise"], done
@@ -147,31 +143,10 @@ def test_engine_out_is_trimmed_by_the_rudder():
 @pytest.mark.parametrize("point", POINTS)
 def test_no_manoeuvre_departs_and_still_air_keeps_the_limits(point, air):
     for kind in KINDS:
-        done = manoeuvre_study.manoeuvre(point, kind, air, 3)
+        done = manoeuvre(point, kind, air, 3)
         assert done["status"] == "completed", (kind, done)
         if air == "none":
             assert done["alpha"][1] < done["alpha_max"] + 2.0 and done["nz"][1] < 2.75, (kind, done)
-
-
-class Few:
-    seeds = 1
-
-
-def test_tables_of_the_study_show_every_flight(monkeypatch):
-    monkeypatch.setattr(manoeuvre_study, "TABLE", [("E", "cruise", "none"), ("C", "nose_up", "moderate")])
-    monkeypatch.setattr(manoeuvre_study, "PULLS", [("C", "light")])
-    shown = {}
-    for question in manoeuvre_study.questions()[:2]:
-        values = [function(**arguments) for function, arguments in question.jobs(Few)]
-        shown[question.name] = question.tables(Few, values)
-    (_, columns, rows), (_, _, totals) = shown["table"]
-    assert [(r[0], r[1], r[-1]) for r in rows] == [("E", "cruise", "completed"), ("C", "nose_up", "completed")]
-    assert all(len(r) == len(columns) for r in rows)
-    assert [(t[0], t[1], t[2]) for t in totals] == [("none", 1, 1), ("moderate", 1, 1)]
-    assert totals[0][3] < 1.02 < totals[1][3] < 1.6  # load factor of cruise, of a pull of 0.3 g in gusts
-    (_, columns, rows) = shown["protection"][0]
-    assert len(rows) == 1 and len(rows[0]) == len(columns)
-    assert rows[0][4] == "0.0" and rows[0][8] == "100"  # never at a stop, the protection leads all the time
 
 
 @pytest.mark.parametrize("point", ["light aft", "heavy fore", "low fast", "high fast"])

@@ -11,7 +11,7 @@ import pytest
 import cosim
 from actuators.constants import G0
 from cosim.errors import ScenarioError, TrimError
-from cosim.flight.detectors import left_out
+from cosim.flight.detection.detectors import left_out
 from cosim.flight.plant.aero import estimate
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.plant import Plant

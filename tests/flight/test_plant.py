@@ -7,7 +7,7 @@ import pytest
 
 from actuators.constants import M_PER_FT, RAD_PER_DEG
 from cosim.errors import TrimError
-from cosim.flight.plant.border import border
+from cosim.flight.plant.jsbsim_signals import border
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.plant import POINTS, FlightPoint, Plant, Port
 from cosim.scenario.aircraft import load_aircraft

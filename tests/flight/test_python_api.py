@@ -78,3 +78,22 @@ def test_the_linear_model_is_of_a_scenario_a_name_or_a_point():
 def test_help_shows_what_there_is():
     for name in cosim.__all__:
         assert getattr(cosim, name).__doc__
+
+
+def test_the_linear_model_goes_to_control_and_scipy_with_its_names():
+    control = pytest.importorskip("control")
+    model = cosim.linearize("cruise")
+    own = model.to_control(("tas", "alpha", "q", "theta"), ("de_li",), ("nz", "q"))
+    assert own.state_labels == ["tas", "alpha", "q", "theta"] and own.input_labels == ["de_li"]
+    assert own.output_labels == ["nz", "q"] and isinstance(own, control.StateSpace)
+    a, _, c, _ = model.block(("tas", "alpha", "q", "theta"), ("de_li",), ("nz", "q"))
+    assert (own.A == a).all() and (own.C == c).all()
+    whole = model.to_scipy()
+    assert (whole.A == model.A).all() and (whole.B == model.B).all() and (whole.D == model.D).all()
+
+
+def test_scenarios_print_what_they_fly():
+    scenario = cosim.load_scenario("liquid-ofc")
+    told = str(scenario)
+    assert "ofc_liquid on elevator.left_inner from 12 s (amplitude_mm 8" in told and "left_inner hydraulic" in told
+    assert len(told.splitlines()) < 8 and "<td>fault 0</td>" in scenario._repr_html_()

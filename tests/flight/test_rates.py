@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from cosim import fly, load_scenario, simulate
-from cosim.flight.parameters import wrong_parameter
-from cosim.flight.site import site
+from cosim.flight.detection.detector_context import site
+from cosim.flight.detection.parameters import wrong_parameter
 from cosim.replay import replay
 from cosim.scenario.catalog import SEGMENTS
 from fdi import registry

@@ -5,8 +5,8 @@ import pytest
 
 import cosim
 from cosim.errors import ScenarioError
-from cosim.flight.detectors import sources
-from cosim.flight.signals import detect
+from cosim.flight.detection.detectors import sources
+from cosim.flight.loop.signals import detect
 from fdi.hydraulic import iotsekf
 
 SHORT = ["duration_s=3", "detectors.enabled=['iotsekf']"]

@@ -4,7 +4,7 @@ import numpy as np
 
 import cosim
 from cosim.flight.build import build
-from cosim.flight.tape import Tape
+from cosim.flight.loop.schedule import Tape
 from cosim.flight.tick import order, tick
 
 TICKS = 400

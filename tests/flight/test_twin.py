@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import cosim
-from cosim.flight import twin
 from cosim.flight.build import build
+from cosim.flight.faults import fault_free_reference
 
 TWO = ["faults.1.target=elevator.right_inner", "faults.1.kind=jam", "faults.1.start_s=2", "flight.turbulence=light"]
 
@@ -17,21 +17,21 @@ def test_a_copy_of_the_process_flies_what_the_whole_twin_flies(monkeypatch):
     scenario = cosim.load_scenario("liquid-ofc", ["faults.0.start_s=1", "duration_s=4", *TWO])
     flown, positions = [], []
     for copies in (True, False):
-        monkeypatch.setattr(twin, "_copies", lambda copies=copies: copies)
-        twin._positions.clear()
+        monkeypatch.setattr(fault_free_reference, "_copies", lambda copies=copies: copies)
+        fault_free_reference._positions.clear()
         flown.append(cosim.simulate(scenario, achieved=True, timed=False).extra["achieved"])
-        positions.append(next(iter(twin._positions.values())))
+        positions.append(next(iter(fault_free_reference._positions.values())))
     assert flown[0] == flown[1] and flown[0]["left_inner"]["rod_mm"] > 1.0
     np.testing.assert_array_equal(*positions)
 
 
 def test_a_copy_that_dies_costs_only_time(monkeypatch):
     scenario = cosim.load_scenario("liquid-ofc", ["faults.0.start_s=1", "duration_s=3"])
-    expected = twin.achieved(scenario)
-    twin._positions.clear()
-    monkeypatch.setattr(twin, "_copies", lambda: hasattr(os, "fork"))
-    monkeypatch.setattr(twin, "_quietly", lambda *given: os._exit(3))
-    assert twin.achieved(scenario) == expected
+    expected = fault_free_reference.achieved(scenario)
+    fault_free_reference._positions.clear()
+    monkeypatch.setattr(fault_free_reference, "_copies", lambda: hasattr(os, "fork"))
+    monkeypatch.setattr(fault_free_reference, "_quietly", lambda *given: os._exit(3))
+    assert fault_free_reference.achieved(scenario) == expected
 
 
 def test_flights_that_differ_in_their_fault_share_a_twin():
@@ -39,5 +39,5 @@ def test_flights_that_differ_in_their_fault_share_a_twin():
         build(cosim.load_scenario("liquid-ofc", ["faults.0.start_s=1", "duration_s=2", f"faults.0.frequency_hz={f}"]))
         for f in (1, 2)
     )
-    with twin.Twin(first) as one, twin.Twin(second) as two:
+    with fault_free_reference.Twin(first) as one, fault_free_reference.Twin(second) as two:
         assert one._key == two._key

@@ -10,7 +10,7 @@ import pytest
 
 FLY = """
 import os, cosim
-from cosim.flight import twin
+from cosim.flight.faults import fault_free_reference
 fork = os.fork
 def told():
     child = fork()

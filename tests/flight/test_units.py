@@ -6,7 +6,7 @@ import pytest
 import cosim
 from actuators.block import dtype, unit
 from cosim.flight.build import build
-from cosim.flight.recorder import topics
+from cosim.flight.loop.recorder import topics
 from cosim.scenario import vocabulary
 from fdi import registry
 

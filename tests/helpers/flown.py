@@ -4,9 +4,9 @@ import math
 from types import SimpleNamespace
 
 import numpy as np
+from manoeuvre_flights import POINTS
 
 import cosim
-from cosim.papers.studies.manoeuvres import POINTS
 
 LAW = ("de_cmd", "da_cmd", "dr_cmd", "stab_cmd", "throttle_cmd", "protection", "alpha_lim", "n_c")
 TRUTH = ("alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "cas", "h", "hdot", "nz", "de_li", "da_l", "dr", "stab")

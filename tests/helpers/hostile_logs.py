@@ -21,7 +21,7 @@ from cosim.errors import LogError
 from cosim.log import open_log
 from cosim.log.format import Limits
 from cosim.log.records import MAGIC, closing
-from cosim.log.scan import scan
+from cosim.log.validate import scan
 
 STRANGE = (None, -1, 0, 7, 1e308, "x", "", [], {}, [[]], 10**30, 10**9, True, "é" * 500, "../../x", [None], {"x": {}})
 NUMBERS = (np.nan, np.inf, -np.inf, 1e300, -1e18, 1e18, -1.0, 0.5, 0.0, 1e-310, 2.0**63, 99.0)

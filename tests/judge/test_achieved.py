@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cosim.judge.achieved import NAMES, largest, moved, sine
-from cosim.judge.noticed import watch_of
+from cosim.judge.detection import watch_of
+from cosim.judge.fault_effect import NAMES, largest, moved, sine
 from cosim.judge.result import judge, judged
 from cosim.judge.row import rows
 from cosim.scenario import load_scenario

@@ -10,7 +10,7 @@ from cosim.compare import stats
 from cosim.compare.rows import tidy
 from cosim.judge import row
 from cosim.judge.alarms import GRACE_S, exposure_s
-from cosim.judge.noticed import watch_of
+from cosim.judge.detection import watch_of
 from cosim.judge.result import judge
 from cosim.scenario import load_scenario
 

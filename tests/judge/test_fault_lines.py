@@ -6,15 +6,15 @@ from typer.testing import CliRunner
 
 import cosim
 from cosim.cli import commands as cli
-from cosim.cli.faults import lines
 from cosim.errors import ScenarioError
+from cosim.judge.narrator import faults
 from cosim.scenario.aircraft import load_aircraft
 
 NOTHING = {"rod_mm": None, "surface_deg": None, "travel_pct": None, "amplitude_mm": None, "amplitude_deg": None}
 
 
 def said(achieved, *changes, name="liquid-ofc"):
-    return [line.plain for line in lines(cosim.load_scenario(name, changes), achieved)]
+    return [text for line in faults(cosim.load_scenario(name, changes), achieved) for text in line if text]
 
 
 def moved(**values):

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cosim.flight import twin
+from cosim.flight.faults import fault_free_reference
+from cosim.flight.faults.fault_free_reference import achieved
 from cosim.flight.simulate import simulate
-from cosim.flight.twin import achieved
 from cosim.judge.estimation import Estimate
 from cosim.judge.result import Watch, judge
 from cosim.scenario import load_scenario
@@ -214,16 +214,16 @@ def test_amplitude_is_told_apart_from_gusts_that_are_larger():
 
 
 def test_a_fault_that_touches_no_elevator_moves_none_and_flies_no_twin():
-    twin._positions.clear()
+    fault_free_reference._positions.clear()
     s = flight("thrust-loss", duration_s=2, **{"faults.0.start_s": 1})
-    assert achieved(s) == {} and not twin._positions
+    assert achieved(s) == {} and not fault_free_reference._positions
 
 
 def test_runs_that_differ_in_their_fault_share_their_twin():
-    twin._positions.clear()
+    fault_free_reference._positions.clear()
     for hz in (1, 2):
         achieved(flight("liquid-ofc", duration_s=2, **{"faults.0.start_s": 1, "faults.0.frequency_hz": hz}))
-    assert len(twin._positions) == 1
+    assert len(fault_free_reference._positions) == 1
 
 
 def test_a_monitor_s_fault_has_no_achieved_amplitude():

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim.judge.alarms import GRACE_S, detection, faulty, onsets
-from cosim.judge.noticed import watch_of
+from cosim.judge.detection import watch_of
 from cosim.judge.result import Result, judge
 from fdi.common import verdict as v
 from fdi.common import why

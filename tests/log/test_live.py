@@ -13,8 +13,8 @@ import cosim
 from cosim.errors import OutputError
 from cosim.flight.build import build
 from cosim.flight.fly import fly
-from cosim.flight.live import fly_live
-from cosim.flight.recorder import pose, topics
+from cosim.flight.interactive.live import fly_live
+from cosim.flight.loop.recorder import pose, topics
 from cosim.flight.simulate import simulate
 from cosim.log import gate, open_log
 from cosim.log.live import Live

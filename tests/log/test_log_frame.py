@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from helpers.log_samples import AWKWARD, TOPICS, expected, same_bits, vectors, write
 
-from actuators.native import PLAIN
+from actuators.object_cache import PLAIN
 from cosim.log import LogError, open_log, reader
 from cosim.log.chunk import GATHER, Layout
 from cosim.log.frame import MOST

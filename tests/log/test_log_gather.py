@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers.log_samples import N_VALUES, TOPICS, same_bits, vectors, write
 
-from actuators.native import PLAIN
+from actuators.object_cache import PLAIN
 from cosim.log import LogWriter, open_log, reader
 from cosim.log.chunk import GATHER
 

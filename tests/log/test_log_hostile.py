@@ -14,8 +14,8 @@ from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
 from cosim.log import Limits, LogError, LogWriter, Topic, open_log
 from cosim.log.format import LIBRARY, channel_metadata, schema_data, schema_name
+from cosim.log.record_writer import Sink, encode
 from cosim.log.records import MAGIC, pack_chunk
-from cosim.log.sink import Sink, encode
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,9 @@ from typer.testing import CliRunner
 from cosim import papers as reproduce
 from cosim.cli import commands as cli
 from cosim.errors import CosimError, OutputError
+from cosim.papers.claims import load
 from cosim.papers.jay import figures as jay_figures
-from cosim.papers.row import Of, Planned
+from cosim.papers.row import Planned
 from cosim.report import papers_markdown as readme
 from cosim.report.markdown import markers, part
 from cosim.report.reproduce_page import render
@@ -57,12 +58,13 @@ def test_a_claim_quotes_its_place(plan):
 
 
 def test_ours_neither_agrees_nor_is_explained_and_a_derived_band_can_be_missed():
-    of = Of("p")
-    assert of.ours("i", lambda: 7.0).judge().verdict == "ours"
-    assert of.ours("i", lambda: 7.0).judge().tolerance == "none"
-    assert of.ours("i", lambda: float("nan")).judge().verdict == "differs"
-    assert of.ours("i", lambda: 7.0, 0, 8).judge().tolerance == "0 .. 8"
-    assert of.beyond("i", "s", lambda: 7.0, 0, 6).judge().verdict == "differs"
+    def judged(got, *band, kind="ours"):
+        return Planned("p", "i", "s", lambda: got, *band, kind=kind).judge()
+
+    assert (judged(7.0).verdict, judged(7.0).tolerance) == ("ours", "none")
+    assert judged(float("nan")).verdict == "differs"
+    assert judged(7.0, 0, 8).tolerance == "0 .. 8"
+    assert judged(7.0, 0, 6, kind="beyond").verdict == "differs"
     with pytest.raises(ValueError, match="without a claim"):
         Planned("p", "i", "s", lambda: 1.0, 0.0, 2.0, "because", kind="ours")
 
@@ -77,7 +79,7 @@ def test_readme_table_has_the_rows_of_the_code(plan):
 
 
 def test_readme_is_written_between_its_markers_only(tmp_path):
-    rows = [Of("jay").claim(item, "s", lambda v=v: v, 0.0, 2.0).judge() for item, v in (("a | b", 1.0), ("c", 3.0))]
+    rows = [Planned("jay", item, "s", lambda v=v: v, 0.0, 2.0).judge() for item, v in (("a | b", 1.0), ("c", 3.0))]
     path, (begin, end) = tmp_path / "README.md", markers(readme.NAME)
     path.write_text(f"before\n{begin}\nold\n{end}\nafter\n")
     readme.write(path, rows)
@@ -85,7 +87,7 @@ def test_readme_is_written_between_its_markers_only(tmp_path):
     assert text.startswith("before\n") and text.endswith("\nafter\n") and "old" not in text
     totals = {"jay": (2, 1, 0, 1, 0, 0), "all": (2, 1, 0, 1, 0, 0)}
     assert readme.parsed(part(text, readme.NAME)) == ({"jay": ["a | b", "c"]}, totals)
-    readme.write(path, [Of("lu17").claim("d", "s", lambda: 1.0, 0.0, 2.0).judge()])
+    readme.write(path, [Planned("lu17", "d", "s", lambda: 1.0, 0.0, 2.0).judge()])
     assert readme.parsed(part(path.read_text(), readme.NAME))[1]["all"] == (3, 2, 0, 1, 0, 0)
     path.write_text("no markers")
     with pytest.raises(OutputError, match="markers"):
@@ -122,12 +124,12 @@ def test_command_writes_page_and_rows_and_fails_on_a_difference(jay, tmp_path, m
     run = CliRunner().invoke(cli.app, ["reproduce", "jay", "--json", "-o", "folder"])
     assert run.exit_code == 0, run.output
     found = json.loads(run.stdout)
-    assert found["counts"] == {"agrees": 17, "differs_explained": 1, "differs": 0, "ours": 7, "beyond": 0}
+    assert found["counts"] == {"agrees": 20, "differs_explained": 1, "differs": 0, "ours": 7, "beyond": 0}
     assert Path(found["report"]).read_text(encoding="utf-8").startswith("<!doctype html>")
     assert sorted(p.name for p in Path("folder").iterdir()) == ["reproduce-jay.csv", "reproduce-jay.html"]
     table = pd.read_csv(found["table"])
     assert list(table.item) == [row["item"] for row in found["rows"]] and len(table) == len(rows)
-    bad = Of("jay").claim("x", "s", lambda: 9.0, 0.0, 1.0).judge()
+    bad = Planned("jay", "x", "s", lambda: 9.0, 0.0, 1.0).judge()
     monkeypatch.setattr(reproduce, "reproduce", lambda *_, **__: ([*rows, bad], []))
     assert CliRunner().invoke(cli.app, ["reproduce", "jay", "--json"]).exit_code == 1
 
@@ -140,3 +142,37 @@ def test_pieces_are_put_together_in_the_order_of_the_plan(monkeypatch):
     rows, drawings = reproduce.reproduce("jay", workers=0, progress=lambda done, total: counted.append((done, total)))
     assert [r.got for r in rows] == [0, 1, 2, 3, 4] and drawings == ["drawing"]
     assert counted[-1] == (6, 6)
+
+
+ROW = """[[row]]
+kind = "claim"
+item = "figure 3"
+says = "section 4"
+measure = "rows.settles"
+with = { reconfigure = true }
+band = [1.0, 2.0]
+"""
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (('kind = "claim"', 'kind = "claims"'), "row 1 .figure 3.: kind = 'claims'; allowed: claim, ours, beyond"),
+        (("band = [1.0, 2.0]", "band = [2.0, 1.0]"), r"band = \[2.0, 1.0\] is not \[least, largest\]"),
+        (("band = [1.0, 2.0]", ""), "band is missing"),
+        (("rows.settles", "rows.settled"), "measure = 'rows.settled'"),
+        (("reconfigure", "reconfigured"), "measure = 'rows.settles' with {'reconfigured': True}"),
+        (("says =", "say ="), "unknown key say; allowed: kind, item"),
+        (('item = "figure 3"', "item = 3"), "item = 3 is no str"),
+        (("band = [1.0, 2.0]", 'band = [1.0, 2.0]\nreason = "r"'), "reason, found and spread stand together"),
+    ],
+)
+def test_a_wrong_row_is_refused_with_its_place(change, told):
+    assert len(load("jay", ROW)) == 1
+    with pytest.raises(ValueError, match=told):
+        load("jay", ROW.replace(*change))
+
+
+def test_two_rows_of_one_name_are_refused():
+    with pytest.raises(ValueError, match="two rows with item = 'figure 3'"):
+        load("jay", ROW + ROW)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cosim.papers.claims import load
 from cosim.papers.jay import bench as jay_bench
 from cosim.papers.jay import rows as jay
 from cosim.papers.row import Planned, Row, counts
@@ -10,7 +11,7 @@ from cosim.papers.row import Planned, Row, counts
 
 @pytest.fixture(scope="module")
 def rows():
-    return [p.judge() for p in jay.plan() if "in flight" not in p.item]
+    return [p.judge() for p in load("jay") if "in flight" not in p.item]
 
 
 def row(rows, item):
@@ -70,11 +71,14 @@ def test_bench_without_noise_and_fault_has_no_residual():
 
 
 def test_judging_can_fail():
-    def judged(got, reason="", kind="claim"):
-        return Planned("p", "i", "s", lambda: got, 0.0, 0.5, reason, kind).judge()
+    def judged(got, reason="", kind="claim", found=(0.55, 0.65)):
+        return Planned("p", "i", "s", lambda: got, 0.0, 0.5, reason, kind, found=found if reason else None).judge()
 
     assert judged(0.6).verdict == "differs"
     assert judged(0.6, "why").verdict == "differs_explained"
+    assert judged(0.6, "why").tolerance == "0 .. 0.5; found 0.55 .. 0.65"
+    assert judged(0.7, "why").verdict == judged(0.52, "why").verdict == "differs"  # a reason is no licence
+    assert Planned("x", "y", "z", lambda: 1e9, 0, 1, "why").judge().verdict == "differs"
     assert judged(float("nan"), "why").verdict == "differs"
     assert judged(0.6, kind="ours").verdict == judged(0.6, kind="beyond").verdict == "differs"
     assert judged(0.4, kind="beyond").verdict == "beyond"

@@ -8,7 +8,7 @@ from cosim.bench.log import log_costs
 from cosim.errors import LogError
 from cosim.log import open_log
 from cosim.replay import ReplayError, replay, replay_lane
-from cosim.replay.lanes import describe, fill
+from cosim.replay.detector_replay import describe, fill
 from cosim.replay.write import Overlay
 
 

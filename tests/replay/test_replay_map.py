@@ -13,10 +13,10 @@ from typer.testing import CliRunner
 import cosim
 from actuators.hydraulic.actuator import NOMINAL
 from cosim.cli import commands as cli
-from cosim.flight.detectors import wires
+from cosim.flight.detection.detectors import wires
 from cosim.log import open_log
 from cosim.replay import replay
-from cosim.replay.lanes import manifest
+from cosim.replay.detector_replay import manifest
 from cosim.replay.map import diagnose
 from cosim.replay.map_file import load_map
 from cosim.replay.params import ReplayError

@@ -16,7 +16,7 @@ import numpy as np
 from numba.core import config
 from cosim.log import open_log
 from cosim.replay import compare
-from cosim.replay.lanes import describe, fill, pieces, replay_lane
+from cosim.replay.detector_replay import describe, fill, pieces, replay_lane
 assert config.DISABLE_JIT
 log, told = open_log(sys.argv[1]), {}
 first, around = int(sys.argv[2]), int(sys.argv[3])

@@ -10,6 +10,7 @@ from report_browser import CHROMIUM, use
 
 from cosim.errors import LogError, OutputError
 from cosim.flight.simulate import simulate
+from cosim.judge.lanes import part
 from cosim.replay.recording import LoggedFlight, spans
 from cosim.report import flight_report
 from cosim.report.figure import POINTS, envelope, peaks
@@ -112,11 +113,36 @@ def test_truth_from_the_log_gives_the_estimation_error_of_the_run(flight):
 def test_summary_says_who_noticed_when_and_what_they_said(flight, page):
     text = re.sub(r"<[^>]+>", "", re.search(r'id="summary">(.*?)</section>', page.read_text("utf-8"), re.S).group(1))
     seen = next(d for d in flight[1].detectors if d["id"] == "iotsekf" and d["concerned"])
-    assert "ofc liquid on elevator.left inner at the valve from 4 s" in text
-    assert f"iotsekf left inner (local) after {seen['detection_delay_s']:.2f} s" in text
-    assert f"said {seen['isolated']['class']}" in text
-    assert "blind by structure: rtsekf_flight left inner" in text
+    assert "ofc_liquid on elevator.left_inner at valve, from 4 s" in text
+    assert f"iotsekf left inner (actuator level) after {seen['detection_delay_s']:.2f} s" in text
+    assert f"said last: {seen['isolated']['class']}" in text
     assert re.search(r"ema_kalman right inner: \d+ false alarm", text)
+
+
+def test_one_detector_has_one_delay_on_its_page_in_sentence_table_and_terminal(flight, page):
+    text, seen = page.read_text("utf-8"), [d for d in flight[1].detectors if d["detection_delay_s"] is not None]
+    assert seen
+    for d in seen:
+        late = f"{d['detection_delay_s']:.2f}"
+        row = next(r for r in re.findall(r"<tr.*?</tr>", text) if f"<b>{d['id']}</b>" in r and part(d) in r)
+        told = re.findall(rf"{d['id']} {part(d)} \(.*? after ([\d.]+) s".replace(" aircraft", ""), text)
+        assert f">{late}</td>" in row and told == [late]
+
+
+def test_units_of_estimates_are_those_of_the_log_and_no_panel_is_empty(page):
+    text = page.read_text("utf-8")
+    assert "SI unit" not in text
+    for figure in figures(text):
+        drawn = {t.get("xaxis") for t in figure["data"]}
+        panels = {k.replace("axis", "") for k in figure["layout"] if k.startswith("xaxis")}
+        assert panels == drawn, figure["id"]
+
+
+def test_the_table_shows_the_columns_that_matter_and_keeps_the_rest(page):
+    heads = re.findall(r"<th([^>]*)>([^<]+)</th>", page.read_text("utf-8"))
+    assert [name for _, name in heads][:4] == ["detector", "watches", "first alarm, s", "right name, s"]
+    more = [name for about, name in heads if "more" in about]
+    assert "|r| before" in more and "first alarm, s" not in more
 
 
 def test_sensor_fault_on_the_aircraft_has_its_truth_beside_the_estimate(tmp_path):

@@ -8,11 +8,11 @@ import pytest
 
 import cosim
 from cosim.errors import DesignError
-from cosim.flight import made
-from cosim.flight.detectors import left_out, placed, sources
+from cosim.flight.detection import stored_designs
+from cosim.flight.detection.detector_context import site
+from cosim.flight.detection.detectors import left_out, placed, sources
 from cosim.flight.plant.aero import estimate
 from cosim.flight.plant.force_model import force_model
-from cosim.flight.site import site
 from cosim.scenario.aircraft import _read, load_aircraft
 from cosim.training import aircraft_designs
 from fdi import registry
@@ -50,7 +50,7 @@ def test_a_folder_without_says_so_with_the_command(copied):
 def test_designs_of_other_numbers_are_not_flown_with(copied):
     text = (copied / "aerodynamics.xml").read_text()
     (copied / "aerodynamics.xml").write_text(text.replace("5.", "5.1", 1))
-    made._digest.cache_clear()
+    stored_designs._digest.cache_clear()
     found = left_out(flown(copied))
     assert set(found) == LEVEL and "of other numbers than mine has" in found["rfafe"]
 

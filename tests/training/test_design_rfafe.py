@@ -7,8 +7,8 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from cosim.flight.bus import Bus
-from cosim.flight.detectors import sources
+from cosim.flight.detection.detectors import sources
+from cosim.flight.loop.bus import Bus
 from cosim.scenario.catalog import SEGMENTS
 from cosim.training import designs as design
 from fdi.rfafe import rfafe, rfafe_airframe

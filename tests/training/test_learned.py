@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cosim.compare.score import LEARNED, learned
-from cosim.replay import thin
+from cosim.replay import benchmark_recording
 from cosim.scenario import load_scenario
 from cosim.training import learned as training
 
@@ -47,8 +47,8 @@ def recording(tmp_path_factory):
     """Return a recording of ten seconds; its fault begins when the longest window, of 4 s, has long been full."""
     path = tmp_path_factory.mktemp("learned") / "x.parquet"
     given = ["duration_s=10", "faults.0.start_s=6", "elevator.feedback='measured'"]
-    thin.record(load_scenario("liquid-ofc", given), path)
-    return thin.Recording(path)
+    benchmark_recording.record(load_scenario("liquid-ofc", given), path)
+    return benchmark_recording.Recording(path)
 
 
 @pytest.mark.parametrize("learner", training.LEARNERS, ids=lambda x: x.id)
@@ -58,7 +58,7 @@ def test_in_flight_a_model_is_asked_what_it_was_fitted_to(learner, recording):
     assert len(model) <= 1e6
     told = json.loads((LEARNED / "learned.json").read_text(encoding="utf-8"))[learner.id]
     assert tuple(told["classes"]) == learner.classes
-    lanes = list(thin.judgement(recording, thin.flown_with(recording, (), [file])))
+    lanes = list(benchmark_recording.judgement(recording, benchmark_recording.flown_with(recording, (), [file])))
     step = 0.1 if learner.window_s == 2.0 else 0.2
     x, y, lane = training.windows_of(recording, learner, step)
     p = asked(model, x)

@@ -6,7 +6,16 @@ import json
 import numpy as np
 import pytest
 
-from cosim.training import TRAINERS, train_aircraft, train_ema, train_hydraulic, train_monitors, train_rfafe, trainer
+from cosim.training import (
+    TRAINERS,
+    load,
+    train_aircraft,
+    train_ema,
+    train_hydraulic,
+    train_monitors,
+    train_rfafe,
+    trainer,
+)
 from cosim.training.flights import MODULES, over_envelope
 from cosim.training.trainer import FOLDER, Trained
 from fdi.common import bank
@@ -131,6 +140,12 @@ def test_what_is_trained_is_stored_beside_what_else_the_file_holds(tmp_path, mon
     assert after["flight"] == before["flight"] | {"threshold": 0.0123457}
     mine.store(made[:1])  # the record of the other set stays
     assert json.loads((tmp_path / "position_monitor.json").read_text()) == after
+
+
+@pytest.mark.parametrize("name", TRAINERS)
+def test_every_training_trains_tells_what_changes_and_stores(name):
+    found = load(name)
+    assert all(callable(getattr(found, part)) for part in ("train", "changes", "store"))
 
 
 def test_every_shipped_file_of_thresholds_has_an_entry_in_a_training():

@@ -10,12 +10,12 @@ import pandas as pd
 import pyarrow as pa
 from pydantic import BaseModel, ConfigDict, Field
 
-import cosim.flight.signals
+import cosim.flight.loop.signals
 from cosim.campaign.dataset.columns import achieved, described
 from cosim.campaign.store import CampaignError, write
 from cosim.errors import TrimError
-from cosim.flight.conditions import resolved
-from cosim.flight.inject import lanes
+from cosim.flight.faults.conditions import resolved
+from cosim.flight.faults.inject import lanes
 from cosim.scenario import Scenario, parse
 from cosim.scenario.vocabulary import find, words
 
@@ -40,7 +40,7 @@ def fly(folder: str, run: str, toml: str, signals: list[str], every: int) -> dic
     none = {"file": "", "status": "infeasible", "rows": 0, "bytes": 0, "sha256": ""}
     try:
         scenario = resolved(given.model_copy(update={"detectors": _quiet(given)}))
-        flown = cosim.flight.signals.fly(scenario, _sources(scenario, signals))
+        flown = cosim.flight.loop.signals.fly(scenario, _sources(scenario, signals))
         healthy = _healthy(scenario)
     except TrimError as error:
         return {**none, "reason": str(error)}
@@ -101,7 +101,7 @@ def _healthy(scenario):
     if not scenario.faults:
         return None
     twin = scenario.model_copy(update={"title": "", "faults": ()})
-    return cosim.flight.signals.fly(twin, list(achieved(scenario).values()))
+    return cosim.flight.loop.signals.fly(twin, list(achieved(scenario).values()))
 
 
 def _table(scenario, flown, healthy, signals):

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from actuators.sources import closure, private
+from actuators.source_hash import closure, private
 from cosim.campaign.jobs import FILE, keep, own, stored, work
 from cosim.campaign.manifest import about_the_code
 from cosim.campaign.spec import load_campaign
@@ -21,7 +21,7 @@ from cosim.campaign.store import DECIDING, CampaignError
 from cosim.campaign.worker import core_s, run_id
 from cosim.errors import CosimError, OutputError, TrimError
 from cosim.files import regular, replace_text
-from cosim.replay import thin
+from cosim.replay import benchmark_recording
 from cosim.scenario import parse
 from cosim.texts import from_json, read, toml
 
@@ -34,7 +34,8 @@ MANIFEST = "manifest.json"
 class RecordedFlight:
     """One flight of the benchmark: its run, family ("no fault" without one), scenario, and recording when it is flown.
 
-    `told` is what `cosim.replay.thin.record` returned, or {status, reason} of a point without a steady flight.
+    `told` is what `cosim.replay.benchmark_recording.record` returned, or {status, reason} of a point without a steady
+    flight.
     """
 
     run: str
@@ -59,7 +60,7 @@ class _Told(BaseModel):
 
 
 def _told(value: dict) -> dict[str, Any]:
-    """Return what a folder says of a recording; raises ValueError where it is none of `recorded`."""
+    """Return what a folder says of a recording; raises ValueError where it is not of `recorded`."""
     return _Told.model_validate(value).model_dump(exclude_unset=True)
 
 
@@ -165,7 +166,7 @@ def flown(
 
 
 def _own(home):
-    """Raise OutputError where a file of somebody's stands under a name of ours."""
+    """Raise OutputError where a foreign file stands under one of our names."""
     own(home / FILE)
     path = home / MANIFEST
     regular(path, OutputError)
@@ -214,7 +215,7 @@ def recorded(toml_text: str, name: str, folder: str) -> dict:
     """Fly one scenario into `folder`/`name`; return what is told of the recording."""
     begin = core_s()
     try:
-        told = thin.record(parse(toml(toml_text, place=name)), Path(folder) / name)
+        told = benchmark_recording.record(parse(toml(toml_text, place=name)), Path(folder) / name)
     except TrimError as error:
         return {"status": "infeasible", "reason": str(error)}
     return {**told, "core_s": core_s() - begin}

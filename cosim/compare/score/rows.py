@@ -15,12 +15,12 @@ from cosim.campaign.worker import failed
 from cosim.compare import rows as compare_rows
 from cosim.compare.score.flights import RecordedFlight
 from cosim.flight.blocks.sensors import TRANSPORT
-from cosim.flight.inject import lanes as fault_lanes
+from cosim.flight.faults.inject import lanes as fault_lanes
 from cosim.judge import coverage
 from cosim.judge import row as judged
 from cosim.judge.probability import log_score
 from cosim.judge.result import SETTLE_S
-from cosim.replay import thin
+from cosim.replay import benchmark_recording
 from cosim.scenario import Scenario, parse
 from cosim.scenario.catalog import TECHNOLOGIES
 from cosim.texts import toml
@@ -78,10 +78,10 @@ def one(run: str, text: str, path: str, told: dict, ids: tuple, files: tuple) ->
     """Run detectors on one recording; return (rows, timing, log scores) as dicts."""
     if "sha256" not in told:
         return [failed(run, told["status"], told["reason"])], [], []
-    recording = thin.again(path, text, told["sha256"])
-    installed = thin.flown_with(recording, ids, files)
+    recording = benchmark_recording.again(path, text, told["sha256"])
+    installed = benchmark_recording.flown_with(recording, ids, files)
     entries, timing, logs = [], [], []
-    for each in thin.judgement(recording, installed):
+    for each in benchmark_recording.judgement(recording, installed):
         entries.append(each.entry)
         timing.append({"run": run, "id": each.entry["id"], "step_us": each.step_us})
         if each.told:

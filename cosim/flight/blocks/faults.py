@@ -11,7 +11,7 @@ Its signal is
 
 A substitution (solid OFC, runaway) moves two inputs, its
 share g of the healthy signal and its own signal. Which input of which part a kind of fault moves is in
-cosim/flight/inject.py.
+cosim/flight/faults/inject.py.
 """
 
 import math

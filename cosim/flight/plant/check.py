@@ -8,7 +8,7 @@ import numpy as np
 
 from actuators.constants import FT_PER_M, G0, KT_PER_M_S
 from cosim.errors import ScenarioError, TrimError
-from cosim.flight.plant.apart import fatal
+from cosim.flight.plant.model_load_check import fatal
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
 from cosim.scenario.aircraft import load_aircraft

@@ -26,7 +26,7 @@ import numpy as np
 
 from actuators.block import dtype, entry, kernel
 from actuators.constants import M_PER_FT
-from cosim.flight.noise import generator
+from cosim.flight.blocks.noise import generator
 
 INTENSITY = {"none": 0.0, "light": 5 * M_PER_FT, "moderate": 10 * M_PER_FT, "severe": 21 * M_PER_FT}  # rms [m/s]
 SCALE_LENGTH = 1750 * M_PER_FT  # [MIL-F-8785C] Dryden form [m]
@@ -262,7 +262,7 @@ class Gusts:
 
     def tell(self, tape: Any, how: Any, read: list, write: list) -> None:
         """Tell a tape that begins at tick 0 to read `read`, step and write to `write`, nodes in the order of `next` in
-        JSBSim's units, by the addresses of `how` (cosim/flight/plant/crossing.py).
+        JSBSim's units, by the addresses of `how` (cosim/flight/plant/property_pointers.py).
         """
         raw, put = np.zeros(5), np.zeros(6)
         tape.first(self._draw)

@@ -16,8 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from cosim.errors import CosimError
 from cosim.files import replace
-from cosim.flight.plant.border import Border
+from cosim.flight.plant.jsbsim_signals import Border
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import FlightPoint
 from cosim.flight.plant.trim import EARTH_MERIDIAN, Trim
@@ -102,6 +103,25 @@ class LinearModel:
         j = [list(self.inputs).index(s) for s in (self.inputs if inputs is None else inputs)]
         k = [list(self.outputs).index(s) for s in (self.outputs if outputs is None else outputs)]
         return self.A[np.ix_(i, i)], self.B[np.ix_(i, j)], self.C[np.ix_(k, i)], self.D[np.ix_(k, j)]
+
+    def to_scipy(self, states: Any = None, inputs: Any = None, outputs: Any = None) -> Any:
+        """Return the scipy.signal.StateSpace of the named states, inputs and outputs (default: all), deviations from
+        the trim, SI and radians."""
+        from scipy.signal import StateSpace
+
+        return StateSpace(*self.block(self.states if states is None else states, inputs, outputs))
+
+    def to_control(self, states: Any = None, inputs: Any = None, outputs: Any = None) -> Any:
+        """Return the control.StateSpace (python-control) of the named states, inputs and outputs (default: all), with
+        their names. Raises CosimError without python-control."""
+        try:
+            from control import StateSpace
+        except ImportError:
+            raise CosimError("to_control needs python-control", remedy="pip install control") from None
+        names = [list(all_ if own is None else own)
+                 for own, all_ in ((states, self.states), (inputs, self.inputs), (outputs, self.outputs))]  # fmt: skip
+        of = dict(zip(("states", "inputs", "outputs"), names))
+        return StateSpace(*self.block(*names), **of, name="aircraft")
 
     def to_dict(self) -> dict[str, Any]:
         """Return what `cosim linearize --json` prints."""

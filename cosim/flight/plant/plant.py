@@ -26,11 +26,11 @@ from actuators.block import briefly
 from actuators.constants import M_PER_FT, M_S_PER_KT
 from cosim.errors import ScenarioError, TrimError
 from cosim.flight.plant import gusts, viewers
-from cosim.flight.plant.apart import fatal
-from cosim.flight.plant.border import border, to_si
-from cosim.flight.plant.crossing import crossing
+from cosim.flight.plant.jsbsim_signals import border, to_si
+from cosim.flight.plant.model_load_check import fatal
 from cosim.flight.plant.point import POINTS, FlightPoint, loading
 from cosim.flight.plant.port import Port
+from cosim.flight.plant.property_pointers import crossing
 from cosim.flight.plant.trim import EARTH_MERIDIAN
 from cosim.scenario.aircraft import FOLDER
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actuators.constants import G0, M_PER_FT
-from actuators.portable import solve
+from actuators.deterministic_linalg import solve
 from cosim.errors import TrimError
 from cosim.flight.plant.trim import EARTH_MERIDIAN, Trim, level, lift_margin, surfaces_at
 

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from actuators.constants import G0, M_PER_FT
-from actuators.portable import solve
+from actuators.deterministic_linalg import solve
 from cosim.errors import TrimError
-from cosim.flight.plant.border import Border
+from cosim.flight.plant.jsbsim_signals import Border
 
 EARTH_MERIDIAN = 6335439.3  # radius of curvature of the meridian at the equator, WGS84 [m]
 STEP = (1e-5, 1e-5, 1e-4)

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from actuators.block import Entry
-from actuators.native import PLAIN
+from actuators.object_cache import PLAIN
 from cosim.errors import did_you_mean
 from cosim.flight.plugins.contract import GuestError, is_block, is_guest
 from cosim.flight.plugins.plain import PlainDetector
@@ -177,7 +177,7 @@ class BlockDetector:
                 continue
             except KeyboardInterrupt:
                 raise
-            except BaseException as error:  # whatever somebody's code raises
+            except BaseException as error:  # whatever user code raises
                 if not self.problems:
                     said = user_file.where(error, self._path)
                     self.problems.append(f"{self.DETECTOR.id} says nothing where it raises {said}")

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from cosim.flight.detectors import wires
+from cosim.flight.detection.detector_context import site
+from cosim.flight.detection.detectors import wires
+from cosim.flight.loop.signals import fly, inputs
 from cosim.flight.plugins import load
 from cosim.flight.plugins.plain import PlainDetector
-from cosim.flight.signals import fly, inputs
-from cosim.flight.site import site
 from cosim.scenario import Scenario, load_scenario
 from cosim.scenario.catalog import SEGMENTS
 from fdi.common.verdict import class_name
@@ -188,7 +188,7 @@ def _restarts(guest, u, p, dt):
         again, x = (copy.deepcopy(rollout), x.copy()) if isinstance(guest, PlainDetector) else (rollout, x.copy())
     except KeyboardInterrupt:
         raise
-    except BaseException as error:  # whatever somebody's code raises
+    except BaseException as error:  # whatever user code raises
         said = f"cannot be copied ({type(error).__name__}): a replay begins with the flight"
         return _line("restartable from a snapshot", False, said, note=True)
     rollout(guest.init(p), u[:, half:], p, dt, np.zeros_like(log[:, half:]))  # the original goes elsewhere

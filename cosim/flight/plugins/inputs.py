@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cosim.errors import ScenarioError
 from cosim.flight.blocks.pilot import FULL_STICK_G
-from cosim.flight.bus import Bus
+from cosim.flight.loop.bus import Bus
 from cosim.scenario import Scenario
 from cosim.scenario.inputs import Inputs
 

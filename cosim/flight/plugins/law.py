@@ -21,10 +21,10 @@ from typing import Any
 
 import numpy as np
 
-from actuators.guest import told
+from actuators.user_actuator import told
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.flight.blocks import law
-from cosim.flight.wiring import DEMANDS
+from cosim.flight.loop.wiring import DEMANDS
 from cosim.scenario import Scenario
 from cosim.scenario.user_file import load
 
@@ -46,7 +46,7 @@ def gains() -> tuple[str, ...]:
 
 
 def tuned(scenario: Scenario, p: np.ndarray) -> np.ndarray:
-    """Return the law's PARAMS (1,) with the scenario's own gains; raises ScenarioError for one that is none."""
+    """Return the law's PARAMS (1,) with the scenario's own gains; raises ScenarioError for an invalid one."""
     for name, value in scenario.law.gains.items():
         if name not in gains():
             raise ScenarioError(
@@ -98,7 +98,7 @@ def _plain(kind: Callable, path: Path) -> Callable:
                 if math.isfinite(value):
                     low, high = ends(record)
                     now[field] = min(max(float(value), low), high)
-        except (Exception, SystemExit) as error:  # whatever somebody's law raises
+        except (Exception, SystemExit) as error:  # whatever a user's law raises
             raise _wrong(path, f"at {ticks[0] * dt:.3f} s {told(error)}") from None
         ticks[0] += 1
 

@@ -1,23 +1,73 @@
-"""The files that `cosim new detector NAME` writes."""
+"""The files that `cosim new KIND NAME` writes: a plug-in, scenario part or campaign that runs, and its test."""
 
+import importlib.machinery
+import keyword
+import os
 import re
+import sys
 from importlib import resources
 
 from cosim.flight.plugins.contract import GuestError
+from cosim.scenario.aircraft import load_aircraft
+from cosim.scenario.catalog import TECHNOLOGIES
 from fdi import registry
 
+KINDS = {  # kind -> what to do with it next
+    "detector": ("cosim check-detector {file}", "cosim run --detector {file}"),
+    "law": ("cosim run --set law.file={file}",),
+    "actuator": ("cosim run --set actuators.{name}.file={file} --set elevator.left_inner={name}",),
+    "aircraft": ("cosim check-aircraft {file}", "cosim run cruise --set flight.aircraft={file}"),
+    "campaign": ("cosim campaign {file}",),
+}
+TAKEN = {"detector": ("enabled", *registry.SHIPPED), "actuator": tuple(TECHNOLOGIES)}
+ALLOWED = "lower-case letters, digits and _"
 
-def texts(name: str) -> dict[str, str]:
-    """Return {file: text} of a detector `name` and its test. Raises GuestError for a name that cannot be its id."""
-    if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or name == "enabled" or name in registry.SHIPPED:
-        taken = "is a detector that ships" if name in registry.SHIPPED else "cannot be the id of a detector"
-        raise GuestError(taken, place=name, allowed="lower-case letters, digits and _")
+
+def texts(name: str, kind: str = "detector") -> dict[str, str]:
+    """Return {file: text} of a thing of `kind` that is called `name`, and its test.
+
+    Raises GuestError for an unknown kind, a name that cannot be its id, that ships, or that shadows a module: Python
+    would import the user's file in place of numpy or os.
+    """
+    if kind not in KINDS:
+        raise GuestError("is nothing to write", place=f"cosim new {kind}", allowed=", ".join(KINDS))
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or keyword.iskeyword(name):
+        raise GuestError(f"cannot be the name of {_one(kind)}", place=name, allowed=ALLOWED)
+    if name in TAKEN.get(kind, ()):
+        raise GuestError(f"is {_one(kind)} that ships", place=name, remedy="Choose another name")
+    if shadows(name):
+        raise GuestError("is the name of a module that Python would no longer find", place=name,
+                         remedy=f"Choose another name, for example my_{name}")  # fmt: skip
     words = {"CLASS": "".join(part.capitalize() for part in name.split("_")), "NAME": name}
-    folder = resources.files("cosim").joinpath("templates")
+    main = f"{name}.toml" if kind == "campaign" else f"{name}.py"
+    files = {f"test_{name}.py": f"test_{kind}.py"}
+    if kind != "aircraft":
+        files[main] = f"{kind}.toml" if kind == "campaign" else f"{kind}.py"
     out = {}
-    for template, file in (("detector.py", f"{name}.py"), ("test_detector.py", f"test_{name}.py")):
-        text = folder.joinpath(template).read_text(encoding="utf-8")
+    for file, template in sorted(files.items()):
+        text = resources.files("cosim").joinpath("templates", template).read_text(encoding="utf-8")
         for word, own in words.items():
             text = text.replace(word, own)
         out[file] = text
+    return out | (_aircraft(name) if kind == "aircraft" else {})
+
+
+def shadows(name: str) -> bool:
+    """Tell whether a file NAME.py would stand in the place of a module of Python's or of an installed package."""
+    path = [p for p in sys.path if p and os.path.abspath(p) != os.getcwd()]
+    builtin = name in sys.stdlib_module_names or name in sys.builtin_module_names
+    return builtin or importlib.machinery.PathFinder.find_spec(name, path) is not None
+
+
+def _aircraft(name):
+    """Return the files of the shipped aircraft under another name: JSBSim finds a model by its folder's."""
+    source = load_aircraft()
+    out = {}
+    for path in sorted(p for p in source.folder.rglob("*") if p.suffix in (".xml", ".toml")):
+        file = path.relative_to(source.folder).as_posix()
+        out[f"{name}/{name}.xml" if file == f"{source.name}.xml" else f"{name}/{file}"] = path.read_text("utf-8")
     return out
+
+
+def _one(kind):
+    return f"{'an' if kind[0] in 'aeiou' else 'a'} {kind}"

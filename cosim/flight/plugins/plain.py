@@ -125,7 +125,7 @@ class Runner:
                 self._updates[i] = self.guest.cls(dt, **{n: float(own[n]) for n in names}).update
             except KeyboardInterrupt:
                 raise
-            except BaseException as error:  # whatever somebody's code raises
+            except BaseException as error:  # whatever user code raises
                 self._drop(i, RAISED, self._said(error), "at its start")
 
     def _step(self, i, row, values, dt):
@@ -142,7 +142,7 @@ class Runner:
                 row[:] = self._answer(said, i, t)
         except KeyboardInterrupt:
             raise
-        except BaseException as error:  # whatever somebody's code raises
+        except BaseException as error:  # whatever user code raises
             self._drop(i, NONSENSE if isinstance(error, Nonsense) else RAISED, self._said(error), f"at {t:.3f} s")
             row[:] = (*QUIET, self._status[i])
             return
@@ -162,7 +162,7 @@ class Runner:
             self.told.append((self.steps, i, dict(said["verdict"])))
         culprit = said.get("culprit", "")
         if culprit not in self.guest.CULPRITS:
-            raise Nonsense(f"culprit {culprit!r} is none of its culprits: {', '.join(self.guest.CULPRITS[1:])}")
+            raise Nonsense(f"culprit {culprit!r} is not one of its culprits: {', '.join(self.guest.CULPRITS[1:])}")
         if not math.isfinite(r):
             if not self.notes:
                 self.notes.append(f"{self.guest.DETECTOR.id}: r = {r} at {t:.3f} s; it counts as not valid while so")

@@ -3,7 +3,7 @@
 import numpy as np
 
 from actuators.constants import RAD_PER_DEG
-from cosim.flight.detectors import sources
+from cosim.flight.detection.detectors import sources
 from cosim.papers.alwi14 import flights as alwi14
 from cosim.papers.drawing import Curve, Drawing, Panel
 

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from actuators.constants import RAD_PER_DEG
-from cosim.flight.detectors import sources
+from cosim.flight.detection.detector_context import site
+from cosim.flight.detection.detectors import sources
+from cosim.flight.loop.signals import detect, fly
 from cosim.flight.plant.point import SIX
-from cosim.flight.signals import detect, fly
-from cosim.flight.site import site
 from cosim.scenario.load import load_scenario
 from cosim.scenario.tolerance import toleranced
 from fdi.lpv_smo import lpv_smo

@@ -11,13 +11,12 @@ from typing import Any
 import numpy as np
 
 from actuators.constants import M_S_PER_KT
-from cosim.flight.detectors import sources
+from cosim.flight.detection.detector_context import site
+from cosim.flight.detection.detectors import sources
+from cosim.flight.loop.signals import detect, fly
 from cosim.flight.plant.point import SIX
-from cosim.flight.signals import detect, fly
-from cosim.flight.site import site
 from cosim.judge.alarms import detection
 from cosim.papers.alwi14.flights import NAMES, ONSET, POINTS, SENSIBLE, UNITS
-from cosim.papers.row import Of
 from cosim.scenario import load_scenario
 from fdi.lpv_smo import lpv_smo
 
@@ -33,7 +32,7 @@ def moving(kind: str) -> tuple[Any, ...]:
     return flown, detect(flown, lpv_smo, sources("lpv_smo"), p)
 
 
-def _error(kind, i):
+def error(kind: str, i: int) -> tuple[float, str]:
     """Return (largest error of the estimate's mean over 2 s [%] from 5 s after the onset on, what it went through)."""
     flown, log = moving(kind)
     key, size = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha")[i], SENSIBLE[i] * UNITS[i]
@@ -54,12 +53,13 @@ def kept(point: Any, *changes: Any) -> float:
     return float(np.abs(h - h[0]).max())
 
 
-def _kept():
+def reconstructed() -> tuple[float, str]:
+    """Return the largest change of altitude [m] when the law flies on y - f_hat, of A to E, and each."""
     found = {p: kept(p) for p in POINTS}
     return max(found.values()), ", ".join(f"{p} {v:.0f}" for p, v in found.items())
 
 
-def _declared():
+def declared() -> tuple[float, str]:
     """Return (points at which all three faults are declared within 10 s and not before, the delays at each [s])."""
     own = [f"lpv_smo.aircraft.alarm_{name}" for name in NAMES]
     count, told = 0, []
@@ -72,36 +72,3 @@ def _declared():
         count += not early and all(k is not None for k in late)
         told.append(f"{point} " + "/".join("-" if k is None else f"{f.index[k] - ONSET:.1f}" for k in late))
     return count, "; ".join(told)
-
-
-def plan(of: Of) -> list[Any]:
-    """Return the Planned rows."""
-    says = 'section 7: "over wide variations in flight conditions", shown at constant ones: our extension'
-    law = (
-        'section 5: "maintaining the normal load factor control law and angle of attack protection in the face of '
-        'elevator and angle of attack sensor faults"; that the law flies on y - f_hat is our extension'
-    )
-    together = 'section 7: "simultaneous ... faults at different operating conditions"; the paper decides nothing: ours'
-    return [
-        of.beyond(
-            "faults flown through the law, which flies on y - f_hat: largest change of altitude, A to E [m]",
-            law,
-            _kept,
-            0.0,
-            100.0,
-        ),
-        of.beyond(
-            "the form that flies: points, of five, at which all three faults are declared within 10 s",
-            together,
-            _declared,
-            5,
-            5,
-        ),
-        *(
-            of.beyond(
-                f"in a {kind}, the form that flies: error of {name} [%]", says, lambda i=i, k=kind: _error(k, i), 0, 10
-            )
-            for kind in ("deceleration", "descent")
-            for i, name in enumerate(NAMES)
-        ),
-    ]

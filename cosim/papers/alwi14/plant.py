@@ -8,7 +8,7 @@ from scipy.linalg import expm
 
 from actuators.constants import M_S_PER_KT, RAD_PER_DEG
 from cosim.flight.blocks import law
-from cosim.flight.designed import designed
+from cosim.flight.plant.operating_point import designed
 from cosim.flight.plant.plant import Plant
 from cosim.flight.plant.point import SIX, FlightPoint
 from fdi.lpv_smo import model as lpv_model

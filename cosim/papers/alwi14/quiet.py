@@ -10,14 +10,13 @@ from scipy.signal import lfilter
 
 from actuators.constants import RAD_PER_DEG
 from cosim.flight.blocks.sensors import TRANSPORT
-from cosim.flight.detectors import sources
+from cosim.flight.detection.detector_context import SERVO, site
+from cosim.flight.detection.detectors import sources
+from cosim.flight.loop.signals import detect
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.point import SIX, FlightPoint
-from cosim.flight.signals import detect
-from cosim.flight.site import SERVO, site
-from cosim.papers.alwi14.flights import NAMES, POINTS, SENSIBLE, UNITS, fly_point, nonlinear
+from cosim.papers.alwi14.flights import MACH, POINTS, SENSIBLE, UNITS, fly_point, nonlinear
 from cosim.papers.alwi14.plant import Law, fly
-from cosim.papers.row import Of, near
 from cosim.training import lpv as design_lpv
 from fdi.lpv_smo import lpv_smo
 from fdi.lpv_smo import model as lpv_model
@@ -31,16 +30,8 @@ SHOWN = (
     ("h", "altitude", "m", 1.0),
     ("n_z", "load factor", "g", 1.0),
 )
-LAW = (
-    "our law, not the benchmark's: its direct share of the demand overshoots, and at each step the elevator's own lift "
-    "kicks the load factor; the rows 'without' leave out one, the other, and both"
-)
 NONE = (0.0, 0.0, 0.0)
 PLANT_S = 22.0  # flights of the LPV plant: the doublet ends at 18 s
-STIFFNESS = (
-    "the affine fit misses the pitch stiffness of a point by up to a quarter, and that times the angle of attack reads "
-    "as elevator; each point's own linear model: row 'own linear model'"
-)
 
 
 @functools.cache
@@ -110,7 +101,7 @@ def _without_lift():
     return _each(found)
 
 
-def _shown():
+def shown() -> tuple[float, str]:
     """Return (largest change of the pitch rate by the faults over its range without, least of A to E; each point's)."""
     name, found = sources("lpv_smo")["q"], []
     for point in POINTS:
@@ -119,7 +110,7 @@ def _shown():
     return min(found), _each(found)[1]
 
 
-def _all_ranges():
+def all_ranges() -> tuple[float, str]:
     """Return (range of the angle of attack [deg], largest of A to E, and those of the other signals)."""
     wires = sources("lpv_smo")
     found = {word: (max(_ranges(wires[name], scale)), unit) for name, word, unit, scale in SHOWN}
@@ -127,7 +118,7 @@ def _all_ranges():
     return found["angle of attack"][0], ", ".join(f"{word} {v:.3g} {unit}" for word, (v, unit) in found.items())
 
 
-def _tracking():
+def tracking() -> tuple[float, str]:
     """Return (range of the load factor over the doublet's 0.3 g farthest from 1, and its ablation)."""
     settled, without = _settled(), _without_lift()
     far, each = _followed()
@@ -135,7 +126,7 @@ def _tracking():
 
 
 @functools.cache
-def _on_plant(lift=True, direct=True):
+def on_plant(lift: bool = True, direct: bool = True) -> tuple[float, str]:
     """Return (range of the load factor over 0.3 g on the LPV plant under the law, farthest from 1; each point's).
 
     `lift`: the elevator's own lift is there (D51); `direct`: the law's direct share b_n of the demand is.
@@ -155,64 +146,6 @@ def _on_plant(lift=True, direct=True):
 
 def _e_norm(faults, noise):
     return _each([float(nonlinear(point, faults, noise=noise)[1]["e_norm"].max()) for point in POINTS])
-
-
-def _figure_1(of):
-    yield of.claim(
-        "figure 1a, nonlinear aircraft: range of the load factor over the doublet's 0.3 g, farthest from 1 of A to E",
-        'section 6.1: "n_z tracking manoeuvre"; a fifth of the doublet can be seen in a figure',
-        _tracking,
-        0.8,
-        1.2,
-        LAW,
-    )
-    item = "figure 1a, LPV plant flown by the same law: range of the load factor over 0.3 g, farthest from 1 of A to E"
-    yield of.claim(item, 'section 6.1: "n_z tracking manoeuvre"; a fifth can be seen', _on_plant, 0.8, 1.2, LAW)
-    for words, left, found in (
-        ("without the elevator's lift", {"lift": False}, 1.17),
-        ("without the law's direct share", {"direct": False}, 0.828),
-        ("without either", {"lift": False, "direct": False}, 0.77),
-    ):
-        yield of.ours(
-            f"figure 1a, LPV plant, {words}: the same range",
-            functools.partial(_on_plant, **left),
-            *near(found),
-            says="not in the paper: the cause, by ablation",
-        )
-    yield of.ours(
-        "figure 1a, nonlinear aircraft: range of the angle of attack, largest of A to E [deg]",
-        _all_ranges,
-        *near(3.42),
-        says="plotted, no number in print",
-    )
-    yield of.claim(
-        "figure 2a, pitch rate with the faults less that without, over its range without, least of A to E",
-        'section 6.1: "The effect of the additive faults [...] can be seen in Figure 2(a)"; a tenth can be seen',
-        _shown,
-        0.1,
-        100,
-    )
-    yield of.claim(
-        "figure 1b, range of the stabiliser over that of the elevator, largest of A to E",
-        'section 6.1: "small stabilizer movement", the auto trim\'s; a tenth of the elevator can be seen',
-        lambda: _each([s / e for s, e in zip(_ranges("law.law.stab_cmd", 1.0), _ranges("law.law.de_cmd", 1.0))]),
-        0,
-        0.1,
-    )
-    for figure, faults in ((1, (0.0, 0.0, 0.0)), (2, SENSIBLE)):
-        yield of.claim(
-            f"figure {figure}c, nonlinear aircraft, no noise: largest |e_y|, A to E",
-            'section 6.1: "close to zero ... sliding occurs"; ten times the delta of 1e-4 of section 5',
-            lambda f=faults: _e_norm(f, 0.0),
-            0,
-            1e-3,
-        )
-    yield of.ours(
-        "figure 2c, nonlinear aircraft, sensor set transport: largest |e_y|, A to E",
-        lambda: _e_norm(SENSIBLE, 1.0),
-        *near(0.00935, 0.3),
-        says="not in the paper, which has no noise",
-    )
 
 
 @functools.cache
@@ -258,39 +191,35 @@ def _stiffness(point):
     return abs(lpv_model.at(lpv_smo_design.load()[0].A, POINTS[point])[4, 0] / own - 1.0)
 
 
-def _fault_free(of):
-    for i, (name, fault) in enumerate(zip(NAMES, SENSIBLE)):
-        yield of.claim(
-            f"figure 1c, nonlinear aircraft, no noise: largest fault-free {name} [{('deg', 'g', 'deg')[i]}]",
-            f'section 6.1: "close to zero"; 5 % of the {fault:g} of figure 2 can be seen',
-            lambda i=i: (_quiet(0.0)[0][i], _quiet(0.0)[2][i]),
-            0,
-            0.05 * fault,
-            STIFFNESS if i == 0 else "",
-        )
-    yield of.ours(
-        "figure 1c, fault-free elevator, no noise, own linear model of each point in the observer [deg]",
-        lambda: (
-            max(worst := [_own_worst(p) for p in POINTS]),
-            _each(worst)[1] + "; A51 of the affine model off by " + _each([_stiffness(p) for p in POINTS])[1],
-        ),
-        *near(0.127),
-        says="not in the paper: what of the error is the affine fit's",
-    )
-    yield of.ours(
-        "figure 1c, fault-free elevator, no noise, of the affine fit only A51 replaced by that of the point [deg]",
-        lambda: _each([_own_worst(p, (4, 0)) for p in POINTS]),
-        *near(0.156),
-        says="not in the paper: what of the error is the pitch stiffness",
-    )
-    yield of.ours(
-        "figure 1c, sensor set transport: fault-free elevator, mean of the last 5 s [deg]",
-        lambda: (_quiet(1.0)[0][0], _quiet(1.0)[2][0]),
-        *near(0.0948, 0.3),
-        says="not in the paper, which has no noise",
-    )
+def trimmed() -> tuple[float, str]:
+    """Return the range of the stabiliser over that of the elevator, largest of A to E."""
+    return _each([s / e for s, e in zip(_ranges("law.law.stab_cmd", 1.0), _ranges("law.law.de_cmd", 1.0))])
 
 
-def plan(of: Of) -> list[Any]:
-    """Return the Planned rows of figure 1."""
-    return [*_figure_1(of), *_fault_free(of)]
+def e_norm(faults: tuple, noise: float) -> tuple[float, str]:
+    """Return the largest |e_y| over A to E."""
+    return _e_norm(faults, noise)
+
+
+def fault_free(which: int, noise: float = 0.0) -> tuple[float, str]:
+    """Return the largest fault-free estimate of one of NAMES; with noise, of its mean over the last 5 s."""
+    return _quiet(noise)[0][which], _quiet(noise)[2][which]
+
+
+def own_model() -> tuple[float, str]:
+    """Return the fault-free elevator [deg] with each point's own linear model in the observer."""
+    worst = [_own_worst(p) for p in POINTS]
+    told = _each([_stiffness(p) for p in POINTS])[1]
+    return max(worst), f"{_each(worst)[1]}; A51 of the affine model off by {told}"
+
+
+def own_stiffness() -> tuple[float, str]:
+    """Return the fault-free elevator [deg] with only A51 of the affine fit replaced by that of the point."""
+    return _each([_own_worst(p, (4, 0)) for p in POINTS])
+
+
+def mach() -> tuple[float, str]:
+    """Return how far the Mach number, flown at table 4's airspeed and altitude, is from print; farthest of A to E."""
+    found = {point: float(_quiet_flight(point)[sources("lpv_smo")["mach"]].iloc[0]) for point in POINTS}
+    told = ", ".join(f"{point} {mach:.4f}" for point, mach in found.items())
+    return max(abs(found[point] - MACH[point]) for point in found), told

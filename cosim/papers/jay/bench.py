@@ -1,5 +1,7 @@
 """The bench of [Jay] section 4: nozzle actuator without load, published filter, position loop; and an elevator's load.
 
+The nozzle is the paper's plant as `printed` has it, exactly advanced; the filter holds its own.
+
 What the paper leaves open, and what stands here:
 
 - The position loop. Figure 1 is not in the text; B carries K_g K_i / L and the compensator (s + a) / (s + b), so that
@@ -22,6 +24,7 @@ from actuators.block import dtype, kernel
 from actuators.ema import actuator as ema
 from actuators.ema import jay
 from actuators.ema import servo as ema_servo
+from cosim.papers.jay import printed
 from fdi.ema import ema_kalman
 
 DT = jay.PERIOD
@@ -49,6 +52,10 @@ OUT = dtype(
         ("R1", "f8"),  # [m]
         ("R2", "f8"),  # [A]
         ("culprit", "f8"),
+        ("u", "f8"),  # demand over the tick that ends here
+        ("y_position", "f8"),  # read by the filter, [m], [rad/s], [A]
+        ("y_velocity", "f8"),
+        ("y_current", "f8"),
     ]
 )
 
@@ -65,24 +72,30 @@ _SENSOR = {"position": 0, "velocity": 1, "current": 2}
 
 
 @kernel
-def _fly(tick, px, pf, x, f, ux, uf, reconfigure, out):
+def _fly(tick, Phi, G, Gamma, lead, pf, x, f, uf, reconfigure, out):
     """Close the loop u = K_p (command - position) over every tick."""
-    u = 0.0
+    u, ahead = 0.0, np.zeros(6)
     for k in range(tick.shape[0]):
         t = tick[k]
-        position = (1.0 + t.scale[0]) * px.lead * x.motor + t.bias[0] + t.noise[0]
+        position = (1.0 + t.scale[0]) * lead * x[2] + t.bias[0] + t.noise[0]
         uf.u = u
         uf.y_position = position
-        uf.y_velocity = (1.0 + t.scale[1]) * x.motor_d + t.bias[1] + t.noise[1]
-        uf.y_current = (1.0 + t.scale[2]) * x.i + t.bias[2] + t.noise[2]
+        uf.y_velocity = (1.0 + t.scale[1]) * x[3] + t.bias[1] + t.noise[1]
+        uf.y_current = (1.0 + t.scale[2]) * x[4] + t.bias[2] + t.noise[2]
         uf.position_valid = uf.velocity_valid = uf.current_valid = 1.0
         ema_kalman.step(f, uf, pf, DT)
-        out[k].position, out[k].current = px.lead * x.motor, x.i
+        out[k].position, out[k].current = lead * x[2], x[4]
+        out[k].u, out[k].y_position = u, position
+        out[k].y_velocity, out[k].y_current = uf.y_velocity, uf.y_current
         out[k].position_hat, out[k].current_hat = f.pos_hat, f.x_hat[4]
         out[k].eta_bar, out[k].R1, out[k].R2, out[k].culprit = f.eta_bar, f.R1, f.R2, f.culprit
         u = jay.K_P * (t.command - (f.pos_hat if reconfigure and f.reconf > 0.5 else position))
-        ux.u, ux.f_i = u, t.f_i
-        ema.step(x, ux, px, DT)
+        for i in range(6):
+            ahead[i] = G[i] * u + Gamma[i] * t.f_i
+            for j in range(6):
+                ahead[i] += Phi[i, j] * x[j]
+        for i in range(6):
+            x[i] = ahead[i]
 
 
 def bench(
@@ -113,16 +126,14 @@ def bench(
         sensor, scale, bias = FIGURES[figure]
         tick["scale"][late, _SENSOR[sensor]], tick["bias"][late, _SENSOR[sensor]] = scale, bias
     tick["f_i"][late] = loop_bias
-    px, pf = ema.params("nozzle", substeps=10.0), ema_kalman.params("nozzle")
-    px["R"] *= 1.0 + resistance
+    pf = ema_kalman.params("nozzle")
     for name, change in FILTER.items():
         pf[name] = change(pf[name])
     if matrices is not None:
         pf["Phi"], pf["G"] = matrices
-    x, f = ema.init(px), ema_kalman.init(pf)
-    ux, uf = np.zeros(1, ema.INPUTS), np.zeros(1, ema_kalman.INPUTS)
+    f, uf = ema_kalman.init(pf), np.zeros(1, ema_kalman.INPUTS)
     out = np.zeros(n, OUT)
-    _fly(tick, px[0], pf[0], x[0], f[0], ux[0], uf[0], reconfigure, out)
+    _fly(tick, *printed.plant(resistance), printed.LEAD, pf[0], np.zeros(6), f[0], uf[0], reconfigure, out)
     return out
 
 

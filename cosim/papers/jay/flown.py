@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from cosim.flight.signals import fly
+from cosim.flight.loop.signals import fly
 from cosim.judge.alarms import detection
-from cosim.papers.row import Of, near
 from cosim.scenario import load_scenario
 from fdi.ema.ema_kalman_flight import CULPRITS
 
@@ -20,13 +19,11 @@ ONSET, LANE = 12.0, "right_inner"
 OWN = tuple(f"ema_kalman_flight.{LANE}.{n}" for n in ("alarm", "culprit", "r", "pos_hat", "reconf"))
 TRUE = ("truth.aircraft.nz", f"ema.{LANE}.delta", f"ema.{LANE}.motor")
 PUBLISHED = tuple(f"ema_kalman.{LANE}.{n}" for n in ("eta_bar", "R1"))
-INCIPIENT = 'title, section 1: "incipient (slowly developing) sensor faults"; sizes are ours'
 SIZES = {  # sensor, unit -> (scenario, key, sizes)
     ("position", "deg/s of drift"): ("jay-incipient-position", "faults.0.drift_deg_s", (0.02, 0.05, 0.1, 0.2, 0.5)),
     ("velocity", "% of no-load"): ("jay-incipient-velocity", "faults.0.bias_pct", (1.0, 2.0, 5.0)),
     ("current", "% of stall"): ("jay-incipient-current", "faults.0.bias_pct", (1.0, 2.0, 5.0)),
 }
-NAMED = {"position": 5, "velocity": 3, "current": 1}  # of the sizes, at least
 
 
 @functools.cache
@@ -36,7 +33,7 @@ def flight(name: str, *changes: Any) -> Any:
     return fly(load_scenario(name, [both, *changes]), [*OWN, *TRUE, *PUBLISHED])
 
 
-def _named(sensor, unit):
+def named(sensor: str, unit: str) -> tuple[float, str]:
     """Return (how many sizes are named after their sensor within 50 s, when each)."""
     name, key, sizes = SIZES[sensor, unit]
     told, count = [], 0
@@ -52,7 +49,7 @@ def _named(sensor, unit):
     return count, f"of {len(sizes)} {unit}; " + ", ".join(told)
 
 
-def _alarms(*changes):
+def alarms(*changes: str) -> tuple[float, str]:
     """Return (fault-free: largest test over its threshold, that of the published filter)."""
     f = flight("jay-incipient-position", "faults=[]", *changes)
     return (
@@ -62,7 +59,7 @@ def _alarms(*changes):
     )
 
 
-def _warm():
+def warm() -> tuple[float, str]:
     """Return (largest error of the position estimate [mm], alarms) with the winding 39 % up."""
     f = flight("ema-winding-resistance", "faults.0.increase_pct=39.3")
     error = f[OWN[3]].to_numpy()[2:] - _lead() * f[TRUE[2]].to_numpy()[:-2]
@@ -76,7 +73,7 @@ def _lead():
     return jay.values()["lead"]
 
 
-def _off():
+def off() -> tuple[float, str]:
     """Return (largest error of a drifting position when it is reconfigured [deg], when each size is)."""
     (name, key, sizes), told, worst = SIZES["position", "deg/s of drift"], [], 0.0
     for size in sizes:
@@ -88,7 +85,7 @@ def _off():
     return worst, "deg at deg/s of drift; " + ", ".join(told)
 
 
-def _kept(reconfigure):
+def kept(reconfigure: str) -> float:
     """Return the largest difference of n_z [g] from the healthy flight on its own sensor, 30 s from the onset.
 
     `reconfigure` is "true", "false" or "published", as in a scenario.
@@ -97,60 +94,3 @@ def _kept(reconfigure):
     healthy = flight("ema-position-bias", "elevator.reconfigure=false", "faults=[]")[TRUE[0]].to_numpy()
     first, n = round(ONSET / 0.005), min(len(faulty), len(healthy))
     return np.abs(faulty[first:n] - healthy[first:n]).max()
-
-
-def plan(of: Of) -> list[Any]:
-    """Return the Planned rows of the flights."""
-    rows = [
-        of.beyond(
-            f"in flight, incipient faults of the {sensor} sensor: sizes that are named, of {len(sizes)}",
-            INCIPIENT,
-            lambda s=sensor, u=unit: _named(s, u),
-            NAMED[sensor],
-            len(sizes),
-        )
-        for (sensor, unit), (_, _, sizes) in SIZES.items()
-    ]
-    future = 'section 5: "observers that are more robust to unknown inputs like system disturbances", future work'
-    return [
-        *rows,
-        of.beyond(
-            "in flight, fault-free in light turbulence: largest test of the flight form over its threshold",
-            future,
-            _alarms,
-            0.0,
-            0.999,
-        ),
-        of.beyond(
-            "in flight, winding 100 K warmer (39 %): largest error of the position estimate [mm]",
-            "our extension of section 4.4, which has 5 %",
-            _warm,
-            0.0,
-            0.2,
-        ),
-        of.beyond(
-            "in flight, position sensor off by 5 deg, reconfigured: largest change of n_z [g]",
-            "figure 13 on an aircraft: our extension",
-            lambda: _kept("true"),
-            0.0,
-            0.03,
-        ),
-        of.ours(
-            "in flight, the same without reconfiguration: largest change of n_z [g]",
-            lambda: _kept("false"),
-            *near(0.0662),
-        ),
-        of.ours(
-            "in flight, the same reconfigured as published: largest change of n_z [g]",
-            lambda: _kept("published"),
-            *near(0.0954),
-            says="section 4.5, on an elevator: the filter knows no load, is wrong from the start and walks with it",
-        ),
-        of.beyond(
-            "in flight, drifts of 0.02 to 0.5 deg/s of the position sensor: largest error when reconfigured [deg]",
-            INCIPIENT,
-            _off,
-            0.0,
-            1.0,
-        ),
-    ]

@@ -1,5 +1,7 @@
 """The bench of [Lu17]: equation (4) under its NDI servo, one filter watching and steering, over many seeds.
 
+The truth is (4) as `transcription` has it from the paper; servo and filters hold their own.
+
 What the paper leaves open, and what stands here:
 
 - Command. A 3-2-1-1 in seconds, 20 mm of rod, at 2 s and again at 13 s, so that every fault begins with the rod at null
@@ -27,6 +29,7 @@ import numpy as np
 from actuators.block import dtype, kernel
 from actuators.common import linkage
 from actuators.hydraulic import lu17, servo
+from cosim.papers.lu17 import transcription
 from fdi.hydraulic import iotsekf, rtsekf
 from fdi.hydraulic import separate_bias as two_stage
 
@@ -52,6 +55,7 @@ SCENARIOS = {  # name -> (figure, filter)
     "runaway": (7, "rtsekf"),
     "held rod": (6, "rtsekf"),  # a solid jamming as it is
     "held valve": (7, "rtsekf"),  # a runaway as it is
+    "walk": (3, "iotsekf"),  # an input fault as (14) has it: nothing but this is what the filter reckons with
 }
 
 TICK = dtype(
@@ -79,6 +83,8 @@ OUT = dtype(
         ("y", "f8"),  # measured [m]
         ("r", "f8"),  # reference q_ref [m]
         ("u", "f8"),  # valve command [1]
+        ("nis", "f8"),  # squared innovation of the IOTSEKF over its variance [1]
+        ("f_sigma", "f8"),  # deviation of its fault by its own reckoning [1]
     ]
 )
 SETUP = dtype(
@@ -90,6 +96,7 @@ SETUP = dtype(
         ("hmd", "f8"),  # [N m/rad]
         ("known", "f8"),  # share of it that filter and servo reckon with
         ("walk", "f8", (3,)),  # process noise of the truth in a tick, 1 sigma [m, m/s, 1]
+        ("walk_f", "f8"),  # of an input fault as (14) has it [1]
     ]
 )
 
@@ -101,7 +108,7 @@ def _advance(q, qd, x3, v, held, s, p, dt):
     for _ in range(SUBSTEPS):
         F = (s.hm0 + s.hmd * (q + 0.5 * h * qd) / p.arm) / p.arm  # of the middle of the sub-step
         at = q
-        q, qd, x3 = lu17.rk4(q, qd, x3, v, v, 0.0, F, p, h)
+        q, qd, x3 = transcription.advance(q, qd, x3, v, F, h)
         if held > 0.5:
             q, qd = at, 0.0
         if q > LIMIT:
@@ -114,7 +121,7 @@ def _seed(tick, noise, s, c, pi, pr, x, i, r, us, ui, ur, dt, out):
     """Fly one seed: truth, filter and servo `x` in lockstep."""
     q, qd, x3, onset, f = 0.0, 0.0, x.x3, 0.0, 0.0
     x3 = -s.hm0 / (c.arm * c.A_p * c.P_s)
-    u = 0.0
+    u, walked = 0.0, 0.0
     for k in range(tick.shape[0]):
         t = tick[k]
         if t.instead < 0.5 and t.held < 0.5:
@@ -138,10 +145,12 @@ def _seed(tick, noise, s, c, pi, pr, x, i, r, us, ui, ur, dt, out):
         o = out[k]
         o.q, o.qd, o.x3, o.q_hat, o.qd_hat, o.x3_hat = q, qd, x3, q_hat, qd_hat, x3_hat
         o.f, o.f_hat, o.surface, o.y, o.r, o.u = f, f_hat, surface, y, x.r, x.u
+        o.nis, o.f_sigma = i.nis_rod, i.f_sigma
         if s.linear > 0.5:
             x.u *= math.sqrt(max(0.0, 1.0 - math.copysign(x3_hat, x.u * x3_hat)))
         u = x.u
-        v = min(max((1.0 - t.s_u) * u + t.f_u, -1.0), 1.0)
+        walked += s.walk_f * noise[k, 4]
+        v = min(max((1.0 - t.s_u) * u + t.f_u + walked, -1.0), 1.0)
         if s.watch < 0.5:
             f = v - u
         q, qd, x3 = _advance(q, qd, x3, v, t.held, s, c, dt)
@@ -158,8 +167,8 @@ def _fly(tick, noise, s, c, pi, pr, x, i, r, us, ui, ur, dt, out):
         _seed(tick, noise[n], s, c, pi, pr, x[n], i[n], r[n], us, ui, ur, dt, out[n])
 
 
-def schedule(scenario: str) -> Any:
-    """Return the TICK records of a scenario."""
+def schedule(scenario: str, rate: float = RATE) -> Any:
+    """Return the TICK records of a scenario; `rate` of a runaway [m/s of rod]."""
     n = round(SECONDS / DT)
     t = np.arange(n) * DT
     tick = np.zeros(n, TICK)
@@ -175,12 +184,12 @@ def schedule(scenario: str) -> Any:
         tick["bias"][late] = BIAS
     elif scenario in ("solid jamming", "runaway"):
         tick["instead"][late] = 1.0
-        tick["ramp"][late] = RATE * tau if scenario == "runaway" else 0.0
+        tick["ramp"][late] = rate * tau if scenario == "runaway" else 0.0
     elif scenario == "held rod":
         tick["held"][late] = 1.0
     elif scenario == "held valve":
-        tick["f_u"][late], tick["s_u"][late] = RATE * lu17.NOMINAL["A_p"] / lu17.NOMINAL["phi_n"], 1.0
-    elif scenario != "fault-free":
+        tick["f_u"][late], tick["s_u"][late] = rate * lu17.NOMINAL["A_p"] / lu17.NOMINAL["phi_n"], 1.0
+    elif scenario not in ("fault-free", "walk"):
         raise ValueError(f"{scenario!r} is not one of {', '.join(SCENARIOS)}")
     return tick
 
@@ -188,7 +197,8 @@ def schedule(scenario: str) -> Any:
 @functools.lru_cache(maxsize=1)
 def _noise(seeds):
     n = round(SECONDS / DT)
-    return np.stack([np.random.default_rng([17, s]).standard_normal((n, 4)) for s in range(seeds)])
+    draws = lambda key, seed, columns: np.random.default_rng([key, seed]).standard_normal((n, columns))  # noqa: E731
+    return np.stack([np.hstack([draws(17, s, 4), draws(18, s, 1)]) for s in range(seeds)])  # 18: of the walk alone
 
 
 def fly(
@@ -200,15 +210,16 @@ def fly(
     linear: Any = False,
     quiet: Any = False,
     hmd: Any = HMD,
+    rate: float = RATE,
     **filter_values: Any,
 ) -> Any:
     """Return OUT records (seeds, ticks) of a scenario under a load of MODEL.
 
     `measured`: the servo closes on the rod sensor instead of the estimate; `linear`: it does not know the root of (11),
     the valve's flow under pressure; `quiet`: no noise at all; `hmd`: slope of
-    the load [N m/rad]; `filter_values` replace parameters of the filter.
+    the load [N m/rad]; `rate` of a runaway [m/s of rod]; `filter_values` replace parameters of the filter.
     """
-    tick = schedule(scenario)
+    tick = schedule(scenario, rate)
     known = MODEL[load]
     watch = SCENARIOS[scenario][1]
     s = np.zeros(1, SETUP)
@@ -216,6 +227,7 @@ def fly(
     if load != "no load":
         s["hm0"], s["hmd"] = HM0, hmd
     s["walk"] = 0.0 if quiet else np.sqrt(np.array(iotsekf.NOISE["q"])[:3] * DT)
+    s["walk_f"] = np.sqrt(np.array(iotsekf.NOISE["q_f"]) * DT) if scenario == "walk" else 0.0
     own = dict(filter_values)
     form = {"load": int(known > 0.0), "dt": DT, "delay_s": 0.0}
     as_published = {"centre": 0.0, "total_sign": 0.0, "gate_rod": two_stage.GATE_NONE}
@@ -234,7 +246,7 @@ def fly(
     for u in (ui, ur):
         u["hm0_model"], u["hmd_model"] = known * s["hm0"], known * s["hmd"]
     out = np.zeros((seeds, len(tick)), OUT)
-    noise = np.zeros((seeds, len(tick), 4)) if quiet else _noise(seeds)
+    noise = np.zeros((seeds, len(tick), 5)) if quiet else _noise(seeds)
     i, r = iotsekf.init(np.repeat(pi, seeds)), rtsekf.init(np.repeat(pr, seeds))
     _fly(tick, noise, s[0], c[0], pi[0], pr[0], x, i, r, us[0], ui[0], ur[0], DT, out)
     return out

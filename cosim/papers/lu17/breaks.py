@@ -4,7 +4,8 @@ import numpy as np
 
 from cosim.papers.broken import Break, swap
 
-BENCH, FLOWN, LOAD = (f"cosim.papers.lu17.{name}" for name in ("bench", "flown", "load"))
+BENCH, FLOWN, PRINTED = (f"cosim.papers.lu17.{name}" for name in ("bench", "flown", "printed"))
+EQUATION, SERVO = "actuators.hydraulic.lu17", "actuators.hydraulic.servo"
 FORMS = ("published", "hinge model", "pressure")
 
 
@@ -13,7 +14,7 @@ def _biased(column, by):
 
     def wrap(noise):
         def draws(seeds):
-            return noise(seeds) + by * (np.arange(4) == column)
+            return noise(seeds) + by * (np.arange(5) == column)
 
         return draws
 
@@ -24,8 +25,8 @@ def _schedule(**fields):
     """Return the swap of an experiment in which fields of every tick are set."""
 
     def wrap(schedule):
-        def changed(scenario):
-            tick = schedule(scenario)
+        def changed(scenario, *rate):
+            tick = schedule(scenario, *rate)
             for name, value in fields.items():
                 tick[name] = value
             return tick
@@ -33,20 +34,6 @@ def _schedule(**fields):
         return changed
 
     return lambda: swap(BENCH, wrap_schedule=wrap)
-
-
-def _scaled(field, factor):
-    """Return the swap of a bench whose estimates of `field` are scaled."""
-
-    def wrap(fly):
-        def scaled(*args, **more):
-            out = fly(*args, **more)
-            out[field] *= factor
-            return out
-
-        return scaled
-
-    return lambda: swap(BENCH, wrap_fly=wrap)
 
 
 def _filter(**changes):
@@ -59,27 +46,6 @@ def _known(**share):
 
 def _uncompensated(flight):
     return lambda name, *changes: flight(name, *changes, "elevator.compensate=false")
-
-
-def _halved(flown):
-    def halved(*args):
-        frame = flown(*args)
-        return frame.assign(f_hat=0.5 * frame.f_hat)
-
-    return halved
-
-
-def _times(factor, field):
-    """Return the wrapper of flights in which a field is `factor` times as large."""
-
-    def wrap(flown):
-        def changed(*args):
-            frame = flown(*args)
-            return frame.assign(**{field: factor * frame[field]})
-
-        return changed
-
-    return wrap
 
 
 def _told(*words):
@@ -95,7 +61,83 @@ def _told(*words):
     return lambda: swap(FLOWN, wrap_watching=wrap)
 
 
+def _one_speed(schedule):
+    return lambda scenario, rate=None: schedule(scenario)
+
+
+def _constant(equation):
+    """Return the product's parameters of (4) with a larger piston."""
+    return lambda **values: equation(**{"A_p": 0.00251, **values})
+
+
+def _without_two(rhs):
+    """Return (4) without its factor 2."""
+
+    def other(*at):
+        x1, x2, x3 = rhs(*at)
+        return x1, x2, 0.5 * x3
+
+    return other
+
+
+def _late(linear):
+    """Return (Phi, Gamma) with half of Gamma (20)."""
+
+    def other(*at):
+        Phi, Gamma = linear(*at)
+        return Phi, 0.5 * Gamma
+
+    return other
+
+
+def _damped(invert):
+    return lambda x, p, dt: 1.01 * invert(x, p, dt)
+
+
 BREAKS = (
+    Break(
+        "K_f of (29) is zero: the filter never estimates a fault",
+        _filter(q_f=lambda q: 1e-24, P0_f=lambda P: 1e-24),
+        (
+            "figure 3(b)-(d)",
+            "figure 3(e), ",
+            "figure 4(b)-(d)",
+            "figure 4(e)-(f)",
+            "(15)-(36)",
+            "section IV.B, figure 3",
+            "squared innovation",
+            "squared error of f_hat",
+        ),
+        "method",
+    ),
+    Break(
+        "(4) holds B ten times",
+        _filter(B=lambda B: 10.0 * B),
+        ("(15)-(36)",),
+        "method",
+    ),
+    Break(
+        "(4) is integrated without its factor 2", lambda: swap(EQUATION, wrap_rhs=_without_two), ("(4): l",), "method"
+    ),
+    Break("a block holds another piston area", lambda: swap(EQUATION, wrap_params=_constant), ("(6), con",), "method"),
+    Break("Gamma of (20) is half of it", lambda: swap(PRINTED, wrap__linear=_late), ("(19)", "(15)-(36)"), "method"),
+    Break("(13) is 1 % too large", lambda: swap(SERVO, wrap__invert=_damped), ("(9)-(13)",), "method"),
+    Break(
+        "the truth has half of the load that it should",
+        lambda: swap(BENCH, HM0=-400.0, HMD=-10e3),
+        ("(4), truth",),
+    ),
+    Break(
+        "the surface jams at a runaway's rate",
+        lambda: swap(FLOWN, wrap_flight=lambda fly: lambda name, *c: fly(name.replace("solid-jam", "runaway"), *c)),
+        ("figure 6(a)",),
+    ),
+    Break(
+        "the runaway is a jam",
+        lambda: swap(FLOWN, wrap_flight=lambda fly: lambda name, *c: fly(name.replace("runaway", "solid-jam"), *c)),
+        ("figure 7(a)",),
+    ),
+    Break("every runaway has one speed", lambda: swap(BENCH, wrap_schedule=_one_speed), ("figure 7(e), a",)),
     Break(
         "the rod sensor reads 2 mm too much",
         _biased(0, 20.0),
@@ -116,21 +158,33 @@ BREAKS = (
             "figure 4(b)-(d), F_d known",
             "figures 5 to 7(e)-(f), F_d known",
         ),
+        "method",
     ),
     Break(
         "the filter's valve flow phi_n is 20 % too large",
         _filter(phi_n=lambda phi: 1.2 * phi),
         ("figure 3(e), no load", "figure 3(e), F_d known"),
+        "method",
+    ),
+    Break(
+        "the filter's valve flow phi_n is half of it",
+        _filter(phi_n=lambda phi: 0.5 * phi),
+        ("figure 6(e)-(f)", "figure 7(e)-(f)"),
+        "method",
     ),
     Break("the fault reaches no valve", _schedule(f_u=0.0, s_u=0.0), ("figure 3(a)",)),
-    Break("the walk (14) is ten thousand times smaller", _filter(q_f=lambda q: 1e-4 * q), ("figure 3(f)",)),
+    Break("the walk (14) is ten thousand times smaller", _filter(q_f=lambda q: 1e-4 * q), ("figure 3(f)",), "method"),
     Break("the solid OFC is added to u instead of replacing it", _schedule(s_u=0.0), ("figure 4(a)",)),
-    Break("the rod sensor has no fault", _schedule(bias=0.0), ("the measurement fed back",)),
-    Break("gain N of (42) is 0.8", _scaled("f_hat", 0.8), ("figures 5 to 7(e)-(f), no load",)),
+    Break(
+        "the rod sensor has no fault",
+        _schedule(bias=0.0),
+        ("the measurement fed back", "figures 5 to 7(e)-(f), no load"),
+    ),
     Break(
         "the filter's piston area is 5 % too large",
         _filter(A_p=lambda A: 1.05 * A),
         ("figures 5 to 7(b)-(d), F_d known",),
+        "method",
     ),
     Break(
         "the rod is pushed by one sigma of process noise per tick", _biased(2, 1.0), ("figures 5 to 7(b)-(d), no load",)
@@ -151,16 +205,13 @@ BREAKS = (
             "pressure form, faults 1 and 2",
             "hinge model form, faults 1 and 2",
         ),
-    ),
-    Break(
-        "f_hat of the flight is halved",
-        lambda: swap(FLOWN, wrap_flown=_halved),
-        ("figure 4(e) in flight, pressure", "figure 5(e) in flight, pressure"),
+        "option",
     ),
     Break(
         "the RTS-EKF decides on the level of 20 mm alone",
         _told("detectors.rtsekf.threshold=0.02", "detectors.rtsekf.step=1"),
         ("hinge model form, faults 3",),
+        "option",
     ),
     Break(
         "thresholds are a twentieth",
@@ -170,43 +221,37 @@ BREAKS = (
             "detectors.rtsekf_flight.pair_threshold=1.7e-5",
         ),
         (*(f"{form} form: alarms of" for form in FORMS),),
-    ),
-    Break("f_hat is not taken off", lambda: swap(FLOWN, wrap_flight=_uncompensated), ("f_hat taken off the valve",)),
-    Break(
-        "f_hat of the flight is five times as large",
-        lambda: swap(FLOWN, wrap_flown=_times(5.0, "f_hat")),
-        (*(f"figure {n}(e) in flight, {form}" for n in range(2, 8) for form in FORMS[:2]),),
+        "option",
     ),
     Break(
-        "the rod's estimates of the flight are twice as large",
-        lambda: swap(FLOWN, wrap_flown=_times(2.0, "q_now")),
-        ("figures 2 to 4(b)-(d) in flight", "figures 5 to 7(b)-(d) in flight"),
+        "f_hat is not taken off",
+        lambda: swap(FLOWN, wrap_flight=_uncompensated),
+        ("f_hat taken off the valve",),
+        "option",
     ),
     Break(
         "every form reads the pressure",
         lambda: swap(FLOWN, wrap_watching=lambda own: lambda detector, form: own(detector, "pressure")),
         ("published form, faults 1 and 2",),
+        "option",
     ),
     Break(
         "every form has the hinge model",
         lambda: swap(FLOWN, wrap_watching=lambda own: lambda detector, form: own(detector, "hinge model")),
         ("published form, faults 3", "pressure form, faults 3"),
+        "option",
     ),
     Break(
         "the linear servo is the nonlinear one",
         lambda: swap(BENCH, wrap_fly=lambda fly: lambda *args, linear=False, **more: fly(*args, **more)),
         ("section III.B, F_d known",),
+        "option",
     ),
     Break(
         "the walk (14) of the two-stage filter is hundred times smaller",
         _filter(q_f=lambda q: 0.01 * q),
         ("section IV.B",),
-    ),
-    Break("N of (48) is half of it", lambda: swap(LOAD, wrap_gain=lambda gain: lambda: 0.5 * gain()), ("gain N",)),
-    Break(
-        "each step of the two-stage filter is made ten times",
-        lambda: swap(LOAD, wrap_cost=lambda cost: lambda: (10.0 * cost()[0], "")),
-        ("one step of the IOTSEKF",),
+        "method",
     ),
     Break(
         "the load that is not known is half as large",

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from cosim.flight.signals import fly
-from cosim.judge.achieved import sine
+from actuators.common import linkage
+from cosim.flight.loop.signals import fly
 from cosim.judge.alarms import detection
-from cosim.papers.row import Of, near
+from cosim.judge.fault_effect import sine
 from cosim.scenario import load_scenario
 from cosim.scenario.catalog import SEGMENTS
 from fdi.common.verdict import JAM_LIQUID, JAM_SOLID, OFC_LIQUID, OFC_SOLID, RUNAWAY, SENSOR
@@ -42,10 +42,6 @@ TABLE_1 = {  # fault of table 1 -> (scenario, the verdicts that are right)
     "4": ("solid-jam", (JAM_SOLID,)),
     "5": ("runaway", (RUNAWAY,)),
 }
-NOT = "not in the paper: a hinge load in gusts"
-ALIKE = ("solid-jam", "runaway")
-BOTH = "not in the paper: this form has the surface sensor, too, and a jam moves both alike: its f_hat is to stay zero"
-SPREAD = 0.3  # about what three seeds of the gusts gave
 
 
 def signals(detector: str) -> dict[str, str]:
@@ -161,7 +157,7 @@ def quiet(detector: str, form: str) -> float:
 
 
 @functools.cache
-def _compensated(hz):
+def compensated(hz: float) -> tuple[float, str]:
     """Return the rod's oscillation with f_hat taken off the valve over that without, from 4 s after the onset."""
     rod, late = f"hydraulic.{LANE}.q_rod", slice(round((ONSET + 4.0) / 0.005), round((ONSET + 12.0) / 0.005))
     asked = f"faults.0.frequency_hz={hz:g}"
@@ -174,93 +170,14 @@ def _compensated(hz):
     return swing[0] / swing[1], f"{swing[0]:.2f} of {swing[1]:.2f} mm"
 
 
-WORDS: dict[str, tuple[str, Any]] = {  # scenario -> what `fault` returns, band of the pressure form
-    "fault-free": ("rms of f_hat, without a fault", (0.0, 0.004)),
-    "liquid-ofc": ("|f_hat / f| at 1 Hz", (0.95, 1.05)),
-    "solid-ofc": ("rms of the fault's error over that of the fault", (0.0, 0.42)),
-    "liquid-jam": ("rms of the fault's error over that of the fault", (0.0, 0.1)),
-    "solid-jam": ("rms of the fault's error over that of the fault", None),
-    "runaway": ("rms of the fault's error over that of the fault", None),
-}
-FOUND = {  # (scenario, form) -> least and largest of three seeds of a number of ours
-    ("fault-free", "published"): (0.00667, 0.00667),
-    ("fault-free", "hinge model"): (0.00252, 0.00252),
-    ("liquid-ofc", "published"): (1.08, 1.08),
-    ("liquid-ofc", "hinge model"): (1.01, 1.01),
-    ("solid-ofc", "published"): (0.385, 0.385),
-    ("solid-ofc", "hinge model"): (0.381, 0.381),
-    ("liquid-jam", "published"): (8.46, 8.46),
-    ("liquid-jam", "hinge model"): (0.105, 0.142),
-    ("solid-jam", "published"): (51.0, 135.0),
-    ("solid-jam", "hinge model"): (13.6, 13.6),
-    ("solid-jam", "pressure"): (1.0, 1.0),
-    ("runaway", "published"): (10.0, 10.0),
-    ("runaway", "hinge model"): (1.42, 1.71),
-    ("runaway", "pressure"): (0.993, 0.993),
-}
-STATE_ERRORS = {  # detector -> the same of the largest rms error of q [mm], by FORMS
-    "iotsekf": ((0.128, 0.128), (0.128, 0.128), (0.15, 0.15)),
-    "rtsekf": ((913.0, 1750.0), (231.0, 231.0), (0.133, 6.49)),
-}
-NAMED = {  # detector -> faults of table 1 that are named right, by FORMS
-    "iotsekf": (0, 1, 2),
-    "rtsekf": (2, 3, 2),  # 5 mm of fault 3 is below what 1e-3 false alarms per flight over the envelope ask for
-}
-ANNOUNCED = 'VI: "can be incorporated into the actuator system"'
+def stuck(scenario: str) -> tuple[float, str]:
+    """Return how far the rod is from where figure 6's fault found it, or from figure 7's stop at the end [mm].
 
-
-def _about(least, largest):
-    return near(least, SPREAD)[0], near(largest, SPREAD)[1]
-
-
-def _figures(of):
-    for scenario, (words, band) in WORDS.items():
-        figure = FIGURES[scenario][0]
-        for form in FORMS:
-            item = f"figure {figure}(e) in flight, {form} form: {words}"
-            measure = functools.partial(fault, scenario, form)
-            held = _about(*FOUND[scenario, form]) if (scenario, form) in FOUND else band
-            if form == "pressure" and scenario not in ALIKE:
-                yield of.beyond(item, ANNOUNCED, measure, *held)
-            else:
-                yield of.ours(item, measure, *held, says=BOTH if form == "pressure" else NOT)
-    for detector, figures in (("iotsekf", "2 to 4"), ("rtsekf", "5 to 7")):
-        for form, found in zip(FORMS, STATE_ERRORS[detector], strict=True):
-            item = f"figures {figures}(b)-(d) in flight, {form} form: largest rms error of q [mm]"
-            yield of.ours(item, functools.partial(states, detector, form), *_about(*found), says=NOT)
-
-
-def _table(of):
-    for detector, faults in (("iotsekf", "faults 1 and 2"), ("rtsekf", "faults 3 (5 and 10 mm), 4 and 5")):
-        for form, right in zip(FORMS, NAMED[detector], strict=True):
-            name = watching(detector, form)[0]
-            yield of.ours(
-                f"table 1 in flight, {form} form, {faults}: named right by {name}",
-                functools.partial(named, detector, form),
-                right,
-                right,
-                says="table 1; the paper reconstructs, it decides nothing",
-            )
-            yield of.ours(
-                f"in flight, a minute of cruise in light turbulence, {form} form: alarms of {name}",
-                functools.partial(quiet, detector, form),
-                0,
-                0,
-                says="not in the paper: it decides nothing",
-            )
-
-
-def plan(of: Of) -> Any:
-    """Return the Planned rows of the flights."""
-    says = f"{ANNOUNCED}; III.B feeds back the state only: our extension"
-    taken = [
-        of.beyond(
-            f"in flight, f_hat taken off the valve: what is left of a liquid OFC of 3 mm at {hz:g} Hz",
-            says,
-            functools.partial(_compensated, hz),
-            0.0,
-            0.2,
-        )
-        for hz in (0.5, 1.0)
-    ]
-    return [*_figures(of), *_table(of), *taken]
+    Of the flight's own actuator, which the jam holds and whose valve the runaway opens.
+    """
+    frame = flown(scenario, "pressure")
+    rod = 1e3 * frame.q_rod.to_numpy()[frame.index.to_numpy() >= ONSET]
+    if scenario == "solid-jam":
+        return float(np.abs(rod - rod[0]).max()), f"stuck at {rod[0]:.1f} mm"
+    limit = 1e3 * linkage.rod(linkage.TRAVEL[1])
+    return float(abs(rod[-1] - np.sign(rod[-1]) * limit)), f"at {rod[-1]:.1f} mm in the end"

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import expm, solve_discrete_are
+from scipy.stats import t as student
 
 from actuators.hydraulic import lu17
 from cosim.papers.lu17 import bench
@@ -12,6 +13,7 @@ from fdi.hydraulic import iotsekf
 
 STATES = (("q", "q_hat"), ("qd", "qd_hat"), ("x3", "x3_hat"))
 FAULT = (("f", "f_hat"),)
+LEVEL = 0.01  # of the tests of a mean
 PHASES = {"before": bench.BEFORE, "after": bench.AFTER, "whole": bench.WHOLE}
 
 
@@ -19,6 +21,16 @@ def span(phase: Any) -> Any:
     """Return the slice of ticks of a phase."""
     a, b = PHASES[phase]
     return slice(round(a / bench.DT), round(b / bench.DT))
+
+
+def _student(e):
+    """Return the size of Student's t of errors (seeds, ...) whose mean should be zero."""
+    return np.abs(e.mean(0)) / np.maximum(e.std(0, ddof=1) / np.sqrt(len(e)), 1e-300)
+
+
+def _beyond(e):
+    """Return the share of instants at which the mean of errors (seeds, ticks) is beyond its bound of LEVEL."""
+    return float((_student(e) > student.ppf(1.0 - LEVEL / 2.0, len(e) - 1)).mean())
 
 
 def _summary(out):
@@ -30,8 +42,12 @@ def _summary(out):
         found["leaves", phase] = 1e3 * float(leave.max())  # [mm]
         found["leaves rms", phase] = 1e3 * float(np.sqrt((leave**2).mean()))
         error = {true: (out[estimate] - out[true])[:, on] for true, estimate in (*STATES, *FAULT)}
-        share = {true: abs(e.mean()) / max(e.std(), 1e-300) for true, e in error.items()}
-        found["fault", phase], found["state", phase] = share["f"], max(share[true] for true, _ in STATES)
+        beyond = {true: _beyond(e) for true, e in error.items()}
+        found["fault", phase], found["state", phase] = beyond["f"], max(beyond[true] for true, _ in STATES)
+        found["drift", phase] = max(_student(error[true].mean(1)) for true, _ in STATES)
+        found["nis", phase] = float(out["nis"][:, on].mean())
+        ahead = (out["f_hat"][:, :-1] - out["f"][:, 1:])[:, on]  # the filter's f is that of the tick to come
+        found["nees", phase] = float((ahead**2 / np.maximum(out["f_sigma"][:, :-1][:, on], 1e-12) ** 2).mean())
         found["fault error", phase] = float(error["f"].mean())
         found["fault error rms", phase] = float(np.sqrt((error["f"] ** 2).mean()))
         found["fault rms", phase] = float(np.sqrt((out["f"][:, on] ** 2).mean()))
@@ -50,7 +66,9 @@ def _summary(out):
 def case(scenario: str, load: Any = "no load", seeds: int | None = None, **options: Any) -> Any:
     """Return {(number, phase): value} of a scenario under a load; `options` of `bench.fly`, `bench.SEEDS` seeds.
 
-    "state" and "fault" are the mean error over the scatter of one estimate (the largest of q, q', x3).
+    "state" and "fault" are the share of instants at which the mean error of the seeds is beyond its bound of LEVEL (the
+    largest of q, q', x3), "drift" the largest Student's t of the mean over time, "nis" and "nees" the squared
+    innovation and fault error over the variance that the IOTSEKF reckons with.
     """
     return _summary(bench.fly(scenario, load, seeds=seeds or bench.SEEDS, **options))
 
@@ -59,25 +77,6 @@ def _sine(y):
     """Return the complex amplitude of the OFC's frequency in the mean over the seeds, whole periods."""
     t = np.arange(y.shape[1]) * bench.DT
     return complex(2 * (y.mean(axis=0) * np.exp(-2j * np.pi * bench.OFC_HZ * t)).mean())
-
-
-def get(
-    key: str, scenario: str, load: Any = "no load", phase: str = "after", scale: float = 1.0, **options: Any
-) -> Any:
-    """Return a function that looks up one number of a case."""
-    return lambda: scale * case(scenario, load, **options)[key, phase]
-
-
-def ratio(
-    above: Any,
-    below: Any,
-    scenario: str,
-    load: str = "no load",
-    phases: tuple[str, str] = ("after", "after"),
-    **options: Any,
-) -> Any:
-    """Return a function that divides one number of a case by another."""
-    return lambda: case(scenario, load, **options)[above, phases[0]] / case(scenario, load, **options)[below, phases[1]]
 
 
 @functools.cache
@@ -114,3 +113,18 @@ def relative_degree() -> int:
             return r
         row = row @ A
     return 4
+
+
+def number(
+    key: str, scenario: str, load: Any = "no load", phase: str = "after", scale: float = 1.0, **options: Any
+) -> float:
+    """Return one number of a case."""
+    return scale * case(scenario, load, **options)[key, phase]
+
+
+def ratio(
+    above: str, below: str, scenario: str, load: str = "no load", phases: tuple[str, str] = ("after", "after")
+) -> float:
+    """Return one number of a case over another."""
+    found = case(scenario, load)
+    return found[above, phases[0]] / found[below, phases[1]]

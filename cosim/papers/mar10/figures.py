@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from cosim.flight.loop.signals import fly
 from cosim.flight.plant.force_model import force_model
-from cosim.flight.signals import fly
 from cosim.papers.drawing import Curve, Drawing, Panel, Table
 from cosim.papers.mar10 import flights, vehicle_rows
 from cosim.papers.mar10.rows import VEHICLE

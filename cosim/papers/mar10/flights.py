@@ -16,11 +16,11 @@ import numpy as np
 
 from actuators.constants import RAD_PER_DEG
 from cosim.campaign import EVALUATION_SEED
-from cosim.flight.detectors import sources
+from cosim.flight.detection.detector_context import aircraft
+from cosim.flight.detection.detectors import sources
+from cosim.flight.loop.signals import detect
+from cosim.flight.loop.signals import fly as fly_signals
 from cosim.flight.plant.force_model import force_model
-from cosim.flight.signals import detect
-from cosim.flight.signals import fly as fly_signals
-from cosim.flight.site import aircraft
 from cosim.scenario.aircraft import load_aircraft
 from cosim.scenario.load import load_scenario
 from cosim.scenario.tolerance import toleranced

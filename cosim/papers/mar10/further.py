@@ -1,27 +1,17 @@
 """[Mar10], further rows: the least faults that show, what a step costs, and the next step, after isolation."""
 
-import dataclasses
 import functools
 import math
 import time
-from collections.abc import Iterator
 
 import numpy as np
 
 from actuators.constants import RAD_PER_DEG
+from cosim.flight.loop.signals import fly
 from cosim.flight.plant.point import SIX
-from cosim.flight.signals import fly
 from cosim.papers.mar10 import flights
-from cosim.papers.row import Of, Planned, near
 from cosim.scenario import load_scenario
 
-NEXT = "our extension: the talk isolates, what then flies it does not say"
-
-
-SEEN = {  # rows -> (smallest elevator fault that was found [deg], the others)
-    "force": (0.451, ("rudder", "thrust")),
-    "force+moment": (0.096, ("aileron", "rudder", "thrust")),
-}
 EFFECTORS = {
     "elevator": (0, RAD_PER_DEG, "deg"),
     "aileron": (1, RAD_PER_DEG, "deg"),
@@ -43,30 +33,8 @@ def _least(rows):
         return (tau[:, None] / np.abs(S[:, :4])).min(0)
 
 
-def _smallest(of):
-    """Say what the thresholds let through: the smallest lock offset or loss seen. No force row sees the aileron."""
-
-    def sizes(rows, names):
-        found = {name: _least(rows)[EFFECTORS[name][0]] / EFFECTORS[name][1] for name in ("elevator", *names)}
-        return found["elevator"], ", ".join(f"{n} {found[n]:.3g} {EFFECTORS[n][2]}" for n in names)
-
-    for rows, (found, others) in SEEN.items():
-        item = f"smallest fault beyond its threshold in level flight, rows of {rows}: all elevators [deg]"
-        yield of.ours(item, lambda r=rows, o=others: sizes(r, o), *near(found))
-
-
-def _cost(of):
-    """Slide 4: nothing is integrated, to reduce the cost."""
-    yield of.ours(
-        "slide 4, a step of the residuals, all families and the decision, as a share of 5 ms [%]",
-        _step,
-        0.0,
-        2.0,
-        says='slide 4: "Avoid dynamical integration, to reduce computational cost"; no number; wall clock',
-    )
-
-
-def _step():
+def step() -> tuple[float, str]:
+    """Return the time of a step of all residuals as a share of 5 ms [%], and in microseconds."""
     flown, p, best = flights.fly(1), flights.detector(), math.inf
     for _ in range(3):
         begin = time.perf_counter()
@@ -88,27 +56,13 @@ def _reconfigured(point, reallocate):
     return float(np.abs(late[0] - late[1]).max()), float(turned / RAD_PER_DEG)
 
 
-def _farthest(i, reallocate):
+def farthest(i: int, reallocate: str) -> tuple[float, str]:
+    """Return how far the aircraft leaves its altitude [m] (i = 0) or heading [deg] (1), six points."""
     found = {point: _reconfigured(point, reallocate)[i] for point in SIX}
     return max(found.values()), ", ".join(f"{point} {v:.3g}" for point, v in found.items())
 
 
-def _next(of):
-    """Elevators locked, then an engine out: what is left flies."""
-    for i, (what, band, without) in enumerate(
-        (("altitude held [m]", (0.0, 50.0), (150.0, 1e4)), ("heading [deg]", (0.0, 10.0), None))
-    ):
-        item = f"elevators locked, then an engine out, reconfigured: farthest from the {what}, six points"
-        row = of.beyond(item, NEXT, lambda i=i: _farthest(i, "true"), *band)
-        yield dataclasses.replace(row, piece="reconfigured")
-        if without:
-            row = of.ours(f"the same without reconfiguration: farthest from the {what}", lambda: _farthest(0, "false"),
-                          *without)  # fmt: skip
-            yield dataclasses.replace(row, piece="not reconfigured")
-
-
-def plan(of: Of) -> Iterator[Planned]:
-    """Yield the Planned rows."""
-    yield from _smallest(of)
-    yield from _cost(of)
-    yield from _next(of)
+def smallest(rows: str, others: tuple) -> tuple[float, str]:
+    """Return the smallest lock offset of all elevators beyond its threshold [deg]; the `others` in the note."""
+    found = {name: _least(rows)[EFFECTORS[name][0]] / EFFECTORS[name][1] for name in ("elevator", *others)}
+    return found["elevator"], ", ".join(f"{n} {found[n]:.3g} {EFFECTORS[n][2]}" for n in others)

@@ -12,7 +12,6 @@ import numpy as np
 
 from cosim.flight.plant.force_model import force_model
 from cosim.papers.mar10 import flights
-from cosim.papers.row import Of, Planned
 from fdi.control_redundancy import structure as redundancy_structure
 
 INPUTS = ("elevator", "aileron", "rudder", "engine")
@@ -56,23 +55,9 @@ def _selected(number, k):
     return len(found), ", ".join(found)
 
 
-def _chosen(number):
+def chosen(number: int) -> tuple[float, str]:
     """Return (faults of a scenario that no residual of their own shows, or that one shows too early; what fires)."""
     early, names = _unmoved(number)
     shown = [(name, *_selected(number, k)) for k, (name, _) in enumerate(flights.TRUTH[number])]
     words = "; ".join(f"{name}: {which or 'none'}" for name, _, which in shown)
     return early + sum(n == 0 for _, n, _ in shown), words + (f"; early: {names}" if names else "")
-
-
-def plan(of: Of) -> list[Planned]:
-    """Return the Planned rows: one per scenario."""
-    return [
-        of.claim(
-            f"slide {12 + number}, scenario {number}: faults without residuals of their own, or with early ones",
-            'slide 10: "full isolation possible"; slides 13 to 15 show selected residuals, each its fault and no other',
-            lambda n=number: _chosen(n),
-            0,
-            0,
-        )
-        for number in flights.TRUTH
-    ]

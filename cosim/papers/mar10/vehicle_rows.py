@@ -3,10 +3,8 @@
 Slide 11's draws, 20 a scenario. Beside them the transport's rows, on which most of the 27 do not exist.
 """
 
-import dataclasses
 import functools
 from collections import Counter
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -15,64 +13,19 @@ from scipy.stats import binomtest
 from cosim.papers.drawing import Curve, Drawing, Panel
 from cosim.papers.mar10 import isolation, vehicle
 from cosim.papers.mar10.isolation import Choices
-from cosim.papers.row import Of, Planned
 from fdi.control_redundancy import structure
 
 DRAWS = 20
 RAW = Choices(mean_s=vehicle.DT)  # static residuals, sample by sample
-CHOICES = {  # what a user could turn, and the share that is right [%]
-    "a mean of 1 s, longer than its confirmation": (Choices(mean_s=1.0), (0, 20)),
-    "one sample confirms": (Choices(confirm_s=vehicle.DT), (0, 20)),
-    "half of the bound of slide 11": (Choices(share=0.025), (0, 20)),
-    "twice the bound of slide 11": (Choices(share=0.1), (95, 100)),
+CHOICES = {  # what a user could turn
+    "raw samples": RAW,
+    "a mean of 0.3 s": Choices(),
+    "a mean of 1 s": Choices(mean_s=1.0),
+    "one sample confirms": Choices(confirm_s=vehicle.DT),
+    "half of the bound": Choices(share=0.025),
+    "twice the bound": Choices(share=0.1),
 }
 NAMES = {n: ", then ".join(name for name, _ in faults) for n, faults in vehicle.FAULTS.items()}
-
-
-def plan(of: Of) -> Iterator[Planned]:
-    """Yield the Planned rows."""
-    yield of.ours(
-        "slide 10, flying vehicle: residuals that exist, by what it flies",
-        _exist,
-        27,
-        27,
-        says='"27 residuals max with 8 different signatures"; the vehicle was built for them',
-    )
-    yield of.claim(
-        "slide 10, flying vehicle: families that fire though blind to the fault, each effector alone",
-        "slide 10: the fault signature table",
-        _blind,
-        0,
-        0,
-    )
-    says = 'slides 13 to 17: isolated, "acceptable robustness" at +-5 % of every coefficient; no share: 95 % is ours'
-    for number, names in NAMES.items():
-        item = f"vehicle, scenario {number} ({names}), raw samples: draws with the right effectors in order [%]"
-        yield dataclasses.replace(of.claim(item, says, lambda n=number: _right(n, RAW), 95, 100), piece="vehicle")
-    none = of.claim(
-        "vehicle without a fault, raw samples: draws that name an effector [%]",
-        'slide 17: "Acceptable robustness to model and measurement uncertainty"; a twentieth is ours',
-        lambda: _false(RAW),
-        0,
-        5,
-    )
-    yield dataclasses.replace(none, piece="vehicle")
-    yield of.claim(
-        "vehicle, scenario 1, identified thrust loss, nominal coefficients [%]",
-        "slide 11: 25 %; 2 % can be seen on slide 13",
-        lambda: 100 * isolation.isolate(vehicle.fly(1)).loss,
-        23,
-        27,
-    )
-    least = "draws that are right, least of three scenarios and of no fault [%]"
-    says = 'slide 17, future work: "Loosen sensitivity of the static residuals with a sliding window"'
-    window = of.beyond(f"vehicle, a mean of 0.3 s: {least}", says, lambda: _least(Choices()), 95, 100)
-    yield dataclasses.replace(window, piece="vehicle")
-    for label, (choice, band) in CHOICES.items():
-        says = 'slide 17: "no tuning required": neither time nor bound may be chosen at will'
-        yield dataclasses.replace(
-            of.ours(f"vehicle, {label}: {least}", lambda c=choice: _least(c), *band, says=says), piece="vehicle"
-        )
 
 
 @functools.cache
@@ -80,14 +33,14 @@ def _flights(number: int) -> list[vehicle.VehicleFlight]:
     return [vehicle.fly(number, draw) for draw in range(DRAWS)]
 
 
-def _exist():
+def exist() -> tuple[float, str]:
     """Return (residuals of the structure of G as flown, how many signatures)."""
     _, G = vehicle.equations(vehicle.fly(0), vehicle.numbers())
     found = structure.signatures(np.abs(G).min(0) > 0)
     return sum(found.values()), f"{len(found)} signatures"
 
 
-def _blind():
+def blind() -> tuple[float, str]:
     """Return (families that fire for a fault that their signature does not have, those that do fire for theirs)."""
     wrong, seen = [], []
     for name in vehicle.EFFECTORS[1:]:  # this autopilot hardly moves the roll fins: a lock of theirs is no fault
@@ -170,3 +123,23 @@ def _drawing(number: int) -> Drawing:
         row_px=140,
         picture="vehicle" if number == max(NAMES) else "",
     )
+
+
+def isolated(scenario: int) -> tuple[float, str]:
+    """Return the share of draws [%] of a scenario with the right effectors in order, raw samples."""
+    return _right(scenario, RAW)
+
+
+def alarms() -> tuple[float, str]:
+    """Return the share of draws [%] without a fault that name an effector, raw samples."""
+    return _false(RAW)
+
+
+def identified() -> float:
+    """Return the thrust loss that scenario 1 identifies with the nominal coefficients [%]."""
+    return 100 * isolation.isolate(vehicle.fly(1)).loss
+
+
+def least(choice: str) -> tuple[float, str]:
+    """Return the share of draws that are right [%], least of three scenarios and of no fault, with one of CHOICES."""
+    return _least(CHOICES[choice])

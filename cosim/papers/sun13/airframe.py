@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 from scipy.signal import cont2discrete, lfilter
 
-from cosim.papers.row import Of, near
 from cosim.papers.sun13 import flown, variants
-from cosim.papers.sun13.flown import HZ, ONSET, SHARE, farthest, ratio
+from cosim.papers.sun13.flown import HZ, ONSET, farthest, ratio
 from cosim.training.flights import COMMAND, DT, side
 from fdi.rfafe import rfafe_airframe
 from fdi.rfafe.store import read
@@ -51,43 +50,15 @@ def _told(found: dict) -> tuple[float, str]:
     return far, f"{told}; over half the difference of the sides {halves}"
 
 
-def _points(designed: Callable | None) -> tuple[float, str]:
-    return _told({point: tracking("ofc_liquid", 1.0, point, designed) for point in "ABCDE"})
+def frequencies(kind: str) -> tuple[float, str]:
+    """Return |f_hat / f| farthest from 1 over the three frequencies at the design point."""
+    return _told({f"{hz:g} Hz": tracking(kind, hz) for hz in HZ})
 
 
-def plan(of: Of) -> list[Any]:
-    """Return the Planned rows."""
-    out = []
-    for kind, share in SHARE.items():
-        out.append(
-            of.ours(
-                f"airframe outputs only, {share} of travel, {kind.removeprefix('ofc_')}, still air, "
-                f"{HZ[0]:g}, {HZ[1]:g} and {HZ[2]:g} Hz: |f_hat/f| farthest from 1",
-                lambda k=kind: _told({f"{hz:g} Hz": tracking(k, hz) for hz in HZ}),
-                0.9,
-                1.1,
-            )
-        )
-    at = "at points A to E, liquid at 1 Hz: |f_hat/f| farthest from 1"
-    out.append(
-        of.ours(
-            f"airframe outputs only, one design {at}",
-            lambda: _points(None),
-            *near(0.303),
-            says="not in the paper: one LTI model, one point",
-        )
-    )
-    for words, designed in (
-        ("a design for each point", variants.airframe),
-        ("a design scheduled by a fit over other points", variants.scheduled),
-    ):
-        out.append(
-            of.beyond(
-                f"airframe outputs only, {words} {at}",
-                "our extension: the design scheduled over flight points",
-                lambda d=designed: _points(d),
-                0.9,
-                1.1,
-            )
-        )
-    return out
+DESIGNS = {"one": "", "each": "airframe", "scheduled": "scheduled"}  # of `variants`
+
+
+def points(design: str) -> tuple[float, str]:
+    """Return |f_hat / f| farthest from 1 over points A to E, a design of DESIGNS, liquid at 1 Hz."""
+    made = getattr(variants, DESIGNS[design]) if DESIGNS[design] else None
+    return _told({point: tracking("ofc_liquid", 1.0, point, made) for point in "ABCDE"})

@@ -73,7 +73,7 @@ def drawings() -> list[Drawing]:
         command = r[COMMAND].to_numpy() if kind == "ofc_solid" else 0.0
         f = (r[flown.INJECTED].to_numpy() - command * (r.index.to_numpy() >= flown.ONSET)) / RAD_PER_DEG
         mean = beyond_command(r) / RAD_PER_DEG
-        ratio = abs(rows._published(kind, 1.0))
+        ratio = abs(rows.published(kind, 1.0))
         out.append(
             Drawing(
                 "sun13",

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from actuators.constants import RAD_PER_DEG
+from cosim.flight.loop.signals import fly
 from cosim.flight.plant.point import SIX
-from cosim.flight.signals import fly
-from cosim.judge.achieved import sine
+from cosim.judge.fault_effect import sine
 from cosim.scenario import load_scenario
 from cosim.training.flights import AIRCRAFT, COMMAND, MANOEUVRES, estimate, fly_aircraft
 from cosim.training.rfafe import FLIGHT_S

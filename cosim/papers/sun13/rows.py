@@ -6,18 +6,16 @@ and its schedule in `airframe`.
 
 import functools
 import math
-from typing import Any
 
 import numpy as np
 
 from actuators.constants import RAD_PER_DEG
 from actuators.registry import HYDRAULIC
 from cosim.flight.blocks.sensors import TRANSPORT
-from cosim.flight.signals import fly
-from cosim.judge.achieved import sine
+from cosim.flight.loop.signals import fly
 from cosim.judge.alarms import detection
-from cosim.papers.row import Of
-from cosim.papers.sun13 import airframe, decoupling, designs, flown
+from cosim.judge.fault_effect import sine
+from cosim.papers.sun13 import flown
 from cosim.papers.sun13.flown import HZ, INJECTED, ONSET, SHARE, TRAVEL, farthest, ratio
 from cosim.scenario import load_scenario
 from cosim.scenario.catalog import SEGMENTS as NAMES
@@ -26,14 +24,11 @@ from cosim.training.flights import AIRCRAFT, DT, MODULES, fly_aircraft, side
 from fdi.rfafe import rfafe
 from fdi.rfafe.store import read
 
-of = Of("sun13")
 LAG = float(read("rfafe")["designs"]["hydraulic"]["actuator"]["a_rad_s"])  # of (37) [rad/s]
-TRACKS = (
-    'section IV: estimates "track the actual fault signals in magnitude and frequency"; 10 % can be seen in a figure'
-)
 
 
-def _published(kind, hz, turbulence="none", stored=None):
+def published(kind: str, hz: float, turbulence: str = "none", stored: dict | None = None) -> complex:
+    """Return f_hat/f of the published form, an OFC at `hz`; `stored`: another design than the stored one."""
     r = flown.faulty(kind, hz, turbulence)
     f_hat = flown.estimated(r, "rfafe", None if stored is None else rfafe.params(stored=stored))["f_hat_left"]
     return ratio(r, f_hat, flown.injected(r, kind), hz, ONSET + 2.0, 3.0 / hz)
@@ -67,24 +62,6 @@ def _still():
     return fly_aircraft(duration=40.0)
 
 
-def _fault_free():
-    yield of.claim(
-        "figure 5, still air: deviation of f_hat over that predicted from sensor noise through law, servos "
-        "and estimator",
-        'section IV: "in the fault-free case [...] the estimates are in a noise level"; 20 % is ours',
-        lambda: (_noise_level()[0], f"with noise in the estimator's sensors only {_noise_level()[1]:.2f}"),
-        0.8,
-        1.2,
-    )
-    yield of.claim(
-        "figures 5 and 6: largest amplitude over three periods, fault-free, over the 0.016 fault",
-        "figures 5 and 6: the fault stands out of the noise; a fifth can be seen",
-        lambda: _amplitude(_still()) / (SHARE["ofc_liquid"] * TRAVEL),
-        0.0,
-        0.2,
-    )
-
-
 def _amplitude(r):
     """Return the largest amplitude of f_hat at HZ in windows of three periods, from 3 s on [deg]."""
     t, f = r.index.to_numpy(), flown.estimated(r, "rfafe")["f_hat_left"] / RAD_PER_DEG
@@ -93,35 +70,6 @@ def _amplitude(r):
         for hz in HZ
         for n in (round(3.0 / hz / DT),)
         for k in range(600, len(f) - n, n)
-    )
-
-
-def _surfaces():
-    """Figures 3 and 4: the left elevator itself, 1 Hz in still air, from 2 s after the onset over 8 s."""
-    for figure, kind, says in (
-        ("figure 3", "ofc_liquid", '"A sinusoidal signal is added to the normal control surface position"'),
-        ("figure 4", "ofc_solid", '"totally substituted by a sinusoidal signal"'),
-    ):
-        yield of.claim(
-            f"{figure}, {SHARE[kind]} of travel at 1 Hz: left elevator's amplitude over it",
-            f"section IV: {says}; 10 % can be seen in a figure",
-            lambda k=kind: (
-                abs(_moved(k)[0]) / (SHARE[k] * TRAVEL),
-                "" if k == "ofc_liquid" else f"(37) lets {LAG / math.hypot(LAG, 2 * math.pi):.3f} through",
-            ),
-            0.9,
-            1.1,
-            ""
-            if kind == "ofc_liquid"
-            else "servo and actuator follow the sine as the first-order lag (37) does (note); the paper prints neither "
-            "the frequency of its sine nor its A_a; a liquid one is amplified by the law",
-        )
-    yield of.claim(
-        f"figure 4, {SHARE['ofc_solid']} of travel at 1 Hz: rest of the left elevator over it",
-        'section IV: "totally substituted by a sinusoidal signal"; a tenth can be seen',
-        lambda: _moved("ofc_solid")[1] / (SHARE["ofc_solid"] * TRAVEL),
-        0.0,
-        0.1,
     )
 
 
@@ -136,7 +84,7 @@ def _moved(kind):
     return a, float(np.std(y - (a * np.exp(2j * math.pi * t)).real))
 
 
-def _frequency(kind):
+def frequency(kind: str) -> float:
     """Return the frequency [Hz] at which f_hat of a 1 Hz fault has its largest sine over 8 s."""
     r = flown.faulty(kind, 1.0)
     t = r.index.to_numpy()
@@ -146,34 +94,10 @@ def _frequency(kind):
     return tried[np.argmax([abs(sine(t[on], f, 2 * math.pi * hz)) for hz in tried])]
 
 
-def _periods(kind):
+def periods(kind: str) -> float:
+    """Return after how many periods of a 1 Hz fault the alarm comes, nan if it does not."""
     at = detection(flown.estimated(flown.faulty(kind, 1.0), "rfafe")["alarm"], 0)
     return at * DT - ONSET if at is not None else math.nan
-
-
-def _faults():
-    for figure, kind in (("figure 6", "ofc_liquid"), ("figure 7", "ofc_solid")):
-        what = f"{figure}, {SHARE[kind]} of travel"
-        yield of.claim(
-            f"{what} at {HZ[0]:g}, {HZ[1]:g} and {HZ[2]:g} Hz, still air: |f_hat/f| farthest from 1",
-            TRACKS,
-            lambda k=kind: farthest({hz: _published(k, hz) for hz in HZ}),
-            0.9,
-            1.1,
-        )
-        yield of.claim(
-            f"{what} at 1 Hz: frequency of the estimate [Hz]", TRACKS, lambda k=kind: _frequency(k), 0.95, 1.05
-        )
-        yield of.ours(
-            f"{what} at 1 Hz, light turbulence: |f_hat/f|", lambda k=kind: abs(_published(k, 1.0, "light")), 0.94, 1.06
-        )
-        yield of.ours(
-            f"{what} at 1 Hz: alarm after so many periods",
-            lambda k=kind: _periods(k),
-            0.0,
-            3.0,
-            says="not said; our decision",
-        )
 
 
 @functools.cache
@@ -193,28 +117,42 @@ def _both():
     return own, leak
 
 
-def _sides():
-    says = (
-        '(1): "columns of the matrix F_a [...] denote the independent fault directions"; section I looks at the left '
-        "only"
-    )
-    yield of.beyond(
-        "both sides at once, left 1 Hz, right 2 Hz: |f_hat/f| farthest from 1",
-        says,
-        lambda: (max(_both()[0], key=lambda x: abs(x - 1.0)), "left {:.3f}, right {:.3f}".format(*_both()[0])),
-        0.9,
-        1.1,
-    )
-    yield of.beyond(
-        "both sides at once: largest share of one side's fault in the other's estimate",
-        says,
-        lambda: max(_both()[1]),
-        0.0,
-        0.1,
-    )
+def noise() -> tuple[float, str]:
+    """Return the deviation of f_hat over the predicted one, without a fault, in still air."""
+    return _noise_level()[0], f"with noise in the estimator's sensors only {_noise_level()[1]:.2f}"
 
 
-def plan() -> list[Any]:
-    """Return what is asked of [Sun13], in the paper's order, then of the airframe form and of both sides."""
-    own = [*designs.plan(of), *_surfaces(), *_fault_free(), *_faults(), *decoupling.plan(of, _published)]
-    return [*own, *airframe.plan(of), *_sides()]
+def stands_out() -> float:
+    """Return the largest amplitude over three periods without a fault, over the fault of 0.016."""
+    return _amplitude(_still()) / (SHARE["ofc_liquid"] * TRAVEL)
+
+
+def surface(kind: str) -> tuple[float, str]:
+    """Return the amplitude of the left elevator at 1 Hz over the fault's."""
+    through = "" if kind == "ofc_liquid" else f"(37) lets {LAG / math.hypot(LAG, 2 * math.pi):.3f} through"
+    return abs(_moved(kind)[0]) / (SHARE[kind] * TRAVEL), through
+
+
+def rest() -> float:
+    """Return what of the left elevator is no sine in a solid OFC, over the fault's amplitude."""
+    return _moved("ofc_solid")[1] / (SHARE["ofc_solid"] * TRAVEL)
+
+
+def tracks(kind: str) -> tuple[float, str]:
+    """Return |f_hat / f| farthest from 1 over the three frequencies, still air."""
+    return farthest({hz: published(kind, hz) for hz in HZ})
+
+
+def in_gusts(kind: str) -> float:
+    """Return |f_hat / f| at 1 Hz in light turbulence."""
+    return abs(published(kind, 1.0, "light"))
+
+
+def both_sides() -> tuple[float, str]:
+    """Return |f_hat / f| farthest from 1 of two sides that oscillate at once."""
+    return max(_both()[0], key=lambda x: abs(x - 1.0)), "left {:.3f}, right {:.3f}".format(*_both()[0])
+
+
+def leak() -> float:
+    """Return the largest share of one side's fault in the other's estimate."""
+    return max(_both()[1])

@@ -3,6 +3,7 @@
 They are solved here when a row asks for them (a tenth of a second each): it takes the extra `design`.
 """
 
+import dataclasses
 import functools
 from typing import Any
 
@@ -14,6 +15,9 @@ from cosim.training import rfafe as training
 from cosim.training.flights import envelope
 from cosim.training.rfafe import RANK_E
 from fdi.rfafe import rfafe
+from fdi.rfafe.discrete import discretise
+from fdi.rfafe.store import from_plain, to_plain
+from fdi.rfafe.synthesis import G_SHARE
 
 WRONG = (("Cm_alpha", 1.05), ("Cm_de", 0.95))  # coefficients of the uncertain flights
 SOURCES = {  # where E comes from -> arguments of `unknown_inputs`, None for no E
@@ -51,6 +55,24 @@ def published(source: Any = "six flights", bandwidth: Any = None) -> dict[str, A
         bandwidth=bandwidth,
     )
     return {"designs": {"hydraulic": made}}
+
+
+@functools.cache
+def coupled(source: str = "six flights", cross: float = 0.7) -> dict[str, Any]:
+    """Return the stored form of the published design with N = -20 I and a P that couples q and the actuator states.
+
+    P = 2 I with `cross` between q and both: any P that meets (15), (16) is the paper's, our solver's is block-diagonal.
+    """
+    held = published(source)["designs"]["hydraulic"]
+    d = from_plain(held["design"])
+    P, N, TF = 2.0 * np.eye(6), -20.0 * np.eye(6), d.T @ d.F
+    P[2, 4:] = P[4:, 2] = cross
+    K1, X = d.T @ d.A - N, TF.T @ P @ TF  # (7) with C = I
+    made = {"N": N, "K1": K1, "K2": N @ d.H, "K": K1 + N @ d.H, "P": P, "Y": P @ K1, "M": TF.T @ P}  # (4), (6), (16)
+    made |= {"G": G_SHARE * d.theta * X, "Gamma": training.BANDWIDTH["rfafe"] * np.linalg.inv(X)}
+    discrete = discretise(N=N, T=d.T, K=made["K"], H=d.H, C=d.C, B=d.B, D=d.D, TF=TF, gain=made["Gamma"] @ made["M"],
+                          alpha=d.alpha, dt=d.dt)  # fmt: skip
+    return {"designs": {"hydraulic": held | {"design": to_plain(dataclasses.replace(d, **made, discrete=discrete))}}}
 
 
 @functools.cache

@@ -7,7 +7,7 @@ import numpy as np
 
 from actuators.block import record
 from actuators.constants import G0
-from actuators.portable import rounded
+from actuators.deterministic_linalg import rounded
 from cosim.errors import TrimError
 from cosim.flight.blocks.law import PARAMS
 from cosim.flight.blocks.law.lateral import bank_limit

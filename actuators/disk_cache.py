@@ -1,0 +1,75 @@
+"""Disk cache of computed arrays, beside the compiled kernels.
+
+What is kept is named by all that it depends on: the sources of ours that work it out, the versions of NumPy and SciPy,
+the processor, what the environment tells the libraries of linear algebra, and the arguments.
+"""
+
+import functools
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from actuators.object_cache import processor
+from actuators.source_hash import cache_dir, installed
+
+LIBRARIES = "OMP_", "OPENBLAS_", "MKL_", "BLIS_", "NPY_"  # variables on which the last bit of a sum depends
+MOST = 100  # of a source's results on disk: a study over thousands of points leaves no more
+
+
+def kept(key: object, kind: Any, make: Callable[[], np.ndarray], *sources: Any) -> np.ndarray:
+    """Return `make()`, an array (n,) of dtype `kind`, from disk where it is there.
+
+    `sources` are the files whose imports work it out, `key` the arguments, equal when their repr is.
+    """
+    file = _file(repr((key, np.dtype(kind).descr)), sources)
+    if file is None:
+        return make()
+    size = np.dtype(kind).itemsize
+    with suppress(OSError):
+        data = file.read_bytes()
+        told, numbers = data[:32], data[32:]
+        if len(numbers) % size == 0 and hashlib.sha256(numbers).digest() == told:
+            return np.frombuffer(numbers, kind).copy()
+    made = np.ascontiguousarray(make(), kind)
+    with suppress(OSError):
+        if sum(1 for _ in file.parent.glob("*.kept")) < MOST:
+            _write(file, made.tobytes())
+    return made
+
+
+@functools.cache
+def contents(folder: Path) -> str:
+    """Return a digest of all files in a folder, by which to know what was worked out from it."""
+    found = hashlib.sha256()
+    for path in sorted(p for p in folder.rglob("*") if p.is_file()):
+        found.update(str(path.relative_to(folder)).encode() + b"\0" + path.read_bytes())
+    return found.hexdigest()
+
+
+def _file(said, sources) -> Path | None:
+    folders = [cache_dir(Path(source).resolve()) for source in sources]
+    if None in folders:
+        return None
+    told = "\n".join([said, _machine(), *map(str, folders)])
+    digest = hashlib.sha256(told.encode("utf-8", "surrogateescape")).hexdigest()
+    return Path(str(folders[0])) / f"{digest[:24]}.kept"
+
+
+@functools.cache
+def _machine() -> str:
+    versions = [installed(name) for name in ("numpy", "scipy", "jsbsim")]
+    given = sorted(f"{name}={value}" for name, value in os.environ.items() if name.startswith(LIBRARIES))
+    return " ".join([processor(), *versions, *given])
+
+
+def _write(file: Path, numbers: bytes) -> None:
+    handle, beside = tempfile.mkstemp(dir=file.parent, suffix=".part")
+    with os.fdopen(handle, "wb") as out:
+        out.write(hashlib.sha256(numbers).digest() + numbers)
+    os.replace(beside, file)

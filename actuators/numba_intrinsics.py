@@ -1,0 +1,123 @@
+"""Numba intrinsics for arrays and calls at addresses; only compilation imports them."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.extending import intrinsic
+
+_WORD, _REAL, _INT = ir.IntType(64), ir.DoubleType(), ir.IntType(32)
+
+
+def _pointer(kind):
+    @intrinsic
+    def at(context, address):
+        def code(context, builder, signature, args):
+            return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
+
+        return types.CPointer(kind)(types.int64), code
+
+    return at
+
+
+reals, singles, wholes = _pointer(types.float64), _pointer(types.float32), _pointer(types.int64)
+
+
+@intrinsic
+def enter(context: Any, entry: Any, x: Any, u: Any, p: Any, dt: float, lanes: Sequence[Any], log: Any) -> Any:
+    """Call the entry of a block at address `entry` for one tick; the others as in actuators/block.py, addresses."""
+
+    def code(context, builder, signature, args):
+        address, *given = args
+        nothing = cgutils.alloca_once(builder, _WORD)
+        x, u, p, dt, lanes, log = given
+        kind = ir.FunctionType(_INT, [_WORD.as_pointer()] * 2 + [_WORD] * 3 + [_REAL, _WORD, _WORD, _WORD])
+        function = builder.inttoptr(address, kind.as_pointer())
+        builder.call(function, [nothing, nothing, x, u, p, dt, lanes, ir.Constant(_WORD, 1), log])
+        return context.get_dummy_value()
+
+    whole, real = types.int64, types.float64
+    return types.void(whole, whole, whole, whole, real, whole, whole), code
+
+
+@intrinsic
+def put(context: Any, address: Any, value: Any) -> Any:
+    """Store a double at any address, aligned or not."""
+
+    def code(context, builder, signature, args):
+        builder.store(args[1], builder.inttoptr(args[0], _REAL.as_pointer()), align=1)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.float64), code
+
+
+def _reader(kind, made):
+    @intrinsic
+    def at(context, address):
+        def code(context, builder, signature, args):
+            value = builder.load(builder.inttoptr(args[0], made.as_pointer()), align=1)
+            return value if made == _REAL else builder.zext(value, _WORD) if made != _WORD else value
+
+        return kind(types.int64), code
+
+    return at
+
+
+# what stands at any address, aligned or not: a double, or whole numbers without a sign of 1, 2, 4 and 8 bytes
+real, byte, pair, quad, word = (
+    _reader(kind, made)
+    for kind, made in ((types.float64, _REAL), *((types.int64, ir.IntType(bits)) for bits in (8, 16, 32, 64)))
+)
+
+
+def _layer(bits):
+    @intrinsic
+    def lay(context, address, value):
+        def code(context, builder, signature, args):
+            made = ir.IntType(bits)
+            value = args[1] if made == _WORD else builder.trunc(args[1], made)
+            builder.store(value, builder.inttoptr(args[0], made.as_pointer()), align=1)
+            return context.get_dummy_value()
+
+        return types.void(types.int64, types.int64), code
+
+    return lay
+
+
+# store the lower 1, 2, 4 or 8 bytes of a whole number at any address, aligned or not
+lay_byte, lay_pair, lay_quad, lay_word = map(_layer, (8, 16, 32, 64))
+
+
+@intrinsic
+def leading_zeros(context: Any, value: Any) -> Any:
+    """Return how many of the upper bits of a whole number, not 0, are 0."""
+
+    def code(context, builder, signature, args):
+        return builder.ctlz(args[0], ir.Constant(ir.IntType(1), 1))
+
+    return types.int64(types.int64), code
+
+
+@intrinsic
+def ask(context: Any, function: Callable[..., Any], this: Any) -> Any:
+    """Call a getter of C++ at an address, double f(this)."""
+
+    def code(context, builder, signature, args):
+        kind = ir.FunctionType(_REAL, [_WORD])
+        return builder.call(builder.inttoptr(args[0], kind.as_pointer()), [args[1]])
+
+    return types.float64(types.int64, types.int64), code
+
+
+@intrinsic
+def tell(context: Any, function: Callable[..., Any], this: Any, value: Any) -> Any:
+    """Call a setter of C++ at an address, bool f(this, double)."""
+
+    def code(context, builder, signature, args):
+        kind = ir.FunctionType(ir.IntType(8), [_WORD, _REAL])
+        builder.call(builder.inttoptr(args[0], kind.as_pointer()), args[1:])
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, types.float64), code

@@ -1,0 +1,189 @@
+"""Hash of the sources that a compiled kernel depends on, and the cache folder that it names."""
+
+import ast
+import contextlib
+import functools
+import hashlib
+import json
+import os
+import stat
+import tempfile
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+_ROOT = Path(__file__).resolve().parent.parent
+PACKAGES = ("actuators", "fdi", "cosim")
+MOST = 600  # sources whose imports are remembered: all of a tree's, and some of their older versions
+TREES = 40  # trees of sources whose tables are kept: those written last
+
+
+@functools.cache
+def _source(path):
+    return path.read_bytes()
+
+
+@functools.cache
+def _digest(path):
+    return hashlib.sha256(_source(path)).digest()
+
+
+def _imports(path):
+    """Return the names that the source at `path` imports, wherever it does so; packages of ours that hold them too."""
+    package = path.relative_to(_ROOT).parts[:-1] if path.is_relative_to(_ROOT) else ()
+    out = set()
+    for node in ast.walk(ast.parse(_source(path))):
+        if isinstance(node, ast.Import):
+            out |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            above = package[: len(package) - node.level + 1] if node.level else ()
+            base = ".".join((*above, *([node.module] if node.module else ())))
+            out |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
+    outside = not path.is_relative_to(_ROOT)  # a user's block imports its neighbours, too
+    return sorted(name for name in out if outside or name.partition(".")[0] in PACKAGES)
+
+
+@functools.cache
+def _files(name):
+    """Return our files that importing `name` runs: its module or package, and the packages around it."""
+    parts = name.split(".")
+    stems = [os.path.join(_ROOT, *parts[:i]) for i in range(1, len(parts) + 1)]
+    return tuple(Path(f) for s in stems for f in (f"{s}.py", os.path.join(s, "__init__.py")) if os.path.isfile(f))
+
+
+@functools.cache
+def installed(name: str) -> str:
+    """Return the version of an installed library."""
+    return version(name)
+
+
+@functools.cache
+def _links(path):
+    """Return our files that the source at `path` imports; what it imports is remembered by its content."""
+    known = _remembered()
+    key = hashlib.sha256(os.fsencode(path.parent) + _digest(path)).hexdigest()
+    if key not in known:
+        _remember(key, _imports(path))
+    found = [file for name in known[key] for file in _files(name)]
+    if not path.is_relative_to(_ROOT):
+        beside = (path.parent.joinpath(*name.split(".")).with_suffix(".py") for name in known[key])
+        found += [file for file in beside if file.is_file()]
+    return tuple(dict.fromkeys(found))
+
+
+@functools.cache
+def _remembered():
+    """Return what sources import, {digest: names}, as this tree's table has it: parsing them costs half a second."""
+    file = _memory()
+    found: Any = {}
+    with contextlib.suppress(OSError, ValueError, RecursionError):
+        found = json.loads(file.read_bytes()) if file else {}
+    whole = isinstance(found, dict) and all(isinstance(names, list) for names in found.values())
+    return found if whole and all(isinstance(n, str) for names in found.values() for n in names) else {}
+
+
+def _memory():
+    """Return the file of this tree's table: trees that share one would push each other's sources out."""
+    root = cache_root()
+    return root and root / f"imports-{hashlib.sha256(os.fsencode(_ROOT)).hexdigest()[:12]}.json"
+
+
+_new: list[str] = []  # what was found since it was written down
+
+
+def _remember(key, names):
+    known = _remembered()
+    known[key] = names
+    _new.append(key)
+    for old in list(known)[: max(0, len(known) - MOST)]:  # of versions that are gone
+        del known[old]
+
+
+def _write_down():
+    """Keep what was remembered for the next process."""
+    _new.clear()
+    if file := _memory():
+        with contextlib.suppress(OSError):
+            handle, beside = tempfile.mkstemp(dir=file.parent, suffix=".part")
+            with os.fdopen(handle, "w") as out:
+                json.dump(_remembered(), out)
+            os.replace(beside, file)
+            for old in sorted(file.parent.glob("imports-*.json"), key=lambda f: f.stat().st_mtime)[:-TREES]:
+                old.unlink()
+
+
+@functools.cache
+def closure(path: Path) -> set:
+    """Return the set of our source files that `path` imports, directly or not, itself included."""
+    seen, todo = set(), [path] if path.is_file() else []
+    while todo:
+        here = todo.pop()
+        if here not in seen:
+            seen.add(here)
+            todo += _links(here)
+    if _new:
+        _write_down()
+    return seen
+
+
+def forget() -> None:
+    """Read the sources again where they are asked for next: one of a user's has changed."""
+    for cached in (_source, _digest, _links, closure, cache_dir):
+        cached.cache_clear()
+
+
+def private(folder: Path) -> bool:
+    """Return whether `folder` is a directory of this user's that nobody else may write to, made when it is missing.
+
+    Compiled code is loaded by unpickling what lies there: whoever can write to it, or replace it, runs code as us.
+    """
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        about = folder.lstat()
+    except (OSError, RuntimeError):
+        return False
+    if not stat.S_ISDIR(about.st_mode):
+        return False
+    if not hasattr(os, "getuid"):  # Windows: a user's own profile is closed to others by default
+        return True
+    return about.st_uid == os.getuid() and not about.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
+def _cache_roots():
+    """Yield where compiled kernels may lie, best first: where the user says, the user's cache, a user folder
+    own among the temporary files."""
+    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
+        if os.environ.get(name):
+            yield Path(os.environ[name]) / "cosim-kernels"
+    with contextlib.suppress(RuntimeError):  # a user without a home
+        if Path.home().is_absolute():
+            yield Path.home() / ".cache" / "cosim-kernels"
+    if hasattr(os, "getuid"):
+        yield Path(tempfile.gettempdir()) / f"cosim-kernels-{os.getuid()}"
+
+
+@functools.cache
+def cache_root() -> Path | None:
+    """Return the folder for compiled kernels, None where no folder is this user's alone."""
+    return next((root for root in _cache_roots() if private(root) and os.access(root, os.W_OK)), None)
+
+
+@functools.cache
+def cache_dir(path: str | Path) -> str | None:
+    """Name a cache folder by the sources a kernel is compiled from: Numba itself misses a change in a callee's file."""
+    digest = hashlib.sha256(installed("numba").encode())
+    for source in sorted(closure(path), key=str):
+        digest.update(_digest(source))
+    root = cache_root()
+    folder = root and root / digest.hexdigest()[:16]
+    return str(folder) if folder and private(folder) and _all_private(folder) else None
+
+
+def _all_private(folder):
+    """Tell whether every file in `folder` is this user's and closed to others: it may once have been open to them."""
+    if not hasattr(os, "getuid"):
+        return True
+    reached = folder.lstat().st_mode & (stat.S_IXGRP | stat.S_IXOTH)  # else no other gets to a file, whatever its mode
+    told = [file.lstat() for file in folder.rglob("*")]
+    open_to = stat.S_IWGRP | stat.S_IWOTH if reached else 0
+    return all(t.st_uid == os.getuid() and (stat.S_ISLNK(t.st_mode) or not t.st_mode & open_to) for t in told)

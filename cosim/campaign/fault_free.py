@@ -1,0 +1,187 @@
+"""Fault-free flights, of which only the maxima of every detector's statistic are kept.
+
+    told = fly("fault-free", 17)        # plain data of flight 17; FaultFreeFlight.read(told) gives it back
+
+A flight becomes, per detector, the maxima of |r| per second, over its lanes and where it judges. Where |r| has to stay
+beyond 1 for a time, and that is the whole decision, the least of that time counts; else every crossing does, which
+bounds the alarms.
+"""
+
+import base64
+import functools
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import BaseModel, ConfigDict, Field
+from scipy.ndimage import minimum_filter1d
+
+from cosim.campaign.spec import load_campaign
+from cosim.campaign.unit_cube import Space
+from cosim.errors import TrimError
+from cosim.judge.alarms import exposure_s, onsets
+from cosim.judge.detection import valid
+
+FIRST_SEED = 6_000_000  # of the flights: none of training, nor of another campaign
+WINDOW_S = 1.0
+# detectors whose whole decision is |r| >= 1 for a time: the parameter that holds it [s]
+CONFIRMED = {"position_monitor": "t_confirm", "rtsekf": "t_confirm", "rtsekf_flight": "pair_confirm"}
+
+
+@dataclass(frozen=True)
+class Moments:
+    """What one flight of a residual comes to: sums over its samples, none of which is kept."""
+
+    n: int
+    s1: float  # sum of r
+    s2: float
+    s3: float
+    s4: float
+    lag1: float  # sum of r_k r_k+1
+    memory: float  # samples that stand for one independent sample, of the mean
+    memory2: float  # of the variance
+
+    @classmethod
+    def of(cls, r: ArrayLike) -> "Moments":
+        """Return the Moments of a flight's residual (ticks,)."""
+        r = np.asarray(r, float)
+        s1, s2, s3, s4 = (float((r**j).sum()) for j in (1, 2, 3, 4))
+        return cls(len(r), s1, s2, s3, s4, float(r[1:] @ r[:-1]), *_memory(r))
+
+
+def _memory(r):
+    """Return 1 + 2 sum rho_j and 1 + 2 sum rho_j^2 over lags up to a tenth of r (Bartlett 1946)."""
+    n = len(r)
+    d = r - r.mean()
+    c = np.fft.irfft(np.abs(np.fft.rfft(d, 2 * n)) ** 2)[: max(n // 10, 2)]
+    if not c[0] > 0.0:
+        return float(n), float(n)
+    rho = c[1:] / c[0]
+    return max(1.0, float(1.0 + 2.0 * rho.sum())), float(1.0 + 2.0 * (rho @ rho))
+
+
+@dataclass(frozen=True)
+class Lane:
+    """What a flight keeps of one detector."""
+
+    peaks: NDArray  # (windows,) maxima of its statistic over its lanes, 0 where none judges
+    valid_s: float  # time in which an alarm would count, mean over its lanes (cosim.judge.alarms.exposure_s)
+    alarms: int  # that rose
+    silent: int  # of these flights, 1: it alarmed though the statistic stayed below 1
+    moments: tuple  # of each lane with a signed residual
+
+
+@dataclass(frozen=True)
+class FaultFreeFlight:
+    """A flown flight."""
+
+    seconds: float
+    dt: float
+    status: str
+    lanes: dict[str, Lane]
+
+    @classmethod
+    def read(cls, told: Any) -> "FaultFreeFlight":
+        """Return the FaultFreeFlight of what `fly` returned; raises ValueError for what it never returns."""
+        found = _Told.model_validate(told)
+        lanes = {name: Lane(_peaks(one.peaks), one.valid_s, one.alarms, one.silent,
+                            tuple(Moments(*m) for m in one.moments)) for name, one in found.lanes.items()}  # fmt: skip
+        return cls(found.seconds, found.dt, found.status, lanes)
+
+
+Count = Annotated[int, Field(ge=0)]
+Positive = Annotated[float, Field(ge=0.0)]
+Samples = Annotated[int, Field(ge=1)]
+Sums = Annotated[tuple[Samples, float, float, float, float, float, float, float], Field(strict=False)]
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
+
+
+class _Lane(_Model):
+    """A Lane as `fly` tells it."""
+
+    peaks: str
+    valid_s: Positive
+    alarms: Count
+    silent: Annotated[int, Field(ge=0, le=1)]
+    moments: list[Sums]
+
+
+class _Told(_Model):
+    """A FaultFreeFlight as `fly` tells it."""
+
+    seconds: Positive
+    dt: Positive
+    status: str
+    lanes: dict[str, _Lane]
+
+
+def _peaks(text):
+    peaks = np.frombuffer(base64.b64decode(text, validate=True), "<f4")
+    if not len(peaks) or not (peaks >= 0.0).all():
+        raise ValueError("peaks that are none")
+    return peaks
+
+
+@functools.cache
+def space(campaign: str) -> Space:
+    """Return the space that a campaign's flights are taken from."""
+    return Space(load_campaign(campaign), first_seed=FIRST_SEED)
+
+
+def fly(campaign: str, number: int, digest: str = "", files: Sequence[str] = ()) -> dict:
+    """Fly one flight, also past the user's detectors in `files`, and return what is kept of it, as plain data; `digest`
+    tells files of one name apart."""
+    from cosim.flight.build import build
+    from cosim.flight.faults.conditions import resolved
+    from cosim.flight.fly import fly as flown
+    from cosim.flight.plugins import with_detectors
+    from cosim.scenario.brought import identified
+
+    try:
+        setup = build(resolved(identified(with_detectors(space(campaign).number(number), files))))
+    except TrimError:
+        return {"seconds": 0.0, "dt": 0.0, "status": "infeasible", "lanes": {}}
+    trace, status, _ = flown(setup)
+    if status == "interrupted":
+        raise KeyboardInterrupt
+    dt, watches = setup.loop.dt, setup.watches()
+    p = {b.name: b.p for b in setup.loop.detectors}
+    lanes = {}
+    for name in dict.fromkeys(w.id for w in watches):
+        own = [w for w in watches if w.id == name and w.r is not None]
+        if own:
+            lanes[name] = _kept(trace, own, p.get(name), dt)
+    return {"seconds": len(trace) * dt, "dt": dt, "status": status, "lanes": lanes}
+
+
+def _kept(trace, own, p, dt):
+    """Return what is kept of one detector's lanes."""
+    per = round(WINDOW_S / dt)
+    most = np.zeros(-(-len(trace) // per) * per)
+    exposed, alarms, moments = 0.0, 0, []
+    parameter = CONFIRMED.get(own[0].id)
+    for i, watch in enumerate(own):
+        able = valid(watch, trace)
+        r = np.where(able & np.isfinite(trace[:, watch.r]), trace[:, watch.r].astype(float), 0.0)
+        if r.min() < 0.0 < r.max():
+            moments.append([*asdict(Moments.of(r[able])).values()])
+        size = np.abs(r)
+        if parameter:
+            n = max(1, round(float(p[i][parameter]) / dt))
+            size = minimum_filter1d(size, n, mode="constant", origin=(n - 1) // 2)
+        most[: len(size)] = np.maximum(most[: len(size)], size)
+        exposed += exposure_s(able, (), dt) / len(own)
+        alarms += len(onsets(trace[:, watch.alarm]))
+    peaks = most.reshape(-1, per).max(axis=1)
+    return {
+        "peaks": base64.b64encode(peaks.astype("<f4").tobytes()).decode(),
+        "valid_s": exposed,
+        "alarms": alarms,
+        "silent": int(alarms > 0 and peaks.max() < 1.0),
+        "moments": moments,
+    }

@@ -1,0 +1,297 @@
+"""Tables of a comparison and of a score, the same in terminal, page and README: one Column per figure."""
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import pandas as pd
+
+from cosim.compare import stats
+from cosim.judge import coverage
+from cosim.judge.lanes import seconds
+from cosim.judge.naming import LEVELS
+from cosim.replay.recording import finite
+from cosim.table import DASH, Cell, Column, Table, number, of, share
+
+
+def _count(key: str, bad: bool = False) -> Callable:
+    """Return what takes a count over faults; a dash for a detector without any."""
+    return lambda d: DASH if not d["designed"] else Cell(d[key], "bad" if bad and d[key] else "")
+
+
+def _time(key: str) -> Callable:
+    """Return what takes a median time; JSON has no number for an endless one."""
+    return lambda d: (seconds(d[key]) if d.get(key) is not None else "never") if d["designed"] else DASH
+
+
+def _interval(low: str, high: str, shown: Callable = number) -> Callable:
+    return lambda d: DASH if d.get(high) is None else f"{shown(d[low])} to {shown(d[high])}"
+
+
+def _not_valid(d: dict) -> Any:
+    return Cell(d["idle"], "", d.get("why_not_valid") or "") if d["designed"] else DASH
+
+
+def _free(d: dict) -> Cell | str:
+    n, flights = d["fault_free_alarmed"], d["fault_free_runs"]
+    return Cell(f"{n}/{flights}", "bad" if n else "") if flights else DASH
+
+
+NAME = Column("detector", lambda d: Cell(d["id"], "code"), right=False)
+GROUP = Column("draws on", lambda d: d.get("group") or coverage.group(d["id"], d["level"]), rank=5, right=False)
+COUNTS = (
+    Column("faults", _count("designed")),
+    Column("seen", _count("detected")),
+    Column("95 % bounds", lambda d: _interval("detection_low", "detection_high", share)(d) if d["designed"] else DASH,
+           doc="exact, of the share seen", rank=6),
+    Column("right name", _count("named"), doc="class and part, last; ambiguous is no name"),
+    Column("ambiguous", _count("ambiguous"), rank=3),
+    Column("wrong name", _count("misnamed", bad=True), rank=1),
+    Column("not valid", _not_valid, doc="missed, and could not judge", rank=4),
+    Column("not excited", _count("not_excited"), doc="a jam or runaway that never moved the rod 1 mm from where it "
+           "would be", rank=6),
+    Column("missed", _count("missed"), rank=6),
+    Column("first alarm", _time("delay_s"), "s", "median time from the onset on, a missed fault counts as endless"),
+    Column("right name after", _time("right_s"), "s", "the same of the first right name"),
+)  # fmt: skip
+MOTION = Column("of motion", lambda d: seconds(d["motion_s"]), "s",
+                "right name, from when a jammed or running rod is 1 mm from where it would be", 6)  # fmt: skip
+RATE = (
+    Column("false alarms", "false_alarms", doc="of all flights, healthy times and parts of faulty ones included",
+           rank=3),
+    Column("in", lambda d: number(d["hours"]), "valid h", "hours in which an alarm would count: valid, and no fault "
+           "there that concerns it; mean over its lanes", 3),
+    Column("false alarm rate", lambda d: number(d["false_alarms_per_hour"]), "per valid h"),
+    Column("at most", lambda d: number(d["false_alarms_per_hour_high"]), "per valid h", "exact, 95 %", 4),
+)  # fmt: skip
+FREE = Column("fault-free flights with an alarm", _free, rank=2)
+VALID = Column("valid", lambda d: share(d["availability"]), doc="share of all flights, from 8 s on", rank=4)
+STANDING = Column("standing alarm", lambda d: number(d["standing_s"]), "s", "alarm without a fault, from 2 s after it "
+                  "has healed", 6)  # fmt: skip
+STEP = Column("step", lambda d: number(d.get("step_us"), 2), "µs", "time per step and lane", 5)
+LN_P = Column("ln p", lambda d: number(d.get("log_fault")), doc="mean log of what it gave to the truth while the fault "
+              "lasted", rank=5)  # fmt: skip
+OF = "Over the faults that it was designed for, on parts that it watches; what came of them adds up to the faults."
+OPEN = "Over every fault on a part that it watches, but those to which it is blind by its own word."
+
+
+def detectors(each: Iterable[dict], scored: bool = False) -> Table:
+    """Return the Table of all detectors, over what each was designed for; `scored`: all that it is not blind to."""
+    columns = (NAME, GROUP, *COUNTS, *RATE, FREE, VALID, STANDING, STEP, *([LN_P] * scored))
+    return of(columns, each, lambda d: "" if d["detected"] else "muted", caption=OPEN if scored else OF)
+
+
+def quiet(each: Iterable[dict]) -> Table:
+    """Return the Table of what each detector does without a fault, and what it costs."""
+    columns = (
+        NAME, Column(VALID.name, VALID.get, doc=VALID.doc),
+        FREE, Column("at most", lambda d: share(d["false_alarm_high"]) if d["fault_free_runs"] else DASH,
+                     doc="of all such flights, 95 %"),
+        *RATE[:-1], Column("95 % bounds", _interval("false_alarms_per_hour_low", "false_alarms_per_hour_high")),
+        STANDING, STEP,
+    )  # fmt: skip
+    return of(columns, each)
+
+
+def _at(level: str) -> Callable:
+    """Return what takes the count of places that are right at `level` and no finer."""
+    return lambda d: str(d["place_levels"][level])
+
+
+def names(each: Iterable[dict]) -> Table:
+    """Return the Table of the names given to every fault that a detector alarmed on, designed for or not."""
+    columns = (
+        NAME, GROUP, Column("alarmed on", "alarmed_on", doc="faults, designed for or not"),
+        Column("class right", "class_right"), Column("class wrong", "class_wrong", doc="ambiguous is neither"),
+        *(Column(f"right {level}", _at(level), doc="finest level at which the place is right") for level in LEVELS[1:]),
+        Column("place wrong", "place_wrong"), Column("wrong name", "name_wrong", doc="class or place"),
+    )  # fmt: skip
+    return of(columns, each)
+
+
+def after(each: Iterable[dict]) -> Table:
+    """Return the Table of what becomes of alarms: names that change, alarms that fall early or never."""
+    healed = lambda key: lambda d: d[key] if d["healed"] else DASH  # noqa: E731
+    columns = (
+        NAME, Column("seen", "detected"),
+        Column("first name not wrong", "first_fair"), Column("changed often", "changed_often",
+                                                                      doc="more than one change of class"),
+        Column("ambiguous", lambda d: number(d["ambiguous_s"]), "s"),
+        Column("held", "held", doc=f"the alarm stands {stats.HELD:.0%} of the time from its rise to the fault's end"),
+        Column("healed", healed("healed"), doc="the fault ended while the alarm could be watched"),
+        Column("withdrawn", healed("withdrawn"), doc="then the alarm ended, too"),
+        Column("after", lambda d: seconds(d["withdrawn_after_s"]) if d["healed"] else DASH, "s", "median, counted to "
+               "the last alarm"),
+    )  # fmt: skip
+    return of(columns, [d for d in each if d["detected"]], caption="Of the faults that it was designed for and saw.")
+
+
+def families(found: Iterable[dict], kind: str = "kind of fault") -> Table:
+    """Return the Table of detectors by kind of fault, a line for each pair that has a fault."""
+    last: list = [None]
+
+    def head(d):
+        new, last[0] = d["family"] != last[0], d["family"]
+        return Cell(d["family"], "bold") if new else ""
+
+    return of((Column(kind, head, right=False), NAME, *COUNTS, MOTION), found, keys=2, caption="Columns as above.")
+
+
+def fit(d: dict | None, best: float | None = None) -> Any:
+    """Return a fitted size with its bounds, or what the flights say where no curve can be fitted."""
+    if d is None or not (d.get("n") or d.get("designed") or d.get("idle")):
+        return "blind" if d and d.get("blind") else DASH
+    told = f"; {d['idle']} not valid" if d.get("idle") and "n" in d else ""
+    if d.get("bound_mm") is not None and "n" in d:
+        told += f"; bound {d['bound_mm']:.2g}" + (f", {d['below']} below it" if d["below"] else "")
+    seen, flights = d.get("seen", d.get("detected")), d.get("n", d.get("designed"))
+    if d["a90"] is None:
+        return f"{d['note']} ({seen}/{flights}{told})" if flights else f"not valid ({d['idle']})"
+    ends = ["?" if d[k] is None else f"{d[k]:.2g}" for k in ("low", "a90_95")]
+    said = f"{d['a90']:.2g} ({ends[0]} to {ends[1]}){told}"
+    return Cell(said, "bold") if best is not None and d["a90_95"] == best else said
+
+
+SIZES = (
+    "Achieved amplitude, mm of rod, at which 90 % are seen (binomial regression on its logarithm), in brackets "
+    "its lower bound and a90/95, with which one is on the safe side at 95 %; ?: outside the sizes flown. Where no "
+    "curve can be fitted, what the flights say. Not valid: flights in which no detector of the group could judge, "
+    "not in the fit. Bound: of physics, what the best detector of that level could see with 90 % at best (median "
+    "of the flights); flights below it stay in."
+)
+
+
+def sizes(found: Sequence[dict]) -> dict[str, Table]:
+    """Return {kind of oscillation: Table of a90/95}, from stats.sizes: groups by line, frequencies by column."""
+    out = {}
+    for family in dict.fromkeys(d["family"] for d in found):
+        own = [d for d in found if d["family"] == family]
+        hz = sorted({d["frequency_hz"] for d in own})
+        made = Table("", "draws on", *(Column(f"{f:g} Hz", rank=1 + i % 4) for i, f in enumerate(hz)), kind="fits")
+        cells = {(d["group"], d["frequency_hz"]): d for d in own}
+        for group in dict.fromkeys(d["group"] for d in own):
+            made.add(group, *(fit(cells.get((group, f))) for f in hz))
+        out[family] = made
+    return out
+
+
+def scored_sizes(each: Sequence[dict]) -> Table:
+    """Return the Table of a90/95 of a score: families by line, detectors by column; the smallest in bold."""
+    made = Table("", "family", "unit", *(Column(d["id"], detector=d["id"]) for d in each), kind="fits")
+    cells = {(d["id"], f["family"]): f for d in each for f in d["families"]}
+    for name in dict.fromkeys(f["family"] for d in each for f in d["families"]):
+        own = [cells.get((d["id"], name), {"designed": 0}) for d in each]
+        unit, bound = (next((f[k] for f in own if f["designed"] and f[k]), None) for k in ("unit", "bound_mm"))
+        best = min((f["a90_95"] for f in own if f["designed"] and f["a90_95"]), default=None)
+        told = "" if bound is None else f", bound {bound:.2g}"
+        made.add(Cell(name, "bold"), (unit or DASH) + told, *(fit(f, best) for f in own))
+    made.caption = (
+        "Size at which 90 % are seen, in brackets its lower bound and a90/95 (binomial regression on its "
+        "logarithm; not valid counts as missed; ?: outside the sizes flown). Oscillations: achieved amplitude; "
+        "jams: how far the rod was kept from where it would be; sensors: bias in standard deviations of that "
+        "sensor's noise. Without a curve: what the flights say, and seen of flights."
+    )
+    return made
+
+
+def pairs(found: Iterable[dict]) -> Table:
+    """Return the Table of detectors compared on the same flights."""
+
+    def signed(value, low, high):
+        return lambda p: DASH if p[value] is None else f"{p[value]:+.2f} ({p[low]:+.2f} to {p[high]:+.2f})"
+
+    columns = (
+        Column("a", right=False), Column("b", right=False), Column("at", right=False), Column("flights", "n"),
+        Column("only a", "only_a"), Column("only b", "only_b"),
+        Column("p", lambda p: number(p["p"]), doc="exact test of McNemar on the flights that only one of them saw"),
+        Column("a sees more", signed("difference", "low", "high"), doc="mean, 95 % by bootstrap over flights"),
+        Column("a later", signed("later_s", "later_low_s", "later_high_s"), "s", "the same; a missed fault counts as "
+               "noticed at the end", 2),
+    )  # fmt: skip
+    note = ("Faults on parts that both watch, neither blind. Equal false alarms: thresholds scaled until the same "
+            "share of fault-free flights crosses them, before confirmation.")  # fmt: skip
+    return of(columns, found, keys=3, caption=note)
+
+
+def probabilities(each: Iterable[dict]) -> Table:
+    """Return the Table of log scores of those detectors that give probabilities."""
+    columns = (NAME, Column("while a fault lasts", lambda d: number(d["log_fault"])),
+               Column("without a fault", lambda d: number(d["log_none"])))  # fmt: skip
+    note = (
+        "Mean over flights of ln p of the truth: of the right class while a fault lasts; of none before "
+        "it and without one. 0 is certain and right; -2.3 is what says nothing at all."
+    )
+    return of(columns, [d for d in each if d["log_fault"] is not None or d["log_none"] is not None], caption=note)
+
+
+def flights(rows: pd.DataFrame) -> Table:
+    """Return the Table of all flights, and who noticed."""
+    made = Table("", "run", "case", "target", "frequency, Hz>", "achieved>", "manoeuvre, air", "noticed by, after s",
+                 kind="")  # fmt: skip
+    runs: dict = {}
+    for r in rows.to_dict("records"):
+        runs.setdefault(r["run"], []).append(r)
+    for own in runs.values():
+        r, fault = own[0], isinstance(own[0]["case"], str)
+        seen = sorted((x for x in own if x["detected"]), key=lambda x: x["delay_s"])
+        peak = f"{number(r['rod_mm'])} mm peak" if finite(r["rod_mm"]) else DASH
+        size = f"{number(r['amplitude_mm'])} mm" if finite(r["amplitude_mm"]) else peak
+        made.add(
+            Cell(r["run"], "code"), coverage.label(r["case"]) if fault else "no fault", r["target"] if fault else DASH,
+            number(r["frequency_hz"]), size, f"{r['manoeuvre'].replace('_', ' ')}, {r['turbulence']}",
+            ", ".join(f"{x['id']} {seconds(x['delay_s'])}" for x in seen) or DASH,
+        )  # fmt: skip
+    return made
+
+
+def scored_families(each: Sequence[dict]) -> Table:
+    """Return the Table of a score by family, a line for each detector that is not blind to it."""
+    order = dict.fromkeys(f["family"] for d in each for f in d["families"])
+    found = [{"id": d["id"], **f} for name in order for d in each for f in d["families"]
+             if f["family"] == name and f["designed"]]  # fmt: skip
+    return families(found, "family")
+
+
+def _level(x: float | None) -> str:
+    """Return a rate or level, a word for what is endless."""
+    return "no level" if x is not None and x > 1e99 else number(x)
+
+
+def with_ends(own: dict | None) -> str:
+    """Return {value, low, high} as a text."""
+    return DASH if own is None else f"{_level(own['value'])} ({_level(own['low'])} to {_level(own['high'])})"
+
+
+def rates(each: Iterable[dict], against: bool = True) -> Table:
+    """Return the Table of false alarms per hour, from cosim.compare.false_alarms, with what is `against` each."""
+    columns = (
+        Column("detector", "id", right=False), Column("hours", lambda d: f"{d['hours']:.1f}"), Column("alarms"),
+        Column("alarms per hour", lambda d: with_ends(d["alarms_per_hour"]), doc="with 95 % bounds, of this model"),
+        Column("crossed per hour", lambda d: with_ends(d["at_threshold"]), doc="statistic at its threshold, however "
+               "short", rank=1),
+        Column("by", lambda d: d["at_threshold"]["by"] if d["at_threshold"] else DASH, rank=3, right=False),
+        Column("c for 1e-9 per hour", lambda d: with_ends(d["needed"]), doc="c: all thresholds times this", rank=2),
+        Column("shape", lambda d: with_ends(None if d["fit"]["note"] else d["fit"]["shape"]), rank=5),
+        Column("what is against it", lambda d: "\n".join(d["against"]) or Cell("nothing", "good"), rank=4, right=False),
+    )  # fmt: skip
+    return of(columns if against else columns[:-1], each)
+
+
+def held_out(each: Iterable[dict]) -> Table:
+    """Return the Table of the half of the flights that was not fitted."""
+    columns = (
+        Column("detector", "id", right=False), Column("c", lambda h: _level(h["level"])),
+        Column("fitted", lambda h: f"{_level(h['rate'])} ({_level(h['low'])} to {_level(h['high'])})", "per hour"),
+        Column("counted"), Column("in hours", lambda h: f"{h['hours']:.1f}"),
+        Column("rate", lambda h: f"{_level(h['counted'] / h['hours'])} ({_level(h['counted_low'])} to "
+                                 f"{_level(h['counted_high'])})", "per hour"),
+        Column("agree", lambda h: Cell("yes", "good") if h["agree"] else Cell("no", "bad"), right=False),
+    )  # fmt: skip
+    return of(columns, [{"id": d["id"], **h} for d in each for h in d["held_out"]])
+
+
+def clusters(each: Sequence[dict]) -> Table:
+    """Return the Table of the extremal index over the run that ends a cluster."""
+    made = Table("", "detector", *(f"run {i['run_s']:g} s>" for d in each[:1] for i in d["extremal_index"]))
+    for d in each:
+        made.add(d["id"], *(_level(i["index"]) for i in d["extremal_index"]), detector=d["id"])
+    return made

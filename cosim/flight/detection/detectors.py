@@ -1,0 +1,292 @@
+"""The detectors that fly: which lanes each has, what it reads, with which parameters.
+
+A detector's inputs are copies of logged signals, named by the words of its record; the manifest with their places goes
+into the log, so that replay needs nothing but the file.
+"""
+
+import functools
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import fdi
+from actuators.disk_cache import contents, kept
+from cosim.errors import ScenarioError, did_you_mean
+from cosim.flight import plugins
+from cosim.flight.blocks.sensors import fitted
+from cosim.flight.detection import stored_designs
+from cosim.flight.detection.detector_context import site
+from cosim.flight.detection.parameters import assign, wrong_parameter
+from cosim.scenario import Scenario, vocabulary
+from cosim.scenario.aircraft import Aircraft, load_aircraft
+from cosim.scenario.catalog import SEGMENTS
+from fdi import registry
+from fdi.common.record import Detector
+
+
+class Wire(NamedTuple):
+    """One input of a lane: its field, the signal that it reads, and whether it takes its value or its validity."""
+
+    field: str
+    signal: vocabulary.Signal
+    flag: bool
+
+    @property
+    def source(self) -> str:
+        """Return the name on the bus."""
+        return self.signal.flag if self.flag else self.signal.source
+
+
+def wires(record: Detector, lane: str = "", module: ModuleType | None = None, aircraft: Aircraft | None = None) -> list:
+    """Return the Wires of a detector on segment `lane` ("" at aircraft level); what has a flag brings it, to
+    `<field>_valid` or `<word>_valid` where INPUTS has such a field. On another `aircraft` than the default one a
+    segment or an engine of its words is the one in that place (`placed`)."""
+    names, out = (module or registry.module(record.id)).INPUTS.names, []
+    for field, word in record.inputs.items():
+        signal = vocabulary.find(placed(word, aircraft) if aircraft else word, lane)
+        out.append(Wire(field, signal, False))
+        if signal.flag:
+            base, bracket, index = field.partition("[")
+            flag = next((n for n in (f"{base}_valid", f"{word}_valid") if n in names), "")
+            if flag:
+                out.append(Wire(flag + bracket + index, signal, True))
+    return out
+
+
+def placed(word: str, aircraft: Aircraft) -> str:
+    """Return an aircraft's word for one of a shipped detector, which names segments and engines of the default one.
+
+    A side with one segment has it in both places, a twin's engine stands for two. The word itself, which this aircraft
+    then lacks, where nothing is in that place.
+    """
+    segment, _, what = word.rpartition(".")
+    if segment in SEGMENTS and segment not in aircraft.segments:
+        side, place = segment.split("_")
+        own, first = aircraft.groups[side], (place == "outer") == (side == "left")
+        return f"{own[0 if first else -1]}.{what}" if 0 < len(own) < 3 else word
+    if what in N1 and ENGINES % aircraft.engines == 0:
+        return N1[N1.index(what) * aircraft.engines // ENGINES]
+    return word
+
+
+def sources(name: str, lane: str = "", aircraft: Aircraft | None = None) -> dict[str, Any]:
+    """Return {input field: name on the bus} of detector `name`."""
+    return {w.field: w.source for w in wires(registry.record(name), lane, aircraft=aircraft)}
+
+
+ENGINES = load_aircraft().engines
+N1 = tuple(f"n1_{name}" for name in load_aircraft().engine_names)
+_FITS: dict[tuple, np.ndarray] = {}  # of shipped detectors, by all that their designs depend on
+MOST_FITS = 256
+_SITE = Path(__file__).with_name("detector_context.py")
+
+
+def _fit(detector, site, own, words):
+    """Return a lane's PARAMS; a shipped detector is designed once for the same place, words and stored designs."""
+    if registry.SHIPPED.get(detector.id) != getattr(detector.module, "__name__", ""):
+        return detector.record.fit(site, **words)
+    place = site.dt, site.lane, site.technology, *site.technologies.items(), *sorted(site.actuator.items()), site.travel
+    stored = _stored(own.own_designs)
+    key = detector.id, place, str(own.folder), *sorted(words.items()), stored
+    if key not in _FITS:
+        if len(_FITS) >= MOST_FITS:
+            _FITS.clear()
+        about = detector.id, place, contents(own.folder), *sorted(words.items()), stored
+        made = functools.partial(detector.record.fit, site, **words)
+        module = detector.module
+        _FITS[key] = kept(about, module.PARAMS, made, module.__file__, _SITE)
+    return _FITS[key]
+
+
+def _stored(own):
+    """Return when the stored designs and thresholds were written, those of an aircraft's folder `own` among them."""
+    roots = [Path(fdi.__file__).parent, *([own] if own else [])]
+    folders = [root / name for root in roots for name in ("designs", "thresholds") if (root / name).is_dir()]
+    return tuple(file.stat().st_mtime_ns for folder in folders for file in os.scandir(folder))
+
+
+@dataclass(frozen=True)
+class Installed:
+    """A detector in one flight: its record, its block, the lanes that it has there."""
+
+    record: Detector
+    module: ModuleType
+    lanes: tuple
+    aircraft: Aircraft
+
+    @property
+    def id(self) -> str:
+        """Return its id."""
+        return self.record.id
+
+    @property
+    def level(self) -> str:
+        """Return "local" or "aircraft"."""
+        return self.record.level
+
+    @property
+    def every(self) -> int:
+        """Return the ticks of the loop from step to step."""
+        return self.record.every
+
+    def params(self, scenario: Scenario, dt: float) -> np.ndarray:
+        """Return the PARAMS of all lanes; the scenario's own values replace fields. Raises ScenarioError for one that
+        is none.
+        """
+        table, options = scenario.detectors.table(self.id), self.record.options
+        if self.id not in registry.SHIPPED:
+            table = {name: value for name, value in table.items() if name not in plugins.KEYS}
+        words = {n: _word(self.id, n, table.pop(n), allowed) for n, allowed in options.items() if n in table}
+        technology, own = scenario.elevator.technology, scenario.aircraft
+        lanes, told = self.lanes if self.level == "local" else [""], scenario.elevator.parameters
+        sites = [site(dt, lane, technology, own, told[lane].model if lane in told else None) for lane in lanes]
+        p = np.concatenate([_fit(self, s, own, words) for s in sites])
+        for name, value in table.items():
+            self._override(p, name, value, dt)
+        if wrong := table and wrong_parameter(self.record, self.module, p, dt):
+            name, value, low, high = wrong
+            raise ScenarioError(
+                f"{value:g} does not fit the detector's arrays",
+                place=f"detectors.{self.id}.{name}",
+                allowed=f"a whole number from {low:g} to {high:g}",
+            )
+        return p
+
+    def _override(self, p, name, value, dt):
+        """Set a parameter of every lane; raise ScenarioError for an unknown name, or for a word."""
+        place = f"detectors.{self.id}.{name} = {value}"
+        if isinstance(value, str):
+            raise ScenarioError("is no number", place=place, allowed="a number")
+        assign(self.record, self.module, p, name, float(value), dt, error=ScenarioError, place=place)
+
+    def inputs(self, lane: str) -> list:
+        """Return the Wires of a lane."""
+        return wires(self.record, lane if self.level == "local" else "", aircraft=self.aircraft)
+
+    def wires(self) -> list[Any]:
+        """Return [(input, source)] of all lanes, as names of the bus."""
+        return [(f"{self.id}_in.{lane}.{w.field}", w.source) for lane in self.lanes for w in self.inputs(lane)]
+
+    def target(self, lane: str) -> str:
+        """Return the name of what a lane watches."""
+        return f"elevator.{lane}" if self.level == "local" else "aircraft"
+
+
+def _word(detector, name, value, allowed):
+    """Return `value` when it is one of the words `allowed`; else raise ScenarioError."""
+    if value not in allowed:
+        raise ScenarioError(
+            f"{value!r} is no choice",
+            place=f"detectors.{detector}.{name}",
+            allowed=", ".join(allowed),
+            remedy=did_you_mean(str(value), allowed),
+        )
+    return value
+
+
+def unfit(record: Detector, aircraft: Aircraft) -> str:
+    """Return which input of a detector an aircraft lacks, or ""."""
+    shipped = record.level == "aircraft" and record.id in registry.SHIPPED
+    for word in (placed(word, aircraft) if shipped else word for word in record.inputs.values()):
+        segment, dot, _ = word.rpartition(".")
+        if dot and segment not in aircraft.segments:
+            return f"no elevator segment {segment}"
+        if word.startswith("n1_") and word not in fitted(aircraft):
+            return f"it reads {word}, the aircraft has {aircraft.engines} engine{'s' * (aircraft.engines > 1)}"
+    return ""
+
+
+def missing(record: Detector, aircraft: Aircraft) -> str:
+    """Return why a detector cannot watch an aircraft, or "": an input that it lacks, or no design for it."""
+    shipped = record.level == "aircraft" and record.id in registry.SHIPPED
+    why = unfit(record, aircraft)
+    if not why and shipped and not record.any_aircraft and aircraft.own_designs:
+        return stored_designs.lacking(aircraft, record)
+    return why
+
+
+def left_out(scenario: Scenario) -> dict[str, str]:
+    """Return {detector: why} of those that the scenario runs and its aircraft cannot have."""
+    plugins.use(scenario)
+    found = {name: missing(registry.record(name), scenario.aircraft) for name in scenario.running}
+    return {name: why for name, why in found.items() if why}
+
+
+def chosen(scenario: Scenario) -> list:
+    """Return the Installed detectors of a scenario, in its order; one without an actuator of its technologies, or that
+    its aircraft cannot have, is left out.
+    """
+    technology, out, lost = scenario.elevator.technology, [], left_out(scenario)
+    for name in scenario.running:
+        record = registry.record(name)
+        own = tuple(s for s, t in technology.items() if t in record.technologies)
+        lanes = own if record.level == "local" else ("aircraft",)
+        if lanes and name not in lost:
+            out.append(Installed(record, registry.module(name), lanes, scenario.aircraft))
+    return out
+
+
+# What a servo takes from a local filter: servo input -> filter output
+_ESTIMATE = {"q_fb": "q_now", "qd_fb": "v_now", "x3_fb": "x3_now"}
+_ESTIMATE |= dict.fromkeys(("q_use", "qd_use", "x3_use"), "valid")
+
+
+def feedback_wires(scenario: Scenario) -> list:
+    """Return the wires by which servos close on a local filter's estimate: where the scenario says so, and on
+    reconfiguration.
+    """
+    technology, pairs = scenario.elevator.technology, []
+    running = {d.id for d in chosen(scenario)}
+    for lane, tech in technology.items():
+        source = scenario.elevator.feedback[lane]
+        if tech == "hydraulic" and source != "measured":
+            if source not in running:
+                raise ScenarioError(
+                    f"the servo of {lane} closes on {source}, which is not enabled",
+                    place="elevator.feedback",
+                    remedy=f"Add {source!r} to detectors.enabled, or set the feedback to 'measured'",
+                )
+            pairs += [(f"servo_in.{lane}.{to}", f"{source}.{lane}.{field}") for to, field in _ESTIMATE.items()]
+        if tech == "hydraulic" and source == "measured" and scenario.elevator.reconfigure:
+            # `blame` is 0 while neither position sensor, or none for sure, is wrong
+            pairs += [(f"servo_in.{lane}.{to}", f"rtsekf_flight.{lane}.{'blame' if field == 'valid' else field}")
+                      for to, field in _ESTIMATE.items()]
+        own = scenario.elevator.ema_estimate
+        if tech == "ema" and scenario.elevator.reconfigure and own in running:
+            pairs += [
+                (f"ema_servo_in.{lane}.pos_fb", f"{own}.{lane}.pos_hat"),
+                (f"ema_servo_in.{lane}.pos_use", f"{own}.{lane}.reconf"),
+            ]
+    return pairs
+
+
+def manifest(setup: Any, topics: Sequence[Any]) -> list:
+    """Return, for the log, each detector's module, lanes, rate and, per lane, where in the log each of its inputs
+    stands.
+
+    An input is [field, topic, field of the topic]; one that is not wired is zero. KeyError when a source is not logged
+    at every tick.
+    """
+    bus = setup.loop.bus
+    place: dict[int, tuple] = {}
+    for t in topics:
+        if t.every == 1:
+            for field, i in zip(t.fields, t.index):
+                place.setdefault(int(i), (t.name, field))
+    out = []
+    for d in chosen(setup.scenario):
+        inputs: dict[str, list] = {lane: [] for lane in d.lanes}
+        for to, source in d.wires():
+            _, lane, field = to.split(".", 2)
+            if bus.index(source) not in place:  # both copies of a sensor are the same bits, and one is logged
+                source = source.removesuffix("_obs")
+            inputs[lane].append([field, *place[bus.index(source)]])
+        guest = {} if d.id in registry.SHIPPED else {"guest": plugins.about(d.module)}
+        lanes = list(d.lanes)
+        out.append({"id": d.id, "level": d.level, "lanes": lanes, "every": d.every, "inputs": inputs, **guest})
+    return out

@@ -1,0 +1,81 @@
+"""Faults that begin on a condition: the flight is flown until it holds, then with the fault from that tick on.
+
+A flight repeats to the last bit, so the tick at which a condition first holds is that of the flight with the fault. The
+scenario that flies, and that its log holds, has the onset as `start_s` beside `when`.
+"""
+
+from typing import Any
+
+import numpy as np
+from pydantic_core import PydanticCustomError
+
+from cosim.errors import ScenarioError, did_you_mean
+from cosim.flight.build import build
+from cosim.flight.fly import record
+from cosim.scenario import Scenario, conflict
+from cosim.scenario.brought import identified
+from cosim.scenario.condition import condition, other_fault, source
+
+
+def resolved(scenario: Scenario) -> Scenario:
+    """Return `scenario` with an onset for each fault that waits for a condition; after the flight's end where it never
+    holds. Raises ScenarioError for a signal that the flight does not have.
+
+    Conditions are met one after the other: what one fault does can make the next one true.
+    """
+    scenario = identified(scenario)
+    while any(f.waits for f in scenario.faults):
+        waiting = {i: condition(f.when or "") for i, f in enumerate(scenario.faults) if f.waits}
+        setup = build(_without(scenario, waiting))
+        names = list(dict.fromkeys(name for c in waiting.values() for name in c.signals()))
+        flown = [name for name in names if other_fault(name) is None]
+        for name in flown:
+            known(setup.loop.bus, source(name))
+        rows, *_ = record(setup, ["clock.clock.t", *map(source, flown)])
+        t, *columns = np.asarray(rows).T
+        values = dict(zip(flown, columns)) | {n: _of_fault(n, scenario, t) for n in names if n not in flown}
+        first = {i: np.flatnonzero(c.true(values)) for i, c in waiting.items()}
+        onset = {i: round((int(k[0]) + 1) * scenario.dt, 9) for i, k in first.items() if len(k)}
+        next_one = min(onset, key=lambda i: onset[i], default=None)
+        starts = {next_one: onset[next_one]} if next_one is not None else dict.fromkeys(waiting, scenario.duration_s)
+        faults = tuple(f.at_time(starts[i]) if i in starts else f for i, f in enumerate(scenario.faults))
+        scenario = scenario.model_copy(update={"faults": faults})
+        _possible(scenario)
+    return scenario
+
+
+def _possible(scenario):
+    """Raise ScenarioError when faults of which one has just begun cannot be together."""
+    try:
+        conflict.check(scenario.faults, scenario.elevator.technology)
+    except PydanticCustomError as wrong:
+        said = wrong.context or {}
+        raise ScenarioError(said["text"], place=said["key"], allowed=said["allowed"], remedy=said["remedy"]) from None
+
+
+def known(bus: Any, name: str) -> None:
+    """Raise ScenarioError unless the bus has signal `name`, section.lane.field."""
+    section, _, rest = name.partition(".")
+    lane, _, field = rest.partition(".")
+    for asked, there in ((section, bus.lanes), (lane, bus.lanes.get(section)), (field, None)):
+        there = [n for n, _ in bus.columns(section, lane)] if there is None else list(there)
+        if asked not in there:
+            raise ScenarioError(f"no signal {name!r}", allowed=", ".join(there), remedy=did_you_mean(asked, there))
+
+
+def _of_fault(name, scenario, t):
+    """Return `fault.N.active` or `fault.N.since` at the times t, not a number where fault N has not begun."""
+    number = other_fault(name)
+    fault, slack = scenario.faults[number], 0.5 * scenario.dt  # as the loop takes them, to the nearest tick
+    if fault.waits:
+        return np.full_like(t, np.nan)
+    begun = t > fault.start_s - slack
+    ended = t >= (np.inf if fault.end_s is None else fault.end_s) - slack
+    value = np.where(ended, 0.0, 1.0) if name.endswith("active") else t - fault.start_s
+    return np.where(begun, value, np.nan)
+
+
+def _without(scenario, waiting):
+    """Return the scenario without the faults that still wait."""
+    faults = tuple(f for i, f in enumerate(scenario.faults) if i not in waiting)
+    return scenario.model_copy(update={"faults": faults})

@@ -1,0 +1,183 @@
+"""Fault-free reference of a flight, and how far a fault moves its elevator against it.
+
+Same flight point, seed, noise and manoeuvre: what differs is the fault and what the law and the servos do about it. The
+twin flies without detectors (but those that a servo closes on). Until the first fault it is the flight itself: a copy
+of the process flies on without the faults from there, while the flight goes on with them. Where a process cannot be
+copied the twin flies all of it. The last twins are kept, so that runs that differ in their fault only share one.
+What is measured of the difference stands in cosim/judge/fault_effect.py.
+"""
+
+import ctypes
+import gc
+import mmap
+import os
+import signal
+import sys
+import threading
+import tomllib
+from collections import OrderedDict
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.flight.build import Setup, build
+from cosim.flight.fly import fly, onwards
+from cosim.flight.loop.schedule import Tape
+from cosim.flight.tick import order
+from cosim.judge.fault_effect import moved as of_segment
+from cosim.scenario import Scenario, parse
+
+KEPT = 16  # twins
+_PR_SET_PDEATHSIG = 1  # of Linux: which signal a process gets when the one that started it ends
+_positions: OrderedDict[str, NDArray[np.float32]] = OrderedDict()  # TOML of a flight without faults -> `positions`
+
+
+def achieved(scenario: Scenario) -> dict[str, dict]:
+    """Fly `scenario` and its twin; return what its faults did to the segments that they act on.
+
+    {segment: {rod_mm, surface_deg, travel_pct, amplitude_mm, amplitude_deg}}: the first three are peaks. Costs a flight
+    and the twin. Raises TrimError.
+    """
+    setup = build(scenario)
+    with Twin(setup) as twin:
+        rows, *_ = fly(setup, pause=twin.pause)
+        return twin.moved(rows)
+
+
+def faulted(scenario: Scenario) -> dict[str, list]:
+    """Return {segment: its injections} of the segments that a fault acts on, directly or by a sensor of the loop."""
+    out: dict[str, list] = {}
+    for j in scenario.injections():
+        if j.place in ("elevator", "actuator_sensor") and j.path != "monitor":
+            out.setdefault(j.name, []).append(j)
+    return out
+
+
+class Twin:
+    """The twin of a built flight that is about to be flown: `pause` is for `fly`, then `moved` says what it shows."""
+
+    def __init__(self, setup: Setup):
+        self._setup, self._segments = setup, faulted(setup.scenario)
+        self._key = _without_faults(setup.scenario) if self._segments else ""
+        self._child, self._first = 0, 0  # its process, and its first tick
+        self._rows, self._flown = np.zeros((0, 0), np.float32), np.zeros(1, np.int64)  # what it writes
+        self.pause: tuple[int, Any] | None = None
+        if self._segments and self._key not in _positions and _copies():
+            first = int(np.min(setup.loop.faults.p["start"]) / setup.loop.dt) - 1
+            self.pause = min(max(0, first), setup.ticks), self._part
+
+    def _part(self, k):
+        """Fly on without the faults from tick `k`, in a copy of this process."""
+        n, columns = self._setup.ticks, _columns(self._setup.trace)
+        self._rows = np.frombuffer(mmap.mmap(-1, 4 * len(columns) * n), np.float32).reshape(n, -1)
+        self._flown = np.frombuffer(mmap.mmap(-1, 8), np.int64)
+        self._first, self._child = k, os.fork()
+        if not self._child:
+            try:
+                _end_with_parent()
+                gc.disable()  # what is not written to is not copied
+                self._flown[:] = _quietly(self._setup, k, self._setup.trace.index[columns], self._rows)
+                os._exit(0)
+            finally:
+                os._exit(1)
+
+    def moved(self, rows: NDArray) -> dict[str, dict]:
+        """Return what `achieved` returns, from the rows of the flight flown; {} when no fault acts on an elevator."""
+        if not self._segments:
+            return {}
+        trace, scenario = self._setup.trace, self._setup.scenario
+        here = _of(trace, rows[:, _columns(trace)])
+        twin = self._positions(here)
+        n = min(len(here), len(twin))
+        names = list(trace.surface)
+        difference = here[:n].astype(float) - twin[:n]
+        pair = {seg: difference[:, 2 * names.index(seg) :][:, :2] for seg in self._segments}
+        dt, travel = scenario.dt, scenario.aircraft.travel
+        return {seg: of_segment(pair[seg], faults, dt, travel) for seg, faults in self._segments.items()}
+
+    def _positions(self, here):
+        """Return (ticks, 2 segments) of the twin; `here` is the same of the flight."""
+        if self._child:
+            child, self._child = self._child, 0
+            if os.waitpid(child, 0)[1] == 0:
+                rest = _of(self._setup.trace, self._rows[self._first : self._flown[0]])
+                _keep(self._key, np.concatenate([here[: self._first], rest]))
+        return positions(self._key)
+
+    def __enter__(self) -> "Twin":
+        return self
+
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        if self._child:  # nobody wants to know any more
+            os.kill(self._child, 9)
+            os.waitpid(self._child, 0)
+            self._child = 0
+
+
+def _end_with_parent():
+    """Let the system end this process, a copy, when the one that it was copied from is gone, killed perhaps."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def _copies():
+    """Tell whether this process may be copied: on Linux, while it has no other thread of Python."""
+    return sys.platform == "linux" and threading.active_count() == 1 and hasattr(os, "fork")
+
+
+def _quietly(setup, k, index, rows):
+    """Fly a built flight on from tick `k` without its faults; rows[k:] take the positions `index` of the bus.
+
+    Return how many ticks have been flown.
+    """
+    quiet = _quiet(setup.scenario).running
+    loop = replace(setup.loop, detectors=[d for d in setup.loop.detectors if d.name in quiet])
+    loop.faults.p["start"] = np.inf
+    loop.plant.hide()
+    tape = Tape(loop.v, loop.dt)
+    order(loop, tape, keep=(index, rows))
+    return onwards(loop, tape, range(k, len(rows)))[0]
+
+
+def positions(scenario_toml: str) -> NDArray[np.float32]:
+    """Return (ticks, 8) float32 of a flight: per segment rod [m], NaN where it has none, and surface [rad]."""
+    if scenario_toml not in _positions:
+        setup = build(parse(tomllib.loads(scenario_toml)))
+        rows, *_ = fly(setup)
+        _keep(scenario_toml, _of(setup.trace, rows[:, _columns(setup.trace)]))
+    _positions.move_to_end(scenario_toml)
+    return _positions[scenario_toml]
+
+
+def _keep(key, value):
+    _positions[key] = value
+    if len(_positions) > KEPT:
+        _positions.popitem(last=False)
+
+
+def _quiet(scenario):
+    """Return the scenario without faults, and without detectors but those in the loop."""
+    quiet = scenario.detectors.model_copy(update={"enabled": ()})
+    return scenario.model_copy(update={"title": "", "faults": (), "detectors": quiet})
+
+
+def _without_faults(scenario):
+    """Return the TOML of the twin."""
+    return _quiet(scenario).expanded_toml()
+
+
+def _columns(trace):
+    """Return the columns of the trace that `_of` takes: of each segment its rod, where it has one, and surface."""
+    return [c for seg in trace.surface for c in (*trace.rod.get(seg, ())[:1], trace.surface[seg])]
+
+
+def _of(trace, rows):
+    """Return `positions` from the rows (ticks, columns) of `_columns`."""
+    out = np.full((len(rows), 2 * len(trace.surface)), np.nan, np.float32)
+    columns = iter(rows.T)
+    for i, seg in enumerate(trace.surface):
+        if seg in trace.rod:
+            out[:, 2 * i] = trace.rod[seg][1] * next(columns)
+        out[:, 2 * i + 1] = next(columns)
+    return out

@@ -1,0 +1,61 @@
+"""Compilation before a machine's first flight, on every core, with progress."""
+
+from collections.abc import Callable
+from types import ModuleType
+
+from actuators import block
+from actuators.block import Entry
+from actuators.object_cache import PLAIN, Native
+from actuators.precompile import compile_ahead
+from actuators.registry import SHIPPED
+from cosim.flight.blocks import faults, hinge_model, law, manoeuvre, sensors
+from cosim.flight.detection import detectors
+from cosim.flight.loop import schedule
+from cosim.flight.plant import gusts
+from cosim.log import chunk, frame
+from cosim.scenario import Scenario
+from cosim.scenario.catalog import TECHNOLOGIES
+from fdi import registry
+
+LOOP = (law, faults, sensors, manoeuvre, hinge_model, gusts)  # blocks that are neither detectors nor of an actuator
+
+
+def shipped() -> dict[str, ModuleType]:
+    """Return {module name: module} of every block that ships: of the technologies, the detectors, the loop."""
+    return _blocks([*_actuators(t.name for t in SHIPPED), *map(registry.module, registry.SHIPPED), *LOOP])
+
+
+def _actuators(technologies):
+    return [m for name in technologies if name in TECHNOLOGIES for m in TECHNOLOGIES[name].modules()]
+
+
+def _blocks(modules):
+    return {m.__name__: m for m in modules if isinstance(getattr(m, "rollout", None), Entry)}
+
+
+def functions(scenario: Scenario) -> dict[str, Native]:
+    """Return {module: its compiled function} of every block that a flight of `scenario` steps, of its tape, and of
+    what writes and reads its log and replays it; none where nothing is compiled (NUMBA_DISABLE_JIT=1).
+    """
+    if PLAIN:
+        return {}
+    used = dict.fromkeys((*scenario.elevator.technology.values(), "simple"))
+    own = [d.module for d in detectors.chosen(scenario)]
+    modules = [m for m in own if isinstance(m, ModuleType)]  # what takes longest comes first; guests elsewhere
+    blocks = _blocks([*modules, *_actuators(used), *LOOP])
+    others = {schedule.__name__: schedule.WALK, chunk.__name__: chunk.GATHER, frame.__name__: frame.SQUEEZE}
+    others[block.__name__] = block.SWEEP
+    return {**{name: m.rollout.native for name, m in blocks.items()}, **others}
+
+
+def prepare(scenario: Scenario, tell: Callable[[int, int], None] | None = None) -> int:
+    """Compile what is not compiled yet for `scenario`, `tell(i, n)` before each of n; return how many there were.
+
+    One function alone is left to its first use.
+    """
+
+    def progress(done, total):
+        if tell and done < total:
+            tell(done + 1, total)
+
+    return compile_ahead(functions(scenario).values(), progress)

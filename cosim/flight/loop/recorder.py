@@ -1,0 +1,161 @@
+"""Recorder of a flight: topics for everything of a tick, attachments for what replay needs."""
+
+import io
+import json
+import os
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from actuators.block import unit
+from cosim.flight.blocks import faults, hinge_model, law, sensors
+from cosim.flight.detection import detectors
+from cosim.log import LogWriter, Pose, Topic, viewer_layouts
+from cosim.scenario import attached, toml, vocabulary
+from cosim.scenario.catalog import TECHNOLOGIES
+from fdi import registry
+
+SNAPSHOT_S = 1.0  # hidden detector states are logged that often
+LARGE = 1 << 18  # [byte] larger parameters are compressed: tables of a force model
+
+
+def _sensor_copies(scenario):
+    """Return {topic prefix: (value, flag)}: the observers' copy is logged beside the law's only where a fault can part
+    them.
+    """
+    own = any(j.path in ("observers", "monitor") for j in scenario.injections())
+    return {"/sensors": ("y", "valid"), **({"/observers": ("y_obs", "valid_obs")} if own else {})}
+
+
+def topics(setup: Any) -> list:
+    """Return the log's topics: everything of a tick, under names that a reader understands."""
+    bus, technology, out = setup.loop.bus, setup.scenario.elevator.technology, []
+
+    def add(name, columns, group, every=1):
+        """Add a topic of [(field, unit, position)]."""
+        if columns:
+            fields, units, index = zip(*columns)
+            out.append(Topic(name=name, fields=fields, units=units, index=np.array(index), every=every, group=group))
+
+    def section(block, lane, fields=None):
+        kind = bus.kinds[block]
+        return [(vocabulary.column(f), unit(kind, f), i) for f, i in bus.columns(block, lane, fields)]
+
+    def measured(words, lane, y, valid):
+        own = [vocabulary.find(word, lane) for word in words]
+        names = [(word, s.unit, bus.index(s.source.replace("y_obs", y))) for word, s in zip(words, own)]
+        return names + [(f"{w}_valid", "-", bus.index(s.flag.replace("valid_obs", valid))) for w, s in zip(words, own)]
+
+    add(vocabulary.topic("truth", "aircraft"), section("truth", "aircraft"), "truth")
+    add(vocabulary.topic("surfaces", "aircraft"), section("surfaces", "aircraft"), "truth")
+    for prefix, copy in _sensor_copies(setup.scenario).items():
+        add(f"{prefix}/aircraft", measured(sensors.fitted(setup.scenario.aircraft), "", *copy), "sensors")
+        for seg in technology:
+            add(f"{prefix}/{seg}", measured(TECHNOLOGIES[technology[seg]].sensors, seg, *copy), "sensors")
+    add("/noise", [(lane, "-", bus.index(f"sensors_in.{lane}.noise")) for lane in bus.lanes["sensors"]], "sensors")
+    add(vocabulary.topic("pilot", "pilot"), section("pilot", "pilot"), "law")
+    add(vocabulary.topic("law", "law"), section("law", "law", law.OUTPUTS), "law")
+    for seg in technology:
+        add(vocabulary.topic("hinge_model", seg), section("hinge_model", seg, hinge_model.OUTPUTS), "detectors")
+    for b in (*setup.loop.servos, *setup.loop.actuators):
+        for lane in bus.lanes[b.name]:
+            kind = b.module.INPUTS
+            held = [("u_held", unit(kind, "u"), bus.index(f"{b.name}_in.{lane}.u"))] if "u" in kind.names else []
+            add(vocabulary.topic(b.name, lane), section(b.name, lane, b.module.OUTPUTS) + held, "actuators")
+    for lane in setup.lanes:
+        add(vocabulary.topic("faults", lane.name), section("faults", lane.name, faults.OUTPUTS), "faults")
+    for d in setup.loop.detectors:
+        for lane in bus.lanes[d.name]:
+            add(vocabulary.topic(d.name, lane), section(d.name, lane, d.module.OUTPUTS), "detectors", d.every)
+            hidden = [n for n in d.module.STATE.names if n not in d.module.OUTPUTS]
+            every = max(1, round(SNAPSHOT_S / setup.loop.dt / d.every)) * d.every
+            add(f"/state/{d.name}/{lane}", section(d.name, lane, hidden), "snapshot", every)
+    return out
+
+
+def open_writer(setup: Any, path: str | os.PathLike) -> LogWriter:
+    """Return the LogWriter of a flight's log, with what does not change written: scenario, parameters, wiring."""
+    import cosim
+
+    loop, channels = setup.loop, topics(setup)
+    blocks = [loop.sensors, loop.pilot, loop.law, loop.hinge, *loop.detectors, *loop.servos, *loop.actuators]
+    attachments = {
+        "scenario.toml": ("application/toml", _portable(setup.scenario).encode()),
+        "detectors.json": (
+            "application/json",
+            json.dumps(detectors.manifest(setup, channels), indent=1, sort_keys=True).encode(),
+        ),
+    }
+    for b in blocks:
+        attachments |= _array(f"{b.name}.params", b.p) | _array(f"{b.name}.initial", b.x)
+    attachments |= viewer_layouts(channels) | attached.sources(setup.scenario)
+    metadata = {
+        "run": {
+            "title": setup.scenario.title,
+            "software": f"cosim {cosim.__version__}",
+            "rate_hz": str(setup.scenario.rate_hz),
+            "seed": str(setup.scenario.seed),
+            "ticks": str(setup.ticks),
+        },
+        "trim": {k: repr(v) for k, v in vars(setup.trim).items() if isinstance(v, float)},
+        "libraries": {"jsbsim": _version("jsbsim"), "numpy": np.__version__, "numba": _version("numba")},
+    }
+    writer = LogWriter(
+        path,
+        channels,
+        n_values=len(loop.v),
+        dt_ns=round(loop.dt * 1e9),
+        metadata=metadata,
+        attachments=attachments,
+        pose=pose(loop.bus),
+    )
+    for f in setup.scenario.faults:
+        start, end = (None if t is None else round(t * setup.scenario.rate_hz) for t in (f.start_s, f.end_s))
+        writer.window(start, start, end, kind=f.kind, target=f.target)
+    return writer
+
+
+def pose(bus: Any) -> Pose:
+    """Return where in the bus the aircraft's place stands."""
+    return Pose(**{n: bus.index(f"truth.aircraft.{n}") for n in ("lat", "lon", "h", "phi", "theta", "psi")})
+
+
+def result_texts(result: Any) -> dict[str, Any]:
+    """Return the result's texts for the log: nothing in them depends on the machine's clock."""
+    kept = [{k: v for k, v in d.items() if k != "step_us"} for d in result.to_dict()["detectors"]]
+    return {
+        "status": result.status,
+        "reason": result.reason,
+        "sim_time_s": repr(result.sim_time_s),
+        "detectors": json.dumps(kept, sort_keys=True),
+        "achieved": json.dumps(result.extra.get("achieved"), sort_keys=True),
+        **({"notes": json.dumps(result.extra["notes"])} if result.extra.get("notes") else {}),
+    }
+
+
+def _portable(scenario):
+    """Return the scenario as TOML without folders of this machine: a guest is named by its file and its digest."""
+    table = tomllib.loads(scenario.portable_toml())
+    for name in scenario.running:
+        if name not in registry.SHIPPED:  # registered by a program, and perhaps without a file
+            own = table["detectors"].setdefault(name, {"file": Path(registry.module(name).file).name})
+            own["sha256"] = registry.module(name).sha256
+    return toml.dumps(table)
+
+
+def _array(name, array):
+    """Return {attachment: (media type, bytes)} of an array: .npy, or .npz with it as `array` when it is large."""
+    out, array = io.BytesIO(), array.view(np.lib.format.drop_metadata(array.dtype))
+    if array.nbytes > LARGE:
+        np.savez_compressed(out, array=array)
+        return {f"{name}.npz": ("application/zip", out.getvalue())}
+    np.save(out, array, allow_pickle=False)
+    return {f"{name}.npy": ("application/x-npy", out.getvalue())}
+
+
+def _version(name):
+    from importlib.metadata import version
+
+    return version(name)

@@ -1,0 +1,222 @@
+"""Schedule of a tick: a table of steps that one compiled function executes.
+
+A part of a tick is either a segment, rows of eight whole numbers that say what to do at which addresses, or a call of
+Python, which gets the tick. The same rows are walked by `walk` in cosim/flight/loop/schedule_kernel.py, compiled, and
+by `plainly` below, which serves without a compiler and says what each row means. Every array whose address is in a row
+is kept by the tape.
+"""
+
+import ctypes
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from actuators.block import Entry
+from actuators.object_cache import PLAIN, Native
+from cosim.flight.plant.jsbsim_signals import to_si
+
+CLOCK, COPY, ADD, TRUTH, NOISE, STEP, KEEP, LOG, GET, PUT, SCALE = range(11)
+WIDTH = 8
+
+
+def _walk():
+    from cosim.flight.loop.schedule_kernel import KINDS, walk
+
+    return walk, KINDS
+
+
+_GIVEN = ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64  # to `walk`
+WALK = Native("walk", Path(__file__).with_name("schedule_kernel.py"), _GIVEN, _walk, "cosim.flight.loop.schedule:WALK")
+
+
+class Block:
+    """A block in the loop: its module's `rollout` on its lanes in the bus; `advance()` steps every lane by one of its
+    ticks, in place.
+    """
+
+    def __init__(self, bus: Any, name: str, module: Any, p: np.ndarray, x0: np.ndarray, dt: float, every: int = 1):
+        self.name, self.module, self.p, self.every, self.dt = name, module, p, every, dt * every
+        self.x, self.u = bus[name], bus[name + "_in"].reshape(-1, 1)
+        self.x[:] = x0
+
+    def advance(self) -> None:
+        """Advance every lane by `every` ticks."""
+        self.module.rollout(self.x, self.u, self.p, self.dt)
+
+
+class Tape:
+    """Record what a tick does to the bus vector `v` (n,), then `run` it tick by tick."""
+
+    def __init__(self, v: np.ndarray, dt: float, *, plain: bool = PLAIN, free: bool = False):
+        """`plain` walks the table in Python, as NUMBA_DISABLE_JIT=1 does; `free` lets other threads run meanwhile."""
+        self.v, self.dt, self._plain, self._free = v, dt, plain, free
+        self._kept = [v]  # every array that a row points to
+        self._entries: dict[int, Any] = {}  # address, or number without a compiler, -> entry of a block, store of a log
+        self._rows: list[tuple[int, ...]] = []
+        self.parts: list[Callable[[int], Any]] = []  # of a tick: callables that take k
+        self._whole: Callable[[int, int], Any] | None = None  # the last segment over many ticks
+
+    def call(self, function: Callable[..., Any]) -> None:
+        """Call `function(k)` in Python."""
+        self._cut()
+        self.parts.append(function)
+
+    def first(self, function: Callable[..., Any]) -> None:
+        """Call `function(k)` in Python before anything else of a tick."""
+        self.parts.insert(0, function)
+
+    def clock(self, position: float) -> None:
+        """v[position] = k dt."""
+        self._row(CLOCK, position, self._at(np.array([self.dt])))
+
+    def copy(self, to: np.ndarray, source: np.ndarray) -> Any:
+        """v[to] = v[source], in order."""
+        if len(to):
+            self._row(COPY, len(to), self._at(to), self._at(source))
+
+    def add(self, clear: np.ndarray, to: np.ndarray, source: np.ndarray) -> None:
+        """v[clear] = 0, then v[to] += v[source], in order: several sources may act on one place."""
+        if len(clear):
+            self._row(ADD, len(clear), self._at(clear), len(to), self._at(to), self._at(source))
+
+    def truth(self, raw: np.ndarray, scale: np.ndarray, start: int, frame: np.ndarray) -> None:
+        """v[start:] = truth in SI from JSBSim's own units; `frame` (3,) as `to_si` takes it."""
+        self._row(TRUTH, len(raw), self._at(raw), self._at(scale), start, self._at(frame))
+
+    def get(self, nodes: np.ndarray, getter: Any, out: np.ndarray) -> None:
+        """out = what the getter at an address gives for each of the nodes (cosim/flight/plant/property_pointers.py)."""
+        self._row(GET, len(nodes), self._at(nodes), getter, self._at(out))
+
+    def put(self, nodes: np.ndarray, setter: Any, values: np.ndarray) -> None:
+        """Give each of the nodes its value by the setter at an address."""
+        self._row(PUT, len(nodes), self._at(nodes), setter, self._at(values))
+
+    def noise(self, to: np.ndarray, block: np.ndarray, vector: np.ndarray | None = None) -> None:
+        """vector[to] = block[k % rows], in the bus or another vector."""
+        into = self.v if vector is None else vector
+        self._row(NOISE, len(to), self._at(to), self._at(block), len(block), self._at(into))
+
+    def scale(self, values: np.ndarray, factors: np.ndarray, divisors: np.ndarray, out: np.ndarray) -> None:
+        """out = values * factors / divisors."""
+        self._row(SCALE, len(values), *map(self._at, (values, factors, divisors, out)))
+
+    def table(self, to: Any = (), rows: Any = ()) -> None:
+        """v[to] = rows[k], from the first row again after the last."""
+        if len(to):
+            self.noise(to, rows)
+
+    def step(self, block: Any) -> None:
+        """Advance every lane of a block by one tick, every `block.every` ticks; blocks in Python advance themselves."""
+        entry = block.module.rollout if isinstance(block, Block) else None
+        if not isinstance(entry, Entry):
+            self.call(_each(block.advance, block.every))
+        elif len(block.x):
+            self.advance(entry, block.x, block.u, block.p, block.dt, block.every)
+
+    def advance(self, entry: Entry, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float, every: int = 1) -> None:
+        """Advance the lanes of these arrays by one tick of `dt` [s] every `every` ticks."""
+        address = len(self._entries) if PLAIN else entry.native.address
+        self._entries[address] = entry
+        self._row(STEP, address, *map(self._at, (x, u, p, np.array([dt]))), len(x), every)
+
+    def keep(self, index: np.ndarray, rows: Any) -> None:
+        """rows[k] = v[index], in the precision of `rows` (ticks, n)."""
+        self._row(KEEP, len(index), self._at(index), self._at(rows), rows.itemsize)
+
+    def log(self, head: np.ndarray, store: Callable) -> None:
+        """Log v: `store(v)` does it, or compiled code by what `head` says (cosim/log/writer.py)."""
+        address = self._at(head)
+        self._entries[address] = store
+        self._row(LOG, address)
+
+    def run(self, k: Any) -> Any:
+        """Do all of tick `k`."""
+        if self._rows:
+            self._cut()
+        for part in self.parts:
+            part(k)
+
+    def through(self, first: int, stop: int) -> None:
+        """Do all of the ticks first <= k < stop, without Python in between where there is none in a tick."""
+        if self._rows:
+            self._cut()
+        if len(self.parts) == 1 and self._whole is not None:
+            self._whole(first, stop)
+        else:
+            for k in range(first, stop):
+                self.run(k)
+
+    def _at(self, array):
+        """Return the address of an array without gaps, which is kept from now on."""
+        if not array.flags.c_contiguous:
+            raise ValueError("a tape points only to arrays without gaps")
+        self._kept.append(array)
+        return array.ctypes.data
+
+    def _row(self, *values):
+        self._rows.append(values + (0,) * (WIDTH - len(values)))
+
+    def _cut(self):
+        """End a segment: what follows is Python."""
+        if self._rows:
+            table = np.array(self._rows, np.int64)
+            self._rows = []
+            self.parts.append(self._plainly(table) if self._plain else self._compiled(table))
+
+    def _compiled(self, table):
+        walk, rows, n, v = WALK.free if self._free else WALK.call, self._at(table), len(table), self._at(self.v)
+        self._whole = lambda first, stop: walk(rows, n, v, first, stop)
+        return lambda k: walk(rows, n, v, k, k + 1)
+
+    def _plainly(self, table):
+        return lambda k: plainly(table.tolist(), self.v, k, self._entries)
+
+
+def plainly(table: Any, v: np.ndarray, k: int, entries: Any) -> None:
+    """Walk the rows of a segment in plain Python: what each of them means, and a reference for `walk`."""
+    for operation, a, b, c, d, e, f, g in table:
+        if operation == CLOCK:
+            v[a] = k * _array(b, 1)[0]
+        elif operation == COPY:
+            for to, source in zip(_array(b, a, np.int64).tolist(), _array(c, a, np.int64).tolist()):
+                v[to] = v[source]
+        elif operation == ADD:
+            v[_array(b, a, np.int64)] = 0.0
+            for to, source in zip(_array(d, c, np.int64).tolist(), _array(e, c, np.int64).tolist()):
+                v[to] += v[source]
+        elif operation == TRUTH:
+            to_si(_array(b, a), _array(c, a), v[d : d + a], *_array(e, 3))
+        elif operation == NOISE:
+            to = _array(b, a, np.int64)
+            _array(e, int(to.max()) + 1)[to] = _array(c + 8 * a * (k % d), a)
+        elif operation == SCALE:
+            _array(e, a)[:] = _array(b, a) * _array(c, a) / _array(d, a)
+        elif operation == STEP:
+            if k % g == 0:
+                state, given, fixed = entries[a].kinds
+                x, u, p = _array(b, f, state), _array(c, f, given).reshape(-1, 1), _array(d, f, fixed)
+                entries[a](x, u, p, _array(e, 1)[0])
+        elif operation == KEEP:
+            kind = np.float32 if d == 4 else np.float64
+            _array(c + d * a * k, a, kind)[:] = v[_array(b, a, np.int64)]
+        elif operation == LOG:
+            entries[a](v)
+        elif operation == GET:
+            get = ctypes.PYFUNCTYPE(ctypes.c_double, ctypes.c_void_p)(c)
+            _array(d, a)[:] = [get(node) for node in _array(b, a, np.int64).tolist()]
+        elif operation == PUT:
+            put = ctypes.PYFUNCTYPE(ctypes.c_bool, ctypes.c_void_p, ctypes.c_double)(c)
+            for node, value in zip(_array(b, a, np.int64).tolist(), _array(d, a).tolist()):
+                put(node, value)
+
+
+def _array(address, n, kind=np.float64):
+    """Return the array of n elements at an address."""
+    kind = np.dtype(kind)
+    return np.ndarray((n,), kind, (ctypes.c_char * (kind.itemsize * n)).from_address(address))
+
+
+def _each(advance, every):
+    return lambda k: advance() if k % every == 0 else None

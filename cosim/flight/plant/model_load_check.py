@@ -1,0 +1,38 @@
+"""Trial load of a user's aircraft model in a process of its own: JSBSim may abort on one that is wrong."""
+
+import functools
+import re
+import subprocess
+from pathlib import Path
+
+from actuators import subprocess_env
+
+_ALONE = """
+import sys
+import jsbsim
+fdm = jsbsim.FGFDMExec(None)
+fdm.set_aircraft_path(sys.argv[1])
+loaded = fdm.load_model(sys.argv[2])
+sys.exit(0 if loaded and fdm.run_ic() else 1)
+"""
+
+
+def fatal(folder: Path, name: str) -> str:
+    """Return what JSBSim says about the model `name` of a folder that it cannot load, or ""."""
+    files = sorted(p for p in folder.rglob("*.xml") if p.is_file())
+    return _fatal(folder, name, tuple((p, p.stat().st_mtime_ns, p.stat().st_size) for p in files))
+
+
+@functools.cache
+def _fatal(folder, name, files):
+    call, env = [*subprocess_env.command(_ALONE), str(folder.parent), name], subprocess_env.surroundings()
+    try:
+        done = subprocess.run(call, env=env, capture_output=True, text=True, errors="replace", timeout=60.0)
+    except subprocess.TimeoutExpired:
+        return "cannot be loaded: JSBSim takes longer than a minute"
+    if done.returncode == 0:
+        return ""
+    said = [line.strip() for line in re.sub(r"\x1b\[[0-9;]*m", "", done.stderr + done.stdout).splitlines()]
+    telling = re.compile(r"error|not found|could not|undefined|does not exist|what\(\)", re.IGNORECASE)
+    reason = [line for line in said if telling.search(line)]
+    return "cannot be loaded: " + ("; ".join(reason[:3]) or f"JSBSim ended with {done.returncode}")

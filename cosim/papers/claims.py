@@ -1,0 +1,90 @@
+"""What the papers say, as data: `PAPER/claims.toml` has a row per claim, and names the function that measures it.
+
+    [[row]]
+    kind = "claim"                  # claim, ours, beyond: cosim/papers/row.py
+    item = "figure 3(a): …"         # what is looked at, and its unit
+    says = "IV.D: …"                # the quotation and its place, and what of the band is ours
+    measure = "stats.number"        # module and function in the paper's folder; returns a number, or (number, note)
+    with = { scenario = "…" }       # its arguments
+    band = [0.95, 1.05]             # what agrees
+    reason = "…"                    # why a claim leaves its band: only where it does, with
+    found = [0.38, 0.47]            # the second band: what was found, as wide as its scatter
+    spread = "10 sets of 10 seeds"  # where that width comes from
+    piece = "…"                     # rows of one piece are measured in one process
+"""
+
+import functools
+import importlib
+import inspect
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from cosim.papers.row import KINDS, Planned
+
+NEEDED = {"kind": str, "item": str, "says": str, "measure": str, "band": list}
+ALLOWED = {**NEEDED, "with": dict, "reason": str, "found": list, "spread": str, "piece": str}
+
+
+def load(paper: str, text: str | None = None) -> list[Planned]:
+    """Return the rows of a paper; `text` instead of its file. Raises ValueError with row, key and what is allowed."""
+    if text is None:
+        text = (Path(__file__).parent / paper / "claims.toml").read_text(encoding="utf-8")
+    whole = tomllib.loads(text)
+    if set(whole) != {"row"}:
+        raise ValueError(f"{paper}/claims.toml holds {', '.join(sorted(whole))}; allowed: [[row]] only")
+    rows = [_planned(paper, i, row) for i, row in enumerate(whole["row"], 1)]
+    items = [row.item for row in rows]
+    for item in items:
+        if items.count(item) > 1:
+            raise ValueError(f"{paper}/claims.toml has two rows with item = {item!r}")
+    return rows
+
+
+def _planned(paper, number, row):
+    where = f"{paper}/claims.toml, row {number} ({row.get('item', 'without item')})"
+    for key in row:
+        if key not in ALLOWED:
+            raise ValueError(f"{where}: unknown key {key}; allowed: {', '.join(ALLOWED)}")
+        if not isinstance(row[key], ALLOWED[key]):
+            raise ValueError(f"{where}: {key} = {row[key]!r} is no {ALLOWED[key].__name__}")
+    for key in NEEDED:
+        if key not in row:
+            raise ValueError(f"{where}: {key} is missing")
+    if row["kind"] not in KINDS:
+        raise ValueError(f"{where}: kind = {row['kind']!r}; allowed: {', '.join(KINDS)}")
+    together = [key in row for key in ("reason", "found", "spread")]
+    if any(together) and not all(together):
+        raise ValueError(f"{where}: reason, found and spread stand together: why it differs, where, and how wide")
+    measure = _measure(paper, where, row["measure"], row.get("with", {}))
+    low, high = _band(where, "band", row["band"])
+    found = _band(where, "found", row["found"]) if "found" in row else None
+    return Planned(paper, row["item"], row["says"], measure, low, high, row.get("reason", ""), row["kind"],
+                   row.get("piece", ""), found, row.get("spread", ""), row["measure"])  # fmt: skip
+
+
+def _band(where, key, band):
+    numbers = len(band) == 2 and all(isinstance(v, int | float) and not isinstance(v, bool) for v in band)
+    if not numbers or not band[0] <= band[1]:
+        raise ValueError(f"{where}: {key} = {band} is not [least, largest]")
+    return float(band[0]), float(band[1])
+
+
+def _measure(paper, where, name, arguments):
+    """Return the function `name` with its arguments; it is looked up when it is called, so that a break reaches it."""
+    module, _, function = name.partition(".")
+    try:
+        place = importlib.import_module(f"cosim.papers.{paper}.{module}")
+        inspect.signature(getattr(place, function)).bind(**arguments)
+    except (ImportError, AttributeError, TypeError, ValueError) as e:
+        raise ValueError(f"{where}: measure = {name!r} with {arguments}: {e}") from None
+    return functools.partial(_call, place, function, {k: _plain(v) for k, v in arguments.items()})
+
+
+def _call(place, function, arguments):
+    return getattr(place, function)(**arguments)
+
+
+def _plain(value: Any) -> Any:
+    """Return a value with tuples for lists, so that it can be an argument of a function with a cache."""
+    return tuple(map(_plain, value)) if isinstance(value, list) else value

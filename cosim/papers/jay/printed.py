@@ -1,0 +1,80 @@
+"""[Jay] as it is printed: Phi, G, H, P_0, R and (5) to (9), and the plant behind them; nothing of ours is used for it.
+
+The printed matrices are for 5 ms and rounded; PLANT are the continuous numbers of the printed structure that give back
+all 37 entries. a21 a43 = a23 a41 holds by the one ratio N / l: the motor turns free of the spring. The lever arm and
+R's share of the current loop are not printed (`bench`).
+"""
+
+import numpy as np
+from scipy.linalg import expm
+
+PERIOD = 0.005  # [s]
+PHI = """
+    0.8789   0.00474   0.0009691  1.621E-6   1.109E-7    -0.001675
+    -46.97   0.857     0.3759     0.000957   6.709E-5    -1.285
+    4.078    0.006852  0.9674     0.004851   0.0003481   -9.098
+    1577     4.046     -12.62     0.9295     0.06848     -3043
+    -17.9    -0.04479  0.1433     -0.01081   -0.0007965  -501.1
+    0        0         0          0          0           0.2753
+"""
+G = "8.223E-6  0.006389  0.04617  16.21  3.437  0.002809"
+H = "0  0  0  0.05  0  0"
+P_0 = (0.0003, 0.0003, 0.0003, 0.0003, 0.01, 0.01)
+R = 0.0025
+PLANT = {  # [1/s2], [1/s], ...: a_ij of the printed A, the loop's rate, its drive, pole and zero of the compensator
+    "a21": 10025.9, "a22": 4.61611, "a23": 80.2301, "a41": 339214.0, "a43": 2714.47, "a44": 0.967879, "a45": 603.297,
+    "a54": 95.2571, "loop": 8210.38, "drive": 72699.4, "a": 45.0, "b": 257.987,
+}  # fmt: skip
+ARM, SHARE = 0.125, 0.9  # lever arm [m] and R's share of the loop: chosen
+RATIO = ((PLANT["a23"] / PLANT["a21"]) * (PLANT["a43"] / PLANT["a41"])) ** 0.5  # N / l
+LEAD = ARM * RATIO  # N [m/rad]
+
+
+def entries() -> tuple[np.ndarray, np.ndarray]:
+    """Return (printed entries that are not zero, half of the last digit of each): Phi by rows, G, H."""
+    words = [w for w in f"{PHI} {G} {H}".split() if float(w)]
+    half = []
+    for w in words:
+        digits, _, power = w.lstrip("-").upper().partition("E")
+        half.append(0.5 * 10.0 ** (int(power or 0) - len(digits.partition(".")[2])))
+    return np.array([float(w) for w in words]), np.array(half)
+
+
+def plant(resistance: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (Phi, G, Gamma) of the truth over a tick: state (6), demand, bias of the loop's current sensor [A].
+
+    `resistance`: rise of R as a fraction.
+    """
+    p, A, B = PLANT, np.zeros((6, 6)), np.zeros((6, 2))
+    A[0, 1] = A[2, 3] = 1.0
+    A[1, :3] = -p["a21"], -p["a22"], p["a21"] * RATIO
+    A[3, [0, 2, 3, 4]] = p["a43"] / RATIO, -p["a43"], -p["a44"], p["a45"]
+    A[4, 3:] = -p["a54"], -p["loop"] * (1.0 + SHARE * resistance), -p["drive"] * (p["b"] - p["a"])
+    A[5, 5] = -p["b"]
+    B[4, 0], B[5, 0], B[4, 1] = p["drive"], 1.0, -(1.0 - SHARE) * p["loop"]
+    both = np.zeros((8, 8))
+    both[:6, :6], both[:6, 6:] = A, B
+    both = expm(both * PERIOD)
+    return both[:6, :6], both[:6, 6], both[:6, 7]
+
+
+def kalman(u: np.ndarray, velocity: np.ndarray, position: np.ndarray, current: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return (eta_bar, R1 [m], R2 [A]) of (5) to (9), each (ticks,), from the demand and the sensors.
+
+    (5) is printed without Phi in the prediction of the state; it is Phi (x + K gamma) + G u. `u[k]` is the demand over
+    the tick that ends at sample k.
+    """
+    Phi, G, _ = plant()
+    x, P, H = np.zeros(6), np.diag(P_0), np.array([0.0, 0.0, 0.0, 0.05, 0.0, 0.0])
+    eta, R1, R2 = np.zeros(len(u)), np.zeros(len(u)), np.zeros(len(u))
+    for k in range(len(u)):
+        if k:
+            x, P = Phi @ x + G * u[k], Phi @ P @ Phi.T
+        S = H @ P @ H + R
+        gamma = 0.05 * velocity[k] - H @ x
+        K = P @ H / S
+        x, P = x + K * gamma, P - np.outer(K, H @ P)
+        eta[k] = gamma / S**0.5  # (6)
+        R1[k], R2[k] = position[k] - LEAD * x[2], current[k] - x[4]  # (9)
+    mean = np.convolve(eta, np.full(10, 0.1))[: len(eta)]  # (7); what is not there yet counts as zero
+    return mean, R1, R2

@@ -1,0 +1,214 @@
+"""Schema of a log's metadata, validated here once for all readers.
+
+Checksums prove that a log is unchanged, not who wrote it: a forged one has right checksums and
+nonsense inside. Every mistake is a LogError with the log's path.
+"""
+
+import io
+import tokenize
+import zipfile
+import zlib
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from cosim.errors import CosimError, LogError
+from cosim.log import Log
+from cosim.scenario import Scenario, attached, parse
+from cosim.texts import from_json, toml
+
+MOST_S = 36_000.0  # the longest flight that a scenario may ask for
+ARRAY_BYTES = 1 << 27  # an array that claims more is refused
+_BAD = (  # what NumPy and zipfile may raise on bytes that are not what they should be
+    *(ValueError, EOFError, OSError, SyntaxError, TypeError, OverflowError, MemoryError, RuntimeError),
+    *(tokenize.TokenError, zipfile.BadZipFile, zlib.error),
+)
+_Name = Annotated[str, Field(min_length=1, max_length=100)]
+_JUDGED = {"r", "alarm", "verdict", "culprit", "valid"}  # outputs that every detector has
+
+
+_Word = Annotated[str, Field(max_length=1000)]
+_Cases = dict[_Name, Annotated[list[_Name], Field(max_length=20)]]
+
+
+class _Record(BaseModel):
+    """What a log tells of a guest (cosim/flight/plugins), so that it is judged without its code."""
+
+    model_config = ConfigDict(strict=True, extra="forbid")
+
+    summary: _Word
+    technologies: list[_Name]
+    inputs: dict[_Name, _Name]
+    group: _Word
+    designed_for: _Cases
+    may_see: _Cases
+    blind: _Word
+    blind_to: list[_Name]
+    remark: _Word
+    estimates: Annotated[list[Annotated[list[str], Field(min_length=3, max_length=3)]], Field(max_length=4)]
+
+
+class _Guest(BaseModel):
+    """Where a guest came from, what it can blame, its record."""
+
+    model_config = ConfigDict(strict=True)
+
+    form: Literal["python", "block"]
+    file: Annotated[str, Field(max_length=200)]
+    sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+    culprits: Annotated[list[Annotated[str, Field(max_length=100)]], Field(min_length=1, max_length=64)]
+    record: _Record
+
+
+class _Flew(BaseModel):
+    """A detector, and what is told of it where it is a guest."""
+
+    model_config = ConfigDict(strict=True)
+
+    id: _Name
+    level: Literal["local", "aircraft"]
+    every: Annotated[int, Field(ge=1, le=1_000_000)]
+    guest: _Guest | None = None
+
+
+class _Detector(_Flew):
+    """One detector of a log: its lanes and, per lane, which field of which topic each of its inputs is."""
+
+    lanes: Annotated[list[_Name], Field(min_length=1, max_length=64)]
+    inputs: dict[_Name, list[Annotated[list[str], Field(min_length=3, max_length=3)]]]
+
+
+def detectors(log: Log) -> list[dict[str, Any]]:
+    """Return what `detectors.json` of a log says, {id, level, lanes, every, inputs, ...} per detector, or raise."""
+    if "detectors.json" not in log.attachments:
+        remedy = "For data of another source use --map"
+        raise LogError("the log describes no detectors", place=str(log.path), remedy=remedy)
+    place = f"{log.path}: detectors.json"
+    found = from_json(log.attachments["detectors.json"], place=place, error=LogError)
+    scenario_tables(log)
+    for d in _checked(found, _Detector, place):
+        if sorted(d.inputs) != sorted(set(d.lanes)) or len(set(d.lanes)) != len(d.lanes):
+            raise LogError(f"is damaged: inputs of {d.id} are not those of its lanes", place=place)
+        for lane, inputs in d.inputs.items():
+            for _, topic, field in inputs:
+                if topic not in log.topics or field not in log.topics[topic].fields or log.topics[topic].every != 1:
+                    raise LogError(f"is damaged: {d.id} reads {topic}.{field}, which is not there", place=place)
+            own = log.topics.get(f"/detectors/{d.id}/{lane}")
+            if own is not None and own.every != d.every:
+                raise LogError(f"is damaged: {d.id} runs every {d.every} ticks, its topic {own.every}", place=place)
+            if d.guest and own is not None and (lacking := _JUDGED - set(own.fields)):
+                raise LogError(f"is damaged: {own.name} lacks {', '.join(sorted(lacking))}", place=place)
+    return found
+
+
+def guests(text: bytes, place: str) -> list[dict[str, Any]]:
+    """Return what a campaign's guests.json says, {id, level, every, guest} per detector, or raise."""
+    found = from_json(text, place=place, error=LogError)
+    _checked(found, _Flew, place)
+    return found
+
+
+def _checked(found, kind, place):
+    """Return the entries of a list of detectors as models of `kind`; each is there once."""
+    if not isinstance(found, list):
+        raise LogError("is not a list of detectors", place=place)
+    try:
+        made = [kind.model_validate(entry) for entry in found]
+    except ValidationError as wrong:
+        first = wrong.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        raise LogError(f"is damaged: {where}: {first['msg']}", place=place) from None
+    if len({d.id for d in made}) != len(made):
+        raise LogError("is damaged: a detector is there twice", place=place)
+    return made
+
+
+def scenario(log: Log) -> Scenario:
+    """Return the scenario of a log, or raise."""
+    tables, place = scenario_tables(log), f"{log.path}: scenario.toml"
+    attached.bring_aircraft(tables, log.attachments, place)
+    return parse(tables, place=place)
+
+
+def scenario_tables(log: Log) -> dict[str, Any]:
+    """Return the tables of the scenario in a log, or raise."""
+    place = f"{log.path}: scenario.toml"
+    if "scenario.toml" not in log.attachments:
+        remedy = "`cosim info` shows what it holds"
+        raise LogError("was not written by `cosim run`: it holds no scenario", place=str(log.path), remedy=remedy)
+    try:
+        text = log.attachments["scenario.toml"].decode("utf-8")
+    except UnicodeDecodeError as wrong:
+        raise LogError(f"is not UTF-8 (byte {wrong.start})", place=place) from None
+    try:
+        found = toml(text, place=place, error=LogError)
+    except CosimError as wrong:
+        raise LogError(wrong.problem, place=place) from None
+    _clock(log, found)
+    return found
+
+
+def _clock(log, tables):
+    """Raise LogError where a log's ticks are not those of its scenario: detectors step by them, arrays are as long."""
+    rate, duration = tables.get("rate_hz", 200), tables.get("duration_s", MOST_S)
+    told = isinstance(rate, int) and isinstance(duration, int | float) and rate > 0
+    if not told or round(1e9 / rate) != log.dt_ns:
+        raise LogError(f"is damaged: its tick of {log.dt_ns} ns is not that of {rate} Hz", place=str(log.path))
+    ticks = sum(log.spans[-1]) if log.spans else 0
+    if not ticks <= min(duration, MOST_S) * rate + 1.0:
+        raise LogError(f"is damaged: it ends at tick {ticks}, its scenario after {duration} s", place=str(log.path))
+
+
+def achieved(log: Log) -> dict[str, dict[str, float | None]] | None:
+    """Return {segment: {name: number or None}} of the result's `achieved`, None where a log has none, or raise."""
+    place = f"{log.path}: result, achieved"
+    found = from_json((log.result or {}).get("achieved", "null"), place=place, error=LogError)
+    if found is None:
+        return None
+    if not isinstance(found, dict) or not all(isinstance(segment, dict) for segment in found.values()):
+        raise LogError("is not a table of segments", place=place)
+    for segment in found.values():
+        if not all(x is None or isinstance(x, int | float) for x in segment.values()):
+            raise LogError("holds something that is no number", place=place)
+    return found
+
+
+def array(log: Log, name: str) -> np.ndarray:
+    """Return the array of attachment <name>.npy, or of <name>.npz with an entry `array`.
+
+    KeyError when it is not there, LogError when it is damaged, of objects, or claims more than is there.
+    """
+    try:
+        if f"{name}.npy" in log.attachments:
+            return _npy(log.attachments[f"{name}.npy"])
+        with zipfile.ZipFile(io.BytesIO(log.attachments[f"{name}.npz"])) as packed:
+            try:
+                entry = packed.getinfo("array.npy")
+            except KeyError:
+                raise ValueError("it holds no array") from None
+            if entry.file_size > ARRAY_BYTES:
+                raise ValueError(f"it is larger than {ARRAY_BYTES} bytes")
+            with packed.open(entry) as file:
+                return _npy(file.read(ARRAY_BYTES))
+    except _BAD as wrong:
+        raise LogError(f"{name} is damaged: {str(wrong) or type(wrong).__name__}", place=str(log.path)) from wrong
+
+
+def _npy(data: bytes) -> np.ndarray:
+    """Return the array of .npy `data` after its header has been held against their length."""
+    file = io.BytesIO(data)
+    version = np.lib.format.read_magic(file)
+    read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}.get(version)
+    if read is None:
+        raise ValueError(f"version {version} of the format")
+    shape, _, kind = read(file)
+    if kind.hasobject or kind.itemsize == 0 or len(shape) > 4:
+        raise ValueError("an array of no numbers")
+    count = 1
+    for n in shape:
+        count *= n
+    if count < 0 or count * kind.itemsize != len(data) - file.tell():
+        raise ValueError(f"its header says {shape}, which its data are not")
+    file.seek(0)
+    return np.load(file, allow_pickle=False)

@@ -1,0 +1,115 @@
+"""Hydraulic faults in flight: one seed of some cases, and what the stored thresholds say about how they were found."""
+
+import json
+from dataclasses import asdict
+
+import hydraulic_cases
+import hydraulic_loop
+import numpy as np
+import pytest
+
+from cosim.flight.loop.signals import fly
+from cosim.scenario.catalog import SEGMENTS
+from cosim.training import train_hydraulic, trainer
+from cosim.training.flights import DT, POINTS, draw, over_envelope, scenario
+
+CASES = {c.name: c for c in (*hydraulic_cases.oscillations(), *hydraulic_cases.others())}
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "ofc_liquid 1 Hz 0.6 mm",
+        "ofc_solid 5 Hz 0.6 mm",
+        "runaway 20 deg/s",
+        "jam_solid, step 1 deg",
+        "rod bias 1 mm",
+        "pressure drift 5 pct/s",
+        "pressure freeze",
+    ],
+)
+def test_in_flight_each_fault_has_its_name_in_time(name):
+    case = CASES[name]
+    found = hydraulic_cases.fly_case(asdict(case), 17001)
+    row, sensor = ([hydraulic_cases.Outcome(**found[d])] for d in ("iotsekf", "rtsekf_flight"))
+    row, sensor = hydraulic_cases.summary(case, row), hydraulic_cases.summary(case, sensor)
+    in_time = row["detected"] if row["in_time"] is None else row["in_time"]
+    assert (row["early"], in_time, row["right"]) == (0, 1, 1), row
+    assert sensor["detected"] == (1 if name.startswith("rod") else 0), sensor
+
+
+def test_a_slow_solid_oscillation_without_motion_is_found_and_not_misnamed():
+    case = CASES["ofc_solid 0.5 Hz 0.6 mm, still air, hands off"]
+    found = hydraulic_cases.fly_case(asdict(case), 17001)
+    row = hydraulic_cases.summary(case, [hydraulic_cases.Outcome(**found["iotsekf"])])
+    assert (row["early"], row["in_time"], row["right"]) == (0, 1, 1), row
+
+
+def test_a_healthy_flight_is_quiet_and_every_segment_is_watched():
+    flight = draw(5, point=POINTS[1], manoeuvre="pitch_protection", turbulence="light")
+    recorded = hydraulic_cases.fly_hydraulic(**{**flight, "duration": 20.0})
+    assert len(recorded) == 4000
+    for name, (module, p) in hydraulic_cases.detectors().items():
+        assert not (hydraulic_cases.watch(recorded, module, p, ("alarm",))["alarm"] > 0.5).any(), name
+
+
+@pytest.mark.parametrize("detector", ["iotsekf", "rtsekf"])
+def test_stored_thresholds_are_beyond_what_training_saw_and_say_at_what_probability(detector):
+    data = json.loads((trainer.FOLDER / f"{detector}.json").read_text(encoding="utf-8"))
+    how = data.pop("training")
+    assert how["probability_per_flight"] == train_hydraulic.PROBABILITY
+    assert how["first_seed"] == train_hydraulic.FIRST_SEED
+    assert how["flights"] == train_hydraulic.FLIGHTS
+    for name, largest in how["largest"].items():
+        stored = data[name]
+        assert set(largest) == set(train_hydraulic.TESTS[detector])
+        for key, value in largest.items():
+            assert np.all(np.array(stored[key]) >= 0.999 * np.array(value)), (name, key)
+
+
+def test_every_frequency_has_its_share_of_the_probability_and_one_that_no_flight_shows_the_noise():
+    rng = np.random.default_rng(1)
+    tall = rng.exponential(1.0, (400, 3)) * [1.0, 2.0, 0.0]
+    limit = train_hydraulic.each(tall, 3e-3)
+    assert limit[:2] == pytest.approx([np.log(1e3), 2.0 * np.log(1e3)], rel=0.25)
+    assert limit[2] == 0.0
+    found = {"bank_threshold": np.zeros(14), "slow_threshold": np.zeros(7), "run_threshold": 1.0}
+    out = train_hydraulic.limits([{"iotsekf flight_load2": found}] * 20)[0].fields
+    assert out["bank_threshold"] == pytest.approx(train_hydraulic.quiet_floor(2)["bank_threshold"])
+    assert out["run_threshold"] == train_hydraulic.PEAK
+
+
+def test_training_and_evaluation_share_no_seed():
+    train = {f["seed"] for f in over_envelope(train_hydraulic.FIRST_SEED, train_hydraulic.FLIGHTS)}
+    first = train_hydraulic.EVALUATION
+    assert len(train) == train_hydraulic.FLIGHTS >= 300
+    assert not train & set(range(first, first + 1000))
+
+
+@pytest.mark.parametrize(("feedback", "late"), [("measured", 0.95), ("rtsekf_flight", 0.0)])
+def test_feedback_flights_tell_a_loop_that_believes_the_rod_sensor(feedback, late):
+    found = hydraulic_loop.feedback_flight(feedback, False, 3)
+    assert found["late_deg"] == pytest.approx(late, abs=0.15)
+    assert found["rtsekf_flight"] and found["nz_free_g"] < 0.02
+
+
+def test_long_flights_show_what_drifts(monkeypatch):
+    monkeypatch.setattr(hydraulic_loop, "LONG_S", 60.0)
+    rows = hydraulic_loop.long_flight(3)["rows"]
+    worst = {name: values[-1] for name, values in rows.items()}
+    assert worst["rtsekf, load ignored, as published: |f_hat| [mm]"] > 20.0
+    assert worst["rtsekf_flight: |rod estimate - rod| [mm]"] < 1.0
+    assert worst["ema_kalman: |R1| [mm], threshold 0.5"] > 50.0
+    assert worst["ema_kalman_flight: largest test over its threshold"] < 1.0
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_alarms_of_healed_runaways_end_with_the_servo_on_the_estimate(seed):
+    """They end on a stop: the rod is driven off it by the whole supply, which is no jump of the pressure sensor."""
+    faults = [{"target": f"elevator.{s}", "kind": "runaway", "start_s": 5.0, "end_s": 7.0, "rate_deg_s": rate}
+              for s, rate in zip(SEGMENTS, (22.0, 33.0, -22.0, -33.0))]  # fmt: skip
+    flight = scenario(duration=12.0, seed=seed, manoeuvre="nz_doublet", faults=faults,
+                      detectors={"enabled": ["iotsekf"]},
+                      elevator={**dict.fromkeys(SEGMENTS, "hydraulic"), "feedback": "iotsekf"})  # fmt: skip
+    alarm = fly(flight, [f"iotsekf.{s}.alarm" for s in SEGMENTS]).to_numpy().T
+    assert alarm[:, round(5.3 / DT) : round(7.0 / DT)].all()
+    assert not alarm[:, round(10.0 / DT) :].any()
