@@ -103,8 +103,8 @@ def reduced(name):
         return train_ema.limits([train_ema.surveyed(**train_ema.flights(number=4)[3] | {"duration": 12.0})])
     if name == "aircraft":
         flight = train_aircraft.arguments(10)
-        parameters = {name: train_aircraft.fitted(name, 10) for name in train_aircraft.SURVEYS}
-        found = train_aircraft.surveys(train_aircraft.flown(flight), "light", parameters.get, None, tuple(parameters))
+        p = {name: train_aircraft.fitted(name, 10) for name in train_aircraft.SURVEYS}
+        found = train_aircraft.surveys(train_aircraft.flown(flight), "light", p.__getitem__, None, tuple(p))
         return train_aircraft.limits([found], {"noise": 1e-7})
     flight = next(train_rfafe.flights(1000)) | {"duration": 10.0}
     kinds = side_kinds(dict(zip(train_rfafe.SEGMENTS, flight["technology"], strict=True)))
