@@ -145,16 +145,16 @@ def train(
     workers: WorkersOption = None,
 ) -> None:
     """Fly the fault-free training set of some detectors' thresholds and store what it finds."""
-    from cosim.training import trainer
+    from cosim.training import load
 
-    module = trainer(name)
+    training = load(name)
     how = {"folder": output or Path("logs") / f"train-{name}", "workers": workers}
     with tables.progress(err, "training", unit="flights", waiting="preparing") as progress:
-        made = module.train(**how, progress=progress, **({} if first_seed is None else {"first_seed": first_seed}))
+        made = training.train(**how, progress=progress, **({} if first_seed is None else {"first_seed": first_seed}))
     heads = ("file", "set", "threshold", "stored>", "trained>")
-    out.print(Table("The entry of each threshold that grows most", *heads, rows=map(Row, module.changes(made))))
+    out.print(Table("The entry of each threshold that changes most", *heads, rows=map(Row, training.changes(made))))
     if not check:
-        module.store(made)
+        training.store(made)
 
 
 def _finite(row: dict[str, Any]) -> dict[str, Any]:

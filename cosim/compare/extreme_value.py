@@ -16,7 +16,8 @@ claim and which is wrong: the Gaussian law has shape 0 in the limit and below it
 upper end also holds the exponential tail (xi = 0) through the mean excess.
 
 The number of peaks is fixed, not chosen by looking: with PEAKS of them the spread of xi exceeds its bias for all
-processes that tests/compare/test_tails.py knows the exact answer of. Where the law does not fit there is no curve.
+processes that tests/compare/test_extreme_value.py knows the exact answer of. Where the law does not fit there is no
+curve.
 """
 
 import math

@@ -1,12 +1,12 @@
 """Designs and thresholds from the aircraft that flies: `cosim design` and `cosim train`."""
 
 import importlib
-from types import ModuleType
+from typing import Any
 
 from cosim.errors import DesignError, did_you_mean
 
 TRAINERS = {  # name -> (module, what it trains)
-    "hydraulic": ("cosim.training.train_hydraulic", "iotsekf, rtsekf; 5 min on two cores"),
+    "hydraulic": ("cosim.training.train_hydraulic", "iotsekf, rtsekf, rtsekf_flight; 5 min on two cores"),
     "monitors": ("cosim.training.train_monitors", "ofc_monitor, position_monitor; 5 min on two cores"),
     "aircraft": ("cosim.training.train_aircraft", "lpv_smo, control_redundancy, kinematic, rfafe_airframe; 10 min"),
     "ema": ("cosim.training.train_ema", "ema_kalman_flight, position_monitor on EMAs; 5 min on two cores"),
@@ -15,9 +15,10 @@ TRAINERS = {  # name -> (module, what it trains)
 }
 
 
-def trainer(name: str) -> ModuleType:
-    """Return the module that trains thresholds `name`: train(), changes(), store(). Raises DesignError for none."""
+def load(name: str) -> Any:
+    """Return the training `name`: train(), changes(), store(). Raises DesignError if unknown."""
     if name not in TRAINERS:
-        raise DesignError(f"there is no training {name!r}", allowed=", ".join(TRAINERS),
+        raise DesignError(f"unknown training {name!r}", allowed=", ".join(TRAINERS),
                           remedy=did_you_mean(name, TRAINERS))  # fmt: skip
-    return importlib.import_module(TRAINERS[name][0])
+    module = importlib.import_module(TRAINERS[name][0])
+    return getattr(module, "TRAINING", module)

@@ -25,7 +25,9 @@ from cosim.flight.detection.detectors import sources, unfit
 from cosim.flight.loop.signals import fly
 from cosim.scenario.aircraft import Aircraft, load_aircraft
 from cosim.training import lpv_boxes, rfafe, train_aircraft, train_rfafe
-from cosim.training.flights import COMMAND, DT, estimate, scenario
+from cosim.training.flights import COMMAND, DT, KINDS, NOISE_SCALE, TOLERANCE, estimate, scenario
+from cosim.training.threshold_fit import PROBABILITY
+from cosim.training.train_aircraft import GUSTS, air
 from fdi import registry
 from fdi.common import bank, compact
 from fdi.lpv_smo import boxes
@@ -38,7 +40,6 @@ DRAWS, CHUNKS = 1024, 16  # points tried for the LPV model, and jobs that they a
 ALPHA_MARGIN = 0.97  # of the angle that surely flies: no design beyond
 MACH_EDGES = lpv_boxes.EDGES[3]
 FLOOR = 0.5  # of an accelerometer's noise: five sigma of its mean over half a second, no threshold is lower
-GUSTS = ("light", "moderate")  # of the flights that teach what the airframe has in an estimate
 DIGITS = 10  # of the numbers in the files
 WIDEST = {"mass": 1.75, "cas": 1.35, "cg": 25.0}  # of a box: ratio, ratio, per cent of the chord
 
@@ -91,7 +92,7 @@ def make(
         old.unlink()  # no flight of the training knows what the last one found
     seeds = [{"index": k, "first_seed": first_seed} for k in range(flights)]
     answered = several(_answered, *({"index": k} for k in range(bank.K)))
-    prior = train_aircraft.known(several(_taught, *(one for one in seeds if _air(one["index"]) in GUSTS)))
+    prior = train_aircraft.known(several(_taught, *(one for one in seeds if air(one["index"]) in GUSTS)))
     values = several(_surveyed, *({**one, "prior": prior} for one in seeds))
     written += _thresholds(own, values, answered, prior, flights, first_seed)
     about = {"aircraft_sha256": digest, "flights": flights, "first_seed": first_seed}
@@ -190,15 +191,15 @@ def arguments(aircraft: str, index: int, first_seed: int) -> dict[str, Any]:
     own, rng = load_aircraft(aircraft), np.random.default_rng([first_seed, index])
     _, alpha, mach = _limits(own)
     layouts = [tuple(own.technology.values()), ("hydraulic",) * len(own.segments)]
-    off = {n: float(1 + train_aircraft.TOLERANCE * rng.choice((-1, 1))) for n in own.multipliers}
+    off = {n: float(1 + TOLERANCE * rng.choice((-1, 1))) for n in own.multipliers}
     fixed: dict[str, Any] = {
-        "duration": 60.0, "manoeuvre": train_aircraft.KINDS[index % 8], "seed": first_seed + index,
-        "technology": layouts[index // 32 % 2], "sensors": {"noise_scale": train_aircraft.NOISE_SCALE},
+        "duration": 60.0, "manoeuvre": KINDS[index % 8], "seed": first_seed + index,
+        "technology": layouts[index // 32 % 2], "sensors": {"noise_scale": NOISE_SCALE},
         "tolerances": {"aero": off}, "aircraft": aircraft,
     }  # fmt: skip
     while True:
         flight: dict[str, Any] = fixed | {
-            "flight": {"aircraft": aircraft, **point(own, rng), "turbulence": _air(index)}
+            "flight": {"aircraft": aircraft, **point(own, rng), "turbulence": air(index)}
         }
         try:
             setup = build(scenario(**flight))
@@ -207,11 +208,6 @@ def arguments(aircraft: str, index: int, first_seed: int) -> dict[str, Any]:
         truth = setup.loop.truth
         if setup.trim.throttle < 0.9 and math.degrees(setup.trim.alpha) < 0.8 * alpha and truth["mach"] < mach - 0.03:
             return flight
-
-
-def _air(index):
-    """Return the turbulence of a training flight."""
-    return train_aircraft.TURBULENCE[index // 8 % 4]
 
 
 def flown(own: Aircraft, flight: dict[str, Any]) -> pd.DataFrame:
@@ -247,14 +243,10 @@ def _taught(aircraft: str, digest: str, index: int, first_seed: int) -> list[flo
 def _surveyed(aircraft: str, digest: str, index: int, first_seed: int, prior: dict[str, Any]) -> dict[str, Any]:
     """Return what the surveys find in one fault-free flight; of detectors not trained in its air nothing."""
     own, frame, technology = _trained(aircraft, index, first_seed)
-    out: dict[str, Any] = {}
-    for name, survey in train_aircraft.SURVEYS.items():
-        if name in fits(own) and _air(index) in train_aircraft.AIR[name]:
-            p = fitted(own, name, technology)
-            for field, value in prior.items() if name == "rfafe_airframe" else ():
-                p[field] = value
-            out[name] = {part: rows.tolist() for part, rows in survey(frame, p).items()}
-    if _air(index) in train_rfafe.TURBULENCE:
+    flies = [name for name in train_aircraft.SURVEYS if name in fits(own)]
+    with_ = lambda name: fitted(own, name, technology)  # noqa: E731
+    out: dict[str, Any] = train_aircraft.surveys(frame, air(index), with_, prior, flies)
+    if air(index) in train_rfafe.TURBULENCE:
         runs, whatever, slow = train_rfafe.survey(frame, "rfafe", fitted(own, "rfafe", technology))
         out["rfafe"] = [runs.tolist(), whatever.tolist(), slow]
     return out
@@ -276,24 +268,21 @@ def _answered(aircraft: str, digest: str, index: int) -> float:
 
 def _thresholds(own, values, answered, prior, flights, first_seed):
     """Store the thresholds that the surveys ask for; return the files."""
-    limits, written = train_aircraft.limits(values), []
     how = {"command": f"cosim design --aircraft {own.name}", "flights": flights, "first_seed": first_seed,
            "flight_s": 60.0}  # fmt: skip
-    for name, parts in limits["limits"].items():
-        fields = train_aircraft.fields(name, parts)
-        if name in ("lpv_smo", "rfafe_airframe"):
+    written = []
+    for t in train_aircraft.limits(values, prior):
+        fields = dict(t.fields)
+        if "alpha_max" in registry.module(t.detector).PARAMS.names:
             fields["alpha_max"] = math.radians(_limits(own)[1])
-        if name == "rfafe_airframe":
-            fields |= prior
-        if name == "control_redundancy":
+        if t.detector == "control_redundancy":
             fields |= {f"t_{axis}": max(fields[f"t_{axis}"], FLOOR * TRANSPORT[f"n_{axis}"][1]) for axis in "xyz"}
-        about = {**how, "probability_per_flight": train_aircraft.PROBABILITY, "air": list(train_aircraft.AIR[name])}
-        written.append(_write(own, "thresholds", name, {"flight": _plain(fields), "training": about}))
+        about = {**how, "probability_per_flight": PROBABILITY, "air": t.found["air"]}
+        written.append(_write(own, "thresholds", t.detector, {"flight": _plain(fields), "training": about}))
     found: list[tuple[dict, dict]] = [({}, {"rfafe": v["rfafe"]}) for v in values if "rfafe" in v]
     fields, _ = train_rfafe.fields("rfafe", found, np.array(answered))
     about = {**how, "margin": train_rfafe.MARGIN, "air": list(train_rfafe.TURBULENCE)}
-    written.append(_write(own, "thresholds", "rfafe", {"flight": _plain(fields), "training": about}))
-    return written
+    return [*written, _write(own, "thresholds", "rfafe", {"flight": _plain(fields), "training": about})]
 
 
 def _plain(fields):

@@ -1,4 +1,4 @@
-"""Flights of training: their scenarios, and the detectors of a flown table.
+"""Flights of training and of the studies: points, manoeuvres, scenarios, and the detectors of a flown table.
 
 A flight is flown once without detectors (`cosim.fly`); what they read is in its table, and each runs on it as often as
 needed (`detect`).
@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from cosim.errors import TrimError
+from cosim.flight.build import build
 from cosim.flight.detection.detectors import sources
 from cosim.flight.loop.signals import detect, fly
 from cosim.flight.plant.point import SIX
@@ -26,10 +28,18 @@ DT = 0.005
 POINT = SIX["sun13"]
 POINTS = tuple(SIX.values())
 TURBULENCE = ("none", "light", "moderate")
+AIR = (*TURBULENCE, "severe")
 # the six fault-free flights of [Sun13] section IV
 MANOEUVRES = ("cruise", "aoa_protection", "nose_up", "pitch_protection", "coordinated_turn", "yaw_angle")
+KINDS: tuple[dict, ...] = (
+    {"kind": "cruise"}, {"kind": "coordinated_turn", "duration_s": 35.0}, {"kind": "yaw_angle"}, {"kind": "nz_doublet"},
+    {"kind": "three_two_one_one"}, {"kind": "nose_up", "amplitude_g": 0.3}, {"kind": "aoa_protection"},
+    {"kind": "pitch_protection"},
+)  # fmt: skip
 FLIGHT_S = 60.0
-TOLERANCE = 0.05
+TOLERANCE = 0.05  # of every coefficient
+NOISE_SCALE = 1.2  # of the sensors
+START_S = 2.0  # filters settle
 MODEL = ("A_p", "B", "M", "P_s", "phi_n", "V_m", "E", "L", "F_c", "F_s")  # of the hydraulic actuator, off by up to 5 %
 EMA = ("ema_kalman_flight", "position_monitor")  # its detectors that know its load
 COMMAND = "law.law.de_cmd"
@@ -80,6 +90,55 @@ def envelope(rng: np.random.Generator) -> dict:
     most = max(min(310.0, 330.0 - 2.2e-3 * max(height - 12000.0, 0.0)), least + 5.0)
     cg, speed = rng.uniform(25.0, 36.0), rng.uniform(least, most)
     return {"mass_t": mass, "cg_pct": cg, "altitude_ft": height, "cas_kt": speed}
+
+
+def wide(rng: np.random.Generator) -> dict[str, float]:
+    """Return a flight point drawn over mass, CG, altitude and speed, wider than `envelope`; not every one trims."""
+    mass, cg = rng.uniform(200.0, 405.0), rng.uniform(25.0, 36.0)
+    height, speed = rng.uniform(5000.0, 39000.0), rng.uniform(180.0, 330.0)
+    return {"mass_t": mass, "cg_pct": cg, "altitude_ft": height, "cas_kt": speed}
+
+
+def trimming(
+    rng: np.random.Generator, fixed: dict[str, Any], where: dict[str, Any], alpha: float = 10.5
+) -> dict[str, Any]:
+    """Return the arguments of `scenario` with a point drawn that trims with throttle below 95 % and angle of
+    attack below `alpha` [deg]; `where` are further entries of its flight."""
+    while True:
+        flight: dict[str, Any] = fixed | {"flight": wide(rng) | where}
+        try:
+            setup = build(scenario(**flight))
+        except TrimError:
+            continue
+        if setup.trim.throttle < 0.95 and math.degrees(setup.trim.alpha) < alpha:
+            return flight
+
+
+def somewhere(flight: dict[str, Any], speeds: tuple[float, float] | None = None) -> dict[str, Any]:
+    """Return a flight at a point of `wide` that trims, drawn by its seed; between `speeds` [kt] if given."""
+    rng = np.random.default_rng([flight["seed"], 2])
+    where = {"turbulence": flight["flight"]["turbulence"]}
+    return trimming(rng, flight, where | ({"cas_kt": rng.uniform(*speeds)} if speeds else {}))
+
+
+def lively(mass_t: float) -> list[dict[str, Any]]:
+    """Return eight manoeuvres: those of [Sun13] section IV, and those that drive the elevators fastest."""
+    weak = {"amplitude_g": 0.15}  # what a heavy aircraft has left
+    kinds = [{"kind": kind, **(weak if kind in ("nose_up", "pitch_protection") and mass_t > 300.0 else {})}
+             for kind in MANOEUVRES]  # fmt: skip
+    return [*kinds, {"kind": "three_two_one_one", "amplitude_deg": 2.0, "unit_s": 0.5}, {"kind": "nz_doublet"}]
+
+
+def over_envelope(first_seed: int, number: int) -> list[dict[str, Any]]:
+    """Return the arguments of `scenario` of fault-free flights: eight manoeuvres, three airs, points of `envelope`."""
+    out = []
+    for k in range(number):
+        rng = np.random.default_rng([first_seed, k])
+        where = envelope(rng)
+        manoeuvre = lively(where["mass_t"])[k % 8]
+        flight = draw(first_seed + k, point=where, manoeuvre=manoeuvre, turbulence=TURBULENCE[k // 8 % 3])
+        out.append({**flight, "sensors": {"noise_scale": NOISE_SCALE}})
+    return out
 
 
 def flights(first_seed: int, draws: int = 1, points: Sequence[dict] = POINTS) -> Iterator[dict]:

@@ -32,7 +32,7 @@ from cosim.files import replace_text
 from cosim.judge.coverage import cases, true_class
 from cosim.replay.benchmark_recording import Recording
 
-TRAINING, NUMBER = 500_000, 400  # first seed, and flights
+FIRST_SEED, NUMBER = 500_000, 400  # of the flights
 FOLDER = Path(__file__).resolve().parents[1] / "learned"
 POINTS = {"flight.mass_t": (205.0, 380.0), "flight.cg_pct": (25.5, 35.5), "flight.altitude_ft": (6000.0, 34000.0),
           "flight.cas_kt": (200.0, 320.0)}  # fmt: skip
@@ -80,7 +80,7 @@ def windows() -> Any:
     return module
 
 
-def flights(folder: str | Path, first_seed: int = TRAINING, number: int = NUMBER, **how: Any) -> list[RecordedFlight]:
+def flights(folder: str | Path, first_seed: int = FIRST_SEED, number: int = NUMBER, **how: Any) -> list[RecordedFlight]:
     """Fly the training set into `folder`; return its flights. `how`: see `cosim.campaign.jobs.work`."""
     made = load_campaign(NAME)
     drawn = {key: Draw(low, high) for key, (low, high) in POINTS.items()}
@@ -249,7 +249,7 @@ LEARNERS = (
 )  # fmt: skip
 
 
-def train(*, first_seed: int = TRAINING, number: int = NUMBER, folder: str | Path, **how: Any) -> dict:
+def train(*, first_seed: int = FIRST_SEED, number: int = NUMBER, folder: str | Path, **how: Any) -> dict:
     """Fly the training set into `folder` and fit every learner; return {id: {told, model}}, `told` as in learned.json.
 
     Raises DesignError without scikit-learn, onnx or onnxruntime.

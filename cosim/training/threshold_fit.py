@@ -6,13 +6,31 @@ program); its scale follows from the largest y / (x w) of every flight: their up
 """
 
 import numpy as np
+from scipy.ndimage import minimum_filter1d
 from scipy.optimize import linprog
 from scipy.sparse import csr_matrix, hstack, identity
+
+from cosim.errors import DesignError
 
 PROBABILITY = 1e-3  # of a false alarm of a detector in a flight of 60 s: what `cosim train` finds is trained to it
 LEVELS = (0.97, 0.99, 0.999, 0.9999)  # of the regression, to choose from
 LEAST = 0.25
+BLOCK_S = 1.0
+HELD = 0.8  # of its confirmation time: a statistic that lasts so long counts as one that alarms
 UPPER = 0.8  # from this quantile of the flights on the tail is exponential
+
+
+def blocks(y: np.ndarray, features: list, valid: np.ndarray, dt: float, hold: float = 0.0) -> np.ndarray:
+    """Return (blocks, 1 + features): of each second the largest y (ticks,) that lasted for `hold` [s], and the
+    features (ticks,) or numbers there. Blocks without one are left out."""
+    y = np.where(valid, y, 0.0)
+    if hold > 0.0:
+        y = minimum_filter1d(y, max(round(hold / dt), 1))
+    n = round(BLOCK_S / dt)
+    at = np.arange(0, len(y) - n + 1, n)
+    at = at + y[: len(at) * n].reshape(-1, n).argmax(axis=1)
+    at = at[y[at] > 0.0]
+    return np.stack([y[at], *(np.broadcast_to(f, len(y))[at] for f in features)], axis=1)
 
 
 def quantile(y: np.ndarray, x: np.ndarray, level: float) -> np.ndarray:
@@ -44,13 +62,15 @@ def exceeded(largest: np.ndarray, probability: float) -> float:
     return float(max(u + over.mean() * max(np.log(len(over) / len(largest) / probability), 0.0), largest.max()))
 
 
-def limit(flights: list[np.ndarray], probability: float) -> tuple[np.ndarray, dict]:
+def limit(flights: list[np.ndarray], probability: float, place: str = "") -> tuple[np.ndarray, dict]:
     """Return (weights (features,), how they were found) of the limit that a flight passes with `probability`.
 
     `flights` holds (blocks, 1 + features) for each flight, y first; flights without a block count as far below. Of
-    LEVELS the one with the least limit on average is taken.
+    LEVELS the one with the least limit on average is taken. Raises DesignError if no flight has a block.
     """
-    rows = np.concatenate([f for f in flights if len(f)])
+    rows = np.concatenate([f for f in flights if len(f)] or [np.zeros((0, 2))])
+    if not len(rows):
+        raise DesignError("no flight shows what this threshold is for", place=place, remedy="train with more flights")
     best: tuple = (np.inf, np.zeros(rows.shape[1] - 1), {})
     for level in LEVELS if rows.shape[1] > 2 else (1.0,):
         w = quantile(rows[:, 0], rows[:, 1:], level) if rows.shape[1] > 2 else np.ones(1)
@@ -60,5 +80,6 @@ def limit(flights: list[np.ndarray], probability: float) -> tuple[np.ndarray, di
         scale = exceeded(ratio, probability)
         mean = float((rows[:, 1:] @ (w * scale)).mean())
         if mean < best[0]:
-            best = (mean, w * scale, {"level": level, "scale": scale, "largest": float(ratio.max() / scale)})
+            found = {"level": level, "scale": scale, "largest": float(ratio.max() / scale) if scale else 0.0}
+            best = (mean, w * scale, found)
     return best[1], best[2]

@@ -6,59 +6,42 @@ with, all of it measured (`cosim.training.threshold_fit`), at one PROBABILITY of
 shared among what it tests.
 """
 
-import json
-import math
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.ndimage import minimum_filter1d
 
-import fdi
-from cosim.campaign.jobs import work
-from cosim.errors import TrimError
-from cosim.files import replace_text
-from cosim.flight.build import build
 from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import sources
 from cosim.flight.loop.signals import detect, fly
 from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.tolerance import toleranced
-from cosim.training.flights import DT, scenario
-from cosim.training.threshold_fit import PROBABILITY, limit
+from cosim.training.flights import AIR, DT, FLIGHT_S, KINDS, NOISE_SCALE, TOLERANCE, scenario, trimming
+from cosim.training.threshold_fit import HELD, PROBABILITY, blocks, limit
+from cosim.training.trainer import Trained, Training, decimals
 from fdi import registry
-from fdi.common import bank, compact, tuning
+from fdi.common import bank
 from fdi.control_redundancy.core import NR
 from fdi.kinematic import signatures
 
 DETECTORS = ("lpv_smo", "control_redundancy", "kinematic", "rfafe", "rfafe_airframe")
-TURBULENCE = ("none", "light", "moderate", "severe")
 # what each is trained in; the others' estimates are not made for severe air
-AIR = {"kinematic": TURBULENCE, **dict.fromkeys(("lpv_smo", "control_redundancy", "rfafe_airframe"), TURBULENCE[:3])}
-BLOCK_S = 1.0
+TRAINED_IN = {"kinematic": AIR, **dict.fromkeys(("lpv_smo", "control_redundancy", "rfafe_airframe"), AIR[:3])}
 LPV_PARTS = ("elevator", "n_z", "alpha")
 BANDS = ((0, 4), (4, 7), (7, 10), (10, 14))  # of rfafe_airframe's frequencies: one limit from 0.5 to 1 Hz, to 2, 4, 11
 SPARE = 2  # fits in a row fewer than an alarm takes count as one: no limit hangs on the shape alone
+GUSTS = ("light", "moderate")  # that teach what the airframe has in rfafe_airframe's estimate
 BANK = ("bank_threshold", "bank_doubt", "bank_stir")
 TAUGHT_S, ALIKE_S = 50.0, 0.25  # to learn what the airframe has in rfafe_airframe's estimate; it is alike for so long
 LARGEST = {"gust_max"}
 PIECES = {"floor"}  # a row for each PIECE_S of a flight; it has no share in PROBABILITY: other tests need gusts
 DOUBLE = 2.0  # of the deviations over the training flights
-DIGITS = {"rfafe_airframe": 12}  # behind the point, where 7 do not do: its noise is some 1e-7 rad2 s
 LPV = ("f_hat_elevator", "f_hat_n_z", "f_hat_alpha", "f_sigma", "gust", "path", "alpha_0", "valid")
-HELD = 0.8  # of its confirmation time: a statistic that lasts so long counts as one that alarms
-KINDS: tuple[dict, ...] = (
-    {"kind": "cruise"}, {"kind": "coordinated_turn", "duration_s": 35.0}, {"kind": "yaw_angle"}, {"kind": "nz_doublet"},
-    {"kind": "three_two_one_one"}, {"kind": "nose_up", "amplitude_g": 0.3}, {"kind": "aoa_protection"},
-    {"kind": "pitch_protection"},
-)  # fmt: skip
 ELEVATORS = (("hydraulic", "hydraulic", "ema", "ema"), ("hydraulic",) * 4)
-NOISE_SCALE = 1.2  # of the sensors
-TOLERANCE = 0.05
-FLIGHTS, TRAINING = 384, 31_000  # how many, and the first seed
+FLIGHTS, FIRST_SEED = 384, 31_000
 # and for the floor of lpv_smo STILL flights in still air with every coefficient as it is known: then nothing but noise
 # is in its estimates, and its limits, which grow with gusts, come down to it after a minute
 STILL, STILL_S, STILL_ALPHA = 24, 400.0, 12.9
@@ -66,14 +49,7 @@ PIECE_S = 60.0  # of a flight: for so long PROBABILITY is
 HALF_S = 1.0  # between half periods that count together
 
 
-def point(rng: np.random.Generator) -> dict:
-    """Return a point drawn over mass, CG, altitude and speed; not every one trims."""
-    mass, cg = rng.uniform(200.0, 405.0), rng.uniform(25.0, 36.0)
-    height, speed = rng.uniform(5000.0, 39000.0), rng.uniform(180.0, 330.0)
-    return {"mass_t": mass, "cg_pct": cg, "altitude_ft": height, "cas_kt": speed}
-
-
-def arguments(index: int, first_seed: int = TRAINING) -> dict:
+def arguments(index: int, first_seed: int = FIRST_SEED) -> dict:
     """Return the arguments of `flights.scenario` of training flight `index`."""
     rng = np.random.default_rng([first_seed, index])
     fixed: dict[str, Any] = {
@@ -81,48 +57,20 @@ def arguments(index: int, first_seed: int = TRAINING) -> dict:
         "technology": elevators(index), "sensors": {"noise_scale": NOISE_SCALE},
         "tolerances": {"aero": {n: float(1 + TOLERANCE * rng.choice((-1, 1))) for n in toleranced("aero")}},
     }  # fmt: skip
-    return trimming(rng, fixed, {"turbulence": TURBULENCE[index // 8 % 4]})
+    return trimming(rng, fixed, {"turbulence": air(index)})
 
 
-def still(index: int, first_seed: int = TRAINING) -> dict:
+def still(index: int, first_seed: int = FIRST_SEED) -> dict:
     """Return the arguments of `flights.scenario` of the still flight `index`, from 0 to STILL."""
     rng = np.random.default_rng([first_seed, FLIGHTS, index])
     fixed = {"duration": STILL_S, "seed": first_seed + FLIGHTS + index, "sensors": {"noise_scale": NOISE_SCALE}}
     return trimming(rng, fixed, {"turbulence": "none"}, STILL_ALPHA)
 
 
-def trimming(
-    rng: np.random.Generator, fixed: dict[str, Any], where: dict[str, Any], alpha: float = 10.5
-) -> dict[str, Any]:
-    """Return the arguments of `flights.scenario` with a point drawn that trims with throttle below 95 % and angle of
-    attack below `alpha` [deg]; `where` are further entries of its flight."""
-    while True:
-        flight: dict[str, Any] = fixed | {"flight": point(rng) | where}
-        try:
-            setup = build(scenario(**flight))
-        except TrimError:
-            continue
-        if setup.trim.throttle < 0.95 and math.degrees(setup.trim.alpha) < alpha:
-            return flight
-
-
 def flown(flight: dict) -> pd.DataFrame:
     """Fly a training flight from its arguments and return what the detectors of the aircraft level read."""
     wires = [name for d in DETECTORS for name in sources(d).values()]
     return fly(scenario(**flight), dict.fromkeys(wires))
-
-
-def blocks(y: np.ndarray, features: list, valid: np.ndarray, dt: float, hold: float = 0.0) -> np.ndarray:
-    """Return (blocks, 1 + features): of each second the largest y (ticks,) that lasted for `hold` [s], and the
-    features (ticks,) or numbers there. Blocks without one are left out."""
-    y = np.where(valid, y, 0.0)
-    if hold > 0.0:
-        y = minimum_filter1d(y, max(round(hold / dt), 1))
-    n = round(BLOCK_S / dt)
-    at = np.arange(0, len(y) - n + 1, n)
-    at = at + y[: len(at) * n].reshape(-1, n).argmax(axis=1)
-    at = at[y[at] > 0.0]
-    return np.stack([y[at], *(np.broadcast_to(f, len(y))[at] for f in features)], axis=1)
 
 
 def survey_lpv_smo(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
@@ -242,31 +190,36 @@ def watched(frame: pd.DataFrame, name: str, p: np.ndarray, fields: tuple[str, ..
     return detect(frame, registry.module(name), sources(name), p, fields)
 
 
-def surveyed(
-    index: int, first_seed: int = TRAINING, prior: dict | None = None, names: Sequence[str] = tuple(SURVEYS)
+def surveys(
+    frame: pd.DataFrame, turbulence: str, fitted: Callable[[str], np.ndarray], prior: dict | None, names: Sequence[str]
 ) -> dict[str, dict[str, list]]:
-    """Return what the surveys find in one training flight, plain data; of detectors not trained in its air nothing.
-
-    `prior` are the fields that `known` found, by default those stored.
-    """
-    frame, air = flown(arguments(index, first_seed)), TURBULENCE[index // 8 % 4]
+    """Return what the surveys of detectors `names` find in one flown table, plain data; of those not trained in its air
+    nothing. `fitted(name)` gives the parameters, `prior` the fields that `known` found, None: those stored."""
     out = {}
-    for name, survey in SURVEYS.items():
-        if air in AIR[name] and name in names:
-            p = fitted(name, index)
+    for name in names:
+        if turbulence in TRAINED_IN[name]:
+            p = fitted(name)
             for field, value in (prior or {}).items() if name == "rfafe_airframe" else ():
                 p[field] = value
-            out[name] = {part: rows.tolist() for part, rows in survey(frame, p).items()}
+            out[name] = {part: rows.tolist() for part, rows in SURVEYS[name](frame, p).items()}
     return out
 
 
-def surveyed_still(index: int, first_seed: int = TRAINING) -> dict[str, dict[str, list]]:
+def surveyed(
+    index: int, first_seed: int = FIRST_SEED, prior: dict | None = None, names: Sequence[str] = tuple(SURVEYS)
+) -> dict[str, dict[str, list]]:
+    """Return what `surveys` finds in one training flight."""
+    frame = flown(arguments(index, first_seed))
+    return surveys(frame, air(index), partial(fitted, index=index), prior, names)
+
+
+def surveyed_still(index: int, first_seed: int = FIRST_SEED) -> dict[str, dict[str, list]]:
     """Return what lpv_smo's survey finds for its PIECES in one still flight, plain data."""
     found = survey_lpv_smo(flown(still(index, first_seed)), fitted("lpv_smo"))
     return {"lpv_smo": {part: found[part].tolist() for part in PIECES}}
 
 
-def taught(index: int, first_seed: int = TRAINING) -> list[float]:
+def taught(index: int, first_seed: int = FIRST_SEED) -> list[float]:
     """Return what `learned` finds in one training flight."""
     return learned(flown(arguments(index, first_seed)), fitted("rfafe_airframe", index))
 
@@ -284,51 +237,64 @@ def fitted(name: str, index: int = 0) -> np.ndarray:
     return registry.record(name).fit(site(DT, "", dict(zip(SEGMENTS, elevators(index), strict=True))))
 
 
+def air(index: int) -> str:
+    """Return the turbulence of training flight `index`."""
+    return AIR[index // 8 % 4]
+
+
 def elevators(index: int) -> tuple[str, ...]:
     """Return the technologies of the four segments in training flight `index`."""
     return ELEVATORS[index // 32 % 2]
 
 
-def train(
-    *, first_seed: int = TRAINING, number: int = FLIGHTS, names: Sequence[str] = tuple(SURVEYS), **how: Any
-) -> dict:
-    """Fly the training set of detectors `names`; return {"limits": {detector: {part: weights}}, "how": ...}; `how` as
-    in `cosim.campaign.jobs.work`."""
-    about: dict[str, Any] = {"flights": number, "first_seed": first_seed}
-    air = {k: TURBULENCE[k // 8 % 4] for k in range(number)}
+def collect(
+    first_seed: int, number: int, run: Callable[..., Any], names: Sequence[str] = tuple(SURVEYS)
+) -> tuple[list[dict], dict]:
+    """Return (what `surveyed` and `surveyed_still` find in every flight, prior): of detectors `names`."""
+    prior: dict = {}
     if "rfafe_airframe" in names:
-        rough = [k for k in range(number) if air[k] in ("light", "moderate")]  # gusts teach
-        about["prior"] = known(work([(taught, {"index": k, "first_seed": first_seed}) for k in rough], **how))
-    given = {"first_seed": first_seed, "prior": about.get("prior"), "names": tuple(names)}
-    jobs: list = [(surveyed, {"index": k, **given}) for k in range(number) if any(air[k] in AIR[n] for n in names)]
+        rough = [k for k in range(number) if air(k) in GUSTS]
+        prior = known(run([(taught, {"index": k, "first_seed": first_seed}) for k in rough]))
+    given = {"first_seed": first_seed, "prior": prior or None, "names": tuple(names)}
+    chosen = [k for k in range(number) if any(air(k) in TRAINED_IN[name] for name in names)]
+    jobs: list = [(surveyed, {"index": k, **given}) for k in chosen]
     if "lpv_smo" in names:
-        about["still"] = STILL
         jobs += [(surveyed_still, {"index": k, "first_seed": first_seed}) for k in range(STILL)]
-    return limits(work(jobs, **how)) | about
+    return run(jobs), prior
 
 
-def limits(values: list[dict]) -> dict:
-    """Return the limits of every part, at PROBABILITY per flight and detector, shared among its parts.
+def limits(values: list[dict], prior: dict) -> list[Trained]:
+    """Return the thresholds of every detector that `values` are of, at PROBABILITY per flight, shared among its parts;
+    rfafe_airframe's with the `prior` that `known` found.
 
     Where a part stands in LARGEST, its limit is the largest that was seen: beyond it nothing is said.
     """
-    out: dict = {"limits": {}, "found": {}}
+    out = []
     for name in [n for n in SURVEYS if any(n in v for v in values)]:  # an aircraft may lack one's inputs
         own = [v[name] for v in values if v.get(name)]
         parts = [part for part in own[0] if part not in LARGEST]
         tests = [part.split()[0] for part in parts]  # "swing 3" is of the test "swing"
         share = PROBABILITY / len(set(tests) - PIECES)
+        made: dict[str, list] = {}
+        found: dict[str, Any] = {}
         for part in LARGEST & own[0].keys():
-            seen = max(float(np.array(v[part])[:, 0].max()) for v in own if len(v[part]))
-            out["limits"].setdefault(name, {})[part] = [seen]
-            out["found"].setdefault(name, {})[part] = {"largest": seen}
+            made[part] = [max(float(np.array(v[part])[:, 0].max()) for v in own if len(v[part]))]
+            found[part] = {"largest": made[part][0]}
         for part, test in zip(parts, tests, strict=True):
             rows = [np.array(v[part]) for v in own if part in v]
             if part in PIECES:
                 rows = [piece[None] for flight in rows for piece in flight]
-            w, found = limit(rows, share / tests.count(test))
-            out["limits"].setdefault(name, {})[part] = w.tolist()
-            out["found"].setdefault(name, {})[part] = found
+            w, found[part] = limit(rows, share / tests.count(test), f"{name}, {part}")
+            made[part] = w.tolist()
+        about: dict[str, Any] = {"air": list(TRAINED_IN[name]), "found": found}
+        rounded = decimals
+        if name == "lpv_smo":
+            about |= {"still_flights": STILL, "still_s": STILL_S}
+        values_of = fields(name, made)
+        if name == "rfafe_airframe":
+            values_of |= prior
+            rounded = partial(decimals, digits=12)  # its noise is some 1e-7 rad2 s
+        out.append(Trained(name, "flight", values_of, about, rounded=rounded))
     return out
 
 
@@ -351,37 +317,6 @@ def fields(name: str, made: dict[str, list]) -> dict[str, Any]:
             "jump": [made[f"{row} jump"][0] for row in signatures.ROWS], "noise_ratio": made["noise"][0]}  # fmt: skip
 
 
-def changes(found: dict) -> list[tuple]:
-    """Return [(file, set, field, stored, trained)] of every threshold that `store` would write, largest of a row."""
-    out = []
-    for name in found["limits"]:
-        held = json.loads(_path(name).read_text(encoding="utf-8"))["flight"]
-        for key, value in _made(found, name).items():
-            stored, trained = np.atleast_1d(held.get(key, np.zeros_like(value))), np.atleast_1d(value)
-            k = int(np.argmax(np.abs(trained - stored)))
-            out.append((name, "flight", key, float(stored[k]), float(trained[k])))
-    return out
-
-
-def store(found: dict) -> None:
-    """Write what `train` found into `fdi/thresholds/<detector>.json`, with how it was found."""
-    for name in found["limits"]:
-        held = json.loads(_path(name).read_text(encoding="utf-8"))
-        held["flight"] |= {k: np.round(v, DIGITS.get(name, 7)).tolist() for k, v in _made(found, name).items()}
-        others = {k: v for k, v in held.get("training", {}).items() if k in held and k != "flight"}  # of other sets
-        held["training"] = others | {
-            "command": "cosim train aircraft", "probability_per_flight": PROBABILITY, "flight_s": 60.0,
-            "flights": found["flights"], "first_seed": found["first_seed"], "air": list(AIR[name]),
-            **({"still_flights": found["still"], "still_s": STILL_S} if name == "lpv_smo" else {}),
-            "noise_scale": NOISE_SCALE, "tolerance": TOLERANCE, "found": found["found"][name],
-        }  # fmt: skip
-        replace_text(_path(name), compact.text(held))
-    tuning.forget()
-
-
-def _made(found, name):
-    return fields(name, found["limits"][name]) | (found["prior"] if name == "rfafe_airframe" else {})
-
-
-def _path(name):
-    return Path(fdi.__file__).parent / "thresholds" / f"{name}.json"
+TRAINING = Training("aircraft", FIRST_SEED, FLIGHTS, collect, lambda found: limits(*found), {
+    "probability_per_flight": PROBABILITY, "flight_s": FLIGHT_S, "noise_scale": NOISE_SCALE, "tolerance": TOLERANCE,
+})  # fmt: skip

@@ -1,11 +1,10 @@
 """Thresholds of the detectors on electromechanical segments from fault-free flights that nothing else uses.
 
-The flights are drawn as those of `train_lu17`, from other seeds, in four levels of turbulence, with four
+The flights are drawn as those of `train_hydraulic`, from other seeds, in four levels of turbulence, with four
 electromechanical segments of which every symbol is off by up to 5 %, arm and lead by up to 0.3 %, and whose velocity
-sensors have the bias that a healthy one may have. The limits follow from `cosim.training.threshold_fit`, at the
-PROBABILITY of a false alarm per flight and detector at which those of the aircraft level are trained, shared among the
-tests. That of the position monitor leaves severe turbulence out, where a surface does not follow its command as
-closely.
+sensors have the bias that a healthy one may have. The limits follow from `threshold_fit`, at the PROBABILITY of
+a false alarm per flight and detector at which those of the aircraft level are trained, shared among the tests. That of
+the position monitor leaves severe turbulence out, where a surface does not follow its command as closely.
 
 What separates two sizes by design is not trained: the gain of the current (a winding 39 % up is warm, 80 % broken),
 the magnets (two tolerances of 5 %), the load that no hinge explains (of which the limit is noted beside), and the
@@ -15,28 +14,35 @@ shares and ratios by which hypotheses are told apart.
     cosim train ema              and write fdi/thresholds/*.json
 """
 
-import json
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from actuators.constants import RAD_PER_DEG
-from cosim.campaign.jobs import work
-from cosim.files import replace_text
+from cosim.errors import TrimError
 from cosim.flight.loop.signals import detect
 from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.tolerance import toleranced
-from cosim.training.flights import DT, TOLERANCE, ema_wires, fly_ema
-from cosim.training.threshold_fit import exceeded, limit
-from cosim.training.train_aircraft import PROBABILITY, blocks
-from cosim.training.train_hydraulic import FOLDER, NOISE_SCALE, START_S, fitting, training
-from fdi.common import compact, tuning
+from cosim.training.flights import (
+    AIR,
+    DT,
+    FLIGHT_S,
+    NOISE_SCALE,
+    START_S,
+    TOLERANCE,
+    ema_wires,
+    envelope,
+    fly_ema,
+    over_envelope,
+)
+from cosim.training.threshold_fit import PROBABILITY, blocks, exceeded, limit
+from cosim.training.trainer import Trained, Training, significant
 from fdi.ema import drive, ema_kalman_flight
 from fdi.monitors import position_monitor
 
-TRAINING = 31_000  # first seed
+FIRST_SEED = 31_000
 FLIGHTS = 256  # 8 of every manoeuvre in each air
-AIR = ("none", "light", "moderate", "severe")
 EXACT = {"arm": 0.003, "lead": 0.003}  # what is machined is off by less
 BIAS = 0.0475  # of the velocity sensor, 1e-4 of the rate without load [rad/s]
 LEAST = 0.5 * RAD_PER_DEG  # threshold of the position monitor: rigging and a step that is not quite followed [rad]
@@ -52,10 +58,10 @@ GAIN, LOAD = "z_gain", "load"
 SHARED = PROBABILITY / (len(TESTS) + len(ROUGH) + 2)
 
 
-def flights(first_seed: int = TRAINING, number: int = FLIGHTS) -> list[dict[str, Any]]:
+def flights(first_seed: int = FIRST_SEED, number: int = FLIGHTS) -> list[dict[str, Any]]:
     """Return the arguments of `flights.scenario` of every training flight."""
     out = []
-    for k, flight in enumerate(training(first_seed, number)):
+    for k, flight in enumerate(over_envelope(first_seed, number)):
         rng = np.random.default_rng([flight["seed"], 1])
         off = {n: float(1 + EXACT.get(n, TOLERANCE) * rng.uniform(-1, 1)) for n in toleranced("ema")}
         velocity = {"bias_rad_s": float(BIAS * rng.uniform(-1, 1))}
@@ -124,18 +130,22 @@ def survey(recorded: Any) -> dict[str, dict[str, Any]]:
 
 
 def surveyed(**flight: Any) -> dict[str, dict[str, Any]]:
-    """Return what `survey` finds in one flight."""
-    return survey(fitting(fly_ema, flight))
+    """Return what `survey` finds in one flight; where its point does not trim, in that of the next one that does."""
+    rng = np.random.default_rng(flight["seed"])
+    while True:
+        try:
+            return survey(fly_ema(**flight))
+        except TrimError:
+            flight = {**flight, "flight": {**flight["flight"], **envelope(rng)}}
 
 
-def train(*, first_seed: int = TRAINING, number: int = FLIGHTS, **how: Any) -> dict:
-    """Fly the training set; return {"limits": {detector: {threshold: trained}}, "found", "flights", "first_seed"}."""
-    values = work([(surveyed, flight) for flight in flights(first_seed, number)], **how)
-    return limits(values) | {"flights": number, "first_seed": first_seed}
+def collect(first_seed: int, number: int, run: Callable[..., Any]) -> list[dict[str, Any]]:
+    """Return what `surveyed` finds in every flight."""
+    return run([(surveyed, flight) for flight in flights(first_seed, number)])
 
 
-def limits(values: list[dict]) -> dict:
-    """Return {"limits", "found": how} of what `surveyed` found in every flight."""
+def limits(values: list[dict]) -> list[Trained]:
+    """Return the thresholds that follow from what `surveyed` found in every flight."""
     made: dict[str, Any] = {}
     told: dict[str, Any] = {}
     own = [v["ema_kalman_flight"] for v in values]
@@ -156,45 +166,17 @@ def limits(values: list[dict]) -> dict:
     calmer = [v["position_monitor"]["threshold"] for k, v in enumerate(values) if AIR[k // 8 % 4] != "severe"]
     lasts = np.maximum(calmer, 0.0)
     monitor = {"threshold": max(exceeded(lasts, PROBABILITY), LEAST)}
-    return {"limits": {"ema_kalman_flight": made, "position_monitor": monitor},
-            "found": {"ema_kalman_flight": told, "position_monitor": {"largest": float(lasts.max()), "least": LEAST}}}
+    about = {"largest": float(lasts.max()), "least": LEAST}
+    return [_trained("ema_kalman_flight", "flight", made, told),
+            _trained("position_monitor", "flight_ema", monitor, about, "ema")]  # fmt: skip
 
 
-def _short(value):
-    return [_short(v) for v in value] if isinstance(value, list) else float(f"{value:.4g}")
+def _trained(name, which, fields, found, record=""):
+    trained = {key: significant(value) for key, value in fields.items()}
+    return Trained(name, which, fields, {"found": found, "trained": trained}, record, significant)
 
 
-def _stored(name):
-    data = json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8"))
-    return data, data["flight_ema" if name == "position_monitor" else "flight"]
-
-
-def store(found: dict) -> None:
-    """Write what `train` found into the files that the detectors read, each with how it was found."""
-    how = {"command": "cosim train ema", "probability_per_flight": PROBABILITY, "flight_s": 60.0, "segments": 4,
-           "flights": found["flights"], "first_seed": found["first_seed"], "air": list(AIR),
-           "noise_scale": NOISE_SCALE, "tolerance": TOLERANCE}  # fmt: skip
-    for name, values in found["limits"].items():
-        data, target = _stored(name)
-        trained = {key: _short(value) for key, value in values.items()}
-        target |= trained
-        told = {**how, "found": found["found"][name], "trained": trained}
-        if name == "position_monitor":
-            data["training"]["ema"] = told
-        else:
-            data["training"] = told
-        replace_text(FOLDER / f"{name}.json", compact.text(data))
-    tuning.forget()
-
-
-def changes(found: dict) -> list[tuple]:
-    """Return [(file, set, field, stored, trained)] of every threshold that `store` would write."""
-    out = []
-    for name, values in found["limits"].items():
-        _, held = _stored(name)
-        which = "flight_ema" if name == "position_monitor" else "flight"
-        for key, value in values.items():
-            stored, trained = np.atleast_1d(held[key]), np.atleast_1d(value)
-            k = int(np.argmax(np.abs(trained / stored - 1.0)))
-            out.append((name, which, key, float(stored[k]), float(trained[k])))
-    return out
+TRAINING = Training("ema", FIRST_SEED, FLIGHTS, collect, limits, {
+    "probability_per_flight": PROBABILITY, "flight_s": FLIGHT_S, "segments": 4, "air": list(AIR),
+    "noise_scale": NOISE_SCALE, "tolerance": TOLERANCE,
+})  # fmt: skip

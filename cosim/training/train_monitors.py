@@ -4,29 +4,37 @@ The flights are at points, in manoeuvres as those of `train_aircraft`: FLIGHTS o
 aircraft and actuator up to 5 % off, noise NOISE_SCALE, four hydraulic segments each. Those of the crossing counter are
 at SPEEDS, half of them at corners of the actuator's tolerances, in half of these the three symbols that matter most as
 WORST says. Each statistic is held against the motion that it may grow with, at PROBABILITY of a false alarm per flight
-and detector (`cosim.training.threshold_fit`). The position monitor of electromechanical segments is trained by
-`train_ema`.
+and detector (`threshold_fit`). The position monitor of electromechanical segments is trained by `train_ema`.
 
     cosim train monitors --check      fly the training set, say what would change
     cosim train monitors              and write fdi/thresholds/*.json
 """
 
-import json
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from actuators.block import kernel
-from cosim.campaign.jobs import work
-from cosim.files import replace_text
-from cosim.training.flights import DT, POINT, TOLERANCE, TURBULENCE, draw, fly_hydraulic, watch
-from cosim.training.threshold_fit import PROBABILITY, exceeded, limit
-from cosim.training.train_aircraft import KINDS, blocks, trimming
-from cosim.training.train_hydraulic import FLIGHTS, FOLDER, NOISE_SCALE, START_S
-from fdi.common import compact
+from cosim.training.flights import (
+    DT,
+    FLIGHT_S,
+    KINDS,
+    NOISE_SCALE,
+    POINT,
+    START_S,
+    TOLERANCE,
+    TURBULENCE,
+    draw,
+    fly_hydraulic,
+    somewhere,
+    watch,
+)
+from cosim.training.threshold_fit import PROBABILITY, blocks, exceeded, limit
+from cosim.training.trainer import Trained, Training
 from fdi.monitors import ofc_monitor, position_monitor
 
-TRAINING = 21_000  # first seed
+FLIGHTS, FIRST_SEED = 384, 21_000
 GRID = np.geomspace(0.1e-3, 8e-3, 32)  # thresholds tried for the crossing counter [m]
 LEAST = 0.5e-3  # of the crossing counter's threshold: three times the noise of its residual, 0.17 mm at most [m]
 SPEEDS = (180.0, 365.0)  # calibrated airspeed [kt]
@@ -78,14 +86,14 @@ def survey_position_monitor(recorded: Any) -> np.ndarray:
     return np.take_along_axis(found, found[:, :, :1].argmax(axis=0)[None], axis=0)[0]
 
 
-def training(first_seed: int = TRAINING, number: int = FLIGHTS) -> list[dict[str, Any]]:
-    """Return the arguments of `flights.scenario` of every training flight but for its point, which `fitting` draws."""
+def flights(first_seed: int = FIRST_SEED, number: int = FLIGHTS) -> list[dict[str, Any]]:
+    """Return the arguments of `flights.scenario` of every flight but for its point, which `somewhere` draws."""
     return [draw(first_seed + k, point=POINT, manoeuvre=KINDS[k % 8], turbulence=TURBULENCE[k // 8 % 3],
                  sensors={"noise_scale": NOISE_SCALE}) for k in range(number)]  # fmt: skip
 
 
-def cornered(flight: dict[str, Any], first_seed: int = TRAINING) -> dict[str, Any]:
-    """Return a flight of `training` as the crossing counter's is: every second group of 24, each manoeuvre in each air,
+def cornered(flight: dict[str, Any], first_seed: int = FIRST_SEED) -> dict[str, Any]:
+    """Return a flight of `flights` as the crossing counter's is: every second group of 24, each manoeuvre in each air,
     at a corner of the actuator's tolerances.
     """
     own, which = flight["tolerances"]["hydraulic"], (flight["seed"] - first_seed) // 24 % 4
@@ -97,35 +105,28 @@ def cornered(flight: dict[str, Any], first_seed: int = TRAINING) -> dict[str, An
     return flight | {"tolerances": flight["tolerances"] | {"hydraulic": corner}}
 
 
-def fitting(fly: Any, flight: dict[str, Any], speeds: Any = None) -> Any:
-    """Return the table of a flight at a point over the envelope, drawn by its seed; between `speeds` [kt] if given."""
-    rng = np.random.default_rng([flight["seed"], 2])
-    where = {"turbulence": flight["flight"]["turbulence"]}
-    return fly(**trimming(rng, flight, where | ({"cas_kt": rng.uniform(*speeds)} if speeds else {})))
-
-
 def surveyed(**flight: Any) -> dict[str, Any]:
     """Return what the surveys find in one flight, as plain data."""
-    counted = survey_ofc_monitor(fitting(fly_hydraulic, cornered(flight), SPEEDS))
+    counted = survey_ofc_monitor(fly_hydraulic(**somewhere(cornered(flight), SPEEDS)))
     ofc = {key: value.tolist() for key, value in counted.items()}
-    return {"ofc_monitor": ofc, "position_monitor": survey_position_monitor(fitting(fly_hydraulic, flight)).tolist()}
+    deviations = survey_position_monitor(fly_hydraulic(**somewhere(flight)))
+    return {"ofc_monitor": ofc, "position_monitor": deviations.tolist()}
 
 
-def train(*, first_seed: int = TRAINING, number: int = FLIGHTS, **how: Any) -> dict:
-    """Fly the training set; return {"limits": {detector: {field: value}}, "found": ..., "flights", "first_seed"}; `how`
-    as in `cosim.campaign.jobs.work`."""
-    flown = list(work([(surveyed, flight) for flight in training(first_seed, number)], **how))
-    return limits(flown) | {"flights": number, "first_seed": first_seed}
+def collect(first_seed: int, number: int, run: Callable[..., Any]) -> list[dict[str, Any]]:
+    """Return what `surveyed` finds in every flight."""
+    return run([(surveyed, flight) for flight in flights(first_seed, number)])
 
 
-def limits(flown: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return {"limits", "found"} at PROBABILITY of what `surveyed` found in every flight."""
+def limits(flown: list[dict[str, Any]]) -> list[Trained]:
+    """Return the thresholds at PROBABILITY of what `surveyed` found in every flight."""
     w, how = limit([np.array(f["position_monitor"]) for f in flown], PROBABILITY)
     ofc = [{key: np.array(value) for key, value in f["ofc_monitor"].items()} for f in flown]
-    shared = _shared(np.array([f["threshold"] for f in ofc]), np.mean([f["motion"] for f in ofc], axis=0))
-    return {"limits": {"position_monitor": dict(zip(("threshold", "share"), w.tolist(), strict=True)),
-                       "ofc_monitor": {key: shared[key] for key in ("threshold", "share")}},
-            "found": {"position_monitor": how, "ofc_monitor": {"largest": shared["largest"]}}}  # fmt: skip
+    motion = np.mean([f["motion"] for f in ofc], axis=0)
+    fields, largest = _shared(np.array([f["threshold"] for f in ofc]), motion)
+    position = dict(zip(("threshold", "share"), w.tolist(), strict=True))
+    return [Trained("position_monitor", "flight", position, {"found": how}),
+            Trained("ofc_monitor", "flight", fields, {"found": {"largest": largest}})]  # fmt: skip
 
 
 def _shared(found, motion):
@@ -136,31 +137,10 @@ def _shared(found, motion):
     each = np.maximum(each, LEAST)
     best = (each + np.array(SHARES) * motion[:, None]).argmin(axis=1)
     band = np.arange(ofc_monitor.B)
-    return {"threshold": each[band, best].tolist(), "share": np.array(SHARES)[best].tolist(),
-            "largest": found.max(axis=0)[band, best].tolist()}  # fmt: skip
+    fields = {"threshold": each[band, best].tolist(), "share": np.array(SHARES)[best].tolist()}
+    return fields, found.max(axis=0)[band, best].tolist()
 
 
-def store(found: dict) -> None:
-    """Write what `train` found into `fdi/thresholds/<detector>.json`, with how it was found."""
-    for name, fields in found["limits"].items():
-        data = json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8"))
-        data["flight"] |= {key: np.round(value, 7).tolist() for key, value in fields.items()}
-        others = {k: v for k, v in data.get("training", {}).items() if k == "ema"}  # of the other set
-        data["training"] = {
-            "command": "cosim train monitors", "probability_per_flight": PROBABILITY, "flight_s": 60.0, "segments": 4,
-            "flights": found["flights"], "first_seed": found["first_seed"], "noise_scale": NOISE_SCALE,
-            "found": found["found"][name], **others,
-        }  # fmt: skip
-        replace_text(FOLDER / f"{name}.json", compact.text(data))
-
-
-def changes(found: dict) -> list[tuple]:
-    """Return [(file, set, field, stored, trained)] of every threshold that `store` would write, largest of a row."""
-    out = []
-    for name, fields in found["limits"].items():
-        held = json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8"))["flight"]
-        for key, value in fields.items():
-            stored, trained = np.atleast_1d(held[key]), np.atleast_1d(value)
-            k = int(np.argmax(np.abs(trained - stored)))
-            out.append((name, "flight", key, float(stored[k]), float(trained[k])))
-    return out
+TRAINING = Training("monitors", FIRST_SEED, FLIGHTS, collect, limits, {
+    "probability_per_flight": PROBABILITY, "flight_s": FLIGHT_S, "segments": 4, "noise_scale": NOISE_SCALE,
+})  # fmt: skip

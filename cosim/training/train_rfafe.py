@@ -9,19 +9,14 @@ is for all points, "design_point" for that of Sun13 alone; rfafe_airframe's set 
 """
 
 import functools
-import json
 import math
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-import fdi
 from actuators.block import kernel
-from cosim.campaign.jobs import work
-from cosim.files import replace_text
 from cosim.judge.alarms import onsets
 from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.tolerance import toleranced
@@ -36,7 +31,8 @@ from cosim.training.flights import (
     estimate,
     fly_aircraft,
 )
-from fdi.common import bank, compact, tuning
+from cosim.training.trainer import Trained, Training
+from fdi.common import bank
 from fdi.rfafe.decision import shaped
 from fdi.rfafe.store import side_kinds
 
@@ -47,13 +43,13 @@ SPARE = 2  # thresholds stand on so many fits in a row less than an alarm takes
 LEAST = math.radians(0.05)  # two and a half sigma of one position sample
 SHARES = np.linspace(0.0, 2.0, 11)  # of the command, to choose from
 REPEATS = 4  # of every combination in training, with other seeds; two in the evaluation
-TRAINING, EVALUATION = 1000, 2000  # first seeds of the two sets
+FIRST_SEED, EVALUATION = 1000, 2000  # first seeds of the two sets
 
 
 def flights(first_seed: int) -> Iterator[Any]:
     """Yield the arguments of `scenario` for every flight of a set; point C has 1.23 g left: steps of 0.15 g at most."""
     seed = first_seed
-    repeats = REPEATS if first_seed == TRAINING else 2
+    repeats = REPEATS if first_seed != EVALUATION else 2
     for count, point in enumerate(POINTS * repeats):
         weak = point["mass_t"] == 375.0
         elevators = ELEVATORS[count // len(POINTS) % len(ELEVATORS)]
@@ -81,10 +77,11 @@ def look(first_seed: int, index: Any) -> Any:
     return out
 
 
-def collect(first_seed: int, **how: Any) -> Any:
-    """Fly a set in processes and return [(arguments, what `look` returns)]; `how`: see `cosim.campaign.jobs.work`."""
-    chosen = list(flights(first_seed))
-    return list(zip(chosen, work([(look, {"first_seed": first_seed, "index": i}) for i in range(len(chosen))], **how)))
+def collect(first_seed: int, number: int, run: Callable[..., Any]) -> list[tuple]:
+    """Return [(arguments, what `look` returns)] of the first `number` flights of a set."""
+    chosen = list(flights(first_seed))[:number]
+    found = run([(look, {"first_seed": first_seed, "index": i}) for i in range(len(chosen))])
+    return list(zip(chosen, found, strict=True))
 
 
 @kernel
@@ -171,42 +168,23 @@ def fields(name: str, collected: list, answer: np.ndarray | None = None) -> tupl
     best = np.argmin(np.where(left > 0.05, threshold / np.maximum(left, 0.05), np.inf), axis=0)
     at = (best, np.arange(bank.K))
     made = {"bank_threshold": threshold[at].tolist(), "bank_share": SHARES[best].tolist(), "th_static": MARGIN * static}
-    how = {"flights": len(collected), "first_seed": TRAINING, "flight_s": FLIGHT_S, "margin": MARGIN,
+    how = {"flights": len(collected),
            "largest": runs[at].tolist(), "largest_any_shape": whatever[at].tolist(), "largest_static": static,
            "answer": answer.tolist(), "frequency_hz": bank.frequencies().tolist()}  # fmt: skip
     return made, how
 
 
-def train(*, first_seed: int = TRAINING, **how: Any) -> dict:
-    """Fly the training set; return {(estimator, set): (trained fields, how they were found)}, of rfafe "flight", of
-    both "design_point"; `how`: see `cosim.campaign.jobs.work`."""
-    collected = collect(first_seed, **how)
+def trained(collected: list) -> list[Trained]:
+    """Return the thresholds that follow from what `collect` found: of rfafe the set "flight", of both that of Sun13's
+    point, "design_point"."""
     here = [c for c in collected if all(c[0]["flight"][k] == v for k, v in POINT.items())]
     sets = (("rfafe", "flight", collected), *((name, "design_point", here) for name in MODULES))
-    return {(name, which): fields(name, chosen) for name, which, chosen in sets}
-
-
-def changes(found: dict) -> list[tuple]:
-    """Return [(file, set, field, stored, trained)] of every threshold that `store` would write, largest of a row."""
     out = []
-    for (name, which), (made, _) in found.items():
-        held = json.loads(_path(name).read_text(encoding="utf-8"))[which]
-        for key, value in made.items():
-            stored, trained = np.atleast_1d(held[key]), np.atleast_1d(value)
-            k = int(np.argmax(trained - stored))
-            out.append((name, which, key, float(stored[k]), float(trained[k])))
+    for name, which, chosen in sets:
+        made, how = fields(name, chosen)
+        out.append(Trained(name, which, made, how, record=which, rounded=lambda value: value))
     return out
 
 
-def store(found: dict) -> None:
-    """Write what `train` found into `fdi/thresholds/<estimator>.json`, beside the other fields of each set."""
-    for (name, which), (made, how) in found.items():
-        held = json.loads(_path(name).read_text(encoding="utf-8"))
-        held[which] |= made
-        held["training"] = held.get("training", {}) | {which: how}
-        replace_text(_path(name), compact.text(held))
-    tuning.forget()
-
-
-def _path(name):
-    return Path(fdi.__file__).parent / "thresholds" / f"{name}.json"
+TRAINING = Training("rfafe", FIRST_SEED, REPEATS * len(POINTS) * len(MANOEUVRES) * len(TURBULENCE), collect, trained,
+                    {"flight_s": FLIGHT_S, "margin": MARGIN})  # fmt: skip

@@ -10,8 +10,8 @@ import pytest
 
 from cosim.flight.loop.signals import fly
 from cosim.scenario.catalog import SEGMENTS
-from cosim.training import train_hydraulic
-from cosim.training.flights import DT, POINTS, scenario
+from cosim.training import train_hydraulic, trainer
+from cosim.training.flights import DT, POINTS, draw, over_envelope, scenario
 
 CASES = {c.name: c for c in (*hydraulic_cases.oscillations(), *hydraulic_cases.others())}
 
@@ -45,7 +45,7 @@ def test_a_slow_solid_oscillation_without_motion_is_found_and_not_misnamed():
 
 
 def test_a_healthy_flight_is_quiet_and_every_segment_is_watched():
-    flight = train_hydraulic.draw(5, point=POINTS[1], manoeuvre="pitch_protection", turbulence="light")
+    flight = draw(5, point=POINTS[1], manoeuvre="pitch_protection", turbulence="light")
     recorded = hydraulic_cases.fly_hydraulic(**{**flight, "duration": 20.0})
     assert len(recorded) == 4000
     for name, (module, p) in hydraulic_cases.detectors().items():
@@ -54,13 +54,13 @@ def test_a_healthy_flight_is_quiet_and_every_segment_is_watched():
 
 @pytest.mark.parametrize("detector", ["iotsekf", "rtsekf"])
 def test_stored_thresholds_are_beyond_what_training_saw_and_say_at_what_probability(detector):
-    data = json.loads((train_hydraulic.FOLDER / f"{detector}.json").read_text(encoding="utf-8"))
+    data = json.loads((trainer.FOLDER / f"{detector}.json").read_text(encoding="utf-8"))
     how = data.pop("training")
     assert how["probability_per_flight"] == train_hydraulic.PROBABILITY
-    assert how["first_seed"] == train_hydraulic.TRAINING
-    assert how["flights"] == len(train_hydraulic.training())
+    assert how["first_seed"] == train_hydraulic.FIRST_SEED
+    assert how["flights"] == train_hydraulic.FLIGHTS
     for name, largest in how["largest"].items():
-        stored = data[train_hydraulic.stored_as(name)]
+        stored = data[name]
         assert set(largest) == set(train_hydraulic.TESTS[detector])
         for key, value in largest.items():
             assert np.all(np.array(stored[key]) >= 0.999 * np.array(value)), (name, key)
@@ -73,15 +73,15 @@ def test_every_frequency_has_its_share_of_the_probability_and_one_that_no_flight
     assert limit[:2] == pytest.approx([np.log(1e3), 2.0 * np.log(1e3)], rel=0.25)
     assert limit[2] == 0.0
     found = {"bank_threshold": np.zeros(14), "slow_threshold": np.zeros(7), "run_threshold": 1.0}
-    out = train_hydraulic.limits([{"flight_load2": found}] * 20)["limits"]["flight_load2"]
+    out = train_hydraulic.limits([{"iotsekf flight_load2": found}] * 20)[0].fields
     assert out["bank_threshold"] == pytest.approx(train_hydraulic.quiet_floor(2)["bank_threshold"])
     assert out["run_threshold"] == train_hydraulic.PEAK
 
 
 def test_training_and_evaluation_share_no_seed():
-    train = {f["seed"] for f in train_hydraulic.training()}
+    train = {f["seed"] for f in over_envelope(train_hydraulic.FIRST_SEED, train_hydraulic.FLIGHTS)}
     first = train_hydraulic.EVALUATION
-    assert len(train) == len(train_hydraulic.training()) >= 300
+    assert len(train) == train_hydraulic.FLIGHTS >= 300
     assert not train & set(range(first, first + 1000))
 
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from cosim.training import train_ema, train_hydraulic, train_monitors
+from cosim.training import train_ema, train_hydraulic, train_monitors, trainer
 from cosim.training.threshold_fit import PROBABILITY
 from fdi.monitors import ofc_monitor, position_monitor
 
@@ -14,10 +14,10 @@ from fdi.monitors import ofc_monitor, position_monitor
                                                 (ofc_monitor, ("threshold", "share"))])  # fmt: skip
 def test_what_is_stored_tells_how_it_was_found(module, fields):
     name = module.DETECTOR.id
-    data = json.loads((train_monitors.FOLDER / f"{name}.json").read_text(encoding="utf-8"))
+    data = json.loads((trainer.FOLDER / f"{name}.json").read_text(encoding="utf-8"))
     how, p = data["training"], module.params()
-    assert how["probability_per_flight"] == PROBABILITY and how["first_seed"] == train_monitors.TRAINING
-    assert how["flights"] == len(train_monitors.training()) >= 300
+    assert how["probability_per_flight"] == PROBABILITY and how["first_seed"] == train_monitors.FIRST_SEED
+    assert how["flights"] == len(train_monitors.flights()) >= 300
     for field in fields:
         assert np.allclose(p[field][0], data["flight"][field])
     if name == "ofc_monitor":
@@ -38,7 +38,7 @@ def test_limits_scale_with_what_the_flights_show():
                 "ofc_monitor": {"threshold": found.tolist(), "motion": [1e-3] * 3}}  # fmt: skip
 
     one, two = ([flown(size) for _ in range(60)] for size in (1.0, 2.0))
-    a, b = train_monitors.limits(one)["limits"], train_monitors.limits(two)["limits"]
+    a, b = ({t.detector: t.fields for t in train_monitors.limits(flights)} for flights in (one, two))
     for name in a:
         assert np.mean(b[name]["threshold"]) > 1.5 * np.mean(a[name]["threshold"])
     worst = max((np.array(f["position_monitor"]) @ [1.0, 0.0, 0.0]
@@ -48,7 +48,7 @@ def test_limits_scale_with_what_the_flights_show():
 
 
 def test_flights_of_training_are_nobody_elses():
-    own = {f["seed"] for f in train_monitors.training()}
-    assert len(own) == len(train_monitors.training())
+    own = {f["seed"] for f in train_monitors.flights()}
+    assert len(own) == len(train_monitors.flights())
     assert not own & {f["seed"] for f in train_ema.flights()}
-    assert max(own) < train_hydraulic.TRAINING + 1000  # below the seeds of evaluation
+    assert max(own) < train_hydraulic.FIRST_SEED + 1000  # below the seeds of evaluation

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cosim.errors import DesignError
 from cosim.training.threshold_fit import exceeded, limit, quantile
 from cosim.training.train_aircraft import alternating
 
@@ -38,6 +39,11 @@ def test_a_threshold_is_nowhere_nothing():
     flights = [np.array([[1.0, 1.0, 5.0], [2.0, 1.0, 10.0]])] * 10  # all that is seen grows with the gust
     w, _ = limit(flights, 1e-3)
     assert w[0] > 0.0
+
+
+def test_flights_that_never_show_a_statistic_are_refused_with_its_name():
+    with pytest.raises(DesignError, match=r"lpv_smo, swing.*more flights"):
+        limit([np.zeros((0, 3))] * 10, 1e-3, "lpv_smo, swing")
 
 
 def test_the_level_of_an_oscillation_is_the_least_of_three_alternating_peaks_each_within_a_second():
