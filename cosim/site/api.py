@@ -47,7 +47,7 @@ class _Names(dict):
 
 def _hints(value: Any) -> dict[str, Any]:
     """Return the type hints of a function or class."""
-    return typing.get_type_hints(value, localns=_Names({**vars(builtins), **vars(sys.modules[value.__module__])}))
+    return typing.get_type_hints(value, localns=_Names({**vars(builtins), "pd": importlib.import_module("pandas"), **vars(sys.modules[value.__module__])}))
 
 
 def returned(functions: list) -> list[type]:

@@ -45,8 +45,8 @@ def shell(code: str) -> str:
     return out
 
 
-def python(code: str, names: dict, where: str) -> str:
-    """Return what the code prints and the value of its last expression."""
+def python(code: str, names: dict, where: str, value_shown: bool = True) -> str:
+    """Return what the code prints and, with `value_shown`, the value of its last expression."""
     tree = ast.parse(code, where)
     last = tree.body.pop() if tree.body and isinstance(tree.body[-1], ast.Expr) else None
     out = io.StringIO()
@@ -54,7 +54,7 @@ def python(code: str, names: dict, where: str) -> str:
         exec(compile(tree, where, "exec"), names)
         if last is not None:
             value = eval(compile(ast.Expression(last.value), where, "eval"), names)
-            if value is not None:
+            if value is not None and value_shown:
                 print(value if hasattr(value, "to_string") else repr(value))
     return out.getvalue()
 
@@ -99,7 +99,7 @@ def executed(text: str, folder: Path, stem: str) -> str:
             Path(options["run"]).write_text(code, encoding="utf-8")
             said = program(options["run"], names)
         else:
-            said = python(code, names, f"{stem}, block {count}")
+            said = python(code, names, f"{stem}, block {count}", "figure" not in options)
         figure = drawn(options.get("figure", ""), folder, stem, count)
         if "figure" not in options:
             return block + result(said) + figure
