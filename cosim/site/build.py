@@ -110,8 +110,7 @@ def placed(text: str, page: Path, source: Path, docs: Path) -> str:
         write_code(docs, file)
         return f"[{words}]({os.path.relpath(docs / f'{file}.html', page.parent)})"
 
-    parts = re.split(r"(^```.*?^```$|^    .*$)", text, flags=re.S | re.M) if False else [text]
-    return "".join(LINK.sub(one, part) for part in parts)
+    return LINK.sub(one, text)
 
 
 def mirror(docs: Path) -> None:
