@@ -119,6 +119,8 @@ def mirror(docs: Path) -> None:
         page = docs / source.relative_to(ROOT)
         page.parent.mkdir(parents=True, exist_ok=True)
         text = source.read_text(encoding="utf-8").replace("<details>", '<details markdown="1">')
+        if source.name == "GLOSSARY.md":  # its places are paths of the repository
+            text = re.sub(r"`([\w/]+\.py)` \|$", r"[`\1`](code:\1) |", text, flags=re.M)
         page.write_text(placed(text, page, source, docs), encoding="utf-8")
     page, source = docs / "overview.md", ROOT / "README.md"
     page.write_text(placed(source.read_text(encoding="utf-8"), page, source, docs), encoding="utf-8")
