@@ -3,20 +3,18 @@
 import builtins
 import importlib
 import inspect
+import re
 import sys
 import types
 import typing
+from pathlib import Path
 from typing import Any
 
 OURS = ("cosim", "fdi", "actuators")
-MORE = {  # beside the names of `cosim` itself: what programs use of the rooms
-    "Many flights": ("cosim.campaign.run.run_campaign", "cosim.campaign.dataset.make", "cosim.compare.compare"),
-    "Logs and recordings": ("cosim.replay.replay", "cosim.replay.map.diagnose"),
-    "Reports": ("cosim.report.flight_report", "cosim.report.comparison_report"),
-    "Blocks and detectors": ("actuators.block.dtype", "actuators.block.kernel", "actuators.block.entry",
-                             "actuators.block.record", "fdi.common.record.Detector", "fdi.common.record.Estimate",
-                             "fdi.common.record.Site"),
-}  # fmt: skip
+PAGE = Path(__file__).resolve().parents[1] / "API.md"  # which names are public
+GROUPS = {"cosim": "The package", "cosim.campaign": "Many flights", "cosim.compare": "Many flights",
+          "cosim.replay": "Logs and recordings", "cosim.report": "Reports", "actuators": "Blocks and detectors",
+          "fdi": "Blocks and detectors"}  # fmt: skip
 BESIDE = ("cosim.flight.plant.point.FlightPoint",)  # taken, not returned, and made by programs
 
 
@@ -69,9 +67,11 @@ def returned(functions: list) -> list[type]:
 
 def pages() -> dict[str, str]:
     """Return {file: Markdown} of the reference."""
-    import cosim
-
-    groups = {"The package": [f"cosim.{name}" for name in cosim.__all__], **MORE}
+    groups: dict[str, list[str]] = {}
+    for name in re.findall(r"^## ([\w.]+)", PAGE.read_text(encoding="utf-8"), re.M):
+        room = name.rpartition(".")[0].split(".")
+        near = next(".".join(room[:n]) for n in (2, 1) if ".".join(room[:n]) in GROUPS)
+        groups.setdefault(GROUPS[near], []).append(name)
     every = {name: found(name) for names in groups.values() for name in names}
     text = "# Functions and classes\n\nUnits are SI where none is said. [Types that they return](types.md).\n"
     for title, names in groups.items():

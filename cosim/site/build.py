@@ -92,7 +92,7 @@ def placed(text: str, page: Path, source: Path, docs: Path) -> str:
             return f"[{words}]({os.path.relpath(docs / place, page.parent)})"
         if "://" in target or target.startswith(("#", "mailto:")) or HERE in source.parents:
             return match[0]
-        name, _, anchor = target.partition("#")
+        name = target.partition("#")[0]
         path = (source.parent / name).resolve()
         if path.is_dir():
             return f"[{words}]({name.rstrip('/')}/README.md)" if (path / "README.md").is_file() else words
@@ -128,7 +128,8 @@ def mirror(docs: Path) -> None:
 
 def section(file: str, title: str) -> str:
     """Return the text below the heading `title` of a file in the repository; raises LookupError without it."""
-    found = re.search(rf"^## {re.escape(title)}\n(.*?)(?=^## |\Z)", (ROOT / file).read_text(encoding="utf-8"), re.S | re.M)
+    text = (ROOT / file).read_text(encoding="utf-8")
+    found = re.search(rf"^## {re.escape(title)}\n(.*?)(?=^## |\Z)", text, re.S | re.M)
     if not found:
         raise LookupError(f"{file} has no section {title!r}")
     return found[1].strip()
@@ -169,7 +170,7 @@ def execute(pages: list[tuple[str, str]], docs: Path, jobs: int) -> None:
             with tempfile.TemporaryDirectory() as work:
                 page = Path(work) / Path(place).name
                 page.write_text(text, encoding="utf-8")
-                command = [sys.executable, "-W", "error::SyntaxWarning", HERE / "execute.py", page, Path(work) / "out"]
+                command = [sys.executable, str(HERE / "execute.py"), str(page), str(Path(work) / "out")]
                 done = subprocess.run(command, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
                 if done.returncode:
                     raise RuntimeError(f"{place} does not run:\n{done.stdout}")

@@ -25,13 +25,13 @@ from pathlib import Path
 from typing import Any
 
 BLOCK = re.compile(r"^```(\w+)([^\n]*)\n(.*?)^```\n", re.S | re.M)
-WIDTH = 88  # columns that a page shows without scrolling
+WIDTH = 80  # columns that a page shows without scrolling
 
 
 def result(text: str) -> str:
     """Return an output as Markdown; "" for none."""
     text = re.sub(r"[^\n]*\r(?!\n)", "", text).rstrip()  # a line of progress leaves its last state
-    return f'\n<div class="result" markdown>\n\n```text\n{text}\n```\n\n</div>\n' if text.strip() else ""
+    return f'\n<div class="output" markdown>\n\n```text\n{text}\n```\n\n</div>\n' if text.strip() else ""
 
 
 def shell(code: str) -> str:
@@ -48,7 +48,7 @@ def shell(code: str) -> str:
 def python(code: str, names: dict, where: str, value_shown: bool = True) -> str:
     """Return what the code prints and, with `value_shown`, the value of its last expression."""
     tree = ast.parse(code, where)
-    last = tree.body.pop() if tree.body and isinstance(tree.body[-1], ast.Expr) else None
+    last: Any = tree.body.pop() if tree.body and isinstance(tree.body[-1], ast.Expr) else None
     out = io.StringIO()
     with contextlib.redirect_stdout(out):
         exec(compile(tree, where, "exec"), names)
@@ -119,7 +119,7 @@ def main() -> int:
     os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     import matplotlib
 
-    look = {"svg.hashsalt": "site", "figure.figsize": (7.2, 3.4), "figure.constrained_layout.use": True,
+    look: Any = {"svg.hashsalt": "site", "figure.figsize": (7.2, 3.4), "figure.constrained_layout.use": True,
             "font.size": 9, "axes.grid": True, "grid.alpha": 0.3, "lines.linewidth": 1.2}  # fmt: skip
     matplotlib.rcParams.update(look)
     with tempfile.TemporaryDirectory() as work:

@@ -89,12 +89,16 @@ f, ax = plt.subplots()
 ax.plot(rods.index, 1e3 * rods)
 ax.set(xlabel="time [s]", ylabel="rod [mm]")
 """),
-    "climb_and_turn": ("Altitude changes as the trim says: the flight that was flown last.", """
-f, ax = plt.subplots()
-ax.plot(flown.index, flown["truth.aircraft.hdot"], label="climb [m/s]")
-ax.plot(flown.index, flown["truth.aircraft.phi"] * 57.3, label="bank [deg]")
-ax.set(xlabel="time [s]")
-ax.legend()
+    "climb_and_turn": ("Climb, bank, and a descending turn: each flight stays as it was trimmed.", """
+f, ax = plt.subplots(2, 1, sharex=True, figsize=(7.2, 4))
+for start in (["flight.climb_fpm=1000"], ["flight.bank_deg=30"], ["flight.turn_deg_s=1.5", "flight.gamma_deg=-1"]):
+    flown = cosim.fly(cosim.load_scenario("cruise", [*keys, *start]), ["truth.aircraft.h", "truth.aircraft.phi"])
+    h, phi = flown["truth.aircraft.h"], flown["truth.aircraft.phi"]
+    ax[0].plot(flown.index, h - h.iloc[0], label=", ".join(start))
+    ax[1].plot(flown.index, phi * 57.3)
+ax[0].set_ylabel("altitude gained [m]")
+ax[0].legend(fontsize=7)
+ax[1].set(xlabel="time [s]", ylabel="bank [deg]")
 """),
     "own_inputs": ("What the stick, throttle and stabiliser of the table do.", """
 f, ax = plt.subplots(2, 1, sharex=True, figsize=(7.2, 4))
@@ -106,6 +110,7 @@ ax[1].set(xlabel="time [s]", ylabel="bank [deg]")
     "campaign": ("Share of flights in which each detector saw the oscillation.", """
 rows = rows[rows["concerned"].astype(bool)]
 share = rows.assign(seen=rows["delay_s"].notna()).groupby(["id", "faults.0.amplitude_mm"])["seen"].mean().unstack()
+share.columns = [f"{mm:g} mm" for mm in share.columns]
 share.plot.bar(ax=plt.subplots()[1], rot=0, xlabel="", ylabel="share seen")
 """),
     "data_set": ("Rod position in the flights of the split 'train'.", """

@@ -1,4 +1,4 @@
-"""Links of a built site: each leads to a file and an anchor that are there, and no page loads anything from elsewhere."""
+"""Check the links of a built site: each leads to a file and an anchor that are there; no page loads from elsewhere."""
 
 import re
 import urllib.parse
