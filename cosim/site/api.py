@@ -45,7 +45,9 @@ class _Names(dict):
 
 def _hints(value: Any) -> dict[str, Any]:
     """Return the type hints of a function or class."""
-    return typing.get_type_hints(value, localns=_Names({**vars(builtins), "pd": importlib.import_module("pandas"), **vars(sys.modules[value.__module__])}))
+    beside = vars(sys.modules[value.__module__])
+    names = _Names({**vars(builtins), "pd": importlib.import_module("pandas"), **beside})
+    return typing.get_type_hints(value, localns=names)
 
 
 def returned(functions: list) -> list[type]:

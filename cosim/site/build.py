@@ -2,8 +2,8 @@
 
 Pages come from four places, and nothing is written twice: `pages/` (tutorials and theory, whose code is run and whose
 outputs are put in), the READMEs of the repository where they lie, `cosim/examples` and `cosim/notebooks` (run for the
-gallery), and the docstrings of the public names. `[words](code:PATH#NAME)` in a page is a link to the definition of NAME
-in that file of the repository; a file or name that is not there is an error.
+gallery), and the docstrings of the public names. `[words](code:PATH#NAME)` in a page is a link to the definition of
+NAME in that file of the repository; a file or name that is not there is an error.
 """
 
 import argparse
