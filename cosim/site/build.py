@@ -17,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 from importlib.metadata import version
+from importlib.resources import files
 from pathlib import Path
 
 import yaml
@@ -216,6 +217,7 @@ def main() -> int:
         pages = [(str(p.relative_to(HERE / "pages")), filled(p.read_text(encoding="utf-8"))) for p in own]
         pages = [(place, placed(text, docs / place, HERE / "pages" / place, docs)) for place, text in pages]
         shutil.copytree(HERE / "pages" / "assets", docs / "assets")
+        shutil.copyfile(files("ziamath") / "fonts" / "STIXTwoMath-Regular.ttf", docs / "assets" / "math.ttf")  # type: ignore
         shown = gallery.pages()
         run = [p for p in pages if p[0].startswith(("tutorials/", "theory/"))] + shown
         for place, text in pages:
