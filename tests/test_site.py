@@ -1,4 +1,4 @@
-"""The documentation site: its pages say where things are and they are there; what does not run or lead anywhere is told."""
+"""The documentation site: what its pages name is there; what does not run or leads nowhere is told."""
 
 import os
 import re
@@ -24,10 +24,11 @@ def site():
     """The modules of the site, which are programs beside its settings and no package."""
     sys.path.insert(0, str(SITE))
     import api
-    import build
     import execute
     import gallery
     import links
+
+    import build
 
     sys.path.remove(str(SITE))
     return type("Site", (), {"api": api, "build": build, "execute": execute, "gallery": gallery, "links": links})
@@ -72,7 +73,8 @@ def test_the_reference_has_every_public_name_and_what_it_returns(site):
     names = re.findall(r"^## ([\w.]+)", structure.API.read_text(encoding="utf-8"), re.M)
     assert [n for n in names if f"\n### {n}\n" not in pages["index.md"]] == []
     types = set(re.findall(r"^## (\w+)$", pages["types.md"], re.M))
-    assert {"Result", "Log", "LinearModel", "Comparison", "CampaignResult", "FlightPoint", "Replay", "Diagnosis"} <= types
+    asked = {"Result", "Log", "LinearModel", "Comparison", "CampaignResult", "FlightPoint", "Replay", "Diagnosis"}
+    assert asked <= types
 
 
 def test_outputs_and_files_of_a_page_are_made(site, tmp_path, monkeypatch):
@@ -113,8 +115,9 @@ def test_the_glossary_is_in_order_and_its_places_are_there():
 def test_the_glossary_has_the_words_of_textbooks_and_of_messages():
     told = " ".join(f"{row[0]} {row[1]}" for row in GLOSSARY).lower()
     words = ("plug-in", "cache", "hysteresis", "GLR", "residual", "innovation", "OFC", "Kalman filter", "observer",
-             "false alarm", "trim", "ROC", "POD", "FDI", "LMI", "anti-windup", "watchdog", "ambiguous", "runaway", "jam",
-             "not valid", "not declared", "achieved", "stayed quiet", "departed", "effectiveness", "liquid")  # fmt: skip
+             "false alarm", "trim", "ROC", "POD", "FDI", "LMI", "anti-windup", "watchdog", "ambiguous", "runaway",
+             "jam", "not valid", "not declared", "achieved", "stayed quiet", "departed", "effectiveness",
+             "liquid")  # fmt: skip
     assert [w for w in words if w.lower() not in told] == []
 
 
