@@ -229,7 +229,7 @@ def linearize(
 
 
 # the commands of these modules, in the order in which `cosim -h` shows them
-for part in ("bench", "replay", "envelope", "study", "campaigns", "score", "false_alarms", "guests", "aircraft"):
+for part in ("bench", "replay", "envelope", "study", "campaigns", "score", "false_alarms", "guests", "identify", "aircraft"):
     importlib.import_module(f"cosim.cli.{part}")
 
 
