@@ -5,7 +5,8 @@
 
 is equation (4) of [Lu17] divided by its stiffness and integrated: g = phi_n / A_p is the area ratio of valve and piston
 times the valve's flow [m/s], L the leakage [m/s], c = 1 / stiffness the oil's give [m]; d takes up a constant error of
-the pressure sensor. Without a pressure there are g, dead band and delay, at the mean of w.
+the pressure sensor. L and c are fitted but not told: the noise of the pressure, a regressor, biases both. Without a
+pressure w is 1 and g that of the flow under load.
 """
 
 import math
@@ -17,17 +18,38 @@ from scipy.stats import t as student
 
 from cosim.identify.response import Parameter, Response, correlation
 
-UNITS = {"flow_gain": "m/s", "leakage": "m/s", "give": "m", "dead_band": "-", "delay": "s"}
+UNITS = {"flow_gain": "m/s", "dead_band": "-", "delay": "s"}
 MEANINGS = {
-    "flow_gain": "rod speed at full valve, phi_n / A_p", "leakage": "normalised leakage L",
-    "give": "rod travel per unit of pressure, 1 / stiffness", "dead_band": "dead band of the valve, to either side",
+    "flow_gain": "rod speed at full valve, phi_n / A_p", "dead_band": "dead band of the valve, to either side",
     "delay": "dead time from valve command to reading",
 }  # fmt: skip
+PARTS = 6
 SMOOTH = 11  # samples over which the pressure is smoothed: its noise would bias c
 
 
 def flow(u: np.ndarray, rod: np.ndarray, x3: np.ndarray | None, dt: float, level: float = 0.95) -> Response:
-    """Return the Response of `rod` [m] to the valve command `u` [1] sent at each tick, pressure `x3` [1] or None."""
+    """Return the Response of `rod` [m] to the valve command `u` [1] sent at each tick, pressure `x3` [1] or None.
+
+    The interval of a gain is widened until PARTS of the recording, fitted apart, agree with the whole (Birge's ratio):
+    the pressure's noise is in a regressor, and the oil's stiffness changes over the stroke.
+    """
+    whole = _fit(u, rod, x3, dt, level)
+    size = len(u) // PARTS
+    cuts = [slice(k * size, (k + 1) * size) for k in range(PARTS)] if size > 20 * len(UNITS) else []
+    parts = [_fit(u[c], rod[c], None if x3 is None else x3[c], dt, level) for c in cuts] if whole.parameters else []
+    for name, p in whole.parameters.items():
+        own = [part.parameters[name] for part in parts if name in part.parameters]
+        z = [(o.value - p.value) / max(0.5 * (o.high - o.low), 1e-300) for o in own]
+        if len(z) > 1:
+            wide = max(1.0, float(student.ppf(0.5 + level / 2.0, len(z) - 1)) * float(np.sqrt(np.mean(np.square(z)))))
+            low, high = p.value - wide * (p.value - p.low), p.value + wide * (p.high - p.value)
+            note = "down to none" if name in ("dead_band", "delay") and low <= 0.0 else p.note
+            floor = 0.0 if name in ("dead_band", "delay") else -math.inf
+            whole.parameters[name] = Parameter(p.value, max(low, floor), high, note)
+    return whole
+
+
+def _fit(u, rod, x3, dt, level):
     if float(np.std(u)) == 0.0:
         return Response(note="not identifiable: the valve command is constant")
     noise = float(np.std(np.diff(rod, 3)) / math.sqrt(20.0))
@@ -68,9 +90,8 @@ def flow(u: np.ndarray, rod: np.ndarray, x3: np.ndarray | None, dt: float, level
     half = float(student.ppf(0.5 + level / 2.0, max(n / spread - J.shape[1], 1.0))) * deviation
     out = Response(fit_pct=100.0 * (1.0 - float(np.std(e) / np.std(rod))), residual=math.sqrt(variance))
     out.correlation = spread
-    names = {"flow_gain": 0, **({} if x3 is None else {"leakage": 3, "give": 4})}
-    for name, k in names.items():
-        out.parameters[name] = Parameter(float(gains[k]), float(gains[k] - half[k]), float(gains[k] + half[k]))
+    g = float(gains[0])
+    out.parameters["flow_gain"] = Parameter(g, g - float(half[0]), g + float(half[0]))
     for name, k, unit in (("dead_band", 0, size[0]), ("delay", 1, dt)):
         value, width = found.x[k] * unit, half[A.shape[1] + k] * unit
         note = "down to none" if value <= width else ""
