@@ -57,6 +57,7 @@ def _fit(u, rod, x3, dt, level):
         return Response(note="not identifiable: the rod moves by less than three times its noise")
     n, tick = len(u), np.arange(len(u))
     z = np.zeros(n) if x3 is None else savgol_filter(x3, SMOOTH, 3)
+    middle = 0.5 * (z + np.append(z[1:], z[-1:]))  # over the tick in which a command acts
     leak = np.concatenate([[0.0], np.cumsum(0.5 * (z[1:] + z[:-1]))]) * dt
     nuisance = [np.ones(n), tick * dt]
     linear = [*nuisance, *([] if x3 is None else [-leak, -z])]
@@ -66,7 +67,7 @@ def _fit(u, rod, x3, dt, level):
         v = np.concatenate([np.full(whole + 1, u[0]), u])
         acted = (1.0 - part) * v[1 : n + 1] + part * v[:n]
         acted = acted - np.clip(acted, -dead, dead)
-        drive = np.sqrt(np.clip(1.0 - np.sign(acted) * z, 0.0, 2.0)) * acted
+        drive = np.sqrt(np.clip(1.0 - np.sign(acted) * middle, 0.0, 2.0)) * acted
         return np.column_stack([np.concatenate([[0.0], np.cumsum(drive[:-1])]) * dt, *linear])
 
     def left(free):

@@ -19,13 +19,14 @@ from actuators.simple import identified
 
 NAMES = ("omega", "zeta", "rate", "dead_band", "delay", "bias")
 NONNEGATIVE = ("dead_band", "delay")
-DELAY = NAMES.index("delay")
+DELAY, RATE = NAMES.index("delay"), NAMES.index("rate")
 UNITS = {"omega": "rad/s", "zeta": "-", "rate": "rad/s", "dead_band": "rad", "delay": "s", "bias": "rad"}
 MEANINGS = {
     "omega": "bandwidth (natural frequency)", "zeta": "damping", "rate": "rate limit",
     "dead_band": "dead band, to either side", "delay": "dead time from command to reading",
     "bias": "constant error of the reading",
 }  # fmt: skip
+SURE = 0.999  # of the test whether a rate limit was reached
 SETTLE_S = 0.5  # at the start, where the motion before it is not known
 
 
@@ -98,6 +99,9 @@ def respond(command: np.ndarray, surface: np.ndarray, dt: float, level: float = 
     starts = sorted((np.clip(s, low * 1.001, high * 0.999) / size for s in starts), key=lambda z: left(z) @ left(z))
     found = min((least_squares(left, z, **_how(bounds)) for z in starts[:3]), key=lambda f: f.cost)
     found = _by_whole_ticks(left, found, bounds, dt / size[DELAY])
+    free = _fixed(left, found.x, RATE, bounds[1][RATE], bounds, 50)  # as if it had no limit
+    start = np.clip(np.insert(free.x, RATE, 1.5), bounds[0] + 1e-12, bounds[1] - 1e-12)
+    found = min(found, least_squares(left, start, **_how(bounds)), key=lambda f: f.cost)
     return _told(found, left, size, bounds, fastest, moves, len(surface) - skip, level)
 
 
@@ -145,9 +149,13 @@ def _told(found, left, size, bounds, fastest, moves, n, level):
         a, b = (found.x[i] - half[i]), (found.x[i] + half[i])
         note = ""
         value = found.x[i]
-        if name == "rate" and half[i] > 0.5 * value:
-            out.parameters[name] = Parameter(math.nan, 0.9 * fastest, math.inf, "never reached: at least this")
-            continue
+        if name == "rate":
+            worse = 2.0 * (_fixed(left, found.x, i, bounds[1][i], bounds, 50).cost - found.cost)
+            if half[i] > 0.5 * value or worse < float(chi2.ppf(SURE, 1)) * variance * spread:
+                out.parameters[name] = Parameter(math.nan, 0.9 * fastest, math.inf, "never reached: at least this")
+                continue
+            a = min(a, profile(left, found, i, bounds, variance * spread, level, -1.0))
+            b = max(b, profile(left, found, i, bounds, variance * spread, level))
         if name in NONNEGATIVE and (a <= 0.0 or value < 1e-3):  # at its bound: the profile says how far up
             a, b = 0.0, profile(left, found, i, bounds, variance * spread, level)
             note = "down to none"
@@ -155,21 +163,23 @@ def _told(found, left, size, bounds, fastest, moves, n, level):
     return out
 
 
-def profile(left, found, i, bounds, variance, level):
-    """Return the upper end of the profile interval of parameter i: where the least sum of squares has risen by
-    chi square's `level` times `variance`, all others fitted anew."""
+def profile(left, found, i, bounds, variance, level, side=1.0):
+    """Return the upper end (lower for `side` -1) of the profile interval of parameter i: where the least sum of squares
+    has risen by chi square's `level` times `variance`, all others fitted anew."""
+    edge = bounds[1][i] if side > 0.0 else bounds[0][i]
     most = float(chi2.ppf(level, 1)) * variance
 
     def rise(v):
         return 2.0 * (_fixed(left, found.x, i, v, bounds, 15).cost - found.cost) - most
 
-    step = max(0.02, found.x[i])
-    for _ in range(8):
-        end = min(found.x[i] + step, bounds[1][i])
+    step = max(0.01, 0.02 * found.x[i])
+    for _ in range(12):
+        end = found.x[i] + side * step
+        end = min(end, edge) if side > 0.0 else max(end, edge)
         if rise(end) > 0.0:
             return float(brentq(rise, found.x[i], end, xtol=1e-3 * step + 1e-12, maxiter=20, disp=False))
         step *= 2.0
-    return float(bounds[1][i])
+    return float(edge)
 
 
 def correlation(e: np.ndarray) -> float:

@@ -185,7 +185,7 @@ def run_all(made: Prepared, overrides: Mapping[str, Any], only: str = "") -> tup
             override(d.record, d.module, p, overrides.get(d.id, {}), dt)
             for i, lane in enumerate(ready.lanes):
                 u = _inputs(ready, wires[d.id, lane], values, n)
-                done.append((ready, lane, u, _run(ready, lane, u, p[i : i + 1], dt)))
+                done.append((ready, lane, u, run(ready, lane, u, p[i : i + 1], dt)))
     return done, not_run
 
 
@@ -233,7 +233,7 @@ def _held(value, valid):
     return value[good[np.maximum(last, 0)]]
 
 
-def _run(d, lane, u, p, dt):
+def run(d: Any, lane: str, u: np.ndarray, p: np.ndarray, dt: float) -> np.ndarray:
     """Return the outputs (n, fields) of one lane."""
     module, none = d.module, (np.empty(0, np.int64), np.empty((0, 0)))
     stretch = Lane(
