@@ -75,7 +75,7 @@ def _signal(scenario):
 
 def page(folder: Path) -> str:
     """Return the part of the page about sensor faults, "" where no set has any."""
-    keys = [f"duration_s={WINDOW_S:g}", f"faults.0.start_s={FAULT_S:g}"]
+    keys = [f"duration_s={WINDOW_S:g}", f"faults.0.start_s={FAULT_S:g}", f"faults.0.end_s={WINDOW_S:g}"]
     scenarios = {name: load_scenario(name, keys) for name in FAULTS}
     found = [row for s, path in recordings(folder) if s.map in SETS
              for row in counted(path, MAPS / f"{s.map}.toml", scenarios)]  # fmt: skip
