@@ -55,7 +55,7 @@ def shown(found: dict[str, Any]) -> Group:
     c = table("Channels", "signal", "rate Hz>", "noise>", f"{percent}>", "lags", f"by ms, {percent}>", "remark")
     for row in found["channels"]:
         noise, lag = row.get("noise"), row["delay"]
-        late = NOTHING
+        late: Text | str = NOTHING
         if lag["tau"] is not None:
             late = f"{1e3 * lag['tau']:.1f} ({1e3 * lag['low']:.1f} to {1e3 * lag['high']:.1f})"
         value = NOTHING if noise is None else f"{noise:.3g} {row['unit']}"

@@ -128,7 +128,7 @@ def _channel(made, name, level):
 
 
 def _delay(made, name, level):
-    """Return the Delay of a channel behind the one that physics ties to it, the more certain where there are several."""
+    """Return the Delay of a channel behind one that physics ties to it: the most certain where there are several."""
     recorded, found = _recorded(made), []
     for later, other, n in PAIRS:
         if name in (later, other) and later in recorded and other in recorded:

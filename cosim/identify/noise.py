@@ -6,6 +6,7 @@ manoeuvres do not count; its interval is that of a median (order statistics), wi
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.stats import binom
@@ -27,7 +28,7 @@ class Noise:
 
 
 def white(y: np.ndarray, level: float = 0.95) -> Noise | None:
-    """Return the Noise of samples y (n,), NaN where there is a gap; None for a channel that is constant or too short."""
+    """Return the Noise of samples y (n,), NaN where there is a gap; None for a constant channel or a short one."""
     steps = np.abs(np.diff(y))
     moved = steps[np.isfinite(steps) & (steps > 0.0)]
     if not len(moved):
@@ -37,14 +38,14 @@ def white(y: np.ndarray, level: float = 0.95) -> Noise | None:
     found = [f for f in found if f is not None]
     if len(found) < 2:
         return None
-    for now, following in zip(found, found[1:]):
-        if abs(following[0] / now[0] - 1.0) < AGREE if now[0] > 0.0 else False:
+    for now, following in pairwise(found):
+        if abs(following[0] - now[0]) < AGREE * now[0]:
             sigma, low, high = now
             coarse = sigma < 0.5 * resolution
             note = f"of the order of its resolution, {resolution:.3g}" if coarse else ""
             return Noise(sigma, low, high, resolution, note)
     sigma, _, high = found[-1]
-    return Noise(sigma, 0.0, high, resolution, "at most: the channel's samples are not white at any order of difference")
+    return Noise(sigma, 0.0, high, resolution, "at most: its differences are not white at any order")
 
 
 def _median(y, k, level):

@@ -60,7 +60,7 @@ class Response:
 
 
 def simulate(command: np.ndarray, start: float, dt: float, stops: tuple[float, float], **values: float) -> np.ndarray:
-    """Return the surface (ticks,) [rad] that follows `command` (ticks,) from rest at `start`: at t_k, before its tick."""
+    """Return the surface (ticks,) [rad] that follows `command` (ticks,) from rest at `start`, each before its tick."""
     p = identified.params(lo=stops[0], hi=stops[1], **values)
     u = np.zeros((1, len(command)), identified.INPUTS)
     u["command"] = command
@@ -95,7 +95,8 @@ def respond(command: np.ndarray, surface: np.ndarray, dt: float, level: float = 
 
     bounds = low / size, high / size
     offset = float(np.mean(surface - command))
-    starts = [np.array([w, 0.9, 1.2 * fastest, 0.0, d * dt, offset]) for w in (8.0, 25.0, 60.0) for d in (1.0, 6.0, 20.0)]
+    begin = [(w, d * dt) for w in (8.0, 25.0, 60.0) for d in (1.0, 6.0, 20.0)]
+    starts = [np.array([w, 0.9, 1.2 * fastest, 0.0, late, offset]) for w, late in begin]
     starts = sorted((np.clip(s, low * 1.001, high * 0.999) / size for s in starts), key=lambda z: left(z) @ left(z))
     found = min((least_squares(left, z, **_how(bounds)) for z in starts[:3]), key=lambda f: f.cost)
     found = _by_whole_ticks(left, found, bounds, dt / size[DELAY])
@@ -159,7 +160,8 @@ def _told(found, left, size, bounds, fastest, moves, n, level):
         if name in NONNEGATIVE and (a <= 0.0 or value < 1e-3):  # at its bound: the profile says how far up
             a, b = 0.0, profile(left, found, i, bounds, variance * spread, level)
             note = "down to none"
-        out.parameters[name] = Parameter(*(float(v * size[i]) for v in (value, a, b)), note)
+        unit = float(size[i])
+        out.parameters[name] = Parameter(float(value) * unit, float(a) * unit, float(b) * unit, note)
     return out
 
 

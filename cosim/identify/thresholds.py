@@ -1,8 +1,9 @@
 """Thresholds of detectors that fit a recording: one factor for each detector, at a false-alarm probability.
 
 The largest |r| of every block of the first part of the recording has, in its upper fifth, an exponential tail
-(cosim/training/tail.py): what it exceeds with PROBABILITY per 60 s is the factor on every threshold of the detector. The
-detector then runs again with them, and its alarms in the part that was held back are counted against what is expected.
+(cosim/training/tail.py): what it exceeds with PROBABILITY per 60 s is the factor on every threshold of the detector.
+The detector then runs again with them, and its alarms in the part that was held back are counted against what is
+expected.
 """
 
 from dataclasses import dataclass, field

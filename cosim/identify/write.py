@@ -9,7 +9,7 @@ from cosim.identify.response import MEANINGS, UNITS
 BLOCK = '''"""Actuator of {segment}, identified by `cosim identify` from {recording}.
 
 {lines}
-Fit {fit:.1f} %. In a scenario: [actuators.{name}] file = "{file}", and [elevator] {segment} = "{name}".
+Fit {fit:.1f} %. A scenario names it [actuators.{name}] file = "{file}", with {segment} = "{name}" in [elevator].
 """
 
 from actuators.simple import identified
@@ -32,12 +32,9 @@ def texts(found: Identification, folder: Path, stem: str) -> dict[Path, str]:
     for segment, fitted in found.responses.items():
         name = f"{stem}_{segment}"
         file = folder / f"{name}.py"
-        lines = "\n".join(
-            _line(n, p, found.level)
-            for n, p in fitted.parameters.items()
-        )
+        told = "\n".join(_line(n, p, found.level) for n, p in fitted.parameters.items())
         values = {n: float(f"{v:.6g}") for n, v in fitted.values().items()}
-        out[file] = BLOCK.format(segment=segment, recording=Path(found.recording).name, lines=lines, name=name,
+        out[file] = BLOCK.format(segment=segment, recording=Path(found.recording).name, lines=told, name=name,
                                  fit=fitted.fit_pct, file=file.name, values=values)  # fmt: skip
         actuators += [f"[actuators.{name}]", f'file = "{file.name}"', ""]
         elevator.append(f'{segment} = "{name}"')
@@ -46,9 +43,9 @@ def texts(found: Identification, folder: Path, stem: str) -> dict[Path, str]:
         lines += ["# for a scenario:", *actuators, "[elevator]", *elevator, ""]
     flows = [row for row in found.actuators if row["kind"] == "flow" and row["parameters"]]
     for row in flows:
-        own = row["parameters"]
-        lines += [f"# {row['segment']}: " + ", ".join(f"{n} {p['value']:.4g} {p['unit']} ({p['low']:.4g} to {p['high']:.4g})"
-                                                      for n, p in own.items())]  # fmt: skip
+        own = (f"{n} {p['value']:.4g} {p['unit']} ({p['low']:.4g} to {p['high']:.4g})"
+               for n, p in row["parameters"].items())  # fmt: skip
+        lines += [f"# {row['segment']}: {', '.join(own)}"]
     for t in found.thresholds:
         if t.parameters:
             held = f"{t.alarms} alarms in {t.held_back_s:.0f} s held back, {t.expected:.2g} expected"

@@ -47,6 +47,7 @@ def move(
     first = np.array([r.command[0] for r in rides])
     trim = np.array([first, load[0, :, 0], load[1, :, 0]])
     age = int(sensor_age(dt))
+    assert TECHNOLOGY.build
     (_, _, ps, xs), (_, _, p, x) = TECHNOLOGY.build(own, truth, [{}] * n, trim, aircraft.travels["elevator"], dt, age)
     us, u = np.zeros((n, 1), servo.INPUTS), np.zeros((n, 1), actuator.INPUTS)
     us["q_valid"] = us["x3_valid"] = 1.0

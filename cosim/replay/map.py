@@ -288,11 +288,11 @@ def _write(path, done, out, text, dt):
     for d, lane, u, again in done:
         module = d.module
         read = flat(np.ascontiguousarray(u))[0]
-        for name, columns, values, every in (
+        for name, own, values, every in (
             (f"/input/{d.id}/{lane}", columns(module.INPUTS, module.INPUTS.names), read, 1),
             (f"/replay/detectors/{d.id}/{lane}", columns(module.STATE, module.OUTPUTS), again, d.every),
         ):
-            fields, units = zip(*columns)
+            fields, units = zip(*own)
             full = np.zeros((u.shape[1], len(fields)))
             full[::every] = values
             topics.append(Topic(name, fields, units, np.arange(at, at + len(fields)), every, "detectors"))

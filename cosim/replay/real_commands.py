@@ -48,7 +48,7 @@ def band_limited(t: np.ndarray, y: np.ndarray, dt: float) -> tuple[float, np.nda
 def rides(path: Path, map_path: Path) -> list[Ride]:
     """Return the Rides of a recording: its windows that are airborne and without a gap."""
     made = prepare(path, map_path)
-    got = {}
+    got: dict[str, Any] = {}
     for name in ("de_cmd", "alpha", "cas", "q"):
         t, y, _ = made.channels[name]
         got[name] = band_limited(t, made.map.signals[name].factor(made.sources[name].unit) * y, DT)
@@ -79,15 +79,16 @@ def simulated(number: int = SIMULATED) -> list[Ride]:
                 "manoeuvre.kind=nz_doublet", "manoeuvre.start_s=30"]  # fmt: skip
         flown = fly(load_scenario("cruise", keys), names)
         for a in range(0, len(flown) - size + 1, size):
-            own = [flown[n].to_numpy()[a : a + size] for n in names]
-            out.append(Ride(*own, f"simulated {k + 1}, {a * DT:.0f} s"))
+            command, alpha, cas, q = (flown[n].to_numpy()[a : a + size] for n in names)
+            out.append(Ride(command, alpha, cas, q, f"simulated {k + 1}, {a * DT:.0f} s"))
     return out
 
 
 def loads(found: list[Ride], rng: Any) -> tuple[np.ndarray, np.ndarray]:
     """Return the hinge moments (2, lanes, ticks) that the actuators meet, and those that the detectors' model says."""
     setup = build(load_scenario("cruise", ["detectors.enabled=[]"]))
-    p = setup.loop.hinge.p[setup.loop.bus.lanes["hinge_model"].index(SEGMENT)]
+    hinge: Any = setup.loop.hinge
+    p = hinge.p[setup.loop.bus.lanes["hinge_model"].index(SEGMENT)]
     u = np.zeros((len(found), len(found[0].command)), hinge_model.INPUTS)
     for name in ("alpha", "cas", "q"):
         u[name], u[f"{name}_valid"] = [getattr(r, name) for r in found], 1.0
@@ -132,8 +133,8 @@ def table(found: list[Ride], seed: int) -> list[str]:
     told: dict[tuple[str, str], list] = {}
     for name, fault, entry, hours in ridden(found, seed):
         told.setdefault((name, fault), []).append((entry, hours))
-    out = ["| detector | fault | windows | seen | right name | delay s, median (largest) | false alarms | windows with one |",
-           "|---|---|---|---|---|---|---|---|"]  # fmt: skip
+    head = "detector | fault | windows | seen | right name | delay s, median (largest) | false alarms | in windows"
+    out = [f"| {head} |", "|---|---|---|---|---|---|---|---|"]
     for (name, fault), rows in sorted(told.items()):
         wrong = sum(e["false_alarms"] for e, _ in rows)
         with_one = sum(e["false_alarms"] > 0 for e, _ in rows)
@@ -158,11 +159,12 @@ def page(folder: Path) -> str:
     own = simulated(max(1, -(-len(recorded) // round(FLIGHT_S / WINDOW_S))))[: len(recorded)]
     return "\n".join([
         "## Recorded elevator motion as the command of our hydraulic actuator", "",
-        f"{len(recorded)} windows of {WINDOW_S:g} s, disjoint, every {FREE}rd fault-free; a fault begins {FAULT_S:g} s after its window does. That",
-        "is all that is airborne, without a gap and with a speed and an angle of attack in the sets.",
-        "The command is the recorded deflection, interpolated within its band; hinge moment by the transport's model at",
-        "the recorded speed and change of angle of attack; each window's actuator is up to 5 % off, the detectors' hinge",
-        "moment up to 20 %. A deflection is smoother than a command: an actuator has filtered it already.", "",
+        f"{len(recorded)} windows of {WINDOW_S:g} s, disjoint, every {FREE}rd fault-free; a fault begins {FAULT_S:g} s "
+        "after its window does. That is all",
+        "that is airborne, without a gap and with a speed and an angle of attack in the sets. The command is the",
+        "recorded deflection, interpolated within its band; hinge moment by the transport's model at the recorded speed",
+        "and change of angle of attack; each window's actuator is up to 5 % off, the detectors' hinge moment up to 20 %.",
+        "A deflection is smoother than a command: an actuator has filtered it already.", "",
         *table(recorded, 1), "",
         f"The same on {len(own)} windows of simulated flights (transport, doublets, no to moderate turbulence):", "",
         *table(own, 2), "",

@@ -57,7 +57,8 @@ def counted(path: Path, map_path: Path, scenarios: dict[str, Scenario]) -> list[
     for k, name in enumerate(kinds):
         if name:
             lane = inject.lanes(scenarios[name])[0]
-            broken(*made.values[_signal(scenarios[name])], lane, k * size, size, made.dt, k)
+            value, valid = made.values[_signal(scenarios[name])]
+            broken(value, valid, lane, k * size, size, made.dt, k)
     out = []
     for d, _, _, again in run_all(made, {})[0]:
         names = [n for n, _ in columns(d.module.STATE, d.module.OUTPUTS)]
@@ -79,7 +80,8 @@ def page(folder: Path) -> str:
     scenarios = {name: load_scenario(name, keys) for name in FAULTS}
     found = [row for s, path in recordings(folder) if s.map in SETS
              for row in counted(path, MAPS / f"{s.map}.toml", scenarios)]  # fmt: skip
-    lines = ["| detector | fault | is it designed for it | valid windows | an alarm begins in |", "|---|---|---|---|---|"]
+    head = "| detector | fault | is it designed for it | valid windows | an alarm begins in |"
+    lines = [head, "|---|---|---|---|---|"]
     for name in dict.fromkeys(row[0] for row in found):
         for fault in ("", *FAULTS):
             own = [row for row in found if row[0] == name and row[1] == fault and row[2]]
