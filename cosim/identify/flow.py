@@ -1,12 +1,12 @@
 """The flow of a servo-valve into a cylinder, from the valve's command, the rod and, where it is measured, the pressure.
 
-    q(t) = q_0 + g int w(x3) u' dt - L int x3 dt - c x3 + d t,    w = sqrt(1 - sign(u') x3),  u' = u(t - delay) less a
-                                                                                                       dead band
+    q(t) = q_0 + g int w u' dt - L int x3 dt - c x3 + d t,
+    w = sqrt(1 - sign(u') x3),    u' = u(t - delay) less a dead band
 
 is equation (4) of [Lu17] divided by its stiffness and integrated: g = phi_n / A_p is the area ratio of valve and piston
-times the valve's flow [m/s], L the leakage [m/s], c = 1 / stiffness the oil's give [m]; d takes up a constant error of
-the pressure sensor. L and c are fitted but not told: the noise of the pressure, a regressor, biases both. Without a
-pressure w is 1 and g that of the flow under load.
+times the valve's flow [m/s], L the leakage [m/s], c = 1 / stiffness the oil's give [m]; d and a share of int |u'| dt
+take up a constant error of the pressure sensor. L and c are fitted but not told: the noise of the pressure, a
+regressor, biases both. Without a pressure w is 1 and g that of the flow under load.
 """
 
 import math
@@ -68,7 +68,9 @@ def _fit(u, rod, x3, dt, level):
         acted = (1.0 - part) * v[1 : n + 1] + part * v[:n]
         acted = acted - np.clip(acted, -dead, dead)
         drive = np.sqrt(np.clip(1.0 - np.sign(acted) * middle, 0.0, 2.0)) * acted
-        return np.column_stack([np.concatenate([[0.0], np.cumsum(drive[:-1])]) * dt, *linear])
+        driven = [drive] if x3 is None else [drive, np.abs(acted)]  # a pressure off by b: -b/2 |u'| in w u'
+        own = [np.concatenate([[0.0], np.cumsum(d[:-1])]) * dt for d in driven]
+        return np.column_stack([*own, *linear])
 
     def left(free):
         A = columns(free[0] * size[0], free[1])

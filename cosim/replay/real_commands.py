@@ -17,7 +17,7 @@ from scipy.signal import resample_poly
 from cosim.flight import detectors
 from cosim.flight.blocks import hinge_model
 from cosim.flight.build import build
-from cosim.flight.simulate import fly
+from cosim.flight.signals import fly
 from cosim.judge import coverage
 from cosim.judge.noticed import watch_of
 from cosim.judge.result import judge, judged
@@ -162,9 +162,9 @@ def page(folder: Path) -> str:
         f"{len(recorded)} windows of {WINDOW_S:g} s, disjoint, every {FREE}rd fault-free; a fault begins {FAULT_S:g} s "
         "after its window does. That is all",
         "that is airborne, without a gap and with a speed and an angle of attack in the sets. The command is the",
-        "recorded deflection, interpolated within its band; hinge moment by the transport's model at the recorded speed",
-        "and change of angle of attack; each window's actuator is up to 5 % off, the detectors' hinge moment up to 20 %.",
-        "A deflection is smoother than a command: an actuator has filtered it already.", "",
+        "recorded deflection, interpolated within its band; hinge moment by the transport's model at the recorded",
+        "speed and change of angle of attack; each window's actuator is up to 5 % off, the detectors' hinge moment up",
+        "to 20 %. A deflection is smoother than a command: an actuator has filtered it already.", "",
         *table(recorded, 1), "",
         f"The same on {len(own)} windows of simulated flights (transport, doublets, no to moderate turbulence):", "",
         *table(own, 2), "",
