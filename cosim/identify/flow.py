@@ -53,7 +53,7 @@ def _fit(u, rod, x3, dt, level):
     if float(np.std(u)) == 0.0:
         return Response(note="not identifiable: the valve command is constant")
     noise = float(np.std(np.diff(rod, 3)) / math.sqrt(20.0))
-    if float(np.std(rod)) < 3.0 * noise:
+    if float(np.std(rod)) <= 3.0 * noise:
         return Response(note="not identifiable: the rod moves by less than three times its noise")
     n, tick = len(u), np.arange(len(u))
     z = np.zeros(n) if x3 is None else savgol_filter(x3, SMOOTH, 3)

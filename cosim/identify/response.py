@@ -77,7 +77,7 @@ def respond(command: np.ndarray, surface: np.ndarray, dt: float, level: float = 
         return Response(note=f"not identifiable: {len(surface) * dt:.3g} s are too short")
     if float(np.std(command)) == 0.0:
         return Response(note="not identifiable: the command is constant")
-    if moves < 3.0 * noise:
+    if moves <= 3.0 * noise:
         return Response(note="not identifiable: the position moves by less than three times its noise")
     reach = 0.1 + max(np.abs(command).max(), np.abs(surface).max())
     stops = (-reach, reach)
