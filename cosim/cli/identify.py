@@ -33,8 +33,8 @@ def identify(
 ) -> None:
     """Identify noise, delays, actuators and fitting thresholds from a fault-free recording."""
     from cosim.files import replace_text
-    from cosim.identify import identify as work
-    from cosim.identify.write import texts
+    from cosim.training.identify import identify as work
+    from cosim.training.identify.write import texts
 
     found = work(recording, map_, time=time, level=level)
     files: list[str] = []

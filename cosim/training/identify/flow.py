@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 from scipy.signal import savgol_filter
 from scipy.stats import t as student
 
-from cosim.identify.response import Parameter, Response, correlation
+from cosim.training.identify.response import Parameter, Response, correlation
 
 UNITS = {"flow_gain": "m/s", "dead_band": "-", "delay": "s"}
 MEANINGS = {

@@ -3,8 +3,8 @@
 import math
 from pathlib import Path
 
-from cosim.identify import Identification
-from cosim.identify.response import MEANINGS, UNITS
+from cosim.training.identify import Identification
+from cosim.training.identify.response import MEANINGS, UNITS
 
 BLOCK = '''"""Actuator of {segment}, identified by `cosim identify` from {recording}.
 

@@ -9,15 +9,15 @@ from typer.testing import CliRunner
 
 import cosim
 from cosim.cli import commands as cli
-from cosim.identify import NO_COMMAND, identify
-from cosim.identify.delay import lag
-from cosim.identify.flow import flow
-from cosim.identify.noise import white
-from cosim.identify.response import respond, simulate
-from cosim.identify.thresholds import _one
-from cosim.identify.write import texts
 from cosim.replay.bench import Ride, move
 from cosim.replay.map import prepare
+from cosim.training.identify import NO_COMMAND, identify
+from cosim.training.identify.delay import lag
+from cosim.training.identify.flow import flow
+from cosim.training.identify.noise import white
+from cosim.training.identify.response import respond, simulate
+from cosim.training.identify.thresholds import _one
+from cosim.training.identify.write import texts
 
 DT = 0.005
 FLIGHT = '[flight]\nmass_t = 200.0\ncg_pct = 30.0\naltitude_ft = 20000.0\ncas_kt = 290.0\n[detectors]\nenabled = ["position_monitor"]\n'

@@ -3,7 +3,7 @@
     found = identify("flight.csv", "map.toml")
     found.channels, found.actuators, found.thresholds
 
-Noise (cosim/identify/noise.py) and delay (delay.py) of each channel; of an actuator with command and position its
+Noise (cosim/training/identify/noise.py) and delay (delay.py) of each channel; of an actuator with command and position its
 response (response.py), with valve command and rod its flow (flow.py); thresholds that fit (thresholds.py).
 """
 
@@ -14,16 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from cosim.identify import flow as valve
-from cosim.identify import response, thresholds
-from cosim.identify.delay import PAIRS, Delay, lag
-from cosim.identify.noise import white
 from cosim.judge.result import plain
 from cosim.replay import clock
 from cosim.replay.map import Prepared, prepare
 from cosim.replay.map_signals import sampled, shares
 from cosim.replay.params import ReplayError
 from cosim.scenario.catalog import TECHNOLOGIES
+from cosim.training.identify import flow as valve
+from cosim.training.identify import response, thresholds
+from cosim.training.identify.delay import PAIRS, Delay, lag
+from cosim.training.identify.noise import white
 
 LEVEL = 0.95  # of the intervals
 NO_COMMAND = "not identifiable: no command channel"

@@ -155,17 +155,17 @@ def _told(found, left, size, bounds, fastest, moves, n, level):
             if half[i] > 0.5 * value or worse < float(chi2.ppf(SURE, 1)) * variance * spread:
                 out.parameters[name] = Parameter(math.nan, 0.9 * fastest, math.inf, "never reached: at least this")
                 continue
-            a = min(a, profile(left, found, i, bounds, variance * spread, level, -1.0))
-            b = max(b, profile(left, found, i, bounds, variance * spread, level))
+            a = min(a, _profile(left, found, i, bounds, variance * spread, level, -1.0))
+            b = max(b, _profile(left, found, i, bounds, variance * spread, level))
         if name in NONNEGATIVE and (a <= 0.0 or value < 1e-3):  # at its bound: the profile says how far up
-            a, b = 0.0, profile(left, found, i, bounds, variance * spread, level)
+            a, b = 0.0, _profile(left, found, i, bounds, variance * spread, level)
             note = "down to none"
         unit = float(size[i])
         out.parameters[name] = Parameter(float(value) * unit, float(a) * unit, float(b) * unit, note)
     return out
 
 
-def profile(left, found, i, bounds, variance, level, side=1.0):
+def _profile(left, found, i, bounds, variance, level, side=1.0):
     """Return the upper end (lower for `side` -1) of the profile interval of parameter i: where the least sum of squares
     has risen by chi square's `level` times `variance`, all others fitted anew."""
     edge = bounds[1][i] if side > 0.0 else bounds[0][i]
