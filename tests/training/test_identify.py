@@ -20,7 +20,15 @@ from cosim.training.identify.thresholds import _one
 from cosim.training.identify.write import texts
 
 DT = 0.005
-FLIGHT = '[flight]\nmass_t = 200.0\ncg_pct = 30.0\naltitude_ft = 20000.0\ncas_kt = 290.0\n[detectors]\nenabled = ["position_monitor"]\n'
+FLIGHT = """
+[flight]
+mass_t = 200.0
+cg_pct = 30.0
+altitude_ft = 20000.0
+cas_kt = 290.0
+[detectors]
+enabled = ["position_monitor"]
+"""
 
 
 def slow_noise(n, seed, size=0.05):
@@ -91,7 +99,11 @@ def test_a_rate_limit_that_was_not_reached_is_a_bound():
 
 @pytest.mark.parametrize(
     ("command", "surface", "words"),
-    [(np.zeros(4000), jumpy(), "constant"), (jumpy(), np.zeros(4000), "three times"), (jumpy(100), jumpy(100), "short")],
+    [
+        (np.zeros(4000), jumpy(), "constant"),
+        (jumpy(), np.zeros(4000), "three times"),
+        (jumpy(100), jumpy(100), "short"),
+    ],
 )
 def test_what_does_not_move_is_not_identified(command, surface, words):
     surface = surface + 1e-4 * np.random.default_rng(0).standard_normal(len(surface))
@@ -117,7 +129,8 @@ def files(tmp_path, extra="", **columns):
     table = {"t_s": np.arange(4000) * DT, "cmd": command, "pos": recorded(command), **columns}
     path, m = tmp_path / "rig.csv", tmp_path / "rig.toml"
     pd.DataFrame({k: v for k, v in table.items() if v is not None}).to_csv(path, index=False)
-    m.write_text(f'{FLIGHT}[signals]\nde_cmd = {{ channel = "cmd"{extra} }}\n"left_inner.surface" = {{ channel = "pos" }}\n')
+    signals = f'[signals]\nde_cmd = {{ channel = "cmd"{extra} }}\n"left_inner.surface" = {{ channel = "pos" }}\n'
+    m.write_text(FLIGHT + signals)
     return path, m
 
 
@@ -128,7 +141,8 @@ def test_what_is_identified_flies(tmp_path):
     for file, text in texts(found, tmp_path, "mine").items():
         file.write_text(text)
     keys = ["duration_s=3", "manoeuvre.kind=nz_doublet", "manoeuvre.start_s=1", "detectors.enabled=[]",
-            f"actuators.mine_left_inner.file={tmp_path}/mine_left_inner.py", "elevator.left_inner=mine_left_inner"]  # fmt: skip
+            f"actuators.mine_left_inner.file={tmp_path}/mine_left_inner.py",
+            "elevator.left_inner=mine_left_inner"]  # fmt: skip
     flown = cosim.fly(cosim.load_scenario("cruise", keys), ["truth.aircraft.de_li", "law.law.de_cmd"])
     moved = flown["truth.aircraft.de_li"].to_numpy()
     assert np.ptp(moved) > 0.01 and np.abs(np.diff(moved)).max() <= 0.301 * DT
@@ -153,14 +167,19 @@ def test_the_command_prints_and_writes(tmp_path):
     path, m = files(tmp_path)
     run = CliRunner().invoke(cli.app, ["identify", str(path), "--map", str(m), "-o", str(tmp_path / "o"), "--json"])
     told = json.loads(run.stdout)
-    assert run.exit_code == 0 and len(told["files"]) == 2 and told["actuators"][0]["parameters"]["omega"]["unit"] == "rad/s"
+    assert run.exit_code == 0 and len(told["files"]) == 2
+    assert told["actuators"][0]["parameters"]["omega"]["unit"] == "rad/s"
     run = CliRunner().invoke(cli.app, ["identify", str(path), "--map", str(m)])
     assert run.exit_code == 0 and "rate" in run.stdout and "Thresholds" in run.stdout
 
 
 @pytest.mark.parametrize(
     ("columns", "words"),
-    [({"t_s": None}, "no time column"), ({"t_s": np.zeros(4000) + np.nan}, "holds no time"), ({"pos": None}, "no channel 'pos'")],
+    [
+        ({"t_s": None}, "no time column"),
+        ({"t_s": np.zeros(4000) + np.nan}, "holds no time"),
+        ({"pos": None}, "no channel 'pos'"),
+    ],
 )
 def test_bad_input_is_one_error(tmp_path, columns, words):
     with pytest.raises(cosim.CosimError, match=words):

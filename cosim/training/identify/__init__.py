@@ -3,7 +3,7 @@
     found = identify("flight.csv", "map.toml")
     found.channels, found.actuators, found.thresholds
 
-Noise (cosim/training/identify/noise.py) and delay (delay.py) of each channel; of an actuator with command and position its
+Noise (noise.py) and delay (delay.py) of each channel; of an actuator with command and position its
 response (response.py), with valve command and rod its flow (flow.py); thresholds that fit (thresholds.py).
 """
 
