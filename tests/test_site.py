@@ -24,11 +24,10 @@ def site():
     """The modules of the site, which are programs beside its settings and no package."""
     sys.path.insert(0, str(SITE))
     import api
+    import build
     import execute
     import gallery
     import links
-
-    import build
 
     sys.path.remove(str(SITE))
     return type("Site", (), {"api": api, "build": build, "execute": execute, "gallery": gallery, "links": links})

@@ -229,7 +229,8 @@ def linearize(
 
 
 # the commands of these modules, in the order in which `cosim -h` shows them
-for part in ("bench", "replay", "envelope", "study", "campaigns", "score", "false_alarms", "guests", "aircraft"):
+PARTS = ("bench", "replay", "envelope", "study", "campaigns", "score", "false_alarms", "guests", "identify", "aircraft")
+for part in PARTS:
     importlib.import_module(f"cosim.cli.{part}")
 
 

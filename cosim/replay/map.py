@@ -51,30 +51,43 @@ class Diagnosis:
         return plain(vars(self))
 
 
-def diagnose(
+@dataclass
+class Prepared:
+    """A recording brought to the detectors' ticks: signals by name, and the detectors with what each of them reads."""
+
+    map: Any  # cosim/replay/map_file.py
+    text: str  # of the map
+    scenario: Any  # cosim.scenario.Scenario
+    notices: list  # sentences
+    tables: dict
+    channels: dict  # signal -> (times, samples, flags or None), as recorded
+    sources: dict  # signal -> vocabulary.Signal
+    values: dict  # signal -> (values (n,), valid (n,)), SI
+    found: list  # detectors
+    wires: dict  # (detector, lane) -> its Wires
+    t_0: float  # [s]
+    n: int  # ticks
+    dt: float  # [s]
+
+    def params(self, d: Any) -> Any:
+        """Return PARAMS of the lanes of detector `d`."""
+        return d.params(self.scenario, self.dt)
+
+
+def prepare(
     path: str | Path,
     map_path: Any,
     *,
     detectors: Any = None,
-    overrides: Mapping[str, Any] | None = None,
     start_s: float = 0.0,
-    output: str | Path | None = None,
     on_reset: Any = None,
     part: int = 0,
     guests: Sequence[Any] = (),
     time: str | None = None,
-) -> Diagnosis:
-    """Run the detectors on the recording at `path`, file or folder, by the map at `map_path`; return a Diagnosis.
-
-    `detectors` chooses some (default: all), `overrides` {detector: {parameter: value}} changes parameters, `start_s`
-    is a time of the recording, `output` the log to write: inputs under /input, outputs under /replay. `on_reset` and
-    `part` say what becomes of a clock that goes back (cosim/replay/clock.py), `guests` are files of further detectors
-    (cosim/flight/plugins), `time` names the time column in place of the map. Raises ReplayError, LogError,
-    ScenarioError, GuestError, and IndexError when there is no stretch of that number.
-    """
+) -> Prepared:
+    """Return the recording at `path` as the map at `map_path` has it; arguments and errors as of `diagnose`."""
     made = [load(g).DETECTOR.id for g in guests]
     check_start(start_s)
-    chosen_overrides(detectors, overrides)
     m, text = load_map(map_path)
     scenario = with_detectors(_scenario(m, detectors, map_path), guests)
     detectors = [*detectors, *made] if detectors else detectors
@@ -106,6 +119,34 @@ def diagnose(
         for name, source in sources.items()
         if name in m.signals
     }
+    return Prepared(m, text, scenario, notices, tables, channels, sources, values, found, wires, float(t_0), n, dt)
+
+
+def diagnose(
+    path: str | Path,
+    map_path: Any,
+    *,
+    detectors: Any = None,
+    overrides: Mapping[str, Any] | None = None,
+    start_s: float = 0.0,
+    output: str | Path | None = None,
+    on_reset: Any = None,
+    part: int = 0,
+    guests: Sequence[Any] = (),
+    time: str | None = None,
+) -> Diagnosis:
+    """Run the detectors on the recording at `path`, file or folder, by the map at `map_path`; return a Diagnosis.
+
+    `detectors` chooses some (default: all), `overrides` {detector: {parameter: value}} changes parameters, `start_s`
+    is a time of the recording, `output` the log to write: inputs under /input, outputs under /replay. `on_reset` and
+    `part` say what becomes of a clock that goes back (cosim/replay/clock.py), `guests` are files of further detectors
+    (cosim/flight/plugins), `time` names the time column in place of the map. Raises ReplayError, LogError,
+    ScenarioError, GuestError, and IndexError when there is no stretch of that number.
+    """
+    chosen_overrides(detectors, overrides)
+    how: dict[str, Any] = {"on_reset": on_reset, "part": part, "guests": guests, "time": time}
+    made = prepare(path, map_path, detectors=detectors, start_s=start_s, **how)
+    m, values, sources, t_0, n, dt = made.map, made.values, made.sources, made.t_0, made.n, made.dt
     out = Diagnosis(str(path), str(map_path), m.rate_hz, float(t_0), n * dt, output=str(output) if output else None)
     out.signals = [
         {
@@ -116,32 +157,35 @@ def diagnose(
         }
         for name, (_, valid) in values.items()
     ]
-    odd = [text for frame in tables.values() for text in frame.attrs.get("oddities", ())]
-    done, out.not_run = _run_all(found, wires, values, scenario, overrides or {}, n, dt)
+    odd = [text for frame in made.tables.values() for text in frame.attrs.get("oddities", ())]
+    done, out.not_run = run_all(made, overrides or {})
     if not done:
         lacking = "; ".join(f"{r['id']} of {r['target']}: {', '.join(r['missing'])}" for r in out.not_run[:4])
         raise ReplayError("no detector has all its inputs", place=str(map_path), remedy=f"Missing: {lacking}")
     out.detectors = [_verdict(d, lane, again, dt, t_0) for d, lane, _, again in done]
-    out.caveats = notices + odd + slow(sources, channels, dt) + caveats(m, scenario, done, dt, t_0)
+    out.caveats = made.notices + odd + slow(sources, made.channels, dt) + caveats(m, made.scenario, done, dt, t_0)
     if output:
-        _write(output, done, out, text, dt)
+        _write(output, done, out, made.text, dt)
     return out
 
 
-def _run_all(found, wires, values, scenario, overrides, n, dt):
-    """Return ([(detector, lane, inputs, outputs)] of the lanes whose inputs are complete, what the others lack)."""
-    done, not_run = [], []
-    for d in found:
+def run_all(made: Prepared, overrides: Mapping[str, Any], only: str = "") -> tuple[list, list]:
+    """Return ([(detector, lane, inputs, outputs)] of the lanes whose inputs are complete, what the others lack); of all
+    detectors or `only` one."""
+    wires, values, n, dt = made.wires, made.values, made.n, made.dt
+    done: list = []
+    not_run: list = []
+    for d in (d for d in made.found if not only or d.id == only):
         words = {lane: dict.fromkeys(w.signal.word for w in wires[d.id, lane]) for lane in d.lanes}
         missing = {lane: [word for word in own if word not in values] for lane, own in words.items()}
         not_run += [{"id": d.id, "target": d.target(lane), "missing": lack} for lane, lack in missing.items() if lack]
         ready = replace(d, lanes=tuple(lane for lane in d.lanes if not missing[lane]))
         if ready.lanes:
-            p = ready.params(scenario, dt)
+            p = made.params(ready)
             override(d.record, d.module, p, overrides.get(d.id, {}), dt)
             for i, lane in enumerate(ready.lanes):
                 u = _inputs(ready, wires[d.id, lane], values, n)
-                done.append((ready, lane, u, _run(ready, lane, u, p[i : i + 1], dt)))
+                done.append((ready, lane, u, run(ready, lane, u, p[i : i + 1], dt)))
     return done, not_run
 
 
@@ -189,7 +233,7 @@ def _held(value, valid):
     return value[good[np.maximum(last, 0)]]
 
 
-def _run(d, lane, u, p, dt):
+def run(d: Any, lane: str, u: np.ndarray, p: np.ndarray, dt: float) -> np.ndarray:
     """Return the outputs (n, fields) of one lane."""
     module, none = d.module, (np.empty(0, np.int64), np.empty((0, 0)))
     stretch = Lane(
@@ -208,7 +252,7 @@ def _run(d, lane, u, p, dt):
     return replay_lane(stretch, dt)[0]
 
 
-def _columns(kind, names):
+def columns(kind: Any, names: Any) -> list:
     """Return [(field of the log, unit)] of the elements of fields `names` of a record, in memory order."""
     out: list = []
     for name in kind.names:
@@ -220,7 +264,7 @@ def _columns(kind, names):
 
 def _verdict(d, lane, again, dt, t_0):
     """Return one row of the verdict table; times are the recording's."""
-    names = [n for n, _ in _columns(d.module.STATE, d.module.OUTPUTS)]
+    names = [n for n, _ in columns(d.module.STATE, d.module.OUTPUTS)]
     watch = watch_of(d.id, d.level, d.target(lane), d.module.CULPRITS, {n: i for i, n in enumerate(names)})
     found = judge(watch, again, dt * d.every, [])
     at, valid = found["detected_at_s"], again[:, names.index("valid")] > 0.5
@@ -244,11 +288,11 @@ def _write(path, done, out, text, dt):
     for d, lane, u, again in done:
         module = d.module
         read = flat(np.ascontiguousarray(u))[0]
-        for name, columns, values, every in (
-            (f"/input/{d.id}/{lane}", _columns(module.INPUTS, module.INPUTS.names), read, 1),
-            (f"/replay/detectors/{d.id}/{lane}", _columns(module.STATE, module.OUTPUTS), again, d.every),
+        for name, own, values, every in (
+            (f"/input/{d.id}/{lane}", columns(module.INPUTS, module.INPUTS.names), read, 1),
+            (f"/replay/detectors/{d.id}/{lane}", columns(module.STATE, module.OUTPUTS), again, d.every),
         ):
-            fields, units = zip(*columns)
+            fields, units = zip(*own)
             full = np.zeros((u.shape[1], len(fields)))
             full[::every] = values
             topics.append(Topic(name, fields, units, np.arange(at, at + len(fields)), every, "detectors"))

@@ -152,5 +152,8 @@ def _tail(valid: dict[str, Any], notes: dict[str, str], failed: list[str]) -> li
 if __name__ == "__main__":
     if len(sys.argv) != 2 or not Path(sys.argv[1]).is_dir():
         sys.exit("python -m cosim.replay.real DIR: a folder with recordings of real flights")
-    PAGE.write_text(page(Path(sys.argv[1])), encoding="utf-8")
+    from cosim.replay import real_commands, real_sensors
+
+    parts = [part.page(Path(sys.argv[1])) for part in (real_commands, real_sensors)]
+    PAGE.write_text("\n".join([page(Path(sys.argv[1])), *filter(None, parts)]), encoding="utf-8")
     print(f"wrote  {PAGE}")

@@ -1,0 +1,88 @@
+"""The command `identify`: what a fault-free recording says of sensors, actuators and thresholds."""
+
+import math
+import re
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from cosim.cli.app import answer, app
+from cosim.cli.guests import edited
+from cosim.cli.output import JsonOption, OverwriteOption, reserve
+from cosim.cli.tables import NOTHING, table, whole
+
+
+@app.command()
+def identify(
+    recording: Annotated[
+        Path, typer.Argument(metavar="RECORDING", help="Fault-free: a file or a folder.", show_default=False)
+    ],
+    map_: Annotated[Path, typer.Option("--map", metavar="MAP.toml", help="What is which signal (cosim map).")],
+    time: Annotated[
+        str | None, typer.Option("--time", metavar="COLUMN", help="The time column.", show_default=False)
+    ] = None,
+    level: Annotated[float, typer.Option("--level", metavar="P", help="Level of the intervals.")] = 0.95,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Write actuator files and a table there.")
+    ] = None,
+    overwrite: OverwriteOption = False,
+    json_: JsonOption = False,
+) -> None:
+    """Identify noise, delays, actuators and fitting thresholds from a fault-free recording."""
+    from cosim.files import replace_text
+    from cosim.training.identify import identify as work
+    from cosim.training.identify.write import texts
+
+    found = work(recording, map_, time=time, level=level)
+    files: list[str] = []
+    if output is not None:
+        stem = re.sub(r"\W+", "_", recording.stem).strip("_").lower() or "recording"
+        made = texts(found, output, stem if stem[0].isalpha() else f"r_{stem}")
+        for path in made:
+            reserve(path, edited, taken={"the recording": [recording], "the map": [map_]})
+        for path, text in made.items():
+            replace_text(path, text, edited)
+        files = [str(path) for path in made]
+    answer(json_, found.to_dict() | {"files": files}, shown)
+
+
+def shown(found: dict[str, Any]) -> Group:
+    """Return the tables of an identification."""
+    percent = f"{100.0 * found['level']:g} %"
+    c = table("Channels", "signal", "rate Hz>", "noise>", f"{percent}>", "lags", f"by ms, {percent}>", "remark")
+    for row in found["channels"]:
+        noise, lag = row.get("noise"), row["delay"]
+        late: Text | str = NOTHING
+        if lag["tau"] is not None:
+            late = f"{1e3 * lag['tau']:.1f} ({1e3 * lag['low']:.1f} to {1e3 * lag['high']:.1f})"
+        value = NOTHING if noise is None else f"{noise:.3g} {row['unit']}"
+        spread = NOTHING if noise is None else f"{row['noise_low']:.3g} to {row['noise_high']:.3g}"
+        remark = "; ".join(text for text in (row["noise_note"], lag["note"]) if text)
+        c.add_row(row["name"], f"{row['rate_hz'] or math.nan:.4g}", value, spread, lag["of"] or NOTHING, late, remark)
+    a = table("Actuators", "segment", "fit of", "parameter", "value>", f"{percent}>", "remark")
+    for row in found["actuators"]:
+        segment = row["segment"].replace("_", " ")
+        if not row["parameters"]:
+            a.add_row(segment, row["kind"], NOTHING, NOTHING, NOTHING, row["note"])
+        for name, p in row["parameters"].items():
+            value = NOTHING if p["value"] is None else f"{p['value']:.5g} {p['unit']}"
+            high = "no end" if p["high"] is None else f"{p['high']:.5g}"
+            a.add_row(segment, row["kind"], name.replace("_", " "), value, f"{p['low']:.5g} to {high}", p["note"])
+        if row["parameters"]:
+            a.add_row(segment, row["kind"], "fit", f"{row['fit_pct']:.1f} %", "", "")
+    parts: list[RenderableType] = [*(Text(text, style="yellow") for text in found["caveats"]), c, a]
+    if found["thresholds"]:
+        parts.append(_thresholds(found["thresholds"]))
+    parts += [whole(f"wrote  {file}") for file in found["files"]]
+    return Group(*parts)
+
+
+def _thresholds(rows):
+    t = table("Thresholds", "detector", "times the shipped>", "held back s>", "alarms>", "expected>", "remark")
+    for row in rows:
+        figures = f"{row['held_back_s']:.0f}", str(row["alarms"]), f"{row['expected']:.2g}"
+        t.add_row(row["id"], f"{row['factor']:.3g}", *figures, row["note"])
+    return t

@@ -1,0 +1,194 @@
+"""The response of an actuator to its command, by output error: parameters, intervals, goodness of fit.
+
+The model is the block of actuators/simple/identified.py, which flies as it was fitted. Its output, less a constant
+error of the sensor, is held against the measured position; `scipy.optimize.least_squares` finds the parameters. An
+interval is that of Student's law with the covariance s^2 (J'J)^-1, widened by the correlation time of what is left
+where the model does not make it white; a parameter that stands at its bound has the interval of its profile.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import brentq, least_squares
+from scipy.stats import chi2
+from scipy.stats import t as student
+
+from actuators.common import linkage
+from actuators.simple import identified
+
+NAMES = ("omega", "zeta", "rate", "dead_band", "delay", "bias")
+NONNEGATIVE = ("dead_band", "delay")
+DELAY, RATE = NAMES.index("delay"), NAMES.index("rate")
+UNITS = {"omega": "rad/s", "zeta": "-", "rate": "rad/s", "dead_band": "rad", "delay": "s", "bias": "rad"}
+MEANINGS = {
+    "omega": "bandwidth (natural frequency)", "zeta": "damping", "rate": "rate limit",
+    "dead_band": "dead band, to either side", "delay": "dead time from command to reading",
+    "bias": "constant error of the reading",
+}  # fmt: skip
+SURE = 0.999  # of the test whether a rate limit was reached
+SETTLE_S = 0.5  # at the start, where the motion before it is not known
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter with its interval; `low` alone is known where `value` is NaN. Units are those of UNITS."""
+
+    value: float
+    low: float
+    high: float
+    note: str = ""
+
+
+@dataclass
+class Response:
+    """What a command and a position say of the actuator between them."""
+
+    parameters: dict[str, Parameter] = field(default_factory=dict)
+    fit_pct: float = math.nan  # 100 (1 - |residual| / |position less its mean|)
+    residual: float = math.nan  # standard deviation [rad]
+    correlation: float = math.nan  # samples over which the residual is correlated: 1 for white
+    note: str = ""
+
+    def values(self) -> dict[str, float]:
+        """Return the numbers with which the actuator flies; a rate limit that was not reached is the nominal one, or
+        what was seen where that is more."""
+        known = {n: p.value for n, p in self.parameters.items() if n != "bias"}
+        if "rate" in known and not math.isfinite(known["rate"]):
+            known["rate"] = max(linkage.RATE, self.parameters["rate"].low)
+        return known
+
+
+def simulate(command: np.ndarray, start: float, dt: float, stops: tuple[float, float], **values: float) -> np.ndarray:
+    """Return the surface (ticks,) [rad] that follows `command` (ticks,) from rest at `start`, each before its tick."""
+    p = identified.params(lo=stops[0], hi=stops[1], **values)
+    u = np.zeros((1, len(command)), identified.INPUTS)
+    u["command"] = command
+    log = np.zeros((1, len(command)), identified.STATE)
+    identified.rollout(identified.init_at(p, start), u, p, dt, log)
+    return np.concatenate([[start], log["delta"][0][:-1]])
+
+
+def respond(command: np.ndarray, surface: np.ndarray, dt: float, level: float = 0.95) -> Response:
+    """Return the Response of `surface` to `command` ((ticks,), finite [rad], every `dt` seconds)."""
+    skip, moves = round(SETTLE_S / dt), float(np.std(surface))
+    noise = float(np.std(np.diff(surface, 3)) / math.sqrt(20.0))
+    if len(surface) < 4 * skip:
+        return Response(note=f"not identifiable: {len(surface) * dt:.3g} s are too short")
+    if float(np.std(command)) == 0.0:
+        return Response(note="not identifiable: the command is constant")
+    if moves <= 3.0 * noise:
+        return Response(note="not identifiable: the position moves by less than three times its noise")
+    reach = 0.1 + max(np.abs(command).max(), np.abs(surface).max())
+    stops = (-reach, reach)
+    smooth = np.convolve(surface, np.ones(9) / 9.0, "valid")
+    fastest = float(np.abs(smooth[8:] - smooth[:-8]).max() / (8.0 * dt))
+    most_delay = (identified.PAST - 4) * dt
+    low = np.array([0.5, 0.2, 0.02 * fastest, 0.0, 0.0, -1.0])
+    high = np.array([1.0 / dt, 4.0, 20.0 * fastest, 0.2 * np.ptp(surface), most_delay, 1.0])
+    size = np.array([20.0, 1.0, fastest, 0.02 * np.ptp(surface), 4.0 * dt, 0.1 * moves])
+
+    def left(z):
+        values = dict(zip(NAMES, z * size))
+        bias = values.pop("bias")
+        return (simulate(command, surface[0] - bias, dt, stops, **values) + bias - surface)[skip:]
+
+    bounds = low / size, high / size
+    offset = float(np.mean(surface - command))
+    begin = [(w, d * dt) for w in (8.0, 25.0, 60.0) for d in (1.0, 6.0, 20.0)]
+    starts = [np.array([w, 0.9, 1.2 * fastest, 0.0, late, offset]) for w, late in begin]
+    starts = sorted((np.clip(s, low * 1.001, high * 0.999) / size for s in starts), key=lambda z: left(z) @ left(z))
+    found = min((least_squares(left, z, **_how(bounds)) for z in starts[:3]), key=lambda f: f.cost)
+    found = _by_whole_ticks(left, found, bounds, dt / size[DELAY])
+    free = _fixed(left, found.x, RATE, bounds[1][RATE], bounds, 50)  # as if it had no limit
+    start = np.clip(np.insert(free.x, RATE, 1.5), bounds[0] + 1e-12, bounds[1] - 1e-12)
+    found = min(found, least_squares(left, start, **_how(bounds)), key=lambda f: f.cost)
+    return _told(found, left, size, bounds, fastest, moves, len(surface) - skip, level)
+
+
+def _how(bounds):
+    return {"bounds": bounds, "diff_step": 1e-4, "x_scale": "jac"}
+
+
+def _by_whole_ticks(left, found, bounds, tick):
+    """Return the best fit whose dead time began at a whole number of ticks near that of `found`: a command that jumps
+    makes the sum of squares bend there, and a descent stops at a bend."""
+    tried = set()
+    while True:
+        near = round(found.x[DELAY] / tick)
+        fresh = [k for k in range(max(0, near - 3), near + 4) if k not in tried]
+        tried |= set(fresh)
+        for k in fresh:
+            at = np.clip(k * tick, bounds[0][DELAY], bounds[1][DELAY])
+            again = _fixed(left, found.x, DELAY, at, bounds, 25)
+            if 2.0 * again.cost < 2.0 * found.cost * (1.0 - 1e-9):
+                start = np.insert(again.x, DELAY, at)
+                within = bounds[0] + 1e-12, bounds[1] - 1e-12
+                found = min(found, least_squares(left, np.clip(start, *within), **_how(bounds)), key=lambda f: f.cost)
+        if not fresh or round(found.x[DELAY] / tick) == near:
+            return found
+
+
+def _fixed(left, x, i, value, bounds, most):
+    """Return the fit of all parameters but number i, which has `value`, from x."""
+    within = np.delete(bounds[0], i), np.delete(bounds[1], i)
+    start = np.clip(np.delete(x, i), within[0] + 1e-12, within[1] - 1e-12)
+    return least_squares(lambda z: left(np.insert(z, i, value)), start, bounds=within, diff_step=1e-4, max_nfev=most)
+
+
+def _told(found, left, size, bounds, fastest, moves, n, level):
+    e, J = found.fun, found.jac
+    variance, spread = float(e @ e) / (n - len(size)), correlation(e)
+    far = np.linalg.norm(J, axis=0)
+    seen = (found.active_mask == 0) & (far > 1e-9 * far.max())
+    half = np.full(len(size), np.inf)
+    scaled = J[:, seen] / far[seen]
+    deviation = np.sqrt(np.diag(np.linalg.pinv(scaled.T @ scaled)).clip(0.0) * variance * spread) / far[seen]
+    half[seen] = float(student.ppf(0.5 + level / 2.0, max(n / spread - len(size), 1.0))) * deviation
+    out = Response(fit_pct=100.0 * (1.0 - float(np.std(e)) / moves), residual=math.sqrt(variance), correlation=spread)
+    for i, name in enumerate(NAMES):
+        a, b = (found.x[i] - half[i]), (found.x[i] + half[i])
+        note = ""
+        value = found.x[i]
+        if name == "rate":
+            worse = 2.0 * (_fixed(left, found.x, i, bounds[1][i], bounds, 50).cost - found.cost)
+            if half[i] > 0.5 * value or worse < float(chi2.ppf(SURE, 1)) * variance * spread:
+                out.parameters[name] = Parameter(math.nan, 0.9 * fastest, math.inf, "never reached: at least this")
+                continue
+            a = min(a, _profile(left, found, i, bounds, variance * spread, level, -1.0))
+            b = max(b, _profile(left, found, i, bounds, variance * spread, level))
+        if name in NONNEGATIVE and (a <= 0.0 or value < 1e-3):  # at its bound: the profile says how far up
+            a, b = 0.0, _profile(left, found, i, bounds, variance * spread, level)
+            note = "down to none"
+        unit = float(size[i])
+        out.parameters[name] = Parameter(float(value) * unit, float(a) * unit, float(b) * unit, note)
+    return out
+
+
+def _profile(left, found, i, bounds, variance, level, side=1.0):
+    """Return the upper end (lower for `side` -1) of the profile interval of parameter i: where the least sum of squares
+    has risen by chi square's `level` times `variance`, all others fitted anew."""
+    edge = bounds[1][i] if side > 0.0 else bounds[0][i]
+    most = float(chi2.ppf(level, 1)) * variance
+
+    def rise(v):
+        return 2.0 * (_fixed(left, found.x, i, v, bounds, 15).cost - found.cost) - most
+
+    step = max(0.01, 0.02 * found.x[i])
+    for _ in range(12):
+        end = found.x[i] + side * step
+        end = min(end, edge) if side > 0.0 else max(end, edge)
+        if rise(end) > 0.0:
+            return float(brentq(rise, found.x[i], end, xtol=1e-3 * step + 1e-12, maxiter=20, disp=False))
+        step *= 2.0
+    return float(edge)
+
+
+def correlation(e: np.ndarray) -> float:
+    """Return the integrated correlation time of residuals e (n,) in samples, 1 at least: up to its first zero."""
+    spectrum = np.abs(np.fft.rfft(e - e.mean(), 2 * len(e))) ** 2
+    rho = np.fft.irfft(spectrum)[: len(e) // 2]
+    rho = rho / rho[0] if rho[0] > 0.0 else rho
+    below = np.flatnonzero(rho < 2.0 / math.sqrt(len(e)))
+    end = int(below[0]) if len(below) else len(rho)
+    return max(1.0, 1.0 + 2.0 * float(rho[1:end].sum()))
