@@ -3,12 +3,14 @@
 import json
 import struct
 import textwrap
+from dataclasses import replace
 
 import pytest
 
 import cosim
 from cosim.errors import CosimError, LogError, ScenarioError
 from cosim.flight.build import build
+from cosim.flight.detectors import chosen, placed
 from cosim.flight.plugins import load, with_detectors
 from cosim.flight.signals import fly
 from cosim.log import open_log
@@ -159,3 +161,14 @@ def test_a_log_whose_detectors_wait_for_each_other_is_refused(chain):
 def test_inputs_of_detectors_are_columns_of_a_flown_table(tmp_path):
     frame = fly(cosim.load_scenario("cruise", SHORT), ["ofc_monitor.left_inner.alarm"])
     assert frame["ofc_monitor.left_inner.alarm"].iloc[-1] == 1.0
+
+
+def test_one_that_may_lack_a_source_flies_without_and_an_aircraft_has_its_own_segments(tmp_path):
+    load(own(tmp_path, "a", ("ofc_monitor.left_inner.alarm", "iotsekf.left_inner.alarm")))
+    guest = registry.GUESTS["a"]
+    guest.DETECTOR = replace(guest.DETECTOR, may_lack=True)
+    setup = build(cosim.load_scenario("cruise", [*SHORT[:2], "detectors.enabled=['a', 'ofc_monitor']"]))
+    assert [d.name for d in setup.loop.detectors] == ["ofc_monitor", "a"] and len(setup.loop.read["a"][0]) == 1
+    assert [s for s, _ in chosen(setup.scenario)[1].wires()] == ["a_in.aircraft.ofc_monitor_left_inner_alarm"]
+    narrow = cosim.load_scenario("cruise", ["aircraft=narrowbody"]).aircraft
+    assert placed("iotsekf.left_inner.alarm", narrow) == f"iotsekf.{narrow.groups['left'][0]}.alarm"
