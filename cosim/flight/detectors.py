@@ -64,9 +64,7 @@ def placed(word: str, aircraft: Aircraft) -> str:
     then lacks, where nothing is in that place.
     """
     if detector := vocabulary.detector_of(word):
-        _, *segment, what = word.split(".")
-        own = placed(f"{segment[0]}.{what}", aircraft) if segment else what
-        return f"{detector}.{own}"
+        return f"{detector}.{placed(word.removeprefix(detector + '.'), aircraft)}"
     segment, _, what = word.rpartition(".")
     if segment in SEGMENTS and segment not in aircraft.segments:
         side, place = segment.split("_")

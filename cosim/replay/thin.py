@@ -209,7 +209,8 @@ class Judged:
 def judgement(recording: Recording, detectors: Iterable[Installed], *, timed: bool = True) -> Iterator[Judged]:
     """Yield what every lane of `detectors` comes to. Raises LogError for a signal that the recording lacks."""
     scenario, dt = recording.scenario, recording.scenario.dt
-    detectors, given = list(detectors), {}
+    detectors = list(detectors)
+    given: dict[str, np.ndarray] = {}
     read = {w.source.split(".")[0] for d in detectors for lane in d.lanes for w in d.inputs(lane)
             if w.signal.kind == "detector"}  # fmt: skip
     for d in detectors:

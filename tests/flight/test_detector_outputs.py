@@ -16,6 +16,7 @@ from cosim.flight.signals import fly
 from cosim.log import open_log
 from cosim.replay import replay, thin
 from cosim.replay.lanes import describe, in_stages
+from cosim.scenario.aircraft import load_aircraft
 from fdi import registry
 
 OFC = "faults.0={target='elevator.left_inner', kind='ofc_liquid', amplitude_mm=5, frequency_hz=2, start_s=1.5}"
@@ -170,5 +171,5 @@ def test_one_that_may_lack_a_source_flies_without_and_an_aircraft_has_its_own_se
     setup = build(cosim.load_scenario("cruise", [*SHORT[:2], "detectors.enabled=['a', 'ofc_monitor']"]))
     assert [d.name for d in setup.loop.detectors] == ["ofc_monitor", "a"] and len(setup.loop.read["a"][0]) == 1
     assert [s for s, _ in chosen(setup.scenario)[1].wires()] == ["a_in.aircraft.ofc_monitor_left_inner_alarm"]
-    narrow = cosim.load_scenario("cruise", ["aircraft=narrowbody"]).aircraft
+    narrow = load_aircraft("narrowbody")
     assert placed("iotsekf.left_inner.alarm", narrow) == f"iotsekf.{narrow.groups['left'][0]}.alarm"
