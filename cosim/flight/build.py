@@ -155,7 +155,7 @@ def _wires(scenario, bus, chosen, fault_lanes):
         "servos": wiring.servo_wires(tech) + detectors.feedback_wires(scenario),
         "actuators": wiring.actuator_wires(scenario),
         "surfaces": wiring.surface_wires(scenario),
-        "detectors": [w for d in chosen for w in d.wires()],
+        "detectors": [w for d in chosen for w in d.wires(of_detectors=False)],
         "faults": [(f"faults_in.{lane.name}.t", "clock.clock.t") for lane in fault_lanes]
         + [(f"faults_in.{lane.name}.ref", lane.reference) for lane in fault_lanes if lane.reference],
     }
@@ -224,6 +224,7 @@ def build(scenario: Scenario, flightgear: int | None = None) -> Setup:
         servos=[b for b in actuator_blocks if b.name not in TECHNOLOGIES],
         actuators=[b for b in actuator_blocks if b.name in TECHNOLOGIES],
         corrections=corrections(scenario, bus),
+        read={d.id: bus.wires(own) for d in chosen if (own := d.wires(of_detectors=True))},
         inputs=user_inputs(scenario, bus, trim),
     )
     # what the actuators were last told: in equilibrium, the servo's holding command

@@ -49,6 +49,8 @@ def order(s: "Loop", tape: Tape, *logs: Any, keep: Any = None) -> None:
     tape.step(s.hinge)
     tape.copy(*s.wires["detectors"])
     for detector in s.detectors:
+        if detector.name in s.read:
+            tape.copy(*s.read[detector.name])  # outputs at t_k of detectors before it
         tape.step(detector)  # 4. detectors on measurements and commands at t_k, and on what the servos sent until now
 
     tape.copy(*s.wires["servos"])
@@ -89,6 +91,8 @@ class Loop:
     servos: list = field(default_factory=list)
     actuators: list = field(default_factory=list)
     corrections: dict = field(default_factory=dict)  # stage -> calls after it (cosim/flight/blocks/corrections.py)
+    # detector -> (to, source) of its inputs that are outputs of detectors before it
+    read: dict = field(default_factory=dict)
     inputs: dict = field(default_factory=dict)  # stage -> a pilot's own table (cosim/flight/plugins/inputs.py)
 
     def __post_init__(self):

@@ -26,7 +26,7 @@ from cosim.judge.result import judge, judged, plain
 from cosim.log import open_log
 from cosim.log.chunk import GATHER
 from cosim.replay import guest, log_schema
-from cosim.replay.detector_replay import describe, fill, manifest, pieces, replay_lane, tick_of, topics
+from cosim.replay.detector_replay import describe, fill, in_stages, manifest, pieces, replay_lane, tick_of, topics
 from cosim.replay.params import ReplayError, check_start
 from cosim.replay.write import Overlay
 
@@ -128,13 +128,14 @@ def replay(
     tick = max(0, round(start_s * 1e9 / log.dt_ns))
     spans, asked = list(_spans(log, wired, tick)), topics(log, wired) if output is None else None
     _ready(wired)
+    stages = in_stages(wired, str(log.path))
     with ExitStack() as stack, ThreadPoolExecutor(cores()) as pool:
         overlay = stack.enter_context(Overlay(log, wired, output)) if output else None
         coming = [pool.submit(log.arrays, asked, *span) for span in spans[:1]]
         for k, (a, b) in enumerate(spans):
             read = coming.pop().result()
             coming = [pool.submit(log.arrays, asked, *span) for span in spans[k + 1 : k + 2]]
-            new = _each(members, lambda m, a=a, b=b, read=read: m.replay(*fill(log, [m.w], a, b, read), tick), pool)
+            new = _span(log, members, stages, read, (a, b, tick), pool)
             if overlay:
                 overlay.append(read, new, a, b)
             if progress:
@@ -163,6 +164,21 @@ def _ready(wired):
         compile_ahead([GATHER, SWEEP, *(entry.native for entry in entries)])
         for native in (SWEEP, *(entry.native for entry in entries)):
             _ = native.address  # before there are threads, of which each would compile it
+
+
+def _span(log, members, stages, read, span, pool):
+    """Return the new outputs of every member for a span (start, stop, first tick wanted), stage after stage: one that
+    reads another detector that is replayed, too, reads what that one gives now."""
+    a, b, tick = span
+    new, read = [None] * len(members), dict(read)
+    for k, stage in enumerate(stages):
+        found = _each([members[i] for i in stage], lambda m: m.replay(*fill(log, [m.w], a, b, read), tick), pool)
+        for i, out in zip(stage, found):
+            new[i] = out
+            if k + 1 < len(stages):
+                topic = members[i].w.topic
+                read[topic] = np.where(np.isnan(out).all(axis=1, keepdims=True), read[topic], out)
+    return new
 
 
 def _each(members, call, pool):

@@ -6,6 +6,7 @@ have it (`alpha`, `left_inner.rod`; `<word>_valid` where a sample was ever lost)
 the bus, and as metadata the scenario, how the flight ended, and what its faults did.
 """
 
+import dataclasses
 import hashlib
 import io
 import json
@@ -26,7 +27,7 @@ from cosim.files import replace
 from cosim.flight import plugins
 from cosim.flight.build import build
 from cosim.flight.detection.cost import cost
-from cosim.flight.detection.detectors import Installed, chosen
+from cosim.flight.detection.detectors import Installed, chosen, with_sources
 from cosim.flight.faults.conditions import resolved
 from cosim.flight.faults.fault_free_reference import Twin
 from cosim.flight.fly import fly
@@ -171,22 +172,28 @@ class Recording:
                 raise LogError(f"has no signal {name!r}", place=str(self.path))
         return self._columns[name]
 
-    def inputs(self, detector: Installed, lane: str) -> np.ndarray:
-        """Return the INPUTS (1, ticks) of a lane."""
+    def inputs(self, detector: Installed, lane: str, given: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return the INPUTS (1, ticks) of a lane; `given` has outputs (ticks,) of detectors by their bus names."""
         u = np.zeros((1, self.ticks), detector.module.INPUTS)
         for w in detector.inputs(lane):
             base, _, element = w.field.partition("[")
             to = u[base][0][:, int(element[:-1])] if element else u[base][0]
-            to[:] = self.column(w.signal.word + VALID * w.flag)
+            to[:] = given[w.source] if w.source in given else self.column(w.signal.word + VALID * w.flag)
         return u
 
 
 def flown_with(recording: Recording, ids: Iterable[str], files: Iterable[str | Path] = ()) -> list[Installed]:
-    """Return the detectors `ids` that ship, and those of `files`, as they fly in the recording's scenario."""
-    scenario = recording.scenario
-    scenario = scenario.model_copy(update={"detectors": scenario.detectors.model_copy(update={"enabled": tuple(ids)})})
-    scenario = plugins.with_detectors(scenario, files)
-    return chosen(scenario)
+    """Return the detectors `ids` that ship, and those of `files`, as they fly in the recording's scenario, with those
+    that they read, `asked` False."""
+
+    def enabled(scenario, names):
+        detectors = scenario.detectors.model_copy(update={"enabled": tuple(names)})
+        return scenario.model_copy(update={"detectors": detectors})
+
+    scenario = plugins.with_detectors(enabled(recording.scenario, ids), files)
+    asked = scenario.detectors.enabled
+    found = chosen(enabled(scenario, with_sources(asked)))
+    return [d if d.id in asked else dataclasses.replace(d, asked=False) for d in found]
 
 
 @dataclass
@@ -202,17 +209,27 @@ class Judged:
 def judgement(recording: Recording, detectors: Iterable[Installed], *, timed: bool = True) -> Iterator[Judged]:
     """Yield what every lane of `detectors` comes to. Raises LogError for a signal that the recording lacks."""
     scenario, dt = recording.scenario, recording.scenario.dt
+    detectors = list(detectors)
+    given: dict[str, np.ndarray] = {}
+    read = {w.source.split(".")[0] for d in detectors for lane in d.lanes for w in d.inputs(lane)
+            if w.signal.kind == "detector"}  # fmt: skip
     for d in detectors:
         p = d.params(scenario, dt)
         for i, lane in enumerate(d.lanes):
-            own, u = p[i : i + 1], recording.inputs(d, lane)[:, :: d.every]
+            own, u = p[i : i + 1], recording.inputs(d, lane, given)[:, :: d.every]
             rollout = d.module.runner() if isinstance(d.module, PlainDetector) else None
             if rollout:
                 rollout.keeps = True
             ticks = np.arange(recording.ticks)[:: d.every]
             stretch = Lane(d.id, lane, d.module, d.every, own, d.module.init(own), 0, u, ticks, NONE[1], NONE, rollout)
             out, _, x = replay_lane(stretch, dt)
-            out = np.repeat(out, d.every, axis=0)[: recording.ticks].astype(np.float32)
+            out = np.repeat(out, d.every, axis=0)[: recording.ticks]
+            if d.id in read:
+                names = vocabulary.outputs(d.module)
+                given |= {f"{d.id}.{lane}.{name}": np.ascontiguousarray(out[:, j]) for j, name in enumerate(names)}
+            if not d.asked:
+                continue
+            out = out.astype(np.float32)
             us = math.nan
             if rollout:
                 us = rollout.seconds / max(1, rollout.steps) * 1e6

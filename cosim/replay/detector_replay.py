@@ -140,6 +140,24 @@ def _check(log, wired):
             raise older(log, f"{source}.{column}, which {wired.id} reads as {name},")
 
 
+def in_stages(wired: Sequence[Wired], place: str = "") -> list[list[int]]:
+    """Return the positions of lanes, those of a stage reading outputs of earlier stages only.
+
+    Raises LogError where lanes of a log wait for each other, which no flight allows.
+    """
+    topics = {w.topic for w in wired}
+    left = {i: topics & {source for _, source, _ in w.inputs} for i, w in enumerate(wired)}
+    out: list[list[int]] = []
+    while left:
+        waiting = {wired[i].topic for i in left}
+        stage = [i for i, reads in left.items() if not reads & waiting]
+        if not stage:
+            raise LogError("is damaged: detectors wait for each other", place=f"{place}: detectors.json")
+        out.append(stage)
+        left = {i: reads for i, reads in left.items() if i not in stage}
+    return out
+
+
 def topics(log: Log, wired: Any) -> list[Any]:
     """Return the topics that the lanes read or gave."""
     found = [t for w in wired for t in (w.topic, w.hidden, *(source for _, source, _ in w.inputs))]
@@ -158,7 +176,8 @@ def _fill(log, w, read, start, stop):
     for name, source, column in w.inputs:
         field, _, element = name.partition("[")
         to = u[field][0][:, int(element[:-1])] if element else u[field][0]
-        rows = slice(None) if w.every == 1 else np.searchsorted(log.ticks(source, start, stop), ticks)
+        same = log.topics[source].every == w.every
+        rows = slice(None) if same else np.searchsorted(log.ticks(source, start, stop), ticks)
         to[:] = read[source][rows, log.topics[source].fields.index(column)]
     held = w.hidden in log.topics
     states = (log.ticks(w.hidden, start, stop), read[w.hidden]) if held else (np.empty(0, np.int64), np.empty((0, 0)))

@@ -92,7 +92,8 @@ def detectors(log: Log) -> list[dict[str, Any]]:
             raise LogError(f"is damaged: inputs of {d.id} are not those of its lanes", place=place)
         for lane, inputs in d.inputs.items():
             for _, topic, field in inputs:
-                if topic not in log.topics or field not in log.topics[topic].fields or log.topics[topic].every != 1:
+                there = topic in log.topics and field in log.topics[topic].fields
+                if not there or d.every % log.topics[topic].every:
                     raise LogError(f"is damaged: {d.id} reads {topic}.{field}, which is not there", place=place)
             own = log.topics.get(f"/detectors/{d.id}/{lane}")
             if own is not None and own.every != d.every:

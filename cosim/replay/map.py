@@ -27,6 +27,7 @@ from cosim.replay.map_file import load_map
 from cosim.replay.map_signals import acting, channels_of, check, named, renamed, sampled, shares, slow
 from cosim.replay.params import ReplayError, check_start, chosen_overrides, override
 from cosim.replay.resample import ticks
+from cosim.scenario import vocabulary
 
 MOST_TICKS = 4_000_000  # five and a half hours at 200 Hz: all inputs of a recording are in memory
 
@@ -95,7 +96,7 @@ def prepare(
     dt = 1.0 / m.rate_hz
     found = [d for d in table.chosen(scenario) if not detectors or d.id in detectors]
     wires = {(d.id, lane): d.inputs(lane) for d in found for lane in d.lanes}
-    sources = {w.signal.word: w.signal for own in wires.values() for w in own}
+    sources = {w.signal.word: w.signal for own in wires.values() for w in own if w.signal.kind != "detector"}
     check(m, map_path, scenario)
     used = [name for s in m.signals.values() for name in (s.channel, s.valid) if name]
     how: dict[str, Any] = {"time": time or m.time, "columns": m.columns, "on_reset": on_reset, "part": part}
@@ -172,12 +173,14 @@ def diagnose(
 def run_all(made: Prepared, overrides: Mapping[str, Any], only: str = "") -> tuple[list, list]:
     """Return ([(detector, lane, inputs, outputs)] of the lanes whose inputs are complete, what the others lack); of all
     detectors or `only` one."""
-    wires, values, n, dt = made.wires, made.values, made.n, made.dt
+    wires, values, n, dt = made.wires, dict(made.values), made.n, made.dt
+    read = {w.source.split(".")[0] for own in wires.values() for w in own if w.signal.kind == "detector"}
     done: list = []
     not_run: list = []
     for d in (d for d in made.found if not only or d.id == only):
         words = {lane: dict.fromkeys(w.signal.word for w in wires[d.id, lane]) for lane in d.lanes}
-        missing = {lane: [word for word in own if word not in values] for lane, own in words.items()}
+        spare = {w.source for lane in d.lanes for w in wires[d.id, lane] if d.record.may_lack}
+        missing = {lane: [w for w in own if w not in values and w not in spare] for lane, own in words.items()}
         not_run += [{"id": d.id, "target": d.target(lane), "missing": lack} for lane, lack in missing.items() if lack]
         ready = replace(d, lanes=tuple(lane for lane in d.lanes if not missing[lane]))
         if ready.lanes:
@@ -185,7 +188,11 @@ def run_all(made: Prepared, overrides: Mapping[str, Any], only: str = "") -> tup
             override(d.record, d.module, p, overrides.get(d.id, {}), dt)
             for i, lane in enumerate(ready.lanes):
                 u = _inputs(ready, wires[d.id, lane], values, n)
-                done.append((ready, lane, u, run(ready, lane, u, p[i : i + 1], dt)))
+                again = run(ready, lane, u, p[i : i + 1], dt)
+                done.append((ready, lane, u, again))
+                if d.id in read:
+                    outputs = zip(vocabulary.outputs(d.module), np.repeat(again, d.every, axis=0)[:n].T)
+                    values |= {f"{d.id}.{lane}.{name}": (y, np.ones(n)) for name, y in outputs}
     return done, not_run
 
 
@@ -216,7 +223,7 @@ def _spans(m, channels):
 def _inputs(d, wires, values, n):
     """Return INPUTS (1, n) of one lane; what has no flag of its own holds its last valid value."""
     u = np.zeros((1, n), d.module.INPUTS)
-    for w in wires:
+    for w in (w for w in wires if w.signal.kind != "detector" or w.signal.word in values):
         field_, _, element = w.field.partition("[")
         to = u[field_][0][:, int(element[:-1])] if element else u[field_][0]
         value, valid = values[w.signal.word]

@@ -81,6 +81,7 @@ def readable(aircraft: Aircraft) -> dict[str, Signal]:
     for record in registry.records().values():
         for lane in aircraft.segments if record.level == "local" else ("",):
             out |= {w.signal.word: w.signal for w in wires(record, lane, aircraft=aircraft)}
+    out = {name: s for name, s in out.items() if s.kind != "detector"}
     return {name: s for name, s in out.items() if not s.technologies or name.rpartition(".")[0] in aircraft.segments}
 
 

@@ -3,14 +3,19 @@
 A detector's record says `inputs = {"y_rod": "rod", "u": "valve_command"}`. A word of an actuator means that of the
 detector's own lane; `left_outer.surface` names one segment, as a map does. Each word has its meaning and sign, its SI
 unit, its place on the bus of a flight and its place in the log.
+
+An output of another detector is named `detector.lane.output`, as in "iotsekf.left_inner.alarm" or
+"lpv_smo.aircraft.r"; `iotsekf.alarm` is that of the reader's own lane, and `lpv_smo.r` that of the aircraft.
 """
 
 import functools
 from dataclasses import dataclass, replace
 from typing import Any
 
+from actuators.block import unit as unit_of
 from cosim.errors import did_you_mean
 from cosim.scenario import catalog as c
+from fdi import registry
 
 AIRCRAFT = {  # sensors of the aircraft: what they measure and which way is positive
     "alpha": "angle of attack, nose up +",
@@ -57,7 +62,7 @@ class Signal:
     """A word; `{lane}` in its places is the segment."""
 
     word: str
-    kind: str  # "sensor", "command" of the law, "sent" by a servo, "model"
+    kind: str  # "sensor", "command" of the law, "sent" by a servo, "model", "detector"
     meaning: str
     unit: str
     source: str  # on the bus
@@ -109,15 +114,46 @@ def _words(technologies):
 
 
 def find(name: str, lane: str = "") -> Signal:
-    """Return the Signal of `name`: a word, of segment `lane` where it is an actuator's, or `segment.word`.
+    """Return the Signal of `name`: a word, of segment `lane` where it is an actuator's, `segment.word`, or an output of
+    a detector. Whether that one flies and has it is checked before a flight: a user's may be loaded later.
 
     Raises KeyError with what it might have been.
     """
+    if detector_of(name):
+        return _output(name, lane)
     segment, _, word = name.rpartition(".")
     known = words()
     if word not in known or "." in segment or (segment and not known[word].technologies):
         raise KeyError(f"{name!r} is no signal. {did_you_mean(name, known)}".strip())
     return known[word].at(segment or lane)
+
+
+def detector_of(name: str) -> str:
+    """Return the id of the detector whose output `name` is, "" for any other signal."""
+    parts = name.split(".")
+    return parts[0] if len(parts) == 3 or (len(parts) == 2 and registry.known(parts[0])) else ""
+
+
+def _output(name, lane):
+    detector, *place, field = name.split(".")
+    own = registry.module(detector) if registry.known(detector) else None
+    local = not place and own is not None and own.DETECTOR.level == "local"
+    at = place[0] if place else (lane or "{lane}") if local else "aircraft"
+    unit, source = (unit_of(own.STATE, field) if own is not None else "") or "-", f"{detector}.{at}.{field}"
+    has = own.DETECTOR.technologies if local and own is not None else ()
+    meaning = f"output of {detector}"
+    return Signal(source, "detector", meaning, unit, source, "", f"/detectors/{detector}/{at}", column(field), has)
+
+
+def outputs(module: Any) -> list[str]:
+    """Return the names of a detector's outputs, elements of arrays as `name[i]`."""
+    kind = module.STATE
+    return [
+        f"{name}[{i}]" if kind[name].shape else name
+        for name in kind.names
+        if name in module.OUTPUTS
+        for i in range(kind[name].itemsize // 8)
+    ]
 
 
 def inventory() -> list[dict[str, str]]:

@@ -77,5 +77,7 @@ class Detector:
     design: str = ""  # the stored design that it flies with, if any
     # word of an input -> (least, largest) [SI]: outside it is not valid, learns nothing, and `why` says so
     range: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    # whether it flies where a detector among its inputs does not: that input is then 0 all the time
+    may_lack: bool = False
     every: int = 1  # ticks of the loop from step to step
     fit: Callable = field(default=lambda site, **options: None)  # (site, **options) -> PARAMS of one lane

@@ -7,7 +7,7 @@ into the log, so that replay needs nothing but the file.
 import functools
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -64,6 +64,8 @@ def placed(word: str, aircraft: Aircraft) -> str:
     A side with one segment has it in both places, a twin's engine stands for two. The word itself, which this aircraft
     then lacks, where nothing is in that place.
     """
+    if detector := vocabulary.detector_of(word):
+        return f"{detector}.{placed(word.removeprefix(detector + '.'), aircraft)}"
     segment, _, what = word.rpartition(".")
     if segment in SEGMENTS and segment not in aircraft.segments:
         side, place = segment.split("_")
@@ -118,6 +120,8 @@ class Installed:
     module: ModuleType
     lanes: tuple
     aircraft: Aircraft
+    absent: frozenset = frozenset()  # outputs of other detectors, names on the bus, that this flight lacks
+    asked: bool = True  # whether it is to be judged, or only another one reads it
 
     @property
     def id(self) -> str:
@@ -166,11 +170,18 @@ class Installed:
 
     def inputs(self, lane: str) -> list:
         """Return the Wires of a lane."""
-        return wires(self.record, lane if self.level == "local" else "", aircraft=self.aircraft)
+        found = wires(self.record, lane if self.level == "local" else "", self.module, self.aircraft)
+        return [w for w in found if w.source not in self.absent]
 
-    def wires(self) -> list[Any]:
-        """Return [(input, source)] of all lanes, as names of the bus."""
-        return [(f"{self.id}_in.{lane}.{w.field}", w.source) for lane in self.lanes for w in self.inputs(lane)]
+    def wires(self, of_detectors: bool | None = None) -> list[Any]:
+        """Return [(input, source)] of all lanes, as names of the bus: all of them, or those alone that are outputs of
+        other detectors (`of_detectors` True) or are not (False)."""
+        return [
+            (f"{self.id}_in.{lane}.{w.field}", w.source)
+            for lane in self.lanes
+            for w in self.inputs(lane)
+            if of_detectors in (None, w.signal.kind == "detector")
+        ]
 
     def target(self, lane: str) -> str:
         """Return the name of what a lane watches."""
@@ -194,6 +205,8 @@ def unfit(record: Detector, aircraft: Aircraft) -> str:
     shipped = record.level == "aircraft" and record.id in registry.SHIPPED
     for word in (placed(word, aircraft) if shipped else word for word in record.inputs.values()):
         segment, dot, _ = word.rpartition(".")
+        if vocabulary.detector_of(word):
+            continue
         if dot and segment not in aircraft.segments:
             return f"no elevator segment {segment}"
         if word.startswith("n1_") and word not in fitted(aircraft):
@@ -219,7 +232,7 @@ def left_out(scenario: Scenario) -> dict[str, str]:
 
 def chosen(scenario: Scenario) -> list:
     """Return the Installed detectors of a scenario, in its order; one without an actuator of its technologies, or that
-    its aircraft cannot have, is left out.
+    its aircraft cannot have, is left out. One that reads another comes after it (`ordered`).
     """
     technology, out, lost = scenario.elevator.technology, [], left_out(scenario)
     for name in scenario.running:
@@ -228,7 +241,85 @@ def chosen(scenario: Scenario) -> list:
         lanes = own if record.level == "local" else ("aircraft",)
         if lanes and name not in lost:
             out.append(Installed(record, registry.module(name), lanes, scenario.aircraft))
+    return ordered(out)
+
+
+def ordered(found: list[Installed]) -> list[Installed]:
+    """Return detectors with each after those whose outputs it reads, in their order else.
+
+    Raises ScenarioError for an output that none of them has, for detectors that wait for each other, and for one that
+    steps more often than what it reads.
+    """
+    found = [_connected(d, {other.id: other for other in found}) for d in found]
+    reads = {d.id: {w.source.split(".")[0] for lane in d.lanes for w in d.inputs(lane) if w.signal.kind == "detector"}
+             for d in found}  # fmt: skip
+    out, left = [], {d.id: d for d in found}
+    while left:
+        free = next((d for d in left.values() if not reads[d.id] & left.keys()), None)
+        if free is None:
+            raise _cycle(reads, left)
+        out.append(left.pop(free.id))
     return out
+
+
+def _cycle(reads, left):
+    """Return the ScenarioError about detectors in `left` that wait for each other: one round of them."""
+    way = [next(iter(left))]
+    while way.count(way[-1]) < 2:
+        way.append(min(reads[way[-1]] & left.keys()))
+    way = way[way.index(way[-1]) :]
+    return ScenarioError(
+        f"detectors wait for each other: {' reads '.join(way)}",
+        place=f"detectors.{way[0]}",
+        remedy="A detector may read only those that do not read it",
+    )
+
+
+def _connected(d, others):
+    """Return detector `d` with those inputs absent that no other has; raises ScenarioError unless it may lack them."""
+    absent = set()
+    for w in (w for lane in d.lanes for w in d.inputs(lane) if w.signal.kind == "detector"):
+        name, lane, output = w.source.split(".")
+        source, place = others.get(name), f"detectors.{d.id}: its input {w.source!r}"
+        if source is not None and d.every % source.every:
+            raise ScenarioError(
+                f"{name} steps every {source.every} ticks, {d.id} every {d.every}",
+                place=place,
+                remedy=f"every = {source.every} in {d.id}, or a multiple of it",
+            )
+        there = () if source is None else vocabulary.outputs(source.module)
+        if source is not None and lane in source.lanes and output in there:
+            continue
+        absent.add(w.source)
+        if d.record.may_lack:
+            continue
+        if source is None:
+            known = registry.known(name)
+            said, allowed = f"{name} does not fly" if known else f"{name!r} is no detector", ", ".join(others)
+            near = did_you_mean(name, others)
+            remedy = f"Add {name!r} to detectors.enabled" if known else near
+            raise ScenarioError(said, place=place, allowed=allowed, remedy=remedy)
+        if lane not in source.lanes:
+            raise ScenarioError(f"{name} has no lane {lane!r}", place=place, allowed=", ".join(source.lanes))
+        near = did_you_mean(output, there)
+        raise ScenarioError(f"{name} has no output {output!r}", place=place, allowed=", ".join(there), remedy=near)
+    return replace(d, absent=frozenset(absent)) if absent else d
+
+
+def with_sources(names: Sequence[str]) -> list[str]:
+    """Return detectors `names` with those in front that they read and that are known here."""
+    out: dict[str, None] = {}
+
+    def add(name, above=()):
+        if registry.known(name) and name not in (*out, *above):
+            for word in registry.record(name).inputs.values():
+                if source := vocabulary.detector_of(word):
+                    add(source, (*above, name))
+            out[name] = None
+
+    for name in names:
+        add(name)
+    return [*out, *(n for n in names if n not in out)]
 
 
 # What a servo takes from a local filter: servo input -> filter output
@@ -270,12 +361,12 @@ def manifest(setup: Any, topics: Sequence[Any]) -> list:
     stands.
 
     An input is [field, topic, field of the topic]; one that is not wired is zero. KeyError when a source is not logged
-    at every tick.
+    at every tick, or at every step of a detector that is read.
     """
     bus = setup.loop.bus
     place: dict[int, tuple] = {}
     for t in topics:
-        if t.every == 1:
+        if t.every == 1 or t.name.startswith("/detectors/"):
             for field, i in zip(t.fields, t.index):
                 place.setdefault(int(i), (t.name, field))
     out = []

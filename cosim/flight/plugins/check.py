@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from cosim.flight.detection.detector_context import site
-from cosim.flight.detection.detectors import wires
+from cosim.flight.detection.detectors import wires, with_sources
 from cosim.flight.loop.signals import fly, inputs
 from cosim.flight.plugins import load
 from cosim.flight.plugins.plain import PlainDetector
@@ -77,6 +77,11 @@ def _flown(guest, fault=""):
     scenario = _scenario(own.technologies[0] if own.technologies else "", fault)
     lane = "left_inner" if own.level == "local" else ""
     read = {w.field: w.source for w in wires(own, lane, guest)}
+    above = with_sources([own.id])[:-1]  # detectors that it reads
+    if above:
+        scenario = scenario.model_copy(
+            update={"detectors": scenario.detectors.model_copy(update={"enabled": tuple(above)})}
+        )
     frame = fly(scenario, [*read.values()])
     u = inputs(frame, guest, read)
     p = own.fit(site(scenario.dt * own.every, lane, scenario.elevator.technology))

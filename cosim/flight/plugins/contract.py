@@ -2,7 +2,8 @@
 
     class Parity:
         id, level, technologies = "parity", "local", ("hydraulic",)   # level "aircraft": no technologies
-        inputs = ("valve_command", "rod")                             # words of `cosim list signals`
+        inputs = ("valve_command", "rod")                             # words of `cosim list signals`, or outputs of
+                                                                      # detectors: "iotsekf.left_inner.alarm"
         designed_for = ("ofc_liquid",)                                # optional, as may_see, blind, estimates, culprits
 
         def __init__(self, dt, threshold=0.003): ...                  # one object per lane; numbers with a default are
@@ -82,6 +83,9 @@ def record(cls: type) -> Detector:
             signal = vocabulary.find(word)
         except KeyError as error:
             raise wrong(str(error.args[0]), remedy="`cosim list signals` has them") from None
+        if signal.kind == "detector" and signal.technologies and level == "aircraft":
+            where = ".left_inner.".join(word.split("."))
+            raise wrong(f"inputs: {word!r} is of an actuator", remedy=f'Name the segment: "{where}"')
         if signal.technologies and level == "aircraft" and "." not in word:
             raise wrong(f"inputs: {word!r} is of an actuator", remedy=f'Name the segment: "left_inner.{word}"')
         if signal.technologies and level == "local" and not set(technologies) <= set(signal.technologies):
@@ -95,7 +99,7 @@ def record(cls: type) -> Detector:
         id=name,
         level=level,
         summary=doc[0].rstrip(".") if doc else "a guest",
-        inputs={word.replace(".", "_"): word for word in inputs},
+        inputs={re.sub(r"\W+", "_", word).strip("_"): word for word in inputs},
         technologies=technologies,
         group=str(getattr(cls, "group", "")),
         designed_for=_cases(cls, "designed_for", technologies),
