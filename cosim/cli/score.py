@@ -106,6 +106,8 @@ def shown(found: dict) -> Group:
         rate = [number(d["false_alarms_per_hour"], 1), number(d["false_alarms_per_hour_high"], 1)]
         t.add_row(d["id"], *counts, *times, *rate, f"{d['fault_free_alarmed']}/{d['fault_free_runs']}",
                   f"{d['availability']:.0%}", number(d["step_us"]), number(d["log_fault"]))  # fmt: skip
+    for gone in found.get("lost", ()):
+        t.add_row(Path(gone["file"]).name, *[NOTHING] * 15)
     t.caption_justify = "left"
     t.caption = (
         "of: faults on parts that it watches and is not blind to by its own word; alarm, right: median time to the "
@@ -116,7 +118,8 @@ def shown(found: dict) -> Group:
     pairs = [_pairs(found["pairs"])] if 0 < len(found["pairs"]) <= MOST else []
     flown = f"{found['benchmark']}: {found['flights']} flights, content {found['content']}"
     clock = f"flown or found in {found['flying_s']:.0f} s, scored in {found['scoring_s']:.0f} s"
-    lines = [Text(f"{key:<7}{found[key]}") for key in ("report", "table") if key in found]
+    lines = [Text(f"not scored: {gone['file']}: {gone['why']}") for gone in found.get("lost", ())]
+    lines += [Text(f"{key:<7}{found[key]}") for key in ("report", "table") if key in found]
     return Group(Text(flown), t, *families, *pairs, Text(clock), *lines)
 
 
