@@ -48,13 +48,14 @@ def call(
     *arguments: Any,
     patience_s: float,
     progress: Callable[[float, float], None] | None = None,
+    logged: bool = True,
 ) -> Any:
     """Return module:function(*arguments, tell=, hangs=, trace=) run in a process of its own; arguments and answer are
     JSON.
 
     The function calls `tell(done, total, words)` as it goes on, where `words` name what it does next, and
-    `hangs(text)`, which ends the process; `trace` is a file for `faulthandler`. Raises Lost when the process ends
-    without an answer, or is silent for `patience_s` [s].
+    `hangs(text)`, which ends the process; `trace` is a file for `faulthandler`. What it logs under "cosim" is
+    `logged` here. Raises Lost when the process ends without an answer, or is silent for `patience_s` [s].
     """
     with tempfile.TemporaryDirectory() as folder:
         trace = os.path.join(folder, "trace")
@@ -62,12 +63,12 @@ def call(
         pipe = subprocess.PIPE
         with subprocess.Popen(words, env=surroundings(), text=True, stdin=pipe, stdout=pipe) as process:
             try:
-                return _answer(process, trace, patience_s, progress)
+                return _answer(process, trace, patience_s, progress, logged)
             finally:
                 process.kill()
 
 
-def _answer(process, trace, patience_s, progress):
+def _answer(process, trace, patience_s, progress, logged):
     """Return what the process answers; its last words say what it was doing when it was lost."""
     lines: queue.SimpleQueue = queue.SimpleQueue()
     threading.Thread(target=_read, args=(process.stdout, lines), daemon=True).start()
@@ -85,7 +86,7 @@ def _answer(process, trace, patience_s, progress):
                 return told
             if kind == "lost":
                 raise Lost(f"{told} {doing}")
-            if kind == "log":
+            if kind == "log" and logged:
                 logging.getLogger("cosim").info("%s", told)
             if kind == "doing":
                 doing = told[2]

@@ -25,6 +25,7 @@ from cosim.scenario import Scenario, parse
 from cosim.scenario.catalog import TECHNOLOGIES
 from cosim.texts import toml
 
+MOST_LANES = 1000  # of a detector: the lanes of a run are numbered through
 LOG = ("run", "id", "lane", "log_fault", "log_none")  # ln p of the fault while it lasts, of "none" before and without
 
 
@@ -71,8 +72,10 @@ def scored(
         except _Ended as error:
             lost[str(own[0])] = str(error)
             continue
+        first = len(ids) * MOST_LANES + turn * MOST_LANES if own else 0
         for new, took, said in found:
-            rows, timing, logs = rows + new, timing + took, logs + said
+            numbered = [row if row["lane"] is None else {**row, "lane": row["lane"] + first} for row in new]
+            rows, timing, logs = rows + numbered, timing + took, logs + said
     tomls = {f.run: f.toml for f in flights}
     scenarios = {run: parse(toml(text, place=run)) for run, text in tomls.items()}
     store = Store(None, table(scenarios))

@@ -60,9 +60,9 @@ def trial(file: str | os.PathLike, *, patience_s: float = PATIENCE_S) -> None:
 
 
 def _asked(file, whole, patience_s, progress):
-    told = str(file), whole
-    try:
-        made = child.call("cosim.flight.plugins.check:answer", *told, patience_s=patience_s, progress=progress)
+    function, told = "cosim.flight.plugins.check:answer", (str(file), whole)
+    try:  # whoever goes on after a trial loads the file, and tells of it
+        made = child.call(function, *told, patience_s=patience_s, progress=progress, logged=whole)
     except child.Lost as error:
         raise _fatal(str(error), file) from None
     if "error" in made:
