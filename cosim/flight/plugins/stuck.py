@@ -40,10 +40,10 @@ def watched(runners: Sequence[Any], *, lost: Callable[[Any, str], Any] = _tell, 
     hears of signals. Of one that is not back NAMED_S later `lost(runner, text)` is told. One that keeps the interpreter
     for itself leaves a trace on `trace` (standard error) after HELD_S; with a `trace` the process then ends.
     """
-    number = getattr(signal, "SIGALRM", None)
+    number: Any = getattr(signal, "SIGALRM", None)
     main = number is not None and threading.current_thread() is threading.main_thread()
     done, thread = threading.Event(), threading.get_ident()
-    into = trace or sys.__stderr__
+    into: Any = trace or sys.__stderr__
 
     def interrupt(*_):
         if any(r.busy_s() > r.limit_s for r in runners):  # it may have come back since the signal was sent
