@@ -157,7 +157,7 @@ def test_one_that_never_returns_ends_by_ctrl_c_with_a_whole_log(tmp_path):
         from cosim.scenario import parse
         scenario = with_detectors(cosim.load_scenario("cruise", {["duration_s=2", *SHORT[1:]]!r}), [{str(BAD)!r}])
         table = tomllib.loads(scenario.expanded_toml())
-        table["detectors"]["misbehaving"]["how"] = 9.0
+        table["detectors"]["misbehaving"] |= {{"how": 9.0, "limit_s": 1000.0}}  # the watchdog lets it be
         print("flying", flush=True)
         print(cosim.simulate(parse(table), log="stuck.mcap", timed=False).status, flush=True)
     """
