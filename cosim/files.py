@@ -146,7 +146,8 @@ class Part:
             for each in (self.place, left_by(self.place)):  # the latter of a log that a flight could not finish here
                 with contextlib.suppress(OSError):
                     each.unlink()
-        self.file.close()
+        with contextlib.suppress(OSError):  # code that flew with it may have closed it
+            self.file.close()
 
 
 def left_by(path: str | os.PathLike) -> Path:

@@ -12,7 +12,8 @@ from rich.text import Text
 from cosim.cli.app import answer, app
 from cosim.cli.guests import edited
 from cosim.cli.output import JsonOption, OverwriteOption, reserve
-from cosim.cli.tables import NOTHING, table, whole
+from cosim.cli.tables import whole
+from cosim.table import DASH, Table
 
 
 @app.command()
@@ -52,27 +53,27 @@ def identify(
 def shown(found: dict[str, Any]) -> Group:
     """Return the tables of an identification."""
     percent = f"{100.0 * found['level']:g} %"
-    c = table("Channels", "signal", "rate Hz>", "noise>", f"{percent}>", "lags", f"by ms, {percent}>", "remark")
+    c = Table("Channels", "signal", "rate Hz>", "noise>", f"{percent}>", "lags", f"by ms, {percent}>", "remark")
     for row in found["channels"]:
         noise, lag = row.get("noise"), row["delay"]
-        late: Text | str = NOTHING
+        late: Text | str = DASH
         if lag["tau"] is not None:
             late = f"{1e3 * lag['tau']:.1f} ({1e3 * lag['low']:.1f} to {1e3 * lag['high']:.1f})"
-        value = NOTHING if noise is None else f"{noise:.3g} {row['unit']}"
-        spread = NOTHING if noise is None else f"{row['noise_low']:.3g} to {row['noise_high']:.3g}"
+        value = DASH if noise is None else f"{noise:.3g} {row['unit']}"
+        spread = DASH if noise is None else f"{row['noise_low']:.3g} to {row['noise_high']:.3g}"
         remark = "; ".join(text for text in (row["noise_note"], lag["note"]) if text)
-        c.add_row(row["name"], f"{row['rate_hz'] or math.nan:.4g}", value, spread, lag["of"] or NOTHING, late, remark)
-    a = table("Actuators", "segment", "fit of", "parameter", "value>", f"{percent}>", "remark")
+        c.add(row["name"], f"{row['rate_hz'] or math.nan:.4g}", value, spread, lag["of"] or DASH, late, remark)
+    a = Table("Actuators", "segment", "fit of", "parameter", "value>", f"{percent}>", "remark")
     for row in found["actuators"]:
         segment = row["segment"].replace("_", " ")
         if not row["parameters"]:
-            a.add_row(segment, row["kind"], NOTHING, NOTHING, NOTHING, row["note"])
+            a.add(segment, row["kind"], DASH, DASH, DASH, row["note"])
         for name, p in row["parameters"].items():
-            value = NOTHING if p["value"] is None else f"{p['value']:.5g} {p['unit']}"
+            value = DASH if p["value"] is None else f"{p['value']:.5g} {p['unit']}"
             high = "no end" if p["high"] is None else f"{p['high']:.5g}"
-            a.add_row(segment, row["kind"], name.replace("_", " "), value, f"{p['low']:.5g} to {high}", p["note"])
+            a.add(segment, row["kind"], name.replace("_", " "), value, f"{p['low']:.5g} to {high}", p["note"])
         if row["parameters"]:
-            a.add_row(segment, row["kind"], "fit", f"{row['fit_pct']:.1f} %", "", "")
+            a.add(segment, row["kind"], "fit", f"{row['fit_pct']:.1f} %", "", "")
     parts: list[RenderableType] = [*(Text(text, style="yellow") for text in found["caveats"]), c, a]
     if found["thresholds"]:
         parts.append(_thresholds(found["thresholds"]))
@@ -81,8 +82,8 @@ def shown(found: dict[str, Any]) -> Group:
 
 
 def _thresholds(rows):
-    t = table("Thresholds", "detector", "times the shipped>", "held back s>", "alarms>", "expected>", "remark")
+    t = Table("Thresholds", "detector", "times the shipped>", "held back s>", "alarms>", "expected>", "remark")
     for row in rows:
         figures = f"{row['held_back_s']:.0f}", str(row["alarms"]), f"{row['expected']:.2g}"
-        t.add_row(row["id"], f"{row['factor']:.3g}", *figures, row["note"])
+        t.add(row["id"], f"{row['factor']:.3g}", *figures, row["note"])
     return t

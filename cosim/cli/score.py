@@ -98,7 +98,9 @@ def shown(found: dict) -> Group:
     """Return the tables of a score: `found` is its JSON."""
     from cosim.compare import tables as made
 
-    each, lines = found["detectors"], [Text(f"{key:<7}{found[key]}") for key in ("report", "table") if key in found]
+    each, gone = found["detectors"], found.get("lost", ())
+    lines = [Text(f"not scored: {g['file']}: {g['why']}") for g in gone]
+    lines += [Text(f"{key:<7}{found[key]}") for key in ("report", "table") if key in found]
     families = [made.scored_families(each)] if len(each) <= FEW else []
     pairs = [made.pairs(found["pairs"])] if 0 < len(found["pairs"]) <= MOST else []
     flown = f"{found['benchmark']}: {found['flights']} flights, content {found['content']}"

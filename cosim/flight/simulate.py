@@ -1,16 +1,18 @@
 """Fly one scenario: build the loop, fly it, judge the detectors."""
 
+import errno
 import os
 import time
-from collections.abc import Callable
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 
+from cosim.errors import LogError
 from cosim.flight.build import Setup, build
 from cosim.flight.faults.conditions import resolved
 from cosim.flight.faults.fault_free_reference import Twin
 from cosim.flight.fly import fly
 from cosim.flight.loop.recorder import open_writer, result_texts
-from cosim.flight.plugins.watchdog import ended_by_force
+from cosim.flight.plugins.watchdog import ended_by_force, watched
 from cosim.judge.result import Result, judge, judged
 from cosim.log import LogWriter
 from cosim.scenario import Scenario, load_scenario
@@ -42,14 +44,16 @@ def simulate(
     assert isinstance(scenario, Scenario)
     scenario = resolved(scenario)
     setup = build(scenario)
+    own = [guest.runner for guest in setup.guests]
     with (
+        _whose(own),
         open_writer(setup, log) if log else nullcontext() as writer,
         Twin(setup) if achieved else nullcontext() as twin,
     ):
         sinks = [writer] if writer else []
         flown = time.perf_counter()
         hangs = ended_by_force(lambda: _cut_off(writer, setup)) if setup.foreign else nullcontext()
-        with aside() if setup.guests else nullcontext(), hangs:
+        with aside() if own else nullcontext(), watched(own) if own else nullcontext(), hangs:
             trace, status, reason = fly(setup, *sinks, progress=progress, pause=twin and twin.pause)
         wall = time.perf_counter() - flown
         result = Result(
@@ -70,6 +74,19 @@ def simulate(
         if writer:
             writer.close(result=result_texts(result))
     return result
+
+
+@contextmanager
+def _whose(runners: list) -> Iterator[None]:
+    """Name the user's detectors where the log's own file was closed under it."""
+    try:
+        yield
+    except LogError as error:
+        if not runners or getattr(error.__cause__, "errno", 0) != errno.EBADF:
+            raise
+        names = ", ".join(r.guest.DETECTOR.id for r in runners)
+        said = f"was closed by code that flew in its flight: {names}"
+        raise LogError(said, place=error.place, remedy="A detector closes only files that it has opened") from error
 
 
 def _cut_off(writer: LogWriter | None, setup: Setup) -> str:

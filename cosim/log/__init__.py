@@ -6,7 +6,7 @@ from .foxglove import Pose
 from .layouts import viewer_layouts
 from .reader import Log, open_log
 from .recover import info, recover
-from .writer import LogWriter
+from .writer import LogWriter, fits
 
 __all__ = [
     "Limits",
@@ -17,6 +17,7 @@ __all__ = [
     "Topic",
     "TopicInfo",
     "fingerprint",
+    "fits",
     "info",
     "open_log",
     "recover",

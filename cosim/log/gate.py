@@ -16,6 +16,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Collection
+from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 ORIGINS = ("https://app.foxglove.dev", "https://studio.foxglove.dev")  # pages of Foxglove itself
@@ -58,15 +59,11 @@ class Gate:
                 return inner
             return steered if hmac.compare_digest(shown.encode(), token.encode()) else None
 
-        free, watching = threading.BoundedSemaphore(MOST), threading.BoundedSemaphore(MOST - KEPT)
+        watching = threading.BoundedSemaphore(MOST - KEPT)
 
         class Handler(socketserver.BaseRequestHandler):
             def handle(self) -> None:
-                if free.acquire(blocking=False):
-                    try:
-                        _pass_on(self.request, behind, inner, watching)
-                    finally:
-                        free.release()
+                _pass_on(self.request, behind, inner, watching)
 
         self._server = _Server((host, port), Handler)
         self.port = int(self._server.server_address[1])
@@ -81,6 +78,28 @@ class Gate:
 class _Server(socketserver.ThreadingTCPServer):
     allow_reuse_address = daemon_threads = True
     request_queue_size = 2 * MOST  # of 5 places, the system's choice, a caller beyond waits for seconds to try again
+
+    def __init__(self, *about: Any):
+        self._free = threading.BoundedSemaphore(MOST)
+        super().__init__(*about)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Give a connection a thread of its own while there is a place, and close it where there is none."""
+        if not self._free.acquire(blocking=False):  # before the thread is made: a flood makes none beyond MOST
+            self.shutdown_request(request)
+            return
+        try:
+            super().process_request(request, client_address)
+        except BaseException:  # the system gives no thread
+            self._free.release()
+            raise
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Handle a connection, and give its place back."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._free.release()
 
 
 def _pass_on(

@@ -21,6 +21,7 @@ from .format import Limits, TopicInfo, log_error
 from .load import drop_damaged_chunks, load_chunk, load_topics
 from .validate import identity, scan
 
+BLOCK = 16  # chunks that are read at a time where a part of a topic is asked for
 MOST_DRAWN = 4000  # samples of a curve
 
 
@@ -179,16 +180,67 @@ class Log:
         made.attrs["units"] = dict(zip(info.fields, info.units))
         return made
 
-    def frame(self, topic: str) -> Any:
+    def frame(
+        self,
+        topic: str,
+        *,
+        fields: Sequence[str] | None = None,
+        start_s: float | None = None,
+        end_s: float | None = None,
+    ) -> Any:
         """Return a topic as a DataFrame: a column per field, index `t_s` in float seconds (tick x dt, rounded once).
 
-        `attrs["units"]` is {column: unit}, "-" for a number without one. Raises KeyError for a topic that is not there.
+        `fields` chooses columns, `start_s` <= t < `end_s` [s] rows; memory is that of the result and of a few chunks.
+        `attrs["units"]` is {column: unit}, "-" for a number without one. Raises KeyError for a topic or field that is
+        not there.
         """
-        return self._frame(topic, self.array(topic))
+        if fields is None and start_s is None and end_s is None:
+            return self._frame(topic, self.array(topic))
+        parts = list(self._parts_of(topic, fields, start_s, end_s))
+        import pandas as pd
 
-    def frames(self, topics: Any = None) -> dict[str, Any]:
-        """Return {topic: DataFrame} of several topics (default: all), each chunk read once."""
+        made = pd.concat(parts) if len(parts) > 1 else parts[0]
+        made.attrs = parts[0].attrs
+        return made
+
+    def frames(self, topics: Any = None) -> Any:
+        """Return {topic: DataFrame} of several topics (default: all), each chunk read once; of one topic, given as a
+        string, an iterator over DataFrames of its rows, a few chunks at a time.
+        """
+        if isinstance(topics, str):
+            return self._parts_of(topics, None, None, None)
         return {name: self._frame(name, values) for name, values in self.arrays(topics).items()}
+
+    def _parts_of(self, topic, fields, start_s, end_s):
+        """Yield a topic's rows as DataFrames, BLOCK chunks at a time; at least one, which may be empty."""
+        import pandas as pd
+
+        self._number(topic)
+        info, chosen = self.topics[topic], [fields] if isinstance(fields, str) else fields
+        for name in chosen or ():
+            if name not in info.fields:
+                raise _Unknown(f"topic {topic} has no field {name!r}{_near(name, info.fields, 'fields')}")
+        columns = list(info.fields if chosen is None else chosen)
+        at = [info.fields.index(name) for name in columns]
+        first, stop = (None if t is None else self._first(t) for t in (start_s, end_s))
+        units, none = {name: info.units[i] for name, i in zip(columns, at)}, True
+        for i in range(0, max(1, len(self.spans)), BLOCK):
+            block = self.spans[i : i + BLOCK]
+            a = max(first or 0, block[0][0] if block else 0)
+            b = min(sum(block[-1]) if block else 0, sum(block[-1]) if stop is None else stop) if block else 0
+            last = i + BLOCK >= len(self.spans)
+            if a < b or (last and none):
+                values = self.array(topic, a, b)
+                kept = values if chosen is None else np.ascontiguousarray(values[:, at])
+                index = pd.Index(self.ticks(topic, a, b) * self.dt_ns / 1e9, name="t_s")
+                made = pd.DataFrame(kept, index=index, columns=columns, copy=False)
+                made.attrs["units"], none = units, False
+                yield made
+
+    def _first(self, t_s):
+        """Return the first tick at or after a time [s]; a time that was rounded to the index's is that of its tick."""
+        near = round(t_s * 1e9 / self.dt_ns)
+        return near if near * self.dt_ns / 1e9 >= t_s else near + 1
 
     def fields(self, names: Sequence[Any]) -> Any:
         """Return single fields, named "/topic.field", as one DataFrame; slower topics are NaN at the ticks between.

@@ -1,7 +1,9 @@
 """Write a log while a run goes on: a vector per tick, a compressed chunk per second, whole after any end."""
 
+import contextlib
 import ctypes
 import os
+import shutil
 import struct
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,7 @@ from actuators.object_cache import PLAIN, Native
 from . import foxglove
 from .chunk import HEAD, LOG_TIME, PUBLISH_TIME, SEQUENCE, SHORT, STORE_HEAD, STORE_TARGET, Layout
 from .compression import compressor, keep_memory
-from .format import LogError, channel_metadata, check_texts, schema_data, schema_name
+from .format import Limits, LogError, channel_metadata, check_texts, schema_data, schema_name
 from .record_writer import Sink
 from .records import content_hash, pack_chunk
 
@@ -22,6 +24,28 @@ message_head = struct.Struct("<BQHIQQ").pack  # as chunk.HEAD
 ROWS = 200  # of a chunk: one second at 200 Hz, lost when the process is killed; the cost per chunk is that of 30 ticks
 _NONE = np.empty((0, 3), np.int64)
 RESERVED = ("log", "preamble", "result", "late_events", "recovered")  # names of metadata
+
+
+# of a log's content, at least, is taken on the disk: noise does not compress
+LEAST_SHARE = 0.5
+
+
+def fits(path: str | os.PathLike, topics: Any, ticks: int, dt_s: float) -> None:
+    """Raise LogError where a log of so many ticks could not be read again, or has no place on its disk."""
+    per_tick = sum((HEAD.itemsize + 9 * min(n, SHORT) + 10 * max(0, n - SHORT)) / t.every
+                   for t in topics for n in [len(t.fields)])  # fmt: skip
+    limit, share = Limits().total_bytes, per_tick * ticks
+    if share > limit:
+        said = f"a log of {ticks * dt_s:g} s would hold {share / 1e9:.1f} GB, more than is read again"
+        allowed = f"up to {limit / per_tick * dt_s:.0f} s of this flight at {1 / dt_s:g} Hz"
+        raise LogError(said, place=os.fspath(path), allowed=allowed, remedy="Fly shorter, slower (rate_hz), or parts")
+    folder = next((p for p in Path(os.path.realpath(path)).parents if p.is_dir()), Path("/"))
+    with contextlib.suppress(OSError):
+        place = shutil.disk_usage(folder).free
+        if LEAST_SHARE * share > place:
+            said = f"a log of {ticks * dt_s:g} s takes {LEAST_SHARE * share / 1e6:.0f} MB or more"
+            raise LogError(f"{said}, its disk has {place / 1e6:.0f} MB left", place=os.fspath(path),
+                           remedy="Free some space or choose another place (-o)")  # fmt: skip
 
 
 def _compiled():

@@ -11,7 +11,10 @@ import hashlib
 import io
 import json
 import math
+import multiprocessing
+import os
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -32,6 +35,7 @@ from cosim.flight.faults.conditions import resolved
 from cosim.flight.faults.fault_free_reference import Twin
 from cosim.flight.fly import fly
 from cosim.flight.plugins.plain import PlainDetector
+from cosim.flight.plugins.watchdog import watched
 from cosim.judge import estimation
 from cosim.judge.detection import columns, watch_of
 from cosim.judge.result import judge, judged
@@ -39,6 +43,7 @@ from cosim.replay.detector_replay import Lane, replay_lane
 from cosim.scenario import Scenario, parse, vocabulary
 from cosim.texts import from_json, toml
 
+PATIENCE_S = 10.0  # for one step: no figure of a recording depends on the clock of a loaded machine
 ABOUT, VALID = b"cosim", "_valid"
 NONE: tuple = (np.empty(0, np.int64), np.empty((0, 0)))  # no whole states, nothing logged
 
@@ -219,10 +224,11 @@ def judgement(recording: Recording, detectors: Iterable[Installed], *, timed: bo
             own, u = p[i : i + 1], recording.inputs(d, lane, given)[:, :: d.every]
             rollout = d.module.runner() if isinstance(d.module, PlainDetector) else None
             if rollout:
-                rollout.keeps = True
+                rollout.keeps, rollout.patience_s = True, PATIENCE_S
             ticks = np.arange(recording.ticks)[:: d.every]
             stretch = Lane(d.id, lane, d.module, d.every, own, d.module.init(own), 0, u, ticks, NONE[1], NONE, rollout)
-            out, _, x = replay_lane(stretch, dt)
+            with watched([rollout], lost=_end) if rollout else nullcontext():
+                out, _, x = replay_lane(stretch, dt)
             out = np.repeat(out, d.every, axis=0)[: recording.ticks]
             if d.id in read:
                 names = vocabulary.outputs(d.module)
@@ -237,6 +243,12 @@ def judgement(recording: Recording, detectors: Iterable[Installed], *, timed: bo
                 us = cost(d.module, x, u[:, -1:], own, dt * d.every)
             told = [(k * d.every, said) for k, _, said in rollout.told] if rollout else []
             yield Judged(_entry(recording, d, lane, out), us, told)
+
+
+def _end(runner, text):
+    """End a worker whose detector does not come back; its caller says which one it was."""
+    if multiprocessing.parent_process() is not None:
+        os._exit(1)
 
 
 def _entry(recording, d, lane, out):

@@ -276,3 +276,11 @@ def test_a_variable_of_the_terminal_or_the_shell_that_says_nothing_is_ignored(po
 def test_python_without_docstrings_lists_what_there_is():
     told = run("list", "manoeuvres", "--json", env=os.environ | {"PYTHONOPTIMIZE": "2", "PYTHONDONTWRITEBYTECODE": "1"})
     assert told.returncode == 0 and b"Traceback" not in told.stderr, told.stderr.decode()
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="of this system's limits")
+def test_too_few_addresses_are_one_line_at_once():
+    limited = ["sh", "-c", 'ulimit -v 400000; exec "$@"', "sh", *COSIM, "list"]
+    told = subprocess.run(limited, capture_output=True, timeout=60)
+    assert told.returncode == 2 and told.stderr.count(b"\n") == 1, told.stderr.decode()
+    assert b"the limit of 390 MB for addresses is too low; allowed: from 480 MB on" in told.stderr

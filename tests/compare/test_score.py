@@ -119,7 +119,7 @@ def recordings(tmp_path_factory):
 def test_the_benchmark_resumes_scores_and_repeats(recordings, tmp_path, monkeypatch, guest):
     flown = []
     monkeypatch.setattr(benchmark_recording, "record", lambda *a: flown.append(a))
-    monkeypatch.setattr(score_rows, "finished", lambda calls, workers: ((key, f(*given)) for key, f, given in calls))
+    monkeypatch.setattr(score_rows, "finished", lambda calls, **_: ((key, f(*given)) for key, f, given in calls))
     made = score(["iotsekf", guest], limit=4, recordings=recordings, workers=0)
     found = made.table
     assert not flown, "what is there is not flown again"
@@ -143,6 +143,29 @@ def test_the_benchmark_resumes_scores_and_repeats(recordings, tmp_path, monkeypa
     other = json.loads(table.read_text())
     other["detectors"][0]["families"][0]["flights"] = 99
     assert differences(other, found, ["iotsekf"]) == ["iotsekf: families[0].flights = 99 stored, 1 here"]
+
+
+HOSTILE = """
+import os
+
+class Hostile:
+    id, level, technologies, inputs = "hostile", "local", ("hydraulic",), ("rod",)
+
+    def __init__(self, dt):
+        pass
+
+    def update(self, t, y):
+        if t > 1.0:
+            os._exit(7)
+"""
+
+
+def test_a_detector_that_ends_its_process_is_not_scored_and_the_others_are(recordings, tmp_path):
+    hostile = tmp_path / "hostile.py"
+    hostile.write_text(HOSTILE)
+    made = score(["ofc_monitor", str(hostile)], limit=4, recordings=recordings, workers=0).table
+    assert [d["id"] for d in made["detectors"]] == ["ofc_monitor"] and made["detectors"][0]["designed"]
+    assert made["lost"] == [{"file": str(hostile), "why": "ended its process with exit status 7 at question 1 of 10"}]
 
 
 def test_recordings_of_other_code_are_taken_over_where_they_repeat(recordings, tmp_path):

@@ -20,7 +20,8 @@ from cosim.compare.score import flights as benchmark
 from cosim.compare.score.rows import Scored, scored
 from cosim.compare.score.table import detector
 from cosim.errors import did_you_mean
-from cosim.flight.plugins import load
+from cosim.flight.plugins import GuestError, load
+from cosim.flight.plugins.check import trial
 from cosim.judge.result import plain
 from cosim.texts import from_json, read
 from fdi import registry
@@ -55,12 +56,15 @@ def score(
     `seeds` is a file of a sealed set, `limit` takes some flights only, `recordings` is their folder. `flying` and
     `running` are told (done, total) flights. Raises CampaignError, GuestError, LogError, OutputError.
     """
+    detectors, lost = _sound(detectors)
     ids, files = named(detectors)
     seed, begin = benchmark.seeds_of(seeds), time.perf_counter()
     flights = benchmark.flown(seed, limit=limit, folder=recordings, workers=workers, progress=flying)
     flown_s, begin = time.perf_counter() - begin, time.perf_counter()
     found = scored(flights, ids, files, workers=workers, progress=running)
     ran_s = time.perf_counter() - begin
+    lost |= {str(f): found.lost[str(Path(f).resolve())] for f in files if str(Path(f).resolve()) in found.lost}
+    files = [f for f in files if str(f) not in lost]
     found.rows = bound.of(found.rows, {f.run: f.toml for f in flights})
     names = list(dict.fromkeys([*ids, *(load(f).DETECTOR.id for f in files)]))
     each = [detector(found, name, flights) for name in names]
@@ -70,10 +74,27 @@ def score(
     matched = [(a, b) for a, b in combinations(names, 2) if len(names) <= PAIRS or level[a] == level[b]]
     pairs = [p for a, b in matched for p in pair(found.rows, a, b, ends["sim_time_s"] - onset)]
     about = {k: v for k, v in benchmark.manifest(seed, flights).items() if k != "sha256"}
-    lost = sum("sha256" not in f.told for f in flights)
+    gone = sum("sha256" not in f.told for f in flights)
     took = {"flying_s": flown_s, "scoring_s": ran_s}
     listed = [vars(p) for p in pairs]
-    return Score(plain({**about, "infeasible": lost, **took, "detectors": each, "pairs": listed}), found)
+    marked = {"lost": [{"file": f, "why": why} for f, why in lost.items()]} if lost else {}
+    return Score(plain({**about, "infeasible": gone, **took, "detectors": each, "pairs": listed, **marked}), found)
+
+
+def _sound(detectors):
+    """Return (detectors, {file: why}) without those files whose detector does not leave a process alive."""
+    lost = {}
+    for name in detectors:
+        if Path(name).suffix == ".py" and Path(name).is_file() and str(name) not in learned().values():
+            try:
+                trial(name)
+            except GuestError as error:
+                if not error.fatal or len(detectors) == 1:
+                    raise
+                lost[str(name)] = error.problem
+    if lost and len(lost) == len(detectors):
+        raise GuestError("; ".join(f"{file} {why}" for file, why in lost.items()))
+    return [d for d in detectors if str(d) not in lost], lost
 
 
 @dataclass

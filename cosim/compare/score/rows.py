@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import pandas as pd
@@ -25,6 +25,7 @@ from cosim.scenario import Scenario, parse
 from cosim.scenario.catalog import TECHNOLOGIES
 from cosim.texts import toml
 
+MOST_LANES = 1000  # of a detector: the lanes of a run are numbered through
 LOG = ("run", "id", "lane", "log_fault", "log_none")  # ln p of the fault while it lasts, of "none" before and without
 
 
@@ -37,6 +38,7 @@ class Scored:
     timing: pd.DataFrame
     logs: pd.DataFrame
     lanes: pd.DataFrame  # rows per lane, with the columns of a campaign (cosim/campaign)
+    lost: dict[str, str] = field(default_factory=dict)  # {file: how its detector ended its process}
 
 
 def scored(
@@ -52,26 +54,48 @@ def scored(
     Raises LogError, GuestError, ScenarioError.
     """
     files = [str(Path(f).resolve()) if Path(f).is_file() else str(f) for f in files]
-    calls = ((f.run, one, (f.run, f.toml, str(f.path), f.told, tuple(ids), tuple(files))) for f in flights)
     rows: list[dict] = []
     timing: list[dict] = []
     logs: list[dict] = []
-    for done, (_, (new, took, said)) in enumerate(finished(calls, workers=workers), start=1):
-        rows, timing, logs = rows + new, timing + took, logs + said
-        if progress:
-            progress(done, len(flights))
+    lost: dict[str, str] = {}
+    # what the detector of a file does to its process is its own
+    groups: list[tuple] = [(tuple(ids), ()), *(((), (file,)) for file in files)]
+    for turn, (shipped, own) in enumerate(groups):
+        flown = [f for f in flights if not own or "sha256" in f.told]  # of one that could not be flown there is one row
+        calls = ((f.run, one, (f.run, f.toml, str(f.path), f.told, shipped, own)) for f in flown)
+        found: list[tuple] = []
+        try:
+            for done, (_, each) in enumerate(finished(calls, workers=workers, crashed=_ended if own else None)):
+                found.append(each)
+                if progress:
+                    progress((turn * len(flights) + done + 1) // len(groups), len(flights))
+        except _Ended as error:
+            lost[str(own[0])] = str(error)
+            continue
+        first = len(ids) * MOST_LANES + turn * MOST_LANES if own else 0
+        for new, took, said in found:
+            numbered = [row if row["lane"] is None else {**row, "lane": row["lane"] + first} for row in new]
+            rows, timing, logs = rows + numbered, timing + took, logs + said
     tomls = {f.run: f.toml for f in flights}
     scenarios = {run: parse(toml(text, place=run)) for run, text in tomls.items()}
     store = Store(None, table(scenarios))
     store.add(rows, timing)
     lanes = store.rows()
-    found = compare_rows.tidy(lanes, tomls)
+    tidied = compare_rows.tidy(lanes, tomls)
     families = {f.run: f.family for f in flights}
-    sizes = [size(row, scenarios[row["run"]]) for row in found.to_dict("records")]
-    found["part"] = found["run"].map(families)
-    found["size"], found["unit"] = [s for s, _ in sizes], [u for _, u in sizes]
+    sizes = [size(row, scenarios[row["run"]]) for row in tidied.to_dict("records")]
+    tidied["part"] = tidied["run"].map(families)
+    tidied["size"], tidied["unit"] = [s for s, _ in sizes], [u for _, u in sizes]
     times = pa.Table.from_pylist(timing, TIMING).to_pandas()
-    return Scored(found, times, pd.DataFrame(logs, columns=list(LOG)), lanes)
+    return Scored(tidied, times, pd.DataFrame(logs, columns=list(LOG)), lanes, lost)
+
+
+class _Ended(Exception):
+    """A process that a detector ended."""
+
+
+def _ended(run, text):
+    raise _Ended(f"{text} (flight {run})")
 
 
 def one(run: str, text: str, path: str, told: dict, ids: tuple, files: tuple) -> tuple[list, list, list]:

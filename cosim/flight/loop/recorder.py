@@ -12,7 +12,7 @@ import numpy as np
 from actuators.block import unit
 from cosim.flight.blocks import faults, hinge_model, law, sensors
 from cosim.flight.detection import detectors
-from cosim.log import LogWriter, Pose, Topic, viewer_layouts
+from cosim.log import LogWriter, Pose, Topic, fits, viewer_layouts
 from cosim.scenario import attached, toml, vocabulary
 from cosim.scenario.catalog import TECHNOLOGIES
 from fdi import registry
@@ -102,6 +102,7 @@ def open_writer(setup: Any, path: str | os.PathLike) -> LogWriter:
         "trim": {k: repr(v) for k, v in vars(setup.trim).items() if isinstance(v, float)},
         "libraries": {"jsbsim": _version("jsbsim"), "numpy": np.__version__, "numba": _version("numba")},
     }
+    fits(path, channels, setup.ticks, loop.dt)
     writer = LogWriter(
         path,
         channels,

@@ -6,6 +6,7 @@ samples. "bad" is a breach, "note" something to know.
 
 import copy
 import os
+import threading
 import time
 import timeit
 from collections.abc import Callable
@@ -14,11 +15,14 @@ from typing import Any
 
 import numpy as np
 
+from actuators import subprocess_env
+from cosim.errors import CosimError
 from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import wires, with_sources
 from cosim.flight.loop.signals import fly, inputs
-from cosim.flight.plugins import load
+from cosim.flight.plugins import GuestError, load
 from cosim.flight.plugins.plain import PlainDetector
+from cosim.flight.plugins.watchdog import watched
 from cosim.scenario import Scenario, load_scenario
 from cosim.scenario.catalog import SEGMENTS
 from fdi.common.verdict import class_name
@@ -31,26 +35,93 @@ FAULTS = {  # flown beside the oscillation until a detector alarms: one of every
     "a bias of the angle of attack": "target='sensor.alpha', kind='bias', path='observers', bias_deg=5.0",
     "a loss of thrust": "target='engine.1', kind='thrust_loss', loss_pct=80.0",
 }
+PATIENCE_S = 300.0  # for one question: a few flights' worth of steps, and a compiler before the first
 SLOW_US = 1000.0  # of a step: from here on it decides how fast a flight is
 
 
-def check(file: str | os.PathLike, *, progress: Callable[[float, float], None] | None = None) -> dict[str, Any]:
+def check(
+    file: str | os.PathLike,
+    *,
+    progress: Callable[[float, float], None] | None = None,
+    patience_s: float = PATIENCE_S,
+) -> dict[str, Any]:
     """Return {id, file, keeps, checks: [{question, result, answer}]} of a detector's file; result is good, bad or note.
 
-    Raises GuestError for a file that is no detector.
+    It runs in a process of its own. Raises GuestError for a file that is no detector, and for one that ends or crashes
+    that process, takes all its memory, or is not back from a question after `patience_s` [s].
     """
+    return _asked(file, True, patience_s, progress)
+
+
+def trial(file: str | os.PathLike, *, patience_s: float = PATIENCE_S) -> None:
+    """Run the detector of a file through one flight, in a process of its own; raises GuestError as `check` does, with
+    `fatal` set where the process was lost."""
+    _asked(file, False, patience_s, None)
+
+
+def _asked(file, whole, patience_s, progress):
+    function, told = "cosim.flight.plugins.check:answer", (str(file), whole)
+    try:  # whoever goes on after a trial loads the file, and tells of it
+        made = subprocess_env.call(function, *told, patience_s=patience_s, progress=progress, logged=whole)
+    except subprocess_env.Lost as error:
+        raise _fatal(str(error), file) from None
+    if "error" in made:
+        *words, fatal = made["error"]
+        wrong = GuestError(words[0], **dict(zip(("place", "allowed", "remedy"), words[1:])))
+        wrong.fatal = fatal
+        raise wrong
+    return made
+
+
+def _fatal(said, file, remedy=""):
+    error = GuestError(said, place=str(file), remedy=remedy)
+    error.fatal = True
+    return error
+
+
+def answer(
+    file: str, whole: bool, *, tell: Callable[..., None], hangs: Callable[[str], None], trace: Any
+) -> dict[str, Any]:
+    """Return what `check` does, or {"error": what a CosimError holds}, in the process of the detector; unless `whole`
+    no question is asked."""
+    try:
+        return _checked(file, whole, tell, hangs, trace)
+    except CosimError as error:
+        fatal = getattr(error, "fatal", False)
+        return {"error": (error.problem, error.place, error.allowed, error.remedy, fatal)}
+
+
+def _checked(file, whole, tell, hangs, trace):
     guest = load(file)
+    tell(0, 1, "while it was wired")
     lane, u, p, dt = _flown(guest)
     questions = (_runs, _names, _same, _causal, _one_by_one, _apart, _restarts, _reads, _loses, _costs)
     checks = []
     for i, question in enumerate(questions):
+        tell(i, len(questions), f"at question {i + 1} of {len(questions)}")
+        if not i:
+            _stays(guest, file, u, p, dt, hangs, trace)
+            if not whole:
+                return {}
         checks.append(question(guest, u, p, dt))
-        if progress:
-            progress(i + 1.0, float(len(questions)))
         if i == 0 and checks[0]["result"] == "bad":
             break  # every other question would say the same
     keeps = all(line["result"] != "bad" for line in checks)
     return {"id": guest.DETECTOR.id, "file": str(Path(file)), "lane": lane, "keeps": keeps, "checks": checks}
+
+
+def _stays(guest, file, u, p, dt, hangs, trace):
+    """Raise GuestError where a plain detector does not come back by itself, takes all memory, or leaves a thread."""
+    if isinstance(guest, PlainDetector):
+        rollout = guest.runner(limited=True)
+        with watched([rollout], lost=lambda _, text: hangs(text), trace=trace):
+            rollout(guest.init(p), u, p, dt, np.zeros(u.shape, guest.STATE))
+        if rollout.fatal:
+            raise _fatal(rollout.fatal, file, "A flight drops it")
+    left = [t.name for t in threading.enumerate() if not t.daemon and t is not threading.main_thread()]
+    if left:
+        said = f"leaves the thread {left[0]!r} running: the process of a flight would not end"
+        raise _fatal(said, file, "Start it with daemon=True")
 
 
 def _oscillation(kind: str) -> str:
@@ -85,7 +156,7 @@ def _flown(guest, fault=""):
     frame = fly(scenario, [*read.values()])
     u = inputs(frame, guest, read)
     p = own.fit(site(scenario.dt * own.every, lane, scenario.elevator.technology))
-    return lane or "aircraft", u[:, :: own.every], p, scenario.dt * own.every
+    return lane or "aircraft", np.ascontiguousarray(u[:, :: own.every]), p, scenario.dt * own.every
 
 
 def _run(guest, u, p, dt, pieces=()):

@@ -35,7 +35,9 @@ OTHER = ("aileron", "rudder", "stabiliser", "engine")  # cases without a technol
 
 
 class GuestError(CosimError):
-    """A guest that is no detector, or a file that is not the one that was meant."""
+    """A guest that is no detector, or a file that is not the one that was meant; `fatal`: it ended its process."""
+
+    fatal = False
 
 
 def is_block(module: Any) -> bool:

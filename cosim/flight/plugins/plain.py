@@ -15,6 +15,7 @@ import numpy as np
 
 from actuators.block import dtype, record
 from cosim.flight.plugins import contract
+from cosim.flight.plugins.watchdog import Overdue
 from cosim.scenario import vocabulary
 from cosim.scenario.user_file import where
 from fdi.common.verdict import AMBIGUOUS, NAMES, NONE
@@ -74,13 +75,16 @@ class Runner:
         self.keeps = False  # whether `told` is filled
         self.problems: list[str] = []
         self.notes: list[str] = []
+        self.patience_s = math.inf  # what a step may take where `limited` does not bound it
+        self.fatal = ""  # the problem that could have been the process's: no end, no memory
         self.steps, self.seconds = 0, 0.0
         self.told: list[tuple] = []  # (step, lane, {class: probability}) of every answer that gave probabilities
         self._updates: list[Any] = []  # of the lanes' objects
         self._status: list[float] = []
         measured: Any = namedtuple("Measured", tuple(guest.INPUTS.names or ()))  # type: ignore[misc]
         self._make = measured._make
-        self._limit = math.inf
+        self._limit, self._dt = math.inf, math.nan
+        self._since, self._lane = math.inf, 0  # when the step under way began, and of which lane it is
 
     def __call__(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, dt: float, log: np.ndarray | None = None) -> None:
         """Step every lane through every tick; x, p: (lane,), u, log: (lane, tick)."""
@@ -106,6 +110,21 @@ class Runner:
 
         return advance
 
+    def busy_s(self) -> float:
+        """Return for how long the step under way has been [s], below 0 while there is none."""
+        return time.perf_counter() - self._since
+
+    @property
+    def limit_s(self) -> float:
+        """Return how long the step under way may take [s]."""
+        return min(self.patience_s, self._limit * (1.0 if self.steps else FIRST))
+
+    @property
+    def step(self) -> str:
+        """Return the name of the step under way."""
+        where = f" on {self.lanes[self._lane]}" if self._lane < len(self.lanes) else ""
+        return f"{self.guest.DETECTOR.id}: the step at {self.steps * self._dt:.3f} s{where}"
+
     @property
     def problem(self) -> str:
         """Return what became of the first lane that was dropped, and of how many more; "" when none was."""
@@ -117,38 +136,44 @@ class Runner:
         if self._status:
             return
         names = [n for n in self.guest.PARAMS.names if n != "limit_s"]
-        self._limit = float(p["limit_s"][0]) if self.limited else math.inf
+        self._limit, self._dt = float(p["limit_s"][0]) if self.limited else math.inf, dt
         self._status = [GOOD] * len(p)
         for i, own in enumerate(p):
             self._updates.append(None)
+            self._since, self._lane = time.perf_counter(), i
             try:
                 self._updates[i] = self.guest.cls(dt, **{n: float(own[n]) for n in names}).update
             except KeyboardInterrupt:
                 raise
             except BaseException as error:  # whatever user code raises
-                self._drop(i, RAISED, self._said(error), "at its start")
+                self._drop(i, self._why(error), "at its start")
+            finally:
+                self._since = math.inf
 
     def _step(self, i, row, values, dt):
         if self._status[i] != GOOD:
             row[:] = (*QUIET, self._status[i])
             return
         t = self.steps * dt
-        begin = time.perf_counter()
         try:
+            self._lane, begin = i, time.perf_counter()
+            self._since = begin
             said = self._updates[i](t, self._make(values))
-            took = time.perf_counter() - begin
+            self._since, took = math.inf, time.perf_counter() - begin
             self.seconds += took
             if said is not None:
                 row[:] = self._answer(said, i, t)
         except KeyboardInterrupt:
+            self._since = math.inf
             raise
         except BaseException as error:  # whatever user code raises
-            self._drop(i, NONSENSE if isinstance(error, Nonsense) else RAISED, self._said(error), f"at {t:.3f} s")
+            self._since = math.inf
+            self._drop(i, self._why(error), f"at {t:.3f} s")
             row[:] = (*QUIET, self._status[i])
             return
-        if took > self._limit * (1.0 if self.steps else FIRST):
+        if took > self.limit_s:
             said = f"a step took {took:.2f} s, and limit_s is {self._limit:g}"
-            self._drop(i, SLOW, said, f"at {t:.3f} s")
+            self._drop(i, (SLOW, said), f"at {t:.3f} s")
             row[:] = (*QUIET, SLOW)
 
     def _answer(self, said, i, t):
@@ -171,10 +196,20 @@ class Runner:
         on = 1.0 if alarm > 0.5 else 0.0
         return r, on, verdict, code, 1.0 if valid > 0.5 else 0.0, estimate, probability, GOOD
 
-    def _drop(self, i, status, said, when):
-        self._status[i] = status
+    def _drop(self, i, why, when):
+        self._status[i], said = why
         where = f" on {self.lanes[i]}" if i < len(self.lanes) else ""
         self.problems.append(f"{self.guest.DETECTOR.id} is dropped{where} {when}: {said}")
+
+    def _why(self, error):
+        """Return (status, sentence) of what ended a step."""
+        status, said = NONSENSE if isinstance(error, Nonsense) else RAISED, self._said(error)
+        if isinstance(error, Overdue):
+            after = f"{self.limit_s:g} s{said.removeprefix('Overdue')}"
+            status, said = SLOW, f"a step was interrupted after {after}, and limit_s is {self._limit:g}"
+        if isinstance(error, Overdue | MemoryError):
+            self.fatal = f"{self.guest.DETECTOR.id}: {said}"
+        return status, said
 
     def _said(self, error):
         if isinstance(error, Nonsense):

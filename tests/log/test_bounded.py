@@ -1,0 +1,50 @@
+"""Memory and disk of a log are bounded: parts of a topic are read alone, what would not fit is refused before."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+import cosim
+from cosim.log import LogError, LogWriter, Topic, fits, open_log
+
+TICKS = 8000
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    """Return a log of 40 s with a topic of every tick, and one of every tenth."""
+    path = tmp_path_factory.mktemp("bounded") / "a.mcap"
+    topics = [Topic("/a", ("x", "y", "z"), ("m", "s", "-"), [0, 1, 2]), Topic("/b", ("w",), ("-",), [3], every=10)]
+    with LogWriter(path, topics, n_values=4) as writer:
+        for k in range(TICKS):
+            writer.append(np.array([k, 2.0 * k, np.sin(k), -k]))
+        writer.close(result={"status": "completed"})
+    return path
+
+
+def test_a_part_of_a_topic_has_the_bits_of_the_whole(path):
+    log = open_log(path)
+    for topic, fields in (("/a", ["y", "x"]), ("/b", ["w"])):
+        whole = log.frame(topic)
+        for start, end in ((None, None), (1.0, 30.0), (0.1 * 3, 0.7), (39.99, 1e9), (None, 0.0), (50.0, None)):
+            part = log.frame(topic, fields=fields, start_s=start, end_s=end)
+            wanted = whole[(whole.index >= (start or 0.0)) & (whole.index < (1e9 if end is None else end))][fields]
+            assert part.equals(wanted) and part.attrs["units"] == {f: whole.attrs["units"][f] for f in fields}
+        parts = list(log.frames(topic))
+        assert len(parts) > 1 and np.array_equal(np.concatenate([p.to_numpy() for p in parts]), whole.to_numpy())
+    with pytest.raises(KeyError, match="has no field 'v'"):
+        log.frame("/a", fields=["v"])
+
+
+def test_what_could_not_be_read_again_or_has_no_place_is_refused_before_take_off(tmp_path, monkeypatch):
+    long = cosim.load_scenario("cruise", ["duration_s=36000", "rate_hz=200"])
+    with pytest.raises(LogError, match=r"a\.mcap: a log of 36000 s would hold .* GB, more than is read"):
+        cosim.simulate(long, log=tmp_path / "a.mcap")
+    topics = [Topic("/a", ("x",), ("-",), [0])]
+    fits(tmp_path / "a.mcap", topics, 1000, 0.005)
+    used = shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: used._replace(free=1000))
+    with pytest.raises(LogError, match="its disk has 0 MB left"):
+        fits(tmp_path / "new" / "a.mcap", topics, 1_000_000, 0.005)
+    assert not list(tmp_path.iterdir())
