@@ -8,9 +8,7 @@ from actuators.block import kernel
 from fdi.pitch_moment_glr.moment import NX
 
 NA = 8  # order of the whitening filter
-NF = 60  # frequencies
-NW = 2  # windows of each that begin half a window apart
-NH = NF * NW
+NF = 56  # frequencies
 F_LOW, F_HIGH = 0.29, 6.2  # [Hz]
 
 
@@ -82,68 +80,60 @@ def correct(x, e, s):
 
 
 @kernel
-def correlate(x, p, e, s, ts):
-    """Advance all hypotheses by the innovation `e` of variance `s`: an oscillation since the window's beginning.
+def correlate(x, p, e, s, roll):
+    """Advance all hypotheses by the innovation `e` of variance `s`: an oscillation that grows with the memory's rate.
 
-    G = c - xw' d,  d' = d + K G,  z += G e / s,  M += G G' / s: what the oscillation leaves in the innovation once theta
-    has learned its part of it.
+    G = c - xw' d,  d' = k (d + K G),  z' = k z + G e / s,  M' = k^2 M + G G' / s: d is what theta has learned of the
+    oscillation, followed for the terms that a manoeuvre moves, and G what is left of it in the innovation. Whatever G is,
+    as long as it comes from the past, M is the variance of z. `roll` is the whitened roll acceleration.
     """
+    x0, x1, x2, x3 = x.xw[0], x.xw[2], x.xw[3], x.xw[4]
+    k0, k1, k2, k3 = x.K[0], x.K[2], x.K[3], x.K[4]
+    g, own = 1.0 / s, x.xw[3]
     for f in range(NF):
-        c, d = x.cosine[f], x.sine[f]
-        x.cosine[f] = p.turn_c[f] * c - p.turn_s[f] * d
-        x.sine[f] = p.turn_s[f] * c + p.turn_c[f] * d
-        for w in range(NW):
-            h = w * NF + f
-            x.left[h] -= ts
-            x.G_c[h], x.G_s[h] = x.cosine[f], x.sine[f]
-            if x.left[h] <= 0.0:  # a new window
-                x.left[h] += p.window[f]
-                x.z_c[h], x.z_s[h], x.z_g[h] = 0.0, 0.0, 0.0
-                x.M_cc[h], x.M_cs[h], x.M_ss[h], x.M_gg[h] = 0.0, 0.0, 0.0, 0.0
-                for i in range(3):
-                    x.L_c[i, h], x.L_s[i, h] = 0.0, 0.0
-                for j in range(NX):
-                    x.d_c[j, h], x.d_s[j, h] = 0.0, 0.0
-    for j in range(NX):
-        v = x.xw[j]
-        for h in range(NH):
-            x.G_c[h] -= v * x.d_c[j, h]
-            x.G_s[h] -= v * x.d_s[j, h]
-    for j in range(NX):
-        k = x.K[j]
-        for h in range(NH):
-            x.d_c[j, h] += k * x.G_c[h]
-            x.d_s[j, h] += k * x.G_s[h]
-    g, b0, b1, b2 = e / s, x.xw[0] / s, x.xw[2] / s, x.xw[3] / s
-    own, ownz = x.xw[3] * b2, x.xw[3] * g
-    for h in range(NH):
-        c, d = x.G_c[h], x.G_s[h]
-        x.z_c[h] += c * g
-        x.z_s[h] += d * g
-        x.M_cc[h] += c * c / s
-        x.M_cs[h] += c * d / s
-        x.M_ss[h] += d * d / s
-        x.L_c[0, h] += c * b0
-        x.L_s[0, h] += d * b0
-        x.L_c[1, h] += c * b1
-        x.L_s[1, h] += d * b1
-        x.L_c[2, h] += c * b2
-        x.L_s[2, h] += d * b2
-        x.M_gg[h] += own
-        x.z_g[h] += ownz
+        cc, ss = x.cosine[f], x.sine[f]
+        c, d = p.turn_c[f] * cc - p.turn_s[f] * ss, p.turn_s[f] * cc + p.turn_c[f] * ss
+        x.cosine[f], x.sine[f] = c, d
+        keep = p.keep[f]
+        twice = keep * keep
+        G = c - x0 * x.d_c[0, f] - x1 * x.d_c[1, f] - x2 * x.d_c[2, f] - x3 * x.d_c[3, f]
+        H = d - x0 * x.d_s[0, f] - x1 * x.d_s[1, f] - x2 * x.d_s[2, f] - x3 * x.d_s[3, f]
+        x.d_c[0, f] = keep * (x.d_c[0, f] + k0 * G)
+        x.d_c[1, f] = keep * (x.d_c[1, f] + k1 * G)
+        x.d_c[2, f] = keep * (x.d_c[2, f] + k2 * G)
+        x.d_c[3, f] = keep * (x.d_c[3, f] + k3 * G)
+        x.d_s[0, f] = keep * (x.d_s[0, f] + k0 * H)
+        x.d_s[1, f] = keep * (x.d_s[1, f] + k1 * H)
+        x.d_s[2, f] = keep * (x.d_s[2, f] + k2 * H)
+        x.d_s[3, f] = keep * (x.d_s[3, f] + k3 * H)
+        G_s, H_s = G * g, H * g
+        x.z_c[f] = keep * x.z_c[f] + G_s * e
+        x.z_s[f] = keep * x.z_s[f] + H_s * e
+        x.z_g[f] = keep * x.z_g[f] + own * g * e
+        x.M_cc[f] = twice * x.M_cc[f] + G_s * G
+        x.M_cs[f] = twice * x.M_cs[f] + G_s * H
+        x.M_ss[f] = twice * x.M_ss[f] + H_s * H
+        x.M_gg[f] = twice * x.M_gg[f] + own * g * own
+        x.L_c[0, f] = twice * x.L_c[0, f] + G_s * x0
+        x.L_s[0, f] = twice * x.L_s[0, f] + H_s * x0
+        x.L_c[1, f] = twice * x.L_c[1, f] + G_s * own
+        x.L_s[1, f] = twice * x.L_s[1, f] + H_s * own
+        x.R_c[f] = keep * x.R_c[f] + c * roll
+        x.R_s[f] = keep * x.R_s[f] + d * roll
 
 
 @kernel
-def ratio(x, p, h):
-    """Return twice the log likelihood ratio of hypothesis h, over what wrong coefficients of the flown terms add to it."""
-    mcc, mcs, mss = x.M_cc[h], x.M_cs[h], x.M_ss[h]
+def ratio(x, p, f):
+    """Return twice the log likelihood ratio of frequency f, over what a share of the flown terms that theta cannot follow
+    adds to the variance."""
+    mcc, mcs, mss = x.M_cc[f], x.M_cs[f], x.M_ss[f]
     det = mcc * mss - mcs * mcs
     if det <= 1e-9 * mcc * mss or mcc <= 0.0:
         return 0.0
-    zc, zs = x.z_c[h], x.z_s[h]
+    zc, zs = x.z_c[f], x.z_s[f]
     value = (mss * zc * zc - 2.0 * mcs * zc * zs + mcc * zs * zs) / det
     leak = 0.0
-    for i in range(3):
-        lc, ls = x.L_c[i, h], x.L_s[i, h]
+    for i in range(2):
+        lc, ls = x.L_c[i, f], x.L_s[i, f]
         leak += (mss * lc * lc - 2.0 * mcs * lc * ls + mcc * ls * ls) / det
     return value / (1.0 + p.share * p.share * leak)

@@ -15,11 +15,9 @@ NX = 13  # terms of the regression, `TERMS`
 NV = 12  # signals that are averaged between two samples
 LINE = 40  # samples of the gust on its way to the tail
 ARM = 3.6  # of tail behind the wing, in mean chords
-DOWNWASH = 0.6  # 1 - d epsilon / d alpha, where the term starts
 TAU_FUSE = 0.2  # the gyro below 1 / TAU_FUSE, the accelerometer of pitch above it [s]
 TAU_VANE = 0.1  # of the lagged gust [s]
-FLOWN = (0, 2, 3)  # terms that a manoeuvre moves: angle of attack, pitch rate, elevator
-ELEVATOR = 3
+TAU_LAG = 0.12  # of elevator and static moment: friction makes a servo late, circulation the air [s]
 PITCH, LIFT, DRAG = 4, 0, 1  # axes of the force model
 
 
@@ -108,14 +106,20 @@ def terms(x, p, ts):
     t[2] = gain * x.group[2] * q
     t[3] = x.effect * de
     t[4] = gain * x.group[1]
-    t[5] = gain * x.group[2] * (gust - gust_tail) * tas / arm
-    t[6] = gain * x.group[4]
-    t[7] = (p.gyration2[2] - p.gyration2[0]) / p.gyration2[1] * fast * slow_r - p.gyration2[3] / p.gyration2[1] * (
+    t[5] = gain * x.group[2] * (gust_tail - gust) * tas / arm
+    spin = (p.gyration2[2] - p.gyration2[0]) / p.gyration2[1] * fast * slow_r - p.gyration2[3] / p.gyration2[1] * (
         fast * fast - slow_r * slow_r
     )
+    c = 1.0 - math.exp(-ts / TAU_LAG)
+    if x.filled < 0.5:
+        x.slow[0], x.slow[1] = t[3], t[0]
+    x.slow[0] += c * (t[3] - x.slow[0])
+    x.slow[1] += c * (t[0] - x.slow[1])
+    t[6] = t[3] - x.slow[0]
+    t[7] = t[0] - x.slow[1]
     t[8] = x.effect * rate
     t[9] = t[3] * gust_u / tas
     t[10] = t[3] * (u_tail - gust_u) / tas
     t[11] = x.slope_a * (x.lagged - gust)
     t[12] = 1.0
-    return t[0] + t[2] + t[3] + t[4] + DOWNWASH * t[5] + t[6] + t[7]
+    return t[0] + t[2] + t[3] + t[4] + gain * x.group[4] + spin

@@ -32,7 +32,7 @@ from fdi.common.verdict import AMBIGUOUS, NONE, OFC_LIQUID, OFC_SOLID
 from fdi.common.why import BOX_ALPHA, BOX_SPEED, LOST_SENSOR, NOT_READY, VALID
 from fdi.control_redundancy import force_model
 from fdi.pitch_moment_glr import core
-from fdi.pitch_moment_glr.core import F_HIGH, F_LOW, NA, NF, NH, correct, correlate, levinson, ratio, whiten
+from fdi.pitch_moment_glr.core import F_HIGH, F_LOW, NA, NF, correct, correlate, levinson, ratio, whiten
 from fdi.pitch_moment_glr.moment import LINE, NV, NX, follow, terms
 
 CULPRITS = ("", "elevator", "elevator_left", "elevator_right")
@@ -41,12 +41,13 @@ SAMPLE = 0.02  # [s] from one sample of the regression to the next; readings are
 NB = 4  # bands of frequency with a threshold each, an equal share of the logarithm
 NK, NK_A = 24, 6  # most quantities of lift, drag and pitch, and those with angle of attack
 TURNS = 4  # samples until every hypothesis has been looked at
-PERIODS = 13.0  # of a window; the other one begins half of it later
-YOUNG = 2.0  # periods that a window has at least when it is judged
+PERIODS = 5.0  # memory: after ten periods an oscillation has 0.76 of what a window of just these would have
+LATE = -0.25  # of the elevator less its lag, before anything is learned: friction
+YOUNG = 3.0  # periods until a frequency is judged
 TERMS = (  # and the standard deviation of theta before anything is learned
     ("static moment at the angle of attack", 0.08), ("that of the gust alone", 0.15), ("pitch rate", 0.12),
-    ("elevator", 0.08), ("rate of the angle of attack", 0.3), ("gust between wing and tail, as a pitch rate", 0.4),
-    ("stabiliser", 0.08), ("roll and yaw rates", 0.1), ("rate of the elevator [s]", 0.008),
+    ("elevator", 0.08), ("rate of the angle of attack", 0.3), ("gust between wing and tail, as a pitch rate", 0.6),
+    ("elevator less its lag", 0.15), ("static moment less its lag", 0.3), ("rate of the elevator [s]", 0.008),
     ("gust along the way", 0.3), ("the same, wing to tail", 0.3), ("moment of the gust, lagged", 0.2),
     ("constant [rad/s2]", 0.002),
 )  # fmt: skip
@@ -67,7 +68,7 @@ PARAMS = dtype(
         ("stride", "f8", "-"),  # ticks of a sample
         ("turn_c", "f8", (NF,), "-"),  # of each frequency in a sample
         ("turn_s", "f8", (NF,), "-"),
-        ("window", "f8", (NF,), "s"),
+        ("keep", "f8", (NF,), "-"),  # what is left of its sums after a sample
         ("period", "f8", (NF,), "s"),
         ("threshold", "f8", (NB,), "-"),  # of twice the log likelihood ratio
         ("prior", "f8", (NX,), "-"),  # standard deviation of theta before anything is learned
@@ -136,6 +137,7 @@ STATE = dtype(
         ("line", "f8", (LINE, 2)),
         ("head", "f8", "-"),
         ("lagged", "f8", "rad"),
+        ("slow", "f8", (2,), "rad/s2"),
         ("slope_a", "f8", "1/s2"),
         ("effect", "f8", "1/s2"),  # pitch acceleration of an elevator angle
         ("term", "f8", (NX,), "rad/s2"),
@@ -162,12 +164,12 @@ STATE = dtype(
         ("s", "f8", "rad2/s4"),
         ("cosine", "f8", (NF,), "-"),
         ("sine", "f8", (NF,), "-"),
-        ("left", "f8", (NH,), "s"),  # of each window
-        *[(n, "f8", (NH,)) for n in ("G_c", "G_s", "z_c", "z_s", "z_g", "M_cc", "M_cs", "M_ss", "M_gg", "R_c", "R_s")],
-        ("L_c", "f8", (3, NH)),
-        ("L_s", "f8", (3, NH)),
-        ("d_c", "f8", (NX, NH)),
-        ("d_s", "f8", (NX, NH)),
+        ("since", "f8", "s"),  # the sums began
+        *[(n, "f8", (NF,)) for n in ("z_c", "z_s", "z_g", "M_cc", "M_cs", "M_ss", "M_gg", "R_c", "R_s")],
+        ("L_c", "f8", (2, NF)),
+        ("L_s", "f8", (2, NF)),
+        ("d_c", "f8", (4, NF)),
+        ("d_s", "f8", (4, NF)),
         ("turn", "f8", "-"),
         ("best", "f8", (TURNS,)),  # largest ratio over threshold of each part of the hypotheses
         ("which", "f8", (TURNS,), "-"),
@@ -236,7 +238,7 @@ def params(
         **{n: v for n, v in fields.items() if n in PARAMS.names},
         **own_fields, "part": [hydraulic, 1.0 - hydraulic], "late": late, "limit_low": limits[0],
         "limit_high": limits[1], "stride": stride, "turn_c": np.cos(angle), "turn_s": np.sin(angle),
-        "window": PERIODS / f, "period": 1.0 / f, "prior": prior, "swing_roll": swing_roll(model),
+        "keep": np.exp(-f * stride * dt / PERIODS), "period": 1.0 / f, "prior": prior, "swing_roll": swing_roll(model),
         **thresholds("pitch_moment_glr", which, own),
     }  # fmt: skip
     found["walk"] = np.asarray(prior) ** 2 / found.pop("t_walk")
@@ -269,10 +271,9 @@ def init(p: np.ndarray) -> np.ndarray:
     """Return STATE of p's shape: nothing learned."""
     x = np.zeros(p.shape, STATE)
     x["cosine"] = 1.0
+    x["theta"][..., 6] = LATE
     for i in range(NX):
         x["P"][..., i, i] = p["prior"][..., i] ** 2
-    for w in range(core.NW):
-        x["left"][..., w * NF : (w + 1) * NF] = p["window"] * (w + 1) / core.NW
     return x
 
 
@@ -305,7 +306,7 @@ def _read(x, u, p, dt):
     s = x.sum_
     s[0] += u.alpha
     s[1] += u.alpha_ground
-    s[2] += u.q
+    s[2] += x.q_hat
     s[3] += y
     s[4] += u.p
     s[5] += u.r
@@ -333,12 +334,18 @@ def _high(x, i, value, c):
 
 
 @kernel
-def _restart(x, p):
+def _restart(x):
     """Begin every window and every filter anew: readings were lost."""
-    x.filled = 0.0
-    for h in range(NH):
-        x.left[h] = 0.0 if h < NF else -0.5 * p.window[h - NF]
-        x.R_c[h], x.R_s[h] = 0.0, 0.0
+    x.filled, x.since = 0.0, 0.0
+    for f in range(NF):
+        x.z_c[f] = x.z_s[f] = x.z_g[f] = x.R_c[f] = x.R_s[f] = 0.0
+        x.M_cc[f] = x.M_cs[f] = x.M_ss[f] = x.M_gg[f] = 0.0
+        for i in range(2):
+            x.L_c[i, f] = x.L_s[i, f] = 0.0
+        for i in range(4):
+            x.d_c[i, f] = x.d_s[i, f] = 0.0
+    for i in range(TURNS):
+        x.best[i] = 0.0
 
 
 @kernel
@@ -402,14 +409,8 @@ def _sample(x, p, dt):
     x.local += c * (max(x.e * x.e - known, 0.0) - x.local)
     x.local_r += c * (rw * rw - x.local_r)
     correct(x, x.e, s)
-    for h in range(NH):
-        if x.left[h] <= ts:
-            x.R_c[h], x.R_s[h] = 0.0, 0.0
-    correlate(x, p, x.e, s, ts)
-    for w in range(core.NW):
-        for f in range(NF):
-            x.R_c[w * NF + f] += x.cosine[f] * rw
-            x.R_s[w * NF + f] += x.sine[f] * rw
+    x.since += ts
+    correlate(x, p, x.e, s, rw)
 
 
 @kernel
@@ -420,16 +421,15 @@ def _judge(x, p):
     largest, where = 0.0, 0
     for b in range(NB):
         x.raw[b] = 0.0
-    for k in range(NH // TURNS):
-        h = k * TURNS + turn
-        f = h % NF
-        if p.window[f] - x.left[h] < YOUNG * p.period[f]:
+    for k in range(NF // TURNS):
+        f = k * TURNS + turn
+        if x.since < YOUNG * p.period[f]:
             continue
-        value = ratio(x, p, h)
+        value = ratio(x, p, f)
         b = f * NB // NF
         x.raw[b] = max(x.raw[b], value)
         if value > largest * p.threshold[b]:
-            largest, where = value / p.threshold[b], h
+            largest, where = value / p.threshold[b], f
     x.best[turn], x.which[turn] = largest, where
     x.r = 0.0
     found = -1
@@ -441,33 +441,34 @@ def _judge(x, p):
 
 @kernel
 def _name(x, p, h):
-    """Name class and side by hypothesis h."""
+    """Name class and side of an oscillation at frequency h; M is of squared weights, half of what plain ones sum up to."""
     mcc, mcs, mss = x.M_cc[h], x.M_cs[h], x.M_ss[h]
     det = max(mcc * mss - mcs * mcs, 1e-300)
-    zc, zs, lc, ls = x.z_c[h], x.z_s[h], x.L_c[2, h], x.L_s[2, h]
+    zc, zs, lc, ls = x.z_c[h], x.z_s[h], x.L_c[1, h], x.L_s[1, h]
     a_c, a_s = (mss * zc - mcs * zs) / det, (mcc * zs - mcs * zc) / det
     b_c, b_s = (mss * lc - mcs * ls) / det, (mcc * ls - mcs * lc) / det
-    f = h % NF
+    f = h
     x.frequency = 1.0 / p.period[f]
     angle, re, im = math.atan2(p.turn_s[f], p.turn_c[f]), 1.0, 0.0
     for i in range(NA):
         re -= x.ar[i] * math.cos((i + 1) * angle)
         im += x.ar[i] * math.sin((i + 1) * angle)
-    x.f_hat = math.hypot(a_c, a_s) / max(math.hypot(re, im) * math.fabs(x.effect), 1e-9)
+    x.f_hat = 0.5 * math.hypot(a_c, a_s) / max(math.hypot(re, im) * math.fabs(x.effect), 1e-9)
     told = max(x.M_gg[h] - b_c * lc - b_s * ls, 1e-300)
-    x.lost = (x.z_g[h] - b_c * zc - b_s * zs) / told
-    x.lost_sd = min(math.sqrt(1.0 / told + 4e-4), 1e3)
+    x.lost = 0.5 * (x.z_g[h] - b_c * zc - b_s * zs) / told
+    x.lost_sd = min(math.sqrt(0.25 / told + 4e-4), 1e3)
     if x.lost + 3.0 * x.lost_sd < -0.1:
         x.verdict = OFC_SOLID
     elif x.lost - 3.0 * x.lost_sd > -0.15:
         x.verdict = OFC_LIQUID
     else:
         x.verdict = AMBIGUOUS
-    samples = max((p.window[f] - x.left[h]) / (p.period[f] * angle / (2.0 * math.pi)), 1.0)
-    size = max(math.hypot(a_c, a_s), 1e-12)
+    samples = 1.0 / (1.0 - p.keep[f])  # that the sums remember
+    size = max(0.5 * math.hypot(a_c, a_s), 1e-12)
     scale = size * math.fabs(p.swing_roll) + 1e-12
-    x.lean = 2.0 * (x.R_c[h] * a_c + x.R_s[h] * a_s) / size / samples / scale * (1.0 if p.swing_roll > 0.0 else -1.0)
-    x.lean_sd = min(math.sqrt(2.0 * x.local_r / samples) / scale, 1e3)
+    along = (x.R_c[h] * a_c + x.R_s[h] * a_s) * 0.5 / size
+    x.lean = math.copysign(2.0 * along / samples / scale, along * p.swing_roll)
+    x.lean_sd = min(math.sqrt(x.local_r / samples) / scale, 1e3)
     x.culprit = 1.0
     if math.fabs(x.lean) > 5.0 * x.lean_sd and 0.3 < math.fabs(x.lean) < 3.0:
         x.culprit = 2.0 if x.lean > 0.0 else 3.0
@@ -492,7 +493,7 @@ def step(x, u, p, dt):
             _silent(x, LOST_SENSOR)
         return
     if x.gone > 0.1:
-        _restart(x, p)
+        _restart(x)
         x.q_hat, x.age, x.started = u.q, min(x.age, p.t_learn - 5.0), 0.0
     x.gone = 0.0
     _read(x, u, p, dt)
