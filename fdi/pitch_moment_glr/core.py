@@ -2,7 +2,6 @@
 `fdi.pitch_moment_glr.pitch_moment_glr`. Sources there.
 """
 
-import math
 
 from actuators.block import kernel
 from fdi.pitch_moment_glr.moment import NX

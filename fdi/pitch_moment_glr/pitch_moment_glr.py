@@ -28,22 +28,20 @@ from fdi.common.decision import usable
 from fdi.common.envelope import FLYING
 from fdi.common.record import Detector, Site
 from fdi.common.tuning import thresholds
-from fdi.common.verdict import AMBIGUOUS, NONE, OFC_LIQUID, OFC_SOLID
+from fdi.common.verdict import NONE
 from fdi.common.why import BOX_ALPHA, BOX_SPEED, LOST_SENSOR, NOT_READY, VALID
 from fdi.control_redundancy import force_model
 from fdi.pitch_moment_glr import core
-from fdi.pitch_moment_glr.core import F_HIGH, F_LOW, NA, NF, correct, correlate, levinson, ratio, whiten
+from fdi.pitch_moment_glr.core import F_HIGH, F_LOW, NA, NF, correct, correlate, levinson, whiten
+from fdi.pitch_moment_glr.decide import NB, TURNS, judge, name
 from fdi.pitch_moment_glr.moment import LINE, NV, NX, follow, terms
 
 CULPRITS = ("", "elevator", "elevator_left", "elevator_right")
 SLOWEST, FASTEST = FLYING
 SAMPLE = 0.02  # [s] from one sample of the regression to the next; readings are averaged in between
-NB = 4  # bands of frequency with a threshold each, an equal share of the logarithm
 NK, NK_A = 24, 6  # most quantities of lift, drag and pitch, and those with angle of attack
-TURNS = 4  # samples until every hypothesis has been looked at
 PERIODS = 5.0  # memory: after ten periods an oscillation has 0.76 of what a window of just these would have
 LATE = -0.25  # of the elevator less its lag, before anything is learned: friction
-YOUNG = 3.0  # periods until a frequency is judged
 TERMS = (  # and the standard deviation of theta before anything is learned
     ("static moment at the angle of attack", 0.08), ("that of the gust alone", 0.15), ("pitch rate", 0.12),
     ("elevator", 0.08), ("rate of the angle of attack", 0.3), ("gust between wing and tail, as a pitch rate", 0.6),
@@ -105,7 +103,6 @@ STATE = dtype(
         ("valid", "f8", "-"),
         ("why", "f8", "-"),
         ("frequency", "f8", "Hz"),  # of the likeliest oscillation
-        ("f_hat", "f8", "rad"),  # its amplitude, mean of the elevators
         ("lost", "f8", "-"),  # change of what the command does since then, and its standard deviation
         ("lost_sd", "f8", "-"),
         ("lean", "f8", "-"),  # roll over pitch acceleration of it over that of the left elevators: 1 left, -1 right
@@ -177,7 +174,7 @@ STATE = dtype(
         ("hold", "f8", "s"),  # time for which the alarm still stands
     ]
 )
-OUTPUTS = ("r", "alarm", "verdict", "culprit", "valid", "why", "frequency", "f_hat", "lost", "lean")
+OUTPUTS = ("r", "alarm", "verdict", "culprit", "valid", "why", "frequency", "lost", "lean")
 _OSCILLATION = ("ofc_liquid", "ofc_solid", "ambiguous")
 DETECTOR = Detector(
     id="pitch_moment_glr",
@@ -271,6 +268,7 @@ def init(p: np.ndarray) -> np.ndarray:
     """Return STATE of p's shape: nothing learned."""
     x = np.zeros(p.shape, STATE)
     x["cosine"] = 1.0
+    x["why"] = NOT_READY
     x["theta"][..., 6] = LATE
     for i in range(NX):
         x["P"][..., i, i] = p["prior"][..., i] ** 2
@@ -414,67 +412,6 @@ def _sample(x, p, dt):
 
 
 @kernel
-def _judge(x, p):
-    """Look at a part of the hypotheses; set x.r and where it comes from."""
-    turn = int(x.turn)
-    x.turn = (turn + 1) % TURNS
-    largest, where = 0.0, 0
-    for b in range(NB):
-        x.raw[b] = 0.0
-    for k in range(NF // TURNS):
-        f = k * TURNS + turn
-        if x.since < YOUNG * p.period[f]:
-            continue
-        value = ratio(x, p, f)
-        b = f * NB // NF
-        x.raw[b] = max(x.raw[b], value)
-        if value > largest * p.threshold[b]:
-            largest, where = value / p.threshold[b], f
-    x.best[turn], x.which[turn] = largest, where
-    x.r = 0.0
-    found = -1
-    for i in range(TURNS):
-        if x.best[i] > x.r:
-            x.r, found = x.best[i], int(x.which[i])
-    return found
-
-
-@kernel
-def _name(x, p, h):
-    """Name class and side of an oscillation at frequency h; M is of squared weights, half of what plain ones sum up to."""
-    mcc, mcs, mss = x.M_cc[h], x.M_cs[h], x.M_ss[h]
-    det = max(mcc * mss - mcs * mcs, 1e-300)
-    zc, zs, lc, ls = x.z_c[h], x.z_s[h], x.L_c[1, h], x.L_s[1, h]
-    a_c, a_s = (mss * zc - mcs * zs) / det, (mcc * zs - mcs * zc) / det
-    b_c, b_s = (mss * lc - mcs * ls) / det, (mcc * ls - mcs * lc) / det
-    f = h
-    x.frequency = 1.0 / p.period[f]
-    angle, re, im = math.atan2(p.turn_s[f], p.turn_c[f]), 1.0, 0.0
-    for i in range(NA):
-        re -= x.ar[i] * math.cos((i + 1) * angle)
-        im += x.ar[i] * math.sin((i + 1) * angle)
-    x.f_hat = 0.5 * math.hypot(a_c, a_s) / max(math.hypot(re, im) * math.fabs(x.effect), 1e-9)
-    told = max(x.M_gg[h] - b_c * lc - b_s * ls, 1e-300)
-    x.lost = 0.5 * (x.z_g[h] - b_c * zc - b_s * zs) / told
-    x.lost_sd = min(math.sqrt(0.25 / told + 4e-4), 1e3)
-    if x.lost + 3.0 * x.lost_sd < -0.1:
-        x.verdict = OFC_SOLID
-    elif x.lost - 3.0 * x.lost_sd > -0.15:
-        x.verdict = OFC_LIQUID
-    else:
-        x.verdict = AMBIGUOUS
-    samples = 1.0 / (1.0 - p.keep[f])  # that the sums remember
-    size = max(0.5 * math.hypot(a_c, a_s), 1e-12)
-    scale = size * math.fabs(p.swing_roll) + 1e-12
-    along = (x.R_c[h] * a_c + x.R_s[h] * a_s) * 0.5 / size
-    x.lean = math.copysign(2.0 * along / samples / scale, along * p.swing_roll)
-    x.lean_sd = min(math.sqrt(x.local_r / samples) / scale, 1e3)
-    x.culprit = 1.0
-    if math.fabs(x.lean) > 5.0 * x.lean_sd and 0.3 < math.fabs(x.lean) < 3.0:
-        x.culprit = 2.0 if x.lean > 0.0 else 3.0
-
-
-@kernel
 def _silent(x, why):
     x.valid, x.why, x.r, x.alarm, x.verdict, x.culprit, x.hold = 0.0, why, 0.0, 0.0, NONE, 0.0, 0.0
 
@@ -507,10 +444,10 @@ def step(x, u, p, dt):
             _silent(x, x.why)
             return
         x.valid = 1.0
-        found = _judge(x, p)
+        found = judge(x, p)
         if x.r >= 1.0:
             x.alarm, x.hold = 1.0, p.t_release
-            _name(x, p, found)
+            name(x, p, found)
     if x.hold <= 0.0:
         x.alarm, x.verdict, x.culprit = 0.0, NONE, 0.0
 
