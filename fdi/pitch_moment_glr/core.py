@@ -83,8 +83,8 @@ def correlate(x, p, e, s, roll):
     """Advance all hypotheses by the innovation `e` of variance `s`: an oscillation that grows with the memory's rate.
 
     G = c - xw' d,  d' = k (d + K G),  z' = k z + G e / s,  M' = k^2 M + G G' / s: d is what theta has learned of the
-    oscillation, followed for the terms that a manoeuvre moves, and G what is left of it in the innovation. Whatever G is,
-    as long as it comes from the past, M is the variance of z. `roll` is the whitened roll acceleration.
+    oscillation, followed for the terms that a manoeuvre moves, and G what is left of it in the innovation. Whatever G
+    is, as long as it comes from the past, M is the variance of z. `roll` is the whitened roll acceleration.
     """
     x0, x1, x2, x3 = x.xw[0], x.xw[2], x.xw[3], x.xw[4]
     k0, k1, k2, k3 = x.K[0], x.K[2], x.K[3], x.K[4]
@@ -123,8 +123,10 @@ def correlate(x, p, e, s, roll):
 
 @kernel
 def ratio(x, p, f):
-    """Return twice the log likelihood ratio of frequency f, over what a share of the flown terms that theta cannot follow
-    adds to the variance."""
+    """Return twice the log likelihood ratio of frequency f.
+
+    Its variance grows by `share` of the moments of angle of attack and elevator, which no coefficient takes out.
+    """
     mcc, mcs, mss = x.M_cc[f], x.M_cs[f], x.M_ss[f]
     det = mcc * mss - mcs * mcs
     if det <= 1e-9 * mcc * mss or mcc <= 0.0:

@@ -43,8 +43,11 @@ def judge(x, p):
 
 
 @kernel
-def name(x, p, f):
-    """Name class and side of an oscillation at frequency f; M is of squared weights, half of what plain ones sum up to."""
+def classify(x, p, f):
+    """Name class and side of an oscillation at frequency f.
+
+    M is of squared weights: an oscillation that stays comes out of M^-1 z at twice its size.
+    """
     mcc, mcs, mss = x.M_cc[f], x.M_cs[f], x.M_ss[f]
     det = max(mcc * mss - mcs * mcs, 1e-300)
     zc, zs, lc, ls = x.z_c[f], x.z_s[f], x.L_c[1, f], x.L_s[1, f]

@@ -1,7 +1,9 @@
-"""The pitch-moment equation: pitch acceleration measured, computed by the plant's nonlinear moment, and what may be wrong
-with that, as kernels on the records of `fdi.pitch_moment_glr.pitch_moment_glr`.
+"""The pitch-moment equation: the plant's nonlinear moment and what may be wrong with it, as kernels on the records of
+`fdi.pitch_moment_glr.pitch_moment_glr`.
 
-    q' = (q_bar S / I_yy) sum_k C_k(alpha, Mach, q_bar) x_k (c, or (x_cg - x_ref) c of lift and drag) + (I_zz - I_xx) p r / I_yy
+    q' = (q_bar S / I_yy) sum_k C_k(alpha, Mach, q_bar) x_k c_k + ((I_zz - I_xx) p r - I_xz (p^2 - r^2)) / I_yy
+
+c_k is the chord c, of lift and drag the arm (x_cg - x_ref) c about the centre of gravity.
 """
 
 import math
@@ -23,7 +25,7 @@ PITCH, LIFT, DRAG = 4, 0, 1  # axes of the force model
 
 @kernel
 def follow(x, p, i, command, dt):
-    """Advance the servo model `i`, the limits of `actuators.common.reference`, and return the surface `late` ago [rad]."""
+    """Advance the servo model `i` with the limits of `actuators.common.reference`; return the surface of `late` ago."""
     now = x.m[i] - p.late * x.md[i]
     away = min(max(command, p.limit_low), p.limit_high) - x.m[i]
     v = clipped(p.k1[i] * away, min(p.v_max[i], math.sqrt(0.8 * p.a_max[i] * math.fabs(away))))

@@ -5,8 +5,8 @@
 y is the pitch acceleration, q and qdot fused, less the plant's nonlinear moment at what the vane reads and at where the
 servo's own model has the elevator; x (NX) are the parts of that moment, each of which may be wrong by a share, and what
 gusts add at the tail (fdi/pitch_moment_glr/moment.py, `TERMS`). A Kalman filter learns theta; of its innovations the
-likelihood ratio of an oscillation since the beginning of a window is exact, since what the filter learns of the
-oscillation is followed, too (core.correlate). Sources: [Willsky76] A. Willsky, H. Jones, A generalized likelihood ratio
+likelihood ratio of an oscillation is taken, where what the filter learns of the oscillation is followed, too
+(core.correlate). Sources: [Willsky76] A. Willsky, H. Jones, A generalized likelihood ratio
 approach to the detection and estimation of jumps in linear systems, IEEE Trans. Automatic Control 21 (1976);
 [Basseville93] M. Basseville, I. Nikiforov, Detection of Abrupt Changes, Prentice Hall (1993), sections 2.4, 7.2.4.
 
@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.block import dtype, entry, kernel, record
+from actuators.block import entry, kernel, record
 from actuators.common import linkage, reference
 from actuators.ema import servo as ema_servo
 from actuators.hydraulic import servo as hydraulic_servo
@@ -33,13 +33,13 @@ from fdi.common.why import BOX_ALPHA, BOX_SPEED, LOST_SENSOR, NOT_READY, VALID
 from fdi.control_redundancy import force_model
 from fdi.pitch_moment_glr import core
 from fdi.pitch_moment_glr.core import F_HIGH, F_LOW, NA, NF, correct, correlate, levinson, whiten
-from fdi.pitch_moment_glr.decide import NB, TURNS, judge, name
-from fdi.pitch_moment_glr.moment import LINE, NV, NX, follow, terms
+from fdi.pitch_moment_glr.decide import TURNS, classify, judge
+from fdi.pitch_moment_glr.fields import INPUTS, MEASURED, NK, NK_A, PARAMS, STATE
+from fdi.pitch_moment_glr.moment import NV, NX, follow, terms
 
 CULPRITS = ("", "elevator", "elevator_left", "elevator_right")
 SLOWEST, FASTEST = FLYING
 SAMPLE = 0.02  # [s] from one sample of the regression to the next; readings are averaged in between
-NK, NK_A = 24, 6  # most quantities of lift, drag and pitch, and those with angle of attack
 PERIODS = 5.0  # memory: after ten periods an oscillation has 0.76 of what a window of just these would have
 LATE = -0.25  # of the elevator less its lag, before anything is learned: friction
 TERMS = (  # and the standard deviation of theta before anything is learned
@@ -50,137 +50,13 @@ TERMS = (  # and the standard deviation of theta before anything is learned
     ("constant [rad/s2]", 0.002),
 )  # fmt: skip
 
-PARAMS = dtype(
-    [
-        *[(n, k, (force_model.NA, force_model.NM, 2, NK_A)) if n == "t_a"
-          else (n, k, (force_model.NM, force_model.NQ, NK)) if n == "t_m"
-          else (n, k, (NK,)) if n in ("axis", "variable", "effector") else (n, k, *rest)
-          for n, k, *rest in force_model.PARAMS if "thrust" not in n and n not in ("idle", "mil", "n_tm", "n_tp",
-                                                                                   "engine")],
-        *[(n, "f8", (2,), u) for (n, _), u in zip(
-            reference.PARAM_FIELDS, ("1/s", "1/s", "1/s", "rad/s", "rad/s2", "rad/s3"), strict=True)],
-        ("part", "f8", (2,), "-"),  # of the elevators that is hydraulic, electromechanical
-        ("late", "f8", "s"),  # age of the pitch acceleration
-        ("limit_low", "f8", "rad"),  # travel
-        ("limit_high", "f8", "rad"),
-        ("stride", "f8", "-"),  # ticks of a sample
-        ("turn_c", "f8", (NF,), "-"),  # of each frequency in a sample
-        ("turn_s", "f8", (NF,), "-"),
-        ("keep", "f8", (NF,), "-"),  # what is left of its sums after a sample
-        ("period", "f8", (NF,), "s"),
-        ("threshold", "f8", (NB,), "-"),  # of twice the log likelihood ratio
-        ("prior", "f8", (NX,), "-"),  # standard deviation of theta before anything is learned
-        ("walk", "f8", (NX,), "1/s"),  # growth of its variance
-        ("share", "f8", "-"),  # of the flown terms that no coefficient takes out
-        ("tau_high", "f8", "s"),  # of the high pass
-        ("tau_noise", "f8", "s"),  # memory of the autocorrelations
-        ("tau_local", "f8", "s"),  # and of the innovations' variance
-        ("t_learn", "f8", "s"),  # from this time on it judges
-        ("t_settle", "f8", "s"),  # and from this on it learns
-        ("t_release", "f8", "s"),  # an alarm outlives its cause by this
-        ("alpha_max", "f8", "rad"),  # beyond it the moment is not linear in anything
-        ("swing_roll", "f8", "-"),  # roll acceleration over pitch acceleration of the left elevators
-    ]
-)  # fmt: skip
-_MEASURED = {
-    "alpha": "rad", "alpha_ground": "rad", "q": "rad/s", "qdot": "rad/s2", "p": "rad/s", "r": "rad/s", "n_x": "g",
-    "n_z": "g", "theta": "rad", "phi": "rad", "tas": "m/s", "v_ground": "m/s", "cas": "m/s", "mach": "-", "mass": "kg",
-    "cg": "-", "pdot": "rad/s2",
-}  # fmt: skip
-INPUTS = dtype(
-    [
-        ("command", "f8", "rad"),  # of the elevators, trailing edge down +
-        ("stab", "f8", "rad"),
-        *[(n + t, "f8", "-" if t else unit) for n, unit in _MEASURED.items() for t in ("", "_valid")],
-    ]
-)
-STATE = dtype(
-    [
-        ("r", "f8", "-"),  # largest likelihood ratio over its threshold
-        ("alarm", "f8", "-"),
-        ("verdict", "f8", "-"),
-        ("culprit", "f8", "-"),  # index into CULPRITS
-        ("valid", "f8", "-"),
-        ("why", "f8", "-"),
-        ("frequency", "f8", "Hz"),  # of the likeliest oscillation
-        ("lost", "f8", "-"),  # change of what the command does since then, and its standard deviation
-        ("lost_sd", "f8", "-"),
-        ("lean", "f8", "-"),  # roll over pitch acceleration of it over that of the left elevators: 1 left, -1 right
-        ("lean_sd", "f8", "-"),
-        ("m", "f8", (2,), "rad"),  # servo models, hydraulic and electromechanical
-        ("md", "f8", (2,), "rad/s"),
-        ("mdd", "f8", (2,), "rad/s2"),
-        ("command", "f8", "rad"),
-        ("stab", "f8", "rad"),
-        ("q_hat", "f8", "rad/s"),
-        ("sum_", "f8", (NV + 1,)),  # over the ticks of a sample
-        ("mean_", "f8", (NV,)),  # alpha, alpha_ground, q, y, p, r, n_x, n_z, g's part, V, gust along, elevator
-        ("rate", "f8", "rad/s"),
-        ("roll", "f8", "rad/s2"),
-        ("sum_r", "f8", (2,)),
-        ("cas", "f8", "m/s"),
-        ("mach", "f8", "-"),
-        ("mass", "f8", "kg"),
-        ("cg", "f8", "-"),
-        ("ticks", "f8", "-"),
-        ("started", "f8", "-"),
-        ("filled", "f8", "-"),  # 1 once the high pass has started
-        ("age", "f8", "s"),
-        ("gone", "f8", "s"),  # time without a complete reading
-        ("variable", "f8", (15,)),
-        ("part", "f8", (NK,)),
-        ("slope", "f8", (6, 3)),
-        ("group", "f8", (5,)),
-        ("line", "f8", (LINE, 2)),
-        ("head", "f8", "-"),
-        ("lagged", "f8", "rad"),
-        ("slow", "f8", (2,), "rad/s2"),
-        ("slope_a", "f8", "1/s2"),
-        ("effect", "f8", "1/s2"),  # pitch acceleration of an elevator angle
-        ("term", "f8", (NX,), "rad/s2"),
-        ("low", "f8", (NX + 2,)),  # of terms, residual, roll
-        ("high", "f8", (NX,), "rad/s2"),
-        ("theta", "f8", (NX,)),
-        ("P", "f8", (NX, NX)),
-        ("K", "f8", (NX,)),
-        ("xw", "f8", (NX,)),
-        ("past", "f8", (NA, NX)),
-        ("past_y", "f8", (NA,)),
-        ("past_e", "f8", (NA,)),
-        ("past_r", "f8", (NA,)),
-        ("place", "f8", "-"),
-        ("auto", "f8", (NA + 1,), "rad2/s4"),
-        ("ar", "f8", (NA,), "-"),
-        ("ar_1", "f8", (NA,), "-"),
-        ("n_auto", "f8", "-"),
-        ("noise", "f8", "rad2/s4"),  # variance of what is whitened
-        ("power", "f8", "rad2/s4"),
-        ("local", "f8", "rad2/s4"),
-        ("local_r", "f8", "rad2/s4"),  # of the whitened roll acceleration
-        ("e", "f8", "rad/s2"),  # innovation
-        ("s", "f8", "rad2/s4"),
-        ("cosine", "f8", (NF,), "-"),
-        ("sine", "f8", (NF,), "-"),
-        ("since", "f8", "s"),  # the sums began
-        *[(n, "f8", (NF,)) for n in ("z_c", "z_s", "z_g", "M_cc", "M_cs", "M_ss", "M_gg", "R_c", "R_s")],
-        ("L_c", "f8", (2, NF)),
-        ("L_s", "f8", (2, NF)),
-        ("d_c", "f8", (4, NF)),
-        ("d_s", "f8", (4, NF)),
-        ("turn", "f8", "-"),
-        ("best", "f8", (TURNS,)),  # largest ratio over threshold of each part of the hypotheses
-        ("which", "f8", (TURNS,), "-"),
-        ("raw", "f8", (NB,), "-"),  # largest ratio of each band in the part that was looked at last
-        ("hold", "f8", "s"),  # time for which the alarm still stands
-    ]
-)
 OUTPUTS = ("r", "alarm", "verdict", "culprit", "valid", "why", "frequency", "lost", "lean")
 _OSCILLATION = ("ofc_liquid", "ofc_solid", "ambiguous")
 DETECTOR = Detector(
     id="pitch_moment_glr",
     level="aircraft",
     summary="likelihood ratio of an elevator oscillation in the pitch-moment equation [Willsky76]",
-    inputs={"command": "de_cmd", "stab": "stab_cmd", **{word: word for word in _MEASURED}},
+    inputs={"command": "de_cmd", "stab": "stab_cmd", **{word: word for word in MEASURED}},
     group="airframe motion",
     designed_for={
         **dict.fromkeys(("*.ofc_liquid", "*.ofc_liquid@*"), ("ofc_liquid", "ambiguous")),
@@ -190,7 +66,7 @@ DETECTOR = Detector(
         **dict.fromkeys((
             "*.jam*", "*.runaway*", "*.bias@command", "*.loss_of_effectiveness*", "*.free_float",
             "*.supply_pressure_drop", "*.rod", "*.position", "*.velocity", "*.backlash", "*.friction", "stabiliser",
-            "engine", "rudder", "aileron", *(f"sensor.{word}" for word in _MEASURED if word not in ("pdot",)),
+            "engine", "rudder", "aileron", *(f"sensor.{word}" for word in MEASURED if word not in ("pdot",)),
         ), _OSCILLATION),
     },
     blind="reads the pitching motion alone: what does not swing the mean of the elevators",
@@ -212,15 +88,15 @@ def params(
     their travel [rad]. Raises ValueError for a model with more than NK quantities of lift, drag and pitch.
     """
     kept = [k for k, (axis, _) in enumerate(model.quantities) if axis in ("lift", "drag", "pitch")]
-    fields = force_model.fields(model)
+    made = force_model.fields(model)
     n_a = sum(k < len(model.t_a) for k in kept)
     if len(kept) > NK or n_a > NK_A:
         raise ValueError(f"{len(kept)} quantities of lift, drag and pitch, {n_a} with alpha; at most {NK}, {NK_A} fit")
-    for name, size in (("t_a", NK_A), ("t_m", NK), ("axis", NK), ("variable", NK), ("effector", NK)):
-        some = [k for k in kept if name != "t_a" or k < len(model.t_a)]
-        cut = np.take(np.asarray(fields[name]), some, axis=-1)
-        fields[name] = np.concatenate([cut, np.zeros((*cut.shape[:-1], size - cut.shape[-1]))], axis=-1)
-    fields |= {"n_k": len(kept), "n_ka": n_a}
+    for field, size in (("t_a", NK_A), ("t_m", NK), ("axis", NK), ("variable", NK), ("effector", NK)):
+        some = [k for k in kept if field != "t_a" or k < len(model.t_a)]
+        cut = np.take(np.asarray(made[field]), some, axis=-1)
+        made[field] = np.concatenate([cut, np.zeros((*cut.shape[:-1], size - cut.shape[-1]))], axis=-1)
+    made |= {"n_k": len(kept), "n_ka": n_a}
     servos = hydraulic_servo.params(dt=dt)[0], ema_servo.params(dt=dt)[0]
     per = (linkage.ARM, 1.0)
     own_fields = {
@@ -232,7 +108,7 @@ def params(
     angle = 2.0 * math.pi * f * stride * dt
     prior = np.array([sd for _, sd in TERMS])
     found = {
-        **{n: v for n, v in fields.items() if n in PARAMS.names},
+        **{n: v for n, v in made.items() if n in PARAMS.names},
         **own_fields, "part": [hydraulic, 1.0 - hydraulic], "late": late, "limit_low": limits[0],
         "limit_high": limits[1], "stride": stride, "turn_c": np.cos(angle), "turn_s": np.sin(angle),
         "keep": np.exp(-f * stride * dt / PERIODS), "period": 1.0 / f, "prior": prior, "swing_roll": swing_roll(model),
@@ -447,7 +323,7 @@ def step(x, u, p, dt):
         found = judge(x, p)
         if x.r >= 1.0:
             x.alarm, x.hold = 1.0, p.t_release
-            name(x, p, found)
+            classify(x, p, found)
     if x.hold <= 0.0:
         x.alarm, x.verdict, x.culprit = 0.0, NONE, 0.0
 

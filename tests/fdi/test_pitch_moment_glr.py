@@ -1,4 +1,4 @@
-"""The likelihood ratio of an elevator oscillation: seen and not seen, silent without one, the same bits in any pieces."""
+"""The likelihood ratio of an elevator oscillation: seen or not by its size, silent without one, same bits."""
 
 import functools
 
