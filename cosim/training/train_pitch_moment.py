@@ -25,6 +25,7 @@ from fdi.pitch_moment_glr import pitch_moment_glr
 
 NAME = "pitch_moment_glr"
 FLIGHTS, TRAINING = 168, 36_000  # how many, and the first seed
+MARGIN = 1.25  # without it 2 of 48 other flights up to moderate air alarmed, by 1 and 4 %: manoeuvres in still air
 PATH = Path(fdi.__file__).parent / "thresholds" / f"{NAME}.json"
 
 
@@ -51,7 +52,7 @@ def surveyed(index: int, first_seed: int = TRAINING) -> list[float]:
 def train(*, first_seed: int = TRAINING, number: int = FLIGHTS, **how: Any) -> dict[str, Any]:
     """Fly the training set; return {"threshold", "largest", "flights", "first_seed"}; `how` as for `jobs.work`."""
     largest = np.array(work([(surveyed, {"index": k, "first_seed": first_seed}) for k in range(number)], **how))
-    limits = [exceeded(column, PROBABILITY / largest.shape[1]) for column in largest.T]
+    limits = [MARGIN * exceeded(column, PROBABILITY / largest.shape[1]) for column in largest.T]
     return {"threshold": limits, "largest": largest.max(axis=0).tolist(), "flights": number, "first_seed": first_seed}
 
 
@@ -69,7 +70,8 @@ def store(found: dict[str, Any]) -> None:
     held["flight"]["threshold"] = np.round(found["threshold"], 3).tolist()
     held["training"] = {
         "command": "cosim train pitch_moment", "probability_per_flight": PROBABILITY, "flight_s": 60.0,
-        "flights": found["flights"], "first_seed": found["first_seed"], "air": list(train_aircraft.TURBULENCE[:3]),
+        "flights": found["flights"], "margin": MARGIN,
+        "first_seed": found["first_seed"], "air": list(train_aircraft.TURBULENCE[:3]),
         "noise_scale": train_aircraft.NOISE_SCALE, "tolerance": train_aircraft.TOLERANCE,
         "largest": np.round(found["largest"], 3).tolist(),
     }  # fmt: skip
