@@ -15,6 +15,7 @@ SHIPPED = {  # id -> module
     "rfafe_airframe": "fdi.rfafe.rfafe_airframe",
     "lpv_smo": "fdi.lpv_smo.lpv_smo",
     "control_redundancy": "fdi.control_redundancy.control_redundancy",
+    "pitch_moment_glr": "fdi.pitch_moment_glr.pitch_moment_glr",
     "kinematic": "fdi.kinematic.kinematic",
     "iotsekf": "fdi.hydraulic.iotsekf",
     "rtsekf": "fdi.hydraulic.rtsekf",

@@ -1,0 +1,331 @@
+"""Oscillation of the elevators in the pitch-moment equation: generalised likelihood ratio of its frequency and onset.
+
+    y = x' theta + b (c cos wt + d sin wt) + e,    theta a random walk, e autoregressive
+
+y is the pitch acceleration, q and qdot fused, less the plant's nonlinear moment at what the vane reads and at where the
+servo's own model has the elevator; x (NX) are the parts of that moment, each of which may be wrong by a share, and what
+gusts add at the tail (fdi/pitch_moment_glr/moment.py, `TERMS`). A Kalman filter learns theta; of its innovations the
+likelihood ratio of an oscillation is taken, where what the filter learns of the oscillation is followed, too
+(core.correlate). Sources: [Willsky76] A. Willsky, H. Jones, A generalized likelihood ratio
+approach to the detection and estimation of jumps in linear systems, IEEE Trans. Automatic Control 21 (1976);
+[Basseville93] M. Basseville, I. Nikiforov, Detection of Abrupt Changes, Prentice Hall (1993), sections 2.4, 7.2.4.
+
+One moment does not tell which of the four segments swings, so the culprit is the elevator; the side is named where the
+roll acceleration swings with the pitch acceleration as one side's elevator makes it. OFC_SOLID is named where the
+command has lost part of its own effect since the oscillation began, OFC_LIQUID where it has not, else AMBIGUOUS.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from actuators.block import entry, kernel, record
+from actuators.common import linkage, reference
+from actuators.ema import servo as ema_servo
+from actuators.hydraulic import servo as hydraulic_servo
+from fdi.common.decision import usable
+from fdi.common.envelope import FLYING
+from fdi.common.record import Detector, Site
+from fdi.common.tuning import thresholds
+from fdi.common.verdict import NONE
+from fdi.common.why import BOX_ALPHA, BOX_SPEED, LOST_SENSOR, NOT_READY, VALID
+from fdi.control_redundancy import force_model
+from fdi.pitch_moment_glr import core
+from fdi.pitch_moment_glr.core import F_HIGH, F_LOW, NA, NF, correct, correlate, levinson, whiten
+from fdi.pitch_moment_glr.decide import TURNS, classify, judge
+from fdi.pitch_moment_glr.fields import INPUTS, MEASURED, NK, NK_A, PARAMS, STATE
+from fdi.pitch_moment_glr.moment import NV, NX, follow, terms
+
+CULPRITS = ("", "elevator", "elevator_left", "elevator_right")
+SLOWEST, FASTEST = FLYING
+SAMPLE = 0.02  # [s] from one sample of the regression to the next; readings are averaged in between
+PERIODS = 5.0  # memory: after ten periods an oscillation has 0.76 of what a window of just these would have
+LATE = -0.25  # of the elevator less its lag, before anything is learned: friction
+TERMS = (  # and the standard deviation of theta before anything is learned
+    ("static moment at the angle of attack", 0.08), ("that of the gust alone", 0.15), ("pitch rate", 0.12),
+    ("elevator", 0.08), ("rate of the angle of attack", 0.3), ("gust between wing and tail, as a pitch rate", 0.6),
+    ("elevator less its lag", 0.15), ("static moment less its lag", 0.3), ("rate of the elevator [s]", 0.008),
+    ("gust along the way", 0.3), ("the same, wing to tail", 0.3), ("moment of the gust, lagged", 0.2),
+    ("constant [rad/s2]", 0.002),
+)  # fmt: skip
+
+OUTPUTS = ("r", "alarm", "verdict", "culprit", "valid", "why", "frequency", "lost", "lean")
+_OSCILLATION = ("ofc_liquid", "ofc_solid", "ambiguous")
+DETECTOR = Detector(
+    id="pitch_moment_glr",
+    level="aircraft",
+    summary="likelihood ratio of an elevator oscillation in the pitch-moment equation [Willsky76]",
+    inputs={"command": "de_cmd", "stab": "stab_cmd", **{word: word for word in MEASURED}},
+    group="airframe motion",
+    designed_for={
+        **dict.fromkeys(("*.ofc_liquid", "*.ofc_liquid@*"), ("ofc_liquid", "ambiguous")),
+        **dict.fromkeys(("*.ofc_solid", "*.ofc_solid@*"), ("ofc_solid", "ambiguous")),
+    },
+    may_see={
+        **dict.fromkeys((
+            "*.jam*", "*.runaway*", "*.bias@command", "*.loss_of_effectiveness*", "*.free_float",
+            "*.supply_pressure_drop", "*.rod", "*.position", "*.velocity", "*.backlash", "*.friction", "stabiliser",
+            "engine", "rudder", "aileron", *(f"sensor.{word}" for word in MEASURED if word not in ("pdot",)),
+        ), _OSCILLATION),
+    },
+    blind="reads the pitching motion alone: what does not swing the mean of the elevators",
+    sizes={"n_a": 0, "n_m": 0, "n_q": 0, "n_ka": 0, "n_k": 0, "axis": 0, "variable": 0, "effector": 0, "stride": 1},
+    places={"head": ("line", 0), "place": ("past", 0), "turn": ("best", 0)},
+    any_aircraft=True,
+    range={"tas": FLYING},
+    fit=lambda site: fitted(site),
+)  # fmt: skip
+
+
+def params(
+    which: str = "flight", *, model: Any, dt: float = 0.005, late: float = 0.01, hydraulic: float = 1.0,
+    limits: tuple[float, float] = (math.radians(-23.0), math.radians(17.0)), own: Any = None, **values: Any,
+) -> np.ndarray:  # fmt: skip
+    """Return PARAMS for a `ForceModel` with threshold set `which`; `values` replace fields.
+
+    `late` is the age of the pitch acceleration [s], `hydraulic` the share of the elevators that is hydraulic, `limits`
+    their travel [rad]. Raises ValueError for a model with more than NK quantities of lift, drag and pitch.
+    """
+    kept = [k for k, (axis, _) in enumerate(model.quantities) if axis in ("lift", "drag", "pitch")]
+    made = force_model.fields(model)
+    n_a = sum(k < len(model.t_a) for k in kept)
+    if len(kept) > NK or n_a > NK_A:
+        raise ValueError(f"{len(kept)} quantities of lift, drag and pitch, {n_a} with alpha; at most {NK}, {NK_A} fit")
+    for field, size in (("t_a", NK_A), ("t_m", NK), ("axis", NK), ("variable", NK), ("effector", NK)):
+        some = [k for k in kept if field != "t_a" or k < len(model.t_a)]
+        cut = np.take(np.asarray(made[field]), some, axis=-1)
+        made[field] = np.concatenate([cut, np.zeros((*cut.shape[:-1], size - cut.shape[-1]))], axis=-1)
+    made |= {"n_k": len(kept), "n_ka": n_a}
+    servos = hydraulic_servo.params(dt=dt)[0], ema_servo.params(dt=dt)[0]
+    per = (linkage.ARM, 1.0)
+    own_fields = {
+        name: [s[name] / (per[i] if name.endswith("_max") else 1.0) for i, s in enumerate(servos)]
+        for name, _ in reference.PARAM_FIELDS
+    }
+    stride = max(1.0, math.floor(SAMPLE / dt + 1e-9))
+    f = np.geomspace(F_LOW, F_HIGH, NF)
+    angle = 2.0 * math.pi * f * stride * dt
+    prior = np.array([sd for _, sd in TERMS])
+    found = {
+        **{n: v for n, v in made.items() if n in PARAMS.names},
+        **own_fields, "part": [hydraulic, 1.0 - hydraulic], "late": late, "limit_low": limits[0],
+        "limit_high": limits[1], "stride": stride, "turn_c": np.cos(angle), "turn_s": np.sin(angle),
+        "keep": np.exp(-f * stride * dt / PERIODS), "period": 1.0 / f, "prior": prior, "swing_roll": swing_roll(model),
+        **thresholds("pitch_moment_glr", which, own),
+    }  # fmt: skip
+    found["walk"] = np.asarray(prior) ** 2 / found.pop("t_walk")
+    return record(PARAMS, **{**found, **values})
+
+
+def swing_roll(model: Any) -> float:
+    """Return the roll acceleration over the pitch acceleration that the left elevators make, at the model's middle."""
+    roll, pitch = 0.0, 0.0
+    for k, (axis, variable) in enumerate(model.quantities):
+        if variable in ("de_lo", "de_li"):
+            mean = float(model.t_m[k].mean())
+            roll, pitch = roll + mean * (axis == "roll"), pitch + mean * (axis == "pitch")
+    if pitch == 0.0:
+        return 0.0
+    return roll * model.span / model.gyration2[0] / (pitch * model.chord / model.gyration2[1])
+
+
+def fitted(site: Site, **values: Any) -> np.ndarray:
+    """Return PARAMS for a loop, on the force model of the aircraft that flies."""
+    kinds = list(site.technologies.values()) or ["hydraulic"]
+    travel = {"limits": site.travel} if site.travel else {}
+    return params(
+        model=site.aircraft().model, dt=site.dt, late=site.delay("qdot"), own=site.own,
+        hydraulic=1.0 - kinds.count("ema") / len(kinds), **travel, **values,
+    )  # fmt: skip
+
+
+def init(p: np.ndarray) -> np.ndarray:
+    """Return STATE of p's shape: nothing learned."""
+    x = np.zeros(p.shape, STATE)
+    x["cosine"] = 1.0
+    x["why"] = NOT_READY
+    x["theta"][..., 6] = LATE
+    for i in range(NX):
+        x["P"][..., i, i] = p["prior"][..., i] ** 2
+    return x
+
+
+@kernel
+def _complete(u):
+    """Return 1.0 when every measurement that the equation needs is usable."""
+    good = usable(u.alpha, u.alpha_valid) * usable(u.alpha_ground, u.alpha_ground_valid)
+    good *= usable(u.q, u.q_valid) * usable(u.qdot, u.qdot_valid) * usable(u.p, u.p_valid) * usable(u.r, u.r_valid)
+    good *= usable(u.n_x, u.n_x_valid) * usable(u.n_z, u.n_z_valid) * usable(u.theta, u.theta_valid)
+    good *= usable(u.phi, u.phi_valid) * usable(u.tas, u.tas_valid) * usable(u.v_ground, u.v_ground_valid)
+    good *= usable(u.cas, u.cas_valid) * usable(u.mach, u.mach_valid)
+    return good * usable(u.mass, u.mass_valid) * usable(u.cg, u.cg_valid) * (1.0 if u.mass > 0.0 else 0.0)
+
+
+@kernel
+def _read(x, u, p, dt):
+    """Advance the servo models and the fused acceleration, add this tick to the sums of the sample."""
+    if math.isfinite(u.command):
+        x.command = u.command
+    if math.isfinite(u.stab):
+        x.stab = u.stab
+    if x.started < 0.5:
+        x.started = 1.0
+        x.m[0] = x.m[1] = min(max(x.command, p.limit_low), p.limit_high)
+        x.q_hat = u.q
+    rate = p.part[0] * x.md[0] + p.part[1] * x.md[1]
+    de = p.part[0] * follow(x, p, 0, x.command, dt) + p.part[1] * follow(x, p, 1, x.command, dt)
+    y = u.qdot + (u.q - x.q_hat) / 0.2
+    x.q_hat += dt * y
+    s = x.sum_
+    s[0] += u.alpha
+    s[1] += u.alpha_ground
+    s[2] += x.q_hat
+    s[3] += y
+    s[4] += u.p
+    s[5] += u.r
+    s[6] += u.n_x
+    s[7] += u.n_z
+    s[8] += math.cos(u.theta) * math.cos(u.phi)
+    s[9] += u.tas
+    s[10] += u.tas - u.v_ground
+    s[11] += de
+    s[12] += 1.0
+    x.sum_r[0] += rate
+    x.sum_r[1] += u.pdot if usable(u.pdot, u.pdot_valid) > 0.5 else 0.0
+    x.cas += (u.cas - x.cas) / s[12]
+    x.mach += (u.mach - x.mach) / s[12]
+    x.mass, x.cg = u.mass, u.cg
+
+
+@kernel
+def _high(x, i, value, c):
+    """Return `value` less what it is slowly."""
+    if x.filled < 0.5:
+        x.low[i] = value
+    x.low[i] += c * (value - x.low[i])
+    return value - x.low[i]
+
+
+@kernel
+def _restart(x):
+    """Begin every window and every filter anew: readings were lost."""
+    x.filled, x.since = 0.0, 0.0
+    for f in range(NF):
+        x.z_c[f] = x.z_s[f] = x.z_g[f] = x.R_c[f] = x.R_s[f] = 0.0
+        x.M_cc[f] = x.M_cs[f] = x.M_ss[f] = x.M_gg[f] = 0.0
+        for i in range(2):
+            x.L_c[i, f] = x.L_s[i, f] = 0.0
+        for i in range(4):
+            x.d_c[i, f] = x.d_s[i, f] = 0.0
+    for i in range(TURNS):
+        x.best[i] = 0.0
+
+
+@kernel
+def _noise(x, p, e, ts, teach):
+    """Advance autocorrelations of the residual `e`; whiten by them once a second."""
+    now = int(x.place)
+    if teach > 0.5:
+        x.n_auto += 1.0
+        c = max(ts / p.tau_noise, 1.0 / x.n_auto)
+        x.auto[0] += c * (e * e - x.auto[0])
+        for i in range(NA):
+            x.auto[i + 1] += c * (e * x.past_e[(now + NA - 1 - i) % NA] - x.auto[i + 1])
+        every = max(math.floor(1.0 / ts + 0.5), 1.0)
+        if x.n_auto >= 2.0 * every and x.n_auto - every * math.floor(x.n_auto / every) < 0.5 and x.auto[0] > 0.0:
+            x.power = levinson(x)
+        elif x.n_auto < 2.0 * every:
+            x.power = x.auto[0]
+    x.past_e[now] = e
+
+
+@kernel
+def _sample(x, p, dt):
+    """Advance regression and hypotheses by one sample."""
+    n = x.sum_[NV]
+    ts = p.stride * dt
+    for i in range(NV):
+        x.mean_[i] = x.sum_[i] / n
+        x.sum_[i] = 0.0
+    x.sum_[NV] = 0.0
+    x.rate, x.roll = x.sum_r[0] / n, x.sum_r[1] / n
+    x.sum_r[0] = x.sum_r[1] = 0.0
+    computed = terms(x, p, ts)
+    c = 1.0 - math.exp(-ts / p.tau_high)
+    y = _high(x, NX, x.mean_[3] - computed, c)
+    roll = _high(x, NX + 1, x.roll, c)
+    for i in range(NX - 1):
+        x.high[i] = _high(x, i, x.term[i], c)
+    x.high[NX - 1] = 1.0
+    x.filled = 1.0
+    x.age += ts
+    if x.age < p.t_settle:
+        return
+    e = y
+    for i in range(NX):
+        e -= x.high[i] * x.theta[i]
+    _noise(x, p, e, ts, 1.0 if x.r < 0.5 else 0.0)
+    now = int(x.place)
+    rw = roll
+    for i in range(NA):
+        rw -= x.ar[i] * x.past_r[(now + NA - 1 - i) % NA]
+    x.past_r[now] = roll
+    yw = whiten(x, y)
+    x.noise = max(max(x.power, x.local), 1e-10)
+    s = core.gain(x, p, ts)
+    x.e = yw
+    for i in range(NX):
+        x.e -= x.xw[i] * x.theta[i]
+    x.s = s
+    c = min(ts / p.tau_local, 1.0)
+    known = s - x.noise
+    x.local += c * (max(x.e * x.e - known, 0.0) - x.local)
+    x.local_r += c * (rw * rw - x.local_r)
+    correct(x, x.e, s)
+    x.since += ts
+    correlate(x, p, x.e, s, rw)
+
+
+@kernel
+def _silent(x, why):
+    x.valid, x.why, x.r, x.alarm, x.verdict, x.culprit, x.hold = 0.0, why, 0.0, 0.0, NONE, 0.0, 0.0
+
+
+@kernel
+def step(x, u, p, dt):
+    """Read; every `stride` ticks regress, correlate, judge."""
+    good = _complete(u)
+    if good > 0.5 and not SLOWEST <= u.tas <= FASTEST:
+        _silent(x, BOX_SPEED)
+        x.gone = 1.0
+        return
+    if good < 0.5:
+        x.gone += dt
+        if x.gone > 0.1:
+            _silent(x, LOST_SENSOR)
+        return
+    if x.gone > 0.1:
+        _restart(x)
+        x.q_hat, x.age, x.started = u.q, min(x.age, p.t_learn - 5.0), 0.0
+    x.gone = 0.0
+    _read(x, u, p, dt)
+    x.ticks += 1.0
+    x.hold = max(x.hold - dt, 0.0)
+    if x.ticks >= p.stride:
+        x.ticks = 0.0
+        _sample(x, p, dt)
+        x.why = NOT_READY if x.age < p.t_learn else (BOX_ALPHA if x.mean_[0] > p.alpha_max else VALID)
+        if x.why > 0.5:
+            _silent(x, x.why)
+            return
+        x.valid = 1.0
+        found = judge(x, p)
+        if x.r >= 1.0:
+            x.alarm, x.hold = 1.0, p.t_release
+            classify(x, p, found)
+    if x.hold <= 0.0:
+        x.alarm, x.verdict, x.culprit = 0.0, NONE, 0.0
+
+
+rollout = entry(step, STATE, INPUTS, PARAMS)
