@@ -19,7 +19,7 @@ from cosim.scenario.table import MULTIPLIER, Table, known_keys
 from cosim.scenario.tolerance import toleranced
 from cosim.scenario.user_file import UserFile
 from cosim.table import Table as Drawn
-from fdi.registry import GUESTS, SHIPPED
+from fdi.registry import DEFAULT, GUESTS, SHIPPED
 
 
 class Tolerances(Table):
@@ -87,7 +87,7 @@ class Detectors(Table):
     model_config = ConfigDict(frozen=True, extra="allow", strict=True, allow_inf_nan=False)
     __pydantic_extra__: dict[str, dict[str, Parameter]]
 
-    enabled: Annotated[tuple[str, ...], Field(strict=False)] = tuple(SHIPPED)
+    enabled: Annotated[tuple[str, ...], Field(strict=False)] = DEFAULT
 
     @model_validator(mode="before")
     @classmethod
@@ -96,7 +96,7 @@ class Detectors(Table):
         if isinstance(data, dict) and "enabled" not in data:
             named = [name for name, own in data.items() if isinstance(own, dict) and "file" in own]
             own = {n: {"file": g.file, "sha256": g.sha256} for n, g in GUESTS.items() if g.file and n not in data}
-            return {"enabled": [*SHIPPED, *dict.fromkeys((*GUESTS, *named))], **own, **data}
+            return {"enabled": [*DEFAULT, *dict.fromkeys((*GUESTS, *named))], **own, **data}
         return data
 
     @model_validator(mode="after")

@@ -6,30 +6,25 @@ PROBABILITY per flight of 60 s, shared among the bands; seven flights per air an
 extrapolated.
 """
 
-import json
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-import fdi
-from cosim.campaign.jobs import work
-from cosim.files import replace_text
-from cosim.flight.detectors import sources
-from cosim.flight.signals import detect, fly
+from cosim.flight.detection.detectors import sources
+from cosim.flight.loop.signals import detect, fly
 from cosim.training import train_aircraft
-from cosim.training.flights import scenario
-from cosim.training.tail import PROBABILITY, exceeded
-from fdi.common import compact, tuning
+from cosim.training.flights import AIR, FLIGHT_S, NOISE_SCALE, TOLERANCE, scenario
+from cosim.training.threshold_fit import PROBABILITY, exceeded
+from cosim.training.trainer import Trained, Training
 from fdi.pitch_moment_glr import pitch_moment_glr
 
 NAME = "pitch_moment_glr"
-FLIGHTS, TRAINING = 168, 36_000  # how many, and the first seed
+FLIGHTS, FIRST_SEED = 168, 36_000
 MARGIN = 1.25  # without it 2 of 48 other flights up to moderate air alarmed, by 1 and 4 %: manoeuvres in still air
-PATH = Path(fdi.__file__).parent / "thresholds" / f"{NAME}.json"
 
 
-def arguments(index: int, first_seed: int = TRAINING) -> dict[str, Any]:
+def arguments(index: int, first_seed: int = FIRST_SEED) -> dict[str, Any]:
     """Return the arguments of `flights.scenario` of training flight `index`: still, light and moderate air in turn."""
     block = index // 8
     made = train_aircraft.arguments(index % 8 + 8 * (block % 3 + 4 * (block // 3)), first_seed)
@@ -39,7 +34,7 @@ def arguments(index: int, first_seed: int = TRAINING) -> dict[str, Any]:
     return made
 
 
-def surveyed(index: int, first_seed: int = TRAINING) -> list[float]:
+def surveyed(index: int, first_seed: int = FIRST_SEED) -> list[float]:
     """Return the largest likelihood ratio of each band in one training flight."""
     wires, made = sources(NAME), arguments(index, first_seed)
     frame = fly(scenario(**made), dict.fromkeys(wires.values()))
@@ -49,31 +44,18 @@ def surveyed(index: int, first_seed: int = TRAINING) -> list[float]:
     return np.where(log["valid"][:, None] > 0.5, log["raw"], 0.0).max(axis=0).tolist()
 
 
-def train(*, first_seed: int = TRAINING, number: int = FLIGHTS, **how: Any) -> dict[str, Any]:
-    """Fly the training set; return {"threshold", "largest", "flights", "first_seed"}; `how` as for `jobs.work`."""
-    largest = np.array(work([(surveyed, {"index": k, "first_seed": first_seed}) for k in range(number)], **how))
-    limits = [MARGIN * exceeded(column, PROBABILITY / largest.shape[1]) for column in largest.T]
-    return {"threshold": limits, "largest": largest.max(axis=0).tolist(), "flights": number, "first_seed": first_seed}
+def collect(first_seed: int, number: int, run: Callable[..., Any]) -> np.ndarray:
+    """Return the largest likelihood ratios (flights, bands)."""
+    return np.array(run([(surveyed, {"index": k, "first_seed": first_seed}) for k in range(number)]))
 
 
-def changes(found: dict[str, Any]) -> list[tuple]:
-    """Return [(file, set, field, stored, trained)] of the thresholds that `store` would write, the largest change."""
-    stored = np.array(json.loads(PATH.read_text(encoding="utf-8"))["flight"]["threshold"])
-    trained = np.array(found["threshold"])
-    k = int(np.argmax(np.abs(trained - stored)))
-    return [(NAME, "flight", "threshold", float(stored[k]), float(trained[k]))]
+def limits(largest: np.ndarray) -> list[Trained]:
+    """Return the thresholds of the bands of frequencies from `collect`."""
+    threshold = [MARGIN * exceeded(column, PROBABILITY / largest.shape[1]) for column in largest.T]
+    return [Trained(NAME, "flight", {"threshold": threshold}, {"largest": np.round(largest.max(axis=0), 3).tolist()})]
 
 
-def store(found: dict[str, Any]) -> None:
-    """Write what `train` found into `fdi/thresholds/`, with how it was found."""
-    held = json.loads(PATH.read_text(encoding="utf-8"))
-    held["flight"]["threshold"] = np.round(found["threshold"], 3).tolist()
-    held["training"] = {
-        "command": "cosim train pitch_moment", "probability_per_flight": PROBABILITY, "flight_s": 60.0,
-        "flights": found["flights"], "margin": MARGIN,
-        "first_seed": found["first_seed"], "air": list(train_aircraft.TURBULENCE[:3]),
-        "noise_scale": train_aircraft.NOISE_SCALE, "tolerance": train_aircraft.TOLERANCE,
-        "largest": np.round(found["largest"], 3).tolist(),
-    }  # fmt: skip
-    replace_text(PATH, compact.text(held))
-    tuning.forget()
+TRAINING = Training("pitch_moment", FIRST_SEED, FLIGHTS, collect, limits, {
+    "probability_per_flight": PROBABILITY, "flight_s": FLIGHT_S, "margin": MARGIN, "air": list(AIR[:3]),
+    "noise_scale": NOISE_SCALE, "tolerance": TOLERANCE,
+})  # fmt: skip

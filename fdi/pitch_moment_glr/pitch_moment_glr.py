@@ -133,7 +133,7 @@ def swing_roll(model: Any) -> float:
 def fitted(site: Site, **values: Any) -> np.ndarray:
     """Return PARAMS for a loop, on the force model of the aircraft that flies."""
     kinds = list(site.technologies.values()) or ["hydraulic"]
-    travel = {"limits": site.travel} if site.travel else {}
+    travel: dict[str, Any] = {"limits": site.travel} if site.travel else {}
     return params(
         model=site.aircraft().model, dt=site.dt, late=site.delay("qdot"), own=site.own,
         hydraulic=1.0 - kinds.count("ema") / len(kinds), **travel, **values,

@@ -28,7 +28,7 @@ from cosim.replay import benchmark_recording
 from cosim.report import score_report, write_score
 from cosim.report.score_page import write_readme
 from cosim.scenario import load_scenario
-from fdi.registry import SHIPPED
+from fdi.registry import DEFAULT
 
 PLAIN = """
 class Rough:
@@ -80,17 +80,17 @@ def equal(a, b):
 def test_on_a_recording_a_detector_gives_the_rows_of_the_flight(name, tmp_path, guest):
     given = [*FLIGHTS[name], "duration_s=9", "elevator.feedback='measured'", "elevator.reconfigure=false"]
     scenario = load_scenario(name, given)
-    every = scenario.model_copy(update={"detectors": scenario.detectors.model_copy(update={"enabled": tuple(SHIPPED)})})
+    every = scenario.model_copy(update={"detectors": scenario.detectors.model_copy(update={"enabled": DEFAULT})})
     in_flight, _ = fly("x", with_detectors(every, [guest]), True)
     told = benchmark_recording.record(scenario, tmp_path / "x.parquet")
     recording = benchmark_recording.Recording(tmp_path / "x.parquet", told["sha256"])
     lanes = list(
         benchmark_recording.judgement(
-            recording, benchmark_recording.flown_with(recording, SHIPPED, [guest]), timed=False
+            recording, benchmark_recording.flown_with(recording, DEFAULT, [guest]), timed=False
         )
     )
     here = rows("x", {**recording.about, "detectors": [lane.entry for lane in lanes]})
-    assert len(here) == len(in_flight) >= len(SHIPPED)
+    assert len(here) == len(in_flight) >= len(DEFAULT)
     pairs = [(r["id"], r["target"], k, r[k], f[k]) for r, f in zip(here, in_flight) for k in f]
     assert [p for p in pairs if not equal(*p[3:])] == []
     assert any(r["alarm"] for r in here)

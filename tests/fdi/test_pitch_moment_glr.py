@@ -5,9 +5,9 @@ import functools
 import numpy as np
 import pytest
 
-from cosim.flight.detectors import sources
-from cosim.flight.signals import fly, inputs
-from cosim.flight.site import site
+from cosim.flight.detection.detector_context import site
+from cosim.flight.detection.detectors import sources
+from cosim.flight.loop.signals import fly, inputs
 from cosim.scenario.catalog import SEGMENTS
 from cosim.training.flights import scenario
 from fdi.common import verdict

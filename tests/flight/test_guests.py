@@ -128,7 +128,7 @@ def test_a_scenario_names_a_file_beside_it_and_sets_parameters(parity, tmp_path)
         + '\n[detectors.parity]\nfile = "parity.py"\nthreshold = 0.5\n'
     )
     scenario = cosim.load_scenario(parity.parent / "own.toml", ["duration_s=1", ROD.replace("2.5", "0.2")])
-    assert scenario.detectors.enabled == (*registry.SHIPPED, "parity")
+    assert scenario.detectors.enabled == (*registry.DEFAULT, "parity")
     assert "sha256" not in scenario.detectors.table("parity")  # to read a scenario is to run nothing
     scenario = identified(scenario)
     assert scenario.detectors.table("parity")["sha256"] == load(parity).sha256

@@ -34,7 +34,7 @@ def test_a_flight_at_any_rate_replays_bit_for_bit(rate, tmp_path):
     flown = simulate(load_scenario("cruise", ["duration_s=0.6", f"rate_hz={rate}"]), log=log, timed=False)
     assert flown.status == "completed"
     found = replay(log)
-    assert found.exact and {d["id"] for d in found.detectors} == set(registry.SHIPPED)
+    assert found.exact and {d["id"] for d in found.detectors} == set(registry.DEFAULT)
 
 
 @pytest.mark.parametrize("rate", (50, 200, 333, 500, 1000, 2000))
@@ -60,7 +60,7 @@ def test_control_redundancy_follows_a_command_as_late_at_every_rate(rate):
 
 
 HARD = ["manoeuvre={kind='three_two_one_one',start_s=3.0,unit_s=1.0,amplitude_deg=4.0}", "flight.turbulence=light"]
-FLIES = [name for name in registry.SHIPPED if name != "ema_kalman"]  # that alarms on a load, as published
+FLIES = [name for name in registry.DEFAULT if name != "ema_kalman"]  # that alarms on a load, as published
 
 
 def _detectors(*names):

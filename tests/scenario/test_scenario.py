@@ -16,7 +16,7 @@ from cosim.scenario import catalog as c
 from cosim.scenario.elevator import Elevator
 from cosim.scenario.fault import Fault
 from cosim.scenario.sensors import Sensors
-from fdi.registry import SHIPPED
+from fdi.registry import DEFAULT
 
 
 def test_default_scenario_is_the_one_of_the_design():
@@ -25,7 +25,7 @@ def test_default_scenario_is_the_one_of_the_design():
     assert s.elevator.technology == dict(zip(c.SEGMENTS, ("hydraulic", "hydraulic", "ema", "ema")))
     (f,) = s.faults
     assert (f.target, f.kind, f.start_s) == ("elevator.left_inner", "ofc_liquid", 12.0)
-    assert set(s.detectors.enabled) == set(SHIPPED)
+    assert set(s.detectors.enabled) == set(DEFAULT)
 
 
 @pytest.mark.parametrize("name", builtin_names())

@@ -25,7 +25,7 @@ from cosim.flight.plugins.check import trial
 from cosim.judge.result import plain
 from cosim.texts import from_json, read
 from fdi import registry
-from fdi.registry import SHIPPED
+from fdi.registry import DEFAULT, SHIPPED
 
 LEARNED = Path(__file__).resolve().parents[2] / "learned"
 BOARD = Path(__file__).with_name(f"{benchmark.NAME}.json")  # the table of all that ship, as it was last made
@@ -161,7 +161,7 @@ def board(made: dict) -> list[dict]:
 
 def named(detectors: Sequence[str]) -> tuple[list[str], list[str]]:
     """Return (ids of detectors that ship, files or entry points of others). Raises CampaignError, GuestError."""
-    ids = [d for d in detectors if d in SHIPPED] if detectors else list(SHIPPED)
+    ids = [d for d in detectors if d in SHIPPED] if detectors else list(DEFAULT)
     own = learned()
     files = [own.get(d, d) for d in detectors or own if d not in SHIPPED]
     for file in files:

@@ -22,7 +22,7 @@ LOOP = (law, faults, sensors, manoeuvre, hinge_model, gusts)  # blocks that are 
 
 def shipped() -> dict[str, ModuleType]:
     """Return {module name: module} of every block that ships: of the technologies, the detectors, the loop."""
-    return _blocks([*_actuators(t.name for t in SHIPPED), *map(registry.module, registry.SHIPPED), *LOOP])
+    return _blocks([*_actuators(t.name for t in SHIPPED), *map(registry.module, registry.DEFAULT), *LOOP])
 
 
 def _actuators(technologies):
