@@ -67,6 +67,7 @@ from fdi.control_redundancy.force_model import params_dtype
 EFFECTORS = ("elevator", "aileron", "rudder", "engine", "engine_1", "engine_2", "engine_3", "engine_4")
 CULPRITS = ("", *EFFECTORS, "n_x", "n_z", "alpha")
 SLOWEST, FASTEST = FLYING
+FAR = 1e3  # beyond every position [rad]; a state is finite
 FIRING = 0.8  # of a row's threshold: with less it says nothing of its accelerometer
 DOUBT = 0.5  # of bias_share: with so much no effector is declared
 MAYBE = 0.35  # of the error that lift asks for: with so much in the vane, slowly or of late, no effector is declared
@@ -442,7 +443,7 @@ def _decide(x, p, dt):
             h = best - 1
             x.declared[h], x.quiet[h], x.culprit, x.timer = 1.0, 0.0, best, 0.0
             for i in range(2):
-                x.low[i], x.high[i] = math.inf, -math.inf
+                x.low[i], x.high[i] = FAR, -FAR
     x.timer_any, x.on = confirm(x.timer_any, x.on, x.r >= 1.0 and count != 1, dt, p.t_ambiguous, p.t_release)
     x.f_hat_elevator, x.f_hat_aileron = _estimate(x, p, 0), _estimate(x, p, 1)
     x.f_hat_rudder, x.f_hat_thrust = _estimate(x, p, 2), _estimate(x, p, 3)

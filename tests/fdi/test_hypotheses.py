@@ -190,7 +190,7 @@ def test_a_rods_noise_is_heard_and_its_motion_is_not(times):
     x, loud = state(), []
     for k in range(400):
         q = 0.03 * np.sin(2.0 * np.pi * 3.0 * k * dt) + times * 1e-4 * rng.standard_normal()
-        noise.listen(x, 1.0, q, 0.0, 0.0, 0.0, P, dt)
+        noise.listen(x, 1.0, q, q, 0.0, 0.0, 0.0, 0.0, P, dt)
         loud.append(float(x.rod_noisy))
     assert np.mean(loud[200:]) == (1.0 if times > 4.0 else 0.0)
 
@@ -200,14 +200,14 @@ def test_a_fast_oscillation_of_the_pressure_is_no_noise(hz):
     rng, dt, x = np.random.default_rng(6), 0.005, state()
     for k in range(400):
         z = 0.8 * np.sin(2.0 * np.pi * hz * k * dt) + 0.005 * rng.standard_normal()
-        noise.listen(x, 0.0, 0.0, 1.0, z, z, P, dt)
+        noise.listen(x, 0.0, 0.0, 0.0, 1.0, z, z, 0.0, P, dt)
     assert x.dp_noisy == 0.0
 
 
 def test_one_spike_is_no_noise():
     x = state()
     for k in range(400):
-        noise.listen(x, 1.0, 0.02 if k == 300 else 0.0, 0.0, 0.0, 0.0, P, 0.005)
+        noise.listen(x, 1.0, 0.02 if k == 300 else 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, P, 0.005)
         assert x.rod_noisy == 0.0 and x.rod_wild < noise.WILD * P.r_rod
 
 
