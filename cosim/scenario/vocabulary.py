@@ -12,7 +12,6 @@ import functools
 from dataclasses import dataclass, replace
 from typing import Any
 
-from actuators.block import unit as unit_of
 from cosim.errors import did_you_mean
 from cosim.scenario import catalog as c
 from fdi import registry
@@ -135,6 +134,8 @@ def detector_of(name: str) -> str:
 
 
 def _output(name, lane):
+    from actuators.block import unit as unit_of  # a scenario without such a signal needs no NumPy
+
     detector, *place, field = name.split(".")
     own = registry.module(detector) if registry.known(detector) else None
     local = not place and own is not None and own.DETECTOR.level == "local"
