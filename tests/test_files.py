@@ -25,10 +25,10 @@ import cosim.campaign.store as store
 from cosim.flight.blocks import law
 
 def digests():
-    for cached in (store.fingerprint, sources.closure, sources._links, sources._source, sources._digest,
-                   sources.cache_dir):
+    for cached in (store.fingerprint, source_hash.closure, source_hash._links, source_hash._source,
+                   source_hash._digest, source_hash.cache_dir):
         cached.cache_clear()
-    return store.fingerprint()["digest"], sources.cache_dir(Path(law.__file__).resolve())
+    return store.fingerprint()["digest"], source_hash.cache_dir(Path(law.__file__).resolve())
 
 out = {"": digests()}
 for name in sys.argv[1:]:

@@ -14,5 +14,5 @@ def test_it_follows_a_doublet_with_wings_level() -> None:
     only += ["elevator.feedback=measured"]
     seen = cosim.fly(cosim.load_scenario("cruise", [*only, *DOUBLET]), ["truth.aircraft.nz", "truth.aircraft.phi"])
     n_z, bank = seen["truth.aircraft.nz"], seen["truth.aircraft.phi"]
-    assert n_z.loc[1.25:2.5].mean() > 1.05 and n_z.loc[3.0:4.0].mean() < 0.97
+    assert n_z.loc[1.75:2.75].mean() > 1.05 and n_z.loc[3.5:4.25].mean() < 0.97
     assert bank.abs().max() < 0.05

@@ -224,7 +224,7 @@ def test_an_edited_file_is_scored_as_it_is(kind, tmp_path):
 
     def scored():
         made = score([str(tmp_path / "own.py")], limit=1, recordings=tmp_path / "recordings", workers=0)
-        return made.table["detectors"][0]["guest"]["sha256"], made.found.lanes["r_max_before"].tolist()
+        return made.table["detectors"][0]["guest"]["sha256"], made.found.lanes["r_max_before"].astype(str).tolist()
 
     before = scored()
     assert scored() == before

@@ -59,6 +59,7 @@ WRITES = {
     "compare": [(["compare", "LOG", "-o", "OUT"], ["compare.html", "compare.csv", "compare.parquet"])],
     "score": [(["score", "iotsekf", "-o", "OUT"], ["score.json", "score.html", "score.parquet"])],
     "false-alarms": [(["false-alarms", "-o", "OUT"], ["false-alarms.html", "false-alarms.json"])],
+    "identify": [],  # needs a recording and its map: tests/training/test_identify.py
     "new": [(["new", "detector", "mine", "-o", "OUT"], ["mine.py", "test_mine.py"])],
     "map": [(["map", "OUT/few.csv", "-o", "OUT/m.toml"], ["m.toml"])],
 }  # fmt: skip

@@ -84,7 +84,8 @@ def test_a_range_names_inputs_of_the_detector_and_has_a_width(name):
 def flown(tmp_path_factory):
     """Return {detector: Lane} of a healthy flight of 14 s."""
     path = tmp_path_factory.mktemp("range") / "healthy.mcap"
-    cosim.simulate(cosim.load_scenario("liquid-ofc", ["duration_s=14", "faults=[]"]), log=path, timed=False)
+    changes = ["duration_s=14", "faults=[]", f"detectors.enabled={list(registry.SHIPPED)}"]
+    cosim.simulate(cosim.load_scenario("liquid-ofc", changes), log=path, timed=False)
     log = open_log(path)
     return {lane.id: lane for lane in fill(log, describe(log))}
 

@@ -22,10 +22,15 @@ DT = 0.005
 GOLDEN = cli.__file__.rsplit("cosim", 1)[0] + "logs/golden/hydraulic-ofc.mcap"
 
 
+def with_all():
+    """Return the default scenario with every shipped detector, those on request, too."""
+    return load_scenario(DEFAULT, [f"detectors.enabled={list(registry.SHIPPED)}"])
+
+
 @pytest.mark.parametrize("name", registry.SHIPPED)
 def test_every_design_and_fresh_state_fits(name):
-    made = {d.id: d for d in detectors.chosen(load_scenario(DEFAULT))}[name]
-    p = made.params(load_scenario(DEFAULT), DT)
+    made = {d.id: d for d in detectors.chosen(with_all())}[name]
+    p = made.params(with_all(), DT)
     assert indices.wrong_parameter(made.record, made.module, p, DT) is None
     assert indices.wrong_state(made.record, made.module, made.module.init(p)) is None
 
@@ -35,7 +40,7 @@ def test_no_index_takes_a_value_beyond_its_range(name):
     own, record = registry.module(name), registry.record(name)
     spans = {n: indices.parameter_range(n, record, own, DT) for n in own.PARAMS.names}
     checked = {n: s for n, s in spans.items() if s is not None and np.isfinite(s[1])}
-    p = {d.id: d for d in detectors.chosen(load_scenario(DEFAULT))}[name].params(load_scenario(DEFAULT), DT)
+    p = {d.id: d for d in detectors.chosen(with_all())}[name].params(with_all(), DT)
     for field, (low, high) in checked.items():
         for value in (low - 1.0, high + 1.0, 0.5 * (low + high) + 0.25, np.nan, 1e300, -np.inf):
             bad = p.copy()
