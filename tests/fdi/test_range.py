@@ -82,9 +82,9 @@ def test_a_range_names_inputs_of_the_detector_and_has_a_width(name):
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory):
-    """Return {detector: Lane} of a healthy flight of 14 s."""
+    """Return {detector: Lane} of a healthy flight of 16 s."""
     path = tmp_path_factory.mktemp("range") / "healthy.mcap"
-    changes = ["duration_s=14", "faults=[]", f"detectors.enabled={list(registry.SHIPPED)}"]
+    changes = ["duration_s=16", "faults=[]", f"detectors.enabled={list(registry.SHIPPED)}"]
     cosim.simulate(cosim.load_scenario("liquid-ofc", changes), log=path, timed=False)
     log = open_log(path)
     return {lane.id: lane for lane in fill(log, describe(log))}
@@ -100,7 +100,7 @@ def test_outside_of_a_bound_it_is_not_valid_and_says_of_what(flown, name, word, 
     u, p, log = lane.u.copy(), lane.p.copy(), np.zeros(lane.u.shape, module.STATE)
     if name == "lpv_smo":
         p["tau_rho"] = 0.0  # its parameters lag behind
-    u[field][:, 2400:] = bound * (1.02 if end else 0.98)
+    u[field][:, 2800:] = bound * (1.02 if end else 0.98)
     module.rollout(lane.x.copy(), u, p, DT, log)
-    assert log["valid"][0][2300:2400].all() and not log["valid"][0][2600:].any()
+    assert log["valid"][0][2700:2800].all() and not log["valid"][0][3000:].any()
     assert WORDS[int(log["why"][0][-1])].startswith("outside its box")
