@@ -48,16 +48,12 @@ def _build(own, truth, believed, trim, travel, dt, age):
     nominal = {**nominal, "q_lo": arm * low, "q_hi": arm * high}
     p = np.concatenate([actuator.params(**{**nominal, **lane}) for lane in truth])
     made = []
-    # an estimate from outside is of this tick: nothing is to be predicted. A tick more is a lead of 5 ms at most at
-    # 200 Hz and above; at 50 Hz it is 20 ms, and the loop swings at 5 Hz in gusts
-    lead = 1.0 if dt <= 0.005 else 0.0
     for lane in believed:
         told = {**nominal, **lane}
         arm, edge = told["arm"], math.radians(0.1)
         model = {name: told[name] for name in lu17.NOMINAL}
         ends = {"r_lo": arm * (low + edge), "r_hi": arm * (high - edge), "v_max": arm * math.radians(40.0)}
-        late = {"delay": min(age, 1.0), "fb_delay": lead}
-        made.append(servo.params(dt=dt, **late, arm=arm, u_max=told["u_max"], **ends, **model))
+        made.append(servo.params(dt=dt, delay=min(age, 1.0), arm=arm, u_max=told["u_max"], **ends, **model))
     ps = np.concatenate(made)
     x = actuator.init_at(p, *trim)
     return [("servo", servo, ps, servo.init_at(ps, trim[0], x["F_d"])), ("hydraulic", actuator, p, x)]

@@ -15,7 +15,7 @@ Feedback. The servo's own observer runs always: state (q, q', x3, F), nonlinear 
 that takes up hinge load, friction, stops and sensor bias alike; steady Kalman gains for rod and differential
 pressure, or for the rod alone while the pressure is invalid. Measurements are `delay` ticks old (0 or 1): the
 observer corrects the past and predicts to now. An estimate from outside replaces it, quantity by quantity, where its
-flag is 1 (and the number is finite); it is `fb_delay` ticks old and is predicted likewise.
+flag is 1 (and the number is finite); it is of this tick.
 
 INPUTS f_cmd, s_cmd: command-level faults, delta_c = (1 - s_cmd) command + f_cmd.
 """
@@ -47,7 +47,6 @@ PARAMS = dtype(
         ("K_rod", "f8", (4,)),  # observer gain of the rod alone
         ("F_max", "f8"),  # limit of the load estimate [N]
         ("delay", "f8"),  # age of the measurements [ticks], 0 or 1
-        ("fb_delay", "f8"),  # age of an estimate from outside [ticks], 0 or 1
     ]
 )
 INPUTS = dtype(
@@ -97,7 +96,6 @@ def params(
     omega: float = 45.0,
     zeta: float = 0.8,
     delay: float = 1.0,
-    fb_delay: float = 1.0,
     **values: Any,
 ) -> np.ndarray:
     """Return PARAMS of shape (1,) for the tick `dt`; `values` replace fields, unknown names raise ValueError.
@@ -123,7 +121,6 @@ def params(
         "K_rod": K_rod,
         "F_max": 3 * force,
         "delay": delay,
-        "fb_delay": fb_delay,
     }
     return record(PARAMS, **{**fields, **values})
 
@@ -180,20 +177,16 @@ def _predict(x, p, dt):
 
 @kernel
 def _feedback(x, u, p, dt):
-    """Choose what the loop closes on: the observer, or what is given from outside, brought to now."""
+    """Choose what the loop closes on: the observer, or what is given from outside."""
     x.q, x.qd, x.x3, x.load = x.q_hat, x.qd_hat, x.x3_hat, x.load_hat
     if _good(u.load_fb, u.load_use):
         x.load = u.load_fb
-    use_q, use_qd, use_x3 = _good(u.q_fb, u.q_use), _good(u.qd_fb, u.qd_use), _good(u.x3_fb, u.x3_use)
-    if use_q or use_qd or use_x3:
-        q = u.q_fb if use_q else x.q_hat
-        qd = u.qd_fb if use_qd else x.qd_hat
-        x3 = u.x3_fb if use_x3 else x.x3_hat
-        if p.fb_delay > 0.5:
-            q, qd, x3 = lu17.rk4(q, qd, x3, x.u, x.u, 0.0, x.load, p, dt)
-        x.q = q if use_q else x.q_hat
-        x.qd = qd if use_qd else x.qd_hat
-        x.x3 = x3 if use_x3 else x.x3_hat
+    if _good(u.q_fb, u.q_use):
+        x.q = u.q_fb
+    if _good(u.qd_fb, u.qd_use):
+        x.qd = u.qd_fb
+    if _good(u.x3_fb, u.x3_use):
+        x.x3 = u.x3_fb
 
 
 @kernel

@@ -237,7 +237,7 @@ def fly(
         for p in (pi, pr):
             if name in (p.dtype.names or ()):
                 p[name] = change(p[name])
-    c = servo.params(dt=DT, delay=0.0, fb_delay=0.0, u_max=1.0)
+    c = servo.params(dt=DT, delay=0.0, u_max=1.0)
     x = servo.init(np.repeat(c, seeds))
     us, ui, ur = (np.zeros(1, module.INPUTS) for module in (servo, iotsekf, rtsekf))
     us["q_valid"] = 1.0
