@@ -35,6 +35,7 @@ from cosim.training.threshold_fit import HELD, PROBABILITY, exceeded
 from cosim.training.trainer import Trained, Training, decimals
 from fdi.common import bank
 from fdi.hydraulic import iotsekf, rtsekf, rtsekf_flight, windows
+from fdi.isolation import hydraulic_glr
 
 FLIGHTS = 384  # 16 of every manoeuvre in each air
 FIRST_SEED, EVALUATION = 21_000, 12_000  # of the two sets
@@ -44,7 +45,7 @@ NOISE_SIGMA, FLOOR_SIGMA = 3.6, 1.8
 PEAK = 2.0  # times what lasts: the largest single tick of a lagged input fault; from it on more is looked for
 NEVER = 1e9  # fits in a row that no flight has: what is found is no alarm, behind which the filter would look otherwise
 TESTS = {"iotsekf": ("bank_threshold", "slow_threshold", "run_threshold"), "rtsekf": ("threshold", "step"),
-         "rtsekf_flight": ("pair_threshold",)}  # fmt: skip
+         "rtsekf_flight": ("pair_threshold",), "hydraulic_glr": ("limit",)}  # fmt: skip
 # amplitude noise of a fit over noise of a sample: sqrt(2 / n) with n samples in two periods
 SLOW_WINDOW = windows.SLOW_S * np.array(windows.SLOW_HZ)
 
@@ -86,6 +87,13 @@ def survey_rtsekf_flight(recorded: Any) -> dict[str, Any]:
     return {"pair_threshold": float(minimum_filter1d(np.abs(log["pair_d"]), ticks, axis=1).max())}
 
 
+def survey_hydraulic_glr(recorded: Any) -> dict[str, Any]:
+    """Return {"limit": largest} over one flight: the evidence of each hypothesis, 0 where none speaks for it."""
+    p = hydraulic_glr.params(limit=NEVER)  # no alarm empties the windows
+    log = watch(recorded, hydraulic_glr, p, ("ev", "ev_octave"))[:, round(hydraulic_glr.LEARN_S / DT) :]
+    return {"limit": np.maximum(log["ev"][log["ev_octave"] >= 0.0].max(axis=0), 0.0)}
+
+
 def surveyed(**flight: Any) -> dict[str, Any]:
     """Return the largest statistics of every detector over one flight, {detector set: {name: value}}, plain data."""
     recorded = fly_hydraulic(**somewhere(flight))
@@ -98,6 +106,7 @@ SURVEYS: dict[str, Any] = {
     "iotsekf": (survey_iotsekf, {f"flight_load{k}": {"load": k} for k in (0, 1, 2)}),
     "rtsekf": (survey_rtsekf, {f"flight_load{k}": {"load": k} for k in (0, 1)}),
     "rtsekf_flight": (survey_rtsekf_flight, {"flight": {}}),
+    "hydraulic_glr": (survey_hydraulic_glr, {"flight": {}}),
 }
 
 

@@ -1,0 +1,243 @@
+"""The decision: alarm where the evidence of a fault passes its threshold, name what leads in the longest window.
+
+Windows of all lengths are asked in turn. A window speaks for the class of its best hypothesis where that leads all
+other classes by SURE and leaves what health would, or a small share of what is there. The longest that speaks counts:
+in a short one much explains everything. Else the alarm is ambiguous.
+"""
+
+import math
+
+from actuators.block import kernel
+from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY, SENSOR
+from fdi.isolation import evidence as ev
+from fdi.isolation.sums import OCTAVES
+
+LIQUID, SOLID, OPENED, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, MOVES_ON, APART, LET_GO = range(1, 12)
+EVERY = 2  # the fastest octave is evaluated at every second block, each other half as often
+CALM = 0.35  # of a threshold: below, nothing speaks for a fault
+CLEAR = 40.0  # evidence of a plain onset
+SILENT_PART, SILENT_S = 0.4, 0.4  # of an oscillation's period; of what has no name [s]
+AGAINST = -2.0  # evidence of a fault that is no longer there
+LEAD = 0.05  # ... and this share of its own evidence: no model is better than that
+SURE = 5.0  # odds e^5 against every other class
+FAIR, PLAIN = 1.1, 0.08  # times noise; share of what health leaves beyond noise
+HELD_S, HELD_WEAK_S = 0.1, 0.5  # a name must stand so long; a loss, whose command may yet be gone [s]
+RELEASE_S = 1.0  # an alarm outlives its evidence by this [s]
+PART = 0.75  # of its period that an oscillation has lasted: before, it is a step
+MOVED, TURNED = 1e-3, 0.25  # rod travel that tells a way [m], share of it that is a way back
+STILL = 1.2e-3  # rod travel of a jam [m]
+JAM_S = 10.0  # so long a jam outlives its last evidence while the rod is still [s]
+FROZEN = 20.0  # equal samples in a row that a sensor with noise has not
+
+STATE = [
+    ("own", "f8", (OCTAVES,)),  # evidence of the best hypothesis of every octave at its last evaluation
+    ("own_ratio", "f8", (OCTAVES,), "-"),  # largest evidence over its threshold
+    ("own_size", "f8", (OCTAVES,), "-"),  # amplitude of an oscillation at its place
+    ("own_class", "f8", (OCTAVES,)),
+    ("own_fault", "f8", (OCTAVES,)),  # its hypothesis
+    ("own_lead", "f8", (OCTAVES,)),
+    ("own_fits", "f8", (OCTAVES,)),
+    ("own_hz", "f8", (OCTAVES,), "Hz"),  # of an oscillation, else 0
+    ("silent", "f8", (OCTAVES,)),  # time for which an octave that spoke is silent [s]
+    ("loud", "f8", (OCTAVES,)),  # ratio that it had, lagged
+    ("timer", "f8", "s"),
+    ("standing", "f8", "s"),  # of the alarm
+    ("emptied", "f8"),  # 1 once the windows were emptied at this alarm's onset
+    ("candidate", "f8"),
+    ("candidate_hz", "f8", "Hz"),  # of an oscillation, else 0
+    ("candidate_s", "f8", "s"),
+    ("named", "f8"),  # class of this module
+    ("fault", "f8"),  # hypothesis
+    ("rod_low", "f8", "m"),  # travel since the onset
+    ("rod_high", "f8", "m"),
+    ("turned", "f8", "-"),  # 1 once the rod has turned round since the onset
+    ("rod_slow", "f8", "m"),
+    ("at_stop", "f8", "-"),  # 1 while the rod is at a stop
+    ("same", "f8", (3,)),  # equal samples in a row
+    ("last", "f8", (3,)),
+    ("ofc_hz", "f8", "Hz"),  # of the oscillation that is named
+    ("ofc_amplitude", "f8", "-"),  # flow [m/s], rod [m], surface as a rod [m], pressure [1], load [1]
+]
+
+
+@kernel
+def class_of(x, h):
+    """Return the class that hypothesis `h` belongs to."""
+    if h == ev.ADDED:
+        return LIQUID
+    if h == ev.IN_PLACE:
+        return SOLID
+    if h == ev.OPEN or h == ev.SLOW:
+        return OPENED if x.ev_steady > 0.5 else MOVES_ON
+    if h == ev.SWING_ROD or h == ev.NOISE_ROD:
+        return OF_ROD
+    if h == ev.SWING_SURFACE or h == ev.NOISE_SURFACE:
+        return OF_SURFACE
+    if h == ev.SWING_PRESSURE or h == ev.NOISE_PRESSURE or h == ev.OFF_PRESSURE:
+        return OF_PRESSURE
+    if h == ev.SWING_LOAD or h == ev.RUBS:
+        return OF_LOAD
+    if h == ev.PAIR:
+        return APART
+    if h == ev.FREE:
+        return LET_GO
+    return WEAK
+
+
+@kernel
+def hear(x, p, o):
+    """Keep what the evaluation of octave `o` says."""
+    best, at_best, ratio = x.ev[0], 0, 0.0
+    for h in range(ev.HYPOTHESES):
+        ratio = max(ratio, x.ev[h] / p.limit[h])
+        if x.ev[h] > best:
+            best, at_best = x.ev[h], h
+    mine = class_of(x, at_best)
+    second = 0.0
+    for h in range(ev.HYPOTHESES):
+        if class_of(x, h) != mine:
+            second = max(second, x.ev[h])
+    n, Q, Q0 = x.ev_n, x.ev_Q[at_best], x.ev_Q[ev.HYPOTHESES]
+    x.own[o], x.own_ratio[o], x.own_class[o], x.own_fault[o] = best, ratio, mine, at_best
+    x.own_lead[o] = best - second
+    x.own_hz[o] = x.ev_hz[at_best] if at_best <= ev.SWING_LOAD else 0.0
+    x.own_size[o] = x.ev_amplitude[at_best] if at_best <= ev.SWING_LOAD else 0.0
+    fits = Q < FAIR * n + ev.LEAST * math.sqrt(2.0 * n) or Q - n < PLAIN * (Q0 - n)
+    x.own_fits[o] = 1.0 if fits else 0.0
+
+
+@kernel
+def forget(x):
+    """Forget what windows said: they begin anew."""
+    for o in range(OCTAVES):
+        x.own[o] = 0.0
+        x.own_ratio[o] = 0.0
+        x.own_class[o] = 0.0
+        x.own_fits[o] = 0.0
+        x.silent[o] = 0.0
+        x.loud[o] = 0.0
+
+
+@kernel
+def candidate(x):
+    """Return the octave of the longest window that speaks for one class, -1 where none does."""
+    for o in range(OCTAVES - 1, -1, -1):
+        lead = max(SURE, LEAD * x.own[o]) if x.own_class[o] != OF_LOAD else SURE
+        if x.own_ratio[o] >= 1.0 and x.own_fits[o] > 0.5 and x.own_lead[o] > lead:
+            return o
+    return -1
+
+
+@kernel
+def healed(x, p, o, dt):
+    """Return whether octave `o`, just evaluated, has been silent for long enough after it spoke."""
+    if x.own_ratio[o] >= CALM:
+        x.loud[o] = max(x.own_ratio[o], 0.8 * x.loud[o])
+        x.silent[o] = 0.0
+        return False
+    h = int(x.fault)
+    loss = x.named == WEAK or x.named == LET_GO  # shows only while the valve is told something
+    if x.loud[o] < 1.0 or (loss and x.ev[h] > AGAINST):
+        return False
+    x.silent[o] += p.block * dt * EVERY * (1 << o)
+    swings = x.named > 0.5 and h <= ev.SWING_LOAD
+    least = SILENT_PART / max(x.ofc_hz, 0.05) if swings else (0.0 if x.named > 0.5 else SILENT_S)
+    return x.silent[o] > max(least, 1.5 * p.block * dt * EVERY * (1 << o))
+
+
+@kernel
+def frozen(x, u):
+    """Return which sensor repeats its last value: 1 rod, 2 surface, 3 pressure, 0 none."""
+    found = 0.0
+    for j in range(3):
+        y = u.y_rod if j == 0 else (u.y_surface if j == 1 else u.y_dp)
+        valid = u.y_rod_valid if j == 0 else (u.y_surface_valid if j == 1 else u.y_dp_valid)
+        x.same[j] = min(x.same[j] + 1.0, 1e6) if valid > 0.5 and y == x.last[j] else 0.0
+        x.last[j] = y if math.isfinite(y) else 0.0
+        if x.same[j] >= FROZEN:
+            found = j + 1.0
+    return found
+
+
+@kernel
+def conclude(x, u, p, freeze, dt):
+    """Write alarm, verdict and culprit."""
+    pair = x.sensor > 0.5
+    jammed = x.named == OF_LOAD and x.rod_high - x.rod_low < STILL and x.since < JAM_S
+    if x.alarm > 0.5 and (jammed or x.at_stop > 0.5):  # what is still says nothing; nor does what is at its stop
+        x.timer = RELEASE_S
+    strong = x.timer > 0.0
+    alarm = strong or pair or freeze > 0.5
+    x.standing = x.standing + dt if alarm else 0.0
+    if u.y_rod_valid > 0.5 and math.isfinite(u.y_rod):
+        x.rod_slow += min(dt / 0.02, 1.0) * (u.y_rod - x.rod_slow)
+    if not alarm:
+        x.named = x.candidate = x.candidate_s = x.emptied = x.turned = 0.0
+        x.rod_low = x.rod_high = x.rod_slow
+        x.alarm, x.verdict, x.culprit = 0.0, NONE, 0.0
+        x.ofc_hz = x.ofc_amplitude = 0.0
+        return
+    low, high = x.rod_slow - x.rod_low, x.rod_high - x.rod_slow
+    if high + low > MOVED and min(low, high) > TURNED * (low + high):
+        x.turned = 1.0
+    x.rod_low, x.rod_high = min(x.rod_low, x.rod_slow), max(x.rod_high, x.rod_slow)
+    if x.candidate > 0.5:
+        x.candidate_s += dt
+        # a runaway drives one way, an oscillation turns round
+        if x.named == OPENED and x.turned < 0.5:
+            x.candidate_s = 0.0
+        if x.candidate == OPENED and (x.turned > 0.5 or x.rod_high - x.rod_low < MOVED):
+            x.candidate_s = 0.0
+        if x.candidate == LET_GO and x.named > 0.5:
+            x.candidate_s = 0.0
+        if x.named == OF_LOAD and x.rod_high - x.rod_low < STILL:
+            x.candidate_s = 0.0
+        if x.candidate != OF_LOAD and x.candidate_hz > 0.0 and x.standing < PART / x.candidate_hz:
+            x.candidate_s = 0.0
+        if x.candidate_s >= (HELD_WEAK_S if x.candidate == WEAK else HELD_S):
+            x.named = x.candidate
+    x.alarm, x.verdict, x.culprit = 1.0, AMBIGUOUS, 0.0
+    if freeze > 0.5:
+        x.verdict, x.culprit = SENSOR, freeze
+    elif pair and (x.blame == 1.0 or (x.blame == 2.0 and x.play < 0.5)):
+        x.verdict, x.culprit = SENSOR, x.blame
+    elif pair and (x.named != OF_ROD and (x.named != OF_SURFACE or x.play > 0.5)):
+        x.verdict = AMBIGUOUS
+    elif x.named == LIQUID:
+        x.verdict = OFC_LIQUID
+    elif x.named == SOLID:
+        x.verdict = OFC_SOLID
+    elif x.named == OPENED:
+        x.verdict = RUNAWAY
+    elif x.named == WEAK:
+        x.verdict = EFFECTIVENESS
+    elif OF_ROD <= x.named <= OF_PRESSURE:
+        x.verdict, x.culprit = SENSOR, x.named - OF_ROD + 1.0
+    elif x.named == OF_LOAD:
+        x.verdict = JAM_SOLID if x.rod_high - x.rod_low < STILL else EFFECTIVENESS
+
+
+@kernel
+def judge(x, p, o, dt):
+    """Take the evaluation of octave `o`; return whether all windows are to begin anew."""
+    hear(x, p, o)
+    x.r = 0.0
+    for i in range(OCTAVES):
+        x.r = max(x.r, x.own_ratio[i])
+    if x.own_ratio[o] >= CALM:
+        x.since = 0.0
+    if x.own_ratio[o] >= 1.0:
+        x.timer = RELEASE_S
+    c = candidate(x)
+    if c < 0:
+        x.candidate = x.candidate_s = 0.0
+    else:
+        if x.candidate != x.own_class[c]:
+            x.candidate_s = 0.0
+        x.candidate, x.candidate_hz = x.own_class[c], x.own_hz[c]
+        if x.candidate == x.named or x.named == 0.0:
+            x.fault, x.ofc_hz, x.ofc_amplitude = x.own_fault[c], x.own_hz[c], x.own_size[c]
+    if x.own[o] > CLEAR and x.own_ratio[o] >= 1.0 and x.emptied < 0.5:
+        x.emptied = 1.0
+        return True
+    return x.alarm > 0.5 and healed(x, p, o, dt)

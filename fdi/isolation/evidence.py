@@ -1,0 +1,421 @@
+"""Evidence of fault hypotheses over one window: Student-t likelihoods of innovations with normal priors, by Cholesky.
+
+    theta ~ N(m, diag sd^2),    Q = E - 2 b'm + m'J m - r'(J + P^-1)^-1 r,    r = b - J m
+    L = -(NU + n) / 2 ln(1 + Q / NU) - 1/2 ln det(I + P J)                              [Basseville93] section 7.2
+
+An oscillation is LINES sines of an octave together, so that its frequency may lie between them: the steady responses of
+the filter (`response`). They meet the gain's column only, the last one, so that the factor of the others serves all.
+"""
+
+import math
+
+from actuators.block import kernel
+from fdi.isolation.filter import FAST, FLOW, FRICTION, GAIN, LEAK, OFFSET, SENSORS, SLOPE, SOFT, SUPPLY, N
+from fdi.isolation.sums import LINES, OCTAVES, PAIRS, WAVES
+
+ADDED, IN_PLACE, SWING_ROD, SWING_SURFACE, SWING_PRESSURE, SWING_LOAD = range(6)  # oscillations
+LOSS, LEAKAGE, LOW_SUPPLY, SOFT_OIL, RUBS, OPEN, SLOW, FREE = range(6, 14)
+NOISE_ROD, NOISE_SURFACE, NOISE_PRESSURE, PAIR, OFF_PRESSURE = range(14, 19)
+HYPOTHESES = 19
+NU = 50.0
+NOISE_LEAST = 0.05  # of the sensors' variance: one that reports no noise at all is not that good
+APART = 0.1  # least share of the gain's column that no oscillation explains: responses are those of rest
+EVEN, OPEN_LEAST = 0.6, 0.008  # of a valve that stands open; its flow [m/s]
+WHITE = 0.3  # noise is not correlated more from tick to tick
+LEAST = 3.0  # Q is no less than noise leaves, by so many sigma
+
+PARAMS = [
+    ("sine_sd", "f8", (5,)),  # amplitudes that are expected: rod of a valve's [m], rod, surface [m], pressure, load [1]
+    ("loss_mean", "f8", "-"),  # of a lossy valve's gain
+    ("loss_sd", "f8", "-"),
+    ("gone_sd", "f8", "-"),  # of the gain where nothing comes through, -1
+    ("slow_sd", "f8", "-"),  # of the slow part's gain where an oscillation is in its place
+    ("worse_mean", "f8", (N,)),  # of the columns where they are a fault
+    ("worse_sd", "f8", (N,)),
+    ("offset_sd", "f8", "-"),  # of a pressure sensor that is wrong
+    ("open_sd", "f8", "m/s"),  # flow of a valve that stands open
+    ("bypass", "f8", "m/s"),  # leakage of an actuator that lets go
+    ("occam", "f8", "-"),  # what a hypothesis of noise costs
+    ("memory", "f8", "s"),  # of what the flight teaches
+    ("floor", "f8", "-"),  # of a learned error's standard deviation, over the tolerance's
+]
+PRIORS = {
+    "sine_sd": (4e-4, 1e-3, 1e-3, 0.08, 0.05),
+    "loss_mean": -0.45, "loss_sd": 0.18,  # 10 to 80 % within two sigma: beyond, it is as good as gone
+    "gone_sd": 0.03, "slow_sd": 0.7, "offset_sd": 0.15,
+    "worse_mean": (0.3, -0.7, 0.5, 0.15, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    "worse_sd": (0.3, 0.25, 0.25, 0.1, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0),
+    "open_sd": 0.2, "bypass": 1.0,  # 9 deg/s to 45 deg/s within its sigma; that of actuators/hydraulic/actuator.py
+    "occam": 6.0, "memory": 30.0, "floor": 0.1,
+}  # fmt: skip
+STATE = [
+    ("JJ", "f8", (PAIRS,)),  # sums of the window at hand
+    ("bb", "f8", (N,)),
+    ("EE", "f8"),
+    ("L", "f8", (N, N)),  # scratch
+    ("y", "f8", (N,)),
+    ("y2", "f8", (N,)),
+    ("prior", "f8", (2, N)),  # means and standard deviations of the hypothesis at hand
+    ("C", "f8", (WAVES, WAVES)),  # an oscillation's columns
+    ("LC", "f8", (WAVES, WAVES)),
+    ("cb", "f8", (WAVES,)),
+    ("cx", "f8", (WAVES,)),  # with the gain's
+    ("cf", "f8", (WAVES,)),  # with that of its fast part
+    ("cy", "f8", (WAVES,)),
+    ("cl", "f8", (WAVES,)),
+    ("cg", "f8", (WAVES,)),
+    ("ca", "f8", (WAVES,)),
+    ("ev_octave", "f8"),  # last evaluated octave, -1 for none at this tick
+    ("ev_n", "f8"),
+    ("ev_Q", "f8", (HYPOTHESES + 1,)),  # what each leaves; the last: health
+    ("ev", "f8", (HYPOTHESES,)),  # evidence against health
+    ("ev_hz", "f8", (6,), "Hz"),
+    ("ev_amplitude", "f8", (6,)),
+    ("ev_steady", "f8", "-"),  # 1 where the valve stands open rather than moves on
+]
+
+
+@kernel
+def at(a, b):
+    """Return the place of (a, b) in the packed lower triangle."""
+    return a * (a + 1) // 2 + b if a >= b else b * (b + 1) // 2 + a
+
+
+@kernel
+def gather(x, w, over):
+    """Copy the sums of window `w`, time counted from its beginning, in units of the noise."""
+    for i in range(PAIRS):
+        x.JJ[i] = x.J[w, i] * over
+    for i in range(N):
+        x.bb[i] = x.b[w, i] * over
+    x.EE = 0.0
+    for j in range(SENSORS):
+        x.EE += x.E[w, j] * over
+    t = x.t0[w]
+    x.bb[SLOPE] -= t * x.bb[FLOW]
+    d = x.JJ[at(SLOPE, SLOPE)] - 2.0 * t * x.JJ[at(SLOPE, FLOW)] + t * t * x.JJ[at(FLOW, FLOW)]
+    for i in range(N):
+        if i != SLOPE:
+            x.JJ[at(SLOPE, i)] -= t * x.JJ[at(FLOW, i)]
+    x.JJ[at(SLOPE, SLOPE)] = d
+
+
+@kernel
+def factor(x):
+    """Write the Cholesky factor of J + P^-1 with x.prior; return ln det(I + P J)."""
+    L, det = x.L, 1.0
+    for a in range(N):
+        for b in range(a + 1):
+            v = x.JJ[at(a, b)]
+            if a == b:
+                v += 1.0 / (x.prior[1, a] * x.prior[1, a])
+            for k in range(b):
+                v -= L[a, k] * L[b, k]
+            if a == b:
+                v = max(v, 1e-12)
+                det *= v * x.prior[1, a] * x.prior[1, a]
+                L[a, a] = math.sqrt(v)
+            else:
+                L[a, b] = v / L[b, b]
+    return math.log(det)
+
+
+@kernel
+def left(x):
+    """Return Q with x.prior and its factor; write y."""
+    Q = x.EE
+    for a in range(N):
+        r, m = x.bb[a], x.prior[0, a]
+        Jm = 0.0
+        for b in range(N):
+            if x.prior[0, b] != 0.0:
+                Jm += x.JJ[at(a, b)] * x.prior[0, b]
+        Q += m * (Jm - 2.0 * r)
+        r -= Jm
+        for k in range(a):
+            r -= x.L[a, k] * x.y[k]
+        x.y[a] = r / x.L[a, a]
+        Q -= x.y[a] * x.y[a]
+    return Q
+
+
+@kernel
+def logarithm(Q, n):
+    """Return the logarithm of the marginal likelihood but for its determinant."""
+    return -0.5 * (NU + n) * math.log(1.0 + max(Q, n - LEAST * math.sqrt(2.0 * n)) / NU)
+
+
+@kernel
+def health(x):
+    """Take what the flight has taught as the prior."""
+    for i in range(N):
+        x.prior[0, i] = 0.0
+        x.prior[1, i] = x.sd[i]
+
+
+@kernel
+def columns(x, p, w, o, place, over):
+    """Write the sums of an oscillation's columns at `place`: with each other, the innovations, the gain's signature."""
+    for k in range(WAVES):
+        x.cb[k] = x.cx[k] = x.cf[k] = 0.0
+        for l in range(k + 1):
+            x.C[k, l] = 0.0
+    for j in range(SENSORS):
+        if x.n[w, j] <= 0.0:
+            continue
+        m = over * x.n[w, j] / x.age[w]  # ticks of a block
+        for k in range(LINES):
+            a, b = p.response[place, o, k, 2 * j], p.response[place, o, k, 2 * j + 1]
+            i = 2 * k
+            e, g, f = x.D[w, 0, j], x.D[w, 1, j], x.D[w, 2, j]
+            x.cb[i] += (a * e[i] - b * e[i + 1]) * over
+            x.cb[i + 1] += (b * e[i] + a * e[i + 1]) * over
+            x.cx[i] += (a * g[i] - b * g[i + 1]) * over
+            x.cx[i + 1] += (b * g[i] + a * g[i + 1]) * over
+            if place == 0:
+                x.cf[i] += (a * f[i] - b * f[i + 1]) * over
+                x.cf[i + 1] += (b * f[i] + a * f[i + 1]) * over
+            for l in range(k + 1):
+                c, d = p.response[place, o, l, 2 * j], p.response[place, o, l, 2 * j + 1]
+                n = 2 * l
+                cc, cs = x.gram[w, at(i, n)], x.gram[w, at(i, n + 1)]
+                sc, ss = x.gram[w, at(i + 1, n)], x.gram[w, at(i + 1, n + 1)]
+                # rows (a, -b), (b, a) of the one, (c, -d), (d, c) of the other
+                x.C[i, n] += m * (a * (c * cc - d * cs) - b * (c * sc - d * ss))
+                x.C[i, n + 1] += m * (a * (d * cc + c * cs) - b * (d * sc + c * ss))
+                x.C[i + 1, n] += m * (b * (c * cc - d * cs) + a * (c * sc - d * ss))
+                x.C[i + 1, n + 1] += m * (b * (d * cc + c * cs) + a * (d * sc + c * ss))
+
+
+@kernel
+def factor_columns(x, sd):
+    """Factor the sums of an oscillation's columns; return ln det. x.cl becomes what they share with the gain's."""
+    L, det = x.LC, 1.0
+    for a in range(WAVES):
+        for b in range(a + 1):
+            v = x.C[a, b]
+            if a == b:
+                v += 1.0 / (sd * sd)
+            for k in range(b):
+                v -= L[a, k] * L[b, k]
+            if a == b:
+                v = max(v, 1e-3 / (sd * sd))
+                det *= v * sd * sd
+                L[a, a] = math.sqrt(v)
+            else:
+                L[a, b] = v / L[b, b]
+        l, r, f = x.cx[a], x.cb[a], x.cf[a]
+        for k in range(a):
+            l -= L[a, k] * x.cl[k]
+            r -= L[a, k] * x.cy[k]
+            f -= L[a, k] * x.cg[k]
+        x.cl[a] = l / L[a, a]
+        x.cy[a] = r / L[a, a]
+        x.cg[a] = f / L[a, a]
+    return math.log(det)
+
+
+@kernel
+def beside(x, Q, r, pivot2):
+    """Return (Q, ln det) of a hypothesis with these columns besides; Q, r and pivot2 are its own without the gain.
+    The amplitudes are in x.ca."""
+    own, shared = 0.0, 0.0
+    for a in range(WAVES):
+        Q -= x.cy[a] * x.cy[a]
+        own += x.cl[a] * x.cl[a]
+        shared += x.cl[a] * x.cy[a]
+    d = max(pivot2 - own, APART * pivot2)
+    t = (r - shared) / d
+    for a in range(WAVES - 1, -1, -1):
+        v = x.cy[a] - x.cl[a] * t
+        for k in range(a + 1, WAVES):
+            v -= x.LC[k, a] * x.ca[k]
+        x.ca[a] = v / x.LC[a, a]
+    return Q - t * t * d, math.log(d / pivot2)
+
+
+@kernel
+def heard(x, p, o, h):
+    """Write frequency and amplitude of the fitted oscillation."""
+    total, weighed = 0.0, 0.0
+    for k in range(LINES):
+        a2 = x.ca[2 * k] * x.ca[2 * k] + x.ca[2 * k + 1] * x.ca[2 * k + 1]
+        total += a2
+        weighed += a2 * p.hz[o, k]
+    x.ev_hz[h] = weighed / max(total, 1e-300)
+    x.ev_amplitude[h] = math.sqrt(total)
+
+
+@kernel
+def other(x, i, mean, sd):
+    """Return (Q, ln det) where column `i` has the prior N(mean, sd^2)."""
+    health(x)
+    x.prior[0, i], x.prior[1, i] = mean, sd
+    logdet = factor(x)
+    return left(x), logdet
+
+
+@kernel
+def give(x, h, Q, logdet, n, base):
+    """Keep what hypothesis `h` leaves and its evidence."""
+    x.ev_Q[h] = Q
+    x.ev[h] = logarithm(Q, n) - 0.5 * logdet - base
+
+
+@kernel
+def steady(x, span):
+    """Return 1.0 where the fitted flow of the factored hypothesis stays within EVEN of its largest over `span` [s]."""
+    for a in range(N - 1, FLOW - 1, -1):
+        v = x.y[a]
+        for k in range(a + 1, N):
+            v -= x.L[k, a] * x.y2[k]
+        x.y2[a] = v / x.L[a, a]
+    first, last = x.y2[FLOW], x.y2[FLOW] + span * x.y2[SLOPE]
+    if first * last <= 0.0:
+        return 0.0
+    first, last = math.fabs(first), math.fabs(last)
+    return 1.0 if min(first, last) > EVEN * max(first, last) and max(first, last) > OPEN_LEAST else 0.0
+
+
+@kernel
+def evaluate(x, p, o):
+    """Write the evidence of every hypothesis over the older window of octave `o`."""
+    w = 2 * o if x.age[2 * o] >= x.age[2 * o + 1] else 2 * o + 1
+    n = 0.0
+    for j in range(SENSORS):
+        n += x.n[w, j]
+    x.ev_octave, x.ev_n = o, n
+    over = 1.0 / x.noise
+    gather(x, w, over)
+    health(x)
+    logdet0 = factor(x)
+    Q0 = left(x)
+    base = logarithm(Q0, n) - 0.5 * logdet0
+    x.ev_Q[HYPOTHESES] = Q0
+    # beside an oscillation the other errors stand as they were learned: only the gain's signature meets its columns
+    gone = -1.0 - x.mu[GAIN]
+    J, r = x.JJ[at(GAIN, GAIN)], x.bb[GAIN]
+    pivot2_health = J + 1.0 / (x.sd[GAIN] * x.sd[GAIN])
+    logdet_health = math.log(pivot2_health * x.sd[GAIN] * x.sd[GAIN])
+    # in place: the fast part of the command does not come through, of the slow part some or all or nothing
+    m, F = -1.0 - x.mu[FAST], x.JJ[at(FAST, FAST)]
+    Q_gone = x.EE + m * (m * F - 2.0 * x.bb[FAST])
+    r_gone = r - m * x.JJ[at(GAIN, FAST)]
+    pivot2_gone = J + 1.0 / (p.slow_sd * p.slow_sd)
+    logdet_gone = math.log(pivot2_gone * p.slow_sd * p.slow_sd)
+    for place in range(5):
+        columns(x, p, w, o, place, over)
+        sd = p.sine_sd[place] * (6.2831853 * p.hz[o, 1] if place == 0 else 1.0)
+        h = 0 if place == 0 else place + 1
+        if o == OCTAVES - 1 and (place == 1 or place == 2):  # the rigging drifts as slowly
+            x.ev[h], x.ev_Q[h] = -1e3, x.EE
+            continue
+        logdet = factor_columns(x, sd)
+        Q, more = beside(x, x.EE, r, pivot2_health)
+        give(x, h, Q, logdet_health + logdet + more, n, base)
+        heard(x, p, o, h)
+        if place == 0:
+            for a in range(WAVES):
+                x.cy[a] -= m * x.cg[a]
+            Q, more = beside(x, Q_gone, r_gone, pivot2_gone)
+            give(x, IN_PLACE, Q, logdet_gone + logdet + more, n, base)
+            heard(x, p, o, IN_PLACE)
+    health(x)
+    for i in range(FAST, GAIN + 1):
+        x.prior[0, i], x.prior[1, i] = p.loss_mean - x.mu[i], p.loss_sd
+    logdet = factor(x)
+    give(x, LOSS, left(x), logdet, n, base)
+    for h in range(LEAKAGE, RUBS + 1):
+        i = LEAK if h == LEAKAGE else (SUPPLY if h == LOW_SUPPLY else (SOFT if h == SOFT_OIL else FRICTION))
+        Q, logdet = other(x, i, p.worse_mean[i] - x.mu[i], p.worse_sd[i])
+        give(x, h, Q, logdet, n, base)
+    Q, logdet = other(x, OFFSET, 0.0, p.offset_sd)
+    give(x, OFF_PRESSURE, Q, logdet, n, base)
+    # a valve that stands open, and one that moves on
+    health(x)
+    x.prior[0, GAIN], x.prior[1, GAIN] = gone, p.gone_sd
+    x.prior[0, FAST], x.prior[1, FAST] = -1.0 - x.mu[FAST], p.gone_sd
+    x.prior[1, FLOW] = p.open_sd
+    logdet = factor(x)
+    Q = left(x)
+    give(x, OPEN, Q, logdet, n, base)
+    x.prior[1, SLOPE] = p.open_sd / (x.clock - x.t0[w])
+    logdet = factor(x)
+    give(x, SLOW, left(x), logdet, n, base)
+    x.ev_steady = steady(x, x.clock - x.t0[w])
+    # let go: the valve is cut off, the chambers are joined
+    health(x)
+    x.prior[0, GAIN], x.prior[1, GAIN] = gone, p.gone_sd
+    x.prior[0, FAST], x.prior[1, FAST] = -1.0 - x.mu[FAST], p.gone_sd
+    x.prior[0, LEAK], x.prior[1, LEAK] = p.bypass, 0.3 * p.bypass
+    logdet = factor(x)
+    give(x, FREE, left(x), logdet, n, base)
+    for j in range(SENSORS):
+        m = x.n[w, j]
+        ratio = max(x.E[w, j] * over / max(m, 1.0), 1.0)
+        if x.c1[w, j] > WHITE * x.E[w, j]:
+            ratio = 1.0
+        give(x, NOISE_ROD + j, Q0 - m * (ratio - 1.0), logdet0 + m * math.log(ratio) + p.occam, n, base)
+    # rod and surface apart
+    b, J = 0.0, 0.0
+    for j in range(SENSORS):
+        H = p.still[2, j]
+        b += H * x.M[w, j]
+        J += H * H * x.n[w, j]
+    b, J, sd = b * over, J * over, p.sine_sd[2]
+    d = J + 1.0 / (sd * sd)
+    give(x, PAIR, (Q0 - b * b / d) if o < 5 else 1e12, logdet0 + math.log(d * sd * sd), n, base)
+
+
+@kernel
+def teach(x, p, dt):
+    """Take the block's lesson of the columns."""
+    keep = math.exp(-p.block * dt / p.memory)
+    over = 1.0 / x.noise
+    for a in range(N):
+        lesson = x.block_b[a]
+        for b in range(N):
+            lesson += x.block_J[at(a, b)] * x.mu[b]
+        x.lesson_b[a] = keep * x.lesson_b[a] + lesson * over
+    for i in range(PAIRS):
+        x.lesson_J[i] = keep * x.lesson_J[i] + x.block_J[i] * over
+    E, n = 0.0, 0.0
+    for j in range(SENSORS):
+        E += x.block_E[j]
+        n += x.block_N[j]
+    if n > 0.0:
+        a = p.block * dt / min(p.memory, max(x.clock - 1.0, p.block * dt))
+        x.noise = max(x.noise + a * (min(E / n, 2.0 * x.noise) - x.noise), NOISE_LEAST)
+
+
+@kernel
+def solve(x, p):
+    """Solve for the learned errors and their standard deviations."""
+    L = x.L
+    for a in range(N):
+        for b in range(a + 1):
+            v = x.lesson_J[at(a, b)] if a != SLOPE and b != SLOPE else 0.0
+            if a == b:
+                v += 1.0 / (p.prior_sd[a] * p.prior_sd[a])
+            for k in range(b):
+                v -= L[a, k] * L[b, k]
+            L[a, b] = math.sqrt(max(v, 1e-12)) if a == b else v / L[b, b]
+    for a in range(N):
+        v = (x.lesson_b[a] if a != SLOPE else 0.0) + p.prior_mean[a] / (p.prior_sd[a] * p.prior_sd[a])
+        for k in range(a):
+            v -= L[a, k] * x.y[k]
+        x.y[a] = v / L[a, a]
+    for a in range(N - 1, -1, -1):
+        v = x.y[a]
+        for k in range(a + 1, N):
+            v -= L[k, a] * x.mu[k]
+        x.mu[a] = v / L[a, a]
+    for i in range(N):  # diagonal of the inverse: squared columns of L^-1
+        total = 0.0
+        for a in range(i, N):
+            v = 1.0 if a == i else 0.0
+            for k in range(i, a):
+                v -= L[a, k] * x.y2[k]
+            x.y2[a] = v / L[a, a]
+            total += x.y2[a] * x.y2[a]
+        x.sd[i] = math.sqrt(total + p.floor * p.floor * p.prior_sd[i] * p.prior_sd[i])

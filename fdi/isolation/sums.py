@@ -1,0 +1,197 @@
+"""Sums of whitened innovations and signatures over common windows, and what the flight has taught of the columns.
+
+Ticks are added up to blocks of BLOCK_S; of every octave of frequencies two windows, half a length apart, begin anew
+every PERIODS of its middle, so that the older one is between half a length and a length long. A window holds
+
+    J = sum S' S / s,    b = sum S' e / s,    E = sum e^2 / s,    D(f) = sum (e, S_gain) exp(-i w t) / sqrt(s)
+
+for LINES frequencies of its octave. Nothing is accumulated for longer than a window.
+"""
+
+import math
+
+import numpy as np
+
+from actuators.block import kernel
+from fdi.isolation.filter import FAST, GAIN, SENSORS, N
+
+BLOCK_S = 0.02  # [s]
+OCTAVES, LINES = 7, 3
+WAVES = 2 * LINES  # cosines and sines
+GRAM = WAVES * (WAVES + 1) // 2
+TOP_HZ = 8.0  # middle of the fastest octave
+PERIODS = 2.0
+WINDOWS = 2 * OCTAVES
+PAIRS = N * (N + 1) // 2
+SOLVE_BLOCKS = 50  # so often the lesson is solved for
+
+PARAMS = [
+    ("block", "f8"),  # ticks of a block
+    ("length", "f8", (OCTAVES,)),  # of a window [blocks]
+    ("turn_c", "f8", (OCTAVES, LINES)),  # rotation of each line's phasor from block to block
+    ("turn_s", "f8", (OCTAVES, LINES)),
+    ("hz", "f8", (OCTAVES, LINES), "Hz"),
+]
+STATE = [
+    ("mu", "f8", (N,)),  # learned errors
+    ("sd", "f8", (N,)),  # their standard deviations
+    ("lesson_J", "f8", (PAIRS,)),
+    ("lesson_b", "f8", (N,)),
+    ("noise", "f8", "-"),  # variance of the innovations over what the filter expects
+    ("blocks", "f8"),  # so far
+    ("tick", "f8"),  # into the block
+    ("block_J", "f8", (PAIRS,)),
+    ("block_b", "f8", (N,)),
+    ("block_E", "f8", (SENSORS,)),
+    ("block_N", "f8", (SENSORS,)),
+    ("block_w", "f8", (3, SENSORS)),  # of innovations, signatures of the gain and of its fast part
+    ("phase_c", "f8", (OCTAVES, LINES)),
+    ("phase_s", "f8", (OCTAVES, LINES)),
+    ("turn", "f8", (WINDOWS,)),  # blocks into the window's turn
+    ("age", "f8", (WINDOWS,)),  # blocks since it began
+    ("J", "f8", (WINDOWS, PAIRS)),
+    ("b", "f8", (WINDOWS, N)),
+    ("E", "f8", (WINDOWS, SENSORS)),
+    ("n", "f8", (WINDOWS, SENSORS)),
+    ("D", "f8", (WINDOWS, 3, SENSORS, WAVES)),  # innovations, signatures of gain and fast part, by cos, sin
+    ("gram", "f8", (WINDOWS, GRAM)),  # of the waves, over blocks
+    ("e_last", "f8", (SENSORS,)),  # whitened innovations of the tick before
+    ("block_c", "f8", (SENSORS,)),
+    ("c1", "f8", (WINDOWS, SENSORS)),  # sums of their products with those of the tick before
+    ("M", "f8", (WINDOWS, SENSORS)),  # sums of the innovations
+    ("t0", "f8", (WINDOWS,), "s"),  # clock at the window's beginning
+    ("wave", "f8", (WAVES,)),  # scratch
+]
+
+
+def design(dt: float) -> dict:
+    """Return the PARAMS fields for ticks of `dt` seconds."""
+    block = max(round(BLOCK_S / dt), 1)
+    middle = TOP_HZ / 2.0 ** np.arange(OCTAVES)
+    hz = middle[:, None] * 2.0 ** ((np.arange(LINES) - 0.5 * (LINES - 1)) / LINES)
+    angle = 2.0 * np.pi * hz * block * dt
+    length = np.maximum(2.0 * np.round(0.5 * PERIODS / (middle * block * dt)), 2.0)
+    return {"block": float(block), "length": length, "hz": hz, "turn_c": np.cos(angle), "turn_s": np.sin(angle)}
+
+
+@kernel
+def empty(x, w):
+    """Let window `w` begin anew."""
+    x.age[w] = 0.0
+    for i in range(PAIRS):
+        x.J[w, i] = 0.0
+    for i in range(N):
+        x.b[w, i] = 0.0
+    for j in range(SENSORS):
+        x.E[w, j] = 0.0
+        x.n[w, j] = 0.0
+        x.M[w, j] = 0.0
+        x.c1[w, j] = 0.0
+        for k in range(WAVES):
+            x.D[w, 0, j, k] = 0.0
+            x.D[w, 1, j, k] = 0.0
+            x.D[w, 2, j, k] = 0.0
+    for i in range(GRAM):
+        x.gram[w, i] = 0.0
+    x.t0[w] = x.clock
+
+
+@kernel
+def empty_all(x, p):
+    """Let all windows begin anew, the second of each pair half a length later."""
+    for o in range(OCTAVES):
+        for i in range(2):
+            empty(x, 2 * o + i)
+            x.turn[2 * o + i] = i * 0.5 * p.length[o]
+
+
+@kernel
+def add_tick(x):
+    """Add a tick's innovations and signatures to the block."""
+    for j in range(SENSORS):
+        s = x.s[j]
+        if s <= 0.0:
+            continue
+        e, over = x.e[j], 1.0 / s
+        i = 0
+        for a in range(N):
+            v = x.S[j, a] * over
+            x.block_b[a] += v * e
+            for b in range(a + 1):
+                x.block_J[i] += v * x.S[j, b]
+                i += 1
+        x.block_E[j] += e * e * over
+        x.block_N[j] += 1.0
+        root = math.sqrt(over)
+        x.block_c[j] += e * root * x.e_last[j]
+        x.e_last[j] = e * root
+        x.block_w[0, j] += e * root
+        x.block_w[1, j] += x.S[j, GAIN] * root
+        x.block_w[2, j] += x.S[j, FAST] * root
+    x.tick += 1.0
+
+
+@kernel
+def close_block(x, p):
+    """Add the finished block to every window; windows at their length begin anew before."""
+    for o in range(OCTAVES):
+        for k in range(LINES):
+            c, s = x.phase_c[o, k], x.phase_s[o, k]
+            c, s = c * p.turn_c[o, k] - s * p.turn_s[o, k], s * p.turn_c[o, k] + c * p.turn_s[o, k]
+            norm = 1.5 - 0.5 * (c * c + s * s)
+            x.phase_c[o, k], x.phase_s[o, k] = c * norm, s * norm
+            x.wave[2 * k], x.wave[2 * k + 1] = c, s
+        for i in range(2):
+            w = 2 * o + i
+            if x.turn[w] >= p.length[o]:
+                empty(x, w)
+                x.turn[w] = 0.0
+            for a in range(PAIRS):
+                x.J[w, a] += x.block_J[a]
+            for a in range(N):
+                x.b[w, a] += x.block_b[a]
+            for j in range(SENSORS):
+                e, g, f = x.block_w[0, j], x.block_w[1, j], x.block_w[2, j]
+                x.E[w, j] += x.block_E[j]
+                x.n[w, j] += x.block_N[j]
+                x.M[w, j] += e
+                x.c1[w, j] += x.block_c[j]
+                for k in range(WAVES):
+                    x.D[w, 0, j, k] += x.wave[k] * e
+                    x.D[w, 1, j, k] += x.wave[k] * g
+                    x.D[w, 2, j, k] += x.wave[k] * f
+            m = 0
+            for k in range(WAVES):
+                for l in range(k + 1):
+                    x.gram[w, m] += x.wave[k] * x.wave[l]
+                    m += 1
+            x.age[w] += 1.0
+            x.turn[w] += 1.0
+    x.blocks += 1.0
+
+
+@kernel
+def clear_block(x):
+    """Begin a block."""
+    x.tick = 0.0
+    for i in range(PAIRS):
+        x.block_J[i] = 0.0
+    for i in range(N):
+        x.block_b[i] = 0.0
+    for j in range(SENSORS):
+        x.block_E[j] = 0.0
+        x.block_N[j] = 0.0
+        x.block_c[j] = 0.0
+        x.block_w[0, j] = 0.0
+        x.block_w[1, j] = 0.0
+        x.block_w[2, j] = 0.0
+
+
+@kernel
+def octave(blocks):
+    """Return the octave to evaluate at this block: the fastest at every second one, the next at every fourth, ..."""
+    n, o = int(blocks), 0
+    while n % 2 == 0 and o < OCTAVES - 1:
+        n //= 2
+        o += 1
+    return o

@@ -1,0 +1,144 @@
+"""Likelihood ratios of a hydraulic actuator's faults: evidence as linear algebra has it, names, ends, same bits."""
+
+import functools
+import math
+
+import numpy as np
+import pytest
+
+from cosim.flight.loop.signals import fly, inputs
+from cosim.scenario.catalog import SEGMENTS
+from cosim.training.flights import scenario
+from fdi.common import verdict
+from fdi.isolation import evidence, filter, response
+from fdi.isolation import hydraulic_glr as glr
+from fdi.isolation.sums import PAIRS
+
+DT, ONSET, HEALED = 0.005, 10.0, 16.0
+FIELDS = {name: f"iotsekf_in.{{}}.{name}" for name in glr.INPUTS.names}
+VALVE = {"kind": "ofc_liquid", "at": "valve", "amplitude_mm": 0.6, "frequency_hz": 2.0}
+FAULTS = {  # segment -> (part, fault, verdict, culprit)
+    "left_outer": ("", VALVE, verdict.OFC_LIQUID, ""),
+    "left_inner": ("", VALVE | {"kind": "ofc_solid"}, verdict.OFC_SOLID, ""),
+    "right_inner": ("", {"kind": "loss_of_effectiveness", "at": "valve", "loss_pct": 50.0}, verdict.EFFECTIVENESS, ""),
+    "right_outer": (
+        ".pressure", {"kind": "oscillation", "amplitude_pct": 8.0, "frequency_hz": 1.9}, verdict.SENSOR, "pressure",
+    ),
+}  # fmt: skip
+
+
+@functools.cache
+def flown(faulty=False):
+    """Return the INPUTS (4, tick) of 22 s in light gusts, valve flow 4 % up, with FAULTS from ONSET to HEALED or not."""
+    times = {"start_s": ONSET, "end_s": HEALED}
+    faults = [{"target": f"elevator.{s}{part}", **fault, **times} for s, (part, fault, *_) in FAULTS.items()]
+    made = scenario(duration=22.0, seed=77_100_001, flight={"turbulence": "light"}, faults=faults if faulty else [],
+                    tolerances={"hydraulic": {"phi_n": 1.04}}, detectors={"enabled": ["iotsekf"]})  # fmt: skip
+    lanes = [{field: path.format(s) for field, path in FIELDS.items()} for s in SEGMENTS]
+    return inputs(fly(made, [path for lane in lanes for path in lane.values()]), glr, lanes)
+
+
+@functools.cache
+def designed():
+    """Return PARAMS of one lane at 200 Hz."""
+    return glr.params()
+
+
+def watched(u):
+    """Return the STATE of every lane at every tick, some fields."""
+    fields = (*glr.OUTPUTS, "mu")
+    kept = np.zeros(u.shape, [(n, "f8", glr.STATE[n].shape) for n in fields])
+    p = np.repeat(designed(), len(u))
+    x, log = glr.init(p), np.zeros((len(u), 200), glr.STATE)
+    for a in range(0, u.shape[1], 200):
+        part = np.ascontiguousarray(u[:, a : a + 200])
+        glr.rollout(x, part, p, DT, log[:, : part.shape[1]])
+        for n in fields:
+            kept[n][:, a : a + 200] = log[n][:, : part.shape[1]]
+    return kept
+
+
+def test_each_fault_has_its_name_at_its_end_and_no_alarm_before_it_or_after_it_has_healed():
+    log = watched(flown(True))
+    assert not log["alarm"][:, : int(ONSET / DT)].any()
+    for lane, segment in enumerate(SEGMENTS):
+        _, fault, right, culprit = FAULTS[segment]
+        late = 3.0 / fault.get("frequency_hz", 1.0)
+        assert log["alarm"][lane, int((ONSET + late) / DT)] == 1.0, segment
+        end = log[lane, int(HEALED / DT) - 1]
+        assert (end["verdict"], glr.CULPRITS[int(end["culprit"])]) == (right, culprit), segment
+    assert not log["alarm"][:, int((HEALED + 3.0) / DT) :].any()
+    assert log["ofc_hz"][SEGMENTS.index("left_outer"), int(HEALED / DT) - 1] == pytest.approx(2.0, rel=0.15)
+
+
+def test_without_a_fault_it_is_silent_valid_and_learns_the_valves_gain():
+    log = watched(flown())
+    assert not log["alarm"].any()
+    assert (log["valid"][:, int(4.1 / DT) :] == 1.0).all()
+    learned = log["mu"][:, -1, filter.GAIN]
+    assert np.abs(learned - 0.04).max() < 0.03
+
+
+def test_a_lost_pressure_ends_the_judgement_and_a_frozen_one_is_named():
+    lost, frozen = flown()[:1].copy(), flown()[:1].copy()
+    k = int(ONSET / DT)
+    lost["y_dp"][0, k:] = np.nan
+    lost["y_dp_valid"][0, k:] = 0.0
+    log = watched(lost)
+    assert log["valid"][0, k - 1] == 1.0 and not log["valid"][0, k + int(0.3 / DT) :].any()
+    frozen["y_dp"][0, k:] = frozen["y_dp"][0, k]
+    end = watched(frozen)[0, k + int(0.2 / DT)]
+    assert end["verdict"] == verdict.SENSOR and glr.CULPRITS[int(end["culprit"])] == "pressure"
+
+
+def test_the_same_bits_tick_by_tick_in_pieces_and_at_once():
+    u = flown(True)[:1, : int(12.0 / DT)]
+    x, whole = glr.init(designed()), glr.init(designed())
+    glr.rollout(whole, u, designed(), DT)
+    a = 0
+    for piece in (1, 1, 7, 500, u.shape[1]):
+        glr.rollout(x, u[:, a : a + piece], designed(), DT)
+        a += piece
+    assert x.tobytes() == whole.tobytes()
+
+
+def sums_of(S, e):
+    """Return a state whose window holds the sums of signatures S (n, N) and innovations e (n,)."""
+    x = glr.init(designed())[0]
+    J, b = S.T @ S, S.T @ e
+    x.JJ[:] = [J[a, c] for a in range(filter.N) for c in range(a + 1)]
+    x.bb[:], x.EE = b, e @ e
+    return x
+
+
+def test_the_evidence_is_that_of_the_linear_model_with_its_prior():
+    rng = np.random.default_rng(5)
+    S, e = rng.standard_normal((60, filter.N)) * 3.0, rng.standard_normal(60)
+    mean, sd = rng.standard_normal(filter.N) * 0.1, rng.uniform(0.05, 0.5, filter.N)
+    x = sums_of(S, e)
+    x.prior[0], x.prior[1] = mean, sd
+    logdet = evidence.factor(x)
+    Q = evidence.left(x)
+    covariance = np.eye(60) + S @ np.diag(sd**2) @ S.T  # of e, theta taken out
+    left = e - S @ mean
+    assert len(x.JJ) == PAIRS
+    assert logdet == pytest.approx(np.linalg.slogdet(covariance)[1], rel=1e-9)
+    assert Q == pytest.approx(left @ np.linalg.solve(covariance, left), rel=1e-9)
+
+
+@pytest.mark.parametrize("place, sensor", [("rod", "y_rod"), ("pressure", "y_dp")])
+def test_the_response_to_a_sensors_sine_is_what_the_filter_makes_of_it(place, sensor):
+    p, hz, size = designed(), 3.0, 1e-3
+    u = np.zeros((2, 2000), glr.INPUTS)
+    for name in ("y_rod_valid", "y_surface_valid", "y_dp_valid"):
+        u[name] = 1.0
+    t = np.arange(2000) * DT
+    u[sensor][1] += size * np.sin(2.0 * np.pi * hz * t)
+    x, log = glr.init(np.repeat(p, 2)), np.zeros(u.shape, glr.STATE)
+    glr.rollout(x, u, np.repeat(p, 2), DT, log)
+    e = (log["e"][1] - log["e"][0])[1000:] / np.sqrt(log["s"][0, 1000:])
+    found = 2.0 * np.abs(np.exp(-2j * np.pi * hz * t[1000:]) @ e) / 1000.0 / size
+    expected = np.abs(response.responses(p[0], DT, np.array([hz]))[response.PLACES.index(place), 0])
+    most = expected.max()
+    assert np.abs(found - expected).max() < 0.03 * most
+    assert math.isfinite(most) and most > 1.0
