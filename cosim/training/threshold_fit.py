@@ -66,8 +66,8 @@ def limit(flights: list[np.ndarray], probability: float, place: str = "") -> tup
     """Return (weights (features,), how they were found) of the limit that a flight passes with `probability`.
 
     `flights` holds (blocks, 1 + features) for each flight, y first; flights without a block count as far below. Of
-    LEVELS the one with the least limit in the geometric mean is taken: still air, where limits are small, counts as much
-    as gusts. Raises DesignError if no flight has a block.
+    LEVELS the one with the least geometric mean of the limit is taken: still air, where limits are small, counts as
+    much as gusts. Raises DesignError if no flight has a block.
     """
     rows = np.concatenate([f for f in flights if len(f)] or [np.zeros((0, 2))])
     if not len(rows):
