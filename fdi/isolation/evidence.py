@@ -279,8 +279,8 @@ def steady(x, span):
 
 @kernel
 def evaluate(x, p, o):
-    """Write the evidence of every hypothesis over the older window of octave `o`."""
-    w = 2 * o if x.age[2 * o] >= x.age[2 * o + 1] else 2 * o + 1
+    """Write the evidence of every hypothesis over the window of octave `o`."""
+    w = o
     n = 0.0
     for j in range(SENSORS):
         n += x.n[w, j]

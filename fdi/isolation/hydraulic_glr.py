@@ -19,7 +19,6 @@ Control 21 (1976); [Basseville93] M. Basseville, I. Nikiforov, Detection of Abru
 The pressure's and a position's last value that repeats is a frozen sensor.
 """
 
-import math
 from typing import Any
 
 import numpy as np
@@ -41,6 +40,8 @@ CULPRITS = ("", "rod", "surface", "pressure")
 PERIOD = 0.005  # of the samples whose variance stands in `filter.NOISE` [s]
 BEGIN_S, LEARN_S = 1.0, 4.0  # the filter settles; what is learned then starts the windows [s]
 STOP = 1e-3  # so near a stop the rod may lean on it [m]
+DT_MOST = 0.0101  # of longer ticks a filter that is linear over a tick leaves too much: never valid there [s]
+YOUNG = 1.0 / 3.0  # of its length, from which on a window is asked
 LOST_S = 0.2  # without positions, or without pressure, for longer it is not valid [s]
 QUIET_S = 1.0  # after the last sign of a fault the flight teaches again [s]
 STILL_HZ = 0.02  # slow enough for a constant
@@ -139,7 +140,7 @@ def params(
     v = {
         **lu17.NOMINAL, **filter.NOISE, **sums.design(dt), **filter.high_pass(dt), **evidence.PRIORS,
         **{name: pair[name] for name, *_ in decision.PAIR_PARAMS}, **thresholds("hydraulic_glr", which, own),
-        "arm": arm, "delay": float(math.ceil(delay_s / dt - 1e-9)), "q_lo": arm * travel[0], "q_hi": arm * travel[1],
+        "arm": arm, "delay": float(round(delay_s / dt)), "q_lo": arm * travel[0], "q_hi": arm * travel[1],
     }  # fmt: skip
     v["r"] = np.asarray(v["r"]) * PERIOD / dt
     p = record(PARAMS, **{**v, **values})
@@ -171,14 +172,13 @@ def init(p: np.ndarray) -> np.ndarray:
     x = np.zeros(p.shape, STATE)
     x["mu"], x["sd"], x["noise"], x["phase_c"] = p["prior_mean"], p["prior_sd"], 1.0, 1.0
     x["ev_octave"] = -1.0
-    x["turn"][..., 1::2] = 0.5 * p["length"]
     return x
 
 
 @kernel
-def restart(x, p):
+def restart(x):
     """Let every window begin anew."""
-    sums.empty_all(x, p)
+    sums.empty_all(x)
     sums.clear_block(x)
     decide.forget(x)
 
@@ -189,7 +189,7 @@ def close(x, p, dt):
     sums.close_block(x, p)
     o = sums.octave(x.blocks)
     anew = False
-    if max(x.age[2 * o], x.age[2 * o + 1]) >= 0.5 * p.length[o] - 0.5 and x.clock >= LEARN_S:
+    if x.age[o] >= YOUNG * p.length[o] and x.clock >= LEARN_S:
         evidence.evaluate(x, p, o)
         anew = decide.judge(x, p, o, dt)
     if (x.since > QUIET_S and x.alarm < 0.5) or x.clock < LEARN_S:
@@ -199,13 +199,15 @@ def close(x, p, dt):
         evidence.solve(x, p)
         anew = anew or x.clock < LEARN_S
     if anew:
-        restart(x, p)
+        restart(x)
 
 
 @kernel
 def step(x, u, p, dt):
     """Run the filter, add up, ask, decide."""
     x.ev_octave = -1.0
+    if dt > DT_MOST:
+        return
     if not filter.advance(x, u, x.mu, x.since > QUIET_S and x.alarm < 0.5, p, dt):
         x.valid = 0.0
         return
@@ -224,7 +226,7 @@ def step(x, u, p, dt):
     stop = x.x_hat[0] < p.q_lo + STOP or x.x_hat[0] > p.q_hi - STOP
     if stop or x.at_stop > 0.5 or max(x.lost, x.lost_pressure) > LOST_S:  # the model ends there
         x.at_stop = 1.0 if stop else 0.0
-        restart(x, p)
+        restart(x)
     else:
         sums.add_tick(x)
         if x.tick >= p.block:

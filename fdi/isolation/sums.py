@@ -1,7 +1,7 @@
 """Sums of whitened innovations and signatures over common windows, and what the flight has taught of the columns.
 
-Ticks are added up to blocks of BLOCK_S; of every octave of frequencies two windows, half a length apart, begin anew
-every PERIODS of its middle, so that the older one is between half a length and a length long. A window holds
+Ticks are added up to blocks of BLOCK_S; of every octave of frequencies a window begins anew every PERIODS of its
+middle, and is asked from a third of its length on. It holds
 
     J = sum S' S / s,    b = sum S' e / s,    E = sum e^2 / s,    D(f) = sum (e, S_gain) exp(-i w t) / sqrt(s)
 
@@ -21,7 +21,6 @@ WAVES = 2 * LINES  # cosines and sines
 GRAM = WAVES * (WAVES + 1) // 2
 TOP_HZ = 8.0  # middle of the fastest octave
 PERIODS = 2.0
-WINDOWS = 2 * OCTAVES
 PAIRS = N * (N + 1) // 2
 SOLVE_BLOCKS = 50  # so often the lesson is solved for
 
@@ -47,19 +46,18 @@ STATE = [
     ("block_w", "f8", (3, SENSORS)),  # of innovations, signatures of the gain and of its fast part
     ("phase_c", "f8", (OCTAVES, LINES)),
     ("phase_s", "f8", (OCTAVES, LINES)),
-    ("turn", "f8", (WINDOWS,)),  # blocks into the window's turn
-    ("age", "f8", (WINDOWS,)),  # blocks since it began
-    ("J", "f8", (WINDOWS, PAIRS)),
-    ("b", "f8", (WINDOWS, N)),
-    ("E", "f8", (WINDOWS, SENSORS)),
-    ("n", "f8", (WINDOWS, SENSORS)),
-    ("D", "f8", (WINDOWS, 3, SENSORS, WAVES)),  # innovations, signatures of gain and fast part, by cos, sin
-    ("gram", "f8", (WINDOWS, GRAM)),  # of the waves, over blocks
+    ("age", "f8", (OCTAVES,)),  # blocks since it began
+    ("J", "f8", (OCTAVES, PAIRS)),
+    ("b", "f8", (OCTAVES, N)),
+    ("E", "f8", (OCTAVES, SENSORS)),
+    ("n", "f8", (OCTAVES, SENSORS)),
+    ("D", "f8", (OCTAVES, 3, SENSORS, WAVES)),  # innovations, signatures of gain and fast part, by cos, sin
+    ("gram", "f8", (OCTAVES, GRAM)),  # of the waves, over blocks
     ("e_last", "f8", (SENSORS,)),  # whitened innovations of the tick before
     ("block_c", "f8", (SENSORS,)),
-    ("c1", "f8", (WINDOWS, SENSORS)),  # sums of their products with those of the tick before
-    ("M", "f8", (WINDOWS, SENSORS)),  # sums of the innovations
-    ("t0", "f8", (WINDOWS,), "s"),  # clock at the window's beginning
+    ("c1", "f8", (OCTAVES, SENSORS)),  # sums of their products with those of the tick before
+    ("M", "f8", (OCTAVES, SENSORS)),  # sums of the innovations
+    ("t0", "f8", (OCTAVES,), "s"),  # clock at the window's beginning
     ("wave", "f8", (WAVES,)),  # scratch
 ]
 
@@ -97,12 +95,10 @@ def empty(x, w):
 
 
 @kernel
-def empty_all(x, p):
-    """Let all windows begin anew, the second of each pair half a length later."""
+def empty_all(x):
+    """Let all windows begin anew."""
     for o in range(OCTAVES):
-        for i in range(2):
-            empty(x, 2 * o + i)
-            x.turn[2 * o + i] = i * 0.5 * p.length[o]
+        empty(x, o)
 
 
 @kernel
@@ -141,32 +137,29 @@ def close_block(x, p):
             norm = 1.5 - 0.5 * (c * c + s * s)
             x.phase_c[o, k], x.phase_s[o, k] = c * norm, s * norm
             x.wave[2 * k], x.wave[2 * k + 1] = c, s
-        for i in range(2):
-            w = 2 * o + i
-            if x.turn[w] >= p.length[o]:
-                empty(x, w)
-                x.turn[w] = 0.0
-            for a in range(PAIRS):
-                x.J[w, a] += x.block_J[a]
-            for a in range(N):
-                x.b[w, a] += x.block_b[a]
-            for j in range(SENSORS):
-                e, g, f = x.block_w[0, j], x.block_w[1, j], x.block_w[2, j]
-                x.E[w, j] += x.block_E[j]
-                x.n[w, j] += x.block_N[j]
-                x.M[w, j] += e
-                x.c1[w, j] += x.block_c[j]
-                for k in range(WAVES):
-                    x.D[w, 0, j, k] += x.wave[k] * e
-                    x.D[w, 1, j, k] += x.wave[k] * g
-                    x.D[w, 2, j, k] += x.wave[k] * f
-            m = 0
+        w = o
+        if x.age[w] >= p.length[o]:
+            empty(x, w)
+        for a in range(PAIRS):
+            x.J[w, a] += x.block_J[a]
+        for a in range(N):
+            x.b[w, a] += x.block_b[a]
+        for j in range(SENSORS):
+            e, g, f = x.block_w[0, j], x.block_w[1, j], x.block_w[2, j]
+            x.E[w, j] += x.block_E[j]
+            x.n[w, j] += x.block_N[j]
+            x.M[w, j] += e
+            x.c1[w, j] += x.block_c[j]
             for k in range(WAVES):
-                for l in range(k + 1):
-                    x.gram[w, m] += x.wave[k] * x.wave[l]
-                    m += 1
-            x.age[w] += 1.0
-            x.turn[w] += 1.0
+                x.D[w, 0, j, k] += x.wave[k] * e
+                x.D[w, 1, j, k] += x.wave[k] * g
+                x.D[w, 2, j, k] += x.wave[k] * f
+        m = 0
+        for k in range(WAVES):
+            for l in range(k + 1):
+                x.gram[w, m] += x.wave[k] * x.wave[l]
+                m += 1
+        x.age[w] += 1.0
     x.blocks += 1.0
 
 

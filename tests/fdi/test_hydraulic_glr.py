@@ -29,7 +29,7 @@ FAULTS = {  # segment -> (part, fault, verdict, culprit)
 
 @functools.cache
 def flown(faulty=False):
-    """Return the INPUTS (4, tick) of 22 s in light gusts, valve flow 4 % up, with FAULTS from ONSET to HEALED or not."""
+    """Return the INPUTS (4, tick) of 22 s in light gusts, valve flow 4 % up, with or without FAULTS."""
     times = {"start_s": ONSET, "end_s": HEALED}
     faults = [{"target": f"elevator.{s}{part}", **fault, **times} for s, (part, fault, *_) in FAULTS.items()]
     made = scenario(duration=22.0, seed=77_100_001, flight={"turbulence": "light"}, faults=faults if faulty else [],

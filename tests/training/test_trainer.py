@@ -45,6 +45,9 @@ FROZEN: dict[str, dict[str, dict[str, float]]] = {
         "rtsekf_flight flight": {
             "pair_threshold": 0.000152051,
         },
+        "hydraulic_glr flight": {
+            "limit": 4.44065,
+        },
     },
     "monitors": {
         "position_monitor flight": {
