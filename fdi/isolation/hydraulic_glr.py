@@ -162,9 +162,9 @@ def _responses(p, dt, hz):
 
 def fitted(site: Site, **values: Any) -> np.ndarray:
     """Return PARAMS for a loop."""
-    where: dict[str, Any] = {"travel": site.travel} if site.travel else {}
-    names = tuple(n for n in ("arm", *lu17.NOMINAL))
-    return params(dt=site.dt, own=site.own, **where, **site.known(names), **values)
+    given: dict[str, Any] = {"travel": site.travel} if site.travel else {}
+    given |= site.known(("arm", *lu17.NOMINAL))
+    return params(dt=site.dt, own=site.own, **given, **values)
 
 
 def init(p: np.ndarray) -> np.ndarray:
