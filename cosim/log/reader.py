@@ -3,6 +3,7 @@
 import difflib
 import os
 import threading
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -21,7 +22,7 @@ from .format import Limits, TopicInfo, log_error
 from .load import drop_damaged_chunks, load_chunk, load_topics
 from .validate import identity, scan
 
-BLOCK = 16  # chunks that are read at a time where a part of a topic is asked for
+BLOCK = 32  # chunks that are read at a time where a part of a topic is asked for
 MOST_DRAWN = 4000  # samples of a curve
 
 
@@ -57,6 +58,7 @@ class Log:
         self.complete = found.closed and self.result is not None
         self.chunks, self.damage = found.chunks, found.damage
         self.spans = [found.ticks(c) for c in found.chunks]
+        self._starts, self._largest = [k0 for k0, _ in self.spans], max((c.size for c in found.chunks), default=0)
         self.n_ticks = sum(n for _, n in self.spans)
         self._runs = _merged(self.spans)
         self._index: dict = {}  # of frames, by rate
@@ -107,7 +109,9 @@ class Log:
         """Return {topic: (rows, fields)} of several topics (default: all), each chunk read once; see `array`."""
         names = list(self.topics) if topics is None else list(topics)
         numbers = {self._number(name): name for name in names}
-        bounds = [self._bounds(span, start, stop) for span in self.spans]
+        low = max(0, bisect_right(self._starts, start) - 1)
+        high = len(self.spans) if stop is None else bisect_left(self._starts, stop)
+        bounds = {i: self._bounds(self.spans[i], start, stop) for i in range(low, high)}
         rates: dict = {}
         for name in numbers.values():
             rates.setdefault(self.topics[name].every, len(self.ticks(name, start, stop)))
@@ -115,7 +119,7 @@ class Log:
             out = {n: np.empty((rates[self.topics[n].every], len(self.topics[n].fields))) for n in names}
         except MemoryError as error:
             raise log_error("the topics do not fit into memory", self.path, remedy="Ask for fewer.") from error
-        read = [i for i, (a, b) in enumerate(bounds) if a < b]
+        read = [i for i, (a, b) in bounds.items() if a < b]
         few = list(numbers) if 3 * len(numbers) < len(self.topics) else None  # many at once are quicker compared as one
         parts = self._parts(read, bounds, rates)
         todo = [(number, self.topics[name].every, out[name]) for number, name in numbers.items()]
@@ -156,6 +160,17 @@ class Log:
         if topic not in self.topics:
             raise _Unknown(f"{self.path} has no topic {topic!r}{_near(topic, self.topics)}; log.topics has all")
         return list(self.topics).index(topic)
+
+    def columns(self, topic: str, fields: Sequence[str], kind: Any = np.float64) -> np.ndarray:
+        """Return fields of a topic as (fields, rows) of `kind`; memory is that of the result and of a few chunks."""
+        at = [self.topics[topic].fields.index(name) for name in fields]
+        out, done = np.empty((len(at), self.topics[topic].rows), kind), 0
+        for i in range(0, len(self.spans), BLOCK):
+            block = self.spans[i : i + BLOCK]
+            values = self.array(topic, block[0][0], sum(block[-1]))
+            out[:, done : done + len(values)] = values[:, at].T
+            done += len(values)
+        return out
 
     def ticks(self, topic: str, start: float = 0, stop: Any = None) -> np.ndarray:
         """Return the tick of each row of a topic (rows,) as int64; see `array` for the bounds."""
@@ -285,7 +300,7 @@ class Log:
         try:
             with open(self.path, "rb", buffering=0 if topics else -1) as file:
                 some = topics if topics and identity(os.fstat(file.fileno())) == self._scan.identity else None
-                place = np.empty(max((c.size for c in self.chunks), default=0) if some else 0, "u1")  # a thread's own
+                place = np.empty(self._largest if some else 0, "u1")  # a thread's own
                 for i in range(len(self.chunks)) if numbers is None else numbers:
                     call = take and partial(take, i)
                     yield (some and load_topics(self._scan, file, self.chunks[i], some, call, place)) or load_chunk(

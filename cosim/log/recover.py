@@ -77,6 +77,13 @@ def _repack(found, file, chunk, offset):
     return pack_chunk(found.layout, content, [held], chunk.compression, k0, n, entries, offset)
 
 
+def _sum(log, topic):
+    digest = hashlib.sha256()
+    for k0, n in log.spans:
+        digest.update(log.array(topic, k0, k0 + n))
+    return digest.hexdigest()
+
+
 def info(path: str | Path, *, check: Any = False, limits: Any = None) -> dict[str, Any]:
     """Return a dict that describes a log, be it whole or not; raises LogError when there is nothing to describe.
 
@@ -92,7 +99,7 @@ def info(path: str | Path, *, check: Any = False, limits: Any = None) -> dict[st
     sums = {}
     if check and problem is None:
         try:
-            sums = {name: hashlib.sha256(log.array(name)).hexdigest() for name in log.topics}
+            sums = {name: _sum(log, name) for name in log.topics}
         except LogError as error:
             problem = str(error)
     spans = log.spans

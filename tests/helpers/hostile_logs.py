@@ -277,10 +277,13 @@ def sealed(found, path):
         seen = scan(path, Limits(), tolerant=True)
         crc = zlib.crc32(out)
         return bytes(
-            out + closing(len(out), crc, seen.schemas, seen.channels, seen.chunks, seen.attachments, seen.metadata)
+            out
+            + b"".join(
+                closing(len(out), crc, seen.schemas, seen.channels, seen.chunks, seen.attachments, seen.metadata)
+            )
         )
     except (LogError, struct.error, KeyError):
-        return bytes(out + closing(len(out), zlib.crc32(out), [], [], [], [], []))
+        return bytes(out + b"".join(closing(len(out), zlib.crc32(out), [], [], [], [], [])))
 
 
 def _metadata(name, texts):
