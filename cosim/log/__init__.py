@@ -5,7 +5,7 @@ from .format import Limits, LogError, Topic, TopicInfo
 from .foxglove import Pose
 from .layouts import viewer_layouts
 from .reader import Log, open_log
-from .recover import info, recover
+from .recover import compact, info, recover
 from .writer import LogWriter, fits
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "Pose",
     "Topic",
     "TopicInfo",
+    "compact",
     "fingerprint",
     "fits",
     "info",

@@ -161,17 +161,6 @@ class Log:
             raise _Unknown(f"{self.path} has no topic {topic!r}{_near(topic, self.topics)}; log.topics has all")
         return list(self.topics).index(topic)
 
-    def columns(self, topic: str, fields: Sequence[str], kind: Any = np.float64) -> np.ndarray:
-        """Return fields of a topic as (fields, rows) of `kind`; memory is that of the result and of a few chunks."""
-        at = [self.topics[topic].fields.index(name) for name in fields]
-        out, done = np.empty((len(at), self.topics[topic].rows), kind), 0
-        for i in range(0, len(self.spans), BLOCK):
-            block = self.spans[i : i + BLOCK]
-            values = self.array(topic, block[0][0], sum(block[-1]))
-            out[:, done : done + len(values)] = values[:, at].T
-            done += len(values)
-        return out
-
     def ticks(self, topic: str, start: float = 0, stop: Any = None) -> np.ndarray:
         """Return the tick of each row of a topic (rows,) as int64; see `array` for the bounds."""
         self._number(topic)
@@ -184,15 +173,18 @@ class Log:
         """Return the simulated time of each row of a topic (rows,) as int64 [ns]."""
         return self.ticks(topic) * self.dt_ns
 
-    def _frame(self, topic, values):
+    def _frame(self, topic, values, fields=None, start=0, stop=None):
         import pandas as pd  # half a second, which a run that only writes need not wait for
 
-        every = self.topics[topic].every
-        if every not in self._index:
-            self._index[every] = pd.Index(self.times_ns(topic) / 1e9, name="t_s")
         info = self.topics[topic]
-        made = pd.DataFrame(values, index=self._index[every], columns=list(info.fields), copy=False)
-        made.attrs["units"] = dict(zip(info.fields, info.units))
+        names = list(info.fields if fields is None else fields)
+        key = info.every, start, stop
+        if key not in self._index:
+            self._index = {k: v for k, v in self._index.items() if k[1:] == (0, None)}  # of whole topics
+            self._index[key] = pd.Index(self.ticks(topic, start, stop) * self.dt_ns / 1e9, name="t_s")
+        made = pd.DataFrame(values, index=self._index[key], columns=names, copy=False)
+        units = dict(zip(info.fields, info.units))
+        made.attrs["units"] = {name: units[name] for name in names}
         return made
 
     def frame(
@@ -209,48 +201,52 @@ class Log:
         `attrs["units"]` is {column: unit}, "-" for a number without one. Raises KeyError for a topic or field that is
         not there.
         """
-        if fields is None and start_s is None and end_s is None:
-            return self._frame(topic, self.array(topic))
-        parts = list(self._parts_of(topic, fields, start_s, end_s))
-        import pandas as pd
-
-        made = pd.concat(parts) if len(parts) > 1 else parts[0]
-        made.attrs = parts[0].attrs
-        return made
+        self._number(topic)
+        chosen = [fields] if isinstance(fields, str) else fields
+        start = 0 if start_s is None else max(0, self._first(start_s))
+        stop = None if end_s is None else max(start, self._first(end_s))
+        if chosen is None:
+            values = self.array(topic, start, stop)
+        else:
+            values = self.columns(topic, chosen, start=start, stop=stop).T
+        return self._frame(topic, values, chosen, start, stop)
 
     def frames(self, topics: Any = None) -> Any:
         """Return {topic: DataFrame} of several topics (default: all), each chunk read once; of one topic, given as a
         string, an iterator over DataFrames of its rows, a few chunks at a time.
         """
         if isinstance(topics, str):
-            return self._parts_of(topics, None, None, None)
+            self._number(topics)
+            return (self._frame(topics, self.array(topics, a, b), None, a, b) for a, b in self._blocks())
         return {name: self._frame(name, values) for name, values in self.arrays(topics).items()}
 
-    def _parts_of(self, topic, fields, start_s, end_s):
-        """Yield a topic's rows as DataFrames, BLOCK chunks at a time; at least one, which may be empty."""
-        import pandas as pd
+    def _blocks(self, start=0, stop=None):
+        """Yield (start, stop) of the ticks of BLOCK chunks each, within the bounds; one at least, perhaps empty."""
+        spans = self.spans or [(0, 0)]
+        for i in range(0, len(spans), BLOCK):
+            first, (k0, n) = spans[i][0], spans[min(i + BLOCK, len(spans)) - 1]
+            a, b = max(start, first), k0 + n if stop is None else min(stop, k0 + n)
+            if a < b or not i:
+                yield a, max(a, b)
 
+    def columns(
+        self, topic: str, fields: Sequence[str], kind: Any = np.float64, *, start: int = 0, stop: int | None = None
+    ) -> np.ndarray:
+        """Return fields of a topic as (fields, rows) of `kind`, ticks start <= k < stop; memory is that of the result
+        and of a few chunks. Raises KeyError for a topic or field that is not there.
+        """
         self._number(topic)
-        info, chosen = self.topics[topic], [fields] if isinstance(fields, str) else fields
-        for name in chosen or ():
-            if name not in info.fields:
-                raise _Unknown(f"topic {topic} has no field {name!r}{_near(name, info.fields, 'fields')}")
-        columns = list(info.fields if chosen is None else chosen)
-        at = [info.fields.index(name) for name in columns]
-        first, stop = (None if t is None else self._first(t) for t in (start_s, end_s))
-        units, none = {name: info.units[i] for name, i in zip(columns, at)}, True
-        for i in range(0, max(1, len(self.spans)), BLOCK):
-            block = self.spans[i : i + BLOCK]
-            a = max(first or 0, block[0][0] if block else 0)
-            b = min(sum(block[-1]) if block else 0, sum(block[-1]) if stop is None else stop) if block else 0
-            last = i + BLOCK >= len(self.spans)
-            if a < b or (last and none):
-                values = self.array(topic, a, b)
-                kept = values if chosen is None else np.ascontiguousarray(values[:, at])
-                index = pd.Index(self.ticks(topic, a, b) * self.dt_ns / 1e9, name="t_s")
-                made = pd.DataFrame(kept, index=index, columns=columns, copy=False)
-                made.attrs["units"], none = units, False
-                yield made
+        known = self.topics[topic].fields
+        for name in fields:
+            if name not in known:
+                raise _Unknown(f"topic {topic} has no field {name!r}{_near(name, known, 'fields')}")
+        at = [known.index(name) for name in fields]
+        out, done = np.empty((len(at), len(self.ticks(topic, start, stop))), kind), 0
+        for a, b in self._blocks(start, stop):
+            values = self.array(topic, a, b)
+            out[:, done : done + len(values)] = values[:, at].T
+            done += len(values)
+        return out
 
     def _first(self, t_s):
         """Return the first tick at or after a time [s]; a time that was rounded to the index's is that of its tick."""

@@ -97,6 +97,9 @@ def describe(log: Log, chosen: Any = None, overrides: Mapping[str, Any] | None =
     `overrides` is {detector: {parameter: value}}.
     """
     found = manifest(log)
+    if log.metadata.get("run", {}).get("log_profile") == "signals":
+        remedy = "Fly it again with log_profile = 'full' or 'replay'"
+        raise ReplayError("holds signals alone, not what detectors read", place=str(log.path), remedy=remedy)
     known = [d["id"] for d in found]
     if chosen is not None and not chosen:
         raise ReplayError("no detector is named", place="--detectors", allowed=", ".join(known))

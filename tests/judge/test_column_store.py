@@ -43,8 +43,8 @@ def test_a_flight_on_disk_is_the_same_flight(tmp_path, monkeypatch):
         asked = replay(tmp_path / "0.mcap", overrides={"ofc_monitor": {"threshold": 1e-4}}).to_dict()
         page = flight_report(tmp_path / "0.mcap", tmp_path / "page.html").read_text()
         lanes = [lane.entry for lane in recording.LoggedFlight(tmp_path / "0.mcap").lanes]
-        return {k: v for k, v in result.items() if "wall" not in k and k not in ("log", "realtime_factor", "startup_s")}, \
-            (tmp_path / f"{name}.mcap").read_bytes(), asked, lanes, len(page)  # fmt: skip
+        kept = {k: v for k, v in result.items() if "wall" not in k and k not in ("log", "realtime_factor", "startup_s")}
+        return kept, (tmp_path / f"{name}.mcap").read_bytes(), asked, lanes, len(page)
 
     whole = flown("0")
     monkeypatch.setattr(column_store, "MEMORY", 0)
