@@ -109,6 +109,7 @@ def open_writer(setup: Any, path: str | os.PathLike) -> LogWriter:
     if profile:
         channels = PROFILES[profile](channels, manifest)
     blocks = [loop.sensors, loop.pilot, loop.law, loop.hinge, *loop.detectors, *loop.servos, *loop.actuators]
+    blocks = loop.detectors if profile == "replay" else blocks
     attachments = {
         "scenario.toml": ("application/toml", _portable(setup.scenario).encode()),
         "detectors.json": (
@@ -142,7 +143,7 @@ def open_writer(setup: Any, path: str | os.PathLike) -> LogWriter:
         pose=None if profile == "replay" else pose(loop.bus),
         compression="zstd-fast" if profile else "lz4",
     )
-    for f in setup.scenario.faults:
+    for f in setup.scenario.faults if profile != "replay" else ():
         start, end = (None if t is None else round(t * setup.scenario.rate_hz) for t in (f.start_s, f.end_s))
         writer.window(start, start, end, kind=f.kind, target=f.target)
     return writer
