@@ -10,8 +10,8 @@ import shutil
 import signal
 from collections import Counter
 
-import hostile_recordings
 import pytest
+import strategies
 from commands import commands
 
 from cosim.files import left_by
@@ -47,8 +47,8 @@ def _sum(path):
 @pytest.fixture
 def work(tmp_path):
     """Return a folder with inputs and what each command makes of them without being killed, and the commands."""
-    hostile_recordings.write_maps(tmp_path)
-    hostile_recordings.write_whole(tmp_path / "rec.csv")
+    strategies.write_maps(tmp_path)
+    strategies.write_whole(tmp_path / "rec.csv")
     (tmp_path / "few.toml").write_text(FILE)
     (tmp_path / "free.toml").write_text(FREE)
     (tmp_path / "README.md").write_text(README)
