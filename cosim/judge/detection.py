@@ -106,7 +106,7 @@ def _distinct(rows):
         new[1:] |= row[1:] != row[:-1]
     at = np.flatnonzero(new)
     different, which = np.unique(np.stack([row[at] for row in rows]), axis=1, return_inverse=True)
-    return different, np.repeat(which.ravel(), np.diff(np.append(at, len(new))))
+    return different, np.repeat(which.ravel().astype(np.int32), np.diff(np.append(at, len(new))))
 
 
 def noticed(
@@ -248,13 +248,13 @@ def last_name(s: Said, given: NDArray, watch: Watch, dt: float) -> dict:
 
 
 def _names(watch, s, fault, ticks, others, dt):
-    """Return (the different Names of `fault` that are said at `ticks`, index of that at each (len(ticks),)).
+    """Return (the different Names of `fault` that are said at `ticks` (or a slice), index of that at each (n,)).
 
     Of the `others`, those count that are there at the tick.
     """
-    there = np.zeros(len(ticks), np.int64)
+    there: Any = np.zeros(len(s.verdict[ticks]), np.int64 if len(others) > 30 else np.int32)
     for i, f in enumerate(others):
-        there += faulty([f], len(s.alarm), dt)[ticks].astype(np.int64) << i
+        there += faulty([f], len(s.alarm), dt)[ticks].astype(there.dtype) << i
     keys, which = _distinct([s.verdict[ticks], s.part[ticks], there])
     names = []
     for c, p, mask in keys.T:
@@ -296,13 +296,13 @@ def _renamed(watch, s, fault, first, healed, dt, others):
 
 def _first_right(watch, s, fault, first, end, dt, others):
     """Return the first tick in [first, end) from which an alarm has the right name of `fault` for HOLD_S, else None."""
-    ticks = np.arange(first, max(first, end))
+    ticks = slice(first, max(first, end))
     names, which = _names(watch, s, fault, ticks, others, dt)
     good = np.array([n.right for n in names], bool)[which] & s.alarm[ticks] & (s.verdict[ticks] > 0.5)
     for begin in onsets(good):
         stop = begin + int(np.argmin(np.append(good[begin:], False)))
         if (stop - begin) * dt >= HOLD_S - 1e-9:
-            return int(ticks[begin])
+            return first + int(begin)
     return None
 
 
