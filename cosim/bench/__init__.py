@@ -36,9 +36,10 @@ def bench(
 ) -> dict[str, Any]:
     """Return {cases: [{name, us_per_tick, against, ratio, spread}], realtime_factor, detectors, startup_s, peak_mb}.
 
-    `per_flown_second` {log_kb, memory_kb} are what a log and the memory of `run` grow by. `recorded` are the costs of
-    the ten-minute log (cosim.bench.log), `growth` those over blocks, rate and length (cosim.bench.growth), `worker_mb` the memory of a campaign's worker. `memory=False` leaves out that flight and the
-    worker's (None). `progress(done, total)` is called between the parts.
+    `per_flown_second` {log_kb, memory_kb} are what a log and the memory of `run` grow by. `recorded` are the costs
+    of the ten-minute log (cosim.bench.log), `growth` those over blocks, rate and length (cosim.bench.growth),
+    `worker_mb` the memory of a campaign's worker. `memory=False` leaves out that flight and the worker's (None).
+    `progress(done, total)` is called between the parts.
     """
     done = progress or (lambda done, total: None)
     total = rounds + 4
