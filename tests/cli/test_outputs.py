@@ -157,7 +157,10 @@ def _report(path, log):
     flight_report(log, path)
 
 
-@pytest.mark.parametrize("call", [_simulate, _hand, _replay, _recover, _compact, _report], ids=lambda call: call.__name__)
+CALLS = _simulate, _hand, _replay, _recover, _compact, _report
+
+
+@pytest.mark.parametrize("call", CALLS, ids=lambda call: call.__name__)
 def test_python_calls_write_over_no_foreign_file(call, flown, tmp_path):
     own = tmp_path / "own.py"
     own.write_text(OWN)
