@@ -5,7 +5,7 @@ from .format import Limits, LogError, Topic, TopicInfo
 from .foxglove import Pose
 from .layouts import viewer_layouts
 from .reader import Log, open_log
-from .recover import compact, info, recover
+from .recover import compact, recover
 from .writer import LogWriter, fits
 
 __all__ = [
@@ -19,7 +19,6 @@ __all__ = [
     "compact",
     "fingerprint",
     "fits",
-    "info",
     "open_log",
     "recover",
     "viewer_layouts",

@@ -1,7 +1,6 @@
-"""Make a readable log of what a killed run, a full disk or a damaged disk has left, and say what a log holds."""
+"""Make a readable log of what a killed run, a full disk or a damaged disk has left."""
 
 import dataclasses
-import hashlib
 import io
 import os
 from pathlib import Path
@@ -9,11 +8,10 @@ from typing import Any
 
 from .chunk import HEAD
 from .compression import compressor
-from .format import Limits, LogError, log_error
+from .format import Limits, log_error
 from .load import drop_damaged_chunks, load_chunk
-from .reader import open_log
 from .record_writer import Sink
-from .records import content_hash, pack_chunk
+from .records import pack_chunk
 from .validate import scan
 
 
@@ -94,58 +92,3 @@ def _repack(found, file, chunk, offset, compress):
         at += HEAD.itemsize + len(data)
     data, kind = ([compress(content)], "zstd") if compress else ([held], chunk.compression)
     return pack_chunk(found.layout, content, data, kind, k0, n, entries, offset)
-
-
-def _sum(log, topic):
-    digest = hashlib.sha256()
-    for k0, n in log.spans:
-        digest.update(log.array(topic, k0, k0 + n))
-    return digest.hexdigest()
-
-
-def info(path: str | Path, *, check: Any = False, limits: Any = None) -> dict[str, Any]:
-    """Return a dict that describes a log, be it whole or not; raises LogError when there is nothing to describe.
-
-    `readable` (the strict reader takes it), `problem` (why not), `complete` (the run ended by itself), `ticks`, `dt_s`,
-    `duration_s`, `bytes`, `chunks`, `gaps` (ticks missing between chunks), `result`, `metadata`, `attachments` {name:
-    bytes}, `content` (the hash of all samples, part of the result too) and `topics` {name: {rows, fields, every, units,
-    sha256}}; the last, of a topic's float64 values row after row, is None unless `check` has all content read.
-    """
-    try:
-        log, problem = open_log(path, limits=limits), None
-    except LogError as error:
-        log, problem = open_log(path, limits=limits, tolerant=True), str(error)
-    sums = {}
-    if check and problem is None:
-        try:
-            sums = {name: _sum(log, name) for name in log.topics}
-        except LogError as error:
-            problem = str(error)
-    spans = log.spans
-    return {
-        "path": log.path,
-        "bytes": os.path.getsize(log.path),
-        "readable": problem is None,
-        "problem": problem,
-        "complete": log.complete,
-        "recovered": "recovered" in log.metadata,
-        "ticks": log.n_ticks,
-        "dt_s": log.dt_ns / 1e9,
-        "duration_s": sum(spans[-1]) * log.dt_ns / 1e9 if spans else 0.0,
-        "gaps": (sum(spans[-1]) - log.n_ticks) if spans else 0,
-        "chunks": len(spans),
-        "content": content_hash(log.chunks),
-        "result": log.result or {},
-        "metadata": {k: v for k, v in log.metadata.items() if k not in ("result", "preamble")},
-        "attachments": {name: len(data) for name, data in log.attachments.items()},
-        "topics": {
-            t.name: {
-                "rows": t.rows,
-                "every": t.every,
-                "fields": list(t.fields),
-                "units": list(t.units),
-                "sha256": sums.get(t.name),
-            }
-            for t in log.topics.values()
-        },
-    }
