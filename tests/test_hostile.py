@@ -35,10 +35,13 @@ LONGEST_S, MOST = 20.0, 300 << 20  # of the processor, and memory above what the
 
 def through(given, few, share=1.0):
     """Return what sends `few` cases, or COSIM_CASES x `share`, through doors(data), and prints what came of them."""
-    told = {"taken": 0, "refused": 0, "slowest": 0.0, "largest": 0}
+    told = {"cases": 0, "taken": 0, "refused": 0, "slowest": 0.0, "largest": 0}
 
     def case(data, doors):
         made = data.draw(given)
+        told["cases"] += 1
+        if MANY and told["cases"] % 100 == 0:
+            print(told, flush=True)
         for door in doors(data):
             begun = time.process_time()
             try:
@@ -57,7 +60,7 @@ def through(given, few, share=1.0):
             suppress_health_check=list(hypothesis.HealthCheck), phases=[hypothesis.Phase.generate],
             report_multiple_bugs=bool(MANY))  # fmt: skip
         settings(hypothesis.given(data=st.data())(lambda data: case(data, doors)))()
-        print(f"\n{told['taken']} taken, {told['refused']} refused, slowest {told['slowest']:.1f} s, largest "
+        print(f"\n{told['cases']} cases: {told['taken']} taken, {told['refused']} refused, slowest {told['slowest']:.1f} s, largest "
               f"{told['largest'] / 1e6:.0f} MB above the process")  # fmt: skip
 
     return run
