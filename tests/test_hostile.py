@@ -60,8 +60,8 @@ def through(given, few, share=1.0):
             suppress_health_check=list(hypothesis.HealthCheck), phases=[hypothesis.Phase.generate],
             report_multiple_bugs=bool(MANY))  # fmt: skip
         settings(hypothesis.given(data=st.data())(lambda data: case(data, doors)))()
-        print(f"\n{told['cases']} cases: {told['taken']} taken, {told['refused']} refused, slowest {told['slowest']:.1f} s, largest "
-              f"{told['largest'] / 1e6:.0f} MB above the process")  # fmt: skip
+        print(f"\n{told['cases']} cases: {told['taken']} taken, {told['refused']} refused, "
+              f"slowest {told['slowest']:.1f} s, largest {told['largest'] / 1e6:.0f} MB above the process")  # fmt: skip
 
     return run
 
