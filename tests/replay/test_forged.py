@@ -96,7 +96,7 @@ SCENARIOS = {
 def _reshaped(*shape):
     """Return an array with one record of the detector's own parameters, in a shape that no flight writes."""
     out, module = io.BytesIO(), importlib.import_module("fdi.hydraulic.iotsekf")
-    np.save(out, np.zeros(shape, module.PARAMS))
+    np.save(out, np.zeros(shape, np.lib.format.drop_metadata(module.PARAMS)))
     return out.getvalue()
 
 
