@@ -97,6 +97,9 @@ def describe(log: Log, chosen: Any = None, overrides: Mapping[str, Any] | None =
     `overrides` is {detector: {parameter: value}}.
     """
     found = manifest(log)
+    if log.metadata.get("run", {}).get("log_profile") == "signals":
+        remedy = "Fly it again with log_profile = 'full' or 'replay'"
+        raise ReplayError("holds signals alone, not what detectors read", place=str(log.path), remedy=remedy)
     known = [d["id"] for d in found]
     if chosen is not None and not chosen:
         raise ReplayError("no detector is named", place="--detectors", allowed=", ".join(known))
@@ -112,8 +115,8 @@ def describe(log: Log, chosen: Any = None, overrides: Mapping[str, Any] | None =
     out = []
     for d in (d for d in found if (not chosen or d["id"] in chosen) and registry.known(d["id"])):
         record, module = registry.record(d["id"]), registry.module(d["id"])
-        p = attached(log, f"{d['id']}.params", module.PARAMS)
-        x = attached(log, f"{d['id']}.initial", module.STATE)
+        p = attached(log, f"{d['id']}.params", module.PARAMS, len(d["lanes"]))
+        x = attached(log, f"{d['id']}.initial", module.STATE, len(d["lanes"]))
         trusted(log, record, module, p, x, tick_of(log))
         override(record, module, p, (overrides or {}).get(d["id"], {}), tick_of(log))
         for i, lane in enumerate(d["lanes"]):
