@@ -45,7 +45,7 @@ def read_table(path: Path, columns: tuple[str, ...] = (), rows: int | None = Non
 def _text(path, columns, rows):
     import pandas as pd
 
-    if rows is None and path.stat().st_size > MOST_BYTES:
+    if path.stat().st_size > MOST_BYTES:
         raise LogError(
             f"has {path.stat().st_size / 1e9:.3g} GB", place=str(path), allowed=f"{MOST_BYTES / 1e9:g} GB of text",
             remedy="Cut it, or keep the columns that are needed as Parquet",
