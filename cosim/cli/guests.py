@@ -57,7 +57,7 @@ def map_(
     ] = None,
     columns: Annotated[
         str | None,
-        typer.Option(metavar="A,B,...", help="Names of a file without any; or a file that has them.", show_default=False),
+        typer.Option(metavar="A,B,...", help="Names of a file without any, or a file with them.", show_default=False),
     ] = None,
     output: Annotated[Path | None, output_option("MAP.toml", "Default: print it.")] = None,
     overwrite: OverwriteOption = False,

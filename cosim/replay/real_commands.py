@@ -23,7 +23,8 @@ from cosim.judge.detection import watch_of
 from cosim.judge.result import judge, judged
 from cosim.replay import clock
 from cosim.replay.bench import Ride, move
-from cosim.replay.map import columns, prepare, run
+from cosim.replay.detector_replay import output_names
+from cosim.replay.map import prepare, run
 from cosim.replay.real import MAPS, bounds, recordings
 from cosim.scenario import load_scenario
 
@@ -118,7 +119,7 @@ def ridden(found: list[Ride], seed: int) -> Iterable[tuple[str, str, dict, float
         seen |= {f"{SEGMENT}.hm0": told[0], f"{SEGMENT}.hmd": told[1], "de_cmd": np.array([r.command for r in own])}
         for d in installed:
             p = d.params(free, DT)[d.lanes.index(SEGMENT)][None]
-            names = [n for n, _ in columns(d.module.STATE, d.module.OUTPUTS)]
+            names = output_names(d)
             watch = watch_of(d.id, d.level, d.target(SEGMENT), d.module.CULPRITS, {n: i for i, n in enumerate(names)})
             for i, name in enumerate(kind):
                 u = np.zeros((1, len(own[i].command)), d.module.INPUTS)

@@ -21,7 +21,7 @@ NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?|[-+]?nan|[-+]?inf"
 
 
 def read_table(path: Path, columns: tuple[str, ...] = (), rows: int | None = None, time: str | None = None) -> Any:
-    """Return the table in a text or MATLAB file as a DataFrame; `columns` name those of a file without names, and `time`
+    """Return the table in a text or MATLAB file as a DataFrame; `columns` name those of a file without names, `time`
     chooses among the structures of a MATLAB file the one of its time column.
 
     Columns that are no numbers stay as they are. Raises LogError where the file cannot be read, is too large or does

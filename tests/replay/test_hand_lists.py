@@ -1,7 +1,7 @@
 """Drafted maps against lists written by hand: which channel of each public set is which signal, in which unit and sign.
 
 The sets belong to others. Here a flight of the testbed is written with their names, units and signs, and the channels
-that have no counterpart as noise; where COSIM_REAL names their folder, the same lists judge the drafts of the real files.
+that have no counterpart as noise. With COSIM_REAL=DIR the same lists judge the drafts of the real files below DIR.
 """
 
 import os
@@ -94,7 +94,8 @@ def written(name, path):
     if name == "oat":
         table["el_1.delta_e"] = 5000.0 * table["el_1.delta_e"] / 0.1
     others = OTHER.get(name, OTHER["attas"])
-    table |= {c: 5.0 * np.sin(0.3 * flight["t"] + k) + rng.normal(0.0, 0.1, flight["rows"]) for k, c in enumerate(others)}
+    for k, c in enumerate(others):
+        table[c] = 5.0 * np.sin(0.3 * flight["t"] + k) + rng.normal(0.0, 0.1, flight["rows"])
     pd.DataFrame(table).to_csv(path, index=False)
 
 
