@@ -300,4 +300,5 @@ def _write(path, done, out, text, dt):
     with LogWriter(path, topics, n_values=at, dt_ns=round(dt * 1e9), **kept) as log:
         for row in np.concatenate(parts, axis=1):
             log.append(row)
-        log.close(result={"status": "diagnosed", "detectors": json.dumps(plain(out.detectors), sort_keys=True)})
+        told = {n: json.dumps(plain(getattr(out, n)), sort_keys=True) for n in ("detectors", "caveats", "not_run")}
+        log.close(result={"status": "diagnosed", **told})

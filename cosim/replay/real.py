@@ -34,7 +34,7 @@ class Recordings:
 SETS = (
     Recordings(
         "ATTAS", "attas",
-        tuple(f"fAttas{run}.mat" for run in ("Elv1", "Elv2", "Ail1", "Rud1", "AilRud1")),
+        tuple(f"fAttas{run}.mat" for run in ("Elv1", "Elv2", "Ail1", "Rud1", "AilRud1", "AilRud2")),
         recipe="github.com/josemiguelbento/UAV-OAT-controlo, RVJategaonkar_codes_2ed/flt_data: companion data of "
         "Jategaonkar, Flight Vehicle System Identification, 2nd edition (author and AIAA)",
     ),
@@ -45,6 +45,8 @@ SETS = (
                "stated)"),
     Recordings("Twin Otter", "twin_otter", ("totter_lon_data.mat",),
                recipe="as ATTAS, RefIdent/SIDPAC (usage agreement of SIDPAC)"),
+    Recordings("OAT UAV", "oat", ("ProcessedData_2022_05_07_11_13_57.mat",),
+               recipe="as ATTAS, get_coeffs/flight_data_1 (no licence stated)"),
 )  # fmt: skip
 
 
@@ -97,6 +99,9 @@ def page(folder: Path) -> str:
             failed.append(f"| {s.title} | {path.name} | {error.problem}; {error.remedy} |")
             continue
         lines += rows(s, path, told)
+        if not any(d["valid_pct"] for d in told.detectors):
+            why = "; ".join(c for c in told.caveats if "not valid there" in c)
+            failed.append(f"| {s.title} | {path.name} | no detector is ever valid: {why} |")
         for d in told.detectors:
             hours, alarms = valid.get(d["id"], (0.0, 0))
             valid[d["id"]] = hours + told.duration_s * d["valid_pct"] / 3.6e5, alarms + d["alarms"]

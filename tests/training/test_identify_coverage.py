@@ -125,6 +125,6 @@ def test_thresholds_keep_their_probability_of_a_false_alarm_on_what_was_held_bac
             fitted, raised = fitted + 1, raised + (found.factor > 1.0)
             alarms, seconds = alarms + found.alarms, seconds + found.held_back_s
     expected = PROBABILITY * seconds / 60.0
-    print(f"\nthresholds: {alarms} alarms in {seconds:.0f} s held back of {fitted} recordings, {expected:.2g} expected; "
+    print(f"\nthresholds: {alarms} alarms in {seconds:.0f} s held back, {fitted} recordings, {expected:.2g} expected, "
           f"{raised} with thresholds above the shipped ones")  # fmt: skip
     assert fitted == CASES and poisson.sf(alarms - 1, expected) > 1e-3
