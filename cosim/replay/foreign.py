@@ -127,7 +127,7 @@ def _table(frame, path, stem, time, on_reset, part):
             f"no time column {name or ''}".rstrip(),
             place=str(path),
             allowed=f"one of its columns: {', '.join(map(str, frame.columns[:20]))}",
-            remedy="--time COLUMN names it; of a file without names: columns = [...] in the map, or cosim map --columns",
+            remedy="--time COLUMN names it; without names: columns = [...] in the map, or cosim map --columns",
         )
     t = _seconds(frame[name], str(name), path)
     numbers = frame.drop(columns=name).select_dtypes(["number", "bool"], exclude="timedelta").astype(np.float64)

@@ -3,8 +3,8 @@
     COSIM_CASES=100 pytest -m slow -n 0 -s tests/training/test_identify_coverage.py
 
 Responses come from flights with an actuator of drawn parameters under the law's commands, flows from the hydraulic
-bench on the commands of simulated flights. Thresholds are learned on the first part of a healthy recording and checked on the
-rest.
+bench on the commands of simulated flights. Thresholds are learned on the first part of a healthy recording and checked
+on the rest.
 """
 
 import os
