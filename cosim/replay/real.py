@@ -126,12 +126,12 @@ def _head():
         "Written by `python -m cosim.replay.real DIR`, DIR being a folder with the sets below in it; the data are not",
         "part of this project. Nothing in these recordings is known to be broken: every alarm counts as a false one.",
         "All of them are of other aircraft than the designs of the detectors (the narrow-body's), so that an alarm",
-        "speaks of the model first, and of thresholds learned in simulation second. An elevator command is nowhere",
-        "recorded; the measured deflection stands in for it. No recorded aircraft has sensors inside an actuator, so",
-        "that no actuator-local detector can judge. A detector that is in alarm for nearly all of its valid time does",
-        "not fit the recording: its count of alarms says nothing, its share of the time in alarm does. `kinematic`",
-        "does not fit: it compares inertial with air data, and one stands in for the other here; between samples of",
-        "10 to 25 Hz that are interpolated to its 200 Hz there is no noise, which it takes for a frozen reading.",
+        "speaks of the model first, and of thresholds learned in simulation second. An elevator command is recorded by",
+        "the UAV alone; elsewhere the measured deflection stands in for it. No recorded aircraft has sensors inside an",
+        "actuator, so that no actuator-local detector can judge. A detector that is in alarm for nearly all of its valid",
+        "time does not fit the recording: its count of alarms says nothing, its share of the time in alarm does.",
+        "`kinematic` does not fit: it compares inertial with air data, and one stands in for the other here; between",
+        "samples of 10 to 25 Hz that are interpolated to its 200 Hz there is no noise, which it takes for frozen.",
         "",
     ]  # fmt: skip
 
