@@ -5,6 +5,7 @@ import pytest
 
 import cosim
 from actuators.block import dtype, entry, kernel, record
+from cosim.campaign.inventory import inventory
 from cosim.log import open_log
 from cosim.replay.detector_replay import describe, fill
 from fdi import registry
@@ -138,3 +139,9 @@ def test_what_is_learned_is_learned_in_range_and_the_apron_leaves_no_trace(flown
     assert alone["valid"][0][-1] == 1.0
     assert log["valid"][0][n:].sum() == pytest.approx(alone["valid"][0].sum(), abs=20)
     assert log["r"][0][-1] == pytest.approx(alone["r"][0][-1], rel=0.05, abs=0.02)
+
+
+def test_the_range_of_each_detector_is_listed():
+    listed = {d["id"]: d["range"] for d in inventory()["detectors"]}
+    for name, own in registry.records().items():
+        assert all(word in listed[name] for word in own.range) and bool(listed[name]) == bool(own.range)
