@@ -147,7 +147,7 @@ def _mat(path, columns, time=None):
     texts = [v for v in flat.values() if v.dtype.kind == "U" and v.ndim == 1]
     out: dict[str, np.ndarray] = {}
     for name, v in numbers.items():
-        if len(v) != n or _table(name, v)[0] not in ("", chosen[0]):
+        if len(v) != n or (chosen[0] and _table(name, v)[0] not in ("", chosen[0])):
             continue
         if v.ndim == 1:
             out.setdefault(name, v)

@@ -209,3 +209,15 @@ def test_constant_channels_and_gaps_are_judged_around_and_told(tmp_path):
     told = diagnose(path, tmp_path / "map.toml")
     assert any("no sample from 4 to 9" in text for text in told.caveats)
     assert told.signals[0]["valid_pct"] < 65.0 and told.detectors[0]["r_max"] == 0.0
+
+
+def test_one_structure_of_a_file_is_read_and_the_others_are_named(tmp_path):
+    runs = {f"run_{k}": {n: ROWS[: 200 - 50 * k, i] + k for i, n in enumerate(NAMES)} for k in range(2)}
+    path = mat(tmp_path / "a.mat", **runs)
+    (first,) = read_channels(path, time="run_0.T").values()
+    assert first.shape == (200, 2) and list(first.columns) == ["run_0.ALCG", "run_0.VTASCG"]
+    assert first.attrs["oddities"][-1].startswith("read: run_0, 200 rows; left out: run_1 of 150 rows; --time")
+    (second,) = read_channels(path, time="run_1.T").values()
+    np.testing.assert_allclose(second["run_1.ALCG"], ROWS[:150, 1] + 1)
+    frame = read_table(mat(tmp_path / "b.mat", T=ROWS[:, :1], air={"ALCG": ROWS[:, 1]}, other={"x": np.arange(9.0)}))
+    assert set(frame.columns) == {"T", "air.ALCG"}
