@@ -28,6 +28,12 @@ def read_table(path: Path, columns: tuple[str, ...] = (), rows: int | None = Non
     not have as many columns as are named.
     """
     regular(path, LogError)
+    most = 8 * MOST_VALUES if path.suffix.lower() == ".mat" else MOST_BYTES
+    if path.is_file() and path.stat().st_size > most:
+        raise LogError(
+            f"has {path.stat().st_size / 1e9:.3g} GB", place=str(path), allowed=f"{most / 1e9:g} GB",
+            remedy="Cut it, or keep the columns that are needed as Parquet",
+        )  # fmt: skip
     try:
         frame = _mat(path, columns, time) if path.suffix.lower() == ".mat" else _text(path, columns, rows)
     except OSError as error:
@@ -45,11 +51,6 @@ def read_table(path: Path, columns: tuple[str, ...] = (), rows: int | None = Non
 def _text(path, columns, rows):
     import pandas as pd
 
-    if path.stat().st_size > MOST_BYTES:
-        raise LogError(
-            f"has {path.stat().st_size / 1e9:.3g} GB", place=str(path), allowed=f"{MOST_BYTES / 1e9:g} GB of text",
-            remedy="Cut it, or keep the columns that are needed as Parquet",
-        )  # fmt: skip
     begin, names, separator, decimal = _layout(path)
     how: dict[str, Any] = {"sep": separator, "decimal": decimal, "nrows": rows, "encoding_errors": "replace"}
     if begin is None:  # an ordinary header, and anything below it

@@ -154,16 +154,16 @@ runpy.run_module("cosim", run_name="__main__", alter_sys=True)
 """
 
 
-@pytest.mark.parametrize("command", ["map", "replay"])
-def test_a_text_of_five_gigabytes_is_refused_in_one_line_before_it_is_read(tmp_path, command):
-    path = tmp_path / "a.csv"
+@pytest.mark.parametrize(("command", "name"), [("map", "a.csv"), ("replay", "a.csv"), ("map", "a.mat")])
+def test_a_file_of_five_gigabytes_is_refused_in_one_line_before_it_is_read(tmp_path, command, name):
+    path = tmp_path / name
     path.write_text("T,ALCG,VTASCG\n0,1,2\n")
     os.truncate(path, 5 << 30)  # sparse
     (tmp_path / "map.toml").write_text(MAP.replace("columns", "# columns"))
     how = ["--map", str(tmp_path / "map.toml")] if command == "replay" else []
     told = subprocess.run([sys.executable, "-c", LIMITED, command, str(path), *how], capture_output=True, text=True)
     assert told.returncode == 2 and not told.stdout
-    assert len(told.stderr.splitlines()) == 1 and "a.csv: has 5.37 GB" in told.stderr and "Cut it" in told.stderr
+    assert len(told.stderr.splitlines()) == 1 and f"{name}: has 5.37 GB" in told.stderr and "Cut it" in told.stderr
 
 
 def described(path, **columns):
