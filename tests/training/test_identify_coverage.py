@@ -68,6 +68,13 @@ def drawn_flight(k, folder, changes=()):
     return truth, *(flown[n].to_numpy() for n in seen)
 
 
+def test_a_dead_time_just_short_of_a_whole_tick_is_found(tmp_path):
+    truth, command, reading = drawn_flight(7, tmp_path)  # its 3.93 ticks: the sum of squares bends at 4
+    found = respond(command, reading, DT, 0.999).parameters
+    truth["delay"] += LATE
+    assert all(found[name].low <= value <= found[name].high for name, value in truth.items())
+
+
 @pytest.mark.slow
 def test_intervals_of_a_response_hold_the_truth_at_their_level(tmp_path):
     inside: dict[str, list] = {}
