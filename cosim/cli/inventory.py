@@ -38,7 +38,9 @@ LISTS = {  # topic -> title, columns of its table
     "scenarios": ("Scenarios: cosim run NAME", ("name", "what happens:title")),
     "campaigns": ("Campaigns: cosim campaign NAME", ("name", "what is flown:title")),
     "manoeuvres": ("Manoeuvres: --set manoeuvre.kind=KIND", ("kind", "what it does:summary", "keys")),
-    "detectors": ("Detectors: --set 'detectors.enabled=[...]'", ("id", "level", "what it is:summary")),
+    "detectors": (
+        "Detectors: --set 'detectors.enabled=[...]'", ("id", "level", "what it is:summary", "judges in:range")
+    ),
     "classes": ("Classes that a verdict may name", ("class:name", "what is wrong:summary")),
     "signals": ("Signals that a detector may read", ("signal:name", "unit", "what it is:summary")),
     "examples": ("Examples: cosim example NAME copies one here", ("name", "what it does:summary")),

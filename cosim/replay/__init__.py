@@ -27,7 +27,17 @@ from cosim.judge.result import judge, judged, plain
 from cosim.log import open_log
 from cosim.log.chunk import GATHER
 from cosim.replay import guest, log_schema
-from cosim.replay.detector_replay import describe, fill, in_stages, manifest, pieces, replay_lane, tick_of, topics
+from cosim.replay.detector_replay import (
+    describe,
+    elements,
+    fill,
+    in_stages,
+    manifest,
+    pieces,
+    replay_lane,
+    tick_of,
+    topics,
+)
 from cosim.replay.params import ReplayError, check_start
 from cosim.replay.write import Overlay
 
@@ -190,7 +200,7 @@ def _each(members, call, pool):
 def _fresh(log, own, faults):
     """Return the results of a guest on a flight that it was not part of."""
     technologies, out = log_schema.scenario(log).elevator.technology, []
-    names = [n for n, _ in guest.fields(own)]
+    names = [n for n, _ in elements(own.STATE, own.OUTPUTS)]
     for lane, rows in guest.outputs(log, own, technologies).items():
         record = own.DETECTOR
         target = f"elevator.{lane}" if record.level == "local" else "aircraft"

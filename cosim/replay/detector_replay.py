@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.block import Entry
+from actuators.block import Entry, unit
 from cosim.errors import LogError, did_you_mean
 from cosim.flight.detection.parameters import wrong_state
 from cosim.flight.plugins.plain import PlainDetector
@@ -195,6 +195,20 @@ def columns(kind: Any, names: Sequence[Any]) -> np.ndarray:
             sub, offset = kind.fields[name][:2]
             out += range(offset // 8, offset // 8 + sub.itemsize // 8)
     return np.array(out, np.int64)
+
+
+def elements(kind: Any, names: Sequence[str]) -> list[tuple[str, str]]:
+    """Return [(field of a log, unit)] of the elements of fields `names` of a record, in memory order."""
+    out: list[tuple[str, str]] = []
+    for name in (n for n in kind.names if n in names):
+        count = kind[name].itemsize // 8
+        out += [(name if kind[name].shape == () else f"{name}_{i}", unit(kind, name)) for i in range(count)]
+    return out
+
+
+def output_names(d: Any) -> list[str]:
+    """Return the names of a detector's outputs as they stand in its rows."""
+    return [name for name, _ in elements(d.module.STATE, d.module.OUTPUTS)]
 
 
 @lru_cache(maxsize=64)

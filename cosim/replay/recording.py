@@ -21,6 +21,7 @@ from cosim.judge.detection import watch_of
 from cosim.judge.result import judge, judged
 from cosim.log import Log, open_log
 from cosim.replay import guest, log_schema
+from cosim.replay.detector_replay import elements
 from cosim.scenario.catalog import ACTUATOR_SENSORS, SENSORS
 from cosim.scenario.vocabulary import place
 
@@ -211,7 +212,7 @@ class LoggedFlight:
         flew = {lane.id for lane in out}
         for own in (g for g in self._guests if g.DETECTOR.id not in flew):
             about = {"id": own.DETECTOR.id, "level": own.DETECTOR.level, "every": own.DETECTOR.every}
-            names = dict(guest.fields(own))
+            names = dict(elements(own.STATE, own.OUTPUTS))
             for lane, told in guest.outputs(self.log, own, self.scenario.elevator.technology).items():
                 out.append(self._lane(about, lane, names, dict(zip(names, told.T)), told))
         return sorted(out, key=lambda lane: lane.level != "aircraft")

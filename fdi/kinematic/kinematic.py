@@ -38,16 +38,15 @@ from typing import Any
 import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
-from fdi.common.envelope import FLYING, outside
+from fdi.common.envelope import ATMOSPHERE, FLYING, SUBSONIC, box
 from fdi.common.record import Detector
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, SENSOR
-from fdi.common.why import BOX_SPEED, LOST_SENSOR, NOT_READY, VALID
+from fdi.common.why import BOX_ALTITUDE, BOX_MACH, BOX_SPEED, LOST_SENSOR, NOT_READY, VALID
 from fdi.kinematic.rows import compare, read
 from fdi.kinematic.signatures import FAST, FIRST, JUMPS, MAY, MUST, NC, NR, NS, OF, SENSORS, SHOWS, SIGNATURES
 
 CULPRITS = ("", *SENSORS)
-SLOWEST, FASTEST = FLYING
 HIDDEN = 1.25  # of a threshold: an error that shows larger should have fired
 
 PARAMS = dtype(
@@ -123,7 +122,7 @@ DETECTOR = Detector(
     | {"sensor.alpha": ("sensor", "ambiguous"), "sensor.beta": ("sensor", "ambiguous"), "sensor.n_y": ("sensor",)},
     blind="no force enters: neither effectors nor actuators; of alpha, beta and n_y it sees noise and a frozen reading",
     any_aircraft=True,
-    range={"tas": FLYING},
+    range={"tas": FLYING, "mach": SUBSONIC, "h_baro": ATMOSPHERE, "h_inertial": ATMOSPHERE},
     fit=lambda site: params(own=site.own),
 )
 
@@ -239,7 +238,7 @@ def _decide(x, p, dt):
 
 
 @kernel
-def _rest(x, p):
+def _rest(x, p, why):
     """Say nothing while out of range; what integrates starts anew afterwards, learning does where it was not done."""
     for i in range(NS):
         x.ticks[i] = 0.0
@@ -251,15 +250,19 @@ def _rest(x, p):
         x.age, x.n_learn = 0.0, 0.0
         for i in range(NS):
             x.level[i] = 0.0
-    x.since, x.noisy, x.quiet, x.valid, x.why = 0.0, 0.0, 0.0, 0.0, BOX_SPEED
+    x.since, x.noisy, x.quiet, x.valid, x.why = 0.0, 0.0, 0.0, 0.0, why
     x.r, x.alarm, x.verdict, x.culprit = 0.0, 0.0, NONE, 0.0
 
 
 @kernel
 def step(x, u, p, dt):
     """Read, compare, decide."""
-    if outside(u.tas, u.tas_valid, SLOWEST, FASTEST) > 0.5:
-        _rest(x, p)
+    beyond = box(u.tas, u.tas_valid, FLYING[0], FLYING[1], BOX_SPEED, VALID)
+    beyond = box(u.mach, u.mach_valid, SUBSONIC[0], SUBSONIC[1], BOX_MACH, beyond)
+    beyond = box(u.h_baro, u.h_baro_valid, ATMOSPHERE[0], ATMOSPHERE[1], BOX_ALTITUDE, beyond)
+    beyond = box(u.h_inertial, u.h_inertial_valid, ATMOSPHERE[0], ATMOSPHERE[1], BOX_ALTITUDE, beyond)
+    if beyond != VALID:
+        _rest(x, p, beyond)
         return
     read(x, u)
     compare(x, p, dt)
