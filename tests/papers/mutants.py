@@ -191,12 +191,12 @@ def fly(paper: str, tree: Path, prefixes: tuple, left_out: set, cost: dict, plai
     return out
 
 
-def judge(paper: str, tree: Path, base: dict) -> tuple[str, list]:
+def judge(paper: str, tree: Path, base: dict, plain: bool) -> tuple[str, list]:
     """Return (outcome, rows that noticed): "claim", "other" (a row of another kind), "survived" or "crash"."""
     cost = {item: took for item, (_, took) in base.items()}
     before = {item for item, (verdict, _) in base.items() if verdict == "differs"}
     rows = fly(paper, tree, PLAIN, before, cost, True)
-    if not any(r[1] == "claim" and r[2] == "differs" or r[2] == "crash" for r in rows):
+    if not plain and not any(r[1] == "claim" and r[2] == "differs" or r[2] == "crash" for r in rows):
         rows += fly(paper, tree, (), before | {r[0] for r in rows}, cost, False)
     seen = [r[:4] for r in rows if r[2] in ("differs", "crash")]
     if any(r[1] == "claim" for r in seen):
@@ -211,6 +211,7 @@ def main() -> None:
     ask.add_argument("--each", type=int, default=8)
     ask.add_argument("--papers", default=",".join(METHODS))
     ask.add_argument("--skip", type=int, default=0, help="sites of the draw that were flown before")
+    ask.add_argument("--plain", action="store_true", help="measure the cheap rows only")
     ask.add_argument("--list", action="store_true", help="show what is drawn, fly nothing")
     ask.add_argument("-o", dest="folder", type=Path, required=True)
     a = ask.parse_args()
@@ -224,7 +225,8 @@ def main() -> None:
             every = [(file, s) for file, out in METHODS[paper].items() for s in sites(file, out)]
             random.Random(f"{a.seed} {paper}").shuffle(every)
             counted = 0
-            base = {} if a.list else {r[0]: (r[2], r[4]) for r in fly(paper, tree, (), set(), {}, False, False)}
+            rows = [] if a.list else fly(paper, tree, PLAIN if a.plain else (), set(), {}, a.plain, False)
+            base = {r[0]: (r[2], r[4]) for r in rows}
             for file, site in every[a.skip :]:
                 if counted == a.each:
                     break
@@ -240,7 +242,7 @@ def main() -> None:
                     continue
                 (tree / file).write_text(text, encoding="utf-8")
                 try:
-                    outcome, seen = judge(paper, tree, base)
+                    outcome, seen = judge(paper, tree, base, a.plain)
                 finally:
                     shutil.copy(ROOT / file, tree / file)
                 counted += outcome != "crash"

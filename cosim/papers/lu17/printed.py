@@ -105,7 +105,7 @@ FORMS: dict[str, tuple[str, dict]] = {  # of the filters: (which, its parameters
     "(38)-(48) as published": ("rtsekf", {"load": 0}),
     "(38)-(48), F_d known": ("rtsekf", {"load": 1, "delay": 3.0}),
 }
-HELD = ("x_hat", "f_hat", "f_sigma", "q_now", "v_now", "x3_now")  # what is compared
+HELD = ("x_hat", "f_hat", "f_sigma", "q_now", "v_now", "x3_now", "G")  # what is compared
 
 
 def _samples(ticks: int, dt: float, loaded: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -162,7 +162,7 @@ def filters(form: str, ticks: int = 300) -> tuple[float, str]:
     found = found[late:]
     theirs = (_two_stage if which == "iotsekf" else _three_step)(p[0], own["load"], u, y, dp, dt, late)
     ours = np.array(found)
-    off = np.abs(ours - theirs).max(0) / np.maximum(np.ptp(theirs, axis=0), 1e-9)
+    off = np.abs(ours - theirs).max(0) / np.maximum(np.abs(theirs).max(0), 1e-9)
     return float(off.max()), f"rms of f_hat {np.std(theirs[:, 4]):.2g}"
 
 
@@ -183,7 +183,7 @@ def _linear4(x: np.ndarray, side: float, u: float, load: int, dt: float) -> tupl
 
 
 def _two_stage(p: Any, load: int, u: Any, y: Any, dp: Any, dt: float, late: int) -> np.ndarray:
-    """Return HELD (ticks - late, 9) of (15)-(36), from the samples of the rod, for load form 2 of the pressure too."""
+    """Return HELD (ticks - late, 13) of (15)-(36), from the samples of the rod, for load form 2 of the pressure too."""
     steps = max(1, round(dt / 0.01))  # (17) is integrated over 10 ms at most
     h, H = dt / steps, np.eye(4)[[0, 2] if load == 2 else [0]]
     R = np.diag([p["r_rod"], p["r_dp"]][: len(H)])
@@ -193,10 +193,12 @@ def _two_stage(p: Any, load: int, u: Any, y: Any, dp: Any, dt: float, late: int)
     out = []
 
     def ahead(x, P, V, P_f, u):
+        whole = np.zeros(4)  # Gamma of the tick
         for _ in range(steps):
             x_hat = x + V * f  # (15)
             side = u + f if p["total_sign"] else u
             Phi, Gamma = _linear4(x_hat, side, u + f, load, h)  # (19), (20)
+            whole = Phi @ whole + Gamma
             U_bar = Phi @ V + Gamma  # (33)
             P_f = P_f + Q_f  # (28)
             U = U_bar + (Q_xf - U_bar * Q_f) / P_f  # (35)
@@ -207,11 +209,11 @@ def _two_stage(p: Any, load: int, u: Any, y: Any, dp: Any, dt: float, late: int)
                 x = np.array([*_signed(x[:3], u, u, F_d, h), x[3]]) + (U_bar - U) * f  # (17), (31)
             P = Phi @ P @ Phi.T + Q - np.outer(Q_xf, U_bar) - np.outer(U, Q_xf - U_bar * Q_f)  # (18), (32)
             V = U
-        return x, P, V, P_f
+        return x, P, V, P_f, whole
 
     for k in range(late, len(u)):
         if not late:
-            x, P, V, P_f = ahead(x, P, V, P_f, u[k])
+            x, P, V, P_f, G = ahead(x, P, V, P_f, u[k])
         S = H @ V  # (34)
         R_bar = H @ P @ H.T + R
         K = P @ H.T @ np.linalg.inv(R_bar)  # (22)
@@ -224,12 +226,12 @@ def _two_stage(p: Any, load: int, u: Any, y: Any, dp: Any, dt: float, late: int)
         P_f = (1.0 - K_f @ S) * P_f  # (30)
         V = V - K @ S  # (36)
         if late:
-            x, P, V, P_f = ahead(x, P, V, P_f, u[k + 1 - late])
+            x, P, V, P_f, G = ahead(x, P, V, P_f, u[k + 1 - late])
         now, x_hat = (x + V * f)[:3], x + V * f
         F_d = {0: 0.0, 1: _known(x_hat[0]), 2: A_P * P_S * x_hat[3]}[load]
         for i in range(late - 2, -1, -1):
             now = _signed(now, u[k - i], u[k - i] + f, F_d, dt)
-        out.append([*x_hat, f, np.sqrt(P_f), *now])
+        out.append([*x_hat, f, np.sqrt(P_f), *now, *G])
     return np.array(out)
 
 
@@ -239,17 +241,18 @@ def _force(load: int, q: float) -> float:
 
 
 def _three_step(p: Any, load: int, u: Any, y: Any, dp: Any, dt: float, late: int) -> np.ndarray:
-    """Return HELD (ticks - late, 9) of (38)-(48) with H = (1, 0, 0), F = 1."""
+    """Return HELD (ticks - late, 13) of (38)-(48) with H = (1, 0, 0), F = 1."""
     H, F, R, Q = np.eye(3)[:1], np.eye(1), np.array([[p["r_rod"]]]), np.diag(p["q"]) * dt
     x, P, out = np.array([y[0], 0.0, -_force(load, y[0])]), np.diag(p["P0"]), []
 
     def ahead(x, P, u):
-        Phi = _linear4(np.array([*x, 0.0]), u, u, load, dt)[0][:3, :3]
-        return _signed(x, u, u, _known(x[0]) if load else 0.0, dt), Phi @ P @ Phi.T + Q  # (38), (39)
+        Phi, G = _linear4(np.array([*x, 0.0]), u, u, load, dt)
+        Phi = Phi[:3, :3]
+        return _signed(x, u, u, _known(x[0]) if load else 0.0, dt), Phi @ P @ Phi.T + Q, G  # (38), (39)
 
     for k in range(late, len(u)):
         if not late:
-            x, P = ahead(x, P, u[k])
+            x, P, G = ahead(x, P, u[k])
         S = H @ P @ H.T + R  # (40)
         gamma = np.array([y[k - late]]) - H @ x  # (41)
         P_f = np.linalg.inv(F.T @ np.linalg.inv(S) @ F)  # (43)
@@ -259,9 +262,9 @@ def _three_step(p: Any, load: int, u: Any, y: Any, dp: Any, dt: float, late: int
         x = x + K @ (gamma - F @ f)  # (46)
         P = P - K @ (S - F @ P_f @ F.T) @ K.T  # (47)
         if late:
-            x, P = ahead(x, P, u[k + 1 - late])
+            x, P, G = ahead(x, P, u[k + 1 - late])
         now, F_d = x, _known(x[0]) if load else 0.0
         for i in range(late - 2, -1, -1):
             now = _signed(now, u[k - i], u[k - i], F_d, dt)
-        out.append([*x, 0.0, f[0], np.sqrt(P_f[0, 0]), *now])
+        out.append([*x, 0.0, f[0], np.sqrt(P_f[0, 0]), *now, *G])
     return np.array(out)
