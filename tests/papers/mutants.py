@@ -48,9 +48,9 @@ METHODS: dict[str, dict[str, set[str]]] = {  # paper -> file -> functions that a
         "fdi/lpv_smo/synthesis.py": {"digest", "save", "load", "array", "_plain", "verify"},
     },
 }
-PLAIN = ("printed.filters", "printed.equation", "printed.constants", "printed.linearisation", "transcribed.", "rows.table",
-         "rows.injected", "rows.matrices", "rows.settings", "rows.on_elevator", "rows.flight_form", "designs.law",
-         "designs.lmis", "model.again")  # fmt: skip
+PLAIN = ("printed.filters", "printed.equation", "printed.constants", "printed.linearisation", "transcribed.",
+         "rows.table", "rows.injected", "rows.matrices", "rows.settings", "rows.on_elevator", "rows.flight_form",
+         "designs.law", "designs.lmis", "model.again")  # fmt: skip
 SWAPS = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Lt: ast.GtE, ast.LtE: ast.Gt,
          ast.Gt: ast.LtE, ast.GtE: ast.Lt, ast.And: ast.Or, ast.Or: ast.And}  # fmt: skip
 NAMES = {"sin": "cos", "cos": "sin", "min": "max", "max": "min"}
@@ -144,7 +144,7 @@ def _node(node, found):
 
 
 def _words(node):
-    return any(isinstance(n, ast.Constant) and isinstance(n.value, str) or isinstance(n, ast.JoinedStr)
+    return any((isinstance(n, ast.Constant) and isinstance(n.value, str)) or isinstance(n, ast.JoinedStr)
                for n in ast.walk(node))  # fmt: skip
 
 
@@ -179,7 +179,9 @@ for p in sorted(rows, key=lambda p: cost.get(p.item, 1.0)):
 """
 
 
-def fly(paper: str, tree: Path, prefixes: tuple, left_out: set, cost: dict, plain: bool, stop: bool = True) -> list[list]:
+def fly(
+    paper: str, tree: Path, prefixes: tuple, left_out: set, cost: dict, plain: bool, stop: bool = True
+) -> list[list]:
     """Return [[item, kind, verdict, number, time]] of the rows that were measured, until a claim differs."""
     env = os.environ | {"PYTHONPATH": str(tree)} | ({"NUMBA_DISABLE_JIT": "1"} if plain else {})
     asked = json.dumps([paper, prefixes, sorted(left_out), stop, cost])
@@ -196,7 +198,7 @@ def judge(paper: str, tree: Path, base: dict, plain: bool) -> tuple[str, list]:
     cost = {item: took for item, (_, took) in base.items()}
     before = {item for item, (verdict, _) in base.items() if verdict == "differs"}
     rows = fly(paper, tree, PLAIN, before, cost, True)
-    if not plain and not any(r[1] == "claim" and r[2] == "differs" or r[2] == "crash" for r in rows):
+    if not plain and not any((r[1] == "claim" and r[2] == "differs") or r[2] == "crash" for r in rows):
         rows += fly(paper, tree, (), before | {r[0] for r in rows}, cost, False)
     seen = [r[:4] for r in rows if r[2] in ("differs", "crash")]
     if any(r[1] == "claim" for r in seen):

@@ -1,8 +1,8 @@
 """[Alwi14] (4) to (25), (27) to (32) transcribed, against the observer that flies, its model and its synthesis.
 
-The observer advances (12) with sampled signals: between samples outputs and commands are linear, the unit vector (15) is
-implicit. The same is done here with the matrices as printed, the exponential of SciPy and a scalar root; A(rho), B(rho)
-of (8) come from the affine model, the coordinates of (11) from the stored design.
+The observer advances (12) with sampled signals: between samples outputs and commands are linear, the unit vector (15)
+is implicit. The same is done here with the matrices as printed, the exponential of SciPy and a scalar root; A(rho),
+B(rho) of (8) come from the affine model, the coordinates of (11) from the stored design.
 """
 
 import dataclasses
@@ -88,7 +88,7 @@ def observer() -> tuple[float, str]:
 
 
 def _observed(model: LpvModel, made: Design, y: dict) -> np.ndarray:
-    """Return alpha_hat [rad], z_f, e_y, nu and the faults [rad, g, g as (2) has it, rad], (TICKS, 19), of (7) to (25)."""
+    """Return alpha_hat [rad], z_f, e_y, nu, faults [rad, g, g as (2) has it, rad], (TICKS, 19), of (7) to (25)."""
     deg = lambda name: y[name] / RAD_PER_DEG  # noqa: E731
     elevator, stabiliser = (deg("de_lo") + deg("de_li") + deg("de_ri") + deg("de_ro")) / 4.0, deg("stab")
     at = np.stack([y["mass"] / 1e3, 100.0 * y["cg"], y["cas"] / M_S_PER_KT, y["mach"]], 1)
@@ -104,7 +104,7 @@ def _observed(model: LpvModel, made: Design, y: dict) -> np.ndarray:
         if k:
             z = _linear(-np.diag(A_f), np.diag(A_f), z, prone[k - 1], prone[k])  # (7)
         s_old, s = s, made.y_from @ [y["h"][k], deg("theta")[k], V, deg("q")[k], *z]
-        A, B, C = _augmented(model, A_f, rho)
+        A, B, _ = _augmented(model, A_f, rho)
         back = np.linalg.inv(made.x_from)  # (11)
         A, B = made.x_from @ A @ back, made.x_from @ B
         x_eq, u_eq = _trim(model, rho)
@@ -158,7 +158,7 @@ def coordinates() -> tuple[float, str]:
     Of the stored model, and of the same in other states and with its fault-free outputs mixed.
     """
     model, made = synthesis.load()
-    rng, A_f = np.random.default_rng(1), made.A_f + (0.0, 0.3)
+    rng, A_f = np.random.default_rng(1), made.A_f + np.array([0.0, 0.3])
     to, mix = np.eye(5) + 0.3 * rng.normal(size=(5, 5)), np.eye(6)
     mix[:4, :4] += 0.3 * rng.normal(size=(4, 4))
     back = np.linalg.inv(to)
@@ -238,13 +238,15 @@ def fitted() -> tuple[float, str]:
     normal = np.einsum("ij,jkl->ikl", np.linalg.solve(X.T @ W @ X, X.T @ W), bent)  # (31)
     mean = np.einsum("k,kij->ij", weight / weight.sum(), bent)
     wanted = np.where(still, np.concatenate([mean[None], np.zeros((4, 3, 2))]), normal)
-    off = {"(31)": np.abs((stack - wanted) * np.array([1, 400, 36, 270, 0.7])[:, None, None]).max() + (fixed != still).sum()}
+    off = {"(31)": np.abs((stack - wanted) * np.array([1, 400, 36, 270, 0.7])[:, None, None]).max()}
+    off["fixed"] = float((fixed != still).sum())
     told, error = lpv_model.judge(stack, rho, bent), np.abs(np.array([_at(stack, r) for r in rho]) - bent).max(0)
     off["judged"] = np.abs(told - error / size).max()
     model, points = synthesis.load()[0], rng.uniform(*box.T, (200, 4))
     values = np.array([np.concatenate(_trim(model, r)) for r in points])
     maps = lpv_model.fit_trim(points, values, box=box)
-    ours = LpvModel(model.A, model.B, model.C, model.D, box, np.vstack([maps[:5], maps[7:], np.zeros((4, 35)), maps[5:7]]))
+    trim = np.vstack([maps[:5], maps[7:], np.zeros((4, 35)), maps[5:7]])
+    ours = dataclasses.replace(model, box=box, trim=trim)
     for r in rng.uniform(*box.T, (5, 4)):
         x, u, y = lpv_model.trim_at(ours, r)
         theirs = np.concatenate(_trim(model, r))

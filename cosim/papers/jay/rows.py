@@ -212,7 +212,7 @@ def on_elevator(ticks: int = 120) -> tuple[float, str]:
 
 
 def named() -> tuple[int, str]:
-    """Return the ticks of figures 6 to 11 at which another sensor is blamed than the hierarchy of section 3.3 blames."""
+    """Return the ticks of figures 6 to 11 at which another sensor is blamed than by the hierarchy of section 3.3."""
     wrong, total = 0, 0
     for figure in FIGURES:
         out = bench(figure=figure)

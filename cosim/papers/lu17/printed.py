@@ -136,13 +136,22 @@ def _signed(x: Any, side: float, u: float, F_d: float, dt: float) -> np.ndarray:
     return x + dt / 6 * (a + 2 * b + 2 * c + slope(x + dt * c))
 
 
-def filters(form: str, ticks: int = 300) -> tuple[float, str]:
-    """Return the largest difference of estimate, fault and its deviation from (15)-(36) or (38)-(48), over their range.
+def filters(form: str) -> tuple[float, str]:
+    """Return the largest difference of estimate, fault and its deviation from (15)-(36) or (38)-(48), over their size.
 
     Both read the same samples, the filter's measurements as late as its form has them. (34), (22), (29) are taken for
     all measurements at once.
     """
     which, own = FORMS[form]
+    ours, p, samples = _run(which, own, 300)
+    dt, late = own.get("dt", bench.DT), int(own.get("delay", 0))
+    theirs = (_two_stage if which == "iotsekf" else _three_step)(p, own["load"], *samples, dt, late)
+    off = np.abs(ours - theirs).max(0) / np.maximum(np.abs(theirs).max(0), 1e-9)
+    return float(off.max()), f"rms of f_hat {np.std(theirs[:, 4]):.2g}"
+
+
+def _run(which: str, own: dict, ticks: int) -> tuple[np.ndarray, Any, tuple]:
+    """Return (HELD of a filter at every tick that it has a sample, its parameters, the samples)."""
     module, dt, late = (iotsekf if which == "iotsekf" else rtsekf), own.get("dt", bench.DT), int(own.get("delay", 0))
     values = {k: v for k, v in own.items() if k not in ("load", "dt")}
     p = module.params(load=own["load"], dt=dt, delay_s=0.0, **values)
@@ -159,11 +168,25 @@ def filters(form: str, ticks: int = 300) -> tuple[float, str]:
             inputs["y_dp"] = dp[k - late]
         briefly(run, x[0], inputs[0], p[0], dt)
         found.append(np.concatenate([np.ravel(x[name][0]) for name in HELD]))
-    found = found[late:]
-    theirs = (_two_stage if which == "iotsekf" else _three_step)(p[0], own["load"], u, y, dp, dt, late)
-    ours = np.array(found)
-    off = np.abs(ours - theirs).max(0) / np.maximum(np.abs(theirs).max(0), 1e-9)
-    return float(off.max()), f"rms of f_hat {np.std(theirs[:, 4]):.2g}"
+    return np.array(found[late:]), p[0], (u, y, dp)
+
+
+def optimal(ticks: int = 1500) -> tuple[float, str]:
+    """Return the rms error of f_hat over that of an EKF whose state is (q, q', x3, f), f a walk, the same noises."""
+    ours, p, (u, y, _) = _run(*FORMS["as published"], ticks)
+    dt, x, P, H = bench.DT, np.array([y[0], 0.0, 0.0, 0.0]), np.diag([*p["P0"][:3], p["P0_f"]]), np.eye(4)[0]
+    Q, other = np.diag([*p["q"][:3], p["q_f"]]) * dt, np.zeros(ticks)
+    for k in range(ticks):
+        Phi, Gamma = _linear4(np.array([*x[:3], 0.0]), u[k], u[k] + x[3], 0, dt)
+        Phi = np.block([[Phi[:3, :3], Gamma[:3, None]], [np.zeros((1, 3)), np.eye(1)]])
+        x = np.array([*_signed(x[:3], u[k], u[k] + x[3], 0.0, dt), x[3]])
+        P = Phi @ P @ Phi.T + Q
+        gain = P @ H / (H @ P @ H + p["r_rod"])
+        x, P = x + gain * (y[k] - H @ x), P - np.outer(gain, H @ P)
+        other[k] = x[3]
+    true, late = 0.02 * np.sin(6.3 * np.arange(ticks) * dt), slice(200, None)
+    own, his = (float(np.sqrt(np.mean((f - true)[late] ** 2))) for f in (ours[:, 4], other))
+    return own / his, f"{own:.2g} and {his:.2g} of u"
 
 
 def _linear4(x: np.ndarray, side: float, u: float, load: int, dt: float) -> tuple[np.ndarray, np.ndarray]:
@@ -193,12 +216,10 @@ def _two_stage(p: Any, load: int, u: Any, y: Any, dp: Any, dt: float, late: int)
     out = []
 
     def ahead(x, P, V, P_f, u):
-        whole = np.zeros(4)  # Gamma of the tick
         for _ in range(steps):
             x_hat = x + V * f  # (15)
             side = u + f if p["total_sign"] else u
             Phi, Gamma = _linear4(x_hat, side, u + f, load, h)  # (19), (20)
-            whole = Phi @ whole + Gamma
             U_bar = Phi @ V + Gamma  # (33)
             P_f = P_f + Q_f  # (28)
             U = U_bar + (Q_xf - U_bar * Q_f) / P_f  # (35)
@@ -209,6 +230,9 @@ def _two_stage(p: Any, load: int, u: Any, y: Any, dp: Any, dt: float, late: int)
                 x = np.array([*_signed(x[:3], u, u, F_d, h), x[3]]) + (U_bar - U) * f  # (17), (31)
             P = Phi @ P @ Phi.T + Q - np.outer(Q_xf, U_bar) - np.outer(U, Q_xf - U_bar * Q_f)  # (18), (32)
             V = U
+        whole = Gamma  # of the tick, as the last step has it
+        for _ in range(steps - 1):
+            whole = Phi @ whole + Gamma
         return x, P, V, P_f, whole
 
     for k in range(late, len(u)):

@@ -4,6 +4,7 @@ Forces and moments come from the coefficient tables that JSBSim flies, interpola
 product have them; residuals from the rows by `structure.combination`, which slide 10's table checks.
 """
 
+import dataclasses
 import functools
 from typing import Any
 
@@ -15,7 +16,7 @@ from actuators.constants import G0
 from cosim.flight.plant.force_model import force_model
 from cosim.papers.mar10 import flights
 from fdi.control_redundancy import control_redundancy, core, structure
-from fdi.control_redundancy.force_model import A0, EFFECTOR, P0, VARIABLES
+from fdi.control_redundancy.force_model import A0, EFFECTOR, P0
 
 COMMANDS = ("de_lo", "de_li", "de_ri", "de_ro", "da_l", "da_r", "dr", "stab")
 DT = 0.005
@@ -49,9 +50,8 @@ def _air(cas: float, mach: float) -> tuple[float, float]:
     return static, 0.7 * static * mach**2
 
 
-def _body(of: dict, u: Any) -> np.ndarray:
+def _body(m: Any, of: dict, u: Any) -> np.ndarray:
     """Return force [N] and moment about the CG [N m], (6,), of axis totals over qS, times qS, in body axes."""
-    m = force_model()
     ca, sa, cb, sb = np.cos(u["alpha"]), np.sin(u["alpha"]), np.cos(u["beta"]), np.sin(u["beta"])
     wind = np.array([[ca * cb, -ca * sb, -sa], [sb, cb, 0.0], [sa * cb, -sa * sb, ca]])
     force = wind @ np.array([-of["drag"], of["side"], -of["lift"]])
@@ -62,14 +62,14 @@ def _body(of: dict, u: Any) -> np.ndarray:
     return np.concatenate([force, moment + np.cross(arm, force)])
 
 
-def _forces(u: Any, cmd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, list]:
+def _forces(m: Any, u: Any, cmd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, list]:
     """Return (aerodynamics (6,), of one effector rad each (3, 6), thrust of each engine (4, 6), all contributions)."""
-    m, (pressure, qbar) = force_model(), _air(u["cas"], u["mach"])
+    pressure, qbar = _air(u["cas"], u["mach"])
     V, ca, sa = max(u["tas"], 10.0), np.cos(u["alpha"]), np.sin(u["alpha"])
     lift = u["n_z"] * ca - u["n_x"] * sa  # over weight: alpha' = q + g / V (cos theta cos phi - L / m g)
     p, r = (u["p"] * ca + u["r"] * sa, u["r"] * ca - u["p"] * sa) if m.stability_rates else (u["p"], u["r"])
-    v = {"one": 1.0, "beta": u["beta"], "beta2": u["beta"] ** 2, "p": p * m.span / (2 * V), "q": u["q"] * m.chord / 2 / V}
-    v |= {"r": r * m.span / (2 * V), **dict(zip(COMMANDS, cmd))}
+    v = {"one": 1.0, "beta": u["beta"], "beta2": u["beta"] ** 2, **dict(zip(COMMANDS, cmd))}
+    v |= {"p": p * m.span / (2 * V), "q": u["q"] * m.chord / (2 * V), "r": r * m.span / (2 * V)}
     v["alphadot"] = m.chord / (2 * V) * (u["q"] + G0 / V * (np.cos(u["theta"]) * np.cos(u["phi"]) - lift))
     axes, parts = ("lift", "drag", "side", "roll", "pitch", "yaw"), []
     total, slope = dict.fromkeys(axes, 0.0), [dict.fromkeys(axes, 0.0) for _ in range(3)]
@@ -85,12 +85,12 @@ def _forces(u: Any, cmd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
         F = (idle + (full - idle) * n**2) * np.array(m.thrust_axis)
         arm = m.engine[e] + [(u["cg"] - m.cg_ref) * m.chord, 0.0, 0.0]
         thrust[e] = np.concatenate([F, np.cross(arm, F)])
-    return _body(total, u), np.array([_body(s, u) for s in slope]), thrust, parts
+    return _body(m, total, u), np.array([_body(m, s, u) for s in slope]), thrust, parts
 
 
-def _uncertain(u: Any, parts: list, before: np.ndarray, G: np.ndarray, p: Any, spool: float, mean: float) -> np.ndarray:
+def _uncertain(m: Any, u: Any, parts: list, before: Any, G: Any, p: Any, spool: float, mean: float) -> np.ndarray:
     """Return per row what coefficients and thrust that are wrong by `rel` each move it at most, over `rel` [N, N m]."""
-    m, most = force_model(), dict.fromkeys(("lift", "drag", "side", "roll", "pitch", "yaw"), 0.0)
+    most = dict.fromkeys(("lift", "drag", "side", "roll", "pitch", "yaw"), 0.0)
     for (axis, part), old in zip(parts, before):
         most[axis] += abs(part - old)
     ca, sa, arm = abs(np.cos(u["alpha"])), abs(np.sin(u["alpha"])), abs((u["cg"] - m.cg_ref) * m.chord)
@@ -117,13 +117,20 @@ def _random(rng: Any) -> Any:
 
 
 def rows(which: str, draws: int = 20) -> tuple[float, str]:
-    """Return how far row errors, sensitivities and uncertainty of the detector are from slides 6 and 7, over their size.
+    """Return how far the detector's row errors, sensitivities and uncertainty are from slides 6 and 7, over their size.
 
-    `which`: "force" [g] or "force+moment", with angular accelerations [rad/s2].
+    `which`: "force" [g] or "force+moment", with angular accelerations [rad/s2]. Half of the draws have engines, inertia
+    and axes of moments of another aircraft, so that no term of this one's is zero.
     """
-    rng, p, worst = np.random.default_rng(6), flights.detector(rows=which)[0], np.zeros(3)
-    n, gyration = (3 if which == "force" else 6), force_model().gyration2
+    rng, worst, n, m = np.random.default_rng(6), np.zeros(3), (3 if which == "force" else 6), force_model()
+    other = dataclasses.replace(m, thrust_axis=(0.8, 0.36, -0.48), engine=m.engine + rng.normal(size=(4, 3)),
+                                gyration2=(60.0, 80.0, 130.0, 9.0), stability_rates=not m.stability_rates,
+                                stability_moments=not m.stability_moments)  # fmt: skip
     for draw in range(draws):
+        m = other if draw % 4 > 1 else force_model()
+        p = flights.detector(rows=which)[0]
+        for name in ("thrust_axis", "engine", "gyration2", "stability_rates", "stability_moments"):
+            p[name] = getattr(m, name)
         u, cmd = _random(rng), rng.uniform(-0.1, 0.1, 8)
         x = np.zeros(1, control_redundancy.STATE)
         x["cmd"], x["learned"] = cmd, draw % 2
@@ -132,15 +139,16 @@ def rows(which: str, draws: int = 20) -> tuple[float, str]:
             before = rng.normal(size=len(before)) * 1e4
             x["part_0"][0, : len(before)], x["avg"][0, 2 * core.NR + 3] = before, 0.6
         briefly(core.row_errors, x[0], u, p)
-        air, effectors, engines, parts = _forces(u, cmd)
+        air, effectors, engines, parts = _forces(m, u, cmd)
         total = air + engines.sum(0)
         G = np.concatenate([effectors, [engines.sum(0)], engines])  # (8, 6)
-        spool = np.mean([np.clip((u[f"n1_{e + 1}"] - p["n1_idle"]) / (p["n1_max"] - p["n1_idle"]), 0, 1) for e in range(4)])
-        act = _uncertain(u, parts, before, G, p, spool, 0.6 if draw % 2 else spool)
+        turns = np.array([u[f"n1_{e + 1}"] for e in range(4)])
+        spool = np.clip((turns - p["n1_idle"]) / (p["n1_max"] - p["n1_idle"]), 0.0, 1.0).mean()
+        act = _uncertain(m, u, parts, before, G, p, spool, 0.6 if draw % 2 else spool)
         weight = u["mass"] * G0
         e, S, a = np.array([u["n_x"], u["n_y"], -u["n_z"]]) - total[:3] / weight, G[:, :3] / weight, act[:3] / weight
         if n == 6:
-            ixx, iyy, izz, ixz = u["mass"] * np.array(gyration)
+            ixx, iyy, izz, ixz = u["mass"] * np.array(m.gyration2)
             inertia = np.array([[ixx, 0.0, -ixz], [0.0, iyy, 0.0], [-ixz, 0.0, izz]])
             w, turn = np.array([u["p"], u["q"], u["r"]]), np.linalg.inv(inertia)
             turned = turn @ (total[3:] - np.cross(w, inertia @ w))
@@ -152,7 +160,7 @@ def rows(which: str, draws: int = 20) -> tuple[float, str]:
 
 
 def families(which: str, draws: int = 10) -> tuple[float, str]:
-    """Return how far residuals, sensitivities, thresholds and identified faults are from slides 8 to 11, over their size.
+    """Return how far residuals, sensitivities, thresholds, identified faults are from slides 8 to 11, over their size.
 
     At random rows: r = c (row errors), S = c G, its threshold the sum of |c| (threshold + rel activity), the fault of
     an effector by least squares weighted by the thresholds over the families in use.
