@@ -134,6 +134,7 @@ def _drawing(number: int) -> Drawing:
         onset=vehicle.FAULTS[number][0][1],
         span=(4.0, vehicle.END),
         row_px=140,
+        look="the dashed bounds: each family crosses them for the faults of its signature and for no other.",
         picture="vehicle" if number == max(NAMES) else "",
     )
 
