@@ -111,8 +111,10 @@ def _observed(model: LpvModel, made: Design, y: dict) -> np.ndarray:
         x_eq = made.x_from @ x_eq
         u_0, u_1 = (np.array([d, stabiliser[asked]]) - u_eq for d in (last, followed))
         L_A = A[:1] + L @ A[1:]  # of w = x_1 + L y: w' = (A11 + L A21) (x_1 - x_1eq) + (A12 + L A22) (y - y_eq) + ...
-        force = lambda s, u, A=A, B=B, L_A=L_A, x_eq=x_eq: (  # noqa: E731
-            L_A[:, 1:] @ (s - x_eq[1:]) - L_A[:, :1] @ (x_eq[:1] + L @ s) + (B[:1] + L @ B[1:]) @ u
+        force = (
+            lambda s, u, A=A, B=B, L_A=L_A, x_eq=x_eq: (  # noqa: E731
+                L_A[:, 1:] @ (s - x_eq[1:]) - L_A[:, :1] @ (x_eq[:1] + L @ s) + (B[:1] + L @ B[1:]) @ u
+            )
         )
         if k:
             w = _linear(L_A[:, :1], np.eye(1), np.atleast_1d(w), force(s_old, u_0), force(s, u_1))[0]

@@ -158,10 +158,7 @@ def _in_flight():
         ("published form", "published", "third"),
         ("flight form", "true", "ours"),
     )
-    frames = [
-        (word, role, flown.flight("ema-position-bias", f"elevator.reconfigure={on}"))
-        for word, on, role in words
-    ]
+    frames = [(word, role, flown.flight("ema-position-bias", f"elevator.reconfigure={on}")) for word, on, role in words]
     healthy = flown.flight("ema-position-bias", "elevator.reconfigure=false", "faults=[]")
     frames.append(("healthy", "true", healthy))
     return Drawing(

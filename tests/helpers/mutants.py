@@ -1,11 +1,11 @@
 """Mutations of the five papers' methods, drawn at random from their code, against the rows of `cosim reproduce`.
 
-    python tests/papers/mutants.py --seed 1 --each 8 -o FOLDER [--papers jay,lu17] [--list]
+    python tests/helpers/mutants.py --seed 1 --each 8 -o FOLDER [--papers jay,lu17] [--list]
 
 A site is a place in the syntax tree of METHODS: an operator, a sign, a factor, a term, an index, an argument, a
-comparison, a transpose. Nobody chooses: `--seed` draws `--each` sites per paper. Each mutant is a copy of the tree with
-that one change; the rows of its paper are measured on it, the cheap ones (PLAIN) in plain Python first, until a claim
-differs. A mutant that does not run is drawn anew. FOLDER/mutants.jsonl holds what was changed and which row noticed.
+comparison, a transpose. Nobody chooses: `--seed` draws `--each` sites per paper. A mutant is the tree with
+that one change; the rows of its paper are measured on it until a claim differs, the cheap ones (PLAIN) first, in plain
+Python and one process. An error counts as noticed. FOLDER/mutants.jsonl holds what was changed and which row noticed.
 """
 
 import argparse
@@ -159,6 +159,12 @@ def changed(file: str, site: tuple) -> tuple[str, str, str]:
     return (whole[:begin] + text.encode() + whole[stop:]).decode(), whole[begin:stop].decode(), text
 
 
+PROBE = """
+import json, sys
+sys.path.insert(0, sys.argv[1])
+import mutants
+mutants.probe(json.loads(sys.stdin.read()))
+"""
 CHILD = """
 import json, os, sys
 from cosim.papers import claims
@@ -193,13 +199,59 @@ def fly(
     return out
 
 
-def judge(paper: str, tree: Path, base: dict, plain: bool) -> tuple[str, list]:
+def probe(asked: dict) -> None:
+    """Print what the cheap rows of a paper say of each mutant, in this process: its function's code is put in place.
+
+    `asked`: the paper, the rows that differ before, and {file, text, name} of each mutant. For plain Python only.
+    """
+    import importlib
+    import signal
+
+    from cosim.papers import broken, claims
+
+    for mutant in asked["mutants"]:
+        module = importlib.import_module(mutant["file"].removesuffix(".py").replace("/", "."))
+        owner, _, name = mutant["name"].rpartition(".")
+        function = getattr(getattr(module, owner) if owner else module, name)
+        made: dict = {}
+        exec(compile(mutant["text"], mutant["file"], "exec"), function.__globals__ | made, made)
+        held, function.__code__ = function.__code__, made[name].__code__
+        broken.forget(asked["paper"])
+        told = []
+        signal.alarm(60)
+        try:
+            for p in claims.load(asked["paper"]):
+                if p.asks.startswith(PLAIN) and p.item not in asked["left_out"]:
+                    try:
+                        row = p.judge()
+                        told.append([p.item, p.kind, row.verdict, row.got])
+                    except Exception as e:
+                        told.append([p.item, p.kind, "differs", f"{type(e).__name__}: {e}"[:200]])
+                    if told[-1][2] == "differs" and p.kind == "claim":
+                        break
+        finally:
+            signal.alarm(0)
+            function.__code__ = held
+        print(json.dumps([t for t in told if t[2] == "differs"]), flush=True)
+
+
+def _function(text: str, line: int) -> tuple[str, str]:
+    """Return (name, source without decorators) of the function of a file's text that holds a line."""
+    for node in ast.parse(text).body:
+        inner = node.body if isinstance(node, ast.ClassDef) else [node]
+        for f in inner:
+            if isinstance(f, ast.FunctionDef) and f.lineno <= line <= (f.end_lineno or 0):
+                f.decorator_list = []
+                owner = f"{node.name}." if isinstance(node, ast.ClassDef) else ""
+                return owner + f.name, ast.unparse(f)
+    raise ValueError(f"no function at line {line}")
+
+
+def judge(paper: str, tree: Path, base: dict) -> tuple[str, list]:
     """Return (outcome, rows that noticed): "claim", "other" (a row of another kind), "survived" or "crash"."""
     cost = {item: took for item, (_, took) in base.items()}
     before = {item for item, (verdict, _) in base.items() if verdict == "differs"}
-    rows = fly(paper, tree, PLAIN, before, cost, True)
-    if not plain and not any((r[1] == "claim" and r[2] == "differs") or r[2] == "crash" for r in rows):
-        rows += fly(paper, tree, (), before | {r[0] for r in rows}, cost, False)
+    rows = fly(paper, tree, (), before, cost, False)
     seen = [r[:4] for r in rows if r[2] in ("differs", "crash")]
     if any(r[1] == "claim" for r in seen):
         return "claim", seen
@@ -212,7 +264,6 @@ def main() -> None:
     ask.add_argument("--seed", type=int, default=1)
     ask.add_argument("--each", type=int, default=8)
     ask.add_argument("--papers", default=",".join(METHODS))
-    ask.add_argument("--skip", type=int, default=0, help="sites of the draw that were flown before")
     ask.add_argument("--plain", action="store_true", help="measure the cheap rows only")
     ask.add_argument("--list", action="store_true", help="show what is drawn, fly nothing")
     ask.add_argument("-o", dest="folder", type=Path, required=True)
@@ -224,36 +275,53 @@ def main() -> None:
         shutil.copytree(ROOT / part, tree / part, ignore=shutil.ignore_patterns("__pycache__"))
     with (a.folder / "mutants.jsonl").open("a", encoding="utf-8") as log:
         for paper in a.papers.split(","):
-            every = [(file, s) for file, out in METHODS[paper].items() for s in sites(file, out)]
-            random.Random(f"{a.seed} {paper}").shuffle(every)
-            counted = 0
-            rows = [] if a.list else fly(paper, tree, PLAIN if a.plain else (), set(), {}, a.plain, False)
-            base = {r[0]: (r[2], r[4]) for r in rows}
-            for file, site in every[a.skip :]:
-                if counted == a.each:
-                    break
-                text, was, now = changed(file, site)
-                try:
-                    ast.parse(text)
-                except SyntaxError:
-                    continue
-                about = {"paper": paper, "file": file, "line": site[0], "what": site[5], "was": was, "now": now}
-                if a.list:
-                    counted += 1
-                    print(json.dumps(about))
-                    continue
-                (tree / file).write_text(text, encoding="utf-8")
-                try:
-                    outcome, seen = judge(paper, tree, base, a.plain)
-                finally:
-                    shutil.copy(ROOT / file, tree / file)
-                counted += outcome != "crash"
-                about |= {"outcome": outcome, "seen": seen[:5]}
+            drawn = _drawn(paper, a.seed, a.each)
+            if a.list:
+                for about in drawn:
+                    print(json.dumps({k: about[k] for k in ("paper", "file", "line", "what", "was", "now")}))
+                continue
+            mutants = [dict(zip(("name", "text"), _function(d["text"], d["line"])), file=d["file"]) for d in drawn]
+            asked = json.dumps({"paper": paper, "left_out": [], "mutants": mutants})
+            env = os.environ | {"PYTHONPATH": str(ROOT), "NUMBA_DISABLE_JIT": "1"}
+            run = subprocess.run([sys.executable, "-c", PROBE, str(Path(__file__).parent)], input=asked, env=env,
+                                 capture_output=True, text=True)  # fmt: skip
+            told = [json.loads(line) for line in run.stdout.splitlines() if line.startswith("[")]
+            base: dict = {}
+            for i, about in enumerate(drawn):
+                seen = told[i] if i < len(told) else []
+                outcome = "claim" if any(r[1] == "claim" for r in seen) else "other" if seen else "survived"
+                if outcome != "claim" and not a.plain:
+                    base = base or {r[0]: (r[2], r[4]) for r in fly(paper, tree, (), set(), {}, False, False)}
+                    (tree / about["file"]).write_text(about["text"], encoding="utf-8")
+                    try:
+                        outcome, more = judge(paper, tree, base)
+                    finally:
+                        shutil.copy(ROOT / about["file"], tree / about["file"])
+                    seen += more
+                about = {k: v for k, v in about.items() if k != "text"} | {"outcome": outcome, "seen": seen[:5]}
                 log.write(json.dumps(about) + "\n")
                 log.flush()
-                first = seen[-1][0][:70] if seen else ""
-                print(f"{paper:7s} {outcome:9s} {file.rpartition('/')[2]}:{site[0]} {was!r:.50} -> {now!r:.50} {first}",
-                      flush=True)  # fmt: skip
+                first, file = (seen[-1][0][:70] if seen else ""), about["file"].rpartition("/")[2]
+                print(f"{paper:7s} {outcome:9s} {file}:{about['line']} {about['was']!r:.50} -> {about['now']!r:.50} "
+                      f"{first}", flush=True)  # fmt: skip
+
+
+def _drawn(paper: str, seed: int, each: int) -> list[dict]:
+    """Return `each` mutants of a paper, by its seed: {paper, file, line, what, was, now, text of the file}."""
+    every = [(file, s) for file, out in METHODS[paper].items() for s in sites(file, out)]
+    random.Random(f"{seed} {paper}").shuffle(every)
+    found: list[dict] = []
+    for file, site in every:
+        text, was, now = changed(file, site)
+        try:
+            ast.parse(text)
+        except SyntaxError:
+            continue
+        about = {"paper": paper, "file": file, "line": site[0], "what": site[5]}
+        found.append(about | {"was": was, "now": now, "text": text})
+        if len(found) == each:
+            break
+    return found
 
 
 if __name__ == "__main__":
