@@ -79,16 +79,19 @@ def observer() -> tuple[float, str]:
         briefly(lpv_smo.step, x[0], u[0], p[0], DT)
         found.append(np.concatenate([
             x["alpha_hat"], *x["z"], *x["e"], *x["nu"], x["f_hat_elevator"], x["f_hat_n_z"], x["f_hat_n_z_raw"],
-            x["f_hat_alpha"],
+            x["f_hat_alpha"], x["f_sigma"],
         ]))  # fmt: skip
     theirs, ours = _observed(model, made, y), np.array(found)
     off = np.abs(ours - theirs).max(0) / np.ptp(theirs, axis=0)
-    names = ["alpha", *["z_f"] * 2, *["e_y"] * 6, *["nu"] * 6, *["fault"] * 4]
+    names = ["alpha", *["z_f"] * 2, *["e_y"] * 6, *["nu"] * 6, *["fault"] * 4, "sigma"]
     return float(off.max()), ", ".join(f"{n} {off[[n == m for m in names]].max():.1g}" for n in dict.fromkeys(names))
 
 
 def _observed(model: LpvModel, made: Design, y: dict) -> np.ndarray:
-    """Return alpha_hat [rad], z_f, e_y, nu, faults [rad, g, g as (2) has it, rad], (TICKS, 19), of (7) to (25)."""
+    """Return alpha_hat [rad], z_f, e_y, nu, faults [rad, g, g as (2) has it, rad], the deviation of the first.
+
+    (TICKS, 20), of (7) to (25).
+    """
     deg = lambda name: y[name] / RAD_PER_DEG  # noqa: E731
     elevator, stabiliser = (deg("de_lo") + deg("de_li") + deg("de_ri") + deg("de_ro")) / 4.0, deg("stab")
     at = np.stack([y["mass"] / 1e3, 100.0 * y["cg"], y["cas"] / M_S_PER_KT, y["mach"]], 1)
@@ -111,13 +114,11 @@ def _observed(model: LpvModel, made: Design, y: dict) -> np.ndarray:
         x_eq = made.x_from @ x_eq
         u_0, u_1 = (np.array([d, stabiliser[asked]]) - u_eq for d in (last, followed))
         L_A = A[:1] + L @ A[1:]  # of w = x_1 + L y: w' = (A11 + L A21) (x_1 - x_1eq) + (A12 + L A22) (y - y_eq) + ...
-        force = (
-            lambda s, u, A=A, B=B, L_A=L_A, x_eq=x_eq: (  # noqa: E731
-                L_A[:, 1:] @ (s - x_eq[1:]) - L_A[:, :1] @ (x_eq[:1] + L @ s) + (B[:1] + L @ B[1:]) @ u
-            )
-        )
+        given = (L, A, B, L_A, x_eq)
         if k:
-            w = _linear(L_A[:, :1], np.eye(1), np.atleast_1d(w), force(s_old, u_0), force(s, u_1))[0]
+            w = _linear(L_A[:, :1], np.eye(1), np.atleast_1d(w), _forced(s_old, u_0, *given), _forced(s, u_1, *given))[
+                0
+            ]
         else:
             w = prone[0, 1] + (L @ s)[0]
         x_1 = w - (L @ s)[0]
@@ -133,8 +134,16 @@ def _observed(model: LpvModel, made: Design, y: dict) -> np.ndarray:
         E = _at(model.B, rho)[4, 0]  # (35)
         f = f + lag(TAU_F) * (made.W @ nu / (E, 1.0, 1.0) - f)  # (22), (25)
         D51 = _at(model.D, rho)[4, 0]
-        out.append([x_1 * RAD_PER_DEG, *z, *e, *nu, f[0] * RAD_PER_DEG, f[1] - D51 * f[0], f[1], f[2] * RAD_PER_DEG])
+        c = lag(TAU_F)  # of white noise of q through its difference and the lag: 0.02 deg/s a sample
+        sigma = 0.02 * RAD_PER_DEG * c / DT * np.sqrt(2.0 / (2.0 - c)) / abs(E)
+        faults = f[0] * RAD_PER_DEG, f[1] - D51 * f[0], f[1], f[2] * RAD_PER_DEG
+        out.append([x_1 * RAD_PER_DEG, *z, *e, *nu, *faults, sigma])
     return np.array(out)
+
+
+def _forced(s: Any, u: Any, L: Any, A: Any, B: Any, L_A: Any, x_eq: Any) -> np.ndarray:
+    """Return what of w' depends on outputs s and inputs u, deviations of u from trim."""
+    return L_A[:, 1:] @ (s - x_eq[1:]) - L_A[:, :1] @ (x_eq[:1] + L @ s) + (B[:1] + L @ B[1:]) @ u
 
 
 def _linear(A: Any, B: Any, x: Any, u_0: Any, u_1: Any) -> np.ndarray:
