@@ -222,6 +222,21 @@ def named() -> tuple[int, str]:
     return wrong, f"{total} ticks with a sensor to blame"
 
 
+def blamed(draws: int = 500) -> tuple[int, str]:
+    """Return at how many sets of eta_bar, R1, R2 about their thresholds the decision is not that of section 3.3."""
+    rng, p, wrong = np.random.default_rng(12), ema_kalman.params("nozzle")[0], 0
+    for _ in range(draws):
+        x = np.zeros(1, ema_kalman.STATE)
+        over = rng.uniform(-2.0, 2.0, 3)
+        x["eta_bar"], x["R1"], x["R2"] = over * (3.0, 5e-4, 0.5)
+        briefly(ema_kalman._decide, x[0], p)
+        beyond = np.abs(over) >= 1.0
+        culprit = 0 if not beyond.any() else 1 + int(np.argmax(beyond))  # the velocity sensor first, then R1, then R2
+        told = x["culprit"][0], x["alarm"][0], x["reconf"][0]
+        wrong += told != (culprit, culprit > 0, culprit == 2)
+    return wrong, f"of {draws}"
+
+
 def flight_form() -> tuple[float, str]:
     """Return the largest difference of Phi, G, K and S^1/2 of the form that flies from (1) and (5), over their size."""
     v, sigma = jay.values("elevator"), 0.5
