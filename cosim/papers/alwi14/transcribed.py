@@ -169,7 +169,7 @@ def coordinates() -> tuple[float, str]:
     Of the stored model, and of the same in other states and with its fault-free outputs mixed.
     """
     model, made = synthesis.load()
-    rng, A_f = np.random.default_rng(1), made.A_f + np.array([0.0, 0.3])
+    rng, A_f = np.random.default_rng(1), made.A_f + np.array([0.2, 0.3])
     to, mix = np.eye(5) + 0.3 * rng.normal(size=(5, 5)), np.eye(6)
     mix[:4, :4] += 0.3 * rng.normal(size=(4, 4))
     back = np.linalg.inv(to)

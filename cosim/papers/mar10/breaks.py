@@ -51,6 +51,11 @@ def _weak(equations):
 
 BREAKS = (
     Break(
+        "no bank is asked of the vehicle, so that its roll fins stand still",
+        lambda: swap("cosim.papers.mar10.vehicle_rows", BANK=0.0),
+        ("vehicle, roll fins locked",),
+    ),
+    Break(
         "the aileron moves the z axis too (slide 7)",
         lambda: swap(STRUCTURE, wrap_TALK=lambda talk: talk | (np.arange(12).reshape(3, 4) == 8)),
         ("slide 10, sig",),
