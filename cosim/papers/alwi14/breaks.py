@@ -68,7 +68,7 @@ BREAKS = (
     Break(
         "W_1 enters the LMIs with half of its size",
         lambda: swap("fdi.lpv_smo.synthesis", wrap__lemma=_half_of_w),
-        ("section 3, made anew",),
+        ("section 3, made anew from",),
         "method",
     ),
     Break(

@@ -29,13 +29,18 @@ BREAKS = (
     Break(
         "J_M of the filter's model is 1 % too large",
         lambda: swap("actuators.ema.jay", wrap__nozzle=_heavy),
-        ("Phi, G and H", "(5) to (9)"),
+        ("Phi, G and H", "(5) to (9), figures"),
         "method",
     ),
     Break(
-        "the gain K of (5) is zero", lambda: swap(BENCH, FILTER={"P0": lambda P: 0.0 * P}), ("(5) to (9)",), "method"
+        "the gain K of (5) is zero",
+        lambda: swap(BENCH, FILTER={"P0": lambda P: 0.0 * P}),
+        ("(5) to (9), figures",),
+        "method",
     ),
-    Break("R of (5) is halved", lambda: swap(FILTER, wrap_params=_quieter), ("P_0 and R", "(5) to (9)"), "method"),
+    Break(
+        "R of (5) is halved", lambda: swap(FILTER, wrap_params=_quieter), ("P_0 and R", "(5) to (9), figures"), "method"
+    ),
     Break(
         "the filter's G (5) is 15 % too large",
         lambda: swap(BENCH, FILTER={"G": lambda G: 1.15 * G}),
@@ -53,7 +58,7 @@ BREAKS = (
     Break(
         "the innovation is divided by ten standard deviations (6)",
         lambda: swap(BENCH, FILTER={"R": lambda R: 100.0 * R}),
-        ("figure 5, largest", "figure 6,", "figure 7,", "figures 6 to 11", "ten times the variance"),
+        ("figure 5, largest", "figure 6,", "figure 7,", "figures 6 to 11: runs", "ten times the variance"),
         "method",
     ),
     Break(

@@ -87,7 +87,7 @@ BREAKS = (
         ("(36), E",),
         "method",
     ),
-    Break("(28) is halved", lambda: swap(DESIGNS, wrap_discretise=_halved), ("(2), (28)",), "method"),
+    Break("(28) is halved", lambda: swap(DESIGNS, wrap_discretise=_halved), ("(2), (28): largest",), "method"),
     Break("P has no cross term", lambda: swap(VARIANTS, wrap_coupled=_uncoupled), ("P couples",), "option"),
     Break("N of (7) has the wrong sign", lambda: swap(DESIGNS, wrap_choose=_unstable), ("theorem 2",), "method"),
     Break(
