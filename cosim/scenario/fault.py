@@ -42,6 +42,8 @@ class Injection:
     unit: str
     omega: float = math.nan  # [rad/s]
     phase: float = 0.0  # [rad]
+    shape: str = c.SHAPES[0]  # of an oscillation
+    sweep: float = 0.0  # of a chirp's frequency [rad/s^2]
     limit: float = math.nan  # [rad]
 
 
@@ -60,6 +62,7 @@ class Fault(BaseModel):
     ramp_s: Seconds = 0.0
     at: Literal["valve", "command", "sensor"] | None = None
     path: Literal["all", "observers", "loop", "monitor"] | None = None
+    shape: Literal["sine", "square", "triangle", "chirp"] | None = None
     _aircraft: Aircraft = PrivateAttr(default_factory=load_aircraft)
 
     def model_post_init(self, context: Any) -> None:
@@ -80,6 +83,7 @@ class Fault(BaseModel):
         for key in c.optional_keys(raw["kind"], raw["target"], aircraft):
             if key.name in full:
                 _number(full[key.name], key)
+        _shape(raw["kind"], full)
         _magnitudes(raw["kind"], kind, full, aircraft)
         return full
 
@@ -187,6 +191,8 @@ class Fault(BaseModel):
                     unit=unit,
                     omega=si.get("frequency_hz", math.nan),
                     phase=si.get("phase_deg", 0.0),
+                    shape=self.shape or c.SHAPES[0],
+                    sweep=si.get("chirp_hz_s", 0.0),
                     limit=si.get("limit_deg", math.nan),
                 )
             )
@@ -238,6 +244,19 @@ def _place(target, kind, raw):
     return out
 
 
+def _shape(name, full):
+    """Check the shape of an oscillation, and that a chirp, and nothing else, says how its frequency changes."""
+    given = full.get("shape")
+    if given is not None and name not in c.OSCILLATIONS:
+        raise problem(f"{name} has no shape", key="shape", allowed="no such key", remedy="Remove shape")
+    if given is not None and given not in c.SHAPES:
+        raise choice(given, c.SHAPES, "shape", key="shape")
+    if given == "chirp" and c.SWEEP.name not in full:
+        raise problem(f"a chirp needs {c.SWEEP.name}", key=c.SWEEP.name, allowed=c.SWEEP.range)
+    if given != "chirp" and name in c.OSCILLATIONS and c.SWEEP.name in full:
+        raise problem("is for a chirp", key=c.SWEEP.name, remedy="Say shape = 'chirp'")
+
+
 def _number(value, key):
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise problem("is no number", key=key.name, allowed=key.range)
@@ -253,7 +272,7 @@ def _magnitudes(name, kind, full, aircraft):
     optional = c.optional_keys(name, full["target"], aircraft)
     known = [k.name for k in (*one_of, *kind.keys, *optional)]
     for key in full:
-        if key not in (*COMMON, "at", "path", *known):
+        if key not in (*COMMON, "at", "path", "shape", *known):
             remedy = did_you_mean(key, [*known, *COMMON])
             at = f" at {full['at']!r}" if key in (k.name for k in kind.one_of) else ""
             raise problem(
