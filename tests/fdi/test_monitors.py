@@ -191,3 +191,19 @@ def test_bad_measurements_do_not_stick(module):
         assert np.isfinite(log[name]).all(), name
     assert not log["valid"][:, 845:880].any()
     assert log["valid"][:, 885:].all()
+
+
+@pytest.mark.parametrize("which", ["flight", "flight_ema"])
+def test_a_surface_sensor_that_is_frozen_is_named_and_no_jam_and_a_jam_without_noise_stays_one(which):
+    t, rng = np.arange(4000) * 0.005, np.random.default_rng(2)
+    command = 0.06 * np.sin(2.0 * np.pi * 0.3 * t)
+    for sigma, name, culprit in ((np.radians(0.02), verdict.SENSOR, 1.0), (0.0, verdict.JAM_SOLID, 0.0)):
+        surface = np.interp(t - 0.15, t, command) + sigma * rng.standard_normal(len(t))
+        surface[t >= 10.0] = surface[2000]
+        u = np.zeros((1, len(t)), position_monitor.INPUTS)
+        u["command"], u["surface"], u["surface_valid"] = command, surface, 1.0
+        p = position_monitor.params(which)
+        log = np.zeros((1, len(t)), position_monitor.STATE)
+        position_monitor.rollout(position_monitor.init(p), u, p, 0.005, log)
+        assert not log["alarm"][0, :2000].any()
+        assert (log["verdict"][0, -1], log["culprit"][0, -1]) == (name, culprit)

@@ -1,4 +1,4 @@
-"""A second judge: names, delays and standing alarms from a log's frames alone, by none of the project's judging code."""
+"""A second judge: names, delays and standing alarms from a log's frames alone, by no code of cosim.judge."""
 
 import tomllib
 

@@ -64,12 +64,13 @@ def test_both_judges_say_the_same_of_a_flight(name, tmp_path):
 
 def test_the_second_judge_tells_right_from_wrong_and_from_ambiguous():
     rod = {"target": "elevator.left_inner.rod", "kind": "bias"}
-    said = [("sensor", "rod"), ("jam_liquid", ""), ("sensor", "surface"), ("runaway", ""), ("ambiguous", ""), ("sensor", "")]
+    said = (("sensor", "rod"), ("jam_liquid", ""), ("sensor", "surface"), ("runaway", ""), ("ambiguous", ""),
+            ("sensor", ""))  # fmt: skip
     words = [word(rod, "local", "left_inner", *one) for one in said]
     assert words == ["right", "ambiguous", "wrong", "wrong", "ambiguous", "ambiguous"]
     left = {"target": "elevator.left", "kind": "ofc_solid"}
-    assert [word(left, "aircraft", "aircraft", "ofc_solid", p) for p in ("elevator_left", "elevator", "", "engine_1")] == [
-        "right", "right", "ambiguous", "wrong"]  # fmt: skip
+    words = [word(left, "aircraft", "aircraft", "ofc_solid", p) for p in ("elevator_left", "elevator", "", "engine_1")]
+    assert words == ["right", "right", "ambiguous", "wrong"]
 
 
 @pytest.mark.slow
