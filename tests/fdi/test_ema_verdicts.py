@@ -233,7 +233,7 @@ def test_friction_is_estimated_and_named_and_no_jam():
     quiet, rubbing = flown().log, flown(friction_add=0.15 * stall).log
     settled = slice(round((START + 2.0) / DT), round(END / DT))
     assert 0.005 * stall < np.median(quiet["friction"][settled]) < 0.04 * stall  # 0.02 in the model
-    assert np.median(rubbing["friction"][settled]) == pytest.approx(0.17 * stall, rel=0.35)
+    assert 0.09 * stall < np.median(rubbing["friction"][settled]) < 0.19 * stall  # 0.17: what creeps shows a part of it
     assert set(said(rubbing)) <= {"ambiguous", "effectiveness"} and "effectiveness" in said(rubbing)
     assert not rubbing["alarm"][round((END + 3.0) / DT) :].any()
 
