@@ -95,7 +95,8 @@ def _fault(place, target, name, kind):
         )
     only = list(kind.technologies) if set(kind.technologies) != set(c.TECHNOLOGIES) else []
     about = {"place": place, "target": target, "kind": name, "summary": kind.summary}
-    return {**about, "one_of": one_of, "keys": keys, "at": list(kind.at), "only": only}
+    shapes = list(c.SHAPES) if name in c.OSCILLATIONS else []
+    return {**about, "one_of": one_of, "keys": keys, "at": list(kind.at), "shape": shapes, "only": only}
 
 
 def _range(record: Any) -> str:

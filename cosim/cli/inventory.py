@@ -94,9 +94,9 @@ def _faults_on(target, rows):
     f = Table(f"Faults on {target}", "kind", "what it does", "keys")
     for r in rows:
         keys = " | ".join(r["one_of"]) + "".join(f", {k}" for k in r["keys"])
-        at = f"at = {' | '.join(r['at'])}" if r["at"] else ""
+        own = [f"{key} = {' | '.join(r[key])}" for key in ("at", "shape") if r[key]]
         only = f" ({' and '.join(r['only'])} only)" if r["only"] else ""
-        f.add(r["kind"], r["summary"] + only, "; ".join(x for x in (keys, at) if x))
+        f.add(r["kind"], r["summary"] + only, "; ".join(x for x in (keys, *own) if x))
     return f
 
 

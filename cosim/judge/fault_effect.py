@@ -55,7 +55,7 @@ def moved(difference: NDArray, faults: Sequence, dt: float, travel: float) -> di
     end = max(j.end for j in faults) + 1.0
     last = len(difference) if math.isinf(end) else min(len(difference), round(end / dt))
     rod, surface = (_largest(d) for d in difference[round(start / dt) : last].T)
-    s = next((j for j in faults if math.isfinite(j.omega)), None)
+    s = next((j for j in faults if math.isfinite(j.omega) and j.shape != "chirp"), None)
     swing = [amplitude(d, s.omega, s.start + s.ramp, s.end, dt) if s else None for d in difference.T]
     deg = DEG_PER_RAD
     values = (rod, surface, surface, *swing)

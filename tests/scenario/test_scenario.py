@@ -51,7 +51,8 @@ def test_every_kind_of_fault_is_flown_by_a_builtin_and_listed_once():
 def test_the_listed_keys_are_those_of_a_scenario():
     keys = inventory()["keys"]
     assert set(keys["[elevator]"]) - {"<segment>"} == set(Elevator.model_fields) - set(c.SEGMENTS)
-    assert set(keys["[[faults]], every kind"]) - {"limit_deg"} == set(Fault.model_fields) - {"target", "kind"}
+    of_a_kind = {"limit_deg", "chirp_hz_s"}
+    assert set(keys["[[faults]], every kind"]) - of_a_kind == set(Fault.model_fields) - {"target", "kind"}
     assert len(keys["amplitude of ofc_liquid, ofc_solid"]) == len(c.AMPLITUDES_AT)
     for key in keys["[sensors], a table per sensor"]:
         name = key.replace("<unit>", inventory()["units"]["alpha"][0])

@@ -219,7 +219,7 @@ def bounded() -> tuple[float, str]:
         D = made.W @ np.hstack([M2 @ X, made.a_f * S])
         for rate in np.logspace(-4, 4, 81):
             G = C @ np.linalg.solve(1j * rate * np.eye(n + 6) - A, B) + D
-            worst = max(worst, np.linalg.norm(G, 2))
+            worst = max(worst, float(np.linalg.norm(G, 2)))
     low, high = made.poles
     held = np.abs(made.W @ F_2 - np.eye(3)).max() < 1e-9 and np.abs(made.L @ F_2).max() < 1e-9
     held &= -high * 1.001 <= np.min(slow) and np.max(slow) <= -low * 0.999
@@ -233,7 +233,7 @@ def fitted() -> tuple[float, str]:
     An entry that hardly varies, or hardly matters in its row, is its mean; the others are least squares, weighted.
     """
     rng, box = np.random.default_rng(4), np.array([[260.0, 405.0], [28.0, 36.0], [210.0, 270.0], [0.4, 0.68]])
-    rho = rng.uniform(*box.T, (60, 4))
+    rho = rng.uniform(box[:, 0], box[:, 1], (60, 4))
     scale, weight = np.array([1.0, 3.0]), rng.uniform(0.5, 2.0, 60)
     true = rng.normal(size=(5, 3, 2)) / np.array([1.0, 100.0, 10.0, 60.0, 0.2])[:, None, None]
     S = np.array([_at(true, r) for r in rho])
@@ -253,12 +253,12 @@ def fitted() -> tuple[float, str]:
     off["fixed"] = float((fixed != still).sum())
     told, error = lpv_model.judge(stack, rho, bent), np.abs(np.array([_at(stack, r) for r in rho]) - bent).max(0)
     off["judged"] = np.abs(told - error / size).max()
-    model, points = synthesis.load()[0], rng.uniform(*box.T, (200, 4))
+    model, points = synthesis.load()[0], rng.uniform(box[:, 0], box[:, 1], (200, 4))
     values = np.array([np.concatenate(_trim(model, r)) for r in points])
     maps = lpv_model.fit_trim(points, values, box=box)
     trim = np.vstack([maps[:5], maps[7:], np.zeros((4, 35)), maps[5:7]])
     ours = dataclasses.replace(model, box=box, trim=trim)
-    for r in rng.uniform(*box.T, (5, 4)):
+    for r in rng.uniform(box[:, 0], box[:, 1], (5, 4)):
         x, u, y = lpv_model.trim_at(ours, r)
         theirs = np.concatenate(_trim(model, r))
         apart = np.abs(np.concatenate([x, y[-2:], u]) - theirs) / (1e-3 + np.abs(theirs))

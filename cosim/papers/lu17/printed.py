@@ -145,7 +145,8 @@ def filters(form: str) -> tuple[float, str]:
     which, own = FORMS[form]
     ours, p, samples = _run(which, own, 300)
     dt, late = own.get("dt", bench.DT), int(own.get("delay", 0))
-    theirs = (_two_stage if which == "iotsekf" else _three_step)(p, own["load"], *samples, dt, late)
+    filter_: Any = _two_stage if which == "iotsekf" else _three_step
+    theirs = filter_(p, own["load"], *samples, dt, late)
     off = np.abs(ours - theirs).max(0) / np.maximum(np.abs(theirs).max(0), 1e-9)
     return float(off.max()), f"rms of f_hat {np.std(theirs[:, 4]):.2g}"
 
@@ -212,7 +213,8 @@ def _two_stage(p: Any, load: int, u: Any, y: Any, dp: Any, dt: float, late: int)
     R = np.diag([p["r_rod"], p["r_dp"]][: len(H)])
     Q, Q_f, Q_xf = np.diag(p["q"]) * h, float(p["q_f"]) * h, p["q_xf"] * h
     x = np.array([y[0], 0.0, dp[0], -dp[0]]) if load == 2 else np.array([y[0], 0.0, -_force(load, y[0]), 0.0])
-    P, V, f, P_f = np.diag(p["P0"] * (1.0, 1.0, 1.0, load == 2)), np.zeros(4), 0.0, float(p["P0_f"])
+    f: Any = 0.0
+    P, V, P_f = np.diag(p["P0"] * (1.0, 1.0, 1.0, load == 2)), np.zeros(4), float(p["P0_f"])
     out = []
 
     def ahead(x, P, V, P_f, u):
@@ -247,7 +249,7 @@ def _two_stage(p: Any, load: int, u: Any, y: Any, dp: Any, dt: float, late: int)
         left = np.eye(4) - K @ H
         P = left @ P @ left.T + K @ R @ K.T  # (25)
         f = f + K_f @ (seen - H @ before - S * f)  # (26), (27)
-        P_f = (1.0 - K_f @ S) * P_f  # (30)
+        P_f = float(1.0 - K_f @ S) * P_f  # (30)
         V = V - K @ S  # (36)
         if late:
             x, P, V, P_f, G = ahead(x, P, V, P_f, u[k + 1 - late])

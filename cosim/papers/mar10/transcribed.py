@@ -177,13 +177,13 @@ def families(which: str, draws: int = 10) -> tuple[float, str]:
         x["avg"][0, core.NR : 2 * core.NR] = rng.uniform(0.5, 1.5, core.NR)
         briefly(core.evaluate_families, x[0], p)
         avg, limit = x["avg"][0], p["threshold"][:n] + p["rel"] * x["avg"][0, core.NR : core.NR + n]
-        r, S, tau = [], [], []
+        rows: list[tuple] = []
         for family in found:
             c, s = structure.combination(G[:n, :4], family)
             sensitivity = c @ G[:n]
             sensitivity[:4] = s
-            r, S, tau = [*r, c @ avg[:n]], [*S, sensitivity], [*tau, np.abs(c) @ limit]
-        r, S, tau = np.array(r), np.array(S), np.array(tau)
+            rows.append((c @ avg[:n], sensitivity, np.abs(c) @ limit))
+        r, S, tau = (np.array(column) for column in zip(*rows, strict=True))
         fired = x["fired"][0, : len(found)] != (np.abs(r) >= tau)
         x["used"] = 0.0
         x["used"][0, : len(found)] = use = rng.uniform(size=len(found)) > 0.3
