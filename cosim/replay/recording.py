@@ -58,7 +58,7 @@ class Lane:
     @property
     def name(self) -> str:
         """Return what it is called in figures: "iotsekf left inner"."""
-        return self.id if self.level == "aircraft" else f"{self.id} {words(self.lane)}"
+        return self.id if self.level != "local" else f"{self.id} {words(self.lane)}"
 
 
 def words(name: str) -> str:
@@ -145,7 +145,7 @@ class LoggedFlight:
             names = dict(guest.fields(own))
             for lane, rows in guest.outputs(self.log, own, self.scenario.elevator.technology).items():
                 out.append(self._lane(about, lane, names, rows))
-        return sorted(out, key=lambda lane: lane.level != "aircraft")
+        return sorted(out, key=lambda lane: lane.level == "local")
 
     def _named(self, topic):
         return self.log.topics[topic].fields, self.log.topics[topic].units
