@@ -25,7 +25,7 @@ class Watch:
     """One detector lane as the judgement sees it: names, and where its outputs stand in the trace's columns."""
 
     id: str
-    level: str  # "local" or "aircraft"
+    level: str  # "local", "aircraft" or "both"
     target: str  # "elevator.left_inner" or "aircraft"
     culprits: tuple  # names of the parts that it can blame, first is ""
     alarm: int
@@ -37,9 +37,12 @@ class Watch:
     valid: int | None = None  # None: always
     why: int | None = None  # reason of fdi/common/why.py
     alarms: tuple = ()  # ((culprit, column), ...) of a lane with an alarm for each part
+    second: int | None = None  # of a lane that names two parts at once: the other one, 0 for none
+    verdict_2: int | None = None  # and its class
 
 
-OUTPUTS = ("alarm", "verdict", "culprit", "r", "valid", "why")  # of a detector, as far as it has them
+# of a detector, as far as it has them
+OUTPUTS = ("alarm", "verdict", "culprit", "r", "valid", "why", "second", "verdict_2")
 
 
 def columns(culprits: tuple, outputs: Sequence[str]) -> list[str]:
@@ -68,7 +71,7 @@ class Said:
             return None
         i = self.part[k]
         part = self.parts[int(i)] if 0 <= i < len(self.parts) else ""
-        target = watch.target if not part else part if watch.level == "aircraft" else f"{watch.target}.{part}"
+        target = watch.target if not part else part if watch.level != "local" else f"{watch.target}.{part}"
         return {"class": code.class_name(self.verdict[k]), "target": target}
 
 
@@ -81,6 +84,8 @@ def said(watch: Watch, trace: Any, fault: Mapping | None = None, others: Sequenc
     """
     alarm, verdict, part = (trace[:, c] for c in (watch.alarm, watch.verdict, watch.culprit))
     own = dict(watch.alarms)
+    if fault is not None and watch.second is not None:
+        return _two(watch, trace, fault, others)
     if not own or fault is None:
         return Said(alarm > 0.5, verdict, part, watch.culprits)
     up = [trace[:, c] > 0.5 for c in own.values()]
@@ -107,6 +112,25 @@ def _distinct(rows):
     at = np.flatnonzero(new)
     different, which = np.unique(np.stack([row[at] for row in rows]), axis=1, return_inverse=True)
     return different, np.repeat(which.ravel().astype(np.int32), np.diff(np.append(at, len(new))))
+
+
+def _two(watch, trace, fault, others):
+    """Return what a lane that names one part or two says of `fault`: of these, without the parts of the `others`.
+
+    The class is that of the name which is left; with both left, or none, that of the first.
+    """
+    columns = watch.verdict, watch.culprit, watch.verdict_2, watch.second
+    told, which = np.unique(np.stack([trace[:, c] for c in columns]), axis=1, return_inverse=True)
+    parts, verdicts = [], []
+    for first, i, other, j in told.T:
+        names = {watch.culprits[int(k)]: c for k, c in ((i, first), (j, other)) if 0 < k < len(watch.culprits)}
+        mine = members_of(names, fault, watch.level)
+        theirs = {p for f in others for p in members_of(names, f, watch.level)} - set(mine)
+        left = [p for p in names if p not in theirs] or list(names)
+        parts.append(BOTH.join(left))
+        verdicts.append(next((names[p] for p in (*mine, *left)), first))
+    which = which.ravel()
+    return Said(trace[:, watch.alarm] > 0.5, np.array(verdicts)[which], which.astype(float), tuple(parts))
 
 
 def noticed(
@@ -321,7 +345,7 @@ def _moved_at(watch, fault):
     when = fault.get("moved_at_s")
     if when is None or not when:
         return None
-    own = [t for seg, t in when.items() if watch.level == "aircraft" or watch.target == f"elevator.{seg}"]
+    own = [t for seg, t in when.items() if watch.level != "local" or watch.target == f"elevator.{seg}"]
     return max(fault["start_s"], min(own)) if own else None
 
 

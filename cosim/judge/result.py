@@ -146,7 +146,7 @@ def _target(j, written):
 def concerns(watch: Watch, fault_targets: Iterable[str]) -> bool:
     """Return whether a fault on `fault_targets` is this lane's: on its own actuator; any, for aircraft level."""
     mine = (t == watch.target or t.startswith(watch.target + ".") for t in fault_targets)
-    return watch.level == "aircraft" or any(mine)
+    return watch.level != "local" or any(mine)
 
 
 def judge(watch: Watch, trace: Any, dt: float, faults: Sequence[Mapping]) -> dict:

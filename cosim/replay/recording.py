@@ -64,7 +64,7 @@ class Lane:
     @property
     def name(self) -> str:
         """Return what it is called in figures: "iotsekf left inner"."""
-        return self.id if self.level == "aircraft" else f"{self.id} {words(self.lane)}"
+        return self.id if self.level != "local" else f"{self.id} {words(self.lane)}"
 
 
 def words(name: str) -> str:
@@ -215,7 +215,7 @@ class LoggedFlight:
             names = dict(elements(own.STATE, own.OUTPUTS))
             for lane, told in guest.outputs(self.log, own, self.scenario.elevator.technology).items():
                 out.append(self._lane(about, lane, names, dict(zip(names, told.T)), told))
-        return sorted(out, key=lambda lane: lane.level != "aircraft")
+        return sorted(out, key=lambda lane: lane.level == "local")
 
     def _lane(self, d, lane, units, fields, rows):
         target = f"elevator.{lane}" if d["level"] == "local" else "aircraft"

@@ -29,7 +29,9 @@ rms of those, as the vane has it about its mean, and with the lateral motion thr
 Noise and frozen readings show in the second difference of the reading alone, y_k - 2 y_k-1 + y_k-2 of variance 6
 sigma^2, in which motion at the sampling rate is nothing.
 
-What kinematics cannot tell: a drift of phi from a constant error of p, of psi from one of r. The gyro is named.
+What kinematics cannot tell: a drift of theta from a constant error of q, where gusts hide what the latter does to the
+turn; "q or theta" is named until another row tells. A drift of phi from a constant error of p, of psi from one of r:
+the gyro is named.
 """
 
 import math
@@ -44,9 +46,25 @@ from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, SENSOR
 from fdi.common.why import BOX_ALTITUDE, BOX_MACH, BOX_SPEED, LOST_SENSOR, NOT_READY, VALID
 from fdi.kinematic.rows import compare, read
-from fdi.kinematic.signatures import FAST, FIRST, JUMPS, MAY, MUST, NC, NR, NS, OF, SENSORS, SHOWS, SIGNATURES
+from fdi.kinematic.signatures import (
+    FAST,
+    FIRST,
+    JUMPS,
+    MAY,
+    MUST,
+    NC,
+    NR,
+    NS,
+    OF,
+    SENSORS,
+    SHOWS,
+    SIGNATURES,
+    THETA_SENSOR,
+    Q,
+)
 
-CULPRITS = ("", *SENSORS)
+CULPRITS = ("", *SENSORS, "q or theta")
+EITHER = len(CULPRITS) - 1.0
 HIDDEN = 1.25  # of a threshold: an error that shows larger should have fired
 
 PARAMS = dtype(
@@ -122,6 +140,7 @@ DETECTOR = Detector(
     | {"sensor.alpha": ("sensor", "ambiguous"), "sensor.beta": ("sensor", "ambiguous"), "sensor.n_y": ("sensor",)},
     blind="no force enters: neither effectors nor actuators; of alpha, beta and n_y it sees noise and a frozen reading",
     any_aircraft=True,
+    shares=(("q", "theta", CULPRITS[-1]),),  # theta' = q
     range={"tas": FLYING, "mach": SUBSONIC, "h_baro": ATMOSPHERE, "h_inertial": ATMOSPHERE},
     fit=lambda site: params(own=site.own),
 )
@@ -192,8 +211,8 @@ def _noise(x, p, dt):
 
 @kernel
 def _named(x):
-    """Return (number of sensors that explain what fired and jumped, the last of them + 1)."""
-    count, best = 0, 0
+    """Return (number of sensors that explain what fired and jumped, the last of them + 1); q and theta are EITHER."""
+    count, best, pair = 0, 0, 0
     for s in range(NC):
         fits = True
         for i in range(NR):
@@ -211,7 +230,10 @@ def _named(x):
         if fits and best != OF[s] + 1:
             count += 1
             best = OF[s] + 1
-    return count, best
+            pair += 1 if OF[s] == Q or OF[s] == THETA_SENSOR else 0
+    if count == 2 and pair == 2:
+        return 1, EITHER
+    return count, float(best)
 
 
 @kernel
@@ -225,13 +247,14 @@ def _decide(x, p, dt):
         x.since = 0.0
     else:
         x.since += dt
-    if x.noisy > 0.5 and (x.alarm < 0.5 or x.verdict == AMBIGUOUS):
+    sought = x.alarm < 0.5 or x.verdict == AMBIGUOUS
+    if x.noisy > 0.5 and sought:
         x.alarm, x.verdict, x.culprit = 1.0, SENSOR, x.noisy
-    elif any_row and x.since >= p.t_collect and (x.alarm < 0.5 or x.verdict == AMBIGUOUS):
+    elif any_row and x.since >= p.t_collect and (sought or x.culprit == EITHER):
         count, best = _named(x)
         if count == 1:
             x.alarm, x.verdict, x.culprit = 1.0, SENSOR, best
-        elif x.since >= p.t_ambiguous:
+        elif sought and x.since >= p.t_ambiguous:
             x.alarm, x.verdict, x.culprit = 1.0, AMBIGUOUS, 0.0
     if x.alarm > 0.5 and x.quiet > p.t_release:
         x.alarm, x.verdict, x.culprit = 0.0, NONE, 0.0
