@@ -4,30 +4,83 @@ Library functions raise them, only the command line prints them (exit status 2) 
 """
 
 import difflib
-from typing import Any
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+Raised = TypeVar("Raised", bound="CosimError")
+
+LONGEST = 1000  # letters of a part of a message: a value of a megabyte is not repeated
+
+
+def shortened(text: str) -> str:
+    """Return a text of at most LONGEST letters: its beginning, and its end with what to do."""
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 300]} … {text[-297:]}"
 
 
 class CosimError(Exception):
-    """Carry one message: `place` (file, key), `problem`, `allowed` (range, choices), `remedy`; each may be empty."""
+    """Carry one message: `place` (file, key), `problem`, `allowed` (range, choices), `remedy`; each may be empty.
+
+    `more` holds the errors found beside it: a file with four mistakes is one error of four lines.
+    """
+
+    more: tuple["CosimError", ...] = ()
 
     def __init__(self, problem: str, *, place: str = "", allowed: str = "", remedy: str = ""):
         super().__init__(problem, place, allowed, remedy)
         self.problem, self.place, self.allowed, self.remedy = problem, place, allowed, remedy
 
     def __str__(self):
-        text = f"{self.place}: {self.problem}" if self.place else self.problem
-        if self.allowed:
-            text += f"; allowed: {self.allowed}"
-        if self.remedy:
-            text += f". {self.remedy}"
-        return " ".join(text.split())  # one line, whatever a library's message holds
+        return "\n".join(error.line for error in self.every)
+
+    @property
+    def every(self) -> tuple["CosimError", ...]:
+        """Return this error and those beside it."""
+        return self, *self.more
+
+    @property
+    def line(self) -> str:
+        """Return this error alone as one line, whatever a library's message holds."""
+        place, problem, allowed, remedy = map(shortened, (self.place, self.problem, self.allowed, self.remedy))
+        text = f"{place}: {problem}" if place else problem
+        if allowed:
+            text += f"; allowed: {allowed}"
+        if remedy:
+            text += f". {remedy}"
+        return " ".join(text.split())
 
     def __reduce__(self):  # keyword-only arguments would be lost on the way back from a worker process
-        return _rebuild, (type(self), self.problem, self.place, self.allowed, self.remedy)
+        return _rebuild, (type(self), self.problem, self.place, self.allowed, self.remedy, self.more)
 
 
-def _rebuild(kind, problem, place, allowed, remedy):
-    return kind(problem, place=place, allowed=allowed, remedy=remedy)
+def _rebuild(kind, problem, place, allowed, remedy, more):
+    return joined([kind(problem, place=place, allowed=allowed, remedy=remedy), *more])
+
+
+def joined(errors: Sequence["Raised"]) -> "Raised":
+    """Return the first of `errors` with the others, and what stands beside them, as its `more`; each is said once."""
+    first, *others = {one.line: one for error in errors for one in error.every}.values()
+    for one in others:
+        one.more = ()
+    first.more = tuple(others)
+    return first  # type: ignore[return-value]
+
+
+class Mistakes(list[CosimError]):
+    """Errors of one file: `with mistakes.caught():` around each check, `mistakes.check()` after the last."""
+
+    @contextmanager
+    def caught(self) -> Iterator[None]:
+        """Keep what a check raises, and go on behind it."""
+        try:
+            yield
+        except CosimError as error:
+            self.append(error)
+
+    def check(self) -> None:
+        """Raise what was found, if anything, as one error."""
+        if self:
+            raise joined(self)
 
 
 class ScenarioError(CosimError):

@@ -65,7 +65,7 @@ def beyond(rows: pd.DataFrame) -> list[str]:
     independent flights with probabilities of at most `best` (normal approximation with continuity correction).
     """
     out = []
-    low = rows[rows["bound_mm"].notna() & (rows["amplitude_mm"] < rows["bound_mm"]) & ~rows["idle"]]
+    low = rows[rows["bound_mm"].notna() & (rows["amplitude_mm"] < rows["bound_mm"]) & ~rows["not_valid"]]
     for name, own in low.groupby("id", sort=False):
         p, k = own["best"].to_numpy(), int(own["detected"].sum())
         spread = math.sqrt(float(np.sum(p * (1.0 - p))))
@@ -80,8 +80,8 @@ def _of(scenario: Scenario, fault: int, name: str) -> tuple[float | None, float]
     seconds = min(f.end_s or math.inf, scenario.duration_s) - f.start_s
     hz, segments = (f.model_extra or {})["frequency_hz"], f.parsed.names
     technology = [scenario.elevator.technology[s] for s in segments]
-    if seconds <= 0.0:
-        return None, 0.0
+    if seconds <= 0.0 or f.shape not in (None, "sine"):  # of another shape its harmonics tell, too
+        return None, max(seconds, 0.0)
     own = scenario.aircraft.own(technology[0])
     mm = 1e-3 / TECHNOLOGIES[technology[0]].design(own).arm  # surface angle per mm of rod [rad]
     if name == "monitors":

@@ -28,7 +28,7 @@ def _interval(low: str, high: str, shown: Callable = number) -> Callable:
 
 
 def _not_valid(d: dict) -> Any:
-    return Cell(d["idle"], "", d.get("why_not_valid") or "") if d["designed"] else DASH
+    return Cell(d["not_valid"], "", d.get("why_not_valid") or "") if d["designed"] else DASH
 
 
 def _free(d: dict) -> Cell | str:
@@ -138,14 +138,14 @@ def families(found: Iterable[dict], kind: str = "kind of fault") -> Table:
 
 def fit(d: dict | None, best: float | None = None) -> Any:
     """Return a fitted size with its bounds, or what the flights say where no curve can be fitted."""
-    if d is None or not (d.get("n") or d.get("designed") or d.get("idle")):
+    if d is None or not (d.get("n") or d.get("designed") or d.get("not_valid")):
         return "blind" if d and d.get("blind") else DASH
-    told = f"; {d['idle']} not valid" if d.get("idle") and "n" in d else ""
+    told = f"; {d['not_valid']} not valid" if d.get("not_valid") and "n" in d else ""
     if d.get("bound_mm") is not None and "n" in d:
         told += f"; bound {d['bound_mm']:.2g}" + (f", {d['below']} below it" if d["below"] else "")
     seen, flights = d.get("seen", d.get("detected")), d.get("n", d.get("designed"))
     if d["a90"] is None:
-        return f"{d['note']} ({seen}/{flights}{told})" if flights else f"not valid ({d['idle']})"
+        return f"{d['note']} ({seen}/{flights}{told})" if flights else f"not valid ({d['not_valid']})"
     ends = ["?" if d[k] is None else f"{d[k]:.2g}" for k in ("low", "a90_95")]
     said = f"{d['a90']:.2g} ({ends[0]} to {ends[1]}){told}"
     return Cell(said, "bold") if best is not None and d["a90_95"] == best else said
@@ -249,6 +249,31 @@ def scored_families(each: Sequence[dict]) -> Table:
     found = [{"id": d["id"], **f} for name in order for d in each for f in d["families"]
              if f["family"] == name and f["designed"]]  # fmt: skip
     return families(found, "family")
+
+
+def by_level(found: Iterable[dict]) -> Table:
+    """Return the Table *fault by level* of `cosim.compare.stats.by_level`."""
+    columns = (
+        Column("kind of fault", lambda d: Cell(d["family"], "bold"), right=False), Column("faults"),
+        Column("local only", "local", doc="only detectors of one actuator alarmed"),
+        Column("aircraft only", "aircraft", doc="only detectors of the whole aircraft alarmed"),
+        Column("both"), Column("nobody"), Column("joint", doc="the joint verdict alarmed"),
+        Column("its place right", "right", doc="valve, command, surface or sensor of the segment, sensor, engine"),
+        Column("coarser", "coarse", doc="segment, side or a set that holds it, or no place"),
+        Column("wrong", lambda d: Cell(d["wrong"], "bad" if d["wrong"] else "muted")),
+    )  # fmt: skip
+    return of(columns, found)
+
+
+def predictive(found: Iterable[dict]) -> Table:
+    """Return the Table of predictive values, from `cosim.compare.Comparison.predictive`."""
+    columns = (
+        NAME, Column("fault rate", lambda d: number(d["fault_rate"]), "per flight h"),
+        Column("of its alarms true", lambda d: share(d["value"]), doc="behind so many alarms there is a fault"),
+        Column("at least", lambda d: share(d["low"]), doc="95 %"), Column("at most", lambda d: share(d["high"])),
+    )  # fmt: skip
+    return of(columns, found, keys=2, title="What an alarm is worth", caption="Faults in the mix of kinds and sizes of "
+              "these flights, those it was designed for; a first alarm of each fault, every false one.")  # fmt: skip
 
 
 def _level(x: float | None) -> str:

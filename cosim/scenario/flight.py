@@ -3,12 +3,11 @@
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import Field, ModelWrapValidatorHandler, ValidationInfo, model_validator
 
 from actuators.constants import M_PER_FT, M_S_PER_KT
 from cosim.scenario.aircraft import DEFAULT, of
-from cosim.scenario.problem import problem
-from cosim.scenario.table import Table
+from cosim.scenario.problem import Mistakes, Table, problem
 
 SPEEDS = ("cas_kt", "mach", "tas_kt")
 AIR = ("turbulence", "air", "wind_kt", "wind_from_deg", "shear_kt_1000ft", "gusts")  # keys of what the air does
@@ -17,6 +16,18 @@ PATHS = (("climb_fpm", "gamma_deg"), ("bank_deg", "turn_deg_s"))  # of each pair
 
 Turbulence = Literal["none", "light", "moderate", "severe"]
 Start = Annotated[float, Field(ge=0.0, le=36000.0)]
+
+
+def cas_kt(altitude_ft: float, *, mach: float | None = None, tas_kt: float | None = None) -> float:
+    """Return the calibrated airspeed [kt] of a Mach number or true airspeed in the standard atmosphere (ISO 2533)."""
+    h = altitude_ft * M_PER_FT
+    kelvin = max(288.15 - 0.0065 * h, 216.65)
+    pressure = 101325.0 * (kelvin / 288.15) ** 5.2558797 * math.exp(-max(0.0, h - 11000.0) / 6341.62)
+    if mach is None:
+        assert tas_kt is not None
+        mach = tas_kt * M_S_PER_KT / math.sqrt(1.4 * 287.05287 * kelvin)
+    impact = pressure * ((1.0 + 0.2 * mach**2) ** 3.5 - 1.0)
+    return 340.294 * math.sqrt(5.0 * ((impact / 101325.0 + 1.0) ** (2 / 7) - 1.0)) / M_S_PER_KT
 
 
 class AirChange(Table):
@@ -60,42 +71,44 @@ class Flight(Table):
     gusts: Annotated[tuple[Gust, ...], Field(strict=False, max_length=16)] = ()
 
     @model_validator(mode="after")
-    def _one_after_the_other(self):
+    def _together(self):
+        wrong = Mistakes()
         for i, (before, change) in enumerate(zip(self.air, self.air[1:]), start=1):
             if change.start_s < before.start_s + before.ramp_s:
                 said = f"begins before air.{i - 1} is reached"
                 allowed = f"{before.start_s + before.ramp_s:g} or later: start_s + ramp_s of air.{i - 1}"
-                raise problem(said, key=f"air.{i}.start_s", allowed=allowed, remedy="Order them by time")
-        return self
-
-    @model_validator(mode="after")
-    def _one_path(self):
+                wrong.add(said, key=f"air.{i}.start_s", allowed=allowed, remedy="Order them by time")
         for pair in PATHS:
             if all(getattr(self, key) is not None for key in pair):
-                said = f"{' and '.join(pair)} are both given"
-                raise problem(said, key=pair[1], allowed="one of them, or none")
-        return self
-
-    @model_validator(mode="after")
-    def _one_speed(self):
+                wrong.add(f"{' and '.join(pair)} are both given", key=pair[1], allowed="one of them, or none")
         given = [k for k in SPEEDS if getattr(self, k) is not None]
         if len(given) != 1:
             said = f"{' and '.join(given)} are both given" if given else "no speed is given"
-            raise problem(said, key=given[1] if given else "cas_kt", allowed="exactly one of cas_kt, mach, tas_kt")
+            wrong.add(said, key=given[1] if given else "cas_kt", allowed="exactly one of cas_kt, mach, tas_kt")
+        wrong.check()
         return self
 
-    @model_validator(mode="before")
+    @model_validator(mode="wrap")
     @classmethod
-    def _within_limits(cls, raw: Any, info: ValidationInfo) -> Any:
-        record = of(info)
+    def _within_limits(cls, raw: Any, handler: ModelWrapValidatorHandler, info: ValidationInfo) -> Any:
+        record, wrong = of(info), Mistakes()
         spans = {**{k: v for k, v in record.mass if k in ("mass_t", "cg_pct")}, **dict(record.limits)}
         for key in ("mass_t", "cg_pct", "altitude_ft", *SPEEDS):
             value, (low, high) = raw.get(key) if isinstance(raw, dict) else None, spans[key]
             if value is not None and (isinstance(value, bool) or not isinstance(value, int | float)):
-                raise problem("must be a valid number", key=key, allowed=f"{low:.10g} to {high:.10g}")
-            if value is not None and math.isfinite(value) and not low <= value <= high:
-                raise problem("is out of range", key=key, allowed=f"{low:.10g} to {high:.10g}")
-        return raw
+                wrong.add("must be a valid number", key=key, allowed=f"{low:.10g} to {high:.10g}")
+            elif value is not None and math.isfinite(value) and not low <= value <= high:
+                wrong.add("is out of range", key=key, allowed=f"{low:.10g} to {high:.10g}")
+        return wrong.last(handler, raw)
+
+    @model_validator(mode="after")
+    def _no_faster(self, info: ValidationInfo):
+        """Hold a Mach number or a true airspeed against the highest calibrated one, as that is held itself."""
+        key, most = ("mach" if self.mach is not None else "tas_kt"), dict(of(info).limits)["cas_kt"][1]
+        if self.cas_kt is None and (cas := cas_kt(self.altitude_ft, mach=self.mach, tas_kt=self.tas_kt)) > most:
+            said = f"is {cas:.0f} kt calibrated at {self.altitude_ft:g} ft"
+            raise problem(said, key=key, allowed=f"up to {most:g} kt calibrated", remedy="Fly slower or higher")
+        return self
 
     @property
     def mass(self) -> float:

@@ -45,7 +45,7 @@ def fly_live(
     """Fly `scenario` at `speed` times the clock's, served on `port` of this machine, and return what `simulate` does,
     and the scenario that the flight came to.
 
-    `flightgear` is a UDP port of this machine where FlightGear shows the flight (cosim/flight/plant/viewers.py).
+    `flightgear` is a UDP port of this machine where FlightGear shows the flight (cosim/flight/plant/plant.py).
     `ready(server)` is called when viewers may come (`server.url`, `server.steer_url` with the token). Ctrl-C ends the
     flight there; its log is whole, its status "interrupted". Raises OutputError when it cannot be served, TrimError and
     LogError as `simulate`.
