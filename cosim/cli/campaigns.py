@@ -17,6 +17,7 @@ from cosim.cli.output import (
     output_option,
     reserve,
 )
+from cosim.errors import CosimError
 
 
 def _left_out(damaged, what):
@@ -155,11 +156,16 @@ def report(
     ],
     output: Annotated[Path | None, output_option("HTML", "Default: beside the log.")] = None,
     overwrite: OverwriteOption = False,
+    light: Annotated[
+        bool, typer.Option("--light", help="Of one log: figures as SVG, under 500 kB, without cursor and zoom.")
+    ] = False,
     json_: JsonOption = False,
 ) -> None:
     """Write one self-contained HTML page that shows a flight, what `cosim replay --map -o` made of a recording, or
     compares the logs of a folder; opens offline.
     """
+    if light and log.is_dir():
+        raise CosimError("is for the page of one log", place="--light", remedy="Name a log, or leave --light out")
     path = output or (log / "compare.html" if log.is_dir() else log.with_suffix(".html"))
     from cosim.report.page import PAGE
 
@@ -175,7 +181,7 @@ def report(
         from cosim.report import diagnosis_report, flight_report
 
         foreign = "map.toml" in open_log(log, tolerant=True).attachments
-        made = (diagnosis_report if foreign else flight_report)(log, path)
+        made = (diagnosis_report if foreign else flight_report)(log, path, light=light)
     answer(json_, {"report": str(made)}, lambda _: tables.whole(f"report {made}"))
 
 

@@ -54,9 +54,8 @@ def motion(flown: LoggedFlight) -> Figure:
         ("Attitude", "deg", 1.0, [("pitch", get("theta", DEG_PER_RAD)), ("bank", get("phi", DEG_PER_RAD))]),
         ("Rates", "deg/s", 0.5, [(name, get(field, DEG_PER_RAD)) for name, field in RATES]),
     ]
-    figure = Figure(
-        "motion", "Shaded: a fault is active. Drag to zoom in time, double-click to see all; every figure follows.", 560
-    )
+    figure = Figure("motion", "Shaded: a fault is active.", 560)
+    figure.hint = "Drag to zoom in time, double-click to see all; every figure follows."
     panels(flown, figure, [p[0] for p in shown], [p[1] for p in shown], 2, legend=False)
     for i, (_, _, half, curves) in enumerate(shown, 1):
         for j, (name, y) in enumerate(reversed(curves)):
@@ -86,7 +85,8 @@ def track(flown: LoggedFlight) -> Figure:
     broken = np.zeros(len(t), bool)
     for a, b in flown.intervals:
         broken |= (t >= a) & (t <= b)
-    figure = Figure("track", "The dot is where the aircraft is at the time cursor.", 250, time=False)
+    figure = Figure("track", "Thick: flown with a fault.", 250, time=False)
+    figure.hint = "The dot is where the aircraft is at the time cursor."
     figure.layout = base(figure.height, legend=False) | {"hovermode": "closest"}
     titles = ["Path over ground, seen from above", "Height along the path"]
     grid(figure.layout, titles, ["north, km", "ft"], 2, time=False)
