@@ -135,6 +135,9 @@ def alarms(collected: Any, name: str) -> list[Any]:
     return [flight for flight, found in collected if found[name][3]]
 
 
+ONSET_S = 12.0  # of the oscillations whose answer is measured: both estimators judge by then [s]
+
+
 @functools.cache
 def answers() -> Any:
     """Return {estimator: (frequency,)} how much command the law answers an oscillation with, over f_hat's amplitude.
@@ -144,9 +147,9 @@ def answers() -> Any:
     out = {name: np.zeros(bank.K) for name in MODULES}
     for k, hz in enumerate(bank.frequencies()):
         most = min(4.0, 30.0 / (2.0 * math.pi * hz))  # inside the servos' rate [deg]
-        fault = {"target": "elevator.left_inner", "kind": "ofc_liquid", "at": "command", "start_s": 2.0,
+        fault = {"target": "elevator.left_inner", "kind": "ofc_liquid", "at": "command", "start_s": ONSET_S,
                  "amplitude_deg": most, "frequency_hz": float(hz)}  # fmt: skip
-        r = fly_aircraft(duration=2.0 + max(8.0 / hz, 3.0), faults=[fault])
+        r = fly_aircraft(duration=ONSET_S + max(8.0 / hz, 3.0), faults=[fault])
         for name in MODULES:
             last = estimate(r, name)[-1]
             f, u = (math.hypot(last["bank_cos"][i, k], last["bank_sin"][i, k]) for i in (0, 1))
