@@ -190,8 +190,8 @@ def compare(
     sources: Annotated[
         list[Path] | None,
         typer.Argument(
-            metavar="[LOGS…|DIR]",
-            help="Logs, or a campaign's folder. Default: a small built-in matrix.",
+            metavar="[LOGS…|DIR|DIR DIR]",
+            help="Logs, a campaign's folder, or two of them side by side. Default: a small built-in matrix.",
             show_default=False,
         ),
     ] = None,
@@ -212,6 +212,8 @@ def compare(
         for name, sign in SIGNS.items():
             reserve(output / name, sign)
     if readme:
+        if len(sources or ()) > 1:
+            raise CosimError("is for one campaign", place="--readme", remedy="Leave it out")
         from cosim.report.compare_markdown import targets, write
 
         for path in targets(readme):  # before a flight is flown

@@ -6,10 +6,11 @@ from rich.text import Text
 
 def compare(found: dict) -> Group:
     """Return the table of a comparison: `found` is the JSON of `cosim compare`."""
-    from cosim.compare.tables import detectors  # `--help` needs no pandas
+    from cosim.compare.tables import detectors, pairs  # `--help` needs no pandas
 
     lost = f"; {found['failed']} could not be flown" if found["failed"] else ""
     why = [f"{d['id']} not valid: {d['why_not_valid']}" for d in found["detectors"] if d["idle"] and d["why_not_valid"]]
     files = [Text(f"{key:<7}{found[key]}") for key in ("report", "table") if found[key]]
     head = Text(f"{found['runs']} flights, {found['source']}{lost}")
-    return Group(head, detectors(found["detectors"]), *(Text(line, "dim") for line in why), *files)
+    beside = [pairs(found["pairs"])] if found["pairs"] else []
+    return Group(head, *beside, detectors(found["detectors"]), *(Text(line, "dim") for line in why), *files)

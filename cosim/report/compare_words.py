@@ -1,5 +1,7 @@
 """The plain-language summary of a comparison: which level sees what, how soon, how surely, and where it goes blind."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pandas as pd
 
@@ -23,6 +25,18 @@ def summary(rows: pd.DataFrame, each: list[dict], grouped: pd.DataFrame, sized: 
     parts.append(("False alarms", _false(rows, each)))
     parts.append(("Read with care", _care(rows, each)))
     return parts
+
+
+def versus(pairs: Sequence[dict], each: Sequence[dict]) -> list[tuple[str, list]]:
+    """Return the summary of two campaigns side by side, as `summary`; `pairs` are those of the Comparison."""
+    told = []
+    for p in (p for p in pairs if p["at"] == "shipped"):
+        sure = "" if p["p"] is None else f", p = {p['p']:.2g} (McNemar)"
+        told.append(f"{p['a']} alone in {p['only_a']}, {p['b']} alone in {p['only_b']} of {p['n']} faults{sure}")
+    counts = [f"{d['id']}: alarmed on {d['alarmed_on']} faults; of {d['designed']} that it was designed for "
+              f"{d['detected']} seen, {d['named']} with the right name; {d['false_alarms']} false alarms in "
+              f"{d['hours']:.2g} h" for d in each]  # fmt: skip
+    return [("Seen by one", told), ("Each", counts)]
 
 
 def _sees(grouped, members):
