@@ -29,6 +29,7 @@ from cosim.cli.app import (
 )
 from cosim.cli.output import DetectorOption, JsonOption, OverwriteOption, log_name, named, output_option, reserve
 from cosim.errors import CosimError, did_you_mean
+from cosim.progress import Compiling
 from cosim.table import Cell, Table
 
 if TYPE_CHECKING:  # `--help` needs no scenario
@@ -92,7 +93,7 @@ def run(
     from cosim.flight.loop.compiling import prepare
     from cosim.flight.simulate import simulate
 
-    with named(scenario), tables.compiling(err) as tell:
+    with named(scenario), Compiling(err) as tell:
         prepare(flown, tell)
     with named(scenario):
         flown = resolved(flown)

@@ -19,7 +19,7 @@ import pandas as pd
 from cosim.compare import bound, figures, side_by_side, tables
 from cosim.compare import rows as compare_rows
 from cosim.compare import stats as compare_stats
-from cosim.errors import CosimError
+from cosim.errors import CosimError, told_at_call
 from cosim.flight.plugins import load, with_detectors
 from cosim.judge.result import plain
 from cosim.scenario.brought import identified
@@ -88,6 +88,7 @@ class Comparison:
         return plain({**about, "failed": self.failed, "source": self.source, "pairs": list(self.pairs), **told})
 
 
+@told_at_call
 def compare(
     sources: Iterable[str | Path] = (),
     *,
