@@ -10,6 +10,7 @@ from cosim.compare.metrics import proportion
 from cosim.judge import coverage
 from cosim.judge.lanes import seconds
 from cosim.judge.narrator import listed
+from cosim.table import number
 
 
 def summary(rows: pd.DataFrame, each: list[dict], grouped: pd.DataFrame, sized: list[dict]) -> list[tuple[str, list]]:
@@ -67,7 +68,7 @@ def _oscillations(sized):
     out: list[str] = []
     for g in dict.fromkeys(d["group"] for d in sized):
         own = [d for d in sized if d["group"] == g and d["family"] == "liquid OFC, one segment"]
-        told = [f"{d['a90_95']:.2g} mm at {d['frequency_hz']:g} Hz" for d in own if d["a90_95"] is not None]
+        told = [f"{number(d['a90_95'], 2)} mm at {d['frequency_hz']:g} Hz" for d in own if d["a90_95"] is not None]
         never = [f"{d['frequency_hz']:g}" for d in own if d["n"] and not d["seen"]]
         if never:
             told.append(f"none seen at {listed(never)} Hz")

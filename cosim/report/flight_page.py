@@ -72,4 +72,4 @@ def summary(flown: LoggedFlight) -> list[tuple[str, list]]:
     ]
     if broken:
         rows += [("Noticed", narrator.noticed(found, s) or ["by nobody"]), ("Missed", narrator.silent(found, s))]
-    return [*rows, ("False", [*narrator.false(found), *narrator.apart(found)])]
+    return [*rows, ("False alarms", [*narrator.false(found), *narrator.apart(found)])]

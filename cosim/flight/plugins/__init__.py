@@ -19,7 +19,7 @@ import numpy as np
 
 from actuators.block import Entry
 from actuators.object_cache import PLAIN
-from cosim.errors import did_you_mean, told_at_call
+from cosim.errors import did_you_mean
 from cosim.flight.plugins.contract import GuestError, is_block, is_guest
 from cosim.flight.plugins.plain import PlainDetector
 from cosim.scenario import Scenario, parse, user_file, vocabulary
@@ -33,7 +33,6 @@ GROUP = "cosim.detectors"  # of entry points
 _loaded: dict[tuple[str, str], Any] = {}  # (file, digest) -> guest
 
 
-@told_at_call
 def register(guest: Any) -> Any:
     """Make a guest known to this process: a class, or a module that is a block. It flies in every scenario that does
     not choose its detectors. Returns it, so that it serves as a decorator. Raises GuestError for what is no detector.

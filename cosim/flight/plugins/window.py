@@ -15,12 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from cosim.errors import told_at_call
 from cosim.flight.plugins.contract import GuestError
 from cosim.scenario.user_file import opened
 
 
-@told_at_call
 def window_model(
     id: str,
     model: Any,
