@@ -10,7 +10,8 @@ from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
 FULL = "COSIM_TRACEBACK"  # set in the environment: tracebacks of CosimErrors are whole
-P, R = ParamSpec("P"), TypeVar("R")
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 class CosimError(Exception):

@@ -12,5 +12,5 @@ def compare(found: dict) -> Group:
     why = [f"{d['id']} not valid: {d['why_not_valid']}" for d in found["detectors"] if d["idle"] and d["why_not_valid"]]
     files = [Text(f"{key:<7}{found[key]}") for key in ("report", "table") if found[key]]
     head = Text(f"{found['runs']} flights, {found['source']}{lost}")
-    beside = [pairs(found["pairs"])] if found["pairs"] else []
+    beside = [pairs(found["pairs"])] if found.get("pairs") else []
     return Group(head, *beside, detectors(found["detectors"]), *(Text(line, "dim") for line in why), *files)

@@ -2,7 +2,7 @@
 
 Blocks run in order, Python in one namespace:
 
-    ```sh                            its commands, one a line
+    ```sh                            its commands, one a line; behind "# exit status" that which is due, else 0
     ```python                        executed; what it prints, and the value of its last expression
     ```python title="x.py"           written to x.py (any language)
     ```python run="x.py"             written to x.py and run as a program; its names are there for the next blocks
@@ -40,7 +40,7 @@ def shell(code: str) -> str:
     out = ""
     for line in code.strip().splitlines():
         done = subprocess.run(line, shell=True, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-        if done.returncode:
+        if done.returncode != int(line.partition("# exit status ")[2] or 0):
             raise RuntimeError(f"{line}: exit status {done.returncode}\n{done.stdout}")
         out += done.stdout
     return out
