@@ -73,8 +73,12 @@ def flown(flight: dict) -> pd.DataFrame:
     return fly(scenario(**flight), dict.fromkeys(wires))
 
 
-def survey_lpv_smo(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the blocks of the three estimates: 1, rms of gusts, distance from where offsets were learned."""
+def survey_lpv_smo(frame: pd.DataFrame, p: np.ndarray, still: bool = False) -> dict[str, np.ndarray]:
+    """Return the blocks of the three estimates: 1, rms of gusts, distance from where offsets were learned.
+
+    The floor is what alternates beyond the limit that these three make; in a `still` flight, where nothing but noise
+    does, whatever that limit is, so that the floor does not hang on the limit of the training before.
+    """
     log = watched(frame, "lpv_smo", p, LPV)
     features = [1.0, np.sqrt(log["gust"]), np.abs(log["path"] - log["alpha_0"])]
     hold, valid, dt = HELD * float(p["t_confirm"][0]), log["valid"] > 0.5, frame.attrs["dt"]
@@ -86,7 +90,7 @@ def survey_lpv_smo(frame: pd.DataFrame, p: np.ndarray) -> dict[str, np.ndarray]:
     size = np.where((fits["hit"] >= p["hits"][0] - 1.0) & (fits["bank_new"] > 0.5), size, 0.0)
     swings = [blocks(size[:, k], features[:2], valid, dt) for k in range(size.shape[1])]
     out["swing"] = np.concatenate(swings)  # one limit for all frequencies: few flights pass the shape of each
-    most = sum(p[f"{letter}_elevator"][0] * x for letter, x in zip("tgs", features, strict=True))
+    most = 0.0 if still else sum(p[f"{n}_elevator"][0] * x for n, x in zip("tgs", features, strict=True))
     swung = np.where(valid & (np.abs(log["f_hat_elevator"]) >= most), log["f_hat_elevator"] / log["f_sigma"], 0.0)
     n = round(PIECE_S / dt)
     found = [alternating(swung[k : k + n], dt) for k in range(0, max(len(swung) - n // 2, 1), n)]
@@ -215,7 +219,7 @@ def surveyed(
 
 def surveyed_still(index: int, first_seed: int = FIRST_SEED) -> dict[str, dict[str, list]]:
     """Return what lpv_smo's survey finds for its PIECES in one still flight, plain data."""
-    found = survey_lpv_smo(flown(still(index, first_seed)), fitted("lpv_smo"))
+    found = survey_lpv_smo(flown(still(index, first_seed)), fitted("lpv_smo"), still=True)
     return {"lpv_smo": {part: found[part].tolist() for part in PIECES}}
 
 

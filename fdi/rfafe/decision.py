@@ -33,9 +33,9 @@ from fdi.common.decision import T_HOLD, confirm
 from fdi.common.verdict import AMBIGUOUS, NONE, OFC_LIQUID, OFC_SOLID
 
 SECOND = 0.4  # of the suspect's amplitude: from there on the other side oscillates as well
-# share of the command between liquid and solid; what windows that overlap and residues that are no noise make of the
-# variance of their mean; how many of its deviations are beyond doubt
-CENTRE, ALIKE, SURE = 0.32, 8.0, 2.0
+# share of the command midway between a liquid OFC, 0, and a solid one of one segment of two, 1/2; what windows that
+# overlap and residues that are no noise make of the variance of their mean; how many of its deviations are beyond doubt
+CENTRE, ALIKE, SURE = 0.25, 8.0, 2.0
 FAST, FAST_N, FAST_S, LEAST = 5.5, 14, 0.1, 5  # [Hz]; samples of 0.1 s then; fewer tell no share
 BEYOND = 3.0  # times its rate limit: at the limit a servo then makes a triangle half as large as its command
 LOADED = (0.2, 0.75)  # share that a liquid OFC may take from it then, and a solid one of one segment takes

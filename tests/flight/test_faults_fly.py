@@ -323,7 +323,7 @@ def test_a_solid_oscillation_of_one_segment_of_two_is_solid_to_the_estimator_of_
            "manoeuvre.amplitude_g=0.3", "elevator.feedback=measured", 'detectors.enabled=["rfafe"]']  # fmt: skip
     flown = [simulate(load_scenario("cruise", [*own, f"seed={seed}"]), timed=False) for seed in range(1, 7)]
     found = [d for f in flown for d in f.detectors]
-    assert all(d["detection_delay_s"] < 2.0 and d["isolated"]["target"] == "elevator_left" for d in found)
+    assert all(d["detection_delay_s"] < 2.5 and d["isolated"]["target"] == "elevator_left" for d in found)
     names = [d["isolated"]["class"] for d in found]
     assert set(names) <= {"ofc_solid", "ambiguous"} and names.count("ofc_solid") > len(names) // 2
 

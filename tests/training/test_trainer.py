@@ -25,28 +25,30 @@ from fdi.rfafe.store import side_kinds
 FROZEN: dict[str, dict[str, dict[str, float]]] = {
     "hydraulic": {
         "iotsekf flight_load0": {
-            "bank_threshold": 0.00374683, "slow_threshold": 0.0160594, "run_threshold": 0.0547322,
+            "bank_threshold": 0.00374683, "slow_threshold": 0.0160594, "run_threshold": 0.0548779,
             "sum_threshold": 0.0031224,
         },
         "iotsekf flight_load1": {
-            "bank_threshold": 0.00374683, "slow_threshold": 0.0025695, "run_threshold": 0.00710893,
+            "bank_threshold": 0.00374683, "slow_threshold": 0.0025695, "run_threshold": 0.00723876,
             "sum_threshold": 0.0031224,
         },
         "iotsekf flight_load2": {
-            "bank_threshold": 0.00589227, "slow_threshold": 0.000642376, "run_threshold": 0.00528744,
-            "sum_threshold": 0.0049102,
+            "bank_threshold": 0.00589227, "slow_threshold": 0.000642376, "run_threshold":
+            0.00511357, "sum_threshold": 0.0049102,
         },
         "rtsekf flight_load0": {
-            "threshold": 0.0267695, "step": 0.00660922,
+            "threshold": 0.0267695, "step": 0.00657689,
         },
         "rtsekf flight_load1": {
-            "threshold": 0.00328096, "step": 0.00109213,
+            "threshold": 0.00328096, "step": 0.00108676,
         },
-        "rtsekf_flight flight": {"pair_threshold": 0.000152051},
+        "rtsekf_flight flight": {
+            "pair_threshold": 0.000152051,
+        },
     },
     "monitors": {
         "position_monitor flight": {
-            "threshold": 0.000753366, "share": 0.190392,
+            "threshold": 0.000847399, "share": 0.159312,
         },
         "ofc_monitor flight": {
             "threshold": 0.0005, "share": 0.0,
@@ -54,9 +56,9 @@ FROZEN: dict[str, dict[str, dict[str, float]]] = {
     },
     "ema": {
         "ema_kalman_flight flight": {
-            "pair_threshold": 0.000194526, "th_speed": 0.00027, "rho_speed": 8.70275e-08, "th_f": 0.17256,
-            "rho_f": 0.0, "th_vel": 1.50943, "rho_vel": 0.159094, "rho_rate": 0.0234958, "th_jump": 0.000296342,
-            "th_R1": 0.00056438, "z_gain": 2.0, "th_rough": 10.4159,
+            "pair_threshold": 0.000194526, "th_speed": 0.00027, "rho_speed": 8.31099e-08, "th_f":
+            0.17256, "rho_f": 0.0, "th_vel": 1.50943, "rho_vel": 0.159094, "rho_rate": 0.0234958,
+            "th_jump": 0.000296342, "th_R1": 0.00056438, "z_gain": 2.0, "th_rough": 10.4159,
         },
         "position_monitor flight_ema": {
             "threshold": 0.00872665,
@@ -64,28 +66,28 @@ FROZEN: dict[str, dict[str, dict[str, float]]] = {
     },
     "aircraft": {
         "lpv_smo flight": {
-            "t_elevator": 0.00202025, "g_elevator": 0.0, "s_elevator": 0.0215026, "t_n_z": 0.00146875,
-            "g_n_z": 0.466458, "s_n_z": 0.224996, "t_alpha": 0.000129118, "g_alpha": 0.21662, "s_alpha": 0.0,
-            "floor": 0.0, "swing_threshold": 0.00178397, "swing_gust": 0.0,
+            "t_elevator": 0.00200982, "g_elevator": 0.0, "s_elevator": 0.0240435, "t_n_z":
+            0.00145517, "g_n_z": 0.46721, "s_n_z": 0.224996, "t_alpha": 0.000129118, "g_alpha":
+            0.21662, "s_alpha": 0.0, "floor": 0.0, "swing_threshold": 0.00178134, "swing_gust": 0.0,
         },
         "kinematic flight": {
-            "threshold": 0.414785, "gust": 0.0805771, "side": 0.0177491, "side_gust": 0.0, "jump": 5.0735,
-            "noise_ratio": 1.78727,
+            "threshold": 0.414785, "gust": 0.0805771, "side": 0.0177491, "side_gust": 0.0, "jump":
+            5.0735, "noise_ratio": 1.78727,
         },
         "control_redundancy flight": {
-            "gust_max": 1.0514, "t_x": 1e-06, "t_y": 0.00143201, "t_z": 0.00244029,
+            "gust_max": 1.0514, "t_x": 1e-06, "t_y": 0.00143201, "t_z": 0.0020401,
         },
         "rfafe_airframe flight": {
-            "bank_threshold": 0.00272698, "bank_doubt": 1.04687, "bank_stir": 0.317915, "th_static": 0.00263402,
-            "static_away": 0.0624798, "bank_share": 0.0, "noise": 1e-07,
+            "bank_threshold": 0.00413193, "bank_doubt": 1.0437, "bank_stir": 0.000214205,
+            "th_static": 0.00267841, "static_away": 0.0595799, "bank_share": 0.0, "noise": 1e-07,
         },
     },
     "rfafe": {
         "rfafe ": {
-            "bank_threshold": 0.000872665, "bank_share": 0.0, "th_static": 0.000929624,
+            "bank_threshold": 0.000872665, "bank_share": 0.0, "th_static": 0.000959762,
         },
         "rfafe_airframe ": {
-            "bank_threshold": 0.000894692, "bank_share": 0.0, "th_static": 0.00048183,
+            "bank_threshold": 0.000899939, "bank_share": 0.0, "th_static": 0.00045586,
         },
     },
 }  # fmt: skip
