@@ -25,7 +25,7 @@ from cosim.flight.detection.detectors import sources, unfit
 from cosim.flight.loop.signals import fly
 from cosim.scenario.aircraft import Aircraft, load_aircraft
 from cosim.training import lpv_boxes, rfafe, train_aircraft, train_rfafe
-from cosim.training.flights import COMMAND, DT, KINDS, NOISE_SCALE, TOLERANCE, estimate, scenario
+from cosim.training.flights import COMMAND, DT, NOISE_SCALE, TOLERANCE, drawn_manoeuvre, estimate, scenario
 from cosim.training.threshold_fit import PROBABILITY
 from cosim.training.train_aircraft import GUSTS, air
 from fdi import registry
@@ -193,7 +193,7 @@ def arguments(aircraft: str, index: int, first_seed: int) -> dict[str, Any]:
     layouts = [tuple(own.technology.values()), ("hydraulic",) * len(own.segments)]
     off = {n: float(1 + TOLERANCE * rng.choice((-1, 1))) for n in own.multipliers}
     fixed: dict[str, Any] = {
-        "duration": 60.0, "manoeuvre": KINDS[index % 8], "seed": first_seed + index,
+        "duration": 60.0, "manoeuvre": drawn_manoeuvre(index, first_seed), "seed": first_seed + index,
         "technology": layouts[index // 32 % 2], "sensors": {"noise_scale": NOISE_SCALE},
         "tolerances": {"aero": off}, "aircraft": aircraft,
     }  # fmt: skip

@@ -51,6 +51,16 @@ HYDRAULIC = (*(f"iotsekf_in.{{}}.{name}" for name in iotsekf.INPUTS.names), "hyd
              "hydraulic.{}.delta")  # fmt: skip
 
 
+def drawn_manoeuvre(index: int, first_seed: int) -> dict:
+    """Return the manoeuvre of training flight `index` [manoeuvre table]: KINDS by turns, begun at 5 to 35 s, half of
+    them with the speed held, so that aircraft-level detectors, which judge from 8 to 9.5 s on, meet it while they learn
+    and while they judge."""
+    rng = np.random.default_rng([first_seed, index, 1])
+    start, held = float(rng.uniform(5.0, 35.0)), bool(rng.random() < 0.5)
+    kind = KINDS[index % len(KINDS)]
+    return {**kind, "hold_speed": held, **({} if kind["kind"] == "cruise" else {"start_s": start})}
+
+
 def scenario(
     *, duration: float, manoeuvre: str | dict = "cruise", technology: Sequence[str] = ("hydraulic",) * 4,
     flight: dict | None = None, aircraft: str = DEFAULT, **more: Any,

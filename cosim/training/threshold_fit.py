@@ -66,7 +66,8 @@ def limit(flights: list[np.ndarray], probability: float, place: str = "") -> tup
     """Return (weights (features,), how they were found) of the limit that a flight passes with `probability`.
 
     `flights` holds (blocks, 1 + features) for each flight, y first; flights without a block count as far below. Of
-    LEVELS the one with the least limit on average is taken. Raises DesignError if no flight has a block.
+    LEVELS the one with the least geometric mean of the limit is taken: still air, where limits are small, counts as
+    much as gusts. Raises DesignError if no flight has a block.
     """
     rows = np.concatenate([f for f in flights if len(f)] or [np.zeros((0, 2))])
     if not len(rows):
@@ -78,7 +79,7 @@ def limit(flights: list[np.ndarray], probability: float, place: str = "") -> tup
             continue
         ratio = np.array([(f[:, 0] / (f[:, 1:] @ w)).max() if len(f) else 0.0 for f in flights])
         scale = exceeded(ratio, probability)
-        mean = float((rows[:, 1:] @ (w * scale)).mean())
+        mean = float(np.log(np.maximum(rows[:, 1:] @ (w * scale), 1e-300)).mean())
         if mean < best[0]:
             found = {"level": level, "scale": scale, "largest": float(ratio.max() / scale) if scale else 0.0}
             best = (mean, w * scale, found)

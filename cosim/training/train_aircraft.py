@@ -19,7 +19,7 @@ from cosim.flight.detection.detectors import sources
 from cosim.flight.loop.signals import detect, fly
 from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.tolerance import toleranced
-from cosim.training.flights import AIR, DT, FLIGHT_S, KINDS, NOISE_SCALE, TOLERANCE, scenario, trimming
+from cosim.training.flights import AIR, DT, FLIGHT_S, NOISE_SCALE, TOLERANCE, drawn_manoeuvre, scenario, trimming
 from cosim.training.threshold_fit import HELD, PROBABILITY, blocks, limit
 from cosim.training.trainer import Trained, Training, decimals
 from fdi import registry
@@ -53,7 +53,7 @@ def arguments(index: int, first_seed: int = FIRST_SEED) -> dict:
     """Return the arguments of `flights.scenario` of training flight `index`."""
     rng = np.random.default_rng([first_seed, index])
     fixed: dict[str, Any] = {
-        "duration": 60.0, "manoeuvre": KINDS[index % 8], "seed": first_seed + index,
+        "duration": 60.0, "manoeuvre": drawn_manoeuvre(index, first_seed), "seed": first_seed + index,
         "technology": elevators(index), "sensors": {"noise_scale": NOISE_SCALE},
         "tolerances": {"aero": {n: float(1 + TOLERANCE * rng.choice((-1, 1))) for n in toleranced("aero")}},
     }  # fmt: skip

@@ -71,7 +71,7 @@ def test_a_stall_is_no_gust_that_hides_faults_afterwards():
     at = 71.0
     given = ["duration_s=75", "flight.mass_t=280", "flight.cas_kt=260", "manoeuvre.kind=aoa_protection",
              "detectors.enabled=[]", "faults.0.target=elevator.all", "faults.0.kind=bias", "faults.0.at=command",
-             "faults.0.bias_deg=3.0", f"faults.0.start_s={at}"]  # fmt: skip
+             "faults.0.bias_deg=4.0", f"faults.0.start_s={at}"]  # fmt: skip
     slow = fly(load_scenario("cruise", given), WIRES.values())
     t = slow.index.to_numpy()
 

@@ -66,20 +66,20 @@ FROZEN: dict[str, dict[str, dict[str, float]]] = {
     },
     "aircraft": {
         "lpv_smo flight": {
-            "t_elevator": 0.00200982, "g_elevator": 0.0, "s_elevator": 0.0240435, "t_n_z":
-            0.00145517, "g_n_z": 0.46721, "s_n_z": 0.224996, "t_alpha": 0.000129118, "g_alpha":
-            0.21662, "s_alpha": 0.0, "floor": 0.0, "swing_threshold": 0.00178134, "swing_gust": 0.0,
+            "t_elevator": 0.00319063, "g_elevator": 0.0, "s_elevator": 0.0, "t_n_z": 0.0015963,
+            "g_n_z": 1.29661, "s_n_z": 0.0, "t_alpha": 0.00136574, "g_alpha": 0.0183416, "s_alpha":
+            0.0, "floor": 0.0, "swing_threshold": 0.00121498, "swing_gust": 0.0144134,
         },
         "kinematic flight": {
-            "threshold": 0.414785, "gust": 0.0805771, "side": 0.0177491, "side_gust": 0.0, "jump":
-            5.0735, "noise_ratio": 1.78727,
+            "threshold": 0.468345, "gust": 0.00759985, "side": 0.0310852, "side_gust": 2.37311,
+            "jump": 4.65399, "noise_ratio": 1.81795,
         },
         "control_redundancy flight": {
-            "gust_max": 1.0514, "t_x": 1e-06, "t_y": 0.00143201, "t_z": 0.0020401,
+            "gust_max": 2.70396, "t_x": 1e-06, "t_y": 0.0013024, "t_z": 0.0060684,
         },
         "rfafe_airframe flight": {
-            "bank_threshold": 0.00413193, "bank_doubt": 1.0437, "bank_stir": 0.000214205,
-            "th_static": 0.00267841, "static_away": 0.0595799, "bank_share": 0.0, "noise": 1e-07,
+            "bank_threshold": 0.00849628, "bank_doubt": 0.0, "bank_stir": 0.120036, "th_static":
+            0.012178, "static_away": 0.0379551, "bank_share": 0.0, "noise": 1e-07,
         },
     },
     "rfafe": {
@@ -87,7 +87,7 @@ FROZEN: dict[str, dict[str, dict[str, float]]] = {
             "bank_threshold": 0.000872665, "bank_share": 0.0, "th_static": 0.000959762,
         },
         "rfafe_airframe ": {
-            "bank_threshold": 0.000899939, "bank_share": 0.0, "th_static": 0.00045586,
+            "bank_threshold": 0.000900742, "bank_share": 0.0, "th_static": 0.000455645,
         },
     },
 }  # fmt: skip
@@ -104,8 +104,8 @@ def reduced(name):
     if name == "ema":
         return train_ema.limits([train_ema.surveyed(**train_ema.flights(number=4)[3] | {"duration": 12.0})])
     if name == "aircraft":
-        flight = train_aircraft.arguments(10)
-        p = {name: train_aircraft.fitted(name, 10) for name in train_aircraft.SURVEYS}
+        flight = train_aircraft.arguments(18)
+        p = {name: train_aircraft.fitted(name, 18) for name in train_aircraft.SURVEYS}
         found = train_aircraft.surveys(train_aircraft.flown(flight), "light", p.__getitem__, None, tuple(p))
         return train_aircraft.limits([found], {"noise": 1e-7})
     flight = next(train_rfafe.flights(1000)) | {"duration": 10.0}
