@@ -7,7 +7,6 @@ the processor, what the environment tells the libraries of linear algebra, and t
 import functools
 import hashlib
 import os
-import tempfile
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -15,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.object_cache import processor
+from actuators.object_cache import processor, read_whole, write_whole
 from actuators.source_hash import cache_dir, installed
 
 LIBRARIES = "OMP_", "OPENBLAS_", "MKL_", "BLIS_", "NPY_"  # variables on which the last bit of a sum depends
@@ -31,15 +30,13 @@ def kept(key: object, kind: Any, make: Callable[[], np.ndarray], *sources: Any) 
     if file is None:
         return make()
     size = np.dtype(kind).itemsize
-    with suppress(OSError):
-        data = file.read_bytes()
-        told, numbers = data[:32], data[32:]
-        if len(numbers) % size == 0 and hashlib.sha256(numbers).digest() == told:
-            return np.frombuffer(numbers, kind).copy()
+    numbers = read_whole(file)
+    if numbers is not None and len(numbers) % size == 0:
+        return np.frombuffer(numbers, kind).copy()
     made = np.ascontiguousarray(make(), kind)
     with suppress(OSError):
         if sum(1 for _ in file.parent.glob("*.kept")) < MOST:
-            _write(file, made.tobytes())
+            write_whole(file, made.tobytes())
     return made
 
 
@@ -66,10 +63,3 @@ def _machine() -> str:
     versions = [installed(name) for name in ("numpy", "scipy", "jsbsim")]
     given = sorted(f"{name}={value}" for name, value in os.environ.items() if name.startswith(LIBRARIES))
     return " ".join([processor(), *versions, *given])
-
-
-def _write(file: Path, numbers: bytes) -> None:
-    handle, beside = tempfile.mkstemp(dir=file.parent, suffix=".part")
-    with os.fdopen(handle, "wb") as out:
-        out.write(hashlib.sha256(numbers).digest() + numbers)
-    os.replace(beside, file)

@@ -20,7 +20,7 @@ from actuators.source_hash import cache_dir
 
 PLAIN = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")  # nothing is compiled
 _ENTRY = "entry"
-_DIGEST = 32  # bytes before the code: its SHA-256
+_DIGEST = 32  # bytes before what is stored: its SHA-256, for LLVM would crash on half a file
 _nothing = ctypes.create_string_buffer(16)  # where a function would put its result and its exception: it has neither
 NOTHING = ctypes.addressof(_nothing), ctypes.addressof(_nothing) + 8
 _FREE = "NRT_MemInfo_call_dtor"  # frees an array of Numba's own: kernels make none, what refers to it is never run
@@ -44,12 +44,12 @@ class Native:
     def address(self) -> int:
         """Return the address of the machine code; compiles when there is none for these sources and this processor."""
         file = self._file()
-        code = _stored(file)
+        code = read_whole(file)
         if code is None:
             code = _compile(*self._make())
             counts["compiled"] += 1
             if file:
-                _store(file, code)
+                write_whole(file, code)
         else:
             counts["loaded"] += 1
         return _load(code)
@@ -98,22 +98,22 @@ def processor() -> str:
     return hashlib.sha256("\n".join(about).encode()).hexdigest()[:12]
 
 
-def _stored(file):
-    """Return the code in a file, None where there is none or it is not what was written: LLVM would crash on it."""
+def read_whole(file: Path | None) -> bytes | None:
+    """Return what `write_whole` put into a file, None where there is none or it is not what was written."""
     try:
         held = file.read_bytes() if file else b""
     except OSError:
         return None
-    told, code = held[:_DIGEST], held[_DIGEST:]
-    return code if told == hashlib.sha256(code).digest() else None
+    told, data = held[:_DIGEST], held[_DIGEST:]
+    return data if told == hashlib.sha256(data).digest() else None
 
 
-def _store(file, code):
-    """Put the code there whole or not at all; a folder that takes no file costs only time."""
+def write_whole(file: Path, data: bytes) -> None:
+    """Put `data` behind its digest there, whole or not at all; a folder that takes no file costs only time."""
     try:
         handle, beside = tempfile.mkstemp(dir=file.parent, suffix=".part")
         with os.fdopen(handle, "wb") as out:
-            out.write(hashlib.sha256(code).digest() + code)
+            out.write(hashlib.sha256(data).digest() + data)
         os.replace(beside, file)
     except OSError:
         pass

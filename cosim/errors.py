@@ -5,36 +5,79 @@ Library functions raise them, only the command line prints them (exit status 2) 
 
 import difflib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
 FULL = "COSIM_TRACEBACK"  # set in the environment: tracebacks of CosimErrors are whole
 P = ParamSpec("P")
 R = TypeVar("R")
+Raised = TypeVar("Raised", bound="CosimError")
 
 
 class CosimError(Exception):
-    """Carry one message: `place` (file, key), `problem`, `allowed` (range, choices), `remedy`; each may be empty."""
+    """Carry one message: `place` (file, key), `problem`, `allowed` (range, choices), `remedy`; each may be empty.
+
+    `more` holds the errors found beside it: a file with four mistakes is one error of four lines.
+    """
+
+    more: tuple["CosimError", ...] = ()
 
     def __init__(self, problem: str, *, place: str = "", allowed: str = "", remedy: str = ""):
         super().__init__(problem, place, allowed, remedy)
         self.problem, self.place, self.allowed, self.remedy = problem, place, allowed, remedy
 
     def __str__(self):
+        return "\n".join(error.line for error in self.every)
+
+    @property
+    def every(self) -> tuple["CosimError", ...]:
+        """Return this error and those beside it."""
+        return self, *self.more
+
+    @property
+    def line(self) -> str:
+        """Return this error alone as one line, whatever a library's message holds."""
         text = f"{self.place}: {self.problem}" if self.place else self.problem
         if self.allowed:
             text += f"; allowed: {self.allowed}"
         if self.remedy:
             text += f". {self.remedy}"
-        return " ".join(text.split())  # one line, whatever a library's message holds
+        return " ".join(text.split())
 
     def __reduce__(self):  # keyword-only arguments would be lost on the way back from a worker process
-        return _rebuild, (type(self), self.problem, self.place, self.allowed, self.remedy)
+        return _rebuild, (type(self), self.problem, self.place, self.allowed, self.remedy, self.more)
 
 
-def _rebuild(kind, problem, place, allowed, remedy):
-    return kind(problem, place=place, allowed=allowed, remedy=remedy)
+def _rebuild(kind, problem, place, allowed, remedy, more):
+    return joined([kind(problem, place=place, allowed=allowed, remedy=remedy), *more])
+
+
+def joined(errors: Sequence["Raised"]) -> "Raised":
+    """Return the first of `errors` with the others, and what stands beside them, as its `more`; each is said once."""
+    first, *others = {one.line: one for error in errors for one in error.every}.values()
+    for one in others:
+        one.more = ()
+    first.more = tuple(others)
+    return first  # type: ignore[return-value]
+
+
+class Mistakes(list[CosimError]):
+    """Errors of one file: `with mistakes.caught():` around each check, `mistakes.check()` after the last."""
+
+    @contextmanager
+    def caught(self) -> Iterator[None]:
+        """Keep what a check raises, and go on behind it."""
+        try:
+            yield
+        except CosimError as error:
+            self.append(error)
+
+    def check(self) -> None:
+        """Raise what was found, if anything, as one error."""
+        if self:
+            raise joined(self)
 
 
 class ScenarioError(CosimError):

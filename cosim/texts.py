@@ -4,6 +4,7 @@ The parsers themselves raise more than their own errors (deep nesting, integers 
 let through breaks whoever walks it: dotted keys nest without end, integers grow beyond a float. Both end here.
 """
 
+import collections
 import datetime
 import json
 import re
@@ -34,6 +35,97 @@ def toml(text: str, *, place: str, error: type[CosimError] = CosimError) -> dict
         return _bounded(tomllib.loads(text), place, error)
     except (ValueError, RecursionError, OverflowError) as wrong:
         raise error(f"not valid TOML: {_said(wrong)}", place=place) from None
+
+
+def toml_lines(text: str) -> dict[tuple[str, ...], int]:
+    """Return {parts of a key: its line from 1} of every key, table and list entry of valid TOML `text`; an entry of a
+    list has its index as a part.
+    """
+    found: dict[tuple[str, ...], int] = {}
+    last: dict[tuple[str, ...], int] = {}  # index of the newest table of a list of tables
+    tokens = _tokens(text)
+    table: tuple[str, ...] = ()
+    while tokens:
+        line, word = tokens[0]
+        if word == "\n":
+            tokens.popleft()
+        elif word == "[":
+            several = len(tokens) > 1 and tokens[1][1] == "["
+            for _ in range(1 + several):
+                tokens.popleft()
+            parts, table = _toml_key(tokens), ()
+            for n, part in enumerate(parts, 1):
+                table += (part,)
+                if several and n == len(parts):
+                    last[table] = last.get(table, -1) + 1
+                if table in last:
+                    found.setdefault(table, line)
+                    table += (str(last[table]),)
+                found.setdefault(table, line)
+            while tokens and tokens[0][1] != "\n":
+                tokens.popleft()
+        else:
+            _toml_pair(tokens, table, found)
+    return found
+
+
+_TOKEN = re.compile(
+    r'[ \t\r]+|#[^\n]*|(?P<token>\n|"""(?:\\.|[^\\])*?"{3,5}|\'{3}.*?\'{3,5}|"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\''
+    r'|[\[\]{}=,.]|[^\s\[\]{}=,."\'#]+)',
+    re.S,
+)
+
+
+def _tokens(text):
+    """Return the tokens of TOML as a queue of (line, token), without blanks and comments."""
+    out: collections.deque[tuple[int, str]] = collections.deque()
+    line = 1
+    for match in _TOKEN.finditer(text):
+        if match["token"]:
+            out.append((line, match["token"]))
+        line += match[0].count("\n")
+    return out
+
+
+def _toml_key(tokens):
+    """Take a dotted key from the queue, and return its parts."""
+    parts = []
+    while True:
+        word = tokens.popleft()[1]
+        parts.append(tomllib.loads(f"x={word}")["x"] if word[0] in "\"'" else word)
+        if not tokens or tokens[0][1] != ".":
+            return parts
+        tokens.popleft()
+
+
+def _toml_pair(tokens, table, found):
+    line = tokens[0][0]
+    for part in _toml_key(tokens):
+        table += (part,)
+        found.setdefault(table, line)
+    tokens.popleft()  # =
+    _toml_value(tokens, table, found)
+
+
+def _toml_value(tokens, path, found):
+    """Take a value from the queue; what a list or a table in braces holds is found, too."""
+    opened = tokens[0][1]
+    if opened not in ("[", "{"):
+        while tokens and tokens[0][1] not in (",", "]", "}", "\n"):
+            tokens.popleft()
+        return
+    tokens.popleft()
+    n = 0
+    while tokens[0][1] not in ("]", "}"):
+        if tokens[0][1] in (",", "\n"):
+            tokens.popleft()
+        elif opened == "{":
+            _toml_pair(tokens, path, found)
+        else:
+            found[*path, str(n)] = tokens[0][0]
+            _toml_value(tokens, (*path, str(n)), found)
+            n += 1
+    tokens.popleft()
 
 
 def from_json(text: str | bytes, *, place: str, error: type[CosimError] = CosimError, largest: int = LARGEST) -> Any:

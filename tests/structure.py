@@ -20,6 +20,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("cosim", "fdi", "actuators")
 API = ROOT / "cosim" / "API.md"
 BEGIN, END = "<!-- files: begin -->", "<!-- files: end -->"
+COLUMNS = ROOT / "cosim" / "campaign" / "README.md"
 
 
 def sources(*folders: str) -> list[Path]:
@@ -249,6 +250,16 @@ def _signature(value: object) -> str:
     return re.sub(r"<(\w+ [^>]*|factory)>", "...", text).replace("typing.", "").replace("pathlib.", "").replace("'", "")
 
 
+def with_columns() -> str:
+    """Return the README of campaigns with the table of a row's columns as they are."""
+    from cosim.judge.row import FIELDS
+
+    head, rest = COLUMNS.read_text(encoding="utf-8").split("<!-- columns: begin -->")
+    rows = [f"| `{f.name}` | {f.unit} | {f.meaning.replace('|', chr(92) + '|')} |" for f in FIELDS]
+    made = "\n".join(["| column | unit | meaning |", "|---|---|---|", *rows])
+    return f"{head}<!-- columns: begin -->\n{made}\n<!-- columns: end -->{rest.split('<!-- columns: end -->')[1]}"
+
+
 def main() -> None:
     """Print the counts; with --rooms write the tables of files and the page of public names."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -259,6 +270,7 @@ def main() -> None:
         for path in readmes():
             path.write_text(with_table(path), encoding="utf-8")
         API.write_text(api(), encoding="utf-8")
+        COLUMNS.write_text(with_columns(), encoding="utf-8")
     for what, value in counts().items():
         print(f"{what:38}{value}")
     for line in back_arrows():

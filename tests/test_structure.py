@@ -30,6 +30,7 @@ def test_a_function_without_hints_would_be_found():
 
 def test_the_page_of_public_names_is_that_of_the_docstrings():
     """What `python tests/structure.py --rooms` writes; signatures are written differently by versions of Python."""
+    assert structure.COLUMNS.read_text(encoding="utf-8") == structure.with_columns()
     page = structure.API.read_text(encoding="utf-8")
     assert re.sub(r"`?\w*\(.*", "", page) == re.sub(r"`?\w*\(.*", "", structure.api())
 

@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 
 from actuators import subprocess_env
-from cosim.bench.growth import growth, worker_mb
 from cosim.bench.log import log_costs
 from cosim.bench.ticks import measure
 from cosim.flight.plant.property_pointers import crossing
@@ -36,9 +35,8 @@ def bench(
 ) -> dict[str, Any]:
     """Return {cases: [{name, us_per_tick, against, ratio, spread}], realtime_factor, detectors, startup_s, peak_mb}.
 
-    `recorded` are the costs of the ten-minute log (cosim.bench.log), `growth` those over blocks, rate and length
-    (cosim.bench.growth), `worker_mb` the memory of a campaign's worker. `memory=False` leaves out that flight and the
-    worker's (None). `progress(done, total)` is called between the parts.
+    `recorded` are the costs of the ten-minute log (cosim.bench.log), `worker_mb` the memory of a campaign's worker.
+    `memory=False` leaves out that flight and the worker's (None). `progress(done, total)` is called between the parts.
     """
     done = progress or (lambda done, total: None)
     total = rounds + 4
@@ -52,7 +50,7 @@ def bench(
         peak = _peak_mb(folder) if memory else None
         recorded = log_costs(Path(folder) / LONG) if memory else None
         done(rounds + 3, total)
-        lines, worker = growth(), worker_mb() if memory else None
+        worker = worker_mb() if memory else None
         done(total, total)
     return {
         "cases": cases,
@@ -63,7 +61,6 @@ def bench(
         "startup": startup,
         "peak_mb": peak,
         "worker_mb": worker,
-        "growth": lines,
         "recorded": recorded,
         "memory_flight_s": MEMORY_FLIGHT_S,
         "cores": os.cpu_count(),
@@ -213,3 +210,25 @@ def _peak_mb(folder):
     if json.loads(outcome)["status"] != "completed":
         raise RuntimeError("the ten-minute flight did not complete")
     return int(peak) * (1 if sys.platform == "darwin" else 1024) / 1e6
+
+
+_WORKER = """
+import resource, sys
+from cosim.campaign.worker import fly
+from cosim.scenario import load_scenario
+for seed in (1, 2):
+    rows, _ = fly("bench", load_scenario("liquid-ofc", [f"seed={seed}"]), True)
+    assert rows[0]["status"] == "completed"
+print(max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)))
+"""
+# the peak of a process that this one starts would be at least what this one holds: a small one starts it
+_BETWEEN = "import subprocess, sys; subprocess.run([sys.executable, '-P', '-c', sys.argv[1]], check=True)"
+
+
+def worker_mb() -> float | None:
+    """Return the peak resident memory [MB] of a campaign's worker after two flights, None where nobody tells."""
+    if sys.platform == "win32":
+        return None
+    args, env = [*subprocess_env.command(_BETWEEN), _WORKER], subprocess_env.surroundings()
+    told = subprocess.run(args, env=env, stdout=subprocess.PIPE, check=True, text=True).stdout
+    return int(told) * (1 if sys.platform == "darwin" else 1024) / 1e6

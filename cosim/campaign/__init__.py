@@ -5,44 +5,13 @@
 Columns of runs.parquet (and `result.frame`), one row per run x detector lane x fault that the lane could notice; a run
 without a result has one row. What is of the lane, not of a fault, stands on the first of its rows:
 
-    run, order, lane        id (hash of the expanded scenario), position in the campaign, of the lane in the run
+    run, order              id (hash of the expanded scenario), position in the campaign
     <keys of the scenario>  of CORE, of faults, and every one that varies: flight.mass_t, faults.0.frequency_hz, ...
     label.<name>            names of grid points, where the campaign gives any
-    status, error           completed, departed, diverged | infeasible (no trim), error (with its text), crashed
-                            (its process died); error also says why a flight departed
-    sim_time_s              flown time
-    id, level, target       detector, "local" or "aircraft", what it watches ("elevator.left_inner", "aircraft")
-    concerned               a fault is this lane's to find: on its own actuator; any fault for an aircraft-level one
-    alarm, detected_at_s    any alarm in the run; first alarm that rises after the onset (healthy lane: first alarm)
-    delay_s, delay_periods  from the onset; null when missed or not concerned
-    fault                   number of the fault that the figures are about
-    first_verdict           class that was said first; first_right: it was right in class and part
-    isolated_class/_target  name that stood for half of the last 1 s of the alarm
-    class_given, place_given   right, wrong or not given (cosim/judge/naming.py); place_level: finest level of a right
-                            place: axis, side, segment, channel
-    right                   class and place of that name are right; first_sure_wrong: the first name with a class is not
-    time_to_right_s         from the onset to the first right name; ambiguous is none
-    right_after_motion_s    the same from when the rod is 1 mm from where it would be without the fault
-    not_excited             a jam or runaway that never moved it so far
-    class_changes, ambiguous_s   changes of class, seconds called ambiguous, while the alarm stood
-    alarm_share             share of the time from the alarm to the fault's end in which the alarm stands
-    withdrawn_after_s, withdrawn   end of the last alarm after the fault has healed; null when it never heals
-    valid_at_fault, able    share of the fault's time in which the lane was valid; false: missed, and could not judge
-    valid_share             share of the flight, from 8 s on, in which the lane calls itself valid
-    why_not_valid           its most frequent reason for not being valid, where that matters (fdi/common/why.py)
-    false_alarms            alarms that rise outside every fault that concerns the lane (and 2 s after its end)
-    standing_s              seconds for which the alarm stands there
-    exposed_s               seconds in which one would count: the lane is valid, and no fault is there that concerns it
-    r_max_before            largest |r| before the first fault of the flight; over all of it when fault-free
-    r_max_after             largest |r| from that onset on, null when fault-free; |r| >= 1 is beyond the threshold
-    estimate_rmse, _bias, _max, _unit    error of the estimate after settling (cosim/judge/estimation.py), or null
-    rod_mm, surface_deg, travel_pct      achieved peak against the twin flight, largest of the faulted segments
-    amplitude_mm, amplitude_deg          achieved amplitude of an oscillation, by least squares
-    (cosim/flight/faults/fault_free_reference.py)
+    FIELDS                  of cosim/judge/row.py, each with its unit and meaning, which the file carries as metadata
     kept                    rules by which the run's log was kept (logs/<run>.mcap), comma-separated, or empty
 
-timing.parquet holds what a clock measured, and never repeats: run, id, wall_time_s, startup_s, core_s (processor time
-of the whole run, its twin and judgement), step_us.
+timing.parquet holds what a clock measured, and never repeats.
 
 **Seeds.** Thresholds are trained on seeds below EVALUATION_SEED, everything that is reported flies on seeds from there
 on: a campaign's seeds start there unless it says otherwise.

@@ -26,6 +26,7 @@ Keys are those of a scenario, as with --set. A table's `name` becomes the column
 """
 
 import csv
+import dataclasses
 import itertools
 import math
 import os
@@ -39,13 +40,13 @@ from cosim.campaign import EVALUATION_SEED
 from cosim.campaign.draw import draw, unit_cube
 from cosim.campaign.log_selection import RULES
 from cosim.campaign.store import CampaignError
-from cosim.errors import CosimError, did_you_mean
+from cosim.errors import CosimError, Mistakes, did_you_mean, joined
 from cosim.scenario import Scenario, load_scenario, parse
 from cosim.scenario.brought import identified, locate
 from cosim.scenario.load import located
-from cosim.scenario.override import apply
+from cosim.scenario.override import assigned
+from cosim.scenario.problem import Origin
 from cosim.scenario.tolerance import toleranced
-from cosim.scenario.toml import inline
 from cosim.texts import read, toml
 
 MOST = 1_000_000  # runs; more is a slip of a grid
@@ -66,6 +67,8 @@ class Part:
     grid: dict = field(default_factory=dict)
     draw: dict = field(default_factory=dict)
     folder: Path | None = None  # of the campaign's file: what it names may lie beside it
+    origin: Origin = field(default_factory=lambda: Origin(""))  # of the keys of `base`
+    lines: dict = field(default_factory=dict)  # {key of grid or draw: "file:line"}
 
     def values(self, sampling: str, seed: int) -> Iterator[tuple[dict, dict]]:
         """Yield ({key or label: value of the grid or draw}, labels) of every run."""
@@ -101,38 +104,63 @@ class Campaign:
             raise CampaignError(f"has {len(self)} runs", place=self.name, allowed=f"1 to {MOST}")
         made: list = []
         labels = []
+        wrong: dict = {}  # of what every run has in common once
+        n = -1
         for i, part in enumerate(self.parts):
             for chosen, label in part.values(self.sampling, self.seed + i):
-                n = len(made)
+                n += 1
                 if "seed" not in chosen:  # one that is drawn comes after the grid's, and wins
                     chosen = {"seed": self.first_seed + n} | chosen
-                scenario, names = scenario_of(part.base, chosen, f"{self.name}, run {n}", part.folder)
+                try:
+                    scenario, names = scenario_of(part, chosen, f"{self.name}, run {n}", f", run {n}")
+                except CosimError as error:
+                    for one in error.every:
+                        wrong.setdefault((re.sub(r", run \d+(:.*)?$", "", one.place), one.problem), one)
+                    continue
                 made.append(scenario)
                 labels.append(label | names)
+        if wrong:
+            raise joined(list(wrong.values()))
         return made, labels
 
 
-def scenario_of(base: dict, chosen: dict, place: str, folder: Path | None = None) -> tuple[Scenario, dict]:
-    """Return (Scenario, {label: name}) of `base` with `chosen` keys; a table sets several, and perhaps has a name. A
-    file of a user's lies beside the campaign (`folder`), or where its path leads from here.
+def scenario_of(part: Part, chosen: dict, place: str, run: str = "") -> tuple[Scenario, dict]:
+    """Return (Scenario, {label: name}) of a Part with `chosen` keys; a table sets several, and perhaps has a name. A
+    file of a user's lies beside the campaign, or where its path leads from here. `run` stands behind the line of a
+    chosen key in what is said of it.
     """
     pairs: list = []  # in order: a later kind drops the numbers of an earlier one
     names = {}
+    said = []  # (key of the scenario, key of the campaign that set it)
     for key, value in chosen.items():
         several = dict(value) if isinstance(value, dict) else {key: value}
         if isinstance(value, dict) and "name" in several:
             names[key] = several.pop("name")
         pairs += several.items()
-    try:
-        table = apply(base, [f"{k}={inline(v)}" for k, v in pairs])
-        return identified(parse(locate(table, folder, place), place=place)), names
-    except CosimError as error:
-        error.place = error.place if error.place.startswith(place) else f"{place}: {error.place}".replace("--set ", "")
-        if gone := re.search(r"faults\.(\d+)\.(target|kind)$", error.place):
+        said += [(name, key) for name in several]
+
+    def origin() -> Origin:
+        made = dataclasses.replace(part.origin, place=place)
+        for name, key in said:
+            made = made.overridden(name, f"{part.lines[key]}{run}" if key in part.lines else place)
+        return made
+
+    table, refused = assigned(part.base, pairs)
+    wrong = Mistakes()
+    for key, error in refused:
+        error.place = f"{origin().of(key)}: {error.place}"
+        wrong.append(error)
+    with wrong.caught():
+        scenario = identified(parse(locate(table, part.folder, place), place=place, origin=origin))
+    if not wrong:
+        return scenario, names
+    for one in (one for error in wrong for one in error.every):
+        one.place = one.place if one.place.startswith((place, *origin().where.values())) else f"{place}: {one.place}"
+        if gone := re.search(r"faults\.(\d+)\.(target|kind)$", one.place):
             i = gone[1]
             wins = f"`faults = []` of base, [set] or [grid] wins over what [draw] and [grid] say of faults.{i}"
-            error.remedy = f"{wins}: give it target and kind, or say this in the faulty [[part]] alone"
-        raise
+            one.remedy = f"{wins}: give it target and kind, or say this in the faulty [[part]] alone"
+    raise joined(wrong)
 
 
 def builtin_campaigns() -> list[str]:
@@ -142,65 +170,110 @@ def builtin_campaigns() -> list[str]:
 
 
 def load_campaign(name_or_path: str | Path) -> Campaign:
-    """Return the Campaign of a built-in name or a TOML file. Raises CampaignError, ScenarioError."""
+    """Return the Campaign of a built-in name or a TOML file. Raises CampaignError, ScenarioError: every mistake."""
     name, folder, text = _read(str(name_or_path))
     table = toml(text, place=name, error=CampaignError)
-    _keys(table, TYPES, name)
-    return _checked(name, folder, table)
+    return _File(name, folder, Origin.of_toml(text, name)).campaign(table)
 
 
-def _keys(table, known, place):
-    if not isinstance(table, dict):
-        raise CampaignError("is no table", place=place)
-    for key, value in table.items():
-        if key not in known:
-            near = did_you_mean(key, known)
-            raise CampaignError(f"unknown key {key!r}", place=place, allowed=", ".join(known), remedy=near)
-        kind = TYPES.get(key, str)
-        if not isinstance(value, kind) or isinstance(value, bool):
-            word = {str: "text", int: "whole number", dict: "table", list: "list of tables"}[kind]
-            raise CampaignError(f"{key} is no {word}", place=place)
+class _File:
+    """A campaign's file while it is read: where its keys stand, and what is wrong so far."""
 
+    def __init__(self, name, folder, origin):
+        self.name, self.folder, self.origin = name, folder, origin
+        self.wrong = Mistakes()
 
-def _checked(name, folder, table):
-    if table.get("sampling", "random") not in ("random", "latin_hypercube"):
-        raise CampaignError(f"sampling = {table['sampling']!r}", place=name, allowed="random, latin_hypercube")
-    for key in ("seed", "first_seed"):
-        if not 0 <= table.get(key, 0) < 2**31 - MOST:
-            raise CampaignError(f"{key} = {table[key]}", place=name, allowed=f"0 to {2**31 - MOST - 1}")
-    for rule, count in table.get("keep", {}).items():
-        if rule not in RULES:
-            near = did_you_mean(rule, RULES)
-            raise CampaignError("is no rule", place=f"{name}: keep.{rule}", allowed=", ".join(RULES), remedy=near)
-        if isinstance(count, bool) or not isinstance(count, int) or not 0 < count <= 100:
-            raise CampaignError(f"number of logs is {count!r}", place=f"{name}: keep.{rule}", allowed="1 to 100")
-    base = _base(table.get("base", "cruise"), folder)
-    parts = []
-    for i, own in enumerate(table.get("part", [{}])):
-        place = f"{name}: part {own['name']!r}" if isinstance(own, dict) and "name" in own else f"{name}: part {i}"
-        parts.append(_part(base, table, own, place if "part" in table else name, folder))
-    kept = {k: v for k, v in table.items() if k in ("title", "sampling", "seed", "first_seed", "keep")}
-    return Campaign(name=name, parts=tuple(parts), **kept)
+    def place(self, path, said=""):
+        """Return where the key of these parts stands, with words behind it."""
+        return ": ".join(filter(None, (self.origin.of(path), said)))
 
+    def says(self, problem, path, said="", **more):
+        self.wrong.append(CampaignError(problem, place=self.place(path, said), **more))
 
-def _part(base, table, own, place, folder):
-    """Return a Part: what the campaign says for all, and its `own` on top; the common grid changes slowest."""
-    _keys(own, OF_A_PART, place)
-    runs = own.get("runs", table.get("runs", 1))
-    if not 1 <= runs <= MOST:
-        raise CampaignError(f"runs = {runs}", place=place, allowed=f"1 to {MOST}")
-    constant, grid, draws = ({**table.get(k, {}), **own.get(k, {})} for k in ("set", "grid", "draw"))
-    for key, values in grid.items():
-        if not isinstance(values, list) or not values:
-            raise CampaignError("is no list of values", place=f"{place}: grid.{key}")
-    drawn: dict = {}
-    for key, value in sorted(draws.items(), key=lambda item: not item[0].endswith("*")):  # a key itself wins over *
-        here = f"{place}: draw.{key}"
-        drawn |= dict.fromkeys(_every(key, place), draw(_listed(value, folder, here), here))
-    for key in grid.keys() & drawn.keys():
-        raise CampaignError("is drawn and in the grid", place=f"{place}: {key}")
-    tables = apply(base, [f"{k}={inline(v)}" for k, v in constant.items()])
-    return Part(locate(tables, folder, place), own.get("name", ""), runs, grid, drawn, folder)
+    def campaign(self, table):
+        table = self.known(table, TYPES, ())
+        if table.get("sampling", "random") not in ("random", "latin_hypercube"):
+            self.says(f"sampling = {table['sampling']!r}", ("sampling",), allowed="random, latin_hypercube")
+        for key in ("seed", "first_seed"):
+            if not 0 <= table.get(key, 0) < 2**31 - MOST:
+                self.says(f"{key} = {table[key]}", (key,), allowed=f"0 to {2**31 - MOST - 1}")
+        for rule, count in table.get("keep", {}).items():
+            if rule not in RULES:
+                near = did_you_mean(rule, RULES)
+                self.says("is no rule", ("keep", rule), f"keep.{rule}", allowed=", ".join(RULES), remedy=near)
+            elif isinstance(count, bool) or not isinstance(count, int) or not 0 < count <= 100:
+                self.says(f"number of logs is {count!r}", ("keep", rule), f"keep.{rule}", allowed="1 to 100")
+        base: dict = {}
+        origin = Origin(self.name)
+        with self.wrong.caught():
+            base, origin = _base(table.get("base", "cruise"), self.folder)
+        parts, before = [], len(self.wrong)
+        for i, own in enumerate(table.get("part", [{}])):
+            with self.wrong.caught():
+                parts.append(self.part(base, origin, table, own, ("part", str(i)) if "part" in table else ()))
+        kept = {k: v for k, v in table.items() if k in ("title", "sampling", "seed", "first_seed", "keep")}
+        made = Campaign(name=self.name, parts=tuple(parts), **kept)
+        if self.wrong and base and len(self.wrong) == before:  # its runs can be checked all the same
+            with self.wrong.caught():
+                dataclasses.replace(made, sampling="random", seed=1, first_seed=EVALUATION_SEED).scenarios()
+        self.wrong.check()
+        return made
+
+    def known(self, table, known, path):
+        """Return what of `table` has a known key and the right kind of value; the rest is wrong."""
+        if not isinstance(table, dict):
+            self.says("is no table", path)
+            return {}
+        out = {}
+        for key, value in table.items():
+            kind = TYPES.get(key, str)
+            if key not in known:
+                near = did_you_mean(key, known)
+                self.says(f"unknown key {key!r}", (*path, key), allowed=", ".join(known), remedy=near)
+            elif not isinstance(value, kind) or isinstance(value, bool):
+                word = {str: "text", int: "whole number", dict: "table", list: "list of tables"}[kind]
+                self.says(f"{key} is no {word}", (*path, key))
+            else:
+                out[key] = value
+        return out
+
+    def part(self, base, origin, table, own, path):
+        """Return a Part: what the campaign says for all, and its `own` on top; the common grid changes slowest."""
+        own = self.known(own, OF_A_PART, path)
+        label = f"part {own['name']!r}: " if own.get("name") else f"part {path[1]}: " if path else ""
+        paths = {
+            (kind, key): (*at, kind, key)
+            for at, given in (((), table), (path, own))
+            for kind in ("set", "grid", "draw")
+            for key in given.get(kind, {})
+        }
+        runs = own.get("runs", table.get("runs", 1))
+        if not 1 <= runs <= MOST:
+            said = (*path, "runs") if "runs" in own else ("runs",)
+            self.says(f"runs = {runs}", said, label.removesuffix(": "), allowed=f"1 to {MOST}")
+        constant, grid, draws = ({**table.get(k, {}), **own.get(k, {})} for k in ("set", "grid", "draw"))
+        for key, values in grid.items():
+            if not isinstance(values, list) or not values:
+                self.says("is no list of values", paths["grid", key], f"{label}grid.{key}")
+        drawn: dict = {}
+        lines = {key: self.place(paths["grid", key]) for key in grid}
+        for key, value in sorted(draws.items(), key=lambda item: not item[0].endswith("*")):  # a key itself wins over *
+            here = self.place(paths["draw", key], f"{label}draw.{key}")
+            with self.wrong.caught():
+                every = _every(key, here)
+                drawn |= dict.fromkeys(every, draw(_listed(value, self.folder, here), here))
+                lines |= dict.fromkeys(every, self.place(paths["draw", key]))
+        for key in grid.keys() & drawn.keys():
+            self.says("is drawn and in the grid", paths["grid", key], f"{label}{key}")
+        tables, refused = assigned(base, constant.items())
+        for key, error in refused if base else ():
+            error.place = self.place(paths["set", key], f"{label}set.{key}")
+            self.wrong.append(error)
+        for key in constant:
+            origin = origin.overridden(key, self.place(paths["set", key]))
+        place = self.place(path) if path else self.name
+        tables = locate(tables, self.folder, place)
+        return Part(tables, own.get("name", ""), runs, grid, drawn, self.folder, origin, lines)
 
 
 def _listed(table, folder, place):
@@ -230,19 +303,22 @@ def _every(key, place):
         return [key]
     if group not in ("aero", "hydraulic", "ema") or not key.startswith("tolerances."):
         allowed = "tolerances.aero.*, tolerances.hydraulic.*, tolerances.ema.*"
-        raise CampaignError("* stands for nothing here", place=f"{place}: draw.{key}", allowed=allowed)
+        raise CampaignError("* stands for nothing here", place=place, allowed=allowed)
     return [f"tolerances.{group}.{name}" for name in toleranced(group)]
 
 
 def _base(base, folder):
-    """Return the tables of the base scenario as written, so that defaults that follow from other keys still follow."""
+    """Return (tables, Origin) of the base scenario as written, so that defaults that follow from other keys still
+    follow.
+    """
     beside = folder / base if folder else Path(base)
     found = beside if os.path.isfile(beside) else Path(base)
     load_scenario(str(found))  # says what is wrong with the base itself
     if os.path.isfile(found):
-        return located(toml(read(found), place=str(found)), found)
-    own = resources.files("cosim").joinpath("scenarios", f"{base}.toml")
-    return toml(own.read_text(encoding="utf-8"), place=str(base))
+        text = read(found)
+        return located(toml(text, place=str(found)), found), Origin.of_toml(text, str(found))
+    text = resources.files("cosim").joinpath("scenarios", f"{base}.toml").read_text(encoding="utf-8")
+    return toml(text, place=str(base)), Origin.of_toml(text, str(base))
 
 
 def _read(name):

@@ -25,33 +25,29 @@ import pyarrow.parquet as pq
 from actuators.source_hash import closure
 from cosim.errors import CosimError, OutputError
 from cosim.files import FULL, SPACE, beside, held, regular, replace_text, sweep
-from cosim.judge.consequences import NAMES as CONSEQUENCES
+from cosim.judge.row import FIELDS, Field
 from cosim.scenario.brought import changed
 from cosim.scenario.user_file import UserFile
 from cosim.texts import from_json, read
 
 
-def _schema(fields: str) -> pa.Schema:
-    """Return a schema from "name type, name type"."""
-    return pa.schema([(name, pa.type_for_alias(kind)) for name, kind in (f.split() for f in fields.split(","))])
+def _schema(fields: Iterable[Field]) -> pa.Schema:
+    """Return the schema of `fields`; unit and meaning are metadata of each."""
+    told = ((f, {"unit": f.unit, "meaning": f.meaning}) for f in fields)
+    return pa.schema([pa.field(f.name, pa.type_for_alias(f.type), metadata=about) for f, about in told])
 
 
-ROWS = _schema(
-    """
-    run string, lane int32, status string, error string, sim_time_s float64, id string, level string, target string,
-    concerned bool, alarm bool, detected_at_s float64, delay_s float64, delay_periods float64, fault int32,
-    first_verdict string, isolated_class string, isolated_target string, right bool, first_right bool,
-    class_given string, place_given string, place_level string, first_sure_wrong bool,
-    time_to_right_s float64, right_after_motion_s float64, not_excited bool, class_changes int32, ambiguous_s float64,
-    alarm_share float64, withdrawn_after_s float64, withdrawn bool, able bool, valid_at_fault float64,
-    valid_share float64, why_not_valid string, false_alarms int32, standing_s float64, exposed_s float64,
-    r_max_before float64, r_max_after float64, estimate_rmse float64, estimate_bias float64, estimate_max float64,
-    estimate_unit string,
-    rod_mm float64, surface_deg float64, travel_pct float64, amplitude_mm float64, amplitude_deg float64, """
-    + ", ".join(f"{name} float64" for name in CONSEQUENCES)
-)
-TIMING = _schema("run string, id string, wall_time_s float64, startup_s float64, core_s float64, step_us float64")
-SCENARIOS = _schema("run string, order int64, toml string")  # and what varies
+ROWS = _schema(FIELDS)
+TIMING = _schema([
+    Field("run", "string", "", "run"),
+    Field("id", "string", "", "detector; null for the whole run"),
+    Field("wall_time_s", "double", "s", "time of the flight by the clock"),
+    Field("startup_s", "double", "s", "time before its first tick"),
+    Field("core_s", "double", "s", "processor time of the whole run, its twin and judgement"),
+    Field("step_us", "double", "us", "time per step and lane"),
+])  # fmt: skip
+SCENARIOS = _schema([Field("run", "string", "", "run"), Field("order", "int64", "", "position in the campaign"),
+                     Field("toml", "string", "", "the expanded scenario")])  # and what varies
 FLYING = ("actuators", "fdi", "aircraft")  # with what a worker imports of cosim: what decides about a row
 USER_FILES = "user_files.json"
 TABLES = ("scenarios.parquet", "runs.parquet", "timing.parquet")

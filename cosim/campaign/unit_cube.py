@@ -81,7 +81,7 @@ class Space:
         keys = {key: values[int(q * len(values))] for (key, values), q in zip(self.part.grid.items(), u)}
         keys |= {key: draw(q) for (key, draw), q in zip(self.part.draw.items(), u[len(self.part.grid) :])}
         place = f"{self.campaign.name}, a flight"
-        scenario, _ = scenario_of(self.part.base, {**keys, "seed": seed}, place, self.part.folder)
+        scenario, _ = scenario_of(self.part, {**keys, "seed": seed}, place)
         if self.detectors is None:
             return scenario
         alone = scenario.detectors.model_copy(update={"enabled": tuple(self.detectors)})

@@ -88,7 +88,11 @@ class _Group(TyperGroup):
         except _Usage as error:
             text = _usage(error)
         except CosimError as error:
-            text = str(error)
+            *before, text = (one.line for one in error.every)
+            for one in before[:MOST]:
+                _say(one)
+            if before[MOST:]:
+                _say(f"{len(before) - MOST} more mistakes, and the last:")
         except BrokenPipeError:
             raise  # the reader of a pipe went away: click ends quietly
         except OSError as error:
@@ -171,6 +175,7 @@ PortOption = Annotated[
 LogArg = Annotated[Path, typer.Argument(metavar="LOG", help="A log of [b]cosim run[/].", show_default=False)]
 LONGEST = 1000  # letters of a message: a value of a megabyte is not repeated
 LAYOUT = marked(b"{", b'"content"', b'"type": "tabs"')  # the sign of our layouts
+MOST = 20  # mistakes of one file that are told before the last
 LIVE_PORT = 8765  # that Foxglove asks for by default
 
 

@@ -20,10 +20,6 @@ from cosim.texts import from_json, read
 def bench(
     rounds: Annotated[int, typer.Option("--rounds", min=3, help="Rounds of interleaved timing.")] = 15,
     memory: Annotated[bool, typer.Option("--memory/--no-memory", help="Fly ten minutes for the peak memory.")] = True,
-    campaign: Annotated[
-        str | None,
-        typer.Option("--campaign", metavar="NAME", help="Instead fly a campaign, twice.", show_default=False),
-    ] = None,
     beside: Annotated[
         Path | None,
         typer.Option("--compare", metavar="FILE", help="Beside what --json wrote to FILE.", show_default=False),
@@ -33,13 +29,6 @@ def bench(
     """Measure what a tick costs, how fast a run starts and how much memory it takes."""
     from cosim.bench import bench as work
 
-    if campaign is not None:
-        from cosim.bench.campaign import compare
-
-        with bar(err, campaign, "flights", "preparing the workers") as progress:
-            done = compare(campaign, progress=progress)
-        answer(json_, done, campaign_speed)
-        raise typer.Exit(0 if done["equal"] and not done["crashed"] else 1)
     before = read_bench(beside) if beside else None
     with bar(err, "measuring", unit="") as progress:
         found = work(rounds=rounds, memory=memory, progress=progress)
@@ -76,7 +65,6 @@ def _numbers(found):
     for name, what in (("peak_mb", "peak memory [MB]"), ("worker_mb", "memory of a worker [MB]")):
         if found.get(name):
             out[what] = found[name]
-    out |= {f"growth over {line['over']} [{line['unit']} each]": line["slope"] for line in found.get("growth", ())}
     for name in ("open_s", "frames_s", "topic_s", "parquet_s", "replay_s", "replay_cpu_s"):
         if name in (found.get("recorded") or {}):
             out[f"log: {name.removesuffix('_s')} [s]"] = found["recorded"][name]
@@ -114,21 +102,4 @@ def shown(found: dict[str, Any]) -> Group:
             f"replay         {r['detectors_realtime']:.0f} x real time for every detector, "
             f"{r['replay_realtime']:.0f} x with reading and comparing",
         ]
-    g = Table("Growth", "over", "cost in", "fixed>", "each>", "off the line>", "measured")
-    for line in found["growth"]:
-        points = ", ".join(f"{x:g}: {y:.3g}" for x, y in line["points"])
-        off = f"{100 * line['off']:.0f} %"
-        g.add(line["over"], line["unit"], number(line["offset"]), number(line["slope"], 4), off, points)
-    return Group(t, d, g, Text("\n".join(lines)))
-
-
-def campaign_speed(found: dict[str, Any]) -> Group:
-    """Return what `cosim bench --campaign` measured."""
-    shown = Table(found["campaign"], "processes", "flights>", "wall s>", "flights/min>", "x real time>", "outcomes")
-    for case in found["cases"]:
-        wall, times = f"{case['wall_s']:.1f}", f"{case['flown_s'] / case['wall_s']:.0f}"
-        outcomes = ", ".join(f"{n} {name}" for name, n in case["outcomes"].items())
-        rate = f"{60 * case['flights'] / case['wall_s']:.0f}"
-        shown.add(str(case["workers"]), str(case["flights"]), wall, rate, times, outcomes)
-    rows = "rows equal" if found["equal"] else "rows differ"
-    return Group(shown, f"{found['ratio']:.2f} times as fast as one process; {rows}; {found['crashed']} crashed")
+    return Group(t, d, Text("\n".join(lines)))

@@ -9,7 +9,8 @@ def compare(found: dict) -> Group:
     from cosim.compare.tables import detectors, pairs  # `--help` needs no pandas
 
     lost = f"; {found['failed']} could not be flown" if found["failed"] else ""
-    why = [f"{d['id']} not valid: {d['why_not_valid']}" for d in found["detectors"] if d["idle"] and d["why_not_valid"]]
+    mute = [d for d in found["detectors"] if d["not_valid"] and d["why_not_valid"]]
+    why = [f"{d['id']} not valid: {d['why_not_valid']}" for d in mute]
     files = [Text(f"{key:<7}{found[key]}") for key in ("report", "table") if found[key]]
     head = Text(f"{found['runs']} flights, {found['source']}{lost}")
     beside = [pairs(found["pairs"])] if found.get("pairs") else []

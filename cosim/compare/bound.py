@@ -65,7 +65,7 @@ def beyond(rows: pd.DataFrame) -> list[str]:
     independent flights with probabilities of at most `best` (normal approximation with continuity correction).
     """
     out = []
-    low = rows[rows["bound_mm"].notna() & (rows["amplitude_mm"] < rows["bound_mm"]) & ~rows["idle"]]
+    low = rows[rows["bound_mm"].notna() & (rows["amplitude_mm"] < rows["bound_mm"]) & ~rows["not_valid"]]
     for name, own in low.groupby("id", sort=False):
         p, k = own["best"].to_numpy(), int(own["detected"].sum())
         spread = math.sqrt(float(np.sum(p * (1.0 - p))))

@@ -9,9 +9,9 @@ hours                              in which a false alarm would count (cosim.jud
 id, level, lanes                   detector; how many actuators it watches
 word                               designed, may, blind: how it stands to the case
 concerned                          it has a lane on the faulty part (aircraft level: always, when there is a fault)
-idle                               it could not judge: not valid; why_not_valid says why, valid_share how much of a
+not_valid                          it could not judge; why_not_valid says why, valid_share how much of a
                                    flight it was valid
-detected, delay_s, delay_periods, class     of the first lane that noticed, and of that lane:
+detected, delay_s, delay_periods, isolated_class     of the first lane that noticed, and of that lane:
 first_verdict, right, class_given, place_given, place_level, first_right, first_sure_wrong, time_to_right_s,
 right_after_motion_s, not_excited, class_changes, ambiguous_s, alarm_share, withdrawn, withdrawn_after_s: as
 cosim/judge/detection.py
@@ -85,7 +85,7 @@ def tidy(frame: pd.DataFrame, tomls: Mapping[str, str], place: str = "") -> pd.D
             out.append(_row(run, detector, own, found if i == 0 else [], about[run], fault))
     if not out:
         return pd.DataFrame()
-    return echoes(pd.DataFrame(out).astype({"concerned": bool, "detected": bool, "idle": bool}))
+    return echoes(pd.DataFrame(out).astype({"concerned": bool, "detected": bool, "not_valid": bool}))
 
 
 LEVELS = ("local", "aircraft")
@@ -193,12 +193,12 @@ def _row(run, detector, lanes, whole, about, fault):
         "lanes": len(lanes),
         "word": coverage.expected(detector, each["case"]).word if fault is not None else None,
         "concerned": bool(mine),
-        "idle": not seen and not able,
+        "not_valid": not seen and not able,
         "why_not_valid": next((lane["why_not_valid"] for lane in mine or lanes if _given(lane.get("why_not_valid"))),
                               None),
         "valid_share": float(np.mean([_number(lane, "valid_share") for lane in lanes])),
         "detected": bool(seen),
-        "class": said["isolated_class"],
+        "isolated_class": said["isolated_class"],
         "first_verdict": said["first_verdict"],
         "right": _true(best.get("right")),
         **given,

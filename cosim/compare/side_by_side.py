@@ -15,7 +15,10 @@ import pandas as pd
 from cosim.compare import paired
 from cosim.compare import rows as compare_rows
 
-TOLD = ("detected", "delay_s", "class", "outcome", "time_to_right_s", "alarm_share", "false_alarms", "standing_s")
+TOLD = (
+    *("detected", "delay_s", "isolated_class", "outcome", "time_to_right_s", "alarm_share", "false_alarms"),
+    "standing_s",
+)
 AT = ["run", "fault", "id"]
 
 

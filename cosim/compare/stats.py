@@ -35,14 +35,14 @@ CREDIBLE = 0.5  # a detector that cries in more than half of the fault-free flig
 
 
 def came_of_it(rows: pd.DataFrame) -> pd.Series:
-    """Return one word per row of a fault: named, ambiguous or misnamed when it was seen, else idle (not valid),
-    not_excited (it never showed) or missed. Every row has one: they add up to the flights.
+    """Return one word per row of a fault: named, ambiguous or misnamed when it was seen, else not_valid (it could not
+    judge), not_excited (it never showed) or missed. Every row has one: they add up to the flights.
     """
-    unseen = np.select([rows["idle"], rows["not_excited"]], ["idle", "not_excited"], "missed")
+    unseen = np.select([rows["not_valid"], rows["not_excited"]], ["not_valid", "not_excited"], "missed")
     return rows["outcome"].where(rows["detected"], unseen)
 
 
-WORDS = ("named", "ambiguous", "misnamed", "idle", "not_excited", "missed")
+WORDS = ("named", "ambiguous", "misnamed", "not_valid", "not_excited", "missed")
 
 
 def score(rows: pd.DataFrame) -> dict:
@@ -54,7 +54,7 @@ def score(rows: pd.DataFrame) -> dict:
     came, n = came_of_it(rows), len(rows)
     seen = int(rows["detected"].sum())
     p, low, high = metrics.proportion(seen, n)
-    why = rows.loc[rows["idle"], "why_not_valid"].dropna()
+    why = rows.loc[rows["not_valid"], "why_not_valid"].dropna()
     out = {
         "designed": n,
         "detected": seen,
@@ -172,13 +172,13 @@ def maxima(rows: pd.DataFrame) -> dict[str, tuple]:
     """Return {detector: (largest |r| of fault-free flights, of designed-for faults from the onset on)}, run by run."""
     out = {}
     for name, own in rows.groupby("id", sort=False):
-        hit = own[(own["word"] == DESIGNED) & own["concerned"] & ~own["idle"]]["r_fault"].dropna().to_numpy()
+        hit = own[(own["word"] == DESIGNED) & own["concerned"] & ~own["not_valid"]]["r_fault"].dropna().to_numpy()
         out[name] = own[own["case"].isna()]["r_fault_free"].dropna().to_numpy(), hit
     return out
 
 
 def coverage_matrix(rows: pd.DataFrame) -> dict[str, dict]:
-    """Return {case: {detector: {word, runs, detected, outcomes, idle}}} of the faulty flights."""
+    """Return {case: {detector: {word, runs, detected, outcomes, not_valid}}} of the faulty flights."""
     out: dict = {}
     for (case, name), own in rows[rows["case"].notna()].groupby(["case", "id"], sort=False):
         cell = {
@@ -197,7 +197,7 @@ def confusion(rows: pd.DataFrame, detector: str) -> pd.DataFrame:
     """Return a frame: rows are kinds of fault that a lane of `detector` met, and "no fault"; columns what it said."""
     own = rows[(rows["id"] == detector) & (rows["concerned"] | rows["case"].isna())]
     truth = own["case"].fillna("no fault")
-    said = own["class"].where(own["detected"], "none").fillna("none")
+    said = own["isolated_class"].where(own["detected"], "none").fillna("none")
     said = said.where(own["case"].notna() | (own["false_alarms"] == 0), "false alarm")
     return pd.crosstab(truth, said)
 
@@ -234,7 +234,7 @@ def _could(row):
 
 def _of_group(name, own, credible):
     """Return the row of one group in one flight; `own` are the rows of its detectors as dicts."""
-    able = [r for r in own if r["id"] in credible and r["concerned"] and _could(r) and not r["idle"]]
+    able = [r for r in own if r["id"] in credible and r["concerned"] and _could(r) and not r["not_valid"]]
     seen = sorted((r for r in able if r["detected"]), key=lambda r: r["delay_s"])
     first = seen[0] if seen else {}
     return {
@@ -255,11 +255,11 @@ def bands(hz: pd.Series) -> pd.Series:
 
 
 def sizes(grouped: pd.DataFrame) -> list[dict]:
-    """Return {group, family, frequency_hz, idle, bound_mm, below, **Pod} by group, kind and frequency [mm of rod].
+    """Return {group, family, frequency_hz, not_valid, bound_mm, below, **Pod} by group, kind and frequency [mm of rod].
 
-    Flights in which no detector of the group could judge are counted in `idle` and not in the fit; `bound_mm` is the
-    median bound of physics (cosim/compare/bound.py), None without one, `below` how many flights are below theirs. More
-    than FREQUENCIES different frequencies are taken together in octaves around 0.5, 1, 2, ... Hz.
+    Flights in which no detector of the group could judge are counted in `not_valid` and not in the fit; `bound_mm` is
+    the median bound of physics (cosim/compare/bound.py), None without one, `below` how many flights are below theirs.
+    More than FREQUENCIES different frequencies are taken together in octaves around 0.5, 1, 2, ... Hz.
     """
     own = grouped[grouped["frequency_hz"].notna() & (grouped["amplitude_mm"] > 0.0)]
     hz = bands(own["frequency_hz"].astype(float))
@@ -267,7 +267,7 @@ def sizes(grouped: pd.DataFrame) -> list[dict]:
     for (family, group_, band), part in own.groupby([own["family"], own["group"], hz], sort=True):
         could = part[part["able"]]
         found = pod.fit(could["amplitude_mm"], could["seen"])
-        about = {"group": group_, "family": family, "frequency_hz": float(band), "idle": len(part) - len(could)}
+        about = {"group": group_, "family": family, "frequency_hz": float(band), "not_valid": len(part) - len(could)}
         limit = float(part["bound_mm"].median())
         below = int((part["amplitude_mm"] < part["bound_mm"]).sum())
         out.append({**about, "bound_mm": None if math.isnan(limit) else limit, "below": below, **asdict(found)})

@@ -28,7 +28,7 @@ def _interval(low: str, high: str, shown: Callable = number) -> Callable:
 
 
 def _not_valid(d: dict) -> Any:
-    return Cell(d["idle"], "", d.get("why_not_valid") or "") if d["designed"] else DASH
+    return Cell(d["not_valid"], "", d.get("why_not_valid") or "") if d["designed"] else DASH
 
 
 def _free(d: dict) -> Cell | str:
@@ -138,14 +138,14 @@ def families(found: Iterable[dict], kind: str = "kind of fault") -> Table:
 
 def fit(d: dict | None, best: float | None = None) -> Any:
     """Return a fitted size with its bounds, or what the flights say where no curve can be fitted."""
-    if d is None or not (d.get("n") or d.get("designed") or d.get("idle")):
+    if d is None or not (d.get("n") or d.get("designed") or d.get("not_valid")):
         return "blind" if d and d.get("blind") else DASH
-    told = f"; {d['idle']} not valid" if d.get("idle") and "n" in d else ""
+    told = f"; {d['not_valid']} not valid" if d.get("not_valid") and "n" in d else ""
     if d.get("bound_mm") is not None and "n" in d:
         told += f"; bound {number(d['bound_mm'], 2)}" + (f", {d['below']} below it" if d["below"] else "")
     seen, flights = d.get("seen", d.get("detected")), d.get("n", d.get("designed"))
     if d["a90"] is None:
-        return f"{d['note']} ({seen}/{flights}{told})" if flights else f"not valid ({d['idle']})"
+        return f"{d['note']} ({seen}/{flights}{told})" if flights else f"not valid ({d['not_valid']})"
     ends = ["?" if d[k] is None else number(d[k], 2) for k in ("low", "a90_95")]
     said = f"{number(d['a90'], 2)} ({ends[0]} to {ends[1]}){told}"
     return Cell(said, "bold") if best is not None and d["a90_95"] == best else said

@@ -14,7 +14,7 @@ from cosim.flight.blocks.noise import Draw, generator
 from cosim.flight.blocks.pilot import steps
 from cosim.flight.blocks.servo_gain import SENSOR_DELAY
 from cosim.flight.detection import detectors
-from cosim.flight.detection.cost import cost
+from cosim.flight.detection.detectors import cost
 from cosim.flight.faults import inject
 from cosim.flight.loop import wiring
 from cosim.flight.loop.bus import Bus

@@ -11,7 +11,7 @@ from cosim.table import DASH, Cell, Column, Table, number, of, share
 
 TONES = {"named": "good", "misnamed": "bad", "missed": "bad"}
 JUDGED = {
-    "idle": "not valid",
+    "not_valid": "not valid",
     "named": "right",
     "ambiguous": "seen, not named",
     "misnamed": "another name",

@@ -97,12 +97,12 @@ def outcome(
     misnamed    seen, class or place wrong
     missed      designed for it, could judge, and missed it
     quiet       not designed for it, and quiet
-    idle        could not judge
+    not_valid        could not judge
     bonus       an alarm though blind to it by structure: not of the fault itself
     """
     word = expected(detector, case).word
     if not seen:
-        return "idle" if not able else "missed" if word == DESIGNED else "quiet"
+        return "not_valid" if not able else "missed" if word == DESIGNED else "quiet"
     if word == BLIND:
         return "bonus"
     given = Name(class_, place, "")

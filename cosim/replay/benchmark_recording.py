@@ -29,8 +29,7 @@ from cosim.errors import LogError
 from cosim.files import replace
 from cosim.flight import plugins
 from cosim.flight.build import build
-from cosim.flight.detection.cost import cost
-from cosim.flight.detection.detectors import Installed, chosen, with_sources
+from cosim.flight.detection.detectors import Installed, chosen, cost, with_sources
 from cosim.flight.faults.conditions import resolved
 from cosim.flight.faults.fault_free_reference import Twin
 from cosim.flight.fly import fly

@@ -57,6 +57,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from cosim.replay.params import ReplayError
 from cosim.replay.units import bare, factors
 from cosim.scenario.load import explained
+from cosim.scenario.problem import Origin
 from cosim.texts import read, toml
 
 
@@ -126,4 +127,4 @@ def load_map(path: str | Path) -> tuple[Map, str]:
     try:
         return Map.model_validate(table), text
     except ValidationError as error:
-        raise explained(error, table, place, Map, ReplayError) from None
+        raise explained(error, table, Origin.of_toml(text, place), Map, ReplayError) from None

@@ -15,7 +15,7 @@ OUTCOMES = {  # outcome -> symbol, class, meaning
     "quiet": ("·", "c-quiet", "may see it, no alarm"),
     "bonus": ("!", "c-bonus", "alarm though blind: not of the fault itself"),
     "echo": ("~", "c-bonus", "alarm that the manoeuvre raises without a fault as well"),
-    "idle": ("–", "c-quiet", "not valid: it could not judge"),
+    "not_valid": ("–", "c-quiet", "not valid: it could not judge"),
 }
 KEY = [(look, symbol, told) for symbol, look, told in OUTCOMES.values()]
 LEVELS_KEY = (("c-seen", "n/n", "all seen"), ("c-part", "k/n", "some seen"), ("c-missed", "0/n", "none seen"),
@@ -85,11 +85,11 @@ def _cell(name, cell):
         return Cell("", "c-none")
     found = sorted(cell["outcomes"].items(), key=lambda pair: -pair[1])
     kinds, first = {o for o, _ in found}, OUTCOMES[found[0][0]]
-    if cell["word"] == coverage.BLIND and kinds <= {"quiet", "idle"}:
+    if cell["word"] == coverage.BLIND and kinds <= {"quiet", "not_valid"}:
         look, told = "c-none", ""
     elif len(found) == 1:
         look = first[1]
-        told = first[0] if kinds <= {"quiet", "idle"} else f"{first[0]} {cell['detected']}/{cell['runs']}"
+        told = first[0] if kinds <= {"quiet", "not_valid"} else f"{first[0]} {cell['detected']}/{cell['runs']}"
     else:
         look = "c-part" if kinds & {"named", "ambiguous", "misnamed"} else first[1]
         told = " ".join(f"{OUTCOMES[o][0]}{n}" for o, n in found)

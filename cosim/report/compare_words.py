@@ -108,11 +108,10 @@ def _names(rows):
     if own.empty:
         return []
     counts = own["outcome"].value_counts()
-    crossed = own[
-        (own["outcome"] == "misnamed") & ((own["class"] == "sensor") != own["case"].map(_is_sensor).astype(bool))
-    ]
+    wrong = own["outcome"] == "misnamed"
+    crossed = own[wrong & ((own["isolated_class"] == "sensor") != own["case"].map(_is_sensor).astype(bool))]
     sensor = crossed["case"].map(_is_sensor).astype(bool)
-    severe = crossed[(crossed["class"] == "sensor") | sensor]
+    severe = crossed[(crossed["isolated_class"] == "sensor") | sensor]
     told = (
         f"{counts.get('named', 0)} of {len(own)} detections named the fault right, {counts.get('ambiguous', 0)} "
         f"called it ambiguous, {counts.get('misnamed', 0)} gave another name"
@@ -159,10 +158,11 @@ def _care(rows, each):
         if d.get("beyond_physics"):
             out.append(f"{d['id']} sees more small oscillations than physics allows: it reads something that it should "
                        "not, or the bound is wrong.")  # fmt: skip
-        if d["idle"]:
+        if d["not_valid"]:
             why = f": {d['why_not_valid']}" if d["why_not_valid"] else ""
-            out.append(f"{d['id']} could not judge {d['idle']} of the {d['designed']} faults that it was designed for "
-                       f"(not valid{why}): they stay in its counts.")  # fmt: skip
+            n, of = d["not_valid"], d["designed"]
+            said = f"could not judge {n} of the {of} faults that it was designed for (not valid{why})"
+            out.append(f"{d['id']} {said}: they stay in its counts.")
     dull = [d["id"] for d in each if not d["credible"]]
     if dull:
         out.append(f"{listed(dull)}: alarms all the time and therefore tells nothing; left out of the levels.")

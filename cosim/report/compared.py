@@ -31,7 +31,7 @@ def _log(low, high):
 
 def delays(rows: pd.DataFrame) -> Figure:
     """Return the share of designed-for faults that each detector had noticed so long after the onset."""
-    own = rows[(rows["word"] == DESIGNED) & rows["concerned"] & ~rows["idle"]]
+    own = rows[(rows["word"] == DESIGNED) & rows["concerned"] & ~rows["not_valid"]]
     figure = Figure(
         "delays", "A curve ends at the share that was seen at all: missed faults stay in the count.", 330, time=False
     )

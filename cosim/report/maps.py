@@ -37,7 +37,7 @@ def maps(rows: pd.DataFrame, thresholds: dict | None = None) -> Figure | None:
         }
         if i + columns > len(names):
             figure.layout[axis("xaxis", i)]["title"]["text"] = "Hz"
-        if own["idle"].all():
+        if own["not_valid"].all():
             note(figure.layout, i, "not valid in any of these")
         (_cells if len(own) >= MANY else _points)(figure, i, own, seen.astype(bool))
     figure.layout["legend"]["y"] = 1.04
@@ -79,7 +79,7 @@ def _points(figure, panel, own, seen):
         marks = ["diamond" if w and symbol == "circle" else symbol for w in wide]
         told = [
             [f"{r['frequency_hz']:g} Hz, {r['target']}",
-             "not seen" if not r["detected"] else f"{r['delay_s']:.2f} s, {r['class']}"]
+             "not seen" if not r["detected"] else f"{r['delay_s']:.2f} s, {r['isolated_class']}"]
             for _, r in part.iterrows()
         ]  # fmt: skip
         figure.data.append(

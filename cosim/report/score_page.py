@@ -46,7 +46,7 @@ def render(found: dict, beside: Sequence[dict] = ()) -> str:
         honest=tables.probabilities(each),
         pairs=tables.pairs(found["pairs"]),
         remarks=[(d["id"], d["remark"]) for d in each if d["remark"]] + [
-            (d["id"], f"not valid in {d['idle']}: {d['why_not_valid']}") for d in each if d["why_not_valid"]
+            (d["id"], f"not valid in {d['not_valid']}: {d['why_not_valid']}") for d in each if d["why_not_valid"]
         ],
     )
 
@@ -57,7 +57,7 @@ def _some(found):
 
 
 SHARES = (("right name", "named", "--green"), ("ambiguous", "ambiguous", "--gold"), ("wrong name", "misnamed", "--red"),
-          ("not valid", "idle", "--muted"))  # fmt: skip
+          ("not valid", "not_valid", "--muted"))  # fmt: skip
 
 
 def front(each: list[dict]) -> Figure:

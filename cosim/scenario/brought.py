@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from cosim.errors import ScenarioError
+from cosim.errors import Mistakes, ScenarioError
 from cosim.scenario.aircraft import ships
 from cosim.scenario.user_file import AGREE, CHANGED, UserFile, found, identity
 from fdi.registry import GUESTS
@@ -49,15 +49,17 @@ def locate(tables: dict[str, Any], folder: Path | None, place: str) -> dict[str,
     """
     if next(places(tables), None) is None:
         return tables
-    out = copy.deepcopy(tables)
+    out, wrong = copy.deepcopy(tables), Mistakes()
     for at in places(out):
         name = at.table[at.key]
         if at.key == "aircraft":
             beside = folder / os.path.expanduser(name) if folder else None
             if beside and os.path.isdir(beside):
                 at.table[at.key] = os.path.abspath(beside)
-        else:
+            continue
+        with wrong.caught():
             at.table[at.key] = found(name, folder, f"{place}: {at.name}")
+    wrong.check()
     return out
 
 

@@ -1,35 +1,35 @@
 """Faults that cannot be together, or not on the actuator that flies: refused, never ignored."""
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 
 from cosim.scenario import catalog as c
 from cosim.scenario.fault import Fault
-from cosim.scenario.problem import problem
+from cosim.scenario.problem import Mistakes, problem
 
 
-def check(faults: Iterable[Fault], technology: dict[str, str]) -> None:
-    """Raise for the first fault that its actuator cannot have, or that overlaps another in what it takes over; when one
-    that waits for its condition will do so is not known yet.
+def check(faults: Mapping[int, Fault], technology: dict[str, str]) -> None:
+    """Raise for every fault {its number: Fault} that its actuator cannot have, or that overlaps another in what it
+    takes over; when one that waits for its condition will do so is not known yet.
     """
-    taken: list = []
-    for i, fault in enumerate(faults):
-        _possible(i, fault, technology)
+    wrong = Mistakes()
+    taken: list[tuple[Fault, tuple, int]] = []
+    for i, fault in faults.items():
+        with wrong.caught():
+            _possible(i, fault, technology)
         what = fault.spec.exclusive
         if not what or fault.waits:
             continue
-        if (
-            what == "at"
-        ):  # a runaway to a limit moves the command, whatever it starts from (cosim/flight/faults/inject.py)
+        if what == "at":  # a runaway to a limit moves the command, whatever it starts from (flight/faults/inject.py)
             what = "command" if "limit_deg" in (fault.model_extra or {}) else fault.at
         for name in fault.parsed.names:
-            for other, claim, index in taken:
-                if claim == (fault.parsed.place, name, fault.parsed.sensor, what) and _overlap(fault, other):
-                    raise problem(
-                        f"{fault.kind} and faults.{index} ({other.kind}) take over {fault.target} at the same time",
-                        key=f"faults.{i}.start_s",
-                        remedy=f"Set faults.{index}.end_s before this start, or remove one",
-                    )
-            taken.append((fault, (fault.parsed.place, name, fault.parsed.sensor, what), i))
+            claim = (fault.parsed.place, name, fault.parsed.sensor, what)
+            for other, claimed, index in taken:
+                if claimed == claim and _overlap(fault, other):
+                    said = f"{fault.kind} and faults.{index} ({other.kind}) take over {fault.target} at the same time"
+                    remedy = f"Set faults.{index}.end_s before this start, or remove one"
+                    wrong.add(said, key=f"faults.{i}.start_s", remedy=remedy)
+            taken.append((fault, claim, i))
+    wrong.check()
 
 
 def _overlap(a, b):

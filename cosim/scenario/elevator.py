@@ -2,13 +2,12 @@
 
 from typing import Any, Literal
 
-from pydantic import ConfigDict, Field, ValidationInfo, model_validator
+from pydantic import ConfigDict, Field, ModelWrapValidatorHandler, ValidationInfo, model_validator
 
 from cosim.scenario import catalog as c
 from cosim.scenario import tolerance
 from cosim.scenario.aircraft import of
-from cosim.scenario.problem import choice, problem
-from cosim.scenario.table import MULTIPLIER, Table, known_keys
+from cosim.scenario.problem import MULTIPLIER, Mistakes, Table, choice, known_keys, problem
 
 Feedback = Literal["measured", "iotsekf", "rtsekf", "rtsekf_flight"]
 
@@ -34,30 +33,39 @@ class Elevator(Table):
     # segment -> its own parameters; also written [elevator.<segment>.<technology>] name = value, or .truth and .model
     parameters: dict[str, Settings] = Field(default_factory=dict)
 
-    @model_validator(mode="before")
+    @model_validator(mode="wrap")
     @classmethod
-    def _fill(cls, raw: Any, info: ValidationInfo) -> Any:
-        if not isinstance(raw, dict):
-            return raw
+    def _fill(cls, raw: Any, handler: ModelWrapValidatorHandler, info: ValidationInfo) -> Any:
+        wrong = Mistakes()
+        return wrong.last(handler, cls._filled(raw, info, wrong) if isinstance(raw, dict) else raw)
+
+    @classmethod
+    def _filled(cls, raw, info, wrong):
+        """Return `raw` with technology and feedback of every segment; what is wrong goes to `wrong`."""
         aircraft, default = of(info), of(info).technology
-        known_keys(raw, (*default, *cls.model_fields))
-        raw = _settings(raw, default)
+        with wrong.caught():
+            known_keys(raw, (*default, *cls.model_fields))
+        with wrong.caught():
+            raw = _settings(raw, default)
         technology = {name: raw.get(name, own) for name, own in default.items()}
         known = c.technologies((info.context or {}).get("actuators", c.TECHNOLOGIES))
         for name, tech in technology.items():
             if not isinstance(tech, str) or tech not in known:
-                raise problem("is not one of the choices", key=name, allowed=", ".join(known))
+                wrong.add("is not one of the choices", key=name, allowed=", ".join(known))
         given = raw.get("feedback", {})
         word = given if isinstance(given, str) else "iotsekf"
-        if word not in c.FEEDBACKS:
-            raise choice(word, c.FEEDBACKS, "feedback", key="feedback")
-        if not isinstance(given, str | dict):
-            return raw
+        with wrong.caught():
+            if word not in c.FEEDBACKS:
+                raise choice(word, c.FEEDBACKS, "feedback", key="feedback")
+        if wrong.found or not isinstance(given, str | dict):
+            return {**raw, "feedback": {} if isinstance(given, str) else given}
         filled = {name: word if tech == "hydraulic" else "measured" for name, tech in technology.items()}
         if isinstance(given, dict):
-            known_keys(given, default, "feedback.")
+            with wrong.caught():
+                known_keys(given, default, "feedback.")
             filled |= given
-        _check_settings(raw["parameters"], technology, aircraft)
+        with wrong.caught():
+            _check_settings(raw["parameters"], technology, aircraft)
         return {**technology, **raw, "feedback": filled}
 
     @property
@@ -67,10 +75,12 @@ class Elevator(Table):
 
     @model_validator(mode="after")
     def _filters_are_hydraulic(self):
+        wrong = Mistakes()
         for name, tech in self.technology.items():
-            if tech != "hydraulic" and self.feedback[name] != "measured":
+            if tech != "hydraulic" and self.feedback.get(name, "measured") != "measured":
                 said = f"{self.feedback[name]} is a filter of hydraulic actuators, {name} is {tech}"
-                raise problem(said, key=f"feedback.{name}", allowed="measured")
+                wrong.add(said, key=f"feedback.{name}", allowed="measured")
+        wrong.check()
         return self
 
     @property
@@ -98,17 +108,20 @@ def _settings(raw, segments):
 
 
 def _check_settings(parameters, technology, aircraft):
-    """Raise for a parameter that the segment's actuator has not, or a value far from its nominal one."""
+    """Raise for every parameter that the segment's actuator has not, or a value far from its nominal one."""
     known_keys(parameters, technology, "parameters.")
+    wrong = Mistakes()
     for name, table in parameters.items():
         tech, tables = c.TECHNOLOGIES[technology[name]], table if isinstance(table, dict) else {}
         nominal = {k: v for k, v in tech.parameters(aircraft.own(tech.name)).items() if k not in tech.fixed}
         for part, values in tables.items():
             for key, value in values.items() if isinstance(values, dict) else ():
                 place = f"parameters.{name}.{part}.{key}"
-                if key not in nominal:
-                    raise choice(key, nominal, f"parameter of {tech.article} actuator", key=place)
-                _within(value, nominal[key], place, tolerance.meanings(tech.name)[key][1])
+                with wrong.caught():
+                    if key not in nominal:
+                        raise choice(key, nominal, f"parameter of {tech.article} actuator", key=place)
+                    _within(value, nominal[key], place, tolerance.meanings(tech.name)[key][1])
+    wrong.check()
 
 
 def _within(value, nominal, place, unit):

@@ -4,14 +4,21 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationInfo, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ModelWrapValidatorHandler,
+    PrivateAttr,
+    ValidationInfo,
+    model_validator,
+)
 
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.scenario import catalog as c
 from cosim.scenario.aircraft import Aircraft, load_aircraft, of
 from cosim.scenario.condition import condition, other_fault
-from cosim.scenario.problem import choice, problem
-from cosim.scenario.target import parse_target
+from cosim.scenario.problem import Mistakes, choice, problem
 
 COMMON = ("target", "kind", "start_s", "when", "lasts_s", "end_s", "ramp_s")
 NEVER_S = 36000.0  # the onset of a fault that waits for its condition
@@ -66,9 +73,17 @@ class Fault(BaseModel):
         """Remember whose parts the target names."""
         self._aircraft = (context or {}).get("aircraft") or load_aircraft()
 
-    @model_validator(mode="before")
+    @model_validator(mode="wrap")
     @classmethod
-    def _against_catalog(cls, raw: Any, info: ValidationInfo) -> Any:
+    def _against_catalog(cls, raw: Any, handler: ModelWrapValidatorHandler, info: ValidationInfo) -> Any:
+        wrong = Mistakes()
+        with wrong.caught():
+            raw = cls._filled(raw, info, wrong)
+        return wrong.last(handler, raw)
+
+    @classmethod
+    def _filled(cls, raw, info, wrong):
+        """Return `raw` with the defaults of its kind; what is wrong goes to `wrong`."""
         if isinstance(raw, dict) and isinstance(raw.get("when"), str):
             raw = {"start_s": NEVER_S, **raw}
         if not isinstance(raw, dict) or not all(isinstance(raw.get(k), str) for k in ("target", "kind")):
@@ -76,11 +91,14 @@ class Fault(BaseModel):
         aircraft = of(info)
         target = parse_target(raw["target"], aircraft)
         kind = _kind(target, raw)
-        full = {**raw, **_place(target, kind, raw)}
+        full = dict(raw)
+        with wrong.caught():
+            full |= _place(target, kind, raw)
         for key in c.optional_keys(raw["kind"], raw["target"], aircraft):
             if key.name in full:
-                _number(full[key.name], key)
-        _magnitudes(raw["kind"], kind, full, aircraft)
+                with wrong.caught():
+                    _number(full[key.name], key)
+        _magnitudes(raw["kind"], kind, full, aircraft, wrong)
         return full
 
     @property
@@ -113,18 +131,16 @@ class Fault(BaseModel):
 
     @model_validator(mode="after")
     def _times(self):
+        spec, wrong = self.parsed.kinds.get(self.kind), Mistakes()  # no spec: another check says so
         if self.end_s is not None and self.end_s <= self.start_s:
-            raise problem(
-                f"the fault ends at {self.end_s:g} s, not after its start",
-                key="end_s",
-                allowed=f"above start_s = {self.start_s:g}",
-            )
-        if self.ramp_s and self.spec.switched:
-            raise problem(f"{self.kind} is switched at once", key="ramp_s", allowed="0", remedy="Remove ramp_s")
-        if self.end_s is not None and self.ramp_s > self.end_s - self.start_s:
-            raise problem(
-                "the ramp is longer than the fault", key="ramp_s", allowed=f"0 to {self.end_s - self.start_s:g}"
-            )
+            said = f"the fault ends at {self.end_s:g} s, not after its start"
+            wrong.add(said, key="end_s", allowed=f"above start_s = {self.start_s:g}")
+        elif self.end_s is not None and self.ramp_s > self.end_s - self.start_s:
+            allowed = f"0 to {self.end_s - self.start_s:g}"
+            wrong.add("the ramp is longer than the fault", key="ramp_s", allowed=allowed)
+        if self.ramp_s and spec and spec.switched:
+            wrong.add(f"{self.kind} does not support ramp_s", key="ramp_s", allowed="0", remedy="Remove ramp_s")
+        wrong.check()
         return self
 
     @property
@@ -245,38 +261,102 @@ def _number(value, key):
         raise problem("is out of range", key=key.name, allowed=key.range)
 
 
-def _magnitudes(name, kind, full, aircraft):
-    """Check the kind's own numbers (one of `one_of`, all `keys`, nothing else); fill defaults in place."""
+def _magnitudes(name, kind, full, aircraft, wrong):
+    """Check the kind's own numbers (one of `one_of`, all `keys`, nothing else); fill defaults in place. What is wrong
+    goes to `wrong`, but what an unknown key explains.
+    """
     one_of = kind.one_of
-    if name.startswith("ofc_"):
+    if name.startswith("ofc_") and full.get("at") in c.AMPLITUDES_AT:
         one_of = tuple(k for k in one_of if k.name in c.AMPLITUDES_AT[full["at"]])
     optional = c.optional_keys(name, full["target"], aircraft)
     known = [k.name for k in (*one_of, *kind.keys, *optional)]
-    for key in full:
-        if key not in (*COMMON, "at", "path", *known):
-            remedy = did_you_mean(key, [*known, *COMMON])
-            at = f" at {full['at']!r}" if key in (k.name for k in kind.one_of) else ""
-            raise problem(
-                f"unknown key for {name}{at}", key=key, allowed=", ".join(known) or "no further key", remedy=remedy
-            )
+    meant = set()
+    for key in [key for key in full if key not in (*COMMON, "at", "path", *known)]:
+        remedy = did_you_mean(key, [*known, *COMMON])
+        elsewhere = key in (k.name for k in kind.one_of)  # the amplitude of another place
+        meant |= {k.name for k in one_of} if elsewhere else set(remedy.split("'")[1:2])
+        said = f"unknown key for {name}{' at ' + repr(full['at']) if elsewhere else ''}"
+        wrong.add(said, key=key, allowed=", ".join(known) or "no further key", remedy=remedy)
     given = [k for k in one_of if k.name in full]
-    if one_of and len(given) != 1:
-        names = ", ".join(k.name for k in one_of)
-        if not given:
-            raise problem(
-                f"{name} needs {'one of ' if len(one_of) > 1 else ''}{names}",
-                key=one_of[0].name,
-                allowed=one_of[0].range,
-            )
-        raise problem(
-            f"{' and '.join(k.name for k in given)} say the same thing twice",
-            key=given[1].name,
-            remedy="Keep one of them",
-        )
+    if len(given) > 1:
+        said = f"{' and '.join(k.name for k in given)} say the same thing twice"
+        wrong.add(said, key=given[1].name, remedy="Keep one of them")
+    elif one_of and not given and not meant & {k.name for k in one_of}:
+        said = f"{name} needs {'one of ' if len(one_of) > 1 else ''}{', '.join(k.name for k in one_of)}"
+        wrong.add(said, key=one_of[0].name, allowed=one_of[0].range)
     for key in kind.keys:
-        if key.default is None and key.name not in full:
-            raise problem(f"{name} needs {key.name}", key=key.name, allowed=key.range)
-        full.setdefault(key.name, key.default)
+        if key.default is not None:
+            full.setdefault(key.name, key.default)
+        elif key.name not in full and key.name not in meant:
+            wrong.add(f"{name} needs {key.name}", key=key.name, allowed=key.range)
     for key in (*given, *kind.keys):
-        _number(full[key.name], key)
-        full[key.name] = float(full[key.name])
+        if key.name in full:
+            with wrong.caught():
+                _number(full[key.name], key)
+                full[key.name] = float(full[key.name])
+
+
+@dataclass(frozen=True)
+class Target:
+    """What a fault acts on: `place` elevator, actuator_sensor, surface, engine or sensor; `names` of the members."""
+
+    place: str
+    names: tuple[str, ...]
+    sensor: str = ""
+
+    @property
+    def kinds(self) -> dict:
+        """Return {kind: Kind} that this place can have."""
+        if self.place == "actuator_sensor":
+            kinds = c.sensor_kinds(c.ACTUATOR_SENSORS[self.sensor])
+            if self.sensor in c.LOOP_SENSOR.values():
+                kinds["jam_liquid"] = c.ELEVATOR_KINDS["jam_liquid"]
+            return kinds
+        if self.place == "sensor":
+            return c.sensor_kinds(c.SENSORS[self.sensor])
+        return {"elevator": c.ELEVATOR_KINDS, "surface": c.SURFACE_KINDS, "engine": c.ENGINE_KINDS}[self.place]
+
+
+def targets(aircraft: Aircraft) -> list[str]:
+    """Return every target that a fault on `aircraft` may name: parts, their groups, their sensors."""
+    parts = [f"elevator.{n}" for n in (*aircraft.segments, *aircraft.groups)]
+    sensors = [f"{part}.{sensor}" for part in parts for sensor in c.ACTUATOR_SENSORS]
+    engines = [f"engine.{n}" for n in (*aircraft.engine_names, "all")]
+    return [*parts, *sensors, *c.SURFACES, *engines, *(f"sensor.{n}" for n in c.SENSORS)]
+
+
+def parse_target(text: str, aircraft: Aircraft) -> Target:
+    """Return the Target that `text` names; an unknown part raises the error that lists what there is."""
+    head, _, rest = text.partition(".")
+    segments, groups, engines = aircraft.segments, aircraft.groups, aircraft.engine_names
+    if head == "elevator":
+        part, _, sensor = rest.partition(".")
+        if part not in segments and part not in groups:
+            raise choice(
+                text, [f"elevator.{n}" for n in (*segments, *groups)], "part of this aircraft", key="target"
+            )
+        if sensor and sensor not in c.ACTUATOR_SENSORS:
+            known = [f"elevator.{part}.{s}" for s in c.ACTUATOR_SENSORS]
+            raise choice(text, known, "sensor of an actuator", key="target")
+        return Target("actuator_sensor" if sensor else "elevator", groups.get(part, (part,)), sensor)
+    if text in c.SURFACES:
+        return Target("surface", (text,))
+    if head == "engine":
+        if rest not in (*engines, "all"):
+            raise choice(text, [f"engine.{n}" for n in (*engines, "all")], "engine of this aircraft", key="target")
+        return Target("engine", engines if rest == "all" else (rest,))
+    if head == "sensor":
+        if rest not in c.SENSORS:
+            raise choice(text, [f"sensor.{n}" for n in c.SENSORS], "sensor of this aircraft", key="target")
+        return Target("sensor", (rest,), rest)
+    near = did_you_mean(
+        text, [*c.SURFACES, *(f"elevator.{n}" for n in (*segments, *groups)), *(f"sensor.{n}" for n in c.SENSORS)]
+    )
+    raise problem(
+        f"{text!r} is no part of this aircraft",
+        key="target",
+        remedy=near or "`cosim list` shows every target",
+        allowed="elevator.<segment or group>[.<sensor>], "
+        + ", ".join(c.SURFACES)
+        + f", engine.1 to engine.{engines[-1]}, engine.all, sensor.<name>",
+    )

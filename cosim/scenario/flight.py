@@ -3,12 +3,11 @@
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import Field, ModelWrapValidatorHandler, ValidationInfo, model_validator
 
 from actuators.constants import M_PER_FT, M_S_PER_KT
 from cosim.scenario.aircraft import DEFAULT, of
-from cosim.scenario.problem import problem
-from cosim.scenario.table import Table
+from cosim.scenario.problem import Mistakes, Table
 
 SPEEDS = ("cas_kt", "mach", "tas_kt")
 AIR = ("turbulence", "air", "wind_kt", "wind_from_deg", "shear_kt_1000ft", "gusts")  # keys of what the air does
@@ -60,42 +59,35 @@ class Flight(Table):
     gusts: Annotated[tuple[Gust, ...], Field(strict=False, max_length=16)] = ()
 
     @model_validator(mode="after")
-    def _one_after_the_other(self):
+    def _together(self):
+        wrong = Mistakes()
         for i, (before, change) in enumerate(zip(self.air, self.air[1:]), start=1):
             if change.start_s < before.start_s + before.ramp_s:
                 said = f"begins before air.{i - 1} is reached"
                 allowed = f"{before.start_s + before.ramp_s:g} or later: start_s + ramp_s of air.{i - 1}"
-                raise problem(said, key=f"air.{i}.start_s", allowed=allowed, remedy="Order them by time")
-        return self
-
-    @model_validator(mode="after")
-    def _one_path(self):
+                wrong.add(said, key=f"air.{i}.start_s", allowed=allowed, remedy="Order them by time")
         for pair in PATHS:
             if all(getattr(self, key) is not None for key in pair):
-                said = f"{' and '.join(pair)} are both given"
-                raise problem(said, key=pair[1], allowed="one of them, or none")
-        return self
-
-    @model_validator(mode="after")
-    def _one_speed(self):
+                wrong.add(f"{' and '.join(pair)} are both given", key=pair[1], allowed="one of them, or none")
         given = [k for k in SPEEDS if getattr(self, k) is not None]
         if len(given) != 1:
             said = f"{' and '.join(given)} are both given" if given else "no speed is given"
-            raise problem(said, key=given[1] if given else "cas_kt", allowed="exactly one of cas_kt, mach, tas_kt")
+            wrong.add(said, key=given[1] if given else "cas_kt", allowed="exactly one of cas_kt, mach, tas_kt")
+        wrong.check()
         return self
 
-    @model_validator(mode="before")
+    @model_validator(mode="wrap")
     @classmethod
-    def _within_limits(cls, raw: Any, info: ValidationInfo) -> Any:
-        record = of(info)
+    def _within_limits(cls, raw: Any, handler: ModelWrapValidatorHandler, info: ValidationInfo) -> Any:
+        record, wrong = of(info), Mistakes()
         spans = {**{k: v for k, v in record.mass if k in ("mass_t", "cg_pct")}, **dict(record.limits)}
         for key in ("mass_t", "cg_pct", "altitude_ft", *SPEEDS):
             value, (low, high) = raw.get(key) if isinstance(raw, dict) else None, spans[key]
             if value is not None and (isinstance(value, bool) or not isinstance(value, int | float)):
-                raise problem("must be a valid number", key=key, allowed=f"{low:.10g} to {high:.10g}")
-            if value is not None and math.isfinite(value) and not low <= value <= high:
-                raise problem("is out of range", key=key, allowed=f"{low:.10g} to {high:.10g}")
-        return raw
+                wrong.add("must be a valid number", key=key, allowed=f"{low:.10g} to {high:.10g}")
+            elif value is not None and math.isfinite(value) and not low <= value <= high:
+                wrong.add("is out of range", key=key, allowed=f"{low:.10g} to {high:.10g}")
+        return wrong.last(handler, raw)
 
     @property
     def mass(self) -> float:

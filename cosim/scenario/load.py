@@ -1,14 +1,14 @@
-"""Read a scenario: a built-in name or a path, overrides on top; every mistake is a ScenarioError with file and key."""
+"""Read a scenario: a built-in name or a path, overrides on top; every mistake is named, with its line and key."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from importlib import resources
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from cosim.errors import CosimError, ScenarioError, did_you_mean, told_at_call
+from cosim.errors import CosimError, ScenarioError, did_you_mean, joined, told_at_call
 from cosim.scenario import inputs, own_actuator
 from cosim.scenario.aircraft import DEFAULT as DEFAULT_AIRCRAFT
 from cosim.scenario.aircraft import load_aircraft
@@ -16,10 +16,13 @@ from cosim.scenario.brought import locate
 from cosim.scenario.fault import Fault
 from cosim.scenario.manoeuvre import KINDS
 from cosim.scenario.model import Scenario
-from cosim.scenario.override import apply
+from cosim.scenario.override import applied
+from cosim.scenario.problem import Origin
 from cosim.texts import read, toml
 
 DEFAULT = "liquid-ofc"
+MISSING, NEAR = "is missing", "Did you mean"
+OF_FILES = ("actuators", "elevator", "faults", "manoeuvre", "law")  # tables that may hang on a file of a user's
 WORDS = {  # what pydantic calls by the names of Python
     **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), "must be a table"),
     **dict.fromkeys(("tuple_type", "list_type"), "must be a list"),
@@ -42,14 +45,29 @@ def load_scenario(name_or_path: str | os.PathLike = DEFAULT, overrides: str | It
     A name without a dot or a slash that is built in wins over a file. Raises ScenarioError.
     """
     place, text = _read(name_or_path)
-    overrides = [overrides] if isinstance(overrides, str) else overrides
+    overrides = [overrides] if isinstance(overrides, str) else list(overrides)
     for given in overrides:
         if not isinstance(given, str):
             raise ScenarioError(
                 f"{given!r} is no text", place="overrides", allowed="texts like 'faults.0.frequency_hz=3'"
             )
-    table = toml(text, place=place, error=ScenarioError)
-    return parse(located(apply(table, overrides), name_or_path), place=place)
+    table, wrong, said = applied(toml(text, place=place, error=ScenarioError), overrides)
+
+    def origin() -> Origin:
+        made = Origin.of_toml(text, place)
+        for key, override in said:
+            made = made.overridden(key, f"{place}: {override}")
+        return made
+
+    before = len(wrong)
+    with wrong.caught():
+        table = located(table, name_or_path)
+    if len(wrong) > before:  # what hangs on a file that is not there is checked when it is
+        table = {key: value for key, value in table.items() if key not in OF_FILES}
+    with wrong.caught():
+        made = parse(table, place=place, origin=origin)
+    wrong.check()
+    return made
 
 
 def located(table: dict[str, Any], name: str | os.PathLike) -> dict[str, Any]:
@@ -61,14 +79,18 @@ def located(table: dict[str, Any], name: str | os.PathLike) -> dict[str, Any]:
     return inputs.located(locate(table, folder, str(name)), folder, str(name))
 
 
-def parse(table: dict[str, Any], *, place: str = "scenario") -> Scenario:
-    """Return the Scenario of nested dicts; raises ScenarioError that names `place`, key, value and what is allowed."""
+def parse(
+    table: dict[str, Any], *, place: str = "scenario", origin: Callable[[], Origin] | None = None
+) -> Scenario:
+    """Return the Scenario of nested dicts; raises ScenarioError that names every mistake with `place` or, where
+    `origin` tells it, the line or override, key, value and what is allowed.
+    """
     own_actuator.take(table)
     own = tuple(table["actuators"]) if isinstance(table.get("actuators"), dict) else ()
     try:
         return Scenario.model_validate(table, context={"aircraft": _aircraft(table, place), "actuators": own})
     except ValidationError as error:
-        raise explained(error, table, place) from None
+        raise explained(error, table, origin() if origin else Origin(place)) from None
 
 
 def _aircraft(table, place):
@@ -101,42 +123,60 @@ def _read(name_or_path):
 def explained(
     error: ValidationError,
     table: dict[str, Any],
-    place: str,
+    origin: Origin,
     root: type[BaseModel] = Scenario,
     kind: type[CosimError] = ScenarioError,
 ) -> CosimError:
-    """Return pydantic's `error` about `table`, a file of model `root`, as an error of `kind` for the first mistake; an
-    unknown key comes first, it likely causes the others.
+    """Return pydantic's `error` about `table`, a file of model `root`, as an error of `kind` that names every mistake,
+    in the order of the file. Of two about one key the first is told, and none that an unknown key explains.
     """
-    found = sorted(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
-    first, more = found[0], len(found) - 1
-    ctx = first.get("ctx", {})
-    loc = [str(part) for part in first["loc"] if part not in KINDS]
+    found: dict[str, tuple] = {}
+    for one in error.errors(include_url=False):
+        key, *said = _said(one, table, root)
+        found.setdefault(key, (key, *said))
+    near = [(key.rpartition(".")[0], remedy.split("'")[1]) for key, *_, remedy in found.values() if NEAR in remedy]
+    slips = {".".join(filter(None, parts)) for parts in near}
+    order = {where: n for n, where in enumerate(origin.where.values())}
+    made = []
+    for key, value, said, allowed, remedy in sorted(found.values(), key=lambda one: order.get(origin.of(one[0]), -1)):
+        if said == MISSING and key in slips:
+            continue
+        where = origin.of(key)
+        text = where.partition("--set ")[2]
+        if text.partition("=")[0].strip() == key:  # the override of just this key says it all
+            where = where.removesuffix(f" {text}")
+            place = f"{where} {key}{value or ' = ' + text.partition('=')[2].strip()[:60]}"
+        else:
+            place = ": ".join(filter(None, (where, key + value)))
+        made.append(kind(said, place=place, allowed=allowed, remedy=remedy))
+    return joined(made)
+
+
+def _said(one, table, root):
+    """Return (key, " = value", what is wrong, what is allowed, what to do) of one error of pydantic's."""
+    ctx = one.get("ctx", {})
+    loc = [str(part) for part in one["loc"] if part not in KINDS]
     model, field = _walk(root, loc, table)
-    problem, allowed, remedy = first["msg"], "", ""
-    if first["type"] == "cosim":
+    problem, allowed, remedy = one["msg"], "", ""
+    if one["type"] == "cosim":
         loc += [ctx["key"]] if ctx["key"] else []
         allowed, remedy = ctx["allowed"], ctx["remedy"]
-    elif first["type"] == "extra_forbidden":
+    elif one["type"] == "extra_forbidden":
         known = list(model.model_fields) if model else []
         problem, allowed, remedy = "unknown key", ", ".join(known), did_you_mean(loc[-1], known)
-    elif first["type"] == "missing":
-        problem, allowed = "is missing", _range(field)
-    elif first["type"] in ("union_tag_invalid", "union_tag_not_found"):
+    elif one["type"] == "missing":
+        problem, allowed = MISSING, _range(field)
+    elif one["type"] in ("union_tag_invalid", "union_tag_not_found"):
         loc.append("kind")
-        problem, allowed = "is no manoeuvre" if "tag" in ctx else "is missing", ", ".join(KINDS)
+        problem, allowed = "is no manoeuvre" if "tag" in ctx else MISSING, ", ".join(KINDS)
         remedy = did_you_mean(str(ctx.get("tag", "")), KINDS)
-    elif first["type"] == "literal_error":
+    elif one["type"] == "literal_error":
         problem, allowed = "is not one of the choices", ctx["expected"].replace("'", "").replace(" or ", ", ")
     else:
         problem, allowed = problem.removeprefix("Input ").removeprefix("should"), _range(field)
-        problem = "is out of range" if "than" in first["type"] else WORDS.get(first["type"], f"must{problem}")
-    value = "" if first["type"] == "missing" else _value(table, loc)
-    where = ".".join(loc)
-    place = f"{place}: {where}{value}" if where else place
-    if more:
-        remedy = f"{remedy} ({more} more mistake{'s' * (more > 1)} in this file)".strip()
-    return kind(problem, place=place, allowed=allowed, remedy=remedy)
+        problem = "is out of range" if "than" in one["type"] else WORDS.get(one["type"], f"must{problem}")
+    value = "" if one["type"] == "missing" else _value(table, loc)
+    return ".".join(loc), value, problem, allowed, remedy
 
 
 def _value(table, loc):

@@ -3,7 +3,16 @@
 import math
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, ConfigDict, Field, ValidationInfo, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ModelWrapValidatorHandler,
+    ValidationError,
+    ValidationInfo,
+    model_validator,
+)
 
 from cosim.scenario import brought, conflict, toml
 from cosim.scenario import catalog as c
@@ -13,9 +22,8 @@ from cosim.scenario.fault import Fault
 from cosim.scenario.flight import Flight
 from cosim.scenario.manoeuvre import Cruise, Manoeuvre
 from cosim.scenario.own_actuator import OwnActuator
-from cosim.scenario.problem import choice, problem
+from cosim.scenario.problem import MULTIPLIER, Mistakes, Table, choice, known_keys, problem
 from cosim.scenario.sensors import Sensors
-from cosim.scenario.table import MULTIPLIER, Table, known_keys
 from cosim.scenario.tolerance import toleranced
 from cosim.scenario.user_file import UserFile
 from cosim.table import Table as Drawn
@@ -43,13 +51,16 @@ class Tolerances(Table):
 
     @model_validator(mode="after")
     def _known(self, info: ValidationInfo):
+        wrong = Mistakes()
         for group, table in self:
             for name, value in table.items():
                 known = of(info).multipliers if group == "aero" else toleranced(group)
-                if name not in known:
-                    raise choice(name, known, "parameter that has a tolerance", key=f"{group}.{name}")
-                if not MULTIPLIER.accepts(value):
-                    raise problem("is out of range", key=f"{group}.{name}", allowed=MULTIPLIER.range)
+                with wrong.caught():
+                    if name not in known:
+                        raise choice(name, known, "parameter that has a tolerance", key=f"{group}.{name}")
+                    if not MULTIPLIER.accepts(value):
+                        raise problem("is out of range", key=f"{group}.{name}", allowed=MULTIPLIER.range)
+        wrong.check()
         return self
 
 
@@ -89,31 +100,29 @@ class Detectors(Table):
 
     enabled: Annotated[tuple[str, ...], Field(strict=False)] = DEFAULT
 
-    @model_validator(mode="before")
+    @model_validator(mode="wrap")
     @classmethod
-    def _every(cls, data):
+    def _every(cls, raw: Any, handler: ModelWrapValidatorHandler) -> Any:
         """Enable every detector there is, those of the table's files among them, where none is chosen."""
-        if isinstance(data, dict) and "enabled" not in data:
-            named = [name for name, own in data.items() if isinstance(own, dict) and "file" in own]
-            own = {n: {"file": g.file, "sha256": g.sha256} for n, g in GUESTS.items() if g.file and n not in data}
-            return {"enabled": [*DEFAULT, *dict.fromkeys((*GUESTS, *named))], **own, **data}
-        return data
-
-    @model_validator(mode="after")
-    def _known(self):
-        for i, name in enumerate(self.enabled):
-            if not self._may_be(name):
-                raise choice(name, (*SHIPPED, *GUESTS), "detector", key=f"enabled.{i}")
-            if name in self.enabled[:i]:
-                raise problem(f"{name!r} is listed twice", key=f"enabled.{i}", remedy="Remove one")
-        for name in self.model_extra or {}:
-            if not self._may_be(name):
-                raise choice(name, ("enabled", *SHIPPED, *GUESTS), "detector", key=name)
-        return self
-
-    def _may_be(self, name):
-        """Tell whether `name` is a detector, or one whose file the scenario names."""
-        return name in SHIPPED or name in GUESTS or "file" in self.table(name)
+        wrong = Mistakes()
+        if isinstance(raw, dict):
+            named = [name for name, own in raw.items() if isinstance(own, dict) and "file" in own]
+            if "enabled" not in raw:
+                own = {n: {"file": g.file, "sha256": g.sha256} for n, g in GUESTS.items() if g.file and n not in raw}
+                raw = {"enabled": [*DEFAULT, *dict.fromkeys((*GUESTS, *named))], **own, **raw}
+            known = (*SHIPPED, *GUESTS)
+            enabled = raw["enabled"] if isinstance(raw["enabled"], list | tuple) else ()
+            listed = [(i, name) for i, name in enumerate(enabled) if isinstance(name, str)]
+            for i, name in listed:
+                with wrong.caught():
+                    if name not in (*known, *named):
+                        raise choice(name, known, "detector", key=f"enabled.{i}")
+                    if name in enabled[:i]:
+                        raise problem(f"{name!r} is listed twice", key=f"enabled.{i}", remedy="Remove one")
+            for name in [name for name in raw if name not in ("enabled", *known, *named)]:
+                with wrong.caught():
+                    raise choice(name, ("enabled", *known), "detector", key=name)
+        return wrong.last(handler, raw)
 
     def table(self, name: str) -> dict:
         """Return {parameter: value} of detector `name` as written; of a guest its file and digest are among them."""
@@ -137,24 +146,30 @@ class Scenario(Table):
     faults: Annotated[tuple[Fault, ...], Field(strict=False)] = ()
     detectors: Detectors = Field(default_factory=lambda: Detectors.model_validate({}))  # guests may have come since
 
-    @model_validator(mode="before")
+    @model_validator(mode="wrap")
     @classmethod
-    def _every_segment(cls, raw: Any) -> Any:
-        return {**raw, "elevator": raw.get("elevator", {})} if isinstance(raw, dict) else raw
-
-    @model_validator(mode="after")
-    def _together(self):
-        if not self.ticks:
-            said = f"is less than a tick at {self.rate_hz} Hz"
-            raise problem(said, key="duration_s", allowed=f"{self.dt:g} to 36000")
-        conflict.check(self.faults, self.elevator.technology)
-        for i, fault in enumerate(self.faults):
+    def _whole(cls, raw: Any, handler: ModelWrapValidatorHandler, info: ValidationInfo) -> Any:
+        """Check each table, then the tables together: as far as they are right alone where one is wrong."""
+        wrong = Mistakes()
+        with wrong.caught():
+            made = handler({**raw, "elevator": raw.get("elevator", {})} if isinstance(raw, dict) else raw)
+        if not wrong.found:
+            faults, technology, count = dict(enumerate(made.faults)), made.elevator.technology, len(made.faults)
+            if not made.ticks:
+                said = f"is less than a tick at {made.rate_hz} Hz"
+                wrong.add(said, key="duration_s", allowed=f"{made.dt:g} to 36000")
+        else:
+            faults, technology, count = _right_alone(raw, info.context) if isinstance(raw, dict) else ({}, {}, 0)
+        with wrong.caught():
+            conflict.check(faults, technology)
+        for i, fault in faults.items():
             for other in fault.others():
-                if other == i or other >= len(self.faults):
+                if other == i or other >= count:
                     said = "a fault cannot wait for itself" if other == i else f"there is no fault {other}"
-                    allowed = ", ".join(f"fault.{k}" for k in range(len(self.faults)) if k != i)
-                    raise problem(said, key=f"faults.{i}.when", allowed=allowed)
-        return self
+                    allowed = ", ".join(f"fault.{k}" for k in range(count) if k != i)
+                    wrong.add(said, key=f"faults.{i}.when", allowed=allowed)
+        wrong.check()
+        return made
 
     @property
     def running(self) -> tuple[str, ...]:
@@ -253,3 +268,20 @@ class Scenario(Table):
         scenario cannot be read, stays a path where `aircraft` is false.
         """
         return toml.dumps(brought.portable(self.model_dump(mode="python", exclude_none=True), aircraft=aircraft))
+
+
+def _right_alone(raw, context):
+    """Return ({number: Fault}, {segment: technology}, how many are listed) of the faults that are right taken alone;
+    none of them where the elevator is wrong.
+    """
+    elevator = _valid(Elevator, raw.get("elevator", {}), context)
+    listed = raw["faults"] if elevator and isinstance(raw.get("faults"), list) else []
+    faults = {i: fault for i, one in enumerate(listed) if (fault := _valid(Fault, one, context))}
+    return faults, elevator.technology if elevator else {}, len(listed)
+
+
+def _valid(model: type[BaseModel], raw: Any, context: Any) -> Any:
+    try:
+        return model.model_validate(raw, context=context)
+    except ValidationError:
+        return None

@@ -8,32 +8,65 @@ import copy
 from collections.abc import Iterable
 from typing import Any
 
-from cosim.errors import CosimError, ScenarioError
+from cosim.errors import CosimError, Mistakes, ScenarioError
 from cosim.scenario.aircraft import DEFAULT, load_aircraft
 from cosim.scenario.inputs import RANGES
 from cosim.scenario.manoeuvre import KINDS
+from cosim.scenario.toml import inline
 from cosim.texts import half_letter, toml
 
 LISTS = ("faults", "flight.air", "flight.gusts")
 SPEEDS = ("cas_kt", "mach", "tas_kt")
 PATHS = ("climb_fpm", "gamma_deg"), ("bank_deg", "turn_deg_s")
+FORM, EXAMPLE = "is not of the form key=value", "Example: --set faults.0.frequency_hz=3"
 KEPT = ("target", "kind", "start_s", "end_s", "ramp_s", "path")
 
 
 def apply(table: dict[str, Any], overrides: Iterable[str]) -> dict[str, Any]:
-    """Return a copy of `table` with every "key=value" applied; raises ScenarioError that names the override."""
-    out = copy.deepcopy(table)
+    """Return a copy of `table` with every "key=value" applied; raises ScenarioError that names what cannot be."""
+    out, wrong, _ = applied(table, overrides)
+    wrong.check()
+    return out
+
+
+def applied(
+    table: dict[str, Any], overrides: Iterable[str]
+) -> tuple[dict[str, Any], Mistakes, list[tuple[str, str]]]:
+    """Return a copy of `table` with every override that can be applied, the errors of the others, and (key, "--set
+    key=value") of each applied.
+    """
+    out, wrong, said = copy.deepcopy(table), Mistakes(), []
     for text in overrides:
         key, equals, value = text.partition("=")
-        key = key.strip()
-        if half_letter(text):
-            raise ScenarioError("is not UTF-8", place=f"--set {text}")
-        if not equals or not key or not all(key.split(".")):
-            raise ScenarioError(
-                "is not of the form key=value", place=f"--set {text}", remedy="Example: --set faults.0.frequency_hz=3"
-            )
-        _assign(out, key.split("."), _parse(value.strip()), f"--set {text}")
-    return out
+        key, place = key.strip(), f"--set {text}"
+        with wrong.caught():
+            if half_letter(text):
+                raise ScenarioError("is not UTF-8", place=place)
+            if not equals:
+                raise ScenarioError(FORM, place=place, remedy=EXAMPLE)
+            _set(out, key, _parse(value.strip()), place)
+            said.append((key, place))
+    return out, wrong, said
+
+
+def assigned(table: dict[str, Any], pairs: Iterable[tuple[str, Any]]) -> tuple[dict[str, Any], list]:
+    """Return a copy of `table` with the value of every (key, value) that can be set, and (key, error) of the others."""
+    out: dict[str, Any] = copy.deepcopy(table)
+    wrong = []
+    for key, value in pairs:
+        try:
+            _set(out, key, copy.deepcopy(value) if isinstance(value, dict | list) else value, key)
+        except ScenarioError as error:
+            error.place = f"{key} = {inline(value)}"
+            wrong.append((key, error))
+    return out, wrong
+
+
+def _set(table, key, value, place):
+    path = key.split(".")
+    if not all(path):
+        raise ScenarioError(FORM, place=place, remedy=EXAMPLE)
+    _assign(table, path, value, place)
 
 
 def _parse(value):

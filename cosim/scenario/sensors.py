@@ -5,10 +5,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from cosim.errors import did_you_mean
 from cosim.scenario import catalog as c
-from cosim.scenario.problem import choice, problem
-from cosim.scenario.table import Table
+from cosim.scenario.problem import Mistakes, Table, choice, known_keys
 
 
 @dataclass(frozen=True)
@@ -36,18 +34,17 @@ class Sensors(Table):
 
     @model_validator(mode="after")
     def _known(self):
-        units = {**c.SENSORS, **c.ACTUATOR_SENSORS}
+        units, wrong = {**c.SENSORS, **c.ACTUATOR_SENSORS}, Mistakes()
         for name, table in (self.model_extra or {}).items():
-            if name not in units:
-                raise choice(name, units, "sensor", key=name)
-            keys = _sensor_keys(units[name])
-            for key, value in table.items():
-                if key not in keys:
-                    raise problem(
-                        "unknown key", key=f"{name}.{key}", allowed=", ".join(keys), remedy=did_you_mean(key, keys)
-                    )
-                if not keys[key].accepts(value):
-                    raise problem("is out of range", key=f"{name}.{key}", allowed=keys[key].range)
+            with wrong.caught():
+                if name not in units:
+                    raise choice(name, units, "sensor", key=name)
+                keys = _sensor_keys(units[name])
+                for key, value in table.items():
+                    if key in keys and not keys[key].accepts(value):
+                        wrong.add("is out of range", key=f"{name}.{key}", allowed=keys[key].range)
+                known_keys(table, keys, f"{name}.")
+        wrong.check()
         return self
 
     def setting(self, name: str, own: Any = lambda unit: 1.0) -> SensorSetting:

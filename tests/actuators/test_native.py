@@ -45,12 +45,12 @@ def test_code_that_is_not_as_written_is_not_loaded(tmp_path):
     from actuators import object_cache
 
     file = tmp_path / "x.o"
-    object_cache._store(file, b"code")
+    object_cache.write_whole(file, b"code")
     whole = file.read_bytes()
-    assert object_cache._stored(file) == b"code"
+    assert object_cache.read_whole(file) == b"code"
     for held in (b"", whole[:-1], whole + b"x", whole.replace(b"c", b"d"), bytes(len(whole))):
         file.write_bytes(held)
-        assert object_cache._stored(file) is None
+        assert object_cache.read_whole(file) is None
 
 
 @pytest.mark.parametrize("held", ["", "null", "[]", '{"a": 1}', '{"a": [1]}', "[" * 9000])

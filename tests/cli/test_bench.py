@@ -6,7 +6,7 @@ import sys
 import pytest
 from rich.console import Console
 
-from cosim.bench.growth import _line, worker_mb
+from cosim.bench import worker_mb
 from cosim.bench.ticks import ELEVEN, measure
 from cosim.cli.bench import compared, read_bench
 from cosim.errors import CosimError
@@ -40,12 +40,6 @@ def test_two_states_stand_beside_each_other(tmp_path):
     line = next(x for x in shown.get().splitlines() if "lockstep" in x)
     assert [x for x in line.split() if x[0].isdigit()] == ["6", "3", "0.5"]
     assert "rfafe, batch [us per step]" in shown.get()  # its unit is no markup
-
-
-def test_growth_is_the_straight_line_through_its_points_and_says_how_far_they_are_off():
-    line = _line("x", "s", [(0, 1.0), (1, 3.0), (2, 5.0)])
-    assert line["offset"] == pytest.approx(1.0) and line["slope"] == pytest.approx(2.0) and line["off"] < 1e-12
-    assert _line("x", "s", [(0, 0.0), (1, 2.0), (2, 1.0)])["off"] == pytest.approx(0.5)
 
 
 def test_the_memory_of_a_worker_is_its_own(monkeypatch):

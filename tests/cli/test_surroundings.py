@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pyarrow as pa
 import pytest
+from commands import commands
 from killed import heeds_ctrl_c
 
 import cosim
@@ -49,18 +50,26 @@ def run(*args, env=None, **options):
     return subprocess.run([*COSIM, *args], env=env, capture_output=True, **options)
 
 
+@pytest.fixture(scope="module")
+def command(tmp_path_factory):
+    """Run a command line in a process of its own that begins with everything loaded."""
+    with commands(tmp_path_factory.mktemp("surroundings")) as run_one:
+        yield run_one
+
+
 def test_few_letters_are_no_error(tmp_path):
-    for encoding in ("ascii", "cp1252"):
-        commands = [["list", "detectors"], [*SHORT, "-o", str(tmp_path / "a.mcap")]]
-        told = in_turn(commands, os.environ | {"PYTHONIOENCODING": encoding, "PYTHONUTF8": "0"})
-        assert told.returncode == 0 and b"Traceback" not in told.stderr, told.stderr.decode()
+    told = in_turn([["list", "detectors"], [*SHORT, "-o", str(tmp_path / "a.mcap")]],
+                   os.environ | {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"})  # fmt: skip
+    assert told.returncode == 0 and b"Traceback" not in told.stderr, told.stderr.decode()
 
 
 def test_a_closed_output_is_no_error(tmp_path):
-    for closed in (">&-", "2>&-", ">&- 2>&-"):
-        command = " ".join([*COSIM, *SHORT, "-o", str(tmp_path / "a.mcap"), closed])
-        assert subprocess.run(["sh", "-c", command], capture_output=True).returncode == 0, closed
-        assert cosim.open_log(tmp_path / "a.mcap").complete
+    for closed in (">&-", "2>&-"):
+        told = subprocess.run(["sh", "-c", " ".join([*COSIM, "list", "scenarios", closed])], capture_output=True)
+        assert told.returncode == 0, closed
+    flight = " ".join([*COSIM, *SHORT, "-o", str(tmp_path / "a.mcap"), ">&- 2>&-"])
+    assert subprocess.run(["sh", "-c", flight], capture_output=True).returncode == 0
+    assert cosim.open_log(tmp_path / "a.mcap").complete
 
 
 def test_an_interrupt_that_an_import_turns_into_another_error_ends_without_a_word(tmp_path):
@@ -93,41 +102,39 @@ def test_what_lies_in_the_current_folder_is_not_taken_for_a_library(tmp_path):
     assert told.returncode == 0, told.stderr.decode()
 
 
-def test_a_foreign_name_or_title_does_not_steer_the_terminal(tmp_path):
+def test_a_foreign_name_or_title_does_not_steer_the_terminal(tmp_path, command):
     nasty = "title=a\x1b[31mred\x07\x9b2J\u202eback"
-    made = run(*SHORT, "-s", nasty, "-o", str(tmp_path / "a.mcap"))
-    assert made.returncode == 0
-    for told in (made, run("info", str(tmp_path / "a.mcap")), run("info", str(tmp_path / "\x1b]0;mine\x07.mcap"))):
-        said = (told.stdout + told.stderr).decode()
-        assert said and not {"\x1b", "\x07", "\x9b", "\u202e"} & set(said), said
+    made = command(*SHORT, "-s", nasty, "-o", tmp_path / "a.mcap")
+    assert made.status == 0
+    for told in (made, command("info", tmp_path / "a.mcap"), command("info", tmp_path / "\x1b]0;mine\x07.mcap")):
+        assert told.said and not {"\x1b", "\x07", "\x9b", "\u202e"} & set(told.said), told.said
 
 
-def test_a_link_to_a_file_that_is_not_there_yet_is_written_through_and_a_hard_links_other_name_stays(tmp_path):
+def test_a_link_to_a_file_that_is_not_there_yet_is_written_through_and_a_hard_links_other_name_stays(tmp_path, command):
     (tmp_path / "link.mcap").symlink_to("behind.mcap")
-    assert run(*SHORT, "-o", str(tmp_path / "link.mcap")).returncode == 0
+    assert command(*SHORT, "-o", tmp_path / "link.mcap").status == 0
     assert (tmp_path / "link.mcap").is_symlink() and cosim.open_log(tmp_path / "behind.mcap").complete
     (tmp_path / "kept").write_bytes(b"\x89MCAP0\r\n cosim-log 1 of yesterday")
     os.link(tmp_path / "kept", tmp_path / "b.mcap")
-    assert run(*SHORT, "-o", str(tmp_path / "b.mcap")).returncode == 0
+    assert command(*SHORT, "-o", tmp_path / "b.mcap").status == 0
     assert (tmp_path / "kept").read_bytes().endswith(b"of yesterday") and cosim.open_log(tmp_path / "b.mcap").complete
 
 
 NOBODY = """
-import os, pwd, sys
+import pwd
 def unknown(uid): raise KeyError(f"uid not found: {uid}")
 pwd.getpwuid = unknown
 for name in ("HOME", "USER", "LOGNAME", "XDG_CACHE_HOME"): os.environ.pop(name, None)
-from cosim.cli import main
-sys.argv = ["cosim", *sys.argv[1:]]
-main()
 """
 
 
-def test_a_user_without_name_and_home_flies(tmp_path):
-    for args in (["list", "scenarios"], [*SHORT, "-o", str(tmp_path / "a.mcap")]):
-        env = os.environ | {"NUMBA_CACHE_DIR": str(cache_root().parent)}
-        told = subprocess.run([sys.executable, "-c", NOBODY, *args], env=env, capture_output=True)
-        assert told.returncode == 0, told.stderr.decode()
+def test_a_user_without_name_and_home_flies(tmp_path, command):
+    code = f"import os, sys\n{NOBODY}\nfrom cosim.cli import main\nsys.argv[0] = 'cosim'\nmain()"
+    env = os.environ | {"NUMBA_CACHE_DIR": str(cache_root().parent)}
+    told = subprocess.run([sys.executable, "-c", code, "list", "scenarios"], env=env, capture_output=True)
+    assert told.returncode == 0, told.stderr.decode()
+    done = command(*SHORT, "-o", tmp_path / "a.mcap", first=NOBODY)
+    assert done.status == 0, done.said
 
 
 def test_a_signal_while_kernels_are_compiled_ends_the_command_and_its_compilers(tmp_path):
@@ -155,34 +162,25 @@ def _started_by(pid):
 
 
 NO_THREADS = """
-import sys, threading
+import threading
 def none_left(self): raise RuntimeError("can't start new thread")
-from cosim.cli import main
-sys.argv = ["cosim", *sys.argv[1:]]
-import cosim.replay
 threading.Thread.start = none_left
-main()
 """
 
 
-def test_a_machine_without_further_threads_or_memory_says_so_in_one_line(tmp_path):
+def test_a_machine_without_further_threads_or_memory_says_so_in_one_line(tmp_path, command):
     cosim.simulate(cosim.load_scenario("cruise", ["duration_s=0.2"]), log=tmp_path / "a.mcap", timed=False)
-    command = [sys.executable, "-c", NO_THREADS, "replay", str(tmp_path / "a.mcap")]
-    told = subprocess.run(command, capture_output=True)
-    assert told.returncode == 2 and told.stderr.count(b"\n") == 1 and b"ulimit -u" in told.stderr, told.stderr.decode()
-    command[2] = NO_THREADS.replace('RuntimeError("can\'t start new thread")', "MemoryError")
-    told = subprocess.run(command, capture_output=True)
-    assert told.returncode == 2 and told.stderr.count(b"\n") == 1 and b"ulimit -v" in told.stderr, told.stderr.decode()
+    no_memory = NO_THREADS.replace('RuntimeError("can\'t start new thread")', "MemoryError")
+    for first, says in ((NO_THREADS, "ulimit -u"), (no_memory, "ulimit -v")):
+        done = command("replay", tmp_path / "a.mcap", first=first)
+        assert done.status == 2 and done.said.count("\n") == 1 and says in done.said, done.said
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
-def test_an_output_that_takes_nothing_more_is_named():
-    env = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}
+def test_an_output_that_takes_nothing_more_is_named(command):
     for how in ([], ["--json"]):
-        with open("/dev/full", "wb") as full:
-            told = subprocess.run([*COSIM, "list", "all", *how], env=env, stdout=full, stderr=subprocess.PIPE)
-        assert told.returncode == 2
-        assert told.stderr.decode() == "error: standard output: No space left on device\n"
+        done = command("list", "all", *how, to="/dev/full")
+        assert done.status == 2 and done.said == "error: standard output: No space left on device\n"
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
@@ -225,9 +223,8 @@ def test_what_is_no_regular_file_is_refused_at_once(tmp_path):
 
 
 def test_poor_surroundings_are_told_or_borne(tmp_path):
-    for poor in ({"COLUMNS": "0"}, {"COLUMNS": "-5", "NUMBA_DISABLE_JIT": "1"}):
-        told = run(*SHORT, "-o", str(tmp_path / "a.mcap"), env=os.environ | poor)
-        assert told.returncode == 0 and b"a.mcap" in told.stdout, (poor, told)
+    plain = run(*SHORT, "-o", str(tmp_path / "a.mcap"), env=os.environ | {"COLUMNS": "-5", "NUMBA_DISABLE_JIT": "1"})
+    assert plain.returncode == 0 and b"a.mcap" in plain.stdout, plain
     gone = tmp_path / "gone"
     gone.mkdir()
     command = f"cd {gone}; rmdir {gone}; {' '.join(COSIM)} {' '.join(SHORT)} -o {tmp_path / 'b.mcap'}"
@@ -255,7 +252,7 @@ def test_names_that_are_not_utf8_are_names(tmp_path):
 
 def test_a_width_without_end_is_none():
     listed, helped = ["list", "detectors"], ["-h"]  # beyond memory, beyond the digits that int() reads, no whole number
-    for width, args in (("9" * 20, listed), ("9" * 5000, helped), ("1e9", helped)):
+    for width, args in (("9" * 20, listed), ("9" * 5000, helped), ("1e9", helped), ("0", helped)):
         told = run(*args, env=os.environ | {"COLUMNS": width}, timeout=120)
         assert told.returncode == 0 and b"Traceback" not in told.stderr and len(told.stdout) < 100_000, width
 

@@ -14,7 +14,7 @@ import cosim
 from cosim.cli import app, commands, compare, flight, score
 from cosim.table import Table
 
-COUNTS = ("designed", "detected", "named", "ambiguous", "misnamed", "idle", "not_excited", "fault_free_alarmed")
+COUNTS = ("designed", "detected", "named", "ambiguous", "misnamed", "not_valid", "not_excited", "fault_free_alarmed")
 FIGURES = {"missed": 0, "motion_s": None, "detection_low": 0.1, "detection_high": 0.9, "why_not_valid": None}
 DETECTOR = {
     **dict.fromkeys((*COUNTS, "fault_free_runs"), 1480),

@@ -57,7 +57,7 @@ def test_longer_and_slower_servo_help():
 
 def counted(detected):
     n = len(detected)
-    return pd.DataFrame({"id": "x", "bound_mm": 1.0, "amplitude_mm": 0.1, "idle": False, "best": 0.1,
+    return pd.DataFrame({"id": "x", "bound_mm": 1.0, "amplitude_mm": 0.1, "not_valid": False, "best": 0.1,
                          "detected": detected}, index=range(n))  # fmt: skip
 
 

@@ -22,7 +22,7 @@ def many(n=200):
     rows = pd.concat([first] * n, ignore_index=True)
     a = np.exp(rng.uniform(-1.0, 2.0, n))
     seen = rng.random(n) < 1.0 / (1.0 + np.exp(-(0.5 + 3.0 * np.log(a))))
-    rows = rows.assign(run=[f"r{i}" for i in range(n)], amplitude_mm=a, detected=seen, idle=False)
+    rows = rows.assign(run=[f"r{i}" for i in range(n)], amplitude_mm=a, detected=seen, not_valid=False)
     return Comparison(rows, stats.detectors(one), n, 0, "made")
 
 

@@ -20,7 +20,7 @@ def test_bounds_of_nothing_in_n_are_those_of_the_textbook():
 def hand_made():
     """Return rows of two detectors: 4 fault-free flights, 3 oscillations of 1, 2 and 4 mm and one engine failure."""
     out = []
-    none = {"r_fault_free": np.nan, "false_alarms": 0, "delay_s": np.nan, "class": None}
+    none = {"r_fault_free": np.nan, "false_alarms": 0, "delay_s": np.nan, "isolated_class": None}
     for name, level in (("iotsekf", "local"), ("lpv_smo", "aircraft")):
         local, about = level == "local", none | {"id": name, "level": level}
         free = about | {"case": None, "r_fault": np.nan, "concerned": False, "word": None, "detected": False,
@@ -29,7 +29,7 @@ def hand_made():
             out.append(free | {"run": f"free{i}", "r_fault_free": r, "false_alarms": int(r > 1)})
         ofc = about | {"case": "hydraulic.ofc_liquid", "concerned": True, "frequency_hz": 1.0,
                        "word": coverage.expected(name, "hydraulic.ofc_liquid").word}  # fmt: skip
-        seen = {"detected": True, "outcome": "named", "delay_s": 0.5, "class": "ofc_liquid"}
+        seen = {"detected": True, "outcome": "named", "delay_s": 0.5, "isolated_class": "ofc_liquid"}
         for mm, r, found in ((1.0, 0.7, False), (2.0, 3.0, local), (4.0, 9.0, True)):
             said = seen if found else {"detected": False, "outcome": "missed"}
             out.append(ofc | {"run": f"ofc{mm:g}", "r_fault": r, "amplitude_mm": mm, **said})
@@ -37,7 +37,7 @@ def hand_made():
         said = {"outcome": "quiet"} if local else {"outcome": "bonus", "delay_s": 1.0}
         out.append(about | engine | said | {"concerned": not local, "detected": not local})
     rows = pd.DataFrame(out)
-    rows["hours"], rows["idle"], rows["target"], rows["manoeuvre_key"] = 0.01, False, "elevator.left_inner", "{}"
+    rows["hours"], rows["not_valid"], rows["target"], rows["manoeuvre_key"] = 0.01, False, "elevator.left_inner", "{}"
     rows["family"] = rows["case"].map({"hydraulic.ofc_liquid": "liquid OFC, one segment", "engine": "engine"})
     rows["fault"] = rows["case"].map(lambda c: None if c is None else 0)
     rows["time_to_right_s"] = 2.0 * rows["delay_s"].where(rows["outcome"] == "named")
@@ -49,7 +49,7 @@ def hand_made():
     finest = np.where(rows["level"] == "local", "segment", "axis")
     rows["place_level"] = np.where(rows["outcome"] == "named", finest, "")
     rows["first_sure_wrong"] = rows["outcome"] == "bonus"
-    rows["first_verdict"], rows["right_after_motion_s"] = rows["class"], np.nan
+    rows["first_verdict"], rows["right_after_motion_s"] = rows["isolated_class"], np.nan
     return rows
 
 
@@ -115,10 +115,10 @@ def test_alarm_that_the_manoeuvre_raises_alone_is_no_detection():
 def test_every_flight_stands_in_one_column_and_what_could_not_judge_stays_in_the_denominator():
     rows = hand_made()
     mine = (rows["id"] == "lpv_smo") & (rows["case"] == "hydraulic.ofc_liquid")
-    rows.loc[mine & (rows["amplitude_mm"] == 1.0), "idle"] = True
+    rows.loc[mine & (rows["amplitude_mm"] == 1.0), "not_valid"] = True
     rows.loc[mine & (rows["amplitude_mm"] == 1.0), "why_not_valid"] = "outside its box (mass)"
     d = stats.detectors(rows)[1]
-    assert (d["designed"], d["detected"], d["idle"], d["missed"]) == (3, 1, 1, 1)
+    assert (d["designed"], d["detected"], d["not_valid"], d["missed"]) == (3, 1, 1, 1)
     assert sum(d[word] for word in stats.WORDS) == d["designed"] and d["why_not_valid"] == "outside its box (mass)"
     assert d["detection_probability"] == pytest.approx(1 / 3)  # not 1/2: leaving it out would flatter
     assert d["right_s"] == math.inf and stats.detectors(rows)[0]["right_s"] == 1.0

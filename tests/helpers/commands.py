@@ -21,11 +21,14 @@ for line in sys.stdin:
     if not pid:
         os.setsid()
         out = os.open(told["out"], os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-        for number, to in ((0, os.open(os.devnull, os.O_RDONLY)), (1, out), (2, out)):
+        to = os.open(told["to"], os.O_WRONLY) if told["to"] else out
+        for number, to in ((0, os.open(os.devnull, os.O_RDONLY)), (1, to), (2, out)):
             os.dup2(to, number)
         os.chdir(told["cwd"])
+        os.environ.update(told["env"])
         sys.argv = ["cosim", *told["args"]]
         try:
+            exec(told["first"])
             main()
             status = 0
         except SystemExit as end:
@@ -65,8 +68,10 @@ def commands(folder):
         assert server.stdout.readline() == "ready\n"
         out = folder / ".said"
 
-        def command(*args, kill=None):
-            told = {"args": [str(a) for a in args], "cwd": str(folder), "out": str(out)}
+        def command(*args, kill=None, env=None, first="", to=""):
+            """`env` more variables, `first` Python code that runs before, `to` a file for what is printed."""
+            told = {"args": [str(a) for a in args], "cwd": str(folder), "out": str(out), "env": env or {},
+                    "first": first, "to": to}  # fmt: skip
             server.stdin.write(json.dumps(told) + "\n")
             server.stdin.flush()
             pid = int(server.stdout.readline())

@@ -229,3 +229,23 @@ def test_runs_that_differ_in_their_fault_share_their_twin():
 def test_a_monitor_s_fault_has_no_achieved_amplitude():
     s = flight("ema-current-bias", duration_s=2, **{"faults.0.start_s": 1})
     assert achieved(s) == {}
+
+
+@pytest.mark.parametrize("onsets", [(2.0, 2.5), (2.5, 2.0)])
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_with_two_faults_the_name_of_one_part_never_stands_in_the_row_of_the_other(side, onsets):
+    """An oscillation of the left elevators beside a fault of a right one, in either order, and both blamed in turn."""
+    watch = Watch("rfafe", "aircraft", "aircraft", ("", "elevator_left", "elevator_right"), 0, 1, 2, 3)
+    parts = (("elevator.left_inner", "hydraulic.ofc_liquid"), ("elevator.right_inner", "ema.jam_solid"))
+    faults = [
+        {**FAULT, "fault": i, "targets": (part,), "case": case, "kind": case.split(".")[1], "start_s": start}
+        for i, ((part, case), start) in enumerate(zip(parts, onsets))
+    ]
+    trace = lane([(30, 80)], 80)
+    trace[30:55, 2] = 1.0 + (side == "right")
+    trace[55:80, 2] = 2.0 - (side == "right")
+    by_fault = judge(watch, trace, DT, faults)["by_fault"]
+    assert [d["fault"] for d in by_fault] and any(d["isolated"] for d in by_fault)
+    for d in by_fault:
+        other = "elevator_right" if d["fault"] == 0 else "elevator_left"
+        assert other not in str((d["isolated"], d["first_verdict"])), d

@@ -85,7 +85,7 @@ def test_a_side_is_blamed_for_its_own_segments_only():
         ("hydraulic.ofc_liquid", {"seen": True, "class_": "wrong", "place": "right"}, "misnamed"),
         ("hydraulic.ofc_liquid", {"seen": True, "class_": "right", "place": "wrong"}, "misnamed"),
         ("hydraulic.ofc_liquid", {"seen": False}, "missed"),
-        ("hydraulic.ofc_liquid", {"seen": False, "able": False}, "idle"),
+        ("hydraulic.ofc_liquid", {"seen": False, "able": False}, "not_valid"),
         ("hydraulic.friction", {"seen": False}, "quiet"),
         ("engine", {"seen": True, "class_": "wrong"}, "bonus"),
     ],

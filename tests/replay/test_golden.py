@@ -4,11 +4,11 @@ import shutil
 import subprocess
 
 import pytest
+from golden import FLIGHTS, FOLDER, fly
 from mcap.reader import NonSeekingReader
 
 from cosim.log import fingerprint, open_log
 from cosim.replay import replay
-from cosim.replay.golden import FLIGHTS, FOLDER, fly
 
 EARLIER = FOLDER / "earlier"  # of the last release: older noise
 CHANGED = {"lpv_smo", "ofc_monitor", "ema_kalman_flight"}  # on purpose since then: another state or other outputs
@@ -28,7 +28,7 @@ def test_a_golden_flight_replays_bit_for_bit_and_alarms(name, folder):
     path, changed = folder / f"{name}.mcap", CHANGED if folder == EARLIER else set()
     ids = [d for d in FLIGHTS[name].detectors if d not in changed]
     r = replay(path, detectors=ids)
-    assert r.exact, f"{r.differences[:5]}: meant? `python -m cosim.replay.golden` writes them anew"
+    assert r.exact, f"{r.differences[:5]}: meant? `python tests/helpers/golden.py` writes them anew"
     assert {d["id"] for d in r.detectors} == set(ids)
     for d in r.detectors:
         if d["id"] in FLIGHTS[name].alarmed and d["replayed"]["concerned"]:

@@ -1,16 +1,13 @@
 """Scenarios: defaults, built-ins, and their numbers in SI."""
 
 import math
-import re
 import tomllib
-from pathlib import Path
 
 import pytest
 from scenario_tables import fault, flight
 
 import cosim
 from cosim.campaign.inventory import inventory
-from cosim.campaign.store import ROWS
 from cosim.scenario import builtin_names, load_scenario, parse
 from cosim.scenario import catalog as c
 from cosim.scenario.elevator import Elevator
@@ -58,12 +55,6 @@ def test_the_listed_keys_are_those_of_a_scenario():
         name = key.replace("<unit>", inventory()["units"]["alpha"][0])
         where = f"sensors.{name}" if name in Sensors.model_fields else f"sensors.alpha.{name}"
         load_scenario("cruise", [f"{where}={ {'scale': 1, 'noise_scale': 1, 'reconstructed': 'true'}.get(name, 0.01)}"])
-
-
-def test_the_campaign_readme_names_every_column():
-    text = (Path(__file__).parents[2] / "cosim" / "campaign" / "README.md").read_text(encoding="utf-8")
-    columns = set(re.findall(r"`(\w+)`", text.partition("Columns of `runs.parquet`")[2].partition("<!--")[0]))
-    assert {n for n in ROWS.names if not n.startswith("estimate_")} <= columns
 
 
 def test_names_of_builtins_that_papers_and_pages_use_exist():
@@ -123,3 +114,10 @@ def test_sensor_settings_in_si():
 def test_a_name_that_is_not_public_is_no_attribute():
     with pytest.raises(AttributeError):
         cosim.no_such_name  # noqa: B018
+
+
+def test_the_path_at_the_start_is_told_in_words_with_its_direction():
+    told = {"climb_fpm=1000": "climb of 1000 ft/min", "climb_fpm=-1000": "descent of 1000 ft/min",
+            "gamma_deg=3": "climb at 3 deg", "gamma_deg=-3": "descent at 3 deg", "turn_deg_s=-1": "turn of -1 deg/s"}
+    for key, words in told.items():
+        assert load_scenario("cruise", [f"flight.{key}"]).flight.path == words

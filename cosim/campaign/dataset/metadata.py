@@ -1,8 +1,6 @@
 """What a data set says of itself: Croissant for programs, a datasheet for people."""
 
-import hashlib
 import json
-import subprocess
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from importlib.metadata import version
@@ -13,6 +11,7 @@ import pyarrow as pa
 
 from cosim.campaign.dataset.columns import Column
 from cosim.campaign.dataset.splits import empty
+from cosim.campaign.manifest import about_the_code, sha256
 from cosim.campaign.store import fingerprint
 
 PARQUET = "application/x-parquet"
@@ -21,13 +20,8 @@ TEMPLATES = resources.files("cosim") / "templates"
 
 def provenance() -> dict[str, Any]:
     """Return {version, commit, digest, versions} of the code that flies."""
-    here = Path(__file__).resolve().parents[3]
-    try:
-        said = subprocess.run(["git", "rev-parse", "HEAD"], cwd=here, capture_output=True, text=True, timeout=10)
-        commit = said.stdout.strip() if said.returncode == 0 and (here / ".git").exists() else ""
-    except (OSError, subprocess.SubprocessError):
-        commit = ""
-    return {"version": version("cosim-fdi"), "commit": commit or "unknown, an installed package", **fingerprint()}
+    commit = about_the_code()["commit"] or "unknown, an installed package"
+    return {"version": version("cosim-fdi"), "commit": commit, **fingerprint()}
 
 
 def croissant(about: Mapping[str, Any], index: pa.Table, columns: Mapping[str, Column], path: Path) -> str:
@@ -46,7 +40,7 @@ def croissant(about: Mapping[str, Any], index: pa.Table, columns: Mapping[str, C
         "version": about["version"],
         "distribution": [
             {"@type": "cr:FileObject", "@id": "index", "name": "index", "contentUrl": path.name,
-             "encodingFormat": PARQUET, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()},
+             "encodingFormat": PARQUET, "sha256": sha256(path)},
             {"@type": "cr:FileSet", "@id": "files", "name": "files", "encodingFormat": PARQUET,
              "includes": "flights/*.parquet"},
         ],

@@ -7,7 +7,7 @@ scenario that flies, and that its log holds, has the onset as `start_s` beside `
 from typing import Any
 
 import numpy as np
-from pydantic_core import PydanticCustomError
+from pydantic import ValidationError
 
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.flight.build import build
@@ -15,6 +15,8 @@ from cosim.flight.fly import record
 from cosim.scenario import Scenario, conflict
 from cosim.scenario.brought import identified
 from cosim.scenario.condition import condition, other_fault, source
+from cosim.scenario.load import explained
+from cosim.scenario.problem import Origin
 
 
 def resolved(scenario: Scenario) -> Scenario:
@@ -47,10 +49,9 @@ def resolved(scenario: Scenario) -> Scenario:
 def _possible(scenario):
     """Raise ScenarioError when faults of which one has just begun cannot be together."""
     try:
-        conflict.check(scenario.faults, scenario.elevator.technology)
-    except PydanticCustomError as wrong:
-        said = wrong.context or {}
-        raise ScenarioError(said["text"], place=said["key"], allowed=said["allowed"], remedy=said["remedy"]) from None
+        conflict.check(dict(enumerate(scenario.faults)), scenario.elevator.technology)
+    except ValidationError as wrong:
+        raise explained(wrong, {}, Origin("")) from None
 
 
 def known(bus: Any, name: str) -> None:

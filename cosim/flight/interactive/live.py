@@ -20,8 +20,7 @@ from cosim.flight.simulate import simulate
 from cosim.judge.result import Result
 from cosim.scenario import Scenario, catalog
 from cosim.scenario.aircraft import Aircraft
-from cosim.scenario.fault import Fault
-from cosim.scenario.target import parse_target, targets
+from cosim.scenario.fault import Fault, parse_target, targets
 from cosim.scenario.user_file import aside
 
 SPEEDS = 0.01, 1000.0
@@ -89,7 +88,7 @@ def fly_live(
     """Fly `scenario` at `speed` times the clock's, served on `port` of this machine, and return what `simulate` does,
     and the scenario that the flight came to.
 
-    `flightgear` is a UDP port of this machine where FlightGear shows the flight (cosim/flight/plant/viewers.py).
+    `flightgear` is a UDP port of this machine where FlightGear shows the flight (cosim/flight/plant/plant.py).
     `ready(server)` is called when viewers may come (`server.url`, `server.steer_url` with the token). Ctrl-C ends the
     flight there; its log is whole, its status "interrupted". Raises OutputError when it cannot be served, TrimError and
     LogError as `simulate`.

@@ -12,10 +12,13 @@ misspelt; AB2 integrators, five times more accurate than the default; pitch rate
 drifts; load factors from this frame's forces, as JSBSim's own are one frame old.
 """
 
+import contextlib
 import functools
 import math
+import os
 import struct
-from collections.abc import Callable
+import tempfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +28,10 @@ import numpy as np
 from actuators.block import briefly
 from actuators.constants import M_PER_FT, M_S_PER_KT
 from cosim.errors import ScenarioError, TrimError
-from cosim.flight.plant import gusts, viewers
+from cosim.flight.plant import gusts
 from cosim.flight.plant.jsbsim_signals import border, to_si
 from cosim.flight.plant.model_load_check import fatal
 from cosim.flight.plant.point import POINTS, FlightPoint, loading
-from cosim.flight.plant.port import Port
 from cosim.flight.plant.property_pointers import crossing
 from cosim.flight.plant.trim import EARTH_MERIDIAN
 from cosim.scenario.aircraft import FOLDER
@@ -37,6 +39,27 @@ from cosim.scenario.aircraft import FOLDER
 WIND_SHARE = 0.8  # of the airspeed that a steady wind may have: the aircraft moves over the ground
 
 jsbsim.FGJSBBase().debug_lvl = 0  # before the first executive: its banner is not ours to print
+
+
+class Port:
+    """Bind JSBSim properties by name, once; an unknown name raises KeyError instead of creating a property."""
+
+    def __init__(self, fdm: Any):
+        self._manager = fdm.get_property_manager()
+
+    def node(self, name: str) -> Any:
+        """Return JSBSim's node of property `name`; raises KeyError for one that there is not."""
+        if not self._manager.hasNode(name):
+            raise KeyError(f"JSBSim has no property {name!r}")
+        return self._manager.get_node(name)
+
+    def getter(self, name: str) -> Callable[[], float]:
+        """Return the call that reads property `name`, in JSBSim's unit."""
+        return self.node(name).get_double_value
+
+    def setter(self, name: str) -> Callable[[float], None]:
+        """Return the call that sets property `name`, in JSBSim's unit."""
+        return self.node(name).set_double_value
 
 
 class _Quiet(jsbsim.FGLogger):
@@ -87,7 +110,7 @@ class Plant:
         fdm.set_aircraft_path(str(self.aircraft.folder.parent))
         fdm.set_dt(dt)
         if flightgear is not None:
-            with viewers.directive(flightgear) as path:
+            with directive(flightgear) as path:
                 fdm.set_output_directive(path)
         fdm.disable_output()
         if not fdm.load_model(self.aircraft.name):
@@ -336,3 +359,21 @@ def reference_run(dt: float = 0.005) -> Callable[[], bool]:
 
 
 __all__ = ["POINTS", "FlightPoint", "Plant", "Port", "TrimError", "bare_model", "loading", "reference_run"]
+
+
+# FlightGear as a window on a flight: JSBSim's own output in FlightGear's native protocol, by UDP to this machine:
+#     fgfs --fdm=null --native-fdm=socket,in,50,,5500,udp     beside     cosim run cruise --live --flightgear 5500
+FLIGHTGEAR_HOST, FLIGHTGEAR_HZ = "127.0.0.1", 50  # frames a second of the flight
+DIRECTIVE = """<?xml version="1.0"?>
+<output name="{host}" type="FLIGHTGEAR" port="{port}" protocol="UDP" rate="{rate}"/>
+"""
+
+
+@contextlib.contextmanager
+def directive(port: int) -> Iterator[str]:
+    """Write JSBSim's output directive for FlightGear at UDP `port`, and give its path; it is read at once."""
+    with tempfile.TemporaryDirectory(prefix="cosim-") as folder:
+        path = os.path.join(folder, "flightgear.xml")
+        with open(path, "w", encoding="ascii") as file:
+            file.write(DIRECTIVE.format(host=FLIGHTGEAR_HOST, port=port, rate=FLIGHTGEAR_HZ))
+        yield path

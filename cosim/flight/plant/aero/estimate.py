@@ -1,9 +1,6 @@
 """Estimate an aircraft's aerodynamics from its dimensions by handbook formulas, and write its JSBSim files.
 
-    python -m cosim.flight.plant.aero.estimate FOLDER            writes <name>.xml, aerodynamics.xml, Engines/, Systems/
-    python -m cosim.flight.plant.aero.estimate FOLDER --check    exit status 1 when the files are not what this makes
-
-FOLDER is a bundled aircraft or a path; it holds aircraft.toml and numbers.toml, whose every number has its provenance.
+`cosim estimate DIR` does it; the folder holds aircraft.toml and numbers.toml, whose every number has its provenance.
 Rigid body, coefficients about the CG reference, per rad; x_q = q c / 2V and so on.
 
     a          lift slope: 2 pi A / (2 + sqrt(A^2 (beta^2 + tan^2 Lambda_c/2) / k^2 + 4)), k = 0.95 [DATCOM]
@@ -18,7 +15,6 @@ Rigid body, coefficients about the CG reference, per rad; x_q = q c / 2V and so 
 """
 
 import math
-import sys
 import tomllib
 from pathlib import Path
 from types import SimpleNamespace
@@ -27,13 +23,14 @@ from typing import Any
 import numpy as np
 
 from actuators.constants import M_PER_FT
-from cosim.errors import CosimError, ScenarioError
-from cosim.files import replace_text
-from cosim.flight.plant.aero.fit import ALPHA, ALPHA_COARSE, MACH_COARSE, stalled
-from cosim.flight.plant.aero.model_xml import model_xml, surfaces_xml
 from cosim.flight.plant.aero.xml import Shape, aerodynamics_xml, engine_xml, multipliers_xml
-from cosim.scenario.aircraft import Aircraft, load_aircraft
+from cosim.scenario.aircraft import Aircraft
 
+ALPHA = np.radians(
+    np.concatenate([np.arange(-10.0, -4.0, 2.0), np.arange(-4.0, 12.0, 0.5), np.arange(12.0, 30.1, 1.5)])
+)
+ALPHA_COARSE = np.radians(np.arange(-6.0, 18.1, 2.0))
+MACH_COARSE = np.array([0.2, 0.3, 0.4, 0.5, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95])
 MACH = np.arange(0.2, 0.9501, 0.025)
 QBAR = np.array([50.0, 800.0])  # psf: rigid, nothing changes between them
 MIDDLE = 0.6  # Mach of what has one number
@@ -44,6 +41,17 @@ def numbers(folder: Path) -> SimpleNamespace:
     table = tomllib.loads((folder / "numbers.toml").read_text(encoding="utf-8"))
     groups = {g: SimpleNamespace(**{k: v["value"] for k, v in rows.items()}) for g, rows in table.items()}
     return SimpleNamespace(**groups)
+
+
+def stalled(lift: Any, top: Any) -> Any:
+    """Bend lift over smoothly from 0.80 to 1 of `top`, flat top, then 10 % down: C_L(x) = j + r tanh(x), x = (C_L -
+    j) / r.
+    """
+    join = 0.80 * top
+    x = np.maximum(lift - join, 0.0) / (top - join)
+    return np.where(
+        lift > join, join + (top - join) * (np.tanh(x) - 0.4 * np.tanh(0.5 * np.maximum(x - 2.0, 0.0))), lift
+    )
 
 
 def lift_slope(aspect: float, sweep_deg: float, taper: float, mach: float) -> Any:
@@ -153,7 +161,7 @@ def shape(n: Any, aircraft: Aircraft) -> Shape:
     at = coefficients(n, MIDDLE)
     sides = {s: (-1.0 if name.startswith("left") else 1.0) for name, s in aircraft.short.items()}
     return Shape(
-        made_by=f"cosim.flight.plant.aero.estimate {aircraft.name}",
+        made_by=f"cosim estimate {aircraft.name}",
         chord_ft=n.wing.chord_m / M_PER_FT, span_ft=n.wing.span_m / M_PER_FT, tail_arm_ft=n.tail.arm_m / M_PER_FT,
         downwash=downwash(n), segment_area_ft2=n.tail.elevator_area_m2 / M_PER_FT**2,
         segment_chord_ft=n.tail.elevator_chord * n.tail.area_m2 / n.tail.span_m / M_PER_FT,
@@ -178,25 +186,118 @@ def build(aircraft: Aircraft) -> dict[Path, str]:
     }
 
 
-def main() -> None:
-    """Write the files, or compare them with those on disk (exit 1: stale)."""
-    try:
-        given = [word for word in sys.argv[1:] if word != "--check"]
-        if len(given) != 1:
-            raise ScenarioError("takes one folder of an aircraft, and --check", place="estimate")
-        aircraft, stale = load_aircraft(given[0]), False
-        files = build(aircraft)
-    except (CosimError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
-    for path, text in files.items():
-        if "--check" in sys.argv:
-            stale |= not path.is_file() or path.read_text(encoding="utf-8") != text
-        else:
-            path.parent.mkdir(exist_ok=True)
-            replace_text(path, text)
-    sys.exit(1 if stale else 0)
+def model_xml(n: Any, aircraft: Aircraft) -> str:
+    """Return <name>.xml: metrics, masses, engines and tank, from the `numbers` of the aircraft and its record."""
+    g, m, station = aircraft.geometry, aircraft.mass, aircraft.geometry.station_in
+    weight = m.empty_t * 1e3
+    inertia = "\n".join(
+        f'    <i{k} unit="KG*M2"> {v * weight:.1f} </i{k}>' for k, v in m.gyration2_m2
+    )
+    each = (m.mass_t[0] - m.empty_t - m.fuel_t) * 1e3 / 6
+    masses = "\n".join(
+        f'    <pointmass name="{name}"> <weight unit="KG"> {each:.1f} </weight>'
+        f' <location unit="IN"> <x> {station} </x> <y> 0.0 </y> <z> 0.0 </z> </location> </pointmass>'
+        for name in ("fore", "aft", "left", "right", "low", "high")
+    )
+    sides = np.linspace(-1.0, 1.0, aircraft.engines)
+    engines = "\n".join(
+        f"""    <engine file="turbofan">
+      <feed> 0 </feed>
+      <thruster file="direct">
+        <location unit="IN"> <x> {station} </x> <y> {s * n.engine.station_m / 0.0254:.2f} </y>
+          <z> {-n.engine.below_m / 0.0254:.2f} </z> </location>
+        <orient unit="DEG"> <roll> 0.0 </roll> <pitch> {n.engine.pitch_deg} </pitch> <yaw> 0.0 </yaw> </orient>
+      </thruster>
+    </engine>"""
+        for s in sides
+    )
+    point = f"<x> {station} </x> <y> 0.0 </y> <z> 0.0 </z>"
+    return f"""<?xml version="1.0"?>
+<!-- Written by cosim estimate {aircraft.name}: {aircraft.title} -->
+<fdm_config name="{aircraft.name}" version="2.0" release="BETA">
+
+  <fileheader>
+    <author> cosim </author>
+    <license licenseName="MIT" licenseURL="https://opensource.org/license/mit"/>
+    <description> {aircraft.title}; clean, airborne only (no landing gear, no flaps) </description>
+  </fileheader>
+
+  <metrics>
+    <wingarea unit="FT2"> {g.wing_area_ft2} </wingarea>
+    <wingspan unit="FT"> {g.span_ft} </wingspan>
+    <chord unit="FT"> {g.chord_ft} </chord>
+    <location name="AERORP" unit="IN"> {point} </location>
+    <location name="EYEPOINT" unit="IN"> {point} </location>
+    <location name="VRP" unit="IN"> {point} </location>
+  </metrics>
+
+  <!-- Six point masses and the tank carry what is not empty; cosim keeps the radii of gyration -->
+  <mass_balance negated_crossproduct_inertia="false">
+{inertia}
+    <emptywt unit="KG"> {weight} </emptywt>
+    <location name="CG" unit="IN"> {point} </location>
+{masses}
+  </mass_balance>
+
+  <propulsion>
+{engines}
+    <tank type="FUEL" number="0">
+      <location unit="IN"> {point} </location>
+      <capacity unit="KG"> {m.fuel_t * 1e3} </capacity>
+      <contents unit="KG"> {m.fuel_t * 1e3} </contents>
+    </tank>
+  </propulsion>
+
+  <ground_reactions/>
+
+  <system file="multipliers"/>
+  <system file="surfaces"/>
+
+  <aerodynamics file="aerodynamics"/>
+
+</fdm_config>
+"""
 
 
-if __name__ == "__main__":
-    main()
+def surfaces_xml(aircraft: Aircraft) -> str:
+    """Return the system that takes surfaces from outside when ext/engaged is 1, else from JSBSim's own commands."""
+    segments, stops = tuple(aircraft.short.values()), aircraft.travels
+    outside = [*(f"elevator-{s}" for s in segments), "aileron-left", "aileron-right", "rudder", "stabilizer"]
+    inputs = [*(f"ext/{name}-rad" for name in outside), *(f"ext/gust-{rate}-rad_sec" for rate in "pqr")]
+    commands = (("elevator", "elevator", "elevator"), ("stabilizer", "pitch-trim", "stabiliser"),
+                ("aileron", "aileron", "aileron"), ("rudder", "rudder", "rudder"))  # fmt: skip
+    scales = "\n".join(
+        f"""    <aerosurface_scale name="fcs/{name}-cmd-rad">
+      <input> fcs/{source}-cmd-norm </input>
+      <range> <min> {stops[kind][0]:.5f} </min> <max> {stops[kind][1]:.5f} </max> </range>
+    </aerosurface_scale>"""
+        for name, source, kind in commands
+    )
+    positions = {f"elevator-{s}": (f"elevator-{s}-pos", "elevator") for s in segments}
+    positions |= {"aileron-left": ("aileron-left-pos", "aileron"), "aileron-right": ("aileron-right-pos", "aileron"),
+                  "rudder": ("rudder-applied", "rudder"), "stabilizer": ("stabilizer-pos", "stabilizer")}  # fmt: skip
+    switches = "\n".join(
+        f"""    <switch name="fcs/{name}-rad">
+      <default value="fcs/{command}-cmd-rad"/>
+      <test value="ext/{source}-rad"> ext/engaged eq 1 </test>
+    </switch>"""
+        for source, (name, command) in positions.items()
+    )
+    properties = "\n".join(f'  <property value="0"> {name} </property>' for name in ("ext/engaged", *inputs))
+    return f"""<?xml version="1.0"?>
+<!-- Surface positions: from outside when ext/engaged is 1, else from the plain JSBSim commands without lag.
+     Signs: elevator and stabiliser trailing edge down +; each aileron + rolls right; rudder + yaws left. -->
+<system name="surfaces">
+
+{properties}
+
+  <channel name="commands">
+{scales}
+  </channel>
+
+  <channel name="positions">
+{switches}
+  </channel>
+
+</system>
+"""

@@ -1,13 +1,12 @@
 """Write an aircraft's JSBSim files from tables and constants: the form that `force_model` reads again."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from actuators.constants import M_PER_FT
-from cosim.flight.plant.aero.data import BYPASS, CONSTANT, thrust_ratio
-from cosim.flight.plant.aero.elements import function, product, table, total
 
 MULTIPLIERS = (
     "CL_0", "CL_alpha", "CL_q", "CL_de", "CL_ds", "CD_0", "CD_alpha", "CD_beta",
@@ -16,6 +15,8 @@ MULTIPLIERS = (
     "Cn_beta", "Cn_p", "Cn_r", "Cn_da", "Cn_dr",
     "Ch_alpha", "Ch_delta",
 )  # fmt: skip
+BYPASS = 5.0  # of the transport's engines
+CONSTANT = {"Cl_dr": 0.0070, "Cn_da": 0.0002}  # stability axes, condition 9 of table IX-8
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Shape:
 
 
 TRANSPORT = Shape(
-    made_by="cosim/flight/plant/aero/fit.py",
+    made_by="tests/helpers/transport_fit.py",
     chord_ft=27.31,
     span_ft=195.68,
     tail_arm_ft=105.3,  # [Roskam] C_m_ih / C_L_ih = -2.70 / 0.70 chords behind the CG at 25 %
@@ -287,3 +288,61 @@ def _axes(shape):
         f'\n    <axis name="{name}"{frame}>\n{function("aero/" + label, body)}\n    </axis>'
         for name, frame, label, body in axes
     ]
+
+
+def thrust_ratio(mach: Any, pressure_ratio: Any, bypass: Any = None) -> Any:
+    """Return thrust over static sea-level thrust: take-off rating of Bartel and Young (2008), by default at bypass 5.
+
+    T/T0 = A - 0.377 (1 + b) / sqrt((1 + 0.82 b) G0) Z x M + (0.23 + 0.19 sqrt(b)) X x M^2, x = p/p0, A, Z, X
+    polynomials of x, G0 = 0.0606 b + 0.6337.
+    """
+    x, b = pressure_ratio, BYPASS if bypass is None else bypass
+    A = -0.4327 * x**2 + 1.3855 * x + 0.0472
+    Z = 0.9106 * x**3 - 1.7736 * x**2 + 1.8697 * x
+    X = 0.1377 * x**3 - 0.4374 * x**2 + 1.3003 * x
+    slope = 0.377 * (1 + b) / math.sqrt((1 + 0.82 * b) * (0.0606 * b + 0.6337))
+    return A - slope * Z * x * mach + (0.23 + 0.19 * math.sqrt(b)) * X * x * mach**2
+
+
+def table(lookups: Any, rows: Any, columns: Any, values: Any, indent: int = 8) -> Any:
+    """Return a JSBSim table element; one-dimensional when columns is None."""
+    pad = " " * indent
+    lines = [f"{pad}<table>"]
+    for role, name in zip(("row", "column"), lookups):
+        lines.append(f'{pad}  <independentVar lookup="{role}"> {name} </independentVar>')
+    lines.append(f"{pad}  <tableData>")
+    if columns is not None:
+        lines.append(pad + " " * 14 + "".join(f"{c:12.5f}" for c in columns))
+        lines += [f"{pad}    {r:10.6f}" + "".join(f"{v:12.6f}" for v in row) for r, row in zip(rows, values)]
+    else:
+        lines += [f"{pad}    {r:10.6f}{v:14.6f}" for r, v in zip(rows, values)]
+    return "\n".join([*lines, f"{pad}  </tableData>", f"{pad}</table>"])
+
+
+def function(name: str, body: Any, comment: str | None = None) -> str:
+    """Return a named function element around `body`."""
+    note = f"\n      <description> {comment} </description>" if comment else ""
+    return f'    <function name="{name}">{note}\n{body}\n    </function>'
+
+
+def product(*parts: Any, indent: int = 6) -> str:
+    """Return a product of properties (str), numbers and ready elements."""
+    return _operation("product", parts, indent)
+
+
+def total(*parts: Any, indent: int = 6) -> str:
+    """Return a sum of properties (str), numbers and ready elements."""
+    return _operation("sum", parts, indent)
+
+
+def _operation(kind, parts, indent):
+    pad = " " * indent
+    lines = []
+    for part in parts:
+        if isinstance(part, str) and "<" in part:
+            lines.append(part)
+        elif isinstance(part, str):
+            lines.append(f"{pad}  <p> {part} </p>")
+        else:
+            lines.append(f"{pad}  <v> {part:.8g} </v>")
+    return "\n".join([f"{pad}<{kind}>", *lines, f"{pad}</{kind}>"])

@@ -9,8 +9,10 @@
 import math
 from typing import Any, NamedTuple
 
+from cosim.flight.plant.aero.xml import thrust_ratio
+
 W_LB, IYY, S_FT2, CBAR_FT, G = 636636.0, 33.1e6, 5500.0, 27.31, 32.174
-THRUST_ARM_FT, THRUST_TILT, BYPASS = 10.0, math.radians(2.5), 5.0
+THRUST_ARM_FT, THRUST_TILT = 10.0, math.radians(2.5)
 
 
 class Condition(NamedTuple):
@@ -70,21 +72,6 @@ LATERAL = {
     "Cl_r": {3: 0.1167, 4: 0.0540, 5: 0.2136, 6: 0.1359, 7: 0.1001, 8: 0.2857, 9: 0.3040, 10: 0.1965},
     "Cn_r": {3: -0.2545, 4: -0.2413, 5: -0.2765, 6: -0.2744, 7: -0.2621, 8: -0.2700, 9: -0.2737, 10: -0.2760},
 }
-CONSTANT = {"Cl_dr": 0.0070, "Cn_da": 0.0002}  # stability axes, condition 9 of table IX-8
-
-
-def thrust_ratio(mach: Any, pressure_ratio: Any, bypass: Any = None) -> Any:
-    """Return thrust over static sea-level thrust: take-off rating of Bartel and Young (2008), by default at bypass 5.
-
-    T/T0 = A - 0.377 (1 + b) / sqrt((1 + 0.82 b) G0) Z x M + (0.23 + 0.19 sqrt(b)) X x M^2, x = p/p0, A, Z, X
-    polynomials of x, G0 = 0.0606 b + 0.6337.
-    """
-    x, b = pressure_ratio, BYPASS if bypass is None else bypass
-    A = -0.4327 * x**2 + 1.3855 * x + 0.0472
-    Z = 0.9106 * x**3 - 1.7736 * x**2 + 1.8697 * x
-    X = 0.1377 * x**3 - 0.4374 * x**2 + 1.3003 * x
-    slope = 0.377 * (1 + b) / math.sqrt((1 + 0.82 * b) * (0.0606 * b + 0.6337))
-    return A - slope * Z * x * mach + (0.23 + 0.19 * math.sqrt(b)) * X * x * mach**2
 
 
 def thrust_speed_slope(key: Any) -> Any:

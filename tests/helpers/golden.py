@@ -1,4 +1,4 @@
-"""Fly the golden flights: `python -m cosim.replay.golden` writes logs/golden/*.mcap anew, with a text fingerprint
+"""Fly the golden flights: `python tests/helpers/golden.py` writes logs/golden/*.mcap anew, with a text fingerprint
 beside each.
 
 The tests replay them bit for bit, so a change of any detector's numbers shows. A change that is meant is a commit of

@@ -1,9 +1,8 @@
 """Fit the aircraft's tables to the published 747 data and write the JSBSim files that hold them.
 
-    python -m cosim.flight.plant.aero.fit            writes aerodynamics.xml, Engines/turbofan.xml and
-    Systems/multipliers.xml python -m cosim.flight.plant.aero.fit --check    exit status 1 when the files on disk are
-    not what this script makes python -m cosim.flight.plant.aero.fit --show     what the tables give at the flight
-    conditions, beside what was asked
+    python tests/helpers/transport_fit.py      writes aerodynamics.xml, Engines/turbofan.xml, Systems/multipliers.xml
+    --check                                    exit status 1 when the files on disk are not what this makes
+    --show                                     what the tables give at the flight conditions, beside what was asked
 
 Longitudinal, for CL, CD and Cm alike:
 
@@ -22,8 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-from cosim.flight.plant.aero.data import (
+from transport_data import (
     CONTROLS,
     FLIGHT_CONDITIONS,
     LATERAL,
@@ -31,15 +29,12 @@ from cosim.flight.plant.aero.data import (
     STABILIZER_UNSURE,
     derivatives,
 )
+
+from cosim.flight.plant.aero.estimate import ALPHA, ALPHA_COARSE, MACH_COARSE, stalled
 from cosim.flight.plant.aero.xml import aerodynamics_xml, engine_xml, multipliers_xml
 
-FOLDER = Path(__file__).resolve().parents[4] / "aircraft" / "transport"
-ALPHA = np.radians(
-    np.concatenate([np.arange(-10.0, -4.0, 2.0), np.arange(-4.0, 12.0, 0.5), np.arange(12.0, 30.1, 1.5)])
-)
+FOLDER = Path(__file__).resolve().parents[2] / "aircraft" / "transport"
 MACH = np.concatenate([np.arange(0.2, 0.4, 0.05), np.arange(0.4, 0.9501, 0.0125)])
-ALPHA_COARSE = np.radians(np.arange(-6.0, 18.1, 2.0))
-MACH_COARSE = np.array([0.2, 0.3, 0.4, 0.5, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95])
 QBAR = np.array([50.0, 100.0, 150.0, 200.0, 250.0, 300.0, 400.0, 500.0, 650.0, 800.0])
 Q_REF = 200.0  # psf
 CL_STAB, CM_STAB = 0.70, -2.70  # per rad, [Roskam] C_L_ih, C_m_ih
@@ -52,17 +47,6 @@ _LOCAL = [(a, m) for a in np.radians(np.arange(-4.0, 12.1, 2.5)) for m in np.ara
 def cl_max(mach: Any) -> Any:
     """Return the largest lift coefficient over Mach: assumed, so that every point of [Alwi14] has 1.3 g (README)."""
     return np.interp(mach, [0.2, 0.45, 0.6, 0.7, 0.8, 0.9, 0.95], [1.60, 1.56, 1.46, 1.28, 1.06, 0.92, 0.82])
-
-
-def stalled(lift: Any, top: Any) -> Any:
-    """Bend lift over smoothly from 0.80 to 1 of `top`, flat top, then 10 % down: C_L(x) = j + r tanh(x), x = (C_L -
-    j) / r.
-    """
-    join = 0.80 * top
-    x = np.maximum(lift - join, 0.0) / (top - join)
-    return np.where(
-        lift > join, join + (top - join) * (np.tanh(x) - 0.4 * np.tanh(0.5 * np.maximum(x - 2.0, 0.0))), lift
-    )
 
 
 def buffet_lift(mach: float) -> Any:

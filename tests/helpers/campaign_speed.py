@@ -1,11 +1,13 @@
 """How much faster several processes fly a campaign than one, and whether they find the same:
 
-    cosim bench --campaign fault-free
+    python tests/helpers/campaign_speed.py fault-free
 
 It flies the campaign twice without keeping logs, first on every core, then on one. The start of the processes counts.
 On a quiet machine only: anything else that works there falsifies the ratio.
 """
 
+import json
+import sys
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -57,3 +59,7 @@ def compare(
         "equal": same(several, one),
         "crashed": sum(case["outcomes"].get(k, 0) for case in cases for k in ("crashed", "error")),
     }
+
+
+if __name__ == "__main__":
+    print(json.dumps(compare(sys.argv[1])))

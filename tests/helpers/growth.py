@@ -1,13 +1,10 @@
-"""How the cost of a flight grows with blocks, rate and length: points, and the straight line through them."""
+"""How the cost of a flight grows with blocks, rate and length, a line each: `python tests/helpers/growth.py`."""
 
-import subprocess
-import sys
 import time
 from typing import Any
 
 import numpy as np
 
-from actuators import subprocess_env
 from cosim.bench.ticks import ELEVEN, QUIET, flying, timed
 from cosim.scenario import load_scenario
 
@@ -15,17 +12,6 @@ COUNTS = (0, 2, 4, 6, 8, 11)  # detectors
 RATES = (50, 100, 200, 400, 800)  # [Hz]
 LENGTHS = (10, 20, 40, 80)  # [s]
 TICKS_S = 40.0  # of a flight whose ticks are timed
-_WORKER = """
-import resource, sys
-from cosim.campaign.worker import fly
-from cosim.scenario import load_scenario
-for seed in (1, 2):
-    rows, _ = fly("bench", load_scenario("liquid-ofc", [f"seed={seed}"]), True)
-    assert rows[0]["status"] == "completed"
-print(max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)))
-"""
-# the peak of a process that this one starts would be at least what this one holds: a small one starts it
-_BETWEEN = "import subprocess, sys; subprocess.run([sys.executable, '-P', '-c', sys.argv[1]], check=True)"
 
 
 def growth(turns: int = 5) -> list[dict[str, Any]]:
@@ -76,10 +62,8 @@ def _length(length):
     return time.process_time() - begin
 
 
-def worker_mb() -> float | None:
-    """Return the peak resident memory [MB] of a campaign's worker after two flights, None where nobody tells."""
-    if sys.platform == "win32":
-        return None
-    args, env = [*subprocess_env.command(_BETWEEN), _WORKER], subprocess_env.surroundings()
-    told = subprocess.run(args, env=env, stdout=subprocess.PIPE, check=True, text=True).stdout
-    return int(told) * (1 if sys.platform == "darwin" else 1024) / 1e6
+if __name__ == "__main__":
+    for line in growth():
+        points = ", ".join(f"{x:g}: {y:.3g}" for x, y in line["points"])
+        what = f"{line['offset']:.3g} + {line['slope']:.4g} each {line['unit']}, off {100 * line['off']:.0f} %"
+        print(f"{line['over']}: {what}; {points}")

@@ -1,0 +1,141 @@
+"""Every mistake of a user's file is named at once, each with its line, or with the override that made it."""
+
+import pickle
+import tomllib
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cosim.campaign.spec import load_campaign
+from cosim.errors import CosimError
+from cosim.replay.map_file import load_map
+from cosim.scenario import load_scenario
+from cosim.scenario.toml import inline
+from cosim.texts import toml_lines
+
+SCENARIO = """\
+[flight]
+mas_t = 300.0            # 2: slip of a key
+cg_pct = 90.0            # 3: out of range
+altitude_ft = 20000.0
+cas_kt = 240.0
+
+[elevator]
+left_inner = "emma"      # 8: no technology
+
+[[faults]]
+target = "sensor.alpha"
+kind = "bias"
+start_s = -1.0           # 13: field of the model
+bias_deg = "big"         # 14: number of the catalog
+"""
+
+
+def lines(load, *args):
+    """Return the lines of the error that `load(*args)` raises."""
+    with pytest.raises(CosimError) as caught:
+        load(*args)
+    assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
+    return str(caught.value).splitlines()
+
+
+def test_a_scenario_names_every_mistake_with_its_line(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(SCENARIO)
+    found = lines(load_scenario, path, ["duration_s=-1", "seed", "elevator.feedbak=3"])
+    wanted = (
+        "--set seed: is not of the form",
+        f"{path}:2: flight.mas_t = 300.0: unknown key",
+        f"{path}:3: flight.cg_pct = 90.0: is out of range",
+        f"{path}:8: elevator.left_inner = emma: ",
+        f"{path}:13: faults.0.start_s = -1.0: ",
+        f"{path}:14: faults.0.bias_deg = big",
+        f"{path}: --set duration_s = -1: is out of range",
+        f"{path}: --set elevator.feedbak = 3: unknown key",
+    )
+    assert len(found) == len(wanted), found
+    assert all(line.startswith(start) for line, start in zip(found, wanted)), found
+
+
+def test_faults_that_exclude_each_other_are_named_beside_a_mistake_elsewhere(tmp_path):
+    jam = "[[faults]]\ntarget = 'elevator.left_inner'\nkind = 'jam_solid'\nstart_s = 1.0\n"
+    path = tmp_path / "mine.toml"
+    point = "[flight]\nmass_t = 300\ncg_pct = 30\naltitude_ft = 1e4\ncas_kt = 250\n"
+    path.write_text(f"seed = -1\n{jam}{jam}{point}")
+    assert [line.split(": ")[:2] for line in lines(load_scenario, path)] == [
+        [f"{path}:1", "seed = -1"], [f"{path}:9", "faults.1.start_s = 1.0"]
+    ]  # fmt: skip
+
+
+def test_a_file_that_is_missing_hides_no_other_mistake(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(load_scenario("cruise").expanded_toml().replace("seed = 1", "seed = -1"))
+    found = lines(load_scenario, path, ["law.file=law.py", "detectors.mine.file=mine.py"])
+    assert [("law.file" in line, "mine.py" in line, "seed" in line) for line in found] == [
+        (True, False, False), (False, True, False), (False, False, True)
+    ]  # fmt: skip
+
+
+def test_a_campaign_names_every_mistake_with_its_line(tmp_path):
+    path = tmp_path / "many.toml"
+    grid = "[grid]\n'flight.mass_t' = []\n[draw]\n'flight.cg_pct' = {low = 9}\n"
+    path.write_text(f"rnus = 2\n[set]\nseed = 3\n{grid}[keep]\nmissed = 0\n")
+    assert [line.split(": ")[0] for line in lines(load_campaign, path)] == [f"{path}:{n}" for n in (1, 9, 5, 7)]
+    path.write_text("rnus = 2\n[set]\nduration_s = -1\n[grid]\nseed = [1, 2]\n'flight.mass_t' = [200, 9000]\n")
+    found = lines(load_campaign, path)
+    assert [line.split(": ")[:2] for line in found[1:]] == [
+        [f"{path}:3", "duration_s = -1"], [f"{path}:6, run 1", "flight.mass_t = 9000"]
+    ]  # fmt: skip
+
+
+def test_a_map_names_every_mistake_with_its_line(tmp_path):
+    path = tmp_path / "map.toml"
+    path.write_text("rate_hz = 3\ntilte = 'x'\n[signals]\nalpha = { channel = 'a', unt = 'deg' }\n")
+    assert [line.split(": ")[0] for line in lines(load_map, path)] == [f"{path}:{n}" for n in (1, 2, 4)]
+
+
+KEY = st.text(min_size=1, max_size=5)
+VALUE = st.recursive(
+    st.integers(-9, 9) | st.text() | st.booleans() | st.floats(allow_nan=False),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(KEY, inner, max_size=3),
+    max_leaves=8,
+)
+
+
+def keys(value, path=()):
+    """Yield the path of every key and list entry of nested tables."""
+    if path:
+        yield path
+    for key, inner in value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ():
+        yield from keys(inner, (*path, str(key)))
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.dictionaries(KEY, VALUE, max_size=4))
+def test_every_key_of_a_file_has_a_line(table):
+    text = "\n".join(inline({key: value})[1:-1] for key, value in table.items())
+    found = toml_lines(text)
+    assert found.keys() == set(keys(tomllib.loads(text)))
+    assert [found[(key,)] for key in table] == list(range(1, len(table) + 1))
+
+
+def test_keys_below_headings_and_in_long_values_have_their_line():
+    found = toml_lines('''a = """
+[no.table]
+"""
+"b.c" = [1,
+  { d = 2, e.f = [3,
+    4] },
+]   # g = 5
+[[h.i]]
+k = 1
+[[h.i]]
+[[h.i.l]]
+m = -inf
+''')
+    assert {".".join(key): line for key, line in found.items()} == {
+        "a": 1, "b.c": 4, "b.c.0": 4, "b.c.1": 5, "b.c.1.d": 5, "b.c.1.e": 5, "b.c.1.e.f": 5, "b.c.1.e.f.0": 5,
+        "b.c.1.e.f.1": 6, "h": 8, "h.i": 8, "h.i.0": 8, "h.i.0.k": 9, "h.i.1": 10, "h.i.1.l": 11, "h.i.1.l.0": 11,
+        "h.i.1.l.0.m": 12,
+    }  # fmt: skip
