@@ -14,6 +14,7 @@ author with the user's rights.
 import math
 import tempfile
 import weakref
+import zipfile
 from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -47,6 +48,7 @@ STATE = dtype(
     ]
 )
 OUTPUTS = ("delta", "q_rod", "x3", "status")
+UNPACKED = 2 << 30  # [byte] of an FMU's files: more fills a disk from a small archive
 FATAL = 4  # status of a call, FMI 2 and 3
 STATES = {"surface": "delta", "rod": "q_rod", "pressure": "x3"}  # output -> field
 
@@ -78,6 +80,10 @@ class Slaves:
         self._folder = tempfile.TemporaryDirectory(prefix="cosim-fmu-")
         self._fmus: list[Any] = []
         try:
+            with zipfile.ZipFile(path) as held:
+                size = sum(part.file_size for part in held.infolist())
+            if size > UNPACKED:
+                raise ValueError(f"unpacks to {size / 1e6:.0f} MB, up to {UNPACKED / 1e6:.0f} MB are allowed")
             self._about = fmpy.read_model_description(str(path))
             if self._about.coSimulation is None:
                 raise ValueError("is no co-simulation FMU")

@@ -15,6 +15,13 @@ P = ParamSpec("P")
 R = TypeVar("R")
 Raised = TypeVar("Raised", bound="CosimError")
 
+LONGEST = 1000  # letters of a part of a message: a value of a megabyte is not repeated
+
+
+def shortened(text: str) -> str:
+    """Return a text of at most LONGEST letters: its beginning, and its end with what to do."""
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 300]} … {text[-297:]}"
+
 
 class CosimError(Exception):
     """Carry one message: `place` (file, key), `problem`, `allowed` (range, choices), `remedy`; each may be empty.
@@ -39,11 +46,12 @@ class CosimError(Exception):
     @property
     def line(self) -> str:
         """Return this error alone as one line, whatever a library's message holds."""
-        text = f"{self.place}: {self.problem}" if self.place else self.problem
-        if self.allowed:
-            text += f"; allowed: {self.allowed}"
-        if self.remedy:
-            text += f". {self.remedy}"
+        place, problem, allowed, remedy = map(shortened, (self.place, self.problem, self.allowed, self.remedy))
+        text = f"{place}: {problem}" if place else problem
+        if allowed:
+            text += f"; allowed: {allowed}"
+        if remedy:
+            text += f". {remedy}"
         return " ".join(text.split())
 
     def __reduce__(self):  # keyword-only arguments would be lost on the way back from a worker process

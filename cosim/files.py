@@ -26,6 +26,7 @@ LEFT = ".part"  # what follows the name of a log that is not whole yet: of a kil
 TAKEN = "is being written by another run"
 OTHER = "Choose another -o, or wait for it"
 _WAIT_S, _TRIES = 0.05, 4  # a run that only looks whether it may write holds a lock for less
+_half: set[Path] = set()  # parts of this process that are neither in their place nor gone
 _swept: set[tuple[Path, int]] = set()  # (folder, process): once is enough, a folder may hold 100 000 files
 
 # -- what may be replaced: a file that the project wrote in the same format, or any other where the user says so
@@ -125,6 +126,7 @@ class Part:
             if not stays:  # a log in a folder that is not there is a slip
                 self.path.parent.mkdir(parents=True, exist_ok=True)
             sweep(self.path.parent)
+            _half.update(() if stays else (self.place,))  # first: an interrupt may strike between any two lines
         file = _open_alone(self.place, 0 if self._itself else getattr(os, "O_NOFOLLOW", 0))
         if file is None:
             raise OutputError(TAKEN, place=str(path), remedy=OTHER)
@@ -138,6 +140,7 @@ class Part:
             if self.path.exists():
                 self.place.chmod(self.path.stat().st_mode & 0o777)
             self.place.replace(self.path)
+        _half.discard(self.place)
         self.file.close()
 
     def drop(self, *, stays: bool | None = None) -> None:
@@ -146,8 +149,16 @@ class Part:
             for each in (self.place, left_by(self.place)):  # the latter of a log that a flight could not finish here
                 with contextlib.suppress(OSError):
                     each.unlink()
+        _half.discard(self.place)
         with contextlib.suppress(OSError):  # code that flew with it may have closed it
             self.file.close()
+
+
+def interrupted() -> None:
+    """Remove what an interrupt has left half written: it may strike before anybody knows of a part."""
+    for place in _half:
+        with contextlib.suppress(OSError):
+            place.unlink()
 
 
 def left_by(path: str | os.PathLike) -> Path:

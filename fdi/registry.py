@@ -24,10 +24,11 @@ SHIPPED = {  # id -> module
     "ema_kalman_flight": "fdi.ema.ema_kalman_flight",
     "position_monitor": "fdi.monitors.position_monitor",
     "ofc_monitor": "fdi.monitors.ofc_monitor",
+    "joint": "fdi.joint.joint",
 }
 # Flies only where a scenario enables it: its state is 1,920 fields of the log, and one false alarm in 100 hours is not
 # shown
-ON_REQUEST = ("pitch_moment_glr",)
+ON_REQUEST = ("pitch_moment_glr", "joint")
 DEFAULT = tuple(name for name in SHIPPED if name not in ON_REQUEST)  # fly where a scenario names no detectors
 GUESTS: dict[str, Any] = {}  # id -> module, or an object with the same names
 _TOLD: dict[str, Detector] = {}  # id -> record of a guest whose code is not here

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from cosim import files
 from cosim.cli.output import reserve
 from cosim.errors import OutputError
 from cosim.files import Part, _swept, beside, held, replace_text, sweep
@@ -182,3 +183,18 @@ def test_a_pipe_that_nobody_reads_is_refused_and_one_that_is_read_gets_it_whole(
         assert os.read(reader, 100) == b"read"
     finally:
         os.close(reader)
+
+
+def test_an_interrupt_while_a_part_is_opened_leaves_nothing(tmp_path, monkeypatch):
+    opened = files._open_alone
+
+    def struck(*given):
+        opened(*given)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(files, "_open_alone", struck)
+    with pytest.raises(KeyboardInterrupt):
+        files.replace_text(tmp_path / "x.txt", "x")
+    assert list(tmp_path.iterdir())  # nobody has it in hand
+    files.interrupted()
+    assert not list(tmp_path.iterdir())

@@ -10,12 +10,13 @@ import shutil
 import signal
 from collections import Counter
 
-import hostile_recordings
 import pytest
+import strategies
 from commands import commands
 
 from cosim.files import left_by
 from cosim.log import open_log, recover
+from cosim.log.record_writer import _holds_chunk
 
 KILLS = int(os.environ.get("COSIM_KILLS", "100"))
 SHORT = ["-s", "duration_s=3", "-s", "faults.0.start_s=1", "-s", "detectors.enabled=['iotsekf','position_monitor']",
@@ -34,6 +35,7 @@ duration_s = 2.0
 [keep]
 late = 1
 """
+FREE = 'base = "cruise"\nruns = 6\n[set]\nduration_s = 2.0\n"detectors.enabled" = ["iotsekf"]\n'
 MINE = b"\x89MCAP0\r\n cosim-log 1 mine"  # a log that a new one may replace
 README = "mine\n<!-- compare: begin -->\nold\n<!-- compare: end -->\nmine too\n" + "x" * 50_000
 
@@ -45,9 +47,10 @@ def _sum(path):
 @pytest.fixture
 def work(tmp_path):
     """Return a folder with inputs and what each command makes of them without being killed, and the commands."""
-    hostile_recordings.write_maps(tmp_path)
-    hostile_recordings.write_whole(tmp_path / "rec.csv")
+    strategies.write_maps(tmp_path)
+    strategies.write_whole(tmp_path / "rec.csv")
     (tmp_path / "few.toml").write_text(FILE)
+    (tmp_path / "free.toml").write_text(FREE)
     (tmp_path / "README.md").write_text(README)
     with commands(tmp_path) as command:
         yield tmp_path, command
@@ -63,8 +66,17 @@ COMMANDS = {
     "compare": (["compare", "rows", "-o", "page", "--readme", "README.md"], "README.md"),
     "campaign": (["campaign", "few.toml", "--workers", "1", "-o", "campaign"], "campaign"),
     "resume": (["campaign", "few.toml", "--workers", "1", "-o", "campaign", "--resume"], "campaign"),
-}
-SHARE = {"run": 20, "report": 12, "replay": 12, "map": 12, "recover": 12, "compare": 12, "campaign": 10, "resume": 10}
+    "compact": (["compact", "small.mcap"], "small.mcap"),
+    "dataset": (["dataset", "few.toml", "--limit", "4", "--workers", "1", "-o", "data"], "data/flights.parquet"),
+    "score": (["score", "iotsekf", "--limit", "2", "--workers", "1", "--recordings", "flown", "-o", "score"],
+              "score/score.parquet"),
+    "false-alarms": (["false-alarms", "iotsekf", "--campaign", "free.toml", "--hours", "0.004", "--workers", "1",
+                      "-o", "alarms"], "alarms/false-alarms.json"),
+    "reproduce": (["reproduce", "jay", "--workers", "1", "-o", "."], "reproduce-jay.html"),
+}  # fmt: skip
+GO_ON = ("dataset", "score", "false-alarms")  # a killed one is continued by the same command
+SHARE = {"run": 12, "report": 8, "replay": 8, "map": 8, "recover": 8, "compare": 8, "campaign": 8, "resume": 8,
+         "compact": 8, "dataset": 6, "score": 6, "false-alarms": 6, "reproduce": 6}  # fmt: skip
 
 
 @pytest.mark.slow
@@ -73,16 +85,19 @@ def test_commands_killed_at_random_moments(work):
     assert command("run", "liquid-ofc", *SHORT, "-o", "flight.mcap").status == 0
     whole = (home / "flight.mcap").read_bytes()
     (home / "cut.mcap").write_bytes(whole[: len(whole) * 2 // 3])
+    (home / "small.mcap").write_bytes(whole)
     assert command("campaign", "few.toml", "--workers", "1", "-o", "rows").status == 0
     inputs = {name: _sum(home / name) for name in ("flight.mcap", "cut.mcap", "rec.csv", "map.toml", "few.toml")}
     rows = _sum(home / "rows" / "runs.parquet")
     took, new = {}, {}
     for name, (args, made) in COMMANDS.items():
         done = command(*args)
+        assert (home / made).exists(), (name, done)
         assert done.status in (0, 1), (name, done)
         took[name] = done.wall_s
         new[name] = home / made if (home / made).is_dir() else (home / made).read_bytes()
     content = open_log(home / "run.mcap").result["content"]
+    old_page = new["report"] + b"<!-- of yesterday -->"
     rng, ended, lost = random.Random(5), Counter(), Counter()
     for name in (name for name, n in SHARE.items() for _ in range(round(n * KILLS / 100))):
         args, made = COMMANDS[name]
@@ -92,7 +107,13 @@ def test_commands_killed_at_random_moments(work):
             shutil.rmtree(path, ignore_errors=True)
         elif name == "compare":
             path.write_text(README)
-        elif name != "resume":
+        elif name in GO_ON:
+            for folder in {path.parent, home / "flown"} if name == "score" else {path.parent}:
+                if rng.random() < 0.6:
+                    shutil.rmtree(folder, ignore_errors=True)
+        elif name in ("compact", "report"):
+            path.write_bytes(whole if name == "compact" else old_page)
+        elif name not in ("resume", "reproduce"):
             path.write_bytes(MINE)
         number = rng.choice((signal.SIGKILL, signal.SIGTERM))
         done = command(*args, kill=(number, rng.uniform(0.0, took[name])))
@@ -110,7 +131,12 @@ def test_commands_killed_at_random_moments(work):
                 for part in [*(path / "parts").glob("*.parquet"), path / "runs.parquet"]:
                     part.unlink()
         elif name == "run":
-            _run(path, done, content, home)
+            _run(path, done, content, home, command)
+        elif name in GO_ON:
+            assert command(*args).status == 0
+            assert path.read_bytes() == new[name], name
+        elif name in ("compact", "reproduce", "report"):
+            assert path.read_bytes() in (whole, old_page, new[name]), name
         elif name == "compare":
             assert path.read_bytes() in (README.encode(), new[name])
         else:  # as it was, or whole
@@ -118,10 +144,12 @@ def test_commands_killed_at_random_moments(work):
     print(f"\n{sum(ended.values())} kills: {dict(ended)}; temporary files left by SIGKILL: {dict(lost)}")
 
 
-def _run(path, done, content, home):
+def _run(path, done, content, home, command):
     """A killed flight: its old file and a part that comes back; an interrupted or a whole one is a log."""
     if path.read_bytes() != MINE:
         assert done.status or open_log(path).result["content"] == content
     left = left_by(path)
-    if left.exists() and left.stat().st_size > 1_000_000:
+    if left.exists() and _holds_chunk(left):
         assert recover(left, home / "out.mcap")["parameters_intact"]
+        told = command("recover", left.name, "-o", "out.mcap")
+        assert told.status == 0 and not left.exists(), told

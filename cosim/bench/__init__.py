@@ -26,7 +26,7 @@ from cosim.scenario import load_scenario
 
 ROUNDS = 15
 SAMPLE_TICKS = 2000  # of inputs recorded for the detectors
-MEMORY_FLIGHT_S = 600
+MEMORY_FLIGHT_S, SHORT_S = 600, 10
 LONG = "long.mcap"  # the flight of that length
 
 
@@ -35,8 +35,9 @@ def bench(
 ) -> dict[str, Any]:
     """Return {cases: [{name, us_per_tick, against, ratio, spread}], realtime_factor, detectors, startup_s, peak_mb}.
 
-    `recorded` are the costs of the ten-minute log (cosim.bench.log), `worker_mb` the memory of a campaign's worker.
-    `memory=False` leaves out that flight and the worker's (None). `progress(done, total)` is called between the parts.
+    `per_flown_second` {log_kb, memory_kb} are what a log and the memory of `run` grow by. `recorded` are the costs
+    of the ten-minute log (cosim.bench.log), `worker_mb` the memory of a campaign's worker. `memory=False` leaves out
+    that flight and the worker's (None). `progress(done, total)` is called between the parts.
     """
     done = progress or (lambda done, total: None)
     total = rounds + 4
@@ -47,7 +48,13 @@ def bench(
         done(rounds + 1, total)
         startup = _startup(folder)
         done(rounds + 2, total)
-        peak = _peak_mb(folder) if memory else None
+        peak = _peak_mb(folder, MEMORY_FLIGHT_S) if memory else None
+        short = _peak_mb(folder, SHORT_S, "short.mcap") if memory else None
+        log = Path(folder) / LONG
+        per_second = {
+            "log_kb": log.stat().st_size / 1e3 / MEMORY_FLIGHT_S if log.exists() else None,
+            "memory_kb": (peak - short) * 1e3 / (MEMORY_FLIGHT_S - SHORT_S) if peak and short else None,
+        }
         recorded = log_costs(Path(folder) / LONG) if memory else None
         done(rounds + 3, total)
         worker = worker_mb() if memory else None
@@ -60,6 +67,7 @@ def bench(
         "startup_s": startup["run_s"],
         "startup": startup,
         "peak_mb": peak,
+        "per_flown_second": per_second,
         "worker_mb": worker,
         "recorded": recorded,
         "memory_flight_s": MEMORY_FLIGHT_S,
@@ -198,17 +206,17 @@ print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
 """
 
 
-def _peak_mb(folder):
-    """Return the peak resident memory [MB] of a process that flies and logs ten minutes with every detector."""
+def _peak_mb(folder, duration_s, name=LONG):
+    """Return the peak resident memory [MB] of a process that flies and logs so long with every detector."""
     if sys.platform == "win32":
         return None
-    log = str(Path(folder) / LONG)
-    args = _command("run", "cruise", "--json", "--set", f"duration_s={MEMORY_FLIGHT_S}", "-o", log)
+    log = str(Path(folder) / name)
+    args = _command("run", "cruise", "--json", "--set", f"duration_s={duration_s}", "-o", log)
     call, env = [*subprocess_env.command(_PEAK), *args], subprocess_env.surroundings()
     told = subprocess.run(call, env=env, stdout=subprocess.PIPE, check=True, text=True).stdout
     outcome, peak = told.splitlines()
     if json.loads(outcome)["status"] != "completed":
-        raise RuntimeError("the ten-minute flight did not complete")
+        raise RuntimeError(f"the flight of {duration_s} s did not complete")
     return int(peak) * (1 if sys.platform == "darwin" else 1024) / 1e6
 
 

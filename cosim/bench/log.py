@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from cosim.judge.column_store import SPAN
 from cosim.log import open_log
-from cosim.replay import SPAN, replay
+from cosim.replay import replay
 from cosim.replay.detector_replay import describe, fill, pieces, replay_lane
 
 ROUNDS = 3  # the best counts

@@ -56,7 +56,9 @@ def inventory() -> dict[str, Any]:
             for name, (text, unit) in meanings(group).items()
         ],
         "examples": [{"name": name, "summary": text} for name, text in examples().items()],
-        "detectors": [{"id": r.id, "level": r.level, "summary": r.summary} for r in records().values()],
+        "detectors": [
+            {"id": r.id, "level": r.level, "summary": r.summary, "range": _range(r)} for r in records().values()
+        ],
     }
 
 
@@ -93,4 +95,11 @@ def _fault(place, target, name, kind):
         )
     only = list(kind.technologies) if set(kind.technologies) != set(c.TECHNOLOGIES) else []
     about = {"place": place, "target": target, "kind": name, "summary": kind.summary}
-    return {**about, "one_of": one_of, "keys": keys, "at": list(kind.at), "only": only}
+    shapes = list(c.SHAPES) if name in c.OSCILLATIONS else []
+    return {**about, "one_of": one_of, "keys": keys, "at": list(kind.at), "shape": shapes, "only": only}
+
+
+def _range(record: Any) -> str:
+    """Return where a detector may judge, in SI, "" for everywhere."""
+    unit = {word: signal.unit.replace("-", "") for word, signal in vocabulary.words().items()}
+    return "; ".join(f"{w} {low:.4g} to {high:.4g} {unit[w]}".strip() for w, (low, high) in record.range.items())

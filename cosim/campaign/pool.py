@@ -134,9 +134,14 @@ def pool(workers: int | None) -> Iterator[cf.Executor]:
             yield thread
         return
     workers = cores() if workers is None else workers
+    try:
+        made = cf.ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_start)
+    except OSError as error:  # of a semaphore, which needs shared memory
+        said = f"the system gives no locks between processes (in /dev/shm on Linux): {error.strerror}"
+        remedy = "Mount /dev/shm, or fly in one process (workers=0)"
+        raise CampaignError(said, place="campaign", remedy=remedy) from None
     before = {name: os.environ.get(name) for name in START}
     os.environ.update(START)
-    made = cf.ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_start)
     try:
         yield made
     except BaseException:

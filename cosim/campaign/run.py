@@ -9,6 +9,7 @@ On several machines every worker needs the same version of this package and of i
 when the code is. Rows go through the machine that flies the campaign; nothing is written by a worker.
 """
 
+import logging
 import math
 import os
 from collections.abc import Callable, Iterable, Iterator
@@ -87,6 +88,8 @@ def cluster(address: str) -> Iterator[tuple]:
         remedy = "Start one: `dask scheduler` and `dask worker tcp://127.0.0.1:8786 --nworkers auto --nthreads 1`"
         said = f"no scheduler answers there: {error}" if str(error) else "no scheduler answers there"
         raise CampaignError(said, place=f"--scheduler {address}", remedy=remedy) from None
+    for name in [n for n in logging.root.manager.loggerDict if n.startswith(("distributed", "tornado", "asyncio"))]:
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)  # they print tracebacks of every worker that goes
     with client:
         try:
             client.wait_for_workers(1, timeout=CONNECT_S)

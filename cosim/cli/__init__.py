@@ -31,6 +31,8 @@ def main() -> None:
             _leave(end.code)
             raise
     except KeyboardInterrupt:
+        if "cosim.files" in sys.modules:
+            sys.modules["cosim.files"].interrupted()
         sys.exit(130)
     except ImportError as error:
         if not any(word in str(error) for word in ("failed to map segment", "annot allocate memory")):

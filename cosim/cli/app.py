@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.markup import escape
 from typer.core import TyperGroup
 
-from cosim.errors import CosimError
+from cosim.errors import CosimError, shortened
 from cosim.files import marked, replace_text
 
 for _width in ("COLUMNS", "TERMINAL_WIDTH"):  # rich's and typer's; 0 would print nothing, 10^20 for ever
@@ -142,9 +142,8 @@ def _say(text):
 
 
 def _line(text):
-    """Return a message as one line of at most LONGEST letters: its beginning, and its end with what to do."""
-    text = text.replace("\r", r"\r").replace("\n", r"\n")
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 300]} … {text[-297:]}"
+    """Return a message as one line, which is not too long."""
+    return shortened(text.replace("\r", r"\r").replace("\n", r"\n"))
 
 
 app = typer.Typer(
@@ -173,7 +172,6 @@ PortOption = Annotated[
     typer.Option("--port", metavar="PORT", min=0, max=65535, help="With --live: default 8765, 0 takes a free one."),
 ]
 LogArg = Annotated[Path, typer.Argument(metavar="LOG", help="A log of [b]cosim run[/].", show_default=False)]
-LONGEST = 1000  # letters of a message: a value of a megabyte is not repeated
 LAYOUT = marked(b"{", b'"content"', b'"type": "tabs"')  # the sign of our layouts
 MOST = 20  # mistakes of one file that are told before the last
 LIVE_PORT = 8765  # that Foxglove asks for by default

@@ -65,6 +65,9 @@ def _numbers(found):
     for name, what in (("peak_mb", "peak memory [MB]"), ("worker_mb", "memory of a worker [MB]")):
         if found.get(name):
             out[what] = found[name]
+    for name, value in (found.get("per_flown_second") or {}).items():
+        if value:
+            out[f"{name.removesuffix('_kb')} per flown second [kB]"] = value
     for name in ("open_s", "frames_s", "topic_s", "parquet_s", "replay_s", "replay_cpu_s"):
         if name in (found.get("recorded") or {}):
             out[f"log: {name.removesuffix('_s')} [s]"] = found["recorded"][name]
@@ -92,6 +95,8 @@ def shown(found: dict[str, Any]) -> Group:
         f"report; help {start['help_cpu_s']:.2f} s",
         f"peak memory    {number(found['peak_mb'])} MB in a flight of {minutes:.0f} minutes; a campaign's "
         f"worker {number(found['worker_mb'])} MB",
+        f"a flown second {number(found['per_flown_second']['log_kb'])} kB of log, "
+        f"{number(found['per_flown_second']['memory_kb'])} kB of memory",
     ]
     if recorded:
         r = recorded

@@ -200,11 +200,17 @@ def compare(
     workers: WorkersOption = None,
     readme: ReadmeOption = None,
     detector: DetectorOption = None,
+    fault_rate: Annotated[
+        list[float] | None,
+        typer.Option("--fault-rate", metavar="PER_HOUR", help="What an alarm is worth at so many faults per flight "
+                     "hour.", show_default=False),
+    ] = None,
     json_: JsonOption = False,
 ) -> None:
     """Compare aircraft-level and local detectors on the same flights: who sees what, how soon, at what cost."""
     from cosim.cli.compare import compare as table
     from cosim.compare import compare as work
+    from cosim.judge.result import plain
     from cosim.report import write_comparison
     from cosim.report.compare_page import SIGNS
 
@@ -225,7 +231,7 @@ def compare(
     _left_out(made.damaged, "`cosim campaign --resume` flies their runs again")
     if readme:
         write(made, readme)
-    found = made.to_dict()
+    found = made.to_dict() | {"predictive": plain(made.predictive(fault_rate or ()))}
     answer(json_, found, table)
 
 

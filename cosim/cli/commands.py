@@ -235,7 +235,10 @@ def linearize(
 
 
 # the commands of these modules, in the order in which `cosim -h` shows them
-PARTS = ("bench", "replay", "envelope", "study", "campaigns", "score", "false_alarms", "guests", "identify", "aircraft")
+PARTS = (
+    "bench", "replay", "envelope", "study", "campaigns", "score", "false_alarms", "margins", "guests", "identify",
+    "aircraft",
+)  # fmt: skip
 for part in PARTS:
     importlib.import_module(f"cosim.cli.{part}")
 

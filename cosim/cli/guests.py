@@ -55,17 +55,23 @@ def map_(
     aircraft: Annotated[
         str | None, typer.Option("--aircraft", metavar="NAME", help="Whose detectors judge.", show_default=False)
     ] = None,
+    columns: Annotated[
+        str | None,
+        typer.Option(metavar="A,B,...", help="Names of a file without any, or a file with them.", show_default=False),
+    ] = None,
     output: Annotated[Path | None, output_option("MAP.toml", "Default: print it.")] = None,
     overwrite: OverwriteOption = False,
     json_: JsonOption = False,
 ) -> None:
     """Draft a map for a recording by its columns' names and ranges; check signs and units before you believe it."""
     from cosim.files import replace_text
+    from cosim.replay.foreign import columns_of
     from cosim.replay.map_draft import draft
 
+    names = columns_of(columns) if columns and Path(columns).is_file() else (columns or "").split(",")
     if output:
         reserve(output, edited, taken={"the recording": [recording]}, endings=(".toml",))
-    text = draft(recording, time=time, aircraft=aircraft)
+    text = draft(recording, time=time, aircraft=aircraft, columns=[n.strip() for n in names if n.strip()])
     if output:
         replace_text(output, text, edited)
     if json_:

@@ -38,7 +38,9 @@ LISTS = {  # topic -> title, columns of its table
     "scenarios": ("Scenarios: cosim run NAME", ("name", "what happens:title")),
     "campaigns": ("Campaigns: cosim campaign NAME", ("name", "what is flown:title")),
     "manoeuvres": ("Manoeuvres: --set manoeuvre.kind=KIND", ("kind", "what it does:summary", "keys")),
-    "detectors": ("Detectors: --set 'detectors.enabled=[...]'", ("id", "level", "what it is:summary")),
+    "detectors": (
+        "Detectors: --set 'detectors.enabled=[...]'", ("id", "level", "what it is:summary", "judges in:range")
+    ),
     "classes": ("Classes that a verdict may name", ("class:name", "what is wrong:summary")),
     "signals": ("Signals that a detector may read", ("signal:name", "unit", "what it is:summary")),
     "examples": ("Examples: cosim example NAME copies one here", ("name", "what it does:summary")),
@@ -92,9 +94,9 @@ def _faults_on(target, rows):
     f = Table(f"Faults on {target}", "kind", "what it does", "keys")
     for r in rows:
         keys = " | ".join(r["one_of"]) + "".join(f", {k}" for k in r["keys"])
-        at = f"at = {' | '.join(r['at'])}" if r["at"] else ""
+        own = [f"{key} = {' | '.join(r[key])}" for key in ("at", "shape") if r[key]]
         only = f" ({' and '.join(r['only'])} only)" if r["only"] else ""
-        f.add(r["kind"], r["summary"] + only, "; ".join(x for x in (keys, at) if x))
+        f.add(r["kind"], r["summary"] + only, "; ".join(x for x in (keys, *own) if x))
     return f
 
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import pandas as pd
 
-from cosim.compare import bound, figures, side_by_side, tables
+from cosim.compare import bound, figures, metrics, side_by_side, tables
 from cosim.compare import rows as compare_rows
 from cosim.compare import stats as compare_stats
 from cosim.errors import CosimError, told_at_call
@@ -61,6 +61,29 @@ class Comparison:
         """Return how large an oscillation must be for each level (cosim.compare.stats.sizes)."""
         return compare_stats.sizes(compare_stats.by_group(self.rows, self.detectors))
 
+    @cached_property
+    def levels(self) -> list[dict]:
+        """Return which level saw how many faults of each kind (cosim.compare.stats.by_level)."""
+        return compare_stats.by_level(self.rows, self.detectors)
+
+    def predictive(self, fault_rates: Sequence[float]) -> list[dict]:
+        """Return {id, fault_rate, value, low, high}: the share of a detector's alarms behind which there is a fault,
+        where such faults come `fault_rates` times per flight hour (cosim.compare.metrics.predictive_value). Without
+        bounds, nan, where no fault is one that it was designed for or no hour shows false alarms.
+
+        Raises CompareError for a rate that is none.
+        """
+        for rate in fault_rates:
+            if not 0.0 < rate <= 1000.0:
+                raise CompareError(f"{rate:g} faults per flight hour", place="--fault-rate",
+                                   allowed="above 0, at most 1000")  # fmt: skip
+        out = []
+        for d, rate in ((d, rate) for d in self.detectors for rate in fault_rates):
+            about = d["detected"], d["designed"], d["false_alarms"], d["hours"], rate
+            found = metrics.predictive_value(*about) if d["hours"] > 0.0 else metrics.UNKNOWN
+            out.append({"id": d["id"], "fault_rate": rate, **found._asdict()})
+        return out
+
     def roc(self, detectors: Sequence[str] = ()) -> pd.DataFrame:
         """Return the operating points of `detectors` (default: all), a row per threshold, with exact 95 % intervals
         (cosim.compare.figures.roc). Raises CosimError without fault-free flights or faults."""
@@ -84,8 +107,9 @@ class Comparison:
             "table": str(self.table) if self.table else None,
             "runs": self.runs,
         }
-        told = {"detectors": self.detectors, "families": self.families, "sizes": [] if self.two else self.sizes}
-        return plain({**about, "failed": self.failed, "source": self.source, "pairs": list(self.pairs), **told})
+        told = {"detectors": self.detectors, "families": self.families, "levels": [] if self.two else self.levels}
+        told |= {"sizes": [] if self.two else self.sizes, "pairs": list(self.pairs)}
+        return plain({**about, "failed": self.failed, "source": self.source, **told})
 
 
 @told_at_call

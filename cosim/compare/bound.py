@@ -80,8 +80,8 @@ def _of(scenario: Scenario, fault: int, name: str) -> tuple[float | None, float]
     seconds = min(f.end_s or math.inf, scenario.duration_s) - f.start_s
     hz, segments = (f.model_extra or {})["frequency_hz"], f.parsed.names
     technology = [scenario.elevator.technology[s] for s in segments]
-    if seconds <= 0.0:
-        return None, 0.0
+    if seconds <= 0.0 or f.shape not in (None, "sine"):  # of another shape its harmonics tell, too
+        return None, max(seconds, 0.0)
     own = scenario.aircraft.own(technology[0])
     mm = 1e-3 / TECHNOLOGIES[technology[0]].design(own).arm  # surface angle per mm of rod [rad]
     if name == "monitors":

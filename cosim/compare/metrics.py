@@ -4,6 +4,7 @@
 |---|---|---|
 | how late | `delays` | order statistics; a missed fault counts as endless, it is not dropped |
 | how often | `proportion`, `rate` | exact: binomial (Clopper and Pearson), Poisson (Garwood) |
+| what an alarm is worth | `predictive_value` | Bayes' rule on both, each with half of the error |
 | at which threshold | `roc`, `threshold` | run-level maxima |
 
 Confidence is 0.95 unless said otherwise. Nothing here knows a scenario or reads a file.
@@ -54,6 +55,26 @@ def rate(k: int, hours: float, confidence: float = 0.95) -> Share:
     a = (1.0 - confidence) / 2.0
     low, high = (stats.gamma.ppf(q, shape) if shape else 0.0 for q, shape in ((a, k), (1.0 - a, k + 1)))
     return Share(k / hours, float(low) / hours, float(high) / hours)
+
+
+def predictive_value(
+    seen: int, faults: int, false_alarms: int, hours: float, fault_rate: float, confidence: float = 0.95
+) -> Share:
+    """Return the Share of alarms behind which there is a fault: rate seen / (rate seen + false alarms per hour).
+
+    `seen` of `faults` were detected, `false_alarms` counted in `hours`; `fault_rate` is that of such faults per flight
+    hour. The interval takes the exact ones of both, each at half of 1 - confidence, so that it holds at least that
+    often (Bonferroni). UNKNOWN without faults. Raises ValueError without hours.
+    """
+    if faults == 0:
+        return UNKNOWN
+    half = 0.5 * (1.0 + confidence)
+    p, f = proportion(seen, faults, half), rate(false_alarms, hours, half)
+
+    def value(true, false):
+        return fault_rate * true / (fault_rate * true + false) if true or false else math.nan
+
+    return Share(value(p.value, f.value), value(p.low, f.high), value(p.high, f.low))
 
 
 class Delays(NamedTuple):

@@ -88,7 +88,7 @@ def tidy(frame: pd.DataFrame, tomls: Mapping[str, str], place: str = "") -> pd.D
     return echoes(pd.DataFrame(out).astype({"concerned": bool, "detected": bool, "not_valid": bool}))
 
 
-LEVELS = ("local", "aircraft")
+LEVELS = ("local", "aircraft", "both")
 NEVER_BELOW_0 = ("false_alarms", "standing_s", "exposed_s", *NUMBERS, *ACHIEVED)
 
 

@@ -9,7 +9,7 @@ import pandas as pd
 from cosim.compare import metrics, pod
 from cosim.compare.rows import FAMILIES
 from cosim.judge.coverage import BLIND, DESIGNED, MAY, UNDECLARED, group
-from cosim.judge.naming import LEVELS, RIGHT, WRONG
+from cosim.judge.naming import AXIS, CHANNEL, LEVELS, RIGHT, WRONG
 from fdi.common.record import GROUPS
 from fdi.registry import SHIPPED
 
@@ -247,6 +247,36 @@ def _of_group(name, own, credible):
         "delay_s": first.get("delay_s", math.nan),
         "first": first.get("id"),
     }
+
+
+def by_level(rows: pd.DataFrame, stats: list[dict]) -> list[dict]:
+    """Return {family, faults, local, aircraft, both, nobody, joint, right, coarse, wrong} of each kind of fault.
+
+    How many faults credible detectors of the local level alone saw, of the aircraft's alone, of both, none; of
+    detectors that read both levels how many one saw, gave the place of at the finest level that it names, at a coarser
+    one or as a set or not, and wrongly.
+    """
+    seen = rows[rows["case"].notna() & rows["concerned"] & rows["id"].isin([d["id"] for d in stats if d["credible"]])]
+    out = []
+    for name in (f for f in FAMILIES if (seen["family"] == f).any()):
+        words = "faults", "local", "aircraft", "both", "nobody", "joint", "right", "coarse", "wrong"
+        found: dict[str, int] = dict.fromkeys(words, 0)
+        for _, own in seen[seen["family"] == name].groupby(["run", "fault"]):
+            local, aircraft, joint = (
+                any(r["detected"] and _could(r) for r in own[own["level"] == word].to_dict("records"))
+                for word in ("local", "aircraft", "both")
+            )
+            found["faults"] += 1
+            found["both" if local and aircraft else "local" if local else "aircraft" if aircraft else "nobody"] += 1
+            if joint:
+                r = own[(own["level"] == "both") & own["detected"]].iloc[0]
+                # detectors that a joint one reads seldom tell which engine it is
+                fine = r["place_level"] == CHANNEL or (r["place_level"] == AXIS and r["case"] == "engine")
+                right = r["place_given"] == RIGHT and fine
+                found["joint"] += 1
+                found["wrong" if r["place_given"] == WRONG else "right" if right else "coarse"] += 1
+        out.append({"family": name, **found})
+    return out
 
 
 def bands(hz: pd.Series) -> pd.Series:

@@ -253,6 +253,31 @@ def scored_families(each: Sequence[dict]) -> Table:
     return families(found, "family")
 
 
+def by_level(found: Iterable[dict]) -> Table:
+    """Return the Table *fault by level* of `cosim.compare.stats.by_level`."""
+    columns = (
+        Column("kind of fault", lambda d: Cell(d["family"], "bold"), right=False), Column("faults"),
+        Column("local only", "local", doc="only detectors of one actuator alarmed"),
+        Column("aircraft only", "aircraft", doc="only detectors of the whole aircraft alarmed"),
+        Column("both"), Column("nobody"), Column("joint", doc="the joint verdict alarmed"),
+        Column("its place right", "right", doc="valve, command, surface or sensor of the segment, sensor, engine"),
+        Column("coarser", "coarse", doc="segment, side or a set that holds it, or no place"),
+        Column("wrong", lambda d: Cell(d["wrong"], "bad" if d["wrong"] else "muted")),
+    )  # fmt: skip
+    return of(columns, found)
+
+
+def predictive(found: Iterable[dict]) -> Table:
+    """Return the Table of predictive values, from `cosim.compare.Comparison.predictive`."""
+    columns = (
+        NAME, Column("fault rate", lambda d: number(d["fault_rate"]), "per flight h"),
+        Column("of its alarms true", lambda d: share(d["value"]), doc="behind so many alarms there is a fault"),
+        Column("at least", lambda d: share(d["low"]), doc="95 %"), Column("at most", lambda d: share(d["high"])),
+    )  # fmt: skip
+    return of(columns, found, keys=2, title="What an alarm is worth", caption="Faults in the mix of kinds and sizes of "
+              "these flights, those it was designed for; a first alarm of each fault, every false one.")  # fmt: skip
+
+
 def _level(x: float | None) -> str:
     """Return a rate or level, a word for what is endless."""
     return "no level" if x is not None and x > 1e99 else number(x)

@@ -3,12 +3,14 @@
 import functools
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from cosim.flight.loop.schedule import Tape
 from cosim.flight.tick import Loop, order
+from cosim.judge.column_store import SPAN, ColumnStore
 
 CHECK_EVERY = 10  # ticks between looks at the flight's health: 50 ms
 PROGRESS_EVERY = 200
@@ -68,20 +70,28 @@ def record(setup: Any, names: Sequence[Any]) -> tuple[np.ndarray, str, str]:
 def fly(setup: Any, *logs: Any, progress: Any = None, keep: Any = None, pause: Any = None) -> tuple:
     """Run every tick of a built flight; return (trace of the ticks flown, status, reason).
 
-    `logs` take the bus of each tick (cosim/flight/tick.py); `keep` says what of it becomes the trace, (positions,
-    dtype), by default what the judgement needs. `pause` is (tick, call): `call(tick)` before that one is flown.
+    `logs` take the bus of each tick (cosim/flight/tick.py). The trace is what the judgement needs, a ColumnStore, so
+    that memory does not grow with the flight, or with `keep` (positions, dtype) an array (ticks, positions). `pause` is
+    (tick, call): `call(tick)` before that one is flown.
     """
     loop, n = setup.loop, setup.ticks
     index, kind = keep or (setup.trace.index, np.float32)
-    trace = np.empty((n, len(index)), kind)  # pages are taken as the flight goes on
+    rows = np.empty((n if keep else min(n, SPAN), len(index)), kind)  # pages are taken as the flight goes on
     tape = Tape(loop.v, loop.dt, free=setup.foreign)
-    order(loop, tape, *logs, keep=(index, trace))
-    stop, call = pause or (n, None)
-    flown, status, reason = onwards(loop, tape, range(stop), progress, n)
-    if not status and call:
+    order(loop, tape, *logs, keep=(index, rows))
+    trace, (stop, call) = ColumnStore(kind), pause or (n, None)
+    flown, status, reason = 0, "", ""
+    for a, b in pairwise(sorted({*range(0, n, len(rows)), stop, n})):
+        if call and a == stop:
+            call(stop)
+        flown, status, reason = onwards(loop, tape, range(a, b), progress, n)
+        if not keep:
+            trace.append(rows[a % SPAN :][: flown - a])
+        if status:
+            break
+    if call and stop == n and not status:
         call(stop)
-        flown, status, reason = onwards(loop, tape, range(stop, n), progress, n)
-    return trace[:flown], status or "completed", reason
+    return rows[:flown] if keep else trace, status or "completed", reason
 
 
 def onwards(loop: Loop, tape: Tape, ticks: range, progress: Any = None, n: int = 0) -> tuple[int, str, str]:

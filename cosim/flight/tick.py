@@ -21,7 +21,7 @@ def order(s: "Loop", tape: Tape, *logs: Any, keep: Any = None) -> None:
     """Tell `tape` what a tick of the loop `s` does from t_k to t_k+1.
 
     Each of `logs` takes the bus as it stands at t_k: a call `log(v)`, or a log that tells the tape itself. `keep` is
-    (positions, rows): the rows, one per tick, take what stands there when the actuators have moved.
+    (positions, rows): row k % len(rows) takes what stands there when the actuators have moved.
     """
     s.plant.tell(tape, s.bus.index("truth.aircraft.alpha"))  # 1. the aircraft's truth at t_k
     tape.clock(s.bus.index("clock.clock.t"))

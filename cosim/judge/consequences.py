@@ -5,7 +5,7 @@ at the onset. The flight itself is measured, not its difference from one without
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,30 +23,26 @@ NAMES = (
 
 
 def consequences(
-    motion: Mapping[str, NDArray], hinge: NDArray, onset: int, dt: float, cas: tuple[float, float]
+    motion: Mapping[str, NDArray], hinge: Iterable[NDArray], onset: int, dt: float, cas: tuple[float, float]
 ) -> dict[str, float] | None:
     """Return {name of NAMES: value} from tick `onset` on; None when the flight ended before it.
 
-    `motion` has the fields of MOTION over all ticks (ticks,), SI, n_z in g; `hinge` the moments of the elevator
-    segments (ticks, segments) [N m]; `cas` the lowest and the highest speed of the envelope [m/s]; `dt` [s].
+    `motion` has the fields of MOTION over all ticks (ticks,), SI, n_z in g; `hinge` gives the moments of each elevator
+    segment (ticks,) [N m]; `cas` the lowest and the highest speed of the envelope [m/s]; `dt` [s].
     altitude_lost_m, bank_deg, speed_lost_kt and speed_gained_kt are largest excursions from the onset, not below zero.
     """
-    late = {name: np.asarray(motion[name][onset:], float) for name in MOTION}
+    late = {name: motion[name][onset:] for name in MOTION}
     if not len(late["nz"]):
         return None
-    h, speed, nz, alpha = late["h"], late["cas"], late["nz"], late["alpha"]
-    outside = (
-        (nz < LOAD_FACTOR[0])
-        | (nz > LOAD_FACTOR[1])
-        | (np.abs(late["phi"]) > BANK)
-        | (alpha < ALPHA[0])
-        | (alpha > ALPHA[1])
-        | (speed < cas[0])
-        | (speed > cas[1])
-    )
+    least, most, begin = ({n: float(call(v)) for n, v in late.items()} for call in (np.min, np.max, lambda v: v[0]))
+    bounds = {"nz": LOAD_FACTOR, "phi": (-BANK, BANK), "alpha": ALPHA, "cas": cas}
+    outside = np.zeros(len(late["nz"]), bool)
+    for name, (low, high) in bounds.items():
+        outside |= (late[name] < np.float64(low)) | (late[name] > np.float64(high))
+    phi = max(most["phi"] - begin["phi"], begin["phi"] - least["phi"])
     values = (
-        *(nz.min(), nz.max(), h[0] - h.min(), math.degrees(np.abs(late["phi"] - late["phi"][0]).max())),
-        *((speed[0] - speed.min()) / M_S_PER_KT, (speed.max() - speed[0]) / M_S_PER_KT),
-        *(np.abs(hinge[onset:]).max(), outside.sum() * dt),
+        *(least["nz"], most["nz"], begin["h"] - least["h"], math.degrees(phi)),
+        *((begin["cas"] - least["cas"]) / M_S_PER_KT, (most["cas"] - begin["cas"]) / M_S_PER_KT),
+        *(max(np.abs(moment[onset:]).max() for moment in hinge), outside.sum() * dt),
     )
     return {name: float(value) for name, value in zip(NAMES, values)}

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from cosim.scenario import Scenario
-from cosim.scenario.catalog import ACTUATOR_SENSORS
+from cosim.scenario.catalog import ACTUATOR_SENSORS, LOOP_SENSOR
 from fdi import registry
 from fdi.common.verdict import NAMES
 
@@ -81,6 +81,25 @@ def true_classes(case: str, kind: str = "") -> tuple[str, ...]:
     if group in ("aileron", "rudder", "stabiliser"):
         return {"jam": ("jam_solid",), "runaway": ("runaway",)}.get(kind, ("jam_solid", "runaway"))
     return TRUE.get(what, (what,) if what in NAMES else ("effectiveness",) if rest else ())
+
+
+MECHANICAL = ("jam_solid", "jam", "free_float", "friction", "backlash")  # from the rod to the surface
+
+
+def inside(case: str) -> str:
+    """Return what is wrong inside an elevator's actuator: "valve" (with its oil, "drive" if electromechanical),
+    "command", "surface" (all that is mechanical) or "<name>_sensor"; "" for a case of another part."""
+    technology, _, rest = case.partition(".")
+    kind, _, at = rest.partition("@")
+    if not rest or technology in ("sensor", "simple"):
+        return ""
+    if at == "command":
+        return at
+    if at == "sensor" or kind == "jam_liquid":
+        return f"{LOOP_SENSOR[technology]}_sensor" if technology in LOOP_SENSOR else ""
+    if kind in ACTUATOR_SENSORS:
+        return f"{kind}_sensor"
+    return "surface" if kind in MECHANICAL else "drive" if technology == "ema" else "valve"
 
 
 def true_class(case: str) -> str:

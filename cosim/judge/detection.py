@@ -25,7 +25,7 @@ class Watch:
     """One detector lane as the judgement sees it: names, and where its outputs stand in the trace's columns."""
 
     id: str
-    level: str  # "local" or "aircraft"
+    level: str  # "local", "aircraft" or "both"
     target: str  # "elevator.left_inner" or "aircraft"
     culprits: tuple  # names of the parts that it can blame, first is ""
     alarm: int
@@ -37,9 +37,12 @@ class Watch:
     valid: int | None = None  # None: always
     why: int | None = None  # reason of fdi/common/why.py
     alarms: tuple = ()  # ((culprit, column), ...) of a lane with an alarm for each part
+    second: int | None = None  # of a lane that names two parts at once: the other one, 0 for none
+    verdict_2: int | None = None  # and its class
 
 
-OUTPUTS = ("alarm", "verdict", "culprit", "r", "valid", "why")  # of a detector, as far as it has them
+# of a detector, as far as it has them
+OUTPUTS = ("alarm", "verdict", "culprit", "r", "valid", "why", "second", "verdict_2")
 
 
 def columns(culprits: tuple, outputs: Sequence[str]) -> list[str]:
@@ -68,11 +71,11 @@ class Said:
             return None
         i = self.part[k]
         part = self.parts[int(i)] if 0 <= i < len(self.parts) else ""
-        target = watch.target if not part else part if watch.level == "aircraft" else f"{watch.target}.{part}"
+        target = watch.target if not part else part if watch.level != "local" else f"{watch.target}.{part}"
         return {"class": code.class_name(self.verdict[k]), "target": target}
 
 
-def said(watch: Watch, trace: NDArray, fault: Mapping | None = None, others: Sequence[Mapping] = ()) -> Said:
+def said(watch: Watch, trace: Any, fault: Mapping | None = None, others: Sequence[Mapping] = ()) -> Said:
     """Return what a lane says of `fault`; `trace` is (ticks, columns).
 
     Where the lane has an alarm for each part, it blames those of the fault's parts whose alarms are up, and every other
@@ -81,24 +84,57 @@ def said(watch: Watch, trace: NDArray, fault: Mapping | None = None, others: Seq
     """
     alarm, verdict, part = (trace[:, c] for c in (watch.alarm, watch.verdict, watch.culprit))
     own = dict(watch.alarms)
+    if fault is not None and watch.second is not None:
+        return _two(watch, trace, fault, others)
     if not own or fault is None:
         return Said(alarm > 0.5, verdict, part, watch.culprits)
-    up = np.stack([trace[:, c] > 0.5 for c in own.values()])
-    patterns, which = np.unique(up, axis=1, return_inverse=True)
+    up = [trace[:, c] > 0.5 for c in own.values()]
+    patterns, which = _distinct(up)
     mine = members_of(own, fault, watch.level)
     theirs = {c for f in others for c in members_of(own, f, watch.level)} - set(mine)
     blamed = [BOTH.join(c for c, there in zip(own, pattern) if there and c not in theirs) for pattern in patterns.T]
-    met = np.array([bool(set(mine) & set(names.split(BOTH))) for names in blamed])[which.ravel()]
+    met = np.array([bool(set(mine) & set(names.split(BOTH))) for names in blamed])[which]
     first = np.isin(part, [watch.culprits.index(c) for c in mine])
     kind = {"sensor": code.SENSOR, "engine": code.THRUST}.get(fault["targets"][0].split(".")[0], code.AMBIGUOUS)
     verdict = np.where(met & ~first, kind, verdict)
-    some = np.array([bool(names) for names in blamed])[which.ravel()]
-    part = np.where(some, len(watch.culprits) + which.ravel(), part)
-    return Said(some | ((alarm > 0.5) & ~up.any(axis=0)), verdict, part, (*watch.culprits, *blamed))
+    some = np.array([bool(names) for names in blamed])[which]
+    part = np.where(some, len(watch.culprits) + which, part)
+    return Said(some | ((alarm > 0.5) & ~np.any(up, axis=0)), verdict, part, (*watch.culprits, *blamed))
+
+
+def _distinct(rows):
+    """Return (the different columns of `rows` (rows, n), index of that of each (n,)), as np.unique does; memory is that
+    of the changes, which are few."""
+    new = np.zeros(len(rows[0]), bool)
+    new[:1] = True
+    for row in rows:
+        new[1:] |= row[1:] != row[:-1]
+    at = np.flatnonzero(new)
+    different, which = np.unique(np.stack([row[at] for row in rows]), axis=1, return_inverse=True)
+    return different, np.repeat(which.ravel().astype(np.int32), np.diff(np.append(at, len(new))))
+
+
+def _two(watch, trace, fault, others):
+    """Return what a lane that names one part or two says of `fault`: of these, without the parts of the `others`.
+
+    The class is that of the name which is left; with both left, or none, that of the first.
+    """
+    columns = watch.verdict, watch.culprit, watch.verdict_2, watch.second
+    told, which = np.unique(np.stack([trace[:, c] for c in columns]), axis=1, return_inverse=True)
+    parts, verdicts = [], []
+    for first, i, other, j in told.T:
+        names = {watch.culprits[int(k)]: c for k, c in ((i, first), (j, other)) if 0 < k < len(watch.culprits)}
+        mine = members_of(names, fault, watch.level)
+        theirs = {p for f in others for p in members_of(names, f, watch.level)} - set(mine)
+        left = [p for p in names if p not in theirs] or list(names)
+        parts.append(BOTH.join(left))
+        verdicts.append(next((names[p] for p in (*mine, *left)), first))
+    which = which.ravel()
+    return Said(trace[:, watch.alarm] > 0.5, np.array(verdicts)[which], which.astype(float), tuple(parts))
 
 
 def noticed(
-    watch: Watch, trace: NDArray, fault: Mapping, until: float, dt: float, others: Sequence[Mapping] = ()
+    watch: Watch, trace: Any, fault: Mapping, until: float, dt: float, others: Sequence[Mapping] = ()
 ) -> dict:
     """Return what the lane made of `fault` before the next one begins at `until` [s]; times [s], None for never.
 
@@ -236,20 +272,20 @@ def last_name(s: Said, given: NDArray, watch: Watch, dt: float) -> dict:
 
 
 def _names(watch, s, fault, ticks, others, dt):
-    """Return (the different Names of `fault` that are said at `ticks`, index of that at each (len(ticks),)).
+    """Return (the different Names of `fault` that are said at `ticks` (or a slice), index of that at each (n,)).
 
     Of the `others`, those count that are there at the tick.
     """
-    there = np.zeros(len(ticks), np.int64)
+    there: Any = np.zeros(len(s.verdict[ticks]), np.int64 if len(others) > 30 else np.int32)
     for i, f in enumerate(others):
-        there += faulty([f], len(s.alarm), dt)[ticks].astype(np.int64) << i
-    keys, which = np.unique(np.stack([s.verdict[ticks], s.part[ticks], there]), axis=1, return_inverse=True)
+        there += faulty([f], len(s.alarm), dt)[ticks].astype(there.dtype) << i
+    keys, which = _distinct([s.verdict[ticks], s.part[ticks], there])
     names = []
     for c, p, mask in keys.T:
         part = s.parts[int(p)] if 0 <= p < len(s.parts) else ""
         met = [f for i, f in enumerate(others) if int(mask) >> i & 1]
         names.append(name_of(fault, watch.level, code.class_name(c), part, met))
-    return names, which.ravel()
+    return names, which
 
 
 def _blamed(watch, s, k, faults, instead, dt):
@@ -284,13 +320,13 @@ def _renamed(watch, s, fault, first, healed, dt, others):
 
 def _first_right(watch, s, fault, first, end, dt, others):
     """Return the first tick in [first, end) from which an alarm has the right name of `fault` for HOLD_S, else None."""
-    ticks = np.arange(first, max(first, end))
+    ticks = slice(first, max(first, end))
     names, which = _names(watch, s, fault, ticks, others, dt)
     good = np.array([n.right for n in names], bool)[which] & s.alarm[ticks] & (s.verdict[ticks] > 0.5)
     for begin in onsets(good):
         stop = begin + int(np.argmin(np.append(good[begin:], False)))
         if (stop - begin) * dt >= HOLD_S - 1e-9:
-            return int(ticks[begin])
+            return first + int(begin)
     return None
 
 
@@ -309,7 +345,7 @@ def _moved_at(watch, fault):
     when = fault.get("moved_at_s")
     if when is None or not when:
         return None
-    own = [t for seg, t in when.items() if watch.level == "aircraft" or watch.target == f"elevator.{seg}"]
+    own = [t for seg, t in when.items() if watch.level != "local" or watch.target == f"elevator.{seg}"]
     return max(fault["start_s"], min(own)) if own else None
 
 
@@ -324,12 +360,12 @@ def _validity(watch, trace, seen):
     return {"able": able, "valid_at_fault": share, "why_not_valid": None if able else why}
 
 
-def valid(watch: Watch, trace: NDArray) -> NDArray[np.bool_]:
+def valid(watch: Watch, trace: Any) -> NDArray[np.bool_]:
     """Return (ticks,): whether the lane calls itself valid; always, where it does not say."""
     return np.ones(len(trace), bool) if watch.valid is None else trace[:, watch.valid] > 0.5
 
 
-def validity(watch: Watch, trace: NDArray) -> tuple[float, str | None]:
+def validity(watch: Watch, trace: Any) -> tuple[float, str | None]:
     """Return (share of ticks in which the lane called itself valid, its most frequent reason in the others)."""
     if watch.valid is None or not len(trace):
         return 1.0, None

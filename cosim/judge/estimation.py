@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 ADDED = ("bias", "drift", "scale", "oscillation", "jam_liquid", "ofc_liquid")  # they add a signal
 LEAD = jay.values("elevator")["lead"]  # screw travel per radian of motor [m/rad]
 SETTLE_S, SETTLE_PERIODS = 2.0, 3.0  # after the onset and its ramp; the longer one counts
+BLOCK = 1 << 16  # ticks at once: bounds the memory
 
 
 @dataclass(frozen=True)
@@ -40,16 +41,20 @@ class Estimate:
 
     column: int
     columns: tuple
-    truth: Callable  # (trace columns as (n, ticks) float64, dt) -> (ticks,)
+    truth: Callable  # (trace columns as (n, ticks) float64, dt, what it left of the ticks before) -> (ticks,)
     unit: str
     start: float  # [s], after settling
     end: float  # [s]
 
     def error(self, trace: np.ndarray, dt: float) -> np.ndarray:
         """Return f_hat - f on the settled ticks, empty when there are none."""
-        f = self.truth(trace[:, list(self.columns)].T.astype(float), dt)
-        late = slice(round(self.start / dt), round(min(self.end / dt, len(trace))))
-        return (trace[:, self.column].astype(float) - f)[late]
+        first, stop, out = round(self.start / dt), round(min(self.end / dt, len(trace))), [np.empty(0)]
+        held: dict = {}
+        for a in range(0, stop if first < stop else 0, BLOCK):
+            part = trace[a : min(a + BLOCK, stop)]
+            f = self.truth(part[:, list(self.columns)].T.astype(float), dt, held)
+            out.append((part[:, self.column].astype(float) - f)[max(0, first - a) :])
+        return np.concatenate(out)
 
 
 def plan(scenario: "Scenario", detector: str, lane: str, columns: Callable[[str], int]) -> Estimate | None:
@@ -114,29 +119,32 @@ def _reading(lane):
     return [f"sensors_in.{lane}.{n}" for n in ("f_add", "g_add", "f_scale", "g_scale", "truth")]
 
 
-def _at_valve(v, dt):
+def _at_valve(v, dt, held):
     f_u, s_u, u = v
-    f = -np.roll(s_u, 1) * u + np.roll(f_u, 1)  # u is still the one held over the last tick, f_u already the next one
-    f[0] = 0.0
-    return f
+    before = held.get("last", (0.0, 0.0))
+    held["last"] = f_u[-1], s_u[-1]
+    f_u, s_u = (np.concatenate([[first], x[:-1]]) for first, x in zip(before, (f_u, s_u)))
+    return f_u - s_u * u  # u is still the one held over the last tick, f_u and s_u were already the next ones
 
 
 def _added(per_truth, per_reading):
-    def truth(v, dt):
+    def truth(v, dt, held):
         f_add, g_add, f_scale, g_scale, s = v
         return per_reading * (f_add + g_add + (f_scale + g_scale) * per_truth * s)
 
     return truth
 
 
-def _beyond_healthy(v, dt):
+def _beyond_healthy(v, dt, held):
     command, actual = v[0], v[1:].mean(axis=0)
     p = simple.params()
+    x, last = held.get("healthy") or (simple.init_at(p, actual[0]), actual[0])
     u, log = np.zeros((1, len(command)), simple.INPUTS), np.zeros((1, len(command)), simple.STATE)
     u["command"] = command
-    simple.rollout(simple.init_at(p, actual[0]), u, p, dt, log)
-    return actual - np.concatenate([actual[:1], log["delta"][0, :-1]])
+    simple.rollout(x, u, p, dt, log)
+    held["healthy"] = x, log["delta"][0, -1]
+    return actual - np.concatenate([[last], log["delta"][0, :-1]])
 
 
-def _thrust(v, dt):
+def _thrust(v, dt, held):
     return -v.mean(axis=0)

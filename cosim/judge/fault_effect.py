@@ -14,6 +14,7 @@ from actuators.common.linkage import ARM
 from actuators.constants import DEG_PER_RAD
 
 SETTLE_PERIODS = 2.0
+MOST = 1 << 18  # ticks of a fit: it takes 150 bytes of memory each
 MOVED = 1e-3  # of rod from where it would be, from when on a fault can be seen at all [m]
 NAMES = ("rod_mm", "surface_deg", "travel_pct", "amplitude_mm", "amplitude_deg")
 
@@ -31,12 +32,13 @@ def sine(t: NDArray, y: NDArray, w: float) -> complex:
 def amplitude(d: NDArray, w: float, start: float, end: float, dt: float) -> float | None:
     """Return the amplitude of the sine of `w` [rad/s] in d (ticks,), in its unit; None when no whole period is left.
 
-    Taken over the last whole periods of [start + SETTLE_PERIODS periods, end] [s].
+    Taken over the last whole periods, MOST ticks of them, of [start + SETTLE_PERIODS periods, end] [s].
     """
     period = 2 * math.pi / w
     first = round((start + SETTLE_PERIODS * period) / dt)
+    longest = math.floor(MOST * dt / period) or 1
     last = min(len(d), round(min(end, len(d) * dt) / dt))
-    whole = math.floor((last - first) * dt / period + 1e-9)
+    whole = min(longest, math.floor((last - first) * dt / period + 1e-9))
     if whole < 1:
         return None
     cut = d[last - round(whole * period / dt) : last]
@@ -53,7 +55,7 @@ def moved(difference: NDArray, faults: Sequence, dt: float, travel: float) -> di
     end = max(j.end for j in faults) + 1.0
     last = len(difference) if math.isinf(end) else min(len(difference), round(end / dt))
     rod, surface = (_largest(d) for d in difference[round(start / dt) : last].T)
-    s = next((j for j in faults if math.isfinite(j.omega)), None)
+    s = next((j for j in faults if math.isfinite(j.omega) and j.shape != "chirp"), None)
     swing = [amplitude(d, s.omega, s.start + s.ramp, s.end, dt) if s else None for d in difference.T]
     deg = DEG_PER_RAD
     values = (rod, surface, surface, *swing)

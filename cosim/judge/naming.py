@@ -2,20 +2,24 @@
 
 The truth is the fault's alone (`true_classes`, `true_places`), never a detector's record, so that names compare
 between detectors. `ambiguous` is a class not given. A place counts by what it excludes: an engine or a sensor by its
-number or name (channel), an actuator by segment, side or axis, the finest of which is `level`.
+number or name (channel), an actuator by segment, side or axis, and what is wrong inside it (channel: valve, command,
+surface, a sensor), the finest of which is `level`. A set of parts ("q or theta", "sensor") that holds the right one is
+a place not given, at level `set`; one that does not is wrong.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from cosim.judge.coverage import BLIND, DESIGNED, expected, true_classes
+from cosim.judge.coverage import BLIND, DESIGNED, expected, inside, true_classes
 from cosim.scenario.catalog import LOOP_SENSOR
 
 AMBIGUOUS, SENSOR = "ambiguous", "sensor"
 RIGHT, WRONG, NOT_GIVEN = "right", "wrong", "not given"
-AXIS, SIDE, SEGMENT, CHANNEL = "axis", "side", "segment", "channel"  # levels of a place, from coarse to fine
-LEVELS = ("", AXIS, SIDE, SEGMENT, CHANNEL)
+# levels of a place, from coarse to fine
+SET, AXIS, SIDE, SEGMENT, CHANNEL = "set", "axis", "side", "segment", "channel"
+LEVELS = ("", SET, AXIS, SIDE, SEGMENT, CHANNEL)
 BOTH = " and "  # between parts that are blamed together
+EITHER = " or "  # between parts of which one is blamed
 
 
 @dataclass(frozen=True)
@@ -70,12 +74,12 @@ def _name(fault, level, verdict, part, others):
 def blames(part: str, fault: Mapping, level: str) -> bool:
     """Return whether every place of `fault` is one that `part` names, perhaps several with BOTH between."""
     parts = [p for p in part.split(BOTH) if p]
-    return bool(parts) and all(any(_level(p, t, level) for p in parts) for t in true_places(fault))
+    return bool(parts) and all(any(_level(p, t, level, fault) for p in parts) for t in true_places(fault))
 
 
 def members_of(parts: Iterable[str], fault: Mapping, level: str) -> list[str]:
     """Return those of `parts` that name at least one place of `fault`."""
-    return [p for p in parts if p and any(_level(p, t, level) for t in true_places(fault))]
+    return [p for p in parts if p and any(_level(p, t, level, fault) for t in true_places(fault))]
 
 
 def true_places(fault: Mapping) -> tuple[str, ...]:
@@ -114,28 +118,39 @@ def _place(fault, level, parts, others):
     here = true_places(fault)
     if not parts:  # a local lane watches one segment: that is its place
         return (RIGHT, SEGMENT) if level == "local" else (NOT_GIVEN, "")
-    there = [t for f in others for t in true_places(f)]
-    if not all(any(_level(p, t, level) for t in (*here, *there)) for p in parts):
+    there = [(t, f) for f in (fault, *others) for t in true_places(f)]
+    if not all(any(_level(p, t, level, f) for t, f in there) for p in parts):
         return WRONG, ""
-    found = [[_level(p, t, level) for p in parts] for t in here]
+    found = [[_level(p, t, level, fault) for p in parts] for t in here]
     if not all(any(levels) for levels in found):
         return WRONG, ""
+    if any(max(levels, key=LEVELS.index) == SET for levels in found):
+        return NOT_GIVEN, SET
     return RIGHT, min((max(levels, key=LEVELS.index) for levels in found), key=LEVELS.index)
 
 
-def _level(part, target, level):
-    """Return at which of LEVELS `part` names `target`, "" where it names another place."""
+def _level(part, target, level, fault):
+    """Return at which of LEVELS `part` names `target` of `fault`, "" where it names another place."""
     place, *rest = target.split(".")
+    if EITHER in part:
+        return SET if any(_level(p, target, level, fault) for p in part.split(EITHER)) else ""
     if place == "elevator" and level == "local":
         return CHANNEL if len(rest) > 1 and part == rest[1] else ""
     if place == "elevator":
         side = rest[0].split("_")[0]
         names = {"elevator": AXIS, f"elevator_{side}": SIDE, f"elevator_{rest[0]}": SEGMENT}
-        return names.get(part, "")
+        base = part.removesuffix(f"_{inside(fault.get('case') or '')}")
+        found = names.get(base, "")
+        if base == part or not found:
+            return found
+        segments = {t.split(".")[1] for t in fault["targets"]}
+        sides = {s.split("_")[0] for s in segments}
+        whole = {AXIS: len(sides) > 1, SIDE: len(sides) == 1 < len(segments), SEGMENT: True}
+        return CHANNEL if whole[found] else found
     if place == "engine":
         return CHANNEL if rest and part == f"engine_{rest[0]}" else AXIS if part in ("engine", "thrust") else ""
     if place == "sensor":
-        return CHANNEL if part == rest[0] else ""
+        return CHANNEL if part == rest[0] else SET if part == SENSOR and level != "local" else ""
     if part == "_".join((place, *rest)):
         return CHANNEL
     return AXIS if part == place else ""

@@ -13,7 +13,7 @@ from cosim.scenario import Scenario
 
 # As published these alarm in every flight: they stay in log, JSON and tables, and no sentence counts them.
 APART = {"ema_kalman": "alarms always, it knows no load"}
-LEVELS = {"local": "actuator", "aircraft": "aircraft"}
+LEVELS = {"local": "actuator", "aircraft": "aircraft", "both": "joint"}
 RISE = 1.05  # a residual that grew by less than this factor is said not to have risen
 
 OTHERS = ", with the other faults"

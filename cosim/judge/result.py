@@ -146,10 +146,10 @@ def _target(j, written):
 def concerns(watch: Watch, fault_targets: Iterable[str]) -> bool:
     """Return whether a fault on `fault_targets` is this lane's: on its own actuator; any, for aircraft level."""
     mine = (t == watch.target or t.startswith(watch.target + ".") for t in fault_targets)
-    return watch.level == "aircraft" or any(mine)
+    return watch.level != "local" or any(mine)
 
 
-def judge(watch: Watch, trace: NDArray, dt: float, faults: Sequence[Mapping]) -> dict:
+def judge(watch: Watch, trace: Any, dt: float, faults: Sequence[Mapping]) -> dict:
     """Return one detector's entry of the result.
 
     `trace` is (ticks, columns); `faults` are those of `judged`: dicts with `fault` (its number), `case`, `kind`,
@@ -208,7 +208,7 @@ def _next(fault, faults):
     return min((f["start_s"] for f in faults if f["start_s"] > fault["start_s"]), default=math.inf)
 
 
-def largest(watch: Watch, trace: NDArray, dt: float, faults: Sequence[Mapping]) -> dict:
+def largest(watch: Watch, trace: Any, dt: float, faults: Sequence[Mapping]) -> dict:
     """Return the largest |r| before the first fault of the flight (all of it without one) and from its onset on.
 
     Each is None where there is none.

@@ -5,7 +5,7 @@ from .format import Limits, LogError, Topic, TopicInfo
 from .foxglove import Pose
 from .layouts import viewer_layouts
 from .reader import Log, open_log
-from .recover import info, recover
+from .recover import compact, recover
 from .writer import LogWriter, fits
 
 __all__ = [
@@ -16,9 +16,9 @@ __all__ = [
     "Pose",
     "Topic",
     "TopicInfo",
+    "compact",
     "fingerprint",
     "fits",
-    "info",
     "open_log",
     "recover",
     "viewer_layouts",

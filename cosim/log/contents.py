@@ -173,9 +173,9 @@ class Contents:
         channel, size = struct.unpack_from("<HI", body)
         if size != length - 6 or size % 16 or not size:
             raise ValueError("its length is wrong")
-        if channel in chunk.index_counts or not 0 < channel <= len(self.channels):
+        if channel in chunk.counts or channel in chunk.others or not 0 < channel <= len(self.channels):
             raise ValueError(f"channel {channel} is unknown or indexed twice")
-        chunk.index_offsets[channel], chunk.index_counts[channel] = at, size // 16
+        chunk.others[channel] = at, size // 16
         chunk.index_length += 9 + length
 
     def indexes(self, file: Any, stop: Any) -> int:
@@ -192,8 +192,7 @@ class Contents:
             return 0
         if not np.array_equal(block, self.layout.plan(*self.ticks(chunk)).index(self.ticks(chunk)[0])):
             raise log_error("the message indexes point elsewhere than at their messages", self.path, at)
-        chunk.index_offsets = {channel: at + offset for channel, offset in offsets.items()}
-        chunk.index_counts = dict(self.layout.counts(*self.ticks(chunk))[0])
+        chunk.places, chunk.counts = offsets, self.layout.counts(*self.ticks(chunk))[0]
         chunk.index_length, self.records = size, self.records + len(offsets)
         return size
 

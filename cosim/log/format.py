@@ -93,9 +93,12 @@ class Damage:
     reason: str
 
 
-@dataclass
+@dataclass(slots=True)
 class ChunkRef:
-    """Point to one chunk: ticks k0 <= k < k0 + n, where its bytes are, and its message index (channel id -> count)."""
+    """Point to one chunk: ticks k0 <= k < k0 + n, where its bytes are, and its message indexes.
+
+    Those of the samples are the same in every chunk of a layout and shared, so that a long log takes little memory.
+    """
 
     offset: int  # of the chunk record [byte]
     length: int  # of the chunk record with its 9-byte head [byte]
@@ -106,10 +109,22 @@ class ChunkRef:
     crc: int
     start_ns: int
     end_ns: int
-    index_offsets: dict = field(default_factory=dict)  # channel id -> offset of its MessageIndex record
-    index_counts: dict = field(default_factory=dict)  # channel id -> messages
+    places: dict = field(default_factory=dict)  # channel id of samples -> offset of its index after the chunk [byte]
+    counts: dict = field(default_factory=dict)  # channel id of samples -> messages
+    others: dict = field(default_factory=dict)  # channel id of other messages -> (offset in the file, messages)
     index_length: int = 0
     checked: bool = False  # that its message indexes count its content
+
+    @property
+    def index_offsets(self) -> dict[int, int]:
+        """Return {channel id: offset of its MessageIndex record}."""
+        begin = self.offset + self.length
+        return {c: begin + at for c, at in self.places.items()} | {c: at for c, (at, _) in self.others.items()}
+
+    @property
+    def index_counts(self) -> dict[int, int]:
+        """Return {channel id: messages}."""
+        return self.counts | {c: n for c, (_, n) in self.others.items()}
 
 
 def check_topic(name: str, fields: Any, units: Any, every: int) -> None:

@@ -3,6 +3,7 @@
 import difflib
 import os
 import threading
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -22,7 +23,7 @@ from .format import Limits, TopicInfo, log_error
 from .load import drop_damaged_chunks, load_chunk, load_topics
 from .validate import identity, scan
 
-BLOCK = 16  # chunks that are read at a time where a part of a topic is asked for
+BLOCK = 32  # chunks that are read at a time where a part of a topic is asked for
 MOST_DRAWN = 4000  # samples of a curve
 
 
@@ -59,6 +60,7 @@ class Log:
         self.complete = found.closed and self.result is not None
         self.chunks, self.damage = found.chunks, found.damage
         self.spans = [found.ticks(c) for c in found.chunks]
+        self._starts, self._largest = [k0 for k0, _ in self.spans], max((c.size for c in found.chunks), default=0)
         self.n_ticks = sum(n for _, n in self.spans)
         self._runs = _merged(self.spans)
         self._index: dict = {}  # of frames, by rate
@@ -109,7 +111,9 @@ class Log:
         """Return {topic: (rows, fields)} of several topics (default: all), each chunk read once; see `array`."""
         names = list(self.topics) if topics is None else list(topics)
         numbers = {self._number(name): name for name in names}
-        bounds = [self._bounds(span, start, stop) for span in self.spans]
+        low = max(0, bisect_right(self._starts, start) - 1)
+        high = len(self.spans) if stop is None else bisect_left(self._starts, stop)
+        bounds = {i: self._bounds(self.spans[i], start, stop) for i in range(low, high)}
         rates: dict = {}
         for name in numbers.values():
             rates.setdefault(self.topics[name].every, len(self.ticks(name, start, stop)))
@@ -117,7 +121,7 @@ class Log:
             out = {n: np.empty((rates[self.topics[n].every], len(self.topics[n].fields))) for n in names}
         except MemoryError as error:
             raise log_error("the topics do not fit into memory", self.path, remedy="Ask for fewer.") from error
-        read = [i for i, (a, b) in enumerate(bounds) if a < b]
+        read = [i for i, (a, b) in bounds.items() if a < b]
         few = list(numbers) if 3 * len(numbers) < len(self.topics) else None  # many at once are quicker compared as one
         parts = self._parts(read, bounds, rates)
         todo = [(number, self.topics[name].every, out[name]) for number, name in numbers.items()]
@@ -171,15 +175,18 @@ class Log:
         """Return the simulated time of each row of a topic (rows,) as int64 [ns]."""
         return self.ticks(topic) * self.dt_ns
 
-    def _frame(self, topic, values):
+    def _frame(self, topic, values, fields=None, start=0, stop=None):
         import pandas as pd  # half a second, which a run that only writes need not wait for
 
-        every = self.topics[topic].every
-        if every not in self._index:
-            self._index[every] = pd.Index(self.times_ns(topic) / 1e9, name="t_s")
         info = self.topics[topic]
-        made = pd.DataFrame(values, index=self._index[every], columns=list(info.fields), copy=False)
-        made.attrs["units"] = dict(zip(info.fields, info.units))
+        names = list(info.fields if fields is None else fields)
+        key = info.every, start, stop
+        if key not in self._index:
+            self._index = {k: v for k, v in self._index.items() if k[1:] == (0, None)}  # of whole topics
+            self._index[key] = pd.Index(self.ticks(topic, start, stop) * self.dt_ns / 1e9, name="t_s")
+        made = pd.DataFrame(values, index=self._index[key], columns=names, copy=False)
+        units = dict(zip(info.fields, info.units))
+        made.attrs["units"] = {name: units[name] for name in names}
         return made
 
     def frame(
@@ -196,48 +203,52 @@ class Log:
         `attrs["units"]` is {column: unit}, "-" for a number without one. Raises KeyError for a topic or field that is
         not there.
         """
-        if fields is None and start_s is None and end_s is None:
-            return self._frame(topic, self.array(topic))
-        parts = list(self._parts_of(topic, fields, start_s, end_s))
-        import pandas as pd
-
-        made = pd.concat(parts) if len(parts) > 1 else parts[0]
-        made.attrs = parts[0].attrs
-        return made
+        self._number(topic)
+        chosen = [fields] if isinstance(fields, str) else fields
+        start = 0 if start_s is None else max(0, self._first(start_s))
+        stop = None if end_s is None else max(start, self._first(end_s))
+        if chosen is None:
+            values = self.array(topic, start, stop)
+        else:
+            values = self.columns(topic, chosen, start=start, stop=stop).T
+        return self._frame(topic, values, chosen, start, stop)
 
     def frames(self, topics: Any = None) -> Any:
         """Return {topic: DataFrame} of several topics (default: all), each chunk read once; of one topic, given as a
         string, an iterator over DataFrames of its rows, a few chunks at a time.
         """
         if isinstance(topics, str):
-            return self._parts_of(topics, None, None, None)
+            self._number(topics)
+            return (self._frame(topics, self.array(topics, a, b), None, a, b) for a, b in self._blocks())
         return {name: self._frame(name, values) for name, values in self.arrays(topics).items()}
 
-    def _parts_of(self, topic, fields, start_s, end_s):
-        """Yield a topic's rows as DataFrames, BLOCK chunks at a time; at least one, which may be empty."""
-        import pandas as pd
+    def _blocks(self, start=0, stop=None):
+        """Yield (start, stop) of the ticks of BLOCK chunks each, within the bounds; one at least, perhaps empty."""
+        spans = self.spans or [(0, 0)]
+        for i in range(0, len(spans), BLOCK):
+            first, (k0, n) = spans[i][0], spans[min(i + BLOCK, len(spans)) - 1]
+            a, b = max(start, first), k0 + n if stop is None else min(stop, k0 + n)
+            if a < b or not i:
+                yield a, max(a, b)
 
+    def columns(
+        self, topic: str, fields: Sequence[str], kind: Any = np.float64, *, start: int = 0, stop: int | None = None
+    ) -> np.ndarray:
+        """Return fields of a topic as (fields, rows) of `kind`, ticks start <= k < stop; memory is that of the result
+        and of a few chunks. Raises KeyError for a topic or field that is not there.
+        """
         self._number(topic)
-        info, chosen = self.topics[topic], [fields] if isinstance(fields, str) else fields
-        for name in chosen or ():
-            if name not in info.fields:
-                raise _Unknown(f"topic {topic} has no field {name!r}{_near(name, info.fields, 'fields')}")
-        columns = list(info.fields if chosen is None else chosen)
-        at = [info.fields.index(name) for name in columns]
-        first, stop = (None if t is None else self._first(t) for t in (start_s, end_s))
-        units, none = {name: info.units[i] for name, i in zip(columns, at)}, True
-        for i in range(0, max(1, len(self.spans)), BLOCK):
-            block = self.spans[i : i + BLOCK]
-            a = max(first or 0, block[0][0] if block else 0)
-            b = min(sum(block[-1]) if block else 0, sum(block[-1]) if stop is None else stop) if block else 0
-            last = i + BLOCK >= len(self.spans)
-            if a < b or (last and none):
-                values = self.array(topic, a, b)
-                kept = values if chosen is None else np.ascontiguousarray(values[:, at])
-                index = pd.Index(self.ticks(topic, a, b) * self.dt_ns / 1e9, name="t_s")
-                made = pd.DataFrame(kept, index=index, columns=columns, copy=False)
-                made.attrs["units"], none = units, False
-                yield made
+        known = self.topics[topic].fields
+        for name in fields:
+            if name not in known:
+                raise _Unknown(f"topic {topic} has no field {name!r}{_near(name, known, 'fields')}")
+        at = [known.index(name) for name in fields]
+        out, done = np.empty((len(at), len(self.ticks(topic, start, stop))), kind), 0
+        for a, b in self._blocks(start, stop):
+            values = self.array(topic, a, b)
+            out[:, done : done + len(values)] = values[:, at].T
+            done += len(values)
+        return out
 
     def _first(self, t_s):
         """Return the first tick at or after a time [s]; a time that was rounded to the index's is that of its tick."""
@@ -287,7 +298,7 @@ class Log:
         try:
             with open(self.path, "rb", buffering=0 if topics else -1) as file:
                 some = topics if topics and identity(os.fstat(file.fileno())) == self._scan.identity else None
-                place = np.empty(max((c.size for c in self.chunks), default=0) if some else 0, "u1")  # a thread's own
+                place = np.empty(self._largest if some else 0, "u1")  # a thread's own
                 for i in range(len(self.chunks)) if numbers is None else numbers:
                     call = take and partial(take, i)
                     yield (some and load_topics(self._scan, file, self.chunks[i], some, call, place)) or load_chunk(

@@ -106,7 +106,8 @@ class Sink:
     def finish(self) -> Any:
         """Write the end of the log and close the file."""
         found = self.chunks, self._attachments, self._metadata
-        self._write(closing(self.offset, self.crc, self.schemas, self.channels, *found))
+        for blob in closing(self.offset, self.crc, self.schemas, self.channels, *found):
+            self._write(blob)
         try:
             self._part.done()
         except OSError as error:

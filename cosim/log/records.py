@@ -2,6 +2,7 @@
 
 import hashlib
 import struct
+from collections.abc import Iterator
 from typing import Any
 from zlib import crc32
 
@@ -24,16 +25,23 @@ _OFFSETS = np.dtype([("channel", "<u2"), ("offset", "<u8")])
 MAGIC = b"\x89MCAP0\r\n"
 
 
-def closing(offset: Any, crc: Any, schemas: Any, channels: Any, chunks: Any, attachments: Any, metadata: Any) -> Any:
-    """Return the bytes that follow a data section of `offset` bytes and CRC-32 `crc`.
+def closing(
+    offset: Any, crc: Any, schemas: Any, channels: Any, chunks: Any, attachments: Any, metadata: Any
+) -> Iterator[bytes]:
+    """Yield the bytes that follow a data section of `offset` bytes and CRC-32 `crc`, piece by piece.
 
     `chunks` are ChunkRefs; `attachments` and `metadata` are lists of (offset, length, record). A reader builds the same
     bytes from what it found in the data section and compares.
     """
+    def encoded(record):
+        record.write(builder)
+        return builder.end()
+
     builder = RecordBuilder()
-    DataEnd(crc).write(builder)
-    end = builder.end()
-    start = offset + len(end)
+    end = encoded(DataEnd(crc))
+    yield end
+    at = start = offset + len(end)
+    check = 0
     groups = (
         (Opcode.SCHEMA, schemas),
         (Opcode.CHANNEL, channels),
@@ -44,18 +52,17 @@ def closing(offset: Any, crc: Any, schemas: Any, channels: Any, chunks: Any, att
     )
     offsets = []
     for opcode, records in groups:
-        before = builder.count
+        before = at
         for record in records:
-            record.write(builder)
-        if builder.count > before:
-            offsets.append(SummaryOffset(opcode, start + before, builder.count - before))
-    offset_start = start + builder.count
-    for record in offsets:
-        record.write(builder)
-    summary = builder.end()
-    check = crc32(summary + struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offset_start))
-    Footer(start, offset_start, check).write(builder)
-    return end + summary + builder.end() + MAGIC
+            blob = encoded(record)
+            at, check = at + len(blob), crc32(blob, check)
+            yield blob
+        if at > before:
+            offsets.append(SummaryOffset(opcode, before, at - before))
+    last = b"".join(map(encoded, offsets))
+    yield last
+    check = crc32(struct.pack("<BQQQ", Opcode.FOOTER, 20, start, at), crc32(last, check))
+    yield encoded(Footer(start, at, check)) + MAGIC
 
 
 def content_hash(chunks: Any) -> str:
@@ -81,13 +88,12 @@ def pack_chunk(
     plan, length = layout.plan(k0, n), len(head) + held
     index = plan.index(k0)
     begin, more = offset + length, b""
-    offsets = {channel: begin + at for channel, at in plan.index_offsets.items()}
+    others = {}
     for channel, entries in tail.items():
-        offsets[channel] = begin + len(index) + len(more)
+        others[channel] = begin + len(index) + len(more), len(entries)
         more += _message_index(channel, entries)
-    counts = {**layout.counts(k0, n)[0], **{channel: len(entries) for channel, entries in tail.items()}}
-    place = offset, length, offset + len(head), held
-    ref = ChunkRef(*place, compression, size, crc, start, end, offsets, counts, len(index) + len(more))
+    place, shared = (offset, length, offset + len(head), held), (plan.index_offsets, layout.counts(k0, n)[0])
+    ref = ChunkRef(*place, compression, size, crc, start, end, *shared, others, len(index) + len(more))
     return [head, *data, index, more], ref
 
 

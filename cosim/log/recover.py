@@ -1,18 +1,17 @@
-"""Make a readable log of what a killed run, a full disk or a damaged disk has left, and say what a log holds."""
+"""Make a readable log of what a killed run, a full disk or a damaged disk has left."""
 
 import dataclasses
-import hashlib
 import io
 import os
 from pathlib import Path
 from typing import Any
 
 from .chunk import HEAD
-from .format import Limits, LogError, log_error
+from .compression import compressor
+from .format import Limits, log_error
 from .load import drop_damaged_chunks, load_chunk
-from .reader import open_log
 from .record_writer import Sink
-from .records import content_hash, pack_chunk
+from .records import pack_chunk
 from .validate import scan
 
 
@@ -20,9 +19,10 @@ def recover(path: str | Path, out: str | Path, *, limits: Any = None) -> dict[st
     """Write every whole chunk of the log at `path` to a new log at `out` and return a report.
 
     The report: `out`, `chunks`, `ticks`, `duration_s`, `complete` (nothing of the run was lost), `parameters_intact`
-    (all before the first tick is as written), and `lost`, a list of {offset, bytes, reason}. The new log holds it as
-    metadata `recovered`. Raises LogError when nothing can be read, or `out` is the log itself; or when it
-    cannot be written, and what was there stays.
+    (all before the first tick is as written), `lost`, a list of {offset, bytes, reason}, and `cut`, that all of it
+    stands behind the last whole chunk. The new log holds it as metadata `recovered`.
+    Raises LogError when nothing can be read, or `out` is the log itself; or when it cannot be written, and what was
+    there stays.
     """
     if os.path.exists(out) and os.path.exists(path) and os.path.samefile(path, out):
         raise log_error("a log cannot be recovered onto itself", os.fspath(out), remedy="Give another place (-o).")
@@ -36,6 +36,8 @@ def recover(path: str | Path, out: str | Path, *, limits: Any = None) -> dict[st
     texts = {"ticks": str(ticks), "parameters_intact": str(found.trusted).lower()}
     texts |= {f"lost {i}": f"{d.length} bytes at {d.offset}: {d.reason}" for i, d in enumerate(found.damage)}
     _rewrite(found, out, {**metadata, "recovered": texts}, result)
+    last = found.chunks[-1] if found.chunks else None
+    cut = all(d.offset >= last.offset + last.length + last.index_length for d in found.damage) if last else False
     end = (found.chunks[-1].end_ns + found.dt_ns) / 1e9 if found.chunks else 0.0
     return {
         "out": os.fspath(out),
@@ -45,11 +47,25 @@ def recover(path: str | Path, out: str | Path, *, limits: Any = None) -> dict[st
         "complete": result is not None,
         "parameters_intact": found.trusted,
         "lost": lost,
+        "cut": cut,
     }
 
 
-def _rewrite(found, out, metadata, result):
-    """Write a log of what was found; compressed chunks are copied, their indexes made anew."""
+def compact(path: str | Path, out: str | Path, *, limits: Any = None) -> dict[str, Any]:
+    """Write the log at `path` to `out` with the same samples in fewer bytes, and return {out, bytes, before}.
+
+    Every message, time and attachment, and so the hash of the content, is as it was; replay gives the same bits. `out`
+    may be the log itself. Raises LogError for a log that is not whole, or when `out` cannot be written.
+    """
+    found, before = scan(path, limits or Limits()), os.path.getsize(path)
+    metadata = {r.name: r.metadata for _, _, r in found.metadata if r.name != "preamble"}
+    result = metadata.pop("result", None)
+    _rewrite(found, out, metadata, result, compressor("zstd"))
+    return {"out": os.fspath(out), "bytes": os.path.getsize(out), "before": before}
+
+
+def _rewrite(found, out, metadata, result, compress=None):
+    """Write a log of what was found; chunks are copied as they are compressed, or anew, their indexes made anew."""
     declared = [(c.topic, s.name, s.data, c.metadata) for s, c in zip(found.schemas, found.channels)]
     attachments = {r.name: (r.media_type, r.data) for _, _, r in found.attachments}
     sink = Sink(out, kept=False)
@@ -57,7 +73,7 @@ def _rewrite(found, out, metadata, result):
         with open(found.path, "rb") as file:
             sink.preamble(declared, metadata, attachments)
             for chunk in found.chunks:
-                sink.chunk(*_repack(found, file, chunk, sink.offset))
+                sink.chunk(*_repack(found, file, chunk, sink.offset, compress))
         if result is not None:
             sink.metadata("result", result)
         sink.finish()
@@ -65,7 +81,7 @@ def _rewrite(found, out, metadata, result):
         sink.drop()
 
 
-def _repack(found, file, chunk, offset):
+def _repack(found, file, chunk, offset, compress):
     file.seek(chunk.data_offset)
     held = file.read(chunk.data_size)  # once: what is checked is what is copied, whatever happens to the log meanwhile
     plan, content, tail = load_chunk(found, io.BytesIO(held), dataclasses.replace(chunk, data_offset=0))
@@ -74,52 +90,5 @@ def _repack(found, file, chunk, offset):
     for channel, k, data in tail:
         entries.setdefault(channel, []).append((k * found.dt_ns, at))
         at += HEAD.itemsize + len(data)
-    return pack_chunk(found.layout, content, [held], chunk.compression, k0, n, entries, offset)
-
-
-def info(path: str | Path, *, check: Any = False, limits: Any = None) -> dict[str, Any]:
-    """Return a dict that describes a log, be it whole or not; raises LogError when there is nothing to describe.
-
-    `readable` (the strict reader takes it), `problem` (why not), `complete` (the run ended by itself), `ticks`, `dt_s`,
-    `duration_s`, `bytes`, `chunks`, `gaps` (ticks missing between chunks), `result`, `metadata`, `attachments` {name:
-    bytes}, `content` (the hash of all samples, part of the result too) and `topics` {name: {rows, fields, every, units,
-    sha256}}; the last, of a topic's float64 values row after row, is None unless `check` has all content read.
-    """
-    try:
-        log, problem = open_log(path, limits=limits), None
-    except LogError as error:
-        log, problem = open_log(path, limits=limits, tolerant=True), str(error)
-    sums = {}
-    if check and problem is None:
-        try:
-            sums = {name: hashlib.sha256(log.array(name)).hexdigest() for name in log.topics}
-        except LogError as error:
-            problem = str(error)
-    spans = log.spans
-    return {
-        "path": log.path,
-        "bytes": os.path.getsize(log.path),
-        "readable": problem is None,
-        "problem": problem,
-        "complete": log.complete,
-        "recovered": "recovered" in log.metadata,
-        "ticks": log.n_ticks,
-        "dt_s": log.dt_ns / 1e9,
-        "duration_s": sum(spans[-1]) * log.dt_ns / 1e9 if spans else 0.0,
-        "gaps": (sum(spans[-1]) - log.n_ticks) if spans else 0,
-        "chunks": len(spans),
-        "content": content_hash(log.chunks),
-        "result": log.result or {},
-        "metadata": {k: v for k, v in log.metadata.items() if k not in ("result", "preamble")},
-        "attachments": {name: len(data) for name, data in log.attachments.items()},
-        "topics": {
-            t.name: {
-                "rows": t.rows,
-                "every": t.every,
-                "fields": list(t.fields),
-                "units": list(t.units),
-                "sha256": sums.get(t.name),
-            }
-            for t in log.topics.values()
-        },
-    }
+    data, kind = ([compress(content)], "zstd") if compress else ([held], chunk.compression)
+    return pack_chunk(found.layout, content, data, kind, k0, n, entries, offset)

@@ -72,9 +72,9 @@ def _strict(out, file):
     result = next((r.metadata for _, _, r in out.metadata if r.name == "result"), None)
     if result is not None and result.get("content") != content_hash(out.chunks):
         raise log_error("the samples are not those of the result", out.path, out.metadata[-1][0])
-    expected = closing(stop, crc, out.schemas, out.channels, out.chunks, out.attachments, out.metadata)
     file.seek(stop)
-    if out.size - stop != len(expected) or file.read(len(expected)) != expected:
+    expected = closing(stop, crc, out.schemas, out.channels, out.chunks, out.attachments, out.metadata)
+    if not all(file.read(len(blob)) == blob for blob in expected) or file.read(1):
         raise log_error("the summary does not agree with the data", out.path, stop)
     out.whole = out.closed = True
     return out

@@ -94,7 +94,7 @@ class LogWriter:
         self._shape, self._rows = (n_values,), rows_per_chunk
         self._pending: list[tuple[int, int, bytes]] = []  # (tick, channel id, payload) of irregular messages
         keep_memory()
-        self._compress, self._compression = compressor(compression), compression
+        self._compress, self._compression = compressor(compression), compression.partition("-")[0]
         declared = [
             (t.name, schema_name(t.name), schema_data(t.name, t.fields), channel_metadata(t)) for t in self._topics
         ]

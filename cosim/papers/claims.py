@@ -1,16 +1,16 @@
 """What the papers say, as data: `PAPER/claims.toml` has a row per claim, and names the function that measures it.
 
-    [[row]]
-    kind = "claim"                  # claim, ours, beyond: cosim/papers/row.py
-    item = "figure 3(a): …"         # what is looked at, and its unit
-    says = "IV.D: …"                # the quotation and its place, and what of the band is ours
-    measure = "stats.number"        # module and function in the paper's folder; returns a number, or (number, note)
-    with = { scenario = "…" }       # its arguments
-    band = [0.95, 1.05]             # what agrees
-    reason = "…"                    # why a claim leaves its band: only where it does, with
-    found = [0.38, 0.47]            # the second band: what was found, as wide as its scatter
-    spread = "10 sets of 10 seeds"  # where that width comes from
-    piece = "…"                     # rows of one piece are measured in one process
+[[row]]
+kind = "claim"                  # claim, ours, beyond: cosim/papers/row.py
+item = "figure 3(a): …"         # what is looked at, and its unit
+says = "IV.D: …"                # the quotation and its place, and what of the band is ours
+measure = "stats.number"        # module and function in the paper's folder; returns a number, or (number, note)
+with = { scenario = "…" }       # its arguments
+band = [0.95, 1.05]             # what agrees
+reason = "…"                    # why a claim leaves its band: only where it does, with
+found = [0.38, 0.47]            # the second band: what was found, as wide as its scatter
+spread = "10 sets of 10 seeds"  # where that width comes from
+piece = "…"                     # rows of one piece are measured in one process
 """
 
 import functools

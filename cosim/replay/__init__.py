@@ -22,17 +22,27 @@ from actuators.precompile import compile_ahead, cores
 from cosim.errors import told_at_call
 from cosim.flight.plugins import load
 from cosim.flight.plugins.plain import SLOW
+from cosim.judge.column_store import SPAN, ColumnStore
 from cosim.judge.detection import columns, watch_of
 from cosim.judge.result import judge, judged, plain
 from cosim.log import open_log
 from cosim.log.chunk import GATHER
 from cosim.replay import guest, log_schema
-from cosim.replay.detector_replay import describe, fill, in_stages, manifest, pieces, replay_lane, tick_of, topics
+from cosim.replay.detector_replay import (
+    describe,
+    elements,
+    fill,
+    in_stages,
+    manifest,
+    pieces,
+    replay_lane,
+    tick_of,
+    topics,
+)
 from cosim.replay.params import ReplayError, check_start
 from cosim.replay.write import Overlay
 
 __all__ = ["Difference", "Replay", "ReplayError", "compare", "pieces", "replay", "replay_lane"]
-SPAN = 4000  # ticks read and replayed at once: bounds the memory
 
 
 @dataclass
@@ -192,7 +202,7 @@ def _each(members, call, pool):
 def _fresh(log, own, faults):
     """Return the results of a guest on a flight that it was not part of."""
     technologies, out = log_schema.scenario(log).elevator.technology, []
-    names = [n for n, _ in guest.fields(own)]
+    names = [n for n, _ in elements(own.STATE, own.OUTPUTS)]
     for lane, rows in guest.outputs(log, own, technologies).items():
         record = own.DETECTOR
         target = f"elevator.{lane}" if record.level == "local" else "aircraft"
@@ -236,19 +246,16 @@ class _Member:
         self.names = columns(w.module.CULPRITS, self.fields)
         self.columns = [self.fields.index(n) for n in self.names]
         self.rows = self.values = self.skipped = 0
-        ticks = -(-sum(log.spans[-1]) // w.every) if log.spans else 0
-        self.logged = self.again = np.zeros((ticks, len(self.names)), np.float32)  # the same while nothing differs
+        self.logged = self.again = ColumnStore()  # zero where the log has no row; the same while nothing differs
 
     def replay(self, lane, tick):
         """Return the new outputs (rows, n) of a lane's span; NaN where it could not or should not be replayed."""
         w, out = self.w, None
-        first = int(lane.ticks[0]) // w.every if len(lane.ticks) else 0
-        gapless = len(lane.ticks) and int(lane.ticks[-1]) // w.every - first + 1 == len(lane.ticks)
-        places = np.arange(first, first + len(lane.ticks)) if gapless else lane.ticks // w.every
-        where = slice(first, first + len(places)) if gapless else places
-        self.logged[where] = np.take(lane.logged, self.columns, axis=1)
-        if self.again is not self.logged:
-            self.again[where] = self.logged[where]
+        begin = len(self.logged)  # rows before this span
+        places = lane.ticks // w.every - begin
+        old = np.zeros((int(places[-1]) + 1 if len(places) else 0, len(self.names)), np.float32)
+        old[places] = np.take(lane.logged, self.columns, axis=1)
+        new = None  # what differs from `old`
         done = 0  # rows from `tick` on
         for piece in pieces(lane, tick):
             again, (at, states), w.x = replay_lane(piece, self.dt)
@@ -265,10 +272,15 @@ class _Member:
             done += int(np.count_nonzero(piece.ticks[:n] >= tick))
             equal = self._compare(w.topic, self.fields, piece.ticks[:n], piece.logged[:n], again[:n])
             if not equal or n < len(again):
-                self.again = self.logged.copy() if self.again is self.logged else self.again
-                self.again[places[rows]] = again[:, self.columns]
+                new = old.copy() if new is None else new
+                new[places[rows]] = again[:, self.columns]
             held = lane.states[1][np.searchsorted(lane.states[0], at)]
             self._compare(w.hidden, self.hidden, at, held, states)
+        if new is not None and self.again is self.logged:
+            self.again = self.logged.branch()
+        if self.again is not self.logged:
+            self.again.append(old if new is None else new)
+        self.logged.append(old)
         self.skipped += int(np.count_nonzero(lane.ticks >= tick)) - done
         return np.full(lane.logged.shape, np.nan) if out is None else out
 

@@ -259,12 +259,9 @@ def _entry(recording, d, lane, out):
             names.append(name)
         return names.index(name)
 
-    outputs = [n for n in d.module.STATE.names if n in d.module.OUTPUTS]
-    fields = [f"{n}[{i}]" if d.module.STATE[n].shape else n for n in outputs
-              for i in range(d.module.STATE[n].itemsize // 8)]  # fmt: skip
     at = {f: column(f"{d.id}.{lane}.{f}") for f in columns(d.module.CULPRITS, d.module.OUTPUTS)}
     plan = estimation.plan(recording.scenario, d.id, lane, column)
-    own = {f"{d.id}.{lane}.{f}": out[:, i] for i, f in enumerate(fields)}
+    own = {f"{d.id}.{lane}.{f}": out[:, i] for i, f in enumerate(vocabulary.outputs(d.module))}
     trace = np.stack([own[n] if n in own else recording.column(n) for n in names], axis=1)
     watch = watch_of(d.id, d.level, d.target(lane), d.module.CULPRITS, at, estimate=plan)
     return judge(watch, trace, recording.scenario.dt, recording.faults)

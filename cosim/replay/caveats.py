@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.replay.detector_replay import columns
+from cosim.replay.detector_replay import output_names
 from fdi import registry
 from fdi.common import why as reason
 
@@ -15,15 +15,40 @@ FROM_START = 0.1  # ... or within such a share of its valid time,
 MOST = 0.5  # and stands for such a share of it, speaks against the model
 
 
-def caveats(m: Any, scenario: Any, done: list, dt: float, t_0: float) -> list[str]:
-    """Return sentences about the lanes that ran, [(detector, lane, inputs, outputs (n, fields))]; times are the
-    recording's."""
-    return [*_designs(m, scenario, done), *_proxies(m, done), *_lanes(done, dt, t_0)]
+def caveats(made: Any, done: list) -> list[str]:
+    """Return sentences about the lanes that ran on the Prepared recording `made` (cosim/replay/map.py),
+    [(detector, lane, inputs, outputs (n, fields))]; times are the recording's."""
+    m, aircraft = made.map, made.scenario.aircraft
+    own = _designs(m, aircraft, done)
+    return [*own, *_mass(aircraft, made.values), *_dead(m, made), *_proxies(m, done), *_lanes(done, made.dt, made.t_0)]
 
 
-def _designs(m, scenario, done):
+def _mass(aircraft, values):
+    """Tell of a mass that the aircraft of the designs never has."""
+    y = values["mass"][0] if "mass" in values else np.empty(0)
+    if not np.isfinite(y).any():
+        return []
+    (low, high), middle = aircraft.mass.mass_t, float(np.nanmedian(y)) * 1e-3
+    if low <= middle <= high:
+        return []
+    return [f"the recording's mass, {middle:.4g} t, lies outside the {aircraft.name}'s, {low:g} to {high:g} t: what is "
+            "judged by forces or moments is no proof"]  # fmt: skip
+
+
+def _dead(m, made):
+    """Tell of sensors and commands whose channel never changes."""
+    out = []
+    for name, signal in m.signals.items():
+        y = made.channels[name][1] if signal.channel and name in made.channels and name in made.sources else ()
+        y = np.asarray(y)[np.isfinite(y)]
+        if len(y) > 1 and y.min() == y.max() and made.sources[name].kind != "model" and name not in ("mass", "cg"):
+            out.append(f"{name}: channel {signal.channel} is {y[0]:.6g} all along: not connected, or absent = true")
+    return out
+
+
+def _designs(m, aircraft, done):
     """Tell of detectors that hold the model of another aircraft than the one that was recorded."""
-    own, recorded = scenario.aircraft.name, m.aircraft
+    own, recorded = aircraft.name, m.aircraft
     if recorded == own:
         return []
     told = dict.fromkeys(
@@ -60,7 +85,7 @@ def _proxies(m, done):
 def _lanes(done, dt, t_0):
     out = []
     for d, lane, _, again in done:
-        names = columns_of(d)
+        names = output_names(d)
         step = dt * d.every
         valid = again[:, names.index("valid")] > 0.5
         said = f"{d.id} of {d.target(lane).removeprefix('elevator.').replace('_', ' ')}"
@@ -95,13 +120,3 @@ def _standing(said, valid, alarm, step, t_0):
         f"(valid from {t_0 + first * step:.6g} s): more likely a model, unit or sign that does not fit than a fault; "
         "check the map's units and signs, then design for this aircraft (cosim design --aircraft)"
     ]
-
-
-def columns_of(d: Any) -> list[str]:
-    """Return the names of a detector's outputs as they stand in its rows."""
-    kind, out = d.module.STATE, []
-    for name in kind.names:
-        if name in d.module.OUTPUTS:
-            count = len(columns(kind, (name,)))
-            out += [name if kind[name].shape == () else f"{name}_{i}" for i in range(count)]
-    return out

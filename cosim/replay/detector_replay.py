@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from actuators.block import Entry
+from actuators.block import Entry, unit
 from cosim.errors import LogError, did_you_mean
 from cosim.flight.detection.parameters import wrong_state
 from cosim.flight.plugins.plain import PlainDetector
@@ -97,6 +97,9 @@ def describe(log: Log, chosen: Any = None, overrides: Mapping[str, Any] | None =
     `overrides` is {detector: {parameter: value}}.
     """
     found = manifest(log)
+    if log.metadata.get("run", {}).get("log_profile") == "signals":
+        remedy = "Fly it again with log_profile = 'full' or 'replay'"
+        raise ReplayError("holds signals alone, not what detectors read", place=str(log.path), remedy=remedy)
     known = [d["id"] for d in found]
     if chosen is not None and not chosen:
         raise ReplayError("no detector is named", place="--detectors", allowed=", ".join(known))
@@ -112,8 +115,8 @@ def describe(log: Log, chosen: Any = None, overrides: Mapping[str, Any] | None =
     out = []
     for d in (d for d in found if (not chosen or d["id"] in chosen) and registry.known(d["id"])):
         record, module = registry.record(d["id"]), registry.module(d["id"])
-        p = attached(log, f"{d['id']}.params", module.PARAMS)
-        x = attached(log, f"{d['id']}.initial", module.STATE)
+        p = attached(log, f"{d['id']}.params", module.PARAMS, len(d["lanes"]))
+        x = attached(log, f"{d['id']}.initial", module.STATE, len(d["lanes"]))
         trusted(log, record, module, p, x, tick_of(log))
         override(record, module, p, (overrides or {}).get(d["id"], {}), tick_of(log))
         for i, lane in enumerate(d["lanes"]):
@@ -192,6 +195,20 @@ def columns(kind: Any, names: Sequence[Any]) -> np.ndarray:
             sub, offset = kind.fields[name][:2]
             out += range(offset // 8, offset // 8 + sub.itemsize // 8)
     return np.array(out, np.int64)
+
+
+def elements(kind: Any, names: Sequence[str]) -> list[tuple[str, str]]:
+    """Return [(field of a log, unit)] of the elements of fields `names` of a record, in memory order."""
+    out: list[tuple[str, str]] = []
+    for name in (n for n in kind.names if n in names):
+        count = kind[name].itemsize // 8
+        out += [(name if kind[name].shape == () else f"{name}_{i}", unit(kind, name)) for i in range(count)]
+    return out
+
+
+def output_names(d: Any) -> list[str]:
+    """Return the names of a detector's outputs as they stand in its rows."""
+    return [name for name, _ in elements(d.module.STATE, d.module.OUTPUTS)]
 
 
 @lru_cache(maxsize=64)

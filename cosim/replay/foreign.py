@@ -47,14 +47,14 @@ def read_channels(
     path = Path(os.fspath(path))
     if path.suffix.lower() == ".mcap":
         return _mcap(path, wanted)
-    frames, told = _frames(path, columns)
+    frames, told = _frames(path, columns, time=time)
     out = {name: _table(frame, path, name, time, on_reset, part) for name, frame in frames.items()}
     for frame in list(out.values())[:1]:
         frame.attrs["oddities"] += told
     return out
 
 
-def _frames(path, columns=(), rows=None):
+def _frames(path, columns=(), rows=None, time=None):
     """Return ({name: DataFrame}, sentences) of a file or a folder."""
     if path.is_dir():
         frames, told = together(path, columns)
@@ -62,7 +62,8 @@ def _frames(path, columns=(), rows=None):
     kind = path.suffix.lower()
     if kind not in KINDS:
         raise LogError(f"unknown kind of file {kind!r}", place=str(path), allowed=", ".join((*KINDS, ".mcap")))
-    return {path.stem: _frame(path, columns, rows)}, []
+    frame = _frame(path, columns, rows, time)
+    return {path.stem: frame}, frame.attrs.get("left", [])
 
 
 def _mcap(path, wanted):
@@ -105,9 +106,9 @@ def time_of(names: Any) -> str | None:
     return exact or next((n for n in names if set(re.split(r"[^a-z]+", str(n).lower())) & TIME_WORDS), None)
 
 
-def _frame(path, columns=(), rows=None):
+def _frame(path, columns=(), rows=None, time=None):
     if path.suffix.lower() != ".parquet":
-        return read_table(path, columns, rows)
+        return read_table(path, columns, rows, time)
     regular(path, LogError)
     try:
         return _parquet(path)
@@ -126,7 +127,7 @@ def _table(frame, path, stem, time, on_reset, part):
             f"no time column {name or ''}".rstrip(),
             place=str(path),
             allowed=f"one of its columns: {', '.join(map(str, frame.columns[:20]))}",
-            remedy="--time COLUMN names it",
+            remedy="--time COLUMN names it; without names: columns = [...] in the map, or cosim map --columns",
         )
     t = _seconds(frame[name], str(name), path)
     numbers = frame.drop(columns=name).select_dtypes(["number", "bool"], exclude="timedelta").astype(np.float64)

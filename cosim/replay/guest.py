@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from actuators.block import unit
 from cosim.flight.detection.detectors import wires
 from cosim.log import Log
 from cosim.replay.detector_replay import Lane, replay_lane, tick_of
@@ -90,14 +89,3 @@ def _params(log, guest, lane, technologies):
     from cosim.flight.detection.detector_context import site
 
     return guest.DETECTOR.fit(site(tick_of(log), "" if lane == "aircraft" else lane, technologies))
-
-
-def fields(guest: Any) -> list[tuple[str, str]]:
-    """Return [(field of the log, unit)] of a guest's outputs, in the order of `outputs`."""
-    out: list = []
-    for name in guest.STATE.names:
-        if name in guest.OUTPUTS:
-            count = guest.STATE[name].itemsize // 8
-            alone = guest.STATE[name].shape == ()
-            out += [(name if alone else f"{name}_{i}", unit(guest.STATE, name)) for i in range(count)]
-    return out

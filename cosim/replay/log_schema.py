@@ -67,7 +67,7 @@ class _Flew(BaseModel):
     model_config = ConfigDict(strict=True)
 
     id: _Name
-    level: Literal["local", "aircraft"]
+    level: Literal["local", "aircraft", "both"]
     every: Annotated[int, Field(ge=1, le=1_000_000)]
     guest: _Guest | None = None
 

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from actuators.block import unit
 from cosim.flight.detection import detectors as table
 from cosim.flight.plugins import load, with_detectors
 from cosim.judge.detection import watch_of
@@ -21,7 +20,7 @@ from cosim.judge.result import judge, plain
 from cosim.log import LogWriter, Topic, viewer_layouts
 from cosim.replay.caveats import caveats
 from cosim.replay.derived import derived
-from cosim.replay.detector_replay import Lane, flat, replay_lane
+from cosim.replay.detector_replay import Lane, elements, flat, output_names, replay_lane
 from cosim.replay.foreign import read_channels
 from cosim.replay.map_file import load_map
 from cosim.replay.map_signals import acting, channels_of, check, named, renamed, sampled, shares, slow
@@ -164,7 +163,7 @@ def diagnose(
         lacking = "; ".join(f"{r['id']} of {r['target']}: {', '.join(r['missing'])}" for r in out.not_run[:4])
         raise ReplayError("no detector has all its inputs", place=str(map_path), remedy=f"Missing: {lacking}")
     out.detectors = [_verdict(d, lane, again, dt, t_0) for d, lane, _, again in done]
-    out.caveats = made.notices + odd + slow(sources, made.channels, dt) + caveats(m, made.scenario, done, dt, t_0)
+    out.caveats = made.notices + odd + slow(sources, made.channels, dt) + caveats(made, done)
     if output:
         _write(output, done, out, made.text, dt)
     return out
@@ -259,19 +258,9 @@ def run(d: Any, lane: str, u: np.ndarray, p: np.ndarray, dt: float) -> np.ndarra
     return replay_lane(stretch, dt)[0]
 
 
-def columns(kind: Any, names: Any) -> list:
-    """Return [(field of the log, unit)] of the elements of fields `names` of a record, in memory order."""
-    out: list = []
-    for name in kind.names:
-        if name in names:
-            count = kind[name].itemsize // 8
-            out += [(name if kind[name].shape == () else f"{name}_{i}", unit(kind, name)) for i in range(count)]
-    return out
-
-
 def _verdict(d, lane, again, dt, t_0):
     """Return one row of the verdict table; times are the recording's."""
-    names = [n for n, _ in columns(d.module.STATE, d.module.OUTPUTS)]
+    names = output_names(d)
     watch = watch_of(d.id, d.level, d.target(lane), d.module.CULPRITS, {n: i for i, n in enumerate(names)})
     found = judge(watch, again, dt * d.every, [])
     at, valid = found["detected_at_s"], again[:, names.index("valid")] > 0.5
@@ -296,8 +285,8 @@ def _write(path, done, out, text, dt):
         module = d.module
         read = flat(np.ascontiguousarray(u))[0]
         for name, own, values, every in (
-            (f"/input/{d.id}/{lane}", columns(module.INPUTS, module.INPUTS.names), read, 1),
-            (f"/replay/detectors/{d.id}/{lane}", columns(module.STATE, module.OUTPUTS), again, d.every),
+            (f"/input/{d.id}/{lane}", elements(module.INPUTS, module.INPUTS.names), read, 1),
+            (f"/replay/detectors/{d.id}/{lane}", elements(module.STATE, module.OUTPUTS), again, d.every),
         ):
             fields, units = zip(*own)
             full = np.zeros((u.shape[1], len(fields)))
@@ -311,4 +300,5 @@ def _write(path, done, out, text, dt):
     with LogWriter(path, topics, n_values=at, dt_ns=round(dt * 1e9), **kept) as log:
         for row in np.concatenate(parts, axis=1):
             log.append(row)
-        log.close(result={"status": "diagnosed", "detectors": json.dumps(plain(out.detectors), sort_keys=True)})
+        told = {n: json.dumps(plain(getattr(out, n)), sort_keys=True) for n in ("detectors", "caveats", "not_run")}
+        log.close(result={"status": "diagnosed", **told})

@@ -21,16 +21,16 @@ from cosim.scenario.vocabulary import words
 
 NAMES = {  # word of the vocabulary -> what people call it, as tokens that a column's name must hold
     "alpha": ("alpha", "aoa", "angle of attack", "al", "alf"), "beta": ("beta", "aos", "sideslip", "be", "bet"),
-    "cas": ("cas", "kcas", "ias", "vcas"), "tas": ("tas", "ktas", "vtas", "true airspeed", "va"), "mach": ("mach",),
+    "cas": ("cas", "kcas", "ias", "vcas"), "tas": ("tas", "ktas", "vtas", "airspeed", "va"), "mach": ("mach",),
     "h_inertial": ("h inertial", "inertial altitude"),
     "h_baro": ("h baro", "baro", "altitude", "alt", "palt", "hqnh"),
     "hdot": ("hdot", "vertical speed", "climb rate", "vs", "alt rate"),
     "v_ground": ("v ground", "ground speed", "gs"), "p": ("p", "roll rate", "prgx"), "q": ("q", "pitch rate", "qrgy"),
     "r": ("r", "yaw rate", "rrgz"), "phi": ("phi", "bank", "roll"), "theta": ("theta", "pitch", "the"),
-    "psi": ("psi", "heading", "hdg"), "pdot": ("pdot", "p dot", "roll acceleration"),
+    "psi": ("psi", "heading", "hdg", "yaw"), "pdot": ("pdot", "p dot", "roll acceleration"),
     "qdot": ("qdot", "q dot", "pitch acceleration"), "rdot": ("rdot", "r dot", "yaw acceleration"),
     "n_x": ("n x", "nx", "ax", "long acc"), "n_y": ("n y", "ny", "ay", "lat acc"),
-    "n_z": ("n z", "nz", "load factor", "az", "an", "norm acc"),
+    "n_z": ("n z", "nz", "load factor", "az", "an", "norm acc"), "n1": ("n1",),
     "mass": ("mass", "gross weight", "gw"), "cg": ("cg",),
     "deflection": ("delv", "de", "delta e", "elevator"),
     "de_cmd": ("de cmd", "elev cmd", "elevator cmd", "elevator command"),
@@ -57,6 +57,9 @@ PLACES = {"left": "lh l port", "right": "rh r starboard", "inner": "in inboard i
 SHORT = {"li": "left inner", "lo": "left outer", "ri": "right inner", "ro": "right outer", "lib": "left inner",
          "lob": "left outer", "rib": "right inner", "rob": "right outer"}  # fmt: skip
 # of the SI unit, beyond which a column is in another one
+# degrees that an angle does not exceed: beyond them a column is in some other unit, counts of a servo say
+MOST_DEG = {**dict.fromkeys(("alpha", "beta", "theta", "deflection", "surface"), 90.0), "phi": 185.0, "psi": 365.0}
+FIXED = ("mass", "cg", "hm0", "hmd", "hinge_moment")  # may be constant; a sensor or a command that is says nothing
 LARGEST = {"rad": 1.6, "m": 1.0, "rad/s": 3.0, "rad/s2": 6.0, "-": 1.6}
 OTHER = {"rad": "deg", "rad/s": "deg/s", "rad/s2": "deg/s2", "m": "mm", "-": "%"}
 POINT = {"mass": ("mass_t", 1e-3, 200.0), "cg": ("cg_pct", 100.0, 30.0), "h_baro": ("altitude_ft", 1 / 0.3048, 20000.0),
@@ -84,27 +87,33 @@ class Guess:
         return f"{self.lane}.{self.word}" if self.lane else self.word
 
 
-def draft(path: str | Path, *, time: str | None = None, aircraft: str | None = None) -> str:
-    """Return the text of a map for the recording at `path`, for the detectors of `aircraft` (default: the transport's).
+def draft(
+    path: str | Path, *, time: str | None = None, aircraft: str | None = None, columns: Sequence[str] = ()
+) -> str:
+    """Return the text of a map for the recording at `path`, for the detectors of `aircraft` (default: the transport's);
+    `columns` name those of a file without names, `time` names its time column.
 
     Raises LogError as `read_channels` does, ScenarioError for an unknown aircraft.
     """
     own = load_aircraft(aircraft or DEFAULT)
-    time = time or _time(Path(path))
-    tables = read_channels(path, time=time, on_reset="split", part=0)
+    named = tuple(columns)
+    time = time or _time(Path(path), named)
+    tables = read_channels(path, time=time, on_reset="split", part=0, columns=named)
     one = len(tables) == 1
-    columns = {c if one else f"{t}.{c}": frame[c].to_numpy() for t, frame in tables.items() for c in frame.columns}
+    found = {c if one else f"{t}.{c}": frame[c].to_numpy() for t, frame in tables.items() for c in frame.columns}
     clocks = {c if one else f"{t}.{c}": f.index.to_numpy() for t, f in tables.items() for c in f.columns}
     best: dict[str, Guess] = {}
-    for channel, y in columns.items():
-        for guess in guesses(channel, y, own.segments):
+    for channel, y in found.items():
+        for guess in guesses(channel, y, own.segments, own.engines):
             if guess.fit > best[guess.name].fit if guess.name in best else True:
                 best[guess.name] = guess
     taken: dict[str, Guess] = {}
     for guess in sorted(best.values(), key=lambda g: -g.fit):  # a column is one signal
         if guess.channel not in {g.channel for g in taken.values()}:
             taken[guess.name] = guess
-    return _text(Path(path), _proved(taken, columns, clocks), columns, time, own)
+    head = [f"time = {inline(time)}"] if time else []
+    head += [f"columns = {inline(list(named))}"] if named else []
+    return _text(Path(path), _proved(taken, found, clocks), found, head, own)
 
 
 def _proved(taken, columns, clocks):
@@ -119,12 +128,9 @@ def _proved(taken, columns, clocks):
         against = f", though its name says {said.unit}" if said.why.endswith("name") and said.unit != unit else ""
         why = f"{said.why.split(',')[0]}, Mach and the others ask for {unit}{against}"
         out[name] = replace(said, unit=unit, fit=1.0, proof=True, why=why)
-    if "n_z" in out and (found := physics.gravity(columns[out["n_z"].channel])):
-        unit, sign, offset = found
-        why = "gravity is in it" if not offset else "about 0 in level flight: without gravity's 1"
-        out["n_z"] = replace(
-            out["n_z"], unit=unit, sign=sign, offset=offset, fit=1.0, proof=not offset, why=why
-        )
+    if "n_z" in out and (gravity := physics.gravity(columns[out["n_z"].channel])):
+        unit, sign, offset, why, proof = gravity
+        out["n_z"] = replace(out["n_z"], unit=unit, sign=sign, offset=offset, fit=1.0, proof=proof, why=why)
         for name in ("n_x", "n_y"):
             if name in out and not out[name].why.endswith("name"):
                 out[name] = replace(out[name], unit=unit, why=f"as {out['n_z'].channel}")
@@ -155,6 +161,7 @@ def _proved(taken, columns, clocks):
                 back = physics.rate(t, y, columns[out[angle].channel])
                 out[word] = replace(out[word], unit=unit, sign=-1 if back and back[0] < 0 else 1, fit=1.0, proof=True,
                                     why=f"the rate of change of {out[angle].channel}")  # fmt: skip
+    _alike(out)  # with what is proved by now
     if "de_cmd" in out and "q" in out and len(columns[out["de_cmd"].channel]) == len(columns[out["q"].channel]):
         found_sign = out["q"].sign * physics.elevator_sign(
             clocks[out["q"].channel], columns[out["de_cmd"].channel], columns[out["q"].channel]
@@ -178,13 +185,16 @@ def _alike(out):
     """Give angles, and rates, whose unit nothing says that of the others of the file whose numbers say it."""
     for si in ("rad", "rad/s", "rad/s2"):
         own = [n for n, g in out.items() if n in words() and words()[n].unit == si and not g.why.endswith("name")]
-        units = [out[n].unit for n in own if "too large" in out[n].why]
+        proved = [g.unit for n, g in out.items() if g.proof and n in words() and words()[n].unit == si]
+        units = proved or [out[n].unit for n in own if "too large" in out[n].why and out[n].fit >= SURE]
         for name in own:
-            if units and "too large" not in out[name].why:
+            if units and not out[name].proof and (proved or "too large" not in out[name].why):
                 out[name] = replace(out[name], unit=units[0], why=f"{out[name].why.split(',')[0]}, as the others")
 
 
-def guesses(channel: str, y: np.ndarray, segments: Sequence[str] = SEGMENTS) -> Iterable[Guess]:
+def guesses(
+    channel: str, y: np.ndarray, segments: Sequence[str] = SEGMENTS, engines: int = 4
+) -> Iterable[Guess]:
     """Yield what a column may be; `y` are its numbers."""
     bracket = re.search(r"[\[(]([^\[\]()]*)[\])]\s*$", channel)
     tokens = _tokens(channel[: bracket.start()] if bracket and known(bracket[1]) else channel) or [""]
@@ -195,24 +205,37 @@ def guesses(channel: str, y: np.ndarray, segments: Sequence[str] = SEGMENTS) -> 
     said = [t for t in rest if not any(t in (long, *short.split()) for long, short in PLACES.items())]
     meant = [t for t in rest if not FILLERS.fullmatch(t)] or rest
     for word, names in NAMES.items():
+        if word == "n1":
+            if engines != 2 or place not in (["left"], ["right"]):
+                continue
+            word = "n1_1" if place == ["left"] else "n1_2"
         local = word == "hinge_moment" or (word in words() and bool(words()[word].technologies))
         held = said if local else meant
         found = max((n for n in names if set(n.split()) <= set(held)), key=len, default="")
         if not found:
             continue
-        if len(found) < 3 and len(found.split()) < len(held):  # the R of DLC_R is no yaw rate
+        if len(found) < 3 and len(found.split()) < len(held) and names != NAMES["n1"]:  # the R of DLC_R is no yaw rate
+            continue
+        if local and len(found) < 2 and not place:  # u beside v and w is a speed, "left u" a command
             continue
         si = {"hinge_moment": "N m", "deflection": "rad"}.get(word) or words()[word].unit
         allowed = factors(si, {"Pa": 1.0} if word == "pressure" else {"N": 1.0} if word == "hinge_moment" else {})
         if unit and unit not in allowed:
             continue
         fit = len(found.split()) / max(1, len(held)) + 0.1 * len(found) / 20 + 0.2 * bool(place and local)
-        yield Guess(channel, word, _segment(place, segments) if local else "", *_unit(si, unit, y), fit)
+        fit = max(fit, 0.8) if names == NAMES["n1"] else fit  # with a side: nothing else is called so
+        unit_, why = _unit(si, unit, y)
+        most = float(np.nanmax(np.abs(y))) if np.isfinite(y).any() else 0.0
+        if unit_ == "deg" and most > MOST_DEG.get(word, np.inf):
+            unit_, why, fit = "deg", f"{why}, too large for degrees", min(fit, 0.5 * SURE)
+        elif word not in FIXED and np.isfinite(y).any() and np.nanmin(y) == np.nanmax(y):
+            why, fit = f"{why}, constant", min(fit, 0.5 * SURE)
+        yield Guess(channel, word, _segment(place, segments) if local else "", unit_, why, fit)
 
 
-def _time(path: Path) -> str | None:
+def _time(path: Path, columns: tuple[str, ...] = ()) -> str | None:
     """Return the time column of a table by its name, None where `read_channels` finds it alone or there is none."""
-    names = columns_of(path)
+    names = columns_of(path, columns)
     return None if set(names) & set(TIME_NAMES) or path.is_dir() else time_of(names)
 
 
@@ -271,10 +294,10 @@ def _point(word: str, value: float, own: Aircraft) -> float:
 
 
 def _text(
-    path: Path, taken: Mapping[str, Guess], columns: Mapping[str, np.ndarray], time: str | None, own: Aircraft
+    path: Path, taken: Mapping[str, Guess], columns: Mapping[str, np.ndarray], head: list[str], own: Aircraft
 ) -> str:
     lines = [f"# Draft of a map for {path.name}: check every unit, sign and meaning.", "rate_hz = 200"]
-    lines += [*([f"time = {inline(time)}"] if time else []), '# aircraft = "NAME"  # that was recorded', "", "[flight]"]
+    lines += [*head, '# aircraft = "NAME"  # that was recorded', "", "[flight]"]
     if own.name != DEFAULT:
         lines.append(f"aircraft = {inline(own.name)}")
     for word, (key, factor, usual) in POINT.items():

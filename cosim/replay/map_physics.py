@@ -12,6 +12,7 @@ SPEEDS = {"m/s": 1.0, "kt": M_S_PER_KT, "ft/s": M_PER_FT, "km/h": 1.0 / 3.6}
 HEIGHTS = {"m": 1.0, "ft": M_PER_FT}
 FITS = 0.04  # relative error of the air data up to which units are taken for proved: other air than standard is in it
 CLEAR = 2.0  # so many times worse is the next best that says something else
+MOST_G = 9.0  # of a manned or small aircraft
 GRAVITY = {"g": 1.0, "m/s2": 1.0 / G0, "ft/s2": M_PER_FT / G0}
 
 
@@ -57,13 +58,18 @@ def _error(data, h, units):
     return float(max(np.median(np.abs(e)) for e in errors))
 
 
-def gravity(y: np.ndarray) -> tuple[str, int, float] | None:
-    """Return (unit, sign, offset) of a load factor along the vertical body axis by the gravity in it, None if none."""
+def gravity(y: np.ndarray) -> tuple[str, int, float, str, bool] | None:
+    """Return (unit, sign, offset, why, whether that is a proof) of a load factor along the vertical body axis by the
+    gravity in it, None if none."""
     middle = float(np.nanmedian(y)) if np.isfinite(y).any() else np.nan
     for unit, factor in GRAVITY.items():
         if abs(abs(middle) * factor - 1.0) < 0.12:
-            return unit, 1 if middle > 0.0 else -1, 0.0
-    return ("g", 1, 1.0) if abs(middle) < 0.12 and 0.002 < np.nanstd(y) < 1.0 else None
+            return unit, 1 if middle > 0.0 else -1, 0.0, "gravity is in it", True
+    if abs(middle) < 0.12 and 0.002 < np.nanstd(y) < 1.0:
+        return "g", 1, 1.0, "about 0 in level flight: without gravity's 1", False
+    if MOST_G < np.nanmax(np.abs(y), initial=0.0) < MOST_G / GRAVITY["m/s2"] and abs(np.nanmean(y)) > 2.0:
+        return "m/s2", 1 if np.nanmean(y) > 0.0 else -1, 0.0, "too large for g, and gravity in its mean", False
+    return None
 
 
 def rate(t: np.ndarray, y: np.ndarray, angle: np.ndarray) -> tuple[float, float] | None:

@@ -23,8 +23,10 @@ def older(log: Log, what: str) -> LogError:
     return LogError(f"{what} is of another layout than this version's", place=str(log.path), remedy=remedy)
 
 
-def attached(log: Log, name: str, kind: Any) -> np.ndarray:
-    """Return the structured array in attachment `name`, of dtype `kind`. Raises LogError for another layout or none."""
+def attached(log: Log, name: str, kind: Any, lanes: int) -> np.ndarray:
+    """Return the structured array (lanes,) in attachment `name`, of dtype `kind`. Raises LogError for another layout,
+    or none.
+    """
     try:
         found = log_schema.array(log, name)
     except KeyError as error:
@@ -34,6 +36,8 @@ def attached(log: Log, name: str, kind: Any) -> np.ndarray:
     if found.dtype.names != kind.names or not all(_alike(found.dtype[n], kind[n]) for n in kind.names):
         changed = ", ".join(sorted(set(kind.names) ^ set(found.dtype.names or ())))
         raise older(log, f"{name} ({changed or 'its arrays'})")
+    if found.shape != (lanes,):
+        raise LogError(f"{name} has the shape {found.shape}", place=str(log.path), allowed=f"({lanes},), a lane each")
     out = np.zeros(found.shape, kind)
     for n in kind.names:
         out[n] = found[n]

@@ -34,7 +34,7 @@ class Recordings:
 SETS = (
     Recordings(
         "ATTAS", "attas",
-        tuple(f"fAttas{run}.mat" for run in ("Elv1", "Elv2", "Ail1", "Rud1", "AilRud1")),
+        tuple(f"fAttas{run}.mat" for run in ("Elv1", "Elv2", "Ail1", "Rud1", "AilRud1", "AilRud2")),
         recipe="github.com/josemiguelbento/UAV-OAT-controlo, RVJategaonkar_codes_2ed/flt_data: companion data of "
         "Jategaonkar, Flight Vehicle System Identification, 2nd edition (author and AIAA)",
     ),
@@ -45,6 +45,8 @@ SETS = (
                "stated)"),
     Recordings("Twin Otter", "twin_otter", ("totter_lon_data.mat",),
                recipe="as ATTAS, RefIdent/SIDPAC (usage agreement of SIDPAC)"),
+    Recordings("OAT UAV", "oat", ("ProcessedData_2022_05_07_11_13_57.mat",),
+               recipe="as ATTAS, get_coeffs/flight_data_1 (no licence stated)"),
 )  # fmt: skip
 
 
@@ -97,6 +99,9 @@ def page(folder: Path) -> str:
             failed.append(f"| {s.title} | {path.name} | {error.problem}; {error.remedy} |")
             continue
         lines += rows(s, path, told)
+        if not any(d["valid_pct"] for d in told.detectors):
+            why = "; ".join(c for c in told.caveats if "not valid there" in c)
+            failed.append(f"| {s.title} | {path.name} | no detector is ever valid: {why} |")
         for d in told.detectors:
             hours, alarms = valid.get(d["id"], (0.0, 0))
             valid[d["id"]] = hours + told.duration_s * d["valid_pct"] / 3.6e5, alarms + d["alarms"]
@@ -121,12 +126,12 @@ def _head():
         "Written by `python -m cosim.replay.real DIR`, DIR being a folder with the sets below in it; the data are not",
         "part of this project. Nothing in these recordings is known to be broken: every alarm counts as a false one.",
         "All of them are of other aircraft than the designs of the detectors (the narrow-body's), so that an alarm",
-        "speaks of the model first, and of thresholds learned in simulation second. An elevator command is nowhere",
-        "recorded; the measured deflection stands in for it. No recorded aircraft has sensors inside an actuator, so",
-        "that no actuator-local detector can judge. A detector that is in alarm for nearly all of its valid time does",
-        "not fit the recording: its count of alarms says nothing, its share of the time in alarm does. `kinematic`",
-        "does not fit: it compares inertial with air data, and one stands in for the other here; between samples of",
-        "10 to 25 Hz that are interpolated to its 200 Hz there is no noise, which it takes for a frozen reading.",
+        "speaks of the model first, and of thresholds learned in simulation second. An elevator command is recorded by",
+        "the UAV alone; elsewhere the measured deflection stands in for it. No recorded aircraft has sensors inside an",
+        "actuator, so that no actuator-local detector can judge. A detector that is in alarm for nearly all of its",
+        "valid time does not fit the recording: its count of alarms says nothing, its share of the time in alarm does.",
+        "`kinematic` does not fit: it compares inertial with air data, and one stands in for the other here; between",
+        "samples of 10 to 25 Hz that are interpolated to its 200 Hz there is no noise, which it takes for frozen.",
         "",
     ]  # fmt: skip
 

@@ -23,11 +23,12 @@ from cosim.judge.detection import watch_of
 from cosim.judge.result import judge, judged
 from cosim.replay import clock
 from cosim.replay.bench import Ride, move
-from cosim.replay.map import columns, prepare, run
+from cosim.replay.detector_replay import output_names
+from cosim.replay.map import prepare, run
 from cosim.replay.real import MAPS, bounds, recordings
 from cosim.scenario import load_scenario
 
-SEGMENT, DT, WINDOW_S, FAULT_S = "left_inner", 0.005, 60.0, 20.0
+SEGMENT, DT, WINDOW_S, SHORT_S, FAULT_S = "left_inner", 0.005, 60.0, 30.0, 20.0
 FAULTS = ("liquid-ofc", "solid-ofc", "solid-jam", "runaway")  # scenarios, with their amplitudes
 FREE = 3  # every third window is fault-free
 SETS = ("citation", "attas", "attas_stall")  # with deflection, speed and angle of attack, 60 s and more
@@ -45,8 +46,8 @@ def band_limited(t: np.ndarray, y: np.ndarray, dt: float) -> tuple[float, np.nda
     return float(t[0]), resample_poly(even - even[0], ratio.numerator, ratio.denominator, padtype="line") + even[0]
 
 
-def rides(path: Path, map_path: Path) -> list[Ride]:
-    """Return the Rides of a recording: its windows that are airborne and without a gap."""
+def rides(path: Path, map_path: Path, seconds: float = WINDOW_S) -> list[Ride]:
+    """Return the Rides of a recording: its windows of `seconds` that are airborne and without a gap."""
     made = prepare(path, map_path)
     got: dict[str, Any] = {}
     for name in ("de_cmd", "alpha", "cas", "q"):
@@ -56,13 +57,13 @@ def rides(path: Path, map_path: Path) -> list[Ride]:
     gaps = t[1:][np.diff(t) > 5.0 * clock.interval(t)]
     start = max(first for first, _ in got.values())
     cut = {name: y[round((start - first) / DT) :] for name, (first, y) in got.items()}
-    size, n = round(WINDOW_S / DT), min(map(len, cut.values()))
+    size, n = round(seconds / DT), min(map(len, cut.values()))
     low, high = load_scenario("cruise").aircraft.travels["elevator"]
     out = []
     for a in range(0, n - size + 1, size):
         own = {name: y[a : a + size] for name, y in cut.items()}
         here = start + a * DT
-        whole = not np.any((gaps > here) & (gaps <= here + WINDOW_S)) and np.isfinite(list(own.values())).all()
+        whole = not np.any((gaps > here) & (gaps <= here + seconds)) and np.isfinite(list(own.values())).all()
         if whole and own["cas"].min() > SLOWEST:
             command = np.clip(own["de_cmd"], low, high)
             out.append(Ride(command, own["alpha"], own["cas"], own["q"], f"{path.name}, {here:.0f} s"))
@@ -103,8 +104,10 @@ def loads(found: list[Ride], rng: Any) -> tuple[np.ndarray, np.ndarray]:
 
 def ridden(found: list[Ride], seed: int) -> Iterable[tuple[str, str, dict, float]]:
     """Yield (detector, fault or "", its entry of `judge`, hours) of each detector on each window."""
-    free = load_scenario("cruise", [f"duration_s={WINDOW_S:g}"])
-    broken = {name: load_scenario(name, [f"duration_s={WINDOW_S:g}", f"faults.0.start_s={FAULT_S:g}"])
+    seconds = len(found[0].command) * DT
+    start = FAULT_S * seconds / WINDOW_S
+    free = load_scenario("cruise", [f"duration_s={seconds:g}"])
+    broken = {name: load_scenario(name, [f"duration_s={seconds:g}", f"faults.0.start_s={start:g}"])
               for name in FAULTS}  # fmt: skip
     kinds = ["" if k % FREE == 0 else FAULTS[(k - k // FREE - 1) % len(FAULTS)] for k in range(len(found))]
     cases = {c for s in broken.values() for c in coverage.cases(s)}
@@ -118,14 +121,14 @@ def ridden(found: list[Ride], seed: int) -> Iterable[tuple[str, str, dict, float
         seen |= {f"{SEGMENT}.hm0": told[0], f"{SEGMENT}.hmd": told[1], "de_cmd": np.array([r.command for r in own])}
         for d in installed:
             p = d.params(free, DT)[d.lanes.index(SEGMENT)][None]
-            names = [n for n, _ in columns(d.module.STATE, d.module.OUTPUTS)]
+            names = output_names(d)
             watch = watch_of(d.id, d.level, d.target(SEGMENT), d.module.CULPRITS, {n: i for i, n in enumerate(names)})
             for i, name in enumerate(kind):
                 u = np.zeros((1, len(own[i].command)), d.module.INPUTS)
                 for w in d.inputs(SEGMENT):
                     u[w.field] = 1.0 if w.flag else seen[w.signal.word][i]
                 again = run(d, SEGMENT, u, p, DT)
-                yield d.id, name, judge(watch, again, DT * d.every, judged(scenarios[i])), WINDOW_S / 3600.0
+                yield d.id, name, judge(watch, again, DT * d.every, judged(scenarios[i])), seconds / 3600.0
 
 
 def table(found: list[Ride], seed: int) -> list[str]:
@@ -152,10 +155,11 @@ def table(found: list[Ride], seed: int) -> list[str]:
 
 def page(folder: Path) -> str:
     """Return the part of the page about recorded commands, "" where no set has any."""
-    recorded = [r for s, path in recordings(folder) if s.map in SETS
-                for r in rides(path, MAPS / f"{s.map}.toml")]  # fmt: skip
+    there = [(path, MAPS / f"{s.map}.toml") for s, path in recordings(folder) if s.map in SETS]
+    recorded = [r for path, m in there for r in rides(path, m)]
     if not recorded:
         return ""
+    short = [r for path, m in there for r in rides(path, m, SHORT_S)]
     own = simulated(max(1, -(-len(recorded) // round(FLIGHT_S / WINDOW_S))))[: len(recorded)]
     return "\n".join([
         "## Recorded elevator motion as the command of our hydraulic actuator", "",
@@ -166,6 +170,9 @@ def page(folder: Path) -> str:
         "speed and change of angle of attack; each window's actuator is up to 5 % off, the detectors' hinge moment up",
         "to 20 %. A deflection is smoother than a command: an actuator has filtered it already.", "",
         *table(recorded, 1), "",
+        f"The same recordings cut into {len(short)} disjoint windows of {SHORT_S:g} s, the fault from "
+        f"{FAULT_S * SHORT_S / WINDOW_S:g} s on:", "",
+        *table(short, 3), "",
         f"The same on {len(own)} windows of simulated flights (transport, doublets, no to moderate turbulence):", "",
         *table(own, 2), "",
     ])  # fmt: skip

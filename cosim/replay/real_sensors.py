@@ -14,7 +14,8 @@ from cosim.flight.blocks import faults as f
 from cosim.flight.faults import inject
 from cosim.judge import coverage
 from cosim.judge.alarms import onsets
-from cosim.replay.map import columns, prepare, run_all
+from cosim.replay.detector_replay import output_names
+from cosim.replay.map import prepare, run_all
 from cosim.replay.real import MAPS, recordings
 from cosim.replay.real_commands import FAULT_S, FREE, WINDOW_S
 from cosim.scenario import Scenario, load_scenario
@@ -61,7 +62,7 @@ def counted(path: Path, map_path: Path, scenarios: dict[str, Scenario]) -> list[
             broken(value, valid, lane, k * size, size, made.dt, k)
     out = []
     for d, _, _, again in run_all(made, {})[0]:
-        names = [n for n, _ in columns(d.module.STATE, d.module.OUTPUTS)]
+        names = output_names(d)
         valid, rises = again[:, names.index("valid")] > 0.5, onsets(again[:, names.index("alarm")]) * d.every
         for k, name in enumerate(kinds):
             a, b = k * size + late, (k + 1) * size

@@ -1,9 +1,10 @@
 """A flight as its log tells it: scenario, signals, detector lanes with their judgement, and what they estimate."""
 
 import math
-from collections.abc import Iterable
+from collections import OrderedDict
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +14,19 @@ from cosim.errors import LogError
 from cosim.flight.faults import inject
 from cosim.flight.loop import wiring
 from cosim.judge import coverage
+from cosim.judge import detection as judgement
 from cosim.judge import estimation as estimate
+from cosim.judge.column_store import Columns
 from cosim.judge.detection import watch_of
 from cosim.judge.result import judge, judged
-from cosim.log import open_log
+from cosim.log import Log, open_log
 from cosim.replay import guest, log_schema
+from cosim.replay.detector_replay import elements
 from cosim.scenario.catalog import ACTUATOR_SENSORS, SENSORS
 from cosim.scenario.vocabulary import place
 
+SMALL = 128 << 20  # [byte] signals of a log up to this are read at once
+RECENT = 64 << 20  # [byte] of a larger one so much of what was read last is kept
 NEEDED = (
     "/truth/",
     "/surfaces/",
@@ -34,7 +40,6 @@ NEEDED = (
 )
 
 
-
 @dataclass
 class Lane:
     """One detector lane: its outputs by field (rows,), its judgement, and which case it meets."""
@@ -45,10 +50,11 @@ class Lane:
     target: str
     culprits: tuple
     every: int
-    fields: dict
+    fields: Mapping
     entry: dict
     units: dict = field(default_factory=dict)  # of the fields, as the log has them
-    truth: tuple | None = None  # (field, truth (ticks,), unit, start, end) of the fault that it estimates
+    # (field, call that returns the truth (ticks,), unit, start, end) of the fault that it estimates
+    truth: tuple | None = None
 
     @property
     def able(self) -> bool:
@@ -58,7 +64,7 @@ class Lane:
     @property
     def name(self) -> str:
         """Return what it is called in figures: "iotsekf left inner"."""
-        return self.id if self.level == "aircraft" else f"{self.id} {words(self.lane)}"
+        return self.id if self.level != "local" else f"{self.id} {words(self.lane)}"
 
 
 def words(name: str) -> str:
@@ -66,8 +72,70 @@ def words(name: str) -> str:
     return name.replace("_", " ")
 
 
+class Signals:
+    """Columns of a log's topics, by `column(topic, field)`: read at once where they are few, else when asked for.
+
+    Memory is bounded for a log of any length, with detectors' outputs in single precision, as a run's result has them.
+    """
+
+    def __init__(self, log: Log, topics: Sequence[str]):
+        self._log, self._topics = log, list(topics)
+        small = sum(8 * log.topics[t].rows * len(log.topics[t].fields) for t in topics) <= SMALL
+        self._all = log.arrays(topics) if small else None
+        self._recent: OrderedDict[tuple[str, str], np.ndarray] = OrderedDict()
+
+    def __contains__(self, topic: str) -> bool:
+        return topic in self._topics
+
+    def column(self, topic: str, name: str) -> np.ndarray:
+        """Return one field (rows,)."""
+        info = self._log.topics[topic]
+        if self._all is not None:
+            return self._all[topic][:, info.fields.index(name)]
+        if (topic, name) not in self._recent:
+            self._read(topic, name)
+        self._recent.move_to_end((topic, name))
+        return self._recent[topic, name]
+
+    def _read(self, topic, name):
+        """Read a field, with the topic's others where they are few or those that are judged together."""
+        info, kind = self._log.topics[topic], np.dtype(np.float32 if topic.startswith("/detectors/") else np.float64)
+        size = info.rows * kind.itemsize
+        names = info.fields if 2 * size * len(info.fields) <= RECENT else judgement.columns(("",), info.fields)
+        names = list(dict.fromkeys([*(names if name in names else ()), name]))
+        for n, column in zip(names, self._log.columns(topic, names, kind)):
+            self._recent[topic, n] = column.copy() if len(names) > 1 else column
+        while len(self._recent) > 1 and sum(c.nbytes for c in self._recent.values()) > max(RECENT, size * len(names)):
+            self._recent.popitem(last=False)
+
+    def rows(self, topic: str) -> Columns:
+        """Return all fields as `judge` takes them."""
+        info = self._log.topics[topic]
+        return Columns(lambda c, a, b: self.column(topic, info.fields[c])[a:b], info.rows)
+
+    def fields(self, topic: str) -> Mapping[str, np.ndarray]:
+        """Return {field: column}, read when it is asked for."""
+        return _Fields(self, topic, self._log.topics[topic].fields)
+
+
+class _Fields(Mapping):
+    def __init__(self, signals, topic, names):
+        self._signals, self._topic, self._names = signals, topic, names
+
+    def __getitem__(self, name):
+        if name not in self._names:
+            raise KeyError(name)
+        return self._signals.column(self._topic, name)
+
+    def __iter__(self):
+        return iter(self._names)
+
+    def __len__(self):
+        return len(self._names)
+
+
 class LoggedFlight:
-    """The content of one log, read once. `values(topic, field)` is a column, NaN where there is none."""
+    """The content of one log. `values(topic, field)` is a column, NaN where there is none."""
 
     knows_faults = True  # else alarms are neither right nor false
 
@@ -84,7 +152,7 @@ class LoggedFlight:
         if "/truth/aircraft" not in self.log.topics:
             raise LogError("holds no truth, only what a replay reads", place=str(path), remedy="Fly the scenario again")
         names = [n for n in self.log.topics if n.startswith(NEEDED)]
-        self._arrays = self.log.arrays(names)
+        self._signals = Signals(self.log, names)
         self.ticks = self.log.ticks("/truth/aircraft")
         self.dt = self.log.dt_ns / 1e9
         if not len(self.ticks):
@@ -93,13 +161,13 @@ class LoggedFlight:
 
     def has(self, topic: str, name: str) -> bool:
         """Tell whether the log has field `name` of `topic`."""
-        return topic in self._arrays and name in self.log.topics[topic].fields
+        return topic in self._signals and name in self.log.topics[topic].fields
 
     def values(self, topic: str, name: str) -> np.ndarray:
         """Return one logged signal (rows,)."""
         if not self.has(topic, name):
             return np.full(len(self.ticks), np.nan)
-        return self._arrays[topic][:, self.log.topics[topic].fields.index(name)]
+        return self._signals.column(topic, name)
 
     @cached_property
     def achieved(self) -> dict[str, dict[str, float | None]] | None:
@@ -137,34 +205,31 @@ class LoggedFlight:
             guest.tell(d)
             for lane in d["lanes"]:
                 topic = f"/detectors/{d['id']}/{lane}"
-                if topic in self._arrays:
-                    out.append(self._lane(d, lane, dict(zip(*self._named(topic))), self._arrays[topic]))
+                if topic in self._signals:
+                    units = dict(zip(self.log.topics[topic].fields, self.log.topics[topic].units))
+                    fields, rows = self._signals.fields(topic), self._signals.rows(topic)
+                    out.append(self._lane(d, lane, units, fields, rows))
         flew = {lane.id for lane in out}
         for own in (g for g in self._guests if g.DETECTOR.id not in flew):
             about = {"id": own.DETECTOR.id, "level": own.DETECTOR.level, "every": own.DETECTOR.every}
-            names = dict(guest.fields(own))
-            for lane, rows in guest.outputs(self.log, own, self.scenario.elevator.technology).items():
-                out.append(self._lane(about, lane, names, rows))
-        return sorted(out, key=lambda lane: lane.level != "aircraft")
+            names = dict(elements(own.STATE, own.OUTPUTS))
+            for lane, told in guest.outputs(self.log, own, self.scenario.elevator.technology).items():
+                out.append(self._lane(about, lane, names, dict(zip(names, told.T)), told))
+        return sorted(out, key=lambda lane: lane.level == "local")
 
-    def _named(self, topic):
-        return self.log.topics[topic].fields, self.log.topics[topic].units
-
-    def _lane(self, d, lane, units, rows):
+    def _lane(self, d, lane, units, fields, rows):
         target = f"elevator.{lane}" if d["level"] == "local" else "aircraft"
-        culprits, fields = guest.culprits(d), list(units)
-        made = Lane(
-            d["id"], d["level"], lane, target, culprits, d["every"], dict(zip(fields, rows.T)), {}, units
-        )
+        culprits = guest.culprits(d)
+        made = Lane(d["id"], d["level"], lane, target, culprits, d["every"], fields, {}, units)
         made.truth = self._truth(d["id"], lane)
-        watch = watch_of(d["id"], d["level"], target, culprits, {n: i for i, n in enumerate(fields)})
+        watch = watch_of(d["id"], d["level"], target, culprits, {n: i for i, n in enumerate(units)})
         made.entry = judge(watch, rows, self.dt * d["every"], self.faults)
         if made.truth:
             made.entry |= self._errors(made)
         return made
 
     def _truth(self, detector, lane):
-        """Return (field, truth (ticks,), unit, start, end) of the fault that the lane estimates, or None."""
+        """Return `truth` of a Lane, None where it estimates no fault of the flight."""
         names = []
 
         def column(name):
@@ -175,15 +240,22 @@ class LoggedFlight:
         plan = estimate.plan(self.scenario, detector, lane, column)
         if plan is None or plan.unit is None:
             return None
-        signals = np.stack([self.signal(names[c]) for c in plan.columns])
-        return names[plan.column].rpartition(".")[2], plan.truth(signals, self.dt), plan.unit, plan.start, plan.end
+
+        def truth():
+            signals = [self.signal(names[c]) for c in plan.columns]
+            held: dict = {}
+            blocks = range(0, len(self.ticks), estimate.BLOCK)
+            parts = (np.stack([s[a : a + estimate.BLOCK] for s in signals]) for a in blocks)
+            return np.concatenate([plan.truth(part, self.dt, held) for part in parts])
+
+        return names[plan.column].rpartition(".")[2], truth, plan.unit, plan.start, plan.end
 
     def _errors(self, lane):
         """Return RMSE, bias and maximum of a lane's estimate after settling, as a run's result has them."""
         from cosim.judge.result import errors
 
         name, truth, unit, start, end = lane.truth
-        e = (lane.fields[name] - truth[:: lane.every])[: len(lane.fields[name])]
+        e = lane.fields[name] - truth()[:: lane.every][: len(lane.fields[name])]
         step = self.dt * lane.every
         late = slice(round((start - self.t0) / step), round((min(end, self.end + self.dt) - self.t0) / step))
         return errors(e[late], unit)
@@ -212,20 +284,14 @@ class LoggedFlight:
 
     @cached_property
     def injected(self) -> Any:
-        """Return [(label, unit, signal (ticks,))] of every fault lane."""
+        """Return [(label, unit, call that returns the signal (ticks,))] of every fault lane."""
         out = []
         for f in self._injected:
             kind, place = self.scenario.faults[f.fault].kind, f.places[0][0]
-            signal = self._fault(f.name, "f_inj")
             switched = all(source == "g" for _, source in f.places)
-            label = f"{words(kind)}, {words(f.name.split('_', 1)[1])}"
-            out.append(
-                (
-                    label,
-                    "active" if switched else unit_of(place, kind),
-                    self._fault(f.name, "g") if switched else signal,
-                )
-            )
+            label, unit = f"{words(kind)}, {words(f.name.split('_', 1)[1])}", unit_of(place, kind)
+            signal = partial(self._fault, f.name, "g" if switched else "f_inj")
+            out.append((label, "active" if switched else unit, signal))
         return out
 
     @cached_property

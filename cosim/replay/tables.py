@@ -20,15 +20,22 @@ MOST_BYTES = 20 * MOST_VALUES  # of a text, whose numbers take some twenty chara
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?|[-+]?nan|[-+]?inf", re.IGNORECASE)
 
 
-def read_table(path: Path, columns: tuple[str, ...] = (), rows: int | None = None) -> Any:
-    """Return the table in a text or MATLAB file as a DataFrame; `columns` name those of a file without names.
+def read_table(path: Path, columns: tuple[str, ...] = (), rows: int | None = None, time: str | None = None) -> Any:
+    """Return the table in a text or MATLAB file as a DataFrame; `columns` name those of a file without names, `time`
+    chooses among the structures of a MATLAB file the one of its time column.
 
     Columns that are no numbers stay as they are. Raises LogError where the file cannot be read, is too large or does
     not have as many columns as are named.
     """
     regular(path, LogError)
+    most = 8 * MOST_VALUES if path.suffix.lower() == ".mat" else MOST_BYTES
+    if path.is_file() and path.stat().st_size > most:
+        raise LogError(
+            f"has {path.stat().st_size / 1e9:.3g} GB", place=str(path), allowed=f"{most / 1e9:g} GB",
+            remedy="Cut it, or keep the columns that are needed as Parquet",
+        )  # fmt: skip
     try:
-        frame = _mat(path, columns) if path.suffix.lower() == ".mat" else _text(path, columns, rows)
+        frame = _mat(path, columns, time) if path.suffix.lower() == ".mat" else _text(path, columns, rows)
     except OSError as error:
         raise log_error(f"cannot read the file: {error.strerror or error}", path) from error
     except NotImplementedError:
@@ -44,11 +51,6 @@ def read_table(path: Path, columns: tuple[str, ...] = (), rows: int | None = Non
 def _text(path, columns, rows):
     import pandas as pd
 
-    if rows is None and path.stat().st_size > MOST_BYTES:
-        raise LogError(
-            f"has {path.stat().st_size / 1e9:.3g} GB", place=str(path), allowed=f"{MOST_BYTES / 1e9:g} GB of text",
-            remedy="Cut it, or keep the columns that are needed as Parquet",
-        )  # fmt: skip
     begin, names, separator, decimal = _layout(path)
     how: dict[str, Any] = {"sep": separator, "decimal": decimal, "nrows": rows, "encoding_errors": "replace"}
     if begin is None:  # an ordinary header, and anything below it
@@ -115,8 +117,9 @@ def _exactly():
 
 
 # -- MATLAB
-def _mat(path, columns):
-    """Return vectors and the columns of matrices of the file's most frequent length; `varlab` and kin name columns."""
+def _mat(path, columns, time=None):
+    """Return vectors and the columns of matrices of one length, and of one structure where there are several: those of
+    `time`, else those that hold most values; `varlab` and kin name columns. `attrs` tell what is left out."""
     import pandas as pd
     from scipy.io import loadmat, whosmat
 
@@ -133,15 +136,19 @@ def _mat(path, columns):
     flat: dict[str, np.ndarray] = {}
     _flatten("", found, flat)
     numbers = {n: v for n, v in flat.items() if v.dtype.kind in "fiub" and 1 <= v.ndim <= 2}
-    lengths = [len(v) for v in numbers.values() if len(v) > 2]
-    if not lengths:
+    tables: dict[tuple[str, int], int] = {}
+    for name, v in numbers.items():
+        if len(v) > 2:
+            tables[_table(name, v)] = tables.get(_table(name, v), 0) + v.size
+    if not tables:
         raise ValueError("no variable of it is a table or a vector")
-    # the length that holds most values; of equal ones the longest
-    n = max(set(lengths), key=lambda length: (sum(v.size for v in numbers.values() if len(v) == length), length))
+    asked = [_table(time, numbers[time])] if time in numbers else []
+    chosen = max(asked or tables, key=lambda table: (tables[table], table[1]))
+    n = chosen[1]
     texts = [v for v in flat.values() if v.dtype.kind == "U" and v.ndim == 1]
     out: dict[str, np.ndarray] = {}
     for name, v in numbers.items():
-        if len(v) != n:
+        if len(v) != n or (chosen[0] and _table(name, v)[0] not in ("", chosen[0])):
             continue
         if v.ndim == 1:
             out.setdefault(name, v)
@@ -160,7 +167,16 @@ def _mat(path, columns):
         raise LogError(f"{len(columns)} columns are named, {widths or 'it has vectors only'}", place=str(path))
     frame = pd.DataFrame({name: np.asarray(v, np.float64) for name, v in out.items()})
     frame.attrs["texts"] = [name for name in flat if name not in numbers]
+    left = [f"{of or 'variables'} of {rows} rows" for of, rows in tables if (of, rows) != chosen]
+    if left and chosen[0]:
+        told = f"read: {chosen[0]}, {n} rows; left out: {', '.join(left)}; --time NAME.COLUMN reads another"
+        frame.attrs["left"] = [told]
     return frame
+
+
+def _table(name, values):
+    """Return (structure that holds a variable, its rows)."""
+    return name.partition(".")[0] if "." in name else "", len(values)
 
 
 def _flatten(prefix, value, out):

@@ -25,6 +25,7 @@ UNITS = {  # unit -> {SI unit of the signal: factor}
     "ft/s2": {"g": M_PER_FT / G0},
     "t": {"kg": 1e3},
     "lb": {"kg": 0.45359237},
+    "slug": {"kg": 14.593903},
     "%": {"-": 0.01},
     "mA": {"A": 1e-3},
     "lbf ft": {"N m": N_M_PER_LBF_FT, "N m/rad": N_M_PER_LBF_FT},

@@ -17,11 +17,16 @@ FRONT = 5  # rank of the columns of the front page; DETAILS has all
 
 def write(found: Comparison, path: str | Path) -> None:
     """Write table and picture of a Comparison into the README at `path`, between its markers, and what each level sees
-    of which oscillation into cosim/compare/README.md beside it, where there is one. Raises OutputError, see `targets`.
+    of which oscillation into cosim/compare/README.md beside it, where there is one. Flights with a detector of both
+    levels fill the table of faults by level instead. Raises OutputError, see `targets`.
     """
     from cosim.report.compare_picture import render
 
     table, picture, *details = targets(path)
+    if (found.rows["level"] == "both").any():
+        levels = f"{found.runs} flights:\n\n{tables.by_level(found.levels).markdown()}"
+        readme.save(table, readme.put(readme.read(table), "levels", levels, table))
+        return
     made = markdown(found, FRONT)
     pages = {table: readme.put(readme.read(table), "compare", made, table)}
     for page in details:

@@ -102,7 +102,7 @@ def _estimate(figure, flown, lanes, main, factor):
                         showlegend=False,
                     )
                 )
-    truth = next((lane.truth[1] * factor for lane in mine if lane.truth), None)
+    truth = next((lane.truth[1]() * factor for lane in mine if lane.truth), None)
     if truth is not None:
         figure.data.append(
             curve(flown.t0, flown.dt, truth, name="injected truth", colour="--ink", dash="dot", width=1.6, panel=2)

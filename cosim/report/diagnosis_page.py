@@ -42,8 +42,11 @@ class Watched:
         self.t0 = float(self.log.metadata.get("run", {}).get("start_s", 0.0))
         self.end = self.t0 + (self.log.n_ticks - 1) * self.dt
         self.map = self.log.attachments["map.toml"].decode(errors="replace")
-        told = json.loads((self.log.result or {}).get("detectors", "[]"))
-        self.verdicts = {(v["id"], v["target"]): v for v in told}
+        told = {n: json.loads((self.log.result or {}).get(n, "[]")) for n in ("detectors", "caveats", "not_run")}
+        self.verdicts = {(v["id"], v["target"]): v for v in told["detectors"]}
+        self.caveats = list(map(str, told["caveats"]))
+        self.lacking = [f"{row['id']} of {words(row['target'])} lacks {', '.join(row['missing'])}"
+                        for row in told["not_run"]]  # fmt: skip
         lanes = (self._lane(n) for n in names if n.startswith(REPLAYED))
         self.lanes = sorted(lanes, key=lambda lane: lane.level != "aircraft")
 
@@ -94,6 +97,8 @@ def diagnosis_report(log: str | Path, output: str | Path, *, light: bool = False
             lanes=verdicts(list(watched.verdicts.values())),
             detectors=[(own[i], f"{i}: {getattr(registry.find(i), 'summary', '')}") for i in ids],
             read=read,
+            caveats=watched.caveats,
+            lacking=watched.lacking,
             map=watched.map,
             figures=[line, *own.values(), read],
             chips=[(i, next(lane.level for lane in watched.lanes if lane.id == i), i in loud) for i in ids],

@@ -218,9 +218,10 @@ def bands(layout: dict, intervals: Any, panels: Any) -> None:
 
 def least(layout: dict, panel: Any, curves: Any, half: float) -> Any:
     """Give a panel a vertical range around `curves` of at least +-`half`: noise must not fill it. Changes `layout`."""
-    finite = [y[np.isfinite(y)] for y in curves]
-    found = np.concatenate([y for y in finite if len(y)] or [np.zeros(1)])
-    middle, spread = (float(found.max()) + float(found.min())) / 2, float(found.max() - found.min()) / 2
+    ends = [(y.min(where=ok, initial=np.inf), y.max(where=ok, initial=-np.inf))
+            for y in curves for ok in [np.isfinite(y)] if ok.any()] or [(0.0, 0.0)]  # fmt: skip
+    low, high = float(min(a for a, _ in ends)), float(max(b for _, b in ends))
+    middle, spread = (high + low) / 2, (high - low) / 2
     layout[axis("yaxis", panel)]["range"] = [middle - max(1.12 * spread, half), middle + max(1.12 * spread, half)]
 
 

@@ -37,31 +37,25 @@ def panels(
 
 def motion(flown: LoggedFlight) -> Figure:
     """Return altitude, airspeed, load factor, angle of attack, attitude and rates."""
-    get = lambda name, factor=1.0: factor * flown.values("/truth/aircraft", name)  # noqa: E731
+    truth, deg = "/truth/aircraft", DEG_PER_RAD  # each curve: name, topic, field, factor, what is added
     shown = [
-        ("Altitude", "ft", 100.0, [("", get("h", FT_PER_M))]),
-        ("Airspeed, calibrated", "kt", 2.0, [("", get("cas", KT_PER_M_S))]),
-        ("Load factor", "g", 0.1, [("demanded", 1.0 + flown.values("/pilot", "nz_dem")), ("flown", get("nz"))]),
-        (
-            "Angle of attack",
-            "deg",
-            0.5,
-            [
-                ("measured", DEG_PER_RAD * flown.values("/sensors/aircraft", "alpha")),
-                ("true", get("alpha", DEG_PER_RAD)),
-            ],
-        ),
-        ("Attitude", "deg", 1.0, [("pitch", get("theta", DEG_PER_RAD)), ("bank", get("phi", DEG_PER_RAD))]),
-        ("Rates", "deg/s", 0.5, [(name, get(field, DEG_PER_RAD)) for name, field in RATES]),
-    ]
+        ("Altitude", "ft", 100.0, [("", truth, "h", FT_PER_M, 0.0)]),
+        ("Airspeed, calibrated", "kt", 2.0, [("", truth, "cas", KT_PER_M_S, 0.0)]),
+        ("Load factor", "g", 0.1, [("demanded", "/pilot", "nz_dem", 1.0, 1.0), ("flown", truth, "nz", 1.0, 0.0)]),
+        ("Angle of attack", "deg", 0.5, [("measured", "/sensors/aircraft", "alpha", deg, 0.0),
+                                         ("true", truth, "alpha", deg, 0.0)]),
+        ("Attitude", "deg", 1.0, [("pitch", truth, "theta", deg, 0.0), ("bank", truth, "phi", deg, 0.0)]),
+        ("Rates", "deg/s", 0.5, [(name, truth, field, deg, 0.0) for name, field in RATES]),
+    ]  # fmt: skip
     figure = Figure("motion", "Shaded: a fault is active.", 560)
     figure.hint = "Drag to zoom in time, double-click to see all; every figure follows."
     panels(flown, figure, [p[0] for p in shown], [p[1] for p in shown], 2, legend=False)
     for i, (_, _, half, curves) in enumerate(shown, 1):
-        for j, (name, y) in enumerate(reversed(curves)):
+        drawn = [(name, factor * flown.values(topic, field) + add) for name, topic, field, factor, add in curves]
+        for j, (name, y) in enumerate(reversed(drawn)):
             look: dict = {"colour": COLOURS[(0, 4, 2)[j]], "dash": DASHES[(0, 0, 2)[j]], "width": (1.6, 1.1, 1.4)[j]}
             figure.data.insert(0, curve(flown.t0, flown.dt, y, name=name, panel=i, legend=False, **look))
-        least(figure.layout, i, [y for _, y in curves], half)
+        least(figure.layout, i, [y for _, y in drawn], half)
         _inline_legend(figure, i)
     return figure
 
@@ -78,10 +72,11 @@ def _inline_legend(figure, panel):
 
 def track(flown: LoggedFlight) -> Figure:
     """Return the path over ground and in height; the part flown with a fault is drawn in its colour."""
-    lat, lon = (flown.values("/truth/aircraft", n) for n in ("lat", "lon"))
+    pick = np.unique(np.linspace(0, len(flown.ticks) - 1, 400).astype(int))
+    lat, lon, h = (flown.values("/truth/aircraft", n)[pick] for n in ("lat", "lon", "h"))
     north, east = EARTH * (lat - lat[0]) / 1e3, EARTH * np.cos(lat[0]) * (lon - lon[0]) / 1e3
-    along, height = np.hypot(north, east), FT_PER_M * flown.values("/truth/aircraft", "h")
-    t = flown.t0 + flown.dt * np.arange(len(lat))
+    along, height = np.hypot(north, east), FT_PER_M * h
+    t = flown.t0 + flown.dt * pick
     broken = np.zeros(len(t), bool)
     for a, b in flown.intervals:
         broken |= (t >= a) & (t <= b)
@@ -92,16 +87,14 @@ def track(flown: LoggedFlight) -> Figure:
     grid(figure.layout, titles, ["north, km", "ft"], 2, time=False)
     figure.layout["xaxis"]["title"]["text"] = "east, km"
     figure.layout["xaxis2"]["title"]["text"] = "distance from the start, km"
-    pick = np.unique(np.linspace(0, len(t) - 1, 400).astype(int))
     for i, (x, y) in enumerate(((east, north), (along, height)), 1):
         for mask, colour, width in ((np.ones(len(t), bool), "--blue", 2.0), (broken, "--fault", 3.0)):
-            part = np.where(mask, y, np.nan)[pick]
-            line, xs, ys = {"color": colour, "width": width}, packed(x[pick]), packed(part)
+            line, xs, ys = {"color": colour, "width": width}, packed(x), packed(np.where(mask, y, np.nan))
             figure.data.append(points(i, mode="lines", x=xs, y=ys, line=line, hoverinfo="x+y"))
     figure.layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
     least(figure.layout, 2, [height], 200.0)
     figure.track = [
-        {"x": np.round(x[pick], 4).tolist(), "y": np.round(y[pick], 4).tolist()}
+        {"x": np.round(x, 4).tolist(), "y": np.round(y, 4).tolist()}
         for x, y in ((east, north), (along, height))
     ]
     return figure
@@ -163,6 +156,6 @@ def injected(flown: LoggedFlight) -> Figure | None:
         66 + 150 * -(-len(lanes) // columns),
     )
     panels(flown, figure, [n for n, _, _ in lanes], [u for _, u, _ in lanes], columns, legend=False)
-    for i, (name, _, y) in enumerate(lanes, 1):
-        figure.data.append(curve(flown.t0, flown.dt, y, name=name, colour="--fault", panel=i, legend=False))
+    for i, (name, _, signal) in enumerate(lanes, 1):
+        figure.data.append(curve(flown.t0, flown.dt, signal(), name=name, colour="--fault", panel=i, legend=False))
     return figure

@@ -33,7 +33,8 @@ def render(rows: list[PaperRow], drawings: list) -> str:
         shown, own = [], [r for r in rows if r.paper == name]
         for d in (d for d in drawings if d.paper == name):
             number += 1
-            caption = f"{d.caption} Beside [{paper_key(name)}] {d.beside}."
+            look = f"Look at {d.look} " if d.look else ""
+            caption = f"{look}{d.caption} Beside [{paper_key(name)}] {d.beside}."
             figure = None if d.table else _figure(d, f"f{number}", caption)
             figures.append(figure)
             shown.append({

@@ -42,8 +42,11 @@ SENSORS = {  # aircraft sensor -> units of its faults and settings; the first on
     "mass": (Unit("t", 1000.0, "kg", 100.0),),
     "cg": (Unit("pct", 0.01, "-", 20.0),),
 }
+FREQUENCY = Key("frequency_hz", 0.01, 25.0, 2 * math.pi, "rad/s")
+SHAPES = ("sine", "square", "triangle", "chirp")  # of an oscillation; the first is the default
+SWEEP = Key("chirp_hz_s", -10.0, 10.0, 2 * math.pi, "rad/s2", healthy=0.0)  # of a chirp
 _sine = (
-    Key("frequency_hz", 0.01, 25.0, 2 * math.pi, "rad/s"),
+    FREQUENCY,
     Key("phase_deg", -360.0, 360.0, RAD_PER_DEG, "rad", default=0.0),
 )
 
@@ -182,7 +185,11 @@ for _technology in SHIPPED:
 
 
 def optional_keys(kind: str, target: str, aircraft: Aircraft) -> tuple[Key, ...]:
-    """Return the keys that `kind` may have on `target`; a runaway's limit is by default the stop it drives to."""
+    """Return the keys that `kind` may have on `target`; a runaway's limit is by default the stop it drives to, and only
+    a chirp has a rate of its frequency.
+    """
+    if kind in OSCILLATIONS:
+        return (SWEEP,)
     if kind != "runaway":
         return ()
     return (Key("limit_deg", *aircraft.travels_deg[target.split(".")[0]], RAD_PER_DEG, "rad"),)
@@ -194,9 +201,10 @@ SENSOR_SUMMARIES = {
     "scale": "reading times a factor",
     "freeze": "the last value repeats",
     "noise": "additional white noise per sample",
-    "oscillation": "sine added to the reading",
+    "oscillation": "oscillation added to the reading",
     "dropout": "no valid sample",
 }
+OSCILLATIONS = ("ofc_liquid", "ofc_solid", "oscillation")
 SENSOR_PATHS = ("all", "observers")  # of an aircraft sensor; the first is the default
 ACTUATOR_PATHS = ("loop", "monitor")  # of an actuator's sensor
 
@@ -269,6 +277,10 @@ KEYS = {  # table of a scenario -> {key: what it means}; a kind's own numbers st
         "at": "where it enters; default: the first that the kind names",
         "path": f"of an aircraft sensor {' | '.join(SENSOR_PATHS)}: observers leaves the law's copy healthy; "
         f"of an actuator's sensor {' | '.join(ACTUATOR_PATHS)}: monitor leaves the servo's copy healthy",
+        "shape": f"of an oscillation: {' | '.join(SHAPES)}; the amplitude is the peak, converted between valve and "
+        "rod as that of a sine of frequency_hz",
+        "chirp_hz_s": "of a chirp: change of its frequency per second, from frequency_hz at the onset to 0.01 or "
+        "25 Hz, where it stays",
         "limit_deg": "of a runaway, within the surface's travel; default: the stop",
     },
     "amplitude of ofc_liquid, ofc_solid": {

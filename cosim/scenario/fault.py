@@ -49,6 +49,8 @@ class Injection:
     unit: str
     omega: float = math.nan  # [rad/s]
     phase: float = 0.0  # [rad]
+    shape: str = c.SHAPES[0]  # of an oscillation
+    sweep: float = 0.0  # of a chirp's frequency [rad/s^2]
     limit: float = math.nan  # [rad]
 
 
@@ -67,6 +69,7 @@ class Fault(BaseModel):
     ramp_s: Seconds = 0.0
     at: Literal["valve", "command", "sensor"] | None = None
     path: Literal["all", "observers", "loop", "monitor"] | None = None
+    shape: Literal["sine", "square", "triangle", "chirp"] | None = None
     _aircraft: Aircraft = PrivateAttr(default_factory=load_aircraft)
 
     def model_post_init(self, context: Any) -> None:
@@ -98,6 +101,8 @@ class Fault(BaseModel):
             if key.name in full:
                 with wrong.caught():
                     _number(full[key.name], key)
+        with wrong.caught():
+            _shape(raw["kind"], full)
         _magnitudes(raw["kind"], kind, full, aircraft, wrong)
         return full
 
@@ -203,6 +208,8 @@ class Fault(BaseModel):
                     unit=unit,
                     omega=si.get("frequency_hz", math.nan),
                     phase=si.get("phase_deg", 0.0),
+                    shape=self.shape or c.SHAPES[0],
+                    sweep=si.get("chirp_hz_s", 0.0),
                     limit=si.get("limit_deg", math.nan),
                 )
             )
@@ -254,6 +261,19 @@ def _place(target, kind, raw):
     return out
 
 
+def _shape(name, full):
+    """Check the shape of an oscillation, and that a chirp, and nothing else, says how its frequency changes."""
+    given = full.get("shape")
+    if given is not None and name not in c.OSCILLATIONS:
+        raise problem(f"{name} has no shape", key="shape", allowed="no such key", remedy="Remove shape")
+    if given is not None and given not in c.SHAPES:
+        raise choice(given, c.SHAPES, "shape", key="shape")
+    if given == "chirp" and c.SWEEP.name not in full:
+        raise problem(f"a chirp needs {c.SWEEP.name}", key=c.SWEEP.name, allowed=c.SWEEP.range)
+    if given != "chirp" and name in c.OSCILLATIONS and c.SWEEP.name in full:
+        raise problem("is for a chirp", key=c.SWEEP.name, remedy="Say shape = 'chirp'")
+
+
 def _number(value, key):
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise problem("is no number", key=key.name, allowed=key.range)
@@ -271,7 +291,7 @@ def _magnitudes(name, kind, full, aircraft, wrong):
     optional = c.optional_keys(name, full["target"], aircraft)
     known = [k.name for k in (*one_of, *kind.keys, *optional)]
     meant = set()
-    for key in [key for key in full if key not in (*COMMON, "at", "path", *known)]:
+    for key in [key for key in full if key not in (*COMMON, "at", "path", "shape", *known)]:
         remedy = did_you_mean(key, [*known, *COMMON])
         elsewhere = key in (k.name for k in kind.one_of)  # the amplitude of another place
         meant |= {k.name for k in one_of} if elsewhere else set(remedy.split("'")[1:2])

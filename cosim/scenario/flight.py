@@ -7,7 +7,7 @@ from pydantic import Field, ModelWrapValidatorHandler, ValidationInfo, model_val
 
 from actuators.constants import M_PER_FT, M_S_PER_KT
 from cosim.scenario.aircraft import DEFAULT, of
-from cosim.scenario.problem import Mistakes, Table
+from cosim.scenario.problem import Mistakes, Table, problem
 
 SPEEDS = ("cas_kt", "mach", "tas_kt")
 AIR = ("turbulence", "air", "wind_kt", "wind_from_deg", "shear_kt_1000ft", "gusts")  # keys of what the air does
@@ -16,6 +16,18 @@ PATHS = (("climb_fpm", "gamma_deg"), ("bank_deg", "turn_deg_s"))  # of each pair
 
 Turbulence = Literal["none", "light", "moderate", "severe"]
 Start = Annotated[float, Field(ge=0.0, le=36000.0)]
+
+
+def cas_kt(altitude_ft: float, *, mach: float | None = None, tas_kt: float | None = None) -> float:
+    """Return the calibrated airspeed [kt] of a Mach number or true airspeed in the standard atmosphere (ISO 2533)."""
+    h = altitude_ft * M_PER_FT
+    kelvin = max(288.15 - 0.0065 * h, 216.65)
+    pressure = 101325.0 * (kelvin / 288.15) ** 5.2558797 * math.exp(-max(0.0, h - 11000.0) / 6341.62)
+    if mach is None:
+        assert tas_kt is not None
+        mach = tas_kt * M_S_PER_KT / math.sqrt(1.4 * 287.05287 * kelvin)
+    impact = pressure * ((1.0 + 0.2 * mach**2) ** 3.5 - 1.0)
+    return 340.294 * math.sqrt(5.0 * ((impact / 101325.0 + 1.0) ** (2 / 7) - 1.0)) / M_S_PER_KT
 
 
 class AirChange(Table):
@@ -88,6 +100,15 @@ class Flight(Table):
             elif value is not None and math.isfinite(value) and not low <= value <= high:
                 wrong.add("is out of range", key=key, allowed=f"{low:.10g} to {high:.10g}")
         return wrong.last(handler, raw)
+
+    @model_validator(mode="after")
+    def _no_faster(self, info: ValidationInfo):
+        """Hold a Mach number or a true airspeed against the highest calibrated one, as that is held itself."""
+        key, most = ("mach" if self.mach is not None else "tas_kt"), dict(of(info).limits)["cas_kt"][1]
+        if self.cas_kt is None and (cas := cas_kt(self.altitude_ft, mach=self.mach, tas_kt=self.tas_kt)) > most:
+            said = f"is {cas:.0f} kt calibrated at {self.altitude_ft:g} ft"
+            raise problem(said, key=key, allowed=f"up to {most:g} kt calibrated", remedy="Fly slower or higher")
+        return self
 
     @property
     def mass(self) -> float:

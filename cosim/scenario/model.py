@@ -1,9 +1,10 @@
 """The scenario: a frozen tree of tables. Feet, knots, tonnes and degrees end here; properties without a unit are SI."""
 
 import math
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -129,6 +130,11 @@ class Detectors(Table):
         return dict((self.model_extra or {}).get(name, {}))
 
 
+def _profile(name):
+    """Return the log's profile, None for all: that is no part of which flight it is, nor of its id."""
+    return None if name == "full" else name
+
+
 class Scenario(Table):
     """A flight: where, with what, doing what, and what goes wrong."""
 
@@ -136,6 +142,7 @@ class Scenario(Table):
     duration_s: Annotated[float, Field(gt=0.0, le=36000.0)] = 30.0
     seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = 1
     rate_hz: Annotated[int, Field(ge=50, le=2000)] = 200
+    log_profile: Annotated[Literal["full", "replay", "signals"] | None, AfterValidator(_profile)] = None
     flight: Flight
     manoeuvre: Manoeuvre = Cruise()
     actuators: dict[str, OwnActuator] = Field(default_factory=dict)  # technologies that the scenario brings along

@@ -7,7 +7,8 @@ a false alarm per flight and detector at which those of the aircraft level are t
 the position monitor leaves severe turbulence out, where a surface does not follow its command as closely.
 
 What separates two sizes by design is not trained: the gain of the current (a winding 39 % up is warm, 80 % broken),
-the magnets (two tolerances of 5 %), the load that no hinge explains (of which the limit is noted beside), and the
+the magnets (two tolerances of 5 %), the load that no hinge explains, friction and the current's noise (of which the
+limits are noted beside), and the
 shares and ratios by which hypotheses are told apart.
 
     cosim train ema --check      fly the training set, say what would change
@@ -38,7 +39,7 @@ from cosim.training.flights import (
 )
 from cosim.training.threshold_fit import PROBABILITY, blocks, exceeded, limit
 from cosim.training.trainer import Trained, Training, significant
-from fdi.ema import drive, ema_kalman_flight
+from fdi.ema import drive, ema_kalman_flight, gains, rough
 from fdi.monitors import position_monitor
 
 FIRST_SEED = 31_000
@@ -52,9 +53,10 @@ LEAST_Z = 2.0  # deviations of a gain: of drives that warm up by 39 % in flight 
 # test -> thresholds: fixed part, and what grows with a feature
 TESTS = {"r_pair": ("pair_threshold",), "r_speed": ("th_speed", "rho_speed"), "r_f": ("th_f", "rho_f"),
          "r_velocity": ("th_vel", "rho_vel", "rho_rate"), "r_jump": ("th_jump",), "ramp": ("th_R1",)}  # fmt: skip
-ROUGH = ("position", "velocity", "surface")  # sensors whose noise is judged
+ROUGH = ("position", "velocity", "surface")  # sensors whose noise is judged; that of the current is noted beside
 NOISIER = 2.0  # times what a healthy sensor shows: what shakes a drive, a jam or a stop, makes good readings rough
-GAIN, LOAD = "z_gain", "load"
+GAIN = "z_gain"
+LOAD, FRICTION, CURRENT = NOTED = ("load", "friction", "current")  # share of the stall moment, of their thresholds
 SHARED = PROBABILITY / (len(TESTS) + len(ROUGH) + 2)
 
 
@@ -73,7 +75,7 @@ def flights(first_seed: int = FIRST_SEED, number: int = FLIGHTS) -> list[dict[st
 
 def _gain_z(log: np.ndarray, p: Any) -> np.ndarray:
     """Return by how many of its own deviations a gain exceeds its threshold, (ticks,); 0 while it is not learned."""
-    a, b, da, db = np.array([drive.gain_and_magnets(sums, p) for sums in log["gain_sum"]]).T
+    a, b, da, db = np.array([gains.gain_and_magnets(sums, p) for sums in log["gain_sum"]]).T
     gain = (np.abs(a) - p["th_a"]) / np.hypot(da, log["gain_doubt"])
     magnets = (np.abs(b) - p["th_b"]) / np.hypot(db, log["magnets_doubt"])
     gain = np.where(log["gain_learned"] > 0.5, gain, 0.0)
@@ -89,12 +91,14 @@ def tested(log: np.ndarray, rate: np.ndarray, p: Any) -> dict[str, list]:
         fixed, *more = TESTS[test]
         own = features.get(test, [])
         out[test] = [log[test] * sum((p[name] * x for name, x in zip(more, own)), p[fixed]), 1.0, *own]
-    out["r_f"] = [np.sqrt(log["f_power"]) - np.sqrt(log["off_power"]), 1.0, *features["r_f"]]
+    usual = 1.0 + drive.USUAL * log["f_usual"]
+    out["r_f"] = [np.sqrt(log["f_power"]) / usual - np.sqrt(log["off_power"]), 1.0, *features["r_f"]]
     out["ramp"] = [np.abs(log["R1"]), 1.0]
     out[LOAD] = [np.abs(log["x_hat"][:, 5]) / (0.5 * p["load_max"]), 1.0]
-    power = log["rough_power"]
-    power = np.stack([power[:, 0], np.minimum(power[:, 1], power[:, 3]), power[:, 2]])
-    return out | {name: [np.sqrt(row), 1.0] for name, row in zip(ROUGH, power, strict=True)}
+    out[FRICTION] = [np.maximum(log["r_friction"], 0.0), 1.0]
+    power = np.stack([[rough.power(x, k) for x in log] for k in range(rough.N)])
+    out[CURRENT] = [np.sqrt(power[3]) / rough.TH_CURRENT, 1.0]
+    return out | {name: [np.sqrt(row), 1.0] for name, row in zip(ROUGH, power[:3], strict=True)}
 
 
 def largest_of(rows: np.ndarray, seconds: int = 8) -> np.ndarray:
@@ -110,9 +114,9 @@ def survey(recorded: Any) -> dict[str, dict[str, Any]]:
     p["th_rough"] = 1e9  # a sample counts in full
     fields = ("r_pair", "r_speed", "r_velocity", "r_jump", "R1", "f_power", "w_power", "off_power", "gain_doubt",
               "gain_learned", "magnets_doubt", "magnets_learned", "effort", "x_hat", "gain_sum",
-              "rough_power")  # fmt: skip
+              "rough_power", "rough_both", "f_usual", "r_friction")  # fmt: skip
     log = detect(recorded, ema_kalman_flight, lanes("ema_kalman_flight"), p, fields)[:, round(START_S / DT) :]
-    found: dict[str, list] = {test: [] for test in (*TESTS, *ROUGH, LOAD)}
+    found: dict[str, list] = {test: [] for test in (*TESTS, *ROUGH, *NOTED)}
     z = 0.0
     for lane, own in zip(SEGMENTS, log):
         rate = recorded[ema_wires("ema_kalman_flight", lane)["y_velocity"]].to_numpy()[round(START_S / DT) :]
@@ -157,10 +161,13 @@ def limits(values: list[dict]) -> list[Trained]:
     largest = np.array([v[GAIN] for v in own])
     made[GAIN] = max(exceeded(largest, SHARED), LEAST_Z)
     noise = []
-    for test in (*ROUGH, LOAD):
+    for test in (*ROUGH, *NOTED):
         weight, told[test] = limit([np.array(v[test]) for v in own], SHARED)
-        noise.append(float(weight[0]))
-    told[LOAD] |= {"limit": noise.pop(), "held": "0.4 of the stall moment"}
+        if test in ROUGH:
+            noise.append(float(weight[0]))
+        else:
+            told[test]["limit"] = float(weight[0])
+    told[LOAD]["held"] = "0.4 of the stall moment"
     made["th_rough"] = [NOISIER * weight for weight in noise]
     told[GAIN] = {"largest": float(largest.max()), "least": LEAST_Z}
     calmer = [v["position_monitor"]["threshold"] for k, v in enumerate(values) if AIR[k // 8 % 4] != "severe"]

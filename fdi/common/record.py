@@ -9,7 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-GROUPS = ("airframe motion", "elevator positions", "actuator filters", "monitors")  # of the detectors that ship
+# of the detectors that ship
+GROUPS = ("airframe motion", "elevator positions", "actuator filters", "monitors", "both levels")
 Cases = Mapping[str, tuple[str, ...]]  # case -> verdict classes that name it right
 
 
@@ -56,7 +57,8 @@ class Detector:
     """
 
     id: str
-    level: str  # "local": a lane per actuator of its technologies; "aircraft": one
+    # "local": a lane per actuator of its technologies; "aircraft": one; "both": one that reads detectors of both
+    level: str
     summary: str
     inputs: Mapping[str, str]  # field of INPUTS -> word of the signal vocabulary; flags follow: <field>_valid
     technologies: tuple[str, ...] = ()
@@ -79,5 +81,6 @@ class Detector:
     range: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     # whether it flies where a detector among its inputs does not: that input is then 0 all the time
     may_lack: bool = False
+    shares: tuple[tuple[str, ...], ...] = ()  # culprits whose faults one equation cannot tell apart
     every: int = 1  # ticks of the loop from step to step
     fit: Callable = field(default=lambda site, **options: None)  # (site, **options) -> PARAMS of one lane

@@ -35,11 +35,11 @@ import numpy as np
 from actuators.block import dtype, entry, kernel, record
 from fdi.common import gyro
 from fdi.common.decision import T_HOLD, confirm
-from fdi.common.envelope import FLYING, outside
+from fdi.common.envelope import ALPHA, FLYING, MACH, box
 from fdi.common.record import Detector, Estimate, Site
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, NONE, SENSOR, THRUST
-from fdi.common.why import BOX_SPEED, GUSTS, LOST_SENSOR, NOT_READY, VALID
+from fdi.common.why import BOX_ALPHA, BOX_MACH, BOX_SPEED, GUSTS, LOST_SENSOR, NOT_READY, VALID
 from fdi.control_redundancy import force_model
 from fdi.control_redundancy import structure as redundancy_structure
 from fdi.control_redundancy.core import (
@@ -66,7 +66,6 @@ from fdi.control_redundancy.force_model import params_dtype
 
 EFFECTORS = ("elevator", "aileron", "rudder", "engine", "engine_1", "engine_2", "engine_3", "engine_4")
 CULPRITS = ("", *EFFECTORS, "n_x", "n_z", "alpha")
-SLOWEST, FASTEST = FLYING
 FAR = 1e3  # beyond every position [rad]; a state is finite
 FIRING = 0.8  # of a row's threshold: with less it says nothing of its accelerometer
 DOUBT = 0.5  # of bias_share: with so much no effector is declared
@@ -253,7 +252,7 @@ DETECTOR = Detector(
     },
     places={"head": ("line", 0), "block": ("n_block", 0)},
     options={"rows": ("force", "force+moment")},  # the first is the default
-    range={"tas": FLYING},
+    range={"tas": FLYING, "mach": MACH, "alpha_ground": ALPHA},  # not the vane: a fault of it is to be named
     fit=lambda site, **options: fitted(site, **options),
 )  # fmt: skip
 
@@ -499,10 +498,14 @@ def step(x, u, p, dt):
     delayed_commands(x, u, p, dt)
     x.started = 1.0
     gyro.compare(x, u, dt)
-    slow = outside(u.tas, u.tas_valid, SLOWEST, FASTEST) > 0.5
-    if slow or complete(u, p) < 0.5:
+    beyond = box(u.tas, u.tas_valid, FLYING[0], FLYING[1], BOX_SPEED, VALID)
+    beyond = box(u.mach, u.mach_valid, MACH[0], MACH[1], BOX_MACH, beyond)
+    beyond = box(u.alpha_ground, u.alpha_ground_valid, ALPHA[0], ALPHA[1], BOX_ALPHA, beyond)
+    if beyond != VALID or complete(u, p) < 0.5:
         x.gone += dt
-        x.valid, x.why = 0.0, BOX_SPEED if slow else LOST_SENSOR
+        x.valid, x.why = 0.0, beyond if beyond != VALID else LOST_SENSOR
+        if x.learned < 0.5:
+            x.started = 0.0  # commands of a parked aircraft, or from before a gap, are not those of the flight
         if x.gone > p.t_invalid:
             for i in range(BLOCKS):
                 x.n_block[i] = 0.0

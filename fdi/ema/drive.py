@@ -12,15 +12,14 @@ fault began says which it is:
 | stuck at a current | c = const, large | RUNAWAY |
 | less than demanded | f = -t d | EFFECTIVENESS |
 | weaker magnets | f = t w: the voltage that the motor makes is missing | EFFECTIVENESS |
-| a warm or broken winding | f = -t d, small | AMBIGUOUS: the current sensor's scale may be off as little |
+| a warm or broken winding | f = -t d, small | EFFECTIVENESS where the motor has felt it, else AMBIGUOUS |
+| current sensor | f = a + b t, a sine or a share of d, which the motor has not felt | SENSOR |
 
-A difference that the motor has not felt is the current sensor's. `felt` compares the innovations of the velocity with
-those that f would have caused, were it real: e+ = (1 - K4) e + impulse f + share of the load, by the filter's own gain.
-A name is given when one hypothesis leaves what noise leaves and the others several times as much.
+A difference that the motor has not felt is the current sensor's: `felt` is the share of f that the innovations of the
+velocity hold (`torque`). A name is given when one hypothesis leaves what noise leaves and the others several times as
+much.
 
-Amplifier, winding and magnets of a healthy drive are a few per cent off their nominal values, the first two by as much
-as a warm winding is. What a drive has in its first LEARN seconds is taken for its own, the gain up to TOLERANCE, the
-voltage of its rate up to OFF_B where it has moved enough; what changes later is a fault.
+What gain and magnets this drive has: `gains`.
 """
 
 import math
@@ -29,6 +28,8 @@ from actuators.block import kernel
 from fdi.common.decision import confirm
 from fdi.common.sinusoid import products
 from fdi.common.verdict import EFFECTIVENESS, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY
+from fdi.ema.gains import RELEASE, doubt, doubt_b, gains
+from fdi.ema.torque import push
 
 RING = 100  # samples of each ring
 EVEN_S, SLOW = 0.02, 10  # a sample of the fast ring [s]; of the slow one [samples of the fast]
@@ -50,24 +51,8 @@ STUCK = 0.3  # of the largest current: less is a loss of the drive
 LOSS_LEAST = 0.1  # less of a loss is a gain error
 SENSOR = -1.0  # the current sensor, beside the class codes
 ALPHA, BETA = 0.2, 0.02  # position in the place of a lost velocity: corrections of angle and rate
-TAU_MOST, TAU_NOW = 60.0, 0.6  # longest and shortest memory of the gains [s]
-KNOWN_A, KNOWN_B = 0.0015, 0.02  # deviations of gain and magnets: what is told so well of both is forgotten
-KNOWN_NOW = 0.0045  # deviation of the gain when it is asked whether it stands or has healed: under half of `th_a`
-STANDS = 0.7  # of a gain's threshold: keeps the alarm
-RELEASE = 0.5  # [s]: what shows it has a memory of its own
-HEALED, HEALED_B = 2.0, 2.5  # of that: a gain, magnets that surely are less have healed
-# by how much the gain of the current may be less, and more, than nominal before it is learned. Two numbers of 5 % over
-# two of 5 %: .82 to 1.22. No fault of a drive makes its current larger, so there twice the tolerances are allowed: 1.49
-TOLERANCE = (0.2, 0.5)
-LEARN = (2.0, 4.0, 10.0)  # times at which what the gain is off becomes the drive's own [s]
-# of what a gain is off half is expected in zero and pole of the amplifier, and missed as far as the demand was fast
-# when it was learned: a fifth of its power, about, in still air
-LAG = 0.1
-SURE, SURE_B = 0.01, 0.03  # deviations of gain and magnets with which they can be learned
-# of the current that the rate takes away, as b: K_B over K_ic, .90 to 1.11, twice that where it takes more (b is
-# negative), which weaker magnets do not; and .04 that the amplifier's lag makes of it
-OFF_B = (0.27, 0.15)
-MAGNETS = 0.05  # deviation of healthy ones
+USUAL, TAU_USUAL = 0.5, 10.0  # what f usually has beside zero and pole of an amplifier off both ways; memory [s]
+TAU_LOAD = 2.0  # memory of the load before a fault [s]
 
 PARAMS = [
     ("even", "f8", "-"),  # ticks of a sample
@@ -80,55 +65,42 @@ PARAMS = [
     ("felt_least", "f8", "-"),  # share of f that the motor must have felt: a drive's is 1, a sensor's 0
     ("felt_most", "f8", "-"),  # and may have, where it is the sensor's
     ("b_motor", "f8", "A s/rad"),  # current per rate that weaker magnets would cause, all lost
-    # sizes from which a gain is a fault; how often a healthy one alarms is z_gain's
-    ("th_a", "f8", "-"),  # gain error of the current: a winding 39 % up, 100 K warm, takes .0095, one 80 % up .0195
-    ("th_b", "f8", "-"),  # share of the magnets: beyond two tolerances of 5 %
-    ("z_gain", "f8", "-"),  # by so many deviations beyond it, by `cosim train ema`
 ]
 STATE = [
     ("f_now", "f8", "A"),  # measured current less the model's
+    ("d_now", "f8", "A"),  # the model's
     ("f_lag", "f8", "A"),  # lagged
     ("slot_f", "f8", "A"),  # sum of a slot, and its ticks
     ("slot_n", "f8", "-"),
     ("f_power", "f8", "A2"),  # its square, lagged
     ("w_power", "f8", "rad2/s2"),
+    ("f_usual", "f8", "-"),  # share of the fixed threshold's square that f usually has
     ("r_f", "f8", "-"),  # over its threshold
     ("f_timer", "f8", "s"),
     ("hot_f", "f8", "-"),  # confirmed
     ("f_age", "f8", "-"),  # samples since it began, 0 while there is nothing
-    ("even_sum", "f8", (3,)),  # f, d, w
+    ("even_sum", "f8", (5,)),  # f, d, w, position less surface, surface
     ("even_ticks", "f8", "-"),
     ("even_lost", "f8", "-"),  # ticks of the sample that say nothing
     ("even_head", "f8", "-"),
-    ("even_ring", "f8", (3, RING)),
-    ("slow_sum", "f8", (3,)),
+    ("even_ring", "f8", (5, RING)),
+    ("slow_sum", "f8", (5,)),
     ("slow_count", "f8", "-"),
     ("slow_head", "f8", "-"),
-    ("slow_ring", "f8", (3, RING)),
-    ("twin", "f8", (2,)),  # error of rate [rad/s] and load [N m] that f would have caused
+    ("slow_ring", "f8", (5, RING)),
     ("felt_num", "f8"),
     ("felt_den", "f8"),
     ("felt", "f8", "-"),  # share of f that the motor has felt
-    ("gain_sum", "f8", (6,)),  # ff, fd, fw, dd, dw, ww, as long as it takes to know
-    ("gain_now", "f8", (6,)),  # over TAU_NOW
-    ("gain_own", "f8", "-"),  # of this drive, less one
-    ("gain_doubt", "f8", "-"),  # deviation with which it was learned
-    ("gain_learned", "f8", "-"),  # times
-    ("magnets_own", "f8", "-"),  # voltage per rate of this drive, less one
-    ("magnets_doubt", "f8", "-"),
-    ("magnets_learned", "f8", "-"),  # 1 where it is
+    ("load_before", "f8", "N m"),  # load before f began
+    ("gain_num", "f8"),  # the same of a gain that is off
+    ("gain_den", "f8"),
     ("off_power", "f8", "A2"),  # of what the gain may be off by, lagged as f_power
-    ("gain_a", "f8", "-"),  # f = a d + b w
-    ("gain_b", "f8", "-"),  # b over b_motor
-    ("r_gain", "f8", "-"),  # the larger over its threshold
-    ("gain_timer", "f8", "s"),
-    ("hot_gain", "f8", "-"),  # 1 while a gain is off
-    ("weak", "f8", "-"),  # 1 where it is the magnets'
     ("drive_name", "f8", "-"),  # class of the hypothesis that explains, SENSOR, or NONE
     ("drive_vote", "f8", "-"),  # class that explains now
     ("drive_votes", "f8", "-"),  # evaluations in a row that it has
     ("drive_hz", "f8", "Hz"),  # frequency of the oscillation
-    ("left", "f8", (6,), "-"),  # what each leaves over what there is: added, in place, stuck, loss, bias, magnets
+    # what each hypothesis leaves over what there is: added, in place, stuck, loss, bias, magnets, line
+    ("left", "f8", (7,), "-"),
     ("jumped", "f8", "A"),  # what the current jumped to and stays at, 0 where it did not
 ]
 
@@ -150,13 +122,14 @@ def sample(x, slow, s, i):
 
 
 @kernel
-def sine(x, slow, n, hz):
-    """Return what a sine of `hz` leaves of f f, f d and d d over the last `n` samples."""
+def sine(x, slow, s, n, hz):
+    """Return what a sine of `hz` leaves of f f, f d and d d over the last `n` samples; f is signal `s`, d the next."""
     h = EVEN_S * SLOW if slow else EVEN_S
     ring = x.slow_ring if slow else x.even_ring
     first = int(x.slow_head if slow else x.even_head) - n
     first = first + RING if first < 0 else first
-    _, _, ff, fd, dd, fc, fs, dc, ds, cc, cs, ss = products(ring[0], ring[1], first, n, 6.283185307179586 * hz * h, 0.0)
+    turn = 6.283185307179586 * hz * h
+    _, _, ff, fd, dd, fc, fs, dc, ds, cc, cs, ss = products(ring[s], ring[s + 1], first, n, turn, 0.0)
     det = cc * ss - cs * cs
     if det <= 1e-9 * n * n:
         return ff, fd, dd
@@ -173,21 +146,21 @@ def apart(ff, fd, dd, most):
 
 
 @kernel
-def sine_leaves(x, slow, n, hz, instead, most):
+def sine_leaves(x, slow, s, n, hz, instead, most):
     """Return the energy that a sine leaves: `instead` of f + d, else of f - g d."""
-    ff, fd, dd = sine(x, slow, n, hz)
+    ff, fd, dd = sine(x, slow, s, n, hz)
     return max(ff + 2.0 * fd + dd, 0.0) if instead else apart(ff, fd, dd, most)
 
 
 @kernel
-def best_sine(x, slow, n, instead, most):
+def best_sine(x, slow, s, n, instead, most):
     """Return (least energy that a sine leaves over the last `n` samples, its frequency [Hz]), see `sine_leaves`."""
     h = EVEN_S * SLOW if slow else EVEN_S
     least, at = 1e300, 0.0
     hz = max(0.5 / (n * h), LOW_HZ)
     top = min(HIGH_HZ, 0.4 / h)
     while hz <= top:
-        e = sine_leaves(x, slow, n, hz, instead, most)
+        e = sine_leaves(x, slow, s, n, hz, instead, most)
         if e < least:
             least, at = e, hz
         hz *= RATIO
@@ -195,7 +168,7 @@ def best_sine(x, slow, n, instead, most):
     for _ in range(5):  # halve the step about the best
         for side in range(2):
             hz = at * (1.0 + step) if side == 0 else at * (1.0 - step)
-            e = sine_leaves(x, slow, n, hz, instead, most)
+            e = sine_leaves(x, slow, s, n, hz, instead, most)
             if e < least:
                 least, at = e, hz
                 break
@@ -211,8 +184,8 @@ def explain(x, p, slow, measured):
     n = min(int(x.f_age / SLOW) if slow else int(x.f_age), RING)
     i = int(x.slow_head if slow else x.even_head) - n
     i = i + RING if i < 0 else i
-    ff, fd, dd, f1, d1, ww, fw, dw = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for _ in range(n):
+    ff, fd, dd, f1, d1, ww, fw, dw, ft, tt = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(n):
         f, d, w = sample(x, slow, 0, i), sample(x, slow, 1, i), sample(x, slow, 2, i)
         ff += f * f
         fd += f * d
@@ -222,6 +195,9 @@ def explain(x, p, slow, measured):
         ww += w * w
         fw += f * w
         dw += d * w
+        t = k - 0.5 * (n - 1)
+        ft += f * t
+        tt += t * t
         i = 0 if i == RING - 1 else i + 1
     wide = p.sigma_f / math.sqrt(SLOW) if slow else p.sigma_f
     tolerance = min(0.06, doubt_b(x)[0]) * p.b_motor
@@ -231,8 +207,8 @@ def explain(x, p, slow, measured):
     if apart(ff, fd, dd, own) < FIRM * noise:
         return
     c1, cc = f1 + d1, ff + 2.0 * fd + dd
-    added, hz_added = best_sine(x, slow, n, False, own)
-    instead, hz_instead = best_sine(x, slow, n, True, own)
+    added, hz_added = best_sine(x, slow, 0, n, False, own)
+    instead, hz_instead = best_sine(x, slow, 0, n, True, own)
     stuck = max(cc - c1 * c1 / n, 0.0)
     bias = apart(ff - f1 * f1 / n, fd - f1 * d1 / n, dd - d1 * d1 / n, own)
     t = -fd / dd if dd > 0.0 else 0.0
@@ -240,6 +216,7 @@ def explain(x, p, slow, measured):
     weak = apart(ff - fw * fw / ww, fd - fw * dw / ww, dd - dw * dw / ww, own) if fw > 0.0 else ff
     x.left[0], x.left[1], x.left[2], x.left[3], x.left[4] = added / ff, instead / ff, stuck / ff, loss / ff, bias / ff
     x.left[5] = weak / ff
+    x.left[6] = max(ff - f1 * f1 / n - ft * ft / tt, 0.0) / ff
     least, which = 1e300, -1
     for k in range(6):
         if x.left[k] * ff < least:
@@ -274,135 +251,12 @@ def explain(x, p, slow, measured):
 
 
 @kernel
-def doubt(x):
-    """Return by how much the gain of this drive's current may be less, and more, than it is taken for.
-
-    What is learned of fast demands misses a share of what the amplifier makes of slow ones: that of LAG.
-    """
-    off = 2.0 * x.gain_doubt + LAG * math.fabs(x.gain_own) + 1e-3
-    return TOLERANCE if x.gain_learned < 0.5 else (off, off)
-
-
-@kernel
-def doubt_b(x):
-    """Return by how much the share `b` of this drive may be less, and more, than it is taken for."""
-    off = 2.0 * x.magnets_doubt + 5e-3
-    return OFF_B if x.magnets_learned < 0.5 else (off, off)
-
-
-@kernel
-def outside(v, most):
-    """Return by how much `v` is beyond -most[0] to most[1], negative inside."""
-    return max(-v - most[0], v - most[1])
-
-
-@kernel
-def learn(x, a, da, p):
-    """Take what the gain is off, `a` with deviation `da`, for the drive's own at the times of LEARN; the voltage of its
-    magnets, too, where it has moved enough.
-    """
-    k = int(x.gain_learned)
-    if k >= 3 or x.age < LEARN[k] or da > SURE or outside(x.gain_own + a * (1.0 + x.gain_own), TOLERANCE) > 0.0:
-        return
-    both, b, d_both, db = solve(x.gain_sum, p.sigma_f, 0.0)
-    b, db = b / p.b_motor, db / p.b_motor
-    known = db <= SURE_B and outside(b - x.magnets_own, OFF_B) <= 0.0
-    if known and outside(x.gain_own + both * (1.0 + x.gain_own), TOLERANCE) <= 0.0:
-        a, da = both, d_both
-        x.magnets_own -= b
-        x.magnets_doubt = db
-        x.magnets_learned = 1.0
-    else:
-        b = 0.0
-    x.gain_own += a * (1.0 + x.gain_own)
-    x.gain_doubt = da
-    x.gain_learned += 1.0
-    b *= p.b_motor
-    for s in (x.gain_sum, x.gain_now):  # f - a d - b w, (1 + a) d
-        s[0] += a * a * s[3] + b * b * s[5] - 2.0 * (a * s[1] + b * s[2] - a * b * s[4])
-        s[1] = (1.0 + a) * (s[1] - a * s[3] - b * s[4])
-        s[2] -= a * s[4] + b * s[5]
-        s[3] *= (1.0 + a) * (1.0 + a)
-        s[4] *= 1.0 + a
-
-
-@kernel
-def solve(s, noise, sure):
-    """Return (a, b, deviation of a, of b) of f = a d + b w from sums `s` with noise of deviation `noise`; `sure` is
-    what is known beforehand of b, that it is small: (noise over its deviation)^2.
-    """
-    ww = s[5] + sure
-    det = s[3] * ww - s[4] * s[4]
-    if det <= 1e-6 * s[3] * ww or det <= 0.0:
-        return 0.0, 0.0, 1e3, 1e3
-    a, b = (s[1] * ww - s[2] * s[4]) / det, (s[2] * s[3] - s[1] * s[4]) / det
-    return a, b, noise * math.sqrt(ww / det), noise * math.sqrt(s[3] / det)
-
-
-@kernel
-def gain_and_magnets(s, p):
-    """Return (a, b, deviation of a, of b), b over b_motor: healthy magnets are off by MAGNETS, which tells of a."""
-    sure = p.sigma_f / (MAGNETS * p.b_motor)
-    a, _, da, _ = solve(s, p.sigma_f, sure * sure)
-    _, b, _, db = solve(s, p.sigma_f, 0.0)
-    return a, b / p.b_motor, da, db / p.b_motor
-
-
-@kernel
-def gains(x, p, f, d, w, dt):
-    """Take a sample into the gains of current and magnets, and test them."""
-    h, ka, kb = p.even * dt, KNOWN_A * d / p.sigma_f, KNOWN_B * p.b_motor * w / p.sigma_f
-    for k in range(2):
-        # forgets by what the sample tells, so that a drive at work is judged at once, one at rest at all
-        told = min(ka * ka, kb * kb)
-        if k == 1:  # magnets at rest are neither weak nor healed
-            told = 1.0 if x.weak > 0.5 else (KNOWN_NOW * d / p.sigma_f) * (KNOWN_NOW * d / p.sigma_f)
-        keep = 1.0 - min(max(told, h / TAU_MOST), h / TAU_NOW)
-        if k == 0 and x.age < LEARN[2]:
-            keep = 1.0  # all there is to learn from
-        s = x.gain_sum if k == 0 else x.gain_now
-        s[0] = keep * s[0] + f * f
-        s[1] = keep * s[1] + f * d
-        s[2] = keep * s[2] + f * w
-        s[3] = keep * s[3] + d * d
-        s[4] = keep * s[4] + d * w
-        s[5] = keep * s[5] + w * w
-    a, x.gain_b, da, db = gain_and_magnets(x.gain_sum, p)
-    x.gain_a = a
-    over_a = math.fabs(a) if x.gain_learned > 0.5 else outside(a, TOLERANCE)
-    over_a -= p.z_gain * math.sqrt(da * da + x.gain_doubt * x.gain_doubt)
-    over_b = math.fabs(x.gain_b) if x.magnets_learned > 0.5 else outside(x.gain_b, OFF_B)
-    over_b -= p.z_gain * math.sqrt(db * db + x.magnets_doubt * x.magnets_doubt)
-    x.r_gain = max(over_a / p.th_a, over_b / p.th_b)
-    sure = True
-    if x.hot_gain > 0.5:  # `gain_now` tells whether it stands or has healed; where nothing moves, neither
-        a, b, da, db = gain_and_magnets(x.gain_now, p)
-        size, off, least, most = math.fabs(a), 2.0 * da, STANDS * p.th_a, HEALED * STANDS * p.th_a
-        if x.weak > 0.5:
-            size, off, least, most = math.fabs(b), 2.0 * db, STANDS * p.th_b, HEALED_B * STANDS * p.th_b
-        shows = size - off > least
-        sure = shows or size + off < most
-    else:
-        if x.r_gain < 1.0:
-            learn(x, a, da, p)
-        shows = x.r_gain >= 1.0
-        if shows:
-            x.weak = 1.0 if over_b / p.th_b > over_a / p.th_a else 0.0
-    before = x.hot_gain
-    if sure:
-        x.gain_timer, x.hot_gain = confirm(x.gain_timer, x.hot_gain, shows, p.even * dt, 0.2, RELEASE)
-    if before > 0.5 and x.hot_gain < 0.5:  # healed: what came before is of the fault
-        for k in range(6):
-            x.gain_sum[k] = x.gain_now[k]
-
-
-@kernel
 def begin(x):
     """Start anew: nothing is wrong with the drive."""
     x.f_age = 0.0
     x.drive_name = x.drive_vote = NONE
     x.drive_hz = x.drive_votes = x.jumped = 0.0
-    for k in range(6):
+    for k in range(7):
         x.left[k] = 1.0
 
 
@@ -414,7 +268,7 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     d, rest, limit = demanded(u, w, x.gain_own, x.magnets_own, p)
     seen = current and not limit and math.fabs(y) < NO_CURRENT * p.I_max
     f = y - d if seen else 0.0
-    x.f_now = f
+    x.f_now, x.d_now = f, d
     x.f_lag += min(dt / 0.03, 1.0) * (f - x.f_lag)
     if seen:
         x.slot_f += f
@@ -426,7 +280,10 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
         off += doubt_b(x)[1 if g * w > 0.0 else 0] * p.b_motor * math.fabs(w)
         x.off_power += h / TAU_POWER * (off * off - x.off_power)
         fixed = p.th_f + p.rho_f * math.sqrt(x.w_power) + math.sqrt(x.off_power)
-        least = fixed * (1.0 if x.age_vel <= p.t_bad else BLIND)
+        usual = x.f_power / (fixed * fixed)
+        if x.f_timer <= 0.0 and x.alarm < 0.5:
+            x.f_usual += h / TAU_USUAL * (min(usual, 1.0) - x.f_usual)
+        least = fixed * (1.0 + USUAL * x.f_usual) * (1.0 if x.age_vel <= p.t_bad else BLIND)
         most = SPIKE * least * least * TAU_POWER / h  # one sample alone is no fault
         x.f_power += h / TAU_POWER * (min(g * g, most) - x.f_power)
         x.w_power += h / TAU_POWER * (w * w - x.w_power)
@@ -435,34 +292,41 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     x.f_timer, x.hot_f = confirm(x.f_timer, x.hot_f, beyond, dt, p.t_f, p.t_release)
     if not seen:
         x.even_lost += 1.0
-    # what the innovation would be, were f real
-    load = x.twin[1] - p.K[5] * x.twin[0]
-    x.twin[0] = (1.0 - p.K[3]) * x.twin[0] + p.impulse * f + p.phi_load * load
-    x.twin[1] = p.leak * load
+    felt = push(x, 0, p.impulse * f, p)
+    lost = push(x, 3, p.impulse * x.gain_a * rest, p)
+    if x.hot_gain > 0.5:
+        x.gain_num += gamma * lost
+        x.gain_den += lost * lost
+    else:
+        x.gain_num = x.gain_den = 0.0
+    if x.f_age == 0.0:
+        x.load_before += min(dt / TAU_LOAD, 1.0) * (x.x_hat[5] - x.load_before)
     if x.f_timer <= 0.0:  # what came shortly before an alarm is of its onset
         x.felt_num -= min(dt / TAU_POWER, 1.0) * x.felt_num
         x.felt_den -= min(dt / TAU_POWER, 1.0) * x.felt_den
     if current:
-        x.felt_num += gamma * x.twin[0]
-        x.felt_den += x.twin[0] * x.twin[0]
+        x.felt_num += gamma * felt
+        x.felt_den += felt * felt
         x.felt = x.felt_num / max(x.felt_den, 1e-9)
     x.even_sum[0] += f
     x.even_sum[1] += rest
     x.even_sum[2] += w
+    x.even_sum[3] += x.pair_e
+    x.even_sum[4] += x.y_surface
     x.even_ticks += 1.0
     if x.even_ticks < p.even:
         return
     head = int(x.even_head)
-    for s in range(3):
+    for s in range(5):
         x.even_ring[s, head] = x.even_sum[s] / p.even
-        x.slow_sum[s] += x.even_sum[s] / p.even
+        x.slow_sum[s] += x.even_ring[s, head]
         x.even_sum[s] = 0.0
     x.even_head = 0.0 if head == RING - 1 else head + 1.0
     x.even_ticks = 0.0
     x.slow_count += 1.0
     if x.slow_count >= SLOW:
         slow = int(x.slow_head)
-        for s in range(3):
+        for s in range(5):
             x.slow_ring[s, slow] = x.slow_sum[s] / SLOW
             x.slow_sum[s] = 0.0
         x.slow_head = 0.0 if slow == RING - 1 else slow + 1.0

@@ -41,7 +41,7 @@ from actuators.constants import RAD_PER_DEG
 from actuators.ema import jay
 from fdi.common.decision import usable
 from fdi.common.record import Detector, Estimate
-from fdi.ema import drive, rough, witness
+from fdi.ema import drive, gains, loose, rough, torque, witness
 from fdi.ema.dead_reckoning import LAG, reckon_position, slots
 from fdi.ema.ema_kalman import VELOCITY, N
 from fdi.ema.model import designed, limits
@@ -113,6 +113,8 @@ PARAMS = dtype([
     ("t_name", "f8", "s"),    # an alarm is AMBIGUOUS for so long at least, but for what is sure at once
     *witness.PARAMS,
     *drive.PARAMS,
+    *gains.PARAMS,
+    *torque.PARAMS,
     *rough.PARAMS,
 ])
 INPUTS = dtype([
@@ -188,7 +190,6 @@ STATE = dtype([
     ("hold", "f8", "s"),      # by which the alarm outlives its last sign
     ("hold_age", "f8", "s"),  # since the last alarm, 0 before the first
     ("alarm_age", "f8", "s"),  # since the alarm
-    ("loose", "f8", "-"),     # 1 where the surface has looked loose since then
     ("age_doubt", "f8", "s"), # since the velocity was last said to be wrong
     ("impact", "f8", "s"),    # time left after the rate has jumped as it does where a stop is hit
     ("shift", "f8", "rad"),   # motor angle less the position sensor's, where that stands for a lost velocity
@@ -208,6 +209,9 @@ STATE = dtype([
     ("work", "f8", (6,)),     # scratch
     *witness.STATE,
     *drive.STATE,
+    *gains.STATE,
+    *torque.STATE,
+    *loose.STATE,
     *rough.STATE,
 ])
 OUTPUTS = (
@@ -274,6 +278,7 @@ def params(
     travel = travel or linkage.TRAVEL
     made = designed(v, dt, sigma_velocity)
     noise = math.sqrt(jay.PERIOD / dt)
+    trained = limits(which, v, made["K"][3], dt, sigma_velocity)
     n_sub, n_window, n_lag, n_mean = slots(dt)
     arm, lead = v["arm"], v["lead"]
     amperes, volts = jay.LIMITS["elevator"]
@@ -317,7 +322,8 @@ def params(
         phi_load=dt * (lead / arm) / (v["J_M"] + v["J_N"] * (lead / arm) ** 2),
         leak=made["Phi"][5, 5],
         b_motor=v["K_B"] / (v["K_ic"] + v["R"]),
-        **limits(which, v, made["K"][3], dt, sigma_velocity),
+        th_friction=torque.RUBS * amperes * v["K_T"],
+        **trained | {"th_rough": [*trained["th_rough"], rough.TH_CURRENT]},
     )
 
 
@@ -478,12 +484,22 @@ def step(x, u, p, dt):
     witness.hear(x, u, mean, p, dt)
     x.age_doubt = 0.0 if x.culprit == VELOCITY else x.age_doubt + dt
     believed = x.age_vel == 0.0 and x.r_speed < 0.5 and x.age_doubt > p.t_doubt
-    drive.watch(x, u.y_current, current, x.u_old[int(p.delay)], w, believed, gamma, p, dt)
-    rough.take(x, 0, u.y_position, usable(u.y_position, u.position_valid) > 0.5)
     told = x.age_vel == 0.0 and x.at_limit < 0.5
+    torque.rub(x, x.x_hat[3], gamma, told, p, dt)
+    drive.watch(x, u.y_current, current, x.u_old[int(p.delay)], w, believed, gamma, p, dt)
+    if x.even_ticks == 0.0:
+        loose.weigh(x, p)
+    position, surface = usable(u.y_position, u.position_valid) > 0.5, usable(u.y_surface, u.surface_valid) > 0.5
+    rough.hear(x, 0, u.y_position, position)
+    rough.hear(x, 1, u.y_velocity, usable(u.y_velocity, u.velocity_valid) > 0.5)
+    rough.hear(x, 2, u.y_surface, surface)
+    rough.hear(x, 3, u.y_current, current)
+    rough.take(x, 0, u.y_position, position)
     rough.take(x, 1, gamma, told)
-    rough.take(x, 2, p.arm * u.y_surface, usable(u.y_surface, u.surface_valid) > 0.5)
-    rough.take(x, 3, gamma - x.twin[0], told)
+    rough.take(x, 2, p.arm * u.y_surface, surface)
+    rough.take(x, 3, x.f_now, current)
+    rough.take(x, 4, gamma - x.twin[0, 0], told)
+    rough.take(x, 5, x.d_now, current)
     if x.count == 0.0:
         rough.judge(x, p, dt)
     decide(x, p, dt)

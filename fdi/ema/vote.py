@@ -17,12 +17,13 @@ from fdi.ema.ema_kalman import CURRENT, POSITION, VELOCITY
 from fdi.ema.rough import SURFACE
 
 CULPRITS = (*PUBLISHED, "surface")
-T_AGAIN = 20.0  # an alarm that comes back within that time is held twice as long after its last sign [s]
-FROZEN = 20.0  # equal samples of a position sensor: noise does not repeat itself
+T_AGAIN = 3.0  # an alarm that comes back within that time had not healed: it is held twice as long [s]
 WEAK_LEFT = 0.4  # weaker magnets leave more of what a current sensor does
 HEAVY = 0.4  # of the load that is a jam's: what winds the screw up while the filter has yet to learn it
 JAMMED = 1.5  # of the load that nothing explains: less may be friction
 T_MOVING = 1.0  # after the alarm: what moves under such a load has not just been stopped [s]
+STEADY = 250.0  # samples of a current that only grows, longer than half a period of the slowest oscillation
+GROWN = 0.12  # of the stall current, so that it is told from what a load model misses
 SURE = 120.0  # information about what the motor has felt [rad2/s2]: the share is known to a tenth
 SURE_SINE = 4.0 * SURE  # before a sine is the sensor's: friction keeps a small one in the drive from the motor at first
 
@@ -30,17 +31,17 @@ SURE_SINE = 4.0 * SURE  # before a sine is the sensor's: friction keeps a small 
 @kernel
 def _blame(x, p):
     """Return the sensor that the others contradict, or 0."""
-    two = x.r_pair < 0.7 and x.age_pos < p.t_lost and x.age_surface < p.t_lost and x.loose < 0.5
+    two = x.r_pair < 0.7 and x.age_pos < p.t_lost and x.age_surface < p.t_lost
     if x.hot_speed > 0.5 and two:
         return VELOCITY
     if x.hot_f > 0.5 or x.age_vel > p.t_bad:  # no position can move the current; two witnesses are no vote
         return 0.0
     load = math.fabs(x.x_hat[5])  # which winds the screw up, and moves what is loose
-    if x.sensor < 0.5 or x.loose > 0.5:
+    if x.sensor < 0.5:
         return 0.0
     if x.blame == 1.0 and load < p.th_load:
         return POSITION
-    return SURFACE if x.blame == 2.0 and x.play < 0.5 and load < HEAVY * p.th_load else 0.0
+    return SURFACE if x.blame == 2.0 and x.pair_name == SENSOR and load < HEAVY * p.th_load else 0.0
 
 
 @kernel
@@ -63,15 +64,23 @@ def _drive(x, p):
     if x.drive_name == drive.WEAK:
         return EFFECTIVENESS, 0.0
     if x.felt_den >= SURE:
-        constant = x.left[4] <= drive.PURE  # which no fault of the drive adds
-        shaped = min(x.left[0], min(x.left[3], x.left[4]))  # a sine, a scale, a bias
+        constant = min(x.left[4], x.left[6]) <= drive.PURE  # or growing, which no fault of the drive adds
+        shaped = min(min(x.left[0], x.left[6]), min(x.left[3], x.left[4]))  # a sine, a drift, a scale, a bias
         most = p.felt_least if constant else p.felt_most
         told = x.left[0] > drive.PURE or x.felt_den >= SURE_SINE
         if told and x.left[5] > WEAK_LEFT and shaped < 0.5 * x.left[5] and -p.felt_least <= x.felt <= most:
             return SENSOR, CURRENT
         if x.felt >= p.felt_least and x.drive_name != NONE:
             return x.drive_name, 0.0
-    if x.hot_gain > 0.5 and x.weak > 0.5:
+    grown = math.fabs(x.f_lag) / p.I_max  # of the stall current: so much of the stall moment would the load be off by
+    unknown = x.felt < p.felt_least or x.felt_den < 10.0 * SURE
+    if unknown and x.f_age >= STEADY and x.left[6] <= drive.PURE and grown >= GROWN:
+        moved = (x.x_hat[5] - x.load_before) / (0.5 * p.load_max) * math.copysign(1.0, x.f_lag)
+        if moved < 0.5 * grown:
+            return SENSOR, CURRENT
+    if x.hot_gain > 0.5 and (x.weak > 0.5 or (x.gain_den >= SURE and x.gain_num >= p.felt_least * x.gain_den)):
+        return EFFECTIVENESS, 0.0
+    if x.hot_friction > 0.5 and x.hot_f < 0.5 and x.hot_gain < 0.5 and x.hot_load < 0.5:
         return EFFECTIVENESS, 0.0
     return NONE, 0.0
 
@@ -94,20 +103,19 @@ def decide(x, p, dt):
                                        p.t_release)  # fmt: skip
     hot = counts and lost_current and x.r_velocity >= 1.0
     x.timer_cur, x.hot_cur = confirm(x.timer_cur, x.hot_cur, hot, dt, p.t_cur, p.t_release)
-    x.r = max(max(x.r_pair, x.r_speed), max(x.r_f, x.r_gain))
+    x.r = max(max(x.r_pair, x.r_speed), max(max(x.r_f, x.r_gain), x.r_friction))
     x.r = max(max(x.r, x.r_rough), math.fabs(x.x_hat[5]) / p.th_load)
     if torque:
         x.r = max(x.r, max(x.r_velocity, max(x.r_jump, ramp)))
     sign = x.sensor > 0.5 or x.hot_speed > 0.5 or x.hot_f > 0.5 or x.hot_gain > 0.5 or x.hot_load > 0.5
-    noisy = rough.noisy(x)
-    sign = sign or x.hot_ramp > 0.5 or x.hot_cur > 0.5 or alone > 0.5 or noisy != 0.0
-    if x.culprit == POSITION and x.same_pos >= FROZEN:
-        sign = True
+    noisy, frozen = rough.noisy(x), rough.frozen(x, p, dt)
+    sign = sign or x.hot_ramp > 0.5 or x.hot_cur > 0.5 or alone > 0.5 or noisy != 0.0 or frozen > 0.5
+    sign = sign or x.hot_friction > 0.5
     sign = sign or (lost_surface and x.alarm > 0.5 and ramp >= 0.5)
     x.quiet_timer = 0.0 if sign else x.quiet_timer + dt
     x.hold_age = x.hold_age + dt if x.hold_age > 0.0 else 0.0
     if not sign and (x.alarm < 0.5 or x.quiet_timer >= x.hold):
-        x.alarm = x.culprit = x.reconf = x.alarm_age = x.loose = 0.0
+        x.alarm = x.culprit = x.reconf = x.alarm_age = 0.0
         x.verdict = NONE
         return
     if x.alarm < 0.5:
@@ -116,17 +124,20 @@ def decide(x, p, dt):
         x.hold = p.t_release if again else 0.0
     x.hold_age = dt
     x.alarm_age += dt
-    if x.sensor > 0.5 and x.blame == 2.0 and x.play > 0.5:  # what looked like play does not become the position's
-        x.loose = 1.0
     if x.verdict != AMBIGUOUS:
         return
     who = _blame(x, p) if not lost_surface else alone
-    if noisy > 0.5:
+    if frozen > 0.5:
+        who = frozen
+    elif noisy > 0.5:
         who = noisy
     if who > 0.5:
         x.verdict, x.culprit = SENSOR, who
         if who == POSITION:
             x.reconf = 1.0
+        return
+    if x.pair_name == EFFECTIVENESS and x.hot_f < 0.5 and math.fabs(x.x_hat[5]) < HEAVY * p.th_load:
+        x.verdict = EFFECTIVENESS
         return
     calm = x.sensor < 0.5 and x.r_speed < 0.7 and x.r_pair < 1.0
     if calm and x.alarm_age >= p.t_name and x.age_vel == 0.0:

@@ -4,8 +4,8 @@
 
 `windup` is what torque winds screw and mount up, by the filter. Two that agree against the third name it
 (`fdi.common.decision.pair_test`): position against surface, each against the velocity's integral, whose constant
-follows in `pair_wash`. Where both positions leave the integral together, the velocity is wrong. A surface that has
-moved the way in which its load drives it, no further than a worn screw lets it, may be loose: AMBIGUOUS.
+follows in `pair_wash`. Where both positions leave the integral together, the velocity is wrong. Whether a surface that
+leaves the other two is loose or its sensor wrong: `loose`.
 """
 
 import math
@@ -35,8 +35,8 @@ STATE = [
     ("age_pos", "f8", "s"),  # since the last usable sample of the position
     ("age_surface", "f8", "s"),  # and of the surface
     ("y_arm", "f8", "m"),  # what the surface sensor says of the rod
-    ("same_pos", "f8", "-"),  # how often the position has repeated itself
-    ("last_pos", "f8", "m"),
+    ("y_surface", "f8", "m"),  # the surface's reading, as rod
+    ("pair_e", "f8", "m"),  # position less that of the surface
     ("r_pair", "f8", "-"),  # position against surface, over its threshold
     ("r_speed", "f8", "-"),  # both against the velocity, over its threshold
     ("speed_timer", "f8", "s"),
@@ -72,9 +72,10 @@ def hear(x, u, w, p, dt):
         x.pair_d += (1.0 - math.exp(-dt / p.pair_tau)) * beyond_clip(u.y_position - x.y_arm - x.rigging - x.pair_d, p)
     if x.culprit == 0.0 and max(math.fabs(x.e_rod), math.fabs(x.e_surface)) < BLAMED * p.pair_threshold:
         x.blame = 0.0  # which of them has left the integral cannot be seen yet
-    if position > 0.5:
-        x.same_pos = x.same_pos + 1.0 if u.y_position == x.last_pos else 0.0
-        x.last_pos = u.y_position
+    if surface > 0.5:
+        x.y_surface = p.arm * u.y_surface
+    if position > 0.5 and surface > 0.5 and x.pair_time >= p.pair_settle:
+        x.pair_e = u.y_position - x.y_arm - x.rigging
     if x.impact > 0.0:  # within a tick the integral is not known
         x.base_rod += x.e_rod
         x.base_surface += x.e_surface

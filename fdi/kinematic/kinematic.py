@@ -29,7 +29,9 @@ rms of those, as the vane has it about its mean, and with the lateral motion thr
 Noise and frozen readings show in the second difference of the reading alone, y_k - 2 y_k-1 + y_k-2 of variance 6
 sigma^2, in which motion at the sampling rate is nothing.
 
-What kinematics cannot tell: a drift of phi from a constant error of p, of psi from one of r. The gyro is named.
+What kinematics cannot tell: a drift of theta from a constant error of q, where gusts hide what the latter does to the
+turn; "q or theta" is named until another row tells. A drift of phi from a constant error of p, of psi from one of r:
+the gyro is named.
 """
 
 import math
@@ -38,16 +40,31 @@ from typing import Any
 import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
-from fdi.common.envelope import FLYING, outside
+from fdi.common.envelope import ATMOSPHERE, FLYING, SUBSONIC, box
 from fdi.common.record import Detector
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, SENSOR
-from fdi.common.why import BOX_SPEED, LOST_SENSOR, NOT_READY, VALID
+from fdi.common.why import BOX_ALTITUDE, BOX_MACH, BOX_SPEED, LOST_SENSOR, NOT_READY, VALID
 from fdi.kinematic.rows import compare, read
-from fdi.kinematic.signatures import FAST, FIRST, JUMPS, MAY, MUST, NC, NR, NS, OF, SENSORS, SHOWS, SIGNATURES
+from fdi.kinematic.signatures import (
+    FAST,
+    FIRST,
+    JUMPS,
+    MAY,
+    MUST,
+    NC,
+    NR,
+    NS,
+    OF,
+    SENSORS,
+    SHOWS,
+    SIGNATURES,
+    THETA_SENSOR,
+    Q,
+)
 
-CULPRITS = ("", *SENSORS)
-SLOWEST, FASTEST = FLYING
+CULPRITS = ("", *SENSORS, "q or theta")
+EITHER = len(CULPRITS) - 1.0
 HIDDEN = 1.25  # of a threshold: an error that shows larger should have fired
 
 PARAMS = dtype(
@@ -123,7 +140,8 @@ DETECTOR = Detector(
     | {"sensor.alpha": ("sensor", "ambiguous"), "sensor.beta": ("sensor", "ambiguous"), "sensor.n_y": ("sensor",)},
     blind="no force enters: neither effectors nor actuators; of alpha, beta and n_y it sees noise and a frozen reading",
     any_aircraft=True,
-    range={"tas": FLYING},
+    shares=(("q", "theta", CULPRITS[-1]),),  # theta' = q
+    range={"tas": FLYING, "mach": SUBSONIC, "h_baro": ATMOSPHERE, "h_inertial": ATMOSPHERE},
     fit=lambda site: params(own=site.own),
 )
 
@@ -193,8 +211,8 @@ def _noise(x, p, dt):
 
 @kernel
 def _named(x):
-    """Return (number of sensors that explain what fired and jumped, the last of them + 1)."""
-    count, best = 0, 0
+    """Return (number of sensors that explain what fired and jumped, the last of them + 1); q and theta are EITHER."""
+    count, best, pair = 0, 0, 0
     for s in range(NC):
         fits = True
         for i in range(NR):
@@ -212,7 +230,10 @@ def _named(x):
         if fits and best != OF[s] + 1:
             count += 1
             best = OF[s] + 1
-    return count, best
+            pair += 1 if OF[s] == Q or OF[s] == THETA_SENSOR else 0
+    if count == 2 and pair == 2:
+        return 1, EITHER
+    return count, float(best)
 
 
 @kernel
@@ -226,20 +247,21 @@ def _decide(x, p, dt):
         x.since = 0.0
     else:
         x.since += dt
-    if x.noisy > 0.5 and (x.alarm < 0.5 or x.verdict == AMBIGUOUS):
+    sought = x.alarm < 0.5 or x.verdict == AMBIGUOUS
+    if x.noisy > 0.5 and sought:
         x.alarm, x.verdict, x.culprit = 1.0, SENSOR, x.noisy
-    elif any_row and x.since >= p.t_collect and (x.alarm < 0.5 or x.verdict == AMBIGUOUS):
+    elif any_row and x.since >= p.t_collect and (sought or x.culprit == EITHER):
         count, best = _named(x)
         if count == 1:
             x.alarm, x.verdict, x.culprit = 1.0, SENSOR, best
-        elif x.since >= p.t_ambiguous:
+        elif sought and x.since >= p.t_ambiguous:
             x.alarm, x.verdict, x.culprit = 1.0, AMBIGUOUS, 0.0
     if x.alarm > 0.5 and x.quiet > p.t_release:
         x.alarm, x.verdict, x.culprit = 0.0, NONE, 0.0
 
 
 @kernel
-def _rest(x, p):
+def _rest(x, p, why):
     """Say nothing while out of range; what integrates starts anew afterwards, learning does where it was not done."""
     for i in range(NS):
         x.ticks[i] = 0.0
@@ -251,15 +273,19 @@ def _rest(x, p):
         x.age, x.n_learn = 0.0, 0.0
         for i in range(NS):
             x.level[i] = 0.0
-    x.since, x.noisy, x.quiet, x.valid, x.why = 0.0, 0.0, 0.0, 0.0, BOX_SPEED
+    x.since, x.noisy, x.quiet, x.valid, x.why = 0.0, 0.0, 0.0, 0.0, why
     x.r, x.alarm, x.verdict, x.culprit = 0.0, 0.0, NONE, 0.0
 
 
 @kernel
 def step(x, u, p, dt):
     """Read, compare, decide."""
-    if outside(u.tas, u.tas_valid, SLOWEST, FASTEST) > 0.5:
-        _rest(x, p)
+    beyond = box(u.tas, u.tas_valid, FLYING[0], FLYING[1], BOX_SPEED, VALID)
+    beyond = box(u.mach, u.mach_valid, SUBSONIC[0], SUBSONIC[1], BOX_MACH, beyond)
+    beyond = box(u.h_baro, u.h_baro_valid, ATMOSPHERE[0], ATMOSPHERE[1], BOX_ALTITUDE, beyond)
+    beyond = box(u.h_inertial, u.h_inertial_valid, ATMOSPHERE[0], ATMOSPHERE[1], BOX_ALTITUDE, beyond)
+    if beyond != VALID:
+        _rest(x, p, beyond)
         return
     read(x, u)
     compare(x, p, dt)

@@ -19,6 +19,7 @@ SIGNATURES: tuple[Any, ...] = (
     ("q", ("theta", "turn"), ("psi", "phi"), False),
     ("theta", ("climb",), ("theta", "speed"), None),
     ("theta", ("theta",), ("climb", "speed"), True),
+    ("theta", ("theta",), ("climb", "speed"), False),  # a drift: a constant error of theta', as one of q is
     ("r", ("psi",), ("theta", "phi", "speed"), False),
     ("psi", ("psi",), (), True),
     ("n_x", ("speed",), (), False),
@@ -34,6 +35,7 @@ SIGNATURES: tuple[Any, ...] = (
     ("v_ground", ("speed",), ("climb", "turn"), True),
 )
 NC = len(SIGNATURES)
+Q, THETA_SENSOR = SENSORS.index("q"), SENSORS.index("theta")
 
 
 def _table(*columns):

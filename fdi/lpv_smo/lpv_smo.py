@@ -295,6 +295,10 @@ def step(x, u, p, dt):
         _silent(x, LOST_SENSOR)
         return
     why = inputs(x, u, p, dt)
+    if why != VALID and p.t_learn > 0.0 and x.learned < 0.5:  # what is learned at the start is learned within a box
+        x.age = 0.0
+        _silent(x, why)
+        return
     outputs(x, u, p, dt)
     bank(x, u, p)
     observe(x, p, dt)

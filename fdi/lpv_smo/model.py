@@ -95,7 +95,7 @@ def fit(rho: Any, S: Any, *, box: Any, tolerance: Any = 0.02, scale: Any = None,
     return _raw(theta, box), fixed
 
 
-def fit_trim(rho: float, values: Any, *, box: Any, degree: int = TRIM_DEGREE) -> Any:
+def fit_trim(rho: Any, values: Any, *, box: Any, degree: int = TRIM_DEGREE) -> Any:
     """Fit the trim maps: least-squares polynomials of `values` (k, n_values) over `rho` (k, nr); (n_values, n_terms).
 
     Terms that the grid does not determine come out with least norm. A direction in which the grid does not vary at

@@ -30,9 +30,9 @@ from actuators.hydraulic import servo as hydraulic_servo
 from fdi.common.decision import clipped, confirm, held, usable
 from fdi.common.record import Detector
 from fdi.common.tuning import thresholds
-from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, NONE, RUNAWAY
+from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, NONE, RUNAWAY, SENSOR
 
-CULPRITS = ("",)
+CULPRITS = ("", "surface")
 
 PARAMS = dtype(
     [
@@ -100,8 +100,13 @@ STATE = dtype(
         ("r", "f8", "-"),  # deviation over threshold, signed
         ("alarm", "f8", "-"),  # 1 while a fault is declared
         ("verdict", "f8", "-"),  # class code
-        ("culprit", "f8", "-"),  # 0
+        ("culprit", "f8", "-"),  # 1 where the surface sensor is named
         ("valid", "f8", "-"),  # 1 while the measurement is fresh
+        ("surface_last", "f8", "rad"),  # last reading, and its last step
+        ("step_last", "f8", "rad"),
+        ("turns", "f8", "-"),  # share of steps that turned back, over a second
+        ("same", "f8", "s"),  # for how long the reading has repeated itself
+        ("frozen", "f8", "-"),  # 1 where one that had noise does
     ]
 )
 OUTPUTS = ("r", "model", "rate", "alarm", "verdict", "culprit", "valid")
@@ -121,8 +126,8 @@ DETECTOR = Detector(
         **dict.fromkeys((
             "*.ofc_*", "*.loss_of_effectiveness*", "*.supply_pressure_drop", "*.internal_leakage", "*.air_in_oil",
             "*.friction", "*.backlash", "*.magnet_loss", "*.winding_resistance", "*.rod", "*.position", "*.velocity",
-            "*.surface",
         ), ("ambiguous",)),
+        "*.surface": ("sensor", "ambiguous"),
     },
     blind="compares one elevator segment with its command: other effectors, aircraft sensors and monitor-only "
     "sensors move neither",
@@ -139,6 +144,7 @@ SLID, TAU_CALM = math.radians(0.035), 0.1
 # when what is left of its stop is gone from it [s]
 SHAKEN, TAU_SHAKE, STOOD = math.radians(0.0085), 0.5, 1.2
 LOOSE = 30.0  # and sticks in between by its friction: remembered for so long [s]
+T_SAME, TURNS = 0.1, 0.4  # a reading that repeats itself for so long [s]; of steps that turn back white noise has 0.67
 NEAR, STOPPED = 0.5, 0.6  # of the threshold, and for how long it may have been further away when it came to rest [s]
 END = math.radians(1.0)  # from a limit: the end of the travel
 GROWS = 0.1  # without a larger deviation for so long, a surface that moves follows its command [s]
@@ -208,10 +214,25 @@ def _moves(x, p, dt):
 
 
 @kernel
+def _repeats(x, step, dt):
+    """Ask whether a reading that had noise, whose steps turned back, repeats itself: that of a jam does not."""
+    if step != 0.0:
+        x.turns += min(dt, 1.0) * ((1.0 if step * x.step_last < 0.0 else 0.0) - x.turns)
+        x.step_last, x.same, x.frozen = step, 0.0, 0.0
+        return
+    x.same += dt
+    if x.same >= T_SAME and x.turns > TURNS:
+        x.frozen = 1.0
+
+
+@kernel
 def step(x, u, p, dt):
     """Advance the model, compare, confirm, name."""
     good = usable(u.surface, u.surface_valid)
     x.surface = held(u.surface, u.surface_valid, x.surface)
+    if good > 0.5:
+        _repeats(x, u.surface - x.surface_last, dt)
+        x.surface_last = u.surface
     if math.isfinite(u.command):
         x.command = u.command
     if x.started < 0.5:
@@ -260,7 +281,9 @@ def step(x, u, p, dt):
         x.slid = LOOSE
     x.timer, x.alarm = confirm(x.timer, x.alarm, math.fabs(x.r) >= 1.0, dt, p.t_confirm, p.t_release)
     if x.alarm < 0.5:
-        x.verdict = NONE
+        x.verdict, x.culprit = NONE, 0.0
+    elif x.frozen > 0.5 or x.verdict == SENSOR:
+        x.verdict, x.culprit = SENSOR, 1.0
     elif x.verdict == JAM_SOLID:
         slid = 0.0 < x.slid < LOOSE - STOPPED and x.near > STOPPED
         if slid or x.moves > STOPPED:  # and not back to where it should be

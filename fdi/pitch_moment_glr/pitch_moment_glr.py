@@ -25,11 +25,11 @@ from actuators.common import linkage, reference
 from actuators.ema import servo as ema_servo
 from actuators.hydraulic import servo as hydraulic_servo
 from fdi.common.decision import usable
-from fdi.common.envelope import FLYING
+from fdi.common.envelope import ALPHA, FLYING, MACH, box
 from fdi.common.record import Detector, Site
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import NONE
-from fdi.common.why import BOX_ALPHA, BOX_SPEED, LOST_SENSOR, NOT_READY, VALID
+from fdi.common.why import BOX_ALPHA, BOX_MACH, BOX_SPEED, LOST_SENSOR, NOT_READY, VALID
 from fdi.control_redundancy import force_model
 from fdi.pitch_moment_glr import core
 from fdi.pitch_moment_glr.core import F_HIGH, F_LOW, NA, NF, correct, correlate, levinson, whiten
@@ -38,7 +38,6 @@ from fdi.pitch_moment_glr.fields import INPUTS, MEASURED, NK, NK_A, PARAMS, STAT
 from fdi.pitch_moment_glr.moment import NV, NX, follow, terms
 
 CULPRITS = ("", "elevator", "elevator_left", "elevator_right")
-SLOWEST, FASTEST = FLYING
 SAMPLE = 0.02  # [s] from one sample of the regression to the next; readings are averaged in between
 PERIODS = 5.0  # memory: after ten periods an oscillation has 0.76 of what a window of just these would have
 LATE = -0.25  # of the elevator less its lag, before anything is learned: friction
@@ -73,7 +72,7 @@ DETECTOR = Detector(
     sizes={"n_a": 0, "n_m": 0, "n_q": 0, "n_ka": 0, "n_k": 0, "axis": 0, "variable": 0, "effector": 0, "stride": 1},
     places={"head": ("line", 0), "place": ("past", 0), "turn": ("best", 0)},
     any_aircraft=True,
-    range={"tas": FLYING},
+    range={"tas": FLYING, "mach": MACH, "alpha_ground": ALPHA},
     fit=lambda site: fitted(site),
 )  # fmt: skip
 
@@ -296,8 +295,11 @@ def _silent(x, why):
 def step(x, u, p, dt):
     """Read; every `stride` ticks regress, correlate, judge."""
     good = _complete(u)
-    if good > 0.5 and not SLOWEST <= u.tas <= FASTEST:
-        _silent(x, BOX_SPEED)
+    beyond = box(u.tas, u.tas_valid, FLYING[0], FLYING[1], BOX_SPEED, VALID)
+    beyond = box(u.mach, u.mach_valid, MACH[0], MACH[1], BOX_MACH, beyond)
+    beyond = box(u.alpha_ground, u.alpha_ground_valid, ALPHA[0], ALPHA[1], BOX_ALPHA, beyond)
+    if good > 0.5 and beyond != VALID:
+        _silent(x, beyond)
         x.gone = 1.0
         return
     if good < 0.5:

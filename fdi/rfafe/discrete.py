@@ -81,7 +81,7 @@ def discretise(
         S=np.hstack([-gain @ C, alpha * np.eye(l)]), Sy=through, Su=-through @ D, H=H, D=D)
 
 
-def noise(discrete: Any, sigma: float) -> np.ndarray:
+def noise(discrete: Any, sigma: float | np.ndarray) -> np.ndarray:
     """Return the standard deviation (l,) of f_hat from white noise `sigma` (m,) on the samples of y, after settling."""
     from scipy.linalg import solve_discrete_lyapunov
 

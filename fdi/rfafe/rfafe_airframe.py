@@ -20,17 +20,16 @@ from actuators.block import dtype, entry, kernel, record
 from actuators.constants import RAD_PER_DEG
 from fdi.common import bank
 from fdi.common.decision import held
-from fdi.common.envelope import FLYING, outside
+from fdi.common.envelope import ALPHA, FLYING, PITCH, PITCH_RATE, box
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
-from fdi.common.why import BOX_SPEED
+from fdi.common.why import BOX_ALPHA, BOX_PITCH, BOX_SPEED, VALID
 from fdi.rfafe import core as rfafe_core
 from fdi.rfafe.core import advance, airframe_usable, fill_stored, read_airframe
 from fdi.rfafe.store import choose, read, side_kinds
 
 CULPRITS = ("", "elevator")
 DT = 0.005  # base tick [s]
-SLOWEST, FASTEST = FLYING
 
 PARAMS = dtype(rfafe_core.PARAMS)
 INPUTS = dtype([
@@ -65,7 +64,9 @@ DETECTOR = Detector(
     sizes={"ns": 0, "ny": 0, "nu": 0, "nf": 0, "n_trim": 0, **bank.SIZES},
     places={"head": ("line", 0), **bank.PLACES, "suspect": ("energy", 0)},
     design="rfafe_airframe",
-    range={"tas": FLYING},  # moments are scaled by (V / V where the correction was learned)^2
+    # moments are scaled by (V / V where the correction was learned)^2, and linear in the others; how far they are so in
+    # the angle of attack is decided on its slow part (fdi/rfafe/correction.py)
+    range={"tas": FLYING, "alpha": ALPHA, "q": PITCH_RATE, "theta": PITCH},
     fit=lambda site: params(technology=side_kinds(site.technologies), dt=site.dt, own=site.own),
 )
 
@@ -99,14 +100,17 @@ def init(p: np.ndarray) -> np.ndarray:
 @kernel
 def step(x, u, p, dt):
     """Convert to the paper's units and advance the estimator."""
-    beyond = outside(u.tas, u.tas_valid, SLOWEST, FASTEST)
-    good = airframe_usable(u) * (1.0 - beyond)  # out of range nothing is learned, as without a sample
+    beyond = box(u.tas, u.tas_valid, FLYING[0], FLYING[1], BOX_SPEED, VALID)
+    beyond = box(u.alpha, u.alpha_valid, ALPHA[0], ALPHA[1], BOX_ALPHA, beyond)
+    beyond = box(u.q, u.q_valid, PITCH_RATE[0], PITCH_RATE[1], BOX_PITCH, beyond)
+    beyond = box(u.theta, u.theta_valid, PITCH[0], PITCH[1], BOX_PITCH, beyond)
+    good = airframe_usable(u) if beyond == VALID else 0.0  # out of range nothing is learned, as without a sample
     if good > 0.5:
         read_airframe(x, u, p)
     x.u_in[0] = held(u.command / RAD_PER_DEG - p.u_trim[0], 1.0, x.u_in[0])
     advance(x, p, good, dt)
-    if beyond > 0.5:
-        x.why = BOX_SPEED
+    if beyond != VALID:
+        x.why = beyond
     x.f_hat = x.f[0]
 
 

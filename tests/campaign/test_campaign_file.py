@@ -24,6 +24,7 @@ from cosim.campaign.spec import builtin_campaigns, load_campaign
 from cosim.cli import commands as cli
 from cosim.cli.campaign import nearest
 from cosim.errors import CosimError
+from cosim.scenario import catalog as c
 from cosim.training.rfafe import MANOEUVRES
 
 SMALL = """
@@ -198,6 +199,25 @@ def test_sizes_of_the_built_in_campaigns():
     flown = {s.manoeuvre.kind for s in quiet}
     assert flown >= set(MANOEUVRES) | {"nz_doublet", "three_two_one_one"}  # [Sun13] IV and what moves the elevator most
     assert {s.flight.turbulence for s in quiet} == {"none", "light", "moderate"}
+
+
+@pytest.mark.parametrize("name, technology", [("ema-faults", "ema"), ("hydraulic-faults", "hydraulic")])
+def test_a_campaign_of_an_actuator_draws_every_kind_on_every_sensor_and_what_recurs(name, technology):
+    flights = built_in(name)[1]
+    drawn = {(f.parsed.sensor, f.kind) for s in flights for f in s.faults}
+    kinds = {k for k, spec in c.ELEVATOR_KINDS.items() if technology in spec.technologies} - {"bias", "jam_liquid"}
+    assert {("", kind) for kind in kinds} <= drawn
+    whole = {(sensor, k) for sensor in c.SENSORS_OF[technology] for k in c.SENSOR_SUMMARIES if k != "dropout"}
+    assert whole <= drawn
+    healed = {(f.parsed.sensor, f.kind) for s in flights for f in s.faults if f.end_s}
+    assert whole | {("", kind) for kind in kinds} <= healed
+    assert max(len([f for f in s.faults if f.kind == s.faults[0].kind]) for s in flights if s.faults) >= 4
+    assert any(len({f.start_s for f in s.faults}) < len(s.faults) for s in flights)  # two at once
+    assert {s.rate_hz for s in flights} >= {50, 60, 100, 500, 1000, 2000}
+    assert {f.shape for s in flights for f in s.faults} >= set(c.SHAPES[1:])
+    assert min(s.flight.cg_pct for s in flights) < 21 and max(s.flight.cg_pct for s in flights) > 39
+    assert min(s.flight.cas_kt for s in flights) < 180 and max(s.flight.cas_kt for s in flights) > 350
+    assert any(f.start_s < 1.0 for s in flights for f in s.faults)
 
 
 # -- the command ------------------------------------------------------------------------------------------------------

@@ -14,6 +14,7 @@ import pytest
 import cosim
 from actuators import subprocess_env
 from cosim.campaign import pool
+from cosim.campaign.store import CampaignError
 
 PARENT = """
 import os, time
@@ -112,3 +113,12 @@ def test_what_the_parents_path_holds_is_there_for_a_worker(tmp_path, monkeypatch
 
     with pool.pool(1) as workers:
         assert workers.submit(limit).result() == 7
+
+
+def test_without_locks_between_processes_a_line_says_so(monkeypatch):
+    def none(*given, **how):
+        raise OSError(38, "Function not implemented")
+
+    monkeypatch.setattr(pool.cf, "ProcessPoolExecutor", none)
+    with pytest.raises(CampaignError, match="/dev/shm"), pool.pool(2):
+        pass

@@ -26,6 +26,7 @@ class Mine:
 SHORT = ["-s", "duration_s=0.5", "-s", "detectors.enabled=['iotsekf']"]
 CAMPAIGN = 'base = "cruise"\nruns = 1\n[set]\nduration_s = 1.0\n'
 MINE = "run,mine\n1,2\n"
+QUIET = ("recover", "compact")  # they do not say that they write over a log
 
 
 def command(*words):
@@ -48,6 +49,7 @@ WRITES = {
     "linearize": [(["linearize", "cruise", "-o", f"OUT/m{end}"], [f"m{end}"]) for end in (".npz", ".mat")],
     "replay": [(["replay", "LOG", "-o", "OUT/r.mcap"], ["r.mcap"])],
     "recover": [(["recover", "LOG", "-o", "OUT/r.mcap"], ["r.mcap"])],
+    "compact": [(["compact", "LOG", "-o", "OUT/r.mcap"], ["r.mcap"])],
     "envelope": [(["envelope", "-o", "OUT"], ["envelope.html", "envelope.svg", "envelope.csv"])],
     "reproduce": [(["reproduce", "jay", "-o", "OUT"], ["reproduce-jay.html", "reproduce-jay.csv"])],
     "design": [],  # needs a user's aircraft; its folder is that of `train`
@@ -94,7 +96,7 @@ def test_a_foreign_file_is_refused_before_anything_is_flown_and_stays(words, nam
     assert mine.read_text() == MINE and sorted(p.name for p in tmp_path.iterdir()) == there
 
 
-@pytest.mark.parametrize("words", [["run", "cruise", *SHORT], ["replay", "LOG"], ["recover", "LOG"]])
+@pytest.mark.parametrize("words", [["run", "cruise", *SHORT], *([name, "LOG"] for name in ("replay", *QUIET))])
 def test_overwrite_replaces_it_and_a_log_takes_the_place_of_a_log(words, flown, tmp_path):
     words = [flown if word == "LOG" else word for word in words]
     mine = tmp_path / "mine.mcap"
@@ -102,7 +104,7 @@ def test_overwrite_replaces_it_and_a_log_takes_the_place_of_a_log(words, flown, 
     assert command(*words, "-o", mine).exit_code == 2
     assert command(*words, "-o", mine, "--overwrite").exit_code == 0
     again = command(*words, "-o", mine)
-    assert again.exit_code == 0 and (words[0] == "recover" or "what the file held is overwritten" in again.stdout)
+    assert again.exit_code == 0 and (words[0] in QUIET or "what the file held is overwritten" in again.stdout)
     mine.write_bytes(b"")
     assert command(*words, "-o", mine).exit_code == 0
 
@@ -143,13 +145,22 @@ def _recover(path, log):
     recover(log, path)
 
 
+def _compact(path, log):
+    from cosim.log import compact
+
+    compact(log, path)
+
+
 def _report(path, log):
     from cosim.report import flight_report
 
     flight_report(log, path)
 
 
-@pytest.mark.parametrize("call", [_simulate, _hand, _replay, _recover, _report], ids=lambda call: call.__name__)
+CALLS = _simulate, _hand, _replay, _recover, _compact, _report
+
+
+@pytest.mark.parametrize("call", CALLS, ids=lambda call: call.__name__)
 def test_python_calls_write_over_no_foreign_file(call, flown, tmp_path):
     own = tmp_path / "own.py"
     own.write_text(OWN)

@@ -67,3 +67,17 @@ def test_threshold_lets_no_more_runs_alarm_than_asked():
     assert np.sum(healthy >= at) == 2 and at > 98.0
     assert stats.binom.cdf(2, 100, bound) == pytest.approx(0.05)  # the largest probability that still gives 2
     assert m.threshold(healthy, 0.0)[0] > 100.0
+
+
+def test_the_predictive_value_is_bayes_rule_and_its_bounds_hold():
+    found = m.predictive_value(90, 100, 2, 100.0, fault_rate=0.01)
+    assert found.value == pytest.approx(0.009 / (0.009 + 0.02))
+    assert found.low < found.value < found.high
+    assert m.predictive_value(90, 100, 0, 100.0, 0.01).value == 1.0
+    assert m.predictive_value(90, 100, 0, 100.0, 1e-6).low < 1e-4  # no false alarm in 100 h shows little of 1e-6
+    assert np.isnan(m.predictive_value(0, 0, 0, 1.0, 0.1).value)
+    rng, held = np.random.default_rng(5), 0
+    for _ in range(300):  # p = 0.8, one false alarm in 20 h
+        one = m.predictive_value(rng.binomial(50, 0.8), 50, rng.poisson(5), 100.0, 0.1)
+        held += one.low <= 0.08 / (0.08 + 0.05) <= one.high
+    assert held >= 285

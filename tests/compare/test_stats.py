@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cosim.compare import metrics, stats
+from cosim.compare import CompareError, Comparison, metrics, stats
 from cosim.compare import rows as compare_rows
 from cosim.judge import coverage
 
@@ -65,10 +65,10 @@ def test_detectors_are_counted_over_what_they_were_designed_for():
 def test_names_are_counted_over_every_fault_alarmed_on():
     local, aircraft = stats.detectors(hand_made())
     assert (local["alarmed_on"], local["class_right"], local["place_right"], local["name_wrong"]) == (2, 2, 2, 0)
-    assert local["place_levels"] == {"axis": 0, "side": 0, "segment": 2, "channel": 0}
+    assert local["place_levels"] == {"set": 0, "axis": 0, "side": 0, "segment": 2, "channel": 0}
     assert (aircraft["alarmed_on"], aircraft["class_right"], aircraft["class_wrong"]) == (2, 1, 1)
     assert aircraft["name_wrong"] == 1
-    assert aircraft["place_levels"] == {"axis": 1, "side": 0, "segment": 0, "channel": 0}
+    assert aircraft["place_levels"] == {"set": 0, "axis": 1, "side": 0, "segment": 0, "channel": 0}
 
 
 def test_equal_thresholds_leave_the_same_number_of_crossings():
@@ -122,3 +122,31 @@ def test_every_flight_stands_in_one_column_and_what_could_not_judge_stays_in_the
     assert sum(d[word] for word in stats.WORDS) == d["designed"] and d["why_not_valid"] == "outside its box (mass)"
     assert d["detection_probability"] == pytest.approx(1 / 3)  # not 1/2: leaving it out would flatter
     assert d["right_s"] == math.inf and stats.detectors(rows)[0]["right_s"] == 1.0
+
+
+def test_faults_are_counted_by_the_level_that_saw_them_and_places_by_what_a_joint_verdict_gave():
+    rows = hand_made()
+    joint = rows[rows["id"] == "lpv_smo"].copy()
+    joint["id"], joint["level"], joint["place_level"] = "joint", "both", ""
+    known = joint["run"].isin(["ofc2", "ofc4"])
+    joint.loc[known, ["detected", "place_given", "place_level"]] = True, "right", "channel"
+    joint.loc[joint["run"] == "ofc2", "place_level"] = "segment"
+    rows = pd.concat([rows, joint], ignore_index=True)
+    rows["family"] = rows["family"].replace("engine", "engine or other surface")
+    found = {d["family"]: d for d in stats.by_level(rows, stats.detectors(rows))}
+    ofc = found["liquid OFC, one segment"]
+    assert [ofc[k] for k in ("faults", "local", "aircraft", "both", "nobody")] == [3, 1, 0, 1, 1]
+    assert [ofc[k] for k in ("joint", "right", "coarse", "wrong")] == [2, 1, 1, 0]
+    engine = found["engine or other surface"]  # lpv_smo only may see it
+    assert [engine[k] for k in ("faults", "local", "aircraft", "both", "nobody")] == [1, 0, 1, 0, 0]
+
+
+def test_a_fault_rate_that_is_none_is_refused_and_one_gives_each_detector_its_predictive_value():
+    rows = hand_made()
+    found = Comparison(rows, stats.detectors(rows), 8, 0, "by hand")
+    for rate in (0.0, -1.0, math.nan, math.inf):
+        with pytest.raises(CompareError, match="--fault-rate"):
+            found.predictive([rate])
+    iotsekf, lpv_smo = found.predictive([0.5])
+    assert (iotsekf["value"], lpv_smo["id"]) == (1.0, "lpv_smo")
+    assert lpv_smo["value"] == pytest.approx(0.5 / 3 / (0.5 / 3 + 1 / 0.08))  # one of three seen, one false in 0.08 h

@@ -93,3 +93,12 @@ def test_severe_gusts_in_a_turn_are_no_sensor_and_hide_none():
     flown["sensors.theta.y_obs"] += np.where(flown.index >= 18.0, np.radians(1.0), 0.0)
     log = detect(flown, kinematic, wires)
     assert {kinematic.CULPRITS[int(c)] for c in log["culprit"][log["alarm"] > 0]} == {"theta"}
+
+
+def test_a_drift_of_theta_is_never_called_q_and_q_itself_is_told_when_the_turn_shows_it(flown):
+    t = flown.index.to_numpy()[flown.index >= START] - START
+    for rate in (0.2, 0.5):
+        log = watched(flown, "theta", lambda y, rate=rate: y + rate * DEG * t)
+        named = {kinematic.CULPRITS[int(c)] for c in log["culprit"][log["alarm"] > 0]} - {""}
+        assert named and named <= {"q or theta", "theta"}
+    assert said(watched(flown, "q", lambda y: y + DEG)) == "q"

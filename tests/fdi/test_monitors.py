@@ -191,3 +191,28 @@ def test_bad_measurements_do_not_stick(module):
         assert np.isfinite(log[name]).all(), name
     assert not log["valid"][:, 845:880].any()
     assert log["valid"][:, 885:].all()
+
+
+def monitored(which, command, surface):
+    """Return the position monitor's log (ticks,) over tables of command and surface [rad]."""
+    u = np.zeros((1, len(command)), position_monitor.INPUTS)
+    u["command"], u["surface"], u["surface_valid"] = command, surface, 1.0
+    p = position_monitor.params(which)
+    log = np.zeros((1, len(command)), position_monitor.STATE)
+    position_monitor.rollout(position_monitor.init(p), u, p, DT, log)
+    return log[0]
+
+
+@pytest.mark.parametrize("which", ["flight", "flight_ema"])
+def test_a_surface_sensor_that_is_frozen_is_named_and_one_without_noise_that_stands_still_is_not(which):
+    t, rng = np.arange(4000) * DT, np.random.default_rng(2)
+    command = 0.06 * np.sin(2.0 * np.pi * 0.3 * t)
+    follows = monitored(which, command, 0.0 * t)["model"]
+    for sigma in (np.radians(0.02), 0.0):
+        surface = follows + sigma * rng.standard_normal(len(t))
+        surface[t >= 10.1] = surface[2020]
+        log = monitored(which, command, surface)
+        assert not log["alarm"][:2000].any()
+        named = log[2020:][log["alarm"][2020:] > 0.5]
+        assert len(named) and ((named["verdict"] == verdict.SENSOR) == (sigma > 0.0)).all()
+        assert (named["culprit"] == (1.0 if sigma > 0.0 else 0.0)).all()

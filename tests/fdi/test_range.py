@@ -5,6 +5,7 @@ import pytest
 
 import cosim
 from actuators.block import dtype, entry, kernel, record
+from cosim.campaign.inventory import inventory
 from cosim.log import open_log
 from cosim.replay.detector_replay import describe, fill
 from fdi import registry
@@ -96,11 +97,51 @@ RANGES = [(name, word, end) for name, r in registry.records().items() for word i
 @pytest.mark.parametrize(("name", "word", "end"), RANGES)
 def test_outside_of_a_bound_it_is_not_valid_and_says_of_what(flown, name, word, end):
     own, module, lane = registry.record(name), registry.module(name), flown[name]
-    bound, field = own.range[word][end], next(f for f, w in own.inputs.items() if w == word)
+    low, high = own.range[word]
+    field = next(f for f, w in own.inputs.items() if w == word)
     u, p, log = lane.u.copy(), lane.p.copy(), np.zeros(lane.u.shape, module.STATE)
     if name == "lpv_smo":
         p["tau_rho"] = 0.0  # its parameters lag behind
-    u[field][:, 2800:] = bound * (1.02 if end else 0.98)
+    u[field][:, 2800:] = high + 0.02 * abs(high) if end else low - 0.02 * abs(low)
     module.rollout(lane.x.copy(), u, p, DT, log)
     assert log["valid"][0][2700:2800].all() and not log["valid"][0][3000:].any()
     assert WORDS[int(log["why"][0][-1])].startswith("outside its box")
+
+
+AIRFRAME = [name for name, r in registry.records().items() if r.level == "aircraft" and r.range]
+AT_REST = ("tas", "cas", "mach", "v_ground", "p", "q", "r", "pdot", "qdot", "rdot", "hdot", "phi", "theta", "beta",
+           "alpha", "alpha_ground", "n_x", "n_y")  # fmt: skip
+
+
+def on_the_apron(name, u, n):
+    """Return INPUTS (1, n + ticks): n ticks of an aircraft that stands, commands and all at zero, then those of u."""
+    own, rest, rng = registry.record(name), np.repeat(u[:, :1], n, axis=1).copy(), np.random.default_rng(5)
+    for field, word in own.inputs.items():
+        base, _, element = field.partition("[")
+        y = rest[base][0][:, int(element[:-1])] if element else rest[base][0]
+        if word in AT_REST or word.endswith("_cmd"):
+            y[:] = 0.0 if word.endswith("_cmd") else 1e-3 * rng.standard_normal(n)
+        elif word == "n_z":
+            y[:] = 1.0
+        elif word.startswith("n1_"):
+            y[:] = 25.0
+    return np.concatenate([rest, u], axis=1)
+
+
+@pytest.mark.parametrize("name", AIRFRAME)
+def test_what_is_learned_is_learned_in_range_and_the_apron_leaves_no_trace(flown, name):
+    module, lane, n = registry.module(name), flown[name], 4000
+    both, alone = on_the_apron(name, lane.u, n), np.zeros(lane.u.shape, module.STATE)
+    log = np.zeros(both.shape, module.STATE)
+    module.rollout(module.init(lane.p), both, lane.p.copy(), DT, log)
+    module.rollout(module.init(lane.p), lane.u, lane.p.copy(), DT, alone)
+    assert not log["valid"][0][:n].any() and not log["alarm"].any()
+    assert alone["valid"][0][-1] == 1.0
+    assert log["valid"][0][n:].sum() == pytest.approx(alone["valid"][0].sum(), abs=20)
+    assert log["r"][0][-1] == pytest.approx(alone["r"][0][-1], rel=0.05, abs=0.02)
+
+
+def test_the_range_of_each_detector_is_listed():
+    listed = {d["id"]: d["range"] for d in inventory()["detectors"]}
+    for name, own in registry.records().items():
+        assert all(word in listed[name] for word in own.range) and bool(listed[name]) == bool(own.range)

@@ -31,6 +31,19 @@ def test_liquid_oscillation_at_the_drive_moves_the_screw_as_far_as_asked(hz, mm)
     assert achieved(oscillation(hz, mm))["right_inner"]["amplitude_mm"] == pytest.approx(mm, rel=0.2)
 
 
+@pytest.mark.parametrize("shape", ["square", "triangle", "chirp"])
+def test_a_shape_reaches_the_drive_and_a_chirp_has_no_amplitude_at_one_frequency(shape):
+    more = {"shape": shape} | ({"chirp_hz_s": -0.5} if shape == "chirp" else {})
+    keys = fault(0, RIGHT, "ofc_liquid", 2.0, None, at="valve", amplitude_mm=0.6, frequency_hz=2.0, **more)
+    there = achieved(scenario("sun13", duration_s=5.0, **keys))["right_inner"]
+    assert 0.2 < there["rod_mm"] < 1.5
+    fundamental = {"square": 4.0 / math.pi, "triangle": 8.0 / math.pi**2}
+    if shape in fundamental:
+        assert there["amplitude_mm"] == pytest.approx(0.6 * fundamental[shape], rel=0.2)
+    else:
+        assert there["amplitude_mm"] is None
+
+
 def flown_unclipped(hz, amps):
     """Return the amplitude [mm] of the unloaded drive with `amps` [A] added to the demand, limits and all."""
     p, ps = ema.params(), ema_servo.params()

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import signal
 
 from actuators.block import dtype, record
 from cosim.flight.blocks import faults, manoeuvre, sensors
@@ -100,10 +101,14 @@ times = st.floats(0.0, 5.0).map(lambda t: round(t, 3))
 
 
 @settings(max_examples=60, deadline=None)
-@given(form=st.sampled_from([0.0, 1.0, 2.0]), start=times, length=st.floats(0.1, 5.0), ramp=st.floats(0.0, 2.0))
+@given(
+    form=st.sampled_from([0.0, 1.0, 2.0, 4.0, 5.0, 6.0]), start=times, length=st.floats(0.1, 5.0),
+    ramp=st.floats(0.0, 2.0),
+)  # fmt: skip
 def test_a_fault_signal_is_zero_outside_its_window_and_follows_its_formula_inside(form, start, length, ramp):
     dt, n = 0.005, 1400
-    p = record(faults.PARAMS, form=form, start=start, end=start + length, ramp=ramp, amplitude=2.0, omega=5, phase=0.4)
+    p = record(faults.PARAMS, form=form, start=start, end=start + length, ramp=ramp, amplitude=2.0, omega=5, phase=0.4,
+               sweep=3.0, lower=0.1, upper=8.0)  # fmt: skip
     u = np.zeros((1, n), faults.INPUTS)
     u["t"][0] = np.arange(n) * dt
     log = np.zeros((1, n), faults.STATE)
@@ -113,8 +118,13 @@ def test_a_fault_signal_is_zero_outside_its_window_and_follows_its_formula_insid
     active = (t > start - 0.5 * dt) & (t < start + length - 0.5 * dt)
     np.testing.assert_array_equal(x["active"] > 0, active)
     g = np.where(active, np.minimum(1.0, since / ramp) if ramp > 0 else 1.0, 0.0)
-    shape = {0.0: np.full(n, 2.0), 1.0: 2.0 * np.sin(5.0 * since + 0.4), 2.0: 2.0 * since}[form]
-    np.testing.assert_allclose(x["f_inj"], g * shape, atol=1e-12)
+    chirp = signal.chirp(since, 5.0 / math.tau, 1.0, 8.0 / math.tau, phi=math.degrees(0.4) - 90.0)
+    stays = np.sin(6.5 + 8.0 * (since - 1.0) + 0.4)  # once it has come to its limit, after one second
+    shape = {faults.CONSTANT: np.full(n, 2.0), faults.DRIFT: 2.0 * since, faults.SINE: 2.0 * np.sin(5.0 * since + 0.4),
+             faults.SQUARE: 2.0 * signal.square(5.0 * since + 0.4),
+             faults.TRIANGLE: 2.0 * signal.sawtooth(5.0 * since + 0.4 + math.pi / 2, 0.5),
+             faults.CHIRP: 2.0 * np.where(since < 1.0, chirp, stays)}[form]  # fmt: skip
+    np.testing.assert_allclose(x["f_inj"], g * shape, atol=1e-9)
     np.testing.assert_array_equal(x["f_neg"], -x["f_inj"])
 
 

@@ -4,6 +4,7 @@ told in the FMU's own words.
 
 import gc
 import textwrap
+import zipfile
 
 import fmu_of_hydraulic as rig
 import numpy as np
@@ -53,6 +54,15 @@ def test_the_fmu_flies_like_the_block(fmu):
     assert moved > np.radians(0.5)
     assert np.abs(own[:, 0] - block[:, 0]).max() < 1e-6 * moved
     assert np.abs(own - block).max() < 1e-5
+
+
+def test_an_archive_that_would_fill_the_disk_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("actuators.fmu.UNPACKED", 10_000_000)
+    with zipfile.ZipFile(tmp_path / "bomb.fmu", "w", zipfile.ZIP_DEFLATED) as made:
+        made.writestr("modelDescription.xml", b"<fmiModelDescription/>")
+        made.writestr("resources/zeros", bytes(10_000_001))
+    with pytest.raises(ScenarioError, match="unpacks to 10 MB, up to 10 MB are allowed"):
+        cosim.fly(loaded(tmp_path / "bomb.fmu"), SEEN)
 
 
 def test_its_parameters_are_set(fmu):

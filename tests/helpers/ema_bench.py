@@ -55,6 +55,10 @@ TICK = dtype([
     ("loss", "f8"),
     ("magnet_loss", "f8"),
     ("backlash_add", "f8"),
+    ("friction_add", "f8"),
+    ("f_s", "f8"),      # of the surface sensor [rad]
+    ("s_s", "f8"),
+    ("z_s", "f8"),
 ])
 
 
@@ -67,14 +71,15 @@ def _faulty(true, noise, add, scale, frozen, last):
 def fly(tick, px, ps, pf, x, s, f, ux, us, uf, reconfigure, out, surface):
     """Fly every tick; out: flight.STATE per tick, surface: true angle x1 and N x3 / l, reference, [rad]."""
     w, y, c, delta = x.motor_d, px.lead * x.motor, x.i, x.delta
-    last_v, last_p, last_c = w, y, c
+    last_v, last_p, last_c, last_s = w, y, c, delta
     for k in range(tick.shape[0]):
         t = tick[k]
         # sensors are one tick old
         last_v = _faulty(w, t.n_v, t.f_v, t.s_v, t.z_v, last_v)
         last_p = _faulty(y, t.n_p, t.f_p, t.s_p, t.z_p, last_p)
         last_c = _faulty(c, t.n_c, t.f_c, t.s_c, t.z_c, last_c)
-        uf.y_surface = delta + t.n_s if t.ok_s > 0.5 else math.nan
+        last_s = _faulty(delta, t.n_s, t.f_s, t.s_s, t.z_s, last_s)
+        uf.y_surface = last_s if t.ok_s > 0.5 else math.nan
         uf.surface_valid = t.ok_s
         w, y, c, delta = x.motor_d, px.lead * x.motor, x.i, x.delta
         uf.u = s.u
@@ -92,6 +97,7 @@ def fly(tick, px, ps, pf, x, s, f, ux, us, uf, reconfigure, out, surface):
         surface[k, 0], surface[k, 1], surface[k, 2], surface[k, 3] = x.delta, px.lead * x.motor / px.arm, s.r, x.i
         ux.u, ux.hm0, ux.hmd, ux.jam, ux.f_i, ux.s_i = s.u, t.hm0, t.hmd, t.jam, t.f_i, t.s_i
         ux.f_u, ux.s_u, ux.loss, ux.magnet_loss, ux.backlash_add = t.f_u, t.s_u, t.loss, t.magnet_loss, t.backlash_add
+        ux.friction_add = t.friction_add
         ema.step(x, ux, px, DT)
 
 

@@ -27,7 +27,7 @@ def forge(log, path, *, attachments=None, samples=(), metadata=None, result=None
     held = {k: v for k, v in (log.attachments | (attachments or {})).items() if v is not None}
     kept = {n: log.metadata[n] for n in ("run", "libraries") if n in log.metadata} | (metadata or {})
     held = {k: ("application/octet-stream", v) for k, v in held.items()}
-    how = {"dt_ns": dt_ns or log.dt_ns, "rows_per_chunk": 50 if gap else 500}
+    how = {"dt_ns": dt_ns or log.dt_ns, "rows_per_chunk": 50 if gap else 500, "kept": False}
     made = LogWriter(path, topics, n_values=at, metadata=kept, attachments=held, **how)
     with made as w:
         for k, row in enumerate(np.concatenate(columns, axis=1)):

@@ -7,15 +7,10 @@ and holds only what a replay reads: the detectors' inputs, outputs, whole states
 """
 
 import sys
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from cosim.log import LogWriter, Topic, fingerprint, open_log
-from cosim.replay.detector_replay import describe
+from cosim.log import compact, fingerprint, open_log
 
 FOLDER = Path(__file__).resolve().parents[2] / "logs" / "golden"
 HYDRAULIC = ("iotsekf", "rtsekf", "rtsekf_flight", "position_monitor", "ofc_monitor")
@@ -58,65 +53,15 @@ def fly(name: str, folder: Path = FOLDER) -> Path:
     enabled = ",".join(f'"{d}"' for d in golden.detectors)
     scenario = load_scenario(
         golden.scenario,
-        [*golden.changes, f"detectors.enabled=[{enabled}]", "elevator.feedback=measured", "elevator.reconfigure=false"],
-    )
+        [*golden.changes, f"detectors.enabled=[{enabled}]", "elevator.feedback=measured", "elevator.reconfigure=false",
+         "log_profile=replay"],
+    )  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)
     out = folder / f"{name}.mcap"
-    with tempfile.TemporaryDirectory() as temporary:
-        whole = Path(temporary) / "whole.mcap"
-        simulate(scenario, log=whole, timed=False)
-        thin(whole, out)
+    simulate(scenario, log=out, timed=False)
+    compact(out, out)
     out.with_suffix(".txt").write_text(fingerprint(open_log(out)))
     return out
-
-
-def thin(path: str | Path, out: Any) -> Any:
-    """Copy of a log only what a replay of its detectors reads."""
-    log = open_log(path)
-    wired = describe(log)
-    fields: dict = {}
-    for w in wired:
-        for _, source, column in w.inputs:
-            fields.setdefault(source, {})[column] = None
-    kept = {name: [f for f in info.fields if f in fields.get(name, ())] for name, info in log.topics.items()}
-    kept |= {name: list(log.topics[name].fields) for w in wired for name in (w.topic, w.hidden)}
-    topics, columns, at = [], [], 0
-    for name, names in kept.items():
-        if names:
-            info, places = log.topics[name], [log.topics[name].fields.index(f) for f in names]
-            units = [info.units[i] for i in places]
-            topics.append(
-                Topic(
-                    name,
-                    tuple(names),
-                    tuple(units),
-                    np.arange(at, at + len(names)),
-                    info.every,
-                    info.group,
-                    info.description,
-                )
-            )
-            values = np.zeros((log.n_ticks, len(names)))
-            values[:: info.every] = log.array(name)[:, places]
-            columns.append(values)
-            at += len(names)
-    begun = tuple(f"{w.id}.{part}.np" for w in wired for part in ("params", "initial"))
-    wanted = [n for n in log.attachments if n in ("scenario.toml", "detectors.json") or n.startswith(begun)]
-    attachments = {n: (log.media_types[n], log.attachments[n]) for n in wanted}
-    metadata = {n: log.metadata[n] for n in ("run", "libraries") if n in log.metadata}
-    with LogWriter(
-        out,
-        topics,
-        n_values=at,
-        dt_ns=log.dt_ns,
-        metadata=metadata,
-        attachments=attachments,
-        rows_per_chunk=500,
-        compression="zstd",
-    ) as w:
-        for row in np.concatenate(columns, axis=1):
-            w.append(row)
-        w.close(result={k: v for k, v in (log.result or {}).items() if k != "content"})
 
 
 if __name__ == "__main__":

@@ -4,10 +4,8 @@ import os
 import random
 import resource
 import signal
-import time
 import traceback
-from contextlib import suppress
-from importlib.resources import files
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from hostile_texts import encoded, mangled
@@ -18,22 +16,35 @@ CASES, SEED = int(os.environ.get("COSIM_CASES", "1000")), int(os.environ.get("CO
 LONGEST_S, LARGEST = 20, 1 << 30
 
 
+@contextmanager
+def bounded(seconds=LONGEST_S, most=LARGEST):
+    """Let what is done take no more time of the processor [s], and no more memory than that above what the process
+    holds; yields a list with the latter [byte]."""
+    for number in (signal.SIGALRM, signal.SIGPROF):
+        signal.signal(number, _too_long)
+    _forget_peak()  # what making the case took is not the readers'
+    before, used = _peak(), [0]
+    signal.setitimer(signal.ITIMER_PROF, seconds)  # of this process: others may keep the machine busy
+    signal.alarm(int(60 * seconds))  # for what waits
+    try:
+        yield used
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.alarm(0)
+        used[0] = _peak() - before
+    assert used[0] < most, f"{used[0] / 1e6:.0f} MB"
+
+
 def tried(kind, n, make, doors):
     """Send `n` cases of `make(rng)` through every door; print what came of them."""
     taken = refused = 0
-    slowest, largest = 0.0, 0
     failed = {}
-    for number in (signal.SIGALRM, signal.SIGPROF):
-        signal.signal(number, _too_long)
     for number in range(SEED, SEED + n):
         case = make(random.Random(f"{kind} {number}"))
-        _forget_peak()  # what making the case took is not the readers'
         for door in doors:
-            begun = time.monotonic()
-            signal.setitimer(signal.ITIMER_PROF, LONGEST_S)  # of this process: others may keep the machine busy
-            signal.alarm(60 * LONGEST_S)  # for what waits
             try:
-                door(case)
+                with bounded():
+                    door(case)
                 taken += 1
             except CosimError as error:
                 refused += 1
@@ -42,15 +53,7 @@ def tried(kind, n, make, doors):
                 where = traceback.extract_tb(error.__traceback__)
                 last = [f"{Path(f.filename).name}:{f.lineno}" for f in where if "/cosim/" in f.filename][-1:]
                 failed.setdefault((type(error).__name__, *last), f"{kind} {number}: {error!r:.300}")
-            finally:
-                signal.setitimer(signal.ITIMER_PROF, 0)
-                signal.alarm(0)
-            took = time.monotonic() - begun
-            slowest = max(slowest, took)
-        largest = max(largest, _peak())
-        assert largest < LARGEST, f"{kind} {number}"
-    told = f"{taken} taken, {refused} refused, slowest {slowest:.2f} s, largest {largest / 1e6:.0f} MB"
-    print(f"\n{kind}: {n} cases, {told}")
+    print(f"\n{kind}: {n} cases, {taken} taken, {refused} refused")
     assert not failed, "\n".join(f"{' '.join(place)}: {told}" for place, told in failed.items())
 
 
@@ -73,11 +76,6 @@ class TooLongError(BaseException):
 
 def _too_long(*_):
     raise TooLongError(f"takes longer than {LONGEST_S} s")
-
-
-def texts(folder, ending=".toml"):
-    """Return the texts of the built-in files of a folder."""
-    return [p.read_text() for p in files("cosim").joinpath(folder).iterdir() if p.name.endswith(ending)]
 
 
 def written(path, originals):

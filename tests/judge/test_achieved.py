@@ -19,7 +19,7 @@ T = np.arange(2000) * DT
 
 
 def fault(**more):
-    return SimpleNamespace(**({"start": 2.0, "end": math.inf, "ramp": 0.0, "omega": math.nan} | more))
+    return SimpleNamespace(**({"start": 2.0, "end": math.inf, "ramp": 0.0, "omega": math.nan, "shape": "sine"} | more))
 
 
 def pair(rod):

@@ -16,18 +16,18 @@ def steady(n=100):
 
 
 def test_level_flight_has_no_excursions():
-    found = consequences(steady(), np.zeros((100, 4)), 40, DT, CAS)
+    found = consequences(steady(), np.zeros((4, 100)), 40, DT, CAS)
     assert list(found) == list(NAMES)
     assert found["nz_min_g"] == found["nz_max_g"] == 1.0
     assert all(found[name] == 0.0 for name in NAMES[2:])
 
 
 def test_excursions_count_from_the_onset_on():
-    m, hinge = steady(), np.zeros((100, 4))
+    m, hinge = steady(), np.zeros((4, 100))
     m["nz"][10], m["nz"][50], m["nz"][60] = 5.0, 2.6, -1.5
     m["h"][70:], m["phi"][80] = 5900.0, np.radians(-70.0)
     m["cas"][90], m["cas"][91] = 100 - 5 * M_S_PER_KT, 100 + 3 * M_S_PER_KT
-    hinge[20, 0], hinge[95, 2] = 1e5, -2000.0
+    hinge[0, 20], hinge[2, 95] = 1e5, -2000.0
     found = consequences(m, hinge, 40, DT, CAS)
     assert (found["nz_min_g"], found["nz_max_g"], found["altitude_lost_m"]) == (-1.5, 2.6, 100.0)
     assert found["bank_deg"] == pytest.approx(70.0) and found["hinge_max_nm"] == 2000.0

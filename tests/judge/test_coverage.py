@@ -30,8 +30,12 @@ def all_cases():
 
 
 def says(module):
-    """Return the verdict classes that a detector's kernel can give: those that its step, or what it calls, names."""
+    """Return the verdict classes that a detector's kernel can give: those that its step, or what it calls, names; of
+    one that weighs hypotheses those of its hypotheses, too."""
     found, seen, todo = set(), set(), [module.step]
+    if callable(weighed := getattr(module, "hypotheses", None)):
+        mixed = dict(zip(c.SEGMENTS, ("hydraulic", "hydraulic", "ema", "ema")))
+        found |= {h.verdict for h in weighed(mixed)}
     while todo:
         function = getattr(todo.pop(), "py_func", None)
         if function is None or function in seen:

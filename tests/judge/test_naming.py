@@ -5,6 +5,7 @@ import pytest
 from cosim.judge.naming import blames, name_of, outcome
 
 INNER = ("elevator.left_inner",)
+LEFT = ("elevator.left_outer", "elevator.left_inner")
 
 
 def fault(case, *targets, kind=""):
@@ -42,6 +43,25 @@ def fault(case, *targets, kind=""):
         ("engine", ("engine.2",), "aircraft", "thrust", "engine_2", "right", "right", "channel"),
         ("engine", ("engine.2",), "aircraft", "thrust", "engine_3", "right", "wrong", ""),
         ("engine", ("engine.2",), "aircraft", "thrust", "engine", "right", "right", "axis"),
+        # what is wrong inside an actuator, as a detector of both levels names it
+        ("hydraulic.ofc_liquid", INNER, "both", "ofc_liquid", "elevator_left_inner_valve", "right", "right", "channel"),
+        ("hydraulic.ofc_liquid", INNER, "both", "ofc_liquid", "elevator_left_inner_command", "right", "wrong", ""),
+        ("hydraulic.ofc_liquid", INNER, "both", "ofc_liquid", "elevator_left_outer_valve", "right", "wrong", ""),
+        ("hydraulic.bias@command", INNER, "both", "ambiguous", "elevator_left_command", "not given", "right", "side"),
+        ("hydraulic.ofc_liquid@command", LEFT, "both", "ofc_liquid", "elevator_left_command", "right", "right",
+         "channel"),
+        ("hydraulic.bias@command", LEFT, "both", "jam_liquid", "elevator_left_inner_command", "right", "wrong", ""),
+        ("hydraulic.ofc_liquid@command", LEFT, "both", "ofc_liquid", "elevator_command", "right", "right", "axis"),
+        ("ema.ofc_solid", INNER, "both", "ofc_solid", "elevator_left_inner_drive", "right", "right", "channel"),
+        ("ema.jam", INNER, "both", "jam_solid", "elevator_left_inner_surface", "right", "right", "channel"),
+        ("hydraulic.rod", INNER, "both", "sensor", "elevator_left_inner_rod_sensor", "right", "right", "channel"),
+        ("hydraulic.surface", ("elevator.left_inner.surface",), "both", "sensor", "elevator_left_inner_surface_sensor",
+         "right", "right", "channel"),
+        # a set that holds the right place is no name of it, one that does not is wrong
+        ("sensor.q", ("sensor.q",), "both", "sensor", "q or theta", "right", "not given", "set"),
+        ("sensor.alpha", ("sensor.alpha",), "both", "sensor", "q or theta", "right", "wrong", ""),
+        ("sensor.alpha", ("sensor.alpha",), "both", "sensor", "sensor", "right", "not given", "set"),
+        ("engine", ("engine.2",), "both", "sensor", "sensor", "wrong", "wrong", ""),
         # a part that is healthy is accused beside the faulty one
         ("sensor.q", ("sensor.q",), "aircraft", "sensor", "q and theta", "right", "wrong", ""),
     ],

@@ -207,3 +207,22 @@ def test_a_name_of_one_part_never_stands_in_the_row_of_another_fault():
     found = judge(single, rows, DT, [OFC, engine])["by_fault"]
     assert [d["isolated"]["target"] for d in found] == ["elevator_left", "engine_2"]
     assert all(d["right"] for d in found)
+
+
+def test_a_lane_that_names_two_parts_at_once_is_judged_by_each_with_its_own_class():
+    fields = (*FIELDS, "second", "verdict_2")
+    culprits = ("", "alpha", "elevator_left_inner_valve", "n_z")
+    lane = watch_of("joint", "both", "aircraft", culprits, {n: i for i, n in enumerate(fields)})
+    alpha = {"fault": 1, "case": "sensor.alpha", "kind": "bias", "targets": ("sensor.alpha",), "start_s": 5.0,
+             "end_s": math.inf, "period_s": math.nan}  # fmt: skip
+    rows = np.zeros((100, len(fields)))
+    rows[:, 4] = 1.0
+    rows[22:, :3] = 1.0, v.OFC_LIQUID, 2.0
+    rows[56:, 6:] = 1.0, v.SENSOR
+    ofc, second = judge(lane, rows, DT, [OFC, alpha])["by_fault"]
+    assert (ofc["right"], ofc["place_level"], ofc["detected_at_s"]) == (True, "channel", pytest.approx(2.2))
+    assert (second["right"], second["detected_at_s"]) == (True, pytest.approx(5.6))
+    rows[56:, 6] = 3.0  # a healthy sensor beside the valve: nothing was said of alpha, and the valve's name is wrong
+    ofc, second = judge(lane, rows, DT, [OFC, alpha])["by_fault"]
+    assert second["detected_at_s"] is None and not second["right"]
+    assert judge(lane, rows, DT, [OFC])["by_fault"][0]["place_given"] == "wrong"

@@ -180,7 +180,7 @@ def _declared(path, *records):
     from cosim.log.records import closing
 
     body = MAGIC + b"".join(r if isinstance(r, bytes) else encode(r) for r in records)
-    path.write_bytes(body + closing(len(body), zlib.crc32(body), [], [], [], [], []))
+    path.write_bytes(body + b"".join(closing(len(body), zlib.crc32(body), [], [], [], [], [])))
     return path
 
 

@@ -9,7 +9,8 @@ import pytest
 from killed import grown, killer
 from log_samples import TOPICS, expected, flight_log, same_bits, vectors
 
-from cosim.log import LogError, info, open_log, recover
+from cosim.log import LogError, open_log, recover
+from cosim.log.overview import log_info
 
 ROWS = 50  # of a chunk, as log_samples.write
 
@@ -89,7 +90,7 @@ def test_a_bad_chunk_in_the_middle_costs_only_itself(whole, tmp_path):
         log = _check(tmp_path / "out", v, ticks)
         assert not report["complete"] and not log.complete and log.result is None
         assert any(c["offset"] == chunks[number].offset for c in report["lost"])
-        assert info(tmp_path / "out")["gaps"] == (0 if number == 4 else ROWS)  # the last leaves none
+        assert log_info(tmp_path / "out")["gaps"] == (0 if number == 4 else ROWS)  # the last leaves none
 
 
 def test_a_tolerant_reader_gives_what_is_whole_and_lists_what_is_not(whole, tmp_path):
@@ -127,7 +128,8 @@ def test_a_whole_log_comes_back_whole(whole, tmp_path):
     report = recover(whole, tmp_path / "out")
     assert report["complete"] and not report["lost"]
     assert open_log(tmp_path / "out").result == open_log(whole).result
-    assert info(tmp_path / "out", check=True)["topics"] == info(whole, check=True)["topics"]
+    before, after = open_log(whole).arrays(), open_log(tmp_path / "out").arrays()
+    assert {n: v.tobytes() for n, v in after.items()} == {n: v.tobytes() for n, v in before.items()}
 
 
 def test_a_log_is_not_recovered_onto_itself_nor_from_nothing(whole, tmp_path):

@@ -28,7 +28,7 @@ def test_no_row_differs_and_every_figure_is_there(rows):
 
 def test_only_the_noise_level_needs_an_explanation_and_what_is_not_claimed_is_ours(rows):
     assert [r.item.split(",")[0] for r in rows if r.verdict == "differs_explained"] == ["figure 5"]
-    assert counts(rows)["ours"] == 7
+    assert counts(rows)["ours"] == 8
 
 
 def test_the_innovation_is_white_with_unit_variance_only_for_the_noise_that_the_filter_knows(rows):

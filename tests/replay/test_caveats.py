@@ -1,6 +1,7 @@
 """What a diagnosis says beside its verdicts: other aircraft, proxies, derived signals, no finite number."""
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -132,6 +133,19 @@ class Stub:
         return []
 
 
+def prepared(m, t_0):
+    scenario = SimpleNamespace(aircraft=load_aircraft())
+    return SimpleNamespace(map=m, scenario=scenario, values={}, channels={}, sources={}, dt=0.005, t_0=t_0)
+
+
+def test_a_channel_that_never_changes_and_a_mass_out_of_the_design_are_told(tmp_path):
+    more = 'mass = { channel = "m", unit = "t" }\nbeta = { channel = "b", unit = "deg" }'
+    found = told(tmp_path, more=more, m=np.full(len(T), 6.0), b=np.zeros(len(T)))
+    assert any(c.startswith("the recording's mass, 6 t, lies outside the transport's") for c in found.caveats)
+    assert any(c.startswith("beta: channel b is 0 all along") for c in found.caveats)
+    assert not any(c.startswith("mass: channel") for c in found.caveats)
+
+
 @pytest.mark.parametrize(
     ("alarm", "words"),
     [
@@ -148,8 +162,7 @@ def test_an_alarm_from_the_start_is_told_as_a_model_that_does_not_fit(alarm, wor
     rows[:, 2] = 1.0
     rows[int(alarm[0] * n) : int(alarm[1] * n), 1] = 1.0
     m = Map.model_validate({"aircraft": "x", "signals": {}})
-    scenario = type("S", (), {"aircraft": load_aircraft()})()
-    said = caveats(m, scenario, [(Stub(), "aircraft", None, rows)], 0.005, 0.0)
+    said = caveats(prepared(m, 0.0), [(Stub(), "aircraft", None, rows)])
     assert (len(said) == 1 and words in said[0]) if words else not said
 
 
@@ -160,7 +173,6 @@ def test_numbers_that_are_not_finite_are_told_with_their_time():
     rows[:, 2] = np.arange(1000) < 400
     rows[400:, 3] = 11.0
     rows[400, 0] = np.inf
-    scenario = type("S", (), {"aircraft": load_aircraft()})()
     m = Map.model_validate({"aircraft": "x", "signals": {}})
-    said = caveats(m, scenario, [(Stub(), "aircraft", None, rows)], 0.005, 10.0)
+    said = caveats(prepared(m, 10.0), [(Stub(), "aircraft", None, rows)])
     assert said == ["rfafe_airframe of aircraft: its numbers are not finite from 12 s on: not valid"]

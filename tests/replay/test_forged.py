@@ -93,7 +93,16 @@ SCENARIOS = {
     "another's": b"colour = 'red'",
     "empty": b"",
 }
+def _reshaped(*shape):
+    """Return an array with one record of the detector's own parameters, in a shape that no flight writes."""
+    out, module = io.BytesIO(), importlib.import_module("fdi.hydraulic.iotsekf")
+    np.save(out, np.zeros(shape, np.lib.format.drop_metadata(module.PARAMS)))
+    return out.getvalue()
+
+
 ARRAYS = {
+    "of another shape": _reshaped(1, 1),
+    "of no lane": _reshaped(0),
     "huge": _npy("{'descr': '<f8', 'fortran_order': False, 'shape': (10000000000000,), }"),
     "negative": _npy("{'descr': '<f8', 'fortran_order': False, 'shape': (-1,), }"),
     "objects": _objects(),

@@ -1,10 +1,16 @@
 """Files in which real flights come: MATLAB 5, text with and without a header, a folder of channels, dates as time."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.io import savemat
+from typer.testing import CliRunner
 
+from cosim.cli import commands as cli
 from cosim.errors import LogError
 from cosim.replay.foreign import read_channels
 from cosim.replay.map import diagnose
@@ -141,7 +147,77 @@ def test_what_cannot_be_read_is_refused_in_one_line(tmp_path, made, words):
     assert all(w in str(error.value) for w in words) and "\n" not in str(error.value)
 
 
-def test_a_text_of_gigabytes_is_refused_before_it_is_read(tmp_path, monkeypatch):
-    monkeypatch.setattr("cosim.replay.tables.MOST_BYTES", 1000)
-    with pytest.raises(LogError, match="Cut it"):
-        read_table(asc(tmp_path / "a.asc"))
+LIMITED = """import resource, runpy, sys
+resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30))
+sys.argv = ["cosim", *sys.argv[1:]]
+runpy.run_module("cosim", run_name="__main__", alter_sys=True)
+"""
+
+
+@pytest.mark.parametrize(("command", "name"), [("map", "a.csv"), ("replay", "a.csv"), ("map", "a.mat")])
+def test_a_file_of_five_gigabytes_is_refused_in_one_line_before_it_is_read(tmp_path, command, name):
+    path = tmp_path / name
+    path.write_text("T,ALCG,VTASCG\n0,1,2\n")
+    os.truncate(path, 5 << 30)  # sparse
+    (tmp_path / "map.toml").write_text(MAP.replace("columns", "# columns"))
+    how = ["--map", str(tmp_path / "map.toml")] if command == "replay" else []
+    told = subprocess.run([sys.executable, "-c", LIMITED, command, str(path), *how], capture_output=True, text=True)
+    assert told.returncode == 2 and not told.stdout
+    assert len(told.stderr.splitlines()) == 1 and f"{name}: has 5.37 GB" in told.stderr and "Cut it" in told.stderr
+
+
+def described(path, **columns):
+    """Write 8 s of flight to a table, its columns changed as given; None leaves one out."""
+    n = len(T)
+    table = {"T": T, "ALCG": ROWS[:, 1], "VTASCG": ROWS[:, 2]} | columns
+    frame = pd.DataFrame({name: np.broadcast_to(y, n) for name, y in table.items() if y is not None})
+    frame.to_csv(path, index=False)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("columns", "unit", "words"),
+    [
+        ({"T": None}, "deg", "no time column T; allowed: one of its columns: ALCG, VTASCG"),
+        ({"T": np.full(len(T), np.nan)}, "deg", "column 'T' holds no time (200 such rows)"),
+        ({"T": np.where(T > 4.0, T - 4.0, T)}, "deg", "the clock goes back"),
+        ({"ALCG": None}, "deg", "the recording has no channel 'ALCG'"),
+        ({"ALCG": "x"}, "deg", "channel 'ALCG' holds something that is no number"),
+        ({}, "bar", "signals.left_inner.surface.unit: 'bar' is no unit of it"),
+        ({"T": 1e6 * T}, "deg", "Is time in seconds?"),
+    ],
+)
+def test_bad_input_is_one_line_with_place_and_remedy(tmp_path, columns, unit, words):
+    path, given = described(tmp_path / "a.csv", **columns), MAP.replace("columns", "# columns")
+    (tmp_path / "map.toml").write_text(given.replace("[DEG]", unit))
+    run = CliRunner().invoke(cli.app, ["replay", str(path), "--map", str(tmp_path / "map.toml")])
+    assert run.exit_code == 2 and words in " ".join(run.stderr.split()) and "Traceback" not in run.stderr
+
+
+def test_ten_columns_of_one_name_keep_their_numbers(tmp_path):
+    path = tmp_path / "a.csv"
+    lines = [",".join(["T", *["x"] * 10]), *(",".join(f"{t + k:g}" for k in range(11)) for t in T)]
+    path.write_text("\n".join(lines))
+    frame = read_channels(path)["a"]
+    assert frame.shape == (len(T), 10) and len(set(frame.columns)) == 10
+    np.testing.assert_allclose(frame.to_numpy(), T[:, None] + np.arange(1, 11), rtol=1e-5)
+
+
+def test_constant_channels_and_gaps_are_judged_around_and_told(tmp_path):
+    path = described(tmp_path / "a.csv", ALCG=np.zeros(len(T)), T=T + 5.0 * (T > 4.0))
+    (tmp_path / "map.toml").write_text(MAP.replace("columns", "# columns"))
+    told = diagnose(path, tmp_path / "map.toml")
+    assert any("no sample from 4 to 9" in text for text in told.caveats)
+    assert told.signals[0]["valid_pct"] < 65.0 and told.detectors[0]["r_max"] == 0.0
+
+
+def test_one_structure_of_a_file_is_read_and_the_others_are_named(tmp_path):
+    runs = {f"run_{k}": {n: ROWS[: 200 - 50 * k, i] + k for i, n in enumerate(NAMES)} for k in range(2)}
+    path = mat(tmp_path / "a.mat", **runs)
+    (first,) = read_channels(path, time="run_0.T").values()
+    assert first.shape == (200, 2) and list(first.columns) == ["run_0.ALCG", "run_0.VTASCG"]
+    assert first.attrs["oddities"][-1].startswith("read: run_0, 200 rows; left out: run_1 of 150 rows; --time")
+    (second,) = read_channels(path, time="run_1.T").values()
+    np.testing.assert_allclose(second["run_1.ALCG"], ROWS[:150, 1] + 1)
+    frame = read_table(mat(tmp_path / "b.mat", T=ROWS[:, :1], air={"ALCG": ROWS[:, 1]}, other={"x": np.arange(9.0)}))
+    assert set(frame.columns) == {"T", "air.ALCG"}

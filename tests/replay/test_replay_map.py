@@ -1,6 +1,7 @@
 """Foreign data (CSV, Parquet, MCAP) of other names, units, signs and rates is diagnosed as our own flight was."""
 
 import json
+from html import unescape
 from pathlib import Path
 
 import numpy as np
@@ -321,7 +322,7 @@ def test_samples_on_a_tick_are_kept_and_others_interpolated_or_held():
 
 
 def test_the_page_of_a_diagnosis_shows_verdicts_and_what_was_read(signals, tmp_path):
-    bench_frame(signals, 200).to_csv(tmp_path / "bench.csv", index=False)
+    bench_frame(signals, 200).drop(range(300, 400)).to_csv(tmp_path / "bench.csv", index=False)
     out = tmp_path / "out.mcap"
     told = diagnose(tmp_path / "bench.csv", EXAMPLE, output=out)
     made = CliRunner().invoke(cli.app, ["report", str(out), "--json"])
@@ -330,5 +331,7 @@ def test_the_page_of_a_diagnosis_shows_verdicts_and_what_was_read(signals, tmp_p
     assert "diagnosis of bench.csv" in page and "What they read" in page and "left inner rod" in page
     assert all(f'data-detector="{d["id"]}"' in page for d in told.detectors)
     assert "false alarm" not in page[: page.index("<script")]
+    assert told.not_run and f"{told.not_run[0]['id']} of " in page
     watched = Watched(out)
+    assert watched.caveats == told.caveats != [] and all(text in unescape(page) for text in told.caveats)
     assert watched.inputs()["left inner rod"][0] == "m" and len(watched.lanes) == len(told.detectors)

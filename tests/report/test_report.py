@@ -179,8 +179,8 @@ def test_sensor_fault_on_the_aircraft_has_its_truth_beside_the_estimate(tmp_path
     lane = LoggedFlight(log).lanes[0]
     name, truth, unit, *_ = lane.truth
     assert (name, unit) == ("f_hat_alpha", "rad")
-    assert truth[-1] == pytest.approx(math.radians(told.faults[0].model_extra["bias_deg"]))
-    assert truth[100] == 0.0
+    assert truth()[-1] == pytest.approx(math.radians(told.faults[0].model_extra["bias_deg"]))
+    assert truth()[100] == 0.0
     assert lane.entry["estimate_rmse"] == pytest.approx(result.detectors[0]["estimate_rmse"], rel=1e-4)
 
 

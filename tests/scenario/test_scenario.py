@@ -8,10 +8,12 @@ from scenario_tables import fault, flight
 
 import cosim
 from cosim.campaign.inventory import inventory
+from cosim.errors import CosimError
 from cosim.scenario import builtin_names, load_scenario, parse
 from cosim.scenario import catalog as c
 from cosim.scenario.elevator import Elevator
 from cosim.scenario.fault import Fault
+from cosim.scenario.flight import cas_kt
 from cosim.scenario.sensors import Sensors
 from fdi.registry import DEFAULT
 
@@ -49,7 +51,8 @@ def test_every_kind_of_fault_is_flown_by_a_builtin_and_listed_once():
 def test_the_listed_keys_are_those_of_a_scenario():
     keys = inventory()["keys"]
     assert set(keys["[elevator]"]) - {"<segment>"} == set(Elevator.model_fields) - set(c.SEGMENTS)
-    assert set(keys["[[faults]], every kind"]) - {"limit_deg"} == set(Fault.model_fields) - {"target", "kind"}
+    of_a_kind = {"limit_deg", "chirp_hz_s"}
+    assert set(keys["[[faults]], every kind"]) - of_a_kind == set(Fault.model_fields) - {"target", "kind"}
     assert len(keys["amplitude of ofc_liquid, ofc_solid"]) == len(c.AMPLITUDES_AT)
     for key in keys["[sensors], a table per sensor"]:
         name = key.replace("<unit>", inventory()["units"]["alpha"][0])
@@ -121,3 +124,14 @@ def test_the_path_at_the_start_is_told_in_words_with_its_direction():
             "gamma_deg=3": "climb at 3 deg", "gamma_deg=-3": "descent at 3 deg", "turn_deg_s=-1": "turn of -1 deg/s"}
     for key, words in told.items():
         assert load_scenario("cruise", [f"flight.{key}"]).flight.path == words
+
+
+def test_a_mach_number_or_true_airspeed_is_held_against_the_calibrated_limit():
+    """Values of the tables of the standard atmosphere: Mach .8 at 35,000 ft is 272 kt calibrated."""
+    assert cas_kt(35000.0, mach=0.8) == pytest.approx(271.9, abs=0.3)
+    assert cas_kt(35000.0, tas_kt=461.1) == pytest.approx(271.9, abs=0.3)
+    assert cas_kt(0.0, mach=0.5) == pytest.approx(cas_kt(0.0, tas_kt=0.5 * 661.47), rel=1e-4)
+    for speed in ("flight.mach=0.914", "flight.tas_kt=480"):
+        with pytest.raises(CosimError, match=r"calibrated at 360 ft.*up to"):
+            load_scenario("cruise", ["flight.mass_t=308", "flight.altitude_ft=360", speed])
+    load_scenario("cruise", ["flight.altitude_ft=35000", "flight.mach=0.84"])

@@ -57,7 +57,7 @@ FROZEN: dict[str, dict[str, dict[str, float]]] = {
     "ema": {
         "ema_kalman_flight flight": {
             "pair_threshold": 0.000194526, "th_speed": 0.00027, "rho_speed": 8.31099e-08, "th_f":
-            0.17256, "rho_f": 0.0, "th_vel": 1.50943, "rho_vel": 0.159094, "rho_rate": 0.0234958,
+            0.15985, "rho_f": 0.0, "th_vel": 1.50943, "rho_vel": 0.159094, "rho_rate": 0.0234958,
             "th_jump": 0.000296342, "th_R1": 0.00056438, "z_gain": 2.0, "th_rough": 10.4159,
         },
         "position_monitor flight_ema": {

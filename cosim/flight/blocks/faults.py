@@ -8,6 +8,9 @@ Its signal is
     form 2 drift      g * amplitude * (t - start)                             amplitude in unit/s
     form 3 runaway    g * (latched reference + amplitude (t - start)), within [lower, upper]; from a reference outside
                       of them it stays there: a runaway never goes back to its limit
+    form 4 square     g * amplitude * (1 in the first half of a period, -1 in the second)
+    form 5 triangle   g * amplitude * the triangle with the sine's zeros and peaks
+    form 6 chirp      the sine, its frequency omega + sweep (t - start) within [lower, upper]
 
 A substitution (solid OFC, runaway) moves two inputs, its
 share g of the healthy signal and its own signal. Which input of which part a kind of fault moves is in
@@ -20,19 +23,21 @@ import numpy as np
 
 from actuators.block import dtype, entry, kernel
 
-CONSTANT, SINE, DRIFT, RUNAWAY = 0.0, 1.0, 2.0, 3.0
+CONSTANT, SINE, DRIFT, RUNAWAY, SQUARE, TRIANGLE, CHIRP = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
+TURN = 2.0 * math.pi
 
 PARAMS = dtype(
     [
-        ("form", "f8"),  # one of the four above
+        ("form", "f8"),  # one of those above
         ("start", "f8", "s"),
         ("end", "f8", "s"),  # inf when never healed
         ("ramp", "f8", "s"),
         ("amplitude", "f8"),  # [unit of the place; per second for drift and runaway]
         ("omega", "f8", "rad/s"),
         ("phase", "f8", "rad"),
-        ("lower", "f8"),  # limits of a runaway [unit of the place]
+        ("lower", "f8"),  # limits of a runaway [unit of the place], of a chirp's frequency [rad/s]
         ("upper", "f8"),
+        ("sweep", "f8", "rad/s2"),  # change of a chirp's frequency
     ]
 )
 
@@ -62,6 +67,24 @@ def init(p: np.ndarray) -> np.ndarray:
 
 
 @kernel
+def _swept(since, p):
+    """Return the angle of a chirp [rad]; a frequency that has reached its limit stays there."""
+    until = since
+    if p.sweep != 0.0:
+        until = min(since, ((p.upper if p.sweep > 0.0 else p.lower) - p.omega) / p.sweep)
+    return p.omega * since + p.sweep * until * (since - 0.5 * until) + p.phase
+
+
+@kernel
+def _wave(form, angle):
+    """Return the square or triangular wave of amplitude 1 at `angle` [rad]."""
+    part = angle / TURN - math.floor(angle / TURN)
+    if form == SQUARE:
+        return 1.0 if part < 0.5 else -1.0
+    return 4.0 * part if part < 0.25 else (2.0 - 4.0 * part if part < 0.75 else 4.0 * part - 4.0)
+
+
+@kernel
 def step(x, u, p, dt):
     """Advance one fault lane to the time of this tick."""
     since = u.t - p.start
@@ -77,6 +100,10 @@ def step(x, u, p, dt):
     x.g = 1.0 if p.ramp <= 0.0 else min(1.0, since / p.ramp)
     if p.form == SINE:
         s = p.amplitude * math.sin(p.omega * since + p.phase)
+    elif p.form == CHIRP:
+        s = p.amplitude * math.sin(_swept(since, p))
+    elif p.form == SQUARE or p.form == TRIANGLE:
+        s = p.amplitude * _wave(p.form, p.omega * since + p.phase)
     elif p.form == DRIFT:
         s = p.amplitude * since
     elif p.form == RUNAWAY:

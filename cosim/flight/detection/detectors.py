@@ -102,8 +102,9 @@ def _fit(detector, site, own, words):
             _FITS.clear()
         about = detector.id, place, contents(own.folder), *sorted(words.items()), stored
         made = functools.partial(detector.record.fit, site, **words)
-        module = detector.module
-        _FITS[key] = kept(about, module.PARAMS, made, module.__file__, _SITE)
+        read = {vocabulary.detector_of(word) for word in detector.record.inputs.values()} - {""}
+        sources = [registry.module(name).__file__ for name in (detector.id, *sorted(read))]
+        _FITS[key] = kept(about, detector.module.PARAMS, made, *sources, _SITE)
     return _FITS[key]
 
 
@@ -132,7 +133,7 @@ class Installed:
 
     @property
     def level(self) -> str:
-        """Return "local" or "aircraft"."""
+        """Return "local", "aircraft" or "both"."""
         return self.record.level
 
     @property
@@ -204,7 +205,7 @@ def _word(detector, name, value, allowed):
 
 def unfit(record: Detector, aircraft: Aircraft) -> str:
     """Return which input of a detector an aircraft lacks, or ""."""
-    shipped = record.level == "aircraft" and record.id in registry.SHIPPED
+    shipped = record.level != "local" and record.id in registry.SHIPPED
     for word in (placed(word, aircraft) if shipped else word for word in record.inputs.values()):
         segment, dot, _ = word.rpartition(".")
         if vocabulary.detector_of(word):
@@ -218,7 +219,7 @@ def unfit(record: Detector, aircraft: Aircraft) -> str:
 
 def missing(record: Detector, aircraft: Aircraft) -> str:
     """Return why a detector cannot watch an aircraft, or "": an input that it lacks, or no design for it."""
-    shipped = record.level == "aircraft" and record.id in registry.SHIPPED
+    shipped = record.level != "local" and record.id in registry.SHIPPED
     why = unfit(record, aircraft)
     if not why and shipped and not record.any_aircraft and aircraft.own_designs:
         return stored_designs.lacking(aircraft, record)

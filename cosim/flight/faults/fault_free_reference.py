@@ -20,18 +20,18 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cosim.flight.build import Setup, build
 from cosim.flight.fly import fly, onwards
 from cosim.flight.loop.schedule import Tape
 from cosim.flight.tick import order
+from cosim.judge.column_store import SPAN, Columns, ColumnStore
 from cosim.judge.fault_effect import moved as of_segment
 from cosim.scenario import Scenario, parse
 
 KEPT = 16  # twins
 _PR_SET_PDEATHSIG = 1  # of Linux: which signal a process gets when the one that started it ends
-_positions: OrderedDict[str, NDArray[np.float32]] = OrderedDict()  # TOML of a flight without faults -> `positions`
+_positions: OrderedDict[str, ColumnStore] = OrderedDict()  # TOML of a flight without faults -> `positions`
 
 
 def achieved(scenario: Scenario) -> dict[str, dict]:
@@ -83,27 +83,27 @@ class Twin:
             finally:
                 os._exit(1)
 
-    def moved(self, rows: NDArray) -> dict[str, dict]:
+    def moved(self, rows: Any) -> dict[str, dict]:
         """Return what `achieved` returns, from the rows of the flight flown; {} when no fault acts on an elevator."""
         if not self._segments:
             return {}
         trace, scenario = self._setup.trace, self._setup.scenario
-        here = _of(trace, rows[:, _columns(trace)])
-        twin = self._positions(here)
-        n = min(len(here), len(twin))
-        names = list(trace.surface)
-        difference = here[:n].astype(float) - twin[:n]
-        pair = {seg: difference[:, 2 * names.index(seg) :][:, :2] for seg in self._segments}
-        dt, travel = scenario.dt, scenario.aircraft.travel
-        return {seg: of_segment(pair[seg], faults, dt, travel) for seg, faults in self._segments.items()}
+        twin = self._positions(rows)
+        n, out = min(len(rows), len(twin)), {}
+        for seg, faults in self._segments.items():
+            i = 2 * list(trace.surface).index(seg)
+            difference = _pair(trace, rows[:n], seg).astype(float) - twin[:n, [i, i + 1]]
+            out[seg] = of_segment(difference, faults, scenario.dt, scenario.aircraft.travel)
+        return out
 
-    def _positions(self, here):
-        """Return (ticks, 2 segments) of the twin; `here` is the same of the flight."""
+    def _positions(self, rows):
+        """Return `positions` of the twin; `rows` are those of the flight."""
         if self._child:
             child, self._child = self._child, 0
             if os.waitpid(child, 0)[1] == 0:
-                rest = _of(self._setup.trace, self._rows[self._first : self._flown[0]])
-                _keep(self._key, np.concatenate([here[: self._first], rest]))
+                column = {c: i for i, c in enumerate(_columns(self._setup.trace))}
+                rest = Columns(lambda c, a, b: self._rows[a:b, column[c]], int(self._flown[0]), self._first)
+                _keep(self._key, _stored(self._setup.trace, rows[: self._first], rest))
         return positions(self._key)
 
     def __enter__(self) -> "Twin":
@@ -140,12 +140,12 @@ def _quietly(setup, k, index, rows):
     return onwards(loop, tape, range(k, len(rows)))[0]
 
 
-def positions(scenario_toml: str) -> NDArray[np.float32]:
-    """Return (ticks, 8) float32 of a flight: per segment rod [m], NaN where it has none, and surface [rad]."""
+def positions(scenario_toml: str) -> ColumnStore:
+    """Return columns (ticks, 8) of a flight: per segment rod [m], NaN where it has none, and surface [rad]."""
     if scenario_toml not in _positions:
         setup = build(parse(tomllib.loads(scenario_toml)))
         rows, *_ = fly(setup)
-        _keep(scenario_toml, _of(setup.trace, rows[:, _columns(setup.trace)]))
+        _keep(scenario_toml, _stored(setup.trace, rows))
     _positions.move_to_end(scenario_toml)
     return _positions[scenario_toml]
 
@@ -168,16 +168,24 @@ def _without_faults(scenario):
 
 
 def _columns(trace):
-    """Return the columns of the trace that `_of` takes: of each segment its rod, where it has one, and surface."""
+    """Return the columns of the trace that `_pair` takes: of each segment its rod, where it has one, and surface."""
     return [c for seg in trace.surface for c in (*trace.rod.get(seg, ())[:1], trace.surface[seg])]
 
 
-def _of(trace, rows):
-    """Return `positions` from the rows (ticks, columns) of `_columns`."""
-    out = np.full((len(rows), 2 * len(trace.surface)), np.nan, np.float32)
-    columns = iter(rows.T)
-    for i, seg in enumerate(trace.surface):
-        if seg in trace.rod:
-            out[:, 2 * i] = trace.rod[seg][1] * next(columns)
-        out[:, 2 * i + 1] = next(columns)
+def _stored(trace, *parts):
+    """Return `positions` from the rows (ticks, columns of the trace) of a flight's parts."""
+    out = ColumnStore()
+    for part in parts:
+        for a in range(0, len(part), SPAN):
+            out.append(np.concatenate([_pair(trace, part[a : a + SPAN], seg) for seg in trace.surface], axis=1))
+    return out
+
+
+def _pair(trace, rows, segment):
+    """Return (ticks, 2) float32: rod [m], NaN where there is none, and surface [rad]."""
+    out = np.full((len(rows), 2), np.nan, np.float32)
+    if segment in trace.rod:
+        column, gain = trace.rod[segment]
+        out[:, 0] = gain * rows[:, column]
+    out[:, 1] = rows[:, trace.surface[segment]]
     return out

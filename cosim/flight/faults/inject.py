@@ -14,7 +14,7 @@ from cosim.flight.blocks import faults as f
 from cosim.flight.blocks.servo_gain import liquid_gain
 from cosim.scenario import Scenario
 from cosim.scenario.aircraft import Aircraft
-from cosim.scenario.catalog import TECHNOLOGIES
+from cosim.scenario.catalog import FREQUENCY, TECHNOLOGIES
 
 SENSOR_SHAPES = {  # kind -> (shape, field behind the prefix f_ or g_, source)
     "bias": (f.CONSTANT, "add", "f_inj"),
@@ -27,6 +27,8 @@ SENSOR_SHAPES = {  # kind -> (shape, field behind the prefix f_ or g_, source)
     "ofc_liquid": (f.SINE, "add", "f_inj"),
     "dropout": (f.CONSTANT, "drop", "g"),
 }
+WAVES = {"sine": f.SINE, "square": f.SQUARE, "triangle": f.TRIANGLE, "chirp": f.CHIRP}
+
 
 @dataclass(frozen=True)
 class Lane:
@@ -46,8 +48,11 @@ def lanes(scenario: Scenario) -> list[Lane]:
 
 def _params(j, shape, amplitude, lower=-math.inf, upper=math.inf):
     p = np.zeros(1, f.PARAMS)
+    if shape == f.SINE:
+        shape = WAVES[j.shape]
+        lower, upper = (FREQUENCY.low * FREQUENCY.factor, FREQUENCY.high * FREQUENCY.factor)
     p["form"], p["start"], p["end"], p["ramp"], p["amplitude"] = shape, j.start, j.end, j.ramp, amplitude
-    p["omega"], p["phase"] = (j.omega if math.isfinite(j.omega) else 0.0), j.phase
+    p["omega"], p["phase"], p["sweep"] = (j.omega if math.isfinite(j.omega) else 0.0), j.phase, j.sweep
     p["lower"], p["upper"] = lower, upper
     return p
 

@@ -4,6 +4,7 @@ import io
 import json
 import os
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from cosim.scenario.catalog import TECHNOLOGIES
 from fdi import registry
 
 SNAPSHOT_S = 1.0  # hidden detector states are logged that often
+RARE = 5  # of these in a log that a replay reads from its beginning
 LARGE = 1 << 18  # [byte] larger parameters are compressed: tables of a force model
 
 
@@ -75,22 +77,49 @@ def topics(setup: Any) -> list:
     return out
 
 
+def _replayed(channels, manifest):
+    """Return those of the topics, and of their fields, that a replay of the detectors reads."""
+    read = {(topic, f) for d in manifest for wires in d["inputs"].values() for _, topic, f in wires}
+    own = {f"/{kind}/{d['id']}/{lane}" for d in manifest for lane in d["lanes"] for kind in ("detectors", "state")}
+    out = []
+    for t in channels:
+        at = [i for i, f in enumerate(t.fields) if t.name in own or (t.name, f) in read]
+        names, units = ([each[i] for i in at] for each in (t.fields, t.units))
+        every = RARE * t.every if t.name.startswith("/state/") else t.every
+        out += [replace(t, fields=names, units=units, index=t.index[at], every=every)] if at else []
+    return out
+
+
+def _drawn(channels, manifest):
+    """Return the topics that a page or the judgement reads; no detector can be replayed from them."""
+    for d in manifest:
+        d["inputs"] = {lane: [] for lane in d["inputs"]}
+    return [t for t in channels if not t.name.startswith(("/state/", "/noise", "/hinge_model", "/observers/"))]
+
+
+PROFILES = {"replay": _replayed, "signals": _drawn}  # of a scenario's `log_profile`: (topics, detectors.json) -> topics
+
+
 def open_writer(setup: Any, path: str | os.PathLike) -> LogWriter:
     """Return the LogWriter of a flight's log, with what does not change written: scenario, parameters, wiring."""
     import cosim
 
-    loop, channels = setup.loop, topics(setup)
+    loop, channels, profile = setup.loop, topics(setup), setup.scenario.log_profile
+    manifest = detectors.manifest(setup, channels)
+    if profile:
+        channels = PROFILES[profile](channels, manifest)
     blocks = [loop.sensors, loop.pilot, loop.law, loop.hinge, *loop.detectors, *loop.servos, *loop.actuators]
+    blocks = loop.detectors if profile == "replay" else blocks
     attachments = {
         "scenario.toml": ("application/toml", _portable(setup.scenario).encode()),
         "detectors.json": (
             "application/json",
-            json.dumps(detectors.manifest(setup, channels), indent=1, sort_keys=True).encode(),
+            json.dumps(manifest, indent=1, sort_keys=True).encode(),
         ),
     }
     for b in blocks:
         attachments |= _array(f"{b.name}.params", b.p) | _array(f"{b.name}.initial", b.x)
-    attachments |= viewer_layouts(channels) | attached.sources(setup.scenario)
+    attachments |= attached.sources(setup.scenario) | ({} if profile == "replay" else viewer_layouts(channels))
     metadata = {
         "run": {
             "title": setup.scenario.title,
@@ -98,6 +127,7 @@ def open_writer(setup: Any, path: str | os.PathLike) -> LogWriter:
             "rate_hz": str(setup.scenario.rate_hz),
             "seed": str(setup.scenario.seed),
             "ticks": str(setup.ticks),
+            **({"log_profile": profile} if profile else {}),
         },
         "trim": {k: repr(v) for k, v in vars(setup.trim).items() if isinstance(v, float)},
         "libraries": {"jsbsim": _version("jsbsim"), "numpy": np.__version__, "numba": _version("numba")},
@@ -110,9 +140,10 @@ def open_writer(setup: Any, path: str | os.PathLike) -> LogWriter:
         dt_ns=round(loop.dt * 1e9),
         metadata=metadata,
         attachments=attachments,
-        pose=pose(loop.bus),
+        pose=None if profile == "replay" else pose(loop.bus),
+        compression="zstd-fast" if profile else "lz4",
     )
-    for f in setup.scenario.faults:
+    for f in setup.scenario.faults if profile != "replay" else ():
         start, end = (None if t is None else round(t * setup.scenario.rate_hz) for t in (f.start_s, f.end_s))
         writer.window(start, start, end, kind=f.kind, target=f.target)
     return writer

@@ -122,8 +122,8 @@ class Tape:
         self._row(STEP, address, *map(self._at, (x, u, p, np.array([dt]))), len(x), every)
 
     def keep(self, index: np.ndarray, rows: Any) -> None:
-        """rows[k] = v[index], in the precision of `rows` (ticks, n)."""
-        self._row(KEEP, len(index), self._at(index), self._at(rows), rows.itemsize)
+        """rows[k % len(rows)] = v[index], in the precision of `rows` (some ticks, n)."""
+        self._row(KEEP, len(index), self._at(index), self._at(rows), rows.itemsize, max(1, len(rows)))
 
     def log(self, head: np.ndarray, store: Callable) -> None:
         """Log v: `store(v)` does it, or compiled code by what `head` says (cosim/log/writer.py)."""
@@ -200,7 +200,7 @@ def plainly(table: Any, v: np.ndarray, k: int, entries: Any) -> None:
                 entries[a](x, u, p, _array(e, 1)[0])
         elif operation == KEEP:
             kind = np.float32 if d == 4 else np.float64
-            _array(c + d * a * k, a, kind)[:] = v[_array(b, a, np.int64)]
+            _array(c + d * a * (k % e), a, kind)[:] = v[_array(b, a, np.int64)]
         elif operation == LOG:
             entries[a](v)
         elif operation == GET:

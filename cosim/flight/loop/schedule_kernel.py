@@ -39,11 +39,11 @@ def walk(table: Any, n: int, bus: Any, first: int, stop: int) -> None:
             elif operation == KEEP:
                 index = wholes(row[2])
                 if row[4] == 4:
-                    out = singles(row[3] + 4 * a * k)
+                    out = singles(row[3] + 4 * a * (k % row[5]))
                     for j in range(a):
                         out[j] = types.float32(v[index[j]])
                 else:
-                    kept = reals(row[3] + 8 * a * k)
+                    kept = reals(row[3] + 8 * a * (k % row[5]))
                     for j in range(a):
                         kept[j] = v[index[j]]
             elif operation == NOISE:

@@ -5,6 +5,7 @@ stays fast and ten minutes stay small.
 """
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,16 +68,16 @@ class Trace:
         self.hinge = [[columns(f"truth.aircraft.{f}_{s}") for f in ("hm0", "hmd", "de")] for s in short]
         self.index = columns.index
 
-    def consequences(self, scenario: Scenario, rows: NDArray) -> dict[str, float] | None:
+    def consequences(self, scenario: Scenario, rows: Any) -> dict[str, float] | None:
         """Return what the faults of `scenario` did to the aircraft from `rows` (ticks, columns), None without any."""
         starts = [f.start_s for f in scenario.faults if f.start_s is not None]
         if not starts:
             return None
-        hm0, hmd, de = (rows[:, [c[i] for c in self.hinge]] for i in range(3))
+        hinge = (rows[:, hm0] + rows[:, hmd] * rows[:, de] for hm0, hmd, de in self.hinge)
         motion = {name: rows[:, column] for name, column in self.motion.items()}
         low, high = scenario.aircraft.limits.cas_kt
         onset = round(min(starts) / scenario.dt)
-        return consequences(motion, hm0 + hmd * de, onset, scenario.dt, (low * M_S_PER_KT, high * M_S_PER_KT))
+        return consequences(motion, hinge, onset, scenario.dt, (low * M_S_PER_KT, high * M_S_PER_KT))
 
     def watches(self, step_us: dict[str, float]) -> list[Watch]:
         """Return the Watch of every detector lane; `step_us` maps detector -> microseconds per step and lane."""

@@ -68,7 +68,7 @@ BREAKS = (
     Break(
         "W_1 enters the LMIs with half of its size",
         lambda: swap("fdi.lpv_smo.synthesis", wrap__lemma=_half_of_w),
-        ("section 3, made anew",),
+        ("section 3, made anew from",),
         "method",
     ),
     Break(
@@ -116,29 +116,9 @@ BREAKS = (
         ),
     ),
     Break(
-        "the law flies on the faulty sensors",
-        lambda: swap(
-            "cosim.papers.alwi14.motion",
-            wrap_kept=lambda kept: lambda point: kept(point, "sensors.reconstructed=false"),
-        ),
-        ("which flies on y - f_hat",),
-        "option",
-    ),
-    Break(
         "each point of table 4 is flown where another is",
         lambda: swap(QUIET, wrap__quiet_flight=lambda fly: lambda point: fly(NEXT[point])),
         ("table 4, Mach",),
-    ),
-    Break(
-        "the faults are a fifth smaller than said",
-        lambda: swap(ROWS, wrap_nonlinear=_larger(-0.2)),
-        ("the other reading",),
-    ),
-    Break("only B51 is compared", lambda: swap(MODEL, ENTRIES={"B51": ("B", 4, 0)}), ("section 4.3",), "option"),
-    Break(
-        "the law is asked for half of the doublet",
-        lambda: swap(PLANT, wrap_DEMAND=lambda d: tuple((a, b, 0.5 * g) for a, b, g in d)),
-        ("without the elevator's lift", "without the law's direct share", "without either"),
     ),
     Break(
         "the stabiliser moves as the elevator does",
@@ -146,25 +126,4 @@ BREAKS = (
         ("figure 1b",),
     ),
     Break("there is no fault", lambda: swap(QUIET, SENSIBLE=(0.0, 0.0, 0.0)), ("figure 2a",)),
-    Break(
-        "each point has the linear model of another",
-        lambda: swap(QUIET, wrap__own_model=lambda own: lambda point, only=None: own(NEXT[point], only)),
-        ("own linear model of each point", "only A51 replaced"),
-        "option",
-    ),
-    Break(
-        "the law flies on healthy sensors",
-        lambda: swap(ROWS, wrap_fly_point=lambda flown: lambda p, f, path, *more: flown(p, f, "observers", *more)),
-        ("flown through the law: change",),
-    ),
-    Break(
-        "in motion the faults are a fifth larger than said",
-        lambda: swap(MOTION, SENSIBLE=(3.6, 0.6, 6.0)),
-        ("in a deceleration", "in a descent"),
-    ),
-    Break(
-        "there is no fault to declare",
-        lambda: swap(MOTION, wrap_load_scenario=lambda load: lambda name, at: load(name, [*at, "faults=[]"])),
-        ("at which all three faults are declared",),
-    ),
 )

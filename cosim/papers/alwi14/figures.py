@@ -86,5 +86,8 @@ def _drawing(faults, beside, title, caption):
         onset=alwi14.ONSET if any(faults) else None,
         span=(0.0, end),
         row_px=150,
+        look="(c): from 10 s on each reconstruction lies on its dashed fault, all three at once."
+        if any(faults)
+        else "(c): |e_y| stays near zero, and so do the three reconstructions.",
         picture="figure-2" if any(faults) else "",
     )

@@ -14,12 +14,24 @@ SAY = {
     11: "Current sensor + 1 A",
 }
 WHY = {
-    6: "The mean of ten innovations crosses 3 at every edge, while the motor turns.",
-    7: "A bias shows at once and stays.",
-    8: "R1 settles at 0.500 mm, exactly its threshold, and crosses it only in the loop's overshoot.",
-    9: "R1 steps to 1 mm; the loop has moved the rod, R2 stays near zero.",
-    10: "R2 crosses for one sample at each edge: without confirmation only.",
-    11: "R2 steps to 1 A. The fault is on the monitor's copy: inside the current loop it would move R1 instead.",
+    9: "The loop has moved the rod. ",
+    10: "With a confirmation it would not be found. ",
+    11: "The fault is on the monitor's copy: inside the current loop it would move R1 instead. ",
+}
+
+
+LOOK = {
+    3: "the end of each pulse: estimate and position lie on each other at 2.5 mm.",
+    4: "the edges: the estimated current lies on the true one in every peak.",
+    5: "the dashed 0.5: with the noise as a peak value the mean stays below it, as printed.",
+    6: "the edges: the mean of the innovation crosses 3 while the motor turns.",
+    7: "2 s: the mean of the innovation steps beyond 3 and stays.",
+    8: "R1: it settles on its threshold of 0.5 mm and crosses it in the overshoot, while R2 stays small.",
+    9: "R1: it steps to 1 mm at 2 s, while R2 stays small.",
+    10: "R2: it crosses 0.5 A for a sample at each edge, while R1 stays small.",
+    11: "R2: it steps to 1 A at 2 s, while R1 stays small.",
+    12: "the dashed thresholds: none of the three tests comes near them.",
+    13: "the end of each pulse: 2.5 mm with reconfiguration, 2 mm without.",
 }
 
 
@@ -34,6 +46,7 @@ def _drawing(figure, title, caption, panels, onset=None):
         onset=onset,
         span=(0.0, SECONDS),
         row_px=200,
+        look=LOOK[figure],
     )
 
 
@@ -105,7 +118,7 @@ def drawings() -> list[Drawing]:
             panels = [Panel("innovation mean", "", (_eta(run),), (3.0, -3.0), 4.0)]
         else:
             panels = [_R1(run), _R2(run)]
-        out.append(_drawing(figure, SAY[figure], f"{WHY[figure]} Dashed: threshold.", panels, FAULT))
+        out.append(_drawing(figure, SAY[figure], f"{WHY.get(figure, '')}Dashed: threshold.", panels, FAULT))
     warm = bench(noise=0.0, resistance=0.05)
     out.append(
         _drawing(
@@ -145,10 +158,7 @@ def _in_flight():
         ("published form", "published", "third"),
         ("flight form", "true", "ours"),
     )
-    frames = [
-        (word, role, flown.flight("ema-position-bias", f"elevator.reconfigure={on}"))
-        for word, on, role in words
-    ]
+    frames = [(word, role, flown.flight("ema-position-bias", f"elevator.reconfigure={on}")) for word, on, role in words]
     healthy = flown.flight("ema-position-bias", "elevator.reconfigure=false", "faults=[]")
     frames.append(("healthy", "true", healthy))
     return Drawing(
@@ -173,5 +183,6 @@ def _in_flight():
         2,
         onset=flown.ONSET,
         span=(8.0, 30.0),
+        look="the load factor: with the flight form it lies on that of the healthy flight.",
         picture="in-flight",
     )

@@ -18,6 +18,7 @@ from fdi.ema.ema_kalman_flight import CULPRITS
 ONSET, LANE = 12.0, "right_inner"
 OWN = tuple(f"ema_kalman_flight.{LANE}.{n}" for n in ("alarm", "culprit", "r", "pos_hat", "reconf"))
 TRUE = ("truth.aircraft.nz", f"ema.{LANE}.delta", f"ema.{LANE}.motor")
+READ = tuple(f"ema_kalman_in.{LANE}.{n}" for n in ("u", "y_position", "y_velocity", "y_current"))
 PUBLISHED = tuple(f"ema_kalman.{LANE}.{n}" for n in ("eta_bar", "R1"))
 SIZES = {  # sensor, unit -> (scenario, key, sizes)
     ("position", "deg/s of drift"): ("jay-incipient-position", "faults.0.drift_deg_s", (0.02, 0.05, 0.1, 0.2, 0.5)),
@@ -30,7 +31,7 @@ SIZES = {  # sensor, unit -> (scenario, key, sizes)
 def flight(name: str, *changes: Any) -> Any:
     """Return the flown table of a scenario, with both filters of the right inner segment watching."""
     both = 'detectors.enabled=["ema_kalman", "ema_kalman_flight"]'
-    return fly(load_scenario(name, [both, *changes]), [*OWN, *TRUE, *PUBLISHED])
+    return fly(load_scenario(name, [both, *changes]), [*OWN, *TRUE, *READ, *PUBLISHED])
 
 
 def named(sensor: str, unit: str) -> tuple[float, str]:

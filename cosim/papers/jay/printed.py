@@ -58,23 +58,69 @@ def plant(resistance: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return both[:6, :6], both[:6, 6], both[:6, 7]
 
 
-def kalman(u: np.ndarray, velocity: np.ndarray, position: np.ndarray, current: np.ndarray) -> tuple[np.ndarray, ...]:
+def motion(v: dict, hinge: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return (A, B) of (1) from its symbols, l where Phi has it; `hinge` [N m/rad] on the surface; B: u, moment."""
+    l, N, K_s, gain = v["arm"], v["lead"], v["K_s"], v["K_gi"] / v["L"]
+    J_N, J_M = v["J_N"], v["J_M"]
+    A = np.array([
+        [0, 1, 0, 0, 0, 0],
+        [(hinge - l**2 * K_s) / J_N, -v["B_N"] / J_N, l * N * K_s / J_N, 0, 0, 0],
+        [0, 0, 0, 1, 0, 0],
+        [l * N * K_s / J_M, 0, -N**2 * K_s / J_M, -v["B_M"] / J_M, v["K_T"] / J_M, 0],
+        [0, 0, 0, -v["K_B"] / v["L"], -(v["K_ic"] + v["R"]) / v["L"], -gain * (v["b"] - v["a"])],
+        [0, 0, 0, 0, 0, -v["b"]],
+    ])  # fmt: skip
+    return A, np.array([[0, 0, 0, 0, gain, 1.0], [0, 1 / J_N, 0, 0, 0, 0]]).T
+
+
+def kalman(
+    u: np.ndarray, velocity: np.ndarray, position: np.ndarray, current: np.ndarray, elevator: dict | None = None
+) -> tuple[np.ndarray, ...]:
     """Return (eta_bar, R1 [m], R2 [A]) of (5) to (9), each (ticks,), from the demand and the sensors.
 
     (5) is printed without Phi in the prediction of the state; it is Phi (x + K gamma) + G u. `u[k]` is the demand over
-    the tick that ends at sample k.
+    the tick that ends at sample k. `elevator`: the symbols of another set, sensors a tick late, begun at its position.
     """
-    Phi, G, _ = plant()
+    late, lead = int(elevator is not None), elevator["lead"] if elevator else LEAD
     x, P, H = np.zeros(6), np.diag(P_0), np.array([0.0, 0.0, 0.0, 0.05, 0.0, 0.0])
+    if elevator:
+        A, B = motion(elevator)
+        both = expm(np.block([[A, B], [np.zeros((2, 8))]]) * PERIOD)
+        Phi, G = both[:6, :6], both[:6, 6]
+        x[:3] = position[0] / elevator["arm"], 0.0, position[0] / lead  # the spring is at rest
+    else:
+        Phi, G, _ = plant()
     eta, R1, R2 = np.zeros(len(u)), np.zeros(len(u)), np.zeros(len(u))
     for k in range(len(u)):
         if k:
-            x, P = Phi @ x + G * u[k], Phi @ P @ Phi.T
+            x, P = Phi @ x + G * u[k - late], Phi @ P @ Phi.T
         S = H @ P @ H + R
         gamma = 0.05 * velocity[k] - H @ x
         K = P @ H / S
         x, P = x + K * gamma, P - np.outer(K, H @ P)
         eta[k] = gamma / S**0.5  # (6)
-        R1[k], R2[k] = position[k] - LEAD * x[2], current[k] - x[4]  # (9)
+        R1[k], R2[k] = position[k] - lead * x[2], current[k] - x[4]  # (9)
     mean = np.convolve(eta, np.full(10, 0.1))[: len(eta)]  # (7); what is not there yet counts as zero
     return mean, R1, R2
+
+
+def steady(v: dict, dt: float, sigma_load: float, tau: float, q: float, sigma: float) -> tuple[np.ndarray, ...]:
+    """Return (Phi, G, K, S^1/2) of (5) with process noise, iterated until it rests: five states of (1) and a load.
+
+    The load [N m] decays with `tau` and has the deviation `sigma_load`; `q` [rad/s] a tick on the motor's rate, `sigma`
+    [rad/s] of its sensor. K is for a surface that its hinge holds back by 20 kN m/rad, Phi to first order in that.
+    """
+    found = []
+    for hinge in (0.0, 1e3, -1e3):
+        A, B = motion(v, hinge)
+        whole = np.zeros((7, 7))
+        whole[:5, :5], whole[:5, 5], whole[:5, 6], whole[5, 5] = A[:5, :5], B[:5, 1], B[:5, 0], -1.0 / tau
+        found.append(expm(whole * dt))
+    Phi, H = (found[0] - 20.0 * (found[1] - found[2]) / 2.0)[:6, :6], np.eye(6)[3]
+    Q = np.diag([0, 0, 0, q**2, 0, sigma_load**2 * (1.0 - np.exp(-2.0 * dt / tau))])
+    A, G, P = Phi.T, np.outer(H, H) / sigma**2, Q  # of one step of (5), then of 2, 4, 8 ... of them
+    for _ in range(32):
+        W = np.linalg.inv(np.eye(6) + G @ P)
+        A, G, P = A @ W @ A, G + A @ W @ G @ A.T, P + A.T @ P @ W @ A
+    S = H @ P @ H + sigma**2
+    return found[0][:6, :6], found[0][:6, 6], P @ H / S, S**0.5

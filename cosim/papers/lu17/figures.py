@@ -18,6 +18,14 @@ SEEN = {
     "on: q in (b) is that virtual rod, and f its distance from the stuck surface.",
     "runaway": "From 12 s the surface runs to its stop at 20 deg/s, 89 mm of rod; modelled as the jamming.",
 }
+LOOK = {
+    "fault-free": "(e): the estimate stays within its noise about zero, while (a) the rod lies on its command.",
+    "liquid OFC": "(e): from 12 s on the estimate lies on the true sine, a tick's lag behind.",
+    "solid OFC": "(a): from 12 s on the rod only oscillates where the fault found it, and (e) the estimate steps.",
+    "liquid jamming": "(e): at 12 s the estimate steps to the 5 mm by which sensor and rod part in (a).",
+    "solid jamming": "(e): the estimate lies on the true fault, the distance of the stuck surface from the rod in (b).",
+    "runaway": "(e): the estimate follows the ramp of the surface in (a) up to the stop.",
+}
 LOADED = " Under a hinge load that the filter does not know, f_hat is off by {error:.3g} {unit} on average."
 
 
@@ -50,6 +58,7 @@ def _in_flight():
         tuple(panels),
         onset=flown.ONSET,
         span=(8.0, 25.0),
+        look="the form with a pressure: it lies on the true fault where the two others leave the axes.",
         picture="in-flight",
     )
 
@@ -144,4 +153,5 @@ def _drawing(scenario):
         panels,
         onset=None if scenario == "fault-free" else bench.ONSET,
         span=(0.0, bench.SECONDS),
+        look=LOOK[scenario],
     )

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from actuators.block import briefly
 from actuators.common import linkage
 from actuators.hydraulic import lu17, servo
 from cosim.papers.lu17 import bench, transcription
@@ -82,62 +83,214 @@ def truth(scenario: str = "liquid OFC", load: str = "F_d known", seconds: float 
     return worst
 
 
-def _linear(x: Any, u: float, f: float, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return (Phi, Gamma) of (19), (20) about x from differences of (4)."""
-    at, steps = np.array([*x, f]), (1e-5, 1e-4, 1e-5, 1e-5)
-    columns = []
-    for i, h in enumerate(steps):
-        d = np.zeros(4)
-        d[i] = h
-        up, down = at + d, at - d
-        columns.append((np.array(rate(*up[:3], u, up[3], 0.0)) - rate(*down[:3], u, down[3], 0.0)) / (2 * h))
-    both = np.zeros((4, 4))
-    both[:3] = np.stack(columns, 1)
-    both = expm(both * dt)
-    return both[:3, :3], both[:3, 3]
-
-
 def linearisation() -> float:
     """Return the largest difference of the filter's Phi and Gamma from (19), (20), over the size of their rows."""
     p, worst = iotsekf.params(load=0, dt=bench.DT)[0], 0.0
     for x1, x2, x3, u, f, _ in list(_states())[:50]:
         Phi, G = np.zeros((4, 4)), np.zeros(4)
         transition(Phi, G, np.array([x1, x2, x3, 0.0]), u, u, f, 0.0, False, p, bench.DT)
-        printed = np.column_stack(_linear((x1, x2, x3), u, f, bench.DT))
+        printed = np.column_stack(_linear4(np.array([x1, x2, x3, 0.0]), u, u + f, 0, bench.DT))[:3, [0, 1, 2, 4]]
         ours = np.column_stack([Phi[:3, :3], G[:3]])
         worst = max(worst, float((np.abs(ours - printed).max(1) / np.abs(printed).max(1)).max()))
     return worst
 
 
-def two_stage(ticks: int = 3000) -> tuple[float, str]:
-    """Return the largest difference of f_hat from that of (15)-(36), over figure 3's fault, from 10 s on.
+FORMS: dict[str, tuple[str, dict]] = {  # of the filters: (which, its parameters), by what of (15)-(48) they stand for
+    "as published": ("iotsekf", {"load": 0, "centre": 0.0, "total_sign": 0.0}),
+    "correlated noises": ("iotsekf", {"load": 0, "centre": 0.0, "total_sign": 0.0, "q_xf": (1e-9, 2e-6, 5e-6, 0.0)}),
+    "F_d known, at x_hat": ("iotsekf", {"load": 1, "delay": 3.0}),
+    "F_d a fourth state": ("iotsekf", {"load": 2, "delay": 1.0}),
+    "F_d a fourth state, at x_bar": ("iotsekf", {"load": 2, "centre": 0.0, "total_sign": 0.0}),
+    "ticks of 20 ms": ("iotsekf", {"load": 2, "dt": 0.02}),
+    "(38)-(48) as published": ("rtsekf", {"load": 0}),
+    "(38)-(48), F_d known": ("rtsekf", {"load": 1, "delay": 3.0}),
+}
+HELD = ("x_hat", "f_hat", "f_sigma", "q_now", "v_now", "x3_now", "G")  # what is compared
 
-    One seed, without load; both read the same samples and valve commands.
+
+def _samples(ticks: int, dt: float, loaded: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (valve command, rod, pressure difference) of (4) with an input fault, both measured with noise."""
+    rng, t, x = np.random.default_rng(5), np.arange(ticks) * dt, np.zeros(3)
+    u = 0.06 * np.sign(np.sin(7.0 * t)) + 0.02 * np.sin(31.0 * t)
+    y, dp = np.zeros(ticks), np.zeros(ticks)
+    x[2] = -bench.HM0 / (linkage.ARM * A_P * P_S) if loaded else 0.0
+    for k in range(ticks):
+        for _ in range(4):
+            F_d = _known(x[0]) if loaded else 0.0
+            x = np.array(transcription.advance(*x, u[k] + 0.02 * np.sin(6.3 * t[k]), F_d, dt / 4))
+        y[k], dp[k] = x[0] + 1e-4 * rng.normal(), x[2] + 5e-3 * rng.normal()
+    return u, y, dp
+
+
+def _known(q: float) -> float:
+    """Return F_d [N] of the bench's hinge moment at rod position q."""
+    return (bench.HM0 + bench.HMD * q / linkage.ARM) / linkage.ARM
+
+
+def _signed(x: Any, side: float, u: float, F_d: float, dt: float) -> np.ndarray:
+    """Return (x1, x2, x3) of (4) after dt, its root taken with the sign of `side` and its flow with `u`."""
+    slope = lambda z: np.array(rate(*z, side, u - side, F_d))  # noqa: E731
+    a = slope(x)
+    b = slope(x + dt / 2 * a)
+    c = slope(x + dt / 2 * b)
+    return x + dt / 6 * (a + 2 * b + 2 * c + slope(x + dt * c))
+
+
+def filters(form: str) -> tuple[float, str]:
+    """Return the largest difference of estimate, fault and its deviation from (15)-(36) or (38)-(48), over their size.
+
+    Both read the same samples, the filter's measurements as late as its form has them. (34), (22), (29) are taken for
+    all measurements at once.
     """
-    out = bench.fly("liquid OFC", seeds=1)[0][:ticks]
-    p = iotsekf.params(load=0, dt=bench.DT, delay_s=0.0)[0]
-    dt, H, r = bench.DT, np.array([1.0, 0.0, 0.0]), float(p["r_rod"])
-    Q, Q_f = np.diag(p["q"][:3]) * dt, float(p["q_f"]) * dt
-    x, P, V = np.array([out["y"][0], 0.0, 0.0]), np.diag(p["P0"][:3]), np.zeros(3)
-    f, P_f, found = 0.0, float(p["P0_f"]), np.zeros(len(out))
-    for k in range(1, len(out)):
-        u, y = out["u"][k - 1], out["y"][k]
-        Phi, Gamma = _linear(x + V * f, u, f, dt)  # (15), (19), (20)
-        U_bar = Phi @ V + Gamma  # (33)
-        P_f = P_f + Q_f  # (28)
-        U = U_bar - U_bar * Q_f / P_f  # (35)
-        x = np.array(transcription.advance(*x, u, 0.0, dt)) + (U_bar - U) * f  # (17), (31)
-        P = Phi @ P @ Phi.T + Q + np.outer(U, U_bar * Q_f)  # (18), (32)
-        S = H @ U  # (34)
-        K = P @ H / (H @ P @ H + r)  # (22)
-        K_f = P_f * S / (H @ P @ H + r + S * P_f * S)  # (29)
-        before = x
-        x = x + K * (y - H @ x)  # (23), (24)
-        left = np.eye(3) - np.outer(K, H)
-        P = left @ P @ left.T + r * np.outer(K, K)  # (25)
-        f = f + K_f * (y - H @ before - S * f)  # (26), (27)
-        P_f = (1.0 - K_f * S) * P_f  # (30)
-        V = U - K * S  # (36)
-        found[k] = f
-    late = slice(round((bench.ONSET - 2.0) / dt), None)
-    return float(np.abs(found - out["f_hat"])[late].max() / bench.OFC_U), f"rms of f_hat {np.std(found[late]):.2g}"
+    which, own = FORMS[form]
+    ours, p, samples = _run(which, own, 300)
+    dt, late = own.get("dt", bench.DT), int(own.get("delay", 0))
+    filter_: Any = _two_stage if which == "iotsekf" else _three_step
+    theirs = filter_(p, own["load"], *samples, dt, late)
+    off = np.abs(ours - theirs).max(0) / np.maximum(np.abs(theirs).max(0), 1e-9)
+    return float(off.max()), f"rms of f_hat {np.std(theirs[:, 4]):.2g}"
+
+
+def _run(which: str, own: dict, ticks: int) -> tuple[np.ndarray, Any, tuple]:
+    """Return (HELD of a filter at every tick that it has a sample, its parameters, the samples)."""
+    module, dt, late = (iotsekf if which == "iotsekf" else rtsekf), own.get("dt", bench.DT), int(own.get("delay", 0))
+    values = {k: v for k, v in own.items() if k not in ("load", "dt")}
+    p = module.params(load=own["load"], dt=dt, delay_s=0.0, **values)
+    u, y, dp = _samples(ticks, dt, own["load"] > 0)
+    inputs, x, found = np.zeros(1, module.INPUTS), module.init(p), []
+    for name in ("y_rod_valid", *(("y_dp_valid",) if which == "iotsekf" else ())):
+        inputs[name] = 1.0
+    if own["load"]:
+        inputs["hm0_model"], inputs["hmd_model"] = bench.HM0, bench.HMD
+    run = iotsekf.two_stage.estimate if which == "iotsekf" else rtsekf.step
+    for k in range(ticks):
+        inputs["u"], inputs["y_rod"] = u[k], y[k - late] if k >= late else np.nan
+        if which == "iotsekf":
+            inputs["y_dp"] = dp[k - late]
+        briefly(run, x[0], inputs[0], p[0], dt)
+        found.append(np.concatenate([np.ravel(x[name][0]) for name in HELD]))
+    return np.array(found[late:]), p[0], (u, y, dp)
+
+
+def optimal(ticks: int = 1500) -> tuple[float, str]:
+    """Return the rms error of f_hat over that of an EKF whose state is (q, q', x3, f), f a walk, the same noises."""
+    ours, p, (u, y, _) = _run(*FORMS["as published"], ticks)
+    dt, x, P, H = bench.DT, np.array([y[0], 0.0, 0.0, 0.0]), np.diag([*p["P0"][:3], p["P0_f"]]), np.eye(4)[0]
+    Q, other = np.diag([*p["q"][:3], p["q_f"]]) * dt, np.zeros(ticks)
+    for k in range(ticks):
+        Phi, Gamma = _linear4(np.array([*x[:3], 0.0]), u[k], u[k] + x[3], 0, dt)
+        Phi = np.block([[Phi[:3, :3], Gamma[:3, None]], [np.zeros((1, 3)), np.eye(1)]])
+        x = np.array([*_signed(x[:3], u[k], u[k] + x[3], 0.0, dt), x[3]])
+        P = Phi @ P @ Phi.T + Q
+        gain = P @ H / (H @ P @ H + p["r_rod"])
+        x, P = x + gain * (y[k] - H @ x), P - np.outer(gain, H @ P)
+        other[k] = x[3]
+    true, late = 0.02 * np.sin(6.3 * np.arange(ticks) * dt), slice(200, None)
+    own, his = (float(np.sqrt(np.mean((f - true)[late] ** 2))) for f in (ours[:, 4], other))
+    return own / his, f"{own:.2g} and {his:.2g} of u"
+
+
+def _linear4(x: np.ndarray, side: float, u: float, load: int, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return (Phi, Gamma) of (19), (20) for (q, q', x3, F_d / A_p P_s) about x from differences of (4)."""
+    steps, A = (1e-5, 1e-4, 1e-5, 1e-5, 1e-5), np.zeros((5, 5))
+
+    def slope(z):
+        F_d = {0: 0.0, 1: _known(z[0]), 2: A_P * P_S * z[3]}[load]
+        return np.array(rate(z[0], z[1], z[2], side, z[4] - side, F_d))
+
+    for i, h in enumerate(steps):
+        d, at = np.zeros(5), np.array([*x, u])
+        d[i] = h
+        A[:3, i] = (slope(at + d) - slope(at - d)) / (2 * h)
+    both = expm(A * dt)
+    return both[:4, :4], both[:4, 4]
+
+
+def _two_stage(p: Any, load: int, u: Any, y: Any, dp: Any, dt: float, late: int) -> np.ndarray:
+    """Return HELD (ticks - late, 13) of (15)-(36), from the samples of the rod, for load form 2 of the pressure too."""
+    steps = max(1, round(dt / 0.01))  # (17) is integrated over 10 ms at most
+    h, H = dt / steps, np.eye(4)[[0, 2] if load == 2 else [0]]
+    R = np.diag([p["r_rod"], p["r_dp"]][: len(H)])
+    Q, Q_f, Q_xf = np.diag(p["q"]) * h, float(p["q_f"]) * h, p["q_xf"] * h
+    x = np.array([y[0], 0.0, dp[0], -dp[0]]) if load == 2 else np.array([y[0], 0.0, -_force(load, y[0]), 0.0])
+    f: Any = 0.0
+    P, V, P_f = np.diag(p["P0"] * (1.0, 1.0, 1.0, load == 2)), np.zeros(4), float(p["P0_f"])
+    out = []
+
+    def ahead(x, P, V, P_f, u):
+        for _ in range(steps):
+            x_hat = x + V * f  # (15)
+            side = u + f if p["total_sign"] else u
+            Phi, Gamma = _linear4(x_hat, side, u + f, load, h)  # (19), (20)
+            U_bar = Phi @ V + Gamma  # (33)
+            P_f = P_f + Q_f  # (28)
+            U = U_bar + (Q_xf - U_bar * Q_f) / P_f  # (35)
+            F_d = {0: 0.0, 1: _known(x_hat[0]), 2: A_P * P_S * (x_hat if p["centre"] else x)[3]}[load]
+            if p["centre"]:  # (17) at x_hat with the fault, which (15) then takes off
+                x = np.array([*_signed(x_hat[:3], side, u + f, F_d, h), x_hat[3]]) - U * f
+            else:
+                x = np.array([*_signed(x[:3], u, u, F_d, h), x[3]]) + (U_bar - U) * f  # (17), (31)
+            P = Phi @ P @ Phi.T + Q - np.outer(Q_xf, U_bar) - np.outer(U, Q_xf - U_bar * Q_f)  # (18), (32)
+            V = U
+        whole = Gamma  # of the tick, as the last step has it
+        for _ in range(steps - 1):
+            whole = Phi @ whole + Gamma
+        return x, P, V, P_f, whole
+
+    for k in range(late, len(u)):
+        if not late:
+            x, P, V, P_f, G = ahead(x, P, V, P_f, u[k])
+        S = H @ V  # (34)
+        R_bar = H @ P @ H.T + R
+        K = P @ H.T @ np.linalg.inv(R_bar)  # (22)
+        K_f = P_f * S @ np.linalg.inv(R_bar + P_f * np.outer(S, S))  # (29)
+        seen, before = np.array([y[k - late], dp[k - late]])[: len(H)], x
+        x = x + K @ (seen - H @ x)  # (23), (24)
+        left = np.eye(4) - K @ H
+        P = left @ P @ left.T + K @ R @ K.T  # (25)
+        f = f + K_f @ (seen - H @ before - S * f)  # (26), (27)
+        P_f = float(1.0 - K_f @ S) * P_f  # (30)
+        V = V - K @ S  # (36)
+        if late:
+            x, P, V, P_f, G = ahead(x, P, V, P_f, u[k + 1 - late])
+        now, x_hat = (x + V * f)[:3], x + V * f
+        F_d = {0: 0.0, 1: _known(x_hat[0]), 2: A_P * P_S * x_hat[3]}[load]
+        for i in range(late - 2, -1, -1):
+            now = _signed(now, u[k - i], u[k - i] + f, F_d, dt)
+        out.append([*x_hat, f, np.sqrt(P_f), *now, *G])
+    return np.array(out)
+
+
+def _force(load: int, q: float) -> float:
+    """Return what F_d is of the stall force at rod position q [1]."""
+    return _known(q) / (A_P * P_S) if load == 1 else 0.0
+
+
+def _three_step(p: Any, load: int, u: Any, y: Any, dp: Any, dt: float, late: int) -> np.ndarray:
+    """Return HELD (ticks - late, 13) of (38)-(48) with H = (1, 0, 0), F = 1."""
+    H, F, R, Q = np.eye(3)[:1], np.eye(1), np.array([[p["r_rod"]]]), np.diag(p["q"]) * dt
+    x, P, out = np.array([y[0], 0.0, -_force(load, y[0])]), np.diag(p["P0"]), []
+
+    def ahead(x, P, u):
+        Phi, G = _linear4(np.array([*x, 0.0]), u, u, load, dt)
+        Phi = Phi[:3, :3]
+        return _signed(x, u, u, _known(x[0]) if load else 0.0, dt), Phi @ P @ Phi.T + Q, G  # (38), (39)
+
+    for k in range(late, len(u)):
+        if not late:
+            x, P, G = ahead(x, P, u[k])
+        S = H @ P @ H.T + R  # (40)
+        gamma = np.array([y[k - late]]) - H @ x  # (41)
+        P_f = np.linalg.inv(F.T @ np.linalg.inv(S) @ F)  # (43)
+        N = P_f @ F.T @ np.linalg.inv(S)  # (48)
+        f = N @ gamma  # (42)
+        K = P @ H.T @ np.linalg.inv(S)  # (45)
+        x = x + K @ (gamma - F @ f)  # (46)
+        P = P - K @ (S - F @ P_f @ F.T) @ K.T  # (47)
+        if late:
+            x, P, G = ahead(x, P, u[k + 1 - late])
+        now, F_d = x, _known(x[0]) if load else 0.0
+        for i in range(late - 2, -1, -1):
+            now = _signed(now, u[k - i], u[k - i], F_d, dt)
+        out.append([*x, 0.0, f[0], np.sqrt(P_f[0, 0]), *now, *G])
+    return np.array(out)

@@ -139,6 +139,7 @@ def _scenario(number):
         onset=flights.TRUTH[number][0][1],
         span=(20.0, float(flown.index[-1])),
         row_px=150,
+        look="the dashed thresholds: the families that a fault does not move stay between them until one does.",
     )
 
 
@@ -182,4 +183,5 @@ def _robustness():
         onset=5.0,
         span=(0.0, 10.0),
         row_px=220,
+        look="5 s: both estimates step with the throttle, and what 5 % of g_12 adds is hardly to be seen.",
     )

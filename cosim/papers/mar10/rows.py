@@ -39,8 +39,8 @@ def _table(signatures):
 
 
 def injected() -> tuple[float, str]:
-    """Inject a fault of each input into the vehicle: return (entries of 27 x 4 that contradict the table, error of
-    the fault that the direct r_ij identify)."""
+    """Inject a fault of each input into the vehicle: return (entries of 27 x 4 that contradict the table, and one where
+    the direct r_ij identify another size; its error)."""
     u = np.array([0.02, -0.03, 0.01, 0.6])
     f = VEHICLE @ u
     wrong = sum(abs(r) > 1e-9 for _, _, r in redundancy_structure.residuals(f, VEHICLE, u))
@@ -52,6 +52,7 @@ def injected() -> tuple[float, str]:
             wrong += (abs(r) > 1e-9) != bool(family.signature[j])
             if i == j and not family.pivots:
                 error = max(error, abs(r - 0.05))
+    wrong += error > 1e-9
     return wrong, f"error of the fault that r_ij identifies {error:.1g}"
 
 

@@ -91,8 +91,13 @@ def fly(number: int, draw: int | None = None) -> VehicleFlight:
     return fly_with(FAULTS.get(number, ()), LOSS.get(number, 0.0), (number, 0 if draw is None else draw + 1))
 
 
-def fly_with(faults: tuple[tuple[str, float], ...], lost: float, seed: tuple[int, int] = (0, 0)) -> VehicleFlight:
-    """Fly with `faults` (effector, onset [s]), `lost` the share of the thrust; the second seed 0: nominal."""
+def fly_with(
+    faults: tuple[tuple[str, float], ...], lost: float, seed: tuple[int, int] = (0, 0), bank: float = 0.0
+) -> VehicleFlight:
+    """Fly with `faults` (effector, onset [s]), `lost` the share of the thrust; the second seed 0: nominal.
+
+    `bank` [rad] is rolled to and back every 2.5 s: zero, as in the talk's scenarios, hardly moves the roll fins.
+    """
     rng, draw = np.random.default_rng([20101006, *seed]), seed[1] or None
     own = {n: v for n, v in numbers().items() if n in {c for row in ROWS.values() for c in row}}
     off = {n: 1.0 if draw is None else 1 + 0.05 * rng.choice((-1, 1)) for n in own}
@@ -101,7 +106,7 @@ def fly_with(faults: tuple[tuple[str, float], ...], lost: float, seed: tuple[int
     run, port = bare_model(MODEL, DT, start)
     get = {n: port.getter(p) for n, p in READ.items()}
     put = [port.setter(p) for p in ("fin/l-rad", "fin/m-rad", "fin/n-rad", "thrust/throttle")]
-    pilot, n = _Autopilot(), round(END / DT)
+    pilot, n = _Autopilot(bank), round(END / DT)
     out, u_c, u = np.empty((n, 7)), np.empty((n, 4)), np.empty((n, 4))
     held = np.zeros(4)
     for k in range(n):
@@ -142,9 +147,10 @@ READ = {
 
 
 class _Autopilot:
-    """Bank zero, load factors and speed as asked; integral action, so that a fault is answered as a law would."""
+    """Bank, load factors and speed as asked; integral action, so that a fault is answered as a law would."""
 
-    def __init__(self):
+    def __init__(self, bank):
+        self.bank = bank
         self.pitch, self.yaw, self.motor = -0.045, 0.0, 0.5
 
     def command(self, t, now):
@@ -158,7 +164,8 @@ class _Autopilot:
         self.pitch -= 0.15 * up * DT
         self.yaw -= 0.10 * across * DT
         self.motor += 0.01 * slow * DT
-        l = -0.5 * now["phi"] - 0.1 * now["p"]
+        bank = self.bank * math.copysign(1.0, math.sin(2 * math.pi * t / 5.0)) * (t > 3.0)
+        l = -0.5 * (now["phi"] - bank) - 0.1 * now["p"]
         m = self.pitch - 0.01 * up + 0.12 * now["q"]
         n = self.yaw - 0.006 * across + 0.12 * now["r"]
         limit = 20 * RAD_PER_DEG

@@ -29,7 +29,7 @@ def drawings() -> list[Drawing]:
                 "sun13",
                 beside,
                 f"Left elevator, {word} OFC of {share} of travel at 1 Hz, and without",
-                f"Mean of both left segments in still air: {said}. From 20 s on.",
+                "Mean of both left segments in still air, the fault from 20 s on.",
                 (
                     Panel(
                         "left elevator",
@@ -41,6 +41,7 @@ def drawings() -> list[Drawing]:
                 onset=flown.ONSET,
                 span=span,
                 row_px=200,
+                look=f"20 s: {said}.",
             )
         )
     noisy = rows._still()
@@ -66,6 +67,7 @@ def drawings() -> list[Drawing]:
             1,
             span=(0.0, 40.0),
             row_px=200,
+            look="the published form: its noise is far inside the dashed amplitude of figure 6's fault.",
         )
     )
     for kind, word, _, beside, share in KINDS:
@@ -98,6 +100,7 @@ def drawings() -> list[Drawing]:
                 onset=flown.ONSET,
                 span=span,
                 row_px=200,
+                look="the left axes: from 20 s on the estimate lies on the injected sine in size and frequency.",
                 picture="figure-6" if word == "liquid" else "",
             )
         )

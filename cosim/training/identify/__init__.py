@@ -136,7 +136,7 @@ def _delay(made, name, level):
             (y, x), dt = on_grid(made, [name, of])
             if len(y) and np.ptp(y) > 0.0 and np.ptp(x) > 0.0:
                 found.append(lag(y, x, power, dt, of, level))
-    none = Delay("", note="not identifiable: no second channel is tied to it")
+    none = Delay("", note="delay not identifiable: tied to no channel")
     return min(found, key=lambda d: d.high - d.low if d.high == d.high else math.inf, default=none)
 
 

@@ -99,7 +99,7 @@ def respond(command: np.ndarray, surface: np.ndarray, dt: float, level: float = 
     starts = [np.array([w, 0.9, 1.2 * fastest, 0.0, late, offset]) for w, late in begin]
     starts = sorted((np.clip(s, low * 1.001, high * 0.999) / size for s in starts), key=lambda z: left(z) @ left(z))
     found = min((least_squares(left, z, **_how(bounds)) for z in starts[:3]), key=lambda f: f.cost)
-    found = _by_whole_ticks(left, found, bounds, dt / size[DELAY])
+    found = _within_ticks(left, found, bounds, dt / size[DELAY])
     free = _fixed(left, found.x, RATE, bounds[1][RATE], bounds, 50)  # as if it had no limit
     start = np.clip(np.insert(free.x, RATE, 1.5), bounds[0] + 1e-12, bounds[1] - 1e-12)
     found = min(found, least_squares(left, start, **_how(bounds)), key=lambda f: f.cost)
@@ -110,23 +110,23 @@ def _how(bounds):
     return {"bounds": bounds, "diff_step": 1e-4, "x_scale": "jac"}
 
 
-def _by_whole_ticks(left, found, bounds, tick):
-    """Return the best fit whose dead time began at a whole number of ticks near that of `found`: a command that jumps
-    makes the sum of squares bend there, and a descent stops at a bend."""
-    tried = set()
-    while True:
-        near = round(found.x[DELAY] / tick)
-        fresh = [k for k in range(max(0, near - 3), near + 4) if k not in tried]
-        tried |= set(fresh)
-        for k in fresh:
-            at = np.clip(k * tick, bounds[0][DELAY], bounds[1][DELAY])
-            again = _fixed(left, found.x, DELAY, at, bounds, 25)
-            if 2.0 * again.cost < 2.0 * found.cost * (1.0 - 1e-9):
-                start = np.insert(again.x, DELAY, at)
-                within = bounds[0] + 1e-12, bounds[1] - 1e-12
-                found = min(found, least_squares(left, np.clip(start, *within), **_how(bounds)), key=lambda f: f.cost)
-        if not fresh or round(found.x[DELAY] / tick) == near:
-            return found
+def _within_ticks(left, found, bounds, tick):
+    """Return the best fit whose dead time is held within one tick, of the ticks around that of `found`: the sum of
+    squares bends where the dead time is a whole number of ticks, and a descent stops at a bend."""
+    tried: set[int] = set()
+    while fresh := {k for k in range(int(found.x[DELAY] / tick) - 1, int(found.x[DELAY] / tick) + 2)} - tried:
+        tried |= fresh
+        for k in sorted(fresh):
+            low, high = bounds[0].copy(), bounds[1].copy()
+            low[DELAY], high[DELAY] = max(low[DELAY], k * tick), min(high[DELAY], (k + 1) * tick)
+            if low[DELAY] >= high[DELAY]:
+                continue
+            middle = 0.5 * (low[DELAY] + high[DELAY])
+            start = np.insert(_fixed(left, found.x, DELAY, middle, bounds, 25).x, DELAY, middle)
+            start = np.clip(start, low + 1e-12, high - 1e-12)
+            found = min(found, least_squares(left, start, **_how((low, high))), key=lambda f: f.cost)
+    inside = np.clip(found.x, bounds[0] + 1e-12, bounds[1] - 1e-12)
+    return least_squares(left, inside, max_nfev=1, **_how(bounds))  # bounds of a tick are none of the dead time's
 
 
 def _fixed(left, x, i, value, bounds, most):

@@ -13,7 +13,8 @@ import numpy as np
 from scipy.stats import poisson
 
 from cosim.judge.alarms import onsets
-from cosim.replay.map import Prepared, columns, run_all
+from cosim.replay.detector_replay import output_names
+from cosim.replay.map import Prepared, run_all
 from cosim.training.threshold_fit import PROBABILITY, exceeded
 
 LEARN = 0.6  # share of the recording that is learned from
@@ -94,7 +95,7 @@ def _run(prepared, d, changed, end):
     done, _ = run_all(prepared, {d.id: changed} if changed else {}, only=d.id)
     largest, alarms, seconds = [], 0, 0.0
     for own, _, _, again in done:
-        at = [n for n, _ in columns(own.module.STATE, own.module.OUTPUTS)]
+        at = output_names(own)
         r, valid = np.abs(again[:, at.index("r")]), again[:, at.index("valid")] > 0.5
         size, cut = round(BLOCK_S / prepared.dt / own.every), end // own.every
         blocks = [slice(a, a + size) for a in range(size, cut - size + 1, size)]

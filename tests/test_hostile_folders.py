@@ -1,6 +1,6 @@
-"""Every door under fire, continued: folders that commands keep, tables, inputs, conditions, parts of one's own.
+"""Hostile folders that commands keep, tables, inputs, conditions and parts of a user's; files are in test_hostile.py.
 
-As tests/test_doors.py; COSIM_CASES of each, where a case takes long a tenth (`pytest -m slow -s`).
+COSIM_CASES of each, where a case takes long a tenth (`pytest -m slow -s`).
 """
 
 import copy
@@ -13,7 +13,6 @@ import sys
 import zipfile
 from pathlib import Path
 
-import hostile_recordings
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -24,16 +23,21 @@ from hostile_texts import encoded, mangled
 import cosim
 from cosim.campaign import jobs
 from cosim.campaign.dataset import make
+from cosim.campaign.run import run_campaign
+from cosim.cli.bench import compared, read_bench
+from cosim.compare import compare
 from cosim.compare.false_alarms import false_alarms
 from cosim.compare.score import BOARD, rows, stored
 from cosim.compare.score import flights as benchmark
 from cosim.compare.score.table import differences
 from cosim.flight.plugins import load
-from cosim.replay.map_draft import draft
+from cosim.report import comparison_report
 from cosim.scenario import aircraft, catalog
 from cosim.scenario.condition import condition
 
 FEW = max(20, CASES // 10)
+CELLS = ("0", "-1", "1e308", "nan", "inf", "true", "", "-", "é", "1e400", ";", '"', "\x00", "9" * 400, "1,5", "NaT",
+         "x" * 20_000, '"a\nb"', "1_0", " 1 ", "\ufeff", "١")  # fmt: skip
 STRANGE = (None, -1, 0, 1e308, "x", "", [], {}, [[]], 2**62, True, "é" * 99, "../../x", [None], {"x": {}}, float("nan"))
 CAMPAIGN = """
 base = "cruise"
@@ -205,7 +209,7 @@ def test_tables_of_inputs(tmp_path):
         for _ in range(rng.choice((1, 1, 3))):
             k = rng.randrange(len(lines))
             cells = lines[k].split(",")
-            cells[rng.randrange(len(cells))] = rng.choice((*hostile_recordings.CELLS, "stick", "time_s", "nz_g"))
+            cells[rng.randrange(len(cells))] = rng.choice((*CELLS, "stick", "time_s", "nz_g"))
             lines[k] = rng.choice((",".join(cells), ",".join(cells), lines[0], "", '"' + lines[k], lines[k] + ",1"))
         (tmp_path / "case.csv").write_bytes(encoded(rng, rng.choice(("\n", "\n", "\r", "\r\n")).join(lines)))
         return tmp_path / "own.toml"
@@ -214,9 +218,29 @@ def test_tables_of_inputs(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["csv", "parquet", "mcap"])
-def test_drafts_of_maps(kind, tmp_path):
-    tried(f"drafts, {kind}", FEW, lambda rng: getattr(hostile_recordings, kind)(rng, tmp_path), [draft])
+def test_campaign_folders(few, tmp_path):
+    assert run_campaign(few, out=tmp_path / "whole", workers=0).done == 2
+    (tmp_path / "whole" / "guests.json").write_text("[]")
+
+    def page(out):
+        comparison_report(compare([out]), tmp_path / "page.html")
+
+    def resumed(out):
+        run_campaign(few, out=out, workers=0, resume=True)
+
+    tried("campaign folders", FEW, folders(tmp_path / "whole", tmp_path / "case"), [page, resumed, page])
+
+
+@pytest.mark.slow
+def test_outcomes_of_bench(tmp_path):
+    whole = {"cases": [{"name": "x", "against": "y", "ratio": 1.0}], "startup": {"import_s": 1.0}, "peak_mb": 3.0,
+             "detectors": [{"id": "x", "batch_us": 1.0}]}  # fmt: skip
+
+    def made(rng):
+        (tmp_path / "case.json").write_bytes(encoded(rng, json.dumps(changed(rng, copy.deepcopy(whole)))))
+        return tmp_path / "case.json"
+
+    tried("outcomes of bench", FEW, made, [lambda p: compared(read_bench(p), whole)])
 
 
 PIECES = ("n_z", "t", "left_inner.rod", "rod", "truth.aircraft.nz", "fault.0.active", "fault.1.since",

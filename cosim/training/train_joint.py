@@ -1,0 +1,146 @@
+"""Rates of `joint` from flights that nothing else uses: who says what of which fault, and how late.
+
+The flights are those of `cosim campaign joint` with one fault, with other seeds and draws, without the kinds of
+fault that it keeps from the rates. Of each lane and flight counts the name that stood longest in the first WITHIN_S of
+the fault, and how much later than the first witness it came; names of a fault on the right side count as on the left.
+
+    cosim train joint --check      fly the training set, say what would change
+    cosim train joint              and write fdi/thresholds/joint.json
+"""
+
+import dataclasses
+from collections import Counter
+from typing import Any
+
+import numpy as np
+
+from cosim.campaign.jobs import work
+from cosim.campaign.spec import load_campaign
+from cosim.files import replace_text
+from cosim.flight.build import build
+from cosim.flight.fly import fly
+from cosim.judge import coverage
+from cosim.judge.alarms import onsets
+from cosim.judge.detection import Watch, valid
+from cosim.scenario import Scenario
+from cosim.training.trainer import FOLDER
+from fdi.common import compact
+from fdi.common.verdict import class_name
+from fdi.joint import places, tables
+
+CAMPAIGN, FIRST_SEED, DRAWS = "joint", 40_000, 35
+NOT_LEARNED = ("pairs", "kinds not in the rates", "fault-free")  # parts of the campaign that begin so
+WITHIN_S = 15.0
+
+
+def scenarios(first_seed: int = FIRST_SEED) -> list[Scenario]:
+    """Return the training flights, without `joint`."""
+    whole = load_campaign(CAMPAIGN)
+    parts = tuple(p for p in whole.parts if not p.name.startswith(NOT_LEARNED))
+    made, _ = dataclasses.replace(whole, parts=parts, seed=DRAWS, first_seed=first_seed).scenarios()
+    quiet = [s.detectors.model_copy(update={"enabled": tuple(d for d in s.running if d != "joint")}) for s in made]
+    return [s.model_copy(update={"detectors": own}) for s, own in zip(made, quiet)]
+
+
+def surveyed(index: int, first_seed: int = FIRST_SEED) -> dict[str, Any]:
+    """Return what `told` says of one training flight."""
+    return told(scenarios(first_seed)[index])
+
+
+def told(scenario: Scenario) -> dict[str, Any]:
+    """Fly a scenario with one fault and return plain data: the `kind` of the fault, its `segments`, whether it is on
+    the `right` side, the `technology` of all segments, and of every lane that could judge [detector, lane, token or "",
+    seconds after the first witness]."""
+    setup = build(scenario)
+    trace, _, _ = fly(setup)
+    dt = setup.loop.dt
+    start = round(scenario.faults[0].start_s / dt)
+    end = min(len(trace), start + round(WITHIN_S / dt))
+    rises: dict[int, float] = {}
+    said: list[list[str]] = []
+    for w in setup.trace.watches({}):
+        rise = onsets(trace[:, w.alarm])
+        rise = rise[(rise >= start) & (rise < end)]
+        if len(rise) or valid(w, trace[start : start + 1]).all():
+            token = _token(w, trace[start:end]) if len(rise) else ""
+            rises[len(said)] = rise[0] * dt if len(rise) else np.inf
+            said.append([w.id, w.target.removeprefix("elevator."), token])
+    first = min(rises.values(), default=np.inf)
+    lanes = [[*s, round(rises[i] - first, 3) if s[2] else None] for i, s in enumerate(said)]
+    kind, segments = kind_of(scenario)
+    right = bool(segments) and all(s.startswith("right") for s in segments)
+    own = dict(scenario.elevator.technology)
+    return {"kind": kind, "segments": list(segments), "technology": own, "right": right, "lanes": lanes}
+
+
+def _token(watch: Watch, trace: np.ndarray) -> str:
+    """Return the token that stood longest."""
+    on = trace[trace[:, watch.alarm] > 0.5][:, [watch.verdict, watch.culprit]].astype(int)
+    (verdict, culprit), _ = Counter(map(tuple, on.tolist())).most_common(1)[0]
+    return tables.name(watch.id, class_name(verdict or 9), watch.culprits[culprit])
+
+
+def kind_of(scenario: Scenario) -> tuple[str, tuple[str, ...]]:
+    """Return (kind as in `fdi.joint.places.hypotheses`, segments) of the first fault of a scenario."""
+    fault, case = scenario.faults[0], coverage.cases(scenario)[0]
+    place, *rest = fault.target.split(".")
+    if place == "engine":
+        return ("engine.all" if rest == ["all"] else "engine.one"), ()
+    if place != "elevator":
+        return (case if place == "sensor" else f"surface.{place}"), ()
+    own = scenario.elevator.technology
+    segments = tuple(s for s in own if s == rest[0] or s.startswith(f"{rest[0]}_") or rest[0] == "all")
+    inside = coverage.inside(case)
+    if inside.endswith("_sensor"):
+        return f"{own[segments[0]]}.{inside}", segments
+    part = "drive" if inside in places.DRIVE.values() else inside
+    group = own[segments[0]] if len(segments) == 1 else "all" if len(segments) == len(own) else "side"
+    return f"{group}.{part}.{coverage.true_class(case)}", segments
+
+
+def counted(flights: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the rates from what `told` said: `seen` {detector: {kind: {flights, said {token: count}}}}, and `late`, of
+    every detector how many of its alarms had come at each of `tables.AGES`, and at all."""
+    seen: dict = {}
+    late: dict = {}
+    for f in flights:
+        for detector, lane, token, delay in f["lanes"]:
+            own = f["kind"]
+            if lane != "aircraft":
+                if lane not in f["segments"]:
+                    continue
+                if own.startswith(("side.", "all.")):
+                    own = f"{f['technology'][lane]}.{own.partition('.')[2]}"
+            cell = seen.setdefault(detector, {}).setdefault(own, {"flights": 0, "said": {}})
+            cell["flights"] += 1
+            if token:
+                token = places.mirrored(token) if f["right"] else token
+                cell["said"][token] = cell["said"].get(token, 0) + 1
+                late.setdefault(detector, []).append(delay)
+    ages = {d: [sum(v <= a for v in times) for a in tables.AGES] + [len(times)] for d, times in late.items()}
+    return {"late": ages, "seen": seen}
+
+
+def train(*, first_seed: int = FIRST_SEED, **how: Any) -> dict[str, Any]:
+    """Fly the training flights and return the rates; `how` as in `cosim.campaign.jobs.work`."""
+    number = len(scenarios(first_seed))
+    flown = work([(surveyed, {"index": k, "first_seed": first_seed}) for k in range(number)], **how)
+    about = {"command": "cosim train joint", "flights": number, "first_seed": first_seed, "draws": DRAWS}
+    return {"training": about, **counted(flown)}
+
+
+def changes(found: dict[str, Any]) -> list[tuple]:
+    """Return (file, detector, kind, stored, trained) of the share of each kind that a detector sees."""
+    stored, out = tables.stored(), []
+    for detector, kinds in found["seen"].items():
+        for kind, cell in kinds.items():
+            before = stored.get("seen", {}).get(detector, {}).get(kind, {"flights": 0, "said": {}})
+            shares = (sum(c["said"].values()) / c["flights"] if c["flights"] else float("nan") for c in (before, cell))
+            out.append(("joint", detector, kind, *shares))
+    return out
+
+
+def store(found: dict[str, Any]) -> None:
+    """Write the rates where `joint` reads them."""
+    replace_text(FOLDER / "joint.json", compact.text(found))
+    tables.stored.cache_clear()

@@ -1,0 +1,427 @@
+"""One verdict of both levels: where a fault is, by Bayes' rule on what the other detectors say.
+
+Source: ours. The question is that of B. Vanek, A. Edelmayer, Z. Szabo, J. Bokor, Bridging the gap between theory and
+practice in LPV fault detection for flight control actuators, Control Engineering Practice 31 (2014) 171-182: what does
+diagnosis at aircraft level add to that of the actuators, and how do the two go together.
+
+Every lane of every other detector has a token: silent, or what it says (fdi/joint/tables.py). With h a place and a
+class (fdi/joint/places.py),
+
+    P(h | tokens) ~ P(h) sum_v P(v) prod_lanes P(token | h, v)
+
+where v is how large the fault is (small, middling, large) and whether it is like one that rates were measured on.
+P(silent | h, v) = 1 - P(alarm | h, v) F(age), F the share of that detector's alarms that come so soon after the first
+witness: silence counts as time goes on. Where one command moves two segments, detectors of one kind on both part with
+(1 - `alike`) of the probability with which independent ones would. A lane that is not valid, or a detector that does
+not fly, says nothing: 1.
+
+Two faults: P(token | h, h') is that of whichever speaks, 1 - (1 - a)(1 - a') of them alarms. They are tried with one
+of the likeliest single ones and any other one, where that single one leaves an alarm unexplained, with the prior of a
+second fault `two`. No fault: every alarm is false, with the probability per flight that the detector has. The alarm is
+up while a lane alarms and P(a fault) >= 1/2.
+
+The culprit is the smallest that holds `sure` of the probability: a place, else a set (SETS, "q or theta"), else none;
+the verdict is a class that holds as much of that, else AMBIGUOUS. `p` is what the culprit holds. With two faults the
+other one stands in `second` and `verdict_2`.
+
+Work is done when a token changes or an age passes; otherwise a tick only looks at its inputs.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from actuators.block import dtype, entry, kernel, record
+from fdi.common.record import Detector, Site
+from fdi.common.verdict import AMBIGUOUS, NONE, code
+from fdi.joint import tables
+from fdi.joint.places import AIRCRAFT, CULPRITS, LANES, LOCAL, PLACES, SEGMENTS, SETS, hypotheses, segments
+
+NL, NP, NG, NC = len(LANES), len(PLACES), len(SETS), 10
+NH, NR, NN, NA, NV = 108, 420, 30, 7, 6  # most hypotheses, rows, tokens; ages; sizes x variants
+UNEXPLAINED = 0.01  # P(token | h) below which a hypothesis does not explain an alarm
+NK, NCUL = 10, 24  # single hypotheses that a second one is tried with; culprits of a detector
+
+PARAMS = dtype([
+    ("sure", "f8", "-"),  # probability from which a name is said
+    ("two", "f8", "-"),  # prior of a second fault
+    ("none", "f8", "-"),  # prior of no fault at all, over that of one
+    ("keep", "f8", "s"),  # a token outlives its alarm by this
+    ("release", "f8", "s"),  # without any alarm for so long it is over
+    ("n_h", "f8"),  # hypotheses
+    ("n_k", "f8"),
+    ("row", "f8", (NH, NL)),  # of the tables below
+    ("twin", "f8", (NH, NL)),  # 1 + the lane of the same detector on another segment that the hypothesis moves alike
+    ("alike", "f8", "-"),  # how much twins have in common: 0 independent, 1 always the same
+    ("prior", "f8", (NH,)),
+    ("place", "f8", (NH,)),  # index into PLACES
+    ("verdict", "f8", (NH,)),  # class code
+    ("share", "f8", (NV,)),  # P(v)
+    ("alarm", "f8", (NR, NV)),  # P(alarm | row, v)
+    ("said", "f8", (NR, 2, NN)),  # P(token | alarm, row, variant)
+    ("alarm_mean", "f8", (NR,)),  # the same over sizes and variants
+    ("said_mean", "f8", (NR, NN)),  # P(alarm and token | row)
+    ("by_age", "f8", (NL, NA)),  # F
+    ("false", "f8", "-"),  # P(false alarm) of a lane
+    ("use", "f8", (NL,)),  # 1 where the lane is listened to
+    ("token", "f8", (NL, NC, NCUL)),  # of class code and culprit
+    ("ages", "f8", (NA,), "s"),
+    ("set_of", "f8", (NG, NP)),  # 1 where the set has the place
+    ("name_of", "f8", (NP,)),  # index into CULPRITS
+    ("name_of_set", "f8", (NG,)),
+])  # fmt: skip
+INPUTS = dtype([(n, "f8", (NL,), "-") for n in ("alarm", "verdict", "culprit", "valid")])
+STATE = dtype([
+    ("r", "f8", "-"),  # P(a fault) / (1/2)
+    ("alarm", "f8", "-"),
+    ("verdict", "f8", "-"),
+    ("culprit", "f8", "-"),  # index into CULPRITS
+    ("valid", "f8", "-"),
+    ("p", "f8", "-"),  # probability that the culprit holds
+    ("second", "f8", "-"),  # the other culprit where there are two faults, 0 where there is one
+    ("verdict_2", "f8", "-"),
+    ("p_2", "f8", "-"),
+    ("p_fault", "f8", "-"),
+    ("age", "f8", "s"),  # since the first witness, 0 without one
+    ("still", "f8", "s"),  # since anything alarmed
+    ("newest", "f8", "s"),  # age at which anything was new
+    ("bin", "f8"),  # index of the age, and of that since anything was new
+    ("bin_2", "f8"),
+    ("said", "f8", (NL,)),  # token of each lane, 0 silent
+    ("since", "f8", (NL,), "s"),  # age at which it came
+    ("over", "f8", (NL,), "s"),  # time for which the alarm behind it has been down
+    ("able", "f8", (NL,)),  # whether it is valid
+    ("w", "f8", (NH,)),  # of single hypotheses
+    ("best", "f8", (NK,)),  # the largest of these
+    ("place_w", "f8", (NP,)),  # of places: single, then first of two
+    ("class_w", "f8", (NC,)),
+    ("other_w", "f8", (NH,)),  # of the second of two
+])  # fmt: skip
+OUTPUTS = ("r", "alarm", "verdict", "culprit", "valid", "p", "second", "verdict_2", "p_2", "p_fault")
+_READS = {f"{word}[{i}]": f"{d}.{lane}.{word}" for i, (d, lane) in enumerate(LANES)
+          for word in ("alarm", "verdict", "culprit", "valid")}  # fmt: skip
+DETECTOR = Detector(
+    id="joint",
+    level="both",
+    summary="one verdict of both levels by Bayes' rule on what the other detectors say (cf. Vanek14)",
+    inputs=_READS,
+    group="both levels",
+    designed_for={
+        **dict.fromkeys(("*.ofc_liquid*",), ("ofc_liquid",)),
+        **dict.fromkeys(("*.ofc_solid*",), ("ofc_solid",)),
+        **dict.fromkeys(("*.jam_solid", "*.jam"), ("jam_solid",)),
+        **dict.fromkeys(("*.runaway*", "ema.hardover"), ("runaway",)),
+        "*.jam_liquid": ("sensor",),
+        "*.bias@command": ("jam_liquid",),
+        **dict.fromkeys((
+            "*.loss_of_effectiveness*", "*.free_float", "*.supply_pressure_drop", "*.internal_leakage", "*.air_in_oil",
+            "*.friction", "*.backlash", "*.magnet_loss", "*.winding_resistance",
+        ), ("effectiveness", "ambiguous")),
+        **dict.fromkeys(("*.rod", "*.surface", "*.pressure", "*.position", "*.velocity", "*.current", "sensor.*"),
+                        ("sensor",)),
+        "engine": ("thrust",), "rudder": ("jam_solid",),
+    },
+    may_see=dict.fromkeys(("aileron", "stabiliser"), ("jam_solid", "ambiguous")),
+    blind="hears the other detectors: what none of them says it does not know",
+    sizes={"n_h": 1.0, "n_k": 1.0, "row": 0.0, "place": 0.0, "verdict": 0.0, "token": 0.0, "name_of": 0.0,
+           "name_of_set": 0.0},
+    any_aircraft=True,
+    may_lack=True,
+    options={"levels": ("both", "local", "aircraft"), "rates": ("measured", "none")},  # the first is the default
+    fit=lambda site, levels="both", rates="measured": fitted(site, levels, rates),
+)  # fmt: skip
+
+
+def params(
+    technology: Any = None, *, levels: str = "both", rates: str | dict = "measured", **values: Any
+) -> np.ndarray:
+    """Return PARAMS for elevator segments {segment: technology}, by default four hydraulic ones.
+
+    `levels` names whose lanes are listened to, `rates` "measured" (stored), "none", or counts as those.
+    """
+    technology = dict(technology or dict.fromkeys(SEGMENTS, "hydraulic"))
+    counted = rates if isinstance(rates, dict) else tables.stored() if rates == "measured" else {}
+    found, here = hypotheses(technology), segments(technology)
+    row, alarm, said = tables.rows(found, here, counted)
+    where = [PLACES.index(h.place) for h in found]
+    own = {"both": (*LOCAL, *AIRCRAFT), "local": LOCAL, "aircraft": AIRCRAFT}[levels]
+    token = np.zeros((NL, NC, NCUL))
+    for i, (detector, _) in enumerate(LANES):
+        codes = tables.codes(detector)
+        token[i, :, : codes.shape[1]] = codes
+    size = np.repeat([1.0 - tables.UNSEEN, tables.UNSEEN], 3) / 3.0
+    spoken = (size * alarm).reshape(-1, 2, 3).sum(axis=2)
+    made = {
+        "sure": 0.9, "two": 0.1, "none": 0.05, "keep": 5.0, "release": 0.5,
+        "n_h": len(found), "n_k": NK, "row": _padded(row, (NH, NL)),
+        "twin": _padded(_twins(found), (NH, NL)), "alike": 0.8, "prior": _padded(_prior(found), (NH,)),
+        "place": _padded(np.array(where), (NH,)),
+        "verdict": _padded(np.array([code(h.verdict) for h in found]), (NH,)), "share": size,
+        "alarm": _padded(alarm, (NR, NV)), "said": _padded(said, (NR, 2, NN)),
+        "alarm_mean": _padded(alarm @ size, (NR,)),
+        "said_mean": _padded((spoken[:, :, None] * said).sum(axis=1), (NR, NN)), "by_age": tables.by_age(counted),
+        "false": tables.FALSE, "token": token, "ages": tables.AGES,
+        "use": [float(d in own and (lane == "aircraft" or lane in here)) for d, lane in LANES],
+        "set_of": [[float(p in members) for p in PLACES] for members in SETS.values()],
+        "name_of": [CULPRITS.index(p) for p in PLACES], "name_of_set": [CULPRITS.index(n) for n in SETS],
+    }  # fmt: skip
+    return record(PARAMS, **{**made, **values})
+
+
+def fitted(site: Site, levels: str = "both", rates: str = "measured") -> np.ndarray:
+    """Return PARAMS for a loop."""
+    return params(site.technologies, levels=levels, rates=rates)
+
+
+def _padded(values, shape):
+    out = np.zeros(shape)
+    out[tuple(slice(n) for n in values.shape)] = values
+    return out
+
+
+def _twins(found):
+    """Return (hypothesis, lane): 1 + the lane before it of the same detector in the same command's reach, else 0."""
+    out = np.zeros((len(found), NL))
+    for i, h in enumerate(found):
+        for j, (detector, lane) in enumerate(LANES):
+            before = [k for k in range(j) if LANES[k][0] == detector and LANES[k][1] in h.segments]
+            out[i, j] = 1.0 + before[-1] if before and lane in h.segments else 0.0
+    return out
+
+
+def _prior(found):
+    """Return P(h): every place alike, and every class of a place."""
+    share = {h.place: 0 for h in found}
+    for h in found:
+        share[h.place] += 1
+    return np.array([1.0 / share[h.place] for h in found]) / len(share)
+
+
+def init(p: np.ndarray) -> np.ndarray:
+    """Return STATE of p's shape: nothing heard."""
+    return np.zeros(p.shape, STATE)
+
+
+@kernel
+def _bin(age, p):
+    """Return the index of the last of the ages that has passed."""
+    b = 0
+    for k in range(NA):
+        if age >= p.ages[k]:
+            b = k
+    return b
+
+
+@kernel
+def _token(x, i):
+    """Return the token of lane `i`."""
+    return min(max(int(x.said[i]), 0), NN - 1)
+
+
+@kernel
+def _heard(x, u, p, dt):
+    """Take the tokens of this tick; return 1 when anything is new, else 0."""
+    new, any_on, x.valid = 0, 0, 0.0
+    for i in range(NL):
+        if p.use[i] < 0.5:
+            continue
+        able = 1.0 if u.valid[i] > 0.5 else 0.0
+        if able != x.able[i]:
+            x.able[i], new = able, 1
+        x.valid = max(x.valid, able)
+        if u.alarm[i] > 0.5:
+            any_on = 1
+            c, k = int(u.verdict[i]), int(u.culprit[i])
+            t = p.token[i, c, k] if 0 < c < NC and 0 <= k < NCUL else 0.0
+            if t < 0.5:  # an alarm without a name
+                t = p.token[i, 9, 0]
+            if x.said[i] < 0.5:
+                x.since[i] = x.age
+            x.over[i] = 0.0
+            if t != x.said[i]:
+                x.said[i], new = t, 1
+        elif x.said[i] > 0.5:
+            x.over[i] += dt
+            if x.over[i] > p.keep:
+                x.said[i], new = 0.0, 1
+    x.still = 0.0 if any_on else x.still + dt
+    return new
+
+
+@kernel
+def _single(x, p):
+    """Fill x.w: P(h) sum_v P(v) prod P(token | h, v) of every hypothesis; return its sum."""
+    total, b = 0.0, _bin(x.age, p)
+    for h in range(int(p.n_h)):
+        x.w[h] = 0.0
+        for v in range(NV):
+            w = p.prior[h] * p.share[v]
+            for i in range(NL):
+                t = _token(x, i)
+                if t == 0 and (p.use[i] < 0.5 or x.able[i] < 0.5):
+                    continue
+                r, j = int(p.row[h, i]), int(p.twin[h, i]) - 1
+                a = p.alarm[r, v]
+                if j >= 0 and p.use[j] > 0.5 and x.able[j] > 0.5:
+                    a = 1.0 - (1.0 - p.alike) * (1.0 - a) if x.said[j] > 0.5 else (1.0 - p.alike) * a
+                w *= a * p.said[r, v // 3, t] if t > 0 else 1.0 - a * p.by_age[i, b]
+            x.w[h] += w
+        total += x.w[h]
+    return total
+
+
+@kernel
+def _unexplained(x, p, h):
+    """Return the age at which the first alarm came that hypothesis `h` does not explain, -1 where it explains all."""
+    first = -1.0
+    for i in range(NL):
+        t = _token(x, i)
+        if t > 0 and p.said_mean[int(p.row[h, i]), t] < UNEXPLAINED and (first < 0.0 or x.since[i] < first):
+            first = x.since[i]
+    return first
+
+
+@kernel
+def _pair(x, p, h, other, b):
+    """Return P(tokens | both): of a lane speaks whichever hypothesis makes it; `b` is the age bin of the second."""
+    w, b_1 = 1.0, _bin(x.age, p)
+    for i in range(NL):
+        t = _token(x, i)
+        if t == 0 and (p.use[i] < 0.5 or x.able[i] < 0.5):
+            continue
+        r, r_2 = int(p.row[h, i]), int(p.row[other, i])
+        a, s, a_2, s_2 = p.alarm_mean[r], p.said_mean[r, t], p.alarm_mean[r_2], p.said_mean[r_2, t]
+        if t > 0:
+            w *= s * (1.0 - a_2) + s_2 * (1.0 - a) + 0.5 * (s * a_2 + s_2 * a)
+        else:
+            w *= (1.0 - a * p.by_age[i, b_1]) * (1.0 - a_2 * p.by_age[i, b])
+    return w
+
+
+@kernel
+def _false(x, p):
+    """Return P(tokens | no fault): every alarm is false."""
+    w = 1.0
+    for i in range(NL):
+        if x.said[i] > 0.5:
+            w *= p.false
+    return w
+
+
+@kernel
+def _likeliest(x, p):
+    """Fill x.best with the single hypotheses of the largest weights, in order; return how many there are."""
+    count = min(int(p.n_k), NK, int(p.n_h))
+    for k in range(count):
+        best = -1
+        for h in range(int(p.n_h)):
+            taken = False
+            for j in range(k):
+                taken = taken or int(x.best[j]) == h
+            if not taken and (best < 0 or x.w[h] > x.w[best]):
+                best = h
+        x.best[k] = best
+    return count
+
+
+@kernel
+def _name(x, p, weights, second):
+    """Name the smallest culprit that holds `sure` of the weights of hypotheses, and the class within it."""
+    total, top = 0.0, -1
+    for i in range(NP):
+        x.place_w[i] = 0.0
+    for h in range(int(p.n_h)):
+        x.place_w[int(p.place[h])] += weights[h]
+        total += weights[h]
+    for i in range(NP):
+        if top < 0 or x.place_w[i] > x.place_w[top]:
+            top = i
+    culprit, held, g = p.name_of[top], x.place_w[top], -1
+    if held < p.sure * total:
+        culprit, held = 0.0, total
+        for k in range(NG):
+            own = 0.0
+            for i in range(NP):
+                own += p.set_of[k, i] * x.place_w[i]
+            if own >= p.sure * total:
+                culprit, held, g = p.name_of_set[k], own, k
+                break
+    for c in range(NC):
+        x.class_w[c] = 0.0
+    for h in range(int(p.n_h)):
+        i = int(p.place[h])
+        if (culprit < 0.5) or (g < 0 and i == top) or (g >= 0 and p.set_of[g, i] > 0.5):
+            x.class_w[int(p.verdict[h])] += weights[h]
+    verdict = AMBIGUOUS
+    for c in range(NC):
+        if x.class_w[c] >= p.sure * held:
+            verdict = float(c)
+    share = held / total if total > 0.0 else 0.0
+    if second > 0.5:
+        x.second, x.verdict_2, x.p_2 = culprit, verdict, share
+    else:
+        x.culprit, x.verdict, x.p = culprit, verdict, share
+
+
+@kernel
+def _conclude(x, p):
+    """Weigh one fault, two faults and none, and name what there is."""
+    one = (1.0 - p.two) * _single(x, p)
+    none = p.none * _false(x, p)
+    count, two, lead, lead_w = _likeliest(x, p), 0.0, -1, 0.0
+    for k in range(count):
+        h = int(x.best[k])
+        came = _unexplained(x, p, h)
+        if came < 0.0:
+            continue
+        b, own = _bin(x.age - came, p), 0.0
+        for other in range(int(p.n_h)):
+            if p.place[other] != p.place[h]:
+                own += p.two * p.prior[h] * p.prior[other] * _pair(x, p, h, other, b)
+        two += own
+        if own > lead_w:
+            lead, lead_w = h, own
+    x.p_fault = (one + two) / (one + two + none) if one + two + none > 0.0 else 0.0
+    x.second, x.verdict_2, x.p_2 = 0.0, NONE, 0.0
+    if lead < 0 or two < p.sure * (one + two):
+        _name(x, p, x.w, 0.0)
+        return
+    b = _bin(x.age - _unexplained(x, p, lead), p)
+    for pas in range(2):  # the second, beside the first; then which first it is beside that
+        top = -1
+        for h in range(int(p.n_h)):
+            x.other_w[h] = 0.0 if p.place[h] == p.place[lead] else p.prior[h] * _pair(x, p, lead, h, b)
+            if top < 0 or x.other_w[h] > x.other_w[top]:
+                top = h
+        _name(x, p, x.other_w, 1.0 - pas)
+        lead = top
+
+
+@kernel
+def step(x, u, p, dt):
+    """Hear the lanes; where anything is new, weigh all hypotheses."""
+    new = _heard(x, u, p, dt)
+    any_token = False
+    for i in range(NL):
+        any_token = any_token or x.said[i] > 0.5
+    if not any_token or x.still > p.release:
+        for i in range(NL):
+            x.said[i], x.since[i], x.over[i] = 0.0, 0.0, 0.0
+        x.age, x.newest, x.bin, x.bin_2 = 0.0, 0.0, 0.0, 0.0
+        x.r, x.alarm, x.verdict, x.culprit, x.p, x.p_fault = 0.0, 0.0, NONE, 0.0, 0.0, 0.0
+        x.second, x.verdict_2, x.p_2 = 0.0, NONE, 0.0
+        return
+    if new > 0:
+        x.newest = x.age
+    b, b_2 = _bin(x.age, p), _bin(x.age - x.newest, p)
+    if new > 0 or b != x.bin or b_2 != x.bin_2:
+        x.bin, x.bin_2 = b, b_2
+        _conclude(x, p)
+        x.r = 2.0 * x.p_fault
+        x.alarm = 1.0 if x.p_fault >= 0.5 else 0.0
+        if x.alarm < 0.5:
+            x.verdict, x.culprit, x.second, x.verdict_2 = NONE, 0.0, 0.0, NONE
+    x.age += dt
+
+
+rollout = entry(step, STATE, INPUTS, PARAMS)

@@ -1,0 +1,222 @@
+"""P(token | hypothesis) as tables: from the records of the detectors, and from rates that were measured.
+
+A lane's token is "-" while it is silent, else what it says, by its `name`. The records say who is designed for a
+fault, who may see it, who is blind to it, and who reads the sensor that is wrong; how large the fault is stays open
+(SIZES). Rates are counts of flights (fdi/thresholds/joint.json, made by `cosim train joint`); they move what the
+records say as so many flights more beside the WEIGHT flights that a record counts for. How often a detector keeps to
+its record is counted over all kinds of fault together. UNSEEN of the probability of every hypothesis is that of a
+fault unlike any that rates were counted on: there the records speak, with that alone.
+"""
+
+import fnmatch
+import functools
+import itertools
+import json
+from importlib import resources
+from typing import Any
+
+import numpy as np
+
+from fdi import registry
+from fdi.common.verdict import NAMES
+from fdi.joint.places import AIRCRAFT, DRIVE, ENGINES, LANES, LOCAL, SEGMENTS, Hypothesis, case, hypotheses, mirrored
+
+WEIGHT = 3.0  # flights that a record counts for
+UNSEEN = 0.2  # probability that a fault is of a kind that no flight had
+AGES = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # [s] after the first witness
+# P(alarm | designed for, may see, reads the sensor, blind), for a small, a middling and a large fault; assumed
+SIZES = {
+    "local": {"designed": (0.5, 0.95, 0.99), "may": (0.02, 0.4, 0.95), "reads": (0.02, 0.1, 0.3),
+              "blind": (0.005,) * 3},
+    "aircraft": {"designed": (0.05, 0.5, 0.95), "may": (0.01, 0.2, 0.8), "reads": (0.02, 0.1, 0.3),
+                 "blind": (0.005,) * 3},
+}  # fmt: skip
+# P(a class of the record | a class), likewise of a culprit, and P(ambiguous | alarm); assumed, then counted
+RIGHT, OPEN = 0.9, 0.2
+ELSEWHERE = 3e-4  # P(alarm) of a lane on another segment: a quarter of the 1e-3 per minute that it is trained to
+FALSE = 1e-3  # false alarms of a detector per flight of 60 s, to which they are trained
+
+
+def name(detector: str, verdict: str, culprit: str) -> str:
+    """Return the token of a lane that says class `verdict` of `culprit`."""
+    if detector in ("kinematic", "control_redundancy"):
+        return culprit or "ambiguous"
+    if verdict == "sensor":
+        return f"sensor {culprit}".strip()
+    if detector in LOCAL:
+        return verdict
+    return f"{culprit} {verdict if verdict in ('ofc_liquid', 'ofc_solid') else 'otherwise'}".strip()
+
+
+@functools.cache
+def names(detector: str) -> tuple[str, ...]:
+    """Return the tokens of a detector but for silence."""
+    said = (name(detector, v, c) for c in registry.module(detector).CULPRITS for v in NAMES[1:])
+    return tuple(dict.fromkeys(said))
+
+
+def codes(detector: str) -> np.ndarray:
+    """Return (class code, culprit) -> 1 + index of the token in `names`."""
+    culprits, own = registry.module(detector).CULPRITS, names(detector)
+    said = [[1.0 + own.index(name(detector, v, c)) for c in culprits] for v in NAMES[1:]]
+    return np.array([[0.0] * len(culprits), *said])
+
+
+def stands(detector: str, kind: str, technology: str) -> tuple[str, tuple[str, ...]]:
+    """Return (designed, may, reads or blind; the classes of its record) of a detector for a kind of fault."""
+    record, own = registry.module(detector).DETECTOR, case(kind, technology)
+    for word, table in (("designed", record.designed_for), ("may", record.may_see)):
+        for pattern, classes in table.items():
+            if fnmatch.fnmatchcase(own, pattern):
+                return word, tuple(classes)
+    if own.startswith("sensor.") and own.removeprefix("sensor.") in record.inputs.values():
+        return "reads", ()
+    return "blind", ()
+
+
+_LEFT = {h.kind: (h, t) for t in DRIVE for h in hypotheses(dict.fromkeys(SEGMENTS, t))
+         if h.side != "right"}  # of every kind one on the left, as rates are counted
+
+
+def _culprits(detector, hypothesis):
+    """Return the culprits that are right for a hypothesis; those that share one equation with it are as right."""
+    record, place = registry.module(detector).DETECTOR, hypothesis.place
+    if hypothesis.segments:
+        sensor = place.removesuffix("_sensor").rpartition("_")[2] if place.endswith("_sensor") else ""
+        right = {sensor, "elevator", f"elevator_{hypothesis.side}"}
+        if not hypothesis.side and len(hypothesis.segments) > 1:
+            right |= {"elevator_left", "elevator_right"}
+    else:
+        right = {place, "engine"} if place in ENGINES else {place}
+    for group in record.shares:
+        right |= set(group) if right & set(group) else set()
+    return right & set(registry.module(detector).CULPRITS)
+
+
+def keeps(detector: str, rates: dict) -> tuple[float, float]:
+    """Return P(a class of its record | a class), likewise of the culprit, and P(ambiguous | alarm), over every kind
+    that it is designed for."""
+    counts = rates.get("seen", {}).get(detector, {})
+    right, wrong, left = WEIGHT * RIGHT**2, WEIGHT * (1.0 - RIGHT**2), 0.0
+    for h, technology in _LEFT.values():
+        word, classes = stands(detector, h.kind, technology)
+        if h.kind not in counts or word != "designed":
+            continue
+        good = {name(detector, v, c) for v in _classes(classes) for c in _culprits(detector, h) or {""}}
+        for token, n in counts[h.kind]["said"].items():
+            if token in good:
+                right += n
+            elif "ambiguous" in token or "otherwise" in token:
+                left += n
+            else:
+                wrong += n
+    alarms = right + wrong + left
+    return float(np.sqrt(right / (right + wrong))), (WEIGHT * OPEN + left) / (WEIGHT + alarms)
+
+
+def _classes(classes):
+    """Return those of a record that are more than ambiguous; ambiguous where there is no other."""
+    return tuple(c for c in classes if c != "ambiguous") or tuple(classes)
+
+
+def believed(
+    detector: str, hypothesis: Hypothesis, technology: str, kept: tuple[float, float] = (RIGHT, OPEN)
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return P(alarm) by size (3,) and P(token | alarm) (tokens,) as the records have them; `kept` as of `keeps`."""
+    word, classes = stands(detector, hypothesis.kind, technology)
+    alarm = np.array(SIZES["local" if detector in LOCAL else "aircraft"][word])
+    own, culprits, said = names(detector), registry.module(detector).CULPRITS, NAMES[1:]
+    if word in ("blind", "reads"):
+        return alarm, np.full(len(own), 1.0 / len(own))
+    of_v = _shares(said, set(_classes(classes)), kept[0])
+    if "ambiguous" not in _classes(classes):
+        of_v = {v: (1.0 - kept[1]) * share + kept[1] * (v == "ambiguous") for v, share in of_v.items()}
+    of_c = _shares(culprits, _culprits(detector, hypothesis), kept[0])
+    p = np.zeros(len(own))
+    for c, v in itertools.product(culprits, said):
+        p[own.index(name(detector, v, c))] += of_c[c] * of_v[v]
+    p = np.maximum(p, 1e-3)
+    return alarm, p / p.sum()
+
+
+def _shares(every, right, p):
+    """Return {one of `every`: probability}: `p` in equal shares to the `right` ones, the rest to the others."""
+    others = len(every) - len(right)
+    if not right or not others:
+        return dict.fromkeys(every, 1.0 / len(every))
+    return {one: p / len(right) if one in right else (1.0 - p) / others for one in every}
+
+
+def measured(
+    detector: str, hypothesis: Hypothesis, technology: str, kept: tuple[float, float], rates: dict
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the same with what was counted: Beta and Dirichlet updates of WEIGHT flights' worth of the records."""
+    alarm, said = believed(detector, hypothesis, technology, kept)
+    counted = rates.get("seen", {}).get(detector, {}).get(hypothesis.kind)
+    if not counted:
+        return alarm, said
+    flights, own = counted["flights"], np.zeros(len(said))
+    for token, n in counted["said"].items():
+        token = mirrored(token) if hypothesis.side == "right" else token
+        own[names(detector).index(token)] += n
+    mean = (WEIGHT * alarm.mean() + own.sum()) / (WEIGHT + flights)
+    return _shifted(alarm, mean), (WEIGHT * said + own) / (WEIGHT + own.sum())
+
+
+def _shifted(p, mean):
+    """Return probabilities whose log odds are those of `p` and one number more, with this mean."""
+    odds, low, high = np.log(p / (1.0 - p)), -20.0, 20.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        above = (1.0 / (1.0 + np.exp(-odds - middle))).mean() > mean
+        low, high = (low, middle) if above else (middle, high)
+    return 1.0 / (1.0 + np.exp(-odds - low))
+
+
+@functools.cache
+def stored() -> dict[str, Any]:
+    """Return the rates that `cosim train joint` wrote."""
+    return json.loads(resources.files("fdi").joinpath("thresholds", "joint.json").read_text(encoding="utf-8"))
+
+
+def rows(found: list[Hypothesis], technology: dict[str, str], rates: dict) -> tuple[np.ndarray, ...]:
+    """Return (row (hypothesis, lane), alarm (rows, size and variant), said (rows, variant, 1 + tokens)).
+
+    `technology` is {one of SEGMENTS: technology}. A variant is measured, or believed by the records alone.
+    """
+    common = next(iter(technology.values()), "hydraulic")
+    most = 1 + max(len(names(d)) for d in (*LOCAL, *AIRCRAFT))
+    index: dict[bytes, int] = {}
+    kept = {detector: keeps(detector, rates) for detector in (*LOCAL, *AIRCRAFT)}
+    row, alarms, saids = np.zeros((len(found), len(LANES))), [], []
+    for i, h in enumerate(found):
+        for j, (detector, lane) in enumerate(LANES):
+            if lane != "aircraft" and lane not in h.segments:
+                alarm, said = np.full(6, ELSEWHERE), np.full((2, len(names(detector))), 1.0 / len(names(detector)))
+            else:
+                own = h
+                if lane != "aircraft" and len(h.segments) > 1:  # a segment's own filters cannot tell whose command
+                    own = Hypothesis(h.place, h.verdict, f"{technology[lane]}.{h.kind.partition('.')[2]}", (lane,))
+                how = detector, own, common, kept[detector]
+                both = [measured(*how, rates), believed(*how)]
+                alarm = np.concatenate([a for a, _ in both])
+                said = np.stack([s for _, s in both])
+            padded = np.zeros((2, most))
+            padded[:, 1 : 1 + said.shape[1]] = said
+            key = np.concatenate([alarm, padded.ravel()]).tobytes()
+            if key not in index:
+                index[key] = len(index)
+                alarms.append(alarm)
+                saids.append(padded)
+            row[i, j] = index[key]
+    return row, np.array(alarms), np.array(saids)
+
+
+def by_age(rates: dict) -> np.ndarray:
+    """Return (lane, age): P(alarm by then | alarm), after the first witness; without rates within a second or two."""
+    out = []
+    for detector, _ in LANES:
+        prior = 1.0 - np.exp(-(np.array(AGES) + 0.1))
+        *counted, alarms = rates.get("late", {}).get(detector, [0.0] * (len(AGES) + 1))
+        out.append((5.0 * prior + np.array(counted)) / (5.0 + alarms))
+    return np.array(out)

@@ -1,0 +1,118 @@
+"""`joint`: what the tokens of the other detectors say together, with what is not there counting as not there."""
+
+import numpy as np
+import pytest
+
+from fdi import registry
+from fdi.common import verdict
+from fdi.joint import joint, places, tables
+
+DT = 0.1
+MIXED = {"left_outer": "hydraulic", "left_inner": "hydraulic", "right_inner": "ema", "right_outer": "ema"}
+AIRCRAFT = "aircraft"
+VALVE = ("iotsekf", "left_inner", "ofc_liquid", "", 1.0)
+
+
+def heard(*said, technology=MIXED, without=("pitch_moment_glr",), duration_s=8.0, **how):
+    """Return the STATE log of lanes that alarm for good: (detector, lane, class, culprit, from when [s])."""
+    p = joint.params(technology, **how)
+    u, here = np.zeros((1, round(duration_s / DT)), joint.INPUTS), places.segments(technology)
+    for i, (detector, lane) in enumerate(places.LANES):
+        flies = lane == AIRCRAFT or here.get(lane) in registry.record(detector).technologies
+        u["valid"][0, :, i] = flies and detector not in without
+    for detector, lane, class_, culprit, start in said:
+        i, k = places.LANES.index((detector, lane)), round(start / DT)
+        u["alarm"][0, k:, i], u["verdict"][0, k:, i] = 1.0, verdict.code(class_)
+        u["culprit"][0, k:, i] = registry.module(detector).CULPRITS.index(culprit)
+    x, log = joint.init(p), np.zeros(u.shape, joint.STATE)
+    joint.rollout(x, u, p, DT, log)
+    return log[0]
+
+
+def name(log, k=-1):
+    """Return (class, culprit, second culprit) of a tick."""
+    culprits = (joint.CULPRITS[int(log[field][k])] for field in ("culprit", "second"))
+    return (verdict.name(log["verdict"][k]), *culprits)
+
+
+def test_a_filter_that_alarms_places_the_fault_in_the_valve_and_a_monitor_alone_in_the_command_path():
+    valve = heard(VALVE, ("ofc_monitor", "left_inner", "ofc_liquid", "", 2.5))
+    assert name(valve) == ("ofc_liquid", "elevator_left_inner_valve", "")
+    command = heard(*(("ofc_monitor", s, "ofc_liquid", "", 1.0) for s in ("left_inner", "left_outer")),
+                    ("rfafe", AIRCRAFT, "ofc_liquid", "elevator_left", 2.0))  # fmt: skip
+    assert name(command) == ("ofc_liquid", "elevator_left_command", "")
+    assert valve["p"][-1] >= 0.9 and command["p"][-1] >= 0.9
+
+
+def test_nothing_is_said_while_nobody_alarms_and_an_alarm_ends_with_its_last_witness():
+    quiet = heard()
+    assert not quiet["alarm"].any() and quiet["valid"].all()
+    log = heard(VALVE)
+    k = int(np.argmax(log["alarm"]))
+    assert k == 10 and log["alarm"][k:].all()  # one witness is enough, in the same tick
+
+
+def test_q_and_theta_stay_open_until_something_tells_them_apart():
+    either = ("kinematic", AIRCRAFT, "sensor", "q or theta", 1.0)
+    alone = heard(either, without=("lpv_smo", "pitch_moment_glr"))
+    assert name(alone)[:2] == ("sensor", "q or theta") and alone["p"][-1] >= 0.9
+    told = heard(either, ("lpv_smo", AIRCRAFT, "ambiguous", "", 2.0))  # which alarms on q, on theta hardly ever
+    assert name(told)[1] == "q"
+
+
+def test_two_faults_are_named_beside_each_other_whichever_came_first():
+    other = ("ema_kalman_flight", "right_outer", "ofc_liquid", "", 3.0)
+    log = heard(VALVE, ("ofc_monitor", "left_inner", "ofc_liquid", "", 2.0), other)
+    assert {*name(log)[1:]} == {"elevator_left_inner_valve", "elevator_right_outer_drive"}
+    assert verdict.name(log["verdict_2"][-1]) == "ofc_liquid" and log["second"][20] == 0.0
+
+
+def test_a_detector_that_does_not_fly_is_no_silence():
+    """Silence of ofc_monitor speaks against an oscillation; its absence does not."""
+    there, gone = (heard(VALVE, without=w) for w in ((), ("ofc_monitor", "rtsekf", "rfafe", "pitch_moment_glr")))
+    assert gone["p_fault"][-1] > there["p_fault"][-1]
+
+
+@pytest.mark.parametrize("levels, alarms", [("both", True), ("local", True), ("aircraft", False)])
+def test_each_level_can_be_listened_to_alone(levels, alarms):
+    assert heard(VALVE, levels=levels)["alarm"].any() == alarms
+
+
+@pytest.mark.parametrize("technology", [
+    dict.fromkeys(places.SEGMENTS, "hydraulic"), dict.fromkeys(places.SEGMENTS, "ema"), MIXED,
+    {"left": "hydraulic", "right": "ema"}, {**MIXED, "left_outer": "simple"},
+])  # fmt: skip
+def test_every_mix_of_technologies_has_its_places(technology):
+    found, here = places.hypotheses(technology), places.segments(technology)
+    assert all(h.place in joint.CULPRITS for h in found)
+    assert {s for h in found for s in h.segments} == set(here)
+    p = joint.params(technology)
+    assert p["prior"].sum() == pytest.approx(1.0)
+    assert np.all(p["alarm"] < 1.0) and np.all(p["said"].sum(axis=3)[:, : int(p["row"].max()) + 1] <= 1.0 + 1e-9)
+
+
+def test_a_segment_of_two_is_named_as_this_aircraft_calls_it():
+    said = VALVE, ("ofc_monitor", "left_inner", "ofc_liquid", "", 2.0)
+    assert name(heard(*said, technology={"left": "hydraulic", "right": "ema"}))[1] == "elevator_left_valve"
+
+
+def test_left_and_right_are_alike():
+    technology = dict.fromkeys(places.SEGMENTS, "hydraulic")
+    how = {"technology": technology, "rates": "none"}  # of a fault of all elevators rfafe names the left side first
+    left = heard(VALVE, ("rfafe", AIRCRAFT, "ofc_liquid", "elevator_left", 2.0), **how)
+    right = heard(("iotsekf", "right_inner", "ofc_liquid", "", 1.0),
+                  ("rfafe", AIRCRAFT, "ofc_liquid", "elevator_right", 2.0), **how)  # fmt: skip
+    assert name(right)[1] == places.mirrored(name(left)[1]) == "elevator_right_inner_valve"
+    # not to the last digit: of twins the one that comes first in LANES has its own age, the other that of both
+    assert right["p"][-1] == pytest.approx(left["p"][-1], abs=0.02)
+
+
+def test_rates_move_what_records_say_by_their_number_of_flights():
+    h = places.Hypothesis("alpha", "sensor", "sensor.alpha")
+    counts = {"seen": {"lpv_smo": {"sensor.alpha": {"flights": 30, "said": {"sensor n_z": 30}}}}}
+    kept = tables.keeps("lpv_smo", {})
+    before, after = (tables.measured("lpv_smo", h, "hydraulic", kept, rates)[1] for rates in ({}, counts))
+    wrong = tables.names("lpv_smo").index("sensor n_z")
+    assert before[wrong] < 0.2 and after[wrong] > 0.85
+    alarm = tables.measured("lpv_smo", h, "hydraulic", kept, counts)[0]
+    assert alarm.mean() == pytest.approx((3.0 * tables.believed("lpv_smo", h, "hydraulic")[0].mean() + 30.0) / 33.0)
