@@ -26,6 +26,7 @@ _PUBLIC = {  # name -> module that defines it
     "window_model": "cosim.flight.plugins.window",
     "linearize": "cosim.flight.plant.linearize",
     "CosimError": "cosim.errors",
+    "Progress": "cosim.progress",
 }
 __all__ = [*_PUBLIC]
 

@@ -4,10 +4,15 @@ Library functions raise them, only the command line prints them (exit status 2) 
 """
 
 import difflib
-from collections.abc import Iterator, Sequence
+import os
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from functools import wraps
+from typing import Any, ParamSpec, TypeVar
 
+FULL = "COSIM_TRACEBACK"  # set in the environment: tracebacks of CosimErrors are whole
+P = ParamSpec("P")
+R = TypeVar("R")
 Raised = TypeVar("Raised", bound="CosimError")
 
 LONGEST = 1000  # letters of a part of a message: a value of a megabyte is not repeated
@@ -101,6 +106,25 @@ class LogError(CosimError):
 
 class OutputError(CosimError):
     """A place that cannot be written to."""
+
+
+def told_at_call(function: Callable[P, R]) -> Callable[P, R]:
+    """Let a CosimError of a public function show the caller's line, not the library's own; its cause stays.
+
+    With COSIM_TRACEBACK in the environment the traceback stays whole.
+    """
+
+    @wraps(function)
+    def called(*args: P.args, **more: P.kwargs) -> R:
+        try:
+            return function(*args, **more)
+        except CosimError as error:
+            if os.environ.get(FULL):
+                raise
+            error.__suppress_context__ = True
+            raise error.with_traceback(None)  # noqa: B904
+
+    return called
 
 
 def did_you_mean(word: Any, choices: Any) -> str:

@@ -13,6 +13,7 @@ from fdi import registry
 
 for _name in THREADS:  # read by the processes that pytest starts: each is a core's already
     os.environ.setdefault(_name, "1")
+os.environ.setdefault("COSIM_TRACEBACK", "1")  # a failing test shows where in the library
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # some images set it: each of those processes would compile our sources
 
 
@@ -21,7 +22,7 @@ def pytest_configure(config: pytest.Config) -> None:
     if config.args_source is pytest.Config.ArgsSource.TESTPATHS and not hasattr(config, "workerinput"):
         compiling.prepare(
             cosim.load_scenario("cruise", ["elevator.left_outer=ema"]),
-            lambda i, n: print(f"\rcompiling {i} of {n}", end="\n" if i == n else "", flush=True),
+            lambda i, n: print(f"\rcompiled {i} of {n}", end="\n" if i == n else "", flush=True),
         )
 
 

@@ -32,7 +32,7 @@ import pandas as pd
 from cosim.campaign.pool import outcomes
 from cosim.campaign.store import GO_ON, CampaignError, Store, folder
 from cosim.campaign.worker import run_id
-from cosim.errors import LogError, OutputError
+from cosim.errors import LogError, OutputError, told_at_call
 from cosim.files import regular, replace, replace_text
 from cosim.scenario import Scenario
 from cosim.scenario.brought import identified
@@ -85,6 +85,7 @@ class CampaignResult:
         return {"parquet": str(self.parquet) if self.parquet else None, **counts}
 
 
+@told_at_call
 def run_many(
     scenarios: Iterable[Scenario],
     *,
@@ -114,6 +115,10 @@ def run_many(
         resumed = len(store.finished)
         _tell_guests(runs.values(), store.out)
         todo = [(run, scenario) for run, scenario in runs.items() if run not in store.finished]
+        if todo and executor is None:
+            from cosim.flight.loop.compiling import prepare
+
+            prepare(todo[0][1])  # here, with a word, and not in every worker at once
         _fly(todo, store, progress, len(runs), workers=workers, executor=executor, achieved=achieved)
         frame = store.rows()
         frame["kept"] = _kept(frame, keep, runs, store.out)

@@ -21,13 +21,14 @@ from cosim.campaign import CampaignResult, run_many
 from cosim.campaign.spec import load_campaign
 from cosim.campaign.store import CampaignError, fingerprint, flown_with, load
 from cosim.campaign.worker import fly, run_id
-from cosim.errors import did_you_mean
+from cosim.errors import did_you_mean, told_at_call
 from cosim.flight.plugins import with_detectors
 from cosim.scenario.brought import identified
 
 CONNECT_S = 20.0  # to a scheduler, and until it has a worker
 
 
+@told_at_call
 def run_campaign(
     campaign: str | Path,
     *,

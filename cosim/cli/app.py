@@ -21,6 +21,7 @@ from rich.markup import escape
 from typer.core import TyperGroup
 
 from cosim.errors import CosimError, shortened
+from cosim.files import marked, replace_text
 
 for _width in ("COLUMNS", "TERMINAL_WIDTH"):  # rich's and typer's; 0 would print nothing, 10^20 for ever
     if not re.fullmatch("[1-9][0-9]{0,3}", os.environ.get(_width, "")):
@@ -171,6 +172,7 @@ PortOption = Annotated[
     typer.Option("--port", metavar="PORT", min=0, max=65535, help="With --live: default 8765, 0 takes a free one."),
 ]
 LogArg = Annotated[Path, typer.Argument(metavar="LOG", help="A log of [b]cosim run[/].", show_default=False)]
+LAYOUT = marked(b"{", b'"content"', b'"type": "tabs"')  # the sign of our layouts
 MOST = 20  # mistakes of one file that are told before the last
 LIVE_PORT = 8765  # that Foxglove asks for by default
 
@@ -200,8 +202,11 @@ def answer(json_: bool, found: dict, shown: Callable[[dict], Any]) -> None:
     print(json.dumps(found, allow_nan=False)) if json_ else out.print(shown(found))
 
 
-def served(server: Any) -> None:
-    """Say where Foxglove finds a flight."""
+def served(server: Any, layout: Path | None = None) -> None:
+    """Say where Foxglove finds a flight, and write its `layout` for that flight."""
+    if layout:
+        replace_text(layout, server.layout.decode(), LAYOUT)
+        err.print(f"layout {layout}: in Foxglove, Import from file", highlight=False, soft_wrap=True)
     err.print(f"in Foxglove: Open connection, {server.steer_url or server.url}", highlight=False, soft_wrap=True)
     if server.steer_url:
         err.print(f"to watch only: {server.url}", highlight=False, soft_wrap=True)

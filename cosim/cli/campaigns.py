@@ -17,6 +17,7 @@ from cosim.cli.output import (
     output_option,
     reserve,
 )
+from cosim.errors import CosimError
 
 
 def _left_out(damaged, what):
@@ -155,11 +156,16 @@ def report(
     ],
     output: Annotated[Path | None, output_option("HTML", "Default: beside the log.")] = None,
     overwrite: OverwriteOption = False,
+    light: Annotated[
+        bool, typer.Option("--light", help="Of one log: figures as SVG, under 500 kB, without cursor and zoom.")
+    ] = False,
     json_: JsonOption = False,
 ) -> None:
     """Write one self-contained HTML page that shows a flight, what `cosim replay --map -o` made of a recording, or
     compares the logs of a folder; opens offline.
     """
+    if light and log.is_dir():
+        raise CosimError("is for the page of one log", place="--light", remedy="Name a log, or leave --light out")
     path = output or (log / "compare.html" if log.is_dir() else log.with_suffix(".html"))
     from cosim.report.page import PAGE
 
@@ -175,7 +181,7 @@ def report(
         from cosim.report import diagnosis_report, flight_report
 
         foreign = "map.toml" in open_log(log, tolerant=True).attachments
-        made = (diagnosis_report if foreign else flight_report)(log, path)
+        made = (diagnosis_report if foreign else flight_report)(log, path, light=light)
     answer(json_, {"report": str(made)}, lambda _: tables.whole(f"report {made}"))
 
 
@@ -184,8 +190,8 @@ def compare(
     sources: Annotated[
         list[Path] | None,
         typer.Argument(
-            metavar="[LOGS…|DIR]",
-            help="Logs, or a campaign's folder. Default: a small built-in matrix.",
+            metavar="[LOGS…|DIR|DIR DIR]",
+            help="Logs, a campaign's folder, or two of them side by side. Default: a small built-in matrix.",
             show_default=False,
         ),
     ] = None,
@@ -212,6 +218,8 @@ def compare(
         for name, sign in SIGNS.items():
             reserve(output / name, sign)
     if readme:
+        if len(sources or ()) > 1:
+            raise CosimError("is for one campaign", place="--readme", remedy="Leave it out")
         from cosim.report.compare_markdown import targets, write
 
         for path in targets(readme):  # before a flight is flown

@@ -13,6 +13,7 @@ from rich.text import Text
 
 from cosim.cli import flight, inventory, tables
 from cosim.cli.app import (
+    LAYOUT,
     LIVE_PORT,
     PortOption,
     ScenarioArg,
@@ -28,6 +29,7 @@ from cosim.cli.app import (
 )
 from cosim.cli.output import DetectorOption, JsonOption, OverwriteOption, log_name, named, output_option, reserve
 from cosim.errors import CosimError, did_you_mean
+from cosim.progress import Compiling
 from cosim.table import Cell, Table
 
 if TYPE_CHECKING:  # `--help` needs no scenario
@@ -47,7 +49,8 @@ def run(
     strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 when the flight departs.")] = False,
     report: Annotated[bool, typer.Option("--report", help="Write an HTML report beside the log.")] = False,
     live: Annotated[
-        bool, typer.Option("--live", help="Fly by the clock, for Foxglove to watch, inject and heal (README).")
+        bool,
+        typer.Option("--live", help="Fly by the clock: watch, inject and heal in Foxglove (layout beside the log)."),
     ] = False,
     speed: SpeedOption = None,
     port: PortOption = None,
@@ -81,13 +84,16 @@ def run(
         from cosim.report.page import PAGE
 
         reserve(page, PAGE, taken=taken)
+    layout = path.with_suffix(".foxglove.json")
+    if live:
+        reserve(layout, LAYOUT, taken=taken)
     overwritten = path.is_file()
     from cosim.flight.detection.detectors import left_out
     from cosim.flight.faults.conditions import resolved
     from cosim.flight.loop.compiling import prepare
     from cosim.flight.simulate import simulate
 
-    with named(scenario), tables.compiling(err) as tell:
+    with named(scenario), Compiling(err) as tell:
         prepare(flown, tell)
     with named(scenario):
         flown = resolved(flown)
@@ -97,7 +103,7 @@ def run(
             from cosim.flight.interactive.live import fly_live
 
             where = LIVE_PORT if port is None else port
-            told: Any = {"progress": progress, "ready": served}
+            told: Any = {"progress": progress, "ready": lambda server: served(server, layout)}
             result, flown = fly_live(flown, log=path, port=where, speed=speed or 1.0, flightgear=flightgear, **told)
         else:
             result = simulate(flown, log=path, progress=progress, achieved=True)

@@ -2,6 +2,7 @@
 
 import contextlib
 import itertools
+import re
 import tempfile
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -266,12 +267,13 @@ def _not_run(rows, named):
         if lane != "aircraft" and lane not in named:
             away.setdefault(lane, []).append(r["id"])
             continue
-        shown = r["missing"][:MISSING]
-        more = f" and {len(r['missing']) - MISSING} more" if len(r["missing"]) > MISSING else ""
+        words = list(dict.fromkeys(re.sub(r"\.(hm0|hmd)$", ".hinge_moment", word) for word in r["missing"]))
+        shown = words[:MISSING]
+        more = f" and {len(words) - MISSING} more" if len(words) > MISSING else ""
         lack.add(r["id"], lane.replace("_", " "), ", ".join(shown) + more)
     if away:
         which = ", ".join(lane.replace("_", " ") for lane in away)
-        lack.caption = f"nor any of {which}: the map names no signal of theirs"
+        lack.caption = f"nothing runs on {which}: the map names no signal of these segments"
     return lack
 
 

@@ -5,6 +5,7 @@ Computes only; `cosim.report.write_comparison` writes table and page.
 found = compare()                        # the built-in matrix
 found = compare(["a.mcap", "b.mcap"])    # logs
 found = compare(["logs/my-campaign"])    # a campaign's folder
+found = compare(["logs/a", "logs/b"])    # two of them, side by side: cosim/compare/side_by_side.py
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -15,10 +16,10 @@ from typing import Any
 
 import pandas as pd
 
-from cosim.compare import bound, figures, metrics, tables
+from cosim.compare import bound, figures, metrics, side_by_side, tables
 from cosim.compare import rows as compare_rows
 from cosim.compare import stats as compare_stats
-from cosim.errors import CosimError
+from cosim.errors import CosimError, told_at_call
 from cosim.flight.plugins import load, with_detectors
 from cosim.judge.result import plain
 from cosim.scenario.brought import identified
@@ -38,6 +39,8 @@ class Comparison:
     failed: int
     source: str
     damaged: tuple[str, ...] = ()  # files of a campaign that are no more whole and were left out
+    two: bool = False  # campaigns side by side: each detector stands twice
+    pairs: Sequence[dict] = ()  # cosim.compare.paired.Pair of each detector on the flights that both campaigns have
     report: Path | None = None
     table: Path | None = None
 
@@ -104,10 +107,12 @@ class Comparison:
             "table": str(self.table) if self.table else None,
             "runs": self.runs,
         }
-        told = {"detectors": self.detectors, "families": self.families, "sizes": self.sizes, "levels": self.levels}
+        told = {"detectors": self.detectors, "families": self.families, "levels": [] if self.two else self.levels}
+        told |= {"sizes": [] if self.two else self.sizes, "pairs": list(self.pairs)}
         return plain({**about, "failed": self.failed, "source": self.source, **told})
 
 
+@told_at_call
 def compare(
     sources: Iterable[str | Path] = (),
     *,
@@ -115,22 +120,57 @@ def compare(
     progress: Callable[[int, int], None] | None = None,
     guests: Iterable[str | Path] = (),
 ) -> Comparison:
-    """Return the Comparison of logs, of one campaign's folder or folder of logs, or of the built-in matrix.
+    """Return the Comparison of logs, of one campaign's folder or folder of logs, of two campaigns side by side, or of
+    the built-in matrix.
 
     `progress(done, total)` counts flights. `guests` are files of further detectors (cosim/flight/plugins): they fly in
     the built-in matrix, and are run on logs as they were flown. Raises CompareError,
     CampaignError, LogError, GuestError.
     """
-    frame, timing, tomls, source = read(sources, workers=workers, progress=progress, guests=guests)
+    paths = [Path(s) for s in sources]
+    if len(paths) == 2 and all((p / "scenarios.parquet").is_file() for p in paths):
+        return _side_by_side(paths, guests)
+    frame, timing, tomls, source = read(paths, workers=workers, progress=progress, guests=guests)
+    rows = _tidy(frame, tomls, source)
+    return Comparison(rows, _each(rows, timing), frame["run"].nunique(), _failed(frame), source, _damaged(frame))
+
+
+def _tidy(frame, tomls, source):
     rows = compare_rows.tidy(frame, tomls, source)
     if rows.empty:
         raise CompareError("no flight has a detector to compare", place=source)
-    damaged = tuple(frame.attrs.get("damaged", ()))
-    rows = bound.of(rows, tomls)
-    failed = int(frame.drop_duplicates("run")["status"].isin(("infeasible", "error", "crashed")).sum())
+    return bound.of(rows, tomls)
+
+
+def _each(rows, timing):
     above = bound.beyond(rows)
-    each = [d | {"beyond_physics": d["id"] in above} for d in compare_stats.detectors(rows, timing)]
-    return Comparison(rows, each, frame["run"].nunique(), failed, source, damaged)
+    return [d | {"beyond_physics": d["id"] in above} for d in compare_stats.detectors(rows, timing)]
+
+
+def _failed(frame):
+    return int(frame.drop_duplicates("run")["status"].isin(("infeasible", "error", "crashed")).sum())
+
+
+def _damaged(frame):
+    return tuple(frame.attrs.get("damaged", ()))
+
+
+def _side_by_side(folders, guests):
+    if folders[0].resolve() == folders[1].resolve():
+        raise CompareError("is named twice", place=str(folders[0]), remedy="Give the folders of two campaigns")
+    names, each, times, frames = side_by_side.labels(folders), [], [], []
+    for folder, name in zip(folders, names):
+        frame, timing, tomls, source = read([folder], guests=guests)
+        each.append(side_by_side.flights(_tidy(frame, tomls, source), tomls))  # while its records are the ones told
+        frames.append(frame)
+        if timing is not None:
+            known = timing[timing["id"].notna()]
+            times.append(known.assign(id=[f"{i} ({name})" for i in known["id"]]))
+    rows, pairs, told = side_by_side.joined(each, names)
+    source = f"{' and '.join(map(str, folders))}: {told}"
+    failed, damaged = sum(map(_failed, frames)), tuple(d for frame in frames for d in _damaged(frame))
+    made = _each(rows, pd.concat(times) if times else None)
+    return Comparison(rows, made, rows["run"].nunique(), failed, source, damaged, True, pairs)
 
 
 def read(
@@ -159,6 +199,7 @@ def read(
             return *compare_rows.of_campaign(folders[0]), str(folders[0])
         paths = logs
     elif folders:
-        raise CompareError("is a folder beside other sources", place=str(folders[0]), remedy="Give logs, or one folder")
+        remedy = "Give logs, one folder, or the folders of two campaigns"
+        raise CompareError("is a folder beside other sources", place=str(folders[0]), remedy=remedy)
     frame, tomls = compare_rows.of_logs(paths, progress, own)
     return frame, None, tomls, f"{len(paths)} log{'s' * (len(paths) != 1)}"

@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import special, stats
 from scipy.optimize import brentq
 
+from cosim.table import number
+
 LEAST = 12  # flights, below which no curve is fitted
 STEPS = 100  # of Newton's method; a sample that overlaps needs fewer than ten
 SETTLED = 1e-12  # relative change of the deviance at which it ends
@@ -63,9 +65,10 @@ def fit(size: ArrayLike, seen: ArrayLike, share: float = 0.9, confidence: float 
     if n < LEAST:
         return Pod(n, k, note="too few flights")
     if k in (0, n):
-        return Pod(n, k, note=f"none seen up to {a.max():.2g}" if k == 0 else f"all seen from {a.min():.2g}")
+        told = f"none seen up to {number(a.max(), 2)}" if k == 0 else f"all seen from {number(a.min(), 2)}"
+        return Pod(n, k, note=told)
     if a[~y].max() <= a[y].min():  # also where both are found at one size alone: the likelihood has no maximum
-        return Pod(n, k, note=f"between {a[~y].max():.2g} and {a[y].min():.2g}")
+        return Pod(n, k, note=f"between {number(a[~y].max(), 2)} and {number(a[y].min(), 2)}")
     (b0, b1), cov = logistic(np.log(a), y)
     if not (np.isfinite(cov).all() and b1 > 0.0):
         return Pod(n, k, note="does not grow with size")
@@ -74,7 +77,7 @@ def fit(size: ArrayLike, seen: ArrayLike, share: float = 0.9, confidence: float 
     at = (wanted - b0) / b1
     first, last = math.log(a.min()), math.log(a.max())
     if not first <= at <= last:
-        return Pod(n, k, note=f"beyond {a.max():.2g}" if at > last else f"below {a.min():.2g}", **curve)
+        return Pod(n, k, note=f"beyond {number(a.max(), 2)}" if at > last else f"below {number(a.min(), 2)}", **curve)
 
     def bound(x: float, sign: float) -> float:
         spread = math.sqrt(cov[0, 0] + 2.0 * x * cov[0, 1] + x * x * cov[1, 1])
@@ -84,7 +87,7 @@ def fit(size: ArrayLike, seen: ArrayLike, share: float = 0.9, confidence: float 
     low = brentq(bound, first, at, args=(1.0,)) if bound(first, 1.0) < 0.0 else None
     return Pod(
         n, k, math.exp(at), None if low is None else math.exp(low), None if high is None else math.exp(high),
-        "" if high is not None else f"bound beyond {a.max():.2g}", **curve,
+        "" if high is not None else f"bound beyond {number(a.max(), 2)}", **curve,
     )  # fmt: skip
 
 

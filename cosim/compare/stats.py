@@ -206,7 +206,7 @@ def groups(rows: pd.DataFrame) -> dict[str, list[str]]:
     """Return {group: [detectors]}: what detectors draw on, known groups first."""
     level = dict(zip(rows["id"], rows["level"]))
     out: dict = {}
-    for name in sorted(level, key=lambda n: (*SHIPPED, n).index(n)):
+    for name in sorted(level, key=lambda n: (*SHIPPED, n.partition(" ")[0]).index(n.partition(" ")[0])):
         out.setdefault(group(name, level[name]), []).append(name)
     return dict(sorted(out.items(), key=lambda item: (*GROUPS, item[0]).index(item[0])))
 

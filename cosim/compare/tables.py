@@ -10,7 +10,7 @@ from cosim.judge import coverage
 from cosim.judge.lanes import seconds
 from cosim.judge.naming import LEVELS
 from cosim.replay.recording import finite
-from cosim.table import DASH, Cell, Column, Table, number, of, share
+from cosim.table import DASH, MORE, Cell, Column, Table, number, of, share
 
 
 def _count(key: str, bad: bool = False) -> Callable:
@@ -142,12 +142,12 @@ def fit(d: dict | None, best: float | None = None) -> Any:
         return "blind" if d and d.get("blind") else DASH
     told = f"; {d['not_valid']} not valid" if d.get("not_valid") and "n" in d else ""
     if d.get("bound_mm") is not None and "n" in d:
-        told += f"; bound {d['bound_mm']:.2g}" + (f", {d['below']} below it" if d["below"] else "")
+        told += f"; bound {number(d['bound_mm'], 2)}" + (f", {d['below']} below it" if d["below"] else "")
     seen, flights = d.get("seen", d.get("detected")), d.get("n", d.get("designed"))
     if d["a90"] is None:
         return f"{d['note']} ({seen}/{flights}{told})" if flights else f"not valid ({d['not_valid']})"
-    ends = ["?" if d[k] is None else f"{d[k]:.2g}" for k in ("low", "a90_95")]
-    said = f"{d['a90']:.2g} ({ends[0]} to {ends[1]}){told}"
+    ends = ["?" if d[k] is None else number(d[k], 2) for k in ("low", "a90_95")]
+    said = f"{number(d['a90'], 2)} ({ends[0]} to {ends[1]}){told}"
     return Cell(said, "bold") if best is not None and d["a90_95"] == best else said
 
 
@@ -176,13 +176,15 @@ def sizes(found: Sequence[dict]) -> dict[str, Table]:
 
 def scored_sizes(each: Sequence[dict]) -> Table:
     """Return the Table of a90/95 of a score: families by line, detectors by column; the smallest in bold."""
-    made = Table("", "family", "unit", *(Column(d["id"], detector=d["id"]) for d in each), kind="fits")
+    ranks = [0 if i < 3 else 1 if i < 8 else MORE for i in range(len(each))]
+    heads = (Column(d["id"], detector=d["id"], rank=rank) for d, rank in zip(each, ranks))
+    made = Table("", "family", "unit", *heads, kind="fits")
     cells = {(d["id"], f["family"]): f for d in each for f in d["families"]}
     for name in dict.fromkeys(f["family"] for d in each for f in d["families"]):
         own = [cells.get((d["id"], name), {"designed": 0}) for d in each]
         unit, bound = (next((f[k] for f in own if f["designed"] and f[k]), None) for k in ("unit", "bound_mm"))
         best = min((f["a90_95"] for f in own if f["designed"] and f["a90_95"]), default=None)
-        told = "" if bound is None else f", bound {bound:.2g}"
+        told = "" if bound is None else f", bound {number(bound, 2)}"
         made.add(Cell(name, "bold"), (unit or DASH) + told, *(fit(f, best) for f in own))
     made.caption = (
         "Size at which 90 % are seen, in brackets its lower bound and a90/95 (binomial regression on its "

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 
-from cosim.errors import LogError
+from cosim.errors import LogError, told_at_call
 from cosim.flight.build import Setup, build
 from cosim.flight.faults.conditions import resolved
 from cosim.flight.faults.fault_free_reference import Twin
@@ -19,6 +19,7 @@ from cosim.scenario import Scenario, load_scenario
 from cosim.scenario.user_file import aside
 
 
+@told_at_call
 def simulate(
     scenario: Scenario | str | os.PathLike,
     *,

@@ -40,7 +40,7 @@ class Expected:
 def expected(detector: str, case: str) -> Expected:
     """Return the Expected of `detector` for `case`; what its record does not say, or a detector without one, is not
     declared, and the fault's own class would be right."""
-    record = registry.find(detector)
+    record = _record(detector)
     for word, table in ((DESIGNED, record.designed_for), (MAY, record.may_see)) if record else ():
         for pattern, classes in table.items():
             if fnmatch.fnmatchcase(case, pattern):
@@ -109,12 +109,17 @@ def true_class(case: str) -> str:
 
 def group(detector: str, level: str) -> str:
     """Return what a detector draws on, in words; its level where its record does not say."""
-    return getattr(registry.find(detector), "group", "") or f"{level} level"
+    return getattr(_record(detector), "group", "") or f"{level} level"
 
 
 def remark(detector: str) -> str:
     """Return what has to be said whenever results of a detector are shown, or an empty text."""
-    return getattr(registry.find(detector), "remark", "")
+    return getattr(_record(detector), "remark", "")
+
+
+def _record(detector):
+    """Return the record of a detector, also of "name (campaign)" where two campaigns stand side by side."""
+    return registry.find(detector.partition(" ")[0])
 
 
 def case_of(kind: str, target: str, technology: Mapping[str, str], at: str = "", limit: bool = False) -> str:

@@ -4,7 +4,7 @@ Put them into the log as attachments, or write them beside it; both viewers impo
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import cycle
 from typing import Any
 from xml.etree import ElementTree
@@ -40,6 +40,14 @@ PAGES = (
         ),
     ),
 )
+STEERING = (  # beside the services of a live flight
+    "Inject and heal",
+    (
+        ("Load factor [-]", "truth", ("nz",)),
+        ("Surfaces [rad]", "truth", ("de_*",)),
+        ("Alarm [-]", "detectors", ("alarm",)),
+    ),
+)
 _COLOURS = ("#1f77b4", "#d62728", "#1ac938", "#ff7f0e", "#f14cc1", "#9467bd", "#17becf", "#bcbd22")
 
 
@@ -48,16 +56,40 @@ def viewer_layouts(topics: Sequence[Any], pages: Any = PAGES) -> dict[str, Any]:
 
     `pages` say what stands together; a plot, or a page, for which the topics have no field is left out.
     """
+    found = _drawn(topics, pages)
+    return {
+        "layout.foxglove.json": ("application/json", json.dumps(_foxglove(found), indent=1).encode()),
+        "layout.plotjuggler.xml": ("application/xml", _plotjuggler(found)),
+    }
+
+
+def live_layout(topics: Sequence[Any], requests: Mapping[str, Mapping]) -> bytes:
+    """Return the Foxglove layout (JSON) of a live flight: the log's, and first a page to break and mend the flight.
+
+    `requests` {service: a first request} has a panel each, filled in; none, no such page.
+    """
+    layout = _foxglove(_drawn(topics, PAGES))
+    seen = [_plot(title, signals) for _, plots in _drawn(topics, (STEERING,)) for title, signals in plots]
+    calls = [
+        _panel("ServiceCall", {"serviceName": f"/{name}", "requestPayload": json.dumps(keys, indent=1),
+                               "layout": "vertical", "buttonText": name.capitalize()}, title=name.capitalize())
+        for name, keys in requests.items()
+    ]  # fmt: skip
+    if requests:
+        sides = [_split("column", [*calls, _panel("Parameters")]), _split("column", seen)]
+        layout["content"]["tabs"].insert(0, {"title": "Inject and heal", "content": _split("row", sides)})
+    return json.dumps(layout, indent=1).encode()
+
+
+def _drawn(topics, pages):
+    """Return [(page, [(title, signals)])] of the plots for which there are signals."""
     found = []
     for page, plots in pages:
         drawn = [(title, _signals(topics, group, names)) for title, group, names in plots]
         drawn = [(title, signals) for title, signals in drawn if signals]
         if drawn:
             found.append((page, drawn))
-    return {
-        "layout.foxglove.json": ("application/json", json.dumps(_foxglove(found), indent=1).encode()),
-        "layout.plotjuggler.xml": ("application/xml", _plotjuggler(found)),
-    }
+    return found
 
 
 def _signals(topics, group, names):
@@ -75,11 +107,14 @@ def _signals(topics, group, names):
 def _foxglove(pages):
     tabs = []
     for page, plots in pages:
-        items = [{"proportion": 1, "content": _plot(title, signals)} for title, signals in plots]
-        tabs.append({"title": page, "content": {"type": "split", "direction": "column", "items": items}})
+        tabs.append({"title": page, "content": _split("column", [_plot(*plot) for plot in plots])})
     place = [{"proportion": 2, "content": _panel("ThreeDee")}, {"proportion": 1, "content": _panel("Log")}]
     tabs.append({"title": "Place", "content": {"type": "split", "direction": "row", "items": place}})
     return {"version": 1, "content": {"type": "tabs", "selectedTabIndex": 0, "tabs": tabs}}
+
+
+def _split(direction, contents):
+    return {"type": "split", "direction": direction, "items": [{"proportion": 1, "content": c} for c in contents]}
 
 
 def _panel(kind, config=None, **more):

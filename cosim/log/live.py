@@ -11,6 +11,7 @@ import secrets
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,13 +20,39 @@ from cosim.errors import CosimError, OutputError
 from cosim.texts import from_json
 
 from . import gate
+from .layouts import live_layout
 from .live_channels import Shown, library
 
 HOST = "127.0.0.1"
 PATIENCE_S = 120.0  # that a service waits for the flight
 LAG_S = 0.2  # a flight that is later than that behind the clock goes on from where it is
 LARGEST = 20_000  # bytes of a request
-Control = Callable[[dict], Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class Control:
+    """Something that viewers with the token may do: `do` takes the keys of a request and returns those of the answer.
+
+    `request` is the JSON schema of those keys, `example` a request that is a good first one.
+    """
+
+    do: Callable[[dict], Mapping[str, Any]]
+    request: Mapping[str, Any]
+    example: Mapping[str, Any]
+
+
+ANSWER = {  # JSON schema of what a service answers
+    "type": "object",
+    "required": ["ok"],
+    "properties": {
+        "ok": {"type": "boolean", "description": "whether it was done"},
+        "error": {"type": "string", "description": "why it was not, and what is allowed"},
+        "tick": {"type": "integer", "description": "number of the tick from which on it holds"},
+        "t": {"type": "number", "description": "time of that tick [s]"},
+        "fault": {"type": "integer", "description": "number of the fault, for /heal"},
+        "speed": {"type": "number", "description": "times the clock's"},
+    },
+}
 
 
 class Pace:
@@ -53,9 +80,9 @@ class Live:
     """Serve the ticks of a flight; use it as a context manager, `append(v)` after each tick, then `serve()`.
 
     `topics`, `dt_ns` and `pose` are those of the LogWriter. `port` 0 takes a free one. `speed` is that of the flight
-    against the clock. `controls` {name: function} are what viewers with the token may do: each takes the keys of a
-    request and returns those of the answer, a CosimError is answered as a refusal. `context` is a foxglove.Context, by
-    default its own. Raises OutputError when the library is missing or the port is taken.
+    against the clock. `controls` {name: Control} are what viewers with the token may do; a CosimError is answered as a
+    refusal. `context` is a foxglove.Context, by default its own. `layout` is for Foxglove's "Import from file". Raises
+    OutputError when the library is missing or the port is taken.
     """
 
     def __init__(
@@ -76,6 +103,7 @@ class Live:
         self.shown, self.pace = Shown(topics, pose, dt_ns, context), Pace(dt_ns * 1e-9, speed)
         self.shown.speed = speed
         self._controls = dict(controls or {})
+        self.layout = live_layout(topics, {name: c.example for name, c in self._controls.items()})
         self._waiting: queue.SimpleQueue[tuple[str, Any, Future]] = queue.SimpleQueue()
         self.parameters: dict[str, Any] = {}  # what viewers see of it, beside the controls
         self.token = secrets.token_urlsafe(18) if controls else ""
@@ -113,7 +141,7 @@ class Live:
         while not self._waiting.empty():
             name, given, answer = self._waiting.get()
             try:
-                said = {"ok": True, **self._controls[name](given)}
+                said = {"ok": True, **self._controls[name].do(given)}
             except (CosimError, TypeError, ValueError, KeyError, ArithmeticError) as error:  # whatever a request holds
                 said = {"ok": False, "error": str(error)}
             answer.set_result(said)
@@ -152,9 +180,12 @@ class Live:
                 said = {"ok": False, "error": str(error) or "the flight does not answer"}
             return json.dumps(said).encode()
 
-        about = sdk.Schema(name=name, encoding="jsonschema", data=b'{"type": "object"}')
-        either = sdk.websocket.MessageSchema(encoding="json", schema=about)
-        schema = sdk.websocket.ServiceSchema(f"cosim/{name}", request=either, response=either)
+        def told(kind, schema):
+            about = sdk.Schema(name=f"cosim.{name}.{kind}", encoding="jsonschema", data=json.dumps(schema).encode())
+            return sdk.websocket.MessageSchema(encoding="json", schema=about)
+
+        request, response = told("Request", self._controls[name].request), told("Answer", ANSWER)
+        schema = sdk.websocket.ServiceSchema(f"cosim/{name}", request=request, response=response)
         return sdk.websocket.Service(name=f"/{name}", schema=schema, handler=called)
 
     def _values(self, names=()):

@@ -13,6 +13,7 @@ import numpy as np
 from google.protobuf.message import DecodeError
 
 from actuators.object_cache import PLAIN
+from cosim.errors import told_at_call
 from cosim.table import Table
 
 from . import foxglove
@@ -26,6 +27,7 @@ BLOCK = 32  # chunks that are read at a time where a part of a topic is asked fo
 MOST_DRAWN = 4000  # samples of a curve
 
 
+@told_at_call
 def open_log(path: str | Path, *, limits: Any = None, tolerant: bool = False) -> "Log":
     """Open a log strictly: checksums, structure and limits are checked before anything is returned.
 

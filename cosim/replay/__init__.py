@@ -19,6 +19,7 @@ import numpy as np
 from actuators.block import SWEEP, Entry
 from actuators.object_cache import PLAIN
 from actuators.precompile import compile_ahead, cores
+from cosim.errors import told_at_call
 from cosim.flight.plugins import load
 from cosim.flight.plugins.plain import SLOW
 from cosim.judge.column_store import SPAN, ColumnStore
@@ -108,6 +109,7 @@ def compare(name: str, fields: Any, ticks: np.ndarray, logged: np.ndarray, again
     return out
 
 
+@told_at_call
 def replay(
     path: str | Path,
     *,

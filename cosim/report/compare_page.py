@@ -9,10 +9,11 @@ from cosim.files import columns, replace
 from cosim.judge import coverage
 from cosim.report import compare_matrices as matrices
 from cosim.report import compared
-from cosim.report.compare_words import summary
+from cosim.report.compare_words import summary, versus
 from cosim.report.maps import MANY, maps
 from cosim.report.page import PAGE, page, write
 
+TITLES = ("Aircraft-level against local diagnosis, on the same flights", "Two campaigns side by side")
 ROWS = columns("run", "fault")  # the sign of tables of ours
 SIGNS = {"compare.parquet": ROWS, "compare.csv": ROWS, "compare.html": PAGE}
 
@@ -37,7 +38,7 @@ def render(found: Comparison) -> str:
     """Return the page as HTML text."""
     rows, each = found.rows, found.detectors
     grouped, equal = stats.by_group(rows, each), stats.equal_thresholds(rows)
-    sized = found.sizes
+    sized = [] if found.two else found.sizes  # of a level: the two campaigns are none
     made: dict[str, Any] = {
         "maps": maps(rows),
         "equal": maps(rows, equal) if equal else None,
@@ -51,12 +52,13 @@ def render(found: Comparison) -> str:
     lost = f"; {found.failed} could not be flown" if found.failed else ""
     return page(
         "compare.html",
-        title="Aircraft-level against local diagnosis, on the same flights",
+        title=TITLES[found.two],
         subtitle=f"{found.runs} flights, {found.source}; {free} of them fault-free{lost}",
         figures=list(made.values()),
         chips=[(d["id"], d["level"], d["detected"] > 0) for d in each],
-        summary=summary(rows, each, grouped, sized),
-        levels=matrices.levels(grouped),
+        summary=versus(found.pairs, each) if found.two else summary(rows, each, grouped, sized),
+        levels=None if found.two else matrices.levels(grouped),
+        pairs=tables.pairs(found.pairs) if found.pairs else None,
         detectors=tables.detectors(each),
         quiet=tables.quiet(each),
         names=tables.names(each),

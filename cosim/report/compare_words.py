@@ -1,5 +1,7 @@
 """The plain-language summary of a comparison: which level sees what, how soon, how surely, and where it goes blind."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pandas as pd
 
@@ -8,6 +10,7 @@ from cosim.compare.metrics import proportion
 from cosim.judge import coverage
 from cosim.judge.lanes import seconds
 from cosim.judge.narrator import listed
+from cosim.table import number
 
 
 def summary(rows: pd.DataFrame, each: list[dict], grouped: pd.DataFrame, sized: list[dict]) -> list[tuple[str, list]]:
@@ -23,6 +26,18 @@ def summary(rows: pd.DataFrame, each: list[dict], grouped: pd.DataFrame, sized: 
     parts.append(("False alarms", _false(rows, each)))
     parts.append(("Read with care", _care(rows, each)))
     return parts
+
+
+def versus(pairs: Sequence[dict], each: Sequence[dict]) -> list[tuple[str, list]]:
+    """Return the summary of two campaigns side by side, as `summary`; `pairs` are those of the Comparison."""
+    told = []
+    for p in (p for p in pairs if p["at"] == "shipped"):
+        sure = "" if p["p"] is None else f", p = {p['p']:.2g} (McNemar)"
+        told.append(f"{p['a']} alone in {p['only_a']}, {p['b']} alone in {p['only_b']} of {p['n']} faults{sure}")
+    counts = [f"{d['id']}: alarmed on {d['alarmed_on']} faults; of {d['designed']} that it was designed for "
+              f"{d['detected']} seen, {d['named']} with the right name; {d['false_alarms']} false alarms in "
+              f"{d['hours']:.2g} h" for d in each]  # fmt: skip
+    return [("Seen by one", told), ("Each", counts)]
 
 
 def _sees(grouped, members):
@@ -53,7 +68,7 @@ def _oscillations(sized):
     out: list[str] = []
     for g in dict.fromkeys(d["group"] for d in sized):
         own = [d for d in sized if d["group"] == g and d["family"] == "liquid OFC, one segment"]
-        told = [f"{d['a90_95']:.2g} mm at {d['frequency_hz']:g} Hz" for d in own if d["a90_95"] is not None]
+        told = [f"{number(d['a90_95'], 2)} mm at {d['frequency_hz']:g} Hz" for d in own if d["a90_95"] is not None]
         never = [f"{d['frequency_hz']:g}" for d in own if d["n"] and not d["seen"]]
         if never:
             told.append(f"none seen at {listed(never)} Hz")

@@ -20,7 +20,7 @@ def detector(flown: LoggedFlight, lanes: list[Lane]) -> Figure | None:
     if not any((np.abs(lane.fields["r"]) > 0.0).any() for lane in lanes):
         return None
     estimates = [n for n in lanes[0].fields if n.startswith("f_hat")]
-    figure = Figure(f"d-{lanes[0].id}", "", 258, detector=lanes[0].id)
+    figure = Figure(f"d-{lanes[0].id}", "", 272, detector=lanes[0].id)
     main = next((lane.truth[0] for lane in lanes if lane.truth), estimates[0] if estimates else None)
     mine = [lane for lane in lanes if lane.truth] or lanes
     untold = "It gives no fault estimate." if not estimates else "Its estimate declared no fault in this flight."
@@ -30,8 +30,8 @@ def detector(flown: LoggedFlight, lanes: list[Lane]) -> Figure | None:
     figure.caption = "" if main else untold
     titles = ["Statistic |r|"] + ([f"Estimate {main}"] if main else [])
     panels(flown, figure, titles, ["|r|, threshold 1", unit][: len(titles)], len(titles))
-    figure.layout["margin"] |= {"t": 44}
-    figure.layout["legend"]["y"] = 1.06
+    figure.layout["margin"] |= {"t": 58}
+    figure.layout["legend"]["y"] = 1.12  # above the titles: on paper they are as long as it is
     _statistic(figure, flown, lanes)
     if main:
         _estimate(figure, flown, lanes, main, factor)

@@ -74,8 +74,11 @@ class Watched:
         return out
 
 
-def diagnosis_report(log: str | Path, output: str | Path) -> Path:
-    """Write the page of a diagnosis to the file `output`; returns its Path. Raises LogError, OutputError."""
+def diagnosis_report(log: str | Path, output: str | Path, *, light: bool = False) -> Path:
+    """Write the page of a diagnosis to the file `output`; returns its Path. Raises LogError, OutputError.
+
+    `light`: figures as SVG, without cursor and zoom, a tenth of the size.
+    """
     watched = Watched(log)
     flown = cast(LoggedFlight, watched)  # for the figures, which read these of its attributes alone
     line, alarms, _ = timeline(flown)
@@ -102,6 +105,7 @@ def diagnosis_report(log: str | Path, output: str | Path) -> Path:
             span=[watched.t0, watched.end],
             start=watched.t0,
             alarms=alarms,
+            light=light,
         ),
     )
 

@@ -33,6 +33,8 @@ class Figure:
     detector: str | None = None
     rows: list | None = None
     track: list | None = None
+    hint: str = ""  # what the cursor does with it, said where there is one
+    svg: str = ""  # what a light page shows instead of `data` and `layout`
 
     def plain(self) -> dict:
         """Return what the page's script reads."""

@@ -47,9 +47,8 @@ def motion(flown: LoggedFlight) -> Figure:
         ("Attitude", "deg", 1.0, [("pitch", truth, "theta", deg, 0.0), ("bank", truth, "phi", deg, 0.0)]),
         ("Rates", "deg/s", 0.5, [(name, truth, field, deg, 0.0) for name, field in RATES]),
     ]  # fmt: skip
-    figure = Figure(
-        "motion", "Shaded: a fault is active. Drag to zoom in time, double-click to see all; every figure follows.", 560
-    )
+    figure = Figure("motion", "Shaded: a fault is active.", 560)
+    figure.hint = "Drag to zoom in time, double-click to see all; every figure follows."
     panels(flown, figure, [p[0] for p in shown], [p[1] for p in shown], 2, legend=False)
     for i, (_, _, half, curves) in enumerate(shown, 1):
         drawn = [(name, factor * flown.values(topic, field) + add) for name, topic, field, factor, add in curves]
@@ -81,7 +80,8 @@ def track(flown: LoggedFlight) -> Figure:
     broken = np.zeros(len(t), bool)
     for a, b in flown.intervals:
         broken |= (t >= a) & (t <= b)
-    figure = Figure("track", "The dot is where the aircraft is at the time cursor.", 250, time=False)
+    figure = Figure("track", "Thick: flown with a fault.", 250, time=False)
+    figure.hint = "The dot is where the aircraft is at the time cursor."
     figure.layout = base(figure.height, legend=False) | {"hovermode": "closest"}
     titles = ["Path over ground, seen from above", "Height along the path"]
     grid(figure.layout, titles, ["north, km", "ft"], 2, time=False)

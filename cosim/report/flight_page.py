@@ -12,13 +12,15 @@ from cosim.table import Cell, Row, Table
 from fdi import registry
 
 
-def flight_report(log: str | Path, output: str | Path) -> Path:
-    """Write the report of the log at `log` to the file `output`; returns its Path. Raises LogError, OutputError."""
-    flown = LoggedFlight(log)
-    return write(output, render(flown))
+def flight_report(log: str | Path, output: str | Path, *, light: bool = False) -> Path:
+    """Write the report of the log at `log` to the file `output`; returns its Path. Raises LogError, OutputError.
+
+    `light`: figures as SVG, without cursor and zoom, a tenth of the size.
+    """
+    return write(output, render(LoggedFlight(log), light))
 
 
-def render(flown: LoggedFlight) -> str:
+def render(flown: LoggedFlight, light: bool = False) -> str:
     """Return the page of a logged flight as HTML text."""
     line, alarms, faults = timeline(flown)
     elevators, others = flight.surfaces(flown)
@@ -54,6 +56,7 @@ def render(flown: LoggedFlight) -> str:
         start=start,
         faults=faults,
         alarms=alarms,
+        light=light,
     )
 
 
@@ -69,4 +72,4 @@ def summary(flown: LoggedFlight) -> list[tuple[str, list]]:
     ]
     if broken:
         rows += [("Noticed", narrator.noticed(found, s) or ["by nobody"]), ("Missed", narrator.silent(found, s))]
-    return [*rows, ("False", [*narrator.false(found), *narrator.apart(found)])]
+    return [*rows, ("False alarms", [*narrator.false(found), *narrator.apart(found)])]

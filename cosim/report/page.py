@@ -16,6 +16,7 @@ from plotly.offline import get_plotlyjs
 
 from cosim.files import marked, replace_text
 from cosim.judge.result import plain
+from cosim.report import svg
 
 
 @cache
@@ -43,14 +44,20 @@ def page(
     start: float = 0.0,
     faults: Sequence[Any] = (),
     alarms: Sequence[Any] = (),
+    light: bool = False,
     **content: Any,
 ) -> str:
     """Return the page of `template` as HTML text; `content` are the template's own names.
 
     `figures` are the Figures whose places stand in it; `chips` [(detector, level, alarmed)]; `span` the (first, last)
     time for pages with a time cursor, which starts at `start`; `faults` and `alarms` are [{from, to, text, detector}]
-    for the line that says what is on at the cursor.
+    for the line that says what is on at the cursor. `light`, for figures of a flight: they are drawn as SVG, without
+    plotly.js and cursor.
     """
+    if light:
+        for f in filter(None, figures):
+            f.svg = Markup(svg.drawn(f))
+        figures, span = [], None
     drawn = {
         "figures": [f.plain() for f in figures if f],
         "span": span,
@@ -58,7 +65,7 @@ def page(
         "faults": list(faults),
         "alarms": list(alarms),
     }
-    fixed = {"css": _own("page.css"), "js": _own("page.js"), "plotly": Markup(get_plotlyjs())}
+    fixed = {"css": _own("page.css"), "js": _own("page.js"), "plotly": Markup("" if light else get_plotlyjs())}
     made = environment().get_template(template)
     told = {"summary": (), **content, **fixed, "title": title, "subtitle": subtitle, "chips": chips, "span": span}
     return made.render(data=plain(drawn), **told).lstrip() + "\n"

@@ -9,9 +9,9 @@ import pandas as pd
 from cosim.compare import tables
 from cosim.files import columns, marked, replace, replace_text
 from cosim.report import markdown as readme
-from cosim.report.figure import Figure, base
+from cosim.report.figure import Figure, base, style_axis
 from cosim.report.page import PAGE, page, write
-from cosim.table import DASH, Table
+from cosim.table import DASH, Table, number
 
 SIGNS = {"score.json": marked(b'{\n "benchmark": "'), "score.parquet": columns("run", "fault"), "score.html": PAGE}
 
@@ -67,11 +67,10 @@ def front(each: list[dict]) -> Figure:
     figure = Figure("front", caption, 90 + 22 * len(own), time=False)
     figure.layout = base(figure.height) | {"hovermode": "closest", "barmode": "stack", "bargap": 0.35}
     figure.layout["margin"] |= {"l": 150, "b": 44}
-    figure.layout["yaxis"] = {"categoryarray": [d["id"] for d in reversed(own)], "categoryorder": "array"}
-    figure.layout["xaxis"] = {"domain": [0.0, 0.6], "range": [0.0, 1.0], "tickformat": ".0%",
-                              "title": {"text": "faults"}}  # fmt: skip
-    figure.layout["xaxis2"] = {"domain": [0.66, 1.0], "type": "log", "anchor": "y",
-                               "title": {"text": "false alarms per hour, below"}}  # fmt: skip
+    figure.layout["yaxis"] = style_axis(categoryarray=[d["id"] for d in reversed(own)], categoryorder="array")
+    figure.layout["xaxis"] = style_axis("faults", domain=[0.0, 0.6], range=[0.0, 1.0], tickformat=".0%")
+    rate = {"type": "log", "dtick": 1, "exponentformat": "none", "domain": [0.66, 1.0], "anchor": "y"}
+    figure.layout["xaxis2"] = style_axis("false alarms per hour, below", **rate)
     for d in own:
         common = {"y": [d["id"]], "meta": {"detector": d["id"]}}
         for name, key, colour in SHARES:
@@ -110,7 +109,7 @@ def markdown_sizes(found: dict) -> str:
     for name in dict.fromkeys(f["family"] for d in each for f in d["families"]):
         own = [(d["id"], f) for d in each for f in d["families"] if f["family"] == name and f["designed"]]
         unit = next((f["unit"] for _, f in own if f["unit"]), "")
-        fitted = ", ".join(f"`{i}` {a:.2g}" for a, i in sorted((f["a90_95"], i) for i, f in own if f["a90_95"]))
+        fitted = ", ".join(f"`{i}` {number(a, 2)}" for a, i in sorted((f["a90_95"], i) for i, f in own if f["a90_95"]))
         other = ", ".join(f"`{i}` {f['detected']}/{f['designed']}" for i, f in own if not f["a90_95"])
         made.add(name, unit, fitted or DASH, other or DASH)
     return made.markdown()

@@ -337,6 +337,14 @@ class Target:
         return {"elevator": c.ELEVATOR_KINDS, "surface": c.SURFACE_KINDS, "engine": c.ENGINE_KINDS}[self.place]
 
 
+def targets(aircraft: Aircraft) -> list[str]:
+    """Return every target that a fault on `aircraft` may name: parts, their groups, their sensors."""
+    parts = [f"elevator.{n}" for n in (*aircraft.segments, *aircraft.groups)]
+    sensors = [f"{part}.{sensor}" for part in parts for sensor in c.ACTUATOR_SENSORS]
+    engines = [f"engine.{n}" for n in (*aircraft.engine_names, "all")]
+    return [*parts, *sensors, *c.SURFACES, *engines, *(f"sensor.{n}" for n in c.SENSORS)]
+
+
 def parse_target(text: str, aircraft: Aircraft) -> Target:
     """Return the Target that `text` names; an unknown part raises the error that lists what there is."""
     head, _, rest = text.partition(".")

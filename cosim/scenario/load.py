@@ -8,7 +8,7 @@ from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from cosim.errors import CosimError, ScenarioError, did_you_mean, joined
+from cosim.errors import CosimError, ScenarioError, did_you_mean, joined, told_at_call
 from cosim.scenario import inputs, own_actuator
 from cosim.scenario.aircraft import DEFAULT as DEFAULT_AIRCRAFT
 from cosim.scenario.aircraft import load_aircraft
@@ -38,6 +38,7 @@ def builtin_names() -> list[str]:
     )
 
 
+@told_at_call
 def load_scenario(name_or_path: str | os.PathLike = DEFAULT, overrides: str | Iterable[str] = ()) -> Scenario:
     """Return the Scenario of a built-in name or a TOML file, `overrides` ("faults.0.frequency_hz=3", or a list) on top.
 

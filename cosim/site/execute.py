@@ -2,11 +2,12 @@
 
 Blocks run in order, Python in one namespace:
 
-    ```sh                            its commands, one a line
+    ```sh                            its commands, one a line; behind "# exit status" that which is due, else 0
     ```python                        executed; what it prints, and the value of its last expression
     ```python title="x.py"           written to x.py (any language)
     ```python run="x.py"             written to x.py and run as a program; its names are there for the next blocks
-    ```python figure="words"         executed; the figure that it draws with matplotlib, its code folded away
+    ```python figure="words"         executed; the figure that it draws with matplotlib, or that its last expression is,
+                                     its code folded away
 
 FOLDER gets the page, as its name says, and its figures. A command or block that fails ends with a message and status 1.
 """
@@ -39,7 +40,7 @@ def shell(code: str) -> str:
     out = ""
     for line in code.strip().splitlines():
         done = subprocess.run(line, shell=True, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-        if done.returncode:
+        if done.returncode != int(line.partition("# exit status ")[2] or 0):
             raise RuntimeError(f"{line}: exit status {done.returncode}\n{done.stdout}")
         out += done.stdout
     return out
@@ -53,7 +54,7 @@ def python(code: str, names: dict, where: str, value_shown: bool = True) -> str:
     with contextlib.redirect_stdout(out):
         exec(compile(tree, where, "exec"), names)
         if last is not None:
-            value = eval(compile(ast.Expression(last.value), where, "eval"), names)
+            value = names["_"] = eval(compile(ast.Expression(last.value), where, "eval"), names)
             if value is not None and value_shown:
                 print(value if hasattr(value, "to_string") else repr(value))
     return out.getvalue()
@@ -67,14 +68,16 @@ def program(name: str, names: dict) -> str:
     return out.getvalue()
 
 
-def drawn(words: str, folder: Path, stem: str, count: int) -> str:
-    """Save the figure that was drawn and return its Markdown; "" where there is none."""
+def drawn(words: str, folder: Path, stem: str, count: int, value: Any) -> str:
+    """Save the figure that was drawn, or that `value` is, and return its Markdown; "" where there is none."""
     plt: Any = sys.modules.get("matplotlib.pyplot")
-    if plt is None or not plt.get_fignums():
+    given = value if hasattr(value, "savefig") else None
+    if given is None and (plt is None or not plt.get_fignums()):
         return ""
     name = f"{stem}-{count}.svg"
-    plt.gcf().savefig(folder / name, metadata={"Date": None})
-    plt.close("all")
+    (given or plt.gcf()).savefig(folder / name, metadata={"Date": None})
+    if plt is not None:
+        plt.close("all")
     return f"\n![{words}]({name})\n"
 
 
@@ -100,7 +103,7 @@ def executed(text: str, folder: Path, stem: str) -> str:
             said = program(options["run"], names)
         else:
             said = python(code, names, f"{stem}, block {count}", "figure" not in options)
-        figure = drawn(options.get("figure", ""), folder, stem, count)
+        figure = drawn(options.get("figure", ""), folder, stem, count, names.pop("_", None))
         if "figure" not in options:
             return block + result(said) + figure
         if not figure:

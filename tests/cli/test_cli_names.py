@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 from cosim.cli import commands as cli
 from cosim.cli import main, tables
 from cosim.files import beside
+from cosim.progress import Compiling, Progress
 from cosim.table import Table
 
 
@@ -31,6 +32,21 @@ def test_a_bar_shows_a_name_as_it_is():
     with tables.progress(console, "flying [/red]") as move:
         move(1.0, 2.0)
     assert "flying [/red]" in console.file.getvalue()
+
+
+def test_a_plain_file_gets_a_line_of_progress_now_and_then(monkeypatch):
+    clock = iter(range(0, 1000, 4))  # 4 s from call to call
+    monkeypatch.setattr("cosim.progress.time.monotonic", lambda: float(next(clock)))
+    console = Console(file=io.StringIO(), width=100)
+    with Progress("flying [/red]", "runs", console=console) as tell:
+        for done in range(13):
+            tell(done, 12)
+    lines = console.file.getvalue().splitlines()
+    assert lines[0].startswith("flying [/red]: 2 of 12") and 2 <= len(lines) <= 4  # after 10 s, then every 30 s
+    console = Console(file=io.StringIO(), width=100)
+    with Compiling(console) as tell:
+        tell(0, 30)
+    assert console.file.getvalue() == "compiling: 0 of 30 kernels, once on a machine\n"
 
 
 def test_a_folder_with_brackets_in_its_name_is_checked(tmp_path, monkeypatch):

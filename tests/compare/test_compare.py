@@ -2,6 +2,8 @@
 
 import json
 import math
+import shutil
+import tomllib
 
 import numpy as np
 import pandas as pd
@@ -16,7 +18,8 @@ from cosim.compare import rows as compare_rows
 from cosim.compare.matrix import POINT, matrix
 from cosim.flight.simulate import simulate
 from cosim.report.compare_page import render, write_comparison
-from cosim.scenario import load_scenario
+from cosim.scenario import load_scenario, parse
+from cosim.scenario.override import apply
 
 CHOSEN = "detectors.enabled=['iotsekf','position_monitor','rfafe']"
 
@@ -92,6 +95,36 @@ def test_compare_of_a_campaign_folder_is_that_of_its_rows(flights, tmp_path):
     frame, _, tomls = compare_rows.of_campaign(tmp_path / "c")
     pd.testing.assert_frame_equal(found.rows.drop(columns=["bound_mm", "best"]), compare_rows.tidy(frame, tomls))
     assert found.runs == 3 and all(d["step_us"] is None or d["step_us"] > 0 for d in found.detectors)
+
+
+def test_two_campaigns_stand_side_by_side_on_the_flights_of_both(flights, tmp_path):
+    """One detector is changed between them, one flight is in the second alone."""
+    run_many(flights, workers=0, out=tmp_path / "before")
+    deaf = [parse(apply(tomllib.loads(s.expanded_toml()), ["detectors.position_monitor.t_confirm=9"])) for s in flights]
+    more = load_scenario("cruise", ["duration_s=7", CHOSEN, "seed=1000003"])
+    run_many([*deaf, more], workers=0, out=tmp_path / "after")
+    found = compare([tmp_path / "before", tmp_path / "after"])
+    names = ["position_monitor (before)", "position_monitor (after)"]
+    assert [d["id"] for d in found.detectors] == names and found.runs == 3
+    assert "3 flights in both, 1 only in after left out" in found.source and "iotsekf, rfafe" in found.source
+    seen = [d["alarmed_on"] for d in found.detectors]
+    (pair,) = [p for p in found.pairs if p["at"] == "shipped"]
+    assert seen == [1, 0] and (pair["a"], pair["b"], pair["n"], pair["only_a"], pair["only_b"]) == (*names, 2, 1, 0)
+    assert set(found.rows["word"].dropna()) == {"may"}  # by the record of the name without the campaign
+    text = render(found)
+    assert "Two campaigns side by side" in text and "position_monitor (before) alone in 1" in text
+    assert json.loads(json.dumps(found.to_dict()))["pairs"]
+    shutil.copytree(tmp_path / "before", tmp_path / "again")
+    assert "every detector the same" in compare([tmp_path / "before", tmp_path / "again"]).source
+    with pytest.raises(CompareError, match="named twice"):
+        compare([tmp_path / "before", tmp_path / "after" / ".." / "before"])
+
+
+def test_campaigns_without_a_common_flight_are_counted_not_paired(flights, tmp_path):
+    run_many(flights[:1], workers=0, out=tmp_path / "a")
+    run_many(flights[1:2], workers=0, out=tmp_path / "b")
+    found = compare([tmp_path / "a", tmp_path / "b"])
+    assert found.runs == 2 and not found.pairs and len(found.detectors) == 6 and "no flight in both" in found.source
 
 
 def test_report_compares_one_log_and_many_cells(logs):

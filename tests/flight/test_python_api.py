@@ -1,5 +1,10 @@
 """What a slip in a call from Python says: plain words, and a text where a list of one is meant."""
 
+import inspect
+import pickle
+import subprocess
+import sys
+
 import pytest
 
 import cosim
@@ -23,6 +28,18 @@ def test_what_is_no_scenario_is_refused_in_words():
     with pytest.raises(ScenarioError, match="no built-in scenario"):
         cosim.simulate("cruse")
     assert cosim.simulate(cosim.load_scenario("cruise", "duration_s=0.1"), timed=False).status == "completed"
+
+
+def test_a_traceback_of_ours_ends_at_the_users_line(tmp_path, monkeypatch):
+    user = tmp_path / "mine.py"
+    user.write_text("import cosim\n\ndef study():\n    return cosim.load_scenario('cruse')\n\nstudy()\n")
+    for full, frames in (("", 3), ("1", 4)):
+        monkeypatch.setenv("COSIM_TRACEBACK", full)
+        told = subprocess.run([sys.executable, str(user)], capture_output=True, text=True, check=False).stderr
+        assert "return cosim.load_scenario('cruse')" in told and "Did you mean 'cruise'" in told
+        assert (told.count('  File "') == frames) == (not full) and told.count("Traceback") == 1
+    assert pickle.loads(pickle.dumps(cosim.simulate)) is cosim.simulate
+    assert "overrides" in inspect.signature(cosim.load_scenario).parameters
 
 
 def test_a_topic_is_no_field(log):

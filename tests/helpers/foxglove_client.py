@@ -13,7 +13,7 @@ class Viewer:
 
     def __init__(self, url, origin=None):
         self._socket = connect(url, subprotocols=[PROTOCOL], origin=origin, max_size=None, open_timeout=20)
-        self.info, self.channels, self.services, self.parameters = {}, {}, {}, {}
+        self.info, self.channels, self.services, self.offered, self.parameters = {}, {}, {}, {}, {}
         self.samples, self.answers, self.states = {}, {}, []  # topic -> [(ns, payload)]
         self._topics, self._call = {}, 0
         self.until(lambda: self.info)
@@ -32,6 +32,7 @@ class Viewer:
                 self.channels |= {c["topic"]: c["id"] for c in said["channels"]}
             elif said["op"] == "advertiseServices":
                 self.services |= {s["name"]: s["id"] for s in said["services"]}
+                self.offered |= {s["name"]: s for s in said["services"]}
             elif said["op"] == "parameterValues":
                 self.parameters |= {p["name"]: p.get("value") for p in said["parameters"]}
             elif said["op"] == "serviceCallFailure":

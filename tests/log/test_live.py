@@ -17,7 +17,7 @@ from cosim.flight.interactive.live import fly_live
 from cosim.flight.loop.recorder import pose, topics
 from cosim.flight.simulate import simulate
 from cosim.log import gate, open_log
-from cosim.log.live import Live
+from cosim.log.live import Control, Live
 
 foxglove = pytest.importorskip("foxglove")
 SHORT = ["duration_s=0.5", "detectors.enabled=['iotsekf', 'lpv_smo']", "flight.turbulence=light"]
@@ -103,7 +103,7 @@ def test_only_programs_and_pages_that_show_flights_may_watch():
 
 def test_those_who_only_watch_keep_the_owner_out_of_nothing():
     setup = build(cosim.load_scenario("liquid-ofc", SHORT))
-    with Live(topics(setup), port=0, controls={"inject": lambda given: {}}) as server:
+    with Live(topics(setup), port=0, controls={"inject": Control(lambda given: {}, {"type": "object"}, {})}) as server:
         host, port = server.url.removeprefix("ws://").split(":")
         hello = HELLO.format(host=f"{host}:{port}", origin="")
         watching = []

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cosim.log import Topic
-from cosim.log.layouts import viewer_layouts
+from cosim.log.layouts import live_layout, viewer_layouts
 
 TOPICS = [
     Topic("/truth/aircraft", ("alpha", "q", "nz", "h", "de_li"), ("",) * 5, np.arange(5), group="truth"),
@@ -52,6 +52,22 @@ def test_the_foxglove_layout_is_built_as_the_sdk_builds_one():
     )
     tabs = [sdk.TabItem(title="A", content=split), sdk.TabItem(title="Place", content=place)]
     assert ours == json.loads(sdk.Layout(content=sdk.TabContainer(tabs=tabs)).to_json())
+
+
+def test_a_live_layout_has_a_filled_panel_per_service_as_the_sdk_builds_one():
+    sdk = pytest.importorskip("foxglove.layouts", reason="foxglove-sdk is an extra (live)")
+    first, *rest = json.loads(live_layout(TOPICS, {"heal": {"fault": 0}}))["content"]["tabs"]
+    assert rest == json.loads(viewer_layouts(TOPICS)["layout.foxglove.json"][1])["content"]["tabs"]
+    config = sdk.ServiceCallConfig(
+        service_name="/heal", request_payload='{\n "fault": 0\n}', layout="vertical", button_text="Heal"
+    )
+    call = sdk.ServiceCallPanel(title="Heal", config=config)
+    split = sdk.SplitContainer(direction="column", items=[sdk.SplitItem(content=call)])
+    layout = json.loads(sdk.Layout(content=sdk.TabContainer(tabs=[sdk.TabItem(title="a", content=split)])).to_json())
+    (expected,) = layout["content"]["tabs"][0]["content"]["items"]
+    made, parameters = first["content"]["items"][0]["content"]["items"]
+    assert made == expected and parameters["content"]["panelType"] == "Parameters"
+    assert live_layout(TOPICS, {}) == viewer_layouts(TOPICS)["layout.foxglove.json"][1]
 
 
 def test_no_topic_gives_layouts_without_a_plot():

@@ -1,7 +1,8 @@
 """Real-time flight with viewers that may inject faults: `cosim run --live`.
 
 Viewers that hold the token call the services /inject, with the keys of a fault as JSON, /heal {"fault": 0} and
-/speed {"value": 2}, or write the same into the parameters of these names. It is a `Flight` that does it: what is
+/speed {"value": 2}, or write the same into the parameters of these names. Each service says by a JSON schema what it
+takes and answers; the layout beside the log has a panel for each, filled in. It is a `Flight` that does it: what is
 injected is a fault of the scenario from that tick on, and the log, written at the end, is that of the scenario that
 the flight came to. `answer` and `faults` among the parameters tell what came of it.
 """
@@ -17,7 +18,9 @@ from cosim.flight.interactive.stepping import Flight
 from cosim.flight.loop.recorder import pose, topics
 from cosim.flight.simulate import simulate
 from cosim.judge.result import Result
-from cosim.scenario import Scenario
+from cosim.scenario import Scenario, catalog
+from cosim.scenario.aircraft import Aircraft
+from cosim.scenario.fault import Fault, parse_target, targets
 from cosim.scenario.user_file import aside
 
 SPEEDS = 0.01, 1000.0
@@ -30,6 +33,46 @@ def checked_speed(value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
         raise CosimError(f"{value!r} is no speed", place="speed", allowed=f"{low:g} to {high:g} times the clock's")
     return float(value)
+
+
+def requests(scenario: Scenario) -> dict[str, tuple[dict, dict]]:
+    """Return {service: (JSON schema of a request, a first request)} for a flight of `scenario`."""
+    low, high = SPEEDS
+    segment = next(iter(scenario.aircraft.segments))
+    number = {"type": "integer", "minimum": 0, "description": "number of the fault, as /inject answered; from 0"}
+    pace = {"type": "number", "minimum": low, "maximum": high, "description": "times the clock's"}
+    return {
+        "inject": (request_schema(scenario.aircraft), {"target": f"elevator.{segment}", "kind": "jam_solid"}),
+        "heal": (_object({"fault": number}, "fault"), {"fault": 0}),
+        "speed": (_object({"value": pace}, "value"), {"value": 4}),
+    }
+
+
+def _object(properties, *required):
+    return {"type": "object", "required": list(required), "properties": properties, "additionalProperties": False}
+
+
+def request_schema(aircraft: Aircraft) -> dict[str, Any]:
+    """Return the JSON schema of a fault that is injected: the keys of [[faults]], targets and kinds of `aircraft`."""
+    told = catalog.KEYS["[[faults]], every kind"]
+    keys: dict[str, dict] = {}
+    for name, about in Fault.model_json_schema()["properties"].items():
+        plain = {**about, **about.get("anyOf", [{}])[0], "description": told.get(name, "")}
+        keys[name] = {k: v for k, v in plain.items() if k not in ("anyOf", "default", "title")}
+    places = {target: parse_target(target, aircraft).kinds for target in targets(aircraft)}
+    kinds = [pair for own in places.values() for pair in own.items()]
+    keys["target"] |= {"enum": list(places), "description": "the part that fails"}
+    keys["kind"] |= {"enum": list(dict.fromkeys(name for name, _ in kinds)), "description": "`cosim list faults`"}
+    keys["start_s"]["description"] += " [s]; left out: now"
+    keys["limit_deg"] = {"type": "number", "description": told["limit_deg"]}
+    for number, name in ((n, name) for name, kind in kinds for n in (*kind.one_of, *kind.keys)):
+        key = keys.setdefault(number.name, {"type": "number", "minimum": number.low, "maximum": number.high, "of": {}})
+        key |= {"minimum": min(key["minimum"], number.low), "maximum": max(key["maximum"], number.high)}
+        key["of"][name] = None
+    for key in keys.values():
+        if of := key.pop("of", None):
+            key["description"] = f"of {', '.join(of)}"
+    return _object(keys, "target", "kind")
 
 
 def fly_live(
@@ -50,7 +93,7 @@ def fly_live(
     flight there; its log is whole, its status "interrupted". Raises OutputError when it cannot be served, TrimError and
     LogError as `simulate`.
     """
-    from cosim.log.live import Live
+    from cosim.log.live import Control, Live
 
     speed, ended = checked_speed(speed), False
     flight, journal = Flight(scenario, flightgear=flightgear), Journal(log)
@@ -79,7 +122,10 @@ def fly_live(
 
     where = pose(flight.setup.loop.bus)
     about: dict[str, Any] = {"dt_ns": round(flight.dt * 1e9), "pose": where, "name": scenario.title or "cosim"}
-    controls = {"inject": inject, "heal": heal, "speed": pace}
+    controls = {
+        name: Control(do, *requests(scenario)[name])
+        for name, do in (("inject", inject), ("heal", heal), ("speed", pace))
+    }
     with Live(topics(flight.setup), port=port, speed=speed, controls=controls, **about) as live:
         live.parameters |= {"faults": flight.told(), "answer": ""}
         if ready:

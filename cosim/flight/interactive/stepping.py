@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.errors import ScenarioError
+from cosim.errors import ScenarioError, told_at_call
 from cosim.flight.build import Setup, build
 from cosim.flight.faults.conditions import resolved
 from cosim.flight.fly import CHECK_EVERY, health
@@ -75,6 +75,7 @@ class Flight:
     when the point cannot be flown.
     """
 
+    @told_at_call
     def __init__(
         self,
         scenario: Scenario | str | os.PathLike,
@@ -147,6 +148,7 @@ class Flight:
     def _keep(self, v):
         self._last = v.copy()
 
+    @told_at_call
     def inject(self, /, **fault: Any) -> int:
         """Break something from the next tick on and return the number of the fault.
 
@@ -166,6 +168,7 @@ class Flight:
         self._refly([*faults, fault])
         return len(faults)
 
+    @told_at_call
     def heal(self, fault: int) -> None:
         """End fault number `fault` now. Raises ScenarioError if unknown or ended."""
         faults = self._tables()

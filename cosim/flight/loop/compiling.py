@@ -1,6 +1,7 @@
 """Compilation before a machine's first flight, on every core, with progress."""
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from types import ModuleType
 
 from actuators import block
@@ -13,6 +14,7 @@ from cosim.flight.detection import detectors
 from cosim.flight.loop import schedule
 from cosim.flight.plant import gusts
 from cosim.log import chunk, frame
+from cosim.progress import Compiling
 from cosim.scenario import Scenario
 from cosim.scenario.catalog import TECHNOLOGIES
 from fdi import registry
@@ -49,13 +51,11 @@ def functions(scenario: Scenario) -> dict[str, Native]:
 
 
 def prepare(scenario: Scenario, tell: Callable[[int, int], None] | None = None) -> int:
-    """Compile what is not compiled yet for `scenario`, `tell(i, n)` before each of n; return how many there were.
+    """Compile what is not compiled yet for `scenario`, `tell(done, n)` as it goes on; return how many there were.
+    Without `tell` it is shown on standard error, or in the notebook.
 
     One function alone is left to its first use.
     """
 
-    def progress(done, total):
-        if tell and done < total:
-            tell(done + 1, total)
-
-    return compile_ahead(functions(scenario).values(), progress)
+    with nullcontext(tell) if tell else Compiling() as say:
+        return compile_ahead(functions(scenario).values(), say)

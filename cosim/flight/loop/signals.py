@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from actuators.block import unit
-from cosim.errors import ScenarioError
+from cosim.errors import ScenarioError, told_at_call
 from cosim.flight.build import build
 from cosim.flight.faults.conditions import known, resolved
 from cosim.flight.fly import record
@@ -23,6 +23,7 @@ COMMON = (*(f"truth.aircraft.{name}" for name in TRUTH), "law.law.de_cmd")  # wh
 CHUNK = 400  # ticks of whole detector states held at once
 
 
+@told_at_call
 def fly(
     scenario: Scenario | str | os.PathLike,
     signals: Iterable[str] = COMMON,

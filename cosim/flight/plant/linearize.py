@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.errors import CosimError
+from cosim.errors import CosimError, told_at_call
 from cosim.files import replace
 from cosim.flight.plant.jsbsim_signals import Border
 from cosim.flight.plant.plant import Plant
@@ -181,6 +181,7 @@ def input_units(border: Border) -> dict[str, str]:
     return {**dict.fromkeys(angles, "rad"), **dict.fromkeys(border.throttles, "1")}
 
 
+@told_at_call
 def linearize(flight: FlightPoint | Scenario | str, elevator: float = 0.0) -> LinearModel:
     """Return the LinearModel about the trim at `flight`: a Scenario, the name or file of one, or a FlightPoint.
 

@@ -298,7 +298,7 @@ def _loses(guest, u, p, dt):
             told = problem or f"r is not finite from {np.flatnonzero(~np.isfinite(r))[0] * dt:.3f} s on"
             return _line("lost samples", False, f"without {what} for half a second: {told}")
         if notes:
-            told = f"without {what} r is no number: it counts as not valid while so"
+            told = f"without {what} r is NaN: it is not valid meanwhile"
             return _line("lost samples", False, told, note=True)
     return _line("lost samples", True, "half a second without an input, or all: r stays finite")
 
