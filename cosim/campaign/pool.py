@@ -134,14 +134,29 @@ def pool(workers: int | None) -> Iterator[cf.Executor]:
             yield thread
         return
     workers = cores() if workers is None else workers
+    with _surroundings():  # before the executor: its first lock starts a process, too
+        yield from _processes(workers)
+
+
+@contextlib.contextmanager
+def _surroundings():
+    """Hold START in the environment, which processes that are started inherit."""
+    before = {name: os.environ.get(name) for name in START}
+    os.environ.update(START)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name, None) if value is None else os.environ.update({name: value})
+
+
+def _processes(workers):
     try:
         made = cf.ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_start)
     except OSError as error:  # of a semaphore, which needs shared memory
         said = f"the system gives no locks between processes (in /dev/shm on Linux): {error.strerror}"
         remedy = "Mount /dev/shm, or fly in one process (workers=0)"
         raise CampaignError(said, place="campaign", remedy=remedy) from None
-    before = {name: os.environ.get(name) for name in START}
-    os.environ.update(START)
     try:
         yield made
     except BaseException:
@@ -154,8 +169,6 @@ def pool(workers: int | None) -> Iterator[cf.Executor]:
         raise
     finally:
         made.shutdown(cancel_futures=True)
-        for name, value in before.items():
-            os.environ.pop(name, None) if value is None else os.environ.update({name: value})
 
 
 def _start():

@@ -61,6 +61,8 @@ class ColumnStore(Columns):
     def append(self, rows: NDArray) -> None:
         """Take rows (n, columns); they are copied."""
         global _held
+        if not len(rows):
+            return
         block = np.array(rows.T, self._kind, order="C")
         with _lock:
             fits = _held + block.nbytes <= MEMORY

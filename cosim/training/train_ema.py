@@ -61,11 +61,16 @@ SHARED = PROBABILITY / (len(TESTS) + len(ROUGH) + 2)
 
 
 def flights(first_seed: int = FIRST_SEED, number: int = FLIGHTS) -> list[dict[str, Any]]:
-    """Return the arguments of `flights.scenario` of every training flight."""
+    """Return the arguments of `flights.scenario` of every training flight.
+
+    In half of them each parameter of the drive lies anywhere within its tolerance, in half at its edge, up or down.
+    """
     out = []
     for k, flight in enumerate(over_envelope(first_seed, number)):
         rng = np.random.default_rng([flight["seed"], 1])
-        off = {n: float(1 + EXACT.get(n, TOLERANCE) * rng.uniform(-1, 1)) for n in toleranced("ema")}
+        share = {n: rng.uniform(-1, 1) for n in toleranced("ema")}
+        share = {n: np.sign(x) for n, x in share.items()} if k % 2 else share
+        off = {n: float(1 + EXACT.get(n, TOLERANCE) * x) for n, x in share.items()}
         velocity = {"bias_rad_s": float(BIAS * rng.uniform(-1, 1))}
         where = {**flight["flight"], "turbulence": AIR[k // 8 % 4]}
         out.append({**flight, "flight": where, "sensors": {"noise_scale": NOISE_SCALE, "velocity": velocity},

@@ -75,7 +75,8 @@ def told(scenario: Scenario) -> dict[str, Any]:
 
 def _token(watch: Watch, trace: np.ndarray) -> str:
     """Return the token that stood longest."""
-    on = trace[trace[:, watch.alarm] > 0.5][:, [watch.verdict, watch.culprit]].astype(int)
+    said = trace[:, [watch.alarm, watch.verdict, watch.culprit]]
+    on = said[said[:, 0] > 0.5, 1:].astype(int)
     (verdict, culprit), _ = Counter(map(tuple, on.tolist())).most_common(1)[0]
     return tables.name(watch.id, class_name(verdict or 9), watch.culprits[culprit])
 

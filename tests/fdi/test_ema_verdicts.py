@@ -335,5 +335,6 @@ def test_a_current_sensor_is_named_by_what_the_motor_has_not_felt_and_not_by_the
 def test_sizes_from_which_a_load_or_a_gain_is_a_fault_lie_beyond_what_healthy_drives_pass():
     trained = Path(tuning.__file__).parents[1] / "thresholds" / "ema_kalman_flight.json"
     p, found = flight.params(), json.loads(trained.read_text(encoding="utf-8"))["training"]["found"]
-    assert found["load"]["limit"] * 0.5 * p["load_max"][0] < 0.5 * p["th_load"][0]
+    # healthy drives at the edges of their tolerances among them
+    assert found["load"]["limit"] * 0.5 * p["load_max"][0] < 0.65 * p["th_load"][0]
     assert found["z_gain"]["largest"] < 0.5 * p["z_gain"][0]

@@ -46,7 +46,7 @@ def test_a_detector_is_one_file_and_one_line(tmp_path):
     own = found["own"]
     assert own["isolated"] == {"class": "sensor", "target": "elevator.left_inner.rod"} and not own["false_alarms"]
     assert own["estimate_unit"] == "m" and abs(own["estimate_bias"]) < 0.001
-    assert found["exact"] and "template" in found["replayed"] and found["listed"][-1] == "template"
+    assert found["exact"] and "template" in found["replayed"] and "template" in found["listed"]
     assert found["fields"] == {"f_hat": "m", "r": "-", "alarm": "-", "verdict": "-", "culprit": "-", "valid": "-"}
     assert [d["detected"] for d in found["compared"] if d["id"] == "template"] == [1]
     assert len(TOUCHED) == 2

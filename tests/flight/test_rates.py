@@ -44,6 +44,7 @@ def test_control_redundancy_follows_a_command_as_late_at_every_rate(rate):
     p["rate"] = 0.0
     x, u = control_redundancy.init(p), np.zeros((1, 1), control_redundancy.INPUTS)
     log = np.zeros((1, 1), control_redundancy.STATE)
+    x["learned"] = 1.0  # before that, commands from outside its range are forgotten
     begun, moved = round(0.5 * rate), {}
     for k in range(begun + round(0.3 * rate)):
         if k == begun:
