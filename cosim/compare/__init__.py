@@ -71,7 +71,7 @@ class Comparison:
         where such faults come `fault_rates` times per flight hour (cosim.compare.metrics.predictive_value). Without
         bounds, nan, where no fault is one that it was designed for or no hour shows false alarms.
 
-        Raises CompareError for a rate that is none.
+        Raises CompareError for a rate that is not above 0 and at most 1000.
         """
         for rate in fault_rates:
             if not 0.0 < rate <= 1000.0:
