@@ -146,7 +146,7 @@ def margins(
             frame = run_many(list(made.values()), executor=executor, achieved=False).frame
             done += len(made)
             if progress:
-                progress(done, done + sum(len(a.rungs) > rung + 1 for a in every) * 2 * flights)
+                progress(done, done + sum(len(every[i].rungs) - rung - 1 for i in going) * 2 * flights)
             mine = frame[frame["id"] == detector].groupby("run")
             alarms, seen = mine["false_alarms"].sum(), mine["delay_s"].apply(lambda d: d.notna().any())
             for i in going:

@@ -14,6 +14,7 @@ import pandas as pd
 
 from cosim.compare import paired
 from cosim.compare import rows as compare_rows
+from cosim.errors import CosimError
 
 TOLD = (
     *("detected", "delay_s", "isolated_class", "outcome", "time_to_right_s", "alarm_share", "false_alarms"),
@@ -29,11 +30,17 @@ def labels(folders: list[Path]) -> list[str]:
 
 
 def flights(rows: pd.DataFrame, tomls: Mapping[str, str]) -> pd.DataFrame:
-    """Return `rows` with each run named after its flight: a digest of its scenario without the detectors."""
-    named = {}
+    """Return `rows` with each run named after its flight: a digest of its scenario without the detectors.
+
+    Raises CosimError where two runs are the same flight.
+    """
+    named: dict[str, str] = {}
     for run in rows["run"].unique():
         flown = compare_rows.flown(tomls[run])
         named[run] = hashlib.sha256(flown.expanded_toml().encode()).hexdigest()[:16]
+    if len({*named.values()}) < len(named):
+        raise CosimError("a flight stands twice: its campaign varies its detectors", place="compare",
+                         remedy="Compare campaigns that fly each flight once")  # fmt: skip
     return rows.assign(run=rows["run"].map(named))
 
 

@@ -86,7 +86,7 @@ def power(x, k):
 def judge(x, p, dt):
     """End a slot of `p.n_sub` ticks: power of each second difference, and its test."""
     h = p.n_sub * dt
-    both = 1.0
+    both, told = 1.0, 0
     for k in range(N + 2):
         if x.rough_n[k] > 0.0:
             y = x.rough_sum[k] / x.rough_n[k]
@@ -94,7 +94,8 @@ def judge(x, p, dt):
                 v, most = y - 2.0 * x.rough_1[k] + x.rough_2[k], SPIKE * p.th_rough[k if k < N else 2 * k - 2 * N + 1]
                 v = min(max(v, -most), most)
                 x.rough_power[k] += h / TAU * (v * v - x.rough_power[k])
-                both *= v if k == 3 or k == DEMAND else 1.0
+                if k == 3 or k == DEMAND:
+                    both, told = both * v, told + 1
             x.rough_2[k] = x.rough_1[k]
             x.rough_1[k] = y
             x.rough_run[k] += 1.0
@@ -102,7 +103,7 @@ def judge(x, p, dt):
             x.rough_run[k] = 0.0
             x.rough_power[k] -= h / TAU * x.rough_power[k]
         x.rough_sum[k] = x.rough_n[k] = 0.0
-    x.rough_both += h / TAU * (both - x.rough_both)
+    x.rough_both += h / TAU * ((both if told == 2 else 0.0) - x.rough_both)
     x.r_rough = 0.0
     for k in range(N):
         own = power(x, k)

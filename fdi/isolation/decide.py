@@ -13,7 +13,6 @@ from fdi.isolation import evidence as ev
 from fdi.isolation.sums import OCTAVES
 
 LIQUID, SOLID, OPENED, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, MOVES_ON, APART, LET_GO = range(1, 12)
-EVERY = 2  # the fastest octave is evaluated at every second block, each other half as often
 CALM = 0.35  # of a threshold: below, nothing speaks for a fault
 CLEAR = 40.0  # evidence of a plain onset
 SILENT_PART, SILENT_S = 0.4, 0.4  # of an oscillation's period; of what has no name [s]
@@ -28,6 +27,7 @@ MOVED, TURNED = 1e-3, 0.25  # rod travel that tells a way [m], share of it that 
 STILL = 1.2e-3  # rod travel of a jam [m]
 JAM_S = 10.0  # so long a jam outlives its last evidence while the rod is still [s]
 FROZEN = 20.0  # equal samples in a row that a sensor with noise has not
+TURNS = 0.4  # share of steps that turn back, of a sensor with noise: white noise has 2/3, one in a coarse quantum few
 
 STATE = [
     ("own", "f8", (OCTAVES,)),  # evidence of the best hypothesis of every octave at its last evaluation
@@ -54,6 +54,8 @@ STATE = [
     ("rod_slow", "f8", "m"),
     ("at_stop", "f8", "-"),  # 1 while the rod is at a stop
     ("same", "f8", (3,)),  # equal samples in a row
+    ("turns", "f8", (3,)),  # share of samples whose step goes against the one before, over 1 s
+    ("step_last", "f8", (3,)),
     ("last", "f8", (3,)),
     ("ofc_hz", "f8", "Hz"),  # of the oscillation that is named
     ("ofc_amplitude", "f8", "-"),  # flow [m/s], rod [m], surface as a rod [m], pressure [1], load [1]
@@ -139,22 +141,27 @@ def healed(x, p, o, dt):
     loss = x.named == WEAK or x.named == LET_GO  # shows only while the valve is told something
     if x.loud[o] < 1.0 or (loss and x.ev[h] > AGAINST):
         return False
-    x.silent[o] += p.block * dt * EVERY * (1 << o)
+    apart = p.block * dt * (1 << min(o + 1, OCTAVES - 1))  # from one evaluation to the next (sums.octave)
+    x.silent[o] += apart
     swings = x.named > 0.5 and h <= ev.SWING_LOAD
     least = SILENT_PART / max(x.ofc_hz, 0.05) if swings else (0.0 if x.named > 0.5 else SILENT_S)
-    return x.silent[o] > max(least, 1.5 * p.block * dt * EVERY * (1 << o))
+    return x.silent[o] > max(least, 1.5 * apart)
 
 
 @kernel
-def frozen(x, u):
-    """Return which sensor repeats its last value: 1 rod, 2 surface, 3 pressure, 0 none."""
+def frozen(x, u, dt):
+    """Return which sensor, one that had noise, repeats its last value: 1 rod, 2 surface, 3 pressure, 0 none."""
     found = 0.0
     for j in range(3):
         y = u.y_rod if j == 0 else (u.y_surface if j == 1 else u.y_dp)
         valid = u.y_rod_valid if j == 0 else (u.y_surface_valid if j == 1 else u.y_dp_valid)
         x.same[j] = min(x.same[j] + 1.0, 1e6) if valid > 0.5 and y == x.last[j] else 0.0
+        if valid > 0.5 and math.isfinite(y) and x.same[j] < FROZEN:
+            by = y - x.last[j]
+            x.turns[j] += min(dt, 1.0) * ((1.0 if by * x.step_last[j] < 0.0 else 0.0) - x.turns[j])
+            x.step_last[j] = by
         x.last[j] = y if math.isfinite(y) else 0.0
-        if x.same[j] >= FROZEN:
+        if x.same[j] >= FROZEN and x.turns[j] > TURNS:
             found = j + 1.0
     return found
 

@@ -217,7 +217,7 @@ def step(x, u, p, dt):
     flow = (1.0 + x.mu[filter.GAIN]) * p.phi_n / p.A_p * opening(v, x.x_hat[2]) * v - p.L * x.x_hat[2]
     y_surface = p.arm * u.y_surface + bulk
     decision.pair_test(x, u.y_rod + bulk, rod, y_surface, surface, flow, x.x_hat[3], p, dt)
-    freeze = decide.frozen(x, u)
+    freeze = decide.frozen(x, u, dt)
     x.valid = 1.0 if x.clock >= LEARN_S and max(x.lost, x.lost_pressure) <= LOST_S else 0.0
     if x.clock < BEGIN_S:
         return

@@ -12,8 +12,8 @@ class (fdi/joint/places.py),
 where v is how large the fault is (small, middling, large) and whether it is like one that rates were measured on.
 P(silent | h, v) = 1 - P(alarm | h, v) F(age), F the share of that detector's alarms that come so soon after the first
 witness: silence counts as time goes on. Where one command moves two segments, detectors of one kind on both part with
-(1 - `alike`) of the probability with which independent ones would. A lane that is not valid, or a detector that does
-not fly, says nothing: 1.
+(1 - `alike`) of the probability with which independent ones would. Of a lane that is silent and not
+valid, or of a detector that does not fly, it is 1.
 
 Two faults: P(token | h, h') is that of whichever speaks, 1 - (1 - a)(1 - a') of them alarms. They are tried with one
 of the likeliest single ones and any other one, where that single one leaves an alarm unexplained, with the prior of a

@@ -144,7 +144,7 @@ SLID, TAU_CALM = math.radians(0.035), 0.1
 # when what is left of its stop is gone from it [s]
 SHAKEN, TAU_SHAKE, STOOD = math.radians(0.0085), 0.5, 1.2
 LOOSE = 30.0  # and sticks in between by its friction: remembered for so long [s]
-T_SAME, TURNS = 0.1, 0.4  # a reading that repeats itself for so long [s]; of steps that turn back white noise has 0.67
+T_SAME, TURNS = 0.1, 0.3  # a reading that repeats itself for so long [s]; share of steps that turn back: noise has 0.67
 NEAR, STOPPED = 0.5, 0.6  # of the threshold, and for how long it may have been further away when it came to rest [s]
 END = math.radians(1.0)  # from a limit: the end of the travel
 GROWS = 0.1  # without a larger deviation for so long, a surface that moves follows its command [s]
@@ -221,6 +221,7 @@ def _repeats(x, step, dt):
         x.step_last, x.same, x.frozen = step, 0.0, 0.0
         return
     x.same += dt
+    x.turns -= min(dt, 1.0) * x.turns if x.frozen < 0.5 else 0.0  # a coarse quantum repeats itself in health, too
     if x.same >= T_SAME and x.turns > TURNS:
         x.frozen = 1.0
 

@@ -36,6 +36,7 @@ SECOND = 0.4  # of the suspect's amplitude: from there on the other side oscilla
 # share of the command midway between a liquid OFC, 0, and a solid one of one segment of two, 1/2; what windows that
 # overlap and residues that are no noise make of the variance of their mean; how many of its deviations are beyond doubt
 CENTRE, ALIKE, SURE = 0.25, 8.0, 2.0
+LEAST_SHARE = -0.32  # no fault gives the command back: further below the share of either class nothing is understood
 FAST, FAST_N, FAST_S, LEAST = 5.5, 14, 0.1, 5  # [Hz]; samples of 0.1 s then; fewer tell no share
 BEYOND = 3.0  # times its rate limit: at the limit a servo then makes a triangle half as large as its command
 LOADED = (0.2, 0.75)  # share that a liquid OFC may take from it then, and a solid one of one segment takes
@@ -205,7 +206,7 @@ def oscillation(x, p):
         x.lost_share += (share - x.lost_share) * weight / x.lost_weight
     apart = x.lost_share - CENTRE
     says = OFC_SOLID if apart > 0.0 else OFC_LIQUID
-    sane = x.lost_share > -CENTRE  # further below the share of either class nothing is understood
+    sane = x.lost_share > LEAST_SHARE
     if sane and x.lost_weight > 0.0 and math.fabs(apart) > p.margin + SURE * math.sqrt(ALIKE / x.lost_weight):
         x.ofc_class = says  # kept while the share lies on its side
     elif x.ofc_class != says or not sane:

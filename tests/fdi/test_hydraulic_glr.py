@@ -128,7 +128,7 @@ def test_the_evidence_is_that_of_the_linear_model_with_its_prior():
 
 @pytest.mark.parametrize("place, sensor", [("rod", "y_rod"), ("pressure", "y_dp")])
 def test_the_response_to_a_sensors_sine_is_what_the_filter_makes_of_it(place, sensor):
-    p, hz, size = designed(), 3.0, 1e-3
+    p, hz, size = designed(), 3.0, 1e-4
     u = np.zeros((2, 2000), glr.INPUTS)
     for name in ("y_rod_valid", "y_surface_valid", "y_dp_valid"):
         u[name] = 1.0
