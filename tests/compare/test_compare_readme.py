@@ -32,7 +32,7 @@ def test_table_and_picture_replace_what_stands_between_the_markers(found, tmp_pa
         assert text.startswith("before\n") and text.endswith("\nafter\n") and "old" not in text
         made = readme.part(text, "compare")
         assert "8 flights, 4 of them without a fault." in made
-        assert "| `iotsekf` | actuator filters | 3 | 2 | 2 | 0 | 0 | 0 | 0.50 | 1.00 | 0 |" in made
+        assert "| `iotsekf` | 3 | 2 | 2 | 0 | 0 | 0 | 0.50 | 1.00 | 0 |" in made
         whole = "| `iotsekf` | actuator filters | 3 | 2 | 9% to 99% | 2 | 0 | 0 | 0 | 0 | 1 | 0.50 | 1.00 | 0 |"
         assert whole in compare_readme.markdown(found)
         assert len(made.splitlines()) < 16
