@@ -145,3 +145,15 @@ def test_the_range_of_each_detector_is_listed():
     listed = {d["id"]: d["range"] for d in inventory()["detectors"]}
     for name, own in registry.records().items():
         assert all(word in listed[name] for word in own.range) and bool(listed[name]) == bool(own.range)
+
+
+@pytest.mark.parametrize(("word", "off"), [("mach", 0.45), ("h_baro", -6000.0)])
+def test_a_reading_that_kinematic_must_name_is_named_however_wrong(flown, word, off):
+    """Also where its own value lies outside what flies: the range does not read the sensors that it judges."""
+    own, module, lane = registry.record("kinematic"), registry.module("kinematic"), flown["kinematic"]
+    field = next(f for f, w in own.inputs.items() if w == word)
+    u, log = lane.u.copy(), np.zeros(lane.u.shape, module.STATE)
+    u[field][:, 2800:] += off
+    module.rollout(lane.x.copy(), u, lane.p.copy(), DT, log)
+    assert log["alarm"][0][3000:].all() and log["valid"][0][3000:].all()
+    assert module.CULPRITS[int(log["culprit"][0][-1])] == word
