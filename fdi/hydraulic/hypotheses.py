@@ -66,6 +66,7 @@ STATE = [
     ("slow_hit", "f8", (SLOW_K,)),  # windows in a row that show it
     ("sure", "f8", (3,)),  # of added and in place: periods of agreement; of less than commanded: samples
     ("clock", "f8"),  # time [s]
+    ("declared", "f8"),  # 1 while one of the tests of `iotsekf` declares a fault
     ("whole", "f8"),  # time for which all sensors have been used, undisturbed [s]
     ("rose", "f8"),  # when the alarm rose [s]
     ("vote_hz", "f8", (2,)),  # frequency of the last vote, added and in place [Hz]
@@ -129,7 +130,7 @@ def oscillates(x, p, j, n, angle):
     W is the energy of w; `allowed` that of noise and of what the gain does not explain. Each sine is fitted at its own
     best frequency about `angle`.
     """
-    step = STEP if x.alarm < 0.5 else WIDE
+    step = STEP if x.declared < 0.5 else WIDE
     ff, fd, dd, f0, m0, d0, a, still = windows.tone(x, p, j, n, angle)
     H, W = losses.least(ff, fd, dd, x.gain), max(ff + 2.0 * fd + dd, 0.0)
     L, S = losses.least(f0, m0, d0, x.gain), max(f0 + 2.0 * m0 + d0, 0.0)
@@ -229,7 +230,7 @@ def compare(x, p, H, L, W, S, B, n, h, variance, hz_L, hz_S, plain, stands, bonu
         all, E, _ = losses.loss(x, p, m)
         floor = m * p.sigma[SLOW + 1] * p.sigma[SLOW + 1]
         other = max(E - floor, 0.0) / max(all - floor, 1e-300) if all > 2.0 * floor else 1.0
-    yes = x.alarm > 0.5 and obeys.obeys(x)  # before the alarm it is mostly the healthy valve that was asked
+    yes = x.declared > 0.5 and obeys.obeys(x)  # before the alarm it is mostly the healthy valve that was asked
     added = plain and (yes or x.clock - x.rose > ASKED) and other > LOSS_ADDED
     added = added and L <= (PURE_SURE if yes else PURE) * H + NOISY * noise
     least_w = min(W, H)
@@ -281,7 +282,7 @@ def look(x, p, j, period, hz, h, r, b, clear):
             at, amplitude = hz * (at_L if better else at_S), a
         bonus = PERIODS - 0.4 if j == SLOW else PERIODS
         plain, stands = r >= 1.0 and now > 0.1, b >= 1.0 and now > 0.03
-        if x.alarm > 0.5:  # another frequency's shadow is no vote
+        if x.declared > 0.5:  # another frequency's shadow is no vote
             plain = plain and math.fabs(at_L - 1.0) < 0.999 * WIDE
             stands = stands and math.fabs(at_S - 1.0) < 0.999 * WIDE
         compare(x, p, H, L, W, S, B, n, h, allowed / n, hz * at_L, hz * at_S, plain, stands, bonus)
@@ -369,11 +370,11 @@ def bank_search(x, p, blocked, teach, suspected, dt):
         if x.hit[k] >= p.hits:
             x.ofc_timer = p.t_release
             if k == peak_L or k == peak_S:
-                if x.ofc_hz == 0.0 or x.alarm < 0.5:
+                if x.ofc_hz == 0.0 or x.declared < 0.5:
                     x.ofc_hz = at
                 if math.fabs(at - x.ofc_hz) <= WIDE * x.ofc_hz:  # what passes at another frequency is another's
                     x.ofc_amplitude = amplitude / p.bank_loss[k]
-        elif x.alarm > 0.5 and x.ofc_timer > 0.0 and stays(x, p, k):
+        elif x.declared > 0.5 and x.ofc_timer > 0.0 and stays(x, p, k):
             x.ofc_timer = p.t_release
 
 
@@ -393,14 +394,14 @@ def stays(x, p, k):
 
 @kernel
 def conclude(x, jam, run):
-    """Write `alarm`, `verdict` and `culprit` of a hydraulic lane: the name that stands, else the sensor's pair.
+    """Write `declared`, `verdict` and `culprit` of a hydraulic lane: the name that stands, else the sensor's pair.
 
     A name is given once, when it is sure; another takes its place only when that has been sure for long, or when the
     valve has been asked and says otherwise; an oscillation has none while rod and surface swing apart. A jam takes the
     place of any but a runaway.
     """
-    x.alarm = 1.0 if x.sensor > 0.5 or jam or run or x.ofc_timer > 0.0 or x.eff_timer > 0.0 else 0.0
-    if x.alarm < 0.5:
+    x.declared = 1.0 if x.sensor > 0.5 or jam or run or x.ofc_timer > 0.0 or x.eff_timer > 0.0 else 0.0
+    if x.declared < 0.5:
         x.rose = x.clock
         x.verdict, x.culprit, x.named = NONE, 0.0, NONE
         for i in range(3):

@@ -33,6 +33,9 @@ from fdi.common.tuning import thresholds
 from fdi.common.verdict import NONE, RUNAWAY, SENSOR
 from fdi.hydraulic import hypotheses, noise, obeys, opened, pressure_test, windows
 from fdi.hydraulic import separate_bias as two_stage
+from fdi.isolation import decide as by_evidence
+from fdi.isolation import likelihood
+from fdi.isolation.evidence import HYPOTHESES
 
 CULPRITS = ("", "rod", "surface", "pressure")
 FORMS: dict[str, dict] = {  # how the load is known: what `params` is told; "published" is (14)-(36) as printed
@@ -49,6 +52,7 @@ PARAMS = dtype(
         *windows.PARAMS,
         *obeys.PARAMS,
         *pressure_test.PARAMS,
+        *likelihood.PARAMS,
         ("lag_omega", "f8", "rad/s"),  # f_hat follows f as a second-order lag: corner
         ("lag_zeta", "f8", "-"),  # damping
         ("lag_ticks", "f8", "-"),  # dead time beyond the first tick
@@ -83,6 +87,7 @@ STATE = dtype(
         *windows.STATE,
         *hypotheses.STATE,
         *obeys.STATE,
+        *likelihood.STATE,
         ("jump_e", "f8", "m"),  # last innovation of the only position sensor
         ("jump_side", "f8", "m"),  # innovation at its jump
         ("jump_ticks", "f8", "-"),  # ticks for which the jump has stood
@@ -150,7 +155,10 @@ DETECTOR = Detector(
     places=bank.PLACES,
     options={"form": tuple(FORMS)},  # the first is the default
     belongs={"load": "form"},
-    fit=lambda site, form="pressure": params(**FORMS[form], dt=site.dt, **site.known(PARAMS.names)),
+    fit=lambda site, form="pressure": params(
+        **FORMS[form], dt=site.dt, own=site.own, **({"travel": site.travel} if site.travel else {}),
+        **site.known(PARAMS.names),
+    ),
 )
 NOISE = {
     # process noise densities: what friction, tolerances and an unmodelled load do to q', dP and F
@@ -165,6 +173,7 @@ NOISE = {
 # An input fault beyond its threshold counts in proportion up to this: with 1.5, the half periods of an oscillation of
 # 0.6 mm at 10 Hz, 35 ms beyond it, would do for a runaway
 RUN_WEIGHT = 1.25
+SUSPICIOUS = 0.7  # of a threshold, from which on all evidence is asked for
 WITHOUT_ROD, WITHOUT_PRESSURE = 1.6, 4.0  # noise of f_hat on the surface sensor; on the hinge-moment model
 JUMP, BEFORE = 6e-4, 0.4  # of a position, six sigma of the sensor [m], and the share that the sample before may have
 PERIOD = 0.005  # of the samples whose variance stands in NOISE [s]
@@ -185,6 +194,8 @@ def params(
     dt: Any = 0.005,
     delay_s: float = 0.005,
     arm: float = linkage.ARM,
+    travel: tuple[float, float] = linkage.TRAVEL,
+    own: Any = None,
     **values: Any,
 ) -> np.ndarray:
     """Return PARAMS for load form `load`, ticks of `dt` seconds and measurements `delay_s` old.
@@ -192,9 +203,9 @@ def params(
     The sensors' noise density is that of samples of 5 ms at every rate. `which` names the threshold set, by default
     that of the load form; `values` replace any field.
     """
-    chosen = thresholds("iotsekf", which or f"flight_load{load}")
+    chosen = thresholds("iotsekf", which or f"flight_load{load}", own)
     v = {**lu17.NOMINAL, **NOISE, **LAG[load], **bank.design(dt), **windows.design(dt, load),
-         **obeys.design(dt), **chosen}
+         **obeys.design(dt), **likelihood.design(dt, arm, travel, load == 2), **chosen}
     for name in ("r_rod", "r_dp", "r_spare"):
         v[name] *= PERIOD / dt
     if load != 2:
@@ -213,13 +224,18 @@ def params(
         "spikes": 4.0,
         "t_invalid": 0.2,
         "keep_mean": 1.0 if load == 2 else 0.0,
+        "limit": (0.0,) * HYPOTHESES,
     }
-    return record(PARAMS, **{**fixed, **v, **values})
+    p = record(PARAMS, **{**fixed, **v, **values})
+    likelihood.respond(p, dt)
+    return p
 
 
 def init(p: np.ndarray) -> np.ndarray:
-    """Return STATE of p's shape, not started: the filter begins at the first usable rod sample."""
-    return np.zeros(p.shape, STATE)
+    """Return STATE of p's shape, nothing learned, not started: the filters begin at the first usable rod sample."""
+    x = np.zeros(p.shape, STATE)
+    likelihood.begin(x, p)
+    return x
 
 
 @kernel
@@ -237,7 +253,7 @@ def jumped(x, rod, surface, dt):
         x.jump_of = 0.0
     elif x.pair_time > 0.0 and x.age == 0.0 and x.sensor < 0.5:
         e = math.fabs(x.gamma_rod)
-        if e > JUMP and x.jump_e < BEFORE * e and x.alarm < 0.5:  # samples of an oscillation rise one after the other
+        if e > JUMP and x.jump_e < BEFORE * e and x.declared < 0.5:  # samples of an oscillation rise one after the other
             x.jump_ticks = 1.0
         elif x.jump_ticks > 0.0:
             x.jump_ticks = x.jump_ticks + 1.0 if x.gamma_rod * x.jump_side > 0.2 * JUMP * JUMP else 0.0
@@ -282,7 +298,7 @@ def decide(x, u, p, dt):
     x.load_lag += dt * x.load_d
     fresh = windows.push(x, p, x.f_hat, x.drive, x.load_lag, x.load_d)
     other = x.jam > 0.5 or (x.swings < 1.5 and (x.run > 0.5 or x.r_run >= 1.0))
-    hypotheses.search(x, p, renewed, fresh, disturbed, not disturbed and x.alarm < 0.5, other, dt)
+    hypotheses.search(x, p, renewed, fresh, disturbed, not disturbed and x.declared < 0.5, other, dt)
     a = 1.0 - math.exp(-dt / p.run_tau)
     x.f_slow += a * (x.f_hat - x.gain * x.drive - x.f_slow)
     x.u_slow += a * (x.drive - x.u_slow)
@@ -322,21 +338,21 @@ def decide(x, u, p, dt):
     if renewed > 0.5:
         one = x.run > 0.5 and x.swings < 1.5 and x.proof < 0.5 * obeys.SURE and not (lost and still)
         x.opens = 1.0 if one and opened.opened_since(x, p, dt) else 0.0
-    before, named = x.alarm, x.named
+    before, named = x.declared, x.named
     if x.swings > 1.5 and x.named == RUNAWAY and not obeys.refuses(x):
         x.named = NONE
     hypotheses.conclude(x, x.jam > 0.5, x.run > 0.5)
-    if before > 0.5 and x.alarm < 0.5:  # half a period of a slow oscillation rises, falls and has no name
+    if before > 0.5 and x.declared < 0.5:  # half a period of a slow oscillation rises, falls and has no name
         hypotheses.forget(x, named != NONE)
-    if (before > 0.5) != (x.alarm > 0.5) or (ran_before < 0.5 and x.run > 0.5):
+    if (before > 0.5) != (x.declared > 0.5) or (ran_before < 0.5 and x.run > 0.5):
         obeys.forget(x)
     left_out = x.dp_out > 0.5 and x.sensor < 0.5
     if loud and x.sensor < 0.5:
-        x.alarm, x.verdict, x.culprit = 1.0, SENSOR, 1.0 if x.rod_noisy > 0.5 else 3.0
-    elif x.jump_of > 0.5 and x.alarm < 0.5:
-        x.alarm, x.verdict, x.culprit = 1.0, SENSOR, x.jump_of
-    elif (left_out or math.fabs(x.dp_offset) > 0.5 * pressure_test.STEP_LEAST) and x.alarm < 0.5:
-        x.alarm, x.verdict, x.culprit = 1.0, SENSOR, 3.0
+        x.declared, x.verdict, x.culprit = 1.0, SENSOR, 1.0 if x.rod_noisy > 0.5 else 3.0
+    elif x.jump_of > 0.5 and x.declared < 0.5:
+        x.declared, x.verdict, x.culprit = 1.0, SENSOR, x.jump_of
+    elif (left_out or math.fabs(x.dp_offset) > 0.5 * pressure_test.STEP_LEAST) and x.declared < 0.5:
+        x.declared, x.verdict, x.culprit = 1.0, SENSOR, 3.0
     pair = math.fabs(x.pair_d) / p.pair_threshold
     x.r = max(max(pair, x.r_ofc), max(x.r_run, x.r_jam if still or left_out else 0.0))
 
@@ -350,6 +366,11 @@ def step(x, u, p, dt):
         return
     x.valid = 1.0 if x.age <= p.t_invalid and x.rod_wild < noise.WILD * p.r_rod else 0.0
     decide(x, u, p, dt)
+    likelihood.listen(x, u, p, x.r > SUSPICIOUS, dt)
+    by_evidence.follow(x, u, x.declared > 0.5, dt)
+    x.alarm = x.declared
+    by_evidence.merge(x, by_evidence.frozen(x, u, dt))
+    x.r = max(x.r, x.evidence)
 
 
 rollout = entry(step, STATE, INPUTS, PARAMS)

@@ -8,7 +8,7 @@ in a short one much explains everything. Else the alarm is ambiguous.
 import math
 
 from actuators.block import kernel
-from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY, SENSOR
+from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, SENSOR
 from fdi.isolation import evidence as ev
 from fdi.isolation.sums import OCTAVES
 
@@ -40,14 +40,15 @@ STATE = [
     ("own_hz", "f8", (OCTAVES,), "Hz"),  # of an oscillation, else 0
     ("silent", "f8", (OCTAVES,)),  # time for which an octave that spoke is silent [s]
     ("loud", "f8", (OCTAVES,)),  # ratio that it had, lagged
-    ("timer", "f8", "s"),
-    ("standing", "f8", "s"),  # of the alarm
+    ("speaks_timer", "f8", "s"),
+    ("speaks", "f8", "-"),  # 1 while evidence stands for a fault
+    ("speaking_s", "f8", "s"),  # time for which an alarm has stood
     ("emptied", "f8"),  # 1 once the windows were emptied at this alarm's onset
     ("candidate", "f8"),
     ("candidate_hz", "f8", "Hz"),  # of an oscillation, else 0
     ("candidate_s", "f8", "s"),
-    ("named", "f8"),  # class of this module
-    ("fault", "f8"),  # hypothesis
+    ("likely", "f8"),  # class of this module
+    ("likely_fault", "f8"),  # hypothesis
     ("rod_low", "f8", "m"),  # travel since the onset
     ("rod_high", "f8", "m"),
     ("turned", "f8", "-"),  # 1 once the rod has turned round since the onset
@@ -56,9 +57,9 @@ STATE = [
     ("same", "f8", (3,)),  # equal samples in a row
     ("turns", "f8", (3,)),  # share of samples whose step goes against the one before, over 1 s
     ("step_last", "f8", (3,)),
-    ("last", "f8", (3,)),
-    ("ofc_hz", "f8", "Hz"),  # of the oscillation that is named
-    ("ofc_amplitude", "f8", "-"),  # flow [m/s], rod [m], surface as a rod [m], pressure [1], load [1]
+    ("last_y", "f8", (3,)),
+    ("likely_hz", "f8", "Hz"),  # of the oscillation that is named
+    ("likely_size", "f8", "-"),  # flow [m/s], rod [m], surface as a rod [m], pressure [1], load [1]
 ]
 
 
@@ -137,14 +138,14 @@ def healed(x, p, o, dt):
         x.loud[o] = max(x.own_ratio[o], 0.8 * x.loud[o])
         x.silent[o] = 0.0
         return False
-    h = int(x.fault)
-    loss = x.named == WEAK or x.named == LET_GO  # shows only while the valve is told something
+    h = int(x.likely_fault)
+    loss = x.likely == WEAK or x.likely == LET_GO  # shows only while the valve is told something
     if x.loud[o] < 1.0 or (loss and x.ev[h] > AGAINST):
         return False
     apart = p.block * dt * (1 << min(o + 1, OCTAVES - 1))  # from one evaluation to the next (sums.octave)
     x.silent[o] += apart
-    swings = x.named > 0.5 and h <= ev.SWING_LOAD
-    least = SILENT_PART / max(x.ofc_hz, 0.05) if swings else (0.0 if x.named > 0.5 else SILENT_S)
+    swings = x.likely > 0.5 and h <= ev.SWING_LOAD
+    least = SILENT_PART / max(x.likely_hz, 0.05) if swings else (0.0 if x.likely > 0.5 else SILENT_S)
     return x.silent[o] > max(least, 1.5 * apart)
 
 
@@ -155,86 +156,97 @@ def frozen(x, u, dt):
     for j in range(3):
         y = u.y_rod if j == 0 else (u.y_surface if j == 1 else u.y_dp)
         valid = u.y_rod_valid if j == 0 else (u.y_surface_valid if j == 1 else u.y_dp_valid)
-        x.same[j] = min(x.same[j] + 1.0, 1e6) if valid > 0.5 and y == x.last[j] else 0.0
+        x.same[j] = min(x.same[j] + 1.0, 1e6) if valid > 0.5 and y == x.last_y[j] else 0.0
         if valid > 0.5 and math.isfinite(y) and x.same[j] < FROZEN:
-            by = y - x.last[j]
+            by = y - x.last_y[j]
             x.turns[j] += min(dt, 1.0) * ((1.0 if by * x.step_last[j] < 0.0 else 0.0) - x.turns[j])
             x.step_last[j] = by
-        x.last[j] = y if math.isfinite(y) else 0.0
+        x.last_y[j] = y if math.isfinite(y) else 0.0
         if x.same[j] >= FROZEN and x.turns[j] > TURNS:
             found = j + 1.0
     return found
 
 
 @kernel
-def conclude(x, u, p, freeze, dt):
-    """Write alarm, verdict and culprit."""
-    pair = x.sensor > 0.5
-    jammed = x.named == OF_LOAD and x.rod_high - x.rod_low < STILL and x.since < JAM_S
-    if x.alarm > 0.5 and (jammed or x.at_stop > 0.5):  # what is still says nothing; nor does what is at its stop
-        x.timer = RELEASE_S
-    strong = x.timer > 0.0
-    alarm = strong or pair or freeze > 0.5
-    x.standing = x.standing + dt if alarm else 0.0
+def follow(x, u, own, dt):
+    """Follow an alarm, `own` or of the evidence, and the rod meanwhile; keep the class that leads for long enough."""
+    jammed = x.likely == OF_LOAD and x.rod_high - x.rod_low < STILL and x.since < JAM_S
+    if x.speaks > 0.5 and (jammed or x.at_stop > 0.5):  # what is still says nothing; nor does what is at its stop
+        x.speaks_timer = RELEASE_S
+    x.speaks = 1.0 if x.speaks_timer > 0.0 else 0.0
+    alarm = own or x.speaks > 0.5
+    x.speaking_s = x.speaking_s + dt if alarm else 0.0
     if u.y_rod_valid > 0.5 and math.isfinite(u.y_rod):
         x.rod_slow += min(dt / 0.02, 1.0) * (u.y_rod - x.rod_slow)
     if not alarm:
-        x.named = x.candidate = x.candidate_s = x.emptied = x.turned = 0.0
+        x.likely = x.candidate = x.candidate_s = x.emptied = x.turned = 0.0
         x.rod_low = x.rod_high = x.rod_slow
-        x.alarm, x.verdict, x.culprit = 0.0, NONE, 0.0
-        x.ofc_hz = x.ofc_amplitude = 0.0
+        x.likely_hz = x.likely_size = 0.0
         return
     low, high = x.rod_slow - x.rod_low, x.rod_high - x.rod_slow
     if high + low > MOVED and min(low, high) > TURNED * (low + high):
         x.turned = 1.0
     x.rod_low, x.rod_high = min(x.rod_low, x.rod_slow), max(x.rod_high, x.rod_slow)
-    if x.candidate > 0.5:
-        x.candidate_s += dt
-        # a runaway drives one way, an oscillation turns round
-        if x.named == OPENED and x.turned < 0.5:
-            x.candidate_s = 0.0
-        if x.candidate == OPENED and (x.turned > 0.5 or x.rod_high - x.rod_low < MOVED):
-            x.candidate_s = 0.0
-        if x.candidate == LET_GO and x.named > 0.5:
-            x.candidate_s = 0.0
-        if x.named == OF_LOAD and x.rod_high - x.rod_low < STILL:
-            x.candidate_s = 0.0
-        if x.candidate != OF_LOAD and x.candidate_hz > 0.0 and x.standing < PART / x.candidate_hz:
-            x.candidate_s = 0.0
-        if x.candidate_s >= (HELD_WEAK_S if x.candidate == WEAK else HELD_S):
-            x.named = x.candidate
-    x.alarm, x.verdict, x.culprit = 1.0, AMBIGUOUS, 0.0
-    if freeze > 0.5:
-        x.verdict, x.culprit = SENSOR, freeze
-    elif pair and (x.blame == 1.0 or (x.blame == 2.0 and x.play < 0.5)):
-        x.verdict, x.culprit = SENSOR, x.blame
-    elif pair and (x.named != OF_ROD and (x.named != OF_SURFACE or x.play > 0.5)):
+    if x.candidate < 0.5:
+        return
+    x.candidate_s += dt
+    # a runaway drives one way, an oscillation turns round
+    if x.likely == OPENED and x.turned < 0.5:
+        x.candidate_s = 0.0
+    if x.candidate == OPENED and (x.turned > 0.5 or x.rod_high - x.rod_low < MOVED):
+        x.candidate_s = 0.0
+    if x.candidate == LET_GO and x.likely > 0.5:
+        x.candidate_s = 0.0
+    if x.likely == OF_LOAD and x.rod_high - x.rod_low < STILL:
+        x.candidate_s = 0.0
+    if x.candidate != OF_LOAD and x.candidate_hz > 0.0 and x.speaking_s < PART / x.candidate_hz:
+        x.candidate_s = 0.0
+    if x.candidate_s >= (HELD_WEAK_S if x.candidate == WEAK else HELD_S):
+        x.likely = x.candidate
+
+
+@kernel
+def merge(x, freeze):
+    """Write alarm, verdict and culprit: those of the tests of `iotsekf`, which x.alarm, x.verdict and x.culprit hold,
+    and what leads by evidence where they have no name or ask no more than whether something swings or is still."""
+    if freeze > 0.5 and x.verdict != SENSOR:
+        x.alarm, x.verdict, x.culprit = 1.0, SENSOR, freeze
+        return
+    if x.speaks < 0.5 and x.alarm < 0.5:
+        return
+    x.alarm = 1.0
+    swings = x.verdict == OFC_LIQUID or x.verdict == OFC_SOLID
+    if x.verdict == NONE:
         x.verdict = AMBIGUOUS
-    elif x.named == LIQUID:
-        x.verdict = OFC_LIQUID
-    elif x.named == SOLID:
-        x.verdict = OFC_SOLID
-    elif x.named == OPENED:
-        x.verdict = RUNAWAY
-    elif x.named == WEAK:
+    if x.likely == OF_PRESSURE and (swings or x.verdict == AMBIGUOUS) and x.sensor < 0.5:
+        x.verdict, x.culprit = SENSOR, 3.0
+    elif x.verdict == JAM_SOLID and (x.likely == WEAK or x.likely == OF_LOAD) and x.rod_high - x.rod_low >= STILL:
         x.verdict = EFFECTIVENESS
-    elif OF_ROD <= x.named <= OF_PRESSURE:
-        x.verdict, x.culprit = SENSOR, x.named - OF_ROD + 1.0
-    elif x.named == OF_LOAD:
-        x.verdict = JAM_SOLID if x.rod_high - x.rod_low < STILL else EFFECTIVENESS
+    elif x.verdict != AMBIGUOUS:
+        return
+    elif x.sensor > 0.5 and x.likely != OF_ROD and (x.likely != OF_SURFACE or x.play > 0.5):
+        return
+    elif x.likely == LIQUID:
+        x.verdict = OFC_LIQUID
+    elif x.likely == SOLID:
+        x.verdict = OFC_SOLID
+    elif x.likely == WEAK or (x.likely == OF_LOAD and x.rod_high - x.rod_low >= STILL):
+        x.verdict = EFFECTIVENESS
+    elif x.likely == OF_ROD or x.likely == OF_SURFACE:
+        x.verdict, x.culprit = SENSOR, x.likely - OF_ROD + 1.0
 
 
 @kernel
 def judge(x, p, o, dt):
     """Take the evaluation of octave `o`; return whether all windows are to begin anew."""
     hear(x, p, o)
-    x.r = 0.0
+    x.evidence = 0.0
     for i in range(OCTAVES):
-        x.r = max(x.r, x.own_ratio[i])
+        x.evidence = max(x.evidence, x.own_ratio[i])
     if x.own_ratio[o] >= CALM:
         x.since = 0.0
     if x.own_ratio[o] >= 1.0:
-        x.timer = RELEASE_S
+        x.speaks_timer = RELEASE_S
     c = candidate(x)
     if c < 0:
         x.candidate = x.candidate_s = 0.0
@@ -242,9 +254,9 @@ def judge(x, p, o, dt):
         if x.candidate != x.own_class[c]:
             x.candidate_s = 0.0
         x.candidate, x.candidate_hz = x.own_class[c], x.own_hz[c]
-        if x.candidate == x.named or x.named == 0.0:
-            x.fault, x.ofc_hz, x.ofc_amplitude = x.own_fault[c], x.own_hz[c], x.own_size[c]
+        if x.candidate == x.likely or x.likely == 0.0:
+            x.likely_fault, x.likely_hz, x.likely_size = x.own_fault[c], x.own_hz[c], x.own_size[c]
     if x.own[o] > CLEAR and x.own_ratio[o] >= 1.0 and x.emptied < 0.5:
         x.emptied = 1.0
         return True
-    return x.alarm > 0.5 and healed(x, p, o, dt)
+    return x.speaks > 0.5 and healed(x, p, o, dt)

@@ -52,8 +52,8 @@ STATE = [
     ("JJ", "f8", (PAIRS,)),  # sums of the window at hand
     ("bb", "f8", (N,)),
     ("EE", "f8"),
-    ("L", "f8", (N, N)),  # scratch
-    ("y", "f8", (N,)),
+    ("LL", "f8", (N, N)),  # scratch
+    ("yy", "f8", (N,)),
     ("y2", "f8", (N,)),
     ("prior", "f8", (2, N)),  # means and standard deviations of the hypothesis at hand
     ("C", "f8", (WAVES, WAVES)),  # an oscillation's columns
@@ -85,12 +85,12 @@ def at(a, b):
 def gather(x, w, over):
     """Copy the sums of window `w`, time counted from its beginning, in units of the noise."""
     for i in range(PAIRS):
-        x.JJ[i] = x.J[w, i] * over
+        x.JJ[i] = x.window_J[w, i] * over
     for i in range(N):
-        x.bb[i] = x.b[w, i] * over
+        x.bb[i] = x.window_b[w, i] * over
     x.EE = 0.0
     for j in range(SENSORS):
-        x.EE += x.E[w, j] * over
+        x.EE += x.window_E[w, j] * over
     t = x.t0[w]
     x.bb[SLOPE] -= t * x.bb[FLOW]
     d = x.JJ[at(SLOPE, SLOPE)] - 2.0 * t * x.JJ[at(SLOPE, FLOW)] + t * t * x.JJ[at(FLOW, FLOW)]
@@ -103,7 +103,7 @@ def gather(x, w, over):
 @kernel
 def factor(x):
     """Write the Cholesky factor of J + P^-1 with x.prior; return ln det(I + P J)."""
-    L, det = x.L, 1.0
+    L, det = x.LL, 1.0
     for a in range(N):
         for b in range(a + 1):
             v = x.JJ[at(a, b)]
@@ -133,9 +133,9 @@ def left(x):
         Q += m * (Jm - 2.0 * r)
         r -= Jm
         for k in range(a):
-            r -= x.L[a, k] * x.y[k]
-        x.y[a] = r / x.L[a, a]
-        Q -= x.y[a] * x.y[a]
+            r -= x.LL[a, k] * x.yy[k]
+        x.yy[a] = r / x.LL[a, a]
+        Q -= x.yy[a] * x.yy[a]
     return Q
 
 
@@ -161,13 +161,13 @@ def columns(x, p, w, o, place, over):
         for l in range(k + 1):
             x.C[k, l] = 0.0
     for j in range(SENSORS):
-        if x.n[w, j] <= 0.0:
+        if x.window_n[w, j] <= 0.0:
             continue
-        m = over * x.n[w, j] / x.age[w]  # ticks of a block
+        m = over * x.window_n[w, j] / x.window_age[w]  # ticks of a block
         for k in range(LINES):
             a, b = p.response[place, o, k, 2 * j], p.response[place, o, k, 2 * j + 1]
             i = 2 * k
-            e, g, f = x.D[w, 0, j], x.D[w, 1, j], x.D[w, 2, j]
+            e, g, f = x.window_D[w, 0, j], x.window_D[w, 1, j], x.window_D[w, 2, j]
             x.cb[i] += (a * e[i] - b * e[i + 1]) * over
             x.cb[i + 1] += (b * e[i] + a * e[i + 1]) * over
             x.cx[i] += (a * g[i] - b * g[i + 1]) * over
@@ -266,10 +266,10 @@ def give(x, h, Q, logdet, n, base):
 def steady(x, span):
     """Return 1.0 where the fitted flow of the factored hypothesis stays within EVEN of its largest over `span` [s]."""
     for a in range(N - 1, FLOW - 1, -1):
-        v = x.y[a]
+        v = x.yy[a]
         for k in range(a + 1, N):
-            v -= x.L[k, a] * x.y2[k]
-        x.y2[a] = v / x.L[a, a]
+            v -= x.LL[k, a] * x.y2[k]
+        x.y2[a] = v / x.LL[a, a]
     first, last = x.y2[FLOW], x.y2[FLOW] + span * x.y2[SLOPE]
     if first * last <= 0.0:
         return 0.0
@@ -283,9 +283,9 @@ def evaluate(x, p, o):
     w = o
     n = 0.0
     for j in range(SENSORS):
-        n += x.n[w, j]
+        n += x.window_n[w, j]
     x.ev_octave, x.ev_n = o, n
-    over = 1.0 / x.noise
+    over = 1.0 / x.noise_scale
     gather(x, w, over)
     health(x)
     logdet0 = factor(x)
@@ -339,10 +339,10 @@ def evaluate(x, p, o):
     logdet = factor(x)
     Q = left(x)
     give(x, OPEN, Q, logdet, n, base)
-    x.prior[1, SLOPE] = p.open_sd / (x.clock - x.t0[w])
+    x.prior[1, SLOPE] = p.open_sd / (x.h_clock - x.t0[w])
     logdet = factor(x)
     give(x, SLOW, left(x), logdet, n, base)
-    x.ev_steady = steady(x, x.clock - x.t0[w])
+    x.ev_steady = steady(x, x.h_clock - x.t0[w])
     # let go: the valve is cut off, the chambers are joined
     health(x)
     x.prior[0, GAIN], x.prior[1, GAIN] = gone, p.gone_sd
@@ -351,17 +351,17 @@ def evaluate(x, p, o):
     logdet = factor(x)
     give(x, FREE, left(x), logdet, n, base)
     for j in range(SENSORS):
-        m = x.n[w, j]
-        ratio = max(x.E[w, j] * over / max(m, 1.0), 1.0)
-        if x.c1[w, j] > WHITE * x.E[w, j]:
+        m = x.window_n[w, j]
+        ratio = max(x.window_E[w, j] * over / max(m, 1.0), 1.0)
+        if x.c1[w, j] > WHITE * x.window_E[w, j]:
             ratio = 1.0
         give(x, NOISE_ROD + j, Q0 - m * (ratio - 1.0), logdet0 + m * math.log(ratio) + p.occam, n, base)
     # rod and surface apart
     b, J = 0.0, 0.0
     for j in range(SENSORS):
         H = p.still[2, j]
-        b += H * x.M[w, j]
-        J += H * H * x.n[w, j]
+        b += H * x.window_M[w, j]
+        J += H * H * x.window_n[w, j]
     b, J, sd = b * over, J * over, p.sine_sd[2]
     d = J + 1.0 / (sd * sd)
     give(x, PAIR, (Q0 - b * b / d) if o < 5 else 1e12, logdet0 + math.log(d * sd * sd), n, base)
@@ -371,7 +371,7 @@ def evaluate(x, p, o):
 def teach(x, p, dt):
     """Take the block's lesson of the columns."""
     keep = math.exp(-p.block * dt / p.memory)
-    over = 1.0 / x.noise
+    over = 1.0 / x.noise_scale
     for a in range(N):
         lesson = x.block_b[a]
         for b in range(N):
@@ -384,14 +384,14 @@ def teach(x, p, dt):
         E += x.block_E[j]
         n += x.block_N[j]
     if n > 0.0:
-        a = p.block * dt / min(p.memory, max(x.clock - 1.0, p.block * dt))
-        x.noise = max(x.noise + a * (min(E / n, 2.0 * x.noise) - x.noise), NOISE_LEAST)
+        a = p.block * dt / min(p.memory, max(x.h_clock - 1.0, p.block * dt))
+        x.noise_scale = max(x.noise_scale + a * (min(E / n, 2.0 * x.noise_scale) - x.noise_scale), NOISE_LEAST)
 
 
 @kernel
 def solve(x, p):
     """Solve for the learned errors and their standard deviations."""
-    L = x.L
+    L = x.LL
     for a in range(N):
         for b in range(a + 1):
             v = x.lesson_J[at(a, b)] if a != SLOPE and b != SLOPE else 0.0
@@ -403,10 +403,10 @@ def solve(x, p):
     for a in range(N):
         v = (x.lesson_b[a] if a != SLOPE else 0.0) + p.prior_mean[a] / (p.prior_sd[a] * p.prior_sd[a])
         for k in range(a):
-            v -= L[a, k] * x.y[k]
-        x.y[a] = v / L[a, a]
+            v -= L[a, k] * x.yy[k]
+        x.yy[a] = v / L[a, a]
     for a in range(N - 1, -1, -1):
-        v = x.y[a]
+        v = x.yy[a]
         for k in range(a + 1, N):
             v -= L[k, a] * x.mu[k]
         x.mu[a] = v / L[a, a]

@@ -27,7 +27,7 @@ from actuators.block import kernel
 from actuators.hydraulic import lu17
 from actuators.hydraulic.lu17 import opening, rk4
 from fdi.common.linalg import congruence, joseph
-from fdi.hydraulic.separate_bias import HISTORY, transition
+from fdi.hydraulic.separate_bias import transition
 
 ROD, SURFACE, PRESSURE = range(3)
 SENSORS = 3
@@ -36,18 +36,14 @@ N = 10  # columns; the gain is the last: its prior changes most often, and a Cho
 ROWS = (0, 0, 2)  # state that each sensor reads
 CORNER_HZ, CORNER_MOST = 25.0, 0.3  # an oscillation of up to 10 Hz stays below; share of the rate
 CREEP = 3e-3  # friction turns round within this velocity [m/s]
-STEP_MOST = 0.01  # of a prediction [s], as in fdi/hydraulic/separate_bias.py
 RIGGING_TAU = 20.0  # lag of the rigging [s]
 RATE_TAU = 0.1  # for so long a fast load or flow leaves the model in doubt [s]
 GATE = 25.0  # of an innovation: beyond so many sigma of a healthy one a sample counts for no more
 
 PARAMS = [
-    ("arm", "f8", "m"),  # rod arm
-    *lu17.FIELDS,
-    ("delay", "f8", "-"),  # age of the measurements [ticks]
-    ("q", "f8", (4,)),  # process noise densities of x [unit^2/s]
-    ("r", "f8", (SENSORS,)),  # variances of a sample of rod [m^2], surface as a rod [m^2], pressure [1]
-    ("P0", "f8", (4,)),  # initial variances
+    ("h_q", "f8", (4,)),  # process noise densities of x [unit^2/s]
+    ("h_r", "f8", (SENSORS,)),  # variances of a sample of rod [m^2], surface as a rod [m^2], pressure [1]
+    ("h_P0", "f8", (4,)),  # initial variances
     ("load_share", "f8", "-"),  # of the hinge-moment model's rate, that it may err by
     ("flow_share", "f8", "-"),  # of the flow, that the valve's equation may err by beyond what the columns say
     ("share", "f8", "-"),  # of the gain's signature, that no column explains
@@ -57,34 +53,33 @@ PARAMS = [
     ("prior_sd", "f8", (N,)),
 ]
 STATE = [
-    ("started", "f8", "-"),  # 1 after the first usable rod sample
-    ("x_hat", "f8", (4,), "m, m/s, -, -"),  # estimate at the time of the measurement
-    ("P", "f8", (4, 4)),
-    ("Phi", "f8", (4, 4)),
-    ("W", "f8", (4, 4)),  # scratch
-    ("G", "f8", (4,)),
-    ("K", "f8", (4,)),
-    ("u_old", "f8", (HISTORY + 1,), "-"),  # valve commands, newest first
+    ("h_started", "f8", "-"),  # 1 after the first usable rod sample
+    ("h_hat", "f8", (4,), "m, m/s, -, -"),  # estimate at the time of the measurement
+    ("h_P", "f8", (4, 4)),
+    ("h_Phi", "f8", (4, 4)),
+    ("h_W", "f8", (4, 4)),  # scratch
+    ("h_G", "f8", (4,)),
+    ("h_K", "f8", (4,)),
     ("load_last", "f8", "-"),  # load by the hinge-moment model, one tick ago
     ("load_rate2", "f8", "1/s^2"),  # its squared rate, lagged
     ("flow2", "f8", "m^2/s^2"),  # squared flow, lagged
-    ("offset", "f8", "m"),  # learned rod - arm surface
-    ("offset_time", "f8", "s"),  # so far learned on
+    ("h_rigging", "f8", "m"),  # learned rod - arm surface
+    ("h_rigging_time", "f8", "s"),  # so far learned on
     ("u_fast", "f8", "-"),  # valve command behind a high-pass
     ("high", "f8", (2,)),  # of the high-pass
-    ("clock", "f8", "s"),  # since the start
-    ("V", "f8", (N, 4)),
-    ("S", "f8", (SENSORS, N)),  # signatures of this tick
-    ("e", "f8", (SENSORS,)),  # innovations, less what the learned errors explain
-    ("s", "f8", (SENSORS,)),  # their variances; 0: no sample
-    ("lost", "f8", "s"),  # since the last position sample
-    ("lost_pressure", "f8", "s"),
+    ("h_clock", "f8", "s"),  # since the start
+    ("h_V", "f8", (N, 4)),
+    ("h_S", "f8", (SENSORS, N)),  # signatures of this tick
+    ("h_e", "f8", (SENSORS,)),  # innovations, less what the learned errors explain
+    ("h_s", "f8", (SENSORS,)),  # their variances; 0: no sample
+    ("h_lost", "f8", "s"),  # since the last position sample
+    ("h_lost_dp", "f8", "s"),
 ]
 
 NOISE = {
-    "q": (1e-12, 2e-6, 2e-5, 6e-4),
-    "r": (1e-8, 1.1e-8, 2.5e-5),  # 0.1 mm, 0.02 deg on 0.30 m, 0.5 % of supply: sensor set `transport`
-    "P0": (1e-8, 1e-6, 1e-4, 1e-2),
+    "h_q": (1e-12, 2e-6, 2e-5, 6e-4),
+    "h_r": (1e-8, 1.1e-8, 2.5e-5),  # 0.1 mm, 0.02 deg on 0.30 m, 0.5 % of supply: sensor set `transport`
+    "h_P0": (1e-8, 1e-6, 1e-4, 1e-2),
     "load_share": 0.2,
     "flow_share": 0.006,
     "share": 0.03,
@@ -105,83 +100,81 @@ def high_pass(dt: float) -> dict:
 @kernel
 def load_model(x, u, p):
     """Return the load that the hinge-moment model foresees at the estimated position, over the stall force [1]."""
-    return (u.hm0_model + u.hmd_model * x.x_hat[0] / p.arm) / (p.arm * p.A_p * p.P_s)
+    return (u.hm0_model + u.hmd_model * x.h_hat[0] / p.arm) / (p.arm * p.A_p * p.P_s)
 
 
 @kernel
 def start(x, q, dp, u, p):
     """Begin at the measurement, at rest, in equilibrium with the load."""
-    x.x_hat[0], x.x_hat[1], x.x_hat[2], x.x_hat[3] = q, 0.0, dp, -dp
+    x.h_hat[0], x.h_hat[1], x.h_hat[2], x.h_hat[3] = q, 0.0, dp, -dp
     for i in range(4):
         for j in range(4):
-            x.P[i, j] = 0.0
-        x.P[i, i] = p.P0[i]
+            x.h_P[i, j] = 0.0
+        x.h_P[i, i] = p.h_P0[i]
     for i in range(N):
         for j in range(4):
-            x.V[i, j] = 0.0
+            x.h_V[i, j] = 0.0
     x.load_last = load_model(x, u, p)
     x.load_rate2 = x.flow2 = 0.0
-    x.lost = x.lost_pressure = 0.0
-    x.started = 1.0
+    x.h_lost = x.h_lost_dp = 0.0
+    x.h_started = 1.0
 
 
 @kernel
 def measure(x, j, y, mu, p):
     """Take sensor `j`; write its cleaned innovation, its variance and the signatures."""
     row = 2 if j == 2 else 0
-    P = x.P
-    s = P[row, row] + p.r[j]
-    e = y - x.x_hat[row]
+    P = x.h_P
+    s = P[row, row] + p.h_r[j]
+    e = y - x.h_hat[row]
     limit = GATE * math.sqrt(s)
     e = min(max(e, -limit), limit)
     for i in range(4):
-        x.K[i] = P[i, row] / s
+        x.h_K[i] = P[i, row] / s
     for i in range(4):
-        x.x_hat[i] += x.K[i] * e
+        x.h_hat[i] += x.h_K[i] * e
     clean = e
     for c in range(N):
-        S = x.V[c, row]
-        x.S[j, c] = S
+        S = x.h_V[c, row]
+        x.h_S[j, c] = S
         clean -= mu[c] * S
         for i in range(4):
-            x.V[c, i] -= x.K[i] * S
-    joseph(P, x.K, row, p.r[j])
+            x.h_V[c, i] -= x.h_K[i] * S
+    joseph(P, x.h_K, row, p.h_r[j])
     # where the command drives the innovations most the model's own error does, too
-    x.e[j], x.s[j] = clean, s + p.share * p.share * x.S[j, GAIN] * x.S[j, GAIN]
+    x.h_e[j], x.h_s[j] = clean, s + p.share * p.share * x.h_S[j, GAIN] * x.h_S[j, GAIN]
 
 
 @kernel
 def measurement_update(x, u, mu, learn, p, dt):
     """Take what is valid of rod, surface and pressure."""
     for j in range(SENSORS):
-        x.s[j] = 0.0
-    x.lost += dt
-    x.lost_pressure += dt
+        x.h_s[j] = 0.0
+    x.h_lost += dt
+    x.h_lost_dp += dt
     rod = u.y_rod_valid > 0.5 and math.isfinite(u.y_rod)
     surface = u.y_surface_valid > 0.5 and math.isfinite(u.y_surface)
     if rod:
         measure(x, ROD, u.y_rod, mu, p)
-        x.lost = 0.0
+        x.h_lost = 0.0
     if surface:
         y = p.arm * u.y_surface
-        if rod and x.offset_time < 1.0:
-            x.offset_time += dt
-            x.offset += (u.y_rod - y - x.offset) * dt / x.offset_time
+        if rod and x.h_rigging_time < 1.0:
+            x.h_rigging_time += dt
+            x.h_rigging += (u.y_rod - y - x.h_rigging) * dt / x.h_rigging_time
         elif rod and learn:
-            x.offset += (u.y_rod - y - x.offset) * dt / RIGGING_TAU
-        if x.offset_time > 0.0:
-            measure(x, SURFACE, y + x.offset, mu, p)
-            x.lost = 0.0
+            x.h_rigging += (u.y_rod - y - x.h_rigging) * dt / RIGGING_TAU
+        if x.h_rigging_time > 0.0:
+            measure(x, SURFACE, y + x.h_rigging, mu, p)
+            x.h_lost = 0.0
     if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp):
         measure(x, PRESSURE, u.y_dp, mu, p)
-        x.lost_pressure = 0.0
+        x.h_lost_dp = 0.0
 
 
 @kernel
 def predict(x, u, v, p, dt):
     """Predict over one tick under the held valve command `v`, and what the columns add meanwhile."""
-    n = max(math.ceil(dt / STEP_MOST - 1e-6), 1)
-    h = dt / n
     fast = p.high_b[0] * v + x.high[0]
     x.high[0] = p.high_b[1] * v - p.high_a[0] * fast + x.high[1]
     x.high[1] = p.high_b[2] * v - p.high_a[1] * fast
@@ -190,64 +183,60 @@ def predict(x, u, v, p, dt):
     rate = (model - x.load_last) / dt
     a = 1.0 - math.exp(-dt / RATE_TAU)
     x.load_rate2 += a * (rate * rate - x.load_rate2)
-    for _ in range(n):
-        q, w, z = x.x_hat[0], x.x_hat[1], x.x_hat[2]
-        root = opening(v, z)
-        gain = p.phi_n / p.A_p
-        flow = gain * root * v
-        k = lu17.stiffness(q, p)
-        x.flow2 += a / n * (flow * flow - x.flow2)
-        transition(x.Phi, x.G, x.x_hat, v, v, 0.0, 0.0, True, p, h)
-        Phi, G, V = x.Phi, x.G, x.V
-        unit = 1.0 / (gain * max(root, lu17.ROOT_FLOOR))  # of G: a flow of 1 m/s for a tick
-        F = p.A_p * p.P_s * x.x_hat[3]
-        for c in range(N):
-            a0, a1, a2, a3 = V[c, 0], V[c, 1], V[c, 2], V[c, 3]
-            s, f = 0.0, 0.0
-            if c == LEAK:
-                s = -z
-            elif c == SOFT:
-                s = flow - p.L * z - w
-            elif c == SUPPLY:
-                s = -0.5 * gain * v / max(root, 0.3)
-            elif c == FRICTION:
-                f = -math.tanh(w / CREEP)
-            elif c == MASS:
-                f = -(z + x.x_hat[3])
-            elif c == OFFSET:
-                s = p.L + 0.5 * gain * math.fabs(v) / max(root, 0.3)
-            elif c == FLOW:
-                s = 1.0
-            elif c == SLOPE:
-                s = x.clock
-            elif c == FAST:
-                s = gain * root * x.u_fast
-            else:
-                s = flow - gain * root * x.u_fast
-            s *= unit
-            V[c, 0] = Phi[0, 0] * a0 + Phi[0, 1] * a1 + Phi[0, 2] * a2 + Phi[0, 3] * (a3 + f) + G[0] * s
-            V[c, 1] = Phi[1, 0] * a0 + Phi[1, 1] * a1 + Phi[1, 2] * a2 + Phi[1, 3] * (a3 + f) + G[1] * s
-            V[c, 2] = Phi[2, 0] * a0 + Phi[2, 1] * a1 + Phi[2, 2] * a2 + Phi[2, 3] * (a3 + f) + G[2] * s
-        x.x_hat[0], x.x_hat[1], x.x_hat[2] = rk4(q, w, z, v, v, 0.0, F, p, h)
-        congruence(x.P, Phi, x.W)
-        x.P[0, 0] += p.q[0] * h
-        x.P[1, 1] += p.q[1] * h
-        x.P[2, 2] += (p.q[2] + k * k * p.flow_share * p.flow_share * x.flow2 * RATE_TAU) * h
-        x.P[3, 3] += (p.q[3] + p.load_share * p.load_share * x.load_rate2 * RATE_TAU) * h
-    x.clock += dt
+    q, w, z = x.h_hat[0], x.h_hat[1], x.h_hat[2]
+    root = opening(v, z)
+    gain = p.phi_n / p.A_p
+    flow = gain * root * v
+    k = lu17.stiffness(q, p)
+    x.flow2 += a * (flow * flow - x.flow2)
+    transition(x.h_Phi, x.h_G, x.h_hat, v, v, 0.0, 0.0, True, p, dt)
+    Phi, G, V = x.h_Phi, x.h_G, x.h_V
+    unit = 1.0 / (gain * max(root, lu17.ROOT_FLOOR))  # of G: a flow of 1 m/s for a tick
+    F = p.A_p * p.P_s * x.h_hat[3]
+    for c in range(N):
+        a0, a1, a2, a3 = V[c, 0], V[c, 1], V[c, 2], V[c, 3]
+        s, f = 0.0, 0.0
+        if c == LEAK:
+            s = -z
+        elif c == SOFT:
+            s = flow - p.L * z - w
+        elif c == SUPPLY:
+            s = -0.5 * gain * v / max(root, 0.3)
+        elif c == FRICTION:
+            f = -math.tanh(w / CREEP)
+        elif c == MASS:
+            f = -(z + x.h_hat[3])
+        elif c == OFFSET:
+            s = p.L + 0.5 * gain * math.fabs(v) / max(root, 0.3)
+        elif c == FLOW:
+            s = 1.0
+        elif c == SLOPE:
+            s = x.h_clock
+        elif c == FAST:
+            s = gain * root * x.u_fast
+        else:
+            s = flow - gain * root * x.u_fast
+        s *= unit
+        V[c, 0] = Phi[0, 0] * a0 + Phi[0, 1] * a1 + Phi[0, 2] * a2 + Phi[0, 3] * (a3 + f) + G[0] * s
+        V[c, 1] = Phi[1, 0] * a0 + Phi[1, 1] * a1 + Phi[1, 2] * a2 + Phi[1, 3] * (a3 + f) + G[1] * s
+        V[c, 2] = Phi[2, 0] * a0 + Phi[2, 1] * a1 + Phi[2, 2] * a2 + Phi[2, 3] * (a3 + f) + G[2] * s
+    x.h_hat[0], x.h_hat[1], x.h_hat[2] = rk4(q, w, z, v, v, 0.0, F, p, dt)
+    congruence(x.h_P, Phi, x.h_W)
+    x.h_P[0, 0] += p.h_q[0] * dt
+    x.h_P[1, 1] += p.h_q[1] * dt
+    x.h_P[2, 2] += (p.h_q[2] + k * k * p.flow_share * p.flow_share * x.flow2 * RATE_TAU) * dt
+    x.h_P[3, 3] += (p.h_q[3] + p.load_share * p.load_share * x.load_rate2 * RATE_TAU) * dt
+    x.h_clock += dt
     now = load_model(x, u, p)
-    x.x_hat[3] += now - x.load_last if math.fabs(now - x.load_last) < 1.0 else 0.0
+    x.h_hat[3] += now - x.load_last if math.fabs(now - x.load_last) < 1.0 else 0.0
     x.load_last = now
 
 
 @kernel
 def advance(x, u, mu, learn, p, dt):
-    """Run the filter for one tick on measurements that are `delay` ticks old; return whether it runs."""
-    for i in range(HISTORY, 0, -1):
-        x.u_old[i] = x.u_old[i - 1]
-    if math.isfinite(u.u):
-        x.u_old[0] = min(max(u.u, -1.0), 1.0)
-    if x.started < 0.5:
+    """Run the filter for one tick on measurements that are `delay` ticks old, behind the valve commands of
+    `separate_bias.estimate`; return whether it runs."""
+    if x.h_started < 0.5:
         if u.y_rod_valid > 0.5 and math.isfinite(u.y_rod):
             start(x, u.y_rod, u.y_dp if u.y_dp_valid > 0.5 and math.isfinite(u.y_dp) else 0.0, u, p)
         else:

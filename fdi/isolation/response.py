@@ -18,16 +18,16 @@ def steady(p: Any, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nd
     Phi, G = np.zeros((4, 4)), np.zeros(4)
     briefly(transition, Phi, G, np.zeros(4), 0.0, 0.0, 0.0, 0.0, True, p, dt)
     Phi[3, 3] = 1.0
-    P = np.diag(p["P0"]).astype(float)
+    P = np.diag(p["h_P0"]).astype(float)
     K, s = np.zeros((SENSORS, 4)), np.zeros(SENSORS)
     for _ in range(SETTLED):
         for j, row in enumerate(ROWS):
-            s[j] = P[row, row] + p["r"][j]
+            s[j] = P[row, row] + p["h_r"][j]
             K[j] = P[:, row] / s[j]
             A = np.eye(4)
             A[:, row] -= K[j]
-            P = A @ P @ A.T + p["r"][j] * np.outer(K[j], K[j])
-        P = Phi @ P @ Phi.T + np.diag(p["q"]) * dt
+            P = A @ P @ A.T + p["h_r"][j] * np.outer(K[j], K[j])
+        P = Phi @ P @ Phi.T + np.diag(p["h_q"]) * dt
     return Phi, G * p["A_p"] / p["phi_n"], K, s
 
 

@@ -36,9 +36,9 @@ STATE = [
     ("sd", "f8", (N,)),  # their standard deviations
     ("lesson_J", "f8", (PAIRS,)),
     ("lesson_b", "f8", (N,)),
-    ("noise", "f8", "-"),  # variance of the innovations over what the filter expects
+    ("noise_scale", "f8", "-"),  # variance of the innovations over what the filter expects
     ("blocks", "f8"),  # so far
-    ("tick", "f8"),  # into the block
+    ("block_tick", "f8"),  # into the block
     ("block_J", "f8", (PAIRS,)),
     ("block_b", "f8", (N,)),
     ("block_E", "f8", (SENSORS,)),
@@ -46,17 +46,17 @@ STATE = [
     ("block_w", "f8", (3, SENSORS)),  # of innovations, signatures of the gain and of its fast part
     ("phase_c", "f8", (OCTAVES, LINES)),
     ("phase_s", "f8", (OCTAVES, LINES)),
-    ("age", "f8", (OCTAVES,)),  # blocks since it began
-    ("J", "f8", (OCTAVES, PAIRS)),
-    ("b", "f8", (OCTAVES, N)),
-    ("E", "f8", (OCTAVES, SENSORS)),
-    ("n", "f8", (OCTAVES, SENSORS)),
-    ("D", "f8", (OCTAVES, 3, SENSORS, WAVES)),  # innovations, signatures of gain and fast part, by cos, sin
+    ("window_age", "f8", (OCTAVES,)),  # blocks since it began
+    ("window_J", "f8", (OCTAVES, PAIRS)),
+    ("window_b", "f8", (OCTAVES, N)),
+    ("window_E", "f8", (OCTAVES, SENSORS)),
+    ("window_n", "f8", (OCTAVES, SENSORS)),
+    ("window_D", "f8", (OCTAVES, 3, SENSORS, WAVES)),  # innovations, signatures of gain and fast part, by cos, sin
     ("gram", "f8", (OCTAVES, GRAM)),  # of the waves, over blocks
     ("e_last", "f8", (SENSORS,)),  # whitened innovations of the tick before
     ("block_c", "f8", (SENSORS,)),
     ("c1", "f8", (OCTAVES, SENSORS)),  # sums of their products with those of the tick before
-    ("M", "f8", (OCTAVES, SENSORS)),  # sums of the innovations
+    ("window_M", "f8", (OCTAVES, SENSORS)),  # sums of the innovations
     ("t0", "f8", (OCTAVES,), "s"),  # clock at the window's beginning
     ("wave", "f8", (WAVES,)),  # scratch
 ]
@@ -75,23 +75,23 @@ def design(dt: float) -> dict:
 @kernel
 def empty(x, w):
     """Let window `w` begin anew."""
-    x.age[w] = 0.0
+    x.window_age[w] = 0.0
     for i in range(PAIRS):
-        x.J[w, i] = 0.0
+        x.window_J[w, i] = 0.0
     for i in range(N):
-        x.b[w, i] = 0.0
+        x.window_b[w, i] = 0.0
     for j in range(SENSORS):
-        x.E[w, j] = 0.0
-        x.n[w, j] = 0.0
-        x.M[w, j] = 0.0
+        x.window_E[w, j] = 0.0
+        x.window_n[w, j] = 0.0
+        x.window_M[w, j] = 0.0
         x.c1[w, j] = 0.0
         for k in range(WAVES):
-            x.D[w, 0, j, k] = 0.0
-            x.D[w, 1, j, k] = 0.0
-            x.D[w, 2, j, k] = 0.0
+            x.window_D[w, 0, j, k] = 0.0
+            x.window_D[w, 1, j, k] = 0.0
+            x.window_D[w, 2, j, k] = 0.0
     for i in range(GRAM):
         x.gram[w, i] = 0.0
-    x.t0[w] = x.clock
+    x.t0[w] = x.h_clock
 
 
 @kernel
@@ -105,16 +105,16 @@ def empty_all(x):
 def add_tick(x):
     """Add a tick's innovations and signatures to the block."""
     for j in range(SENSORS):
-        s = x.s[j]
+        s = x.h_s[j]
         if s <= 0.0:
             continue
-        e, over = x.e[j], 1.0 / s
+        e, over = x.h_e[j], 1.0 / s
         i = 0
         for a in range(N):
-            v = x.S[j, a] * over
+            v = x.h_S[j, a] * over
             x.block_b[a] += v * e
             for b in range(a + 1):
-                x.block_J[i] += v * x.S[j, b]
+                x.block_J[i] += v * x.h_S[j, b]
                 i += 1
         x.block_E[j] += e * e * over
         x.block_N[j] += 1.0
@@ -122,9 +122,9 @@ def add_tick(x):
         x.block_c[j] += e * root * x.e_last[j]
         x.e_last[j] = e * root
         x.block_w[0, j] += e * root
-        x.block_w[1, j] += x.S[j, GAIN] * root
-        x.block_w[2, j] += x.S[j, FAST] * root
-    x.tick += 1.0
+        x.block_w[1, j] += x.h_S[j, GAIN] * root
+        x.block_w[2, j] += x.h_S[j, FAST] * root
+    x.block_tick += 1.0
 
 
 @kernel
@@ -138,35 +138,35 @@ def close_block(x, p):
             x.phase_c[o, k], x.phase_s[o, k] = c * norm, s * norm
             x.wave[2 * k], x.wave[2 * k + 1] = c, s
         w = o
-        if x.age[w] >= p.length[o]:
+        if x.window_age[w] >= p.length[o]:
             empty(x, w)
         for a in range(PAIRS):
-            x.J[w, a] += x.block_J[a]
+            x.window_J[w, a] += x.block_J[a]
         for a in range(N):
-            x.b[w, a] += x.block_b[a]
+            x.window_b[w, a] += x.block_b[a]
         for j in range(SENSORS):
             e, g, f = x.block_w[0, j], x.block_w[1, j], x.block_w[2, j]
-            x.E[w, j] += x.block_E[j]
-            x.n[w, j] += x.block_N[j]
-            x.M[w, j] += e
+            x.window_E[w, j] += x.block_E[j]
+            x.window_n[w, j] += x.block_N[j]
+            x.window_M[w, j] += e
             x.c1[w, j] += x.block_c[j]
             for k in range(WAVES):
-                x.D[w, 0, j, k] += x.wave[k] * e
-                x.D[w, 1, j, k] += x.wave[k] * g
-                x.D[w, 2, j, k] += x.wave[k] * f
+                x.window_D[w, 0, j, k] += x.wave[k] * e
+                x.window_D[w, 1, j, k] += x.wave[k] * g
+                x.window_D[w, 2, j, k] += x.wave[k] * f
         m = 0
         for k in range(WAVES):
             for l in range(k + 1):
                 x.gram[w, m] += x.wave[k] * x.wave[l]
                 m += 1
-        x.age[w] += 1.0
+        x.window_age[w] += 1.0
     x.blocks += 1.0
 
 
 @kernel
 def clear_block(x):
     """Begin a block."""
-    x.tick = 0.0
+    x.block_tick = 0.0
     for i in range(PAIRS):
         x.block_J[i] = 0.0
     for i in range(N):

@@ -1,0 +1,139 @@
+"""Likelihood ratios of the faults of one hydraulic actuator, on the innovations of a filter without a fault state.
+
+What may be wrong with actuator and sensors is a hypothesis with a signature in the innovations (`filter`, `response`);
+its evidence against health is taken over windows of growing length (`sums`, `evidence`). Errors within tolerances are
+part of every hypothesis, learned in flight while nothing is wrong. `decide` says what leads. `iotsekf` runs it beside
+its own filter, from whose record it reads the valve commands and what rod and surface say of each other; while nothing
+is suspicious only one block of SPARSE is asked.
+Sources: [Willsky76] A. Willsky, H. Jones, A generalized likelihood ratio approach to the detection and estimation of
+jumps in linear systems, IEEE Trans. Automatic Control 21 (1976); [Basseville93] M. Basseville, I. Nikiforov, Detection
+of Abrupt Changes, Prentice Hall (1993).
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from actuators.block import kernel
+from actuators.disk_cache import kept
+from actuators.hydraulic import lu17
+from fdi.isolation import decide, evidence, filter, sums
+from fdi.isolation.filter import SENSORS
+from fdi.isolation.response import PLACES, responses
+
+PERIOD = 0.005  # of the samples whose variance stands in `filter.NOISE` [s]
+BEGIN_S, LEARN_S = 1.0, 4.0  # the filter settles; what is learned then starts the windows [s]
+STOP = 1e-3  # so near a stop the rod may lean on it [m]
+DT_MOST = 0.0101  # of longer ticks a filter that is linear over a tick leaves too much: it is not asked there [s]
+YOUNG = 1.0 / 3.0  # of its length, from which on a window is asked
+LOST_S = 0.2  # without positions, or without pressure, for longer nothing is asked [s]
+QUIET_S = 1.0  # after the last sign of a fault the flight teaches again [s]
+SPARSE = 4  # blocks of which one is asked while nothing is suspicious
+STILL_HZ = 0.02  # slow enough for a constant
+# Least threshold. Evidence of k to one against health comes by chance with a probability of 1 / k at most; in 60 s a
+# hypothesis is asked over 480 windows: 1e-3 per flight asks for k = 4.8e5
+LEAST = 13.1
+
+PARAMS = [
+    *filter.PARAMS,
+    *sums.PARAMS,
+    ("response", "f8", (len(PLACES), sums.OCTAVES, sums.LINES, 2 * SENSORS)),  # real and imaginary parts
+    ("still", "f8", (len(PLACES), SENSORS)),  # responses to a constant
+    *evidence.PARAMS,
+    ("limit", "f8", (evidence.HYPOTHESES,), "-"),  # evidence that is an alarm
+    ("asks", "f8"),  # 1 where ticks are short enough and the pressure is measured
+    ("q_lo", "f8", "m"),  # stops of the rod
+    ("q_hi", "f8", "m"),
+]
+STATE = [
+    *filter.STATE,
+    *sums.STATE,
+    *evidence.STATE,
+    *decide.STATE,
+    ("since", "f8", "s"),  # something last spoke for a fault
+    ("evidence", "f8", "-"),  # largest evidence over its threshold
+]
+
+
+def design(dt: float, arm: float, travel: tuple[float, float], asks: bool) -> dict[str, Any]:
+    """Return the PARAMS fields, but for the responses, for ticks of `dt` seconds and stops `travel` [rad]."""
+    noise = {**filter.NOISE, "h_r": np.asarray(filter.NOISE["h_r"]) * PERIOD / dt}
+    return {**noise, **sums.design(dt), **filter.high_pass(dt), **evidence.PRIORS,
+            "asks": 1.0 if asks and dt <= DT_MOST else 0.0, "q_lo": arm * travel[0], "q_hi": arm * travel[1]}  # fmt: skip
+
+
+def respond(p: np.ndarray, dt: float) -> None:
+    """Write the responses of PARAMS record `p` to sines and to a constant; let no threshold be below LEAST."""
+    p["limit"] = np.maximum(p["limit"], LEAST)
+    if p["asks"][0] < 0.5:
+        return
+    hz = p["hz"][0].ravel()
+    given = [p[0][name].tolist() for name in ("arm", "h_q", "h_r", "h_P0", *lu17.NOMINAL)]
+    shape = (len(PLACES), 1 + len(hz), 2 * SENSORS)
+    H = kept((given, dt, hz.tolist()), float, lambda: _responses(p[0], dt, hz), __file__).reshape(shape)
+    p["still"][0] = H[:, 0, 0::2]
+    p["response"][0] = H[:, 1:].reshape(len(PLACES), sums.OCTAVES, sums.LINES, 2 * SENSORS)
+
+
+def _responses(p, dt, hz):
+    H = responses(p, dt, np.concatenate([[STILL_HZ], hz]))
+    H[:, 1:] *= np.sinc(hz * p["block"] * dt)[None, :, None]  # of the sum over a block
+    return np.stack([H.real, H.imag], axis=-1).ravel()
+
+
+def begin(x: np.ndarray, p: np.ndarray) -> None:
+    """Write into STATE records `x` that nothing is learned."""
+    x["mu"], x["sd"], x["noise_scale"], x["phase_c"] = p["prior_mean"], p["prior_sd"], 1.0, 1.0
+    x["ev_octave"] = -1.0
+
+
+@kernel
+def restart(x):
+    """Let every window begin anew."""
+    sums.empty_all(x)
+    sums.clear_block(x)
+    decide.forget(x)
+
+
+@kernel
+def close(x, p, suspicious, dt):
+    """Take a finished block: evidence of one octave, decision, lesson."""
+    sums.close_block(x, p)
+    quiet = x.since > QUIET_S and x.alarm < 0.5
+    blocks, anew = int(x.blocks), False
+    if suspicious or not quiet:
+        o = sums.octave(blocks)
+    else:
+        o = sums.octave(blocks // SPARSE) if blocks % SPARSE == 0 else -1
+    if o >= 0 and x.window_age[o] >= YOUNG * p.length[o] and x.h_clock >= LEARN_S:
+        evidence.evaluate(x, p, o)
+        anew = decide.judge(x, p, o, dt)
+    if quiet or x.h_clock < LEARN_S:
+        evidence.teach(x, p, dt)
+    sums.clear_block(x)
+    if blocks % int(sums.SOLVE_BLOCKS) == 0:
+        evidence.solve(x, p)
+        anew = anew or x.h_clock < LEARN_S
+    if anew:
+        restart(x)
+
+
+@kernel
+def listen(x, u, p, suspicious, dt):
+    """Run the filter, add up, ask; everything while `suspicious`."""
+    x.ev_octave = -1.0
+    if p.asks < 0.5 or not filter.advance(x, u, x.mu, x.since > QUIET_S and x.alarm < 0.5, p, dt):
+        return
+    if x.h_clock < BEGIN_S:
+        return
+    x.since += dt
+    x.speaks_timer = max(x.speaks_timer - dt, 0.0)
+    stop = x.h_hat[0] < p.q_lo + STOP or x.h_hat[0] > p.q_hi - STOP
+    if stop or x.at_stop > 0.5 or max(x.h_lost, x.h_lost_dp) > LOST_S:  # the model ends there
+        x.at_stop = 1.0 if stop else 0.0
+        restart(x)
+    else:
+        sums.add_tick(x)
+        if x.block_tick >= p.block:
+            close(x, p, suspicious, dt)
