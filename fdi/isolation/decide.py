@@ -12,7 +12,7 @@ from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, OFC_LI
 from fdi.isolation import evidence as ev
 from fdi.isolation.sums import OCTAVES
 
-LIQUID, SOLID, OPENED, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, MOVES_ON, APART, LET_GO = range(1, 12)
+LIQUID, SOLID, OPENED, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, APART, LET_GO = range(1, 11)
 CALM = 0.35  # of a threshold: below, nothing speaks for a fault
 CLEAR = 40.0  # evidence of a plain onset
 SILENT_PART, SILENT_S = 0.4, 0.4  # of an oscillation's period; of what has no name [s]
@@ -20,7 +20,7 @@ AGAINST = -2.0  # evidence of a fault that is no longer there
 LEAD = 0.05  # ... and this share of its own evidence: no model is better than that
 SURE = 5.0  # odds e^5 against every other class
 FAIR, PLAIN = 1.1, 0.08  # times noise; share of what health leaves beyond noise
-HELD_S, HELD_WEAK_S = 0.1, 0.5  # a name must stand so long; a loss, whose command may yet be gone [s]
+HELD_S, HELD_WEAK_S = 0.1, 1.0  # a name must stand so long; a loss, whose command may yet be gone [s]
 RELEASE_S = 1.0  # an alarm outlives its evidence by this [s]
 PART = 0.75  # of its period that an oscillation has lasted: before, it is a step
 MOVED, TURNED = 1e-3, 0.25  # rod travel that tells a way [m], share of it that is a way back
@@ -47,6 +47,8 @@ STATE = [
     ("candidate", "f8"),
     ("candidate_hz", "f8", "Hz"),  # of an oscillation, else 0
     ("candidate_s", "f8", "s"),
+    ("candidate_octave", "f8"),  # that speaks for it
+    ("likely_octave", "f8"),  # that spoke last for the class that stands
     ("likely", "f8"),  # class of this module
     ("likely_fault", "f8"),  # hypothesis
     ("rod_low", "f8", "m"),  # travel since the onset
@@ -70,13 +72,13 @@ def class_of(x, h):
         return LIQUID
     if h == ev.IN_PLACE:
         return SOLID
-    if h == ev.OPEN or h == ev.SLOW:
-        return OPENED if x.ev_steady > 0.5 else MOVES_ON
+    if h == ev.OPEN:
+        return OPENED
     if h == ev.SWING_ROD or h == ev.NOISE_ROD:
         return OF_ROD
     if h == ev.SWING_SURFACE or h == ev.NOISE_SURFACE:
         return OF_SURFACE
-    if h == ev.SWING_PRESSURE or h == ev.NOISE_PRESSURE or h == ev.OFF_PRESSURE:
+    if h == ev.SWING_PRESSURE or h == ev.NOISE_PRESSURE or h == ev.OFF_PRESSURE or h == ev.SCALED:
         return OF_PRESSURE
     if h == ev.SWING_LOAD or h == ev.RUBS:
         return OF_LOAD
@@ -201,8 +203,11 @@ def follow(x, u, own, dt):
         x.candidate_s = 0.0
     if x.candidate != OF_LOAD and x.candidate_hz > 0.0 and x.speaking_s < PART / x.candidate_hz:
         x.candidate_s = 0.0
-    if x.candidate_s >= (HELD_WEAK_S if x.candidate == WEAK else HELD_S):
-        x.likely = x.candidate
+    slow = x.candidate == WEAK or (x.candidate == OF_PRESSURE and x.candidate_hz == 0.0)
+    o = int(x.likely_octave)
+    stands = x.likely > 0.5 and x.own_class[o] == x.likely and x.own_ratio[o] >= 1.0
+    if x.candidate == x.likely or (not stands and x.candidate_s >= (HELD_WEAK_S if slow else HELD_S)):
+        x.likely, x.likely_octave = x.candidate, x.candidate_octave
 
 
 @kernel
@@ -228,7 +233,7 @@ def merge(x, freeze):
         return
     elif x.likely == LIQUID:
         x.verdict = OFC_LIQUID
-    elif x.likely == SOLID:
+    elif x.likely == SOLID and x.sure[1] > 0.0:
         x.verdict = OFC_SOLID
     elif x.likely == WEAK or (x.likely == OF_LOAD and x.rod_high - x.rod_low >= STILL):
         x.verdict = EFFECTIVENESS
@@ -253,7 +258,7 @@ def judge(x, p, o, dt):
     else:
         if x.candidate != x.own_class[c]:
             x.candidate_s = 0.0
-        x.candidate, x.candidate_hz = x.own_class[c], x.own_hz[c]
+        x.candidate, x.candidate_hz, x.candidate_octave = x.own_class[c], x.own_hz[c], float(c)
         if x.candidate == x.likely or x.likely == 0.0:
             x.likely_fault, x.likely_hz, x.likely_size = x.own_fault[c], x.own_hz[c], x.own_size[c]
     if x.own[o] > CLEAR and x.own_ratio[o] >= 1.0 and x.emptied < 0.5:

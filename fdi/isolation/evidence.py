@@ -10,17 +10,16 @@ the filter (`response`). They meet the gain's column only, the last one, so that
 import math
 
 from actuators.block import kernel
-from fdi.isolation.filter import FAST, FLOW, FRICTION, GAIN, LEAK, OFFSET, SENSORS, SLOPE, SOFT, SUPPLY, N
+from fdi.isolation.filter import FAST, FLOW, FRICTION, GAIN, LEAK, OFFSET, SENSORS, SCALE, SOFT, SUPPLY, N
 from fdi.isolation.sums import LINES, OCTAVES, PAIRS, WAVES
 
 ADDED, IN_PLACE, SWING_ROD, SWING_SURFACE, SWING_PRESSURE, SWING_LOAD = range(6)  # oscillations
-LOSS, LEAKAGE, LOW_SUPPLY, SOFT_OIL, RUBS, OPEN, SLOW, FREE = range(6, 14)
+LOSS, LEAKAGE, LOW_SUPPLY, SOFT_OIL, RUBS, OPEN, SCALED, FREE = range(6, 14)
 NOISE_ROD, NOISE_SURFACE, NOISE_PRESSURE, PAIR, OFF_PRESSURE = range(14, 19)
 HYPOTHESES = 19
 NU = 50.0
 NOISE_LEAST = 0.05  # of the sensors' variance: one that reports no noise at all is not that good
 APART = 0.1  # least share of the gain's column that no oscillation explains: responses are those of rest
-EVEN, OPEN_LEAST = 0.6, 0.008  # of a valve that stands open; its flow [m/s]
 WHITE = 0.3  # noise is not correlated more from tick to tick
 LEAST = 3.0  # Q is no less than noise leaves, by so many sigma
 
@@ -33,6 +32,7 @@ PARAMS = [
     ("worse_mean", "f8", (N,)),  # of the columns where they are a fault
     ("worse_sd", "f8", (N,)),
     ("offset_sd", "f8", "-"),  # of a pressure sensor that is wrong
+    ("scale_sd", "f8", "-"),  # of a pressure sensor whose scale is wrong
     ("open_sd", "f8", "m/s"),  # flow of a valve that stands open
     ("bypass", "f8", "m/s"),  # leakage of an actuator that lets go
     ("occam", "f8", "-"),  # what a hypothesis of noise costs
@@ -42,7 +42,7 @@ PARAMS = [
 PRIORS = {
     "sine_sd": (4e-4, 1e-3, 1e-3, 0.08, 0.05),
     "loss_mean": -0.45, "loss_sd": 0.18,  # 10 to 80 % within two sigma: beyond, it is as good as gone
-    "gone_sd": 0.03, "slow_sd": 0.7, "offset_sd": 0.15,
+    "gone_sd": 0.03, "slow_sd": 0.7, "offset_sd": 0.15, "scale_sd": 0.35,
     "worse_mean": (0.3, -0.7, 0.5, 0.15, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     "worse_sd": (0.3, 0.25, 0.25, 0.1, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0),
     "open_sd": 0.2, "bypass": 1.0,  # 9 deg/s to 45 deg/s within its sigma; that of actuators/hydraulic/actuator.py
@@ -71,7 +71,6 @@ STATE = [
     ("ev", "f8", (HYPOTHESES,)),  # evidence against health
     ("ev_hz", "f8", (6,), "Hz"),
     ("ev_amplitude", "f8", (6,)),
-    ("ev_steady", "f8", "-"),  # 1 where the valve stands open rather than moves on
 ]
 
 
@@ -83,7 +82,7 @@ def at(a, b):
 
 @kernel
 def gather(x, w, over):
-    """Copy the sums of window `w`, time counted from its beginning, in units of the noise."""
+    """Copy the sums of window `w`, in units of the noise."""
     for i in range(PAIRS):
         x.JJ[i] = x.window_J[w, i] * over
     for i in range(N):
@@ -91,13 +90,6 @@ def gather(x, w, over):
     x.EE = 0.0
     for j in range(SENSORS):
         x.EE += x.window_E[w, j] * over
-    t = x.t0[w]
-    x.bb[SLOPE] -= t * x.bb[FLOW]
-    d = x.JJ[at(SLOPE, SLOPE)] - 2.0 * t * x.JJ[at(SLOPE, FLOW)] + t * t * x.JJ[at(FLOW, FLOW)]
-    for i in range(N):
-        if i != SLOPE:
-            x.JJ[at(SLOPE, i)] -= t * x.JJ[at(FLOW, i)]
-    x.JJ[at(SLOPE, SLOPE)] = d
 
 
 @kernel
@@ -263,21 +255,6 @@ def give(x, h, Q, logdet, n, base):
 
 
 @kernel
-def steady(x, span):
-    """Return 1.0 where the fitted flow of the factored hypothesis stays within EVEN of its largest over `span` [s]."""
-    for a in range(N - 1, FLOW - 1, -1):
-        v = x.yy[a]
-        for k in range(a + 1, N):
-            v -= x.LL[k, a] * x.y2[k]
-        x.y2[a] = v / x.LL[a, a]
-    first, last = x.y2[FLOW], x.y2[FLOW] + span * x.y2[SLOPE]
-    if first * last <= 0.0:
-        return 0.0
-    first, last = math.fabs(first), math.fabs(last)
-    return 1.0 if min(first, last) > EVEN * max(first, last) and max(first, last) > OPEN_LEAST else 0.0
-
-
-@kernel
 def evaluate(x, p, o):
     """Write the evidence of every hypothesis over the window of octave `o`."""
     w = o
@@ -331,18 +308,15 @@ def evaluate(x, p, o):
         give(x, h, Q, logdet, n, base)
     Q, logdet = other(x, OFFSET, 0.0, p.offset_sd)
     give(x, OFF_PRESSURE, Q, logdet, n, base)
-    # a valve that stands open, and one that moves on
+    Q, logdet = other(x, SCALE, 0.0, p.scale_sd)
+    give(x, SCALED, Q, logdet, n, base)
+    # a valve that stands open
     health(x)
     x.prior[0, GAIN], x.prior[1, GAIN] = gone, p.gone_sd
     x.prior[0, FAST], x.prior[1, FAST] = -1.0 - x.mu[FAST], p.gone_sd
     x.prior[1, FLOW] = p.open_sd
     logdet = factor(x)
-    Q = left(x)
-    give(x, OPEN, Q, logdet, n, base)
-    x.prior[1, SLOPE] = p.open_sd / (x.h_clock - x.t0[w])
-    logdet = factor(x)
-    give(x, SLOW, left(x), logdet, n, base)
-    x.ev_steady = steady(x, x.h_clock - x.t0[w])
+    give(x, OPEN, left(x), logdet, n, base)
     # let go: the valve is cut off, the chambers are joined
     health(x)
     x.prior[0, GAIN], x.prior[1, GAIN] = gone, p.gone_sd
@@ -394,14 +368,14 @@ def solve(x, p):
     L = x.LL
     for a in range(N):
         for b in range(a + 1):
-            v = x.lesson_J[at(a, b)] if a != SLOPE and b != SLOPE else 0.0
+            v = x.lesson_J[at(a, b)]
             if a == b:
                 v += 1.0 / (p.prior_sd[a] * p.prior_sd[a])
             for k in range(b):
                 v -= L[a, k] * L[b, k]
             L[a, b] = math.sqrt(max(v, 1e-12)) if a == b else v / L[b, b]
     for a in range(N):
-        v = (x.lesson_b[a] if a != SLOPE else 0.0) + p.prior_mean[a] / (p.prior_sd[a] * p.prior_sd[a])
+        v = x.lesson_b[a] + p.prior_mean[a] / (p.prior_sd[a] * p.prior_sd[a])
         for k in range(a):
             v -= L[a, k] * x.yy[k]
         x.yy[a] = v / L[a, a]

@@ -16,7 +16,7 @@ equation. An error theta of the model enters the innovations as e = S theta; its
 | MASS | force -(z + F) | share by which the moving mass is larger [1] |
 | OFFSET | flow of the valve and the leak per pressure | error of the pressure sensor that the load has taken up [1] |
 | FLOW | flow 1 | constant flow [m/s] |
-| SLOPE | flow t | flow that grows [m/s^2] |
+| SCALE | pressure sensor z | share by which its reading is larger [1] |
 | FAST | flow root u, of u above CORNER | share of the fast part, noise of the servo's sensors, that passes more [1] |
 | GAIN | flow root u, of u below CORNER | share by which the valve passes more [1] |
 """
@@ -31,7 +31,7 @@ from fdi.hydraulic.separate_bias import transition
 
 ROD, SURFACE, PRESSURE = range(3)
 SENSORS = 3
-LEAK, SOFT, SUPPLY, FRICTION, MASS, OFFSET, FLOW, SLOPE, FAST, GAIN = range(10)
+LEAK, SOFT, SUPPLY, FRICTION, MASS, OFFSET, FLOW, SCALE, FAST, GAIN = range(10)
 N = 10  # columns; the gain is the last: its prior changes most often, and a Cholesky factor then in its last row only
 ROWS = (0, 0, 2)  # state that each sensor reads
 CORNER_HZ, CORNER_MOST = 25.0, 0.3  # an oscillation of up to 10 Hz stays below; share of the rate
@@ -127,6 +127,7 @@ def measure(x, j, y, mu, p):
     P = x.h_P
     s = P[row, row] + p.h_r[j]
     e = y - x.h_hat[row]
+    z = x.h_hat[2]
     limit = GATE * math.sqrt(s)
     e = min(max(e, -limit), limit)
     for i in range(4):
@@ -136,6 +137,8 @@ def measure(x, j, y, mu, p):
     clean = e
     for c in range(N):
         S = x.h_V[c, row]
+        if c == SCALE and j == PRESSURE:
+            S += z
         x.h_S[j, c] = S
         clean -= mu[c] * S
         for i in range(4):
@@ -210,11 +213,9 @@ def predict(x, u, v, p, dt):
             s = p.L + 0.5 * gain * math.fabs(v) / max(root, 0.3)
         elif c == FLOW:
             s = 1.0
-        elif c == SLOPE:
-            s = x.h_clock
         elif c == FAST:
             s = gain * root * x.u_fast
-        else:
+        elif c == GAIN:
             s = flow - gain * root * x.u_fast
         s *= unit
         V[c, 0] = Phi[0, 0] * a0 + Phi[0, 1] * a1 + Phi[0, 2] * a2 + Phi[0, 3] * (a3 + f) + G[0] * s

@@ -57,7 +57,6 @@ STATE = [
     ("block_c", "f8", (SENSORS,)),
     ("c1", "f8", (OCTAVES, SENSORS)),  # sums of their products with those of the tick before
     ("window_M", "f8", (OCTAVES, SENSORS)),  # sums of the innovations
-    ("t0", "f8", (OCTAVES,), "s"),  # clock at the window's beginning
     ("wave", "f8", (WAVES,)),  # scratch
 ]
 
@@ -91,7 +90,6 @@ def empty(x, w):
             x.window_D[w, 2, j, k] = 0.0
     for i in range(GRAM):
         x.gram[w, i] = 0.0
-    x.t0[w] = x.h_clock
 
 
 @kernel
