@@ -66,6 +66,7 @@ STATE = [
     ("Phi", "f8", (4, 4)),
     ("W", "f8", (4, 4)),  # scratch
     ("G", "f8", (4,)),
+    ("flow_gain", "f8", "m/s"),  # flow of the valve per unit of its command
     ("U", "f8", (4,)),
     ("V", "f8", (4,)),
     ("K", "f8", (4,)),  # bias-free gain of the last measurement
@@ -145,7 +146,8 @@ def combine(x):
 
 @kernel
 def transition(Phi, G, a, side, v, f, stiffness, load_state, p, dt):
-    """Write Phi (4, 4) and Gamma (4,) of (q, q', x3, F) over one tick about `a`. [Lu17] (19)-(20)
+    """Write Phi (4, 4) and Gamma (4,) of (q, q', x3, F) over one tick about `a`; return the valve's flow per unit of its
+    command [m/s]. [Lu17] (19)-(20)
 
     Both from one exponential. `stiffness` is the load's own slope [N m/rad]; `load_state`: F acts on the rod.
     Columns of Psi = int exp(A s) ds give Phi = I + Psi A and Gamma = Psi G.
@@ -160,6 +162,7 @@ def transition(Phi, G, a, side, v, f, stiffness, load_state, p, dt):
     e4 = e2 * p.A_p * p.P_s if load_state else 0.0
     Phi[0, 3], Phi[1, 3], Phi[2, 3], Phi[3, 3] = e4 * l1, e4 * l2, e4 * l3, 1.0
     G[0], G[1], G[2] = b3 * m1, b3 * m2, b3 * m3
+    return -b3 / a32
 
 
 @kernel
@@ -170,7 +173,7 @@ def time_update(x, u, v, p, dt):
     side = v + f if p.total_sign > 0.5 else v
     F = force(x, u, p)
     Phi = x.Phi
-    transition(Phi, x.G, a, side, v, f, u.hmd_model if p.load == 1.0 else 0.0, p.load == 2.0, p, dt)
+    x.flow_gain = transition(Phi, x.G, a, side, v, f, u.hmd_model if p.load == 1.0 else 0.0, p.load == 2.0, p, dt)
     P_f = x.P_f + p.q_f * dt  # (28)
     for i in range(4):
         s = x.G[i]

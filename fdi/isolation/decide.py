@@ -10,6 +10,7 @@ import math
 from actuators.block import kernel
 from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, SENSOR
 from fdi.isolation import evidence as ev
+from fdi.isolation.filter import N
 from fdi.isolation.sums import OCTAVES
 
 LIQUID, SOLID, OPENED, WEAK, OF_ROD, OF_SURFACE, OF_PRESSURE, OF_LOAD, APART, LET_GO = range(1, 11)
@@ -21,6 +22,7 @@ LEAD = 0.05  # ... and this share of its own evidence: no model is better than t
 SURE = 5.0  # odds e^5 against every other class
 FAIR, PLAIN = 1.1, 0.08  # times noise; share of what health leaves beyond noise
 HELD_S, HELD_WEAK_S = 0.1, 1.0  # a name must stand so long; a loss, whose command may yet be gone [s]
+OUTSIDE = 3.0  # standard deviations of the tolerances
 RELEASE_S = 1.0  # an alarm outlives its evidence by this [s]
 PART = 0.75  # of its period that an oscillation has lasted: before, it is a step
 MOVED, TURNED = 1e-3, 0.25  # rod travel that tells a way [m], share of it that is a way back
@@ -225,13 +227,15 @@ def merge(x, freeze):
         x.verdict = AMBIGUOUS
     if x.likely == OF_PRESSURE and (swings or x.verdict == AMBIGUOUS) and x.sensor < 0.5:
         x.verdict, x.culprit = SENSOR, 3.0
+    elif swings and x.candidate == OF_PRESSURE and x.likely != LIQUID and x.likely != SOLID:
+        x.verdict = AMBIGUOUS
     elif x.verdict == JAM_SOLID and (x.likely == WEAK or x.likely == OF_LOAD) and x.rod_high - x.rod_low >= STILL:
         x.verdict = EFFECTIVENESS
     elif x.verdict != AMBIGUOUS:
         return
     elif x.sensor > 0.5 and x.likely != OF_ROD and (x.likely != OF_SURFACE or x.play > 0.5):
         return
-    elif x.likely == LIQUID:
+    elif x.likely == LIQUID and x.proof > 0.0:
         x.verdict = OFC_LIQUID
     elif x.likely == SOLID and x.sure[1] > 0.0:
         x.verdict = OFC_SOLID
@@ -239,6 +243,15 @@ def merge(x, freeze):
         x.verdict = EFFECTIVENESS
     elif x.likely == OF_ROD or x.likely == OF_SURFACE:
         x.verdict, x.culprit = SENSOR, x.likely - OF_ROD + 1.0
+
+
+@kernel
+def inside(x, p):
+    """Return whether what the flight has taught is within OUTSIDE of the tolerances: beyond, the model is another's."""
+    for i in range(N):
+        if math.fabs(x.mu[i] - p.prior_mean[i]) > OUTSIDE * p.prior_sd[i]:
+            return False
+    return True
 
 
 @kernel
@@ -250,7 +263,7 @@ def judge(x, p, o, dt):
         x.evidence = max(x.evidence, x.own_ratio[i])
     if x.own_ratio[o] >= CALM:
         x.since = 0.0
-    if x.own_ratio[o] >= 1.0:
+    if x.own_ratio[o] >= 1.0 and (inside(x, p) or x.speaks > 0.5):
         x.speaks_timer = RELEASE_S
     c = candidate(x)
     if c < 0:

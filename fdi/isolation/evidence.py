@@ -55,6 +55,9 @@ STATE = [
     ("LL", "f8", (N, N)),  # scratch
     ("yy", "f8", (N,)),
     ("y2", "f8", (N,)),
+    ("column", "f8", (N,)),
+    ("info", "f8", (N,)),  # of each column alone: information,
+    ("pull", "f8", (N,)),  # and its product with the column's value
     ("prior", "f8", (2, N)),  # means and standard deviations of the hypothesis at hand
     ("C", "f8", (WAVES, WAVES)),  # an oscillation's columns
     ("LC", "f8", (WAVES, WAVES)),
@@ -239,12 +242,34 @@ def heard(x, p, o, h):
 
 
 @kernel
-def other(x, i, mean, sd):
-    """Return (Q, ln det) where column `i` has the prior N(mean, sd^2)."""
-    health(x)
-    x.prior[0, i], x.prior[1, i] = mean, sd
-    logdet = factor(x)
-    return left(x), logdet
+def solved(x):
+    """Write what the sums say of each column alone, all others at their priors: information and its product with the
+    column's value, from the factor and the solution with x.prior (means 0): J^-1 by columns of the factor's inverse."""
+    L = x.LL
+    for a in range(N - 1, -1, -1):
+        v = x.yy[a]
+        for k in range(a + 1, N):
+            v -= L[k, a] * x.y2[k]
+        x.y2[a] = v / L[a, a]
+    for i in range(N):
+        total = 0.0
+        for a in range(i, N):
+            v = 1.0 if a == i else 0.0
+            for k in range(i, a):
+                v -= L[a, k] * x.column[k]
+            x.column[a] = v / L[a, a]
+            total += x.column[a] * x.column[a]
+        x.info[i] = max(1.0 / total - 1.0 / (x.prior[1, i] * x.prior[1, i]), 0.0)
+        x.pull[i] = x.y2[i] / total
+
+
+@kernel
+def other(x, Q0, logdet0, i, mean, sd):
+    """Return (Q, ln det) where column `i` has the prior N(mean, sd^2) instead of that of health."""
+    w, b, sd0 = x.info[i], x.pull[i], x.sd[i]
+    r = b - w * mean
+    Q = Q0 + b * b / (w + 1.0 / (sd0 * sd0)) + mean * (w * mean - 2.0 * b) - r * r / (w + 1.0 / (sd * sd))
+    return Q, logdet0 + math.log((1.0 + w * sd * sd) / (1.0 + w * sd0 * sd0))
 
 
 @kernel
@@ -269,6 +294,7 @@ def evaluate(x, p, o):
     Q0 = left(x)
     base = logarithm(Q0, n) - 0.5 * logdet0
     x.ev_Q[HYPOTHESES] = Q0
+    solved(x)
     # beside an oscillation the other errors stand as they were learned: only the gain's signature meets its columns
     gone = -1.0 - x.mu[GAIN]
     J, r = x.JJ[at(GAIN, GAIN)], x.bb[GAIN]
@@ -304,11 +330,11 @@ def evaluate(x, p, o):
     give(x, LOSS, left(x), logdet, n, base)
     for h in range(LEAKAGE, RUBS + 1):
         i = LEAK if h == LEAKAGE else (SUPPLY if h == LOW_SUPPLY else (SOFT if h == SOFT_OIL else FRICTION))
-        Q, logdet = other(x, i, p.worse_mean[i] - x.mu[i], p.worse_sd[i])
+        Q, logdet = other(x, Q0, logdet0, i, p.worse_mean[i] - x.mu[i], p.worse_sd[i])
         give(x, h, Q, logdet, n, base)
-    Q, logdet = other(x, OFFSET, 0.0, p.offset_sd)
+    Q, logdet = other(x, Q0, logdet0, OFFSET, 0.0, p.offset_sd)
     give(x, OFF_PRESSURE, Q, logdet, n, base)
-    Q, logdet = other(x, SCALE, 0.0, p.scale_sd)
+    Q, logdet = other(x, Q0, logdet0, SCALE, 0.0, p.scale_sd)
     give(x, SCALED, Q, logdet, n, base)
     # a valve that stands open
     health(x)
@@ -384,12 +410,12 @@ def solve(x, p):
         for k in range(a + 1, N):
             v -= L[k, a] * x.mu[k]
         x.mu[a] = v / L[a, a]
-    for i in range(N):  # diagonal of the inverse: squared columns of L^-1
+    for i in range(N):  # diagonal of the inverse
         total = 0.0
         for a in range(i, N):
             v = 1.0 if a == i else 0.0
             for k in range(i, a):
-                v -= L[a, k] * x.y2[k]
-            x.y2[a] = v / L[a, a]
-            total += x.y2[a] * x.y2[a]
+                v -= L[a, k] * x.column[k]
+            x.column[a] = v / L[a, a]
+            total += x.column[a] * x.column[a]
         x.sd[i] = math.sqrt(total + p.floor * p.floor * p.prior_sd[i] * p.prior_sd[i])

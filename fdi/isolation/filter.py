@@ -26,8 +26,7 @@ import math
 from actuators.block import kernel
 from actuators.hydraulic import lu17
 from actuators.hydraulic.lu17 import opening, rk4
-from fdi.common.linalg import congruence, joseph
-from fdi.hydraulic.separate_bias import transition
+from fdi.common.linalg import congruence
 
 ROD, SURFACE, PRESSURE = range(3)
 SENSORS = 3
@@ -56,9 +55,7 @@ STATE = [
     ("h_started", "f8", "-"),  # 1 after the first usable rod sample
     ("h_hat", "f8", (4,), "m, m/s, -, -"),  # estimate at the time of the measurement
     ("h_P", "f8", (4, 4)),
-    ("h_Phi", "f8", (4, 4)),
     ("h_W", "f8", (4, 4)),  # scratch
-    ("h_G", "f8", (4,)),
     ("h_K", "f8", (4,)),
     ("load_last", "f8", "-"),  # load by the hinge-moment model, one tick ago
     ("load_rate2", "f8", "1/s^2"),  # its squared rate, lagged
@@ -85,7 +82,7 @@ NOISE = {
     "share": 0.03,
     # tolerances of 5 % of every parameter (uniform, some of them in one column); friction of 1 % of the stall force
     "prior_mean": (0.0, -0.05, 0.0, 0.01, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-    "prior_sd": (0.002, 0.06, 0.035, 0.006, 0.05, 0.012, 0.0003, 1e-12, 0.05, 0.05),
+    "prior_sd": (0.002, 0.06, 0.035, 0.006, 0.05, 0.012, 0.0003, 0.005, 0.05, 0.05),
 }
 
 
@@ -143,7 +140,10 @@ def measure(x, j, y, mu, p):
         clean -= mu[c] * S
         for i in range(4):
             x.h_V[c, i] -= x.h_K[i] * S
-    joseph(P, x.h_K, row, p.h_r[j])
+    for a in range(4):  # K is optimal: P - K s K'
+        for b in range(a + 1):
+            P[a, b] -= x.h_K[a] * x.h_K[b] * s
+            P[b, a] = P[a, b]
     # where the command drives the innovations most the model's own error does, too
     x.h_e[j], x.h_s[j] = clean, s + p.share * p.share * x.h_S[j, GAIN] * x.h_S[j, GAIN]
 
@@ -192,9 +192,8 @@ def predict(x, u, v, p, dt):
     flow = gain * root * v
     k = lu17.stiffness(q, p)
     x.flow2 += a * (flow * flow - x.flow2)
-    transition(x.h_Phi, x.h_G, x.h_hat, v, v, 0.0, 0.0, True, p, dt)
-    Phi, G, V = x.h_Phi, x.h_G, x.h_V
-    unit = 1.0 / (gain * max(root, lu17.ROOT_FLOOR))  # of G: a flow of 1 m/s for a tick
+    Phi, G, V = x.Phi, x.G, x.h_V  # of the two-stage filter, at its own estimate
+    unit = 1.0 / max(x.flow_gain, gain * lu17.ROOT_FLOOR)  # of G: a flow of 1 m/s for a tick
     F = p.A_p * p.P_s * x.h_hat[3]
     for c in range(N):
         a0, a1, a2, a3 = V[c, 0], V[c, 1], V[c, 2], V[c, 3]
