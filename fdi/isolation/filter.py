@@ -82,7 +82,7 @@ NOISE = {
     "share": 0.03,
     # tolerances of 5 % of every parameter (uniform, some of them in one column); friction of 1 % of the stall force
     "prior_mean": (0.0, -0.05, 0.0, 0.01, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-    "prior_sd": (0.002, 0.06, 0.035, 0.006, 0.05, 0.012, 0.0003, 0.005, 0.05, 0.05),
+    "prior_sd": (0.002, 0.06, 0.035, 0.006, 0.05, 0.012, 0.0003, 0.002, 0.05, 0.05),
 }
 
 
