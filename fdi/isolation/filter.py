@@ -12,7 +12,7 @@ equation. An error theta of the model enters the innovations as e = S theta; its
 | LEAK | flow -z | added leakage [m/s] |
 | SOFT | flow, what compresses the oil | share by which the oil is stiffer [1] |
 | SUPPLY | flow -u / (2 root) | share of the supply that is lost [1] |
-| FRICTION | force -tanh(q' / CREEP) | friction over the stall force [1] |
+| FRICTION | force -q' / (CREEP + abs q') | friction over the stall force [1] |
 | MASS | force -(z + F) | share by which the moving mass is larger [1] |
 | OFFSET | flow of the valve and the leak per pressure | error of the pressure sensor that the load has taken up [1] |
 | FLOW | flow 1 | constant flow [m/s] |
@@ -66,6 +66,7 @@ STATE = [
     ("high", "f8", (2,)),  # of the high-pass
     ("h_clock", "f8", "s"),  # since the start
     ("h_V", "f8", (N, 4)),
+    ("enter", "f8", (N,)),  # flows that enter at this tick
     ("h_S", "f8", (SENSORS, N)),  # signatures of this tick
     ("h_e", "f8", (SENSORS,)),  # innovations, less what the learned errors explain
     ("h_s", "f8", (SENSORS,)),  # their variances; 0: no sample
@@ -195,31 +196,25 @@ def predict(x, u, v, p, dt):
     Phi, G, V = x.Phi, x.G, x.h_V  # of the two-stage filter, at its own estimate
     unit = 1.0 / max(x.flow_gain, gain * lu17.ROOT_FLOOR)  # of G: a flow of 1 m/s for a tick
     F = p.A_p * p.P_s * x.h_hat[3]
+    fast_flow, most = gain * root * fast, max(root, 0.3)
+    enter = x.enter
+    enter[LEAK] = -z
+    enter[SOFT] = flow - p.L * z - w
+    enter[SUPPLY] = -0.5 * gain * v / most
+    enter[OFFSET] = p.L + 0.5 * gain * math.fabs(v) / most
+    enter[FLOW] = 1.0
+    enter[FAST] = fast_flow
+    enter[GAIN] = flow - fast_flow
+    rub, inertia = -w / (CREEP + math.fabs(w)), -(z + x.h_hat[3])
     for c in range(N):
         a0, a1, a2, a3 = V[c, 0], V[c, 1], V[c, 2], V[c, 3]
-        s, f = 0.0, 0.0
-        if c == LEAK:
-            s = -z
-        elif c == SOFT:
-            s = flow - p.L * z - w
-        elif c == SUPPLY:
-            s = -0.5 * gain * v / max(root, 0.3)
-        elif c == FRICTION:
-            f = -math.tanh(w / CREEP)
-        elif c == MASS:
-            f = -(z + x.h_hat[3])
-        elif c == OFFSET:
-            s = p.L + 0.5 * gain * math.fabs(v) / max(root, 0.3)
-        elif c == FLOW:
-            s = 1.0
-        elif c == FAST:
-            s = gain * root * x.u_fast
-        elif c == GAIN:
-            s = flow - gain * root * x.u_fast
-        s *= unit
-        V[c, 0] = Phi[0, 0] * a0 + Phi[0, 1] * a1 + Phi[0, 2] * a2 + Phi[0, 3] * (a3 + f) + G[0] * s
-        V[c, 1] = Phi[1, 0] * a0 + Phi[1, 1] * a1 + Phi[1, 2] * a2 + Phi[1, 3] * (a3 + f) + G[1] * s
-        V[c, 2] = Phi[2, 0] * a0 + Phi[2, 1] * a1 + Phi[2, 2] * a2 + Phi[2, 3] * (a3 + f) + G[2] * s
+        s = unit * enter[c]
+        V[c, 0] = Phi[0, 0] * a0 + Phi[0, 1] * a1 + Phi[0, 2] * a2 + Phi[0, 3] * a3 + G[0] * s
+        V[c, 1] = Phi[1, 0] * a0 + Phi[1, 1] * a1 + Phi[1, 2] * a2 + Phi[1, 3] * a3 + G[1] * s
+        V[c, 2] = Phi[2, 0] * a0 + Phi[2, 1] * a1 + Phi[2, 2] * a2 + Phi[2, 3] * a3 + G[2] * s
+    for i in range(3):
+        V[FRICTION, i] += Phi[i, 3] * rub
+        V[MASS, i] += Phi[i, 3] * inertia
     x.h_hat[0], x.h_hat[1], x.h_hat[2] = rk4(q, w, z, v, v, 0.0, F, p, dt)
     congruence(x.h_P, Phi, x.h_W)
     x.h_P[0, 0] += p.h_q[0] * dt

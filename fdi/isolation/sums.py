@@ -57,6 +57,7 @@ STATE = [
     ("block_c", "f8", (SENSORS,)),
     ("c1", "f8", (OCTAVES, SENSORS)),  # sums of their products with those of the tick before
     ("window_M", "f8", (OCTAVES, SENSORS)),  # sums of the innovations
+    ("weighed", "f8", (SENSORS, N)),  # scratch
     ("wave", "f8", (WAVES,)),  # scratch
 ]
 
@@ -102,26 +103,27 @@ def empty_all(x):
 @kernel
 def add_tick(x):
     """Add a tick's innovations and signatures to the block."""
+    w = x.weighed
     for j in range(SENSORS):
         s = x.h_s[j]
-        if s <= 0.0:
-            continue
-        e, over = x.h_e[j], 1.0 / s
-        i = 0
-        for a in range(N):
-            v = x.h_S[j, a] * over
-            x.block_b[a] += v * e
-            for b in range(a + 1):
-                x.block_J[i] += v * x.h_S[j, b]
-                i += 1
-        x.block_E[j] += e * e * over
-        x.block_N[j] += 1.0
+        over = 1.0 / s if s > 0.0 else 0.0
         root = math.sqrt(over)
-        x.block_c[j] += e * root * x.e_last[j]
-        x.e_last[j] = e * root
-        x.block_w[0, j] += e * root
-        x.block_w[1, j] += x.h_S[j, GAIN] * root
-        x.block_w[2, j] += x.h_S[j, FAST] * root
+        e = x.h_e[j] * root
+        for a in range(N):
+            w[j, a] = x.h_S[j, a] * root
+            x.block_b[a] += w[j, a] * e
+        x.block_E[j] += e * e
+        x.block_N[j] += 1.0 if s > 0.0 else 0.0
+        x.block_c[j] += e * x.e_last[j]
+        x.e_last[j] = e
+        x.block_w[0, j] += e
+        x.block_w[1, j] += w[j, GAIN]
+        x.block_w[2, j] += w[j, FAST]
+    i = 0
+    for a in range(N):
+        for b in range(a + 1):
+            x.block_J[i] += w[0, a] * w[0, b] + w[1, a] * w[1, b] + w[2, a] * w[2, b]
+            i += 1
     x.block_tick += 1.0
 
 
