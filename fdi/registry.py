@@ -18,7 +18,6 @@ SHIPPED = {  # id -> module
     "pitch_moment_glr": "fdi.pitch_moment_glr.pitch_moment_glr",
     "kinematic": "fdi.kinematic.kinematic",
     "iotsekf": "fdi.hydraulic.iotsekf",
-    "hydraulic_glr": "fdi.isolation.hydraulic_glr",
     "rtsekf": "fdi.hydraulic.rtsekf",
     "rtsekf_flight": "fdi.hydraulic.rtsekf_flight",
     "ema_kalman": "fdi.ema.ema_kalman",
@@ -29,7 +28,7 @@ SHIPPED = {  # id -> module
 }
 # They fly only where a scenario enables them. The states of the likelihood ratios are 1,920 and 1,947 fields of the
 # log, and one false alarm in 100 hours is not shown
-ON_REQUEST = ("pitch_moment_glr", "hydraulic_glr", "joint")
+ON_REQUEST = ("pitch_moment_glr", "joint")
 DEFAULT = tuple(name for name in SHIPPED if name not in ON_REQUEST)  # fly where a scenario names no detectors
 GUESTS: dict[str, Any] = {}  # id -> module, or an object with the same names
 _TOLD: dict[str, Detector] = {}  # id -> record of a guest whose code is not here

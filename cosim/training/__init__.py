@@ -6,7 +6,7 @@ from typing import Any
 from cosim.errors import DesignError, did_you_mean
 
 TRAINERS = {  # name -> (module, what it trains)
-    "hydraulic": ("cosim.training.train_hydraulic", "iotsekf, rtsekf, rtsekf_flight, hydraulic_glr; 5 min"),
+    "hydraulic": ("cosim.training.train_hydraulic", "iotsekf, rtsekf, rtsekf_flight; 5 min"),
     "monitors": ("cosim.training.train_monitors", "ofc_monitor, position_monitor; 5 min on two cores"),
     "aircraft": ("cosim.training.train_aircraft", "lpv_smo, control_redundancy, kinematic, rfafe_airframe; 10 min"),
     "ema": ("cosim.training.train_ema", "ema_kalman_flight, position_monitor on EMAs; 5 min on two cores"),

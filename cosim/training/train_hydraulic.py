@@ -35,7 +35,7 @@ from cosim.training.threshold_fit import HELD, PROBABILITY, exceeded
 from cosim.training.trainer import Trained, Training, decimals
 from fdi.common import bank
 from fdi.hydraulic import iotsekf, rtsekf, rtsekf_flight, windows
-from fdi.isolation import hydraulic_glr
+from fdi.isolation import likelihood
 
 FLIGHTS = 384  # 16 of every manoeuvre in each air
 FIRST_SEED, EVALUATION = 21_000, 12_000  # of the two sets
@@ -44,29 +44,34 @@ FIRST_SEED, EVALUATION = 21_000, 12_000  # of the two sets
 NOISE_SIGMA, FLOOR_SIGMA = 3.6, 1.8
 PEAK = 2.0  # times what lasts: the largest single tick of a lagged input fault; from it on more is looked for
 NEVER = 1e9  # fits in a row that no flight has: what is found is no alarm, behind which the filter would look otherwise
+EVIDENCE = "iotsekf flight_load2"  # the set whose likelihood ratios are asked for
 TESTS = {"iotsekf": ("bank_threshold", "slow_threshold", "run_threshold"), "rtsekf": ("threshold", "step"),
-         "rtsekf_flight": ("pair_threshold",), "hydraulic_glr": ("limit",)}  # fmt: skip
+         "rtsekf_flight": ("pair_threshold",)}  # fmt: skip
 # amplitude noise of a fit over noise of a sample: sqrt(2 / n) with n samples in two periods
 SLOW_WINDOW = windows.SLOW_S * np.array(windows.SLOW_HZ)
 
 
 def survey_iotsekf(recorded: Any, load: float) -> dict[str, Any]:
     """Return {name: largest} over one flight: of each frequency the amplitude that would pass for an oscillation with a
-    threshold of FLOOR_SIGMA, and the largest lagged input fault that lasts; the drive's shares left out.
+    threshold of FLOOR_SIGMA, the largest lagged input fault that lasts, the drive's shares left out; with the pressure
+    the evidence of each hypothesis, 0 where none speaks for it.
     """
     p = iotsekf.params(load=load)
     floor = {n: FLOOR_SIGMA / NOISE_SIGMA * np.asarray(v) for n, v in quiet_floor(load).items()}
     p["bank_threshold"], p["slow_threshold"] = floor["bank_threshold"], floor["slow_threshold"]
     hits, p["hits"] = float(p["hits"][0]), NEVER
-    fields = ("ratio", "hit", "slow_ratio", "slow_hit", "f_slow", "u_slow")
+    p["limit"], p["asks"] = NEVER, np.where(p["asks"] > 0.0, likelihood.ALL, 0.0)
+    fields = ("ratio", "hit", "slow_ratio", "slow_hit", "f_slow", "u_slow", "ev", "ev_octave")
     log = watch(recorded, iotsekf, p, fields)[:, round(START_S / DT) :]
     r = p[0]
     passed = {n: np.where(log[hit] >= hits, log[ratio], 0.0).max(axis=(0, 1))
               for n, ratio, hit in (("bank", "ratio", "hit"), ("slow", "slow_ratio", "slow_hit"))}  # fmt: skip
     run = np.abs(log["f_slow"]) - r["run_share"] * np.abs(log["u_slow"])
     held = minimum_filter1d(run, max(round(HELD * float(r["run_confirm"]) / DT), 1), axis=1)
+    asked = log["ev"][(log["ev_octave"] >= 0.0) & (np.arange(log.shape[1]) * DT > likelihood.LEARN_S - START_S)]
+    evidence = {"limit": np.maximum(asked.max(axis=0), 0.0)} if load == 2 else {}
     return {"bank_threshold": passed["bank"] * floor["bank_threshold"],
-            "slow_threshold": passed["slow"] * floor["slow_threshold"], "run_threshold": held.max()}  # fmt: skip
+            "slow_threshold": passed["slow"] * floor["slow_threshold"], "run_threshold": held.max()} | evidence  # fmt: skip
 
 
 def survey_rtsekf(recorded: Any, load: float) -> dict[str, Any]:
@@ -87,13 +92,6 @@ def survey_rtsekf_flight(recorded: Any) -> dict[str, Any]:
     return {"pair_threshold": float(minimum_filter1d(np.abs(log["pair_d"]), ticks, axis=1).max())}
 
 
-def survey_hydraulic_glr(recorded: Any) -> dict[str, Any]:
-    """Return {"limit": largest} over one flight: the evidence of each hypothesis, 0 where none speaks for it."""
-    p = hydraulic_glr.params(limit=NEVER)  # no alarm empties the windows
-    log = watch(recorded, hydraulic_glr, p, ("ev", "ev_octave"))[:, round(hydraulic_glr.LEARN_S / DT) :]
-    return {"limit": np.maximum(log["ev"][log["ev_octave"] >= 0.0].max(axis=0), 0.0)}
-
-
 def surveyed(**flight: Any) -> dict[str, Any]:
     """Return the largest statistics of every detector over one flight, {detector set: {name: value}}, plain data."""
     recorded = fly_hydraulic(**somewhere(flight))
@@ -106,7 +104,6 @@ SURVEYS: dict[str, Any] = {
     "iotsekf": (survey_iotsekf, {f"flight_load{k}": {"load": k} for k in (0, 1, 2)}),
     "rtsekf": (survey_rtsekf, {f"flight_load{k}": {"load": k} for k in (0, 1)}),
     "rtsekf_flight": (survey_rtsekf_flight, {"flight": {}}),
-    "hydraulic_glr": (survey_hydraulic_glr, {"flight": {}}),
 }
 
 
@@ -121,9 +118,13 @@ def limits(flown: list[dict[str, Any]]) -> list[Trained]:
     for name, tests in TESTS.items():
         sets = [key for key in flown[0] if key.split()[0] == name]
         found = {s: {key: np.array([f[s][key] for f in flown]) for key in tests} for s in sets}
+        if name == "iotsekf":
+            found[EVIDENCE]["limit"] = np.array([f[EVIDENCE]["limit"] for f in flown])
         largest = {s.split()[1]: {key: decimals(v.max(axis=0)) for key, v in found[s].items()} for s in sets}
         for s in sets:
-            limit = {key: each(v, PROBABILITY / len(tests)) for key, v in found[s].items()}
+            limit = {key: each(v, PROBABILITY / len(tests)) for key, v in found[s].items() if key in tests}
+            if s == EVIDENCE:
+                limit["limit"] = each(found[s]["limit"], PROBABILITY)
             if name == "iotsekf":
                 floor = quiet_floor(int(s[-1]))
                 limit["run_threshold"] = PEAK * limit["run_threshold"]

@@ -137,16 +137,17 @@ DETECTOR = Detector(
         "hydraulic.jam_solid": ("jam_solid",),
         "hydraulic.runaway": ("runaway",),
         **dict.fromkeys((
-            "hydraulic.jam_liquid", "hydraulic.rod", "hydraulic.surface", "hydraulic.ofc_liquid@sensor",
+            "hydraulic.jam_liquid", "hydraulic.rod", "hydraulic.surface", "hydraulic.pressure",
+            "hydraulic.ofc_liquid@sensor",
         ), ("sensor",)),
+        **dict.fromkeys((
+            "hydraulic.loss_of_effectiveness", "hydraulic.supply_pressure_drop", "hydraulic.internal_leakage",
+        ), ("effectiveness",)),
     },
     may_see={
-        **dict.fromkeys((
-            "hydraulic.loss_of_effectiveness", "hydraulic.free_float", "hydraulic.supply_pressure_drop",
-            "hydraulic.internal_leakage", "hydraulic.air_in_oil",
-        ), ("ambiguous",)),
-        "hydraulic.friction": ("jam_solid", "ambiguous"),
-        **dict.fromkeys(("hydraulic.backlash", "hydraulic.pressure"), ("sensor", "ambiguous")),
+        **dict.fromkeys(("hydraulic.air_in_oil", "hydraulic.free_float"), ("effectiveness", "ambiguous")),
+        "hydraulic.friction": ("jam_solid", "effectiveness", "ambiguous"),
+        "hydraulic.backlash": ("sensor", "effectiveness", "ambiguous"),
     },
     blind="compares one hydraulic rod with its own valve command: a fault before the valve command moves both alike",
     estimates=(Estimate("valve", "f_hat", "u"),),
@@ -253,7 +254,8 @@ def jumped(x, rod, surface, dt):
         x.jump_of = 0.0
     elif x.pair_time > 0.0 and x.age == 0.0 and x.sensor < 0.5:
         e = math.fabs(x.gamma_rod)
-        if e > JUMP and x.jump_e < BEFORE * e and x.declared < 0.5:  # samples of an oscillation rise one after the other
+        # samples of an oscillation rise one after the other
+        if e > JUMP and x.jump_e < BEFORE * e and x.declared < 0.5:
             x.jump_ticks = 1.0
         elif x.jump_ticks > 0.0:
             x.jump_ticks = x.jump_ticks + 1.0 if x.gamma_rod * x.jump_side > 0.2 * JUMP * JUMP else 0.0

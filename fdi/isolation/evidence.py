@@ -310,7 +310,7 @@ def evaluate(x, p, o):
         columns(x, p, w, o, place, over)
         sd = p.sine_sd[place] * (6.2831853 * p.hz[o, 1] if place == 0 else 1.0)
         h = 0 if place == 0 else place + 1
-        if o == OCTAVES - 1 and (place == 1 or place == 2):  # the rigging drifts as slowly
+        if o >= 6 and (place == 1 or place == 2):  # the rigging drifts as slowly
             x.ev[h], x.ev_Q[h] = -1e3, x.EE
             continue
         logdet = factor_columns(x, sd)

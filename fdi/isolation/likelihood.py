@@ -10,7 +10,6 @@ jumps in linear systems, IEEE Trans. Automatic Control 21 (1976); [Basseville93]
 of Abrupt Changes, Prentice Hall (1993).
 """
 
-import math
 from typing import Any
 
 import numpy as np
@@ -30,6 +29,7 @@ YOUNG = 1.0 / 3.0  # of its length, from which on a window is asked
 LOST_S = 0.2  # without positions, or without pressure, for longer nothing is asked [s]
 QUIET_S = 1.0  # after the last sign of a fault the flight teaches again [s]
 SPARSE = 4  # blocks of which one is asked while nothing is suspicious
+ALL = 2.0  # of `asks`: every block is asked, as in training
 STILL_HZ = 0.02  # slow enough for a constant
 # Least threshold. Evidence of k to one against health comes by chance with a probability of 1 / k at most; in 60 s a
 # hypothesis is asked over 480 windows: 1e-3 per flight asks for k = 4.8e5
@@ -42,7 +42,7 @@ PARAMS = [
     ("still", "f8", (len(PLACES), SENSORS)),  # responses to a constant
     *evidence.PARAMS,
     ("limit", "f8", (evidence.HYPOTHESES,), "-"),  # evidence that is an alarm
-    ("asks", "f8"),  # 1 where ticks are short enough and the pressure is measured
+    ("asks", "f8"),  # 1 where ticks are short enough and the pressure is measured, ALL: every block is asked
     ("q_lo", "f8", "m"),  # stops of the rod
     ("q_hi", "f8", "m"),
 ]
@@ -102,7 +102,7 @@ def close(x, p, suspicious, dt):
     sums.close_block(x, p)
     quiet = x.since > QUIET_S and x.alarm < 0.5
     blocks, anew = int(x.blocks), False
-    if suspicious or not quiet:
+    if suspicious or not quiet or p.asks >= ALL:
         o = sums.octave(blocks)
     else:
         o = sums.octave(blocks // SPARSE) if blocks % SPARSE == 0 else -1

@@ -16,7 +16,7 @@ from actuators.block import kernel
 from fdi.isolation.filter import FAST, GAIN, SENSORS, N
 
 BLOCK_S = 0.02  # [s]
-OCTAVES, LINES = 7, 3
+OCTAVES, LINES = 6, 3
 WAVES = 2 * LINES  # cosines and sines
 GRAM = WAVES * (WAVES + 1) // 2
 TOP_HZ = 8.0  # middle of the fastest octave
