@@ -70,8 +70,9 @@ def survey_iotsekf(recorded: Any, load: float) -> dict[str, Any]:
     held = minimum_filter1d(run, max(round(HELD * float(r["run_confirm"]) / DT), 1), axis=1)
     asked = log["ev"][(log["ev_octave"] >= 0.0) & (np.arange(log.shape[1]) * DT > likelihood.LEARN_S - START_S)]
     evidence = {"limit": np.maximum(asked.max(axis=0), 0.0)} if load == 2 else {}
-    return {"bank_threshold": passed["bank"] * floor["bank_threshold"],
-            "slow_threshold": passed["slow"] * floor["slow_threshold"], "run_threshold": held.max()} | evidence  # fmt: skip
+    slow = passed["slow"] * floor["slow_threshold"]
+    return {"bank_threshold": passed["bank"] * floor["bank_threshold"], "slow_threshold": slow,
+            "run_threshold": held.max(), **evidence}  # fmt: skip
 
 
 def survey_rtsekf(recorded: Any, load: float) -> dict[str, Any]:

@@ -8,7 +8,7 @@ the pressure difference. Over a window of averaged samples each hypothesis leave
 | healthy | f = t d, t within GAIN_ERROR of the learned gain | H | |
 | oscillation added | f = g d + a cos + b sin | L | OFC_LIQUID |
 | oscillation in place | f = -d + a cos + b sin | S | OFC_SOLID |
-| less than commanded | f = t1 d + t2 z: valve, supply; leakage; bypass | D | EFFECTIVENESS |
+| less than commanded | f = t d, t z or t z': valve, supply; leakage; soft oil | E | (by `fdi.isolation`) |
 | a valve that stands open | f = -d + c from its jump on | | RUNAWAY |
 
 A name is given when its hypothesis leaves what noise leaves, and every other several times as much; until then the
@@ -23,7 +23,7 @@ import math
 from actuators.block import kernel
 from fdi.common import bank, decision
 from fdi.common.decision import clipped
-from fdi.common.verdict import AMBIGUOUS, EFFECTIVENESS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY, SENSOR
+from fdi.common.verdict import AMBIGUOUS, JAM_SOLID, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY, SENSOR
 from fdi.hydraulic import losses, obeys, windows
 from fdi.hydraulic.windows import SLOW, SLOW_K, SLOW_S, N
 
@@ -55,8 +55,6 @@ STAYS, SAME_LEAST = 0.7, 0.6  # an oscillation found stays: least fit over its t
 SAME_HZ = 0.12  # votes agree on the frequency
 SHORT_HZ = 7.0  # above it any jolt fills the short window [Hz]
 SHORT_RATIO = 1.5  # the short window takes so many thresholds
-LOSS_SURE = 150.0  # even samples for which a loss explains, 6 s: half a period at 0.1 Hz, and more
-LOSS_HITS = 10.0  # even windows in a row that show a loss
 # what of rod - surface is faster than T_STEADY, its mean square over T_APART: noise leaves 0.05 mm rms, a sensor's
 # oscillation of 0.5 mm at 10 Hz, too fast for the pair test behind its lag, 0.16 mm
 T_STEADY, T_APART, APART = 0.1, 0.3, 1e-4  # [s], [s], [m]
@@ -64,7 +62,7 @@ T_STEADY, T_APART, APART = 0.1, 0.3, 1e-4  # [s], [s], [m]
 STATE = [
     ("slow_ratio", "f8", (SLOW_K,)),  # amplitude over its threshold
     ("slow_hit", "f8", (SLOW_K,)),  # windows in a row that show it
-    ("sure", "f8", (3,)),  # of added and in place: periods of agreement; of less than commanded: samples
+    ("sure", "f8", (2,)),  # of added and in place: periods of agreement
     ("clock", "f8"),  # time [s]
     ("declared", "f8"),  # 1 while one of the tests of `iotsekf` declares a fault
     ("whole", "f8"),  # time for which all sensors have been used, undisturbed [s]
@@ -75,14 +73,12 @@ STATE = [
     ("vote_good", "f8", (2,)),  # good ones among them
     ("soft_hit", "f8"),  # windows since then that soft oil explains
     ("named", "f8"),  # name of the fault that stands, NONE before there is one
-    ("left", "f8", (3,)),  # what the best window of each leaves, over what there is
+    ("left", "f8", (2,)),  # what the best window of each leaves, over what there is
     ("r_bank", "f8"),  # largest of the bank over its threshold
     ("fast", "f8"),  # 1 while that is no slow one's shadow at the lower end
     ("opens", "f8"),  # 1 where the valve stands open since a jump
     ("run_side", "f8"),  # sign of the input fault when it was last large
     ("swings", "f8"),  # how often it has been large on the other side since: from twice on it oscillates
-    ("eff_timer", "f8"),  # time for which a loss is still held to be there [s]
-    ("eff_hit", "f8"),  # windows in a row that show it
     ("pair_steady", "f8"),  # rod - surface, lagged by T_STEADY [m]
     ("pair_swing", "f8"),  # mean square of what is faster [m^2]
 ]
@@ -99,8 +95,7 @@ def forget(x, slow):
         for k in range(SLOW_K):
             x.slow_hit[k] = 0.0
     x.r_ofc = 0.0
-    x.eff_hit = 0.0
-    for i in range(3):
+    for i in range(2):
         x.sure[i] = 0.0
         x.left[i] = 1.0
 
@@ -291,7 +286,7 @@ def look(x, p, j, period, hz, h, r, b, clear):
 
 @kernel
 def search(x, p, renewed, fresh, blocked, teach, other, dt):
-    """Look for an oscillation at every frequency whose window was renewed, and for a loss; hold what was found.
+    """Look for an oscillation at every frequency whose window was renewed; hold what was found.
 
     From the first sign on, of which `other` tells that another test sees a fault, a sine in place of the command is
     looked for as well.
@@ -299,15 +294,7 @@ def search(x, p, renewed, fresh, blocked, teach, other, dt):
     x.clock += dt
     x.whole = 0.0 if blocked or x.form != 1.0 else x.whole + dt
     x.ofc_timer = max(x.ofc_timer - dt, 0.0)
-    x.eff_timer = max(x.eff_timer - dt, 0.0)
-    suspected = other or x.ofc_timer > 0.0 or x.eff_timer > 0.0
-    if fresh == 1.0 or fresh == 3.0:
-        if blocked or p.load != 2.0 or x.coarse > 2.0:
-            x.left[2] = 1.0
-        else:
-            losses.effective(x, p)
-            if x.eff_hit >= LOSS_HITS:
-                x.eff_timer = p.t_release
+    suspected = other or x.ofc_timer > 0.0
     if renewed > 0.5:
         bank_search(x, p, blocked, teach, suspected, dt)
     if fresh >= 2.0 and not blocked:
@@ -384,7 +371,7 @@ def stays(x, p, k):
 
     A manoeuvre leaves so much beside it that no window shows a sine alone; that is no sign that it has ended.
     """
-    if x.named == RUNAWAY or x.named == JAM_SOLID or x.named == EFFECTIVENESS:
+    if x.named == RUNAWAY or x.named == JAM_SOLID:
         return False
     if math.fabs(p.bank_hz[k] - x.ofc_hz) > WIDE * x.ofc_hz or x.ratio[k] < STAYS:
         return False
@@ -400,11 +387,11 @@ def conclude(x, jam, run):
     valve has been asked and says otherwise; an oscillation has none while rod and surface swing apart. A jam takes the
     place of any but a runaway.
     """
-    x.declared = 1.0 if x.sensor > 0.5 or jam or run or x.ofc_timer > 0.0 or x.eff_timer > 0.0 else 0.0
+    x.declared = 1.0 if x.sensor > 0.5 or jam or run or x.ofc_timer > 0.0 else 0.0
     if x.declared < 0.5:
         x.rose = x.clock
         x.verdict, x.culprit, x.named = NONE, 0.0, NONE
-        for i in range(3):
+        for i in range(2):
             x.sure[i] = 0.0
         return
     if (x.named == OFC_LIQUID and obeys.refuses(x)) or (x.named == OFC_SOLID and obeys.obeys(x)):
@@ -421,8 +408,6 @@ def conclude(x, jam, run):
         x.named = OFC_LIQUID
     elif x.sure[1] >= need and not apart:
         x.named = OFC_SOLID
-    elif x.sure[2] >= LOSS_SURE and x.named != RUNAWAY:
-        x.named = EFFECTIVENESS
     x.verdict, x.culprit = AMBIGUOUS, 0.0
     if x.named != NONE:  # beside a sensor that is wrong, too: the filter goes on without it
         x.verdict = x.named

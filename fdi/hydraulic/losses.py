@@ -4,16 +4,13 @@ f is the input fault, d the command behind the same lag, w = f + d, z the pressu
 """
 
 from actuators.block import kernel
-from fdi.hydraulic.windows import EVEN_S, SLOW, N
+from fdi.hydraulic.windows import EVEN_S, N
 
 GAIN_ERROR = 0.06  # of the learned gain
-RECENT = 10  # even samples that must still show it
 DEAD = 0.85  # a valve that loses more may as well be where something slow holds it
 LOSS_LEAST, LEAK_LEAST, AIR_LEAST = 0.15, 0.05, 0.002  # of flow [1], pressure [1], its rate [s]
 LEAK_MOST, AIR_MOST = 1.2, 0.2
 LEAST_EVEN = 10  # even samples that a loss is fitted to
-FAIR, PLAIN = 0.5, 0.2  # share that a loss leaves where it may explain, where it does
-FAR, NOISY, STILL = 8.0, 1.3, 3.0  # times what noise leaves: there is something; nothing; it shows in the newest part
 
 
 @kernel
@@ -110,28 +107,3 @@ def soft(x, n):
 def even_window(n, h):
     """Return how many even samples span `n` of `h` seconds."""
     return max(min(int(n * h / EVEN_S + 0.5), N), LEAST_EVEN)
-
-
-@kernel
-def effective(x, p):
-    """Count even samples after which a loss explains the whole even ring, and shows in its newest part."""
-    n = N if x.even_seen >= N else int(x.even_seen)
-    if n < N // 2:
-        return
-    variance = p.sigma[SLOW + 1] * p.sigma[SLOW + 1]
-    H, E, dd = loss(x, p, n)
-    allowed = n * variance + p.bank_share * p.bank_share * dd
-    x.left[2] = E / max(H, 1e-300)
-    if H < FAR * allowed:
-        x.eff_hit = 0.0
-        return
-    if E > max(FAIR * H, 1.5 * n * variance):
-        x.eff_hit = 0.0
-        x.sure[2] = 0.0
-        return
-    now, _, _ = loss(x, p, RECENT)
-    if now < STILL * RECENT * variance:
-        return
-    x.eff_hit += 1.0
-    if E <= PLAIN * H + NOISY * n * variance and x.left[2] < 0.5 * min(x.left[0], x.left[1]):
-        x.sure[2] += 1.0

@@ -146,8 +146,8 @@ def combine(x):
 
 @kernel
 def transition(Phi, G, a, side, v, f, stiffness, load_state, p, dt):
-    """Write Phi (4, 4) and Gamma (4,) of (q, q', x3, F) over one tick about `a`; return the valve's flow per unit of its
-    command [m/s]. [Lu17] (19)-(20)
+    """Write Phi (4, 4) and Gamma (4,) of (q, q', x3, F) over one tick about `a`; return the valve's flow per unit
+    of its command [m/s]. [Lu17] (19)-(20)
 
     Both from one exponential. `stiffness` is the load's own slope [N m/rad]; `load_state`: F acts on the rod.
     Columns of Psi = int exp(A s) ds give Phi = I + Psi A and Gamma = Psi G.

@@ -10,8 +10,8 @@ the filter (`response`). They meet the gain's column only, the last one, so that
 import math
 
 from actuators.block import kernel
-from fdi.isolation.filter import FAST, FLOW, FRICTION, GAIN, LEAK, OFFSET, SENSORS, SCALE, SOFT, SUPPLY, N
-from fdi.isolation.sums import LINES, OCTAVES, PAIRS, WAVES
+from fdi.isolation.filter import FAST, FLOW, FRICTION, GAIN, LEAK, OFFSET, SCALE, SENSORS, SOFT, SUPPLY, N
+from fdi.isolation.sums import LINES, PAIRS, WAVES
 
 ADDED, IN_PLACE, SWING_ROD, SWING_SURFACE, SWING_PRESSURE, SWING_LOAD = range(6)  # oscillations
 LOSS, LEAKAGE, LOW_SUPPLY, SOFT_OIL, RUBS, OPEN, SCALED, FREE = range(6, 14)
@@ -310,9 +310,6 @@ def evaluate(x, p, o):
         columns(x, p, w, o, place, over)
         sd = p.sine_sd[place] * (6.2831853 * p.hz[o, 1] if place == 0 else 1.0)
         h = 0 if place == 0 else place + 1
-        if o >= 6 and (place == 1 or place == 2):  # the rigging drifts as slowly
-            x.ev[h], x.ev_Q[h] = -1e3, x.EE
-            continue
         logdet = factor_columns(x, sd)
         Q, more = beside(x, x.EE, r, pivot2_health)
         give(x, h, Q, logdet_health + logdet + more, n, base)

@@ -59,8 +59,9 @@ STATE = [
 def design(dt: float, arm: float, travel: tuple[float, float], asks: bool) -> dict[str, Any]:
     """Return the PARAMS fields, but for the responses, for ticks of `dt` seconds and stops `travel` [rad]."""
     noise = {**filter.NOISE, "h_r": np.asarray(filter.NOISE["h_r"]) * PERIOD / dt}
+    asked = 1.0 if asks and dt <= DT_MOST else 0.0
     return {**noise, **sums.design(dt), **filter.high_pass(dt), **evidence.PRIORS,
-            "asks": 1.0 if asks and dt <= DT_MOST else 0.0, "q_lo": arm * travel[0], "q_hi": arm * travel[1]}  # fmt: skip
+            "asks": asked, "q_lo": arm * travel[0], "q_hi": arm * travel[1]}  # fmt: skip
 
 
 def respond(p: np.ndarray, dt: float) -> None:
