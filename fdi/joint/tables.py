@@ -131,8 +131,10 @@ def believed(
     own, culprits, said = names(detector), registry.module(detector).CULPRITS, NAMES[1:]
     if word in ("blind", "reads"):
         return alarm, np.full(len(own), 1.0 / len(own))
-    of_v = _shares(said, set(_classes(classes)), kept[0])
-    if "ambiguous" not in _classes(classes):
+    # who is not designed for it says any of the classes of its record, of which ambiguous may be one
+    right = classes if word == "may" and classes else _classes(classes)
+    of_v = _shares(said, set(right), kept[0])
+    if "ambiguous" not in right:
         of_v = {v: (1.0 - kept[1]) * share + kept[1] * (v == "ambiguous") for v, share in of_v.items()}
     of_c = _shares(culprits, _culprits(detector, hypothesis), kept[0])
     p = np.zeros(len(own))

@@ -68,8 +68,11 @@ def test_an_alarm_of_a_lane_that_is_not_valid_is_not_heard_but_one_that_made_it_
 
 
 def test_leakage_is_a_hypothesis_of_its_own_that_only_the_actuators_detectors_see():
-    wide = (("iotsekf", "left_inner", "ambiguous", "", 1.0), ("hydraulic_glr", "left_inner", "effectiveness", "", 1.5))
-    assert name(heard(*wide))[:2] == ("effectiveness", "elevator_left_inner_valve")
+    both = ("iotsekf", "hydraulic_glr")
+    wide = heard(*((d, "left_inner", "effectiveness", "", 1.0) for d in both))
+    assert name(wide)[:2] == ("effectiveness", "elevator_left_inner_valve")
+    open_ = heard(*((d, "left_inner", "ambiguous", "", 1.0) for d in (*both, "rtsekf_flight")))
+    assert name(open_)[:2] == ("ambiguous", "elevator_left_inner")  # a loose surface is no sensor
     kinds = {h.kind: h for h in places.hypotheses(MIXED) if h.place == "elevator_left_inner_valve"}
     assert {"hydraulic.drive.internal_leakage", "hydraulic.drive.air_in_oil"} < set(kinds)
     p, found = joint.params(MIXED), places.hypotheses(MIXED)
