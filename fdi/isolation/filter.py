@@ -26,7 +26,7 @@ import math
 from actuators.block import kernel
 from actuators.hydraulic import lu17
 from actuators.hydraulic.lu17 import opening, rk4
-from fdi.common.linalg import congruence, joseph
+from fdi.common.linalg import congruence
 from fdi.hydraulic.separate_bias import HISTORY, transition
 
 ROD, SURFACE, PRESSURE = range(3)
@@ -74,6 +74,7 @@ STATE = [
     ("high", "f8", (2,)),  # of the high-pass
     ("clock", "f8", "s"),  # since the start
     ("V", "f8", (N, 4)),
+    ("enter", "f8", (N,)),  # flows that enter at this tick, 0 for what enters as a force
     ("S", "f8", (SENSORS, N)),  # signatures of this tick
     ("e", "f8", (SENSORS,)),  # innovations, less what the learned errors explain
     ("s", "f8", (SENSORS,)),  # their variances; 0: no sample
@@ -145,7 +146,10 @@ def measure(x, j, y, mu, p):
         clean -= mu[c] * S
         for i in range(4):
             x.V[c, i] -= x.K[i] * S
-    joseph(P, x.K, row, p.r[j])
+    for a in range(4):  # K is optimal: P - K s K'
+        for b in range(a + 1):
+            P[a, b] -= x.K[a] * x.K[b] * s
+            P[b, a] = P[a, b]
     # where the command drives the innovations most the model's own error does, too
     x.e[j], x.s[j] = clean, s + p.share * p.share * x.S[j, GAIN] * x.S[j, GAIN]
 
@@ -201,33 +205,26 @@ def predict(x, u, v, p, dt):
         Phi, G, V = x.Phi, x.G, x.V
         unit = 1.0 / (gain * max(root, lu17.ROOT_FLOOR))  # of G: a flow of 1 m/s for a tick
         F = p.A_p * p.P_s * x.x_hat[3]
+        fast_flow, most = gain * root * fast, max(root, 0.3)
+        enter = x.enter
+        enter[LEAK] = -z
+        enter[SOFT] = flow - p.L * z - w
+        enter[SUPPLY] = -0.5 * gain * v / most
+        enter[OFFSET] = p.L + 0.5 * gain * math.fabs(v) / most
+        enter[FLOW] = 1.0
+        enter[SLOPE] = x.clock
+        enter[FAST] = fast_flow
+        enter[GAIN] = flow - fast_flow
         for c in range(N):
             a0, a1, a2, a3 = V[c, 0], V[c, 1], V[c, 2], V[c, 3]
-            s, f = 0.0, 0.0
-            if c == LEAK:
-                s = -z
-            elif c == SOFT:
-                s = flow - p.L * z - w
-            elif c == SUPPLY:
-                s = -0.5 * gain * v / max(root, 0.3)
-            elif c == FRICTION:
-                f = -math.tanh(w / CREEP)
-            elif c == MASS:
-                f = -(z + x.x_hat[3])
-            elif c == OFFSET:
-                s = p.L + 0.5 * gain * math.fabs(v) / max(root, 0.3)
-            elif c == FLOW:
-                s = 1.0
-            elif c == SLOPE:
-                s = x.clock
-            elif c == FAST:
-                s = gain * root * x.u_fast
-            else:
-                s = flow - gain * root * x.u_fast
-            s *= unit
-            V[c, 0] = Phi[0, 0] * a0 + Phi[0, 1] * a1 + Phi[0, 2] * a2 + Phi[0, 3] * (a3 + f) + G[0] * s
-            V[c, 1] = Phi[1, 0] * a0 + Phi[1, 1] * a1 + Phi[1, 2] * a2 + Phi[1, 3] * (a3 + f) + G[1] * s
-            V[c, 2] = Phi[2, 0] * a0 + Phi[2, 1] * a1 + Phi[2, 2] * a2 + Phi[2, 3] * (a3 + f) + G[2] * s
+            s = unit * enter[c]
+            V[c, 0] = Phi[0, 0] * a0 + Phi[0, 1] * a1 + Phi[0, 2] * a2 + Phi[0, 3] * a3 + G[0] * s
+            V[c, 1] = Phi[1, 0] * a0 + Phi[1, 1] * a1 + Phi[1, 2] * a2 + Phi[1, 3] * a3 + G[1] * s
+            V[c, 2] = Phi[2, 0] * a0 + Phi[2, 1] * a1 + Phi[2, 2] * a2 + Phi[2, 3] * a3 + G[2] * s
+        rub, inertia = -math.tanh(w / CREEP), -(z + x.x_hat[3])
+        for i in range(3):
+            V[FRICTION, i] += Phi[i, 3] * rub
+            V[MASS, i] += Phi[i, 3] * inertia
         x.x_hat[0], x.x_hat[1], x.x_hat[2] = rk4(q, w, z, v, v, 0.0, F, p, h)
         congruence(x.P, Phi, x.W)
         x.P[0, 0] += p.q[0] * h
