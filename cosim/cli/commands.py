@@ -30,12 +30,18 @@ from cosim.cli.app import (
 from cosim.cli.output import DetectorOption, JsonOption, OverwriteOption, log_name, named, output_option, reserve
 from cosim.errors import CosimError, did_you_mean
 from cosim.progress import Compiling
-from cosim.table import Cell, Table
+from cosim.table import Cell, Column, Table
 
 if TYPE_CHECKING:  # `--help` needs no scenario
     from cosim.scenario import Scenario
 
 DEFAULT = "liquid-ofc"
+ARRAYS = (".npy", ".npz")
+# as `cosim -h` shows them: a flight, many flights, what is your own, what stands behind the detectors
+ORDER = (
+    "run list example info report replay recover compact campaign compare score false-alarms margins dataset "
+    "new check estimate map identify linearize envelope reproduce design train bench"
+).split()
 
 
 @app.command()
@@ -61,7 +67,7 @@ def run(
     detector: DetectorOption = None,
     json_: JsonOption = False,
 ) -> Any:
-    """Fly a scenario, log everything, and show who alarmed, when, and what it isolated."""
+    """Fly a scenario, log it, show who alarmed, when, and for what."""
     from cosim.scenario import load_scenario
     from cosim.scenario.brought import identified
 
@@ -123,11 +129,11 @@ def run(
 @app.command(name="list")
 def list_(
     topic: Annotated[
-        str | None, typer.Argument(metavar="[TOPIC]", help=f"{', '.join(inventory.TOPICS)} or all.", show_default=False)
+        str | None, typer.Argument(metavar="TOPIC", help=f"{', '.join(inventory.TOPICS)} or all.", show_default=False)
     ] = None,
     json_: JsonOption = False,
 ) -> None:
-    """Show what there is: scenarios, campaigns, manoeuvres, faults, detectors, classes, signals, and so on."""
+    """Show what there is to fly, to break, to read and to enable."""
     from cosim.campaign.inventory import inventory as everything
 
     if topic not in (None, "all", *inventory.TOPICS):
@@ -144,13 +150,13 @@ def list_(
 @app.command()
 def example(
     name: Annotated[
-        str | None, typer.Argument(metavar="[NAME]", help="Default: list them.", show_default=False)
+        str | None, typer.Argument(metavar="NAME", help="Default: list them.", show_default=False)
     ] = None,
     output: Annotated[Path | None, output_option("FILE", "Default: NAME.py here.")] = None,
     overwrite: OverwriteOption = False,
     json_: JsonOption = False,
 ) -> None:
-    """Copy an example program into your folder, ready to run and to change."""
+    """Copy an example program here, ready to run and to change."""
     from cosim.campaign.inventory import example as source
     from cosim.files import marked, replace_text
 
@@ -216,7 +222,7 @@ def linearize(
     overwrite: OverwriteOption = False,
     json_: JsonOption = False,
 ) -> None:
-    """Trim at a scenario's flight point and show the modes of the bare airframe; write A, B, C, D."""
+    """Show trim and modes at a flight point; write A, B, C, D."""
     from cosim.scenario import load_scenario
 
     flown = load_scenario(scenario, set_ or ())
@@ -234,13 +240,11 @@ def linearize(
     answer(json_, found, lambda _: trim_and_modes(found, flown))
 
 
-# the commands of these modules, in the order in which `cosim -h` shows them
-PARTS = (
-    "bench", "replay", "envelope", "study", "campaigns", "score", "false_alarms", "margins", "guests", "identify",
-    "aircraft",
-)  # fmt: skip
+# the modules of the other commands
+PARTS = ("replay", "campaigns", "score", "false_alarms", "margins", "guests", "identify", "envelope", "study", "bench")
 for part in PARTS:
     importlib.import_module(f"cosim.cli.{part}")
+app.registered_commands.sort(key=lambda c: ORDER.index((c.name or c.callback.__name__).replace("_", "-")))
 
 
 def main() -> Any:
@@ -265,11 +269,14 @@ def contents(found: dict[str, Any]) -> Group:
             head.add(name, f"{found[name]} ticks are missing" if name == "gaps" else found[name])
     for name, value in found["versions"].items():
         head.add(name, value)
-    t = Table("Topics", "topic", "rows>", "fields>", "every>", "first fields")
+    t = Table("Topics", "topic", "rows>", "fields>", "every>", Column("first fields", rank=1, right=False))
     for r in found["topics"]:
         more = ", ..." if len(r["fields"]) > 6 else ""
         t.add(r["name"], r["rows"], len(r["fields"]), r["every"], ", ".join(r["fields"][:6]) + more)
-    return Group(head, t, Text(f"attachments: {', '.join(found['attachments']) or 'none'}"))
+    kept = [name for name in found["attachments"] if not name.endswith(ARRAYS)]
+    arrays = len(found["attachments"]) - len(kept)
+    more = [f"{arrays} arrays of parameters and initial states"] if arrays else []
+    return Group(head, t, Text(f"attachments: {', '.join(kept + more) or 'none'}"))
 
 
 def trim_and_modes(found: dict[str, Any], scenario: "Scenario") -> Group:

@@ -19,7 +19,10 @@ def envelope(
     workers: WorkersOption = None,
     json_: JsonOption = False,
 ) -> None:
-    """Map where the aircraft trims, over mass, CG, altitude and speed, why not elsewhere, where actuators stall."""
+    """Map where the aircraft trims and where its actuators stall.
+
+    Over mass, CG, altitude and speed; where it does not trim, it says why.
+    """
     from cosim.campaign.envelope import summary, trim_map
 
     paths = {key: output / f"envelope.{ending}" for key, ending in
