@@ -228,9 +228,15 @@ def _note(panels, layout, a):
     side = {"left": "start", "right": "end"}.get(a.get("xanchor", "center"), "middle")
     bold = ' font-weight="600"' if "<b>" in a["text"] else ""
     told = html.escape(re.sub(r"</?b>", "", a["text"]))
-    around = ' paint-order="stroke" stroke="var(--page)" stroke-width="3"' if "bgcolor" in a else ""
-    return (f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{side}" font-size="{font["size"]:g}"{bold} '
-            f'{_colour(font["color"], "fill")}{around}{_of(a.get("detector"))}>{told}</text>')  # fmt: skip
+    behind = ""
+    if "bgcolor" in a:
+        size = font["size"]
+        wide, high = LETTER * size * len(told) + 4, size + 4
+        left = x - {"start": 2, "middle": wide / 2, "end": wide - 2}[side]
+        box = f'x="{left:.1f}" y="{y - size:.1f}" width="{wide:.1f}" height="{high:g}"'
+        behind = f'<rect {box} fill="var(--page)"{_of(a.get("detector"))}/>'
+    return (f'{behind}<text x="{x:.1f}" y="{y:.1f}" text-anchor="{side}" font-size="{font["size"]:g}"{bold} '
+            f'{_colour(font["color"], "fill")}{_of(a.get("detector"))}>{told}</text>')  # fmt: skip
 
 
 def _legend(layout, data):

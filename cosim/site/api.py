@@ -1,10 +1,13 @@
 """API reference of the site: the public names, and every type of ours that one of them returns."""
 
+import ast
 import builtins
 import importlib
 import inspect
+import itertools
 import re
 import sys
+import textwrap
 import types
 import typing
 from pathlib import Path
@@ -81,9 +84,14 @@ def pages() -> dict[str, str]:
         text += "".join(f"\n### {n}\n\n{_told(every[n])}" for n in names)
     told = {place(v) for v in every.values()}
     kinds = [c for c in [*returned(list(every.values())), *map(found, BESIDE)] if place(c) not in told]
-    named = list(dict.fromkeys(place(c) for c in kinds))
     types_ = "# Returned types\n\nTheir attributes and methods; SI where no unit is said.\n"
-    types_ += "".join(f"\n## {n.rpartition('.')[2]}\n\n`{n}`\n\n{_directive(n)}" for n in named)
+    for name, kind in {place(c): c for c in kinds}.items():
+        told_of = attributes(kind)
+        rows = "".join(f"| `{a}` | `{hint}` | {about} |\n" for a, (hint, about) in told_of.items())
+        table = f"| attribute | type | what it is |\n|---|---|---|\n{rows}\n" if rows else ""
+        own = [n for n in vars(kind) if n not in told_of and not n.startswith(("_", "model_"))]
+        types_ += f"\n## {name.rpartition('.')[2]}\n\n`{name}`\n\n{_directive(name, alone=bool(rows))}\n{table}"
+        types_ += "".join(f"#### {n}\n\n{_directive(f'{name}.{n}')}\n" for n in own) if rows else ""
     return {"index.md": text, "types.md": types_}
 
 
@@ -91,5 +99,21 @@ def _told(value: Any) -> str:
     return _directive(place(value))
 
 
-def _directive(name: str) -> str:
-    return f"::: {name}\n    options:\n      show_root_heading: false\n      heading_level: 4\n"
+def attributes(kind: type) -> dict[str, tuple[str, str]]:
+    """Return {name: (type, comment)} of the public fields of a class: the comment behind a field, or that above it."""
+    lines = textwrap.dedent(inspect.getsource(kind)).splitlines()
+    (tree,) = ast.parse("\n".join(lines)).body
+    out: dict[str, tuple[str, str]] = {}
+    for node in getattr(tree, "body", ()):
+        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) and not node.target.id.startswith("_"):
+            behind = lines[(node.end_lineno or 0) - 1][node.end_col_offset :].partition("# ")[2]
+            above = list(itertools.takewhile(lambda line: line.lstrip().startswith("#"), lines[node.lineno - 2 :: -1]))
+            about = behind or " ".join(line.strip().lstrip("# ") for line in reversed(above))
+            out[node.target.id] = tuple(t.replace("|", r"\|") for t in (ast.unparse(node.annotation), about))  # type: ignore
+    return out
+
+
+def _directive(name: str, alone: bool = False) -> str:
+    """Return mkdocstrings' directive for an object; of a class without its members if it is to stand `alone`."""
+    own = "      members: false\n" if alone else ""
+    return f"::: {name}\n    options:\n      show_root_heading: false\n      heading_level: 4\n{own}"
