@@ -27,7 +27,7 @@ def new(
     overwrite: OverwriteOption = False,
     json_: JsonOption = False,
 ) -> None:
-    """Write a detector, law, actuator, aircraft or campaign to edit.
+    """Write a detector, law, actuator, aircraft or campaign.
 
     It runs as it is, and so does its test: test_NAME.py.
     """

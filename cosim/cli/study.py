@@ -69,10 +69,10 @@ def reproduce(
     replace(table, lambda part: frame.to_csv(part, index=False), listed)
     if readme:
         from cosim.report.papers_markdown import write
-        from cosim.report.papers_picture import write as pictures
+        from cosim.report.reproduce_page import write_pictures
 
         write(readme, rows)
-        pictures(readme.parent, drawings)
+        write_pictures(readme.parent, drawings)
     told = {**found, "rows": [_finite(r) for r in found["rows"]]}
     files = [tables.whole(f"{key:<7}{found[key]}, every row") for key in ("report", "table")]
     answer(json_, told, lambda _: Group(reproduced(rows, found["counts"]), *files))
