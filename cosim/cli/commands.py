@@ -27,7 +27,16 @@ from cosim.cli.app import (
     out,
     served,
 )
-from cosim.cli.output import DetectorOption, JsonOption, OverwriteOption, log_name, named, output_option, reserve
+from cosim.cli.output import (
+    DetectorOption,
+    JsonOption,
+    OverwriteOption,
+    loaded,
+    log_name,
+    named,
+    output_option,
+    reserve,
+)
 from cosim.errors import CosimError, did_you_mean
 from cosim.progress import Compiling
 from cosim.table import Cell, Column, Table
@@ -68,11 +77,10 @@ def run(
     json_: JsonOption = False,
 ) -> Any:
     """Fly a scenario, log it, show who alarmed, when, and for what."""
-    from cosim.scenario import load_scenario
     from cosim.scenario.brought import identified
 
     only_live(live, speed=speed, port=port, flightgear=flightgear)
-    flown = load_scenario(scenario, set_ or ())
+    flown = loaded(scenario, set_ or ())
     if detector:
         from cosim.flight.plugins import with_detectors
 
@@ -223,9 +231,8 @@ def linearize(
     json_: JsonOption = False,
 ) -> None:
     """Show trim and modes at a flight point; write A, B, C, D."""
-    from cosim.scenario import load_scenario
 
-    flown = load_scenario(scenario, set_ or ())
+    flown = loaded(scenario, set_ or ())
     from cosim.flight.plant.linearize import linearize as work
     from cosim.flight.plant.linearize import model_file
     from cosim.flight.plant.point import FlightPoint

@@ -53,6 +53,12 @@ def _hints(value: Any) -> dict[str, Any]:
     return typing.get_type_hints(value, localns=names)
 
 
+def _function(value: Any) -> Any:
+    """Return the function of a member of a class: of a method or property, None of others."""
+    made = value.fget if isinstance(value, property) else getattr(value, "func", getattr(value, "__func__", value))
+    return made if inspect.isfunction(made) else None
+
+
 def returned(functions: list) -> list[type]:
     """Return our types that the functions return, and those that attributes and methods of these have, in order."""
     out: list[type] = []
@@ -63,8 +69,7 @@ def returned(functions: list) -> list[type]:
             continue
         out.append(one)
         for name, value in vars(one).items():
-            made = value.fget if isinstance(value, property) else getattr(value, "func", value)
-            if not name.startswith("_") and inspect.isfunction(made):
+            if not name.startswith("_") and (made := _function(value)):
                 ahead += _classes(_hints(made).get("return"))
         ahead += [c for name, hint in _hints(one).items() if not name.startswith("_") for c in _classes(hint)]
     return out
@@ -89,9 +94,9 @@ def pages() -> dict[str, str]:
         told_of = attributes(kind)
         rows = "".join(f"| `{a}` | `{hint}` | {about} |\n" for a, (hint, about) in told_of.items())
         table = f"| attribute | type | what it is |\n|---|---|---|\n{rows}\n" if rows else ""
-        own = [n for n in vars(kind) if n not in told_of and not n.startswith(("_", "model_"))]
-        types_ += f"\n## {name.rpartition('.')[2]}\n\n`{name}`\n\n{_directive(name, alone=bool(rows))}\n{table}"
-        types_ += "".join(f"#### {n}\n\n{_directive(f'{name}.{n}')}\n" for n in own) if rows else ""
+        own = [n for n, value in vars(kind).items() if not n.startswith("_") and _function(value)]
+        types_ += f"\n## {name.rpartition('.')[2]}\n\n`{name}`\n\n{_directive(name, members='false')}\n{table}"
+        types_ += "".join(f"{_directive(f'{name}.{n}', show_root_heading='true')}\n" for n in own)
     return {"index.md": text, "types.md": types_}
 
 
@@ -109,11 +114,11 @@ def attributes(kind: type) -> dict[str, tuple[str, str]]:
             behind = lines[(node.end_lineno or 0) - 1][node.end_col_offset :].partition("# ")[2]
             above = list(itertools.takewhile(lambda line: line.lstrip().startswith("#"), lines[node.lineno - 2 :: -1]))
             about = behind or " ".join(line.strip().lstrip("# ") for line in reversed(above))
-            out[node.target.id] = tuple(t.replace("|", r"\|") for t in (ast.unparse(node.annotation), about))  # type: ignore
+            out[node.target.id] = ast.unparse(node.annotation), about.replace("|", r"\|")
     return out
 
 
-def _directive(name: str, alone: bool = False) -> str:
-    """Return mkdocstrings' directive for an object; of a class without its members if it is to stand `alone`."""
-    own = "      members: false\n" if alone else ""
-    return f"::: {name}\n    options:\n      show_root_heading: false\n      heading_level: 4\n{own}"
+def _directive(name: str, **options: str) -> str:
+    """Return mkdocstrings' directive for an object."""
+    told = {"show_root_heading": "false", "heading_level": "4", **options}
+    return f"::: {name}\n    options:\n" + "".join(f"      {key}: {value}\n" for key, value in told.items())

@@ -49,3 +49,10 @@ def test_the_help_has_at_most_25_commands_and_a_line_for_each(monkeypatch):
         name.replace("-", "_").rstrip("_") for name in names
     ]
     assert all(line.rstrip(" │").endswith(".") for line in commands)
+
+
+@pytest.mark.parametrize("command", ["run", "linearize"])
+def test_a_campaign_is_told_from_a_scenario(command, tmp_path):
+    (tmp_path / "small.toml").write_text('base = "cruise"\n[set]\nduration_s = 1.0\n')
+    found = CliRunner().invoke(cli.app, [command, str(tmp_path / "small.toml")])
+    assert found.exit_code == 2 and "cosim campaign" in found.stderr and found.stderr.count("\n") == 1
