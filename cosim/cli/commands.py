@@ -251,7 +251,7 @@ def linearize(
 PARTS = ("replay", "campaigns", "score", "false_alarms", "margins", "guests", "identify", "envelope", "study", "bench")
 for part in PARTS:
     importlib.import_module(f"cosim.cli.{part}")
-app.registered_commands.sort(key=lambda c: ORDER.index((c.name or c.callback.__name__).replace("_", "-")))
+app.registered_commands.sort(key=lambda c: ORDER.index((c.name or getattr(c.callback, "__name__", "")).replace("_", "-")))
 
 
 def main() -> Any:
@@ -282,8 +282,8 @@ def contents(found: dict[str, Any]) -> Group:
         t.add(r["name"], r["rows"], len(r["fields"]), r["every"], ", ".join(r["fields"][:6]) + more)
     kept = [name for name in found["attachments"] if not name.endswith(ARRAYS)]
     arrays = len(found["attachments"]) - len(kept)
-    more = [f"{arrays} arrays of parameters and initial states"] if arrays else []
-    return Group(head, t, Text(f"attachments: {', '.join(kept + more) or 'none'}"))
+    kept += [f"{arrays} arrays of parameters and initial states"] if arrays else []
+    return Group(head, t, Text(f"attachments: {', '.join(kept) or 'none'}"))
 
 
 def trim_and_modes(found: dict[str, Any], scenario: "Scenario") -> Group:

@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -105,10 +105,11 @@ def check(
     if ships(what) or Path(what).is_dir():
         from cosim.flight.plant.check import check as of_aircraft
 
-        points = [vars(point) for point in of_aircraft(what)]
-        found = {"aircraft": what, "keeps": all(p["good"] for p in points), "findings": points}
+        points = of_aircraft(what)
+        found: dict[str, Any] = {"aircraft": what, "keeps": all(p.good for p in points)}
+        found["findings"] = [vars(p) for p in points]
         t = Table("", "", "point", "found")
-        rows = [(marks["good" if p["good"] else "bad"], p["point"], p["found"]) for p in points]
+        rows = [(marks["good" if p.good else "bad"], p.point, p.found) for p in points]
     else:
         from cosim.flight.plugins.check import check as of_detector
 
