@@ -251,7 +251,8 @@ def linearize(
 PARTS = ("replay", "campaigns", "score", "false_alarms", "margins", "guests", "identify", "envelope", "study", "bench")
 for part in PARTS:
     importlib.import_module(f"cosim.cli.{part}")
-app.registered_commands.sort(key=lambda c: ORDER.index((c.name or getattr(c.callback, "__name__", "")).replace("_", "-")))
+names = {str(c.name or getattr(c.callback, "__name__", "")).replace("_", "-"): c for c in app.registered_commands}
+app.registered_commands[:] = [names[name] for name in sorted(names, key=ORDER.index)]
 
 
 def main() -> Any:
