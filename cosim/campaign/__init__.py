@@ -56,9 +56,9 @@ FLUSH_S, FLUSH_RUNS = 2.0, 16  # finished runs are safe on disk after at most th
 class CampaignResult:
     """What a campaign came to: all rows, timings, the Parquet file (None without a folder), and counts of runs."""
 
-    frame: pd.DataFrame
-    timing: pd.DataFrame
-    parquet: Path | None
+    frame: pd.DataFrame  # a row per run, fault and detector lane; columns: cosim/campaign/README.md
+    timing: pd.DataFrame  # a row per run: how long it took [s]
+    parquet: Path | None  # the file of the rows, None without a folder
     done: int  # runs with a row
     failed: int  # of these, without a flight: infeasible, error or crashed
     resumed: int  # of these, found in the folder

@@ -35,16 +35,16 @@ MOST_TICKS = 4_000_000  # five and a half hours at 200 Hz: all inputs of a recor
 class Diagnosis:
     """What the detectors say about a recording; `not_run` names the missing signals of the others."""
 
-    recording: str
-    map: str
-    rate_hz: int
+    recording: str  # its file
+    map: str  # file of the map
+    rate_hz: int  # of the detectors' ticks [Hz]
     start_s: float  # of the first tick, in the recording's time
     duration_s: float
-    signals: list = field(default_factory=list)
-    detectors: list = field(default_factory=list)
-    not_run: list = field(default_factory=list)
+    signals: list = field(default_factory=list)  # a dict per mapped signal: name, channel, unit, sign
+    detectors: list = field(default_factory=list)  # a dict per lane that ran, as of a flight
+    not_run: list = field(default_factory=list)  # a dict per lane that did not: id, target, missing signals
     caveats: list = field(default_factory=list)  # sentences
-    output: str | None = None
+    output: str | None = None  # the log that was written
 
     def to_dict(self) -> Any:
         """Return what `cosim replay --map --json` prints."""
