@@ -192,9 +192,7 @@ def _alike(out):
                 out[name] = replace(out[name], unit=units[0], why=f"{out[name].why.split(',')[0]}, as the others")
 
 
-def guesses(
-    channel: str, y: np.ndarray, segments: Sequence[str] = SEGMENTS, engines: int = 4
-) -> Iterable[Guess]:
+def guesses(channel: str, y: np.ndarray, segments: Sequence[str] = SEGMENTS, engines: int = 4) -> Iterable[Guess]:
     """Yield what a column may be; `y` are its numbers."""
     bracket = re.search(r"[\[(]([^\[\]()]*)[\])]\s*$", channel)
     tokens = _tokens(channel[: bracket.start()] if bracket and known(bracket[1]) else channel) or [""]

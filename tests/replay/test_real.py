@@ -11,7 +11,8 @@ from scipy.stats import poisson
 from cosim.errors import CosimError
 from cosim.replay.map import diagnose
 from cosim.replay.map_file import load_map
-from cosim.replay.real import MAPS, SETS, bounds, page, recordings
+from cosim.replay.real import MAPS, SETS, page, recordings
+from cosim.replay.real_windows import bounds
 
 RATE = 25.0
 

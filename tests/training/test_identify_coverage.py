@@ -18,7 +18,7 @@ import cosim
 from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.replay.bench import DRAWN, TOLERANCE, Ride, move
 from cosim.replay.map import prepare
-from cosim.replay.real_commands import SEGMENT, loads
+from cosim.replay.real_windows import SEGMENT, loads
 from cosim.training.identify.flow import flow
 from cosim.training.identify.response import respond
 from cosim.training.identify.thresholds import fit

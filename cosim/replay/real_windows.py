@@ -1,9 +1,12 @@
-"""Recorded commands through our actuators, with faults: a part of the page that cosim/replay/real.py writes.
+"""Windows of recorded flights with faults of the catalogue: two parts of the page that cosim/replay/real.py writes.
 
-The elevator motion of a recording becomes the command, by band-limited interpolation: samples held from tick to tick
-would look like an oscillation at the recording's rate. Its speed and angle of attack, less the difference between the
-two aircraft's means, make the hinge moment by the transport's model. Windows of WINDOW_S do not overlap, and none is
-both fault-free and faulty. Beside them the same faults on windows of simulated flights.
+Commands: the elevator motion of a recording becomes the command of our actuator, by band-limited interpolation, since
+samples held from tick to tick would look like an oscillation at the recording's rate. Its speed and angle of attack,
+less the difference between the two aircraft's means, make the hinge moment by the transport's model. Beside them the
+same faults on windows of simulated flights.
+Sensors: a fault acts on an aircraft signal of the recording from FAULT_S of a window to its end; what is counted is the
+share of windows in which an alarm begins after FAULT_S, with a fault and without.
+Windows do not overlap, and none is both fault-free and faulty.
 """
 
 from collections.abc import Iterable
@@ -13,28 +16,47 @@ from typing import Any
 
 import numpy as np
 from scipy.signal import resample_poly
+from scipy.stats import chi2
 
+from cosim.flight.blocks import faults as f
 from cosim.flight.blocks import hinge_model
 from cosim.flight.build import build
 from cosim.flight.detection import detectors
+from cosim.flight.faults import inject
 from cosim.flight.loop.signals import fly
 from cosim.judge import coverage
+from cosim.judge.alarms import onsets
 from cosim.judge.detection import watch_of
 from cosim.judge.result import judge, judged
 from cosim.replay import clock
 from cosim.replay.bench import Ride, move
 from cosim.replay.detector_replay import output_names
-from cosim.replay.map import prepare, run
-from cosim.replay.real import MAPS, bounds, recordings
-from cosim.scenario import load_scenario
+from cosim.replay.map import prepare, run, run_all
+from cosim.scenario import Scenario, load_scenario
 
+LEVEL = 0.95  # of the intervals of alarms per hour
 SEGMENT, DT, WINDOW_S, SHORT_S, FAULT_S = "left_inner", 0.005, 60.0, 30.0, 20.0
-FAULTS = ("liquid-ofc", "solid-ofc", "solid-jam", "runaway")  # scenarios, with their amplitudes
 FREE = 3  # every third window is fault-free
-SETS = ("citation", "attas", "attas_stall")  # with deflection, speed and angle of attack, 60 s and more
+COMMANDS = ("liquid-ofc", "solid-ofc", "solid-jam", "runaway")  # scenarios, with their amplitudes
+SENSORS = ("alpha-bias", "alpha-freeze", "alpha-drift", "q-noise", "theta-dropout", "cas-scale", "nz-oscillation")
 SLOWEST = 60.0  # [m/s]: below, the aircraft is on the ground
 FLIGHT_S, SIMULATED = 600.0, 12  # length and number of the simulated flights
 BATCH = 48  # lanes at a time: bounds the memory
+Recorded = list[tuple[Path, Path]]  # recordings, each with its map
+
+
+def bounds(count: int, hours: float) -> tuple[float, float]:
+    """Return the exact interval of a Poisson rate per hour, at LEVEL: one-sided where nothing was counted."""
+    if hours <= 0.0:
+        return 0.0, float("inf")
+    tail = (1.0 - LEVEL) / 2.0 if count else 1.0 - LEVEL
+    low = chi2.ppf(tail, 2 * count) / 2.0 if count else 0.0
+    return float(low) / hours, float(chi2.ppf(1.0 - tail, 2 * (count + 1))) / 2.0 / hours
+
+
+def kinds(n: int, faults: Any) -> list[str]:
+    """Return the fault of each of n windows, "" for none."""
+    return ["" if k % FREE == 0 else faults[(k - k // FREE - 1) % len(faults)] for k in range(n)]
 
 
 def band_limited(t: np.ndarray, y: np.ndarray, dt: float) -> tuple[float, np.ndarray]:
@@ -105,16 +127,15 @@ def loads(found: list[Ride], rng: Any) -> tuple[np.ndarray, np.ndarray]:
 def ridden(found: list[Ride], seed: int) -> Iterable[tuple[str, str, dict, float]]:
     """Yield (detector, fault or "", its entry of `judge`, hours) of each detector on each window."""
     seconds = len(found[0].command) * DT
-    start = FAULT_S * seconds / WINDOW_S
+    start, every = FAULT_S * seconds / WINDOW_S, kinds(len(found), COMMANDS)
     free = load_scenario("cruise", [f"duration_s={seconds:g}"])
     broken = {name: load_scenario(name, [f"duration_s={seconds:g}", f"faults.0.start_s={start:g}"])
-              for name in FAULTS}  # fmt: skip
-    kinds = ["" if k % FREE == 0 else FAULTS[(k - k // FREE - 1) % len(FAULTS)] for k in range(len(found))]
+              for name in COMMANDS}  # fmt: skip
     cases = {c for s in broken.values() for c in coverage.cases(s)}
     installed = [d for d in detectors.chosen(free) if SEGMENT in d.lanes and
                  any(coverage.expected(d.id, c).word != coverage.BLIND for c in cases)]  # fmt: skip
     for a in range(0, len(found), BATCH):
-        own, kind = found[a : a + BATCH], kinds[a : a + BATCH]
+        own, kind = found[a : a + BATCH], every[a : a + BATCH]
         truth, told = loads(own, np.random.default_rng([seed, a]))
         scenarios = [broken[k] if k else free for k in kind]
         seen = move(own, scenarios, truth, SEGMENT, seed + a)
@@ -153,26 +174,101 @@ def table(found: list[Ride], seed: int) -> list[str]:
     return out
 
 
-def page(folder: Path) -> str:
-    """Return the part of the page about recorded commands, "" where no set has any."""
-    there = [(path, MAPS / f"{s.map}.toml") for s, path in recordings(folder) if s.map in SETS]
+def broken(value: np.ndarray, valid: np.ndarray, lane: Any, a: int, n: int, dt: float, seed: int) -> None:
+    """Let the fault of `lane` act on samples a to a + n of a signal and its flag, in place, as a sensor does
+    (cosim/flight/blocks/sensors.py)."""
+    u, x = np.zeros((1, n), f.INPUTS), f.init(lane.p)
+    u["t"] = np.arange(n) * dt
+    log = np.zeros((1, n), f.STATE)
+    f.rollout(x, u, lane.p, dt, log)
+    for place, source in lane.places:
+        on, what = log[source][0], place.rpartition(".")[2][2:]
+        here = value[a : a + n]
+        first = int(np.argmax(on > 0.0))
+        if what == "add":
+            here += on
+        elif what == "scale":
+            here *= 1.0 + on
+        elif what == "noise":
+            here += on * np.random.default_rng(seed).standard_normal(n)
+        elif what == "freeze":
+            here[on > 0.0] = here[first]
+        elif what == "drop":
+            here[on > 0.0] = np.nan
+            valid[a : a + n][on > 0.0] = 0.0
+
+
+def counted(path: Path, map_path: Path, scenarios: dict[str, Scenario]) -> list[tuple[str, str, bool, bool]]:
+    """Return (detector, fault or "", whether it was valid, whether an alarm began) of every window of a recording."""
+    made = prepare(path, map_path)
+    made.values = {name: (np.array(v), np.array(ok)) for name, (v, ok) in made.values.items()}
+    size, late = round(WINDOW_S / made.dt), round(FAULT_S / made.dt)
+    known = [name for name in scenarios if _signal(scenarios[name]) in made.values]
+    every = kinds(made.n // size, known)
+    for k, name in enumerate(every):
+        if name:
+            lane = inject.lanes(scenarios[name])[0]
+            value, valid = made.values[_signal(scenarios[name])]
+            broken(value, valid, lane, k * size, size, made.dt, k)
+    out = []
+    for d, _, _, again in run_all(made, {})[0]:
+        names = output_names(d)
+        valid, rises = again[:, names.index("valid")] > 0.5, onsets(again[:, names.index("alarm")]) * d.every
+        for k, name in enumerate(every):
+            a, b = k * size + late, (k + 1) * size
+            good = bool(valid[a // d.every : b // d.every].mean() > 0.5)
+            out.append((d.id, name, good, bool(np.any((rises >= a) & (rises < b)))))
+    return out
+
+
+def _signal(scenario):
+    return scenario.faults[0].target.rpartition(".")[2]
+
+
+def command_part(there: Recorded, seconds: float) -> list[str]:
+    """Return the lines about recorded commands, [] where no recording has any; `seconds` last the sets together."""
     recorded = [r for path, m in there for r in rides(path, m)]
     if not recorded:
-        return ""
+        return []
     short = [r for path, m in there for r in rides(path, m, SHORT_S)]
     own = simulated(max(1, -(-len(recorded) // round(FLIGHT_S / WINDOW_S))))[: len(recorded)]
-    return "\n".join([
+    return [
         "## Recorded elevator motion as the command of our hydraulic actuator", "",
         f"{len(recorded)} windows of {WINDOW_S:g} s, disjoint, every {FREE}rd fault-free; a fault begins {FAULT_S:g} s "
         "after its window does. That is all",
-        "that is airborne, without a gap and with a speed and an angle of attack in the sets. The command is the",
-        "recorded deflection, interpolated within its band; hinge moment by the transport's model at the recorded",
-        "speed and change of angle of attack; each window's actuator is up to 5 % off, the detectors' hinge moment up",
-        "to 20 %. A deflection is smoother than a command: an actuator has filtered it already.", "",
+        "that is airborne, without a gap and with a speed and an angle of attack in the sets. More are not to be had:",
+        f"all recordings above together, time on the ground and gaps included, last {seconds:.0f} s, which is "
+        f"{seconds / WINDOW_S:.0f} windows.",
+        "The command is the recorded deflection, interpolated within its band; hinge moment by the transport's model",
+        "at the recorded speed and change of angle of attack; each window's actuator is up to 5 % off, the detectors'",
+        "hinge moment up to 20 %. A deflection is smoother than a command: an actuator has filtered it already.", "",
         *table(recorded, 1), "",
         f"The same recordings cut into {len(short)} disjoint windows of {SHORT_S:g} s, the fault from "
         f"{FAULT_S * SHORT_S / WINDOW_S:g} s on:", "",
         *table(short, 3), "",
         f"The same on {len(own)} windows of simulated flights (transport, doublets, no to moderate turbulence):", "",
         *table(own, 2), "",
-    ])  # fmt: skip
+    ]  # fmt: skip
+
+
+def sensor_part(there: Recorded) -> list[str]:
+    """Return the lines about sensor faults, [] where no recording has any signal of them."""
+    keys = [f"duration_s={WINDOW_S:g}", f"faults.0.start_s={FAULT_S:g}", f"faults.0.end_s={WINDOW_S:g}"]
+    scenarios = {name: load_scenario(name, keys) for name in SENSORS}
+    found = [row for path, m in there for row in counted(path, m, scenarios)]
+    if not found:
+        return []
+    out = [
+        "## Sensor faults on recorded aircraft signals", "",
+        f"Windows of {WINDOW_S:g} s, every {FREE}rd without a fault; a fault acts from {FAULT_S:g} s of its window to "
+        "its end. An alarm that stands",
+        "all along begins in no window: `kinematic` does not fit these recordings, as said above.", "",
+        "| detector | fault | is it designed for it | valid windows | an alarm begins in |", "|---|---|---|---|---|",
+    ]  # fmt: skip
+    for name in dict.fromkeys(row[0] for row in found):
+        for fault in ("", *SENSORS):
+            own = [row for row in found if row[0] == name and row[1] == fault and row[2]]
+            case = coverage.cases(scenarios[fault])[0] if fault else ""
+            word = coverage.expected(name, case).word if fault else "–"
+            out.append(f"| `{name}` | {fault or 'none'} | {word} | {len(own)} | {sum(row[3] for row in own)} |")
+    return [*out, ""]
