@@ -12,9 +12,8 @@ from typer.testing import CliRunner
 
 from cosim.cli import commands as cli
 from cosim.errors import LogError
-from cosim.replay.foreign import read_channels
+from cosim.replay.foreign import read_channels, read_table
 from cosim.replay.map import diagnose
-from cosim.replay.tables import read_table
 from cosim.replay.units import factors, known
 
 T = np.arange(200) / 25.0
