@@ -22,7 +22,7 @@ TEXT = (".csv", ".tsv", ".txt", ".asc", ".dat")
 KINDS = (*TEXT, ".parquet", ".mat")
 LOOKED_AT = 60  # lines in which the numbers of a text begin
 MOST_VALUES = 50_000_000  # of a file: 400 MB in memory
-MOST_BYTES = 20 * MOST_VALUES  # of a text, whose numbers take some twenty characters
+MOST_BYTES = 20 * MOST_VALUES  # of a text, whose numbers take some twenty characters, or of messages
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?|[-+]?nan|[-+]?inf", re.IGNORECASE)
 TIME_NAMES = ("t_s", "t", "time", "time_s", "timestamp", "t_ns", "time_ns", "timestamp_ns")  # looked for in this order
 TIME_WORDS = {*"time clock timestamp seconds zeit uhrzeit temps tiempo datum date utc gmt".split()}
@@ -96,6 +96,7 @@ def _mcap(path, wanted):
 
     if _is_ours(path):
         return open_log(path).frames()
+    _bounded(path, MOST_BYTES)  # each of its messages is looked at, wanted or not
     read = read_mcap(path, wanted=wanted)
     first = min(times[0] for times, _ in read.values())
     out = {}
@@ -104,6 +105,16 @@ def _mcap(path, wanted):
         out[topic] = pd.DataFrame(rows, index=index)
         out[topic].attrs["oddities"] = clock.oddities(index.to_numpy(), topic)
     return out
+
+
+def _bounded(path, most):
+    """Raise LogError for what is no file, or one of more than `most` bytes."""
+    regular(path, LogError)
+    if path.is_file() and path.stat().st_size > most:
+        raise LogError(
+            f"has {path.stat().st_size / 1e9:.3g} GB", place=str(path), allowed=f"{most / 1e9:g} GB",
+            remedy="Cut it, or keep the columns that are needed as Parquet",
+        )  # fmt: skip
 
 
 def _is_ours(path):
@@ -187,14 +198,8 @@ def read_table(path: Path, columns: tuple[str, ...] = (), rows: int | None = Non
     Columns that are no numbers stay as they are. Raises LogError where the file cannot be read, is too large or does
     not have as many columns as are named.
     """
-    regular(path, LogError)
     kind = path.suffix.lower()
-    most = {".mat": 8.0 * MOST_VALUES, ".parquet": np.inf}.get(kind, MOST_BYTES)  # a Parquet file tells its values
-    if path.is_file() and path.stat().st_size > most:
-        raise LogError(
-            f"has {path.stat().st_size / 1e9:.3g} GB", place=str(path), allowed=f"{most / 1e9:g} GB",
-            remedy="Cut it, or keep the columns that are needed as Parquet",
-        )  # fmt: skip
+    _bounded(path, {".mat": 8.0 * MOST_VALUES, ".parquet": np.inf}.get(kind, MOST_BYTES))
     try:
         if kind == ".mat":
             return _mat(path, columns, time)

@@ -153,7 +153,9 @@ runpy.run_module("cosim", run_name="__main__", alter_sys=True)
 """
 
 
-@pytest.mark.parametrize(("command", "name"), [("map", "a.csv"), ("replay", "a.csv"), ("map", "a.mat")])
+@pytest.mark.parametrize(
+    ("command", "name"), [("map", "a.csv"), ("replay", "a.csv"), ("map", "a.mat"), ("map", "a.mcap")]
+)
 def test_a_file_of_five_gigabytes_is_refused_in_one_line_before_it_is_read(tmp_path, command, name):
     path = tmp_path / name
     path.write_text("T,ALCG,VTASCG\n0,1,2\n")
