@@ -246,9 +246,16 @@ def _text(path, columns, rows):
     how: dict[str, Any] = {"sep": separator, "decimal": decimal, "nrows": rows, "encoding_errors": "replace"}
     if begin is None:  # an ordinary header, and anything below it
         frame = pd.read_csv(path, **_exactly(), **how)
+        with contextlib.suppress(ValueError):  # a header alone
+            names = pd.read_csv(path, header=None, dtype=str, **{**how, "nrows": 1}).iloc[0]
     else:
         frame = pd.read_csv(path, header=None, skiprows=begin, **_exactly(), **how)
-        frame.columns = pd.Index(_named(path, frame.shape[1], columns or names))
+        names = _named(path, frame.shape[1], columns or names)
+        frame.columns = pd.Index(
+            [n if n not in names[:i] else f"{n}.{names[:i].count(n)}" for i, n in enumerate(names)]
+        )
+    many = {n: k for n in dict.fromkeys(map(str, names)) if (k := list(map(str, names)).count(n)) > 1}
+    frame.attrs["left"] = [f"{k} columns are called {n!r}: the others {n}.1 to {n}.{k - 1}" for n, k in many.items()]
     return frame
 
 

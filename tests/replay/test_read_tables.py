@@ -195,11 +195,13 @@ def test_bad_input_is_one_line_with_place_and_remedy(tmp_path, columns, unit, wo
     assert run.exit_code == 2 and words in " ".join(run.stderr.split()) and "Traceback" not in run.stderr
 
 
-def test_ten_columns_of_one_name_keep_their_numbers(tmp_path):
+@pytest.mark.parametrize("separator", [",", " "])
+def test_ten_columns_of_one_name_keep_their_numbers_and_are_told(tmp_path, separator):
     path = tmp_path / "a.csv"
-    lines = [",".join(["T", *["x"] * 10]), *(",".join(f"{t + k:g}" for k in range(11)) for t in T)]
+    lines = [separator.join(["T", *["x"] * 10]), *(separator.join(f"{t + k:g}" for k in range(11)) for t in T)]
     path.write_text("\n".join(lines))
     frame = read_channels(path)["a"]
+    assert frame.attrs["oddities"] == ["10 columns are called 'x': the others x.1 to x.9"]
     assert frame.shape == (len(T), 10) and len(set(frame.columns)) == 10
     np.testing.assert_allclose(frame.to_numpy(), T[:, None] + np.arange(1, 11), rtol=1e-5)
 
