@@ -113,7 +113,7 @@ def page(folder: Path) -> str:
     out += [f"- {s.title}: {s.recipe}. Map: [maps/{s.map}.toml](maps/{s.map}.toml)" for s in SETS]
     flown = [(path, s.map_path) for s, path in recordings(folder) if s.windows]
     out += ["", *command_part(flown, seconds), *sensor_part([(path, m) for path, m in flown if m.stem != "attas"])]
-    return "\n".join(out).rstrip() + "\n"
+    return "\n".join([*out, VARGA])
 
 
 def _table(head, lines):
@@ -179,7 +179,19 @@ the UAV alone; elsewhere the measured deflection stands in for it. No recorded a
 actuator, so that no actuator-local detector can judge. A detector that is in alarm for nearly all of its
 valid time does not fit the recording: its count of alarms says nothing, its share of the time in alarm does.
 `kinematic` does not fit: it compares inertial with air data, and one stands in for the other here; between
-samples of 10 to 25 Hz that are interpolated to its 200 Hz there is no noise, which it takes for frozen."""
+samples of 10 to 25 Hz that are interpolated to its 200 Hz there is no noise, which it takes for frozen.
+Hard cases: quasi-steady stalls (a set of their own), turbulence (HFB-320), and a zero-g parabola of the Citation, in
+which pitch rate and attitude leave the range of `rfafe_airframe`: it is not valid there."""
+
+VARGA = """\
+## Varga's linear transport
+
+Not a bench here. Its public files (github.com/andreasvarga/FDITools, `fdibook_examples/cs1data.mat`;
+FaultDetectionTools.jl, `Examples/cs1data.jld2`) hold eleven linear models of one aircraft at its masses, 22 actuators
+and a feedback gain, but no finished filter: the scripts CS1_1 and CS1_2 make theirs when they run, by EFDISYN of that
+toolbox. `compare` takes rows of flights and logs, with sensors, noise and a catalogue of faults, none of which a linear
+model has: its filters would be judged on other terms than every detector here.
+"""
 
 if __name__ == "__main__":
     if len(sys.argv) != 2 or not Path(sys.argv[1]).is_dir():
