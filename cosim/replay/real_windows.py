@@ -253,9 +253,9 @@ def command_part(there: Recorded, seconds: float) -> list[str]:
         "that were false where there was one. Each column's seed is its number.", "",
         *table({"recorded, 60 s": recorded, "recorded, 30 s": short, "simulated, 60 s": own}), "",
         "Thresholds learned in simulation carry over to commands that nobody here made: detectors inside the actuator",
-        "raise no more false alarms on recorded motion than on simulated. What a jam or a runaway shows depends on",
-        "how much the command moves: recorded cruise moves less than a simulated doublet, and a monitor that waits for",
-        "a difference of command and position waits longer. Thresholds of detectors that hold a model of the airframe",
+        "raise no more false alarms on recorded motion than on simulated. How soon a jam is seen depends on how much the",
+        "command moves: recorded cruise moves less than a simulated doublet, and a monitor that waits for a difference",
+        "of command and position waits longer, or for ever. Thresholds of detectors that hold a model of the airframe",
         "do not carry over to another airframe: see the alarms per hour above.", "",
     ]  # fmt: skip
 

@@ -43,6 +43,19 @@ def test_the_page_is_made_from_files_of_the_same_shape(tmp_path):
         page(MAPS)
 
 
+def test_where_nothing_judges_each_detector_has_its_reason(tmp_path):
+    t, rng = np.arange(1200) / 100.0, np.random.default_rng(2)
+    names = {s.channel for s in load_map(MAPS / "twin_otter.toml")[0].signals.values()}
+    table = {
+        n: {"v": 150.0, "alt": 5000.0, "mach": 0.14, "an": 1.0}.get(n, 0.0) + rng.normal(0.0, 1e-3, 1200) for n in names
+    }
+    savemat(tmp_path / "totter_lon_data.mat", {"t": t, **table})
+    lines = [line for line in page(tmp_path).splitlines() if "totter_lon_data.mat | `" in line and "no " in line]
+    assert any("`rfafe_airframe` | no model: tas is 45.7" in line and "for 51.4 to 340" in line for line in lines)
+    assert any("`lpv_smo` | no signal: stab_cmd" in line for line in lines)
+    assert any("`position_monitor` | no signal: surface" in line for line in lines) and len(lines) > 8
+
+
 @pytest.mark.parametrize("s", SETS, ids=lambda s: s.map)
 def test_every_set_has_a_map_that_loads(s):
     m, _ = load_map(MAPS / f"{s.map}.toml")
