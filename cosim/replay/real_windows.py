@@ -228,6 +228,14 @@ def _signal(scenario):
     return scenario.faults[0].target.rpartition(".")[2]
 
 
+CONCLUSION = """\
+Thresholds learned in simulation carry over to commands that nobody here made: detectors inside the actuator
+raise no more false alarms on recorded motion than on simulated. How soon a jam is seen depends on how much
+the command moves: recorded cruise moves less than a simulated doublet, and a monitor that waits for a
+difference of command and position waits longer, or for ever. Thresholds of detectors that hold a model of the
+airframe do not carry over to another airframe: see the alarms per hour above."""
+
+
 def command_part(there: Recorded, seconds: float) -> list[str]:
     """Return the lines about recorded commands, [] where no recording has any; `seconds` last the sets together."""
     recorded = [r for path, m in there for r in rides(path, m)]
@@ -252,11 +260,7 @@ def command_part(there: Recorded, seconds: float) -> list[str]:
         "A cell: windows in which the fault was seen, in which its name was right, delay (median, largest); alarms",
         "that were false where there was one. Each column's seed is its number.", "",
         *table({"recorded, 60 s": recorded, "recorded, 30 s": short, "simulated, 60 s": own}), "",
-        "Thresholds learned in simulation carry over to commands that nobody here made: detectors inside the actuator",
-        "raise no more false alarms on recorded motion than on simulated. How soon a jam is seen depends on how much the",
-        "command moves: recorded cruise moves less than a simulated doublet, and a monitor that waits for a difference",
-        "of command and position waits longer, or for ever. Thresholds of detectors that hold a model of the airframe",
-        "do not carry over to another airframe: see the alarms per hour above.", "",
+        *CONCLUSION.splitlines(), "",
     ]  # fmt: skip
 
 
