@@ -79,7 +79,8 @@ def page(folder: Path) -> str:
     lines: list[str] = []
     failed: list[str] = []
     valid: dict[tuple[str, str], tuple[float, int]] = {}
-    told, seconds = {}, 0.0
+    told: dict[str, tuple[Recordings, Path, Diagnosis]] = {}
+    seconds = 0.0
     for s, path in recordings(folder):
         try:
             found = diagnose(path, s.map_path)

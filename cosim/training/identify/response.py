@@ -142,7 +142,8 @@ def _fixed(left, x, i, value, bounds, most):
 
 def _told(found, left, size, bounds, moves, level):
     for _ in range(ROUNDS):
-        e, lower = found.fun, []
+        e = found.fun
+        lower: list[np.ndarray] = []
         variance, spread = float(e @ e) / (len(e) - len(size)), correlation(e)
         most = float(student.ppf(0.5 + level / 2.0, max(len(e) / spread - len(size), 1.0)))
         how = (left, found, bounds, variance * spread, most, lower)
@@ -169,9 +170,12 @@ def _end(i, side, left, found, bounds, variance, most, lower):
     of the least sum of squares over `variance` is `most`, all others fitted anew; the bound where it never is.
     `lower` takes the parameters of what is a better fit than `found`."""
     edge, x = float(bounds[max(side, 0)][i]), found.x
+    turn = 0.0 * x  # the others follow the parameter along a line, nearly
 
     def over(v):
-        fit = _fixed(left, x, i, v, bounds, 20)
+        nonlocal turn
+        fit = _fixed(left, x + (v - x[i]) * turn, i, v, bounds, 20)
+        turn = (np.insert(fit.x, i, v) - x) / (v - x[i]) if v != x[i] else turn
         if 2.0 * (found.cost - fit.cost) > 0.05 * variance:
             lower.append(np.insert(fit.x, i, v))
         return math.sqrt(max(2.0 * (fit.cost - found.cost), 0.0) / variance) - most
@@ -180,7 +184,7 @@ def _end(i, side, left, found, bounds, variance, most, lower):
     while near != edge and not lower:
         far = max(near - step, edge) if side < 0 else min(near + step, edge)
         if over(far) > 0.0:
-            return float(brentq(over, near, far, xtol=1e-3 * step, maxiter=20, disp=False))
+            return float(brentq(over, near, far, xtol=0.01 * abs(far - x[i]), maxiter=20, disp=False))
         near, step = far, 2.0 * step
     return edge
 
