@@ -18,6 +18,7 @@ import numpy as np
 
 from cosim.errors import did_you_mean
 from cosim.flight.detection.detectors import wires
+from cosim.replay import clock
 from cosim.replay.map_file import Signal as Mapped
 from cosim.replay.params import ReplayError
 from cosim.replay.units import PER, bare, factors
@@ -216,8 +217,7 @@ def slow(sources: dict, channels: dict, dt: float) -> list[str]:
     """Return a sentence per command of a valve or motor that is sampled at less than the tick's rate."""
     out = []
     for name, source in sources.items():
-        t = channels[name][0] if name in channels and source.kind == "sent" else ()
-        step = float(np.median(np.diff(t))) if len(t) > 2 else 0.0
+        step = clock.interval(channels[name][0]) if name in channels and source.kind == "sent" else 0.0
         if step > dt * 1.01:
             out.append(
                 f"{name} comes at {1 / step:.4g} Hz and the tick is {1 / dt:g} Hz: the detectors read it late by up to "
