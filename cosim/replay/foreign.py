@@ -147,12 +147,9 @@ def _timed(frame, path, stem, time, on_reset, part):
 
     name = time or time_of(frame.columns) or frame.attrs.get("index")
     if name is None or name not in frame.columns:
-        raise LogError(
-            f"no time column {name or ''}".rstrip(),
-            place=str(path),
-            allowed=f"one of its columns: {', '.join(map(str, frame.columns[:20]))}",
-            remedy="--time COLUMN names it; without names: columns = [...] in the map, or cosim map --columns",
-        )
+        allowed = f"one of its columns: {', '.join(map(str, frame.columns[:20]))}"
+        remedy = "--time COLUMN names it; without names: columns = [...] in the map, or cosim map --columns"
+        raise LogError(f"no time column {name or ''}".rstrip(), place=str(path), allowed=allowed, remedy=remedy)
     t = _seconds(frame[name], str(name), path)
     numbers = frame.drop(columns=name).select_dtypes(["number", "bool"], exclude="timedelta").astype(np.float64)
     numbers.columns = numbers.columns.map(str)
@@ -300,9 +297,8 @@ def _numbers(line):
 def _named(path, width, names):
     """Return the names of `width` columns: those given, of one alone the file's, else numbers."""
     if names and len(names) != width:
-        raise LogError(
-            f"has {width} columns, and {len(names)} are named", place=str(path), remedy="columns = [...] in the map"
-        )
+        what, remedy = f"has {width} columns, and {len(names)} are named", "columns = [...] in the map"
+        raise LogError(what, place=str(path), remedy=remedy)
     return names or ((path.stem,) if width == 1 else tuple(f"column_{i + 1}" for i in range(width)))
 
 

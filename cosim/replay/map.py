@@ -115,12 +115,9 @@ def prepare(
         raise ReplayError("no signal has a channel with samples", place=str(map_path))
     t_0, n = ticks(spans, dt, start_s or None)
     if n > MOST_TICKS:
-        raise ReplayError(
-            f"the channels last {n * dt:.3g} s",
-            place=str(path),
-            allowed=f"{MOST_TICKS * dt:.3g} s at {m.rate_hz} Hz",
-            remedy="Is time in seconds? A column in other units ends in _ms, _us or _ns",
-        )
+        allowed = f"{MOST_TICKS * dt:.3g} s at {m.rate_hz} Hz"
+        remedy = "Is time in seconds? A column in other units ends in _ms, _us or _ns"
+        raise ReplayError(f"the channels last {n * dt:.3g} s", place=str(path), allowed=allowed, remedy=remedy)
     if n < 2:
         raise ReplayError("the channels have no time in common", place=str(path), allowed=_spans(m, channels))
     values = {
@@ -206,23 +203,15 @@ def run_all(made: Prepared, overrides: Mapping[str, Any], only: str = "") -> tup
 
 def _scenario(m, chosen, place):
     """Return the Scenario of which the detectors take lanes and parameters; its tables are those of the map."""
-    given = {"enabled": list(chosen)} if chosen else {}
-    tables = {
-        "duration_s": 1.0,
-        "rate_hz": m.rate_hz,
-        "flight": m.flight,
-        "elevator": m.elevator,
-        "detectors": {**m.detectors, **given},
-    }
+    own = {"flight": m.flight, "elevator": m.elevator}
+    own["detectors"] = {**m.detectors, **({"enabled": list(chosen)} if chosen else {})}
+    tables = {"duration_s": 1.0, "rate_hz": m.rate_hz, **own}
     return parse(locate(tables, Path(place).parent, str(place)), place=str(place))
 
 
 def _spans(m, channels):
-    return ", ".join(
-        f"{m.signals[name].channel} {t[0]:.12g} to {t[-1]:.12g} s"
-        for name, (t, *_) in list(channels.items())[:6]
-        if len(t)
-    )
+    some = [(m.signals[name].channel, t) for name, (t, *_) in list(channels.items())[:6] if len(t)]
+    return ", ".join(f"{channel} {t[0]:.12g} to {t[-1]:.12g} s" for channel, t in some)
 
 
 def _inputs(d, wires, values, n):

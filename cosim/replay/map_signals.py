@@ -64,12 +64,8 @@ def check(m: Any, place: Any, scenario: Scenario) -> None:
     known, segments = readable(scenario.aircraft), scenario.aircraft.segments
     for name, signal in m.signals.items():
         if name not in known:
-            raise ReplayError(
-                _unread(name, segments),
-                place=f"{place}: signals.{name}",
-                allowed=", ".join(sorted(known)),
-                remedy=did_you_mean(name, known),
-            )
+            how = {"allowed": ", ".join(sorted(known)), "remedy": did_you_mean(name, known)}
+            raise ReplayError(_unread(name, segments), place=f"{place}: signals.{name}", **how)
         allowed = factors(known[name].unit, shares(scenario, name, known[name]))
         if signal.unit is not None and bare(signal.unit) not in allowed:
             per = f"A transducer's channel: unit = '{next(iter(allowed))}{PER[0]}' with scale"
@@ -110,19 +106,14 @@ def channels_of(m: Any, tables: dict, path: str | Path, place: Any) -> dict:
     names |= {c: at for c, at in short.items() if c not in doubled}
 
     def column(key, name):
+        at = f"{place}: signals.{key}"
         if name not in names and any(name in frame.attrs.get("texts", ()) for frame in tables.values()):
-            raise ReplayError(
-                f"channel {name!r} holds something that is no number",
-                place=f"{place}: signals.{key}",
-                remedy="An empty cell or NaN is a lost sample",
-            )
+            remedy = "An empty cell or NaN is a lost sample"
+            raise ReplayError(f"channel {name!r} holds something that is no number", place=at, remedy=remedy)
         if name not in names:
-            raise ReplayError(
-                f"the recording has no channel {name!r}",
-                place=f"{place}: signals.{key}",
-                allowed=", ".join([n for n in names if len(tables) > 1 or n in short][:20]),
-                remedy=did_you_mean(name, names),
-            )
+            allowed = ", ".join([n for n in names if len(tables) > 1 or n in short][:20])
+            what = f"the recording has no channel {name!r}"
+            raise ReplayError(what, place=at, allowed=allowed, remedy=did_you_mean(name, names))
         t, c = names[name]
         return tables[t].index.to_numpy(), tables[t][c].to_numpy(np.float64)
 
@@ -154,11 +145,8 @@ def derived(m: Any, channels: dict, place: Any) -> dict:
 def _si(m, channels, name, base, place):
     """Return (times, samples in SI) of the signal `base`, from which `name` is made."""
     if base not in channels:
-        raise ReplayError(
-            f"{name} is made from {base}, which has no channel",
-            place=f"{place}: signals.{name}",
-            allowed=", ".join(sorted(channels)),
-        )
+        what, allowed = f"{name} is made from {base}, which has no channel", ", ".join(sorted(channels))
+        raise ReplayError(what, place=f"{place}: signals.{name}", allowed=allowed)
     t, y, flags = channels[base]
     if m.signals[base].derivative_of is None:  # a derived one is in SI already
         y = m.signals[base].factor(find(base).unit) * y + m.signals[base].offset
@@ -198,9 +186,8 @@ def acting(m: Any, sources: dict, channels: dict, dt: float) -> dict:
     sent = {name for name, source in sources.items() if source.kind == "sent"}
     for name, signal in m.signals.items():
         if signal.held and name not in sent:
-            raise ReplayError(
-                "only a command to an actuator is held", place=f"signals.{name}.held", allowed=", ".join(sorted(sent))
-            )
+            allowed = ", ".join(sorted(sent))
+            raise ReplayError("only a command to an actuator is held", place=f"signals.{name}.held", allowed=allowed)
     out = dict(channels)
     for name in sent & channels.keys():
         if not m.signals[name].held:
