@@ -26,7 +26,7 @@ from cosim.training.identify.write import BLOCK
 from cosim.training.threshold_fit import PROBABILITY
 
 CASES, LEVEL, DT = int(os.environ.get("COSIM_CASES", "100")), 0.95, 0.005
-FIRST = int(os.environ.get("COSIM_SEED", "1000"))  # seed of the first recording; development used 0 to 400
+FIRST = int(os.environ.get("COSIM_SEED", "2000"))  # seed of the first recording; development used 0 to 1099
 LATE = TRANSPORT["q"][2]  # of the reading [s]
 MANOEUVRES = ("nz_doublet", "three_two_one_one", "nose_up", "pitch_protection")
 

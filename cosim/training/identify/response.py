@@ -32,6 +32,8 @@ MEANINGS = {
 }  # fmt: skip
 SURE = 0.999  # of the test whether a rate limit was reached
 ROUNDS = 5  # of profiles at most, each from the best fit that the one before came upon
+TICKS = 6  # of dead time to either side of a fit that are searched
+FIRST = 9  # readings of which the mean says where the motion begins
 SETTLE_S = 0.5  # at the start, where the motion before it is not known
 
 
@@ -89,25 +91,27 @@ def respond(command: np.ndarray, surface: np.ndarray, dt: float, level: float = 
     smooth = np.convolve(surface, np.ones(9) / 9.0, "valid")
     fastest = float(np.abs(smooth[8:] - smooth[:-8]).max() / (8.0 * dt))
     most_delay = (identified.PAST - 4) * dt
-    low = np.array([0.5, 0.2, 0.02 * fastest, 0.0, 0.0, -1.0, -reach])
-    high = np.array([1.0 / dt, 4.0, 20.0 * fastest, 0.2 * np.ptp(surface), most_delay, 1.0, reach])
-    size = np.array([20.0, 1.0, fastest, 0.02 * np.ptp(surface), 4.0 * dt, 0.1 * moves, 0.1 * moves])
+    # the motion begins where the first readings say, within their noise and spread
+    first, about = float(np.mean(surface[:FIRST])), 6.0 * noise + float(np.ptp(surface[:FIRST])) + 1e-6 * moves
+    low = np.array([0.5, 0.2, 0.02 * fastest, 0.0, 0.0, -1.0, -about])
+    high = np.array([1.0 / dt, 4.0, 20.0 * fastest, 0.2 * np.ptp(surface), most_delay, 1.0, about])
+    size = np.array([20.0, 1.0, fastest, 0.02 * np.ptp(surface), 4.0 * dt, 0.1 * moves, about])
 
     def left(z):
         values = dict(zip(NAMES, z * size))
-        bias, begin = values.pop("bias"), float(z[-1] * size[-1])
-        return (simulate(command, begin, dt, stops, **values) + bias - surface)[skip:]
+        bias, start = values.pop("bias"), first + float(z[-1] * size[-1])
+        return (simulate(command, start - bias, dt, stops, **values) + bias - surface)[skip:]
 
     bounds = low / size, high / size
-    offset, first = float(np.mean(surface - command)), float(np.mean(surface[:9]))
+    offset = float(np.mean(surface - command))
     begin = [(w, d * dt) for w in (8.0, 25.0, 60.0) for d in (1.0, 6.0, 20.0)]
-    starts = [np.array([w, 0.9, 1.2 * fastest, 0.0, late, offset, first - offset]) for w, late in begin]
+    starts = [np.array([w, 0.9, 1.2 * fastest, 0.5 * size[3], late, offset, 0.0]) for w, late in begin]
     starts = sorted((np.clip(s, low * 1.001, high * 0.999) / size for s in starts), key=lambda z: left(z) @ left(z))
     found = min((least_squares(left, z, **_how(bounds)) for z in starts[:3]), key=lambda f: f.cost)
-    found = _within_ticks(left, found, bounds, dt / size[DELAY])
     free = _fixed(left, found.x, RATE, bounds[1][RATE], bounds, 50)  # as if it had no limit
     start = np.clip(np.insert(free.x, RATE, 1.5), bounds[0] + 1e-12, bounds[1] - 1e-12)
-    found = min(found, least_squares(left, start, **_how(bounds)), key=lambda f: f.cost)
+    both = found, least_squares(left, start, **_how(bounds))
+    found = min((_within_ticks(left, f, bounds, dt / size[DELAY]) for f in both), key=lambda f: f.cost)
     return _told(found, left, size, bounds, moves, level)
 
 
@@ -116,21 +120,22 @@ def _how(bounds):
 
 
 def _within_ticks(left, found, bounds, tick):
-    """Return the best fit whose dead time is held within one tick, of the ticks around that of `found`: the sum of
-    squares bends where the dead time is a whole number of ticks, and a descent stops at a bend."""
-    tried: set[int] = set()
-    while fresh := {k for k in range(int(found.x[DELAY] / tick) - 1, int(found.x[DELAY] / tick) + 2)} - tried:
-        tried |= fresh
-        for k in sorted(fresh):
+    """Return the best fit whose dead time is held within one tick, of those up to TICKS from that of `found`: the sum
+    of squares bends where the dead time is a whole number of ticks, and a descent stops at a bend. Each begins at its
+    neighbour's."""
+    best, here = found, int(found.x[DELAY] / tick)
+    for side in (1, -1):
+        x = found.x
+        for k in range(here, here + side * (TICKS + 1), side):
             low, high = bounds[0].copy(), bounds[1].copy()
             low[DELAY], high[DELAY] = max(low[DELAY], k * tick), min(high[DELAY], (k + 1) * tick)
             if low[DELAY] >= high[DELAY]:
-                continue
+                break
             middle = 0.5 * (low[DELAY] + high[DELAY])
-            start = np.insert(_fixed(left, found.x, DELAY, middle, bounds, 25).x, DELAY, middle)
-            start = np.clip(start, low + 1e-12, high - 1e-12)
-            found = min(found, least_squares(left, start, **_how((low, high))), key=lambda f: f.cost)
-    return found
+            start = np.insert(_fixed(left, x, DELAY, middle, bounds, 25).x, DELAY, middle)
+            fit = least_squares(left, np.clip(start, low + 1e-12, high - 1e-12), **_how((low, high)))
+            best, x = min(best, fit, key=lambda f: f.cost), fit.x
+    return best
 
 
 def _fixed(left, x, i, value, bounds, most):
@@ -170,12 +175,9 @@ def _end(i, side, left, found, bounds, variance, most, lower):
     of the least sum of squares over `variance` is `most`, all others fitted anew; the bound where it never is.
     `lower` takes the parameters of what is a better fit than `found`."""
     edge, x = float(bounds[max(side, 0)][i]), found.x
-    turn = 0.0 * x  # the others follow the parameter along a line, nearly
 
     def over(v):
-        nonlocal turn
-        fit = _fixed(left, x + (v - x[i]) * turn, i, v, bounds, 20)
-        turn = (np.insert(fit.x, i, v) - x) / (v - x[i]) if v != x[i] else turn
+        fit = _fixed(left, x, i, v, bounds, 20)
         if 2.0 * (found.cost - fit.cost) > 0.05 * variance:
             lower.append(np.insert(fit.x, i, v))
         return math.sqrt(max(2.0 * (fit.cost - found.cost), 0.0) / variance) - most
