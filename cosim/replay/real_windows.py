@@ -133,7 +133,7 @@ def ridden(found: list[Ride], seed: int) -> Iterable[tuple[str, str, dict, float
               for name in COMMANDS}  # fmt: skip
     cases = {c for s in broken.values() for c in coverage.cases(s)}
     installed = [d for d in detectors.chosen(free) if SEGMENT in d.lanes and
-                 any(coverage.expected(d.id, c).word != coverage.BLIND for c in cases)]  # fmt: skip
+                 any(coverage.expected(d.id, c) != coverage.BLIND for c in cases)]  # fmt: skip
     for a in range(0, len(found), BATCH):
         own, kind = found[a : a + BATCH], every[a : a + BATCH]
         truth, told = loads(own, np.random.default_rng([seed, a]))
@@ -282,6 +282,6 @@ def sensor_part(there: Recorded) -> list[str]:
         for fault in ("", *SENSORS):
             own = [row for row in found if row[0] == name and row[1] == fault and row[2]]
             case = coverage.cases(scenarios[fault])[0] if fault else ""
-            word = coverage.expected(name, case).word if fault else "–"
+            word = coverage.expected(name, case) if fault else "–"
             out.append(f"| `{name}` | {fault or 'none'} | {word} | {len(own)} | {sum(row[3] for row in own)} |")
     return [*out, ""]
