@@ -4,6 +4,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+import hypothesis
 import pytest
 
 import cosim
@@ -13,6 +14,9 @@ from fdi import registry
 
 for _name in THREADS:  # read by the processes that pytest starts: each is a core's already
     os.environ.setdefault(_name, "1")
+# a wall clock's limit per example fails on a busy machine, and says nothing of what is tested
+hypothesis.settings.register_profile("unhurried", deadline=None)
+hypothesis.settings.load_profile("unhurried")
 os.environ.setdefault("COSIM_TRACEBACK", "1")  # a failing test shows where in the library
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # some images set it: each of those processes would compile our sources
 

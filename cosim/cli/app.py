@@ -155,7 +155,7 @@ app = typer.Typer(
 )
 
 ScenarioArg = Annotated[
-    str, typer.Argument(metavar="[SCENARIO]", help="Built-in name (see [b]cosim list[/]) or TOML file.")
+    str, typer.Argument(metavar="SCENARIO", help="Built-in name (see [b]cosim list[/]) or TOML file.")
 ]
 SetOption = Annotated[
     list[str] | None,

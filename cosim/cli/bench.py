@@ -26,7 +26,7 @@ def bench(
     ] = None,
     json_: JsonOption = False,
 ) -> None:
-    """Measure what a tick costs, how fast a run starts and how much memory it takes."""
+    """Measure what a tick, a start and a flight's memory cost."""
     from cosim.bench import bench as work
 
     before = read_bench(beside) if beside else None
@@ -93,11 +93,14 @@ def shown(found: dict[str, Any]) -> Group:
         f"warm start     {start['first_tick_cpu_s']:.2f} s of the processor to the first tick, "
         f"{start['run_cpu_s']:.2f} s for a run of 1 s, {start['flight_cpu_s']:.2f} s for the default flight and its "
         f"report; help {start['help_cpu_s']:.2f} s",
-        f"peak memory    {number(found['peak_mb'])} MB in a flight of {minutes:.0f} minutes; a campaign's "
-        f"worker {number(found['worker_mb'])} MB",
-        f"a flown second {number(found['per_flown_second']['log_kb'])} kB of log, "
-        f"{number(found['per_flown_second']['memory_kb'])} kB of memory",
     ]
+    if found["peak_mb"] is not None:
+        lines += [
+            f"peak memory    {number(found['peak_mb'])} MB in a flight of {minutes:.0f} minutes; a campaign's "
+            f"worker {number(found['worker_mb'])} MB",
+            f"a flown second {number(found['per_flown_second']['log_kb'])} kB of log, "
+            f"{number(found['per_flown_second']['memory_kb'])} kB of memory",
+        ]
     if recorded:
         r = recorded
         lines += [

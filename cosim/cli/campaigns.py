@@ -53,7 +53,7 @@ def campaign(
     detector: DetectorOption = None,
     json_: JsonOption = False,
 ) -> None:
-    """Fly many scenarios: grids and draws over any number, one row per run and detector, resumable.
+    """Fly grids and draws of scenarios, a row per flight.
 
     Exit status 1: a run ended in an error, or none could be flown.
     """
@@ -131,7 +131,10 @@ def dataset(
     workers: WorkersOption = None,
     json_: JsonOption = False,
 ) -> None:
-    """Fly a campaign into a labelled data set: Parquet, Croissant, splits, a datasheet. Goes on after a kill."""
+    """Fly a campaign into a labelled data set.
+
+    Parquet, Croissant, splits, a datasheet. Goes on after a kill.
+    """
     from cosim.campaign.dataset import make
     from cosim.campaign.run import folder
 
@@ -161,8 +164,9 @@ def report(
     ] = False,
     json_: JsonOption = False,
 ) -> None:
-    """Write one self-contained HTML page that shows a flight, what `cosim replay --map -o` made of a recording, or
-    compares the logs of a folder; opens offline.
+    """Write one HTML page of a flight, a recording or a folder.
+
+    It opens offline. Of a recording: what `cosim replay --map -o` made of it. Of a folder: its logs, compared.
     """
     if light and log.is_dir():
         raise CosimError("is for the page of one log", place="--light", remedy="Name a log, or leave --light out")
@@ -190,7 +194,7 @@ def compare(
     sources: Annotated[
         list[Path] | None,
         typer.Argument(
-            metavar="[LOGS…|DIR|DIR DIR]",
+            metavar="LOG|DIR",
             help="Logs, a campaign's folder, or two of them side by side. Default: a small built-in matrix.",
             show_default=False,
         ),
@@ -207,7 +211,7 @@ def compare(
     ] = None,
     json_: JsonOption = False,
 ) -> None:
-    """Compare aircraft-level and local detectors on the same flights: who sees what, how soon, at what cost."""
+    """Compare detectors on the same flights: who sees what, when."""
     from cosim.cli.compare import compare as table
     from cosim.compare import compare as work
     from cosim.judge.result import plain

@@ -27,15 +27,30 @@ from cosim.cli.app import (
     out,
     served,
 )
-from cosim.cli.output import DetectorOption, JsonOption, OverwriteOption, log_name, named, output_option, reserve
+from cosim.cli.output import (
+    DetectorOption,
+    JsonOption,
+    OverwriteOption,
+    loaded,
+    log_name,
+    named,
+    output_option,
+    reserve,
+)
 from cosim.errors import CosimError, did_you_mean
 from cosim.progress import Compiling
-from cosim.table import Cell, Table
+from cosim.table import Cell, Column, Table
 
 if TYPE_CHECKING:  # `--help` needs no scenario
     from cosim.scenario import Scenario
 
 DEFAULT = "liquid-ofc"
+ARRAYS = (".npy", ".npz")
+# as `cosim -h` shows them: a flight, many flights, what is your own, what stands behind the detectors
+ORDER = (
+    "run list example info report replay recover compact campaign compare score false-alarms margins dataset "
+    "new check estimate map identify linearize envelope reproduce design train bench"
+).split()
 
 
 @app.command()
@@ -61,12 +76,11 @@ def run(
     detector: DetectorOption = None,
     json_: JsonOption = False,
 ) -> Any:
-    """Fly a scenario, log everything, and show who alarmed, when, and what it isolated."""
-    from cosim.scenario import load_scenario
+    """Fly a scenario, log it, show who alarmed, when, and for what."""
     from cosim.scenario.brought import identified
 
     only_live(live, speed=speed, port=port, flightgear=flightgear)
-    flown = load_scenario(scenario, set_ or ())
+    flown = loaded(scenario, set_ or ())
     if detector:
         from cosim.flight.plugins import with_detectors
 
@@ -123,11 +137,11 @@ def run(
 @app.command(name="list")
 def list_(
     topic: Annotated[
-        str | None, typer.Argument(metavar="[TOPIC]", help=f"{', '.join(inventory.TOPICS)} or all.", show_default=False)
+        str | None, typer.Argument(metavar="TOPIC", help=f"{', '.join(inventory.TOPICS)} or all.", show_default=False)
     ] = None,
     json_: JsonOption = False,
 ) -> None:
-    """Show what there is: scenarios, campaigns, manoeuvres, faults, detectors, classes, signals, and so on."""
+    """Show what there is to fly, to break, to read and to enable."""
     from cosim.campaign.inventory import inventory as everything
 
     if topic not in (None, "all", *inventory.TOPICS):
@@ -144,13 +158,13 @@ def list_(
 @app.command()
 def example(
     name: Annotated[
-        str | None, typer.Argument(metavar="[NAME]", help="Default: list them.", show_default=False)
+        str | None, typer.Argument(metavar="NAME", help="Default: list them.", show_default=False)
     ] = None,
     output: Annotated[Path | None, output_option("FILE", "Default: NAME.py here.")] = None,
     overwrite: OverwriteOption = False,
     json_: JsonOption = False,
 ) -> None:
-    """Copy an example program into your folder, ready to run and to change."""
+    """Copy an example program here, ready to run and to change."""
     from cosim.campaign.inventory import example as source
     from cosim.files import marked, replace_text
 
@@ -216,10 +230,9 @@ def linearize(
     overwrite: OverwriteOption = False,
     json_: JsonOption = False,
 ) -> None:
-    """Trim at a scenario's flight point and show the modes of the bare airframe; write A, B, C, D."""
-    from cosim.scenario import load_scenario
+    """Show trim and modes at a flight point; write A, B, C, D."""
 
-    flown = load_scenario(scenario, set_ or ())
+    flown = loaded(scenario, set_ or ())
     from cosim.flight.plant.linearize import linearize as work
     from cosim.flight.plant.linearize import model_file
     from cosim.flight.plant.point import FlightPoint
@@ -234,13 +247,12 @@ def linearize(
     answer(json_, found, lambda _: trim_and_modes(found, flown))
 
 
-# the commands of these modules, in the order in which `cosim -h` shows them
-PARTS = (
-    "bench", "replay", "envelope", "study", "campaigns", "score", "false_alarms", "margins", "guests", "identify",
-    "aircraft",
-)  # fmt: skip
+# the modules of the other commands
+PARTS = ("replay", "campaigns", "score", "false_alarms", "margins", "guests", "identify", "envelope", "study", "bench")
 for part in PARTS:
     importlib.import_module(f"cosim.cli.{part}")
+names = {str(c.name or getattr(c.callback, "__name__", "")).replace("_", "-"): c for c in app.registered_commands}
+app.registered_commands[:] = [names[name] for name in sorted(names, key=ORDER.index)]
 
 
 def main() -> Any:
@@ -265,11 +277,14 @@ def contents(found: dict[str, Any]) -> Group:
             head.add(name, f"{found[name]} ticks are missing" if name == "gaps" else found[name])
     for name, value in found["versions"].items():
         head.add(name, value)
-    t = Table("Topics", "topic", "rows>", "fields>", "every>", "first fields")
+    t = Table("Topics", "topic", "rows>", "fields>", "every>", Column("first fields", rank=1, right=False))
     for r in found["topics"]:
         more = ", ..." if len(r["fields"]) > 6 else ""
         t.add(r["name"], r["rows"], len(r["fields"]), r["every"], ", ".join(r["fields"][:6]) + more)
-    return Group(head, t, Text(f"attachments: {', '.join(found['attachments']) or 'none'}"))
+    kept = [name for name in found["attachments"] if not name.endswith(ARRAYS)]
+    arrays = len(found["attachments"]) - len(kept)
+    kept += [f"{arrays} arrays of parameters and initial states"] if arrays else []
+    return Group(head, t, Text(f"attachments: {', '.join(kept) or 'none'}"))
 
 
 def trim_and_modes(found: dict[str, Any], scenario: "Scenario") -> Group:

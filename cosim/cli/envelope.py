@@ -14,28 +14,29 @@ from cosim.files import columns, replace
 
 @app.command()
 def envelope(
-    output: Annotated[Path, output_option("DIR", "Folder of page, picture and table.")] = Path("logs/envelope"),
+    output: Annotated[Path, output_option("DIR", "Folder of page and table.")] = Path("logs/envelope"),
     overwrite: OverwriteOption = False,
     workers: WorkersOption = None,
     json_: JsonOption = False,
 ) -> None:
-    """Map where the aircraft trims, over mass, CG, altitude and speed, why not elsewhere, where actuators stall."""
+    """Map where the aircraft trims and where its actuators stall.
+
+    Over mass, CG, altitude and speed; where it does not trim, it says why.
+    """
     from cosim.campaign.envelope import summary, trim_map
 
-    paths = {key: output / f"envelope.{ending}" for key, ending in
-             (("report", "html"), ("picture", "svg"), ("table", "csv"))}  # fmt: skip
-    from cosim.report.page import PAGE, PICTURE
+    paths = {"report": output / "envelope.html", "table": output / "envelope.csv"}
+    from cosim.report.page import PAGE
 
-    signs = {"report": PAGE, "picture": PICTURE, "table": columns("mass_t", "cg_pct")}
+    signs = {"report": PAGE, "table": columns("mass_t", "cg_pct")}
     for key, path in paths.items():
         reserve(path, signs[key])
     with tables.progress(err, "trimming", unit="points", waiting="preparing the workers") as progress:
         trims = trim_map(workers=workers, progress=progress)
-    from cosim.report import envelope_picture, envelope_report
+    from cosim.report import envelope_report
 
     found = summary(trims)
     envelope_report(trims, found, paths["report"])
-    envelope_picture(trims, paths["picture"])
     replace(paths["table"], lambda part: trims.to_csv(part, index=False, float_format="%.6g"), signs["table"])
     found |= {key: str(path) for key, path in paths.items()}
     answer(json_, found, shown)
@@ -52,6 +53,6 @@ def shown(found: dict[str, Any]) -> Group:
                 f"{way} below {at['from_kt']:.0f} kt CAS (beyond: {abs(at['reach_deg']):.1f} deg at worst)"
                 for way, at in ways.items()]  # fmt: skip
         lines.append(f"{technology}: full elevator {', '.join(said)}")
-    lines += [f"{key:<8}{found[key]}" for key in ("report", "picture", "table")]
+    lines += [f"{key:<8}{found[key]}" for key in ("report", "table")]
     return Group(masses(found), *(Text(line) for line in lines))
 

@@ -18,7 +18,7 @@ def false_alarms(
     detectors: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="[DETECTOR…]", help="That ship, or files of your own. Default: all that ship.", show_default=False
+            metavar="DETECTOR", help="That ship, or files of your own. Default: all that ship.", show_default=False
         ),
     ] = None,
     hours: Annotated[float, typer.Option("--hours", min=0.0, help="Flight hours; more go on from there.")] = 100.0,
@@ -30,7 +30,7 @@ def false_alarms(
     workers: WorkersOption = None,
     json_: JsonOption = False,
 ) -> None:
-    """Count false alarms per flight hour over the threshold, and say how far down the curve is shown.
+    """Count false alarms per flight hour, over the threshold.
 
     Flights are kept in DIR: a killed measurement goes on, and more --hours add to it.
     """

@@ -1,8 +1,8 @@
-"""Commands for what a user brings: a detector (`new`, `check-detector`), a recording (`map`)."""
+"""Commands for what a user brings: a detector or an aircraft (`new`, `check`, `estimate`), a recording (`map`)."""
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -27,7 +27,10 @@ def new(
     overwrite: OverwriteOption = False,
     json_: JsonOption = False,
 ) -> None:
-    """Write a detector, law, actuator, aircraft or campaign of your own that runs, and its test: test_NAME.py."""
+    """Write a detector, law, actuator, aircraft or campaign.
+
+    It runs as it is, and so does its test: test_NAME.py.
+    """
     from cosim.files import replace_text
     from cosim.flight.plugins.new import KINDS, texts
 
@@ -63,7 +66,10 @@ def map_(
     overwrite: OverwriteOption = False,
     json_: JsonOption = False,
 ) -> None:
-    """Draft a map for a recording by its columns' names and ranges; check signs and units before you believe it."""
+    """Draft a map of a recording: which column is which signal.
+
+    By the columns' names and ranges: check signs and units before you believe it.
+    """
     from cosim.files import replace_text
     from cosim.replay.foreign import columns_of
     from cosim.replay.map_draft import draft
@@ -83,25 +89,58 @@ def map_(
         print(text, end="")
 
 
-@app.command("check-detector")
-def check_detector(
-    detector: Annotated[Path, typer.Argument(metavar="FILE.py", help="A detector of your own.")],
+@app.command()
+def check(
+    what: Annotated[str, typer.Argument(metavar="FILE.py|NAME|DIR", help="A detector's file, or an aircraft.")],
     json_: JsonOption = False,
 ) -> None:
-    """Say whether a detector keeps the contract: causal, deterministic, restartable, bounded, whole on dropouts.
+    """Say whether a detector or an aircraft keeps its contract.
 
-    Exit status 1: it does not.
+    A detector: causal, deterministic, restartable, bounded, whole on dropouts. An aircraft: what is missing, signs,
+    trim, hinge moments, effectors. Exit status 1: it does not.
     """
-    from cosim.flight.plugins.check import check
+    from cosim.scenario.aircraft import ships
 
-    with tables.progress(err, "checking", unit="") as progress:
-        found = check(detector, progress=progress)
-    if json_:
-        print(json.dumps(found, allow_nan=False))
+    marks = {"good": Cell("✓", "good"), "bad": Cell("✗", "bad"), "note": Cell("!", "warn")}
+    if ships(what) or Path(what).is_dir():
+        from cosim.flight.plant.check import check as of_aircraft
+
+        points = of_aircraft(what)
+        found: dict[str, Any] = {"aircraft": what, "keeps": all(p.good for p in points)}
+        found["findings"] = [vars(p) for p in points]
+        t = Table("", "", "point", "found")
+        rows = [(marks["good" if p.good else "bad"], p.point, p.found) for p in points]
     else:
+        from cosim.flight.plugins.check import check as of_detector
+
+        with tables.progress(err, "checking", unit="") as progress:
+            found = of_detector(what, progress=progress)
         t = Table(f"{found['id']}, {found['file']}", "", "question", "answer")
-        marks = {"good": Cell("✓", "good"), "bad": Cell("✗", "bad"), "note": Cell("!", "warn")}
-        for line in found["checks"]:
-            t.add(marks[line["result"]], line["question"], line["answer"])
-        out.print(t)
+        rows = [(marks[line["result"]], line["question"], line["answer"]) for line in found["checks"]]
+    for row in rows:
+        t.add(*row)
+    answer(json_, found, lambda _: t)
     raise typer.Exit(0 if found["keeps"] else 1)
+
+
+@app.command()
+def estimate(
+    aircraft: Annotated[str, typer.Argument(metavar="NAME|DIR", help="A folder with aircraft.toml and numbers.toml.")],
+    check: Annotated[bool, typer.Option("--check", help="Only tell whether the files are what this makes.")] = False,
+    json_: JsonOption = False,
+) -> None:
+    """Write an aircraft's JSBSim files from its dimensions."""
+    from cosim.files import replace_text
+    from cosim.flight.plant.aero.estimate import build
+    from cosim.scenario.aircraft import load_aircraft
+
+    made = build(load_aircraft(aircraft))
+    stale = [path for path, text in made.items() if not path.is_file() or path.read_text(encoding="utf-8") != text]
+    for path in () if check else stale:
+        path.parent.mkdir(exist_ok=True)
+        replace_text(path, made[path])
+    names = [path.name for path in stale]
+    word = "differ from what the numbers give" if check else "written"
+    answer(json_, {"files": len(made), "changed": names}, lambda _: f"{', '.join(names) or 'no file'} {word}")
+    if check and stale:
+        raise typer.Exit(1)

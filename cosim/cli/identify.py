@@ -32,7 +32,10 @@ def identify(
     overwrite: OverwriteOption = False,
     json_: JsonOption = False,
 ) -> None:
-    """Identify noise, delays, actuators and fitting thresholds from a fault-free recording."""
+    """Identify noise, delays and actuators from a recording.
+
+    It must be fault-free. Thresholds that fit it are told, too.
+    """
     from cosim.files import replace_text
     from cosim.training.identify import identify as work
     from cosim.training.identify.write import texts

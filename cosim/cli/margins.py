@@ -18,7 +18,10 @@ def margins(
     workers: WorkersOption = None,
     json_: JsonOption = False,
 ) -> None:
-    """Find how far symbols, coefficients, mass, CG, delay, rate and air may be off until it alarms or loses a fault."""
+    """Find how wrong a detector's numbers may be until it fails.
+
+    Symbols, coefficients, mass, CG, delay, rate and air are set off until it raises a false alarm or loses a fault.
+    """
     from cosim.campaign import margins as work
 
     with tables.progress(err, "flying", unit="flights", waiting="preparing the workers") as progress:

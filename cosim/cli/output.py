@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from cosim.errors import OutputError, ScenarioError
+from cosim.errors import CosimError, OutputError, ScenarioError
 from cosim.files import Part, Sign, failed, overwriting
 
 LONGEST = 100  # characters of a log's name
@@ -63,6 +63,20 @@ def named(scenario: str) -> Iterator[Any]:
     except ScenarioError as error:
         if error.place != scenario and not error.place.startswith(f"{scenario}: "):
             error.place = f"{scenario}: {error.place}" if error.place else scenario
+        raise
+
+
+def loaded(scenario: str, overrides: Sequence[str]) -> Any:
+    """Return the Scenario of a command; of a campaign's file say which command flies it. Raises CosimError."""
+    from cosim.scenario import load_scenario
+    from cosim.texts import read, toml
+
+    try:
+        return load_scenario(scenario, overrides)
+    except CosimError:
+        if Path(scenario).is_file() and {"base", "part"} & set(toml(read(scenario), place=scenario)):
+            remedy = f"cosim campaign {scenario} flies it"
+            raise CosimError("is the file of a campaign, no scenario", place=scenario, remedy=remedy) from None
         raise
 
 

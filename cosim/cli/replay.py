@@ -63,9 +63,10 @@ def replay(
     ] = False,
     json_: JsonOption = False,
 ) -> None:
-    """Run the detectors of a log again and compare bit for bit. Exit status 0: exact, 1: different.
+    """Run the detectors of a log again and compare bit for bit.
 
-    A detector of your own that was not part of the flight is run on it as it was logged.
+    Exit status 0: exact, 1: different. A detector of your own that was not part of the flight is run on it as it was
+    logged.
     """
 
     only_live(live, speed=speed, port=port)
@@ -143,9 +144,10 @@ def recover(
     ] = False,
     json_: JsonOption = False,
 ) -> None:
-    """Make a readable log of what a kill, a full disk or a damaged disk has left of one, and say what is lost.
+    """Make a readable log of what a kill or a full disk has left.
 
-    Of a flight by hand or live that was killed, which writes its log at its end, fly again what it had come to.
+    It says what is lost. Of a flight by hand or live that was killed, which writes its log at its end, fly again what
+    it had come to.
     """
     from cosim.files import left_by
     from cosim.flight.interactive import journal
@@ -179,7 +181,7 @@ def compact(
     overwrite: OverwriteOption = False,
     json_: JsonOption = False,
 ) -> None:
-    """Write a log in fewer bytes, slowly: the same samples, which replay bit for bit."""
+    """Write a log in fewer bytes, slowly: the same samples."""
     from cosim.log import compact as work
     from cosim.log.format import OURS
 

@@ -20,7 +20,7 @@ def score(
     detectors: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="[DETECTOR…]",
+            metavar="DETECTOR",
             help="Detectors that ship, files of your own, installed ones by name. Default: all that ship.",
             show_default=False,
         ),
@@ -49,9 +49,10 @@ def score(
     workers: WorkersOption = None,
     json_: JsonOption = False,
 ) -> None:
-    """Score detectors on the same 642 recorded flights, flown on first use; a new one is a replay of minutes.
+    """Score detectors on the 642 flights of the benchmark.
 
-    With --verify exit status 1 when a row does not repeat.
+    They are flown and kept on first use; a new detector is a replay of minutes. With --verify exit status 1 when a
+    row does not repeat.
     """
     from cosim.compare.score import board, stored
     from cosim.compare.score import score as work

@@ -18,7 +18,7 @@ from cosim.training import TRAINERS
 
 @app.command()
 def reproduce(
-    paper: Annotated[str, typer.Argument(metavar="[PAPER]", help="lu17, jay, sun13, mar10, alwi14 or all.")] = "all",
+    paper: Annotated[str, typer.Argument(metavar="PAPER", help="lu17, jay, sun13, mar10, alwi14 or all.")] = "all",
     output: Annotated[Path, output_option("DIR", "Folder of page and rows.")] = Path("logs"),
     overwrite: OverwriteOption = False,
     readme: ReadmeOption = None,
@@ -28,7 +28,10 @@ def reproduce(
     workers: WorkersOption = None,
     json_: JsonOption = False,
 ) -> None:
-    """Repeat the papers' own experiments: paper says, we get, verdict. Exit status 1 when a row differs."""
+    """Repeat the papers' experiments: paper says, we get, verdict.
+
+    Exit status 1 when a row differs.
+    """
     from pandas import DataFrame
 
     from cosim.papers import chosen, counts, proof
@@ -66,13 +69,13 @@ def reproduce(
     replace(table, lambda part: frame.to_csv(part, index=False), listed)
     if readme:
         from cosim.report.papers_markdown import write
-        from cosim.report.papers_picture import write as pictures
+        from cosim.report.reproduce_page import write_pictures
 
         write(readme, rows)
-        pictures(readme.parent, drawings)
+        write_pictures(readme.parent, drawings)
     told = {**found, "rows": [_finite(r) for r in found["rows"]]}
-    shown = lambda _: Group(reproduced(rows, found["counts"]), tables.whole(f"report {found['report']}"))  # noqa: E731
-    answer(json_, told, shown)
+    files = [tables.whole(f"{key:<7}{found[key]}, every row") for key in ("report", "table")]
+    answer(json_, told, lambda _: Group(reproduced(rows, found["counts"]), *files))
     if found["counts"]["differs"]:
         raise typer.Exit(1)
 
@@ -97,7 +100,7 @@ def _own(aircraft, names, check, flights, output, workers):
 @app.command()
 def design(
     names: Annotated[
-        list[str] | None, typer.Argument(metavar="[DESIGN]…", help="Designs to make; default: all.")
+        list[str] | None, typer.Argument(metavar="DESIGN", help="Designs to make; default: all.")
     ] = None,
     check: Annotated[
         bool, typer.Option("--check", help="Only say whether the stored designs belong to this aircraft.")
@@ -116,7 +119,10 @@ def design(
     workers: WorkersOption = None,
     json_: JsonOption = False,
 ) -> None:
-    """Make the detectors' stored designs anew from the aircraft that flies, or check them (exit 1: stale)."""
+    """Make the detectors' stored designs anew, or check them.
+
+    From the aircraft that flies. Exit status 1: a stored one is stale.
+    """
     from cosim.training import designs as work
 
     if aircraft:
@@ -144,7 +150,7 @@ def train(
     output: Annotated[Path | None, output_option("FOLDER", "Of results; goes on there.")] = None,
     workers: WorkersOption = None,
 ) -> None:
-    """Fly the fault-free training set of some detectors' thresholds and store what it finds."""
+    """Train thresholds on fault-free flights and store them."""
     from cosim.training import load
 
     training = load(name)
@@ -163,12 +169,13 @@ def _finite(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def reproduced(found: list[Any], counts: dict[str, int]) -> Group:
-    """Return the rows of the papers' experiments, the counts of the verdicts first."""
+    """Return the counts of the verdicts, then the rows that differ, explained or not."""
     from cosim.papers import tables as made
 
     words = {"ours": "ours (the paper gives no number)", "beyond": "beyond the paper"}
     total = "   ".join(f"{n} {words.get(v, made.VERDICTS[v][0])}" for v, n in counts.items())
-    return Group(total, made.rows(found, several=True))
+    off = [row for row in found if row.verdict.startswith("differs")]
+    return Group(total, *([made.rows(off, several=len({row.paper for row in off}) > 1)] if off else []))
 
 
 def designs(found: dict[str, tuple[str, str]]) -> Table:

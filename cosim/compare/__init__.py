@@ -33,16 +33,16 @@ class CompareError(CosimError):
 class Comparison:
     """Rows per run and detector (cosim/compare/rows.py), statistics per detector, and where they were written, if."""
 
-    rows: pd.DataFrame
-    detectors: list
-    runs: int
-    failed: int
-    source: str
+    rows: pd.DataFrame  # a row per run, fault and detector
+    detectors: list  # a dict per detector: counts, delays [s], false alarms, bounds
+    runs: int  # flights
+    failed: int  # runs without a flight
+    source: str  # where the flights are from, in words
     damaged: tuple[str, ...] = ()  # files of a campaign that are no more whole and were left out
     two: bool = False  # campaigns side by side: each detector stands twice
     pairs: Sequence[dict] = ()  # cosim.compare.paired.Pair of each detector on the flights that both campaigns have
-    report: Path | None = None
-    table: Path | None = None
+    report: Path | None = None  # the page, if one was written
+    table: Path | None = None  # the Parquet file of the rows, if one was written
 
     def __repr__(self) -> str:
         rows = [f"  {d['id']:20}{d['detected']:>5} of {d['designed']:<5} seen" for d in self.detectors]

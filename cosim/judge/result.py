@@ -28,14 +28,14 @@ OF_A_FAULT = (  # what an entry says of the fault that its figures are about (co
 class Result:
     """The outcome of a run; `to_dict` has the keys of `cosim run --json`."""
 
-    log: str | None
+    log: str | None  # file of the log, None where none was written
     status: str  # "completed", "departed", "diverged" or "interrupted"
-    reason: str
-    sim_time_s: float
-    wall_time_s: float
-    faults: list = field(default_factory=list)
-    detectors: list = field(default_factory=list)
-    extra: dict = field(default_factory=dict)
+    reason: str  # why it ended before its time, "" where it did not
+    sim_time_s: float  # flown [s]
+    wall_time_s: float  # that it took [s]
+    faults: list = field(default_factory=list)  # a dict per fault: kind, target, start_s, its numbers
+    detectors: list = field(default_factory=list)  # a dict per detector lane: id, target, alarm, delays [s], names
+    extra: dict = field(default_factory=dict)  # what the flight came to, of `cosim run --json`: consequences, notes
 
     def __repr__(self) -> str:
         rows = [f"  {r['id']:20}{r['target']:24}{'; '.join(filter(None, _told(r)))}" for r in self._shown()]
@@ -188,7 +188,7 @@ def judge(watch: Watch, trace: Any, dt: float, faults: Sequence[Mapping]) -> dic
     if watch.estimate:
         entry |= errors(watch.estimate.error(trace, dt), watch.estimate.unit)
     if mine:
-        sighted = [f for f in mine if coverage.expected(watch.id, f.get("case", "")).word != coverage.BLIND] or mine
+        sighted = [f for f in mine if coverage.expected(watch.id, f.get("case", "")) != coverage.BLIND] or mine
         entry["by_fault"] = [
             noticed(watch, trace, f, _next(f, sighted), dt, [g for g in mine if g is not f]) for f in sighted
         ]

@@ -59,15 +59,15 @@ class Difference:
 class Replay:
     """What a replay found: `exact` only where something was compared and nothing differs."""
 
-    log: str
+    log: str  # the file that was replayed
     rows: int = 0  # ticks replayed, over all lanes
     values: int = 0  # values compared
     skipped: int = 0  # rows that follow a gap of the log, up to the next whole state
-    dt: float = 0.0
-    differences: list = field(default_factory=list)
+    dt: float = 0.0  # of a tick [s]
+    differences: list = field(default_factory=list)  # a dict per field: count, first tick, largest
     changed: dict = field(default_factory=dict)  # {detector: {parameter: value}}: then differences are expected
     detectors: list = field(default_factory=list)  # detection metrics, logged and replayed
-    output: str | None = None
+    output: str | None = None  # the log that was written
     notes: list = field(default_factory=list)  # sentences: guests that were not run, or are not the code that flew
 
     @property

@@ -33,9 +33,7 @@ class Ride:
     of: str = ""  # where it is from
 
 
-def move(
-    rides: list[Ride], scenarios: list[Scenario], load: Any, segment: str, seed: int
-) -> dict[str, np.ndarray]:
+def move(rides: list[Ride], scenarios: list[Scenario], load: Any, segment: str, seed: int) -> dict[str, np.ndarray]:
     """Return {word of the segment's signals, or its flag: (lanes, ticks)} of lane i on `rides[i]` with the faults of
     `scenarios[i]`; `load` (2, lanes, ticks) is the hinge moment at zero angle and its slope that the actuators meet.
     """

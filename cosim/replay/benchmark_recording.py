@@ -38,13 +38,12 @@ from cosim.flight.plugins.watchdog import watched
 from cosim.judge import estimation
 from cosim.judge.detection import columns, watch_of
 from cosim.judge.result import judge, judged
-from cosim.replay.detector_replay import Lane, replay_lane
+from cosim.replay.detector_replay import field_of, replay_lane, unlogged
 from cosim.scenario import Scenario, parse, vocabulary
 from cosim.texts import from_json, toml
 
 PATIENCE_S = 10.0  # for one step: no figure of a recording depends on the clock of a loaded machine
 ABOUT, VALID = b"cosim", "_valid"
-NONE: tuple = (np.empty(0, np.int64), np.empty((0, 0)))  # no whole states, nothing logged
 
 
 def readable(scenario: Scenario) -> dict[str, vocabulary.Signal]:
@@ -180,9 +179,8 @@ class Recording:
         """Return the INPUTS (1, ticks) of a lane; `given` has outputs (ticks,) of detectors by their bus names."""
         u = np.zeros((1, self.ticks), detector.module.INPUTS)
         for w in detector.inputs(lane):
-            base, _, element = w.field.partition("[")
-            to = u[base][0][:, int(element[:-1])] if element else u[base][0]
-            to[:] = given[w.source] if w.source in given else self.column(w.signal.word + VALID * w.flag)
+            own = given[w.source] if w.source in given else self.column(w.signal.word + VALID * w.flag)
+            field_of(u, w.field)[:] = own
         return u
 
 
@@ -220,12 +218,11 @@ def judgement(recording: Recording, detectors: Iterable[Installed], *, timed: bo
     for d in detectors:
         p = d.params(scenario, dt)
         for i, lane in enumerate(d.lanes):
-            own, u = p[i : i + 1], recording.inputs(d, lane, given)[:, :: d.every]
+            own, u = p[i : i + 1], recording.inputs(d, lane, given)
             rollout = d.module.runner() if isinstance(d.module, PlainDetector) else None
             if rollout:
                 rollout.keeps, rollout.patience_s = True, PATIENCE_S
-            ticks = np.arange(recording.ticks)[:: d.every]
-            stretch = Lane(d.id, lane, d.module, d.every, own, d.module.init(own), 0, u, ticks, NONE[1], NONE, rollout)
+            stretch = unlogged(d.id, lane, d.module, d.every, u, own, rollout)
             with watched([rollout], lost=_end) if rollout else nullcontext():
                 out, _, x = replay_lane(stretch, dt)
             out = np.repeat(out, d.every, axis=0)[: recording.ticks]
@@ -239,7 +236,7 @@ def judgement(recording: Recording, detectors: Iterable[Installed], *, timed: bo
             if rollout:
                 us = rollout.seconds / max(1, rollout.steps) * 1e6
             elif timed:
-                us = cost(d.module, x, u[:, -1:], own, dt * d.every)
+                us = cost(d.module, x, stretch.u[:, -1:], own, dt * d.every)
             told = [(k * d.every, said) for k, _, said in rollout.told] if rollout else []
             yield Judged(_entry(recording, d, lane, out), us, told)
 

@@ -49,18 +49,14 @@ def _dead(m, made):
 def _designs(m, aircraft, done):
     """Tell of detectors that hold the model of another aircraft than the one that was recorded."""
     own, recorded = aircraft.name, m.aircraft
-    if recorded == own:
-        return []
     told = dict.fromkeys(
         d.id for d, *_ in done if d.level == "aircraft" and d.id in registry.SHIPPED and not d.record.any_aircraft
     )
-    if not told:
+    if recorded == own or not told:
         return []
-    if recorded:
-        who = f"designed for another aircraft, {own}, than the recording's, {recorded}"
-    else:
-        who = f"designed for the {own}, and the map does not say which aircraft flew (aircraft = ...)"
-    return [f"{', '.join(told)}: {who}: an alarm may come from that"]
+    other = f"designed for another aircraft, {own}, than the recording's, {recorded}"
+    unsaid = f"designed for the {own}, and the map does not say which aircraft flew (aircraft = ...)"
+    return [f"{', '.join(told)}: {other if recorded else unsaid}: an alarm may come from that"]
 
 
 def _proxies(m, done):

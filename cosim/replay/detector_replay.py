@@ -23,6 +23,7 @@ from cosim.replay.params import ReplayError, attached, chosen_overrides, older, 
 from fdi import registry
 
 BLOCK_BYTES = 1 << 18  # of full states at once: they stay in the processor's cache
+NONE: tuple = (np.empty(0, np.int64), np.empty((0, 0)))  # no whole states, nothing logged
 
 
 @dataclass
@@ -41,6 +42,12 @@ class Lane:
     logged: np.ndarray  # (rows, outputs)
     states: tuple  # (ticks, values) of the hidden state's snapshots
     rollout: object = None  # of a guest with objects of its own
+
+
+def unlogged(name: str, lane: str, module: Any, every: int, u: np.ndarray, p: np.ndarray, rollout: Any = None) -> Lane:
+    """Return the Lane of a detector on inputs u (1, ticks) that no log holds, from the first tick on."""
+    ticks = np.arange(u.shape[1])[::every]
+    return Lane(name, lane, module, every, p, module.init(p), 0, u[:, ::every], ticks, NONE[1], NONE, rollout)
 
 
 def manifest(log: Log) -> list:
@@ -176,15 +183,19 @@ def fill(log: Log, wired: Any, start: float = 0, stop: Any = None, read: dict | 
 def _fill(log, w, read, start, stop):
     ticks = log.ticks(w.topic, start, stop)
     u = np.zeros((1, len(ticks)), w.module.INPUTS)
-    for name, source, column in w.inputs:
-        field, _, element = name.partition("[")
-        to = u[field][0][:, int(element[:-1])] if element else u[field][0]
+    for name, source, own in w.inputs:
         same = log.topics[source].every == w.every
         rows = slice(None) if same else np.searchsorted(log.ticks(source, start, stop), ticks)
-        to[:] = read[source][rows, log.topics[source].fields.index(column)]
+        field_of(u, name)[:] = read[source][rows, log.topics[source].fields.index(own)]
     held = w.hidden in log.topics
-    states = (log.ticks(w.hidden, start, stop), read[w.hidden]) if held else (np.empty(0, np.int64), np.empty((0, 0)))
+    states = (log.ticks(w.hidden, start, stop), read[w.hidden]) if held else NONE
     return Lane(w.id, w.lane, w.module, w.every, w.p, w.x, w.at, u, ticks, read[w.topic], states, w.rollout)
+
+
+def field_of(u: np.ndarray, name: str) -> np.ndarray:
+    """Return the view (rows,) of a field of records u (1, rows), or of an element of one, `name[i]`."""
+    base, _, element = name.partition("[")
+    return u[base][0][:, int(element[:-1])] if element else u[base][0]
 
 
 def columns(kind: Any, names: Sequence[Any]) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Read other people's recordings (text, Parquet, MATLAB, MCAP, folders) as tables over time, for our detectors."""
+"""Read recordings of others as tables over time: text, Parquet, MATLAB, MCAP, a folder of files."""
 
 import contextlib
 import os
@@ -15,9 +15,15 @@ from cosim.log.format import LIBRARY, log_error
 from cosim.log.reader import open_log
 from cosim.log.validate import BAD
 from cosim.replay import clock
-from cosim.replay.tables import KINDS, MOST_VALUES, folder, read_table, together
+from cosim.replay.units import is_unit, known
 from cosim.texts import from_json
 
+TEXT = (".csv", ".tsv", ".txt", ".asc", ".dat")
+KINDS = (*TEXT, ".parquet", ".mat")
+LOOKED_AT = 60  # lines in which the numbers of a text begin
+MOST_VALUES = 50_000_000  # of a file: 400 MB in memory
+MOST_BYTES = 20 * MOST_VALUES  # of a text, whose numbers take some twenty characters, or of messages
+NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?|[-+]?nan|[-+]?inf", re.IGNORECASE)
 TIME_NAMES = ("t_s", "t", "time", "time_s", "timestamp", "t_ns", "time_ns", "timestamp_ns")  # looked for in this order
 TIME_WORDS = {*"time clock timestamp seconds zeit uhrzeit temps tiempo datum date utc gmt".split()}
 _SCALES = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "min": 60.0, "h": 3600.0}  # ends of a name: clock_ms, Zeit [ms]
@@ -37,7 +43,7 @@ def read_channels(
     A text, MATLAB or Parquet file is one channel, named by the file's stem; `time` names its time column (default: the
     first of TIME_NAMES in any case, else one with a word for time in its name, else Parquet's own index). Its name ends
     in _ns, (us) or [ms], say, where it is not in seconds; dates count from the first. `columns` name those of a file
-    without names. A folder has a channel per table, and one for its files of a single column (cosim/replay/tables.py).
+    without names. A folder has a channel per table, and one for its files of a single column.
     An MCAP file has a channel per topic, times from its first message. Columns without numbers are left out and named
     in `attrs["texts"]`. A clock that goes back is an error, unless `on_reset` says what to do ("offset", or "split" for
     stretch number `part`); `attrs["oddities"]` tells of gaps, doubled times and changes of rate. Of an MCAP file only
@@ -48,7 +54,7 @@ def read_channels(
     if path.suffix.lower() == ".mcap":
         return _mcap(path, wanted)
     frames, told = _frames(path, columns, time=time)
-    out = {name: _table(frame, path, name, time, on_reset, part) for name, frame in frames.items()}
+    out = {name: _timed(frame, path, name, time, on_reset, part) for name, frame in frames.items()}
     for frame in list(out.values())[:1]:
         frame.attrs["oddities"] += told
     return out
@@ -57,13 +63,32 @@ def read_channels(
 def _frames(path, columns=(), rows=None, time=None):
     """Return ({name: DataFrame}, sentences) of a file or a folder."""
     if path.is_dir():
-        frames, told = together(path, columns)
-        return {**frames, **{f.stem: _frame(f) for f in folder(path) if f.suffix.lower() == ".parquet"}}, told
+        return _together(path, columns)
     kind = path.suffix.lower()
     if kind not in KINDS:
         raise LogError(f"unknown kind of file {kind!r}", place=str(path), allowed=", ".join((*KINDS, ".mcap")))
-    frame = _frame(path, columns, rows, time)
+    frame = read_table(path, columns, rows, time)
     return {path.stem: frame}, frame.attrs.get("left", [])
+
+
+def _together(path, columns):
+    """Return ({name: DataFrame} of the tables in a folder, sentences): files of one column each and of the same length
+    are one table, named by the folder, with a column per file."""
+    import pandas as pd
+
+    files = sorted(f for f in path.iterdir() if f.suffix.lower() in KINDS and f.is_file() and f.name[0] != ".")
+    if not files:
+        raise LogError("holds no table", place=str(path), allowed=", ".join(KINDS))
+    read = {f.stem: read_table(f, columns) for f in files}
+    single = {stem: frame.iloc[:, 0] for stem, frame in read.items() if frame.shape[1] == 1}
+    if len(single) < 2:
+        return read, []
+    lengths = [len(column) for column in single.values()]
+    n = max(set(lengths), key=lengths.count)
+    joined = pd.DataFrame({stem: column.to_numpy() for stem, column in single.items() if len(column) == n})
+    left = [f"{stem} ({len(c)} rows)" for stem, c in single.items() if len(c) != n]
+    told = [f"left out, other than {n} rows: {', '.join(left)}"] if left else []
+    return {path.name: joined, **{stem: frame for stem, frame in read.items() if stem not in single}}, told
 
 
 def _mcap(path, wanted):
@@ -71,6 +96,7 @@ def _mcap(path, wanted):
 
     if _is_ours(path):
         return open_log(path).frames()
+    _bounded(path, MOST_BYTES)  # each of its messages is looked at, wanted or not
     read = read_mcap(path, wanted=wanted)
     first = min(times[0] for times, _ in read.values())
     out = {}
@@ -79,6 +105,16 @@ def _mcap(path, wanted):
         out[topic] = pd.DataFrame(rows, index=index)
         out[topic].attrs["oddities"] = clock.oddities(index.to_numpy(), topic)
     return out
+
+
+def _bounded(path, most):
+    """Raise LogError for what is no file, or one of more than `most` bytes."""
+    regular(path, LogError)
+    if path.is_file() and path.stat().st_size > most:
+        raise LogError(
+            f"has {path.stat().st_size / 1e9:.3g} GB", place=str(path), allowed=f"{most / 1e9:g} GB",
+            remedy="Cut it, or keep the columns that are needed as Parquet",
+        )  # fmt: skip
 
 
 def _is_ours(path):
@@ -106,29 +142,14 @@ def time_of(names: Any) -> str | None:
     return exact or next((n for n in names if set(re.split(r"[^a-z]+", str(n).lower())) & TIME_WORDS), None)
 
 
-def _frame(path, columns=(), rows=None, time=None):
-    if path.suffix.lower() != ".parquet":
-        return read_table(path, columns, rows, time)
-    regular(path, LogError)
-    try:
-        return _parquet(path)
-    except OSError as error:
-        raise log_error(f"cannot read the file: {error.strerror or error}", path) from error
-    except BAD as error:  # pyarrow's parser errors are ValueErrors and the like
-        raise log_error(f"cannot be read as parquet: {error}", path) from error
-
-
-def _table(frame, path, stem, time, on_reset, part):
+def _timed(frame, path, stem, time, on_reset, part):
     import pandas as pd
 
     name = time or time_of(frame.columns) or frame.attrs.get("index")
     if name is None or name not in frame.columns:
-        raise LogError(
-            f"no time column {name or ''}".rstrip(),
-            place=str(path),
-            allowed=f"one of its columns: {', '.join(map(str, frame.columns[:20]))}",
-            remedy="--time COLUMN names it; without names: columns = [...] in the map, or cosim map --columns",
-        )
+        allowed = f"one of its columns: {', '.join(map(str, frame.columns[:20]))}"
+        remedy = "--time COLUMN names it; without names: columns = [...] in the map, or cosim map --columns"
+        raise LogError(f"no time column {name or ''}".rstrip(), place=str(path), allowed=allowed, remedy=remedy)
     t = _seconds(frame[name], str(name), path)
     numbers = frame.drop(columns=name).select_dtypes(["number", "bool"], exclude="timedelta").astype(np.float64)
     numbers.columns = numbers.columns.map(str)
@@ -141,6 +162,53 @@ def _table(frame, path, stem, time, on_reset, part):
     told = clock.restarts(as_read, on_reset, part) + clock.oddities(t, stem)
     frame.attrs = numbers.attrs | {"oddities": told}
     return frame
+
+
+def _seconds(column, name, path):
+    """Return a time column in seconds as float64."""
+    import pandas as pd
+
+    if not len(column):
+        raise log_error("holds no row", path)
+    if isinstance(column.dtype, pd.DatetimeTZDtype) or column.dtype.kind == "M":
+        return (column - column.iloc[0]).dt.total_seconds().to_numpy()
+    if column.dtype.kind == "m":
+        return column.dt.total_seconds().to_numpy()
+    t = pd.to_numeric(column, errors="coerce").to_numpy(np.float64)
+    if column.dtype.kind not in "iuf" and not np.isfinite(t).any():
+        dates = pd.to_datetime(column, errors="coerce", format="mixed", dayfirst=_day_first(column))
+        return (dates - dates.iloc[0]).dt.total_seconds().to_numpy()
+    unit = re.search(r"[\W_]([a-z]+)[)\]]?$", name.lower())
+    return t * _SCALES.get(unit[1] if unit else "", 1.0)
+
+
+def _day_first(column):
+    """Tell whether dates are written 24.11.2026, or 24/11/2026 with days beyond 12 ahead."""
+    heads = [re.match(r"\s*(\d{1,2})([./-])\d{1,2}[./-]\d{4}", str(value)) for value in column.iloc[:1000]]
+    return any(h and (h[2] == "." or int(h[1]) > 12) for h in heads)
+
+
+def read_table(path: Path, columns: tuple[str, ...] = (), rows: int | None = None, time: str | None = None) -> Any:
+    """Return the table in a text, Parquet or MATLAB file as a DataFrame; `columns` name those of a file without names,
+    `time` chooses among the structures of a MATLAB file the one of its time column.
+
+    Columns that are no numbers stay as they are. Raises LogError where the file cannot be read, is too large or does
+    not have as many columns as are named.
+    """
+    kind = path.suffix.lower()
+    _bounded(path, {".mat": 8.0 * MOST_VALUES, ".parquet": np.inf}.get(kind, MOST_BYTES))
+    try:
+        if kind == ".mat":
+            return _mat(path, columns, time)
+        return _parquet(path) if kind == ".parquet" else _text(path, columns, rows)
+    except OSError as error:
+        raise log_error(f"cannot read the file: {error.strerror or error}", path) from error
+    except NotImplementedError:
+        raise LogError(
+            "is a MATLAB file of version 7.3", place=str(path), allowed="versions 4 to 7", remedy="save -v7 in MATLAB"
+        ) from None
+    except BAD as error:  # parser errors are ValueErrors and the like
+        raise log_error(f"cannot be read as {kind[1:]}: {error}", path) from error
 
 
 def _parquet(path):
@@ -167,25 +235,148 @@ def _parquet(path):
     return frame
 
 
-def _seconds(column, name, path):
-    """Return a time column in seconds as float64."""
+# -- text
+def _text(path, columns, rows):
     import pandas as pd
 
-    if not len(column):
-        raise log_error("holds no row", path)
-    if isinstance(column.dtype, pd.DatetimeTZDtype) or column.dtype.kind == "M":
-        return (column - column.iloc[0]).dt.total_seconds().to_numpy()
-    if column.dtype.kind == "m":
-        return column.dt.total_seconds().to_numpy()
-    t = pd.to_numeric(column, errors="coerce").to_numpy(np.float64)
-    if column.dtype.kind not in "iuf" and not np.isfinite(t).any():
-        dates = pd.to_datetime(column, errors="coerce", format="mixed", dayfirst=_day_first(column))
-        return (dates - dates.iloc[0]).dt.total_seconds().to_numpy()
-    unit = re.search(r"[\W_]([a-z]+)[)\]]?$", name.lower())
-    return t * _SCALES.get(unit[1] if unit else "", 1.0)
+    begin, names, separator, decimal = _layout(path)
+    how: dict[str, Any] = {"sep": separator, "decimal": decimal, "nrows": rows, "encoding_errors": "replace"}
+    if begin is None:  # an ordinary header, and anything below it
+        frame = pd.read_csv(path, **_exactly(), **how)
+        with contextlib.suppress(ValueError):  # a header alone
+            names = pd.read_csv(path, header=None, dtype=str, **{**how, "nrows": 1}).iloc[0]
+    else:
+        frame = pd.read_csv(path, header=None, skiprows=begin, **_exactly(), **how)
+        names = _named(path, frame.shape[1], columns or names)
+        frame.columns = pd.Index(
+            [n if n not in names[:i] else f"{n}.{names[:i].count(n)}" for i, n in enumerate(names)]
+        )
+    many = {n: k for n in dict.fromkeys(map(str, names)) if (k := list(map(str, names)).count(n)) > 1}
+    frame.attrs["left"] = [f"{k} columns are called {n!r}: the others {n}.1 to {n}.{k - 1}" for n, k in many.items()]
+    return frame
 
 
-def _day_first(column):
-    """Tell whether dates are written 24.11.2026, or 24/11/2026 with days beyond 12 ahead."""
-    heads = [re.match(r"\s*(\d{1,2})([./-])\d{1,2}[./-]\d{4}", str(value)) for value in column.iloc[:1000]]
-    return any(h and (h[2] == "." or int(h[1]) > 12) for h in heads)
+def _layout(path):
+    """Return (first line of numbers, names, separator, decimal point); line None for a header of one line."""
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        lines = [file.readline(100_000) for _ in range(LOOKED_AT)]
+    filled = [k for k, line in enumerate(lines) if line.strip()]
+    body = next((k for k in filled if _numbers(lines[k])), None)
+    if body is None:  # dates, texts: what pandas makes of it
+        first = lines[filled[0]] if filled else ","
+        return None, (), max(";\t,", key=first.count), "."
+    row = lines[body]
+    separator = next((c for c in ";\t" if c in row), ",")
+    spaced = separator not in row or (separator == "," and re.search(r"\d,\d", row) and not re.search(r",\s", row))
+    if spaced and len(row.split()) > 1:
+        separator = r"\s+"
+    comma = separator != "," and any(re.search(r"\d,\d", lines[k]) for k in filled if k >= body)
+    width = len(_cells(row, separator))
+    heads = [h for h in (_cells(lines[k], separator) for k in filled if k < body) if len(h) == width]
+    quoted = not heads and body != filled[0] and separator != r"\s+"  # a header over several lines
+    if quoted or (heads and body == filled[1]):
+        return None, (), separator, "," if comma else "."
+    units = heads.pop() if len(heads) > 1 and sum(map(is_unit, heads[-1])) > 0.5 * width else ()
+    names = tuple(heads[-1]) if heads else ()
+    if units:
+        names = tuple(f"{n} [{u}]" if known(u) else n for n, u in zip(names, units))
+    return body, names, separator, "," if comma else "."
+
+
+def _cells(line, separator):
+    parts = line.split() if separator == r"\s+" else line.rstrip("\r\n").split(separator)
+    return [p.strip().strip('"') for p in parts]
+
+
+def _numbers(line):
+    """Tell whether a line holds numbers, empty cells and separators only, and at least one number."""
+    cells = [c for c in re.split(r"[;,\s]+", line.strip().replace('"', "")) if c]
+    return bool(cells) and all(NUMBER.fullmatch(c) for c in cells)
+
+
+def _named(path, width, names):
+    """Return the names of `width` columns: those given, of one alone the file's, else numbers."""
+    if names and len(names) != width:
+        what, remedy = f"has {width} columns, and {len(names)} are named", "columns = [...] in the map"
+        raise LogError(what, place=str(path), remedy=remedy)
+    return names or ((path.stem,) if width == 1 else tuple(f"column_{i + 1}" for i in range(width)))
+
+
+def _exactly():
+    """Return the options with which read_csv reads doubles bit for bit, as pandas 3 does anyway, and whole columns."""
+    import pandas as pd
+
+    exact = {} if int(pd.__version__.split(".")[0]) >= 3 else {"float_precision": "round_trip"}
+    return {"low_memory": False, **exact}  # a column has one type, whatever its length
+
+
+# -- MATLAB
+def _mat(path, columns, time=None):
+    """Return vectors and the columns of matrices of one length, and of one structure where there are several: those of
+    `time`, else those that hold most values; `varlab` and kin name columns. `attrs` tell what is left out."""
+    import pandas as pd
+    from scipy.io import loadmat, whosmat
+
+    try:
+        size = sum(int(np.prod(shape)) for _, shape, _ in whosmat(path))
+        found = loadmat(path, simplify_cells=True) if size <= MOST_VALUES else {}
+    except (OSError, NotImplementedError):
+        raise
+    except Exception as error:  # a damaged file ends in whatever the parser runs into
+        raise ValueError(str(error) or type(error).__name__) from error
+    if size > MOST_VALUES:
+        raise ValueError(f"more than {MOST_VALUES} values; keep fewer")
+    found = {n: v for n, v in found.items() if not n.startswith("__")}
+    flat: dict[str, np.ndarray] = {}
+    _flatten("", found, flat)
+    numbers = {n: v for n, v in flat.items() if v.dtype.kind in "fiub" and 1 <= v.ndim <= 2}
+    tables: dict[tuple[str, int], int] = {}
+    for name, v in numbers.items():
+        if len(v) > 2:
+            tables[_table(name, v)] = tables.get(_table(name, v), 0) + v.size
+    if not tables:
+        raise ValueError("no variable of it is a table or a vector")
+    asked = [_table(time, numbers[time])] if time in numbers else []
+    chosen = max(asked or tables, key=lambda table: (tables[table], table[1]))
+    n = chosen[1]
+    texts = [v for v in flat.values() if v.dtype.kind == "U" and v.ndim == 1]
+    out: dict[str, np.ndarray] = {}
+    for name, v in numbers.items():
+        if len(v) != n or (chosen[0] and _table(name, v)[0] not in ("", chosen[0])):
+            continue
+        if v.ndim == 1:
+            out.setdefault(name, v)
+            continue
+        labels = next((t for t in texts if len(t) == v.shape[1]), None)
+        if len(columns) == v.shape[1]:
+            own = columns
+        elif labels is not None:
+            own = tuple(re.sub(r"\s+", " ", str(x)).strip() for x in labels)
+        else:
+            own = tuple(f"{name}_{i + 1}" for i in range(v.shape[1]))
+        for label, column in zip(own, v.T):
+            out.setdefault(label, column)
+    if columns and not set(columns) <= set(out):
+        widths = ", ".join(f"{name} has {v.shape[1]}" for name, v in numbers.items() if v.ndim == 2 and len(v) == n)
+        raise LogError(f"{len(columns)} columns are named, {widths or 'it has vectors only'}", place=str(path))
+    frame = pd.DataFrame({name: np.asarray(v, np.float64) for name, v in out.items()})
+    frame.attrs["texts"] = [name for name in flat if name not in numbers]
+    left = [f"{of or 'variables'} of {rows} rows" for of, rows in tables if (of, rows) != chosen]
+    if left and chosen[0]:
+        told = f"read: {chosen[0]}, {n} rows; left out: {', '.join(left)}; --time NAME.COLUMN reads another"
+        frame.attrs["left"] = [told]
+    return frame
+
+
+def _table(name, values):
+    """Return (structure that holds a variable, its rows)."""
+    return name.partition(".")[0] if "." in name else "", len(values)
+
+
+def _flatten(prefix, value, out):
+    """Fill `out` with the arrays in a structure, named by their path."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            _flatten(f"{prefix}.{name}" if prefix else name, inner, out)
+    elif isinstance(value, np.ndarray):
+        out[prefix] = value

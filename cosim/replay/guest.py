@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.detectors import wires
 from cosim.log import Log
-from cosim.replay.detector_replay import Lane, replay_lane, tick_of
+from cosim.replay.detector_replay import field_of, replay_lane, tick_of, unlogged
 from cosim.replay.params import ReplayError
 from fdi import registry
 from fdi.common.record import Detector, Estimate
@@ -66,14 +67,9 @@ def outputs(log: Log, guest: Any, technologies: dict[str, str]) -> dict[str, np.
         read = wires(own, lane if own.level == "local" else "")
         u = np.zeros((1, log.n_ticks), guest.INPUTS)
         for w in read:
-            base, _, element = w.field.partition("[")
-            to = u[base][0][:, int(element[:-1])] if element else u[base][0]
-            to[:] = _column(log, w.signal.topic, w.signal.field + "_valid" * w.flag)
-        every, p = own.every, _params(log, guest, lane, technologies)
-        none = (np.empty(0, np.int64), np.empty((0, 0)))
-        ticks = np.arange(log.n_ticks)[::every]
-        stretch = Lane(own.id, lane, guest, every, p, guest.init(p), 0, u[:, ::every], ticks, np.empty((0, 0)), none)
-        out[lane] = replay_lane(stretch, tick_of(log))[0]
+            field_of(u, w.field)[:] = _column(log, w.signal.topic, w.signal.field + "_valid" * w.flag)
+        p = own.fit(site(tick_of(log), "" if lane == "aircraft" else lane, technologies))
+        out[lane] = replay_lane(unlogged(own.id, lane, guest, own.every, u, p), tick_of(log))[0]
     return out
 
 
@@ -83,9 +79,3 @@ def _column(log, topic, field):
         if name in log.topics and field in log.topics[name].fields:
             return log.array(name)[:, log.topics[name].fields.index(field)]
     raise ReplayError(f"the log has no {topic}.{field}", place=str(log.path))
-
-
-def _params(log, guest, lane, technologies):
-    from cosim.flight.detection.detector_context import site
-
-    return guest.DETECTOR.fit(site(tick_of(log), "" if lane == "aircraft" else lane, technologies))

@@ -19,14 +19,24 @@ from cosim.judge.detection import watch_of
 from cosim.judge.result import judge, plain
 from cosim.log import LogWriter, Topic, viewer_layouts
 from cosim.replay.caveats import caveats
-from cosim.replay.derived import derived
-from cosim.replay.detector_replay import Lane, elements, flat, output_names, replay_lane
+from cosim.replay.detector_replay import elements, field_of, flat, output_names, replay_lane, unlogged
 from cosim.replay.foreign import read_channels
 from cosim.replay.map_file import load_map
-from cosim.replay.map_signals import acting, channels_of, check, named, renamed, sampled, shares, slow
+from cosim.replay.map_signals import (
+    acting,
+    channels_of,
+    check,
+    derived,
+    named,
+    sampled,
+    shares,
+    slow,
+    ticks,
+    with_hinge,
+)  # fmt: skip
 from cosim.replay.params import ReplayError, check_start, chosen_overrides, override
-from cosim.replay.resample import ticks
-from cosim.scenario import vocabulary
+from cosim.scenario import parse, vocabulary
+from cosim.scenario.brought import locate
 
 MOST_TICKS = 4_000_000  # five and a half hours at 200 Hz: all inputs of a recording are in memory
 
@@ -35,16 +45,16 @@ MOST_TICKS = 4_000_000  # five and a half hours at 200 Hz: all inputs of a recor
 class Diagnosis:
     """What the detectors say about a recording; `not_run` names the missing signals of the others."""
 
-    recording: str
-    map: str
-    rate_hz: int
+    recording: str  # its file
+    map: str  # file of the map
+    rate_hz: int  # of the detectors' ticks [Hz]
     start_s: float  # of the first tick, in the recording's time
     duration_s: float
-    signals: list = field(default_factory=list)
-    detectors: list = field(default_factory=list)
-    not_run: list = field(default_factory=list)
+    signals: list = field(default_factory=list)  # a dict per mapped signal: name, channel, unit, sign
+    detectors: list = field(default_factory=list)  # a dict per lane that ran, as of a flight
+    not_run: list = field(default_factory=list)  # a dict per lane that did not: id, target, missing signals
     caveats: list = field(default_factory=list)  # sentences
-    output: str | None = None
+    output: str | None = None  # the log that was written
 
     def to_dict(self) -> Any:
         """Return what `cosim replay --map --json` prints."""
@@ -58,7 +68,6 @@ class Prepared:
     map: Any  # cosim/replay/map_file.py
     text: str  # of the map
     scenario: Any  # cosim.scenario.Scenario
-    notices: list  # sentences
     tables: dict
     channels: dict  # signal -> (times, samples, flags or None), as recorded
     sources: dict  # signal -> vocabulary.Signal
@@ -91,7 +100,7 @@ def prepare(
     m, text = load_map(map_path)
     scenario = with_detectors(_scenario(m, detectors, map_path), guests)
     detectors = [*detectors, *made] if detectors else detectors
-    m, notices = renamed(m, scenario.elevator.technology)
+    m = with_hinge(m)
     dt = 1.0 / m.rate_hz
     found = [d for d in table.chosen(scenario) if not detectors or d.id in detectors]
     wires = {(d.id, lane): d.inputs(lane) for d in found for lane in d.lanes}
@@ -106,12 +115,9 @@ def prepare(
         raise ReplayError("no signal has a channel with samples", place=str(map_path))
     t_0, n = ticks(spans, dt, start_s or None)
     if n > MOST_TICKS:
-        raise ReplayError(
-            f"the channels last {n * dt:.3g} s",
-            place=str(path),
-            allowed=f"{MOST_TICKS * dt:.3g} s at {m.rate_hz} Hz",
-            remedy="Is time in seconds? A column in other units ends in _ms, _us or _ns",
-        )
+        allowed = f"{MOST_TICKS * dt:.3g} s at {m.rate_hz} Hz"
+        remedy = "Is time in seconds? A column in other units ends in _ms, _us or _ns"
+        raise ReplayError(f"the channels last {n * dt:.3g} s", place=str(path), allowed=allowed, remedy=remedy)
     if n < 2:
         raise ReplayError("the channels have no time in common", place=str(path), allowed=_spans(m, channels))
     values = {
@@ -119,7 +125,7 @@ def prepare(
         for name, source in sources.items()
         if name in m.signals
     }
-    return Prepared(m, text, scenario, notices, tables, channels, sources, values, found, wires, float(t_0), n, dt)
+    return Prepared(m, text, scenario, tables, channels, sources, values, found, wires, float(t_0), n, dt)
 
 
 def diagnose(
@@ -163,7 +169,7 @@ def diagnose(
         lacking = "; ".join(f"{r['id']} of {r['target']}: {', '.join(r['missing'])}" for r in out.not_run[:4])
         raise ReplayError("no detector has all its inputs", place=str(map_path), remedy=f"Missing: {lacking}")
     out.detectors = [_verdict(d, lane, again, dt, t_0) for d, lane, _, again in done]
-    out.caveats = made.notices + odd + slow(sources, made.channels, dt) + caveats(made, done)
+    out.caveats = odd + slow(sources, made.channels, dt) + caveats(made, done)
     if output:
         _write(output, done, out, made.text, dt)
     return out
@@ -197,36 +203,25 @@ def run_all(made: Prepared, overrides: Mapping[str, Any], only: str = "") -> tup
 
 def _scenario(m, chosen, place):
     """Return the Scenario of which the detectors take lanes and parameters; its tables are those of the map."""
-    from cosim.scenario import parse
-    from cosim.scenario.brought import locate
-
-    given = {"enabled": list(chosen)} if chosen else {}
-    tables = {
-        "duration_s": 1.0,
-        "rate_hz": m.rate_hz,
-        "flight": m.flight,
-        "elevator": m.elevator,
-        "detectors": {**m.detectors, **given},
-    }
+    own = {"flight": m.flight, "elevator": m.elevator}
+    own["detectors"] = {**m.detectors, **({"enabled": list(chosen)} if chosen else {})}
+    tables = {"duration_s": 1.0, "rate_hz": m.rate_hz, **own}
     return parse(locate(tables, Path(place).parent, str(place)), place=str(place))
 
 
 def _spans(m, channels):
-    return ", ".join(
-        f"{m.signals[name].channel} {t[0]:.12g} to {t[-1]:.12g} s"
-        for name, (t, *_) in list(channels.items())[:6]
-        if len(t)
-    )
+    some = [(m.signals[name].channel, t) for name, (t, *_) in list(channels.items())[:6] if len(t)]
+    return ", ".join(f"{channel} {t[0]:.12g} to {t[-1]:.12g} s" for channel, t in some)
 
 
 def _inputs(d, wires, values, n):
     """Return INPUTS (1, n) of one lane; what has no flag of its own holds its last valid value."""
     u = np.zeros((1, n), d.module.INPUTS)
     for w in (w for w in wires if w.signal.kind != "detector" or w.signal.word in values):
-        field_, _, element = w.field.partition("[")
-        to = u[field_][0][:, int(element[:-1])] if element else u[field_][0]
         value, valid = values[w.signal.word]
-        to[:] = valid if w.flag else np.where(valid > 0.0, value, np.nan) if w.signal.flag else _held(value, valid)
+        field_of(u, w.field)[:] = (
+            valid if w.flag else np.where(valid > 0.0, value, np.nan) if w.signal.flag else _held(value, valid)
+        )
     return u
 
 
@@ -241,21 +236,7 @@ def _held(value, valid):
 
 def run(d: Any, lane: str, u: np.ndarray, p: np.ndarray, dt: float) -> np.ndarray:
     """Return the outputs (n, fields) of one lane."""
-    module, none = d.module, (np.empty(0, np.int64), np.empty((0, 0)))
-    stretch = Lane(
-        d.id,
-        lane,
-        module,
-        d.every,
-        p,
-        module.init(p),
-        0,
-        u[:, :: d.every],
-        np.arange(u.shape[1])[:: d.every],
-        np.empty((0, 0)),
-        none,
-    )
-    return replay_lane(stretch, dt)[0]
+    return replay_lane(unlogged(d.id, lane, d.module, d.every, u, p), dt)[0]
 
 
 def _verdict(d, lane, again, dt, t_0):

@@ -113,88 +113,105 @@ def draft(
             taken[guess.name] = guess
     head = [f"time = {inline(time)}"] if time else []
     head += [f"columns = {inline(list(named))}"] if named else []
-    return _text(Path(path), _proved(taken, found, clocks), found, head, own)
+    return _text(Path(path), _Draft(taken, found, clocks).proved(), found, head, own)
 
 
-def _proved(taken, columns, clocks):
-    """Return the guesses with what the numbers prove of their units and signs; a deflection stands for a command."""
-    out = dict(taken)
-    moved = out.pop("deflection", None)
-    if moved is not None and "de_cmd" not in out:
-        out["de_cmd"] = replace(moved, word="de_cmd", proxy="the measured deflection")
-    rows = {n: columns[out[n].channel] for n in ("mach", *SPEEDS) if n in out}
-    for name, unit in physics.air(rows).items():
-        said = out[name]
-        against = f", though its name says {said.unit}" if said.why.endswith("name") and said.unit != unit else ""
-        why = f"{said.why.split(',')[0]}, Mach and the others ask for {unit}{against}"
-        out[name] = replace(said, unit=unit, fit=1.0, proof=True, why=why)
-    if "n_z" in out and (gravity := physics.gravity(columns[out["n_z"].channel])):
-        unit, sign, offset, why, proof = gravity
-        out["n_z"] = replace(out["n_z"], unit=unit, sign=sign, offset=offset, fit=1.0, proof=proof, why=why)
-        for name in ("n_x", "n_y"):
-            if name in out and not out[name].why.endswith("name"):
-                out[name] = replace(out[name], unit=unit, why=f"as {out['n_z'].channel}")
-    _alike(out)
-    same = {n: len(columns[g.channel]) for n, g in out.items()}
-    if {"theta", "n_x", "tas"} <= out.keys() and same["theta"] == same["n_x"] == same["tas"]:
-        pitch, t = out["theta"], clocks[out["theta"].channel]
-        n_x = columns[out["n_x"].channel] * factors("g").get(out["n_x"].unit, 1.0)
-        speed = columns[out["tas"].channel] * factors("m/s").get(out["tas"].unit, 1.0)
-        unit = physics.attitude_unit(t, columns[pitch.channel], n_x, speed)
-        if unit:
-            lies = unit != pitch.unit and pitch.why.endswith("name")
-            against = f", though its name says {pitch.unit}" if lies else ""
-            out["theta"] = replace(pitch, unit=unit, fit=1.0, proof=True, why=f"gravity along the body{against}")
-            if against and unit == "rad":
-                _as_small(out, columns)
-    if "hdot" in out and "h_baro" in out and same["hdot"] == same["h_baro"]:
-        channel = out["hdot"].channel
-        unit = physics.climb_unit(clocks[channel], columns[channel], columns[out["h_baro"].channel], out["h_baro"].unit)
-        if unit or not out["hdot"].why.endswith("name"):
-            why = f"the rate of change of {out['h_baro'].channel}" if unit else out["hdot"].why
-            out["hdot"] = replace(out["hdot"], unit=unit or "m/s", fit=1.0 if unit else 0.3, proof=bool(unit), why=why)
-    for word, angle in (("p", "phi"), ("q", "theta"), ("r", "psi")):
-        if word in out and angle in out and len(columns[out[word].channel]) == len(columns[out[angle].channel]):
-            t, y = clocks[out[word].channel], columns[out[word].channel]
-            unit = physics.rate_unit(t, y, columns[out[angle].channel], out[angle].unit)
+class _Draft:
+    """Guesses {signal: Guess} beside the columns {channel: samples} and their times, which prove them."""
+
+    def __init__(self, taken, columns, clocks):
+        self.out, self.columns, self.clocks = dict(taken), columns, clocks
+
+    def y(self, name):
+        return self.columns[self.out[name].channel]
+
+    def t(self, name):
+        return self.clocks[self.out[name].channel]
+
+    def si(self, name, unit):
+        """Return the samples of a signal in the SI unit that is named."""
+        return self.y(name) * factors(unit).get(self.out[name].unit, 1.0)
+
+    def beside(self, *names):
+        """Tell whether all signals are there, of as many samples."""
+        return all(n in self.out for n in names) and len({len(self.y(n)) for n in names}) == 1
+
+    def set(self, name, **changes):
+        self.out[name] = replace(self.out[name], **changes)
+
+    def prove(self, name, why, **changes):
+        """Take a unit or a sign for proved; where the name of the channel says another unit, say so."""
+        old = self.out[name]
+        lies = old.why.endswith("name") and changes.get("unit", old.unit) != old.unit
+        self.set(name, fit=1.0, proof=True, why=f"{why}, though its name says {old.unit}" if lies else why, **changes)
+        return lies
+
+    def proved(self):
+        """Return the guesses with the units and signs that the numbers prove; a deflection stands for a command."""
+        out = self.out
+        moved = out.pop("deflection", None)
+        if moved is not None and "de_cmd" not in out:
+            out["de_cmd"] = replace(moved, word="de_cmd", proxy="the measured deflection")
+        for name, unit in physics.air({n: self.y(n) for n in ("mach", *SPEEDS) if n in out}).items():
+            self.prove(name, f"{out[name].why.split(',')[0]}, Mach and the others ask for {unit}", unit=unit)
+        if "n_z" in out and (gravity := physics.gravity(self.y("n_z"))):
+            unit, sign, offset, why, proof = gravity
+            self.set("n_z", unit=unit, sign=sign, offset=offset, fit=1.0, proof=proof, why=why)
+            for name in {"n_x", "n_y"} & out.keys():
+                if not out[name].why.endswith("name"):
+                    self.set(name, unit=unit, why=f"as {out['n_z'].channel}")
+        _alike(out)
+        if self.beside("theta", "n_x", "tas"):
+            n_x, speed = self.si("n_x", "g"), self.si("tas", "m/s")
+            unit = physics.attitude_unit(self.t("theta"), self.y("theta"), n_x, speed)
+            if unit and self.prove("theta", "gravity along the body", unit=unit) and unit == "rad":
+                self._as_small()
+        if self.beside("hdot", "h_baro"):
+            h = out["h_baro"]
+            unit = physics.climb_unit(self.t("hdot"), self.y("hdot"), self.y("h_baro"), h.unit)
             if unit:
-                back = physics.rate(t, y, columns[out[angle].channel])
-                out[word] = replace(out[word], unit=unit, sign=-1 if back and back[0] < 0 else 1, fit=1.0, proof=True,
-                                    why=f"the rate of change of {out[angle].channel}")  # fmt: skip
-    _alike(out)  # with what is proved by now
-    if "de_cmd" in out and "q" in out and len(columns[out["de_cmd"].channel]) == len(columns[out["q"].channel]):
-        found_sign = out["q"].sign * physics.elevator_sign(
-            clocks[out["q"].channel], columns[out["de_cmd"].channel], columns[out["q"].channel]
-        )
-        if found_sign > 0.3 and not any(g.word == "rod" for g in out.values()):
-            out["de_cmd"] = replace(out["de_cmd"], sign=-1, why=f"{out['de_cmd'].why}, the nose follows it up")
-    return out
+                self.set("hdot", unit=unit, fit=1.0, proof=True, why=f"the rate of change of {h.channel}")
+            elif not out["hdot"].why.endswith("name"):
+                self.set("hdot", unit="m/s", fit=0.3)
+        for word, angle in (("p", "phi"), ("q", "theta"), ("r", "psi")):
+            if self.beside(word, angle):
+                unit, sign = physics.rate_unit(self.t(word), self.y(word), self.y(angle), out[angle].unit)
+                if unit:
+                    why = f"the rate of change of {out[angle].channel}"
+                    self.set(word, unit=unit, sign=sign, fit=1.0, proof=True, why=why)
+        _alike(out)  # with what is proved by now
+        rods = [g for g in out.values() if g.word == "rod"]
+        if self.beside("de_cmd", "q") and not rods:
+            pitches_up = physics.elevator_sign(self.t("q"), self.y("de_cmd"), self.y("q"))
+            if out["q"].sign * pitches_up > 0.3:
+                self.set("de_cmd", sign=-1, why=f"{out['de_cmd'].why}, the nose follows it up")
+        for rod, name in ((g.name, name) for g in rods for name in (f"{g.lane}.surface", "de_cmd")):
+            if self.beside(rod, name) and physics.correlation(self.y(rod), self.y(name)) < -0.5:
+                self.set(name, sign=-1, why=f"{out[name].why}, runs against the rod")  # all are + trailing edge down
+        return out
 
-
-def _as_small(out, columns):
-    """Take angles and rates that are named in degrees for radians where one of the file is proved to be, and they are
-    as small: a full circle for a heading."""
-    for name, g in out.items():
-        y = columns[g.channel]
-        most = float(np.nanmax(np.abs(y))) if np.isfinite(y).any() else 0.0
-        if g.unit.startswith("deg") and not g.proof and most < (6.3 if name in ("psi", "phi") else 0.5):
-            out[name] = replace(g, unit=g.unit.replace("deg", "rad"), why=f"{g.why}, but another's name is wrong here")
+    def _as_small(self):
+        """Take angles and rates that are named in degrees for radians, one of the file being proved to be, where they
+        are as small: a full circle for a heading."""
+        for name, g in self.out.items():
+            most = float(np.nanmax(np.abs(self.y(name)), initial=0.0))
+            if g.unit.startswith("deg") and not g.proof and most < (6.3 if name in ("psi", "phi") else 0.5):
+                self.set(name, unit=g.unit.replace("deg", "rad"), why=f"{g.why}, but another's name is wrong here")
 
 
 def _alike(out):
     """Give angles, and rates, whose unit nothing says that of the others of the file whose numbers say it."""
     for si in ("rad", "rad/s", "rad/s2"):
-        own = [n for n, g in out.items() if n in words() and words()[n].unit == si and not g.why.endswith("name")]
-        proved = [g.unit for n, g in out.items() if g.proof and n in words() and words()[n].unit == si]
-        units = proved or [out[n].unit for n in own if "too large" in out[n].why and out[n].fit >= SURE]
-        for name in own:
-            if units and not out[name].proof and (proved or "too large" not in out[name].why):
-                out[name] = replace(out[name], unit=units[0], why=f"{out[name].why.split(',')[0]}, as the others")
+        same = {n: g for n, g in out.items() if n in words() and words()[n].unit == si}
+        proved = [g.unit for g in same.values() if g.proof]
+        own = {n: g for n, g in same.items() if not g.why.endswith("name")}
+        units = proved or [g.unit for g in own.values() if "too large" in g.why and g.fit >= SURE]
+        for name, g in own.items():
+            if units and not g.proof and (proved or "too large" not in g.why):
+                out[name] = replace(g, unit=units[0], why=f"{g.why.split(',')[0]}, as the others")
 
 
-def guesses(
-    channel: str, y: np.ndarray, segments: Sequence[str] = SEGMENTS, engines: int = 4
-) -> Iterable[Guess]:
+def guesses(channel: str, y: np.ndarray, segments: Sequence[str] = SEGMENTS, engines: int = 4) -> Iterable[Guess]:
     """Yield what a column may be; `y` are its numbers."""
     bracket = re.search(r"[\[(]([^\[\]()]*)[\])]\s*$", channel)
     tokens = _tokens(channel[: bracket.start()] if bracket and known(bracket[1]) else channel) or [""]
@@ -257,20 +274,6 @@ def _segment(place: list[str], segments: Sequence[str]) -> str:
     return next((s for s in segments if s in (f"{side}_{where}", side)), segments[0])
 
 
-def _against(taken: Mapping[str, Guess], columns: Mapping[str, np.ndarray]) -> set[str]:
-    """Return the surfaces and commands that move against a rod: all are + with the trailing edge down."""
-    out = set()
-    for rod in (g for g in taken.values() if g.word == "rod"):
-        for name in (f"{rod.lane}.surface", "de_cmd"):
-            if name not in taken or len(columns[taken[name].channel]) != len(columns[rod.channel]):
-                continue
-            pair = np.array([columns[rod.channel], columns[taken[name].channel]])
-            moved = pair[:, np.isfinite(pair).all(axis=0)]
-            if moved.shape[1] > 10 and np.ptp(moved, axis=1).all() and np.corrcoef(moved)[0, 1] < -0.5:
-                out.add(name)
-    return out
-
-
 def _unit(si: str, named: str, y: np.ndarray) -> tuple[str, str]:
     """Return (unit, why): by the name, else by the range of the numbers."""
     finite = y[np.isfinite(y)]
@@ -309,18 +312,16 @@ def _text(
             lines.append(f"{key} = {value:.4g}  # median of {inline(taken[word].channel)}{bounded}")
         else:
             lines.append(f"{key} = {_point(word, usual, own):g}  # not in the recording")
-    against = _against(taken, columns)
     lines += ["", "[signals]"]
     for name, g in sorted(taken.items(), key=lambda item: ("." in item[0], item[0])):
         unit = "" if g.unit == ("N m" if g.word == "hinge_moment" else words()[g.word].unit) else f', unit = "{g.unit}"'
         key = f'"{name}"' if "." in name else name
-        sign = ", sign = -1" if name in against or g.sign < 0 else ""
+        sign = ", sign = -1" if g.sign < 0 else ""
         more = f", offset = {g.offset:g}" if g.offset else ""
         more += f", proxy = {inline(g.proxy)}" if g.proxy else ""
-        why = f"{g.why}{', runs against the rod' if name in against else ''}"
         flies = g.fit >= SURE
         said = "proved" if g.proof else "likely" if flies else "a guess"
-        line = f"{key} = {{ channel = {inline(g.channel)}{unit}{sign}{more} }}  # {said}: {why}"
+        line = f"{key} = {{ channel = {inline(g.channel)}{unit}{sign}{more} }}  # {said}: {g.why}"
         lines.append(line if flies else f"# {line}")
     lanes = sorted({g.lane for g in taken.values() if g.lane and g.fit >= SURE})
     for lane in lanes:

@@ -68,8 +68,8 @@ class Signal(BaseModel):
 
     channel: str | None = None
     constant: float | None = None
-    derivative_of: str | None = None  # signal of the map whose rate of change it is (cosim/replay/derived.py)
-    path_of: str | None = None  # "theta": attitude less the angle of the path
+    derivative_of: str | None = None  # signal of the map whose rate of change it is (cosim/replay/map_signals.py)
+    path_of: Literal["theta"] | None = None  # attitude less the angle of the path
     absent: bool = False  # no channel of the recording holds it: the detectors read a sensor that is lost all along
     unit: str | None = None  # default: the signal's SI unit
     scale: float = 1.0

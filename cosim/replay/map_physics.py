@@ -74,33 +74,22 @@ def gravity(y: np.ndarray) -> tuple[str, int, float, str, bool] | None:
 
 def rate(t: np.ndarray, y: np.ndarray, angle: np.ndarray) -> tuple[float, float] | None:
     """Return (slope, correlation) of a rate over the derivative of its angle, None where neither moves."""
-    ahead = _smooth(np.gradient(angle, t) if len(t) > 20 and (np.diff(t) > 0.0).all() else np.zeros(len(t)))
-    y = _smooth(y)
-    good = np.isfinite(ahead) & np.isfinite(y)
-    if good.sum() < 20 or not np.std(ahead[good]) or not np.std(y[good]):
-        return None
-    a, b = ahead[good] - ahead[good].mean(), y[good] - y[good].mean()
-    return float(a @ b / (a @ a)), float(np.corrcoef(a, b)[0, 1])
+    return _line(_smooth(_derivative(t, angle)), _smooth(y))
 
 
-def rate_unit(t: np.ndarray, y: np.ndarray, angle: np.ndarray, unit: str) -> str:
-    """Return the unit of a rate whose angle is in `unit`, "" where the numbers prove none."""
-    found = rate(t, y, angle)
-    if found is None or abs(found[1]) < 0.8:
-        return ""
-    scale = {"rad/s": 1.0, "deg/s": 1.0 / RAD_PER_DEG}
-    slope = abs(found[0]) if unit == "rad" else abs(found[0]) / RAD_PER_DEG  # per radian of the angle
-    return next((u for u, s in scale.items() if 0.75 < slope / s < 1.33), "")
+def rate_unit(t: np.ndarray, y: np.ndarray, angle: np.ndarray, unit: str) -> tuple[str, int]:
+    """Return (unit, sign) of a rate whose angle is in `unit`; unit "" where the numbers prove none."""
+    slope, r = rate(t, y, angle) or (0.0, 0.0)
+    per_rad = abs(slope) / (1.0 if unit == "rad" else RAD_PER_DEG)
+    found = _nearest(per_rad, {"rad/s": 1.0, "deg/s": 1.0 / RAD_PER_DEG}, 0.75, 1.33)
+    return (found if abs(r) >= 0.8 else ""), -1 if slope < 0.0 else 1
 
 
 def climb_unit(t: np.ndarray, y: np.ndarray, h: np.ndarray, unit: str) -> str:
     """Return the unit of a vertical speed beside an altitude in `unit`, "" where the numbers prove none."""
-    found = rate(t, y, h)
-    if found is None or found[1] < 0.6:
-        return ""
-    slope = found[0] / HEIGHTS[unit]  # of the reading per m/s
-    return next((u for u, s in (("m/s", 1.0), ("ft/s", M_PER_FT), ("ft/min", M_PER_FT / 60.0), ("kt", M_S_PER_KT))
-                 if 0.8 < slope * s < 1.25), "")  # fmt: skip
+    slope, r = rate(t, y, h) or (0.0, 0.0)
+    units = {"m/s": 1.0, "ft/s": 1.0 / M_PER_FT, "ft/min": 60.0 / M_PER_FT, "kt": 1.0 / M_S_PER_KT}
+    return _nearest(slope / HEIGHTS[unit], units, 0.8, 1.25) if r >= 0.6 else ""
 
 
 def attitude_unit(t: np.ndarray, theta: np.ndarray, n_x: np.ndarray, speed: np.ndarray) -> str:
@@ -109,25 +98,42 @@ def attitude_unit(t: np.ndarray, theta: np.ndarray, n_x: np.ndarray, speed: np.n
         return ""
     left = n_x - np.gradient(_smooth(_smooth(speed)), t) / G0
     n = max(1, int(2.0 / max(float(np.median(np.diff(t))), 1e-3)))
-    a, b = (np.convolve(y, np.ones(n) / n, "valid") for y in (theta, left))
-    good = np.isfinite(a) & np.isfinite(b)
-    if good.sum() < 20 or not a[good].std() or np.corrcoef(a[good], b[good])[0, 1] < 0.8:
-        return ""
-    slope = float(np.polyfit(a[good], b[good], 1)[0])
-    return next((u for u, s in (("rad", 1.0), ("deg", RAD_PER_DEG)) if 0.5 < slope / s < 2.0), "")
+    slope, r = _line(*(np.convolve(y, np.ones(n) / n, "valid") for y in (theta, left))) or (0.0, 0.0)
+    return _nearest(slope, {"rad": 1.0, "deg": RAD_PER_DEG}, 0.5, 2.0) if r >= 0.8 else ""
 
 
 def elevator_sign(t: np.ndarray, de: np.ndarray, q: np.ndarray) -> float:
     """Return the correlation of a deflection with the pitch acceleration: negative where trailing edge down is +."""
-    found = np.gradient(q, t) if len(t) > 20 and (np.diff(t) > 0.0).all() else np.zeros(len(t))
-    a, b = _smooth(found), _smooth(de)
-    good = np.isfinite(a) & np.isfinite(b)
-    if good.sum() < 20:
+    a, b = _smooth(_derivative(t, q)), _smooth(de)
+    a, b = (y[np.isfinite(a) & np.isfinite(b)] for y in (a, b))
+    if len(a) < 20:
         return 0.0
-    a, b = a[good], b[good]
     slow = max(3, int(4.0 / max(float(np.median(np.diff(t))), 1e-3)))
     b = b - np.convolve(np.pad(b, slow, mode="edge"), np.ones(2 * slow + 1) / (2 * slow + 1), "valid")
-    return float(np.corrcoef(a, b)[0, 1]) if a.std() and b.std() else 0.0
+    return correlation(a, b)
+
+
+def correlation(a: np.ndarray, b: np.ndarray) -> float:
+    """Return the correlation of two columns where both are finite, 0 where one of them does not move."""
+    return (_line(a, b) or (0.0, 0.0))[1]
+
+
+def _line(a, b):
+    """Return (slope, correlation) of b over a where both are finite, None where one of them does not move."""
+    good = np.isfinite(a) & np.isfinite(b)
+    if good.sum() < 20 or not np.std(a[good]) or not np.std(b[good]):
+        return None
+    a, b = a[good] - a[good].mean(), b[good] - b[good].mean()
+    return float(a @ b / (a @ a)), float(a @ b / np.sqrt((a @ a) * (b @ b)))
+
+
+def _nearest(slope, units, low, high):
+    """Return the unit {name: slope} that a slope is near to, "" for none."""
+    return next((u for u, s in units.items() if low < slope / s < high), "")
+
+
+def _derivative(t, y):
+    return np.gradient(y, t) if len(t) > 20 and (np.diff(t) > 0.0).all() else np.zeros(len(t))
 
 
 def _smooth(y):

@@ -1,4 +1,14 @@
-"""From channels of a recording to the signals that detectors read: names, units, samples on the ticks."""
+"""From channels of a recording to the signals that detectors read: names, units, derived signals, samples on the ticks.
+
+Signals that no channel holds are made from those that the map has:
+
+    hdot = { derivative_of = "h_baro" }
+    alpha_ground = { path_of = "theta" }     # theta less the angle of the path, by hdot, tas and phi
+
+A rate is the central difference of the channel's own samples: late by nothing, and noisier than a measurement. The
+angle solves hdot / V = sin(theta) cos(alpha) - cos(theta) cos(phi) sin(alpha), without sideslip; V is the airspeed, so
+that the wind is in it. Both are proxies, and the report says so.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,37 +18,31 @@ import numpy as np
 
 from cosim.errors import did_you_mean
 from cosim.flight.detection.detectors import wires
+from cosim.replay import clock
 from cosim.replay.map_file import Signal as Mapped
 from cosim.replay.params import ReplayError
-from cosim.replay.resample import resample
 from cosim.replay.units import PER, bare, factors
 from cosim.scenario import Scenario
 from cosim.scenario.aircraft import Aircraft
 from cosim.scenario.catalog import TECHNOLOGIES
-from cosim.scenario.vocabulary import Signal, words
+from cosim.scenario.vocabulary import Signal, find, words
 from fdi import registry
 
 HINGE = ".hinge_moment"  # of a map: hm0, and hmd of zero
+STEPS = 2  # of a channel's own samples on either side of a derivative
+SNAP = 1e-3  # of a tick: a sample that near to a tick lies on it, so that rounded times lose nothing
 
 
-def renamed(m: Any, technology: dict) -> tuple[Any, ...]:
-    """Return (map, sentences) with signals that it calls by an old name under those of the vocabulary."""
-    names, said = {}, []
-    for name in m.signals:
-        segment, dot, word = name.rpartition(".")
-        own = TECHNOLOGIES.get(technology.get(segment, ""))
-        now = own.sent[0] if own and dot and word == "u" else ""
-        names[name] = f"{segment}.{now}" if now else name
-        if now:
-            said.append(f"signals.{name} is now called {segment}.{now}")
-    signals = {names[n]: s for n, s in m.signals.items()}
-    for name in [n for n in signals if n.endswith(HINGE)]:  # hm(delta) = hm0 + hmd delta
+def with_hinge(m: Any) -> Any:
+    """Return the map with a hinge moment of its as the model that detectors read, hm(delta) = hm0 + hmd delta."""
+    signals = dict(m.signals)
+    for name in [n for n in signals if n.endswith(HINGE)]:
         lane = name.removesuffix(HINGE)
         both = [n for n in (f"{lane}.hm0", f"{lane}.hmd") if n in signals]
         if both:
             raise ReplayError(f"stands beside {both[0]}", place=f"signals.{name}", remedy="Give one of the two")
         signals |= {f"{lane}.hm0": signals.pop(name), f"{lane}.hmd": Mapped(constant=0.0)}
-    return m.model_copy(update={"signals": signals}), said
+    return m.model_copy(update={"signals": signals})
 
 
 def shares(scenario: Scenario, name: str, signal: Signal) -> dict[str, float]:
@@ -60,12 +64,8 @@ def check(m: Any, place: Any, scenario: Scenario) -> None:
     known, segments = readable(scenario.aircraft), scenario.aircraft.segments
     for name, signal in m.signals.items():
         if name not in known:
-            raise ReplayError(
-                _unread(name, segments),
-                place=f"{place}: signals.{name}",
-                allowed=", ".join(sorted(known)),
-                remedy=did_you_mean(name, known),
-            )
+            how = {"allowed": ", ".join(sorted(known)), "remedy": did_you_mean(name, known)}
+            raise ReplayError(_unread(name, segments), place=f"{place}: signals.{name}", **how)
         allowed = factors(known[name].unit, shares(scenario, name, known[name]))
         if signal.unit is not None and bare(signal.unit) not in allowed:
             per = f"A transducer's channel: unit = '{next(iter(allowed))}{PER[0]}' with scale"
@@ -106,19 +106,14 @@ def channels_of(m: Any, tables: dict, path: str | Path, place: Any) -> dict:
     names |= {c: at for c, at in short.items() if c not in doubled}
 
     def column(key, name):
+        at = f"{place}: signals.{key}"
         if name not in names and any(name in frame.attrs.get("texts", ()) for frame in tables.values()):
-            raise ReplayError(
-                f"channel {name!r} holds something that is no number",
-                place=f"{place}: signals.{key}",
-                remedy="An empty cell or NaN is a lost sample",
-            )
+            remedy = "An empty cell or NaN is a lost sample"
+            raise ReplayError(f"channel {name!r} holds something that is no number", place=at, remedy=remedy)
         if name not in names:
-            raise ReplayError(
-                f"the recording has no channel {name!r}",
-                place=f"{place}: signals.{key}",
-                allowed=", ".join([n for n in names if len(tables) > 1 or n in short][:20]),
-                remedy=did_you_mean(name, names),
-            )
+            allowed = ", ".join([n for n in names if len(tables) > 1 or n in short][:20])
+            what = f"the recording has no channel {name!r}"
+            raise ReplayError(what, place=at, allowed=allowed, remedy=did_you_mean(name, names))
         t, c = names[name]
         return tables[t].index.to_numpy(), tables[t][c].to_numpy(np.float64)
 
@@ -133,6 +128,55 @@ def channels_of(m: Any, tables: dict, path: str | Path, place: Any) -> dict:
     return out
 
 
+def derived(m: Any, channels: dict, place: Any) -> dict:
+    """Return `channels` {signal: (times, samples, flags)} with the derived signals of the map, in SI.
+
+    Raises ReplayError where a signal that one is made from has no channel.
+    """
+    out = dict(channels)
+    for name in [name for name, s in m.signals.items() if s.derivative_of]:
+        t, y = _si(m, out, name, m.signals[name].derivative_of, place)
+        out[name] = t, _rate(t, y), None
+    for name in [name for name, s in m.signals.items() if s.path_of]:
+        out[name] = *_path(m, out, name, place), None
+    return out
+
+
+def _si(m, channels, name, base, place):
+    """Return (times, samples in SI) of the signal `base`, from which `name` is made."""
+    if base not in channels:
+        what, allowed = f"{name} is made from {base}, which has no channel", ", ".join(sorted(channels))
+        raise ReplayError(what, place=f"{place}: signals.{name}", allowed=allowed)
+    t, y, flags = channels[base]
+    if m.signals[base].derivative_of is None:  # a derived one is in SI already
+        y = m.signals[base].factor(find(base).unit) * y + m.signals[base].offset
+    if flags is not None:
+        y = np.where(np.interp(t, flags[0], flags[1]) > 0.5, y, np.nan)
+    return t, y
+
+
+def _rate(t, y):
+    """Return the central difference of y over 2 STEPS samples; NaN at the ends."""
+    out = np.full(len(y), np.nan)
+    width = t[2 * STEPS :] - t[: -2 * STEPS]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        out[STEPS:-STEPS] = np.where(width > 0.0, (y[2 * STEPS :] - y[: -2 * STEPS]) / width, np.nan)
+    return out
+
+
+def _path(m, channels, name, place):
+    """Return (times, theta less the angle of the path) at the times of theta."""
+    t, theta = _si(m, channels, name, "theta", place)
+    climb, speed = (np.interp(t, *_si(m, channels, name, n, place)) for n in ("hdot", "tas"))
+    phi = np.interp(t, *_si(m, channels, name, "phi", place)) if "phi" in channels else np.zeros(len(t))
+    up, across = np.sin(theta), np.cos(theta) * np.cos(phi)
+    size = np.hypot(up, across)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = climb / (speed * size)
+        alpha = np.arccos(share) - np.arctan2(across, up)
+    return t, np.where((speed > 1.0) & (np.abs(share) < 1.0), alpha, np.nan)
+
+
 def acting(m: Any, sources: dict, channels: dict, dt: float) -> dict:
     """Return `channels` with each command to an actuator as what has acted until a time: sent a tick before, the first
     one from the start; but where the map says that it is held.
@@ -142,9 +186,8 @@ def acting(m: Any, sources: dict, channels: dict, dt: float) -> dict:
     sent = {name for name, source in sources.items() if source.kind == "sent"}
     for name, signal in m.signals.items():
         if signal.held and name not in sent:
-            raise ReplayError(
-                "only a command to an actuator is held", place=f"signals.{name}.held", allowed=", ".join(sorted(sent))
-            )
+            allowed = ", ".join(sorted(sent))
+            raise ReplayError("only a command to an actuator is held", place=f"signals.{name}.held", allowed=allowed)
     out = dict(channels)
     for name in sent & channels.keys():
         if not m.signals[name].held:
@@ -161,8 +204,7 @@ def slow(sources: dict, channels: dict, dt: float) -> list[str]:
     """Return a sentence per command of a valve or motor that is sampled at less than the tick's rate."""
     out = []
     for name, source in sources.items():
-        t = channels[name][0] if name in channels and source.kind == "sent" else ()
-        step = float(np.median(np.diff(t))) if len(t) > 2 else 0.0
+        step = clock.interval(channels[name][0]) if name in channels and source.kind == "sent" else 0.0
         if step > dt * 1.01:
             out.append(
                 f"{name} comes at {1 / step:.4g} Hz and the tick is {1 / dt:g} Hz: the detectors read it late by up to "
@@ -191,3 +233,41 @@ def sampled(
         valid = valid * ((on > 0.5) & (there > 0.0))
         values = np.where(valid > 0.0, values, np.nan)
     return values, valid
+
+
+def ticks(spans: Any, dt: float, start: float | None = None) -> tuple[Any, ...]:
+    """Return (t_0, n): the n ticks t_0 + k dt that all `spans` [(first, last)] [s] cover, from `start` on."""
+    t_0, end = max(a for a, _ in spans), min(b for _, b in spans)
+    if start is not None and start > t_0:
+        t_0 += dt * np.ceil((start - t_0) / dt - SNAP)
+    return t_0, max(0, int(np.floor((end - t_0) / dt + SNAP)) + 1)
+
+
+def resample(t: np.ndarray, y: np.ndarray, t_0: Any, dt: float, n: Any, *, linear: bool, max_gap: Any = None) -> Any:
+    """Return (values, valid) (n,) of samples `y` at ascending times `t` [s] on the ticks t_0 + k dt.
+
+    A sample within SNAP of a tick is taken as it is. Elsewhere the value is interpolated between its neighbours
+    (`linear`) or the last one is held. It is valid (1.0) where the samples used are finite and their distance, or for
+    a held one its age, is at most `max_gap` [s] (default: three median intervals); elsewhere the value is NaN and the
+    flag 0.0.
+    """
+    at = t_0 + np.arange(n) * dt
+    near = SNAP * dt
+    last = np.searchsorted(t, at + near, side="right") - 1  # newest sample not after the tick
+    following = np.minimum(last + 1, len(t) - 1)
+    held = np.maximum(last, 0)
+    exact = (last >= 0) & (np.abs(t[held] - at) <= near)
+    if max_gap is None:
+        max_gap = 3.0 * float(np.median(np.diff(t))) if len(t) > 1 else np.inf
+    if linear:
+        width = t[following] - t[held]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            share = np.where(width > 0.0, (at - t[held]) / width, 0.0)
+            values = y[held] + share * (y[following] - y[held])
+        good = (last >= 0) & (last + 1 < len(t)) & (width <= max_gap + near)
+    else:
+        values = y[held]
+        good = (last >= 0) & (at - t[held] <= max_gap + near)
+    values = np.where(exact, y[held], values)
+    good = (exact | good) & np.isfinite(values)
+    return np.where(good, values, np.nan), good.astype(float)

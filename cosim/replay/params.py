@@ -12,6 +12,7 @@ from cosim.replay import log_schema
 
 LATEST_S = 2**63 / 1e9  # a log's time is 64 bits of nanoseconds
 
+
 class ReplayError(CosimError):
     """A replay that cannot be made, or would compare nothing."""
 

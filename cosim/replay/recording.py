@@ -18,7 +18,7 @@ from cosim.judge import detection as judgement
 from cosim.judge import estimation as estimate
 from cosim.judge.column_store import Columns
 from cosim.judge.detection import watch_of
-from cosim.judge.result import judge, judged
+from cosim.judge.result import errors, judge, judged
 from cosim.log import Log, open_log
 from cosim.replay import guest, log_schema
 from cosim.replay.detector_replay import elements
@@ -252,8 +252,6 @@ class LoggedFlight:
 
     def _errors(self, lane):
         """Return RMSE, bias and maximum of a lane's estimate after settling, as a run's result has them."""
-        from cosim.judge.result import errors
-
         name, truth, unit, start, end = lane.truth
         e = lane.fields[name] - truth()[:: lane.every][: len(lane.fields[name])]
         step = self.dt * lane.every

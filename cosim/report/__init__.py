@@ -3,7 +3,6 @@
 from cosim.report.compare_page import comparison_report, write_comparison
 from cosim.report.diagnosis_page import diagnosis_report
 from cosim.report.envelope_page import envelope_report
-from cosim.report.envelope_picture import envelope_picture
 from cosim.report.false_alarms_page import false_alarms_report
 from cosim.report.flight_page import flight_report
 from cosim.report.reproduce_page import reproduction_report
@@ -12,7 +11,6 @@ from cosim.report.score_page import score_report, write_score
 __all__ = [
     "comparison_report",
     "diagnosis_report",
-    "envelope_picture",
     "envelope_report",
     "false_alarms_report",
     "flight_report",

@@ -6,8 +6,9 @@ from markupsafe import escape
 
 from cosim.compare.stats import ALPHA
 from cosim.judge import coverage
-from cosim.report.envelope_maps import STOPS, colour
 
+# cividis (Nunez, Anderton, Renslow 2018) at eighths: read alike with and without colour vision
+STOPS = ("#00224e", "#123570", "#3b496c", "#575d6d", "#707173", "#8a8678", "#a59c74", "#c3b369", "#fee838")
 COLUMNS = 4
 WIDE, HIGH, GAP_X, GAP_Y, LEFT, TOP = 196, 150, 14, 46, 46, 58  # panel, between panels, to the first one [px]
 MUTED = "#59636e"
@@ -65,9 +66,9 @@ def _panel(f, a, seen, hz, ends, x0, y0):
             if not n:
                 continue
             y = y0 + (high - k) * h
-            dark = hit / n < 0.5
+            dark, box = hit / n < 0.5, f'width="{w - 0.7:.1f}" height="{h - 0.7:.1f}"'
             out.append(
-                f'<rect x="{x:.1f}" y="{y:.1f}" width="{w - 0.7:.1f}" height="{h - 0.7:.1f}" fill="{colour(hit / n)}"/>'
+                f'<rect x="{x:.1f}" y="{y:.1f}" {box} fill="{_colour(hit / n)}"/>'
                 f'<text x="{x + w / 2:.1f}" y="{y + h / 2 + 3:.1f}" text-anchor="middle" font-size="8" '
                 f'fill="{"#fff" if dark else "#1c2128"}">{hit}/{n}</text>'
             )
@@ -94,8 +95,16 @@ def _key():
     x, each = LEFT + 128, 8
     for i in range(2 * len(STOPS)):
         at = (i + 0.5) / (2 * len(STOPS))
-        out.append(f'<rect x="{x + i * each}" y="8" width="{each + 0.3}" height="12" fill="{colour(at)}"/>')
+        out.append(f'<rect x="{x + i * each}" y="8" width="{each + 0.3}" height="12" fill="{_colour(at)}"/>')
     x += 2 * len(STOPS) * each + 6
     words = f"1, every detector at the threshold that {ALPHA:.0%} of fault-free flights cross"
     out.append(f'<text x="{x}" y="18" fill="{MUTED}">{words}</text>')
     return out
+
+
+def _colour(share):
+    """Return the colour at `share` 0..1 of STOPS, in 32 steps."""
+    at = min(max(round(share * 32) / 32, 0.0), 1.0) * (len(STOPS) - 1)
+    i = min(int(at), len(STOPS) - 2)
+    low, high = ([int(STOPS[k][j : j + 2], 16) for j in (1, 3, 5)] for k in (i, i + 1))
+    return "#" + "".join(f"{round(a + (at - i) * (b - a)):02x}" for a, b in zip(low, high))

@@ -30,13 +30,16 @@ def summary(rows: pd.DataFrame, each: list[dict], grouped: pd.DataFrame, sized: 
 
 def versus(pairs: Sequence[dict], each: Sequence[dict]) -> list[tuple[str, list]]:
     """Return the summary of two campaigns side by side, as `summary`; `pairs` are those of the Comparison."""
+    shipped = [p for p in pairs if p["at"] == "shipped"]
     told = []
-    for p in (p for p in pairs if p["at"] == "shipped"):
+    for p in (p for p in shipped if p["only_a"] or p["only_b"]):
         sure = "" if p["p"] is None else f", p = {p['p']:.2g} (McNemar)"
         told.append(f"{p['a']} alone in {p['only_a']}, {p['b']} alone in {p['only_b']} of {p['n']} faults{sure}")
+    if same := [p["a"].rpartition(" (")[0] for p in shipped if not (p["only_a"] or p["only_b"])]:
+        told.append(f"{listed(same)}: the same faults in both")
     counts = [f"{d['id']}: alarmed on {d['alarmed_on']} faults; of {d['designed']} that it was designed for "
               f"{d['detected']} seen, {d['named']} with the right name; {d['false_alarms']} false alarms in "
-              f"{d['hours']:.2g} h" for d in each]  # fmt: skip
+              f"{d['hours']:.2g} h" for d in each if d["alarmed_on"] or d["designed"] or d["false_alarms"]]  # fmt: skip
     return [("Seen by one", told), ("Each", counts)]
 
 

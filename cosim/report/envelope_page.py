@@ -1,16 +1,53 @@
 """The page of the envelope: where the aircraft trims, at which values, why not elsewhere, where its actuators stall."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 
 from cosim.campaign.envelope import REASONS, masses
-from cosim.report.envelope_maps import QUANTITIES, REASON, scale
 from cosim.report.figure import Figure, axis, base, grid, place
 from cosim.report.page import page, write
 
 COLUMNS_PX = 175  # of a row of panels
 NAMES = {"hydraulic": "hydraulic", "ema": "electromechanical"}
+REASON = {  # reason -> (colour, letter, word)
+    "stall": ("#d55e00", "S", "stall"),
+    "thrust": ("#cc79a7", "T", "thrust"),
+    "speed": ("#aab2bb", "M", "Mach 0.95"),
+    "stabiliser": ("#56b4e9", "B", "stabiliser"),
+    "none found": ("#ffffff", "?", "no trim found"),
+}
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One quantity of the trim map: column, heading, unit, digits, range of the colours, factor, what it tells."""
+
+    column: str
+    heading: str
+    unit: str
+    digits: int
+    low: float
+    high: float
+    factor: float = 1.0
+    told: str = ""
+
+
+QUANTITIES = (
+    Quantity("alpha_deg", "Trim angle of attack", "deg", 1, -2.0, 18.0),
+    Quantity("stabilizer_deg", "Stabiliser in trim, trailing edge down +", "deg", 1, -5.0, 4.0,
+             told="Its travel is −13 to +4 deg. A forward CG needs more of it nose up."),
+    Quantity("throttle", "Throttle in trim", "%", 0, 25.0, 100.0, 100.0),
+    Quantity("hydraulic_up_deg", "How far a hydraulic segment goes up", "deg", 1, 11.0, 23.0, -1.0,
+             "Full travel is 23 deg; where it is less, the actuator stalls on the way."),
+    Quantity("hydraulic_down_deg", "How far a hydraulic segment goes down", "deg", 1, 8.0, 17.0, 1.0,
+             "Full travel is 17 deg."),
+    Quantity("ema_up_deg", "How far an electromechanical segment goes up", "deg", 1, 11.0, 23.0, -1.0,
+             "Full travel is 23 deg."),
+    Quantity("ema_down_deg", "How far an electromechanical segment goes down", "deg", 1, 8.0, 17.0, 1.0,
+             "Full travel is 17 deg."),
+)  # fmt: skip
 
 
 def envelope_report(trims: pd.DataFrame, found: dict, output: str | Path) -> Path:
@@ -87,7 +124,7 @@ def _values(part, q, panel):
     bar = {"title": {"text": q.unit, "font": {"size": 11}}, "thickness": 12, "tickfont": {"size": 10.5}, "len": 0.9}
     return {
         "type": "heatmap", "x": x, "y": y, "z": [[None if v != v else round(float(v), 3) for v in row] for row in z],
-        "zmin": q.low, "zmax": q.high, "colorscale": scale(), "showscale": panel == 1, "colorbar": bar,
+        "zmin": q.low, "zmax": q.high, "colorscale": "Cividis", "showscale": panel == 1, "colorbar": bar,
         "hoverongaps": False, "xgap": 1, "ygap": 1, **place(panel),
         "hovertemplate": f"%{{x:.0f}} kt, %{{y:.0f}}000 ft: %{{z:.{q.digits}f}} {q.unit}<extra></extra>",
     }  # fmt: skip

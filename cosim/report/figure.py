@@ -184,6 +184,8 @@ def grid(
     gap_x, height = gap if columns > 1 else 0.0, layout["height"]
     inner = height - layout["margin"]["t"] - layout["margin"]["b"]
     gap_y = 52 / inner if rows > 1 else 0.0
+    if columns > 3 and any(titles):  # the title of the last panel is wider than a narrow page's panel
+        layout["margin"]["r"] = max(layout["margin"]["r"], 40)
     w, h = (1 - gap_x * (columns - 1)) / columns, (1 - gap_y * (rows - 1)) / rows
     for i in range(n):
         r, c = divmod(i, columns)

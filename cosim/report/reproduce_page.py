@@ -3,10 +3,12 @@
 import math
 from pathlib import Path
 
+from cosim.files import replace_text
 from cosim.papers import tables
 from cosim.papers.row import Row as PaperRow
+from cosim.report import svg
 from cosim.report.figure import Figure, axis, bands, base, curve, envelope, grid, least, level
-from cosim.report.page import page, write
+from cosim.report.page import PICTURE, page, write
 from cosim.table import Cell, Table
 
 TITLES = {
@@ -57,6 +59,15 @@ def render(rows: list[PaperRow], drawings: list) -> str:
         papers=papers,
         meaning=tables.MEANING,
     )
+
+
+def write_pictures(folder: str | Path, drawings: list) -> list[Path]:
+    """Write those of `drawings` with a name to folder/<paper>/<name>.svg; returns the paths. Raises OutputError."""
+    out = []
+    for d in (d for d in drawings if d.picture):
+        out.append(Path(folder) / d.paper / f"{d.picture}.svg")
+        replace_text(out[-1], svg.still(_figure(d, d.picture, d.caption), d.title), PICTURE)
+    return out
 
 
 def _papers(papers):

@@ -4,12 +4,15 @@ import base64
 import html
 import math
 import re
+from importlib.resources import files
 
 import numpy as np
 
 from cosim.report.figure import Figure, axis, envelope
 
 WIDTH = 1132  # of a figure, in the units of its viewBox: that of the page's text
+TITLE = 24  # height of a still picture's title
+FONT = "system-ui,Segoe UI,Roboto,Liberation Sans,sans-serif"  # page.py knows a picture of ours by it
 LETTER = 0.56  # width of a letter as a share of the font's size, on average
 DASHED = {"dash": "6 4", "dot": "1.5 3", "dashdot": "6 3 1.5 3"}
 
@@ -34,6 +37,19 @@ def drawn(figure: Figure) -> str:
     font = 'font-family="var(--font)" font-size="11" fill="var(--ink)"'
     return (f'<svg class="drawn" viewBox="0 0 {WIDTH} {height:g}" role="img" {font}>'
             f"<title>{html.escape(figure.caption or figure.id)}</title>{''.join(out)}</svg>")  # fmt: skip
+
+
+def still(figure: Figure, title: str) -> str:
+    """Return the figure as a file of its own, for a README: its title above it, in the light colours of the page."""
+    light = files("cosim.report").joinpath("page.css").read_text(encoding="utf-8").partition("[data-theme")[0]
+    colours = dict(re.findall(r"(--\w+): ([^;]+);", light)) | {"--font": FONT}
+    inner = re.sub(r"var\((--\w+)\)", lambda m: colours[m[1]], drawn(figure))
+    high = figure.layout["height"] + TITLE
+    box = f'viewBox="0 {-TITLE} {WIDTH} {high:g}"'
+    head = (f'<svg xmlns="http://www.w3.org/2000/svg" {box} width="{WIDTH}" height="{high:g}" font-family="{FONT}">'
+            f'<rect y="{-TITLE}" width="{WIDTH}" height="{high:g}" fill="{colours["--page"]}"/>'
+            f'<text x="4" y="-8" font-size="13" font-weight="600">{html.escape(title)}</text>')  # fmt: skip
+    return f'{head}<svg width="{WIDTH}" height="{high - TITLE:g}"{inner.removeprefix("<svg")}</svg>\n'
 
 
 def _number(trace):
@@ -96,9 +112,9 @@ class _Axis:
         if "tickvals" in self.about:
             values, told = self.about["tickvals"], self.about["ticktext"]
         else:
-            rough = (high - low) / max(3.0, abs(self.end - self.start) / 55.0)
+            rough = (high - low) / max(3.0, abs(self.end - self.start) / 90.0)
             unit = 10.0 ** math.floor(math.log10(rough))
-            step = unit * next(n for n in (1, 2, 5, 10) if n * unit >= rough)
+            step = unit * max(n for n in (1, 2, 5) if n * unit <= rough)
             values = [k * step for k in range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)]
             told = [f"{v:,.10g}" if 1e4 <= abs(v) < 1e7 else f"{v:.6g}" for v in values]
         least, most = sorted((self.start, self.end))
@@ -228,9 +244,15 @@ def _note(panels, layout, a):
     side = {"left": "start", "right": "end"}.get(a.get("xanchor", "center"), "middle")
     bold = ' font-weight="600"' if "<b>" in a["text"] else ""
     told = html.escape(re.sub(r"</?b>", "", a["text"]))
-    around = ' paint-order="stroke" stroke="var(--page)" stroke-width="3"' if "bgcolor" in a else ""
-    return (f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{side}" font-size="{font["size"]:g}"{bold} '
-            f'{_colour(font["color"], "fill")}{around}{_of(a.get("detector"))}>{told}</text>')  # fmt: skip
+    behind = ""
+    if "bgcolor" in a:
+        size = font["size"]
+        wide, high = LETTER * size * len(told) + 4, size + 4
+        left = x - {"start": 2, "middle": wide / 2, "end": wide - 2}[side]
+        box = f'x="{left:.1f}" y="{y - size:.1f}" width="{wide:.1f}" height="{high:g}"'
+        behind = f'<rect {box} fill="var(--page)"{_of(a.get("detector"))}/>'
+    return (f'{behind}<text x="{x:.1f}" y="{y:.1f}" text-anchor="{side}" font-size="{font["size"]:g}"{bold} '
+            f'{_colour(font["color"], "fill")}{_of(a.get("detector"))}>{told}</text>')  # fmt: skip
 
 
 def _legend(layout, data):

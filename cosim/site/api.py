@@ -1,10 +1,13 @@
 """API reference of the site: the public names, and every type of ours that one of them returns."""
 
+import ast
 import builtins
 import importlib
 import inspect
+import itertools
 import re
 import sys
+import textwrap
 import types
 import typing
 from pathlib import Path
@@ -50,6 +53,12 @@ def _hints(value: Any) -> dict[str, Any]:
     return typing.get_type_hints(value, localns=names)
 
 
+def _function(value: Any) -> Any:
+    """Return the function of a member of a class: of a method or property, None of others."""
+    made = value.fget if isinstance(value, property) else getattr(value, "func", getattr(value, "__func__", value))
+    return made if inspect.isfunction(made) else None
+
+
 def returned(functions: list) -> list[type]:
     """Return our types that the functions return, and those that attributes and methods of these have, in order."""
     out: list[type] = []
@@ -60,8 +69,7 @@ def returned(functions: list) -> list[type]:
             continue
         out.append(one)
         for name, value in vars(one).items():
-            made = value.fget if isinstance(value, property) else getattr(value, "func", value)
-            if not name.startswith("_") and inspect.isfunction(made):
+            if not name.startswith("_") and (made := _function(value)):
                 ahead += _classes(_hints(made).get("return"))
         ahead += [c for name, hint in _hints(one).items() if not name.startswith("_") for c in _classes(hint)]
     return out
@@ -81,9 +89,14 @@ def pages() -> dict[str, str]:
         text += "".join(f"\n### {n}\n\n{_told(every[n])}" for n in names)
     told = {place(v) for v in every.values()}
     kinds = [c for c in [*returned(list(every.values())), *map(found, BESIDE)] if place(c) not in told]
-    named = list(dict.fromkeys(place(c) for c in kinds))
     types_ = "# Returned types\n\nTheir attributes and methods; SI where no unit is said.\n"
-    types_ += "".join(f"\n## {n.rpartition('.')[2]}\n\n`{n}`\n\n{_directive(n)}" for n in named)
+    for name, kind in {place(c): c for c in kinds}.items():
+        told_of = attributes(kind)
+        rows = "".join(f"| `{a}` | `{hint}` | {about} |\n" for a, (hint, about) in told_of.items())
+        table = f"| attribute | type | what it is |\n|---|---|---|\n{rows}\n" if rows else ""
+        own = [n for n, value in vars(kind).items() if not n.startswith("_") and _function(value)]
+        types_ += f"\n## {name.rpartition('.')[2]}\n\n`{name}`\n\n{_directive(name, members='false')}\n{table}"
+        types_ += "".join(f"{_directive(f'{name}.{n}', show_root_heading='true')}\n" for n in own)
     return {"index.md": text, "types.md": types_}
 
 
@@ -91,5 +104,21 @@ def _told(value: Any) -> str:
     return _directive(place(value))
 
 
-def _directive(name: str) -> str:
-    return f"::: {name}\n    options:\n      show_root_heading: false\n      heading_level: 4\n"
+def attributes(kind: type) -> dict[str, tuple[str, str]]:
+    """Return {name: (type, comment)} of the public fields of a class: the comment behind a field, or that above it."""
+    lines = textwrap.dedent(inspect.getsource(kind)).splitlines()
+    (tree,) = ast.parse("\n".join(lines)).body
+    out: dict[str, tuple[str, str]] = {}
+    for node in getattr(tree, "body", ()):
+        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) and not node.target.id.startswith("_"):
+            behind = lines[(node.end_lineno or 0) - 1][node.end_col_offset :].partition("# ")[2]
+            above = list(itertools.takewhile(lambda line: line.lstrip().startswith("#"), lines[node.lineno - 2 :: -1]))
+            about = behind or " ".join(line.strip().lstrip("# ") for line in reversed(above))
+            out[node.target.id] = ast.unparse(node.annotation), about.replace("|", r"\|")
+    return out
+
+
+def _directive(name: str, **options: str) -> str:
+    """Return mkdocstrings' directive for an object."""
+    told = {"show_root_heading": "false", "heading_level": "4", **options}
+    return f"::: {name}\n    options:\n" + "".join(f"      {key}: {value}\n" for key, value in told.items())

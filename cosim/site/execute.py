@@ -55,7 +55,7 @@ def python(code: str, names: dict, where: str, value_shown: bool = True) -> str:
         exec(compile(tree, where, "exec"), names)
         if last is not None:
             value = names["_"] = eval(compile(ast.Expression(last.value), where, "eval"), names)
-            if value is not None and value_shown:
+            if value is not None and value_shown and not hasattr(value, "savefig"):
                 print(value if hasattr(value, "to_string") else repr(value))
     return out.getvalue()
 

@@ -9,7 +9,7 @@ FOLDER = Path(__file__).with_name("NAME")
 
 
 def test_it_keeps_the_contract() -> None:
-    """`cosim check-aircraft NAME` says the same."""
+    """`cosim check NAME` says the same."""
     assert [finding for finding in check(str(FOLDER)) if not finding.good] == []
 
 

@@ -10,7 +10,7 @@ FILE = Path(__file__).with_name("NAME.py")
 
 
 def test_it_keeps_the_contract() -> None:
-    """`cosim check-detector NAME.py` says the same."""
+    """`cosim check NAME.py` says the same."""
     found = check(FILE)
     assert found["keeps"], [line for line in found["checks"] if line["result"] == "bad"]
 

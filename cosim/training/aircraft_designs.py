@@ -84,7 +84,7 @@ def make(
     kept = [tuple(np.array(part) for part in row) for rows in chunks for row in rows]
     if not kept:
         raise DesignError("no flight point of its envelope has a steady flight", place=name,
-                          remedy=f"`cosim check-aircraft {aircraft}` says why")  # fmt: skip
+                          remedy=f"`cosim check {aircraft}` says why")  # fmt: skip
     written.append(_boxes(own, lpv_boxes.samples(kept)))
 
     tell(f"{flights} fault-free flights")

@@ -55,7 +55,6 @@ STATE = [
     ("LL", "f8", (N, N)),  # scratch
     ("yy", "f8", (N,)),
     ("y2", "f8", (N,)),
-    ("column", "f8", (N,)),
     ("info", "f8", (N,)),  # of each column alone: information,
     ("pull", "f8", (N,)),  # and its product with the column's value
     ("prior", "f8", (2, N)),  # means and standard deviations of the hypothesis at hand
@@ -242,30 +241,37 @@ def heard(x, p, o, h):
 
 
 @kernel
-def solved(x):
-    """Write what the sums say of each column alone, all others at their priors: information and its product with the
-    column's value, from the factor and the solution with x.prior (means 0): J^-1 by columns of the factor's inverse."""
-    L = x.LL
+def inverse(x, i):
+    """Return element (i, i) of the inverse of J + P^-1, the variance of column `i`, by the factor."""
+    L, total = x.LL, 0.0
+    for a in range(i, N):
+        v = 1.0 if a == i else 0.0
+        for k in range(i, a):
+            v -= L[a, k] * x.y2[k]
+        x.y2[a] = v / L[a, a]
+        total += x.y2[a] * x.y2[a]
+    return total
+
+
+@kernel
+def alone(x):
+    """Write what the sums say of each column, all others at the priors of the factor and solution at hand (means 0):
+    information w and its product b with the column's value, for `other`."""
     for a in range(N - 1, -1, -1):
         v = x.yy[a]
         for k in range(a + 1, N):
-            v -= L[k, a] * x.y2[k]
-        x.y2[a] = v / L[a, a]
+            v -= x.LL[k, a] * x.pull[k]
+        x.pull[a] = v / x.LL[a, a]
     for i in range(N):
-        total = 0.0
-        for a in range(i, N):
-            v = 1.0 if a == i else 0.0
-            for k in range(i, a):
-                v -= L[a, k] * x.column[k]
-            x.column[a] = v / L[a, a]
-            total += x.column[a] * x.column[a]
-        x.info[i] = max(1.0 / total - 1.0 / (x.prior[1, i] * x.prior[1, i]), 0.0)
-        x.pull[i] = x.y2[i] / total
+        variance = inverse(x, i)
+        x.info[i] = max(1.0 / variance - 1.0 / (x.prior[1, i] * x.prior[1, i]), 0.0)
+        x.pull[i] /= variance
 
 
 @kernel
 def other(x, Q0, logdet0, i, mean, sd):
-    """Return (Q, ln det) where column `i` has the prior N(mean, sd^2) instead of that of health."""
+    """Return (Q, ln det) where column `i` has the prior N(mean, sd^2) instead of that of health, which left
+    (Q0, logdet0): Q0 + b^2 / (w + 1 / sd0^2) - 2 b mean + w mean^2 - (b - w mean)^2 / (w + 1 / sd^2)."""
     w, b, sd0 = x.info[i], x.pull[i], x.sd[i]
     r = b - w * mean
     Q = Q0 + b * b / (w + 1.0 / (sd0 * sd0)) + mean * (w * mean - 2.0 * b) - r * r / (w + 1.0 / (sd * sd))
@@ -294,7 +300,7 @@ def evaluate(x, p, o):
     Q0 = left(x)
     base = logarithm(Q0, n) - 0.5 * logdet0
     x.ev_Q[HYPOTHESES] = Q0
-    solved(x)
+    alone(x)
     # beside an oscillation the other errors stand as they were learned: only the gain's signature meets its columns
     gone = -1.0 - x.mu[GAIN]
     J, r = x.JJ[at(GAIN, GAIN)], x.bb[GAIN]
@@ -407,12 +413,5 @@ def solve(x, p):
         for k in range(a + 1, N):
             v -= L[k, a] * x.mu[k]
         x.mu[a] = v / L[a, a]
-    for i in range(N):  # diagonal of the inverse
-        total = 0.0
-        for a in range(i, N):
-            v = 1.0 if a == i else 0.0
-            for k in range(i, a):
-                v -= L[a, k] * x.column[k]
-            x.column[a] = v / L[a, a]
-            total += x.column[a] * x.column[a]
-        x.sd[i] = math.sqrt(total + p.floor * p.floor * p.prior_sd[i] * p.prior_sd[i])
+    for i in range(N):
+        x.sd[i] = math.sqrt(inverse(x, i) + p.floor * p.floor * p.prior_sd[i] * p.prior_sd[i])

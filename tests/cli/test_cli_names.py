@@ -53,7 +53,7 @@ def test_a_folder_with_brackets_in_its_name_is_checked(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "ac[").mkdir()
     (tmp_path / "ac[" / "red]").mkdir()
-    told = call("check-aircraft", "ac[/red]")
+    told = call("check", "ac[/red]")
     assert told.exit_code in (1, 2) and isinstance(told.exception, SystemExit)
     assert "ac[/red]" in (told.stdout + told.stderr).replace("\n", "")
 

@@ -37,3 +37,22 @@ def test_the_module_is_the_command(words, status):
     said = subprocess.run([sys.executable, "-m", "cosim", words], capture_output=True, text=True)
     same = CliRunner().invoke(cli.app, [words], prog_name="cosim")
     assert (said.returncode, said.stdout) == (status, same.stdout)
+
+
+def test_the_help_has_at_most_25_commands_and_a_line_for_each(monkeypatch):
+    monkeypatch.setenv("TERMINAL_WIDTH", "80")
+    monkeypatch.setattr("typer.rich_utils.MAX_WIDTH", 80)
+    told = CliRunner().invoke(cli.app, ["-h"], prog_name="cosim").output
+    commands = [line for line in told.partition("Commands")[2].splitlines() if line.startswith("│")]
+    names = [command.name or command.callback.__name__ for command in cli.app.registered_commands]
+    assert len(names) <= 25 and [line.split()[1].replace("-", "_") for line in commands] == [
+        name.replace("-", "_").rstrip("_") for name in names
+    ]
+    assert all(line.rstrip(" │").endswith(".") for line in commands)
+
+
+@pytest.mark.parametrize("command", ["run", "linearize"])
+def test_a_campaign_is_told_from_a_scenario(command, tmp_path):
+    (tmp_path / "small.toml").write_text('base = "cruise"\n[set]\nduration_s = 1.0\n')
+    found = CliRunner().invoke(cli.app, [command, str(tmp_path / "small.toml")])
+    assert found.exit_code == 2 and "cosim campaign" in found.stderr and found.stderr.count("\n") == 1

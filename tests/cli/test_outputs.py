@@ -50,7 +50,7 @@ WRITES = {
     "replay": [(["replay", "LOG", "-o", "OUT/r.mcap"], ["r.mcap"])],
     "recover": [(["recover", "LOG", "-o", "OUT/r.mcap"], ["r.mcap"])],
     "compact": [(["compact", "LOG", "-o", "OUT/r.mcap"], ["r.mcap"])],
-    "envelope": [(["envelope", "-o", "OUT"], ["envelope.html", "envelope.svg", "envelope.csv"])],
+    "envelope": [(["envelope", "-o", "OUT"], ["envelope.html", "envelope.csv"])],
     "reproduce": [(["reproduce", "jay", "-o", "OUT"], ["reproduce-jay.html", "reproduce-jay.csv"])],
     "design": [],  # needs a user's aircraft; its folder is that of `train`
     "train": [(["train", "ema", "-o", "OUT"], ["results.jsonl"])],

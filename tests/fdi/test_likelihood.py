@@ -126,6 +126,23 @@ def test_the_evidence_is_that_of_the_linear_model_with_its_prior():
     assert Q == pytest.approx(left @ np.linalg.solve(covariance, left), rel=1e-9)
 
 
+def test_another_prior_of_one_column_asks_for_no_factor_of_its_own():
+    rng = np.random.default_rng(6)
+    S, e = rng.standard_normal((60, filter.N)) * 3.0, rng.standard_normal(60)
+    x = sums_of(S, e)
+    x.sd[:] = rng.uniform(0.05, 0.5, filter.N)
+    evidence.health(x)
+    logdet0, Q0 = evidence.factor(x), evidence.left(x)
+    evidence.alone(x)
+    for i in range(filter.N):
+        Q, logdet = evidence.other(x, Q0, logdet0, i, 0.3, 0.7)
+        y = sums_of(S, e)
+        y.prior[0], y.prior[1] = 0.0, x.sd
+        y.prior[0, i], y.prior[1, i] = 0.3, 0.7
+        assert logdet == pytest.approx(evidence.factor(y), rel=1e-9)
+        assert Q == pytest.approx(evidence.left(y), rel=1e-9)
+
+
 @pytest.mark.parametrize("place, sensor", [("rod", "y_rod"), ("pressure", "y_dp")])
 def test_the_response_to_a_sensors_sine_is_what_the_filter_makes_of_it(place, sensor):
     p, hz, size = designed(), 3.0, 1e-4

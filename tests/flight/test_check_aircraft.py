@@ -1,4 +1,4 @@
-"""`cosim check-aircraft`: the shipped aircraft keep the contract, and what is wrong with a copy is named."""
+"""`cosim check`: the shipped aircraft keep the contract, and what is wrong with a copy is named."""
 
 import shutil
 

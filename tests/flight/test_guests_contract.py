@@ -1,4 +1,4 @@
-"""What a guest keeps: `cosim check-detector` asks it, `cosim new` writes it, a class that does not is refused."""
+"""What a guest keeps: `cosim check` asks it, `cosim new` writes it, a class that does not is refused."""
 
 import runpy
 import timeit

@@ -78,8 +78,8 @@ def test_proxies_and_derived_signals_are_named_with_who_reads_them(tmp_path):
 
 
 def test_a_derived_rate_is_the_derivative_and_a_derived_angle_that_of_the_path(tmp_path):
-    from cosim.replay.derived import derived
     from cosim.replay.map_file import Map
+    from cosim.replay.map_signals import derived
 
     signals = {
         "theta": {"channel": "a", "unit": "deg"}, "hdot": {"derivative_of": "h_baro"}, "phi": {"channel": "b"},

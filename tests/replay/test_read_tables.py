@@ -12,9 +12,8 @@ from typer.testing import CliRunner
 
 from cosim.cli import commands as cli
 from cosim.errors import LogError
-from cosim.replay.foreign import read_channels
+from cosim.replay.foreign import read_channels, read_table
 from cosim.replay.map import diagnose
-from cosim.replay.tables import read_table
 from cosim.replay.units import factors, known
 
 T = np.arange(200) / 25.0
@@ -154,7 +153,9 @@ runpy.run_module("cosim", run_name="__main__", alter_sys=True)
 """
 
 
-@pytest.mark.parametrize(("command", "name"), [("map", "a.csv"), ("replay", "a.csv"), ("map", "a.mat")])
+@pytest.mark.parametrize(
+    ("command", "name"), [("map", "a.csv"), ("replay", "a.csv"), ("map", "a.mat"), ("map", "a.mcap")]
+)
 def test_a_file_of_five_gigabytes_is_refused_in_one_line_before_it_is_read(tmp_path, command, name):
     path = tmp_path / name
     path.write_text("T,ALCG,VTASCG\n0,1,2\n")
@@ -194,11 +195,13 @@ def test_bad_input_is_one_line_with_place_and_remedy(tmp_path, columns, unit, wo
     assert run.exit_code == 2 and words in " ".join(run.stderr.split()) and "Traceback" not in run.stderr
 
 
-def test_ten_columns_of_one_name_keep_their_numbers(tmp_path):
+@pytest.mark.parametrize("separator", [",", " "])
+def test_ten_columns_of_one_name_keep_their_numbers_and_are_told(tmp_path, separator):
     path = tmp_path / "a.csv"
-    lines = [",".join(["T", *["x"] * 10]), *(",".join(f"{t + k:g}" for k in range(11)) for t in T)]
+    lines = [separator.join(["T", *["x"] * 10]), *(separator.join(f"{t + k:g}" for k in range(11)) for t in T)]
     path.write_text("\n".join(lines))
     frame = read_channels(path)["a"]
+    assert frame.attrs["oddities"] == ["10 columns are called 'x': the others x.1 to x.9"]
     assert frame.shape == (len(T), 10) and len(set(frame.columns)) == 10
     np.testing.assert_allclose(frame.to_numpy(), T[:, None] + np.arange(1, 11), rtol=1e-5)
 

@@ -11,7 +11,8 @@ from scipy.stats import poisson
 from cosim.errors import CosimError
 from cosim.replay.map import diagnose
 from cosim.replay.map_file import load_map
-from cosim.replay.real import MAPS, SETS, bounds, page, recordings
+from cosim.replay.real import MAPS, SETS, page, recordings
+from cosim.replay.real_windows import bounds
 
 RATE = 25.0
 
@@ -40,6 +41,19 @@ def test_the_page_is_made_from_files_of_the_same_shape(tmp_path):
     assert "github.com/josemiguelbento" in text and "no alarm at all would bound the rate" in text
     with pytest.raises(CosimError, match="holds no recording"):
         page(MAPS)
+
+
+def test_where_nothing_judges_each_detector_has_its_reason(tmp_path):
+    t, rng = np.arange(1200) / 100.0, np.random.default_rng(2)
+    names = {s.channel for s in load_map(MAPS / "twin_otter.toml")[0].signals.values()}
+    table = {
+        n: {"v": 150.0, "alt": 5000.0, "mach": 0.14, "an": 1.0}.get(n, 0.0) + rng.normal(0.0, 1e-3, 1200) for n in names
+    }
+    savemat(tmp_path / "totter_lon_data.mat", {"t": t, **table})
+    lines = [line for line in page(tmp_path).splitlines() if "totter_lon_data.mat | `" in line and "no " in line]
+    assert any("`rfafe_airframe` | no model: tas is 45.7" in line and "for 51.4 to 340" in line for line in lines)
+    assert any("`lpv_smo` | no signal: stab_cmd" in line for line in lines)
+    assert any("`position_monitor` | no signal: surface" in line for line in lines) and len(lines) > 8
 
 
 @pytest.mark.parametrize("s", SETS, ids=lambda s: s.map)

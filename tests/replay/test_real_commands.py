@@ -6,8 +6,7 @@ import pytest
 import cosim
 from cosim.flight.faults import inject
 from cosim.replay.bench import Ride, move
-from cosim.replay.real_commands import DT, band_limited
-from cosim.replay.real_sensors import broken
+from cosim.replay.real_windows import DT, band_limited, broken
 
 
 def test_interpolation_adds_nothing_above_the_recorded_band():

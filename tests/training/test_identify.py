@@ -91,6 +91,17 @@ def test_the_parameters_of_an_actuator_lie_in_their_intervals(seed):
     assert found.fit_pct > 95.0 and found.correlation < 2.0
 
 
+@pytest.mark.parametrize("off", [-0.0016, 0.0012])
+def test_an_actuator_may_begin_anywhere_in_its_dead_band(off):
+    """It stands there for 8 s in still air: a reading of its start, with noise, is worse than none."""
+    command = np.concatenate([np.zeros(1600), jumpy(3000, 1) - jumpy(3000, 1)[0]])
+    truth = {**TRUTH, "dead_band": 0.002}
+    noise = 3e-4 * np.random.default_rng(4).standard_normal(len(command))
+    found = respond(command, simulate(command, off, DT, (-0.5, 0.5), **truth) + noise, DT, 0.999)
+    assert all(found.parameters[n].low <= value <= found.parameters[n].high for n, value in truth.items())
+    assert found.correlation < 2.0
+
+
 def test_a_rate_limit_that_was_not_reached_is_a_bound():
     command = slow_noise(4000, 3, 0.02)
     p = respond(command, recorded(command, rate=3.0, dead_band=0.0), DT).parameters["rate"]

@@ -18,7 +18,7 @@ import cosim
 from cosim.flight.blocks.sensors import TRANSPORT
 from cosim.replay.bench import DRAWN, TOLERANCE, Ride, move
 from cosim.replay.map import prepare
-from cosim.replay.real_commands import SEGMENT, loads
+from cosim.replay.real_windows import SEGMENT, loads
 from cosim.training.identify.flow import flow
 from cosim.training.identify.response import respond
 from cosim.training.identify.thresholds import fit
@@ -26,6 +26,7 @@ from cosim.training.identify.write import BLOCK
 from cosim.training.threshold_fit import PROBABILITY
 
 CASES, LEVEL, DT = int(os.environ.get("COSIM_CASES", "100")), 0.95, 0.005
+FIRST = int(os.environ.get("COSIM_SEED", "2000"))  # seed of the first recording; development used 0 to 1099
 LATE = TRANSPORT["q"][2]  # of the reading [s]
 MANOEUVRES = ("nz_doublet", "three_two_one_one", "nose_up", "pitch_protection")
 
@@ -78,7 +79,7 @@ def test_a_dead_time_just_short_of_a_whole_tick_is_found(tmp_path):
 @pytest.mark.slow
 def test_intervals_of_a_response_hold_the_truth_at_their_level(tmp_path):
     inside: dict[str, list] = {}
-    for k in range(CASES):
+    for k in range(FIRST, FIRST + CASES):
         truth, command, reading = drawn_flight(k, tmp_path)
         found = respond(command, reading, DT, LEVEL)
         for name, value in truth.items():
@@ -91,10 +92,10 @@ def test_intervals_of_a_response_hold_the_truth_at_their_level(tmp_path):
 
 @pytest.mark.slow
 def test_intervals_of_a_flow_hold_the_truth_at_their_level():
-    rides, rng = [ride(k) for k in range(CASES)], np.random.default_rng(73)
+    rides, rng = [ride(k) for k in range(FIRST, FIRST + CASES)], np.random.default_rng(FIRST + 73)
     scenario = cosim.load_scenario("cruise", ["detectors.enabled=[]"])
-    seen = move(rides, [scenario] * CASES, loads(rides, rng)[0], SEGMENT, 79)
-    own = np.random.default_rng(79)
+    seen = move(rides, [scenario] * CASES, loads(rides, rng)[0], SEGMENT, FIRST + 79)
+    own = np.random.default_rng(FIRST + 79)
     truth = [{s: own.uniform(1.0 - TOLERANCE, 1.0 + TOLERANCE) for s in DRAWN} for _ in range(CASES)]
     inside: dict[str, list] = {"flow_gain": []}
     for i, t in enumerate(truth):
@@ -122,7 +123,7 @@ def test_thresholds_keep_their_probability_of_a_false_alarm_on_what_was_held_bac
     """Recordings of 100 s in the same air all along, with actuators slower than the monitor's model."""
     alarms = seconds = fitted = raised = 0
     (tmp_path / "map.toml").write_text(MAP)
-    for k in range(CASES):
+    for k in range(FIRST, FIRST + CASES):
         air = ("light", "moderate", "severe")[k % 3]
         keys = ["duration_s=100", "manoeuvre.kind=cruise", f"flight.turbulence={air}"]
         _, command, reading = drawn_flight(k, tmp_path, keys)

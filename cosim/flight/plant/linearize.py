@@ -73,17 +73,17 @@ class LinearModel:
     """Trim, names with units, A (10, 10), B (10, m), C (19, 10), D (19, m), trim values x0, u0, y0 and modes."""
 
     trim: Trim
-    states: dict
-    inputs: dict
-    outputs: dict
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    D: np.ndarray
-    x0: np.ndarray
-    u0: np.ndarray
-    y0: np.ndarray
-    modes: list
+    states: dict  # {name: unit}, in the order of A's rows
+    inputs: dict  # {name: unit}, of B's columns
+    outputs: dict  # {name: unit}, of C's rows
+    A: np.ndarray  # (n, n), x' = A (x - x0) + B (u - u0)
+    B: np.ndarray  # (n, m)
+    C: np.ndarray  # (p, n), y - y0 = C (x - x0) + D (u - u0)
+    D: np.ndarray  # (p, m)
+    x0: np.ndarray  # (n,), the trimmed state
+    u0: np.ndarray  # (m,)
+    y0: np.ndarray  # (p,)
+    modes: list  # of the bare airframe: name, wn [rad/s], zeta, eigenvalue [1/s]
 
     def __repr__(self) -> str:
         t, sizes = self.trim, f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"

@@ -14,19 +14,19 @@ from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft
 class FlightPoint:
     """One flight point and what is uncertain about it; SI, `speed` in m/s for "cas" and "tas", a number for "mach"."""
 
-    mass: float = 200e3
-    cg: float = 0.30
-    altitude: float = 6096.0
-    speed_kind: str = "cas"
-    speed: float = 290.0 * M_S_PER_KT
+    mass: float = 200e3  # [kg]
+    cg: float = 0.30  # share of the mean aerodynamic chord
+    altitude: float = 6096.0  # [m]
+    speed_kind: str = "cas"  # "cas", "tas" or "mach"
+    speed: float = 290.0 * M_S_PER_KT  # [m/s], or the Mach number
     multipliers: dict = field(default_factory=dict)  # coefficient -> factor, e.g. {"Cm_alpha": 0.9}
-    turbulence: str = "none"
+    turbulence: str = "none"  # none, light, moderate or severe
     changes: tuple[tuple[float, str, float], ...] = ()  # of the turbulence: (start [s], word, time it takes [s])
     wind: tuple[float, float] = (0.0, 0.0)  # steady, to north and east, at this altitude [m/s]
     shear: tuple[float, float] = (0.0, 0.0)  # its growth with altitude [1/s]
     gusts: tuple[tuple[float, str, float, float, str], ...] = ()  # as cosim/flight/plant/gusts.py takes them
-    seed: int = 0
-    fuel_freeze: bool = True
+    seed: int = 0  # of the turbulence
+    fuel_freeze: bool = True  # the mass does not change in flight
     aircraft: str = DEFAULT  # a bundled name or a folder
     climb: float | None = None  # vertical speed [m/s], or
     gamma: float | None = None  # angle of the path [rad]; up +

@@ -1,4 +1,4 @@
-"""Whether a detector keeps the contract that ours keep: `cosim check-detector mine.py`.
+"""Whether a detector keeps the contract that ours keep: `cosim check mine.py`.
 
 It is run on the signals of a real flight with a fault, several times, in pieces, with another future and with lost
 samples. "bad" is a breach, "note" something to know.

@@ -13,10 +13,10 @@ from cosim.scenario.catalog import TECHNOLOGIES
 from fdi import registry
 
 KINDS = {  # kind -> what to do with it next
-    "detector": ("cosim check-detector {file}", "cosim run --detector {file}"),
+    "detector": ("cosim check {file}", "cosim run --detector {file}"),
     "law": ("cosim run --set law.file={file}",),
     "actuator": ("cosim run --set actuators.{name}.file={file} --set elevator.left_inner={name}",),
-    "aircraft": ("cosim check-aircraft {file}", "cosim run cruise --set flight.aircraft={file}"),
+    "aircraft": ("cosim check {file}", "cosim run cruise --set flight.aircraft={file}"),
     "campaign": ("cosim campaign {file}",),
 }
 TAKEN = {"detector": ("enabled", *registry.SHIPPED), "actuator": tuple(TECHNOLOGIES)}

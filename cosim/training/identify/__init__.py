@@ -61,8 +61,7 @@ def identify(
         raise ReplayError(f"{level:g} is no level of an interval", place="--level", allowed="0.5 to below 1")
     made = prepare(path, map_path, time=time)
     out = Identification(str(path), str(map_path), level, made.n * made.dt)
-    odd = [text for frame in made.tables.values() for text in frame.attrs.get("oddities", ())]
-    out.caveats = made.notices + odd
+    out.caveats = [text for frame in made.tables.values() for text in frame.attrs.get("oddities", ())]
     out.channels = [_channel(made, name, level) for name in _recorded(made)]
     segments = made.scenario.elevator.technology
     named = [s for s in segments if any(n.startswith(f"{s}.") for n in made.map.signals)]

@@ -1,9 +1,13 @@
 """The response of an actuator to its command, by output error: parameters, intervals, goodness of fit.
 
 The model is the block of actuators/simple/identified.py, which flies as it was fitted. Its output, less a constant
-error of the sensor, is held against the measured position; `scipy.optimize.least_squares` finds the parameters. An
-interval is that of Student's law with the covariance s^2 (J'J)^-1, widened by the correlation time of what is left
-where the model does not make it white; a parameter that stands at its bound has the interval of its profile.
+error of the sensor, is held against the measured position; `scipy.optimize.least_squares` finds the parameters, and
+the position from which the motion begins: within a dead band it stands wherever it was. An interval is that of the
+profile likelihood (Bates and Watts, Nonlinear Regression Analysis, 6.1): the values v of a parameter for which
+
+    S(v) - S_min <= s^2 t^2,    S(v) the least sum of squares with it at v, all others fitted anew
+
+t of Student's law, s^2 widened by the correlation time of what is left where the model does not make it white.
 """
 
 import math
@@ -27,6 +31,9 @@ MEANINGS = {
     "bias": "constant error of the reading",
 }  # fmt: skip
 SURE = 0.999  # of the test whether a rate limit was reached
+ROUNDS = 5  # of profiles at most, each from the best fit that the one before came upon
+TICKS = 6  # of dead time to either side of a fit that are searched
+FIRST = 9  # readings of which the mean says where the motion begins
 SETTLE_S = 0.5  # at the start, where the motion before it is not known
 
 
@@ -84,26 +91,28 @@ def respond(command: np.ndarray, surface: np.ndarray, dt: float, level: float = 
     smooth = np.convolve(surface, np.ones(9) / 9.0, "valid")
     fastest = float(np.abs(smooth[8:] - smooth[:-8]).max() / (8.0 * dt))
     most_delay = (identified.PAST - 4) * dt
-    low = np.array([0.5, 0.2, 0.02 * fastest, 0.0, 0.0, -1.0])
-    high = np.array([1.0 / dt, 4.0, 20.0 * fastest, 0.2 * np.ptp(surface), most_delay, 1.0])
-    size = np.array([20.0, 1.0, fastest, 0.02 * np.ptp(surface), 4.0 * dt, 0.1 * moves])
+    # the motion begins where the first readings say, within their noise and spread
+    first, about = float(np.mean(surface[:FIRST])), 6.0 * noise + float(np.ptp(surface[:FIRST])) + 1e-6 * moves
+    low = np.array([0.5, 0.2, 0.02 * fastest, 0.0, 0.0, -1.0, -about])
+    high = np.array([1.0 / dt, 4.0, 20.0 * fastest, 0.2 * np.ptp(surface), most_delay, 1.0, about])
+    size = np.array([20.0, 1.0, fastest, 0.02 * np.ptp(surface), 4.0 * dt, 0.1 * moves, about])
 
     def left(z):
         values = dict(zip(NAMES, z * size))
-        bias = values.pop("bias")
-        return (simulate(command, surface[0] - bias, dt, stops, **values) + bias - surface)[skip:]
+        bias, start = values.pop("bias"), first + float(z[-1] * size[-1])
+        return (simulate(command, start - bias, dt, stops, **values) + bias - surface)[skip:]
 
     bounds = low / size, high / size
     offset = float(np.mean(surface - command))
     begin = [(w, d * dt) for w in (8.0, 25.0, 60.0) for d in (1.0, 6.0, 20.0)]
-    starts = [np.array([w, 0.9, 1.2 * fastest, 0.0, late, offset]) for w, late in begin]
+    starts = [np.array([w, 0.9, 1.2 * fastest, 0.5 * size[3], late, offset, 0.0]) for w, late in begin]
     starts = sorted((np.clip(s, low * 1.001, high * 0.999) / size for s in starts), key=lambda z: left(z) @ left(z))
     found = min((least_squares(left, z, **_how(bounds)) for z in starts[:3]), key=lambda f: f.cost)
-    found = _within_ticks(left, found, bounds, dt / size[DELAY])
     free = _fixed(left, found.x, RATE, bounds[1][RATE], bounds, 50)  # as if it had no limit
     start = np.clip(np.insert(free.x, RATE, 1.5), bounds[0] + 1e-12, bounds[1] - 1e-12)
-    found = min(found, least_squares(left, start, **_how(bounds)), key=lambda f: f.cost)
-    return _told(found, left, size, bounds, fastest, moves, len(surface) - skip, level)
+    both = found, least_squares(left, start, **_how(bounds))
+    found = min((_within_ticks(left, f, bounds, dt / size[DELAY]) for f in both), key=lambda f: f.cost)
+    return _told(found, left, size, bounds, moves, level)
 
 
 def _how(bounds):
@@ -111,77 +120,75 @@ def _how(bounds):
 
 
 def _within_ticks(left, found, bounds, tick):
-    """Return the best fit whose dead time is held within one tick, of the ticks around that of `found`: the sum of
-    squares bends where the dead time is a whole number of ticks, and a descent stops at a bend."""
-    tried: set[int] = set()
-    while fresh := {k for k in range(int(found.x[DELAY] / tick) - 1, int(found.x[DELAY] / tick) + 2)} - tried:
-        tried |= fresh
-        for k in sorted(fresh):
+    """Return the best fit whose dead time is held within one tick, of those up to TICKS from that of `found`: the sum
+    of squares bends where the dead time is a whole number of ticks, and a descent stops at a bend. Each begins at its
+    neighbour's."""
+    best, here = found, int(found.x[DELAY] / tick)
+    for side in (1, -1):
+        x = found.x
+        for k in range(here, here + side * (TICKS + 1), side):
             low, high = bounds[0].copy(), bounds[1].copy()
             low[DELAY], high[DELAY] = max(low[DELAY], k * tick), min(high[DELAY], (k + 1) * tick)
             if low[DELAY] >= high[DELAY]:
-                continue
+                break
             middle = 0.5 * (low[DELAY] + high[DELAY])
-            start = np.insert(_fixed(left, found.x, DELAY, middle, bounds, 25).x, DELAY, middle)
-            start = np.clip(start, low + 1e-12, high - 1e-12)
-            found = min(found, least_squares(left, start, **_how((low, high))), key=lambda f: f.cost)
-    inside = np.clip(found.x, bounds[0] + 1e-12, bounds[1] - 1e-12)
-    return least_squares(left, inside, max_nfev=1, **_how(bounds))  # bounds of a tick are none of the dead time's
+            start = np.insert(_fixed(left, x, DELAY, middle, bounds, 25).x, DELAY, middle)
+            fit = least_squares(left, np.clip(start, low + 1e-12, high - 1e-12), **_how((low, high)))
+            best, x = min(best, fit, key=lambda f: f.cost), fit.x
+    return best
 
 
 def _fixed(left, x, i, value, bounds, most):
     """Return the fit of all parameters but number i, which has `value`, from x."""
     within = np.delete(bounds[0], i), np.delete(bounds[1], i)
     start = np.clip(np.delete(x, i), within[0] + 1e-12, within[1] - 1e-12)
-    return least_squares(lambda z: left(np.insert(z, i, value)), start, bounds=within, diff_step=1e-4, max_nfev=most)
+    return least_squares(lambda z: left(np.insert(z, i, value)), start, max_nfev=most, **_how(within))
 
 
-def _told(found, left, size, bounds, fastest, moves, n, level):
-    e, J = found.fun, found.jac
-    variance, spread = float(e @ e) / (n - len(size)), correlation(e)
-    far = np.linalg.norm(J, axis=0)
-    seen = (found.active_mask == 0) & (far > 1e-9 * far.max())
-    half = np.full(len(size), np.inf)
-    scaled = J[:, seen] / far[seen]
-    deviation = np.sqrt(np.diag(np.linalg.pinv(scaled.T @ scaled)).clip(0.0) * variance * spread) / far[seen]
-    half[seen] = float(student.ppf(0.5 + level / 2.0, max(n / spread - len(size), 1.0))) * deviation
+def _told(found, left, size, bounds, moves, level):
+    for _ in range(ROUNDS):
+        e = found.fun
+        lower: list[np.ndarray] = []
+        variance, spread = float(e @ e) / (len(e) - len(size)), correlation(e)
+        most = float(student.ppf(0.5 + level / 2.0, max(len(e) / spread - len(size), 1.0)))
+        how = (left, found, bounds, variance * spread, most, lower)
+        ends = [(_end(i, -1, *how), _end(i, 1, *how)) for i in range(len(NAMES))]
+        if not lower:
+            break
+        best = min(lower, key=lambda z: left(z) @ left(z))  # a profile found its way past a bend
+        found = least_squares(left, np.clip(best, bounds[0] + 1e-12, bounds[1] - 1e-12), **_how(bounds))
     out = Response(fit_pct=100.0 * (1.0 - float(np.std(e)) / moves), residual=math.sqrt(variance), correlation=spread)
-    for i, name in enumerate(NAMES):
-        a, b = (found.x[i] - half[i]), (found.x[i] + half[i])
-        note = ""
-        value = found.x[i]
-        if name == "rate":
-            worse = 2.0 * (_fixed(left, found.x, i, bounds[1][i], bounds, 50).cost - found.cost)
-            if half[i] > 0.5 * value or worse < float(chi2.ppf(SURE, 1)) * variance * spread:
-                out.parameters[name] = Parameter(math.nan, 0.9 * fastest, math.inf, "never reached: at least this")
-                continue
-            a = min(a, _profile(left, found, i, bounds, variance * spread, level, -1.0))
-            b = max(b, _profile(left, found, i, bounds, variance * spread, level))
-        if name in NONNEGATIVE and (a <= 0.0 or value < 1e-3):  # at its bound: the profile says how far up
-            a, b = 0.0, _profile(left, found, i, bounds, variance * spread, level)
+    without = _fixed(left, found.x, RATE, bounds[1][RATE], bounds, 50)  # as if it had no limit
+    reached = 2.0 * (without.cost - found.cost) > variance * spread * float(chi2.ppf(SURE, 1))
+    for i, (name, (a, b)) in enumerate(zip(NAMES, ends)):
+        value, unit, note = float(found.x[i]), float(size[i]), ""
+        if name == "rate" and not reached:
+            value, b, note = math.nan, math.inf, "never reached: at least this"
+        elif name in NONNEGATIVE and a <= 0.0:
             note = "down to none"
-        unit = float(size[i])
-        out.parameters[name] = Parameter(float(value) * unit, float(a) * unit, float(b) * unit, note)
+        out.parameters[name] = Parameter(value * unit, a * unit, b * unit, note)
     return out
 
 
-def _profile(left, found, i, bounds, variance, level, side=1.0):
-    """Return the upper end (lower for `side` -1) of the profile interval of parameter i: where the least sum of squares
-    has risen by chi square's `level` times `variance`, all others fitted anew."""
-    edge = bounds[1][i] if side > 0.0 else bounds[0][i]
-    most = float(chi2.ppf(level, 1)) * variance
+def _end(i, side, left, found, bounds, variance, most, lower):
+    """Return the lower (`side` -1) or upper end (1) of the profile interval of parameter i: where the root of the rise
+    of the least sum of squares over `variance` is `most`, all others fitted anew; the bound where it never is.
+    `lower` takes the parameters of what is a better fit than `found`."""
+    edge, x = float(bounds[max(side, 0)][i]), found.x
 
-    def rise(v):
-        return 2.0 * (_fixed(left, found.x, i, v, bounds, 15).cost - found.cost) - most
+    def over(v):
+        fit = _fixed(left, x, i, v, bounds, 20)
+        if 2.0 * (found.cost - fit.cost) > 0.05 * variance:
+            lower.append(np.insert(fit.x, i, v))
+        return math.sqrt(max(2.0 * (fit.cost - found.cost), 0.0) / variance) - most
 
-    step = max(0.01, 0.02 * found.x[i])
-    for _ in range(12):
-        end = found.x[i] + side * step
-        end = min(end, edge) if side > 0.0 else max(end, edge)
-        if rise(end) > 0.0:
-            return float(brentq(rise, found.x[i], end, xtol=1e-3 * step + 1e-12, maxiter=20, disp=False))
-        step *= 2.0
-    return float(edge)
+    near, step = float(x[i]), max(1e-4, 0.005 * float(x[i]))
+    while near != edge and not lower:
+        far = max(near - step, edge) if side < 0 else min(near + step, edge)
+        if over(far) > 0.0:
+            return float(brentq(over, near, far, xtol=0.01 * abs(far - x[i]), maxiter=20, disp=False))
+        near, step = far, 2.0 * step
+    return edge
 
 
 def correlation(e: np.ndarray) -> float:
