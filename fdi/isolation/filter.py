@@ -55,8 +55,6 @@ STATE = [
     ("h_started", "f8", "-"),  # 1 after the first usable rod sample
     ("h_hat", "f8", (4,), "m, m/s, -, -"),  # estimate at the time of the measurement
     ("h_P", "f8", (4, 4)),
-    ("h_W", "f8", (4, 4)),  # scratch
-    ("h_K", "f8", (4,)),
     ("load_last", "f8", "-"),  # load by the hinge-moment model, one tick ago
     ("load_rate2", "f8", "1/s^2"),  # its squared rate, lagged
     ("flow2", "f8", "m^2/s^2"),  # squared flow, lagged
@@ -65,8 +63,7 @@ STATE = [
     ("u_fast", "f8", "-"),  # valve command behind a high-pass
     ("high", "f8", (2,)),  # of the high-pass
     ("h_clock", "f8", "s"),  # since the start
-    ("h_V", "f8", (N, 4)),
-    ("enter", "f8", (N,)),  # flows that enter at this tick
+    ("h_V", "f8", (4, N)),  # response of each state to each column
     ("h_S", "f8", (SENSORS, N)),  # signatures of this tick
     ("h_e", "f8", (SENSORS,)),  # innovations, less what the learned errors explain
     ("h_s", "f8", (SENSORS,)),  # their variances; 0: no sample
@@ -109,9 +106,8 @@ def start(x, q, dp, u, p):
         for j in range(4):
             x.h_P[i, j] = 0.0
         x.h_P[i, i] = p.h_P0[i]
-    for i in range(N):
-        for j in range(4):
-            x.h_V[i, j] = 0.0
+        for c in range(N):
+            x.h_V[i, c] = 0.0
     x.load_last = load_model(x, u, p)
     x.load_rate2 = x.flow2 = 0.0
     x.h_lost = x.h_lost_dp = 0.0
@@ -128,22 +124,31 @@ def measure(x, j, y, mu, p):
     z = x.h_hat[2]
     limit = GATE * math.sqrt(s)
     e = min(max(e, -limit), limit)
-    for i in range(4):
-        x.h_K[i] = P[i, row] / s
-    for i in range(4):
-        x.h_hat[i] += x.h_K[i] * e
+    k0, k1, k2, k3 = P[0, row] / s, P[1, row] / s, P[2, row] / s, P[3, row] / s
+    x.h_hat[0] += k0 * e
+    x.h_hat[1] += k1 * e
+    x.h_hat[2] += k2 * e
+    x.h_hat[3] += k3 * e
+    V, S = x.h_V, x.h_S[j]
+    for c in range(N):
+        S[c] = V[row, c]
+    if j == PRESSURE:
+        S[SCALE] += z
     clean = e
     for c in range(N):
-        S = x.h_V[c, row]
-        if c == SCALE and j == PRESSURE:
-            S += z
-        x.h_S[j, c] = S
-        clean -= mu[c] * S
-        for i in range(4):
-            x.h_V[c, i] -= x.h_K[i] * S
+        clean -= mu[c] * S[c]
+    for c in range(N):
+        V[0, c] -= k0 * S[c]
+    for c in range(N):
+        V[1, c] -= k1 * S[c]
+    for c in range(N):
+        V[2, c] -= k2 * S[c]
+    for c in range(N):
+        V[3, c] -= k3 * S[c]
+    K = (k0, k1, k2, k3)
     for a in range(4):  # K is optimal: P - K s K'
         for b in range(a + 1):
-            P[a, b] -= x.h_K[a] * x.h_K[b] * s
+            P[a, b] -= K[a] * K[b] * s
             P[b, a] = P[a, b]
     # where the command drives the innovations most the model's own error does, too
     x.h_e[j], x.h_s[j] = clean, s + p.share * p.share * x.h_S[j, GAIN] * x.h_S[j, GAIN]
@@ -177,6 +182,14 @@ def measurement_update(x, u, mu, learn, p, dt):
 
 
 @kernel
+def enters(V, c, much, g0, g1, g2):
+    """Let `much` of what moves the first three states by (g0, g1, g2) enter column `c`."""
+    V[0, c] += g0 * much
+    V[1, c] += g1 * much
+    V[2, c] += g2 * much
+
+
+@kernel
 def predict(x, u, v, p, dt):
     """Predict over one tick under the held valve command `v`, and what the columns add meanwhile."""
     fast = p.high_b[0] * v + x.high[0]
@@ -197,26 +210,25 @@ def predict(x, u, v, p, dt):
     unit = 1.0 / max(x.flow_gain, gain * lu17.ROOT_FLOOR)  # of G: a flow of 1 m/s for a tick
     F = p.A_p * p.P_s * x.h_hat[3]
     fast_flow, most = gain * root * fast, max(root, 0.3)
-    enter = x.enter
-    enter[LEAK] = -z
-    enter[SOFT] = flow - p.L * z - w
-    enter[SUPPLY] = -0.5 * gain * v / most
-    enter[OFFSET] = p.L + 0.5 * gain * math.fabs(v) / most
-    enter[FLOW] = 1.0
-    enter[FAST] = fast_flow
-    enter[GAIN] = flow - fast_flow
-    rub, inertia = -w / (CREEP + math.fabs(w)), -(z + x.h_hat[3])
+    f00, f01, f02, f03, g0 = Phi[0, 0], Phi[0, 1], Phi[0, 2], Phi[0, 3], unit * G[0]
+    f10, f11, f12, f13, g1 = Phi[1, 0], Phi[1, 1], Phi[1, 2], Phi[1, 3], unit * G[1]
+    f20, f21, f22, f23, g2 = Phi[2, 0], Phi[2, 1], Phi[2, 2], Phi[2, 3], unit * G[2]
     for c in range(N):
-        a0, a1, a2, a3 = V[c, 0], V[c, 1], V[c, 2], V[c, 3]
-        s = unit * enter[c]
-        V[c, 0] = Phi[0, 0] * a0 + Phi[0, 1] * a1 + Phi[0, 2] * a2 + Phi[0, 3] * a3 + G[0] * s
-        V[c, 1] = Phi[1, 0] * a0 + Phi[1, 1] * a1 + Phi[1, 2] * a2 + Phi[1, 3] * a3 + G[1] * s
-        V[c, 2] = Phi[2, 0] * a0 + Phi[2, 1] * a1 + Phi[2, 2] * a2 + Phi[2, 3] * a3 + G[2] * s
-    for i in range(3):
-        V[FRICTION, i] += Phi[i, 3] * rub
-        V[MASS, i] += Phi[i, 3] * inertia
+        a0, a1, a2, a3 = V[0, c], V[1, c], V[2, c], V[3, c]
+        V[0, c] = f00 * a0 + f01 * a1 + f02 * a2 + f03 * a3
+        V[1, c] = f10 * a0 + f11 * a1 + f12 * a2 + f13 * a3
+        V[2, c] = f20 * a0 + f21 * a1 + f22 * a2 + f23 * a3
+    enters(V, LEAK, -z, g0, g1, g2)
+    enters(V, SOFT, flow - p.L * z - w, g0, g1, g2)
+    enters(V, SUPPLY, -0.5 * gain * v / most, g0, g1, g2)
+    enters(V, OFFSET, p.L + 0.5 * gain * math.fabs(v) / most, g0, g1, g2)
+    enters(V, FLOW, 1.0, g0, g1, g2)
+    enters(V, FAST, fast_flow, g0, g1, g2)
+    enters(V, GAIN, flow - fast_flow, g0, g1, g2)
+    enters(V, FRICTION, -w / (CREEP + math.fabs(w)), f03, f13, f23)
+    enters(V, MASS, -(z + x.h_hat[3]), f03, f13, f23)
     x.h_hat[0], x.h_hat[1], x.h_hat[2] = rk4(q, w, z, v, v, 0.0, F, p, dt)
-    congruence(x.h_P, Phi, x.h_W)
+    congruence(x.h_P, Phi, x.W)
     x.h_P[0, 0] += p.h_q[0] * dt
     x.h_P[1, 1] += p.h_q[1] * dt
     x.h_P[2, 2] += (p.h_q[2] + k * k * p.flow_share * p.flow_share * x.flow2 * RATE_TAU) * dt
