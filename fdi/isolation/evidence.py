@@ -11,7 +11,7 @@ import math
 
 from actuators.block import kernel
 from fdi.isolation.filter import FAST, FLOW, FRICTION, GAIN, LEAK, OFFSET, SCALE, SENSORS, SOFT, SUPPLY, N
-from fdi.isolation.sums import LINES, PAIRS, WAVES
+from fdi.isolation.sums import ENERGY, LINES, MEAN, NEXT, NUMBER, PAIRS, WAVES, gather
 
 ADDED, IN_PLACE, SWING_ROD, SWING_SURFACE, SWING_PRESSURE, SWING_LOAD = range(6)  # oscillations
 LOSS, LEAKAGE, LOW_SUPPLY, SOFT_OIL, RUBS, OPEN, SCALED, FREE = range(6, 14)
@@ -19,6 +19,7 @@ NOISE_ROD, NOISE_SURFACE, NOISE_PRESSURE, PAIR, OFF_PRESSURE = range(14, 19)
 HYPOTHESES = 19
 NU = 50.0
 NOISE_LEAST = 0.05  # of the sensors' variance: one that reports no noise at all is not that good
+SETTLES_S = 1.0  # the filter settles; what is learned then starts the windows [s]
 APART = 0.1  # least share of the gain's column that no oscillation explains: responses are those of rest
 WHITE = 0.3  # noise is not correlated more from tick to tick
 LEAST = 3.0  # Q is no less than noise leaves, by so many sigma
@@ -49,24 +50,17 @@ PRIORS = {
     "occam": 6.0, "memory": 30.0, "floor": 0.1,
 }  # fmt: skip
 STATE = [
-    ("JJ", "f8", (PAIRS,)),  # sums of the window at hand
-    ("bb", "f8", (N,)),
-    ("EE", "f8"),
-    ("LL", "f8", (N, N)),  # scratch
+    ("LL", "f8", (PAIRS,)),  # Cholesky factor at hand, packed by rows
     ("yy", "f8", (N,)),
     ("y2", "f8", (N,)),
     ("info", "f8", (N,)),  # of each column alone: information,
     ("pull", "f8", (N,)),  # and its product with the column's value
     ("prior", "f8", (2, N)),  # means and standard deviations of the hypothesis at hand
-    ("C", "f8", (WAVES, WAVES)),  # an oscillation's columns
-    ("LC", "f8", (WAVES, WAVES)),
-    ("cb", "f8", (WAVES,)),
+    ("gram", "f8", (LINES * (LINES + 1) // 2, 4)),  # of two lines' waves: cos cos, cos sin, sin cos, sin sin
+    ("cb", "f8", (WAVES,)),  # products of an oscillation's columns with the innovations, then the solution
     ("cx", "f8", (WAVES,)),  # with the gain's
     ("cf", "f8", (WAVES,)),  # with that of its fast part
-    ("cy", "f8", (WAVES,)),
-    ("cl", "f8", (WAVES,)),
-    ("cg", "f8", (WAVES,)),
-    ("ca", "f8", (WAVES,)),
+    ("ca", "f8", (WAVES,)),  # amplitudes
     ("ev_octave", "f8"),  # last evaluated octave, -1 for none at this tick
     ("ev_n", "f8"),
     ("ev_Q", "f8", (HYPOTHESES + 1,)),  # what each leaves; the last: health
@@ -83,41 +77,33 @@ def at(a, b):
 
 
 @kernel
-def gather(x, w, over):
-    """Copy the sums of window `w`, in units of the noise."""
-    for i in range(PAIRS):
-        x.JJ[i] = x.window_J[w, i] * over
-    for i in range(N):
-        x.bb[i] = x.window_b[w, i] * over
-    x.EE = 0.0
-    for j in range(SENSORS):
-        x.EE += x.window_E[w, j] * over
-
-
-@kernel
 def factor(x):
     """Write the Cholesky factor of J + P^-1 with x.prior; return ln det(I + P J)."""
     L, det = x.LL, 1.0
     for a in range(N):
-        for b in range(a + 1):
-            v = x.JJ[at(a, b)]
-            if a == b:
-                v += 1.0 / (x.prior[1, a] * x.prior[1, a])
-            for k in range(b):
-                v -= L[a, k] * L[b, k]
-            if a == b:
-                v = max(v, 1e-12)
-                det *= v * x.prior[1, a] * x.prior[1, a]
-                L[a, a] = math.sqrt(v)
-            else:
-                L[a, b] = v / L[b, b]
+        i = a * (a + 1) // 2
+        for b in range(a):
+            k = b * (b + 1) // 2
+            v = x.JJ[i + b]
+            for c in range(b):
+                v -= L[i + c] * L[k + c]
+            L[i + b] = v / L[k + b]
+        variance = x.prior[1, a] * x.prior[1, a]
+        v = x.JJ[i + a] + 1.0 / variance
+        for c in range(a):
+            v -= L[i + c] * L[i + c]
+        v = max(v, 1e-12)
+        det *= v * variance
+        L[i + a] = math.sqrt(v)
     return math.log(det)
 
 
 @kernel
 def left(x):
     """Return Q with x.prior and its factor; write y."""
-    Q = x.EE
+    Q = 0.0
+    for j in range(SENSORS):
+        Q += x.tt[ENERGY, j]
     for a in range(N):
         r, m = x.bb[a], x.prior[0, a]
         Jm = 0.0
@@ -126,9 +112,10 @@ def left(x):
                 Jm += x.JJ[at(a, b)] * x.prior[0, b]
         Q += m * (Jm - 2.0 * r)
         r -= Jm
+        i = a * (a + 1) // 2
         for k in range(a):
-            r -= x.LL[a, k] * x.yy[k]
-        x.yy[a] = r / x.LL[a, a]
+            r -= x.LL[i + k] * x.yy[k]
+        x.yy[a] = r / x.LL[i + a]
         Q -= x.yy[a] * x.yy[a]
     return Q
 
@@ -148,64 +135,94 @@ def health(x):
 
 
 @kernel
-def columns(x, p, w, o, place, over):
-    """Write the sums of an oscillation's columns at `place`: with each other, the innovations, the gain's signature."""
+def powers(c, s, c_turn, s_turn):
+    """Return sum z^n over n = 1 ... m by its real and imaginary part, where z^m = c + i s and z = c_turn + i s_turn:
+    z (1 - z^m) / (1 - z)."""
+    a, b = c_turn * (1.0 - c) + s_turn * s, s_turn * (1.0 - c) - c_turn * s
+    down, up = 1.0 - c_turn, -s_turn
+    over = 1.0 / max(down * down + up * up, 1e-300)
+    return (a * down + b * up) * over, (b * down - a * up) * over
+
+
+@kernel
+def waves(x, p, w):
+    """Write the sums of products of the waves of window `w`, over blocks, in closed form."""
+    i = 0
+    for k in range(LINES):
+        c, s, c1, s1 = x.phase_c[w, k], x.phase_s[w, k], p.turn_c[w, k], p.turn_s[w, k]
+        for l in range(k + 1):
+            d, t, d1, t1 = x.phase_c[w, l], x.phase_s[w, l], p.turn_c[w, l], p.turn_s[w, l]
+            sum_c, sum_s = powers(c * d - s * t, s * d + c * t, c1 * d1 - s1 * t1, s1 * d1 + c1 * t1)
+            apart_c, apart_s = x.window_age[w], 0.0
+            if l < k:
+                apart_c, apart_s = powers(c * d + s * t, s * d - c * t, c1 * d1 + s1 * t1, s1 * d1 - c1 * t1)
+            x.gram[i, 0], x.gram[i, 1] = 0.5 * (apart_c + sum_c), 0.5 * (sum_s - apart_s)
+            x.gram[i, 2], x.gram[i, 3] = 0.5 * (sum_s + apart_s), 0.5 * (apart_c - sum_c)
+            i += 1
+
+
+@kernel
+def columns(x, p, w, place):
+    """Write the sums of an oscillation's columns at `place`: with each other, packed in x.LL, with the innovations and
+    with the gain's signature."""
     for k in range(WAVES):
         x.cb[k] = x.cx[k] = x.cf[k] = 0.0
-        for l in range(k + 1):
-            x.C[k, l] = 0.0
+    for k in range(WAVES * (WAVES + 1) // 2):
+        x.LL[k] = 0.0
     for j in range(SENSORS):
-        if x.window_n[w, j] <= 0.0:
+        if x.tt[NUMBER, j] <= 0.0:
             continue
-        m = over * x.window_n[w, j] / x.window_age[w]  # ticks of a block
+        m = x.tt[NUMBER, j] / (x.window_age[w] * x.noise[j])  # ticks of a block, in units of the noise
+        unit = 1.0 / math.sqrt(x.noise[j])
+        pair = 0
         for k in range(LINES):
-            a, b = p.response[place, o, k, 2 * j], p.response[place, o, k, 2 * j + 1]
+            a, b = p.response[place, w, k, 2 * j], p.response[place, w, k, 2 * j + 1]
             i = 2 * k
             e, g, f = x.window_D[w, 0, j], x.window_D[w, 1, j], x.window_D[w, 2, j]
-            x.cb[i] += (a * e[i] - b * e[i + 1]) * over
-            x.cb[i + 1] += (b * e[i] + a * e[i + 1]) * over
-            x.cx[i] += (a * g[i] - b * g[i + 1]) * over
-            x.cx[i + 1] += (b * g[i] + a * g[i + 1]) * over
+            x.cb[i] += unit * (a * e[i] - b * e[i + 1])
+            x.cb[i + 1] += unit * (b * e[i] + a * e[i + 1])
+            x.cx[i] += unit * (a * g[i] - b * g[i + 1])
+            x.cx[i + 1] += unit * (b * g[i] + a * g[i + 1])
             if place == 0:
-                x.cf[i] += (a * f[i] - b * f[i + 1]) * over
-                x.cf[i + 1] += (b * f[i] + a * f[i + 1]) * over
+                x.cf[i] += unit * (a * f[i] - b * f[i + 1])
+                x.cf[i + 1] += unit * (b * f[i] + a * f[i + 1])
             for l in range(k + 1):
-                c, d = p.response[place, o, l, 2 * j], p.response[place, o, l, 2 * j + 1]
+                c, d = p.response[place, w, l, 2 * j], p.response[place, w, l, 2 * j + 1]
                 n = 2 * l
-                cc, cs = x.gram[w, at(i, n)], x.gram[w, at(i, n + 1)]
-                sc, ss = x.gram[w, at(i + 1, n)], x.gram[w, at(i + 1, n + 1)]
+                cc, cs, sc, ss = x.gram[pair, 0], x.gram[pair, 1], x.gram[pair, 2], x.gram[pair, 3]
+                pair += 1
                 # rows (a, -b), (b, a) of the one, (c, -d), (d, c) of the other
-                x.C[i, n] += m * (a * (c * cc - d * cs) - b * (c * sc - d * ss))
-                x.C[i, n + 1] += m * (a * (d * cc + c * cs) - b * (d * sc + c * ss))
-                x.C[i + 1, n] += m * (b * (c * cc - d * cs) + a * (c * sc - d * ss))
-                x.C[i + 1, n + 1] += m * (b * (d * cc + c * cs) + a * (d * sc + c * ss))
+                up, down = i * (i + 1) // 2 + n, (i + 1) * (i + 2) // 2 + n
+                x.LL[up] += m * (a * (c * cc - d * cs) - b * (c * sc - d * ss))
+                x.LL[down] += m * (b * (c * cc - d * cs) + a * (c * sc - d * ss))
+                x.LL[down + 1] += m * (b * (d * cc + c * cs) + a * (d * sc + c * ss))
+                if l < k:
+                    x.LL[up + 1] += m * (a * (d * cc + c * cs) - b * (d * sc + c * ss))
 
 
 @kernel
 def factor_columns(x, sd):
-    """Factor the sums of an oscillation's columns; return ln det. x.cl becomes what they share with the gain's."""
-    L, det = x.LC, 1.0
+    """Factor the sums of an oscillation's columns in x.LL, solve for cb, cx and cf in place; return ln det."""
+    L, det, variance = x.LL, 1.0, sd * sd
     for a in range(WAVES):
-        for b in range(a + 1):
-            v = x.C[a, b]
-            if a == b:
-                v += 1.0 / (sd * sd)
-            for k in range(b):
-                v -= L[a, k] * L[b, k]
-            if a == b:
-                v = max(v, 1e-3 / (sd * sd))
-                det *= v * sd * sd
-                L[a, a] = math.sqrt(v)
-            else:
-                L[a, b] = v / L[b, b]
+        i = a * (a + 1) // 2
+        for b in range(a):
+            k = b * (b + 1) // 2
+            v = L[i + b]
+            for c in range(b):
+                v -= L[i + c] * L[k + c]
+            L[i + b] = v / L[k + b]
+        v = L[i + a] + 1.0 / variance
         l, r, f = x.cx[a], x.cb[a], x.cf[a]
-        for k in range(a):
-            l -= L[a, k] * x.cl[k]
-            r -= L[a, k] * x.cy[k]
-            f -= L[a, k] * x.cg[k]
-        x.cl[a] = l / L[a, a]
-        x.cy[a] = r / L[a, a]
-        x.cg[a] = f / L[a, a]
+        for c in range(a):
+            v -= L[i + c] * L[i + c]
+            l -= L[i + c] * x.cx[c]
+            r -= L[i + c] * x.cb[c]
+            f -= L[i + c] * x.cf[c]
+        v = max(v, 1e-3 / variance)
+        det *= v * variance
+        L[i + a] = math.sqrt(v)
+        x.cx[a], x.cb[a], x.cf[a] = l / L[i + a], r / L[i + a], f / L[i + a]
     return math.log(det)
 
 
@@ -215,16 +232,16 @@ def beside(x, Q, r, pivot2):
     The amplitudes are in x.ca."""
     own, shared = 0.0, 0.0
     for a in range(WAVES):
-        Q -= x.cy[a] * x.cy[a]
-        own += x.cl[a] * x.cl[a]
-        shared += x.cl[a] * x.cy[a]
+        Q -= x.cb[a] * x.cb[a]
+        own += x.cx[a] * x.cx[a]
+        shared += x.cx[a] * x.cb[a]
     d = max(pivot2 - own, APART * pivot2)
     t = (r - shared) / d
     for a in range(WAVES - 1, -1, -1):
-        v = x.cy[a] - x.cl[a] * t
+        v = x.cb[a] - x.cx[a] * t
         for k in range(a + 1, WAVES):
-            v -= x.LC[k, a] * x.ca[k]
-        x.ca[a] = v / x.LC[a, a]
+            v -= x.LL[k * (k + 1) // 2 + a] * x.ca[k]
+        x.ca[a] = v / x.LL[a * (a + 3) // 2]
     return Q - t * t * d, math.log(d / pivot2)
 
 
@@ -247,8 +264,8 @@ def inverse(x, i):
     for a in range(i, N):
         v = 1.0 if a == i else 0.0
         for k in range(i, a):
-            v -= L[a, k] * x.y2[k]
-        x.y2[a] = v / L[a, a]
+            v -= L[a * (a + 1) // 2 + k] * x.y2[k]
+        x.y2[a] = v / L[a * (a + 3) // 2]
         total += x.y2[a] * x.y2[a]
     return total
 
@@ -260,8 +277,8 @@ def alone(x):
     for a in range(N - 1, -1, -1):
         v = x.yy[a]
         for k in range(a + 1, N):
-            v -= x.LL[k, a] * x.pull[k]
-        x.pull[a] = v / x.LL[a, a]
+            v -= x.LL[k * (k + 1) // 2 + a] * x.pull[k]
+        x.pull[a] = v / x.LL[a * (a + 3) // 2]
     for i in range(N):
         variance = inverse(x, i)
         x.info[i] = max(1.0 / variance - 1.0 / (x.prior[1, i] * x.prior[1, i]), 0.0)
@@ -288,13 +305,12 @@ def give(x, h, Q, logdet, n, base):
 @kernel
 def evaluate(x, p, o):
     """Write the evidence of every hypothesis over the window of octave `o`."""
-    w = o
-    n = 0.0
+    gather(x, o)
+    n, E = 0.0, 0.0
     for j in range(SENSORS):
-        n += x.window_n[w, j]
+        n += x.tt[NUMBER, j]
+        E += x.tt[ENERGY, j]
     x.ev_octave, x.ev_n = o, n
-    over = 1.0 / x.noise_scale
-    gather(x, w, over)
     health(x)
     logdet0 = factor(x)
     Q0 = left(x)
@@ -308,21 +324,22 @@ def evaluate(x, p, o):
     logdet_health = math.log(pivot2_health * x.sd[GAIN] * x.sd[GAIN])
     # in place: the fast part of the command does not come through, of the slow part some or all or nothing
     m, F = -1.0 - x.mu[FAST], x.JJ[at(FAST, FAST)]
-    Q_gone = x.EE + m * (m * F - 2.0 * x.bb[FAST])
+    Q_gone = E + m * (m * F - 2.0 * x.bb[FAST])
     r_gone = r - m * x.JJ[at(GAIN, FAST)]
     pivot2_gone = J + 1.0 / (p.slow_sd * p.slow_sd)
     logdet_gone = math.log(pivot2_gone * p.slow_sd * p.slow_sd)
+    waves(x, p, o)
     for place in range(5):
-        columns(x, p, w, o, place, over)
-        sd = p.sine_sd[place] * (6.2831853 * p.hz[o, 1] if place == 0 else 1.0)
+        columns(x, p, o, place)
+        sd = p.sine_sd[place] * (6.2831853 * p.hz[o, LINES // 2] if place == 0 else 1.0)
         h = 0 if place == 0 else place + 1
         logdet = factor_columns(x, sd)
-        Q, more = beside(x, x.EE, r, pivot2_health)
+        Q, more = beside(x, E, r, pivot2_health)
         give(x, h, Q, logdet_health + logdet + more, n, base)
         heard(x, p, o, h)
         if place == 0:
             for a in range(WAVES):
-                x.cy[a] -= m * x.cg[a]
+                x.cb[a] -= m * x.cf[a]
             Q, more = beside(x, Q_gone, r_gone, pivot2_gone)
             give(x, IN_PLACE, Q, logdet_gone + logdet + more, n, base)
             heard(x, p, o, IN_PLACE)
@@ -354,64 +371,62 @@ def evaluate(x, p, o):
     logdet = factor(x)
     give(x, FREE, left(x), logdet, n, base)
     for j in range(SENSORS):
-        m = x.window_n[w, j]
-        ratio = max(x.window_E[w, j] * over / max(m, 1.0), 1.0)
-        if x.c1[w, j] > WHITE * x.window_E[w, j]:
+        m = x.tt[NUMBER, j]
+        ratio = max(x.tt[ENERGY, j] / max(m, 1.0), 1.0)
+        if x.tt[NEXT, j] > WHITE * x.tt[ENERGY, j]:
             ratio = 1.0
         give(x, NOISE_ROD + j, Q0 - m * (ratio - 1.0), logdet0 + m * math.log(ratio) + p.occam, n, base)
     # rod and surface apart
     b, J = 0.0, 0.0
     for j in range(SENSORS):
-        H = p.still[2, j]
-        b += H * x.window_M[w, j]
-        J += H * H * x.window_n[w, j]
-    b, J, sd = b * over, J * over, p.sine_sd[2]
+        H = p.still[2, j] / math.sqrt(x.noise[j])
+        b += H * x.tt[MEAN, j]
+        J += H * H * x.tt[NUMBER, j]
+    sd = p.sine_sd[2]
     d = J + 1.0 / (sd * sd)
-    give(x, PAIR, (Q0 - b * b / d) if o < 5 else 1e12, logdet0 + math.log(d * sd * sd), n, base)
+    give(x, PAIR, Q0 - b * b / d, logdet0 + math.log(d * sd * sd), n, base)
 
 
 @kernel
 def teach(x, p, dt):
-    """Take the block's lesson of the columns."""
-    keep = math.exp(-p.block * dt / p.memory)
-    over = 1.0 / x.noise_scale
+    """Take the lesson of the shortest window: the columns, and each sensor's noise."""
+    span = p.length[0] * p.block * dt
+    keep = math.exp(-span / p.memory)
+    J = x.window_J[0]
     for a in range(N):
-        lesson = x.block_b[a]
+        lesson = x.window_b[0, a]
         for b in range(N):
-            lesson += x.block_J[at(a, b)] * x.mu[b]
-        x.lesson_b[a] = keep * x.lesson_b[a] + lesson * over
+            lesson += J[at(a, b)] * x.mu[b]
+        x.lesson_b[a] = keep * x.lesson_b[a] + lesson
     for i in range(PAIRS):
-        x.lesson_J[i] = keep * x.lesson_J[i] + x.block_J[i] * over
-    E, n = 0.0, 0.0
+        x.lesson_J[i] = keep * x.lesson_J[i] + J[i]
+    share = span / min(p.memory, max(x.h_clock - SETTLES_S, span))
     for j in range(SENSORS):
-        E += x.block_E[j]
-        n += x.block_N[j]
-    if n > 0.0:
-        a = p.block * dt / min(p.memory, max(x.h_clock - 1.0, p.block * dt))
-        x.noise_scale = max(x.noise_scale + a * (min(E / n, 2.0 * x.noise_scale) - x.noise_scale), NOISE_LEAST)
+        n = x.window_t[0, NUMBER, j]
+        if n > 0.0:
+            ratio = min(x.window_t[0, ENERGY, j] / n, 2.0)
+            x.noise[j] = max(x.noise[j] * (1.0 + share * (ratio - 1.0)), NOISE_LEAST)
 
 
 @kernel
 def solve(x, p):
     """Solve for the learned errors and their standard deviations."""
     L = x.LL
+    for i in range(N):
+        x.prior[1, i] = p.prior_sd[i]
+    for i in range(PAIRS):
+        x.JJ[i] = x.lesson_J[i]
+    factor(x)
     for a in range(N):
-        for b in range(a + 1):
-            v = x.lesson_J[at(a, b)]
-            if a == b:
-                v += 1.0 / (p.prior_sd[a] * p.prior_sd[a])
-            for k in range(b):
-                v -= L[a, k] * L[b, k]
-            L[a, b] = math.sqrt(max(v, 1e-12)) if a == b else v / L[b, b]
-    for a in range(N):
+        i = a * (a + 1) // 2
         v = x.lesson_b[a] + p.prior_mean[a] / (p.prior_sd[a] * p.prior_sd[a])
         for k in range(a):
-            v -= L[a, k] * x.yy[k]
-        x.yy[a] = v / L[a, a]
+            v -= L[i + k] * x.yy[k]
+        x.yy[a] = v / L[i + a]
     for a in range(N - 1, -1, -1):
         v = x.yy[a]
         for k in range(a + 1, N):
-            v -= L[k, a] * x.mu[k]
-        x.mu[a] = v / L[a, a]
+            v -= L[k * (k + 1) // 2 + a] * x.mu[k]
+        x.mu[a] = v / L[a * (a + 3) // 2]
     for i in range(N):
         x.sd[i] = math.sqrt(inverse(x, i) + p.floor * p.floor * p.prior_sd[i] * p.prior_sd[i])

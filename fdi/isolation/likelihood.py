@@ -22,7 +22,7 @@ from fdi.isolation.filter import SENSORS
 from fdi.isolation.response import PLACES, responses
 
 PERIOD = 0.005  # of the samples whose variance stands in `filter.NOISE` [s]
-BEGIN_S, LEARN_S = 1.0, 4.0  # the filter settles; what is learned then starts the windows [s]
+LEARN_S = 4.0  # what is learned until then starts the windows [s]
 STOP = 1e-3  # so near a stop the rod may lean on it [m]
 DT_MOST = 0.0101  # of longer ticks a filter that is linear over a tick leaves too much: it is not asked there [s]
 YOUNG = 1.0 / 3.0  # of its length, from which on a window is asked
@@ -85,15 +85,14 @@ def _responses(p, dt, hz):
 
 def begin(x: np.ndarray, p: np.ndarray) -> None:
     """Write into STATE records `x` that nothing is learned."""
-    x["mu"], x["sd"], x["noise_scale"], x["phase_c"] = p["prior_mean"], p["prior_sd"], 1.0, 1.0
+    x["mu"], x["sd"], x["noise"], x["phase_c"] = p["prior_mean"], p["prior_sd"], 1.0, 1.0
     x["ev_octave"] = -1.0
 
 
 @kernel
 def restart(x):
     """Let every window begin anew."""
-    sums.empty_all(x)
-    sums.clear_block(x)
+    sums.begin_all(x)
     decide.forget(x)
 
 
@@ -110,9 +109,9 @@ def close(x, p, suspicious, dt):
     if o >= 0 and x.window_age[o] >= YOUNG * p.length[o] and x.h_clock >= LEARN_S:
         evidence.evaluate(x, p, o)
         anew = decide.judge(x, p, o, dt)
-    if quiet or x.h_clock < LEARN_S:
+    if x.window_age[0] >= p.length[0] and (quiet or x.h_clock < LEARN_S):
         evidence.teach(x, p, dt)
-    sums.clear_block(x)
+    sums.fold(x, p)
     if blocks % int(sums.SOLVE_BLOCKS) == 0:
         evidence.solve(x, p)
         anew = anew or x.h_clock < LEARN_S
@@ -126,7 +125,7 @@ def listen(x, u, p, suspicious, dt):
     x.ev_octave = -1.0
     if p.asks < 0.5 or not filter.advance(x, u, x.mu, x.since > QUIET_S and x.alarm < 0.5, p, dt):
         return
-    if x.h_clock < BEGIN_S:
+    if x.h_clock < evidence.SETTLES_S:
         return
     x.since += dt
     x.speaks_timer = max(x.speaks_timer - dt, 0.0)

@@ -3,9 +3,12 @@
 Ticks are added up to blocks of BLOCK_S; of every octave of frequencies a window begins anew every PERIODS of its
 middle, and is asked from a third of its length on. It holds
 
-    J = sum S' S / s,    b = sum S' e / s,    E = sum e^2 / s,    D(f) = sum (e, S_gain) exp(-i w t) / sqrt(s)
+    J = sum S' S / s,    b = sum S' e / s,    E = sum e^2 / s,    D(f) = sum (e, S_gain, S_fast) exp(i w t) / sqrt(s)
 
-for LINES frequencies of its octave. Nothing is accumulated for longer than a window.
+for LINES frequencies of its octave: two periods tell no more of an octave apart. J, b and E are nested: every window
+is twice as long as that of the octave above and takes its sums when that is full, so that the sums of a window are
+those of all above it together (`gather`); the shortest one is the lesson of the flight. D turns with its own lines.
+Nothing is accumulated for longer than a window.
 """
 
 import math
@@ -16,12 +19,13 @@ from actuators.block import kernel
 from fdi.isolation.filter import FAST, GAIN, SENSORS, N
 
 BLOCK_S = 0.02  # [s]
-OCTAVES, LINES = 6, 3
+OCTAVES, LINES = 5, 2
 WAVES = 2 * LINES  # cosines and sines
-GRAM = WAVES * (WAVES + 1) // 2
 TOP_HZ = 8.0  # middle of the fastest octave
 PERIODS = 2.0
 PAIRS = N * (N + 1) // 2
+ENERGY, NUMBER, MEAN, NEXT = range(4)  # sums of e^2, 1, e, and of e with that of the tick before
+TOLD = 4
 SOLVE_BLOCKS = 50  # so often the lesson is solved for
 
 PARAMS = [
@@ -36,29 +40,21 @@ STATE = [
     ("sd", "f8", (N,)),  # their standard deviations
     ("lesson_J", "f8", (PAIRS,)),
     ("lesson_b", "f8", (N,)),
-    ("noise_scale", "f8", "-"),  # variance of the innovations over what the filter expects
+    ("noise", "f8", (SENSORS,)),  # variance of each sensor's innovations over what the filter expects
     ("blocks", "f8"),  # so far
     ("block_tick", "f8"),  # into the block
-    ("block_J", "f8", (PAIRS,)),
-    ("block_b", "f8", (N,)),
-    ("block_E", "f8", (SENSORS,)),
-    ("block_N", "f8", (SENSORS,)),
     ("block_w", "f8", (3, SENSORS)),  # of innovations, signatures of the gain and of its fast part
-    ("phase_c", "f8", (OCTAVES, LINES)),
+    ("phase_c", "f8", (OCTAVES, LINES)),  # of each line since its window began
     ("phase_s", "f8", (OCTAVES, LINES)),
     ("window_age", "f8", (OCTAVES,)),  # blocks since it began
-    ("window_J", "f8", (OCTAVES, PAIRS)),
+    ("window_J", "f8", (OCTAVES, PAIRS)),  # less what those of the octaves above hold
     ("window_b", "f8", (OCTAVES, N)),
-    ("window_E", "f8", (OCTAVES, SENSORS)),
-    ("window_n", "f8", (OCTAVES, SENSORS)),
+    ("window_t", "f8", (OCTAVES, TOLD, SENSORS)),
     ("window_D", "f8", (OCTAVES, 3, SENSORS, WAVES)),  # innovations, signatures of gain and fast part, by cos, sin
-    ("gram", "f8", (OCTAVES, GRAM)),  # of the waves, over blocks
     ("e_last", "f8", (SENSORS,)),  # whitened innovations of the tick before
-    ("block_c", "f8", (SENSORS,)),
-    ("c1", "f8", (OCTAVES, SENSORS)),  # sums of their products with those of the tick before
-    ("window_M", "f8", (OCTAVES, SENSORS)),  # sums of the innovations
-    ("weighed", "f8", (SENSORS, N)),  # scratch
-    ("wave", "f8", (WAVES,)),  # scratch
+    ("JJ", "f8", (PAIRS,)),  # sums of the window at hand
+    ("bb", "f8", (N,)),
+    ("tt", "f8", (TOLD, SENSORS)),
 ]
 
 
@@ -68,53 +64,63 @@ def design(dt: float) -> dict:
     middle = TOP_HZ / 2.0 ** np.arange(OCTAVES)
     hz = middle[:, None] * 2.0 ** ((np.arange(LINES) - 0.5 * (LINES - 1)) / LINES)
     angle = 2.0 * np.pi * hz * block * dt
-    length = np.maximum(2.0 * np.round(0.5 * PERIODS / (middle * block * dt)), 2.0)
+    length = max(2.0 * round(0.5 * PERIODS / (TOP_HZ * block * dt)), 2.0) * 2.0 ** np.arange(OCTAVES)
     return {"block": float(block), "length": length, "hz": hz, "turn_c": np.cos(angle), "turn_s": np.sin(angle)}
 
 
 @kernel
-def empty(x, w):
-    """Let window `w` begin anew."""
+def begin(x, w):
+    """Let the waves of window `w` begin anew, and the sums that only it holds."""
     x.window_age[w] = 0.0
     for i in range(PAIRS):
         x.window_J[w, i] = 0.0
     for i in range(N):
         x.window_b[w, i] = 0.0
-    for j in range(SENSORS):
-        x.window_E[w, j] = 0.0
-        x.window_n[w, j] = 0.0
-        x.window_M[w, j] = 0.0
-        x.c1[w, j] = 0.0
-        for k in range(WAVES):
-            x.window_D[w, 0, j, k] = 0.0
-            x.window_D[w, 1, j, k] = 0.0
-            x.window_D[w, 2, j, k] = 0.0
-    for i in range(GRAM):
-        x.gram[w, i] = 0.0
+    for t in range(TOLD):
+        for j in range(SENSORS):
+            x.window_t[w, t, j] = 0.0
+    for s in range(3):
+        for j in range(SENSORS):
+            for k in range(WAVES):
+                x.window_D[w, s, j, k] = 0.0
+    for k in range(LINES):
+        x.phase_c[w, k], x.phase_s[w, k] = 1.0, 0.0
 
 
 @kernel
-def empty_all(x):
-    """Let all windows begin anew."""
+def begin_all(x):
+    """Let all windows and the block begin anew."""
     for o in range(OCTAVES):
-        empty(x, o)
+        begin(x, o)
+    clear_block(x)
+
+
+@kernel
+def clear_block(x):
+    """Begin a block."""
+    x.block_tick = 0.0
+    for s in range(3):
+        for j in range(SENSORS):
+            x.block_w[s, j] = 0.0
 
 
 @kernel
 def add_tick(x):
-    """Add a tick's innovations and signatures to the block."""
-    w = x.weighed
+    """Add a tick's innovations and signatures to the shortest window and to the block; leave the signatures in units
+    of the noise."""
+    w, t, J = x.h_S, x.window_t[0], x.window_J[0]
     for j in range(SENSORS):
         s = x.h_s[j]
-        over = 1.0 / s if s > 0.0 else 0.0
+        over = 1.0 / (s * x.noise[j]) if s > 0.0 else 0.0
         root = math.sqrt(over)
         e = x.h_e[j] * root
         for a in range(N):
-            w[j, a] = x.h_S[j, a] * root
-            x.block_b[a] += w[j, a] * e
-        x.block_E[j] += e * e
-        x.block_N[j] += 1.0 if s > 0.0 else 0.0
-        x.block_c[j] += e * x.e_last[j]
+            w[j, a] *= root
+            x.window_b[0, a] += w[j, a] * e
+        t[ENERGY, j] += e * e
+        t[NUMBER, j] += 1.0 if s > 0.0 else 0.0
+        t[MEAN, j] += e
+        t[NEXT, j] += e * x.e_last[j]
         x.e_last[j] = e
         x.block_w[0, j] += e
         x.block_w[1, j] += w[j, GAIN]
@@ -122,62 +128,63 @@ def add_tick(x):
     i = 0
     for a in range(N):
         for b in range(a + 1):
-            x.block_J[i] += w[0, a] * w[0, b] + w[1, a] * w[1, b] + w[2, a] * w[2, b]
+            J[i] += w[0, a] * w[0, b] + w[1, a] * w[1, b] + w[2, a] * w[2, b]
             i += 1
     x.block_tick += 1.0
 
 
 @kernel
 def close_block(x, p):
-    """Add the finished block to every window; windows at their length begin anew before."""
+    """Turn every line by a block, add the finished block to its sums."""
     for o in range(OCTAVES):
         for k in range(LINES):
             c, s = x.phase_c[o, k], x.phase_s[o, k]
             c, s = c * p.turn_c[o, k] - s * p.turn_s[o, k], s * p.turn_c[o, k] + c * p.turn_s[o, k]
             norm = 1.5 - 0.5 * (c * c + s * s)
-            x.phase_c[o, k], x.phase_s[o, k] = c * norm, s * norm
-            x.wave[2 * k], x.wave[2 * k + 1] = c, s
-        w = o
-        if x.window_age[w] >= p.length[o]:
-            empty(x, w)
-        for a in range(PAIRS):
-            x.window_J[w, a] += x.block_J[a]
-        for a in range(N):
-            x.window_b[w, a] += x.block_b[a]
-        for j in range(SENSORS):
-            e, g, f = x.block_w[0, j], x.block_w[1, j], x.block_w[2, j]
-            x.window_E[w, j] += x.block_E[j]
-            x.window_n[w, j] += x.block_N[j]
-            x.window_M[w, j] += e
-            x.c1[w, j] += x.block_c[j]
-            for k in range(WAVES):
-                x.window_D[w, 0, j, k] += x.wave[k] * e
-                x.window_D[w, 1, j, k] += x.wave[k] * g
-                x.window_D[w, 2, j, k] += x.wave[k] * f
-        m = 0
-        for k in range(WAVES):
-            for l in range(k + 1):
-                x.gram[w, m] += x.wave[k] * x.wave[l]
-                m += 1
-        x.window_age[w] += 1.0
+            c, s = c * norm, s * norm
+            x.phase_c[o, k], x.phase_s[o, k] = c, s
+            for i in range(3):
+                for j in range(SENSORS):
+                    x.window_D[o, i, j, 2 * k] += c * x.block_w[i, j]
+                    x.window_D[o, i, j, 2 * k + 1] += s * x.block_w[i, j]
+        x.window_age[o] += 1.0
     x.blocks += 1.0
+    clear_block(x)
 
 
 @kernel
-def clear_block(x):
-    """Begin a block."""
-    x.block_tick = 0.0
+def fold(x, p):
+    """Let the windows that are full begin anew; what they hold goes to the next longer one."""
+    for o in range(OCTAVES):
+        if x.window_age[o] < p.length[o]:
+            return
+        if o < OCTAVES - 1:
+            for i in range(PAIRS):
+                x.window_J[o + 1, i] += x.window_J[o, i]
+            for i in range(N):
+                x.window_b[o + 1, i] += x.window_b[o, i]
+            for t in range(TOLD):
+                for j in range(SENSORS):
+                    x.window_t[o + 1, t, j] += x.window_t[o, t, j]
+        begin(x, o)
+
+
+@kernel
+def gather(x, w):
+    """Write the sums of window `w`."""
     for i in range(PAIRS):
-        x.block_J[i] = 0.0
+        x.JJ[i] = x.window_J[0, i]
+        for o in range(1, w + 1):
+            x.JJ[i] += x.window_J[o, i]
     for i in range(N):
-        x.block_b[i] = 0.0
-    for j in range(SENSORS):
-        x.block_E[j] = 0.0
-        x.block_N[j] = 0.0
-        x.block_c[j] = 0.0
-        x.block_w[0, j] = 0.0
-        x.block_w[1, j] = 0.0
-        x.block_w[2, j] = 0.0
+        x.bb[i] = x.window_b[0, i]
+        for o in range(1, w + 1):
+            x.bb[i] += x.window_b[o, i]
+    for t in range(TOLD):
+        for j in range(SENSORS):
+            x.tt[t, j] = x.window_t[0, t, j]
+            for o in range(1, w + 1):
+                x.tt[t, j] += x.window_t[o, t, j]
 
 
 @kernel

@@ -11,8 +11,7 @@ from cosim.scenario.catalog import SEGMENTS
 from cosim.training.flights import scenario
 from fdi.common import verdict
 from fdi.hydraulic import iotsekf
-from fdi.isolation import evidence, filter, response
-from fdi.isolation.sums import PAIRS
+from fdi.isolation import evidence, filter, response, sums
 
 DT, ONSET, HEALED = 0.005, 10.0, 16.0
 FIELDS = {name: f"iotsekf_in.{{}}.{name}" for name in iotsekf.INPUTS.names}
@@ -107,7 +106,7 @@ def sums_of(S, e):
     x = iotsekf.init(designed())[0]
     J, b = S.T @ S, S.T @ e
     x.JJ[:] = [J[a, c] for a in range(filter.N) for c in range(a + 1)]
-    x.bb[:], x.EE = b, e @ e
+    x.bb[:], x.tt[sums.ENERGY, 0] = b, e @ e
     return x
 
 
@@ -121,7 +120,7 @@ def test_the_evidence_is_that_of_the_linear_model_with_its_prior():
     Q = evidence.left(x)
     covariance = np.eye(60) + S @ np.diag(sd**2) @ S.T  # of e, theta taken out
     left = e - S @ mean
-    assert len(x.JJ) == PAIRS
+    assert len(x.JJ) == sums.PAIRS
     assert logdet == pytest.approx(np.linalg.slogdet(covariance)[1], rel=1e-9)
     assert Q == pytest.approx(left @ np.linalg.solve(covariance, left), rel=1e-9)
 
@@ -141,6 +140,36 @@ def test_another_prior_of_one_column_asks_for_no_factor_of_its_own():
         y.prior[0, i], y.prior[1, i] = 0.3, 0.7
         assert logdet == pytest.approx(evidence.factor(y), rel=1e-9)
         assert Q == pytest.approx(evidence.left(y), rel=1e-9)
+
+
+def test_a_windows_sums_are_those_of_its_ticks_and_its_waves_those_of_its_blocks():
+    rng, p, octave = np.random.default_rng(7), designed()[0], 2
+    x, block = iotsekf.init(designed())[0], int(p["block"])
+    blocks = int(p["length"][octave]) + 29  # into the second window, and the third of those above it
+    S, e = rng.standard_normal((blocks * block, 3, filter.N)), rng.standard_normal((blocks * block, 3))
+    for k in range(blocks):
+        for tick in range(k * block, (k + 1) * block):
+            x.h_S[:], x.h_e[:], x.h_s[:] = S[tick], e[tick], 1.0
+            sums.add_tick(x)
+        sums.close_block(x, p)
+        if k < blocks - 1:
+            sums.fold(x, p)
+    own = slice(int(p["length"][octave]) * block, None)
+    sums.gather(x, octave)
+    J = np.einsum("tja,tjb->ab", S[own], S[own])
+    assert x.JJ == pytest.approx([J[a, b] for a in range(filter.N) for b in range(a + 1)], rel=1e-9, abs=1e-9)
+    assert x.bb == pytest.approx(np.einsum("tja,tj->a", S[own], e[own]), rel=1e-9, abs=1e-9)
+    assert x.tt[sums.ENERGY] == pytest.approx((e[own] ** 2).sum(axis=0), rel=1e-9)
+    n = np.arange(1, 30)
+    angle = 2.0 * np.pi * p["hz"][octave] * block * DT
+    wave = np.concatenate([[np.cos(n * a), np.sin(n * a)] for a in angle])
+    in_blocks = e[own].reshape(29, block, 3).sum(axis=1)
+    assert x.window_D[octave, 0] == pytest.approx((wave @ in_blocks).T, rel=1e-9, abs=1e-9)
+    evidence.waves(x, p, octave)
+    found = wave @ wave.T
+    for i, (k, l) in enumerate([(k, l) for k in range(sums.LINES) for l in range(k + 1)]):
+        part = found[2 * k : 2 * k + 2, 2 * l : 2 * l + 2].ravel()
+        assert x.gram[i] == pytest.approx(part, rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.parametrize("place, sensor", [("rod", "y_rod"), ("pressure", "y_dp")])
