@@ -86,7 +86,7 @@ def flights(campaign: str, name: str, first_seed: int, most: int) -> list[Watche
     spec = dataclasses.replace(spec, first_seed=first_seed, seed=spec.seed + first_seed)
     kinds: tuple[list, list] = [], []
     for scenario in spec.scenarios()[0]:
-        met = [expected(name, case).word for case in cases(scenario)]
+        met = [expected(name, case) for case in cases(scenario)]
         if not met or DESIGNED in met:
             kinds[bool(met)].append(scenario)
     if not all(kinds):
