@@ -30,6 +30,7 @@ from cosim.judge.fault_effect import moved as of_segment
 from cosim.scenario import Scenario, parse
 
 KEPT = 16  # twins
+WAITS_FOR_PARENT = "parent"  # name of a thread that holds no lock
 _PR_SET_PDEATHSIG = 1  # of Linux: which signal a process gets when the one that started it ends
 _positions: OrderedDict[str, ColumnStore] = OrderedDict()  # TOML of a flight without faults -> `positions`
 
@@ -122,8 +123,10 @@ def _end_with_parent():
 
 
 def _copies():
-    """Tell whether this process may be copied: on Linux, while it has no other thread of Python."""
-    return sys.platform == "linux" and threading.active_count() == 1 and hasattr(os, "fork")
+    """Tell whether this process may be copied: on Linux, while it has no other thread of Python than this one, and in a
+    worker the one that only waits for the parent's end."""
+    others = {t.name for t in threading.enumerate() if t is not threading.current_thread()}
+    return sys.platform == "linux" and others <= {WAITS_FOR_PARENT} and hasattr(os, "fork")
 
 
 def _quietly(setup, k, index, rows):
