@@ -40,7 +40,7 @@ def faulty(faults: Iterable[Mapping], ticks: int, dt: float, t0: float = 0.0) ->
 
 
 def span(fault: Mapping, dt: float, t0: float = 0.0) -> tuple[int, int | None]:
-    """Return the ticks (first, end), first <= k < end, of a fault, GRACE_S after its end included; None: to the last."""
+    """Return the ticks (first, end), first <= k < end, of a fault, GRACE_S after its end included; None: all."""
     end = None if math.isinf(fault["end_s"]) else math.ceil((fault["end_s"] + GRACE_S - t0) / dt)
     return round((fault["start_s"] - t0) / dt), end
 

@@ -8,6 +8,7 @@ What is measured of the difference stands in cosim/judge/fault_effect.py.
 """
 
 import ctypes
+import functools
 import gc
 import mmap
 import os
@@ -92,8 +93,7 @@ class Twin:
         twin = self._positions(rows)
         n, out = min(len(rows), len(twin)), {}
         for seg, faults in self._segments.items():
-            i = 2 * list(trace.surface).index(seg)
-            difference = _pair(trace, rows[:n], seg).astype(float) - twin[:n, [i, i + 1]]
+            difference = Columns(functools.partial(_apart, trace, rows, twin, seg), n)
             out[seg] = of_segment(difference, faults, scenario.dt, scenario.aircraft.travel)
         return out
 
@@ -186,9 +186,20 @@ def _stored(trace, *parts):
 
 def _pair(trace, rows, segment):
     """Return (ticks, 2) float32: rod [m], NaN where there is none, and surface [rad]."""
-    out = np.full((len(rows), 2), np.nan, np.float32)
-    if segment in trace.rod:
-        column, gain = trace.rod[segment]
-        out[:, 0] = gain * rows[:, column]
-    out[:, 1] = rows[:, trace.surface[segment]]
-    return out
+    return np.stack([_position(trace, rows, segment, c) for c in (0, 1)], axis=1)
+
+
+def _position(trace, rows, segment, c):
+    """Return one column of `_pair` (ticks,)."""
+    if c:
+        return rows[:, trace.surface[segment]]
+    if segment not in trace.rod:
+        return np.full(len(rows), np.nan, np.float32)
+    column, gain = trace.rod[segment]
+    return np.asarray(gain * rows[:, column], np.float32)
+
+
+def _apart(trace, rows, twin, segment, c, first, stop):
+    """Return the difference of a flight and its twin in one column of `_pair` at the ticks first <= k < stop."""
+    own = _position(trace, rows[first:stop], segment, c).astype(float)
+    return own - twin[first:stop, 2 * list(trace.surface).index(segment) + c]
