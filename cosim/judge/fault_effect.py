@@ -67,8 +67,9 @@ class _Column:
 def moved(difference: Any, faults: Sequence, dt: float, travel: float) -> dict[str, float | None]:
     """Return {name of NAMES: value or None} of one segment, and `moved_at_s`, when it was first MOVED of rod away [s].
 
-    `difference` (ticks, 2), an array or Columns, is rod [m], NaN where there is none, and surface [rad], each less its
-    twin's; `faults` are the injections on the segment (cosim/flight/faults/inject.py), `travel` is the elevator's [rad].
+    `difference` (ticks, 2), an array or Columns, is rod [m], NaN where there is none, and surface [rad], each less
+    its twin's; `faults` are the injections on the segment (cosim/flight/faults/inject.py), `travel` is the elevator's
+    [rad].
     """
     start = min(j.start for j in faults)
     end = max(j.end for j in faults) + 1.0
