@@ -7,6 +7,7 @@ test_structure.py holds what must stay.
 import argparse
 import ast
 import functools
+import graphlib
 import importlib
 import inspect
 import re
@@ -101,6 +102,28 @@ def back_arrows() -> list[str]:
     return [f"{a} -> {b} ({', '.join(by)})" for a, b, by in found]
 
 
+def cycle() -> list[str]:
+    """Return the modules of a cycle of imports, late ones among them, in order; [] where there is none.
+
+    A package that imports its own modules is no cycle with them: an import of `room.module` is one of the module.
+    """
+    paths = {module(path): path for path in sources(*PACKAGES)}
+    graph = {}
+    for name, path in paths.items():
+        found = imports(path) & paths.keys()
+        graph[name] = {other for other in found - {name} if not any(deeper.startswith(other + ".") for deeper in found)}
+    try:
+        graphlib.TopologicalSorter(graph).prepare()
+    except graphlib.CycleError as error:
+        return list(error.args[1])
+    return []
+
+
+def statements(room: Path) -> int:
+    """Return how many statements the Python files of a folder have."""
+    return sum(isinstance(node, ast.stmt) for path in room.rglob("*.py") for node in ast.walk(parsed(path)))
+
+
 def public_functions(path: Path) -> Iterator[tuple[str, ast.FunctionDef]]:
     """Yield (name, definition) of the public functions and methods of a source file."""
 
@@ -164,6 +187,7 @@ def counts() -> dict[str, object]:
         "loose modules of cosim": loose_modules(),
         "floors": floors(),
         "back arrows": len(back_arrows()),
+        "cycles of imports": " -> ".join(cycle()) or "none",
         "source files": len(size),
         "lines of source": sum(size.values()),
         "lines of tests": sum(tests.values()),
@@ -275,6 +299,9 @@ def main() -> None:
         print(f"{what:38}{value}")
     for line in back_arrows():
         print("back:", line)
+    for room in [*(ROOT / "cosim" / name for name in rooms()), *(ROOT / name for name in (*PACKAGES[1:], "tests"))]:
+        lines = sum(len(path.read_text(encoding="utf-8").splitlines()) for path in room.rglob("*.py"))
+        print(f"{room.relative_to(ROOT)!s:20}{lines:8} lines{statements(room):8} statements")
     if given.names:
         print("\n".join([*(f"no docstring: {n}" for n in undocumented()), *(f"no hints: {n}" for n in unhinted())]))
 

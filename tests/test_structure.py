@@ -59,3 +59,14 @@ def test_nothing_refers_to_what_is_not_in_the_repository():
 
 def test_imports_inside_cosim_run_downwards():
     assert structure.back_arrows() == []
+
+
+def test_no_module_imports_one_that_imports_it():
+    assert structure.cycle() == []
+
+
+def test_a_cycle_of_imports_would_be_found(monkeypatch):
+    real = structure.imports
+    late = {"cosim.errors": {"cosim.scenario.load"}}
+    monkeypatch.setattr(structure, "imports", lambda path: real(path) | late.get(structure.module(path), set()))
+    assert {"cosim.errors", "cosim.scenario.load"} <= set(structure.cycle())

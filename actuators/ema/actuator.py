@@ -1,6 +1,6 @@
 """The electromechanical actuator that flies: the model of [Jay] with limits, friction, stops and faults.
 
-Symbols as in `jay`. The equations, and how one sub-step is taken, stand in `ema_motion`.
+Symbols as in `jay`. The equations, and how one sub-step is taken, stand in `motion`.
 
 The amplifier is in one of four modes, chosen at each sub-step by the quasi-steady current g:
 

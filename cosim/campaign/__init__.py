@@ -103,7 +103,7 @@ def run_many(
 
     `workers` processes, by default one per core, 0 for this process; or any concurrent.futures `executor`. `out` is the
     folder of rows; with `resume` what it holds is not flown again, and a user's file that has changed since is refused,
-    or with `anew` its runs are flown again. `keep` maps rules of `campaign_keep` to how many logs each may keep per
+    or with `anew` its runs are flown again. `keep` maps rules of `log_selection` to how many logs each may keep per
     detector. `progress(done, total)` counts runs. `achieved` flies a twin for every run with an
     elevator fault. `labels` is a list of dicts beside the scenarios, for columns label.<name>. Raises CampaignError,
     OutputError; an error of a flight is a row.

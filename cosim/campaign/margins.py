@@ -103,7 +103,7 @@ def fault(detector: str) -> dict[str, Any]:
     own = [WHOLE] if detector in WIDE else FAULTS
     for one in own:
         case = coverage.case_of(one["kind"], one["target"], DEFAULT_TECHNOLOGY, one.get("at", ""))
-        if coverage.expected(detector, case).word == coverage.DESIGNED:
+        if coverage.expected(detector, case) == coverage.DESIGNED:
             return one | {"start_s": START_S}
     raise CampaignError("is designed for none of the faults that margins are measured with", place=detector)
 

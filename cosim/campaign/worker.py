@@ -22,7 +22,7 @@ def run_id(scenario: Scenario) -> str:
 
 
 def fly(run: str, scenario: Scenario, achieved: bool) -> tuple[list[dict], list[dict]]:
-    """Fly `scenario` as run `run`; return (rows, timing): dicts with the columns of `campaign_store.ROWS` and `TIMING`.
+    """Fly `scenario` as run `run`; return (rows, timing), of `FIELDS` (judge/row.py) and `TIMING`.
 
     An error of the flight is one row without a detector: status "infeasible" for a point without a steady flight,
     "error" for anything else. With `achieved` the twin flight is flown where a fault acts on an elevator.

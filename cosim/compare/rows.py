@@ -191,7 +191,7 @@ def _row(run, detector, lanes, whole, about, fault):
         "id": detector,
         "level": first["level"],
         "lanes": len(lanes),
-        "word": coverage.expected(detector, each["case"]).word if fault is not None else None,
+        "word": coverage.expected(detector, each["case"]) if fault is not None else None,
         "concerned": bool(mine),
         "not_valid": not seen and not able,
         "why_not_valid": next((lane["why_not_valid"] for lane in mine or lanes if _given(lane.get("why_not_valid"))),

@@ -107,7 +107,7 @@ def _sensor_lanes(scenario, dt):
         names.append(lane)
         rows.append(p)
 
-    for name, (_, sigma, delay, _) in sensors.fitted(scenario.aircraft).items():
+    for name, (_, sigma, delay, _) in sensors.installed(scenario.aircraft).items():
         add(name, name, sigma, delay)
     for seg, tech in scenario.elevator.technology.items():
         gains = TECHNOLOGIES[tech].design(scenario.aircraft.own(tech)).gains

@@ -8,7 +8,6 @@ an actuator's sensor; aileron, rudder, stabiliser, engine; sensor.<name> for an 
 
 import fnmatch
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from cosim.scenario import Scenario
 from cosim.scenario.catalog import ACTUATOR_SENSORS, LOOP_SENSOR
@@ -29,25 +28,14 @@ PARTS = {
 }
 
 
-@dataclass(frozen=True)
-class Expected:
-    """How a detector stands to a case: `word` (designed, may, ...), and the verdict `classes` that are right."""
-
-    word: str
-    classes: tuple = ()
-
-
-def expected(detector: str, case: str) -> Expected:
-    """Return the Expected of `detector` for `case`; what its record does not say, or a detector without one, is not
-    declared, and the fault's own class would be right."""
+def expected(detector: str, case: str) -> str:
+    """Return how `detector` stands to `case`: designed, may, blind; what its record does not say, or a detector without
+    one, is not declared."""
     record = _record(detector)
-    for word, table in ((DESIGNED, record.designed_for), (MAY, record.may_see)) if record else ():
-        for pattern, classes in table.items():
-            if fnmatch.fnmatchcase(case, pattern):
-                return Expected(word, tuple(classes))
-    if record and any(fnmatch.fnmatchcase(case, pattern) for pattern in record.blind_to):
-        return Expected(BLIND)
-    return Expected(UNDECLARED, (true_class(case),))
+    if not record:
+        return UNDECLARED
+    told = {DESIGNED: record.designed_for, MAY: record.may_see, BLIND: record.blind_to}
+    return next((w for w, cases in told.items() if any(fnmatch.fnmatchcase(case, c) for c in cases)), UNDECLARED)
 
 
 TRUE = {  # kind of a fault -> verdict classes that name it, the usual one first

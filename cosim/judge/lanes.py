@@ -92,7 +92,7 @@ COLUMNS = (
     Column("at", lambda e: seconds(e["detected_at_s"]), "s", "time of the first alarm in the flight", 1),
     Column("delay", lambda e: number(_periods(e), 2), "periods", "first alarm in periods of the fault", 2),
     Column("step", lambda e: number(e["step_us"], 2), "µs", "time per step and lane", 3),
-    Column("stands to it", lambda e: coverage.WORDS[coverage.expected(e["id"], e["case"]).word] if e["case"] else DASH,
+    Column("stands to it", lambda e: coverage.WORDS[coverage.expected(e["id"], e["case"])] if e["case"] else DASH,
            doc="what its record in fdi/ declares for this fault", rank=5, right=False),
     Column("first name", lambda e: e["first_verdict"]["class"] if e.get("first_verdict") else DASH, rank=6,
            right=False),

@@ -104,7 +104,7 @@ def outcome(
     not_valid        could not judge
     bonus       an alarm though blind to it by structure: not of the fault itself
     """
-    word = expected(detector, case).word
+    word = expected(detector, case)
     if not seen:
         return "not_valid" if not able else "missed" if word == DESIGNED else "quiet"
     if word == BLIND:

@@ -166,7 +166,7 @@ def _heard(i, lanes):
 
 
 def _silent(i, case, lanes):
-    made = list(dict.fromkeys(d["id"] for d in lanes if coverage.expected(d["id"], case).word == coverage.DESIGNED))
+    made = list(dict.fromkeys(d["id"] for d in lanes if coverage.expected(d["id"], case) == coverage.DESIGNED))
     if not made:
         return "no detector in this flight is designed for this fault"
     seen = {d["id"] for d, e in _entries(i, lanes) if e.get("detection_delay_s") is not None}

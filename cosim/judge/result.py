@@ -190,7 +190,7 @@ def judge(watch: Watch, trace: Any, dt: float, faults: Sequence[Mapping]) -> dic
     if watch.estimate:
         entry |= errors(watch.estimate.error(trace, dt), watch.estimate.unit)
     if mine:
-        sighted = [f for f in mine if coverage.expected(watch.id, f.get("case", "")).word != coverage.BLIND] or mine
+        sighted = [f for f in mine if coverage.expected(watch.id, f.get("case", "")) != coverage.BLIND] or mine
         entry["by_fault"] = [
             noticed(watch, runs, f, _next(f, sighted), dt, [g for g in mine if g is not f]) for f in sighted
         ]

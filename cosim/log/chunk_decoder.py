@@ -8,7 +8,7 @@ from numba import njit, types
 
 from actuators import numba_intrinsics
 from actuators.numba_intrinsics import reals, wholes
-from cosim.log.chunk import ABOUT, HEAD, SHORT
+from cosim.log.message_layout import ABOUT, HEAD, SHORT
 
 KINDS = (types.int64,) * 6
 HEAD_BYTES = HEAD.itemsize

@@ -8,8 +8,9 @@ import numpy as np
 from cosim.errors import OutputError
 
 from . import foxglove
-from .chunk import HEAD, empty_message
+from .chunk import empty_message
 from .format import channel_metadata, schema_data, schema_name
+from .message_layout import HEAD
 
 RATE = 50.0  # of the samples that are shown [Hz]: about what a screen draws
 

@@ -13,7 +13,7 @@ from numba import njit, types
 
 from actuators import numba_intrinsics
 from actuators.numba_intrinsics import wholes
-from cosim.log.chunk import HEAD, LOG_TIME, SEQUENCE, SHORT
+from cosim.log.message_layout import HEAD, LOG_TIME, SEQUENCE, SHORT
 
 KINDS = (types.int64,) * 5
 LEAST = 5

@@ -6,10 +6,10 @@ import os
 from pathlib import Path
 from typing import Any
 
-from .chunk import HEAD
 from .compression import compressor
 from .format import Limits, log_error
 from .load import drop_damaged_chunks, load_chunk
+from .message_layout import HEAD
 from .record_writer import Sink
 from .records import pack_chunk
 from .validate import scan

@@ -7,7 +7,7 @@ from numba import njit, types
 
 from actuators import numba_intrinsics
 from actuators.numba_intrinsics import reals, wholes
-from cosim.log.chunk import HEAD, LOG_TIME, PUBLISH_TIME, SEQUENCE, SHORT, STORE_HEAD, STORE_TARGET
+from cosim.log.message_layout import HEAD, LOG_TIME, PUBLISH_TIME, SEQUENCE, SHORT, STORE_HEAD, STORE_TARGET
 
 KINDS = (types.int64, types.int64)
 HEAD_BYTES = HEAD.itemsize

@@ -13,9 +13,10 @@ import numpy as np
 from actuators.object_cache import PLAIN, Native
 
 from . import foxglove
-from .chunk import HEAD, LOG_TIME, PUBLISH_TIME, SEQUENCE, SHORT, STORE_HEAD, STORE_TARGET, Layout
+from .chunk import Layout
 from .compression import compressor, keep_memory
 from .format import Limits, LogError, channel_metadata, check_texts, schema_data, schema_name
+from .message_layout import HEAD, LOG_TIME, PUBLISH_TIME, SEQUENCE, SHORT, STORE_HEAD, STORE_TARGET
 from .record_writer import Sink
 from .records import content_hash, pack_chunk
 

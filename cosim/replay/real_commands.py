@@ -112,7 +112,7 @@ def ridden(found: list[Ride], seed: int) -> Iterable[tuple[str, str, dict, float
     kinds = ["" if k % FREE == 0 else FAULTS[(k - k // FREE - 1) % len(FAULTS)] for k in range(len(found))]
     cases = {c for s in broken.values() for c in coverage.cases(s)}
     installed = [d for d in detectors.chosen(free) if SEGMENT in d.lanes and
-                 any(coverage.expected(d.id, c).word != coverage.BLIND for c in cases)]  # fmt: skip
+                 any(coverage.expected(d.id, c) != coverage.BLIND for c in cases)]  # fmt: skip
     for a in range(0, len(found), BATCH):
         own, kind = found[a : a + BATCH], kinds[a : a + BATCH]
         truth, told = loads(own, np.random.default_rng([seed, a]))

@@ -87,7 +87,7 @@ def page(folder: Path) -> str:
         for fault in ("", *FAULTS):
             own = [row for row in found if row[0] == name and row[1] == fault and row[2]]
             case = coverage.cases(scenarios[fault])[0] if fault else ""
-            word = coverage.expected(name, case).word if fault else "–"
+            word = coverage.expected(name, case) if fault else "–"
             lines.append(f"| `{name}` | {fault or 'none'} | {word} | {len(own)} | {sum(row[3] for row in own)} |")
     if not found:
         return ""

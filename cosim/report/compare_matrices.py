@@ -109,7 +109,7 @@ def confusions(rows: pd.DataFrame) -> list[tuple[str, Table]]:
             c
             for c in counts.index
             if c == "no fault"
-            or coverage.expected(name, c).word == coverage.DESIGNED
+            or coverage.expected(name, c) == coverage.DESIGNED
             or counts.loc[c].drop("none", errors="ignore").sum()
         ]
         rest, counts = len(counts) - len(telling), counts.loc[telling]
@@ -131,7 +131,7 @@ def _shade(count, said, case, name):
     if not count:
         return "c-none"
     if said == "none":
-        return "c-missed" if coverage.expected(name, case).word == coverage.DESIGNED else "c-quiet"
+        return "c-missed" if coverage.expected(name, case) == coverage.DESIGNED else "c-quiet"
     if said == "false alarm":
         return "c-missed"
     right = coverage.true_classes(case)

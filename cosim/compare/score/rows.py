@@ -123,7 +123,7 @@ def _honest(recording, lane):
         fault = next(f for f in recording.faults if f["fault"] == entry["by_fault"][0]["fault"])
         own = coverage.expected(entry["id"], fault["case"])
         end = recording.ticks if math.isinf(fault["end_s"]) else min(recording.ticks, round(fault["end_s"] / dt))
-        if own.word != coverage.BLIND:
+        if own != coverage.BLIND:
             true = coverage.true_classes(fault["case"], fault["kind"])
             out["log_fault"] = log_score(lane.told, true, round(fault["start_s"] / dt), end)
     return out

@@ -115,9 +115,9 @@ def step(x, u, p, dt):
 rollout = entry(step, STATE, INPUTS, PARAMS)
 
 
-_AIR, _REST = 0.010, 0.005  # delays [s]
+_AIR, _INERTIAL = 0.010, 0.005  # delays of air data, and of all other sensors [s]
 
-def fitted(aircraft: Aircraft) -> dict[str, tuple[str, float, float, str]]:
+def installed(aircraft: Aircraft) -> dict[str, tuple[str, float, float, str]]:
     """Return the sensors of TRANSPORT that an aircraft has: a tachometer per engine."""
     fans = [name for name in TRANSPORT if name.startswith("n1_")]
     return {name: spec for name, spec in TRANSPORT.items() if name not in fans[aircraft.engines :]}
@@ -131,27 +131,27 @@ TRANSPORT = {
     "tas": ("tas", 0.1 * M_S_PER_KT, _AIR, "m/s"),  # computed by the air-data unit, noise as CAS
     "mach": ("mach", 0.0002, _AIR, "-"),  # 0.1 kt of CAS at M 0.6
     "h_baro": ("h", 0.7, _AIR, "m"),
-    "h_inertial": ("h", 0.02, _REST, "m"),
-    "hdot": ("hdot", 0.05, _REST, "m/s"),  # inertial vertical speed
+    "h_inertial": ("h", 0.02, _INERTIAL, "m"),
+    "hdot": ("hdot", 0.05, _INERTIAL, "m/s"),  # inertial vertical speed
     # inertial too [Alwi14] tables 2, 3: 0.05 m/s on the velocity, with 0.02 deg of attitude 0.025 deg at 180 m/s
-    "alpha_ground": ("alpha_ground", 0.025 * RAD_PER_DEG, _REST, "rad"),
-    "v_ground": ("v_ground", 0.05, _REST, "m/s"),
-    "p": ("p", 0.02 * RAD_PER_DEG, _REST, "rad/s"),  # the three gyros are alike
-    "q": ("q", 0.02 * RAD_PER_DEG, _REST, "rad/s"),
-    "r": ("r", 0.02 * RAD_PER_DEG, _REST, "rad/s"),
-    "phi": ("phi", 0.02 * RAD_PER_DEG, _REST, "rad"),  # the three attitudes are alike
-    "theta": ("theta", 0.02 * RAD_PER_DEG, _REST, "rad"),
-    "psi": ("psi", 0.02 * RAD_PER_DEG, _REST, "rad"),
-    "n_x": ("nx", 0.007, _REST, "g"),
-    "n_y": ("ny", 0.007, _REST, "g"),
-    "n_z": ("nz", 0.007, _REST, "g"),
-    "pdot": ("pdot", 0.1 * RAD_PER_DEG, _REST, "rad/s2"),
-    "qdot": ("qdot", 0.1 * RAD_PER_DEG, _REST, "rad/s2"),
-    "rdot": ("rdot", 0.1 * RAD_PER_DEG, _REST, "rad/s2"),
-    "n1_1": ("n1_1", 0.1, _REST, "%"),  # fan speed, 0.1 % of a tachometer
-    "n1_2": ("n1_2", 0.1, _REST, "%"),
-    "n1_3": ("n1_3", 0.1, _REST, "%"),
-    "n1_4": ("n1_4", 0.1, _REST, "%"),
-    "mass": ("mass", 0.0, _REST, "kg"),  # from the fuel system: constant error only
-    "cg": ("cg", 0.0, _REST, "-"),
+    "alpha_ground": ("alpha_ground", 0.025 * RAD_PER_DEG, _INERTIAL, "rad"),
+    "v_ground": ("v_ground", 0.05, _INERTIAL, "m/s"),
+    "p": ("p", 0.02 * RAD_PER_DEG, _INERTIAL, "rad/s"),  # the three gyros are alike
+    "q": ("q", 0.02 * RAD_PER_DEG, _INERTIAL, "rad/s"),
+    "r": ("r", 0.02 * RAD_PER_DEG, _INERTIAL, "rad/s"),
+    "phi": ("phi", 0.02 * RAD_PER_DEG, _INERTIAL, "rad"),  # the three attitudes are alike
+    "theta": ("theta", 0.02 * RAD_PER_DEG, _INERTIAL, "rad"),
+    "psi": ("psi", 0.02 * RAD_PER_DEG, _INERTIAL, "rad"),
+    "n_x": ("nx", 0.007, _INERTIAL, "g"),
+    "n_y": ("ny", 0.007, _INERTIAL, "g"),
+    "n_z": ("nz", 0.007, _INERTIAL, "g"),
+    "pdot": ("pdot", 0.1 * RAD_PER_DEG, _INERTIAL, "rad/s2"),
+    "qdot": ("qdot", 0.1 * RAD_PER_DEG, _INERTIAL, "rad/s2"),
+    "rdot": ("rdot", 0.1 * RAD_PER_DEG, _INERTIAL, "rad/s2"),
+    "n1_1": ("n1_1", 0.1, _INERTIAL, "%"),  # fan speed, 0.1 % of a tachometer
+    "n1_2": ("n1_2", 0.1, _INERTIAL, "%"),
+    "n1_3": ("n1_3", 0.1, _INERTIAL, "%"),
+    "n1_4": ("n1_4", 0.1, _INERTIAL, "%"),
+    "mass": ("mass", 0.0, _INERTIAL, "kg"),  # from the fuel system: constant error only
+    "cg": ("cg", 0.0, _INERTIAL, "-"),
 }

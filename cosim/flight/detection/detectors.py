@@ -21,7 +21,7 @@ import fdi
 from actuators.disk_cache import contents, kept
 from cosim.errors import ScenarioError, did_you_mean
 from cosim.flight import plugins
-from cosim.flight.blocks.sensors import fitted
+from cosim.flight.blocks.sensors import installed
 from cosim.flight.detection import stored_designs
 from cosim.flight.detection.detector_context import site
 from cosim.flight.detection.parameters import assign, wrong_parameter
@@ -221,7 +221,7 @@ def unfit(record: Detector, aircraft: Aircraft) -> str:
             continue
         if dot and segment not in aircraft.segments:
             return f"no elevator segment {segment}"
-        if word.startswith("n1_") and word not in fitted(aircraft):
+        if word.startswith("n1_") and word not in installed(aircraft):
             return f"it reads {word}, the aircraft has {aircraft.engines} engine{'s' * (aircraft.engines > 1)}"
     return ""
 

@@ -53,7 +53,7 @@ def topics(setup: Any) -> list:
     add(vocabulary.topic("truth", "aircraft"), section("truth", "aircraft"), "truth")
     add(vocabulary.topic("surfaces", "aircraft"), section("surfaces", "aircraft"), "truth")
     for prefix, copy in _sensor_copies(setup.scenario).items():
-        add(f"{prefix}/aircraft", measured(sensors.fitted(setup.scenario.aircraft), "", *copy), "sensors")
+        add(f"{prefix}/aircraft", measured(sensors.installed(setup.scenario.aircraft), "", *copy), "sensors")
         for seg in technology:
             add(f"{prefix}/{seg}", measured(TECHNOLOGIES[technology[seg]].sensors, seg, *copy), "sensors")
     add("/noise", [(lane, "-", bus.index(f"sensors_in.{lane}.noise")) for lane in bus.lanes["sensors"]], "sensors")

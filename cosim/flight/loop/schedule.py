@@ -15,10 +15,8 @@ import numpy as np
 
 from actuators.block import Entry
 from actuators.object_cache import PLAIN, Native
+from cosim.flight.loop.operations import ADD, CLOCK, COPY, GET, KEEP, LOG, NOISE, PUT, SCALE, STEP, TRUTH, WIDTH
 from cosim.flight.plant.jsbsim_signals import to_si
-
-CLOCK, COPY, ADD, TRUTH, NOISE, STEP, KEEP, LOG, GET, PUT, SCALE = range(11)
-WIDTH = 8
 
 
 def _walk():

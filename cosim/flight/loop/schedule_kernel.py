@@ -7,7 +7,7 @@ from numba import carray, njit, types
 
 from actuators import numba_intrinsics
 from actuators.numba_intrinsics import reals, singles, wholes
-from cosim.flight.loop.schedule import ADD, CLOCK, COPY, GET, KEEP, LOG, NOISE, PUT, SCALE, STEP, TRUTH, WIDTH
+from cosim.flight.loop.operations import ADD, CLOCK, COPY, GET, KEEP, LOG, NOISE, PUT, SCALE, STEP, TRUTH, WIDTH
 from cosim.flight.plant.jsbsim_signals import to_si
 from cosim.log.row_writer import store
 

@@ -19,8 +19,8 @@ COMMAND_OF = {"aileron_left": "da_cmd", "aileron_right": "da_cmd", "rudder": "dr
 
 def sensor_wires(scenario: Scenario) -> list[tuple[str, str]]:
     """Return the wires from truth and actuators to the sensors."""
-    fitted = sensors.fitted(scenario.aircraft)
-    pairs = [(f"sensors_in.{name}.truth", f"truth.aircraft.{spec[0]}") for name, spec in fitted.items()]
+    installed = sensors.installed(scenario.aircraft)
+    pairs = [(f"sensors_in.{name}.truth", f"truth.aircraft.{spec[0]}") for name, spec in installed.items()]
     for seg, tech in scenario.elevator.technology.items():
         own = TECHNOLOGIES[tech].sensors
         pairs += [(f"sensors_in.{seg}_{name}.truth", f"{tech}.{seg}.{s.state}") for name, s in own.items()]

@@ -19,7 +19,7 @@ import platform
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,7 +33,7 @@ from cosim.texts import from_json
 SYMBOLS = "_ZNK14SGPropertyNode14getDoubleValueEv", "_ZN14SGPropertyNode14setDoubleValueEd"
 HEAD = 16  # of every Python object [byte]
 OFFSETS = HEAD, HEAD + 8  # of the node's address that a trial may find
-TICKS, PATIENCE_S = 300, 120.0  # of the trial
+PATIENCE_S = 120.0  # of the trial
 
 
 class Crossing(NamedTuple):
@@ -53,7 +53,7 @@ def crossing() -> Crossing | None:
     """Return how to cross by address, None where Python crosses."""
     if PLAIN or os.environ.get("COSIM_BORDER") == "python":
         return None
-    file, library = _memory(), _library()
+    file, library = _memory(), jsbsim_library()
     if file is None or library is None:
         return None
     verdict = _remembered(file)
@@ -63,7 +63,7 @@ def crossing() -> Crossing | None:
             return None
         with contextlib.suppress(OSError, CosimError):  # it is tried again where it cannot be written
             replace_text(file, json.dumps(verdict) + "\n")
-    return _found(library, int(verdict["offset"])) if verdict["equal"] else None
+    return found(library, int(verdict["offset"])) if verdict["equal"] else None
 
 
 def _remembered(file):
@@ -85,14 +85,15 @@ def _verdict(text):
     return told if not told["equal"] or told.get("offset") in OFFSETS else None
 
 
-def _library():
+def jsbsim_library() -> Path | None:
+    """Return the file of JSBSim's compiled library, None where it stands in no file."""
     spec = importlib.util.find_spec("jsbsim._jsbsim")
     return Path(spec.origin) if spec and spec.origin and Path(spec.origin).is_file() else None
 
 
 def _memory():
     """Return the file of the verdict about this wheel, None where nothing can be remembered."""
-    root, library = cache_root(), _library()
+    root, library = cache_root(), jsbsim_library()
     if root is None or library is None:
         return None
     about = library.stat()
@@ -100,7 +101,7 @@ def _memory():
     return root / f"border-{hashlib.sha256(repr(facts).encode()).hexdigest()[:16]}.json"
 
 
-TRIAL = f"from {__name__} import trial; trial()"
+TRIAL = "from cosim.flight.plant.pointer_trial import trial; trial()"
 
 
 def _tried(script=TRIAL):
@@ -115,7 +116,7 @@ def _tried(script=TRIAL):
     return _verdict("".join(done.stdout.splitlines()[-1:])) if done.returncode == 0 else None
 
 
-def _found(library, offset):
+def found(library: Path, offset: int) -> Crossing | None:
     """Return the Crossing of a library that is loaded, None when it lacks a symbol."""
     held = ctypes.CDLL(str(library))
     try:
@@ -123,46 +124,3 @@ def _found(library, offset):
     except AttributeError:
         return None
     return Crossing(get or 0, put or 0, offset)
-
-
-def trial() -> None:
-    """Fly twice, by Python's calls and by address, and print {"equal", "offset", "values"}: how many were compared."""
-    print(json.dumps(compare()))
-
-
-def compare() -> dict[str, Any]:
-    """Return what `trial` prints. A wrong address may end this process: call it in one of its own."""
-    from cosim.flight.plant.plant import GUST_WRITE, Plant
-    from cosim.flight.plant.point import FlightPoint
-
-    by_calls, by_address = Plant(FlightPoint()), Plant(FlightPoint())
-    trim = by_calls.trim()
-    by_address.trim()
-    kind = type(by_calls.port.node("simulation/sim-time-sec"))
-    offset, library = kind.__basicsize__ - 8, _library()
-    how = _found(library, offset) if library and kind.__dictoffset__ == 0 and offset in OFFSETS else None
-    if how is None:
-        return {"equal": False}
-    get = ctypes.PYFUNCTYPE(ctypes.c_double, ctypes.c_void_p)(how.get)
-    put = ctypes.PYFUNCTYPE(ctypes.c_bool, ctypes.c_void_p, ctypes.c_double)(how.put)
-    gusts = [[plant.port.node(name) for name in GUST_WRITE] for plant in (by_calls, by_address)]
-    read, write = (how.nodes(nodes).tolist() for nodes in (by_address.reads, by_address.writes + gusts[1]))
-    if len(set(write)) < len(write):
-        return {"equal": False}
-    values = 0
-    for k in range(TICKS):
-        surfaces = trim.surfaces * (1.0 + 0.02 * np.sin(0.05 * k + np.arange(len(trim.surfaces))))
-        by_calls.write(surfaces)
-        gust = (0.3 * np.sin(0.1 * k + np.arange(len(GUST_WRITE)))).tolist()
-        for node, value in zip(gusts[0], gust):
-            node.set_double_value(value)
-        for node, value in zip(write, [*surfaces.tolist(), *gust], strict=True):
-            put(node, value)
-        by_calls.run()
-        by_address.run()
-        seen = [np.array([node.get_double_value() for node in plant.reads]) for plant in (by_calls, by_address)]
-        seen.append(np.array([get(node) for node in read]))
-        values += seen[0].size
-        if not seen[0].tobytes() == seen[1].tobytes() == seen[2].tobytes():
-            return {"equal": False}
-    return {"equal": True, "offset": offset, "values": values}
