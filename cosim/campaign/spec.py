@@ -72,13 +72,15 @@ class Part:
     lines: dict = field(default_factory=dict)  # {key of grid or draw: "file:line"}
 
     def values(self, sampling: str, seed: int, first_seed: int, paired: bool) -> Iterator[tuple[dict, dict]]:
-        """Yield ({key or label: value of the grid or draw}, labels) of every run; its seed comes first, and yields."""
+        """Yield ({key or label: value of the grid or draw}, labels) of every run."""
         points = list(itertools.product(*self.grid.values()))
         drawn = self.runs if paired else len(self)
         cube = unit_cube(drawn, len(self.draw), sampling=sampling, seed=seed)
         for i in range(len(self)):
-            chosen = {"seed": first_seed + i % drawn} | dict(zip(self.grid, points[i // self.runs]))
+            chosen = dict(zip(self.grid, points[i // self.runs]))
             chosen |= {key: one(q) for (key, one), q in zip(self.draw.items(), cube[i % drawn])}
+            if "seed" not in chosen:  # one that is drawn comes after the grid's, and wins
+                chosen = {"seed": first_seed + i % drawn} | chosen
             yield chosen, {"part": self.name} if self.name else {}
 
     def __len__(self) -> int:
