@@ -1,10 +1,12 @@
 """Thresholds of the two monitors of a hydraulic segment from fault-free flights that nothing else uses.
 
-The flights are at points, in manoeuvres as those of `train_aircraft`: FLIGHTS of 60 s, three levels of turbulence,
-aircraft and actuator up to 5 % off, noise NOISE_SCALE, four hydraulic segments each. Those of the crossing counter are
-at SPEEDS, half of them at corners of the actuator's tolerances, in half of these the three symbols that matter most as
-WORST says. Each statistic is held against the motion that it may grow with, at PROBABILITY of a false alarm per flight
-and detector (`threshold_fit`). The position monitor of electromechanical segments is trained by `train_ema`.
+The flights are at points, in manoeuvres as those of `train_aircraft`, begun at 5 to 35 s: FLIGHTS of 60 s, three
+levels of turbulence, aircraft and actuator up to 5 % off, noise NOISE_SCALE, four hydraulic segments each. Those of
+the crossing counter are at SPEEDS, half of them at corners of the actuator's tolerances, in half of these the three
+symbols that matter most as WORST says. What the servo's response is on the mean, and how far a healthy one departs
+from it, comes from the same flights; where the manoeuvres of one call for little, it counts little. Each statistic is
+held against the motion that it may grow with, at PROBABILITY of a false alarm per flight and detector
+(`threshold_fit`). The position monitor of electromechanical segments is trained by `train_ema`.
 
     cosim train monitors --check      fly the training set, say what would change
     cosim train monitors              and write fdi/thresholds/*.json
@@ -19,13 +21,13 @@ from actuators.block import kernel
 from cosim.training.flights import (
     DT,
     FLIGHT_S,
-    KINDS,
     NOISE_SCALE,
     POINT,
     START_S,
     TOLERANCE,
     TURBULENCE,
     draw,
+    drawn_manoeuvre,
     fly_hydraulic,
     somewhere,
     watch,
@@ -46,10 +48,11 @@ SHARES = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)  # of the reference's motion, tried be
 
 def survey_ofc_monitor(recorded: Any) -> dict[str, np.ndarray]:
     """Return of a flight (band, share) the largest threshold of GRID [m] at which a band still counts an oscillation
-    beyond it and each of SHARES of the reference's motion, 0 for none, and (band,) that motion's mean [m].
+    beyond it and each of SHARES of the reference's motion, 0 for none, (band,) that motion's mean [m], and (segments,
+    N) the response that is learned at the end.
     """
     p, out = ofc_monitor.params(threshold=1.0), np.zeros((ofc_monitor.B, len(SHARES)))  # no alarm: it learns throughout
-    log = watch(recorded, ofc_monitor, p, ("e_band", "ref_peak"))
+    log = watch(recorded, ofc_monitor, p, ("e_band", "ref_peak", "response"))
     for b, k in np.ndindex(out.shape):
         p["share"] = SHARES[k]
         low, high = -1, len(GRID)  # the largest that counts is at or above low, below high
@@ -60,7 +63,7 @@ def survey_ofc_monitor(recorded: Any) -> dict[str, np.ndarray]:
                          for own in log)  # fmt: skip
             low, high = (middle, high) if counts else (low, middle)
         out[b, k] = GRID[low] if low >= 0 else 0.0
-    return {"threshold": out, "motion": log["ref_peak"].mean(axis=(0, 1))}
+    return {"threshold": out, "motion": log["ref_peak"].mean(axis=(0, 1)), "response": log["response"][:, -1]}
 
 
 @kernel
@@ -88,8 +91,9 @@ def survey_position_monitor(recorded: Any) -> np.ndarray:
 
 def flights(first_seed: int = FIRST_SEED, number: int = FLIGHTS) -> list[dict[str, Any]]:
     """Return the arguments of `flights.scenario` of every flight but for its point, which `somewhere` draws."""
-    return [draw(first_seed + k, point=POINT, manoeuvre=KINDS[k % 8], turbulence=TURBULENCE[k // 8 % 3],
-                 sensors={"noise_scale": NOISE_SCALE}) for k in range(number)]  # fmt: skip
+    return [draw(first_seed + k, point=POINT, manoeuvre=drawn_manoeuvre(k, first_seed),
+                 turbulence=TURBULENCE[k // 8 % 3], sensors={"noise_scale": NOISE_SCALE})
+            for k in range(number)]  # fmt: skip
 
 
 def cornered(flight: dict[str, Any], first_seed: int = FIRST_SEED) -> dict[str, Any]:
@@ -124,9 +128,15 @@ def limits(flown: list[dict[str, Any]]) -> list[Trained]:
     ofc = [{key: np.array(value) for key, value in f["ofc_monitor"].items()} for f in flown]
     motion = np.mean([f["motion"] for f in ofc], axis=0)
     fields, largest = _shared(np.array([f["threshold"] for f in ofc]), motion)
+    learned = np.array([f["response"] for f in ofc])  # (flights, segments, N)
+    moved = np.array([f["motion"] for f in ofc]).sum(axis=1) ** 2
+    usual = np.average(learned.mean(axis=1), axis=0, weights=moved)
+    departs = ofc_monitor.departure(learned - usual).max(axis=1)
+    fields |= {"usual": usual.tolist(), "most": exceeded(departs, PROBABILITY)}
     position = dict(zip(("threshold", "share"), w.tolist(), strict=True))
     return [Trained("position_monitor", "flight", position, {"found": how}),
-            Trained("ofc_monitor", "flight", fields, {"found": {"largest": largest}})]  # fmt: skip
+            Trained("ofc_monitor", "flight", fields, {"found": {
+                "largest": largest, "departure": float(departs.max())}})]  # fmt: skip
 
 
 def _shared(found, motion):

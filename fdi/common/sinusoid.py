@@ -36,3 +36,15 @@ def products(F, D, first, n, angle, mean):
         i = 0 if i == F.size - 1 else i + 1
         c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
     return f1, d1, ff, fd, dd, fc, fs, dc, ds, cc, cs, ss
+
+
+@kernel
+def beside(F, D, first, n, angle):
+    """Return (ff, fd, dd): `products` of F and D less what a sine of `angle` a sample explains of each; of 0 none."""
+    _, _, ff, fd, dd, fc, fs, dc, ds, cc, cs, ss = products(F, D, first, n, angle, 0.0)
+    det = cc * ss - cs * cs
+    if det <= 1e-9 * n * n:
+        return ff, fd, dd
+    f_c, f_s = (fc * ss - fs * cs) / det, (fs * cc - fc * cs) / det
+    d_c, d_s = (dc * ss - ds * cs) / det, (ds * cc - dc * cs) / det
+    return ff - f_c * fc - f_s * fs, fd - f_c * dc - f_s * ds, dd - d_c * dc - d_s * ds

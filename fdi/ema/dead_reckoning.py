@@ -3,8 +3,7 @@
     reckon += N dt (w_k + w_k-1) / 2,   pos_hat = reckon + c,   R1 = y_position - pos_hat
     c+ = c + dt b,   b+ = b + noise     corrected by R1 with a large assumed noise, so that it ties within some 20 s
 
-Kinematics alone: no load, no torque and no parameter but the screw's lead enters. The jump of R1 over 0.1 s is compared
-with what the velocity filter's innovations took in: `share`.
+Kinematics alone: no load, no torque and no parameter but the screw's lead enters.
 """
 
 import math
@@ -34,8 +33,8 @@ def slots(dt: float) -> tuple[Any, ...]:
 
 
 @kernel
-def _jump(x, p, mean, h):
-    """Take in a slot of `h` seconds, its `mean` drift; form the jump of R1 and what share a velocity error explains."""
+def _jump(x, p, mean):
+    """Take in a slot, its `mean` drift, and form the jump of R1."""
     tail, lag = int(x.tail), int(p.n_lag)
     x.drifts[tail] = mean
     x.tail = float((tail + 1) % lag)
@@ -43,16 +42,6 @@ def _jump(x, p, mean, h):
     for i in range(int(p.n_mean)):
         x.jump += (x.drifts[(tail + lag - i) % lag] - x.drifts[(tail + 1 + i) % lag]) / p.n_mean
     x.r_jump = math.fabs(x.jump) / p.th_jump
-    head = int(x.head)  # of the innovations' window, already moved on
-    change = (x.jumps[head] - x.jump) / (p.lead * (p.n_lag - p.n_mean) * h)
-    x.jumps[head] = x.jump
-    fade = 1.0 - h / p.t_hold
-    x.need_hi = max(x.need_hi * fade, change)
-    x.need_lo = min(x.need_lo * fade, change)
-    # a velocity that reads high moves pos_hat up and R1 down
-    x.need = x.need_hi if x.jump < 0.0 else -x.need_lo
-    taken = x.hi if x.jump < 0.0 else -x.lo
-    x.share = min(taken / max(x.need, 1e-3), 9.9)
 
 
 @kernel
@@ -82,7 +71,7 @@ def _slot(x, p, h):
     x.sum_drift = x.n_position = 0.0
     if seen:
         x.R1 = mean - x.c
-    _jump(x, p, mean, h)
+    _jump(x, p, mean)
     witnessed = seen and x.age_surface == 0.0 and x.r_pair < DOUBT
     if (seen and x.culprit == VELOCITY) or (witnessed and x.alarm < 0.5 and math.fabs(x.R1) >= p.th_R1):
         _anchor(x, p, h / T_ANCHOR)

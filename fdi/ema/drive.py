@@ -26,10 +26,10 @@ import math
 
 from actuators.block import kernel
 from fdi.common.decision import confirm
-from fdi.common.sinusoid import products
+from fdi.common.sinusoid import beside
 from fdi.common.verdict import EFFECTIVENESS, NONE, OFC_LIQUID, OFC_SOLID, RUNAWAY
 from fdi.ema.gains import RELEASE, doubt, doubt_b, gains
-from fdi.ema.torque import push
+from fdi.ema.torque import push, read
 
 RING = 100  # samples of each ring
 EVEN_S, SLOW = 0.02, 10  # a sample of the fast ring [s]; of the slow one [samples of the fast]
@@ -52,6 +52,7 @@ LOSS_LEAST = 0.1  # less of a loss is a gain error
 SENSOR = -1.0  # the current sensor, beside the class codes
 ALPHA, BETA = 0.2, 0.02  # position in the place of a lost velocity: corrections of angle and rate
 USUAL, TAU_USUAL = 0.5, 10.0  # what f usually has beside zero and pole of an amplifier off both ways; memory [s]
+TAU_FELT = 0.03  # lag of what the motor feels [s]
 TAU_LOAD = 2.0  # memory of the load before a fault [s]
 
 PARAMS = [
@@ -88,6 +89,9 @@ STATE = [
     ("slow_count", "f8", "-"),
     ("slow_head", "f8", "-"),
     ("slow_ring", "f8", (5, RING)),
+    ("smoothed", "f8", (4,), "rad/s"),  # signatures of f, of a gain, of a velocity that is off, innovation
+    ("read_num", "f8"),  # the same of a velocity sensor that would be off by f / b_motor
+    ("read_den", "f8"),
     ("felt_num", "f8"),
     ("felt_den", "f8"),
     ("felt", "f8", "-"),  # share of f that the motor has felt
@@ -129,13 +133,7 @@ def sine(x, slow, s, n, hz):
     first = int(x.slow_head if slow else x.even_head) - n
     first = first + RING if first < 0 else first
     turn = 6.283185307179586 * hz * h
-    _, _, ff, fd, dd, fc, fs, dc, ds, cc, cs, ss = products(ring[s], ring[s + 1], first, n, turn, 0.0)
-    det = cc * ss - cs * cs
-    if det <= 1e-9 * n * n:
-        return ff, fd, dd
-    f_c, f_s = (fc * ss - fs * cs) / det, (fs * cc - fc * cs) / det
-    d_c, d_s = (dc * ss - ds * cs) / det, (ds * cc - dc * cs) / det
-    return ff - f_c * fc - f_s * fs, fd - f_c * dc - f_s * ds, dd - d_c * dc - d_s * ds
+    return beside(ring[s], ring[s + 1], first, n, turn)
 
 
 @kernel
@@ -261,6 +259,17 @@ def begin(x):
 
 
 @kernel
+def smooth(x, k, value, dt):
+    """Return a signature or the innovation lagged by TAU_FELT, scaled so that white noise keeps its size.
+
+    Of the velocity sensor's noise, which f shares, the filter leaves its fast part in the innovations: slow ones tell.
+    """
+    a = min(dt / TAU_FELT, 1.0)
+    x.smoothed[k] += a * (value - x.smoothed[k])
+    return x.smoothed[k] * math.sqrt((2.0 - a) / a)
+
+
+@kernel
 def watch(x, y, current, u, w, measured, gamma, p, dt):
     """Take a tick: current `y` [A] where it is usable, demand `u` [A], rate `w`, which may be believed
     where it is `measured`, and its innovation `gamma` [rad/s].
@@ -292,8 +301,10 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     x.f_timer, x.hot_f = confirm(x.f_timer, x.hot_f, beyond, dt, p.t_f, p.t_release)
     if not seen:
         x.even_lost += 1.0
-    felt = push(x, 0, p.impulse * f, p)
-    lost = push(x, 3, p.impulse * x.gain_a * rest, p)
+    felt = smooth(x, 0, push(x, 0, p.impulse * f, p), dt)
+    lost = smooth(x, 1, push(x, 3, p.impulse * x.gain_a * rest, p), dt)
+    off = smooth(x, 2, read(x, 4, f / p.b_motor, p), dt)
+    gamma = smooth(x, 3, gamma, dt)
     if x.hot_gain > 0.5:
         x.gain_num += gamma * lost
         x.gain_den += lost * lost
@@ -304,10 +315,14 @@ def watch(x, y, current, u, w, measured, gamma, p, dt):
     if x.f_timer <= 0.0:  # what came shortly before an alarm is of its onset
         x.felt_num -= min(dt / TAU_POWER, 1.0) * x.felt_num
         x.felt_den -= min(dt / TAU_POWER, 1.0) * x.felt_den
+        x.read_num -= min(dt / TAU_POWER, 1.0) * x.read_num
+        x.read_den -= min(dt / TAU_POWER, 1.0) * x.read_den
     if current:
         x.felt_num += gamma * felt
         x.felt_den += felt * felt
         x.felt = x.felt_num / max(x.felt_den, 1e-9)
+        x.read_num += gamma * off
+        x.read_den += off * off
     x.even_sum[0] += f
     x.even_sum[1] += rest
     x.even_sum[2] += w

@@ -15,7 +15,7 @@ On a verdict on the position sensor `reconf` asks to close the loop on pos_hat. 
 
 | lost | what is left |
 |---|---|
-| surface | position by the jump of R1 over 0.1 s and the share that the innovations took in; a ramp is AMBIGUOUS |
+| surface | a jump of R1 in 0.1 s is the velocity's where the current shows it, else the position's; a ramp AMBIGUOUS |
 | position | the velocity against the surface, AMBIGUOUS; drive and jam as ever; pos_hat |
 | velocity | the position takes its place in the filter; position against surface, drive: AMBIGUOUS; jam |
 | current | sensors and jam as ever; a torque that nothing explains is AMBIGUOUS |
@@ -85,10 +85,7 @@ PARAMS = dtype([
     ("th_vel", "f8", "rad/s"),  # innovation mean: fixed part
     ("rho_vel", "f8", "-"),   # and share of the motor's impulse
     ("rho_rate", "f8", "-"),  # and of the motor rate: back electromotive force, friction, load per tick
-    ("th_cur", "f8", "A"),    # R2, told as r_current: no alarm hangs on it, the current's test is that of `drive`
-    ("rho_cur", "f8", "A s/rad"),  # and per motor rate
     ("th_jump", "f8", "m"),   # jump of R1
-    ("th_both", "f8", "m"),   # smaller jump that confirms a velocity fault
     ("th_R1", "f8", "m"),     # ramp of R1
     # load that no hinge explains, as large as a fault is to be: 0.4 of the stall moment, which jams and stops pass. A
     # false alarm is far below: `cosim train ema` asks for 0.18 of that moment (fdi/thresholds: found, load)
@@ -97,16 +94,12 @@ PARAMS = dtype([
     ("stop_high", "f8", "m"),
     ("load_max", "f8", "N m"),  # limit of the load estimate
     ("gate", "f8", "rad/s"),  # innovation, and step from sample to sample, beyond which it is a spike
-    ("share_hi", "f8", "-"),  # a jump of which the innovations explain more is the velocity's: it is 1 there, else 0
-    ("share_lo", "f8"),       # less: the position's; between: ambiguous
-    ("th_need", "f8", "rad/s"),  # a velocity error that would have grown more slowly might have passed unseen
     ("sigma_max", "f8", "m"),  # pos_sigma above which the estimate is not valid
-    ("t_vel", "f8", "s"),     # confirmation times
-    ("t_cur", "f8", "s"),
+    ("t_cur", "f8", "s"),     # confirmation times
     ("t_jump", "f8", "s"),
     ("t_ramp", "f8", "s"),
     ("t_load", "f8", "s"),    # a stop that is hit or a gust at stall is over sooner
-    ("t_hold", "f8", "s"),    # the innovations are remembered for
+    ("t_hold", "f8", "s"),    # lag of the mean rate
     ("t_bad", "f8", "s"),     # velocity samples missing or rejected for longer: start again, or a fault
     ("t_start", "f8", "s"),   # after engage: the load estimate settles, no test counts
     ("t_doubt", "f8", "s"),   # a velocity sensor that was wrong tells nothing of the magnets for so long
@@ -148,7 +141,6 @@ STATE = dtype([
     ("jump", "f8", "m"),      # change of R1 over n_lag slots
     ("load_hat", "f8", "N m"),  # hinge moment that the model misses
     ("r_velocity", "f8", "-"),     # the tests over their thresholds
-    ("r_current", "f8", "-"),
     ("r_jump", "f8", "-"),
     ("x_hat", "f8", (6,), "rad, rad/s, rad, rad/s, A, N m"),  
     ("started", "f8", "-"),        # 1 once engaged
@@ -156,13 +148,6 @@ STATE = dtype([
     ("age_vel", "f8", "s"),   # since the last velocity sample that was used
     ("raw_last", "f8", "rad/s"),  # last velocity sample, spike or not
     ("age_cur", "f8", "s"),   # and of the current
-    ("age_hot", "f8", "s"),   # since the velocity test was last beyond its threshold
-    ("hi", "f8", "rad/s"),    # what the filter took from the velocity sensor within the window: fading peaks
-    ("lo", "f8", "rad/s"),
-    ("need_hi", "f8", "rad/s"),  # velocity error that R1's motion would need, its change within the window: fading
-    ("need_lo", "f8", "rad/s"),
-    ("need", "f8", "rad/s"),  # that of the jump's sign
-    ("share", "f8", "-"),     # part of it that was taken
     ("u_old", "f8", (HISTORY + 1,), "A"),  # demands held over the last ticks, newest first
     ("at_limit", "f8", "-"),       # 1: the amplifier is at its voltage limit
     ("hm0", "f8", "N m"),            # last finite values [N m], [N m/rad]
@@ -176,13 +161,11 @@ STATE = dtype([
     ("P_cc", "f8", "m2"),           # covariance of both [m^2], [m^2/s], [m^2/s^2]
     ("P_cb", "f8", "m2/s"),
     ("P_bb", "f8", "m2/s2"),
-    ("timer_vel", "f8", "s"),  # confirmation
-    ("timer_cur", "f8", "s"),
+    ("timer_cur", "f8", "s"),  # confirmation
     ("timer_jump", "f8", "s"),
     ("timer_ramp", "f8", "s"),
     ("timer_load", "f8", "s"),
-    ("hot_vel", "f8", "-"),        # confirmed
-    ("hot_cur", "f8", "-"),
+    ("hot_cur", "f8", "-"),        # confirmed
     ("hot_jump", "f8", "-"),
     ("hot_ramp", "f8", "-"),
     ("hot_load", "f8", "-"),
@@ -205,7 +188,6 @@ STATE = dtype([
     ("window", "f8", (N,), "rad/s"),  # slots: innovation
     ("effort", "f8", (N,), "rad/s"),  # impulse
     ("drifts", "f8", (LAG,), "m"), # `drift`
-    ("jumps", "f8", (N,), "m"),  # and of `jump`
     ("work", "f8", (6,)),     # scratch
     *witness.STATE,
     *drive.STATE,
@@ -216,7 +198,7 @@ STATE = dtype([
 ])
 OUTPUTS = (
     "r", "alarm", "verdict", "culprit", "valid", "reconf", "pos_hat", "pos_sigma", "f_hat", "f_sigma", "eta", "eta_bar",
-    "R1", "R2", "jump", "load_hat", "r_velocity", "r_current", "r_jump",
+    "R1", "R2", "jump", "load_hat", "r_velocity", "r_jump",
 )
 DETECTOR = Detector(
     id="ema_kalman_flight",
@@ -344,7 +326,6 @@ def _engage(x, u, p):
     x.P_cc = p.sigma_pos * p.sigma_pos
     x.P_bb = (p.lead * p.sigma_b) * (p.lead * p.sigma_b)
     x.started = 1.0
-    x.age_hot = p.t_hold
     x.age_doubt = p.t_doubt
 
 
@@ -374,8 +355,8 @@ def _predict(x, demand, p):
 
 
 @kernel
-def _window(x, p, h):
-    """End a slot of `h` seconds, and form the test of the velocity."""
+def _window(x, p):
+    """End a slot, and form the test of the velocity."""
     head = int(x.head)
     x.window[head] = x.sum_gamma / p.n_sub
     x.effort[head] = x.sum_effort / p.n_sub
@@ -388,10 +369,6 @@ def _window(x, p, h):
         effort += x.effort[i] / p.n_window
     x.eta_bar = mean / p.S_root
     x.r_velocity = math.fabs(mean) / (p.th_vel + p.rho_vel * effort + p.rho_rate * math.fabs(x.x_hat[3]))
-    fade = 1.0 - h / p.t_hold
-    taken = p.n_window * p.n_sub * mean * p.K[3]
-    x.hi = max(x.hi * fade, taken)
-    x.lo = min(x.lo * fade, taken)
 
 
 @kernel
@@ -439,16 +416,8 @@ def _velocity(x, u, p, dt):
     x.sum_gamma += 0.0 if x.at_limit > 0.5 else gamma
     x.sum_effort += p.impulse * math.fabs(x.x_hat[4])
     if x.count == 0.0:
-        _window(x, p, p.n_sub * dt)
+        _window(x, p)
     return w, mean, gamma
-
-
-@kernel
-def _current(x, p):
-    """Form the test of R2."""
-    # a velocity error reaches x5 through the back electromotive force; 0.7: the part of it that `hi` still remembers
-    back = 0.7 * p.K_B / p.R_loop * max(x.hi, -x.lo)
-    x.r_current = math.fabs(x.R2) / (p.th_cur + p.rho_cur * math.fabs(x.x_hat[3]) + back)
 
 
 @kernel
@@ -479,7 +448,6 @@ def step(x, u, p, dt):
     if x.count == 0.0 and x.n_current > 0.0:
         x.R2 = x.sum_R2 / x.n_current
         x.sum_R2 = x.n_current = 0.0
-    _current(x, p)
     reckon_position(x, u, p, dt, gap and x.age_vel == 0.0 and x.alarm < 0.5)
     witness.hear(x, u, mean, p, dt)
     x.age_doubt = 0.0 if x.culprit == VELOCITY else x.age_doubt + dt

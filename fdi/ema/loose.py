@@ -29,7 +29,7 @@ BEGUN = 2.5  # deviations of e at which it begins
 TAU_NOISE = 10.0  # memory of its noise [s]
 SHARE, NOISE = 0.003, 1.3  # of what there is, and of noise, that a sensor's hypothesis may leave: 90 % at 40 samples
 ZERO = 4.0  # deviations within which a drift begins
-LOOSE, ROUGH = 0.02, 2.2  # and what all must leave where the surface is loose
+LOOSE, ROUGH = 0.06, 2.2  # and what all must leave where the surface is loose
 VOTES = 2.0  # evaluations in a row
 
 STATE = [
@@ -45,13 +45,11 @@ def weigh(x, p):
     """Take the sample of `drive` that has just ended; write `pair_name` where one is sure."""
     head = int(x.even_head)
     now = RING - 1 if head == 0 else head - 1
-    before = RING - 1 if now == 0 else now - 1
     e = x.even_ring[3, now]
     if x.pair_noise == 0.0:
         x.pair_noise = 1.5 * p.sigma_pos * p.sigma_pos / p.even  # of both sensors
     if x.sensor < 0.5 and e * e < BEGUN * BEGUN * x.pair_noise:
-        step = e - x.even_ring[3, before]
-        x.pair_noise += EVEN_S / TAU_NOISE * (0.5 * step * step - x.pair_noise)
+        x.pair_noise += EVEN_S / TAU_NOISE * (e * e - x.pair_noise)
         x.pair_since = x.pair_votes = 0.0
     elif x.pair_since < RING + EVERY:
         x.pair_since += 1.0

@@ -21,7 +21,8 @@ PARAMS = [
     ("th_friction", "f8", "N m"),  # at the motor
 ]
 STATE = [
-    ("twin", "f8", (4, 2)),  # errors of rate [rad/s] and load [N m] by f, friction, drag, a gain
+    # errors of rate [rad/s] and load [N m] by f, friction, drag, a gain, the velocity sensor
+    ("twin", "f8", (5, 2)),
     ("rub_sum", "f8", (5,)),  # of friction and drag: squares and product of their signatures, products with gamma
     ("friction", "f8", "N m"),  # torque that opposes the motion, at the motor
     ("r_friction", "f8", "-"),  # over its threshold
@@ -39,6 +40,17 @@ def push(x, j, kick, p):
     x.twin[j, 0] = (1.0 - p.K[3]) * x.twin[j, 0] + kick + p.phi_load * load
     x.twin[j, 1] = p.leak * load
     return x.twin[j, 0]
+
+
+@kernel
+def read(x, j, error, p):
+    """Carry signature `j` of a velocity reading that is off by `error` [rad/s] through the filter; return what that
+    makes of the innovation [rad/s]."""
+    gamma = x.twin[j, 0] + error
+    load = x.twin[j, 1] - p.K[5] * gamma
+    x.twin[j, 0] += p.phi_load * load - p.K[3] * gamma
+    x.twin[j, 1] = p.leak * load
+    return gamma
 
 
 @kernel

@@ -2,7 +2,7 @@
 
 A sensor that two others contradict is named first, then what the drive does, then what holds the surface. An alarm is
 AMBIGUOUS until one is sure; a name, once given, stays until the alarm ends. Without its surface sensor the position is
-judged by the jump of R1 and the share of it that the innovations took in, as said in `ema_kalman_flight`.
+judged by the jump of R1, as said in `ema_kalman_flight`.
 """
 
 import math
@@ -25,6 +25,7 @@ T_MOVING = 1.0  # after the alarm: what moves under such a load has not just bee
 STEADY = 250.0  # samples of a current that only grows, longer than half a period of the slowest oscillation
 GROWN = 0.12  # of the stall current, so that it is told from what a load model misses
 SURE = 120.0  # information about what the motor has felt [rad2/s2]: the share is known to a tenth
+SURE_READ = 4.0 * SURE  # of a velocity that is off: its own noise is in f, too
 SURE_SINE = 4.0 * SURE  # before a sine is the sensor's: friction keeps a small one in the drive from the motor at first
 
 
@@ -46,16 +47,17 @@ def _blame(x, p):
 
 @kernel
 def _alone(x, p, dt):
-    """Return the sensor that jumps against the rest, without a surface sensor, or 0."""
-    counts = x.age >= p.t_start
-    hot = x.age_hot < p.t_hold and x.share >= p.share_hi
-    both = hot and math.fabs(x.jump) >= p.th_both
-    x.timer_vel, x.hot_vel = confirm(x.timer_vel, x.hot_vel, counts and both, dt, p.t_vel, 0.0)
-    x.timer_jump, x.hot_jump = confirm(x.timer_jump, x.hot_jump, counts and x.r_jump >= 1.0, dt, p.t_jump, 0.0)
-    sharp = x.hot_jump > 0.5 and x.need >= p.th_need
-    if x.hot_vel > 0.5 or (sharp and x.share >= p.share_hi):
-        return VELOCITY
-    return POSITION if sharp and x.share <= p.share_lo else 0.0
+    """Return the sensor that jumps against the other, without a surface sensor, or 0.
+
+    A velocity that is off by as much as a jump needs, 20 rad/s and more, has b_motor times as much in f.
+    """
+    beyond = x.age >= p.t_start and x.r_jump >= 1.0
+    x.timer_jump, x.hot_jump = confirm(x.timer_jump, x.hot_jump, beyond, dt, p.t_jump, 0.0)
+    if x.hot_jump < 0.5 or x.age_cur > p.t_lost:
+        return 0.0
+    if x.r_f < 1.0:
+        return POSITION
+    return VELOCITY if x.read_num > p.felt_least * x.read_den else 0.0
 
 
 @kernel
@@ -63,14 +65,19 @@ def _drive(x, p):
     """Return (class, culprit) of what the current says, NONE while it is not sure."""
     if x.drive_name == drive.WEAK:
         return EFFECTIVENESS, 0.0
+    moved = x.felt_num * math.fabs(x.felt_num) / max(x.felt_den, 1e-9)  # of the innovations, explained by a torque
+    misread = x.read_num * math.fabs(x.read_num) / max(x.read_den, 1e-9)  # by a velocity that is off
+    constant = min(x.left[4], x.left[6]) <= drive.PURE  # or growing, which no fault of the drive adds
+    read = x.read_num >= p.felt_least * x.read_den and misread >= max(SURE_READ, 2.0 * moved)
+    if x.hot_f > 0.5 and read and not constant:
+        return SENSOR, VELOCITY
     if x.felt_den >= SURE:
-        constant = min(x.left[4], x.left[6]) <= drive.PURE  # or growing, which no fault of the drive adds
         shaped = min(min(x.left[0], x.left[6]), min(x.left[3], x.left[4]))  # a sine, a drift, a scale, a bias
         most = p.felt_least if constant else p.felt_most
         told = x.left[0] > drive.PURE or x.felt_den >= SURE_SINE
         if told and x.left[5] > WEAK_LEFT and shaped < 0.5 * x.left[5] and -p.felt_least <= x.felt <= most:
             return SENSOR, CURRENT
-        if x.felt >= p.felt_least and x.drive_name != NONE:
+        if x.felt >= p.felt_least and moved > misread and x.drive_name != NONE:
             return x.drive_name, 0.0
     grown = math.fabs(x.f_lag) / p.I_max  # of the stall current: so much of the stall moment would the load be off by
     unknown = x.felt < p.felt_least or x.felt_den < 10.0 * SURE
@@ -90,7 +97,6 @@ def decide(x, p, dt):
     """Confirm the tests, raise the alarm, name the fault, and withdraw it."""
     counts = x.age >= p.t_start
     ramp = math.fabs(x.R1) / p.th_R1
-    x.age_hot = 0.0 if x.r_velocity >= 1.0 else x.age_hot + dt
     inside = p.stop_low < x.pos_hat < p.stop_high
     heavy = counts and math.fabs(x.x_hat[5]) >= p.th_load and inside
     x.timer_load, x.hot_load = confirm(x.timer_load, x.hot_load, heavy, dt, p.t_load, p.t_release)
@@ -161,7 +167,7 @@ def size(x, p, span):
         x.f_sigma = math.sqrt(x.P_cc + p.sigma_pos * p.sigma_pos / p.n_sub)  # R1 is a mean
     elif x.culprit == CURRENT:
         x.f_hat = x.R2
-        x.f_sigma = p.th_cur / 3.0  # the model's error, not the noise, limits it
+        x.f_sigma = p.th_f  # the model's error, not the noise, limits it
     elif x.culprit == VELOCITY:
         x.f_hat = -x.jump / (p.lead * span)
         ends = 0.63 * math.sqrt(MEAN / (p.n_mean * p.n_sub))  # sqrt(2 / 5): both ends are means of five samples of 5 ms

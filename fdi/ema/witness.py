@@ -16,8 +16,11 @@ from fdi.common.decision import clipped, confirm, usable
 from fdi.ema.ema_kalman import VELOCITY
 
 BLAMED = 0.6  # of the threshold: so far a position has left the integral before it is blamed
+DOUBT = 0.7  # of the threshold: from there on the lever is not learned
 HALF = 0.5  # of `load_max` is the stall moment
 WASH_FAULT = 0.3  # while the velocity is wrong, the integral's constant follows in [s]
+# lever over lead: deviation of machined parts; variance of a disagreement of 0.05 mm that lasts 3 s
+OFF_LEVER, VARIANCE = 0.006, 7.5e-9  # [1], [m^2 s]
 STANDS = 0.55  # of the threshold: so much of it keeps the alarm
 
 PARAMS = [
@@ -32,6 +35,9 @@ PARAMS = [
 ]
 STATE = [
     *decision.PAIR_STATE,
+    ("lever", "f8", "-"),  # what the surface's lever is off by, over the screw's lead
+    ("P_lever", "f8", "-"),  # its variance
+    ("y_slow", "f8", "m"),  # reading of the surface, lagged as the rigging is
     ("age_pos", "f8", "s"),  # since the last usable sample of the position
     ("age_surface", "f8", "s"),  # and of the surface
     ("y_arm", "f8", "m"),  # what the surface sensor says of the rod
@@ -51,6 +57,16 @@ def beyond_clip(d, p):
 
 
 @kernel
+def _learn_lever(x, p, dt):
+    """Correct the lever by the disagreement: a scalar Kalman update; what is near the mean reading tells nothing."""
+    x.y_slow += dt / p.pair_learn * (x.y_surface - x.y_slow)
+    h = x.y_surface - x.y_slow
+    k = x.P_lever * h / (h * h * x.P_lever + VARIANCE / dt)
+    x.lever += k * x.pair_e
+    x.P_lever -= k * h * x.P_lever
+
+
+@kernel
 def hear(x, u, w, p, dt):
     """Compare the three; `w` is the motor's mean rate of the tick, as measured or what stands for it [rad/s]."""
     position, surface = usable(u.y_position, u.position_valid), usable(u.y_surface, u.surface_valid)
@@ -61,7 +77,9 @@ def hear(x, u, w, p, dt):
         without = with_load + p.arm / p.spring * x.x_hat[5]  # a motor that is held does not wind up the screw
         other = with_load + p.wind * x.f_lag
         low, high = min(with_load, min(without, other)), max(with_load, max(without, other))
-        y = p.arm * u.y_surface
+        y = p.arm * u.y_surface * (1.0 + x.lever)
+        if x.pair_time < p.pair_settle:
+            x.y_slow, x.P_lever = y, OFF_LEVER * OFF_LEVER
         x.y_arm = y + with_load
         if position > 0.5 and x.pair_time >= p.pair_settle:  # torque says it no better: between the three
             x.y_arm = y + min(max(u.y_position - x.rigging - y, low), high)
@@ -76,6 +94,8 @@ def hear(x, u, w, p, dt):
         x.y_surface = p.arm * u.y_surface
     if position > 0.5 and surface > 0.5 and x.pair_time >= p.pair_settle:
         x.pair_e = u.y_position - x.y_arm - x.rigging
+        if math.fabs(x.pair_d) < DOUBT * p.pair_threshold and x.sensor < 0.5:
+            _learn_lever(x, p, dt)
     if x.impact > 0.0:  # within a tick the integral is not known
         x.base_rod += x.e_rod
         x.base_surface += x.e_surface

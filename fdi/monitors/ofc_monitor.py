@@ -1,24 +1,29 @@
 """OFC monitor: the in-service baseline, after the idea of Goupil (Control Engineering Practice 18, 2010, 1110-1119).
 
-    q_est = the command through the servo's own third-order reference model (rod estimate of a healthy actuator)
-    e     = y_rod - q_est,  split into sub-bands by second-order high- and low-pass filters
-    e_band less a m + c m~,  m the reference's motion in the band, m~ in quadrature to it
+    m     = the command through the servo's own third-order reference model (rod estimate of a healthy actuator)
+    e     = y_rod - m - sum_k theta_k L_k m,  split into sub-bands by second-order high- and low-pass filters
     r     = largest |e_band| / (threshold + share of the reference's motion in the band)
 
 In each sub-band the crossings of alternately +threshold and -threshold are counted over a sliding window of as
-many half periods of the band's lowest frequency. An alarm needs `half_periods` of them; the frequency is that of
-the counted crossings.
+many half periods of the band's lowest frequency. An alarm needs `half_periods` of them.
 
-A servo follows its reference with a gain and a phase that depend on tolerances and, by the hinge load's stiffness, on
-airspeed: at 365 kt and 5 % off in piston area, flow and supply a third of the motion at 2 Hz is missing. Both are
-learned, as a and c of each sub-band, by least squares over the last LEARN seconds without an alarm, from what a nominal
-servo leaves at 310 kt. An oscillation of a fault has no phase in common with the reference and is not learned; MOST
-bounds what one could take along. What is left still grows with the motion, and the threshold with it.
+A servo follows its reference with a response that depends on tolerances and, by the hinge load's stiffness, on
+airspeed. The error poles of the servo are at -a = -25 rad/s (`actuators.hydraulic.servo`), so that to first order what
+is missing is a polynomial of s over (s + a)^3; with one order more, for what the second order makes, it is spanned by
+the Laguerre functions L_k = a / (s + a) ((s - a) / (s + a))^k, k = 0 to 3. theta is learned by least squares over the
+last LEARN seconds without an alarm, from what a healthy servo leaves on the mean (`usual`). `departure` is the largest
+gain of what has been learned beside that; beyond `most`, which the tolerances do not reach, the servo is not the one
+that the thresholds are made for, and the monitor is not valid.
 
-An actuator that has lost flow, pressure or its hold swings as well, with the command or with the gusts. An oscillation
-is called one when COUNT crossings came at equal times, its half waves are alike and larger than what the reference
-itself does in the band; until then the alarm is AMBIGUOUS. The residual cannot tell an oscillation that adds to
-the servo's signal from one that replaces it: the name is OFC_LIQUID.
+Whether an oscillation adds to the command or has taken its place is told by the command's own part of the rod's motion:
+over the last samples since the first crossing
+
+    y = g (m + sum_k theta_k L_k m) + A cos w t + B sin w t + rest
+
+where the sine also takes up what the control law answers at the oscillation's own frequency. Added, g is 1; in place,
+0. Its deviation follows from the rest and from how far the command has moved; while both are possible the name is
+AMBIGUOUS, and it is so where no sine explains the rest: an actuator that has lost flow, pressure or its hold swings as
+well, with the command or with the gusts.
 """
 
 import math
@@ -32,23 +37,34 @@ from actuators.hydraulic import servo
 from actuators.hydraulic.lu17 import opening
 from fdi.common.decision import clipped, held, usable
 from fdi.common.record import Detector
+from fdi.common.sinusoid import beside
 from fdi.common.tuning import thresholds
-from fdi.common.verdict import AMBIGUOUS, NONE, OFC_LIQUID
+from fdi.common.verdict import AMBIGUOUS, NONE, OFC_LIQUID, OFC_SOLID
 
 CULPRITS = ("",)
 BANDS = ((0.4, 1.3), (1.3, 4.0), (4.0, 12.0))  # [Hz]; 0.5 to 10 Hz is considered
 B = len(BANDS)
-COUNT = 6  # crossings kept
+COUNT = 4  # crossings kept
 HISTORY = 10  # reference positions kept: 5 ms at 2 kHz
 LONG_AGO = 1e3  # [s]
 ROOT_LEAST = servo.ROOT_LEAST
-EVEN, ALIKE = 1.5, 2.5  # longest over shortest half period, largest over smallest half wave of an oscillation
+HIGH_HZ = 0.4  # high-pass of what is learned and weighed [Hz]
 MEMORY = 2.0  # of the reference's motion, in periods of the band's lower edge
 LEARN = 20.0  # memory of the servo's response: some ten periods of the lowest sub-band [s]
-USUAL = ((-0.07, -0.12), (-0.15, -0.03), (-0.1, 0.1))  # a and c of each band of a nominal servo, 393 t at 310 kt
-PRIOR = 1e-6  # they count as much as two seconds of a motion of 1 mm [m^2 s]
-MOST = (0.2, 0.3)  # from them: 5 % and 365 kt make 0.18 in a, 0.3 in c; a servo that lacks half is no healthy one
-OWN = 1.5  # its half waves over the largest motion of the reference in the band
+BLOCK = 3.0  # what is learned is one to two blocks old: an oscillation has been counted by then [s]
+PRIOR = 1e-6  # the usual response counts as much as two seconds of a motion of 1 mm [m^2 s]
+N = 4  # Laguerre functions
+AT = (0.9, 2.3, 5.0)  # frequencies at which the departure is taken: the middle of the sub-bands, servo's pole [Hz]
+SAMPLE, RING = 0.02, 250  # a sample of the ring [s]: five of a period at 10 Hz; 2.5 periods at 0.5 Hz
+EVERY = 25  # samples after which the name is weighed anew
+PERIODS = 2.0  # that the window must hold
+SWINGS = 0.2  # share of the rest that the sine must leave at most
+NO_SWING = 0.6  # a name is withdrawn where it leaves more
+STEADY = 0.1  # by so much the frequency may change from one evaluation to the next
+VOTES = 2.0  # evaluations in a row that must agree
+CORRELATED = 0.1  # time by which samples of the rest are independent: half a period of the servo's pole [s]
+SURE = 3.0  # deviations of the gain
+NEAR = 0.25  # by so much it may be off 1 or 0: the valve's limit, what is not sine
 
 PARAMS = dtype(
     [
@@ -62,8 +78,16 @@ PARAMS = dtype(
         ("low_a1", "f8", (B,)),  # low-pass at its upper edge
         ("low_g", "f8", (B,)),
         ("f_low", "f8", (B,), "Hz"),  # lower edges
+        ("f_high", "f8", "Hz"),  # highest frequency of an oscillation
         ("threshold", "f8", (B,), "m"),
         ("share", "f8", (B,), "-"),  # ... plus this share of the reference's largest motion in the band
+        ("usual", "f8", (N,), "-"),  # theta of a healthy servo on the mean
+        ("most", "f8", "-"),  # largest departure from it that tolerances and airspeed make
+        ("a", "f8", "-"),  # of the Laguerre functions' lag over a tick
+        ("wide", "f8", (2,)),  # and g of the wide high-pass
+        ("L_re", "f8", (3, N)),  # response of the Laguerre functions at AT
+        ("L_im", "f8", (3, N)),
+        ("even", "f8", "-"),  # ticks of a sample of the ring
         ("half_periods", "f8", "-"),  # alternating crossings that make an alarm, at most COUNT
         ("t_release", "f8", "s"),
         ("t_invalid", "f8", "s"),
@@ -93,13 +117,32 @@ STATE = dtype(
         ("e_band", "f8", (B,), "m"),  # residual by band
         ("side", "f8", (B,), "-"),  # side of the last counted crossing
         ("ages", "f8", (B, COUNT), "s"),  # time since the last crossings, newest first
-        ("peaks", "f8", (B, COUNT), "m"),  # largest residual of the half waves that they began, newest first
         ("ref_high", "f8", (B, 2)),  # filter states of the reference
         ("ref_low", "f8", (B, 2)),
         ("ref_peak", "f8", (B,), "m"),  # its largest motion in the band, fading
-        ("gram", "f8", (B, 3), "m2 s"),  # fading sums of m m, m m~, m~ m~
-        ("cross", "f8", (B, 2), "m2 s"),  # of what the usual response leaves of the residual, with m and m~
-        ("response", "f8", (B, 2), "-"),  # learned a and c
+        ("wide", "f8", (2, 2)),  # filter states of the high-pass of rod less reference, reference
+        ("lags", "f8", (N,), "m"),  # states of the Laguerre functions
+        ("moves", "f8", (N,), "m"),  # their outputs
+        ("products", "f8", (N, N + 1), "m2 s"),  # of them, and with what the usual response leaves of the residual
+        ("waiting", "f8", (N, N + 1), "m2 s"),  # sums of the products over the last block
+        ("block", "f8", (N, N + 1), "m2 s"),  # and over the one that is open
+        ("block_age", "f8", "s"),
+        ("clock", "f8", "s"),  # since the start
+        ("work", "f8", (N, N + 1), "m2 s"),  # scratch
+        ("response", "f8", (N,), "-"),  # learned theta
+        ("departure", "f8", "-"),  # largest gain of what it is beside the usual one
+        ("sums", "f8", (2,), "m"),  # of the open sample: rod, rod of a healthy servo
+        ("ticks", "f8", "-"),  # in it
+        ("head", "f8", "-"),  # write position
+        ("ring", "f8", (2, RING), "m"),
+        ("since", "f8", "-"),  # samples since the first crossing of the alarm
+        ("vote", "f8", "-"),  # class that was told last
+        ("votes", "f8", "-"),  # how often in a row
+        ("gain", "f8", "-"),  # of the command's own part
+        ("gain_sigma", "f8", "-"),  # its deviation
+        ("sine", "f8", "m"),  # amplitude of the best sine, and its frequency
+        ("sine_hz", "f8", "Hz"),
+        ("left", "f8", "-"),  # share of the rest that the best sine leaves
         ("timer", "f8", "s"),  # time for which the alarm is still held
         ("age", "f8", "s"),  # time since the last usable rod sample
         ("e", "f8", "m"),  # residual
@@ -119,11 +162,11 @@ DETECTOR = Detector(
     technologies=("hydraulic",),
     inputs={"command": "de_cmd", "y_rod": "rod", "y_dp": "pressure"},
     group="monitors",
-    designed_for={  # the idea of Goupil 2010; it cannot tell liquid from solid
+    designed_for={
         **dict.fromkeys((
-            "hydraulic.ofc_liquid", "hydraulic.ofc_solid", "hydraulic.ofc_liquid@command",
-            "hydraulic.ofc_solid@command", "hydraulic.ofc_liquid@sensor",
+            "hydraulic.ofc_liquid", "hydraulic.ofc_liquid@command", "hydraulic.ofc_liquid@sensor",
         ), ("ofc_liquid",)),
+        **dict.fromkeys(("hydraulic.ofc_solid", "hydraulic.ofc_solid@command"), ("ofc_solid",)),
     },
     may_see={  # by ringing, or in a manoeuvre that the faulty rod does not follow
         **dict.fromkeys((
@@ -156,6 +199,9 @@ def params(
     edges = np.array(BANDS)
     g = np.tan(np.pi * edges * dt)
     a1 = 1.0 / (1.0 + g * (g + math.sqrt(2.0)))  # Butterworth
+    wide = math.tan(math.pi * HIGH_HZ * dt)
+    a = -math.expm1(-servo.POLE * dt)
+    L = functions(dt)
     fields = {
         "arm": arm,
         **{name: s[name] for name, _ in reference.PARAM_FIELDS},
@@ -166,9 +212,27 @@ def params(
         "low_a1": a1[:, 1],
         "low_g": g[:, 1],
         "f_low": edges[:, 0],
+        "f_high": edges[-1, 1],
+        "a": a,
+        "wide": (1.0 / (1.0 + wide * (wide + math.sqrt(2.0))), wide),
+        "L_re": L.real,
+        "L_im": L.imag,
+        "even": float(max(round(SAMPLE / dt), 1)),
         "t_invalid": 0.2,
     }
     return record(PARAMS, **{**fields, **thresholds("ofc_monitor", which), **values})
+
+
+def functions(dt: float = 0.005) -> np.ndarray:
+    """Return the response (3, N) of the Laguerre functions at the frequencies AT, as `laguerre` steps them."""
+    a = -math.expm1(-servo.POLE * dt)
+    lag = a / (1.0 - (1.0 - a) * np.exp(-2j * np.pi * np.array(AT) * dt)[:, None])
+    return lag * (1.0 - 2.0 * lag) ** np.arange(N)
+
+
+def departure(theta: np.ndarray) -> np.ndarray:
+    """Return the largest gain of `theta` (..., N) at the frequencies AT, (...)."""
+    return np.abs(theta @ functions().T).max(axis=-1)
 
 
 def init(p: np.ndarray) -> np.ndarray:
@@ -204,10 +268,7 @@ def count(x, p, b, dt):
         x.side[b] = 1.0 if v > 0.0 else -1.0
         for i in range(COUNT - 1, 0, -1):
             x.ages[b, i] = x.ages[b, i - 1]
-            x.peaks[b, i] = x.peaks[b, i - 1]
         x.ages[b, 0] = 0.0
-        x.peaks[b, 0] = 0.0
-    x.peaks[b, 0] = max(x.peaks[b, 0], math.fabs(x.e_band[b]))
     n = int(p.half_periods)
     half = 0.5 / p.f_low[b]
     span = x.ages[b, n - 1] - x.ages[b, 0]
@@ -218,35 +279,110 @@ def count(x, p, b, dt):
 
 
 @kernel
-def steady(x, b):
-    """Return whether band b's crossings are those of an oscillation of its own: evenly spaced, alike, not the
-    reference's.
-    """
-    short, long = LONG_AGO, 0.0
-    low, high = LONG_AGO, 0.0
-    for i in range(COUNT - 1):
-        span = x.ages[b, i + 1] - x.ages[b, i]
-        short, long = min(short, span), max(long, span)
-        peak = x.peaks[b, i + 1]  # whole half waves
-        low, high = min(low, peak), max(high, peak)
-    return long < EVEN * short and high < ALIKE * low and low > OWN * x.ref_peak[b]
+def laguerre(x, v, p):
+    """Take in the reference's motion `v` [m]: the outputs of the Laguerre functions, each the one before through
+    (s - a) / (s + a)."""
+    for k in range(N):
+        x.lags[k] += p.a * (v - x.lags[k])
+        if k == 0:
+            v = x.lags[0]
+        else:
+            v -= 2.0 * x.lags[k]
+        x.moves[k] = v
 
 
 @kernel
-def learn(x, b, e, m, c, dt):
-    """Learn how band b's residual `e` goes with the reference's motion `m` and its quadrature `c` [m]."""
-    keep = 1.0 - dt / LEARN
-    G, w, usual = x.gram[b], x.cross[b], USUAL[b]
-    left = e - usual[0] * m - usual[1] * c
-    G[0] = keep * G[0] + dt * m * m
-    G[1] = keep * G[1] + dt * m * c
-    G[2] = keep * G[2] + dt * c * c
-    w[0] = keep * w[0] + dt * m * left
-    w[1] = keep * w[1] + dt * c * left
-    g0, g2 = G[0] + PRIOR, G[2] + PRIOR
-    det = g0 * g2 - G[1] * G[1]  # positive: PRIOR squared at least
-    x.response[b, 0] = usual[0] + clipped((g2 * w[0] - G[1] * w[1]) / det, MOST[0])
-    x.response[b, 1] = usual[1] + clipped((g0 * w[1] - G[1] * w[0]) / det, MOST[1])
+def learn(x, e, p, dt):
+    """Learn how the residual `e` [m] goes with the Laguerre functions of the reference's motion."""
+    for i in range(N):
+        e -= p.usual[i] * x.moves[i]
+    for i in range(N):
+        for j in range(N):
+            x.block[i, j] += dt * x.moves[i] * x.moves[j]
+        x.block[i, N] += dt * x.moves[i] * e
+    x.block_age += dt
+    at_once = x.clock < 2.0 * BLOCK
+    if x.block_age < (SAMPLE if at_once else BLOCK):
+        return
+    keep = 1.0 - x.block_age / LEARN
+    for i in range(N):
+        for j in range(N + 1):
+            x.products[i, j] = keep * x.products[i, j] + (x.block[i, j] if at_once else x.waiting[i, j])
+            x.waiting[i, j] = 0.0 if at_once else x.block[i, j]
+            x.block[i, j] = 0.0
+    x.block_age = 0.0
+    W = x.work
+    for i in range(N):  # Gauss: the matrix is positive by PRIOR
+        for j in range(N + 1):
+            W[i, j] = x.products[i, j]
+        W[i, i] += PRIOR
+    for k in range(N):
+        for i in range(k + 1, N):
+            f = W[i, k] / W[k, k]
+            for j in range(k, N + 1):
+                W[i, j] -= f * W[k, j]
+    for k in range(N - 1, -1, -1):
+        for j in range(k + 1, N):
+            W[k, N] -= W[k, j] * W[j, N]
+        W[k, N] /= W[k, k]
+    x.departure = 0.0
+    for b in range(B):
+        re, im = 0.0, 0.0
+        for k in range(N):
+            re += p.L_re[b, k] * W[k, N]
+            im += p.L_im[b, k] * W[k, N]
+        x.departure = max(x.departure, math.sqrt(re * re + im * im))
+    for k in range(N):
+        x.response[k] = p.usual[k] + W[k, N]
+
+
+@kernel
+def keep_sample(x, rod, healthy, p):
+    """Take the `rod` and that of a `healthy` servo [m] into the ring."""
+    x.sums[0] += rod
+    x.sums[1] += healthy
+    x.ticks += 1.0
+    if x.ticks < p.even:
+        return
+    head = int(x.head)
+    for s in range(2):
+        x.ring[s, head] = x.sums[s] / x.ticks
+        x.sums[s] = 0.0
+    x.head = 0.0 if head == RING - 1 else head + 1.0
+    x.ticks = 0.0
+    x.since += 1.0
+
+
+@kernel
+def weigh(x, p, h):
+    """Return the class that the gain of the command's own part tells, else AMBIGUOUS; `h`: time of a sample [s]."""
+    n = int(min(x.since, float(RING)))
+    first = int(x.head) - n
+    first = first + RING if first < 0 else first
+    Y, M = x.ring[0], x.ring[1]
+    ff, fd, dd = beside(Y, M, first, n, 0.0)
+    before = ff - fd * fd / max(dd, 1e-12)
+    rest, best, apart = before, 0.0, 0.5 / (n * h)
+    hz = PERIODS / (n * h)
+    most = min(p.f_high, 0.4 / h)
+    for _ in range(3):  # half a line apart, then about the best
+        while hz <= most:
+            ff, fd, dd = beside(Y, M, first, n, 6.283185307179586 * hz * h)
+            if ff - fd * fd / max(dd, 1e-12) < rest:
+                rest, best = ff - fd * fd / max(dd, 1e-12), hz
+                x.gain, x.gain_sigma = fd / max(dd, 1e-12), dd
+            hz += apart
+        hz, most, apart = best - 0.5 * apart, best + 0.6 * apart, 0.5 * apart
+    if best == 0.0:
+        return AMBIGUOUS
+    x.gain_sigma = math.sqrt(max(rest, 0.0) * CORRELATED / (n * h) / max(x.gain_sigma, 1e-12))
+    x.left, x.sine_hz, x.sine = rest / before, best, math.sqrt(2.0 * (before - rest) / n)
+    off = SURE * x.gain_sigma
+    if x.left > SWINGS:
+        return AMBIGUOUS
+    if x.gain - off > 0.5 and math.fabs(x.gain - 1.0) < NEAR + off:
+        return OFC_LIQUID
+    return OFC_SOLID if x.gain + off < 0.5 and math.fabs(x.gain) < NEAR + off else AMBIGUOUS
 
 
 @kernel
@@ -279,34 +415,61 @@ def step(x, u, p, dt):
         x.q_est = x.target
         for i in range(HISTORY + 1):
             x.past[i] = x.target
+        x.wide[0, 1], x.wide[1, 1] = x.y - x.target, x.target  # the high-pass starts in equilibrium
+        for k in range(N):
+            x.response[k] = p.usual[k]
         for b in range(B):
-            x.high[b, 1] = x.y - x.target  # the high-pass starts in equilibrium
-            x.ref_high[b, 1] = x.target
             for i in range(COUNT):
                 x.ages[b, i] = LONG_AGO
     x.age = 0.0 if good > 0.5 else x.age + dt
-    x.valid = 1.0 if x.age <= p.t_invalid else 0.0
     x.e = x.y - x.past[int(p.delay)]
-    worst = 0.0
-    found, named = False, x.verdict == OFC_LIQUID
+    reference = x.past[int(p.delay)]
+    _, e, _ = filtered(x.wide[0], x.e, p.wide[0], p.wide[1])
+    _, m, _ = filtered(x.wide[1], reference, p.wide[0], p.wide[1])
+    laguerre(x, m, p)
+    x.clock += dt
+    if x.timer > 0.0:
+        x.block[:] = 0.0
+        x.waiting[:] = 0.0
+        x.block_age = 0.0
+    elif good > 0.5:
+        learn(x, e, p, dt)
+    learned = 0.0
+    for k in range(N):
+        learned += x.response[k] * x.moves[k]
+    keep_sample(x, e + m, m + learned, p)
+    worst, found = 0.0, False
     for b in range(B):
-        _, high, _ = filtered(x.high[b], x.e, p.high_a1[b], p.high_g[b])
-        e, _, _ = filtered(x.low[b], high, p.low_a1[b], p.low_g[b])
-        _, high, _ = filtered(x.ref_high[b], x.past[int(p.delay)], p.high_a1[b], p.high_g[b])
-        moves, _, across = filtered(x.ref_low[b], high, p.low_a1[b], p.low_g[b])
-        if x.timer <= 0.0 and good > 0.5:
-            learn(x, b, e, moves, across, dt)
-        x.e_band[b] = e - x.response[b, 0] * moves - x.response[b, 1] * across
+        _, high, _ = filtered(x.high[b], e - learned, p.high_a1[b], p.high_g[b])
+        x.e_band[b], _, _ = filtered(x.low[b], high, p.low_a1[b], p.low_g[b])
+        _, high, _ = filtered(x.ref_high[b], m, p.high_a1[b], p.high_g[b])
+        moves, _, _ = filtered(x.ref_low[b], high, p.low_a1[b], p.low_g[b])
         x.ref_peak[b] = max(math.fabs(moves), x.ref_peak[b] * (1.0 - dt * p.f_low[b] / MEMORY))
         worst = max(worst, math.fabs(x.e_band[b]) / limit(x, p, b))
         if count(x, p, b, dt):
             found = True
-            named = named or steady(x, b)
+            if x.verdict == NONE:
+                x.since = min(x.since, x.ages[b, int(p.half_periods) - 1] / (p.even * dt))
+    x.valid = 1.0 if x.age <= p.t_invalid and x.departure <= p.most else 0.0
     x.timer = p.t_release if found and x.valid > 0.5 else max(x.timer - dt, 0.0)
     x.alarm = 1.0 if x.timer > 0.0 else 0.0
-    x.verdict = NONE
-    if x.timer > 0.0:
-        x.verdict = OFC_LIQUID if named else AMBIGUOUS
+    if x.alarm < 0.5:
+        x.verdict = x.vote = NONE
+        x.since = LONG_AGO
+    elif x.verdict == NONE:
+        x.verdict = AMBIGUOUS
+    if x.alarm > 0.5 and x.ticks == 0.0 and int(x.since) % EVERY == 0:
+        hz = x.sine_hz
+        said = weigh(x, p, p.even * dt)
+        same = said == x.vote and math.fabs(x.sine_hz - hz) <= STEADY * hz
+        x.votes = x.votes + 1.0 if same else 1.0
+        x.vote = said
+        if said != AMBIGUOUS and x.votes >= VOTES:
+            x.verdict = said
+        elif x.left > NO_SWING:
+            x.verdict = AMBIGUOUS
+    if x.verdict == OFC_LIQUID or x.verdict == OFC_SOLID:
+        x.ofc_hz = x.sine_hz
     x.x3 += 0.2 * (held(u.y_dp, u.y_dp_valid, x.x3) - x.x3)
     x.r = worst
     predict(x, p, dt)

@@ -337,4 +337,4 @@ def test_sizes_from_which_a_load_or_a_gain_is_a_fault_lie_beyond_what_healthy_dr
     p, found = flight.params(), json.loads(trained.read_text(encoding="utf-8"))["training"]["found"]
     # healthy drives at the edges of their tolerances among them
     assert found["load"]["limit"] * 0.5 * p["load_max"][0] < 0.65 * p["th_load"][0]
-    assert found["z_gain"]["largest"] < 0.5 * p["z_gain"][0]
+    assert found["z_gain"]["largest"] < 0.65 * p["z_gain"][0]
