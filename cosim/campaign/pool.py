@@ -36,7 +36,8 @@ def outcomes(
     share the flight without it and the design of the law. A run whose process dies under it every time it is tried is
     a row "crashed".
     """
-    groups, again = _groups(jobs, together), []
+    groups = _groups(jobs, together)
+    again: list[tuple] = []
 
     def crashed(n, text):
         (run, _), *more = groups[n]

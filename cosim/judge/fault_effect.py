@@ -81,7 +81,7 @@ def moved(difference: Any, faults: Sequence, dt: float, travel: float) -> dict[s
     deg = DEG_PER_RAD
     values = (rod, surface, surface, *swing)
     sizes = {n: None if v is None else v * k for n, v, k in zip(NAMES, values, (1e3, deg, 100 / travel, 1e3, deg))}
-    return sizes | {"moved_at_s": _moved_at(*columns, round(start / dt), dt)}
+    return sizes | {"moved_at_s": _moved_at(columns[0], columns[1], round(start / dt), dt)}
 
 
 def _moved_at(rod, surface, first, dt):
