@@ -21,7 +21,7 @@ from cosim.judge.fault_effect import sine
 from cosim.scenario.aircraft import DEFAULT, Aircraft, load_aircraft
 from cosim.training.flights import COMMAND, DT, MANOEUVRES, POINT, scenario
 from fdi.common import physics_bound as bound
-from fdi.rfafe import rfafe
+from fdi.rfafe import rfafe, servo
 from fdi.rfafe.discrete import noise
 from fdi.rfafe.store import to_plain
 
@@ -41,6 +41,7 @@ TECHNOLOGIES: dict[str, tuple[str, ...]] = {
     "mixed": ("hydraulic", "ema", "ema", "hydraulic"),
 }  # fmt: skip
 PAIRS = tuple(f"{a}/{b}" for a in TECHNOLOGIES for b in TECHNOLOGIES if a != b)  # sides that differ
+START, LATEST = np.log([0.1, 5.0, 0.1]), 6  # of a servo's fit: lag [deg], v_lag [deg/s], t_lag [s]; ticks of delay
 RATE_DEG_S = 40.0  # of the servos' reference: 40 of the no-load 45 deg/s (actuators/hydraulic/servo.py)
 BOUND_HZ = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 
@@ -127,6 +128,60 @@ def actuator(technology: str, aircraft: str = DEFAULT) -> tuple[float, float, fl
     return a, gain, tau, float(abs(response[-1] / (gain * a / (s + a))) - 1.0)
 
 
+@functools.cache
+def servo_model(kind: str, aircraft: str = DEFAULT) -> dict[str, float]:
+    """Return the model of one kind of servo (fdi/rfafe/servo.py): its reference's frequency [rad/s], damping and limits
+    as its own parameters say; friction and the delay of the surface behind the model [s] fitted to flights in moderate
+    air, a cruise and a protection, the error of each over its largest slope."""
+    from scipy.optimize import least_squares  # a quarter of a second that a flight need not wait for
+
+    own, flown = load_aircraft(aircraft), []
+    p: list[np.ndarray] = []
+    for manoeuvre in ("cruise", "aoa_protection"):
+        flight = scenario(duration=FLIGHT_S, manoeuvre=manoeuvre, flight={**_flight(own), "turbulence": "moderate"},
+                          technology=layouts(own)[kind], aircraft=aircraft)
+        v = fly(flight, [*surfaces(own), COMMAND],
+                prepare=lambda setup: p.append((*setup.loop.servos, *setup.loop.actuators)[0].p[0]))
+        u, y = v[COMMAND].to_numpy() / RAD_PER_DEG, np.asarray(v[list(surfaces(own))]).mean(1) / RAD_PER_DEG
+        flown.append((u, y, np.std(y)))
+    model = reference_of(p[0], kind)
+
+    def error(z, late):
+        c = np.array(servo.row(model | _friction(z), DT))
+        parts = []
+        for u, y, size in flown:
+            m = np.zeros(len(u))
+            servo.run(u, c, m, DT)
+            e = y[late:] - m[: len(m) - late]
+            parts.append((e - e.mean()) / size)
+        return np.concatenate(parts)
+
+    tried = [(fit.cost, late, fit.x) for late in range(LATEST + 1)
+             for fit in [least_squares(error, START, args=(late,), x_scale=0.1)]]  # fmt: skip
+    _, late, z = min(tried, key=lambda t: t[:2])
+    return model | _friction(z) | {"delay_s": late * DT}
+
+
+def _friction(z):
+    """Return lag, v_lag and t_lag of a servo's model from their logarithms."""
+    return dict(zip(("lag_deg", "v_lag_deg_s", "t_lag_s"), (float(x) for x in np.exp(z))))
+
+
+def reference_of(p: Any, kind: str) -> dict[str, float]:
+    """Return frequency, damping and limits of the reference in a servo's parameters: third order, or second of a plain
+    actuator."""
+    unit = RAD_PER_DEG * (float(p["arm"]) if kind == "hydraulic" else 1.0)
+    model = {"v_max_deg_s": float(p["v_max"]) / unit, "a_max_deg_s2": float(p["a_max"]) / unit}
+    if "k3" not in p.dtype.names:
+        return model | {"omega_rad_s": math.sqrt(p["k1"] * p["k2"]), "zeta": 0.5 * math.sqrt(p["k2"] / p["k1"])}
+    Phi = np.array([[1.0, DT, DT**2 / 2.0], [0.0, 1.0, DT], [0.0, 0.0, 1.0]])
+    K = p["k3"] * np.array([p["k2"] * p["k1"], p["k2"], 1.0])
+    poles = np.log(np.linalg.eigvals(Phi - np.outer([DT**3 / 6.0, DT**2 / 2.0, DT], K)).astype(complex)) / DT
+    pair = poles[np.argmax(poles.imag)]
+    return model | {"j_max_deg_s3": float(p["j_max"]) / unit, "omega_rad_s": round(float(abs(pair)), 6),
+                    "zeta": round(float(-pair.real / abs(pair)), 6)}
+
+
 def sigmas(own: Aircraft | None = None) -> tuple[np.ndarray, float]:
     """Return the noise of V, alpha, q, theta per sample in the paper's units, and of a side's mean position [deg]."""
     surface = HYDRAULIC.sensors["surface"].sigma / RAD_PER_DEG
@@ -148,7 +203,8 @@ def published(progress: Any, aircraft: str = DEFAULT) -> dict[str, Any]:
     pairs = PAIRS if not own.own_designs else [f"{a}/{b}" for a, b in itertools.permutations(kinds, 2)]
     designs = {t: entry("rfafe", t, sides, E, np.eye(6), lambda g: g[1], sigma, progress, aircraft=aircraft)
                for t in (*kinds, *pairs)}
-    return {"designs": designs, **_made_from(aircraft)}
+    servos = {kind: servo_model(kind, aircraft) for kind in layouts(own) if kind != "mixed"}
+    return {"designs": designs, "servos": servos, **_made_from(aircraft)}
 
 
 def airframe(progress: Any, aircraft: str = DEFAULT) -> Any:
@@ -187,6 +243,8 @@ def entry(
     sides = Bu.shape[1]
     kinds = technology.split("/") * (sides // len(technology.split("/")))
     a, gain, tau, high = (list(column) for column in zip(*(actuator(kind, aircraft) for kind in kinds)))
+    if name == "rfafe":  # its command has gone through the model of the servos
+        tau = [float(np.mean([servo_model(k, aircraft)["delay_s"] for k in rfafe.side(kind)])) for kind in kinds]
     late = [round((t + SENSOR_DELAY) / DT) * DT for t in tau]
     if len(set(kinds)) == 1:
         a, gain, tau, high, late = a[0], gain[0], tau[0], high[0], late[0]

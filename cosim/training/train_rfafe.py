@@ -1,36 +1,40 @@
 """Thresholds of the Sun13 estimators from fault-free flights that nothing else uses.
 
-`cosim train rfafe` trains and stores them, then judges them on the second set.
-Every flight is one of six points (that of Sun13, A to E of Alwi14), six manoeuvres and three levels of turbulence, 60 s
-long, each aerodynamic coefficient up to 5 % off; in turn all elevators are hydraulic, or the right ones
-electromechanical. A threshold is MARGIN times the largest amplitude of f_hat, less the command's share, that any flight
-holds for nearly as many fits in a row as make an alarm, each of the shape that passes for an oscillation. Set "flight"
-is for all points, "design_point" for that of Sun13 alone; rfafe_airframe's set "flight" is `train_aircraft`'s.
+`cosim train rfafe` trains and stores them.
+Every flight is one of six points (that of Sun13, A to E of Alwi14) or one of the envelope, six manoeuvres begun at 5 to
+35 s and three levels of turbulence, 60 s long, each coefficient and each symbol of the actuators up to 5 % off; in turn
+all elevators are hydraulic, or the right ones electromechanical. A threshold is MARGIN times the largest amplitude of
+f_hat, less the command's share, that any flight holds for nearly as many fits in a row as make an alarm, each of the
+shape that passes for an oscillation. Set "flight" is for all points, "design_point" for that of Sun13 alone;
+rfafe_airframe's set "flight" is `train_aircraft`'s.
 """
 
 import functools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from actuators.block import kernel
-from cosim.judge.alarms import onsets
 from cosim.scenario.catalog import SEGMENTS
 from cosim.scenario.tolerance import toleranced
 from cosim.training.flights import (
     FLIGHT_S,
     MANOEUVRES,
     MODULES,
+    NOISE_SCALE,
     POINT,
     POINTS,
     TOLERANCE,
     TURBULENCE,
+    draw,
     estimate,
     fly_aircraft,
+    somewhere,
 )
+from cosim.training.train_ema import EXACT
 from cosim.training.trainer import Trained, Training
 from fdi.common import bank
 from fdi.rfafe.decision import shaped
@@ -43,45 +47,40 @@ SPARE = 2  # thresholds stand on so many fits in a row less than an alarm takes
 LEAST = math.radians(0.05)  # two and a half sigma of one position sample
 SHARES = np.linspace(0.0, 2.0, 11)  # of the command, to choose from
 REPEATS = 4  # of every combination in training, with other seeds; two in the evaluation
-FIRST_SEED, EVALUATION = 1000, 2000  # first seeds of the two sets
+FIRST_SEED = 1000
 
 
-def flights(first_seed: int) -> Iterator[Any]:
-    """Yield the arguments of `scenario` for every flight of a set; point C has 1.23 g left: steps of 0.15 g at most."""
-    seed = first_seed
-    repeats = REPEATS if first_seed != EVALUATION else 2
-    for count, point in enumerate(POINTS * repeats):
-        weak = point["mass_t"] == 375.0
-        elevators = ELEVATORS[count // len(POINTS) % len(ELEVATORS)]
-        for kind in MANOEUVRES:
-            for turbulence in TURBULENCE:
-                rng = np.random.default_rng(seed)
-                aero = {n: float(1.0 + TOLERANCE * rng.uniform(-1.0, 1.0)) for n in toleranced("aero")}
-                manoeuvre = {"kind": kind}
-                if weak and kind in ("nose_up", "pitch_protection"):
-                    manoeuvre["amplitude_g"] = 0.15
-                yield {"duration": FLIGHT_S, "manoeuvre": manoeuvre, "seed": seed, "tolerances": {"aero": aero},
-                       "flight": {**point, "turbulence": turbulence}, "technology": elevators}
-                seed += 1
+def flight(first_seed: int, index: int) -> dict[str, Any]:
+    """Return the arguments of `scenario` for flight `index` of a set: each point, manoeuvre and air once, hydraulic,
+    then with EMA on the right, then both again with the points drawn over the envelope."""
+    rest, air = divmod(index, len(TURBULENCE))
+    count, kind = divmod(rest, len(MANOEUVRES))
+    repeat, at = divmod(count, len(POINTS))
+    seed = first_seed + index
+    rng = np.random.default_rng([seed, 1])
+    start = {"start_s": float(rng.uniform(5.0, 35.0))} if MANOEUVRES[kind] != "cruise" else {}
+    made = draw(seed, point=POINTS[at], manoeuvre={"kind": MANOEUVRES[kind], **start}, turbulence=TURBULENCE[air])
+    made["tolerances"]["ema"] = {n: float(1.0 + EXACT.get(n, TOLERANCE) * rng.uniform(-1.0, 1.0))
+                                 for n in toleranced("ema")}  # fmt: skip
+    made |= {"technology": ELEVATORS[repeat % len(ELEVATORS)], "sensors": {"noise_scale": NOISE_SCALE}}
+    return somewhere(made) if repeat >= len(ELEVATORS) else made
 
 
 def look(first_seed: int, index: Any) -> Any:
-    """Fly flight `index` of a set and return {estimator: [*survey, alarms]} as JSON can hold it."""
-    flight = list(flights(first_seed))[index]
-    r, out = fly_aircraft(**flight), {}
+    """Fly flight `index` of a set and return {estimator: what `survey` returns} as JSON can hold it."""
+    flown = flight(first_seed, index)
+    r, out = fly_aircraft(**flown), {}
     for name, module in MODULES.items():
-        p = module.params(technology=side_kinds(dict(zip(SEGMENTS, flight["technology"]))))
+        p = module.params(technology=side_kinds(dict(zip(SEGMENTS, flown["technology"]))))
         runs, whatever, slow = survey(r, name, p)
-        alarm = estimate(r, name, p)["alarm"]
-        out[name] = [runs.tolist(), whatever.tolist(), slow, len(onsets(alarm))]
+        out[name] = [runs.tolist(), whatever.tolist(), slow]
     return out
 
 
 def collect(first_seed: int, number: int, run: Callable[..., Any]) -> list[tuple]:
     """Return [(arguments, what `look` returns)] of the first `number` flights of a set."""
-    chosen = list(flights(first_seed))[:number]
-    found = run([(look, {"first_seed": first_seed, "index": i}) for i in range(len(chosen))])
-    return list(zip(chosen, found, strict=True))
+    found = run([(look, {"first_seed": first_seed, "index": i}) for i in range(number)])
+    return [(flight(first_seed, i), f) for i, f in enumerate(found)]
 
 
 @kernel
@@ -128,11 +127,6 @@ def survey(recorded: Any, name: str, p: Any) -> tuple[Any, ...]:
     command = np.abs(late["u_si"][:, :1])  # both sides have one command
     slow = np.abs(late["slow"][:, : int(p["nf"][0])]) - p["static_share"][0] * command
     return runs, whatever, float(slow.max(initial=0.0))
-
-
-def alarms(collected: Any, name: str) -> list[Any]:
-    """Return the arguments of the flights on which estimator `name` alarms with the stored thresholds."""
-    return [flight for flight, found in collected if found[name][3]]
 
 
 ONSET_S = 12.0  # of the oscillations whose answer is measured: both estimators judge by then [s]

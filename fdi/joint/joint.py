@@ -13,7 +13,8 @@ where v is how large the fault is (small, middling, large) and whether it is lik
 P(silent | h, v) = 1 - P(alarm | h, v) F(age), F the share of that detector's alarms that come so soon after the first
 witness: silence counts as time goes on. Where one command moves two segments, detectors of one kind on both part with
 (1 - `alike`) of the probability with which independent ones would. Of a lane that is silent and not
-valid, or of a detector that does not fly, it is 1.
+valid, or of a detector that does not fly, it is 1; an alarm that comes while its lane is not valid is not heard, one
+that came before is, though what it says may have made it so (a filter that has lost the sensor it names).
 
 Two faults: P(token | h, h') is that of whichever speaks, 1 - (1 - a)(1 - a') of them alarms. They are tried with one
 of the likeliest single ones and any other one, where that single one leaves an alarm unexplained, with the prior of a
@@ -27,6 +28,7 @@ other one stands in `second` and `verdict_2`.
 Work is done when a token changes or an age passes; otherwise a tick only looks at its inputs.
 """
 
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -38,7 +40,7 @@ from fdi.joint import tables
 from fdi.joint.places import AIRCRAFT, CULPRITS, LANES, LOCAL, PLACES, SEGMENTS, SETS, hypotheses, segments
 
 NL, NP, NG, NC = len(LANES), len(PLACES), len(SETS), 10
-NH, NR, NN, NA, NV = 108, 420, 30, 7, 6  # most hypotheses, rows, tokens; ages; sizes x variants
+NH, NR, NN, NA, NV = 128, 480, 30, 7, 6  # most hypotheses, rows, tokens; ages; sizes x variants
 UNEXPLAINED = 0.01  # P(token | h) below which a hypothesis does not explain an alarm
 NK, NCUL = 10, 24  # single hypotheses that a second one is tried with; culprits of a detector
 
@@ -190,11 +192,11 @@ def _twins(found):
 
 
 def _prior(found):
-    """Return P(h): every place alike, and every class of a place."""
-    share = {h.place: 0 for h in found}
-    for h in found:
-        share[h.place] += 1
-    return np.array([1.0 / share[h.place] for h in found]) / len(share)
+    """Return P(h): every place alike, every class of a place, and every cause of a class."""
+    classes = {h.place: {g.verdict for g in found if g.place == h.place} for h in found}
+    causes = Counter((h.place, h.verdict) for h in found)
+    share = [1.0 / (len(classes[h.place]) * causes[h.place, h.verdict]) for h in found]
+    return np.array(share) / len(classes)
 
 
 def init(p: np.ndarray) -> np.ndarray:
@@ -229,7 +231,7 @@ def _heard(x, u, p, dt):
         if able != x.able[i]:
             x.able[i], new = able, 1
         x.valid = max(x.valid, able)
-        if u.alarm[i] > 0.5:
+        if u.alarm[i] > 0.5 and (able > 0.5 or x.said[i] > 0.5):
             any_on = 1
             c, k = int(u.verdict[i]), int(u.culprit[i])
             t = p.token[i, c, k] if 0 < c < NC and 0 <= k < NCUL else 0.0

@@ -12,7 +12,7 @@ from typing import Any
 
 SEGMENTS = ("left_outer", "left_inner", "right_inner", "right_outer")
 TWO = {"left_inner": "left", "right_inner": "right"}  # segments of an aircraft that has one on each side
-LOCAL = ("iotsekf", "rtsekf", "rtsekf_flight", "ofc_monitor", "ema_kalman_flight", "position_monitor")
+LOCAL = ("iotsekf", "rtsekf", "rtsekf_flight", "hydraulic_glr", "ofc_monitor", "ema_kalman_flight", "position_monitor")
 AIRCRAFT = ("rfafe", "rfafe_airframe", "lpv_smo", "control_redundancy", "kinematic", "pitch_moment_glr")
 LANES = (*((name, s) for s in SEGMENTS for name in LOCAL), *((name, "aircraft") for name in AIRCRAFT))
 SENSORS = {"hydraulic": ("rod", "surface", "pressure"), "ema": ("position", "velocity", "current", "surface")}
@@ -42,6 +42,11 @@ SETS: dict[str, tuple[str, ...]] = {  # what is said while it may be any of seve
 }
 CULPRITS = ("", *PLACES, *(name for name in SETS if name not in PLACES))
 
+CAUSES = {  # what else than its usual cause a class may have in a part: cases of the records, each seen by others
+    "hydraulic.drive.effectiveness": ("supply_pressure_drop", "internal_leakage", "air_in_oil"),
+    "ema.drive.effectiveness": ("winding_resistance",),
+    **{f"{own}.surface.effectiveness": ("friction", "backlash") for own in DRIVE},
+}  # fmt: skip
 CASE = {  # part and class of a kind -> case of the records (cosim/judge/coverage.py)
     "drive.effectiveness": "loss_of_effectiveness", "surface.effectiveness": "free_float",
     "surface.jam_solid": "jam_solid", "command.jam_liquid": "bias@command", "drive.runaway": "runaway",
@@ -95,7 +100,9 @@ def hypotheses(technology: Mapping[str, str]) -> list[Hypothesis]:
         base = f"elevator_{TWO[s] if two else s}"
         for part, classes in CLASSES.items():
             name = DRIVE[own] if part == "drive" else part
-            out += [Hypothesis(f"{base}_{name}", c, f"{own}.{part}.{c}", (s,)) for c in classes]
+            kinds = [(c, f"{own}.{part}.{c}") for c in classes]
+            kinds += [(c, f"{own}.{part}.{cause}") for c, kind in kinds for cause in CAUSES.get(kind, ())]
+            out += [Hypothesis(f"{base}_{name}", c, kind, (s,)) for c, kind in kinds]
         out += [Hypothesis(f"{base}_{n}_sensor", "sensor", f"{own}.{n}_sensor", (s,)) for n in SENSORS[own]]
     sides = {side: tuple(s for s in here if s.startswith(side)) for side in ("left", "right")}
     groups = {f"elevator_{side}_command": own for side, own in sides.items() if len(own) > 1 and not two}

@@ -31,6 +31,7 @@ SIZES = {
     "aircraft": {"designed": (0.05, 0.5, 0.95), "may": (0.01, 0.2, 0.8), "reads": (0.02, 0.1, 0.3),
                  "blind": (0.005,) * 3},
 }  # fmt: skip
+LARGE = ("runaway",)  # what goes on to a stop is large in the end, however slowly
 # P(a class of the record | a class), likewise of a culprit, and P(ambiguous | alarm); assumed, then counted
 RIGHT, OPEN = 0.9, 0.2
 ELSEWHERE = 3e-4  # P(alarm) of a lane on another segment: a quarter of the 1e-3 per minute that it is trained to
@@ -125,11 +126,15 @@ def believed(
     """Return P(alarm) by size (3,) and P(token | alarm) (tokens,) as the records have them; `kept` as of `keeps`."""
     word, classes = stands(detector, hypothesis.kind, technology)
     alarm = np.array(SIZES["local" if detector in LOCAL else "aircraft"][word])
+    if hypothesis.verdict in LARGE:
+        alarm[:] = alarm[-1]
     own, culprits, said = names(detector), registry.module(detector).CULPRITS, NAMES[1:]
     if word in ("blind", "reads"):
         return alarm, np.full(len(own), 1.0 / len(own))
-    of_v = _shares(said, set(_classes(classes)), kept[0])
-    if "ambiguous" not in _classes(classes):
+    # who is not designed for it says any of the classes of its record, of which ambiguous may be one
+    right = classes if word == "may" and classes else _classes(classes)
+    of_v = _shares(said, set(right), kept[0])
+    if "ambiguous" not in right:
         of_v = {v: (1.0 - kept[1]) * share + kept[1] * (v == "ambiguous") for v, share in of_v.items()}
     of_c = _shares(culprits, _culprits(detector, hypothesis), kept[0])
     p = np.zeros(len(own))

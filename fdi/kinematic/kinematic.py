@@ -11,7 +11,7 @@ rows.
 | phi, theta, psi | attitude less integrated body rates | p, q, r and the three attitudes |
 | climb | hdot less V_g (cos a sin theta - sin a cos theta cos phi), a over the ground | hdot, theta, alpha_g |
 | turn | (g cos theta cos phi - g n_z + q u - p v)' integrated against w = V_g sin a | n_z, q, alpha_g |
-| speed | g (n_x - sin theta) ... integrated against u = V_g cos a | n_x, theta, V_g |
+| speed | g (n_x u + n_y v - n_z w - climb) / V_g integrated against V_g | n_x, theta, V_g |
 | height | inertial altitude against integrated hdot | h, hdot |
 | sound | V / M, the speed of sound, against what it was | V (true airspeed), M |
 | impact | CAS, M and the pressure at the baroscope's altitude | CAS, M, h_baro |
@@ -23,8 +23,9 @@ the earth, gravity) are learned in the first `t_learn`. Rows that fire within `t
 fault, and name the sensor: the only one whose rows contain all that fired, of which every row that must fire did, and
 whose first row jumped or did not; one that gusts would hide need not fire. More than one, or none, is AMBIGUOUS.
 
-Climb, turn and speed take the lateral velocity from the vane, which has the gusts in it: their thresholds grow with the
-rms of those, as the vane has it about its mean, and with the lateral motion through which they act.
+Climb, turn and speed take the lateral velocity from the vane and the wind (fdi/kinematic/wind.py). The vane has the
+gusts in it: their thresholds grow with the rms of those, as the vane has it about its mean, and with the lateral motion
+through which they act.
 
 Noise and frozen readings show in the second difference of the reading alone, y_k - 2 y_k-1 + y_k-2 of variance 6
 sigma^2, in which motion at the sampling rate is nothing.
@@ -40,11 +41,13 @@ from typing import Any
 import numpy as np
 
 from actuators.block import dtype, entry, kernel, record
+from fdi.common.decision import usable
 from fdi.common.envelope import FLYING, box
 from fdi.common.record import Detector
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, SENSOR
 from fdi.common.why import BOX_SPEED, LOST_SENSOR, NOT_READY, VALID
+from fdi.kinematic import wind
 from fdi.kinematic.rows import compare, read
 from fdi.kinematic.signatures import (
     FAST,
@@ -65,6 +68,7 @@ from fdi.kinematic.signatures import (
 
 CULPRITS = ("", *SENSORS, "q or theta")
 EITHER = len(CULPRITS) - 1.0
+SPEEDS = ("tas", "cas", "v_ground")
 HIDDEN = 1.25  # of a threshold: an error that shows larger should have fired
 
 PARAMS = dtype(
@@ -113,6 +117,7 @@ STATE = dtype(
         ("sideslip", "f8", "rad"),  # its mean and mean square, as the vane has it
         ("square", "f8", "rad2"),
         ("rough", "f8", "m/s"),  # rms of lateral gusts
+        *wind.STATE,
         ("offset", "f8", (NR,)),
         ("limit", "f8", (NR,)),  # thresholds now
         ("y", "f8", (NS,)),  # readings
@@ -141,7 +146,8 @@ DETECTOR = Detector(
     blind="no force enters: neither effectors nor actuators; of alpha, beta and n_y it sees noise and a frozen reading",
     any_aircraft=True,
     shares=(("q", "theta", CULPRITS[-1]),),  # theta' = q
-    range={"tas": FLYING},  # not Mach number or altitude: a fault of theirs is to be named, however large
+    # by two of three speeds: a fault of one, of Mach number or altitude is to be named, however large
+    range=dict.fromkeys(SPEEDS, FLYING),
     fit=lambda site: params(own=site.own),
 )
 
@@ -278,11 +284,20 @@ def _rest(x, p, why):
 
 
 @kernel
+def _flies(u):
+    """Return whether fewer than two of the three speeds, or than all that are left, lie outside of what flies."""
+    left = usable(u.tas, u.tas_valid) + usable(u.cas, u.cas_valid) + usable(u.v_ground, u.v_ground_valid)
+    out = box(u.tas, u.tas_valid, FLYING[0], FLYING[1], 1.0, 0.0)
+    out += box(u.cas, u.cas_valid, FLYING[0], FLYING[1], 1.0, 0.0)
+    out += box(u.v_ground, u.v_ground_valid, FLYING[0], FLYING[1], 1.0, 0.0)
+    return out < 1.0 or out < min(left, 2.0)
+
+
+@kernel
 def step(x, u, p, dt):
     """Read, compare, decide."""
-    beyond = box(u.tas, u.tas_valid, FLYING[0], FLYING[1], BOX_SPEED, VALID)
-    if beyond != VALID:
-        _rest(x, p, beyond)
+    if not _flies(u):
+        _rest(x, p, BOX_SPEED)
         return
     read(x, u)
     compare(x, p, dt)

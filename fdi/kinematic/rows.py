@@ -6,6 +6,7 @@ from actuators.block import kernel
 from actuators.constants import G0
 from fdi.common.decision import usable
 from fdi.kinematic.signatures import BARO, CLIMB, HEIGHT, IMPACT, NR, PHI, PSI, SOUND, SPEED, THETA, TURN
+from fdi.kinematic.wind import blow, plane
 
 EARTH = 6.356766e6  # radius that makes a geometric altitude one of the standard atmosphere [m]
 
@@ -71,13 +72,16 @@ def compare(x, p, dt):
     _integrated(x, p, PHI, phi, roll + st / ct * turning, rates, dt, 1.0)
     _integrated(x, p, THETA, theta, pitch * cp - yaw * sp, rates, dt, 0.0)
     _integrated(x, p, PSI, y[5], turning / ct, rates * ok[5], dt, 1.0)
-    u, w = y[15] * math.cos(y[14]), y[15] * math.sin(y[14])
-    v = y[15] * math.sin(y[17]) if ok[17] > 0.5 else 0.0  # gusts are in it, and `side` allows for them
+    blow(x, p, dt)
+    u, w = plane(x)
+    v = x.lateral_ground  # gusts are in it, and `side` allows for them
     path = ok[14] * ok[15] * ok[3] * ok[4]
     x.live[CLIMB] = path * ok[8]
-    x.raw[CLIMB] = y[8] - (u * st - v * sp * ct - w * cp * ct)
+    rise = u * st - v * sp * ct - w * cp * ct
+    x.raw[CLIMB] = y[8] - rise
     _integrated(x, p, TURN, w, pitch * u - roll * v + G0 * (ct * cp - y[7]), path * body * ok[7], dt, 0.0)
-    _integrated(x, p, SPEED, u, yaw * v - pitch * w + G0 * (y[6] - st), path * body * ok[6], dt, 0.0)
+    along = G0 * (y[6] * u + y[18] * v - y[7] * w - rise) / max(y[15], 1.0)  # no rate of rotation moves the whole speed
+    _integrated(x, p, SPEED, y[15], along, path * ok[6] * ok[7], dt, 0.0)
     _integrated(x, p, HEIGHT, y[9], y[8], ok[8] * ok[9], dt, 0.0)
     x.live[SOUND] = ok[11] * ok[13] * ok[9]
     kelvin = kelvin_at(y[9] / (1.0 + y[9] / EARTH))
@@ -96,14 +100,16 @@ def compare(x, p, dt):
         x.sideslip += c * (y[17] - x.sideslip)
         x.square += c * (y[17] * y[17] - x.square)
         x.rough = y[15] * math.sqrt(max(x.square - x.sideslip * x.sideslip, 0.0))
-    # the rows take the lateral velocity from the sideslip in the air: in a bank, rolling and yawing gusts show in them
+    # the rows take the lateral velocity from sideslip and wind: in a bank, rolling and yawing gusts show in them
     fade = dt / p.tau
     x.lateral[CLIMB] = math.fabs(sp)
     x.lateral[TURN] += fade * (p.tau * math.fabs(roll) - x.lateral[TURN])
-    x.lateral[SPEED] += fade * (p.tau * math.fabs(yaw) - x.lateral[SPEED])
+    x.lateral[SPEED] += fade * (p.tau * G0 * math.fabs(sp) / max(y[15], 1.0) - x.lateral[SPEED])
     for i in range(NR):
         x.limit[i] = p.threshold[i] + p.gust[i] * x.rough
         x.limit[i] += x.lateral[i] * (p.side[i] * y[15] + p.side_gust[i] * x.rough)
+    for i in range(3):
+        x.limit[CLIMB + i] += x.doubt[i]
 
 
 @kernel

@@ -20,10 +20,10 @@ SIGNATURES: tuple[Any, ...] = (
     ("theta", ("climb",), ("theta", "speed"), None),
     ("theta", ("theta",), ("climb", "speed"), True),
     ("theta", ("theta",), ("climb", "speed"), False),  # a drift: a constant error of theta', as one of q is
-    ("r", ("psi",), ("theta", "phi", "speed"), False),
+    ("r", ("psi",), ("theta", "phi"), False),
     ("psi", ("psi",), (), True),
     ("n_x", ("speed",), (), False),
-    ("n_z", ("turn",), (), False),
+    ("n_z", ("turn",), ("speed",), False),
     ("hdot", ("height", "climb"), ("baro",), False),
     ("h_inertial", ("height",), ("baro",), True),
     ("h_inertial", ("height", "baro"), (), None),
@@ -31,7 +31,7 @@ SIGNATURES: tuple[Any, ...] = (
     ("tas", ("sound",), (), None),
     ("cas", ("impact",), (), None),
     ("mach", ("sound", "impact"), (), None),
-    ("alpha_ground", ("turn", "climb"), ("speed",), None),
+    ("alpha_ground", ("turn", "climb"), (), None),
     ("v_ground", ("speed",), ("climb", "turn"), True),
 )
 NC = len(SIGNATURES)

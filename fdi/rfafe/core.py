@@ -63,6 +63,7 @@ STATE = [
     ("act", "f8", (NU,)),         # actuator's model with its rate limit, deviation [design units]
     ("ahead", "f8"),              # mean command beyond what the rate limit follows [design units]
     ("u_in", "f8", (NU,)),        # last finite input less `u_trim`
+    ("rest", "f8", (NU,)),        # input at which the actuator would rest where it is
     ("y0", "f8", (NY,)), ("u0", "f8", (NU,)), ("seen", "f8"),  # learned trim, samples so far
     ("f", "f8", (NF,), "rad"),           # estimate [SI]
     ("started", "f8", "-"),            # 1 while the estimator runs
@@ -118,12 +119,12 @@ def fill_stored(p: Any, design: Any, chosen: Any, dt: float, trim: Any, learn: A
 
     `trim` holds the outputs, then the elevator [design units]; None: those marked in `learn` are learned.
     """
-    act, learned = chosen.get("actuator", {}), {"learn": learn, "n_trim": N_TRIM}
+    act, how = chosen.get("actuator", {}), {"learn": learn, "n_trim": N_TRIM}
     if trim is not None:
-        learned = {"y_trim": trim[: len(learn)], "u_trim": [trim[AIRFRAME]] * NU}
+        how = {"y_trim": trim[: len(learn)], "u_trim": [trim[AIRFRAME]] * NU}
     if "rate_deg_s" in act:
-        learned |= {"act_a": np.broadcast_to(act["a_rad_s"], NU), "act_rate": act["rate_deg_s"]}
-    return fill(p, design, unit=RAD_PER_DEG, u_delay=np.asarray(chosen["u_delay_s"]) / dt, **learned)
+        how |= {"act_a": np.broadcast_to(act["a_rad_s"], NU), "act_rate": act["rate_deg_s"]}
+    return fill(p, design, unit=RAD_PER_DEG, u_delay=np.asarray(chosen["u_delay_s"]) / dt, **how)
 
 
 @kernel
@@ -159,34 +160,65 @@ def hold_airframe(x, u, p):
 
 @kernel
 def advance(x, p, good, dt):
-    """Advance by one tick; x.y holds this sample, x.u_in the input, less the trim of p; `good` is 0 without a
-    sample."""
-    ns, ny, nu, nf = int(p.ns), int(p.ny), int(p.nu), int(p.nf)
-    x.why = LOST_SENSOR if good < 0.5 else NOT_READY
-    if x.seen < p.n_trim:
-        if good > 0.5:
-            x.seen += 1.0
-            for i in range(ny):
-                x.y0[i] += p.learn[i] * (x.y[i] - x.y0[i]) / x.seen
-            for j in range(nu):
-                x.u0[j] += (x.u_in[j] - x.u0[j]) / x.seen
+    """Advance by one tick behind actuators that are lags with a rate limit; x.y holds this sample, x.u_in the input,
+    less the trim of p; `good` is 0 without a sample."""
+    for j in range(int(p.nu)):
+        x.rest[j] = x.u_in[j]
+    if not learned(x, p, good):
         return
-    for i in range(ny):
-        x.y[i] -= x.y0[i]
     beyond = 0.0
-    for j in range(nu):
+    for j in range(int(p.nu)):
         x.u[j] = limited(x.u_in[j] - x.u0[j], x.act[j], p, j)
         beyond = max(beyond, math.fabs(x.u_in[j] - x.u0[j] - x.u[j]))
         x.act[j] += (1.0 - math.exp(-p.act_a[j] * dt)) * (x.u[j] - x.act[j])
-    x.ahead += (1.0 - math.exp(-dt / TAU_AHEAD)) * (beyond - x.ahead)
+        x.u_late[j] = delayed(x, p, x.u[j], j)
+    x.fresh = 1.0
+    turn(x)
+    estimate(x, p, good, beyond, dt)
+
+
+@kernel
+def learned(x, p, good):
+    """Return whether the trim is known; until then learn it as the mean of the outputs and of the inputs at which the
+    actuators would rest."""
+    x.why = LOST_SENSOR if good < 0.5 else NOT_READY
+    if x.seen >= p.n_trim:
+        return True
+    if good > 0.5:
+        x.seen += 1.0
+        for i in range(int(p.ny)):
+            x.y0[i] += p.learn[i] * (x.y[i] - x.y0[i]) / x.seen
+        for j in range(int(p.nu)):
+            x.u0[j] += (x.rest[j] - x.u0[j]) / x.seen
+    return False
+
+
+@kernel
+def delayed(x, p, u, j):
+    """Store input j of this tick and return the delayed one: without a delay what was held since the last sample."""
     if x.fresh == 0.0:
-        for j in range(nu):
-            for k in range(NL):
-                x.line[k, j] = x.u[j]
-        x.fresh = 1.0
-    for j in range(nu):
-        late = int(x.head) - 1 - int(p.u_delay[j])  # at head - 1 stands the input that was held since the last sample
-        x.u_late[j] = x.line[late + NL if late < 0 else late, j]
+        for k in range(NL):
+            x.line[k, j] = u
+    late = int(x.head) - 1 - int(p.u_delay[j])
+    out = x.line[late + NL if late < 0 else late, j]
+    x.line[int(x.head), j] = u
+    return out
+
+
+@kernel
+def turn(x):
+    """Move the ring of inputs on by a tick."""
+    x.head = 0.0 if x.head >= NL - 1 else x.head + 1.0
+
+
+@kernel
+def estimate(x, p, good, beyond, dt):
+    """Advance the estimator to this sample and judge it; x.u and x.u_late hold the inputs, `beyond` what of the command
+    no actuator follows [design units]."""
+    ns, ny, nu, nf = int(p.ns), int(p.ny), int(p.nu), int(p.nf)
+    for i in range(ny):
+        x.y[i] -= x.y0[i]
+    x.ahead += (1.0 - math.exp(-dt / TAU_AHEAD)) * (beyond - x.ahead)
     if good < 0.5:
         x.started = 0.0
     elif x.started < 0.5:
@@ -202,9 +234,6 @@ def advance(x, p, good, dt):
             correction.correct(x, p, dt)
         for j in range(ny):
             x.y_old[j] = x.y[j]
-    for j in range(nu):
-        x.line[int(x.head), j] = x.u[j]
-    x.head = 0.0 if x.head >= NL - 1 else x.head + 1.0
     # a command that keeps running ahead of the rate limit makes the linear actuator's model worthless
     x.valid = 1.0 if x.started > 0.5 and x.age >= p.t_settle and x.ahead <= p.ahead_max else 0.0
     if x.taught < p.t_learn and x.valid > 0.5:

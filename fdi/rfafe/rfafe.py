@@ -6,6 +6,8 @@
 V in m/s, angles in deg, q in deg/s inside, as the paper has them; conversion stands in `step`. A side is the
 effectiveness-weighted mean of its two segments. The design puts its whole gain on the positions (M = [0 0 0 0 m 0]
 for each side): no airframe output contributes, so this estimator is a position monitor with a model of the actuator.
+That model is the first order of the paper, driven by what the servos' own limits let through of the command
+(fdi/rfafe/servo.py).
 `fdi.rfafe.rfafe_airframe` is the form that has to find the fault in the aircraft's motion.
 """
 
@@ -23,7 +25,8 @@ from fdi.common.decision import held, usable
 from fdi.common.record import Detector, Estimate
 from fdi.common.tuning import thresholds
 from fdi.rfafe import core as rfafe_core
-from fdi.rfafe.core import advance, fill_stored, hold_airframe
+from fdi.rfafe import servo
+from fdi.rfafe.core import advance, estimate, fill_stored, hold_airframe, learned
 from fdi.rfafe.model import estimate_E, first_order, fit_first_order, global_model, reduce_E
 from fdi.rfafe.store import choose, read, side_kinds
 from fdi.rfafe.synthesis import Design, Region, design
@@ -39,10 +42,11 @@ CULPRITS = ("", "elevator_left", "elevator_right")
 RESPONSE = {"hydraulic": (35.9, 0.327)}
 FLAT = 60.0  # rad/s: with the resonance taken out f_hat is flat to there, damping 0.7
 DT = 0.005  # base tick [s]
+MIXED = ("hydraulic", "ema")  # segments of a side of this name
 
 PARAMS = dtype([
     *rfafe_core.PARAMS,
-    ("weight", "f8", (4,), "-"),  # of left_outer, left_inner in the left side, of right_inner, right_outer in the right
+    *servo.PARAMS,
     ("even", "f8", (2, 5), "-"),  # filter of each side's f_hat that takes its resonance out: b0 b1 b2 a1 a2
 ])
 INPUTS = dtype([
@@ -53,6 +57,7 @@ INPUTS = dtype([
 ])
 STATE = dtype([
     *rfafe_core.STATE,
+    *servo.STATE,
     ("f_hat", "f8", "rad"),  # the larger of the two sides
     ("f_hat_left", "f8", "rad"),
     ("f_hat_right", "f8", "rad"),
@@ -117,7 +122,8 @@ def params(
     the folder of an aircraft with designs of its own. Raises FileNotFoundError without a stored design, ValueError for
     a technology that it lacks.
     """
-    made, chosen = choose(read("rfafe", own) if stored is None else stored, technology, dt)
+    stored = read("rfafe", own) if stored is None else stored
+    made, chosen = choose(stored, technology, dt)
     sides = (technology.split("/") * 2)[:2]
     even = [_even((response or {}).get(kind), dt) for kind in sides]
     p = record(PARAMS, weight=weight, even=even, **bank.design(dt), **thresholds("rfafe", which, own))
@@ -125,7 +131,15 @@ def params(
     if trim is not None:
         alpha, theta, elevator = (trim[name] / RAD_PER_DEG for name in ("alpha", "theta", "elevator"))
         t = [trim["tas"], alpha, 0.0, theta, elevator, elevator]
+    if "servos" in stored:
+        p["servo"] = [servo.row(stored["servos"][kind], dt) for name in sides for kind in side(name)]
+        p["gain"] = chosen["actuator"]["gain"]
     return fill_stored(p, made, chosen, dt, t, (1, 1, 0, 1, 1, 1))
+
+
+def side(kind: str) -> tuple[str, str]:
+    """Return the kinds of the two segments of a side of this kind."""
+    return MIXED if kind == "mixed" else (kind, kind)
 
 
 def _even(resonance, dt):
@@ -166,7 +180,12 @@ def step(x, u, p, dt):
         x.y[5] = (p.weight[2] * u.surface[2] + p.weight[3] * u.surface[3]) / RAD_PER_DEG - p.y_trim[5]
     for j in range(2):
         x.u_in[j] = held(u.command[j] / RAD_PER_DEG - p.u_trim[j], 1.0, x.u_in[j])
-    advance(x, p, good, dt)
+    if p.servo[0, servo.K1] == 0.0:
+        advance(x, p, good, dt)
+    else:
+        servo.follow(x, p, dt)
+        if learned(x, p, good):
+            estimate(x, p, good, 0.0, dt)  # its model holds beyond the rate limit, too
     x.f_hat_left = _evened(x, p, 0)
     x.f_hat_right = _evened(x, p, 1)
     x.f_hat = x.f_hat_left if math.fabs(x.f_hat_left) >= math.fabs(x.f_hat_right) else x.f_hat_right

@@ -52,6 +52,35 @@ def test_nothing_is_said_while_nobody_alarms_and_an_alarm_ends_with_its_last_wit
     assert k == 10 and log["alarm"][k:].all()  # one witness is enough, in the same tick
 
 
+def test_an_alarm_of_a_lane_that_is_not_valid_is_not_heard_but_one_that_made_it_so_is():
+    p, i = joint.params(MIXED), places.LANES.index(("ema_kalman_flight", "right_inner"))
+    u = np.zeros((1, 80), joint.INPUTS)
+    u["alarm"][0, 10:, i], u["verdict"][0, 10:, i] = 1.0, verdict.code("sensor")
+    u["culprit"][0, 10:, i] = registry.module("ema_kalman_flight").CULPRITS.index("velocity")
+    logs = []
+    for until in (0, 15):  # never valid; valid until it has named the sensor that it has lost
+        u["valid"][0, :, i] = np.arange(80) < until
+        log = np.zeros(u.shape, joint.STATE)
+        joint.rollout(joint.init(p), u, p, DT, log)
+        logs.append(log[0])
+    assert not logs[0]["alarm"].any() and not logs[0]["p_fault"].any()
+    assert logs[1]["alarm"][10:].all() and name(logs[1]) == ("sensor", "elevator_right_inner_velocity_sensor", "")
+
+
+def test_leakage_is_a_hypothesis_of_its_own_that_only_the_actuators_detectors_see():
+    both = ("iotsekf", "hydraulic_glr")
+    wide = heard(*((d, "left_inner", "effectiveness", "", 1.0) for d in both))
+    assert name(wide)[:2] == ("effectiveness", "elevator_left_inner_valve")
+    open_ = heard(*((d, "left_inner", "ambiguous", "", 1.0) for d in (*both, "rtsekf_flight")))
+    assert name(open_)[:2] == ("ambiguous", "elevator_left_inner")  # a loose surface is no sensor
+    kinds = {h.kind: h for h in places.hypotheses(MIXED) if h.place == "elevator_left_inner_valve"}
+    assert {"hydraulic.drive.internal_leakage", "hydraulic.drive.air_in_oil"} < set(kinds)
+    p, found = joint.params(MIXED), places.hypotheses(MIXED)
+    prior = p["prior"][0][: len(found)]
+    own = [sum(w for w, h in zip(prior, found) if h.place == place) for place in {h.place for h in found}]
+    assert np.ptp(own) < 1e-12 and sum(own) == pytest.approx(1.0)  # every place alike, whatever its causes
+
+
 def test_q_and_theta_stay_open_until_something_tells_them_apart():
     either = ("kinematic", AIRCRAFT, "sensor", "q or theta", 1.0)
     alone = heard(either, without=("lpv_smo", "pitch_moment_glr"))

@@ -102,3 +102,32 @@ def test_a_drift_of_theta_is_never_called_q_and_q_itself_is_told_when_the_turn_s
         named = {kinematic.CULPRITS[int(c)] for c in log["culprit"][log["alarm"] > 0]} - {""}
         assert named and named <= {"q or theta", "theta"}
     assert said(watched(flown, "q", lambda y: y + DEG)) == "q"
+
+
+@pytest.fixture(scope="module")
+def turned():
+    given = ["duration_s=40", "flight.turbulence=light", "flight.wind_kt=57", "flight.wind_from_deg=270",
+             "detectors.enabled=[]", "manoeuvre.kind=coordinated_turn", "manoeuvre.start_s=14"]  # fmt: skip
+    return fly(load_scenario("cruise", given), [*WIRES.values(), "truth.aircraft.v"])
+
+
+def test_a_turn_in_a_cross_wind_is_quiet_and_teaches_the_lateral_velocity(turned):
+    log, v = watched(turned), turned["truth.aircraft.v"].to_numpy()
+    assert not log["alarm"].any() and log["r"].max() < 0.8
+    error = (log["lateral_ground"] - v)[turned.index > 20.0]
+    assert np.sqrt(np.mean(v**2)) > 15.0 and np.sqrt(np.mean(error**2)) < 3.0
+    level = int(np.searchsorted(turned.index, 13.0))
+    assert math.sqrt(log["cov"][-1, 1]) < 2.0 < 5.0 < math.sqrt(log["cov"][level, 1])  # only the bank told it
+
+
+@pytest.mark.parametrize("sensor", ["hdot", "theta", "n_x", "alpha_ground"])
+def test_a_fault_in_a_turn_in_a_cross_wind_is_named_and_not_taken_for_wind(turned, sensor):
+    log = detect_from(turned, sensor, 25.0)
+    assert said(log) == sensor
+
+
+def detect_from(flown, sensor, start):
+    frame = flown.copy()
+    frame.attrs = flown.attrs
+    frame.loc[frame.index >= start, f"sensors.{sensor}.y_obs"] += STEPS[sensor]
+    return detect(frame, kinematic, WIRES)

@@ -10,6 +10,7 @@ from cosim.log import open_log
 from cosim.replay.detector_replay import describe, fill
 from fdi import registry
 from fdi.common.why import BOX_SPEED, NOT_FINITE, WORDS
+from fdi.kinematic import kinematic
 from fdi.rfafe import rfafe_airframe
 
 PARAMS = dtype([("growth", "f8")])
@@ -102,7 +103,9 @@ def test_outside_of_a_bound_it_is_not_valid_and_says_of_what(flown, name, word, 
     u, p, log = lane.u.copy(), lane.p.copy(), np.zeros(lane.u.shape, module.STATE)
     if name == "lpv_smo":
         p["tau_rho"] = 0.0  # its parameters lag behind
-    u[field][:, 2800:] = high + 0.02 * abs(high) if end else low - 0.02 * abs(low)
+    fields = kinematic.SPEEDS if name == "kinematic" else (field,)  # which takes the word of two of its three speeds
+    for one in fields:
+        u[one][:, 2800:] = high + 0.02 * abs(high) if end else low - 0.02 * abs(low)
     module.rollout(lane.x.copy(), u, p, DT, log)
     assert log["valid"][0][2700:2800].all() and not log["valid"][0][3000:].any()
     assert WORDS[int(log["why"][0][-1])].startswith("outside its box")
@@ -147,7 +150,8 @@ def test_the_range_of_each_detector_is_listed():
         assert all(word in listed[name] for word in own.range) and bool(listed[name]) == bool(own.range)
 
 
-@pytest.mark.parametrize(("word", "off"), [("mach", 0.45), ("h_baro", -6000.0)])
+@pytest.mark.parametrize(("word", "off"), [("mach", 0.45), ("h_baro", -6000.0), ("tas", 250.0), ("tas", -120.0),
+                                            ("cas", -120.0), ("v_ground", -150.0)])  # fmt: skip
 def test_a_reading_that_kinematic_must_name_is_named_however_wrong(flown, word, off):
     """Also where its own value lies outside what flies: the range does not read the sensors that it judges."""
     own, module, lane = registry.record("kinematic"), registry.module("kinematic"), flown["kinematic"]

@@ -74,7 +74,7 @@ FROZEN: dict[str, dict[str, dict[str, float]]] = {
             0.0, "floor": 0.0, "swing_threshold": 0.00121498, "swing_gust": 0.0144134,
         },
         "kinematic flight": {
-            "threshold": 0.468345, "gust": 0.00759985, "side": 0.0310852, "side_gust": 2.37311,
+            "threshold": 0.468345, "gust": 0.000145311, "side": 0.0401258, "side_gust": 0.0,
             "jump": 4.65399, "noise_ratio": 1.81795,
         },
         "control_redundancy flight": {
@@ -87,10 +87,10 @@ FROZEN: dict[str, dict[str, dict[str, float]]] = {
     },
     "rfafe": {
         "rfafe ": {
-            "bank_threshold": 0.000872665, "bank_share": 0.0, "th_static": 0.000959762,
+            "bank_threshold": 0.000872665, "bank_share": 0.0, "th_static": 0.000828179,
         },
         "rfafe_airframe ": {
-            "bank_threshold": 0.000900742, "bank_share": 0.0, "th_static": 0.000455645,
+            "bank_threshold": 0.00107993, "bank_share": 0.0, "th_static": 0.000599313,
         },
     },
 }  # fmt: skip
@@ -111,7 +111,7 @@ def reduced(name):
         p = {name: train_aircraft.fitted(name, 18) for name in train_aircraft.SURVEYS}
         found = train_aircraft.surveys(train_aircraft.flown(flight), "light", p.__getitem__, None, tuple(p))
         return train_aircraft.limits([found], {"noise": 1e-7})
-    flight = next(train_rfafe.flights(1000)) | {"duration": 10.0}
+    flight = train_rfafe.flight(1000, 0) | {"duration": 10.0}
     kinds = side_kinds(dict(zip(train_rfafe.SEGMENTS, flight["technology"], strict=True)))
     frame = train_rfafe.fly_aircraft(**flight)
     found = {n: train_rfafe.survey(frame, n, m.params(technology=kinds)) for n, m in MODULES.items()}

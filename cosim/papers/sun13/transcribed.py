@@ -14,7 +14,7 @@ from actuators.constants import RAD_PER_DEG
 from cosim.papers.sun13.designs import left_sides
 from cosim.training.flights import DT
 from fdi.rfafe import discrete, model, rfafe, rfafe_airframe
-from fdi.rfafe.store import choose
+from fdi.rfafe.store import choose, read
 from fdi.rfafe.synthesis import Design, design
 
 FORMS: dict[str, Any] = {"rfafe": rfafe, "rfafe_airframe": rfafe_airframe}
@@ -83,7 +83,8 @@ def flown_block(form: str, known: bool = False, ticks: int = 260) -> tuple[float
     module = FORMS[form]
     d, chosen = choose(form, "hydraulic", DT)
     trim = {"tas": 200.0, "alpha": 0.05, "theta": 0.06, "elevator": 0.01}
-    p = module.params("design_point", trim=trim if known else None)
+    stored = {key: held for key, held in read(form).items() if key != "servos"}  # the paper knows no servo beside (37)
+    p = module.params("design_point", stored=stored, trim=trim if known else None)
     x, u = module.init(p), np.zeros(1, module.INPUTS)
     for name in u.dtype.names:
         if name.endswith("_valid"):

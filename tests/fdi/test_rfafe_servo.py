@@ -1,0 +1,62 @@
+"""The servos' model of `rfafe`: what a servo does with a command is no fault, however fast and from when on."""
+
+import numpy as np
+import pytest
+
+from actuators.constants import RAD_PER_DEG
+from cosim.flight.loop.signals import fly
+from cosim.scenario import parse
+from cosim.training.flights import COMMAND, POINT, SURFACES
+from fdi.rfafe import rfafe, servo
+from fdi.rfafe.store import read
+
+DT, ROLL_S = 0.005, 12.0
+
+
+def judged(command, surface, technology="hydraulic"):
+    """Return the STATE log of rfafe under a command (ticks,) and the surface (ticks,) of all segments [rad]."""
+    u = np.zeros((1, len(command)), rfafe.INPUTS)
+    for name in ("tas", "alpha", "q", "theta", "surface"):
+        u[f"{name}_valid"] = 1.0
+    u["tas"], u["command"][0], u["surface"][0] = 200.0, command[:, None], surface[:, None]
+    p, log = rfafe.params(technology=technology), np.zeros(u.shape, rfafe.STATE)
+    rfafe.rollout(rfafe.init(p), u, p, DT, log)
+    return log[0]
+
+
+@pytest.mark.parametrize("kind", ["hydraulic", "ema", "simple"])
+@pytest.mark.parametrize("share", [0.05, 1.0])  # of what reaches the rate limit many times over
+def test_a_servo_that_obeys_is_no_fault_whatever_it_is_asked(kind, share):
+    """The trim is learned in the first 0.2 s, in which this command moves by several degrees."""
+    t = np.arange(round(ROLL_S / DT)) * DT
+    command = share * (6.0 * np.sin(2.0 * np.pi * 1.1 * t + 0.3) + 5.0 * np.sign(np.sin(2.3 * t)))  # [deg]
+    m = np.zeros(len(t))
+    servo.run(command, np.array(servo.row(read("rfafe")["servos"][kind], DT)), m, DT)
+    log = judged(command * RAD_PER_DEG, np.concatenate([m[:1], m[:-1]]) * RAD_PER_DEG, kind)  # a sensor's tick late
+    assert log["valid"][400:].all() and not log["alarm"].any()
+    assert np.abs(log["f"][400:]).max() < 0.02 * RAD_PER_DEG + 1e-3 * share
+
+
+@pytest.mark.parametrize("kind", ["hydraulic", "ema"])
+def test_the_model_follows_the_servo_that_flies_beyond_its_limits(kind):
+    told = {"title": "t", "duration_s": 20.0, "seed": 77, "flight": {**POINT, "turbulence": "moderate"},
+            "manoeuvre": {"kind": "aoa_protection", "start_s": 5.0}, "detectors": {"enabled": []},
+            "elevator": dict.fromkeys(("left_outer", "left_inner", "right_inner", "right_outer"), kind)}  # fmt: skip
+    v = fly(parse(told), [COMMAND, *SURFACES])
+    command, surface = v[COMMAND].to_numpy() / RAD_PER_DEG, v[list(SURFACES)].to_numpy().mean(axis=1) / RAD_PER_DEG
+    m = np.zeros(len(command))
+    servo.run(command, np.array(servo.row(read("rfafe")["servos"][kind], DT)), m, DT)
+    left = surface - m
+    assert np.std(surface) > 1.5 and np.std(left) < 0.05 * np.std(surface)
+
+
+def test_at_another_rate_the_model_has_the_same_response():
+    model = read("rfafe")["servos"]["hydraulic"]
+    out = {}
+    for dt in (0.0025, 0.005, 0.02):
+        u = np.full(round(1.0 / dt), 1.0)
+        u[: round(0.1 / dt)] = 0.0
+        m = np.zeros(len(u))
+        servo.run(u, np.array(servo.row(model, dt)), m, dt)
+        out[dt] = np.interp(np.arange(0.15, 0.9, 0.05), np.arange(len(u)) * dt, m)
+    assert np.abs(out[0.0025] - out[0.005]).max() < 0.02 and np.abs(out[0.02] - out[0.005]).max() < 0.06
