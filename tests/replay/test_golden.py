@@ -7,6 +7,7 @@ import pytest
 from golden import FLIGHTS, FOLDER, fly
 from mcap.reader import NonSeekingReader
 
+from cosim.errors import LogError
 from cosim.log import fingerprint, open_log
 from cosim.replay import replay
 
@@ -36,6 +37,18 @@ def test_a_golden_flight_replays_bit_for_bit_and_alarms(name, folder):
             assert d["replayed"]["detected_at_s"] is not None, d["id"]
             assert d["replayed"]["isolated"] is not None, d["id"]
     assert replay(path, detectors=ids, start_s=2.7).exact
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_what_another_version_laid_out_differently_is_named_and_the_rest_is_replayed(name):
+    path = EARLIER / f"{name}.mcap"
+    r = replay(path)
+    (line,) = [line for line in r.notes if line.startswith("not replayed")]
+    assert set(r.left_out) <= CHANGED and r.left_out and all(d in line for d in r.left_out) and "cosim 0.1.0" in line
+    assert {d["id"] for d in r.detectors} == {*FLIGHTS[name].detectors} - {*r.left_out}
+    assert {d.field.split("/")[2] for d in r.differences} <= CHANGED - {*r.left_out}
+    with pytest.raises(LogError, match="another layout"):
+        replay(path, detectors=list(r.left_out))
 
 
 @flown
