@@ -11,7 +11,8 @@ A servo follows its reference with a response that depends on tolerances and, by
 airspeed. The error poles of the servo are at -a = -25 rad/s (`actuators.hydraulic.servo`), so that to first order what
 is missing is a polynomial of s over (s + a)^3; with one order more, for what the second order makes, it is spanned by
 the Laguerre functions L_k = a / (s + a) ((s - a) / (s + a))^k, k = 0 to 3. theta is learned by least squares over the
-last LEARN seconds without an alarm, from what a healthy servo leaves on the mean (`usual`). `departure` is the largest
+last LEARN seconds without an alarm, from what a healthy servo leaves on the mean (`usual`); in the first seconds at once,
+and taken back where an oscillation is counted meanwhile. `departure` is the largest
 gain of what has been learned beside that; beyond `most`, which the tolerances do not reach, the servo is not the one
 that the thresholds are made for, and the monitor is not valid.
 
@@ -337,6 +338,16 @@ def learn(x, e, p, dt):
 
 
 @kernel
+def forget(x, p):
+    """Take back what was learned at once: an oscillation that has been counted since the start was in it."""
+    x.products[:] = 0.0
+    x.block[:] = 0.0
+    x.block_age, x.departure, x.clock = 0.0, 0.0, 2.0 * BLOCK
+    for k in range(N):
+        x.response[k] = p.usual[k]
+
+
+@kernel
 def keep_sample(x, rod, healthy, p):
     """Take the `rod` and that of a `healthy` servo [m] into the ring."""
     x.sums[0] += rod
@@ -450,6 +461,8 @@ def step(x, u, p, dt):
             found = True
             if x.verdict == NONE:
                 x.since = min(x.since, x.ages[b, int(p.half_periods) - 1] / (p.even * dt))
+    if found and x.clock < 2.0 * BLOCK:
+        forget(x, p)
     x.valid = 1.0 if x.age <= p.t_invalid and x.departure <= p.most else 0.0
     x.timer = p.t_release if found and x.valid > 0.5 else max(x.timer - dt, 0.0)
     x.alarm = 1.0 if x.timer > 0.0 else 0.0
