@@ -13,9 +13,10 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 from cosim.campaign.store import CampaignError
-from cosim.campaign.worker import failed, fly
+from cosim.campaign.worker import each, failed, fly
 
 AHEAD = 4  # jobs in flight per worker: none waits for the parent, and little is lost with it
+TOGETHER = 16  # runs with one seed that fly in one process: a campaign of a few seeds still keeps every core busy
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # a worker is one core
 # what a worker starts with; it gets the path of this process, but would import from the current folder before that
 START = {**dict.fromkeys(THREADS, "1"), "PYTHONSAFEPATH": "1"}
@@ -26,18 +27,36 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def outcomes(jobs: Any, *, workers: int | None = None, executor: Any = None, achieved: bool = True) -> Iterator[Any]:
+def outcomes(
+    jobs: Any, *, workers: int | None = None, executor: Any = None, achieved: bool = True, together: int = TOGETHER
+) -> Iterator[Any]:
     """Yield (run, rows, timing) of every job (run, scenario) as it finishes, in any order; see `finished`.
 
-    A run whose process dies under it every time it is tried is a row "crashed".
+    Up to `together` runs with one seed fly one after the other in a process, so that those that differ in their fault
+    share the flight without it and the design of the law. A run whose process dies under it every time it is tried is
+    a row "crashed".
     """
-    calls = ((run, fly, (run, scenario, achieved)) for run, scenario in jobs)
+    groups = _groups(jobs, together)
+    again: list[tuple] = []
 
-    def crashed(run, text):
-        return [failed(run, "crashed", text)], []
+    def crashed(n, text):
+        (run, _), *more = groups[n]
+        again.extend(groups[n] if more else ())
+        return [] if more else [(run, [failed(run, "crashed", text)], [])]
 
-    for run, (rows, timing) in finished(calls, workers=workers, executor=executor, crashed=crashed):
-        yield run, rows, timing
+    calls = ((n, each, (fly, group, achieved)) for n, group in enumerate(groups))
+    for _, found in finished(calls, workers=workers, executor=executor, crashed=crashed):
+        yield from found
+    if again:
+        yield from outcomes(again, workers=workers, executor=executor, achieved=achieved, together=1)
+
+
+def _groups(jobs, most):
+    """Return lists of at most `most` jobs with one seed, in the order of their first."""
+    found: dict[Any, list] = {}
+    for n, job in enumerate(jobs):
+        found.setdefault(getattr(job[1], "seed", (n,)), []).append(job)
+    return [same[i : i + most] for same in found.values() for i in range(0, len(same), most)]
 
 
 def finished(calls: Any, *, workers: int | None = None, executor: Any = None, crashed: Any = None) -> Iterator[Any]:
@@ -173,7 +192,9 @@ def _processes(workers):
 
 def _start():
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
-    threading.Thread(target=_end_with_parent, name="parent", daemon=True).start()
+    from cosim.flight.faults.fault_free_reference import WAITS_FOR_PARENT
+
+    threading.Thread(target=_end_with_parent, name=WAITS_FOR_PARENT, daemon=True).start()
 
 
 def _end_with_parent():

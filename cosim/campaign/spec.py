@@ -6,6 +6,7 @@
     sampling = "latin_hypercube"    # or "random"
     seed = 1                        # of the draws; the flights' own seeds are first_seed, first_seed + 1, ...
     first_seed = 1000000            # unless grid or draw set `seed`; from 1000000 on seeds are for evaluation
+    paired = true                   # the same draws and seeds at every point of the grid, which then differ in it alone
 
     [set]                           # on top of the base, for every run
     duration_s = 30.0
@@ -51,7 +52,7 @@ from cosim.texts import read, toml
 
 MOST = 1_000_000  # runs; more is a slip of a grid
 TYPES = {
-    "title": str, "base": str, "runs": int, "sampling": str, "seed": int, "first_seed": int,
+    "title": str, "base": str, "runs": int, "sampling": str, "seed": int, "first_seed": int, "paired": bool,
     "set": dict, "grid": dict, "draw": dict, "keep": dict, "part": list,
 }  # fmt: skip
 OF_A_PART = ("name", "runs", "set", "grid", "draw")
@@ -70,13 +71,16 @@ class Part:
     origin: Origin = field(default_factory=lambda: Origin(""))  # of the keys of `base`
     lines: dict = field(default_factory=dict)  # {key of grid or draw: "file:line"}
 
-    def values(self, sampling: str, seed: int) -> Iterator[tuple[dict, dict]]:
+    def values(self, sampling: str, seed: int, first_seed: int, paired: bool) -> Iterator[tuple[dict, dict]]:
         """Yield ({key or label: value of the grid or draw}, labels) of every run."""
         points = list(itertools.product(*self.grid.values()))
-        cube = unit_cube(len(points) * self.runs, len(self.draw), sampling=sampling, seed=seed)
-        for i, u in enumerate(cube):
+        drawn = self.runs if paired else len(self)
+        cube = unit_cube(drawn, len(self.draw), sampling=sampling, seed=seed)
+        for i in range(len(self)):
             chosen = dict(zip(self.grid, points[i // self.runs]))
-            chosen |= {key: one(q) for (key, one), q in zip(self.draw.items(), u)}
+            chosen |= {key: one(q) for (key, one), q in zip(self.draw.items(), cube[i % drawn])}
+            if "seed" not in chosen:  # one that is drawn comes after the grid's, and wins
+                chosen = {"seed": first_seed + i % drawn} | chosen
             yield chosen, {"part": self.name} if self.name else {}
 
     def __len__(self) -> int:
@@ -93,6 +97,7 @@ class Campaign:
     sampling: str = "latin_hypercube"
     seed: int = 1
     first_seed: int = EVALUATION_SEED
+    paired: bool = False
     keep: dict = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -107,10 +112,8 @@ class Campaign:
         wrong: dict = {}  # of what every run has in common once
         n = -1
         for i, part in enumerate(self.parts):
-            for chosen, label in part.values(self.sampling, self.seed + i):
+            for chosen, label in part.values(self.sampling, self.seed + i, self.first_seed + n + 1, self.paired):
                 n += 1
-                if "seed" not in chosen:  # one that is drawn comes after the grid's, and wins
-                    chosen = {"seed": self.first_seed + n} | chosen
                 try:
                     scenario, names = scenario_of(part, chosen, f"{self.name}, run {n}", f", run {n}")
                 except CosimError as error:
@@ -211,7 +214,7 @@ class _File:
         for i, own in enumerate(table.get("part", [{}])):
             with self.wrong.caught():
                 parts.append(self.part(base, origin, table, own, ("part", str(i)) if "part" in table else ()))
-        kept = {k: v for k, v in table.items() if k in ("title", "sampling", "seed", "first_seed", "keep")}
+        kept = {k: v for k, v in table.items() if k in ("title", "sampling", "seed", "first_seed", "paired", "keep")}
         made = Campaign(name=self.name, parts=tuple(parts), **kept)
         if self.wrong and base and len(self.wrong) == before:  # its runs can be checked all the same
             with self.wrong.caught():
@@ -230,9 +233,9 @@ class _File:
             if key not in known:
                 near = did_you_mean(key, known)
                 self.says(f"unknown key {key!r}", (*path, key), allowed=", ".join(known), remedy=near)
-            elif not isinstance(value, kind) or isinstance(value, bool):
-                word = {str: "text", int: "whole number", dict: "table", list: "list of tables"}[kind]
-                self.says(f"{key} is no {word}", (*path, key))
+            elif not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+                word = {str: "text", int: "whole number", dict: "table", list: "list of tables", bool: "true or false"}
+                self.says(f"{key} is no {word[kind]}", (*path, key))
             else:
                 out[key] = value
         return out

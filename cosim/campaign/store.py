@@ -207,22 +207,30 @@ class Store:
             return None
         write(self.out / "runs.parquet", _table(frame))
         write(self.out / "timing.parquet", pa.Table.from_pandas(self.timing(), TIMING, preserve_index=False))
-        for kind in ("timing", "rows"):
-            parts = sorted((self.out / "parts").glob(f"{kind}-*.parquet"))
-            if len(parts) > 1:
-                name = hashlib.sha256("".join(p.name for p in parts).encode()).hexdigest()[:16]
-                merged = self.out / "parts" / f"{kind}-{name}.parquet"
-                schema = ROWS if kind == "rows" else TIMING
-                tables = {p: _part(p, schema) for p in parts}
-                whole = {p: table for p, table in tables.items() if table is not None}
-                if whole:
-                    write(merged, pa.concat_tables(list(whole.values())))
-                for p, table in tables.items():
-                    if table is None:  # stays for whoever wants to look at it, and is named once
-                        p.rename(p.with_suffix(".damaged"))
-                    elif p != merged:
-                        p.unlink()
+        for kind, schema in (("timing", TIMING), ("rows", ROWS)):
+            _merge(self.out / "parts", kind, schema)
         return self.out / "runs.parquet"
+
+
+def _merge(folder, kind, schema):
+    """Make one file of the parts of a kind, one after the other: memory is that of the largest."""
+    parts, damaged = sorted(folder.glob(f"{kind}-*.parquet")), []
+    if len(parts) < 2:
+        return
+    merged = folder / f"{kind}-{hashlib.sha256(''.join(p.name for p in parts).encode()).hexdigest()[:16]}.parquet"
+    regular(merged, OutputError)
+    with beside(merged) as whole, whole.open("wb") as file, pq.ParquetWriter(file, schema, compression="zstd") as out:
+        for p in parts:
+            table = _part(p, schema)
+            if table is None:
+                damaged.append(p)
+            else:
+                out.write_table(table)
+    for p in parts:
+        if p in damaged:  # stays for whoever wants to look at it, and is named once
+            p.rename(p.with_suffix(".damaged"))
+        elif p != merged:
+            p.unlink()
 
 
 def brought_to(folder: Path) -> list[tuple[str, UserFile]]:

@@ -6,6 +6,7 @@ import hashlib
 import os
 import queue
 import threading
+from collections.abc import Callable
 
 from cosim.errors import TrimError
 from cosim.judge.row import rows as judge_rows
@@ -31,6 +32,11 @@ def fly(run: str, scenario: Scenario, achieved: bool) -> tuple[list[dict], list[
     with _lock:  # two threads would otherwise each make one
         thread = _thread()
     return thread.submit(run, scenario, achieved).result()
+
+
+def each(fly: Callable, jobs: list, achieved: bool) -> list[tuple[str, list[dict], list[dict]]]:
+    """Return [(run, rows, timing)] of `jobs`, (run, scenario), each by `fly`."""
+    return [(run, *fly(run, scenario, achieved)) for run, scenario in jobs]
 
 
 def _fly(run, scenario, achieved):

@@ -142,17 +142,26 @@ def design(
 
 @app.command()
 def train(
-    name: Annotated[str, typer.Argument(metavar="NAME", help=f"{', '.join(TRAINERS)}.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help=f"{', '.join(TRAINERS)}; with --tune a detector.")],
     check: Annotated[bool, typer.Option("--check", help="Write nothing.")] = False,
+    tune: Annotated[
+        list[str] | None, typer.Option(metavar="FIELD=LOW:HIGH", help="Search this number; store nothing.")
+    ] = None,
+    campaign: Annotated[str, typer.Option(help="With --tune: whose flights.")] = "aircraft-faults",
+    false_alarms: Annotated[float, typer.Option(min=0.0, help="With --tune: at most, per valid hour.")] = 0.0,
+    flights: Annotated[int, typer.Option(min=2, help="With --tune: faulty ones, and as many without.")] = 24,
     first_seed: Annotated[
         int | None, typer.Option("--first-seed", min=0, help="Of the training flights.", show_default=False)
     ] = None,
     output: Annotated[Path | None, output_option("FOLDER", "Of results; goes on there.")] = None,
     workers: WorkersOption = None,
 ) -> None:
-    """Train thresholds on fault-free flights and store them."""
+    """Train thresholds on fault-free flights, or tune a detector."""
     from cosim.training import load
 
+    if tune:
+        _tune(name, tune, campaign, false_alarms, flights, first_seed)
+        return
     training = load(name)
     how = {"folder": output or Path("logs") / f"train-{name}", "workers": workers}
     with tables.progress(err, "training", unit="flights", waiting="preparing") as progress:
@@ -161,6 +170,29 @@ def train(
     out.print(Table("The entry of each threshold that changes most", *heads, rows=map(Row, training.changes(made))))
     if not check:
         training.store(made)
+
+
+def _tune(name, asked, campaign, false_alarms, flights, first_seed):
+    """Print the numbers that `cosim.training.tune` finds, beside those in use."""
+    from cosim.errors import DesignError
+    from cosim.training import tune as work
+
+    spans = {}
+    for text in asked:
+        field, _, span = text.partition("=")
+        try:
+            low, high = map(float, span.split(":"))
+        except ValueError:
+            raise DesignError(f"{span!r} is no span", place=f"--tune {text}", allowed="FIELD=LOW:HIGH") from None
+        spans[field] = (low, high)
+    with tables.progress(err, f"tuning {name}", unit="sets", waiting="flying") as progress:
+        found, scores = work.tune(
+            name, spans, campaign=campaign, false_per_hour=false_alarms, most=flights, progress=progress,
+            first_seed=work.FIRST_SEED if first_seed is None else first_seed,
+        )  # fmt: skip
+    out.print(Table("Numbers of the least mean delay", "number", "tuned>", rows=map(Row, found.items())))
+    rows = [Row((words, *score.cells)) for words, score in scores]
+    out.print(Table("Flights", "flights, numbers", "seen>", "mean delay>", "false alarms>", rows=rows))
 
 
 def _finite(row: dict[str, Any]) -> dict[str, Any]:

@@ -34,9 +34,23 @@ def faulty(faults: Iterable[Mapping], ticks: int, dt: float, t0: float = 0.0) ->
     An onset where this is false is a false alarm. `t0` is the time of the first tick [s].
     """
     out = np.zeros(ticks, bool)
-    for f in faults:
-        end = ticks if math.isinf(f["end_s"]) else math.ceil((f["end_s"] + GRACE_S - t0) / dt)
-        out[max(0, round((f["start_s"] - t0) / dt)) : max(0, end)] = True
+    for first, end in (span(f, dt, t0) for f in faults):
+        out[max(0, first) : max(0, ticks if end is None else end)] = True
+    return out
+
+
+def span(fault: Mapping, dt: float, t0: float = 0.0) -> tuple[int, int | None]:
+    """Return the ticks (first, end), first <= k < end, of a fault, GRACE_S after its end included; None: all."""
+    end = None if math.isinf(fault["end_s"]) else math.ceil((fault["end_s"] + GRACE_S - t0) / dt)
+    return round((fault["start_s"] - t0) / dt), end
+
+
+def during(faults: Iterable[Mapping], ticks: ArrayLike, dt: float) -> NDArray[np.bool_]:
+    """Return whether each of `ticks` (n,) is one of a fault, as `faulty` does for all of a flight."""
+    k = np.asarray(ticks)
+    out = np.zeros(k.shape, bool)
+    for first, end in (span(f, dt) for f in faults):
+        out |= (k >= first) & (k < (math.inf if end is None else end))
     return out
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 MEMORY = 48 << 20  # [byte] that all stores of a process hold before they go to disk
 SPAN = 4000  # rows that are appended at once, where the caller may choose
 _held = 0
-_lock = threading.Lock()
+_lock = threading.RLock()  # a block may go, and be counted off, while another is counted
 
 
 class Columns:
@@ -55,8 +55,6 @@ class ColumnStore(Columns):
         self._file: Any = None
         # first row, rows, array (columns, rows) or file, place in the file
         self._blocks: list[tuple[int, int, Any, int]] = []
-        self._mine = [0]  # bytes in memory
-        weakref.finalize(self, _let_go, self._mine)
 
     def append(self, rows: NDArray) -> None:
         """Take rows (n, columns); they are copied."""
@@ -68,7 +66,7 @@ class ColumnStore(Columns):
             fits = _held + block.nbytes <= MEMORY
             if fits:
                 _held += block.nbytes
-                self._mine[0] += block.nbytes
+                weakref.finalize(block, _let_go, block.nbytes).atexit = False  # a branch may outlive this store
         self._blocks.append((self._stop, len(rows), *((block, 0) if fits else self._written(block))))
         self._stop += len(rows)
 
@@ -104,7 +102,7 @@ class ColumnStore(Columns):
         return out
 
 
-def _let_go(mine):
+def _let_go(size):
     global _held
     with _lock:
-        _held -= mine[0]
+        _held -= size

@@ -23,26 +23,36 @@ NAMES = (
 
 
 def consequences(
-    motion: Mapping[str, NDArray], hinge: Iterable[NDArray], onset: int, dt: float, cas: tuple[float, float]
+    blocks: Iterable[tuple[Mapping[str, NDArray], Iterable[NDArray]]], dt: float, cas: tuple[float, float]
 ) -> dict[str, float] | None:
-    """Return {name of NAMES: value} from tick `onset` on; None when the flight ended before it.
+    """Return {name of NAMES: value} of a flight from its first onset on, told in blocks of ticks; None without one.
 
-    `motion` has the fields of MOTION over all ticks (ticks,), SI, n_z in g; `hinge` gives the moments of each elevator
-    segment (ticks,) [N m]; `cas` the lowest and the highest speed of the envelope [m/s]; `dt` [s].
+    A block is (motion, hinge): the fields of MOTION (ticks,), SI, n_z in g; the moments of each elevator segment
+    (ticks,) [N m]. `cas` is the lowest and the highest speed of the envelope [m/s]; `dt` [s].
     altitude_lost_m, bank_deg, speed_lost_kt and speed_gained_kt are largest excursions from the onset, not below zero.
     """
-    late = {name: motion[name][onset:] for name in MOTION}
-    if not len(late["nz"]):
-        return None
-    least, most, begin = ({n: float(call(v)) for n, v in late.items()} for call in (np.min, np.max, lambda v: v[0]))
     bounds = {"nz": LOAD_FACTOR, "phi": (-BANK, BANK), "alpha": ALPHA, "cas": cas}
-    outside = np.zeros(len(late["nz"]), bool)
-    for name, (low, high) in bounds.items():
-        outside |= (late[name] < np.float64(low)) | (late[name] > np.float64(high))
+    begin: dict[str, float] = {}
+    least, most = dict.fromkeys(MOTION, math.inf), dict.fromkeys(MOTION, -math.inf)
+    loads: list[float] = []
+    out = 0
+    for motion, hinge in blocks:
+        begin = begin or {name: float(motion[name][0]) for name in MOTION}
+        outside = np.zeros(len(motion["nz"]), bool)
+        for name, (low, high) in bounds.items():
+            outside |= (motion[name] < np.float64(low)) | (motion[name] > np.float64(high))
+        out += int(outside.sum())
+        for name in MOTION:
+            least[name] = float(np.minimum(least[name], np.min(motion[name])))  # what is no number stays
+            most[name] = float(np.maximum(most[name], np.max(motion[name])))
+        peaks = [float(np.abs(moment).max()) for moment in hinge]
+        loads = [float(np.maximum(a, b)) for a, b in zip(loads or peaks, peaks)]
+    if not begin:
+        return None
     phi = max(most["phi"] - begin["phi"], begin["phi"] - least["phi"])
     values = (
         *(least["nz"], most["nz"], begin["h"] - least["h"], math.degrees(phi)),
         *((begin["cas"] - least["cas"]) / M_S_PER_KT, (most["cas"] - begin["cas"]) / M_S_PER_KT),
-        *(max(np.abs(moment[onset:]).max() for moment in hinge), outside.sum() * dt),
+        *(max(loads), out * dt),
     )
     return {name: float(value) for name, value in zip(NAMES, values)}

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.judge.alarms import GRACE_S, faulty, onsets
+from cosim.judge.alarms import GRACE_S, during, span
 from cosim.judge.naming import BOTH, NOT_GIVEN, Name, blames, members_of, name_of
+from cosim.judge.runs import Runs
 from fdi.common import verdict as code
 from fdi.common import why as reason
 
@@ -56,39 +57,50 @@ def watch_of(name: str, level: str, target: str, culprits: tuple, at: Mapping[st
     return Watch(name, level, target, culprits, alarms=alarms, **{n: at[n] for n in OUTPUTS if n in at}, **more)
 
 
+def runs_of(watch: Watch, trace: Any, faults: Sequence[Mapping], dt: float) -> Runs:
+    """Return the Runs of a lane in `trace` (ticks, columns), cut where one of `faults` begins or ends."""
+    columns = watch.alarm, watch.verdict, watch.culprit, watch.valid, watch.why, watch.second, watch.verdict_2
+    own = [c for c in (*columns, *dict(watch.alarms).values()) if c is not None]
+    return Runs(trace, own, [k for f in faults for k in span(f, dt) if k is not None])
+
+
 @dataclass(frozen=True)
 class Said:
-    """What a lane says of one fault, over ticks: alarm, class codes, indices into `parts`."""
+    """What a lane says of one fault, by runs: alarm, class codes, indices into `parts`."""
 
     alarm: NDArray[np.bool_]
     verdict: NDArray
     part: NDArray
     parts: tuple
 
-    def name(self, k: int, watch: Watch) -> dict | None:
-        """Return {class, target} of tick `k`, None where it names no class."""
-        if self.verdict[k] < 0.5:
+    def blamed(self, run: int) -> str:
+        """Return the name of the part that is blamed in a run, "" without one."""
+        i = self.part[run]
+        return self.parts[int(i)] if 0 <= i < len(self.parts) else ""
+
+    def name(self, run: int, watch: Watch) -> dict | None:
+        """Return {class, target} of a run, None where it names no class."""
+        if self.verdict[run] < 0.5:
             return None
-        i = self.part[k]
-        part = self.parts[int(i)] if 0 <= i < len(self.parts) else ""
+        part = self.blamed(run)
         target = watch.target if not part else part if watch.level != "local" else f"{watch.target}.{part}"
-        return {"class": code.class_name(self.verdict[k]), "target": target}
+        return {"class": code.class_name(self.verdict[run]), "target": target}
 
 
-def said(watch: Watch, trace: Any, fault: Mapping | None = None, others: Sequence[Mapping] = ()) -> Said:
-    """Return what a lane says of `fault`; `trace` is (ticks, columns).
+def said(watch: Watch, runs: Runs, fault: Mapping | None = None, others: Sequence[Mapping] = ()) -> Said:
+    """Return what a lane says of `fault`.
 
     Where the lane has an alarm for each part, it blames those of the fault's parts whose alarms are up, and every other
     one that is up and is no part of the `others`; its alarm is up for the fault while there is one of these. The class
     is the lane's while its culprit is one of the fault's parts, else that of the kind of part.
     """
-    alarm, verdict, part = (trace[:, c] for c in (watch.alarm, watch.verdict, watch.culprit))
+    alarm, verdict, part = (runs[c] for c in (watch.alarm, watch.verdict, watch.culprit))
     own = dict(watch.alarms)
     if fault is not None and watch.second is not None:
-        return _two(watch, trace, fault, others)
+        return _two(watch, runs, fault, others)
     if not own or fault is None:
         return Said(alarm > 0.5, verdict, part, watch.culprits)
-    up = [trace[:, c] > 0.5 for c in own.values()]
+    up = [runs[c] > 0.5 for c in own.values()]
     patterns, which = _distinct(up)
     mine = members_of(own, fault, watch.level)
     theirs = {c for f in others for c in members_of(own, f, watch.level)} - set(mine)
@@ -103,24 +115,18 @@ def said(watch: Watch, trace: Any, fault: Mapping | None = None, others: Sequenc
 
 
 def _distinct(rows):
-    """Return (the different columns of `rows` (rows, n), index of that of each (n,)), as np.unique does; memory is that
-    of the changes, which are few."""
-    new = np.zeros(len(rows[0]), bool)
-    new[:1] = True
-    for row in rows:
-        new[1:] |= row[1:] != row[:-1]
-    at = np.flatnonzero(new)
-    different, which = np.unique(np.stack([row[at] for row in rows]), axis=1, return_inverse=True)
-    return different, np.repeat(which.ravel().astype(np.int32), np.diff(np.append(at, len(new))))
+    """Return (the different columns of `rows` (rows, n), index of that of each (n,))."""
+    different, which = np.unique(np.stack(rows), axis=1, return_inverse=True)
+    return different, which.ravel()
 
 
-def _two(watch, trace, fault, others):
+def _two(watch, runs, fault, others):
     """Return what a lane that names one part or two says of `fault`: of these, without the parts of the `others`.
 
     The class is that of the name which is left; with both left, or none, that of the first.
     """
     columns = watch.verdict, watch.culprit, watch.verdict_2, watch.second
-    told, which = np.unique(np.stack([trace[:, c] for c in columns]), axis=1, return_inverse=True)
+    told, which = _distinct([runs[c] for c in columns])
     parts, verdicts = [], []
     for first, i, other, j in told.T:
         names = {watch.culprits[int(k)]: c for k, c in ((i, first), (j, other)) if 0 < k < len(watch.culprits)}
@@ -129,12 +135,11 @@ def _two(watch, trace, fault, others):
         left = [p for p in names if p not in theirs] or list(names)
         parts.append(BOTH.join(left))
         verdicts.append(next((names[p] for p in (*mine, *left)), first))
-    which = which.ravel()
-    return Said(trace[:, watch.alarm] > 0.5, np.array(verdicts)[which], which.astype(float), tuple(parts))
+    return Said(runs[watch.alarm] > 0.5, np.array(verdicts)[which], which.astype(float), tuple(parts))
 
 
 def noticed(
-    watch: Watch, trace: Any, fault: Mapping, until: float, dt: float, others: Sequence[Mapping] = ()
+    watch: Watch, runs: Runs, fault: Mapping, until: float, dt: float, others: Sequence[Mapping] = ()
 ) -> dict:
     """Return what the lane made of `fault` before the next one begins at `until` [s]; times [s], None for never.
 
@@ -155,27 +160,28 @@ def noticed(
     seen. `valid_at_fault` is the share of the fault's time in which the lane called itself valid, until it noticed; one
     that missed with less than ABLE could not judge.
     """
-    ticks, start, end = len(trace), fault["start_s"], fault["end_s"]
+    ticks, start, end = runs.ticks, fault["start_s"], fault["end_s"]
     first = round(start / dt)
     healed, last = (_tick(t, dt, ticks) for t in (min(end, until), min(end + GRACE_S, until)))
-    s = said(watch, trace, fault, others)
+    s = said(watch, runs, fault, others)
+    lane = _Lane(watch, runs, s, dt, others)
     earlier = [f for f in others if f["start_s"] < start]
-    renamed = _renamed(watch, s, fault, first, healed, dt, others)
-    rises = onsets(s.alarm)
-    rises = rises[~_returned(s.alarm, rises, first, faulty(earlier, ticks, dt), dt)]
+    renamed = lane.renamed(fault, first, healed)
+    rises = runs.onsets(s.alarm)
+    rises = rises[~_returned(rises, runs.ends(s.alarm), first, earlier, dt)]
     inside = rises[(rises >= first) & (rises < last)]
-    own = [i for i in inside if not _blamed(watch, s, i, earlier, fault, dt)]
+    own = [i for i in inside if not lane.blamed(i, earlier, fault)]
     if len(own) < len(inside) and renamed is None:  # one that rose for an earlier fault may come to this one's name
-        renamed = _first_right(watch, s, fault, int(inside[0]), healed, dt, others)
+        renamed = lane.first_right(fault, int(inside[0]), healed)
     k = min((i for i in (*own[:1], renamed) if i is not None), default=None)
     if k is None:
         later = [f for f in others if f["start_s"] > start]
-        own = [i for i in rises[rises >= max(first, last)] if _late(watch, s, i, fault, later, dt)]
+        own = [i for i in rises[rises >= max(first, last)] if lane.late(i, fault, later)]
         if own:
             k, until = own[0], math.inf
             healed, last = (_tick(t, dt, ticks) for t in (end, end + GRACE_S))
             # from the first right name of a later one on it speaks of that one
-            changed = (_first_right(watch, s, f, k, healed, dt, others) for f in later)
+            changed = (lane.first_right(f, k, healed) for f in later)
             healed = last = min((i for i in changed if i is not None), default=healed)
     out: dict[str, Any] = dict.fromkeys(
         ("detected_at_s", "detection_delay_s", "detection_delay_periods", "isolated", "named_at_s", "first_verdict",
@@ -185,15 +191,18 @@ def noticed(
     out |= {"class_given": NOT_GIVEN, "place_given": NOT_GIVEN, "place_level": ""}
     out["not_excited"] = _not_excited(watch, fault)
     if k is not None:
+        late = max(0.0, k * dt - start)  # an onset lies within a tick
         out |= {
             "detected_at_s": k * dt,
-            "detection_delay_s": k * dt - start,
-            "detection_delay_periods": (k * dt - start) / fault["period_s"],
-            **_named(watch, s, fault, k, max(k + 1, min(last, healed)), dt, others),
-            **_withdrawn(s.alarm, end, k, healed, _tick(until, dt, ticks), dt),
+            "detection_delay_s": late,
+            "detection_delay_periods": late / fault["period_s"],
+            **lane.named(fault, k, max(k + 1, min(last, healed))),
+            **lane.withdrawn(end, healed, _tick(until, dt, ticks)),
         }
     stop = max(first + 1, healed if k is None else k)
-    out |= _validity(watch, trace[first:stop], seen=k is not None)
+    share, why = validity(watch, runs, first, stop)
+    able = k is not None or share >= ABLE
+    out |= {"able": able, "valid_at_fault": share, "why_not_valid": None if able else why}
     return {"fault": fault.get("fault"), **out}
 
 
@@ -201,143 +210,161 @@ def _tick(t, dt, ticks):
     return ticks if math.isinf(t) else min(ticks, math.ceil(t / dt))
 
 
-def _returned(alarm, rises, first, earlier, dt):
-    """Return (len(rises),): whether an alarm at or after tick `first` is one that stood before it without a fault.
-
-    `earlier` (ticks,) tells where an alarm is that of an earlier fault.
+def _returned(rises, falls, first, earlier, dt):
+    """Return (len(rises),): whether an alarm at or after tick `first` is one that stood before it without a fault: it
+    rises less than GAP_S after the one before has fallen. `earlier` are the faults whose alarms those before may be.
     """
-    falls = np.append(1 + np.flatnonzero(~alarm[1:] & alarm[:-1]), len(alarm))
     begins = rises.copy()
     for i in range(1, len(rises)):
         if (rises[i] - falls[i - 1]) * dt < GAP_S:
             begins[i] = begins[i - 1]
-    return (rises >= first) & (begins < first) & ~earlier[begins]
+    return (rises >= first) & (begins < first) & ~during(earlier, begins, dt)
 
 
-def _named(watch, s, fault, k, end, dt, others):
-    """Return what was said while the alarm stood from tick `k` to `end`: what is said of a decay is no name."""
-    given = k + np.flatnonzero(s.alarm[k:end] & (s.verdict[k:end] > 0.5))
-    seen = int(np.count_nonzero(s.alarm[k:end]))
-    out = {"alarm_share": seen / (end - k)}
-    names, which = _names(watch, s, fault, given, others, dt)
-    own = np.array([not n.elsewhere for n in names], bool)[which]  # what names another fault alone is not said of this
-    given, which = given[own], which[own]
-    if not len(given):
-        return out
-    codes, at = s.verdict[given], name_at_end(s.verdict, s.part, given, dt)
-    last = Name(NOT_GIVEN, NOT_GIVEN, "") if at is None else names[which[at]]
-    sure = which[codes != code.AMBIGUOUS]
-    out |= {
-        **last_name(s, given, watch, dt),
-        "first_verdict": s.name(given[0], watch),
-        "class_changes": int(np.count_nonzero(np.diff(codes))),
-        "ambiguous_s": float(np.count_nonzero(codes == code.AMBIGUOUS) * dt),
-        "right": last.right,
-        "class_given": last.class_,
-        "place_given": last.place,
-        "place_level": last.level,
-        "first_right": names[which[0]].right,
-        "first_sure_wrong": bool(len(sure)) and names[sure[0]].wrong,
-    }
-    at = _first_right(watch, s, fault, k, end, dt, others)
-    if at is None and last.right:  # right at the end without ever standing for long
-        at = round(out["named_at_s"] / dt)
-    if at is not None:
-        out["time_to_right_s"] = at * dt - fault["start_s"]
-        moved = _moved_at(watch, fault)
-        if moved is not None and math.isfinite(moved):
-            out["right_after_motion_s"] = max(0.0, at * dt - moved)
-    return out
-
-
-def name_at_end(verdict: NDArray, part: NDArray, given: NDArray, dt: float) -> int | None:
-    """Return the index in `given` (ticks with a name, n > 0) of the last tick with the name at the end: the one that
-    stands for at least half of the last LAST_S, None where no name does."""
-    tail = given[given > given[-1] - LAST_S / dt]
-    pairs, counts = np.unique(np.stack([verdict[tail], part[tail]]), axis=1, return_counts=True)
-    if 2 * counts.max() < len(tail):
+def name_at_end(verdict: NDArray, part: NDArray, first: NDArray, stop: NDArray, dt: float) -> int | None:
+    """Return the index of the last run with the name at the end, of n > 0 runs with a name, each of the ticks first <=
+    k < stop: the name that stands for at least half of the last LAST_S, None where no name does."""
+    begin = math.floor(stop[-1] - 1 - LAST_S / dt) + 1
+    length = np.maximum(stop - np.maximum(first, begin), 0)
+    names, which = _distinct([verdict, part])
+    counts = np.bincount(which, length, names.shape[1])
+    if 2 * counts.max() < length.sum():
         return None
-    c, p = pairs[:, int(np.argmax(counts))]
-    return int(np.flatnonzero((verdict[given] == c) & (part[given] == p))[-1])
+    return int(np.flatnonzero(which == np.argmax(counts))[-1])
 
 
-def last_name(s: Said, given: NDArray, watch: Watch, dt: float) -> dict:
-    """Return the name at the end of ticks `given` (n,), n > 0 (LAST_S), and when the lane first said it [s]."""
-    last = name_at_end(s.verdict, s.part, given, dt)
+def last_name(s: Said, given: tuple[NDArray, NDArray, NDArray], watch: Watch, dt: float) -> dict:
+    """Return the name at the end of n > 0 runs with a name, `given` as Runs.inside does, and when the lane first said
+    it [s].
+    """
+    run, first, stop = given
+    last = name_at_end(s.verdict[run], s.part[run], first, stop, dt)
     if last is None:
         return {"isolated": None, "named_at_s": None}
-    at = given[last]
-    same = (s.verdict[given] == s.verdict[at]) & (s.part[given] == s.part[at])
-    return {"isolated": s.name(at, watch), "named_at_s": float(given[np.argmax(same)] * dt)}
+    same = (s.verdict[run] == s.verdict[run[last]]) & (s.part[run] == s.part[run[last]])
+    return {"isolated": s.name(run[last], watch), "named_at_s": float(first[np.argmax(same)] * dt)}
 
 
-def _names(watch, s, fault, ticks, others, dt):
-    """Return (the different Names of `fault` that are said at `ticks` (or a slice), index of that at each (n,)).
+@dataclass(frozen=True)
+class _Lane:
+    """What a lane says of one fault, beside the `others`; ticks are `dt` [s] apart."""
 
-    Of the `others`, those count that are there at the tick.
-    """
-    there: Any = np.zeros(len(s.verdict[ticks]), np.int64 if len(others) > 30 else np.int32)
-    for i, f in enumerate(others):
-        there += faulty([f], len(s.alarm), dt)[ticks].astype(there.dtype) << i
-    keys, which = _distinct([s.verdict[ticks], s.part[ticks], there])
-    names = []
-    for c, p, mask in keys.T:
-        part = s.parts[int(p)] if 0 <= p < len(s.parts) else ""
-        met = [f for i, f in enumerate(others) if int(mask) >> i & 1]
-        names.append(name_of(fault, watch.level, code.class_name(c), part, met))
-    return names, which
+    watch: Watch
+    runs: Runs
+    said: Said
+    dt: float
+    others: Sequence[Mapping]
 
+    def given(self, first: int, stop: int) -> tuple[NDArray, NDArray, NDArray]:
+        """Return those of Runs.inside in which an alarm stands with a name."""
+        run, a, b = self.runs.inside(first, stop)
+        there = self.said.alarm[run] & (self.said.verdict[run] > 0.5)
+        return run[there], a[there], b[there]
 
-def _blamed(watch, s, k, faults, instead, dt):
-    """Return whether what is said at tick `k` names a part of one of `faults` that is there then, none of `instead`."""
-    part = s.parts[int(s.part[k])] if 0 <= s.part[k] < len(s.parts) else ""
-    if not part or blames(part, instead, watch.level):
-        return False
-    there = (f for f in faults if faulty([f], len(s.alarm), dt)[k])
-    return any(blames(part, f, watch.level) for f in there)
+    def named(self, fault: Mapping, k: int, end: int) -> dict:
+        """Return what was said while the alarm stood from tick `k` to `end`: what is said of a decay is no name."""
+        s, watch, dt = self.said, self.watch, self.dt
+        out: dict[str, Any] = {"alarm_share": self.runs.count(s.alarm, k, end) / (end - k)}
+        run, first, stop = self.given(k, end)
+        names, which = self.names(fault, run)
+        own = np.array([not n.elsewhere for n in names], bool)[which]  # what names another fault alone is of that one
+        run, first, stop, which = run[own], first[own], stop[own], which[own]
+        if not len(run):
+            return out
+        codes, at = s.verdict[run], name_at_end(s.verdict[run], s.part[run], first, stop, dt)
+        last = Name(NOT_GIVEN, NOT_GIVEN, "") if at is None else names[which[at]]
+        unsure = codes == code.AMBIGUOUS
+        sure = which[~unsure]
+        out |= {
+            **last_name(s, (run, first, stop), watch, dt),
+            "first_verdict": s.name(run[0], watch),
+            "class_changes": int(np.count_nonzero(np.diff(codes))),
+            "ambiguous_s": float((stop - first)[unsure].sum() * dt),
+            "right": last.right,
+            "class_given": last.class_,
+            "place_given": last.place,
+            "place_level": last.level,
+            "first_right": names[which[0]].right,
+            "first_sure_wrong": bool(len(sure)) and names[sure[0]].wrong,
+        }
+        at = self.first_right(fault, k, end)
+        if at is None and last.right:  # right at the end without ever standing for long
+            at = round(out["named_at_s"] / dt)
+        if at is not None:
+            out["time_to_right_s"] = at * dt - fault["start_s"]
+            moved = _moved_at(watch, fault)
+            if moved is not None and math.isfinite(moved):
+                out["right_after_motion_s"] = max(0.0, at * dt - moved)
+        return out
 
+    def names(self, fault: Mapping, run: NDArray) -> tuple[list[Name], NDArray]:
+        """Return (the different Names of `fault` that are said in these runs, index of that of each (n,)).
 
-def _late(watch, s, k, fault, later, dt):
-    """Return whether the alarm that rises at tick `k`, after the onset of `later` faults, is that of `fault` alone."""
-    there = [f for f in later if f["start_s"] <= k * dt]
-    return all(_blamed(watch, s, k, [fault], f, dt) for f in there) if there else False
+        Of the `others`, those count that are there then.
+        """
+        s, there = self.said, np.zeros(len(run), np.int64)
+        for i, f in enumerate(self.others):
+            there += during([f], self.runs.at[run], self.dt).astype(np.int64) << i
+        keys, which = _distinct([s.verdict[run], s.part[run], there])
+        names = []
+        for c, p, mask in keys.T:
+            part = s.parts[int(p)] if 0 <= p < len(s.parts) else ""
+            met = [f for i, f in enumerate(self.others) if int(mask) >> i & 1]
+            names.append(name_of(fault, self.watch.level, code.class_name(c), part, met))
+        return names, which
 
+    def blamed(self, k: int, faults: Sequence[Mapping], instead: Mapping) -> bool:
+        """Return whether what is said at tick `k` names a part of one of `faults` that is there then, none of
+        `instead`."""
+        part = self.said.blamed(self.runs.of(k))
+        if not part or blames(part, instead, self.watch.level):
+            return False
+        there = (f for f in faults if during([f], k, self.dt))
+        return any(blames(part, f, self.watch.level) for f in there)
 
-def _renamed(watch, s, fault, first, healed, dt, others):
-    """Return the tick at which an alarm that stands on account of an earlier fault takes the right name of this one.
+    def late(self, k: int, fault: Mapping, later: Sequence[Mapping]) -> bool:
+        """Return whether the alarm that rises at tick `k`, after the onset of `later` faults, is that of `fault`
+        alone."""
+        there = [f for f in later if f["start_s"] <= k * self.dt]
+        return all(self.blamed(k, [fault], f) for f in there) if there else False
 
-    None where it does not, or had that name before: it may be the earlier fault's.
-    """
-    earlier = [f for f in others if f["start_s"] < fault["start_s"]]
-    if not earlier or not 0 < first < len(s.alarm) or not s.alarm[first - 1]:
+    def renamed(self, fault: Mapping, first: int, healed: int) -> int | None:
+        """Return the tick at which an alarm that stands on account of an earlier fault takes this one's right name.
+
+        None where it does not, or had that name before: it may be the earlier fault's.
+        """
+        earlier = [f for f in self.others if f["start_s"] < fault["start_s"]]
+        if not earlier or not 0 < first < self.runs.ticks or not self.said.alarm[self.runs.of(first - 1)]:
+            return None
+        rose = self.runs.onsets(self.said.alarm)
+        if not during(earlier, rose[rose < first][-1], self.dt):
+            return None
+        at = self.first_right(fault, first - 1, healed)
+        return None if at == first - 1 else at
+
+    def first_right(self, fault: Mapping, first: int, end: int) -> int | None:
+        """Return the first tick in [first, end) from which an alarm has the right name of `fault` for HOLD_S, else
+        None.
+        """
+        run, a, b = self.given(first, end)
+        names, which = self.names(fault, run)
+        good = np.array([n.right for n in names], bool)[which]
+        a, b = a[good], b[good]
+        apart = np.append(True, a[1:] != b[:-1])  # one begins where the last one ends: the same stretch
+        for begin, stop in zip(a[apart], b[np.append(apart[1:], True)]) if len(a) else ():
+            if (stop - begin) * self.dt >= HOLD_S - 1e-9:
+                return int(begin)
         return None
-    rose = onsets(s.alarm)
-    if not faulty(earlier, len(s.alarm), dt)[rose[rose < first][-1]]:
-        return None
-    at = _first_right(watch, s, fault, first - 1, healed, dt, others)
-    return None if at == first - 1 else at
 
-
-def _first_right(watch, s, fault, first, end, dt, others):
-    """Return the first tick in [first, end) from which an alarm has the right name of `fault` for HOLD_S, else None."""
-    ticks = slice(first, max(first, end))
-    names, which = _names(watch, s, fault, ticks, others, dt)
-    good = np.array([n.right for n in names], bool)[which] & s.alarm[ticks] & (s.verdict[ticks] > 0.5)
-    for begin in onsets(good):
-        stop = begin + int(np.argmin(np.append(good[begin:], False)))
-        if (stop - begin) * dt >= HOLD_S - 1e-9:
-            return first + int(begin)
-    return None
-
-
-def _withdrawn(alarm, end_s, k, healed, until, dt):
-    """Return how the alarm that rose at tick `k` ended once the fault had healed at `end_s`, before tick `until`."""
-    if math.isinf(end_s) or healed >= until:
-        return {}
-    high = np.flatnonzero(alarm[healed:until])
-    gone = not len(high) or healed + high[-1] + 1 < until
-    after = 0.0 if not len(high) else max(0.0, (healed + high[-1] + 1) * dt - end_s)
-    return {"withdrawn": bool(gone), "withdrawn_after_s": after if gone else None}
+    def withdrawn(self, end_s: float, healed: int, until: int) -> dict:
+        """Return how the alarm ended once the fault had healed at `end_s` [s], tick `healed`, before tick `until`."""
+        if math.isinf(end_s) or healed >= until:
+            return {}
+        run, _, stop = self.runs.inside(healed, until)
+        last = stop[self.said.alarm[run]]
+        gone = not len(last) or last[-1] < until
+        after = 0.0 if not len(last) else max(0.0, int(last[-1]) * self.dt - end_s)
+        return {"withdrawn": bool(gone), "withdrawn_after_s": after if gone else None}
 
 
 def _moved_at(watch, fault):
@@ -354,25 +381,27 @@ def _not_excited(watch, fault):
     return None if moved is None or fault.get("kind") not in MOVES else math.isinf(moved)
 
 
-def _validity(watch, trace, seen):
-    share, why = validity(watch, trace)
-    able = seen or share >= ABLE
-    return {"able": able, "valid_at_fault": share, "why_not_valid": None if able else why}
-
-
 def valid(watch: Watch, trace: Any) -> NDArray[np.bool_]:
-    """Return (ticks,): whether the lane calls itself valid; always, where it does not say."""
-    return np.ones(len(trace), bool) if watch.valid is None else trace[:, watch.valid] > 0.5
+    """Return (ticks,), of a trace, or (runs,), of Runs: whether the lane calls itself valid; always, where it does not
+    say."""
+    if watch.valid is None:
+        return np.ones(len(trace), bool)
+    return (trace[watch.valid] if isinstance(trace, Runs) else trace[:, watch.valid]) > 0.5
 
 
-def validity(watch: Watch, trace: Any) -> tuple[float, str | None]:
-    """Return (share of ticks in which the lane called itself valid, its most frequent reason in the others)."""
-    if watch.valid is None or not len(trace):
+def validity(watch: Watch, runs: Runs, first: int, stop: int) -> tuple[float, str | None]:
+    """Return (share of the ticks first <= k < stop in which the lane called itself valid, its most frequent reason in
+    the others).
+    """
+    run, a, b = runs.inside(first, stop)
+    if watch.valid is None or not len(run):
         return 1.0, None
-    down = ~valid(watch, trace)
-    share = 1.0 - float(np.count_nonzero(down)) / len(trace)
+    down, length = ~valid(watch, runs)[run], b - a
+    share = 1.0 - float(length[down].sum()) / int(length.sum())
     if watch.why is None or not down.any():
         return share, None
-    codes = trace[down, watch.why]
-    codes = codes[codes > 0.5].astype(int)
-    return share, reason.words(float(np.bincount(codes).argmax())) if len(codes) else None
+    codes = runs[watch.why][run]
+    told = down & (codes > 0.5)
+    if not told.any():
+        return share, None
+    return share, reason.words(float(np.bincount(codes[told].astype(int), length[told]).argmax()))

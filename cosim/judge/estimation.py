@@ -14,9 +14,9 @@ oscillation is filtered, so the injected signal is not what the aircraft feels. 
 tick that ends there: signals at the valve are taken one tick back.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -46,15 +46,14 @@ class Estimate:
     start: float  # [s], after settling
     end: float  # [s]
 
-    def error(self, trace: np.ndarray, dt: float) -> np.ndarray:
-        """Return f_hat - f on the settled ticks, empty when there are none."""
-        first, stop, out = round(self.start / dt), round(min(self.end / dt, len(trace))), [np.empty(0)]
+    def error(self, trace: Any, dt: float) -> Iterator[np.ndarray]:
+        """Yield f_hat - f on the settled ticks, in blocks; none when there are no such ticks."""
+        first, stop = round(self.start / dt), round(min(self.end / dt, len(trace)))
         held: dict = {}
         for a in range(0, stop if first < stop else 0, BLOCK):
             part = trace[a : min(a + BLOCK, stop)]
             f = self.truth(part[:, list(self.columns)].T.astype(float), dt, held)
-            out.append((part[:, self.column].astype(float) - f)[max(0, first - a) :])
-        return np.concatenate(out)
+            yield (part[:, self.column].astype(float) - f)[max(0, first - a) :]
 
 
 def plan(scenario: "Scenario", detector: str, lane: str, columns: Callable[[str], int]) -> Estimate | None:

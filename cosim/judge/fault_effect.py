@@ -5,13 +5,15 @@
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from actuators.common.linkage import ARM
 from actuators.constants import DEG_PER_RAD
+from cosim.judge.runs import BLOCK
 
 SETTLE_PERIODS = 2.0
 MOST = 1 << 18  # ticks of a fit: it takes 150 bytes of memory each
@@ -29,7 +31,7 @@ def sine(t: NDArray, y: NDArray, w: float) -> complex:
     return c[0] - 1j * c[1]
 
 
-def amplitude(d: NDArray, w: float, start: float, end: float, dt: float) -> float | None:
+def amplitude(d: Any, w: float, start: float, end: float, dt: float) -> float | None:
     """Return the amplitude of the sine of `w` [rad/s] in d (ticks,), in its unit; None when no whole period is left.
 
     Taken over the last whole periods, MOST ticks of them, of [start + SETTLE_PERIODS periods, end] [s].
@@ -45,30 +47,54 @@ def amplitude(d: NDArray, w: float, start: float, end: float, dt: float) -> floa
     return float(abs(sine(np.arange(len(cut)) * dt, cut, w))) if np.isfinite(cut).all() else None
 
 
-def moved(difference: NDArray, faults: Sequence, dt: float, travel: float) -> dict[str, float | None]:
+class _Column:
+    """One column of (ticks, columns), of which a part is fetched when it is asked for."""
+
+    def __init__(self, all_: Any, column: int):
+        self._all, self._column = all_, column
+
+    def __len__(self) -> int:
+        return len(self._all)
+
+    def __getitem__(self, rows: slice) -> NDArray:
+        return self._all[rows, self._column]
+
+    def blocks(self, first: int, stop: int) -> Iterator[NDArray]:
+        """Yield the rows first <= k < stop in blocks."""
+        return (self[a : min(a + BLOCK, stop)] for a in range(first, stop, BLOCK))
+
+
+def moved(difference: Any, faults: Sequence, dt: float, travel: float) -> dict[str, float | None]:
     """Return {name of NAMES: value or None} of one segment, and `moved_at_s`, when it was first MOVED of rod away [s].
 
-    `difference` (ticks, 2) is rod [m], NaN where there is none, and surface [rad], each less its twin's; `faults` are
-    the injections on the segment (cosim/flight/faults/inject.py), `travel` is the elevator's [rad].
+    `difference` (ticks, 2), an array or Columns, is rod [m], NaN where there is none, and surface [rad], each less
+    its twin's; `faults` are the injections on the segment (cosim/flight/faults/inject.py), `travel` is the elevator's
+    [rad].
     """
     start = min(j.start for j in faults)
     end = max(j.end for j in faults) + 1.0
     last = len(difference) if math.isinf(end) else min(len(difference), round(end / dt))
-    rod, surface = (_largest(d) for d in difference[round(start / dt) : last].T)
+    columns = [_Column(difference, c) for c in (0, 1)]
+    rod, surface = (_largest(d.blocks(round(start / dt), last)) for d in columns)
     s = next((j for j in faults if math.isfinite(j.omega) and j.shape != "chirp"), None)
-    swing = [amplitude(d, s.omega, s.start + s.ramp, s.end, dt) if s else None for d in difference.T]
+    swing = [amplitude(d, s.omega, s.start + s.ramp, s.end, dt) if s else None for d in columns]
     deg = DEG_PER_RAD
     values = (rod, surface, surface, *swing)
     sizes = {n: None if v is None else v * k for n, v, k in zip(NAMES, values, (1e3, deg, 100 / travel, 1e3, deg))}
-    return sizes | {"moved_at_s": _moved_at(difference, start, dt)}
+    return sizes | {"moved_at_s": _moved_at(columns[0], columns[1], round(start / dt), dt)}
 
 
-def _moved_at(difference, start, dt):
-    """Return the first time from `start` on at which the rod, or the surface's share of it, is MOVED away, or None."""
-    rod = difference[:, 0] if np.isfinite(difference[:, 0]).all() else ARM * difference[:, 1]
-    first = round(start / dt)
-    away = np.flatnonzero(np.abs(rod[first:]) >= MOVED)
-    return float((first + away[0]) * dt) if len(away) else None
+def _moved_at(rod, surface, first, dt):
+    """Return the first time from tick `first` on at which the rod, or the surface's share of it, is MOVED away, or
+    None.
+    """
+    known = all(np.isfinite(block).all() for block in rod.blocks(0, len(rod)))
+    for block in (rod if known else surface).blocks(first, len(rod)):
+        away = np.flatnonzero(np.abs(block if known else ARM * block) >= MOVED)
+        if len(away):
+            return float((first + away[0]) * dt)
+        first += len(block)
+    return None
 
 
 def largest(segments: dict[str, dict] | None) -> dict[str, float | None]:
@@ -77,5 +103,7 @@ def largest(segments: dict[str, dict] | None) -> dict[str, float | None]:
     return {name: max(values, default=None) for name, values in given.items()}
 
 
-def _largest(d):
-    return float(np.max(np.abs(d))) if len(d) and np.isfinite(d).all() else None
+def _largest(blocks):
+    """Return the largest magnitude, None where there is none or one is not finite."""
+    peaks = [float(np.max(np.abs(d))) if np.isfinite(d).all() else math.inf for d in blocks]
+    return max(peaks) if peaks and math.isfinite(max(peaks)) else None

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.judge import coverage
-from cosim.judge.alarms import exposure_s, faulty, onsets
-from cosim.judge.detection import ABLE, Watch, last_name, noticed, said, valid, validity
+from cosim.judge.alarms import during
+from cosim.judge.detection import ABLE, Watch, last_name, noticed, runs_of, said, valid, validity
+from cosim.judge.runs import BLOCK
 from cosim.scenario import Scenario
 from cosim.table import DASH, Table
 
@@ -161,9 +162,10 @@ def judge(watch: Watch, trace: Any, dt: float, faults: Sequence[Mapping]) -> dic
     from SETTLE_S on.
     """
     mine = sorted((f for f in faults if concerns(watch, f["targets"])), key=lambda f: f["start_s"])
-    alarm = trace[:, watch.alarm]
-    rises, true = onsets(alarm), faulty(mine, len(alarm), dt)
-    share, why = validity(watch, trace[min(round(SETTLE_S / dt), len(trace) // 2) :])
+    runs = runs_of(watch, trace, mine, dt)
+    alarm, false = runs[watch.alarm] > 0.5, ~during(mine, runs.at[:-1], dt)
+    rises = runs.onsets(alarm)
+    share, why = validity(watch, runs, min(round(SETTLE_S / dt), runs.ticks // 2), runs.ticks)
     entry = {
         "id": watch.id,
         "level": watch.level,
@@ -172,9 +174,9 @@ def judge(watch: Watch, trace: Any, dt: float, faults: Sequence[Mapping]) -> dic
         "alarm": bool(len(rises)),
         **dict.fromkeys(OF_A_FAULT),
         "by_fault": [],
-        "false_alarms": int(np.count_nonzero(~true[rises])),
-        "standing_s": float(np.count_nonzero((alarm > 0.5) & ~true) * dt),
-        "exposed_s": exposure_s(valid(watch, trace), mine, dt),
+        "false_alarms": int(np.count_nonzero(~during(mine, rises, dt))),
+        "standing_s": float(runs.count(alarm & false) * dt),
+        "exposed_s": float(runs.count(valid(watch, runs) & false) * dt),
         "able": share >= ABLE,
         "valid_share": share,
         "why_not_valid": why,
@@ -190,16 +192,17 @@ def judge(watch: Watch, trace: Any, dt: float, faults: Sequence[Mapping]) -> dic
     if mine:
         sighted = [f for f in mine if coverage.expected(watch.id, f.get("case", "")) != coverage.BLIND] or mine
         entry["by_fault"] = [
-            noticed(watch, trace, f, _next(f, sighted), dt, [g for g in mine if g is not f]) for f in sighted
+            noticed(watch, runs, f, _next(f, sighted), dt, [g for g in mine if g is not f]) for f in sighted
         ]
         seen = [d for d in entry["by_fault"] if d["detected_at_s"] is not None]
         entry |= min(seen, key=lambda d: d["detected_at_s"], default=entry["by_fault"][0])
     elif len(rises):
-        s = said(watch, trace)
+        s = said(watch, runs)
         given = np.flatnonzero(s.alarm & (s.verdict > 0.5))
         entry["detected_at_s"] = int(rises[0]) * dt
         if len(given):
-            entry |= {"first_verdict": s.name(given[0], watch), **last_name(s, given, watch, dt)}
+            spoken = given, runs.at[given], runs.at[given + 1]
+            entry |= {"first_verdict": s.name(given[0], watch), **last_name(s, spoken, watch, dt)}
     return entry
 
 
@@ -215,19 +218,31 @@ def largest(watch: Watch, trace: Any, dt: float, faults: Sequence[Mapping]) -> d
     """
     if watch.r is None:
         return {"r_max_before": None, "r_max_after": None}
-    r = np.abs(trace[:, watch.r])
-    onset = min((round(f["start_s"] / dt) for f in faults), default=len(r))
-    parts = {"r_max_before": r[:onset], "r_max_after": r[onset:]}
-    return {name: float(np.nanmax(part)) if np.isfinite(part).any() else None for name, part in parts.items()}
+    onset = min((round(f["start_s"] / dt) for f in faults), default=len(trace))
+    return {"r_max_before": _peak(trace[:onset], watch.r), "r_max_after": _peak(trace[onset:], watch.r)}
 
 
-def errors(error: NDArray, unit: str) -> dict:
-    """Return RMSE, bias (mean) and largest magnitude of an estimation error [unit], None without a sample."""
-    if not len(error):
+def _peak(trace, column):
+    """Return the largest magnitude of a column, None where none is finite."""
+    blocks = (np.abs(trace[a : a + BLOCK][:, column]) for a in range(0, len(trace), BLOCK))
+    found = [(float(np.nanmax(block)), bool(np.isfinite(block).any())) for block in blocks if not np.isnan(block).all()]
+    return max(peak for peak, _ in found) if any(finite for _, finite in found) else None
+
+
+def errors(error: Iterable[NDArray], unit: str) -> dict:
+    """Return RMSE, bias (mean) and largest magnitude of an estimation error [unit], told in blocks (n,); {} without a
+    sample."""
+    n, square, plain, most = 0, 0.0, 0.0, 0.0
+    for block in error:
+        n += len(block)
+        square += float(np.sum(block**2))
+        plain += float(np.sum(block))
+        most = max(most, float(np.max(np.abs(block), initial=0.0)))
+    if not n:
         return {}
     return {
-        "estimate_rmse": float(np.sqrt(np.mean(error**2))),
-        "estimate_bias": float(np.mean(error)),
-        "estimate_max": float(np.max(np.abs(error))),
+        "estimate_rmse": math.sqrt(square / n),
+        "estimate_bias": plain / n,
+        "estimate_max": most,
         "estimate_unit": unit,
     }

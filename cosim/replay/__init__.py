@@ -39,7 +39,7 @@ from cosim.replay.detector_replay import (
     tick_of,
     topics,
 )
-from cosim.replay.params import ReplayError, check_start
+from cosim.replay.params import LAID_OUT, ReplayError, check_start
 from cosim.replay.write import Overlay
 
 __all__ = ["Difference", "Replay", "ReplayError", "compare", "pieces", "replay", "replay_lane"]
@@ -68,6 +68,7 @@ class Replay:
     changed: dict = field(default_factory=dict)  # {detector: {parameter: value}}: then differences are expected
     detectors: list = field(default_factory=list)  # detection metrics, logged and replayed
     output: str | None = None  # the log that was written
+    left_out: dict = field(default_factory=dict)  # {detector: why it cannot be replayed by this version}
     notes: list = field(default_factory=list)  # sentences: guests that were not run, or are not the code that flew
 
     @property
@@ -88,6 +89,7 @@ class Replay:
                 "changed": self.changed,
                 "differences": [vars(d) for d in self.differences],
                 "detectors": self.detectors,
+                "left_out": self.left_out,
                 "output": self.output,
                 "notes": self.notes,
             }
@@ -125,7 +127,9 @@ def replay(
     `detectors` chooses some; `overrides` {detector: {parameter: value}} asks what would have been; `start_s` begins
     at the last whole state before that time; `output` writes a log with the old topics and, under /replay, the new
     ones. `guests` are files of detectors (cosim/flight/plugins): one that flew is run again, another one is run on the
-    flight as it was logged, and has no `logged` among its results. Raises LogError, ReplayError, GuestError.
+    flight as it was logged, and has no `logged` among its results. A detector whose parameters or states another
+    version laid out differently is named in `left_out` and in a note, the others are replayed; where it is chosen, or
+    there is no other, it is an error. Raises LogError, ReplayError, GuestError.
     """
     given = [load(file) for file in guests]
     check_start(start_s)
@@ -135,7 +139,8 @@ def replay(
     entries = manifest(log)
     flew = {d["id"] for d in entries}
     fresh = [g for g in given if g.DETECTOR.id not in flew]
-    wired = describe(log, detectors, overrides) if flew or not fresh else []
+    left_out: dict[str, str] = {}
+    wired = describe(log, detectors, overrides, left_out) if flew or not fresh else []
     members = [_Member(log, w) for w in wired]
     tick = max(0, round(start_s * 1e9 / log.dt_ns))
     spans, asked = list(_spans(log, wired, tick)), topics(log, wired) if output is None else None
@@ -157,6 +162,11 @@ def replay(
     result.values = sum(m.values for m in members)
     result.skipped = sum(m.skipped for m in members)
     result.notes = [line for d in entries for line in (guest.missing(d), guest.other_code(d)) if line]
+    if left_out:
+        what = ", ".join(why.removesuffix(LAID_OUT) for why in left_out.values())
+        software = log.metadata.get("run", {}).get("software", "another version")
+        result.notes.append(f"not replayed, as {software}, which wrote the log, laid them out differently: {what}")
+    result.left_out = left_out
     if not result.values and not fresh:
         raise _nothing(log, path, tick)
     result.differences = sorted((d for m in members for d in m.differences.values()), key=lambda d: d.first_tick)

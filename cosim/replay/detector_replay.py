@@ -19,7 +19,7 @@ from cosim.flight.detection.parameters import wrong_state
 from cosim.flight.plugins.plain import PlainDetector
 from cosim.log import Log
 from cosim.replay import log_schema
-from cosim.replay.params import ReplayError, attached, chosen_overrides, older, override, trusted
+from cosim.replay.params import LayoutError, ReplayError, attached, chosen_overrides, older, override, trusted
 from fdi import registry
 
 BLOCK_BYTES = 1 << 18  # of full states at once: they stay in the processor's cache
@@ -98,10 +98,13 @@ def tick_of(log: Log) -> Any:
     return 1.0 / hertz if hertz and round(1e9 / hertz) == log.dt_ns else whole
 
 
-def describe(log: Log, chosen: Any = None, overrides: Mapping[str, Any] | None = None) -> list[Wired]:
+def describe(
+    log: Log, chosen: Any = None, overrides: Mapping[str, Any] | None = None, left_out: dict[str, str] | None = None
+) -> list[Wired]:
     """Return the Wired lanes of the detectors in `chosen` (all) whose code is here.
 
-    `overrides` is {detector: {parameter: value}}.
+    `overrides` is {detector: {parameter: value}}. `left_out` takes {detector: why} of those whose layout is another
+    one in the log than here, where some of the log's can be replayed and none is chosen; else they raise LayoutError.
     """
     found = manifest(log)
     if log.metadata.get("run", {}).get("log_profile") == "signals":
@@ -119,19 +122,33 @@ def describe(log: Log, chosen: Any = None, overrides: Mapping[str, Any] | None =
                 remedy=did_you_mean(name, known),
             )
     chosen_overrides(chosen, overrides)
-    out = []
+    out, first = [], None
     for d in (d for d in found if (not chosen or d["id"] in chosen) and registry.known(d["id"])):
-        record, module = registry.record(d["id"]), registry.module(d["id"])
-        p = attached(log, f"{d['id']}.params", module.PARAMS, len(d["lanes"]))
-        x = attached(log, f"{d['id']}.initial", module.STATE, len(d["lanes"]))
-        trusted(log, record, module, p, x, tick_of(log))
-        override(record, module, p, (overrides or {}).get(d["id"], {}), tick_of(log))
-        for i, lane in enumerate(d["lanes"]):
-            row = slice(i, i + 1)
-            own = module.runner() if isinstance(module, PlainDetector) else None
-            wired = Wired(d["id"], lane, d["level"], module, d["every"], p[row], x[row], d["inputs"][lane], rollout=own)
-            _check(log, wired)
-            out.append(wired)
+        try:
+            out += _wired(log, d, (overrides or {}).get(d["id"], {}))
+        except LayoutError as error:
+            if left_out is None or chosen or d["id"] in (overrides or {}):
+                raise
+            left_out[d["id"]], first = error.problem, first or error
+    if first and not out:
+        raise first
+    return out
+
+
+def _wired(log, d, changes):
+    """Return the Wired lanes of one detector, its parameters with `changes`."""
+    record, module = registry.record(d["id"]), registry.module(d["id"])
+    p = attached(log, f"{d['id']}.params", module.PARAMS, len(d["lanes"]))
+    x = attached(log, f"{d['id']}.initial", module.STATE, len(d["lanes"]))
+    trusted(log, record, module, p, x, tick_of(log))
+    override(record, module, p, changes, tick_of(log))
+    out = []
+    for i, lane in enumerate(d["lanes"]):
+        row = slice(i, i + 1)
+        own = module.runner() if isinstance(module, PlainDetector) else None
+        wired = Wired(d["id"], lane, d["level"], module, d["every"], p[row], x[row], d["inputs"][lane], rollout=own)
+        _check(log, wired)
+        out.append(wired)
     return out
 
 

@@ -17,11 +17,18 @@ class ReplayError(CosimError):
     """A replay that cannot be made, or would compare nothing."""
 
 
-def older(log: Log, what: str) -> LogError:
-    """Return the LogError for `what` in a log that another version wrote."""
+LAID_OUT = " is of another layout than this version's"
+
+
+class LayoutError(LogError):
+    """A detector of a log whose parameters, states or outputs are not those of this version."""
+
+
+def older(log: Log, what: str) -> LayoutError:
+    """Return the LayoutError for `what` in a log that another version wrote."""
     software = log.metadata.get("run", {}).get("software", "another version")
-    remedy = f"The log was written by {software}; replay the others with --detectors, all with that version"
-    return LogError(f"{what} is of another layout than this version's", place=str(log.path), remedy=remedy)
+    remedy = f"The log was written by {software}, which replays it"
+    return LayoutError(f"{what}{LAID_OUT}", place=str(log.path), remedy=remedy)
 
 
 def attached(log: Log, name: str, kind: Any, lanes: int) -> np.ndarray:

@@ -256,7 +256,7 @@ class LoggedFlight:
         e = lane.fields[name] - truth()[:: lane.every][: len(lane.fields[name])]
         step = self.dt * lane.every
         late = slice(round((start - self.t0) / step), round((min(end, self.end + self.dt) - self.t0) / step))
-        return errors(e[late], unit)
+        return errors([e[late]], unit)
 
     def signal(self, name: str) -> np.ndarray:
         """Return the bus signal `name` (section.lane.field) at every tick, as far as the log tells it.

@@ -14,6 +14,7 @@ import numpy as np
 COLOURS = ("--blue", "--red", "--green", "--purple", "--orange", "--sky", "--gold", "--muted")
 DASHES = ("solid", "dash", "dot", "dashdot")
 POINTS = 2000  # of a curve; two per interval
+BLOCK = 1 << 16  # samples that are reduced at once
 
 
 @dataclass
@@ -52,19 +53,24 @@ def envelope(y: np.ndarray, points: int = POINTS) -> tuple[Any, ...]:
 
     An interval that holds only NaN gives NaN; the last interval may be shorter.
     """
-    y = np.asarray(y, float)
     step = -(-2 * len(y) // points)  # samples per interval, rounded up
     if len(y) <= points or step < 3:
-        return y, 1.0
-    short = -len(y) % step
-    rows = np.concatenate([y, np.full(short, y[-1])]).reshape(-1, step)
+        return np.asarray(y, float), 1.0
+    size = step * max(1, BLOCK // step)  # samples at once: a long flight is drawn in little memory
+    parts = [_ends(np.asarray(y[a : a + size], float), step) for a in range(0, len(y), size)]
+    return np.concatenate(parts), step / 2.0
+
+
+def _ends(y, step):
+    """Return `envelope`'s values of some whole intervals, of which the last may be shorter."""
+    rows = np.concatenate([y, np.full(-len(y) % step, y[-1])]).reshape(-1, step)
     gone = np.isnan(rows).all(axis=1)
     filled = np.where(gone[:, None], 0.0, rows)
     low, high = np.nanargmin(filled, axis=1), np.nanargmax(filled, axis=1)
     first, last = np.minimum(low, high), np.maximum(low, high)
     out = np.stack([np.take_along_axis(filled, i[:, None], 1)[:, 0] for i in (first, last)], axis=1)
     out[gone] = np.nan
-    return out.ravel(), step / 2.0
+    return out.ravel()
 
 
 def peaks(y: np.ndarray, points: int = 600) -> tuple[Any, ...]:

@@ -74,7 +74,7 @@ def _said(lane, verdict, culprit, start, step):
     given = np.flatnonzero(verdict > 0.5)
     if not len(given):
         return "alarm, no name"
-    end = name_at_end(verdict, culprit, given, step)
+    end = name_at_end(verdict[given], culprit[given], given, given + 1, step)
     if end is None:
         return "alarm, names in turn"
     last = given[end]

@@ -219,6 +219,7 @@ def bundled() -> list[str]:
     return sorted(p.parent.name for p in FOLDER.glob(f"*/{RECORD}"))
 
 
+@functools.cache
 def ships(name: str) -> bool:
     """Tell whether an aircraft of this name ships."""
     return name.isidentifier() and os.path.isfile(FOLDER / name / RECORD)

@@ -155,7 +155,9 @@ def explained(
 def _said(one, table, root):
     """Return (key, " = value", what is wrong, what is allowed, what to do) of one error of pydantic's."""
     ctx = one.get("ctx", {})
-    loc = [str(part) for part in one["loc"] if part not in KINDS]
+    loc = [str(part) for part in one["loc"]]
+    if loc[:1] == ["manoeuvre"] and loc[1:2] and loc[1] in KINDS:  # pydantic's, which the file does not have there
+        del loc[1]
     model, field = _walk(root, loc, table)
     problem, allowed, remedy = one["msg"], "", ""
     if one["type"] == "cosim":

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -17,13 +18,14 @@ from rich.console import Console
 from scipy import stats
 from typer.testing import CliRunner
 
-from cosim.campaign import EVALUATION_SEED, run_many
+from cosim.campaign import EVALUATION_SEED, pool, run_many
 from cosim.campaign.draw import draw, unit_cube
 from cosim.campaign.run import cluster, rerun
 from cosim.campaign.spec import builtin_campaigns, load_campaign
 from cosim.cli import commands as cli
 from cosim.cli.campaign import nearest
 from cosim.errors import CosimError
+from cosim.flight.faults import fault_free_reference
 from cosim.scenario import catalog as c
 from cosim.training.rfafe import MANOEUVRES
 
@@ -331,6 +333,57 @@ def dask():
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
     ) as made:
         yield made
+
+
+PAIRED = "paired = true\nruns = 2\n" + SMALL + """[grid]
+"faults.0.frequency_hz" = [1, 2, 3]
+[draw]
+"flight.mass_t" = { low = 200, high = 300 }
+"""
+
+
+def test_paired_points_of_a_grid_fly_the_same_draws_and_seeds(written):
+    scenarios, _ = load_campaign(written(PAIRED)).scenarios()
+    assert [s.seed - scenarios[0].seed for s in scenarios] == [0, 1] * 3
+    assert [s.flight.mass_t for s in scenarios] == [s.flight.mass_t for s in scenarios[:2]] * 3
+    assert scenarios[0].flight.mass_t != scenarios[1].flight.mass_t
+    alone, _ = load_campaign(written(PAIRED.replace("true", "false"))).scenarios()
+    assert len({(s.seed, s.flight.mass_t) for s in alone}) == 6
+
+
+def test_runs_with_one_seed_share_the_flight_without_a_fault(written, monkeypatch):
+    scenarios, _ = load_campaign(written(PAIRED)).scenarios()
+    monkeypatch.setattr(fault_free_reference, "_copies", lambda: False)
+    monkeypatch.setattr(fault_free_reference, "KEPT", 1)
+    frames, flown = [], []
+    whole = fault_free_reference._stored
+    monkeypatch.setattr(fault_free_reference, "_stored", lambda *rows: flown.append(1) or whole(*rows))
+    for groups in (pool._groups, lambda jobs, most: [[job] for job in jobs]):
+        monkeypatch.setattr(pool, "_groups", groups)
+        fault_free_reference._positions.clear()
+        frames.append(run_many(scenarios, workers=0).frame)
+    pd.testing.assert_frame_equal(*frames)
+    assert len(flown) == 2 + 6
+
+
+def test_a_group_whose_process_dies_is_flown_again_one_by_one(monkeypatch):
+    monkeypatch.setattr(pool, "fly", deadly)
+    jobs = [(run, SimpleNamespace(seed=1)) for run in ("a", "deadly", "b")]
+    found = {run: rows[0]["status"] for run, rows, _ in pool.outcomes(jobs, workers=1)}
+    assert found == {"a": "completed", "deadly": "crashed", "b": "completed"}
+
+
+def deadly(run, scenario, achieved):
+    """Fly nothing; one run ends its process."""
+    if run == "deadly":
+        os._exit(9)
+    return [{"run": run, "lane": 0, "status": "completed"}], []
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="copies of processes")
+def test_a_worker_flies_the_flight_without_a_fault_in_a_copy_of_itself():
+    with pool.pool(1) as workers:
+        assert workers.submit(fault_free_reference._copies).result()
 
 
 def test_a_dask_cluster_gives_the_same_rows_as_this_process(written, dask):

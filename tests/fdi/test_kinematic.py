@@ -54,7 +54,7 @@ def test_a_step_of_each_sensor_is_named_and_nothing_else_first(flown, sensor):
     log = watched(flown, sensor, lambda y: y + STEPS[sensor])
     assert said(log) == sensor
     first = np.flatnonzero(log["culprit"] > 0)[0]
-    assert kinematic.CULPRITS[int(log["culprit"][first])] == sensor
+    assert sensor in kinematic.CULPRITS[int(log["culprit"][first])].split(" or ")
     assert flown.index[first] - START < 3.0
 
 

@@ -37,6 +37,19 @@ def test_a_store_reads_as_an_array(memory, monkeypatch):
     assert column_store._held < held or not memory
 
 
+def test_blocks_of_a_branch_count_after_the_original_is_gone(monkeypatch):
+    monkeypatch.setattr(column_store, "MEMORY", column_store._held + 1000)
+    before, store = column_store._held, ColumnStore()
+    store.append(np.zeros((200, 1), np.float32))
+    other = store.branch()
+    del store
+    assert column_store._held == before + 800
+    other.append(np.ones((200, 1), np.float32))  # no longer fits
+    assert column_store._held == before + 800 and other[:, 0].sum() == 200.0
+    del other
+    assert column_store._held == before
+
+
 def test_a_flight_on_disk_is_the_same_flight(tmp_path, monkeypatch):
     def flown(name):
         scenario = cosim.load_scenario("liquid-ofc", SHORT)

@@ -148,7 +148,7 @@ def test_error_of_an_estimate_counts_settled_ticks_only():
     history = np.zeros((50, 2), np.float32)
     history[:, 0], history[30:, 1] = 1.5, 1.0
     plan = Estimate(0, (1,), lambda v, dt, held: v[0], "m", start=3.0, end=4.0)
-    assert plan.error(history, DT).tolist() == [0.5] * 10
+    assert np.concatenate([*plan.error(history, DT)]).tolist() == [0.5] * 10
     watch = Watch("x", "local", "elevator.left_inner", ("",), 0, 0, 0, None, plan)
     entry = judge(watch, history, DT, [FAULT])
     assert (entry["estimate_rmse"], entry["estimate_bias"], entry["estimate_max"], entry["estimate_unit"]) == (

@@ -58,6 +58,14 @@ def test_a_scenario_names_every_mistake_with_its_line(tmp_path):
     assert all(line.startswith(start) for line, start in zip(found, wanted)), found
 
 
+def test_an_unknown_key_may_have_the_name_of_a_manoeuvre(tmp_path):
+    path = tmp_path / "mine.toml"
+    point = "mass_t = 200.0\ncg_pct = 30.0\naltitude_ft = 20000.0\ncas_kt = 290.0\n"
+    path.write_text(f"cruise = 30.0\n[flight]\n{point}nz_doublet = 1\n")
+    said = [line.split(": ")[1].split(" =")[0] for line in lines(load_scenario, path)]
+    assert said == ["cruise", "flight.nz_doublet"]
+
+
 def test_faults_that_exclude_each_other_are_named_beside_a_mistake_elsewhere(tmp_path):
     jam = "[[faults]]\ntarget = 'elevator.left_inner'\nkind = 'jam_solid'\nstart_s = 1.0\n"
     path = tmp_path / "mine.toml"

@@ -8,6 +8,7 @@ import functools
 import math
 import os
 import time
+from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -87,15 +88,16 @@ ENGINES = load_aircraft().engines
 N1 = tuple(f"n1_{name}" for name in load_aircraft().engine_names)
 _FITS: dict[tuple, np.ndarray] = {}  # of shipped detectors, by all that their designs depend on
 MOST_FITS = 256
+MOST_CHOSEN = 16
+_CHOSEN: OrderedDict[tuple, tuple[list, list]] = OrderedDict()  # flights of a campaign have the same detectors
 _SITE = Path(__file__).with_name("detector_context.py")
 
 
-def _fit(detector, site, own, words):
-    """Return a lane's PARAMS; a shipped detector is designed once for the same place, words and stored designs."""
+def _fit(detector, site, own, words, stored):
+    """Return a lane's PARAMS; a shipped detector is designed once for the same place, words and `stored` designs."""
     if registry.SHIPPED.get(detector.id) != getattr(detector.module, "__name__", ""):
         return detector.record.fit(site, **words)
     place = site.dt, site.lane, site.technology, *site.technologies.items(), *sorted(site.actuator.items()), site.travel
-    stored = _stored(own.own_designs)
     key = detector.id, place, str(own.folder), *sorted(words.items()), stored
     if key not in _FITS:
         if len(_FITS) >= MOST_FITS:
@@ -152,7 +154,8 @@ class Installed:
         technology, own = scenario.elevator.technology, scenario.aircraft
         lanes, told = self.lanes if self.level == "local" else [""], scenario.elevator.parameters
         sites = [site(dt, lane, technology, own, told[lane].model if lane in told else None) for lane in lanes]
-        p = np.concatenate([_fit(self, s, own, words) for s in sites])
+        stored = _stored(own.own_designs)
+        p = np.concatenate([_fit(self, s, own, words, stored) for s in sites])
         for name, value in table.items():
             self._override(p, name, value, dt)
         if wrong := table and wrong_parameter(self.record, self.module, p, dt):
@@ -173,8 +176,14 @@ class Installed:
 
     def inputs(self, lane: str) -> list:
         """Return the Wires of a lane."""
-        found = wires(self.record, lane if self.level == "local" else "", self.module, self.aircraft)
-        return [w for w in found if w.source not in self.absent]
+        if lane not in self._inputs:
+            found = wires(self.record, lane if self.level == "local" else "", self.module, self.aircraft)
+            self._inputs[lane] = [w for w in found if w.source not in self.absent]
+        return self._inputs[lane]
+
+    @functools.cached_property
+    def _inputs(self) -> dict[str, list]:
+        return {}
 
     def wires(self, of_detectors: bool | None = None) -> list[Any]:
         """Return [(input, source)] of all lanes, as names of the bus: all of them, or those alone that are outputs of
@@ -244,7 +253,13 @@ def chosen(scenario: Scenario) -> list:
         lanes = own if record.level == "local" else ("aircraft",)
         if lanes and name not in lost:
             out.append(Installed(record, registry.module(name), lanes, scenario.aircraft))
-    return ordered(out)
+    key = tuple((id(d.record), id(d.module), d.lanes, id(d.aircraft)) for d in out)
+    if key not in _CHOSEN:
+        made = ordered(out)
+        while len(_CHOSEN) >= MOST_CHOSEN:
+            _CHOSEN.popitem(last=False)
+        _CHOSEN[key] = out, made  # the first keeps what the key names alive
+    return _CHOSEN[key][1]
 
 
 def ordered(found: list[Installed]) -> list[Installed]:

@@ -8,6 +8,7 @@ What is measured of the difference stands in cosim/judge/fault_effect.py.
 """
 
 import ctypes
+import functools
 import gc
 import mmap
 import os
@@ -30,6 +31,7 @@ from cosim.judge.fault_effect import moved as of_segment
 from cosim.scenario import Scenario, parse
 
 KEPT = 16  # twins
+WAITS_FOR_PARENT = "parent"  # name of a thread that holds no lock
 _PR_SET_PDEATHSIG = 1  # of Linux: which signal a process gets when the one that started it ends
 _positions: OrderedDict[str, ColumnStore] = OrderedDict()  # TOML of a flight without faults -> `positions`
 
@@ -91,8 +93,7 @@ class Twin:
         twin = self._positions(rows)
         n, out = min(len(rows), len(twin)), {}
         for seg, faults in self._segments.items():
-            i = 2 * list(trace.surface).index(seg)
-            difference = _pair(trace, rows[:n], seg).astype(float) - twin[:n, [i, i + 1]]
+            difference = Columns(functools.partial(_apart, trace, rows, twin, seg), n)
             out[seg] = of_segment(difference, faults, scenario.dt, scenario.aircraft.travel)
         return out
 
@@ -122,8 +123,10 @@ def _end_with_parent():
 
 
 def _copies():
-    """Tell whether this process may be copied: on Linux, while it has no other thread of Python."""
-    return sys.platform == "linux" and threading.active_count() == 1 and hasattr(os, "fork")
+    """Tell whether this process may be copied: on Linux, while it has no other thread of Python than this one, and in a
+    worker the one that only waits for the parent's end."""
+    others = {t.name for t in threading.enumerate() if t is not threading.current_thread()}
+    return sys.platform == "linux" and others <= {WAITS_FOR_PARENT} and hasattr(os, "fork")
 
 
 def _quietly(setup, k, index, rows):
@@ -183,9 +186,20 @@ def _stored(trace, *parts):
 
 def _pair(trace, rows, segment):
     """Return (ticks, 2) float32: rod [m], NaN where there is none, and surface [rad]."""
-    out = np.full((len(rows), 2), np.nan, np.float32)
-    if segment in trace.rod:
-        column, gain = trace.rod[segment]
-        out[:, 0] = gain * rows[:, column]
-    out[:, 1] = rows[:, trace.surface[segment]]
-    return out
+    return np.stack([_position(trace, rows, segment, c) for c in (0, 1)], axis=1)
+
+
+def _position(trace, rows, segment, c):
+    """Return one column of `_pair` (ticks,)."""
+    if c:
+        return rows[:, trace.surface[segment]]
+    if segment not in trace.rod:
+        return np.full(len(rows), np.nan, np.float32)
+    column, gain = trace.rod[segment]
+    return np.asarray(gain * rows[:, column], np.float32)
+
+
+def _apart(trace, rows, twin, segment, c, first, stop):
+    """Return the difference of a flight and its twin in one column of `_pair` at the ticks first <= k < stop."""
+    own = _position(trace, rows[first:stop], segment, c).astype(float)
+    return own - twin[first:stop, 2 * list(trace.surface).index(segment) + c]

@@ -5,10 +5,16 @@ Wiring is a list of (destination, source) names, turned into index arrays; the l
 nothing of a tick can escape the log, and a detector can only read what is wired to it.
 """
 
+import functools
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+
+
+@functools.lru_cache(maxsize=16)
+def _positions(sections: tuple) -> dict[tuple[str, str], dict[str, int]]:
+    return {}
 
 
 def _fields(kind):
@@ -25,13 +31,14 @@ class Bus:
         self.kinds: dict[str, np.dtype] = {}
         self.lanes: dict[str, tuple] = {}
         self._start: dict[str, int] = {}
-        self._positions: dict[tuple[str, str], dict[str, int]] = {}  # as `index` found them
         n = 0
         for name, kind, lanes in sections:
             if name in self.kinds:
                 raise ValueError(f"section {name!r} is declared twice")
             self.kinds[name], self.lanes[name], self._start[name] = kind, tuple(lanes), n
             n += kind.itemsize // 8 * len(lanes)
+        # {(section, lane): {field: position}} as `index` found them, for all buses that are laid out alike
+        self._positions = _positions(tuple((name, self.kinds[name], self.lanes[name]) for name in self.kinds))
         self.v = np.zeros(n)
 
     def __getitem__(self, name):

@@ -16,6 +16,7 @@ from cosim.judge.consequences import MOTION, consequences
 from cosim.judge.detection import Watch, watch_of
 from cosim.judge.detection import columns as read
 from cosim.judge.estimation import plan
+from cosim.judge.runs import BLOCK
 from cosim.scenario import Scenario
 from cosim.scenario.catalog import LOOP_SENSOR, TECHNOLOGIES
 
@@ -73,11 +74,15 @@ class Trace:
         starts = [f.start_s for f in scenario.faults if f.start_s is not None]
         if not starts:
             return None
-        hinge = (rows[:, hm0] + rows[:, hmd] * rows[:, de] for hm0, hmd, de in self.hinge)
-        motion = {name: rows[:, column] for name, column in self.motion.items()}
         low, high = scenario.aircraft.limits.cas_kt
         onset = round(min(starts) / scenario.dt)
-        return consequences(motion, hinge, onset, scenario.dt, (low * M_S_PER_KT, high * M_S_PER_KT))
+        blocks = (self._moved(rows[a : a + BLOCK]) for a in range(onset, len(rows), BLOCK))
+        return consequences(blocks, scenario.dt, (low * M_S_PER_KT, high * M_S_PER_KT))
+
+    def _moved(self, rows):
+        """Return (motion, hinge moments) of some rows, as `consequences` takes them."""
+        hinge = (rows[:, hm0] + rows[:, hmd] * rows[:, de] for hm0, hmd, de in self.hinge)
+        return {name: rows[:, column] for name, column in self.motion.items()}, hinge
 
     def watches(self, step_us: dict[str, float]) -> list[Watch]:
         """Return the Watch of every detector lane; `step_us` maps detector -> microseconds per step and lane."""

@@ -96,6 +96,7 @@ BREAKS = (
             "figure 1c, nonlinear aircraft, no noise: largest |e_y|",
             "figure 2c, nonlinear aircraft, no noise: largest |e_y|",
             "sensor set transport: largest |e_y|",
+            "(17), section 5",
         ),
         "method",
     ),

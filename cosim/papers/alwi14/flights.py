@@ -20,6 +20,7 @@ SENSIBLE, LITERAL = (3.0, 0.5, 5.0), (3.0, 5.0, 0.5)  # elevator [deg], n_z [g],
 NAMES = ("elevator", "n_z", "alpha")
 UNITS = (RAD_PER_DEG, 1.0, RAD_PER_DEG)
 ONSET = 10.0  # [s]
+DEFLECTIONS = {n: f"truth.aircraft.{n}" for n in ("de_lo", "de_li", "de_ri", "de_ro")}  # of the segments
 
 
 @functools.cache
@@ -36,7 +37,7 @@ def fly_point(point: str, faults: Any, path: Any, draw: Any, noise: Any) -> Any:
     if draw is not None:
         rng = np.random.default_rng([ord(point), draw])
         changes += [f"tolerances.aero.{n}={1 + 0.05 * rng.choice((-1, 1))}" for n in toleranced("aero")]
-    names = [*sources("lpv_smo").values(), "truth.aircraft.h", "law.law.stab_cmd"]
+    names = [*sources("lpv_smo").values(), "truth.aircraft.h", "law.law.stab_cmd", *DEFLECTIONS.values()]
     return fly(load_scenario("alwi14-simultaneous", changes), names)
 
 

@@ -5,7 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from cosim.papers.alwi14.flights import SENSIBLE
 from cosim.training import lpv as design_lpv
+from fdi.lpv_smo import lpv_smo
 from fdi.lpv_smo import synthesis as lpv_smo_design
 
 ENTRIES = {
@@ -43,6 +45,14 @@ def entries() -> tuple[float, str]:
 def nearest() -> float:
     """Return the B51 nearest to zero at the 16 vertices [deg/s2 per deg]."""
     return max(fit()["b51_vertices"])
+
+
+def modulated() -> tuple[float, str]:
+    """Return what (17) asks at least, the size of figure 2's faults (E f_e, f_n_z, f_alpha) at a vertex, over K."""
+    elevator, *sensors = SENSIBLE
+    size = max(float(np.hypot(b51 * elevator, np.hypot(*sensors))) for b51 in fit()["b51_vertices"])
+    K = float(lpv_smo.params(model=lpv_smo_design.load()[0], made=lpv_smo_design.load()[1])["K"][0])
+    return size / K, f"K {K:g}"
 
 
 def neglected() -> float:

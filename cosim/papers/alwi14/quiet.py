@@ -15,7 +15,7 @@ from cosim.flight.detection.detectors import sources
 from cosim.flight.loop.signals import detect
 from cosim.flight.plant.linearize import linearize
 from cosim.flight.plant.point import SIX, FlightPoint
-from cosim.papers.alwi14.flights import MACH, POINTS, SENSIBLE, UNITS, fly_point, nonlinear
+from cosim.papers.alwi14.flights import DEFLECTIONS, MACH, POINTS, SENSIBLE, UNITS, fly_point, nonlinear
 from cosim.papers.alwi14.plant import Law, fly
 from cosim.training import lpv as design_lpv
 from fdi.lpv_smo import lpv_smo
@@ -172,16 +172,19 @@ def _own_model(point, only=None):
 
 
 @functools.cache
-def _own_worst(point, only=None):
-    """Return the largest fault-free elevator estimate [deg] with the point's own linear model in the observer."""
+def _own_worst(point, only=None, lag=True):
+    """Return the largest fault-free elevator estimate [deg] with the point's own linear model in the observer.
+
+    `lag`: its elevator is the lag of its command, otherwise where the segments are.
+    """
     flown = _quiet_flight(point)
     p = lpv_smo.fitted(site(flown.attrs["dt"]), paper=True)
     model, made = _own_model(point, only)
     own = lpv_smo.params(model=model, made=made)
     for key in ("A", "B", "E", "D51", "eq"):
         p[key] = own[key]
-    p["t_learn"] = 0.0
-    log = detect(flown, lpv_smo, sources("lpv_smo"), p)
+    p["t_learn"], p["omega_a"] = 0.0, lag * p["omega_a"]
+    log = detect(flown, lpv_smo, sources("lpv_smo") | ({} if lag else DEFLECTIONS), p)
     return float(np.abs(log["f_hat_elevator"][flown.index > 3.0]).max() / RAD_PER_DEG)
 
 
@@ -211,6 +214,11 @@ def own_model() -> tuple[float, str]:
     worst = [_own_worst(p) for p in POINTS]
     told = _each([_stiffness(p) for p in POINTS])[1]
     return max(worst), f"{_each(worst)[1]}; A51 of the affine model off by {told}"
+
+
+def own_model_moved() -> tuple[float, str]:
+    """Return the fault-free elevator [deg] with each point's own linear model and the deflections that are flown."""
+    return _each([_own_worst(p, lag=False) for p in POINTS])
 
 
 def own_stiffness() -> tuple[float, str]:

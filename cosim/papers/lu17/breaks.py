@@ -3,6 +3,7 @@
 import numpy as np
 
 from cosim.papers.broken import Break, swap
+from fdi.hydraulic import iotsekf
 
 BENCH, FLOWN = "cosim.papers.lu17.bench", "cosim.papers.lu17.flown"
 EQUATION = "actuators.hydraulic.lu17"
@@ -18,6 +19,14 @@ def _biased(column, by):
         return draws
 
     return lambda: swap(BENCH, wrap__noise=wrap)
+
+
+def _slow_walk(watching):
+    def other(*asked):
+        detector, words = watching(*asked)
+        return detector, [*words, f"detectors.iotsekf.q_f={1e-4 * iotsekf.params()['q_f'][0]}"]
+
+    return other
 
 
 def _schedule(**fields):
@@ -81,6 +90,12 @@ BREAKS = (
         "the runaway is a jam",
         lambda: swap(FLOWN, wrap_flight=lambda fly: lambda name, *c: fly(name.replace("runaway", "solid-jam"), *c)),
         ("figure 7(a)",),
+    ),
+    Break(
+        "the fault of (28) walks a hundredth as far in flight",
+        lambda: swap(FLOWN, wrap_watching=_slow_walk),
+        ("figure 3(e) in flight, published",),
+        "method",
     ),
     Break("every runaway has one speed", lambda: swap(BENCH, wrap_schedule=_one_speed), ("figure 7(e), a",)),
     Break(

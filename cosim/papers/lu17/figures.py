@@ -20,7 +20,7 @@ SEEN = {
 }
 LOOK = {
     "fault-free": "(e): the estimate stays within its noise about zero, while (a) the rod lies on its command.",
-    "liquid OFC": "(e): from 12 s on the estimate lies on the true sine, a tick's lag behind.",
+    "liquid OFC": "(e): from 12 s on the estimate follows the true sine, a thirtieth of a period late.",
     "solid OFC": "(a): from 12 s on the rod only oscillates where the fault found it, and (e) the estimate steps.",
     "liquid jamming": "(e): at 12 s the estimate steps to the 5 mm by which sensor and rod part in (a).",
     "solid jamming": "(e): the estimate lies on the true fault, the distance of the stuck surface from the rod in (b).",

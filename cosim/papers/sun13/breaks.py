@@ -93,7 +93,7 @@ BREAKS = (
     Break(
         "the liquid OFC is the solid one, the solid one the liquid",
         lambda: swap(FLOWN, SCENARIO={"ofc_liquid": "sun13-solid-ofc", "ofc_solid": "sun13-liquid-ofc"}),
-        ("figure 3,",),
+        ("figure 3,", "figure 4, 0.033 of travel at 1 Hz: left elevator's amplitude"),
     ),
     Break(
         "a solid OFC leaves the command on",

@@ -81,8 +81,8 @@ def drawings() -> list[Drawing]:
                 "sun13",
                 beside,
                 f"{word.capitalize()} OFC of {share} of travel at 1 Hz, estimated",
-                f"The published form gives {ratio:.2f} of the injected amplitude, but it is a position "
-                "monitor: its whole gain sits on the elevator positions. Right: the form on airframe outputs, "
+                f"The published form gives {ratio:.2f} of the injected amplitude; with the block-diagonal P of our "
+                "solver its whole gain sits on the elevator positions. Right: the form on airframe outputs, "
                 "against the mean elevator less what the actuator's model makes of the command.",
                 (
                     Panel(
