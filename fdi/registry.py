@@ -26,8 +26,8 @@ SHIPPED = {  # id -> module
     "ofc_monitor": "fdi.monitors.ofc_monitor",
     "joint": "fdi.joint.joint",
 }
-# They fly only where a scenario enables them. The states of the likelihood ratios are 1,920 and 1,947 fields of the
-# log, and one false alarm in 100 hours is not shown
+# They fly only where a scenario enables them. The state of `pitch_moment_glr` is 1,947 fields of the log, and one
+# false alarm in 100 hours is not shown
 ON_REQUEST = ("pitch_moment_glr", "joint")
 DEFAULT = tuple(name for name in SHIPPED if name not in ON_REQUEST)  # fly where a scenario names no detectors
 GUESTS: dict[str, Any] = {}  # id -> module, or an object with the same names

@@ -12,7 +12,7 @@ from typing import Any
 
 SEGMENTS = ("left_outer", "left_inner", "right_inner", "right_outer")
 TWO = {"left_inner": "left", "right_inner": "right"}  # segments of an aircraft that has one on each side
-LOCAL = ("iotsekf", "rtsekf", "rtsekf_flight", "hydraulic_glr", "ofc_monitor", "ema_kalman_flight", "position_monitor")
+LOCAL = ("iotsekf", "rtsekf", "rtsekf_flight", "ofc_monitor", "ema_kalman_flight", "position_monitor")
 AIRCRAFT = ("rfafe", "rfafe_airframe", "lpv_smo", "control_redundancy", "kinematic", "pitch_moment_glr")
 LANES = (*((name, s) for s in SEGMENTS for name in LOCAL), *((name, "aircraft") for name in AIRCRAFT))
 SENSORS = {"hydraulic": ("rod", "surface", "pressure"), "ema": ("position", "velocity", "current", "surface")}
