@@ -44,8 +44,8 @@ PRIORS = {
     "sine_sd": (4e-4, 1e-3, 1e-3, 0.08, 0.05),
     "loss_mean": -0.45, "loss_sd": 0.18,  # 10 to 80 % within two sigma: beyond, it is as good as gone
     "gone_sd": 0.03, "slow_sd": 0.7, "offset_sd": 0.15, "scale_sd": 0.35,
-    "worse_mean": (0.3, -0.7, 0.5, 0.15, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-    "worse_sd": (0.3, 0.25, 0.25, 0.1, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0),
+    "worse_mean": (0.0, 0.0, 0.0, -0.7, 0.5, 0.15, 0.3, 0.0, 0.0, 0.0),
+    "worse_sd": (1.0, 1.0, 1.0, 0.25, 0.25, 0.1, 0.3, 1.0, 1.0, 1.0),
     "open_sd": 0.2, "bypass": 1.0,  # 9 deg/s to 45 deg/s within its sigma; that of actuators/hydraulic/actuator.py
     "occam": 6.0, "memory": 30.0, "floor": 0.1,
 }  # fmt: skip
@@ -77,12 +77,13 @@ def at(a, b):
 
 
 @kernel
-def factor(x):
-    """Write the Cholesky factor of J + P^-1 with x.prior; return ln det(I + P J)."""
+def factor(x, first):
+    """Write rows and columns from `first` on of the Cholesky factor of J + P^-1 with x.prior; return what they add to
+    ln det(I + P J). Where the columns before `first` have the priors they had, what they left stands."""
     L, det = x.LL, 1.0
-    for a in range(N):
+    for a in range(first, N):
         i = a * (a + 1) // 2
-        for b in range(a):
+        for b in range(first, a):
             k = b * (b + 1) // 2
             v = x.JJ[i + b]
             for c in range(b):
@@ -272,14 +273,14 @@ def inverse(x, i):
 
 @kernel
 def alone(x):
-    """Write what the sums say of each column, all others at the priors of the factor and solution at hand (means 0):
-    information w and its product b with the column's value, for `other`."""
+    """Write what the sums say of each column that is asked alone, the others at the priors of the factor and solution
+    at hand (means 0): information w and its product b with the column's value, for `other`."""
     for a in range(N - 1, -1, -1):
         v = x.yy[a]
         for k in range(a + 1, N):
             v -= x.LL[k * (k + 1) // 2 + a] * x.pull[k]
         x.pull[a] = v / x.LL[a * (a + 3) // 2]
-    for i in range(N):
+    for i in range(OFFSET, LEAK + 1):
         variance = inverse(x, i)
         x.info[i] = max(1.0 / variance - 1.0 / (x.prior[1, i] * x.prior[1, i]), 0.0)
         x.pull[i] /= variance
@@ -312,13 +313,60 @@ def evaluate(x, p, o):
         E += x.tt[ENERGY, j]
     x.ev_octave, x.ev_n = o, n
     health(x)
-    logdet0 = factor(x)
+    logdet0 = factor(x, 0)
+    first = 1.0  # determinant of the columns before LEAK, whose priors are the same for all
+    for a in range(LEAK):
+        pivot = x.LL[a * (a + 3) // 2] * x.sd[a]
+        first *= pivot * pivot
+    first = math.log(first)
     Q0 = left(x)
     base = logarithm(Q0, n) - 0.5 * logdet0
     x.ev_Q[HYPOTHESES] = Q0
     alone(x)
-    # beside an oscillation the other errors stand as they were learned: only the gain's signature meets its columns
+    health(x)
+    for i in range(FAST, GAIN + 1):
+        x.prior[0, i], x.prior[1, i] = p.loss_mean - x.mu[i], p.loss_sd
+    logdet = first + factor(x, LEAK)
+    give(x, LOSS, left(x), logdet, n, base)
+    for h in range(LEAKAGE, RUBS + 1):
+        i = LEAK if h == LEAKAGE else (SUPPLY if h == LOW_SUPPLY else (SOFT if h == SOFT_OIL else FRICTION))
+        Q, logdet = other(x, Q0, logdet0, i, p.worse_mean[i] - x.mu[i], p.worse_sd[i])
+        give(x, h, Q, logdet, n, base)
+    Q, logdet = other(x, Q0, logdet0, OFFSET, 0.0, p.offset_sd)
+    give(x, OFF_PRESSURE, Q, logdet, n, base)
+    Q, logdet = other(x, Q0, logdet0, SCALE, 0.0, p.scale_sd)
+    give(x, SCALED, Q, logdet, n, base)
+    # a valve that stands open
     gone = -1.0 - x.mu[GAIN]
+    health(x)
+    x.prior[0, GAIN], x.prior[1, GAIN] = gone, p.gone_sd
+    x.prior[0, FAST], x.prior[1, FAST] = -1.0 - x.mu[FAST], p.gone_sd
+    x.prior[1, FLOW] = p.open_sd
+    logdet = first + factor(x, LEAK)
+    give(x, OPEN, left(x), logdet, n, base)
+    # let go: the valve is cut off, the chambers are joined
+    health(x)
+    x.prior[0, GAIN], x.prior[1, GAIN] = gone, p.gone_sd
+    x.prior[0, FAST], x.prior[1, FAST] = -1.0 - x.mu[FAST], p.gone_sd
+    x.prior[0, LEAK], x.prior[1, LEAK] = p.bypass, 0.3 * p.bypass
+    logdet = first + factor(x, LEAK)
+    give(x, FREE, left(x), logdet, n, base)
+    for j in range(SENSORS):
+        m = x.tt[NUMBER, j]
+        ratio = max(x.tt[ENERGY, j] / max(m, 1.0), 1.0)
+        if x.tt[NEXT, j] > WHITE * x.tt[ENERGY, j]:
+            ratio = 1.0
+        give(x, NOISE_ROD + j, Q0 - m * (ratio - 1.0), logdet0 + m * math.log(ratio) + p.occam, n, base)
+    # rod and surface apart
+    b, J = 0.0, 0.0
+    for j in range(SENSORS):
+        H = p.still[2, j] / math.sqrt(x.noise[j])
+        b += H * x.tt[MEAN, j]
+        J += H * H * x.tt[NUMBER, j]
+    sd = p.sine_sd[2]
+    d = J + 1.0 / (sd * sd)
+    give(x, PAIR, Q0 - b * b / d, logdet0 + math.log(d * sd * sd), n, base)
+    # beside an oscillation the other errors stand as they were learned: only the gain's signature meets its columns
     J, r = x.JJ[at(GAIN, GAIN)], x.bb[GAIN]
     pivot2_health = J + 1.0 / (x.sd[GAIN] * x.sd[GAIN])
     logdet_health = math.log(pivot2_health * x.sd[GAIN] * x.sd[GAIN])
@@ -343,48 +391,6 @@ def evaluate(x, p, o):
             Q, more = beside(x, Q_gone, r_gone, pivot2_gone)
             give(x, IN_PLACE, Q, logdet_gone + logdet + more, n, base)
             heard(x, p, o, IN_PLACE)
-    health(x)
-    for i in range(FAST, GAIN + 1):
-        x.prior[0, i], x.prior[1, i] = p.loss_mean - x.mu[i], p.loss_sd
-    logdet = factor(x)
-    give(x, LOSS, left(x), logdet, n, base)
-    for h in range(LEAKAGE, RUBS + 1):
-        i = LEAK if h == LEAKAGE else (SUPPLY if h == LOW_SUPPLY else (SOFT if h == SOFT_OIL else FRICTION))
-        Q, logdet = other(x, Q0, logdet0, i, p.worse_mean[i] - x.mu[i], p.worse_sd[i])
-        give(x, h, Q, logdet, n, base)
-    Q, logdet = other(x, Q0, logdet0, OFFSET, 0.0, p.offset_sd)
-    give(x, OFF_PRESSURE, Q, logdet, n, base)
-    Q, logdet = other(x, Q0, logdet0, SCALE, 0.0, p.scale_sd)
-    give(x, SCALED, Q, logdet, n, base)
-    # a valve that stands open
-    health(x)
-    x.prior[0, GAIN], x.prior[1, GAIN] = gone, p.gone_sd
-    x.prior[0, FAST], x.prior[1, FAST] = -1.0 - x.mu[FAST], p.gone_sd
-    x.prior[1, FLOW] = p.open_sd
-    logdet = factor(x)
-    give(x, OPEN, left(x), logdet, n, base)
-    # let go: the valve is cut off, the chambers are joined
-    health(x)
-    x.prior[0, GAIN], x.prior[1, GAIN] = gone, p.gone_sd
-    x.prior[0, FAST], x.prior[1, FAST] = -1.0 - x.mu[FAST], p.gone_sd
-    x.prior[0, LEAK], x.prior[1, LEAK] = p.bypass, 0.3 * p.bypass
-    logdet = factor(x)
-    give(x, FREE, left(x), logdet, n, base)
-    for j in range(SENSORS):
-        m = x.tt[NUMBER, j]
-        ratio = max(x.tt[ENERGY, j] / max(m, 1.0), 1.0)
-        if x.tt[NEXT, j] > WHITE * x.tt[ENERGY, j]:
-            ratio = 1.0
-        give(x, NOISE_ROD + j, Q0 - m * (ratio - 1.0), logdet0 + m * math.log(ratio) + p.occam, n, base)
-    # rod and surface apart
-    b, J = 0.0, 0.0
-    for j in range(SENSORS):
-        H = p.still[2, j] / math.sqrt(x.noise[j])
-        b += H * x.tt[MEAN, j]
-        J += H * H * x.tt[NUMBER, j]
-    sd = p.sine_sd[2]
-    d = J + 1.0 / (sd * sd)
-    give(x, PAIR, Q0 - b * b / d, logdet0 + math.log(d * sd * sd), n, base)
 
 
 @kernel
@@ -416,7 +422,7 @@ def solve(x, p):
         x.prior[1, i] = p.prior_sd[i]
     for i in range(PAIRS):
         x.JJ[i] = x.lesson_J[i]
-    factor(x)
+    factor(x, 0)
     for a in range(N):
         i = a * (a + 1) // 2
         v = x.lesson_b[a] + p.prior_mean[a] / (p.prior_sd[a] * p.prior_sd[a])

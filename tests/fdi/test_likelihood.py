@@ -116,7 +116,7 @@ def test_the_evidence_is_that_of_the_linear_model_with_its_prior():
     mean, sd = rng.standard_normal(filter.N) * 0.1, rng.uniform(0.05, 0.5, filter.N)
     x = sums_of(S, e)
     x.prior[0], x.prior[1] = mean, sd
-    logdet = evidence.factor(x)
+    logdet = evidence.factor(x, 0)
     Q = evidence.left(x)
     covariance = np.eye(60) + S @ np.diag(sd**2) @ S.T  # of e, theta taken out
     left = e - S @ mean
@@ -131,15 +131,30 @@ def test_another_prior_of_one_column_asks_for_no_factor_of_its_own():
     x = sums_of(S, e)
     x.sd[:] = rng.uniform(0.05, 0.5, filter.N)
     evidence.health(x)
-    logdet0, Q0 = evidence.factor(x), evidence.left(x)
+    logdet0, Q0 = evidence.factor(x, 0), evidence.left(x)
     evidence.alone(x)
-    for i in range(filter.N):
+    for i in range(filter.OFFSET, filter.LEAK + 1):
         Q, logdet = evidence.other(x, Q0, logdet0, i, 0.3, 0.7)
         y = sums_of(S, e)
         y.prior[0], y.prior[1] = 0.0, x.sd
         y.prior[0, i], y.prior[1, i] = 0.3, 0.7
-        assert logdet == pytest.approx(evidence.factor(y), rel=1e-9)
+        assert logdet == pytest.approx(evidence.factor(y, 0), rel=1e-9)
         assert Q == pytest.approx(evidence.left(y), rel=1e-9)
+
+
+def test_the_last_columns_have_other_priors_on_the_factor_of_the_first():
+    rng = np.random.default_rng(8)
+    S, e = rng.standard_normal((60, filter.N)) * 3.0, rng.standard_normal(60)
+    x, y = sums_of(S, e), sums_of(S, e)
+    x.sd[:] = y.sd[:] = rng.uniform(0.05, 0.5, filter.N)
+    evidence.health(x)
+    first = evidence.factor(x, 0) - evidence.factor(x, filter.LEAK)
+    evidence.health(y)
+    for z in (x, y):
+        z.prior[0, filter.LEAK :], z.prior[1, filter.LEAK :] = 0.3, 0.7
+    logdet = first + evidence.factor(x, filter.LEAK)
+    assert logdet == pytest.approx(evidence.factor(y, 0), rel=1e-9)
+    assert evidence.left(x) == pytest.approx(evidence.left(y), rel=1e-9)
 
 
 def test_a_windows_sums_are_those_of_its_ticks_and_its_waves_those_of_its_blocks():
@@ -167,7 +182,7 @@ def test_a_windows_sums_are_those_of_its_ticks_and_its_waves_those_of_its_blocks
     assert x.window_D[octave, 0] == pytest.approx((wave @ in_blocks).T, rel=1e-9, abs=1e-9)
     evidence.waves(x, p, octave)
     found = wave @ wave.T
-    for i, (k, l) in enumerate([(k, l) for k in range(sums.LINES) for l in range(k + 1)]):
+    for i, (k, l) in enumerate(zip(*np.tril_indices(sums.LINES), strict=True)):
         part = found[2 * k : 2 * k + 2, 2 * l : 2 * l + 2].ravel()
         assert x.gram[i] == pytest.approx(part, rel=1e-9, abs=1e-9)
 
