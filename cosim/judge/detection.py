@@ -191,10 +191,11 @@ def noticed(
     out |= {"class_given": NOT_GIVEN, "place_given": NOT_GIVEN, "place_level": ""}
     out["not_excited"] = _not_excited(watch, fault)
     if k is not None:
+        late = max(0.0, k * dt - start)  # an onset lies within a tick
         out |= {
             "detected_at_s": k * dt,
-            "detection_delay_s": k * dt - start,
-            "detection_delay_periods": (k * dt - start) / fault["period_s"],
+            "detection_delay_s": late,
+            "detection_delay_periods": late / fault["period_s"],
             **lane.named(fault, k, max(k + 1, min(last, healed))),
             **lane.withdrawn(end, healed, _tick(until, dt, ticks)),
         }

@@ -45,12 +45,11 @@ from fdi.ema import drive, gains, loose, rough, torque, witness
 from fdi.ema.dead_reckoning import LAG, reckon_position, slots
 from fdi.ema.ema_kalman import VELOCITY, N
 from fdi.ema.model import designed, limits
+from fdi.ema.velocity import correct, predict
 from fdi.ema.vote import CULPRITS, decide, size
 
 __all__ = ["CULPRITS", "INPUTS", "OUTPUTS", "PARAMS", "STATE", "init", "params", "rollout", "step"]
 
-IMPACT = 0.45  # of `gate`, which the stall current does not reach in a tick
-T_IMPACT = 0.05  # [s]
 HISTORY = 10  # ticks of demand kept for the delay: 5 ms at 2 kHz
 
 PARAMS = dtype([
@@ -330,97 +329,6 @@ def _engage(x, u, p):
 
 
 @kernel
-def _limited(demand, omega, p):
-    """Return (demand, at V_max): the demand that without limits gives the limited current, quasi-steady as in `ema`."""
-    back = p.K_B * omega
-    i = (p.K_gi * demand - back) / p.R_loop
-    g = min(max(i, -p.I_max), p.I_max)
-    volts = p.R * g + back
-    if math.fabs(volts) > p.V_max:
-        g = (math.copysign(p.V_max, volts) - back) / p.R
-        return (g * p.R_loop + back) / p.K_gi, 1.0
-    return demand if g == i else (g * p.R_loop + back) / p.K_gi, 0.0
-
-
-@kernel
-def _predict(x, demand, p):
-    demand, x.at_limit = _limited(demand, x.x_hat[3], p)
-    for i in range(6):
-        s = p.G[i] * demand + p.G_h[i] * x.hm0
-        for j in range(6):
-            s += (p.Phi[i, j] + x.hmd * p.Phi_h[i, j]) * x.x_hat[j]
-        x.work[i] = s
-    for i in range(6):
-        x.x_hat[i] = x.work[i]
-
-
-@kernel
-def _window(x, p):
-    """End a slot, and form the test of the velocity."""
-    head = int(x.head)
-    x.window[head] = x.sum_gamma / p.n_sub
-    x.effort[head] = x.sum_effort / p.n_sub
-    x.sum_gamma = x.sum_effort = 0.0
-    x.head = float((head + 1) % int(p.n_window))
-    mean = 0.0
-    effort = 0.0
-    for i in range(int(p.n_window)):
-        mean += x.window[i] / p.n_window
-        effort += x.effort[i] / p.n_window
-    x.eta_bar = mean / p.S_root
-    x.r_velocity = math.fabs(mean) / (p.th_vel + p.rho_vel * effort + p.rho_rate * math.fabs(x.x_hat[3]))
-
-
-@kernel
-def _follow(x, y, p, dt):
-    """Correct by the position sample `y` [m] in the place of a velocity that is lost."""
-    if x.age_vel - dt <= p.t_bad:
-        x.shift = x.x_hat[2] - y / p.lead
-    e = y / p.lead + x.shift - x.x_hat[2]
-    x.x_hat[2] += drive.ALPHA * e
-    x.x_hat[0] += p.ratio * drive.ALPHA * e
-    w = drive.BETA * e / dt
-    x.x_hat[3] += w
-    x.x_hat[1] += p.ratio * w
-    x.x_hat[5] = min(max(x.x_hat[5] + p.K[5] / p.K[3] * w, -p.load_max), p.load_max)
-
-
-@kernel
-def _velocity(x, u, p, dt):
-    """Correct by the velocity sample, unless it is missing or impossible, and form its test."""
-    gamma = 0.0
-    seen = usable(u.y_velocity, u.velocity_valid) > 0.5
-    if seen:
-        gamma = u.y_velocity - x.x_hat[3]
-        # a spike is far from the model and from the sample before it
-        seen = math.fabs(gamma) < p.gate or math.fabs(u.y_velocity - x.raw_last) < p.gate
-        x.impact = T_IMPACT if math.fabs(u.y_velocity - x.raw_last) >= IMPACT * p.gate else max(x.impact - dt, 0.0)
-        x.raw_last = u.y_velocity
-    if seen:
-        x.age_vel = 0.0
-        for i in range(6):
-            x.x_hat[i] += p.K[i] * gamma
-        x.x_hat[5] = min(max(x.x_hat[5], -p.load_max), p.load_max)
-    else:
-        x.age_vel += dt
-        gamma = 0.0
-        if x.age_vel > p.t_bad and usable(u.y_position, u.position_valid) > 0.5:
-            _follow(x, u.y_position, p, dt)
-    w = u.y_velocity if x.age_vel == 0.0 else x.x_hat[3]
-    mean = 0.5 * (w + x.w_last)
-    x.reckon += p.lead * dt * mean
-    x.w_last = w
-    x.w_slow += dt / p.t_hold * (w - x.w_slow)
-    x.eta = gamma / p.S_root
-    # at the voltage limit 5 % of K_B is worth more than the stall current: such a tick says nothing
-    x.sum_gamma += 0.0 if x.at_limit > 0.5 else gamma
-    x.sum_effort += p.impulse * math.fabs(x.x_hat[4])
-    if x.count == 0.0:
-        _window(x, p)
-    return w, mean, gamma
-
-
-@kernel
 def step(x, u, p, dt):
     """Predict to this sample, correct, test, name, and say how well the position is known."""
     if math.isfinite(u.hm0_model) and math.isfinite(u.hmd_model):
@@ -438,8 +346,8 @@ def step(x, u, p, dt):
     x.count += 1.0
     if x.count >= p.n_sub:
         x.count = 0.0
-    _predict(x, x.u_old[int(p.delay)], p)
-    w, mean, gamma = _velocity(x, u, p, dt)
+    predict(x, x.u_old[int(p.delay)], p)
+    w, mean, gamma = correct(x, u, p, dt)
     current = usable(u.y_current, u.current_valid) > 0.5
     x.age_cur = 0.0 if current else x.age_cur + dt
     if current:

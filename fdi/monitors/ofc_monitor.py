@@ -11,19 +11,11 @@ A servo follows its reference with a response that depends on tolerances and, by
 airspeed. The error poles of the servo are at -a = -25 rad/s (`actuators.hydraulic.servo`), so that to first order what
 is missing is a polynomial of s over (s + a)^3; with one order more, for what the second order makes, it is spanned by
 the Laguerre functions L_k = a / (s + a) ((s - a) / (s + a))^k, k = 0 to 3. theta is learned by least squares over the
-last LEARN seconds without an alarm, from what a healthy servo leaves on the mean (`usual`). `departure` is the largest
-gain of what has been learned beside that; beyond `most`, which the tolerances do not reach, the servo is not the one
-that the thresholds are made for, and the monitor is not valid.
-
-Whether an oscillation adds to the command or has taken its place is told by the command's own part of the rod's motion:
-over the last samples since the first crossing
-
-    y = g (m + sum_k theta_k L_k m) + A cos w t + B sin w t + rest
-
-where the sine also takes up what the control law answers at the oscillation's own frequency. Added, g is 1; in place,
-0. Its deviation follows from the rest and from how far the command has moved; while both are possible the name is
-AMBIGUOUS, and it is so where no sine explains the rest: an actuator that has lost flow, pressure or its hold swings as
-well, with the command or with the gusts.
+last LEARN seconds without an alarm, from what a healthy servo leaves on the mean (`usual`); in the first seconds at
+once, and taken back where an oscillation is counted meanwhile. `departure` is the largest gain of what has been learned
+beside that; beyond `most`, which the tolerances do not reach, the servo is not the one that the thresholds are made
+for, and the monitor is not valid. Whether an oscillation adds to the command or has taken its place is told by
+fdi/monitors/liquid_or_solid.py.
 """
 
 import math
@@ -37,9 +29,10 @@ from actuators.hydraulic import servo
 from actuators.hydraulic.lu17 import opening
 from fdi.common.decision import clipped, held, usable
 from fdi.common.record import Detector
-from fdi.common.sinusoid import beside
 from fdi.common.tuning import thresholds
 from fdi.common.verdict import AMBIGUOUS, NONE, OFC_LIQUID, OFC_SOLID
+from fdi.monitors import liquid_or_solid
+from fdi.monitors.liquid_or_solid import EVERY, NO_SWING, SAMPLE, STEADY, VOTES, keep_sample, weigh
 
 CULPRITS = ("",)
 BANDS = ((0.4, 1.3), (1.3, 4.0), (4.0, 12.0))  # [Hz]; 0.5 to 10 Hz is considered
@@ -55,16 +48,6 @@ BLOCK = 3.0  # what is learned is one to two blocks old: an oscillation has been
 PRIOR = 1e-6  # the usual response counts as much as two seconds of a motion of 1 mm [m^2 s]
 N = 4  # Laguerre functions
 AT = (0.9, 2.3, 5.0)  # frequencies at which the departure is taken: the middle of the sub-bands, servo's pole [Hz]
-SAMPLE, RING = 0.02, 250  # a sample of the ring [s]: five of a period at 10 Hz; 2.5 periods at 0.5 Hz
-EVERY = 25  # samples after which the name is weighed anew
-PERIODS = 2.0  # that the window must hold
-SWINGS = 0.2  # share of the rest that the sine must leave at most
-NO_SWING = 0.6  # a name is withdrawn where it leaves more
-STEADY = 0.1  # by so much the frequency may change from one evaluation to the next
-VOTES = 2.0  # evaluations in a row that must agree
-CORRELATED = 0.1  # time by which samples of the rest are independent: half a period of the servo's pole [s]
-SURE = 3.0  # deviations of the gain
-NEAR = 0.25  # by so much it may be off 1 or 0: the valve's limit, what is not sine
 
 PARAMS = dtype(
     [
@@ -131,18 +114,7 @@ STATE = dtype(
         ("work", "f8", (N, N + 1), "m2 s"),  # scratch
         ("response", "f8", (N,), "-"),  # learned theta
         ("departure", "f8", "-"),  # largest gain of what it is beside the usual one
-        ("sums", "f8", (2,), "m"),  # of the open sample: rod, rod of a healthy servo
-        ("ticks", "f8", "-"),  # in it
-        ("head", "f8", "-"),  # write position
-        ("ring", "f8", (2, RING), "m"),
-        ("since", "f8", "-"),  # samples since the first crossing of the alarm
-        ("vote", "f8", "-"),  # class that was told last
-        ("votes", "f8", "-"),  # how often in a row
-        ("gain", "f8", "-"),  # of the command's own part
-        ("gain_sigma", "f8", "-"),  # its deviation
-        ("sine", "f8", "m"),  # amplitude of the best sine, and its frequency
-        ("sine_hz", "f8", "Hz"),
-        ("left", "f8", "-"),  # share of the rest that the best sine leaves
+        *liquid_or_solid.STATE,
         ("timer", "f8", "s"),  # time for which the alarm is still held
         ("age", "f8", "s"),  # time since the last usable rod sample
         ("e", "f8", "m"),  # residual
@@ -163,17 +135,31 @@ DETECTOR = Detector(
     inputs={"command": "de_cmd", "y_rod": "rod", "y_dp": "pressure"},
     group="monitors",
     designed_for={
-        **dict.fromkeys((
-            "hydraulic.ofc_liquid", "hydraulic.ofc_liquid@command", "hydraulic.ofc_liquid@sensor",
-        ), ("ofc_liquid",)),
+        **dict.fromkeys(
+            (
+                "hydraulic.ofc_liquid",
+                "hydraulic.ofc_liquid@command",
+                "hydraulic.ofc_liquid@sensor",
+            ),
+            ("ofc_liquid",),
+        ),
         **dict.fromkeys(("hydraulic.ofc_solid", "hydraulic.ofc_solid@command"), ("ofc_solid",)),
     },
     may_see={  # by ringing, or in a manoeuvre that the faulty rod does not follow
-        **dict.fromkeys((
-            "hydraulic.jam*", "hydraulic.free_float", "hydraulic.loss_of_effectiveness*",
-            "hydraulic.supply_pressure_drop", "hydraulic.internal_leakage", "hydraulic.air_in_oil",
-            "hydraulic.friction", "hydraulic.backlash", "hydraulic.rod",
-        ), ("ambiguous",)),
+        **dict.fromkeys(
+            (
+                "hydraulic.jam*",
+                "hydraulic.free_float",
+                "hydraulic.loss_of_effectiveness*",
+                "hydraulic.supply_pressure_drop",
+                "hydraulic.internal_leakage",
+                "hydraulic.air_in_oil",
+                "hydraulic.friction",
+                "hydraulic.backlash",
+                "hydraulic.rod",
+            ),
+            ("ambiguous",),
+        ),
     },
     blind="counts alternating crossings of one hydraulic rod's residual: what does not oscillate is not counted",
     looks_back={"delay": "past"},
@@ -337,52 +323,13 @@ def learn(x, e, p, dt):
 
 
 @kernel
-def keep_sample(x, rod, healthy, p):
-    """Take the `rod` and that of a `healthy` servo [m] into the ring."""
-    x.sums[0] += rod
-    x.sums[1] += healthy
-    x.ticks += 1.0
-    if x.ticks < p.even:
-        return
-    head = int(x.head)
-    for s in range(2):
-        x.ring[s, head] = x.sums[s] / x.ticks
-        x.sums[s] = 0.0
-    x.head = 0.0 if head == RING - 1 else head + 1.0
-    x.ticks = 0.0
-    x.since += 1.0
-
-
-@kernel
-def weigh(x, p, h):
-    """Return the class that the gain of the command's own part tells, else AMBIGUOUS; `h`: time of a sample [s]."""
-    n = int(min(x.since, float(RING)))
-    first = int(x.head) - n
-    first = first + RING if first < 0 else first
-    Y, M = x.ring[0], x.ring[1]
-    ff, fd, dd = beside(Y, M, first, n, 0.0)
-    before = ff - fd * fd / max(dd, 1e-12)
-    rest, best, apart = before, 0.0, 0.5 / (n * h)
-    hz = PERIODS / (n * h)
-    most = min(p.f_high, 0.4 / h)
-    for _ in range(3):  # half a line apart, then about the best
-        while hz <= most:
-            ff, fd, dd = beside(Y, M, first, n, 6.283185307179586 * hz * h)
-            if ff - fd * fd / max(dd, 1e-12) < rest:
-                rest, best = ff - fd * fd / max(dd, 1e-12), hz
-                x.gain, x.gain_sigma = fd / max(dd, 1e-12), dd
-            hz += apart
-        hz, most, apart = best - 0.5 * apart, best + 0.6 * apart, 0.5 * apart
-    if best == 0.0:
-        return AMBIGUOUS
-    x.gain_sigma = math.sqrt(max(rest, 0.0) * CORRELATED / (n * h) / max(x.gain_sigma, 1e-12))
-    x.left, x.sine_hz, x.sine = rest / before, best, math.sqrt(2.0 * (before - rest) / n)
-    off = SURE * x.gain_sigma
-    if x.left > SWINGS:
-        return AMBIGUOUS
-    if x.gain - off > 0.5 and math.fabs(x.gain - 1.0) < NEAR + off:
-        return OFC_LIQUID
-    return OFC_SOLID if x.gain + off < 0.5 and math.fabs(x.gain) < NEAR + off else AMBIGUOUS
+def forget(x, p):
+    """Take back what was learned at once: an oscillation that has been counted since the start was in it."""
+    x.products[:] = 0.0
+    x.block[:] = 0.0
+    x.block_age, x.departure, x.clock = 0.0, 0.0, 2.0 * BLOCK
+    for k in range(N):
+        x.response[k] = p.usual[k]
 
 
 @kernel
@@ -450,6 +397,8 @@ def step(x, u, p, dt):
             found = True
             if x.verdict == NONE:
                 x.since = min(x.since, x.ages[b, int(p.half_periods) - 1] / (p.even * dt))
+    if found and x.clock < 2.0 * BLOCK:
+        forget(x, p)
     x.valid = 1.0 if x.age <= p.t_invalid and x.departure <= p.most else 0.0
     x.timer = p.t_release if found and x.valid > 0.5 else max(x.timer - dt, 0.0)
     x.alarm = 1.0 if x.timer > 0.0 else 0.0

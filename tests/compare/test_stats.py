@@ -28,12 +28,12 @@ def hand_made():
         for i, r in enumerate((0.2, 0.4, 0.6, 0.8) if local else (0.5, 1.5, 0.5, 0.5)):
             out.append(free | {"run": f"free{i}", "r_fault_free": r, "false_alarms": int(r > 1)})
         ofc = about | {"case": "hydraulic.ofc_liquid", "concerned": True, "frequency_hz": 1.0,
-                       "word": coverage.expected(name, "hydraulic.ofc_liquid").word}  # fmt: skip
+                       "word": coverage.expected(name, "hydraulic.ofc_liquid")}  # fmt: skip
         seen = {"detected": True, "outcome": "named", "delay_s": 0.5, "isolated_class": "ofc_liquid"}
         for mm, r, found in ((1.0, 0.7, False), (2.0, 3.0, local), (4.0, 9.0, True)):
             said = seen if found else {"detected": False, "outcome": "missed"}
             out.append(ofc | {"run": f"ofc{mm:g}", "r_fault": r, "amplitude_mm": mm, **said})
-        engine = {"run": "engine", "case": "engine", "r_fault": 0.1, "word": coverage.expected(name, "engine").word}
+        engine = {"run": "engine", "case": "engine", "r_fault": 0.1, "word": coverage.expected(name, "engine")}
         said = {"outcome": "quiet"} if local else {"outcome": "bonus", "delay_s": 1.0}
         out.append(about | engine | said | {"concerned": not local, "detected": not local})
     rows = pd.DataFrame(out)

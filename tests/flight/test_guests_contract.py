@@ -128,7 +128,7 @@ def test_what_a_guest_declares_is_expected_and_the_rest_is_not_declared():
         "hydraulic.ofc_liquid@*": ("ofc_liquid", "ambiguous"),
     }
     registry.tell(own)
-    words = {case: coverage.expected("own", case).word for case in
+    words = {case: coverage.expected("own", case) for case in
              ("hydraulic.ofc_liquid@command", "hydraulic.rod", "rudder", "engine")}  # fmt: skip
     assert list(words.values()) == ["designed", "may", "blind", "undeclared"]
     assert coverage.WORDS["undeclared"] == "not declared"

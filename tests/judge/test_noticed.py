@@ -37,6 +37,12 @@ def test_the_first_name_the_right_name_and_the_last_have_their_own_times():
     assert (e["class_changes"], e["ambiguous_s"], e["right"]) == (2, pytest.approx(0.3), True)
 
 
+def test_an_alarm_in_the_tick_of_the_onset_has_no_delay():
+    fault = OFC | {"start_s": 2.04}  # acts in tick 20, which begins at 2.0 s
+    e = judge(LANE, flown((20, 100, v.OFC_LIQUID)), DT, [fault])
+    assert (e["detection_delay_s"], e["detection_delay_periods"]) == (0.0, 0.0)
+
+
 def test_a_result_tells_the_time_of_the_alarm_and_that_of_the_name_apart_and_leaves_no_place_empty():
     named = judge(LANE, flown((23, 26, v.AMBIGUOUS), (26, 100, v.OFC_LIQUID)), DT, [OFC])
     only_false = judge(LANE, flown((3, 5, v.NONE)), DT, [OFC])

@@ -1,0 +1,92 @@
+"""Whether a counted oscillation adds to the command or has taken its place.
+
+It is told by the command's own part of the rod's motion: over the last samples since the first crossing
+
+    y = g (m + sum_k theta_k L_k m) + A cos w t + B sin w t + rest
+
+where the sine also takes up what the control law answers at the oscillation's own frequency. Added, g is 1; in place,
+0. Its deviation follows from the rest and from how far the command has moved; while both are possible the name is
+AMBIGUOUS, and it is so where no sine explains the rest: an actuator that has lost flow, pressure or its hold swings as
+well, with the command or with the gusts.
+"""
+
+import math
+
+from actuators.block import kernel
+from fdi.common.sinusoid import beside
+from fdi.common.verdict import AMBIGUOUS, OFC_LIQUID, OFC_SOLID
+
+SAMPLE, RING = 0.02, 250  # a sample of the ring [s]: five of a period at 10 Hz; 2.5 periods at 0.5 Hz
+EVERY = 25  # samples after which the name is weighed anew
+PERIODS = 2.0  # that the window must hold
+SWINGS = 0.2  # share of the rest that the sine must leave at most
+NO_SWING = 0.6  # a name is withdrawn where it leaves more
+STEADY = 0.1  # by so much the frequency may change from one evaluation to the next
+VOTES = 2.0  # evaluations in a row that must agree
+CORRELATED = 0.1  # time by which samples of the rest are independent: half a period of the servo's pole [s]
+SURE = 3.0  # deviations of the gain
+NEAR = 0.25  # by so much it may be off 1 or 0: the valve's limit, what is not sine
+
+STATE = [
+    ("sums", "f8", (2,), "m"),  # of the open sample: rod, rod of a healthy servo
+    ("ticks", "f8", "-"),  # in it
+    ("head", "f8", "-"),  # write position
+    ("ring", "f8", (2, RING), "m"),
+    ("since", "f8", "-"),  # samples since the first crossing of the alarm
+    ("vote", "f8", "-"),  # class that was told last
+    ("votes", "f8", "-"),  # how often in a row
+    ("gain", "f8", "-"),  # of the command's own part
+    ("gain_sigma", "f8", "-"),  # its deviation
+    ("sine", "f8", "m"),  # amplitude of the best sine, and its frequency
+    ("sine_hz", "f8", "Hz"),
+    ("left", "f8", "-"),  # share of the rest that the best sine leaves
+]
+
+
+@kernel
+def keep_sample(x, rod, healthy, p):
+    """Take the `rod` and that of a `healthy` servo [m] into the ring."""
+    x.sums[0] += rod
+    x.sums[1] += healthy
+    x.ticks += 1.0
+    if x.ticks < p.even:
+        return
+    head = int(x.head)
+    for s in range(2):
+        x.ring[s, head] = x.sums[s] / x.ticks
+        x.sums[s] = 0.0
+    x.head = 0.0 if head == RING - 1 else head + 1.0
+    x.ticks = 0.0
+    x.since += 1.0
+
+
+@kernel
+def weigh(x, p, h):
+    """Return the class that the gain of the command's own part tells, else AMBIGUOUS; `h`: time of a sample [s]."""
+    n = int(min(x.since, float(RING)))
+    first = int(x.head) - n
+    first = first + RING if first < 0 else first
+    Y, M = x.ring[0], x.ring[1]
+    ff, fd, dd = beside(Y, M, first, n, 0.0)
+    before = ff - fd * fd / max(dd, 1e-12)
+    rest, best, apart = before, 0.0, 0.5 / (n * h)
+    hz = PERIODS / (n * h)
+    most = min(p.f_high, 0.4 / h)
+    for _ in range(3):  # half a line apart, then about the best
+        while hz <= most:
+            ff, fd, dd = beside(Y, M, first, n, 6.283185307179586 * hz * h)
+            if ff - fd * fd / max(dd, 1e-12) < rest:
+                rest, best = ff - fd * fd / max(dd, 1e-12), hz
+                x.gain, x.gain_sigma = fd / max(dd, 1e-12), dd
+            hz += apart
+        hz, most, apart = best - 0.5 * apart, best + 0.6 * apart, 0.5 * apart
+    if best == 0.0:
+        return AMBIGUOUS
+    x.gain_sigma = math.sqrt(max(rest, 0.0) * CORRELATED / (n * h) / max(x.gain_sigma, 1e-12))
+    x.left, x.sine_hz, x.sine = rest / before, best, math.sqrt(2.0 * (before - rest) / n)
+    off = SURE * x.gain_sigma
+    if x.left > SWINGS:
+        return AMBIGUOUS
+    if x.gain - off > 0.5 and math.fabs(x.gain - 1.0) < NEAR + off:
+        return OFC_LIQUID
+    return OFC_SOLID if x.gain + off < 0.5 and math.fabs(x.gain) < NEAR + off else AMBIGUOUS
