@@ -118,5 +118,5 @@ def test_scenarios_print_what_they_fly():
 
 def test_a_name_that_a_linear_model_has_not_is_told_with_those_it_has():
     model = cosim.linearize("cruise")
-    with pytest.raises(CosimError, match=r"unknown input 'de'; allowed: .*elevator"):
+    with pytest.raises(CosimError, match=r"unknown input 'de'; allowed: .*de_li"):
         model.block(["alpha", "q"], ["de"])
