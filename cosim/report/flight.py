@@ -47,7 +47,7 @@ def drawn(flown: LoggedFlight, topic: str, field: str, factor: float = 1.0, add:
 def motion(flown: LoggedFlight) -> Figure:
     """Return altitude, airspeed, load factor, angle of attack, attitude and rates."""
     truth, deg = "/truth/aircraft", DEG_PER_RAD  # each curve: name, topic, field, factor, what is added
-    shown = [
+    shown: list[tuple[str, str, float, list[tuple[str, str, str, float, float]]]] = [
         ("Altitude", "ft", 100.0, [("", truth, "h", FT_PER_M, 0.0)]),
         ("Airspeed, calibrated", "kt", 2.0, [("", truth, "cas", KT_PER_M_S, 0.0)]),
         ("Load factor", "g", 0.1, [("demanded", "/pilot", "nz_dem", 1.0, 1.0), ("flown", truth, "nz", 1.0, 0.0)]),
@@ -60,7 +60,7 @@ def motion(flown: LoggedFlight) -> Figure:
     figure.hint = "Drag to zoom in time, double-click to see all; every figure follows."
     panels(flown, figure, [p[0] for p in shown], [p[1] for p in shown], 2, legend=False)
     for i, (_, _, half, curves) in enumerate(shown, 1):
-        made = [(name, *drawn(flown, *of)) for name, *of in curves]
+        made = [(name, *drawn(flown, topic, field, factor, add)) for name, topic, field, factor, add in curves]
         for j, (name, y, step) in enumerate(reversed(made)):
             look: dict = {"colour": COLOURS[(0, 4, 2)[j]], "dash": DASHES[(0, 0, 2)[j]], "width": (1.6, 1.1, 1.4)[j]}
             figure.data.insert(0, curve(flown.t0, step, y, name=name, panel=i, legend=False, **look))
