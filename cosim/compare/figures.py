@@ -109,6 +109,9 @@ def _roc(axes, rows, each, detectors):
 
 def _pod(axes, rows, each, detectors):
     found = curves(rows, each, detectors).dropna(subset=["pod"])
+    if found.empty:
+        remedy = "More flights, over a range of amplitudes at each frequency; `pod()` says what is missing where"
+        raise CosimError("too few flights for a curve of detection over size", remedy=remedy)
     for (family, of, hz), own in found.groupby(["family", "of", "frequency_hz"], sort=False):
         (line,) = axes.plot(own["amplitude_mm"], own["pod"], linewidth=1.0, label=f"{of}, {family}, {hz:g} Hz")
         axes.fill_between(own["amplitude_mm"], own["low"], own["high"], alpha=0.12, color=line.get_color(), linewidth=0)

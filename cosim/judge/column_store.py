@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-MEMORY = 48 << 20  # [byte] that all stores of a process hold before they go to disk
+MEMORY = 24 << 20  # [byte] that all stores of a process hold before they go to disk
 SPAN = 4000  # rows that are appended at once, where the caller may choose
 _held = 0
 _lock = threading.RLock()  # a block may go, and be counted off, while another is counted

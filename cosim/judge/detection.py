@@ -291,7 +291,7 @@ class _Lane:
         if at is None and last.right:  # right at the end without ever standing for long
             at = round(out["named_at_s"] / dt)
         if at is not None:
-            out["time_to_right_s"] = at * dt - fault["start_s"]
+            out["time_to_right_s"] = max(0.0, at * dt - fault["start_s"])
             moved = _moved_at(watch, fault)
             if moved is not None and math.isfinite(moved):
                 out["right_after_motion_s"] = max(0.0, at * dt - moved)

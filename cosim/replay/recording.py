@@ -1,7 +1,6 @@
 """A flight as its log tells it: scenario, signals, detector lanes with their judgement, and what they estimate."""
 
 import math
-from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -14,9 +13,8 @@ from cosim.errors import LogError
 from cosim.flight.faults import inject
 from cosim.flight.loop import wiring
 from cosim.judge import coverage
-from cosim.judge import detection as judgement
 from cosim.judge import estimation as estimate
-from cosim.judge.column_store import Columns
+from cosim.judge.column_store import ColumnStore
 from cosim.judge.detection import watch_of
 from cosim.judge.result import errors, judge, judged
 from cosim.log import Log, open_log
@@ -26,7 +24,6 @@ from cosim.scenario.catalog import ACTUATOR_SENSORS, SENSORS
 from cosim.scenario.vocabulary import place
 
 SMALL = 128 << 20  # [byte] signals of a log up to this are read at once
-RECENT = 64 << 20  # [byte] of a larger one so much of what was read last is kept
 NEEDED = (
     "/truth/",
     "/surfaces/",
@@ -75,43 +72,34 @@ def words(name: str) -> str:
 class Signals:
     """Columns of a log's topics, by `column(topic, field)`: read at once where they are few, else when asked for.
 
-    Memory is bounded for a log of any length, with detectors' outputs in single precision, as a run's result has them.
+    Memory is bounded for a log of any length: what detectors said is read once into a store, in single precision as a
+    run's result has it, a field of another topic whenever it is asked for.
     """
 
     def __init__(self, log: Log, topics: Sequence[str]):
         self._log, self._topics = log, list(topics)
         small = sum(8 * log.topics[t].rows * len(log.topics[t].fields) for t in topics) <= SMALL
         self._all = log.arrays(topics) if small else None
-        self._recent: OrderedDict[tuple[str, str], np.ndarray] = OrderedDict()
+        self._stores: dict[str, ColumnStore] = {}
 
     def __contains__(self, topic: str) -> bool:
         return topic in self._topics
 
     def column(self, topic: str, name: str) -> np.ndarray:
         """Return one field (rows,)."""
-        info = self._log.topics[topic]
+        if self._all is None and not topic.startswith("/detectors/"):
+            return self._log.columns(topic, [name])[0]
+        return self.rows(topic)[:, self._log.topics[topic].fields.index(name)]
+
+    def rows(self, topic: str) -> Any:
+        """Return all fields of a detector's lane as `judge` takes them: (rows, fields)."""
         if self._all is not None:
-            return self._all[topic][:, info.fields.index(name)]
-        if (topic, name) not in self._recent:
-            self._read(topic, name)
-        self._recent.move_to_end((topic, name))
-        return self._recent[topic, name]
-
-    def _read(self, topic, name):
-        """Read a field, with the topic's others where they are few or those that are judged together."""
-        info, kind = self._log.topics[topic], np.dtype(np.float32 if topic.startswith("/detectors/") else np.float64)
-        size = info.rows * kind.itemsize
-        names = info.fields if 2 * size * len(info.fields) <= RECENT else judgement.columns(("",), info.fields)
-        names = list(dict.fromkeys([*(names if name in names else ()), name]))
-        for n, column in zip(names, self._log.columns(topic, names, kind)):
-            self._recent[topic, n] = column.copy() if len(names) > 1 else column
-        while len(self._recent) > 1 and sum(c.nbytes for c in self._recent.values()) > max(RECENT, size * len(names)):
-            self._recent.popitem(last=False)
-
-    def rows(self, topic: str) -> Columns:
-        """Return all fields as `judge` takes them."""
-        info = self._log.topics[topic]
-        return Columns(lambda c, a, b: self.column(topic, info.fields[c])[a:b], info.rows)
+            return self._all[topic]
+        if topic not in self._stores:
+            self._stores[topic] = store = ColumnStore()
+            for part in self._log.frames(topic):
+                store.append(part.to_numpy())
+        return self._stores[topic]
 
     def fields(self, topic: str) -> Mapping[str, np.ndarray]:
         """Return {field: column}, read when it is asked for."""
@@ -244,9 +232,11 @@ class LoggedFlight:
         def truth():
             signals = [self.signal(names[c]) for c in plan.columns]
             held: dict = {}
-            blocks = range(0, len(self.ticks), estimate.BLOCK)
-            parts = (np.stack([s[a : a + estimate.BLOCK] for s in signals]) for a in blocks)
-            return np.concatenate([plan.truth(part, self.dt, held) for part in parts])
+            out = np.empty(len(self.ticks))
+            for a in range(0, len(out), estimate.BLOCK):
+                block = slice(a, a + estimate.BLOCK)
+                out[block] = plan.truth(np.stack([s[block] for s in signals]), self.dt, held)
+            return out
 
         return names[plan.column].rpartition(".")[2], truth, plan.unit, plan.start, plan.end
 
@@ -334,8 +324,7 @@ def unit_of(place: str, kind: Any) -> Any:
 
 def spans(mask: np.ndarray, t0: float, dt: float) -> list[Any]:
     """Return [(from, to)] during which `mask` holds; a span ends where the next sample no longer holds."""
-    high = np.asarray(mask, bool)
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], high, [False])).astype(int)))
+    edges = np.flatnonzero(np.diff(np.asarray(mask, bool), prepend=False, append=False))
     return [(t0 + a * dt, t0 + b * dt) for a, b in zip(edges[::2], edges[1::2])]
 
 

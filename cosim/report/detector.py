@@ -53,25 +53,24 @@ def _estimates(lane, main):
 
 def _statistic(figure, flown, lanes):
     level(figure.layout, 1, 1.0)
-    sizes = [np.abs(lane.fields["r"]) for lane in lanes]
-    top = max([2.0, *(float(np.nanmax(r)) for r in sizes if np.isfinite(r).any())])
+    sizes = [peaks(np.abs(lane.fields["r"])) for lane in lanes]
+    top = max([2.0, *(float(np.nanmax(r)) for r, _ in sizes if np.isfinite(r).any())])
     figure.layout["yaxis"] |= {
         "type": "log",
         "range": [math.log10(FLOOR * 8), math.log10(top * 1.6)],
         "tickvals": [0.01, 0.1, 1, 10, 100, 1000],
         "ticktext": ["0.01", "0.1", "1", "10", "100", "1000"],
     }
-    for i, (lane, r) in enumerate(zip(lanes, sizes)):
+    for i, (lane, (r, every)) in enumerate(zip(lanes, sizes)):
         figure.data.append(
             curve(
                 flown.t0,
-                flown.dt * lane.every,
+                flown.dt * lane.every * every,
                 np.maximum(r, FLOOR),
                 name=words(lane.lane),
                 colour=COLOURS[i % 8],
                 width=2.0 if lane.entry["concerned"] else 1.1,
                 panel=1,
-                reduce=peaks,
             )
         )
 
@@ -102,13 +101,14 @@ def _estimate(figure, flown, lanes, main, factor):
                         showlegend=False,
                     )
                 )
-    truth = next((lane.truth[1]() * factor for lane in mine if lane.truth), None)
+    seen = [envelope(lane.fields[main])[0] * factor for lane in [n for n in mine if n.able] or mine]
+    truth = next((lane.truth[1] for lane in mine if lane.truth), None)
     if truth is not None:
-        figure.data.append(
-            curve(flown.t0, flown.dt, truth, name="injected truth", colour="--ink", dash="dot", width=1.6, panel=2)
-        )
-    seen = [lane.fields[main] * factor for lane in mine if lane.able] or [lane.fields[main] * factor for lane in mine]
-    least(figure.layout, 2, seen + ([truth] if truth is not None else []), 1e-6)
+        y, every = envelope(truth())
+        seen.append(y * factor)
+        look: dict = {"colour": "--ink", "dash": "dot", "width": 1.6}
+        figure.data.append(curve(flown.t0, flown.dt * every, seen[-1], name="injected truth", panel=2, **look))
+    least(figure.layout, 2, seen, 1e-6)
 
 
 def _band(figure, t0, step, f, half, colour):

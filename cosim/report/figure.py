@@ -75,11 +75,17 @@ def _ends(y, step):
 
 def peaks(y: np.ndarray, points: int = 600) -> tuple[Any, ...]:
     """Return (largest value of each interval, samples per interval); NaN where an interval has none."""
-    y = np.asarray(y, float)
     step = max(1, -(-len(y) // points))
+    size = step * max(1, BLOCK // step)
+    parts = [_largest(np.asarray(y[a : a + size], float), step) for a in range(0, len(y) or 1, size)]
+    return np.concatenate(parts), step
+
+
+def _largest(y, step):
+    """Return `peaks`' values of some whole intervals, of which the last may be shorter."""
     rows = np.concatenate([y, np.full(-len(y) % step, np.nan)]).reshape(-1, step)
     out = np.max(np.where(np.isnan(rows), -np.inf, rows), axis=1)
-    return np.where(np.isinf(out), np.nan, out), step
+    return np.where(np.isinf(out), np.nan, out)
 
 
 def curve(
@@ -96,7 +102,7 @@ def curve(
     reduce: Any = envelope,
     **more: Any,
 ) -> dict:
-    """Return a line trace of the samples y at t0 + k dt in panel number `panel`, reduced by `envelope` or `peaks`."""
+    """Return a line trace of the samples y at t0 + k dt in panel number `panel`; `reduce` is as `envelope`."""
     values, every = reduce(y)
     trace = points(
         panel, mode="lines", name=name, x0=float(t0), dx=float(dt * every), y=packed(values), hover="%{y:.4g}",

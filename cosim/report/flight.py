@@ -1,5 +1,7 @@
 """Figures of one flight: path, motion, surfaces, and what was injected."""
 
+from typing import Any
+
 import numpy as np
 
 from actuators.constants import DEG_PER_RAD, FT_PER_M, KT_PER_M_S
@@ -13,6 +15,7 @@ from cosim.report.figure import (
     bands,
     base,
     curve,
+    envelope,
     grid,
     label,
     least,
@@ -35,10 +38,16 @@ def panels(
     return figure
 
 
+def drawn(flown: LoggedFlight, topic: str, field: str, factor: float = 1.0, add: float = 0.0) -> tuple[Any, float]:
+    """Return (samples of a logged signal, seconds between two) as its curve needs them: the signal itself is let go."""
+    y, every = envelope(flown.values(topic, field))
+    return factor * y + add, flown.dt * every
+
+
 def motion(flown: LoggedFlight) -> Figure:
     """Return altitude, airspeed, load factor, angle of attack, attitude and rates."""
     truth, deg = "/truth/aircraft", DEG_PER_RAD  # each curve: name, topic, field, factor, what is added
-    shown = [
+    shown: list[tuple[str, str, float, list[tuple[str, str, str, float, float]]]] = [
         ("Altitude", "ft", 100.0, [("", truth, "h", FT_PER_M, 0.0)]),
         ("Airspeed, calibrated", "kt", 2.0, [("", truth, "cas", KT_PER_M_S, 0.0)]),
         ("Load factor", "g", 0.1, [("demanded", "/pilot", "nz_dem", 1.0, 1.0), ("flown", truth, "nz", 1.0, 0.0)]),
@@ -51,11 +60,11 @@ def motion(flown: LoggedFlight) -> Figure:
     figure.hint = "Drag to zoom in time, double-click to see all; every figure follows."
     panels(flown, figure, [p[0] for p in shown], [p[1] for p in shown], 2, legend=False)
     for i, (_, _, half, curves) in enumerate(shown, 1):
-        drawn = [(name, factor * flown.values(topic, field) + add) for name, topic, field, factor, add in curves]
-        for j, (name, y) in enumerate(reversed(drawn)):
+        made = [(name, *drawn(flown, topic, field, factor, add)) for name, topic, field, factor, add in curves]
+        for j, (name, y, step) in enumerate(reversed(made)):
             look: dict = {"colour": COLOURS[(0, 4, 2)[j]], "dash": DASHES[(0, 0, 2)[j]], "width": (1.6, 1.1, 1.4)[j]}
-            figure.data.insert(0, curve(flown.t0, flown.dt, y, name=name, panel=i, legend=False, **look))
-        least(figure.layout, i, [y for _, y in drawn], half)
+            figure.data.insert(0, curve(flown.t0, step, y, name=name, panel=i, legend=False, **look))
+        least(figure.layout, i, [y for _, y, _ in made], half)
         _inline_legend(figure, i)
     return figure
 
@@ -102,7 +111,7 @@ def track(flown: LoggedFlight) -> Figure:
 
 def surfaces(flown: LoggedFlight) -> tuple[Figure, Figure]:
     """Return commands against measured and true surfaces: the elevator segments, and the others."""
-    command = flown.values("/law", "de_cmd")
+    command = drawn(flown, "/law", "de_cmd", DEG_PER_RAD)
     titles = [f"{words(seg)}, {tech}" for seg, tech in flown.scenario.elevator.technology.items()]
     figure = Figure(
         "elevators",
@@ -114,34 +123,26 @@ def surfaces(flown: LoggedFlight) -> tuple[Figure, Figure]:
     figure.layout["margin"] |= {"t": 50}
     figure.layout["legend"]["y"] = 1.05
     for i, (seg, short) in enumerate(flown.scenario.aircraft.short.items(), 1):
-        measured, true = flown.values(f"/sensors/{seg}", "surface"), flown.values("/truth/aircraft", f"de_{short}")
-        _surface(flown, figure, i, (("measured", measured), ("command", command), ("true", true)), i == 2)
+        measured, true = (drawn(flown, topic, field, DEG_PER_RAD) for topic, field in (
+            (f"/sensors/{seg}", "surface"), ("/truth/aircraft", f"de_{short}")))  # fmt: skip
+        _surface(flown, figure, i, (("measured", *measured), ("command", *command), ("true", *true)), i == 2)
     others = Figure("others", "Thin: command; blue: true surface.", 230)
     pairs = [(words(n), wiring.COMMAND_OF[n], wiring.SURFACE_OF[n]) for n in wiring.OTHERS]
     panels(flown, others, [p[0] for p in pairs], ["deg"] * 4, 4, legend=False)
     for i, (_, demanded, short) in enumerate(pairs, 1):
-        asked, true = flown.values("/law", demanded), flown.values("/truth/aircraft", short)
-        _surface(flown, others, i, (("command", asked), ("true", true)), False)
+        asked, true = (drawn(flown, topic, field, DEG_PER_RAD) for topic, field in (
+            ("/law", demanded), ("/truth/aircraft", short)))  # fmt: skip
+        _surface(flown, others, i, (("command", *asked), ("true", *true)), False)
     return figure, others
 
 
 def _surface(flown, figure, panel, curves, legend):
     look = {"measured": ("--orange", 0.9), "command": ("--muted", 0.9), "true": ("--blue", 1.8)}
-    for name, y in curves:
+    for name, y, step in curves:
         colour, width = look[name]
-        figure.data.append(
-            curve(
-                flown.t0,
-                flown.dt,
-                DEG_PER_RAD * y,
-                name=name,
-                colour=colour,
-                width=width,
-                panel=panel,
-                showlegend=legend,
-            )
-        )
-    least(figure.layout, panel, [DEG_PER_RAD * y for _, y in curves], 0.5)
+        shown: dict = {"colour": colour, "width": width, "panel": panel, "showlegend": legend}
+        figure.data.append(curve(flown.t0, step, y, name=name, **shown))
+    least(figure.layout, panel, [y for _, y, _ in curves], 0.5)
 
 
 def injected(flown: LoggedFlight) -> Figure | None:

@@ -6,7 +6,7 @@ from cosim.judge.alarms import faulty
 from cosim.judge.detection import name_at_end
 from cosim.judge.result import concerns
 from cosim.replay.recording import LoggedFlight, spans, words
-from cosim.report.figure import Figure, bands, base, points, style_axis
+from cosim.report.figure import POINTS, Figure, bands, base, points, style_axis
 from fdi.common.verdict import class_name
 
 
@@ -49,7 +49,7 @@ def _row(figure, flown, lane):
     """Draw one lane; return its alarms for the cursor's line."""
     step, out = flown.dt * lane.every, []
     on, verdict, culprit = (lane.fields[n] for n in ("alarm", "verdict", "culprit"))
-    for a, b in spans(lane.fields["valid"] > 0.5, flown.t0, step):
+    for a, b in _joined(spans(lane.fields["valid"] > 0.5, flown.t0, step), (flown.end - flown.t0) / POINTS):
         _bar(figure, lane.name, a, b, "--line", 1.5, f"{lane.name}: watching", lane.id)
     real, labels = _real(flown, lane, step), []
     found = spans(on > 0.5, flown.t0, step)
@@ -66,6 +66,17 @@ def _row(figure, flown, lane):
             _bar(figure, lane.name, a, b, "--page", 5, told, lane.id)
         labels.append((a, b, said))
     _labels(figure, flown, lane, labels)
+    return out
+
+
+def _joined(found, gap):
+    """Return [(from, to)] with those joined that are less than `gap` [s] apart: a drawing does not show it."""
+    out: list = []
+    for a, b in found:
+        if out and a - out[-1][1] < gap:
+            out[-1] = (out[-1][0], b)
+        else:
+            out.append((a, b))
     return out
 
 

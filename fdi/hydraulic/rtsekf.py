@@ -164,7 +164,7 @@ def params(
         "arm": arm,
         "load": float(load),
         "delay": float(round(delay_s / dt)),
-        "q": (1e-12, 2e-6, 2e-5),  # as `iotsekf`; nothing depends on them here
+        "q": (1e-12, 2e-6, 2e-5),  # as `iotsekf`; here only the deviations depend on them
         "r_rod": 1e-8 * (0.005 / dt),  # 0.1 mm per 5 ms, sensor set `transport`
         "P0": (1e-8, 1e-6, 1e-4),
         "t_invalid": 0.2,

@@ -49,6 +49,12 @@ def test_unknown_detectors_and_figures_are_told(found):
         found.figure("rok")
 
 
+def test_a_figure_without_a_curve_is_refused():
+    lone = many(3)
+    with pytest.raises(CosimError, match="too few flights"):
+        lone.figure("pod")
+
+
 def test_the_fit_returns_coefficients_and_covariance_that_give_its_own_bounds():
     rows = many().rows
     fit = pod.fit(rows["amplitude_mm"], rows["detected"])

@@ -14,7 +14,7 @@ from cosim.training.train_aircraft import arguments, fitted
 from fdi import registry
 from fdi.common.verdict import SENSOR
 from fdi.common.why import GUSTS
-from fdi.control_redundancy import control_redundancy, core
+from fdi.control_redundancy import control_redundancy, core, decide
 
 
 @pytest.mark.parametrize("sensor, error", [("n_x", lambda t: 0.03 + 0 * t), ("n_z", lambda t: 0.01 * t),
@@ -76,5 +76,5 @@ def test_what_gusts_from_the_side_make_of_a_roll_is_not_called_an_accelerometers
         core.accelerometers(x.view(np.recarray), u.view(np.recarray), p[0].view(np.recarray), 0.005)
     assert abs(x["bias"][1]) > 0.05
     x["avg"][2] = -1.5 * x["bias"][1]
-    assert control_redundancy._accelerometer(x, p[0], 0.5, 0.0) == 2.0
-    assert control_redundancy._accelerometer(x, p[0], 0.5, 1.0) == 0.0
+    assert decide._accelerometer(x, p[0], 0.5, 0.0) == 2.0
+    assert decide._accelerometer(x, p[0], 0.5, 1.0) == 0.0

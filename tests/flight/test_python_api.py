@@ -8,7 +8,7 @@ import sys
 import pytest
 
 import cosim
-from cosim.errors import ScenarioError
+from cosim.errors import CosimError, ScenarioError
 
 
 @pytest.fixture(scope="module")
@@ -114,3 +114,9 @@ def test_scenarios_print_what_they_fly():
     told = str(scenario)
     assert "ofc_liquid on elevator.left_inner from 12 s (amplitude_mm 8" in told and "left_inner hydraulic" in told
     assert len(told.splitlines()) < 8 and "<td>fault 0</td>" in scenario._repr_html_()
+
+
+def test_a_name_that_a_linear_model_has_not_is_told_with_those_it_has():
+    model = cosim.linearize("cruise")
+    with pytest.raises(CosimError, match=r"unknown input 'de'; allowed: .*de_li"):
+        model.block(["alpha", "q"], ["de"])

@@ -63,7 +63,6 @@ def test_a_flight_on_disk_is_the_same_flight(tmp_path, monkeypatch):
     whole = flown("0")
     monkeypatch.setattr(column_store, "MEMORY", 0)
     monkeypatch.setattr(recording, "SMALL", 0)
-    monkeypatch.setattr(recording, "RECENT", 100_000)
     parts = flown("1")
     assert whole[:3] == parts[:3]
     assert whole[4] == pytest.approx(parts[4], rel=0.01)

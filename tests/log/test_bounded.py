@@ -1,12 +1,16 @@
 """Memory and disk of a log are bounded: parts of a topic are read alone, what would not fit is refused before."""
 
 import shutil
+import tracemalloc
 
 import numpy as np
 import pytest
 
 import cosim
+from cosim.judge import column_store
 from cosim.log import LogError, LogWriter, Topic, fits, open_log
+from cosim.replay import recording
+from cosim.report import flight_report
 
 TICKS = 8000
 
@@ -48,3 +52,23 @@ def test_what_could_not_be_read_again_or_has_no_place_is_refused_before_take_off
     with pytest.raises(LogError, match="its disk has 0 MB left"):
         fits(tmp_path / "new" / "a.mcap", topics, 1_000_000, 0.005)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_page_holds_few_numbers_per_tick(tmp_path, monkeypatch):
+    """Of what a flight logs at a tick (some 500 numbers) its page holds a few columns at a time."""
+    monkeypatch.setattr(recording, "SMALL", 0)
+    monkeypatch.setattr(column_store, "MEMORY", 0)
+
+    def peak(seconds):
+        asked = [f"duration_s={seconds}", "detectors.enabled=['iotsekf', 'lpv_smo']", "elevator.feedback=measured"]
+        path = tmp_path / f"{seconds}.mcap"
+        cosim.simulate(cosim.load_scenario("liquid-ofc", asked), log=path, timed=False)
+        flight_report(path, tmp_path / "page.html")  # what is loaded once
+        tracemalloc.start()
+        try:
+            flight_report(path, tmp_path / "page.html")
+            return tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+
+    assert (peak(60) - peak(20)) / (40 * 200) < 160  # bytes per tick

@@ -16,6 +16,7 @@ from cosim.replay.recording import LoggedFlight, spans
 from cosim.report import flight_report, svg
 from cosim.report.figure import POINTS, Figure, base, curve, envelope, grid, peaks
 from cosim.report.flight_page import render
+from cosim.report.timeline import _joined
 from cosim.scenario import load_scenario
 
 OFC = ("duration_s=9", "faults.0.start_s=4", "faults.0.amplitude_mm=8")
@@ -248,6 +249,11 @@ def test_peaks_are_the_largest_of_each_interval():
 def test_spans_are_half_open_and_reach_the_end():
     assert spans([0, 1, 1, 0, 1], 10.0, 0.5) == [(10.5, 11.5), (12.0, 12.5)]
     assert spans([0, 0], 0.0, 1.0) == []
+
+
+def test_gaps_that_a_drawing_cannot_show_are_closed():
+    assert _joined([(0.0, 1.0), (1.1, 2.0), (2.5, 3.0), (3.01, 4.0)], 0.2) == [(0.0, 2.0), (2.5, 4.0)]
+    assert _joined([(0.0, 1.0), (1.2, 2.0)], 0.1) == [(0.0, 1.0), (1.2, 2.0)] and _joined([], 1.0) == []
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")

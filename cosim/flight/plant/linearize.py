@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.errors import CosimError, told_at_call
+from cosim.errors import CosimError, did_you_mean, told_at_call
 from cosim.files import replace
 from cosim.flight.plant.jsbsim_signals import Border
 from cosim.flight.plant.plant import Plant
@@ -47,6 +47,14 @@ STEPS = {
 }
 INPUT_STEP = 2e-3
 LONGITUDINAL, LATERAL = ("tas", "alpha", "q", "theta"), ("beta", "p", "r", "phi")
+
+
+def _places(kind, there, names):
+    """Return the positions of `names` among the states, inputs or outputs that are `there`."""
+    for name in names:
+        if name not in there:
+            raise CosimError(f"unknown {kind} {name!r}", allowed=", ".join(there), remedy=did_you_mean(name, there))
+    return [list(there).index(name) for name in names]
 
 
 @dataclass(frozen=True)
@@ -98,10 +106,10 @@ class LinearModel:
     def block(
         self, states: Any, inputs: Any = None, outputs: Any = None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return (A, B, C, D) of the named states, inputs and outputs."""
-        i = [list(self.states).index(s) for s in states]
-        j = [list(self.inputs).index(s) for s in (self.inputs if inputs is None else inputs)]
-        k = [list(self.outputs).index(s) for s in (self.outputs if outputs is None else outputs)]
+        """Return (A, B, C, D) of the named states, inputs and outputs. Raises CosimError for a name it has not."""
+        i = _places("state", self.states, states)
+        j = _places("input", self.inputs, self.inputs if inputs is None else inputs)
+        k = _places("output", self.outputs, self.outputs if outputs is None else outputs)
         return self.A[np.ix_(i, i)], self.B[np.ix_(i, j)], self.C[np.ix_(k, i)], self.D[np.ix_(k, j)]
 
     def to_scipy(self, states: Any = None, inputs: Any = None, outputs: Any = None) -> Any:

@@ -1,6 +1,7 @@
 """[Alwi14] sections 3 to 5: the affine model's fit to this aircraft, and the certificate of the stored design."""
 
 import json
+import math
 from typing import Any
 
 import numpy as np
@@ -50,7 +51,7 @@ def nearest() -> float:
 def modulated() -> tuple[float, str]:
     """Return what (17) asks at least, the size of figure 2's faults (E f_e, f_n_z, f_alpha) at a vertex, over K."""
     elevator, *sensors = SENSIBLE
-    size = max(float(np.hypot(b51 * elevator, np.hypot(*sensors))) for b51 in fit()["b51_vertices"])
+    size = max(math.hypot(b51 * elevator, *sensors) for b51 in fit()["b51_vertices"])
     K = float(lpv_smo.params(model=lpv_smo_design.load()[0], made=lpv_smo_design.load()[1])["K"][0])
     return size / K, f"K {K:g}"
 

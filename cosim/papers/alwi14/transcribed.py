@@ -56,7 +56,7 @@ def _signals() -> dict[str, np.ndarray]:
     wave = lambda f, p=0.0: np.sin(2.0 * np.pi * f * t + p)  # noqa: E731
     return {
         "h": 6000.0 + 3.0 * wave(0.7), "theta": 0.06 + 0.03 * wave(0.9), "V": 180.0 + 2.0 * wave(0.5, 1.0),
-        "q": 0.04 * wave(1.2), "n_z": 1.0 + 0.2 * wave(1.1), "alpha": 0.07 + 0.02 * wave(0.8, 2.0),
+        "q": 0.04 * wave(1.2), "n_z": 1.0 + 0.6 * wave(1.1, 2.0), "alpha": 0.07 + 0.02 * wave(0.8, 2.0),
         "de_lo": -0.02 + 0.03 * wave(1.5), "de_li": -0.01 + 0.02 * wave(1.6), "de_ri": -0.03 + 0.01 * wave(1.7),
         "de_ro": -0.02 + 0.02 * wave(1.8), "stab": -0.03 + 0.002 * wave(0.6), "mass": 300e3 + 4e3 * wave(1.0),
         "cg": 0.31 + 0.01 * wave(0.8), "cas": 125.0 + 3.0 * wave(0.9), "mach": 0.53 + 0.02 * wave(0.7, 0.5),

@@ -112,7 +112,7 @@ def _random(rng: Any) -> Any:
     for name, (mean, size) in spread.items():
         u[name] = mean + size * rng.uniform(-1.0, 1.0)
     for e in range(4):
-        u[f"n1_{e + 1}"] = rng.uniform(50.0, 95.0)
+        u[f"n1_{e + 1}"] = rng.uniform(20.0, 110.0)  # beyond idle and full speed too, as noise takes it there
     return u
 
 
