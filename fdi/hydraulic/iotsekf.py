@@ -298,7 +298,7 @@ def decide(x, u, p, dt):
     renewed = bank.push(x, p, x.f_hat, x.drive)
     x.load_d += dt * p.lag_omega * (p.lag_omega * (x.x_hat[2] - x.load_lag) - 2.0 * p.lag_zeta * x.load_d)
     x.load_lag += dt * x.load_d
-    fresh = windows.push(x, p, x.f_hat, x.drive, x.load_lag, x.load_d)
+    fresh = windows.push(x, p, x.f_hat, x.drive, x.load_lag)
     other = x.jam > 0.5 or (x.swings < 1.5 and (x.run > 0.5 or x.r_run >= 1.0))
     hypotheses.search(x, p, renewed, fresh, disturbed, not disturbed and x.declared < 0.5, other, dt)
     a = 1.0 - math.exp(-dt / p.run_tau)
@@ -339,7 +339,8 @@ def decide(x, u, p, dt):
     x.jam_timer, x.jam = confirm(x.jam_timer, x.jam, jammed, dt, p.jam_confirm, p.t_release)
     if renewed > 0.5:
         one = x.run > 0.5 and x.swings < 1.5 and x.proof < 0.5 * obeys.SURE and not (lost and still)
-        x.opens = 1.0 if one and opened.opened_since(x, p, dt) else 0.0
+        shown = one and (x.likely == by_evidence.OPENED or opened.opened_since(x, p, dt))
+        x.opens = 1.0 if shown else 0.0
     before, named = x.declared, x.named
     if x.swings > 1.5 and x.named == RUNAWAY and not obeys.refuses(x):
         x.named = NONE

@@ -1,6 +1,6 @@
-"""What a loss explains: f = t d of valve or supply, t z of a leakage, t z' of soft oil, w = t z of one let go.
+"""What a loss explains: f = t d of valve or supply, t z of a leakage, w = t z of one let go; soft oil by its flow.
 
-f is the input fault, d the command behind the same lag, w = f + d, z the pressure and z' its derivative.
+f is the input fault, d the command behind the same lag, w = f + d, z the pressure.
 """
 
 from actuators.block import kernel
@@ -31,26 +31,24 @@ def loss(x, p, n):
 
 @kernel
 def losses(x, n):
-    """Fit each loss alone to the newest `n` even samples: f = t d, t z or t z', and w = t z of one let go.
+    """Fit each loss alone to the newest `n` even samples: f = t d or t z, and w = t z of one let go.
 
-    Return (H, least energy of the first three, energy of the last, sum of d d).
+    Return (H, least energy of the first two, energy of the last, sum of d d).
 
-    A valve that passes less, or a lower supply: t d; leakage: t z; soft oil: t z'. All take away: t is negative.
+    A valve that passes less, or a lower supply: t d; leakage: t z. Both take away: t is negative.
     """
     i = int(x.even_head) - n
     if i < 0:
         i += N
-    ff, fd, dd, fz, zz, fr, rr, dz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    ff, fd, dd, fz, zz, dz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for _ in range(n):
-        f, d, z, r = x.even_ring[0, i], x.even_ring[1, i], x.even_ring[2, i], x.even_ring[3, i]
+        f, d, z = x.even_ring[0, i], x.even_ring[1, i], x.even_ring[2, i]
         ff += f * f
         fd += f * d
         dd += d * d
         fz += f * z
         zz += z * z
         dz += d * z
-        fr += f * r
-        rr += r * r
         i = 0 if i == N - 1 else i + 1
     H = least(ff, fd, dd, x.gain)
     E = H
@@ -58,8 +56,6 @@ def losses(x, n):
         E = min(E, ff - fd * fd / dd)
     if zz > 0.0 and -LEAK_MOST < fz / zz < -LEAK_LEAST:
         E = min(E, ff - fz * fz / zz)
-    if rr > 0.0 and -AIR_MOST < fr / rr < -AIR_LEAST:
-        E = min(E, ff - fr * fr / rr)
     W = ff + 2.0 * fd + dd
     if zz > 0.0 and fz + dz < 0.0:
         W -= (fz + dz) * (fz + dz) / zz

@@ -1,6 +1,6 @@
 """The last seconds of a hydraulic actuator: averaged samples of input fault, command and pressure; sines in them.
 
-To the rings of `fdi.common.bank` come a slow one, for oscillations below 0.5 Hz, and an even one of all four signals.
+To the rings of `fdi.common.bank` come a slow one, for oscillations below 0.5 Hz, and an even one of all three signals.
 """
 
 import math
@@ -32,8 +32,8 @@ STATE = [
     ("slow_count", "f8"),
     ("slow_head", "f8"),
     ("slow_seen", "f8"),
-    ("even_ring", "f8", (4, N)),  # f, d, z, z', averages of EVEN_S
-    ("even_sum", "f8", (4,)),
+    ("even_ring", "f8", (3, N)),  # f, d, z, averages of EVEN_S
+    ("even_sum", "f8", (3,)),
     ("even_count", "f8"),
     ("even_head", "f8"),
     ("even_seen", "f8"),
@@ -49,7 +49,7 @@ def design(dt: float, load: Any) -> dict[str, Any]:
 
 
 @kernel
-def push(x, p, f, d, z, r):
+def push(x, p, f, d, z):
     """Take one tick into the even ring, and a sample of the bank's slowest ring into the slow one where it is new.
 
     Return 1.0 where the even ring has a new sample, 2.0 added where the slow one has.
@@ -58,11 +58,10 @@ def push(x, p, f, d, z, r):
     x.even_sum[0] += f
     x.even_sum[1] += d
     x.even_sum[2] += z
-    x.even_sum[3] += r
     x.even_count += 1.0
     if x.even_count >= p.even_block:
         head = int(x.even_head)
-        for s in range(4):
+        for s in range(3):
             x.even_ring[s, head] = x.even_sum[s] / x.even_count
             x.even_sum[s] = 0.0
         x.even_head = 0.0 if head == N - 1 else head + 1.0

@@ -80,7 +80,7 @@ def class_of(x, h):
         return OF_ROD
     if h == ev.SWING_SURFACE or h == ev.NOISE_SURFACE:
         return OF_SURFACE
-    if h == ev.SWING_PRESSURE or h == ev.NOISE_PRESSURE or h == ev.OFF_PRESSURE or h == ev.SCALED:
+    if h == ev.SWING_PRESSURE or h == ev.NOISE_PRESSURE or h == ev.OFF_PRESSURE:
         return OF_PRESSURE
     if h == ev.SWING_LOAD or h == ev.RUBS:
         return OF_LOAD

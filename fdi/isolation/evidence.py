@@ -10,13 +10,13 @@ the filter (`response`). They meet the gain's column only, the last one, so that
 import math
 
 from actuators.block import kernel
-from fdi.isolation.filter import FAST, FLOW, FRICTION, GAIN, LEAK, OFFSET, SCALE, SENSORS, SOFT, SUPPLY, N
+from fdi.isolation.filter import FAST, FLOW, FRICTION, GAIN, LEAK, OFFSET, SENSORS, SOFT, SUPPLY, N
 from fdi.isolation.sums import ENERGY, LINES, MEAN, NEXT, NUMBER, PAIRS, WAVES, gather
 
 ADDED, IN_PLACE, SWING_ROD, SWING_SURFACE, SWING_PRESSURE, SWING_LOAD = range(6)  # oscillations
-LOSS, LEAKAGE, LOW_SUPPLY, SOFT_OIL, RUBS, OPEN, SCALED, FREE = range(6, 14)
-NOISE_ROD, NOISE_SURFACE, NOISE_PRESSURE, PAIR, OFF_PRESSURE = range(14, 19)
-HYPOTHESES = 19
+LOSS, LEAKAGE, LOW_SUPPLY, SOFT_OIL, RUBS, OPEN, FREE = range(6, 13)
+NOISE_ROD, NOISE_SURFACE, NOISE_PRESSURE, PAIR, OFF_PRESSURE = range(13, 18)
+HYPOTHESES = 18
 NU = 50.0
 NOISE_LEAST = 0.05  # of the sensors' variance: one that reports no noise at all is not that good
 SETTLES_S = 1.0  # the filter settles; what is learned then starts the windows [s]
@@ -33,7 +33,6 @@ PARAMS = [
     ("worse_mean", "f8", (N,)),  # of the columns where they are a fault
     ("worse_sd", "f8", (N,)),
     ("offset_sd", "f8", "-"),  # of a pressure sensor that is wrong
-    ("scale_sd", "f8", "-"),  # of a pressure sensor whose scale is wrong
     ("open_sd", "f8", "m/s"),  # flow of a valve that stands open
     ("bypass", "f8", "m/s"),  # leakage of an actuator that lets go
     ("occam", "f8", "-"),  # what a hypothesis of noise costs
@@ -43,7 +42,7 @@ PARAMS = [
 PRIORS = {
     "sine_sd": (4e-4, 1e-3, 1e-3, 0.08, 0.05),
     "loss_mean": -0.45, "loss_sd": 0.18,  # 10 to 80 % within two sigma: beyond, it is as good as gone
-    "gone_sd": 0.03, "slow_sd": 0.7, "offset_sd": 0.15, "scale_sd": 0.35,
+    "gone_sd": 0.03, "slow_sd": 0.7, "offset_sd": 0.15,
     "worse_mean": (0.0, 0.0, 0.0, -0.7, 0.5, 0.15, 0.3, 0.0, 0.0, 0.0),
     "worse_sd": (1.0, 1.0, 1.0, 0.25, 0.25, 0.1, 0.3, 1.0, 1.0, 1.0),
     "open_sd": 0.2, "bypass": 1.0,  # 9 deg/s to 45 deg/s within its sigma; that of actuators/hydraulic/actuator.py
@@ -334,8 +333,6 @@ def evaluate(x, p, o):
         give(x, h, Q, logdet, n, base)
     Q, logdet = other(x, Q0, logdet0, OFFSET, 0.0, p.offset_sd)
     give(x, OFF_PRESSURE, Q, logdet, n, base)
-    Q, logdet = other(x, Q0, logdet0, SCALE, 0.0, p.scale_sd)
-    give(x, SCALED, Q, logdet, n, base)
     # a valve that stands open
     gone = -1.0 - x.mu[GAIN]
     health(x)

@@ -25,7 +25,7 @@ import math
 
 from actuators.block import kernel
 from actuators.hydraulic import lu17
-from actuators.hydraulic.lu17 import opening, rk4
+from actuators.hydraulic.lu17 import opening
 from fdi.common.linalg import congruence
 
 ROD, SURFACE, PRESSURE = range(3)
@@ -135,9 +135,10 @@ def measure(x, j, y, mu, p):
         S[c] = V[row, c]
     if j == PRESSURE:
         S[SCALE] += z
-    clean = e
-    for c in range(N):
-        clean -= mu[c] * S[c]
+    even, odd = 0.0, 0.0  # two sums side by side: each waits for its own last term only
+    for c in range(0, N, 2):
+        even += mu[c] * S[c]
+        odd += mu[c + 1] * S[c + 1]
     for c in range(N):
         V[0, c] -= k0 * S[c]
     for c in range(N):
@@ -152,7 +153,7 @@ def measure(x, j, y, mu, p):
             P[a, b] -= K[a] * K[b] * s
             P[b, a] = P[a, b]
     # where the command drives the innovations most the model's own error does, too
-    x.h_e[j], x.h_s[j] = clean, s + p.share * p.share * x.h_S[j, GAIN] * x.h_S[j, GAIN]
+    x.h_e[j], x.h_s[j] = e - even - odd, s + p.share * p.share * x.h_S[j, GAIN] * x.h_S[j, GAIN]
 
 
 @kernel
@@ -199,7 +200,7 @@ def predict(x, u, v, p, dt):
     x.u_fast = fast
     model = load_model(x, u, p)
     rate = (model - x.load_last) / dt
-    a = 1.0 - math.exp(-dt / RATE_TAU)
+    a = min(dt / RATE_TAU, 1.0)
     x.load_rate2 += a * (rate * rate - x.load_rate2)
     q, w, z = x.h_hat[0], x.h_hat[1], x.h_hat[2]
     root = opening(v, z)
@@ -209,7 +210,6 @@ def predict(x, u, v, p, dt):
     x.flow2 += a * (flow * flow - x.flow2)
     Phi, G, V = x.Phi, x.G, x.h_V  # of the two-stage filter, at its own estimate
     unit = 1.0 / max(x.flow_gain, gain * lu17.ROOT_FLOOR)  # of G: a flow of 1 m/s for a tick
-    F = p.A_p * p.P_s * x.h_hat[3]
     fast_flow, most = gain * root * fast, max(root, 0.3)
     f00, f01, f02, f03, g0 = Phi[0, 0], Phi[0, 1], Phi[0, 2], Phi[0, 3], unit * G[0]
     f10, f11, f12, f13, g1 = Phi[1, 0], Phi[1, 1], Phi[1, 2], Phi[1, 3], unit * G[1]
@@ -219,8 +219,9 @@ def predict(x, u, v, p, dt):
         V[0, c] = f00 * a0 + f01 * a1 + f02 * a2 + f03 * a3
         V[1, c] = f10 * a0 + f11 * a1 + f12 * a2 + f13 * a3
         V[2, c] = f20 * a0 + f21 * a1 + f22 * a2 + f23 * a3
+    net = flow - p.L * z - w
     enters(V, LEAK, -z, g0, g1, g2)
-    enters(V, SOFT, flow - p.L * z - w, g0, g1, g2)
+    enters(V, SOFT, net, g0, g1, g2)
     enters(V, SUPPLY, -0.5 * gain * v / most, g0, g1, g2)
     enters(V, OFFSET, p.L + 0.5 * gain * math.fabs(v) / most, g0, g1, g2)
     enters(V, FLOW, 1.0, g0, g1, g2)
@@ -228,7 +229,11 @@ def predict(x, u, v, p, dt):
     enters(V, GAIN, flow - fast_flow, g0, g1, g2)
     enters(V, FRICTION, -w / (CREEP + math.fabs(w)), f03, f13, f23)
     enters(V, MASS, -(z + x.h_hat[3]), f03, f13, f23)
-    x.h_hat[0], x.h_hat[1], x.h_hat[2] = rk4(q, w, z, v, v, 0.0, F, p, dt)
+    # x + Psi x' with Psi of the two-stage filter's exponential: as exact as Phi, at a quarter of Runge-Kutta's cost
+    pushed = z + x.h_hat[3] - p.B * w / (p.A_p * p.P_s)
+    x.h_hat[0] += dt * w + f03 * pushed + g0 * net
+    x.h_hat[1] += f13 * pushed + g1 * net
+    x.h_hat[2] += f23 * pushed + g2 * net
     congruence(x.h_P, Phi, x.W)
     x.h_P[0, 0] += p.h_q[0] * dt
     x.h_P[1, 1] += p.h_q[1] * dt

@@ -246,12 +246,12 @@ def test_a_slow_oscillation_in_place_of_the_drive_shows_in_still_air(hz, u):
     assert (np.abs(end["ofc_hz"] / hz - 1) <= 0.25)[named].all()
 
 
-def test_a_slow_oscillation_is_named_although_its_alarm_falls_after_a_half_period():
+def test_a_slow_oscillation_is_named_and_its_alarm_stands_through_its_half_periods():
     hz = 0.13
     flights = [fly(np.zeros(round((12 + 3.2 / hz) / DT)), seed=s, faults=oscillate(hz, 0.012, 0.0)) for s in range(3)]
     log = run(iotsekf, flights)
     after(log)
-    assert ((np.diff(log["alarm"]) < 0).sum(axis=1) >= 1).all()
+    assert not (np.diff(log["alarm"]) < 0).any()
     assert (log[:, round((T_FAULT + 3.0 / hz) / DT)]["verdict"] == verdict.OFC_LIQUID).all()
 
 
