@@ -300,7 +300,7 @@ def decide(x, u, p, dt):
     x.load_lag += dt * x.load_d
     fresh = windows.push(x, p, x.f_hat, x.drive, x.load_lag)
     other = x.jam > 0.5 or (x.swings < 1.5 and (x.run > 0.5 or x.r_run >= 1.0))
-    hypotheses.search(x, p, renewed, fresh, disturbed, not disturbed and x.declared < 0.5, other, dt)
+    hypotheses.search(x, p, renewed, fresh, disturbed, not disturbed and x.alarm < 0.5, other, dt)
     a = 1.0 - math.exp(-dt / p.run_tau)
     x.f_slow += a * (x.f_hat - x.gain * x.drive - x.f_slow)
     x.u_slow += a * (x.drive - x.u_slow)
@@ -370,6 +370,8 @@ def step(x, u, p, dt):
     x.valid = 1.0 if x.age <= p.t_invalid and x.rod_wild < noise.WILD * p.r_rod else 0.0
     decide(x, u, p, dt)
     likelihood.listen(x, u, p, x.r > SUSPICIOUS, dt)
+    if x.ended > 0.5:  # what the rings hold is of the fault that has healed
+        hypotheses.forget(x, True)
     by_evidence.follow(x, u, x.declared > 0.5, dt)
     x.alarm = x.declared
     by_evidence.merge(x, by_evidence.frozen(x, u, dt))

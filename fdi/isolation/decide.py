@@ -45,6 +45,7 @@ STATE = [
     ("speaks_timer", "f8", "s"),
     ("speaks", "f8", "-"),  # 1 while evidence stands for a fault
     ("speaking_s", "f8", "s"),  # time for which an alarm has stood
+    ("ended", "f8"),  # 1 in the tick in which the evidence says that a fault of the actuator has healed
     ("emptied", "f8"),  # 1 once the windows were emptied at this alarm's onset
     ("candidate", "f8"),
     ("candidate_hz", "f8", "Hz"),  # of an oscillation, else 0
@@ -277,4 +278,8 @@ def judge(x, p, o, dt):
     if x.own[o] > CLEAR and x.own_ratio[o] >= 1.0 and x.emptied < 0.5:
         x.emptied = 1.0
         return True
-    return x.speaks > 0.5 and healed(x, p, o, dt)
+    if x.speaks < 0.5 or not healed(x, p, o, dt):
+        return False
+    h = x.likely_fault  # a small oscillation added to a quiet command may be silent and come again
+    x.ended = 1.0 if h == ev.IN_PLACE or h > ev.SWING_LOAD else 0.0
+    return True

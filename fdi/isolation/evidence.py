@@ -46,7 +46,7 @@ PRIORS = {
     "worse_mean": (0.0, 0.0, 0.0, -0.7, 0.5, 0.15, 0.3, 0.0, 0.0, 0.0),
     "worse_sd": (1.0, 1.0, 1.0, 0.25, 0.25, 0.1, 0.3, 1.0, 1.0, 1.0),
     "open_sd": 0.2, "bypass": 1.0,  # 9 deg/s to 45 deg/s within its sigma; that of actuators/hydraulic/actuator.py
-    "occam": 6.0, "memory": 30.0, "floor": 0.1,
+    "occam": 6.0, "memory": 30.0, "floor": 0.3,
 }  # fmt: skip
 STATE = [
     ("LL", "f8", (PAIRS,)),  # Cholesky factor at hand, packed by rows

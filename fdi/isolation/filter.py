@@ -26,7 +26,7 @@ import math
 from actuators.block import kernel
 from actuators.hydraulic import lu17
 from actuators.hydraulic.lu17 import opening
-from fdi.common.linalg import congruence
+from fdi.common.linalg import congruence_walk
 
 ROD, SURFACE, PRESSURE = range(3)
 SENSORS = 3
@@ -234,7 +234,7 @@ def predict(x, u, v, p, dt):
     x.h_hat[0] += dt * w + f03 * pushed + g0 * net
     x.h_hat[1] += f13 * pushed + g1 * net
     x.h_hat[2] += f23 * pushed + g2 * net
-    congruence(x.h_P, Phi, x.W)
+    congruence_walk(x.h_P, Phi, x.W)
     x.h_P[0, 0] += p.h_q[0] * dt
     x.h_P[1, 1] += p.h_q[1] * dt
     x.h_P[2, 2] += (p.h_q[2] + k * k * p.flow_share * p.flow_share * x.flow2 * RATE_TAU) * dt

@@ -122,7 +122,7 @@ def close(x, p, suspicious, dt):
 @kernel
 def listen(x, u, p, suspicious, dt):
     """Run the filter, add up, ask; everything while `suspicious`."""
-    x.ev_octave = -1.0
+    x.ev_octave, x.ended = -1.0, 0.0
     if p.asks < 0.5 or not filter.advance(x, u, x.mu, x.since > QUIET_S and x.alarm < 0.5, p, dt):
         return
     if x.h_clock < evidence.SETTLES_S:
