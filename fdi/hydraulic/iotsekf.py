@@ -339,8 +339,7 @@ def decide(x, u, p, dt):
     x.jam_timer, x.jam = confirm(x.jam_timer, x.jam, jammed, dt, p.jam_confirm, p.t_release)
     if renewed > 0.5:
         one = x.run > 0.5 and x.swings < 1.5 and x.proof < 0.5 * obeys.SURE and not (lost and still)
-        shown = one and (x.likely == by_evidence.OPENED or opened.opened_since(x, p, dt))
-        x.opens = 1.0 if shown else 0.0
+        x.opens = 1.0 if one and opened.opened_since(x, p, dt) else 0.0
     before, named = x.declared, x.named
     if x.swings > 1.5 and x.named == RUNAWAY and not obeys.refuses(x):
         x.named = NONE
