@@ -43,7 +43,7 @@ FIRST_SEED, EVALUATION = 21_000, 12_000  # of the two sets
 # alone makes 2.4e-6 are larger; at 1 Hz a flight has 240 fits apart, and two in a row must agree and look like a sine
 NOISE_SIGMA, FLOOR_SIGMA = 3.6, 1.8
 PEAK = 2.0  # times what lasts: the largest single tick of a lagged input fault; from it on more is looked for
-MARGIN = 1.5  # of evidence: flights at points and in manoeuvres drawn otherwise have shown 1.6 times the largest of these
+MARGIN = 1.5  # of evidence: flights at points and in manoeuvres drawn otherwise have 1.6 times the largest of these
 NEVER = 1e9  # fits in a row that no flight has: what is found is no alarm, behind which the filter would look otherwise
 EVIDENCE = "iotsekf flight_load2"  # the set whose likelihood ratios are asked for
 TESTS = {"iotsekf": ("bank_threshold", "slow_threshold", "run_threshold"), "rtsekf": ("threshold", "step"),

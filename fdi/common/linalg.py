@@ -26,7 +26,7 @@ def congruence(P, Phi, W):
 
 @kernel
 def congruence_walk(P, Phi, W):
-    """Replace P by Phi P Phi^T, as `congruence` does, where the last row of Phi is that of a random walk, (0, 0, 0, 1)."""
+    """Replace P by Phi P Phi^T, like `congruence`, where the last row of Phi is that of a random walk, (0, 0, 0, 1)."""
     for i in range(N - 1):
         for j in range(N):
             s = 0.0

@@ -61,7 +61,8 @@ def test_stored_thresholds_are_beyond_what_training_saw_and_say_at_what_probabil
     assert how["flights"] == train_hydraulic.FLIGHTS
     for name, largest in how["largest"].items():
         stored = data[name]
-        assert set(largest) == set(train_hydraulic.TESTS[detector])
+        evidence = {"limit"} if f"{detector} {name}" == train_hydraulic.EVIDENCE else set()
+        assert set(largest) == evidence | set(train_hydraulic.TESTS[detector])
         for key, value in largest.items():
             assert np.all(np.array(stored[key]) >= 0.999 * np.array(value)), (name, key)
 
@@ -72,8 +73,10 @@ def test_every_frequency_has_its_share_of_the_probability_and_one_that_no_flight
     limit = train_hydraulic.each(tall, 3e-3)
     assert limit[:2] == pytest.approx([np.log(1e3), 2.0 * np.log(1e3)], rel=0.25)
     assert limit[2] == 0.0
-    found = {"bank_threshold": np.zeros(14), "slow_threshold": np.zeros(7), "run_threshold": 1.0}
+    found = {"bank_threshold": np.zeros(14), "slow_threshold": np.zeros(7), "run_threshold": 1.0,
+             "limit": np.array([0.0, 20.0])}  # fmt: skip
     out = train_hydraulic.limits([{"iotsekf flight_load2": found}] * 20)[0].fields
+    assert out["limit"] == pytest.approx([0.0, train_hydraulic.MARGIN * 20.0])
     assert out["bank_threshold"] == pytest.approx(train_hydraulic.quiet_floor(2)["bank_threshold"])
     assert out["run_threshold"] == train_hydraulic.PEAK
 

@@ -72,7 +72,11 @@ def test_an_alarm_of_a_lane_that_is_not_valid_is_not_heard_but_one_that_made_it_
 
 def test_leakage_is_a_hypothesis_of_its_own_that_only_the_actuators_detectors_see():
     wide = heard(("iotsekf", "left_inner", "effectiveness", "", 1.0))
-    assert name(wide)[:2] == ("effectiveness", "elevator_left_inner_valve")
+    assert name(wide)[:2] == ("effectiveness", "elevator_left_inner")  # friction of the surface is called so, too
+    kinds = [(h.place, h.kind) for h in places.hypotheses(MIXED)]
+    leak, rubs = (wide["w"][-1, kinds.index((f"elevator_left_inner_{part}", f"hydraulic.{kind}"))]
+                  for part, kind in (("valve", "drive.internal_leakage"), ("surface", "surface.friction")))  # fmt: skip
+    assert leak > 5.0 * rubs
     open_ = heard(*((d, "left_inner", "ambiguous", "", 1.0) for d in ("iotsekf", "rtsekf_flight")))
     assert name(open_)[1].startswith("elevator_left_inner") and "sensor" not in name(open_)[1]  # a loose surface
     kinds = {h.kind: h for h in places.hypotheses(MIXED) if h.place == "elevator_left_inner_valve"}
