@@ -17,7 +17,8 @@ import numpy as np
 from actuators.block import kernel
 from actuators.disk_cache import kept
 from actuators.hydraulic import lu17
-from fdi.isolation import decide, evidence, filter, sums
+from fdi.isolation import decide as by_evidence
+from fdi.isolation import evidence, filter, sums
 from fdi.isolation.filter import SENSORS
 from fdi.isolation.response import PLACES, responses
 
@@ -50,7 +51,7 @@ STATE = [
     *filter.STATE,
     *sums.STATE,
     *evidence.STATE,
-    *decide.STATE,
+    *by_evidence.STATE,
     ("since", "f8", "s"),  # something last spoke for a fault
     ("evidence", "f8", "-"),  # largest evidence over its threshold
 ]
@@ -93,7 +94,7 @@ def begin(x: np.ndarray, p: np.ndarray) -> None:
 def restart(x):
     """Let every window begin anew."""
     sums.begin_all(x)
-    decide.forget(x)
+    by_evidence.forget(x)
 
 
 @kernel
@@ -108,7 +109,7 @@ def close(x, p, suspicious, dt):
         o = sums.octave(blocks // SPARSE) if blocks % SPARSE == 0 else -1
     if o >= 0 and x.window_age[o] >= YOUNG * p.length[o] and x.h_clock >= LEARN_S:
         evidence.evaluate(x, p, o)
-        anew = decide.judge(x, p, o, dt)
+        anew = by_evidence.judge(x, p, o, dt)
     if x.window_age[0] >= p.length[0] and (quiet or x.h_clock < LEARN_S):
         evidence.teach(x, p, dt)
     sums.fold(x, p)
