@@ -99,7 +99,7 @@ def _lanes(done, dt, t_0):
         if valid.any():
             waited = int(np.argmax(valid))
             if "why" in names:
-                waited = np.count_nonzero(again[:waited, names.index("why")] == reason.NOT_READY)
+                waited = int(np.count_nonzero(again[:waited, names.index("why")] == reason.NOT_READY))
             out += _standing(said, valid, again[:, names.index("alarm")] > 0.5, waited, step, t_0)
     return out
 
