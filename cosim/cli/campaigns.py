@@ -199,7 +199,7 @@ def compare(
             show_default=False,
         ),
     ] = None,
-    output: Annotated[Path | None, output_option("DIR", "Write report and tables to this folder.")] = None,
+    output: Annotated[Path | None, output_option("DIR", "Folder for report and tables. Default: write none.")] = None,
     overwrite: OverwriteOption = False,
     workers: WorkersOption = None,
     readme: ReadmeOption = None,
