@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import shutil
 import tomllib
 
@@ -18,6 +19,7 @@ from cosim.compare import rows as compare_rows
 from cosim.compare.matrix import POINT, matrix
 from cosim.flight.simulate import simulate
 from cosim.report.compare_page import render, write_comparison
+from cosim.report.compare_words import summary
 from cosim.scenario import load_scenario, parse
 from cosim.scenario.override import apply
 
@@ -87,6 +89,21 @@ def test_compare_of_a_folder_of_logs_writes_table_and_report(logs, tmp_path):
     assert len(rows) == len(pd.read_csv(tmp_path / "out" / "compare.csv")) == 9
     assert not any(d["beyond_physics"] for d in told["detectors"])
     assert found.report.read_text("utf-8").startswith("<!doctype html>")
+
+
+def test_the_headline_counts_names_as_the_table_of_detectors_does(flights):
+    """A detector that sees what it was not designed for has a column of its own, and no place in the sentence."""
+    result = run_many(flights, workers=0)
+    frame, _, tomls = compare_rows.of_result(result, flights)
+    rows = compare_rows.tidy(frame, tomls)
+    beside = rows["detected"] & (rows["id"] == "iotsekf")
+    assert beside.any()
+    beyond = rows[beside].assign(id="beyond", word="may", outcome="ambiguous")
+    rows = pd.concat([rows, beyond], ignore_index=True)
+    each = stats.detectors(rows)
+    (said,) = dict(summary(rows, each, stats.by_group(rows, each), []))["Names"]
+    columns = [sum(d[key] for d in each) for key in ("detected", "named", "ambiguous", "misnamed")]
+    assert [int(n) for n in re.findall(r"\d+", said)] == columns and sum(d["alarmed_on"] for d in each) > columns[0]
 
 
 def test_compare_of_a_campaign_folder_is_that_of_its_rows(flights, tmp_path):
