@@ -182,6 +182,8 @@ def scored_sizes(each: Sequence[dict]) -> Table:
     cells = {(d["id"], f["family"]): f for d in each for f in d["families"]}
     for name in dict.fromkeys(f["family"] for d in each for f in d["families"]):
         own = [cells.get((d["id"], name), {"designed": 0}) for d in each]
+        if not any(f["designed"] for f in own):  # none of these flights, or nobody sees them
+            continue
         unit, bound = (next((f[k] for f in own if f["designed"] and f[k]), None) for k in ("unit", "bound_mm"))
         best = min((f["a90_95"] for f in own if f["designed"] and f["a90_95"]), default=None)
         told = "" if bound is None else f", bound {number(bound, 2)}"

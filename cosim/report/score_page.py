@@ -29,10 +29,11 @@ def render(found: dict, beside: Sequence[dict] = ()) -> str:
     each = [*found["detectors"], *beside]
     figure = front(each)
     lost = f"; {found['infeasible']} points do not trim" if found["infeasible"] else ""
+    fitted = any(f.get("a90") is not None for d in each for f in d["families"])
     return page(
         "score.html",
         title=f"Score of {_some(found)} on {found['benchmark']}",
-        subtitle=f"{found['flights']} recorded flights, the same for all{lost}",
+        subtitle=f"{flights(found)} recorded, the same for all{lost}",
         figures=[figure],
         chips=[(d["id"], d["level"], d["detected"] > 0) for d in each],
         found=found,
@@ -40,7 +41,7 @@ def render(found: dict, beside: Sequence[dict] = ()) -> str:
         seeds=", ".join(f"{k.replace('_', ' ')} {v}" for k, v in found["seeds"].items()),
         front=figure,
         detectors=tables.detectors(each, scored=True),
-        sizes=tables.scored_sizes(each),
+        sizes=tables.scored_sizes(each) if fitted else None,
         quiet=tables.quiet(each),
         families=tables.scored_families(each),
         honest=tables.probabilities(each),
@@ -49,6 +50,12 @@ def render(found: dict, beside: Sequence[dict] = ()) -> str:
             (d["id"], f"not valid in {d['not_valid']}: {d['why_not_valid']}") for d in each if d["why_not_valid"]
         ],
     )
+
+
+def flights(found: dict) -> str:
+    """Return how many flights a score has run on, and of how many: "40 of the 642 flights"."""
+    n, whole = found["flights"], found.get("of", found["flights"])
+    return f"{n} flights" if n == whole else f"{n} of the {whole} flights"
 
 
 def _some(found):
@@ -99,7 +106,7 @@ def write_readme(found: dict, path: str | Path) -> None:
 
 def markdown(found: dict) -> str:
     """Return the table of all detectors as Markdown."""
-    told = f"`{found['benchmark']}`, {found['flights']} of its flights, content `{found['content']}`:"
+    told = f"`{found['benchmark']}`, {flights(found)}, content `{found['content']}`:"
     return f"{told}\n\n{tables.detectors(found['detectors'], scored=True).upto(5).markdown()}"
 
 

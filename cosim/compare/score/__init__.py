@@ -75,7 +75,7 @@ def score(
     pairs = [p for a, b in matched for p in pair(found.rows, a, b, ends["sim_time_s"] - onset)]
     about = {k: v for k, v in benchmark.manifest(seed, flights).items() if k != "sha256"}
     gone = sum("sha256" not in f.told for f in flights)
-    took = {"flying_s": flown_s, "scoring_s": ran_s}
+    took = {"of": len(benchmark.scenarios(seed)), "flying_s": flown_s, "scoring_s": ran_s}
     listed = [vars(p) for p in pairs]
     marked = {"lost": [{"file": f, "why": why} for f, why in lost.items()]} if lost else {}
     return Score(plain({**about, "infeasible": gone, **took, "detectors": each, "pairs": listed, **marked}), found)
