@@ -100,6 +100,16 @@ def test_links_that_lead_nowhere_and_loads_from_elsewhere_are_found(site, tmp_pa
     assert len(site.links.wrong(tmp_path)) == 3
 
 
+def test_the_page_of_installing_has_every_extra_and_installs_as_the_package_check_does():
+    page = (ROOT / "cosim" / "site" / "pages" / "install.md").read_text(encoding="utf-8")
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    assert set(re.findall(r"^\| `(\w+)` \|", page, re.M)) == set(extras)
+    checked = (ROOT / ".ci" / "package").read_text(encoding="utf-8")
+    for line in ("pip install {}/cosim_fdi-*.whl", "cosim run"):
+        assert f"$ .venv/bin/{line.format('DIR')}\n" in page
+        assert line.format('"$to"').replace("pip install", 'pip" install -q') in checked
+
+
 def test_a_wheel_has_no_site():
     wheel = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["hatch"]["build"]["targets"]
     assert wheel["wheel"]["exclude"] == ["cosim/site"]
